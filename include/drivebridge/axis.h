@@ -1,0 +1,143 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The axis: one drive as the PLC sees it. The bus thread publishes, every other thread reads copies;
+ * a copy is always from one moment (seqlock), never torn.
+ */
+#ifndef DRIVEBRIDGE_AXIS_H
+#define DRIVEBRIDGE_AXIS_H
+
+#include "drivebridge/time.h"
+#include "drivebridge/value.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* PLCopen's states, plus Offline as 0 so that an empty register image is no good state. */
+enum db_axis_state {
+	DB_AXIS_OFFLINE = 0,
+	DB_AXIS_DISABLED = 1,
+	DB_AXIS_STANDSTILL = 2,
+	DB_AXIS_DISCRETE_MOTION = 3,
+	DB_AXIS_CONTINUOUS_MOTION = 4,
+	DB_AXIS_HOMING = 5,
+	DB_AXIS_STOPPING = 6,
+	DB_AXIS_ERROR_STOP = 7,
+	DB_AXIS_STATE_COUNT
+};
+const char *db_axis_state_name(enum db_axis_state state); /* "Standstill" ... */
+
+/* Bits of the `status` register. Set by the bus side unless marked (net). */
+enum db_status_bit {
+	DB_STATUS_ONLINE = 1u << 0,
+	DB_STATUS_ENABLED = 1u << 1,
+	DB_STATUS_HOMED = 1u << 2,
+	DB_STATUS_MOVING = 1u << 3,
+	DB_STATUS_AT_TARGET = 1u << 4,    /* standing at the target of the last position move */
+	DB_STATUS_HOMING = 1u << 5,
+	DB_STATUS_STOPPING = 1u << 6,
+	DB_STATUS_ERROR = 1u << 7,
+	DB_STATUS_WARNING = 1u << 8,
+	DB_STATUS_BUSY = 1u << 9,         /* (net) a command is pending */
+	DB_STATUS_LATCHED = 1u << 10,     /* (net) client loss latched */
+	DB_STATUS_ORIGIN_LOST = 1u << 11, /* position was reset by the drive since the last homing or set_position */
+	DB_STATUS_PARAMS_VALID = 1u << 12,/* identity and parameters were read since the drive came online */
+	DB_STATUS_BUS_UP = 1u << 13,      /* the port or interface is open */
+	DB_STATUS_REFUSED = 1u << 14,     /* the drive refused its last command (cmd_wrg) */
+};
+
+/* "online" for bit 0 and so on; null past the last. */
+const char *db_status_bit_name(unsigned bit);
+
+/* Values of the `error` register: 0 none, then the bridge's own causes, then the drives' faults. */
+enum db_error {
+	DB_ERROR_NONE = 0,
+	DB_ERROR_NO_ANSWER = 1,      /* the drive does not answer */
+	DB_ERROR_BUS_DOWN = 2,       /* the port or interface is missing */
+	DB_ERROR_CLIENT_LOSS = 3,    /* the watchdog stopped the drive */
+	DB_ERROR_HARDWARE = 16,      /* drive: hardware fault */
+	DB_ERROR_FLASH = 17,         /* drive: parameter memory */
+	DB_ERROR_ENCODER = 18,       /* drive: encoder or stalled motor */
+	DB_ERROR_OVER_TEMPERATURE = 19,
+	DB_ERROR_OVER_CURRENT = 20,
+	DB_ERROR_VOLTAGE = 21,
+};
+const char *db_error_name(uint16_t error); /* "none", "no_answer" ...; "unknown" */
+
+/* What families can measure beside position, velocity and drive_status: which fields below hold. */
+enum db_measure {
+	DB_MEASURE_INPUTS = 1u << 0,
+	DB_MEASURE_OUTPUTS = 1u << 1,
+	DB_MEASURE_PROGRAM = 1u << 2,
+	DB_MEASURE_CURRENT = 1u << 3,
+	DB_MEASURE_FAULT_BITS = 1u << 4,
+	DB_MEASURE_SUPPLY_VOLTAGE = 1u << 5,
+	DB_MEASURE_TEMPERATURE = 1u << 6,
+};
+
+/* One moment of a drive, as its driver understood it. */
+struct db_feedback {
+	db_time taken;            /* when the answer was complete; 0 = never */
+	uint64_t taken_wall_us;   /* the same in microseconds since 1970 */
+	int32_t position;         /* drive units */
+	float velocity;           /* drive units per second */
+	uint32_t drive_status;    /* the vendor's own word */
+	uint32_t fault_bits;
+	uint16_t inputs;
+	uint16_t outputs;
+	uint16_t program;
+	uint16_t program_state;
+	float current;
+	float supply_voltage;
+	float temperature;
+	uint16_t error;           /* enum db_error, drive's part */
+	uint16_t state;           /* enum db_axis_state */
+	uint32_t status;          /* enum db_status_bit */
+};
+
+/* Counters since the bridge started; round trips in microseconds from first byte out to last byte in. */
+struct db_axis_stats {
+	uint32_t requests;
+	uint32_t answers;
+	uint32_t timeouts;
+	uint32_t retries;
+	uint32_t bad_frames;
+	uint32_t refusals;
+	uint32_t came_online;
+	uint32_t round_trip_us;
+	uint32_t round_trip_min_us;
+	uint32_t round_trip_max_us;
+	uint32_t round_trip_mean_us;
+};
+
+struct db_snapshot {
+	struct db_feedback feedback;
+	struct db_axis_stats stats;
+};
+
+#define DB_PARAMS_MAX   64
+#define DB_IDENTITY_MAX 40
+
+/* Changes rarely: identity and parameters. */
+struct db_nameplate {
+	uint64_t valid;                          /* bit i: values[i] was read from the drive */
+	union db_value values[DB_PARAMS_MAX];
+	char identity[DB_IDENTITY_MAX];          /* not terminated when full; "" = not read */
+	uint32_t generation;                     /* grows with each change */
+};
+
+struct db_axis;
+
+/* Null when out of memory. Starts offline with everything zero. */
+struct db_axis *db_axis_new(void);
+void db_axis_free(struct db_axis *axis);
+
+/* Bus thread only. */
+void db_axis_publish(struct db_axis *axis, const struct db_snapshot *snapshot);
+void db_axis_publish_nameplate(struct db_axis *axis, const struct db_nameplate *nameplate);
+
+/* Any thread; waits out a publication in progress (nanoseconds). */
+void db_axis_read(const struct db_axis *axis, struct db_snapshot *snapshot);
+void db_axis_read_nameplate(const struct db_axis *axis, struct db_nameplate *nameplate);
+
+#endif

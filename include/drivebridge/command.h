@@ -1,0 +1,93 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Drive-neutral commands: their codes, arguments and how they travel from a PLC's write to a bus and
+ * back. The codes are part of the contract with PLC programs: append, never renumber.
+ */
+#ifndef DRIVEBRIDGE_COMMAND_H
+#define DRIVEBRIDGE_COMMAND_H
+
+#include "drivebridge/result.h"
+#include "drivebridge/time.h"
+#include "drivebridge/value.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum db_command {
+	DB_CMD_NONE = 0,
+	DB_CMD_ENABLE = 1,
+	DB_CMD_DISABLE = 2,
+	DB_CMD_STOP = 3,              /* decelerate */
+	DB_CMD_QUICK_STOP = 4,        /* the fastest stop the drive has */
+	DB_CMD_MOVE_VELOCITY = 5,
+	DB_CMD_MOVE_ABSOLUTE = 6,
+	DB_CMD_MOVE_RELATIVE = 7,
+	DB_CMD_HOME = 8,
+	DB_CMD_HOME_STOP = 9,
+	DB_CMD_SET_POSITION = 10,
+	DB_CMD_CLEAR_FAULT = 11,
+	DB_CMD_SAVE_PARAMETERS = 12,
+	DB_CMD_READ_PARAMETERS = 13,  /* read identity and all parameters again */
+	DB_CMD_MOVE_PRESET = 14,      /* run at the drive's own preset speed parameter */
+	DB_CMD_SET_OUTPUT = 20,       /* one port */
+	DB_CMD_SET_OUTPUTS = 21,      /* several ports: mask and levels */
+	DB_CMD_SET_SV = 22,           /* duty of an inductive load's port */
+	DB_CMD_SET_NMOS = 23,         /* duty of a resistive load's port */
+	DB_CMD_SHAKE_START = 24,      /* number of cycles */
+	DB_CMD_SHAKE_START_TIME = 25, /* duration */
+	DB_CMD_SHAKE_STOP = 26,
+	DB_CMD_LIMIT = 64 /* codes are below this, so that sets of them fit 64 bits */
+};
+
+#define DB_COMMAND_BIT(command) (UINT64_C(1) << (command))
+
+/* stop, quick_stop and disable: overtake everything, always execute, are repeated until confirmed. */
+bool db_command_is_stop(enum db_command command);
+
+/* Sets the axis in motion (arms the watchdog, refused while latched). */
+bool db_command_is_motion(enum db_command command);
+
+/* Arguments as the register table holds them; a command uses those its table row names. */
+struct db_args {
+	int32_t target_position;  /* drive units; the distance for move_relative */
+	float target_velocity;    /* drive units per second; 0 in a position move = the drive's preset */
+	uint16_t output_number;   /* from 1 */
+	uint16_t output_value;
+	uint16_t output_mask;     /* bit 0 = port 1 */
+	uint16_t output_levels;
+	int32_t shake_start_position;
+	int32_t shake_end_position;
+	float shake_frequency;    /* Hz */
+	uint32_t shake_cycles;    /* 0 = no limit */
+	uint32_t shake_time;      /* s, 0 = no limit */
+};
+
+/* A parameter write: the index in the family's table and a value of its type, checked already. */
+struct db_setting {
+	uint16_t param;
+	union db_value value;
+};
+
+#define DB_SETTINGS_MAX 64 /* more than one Modbus write can carry */
+
+/* What the network thread hands to a bus. */
+struct db_request {
+	uint32_t ticket;          /* comes back in the completion; never 0 */
+	uint16_t axis;            /* index among the bus's drives */
+	uint16_t setting_count;   /* > 0: a parameter write; command is NONE */
+	enum db_command command;
+	struct db_args args;
+	db_time submitted;
+	struct db_setting settings[DB_SETTINGS_MAX];
+};
+
+/* What comes back, exactly once for each request taken. */
+struct db_completion {
+	uint32_t ticket;
+	uint16_t axis;
+	enum db_result result;
+	db_time finished;
+};
+
+#endif

@@ -1,0 +1,130 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The driver contract: one family of drives on one kind of bus. A driver turns jobs (poll, a
+ * command, a parameter write ...) into exchanges (one request on the wire and what must come back)
+ * and answers into feedback. It never sleeps, does no I/O, reads no clock and allocates nothing;
+ * everything runs on the bus thread, except `check` and `check_param`, which are pure.
+ *
+ * A job is a little conversation: begin() writes its first exchange, then answer() or lost() is
+ * called for each and either writes the next exchange or ends the job. Between two exchanges of a
+ * job the scheduler may run other jobs, of the same drive too (a stop always may).
+ */
+#ifndef DRIVEBRIDGE_DRIVER_H
+#define DRIVEBRIDGE_DRIVER_H
+
+#include "drivebridge/axis.h"
+#include "drivebridge/command.h"
+#include "drivebridge/config.h"
+
+#define DB_REQUEST_MAX 1024 /* bytes of the longest request: every parameter written at once */
+#define DB_SHORT_REQUEST 64 /* enough for polls, probes, identification and stops */
+#define DB_ANSWER_MAX  1536 /* bytes of the longest answer frame */
+
+
+enum db_medium { DB_MEDIUM_SERIAL, DB_MEDIUM_CAN };
+
+enum db_job_kind {
+	DB_JOB_PROBE,    /* is an offline drive there? also gets back in step with one that lost answers */
+	DB_JOB_IDENTIFY, /* identity and all parameters */
+	DB_JOB_POLL,     /* cyclic process data */
+	DB_JOB_COMMAND,
+	DB_JOB_SETTINGS, /* write parameters */
+};
+
+struct db_job {
+	enum db_job_kind kind;
+	const struct db_request *request; /* COMMAND and SETTINGS: what was asked */
+	unsigned step;                    /* the driver's own: where the conversation is, 0 at begin */
+	int64_t scratch[2];               /* the driver's own */
+	db_time started;                  /* when begin() was called */
+};
+
+/* One request on the wire and what is expected back. */
+struct db_exchange {
+	uint8_t *request;        /* the scheduler's buffer, filled by the driver */
+	size_t request_size;     /* DB_REQUEST_MAX for COMMAND and SETTINGS, DB_SHORT_REQUEST for the rest */
+	size_t request_length;
+	size_t answer_length;   /* longest expected answer in bytes; 0 = none will come (broadcast) */
+	db_time extra_time;     /* beyond the bus's drive latency: a flash write, for instance */
+	bool repeatable;        /* sending it again after a lost answer is harmless */
+};
+
+enum db_step {
+	DB_STEP_SEND,    /* *exchange is to be sent next */
+	DB_STEP_DONE,    /* the job ended; *result says how */
+	DB_STEP_IGNORE,  /* (answer only) not the answer waited for; keep waiting */
+};
+
+/* A frame cut out of a serial stream: *skip bytes of garbage, then *length bytes (0: need more). */
+typedef void db_cut_fn(const uint8_t *bytes, size_t available, size_t *skip, size_t *length);
+
+struct db_device; /* the driver's own state of one drive */
+
+struct db_driver {
+	const char *name;            /* protocol = NAME, and the families column of the register map */
+	const char *title;           /* for people */
+	enum db_medium medium;
+	unsigned address_min;
+	unsigned address_max;
+	unsigned default_baud;
+	uint64_t commands;           /* DB_COMMAND_BIT() of all it can do */
+	unsigned measures;           /* enum db_measure */
+	unsigned output_count;       /* ports of set_output, as coils 0.. */
+	const struct db_param *params;
+	size_t param_count;          /* <= DB_PARAMS_MAX */
+	unsigned param_page;         /* families with the same page share their table and registers */
+	int acceleration_param;      /* index of the parameter behind `acceleration`, -1 = none */
+	int deceleration_param;
+
+	/* Pure: is this command, with these arguments, inside the documented ranges? OK,
+	 * UNSUPPORTED or OUT_OF_RANGE. */
+	enum db_result (*check)(enum db_command command, const struct db_args *args);
+	bool (*check_param)(size_t param, union db_value value);
+
+	/* Longest expected time on the wire, answer and a typical drive latency included. */
+	db_time (*poll_time)(const struct db_bus_config *bus);
+	db_time (*command_time)(const struct db_bus_config *bus);
+
+	size_t device_size;          /* zeroed memory of this size is given to init */
+	void (*init)(struct db_device *device, const struct db_bus_config *bus,
+	             const struct db_drive_config *drive);
+
+	db_cut_fn *cut;
+
+	/* The frame's form and checksum are right. *address: who sent it, or -1 when the frame does not
+	 * tell. False = bad frame. */
+	bool (*accept)(const uint8_t *frame, size_t length, int *address);
+
+	enum db_step (*begin)(struct db_device *device, struct db_job *job,
+	                      struct db_exchange *exchange, enum db_result *result);
+	enum db_step (*answer)(struct db_device *device, struct db_job *job, const uint8_t *frame,
+	                       size_t length, db_time now, struct db_exchange *exchange,
+	                       enum db_result *result);
+	/* No answer in time, all harmless repeats used up. */
+	enum db_step (*lost)(struct db_device *device, struct db_job *job,
+	                     struct db_exchange *exchange, enum db_result *result);
+
+	/*
+	 * The drive is considered gone: forget what may have changed when it comes back. Returns
+	 * nothing; feedback() then gives the last values.
+	 */
+	void (*gone)(struct db_device *device);
+
+	/* What is known now and since when (taken). taken_wall_us and the ONLINE and BUS_UP bits are
+	 * the scheduler's part. */
+	void (*feedback)(const struct db_device *device, struct db_feedback *feedback);
+	const struct db_nameplate *(*nameplate)(const struct db_device *device);
+
+	/* One frame that makes every drive of the bus do this (stop, quick_stop, disable, enable) at
+	 * once and unconfirmed. False when the family has none. May be null. */
+	bool (*broadcast)(enum db_command command, const struct db_bus_config *bus,
+	                  struct db_exchange *exchange);
+};
+
+/* Every family, null-terminated: src/driver/list.c. */
+extern const struct db_driver *const db_drivers[];
+
+/* By name, or null. */
+const struct db_driver *db_driver_find(const char *name);
+
+#endif

@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * How a write ended: the number in the `result` registers, its name, and the Modbus exception that
+ * tells the same to a client that waits for the response. The codes are part of the contract with
+ * PLC programs: append, never renumber.
+ */
+#ifndef DRIVEBRIDGE_RESULT_H
+#define DRIVEBRIDGE_RESULT_H
+
+enum db_result {
+	DB_RESULT_NONE = 0,           /* nothing was commanded since the bridge started */
+	DB_RESULT_OK = 1,             /* confirmed by the drive */
+	DB_RESULT_PENDING = 2,        /* queued or on the bus */
+	DB_RESULT_REFUSED = 3,        /* the drive itself refused it */
+	DB_RESULT_OUT_OF_RANGE = 4,   /* an argument is outside the documented range; nothing was sent */
+	DB_RESULT_TIMEOUT = 5,        /* no answer; known not to have been carried out, or harmless */
+	DB_RESULT_INDETERMINATE = 6,  /* the answer was lost and reading back could not tell */
+	DB_RESULT_RESTARTED = 7,      /* first id after the bridge started, taken as the baseline only */
+	DB_RESULT_CANCELLED = 8,      /* overtaken by a stop, or the bus was taken down */
+	DB_RESULT_LIMIT = 9,          /* outside the limits of the configuration; nothing was sent */
+	DB_RESULT_LATCHED = 10,       /* the client-loss reaction is latched; clear_fault first */
+	DB_RESULT_UNSUPPORTED = 11,   /* this drive has no such function */
+	DB_RESULT_BUSY = 12,          /* the bus's queue is full */
+	DB_RESULT_BUS_DOWN = 13,      /* the port or interface is missing or down */
+	DB_RESULT_OFFLINE = 14,       /* the drive is offline; nothing was sent */
+	DB_RESULT_FAILED = 15,        /* the drive tried and failed (flash error, hardware fault) */
+	DB_RESULT_RATE_LIMITED = 16,  /* too soon after the last one (save_parameters wears the flash) */
+	DB_RESULT_COUNT
+};
+
+/* "ok", "pending", "out_of_range" ...; never null, "unknown" outside the enum. */
+const char *db_result_name(enum db_result result);
+
+/* The Modbus exception that tells this result; 0 for NONE and OK. PENDING is 05. */
+unsigned char db_result_exception(enum db_result result);
+
+#endif

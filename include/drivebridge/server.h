@@ -1,0 +1,105 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The Modbus TCP server: sockets, framing and the form of requests. What the requests mean is the
+ * business of its backend (the register map). Everything here runs on the network thread.
+ */
+#ifndef DRIVEBRIDGE_SERVER_H
+#define DRIVEBRIDGE_SERVER_H
+
+#include "drivebridge/config.h"
+#include "drivebridge/time.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+#include <sys/socket.h>
+
+struct sd_event;
+struct db_server;
+
+enum db_table { DB_TABLE_COILS, DB_TABLE_DISCRETE, DB_TABLE_HOLDING, DB_TABLE_INPUT };
+
+/* Who asks. Valid for the duration of the call. */
+struct db_client {
+	uint32_t id;              /* unique for the life of the server, never 0 */
+	uint8_t address[16];      /* IPv6, or IPv4 v4-mapped */
+	uint16_t port;
+	bool may_write;
+};
+
+/*
+ * Names one write that is to be answered later. Stays valid in the sense that answering it is
+ * always allowed: when its connection has gone meanwhile, the answer is dropped.
+ */
+struct db_write_token {
+	uint32_t client;
+	uint32_t sequence;
+};
+
+#define DB_WRITE_LATER (-1)
+
+/* Answers are Modbus exception codes; 0 is success. Addresses are 0-based. */
+struct db_backend {
+	/*
+	 * Whether there is anything behind this unit id: 0, or exception 0A. Asked before everything
+	 * but the form of a request.
+	 */
+	uint8_t (*unit)(void *context, uint8_t unit);
+
+	/* Registers (HOLDING, INPUT): count values in host order. Bits (COILS, DISCRETE): count
+	 * values of 0 or 1. All of one call must come from one snapshot. */
+	uint8_t (*read)(void *context, const struct db_client *client, uint8_t unit,
+	                enum db_table table, uint16_t address, uint16_t count, uint16_t *values);
+
+	/*
+	 * HOLDING or COILS, values as above. Called once per request with the whole write. Returns 0
+	 * or an exception to be answered at once, or DB_WRITE_LATER: then db_server_answer() must be
+	 * called exactly once with this token (never from inside this call).
+	 * Only called for clients that may write.
+	 */
+	int (*write)(void *context, const struct db_client *client, uint8_t unit, enum db_table table,
+	             uint16_t address, uint16_t count, const uint16_t *values,
+	             struct db_write_token token);
+
+	/* FC 17: server id text and run indicator of a unit. Returns the text's length (<= size). */
+	size_t (*server_id)(void *context, uint8_t unit, char *text, size_t size, bool *running);
+
+	/* FC 43/14 objects 0..6 (vendor name, product code, revision, vendor URL, product name, model
+	 * name, user application name): static text, or null when the unit has no such object. */
+	const char *(*device_id)(void *context, uint8_t unit, uint8_t object);
+
+	/* A client came (connected = true) or went. For logs and counters. May be null. */
+	void (*client)(void *context, const struct db_client *client, bool connected);
+};
+
+struct db_server_stats {
+	uint32_t clients;          /* now */
+	uint32_t clients_peak;
+	uint64_t accepted;
+	uint64_t refused_full;     /* connections refused: max-clients reached */
+	uint64_t refused_address;  /* connections refused: not in allow-read or allow-write */
+	uint64_t refused_writes;   /* writes refused: client may only read */
+	uint64_t requests;
+	uint64_t exceptions;
+	uint64_t bad_frames;       /* connections closed for a frame that cannot be Modbus */
+	uint64_t timeouts;         /* connections closed for an unfinished frame, or idle */
+};
+
+/*
+ * Listens and serves on the loop's thread. The configuration and backend must outlive the server.
+ * 0, or a negative errno (EADDRINUSE, EACCES, EINVAL for an address that cannot be read ...).
+ */
+int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
+                  const struct db_backend *backend, void *context, struct db_server **server);
+
+/* Closes every connection; pending tokens become void. */
+void db_server_free(struct db_server *server);
+
+/* Answers a write that the backend postponed. exception 0 = success. */
+void db_server_answer(struct db_server *server, struct db_write_token token, uint8_t exception);
+
+/* The port it listens on (for port 0 in the configuration). */
+uint16_t db_server_port(const struct db_server *server);
+
+void db_server_stats(const struct db_server *server, struct db_server_stats *stats);
+
+#endif

@@ -1,0 +1,61 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * One value of a register or a vendor parameter: its type, and 32 bits of content.
+ */
+#ifndef DRIVEBRIDGE_VALUE_H
+#define DRIVEBRIDGE_VALUE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* The types of docs/register-map.csv, in its spelling (db_type_name). */
+enum db_type {
+	DB_U16,
+	DB_I16,
+	DB_U32,
+	DB_I32,
+	DB_U64,
+	DB_F32,
+	DB_BITS16,
+	DB_BITS32,
+	DB_TEXT,
+};
+
+/* 16-bit types use the low half of u or i. U64 and TEXT do not fit and never travel this way. */
+union db_value {
+	uint32_t u;
+	int32_t i;
+	float f;
+};
+
+/* "u16", "f32" ... */
+const char *db_type_name(enum db_type type);
+
+/* Modbus registers a value of this type takes; 0 for TEXT, whose length is its row's. */
+unsigned db_type_registers(enum db_type type);
+
+/* The value as a number; every type that fits a db_value fits a double exactly. */
+double db_value_number(enum db_type type, union db_value value);
+
+/*
+ * The value of this type nearest to a number. False when the number does not fit the type (out of
+ * its range, not finite, or not whole for an integer type); *value is then untouched.
+ */
+bool db_value_from_number(enum db_type type, double number, union db_value *value);
+
+/*
+ * A parameter of a drive as its vendor documents it. min <= value <= max, both inclusive, in `unit`.
+ * Tables of these are const and live as long as the program.
+ */
+struct db_param {
+	const char *name;        /* the vendor's name */
+	enum db_type type;       /* U16, I16, U32, I32 or F32 */
+	const char *unit;        /* "" when it has none */
+	double min;
+	double max;
+	bool max_is_model;       /* the document leaves the upper bound to the model; max is the widest */
+	const char *description; /* one line, English, vendor term in brackets where it helps */
+};
+
+#endif

@@ -1,0 +1,87 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "drivebridge/value.h"
+
+#include <math.h>
+
+static const struct {
+	const char *name;
+	unsigned registers;
+} types[] = {
+	[DB_U16] = { "u16", 1 },       [DB_I16] = { "i16", 1 },       [DB_U32] = { "u32", 2 },
+	[DB_I32] = { "i32", 2 },       [DB_U64] = { "u64", 4 },       [DB_F32] = { "f32", 2 },
+	[DB_BITS16] = { "bits16", 1 }, [DB_BITS32] = { "bits32", 2 }, [DB_TEXT] = { "text", 0 },
+};
+
+const char *db_type_name(enum db_type type)
+{
+	return types[type].name;
+}
+
+unsigned db_type_registers(enum db_type type)
+{
+	return types[type].registers;
+}
+
+double db_value_number(enum db_type type, union db_value value)
+{
+	switch (type) {
+	case DB_I16:
+	case DB_I32:
+		return (double)value.i;
+	case DB_F32:
+		return (double)value.f;
+	default:
+		return (double)value.u;
+	}
+}
+
+static bool whole_in(double number, double min, double max)
+{
+	return number >= min && number <= max && floor(number) == number;
+}
+
+static bool float_from(double number, union db_value *value)
+{
+	float narrowed = (float)number;
+
+	if (!isfinite(number) || !isfinite(narrowed))
+		return false;
+	value->f = narrowed;
+	return true;
+}
+
+static bool signed_from(double number, double min, double max, union db_value *value)
+{
+	if (!whole_in(number, min, max))
+		return false;
+	value->i = (int32_t)number;
+	return true;
+}
+
+static bool unsigned_from(double number, double max, union db_value *value)
+{
+	if (!whole_in(number, 0.0, max))
+		return false;
+	value->u = (uint32_t)number;
+	return true;
+}
+
+bool db_value_from_number(enum db_type type, double number, union db_value *value)
+{
+	switch (type) {
+	case DB_F32:
+		return float_from(number, value);
+	case DB_I16:
+		return signed_from(number, INT16_MIN, INT16_MAX, value);
+	case DB_I32:
+		return signed_from(number, INT32_MIN, INT32_MAX, value);
+	case DB_U16:
+	case DB_BITS16:
+		return unsigned_from(number, UINT16_MAX, value);
+	case DB_U32:
+	case DB_BITS32:
+		return unsigned_from(number, UINT32_MAX, value);
+	default:
+		return false;
+	}
+}

@@ -1,0 +1,843 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "codec/vsmd_serial.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#define FRAME_START 0xFF
+#define FRAME_END   0xFE
+#define FRAME_LEAST 6 /* FF id code BH BL FE */
+
+/* --- numbers as text ------------------------------------------------------------------------------ */
+
+/*
+ * A plain decimal number: sign, digits, fraction; no exponent, no other notation and no locale. Fills
+ * *number and *whole (has no fraction, or one of zeros only). False for anything else.
+ */
+static bool parse_number(const char *text, size_t length, double *number, bool *whole)
+{
+	double scale = 1.0;
+	double value = 0.0;
+	bool negative = false;
+	bool fraction = false;
+	size_t digits = 0;
+	size_t i = 0;
+
+	*whole = true;
+	if (i < length && (text[i] == '-' || text[i] == '+'))
+		negative = text[i++] == '-';
+	for (; i < length; i++) {
+		if (text[i] == '.' && !fraction) {
+			fraction = true;
+			continue;
+		}
+		if (text[i] < '0' || text[i] > '9')
+			return false;
+		value = value * 10.0 + (text[i] - '0');
+		if (fraction)
+			scale *= 10.0;
+		if (fraction && text[i] != '0')
+			*whole = false;
+		digits++;
+	}
+	/* Beyond this, doubles no longer hold every digit; no documented value has as many. */
+	if (digits == 0 || digits > 60)
+		return false;
+	*number = negative ? -(value / scale) : value / scale;
+	return true;
+}
+
+static bool parse_value(enum db_type type, const char *text, size_t length, union db_value *value)
+{
+	double number;
+	bool whole;
+
+	return parse_number(text, length, &number, &whole) &&
+	       db_value_from_number(type, number, value);
+}
+
+static int format_float(float number, char *text, size_t size)
+{
+	char shortest[128];
+	int length = 0;
+
+	if (!isfinite(number))
+		return VSMD_ERR_RANGE;
+	for (int decimals = 0; decimals <= 60; decimals++) {
+		union db_value back;
+
+		length = snprintf(shortest, sizeof shortest, "%.*f", decimals, (double)number);
+		if (length < 0 || (size_t)length >= sizeof shortest)
+			return VSMD_ERR_SPACE;
+		/* A locale may have written another decimal sign. */
+		for (int i = 0; i < length; i++) {
+			if (shortest[i] == ',')
+				shortest[i] = '.';
+		}
+		if (parse_value(DB_F32, shortest, (size_t)length, &back) && back.f == number)
+			break;
+	}
+	if ((size_t)length >= size)
+		return VSMD_ERR_SPACE;
+	memcpy(text, shortest, (size_t)length + 1);
+	return length;
+}
+
+int vsmd_format_value(enum db_type type, union db_value value, char *text, size_t size)
+{
+	int length;
+
+	switch (type) {
+	case DB_F32:
+		return format_float(value.f, text, size);
+	case DB_I16:
+	case DB_I32:
+		length = snprintf(text, size, "%ld", (long)value.i);
+		break;
+	default:
+		length = snprintf(text, size, "%lu", (unsigned long)value.u);
+		break;
+	}
+	return length < 0 || (size_t)length >= size ? VSMD_ERR_SPACE : length;
+}
+
+/* --- writing command lines ------------------------------------------------------------------------ */
+
+/* A line under construction; once something did not fit or is out of range, `error` stays. */
+struct writer {
+	char *text;
+	size_t size;
+	size_t length;
+	int error;
+};
+
+static void put(struct writer *writer, const char *text)
+{
+	size_t length = strlen(text);
+
+	if (writer->error)
+		return;
+	if (length > writer->size - writer->length) {
+		writer->error = VSMD_ERR_SPACE;
+		return;
+	}
+	memcpy(writer->text + writer->length, text, length);
+	writer->length += length;
+}
+
+static void put_value(struct writer *writer, enum db_type type, union db_value value)
+{
+	char text[128];
+	int length = vsmd_format_value(type, value, text, sizeof text);
+
+	if (length < 0 && !writer->error)
+		writer->error = length;
+	else
+		put(writer, text);
+}
+
+static void put_int(struct writer *writer, int32_t number)
+{
+	put_value(writer, DB_I32, (union db_value){ .i = number });
+}
+
+static void put_float(struct writer *writer, const char *before, float number, float min, float max)
+{
+	if (!(number >= min && number <= max) && !writer->error)
+		writer->error = VSMD_ERR_RANGE;
+	put(writer, before);
+	put_value(writer, DB_F32, (union db_value){ .f = number });
+}
+
+/* A small unsigned number that must not exceed max. */
+static void put_small(struct writer *writer, unsigned number, unsigned min, unsigned max)
+{
+	if ((number < min || number > max) && !writer->error)
+		writer->error = VSMD_ERR_RANGE;
+	put_value(writer, DB_U32, (union db_value){ .u = number });
+}
+
+static void put_move(struct writer *writer, const char *verb, const struct vsmd_command *command)
+{
+	put(writer, verb);
+	put_int(writer, command->position);
+	if (command->has_velocity)
+		put_float(writer, " spd=", command->velocity, 0.0f, VSMD_SPEED_MAX);
+}
+
+static void put_shake(struct writer *writer, const struct vsmd_command *command, const char *limit)
+{
+	put(writer, "shake start spos=");
+	put_int(writer, command->shake_start);
+	put(writer, " epos=");
+	put_int(writer, command->shake_end);
+	put_float(writer, " freq=", command->shake_frequency, VSMD_SHAKE_FREQ_MIN,
+	          VSMD_SHAKE_FREQ_MAX);
+	put(writer, limit);
+	put_small(writer, command->shake_count, 0, INT32_MAX);
+}
+
+static void put_settings(struct writer *writer, const struct vsmd_command *command)
+{
+	if (command->setting_count == 0 && !writer->error)
+		writer->error = VSMD_ERR_SYNTAX;
+	put(writer, "cfg");
+	for (size_t i = 0; i < command->setting_count; i++) {
+		const struct vsmd_setting *setting = &command->settings[i];
+
+		if ((unsigned)setting->param >= VSMD_PARAM_COUNT ||
+		    !vsmd_param_in_range(setting->param, setting->value)) {
+			writer->error = VSMD_ERR_RANGE;
+			return;
+		}
+		put(writer, " ");
+		put(writer, vsmd_params[setting->param].name);
+		put(writer, "=");
+		put_value(writer, vsmd_params[setting->param].type, setting->value);
+	}
+}
+
+static void put_port(struct writer *writer, const char *verb, const struct vsmd_command *command)
+{
+	put(writer, verb);
+	put_small(writer, command->port, 1, 3);
+	put(writer, " ");
+	put_small(writer, command->value, 0, 255);
+}
+
+static void put_sensor(struct writer *writer, const struct vsmd_command *command)
+{
+	put(writer, "s");
+	put_small(writer, command->port, 1, 6);
+	if (command->value > 1 && !writer->error)
+		writer->error = VSMD_ERR_RANGE;
+	put(writer, command->value ? " on" : " off");
+}
+
+static void put_optional(struct writer *writer, const struct vsmd_command *command)
+{
+	put(writer, command->verb == VSMD_STP ? "stp" : "org");
+	if (!command->has_value)
+		return;
+	put(writer, " ");
+	if (command->verb == VSMD_STP)
+		put_small(writer, command->value, 0, 1);
+	else
+		put_int(writer, command->position);
+}
+
+/* Verbs that are one fixed text. */
+static const char *const fixed[VSMD_VERB_COUNT] = {
+	[VSMD_DEV] = "dev",
+	[VSMD_STS] = "sts",
+	[VSMD_ENA] = "ena",
+	[VSMD_OFF] = "off",
+	[VSMD_ECLR] = "eclr",
+	[VSMD_ZERO_START] = "zero start",
+	[VSMD_ZERO_STOP] = "zero stop",
+	[VSMD_SHAKE_STOP] = "shake stop",
+	[VSMD_CFG_READ] = "cfg",
+	[VSMD_SAV] = "sav",
+};
+
+static void put_command(struct writer *writer, const struct vsmd_command *command)
+{
+	switch (command->verb) {
+	case VSMD_MOV:
+		put(writer, "mov");
+		if (command->has_velocity)
+			put_float(writer, " spd=", command->velocity, -VSMD_SPEED_MAX,
+			          VSMD_SPEED_MAX);
+		break;
+	case VSMD_POS:
+		put_move(writer, "pos ", command);
+		break;
+	case VSMD_RMV:
+		put_move(writer, "rmv ", command);
+		break;
+	case VSMD_STP:
+	case VSMD_ORG:
+		put_optional(writer, command);
+		break;
+	case VSMD_SENSOR_OUT:
+		put_sensor(writer, command);
+		break;
+	case VSMD_SV:
+		put_port(writer, "sv", command);
+		break;
+	case VSMD_NMOS:
+		put_port(writer, "nmos", command);
+		break;
+	case VSMD_SHAKE_CYCLES:
+		put_shake(writer, command, " cycles=");
+		break;
+	case VSMD_SHAKE_TIME:
+		put_shake(writer, command, " time=");
+		break;
+	case VSMD_CFG_WRITE:
+		put_settings(writer, command);
+		break;
+	default:
+		if ((unsigned)command->verb < VSMD_VERB_COUNT && fixed[command->verb])
+			put(writer, fixed[command->verb]);
+		else
+			writer->error = VSMD_ERR_SYNTAX;
+		break;
+	}
+}
+
+int vsmd_serial_encode_command(const struct vsmd_command *command, char *line, size_t size)
+{
+	struct writer writer = { .text = line, .size = size };
+
+	if (command->id != VSMD_SERIAL_NO_ID) {
+		if (command->id < 0 || command->id > VSMD_SERIAL_ID_MAX)
+			return VSMD_ERR_RANGE;
+		put_int(&writer, command->id);
+		put(&writer, " ");
+	}
+	put_command(&writer, command);
+	put(&writer, "\n");
+	return writer.error ? writer.error : (int)writer.length;
+}
+
+/* --- reading command lines ------------------------------------------------------------------------ */
+
+struct word {
+	const char *text;
+	size_t length;
+};
+
+struct reader {
+	const char *text;
+	size_t length;
+	size_t at;
+};
+
+static bool next_word(struct reader *reader, struct word *word)
+{
+	while (reader->at < reader->length && reader->text[reader->at] == ' ')
+		reader->at++;
+	word->text = reader->text + reader->at;
+	while (reader->at < reader->length && reader->text[reader->at] != ' ')
+		reader->at++;
+	word->length = (size_t)(reader->text + reader->at - word->text);
+	return word->length > 0;
+}
+
+static bool is(struct word word, const char *text)
+{
+	return word.length == strlen(text) && memcmp(word.text, text, word.length) == 0;
+}
+
+static bool at_end(struct reader *reader)
+{
+	struct word rest;
+
+	return !next_word(reader, &rest);
+}
+
+/* A whole number in a range; commands are strict, so "1.0" is none. */
+static enum vsmd_error read_whole(struct word word, double min, double max, double *number)
+{
+	bool whole;
+
+	if (word.length == 0 || memchr(word.text, '.', word.length) ||
+	    !parse_number(word.text, word.length, number, &whole))
+		return VSMD_ERR_SYNTAX;
+	return *number >= min && *number <= max ? VSMD_OK : VSMD_ERR_RANGE;
+}
+
+static enum vsmd_error read_int(struct word word, int32_t *value)
+{
+	double number;
+	enum vsmd_error error = read_whole(word, INT32_MIN, INT32_MAX, &number);
+
+	if (error == VSMD_OK)
+		*value = (int32_t)number;
+	return error;
+}
+
+static enum vsmd_error read_float(struct word word, double min, double max, float *value)
+{
+	double number;
+	bool whole;
+
+	if (!parse_number(word.text, word.length, &number, &whole))
+		return VSMD_ERR_SYNTAX;
+	*value = (float)number;
+	return (double)*value >= (double)(float)min && (double)*value <= (double)(float)max ?
+	               VSMD_OK :
+	               VSMD_ERR_RANGE;
+}
+
+/* If the word is "name=...", makes it the part behind. */
+static bool take_name(struct word *word, const char *name)
+{
+	size_t length = strlen(name);
+
+	if (word->length <= length || memcmp(word->text, name, length) != 0 ||
+	    word->text[length] != '=')
+		return false;
+	word->text += length + 1;
+	word->length -= length + 1;
+	return true;
+}
+
+static enum vsmd_error read_speed(struct reader *reader, double min, struct vsmd_command *command)
+{
+	struct word word;
+
+	if (!next_word(reader, &word))
+		return VSMD_OK;
+	if (!take_name(&word, "spd"))
+		return VSMD_ERR_SYNTAX;
+	command->has_velocity = true;
+	return read_float(word, min, (double)VSMD_SPEED_MAX, &command->velocity);
+}
+
+static enum vsmd_error read_move(struct reader *reader, struct vsmd_command *command)
+{
+	enum vsmd_error error;
+	struct word word;
+
+	if (!next_word(reader, &word))
+		return VSMD_ERR_SYNTAX;
+	error = read_int(word, &command->position);
+	return error == VSMD_OK ? read_speed(reader, 0.0, command) : error;
+}
+
+static enum vsmd_error read_optional(struct reader *reader, struct vsmd_command *command)
+{
+	enum vsmd_error error;
+	struct word word;
+	double number;
+
+	if (!next_word(reader, &word))
+		return VSMD_OK;
+	command->has_value = true;
+	if (command->verb == VSMD_ORG)
+		return read_int(word, &command->position);
+	error = read_whole(word, 0, 1, &number);
+	if (error == VSMD_OK)
+		command->value = (uint8_t)number;
+	return error;
+}
+
+static enum vsmd_error read_duty(struct reader *reader, struct vsmd_command *command)
+{
+	enum vsmd_error error;
+	struct word word;
+	double number;
+
+	if (!next_word(reader, &word))
+		return VSMD_ERR_SYNTAX;
+	error = read_whole(word, 0, 255, &number);
+	if (error == VSMD_OK)
+		command->value = (uint8_t)number;
+	return error;
+}
+
+static enum vsmd_error read_switch(struct reader *reader, struct vsmd_command *command)
+{
+	struct word word;
+
+	if (!next_word(reader, &word) || !(is(word, "on") || is(word, "off")))
+		return VSMD_ERR_SYNTAX;
+	command->value = is(word, "on");
+	return VSMD_OK;
+}
+
+enum shake_word { SHAKE_SPOS = 1, SHAKE_EPOS = 2, SHAKE_FREQ = 4, SHAKE_LIMIT = 8, SHAKE_ALL = 15 };
+
+static enum vsmd_error read_shake_word(struct word word, struct vsmd_command *command, int *seen)
+{
+	enum vsmd_error error;
+	double number;
+
+	if (take_name(&word, "spos")) {
+		*seen |= SHAKE_SPOS;
+		return read_int(word, &command->shake_start);
+	}
+	if (take_name(&word, "epos")) {
+		*seen |= SHAKE_EPOS;
+		return read_int(word, &command->shake_end);
+	}
+	if (take_name(&word, "freq")) {
+		*seen |= SHAKE_FREQ;
+		return read_float(word, (double)VSMD_SHAKE_FREQ_MIN, (double)VSMD_SHAKE_FREQ_MAX,
+		                  &command->shake_frequency);
+	}
+	command->verb = take_name(&word, "cycles") ? VSMD_SHAKE_CYCLES : VSMD_SHAKE_TIME;
+	if (command->verb == VSMD_SHAKE_TIME && !take_name(&word, "time"))
+		return VSMD_ERR_SYNTAX;
+	*seen |= SHAKE_LIMIT;
+	error = read_whole(word, 0, INT32_MAX, &number);
+	if (error == VSMD_OK)
+		command->shake_count = (uint32_t)number;
+	return error;
+}
+
+static enum vsmd_error read_shake(struct reader *reader, struct vsmd_command *command)
+{
+	enum vsmd_error worst = VSMD_OK;
+	struct word word;
+	int seen = 0;
+
+	if (!next_word(reader, &word))
+		return VSMD_ERR_SYNTAX;
+	if (is(word, "stop")) {
+		command->verb = VSMD_SHAKE_STOP;
+		return VSMD_OK;
+	}
+	if (!is(word, "start"))
+		return VSMD_ERR_SYNTAX;
+	while (next_word(reader, &word)) {
+		enum vsmd_error error = read_shake_word(word, command, &seen);
+
+		if (error != VSMD_OK && worst == VSMD_OK)
+			worst = error;
+	}
+	if (worst == VSMD_OK && seen != SHAKE_ALL)
+		return VSMD_ERR_SYNTAX;
+	return worst;
+}
+
+static enum vsmd_error read_zero(struct reader *reader, struct vsmd_command *command)
+{
+	struct word word;
+
+	if (!next_word(reader, &word) || !(is(word, "start") || is(word, "stop")))
+		return VSMD_ERR_SYNTAX;
+	command->verb = is(word, "start") ? VSMD_ZERO_START : VSMD_ZERO_STOP;
+	return VSMD_OK;
+}
+
+static enum vsmd_error read_setting(struct word word, struct vsmd_setting *setting)
+{
+	const char *equals = memchr(word.text, '=', word.length);
+	size_t name = equals ? (size_t)(equals - word.text) : 0;
+	int param;
+
+	if (!equals || name + 1 == word.length)
+		return VSMD_ERR_SYNTAX;
+	param = vsmd_param_find(word.text, name);
+	if (param < 0)
+		return VSMD_ERR_NAME;
+	setting->param = (enum vsmd_param)param;
+	if (!parse_value(vsmd_params[param].type, equals + 1, word.length - name - 1,
+	                 &setting->value)) {
+		double number;
+		bool whole;
+
+		return parse_number(equals + 1, word.length - name - 1, &number, &whole) ?
+		               VSMD_ERR_RANGE :
+		               VSMD_ERR_SYNTAX;
+	}
+	return vsmd_param_in_range(setting->param, setting->value) ? VSMD_OK : VSMD_ERR_RANGE;
+}
+
+static enum vsmd_error read_cfg(struct reader *reader, struct vsmd_command *command,
+                                struct vsmd_setting *settings, size_t capacity)
+{
+	struct word word;
+
+	command->verb = VSMD_CFG_READ;
+	command->settings = settings;
+	while (next_word(reader, &word)) {
+		enum vsmd_error error;
+
+		command->verb = VSMD_CFG_WRITE;
+		if (command->setting_count == capacity)
+			return VSMD_ERR_SPACE;
+		error = read_setting(word, &settings[command->setting_count]);
+		if (error != VSMD_OK)
+			return error;
+		command->setting_count++;
+	}
+	return VSMD_OK;
+}
+
+/* "s3", "sv1", "nmos2": the verb and its port. */
+static bool numbered(struct word word, const char *name, unsigned ports, uint8_t *port)
+{
+	size_t length = strlen(name);
+
+	if (word.length != length + 1 || memcmp(word.text, name, length) != 0 ||
+	    word.text[length] < '1' || word.text[length] > (char)('0' + ports))
+		return false;
+	*port = (uint8_t)(word.text[length] - '0');
+	return true;
+}
+
+static enum vsmd_error read_plain(struct word verb, struct vsmd_command *command)
+{
+	static const enum vsmd_verb plain[] = { VSMD_DEV, VSMD_STS, VSMD_ENA,
+		                                VSMD_OFF, VSMD_ECLR, VSMD_SAV };
+
+	for (size_t i = 0; i < sizeof plain / sizeof plain[0]; i++) {
+		if (is(verb, fixed[plain[i]])) {
+			command->verb = plain[i];
+			return VSMD_OK;
+		}
+	}
+	return VSMD_ERR_SYNTAX;
+}
+
+static enum vsmd_error read_verb(struct reader *reader, struct vsmd_command *command,
+                                 struct vsmd_setting *settings, size_t capacity)
+{
+	struct word verb;
+
+	if (!next_word(reader, &verb))
+		return VSMD_ERR_SYNTAX;
+	if (is(verb, "cfg"))
+		return read_cfg(reader, command, settings, capacity);
+	if (is(verb, "mov")) {
+		command->verb = VSMD_MOV;
+		return read_speed(reader, -(double)VSMD_SPEED_MAX, command);
+	}
+	if (is(verb, "pos") || is(verb, "rmv")) {
+		command->verb = is(verb, "pos") ? VSMD_POS : VSMD_RMV;
+		return read_move(reader, command);
+	}
+	if (is(verb, "stp") || is(verb, "org")) {
+		command->verb = is(verb, "stp") ? VSMD_STP : VSMD_ORG;
+		return read_optional(reader, command);
+	}
+	if (is(verb, "zero"))
+		return read_zero(reader, command);
+	if (is(verb, "shake"))
+		return read_shake(reader, command);
+	if (numbered(verb, "s", 6, &command->port)) {
+		command->verb = VSMD_SENSOR_OUT;
+		return read_switch(reader, command);
+	}
+	if (numbered(verb, "sv", 3, &command->port)) {
+		command->verb = VSMD_SV;
+		return read_duty(reader, command);
+	}
+	if (numbered(verb, "nmos", 3, &command->port)) {
+		command->verb = VSMD_NMOS;
+		return read_duty(reader, command);
+	}
+	return read_plain(verb, command);
+}
+
+enum vsmd_error vsmd_serial_decode_command(const char *line, size_t length, bool rs485,
+                                           struct vsmd_command *command,
+                                           struct vsmd_setting *settings, size_t capacity)
+{
+	struct reader reader = { .text = line, .length = length };
+	enum vsmd_error error;
+
+	*command = (struct vsmd_command){ .id = rs485 ? -2 : VSMD_SERIAL_NO_ID };
+	if (length > 0 && line[length - 1] == '\r')
+		reader.length--;
+	if (rs485) {
+		struct word word;
+		double id;
+
+		if (!next_word(&reader, &word) || word.text[0] < '0' || word.text[0] > '9')
+			return VSMD_ERR_SYNTAX;
+		error = read_whole(word, 0, VSMD_SERIAL_ID_MAX, &id);
+		if (error != VSMD_OK)
+			return error;
+		command->id = (int)id;
+	}
+	error = read_verb(&reader, command, settings, capacity);
+	if (error == VSMD_OK && !at_end(&reader))
+		return VSMD_ERR_SYNTAX;
+	return error;
+}
+
+/* --- frames --------------------------------------------------------------------------------------- */
+
+enum vsmd_cut vsmd_serial_cut(const uint8_t *bytes, size_t length, size_t *skip, size_t *frame_length)
+{
+	size_t start = length;
+
+	*frame_length = 0;
+	for (size_t i = 0; i < length; i++) {
+		if (bytes[i] == FRAME_START) {
+			start = i;
+		} else if (start < length && bytes[i] == FRAME_END) {
+			*skip = start;
+			*frame_length = i + 1 - start;
+			return VSMD_CUT_FRAME;
+		} else if (start < length &&
+		           (bytes[i] >= 0x80 || i + 1 - start >= VSMD_SERIAL_FRAME_MAX)) {
+			start = length;
+		}
+	}
+	*skip = start;
+	return VSMD_CUT_MORE;
+}
+
+static uint8_t bcc_of(const uint8_t *bytes, size_t length)
+{
+	uint8_t bcc = 0;
+
+	for (size_t i = 0; i < length; i++)
+		bcc ^= bytes[i];
+	return bcc;
+}
+
+/* Five groups of seven bits, most significant first; the first one carries only four. */
+static bool take_groups(const uint8_t *groups, uint32_t *value)
+{
+	if (groups[0] > 0x0F)
+		return false;
+	*value = 0;
+	for (size_t i = 0; i < 5; i++)
+		*value = *value << 7 | groups[i];
+	return true;
+}
+
+static void put_groups(uint32_t value, uint8_t *groups)
+{
+	for (size_t i = 0; i < 5; i++)
+		groups[i] = value >> (28 - 7 * i) & 0x7F;
+}
+
+static bool decode_status(const uint8_t *data, size_t length, struct vsmd_status *status)
+{
+	uint32_t speed;
+	uint32_t position;
+
+	if (length != 15 || !take_groups(data, &speed) || !take_groups(data + 5, &position) ||
+	    !take_groups(data + 10, &status->status))
+		return false;
+	memcpy(&status->velocity, &speed, sizeof speed);
+	memcpy(&status->position, &position, sizeof position);
+	return true;
+}
+
+static bool is_text(const uint8_t *data, size_t length)
+{
+	for (size_t i = 0; i < length; i++) {
+		if (data[i] < 0x20 || data[i] > 0x7E)
+			return false;
+	}
+	return true;
+}
+
+enum vsmd_error vsmd_serial_decode_reply(const uint8_t *frame, size_t length, struct vsmd_reply *reply)
+{
+	const uint8_t *data = frame + 3;
+	size_t data_length;
+
+	*reply = (struct vsmd_reply){ 0 };
+	if (length < FRAME_LEAST || frame[0] != FRAME_START || frame[length - 1] != FRAME_END)
+		return VSMD_ERR_SYNTAX;
+	for (size_t i = 1; i < length - 1; i++) {
+		if (frame[i] >= 0x80)
+			return VSMD_ERR_SYNTAX;
+	}
+	if (frame[length - 3] != 0 || frame[length - 2] != bcc_of(frame + 1, length - 4) ||
+	    frame[1] > VSMD_SERIAL_ID_MAX)
+		return VSMD_ERR_SYNTAX;
+	data_length = length - FRAME_LEAST;
+	reply->id = frame[1];
+	switch (frame[2]) {
+	case VSMD_REPLY_STATUS:
+		reply->code = VSMD_REPLY_STATUS;
+		return decode_status(data, data_length, &reply->status) ? VSMD_OK : VSMD_ERR_SYNTAX;
+	case VSMD_REPLY_IDENTITY:
+	case VSMD_REPLY_PARAMS:
+		reply->code = (enum vsmd_reply_code)frame[2];
+		reply->text = (const char *)data;
+		reply->text_length = data_length;
+		return is_text(data, data_length) ? VSMD_OK : VSMD_ERR_SYNTAX;
+	default:
+		return VSMD_ERR_SYNTAX;
+	}
+}
+
+static int close_frame(uint8_t *frame, size_t data_length)
+{
+	size_t end = 3 + data_length;
+	uint8_t bcc = bcc_of(frame + 1, end - 1);
+
+	frame[end] = bcc >> 7;
+	frame[end + 1] = bcc & 0x7F;
+	frame[end + 2] = FRAME_END;
+	return (int)(data_length + FRAME_LEAST);
+}
+
+int vsmd_serial_encode_status(uint8_t id, const struct vsmd_status *status, uint8_t *frame, size_t size)
+{
+	uint32_t speed;
+	uint32_t position;
+
+	if (size < VSMD_SERIAL_STATUS_FRAME)
+		return VSMD_ERR_SPACE;
+	if (id > VSMD_SERIAL_ID_MAX)
+		return VSMD_ERR_RANGE;
+	memcpy(&speed, &status->velocity, sizeof speed);
+	memcpy(&position, &status->position, sizeof position);
+	frame[0] = FRAME_START;
+	frame[1] = id;
+	frame[2] = VSMD_REPLY_STATUS;
+	put_groups(speed, frame + 3);
+	put_groups(position, frame + 8);
+	put_groups(status->status, frame + 13);
+	return close_frame(frame, 15);
+}
+
+int vsmd_serial_encode_text(uint8_t id, enum vsmd_reply_code code, const char *text, size_t length,
+                            uint8_t *frame, size_t size)
+{
+	if (length > size || size - length < FRAME_LEAST)
+		return VSMD_ERR_SPACE;
+	if (id > VSMD_SERIAL_ID_MAX || code == VSMD_REPLY_STATUS ||
+	    !is_text((const uint8_t *)text, length))
+		return VSMD_ERR_RANGE;
+	frame[0] = FRAME_START;
+	frame[1] = id;
+	frame[2] = (uint8_t)code;
+	memcpy(frame + 3, text, length);
+	return close_frame(frame, length);
+}
+
+/* --- parameter texts ------------------------------------------------------------------------------ */
+
+int vsmd_serial_next_param(const char *text, size_t length, size_t *cursor, struct vsmd_setting *setting)
+{
+	struct reader reader = { .text = text, .length = length, .at = *cursor };
+	const char *equals;
+	struct word word;
+	size_t name;
+	int param;
+
+	if (!next_word(&reader, &word))
+		return 0;
+	*cursor = reader.at;
+	equals = memchr(word.text, '=', word.length);
+	if (!equals)
+		return 2;
+	name = (size_t)(equals - word.text);
+	param = vsmd_param_find(word.text, name);
+	if (param < 0)
+		return 2;
+	setting->param = (enum vsmd_param)param;
+	return parse_value(vsmd_params[param].type, equals + 1, word.length - name - 1,
+	                   &setting->value) ?
+	               1 :
+	               2;
+}
+
+int vsmd_serial_format_params(const union db_value values[VSMD_PARAM_COUNT], char *text, size_t size)
+{
+	struct writer writer = { .text = text, .size = size };
+
+	for (size_t i = 0; i < VSMD_PARAM_COUNT; i++) {
+		if (i > 0)
+			put(&writer, " ");
+		put(&writer, vsmd_params[i].name);
+		put(&writer, "=");
+		put_value(&writer, vsmd_params[i].type, values[i]);
+	}
+	return writer.error ? writer.error : (int)writer.length;
+}

@@ -1,0 +1,132 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "config/keys.h"
+#include "config/load.h"
+#include "config/text.h"
+#include "drivebridge/driver.h"
+
+#include <string.h>
+
+static double milliseconds(db_time time)
+{
+	return (double)time / (double)DB_NS_PER_MS;
+}
+
+/* The word at a position of a key's list, as it is written in a file. */
+static void put_word(FILE *out, const char *section, const char *key, unsigned position)
+{
+	const char *words = db_config_key_find(section, key)->words;
+
+	while (position-- > 0) {
+		words += strcspn(words, " ");
+		words += *words == ' ';
+	}
+	fprintf(out, "%.*s", (int)strcspn(words, " "), words);
+}
+
+static void put_networks(FILE *out, const char *what, const struct db_network *networks, size_t count)
+{
+	static const struct db_network nobody = { .prefix = 128 };
+
+	fprintf(out, "  %-14s", what);
+	for (size_t i = 0; i < count; i++) {
+		char text[DB_NETWORK_TEXT_MAX];
+
+		if (networks[i].prefix == nobody.prefix &&
+		    memcmp(networks[i].address, nobody.address, sizeof(nobody.address)) == 0)
+			snprintf(text, sizeof(text), "nobody");
+		else
+			db_network_text(&networks[i], text);
+		fprintf(out, "%s%s", i > 0 ? ", " : "", text);
+	}
+	fprintf(out, "\n");
+}
+
+static void describe_modbus(const struct db_modbus_config *modbus, FILE *out)
+{
+	fprintf(out, "modbus\n  %-14s%s\n", "listen", modbus->listen);
+	put_networks(out, "allow-read", modbus->allow_read, modbus->allow_read_count);
+	put_networks(out, "allow-write", modbus->allow_write, modbus->allow_write_count);
+	fprintf(out, "  %-14s0, 255", "gateway unit");
+	if (modbus->gateway_unit > 0)
+		fprintf(out, ", %u", modbus->gateway_unit);
+	fprintf(out, "\n  %-14s", "word-order");
+	put_word(out, "modbus", "word-order", modbus->low_word_first);
+	fprintf(out, "\n  %-14s", "writes");
+	if (modbus->accept_writes)
+		fprintf(out, "answered as soon as they are queued\n");
+	else
+		fprintf(out, "answered when confirmed, or with exception 05 after %u ms\n",
+			modbus->confirm_ms);
+	fprintf(out, "  %-14s", "stale data");
+	put_word(out, "modbus", "stale", modbus->stale_values);
+	fprintf(out, "\n  %-14s%u clients, %u requests of each at once\n", "limits",
+		modbus->max_clients, modbus->max_pipelined);
+	fprintf(out, "  %-14sunfinished frame %u ms, idle ", "timeouts", modbus->frame_timeout_ms);
+	if (modbus->idle_timeout_s > 0)
+		fprintf(out, "%u s\n", modbus->idle_timeout_s);
+	else
+		fprintf(out, "never\n");
+}
+
+static void describe_times(const struct db_config *config, size_t index, FILE *out)
+{
+	const struct db_bus_config *bus = &config->buses[index];
+	size_t drives = db_config_drives_on(config, index);
+	double one = milliseconds(bus->driver->poll_time(bus));
+	double all = one * (double)drives;
+
+	fprintf(out, "  %-14s%u ms; one status exchange %.2f ms, %zu drive%s %.2f ms (%.0f %%)\n",
+		"cycle", bus->cycle_ms, one, drives, drives == 1 ? "" : "s", all,
+		100.0 * all / bus->cycle_ms);
+	fprintf(out, "  %-14sconfirmed after %.2f ms, or %.2f ms when the wire is busy\n", "command",
+		milliseconds(bus->driver->command_time(bus)),
+		milliseconds(db_config_confirm_time(bus)));
+}
+
+static void describe_drive(const struct db_drive_config *drive, FILE *out)
+{
+	fprintf(out, "  drive %s: unit %u", drive->name, drive->unit);
+	if (drive->address > 0)
+		fprintf(out, ", address %u", drive->address);
+	fprintf(out, ", %g counts per %s, on-client-loss ", drive->counts_per_unit, drive->unit_name);
+	put_word(out, "drive", "on-client-loss", drive->on_client_loss);
+	fprintf(out, ", on-exit ");
+	put_word(out, "drive", "on-exit", drive->on_exit);
+	if (drive->watchdog_ms > 0)
+		fprintf(out, ", watchdog %u ms\n", drive->watchdog_ms);
+	else
+		fprintf(out, ", watchdog off\n");
+}
+
+static void describe_bus(const struct db_config *config, size_t index, FILE *out)
+{
+	const struct db_bus_config *bus = &config->buses[index];
+
+	fprintf(out, "bus %s\n  %-14s%s (%s)\n", bus->name, "protocol", bus->driver->name,
+		bus->driver->title);
+	fprintf(out, "  %-14s%s, ", "device", bus->device);
+	put_word(out, "bus", "line", bus->line);
+	fprintf(out, ", %u baud, parity ", bus->baud);
+	put_word(out, "bus", "parity", bus->parity);
+	fprintf(out, ", %u stop bit%s\n", bus->stop_bits, bus->stop_bits == 1 ? "" : "s");
+	describe_times(config, index, out);
+	fprintf(out, "  %-14sdrive latency %u ms, retries %u, queue %u, save-interval %u s, ", "limits",
+		bus->drive_latency_ms, bus->retries, bus->queue, bus->save_interval_s);
+	if (bus->priority > 0)
+		fprintf(out, "real-time priority %u\n", bus->priority);
+	else
+		fprintf(out, "no real-time priority\n");
+	for (size_t i = 0; i < config->drive_count; i++) {
+		if (config->drives[i].bus == index)
+			describe_drive(&config->drives[i], out);
+	}
+}
+
+void db_config_describe(const struct db_config *config, FILE *out)
+{
+	describe_modbus(&config->modbus, out);
+	for (size_t i = 0; i < config->bus_count; i++)
+		describe_bus(config, i, out);
+	if (config->drive_count == 0)
+		fprintf(out, "no drives\n");
+}

@@ -1,0 +1,66 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the parts of the configuration reader share while one file is read.
+ */
+#ifndef DRIVEBRIDGE_CONFIG_LOAD_H
+#define DRIVEBRIDGE_CONFIG_LOAD_H
+
+#include "config/outline.h"
+#include "config/report.h"
+#include "drivebridge/config.h"
+
+#include <confuse.h>
+
+struct db_load {
+	const char *file;          /* kept by the configuration */
+	struct db_report report;
+	struct db_outline outline;
+	cfg_t *root;
+	struct db_config *config;
+};
+
+/* One section being read. */
+struct db_section {
+	struct db_load *load;
+	const char *name;  /* "modbus", "bus" or "drive" */
+	const char *title; /* "" for modbus */
+	cfg_t *values;
+	size_t place;      /* in the outline, or DB_OUTLINE_TOP */
+	unsigned line;     /* of its head; 0 when the file has none */
+};
+
+/* The section's line of this key, or of the section's head when the key was not given. */
+unsigned db_section_line(const struct db_section *section, const char *key);
+
+/* Whether the file sets the key. */
+bool db_section_has(const struct db_section *section, const char *key);
+
+/*
+ * The value of a key, its preset when it was not given. What is wrong (also a missing key that must
+ * be given) is reported, and 0 or null returned. A key without a preset gives 0 or "".
+ */
+unsigned db_section_number(const struct db_section *section, const char *key);
+double db_section_real(const struct db_section *section, const char *key);
+unsigned db_section_word(const struct db_section *section, const char *key);
+char *db_section_text(const struct db_section *section, const char *key); /* to be freed */
+struct db_network *db_section_networks(const struct db_section *section, const char *key,
+                                       size_t *count); /* to be freed */
+
+/* Fills config->modbus, buses and drives from load->root. False when out of memory. */
+bool db_load_sections(struct db_load *load);
+
+/*
+ * What only shows between sections: twice the same device, address or unit, then (when nothing is
+ * wrong) times that cannot be met.
+ */
+void db_load_check(struct db_load *load);
+
+/* As db_config_load(), from a text. */
+int db_config_parse(const char *text, const char *file, FILE *errors, struct db_config **config);
+
+/* One transaction on the wire that a command may have to wait for, and its own: nanoseconds. */
+int64_t db_config_confirm_time(const struct db_bus_config *bus);
+
+size_t db_config_drives_on(const struct db_config *config, size_t bus);
+
+#endif

@@ -1,0 +1,516 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "config/outline.h"
+
+#include "config/keys.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum token_type {
+	TOKEN_END,
+	TOKEN_WORD,
+	TOKEN_STRING,
+	TOKEN_OPEN,
+	TOKEN_CLOSE,
+	TOKEN_EQUALS,
+	TOKEN_COMMA,
+	TOKEN_BAD /* reported already */
+};
+
+struct token {
+	enum token_type type;
+	size_t begin;
+	size_t end;
+	unsigned line;
+};
+
+struct scan {
+	char *text;
+	size_t at;
+	unsigned line;
+	struct token token; /* the current one */
+	struct db_outline *outline;
+	struct db_report *report;
+};
+
+static bool blank_comment(struct scan *scan)
+{
+	char *text = scan->text;
+	unsigned start = scan->line;
+
+	if (text[scan->at] == '#' || text[scan->at + 1] == '/') {
+		while (text[scan->at] && text[scan->at] != '\n')
+			text[scan->at++] = ' ';
+		return true;
+	}
+	text[scan->at++] = ' ';
+	text[scan->at++] = ' ';
+	for (; text[scan->at]; scan->at++) {
+		if (text[scan->at] == '*' && text[scan->at + 1] == '/') {
+			text[scan->at++] = ' ';
+			text[scan->at++] = ' ';
+			return true;
+		}
+		if (text[scan->at] == '\n')
+			scan->line++;
+		else
+			text[scan->at] = ' ';
+	}
+	db_report_error(scan->report, start, "the comment that begins here has no end; close it with */");
+	return false;
+}
+
+static bool starts_comment(const char *text)
+{
+	return text[0] == '#' || (text[0] == '/' && (text[1] == '/' || text[1] == '*'));
+}
+
+static bool skip_space(struct scan *scan)
+{
+	for (;;) {
+		char c = scan->text[scan->at];
+
+		if (starts_comment(scan->text + scan->at)) {
+			if (!blank_comment(scan))
+				return false;
+			continue;
+		}
+		if (c == '\n')
+			scan->line++;
+		else if (c != ' ' && c != '\t' && c != '\r')
+			return true;
+		scan->at++;
+	}
+}
+
+/* Only what reads the same for everybody: libconfuse's other escapes and ${VARIABLE} are refused. */
+static bool scan_string(struct scan *scan)
+{
+	const char *text = scan->text;
+	char quote = text[scan->at++];
+
+	for (; text[scan->at] != quote; scan->at++) {
+		if (text[scan->at] == '\0' || text[scan->at] == '\n') {
+			db_report_error(scan->report, scan->line,
+					"the text that begins here has no end; close it with %c on the same line",
+					quote);
+			return false;
+		}
+		if (text[scan->at] == '$' && text[scan->at + 1] == '{') {
+			db_report_error(scan->report, scan->line,
+					"environment variables are not filled in; write the value itself");
+			return false;
+		}
+		if (text[scan->at] != '\\')
+			continue;
+		scan->at++;
+		if (text[scan->at] != quote && text[scan->at] != '\\') {
+			db_report_error(scan->report, scan->line,
+					"unknown escape after a backslash; write \\\\ for a backslash and \\%c for %c",
+					quote, quote);
+			return false;
+		}
+	}
+	scan->at++;
+	return true;
+}
+
+static bool is_word_byte(const char *text)
+{
+	if (*text == '/')
+		return text[1] != '\0' && !strchr(" #\"'\t\n\r={}()+,/*", text[1]);
+	return *text != '\0' && !strchr(" #\"'\t\n\r={}()+,*", *text);
+}
+
+static bool scan_word(struct scan *scan)
+{
+	size_t begin = scan->at;
+
+	while (is_word_byte(scan->text + scan->at)) {
+		/* A byte behind a slash belongs to the word, whatever is_word_byte() says of it alone:
+		 * it was looked at together with the slash. */
+		scan->at += scan->text[scan->at] == '/' ? 2 : 1;
+	}
+	/* "a//b" is a mistake more often than a comment, and "${" is libconfuse's for variables. */
+	if (scan->at > begin && scan->text[scan->at] != '/' &&
+	    !(scan->text[scan->at - 1] == '$' && scan->text[scan->at] == '{'))
+		return true;
+	db_report_error(scan->report, scan->line,
+			"the character '%c' cannot stand here; put texts with special characters in \"quotes\"",
+			scan->text[scan->at]);
+	return false;
+}
+
+static enum token_type scan_token(struct scan *scan)
+{
+	switch (scan->text[scan->at]) {
+	case '\0':
+		return TOKEN_END;
+	case '{':
+		scan->at++;
+		return TOKEN_OPEN;
+	case '}':
+		scan->at++;
+		return TOKEN_CLOSE;
+	case '=':
+		scan->at++;
+		return TOKEN_EQUALS;
+	case ',':
+		scan->at++;
+		return TOKEN_COMMA;
+	case '"':
+	case '\'':
+		return scan_string(scan) ? TOKEN_STRING : TOKEN_BAD;
+	default:
+		return scan_word(scan) ? TOKEN_WORD : TOKEN_BAD;
+	}
+}
+
+static void advance(struct scan *scan)
+{
+	scan->token.type = TOKEN_BAD;
+	if (!skip_space(scan))
+		return;
+	scan->token.begin = scan->at;
+	scan->token.line = scan->line;
+	scan->token.type = scan_token(scan);
+	scan->token.end = scan->at;
+}
+
+/* The token's text without quotes; to be freed. */
+static char *token_text(const struct scan *scan)
+{
+	size_t quotes = scan->token.type == TOKEN_STRING;
+
+	return strndup(scan->text + scan->token.begin + quotes,
+		       scan->token.end - scan->token.begin - 2 * quotes);
+}
+
+static bool wrong(struct scan *scan, const char *expected)
+{
+	int length = (int)(scan->token.end - scan->token.begin);
+
+	if (scan->token.type == TOKEN_END)
+		db_report_error(scan->report, scan->token.line, "the file ends too early; expected %s",
+				expected);
+	else if (scan->token.type != TOKEN_BAD)
+		db_report_error(scan->report, scan->token.line, "'%.*s' cannot stand here; expected %s",
+				length > 40 ? 40 : length, scan->text + scan->token.begin, expected);
+	return false;
+}
+
+static bool is_text(const struct scan *scan)
+{
+	return scan->token.type == TOKEN_WORD || scan->token.type == TOKEN_STRING;
+}
+
+/* After '='. Sets *end behind the value and goes to the token after it. */
+static bool scan_value(struct scan *scan, const char *name, bool *list, size_t *end)
+{
+	*list = scan->token.type == TOKEN_OPEN;
+	if (*list) {
+		do {
+			advance(scan);
+			if (scan->token.type == TOKEN_CLOSE)
+				break;
+			if (!is_text(scan))
+				return wrong(scan, "a value, or } at the end of the list");
+			advance(scan);
+		} while (scan->token.type == TOKEN_COMMA);
+		if (scan->token.type != TOKEN_CLOSE)
+			return wrong(scan, "a comma, or } at the end of the list");
+	} else if (!is_text(scan)) {
+		char expected[96];
+
+		snprintf(expected, sizeof(expected), "the value of '%.40s'", name);
+		return wrong(scan, expected);
+	}
+	*end = scan->token.end;
+	advance(scan);
+	return true;
+}
+
+static bool add_key(struct db_outline *outline, const struct db_outline_key *key)
+{
+	struct db_outline_key *keys;
+
+	keys = realloc(outline->keys, (outline->key_count + 1) * sizeof(*keys));
+	if (!keys)
+		return false;
+	outline->keys = keys;
+	keys[outline->key_count++] = *key;
+	return true;
+}
+
+/* At '='; the name was before it. Takes the name. */
+static bool scan_key(struct scan *scan, struct token name, char *name_text, size_t section)
+{
+	struct db_outline_key key = {
+		.name = name_text, .line = name.line, .section = section, .begin = name.begin
+	};
+
+	advance(scan);
+	if (scan_value(scan, name_text, &key.list, &key.end) && add_key(scan->outline, &key))
+		return true;
+	free(name_text);
+	return false;
+}
+
+/* Behind '{'. */
+static bool scan_keys(struct scan *scan, size_t section)
+{
+	while (scan->token.type != TOKEN_CLOSE) {
+		struct token name = scan->token;
+		char *text;
+
+		if (scan->token.type != TOKEN_WORD)
+			return wrong(scan, "a key, or } at the end of the section");
+		text = token_text(scan);
+		advance(scan);
+		if (!text || scan->token.type != TOKEN_EQUALS) {
+			free(text);
+			return wrong(scan, "= after the key");
+		}
+		if (!scan_key(scan, name, text, section))
+			return false;
+	}
+	scan->outline->sections[section].end = scan->token.end;
+	advance(scan);
+	return true;
+}
+
+/* Behind the name, at the title or '{'. Takes the name. */
+static bool scan_section(struct scan *scan, struct token name, char *name_text)
+{
+	struct db_outline *outline = scan->outline;
+	struct db_outline_section *sections;
+	char *title;
+
+	if (is_text(scan)) {
+		title = token_text(scan);
+		advance(scan);
+	} else {
+		title = strdup("");
+	}
+	sections = realloc(outline->sections, (outline->section_count + 1) * sizeof(*sections));
+	if (sections)
+		outline->sections = sections;
+	if (!title || !sections) {
+		free(name_text);
+		free(title);
+		return false;
+	}
+	sections[outline->section_count++] = (struct db_outline_section){
+		.name = name_text, .title = title, .line = name.line, .begin = name.begin
+	};
+	if (scan->token.type != TOKEN_OPEN)
+		return wrong(scan, "{ at the start of a section, or = after a key");
+	advance(scan);
+	return scan_keys(scan, outline->section_count - 1);
+}
+
+static bool scan_text(struct scan *scan)
+{
+	bool good = true;
+
+	advance(scan);
+	while (good && scan->token.type != TOKEN_END) {
+		struct token name = scan->token;
+		char *text;
+
+		if (name.type != TOKEN_WORD)
+			return wrong(scan, "a section: modbus, bus NAME or drive NAME");
+		text = token_text(scan);
+		if (!text)
+			return false;
+		advance(scan);
+		if (scan->token.type == TOKEN_EQUALS)
+			good = scan_key(scan, name, text, DB_OUTLINE_TOP);
+		else
+			good = scan_section(scan, name, text);
+	}
+	return good;
+}
+
+static bool is_titled(const struct db_outline_section *section)
+{
+	return strcmp(section->name, "bus") == 0 || strcmp(section->name, "drive") == 0;
+}
+
+static bool is_name(const char *text)
+{
+	static const char ALLOWED[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-";
+	size_t length = strspn(text, ALLOWED);
+
+	return length >= 1 && length <= 31 && text[length] == '\0';
+}
+
+/* True when the section may stay. */
+static bool check_section(const struct db_outline *outline, size_t index, struct db_report *report)
+{
+	const struct db_outline_section *section = &outline->sections[index];
+	bool titled = is_titled(section);
+
+	if (!titled && strcmp(section->name, "modbus") != 0) {
+		db_report_error(report, section->line,
+				"unknown section '%s'; the sections are modbus, bus NAME and drive NAME",
+				section->name);
+		return false;
+	}
+	if (!titled && section->title[0] != '\0') {
+		db_report_error(report, section->line,
+				"section modbus has no name, but '%s' was given; write modbus {",
+				section->title);
+		return false;
+	}
+	if (titled && !is_name(section->title)) {
+		db_report_error(report, section->line,
+				"'%s' is no name for a %s; 1 to 31 of the characters A-Z a-z 0-9 _ -",
+				section->title, section->name);
+		return false;
+	}
+	for (size_t i = 0; i < index; i++) {
+		const struct db_outline_section *other = &outline->sections[i];
+
+		if (strcmp(other->name, section->name) != 0 ||
+		    strcmp(other->title, section->title) != 0)
+			continue;
+		db_report_error(report, section->line,
+				titled ? "there is a %s '%s' on line %u already; choose another name" :
+					 "there is a section %s%s on line %u already; put all keys there",
+				section->name, section->title, other->line);
+		return false;
+	}
+	return true;
+}
+
+static void report_unknown_key(const struct db_outline_key *key, const char *section,
+                               struct db_report *report)
+{
+	const char *elsewhere = db_config_key_elsewhere(section, key->name);
+
+	if (elsewhere)
+		db_report_error(report, key->line,
+				"unknown key '%s' in section %s; it belongs to section %s", key->name,
+				section, elsewhere);
+	else
+		db_report_error(report, key->line,
+				"unknown key '%s' in section %s; the nearest one is '%s'", key->name,
+				section, db_config_key_nearest(section, key->name)->name);
+}
+
+/* True when the key may stay. Its section is a known one. */
+static bool check_key(const struct db_outline *outline, size_t index, struct db_report *report)
+{
+	const struct db_outline_key *key = &outline->keys[index];
+	const char *section;
+	const struct db_config_key *known;
+
+	if (key->section == DB_OUTLINE_TOP) {
+		db_report_error(report, key->line,
+				"key '%s' stands outside of a section; the sections are modbus, bus NAME and drive NAME",
+				key->name);
+		return false;
+	}
+	section = outline->sections[key->section].name;
+	known = db_config_key_find(section, key->name);
+	if (!known) {
+		report_unknown_key(key, section, report);
+		return false;
+	}
+	if (key->list && known->kind != DB_KEY_NETWORKS) {
+		db_report_error(report, key->line, "%s is a list; '%s' takes one value without braces",
+				key->name, key->name);
+		return false;
+	}
+	for (size_t i = index; i > 0 && outline->keys[i - 1].section == key->section; i--) {
+		if (strcmp(outline->keys[i - 1].name, key->name) != 0)
+			continue;
+		db_report_error(report, key->line, "%s was set on line %u already; keep one of them",
+				key->name, outline->keys[i - 1].line);
+		return false;
+	}
+	return true;
+}
+
+static void blank(char *text, size_t begin, size_t end)
+{
+	for (size_t i = begin; i < end; i++) {
+		if (text[i] != '\n')
+			text[i] = ' ';
+	}
+}
+
+/* Keys of a section that was refused for its name only are checked too, so that one run finds all. */
+static void check(char *text, struct db_outline *outline, struct db_report *report)
+{
+	for (size_t i = 0; i < outline->section_count; i++)
+		outline->sections[i].refused = !check_section(outline, i, report);
+	for (size_t i = 0; i < outline->key_count; i++) {
+		struct db_outline_key *key = &outline->keys[i];
+		const char *section = key->section == DB_OUTLINE_TOP ?
+					      "" :
+					      outline->sections[key->section].name;
+
+		if (key->section != DB_OUTLINE_TOP && !db_config_key_nearest(section, ""))
+			continue;
+		key->refused = !check_key(outline, i, report);
+		if (key->refused)
+			blank(text, key->begin, key->end);
+	}
+	for (size_t i = 0; i < outline->section_count; i++) {
+		if (outline->sections[i].refused)
+			blank(text, outline->sections[i].begin, outline->sections[i].end);
+	}
+}
+
+bool db_outline_read(char *text, struct db_outline *outline, struct db_report *report)
+{
+	struct scan scan = { .text = text, .line = 1, .outline = outline, .report = report };
+
+	*outline = (struct db_outline){ 0 };
+	if (!scan_text(&scan)) {
+		if (report->errors == 0)
+			db_report_error(report, 0, "out of memory while reading it; free some and try again");
+		return false;
+	}
+	check(text, outline, report);
+	return true;
+}
+
+void db_outline_clear(struct db_outline *outline)
+{
+	for (size_t i = 0; i < outline->section_count; i++) {
+		free(outline->sections[i].name);
+		free(outline->sections[i].title);
+	}
+	for (size_t i = 0; i < outline->key_count; i++)
+		free(outline->keys[i].name);
+	free(outline->sections);
+	free(outline->keys);
+	*outline = (struct db_outline){ 0 };
+}
+
+unsigned db_outline_key_line(const struct db_outline *outline, size_t section, const char *name)
+{
+	for (size_t i = 0; i < outline->key_count; i++) {
+		const struct db_outline_key *key = &outline->keys[i];
+
+		if (key->section == section && !key->refused && strcmp(key->name, name) == 0)
+			return key->line;
+	}
+	return 0;
+}
+
+size_t db_outline_section_find(const struct db_outline *outline, const char *name,
+                               const char *title)
+{
+	for (size_t i = 0; i < outline->section_count; i++) {
+		const struct db_outline_section *section = &outline->sections[i];
+
+		if (!section->refused && strcmp(section->name, name) == 0 &&
+		    strcmp(section->title, title) == 0)
+			return i;
+	}
+	return DB_OUTLINE_TOP;
+}

@@ -1,0 +1,144 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "config/text.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <limits.h>
+#include <locale.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const uint8_t V4_MAPPED[12] = { [10] = 0xFF, [11] = 0xFF };
+
+bool db_text_number(const char *text, unsigned *number)
+{
+	unsigned long long value;
+
+	/* strtoull() alone would take signs, spaces and hexadecimal. */
+	if (text[0] == '\0' || text[strspn(text, "0123456789")] != '\0')
+		return false;
+	errno = 0;
+	value = strtoull(text, NULL, 10);
+	if (errno || value > UINT_MAX)
+		return false;
+	*number = (unsigned)value;
+	return true;
+}
+
+bool db_text_real(const char *text, double *number)
+{
+	locale_t plain;
+	double value;
+	char *end;
+
+	if (text[0] == '\0' || text[strspn(text, "0123456789.eE+-")] != '\0')
+		return false;
+	plain = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0);
+	if (!plain)
+		return false;
+	value = strtod_l(text, &end, plain);
+	freelocale(plain);
+	if (*end != '\0' || !isfinite(value))
+		return false;
+	*number = value;
+	return true;
+}
+
+bool db_text_word(const char *text, const char *words, unsigned *position)
+{
+	size_t wanted = strlen(text);
+
+	for (unsigned i = 0; *words; i++) {
+		size_t length = strcspn(words, " ");
+
+		if (length == wanted && memcmp(words, text, length) == 0) {
+			*position = i;
+			return true;
+		}
+		words += length;
+		words += *words == ' ';
+	}
+	return false;
+}
+
+bool db_text_listen(const char *text)
+{
+	const char *colon = strrchr(text, ':');
+	bool bracket = text[0] == '[';
+	char address[INET6_ADDRSTRLEN + 1];
+	struct in6_addr ignored;
+	unsigned port;
+	size_t length;
+
+	if (!colon || !db_text_number(colon + 1, &port) || port > 65535)
+		return false;
+	length = (size_t)(colon - text);
+	if (bracket) {
+		if (length < 2 || text[length - 1] != ']')
+			return false;
+		text++;
+		length -= 2;
+	}
+	if (length >= sizeof(address))
+		return false;
+	memcpy(address, text, length);
+	address[length] = '\0';
+	return inet_pton(bracket ? AF_INET6 : AF_INET, address, &ignored) == 1;
+}
+
+static bool parse_address(const char *text, struct db_network *network, unsigned *bits)
+{
+	if (inet_pton(AF_INET, text, network->address + sizeof(V4_MAPPED)) == 1) {
+		memcpy(network->address, V4_MAPPED, sizeof(V4_MAPPED));
+		*bits = 32;
+		return true;
+	}
+	*bits = 128;
+	return inet_pton(AF_INET6, text, network->address) == 1;
+}
+
+static bool clear_host_bits(struct db_network *network)
+{
+	bool cleared = false;
+
+	for (unsigned bit = network->prefix; bit < 128; bit++) {
+		uint8_t mask = (uint8_t)(0x80u >> (bit % 8));
+
+		cleared |= (network->address[bit / 8] & mask) != 0;
+		network->address[bit / 8] &= (uint8_t)~mask;
+	}
+	return cleared;
+}
+
+enum db_network_error db_text_network(const char *text, struct db_network *network)
+{
+	const char *slash = strchr(text, '/');
+	size_t length = slash ? (size_t)(slash - text) : strlen(text);
+	char address[INET6_ADDRSTRLEN + 1];
+	unsigned bits, prefix;
+
+	if (length >= sizeof(address))
+		return DB_NETWORK_NO_ADDRESS;
+	memcpy(address, text, length);
+	address[length] = '\0';
+	if (!parse_address(address, network, &bits))
+		return DB_NETWORK_NO_ADDRESS;
+	prefix = bits;
+	if (slash && (!db_text_number(slash + 1, &prefix) || prefix > bits))
+		return DB_NETWORK_PREFIX;
+	network->prefix = (uint8_t)(128 - bits + prefix);
+	return clear_host_bits(network) ? DB_NETWORK_HOST_BITS : DB_NETWORK_OK;
+}
+
+void db_network_text(const struct db_network *network, char text[DB_NETWORK_TEXT_MAX])
+{
+	bool v4 = network->prefix >= 96 &&
+		  memcmp(network->address, V4_MAPPED, sizeof(V4_MAPPED)) == 0;
+	char address[INET6_ADDRSTRLEN] = "";
+
+	inet_ntop(v4 ? AF_INET : AF_INET6, network->address + (v4 ? sizeof(V4_MAPPED) : 0), address,
+		  sizeof(address));
+	snprintf(text, DB_NETWORK_TEXT_MAX, "%s/%u", address, network->prefix - (v4 ? 96u : 0u));
+}

@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Values of the configuration from their text. Pure; false when the text is no such value.
+ */
+#ifndef DRIVEBRIDGE_CONFIG_TEXT_H
+#define DRIVEBRIDGE_CONFIG_TEXT_H
+
+#include "drivebridge/config.h"
+
+#include <stdbool.h>
+
+/* Digits only, at most 4294967295. */
+bool db_text_number(const char *text, unsigned *number);
+
+/* Finite decimal number, '.' whatever the locale. */
+bool db_text_real(const char *text, double *number);
+
+/* Position of the text in a list of words separated by spaces. */
+bool db_text_word(const char *text, const char *words, unsigned *position);
+
+/* "192.168.1.5:502" or "[::1]:502", numeric addresses only, port 0..65535. */
+bool db_text_listen(const char *text);
+
+enum db_network_error {
+	DB_NETWORK_OK,
+	DB_NETWORK_NO_ADDRESS, /* not a numeric IPv4 or IPv6 address */
+	DB_NETWORK_PREFIX,     /* the prefix is no number, or too long */
+	DB_NETWORK_HOST_BITS,  /* bits beyond the prefix are set; *network has them cleared */
+};
+
+/* "10.0.0.0/8", "10.1.2.3", "fd00::/8", "::1". */
+enum db_network_error db_text_network(const char *text, struct db_network *network);
+
+#define DB_NETWORK_TEXT_MAX 52
+
+/* As db_text_network() reads it. */
+void db_network_text(const struct db_network *network, char text[DB_NETWORK_TEXT_MAX]);
+
+#endif

@@ -1,0 +1,18 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "driver/list.h"
+
+#include <string.h>
+
+const struct db_driver *const db_drivers[] = {
+	&db_driver_vsmd_serial,
+	NULL,
+};
+
+const struct db_driver *db_driver_find(const char *name)
+{
+	for (size_t i = 0; db_drivers[i]; i++) {
+		if (strcmp(db_drivers[i]->name, name) == 0)
+			return db_drivers[i];
+	}
+	return NULL;
+}

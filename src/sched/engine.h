@@ -1,0 +1,54 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The schedule of one half-duplex bus, without threads, descriptors or clocks: it is told what
+ * arrived and what time it is, sends through a callback, and says when it wants to be called again.
+ *
+ * Classes, first to last: stops; commands and parameter writes; cyclic status; reading identity and
+ * parameters; looking for drives that are offline. One exchange is on the wire at a time.
+ *
+ * After a lost answer a drive is "out of step": its answer may still come and would be taken for the
+ * next one's. It is then first asked something whose answer cannot be confused (DB_JOB_PROBE).
+ */
+#ifndef DRIVEBRIDGE_SCHED_ENGINE_H
+#define DRIVEBRIDGE_SCHED_ENGINE_H
+
+#include "drivebridge/bus.h"
+#include "drivebridge/driver.h"
+#include "sched/mailbox.h"
+
+struct db_engine;
+
+struct db_engine_ops {
+	/* Puts bytes on the wire. The engine expects them to start at once. */
+	void (*send)(void *context, const uint8_t *bytes, size_t length);
+	/* A drive came or went, for the log. May be null. */
+	void (*presence)(void *context, const struct db_drive_config *drive, bool online);
+};
+
+/*
+ * drives[i] are the configurations of the bus's drives, axes[i] where each is published; both, and
+ * the mailbox, must outlive the engine. 0 or -ENOMEM.
+ */
+int db_engine_new(const struct db_bus_config *bus, const struct db_drive_config *const *drives,
+                  struct db_axis *const *axes, size_t drive_count, struct db_mailbox *mailbox,
+                  const struct db_engine_ops *ops, void *context, struct db_engine **engine);
+void db_engine_free(struct db_engine *engine);
+
+/* The port was opened (error 0) or lost. `wall_offset_us` turns monotonic into wall time. */
+void db_engine_port(struct db_engine *engine, bool up, int error, db_time now);
+void db_engine_set_wall_offset(struct db_engine *engine, int64_t wall_offset_us);
+
+/* Bytes came from the wire. */
+void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now);
+
+/* Does what is due. Returns when to be called again at the latest. */
+db_time db_engine_run(struct db_engine *engine, db_time now);
+
+/* From now on only what each drive's on_exit asks for is sent. */
+void db_engine_shut_down(struct db_engine *engine, db_time now);
+/* Nothing is left to be done of it. */
+bool db_engine_is_quiet(const struct db_engine *engine);
+
+void db_engine_stats(const struct db_engine *engine, struct db_bus_stats *stats);
+
+#endif

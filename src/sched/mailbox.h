@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The only way of commands between the network thread and one bus thread: a fixed set of slots, each
+ * owned by one side at a time. The network fills a free slot; the bus works on it in place and marks
+ * it done; the network collects the result, which frees the slot. Nothing is allocated after the
+ * start and nothing can overflow: a completion lives in the slot of its own request.
+ */
+#ifndef DRIVEBRIDGE_SCHED_MAILBOX_H
+#define DRIVEBRIDGE_SCHED_MAILBOX_H
+
+#include "drivebridge/command.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+
+struct db_mailbox;
+struct db_letter; /* one request, while the bus has it */
+
+/* `commands` slots for everything, `stops` more that only stops may use. */
+int db_mailbox_new(size_t commands, size_t stops, struct db_mailbox **mailbox);
+void db_mailbox_free(struct db_mailbox *mailbox);
+
+/* Network thread. False when no slot is free for this kind of request. */
+bool db_mailbox_post(struct db_mailbox *mailbox, const struct db_request *request);
+/* Network thread. False when no completion waits. */
+bool db_mailbox_collect(struct db_mailbox *mailbox, struct db_completion *completion);
+
+/* Bus thread: the oldest letter not taken yet, or null. The letter stays the bus's until finished. */
+struct db_letter *db_mailbox_take(struct db_mailbox *mailbox);
+const struct db_request *db_letter_request(const struct db_letter *letter);
+/* Bus thread: ends a letter; it must not be used afterwards. */
+void db_letter_finish(struct db_letter *letter, enum db_result result, db_time now);
+
+/* Bus thread: whether letters were finished since the last call, so that the network must be told. */
+bool db_mailbox_take_finished(struct db_mailbox *mailbox);
+
+#endif

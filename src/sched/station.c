@@ -1,0 +1,148 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sched/station.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+int station_init(struct station *station, const struct db_driver *driver,
+                 const struct db_bus_config *bus, const struct db_drive_config *drive,
+                 struct db_axis *axis)
+{
+	station->config = drive;
+	station->axis = axis;
+	station->device = calloc(1, driver->device_size);
+	if (!station->device)
+		return -ENOMEM;
+	for (size_t i = 0; i < LANE_COUNT; i++) {
+		struct db_exchange *exchange = &station->lanes[i].exchange;
+
+		exchange->request = station->short_requests[i];
+		exchange->request_size = sizeof station->short_requests[i];
+	}
+	station->lanes[LANE_FRONT].exchange.request = station->front_request;
+	station->lanes[LANE_FRONT].exchange.request_size = sizeof station->front_request;
+	station->probe_backoff = PROBE_BACKOFF_MIN;
+	driver->init(station->device, bus, drive);
+	return 0;
+}
+
+void station_release(struct station *station)
+{
+	free(station->device);
+}
+
+void station_publish(struct station *station, const struct db_driver *driver, bool bus_up,
+                     int64_t wall_offset_us)
+{
+	struct db_feedback *feedback = &station->snapshot.feedback;
+	const struct db_nameplate *plate = driver->nameplate(station->device);
+
+	driver->feedback(station->device, feedback);
+	feedback->taken_wall_us =
+	        feedback->taken == 0 ? 0 : (uint64_t)(feedback->taken / 1000 + wall_offset_us);
+	if (bus_up)
+		feedback->status |= DB_STATUS_BUS_UP;
+	if (station->online) {
+		feedback->status |= DB_STATUS_ONLINE;
+	} else {
+		feedback->status &= DB_STATUS_BUS_UP;
+		feedback->state = DB_AXIS_OFFLINE;
+		feedback->error = bus_up ? DB_ERROR_NO_ANSWER : DB_ERROR_BUS_DOWN;
+	}
+	db_axis_publish(station->axis, &station->snapshot);
+	if (!station->plate_published || plate->generation != station->generation) {
+		db_axis_publish_nameplate(station->axis, plate);
+		station->generation = plate->generation;
+		station->plate_published = true;
+	}
+}
+
+void station_count_answer(struct station *station, db_time round_trip)
+{
+	struct db_axis_stats *stats = &station->snapshot.stats;
+	uint32_t us = (uint32_t)(round_trip / DB_NS_PER_US);
+
+	stats->answers++;
+	stats->round_trip_us = us;
+	if (us > stats->round_trip_max_us)
+		stats->round_trip_max_us = us;
+	if (stats->answers == 1 || us < stats->round_trip_min_us)
+		stats->round_trip_min_us = us;
+	station->round_trip_sum_us += us;
+	stats->round_trip_mean_us = (uint32_t)(station->round_trip_sum_us / stats->answers);
+}
+
+void station_add_stop(struct station *station, const struct db_request *request,
+                      struct db_letter *letter, db_time now)
+{
+	if (station->stop_count == STOPS_MAX) {
+		if (letter)
+			db_letter_finish(letter, DB_RESULT_BUSY, now);
+		return;
+	}
+	station->stops[station->stop_count++] = (struct pending_stop){
+		.request = request,
+		.letter = letter,
+	};
+	station->stop_at = now;
+}
+
+void station_finish_stop(struct station *station, enum db_result result, db_time now)
+{
+	enum db_command command = station->stops[0].request->command;
+	unsigned kept = 0;
+
+	for (unsigned i = 0; i < station->stop_count; i++) {
+		struct pending_stop *stop = &station->stops[i];
+
+		if (stop->sent && stop->request->command == command) {
+			if (stop->letter)
+				db_letter_finish(stop->letter, result, now);
+			continue;
+		}
+		station->stops[kept++] = *stop;
+	}
+	station->stop_count = kept;
+	station->lanes[LANE_STOP].active = false;
+	station->blind_stop_sent = false;
+	station->stop_at = now;
+}
+
+void station_finish_front(struct station *station, enum db_result result, db_time now)
+{
+	struct lane *lane = &station->lanes[LANE_FRONT];
+
+	if (!lane->active)
+		return;
+	if (result == DB_RESULT_REFUSED)
+		station->snapshot.stats.refusals++;
+	db_letter_finish(station->front_letter, result, now);
+	station->front_letter = NULL;
+	station->front_cancelled = false;
+	lane->active = false;
+	lane->ready = false;
+}
+
+void station_abandon_front(struct station *station, const struct db_driver *driver,
+                           enum db_result unless_known, db_time now)
+{
+	struct lane *lane = &station->lanes[LANE_FRONT];
+	enum db_result result = DB_RESULT_INDETERMINATE;
+
+	if (!lane->active)
+		return;
+	/* A prepared exchange that never went out has no fate to ask about, unless it is a repeat. */
+	if (lane->ready && lane->tries == 0 && lane->job.step == 0) {
+		station_finish_front(station, unless_known, now);
+		return;
+	}
+	/* The driver may want to read back; with the drive gone that is lost, too. */
+	if (driver->lost(station->device, &lane->job, &lane->exchange, &result) == DB_STEP_SEND)
+		result = DB_RESULT_INDETERMINATE;
+	if (result == DB_RESULT_TIMEOUT)
+		result = unless_known;
+	if (station->front_cancelled)
+		result = DB_RESULT_CANCELLED;
+	station_finish_front(station, result, now);
+}

@@ -1,0 +1,96 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* One drive as the scheduler sees it. Internal to src/sched. */
+#ifndef DRIVEBRIDGE_SCHED_STATION_H
+#define DRIVEBRIDGE_SCHED_STATION_H
+
+#include "drivebridge/driver.h"
+#include "sched/mailbox.h"
+
+/* A conversation with a drive. Those of different lanes may interleave, exchange by exchange. */
+enum lane_kind { LANE_STOP, LANE_FRONT, LANE_POLL, LANE_IDENTIFY, LANE_PROBE, LANE_COUNT };
+
+struct lane {
+	bool active;       /* begun, not ended */
+	bool ready;        /* its next exchange is prepared and waits to be sent */
+	unsigned tries;    /* how often the prepared exchange was repeated */
+	struct db_job job;
+	struct db_exchange exchange;
+};
+
+#define STOPS_MAX 8
+
+struct pending_stop {
+	const struct db_request *request;
+	struct db_letter *letter; /* null for the bridge's own */
+	bool sent;
+};
+
+struct station {
+	const struct db_drive_config *config;
+	struct db_axis *axis;
+	struct db_device *device;
+	struct db_snapshot snapshot;
+	struct lane lanes[LANE_COUNT];
+	uint8_t short_requests[LANE_COUNT][DB_SHORT_REQUEST];
+	uint8_t front_request[DB_REQUEST_MAX];
+
+	bool online;
+	bool in_step;
+	bool ever_probed;
+	unsigned losses;         /* in a row */
+
+	bool poll_due;
+	db_time polled;          /* when the last poll was sent */
+	db_time identify_at;     /* not before: the last attempt failed */
+	db_time identify_backoff;
+	uint32_t generation;     /* of the nameplate published last */
+	bool plate_published;
+
+	struct db_letter *front_letter;
+	bool front_cancelled;
+
+	struct pending_stop stops[STOPS_MAX];
+	unsigned stop_count;
+	bool blind_stop_sent;    /* a stop went out while out of step; its answer proves nothing */
+	db_time stop_at;         /* not before */
+	struct db_request exit_request;
+
+	db_time probe_at;
+	db_time probe_backoff;
+	uint64_t round_trip_sum_us;
+};
+
+/* How often an offline drive is looked for: at first, and at most. */
+#define PROBE_BACKOFF_MIN (100 * DB_NS_PER_MS)
+#define PROBE_BACKOFF_MAX (2 * DB_NS_PER_S)
+
+/* How long a drive that did not tell its parameters is left alone, at first and at most. */
+#define IDENTIFY_BACKOFF_MIN (500 * DB_NS_PER_MS)
+#define IDENTIFY_BACKOFF_MAX (30 * DB_NS_PER_S)
+
+/* 0 or -ENOMEM. The station's memory is zeroed. */
+int station_init(struct station *station, const struct db_driver *driver,
+                 const struct db_bus_config *bus, const struct db_drive_config *drive,
+                 struct db_axis *axis);
+void station_release(struct station *station);
+
+/* Copies what the driver knows to the other threads. */
+void station_publish(struct station *station, const struct db_driver *driver, bool bus_up,
+                     int64_t wall_offset_us);
+
+void station_count_answer(struct station *station, db_time round_trip);
+
+/* Adds a stop; the letter may be null. What is queued or running for the drive is the caller's. */
+void station_add_stop(struct station *station, const struct db_request *request,
+                      struct db_letter *letter, db_time now);
+/* The stop that was on the wire ended: everyone who had asked for it by then learns how. */
+void station_finish_stop(struct station *station, enum db_result result, db_time now);
+
+/* Ends the running command or parameter write, if there is one. */
+void station_finish_front(struct station *station, enum db_result result, db_time now);
+
+/* Ends a running command whose drive is lost: the driver says what is known of its fate. */
+void station_abandon_front(struct station *station, const struct db_driver *driver,
+                           enum db_result unless_known, db_time now);
+
+#endif

@@ -1,0 +1,397 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "server/connection.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+/* A request whose answer has to wait: it, or one before it, is a write that is not finished. */
+struct entry {
+	struct db_request request; /* data is void: a write has been handed over already */
+	bool unfinished;           /* the backend owes an answer */
+	uint8_t exception;         /* of a finished write, or of a request that was refused */
+};
+
+/* How the next request in the buffer was taken. */
+enum taken { TAKEN, NOTHING_TO_TAKE, MUST_WAIT, BROKEN };
+
+struct db_connection {
+	struct db_connection_group *group;
+	struct db_client client;
+	db_time frame_since;  /* when the unfinished frame in `in` began */
+	db_time active_since; /* last byte in either direction */
+	int fd;
+	uint32_t events;      /* what epoll waits for */
+
+	/* Ring of max_pipelined entries, there only while it is not empty. */
+	struct entry *queue;
+	uint32_t sequence;    /* of the first entry; the others follow without gaps */
+	unsigned first, queued, unfinished;
+
+	/* Answers that the socket did not take; there only while it is not empty. */
+	uint8_t *out;
+	size_t out_sent, out_used;
+
+	bool ended;           /* the client has sent everything it wants to send */
+	bool waiting;         /* a request in `in` may not be taken yet */
+	uint16_t in_used;
+	uint8_t in[DB_ADU_MAX];
+};
+
+struct db_connection *db_connection_new(struct db_connection_group *group, int fd,
+					const struct db_client *client, db_time now)
+{
+	struct db_connection *c = calloc(1, sizeof(*c));
+	struct epoll_event event = { .events = EPOLLIN, .data.ptr = c };
+
+	if (!c || epoll_ctl(group->epoll, EPOLL_CTL_ADD, fd, &event) < 0) {
+		free(c);
+		close(fd);
+		return NULL;
+	}
+	c->group = group;
+	c->client = *client;
+	c->fd = fd;
+	c->events = EPOLLIN;
+	c->active_since = now;
+	return c;
+}
+
+void db_connection_free(struct db_connection *c)
+{
+	if (!c)
+		return;
+	close(c->fd);
+	free(c->queue);
+	free(c->out);
+	free(c);
+}
+
+const struct db_client *db_connection_client(const struct db_connection *c)
+{
+	return &c->client;
+}
+
+/* Output. */
+
+/* Sends bytes; returns how many the socket took, or -1 when the connection is broken. */
+static ssize_t transmit(struct db_connection *c, const uint8_t *bytes, size_t length)
+{
+	ssize_t sent;
+
+	do
+		sent = send(c->fd, bytes, length, MSG_NOSIGNAL | MSG_DONTWAIT);
+	while (sent < 0 && errno == EINTR);
+	if (sent < 0)
+		return errno == EAGAIN || errno == EWOULDBLOCK ? 0 : -1;
+	return sent;
+}
+
+/* Sends the batch, and keeps what the socket does not take. */
+static bool flush_batch(struct db_connection *c, db_time now)
+{
+	struct db_connection_group *group = c->group;
+	size_t length = group->batch_used;
+	ssize_t sent;
+
+	group->batch_used = 0;
+	if (length == 0)
+		return true;
+	sent = transmit(c, group->batch, length);
+	if (sent < 0)
+		return false;
+	if (sent > 0)
+		c->active_since = now;
+	if ((size_t)sent == length)
+		return true;
+	c->out_used = length - (size_t)sent;
+	c->out_sent = 0;
+	c->out = malloc(c->out_used);
+	if (!c->out)
+		return false;
+	memcpy(c->out, group->batch + sent, c->out_used);
+	return true;
+}
+
+/* Sends what was kept. */
+static bool flush_kept(struct db_connection *c, db_time now)
+{
+	ssize_t sent;
+
+	if (!c->out)
+		return true;
+	sent = transmit(c, c->out + c->out_sent, c->out_used - c->out_sent);
+	if (sent < 0)
+		return false;
+	if (sent > 0)
+		c->active_since = now;
+	c->out_sent += (size_t)sent;
+	if (c->out_sent == c->out_used) {
+		free(c->out);
+		c->out = NULL;
+	}
+	return true;
+}
+
+/* Requests. */
+
+/* Puts the answer to a request that is done into the batch, which has room for it. */
+static void answer(struct db_connection *c, const struct db_request *request, uint8_t exception)
+{
+	struct db_connection_group *group = c->group;
+	uint8_t *adu = group->batch + group->batch_used;
+
+	if (exception)
+		group->batch_used += db_pdu_exception(request, exception, adu);
+	else
+		group->batch_used += db_execute_answer(&group->executor, &c->client, request, adu,
+						       &exception);
+	group->stats.exceptions += exception != 0;
+}
+
+static struct entry *entry_at(const struct db_connection *c, unsigned index)
+{
+	return &c->queue[(c->first + index) % c->group->config->max_pipelined];
+}
+
+/* Answers the first request in the queue, if its turn has come. */
+static bool answer_queued(struct db_connection *c)
+{
+	struct entry *entry = c->queued > 0 ? entry_at(c, 0) : NULL;
+
+	if (!entry || entry->unfinished)
+		return false;
+	answer(c, &entry->request, entry->exception);
+	c->first = (c->first + 1) % c->group->config->max_pipelined;
+	c->sequence++;
+	if (--c->queued == 0) {
+		free(c->queue);
+		c->queue = NULL;
+	}
+	return true;
+}
+
+static bool ensure_queue(struct db_connection *c)
+{
+	if (c->queue)
+		return true;
+	c->first = 0;
+	c->queue = malloc(c->group->config->max_pipelined * sizeof(*c->queue));
+	return c->queue;
+}
+
+/*
+ * FC 22 computes from the register's value, which a write in flight may be about to change. It has
+ * to wait for it, and what comes behind waits too, so that writes keep their order.
+ */
+static bool depends_on_unfinished(const struct db_connection *c, const struct db_request *request)
+{
+	const struct db_request *other;
+
+	if (request->function != MODBUS_FC_MASK_WRITE_REGISTER)
+		return false;
+	for (unsigned i = 0; i < c->queued; i++) {
+		other = &entry_at(c, i)->request;
+		if (entry_at(c, i)->unfinished && other->unit == request->unit &&
+		    request->write_address >= other->write_address &&
+		    request->write_address - other->write_address < other->write_count)
+			return true;
+	}
+	return false;
+}
+
+/* Refuses or dispatches a request: 0, an exception, or DB_WRITE_LATER. */
+static int start_request(struct db_connection *c, const struct db_request *request)
+{
+	struct db_connection_group *group = c->group;
+	const struct db_executor *executor = &group->executor;
+	struct db_write_token token = { c->client.id, c->sequence + c->queued };
+	uint8_t exception = executor->backend->unit(executor->context, request->unit);
+
+	if (exception || request->write_count == 0)
+		return exception;
+	if (!c->client.may_write) {
+		group->stats.refused_writes++;
+		return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
+	}
+	/* First make sure that the outcome can be kept. */
+	if (!ensure_queue(c))
+		return MODBUS_EXCEPTION_SLAVE_OR_SERVER_BUSY;
+	return db_execute_write(executor, &c->client, request, token);
+}
+
+/* Answers a request at once or puts it behind those that are not finished. */
+static bool settle(struct db_connection *c, const struct db_request *request, int result)
+{
+	struct entry *entry;
+
+	if (result == DB_WRITE_LATER || c->queued > 0) {
+		if (!ensure_queue(c))
+			return false;
+		entry = entry_at(c, c->queued++);
+		entry->request = *request;
+		entry->request.data = NULL;
+		entry->unfinished = result == DB_WRITE_LATER;
+		entry->exception = entry->unfinished ? 0 : (uint8_t)result;
+		c->unfinished += entry->unfinished;
+		return true;
+	}
+	answer(c, request, (uint8_t)result);
+	c->sequence++;
+	free(c->queue);
+	c->queue = NULL;
+	return true;
+}
+
+/* Takes the request at `*offset` of the input buffer. */
+static enum taken take_request(struct db_connection *c, size_t *offset)
+{
+	struct db_request request;
+	const uint8_t *adu = c->in + *offset;
+	int length = db_pdu_cut(adu, c->in_used - *offset);
+	int result;
+
+	if (length < 0) {
+		c->group->stats.bad_frames++;
+		return BROKEN;
+	}
+	if (length == 0)
+		return NOTHING_TO_TAKE;
+	if (c->queued == c->group->config->max_pipelined)
+		return MUST_WAIT;
+	result = db_pdu_parse(adu, (size_t)length, &request);
+	if (result == 0 && depends_on_unfinished(c, &request))
+		return MUST_WAIT;
+	*offset += (size_t)length;
+	c->group->stats.requests++;
+	if (result == 0)
+		result = start_request(c, &request);
+	return settle(c, &request, result) ? TAKEN : BROKEN;
+}
+
+/* Answers and takes requests until there is nothing more to do or the socket is full. */
+static bool work(struct db_connection *c, size_t *offset, db_time now)
+{
+	enum taken taken = TAKEN;
+
+	while (!c->out && taken == TAKEN) {
+		if (c->group->batch_used + DB_ADU_MAX > DB_BATCH_SIZE) {
+			if (!flush_batch(c, now))
+				return false;
+			continue;
+		}
+		if (answer_queued(c))
+			continue;
+		taken = take_request(c, offset);
+	}
+	c->waiting = taken == MUST_WAIT;
+	if (taken == BROKEN) {
+		/* What was asked before the broken frame still gets its answer. */
+		flush_batch(c, now);
+		return false;
+	}
+	return c->out || flush_batch(c, now);
+}
+
+/* Tells epoll what this connection waits for now. */
+static bool update_events(struct db_connection *c)
+{
+	struct epoll_event event = { .data.ptr = c };
+
+	if (!c->ended && !c->waiting && !c->out)
+		event.events |= EPOLLIN;
+	if (c->out)
+		event.events |= EPOLLOUT;
+	if (event.events == c->events)
+		return true;
+	c->events = event.events;
+	return epoll_ctl(c->group->epoll, EPOLL_CTL_MOD, c->fd, &event) == 0;
+}
+
+bool db_connection_advance(struct db_connection *c, db_time now)
+{
+	bool held = c->waiting || c->out;
+	size_t offset = 0;
+
+	if (!flush_kept(c, now))
+		return false;
+	if (!c->out && !work(c, &offset, now))
+		return false;
+	if (offset > 0) {
+		c->in_used = (uint16_t)(c->in_used - offset);
+		memmove(c->in, c->in + offset, c->in_used);
+	}
+	/* The time in which we did not read is not the client's. */
+	if (offset > 0 || held)
+		c->frame_since = now;
+	if (c->ended && c->queued == 0 && !c->out && !c->waiting)
+		return false;
+	return update_events(c);
+}
+
+/* Reads once. False when the connection is broken. */
+static bool receive(struct db_connection *c, db_time now)
+{
+	ssize_t got = recv(c->fd, c->in + c->in_used, sizeof(c->in) - c->in_used, MSG_DONTWAIT);
+
+	if (got < 0)
+		return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
+	if (got == 0) {
+		/* Half closed: what is in flight is still answered, then we close too. */
+		c->ended = true;
+		return true;
+	}
+	if (c->in_used == 0)
+		c->frame_since = now;
+	c->in_used = (uint16_t)(c->in_used + got);
+	c->active_since = now;
+	return true;
+}
+
+bool db_connection_ready(struct db_connection *c, uint32_t events, db_time now)
+{
+	if (events & (EPOLLERR | EPOLLHUP))
+		return false;
+	if ((events & EPOLLIN) && !receive(c, now))
+		return false;
+	return db_connection_advance(c, now);
+}
+
+bool db_connection_in_time(const struct db_connection *c, db_time now)
+{
+	return now < db_connection_deadline(c);
+}
+
+db_time db_connection_deadline(const struct db_connection *c)
+{
+	const struct db_modbus_config *config = c->group->config;
+	db_time deadline = DB_TIME_NEVER, idle;
+
+	if (c->in_used > 0 && !c->waiting && !c->out && !c->ended)
+		deadline = c->frame_since + config->frame_timeout_ms * DB_NS_PER_MS;
+	if (config->idle_timeout_s > 0 && c->unfinished == 0) {
+		idle = c->active_since + config->idle_timeout_s * DB_NS_PER_S;
+		if (idle < deadline)
+			deadline = idle;
+	}
+	return deadline;
+}
+
+bool db_connection_answer(struct db_connection *c, uint32_t sequence, uint8_t exception)
+{
+	uint32_t index = sequence - c->sequence;
+	struct entry *entry;
+
+	if (index >= c->queued)
+		return false;
+	entry = entry_at(c, index);
+	if (!entry->unfinished)
+		return false;
+	entry->unfinished = false;
+	entry->exception = exception;
+	c->unfinished--;
+	return index == 0 || c->waiting;
+}

@@ -1,0 +1,116 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "server/listener.h"
+
+#include <errno.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#define BACKLOG 128
+/* 30 s of silence, then three probes 10 s apart: the other end is found dead after a minute. */
+#define KEEPALIVE_IDLE_S 30
+#define KEEPALIVE_INTERVAL_S 10
+#define KEEPALIVE_PROBES 3
+/* The same minute for a peer that is alive but takes no answers, or it keeps its place for ever. */
+#define UNSENT_TIMEOUT_MS 60000
+/*
+ * Without a limit the kernel grows both to megabytes for every client that floods us. 32 KiB hold
+ * more than a hundred of the longest answers.
+ */
+#define SOCKET_BUFFER (32 * 1024)
+
+static void set_option(int fd, int level, int name, int value)
+{
+	/* All of these are improvements only; the service works without them. */
+	(void)setsockopt(fd, level, name, &value, sizeof(value));
+}
+
+/* Splits "host:port" or "[host]:port" and reads both as numbers. */
+static int resolve(const char *text, struct addrinfo **found)
+{
+	const struct addrinfo hints = {
+		.ai_socktype = SOCK_STREAM,
+		.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV | AI_PASSIVE,
+	};
+	const char *colon = strrchr(text, ':');
+	const char *start = text;
+	char host[80];
+	size_t length;
+
+	if (!colon || colon == text || colon[1] == '\0')
+		return -EINVAL;
+	length = (size_t)(colon - text);
+	if (text[0] == '[') {
+		if (length < 3 || colon[-1] != ']')
+			return -EINVAL;
+		start++;
+		length -= 2;
+	} else if (memchr(text, ':', length)) {
+		/* An IPv6 address without brackets: its last group would pass for the port. */
+		return -EINVAL;
+	}
+	if (length >= sizeof(host) || strspn(colon + 1, "0123456789") != strlen(colon + 1) ||
+	    strlen(colon + 1) > 5)
+		return -EINVAL;
+	memcpy(host, start, length);
+	host[length] = '\0';
+	return getaddrinfo(host, colon + 1, &hints, found) == 0 ? 0 : -EINVAL;
+}
+
+int db_listener_open(const char *address)
+{
+	struct addrinfo *info;
+	int error = resolve(address, &info);
+	int fd;
+
+	if (error)
+		return error;
+	fd = socket(info->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+	if (fd < 0) {
+		error = -errno;
+		freeaddrinfo(info);
+		return error;
+	}
+	set_option(fd, SOL_SOCKET, SO_REUSEADDR, 1);
+	/* Accepted sockets inherit these two; the window is settled before accept() returns. */
+	set_option(fd, SOL_SOCKET, SO_RCVBUF, SOCKET_BUFFER);
+	set_option(fd, SOL_SOCKET, SO_SNDBUF, SOCKET_BUFFER);
+	if (info->ai_family == AF_INET6)
+		set_option(fd, IPPROTO_IPV6, IPV6_V6ONLY, 0);
+	if (bind(fd, info->ai_addr, info->ai_addrlen) < 0 || listen(fd, BACKLOG) < 0) {
+		error = -errno;
+		close(fd);
+		fd = error;
+	}
+	freeaddrinfo(info);
+	return fd;
+}
+
+uint16_t db_listener_port(int fd)
+{
+	union {
+		struct sockaddr any;
+		struct sockaddr_in v4;
+		struct sockaddr_in6 v6;
+	} address;
+	socklen_t length = sizeof(address);
+
+	if (getsockname(fd, &address.any, &length) < 0)
+		return 0;
+	if (address.any.sa_family == AF_INET6)
+		return ntohs(address.v6.sin6_port);
+	return ntohs(address.v4.sin_port);
+}
+
+void db_listener_tune(int fd)
+{
+	set_option(fd, IPPROTO_TCP, TCP_NODELAY, 1);
+	set_option(fd, SOL_SOCKET, SO_KEEPALIVE, 1);
+	set_option(fd, IPPROTO_TCP, TCP_KEEPIDLE, KEEPALIVE_IDLE_S);
+	set_option(fd, IPPROTO_TCP, TCP_KEEPINTVL, KEEPALIVE_INTERVAL_S);
+	set_option(fd, IPPROTO_TCP, TCP_KEEPCNT, KEEPALIVE_PROBES);
+	set_option(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, UNSENT_TIMEOUT_MS);
+}

@@ -1,0 +1,326 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * All sockets sit in an epoll set of the server's own, and that set is one source of the event
+ * loop. sd-event makes a system call for each source it dispatches; a set of our own takes all
+ * ready clients with one, and spares the memory of a source per client.
+ */
+#include "drivebridge/server.h"
+
+#include "server/acl.h"
+#include "server/connection.h"
+#include "server/listener.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <sys/epoll.h>
+#include <systemd/sd-event.h>
+#include <unistd.h>
+
+#define EVENTS_AT_ONCE 64
+#define ACCEPTS_AT_ONCE 16
+/* How long to leave new connections alone when descriptors or memory have run out. */
+#define ACCEPT_PAUSE (100 * DB_NS_PER_MS)
+/* How late a time limit may be noticed. */
+#define TIMER_ACCURACY_US 5000
+
+struct db_server {
+	struct db_connection_group group;
+	sd_event *loop;
+	sd_event_source *io, *timer;
+	int listener;
+	uint32_t last_id;
+	db_time armed;        /* when the timer will fire */
+	db_time accept_again; /* DB_TIME_NEVER: accepting now */
+	bool busy;            /* some connection is being served */
+	bool late_answers;    /* answers came meanwhile */
+	size_t count;
+	struct db_connection *connections[]; /* max_clients places */
+};
+
+static db_time loop_time(const struct db_server *server)
+{
+	uint64_t usec = 0;
+
+	(void)sd_event_now(server->loop, CLOCK_MONOTONIC, &usec);
+	return (db_time)usec * DB_NS_PER_US;
+}
+
+/* Time limits. One timer; it may fire early, never late, so requests need not move it. */
+
+static void arm(struct db_server *server, db_time deadline)
+{
+	if (deadline >= server->armed)
+		return;
+	if (sd_event_source_set_time(server->timer, (uint64_t)(deadline / DB_NS_PER_US + 1)) < 0 ||
+	    sd_event_source_set_enabled(server->timer, SD_EVENT_ONESHOT) < 0)
+		return;
+	server->armed = deadline;
+}
+
+static void set_accepting(struct db_server *server, bool accepting)
+{
+	struct epoll_event event = { .events = accepting ? EPOLLIN : 0 };
+
+	(void)epoll_ctl(server->group.epoll, EPOLL_CTL_MOD, server->listener, &event);
+	server->accept_again = accepting ? DB_TIME_NEVER : loop_time(server) + ACCEPT_PAUSE;
+	arm(server, server->accept_again);
+}
+
+/* Connections. */
+
+static void announce(const struct db_server *server, const struct db_connection *connection,
+		     bool connected)
+{
+	const struct db_executor *executor = &server->group.executor;
+
+	if (executor->backend->client)
+		executor->backend->client(executor->context, db_connection_client(connection),
+					  connected);
+}
+
+static void drop(struct db_server *server, size_t index)
+{
+	struct db_connection *connection = server->connections[index];
+
+	server->connections[index] = server->connections[--server->count];
+	server->group.stats.clients = (uint32_t)server->count;
+	announce(server, connection, false);
+	db_connection_free(connection);
+}
+
+/* After a connection was served: it is over, or its next deadline counts. */
+static void conclude(struct db_server *server, struct db_connection *connection, bool alive)
+{
+	size_t index = 0;
+
+	if (alive) {
+		arm(server, db_connection_deadline(connection));
+		return;
+	}
+	while (server->connections[index] != connection)
+		index++;
+	drop(server, index);
+}
+
+static struct db_connection *find(const struct db_server *server, uint32_t id)
+{
+	for (size_t i = 0; i < server->count; i++)
+		if (db_connection_client(server->connections[i])->id == id)
+			return server->connections[i];
+	return NULL;
+}
+
+/*
+ * A backend may answer one write from inside a call for another request (a stop cancels a move).
+ * Such answers are only noted, since the batch is in use, and go out here.
+ */
+static void leave(struct db_server *server)
+{
+	struct db_connection *connection;
+
+	while (server->late_answers) {
+		server->late_answers = false;
+		for (size_t i = server->count; i-- > 0;) {
+			connection = server->connections[i];
+			conclude(server, connection,
+				 db_connection_advance(connection, loop_time(server)));
+		}
+	}
+	server->busy = false;
+}
+
+static void add_client(struct db_server *server, int fd, const struct sockaddr_storage *peer)
+{
+	const struct db_modbus_config *config = server->group.config;
+	struct db_server_stats *stats = &server->group.stats;
+	struct db_connection *connection;
+	struct db_client client = { 0 };
+	enum db_access access = DB_ACCESS_NONE;
+
+	if (db_acl_peer(peer, client.address, &client.port))
+		access = db_acl_access(config, client.address);
+	if (access == DB_ACCESS_NONE || server->count == config->max_clients) {
+		*(access == DB_ACCESS_NONE ? &stats->refused_address : &stats->refused_full) += 1;
+		close(fd);
+		return;
+	}
+	db_listener_tune(fd);
+	client.may_write = access == DB_ACCESS_WRITE;
+	do
+		client.id = ++server->last_id;
+	while (client.id == 0 || find(server, client.id));
+	connection = db_connection_new(&server->group, fd, &client, loop_time(server));
+	if (!connection)
+		return;
+	server->connections[server->count++] = connection;
+	stats->accepted++;
+	stats->clients = (uint32_t)server->count;
+	if (stats->clients > stats->clients_peak)
+		stats->clients_peak = stats->clients;
+	announce(server, connection, true);
+	arm(server, db_connection_deadline(connection));
+}
+
+static void accept_clients(struct db_server *server)
+{
+	struct sockaddr_storage peer;
+	socklen_t length;
+	int fd;
+
+	for (int i = 0; i < ACCEPTS_AT_ONCE; i++) {
+		length = sizeof(peer);
+		fd = accept4(server->listener, (struct sockaddr *)&peer, &length,
+			     SOCK_NONBLOCK | SOCK_CLOEXEC);
+		if (fd >= 0) {
+			add_client(server, fd, &peer);
+			continue;
+		}
+		if (errno == EAGAIN || errno == EWOULDBLOCK)
+			return;
+		if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM) {
+			set_accepting(server, false);
+			return;
+		}
+		/* Everything else is an error of that one connection, which is gone already. */
+	}
+}
+
+static int on_ready(sd_event_source *source, int fd, uint32_t revents, void *userdata)
+{
+	struct db_server *server = userdata;
+	struct epoll_event events[EVENTS_AT_ONCE];
+	db_time now = loop_time(server);
+	int count;
+
+	(void)source;
+	(void)revents;
+	count = epoll_wait(fd, events, EVENTS_AT_ONCE, 0);
+	server->busy = true;
+	/* A connection appears once per round and only ever ends itself: no event outlives it. */
+	for (int i = 0; i < count; i++) {
+		if (events[i].data.ptr)
+			conclude(server, events[i].data.ptr,
+				 db_connection_ready(events[i].data.ptr, events[i].events, now));
+		else
+			accept_clients(server);
+	}
+	leave(server);
+	return 0;
+}
+
+static int on_timer(sd_event_source *source, uint64_t usec, void *userdata)
+{
+	struct db_server *server = userdata;
+	db_time now = loop_time(server);
+
+	(void)source;
+	(void)usec;
+	server->armed = DB_TIME_NEVER;
+	server->busy = true;
+	for (size_t i = server->count; i-- > 0;) {
+		if (db_connection_in_time(server->connections[i], now)) {
+			arm(server, db_connection_deadline(server->connections[i]));
+			continue;
+		}
+		server->group.stats.timeouts++;
+		drop(server, i);
+	}
+	if (server->accept_again <= now)
+		set_accepting(server, true);
+	else
+		arm(server, server->accept_again);
+	leave(server);
+	return 0;
+}
+
+static int open_sockets(struct db_server *server)
+{
+	struct epoll_event event = { .events = EPOLLIN };
+
+	server->listener = db_listener_open(server->group.config->listen);
+	if (server->listener < 0)
+		return server->listener;
+	server->group.epoll = epoll_create1(EPOLL_CLOEXEC);
+	if (server->group.epoll < 0 ||
+	    epoll_ctl(server->group.epoll, EPOLL_CTL_ADD, server->listener, &event) < 0)
+		return -errno;
+	return 0;
+}
+
+int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
+		  const struct db_backend *backend, void *context, struct db_server **result)
+{
+	struct db_server *server;
+	int error;
+
+	if (config->max_clients == 0 || config->max_pipelined == 0)
+		return -EINVAL;
+	server = calloc(1, sizeof(*server) + config->max_clients * sizeof(server->connections[0]));
+	if (!server)
+		return -ENOMEM;
+	server->group.config = config;
+	server->group.executor = (struct db_executor){ backend, context };
+	server->loop = sd_event_ref(loop);
+	server->listener = -1;
+	server->group.epoll = -1;
+	server->armed = DB_TIME_NEVER;
+	server->accept_again = DB_TIME_NEVER;
+	error = open_sockets(server);
+	if (error == 0)
+		error = sd_event_add_io(loop, &server->io, server->group.epoll, EPOLLIN, on_ready,
+					server);
+	if (error >= 0)
+		error = sd_event_add_time(loop, &server->timer, CLOCK_MONOTONIC, UINT64_MAX,
+					  TIMER_ACCURACY_US, on_timer, server);
+	if (error >= 0)
+		error = sd_event_source_set_enabled(server->timer, SD_EVENT_OFF);
+	if (error < 0) {
+		db_server_free(server);
+		return error;
+	}
+	*result = server;
+	return 0;
+}
+
+void db_server_free(struct db_server *server)
+{
+	if (!server)
+		return;
+	/* The backend may still answer while it learns that its clients go. */
+	server->busy = true;
+	while (server->count > 0)
+		drop(server, server->count - 1);
+	sd_event_source_disable_unref(server->timer);
+	sd_event_source_disable_unref(server->io);
+	if (server->listener >= 0)
+		close(server->listener);
+	if (server->group.epoll >= 0)
+		close(server->group.epoll);
+	sd_event_unref(server->loop);
+	free(server);
+}
+
+void db_server_answer(struct db_server *server, struct db_write_token token, uint8_t exception)
+{
+	struct db_connection *connection = find(server, token.client);
+
+	if (!connection || !db_connection_answer(connection, token.sequence, exception))
+		return;
+	if (server->busy) {
+		server->late_answers = true;
+		return;
+	}
+	server->busy = true;
+	conclude(server, connection, db_connection_advance(connection, loop_time(server)));
+	leave(server);
+}
+
+uint16_t db_server_port(const struct db_server *server)
+{
+	return db_listener_port(server->listener);
+}
+
+void db_server_stats(const struct db_server *server, struct db_server_stats *stats)
+{
+	*stats = server->group.stats;
+}

@@ -1,0 +1,259 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/commands.h"
+
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct request {
+	struct sim_world *world;
+	struct sim_node *node; /* the drive named by the first argument, or null */
+	struct sim_bus *bus;   /* the bus so named, or null */
+	char *rest;            /* what follows the name, "" when nothing does */
+	db_time now;
+	FILE *out;
+};
+
+/* Null, or what is wrong. A handler that answers itself writes its own "ok" line and returns "". */
+typedef const char *command_fn(struct request *request);
+
+enum target { TARGET_NONE, TARGET_DRIVE, TARGET_BUS, TARGET_ANY };
+
+static const char *const verb_names[VSMD_VERB_COUNT] = {
+	[VSMD_DEV] = "dev",
+	[VSMD_STS] = "sts",
+	[VSMD_ENA] = "ena",
+	[VSMD_OFF] = "off",
+	[VSMD_MOV] = "mov",
+	[VSMD_POS] = "pos",
+	[VSMD_RMV] = "rmv",
+	[VSMD_STP] = "stp",
+	[VSMD_ORG] = "org",
+	[VSMD_ECLR] = "eclr",
+	[VSMD_SENSOR_OUT] = "output",
+	[VSMD_SV] = "sv",
+	[VSMD_NMOS] = "nmos",
+	[VSMD_ZERO_START] = "zero_start",
+	[VSMD_ZERO_STOP] = "zero_stop",
+	[VSMD_SHAKE_CYCLES] = "shake_cycles",
+	[VSMD_SHAKE_TIME] = "shake_time",
+	[VSMD_SHAKE_STOP] = "shake_stop",
+	[VSMD_CFG_READ] = "cfg_read",
+	[VSMD_CFG_WRITE] = "cfg_write",
+	[VSMD_SAV] = "sav",
+};
+
+static const char *do_fault(struct request *request)
+{
+	return sim_world_fault(request->node, request->bus, request->rest, request->now);
+}
+
+static const char *do_flash(struct request *request)
+{
+	if (strcmp(request->rest, "fail") != 0 && strcmp(request->rest, "ok") != 0)
+		return "flash needs \"fail\" or \"ok\"";
+	sim_vsmd_fail_flash(request->node->drive, request->rest[0] == 'f');
+	return NULL;
+}
+
+static const char *do_stall(struct request *request)
+{
+	bool off = strcmp(request->rest, "off") == 0;
+
+	if (!off && request->rest[0] != '\0' && strcmp(request->rest, "on") != 0)
+		return "stall needs \"on\", \"off\" or nothing";
+	sim_vsmd_stall(request->node->drive, !off, request->now);
+	return NULL;
+}
+
+static const char *do_power(struct request *request)
+{
+	struct sim_vsmd *drive = request->node->drive;
+	bool cycle = strcmp(request->rest, "cycle") == 0;
+	bool on = strcmp(request->rest, "on") == 0;
+
+	if (!cycle && !on && strcmp(request->rest, "off") != 0)
+		return "power needs \"on\", \"off\" or \"cycle\"";
+	if (!on)
+		sim_vsmd_power(drive, false, request->now);
+	if (on || cycle)
+		sim_vsmd_power(drive, true, request->now);
+	return NULL;
+}
+
+static const char *do_identity(struct request *request)
+{
+	size_t length = strlen(request->rest);
+
+	if (length == 0 || length >= SIM_VSMD_IDENTITY_MAX)
+		return "identity needs a text of 1 to 63 characters";
+	sim_vsmd_set_identity(request->node->drive, request->rest);
+	return NULL;
+}
+
+static const char *do_sensor(struct request *request)
+{
+	unsigned number = (unsigned)(request->rest[0] - '0');
+	const char *level;
+
+	if (number < 1 || number > SIM_VSMD_SENSORS || request->rest[1] != ' ')
+		return "sensor needs a number 1 to 6 and 0, 1 or auto";
+	level = request->rest + 2;
+	if (strcmp(level, "0") != 0 && strcmp(level, "1") != 0 && strcmp(level, "auto") != 0)
+		return "sensor needs a number 1 to 6 and 0, 1 or auto";
+	sim_vsmd_force_sensor(request->node->drive, number, level[0] == 'a' ? -1 : level[0] - '0',
+	                      request->now);
+	return NULL;
+}
+
+static const char *do_bits(struct request *request)
+{
+	char *end;
+	unsigned long mask = strtoul(request->rest, &end, 0);
+
+	if (end == request->rest || *end != '\0' || mask > UINT32_MAX)
+		return "bits needs a number, 0x40 for instance";
+	sim_vsmd_force_status(request->node->drive, (uint32_t)mask);
+	return NULL;
+}
+
+static const char *do_baud(struct request *request)
+{
+	char *end;
+	unsigned long baud = strtoul(request->rest, &end, 10);
+
+	if (end == request->rest || *end != '\0' || baud < 2400 || baud > 921600)
+		return "baud needs a rate of 2400 to 921600";
+	sim_serial_bus_set_baud(request->bus->wire, (unsigned)baud);
+	return NULL;
+}
+
+static void get_bus(struct request *request)
+{
+	const struct sim_serial_stats *stats = sim_serial_bus_stats(request->bus->wire);
+
+	(void)fprintf(request->out,
+	              "ok device=%s requests=%" PRIu32 " replies=%" PRIu32 " collisions=%" PRIu32
+	              " unheard=%" PRIu32 " foreign=%" PRIu32 "\n",
+	              request->bus->port.host, stats->requests, stats->replies, stats->collisions,
+	              stats->unheard, stats->foreign);
+}
+
+static const char *do_get(struct request *request)
+{
+	struct sim_node *node = request->node;
+	struct vsmd_status status;
+
+	if (!node) {
+		get_bus(request);
+		return "";
+	}
+	sim_vsmd_status(node->drive, request->now, &status);
+	(void)fprintf(request->out,
+	              "ok position=%" PRId32 " velocity=%g status=0x%08" PRIx32 " shaft=%.0f power=%d"
+	              " address=%u heard=%" PRIu32 " replies=%" PRIu32 " refused=%" PRIu32,
+	              status.position, (double)status.velocity, status.status,
+	              sim_vsmd_shaft(node->drive), sim_vsmd_powered(node->drive),
+	              sim_vsmd_address(node->drive), node->heard, node->replies,
+	              sim_vsmd_refusals(node->drive));
+	for (int verb = 0; verb < VSMD_VERB_COUNT; verb++)
+		(void)fprintf(request->out, " %s=%" PRIu32, verb_names[verb],
+		              sim_vsmd_count(node->drive, (enum vsmd_verb)verb));
+	(void)fputc('\n', request->out);
+	return "";
+}
+
+static const char *do_log(struct request *request)
+{
+	const struct sim_node *node = request->node;
+	uint32_t first = node->heard > SIM_LOG_LINES ? node->heard - SIM_LOG_LINES : 0;
+
+	for (uint32_t i = first; i < node->heard; i++) {
+		const struct sim_log_entry *entry = &node->log[i % SIM_LOG_LINES];
+
+		(void)fprintf(request->out, "%" PRId64 " %s\n", entry->time / DB_NS_PER_US, entry->line);
+	}
+	return NULL;
+}
+
+static const char *do_list(struct request *request)
+{
+	const struct sim_world *world = request->world;
+
+	for (size_t i = 0; i < world->bus_count; i++)
+		(void)fprintf(request->out, "bus %s %s\n", world->buses[i].config->name,
+		              world->buses[i].port.host);
+	for (size_t i = 0; i < world->node_count; i++)
+		(void)fprintf(request->out, "drive %s %u\n", world->nodes[i].name,
+		              sim_vsmd_address(world->nodes[i].drive));
+	return NULL;
+}
+
+static const struct {
+	const char *name;
+	enum target target;
+	command_fn *run;
+} commands[] = {
+	{ "fault", TARGET_ANY, do_fault },
+	{ "power", TARGET_DRIVE, do_power },
+	{ "identity", TARGET_DRIVE, do_identity },
+	{ "flash", TARGET_DRIVE, do_flash },
+	{ "stall", TARGET_DRIVE, do_stall },
+	{ "sensor", TARGET_DRIVE, do_sensor },
+	{ "bits", TARGET_DRIVE, do_bits },
+	{ "baud", TARGET_BUS, do_baud },
+	{ "get", TARGET_ANY, do_get },
+	{ "log", TARGET_DRIVE, do_log },
+	{ "list", TARGET_NONE, do_list },
+};
+
+#define COMMAND_COUNT (sizeof(commands) / sizeof(commands[0]))
+
+/* Cuts the first word off a text; *rest is what follows it. */
+static char *cut_word(char *text, char **rest)
+{
+	char *word = text + strspn(text, " \t");
+	char *end = word + strcspn(word, " \t");
+
+	*rest = end + strspn(end, " \t");
+	*end = '\0';
+	return word;
+}
+
+static const char *find_target(struct request *request, enum target target)
+{
+	const char *name;
+
+	if (target == TARGET_NONE)
+		return NULL;
+	name = cut_word(request->rest, &request->rest);
+	if (target != TARGET_BUS)
+		request->node = sim_world_node(request->world, name);
+	if (target != TARGET_DRIVE)
+		request->bus = sim_world_bus(request->world, name);
+	if (!request->node && !request->bus)
+		return target == TARGET_BUS ? "no such bus" :
+		       target == TARGET_DRIVE ? "no such drive" : "no such drive or bus";
+	return NULL;
+}
+
+void sim_command(struct sim_world *world, char *line, db_time now, FILE *out)
+{
+	struct request request = { .world = world, .now = now, .out = out };
+	const char *error = "no such command; there are fault, power, identity, flash, stall, sensor, "
+	                    "bits, baud, get, log, list";
+	const char *name = cut_word(line, &request.rest);
+
+	for (size_t i = 0; i < COMMAND_COUNT; i++) {
+		if (strcmp(name, commands[i].name) != 0)
+			continue;
+		error = find_target(&request, commands[i].target);
+		if (!error)
+			error = commands[i].run(&request);
+		break;
+	}
+	if (!error)
+		(void)fputs("ok\n", out);
+	else if (error[0] != '\0')
+		(void)fprintf(out, "error %s\n", error);
+}

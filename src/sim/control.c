@@ -1,0 +1,188 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/control.h"
+
+#include "sim/commands.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#define LINE_MAX_BYTES 512
+
+struct client {
+	int fd; /* -1 = free */
+	size_t length;
+	char line[LINE_MAX_BYTES];
+};
+
+struct sim_control {
+	struct sim_world *world;
+	int poll;
+	int listener;
+	struct sockaddr_un address;
+	struct client clients[SIM_CONTROL_CLIENTS];
+};
+
+/* data.ptr is null for the listener, else the client. */
+static int watch(struct sim_control *control, int fd, struct client *client)
+{
+	struct epoll_event event = { .events = EPOLLIN, .data.ptr = client };
+
+	return epoll_ctl(control->poll, EPOLL_CTL_ADD, fd, &event) != 0 ? -errno : 0;
+}
+
+static int start(struct sim_control *control)
+{
+	struct stat status;
+
+	control->poll = epoll_create1(EPOLL_CLOEXEC);
+	if (control->poll < 0)
+		return -errno;
+	control->listener = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+	if (control->listener < 0)
+		return -errno;
+	if (stat(control->address.sun_path, &status) == 0 && S_ISSOCK(status.st_mode))
+		(void)unlink(control->address.sun_path);
+	if (bind(control->listener, (const struct sockaddr *)&control->address,
+	         sizeof(control->address)) != 0 ||
+	    listen(control->listener, SIM_CONTROL_CLIENTS) != 0) {
+		/* Whatever is there is not ours to remove. */
+		control->address.sun_path[0] = '\0';
+		return -errno;
+	}
+	return watch(control, control->listener, NULL);
+}
+
+int sim_control_open(const char *path, struct sim_world *world, struct sim_control **control)
+{
+	struct sim_control *made = calloc(1, sizeof(*made));
+	int result;
+
+	if (!made)
+		return -ENOMEM;
+	made->world = world;
+	made->poll = made->listener = -1;
+	made->address.sun_family = AF_UNIX;
+	for (size_t i = 0; i < SIM_CONTROL_CLIENTS; i++)
+		made->clients[i].fd = -1;
+	result = strlen(path) < sizeof(made->address.sun_path) ? 0 : -ENAMETOOLONG;
+	if (result == 0) {
+		strcpy(made->address.sun_path, path);
+		result = start(made);
+	}
+	if (result != 0)
+		sim_control_close(made);
+	else
+		*control = made;
+	return result;
+}
+
+static void drop(struct client *client)
+{
+	(void)close(client->fd);
+	client->fd = -1;
+	client->length = 0;
+}
+
+void sim_control_close(struct sim_control *control)
+{
+	if (!control)
+		return;
+	for (size_t i = 0; i < SIM_CONTROL_CLIENTS; i++) {
+		if (control->clients[i].fd >= 0)
+			drop(&control->clients[i]);
+	}
+	if (control->listener >= 0) {
+		(void)close(control->listener);
+		if (control->address.sun_path[0] != '\0')
+			(void)unlink(control->address.sun_path);
+	}
+	if (control->poll >= 0)
+		(void)close(control->poll);
+	free(control);
+}
+
+int sim_control_fd(const struct sim_control *control)
+{
+	return control->poll;
+}
+
+static void take_client(struct sim_control *control)
+{
+	int fd = accept4(control->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+
+	if (fd < 0)
+		return;
+	for (size_t i = 0; i < SIM_CONTROL_CLIENTS; i++) {
+		if (control->clients[i].fd >= 0)
+			continue;
+		if (watch(control, fd, &control->clients[i]) != 0)
+			break;
+		control->clients[i].fd = fd;
+		return;
+	}
+	(void)close(fd);
+}
+
+/* False when the client does not take its answer: it is then dropped rather than waited for. */
+static bool answer(struct sim_control *control, struct client *client, char *line, db_time now)
+{
+	char *text = NULL;
+	size_t length = 0;
+	FILE *out = open_memstream(&text, &length);
+	bool sent;
+
+	if (!out)
+		return false;
+	sim_command(control->world, line, now, out);
+	sent = fclose(out) == 0 &&
+	       send(client->fd, text, length, MSG_NOSIGNAL) == (ssize_t)length;
+	free(text);
+	return sent;
+}
+
+static void serve(struct sim_control *control, struct client *client, db_time now)
+{
+	ssize_t count = recv(client->fd, client->line + client->length,
+	                     sizeof(client->line) - client->length, 0);
+	char *end;
+
+	if (count < 0 && (errno == EAGAIN || errno == EINTR))
+		return;
+	if (count <= 0) {
+		drop(client);
+		return;
+	}
+	client->length += (size_t)count;
+	while ((end = memchr(client->line, '\n', client->length)) != NULL) {
+		size_t used = (size_t)(end - client->line) + 1;
+
+		*end = '\0';
+		if (!answer(control, client, client->line, now)) {
+			drop(client);
+			return;
+		}
+		client->length -= used;
+		memmove(client->line, client->line + used, client->length);
+	}
+	if (client->length == sizeof(client->line))
+		drop(client);
+}
+
+void sim_control_run(struct sim_control *control, db_time now)
+{
+	struct epoll_event events[SIM_CONTROL_CLIENTS];
+	int count = epoll_wait(control->poll, events, SIM_CONTROL_CLIENTS, 0);
+
+	for (int i = 0; i < count; i++) {
+		if (events[i].data.ptr)
+			serve(control, events[i].data.ptr, now);
+		else
+			take_client(control);
+	}
+}

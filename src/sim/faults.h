@@ -1,0 +1,42 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Faults on the wire, by request: what is to go wrong and how often. Pure data; one thread.
+ */
+#ifndef DRIVEBRIDGE_SIM_FAULTS_H
+#define DRIVEBRIDGE_SIM_FAULTS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum sim_fault {
+	SIM_FAULT_DROP,         /* carried out, not answered */
+	SIM_FAULT_LOSE_REQUEST, /* neither carried out nor answered */
+	SIM_FAULT_DELAY,        /* answered late */
+	SIM_FAULT_CORRUPT,      /* one bit of the reply flipped */
+	SIM_FAULT_TRUNCATE,     /* the reply's second half is missing */
+	SIM_FAULT_GARBAGE,      /* random bytes, FF among them, before the reply */
+	SIM_FAULT_WRONG_ID,     /* a good reply in another drive's name */
+	SIM_FAULT_SILENCE,      /* on or off: as if unplugged from the bus, but with power */
+	SIM_FAULT_ECHO,         /* on or off, bus only: the host hears what it sends */
+	SIM_FAULT_COUNT
+};
+
+struct sim_faults {
+	int32_t left[SIM_FAULT_COUNT]; /* how many more; -1 = until cleared */
+	uint32_t delay_ms;
+};
+
+/*
+ * Reads "drop", "drop 3", "delay 200", "delay 200 3", "silence on", "echo off", "none" ... and changes
+ * *faults. Null, or what is wrong (a static text) with *faults unchanged.
+ */
+const char *sim_faults_set(struct sim_faults *faults, const char *text);
+
+/* Whether the fault happens now; counts it off. */
+bool sim_faults_take(struct sim_faults *faults, enum sim_fault fault);
+
+/* The names sim_faults_set() knows, for messages. */
+#define SIM_FAULT_NAMES \
+	"drop, lose-request, delay, corrupt, truncate, garbage, wrong-id, silence, echo, none"
+
+#endif

@@ -1,0 +1,285 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * drivebridge-sim: simulated drives on serial lines, for development and tests without hardware.
+ */
+#include "sim/control.h"
+#include "sim/sim_config.h"
+#include "sim/world.h"
+
+#include <errno.h>
+#include <getopt.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/prctl.h>
+#include <sys/signalfd.h>
+#include <sys/timerfd.h>
+#include <time.h>
+#include <unistd.h>
+
+#define LINKS_MAX 64
+
+struct options {
+	const char *config;
+	const char *control;
+	const char *trace;
+	char *links[LINKS_MAX]; /* NAME=PATH */
+	size_t link_count;
+};
+
+struct loop {
+	int poll;
+	int timer;
+	int signals;
+	db_time armed; /* what the timer is set to */
+};
+
+static db_time clock_now(void)
+{
+	struct timespec time;
+
+	(void)clock_gettime(CLOCK_MONOTONIC, &time);
+	return (db_time)time.tv_sec * DB_NS_PER_S + time.tv_nsec;
+}
+
+static void usage(FILE *out)
+{
+	(void)fputs("usage: drivebridge-sim --config FILE [--link BUS=PATH]... [--control SOCKET] "
+	            "[--trace FILE]\n"
+	            "  --config FILE    buses and drives, see conf/sim-demo.conf\n"
+	            "  --link BUS=PATH  make PATH a symbolic link to the bus's device\n"
+	            "  --control SOCKET take commands (faults, power ...) on this UNIX socket\n"
+	            "  --trace FILE     write every request and reply with its time in microseconds\n",
+	            out);
+}
+
+/* 0, or the status to exit with, plus one. */
+static int read_options(int argc, char **argv, struct options *options)
+{
+	static const struct option known[] = {
+		{ "config", required_argument, NULL, 'c' },
+		{ "link", required_argument, NULL, 'l' },
+		{ "control", required_argument, NULL, 's' },
+		{ "trace", required_argument, NULL, 't' },
+		{ "help", no_argument, NULL, 'h' },
+		{ NULL, 0, NULL, 0 },
+	};
+	int option;
+
+	while ((option = getopt_long(argc, argv, "c:h", known, NULL)) != -1) {
+		if (option == 'c') {
+			options->config = optarg;
+		} else if (option == 's') {
+			options->control = optarg;
+		} else if (option == 't') {
+			options->trace = optarg;
+		} else if (option == 'l' && options->link_count < LINKS_MAX) {
+			options->links[options->link_count++] = optarg;
+		} else {
+			usage(option == 'h' ? stdout : stderr);
+			return option == 'h' ? 1 : 3;
+		}
+	}
+	if (!options->config || optind != argc) {
+		usage(stderr);
+		return 3;
+	}
+	return 0;
+}
+
+static int apply_links(struct sim_config *config, const struct options *options)
+{
+	for (size_t i = 0; i < options->link_count; i++) {
+		char *path = strchr(options->links[i], '=');
+		bool found = false;
+
+		for (size_t j = 0; path && j < config->bus_count; j++) {
+			size_t length = (size_t)(path - options->links[i]);
+
+			if (strncmp(config->buses[j].name, options->links[i], length) != 0 ||
+			    config->buses[j].name[length] != '\0')
+				continue;
+			config->buses[j].link = path + 1;
+			found = true;
+		}
+		if (!found) {
+			(void)fprintf(stderr, "--link %s: right is BUS=PATH with a bus of %s\n",
+			              options->links[i], options->config);
+			return -1;
+		}
+	}
+	return 0;
+}
+
+static int watch(const struct loop *loop, int fd, void *data)
+{
+	struct epoll_event event = { .events = EPOLLIN, .data.ptr = data };
+
+	return epoll_ctl(loop->poll, EPOLL_CTL_ADD, fd, &event);
+}
+
+static int open_loop(struct loop *loop)
+{
+	sigset_t set;
+
+	(void)sigemptyset(&set);
+	(void)sigaddset(&set, SIGTERM);
+	(void)sigaddset(&set, SIGINT);
+	if (sigprocmask(SIG_BLOCK, &set, NULL) != 0)
+		return -1;
+	/* Replies are timed to the byte; the default slack of 50 us would show at high rates. */
+	(void)prctl(PR_SET_TIMERSLACK, 1UL, 0UL, 0UL, 0UL);
+	loop->armed = DB_TIME_NEVER;
+	loop->poll = epoll_create1(EPOLL_CLOEXEC);
+	loop->timer = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+	loop->signals = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
+	if (loop->poll < 0 || loop->timer < 0 || loop->signals < 0)
+		return -1;
+	return watch(loop, loop->timer, &loop->timer) != 0 ||
+	       watch(loop, loop->signals, &loop->signals) != 0 ? -1 : 0;
+}
+
+static void close_loop(const struct loop *loop)
+{
+	const int fds[] = { loop->poll, loop->timer, loop->signals };
+
+	for (size_t i = 0; i < sizeof(fds) / sizeof(fds[0]); i++) {
+		if (fds[i] >= 0)
+			(void)close(fds[i]);
+	}
+}
+
+static void arm(struct loop *loop, db_time when)
+{
+	struct itimerspec setting = { .it_value = { 0, 0 } };
+
+	if (when == loop->armed)
+		return;
+	if (when != DB_TIME_NEVER) {
+		setting.it_value.tv_sec = when / DB_NS_PER_S;
+		setting.it_value.tv_nsec = when % DB_NS_PER_S;
+	}
+	(void)timerfd_settime(loop->timer, TFD_TIMER_ABSTIME, &setting, NULL);
+	loop->armed = when;
+}
+
+/* False when it is time to end. */
+static bool dispatch(struct loop *loop, const struct epoll_event *event, struct sim_control *control,
+                     db_time now)
+{
+	struct sim_bus *bus;
+	uint64_t ticks;
+	int result;
+
+	if (event->data.ptr == &loop->signals)
+		return false;
+	if (event->data.ptr == &loop->timer) {
+		if (read(loop->timer, &ticks, sizeof(ticks)) > 0)
+			loop->armed = DB_TIME_NEVER;
+		return true;
+	}
+	if (event->data.ptr == control) {
+		sim_control_run(control, now);
+		return true;
+	}
+	bus = event->data.ptr;
+	result = sim_bus_read(bus, now);
+	if (result == 0)
+		return true;
+	(void)fprintf(stderr, "bus %s: %s: %s\n", bus->config->name, bus->port.host, strerror(-result));
+	return false;
+}
+
+/* 0 when told to end, -1 when something broke. */
+static int run(struct loop *loop, struct sim_world *world, struct sim_control *control)
+{
+	struct epoll_event events[16];
+
+	for (;;) {
+		int count;
+
+		arm(loop, sim_world_next(world, clock_now()));
+		count = epoll_wait(loop->poll, events, 16, -1);
+		if (count < 0 && errno != EINTR)
+			return -1;
+		for (int i = 0; i < count; i++) {
+			if (!dispatch(loop, &events[i], control, clock_now()))
+				return events[i].data.ptr == &loop->signals ? 0 : -1;
+		}
+		sim_world_run(world, clock_now());
+	}
+}
+
+static int announce(const struct loop *loop, struct sim_world *world, struct sim_control *control)
+{
+	if (control && watch(loop, sim_control_fd(control), control) != 0)
+		return -1;
+	for (size_t i = 0; i < world->bus_count; i++) {
+		if (watch(loop, world->buses[i].port.fd, &world->buses[i]) != 0)
+			return -1;
+		(void)printf("bus %s on %s\n", world->buses[i].config->name, world->buses[i].port.host);
+	}
+	(void)puts("ready");
+	return fflush(stdout) == 0 ? 0 : -1;
+}
+
+static int simulate(const struct sim_config *config, const struct options *options, FILE *trace)
+{
+	struct loop loop = { .poll = -1, .timer = -1, .signals = -1 };
+	struct sim_world world = { .buses = NULL };
+	struct sim_control *control = NULL;
+	int result = -1;
+	int error;
+
+	if (open_loop(&loop) != 0) {
+		(void)fprintf(stderr, "drivebridge-sim: %s\n", strerror(errno));
+		goto out;
+	}
+	if (sim_world_open(&world, config, trace, clock_now()) != 0)
+		goto out;
+	if (options->control) {
+		error = sim_control_open(options->control, &world, &control);
+		if (error != 0) {
+			(void)fprintf(stderr, "control socket %s: %s\n", options->control,
+			              strerror(-error));
+			goto out;
+		}
+	}
+	if (announce(&loop, &world, control) == 0)
+		result = run(&loop, &world, control);
+out:
+	sim_control_close(control);
+	sim_world_close(&world);
+	close_loop(&loop);
+	return result;
+}
+
+int main(int argc, char **argv)
+{
+	struct options options = { .config = NULL };
+	struct sim_config config;
+	FILE *trace = NULL;
+	int result = read_options(argc, argv, &options);
+
+	if (result != 0)
+		return result - 1;
+	if (sim_config_load(options.config, &config) != 0)
+		return EXIT_FAILURE;
+	result = apply_links(&config, &options);
+	if (result == 0 && options.trace) {
+		trace = fopen(options.trace, "we");
+		if (!trace) {
+			(void)fprintf(stderr, "%s: %s\n", options.trace, strerror(errno));
+			result = -1;
+		} else {
+			(void)setvbuf(trace, NULL, _IOLBF, 0);
+		}
+	}
+	if (result == 0)
+		result = simulate(&config, &options, trace);
+	if (trace)
+		(void)fclose(trace);
+	sim_config_free(&config);
+	return result == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
+}

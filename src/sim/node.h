@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A drive's place on a bus: its name, the faults of its connection, and what it heard.
+ */
+#ifndef DRIVEBRIDGE_SIM_NODE_H
+#define DRIVEBRIDGE_SIM_NODE_H
+
+#include "drivebridge/time.h"
+#include "sim/faults.h"
+#include "sim/vsmd_drive.h"
+
+#define SIM_LOG_LINES  64
+#define SIM_LOG_LENGTH 96 /* longer lines are cut in the log */
+
+struct sim_log_entry {
+	db_time time;
+	char line[SIM_LOG_LENGTH]; /* printable */
+};
+
+struct sim_node {
+	const char *name;       /* not owned */
+	struct sim_vsmd *drive; /* not owned */
+	struct sim_faults faults;
+	struct sim_log_entry log[SIM_LOG_LINES]; /* a ring; entry heard % SIM_LOG_LINES is next */
+	uint32_t heard;         /* lines, broadcasts included */
+	uint32_t replies;       /* put on the wire, whole or broken */
+};
+
+#endif

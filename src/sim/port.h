@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Where a simulated bus meets its host: a pseudo terminal, or a real serial port. Raw and non-blocking.
+ */
+#ifndef DRIVEBRIDGE_SIM_PORT_H
+#define DRIVEBRIDGE_SIM_PORT_H
+
+#include <limits.h>
+#include <stdbool.h>
+
+struct sim_port {
+	int fd;              /* to read and write, and to wait on */
+	int slave;           /* pty: kept open so that the host may come and go; else -1 */
+	char host[PATH_MAX]; /* the device the host opens */
+	char link[PATH_MAX]; /* symbolic link to it, "" = none */
+};
+
+/* Whether a device name means "make a pty". */
+bool sim_port_is_pty(const char *device);
+
+/*
+ * Opens device ("pty" or a path) and makes the symbolic link when link is not null; an old symbolic
+ * link is replaced, any other file is not (-EEXIST). 0 or a negative errno (-EINVAL: no such baud rate);
+ * on error nothing is left open.
+ */
+int sim_port_open(struct sim_port *port, const char *device, unsigned baud, const char *link);
+
+/* Removes the link if it is still ours. */
+void sim_port_close(struct sim_port *port);
+
+#endif

@@ -1,0 +1,385 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/sim_config.h"
+
+#include "codec/vsmd_serial.h"
+
+#include <confuse.h>
+#include <errno.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define BAUD_MIN 2400
+#define BAUD_MAX 921600
+#define TIME_MAX_US 10000000
+
+__attribute__((format(printf, 2, 0)))
+static void report(cfg_t *cfg, const char *format, va_list arguments)
+{
+	char message[256];
+
+	(void)vsnprintf(message, sizeof(message), format, arguments);
+	(void)fprintf(stderr, "%s:%d: %s", cfg->filename ? cfg->filename : "configuration", cfg->line,
+	              message);
+	if (strncmp(message, "no such option", 14) == 0) {
+		(void)fputs("; known here:", stderr);
+		for (cfg_opt_t *opt = cfg->opts; opt->name; opt++)
+			(void)fprintf(stderr, " %s", opt->name);
+	}
+	(void)fputc('\n', stderr);
+}
+
+/* Remembers the line of a value for checks after parsing: libconfuse keeps lines of sections only, and
+ * only of their ends, but has a comment for each option that parsing leaves unused. */
+static int note_line(cfg_t *cfg, cfg_opt_t *opt)
+{
+	char line[16];
+
+	(void)snprintf(line, sizeof(line), "%d", cfg->line);
+	return cfg_opt_setcomment(opt, line) == CFG_SUCCESS ? 0 : -1;
+}
+
+/* Reports something about option `name`; returns -1. */
+__attribute__((format(printf, 3, 4)))
+static int wrong(cfg_t *cfg, const char *name, const char *format, ...)
+{
+	cfg_opt_t *opt = name ? cfg_getopt(cfg, name) : NULL;
+	const char *line = opt ? cfg_opt_getcomment(opt) : NULL;
+	va_list arguments;
+
+	(void)fprintf(stderr, "%s:%d: ", cfg->filename, line ? atoi(line) : cfg->line);
+	va_start(arguments, format);
+	(void)vfprintf(stderr, format, arguments);
+	va_end(arguments);
+	(void)fputc('\n', stderr);
+	return -1;
+}
+
+static int check_int(cfg_t *cfg, const char *name, long min, long max)
+{
+	long value = cfg_getint(cfg, name);
+
+	if (value >= min && value <= max)
+		return 0;
+	return wrong(cfg, name, "%s = %ld is out of range; %ld to %ld is right", name, value, min, max);
+}
+
+/* A word of a list; its index, or -1 after a report. */
+static int check_word(cfg_t *cfg, const char *name, const char *const *words)
+{
+	const char *value = cfg_getstr(cfg, name);
+	char known[128] = "";
+
+	for (int i = 0; words[i]; i++) {
+		if (strcmp(value, words[i]) == 0)
+			return i;
+		(void)snprintf(known + strlen(known), sizeof(known) - strlen(known), "%s%s",
+		               i ? ", " : "", words[i]);
+	}
+	return wrong(cfg, name, "%s = \"%s\" is unknown; one of these is right: %s", name, value, known);
+}
+
+static int load_faults(cfg_t *cfg, const char **faults, size_t *count)
+{
+	unsigned size = cfg_size(cfg, "fault");
+
+	if (size > SIM_FAULT_TEXTS_MAX)
+		return wrong(cfg, "fault", "more than %d faults", SIM_FAULT_TEXTS_MAX);
+	for (unsigned i = 0; i < size; i++) {
+		struct sim_faults scratch = { .delay_ms = 0 };
+		const char *text = cfg_getnstr(cfg, "fault", i);
+		const char *error = sim_faults_set(&scratch, text);
+
+		if (error)
+			return wrong(cfg, "fault", "fault \"%s\": %s", text, error);
+		faults[(*count)++] = text;
+	}
+	return 0;
+}
+
+static int load_bus(cfg_t *cfg, struct sim_bus_config *bus)
+{
+	static const char *const protocols[] = { "vsmd-serial", NULL };
+	static const char *const lines[] = { "rs485", "rs232", NULL };
+	int line = check_word(cfg, "line", lines);
+
+	if (line < 0 || check_word(cfg, "protocol", protocols) < 0 ||
+	    check_int(cfg, "baud", BAUD_MIN, BAUD_MAX) != 0 ||
+	    check_int(cfg, "latency-us", 0, TIME_MAX_US) != 0 ||
+	    check_int(cfg, "turnaround-us", 0, TIME_MAX_US) != 0 ||
+	    check_int(cfg, "reply-id", 0, VSMD_SERIAL_ID_MAX) != 0)
+		return -1;
+	bus->name = cfg_title(cfg);
+	bus->device = cfg_getstr(cfg, "device");
+	bus->link = cfg_getstr(cfg, "link");
+	bus->flash = cfg_getstr(cfg, "flash");
+	bus->serial = (struct sim_serial_config){
+		.baud = (unsigned)cfg_getint(cfg, "baud"),
+		.rs485 = line == 0,
+		/* A real line takes its own time, a pty (whoever made it) takes none. */
+		.paced = strcmp(bus->device, "pty") == 0 || strncmp(bus->device, "/dev/pts/", 9) == 0,
+		.reply_id = (uint8_t)cfg_getint(cfg, "reply-id"),
+		.latency = cfg_getint(cfg, "latency-us") * DB_NS_PER_US,
+		.turnaround = cfg_getint(cfg, "turnaround-us") * DB_NS_PER_US,
+	};
+	return load_faults(cfg, bus->faults, &bus->fault_count);
+}
+
+static bool read_position(const char *text, double *position, const char **end)
+{
+	char *stop;
+
+	*position = strtod(text, &stop);
+	*end = stop;
+	return stop != text && isfinite(*position);
+}
+
+/* "2:above:50000", "1:between:-10:10" */
+static bool parse_sensor(const char *text, struct sim_sensor *sensors)
+{
+	struct sim_sensor sensor = { .kind = SIM_SENSOR_NONE };
+	unsigned number = (unsigned)(text[0] - '0');
+	const char *rest;
+
+	if (number < 1 || number > SIM_VSMD_SENSORS || text[1] != ':')
+		return false;
+	rest = text + 2;
+	if (strncmp(rest, "below:", 6) == 0)
+		sensor.kind = SIM_SENSOR_BELOW;
+	else if (strncmp(rest, "above:", 6) == 0)
+		sensor.kind = SIM_SENSOR_ABOVE;
+	else if (strncmp(rest, "between:", 8) == 0)
+		sensor.kind = SIM_SENSOR_BETWEEN;
+	else
+		return false;
+	rest = strchr(rest, ':') + 1;
+	if (!read_position(rest, &sensor.low, &rest))
+		return false;
+	if (sensor.kind == SIM_SENSOR_BETWEEN &&
+	    (*rest != ':' || !read_position(rest + 1, &sensor.high, &rest) ||
+	     sensor.high < sensor.low))
+		return false;
+	sensors[number - 1] = sensor;
+	return *rest == '\0';
+}
+
+static int load_sensors(cfg_t *cfg, struct sim_vsmd_config *vsmd)
+{
+	for (unsigned i = 0; i < cfg_size(cfg, "sensor"); i++) {
+		const char *text = cfg_getnstr(cfg, "sensor", i);
+
+		if (!parse_sensor(text, vsmd->sensors))
+			return wrong(cfg, "sensor", "sensor \"%s\" cannot be read; right is N:below:POS, "
+			             "N:above:POS or N:between:FROM:TO with N 1 to 6", text);
+	}
+	return 0;
+}
+
+static int load_settings(cfg_t *cfg, struct sim_vsmd_config *vsmd)
+{
+	for (unsigned i = 0; i < cfg_size(cfg, "set"); i++) {
+		const char *text = cfg_getnstr(cfg, "set", i);
+		struct vsmd_setting setting;
+		size_t cursor = 0;
+
+		if (vsmd_serial_next_param(text, strlen(text), &cursor, &setting) != 1)
+			return wrong(cfg, "set", "set \"%s\" cannot be read; right is NAME=VALUE with the "
+			             "vendor's name of a parameter", text);
+		if (setting.param == VSMD_CID || setting.param == VSMD_BDR)
+			return wrong(cfg, "set", "set \"%s\": use address of the drive and baud of its bus",
+			             text);
+		if (!sim_vsmd_takes(vsmd, setting.param, setting.value)) {
+			const struct db_param *param = &vsmd_params[setting.param];
+
+			return wrong(cfg, "set", "set \"%s\" is out of range or not for this model; "
+			             "%g to %g is documented", text, param->min, param->max);
+		}
+		vsmd->defaults[setting.param] = setting.value;
+	}
+	return 0;
+}
+
+static double clamp_current(float value, double max)
+{
+	return (double)value > max ? max : (double)value;
+}
+
+static int load_vsmd(cfg_t *cfg, unsigned baud, struct sim_vsmd_config *vsmd)
+{
+	static const char *const models[] = { "010T", "025T", "045T", "080T", NULL };
+	static const unsigned model_numbers[] = { 10, 25, 45, 80 };
+	static const enum vsmd_param currents[] = { VSMD_CRA, VSMD_CRN, VSMD_CRH, VSMD_ZCR };
+	int model = check_word(cfg, "model", models);
+
+	if (model < 0 || check_int(cfg, "address", 1, VSMD_SERIAL_ID_MAX) != 0)
+		return -1;
+	sim_vsmd_config_init(vsmd, (unsigned)cfg_getint(cfg, "address"), baud);
+	vsmd->model = model_numbers[model];
+	vsmd->identity = cfg_getstr(cfg, "identity");
+	vsmd->closed_loop = cfg_getbool(cfg, "closed-loop");
+	vsmd->external = cfg_getbool(cfg, "external");
+	vsmd->max_current = cfg_getfloat(cfg, "max-current");
+	vsmd->travel_min = cfg_getfloat(cfg, "travel-min");
+	vsmd->travel_max = cfg_getfloat(cfg, "travel-max");
+	vsmd->start = cfg_getfloat(cfg, "start");
+	vsmd->defaults[VSMD_EMOD].u = vsmd->closed_loop;
+	if (strlen(vsmd->identity) >= SIM_VSMD_IDENTITY_MAX)
+		return wrong(cfg, "identity", "identity is longer than %d characters",
+		             SIM_VSMD_IDENTITY_MAX - 1);
+	if (!(vsmd->max_current > 0.0))
+		return wrong(cfg, "max-current", "max-current must be above 0 (in A)");
+	if (!(vsmd->travel_min <= vsmd->start && vsmd->start <= vsmd->travel_max))
+		return wrong(cfg, "start", "start must lie between travel-min and travel-max");
+	for (size_t i = 0; i < sizeof(currents) / sizeof(currents[0]); i++)
+		vsmd->defaults[currents[i]].f =
+			(float)clamp_current(vsmd->defaults[currents[i]].f, vsmd->max_current);
+	return load_sensors(cfg, vsmd) != 0 || load_settings(cfg, vsmd) != 0 ? -1 : 0;
+}
+
+static int find_bus(const struct sim_config *config, const char *name, size_t *index)
+{
+	for (size_t i = 0; name && i < config->bus_count; i++) {
+		if (strcmp(config->buses[i].name, name) == 0) {
+			*index = i;
+			return 0;
+		}
+	}
+	return -1;
+}
+
+static int check_neighbours(cfg_t *cfg, const struct sim_config *config, size_t index)
+{
+	const struct sim_drive_config *drive = &config->drives[index];
+
+	for (size_t i = 0; i < index; i++) {
+		const struct sim_drive_config *other = &config->drives[i];
+
+		if (other->bus != drive->bus)
+			continue;
+		if (!config->buses[drive->bus].serial.rs485)
+			return wrong(cfg, "bus", "drives %s and %s share the rs232 line %s; it can have only "
+			             "one", other->name, drive->name, config->buses[drive->bus].name);
+		if (other->vsmd.address == drive->vsmd.address)
+			return wrong(cfg, "address", "address %u is taken by drive %s on the same bus",
+			             drive->vsmd.address, other->name);
+	}
+	return 0;
+}
+
+static int load_drive(cfg_t *cfg, struct sim_config *config, size_t index)
+{
+	struct sim_drive_config *drive = &config->drives[index];
+	const char *bus = cfg_getstr(cfg, "bus");
+
+	drive->name = cfg_title(cfg);
+	if (find_bus(config, bus, &drive->bus) != 0)
+		return wrong(cfg, "bus", "drive %s: bus \"%s\" does not exist; name a bus section of this "
+		             "file", drive->name, bus ? bus : "");
+	for (size_t i = 0; i < config->bus_count; i++) {
+		if (strcmp(config->buses[i].name, drive->name) == 0)
+			return wrong(cfg, NULL, "drive %s has the name of a bus; names must differ",
+			             drive->name);
+	}
+	if (load_vsmd(cfg, config->buses[drive->bus].serial.baud, &drive->vsmd) != 0 ||
+	    load_faults(cfg, drive->faults, &drive->fault_count) != 0)
+		return -1;
+	return check_neighbours(cfg, config, index);
+}
+
+static int load_sections(cfg_t *cfg, struct sim_config *config)
+{
+	unsigned buses = cfg_size(cfg, "bus");
+	unsigned drives = cfg_size(cfg, "drive");
+	int result = 0;
+
+	if (buses == 0 || drives == 0)
+		return wrong(cfg, NULL, "there must be at least one bus and one drive section");
+	config->buses = calloc(buses, sizeof(*config->buses));
+	config->drives = calloc(drives, sizeof(*config->drives));
+	if (!config->buses || !config->drives)
+		return wrong(cfg, NULL, "out of memory");
+	for (; config->bus_count < buses; config->bus_count++)
+		result |= load_bus(cfg_getnsec(cfg, "bus", (unsigned)config->bus_count),
+		                   &config->buses[config->bus_count]);
+	if (result != 0)
+		return -1;
+	for (; config->drive_count < drives; config->drive_count++)
+		result |= load_drive(cfg_getnsec(cfg, "drive", (unsigned)config->drive_count), config,
+		                     config->drive_count);
+	return result;
+}
+
+static void note_lines(cfg_t *cfg, const char *section, const cfg_opt_t *opts)
+{
+	char path[64];
+
+	for (; opts->name; opts++) {
+		(void)snprintf(path, sizeof(path), "%s|%s", section, opts->name);
+		(void)cfg_set_validate_func(cfg, path, note_line);
+	}
+}
+
+int sim_config_load(const char *path, struct sim_config *config)
+{
+	cfg_opt_t bus[] = {
+		CFG_STR("protocol", "vsmd-serial", CFGF_NONE),
+		CFG_STR("device", "pty", CFGF_NONE),
+		CFG_STR("link", NULL, CFGF_NODEFAULT),
+		CFG_INT("baud", 115200, CFGF_NONE),
+		CFG_STR("line", "rs485", CFGF_NONE),
+		CFG_INT("latency-us", 800, CFGF_NONE),
+		CFG_INT("turnaround-us", 0, CFGF_NONE),
+		CFG_INT("reply-id", 1, CFGF_NONE),
+		CFG_STR("flash", NULL, CFGF_NODEFAULT),
+		CFG_STR_LIST("fault", NULL, CFGF_NODEFAULT),
+		CFG_END()
+	};
+	cfg_opt_t drive[] = {
+		CFG_STR("bus", NULL, CFGF_NODEFAULT),
+		CFG_INT("address", 1, CFGF_NONE),
+		CFG_STR("identity", "VSMD113_025T-1.0.008.170428", CFGF_NONE),
+		CFG_STR("model", "025T", CFGF_NONE),
+		CFG_BOOL("closed-loop", cfg_false, CFGF_NONE),
+		CFG_BOOL("external", cfg_false, CFGF_NONE),
+		CFG_FLOAT("max-current", 2.5, CFGF_NONE),
+		CFG_FLOAT("travel-min", -1e9, CFGF_NONE),
+		CFG_FLOAT("travel-max", 1e9, CFGF_NONE),
+		CFG_FLOAT("start", 0.0, CFGF_NONE),
+		CFG_STR_LIST("sensor", NULL, CFGF_NODEFAULT),
+		CFG_STR_LIST("set", NULL, CFGF_NODEFAULT),
+		CFG_STR_LIST("fault", NULL, CFGF_NODEFAULT),
+		CFG_END()
+	};
+	cfg_opt_t opts[] = {
+		CFG_SEC("bus", bus, CFGF_MULTI | CFGF_TITLE | CFGF_NO_TITLE_DUPES),
+		CFG_SEC("drive", drive, CFGF_MULTI | CFGF_TITLE | CFGF_NO_TITLE_DUPES),
+		CFG_END()
+	};
+	cfg_t *cfg = cfg_init(opts, CFGF_NONE);
+	int parsed;
+
+	*config = (struct sim_config){ .source = cfg };
+	if (!cfg)
+		return -1;
+	(void)cfg_set_error_function(cfg, report);
+	note_lines(cfg, "bus", bus);
+	note_lines(cfg, "drive", drive);
+	parsed = cfg_parse(cfg, path);
+	if (parsed == CFG_FILE_ERROR)
+		(void)fprintf(stderr, "%s: %s\n", path, strerror(errno));
+	if (parsed == CFG_SUCCESS && load_sections(cfg, config) == 0)
+		return 0;
+	sim_config_free(config);
+	return -1;
+}
+
+void sim_config_free(struct sim_config *config)
+{
+	free(config->buses);
+	free(config->drives);
+	if (config->source)
+		(void)cfg_free(config->source);
+	*config = (struct sim_config){ .source = NULL };
+}

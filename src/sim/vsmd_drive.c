@@ -1,0 +1,520 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/vsmd_drive.h"
+
+#include "sim/flash.h"
+#include "sim/vsmd_mechanics.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A handler returns false when the drive refuses the command. */
+typedef bool handler_fn(struct sim_vsmd *drive, const struct vsmd_command *command);
+
+static const struct {
+	enum vsmd_param param;
+	uint32_t value;
+} whole_defaults[] = {
+	{ VSMD_MCS, 5 }, { VSMD_PUD, 3 }, { VSMD_MSV, 1 }, { VSMD_PSV, 1 }, { VSMD_ELNS, 1000 },
+	{ VSMD_ESTP, 200 }, { VSMD_EZ, 4 }, { VSMD_ERTY, 2 }, { VSMD_EWR, 1 },
+};
+
+static const struct {
+	enum vsmd_param param;
+	float value;
+} float_defaults[] = {
+	{ VSMD_SPD, 6400.0f }, { VSMD_ACC, 24000.0f }, { VSMD_DEC, 24000.0f }, { VSMD_CRA, 0.8f },
+	{ VSMD_CRN, 0.6f }, { VSMD_CRH, 0.3f }, { VSMD_ZSD, -1200.0f }, { VSMD_ZCR, 0.4f },
+	{ VSMD_ESDS, 0.5f }, { VSMD_ERATIO, 1.0f }, { VSMD_N1RATIO, 1.0f }, { VSMD_N2RATIO, 1.0f },
+	{ VSMD_N3RATIO, 1.0f },
+};
+
+void sim_vsmd_config_init(struct sim_vsmd_config *config, unsigned address, unsigned baud)
+{
+	*config = (struct sim_vsmd_config){
+		.identity = "VSMD113_025T-1.0.008.170428",
+		.address = address,
+		.baud = baud,
+		.model = 25,
+		.max_current = 2.5,
+		.travel_min = -INFINITY,
+		.travel_max = INFINITY,
+	};
+	for (size_t i = 0; i < sizeof(whole_defaults) / sizeof(whole_defaults[0]); i++)
+		config->defaults[whole_defaults[i].param].u = whole_defaults[i].value;
+	for (size_t i = 0; i < sizeof(float_defaults) / sizeof(float_defaults[0]); i++)
+		config->defaults[float_defaults[i].param].f = float_defaults[i].value;
+}
+
+/* Sensor ports 1 and 2 can be outputs on the 010T, 3 to 6 on all others. */
+static bool has_output(const struct sim_vsmd_config *config, unsigned port)
+{
+	return config->model == 10 ? port <= 2 : port >= 3;
+}
+
+bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param, union db_value value)
+{
+	if (!vsmd_param_in_range(param, value))
+		return false;
+	if (param >= VSMD_S1 && param <= VSMD_S6)
+		return value.u == 0 || has_output(config, (unsigned)(param - VSMD_S1) + 1);
+	if (param >= VSMD_S3F && param <= VSMD_S6R)
+		return value.u == 0 || config->model != 10;
+	switch (param) {
+	case VSMD_CRA:
+	case VSMD_CRN:
+	case VSMD_CRH:
+		return (double)value.f <= config->max_current;
+	case VSMD_ZCR:
+		return config->closed_loop && (double)value.f <= config->max_current;
+	case VSMD_EMOD: case VSMD_ELNS: case VSMD_ESTP: case VSMD_EZ: case VSMD_ESDS:
+	case VSMD_ERTY: case VSMD_EDIR: case VSMD_EWR: case VSMD_ERATIO:
+		return config->closed_loop;
+	case VSMD_ZMD:
+		return value.u < 5 || (value.u > 5 && config->closed_loop);
+	case VSMD_N1RATIO: case VSMD_N2RATIO: case VSMD_N3RATIO:
+		return config->external;
+	case VSMD_RES:
+		return config->model == 80;
+	default:
+		return true;
+	}
+}
+
+/* What the flash holds goes into effect, bdr, cid and emod too. */
+static void power_up(struct sim_vsmd *drive, db_time now)
+{
+	bool unreadable = false;
+
+	if (drive->flash_path) {
+		union db_value values[VSMD_PARAM_COUNT];
+		int result;
+
+		memcpy(values, drive->config.defaults, sizeof(values));
+		result = sim_flash_read(drive->flash_path, values);
+		unreadable = result != 0 && result != -ENOENT;
+		memcpy(drive->flash, unreadable ? drive->config.defaults : values,
+		       sizeof(drive->flash));
+	}
+	memcpy(drive->params, drive->flash, sizeof(drive->params));
+	drive->powered = true;
+	drive->flags = unreadable ? VSMD_ST_FLASH_ERR : 0;
+	drive->address = drive->params[VSMD_CID].u;
+	drive->baud = drive->params[VSMD_BDR].u;
+	drive->encoder_mode = drive->params[VSMD_EMOD].u;
+	drive->outputs = 0;
+	drive->blocked = 0;
+	drive->offline_start = drive->params[VSMD_DAR].u == 0 ? DB_TIME_NEVER :
+	                       now + (db_time)drive->params[VSMD_DAR].u * DB_NS_PER_S;
+	sim_mechanics_set_position(drive, 0.0);
+	sim_mechanics_settle(drive);
+	sim_mechanics_configure(drive);
+	if (drive->params[VSMD_PAE].u == 1) {
+		drive->flags |= VSMD_ST_PWR;
+		if (drive->params[VSMD_ZAR].u == 1)
+			(void)sim_mechanics_home(drive);
+	}
+}
+
+struct sim_vsmd *sim_vsmd_new(const struct sim_vsmd_config *config, db_time now)
+{
+	struct sim_vsmd *drive = calloc(1, sizeof(*drive));
+
+	if (!drive)
+		return NULL;
+	drive->config = *config;
+	drive->config.defaults[VSMD_CID].u = config->address;
+	drive->config.defaults[VSMD_BDR].u = config->baud;
+	drive->config.identity = NULL;
+	drive->config.flash_path = NULL;
+	if (config->flash_path) {
+		drive->flash_path = strdup(config->flash_path);
+		if (!drive->flash_path) {
+			free(drive);
+			return NULL;
+		}
+	}
+	memcpy(drive->flash, drive->config.defaults, sizeof(drive->flash));
+	sim_vsmd_set_identity(drive, config->identity);
+	for (unsigned i = 0; i < SIM_VSMD_SENSORS; i++)
+		drive->forced[i] = -1;
+	sim_motion_init(&drive->motion, now);
+	drive->shaft_offset = config->start;
+	power_up(drive, now);
+	return drive;
+}
+
+void sim_vsmd_free(struct sim_vsmd *drive)
+{
+	if (!drive)
+		return;
+	free(drive->flash_path);
+	free(drive);
+}
+
+void sim_vsmd_advance(struct sim_vsmd *drive, db_time now)
+{
+	if (drive->powered)
+		sim_mechanics_advance(drive, now);
+}
+
+void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now)
+{
+	sim_vsmd_advance(drive, now);
+	if (on == drive->powered)
+		return;
+	if (!on) {
+		sim_mechanics_release(drive);
+		drive->powered = false;
+		return;
+	}
+	/* No time passes for a motor without power. */
+	sim_motion_advance(&drive->motion, now);
+	power_up(drive, now);
+}
+
+static bool enabled(const struct sim_vsmd *drive)
+{
+	return (drive->flags & VSMD_ST_PWR) != 0;
+}
+
+static bool accept(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	(void)drive;
+	(void)command;
+	return true;
+}
+
+static bool handshake(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	(void)command;
+	drive->flags |= VSMD_ST_HS;
+	drive->offline_start = DB_TIME_NEVER;
+	return true;
+}
+
+static bool enable(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	(void)command;
+	/* Enabling leads to standing from any mode. */
+	sim_mechanics_abandon(drive);
+	sim_motion_stop(&drive->motion);
+	drive->flags |= VSMD_ST_PWR;
+	return true;
+}
+
+static bool disable(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	(void)command;
+	sim_mechanics_release(drive);
+	return true;
+}
+
+static bool run(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	float velocity = command->has_velocity ? command->velocity : drive->params[VSMD_SPD].f;
+
+	if (!enabled(drive))
+		return false;
+	sim_mechanics_abandon(drive);
+	drive->counts_spd = true;
+	sim_motion_run(&drive->motion, (double)velocity);
+	sim_mechanics_hold_limits(drive);
+	return true;
+}
+
+static bool move_to(struct sim_vsmd *drive, double target, const struct vsmd_command *command)
+{
+	float speed = command->has_velocity ? command->velocity : drive->params[VSMD_SPD].f;
+
+	if (!enabled(drive) || target < (double)INT32_MIN || target > (double)INT32_MAX)
+		return false;
+	sim_mechanics_abandon(drive);
+	drive->counts_spd = true;
+	sim_motion_move(&drive->motion, target, (double)speed);
+	sim_mechanics_hold_limits(drive);
+	return true;
+}
+
+static bool move_absolute(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	return move_to(drive, command->position, command);
+}
+
+static bool move_relative(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	return move_to(drive, round(drive->motion.position) + command->position, command);
+}
+
+static bool stop(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	sim_mechanics_abandon(drive);
+	if (command->has_value && command->value == 1)
+		sim_motion_halt(&drive->motion);
+	else
+		sim_motion_stop(&drive->motion);
+	return true;
+}
+
+static bool set_origin(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	sim_mechanics_set_position(drive, command->has_value ? command->position : 0);
+	return true;
+}
+
+static bool clear_encoder(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	(void)command;
+	if (!drive->config.closed_loop)
+		return false;
+	drive->flags &= ~(uint32_t)VSMD_ST_ENC_ERR;
+	drive->blocked = 0;
+	return true;
+}
+
+static bool set_output(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	uint32_t bit;
+
+	if (command->port < 1 || command->port > SIM_VSMD_SENSORS ||
+	    drive->params[(unsigned)VSMD_S1 + command->port - 1].u != 1)
+		return false;
+	bit = UINT32_C(1) << (command->port - 1);
+	drive->outputs = command->value ? drive->outputs | bit : drive->outputs & ~bit;
+	sim_mechanics_sense(drive);
+	return true;
+}
+
+static bool set_external(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	(void)command;
+	return drive->config.external;
+}
+
+static bool start_homing(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	(void)command;
+	if (!enabled(drive))
+		return false;
+	/* Needs a zero stop first: a set bit is left as it is and nothing moves. */
+	if (drive->flags & VSMD_ST_ZERO)
+		return true;
+	return sim_mechanics_home(drive);
+}
+
+static bool stop_homing(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	(void)command;
+	drive->flags &= ~(uint32_t)VSMD_ST_ZERO;
+	if (drive->homing != SIM_HOMING_NONE) {
+		sim_mechanics_abandon(drive);
+		sim_motion_stop(&drive->motion);
+	}
+	return true;
+}
+
+static bool start_shake(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	if (!enabled(drive))
+		return false;
+	sim_mechanics_shake(drive, command);
+	sim_mechanics_sense(drive);
+	return true;
+}
+
+static bool stop_shake(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	(void)command;
+	if (drive->shake != SIM_SHAKE_NONE) {
+		sim_mechanics_abandon(drive);
+		sim_motion_stop(&drive->motion);
+	}
+	return true;
+}
+
+static bool write_settings(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	for (size_t i = 0; i < command->setting_count; i++) {
+		const struct vsmd_setting *setting = &command->settings[i];
+
+		if (!sim_vsmd_takes(&drive->config, setting->param, setting->value))
+			return false;
+	}
+	for (size_t i = 0; i < command->setting_count; i++)
+		drive->params[command->settings[i].param] = command->settings[i].value;
+	sim_mechanics_configure(drive);
+	return true;
+}
+
+static bool save(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	int result = drive->flash_fails ? -EIO : 0;
+
+	(void)command;
+	if (result == 0 && drive->flash_path)
+		result = sim_flash_write(drive->flash_path, drive->params);
+	if (result != 0) {
+		drive->flags |= VSMD_ST_FLASH_ERR;
+		return true;
+	}
+	memcpy(drive->flash, drive->params, sizeof(drive->flash));
+	drive->flags &= ~(uint32_t)VSMD_ST_FLASH_ERR;
+	return true;
+}
+
+static handler_fn *const handlers[VSMD_VERB_COUNT] = {
+	[VSMD_DEV] = handshake,
+	[VSMD_STS] = accept,
+	[VSMD_ENA] = enable,
+	[VSMD_OFF] = disable,
+	[VSMD_MOV] = run,
+	[VSMD_POS] = move_absolute,
+	[VSMD_RMV] = move_relative,
+	[VSMD_STP] = stop,
+	[VSMD_ORG] = set_origin,
+	[VSMD_ECLR] = clear_encoder,
+	[VSMD_SENSOR_OUT] = set_output,
+	[VSMD_SV] = set_external,
+	[VSMD_NMOS] = set_external,
+	[VSMD_ZERO_START] = start_homing,
+	[VSMD_ZERO_STOP] = stop_homing,
+	[VSMD_SHAKE_CYCLES] = start_shake,
+	[VSMD_SHAKE_TIME] = start_shake,
+	[VSMD_SHAKE_STOP] = stop_shake,
+	[VSMD_CFG_READ] = accept,
+	[VSMD_CFG_WRITE] = write_settings,
+	[VSMD_SAV] = save,
+};
+
+enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_command *command,
+                                      db_time now)
+{
+	sim_vsmd_advance(drive, now);
+	if (!handlers[command->verb](drive, command)) {
+		sim_vsmd_refuse(drive, now);
+		return VSMD_REPLY_STATUS;
+	}
+	drive->counts[command->verb]++;
+	drive->flags &= ~(uint32_t)VSMD_ST_CMD_WRG;
+	switch (command->verb) {
+	case VSMD_DEV:
+		return VSMD_REPLY_IDENTITY;
+	case VSMD_CFG_READ:
+		return VSMD_REPLY_PARAMS;
+	case VSMD_SAV:
+		return drive->flags & VSMD_ST_FLASH_ERR ? VSMD_REPLY_STATUS : VSMD_REPLY_PARAMS;
+	default:
+		return VSMD_REPLY_STATUS;
+	}
+}
+
+void sim_vsmd_refuse(struct sim_vsmd *drive, db_time now)
+{
+	sim_vsmd_advance(drive, now);
+	drive->flags |= VSMD_ST_CMD_WRG;
+	drive->refusals++;
+}
+
+static uint32_t status_word(const struct sim_vsmd *drive)
+{
+	const struct sim_motion *motion = &drive->motion;
+	bool standing = !sim_motion_moving(motion);
+	uint32_t word = drive->flags | drive->forced_status;
+
+	word |= drive->levels & 0xfu;
+	word |= (drive->levels & 0x10u) ? VSMD_ST_S5 : 0;
+	word |= (drive->levels & 0x20u) ? VSMD_ST_S6 : 0;
+	word |= standing ? VSMD_ST_STP | VSMD_ST_POS_REACHED : 0;
+	word |= round(motion->position) == 0.0 ? VSMD_ST_ORG : 0;
+	if (standing || fabs(motion->velocity) == fabs(motion->target_velocity))
+		word |= VSMD_ST_SPD_REACHED;
+	return word;
+}
+
+void sim_vsmd_status(struct sim_vsmd *drive, db_time now, struct vsmd_status *status)
+{
+	sim_vsmd_advance(drive, now);
+	/* The counter is 32 bits wide and wraps in endless running. */
+	status->position = (int32_t)(uint32_t)(int64_t)llround(drive->motion.position);
+	status->velocity = (float)drive->motion.velocity;
+	status->status = status_word(drive);
+}
+
+const char *sim_vsmd_identity(const struct sim_vsmd *drive)
+{
+	return drive->identity;
+}
+
+const union db_value *sim_vsmd_params(const struct sim_vsmd *drive)
+{
+	return drive->params;
+}
+
+unsigned sim_vsmd_address(const struct sim_vsmd *drive)
+{
+	return drive->address;
+}
+
+unsigned sim_vsmd_baud(const struct sim_vsmd *drive)
+{
+	return drive->baud;
+}
+
+bool sim_vsmd_powered(const struct sim_vsmd *drive)
+{
+	return drive->powered;
+}
+
+bool sim_vsmd_moving(const struct sim_vsmd *drive)
+{
+	return drive->powered && sim_motion_moving(&drive->motion);
+}
+
+double sim_vsmd_shaft(const struct sim_vsmd *drive)
+{
+	return sim_mechanics_shaft(drive);
+}
+
+uint32_t sim_vsmd_count(const struct sim_vsmd *drive, enum vsmd_verb verb)
+{
+	return drive->counts[verb];
+}
+
+uint32_t sim_vsmd_refusals(const struct sim_vsmd *drive)
+{
+	return drive->refusals;
+}
+
+void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity)
+{
+	size_t length = strnlen(identity, SIM_VSMD_IDENTITY_MAX - 1);
+
+	memcpy(drive->identity, identity, length);
+	drive->identity[length] = '\0';
+}
+
+void sim_vsmd_fail_flash(struct sim_vsmd *drive, bool fail)
+{
+	drive->flash_fails = fail;
+}
+
+void sim_vsmd_stall(struct sim_vsmd *drive, bool stalled, db_time now)
+{
+	sim_vsmd_advance(drive, now);
+	drive->stalled = stalled;
+}
+
+void sim_vsmd_force_sensor(struct sim_vsmd *drive, unsigned number, int level, db_time now)
+{
+	if (number < 1 || number > SIM_VSMD_SENSORS)
+		return;
+	sim_vsmd_advance(drive, now);
+	drive->forced[number - 1] = level;
+	sim_mechanics_sense(drive);
+}
+
+void sim_vsmd_force_status(struct sim_vsmd *drive, uint32_t bits)
+{
+	drive->forced_status = bits;
+}

@@ -1,0 +1,103 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * One simulated VSMD drive with its motor, sensors and flash. It knows commands and parameters but no
+ * wire: the bus in front of it (vsmd_serial_bus.h) turns bytes into struct vsmd_command. Time is handed in and
+ * must not run backwards (an earlier `now` counts as the latest seen). One thread.
+ *
+ * Where the vendor's document is silent the drive does this: an open-loop motor that hits a mechanical
+ * end or is blocked loses steps and keeps counting, a closed-loop one stands and reports an encoder
+ * error; a cfg write is all or nothing; homing as described at sim_vsmd_new().
+ */
+#ifndef DRIVEBRIDGE_SIM_VSMD_DRIVE_H
+#define DRIVEBRIDGE_SIM_VSMD_DRIVE_H
+
+#include "codec/vsmd_serial.h"
+#include "drivebridge/time.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define SIM_VSMD_SENSORS 6
+#define SIM_VSMD_IDENTITY_MAX 64
+
+enum sim_sensor_kind { SIM_SENSOR_NONE, SIM_SENSOR_BELOW, SIM_SENSOR_ABOVE, SIM_SENSOR_BETWEEN };
+
+/* High while the shaft is below `low`, above `low`, or between `low` and `high` (both included). */
+struct sim_sensor {
+	enum sim_sensor_kind kind;
+	double low;
+	double high;
+};
+
+/* Positions are mechanical: pulses from where the shaft stands when `start` is 0. */
+struct sim_vsmd_config {
+	const char *identity;        /* not null */
+	const char *flash_path;      /* null: saved parameters live as long as the process */
+	unsigned address;            /* factory value of cid, 1..32 */
+	unsigned baud;               /* factory value of bdr */
+	unsigned model;              /* 10, 25, 45 or 80: VSMD1xx_0nnT */
+	bool closed_loop;
+	bool external;               /* has the sv and nmos ports (VSMD1x3E) */
+	double max_current;          /* A */
+	double travel_min;
+	double travel_max;
+	double start;
+	struct sim_sensor sensors[SIM_VSMD_SENSORS];
+	union db_value defaults[VSMD_PARAM_COUNT]; /* factory parameters */
+};
+
+struct sim_vsmd;
+
+/* Fills in what is sensible; the caller then changes what it knows better, defaults[] included. */
+void sim_vsmd_config_init(struct sim_vsmd_config *config, unsigned address, unsigned baud);
+
+/* Whether a drive of this kind has the parameter and takes the value. */
+bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param, union db_value value);
+
+/*
+ * Powered on. Null when out of memory. Copies the configuration (the strings too).
+ *
+ * Homing: the motor runs with zsd until the origin sensor leaves its open level (if it has left it
+ * already, backwards first until it is open). zmd 1, 2: it halts there and the place is 0. zmd 3, 4: it
+ * stops, backs off at half the speed until the sensor opens, and comes again at a quarter. zmd 2, 4 then go
+ * to zsp. zmd 6: runs to the mechanical end. zmd 7: runs to the next full turn of the shaft. Soft limits
+ * do not hold before the origin is found. Any limit sensor but the origin sensor ends it unfinished.
+ */
+struct sim_vsmd *sim_vsmd_new(const struct sim_vsmd_config *config, db_time now);
+void sim_vsmd_free(struct sim_vsmd *drive);
+
+/* Lets the motor and sensors catch up. Needed only to keep the later catching-up short. */
+void sim_vsmd_advance(struct sim_vsmd *drive, db_time now);
+
+/* Carries a well-formed command out (the id is ignored) and says which reply it calls for. */
+enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_command *command,
+                                      db_time now);
+
+/* A line that was no command: sets cmd_wrg. The reply is the status. */
+void sim_vsmd_refuse(struct sim_vsmd *drive, db_time now);
+
+void sim_vsmd_status(struct sim_vsmd *drive, db_time now, struct vsmd_status *status);
+const char *sim_vsmd_identity(const struct sim_vsmd *drive);
+const union db_value *sim_vsmd_params(const struct sim_vsmd *drive);
+
+/* In effect since the last power-up, not what cfg has changed since. */
+unsigned sim_vsmd_address(const struct sim_vsmd *drive);
+unsigned sim_vsmd_baud(const struct sim_vsmd *drive);
+
+bool sim_vsmd_powered(const struct sim_vsmd *drive);
+bool sim_vsmd_moving(const struct sim_vsmd *drive);
+double sim_vsmd_shaft(const struct sim_vsmd *drive);
+
+/* How often a verb was carried out, and how many commands were refused. */
+uint32_t sim_vsmd_count(const struct sim_vsmd *drive, enum vsmd_verb verb);
+uint32_t sim_vsmd_refusals(const struct sim_vsmd *drive);
+
+/* What happens to a drive from outside. */
+void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now);
+void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity); /* cut at the maximum */
+void sim_vsmd_fail_flash(struct sim_vsmd *drive, bool fail);
+void sim_vsmd_stall(struct sim_vsmd *drive, bool stalled, db_time now);
+void sim_vsmd_force_sensor(struct sim_vsmd *drive, unsigned number, int level, db_time now); /* -1 ends it */
+void sim_vsmd_force_status(struct sim_vsmd *drive, uint32_t bits); /* shown beside the real ones */
+
+#endif

@@ -1,0 +1,212 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/world.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+/* Motors that move unwatched catch up this often, so that a later request finds little to do. */
+#define TICK_NS (100 * DB_NS_PER_MS)
+
+static void write_trace(void *context, db_time time, char direction, const uint8_t *bytes, size_t length)
+{
+	const struct sim_bus *bus = context;
+
+	if (!bus->trace)
+		return;
+	(void)fprintf(bus->trace, "%" PRId64 " %s %c", time / DB_NS_PER_US, bus->config->name, direction);
+	for (size_t i = 0; i < length; i++)
+		(void)fprintf(bus->trace, " %02x", (unsigned)bytes[i]);
+	(void)fputs(" |", bus->trace);
+	for (size_t i = 0; i < length; i++)
+		(void)fputc(bytes[i] >= ' ' && bytes[i] <= '~' ? bytes[i] : '.', bus->trace);
+	(void)fputs("|\n", bus->trace);
+}
+
+static int open_bus(struct sim_bus *bus)
+{
+	const struct sim_bus_config *config = bus->config;
+	const char *error;
+	int result;
+
+	if (config->flash && mkdir(config->flash, 0777) != 0 && errno != EEXIST) {
+		(void)fprintf(stderr, "bus %s: flash directory %s: %s\n", config->name, config->flash,
+		              strerror(errno));
+		return -1;
+	}
+	result = sim_port_open(&bus->port, config->device, config->serial.baud, config->link);
+	if (result != 0) {
+		(void)fprintf(stderr, "bus %s: %s%s%s: %s\n", config->name, config->device,
+		              config->link ? " with link " : "", config->link ? config->link : "",
+		              strerror(-result));
+		return -1;
+	}
+	bus->wire = sim_serial_bus_new(&config->serial, write_trace, bus);
+	if (!bus->wire)
+		return -1;
+	for (size_t i = 0; i < config->fault_count; i++) {
+		error = sim_world_fault(NULL, bus, config->faults[i], 0);
+		if (error) {
+			(void)fprintf(stderr, "bus %s: %s\n", config->name, error);
+			return -1;
+		}
+	}
+	return 0;
+}
+
+static int open_node(struct sim_node *node, struct sim_bus *bus, const struct sim_drive_config *config,
+                     db_time now)
+{
+	struct sim_vsmd_config vsmd = config->vsmd;
+	char path[PATH_MAX];
+
+	node->name = config->name;
+	if (bus->config->flash) {
+		int length = snprintf(path, sizeof(path), "%s/%s.flash", bus->config->flash, config->name);
+
+		if (length < 0 || (size_t)length >= sizeof(path))
+			return -1;
+		vsmd.flash_path = path;
+	}
+	node->drive = sim_vsmd_new(&vsmd, now);
+	if (!node->drive || !sim_serial_bus_attach(bus->wire, node)) {
+		(void)fprintf(stderr, "drive %s: no room on bus %s\n", node->name, bus->config->name);
+		return -1;
+	}
+	for (size_t i = 0; i < config->fault_count; i++) {
+		if (sim_world_fault(node, bus, config->faults[i], now))
+			return -1;
+	}
+	return 0;
+}
+
+int sim_world_open(struct sim_world *world, const struct sim_config *config, FILE *trace, db_time now)
+{
+	*world = (struct sim_world){ .bus_count = config->bus_count };
+	world->buses = calloc(config->bus_count, sizeof(*world->buses));
+	world->nodes = calloc(config->drive_count, sizeof(*world->nodes));
+	if (!world->buses || !world->nodes) {
+		world->bus_count = 0;
+		return -1;
+	}
+	for (size_t i = 0; i < config->bus_count; i++) {
+		world->buses[i].port = (struct sim_port){ .fd = -1, .slave = -1 };
+		world->buses[i].config = &config->buses[i];
+		world->buses[i].trace = trace;
+	}
+	for (size_t i = 0; i < config->bus_count; i++) {
+		if (open_bus(&world->buses[i]) != 0)
+			return -1;
+	}
+	while (world->node_count < config->drive_count) {
+		const struct sim_drive_config *drive = &config->drives[world->node_count];
+
+		if (open_node(&world->nodes[world->node_count++], &world->buses[drive->bus], drive,
+		              now) != 0)
+			return -1;
+	}
+	return 0;
+}
+
+void sim_world_close(struct sim_world *world)
+{
+	for (size_t i = 0; i < world->bus_count; i++) {
+		sim_port_close(&world->buses[i].port);
+		sim_serial_bus_free(world->buses[i].wire);
+	}
+	for (size_t i = 0; i < world->node_count; i++)
+		sim_vsmd_free(world->nodes[i].drive);
+	free(world->buses);
+	free(world->nodes);
+	*world = (struct sim_world){ .buses = NULL };
+}
+
+int sim_bus_read(struct sim_bus *bus, db_time now)
+{
+	uint8_t bytes[4096];
+	ssize_t count = read(bus->port.fd, bytes, sizeof(bytes));
+
+	if (count < 0)
+		return errno == EAGAIN || errno == EINTR ? 0 : -errno;
+	if (count == 0)
+		return -EPIPE;
+	sim_serial_bus_receive(bus->wire, bytes, (size_t)count, now);
+	return 0;
+}
+
+void sim_world_run(struct sim_world *world, db_time now)
+{
+	uint8_t bytes[4096];
+
+	for (size_t i = 0; i < world->bus_count; i++) {
+		struct sim_bus *bus = &world->buses[i];
+		size_t count;
+
+		while ((count = sim_serial_bus_run(bus->wire, now, bytes, sizeof(bytes))) > 0) {
+			/* What a host does not read is lost, as on any line with nobody listening. */
+			if (write(bus->port.fd, bytes, count) < 0 && errno != EAGAIN)
+				(void)fprintf(stderr, "bus %s: %s\n", bus->config->name,
+				              strerror(errno));
+		}
+	}
+	for (size_t i = 0; i < world->node_count; i++) {
+		if (sim_vsmd_moving(world->nodes[i].drive))
+			sim_vsmd_advance(world->nodes[i].drive, now);
+	}
+}
+
+db_time sim_world_next(const struct sim_world *world, db_time now)
+{
+	db_time next = DB_TIME_NEVER;
+
+	for (size_t i = 0; i < world->bus_count; i++) {
+		db_time due = sim_serial_bus_next(world->buses[i].wire);
+
+		if (due < next)
+			next = due;
+	}
+	for (size_t i = 0; i < world->node_count; i++) {
+		if (sim_vsmd_moving(world->nodes[i].drive) && now + TICK_NS < next)
+			next = now + TICK_NS;
+	}
+	return next;
+}
+
+struct sim_bus *sim_world_bus(struct sim_world *world, const char *name)
+{
+	for (size_t i = 0; i < world->bus_count; i++) {
+		if (strcmp(world->buses[i].config->name, name) == 0)
+			return &world->buses[i];
+	}
+	return NULL;
+}
+
+struct sim_node *sim_world_node(struct sim_world *world, const char *name)
+{
+	for (size_t i = 0; i < world->node_count; i++) {
+		if (strcmp(world->nodes[i].name, name) == 0)
+			return &world->nodes[i];
+	}
+	return NULL;
+}
+
+const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const char *text, db_time now)
+{
+	if (!node)
+		return sim_faults_set(sim_serial_bus_faults(bus->wire), text);
+	if (strncmp(text, "echo", 4) == 0)
+		return "echo is a fault of a bus, not of a drive";
+	if (strcmp(text, "stall") == 0 || strcmp(text, "stall on") == 0)
+		sim_vsmd_stall(node->drive, true, now);
+	else if (strcmp(text, "stall off") == 0)
+		sim_vsmd_stall(node->drive, false, now);
+	else if (strcmp(text, "flash fail") == 0 || strcmp(text, "flash ok") == 0)
+		sim_vsmd_fail_flash(node->drive, text[6] == 'f');
+	else
+		return sim_faults_set(&node->faults, text);
+	return NULL;
+}

@@ -1,0 +1,53 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Everything that is simulated: buses with their ports, drives on them. One thread.
+ */
+#ifndef DRIVEBRIDGE_SIM_WORLD_H
+#define DRIVEBRIDGE_SIM_WORLD_H
+
+#include "sim/node.h"
+#include "sim/port.h"
+#include "sim/sim_config.h"
+#include "sim/vsmd_serial_bus.h"
+
+#include <stdio.h>
+
+struct sim_bus {
+	const struct sim_bus_config *config;
+	struct sim_port port;
+	struct sim_serial_bus *wire;
+	FILE *trace; /* not owned, may be null */
+};
+
+struct sim_world {
+	struct sim_bus *buses;
+	size_t bus_count;
+	struct sim_node *nodes;
+	size_t node_count;
+};
+
+/*
+ * Opens all ports and powers all drives up. `config` must outlive the world. trace may be null. 0, or
+ * -1 after a message on standard error; the world is to be closed in both cases.
+ */
+int sim_world_open(struct sim_world *world, const struct sim_config *config, FILE *trace, db_time now);
+void sim_world_close(struct sim_world *world);
+
+/* The host sent something on this bus, or its port failed (negative errno). */
+int sim_bus_read(struct sim_bus *bus, db_time now);
+
+/* Does what is due everywhere. */
+void sim_world_run(struct sim_world *world, db_time now);
+
+/* When to run next; DB_TIME_NEVER when nothing moves. */
+db_time sim_world_next(const struct sim_world *world, db_time now);
+
+/* Null when there is none of this name. */
+struct sim_bus *sim_world_bus(struct sim_world *world, const char *name);
+struct sim_node *sim_world_node(struct sim_world *world, const char *name);
+
+/* A fault as text, for a drive or (node null) for a bus: those of faults.h, for drives also
+ * "stall [on|off]" and "flash fail|ok". Null or what is wrong. */
+const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const char *text, db_time now);
+
+#endif

@@ -1,0 +1,169 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "transport/serial.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <libserialport.h>
+#include <limits.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/ioctl.h>
+#include <termios.h>
+#include <unistd.h>
+
+struct db_serial {
+	int fd;
+	struct sp_port *port; /* null for a pty, whose descriptor is ours to close */
+};
+
+static int open_pty(const char *path, struct db_serial *serial)
+{
+	struct termios settings;
+
+	serial->fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+	if (serial->fd < 0)
+		return -errno;
+	if (tcgetattr(serial->fd, &settings) != 0)
+		return -errno;
+	cfmakeraw(&settings);
+	settings.c_cc[VMIN] = 0;
+	settings.c_cc[VTIME] = 0;
+	if (tcsetattr(serial->fd, TCSANOW, &settings) != 0)
+		return -errno;
+	tcflush(serial->fd, TCIOFLUSH);
+	return 0;
+}
+
+/* libserialport reports the cause of SP_ERR_FAIL in errno, of the others in its own code. */
+static int sp_errno(enum sp_return code)
+{
+	switch (code) {
+	case SP_OK:
+		return 0;
+	case SP_ERR_ARG:
+		return -EINVAL;
+	case SP_ERR_MEM:
+		return -ENOMEM;
+	case SP_ERR_SUPP:
+		return -EOPNOTSUPP;
+	default:
+		return errno != 0 ? -errno : -EIO;
+	}
+}
+
+static enum sp_parity sp_parity_of(enum db_parity parity)
+{
+	switch (parity) {
+	case DB_PARITY_EVEN:
+		return SP_PARITY_EVEN;
+	case DB_PARITY_ODD:
+		return SP_PARITY_ODD;
+	default:
+		return SP_PARITY_NONE;
+	}
+}
+
+static enum sp_return set_port(struct sp_port *port, const struct db_bus_config *config)
+{
+	enum sp_return code = sp_set_baudrate(port, (int)config->baud);
+
+	if (code == SP_OK)
+		code = sp_set_bits(port, 8);
+	if (code == SP_OK)
+		code = sp_set_parity(port, sp_parity_of(config->parity));
+	if (code == SP_OK)
+		code = sp_set_stopbits(port, (int)config->stop_bits);
+	if (code == SP_OK)
+		code = sp_set_flowcontrol(port, SP_FLOWCONTROL_NONE);
+	return code;
+}
+
+static int open_port(const char *path, const struct db_bus_config *config, struct db_serial *serial)
+{
+	enum sp_return code;
+
+	errno = 0;
+	code = sp_get_port_by_name(path, &serial->port);
+	if (code == SP_OK)
+		code = sp_open(serial->port, SP_MODE_READ_WRITE);
+	if (code == SP_OK)
+		code = set_port(serial->port, config);
+	if (code == SP_OK)
+		code = sp_get_port_handle(serial->port, &serial->fd);
+	if (code != SP_OK)
+		return sp_errno(code);
+	/* Two masters on one bus would answer each other's questions. */
+	if (ioctl(serial->fd, TIOCEXCL) != 0)
+		return -errno;
+	sp_flush(serial->port, SP_BUF_BOTH);
+	return 0;
+}
+
+int db_serial_open(const struct db_bus_config *config, struct db_serial **serial)
+{
+	struct db_serial *made;
+	char path[PATH_MAX];
+	int error;
+
+	/* Names under /dev/serial/by-id are links, which libserialport does not follow. */
+	if (!realpath(config->device, path))
+		return -errno;
+	made = calloc(1, sizeof *made);
+	if (!made)
+		return -ENOMEM;
+	made->fd = -1;
+	if (strncmp(path, "/dev/pts/", 9) == 0)
+		error = open_pty(path, made);
+	else
+		error = open_port(path, config, made);
+	if (error != 0) {
+		db_serial_close(made);
+		return error;
+	}
+	*serial = made;
+	return 0;
+}
+
+void db_serial_close(struct db_serial *serial)
+{
+	if (!serial)
+		return;
+	if (serial->port) {
+		sp_close(serial->port);
+		sp_free_port(serial->port);
+	} else if (serial->fd >= 0) {
+		close(serial->fd);
+	}
+	free(serial);
+}
+
+int db_serial_fd(const struct db_serial *serial)
+{
+	return serial->fd;
+}
+
+static ssize_t moved(ssize_t count)
+{
+	if (count >= 0)
+		return count;
+	if (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)
+		return 0;
+	return -errno;
+}
+
+ssize_t db_serial_read(struct db_serial *serial, void *bytes, size_t size)
+{
+	return moved(read(serial->fd, bytes, size));
+}
+
+ssize_t db_serial_write(struct db_serial *serial, const void *bytes, size_t length)
+{
+	return moved(write(serial->fd, bytes, length));
+}
+
+db_time db_serial_wire_time(const struct db_bus_config *config, size_t bytes)
+{
+	unsigned bits = 9 + config->stop_bits + (config->parity != DB_PARITY_NONE ? 1 : 0);
+
+	return (db_time)bytes * (db_time)bits * DB_NS_PER_S / (db_time)config->baud;
+}

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+#
+# Debian packages that a script needs: says what is missing, installs exactly that, and leaves the
+# network alone when nothing is.
+
+say() {
+	printf '== %s\n' "$*"
+}
+
+die() {
+	printf '%s: %s\n' "${0##*/}" "$*" >&2
+	exit 1
+}
+
+as_root() {
+	if [ "$(id -u)" -eq 0 ]; then
+		"$@"
+	elif command -v sudo >/dev/null; then
+		sudo "$@"
+	else
+		die "cannot run '$*': be root, or install sudo"
+	fi
+}
+
+# need_packages PACKAGE...
+need_packages() {
+	local package missing=()
+
+	command -v dpkg-query >/dev/null || die "this script installs Debian packages; on another system
+install the counterparts of these and leave out this step: $*"
+	for package; do
+		# A package that is known but removed answers with success as well: look at its state.
+		case $(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null || true) in
+		installed) ;;
+		*) missing+=("$package") ;;
+		esac
+	done
+	[ ${#missing[@]} -gt 0 ] || return 0
+	say "installing Debian packages: ${missing[*]}"
+	as_root env DEBIAN_FRONTEND=noninteractive apt-get -q update
+	as_root env DEBIAN_FRONTEND=noninteractive apt-get -q install -y --no-install-recommends \
+		"${missing[@]}"
+}
+
+BUILD_PACKAGES=(gcc libc6-dev cmake ninja-build pkg-config libmodbus-dev libserialport-dev
+	libsystemd-dev libconfuse-dev)

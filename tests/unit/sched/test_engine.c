@@ -1,0 +1,588 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The schedule in made-up time against made-up drives that speak the real protocol: what is on the
+ * wire, in which order, and what becomes of a command whose request or answer is lost.
+ */
+#include "codec/vsmd_serial.h"
+#include "sched/engine.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#define DRIVES 3
+#define MS     DB_NS_PER_MS
+
+enum fault { FAULT_NONE, FAULT_LOSE_REQUEST, FAULT_LOSE_ANSWER, FAULT_LATE_ANSWER };
+
+struct drive {
+	struct vsmd_status status;
+	bool dead;
+	enum fault fault;    /* of the next request that `fault_verb` matches */
+	enum vsmd_verb fault_verb;
+	unsigned executed[VSMD_VERB_COUNT];
+};
+
+struct world {
+	struct db_bus_config bus;
+	struct db_drive_config drives[DRIVES];
+	const struct db_drive_config *drive_list[DRIVES];
+	struct db_axis *axes[DRIVES];
+	struct db_mailbox *mailbox;
+	struct db_engine *engine;
+	struct drive sim[DRIVES];
+	db_time now;
+	uint8_t answer[VSMD_SERIAL_FRAME_MAX];
+	size_t answer_length;
+	db_time answer_at;
+	uint8_t late[VSMD_SERIAL_FRAME_MAX];
+	size_t late_length;
+	char log[4096];      /* every line sent since it was cleared */
+};
+
+static void execute(struct drive *drive, const struct vsmd_command *command)
+{
+	struct vsmd_status *status = &drive->status;
+
+	drive->executed[command->verb]++;
+	status->status &= ~(uint32_t)VSMD_ST_CMD_WRG;
+	switch (command->verb) {
+	case VSMD_DEV:
+		status->status |= VSMD_ST_HS;
+		break;
+	case VSMD_ENA:
+		status->status |= VSMD_ST_PWR;
+		break;
+	case VSMD_OFF:
+		status->status &= ~(uint32_t)VSMD_ST_PWR;
+		status->status |= VSMD_ST_STP;
+		break;
+	case VSMD_POS:
+	case VSMD_MOV:
+		if (!(status->status & VSMD_ST_PWR))
+			status->status |= VSMD_ST_CMD_WRG;
+		else if (command->verb == VSMD_POS)
+			status->position = command->position; /* arrives at once */
+		else
+			status->status &= ~(uint32_t)VSMD_ST_STP;
+		break;
+	case VSMD_STP:
+		status->status |= VSMD_ST_STP;
+		break;
+	case VSMD_ORG:
+		status->position = command->position;
+		break;
+	default:
+		break;
+	}
+}
+
+static size_t reply(const struct drive *drive, uint8_t id, const struct vsmd_command *command,
+                    uint8_t *frame)
+{
+	static const char identity[] = "VSMD113_025T-1.0.008.170428";
+	static const char params[] = "bdr=115200 cid=1 spd=6400 acc=24000.00 dmd=1";
+	int length;
+
+	if (command->verb == VSMD_DEV)
+		length = vsmd_serial_encode_text(id, VSMD_REPLY_IDENTITY, identity,
+		                                 strlen(identity), frame, VSMD_SERIAL_FRAME_MAX);
+	else if (command->verb == VSMD_CFG_READ || command->verb == VSMD_SAV)
+		length = vsmd_serial_encode_text(id, VSMD_REPLY_PARAMS, params, strlen(params),
+		                                 frame, VSMD_SERIAL_FRAME_MAX);
+	else
+		length = vsmd_serial_encode_status(id, &drive->status, frame,
+		                                   VSMD_SERIAL_FRAME_MAX);
+	assert_true(length > 0);
+	return (size_t)length;
+}
+
+static void on_send(void *context, const uint8_t *bytes, size_t length)
+{
+	struct world *world = context;
+	struct vsmd_setting settings[VSMD_PARAM_COUNT];
+	struct vsmd_command command;
+	struct drive *drive;
+	enum fault fault = FAULT_NONE;
+
+	assert_true(strlen(world->log) + length < sizeof world->log);
+	strncat(world->log, (const char *)bytes, length);
+	assert_int_equal(vsmd_serial_decode_command((const char *)bytes, length - 1, true, &command,
+	                                            settings, VSMD_PARAM_COUNT),
+	                 VSMD_OK);
+	if (command.id == VSMD_SERIAL_BROADCAST) {
+		for (size_t i = 0; i < DRIVES; i++)
+			execute(&world->sim[i], &command);
+		return;
+	}
+	drive = &world->sim[command.id - 1];
+	if (drive->fault != FAULT_NONE && drive->fault_verb == command.verb) {
+		fault = drive->fault;
+		drive->fault = FAULT_NONE;
+	}
+	if (drive->dead || fault == FAULT_LOSE_REQUEST)
+		return;
+	execute(drive, &command);
+	if (fault == FAULT_LOSE_ANSWER)
+		return;
+	if (fault == FAULT_LATE_ANSWER) {
+		world->late_length = reply(drive, (uint8_t)command.id, &command, world->late);
+		return;
+	}
+	world->answer_length = reply(drive, (uint8_t)command.id, &command, world->answer);
+	world->answer_at = world->now + 2 * MS;
+}
+
+static const struct db_engine_ops ops = { .send = on_send };
+
+static int setup(void **state)
+{
+	struct world *world = calloc(1, sizeof *world);
+
+	world->bus = (struct db_bus_config){
+		.name = (char *)"test",
+		.driver = db_driver_find("vsmd-serial"),
+		.baud = 115200,
+		.stop_bits = 1,
+		.cycle_ms = 20,
+		.drive_latency_ms = 10,
+		.retries = 2,
+		.queue = 8,
+	};
+	for (size_t i = 0; i < DRIVES; i++) {
+		world->drives[i] = (struct db_drive_config){
+			.name = (char *)"d",
+			.address = (unsigned)i + 1,
+			.on_exit = DB_ON_LOSS_STOP,
+		};
+		world->drive_list[i] = &world->drives[i];
+		world->axes[i] = db_axis_new();
+		world->sim[i].status.status = VSMD_ST_STP;
+	}
+	world->now = 1000 * MS;
+	assert_int_equal(db_mailbox_new(8, 4 * DRIVES, &world->mailbox), 0);
+	assert_int_equal(db_engine_new(&world->bus, world->drive_list, world->axes, DRIVES,
+	                               world->mailbox, &ops, world, &world->engine),
+	                 0);
+	*state = world;
+	return 0;
+}
+
+static int teardown(void **state)
+{
+	struct world *world = *state;
+
+	db_engine_free(world->engine);
+	db_mailbox_free(world->mailbox);
+	for (size_t i = 0; i < DRIVES; i++)
+		db_axis_free(world->axes[i]);
+	free(world);
+	return 0;
+}
+
+/* Lets the time pass, with the engine called when it wants to be and answers delivered on time. */
+static void pass(struct world *world, db_time span)
+{
+	db_time end = world->now + span;
+
+	while (world->now < end) {
+		db_time next = db_engine_run(world->engine, world->now);
+
+		if (next > end)
+			next = end;
+		if (world->answer_length > 0 && world->answer_at <= next) {
+			size_t length = world->answer_length;
+
+			world->now = world->answer_at;
+			world->answer_length = 0;
+			db_engine_receive(world->engine, world->answer, length, world->now);
+		} else {
+			world->now = next;
+		}
+	}
+}
+
+static void start(struct world *world)
+{
+	db_engine_port(world->engine, true, 0, world->now);
+	pass(world, 500 * MS);
+	world->log[0] = '\0';
+}
+
+static uint32_t status_of(const struct world *world, size_t axis)
+{
+	struct db_snapshot snapshot;
+
+	db_axis_read(world->axes[axis], &snapshot);
+	return snapshot.feedback.status;
+}
+
+static void post(struct world *world, uint16_t axis, enum db_command command, int32_t position)
+{
+	struct db_request request = {
+		.ticket = (uint32_t)command + 100u * axis,
+		.axis = axis,
+		.command = command,
+		.args = { .target_position = position, .target_velocity = 100.0f },
+	};
+
+	assert_true(db_mailbox_post(world->mailbox, &request));
+}
+
+static enum db_result result_of(struct world *world)
+{
+	struct db_completion completion;
+
+	assert_true(db_mailbox_collect(world->mailbox, &completion));
+	return completion.result;
+}
+
+static bool nothing_finished(struct world *world)
+{
+	struct db_completion completion;
+
+	return !db_mailbox_collect(world->mailbox, &completion);
+}
+
+static size_t count(const struct world *world, const char *text)
+{
+	size_t found = 0;
+
+	for (const char *at = world->log; (at = strstr(at, text)) != NULL; at++)
+		found++;
+	return found;
+}
+
+static void drives_come_online_and_tell_their_parameters(void **state)
+{
+	struct world *world = *state;
+	struct db_nameplate plate;
+
+	assert_int_equal(status_of(world, 0), 0);
+	start(world);
+	for (size_t i = 0; i < DRIVES; i++) {
+		assert_true(status_of(world, i) & DB_STATUS_ONLINE);
+		assert_true(status_of(world, i) & DB_STATUS_PARAMS_VALID);
+	}
+	db_axis_read_nameplate(world->axes[2], &plate);
+	assert_string_equal(plate.identity, "VSMD113_025T-1.0.008.170428");
+	assert_true(plate.values[VSMD_SPD].f == 6400.0f);
+	assert_true(plate.values[VSMD_ACC].f == 24000.0f);
+	assert_true(plate.valid & (UINT64_C(1) << VSMD_BDR));
+	assert_false(plate.valid & (UINT64_C(1) << VSMD_MCS));
+}
+
+static void every_drive_is_polled_once_a_cycle(void **state)
+{
+	struct world *world = *state;
+	struct db_bus_stats stats;
+
+	start(world);
+	pass(world, 200 * MS);
+	assert_in_range(count(world, "1 sts\n"), 9, 11);
+	assert_in_range(count(world, "2 sts\n"), 9, 11);
+	assert_in_range(count(world, "3 sts\n"), 9, 11);
+	assert_int_equal(count(world, "dev"), 0);
+	db_engine_stats(world->engine, &stats);
+	assert_int_equal(stats.overruns, 0);
+	assert_int_equal(stats.online, 3);
+	assert_in_range(stats.cycle_us, 6000, 6500);
+}
+
+static void a_cycle_that_does_not_fit_overruns_and_stays_fair(void **state)
+{
+	struct world *world = *state;
+	struct db_bus_stats stats;
+
+	world->bus.cycle_ms = 4;
+	db_engine_free(world->engine);
+	assert_int_equal(db_engine_new(&world->bus, world->drive_list, world->axes, DRIVES,
+	                               world->mailbox, &ops, world, &world->engine),
+	                 0);
+	start(world);
+	for (size_t i = 0; i < DRIVES; i++)
+		assert_true(status_of(world, i) & DB_STATUS_PARAMS_VALID);
+	pass(world, 120 * MS);
+	assert_in_range(count(world, "1 sts\n"), 19, 21);
+	assert_in_range(count(world, "2 sts\n"), 19, 21);
+	assert_in_range(count(world, "3 sts\n"), 19, 21);
+	db_engine_stats(world->engine, &stats);
+	assert_true(stats.overruns > 20);
+}
+
+static void a_dead_drive_costs_little(void **state)
+{
+	struct world *world = *state;
+
+	world->sim[1].dead = true;
+	start(world);
+	pass(world, 5000 * MS); /* the backoff has grown */
+	world->log[0] = '\0';
+	assert_false(status_of(world, 1) & DB_STATUS_ONLINE);
+	assert_true(status_of(world, 0) & DB_STATUS_ONLINE);
+	pass(world, 2000 * MS);
+	assert_in_range(count(world, "1 sts\n"), 99, 101);
+	assert_in_range(count(world, "2 dev\n"), 1, 3);
+	world->sim[1].dead = false;
+	pass(world, 2500 * MS);
+	assert_true(status_of(world, 1) & DB_STATUS_ONLINE);
+	assert_true(status_of(world, 1) & DB_STATUS_PARAMS_VALID);
+}
+
+static void a_command_is_sent_once_and_confirmed(void **state)
+{
+	struct world *world = *state;
+	struct db_snapshot snapshot;
+
+	start(world);
+	post(world, 0, DB_CMD_ENABLE, 0);
+	post(world, 0, DB_CMD_MOVE_ABSOLUTE, 25000);
+	pass(world, 10 * MS);
+	assert_int_equal(result_of(world), DB_RESULT_OK);
+	assert_int_equal(result_of(world), DB_RESULT_OK);
+	assert_int_equal(count(world, "1 ena\n"), 1);
+	assert_int_equal(count(world, "1 pos 25000 spd=100\n"), 1);
+	assert_true(strstr(world->log, "ena") < strstr(world->log, "pos"));
+	pass(world, 40 * MS);
+	db_axis_read(world->axes[0], &snapshot);
+	assert_int_equal(snapshot.feedback.position, 25000);
+	assert_int_equal(snapshot.feedback.state, DB_AXIS_STANDSTILL);
+	assert_true(snapshot.feedback.status & DB_STATUS_AT_TARGET);
+}
+
+static void a_refused_command_says_so(void **state)
+{
+	struct world *world = *state;
+
+	start(world);
+	post(world, 0, DB_CMD_MOVE_ABSOLUTE, 1); /* not enabled */
+	pass(world, 20 * MS);
+	assert_int_equal(result_of(world), DB_RESULT_REFUSED);
+	assert_int_equal(world->sim[0].executed[VSMD_POS], 1);
+	assert_true(status_of(world, 0) & DB_STATUS_REFUSED);
+}
+
+static void enabled(struct world *world)
+{
+	start(world);
+	post(world, 0, DB_CMD_ENABLE, 0);
+	pass(world, 30 * MS);
+	assert_int_equal(result_of(world), DB_RESULT_OK);
+	world->log[0] = '\0';
+}
+
+static void fail_next(struct world *world, size_t drive, enum vsmd_verb verb, enum fault fault)
+{
+	world->sim[drive].fault = fault;
+	world->sim[drive].fault_verb = verb;
+}
+
+static void a_relative_move_whose_answer_is_lost_moves_once(void **state)
+{
+	struct world *world = *state;
+
+	enabled(world);
+	fail_next(world, 0, VSMD_POS, FAULT_LOSE_ANSWER);
+	post(world, 0, DB_CMD_MOVE_RELATIVE, 500);
+	pass(world, 200 * MS);
+	assert_int_equal(result_of(world), DB_RESULT_OK);
+	assert_int_equal(world->sim[0].executed[VSMD_POS], 1);
+	assert_int_equal(world->sim[0].executed[VSMD_RMV], 0);
+	assert_int_equal(world->sim[0].status.position, 500);
+}
+
+static void a_relative_move_whose_request_is_lost_is_sent_again(void **state)
+{
+	struct world *world = *state;
+
+	enabled(world);
+	world->sim[0].status.position = 70;
+	fail_next(world, 0, VSMD_POS, FAULT_LOSE_REQUEST);
+	post(world, 0, DB_CMD_MOVE_RELATIVE, 500);
+	pass(world, 200 * MS);
+	assert_int_equal(result_of(world), DB_RESULT_OK);
+	assert_int_equal(world->sim[0].executed[VSMD_POS], 1);
+	assert_int_equal(world->sim[0].status.position, 570);
+}
+
+static void a_lost_set_position_is_read_back(void **state)
+{
+	struct world *world = *state;
+
+	enabled(world);
+	fail_next(world, 0, VSMD_ORG, FAULT_LOSE_ANSWER);
+	post(world, 0, DB_CMD_SET_POSITION, 1234);
+	pass(world, 200 * MS);
+	assert_int_equal(result_of(world), DB_RESULT_OK);
+	assert_int_equal(world->sim[0].executed[VSMD_ORG], 1);
+}
+
+static void a_lost_save_is_indeterminate_and_not_repeated(void **state)
+{
+	struct world *world = *state;
+
+	enabled(world);
+	fail_next(world, 0, VSMD_SAV, FAULT_LOSE_ANSWER);
+	post(world, 0, DB_CMD_SAVE_PARAMETERS, 0);
+	pass(world, 1500 * MS);
+	assert_int_equal(result_of(world), DB_RESULT_INDETERMINATE);
+	assert_int_equal(world->sim[0].executed[VSMD_SAV], 1);
+}
+
+/* The answer to an earlier status poll comes while a command waits for its own. */
+static void a_late_answer_is_not_taken_for_the_next_ones(void **state)
+{
+	struct world *world = *state;
+
+	enabled(world);
+	fail_next(world, 0, VSMD_STS, FAULT_LATE_ANSWER);
+	while (world->late_length == 0)
+		pass(world, MS);
+	fail_next(world, 0, VSMD_MOV, FAULT_LOSE_REQUEST);
+	post(world, 0, DB_CMD_MOVE_VELOCITY, 0);
+	for (int i = 0; i < 40; i++) {
+		pass(world, MS);
+		if (world->late_length > 0 && count(world, "1 dev\n") > 0) {
+			db_engine_receive(world->engine, world->late, world->late_length, world->now);
+			world->late_length = 0;
+		}
+		/* Never confirmed before the drive has really done it. */
+		if (world->sim[0].executed[VSMD_MOV] == 0)
+			assert_true(nothing_finished(world));
+	}
+	assert_int_equal(world->late_length, 0);
+	pass(world, 200 * MS);
+	assert_int_equal(world->sim[0].executed[VSMD_MOV], 1);
+	assert_int_equal(result_of(world), DB_RESULT_OK);
+}
+
+static void a_stop_overtakes_and_cancels(void **state)
+{
+	struct world *world = *state;
+	struct db_completion completion;
+	unsigned cancelled = 0;
+
+	enabled(world);
+	for (int i = 0; i < 4; i++)
+		post(world, 0, DB_CMD_MOVE_ABSOLUTE, 1000 + i);
+	post(world, 1, DB_CMD_ENABLE, 0);
+	post(world, 0, DB_CMD_STOP, 0);
+	pass(world, 30 * MS);
+	assert_true(strncmp(world->log, "1 stp\n", 6) == 0 || strncmp(strchr(world->log, '\n') + 1, "1 stp\n", 6) == 0);
+	assert_int_equal(count(world, "1 pos"), 0);
+	while (db_mailbox_collect(world->mailbox, &completion)) {
+		if (completion.result == DB_RESULT_CANCELLED)
+			cancelled++;
+		else
+			assert_int_equal(completion.result, DB_RESULT_OK);
+	}
+	assert_int_equal(cancelled, 4);
+	assert_int_equal(world->sim[1].executed[VSMD_ENA], 1);
+}
+
+static void a_stop_is_repeated_until_confirmed(void **state)
+{
+	struct world *world = *state;
+
+	enabled(world);
+	world->sim[0].dead = true;
+	post(world, 0, DB_CMD_STOP, 0);
+	pass(world, 2000 * MS);
+	assert_true(nothing_finished(world));
+	assert_true(count(world, "1 stp\n") > 5);
+	/* And the others are not starved by it. */
+	assert_in_range(count(world, "2 sts\n"), 80, 101);
+	world->sim[0].dead = false;
+	pass(world, 500 * MS);
+	assert_int_equal(result_of(world), DB_RESULT_OK);
+	assert_true(world->sim[0].executed[VSMD_STP] >= 1);
+}
+
+static void commands_to_a_drive_that_is_gone_end(void **state)
+{
+	struct world *world = *state;
+
+	enabled(world);
+	world->sim[0].dead = true;
+	post(world, 0, DB_CMD_MOVE_VELOCITY, 0);
+	post(world, 0, DB_CMD_ENABLE, 0);
+	pass(world, 300 * MS);
+	assert_int_equal(result_of(world), DB_RESULT_INDETERMINATE);
+	assert_int_equal(result_of(world), DB_RESULT_OFFLINE);
+	assert_false(status_of(world, 0) & DB_STATUS_ONLINE);
+	post(world, 0, DB_CMD_ENABLE, 0);
+	pass(world, 1 * MS);
+	assert_int_equal(result_of(world), DB_RESULT_OFFLINE);
+}
+
+static void a_lost_port_ends_everything_and_comes_back(void **state)
+{
+	struct world *world = *state;
+
+	enabled(world);
+	world->answer_length = 0;
+	db_engine_port(world->engine, false, 5, world->now);
+	world->answer_length = 0;
+	post(world, 0, DB_CMD_ENABLE, 0);
+	pass(world, 10 * MS);
+	assert_int_equal(result_of(world), DB_RESULT_BUS_DOWN);
+	assert_false(status_of(world, 0) & DB_STATUS_BUS_UP);
+	assert_false(status_of(world, 0) & DB_STATUS_ONLINE);
+	start(world);
+	assert_true(status_of(world, 0) & DB_STATUS_ONLINE);
+}
+
+static void a_drive_that_lost_power_is_read_again(void **state)
+{
+	struct world *world = *state;
+
+	enabled(world);
+	world->sim[0].status = (struct vsmd_status){ .status = VSMD_ST_STP };
+	pass(world, 300 * MS);
+	assert_true(count(world, "1 cfg\n") >= 1);
+	assert_true(status_of(world, 0) & DB_STATUS_ORIGIN_LOST);
+}
+
+static void the_end_stops_every_drive(void **state)
+{
+	struct world *world = *state;
+
+	enabled(world);
+	db_engine_shut_down(world->engine, world->now);
+	pass(world, 50 * MS);
+	assert_true(db_engine_is_quiet(world->engine));
+	/* All at once by broadcast, then each one for its confirmation. */
+	assert_memory_equal(world->log, "0 stp\n1 stp\n", 12);
+	assert_int_equal(count(world, " stp\n"), 4);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+#define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
+		TEST(drives_come_online_and_tell_their_parameters),
+		TEST(every_drive_is_polled_once_a_cycle),
+		TEST(a_cycle_that_does_not_fit_overruns_and_stays_fair),
+		TEST(a_dead_drive_costs_little),
+		TEST(a_command_is_sent_once_and_confirmed),
+		TEST(a_refused_command_says_so),
+		TEST(a_relative_move_whose_answer_is_lost_moves_once),
+		TEST(a_relative_move_whose_request_is_lost_is_sent_again),
+		TEST(a_lost_set_position_is_read_back),
+		TEST(a_lost_save_is_indeterminate_and_not_repeated),
+		TEST(a_late_answer_is_not_taken_for_the_next_ones),
+		TEST(a_stop_overtakes_and_cancels),
+		TEST(a_stop_is_repeated_until_confirmed),
+		TEST(commands_to_a_drive_that_is_gone_end),
+		TEST(a_lost_port_ends_everything_and_comes_back),
+		TEST(a_drive_that_lost_power_is_read_again),
+		TEST(the_end_stops_every_drive),
+#undef TEST
+	};
+
+	return cmocka_run_group_tests_name("engine", tests, NULL, NULL);
+}

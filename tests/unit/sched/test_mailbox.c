@@ -1,0 +1,124 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sched/mailbox.h"
+
+#include <pthread.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+static struct db_request request_of(uint32_t ticket, enum db_command command)
+{
+	return (struct db_request){ .ticket = ticket, .command = command };
+}
+
+static void letters_are_taken_in_order_and_answered_once(void **state)
+{
+	struct db_mailbox *mailbox = NULL;
+	struct db_completion completion;
+	struct db_letter *first;
+	struct db_letter *second;
+	struct db_request a = request_of(1, DB_CMD_ENABLE);
+	struct db_request b = request_of(2, DB_CMD_STOP);
+
+	(void)state;
+	assert_int_equal(db_mailbox_new(2, 1, &mailbox), 0);
+	assert_null(db_mailbox_take(mailbox));
+	assert_true(db_mailbox_post(mailbox, &a));
+	assert_true(db_mailbox_post(mailbox, &b));
+	assert_false(db_mailbox_collect(mailbox, &completion));
+	first = db_mailbox_take(mailbox);
+	second = db_mailbox_take(mailbox);
+	assert_int_equal(db_letter_request(first)->ticket, 1);
+	assert_int_equal(db_letter_request(second)->ticket, 2);
+	assert_null(db_mailbox_take(mailbox));
+	assert_false(db_mailbox_take_finished(mailbox));
+	db_letter_finish(second, DB_RESULT_OK, 7);
+	assert_true(db_mailbox_take_finished(mailbox));
+	assert_true(db_mailbox_collect(mailbox, &completion));
+	assert_int_equal(completion.ticket, 2);
+	assert_int_equal(completion.finished, 7);
+	assert_false(db_mailbox_collect(mailbox, &completion));
+	db_mailbox_free(mailbox);
+}
+
+static void a_full_box_still_takes_stops(void **state)
+{
+	struct db_mailbox *mailbox = NULL;
+	struct db_completion completion;
+	struct db_request move = request_of(1, DB_CMD_MOVE_ABSOLUTE);
+	struct db_request stop = request_of(9, DB_CMD_QUICK_STOP);
+
+	(void)state;
+	assert_int_equal(db_mailbox_new(2, 1, &mailbox), 0);
+	assert_true(db_mailbox_post(mailbox, &move));
+	assert_true(db_mailbox_post(mailbox, &move));
+	assert_false(db_mailbox_post(mailbox, &move));
+	assert_true(db_mailbox_post(mailbox, &stop));
+	assert_false(db_mailbox_post(mailbox, &stop));
+	/* A slot is free again only when its result was collected. */
+	db_letter_finish(db_mailbox_take(mailbox), DB_RESULT_OK, 1);
+	assert_false(db_mailbox_post(mailbox, &move));
+	assert_true(db_mailbox_collect(mailbox, &completion));
+	assert_true(db_mailbox_post(mailbox, &move));
+	db_mailbox_free(mailbox);
+}
+
+#define LETTERS 20000
+
+static void *work(void *context)
+{
+	struct db_mailbox *mailbox = context;
+	uint32_t expected = 1;
+
+	while (expected <= LETTERS) {
+		struct db_letter *letter = db_mailbox_take(mailbox);
+
+		if (!letter)
+			continue;
+		if (db_letter_request(letter)->ticket != expected)
+			return (void *)1;
+		expected++;
+		db_letter_finish(letter, DB_RESULT_OK, 1);
+	}
+	return NULL;
+}
+
+static void two_threads_lose_and_reorder_nothing(void **state)
+{
+	struct db_mailbox *mailbox = NULL;
+	struct db_completion completion;
+	uint32_t collected = 0;
+	uint32_t posted = 0;
+	pthread_t thread;
+	void *failed;
+
+	(void)state;
+	assert_int_equal(db_mailbox_new(5, 3, &mailbox), 0);
+	assert_int_equal(pthread_create(&thread, NULL, work, mailbox), 0);
+	while (collected < LETTERS) {
+		struct db_request request = request_of(posted + 1, posted % 3 ? DB_CMD_ENABLE :
+		                                                                DB_CMD_STOP);
+
+		if (posted < LETTERS && db_mailbox_post(mailbox, &request))
+			posted++;
+		while (db_mailbox_collect(mailbox, &completion))
+			collected++;
+	}
+	pthread_join(thread, &failed);
+	assert_null(failed);
+	db_mailbox_free(mailbox);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(letters_are_taken_in_order_and_answered_once),
+		cmocka_unit_test(a_full_box_still_takes_stops),
+		cmocka_unit_test(two_threads_lose_and_reorder_nothing),
+	};
+
+	return cmocka_run_group_tests_name("mailbox", tests, NULL, NULL);
+}

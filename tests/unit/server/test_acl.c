@@ -1,0 +1,119 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Address lists and the listening address. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <arpa/inet.h>
+#include <cmocka.h>
+#include <errno.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "server/acl.h"
+#include "server/listener.h"
+
+static struct db_network network(const char *text, uint8_t prefix)
+{
+	struct db_network n = { .prefix = prefix };
+
+	assert_int_equal(inet_pton(AF_INET6, text, n.address), 1);
+	return n;
+}
+
+static enum db_access access_of(const struct db_modbus_config *config, const char *text)
+{
+	return db_acl_access(config, network(text, 128).address);
+}
+
+static void matches_prefixes(void **state)
+{
+	struct db_network lan = network("::ffff:192.168.10.0", 96 + 24);
+	struct db_network odd = network("2001:db8:8000::", 33);
+	struct db_network all = network("::", 0);
+
+	(void)state;
+	assert_true(db_acl_match(&lan, network("::ffff:192.168.10.255", 128).address));
+	assert_false(db_acl_match(&lan, network("::ffff:192.168.11.0", 128).address));
+	assert_false(db_acl_match(&lan, network("::192.168.10.1", 128).address));
+	assert_true(db_acl_match(&odd, network("2001:db8:ffff::1", 128).address));
+	assert_false(db_acl_match(&odd, network("2001:db8:7fff::1", 128).address));
+	assert_true(db_acl_match(&all, network("::ffff:10.0.0.1", 128).address));
+	assert_true(db_acl_match(&all, all.address));
+}
+
+static void empty_lists(void **state)
+{
+	struct db_modbus_config config = { 0 };
+
+	(void)state;
+	assert_int_equal(access_of(&config, "::1"), DB_ACCESS_WRITE);
+	assert_int_equal(access_of(&config, "::ffff:127.9.9.9"), DB_ACCESS_WRITE);
+	assert_int_equal(access_of(&config, "::ffff:128.0.0.1"), DB_ACCESS_READ);
+	assert_int_equal(access_of(&config, "2001:db8::1"), DB_ACCESS_READ);
+}
+
+static void both_lists(void **state)
+{
+	struct db_network readers = network("::ffff:10.0.0.0", 96 + 8);
+	struct db_network writer = network("::ffff:192.168.10.5", 128);
+	struct db_modbus_config config = {
+		.allow_read = &readers,
+		.allow_read_count = 1,
+		.allow_write = &writer,
+		.allow_write_count = 1,
+	};
+
+	(void)state;
+	assert_int_equal(access_of(&config, "::ffff:192.168.10.5"), DB_ACCESS_WRITE);
+	assert_int_equal(access_of(&config, "::ffff:10.1.2.3"), DB_ACCESS_READ);
+	assert_int_equal(access_of(&config, "::ffff:127.0.0.1"), DB_ACCESS_NONE);
+	assert_int_equal(access_of(&config, "::1"), DB_ACCESS_NONE);
+}
+
+static void peers(void **state)
+{
+	struct sockaddr_storage peer = { 0 };
+	struct sockaddr_in v4 = { .sin_family = AF_INET, .sin_port = htons(77) };
+	uint8_t address[16];
+	uint16_t port;
+
+	(void)state;
+	v4.sin_addr.s_addr = htonl(0x01020304);
+	memcpy(&peer, &v4, sizeof(v4));
+	assert_true(db_acl_peer(&peer, address, &port));
+	assert_int_equal(port, 77);
+	assert_memory_equal(address, network("::ffff:1.2.3.4", 128).address, 16);
+	peer.ss_family = AF_UNIX;
+	assert_false(db_acl_peer(&peer, address, &port));
+}
+
+static void listen_addresses(void **state)
+{
+	static const char *const bad[] = {
+		"", "502", ":502", "127.0.0.1", "127.0.0.1:", "127.0.0.1:x", "127.0.0.1:-1",
+		"127.0.0.1:+1", "127.0.0.1: 1", "127.0.0.1:999999", "a.b:0", "::1:0", "[::1]",
+		"[]:502", "[::1:502", "::1]:502",
+	};
+	int fd;
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(bad) / sizeof(bad[0]); i++)
+		assert_int_equal(db_listener_open(bad[i]), -EINVAL);
+	fd = db_listener_open("127.0.0.1:0");
+	assert_true(fd >= 0);
+	assert_int_not_equal(db_listener_port(fd), 0);
+	close(fd);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(matches_prefixes), cmocka_unit_test(empty_lists),
+		cmocka_unit_test(both_lists),	    cmocka_unit_test(peers),
+		cmocka_unit_test(listen_addresses),
+	};
+
+	return cmocka_run_group_tests_name("server/acl", tests, NULL, NULL);
+}
