@@ -45,9 +45,8 @@ enum db_status_bit {
 	DB_STATUS_BUS_UP = 1u << 13,      /* the port or interface is open */
 	DB_STATUS_REFUSED = 1u << 14,     /* the drive refused its last command (cmd_wrg) */
 };
-
-/* "online" for bit 0 and so on; null past the last. */
-const char *db_status_bit_name(unsigned bit);
+#define DB_STATUS_BIT_COUNT 15
+const char *db_status_bit_name(unsigned bit); /* 0 = "online" ...; "unknown" */
 
 /* Values of the `error` register: 0 none, then the bridge's own causes, then the drives' faults. */
 enum db_error {

@@ -1,93 +1,117 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The door of one drive: every write of a PLC passes here. It keeps the arguments, remembers the
- * command ids, checks ranges, hands requests to the bus and answers the client when the bus is done
- * or the client's patience ends. Network thread only; time is passed in.
+ * The commander of one drive: decides which writes become requests to the bus, which are answered
+ * from memory, and when their writers are answered. It is where "never executed twice" is kept.
  *
- * command_id: 0 executes each time. Another executes when it differs from the drive's last one; the
- * same again is not executed and gets the stored answer. The first one after the start is only taken
- * as the baseline (04, result restarted). An id is used up by every outcome but busy (06): that one
- * may be sent again. stop, quick_stop and disable always execute.
+ * Network thread only. No clock, no I/O, no allocation after db_commander_new(); `now` is handed in.
  *
- * A write of `command` that does not cover `command_id` (a single-register write) uses the id kept
- * from an earlier write if it is still unused. If the kept id is the last one used, the write is
- * taken for a repetition when command and arguments are the same as that id's, and else executes
- * like id 0.
+ * command_id
+ *   0: the write executes, each time.
+ *   Other: it executes when it differs from the drive's last id. The same id again is not executed
+ *   and is answered as the first time; while that command is pending, together with it.
+ *   The first id after the start is only remembered (04, restarted). Every outcome uses an id up,
+ *   except busy: a writer that found the queue full may repeat its write as it is.
+ *   stop, quick_stop and disable always execute. One that repeats the drive's newest command while
+ *   that is still pending joins it instead of filling the queue.
+ *
+ * A write of `command` without `command_id` (one register, FC 6) uses the kept id when that was not
+ * used yet. When it was, and command and arguments are those that were executed last, the write is
+ * the same request sent again and is not executed; otherwise it executes as if its id were 0.
+ *
+ * A write answered with an exception at once stores nothing.
  */
 #ifndef DRIVEBRIDGE_COMMANDER_H
 #define DRIVEBRIDGE_COMMANDER_H
 
+#include "drivebridge/axis.h"
 #include "drivebridge/command.h"
-#include "drivebridge/config.h"
 #include "drivebridge/driver.h"
 #include "drivebridge/server.h"
 
 struct db_commander;
 
 struct db_commander_ops {
-	/* False: the bus's queue is full. */
+	/* Hands a request to the bus, which copies it. False when its queue is full. */
 	bool (*submit)(void *context, const struct db_request *request);
-	/* Ends a write that db_commander_...() answered with DB_WRITE_LATER. */
+	/* Answers a write for which DB_WRITE_LATER was returned. Exactly once for each. */
 	void (*answer)(void *context, struct db_write_token token, uint8_t exception);
 };
 
-/* The command block of the register table. */
+struct db_commander_config {
+	const struct db_driver *driver;
+	const struct db_axis *axis;
+	uint16_t drive;       /* index in the configuration; makes tickets unique: 0..65534 */
+	uint16_t bus_axis;    /* index among the bus's drives */
+	unsigned confirm_ms;
+	bool accept_writes;   /* answer success at once; the result registers tell the end */
+};
+
+/* The command block of the registers, as kept for this drive. */
 struct db_command_block {
 	uint16_t command_id;
 	uint16_t command;
 	struct db_args args;
 };
 
-/* What the result registers show. */
-struct db_command_result {
-	uint16_t id;             /* of the latest command */
-	uint16_t command;        /* the latest command */
-	enum db_result result;   /* how it ended, or PENDING */
-	enum db_result write_result; /* of the latest write of any kind */
-	uint32_t duration_us;    /* of the latest command, from the write to its end */
-	uint16_t active_command; /* of the oldest one that has not ended, 0 = none */
-	unsigned pending;        /* how many have not ended */
+/* One write into the command block: the kept block with the written registers put over it. */
+struct db_command_write {
+	struct db_command_block block;
+	bool has_command;     /* `command` was among the written registers */
+	bool has_id;          /* `command_id` was */
 };
 
-/*
- * `axis_index` is the drive's place among its bus's drives, `number` its place in the configuration.
- * Everything passed in must outlive the commander. Null when out of memory.
- */
-struct db_commander *db_commander_new(const struct db_modbus_config *config,
-                                      const struct db_driver *driver, uint16_t axis_index,
-                                      uint16_t number, const struct db_commander_ops *ops,
-                                      void *context);
+/* What the result registers show. */
+struct db_command_state {
+	uint16_t result_id;
+	uint16_t result;          /* enum db_result of the latest command */
+	uint16_t result_command;
+	uint16_t write_result;    /* enum db_result of the latest command or parameter write */
+	uint32_t result_time_us;  /* from the arrival of the last ended command to its end */
+	uint16_t active_command;  /* oldest command pending, 0 = none */
+	bool busy;                /* a command or parameter write is pending */
+};
+
+/* Requests of one drive that may be pending; stops have places of their own. */
+#define DB_COMMANDER_PENDING 16
+#define DB_COMMANDER_STOPS   8
+
+/* Writers that may wait for one request; more are answered 05 at once. */
+#define DB_COMMANDER_WAITERS 4
+
+/* The driver, axis and context must outlive it. 0 or -ENOMEM. */
+int db_commander_new(const struct db_commander_config *config, const struct db_commander_ops *ops,
+                     void *context, struct db_commander **commander);
 void db_commander_free(struct db_commander *commander);
 
-/* Which drive (its `number`) a completion's ticket belongs to. */
-uint16_t db_commander_number(uint32_t ticket);
+/* The following three return 0, an exception, or DB_WRITE_LATER, as db_backend.write does. */
 
-const struct db_command_block *db_commander_block(const struct db_commander *commander);
-void db_commander_result(const struct db_commander *commander, struct db_command_result *result);
-
-/*
- * A write into the command block. `block` is the whole block as it would be after the write;
- * `with_id` and `with_command` tell whether the write covered those registers. `status` is the
- * drive's status word. Returns 0, an exception, or DB_WRITE_LATER.
- */
-int db_commander_write(struct db_commander *commander, const struct db_command_block *block,
-                       bool with_id, bool with_command, uint32_t status,
+int db_commander_write(struct db_commander *commander, const struct db_command_write *write,
                        struct db_write_token token, db_time now);
 
-/* A command beside the block, with arguments of its own and without id (coils). */
-int db_commander_command(struct db_commander *commander, enum db_command command,
-                         const struct db_args *args, uint32_t status, struct db_write_token token,
-                         db_time now);
+/* A command from outside the command block (coils): no id, the kept block stays as it is. */
+int db_commander_execute(struct db_commander *commander, enum db_command command,
+                         const struct db_args *args, struct db_write_token token, db_time now);
 
-/* Parameter writes, at most DB_SETTINGS_MAX of them, values of the right type; all or none is sent. */
-int db_commander_settings(struct db_commander *commander, const struct db_setting *settings,
-                          size_t count, uint32_t status, struct db_write_token token, db_time now);
+/* Values that were checked already; 1..DB_SETTINGS_MAX of them, carried out as one request. */
+int db_commander_set(struct db_commander *commander, const struct db_setting *settings, size_t count,
+                     struct db_write_token token, db_time now);
 
-/* The bus is done with a request. */
-void db_commander_complete(struct db_commander *commander, const struct db_completion *completion);
+/* A parameter write was refused before it came here (03): for write_result only. */
+void db_commander_set_refused(struct db_commander *commander, enum db_result result);
 
-/* When db_commander_expire() wants to be called; DB_TIME_NEVER when nobody waits. */
-db_time db_commander_deadline(const struct db_commander *commander);
+/* The bus ended a request. Unknown tickets are ignored. */
+void db_commander_complete(struct db_commander *commander, const struct db_completion *completion,
+                           db_time now);
+
+/* When db_commander_expire() is due; DB_TIME_NEVER. */
+db_time db_commander_next_deadline(const struct db_commander *commander);
+/* Answers the writers whose time is up; their requests stay pending. */
 void db_commander_expire(struct db_commander *commander, db_time now);
+
+const struct db_command_block *db_commander_kept(const struct db_commander *commander);
+void db_commander_state(const struct db_commander *commander, struct db_command_state *state);
+
+/* Index in the configuration of the drive that a ticket belongs to. */
+uint16_t db_ticket_drive(uint32_t ticket);
 
 #endif

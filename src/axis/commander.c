@@ -1,74 +1,70 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "drivebridge/commander.h"
 
-#include "drivebridge/axis.h"
+#include "regmap/commands.h"
 
+#include <errno.h>
+#include <modbus.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* Requests of one drive that have not ended, and clients that wait for one of them. */
-#define PENDING_MAX 16
-#define WAITERS_MAX 4
+#define SLOTS (DB_COMMANDER_PENDING + DB_COMMANDER_STOPS)
 
 struct waiter {
 	struct db_write_token token;
 	db_time deadline;
 };
 
-struct pending {
-	uint32_t ticket; /* 0: free */
-	enum db_command command; /* NONE: a parameter write */
-	uint16_t id;
+/* One request that the bus has. */
+struct slot {
+	uint32_t ticket; /* 0 = free */
 	uint32_t order;
-	db_time submitted;
-	struct waiter waiters[WAITERS_MAX];
+	enum db_command command; /* NONE: a parameter write */
+	db_time arrived;
 	unsigned waiter_count;
+	struct waiter waiters[DB_COMMANDER_WAITERS];
 };
 
-/* The last command with an id other than 0. */
-struct identified {
-	bool known; /* an id was seen since the start */
+/* A command id that was used, and what became of it. */
+struct memory {
 	uint16_t id;
-	uint16_t command;
-	struct db_args args;
 	enum db_result result;
-	uint32_t ticket;
+	uint32_t ticket; /* 0: it never went to the bus */
 };
 
 struct db_commander {
-	const struct db_modbus_config *config;
-	const struct db_driver *driver;
+	struct db_commander_config config;
 	const struct db_commander_ops *ops;
 	void *context;
-	uint16_t axis_index;
-	uint16_t number;
-	uint32_t next_order;
-	uint16_t next_ticket;
-	struct db_command_block block;
-	struct identified last;
-	struct db_command_result shown;
-	uint32_t shown_ticket;    /* the request `shown` describes */
-	uint32_t write_ticket;    /* the request write_result describes */
-	struct pending pending[PENDING_MAX];
-	struct db_request request; /* under construction; too large for a stack */
+
+	struct db_command_block kept;
+	struct memory last;           /* id 0: no id was seen yet */
+	struct memory previous;       /* to fall back to when the bus turns `last` away as busy */
+
+	bool has_executed;            /* `executed` holds something */
+	struct db_command_block executed; /* the newest command that went to the bus */
+
+	struct db_command_state shown;
+	uint32_t shown_ticket;        /* the command that `shown.result` is about */
+	uint32_t write_ticket;        /* the request that `shown.write_result` is about */
+	uint32_t newest;              /* the command that was submitted last */
+	uint32_t submitted;           /* requests so far */
+	unsigned waiting;             /* waiters in all slots */
+	struct slot slots[SLOTS];
 };
 
-struct db_commander *db_commander_new(const struct db_modbus_config *config,
-                                      const struct db_driver *driver, uint16_t axis_index,
-                                      uint16_t number, const struct db_commander_ops *ops,
-                                      void *context)
+int db_commander_new(const struct db_commander_config *config, const struct db_commander_ops *ops,
+                     void *context, struct db_commander **commander)
 {
-	struct db_commander *commander = calloc(1, sizeof *commander);
+	struct db_commander *made = calloc(1, sizeof *made);
 
-	if (!commander)
-		return NULL;
-	commander->config = config;
-	commander->driver = driver;
-	commander->ops = ops;
-	commander->context = context;
-	commander->axis_index = axis_index;
-	commander->number = number;
-	return commander;
+	if (!made)
+		return -ENOMEM;
+	made->config = *config;
+	made->ops = ops;
+	made->context = context;
+	*commander = made;
+	return 0;
 }
 
 void db_commander_free(struct db_commander *commander)
@@ -76,365 +72,406 @@ void db_commander_free(struct db_commander *commander)
 	free(commander);
 }
 
-/* Tickets carry the drive in the upper half, counting from 1 so that none is 0. */
-static uint32_t new_ticket(struct db_commander *commander)
-{
-	return ((uint32_t)commander->number + 1) << 16 | commander->next_ticket++;
-}
-
-uint16_t db_commander_number(uint32_t ticket)
+uint16_t db_ticket_drive(uint32_t ticket)
 {
 	return (uint16_t)((ticket >> 16) - 1);
 }
 
-const struct db_command_block *db_commander_block(const struct db_commander *commander)
+static struct slot *slot_of(struct db_commander *commander, uint32_t ticket)
 {
-	return &commander->block;
-}
-
-static const struct pending *oldest_command(const struct db_commander *commander)
-{
-	const struct pending *oldest = NULL;
-
-	for (size_t i = 0; i < PENDING_MAX; i++) {
-		const struct pending *pending = &commander->pending[i];
-
-		if (pending->ticket == 0 || pending->command == DB_CMD_NONE)
-			continue;
-		if (!oldest || (int32_t)(pending->order - oldest->order) < 0)
-			oldest = pending;
-	}
-	return oldest;
-}
-
-void db_commander_result(const struct db_commander *commander, struct db_command_result *result)
-{
-	const struct pending *oldest = oldest_command(commander);
-
-	*result = commander->shown;
-	result->active_command = oldest ? (uint16_t)oldest->command : 0;
-	result->pending = 0;
-	for (size_t i = 0; i < PENDING_MAX; i++)
-		result->pending += commander->pending[i].ticket != 0;
-}
-
-/* --- pending requests and those who wait -------------------------------------------------------- */
-
-static struct pending *find_pending(struct db_commander *commander, uint32_t ticket)
-{
-	for (size_t i = 0; i < PENDING_MAX; i++) {
-		if (commander->pending[i].ticket == ticket)
-			return &commander->pending[i];
+	for (size_t i = 0; i < SLOTS && ticket != 0; i++) {
+		if (commander->slots[i].ticket == ticket)
+			return &commander->slots[i];
 	}
 	return NULL;
 }
 
-static struct pending *find_stop(struct db_commander *commander, enum db_command command)
+static struct slot *free_slot(struct db_commander *commander, enum db_command command)
 {
-	for (size_t i = 0; i < PENDING_MAX; i++) {
-		if (commander->pending[i].ticket != 0 && commander->pending[i].command == command)
-			return &commander->pending[i];
+	bool stop = db_command_is_stop(command);
+	size_t first = stop ? DB_COMMANDER_PENDING : 0;
+	size_t end = stop ? SLOTS : DB_COMMANDER_PENDING;
+
+	for (size_t i = first; i < end; i++) {
+		if (commander->slots[i].ticket == 0)
+			return &commander->slots[i];
 	}
 	return NULL;
 }
 
-static int wait_for(const struct db_commander *commander, struct pending *pending,
-                    struct db_write_token token, db_time now)
+/* The writer waits for the slot's end, unless it is not to wait or there is no room. */
+static int wait_for(struct db_commander *commander, struct slot *slot, struct db_write_token token,
+                    db_time now)
 {
-	if (commander->config->accept_writes)
+	if (commander->config.accept_writes)
 		return 0;
-	if (pending->waiter_count == WAITERS_MAX)
-		return db_result_exception(DB_RESULT_PENDING);
-	pending->waiters[pending->waiter_count++] = (struct waiter){
+	if (slot->waiter_count == DB_COMMANDER_WAITERS)
+		return MODBUS_EXCEPTION_ACKNOWLEDGE;
+	slot->waiters[slot->waiter_count++] = (struct waiter){
 		.token = token,
-		.deadline = now + (db_time)commander->config->confirm_ms * DB_NS_PER_MS,
+		.deadline = now + (db_time)commander->config.confirm_ms * DB_NS_PER_MS,
 	};
+	commander->waiting++;
 	return DB_WRITE_LATER;
 }
 
-/* Stops may use the last place; so a drive whose places are taken can still be stopped. */
-static struct pending *free_place(struct db_commander *commander, bool stop)
-{
-	struct pending *place = NULL;
-	unsigned free_places = 0;
+/* --- what a write asks for -------------------------------------------------------------------- */
 
-	for (size_t i = 0; i < PENDING_MAX; i++) {
-		if (commander->pending[i].ticket == 0) {
-			place = &commander->pending[i];
-			free_places++;
-		}
-	}
-	/* Three kinds of stops, each pending at most once. */
-	return free_places > (stop ? 0u : 3u) ? place : NULL;
+static bool is_supported(const struct db_driver *driver, uint16_t code)
+{
+	return code < DB_CMD_LIMIT && (driver->commands & DB_COMMAND_BIT(code));
 }
 
-/* commander->request is filled but for ticket and time. Null: busy. */
-static struct pending *submit(struct db_commander *commander, uint16_t id, db_time now)
+static enum db_result check(const struct db_driver *driver, uint16_t code,
+                            const struct db_args *args)
 {
-	struct db_request *request = &commander->request;
-	bool stop = request->setting_count == 0 && db_command_is_stop(request->command);
-	struct pending *place = free_place(commander, stop);
-
-	if (!place)
-		return NULL;
-	request->axis = commander->axis_index;
-	request->ticket = new_ticket(commander);
-	request->submitted = now;
-	if (!commander->ops->submit(commander->context, request))
-		return NULL;
-	*place = (struct pending){
-		.ticket = request->ticket,
-		.command = request->command,
-		.id = id,
-		.order = commander->next_order++,
-		.submitted = now,
-	};
-	return place;
-}
-
-/* --- commands ------------------------------------------------------------------------------------ */
-
-static void show(struct db_commander *commander, uint16_t id, uint16_t command,
-                 enum db_result result, uint32_t ticket)
-{
-	commander->shown.id = id;
-	commander->shown.command = command;
-	commander->shown.result = result;
-	commander->shown.write_result = result;
-	commander->shown.duration_us = 0;
-	commander->shown_ticket = ticket;
-	commander->write_ticket = ticket;
-}
-
-static void remember(struct db_commander *commander, const struct db_command_block *block,
-                     enum db_result result, uint32_t ticket)
-{
-	if (block->command_id == 0)
-		return;
-	commander->last = (struct identified){
-		.known = true,
-		.id = block->command_id,
-		.command = block->command,
-		.args = block->args,
-		.result = result,
-		.ticket = ticket,
-	};
-}
-
-/* A command that ends before anything was queued. Busy leaves the id unused. */
-static int refuse(struct db_commander *commander, const struct db_command_block *block,
-                  enum db_result result)
-{
-	show(commander, block->command_id, block->command, result, 0);
-	if (result != DB_RESULT_BUSY)
-		remember(commander, block, result, 0);
-	return db_result_exception(result);
-}
-
-/* May this command be given to the bus now? */
-static enum db_result admit(const struct db_commander *commander,
-                            const struct db_command_block *block, uint32_t status)
-{
-	enum db_command command = (enum db_command)block->command;
-	enum db_result result;
-
-	if (block->command >= DB_CMD_LIMIT ||
-	    !(commander->driver->commands & DB_COMMAND_BIT(block->command)))
+	if (!db_command_find(code))
+		return DB_RESULT_OUT_OF_RANGE;
+	if (!is_supported(driver, code))
 		return DB_RESULT_UNSUPPORTED;
-	result = commander->driver->check(command, &block->args);
-	if (result != DB_RESULT_OK)
-		return result;
-	if (!(status & DB_STATUS_BUS_UP))
+	return driver->check((enum db_command)code, args);
+}
+
+/* OK when the drive can be asked now. A stop is worth queueing for a drive that may come back. */
+static enum db_result reach(const struct db_commander *commander, enum db_command command)
+{
+	struct db_snapshot snapshot;
+
+	db_axis_read(commander->config.axis, &snapshot);
+	if (!(snapshot.feedback.status & DB_STATUS_BUS_UP))
 		return DB_RESULT_BUS_DOWN;
-	/* A stop is tried all the same: the drive may be deaf only for a moment. */
-	if (!(status & DB_STATUS_ONLINE) && !db_command_is_stop(command))
+	if (!(snapshot.feedback.status & DB_STATUS_ONLINE) && !db_command_is_stop(command))
 		return DB_RESULT_OFFLINE;
 	return DB_RESULT_OK;
 }
 
-static int execute(struct db_commander *commander, const struct db_command_block *block,
-                   uint32_t status, struct db_write_token token, db_time now)
+static bool equals_executed(const struct db_commander *commander,
+                            const struct db_command_block *block)
 {
-	enum db_command command = (enum db_command)block->command;
-	enum db_result result = admit(commander, block, status);
-	struct pending *pending;
-
-	if (result != DB_RESULT_OK)
-		return refuse(commander, block, result);
-	pending = db_command_is_stop(command) ? find_stop(commander, command) : NULL;
-	if (!pending) {
-		commander->request.command = command;
-		commander->request.setting_count = 0;
-		commander->request.args = block->args;
-		pending = submit(commander, block->command_id, now);
-	}
-	if (!pending)
-		return refuse(commander, block, DB_RESULT_BUSY);
-	show(commander, block->command_id, block->command, DB_RESULT_PENDING, pending->ticket);
-	remember(commander, block, DB_RESULT_PENDING, pending->ticket);
-	return wait_for(commander, pending, token, now);
+	return commander->has_executed && commander->executed.command == block->command &&
+	       db_command_same_args(block->command, &commander->executed.args, &block->args);
 }
 
-/* The same id again: the answer it had, or the one it is waiting for. */
-static int repeat(struct db_commander *commander, struct db_write_token token, db_time now)
+/*
+ * The id that a write stands for: the written one, or for a write of `command` alone the kept one,
+ * unless that was used for something else already.
+ */
+static uint16_t id_of(const struct db_commander *commander, const struct db_command_write *write)
 {
-	struct pending *pending;
+	uint16_t id = write->block.command_id;
 
-	if (commander->last.result != DB_RESULT_PENDING)
-		return db_result_exception(commander->last.result);
-	pending = find_pending(commander, commander->last.ticket);
-	return pending ? wait_for(commander, pending, token, now) :
-	                 db_result_exception(DB_RESULT_PENDING);
+	if (write->has_id || id != commander->last.id || equals_executed(commander, &write->block))
+		return id;
+	return 0;
 }
 
-static bool same_args(const struct db_args *a, const struct db_args *b)
+/* --- what is remembered ------------------------------------------------------------------------ */
+
+static void show(struct db_commander *commander, uint16_t id, uint16_t code, enum db_result result,
+                 uint32_t ticket)
 {
-	return a->target_position == b->target_position &&
-	       a->target_velocity == b->target_velocity &&
-	       a->output_number == b->output_number && a->output_value == b->output_value &&
-	       a->output_mask == b->output_mask && a->output_levels == b->output_levels &&
-	       a->shake_start_position == b->shake_start_position &&
-	       a->shake_end_position == b->shake_end_position &&
-	       a->shake_frequency == b->shake_frequency && a->shake_cycles == b->shake_cycles &&
-	       a->shake_time == b->shake_time;
+	commander->shown.result_id = id;
+	commander->shown.result_command = code;
+	commander->shown.result = (uint16_t)result;
+	commander->shown_ticket = ticket;
+	commander->shown.write_result = (uint16_t)result;
+	commander->write_ticket = ticket;
 }
 
-/* Not a new event of the PLC: its id was used, or (without id) nothing differs from the last. */
-static bool is_repetition(const struct db_commander *commander,
-                          const struct db_command_block *block, bool with_id)
+static void remember(struct db_commander *commander, uint16_t id, enum db_result result,
+                     uint32_t ticket)
 {
-	const struct identified *last = &commander->last;
-
-	if (block->command_id == 0 || !last->known || block->command_id != last->id)
-		return false;
-	return with_id ||
-	       (block->command == last->command && same_args(&block->args, &last->args));
+	if (id == 0)
+		return;
+	/* A stop repeated under its own id does not make an older id new again. */
+	if (id != commander->last.id)
+		commander->previous = commander->last;
+	commander->last = (struct memory){ .id = id, .result = result, .ticket = ticket };
 }
 
-int db_commander_write(struct db_commander *commander, const struct db_command_block *block,
-                       bool with_id, bool with_command, uint32_t status,
-                       struct db_write_token token, db_time now)
+/* Ends a command before it came to the bus. */
+static int refuse(struct db_commander *commander, uint16_t id, uint16_t code, enum db_result result)
 {
-	struct db_command_block executed = *block;
-
-	commander->block = *block;
-	if (!with_command || block->command == DB_CMD_NONE)
-		return 0;
-	if (db_command_is_stop((enum db_command)block->command))
-		return execute(commander, &executed, status, token, now);
-	if (is_repetition(commander, block, with_id))
-		return repeat(commander, token, now);
-	if (!with_id && commander->last.known && block->command_id == commander->last.id)
-		executed.command_id = 0;
-	if (executed.command_id != 0 && !commander->last.known)
-		return refuse(commander, &executed, DB_RESULT_RESTARTED);
-	return execute(commander, &executed, status, token, now);
-}
-
-int db_commander_command(struct db_commander *commander, enum db_command command,
-                         const struct db_args *args, uint32_t status, struct db_write_token token,
-                         db_time now)
-{
-	struct db_command_block block = { .command = (uint16_t)command, .args = *args };
-
-	return execute(commander, &block, status, token, now);
-}
-
-/* --- parameters ---------------------------------------------------------------------------------- */
-
-static int refuse_settings(struct db_commander *commander, enum db_result result)
-{
-	commander->shown.write_result = result;
-	commander->write_ticket = 0;
+	show(commander, id, code, result, 0);
+	if (result != DB_RESULT_BUSY)
+		remember(commander, id, result, 0);
 	return db_result_exception(result);
 }
 
-int db_commander_settings(struct db_commander *commander, const struct db_setting *settings,
-                          size_t count, uint32_t status, struct db_write_token token, db_time now)
-{
-	struct pending *pending;
+/* --- carrying out -------------------------------------------------------------------------------- */
 
-	if (count == 0 || count > DB_SETTINGS_MAX)
-		return refuse_settings(commander, DB_RESULT_OUT_OF_RANGE);
-	for (size_t i = 0; i < count; i++) {
-		if (!commander->driver->check_param(settings[i].param, settings[i].value))
-			return refuse_settings(commander, DB_RESULT_OUT_OF_RANGE);
+/* False when the drive's or the bus's queue is full. */
+static bool submit(struct db_commander *commander, struct db_request *request, struct slot **slot)
+{
+	*slot = free_slot(commander, request->command);
+	if (!*slot)
+		return false;
+	request->ticket = ((uint32_t)commander->config.drive + 1) << 16 |
+	                  (commander->submitted & 0xFFFFu);
+	request->axis = commander->config.bus_axis;
+	if (!commander->ops->submit(commander->context, request))
+		return false;
+	(*slot)->ticket = request->ticket;
+	(*slot)->order = commander->submitted++;
+	(*slot)->command = request->command;
+	(*slot)->arrived = request->submitted;
+	(*slot)->waiter_count = 0;
+	return true;
+}
+
+static int carry_out(struct db_commander *commander, const struct db_command_block *block,
+                     uint16_t id, struct db_write_token token, db_time now)
+{
+	struct db_request request;
+	enum db_result result = reach(commander, (enum db_command)block->command);
+	struct slot *slot;
+
+	if (result != DB_RESULT_OK)
+		return refuse(commander, id, block->command, result);
+	request.command = (enum db_command)block->command;
+	request.args = block->args;
+	request.submitted = now;
+	request.setting_count = 0;
+	if (!submit(commander, &request, &slot))
+		return refuse(commander, id, block->command, DB_RESULT_BUSY);
+	commander->newest = request.ticket;
+	commander->executed = *block;
+	commander->has_executed = true;
+	show(commander, id, block->command, DB_RESULT_PENDING, request.ticket);
+	remember(commander, id, DB_RESULT_PENDING, request.ticket);
+	return wait_for(commander, slot, token, now);
+}
+
+/* The last id came again, and its command was not turned away as busy. */
+static bool is_repeat(const struct db_commander *commander, uint16_t id)
+{
+	return id != 0 && id == commander->last.id && commander->last.result != DB_RESULT_BUSY;
+}
+
+/* The last id came again: its answer is that of the first time. */
+static int repeat(struct db_commander *commander, struct db_write_token token, db_time now)
+{
+	struct slot *slot = slot_of(commander, commander->last.ticket);
+
+	commander->shown.write_result = (uint16_t)commander->last.result;
+	commander->write_ticket = slot ? slot->ticket : 0;
+	if (slot)
+		return wait_for(commander, slot, token, now);
+	if (commander->config.accept_writes && commander->last.ticket != 0)
+		return 0;
+	return db_result_exception(commander->last.result);
+}
+
+/*
+ * The pending stop that this one may join: the drive's newest command. An older one must not be
+ * joined, because what was queued after it would run after both.
+ */
+static struct slot *joinable(struct db_commander *commander, uint16_t code)
+{
+	struct slot *slot = slot_of(commander, commander->newest);
+
+	return slot && slot->command == (enum db_command)code && db_command_is_stop(slot->command) ?
+	               slot :
+	               NULL;
+}
+
+static int command(struct db_commander *commander, const struct db_command_block *block, uint16_t id,
+                   struct db_write_token token, db_time now)
+{
+	bool stop = db_command_is_stop((enum db_command)block->command);
+	enum db_result result;
+	struct slot *slot;
+
+	if (is_repeat(commander, id) && !stop)
+		return repeat(commander, token, now);
+	result = check(commander->config.driver, block->command, &block->args);
+	if (result != DB_RESULT_OK)
+		return refuse(commander, id, block->command, result);
+	if (id != 0 && commander->last.id == 0 && !stop)
+		return refuse(commander, id, block->command, DB_RESULT_RESTARTED);
+	slot = joinable(commander, block->command);
+	if (slot) {
+		show(commander, id, block->command, DB_RESULT_PENDING, slot->ticket);
+		remember(commander, id, DB_RESULT_PENDING, slot->ticket);
+		return wait_for(commander, slot, token, now);
 	}
-	if (!(status & DB_STATUS_BUS_UP))
-		return refuse_settings(commander, DB_RESULT_BUS_DOWN);
-	if (!(status & DB_STATUS_ONLINE))
-		return refuse_settings(commander, DB_RESULT_OFFLINE);
-	commander->request.command = DB_CMD_NONE;
-	commander->request.setting_count = (uint16_t)count;
-	memcpy(commander->request.settings, settings, count * sizeof settings[0]);
-	pending = submit(commander, 0, now);
-	if (!pending)
-		return refuse_settings(commander, DB_RESULT_BUSY);
+	return carry_out(commander, block, id, token, now);
+}
+
+int db_commander_write(struct db_commander *commander, const struct db_command_write *write,
+                       struct db_write_token token, db_time now)
+{
+	int answer = 0;
+
+	if (write->has_command && write->block.command != DB_CMD_NONE)
+		answer = command(commander, &write->block, id_of(commander, write), token, now);
+	/* 05: on its way, though its writer does not wait for it. */
+	if (answer <= 0 || answer == MODBUS_EXCEPTION_ACKNOWLEDGE)
+		commander->kept = write->block;
+	return answer;
+}
+
+int db_commander_execute(struct db_commander *commander, enum db_command code,
+                         const struct db_args *args, struct db_write_token token, db_time now)
+{
+	struct db_command_block block = { .command = (uint16_t)code, .args = *args };
+
+	return command(commander, &block, 0, token, now);
+}
+
+void db_commander_set_refused(struct db_commander *commander, enum db_result result)
+{
+	commander->shown.write_result = (uint16_t)result;
+	commander->write_ticket = 0;
+}
+
+int db_commander_set(struct db_commander *commander, const struct db_setting *settings, size_t count,
+                     struct db_write_token token, db_time now)
+{
+	struct db_request request;
+	enum db_result result = reach(commander, DB_CMD_NONE);
+	struct slot *slot = NULL;
+
+	request.command = DB_CMD_NONE;
+	request.args = (struct db_args){ 0 };
+	request.submitted = now;
+	request.setting_count = (uint16_t)count;
+	memcpy(request.settings, settings, count * sizeof settings[0]);
+	if (result == DB_RESULT_OK && !submit(commander, &request, &slot))
+		result = DB_RESULT_BUSY;
+	if (result != DB_RESULT_OK) {
+		db_commander_set_refused(commander, result);
+		return db_result_exception(result);
+	}
 	commander->shown.write_result = DB_RESULT_PENDING;
-	commander->write_ticket = pending->ticket;
-	return wait_for(commander, pending, token, now);
+	commander->write_ticket = request.ticket;
+	return wait_for(commander, slot, token, now);
 }
 
-/* --- ends ---------------------------------------------------------------------------------------- */
+/* --- how it ended ---------------------------------------------------------------------------------- */
 
-void db_commander_complete(struct db_commander *commander, const struct db_completion *completion)
+static void answer_waiters(struct db_commander *commander, struct slot *slot, uint8_t exception)
 {
-	struct pending *pending = find_pending(commander, completion->ticket);
-	struct pending ended;
+	/* Taken out first: an answer may let the writer's next request in. */
+	unsigned count = slot->waiter_count;
+	struct waiter waiters[DB_COMMANDER_WAITERS];
 
-	if (!pending || completion->ticket == 0)
+	memcpy(waiters, slot->waiters, sizeof waiters);
+	slot->waiter_count = 0;
+	commander->waiting -= count;
+	for (unsigned i = 0; i < count; i++)
+		commander->ops->answer(commander->context, waiters[i].token, exception);
+}
+
+/* The bus turned it away after all: the id is as good as never seen. */
+static void forget_last(struct db_commander *commander)
+{
+	commander->last = commander->previous;
+	commander->previous = (struct memory){ 0 };
+}
+
+void db_commander_complete(struct db_commander *commander, const struct db_completion *completion,
+                           db_time now)
+{
+	struct slot *slot = slot_of(commander, completion->ticket);
+	struct slot ended;
+
+	if (!slot)
 		return;
-	/* The place is free before anyone is answered: an answer may bring the next write. */
-	ended = *pending;
-	pending->ticket = 0;
-	if (commander->shown_ticket == ended.ticket) {
-		commander->shown.result = completion->result;
-		commander->shown.duration_us =
-		        (uint32_t)((completion->finished - ended.submitted) / DB_NS_PER_US);
+	if (commander->shown_ticket == completion->ticket) {
+		/* To the confirmation itself, not to when this thread came to hear of it. */
+		db_time end = completion->finished ? completion->finished : now;
+		db_time took = end - slot->arrived;
+
+		commander->shown.result = (uint16_t)completion->result;
+		commander->shown.result_time_us = took > 0 ? (uint32_t)(took / DB_NS_PER_US) : 0;
 	}
-	if (commander->write_ticket == ended.ticket)
-		commander->shown.write_result = completion->result;
-	if (commander->last.ticket == ended.ticket)
+	if (commander->write_ticket == completion->ticket)
+		commander->shown.write_result = (uint16_t)completion->result;
+	if (commander->previous.ticket == completion->ticket)
+		commander->previous.result = completion->result;
+	if (commander->last.ticket == completion->ticket) {
 		commander->last.result = completion->result;
-	for (unsigned i = 0; i < ended.waiter_count; i++)
-		commander->ops->answer(commander->context, ended.waiters[i].token,
-		                       db_result_exception(completion->result));
-}
-
-db_time db_commander_deadline(const struct db_commander *commander)
-{
-	db_time deadline = DB_TIME_NEVER;
-
-	for (size_t i = 0; i < PENDING_MAX; i++) {
-		const struct pending *pending = &commander->pending[i];
-
-		/* Waiters stand in the order they came; the first is the most impatient. */
-		if (pending->ticket != 0 && pending->waiter_count > 0 &&
-		    pending->waiters[0].deadline < deadline)
-			deadline = pending->waiters[0].deadline;
+		if (completion->result == DB_RESULT_BUSY)
+			forget_last(commander);
 	}
-	return deadline;
+	if (commander->newest == completion->ticket && completion->result == DB_RESULT_BUSY)
+		commander->has_executed = false;
+	ended = *slot;
+	slot->ticket = 0;
+	slot->waiter_count = 0;
+	answer_waiters(commander, &ended, db_result_exception(completion->result));
 }
 
-static void expire_first(struct pending *pending)
+db_time db_commander_next_deadline(const struct db_commander *commander)
 {
-	pending->waiter_count--;
-	memmove(&pending->waiters[0], &pending->waiters[1],
-	        pending->waiter_count * sizeof pending->waiters[0]);
+	db_time next = DB_TIME_NEVER;
+
+	if (commander->waiting == 0)
+		return DB_TIME_NEVER;
+	for (size_t i = 0; i < SLOTS; i++) {
+		const struct slot *slot = &commander->slots[i];
+
+		for (unsigned j = 0; j < slot->waiter_count; j++) {
+			if (slot->waiters[j].deadline < next)
+				next = slot->waiters[j].deadline;
+		}
+	}
+	return next;
+}
+
+/* What a writer whose time is up is told: that it takes longer, or why it surely will. */
+static uint8_t late_answer(const struct db_commander *commander)
+{
+	enum db_result result = reach(commander, DB_CMD_NONE);
+
+	return result == DB_RESULT_OK ? MODBUS_EXCEPTION_ACKNOWLEDGE : db_result_exception(result);
+}
+
+static void expire_slot(struct db_commander *commander, struct slot *slot, db_time now)
+{
+	struct slot due = { .waiter_count = 0 };
+	unsigned kept = 0;
+
+	for (unsigned i = 0; i < slot->waiter_count; i++) {
+		if (slot->waiters[i].deadline <= now)
+			due.waiters[due.waiter_count++] = slot->waiters[i];
+		else
+			slot->waiters[kept++] = slot->waiters[i];
+	}
+	slot->waiter_count = kept;
+	if (due.waiter_count > 0)
+		answer_waiters(commander, &due, late_answer(commander));
 }
 
 void db_commander_expire(struct db_commander *commander, db_time now)
 {
-	for (size_t i = 0; i < PENDING_MAX; i++) {
-		struct pending *pending = &commander->pending[i];
+	for (size_t i = 0; i < SLOTS && commander->waiting > 0; i++)
+		expire_slot(commander, &commander->slots[i], now);
+}
 
-		while (pending->ticket != 0 && pending->waiter_count > 0 &&
-		       pending->waiters[0].deadline <= now) {
-			struct db_write_token token = pending->waiters[0].token;
+const struct db_command_block *db_commander_kept(const struct db_commander *commander)
+{
+	return &commander->kept;
+}
 
-			expire_first(pending);
-			commander->ops->answer(commander->context, token,
-			                       db_result_exception(DB_RESULT_PENDING));
+void db_commander_state(const struct db_commander *commander, struct db_command_state *state)
+{
+	uint32_t oldest = 0;
+
+	*state = commander->shown;
+	state->busy = false;
+	state->active_command = DB_CMD_NONE;
+	for (size_t i = 0; i < SLOTS; i++) {
+		const struct slot *slot = &commander->slots[i];
+		uint32_t age = commander->submitted - slot->order;
+
+		if (slot->ticket == 0)
+			continue;
+		state->busy = true;
+		if (slot->command != DB_CMD_NONE && age > oldest) {
+			oldest = age;
+			state->active_command = (uint16_t)slot->command;
 		}
 	}
 }

@@ -39,10 +39,11 @@ static void check_devices(struct db_load *load)
 
 			if (!other->device || !same_device(bus->device, other->device))
 				continue;
-			db_report_error(&load->report,
-					line_of(load, "bus", bus->name, bus->source_line, "device"),
-					"device = %s is used by bus '%s' on line %u already; another port, or one bus for all its drives",
-					bus->device, other->name, other->source_line);
+			db_report_error(
+				&load->report,
+				line_of(load, "bus", bus->name, bus->source_line, "device"),
+				"device = %s is used by bus '%s' on line %u already; another port, or one bus for all its drives",
+				bus->device, other->name, other->source_line);
 			break;
 		}
 	}
@@ -55,23 +56,26 @@ static void check_pair(struct db_load *load, const struct db_drive_config *drive
 	const struct db_bus_config *bus;
 
 	if (drive->unit != 0 && drive->unit == other->unit)
-		db_report_error(&load->report,
-				line_of(load, "drive", drive->name, drive->source_line, "unit"),
-				"unit = %u belongs to drive '%s' on line %u already; a unit of its own for each drive",
-				drive->unit, other->name, other->source_line);
+		db_report_error(
+			&load->report,
+			line_of(load, "drive", drive->name, drive->source_line, "unit"),
+			"unit = %u belongs to drive '%s' on line %u already; a unit of its own for each drive",
+			drive->unit, other->name, other->source_line);
 	if (drive->bus >= config->bus_count || drive->bus != other->bus)
 		return;
 	bus = &config->buses[drive->bus];
 	if (bus->driver && bus->driver->medium == DB_MEDIUM_SERIAL && bus->line == DB_LINE_RS232)
-		db_report_error(&load->report,
-				line_of(load, "drive", drive->name, drive->source_line, "bus"),
-				"bus '%s' is an RS232 line and has drive '%s' already; one drive per RS232 line, or line = rs485",
-				bus->name, other->name);
+		db_report_error(
+			&load->report,
+			line_of(load, "drive", drive->name, drive->source_line, "bus"),
+			"bus '%s' is an RS232 line and has drive '%s' already; one drive per RS232 line, or line = rs485",
+			bus->name, other->name);
 	else if (drive->address != 0 && drive->address == other->address)
-		db_report_error(&load->report,
-				line_of(load, "drive", drive->name, drive->source_line, "address"),
-				"address = %u on bus '%s' belongs to drive '%s' on line %u already; an address of its own for each drive of a bus",
-				drive->address, bus->name, other->name, other->source_line);
+		db_report_error(
+			&load->report,
+			line_of(load, "drive", drive->name, drive->source_line, "address"),
+			"address = %u on bus '%s' belongs to drive '%s' on line %u already; an address of its own for each drive of a bus",
+			drive->address, bus->name, other->name, other->source_line);
 }
 
 static void check_drives(struct db_load *load)
@@ -82,10 +86,11 @@ static void check_drives(struct db_load *load)
 		const struct db_drive_config *drive = &config->drives[i];
 
 		if (drive->unit != 0 && drive->unit == config->modbus.gateway_unit)
-			db_report_error(&load->report,
-					line_of(load, "drive", drive->name, drive->source_line, "unit"),
-					"unit = %u is the gateway's own unit (gateway-unit); another unit for one of them",
-					drive->unit);
+			db_report_error(
+				&load->report,
+				line_of(load, "drive", drive->name, drive->source_line, "unit"),
+				"unit = %u is the gateway's own unit (gateway-unit); another unit for one of them",
+				drive->unit);
 		for (size_t j = 0; j < i; j++)
 			check_pair(load, drive, &config->drives[j]);
 	}
@@ -127,11 +132,11 @@ static void warn_cycle(struct db_load *load, size_t index)
 
 	if (all <= (db_time)bus->cycle_ms * DB_NS_PER_MS)
 		return;
-	db_report_warning(&load->report,
-			  line_of(load, "bus", bus->name, bus->source_line, "cycle-ms"),
-			  "cycle of %u ms cannot fit %zu drive%s: one status exchange takes %.2f ms at %u baud, all of them %.2f ms; set cycle-ms = %u or raise the baud rate",
-			  bus->cycle_ms, drives, drives == 1 ? "" : "s", milliseconds(one), bus->baud,
-			  milliseconds(all), whole_milliseconds(all));
+	db_report_warning(
+		&load->report, line_of(load, "bus", bus->name, bus->source_line, "cycle-ms"),
+		"cycle of %u ms cannot fit %zu drive%s: one status exchange takes %.2f ms at %u baud, all of them %.2f ms; set cycle-ms = %u or raise the baud rate",
+		bus->cycle_ms, drives, drives == 1 ? "" : "s", milliseconds(one), bus->baud,
+		milliseconds(all), whole_milliseconds(all));
 }
 
 static void warn_confirm(struct db_load *load, size_t index)
@@ -143,10 +148,11 @@ static void warn_confirm(struct db_load *load, size_t index)
 	if (load->config->modbus.accept_writes || db_config_drives_on(load->config, index) == 0 ||
 	    needed <= (db_time)confirm_ms * DB_NS_PER_MS)
 		return;
-	db_report_warning(&load->report, line_of(load, "modbus", "", bus->source_line, "confirm-ms"),
-			  "confirm-ms = %u cannot be met on bus '%s': at %u baud a command takes %.2f ms, and %.2f ms when it has to wait for the exchange on the wire; set confirm-ms = %u in section modbus or raise the baud rate",
-			  confirm_ms, bus->name, bus->baud, milliseconds(bus->driver->command_time(bus)),
-			  milliseconds(needed), whole_milliseconds(needed));
+	db_report_warning(
+		&load->report, line_of(load, "modbus", "", bus->source_line, "confirm-ms"),
+		"confirm-ms = %u cannot be met on bus '%s': at %u baud a command takes %.2f ms, and %.2f ms when it has to wait for the exchange on the wire; set confirm-ms = %u in section modbus or raise the baud rate",
+		confirm_ms, bus->name, bus->baud, milliseconds(bus->driver->command_time(bus)),
+		milliseconds(needed), whole_milliseconds(needed));
 }
 
 void db_load_check(struct db_load *load)

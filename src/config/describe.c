@@ -23,7 +23,8 @@ static void put_word(FILE *out, const char *section, const char *key, unsigned p
 	fprintf(out, "%.*s", (int)strcspn(words, " "), words);
 }
 
-static void put_networks(FILE *out, const char *what, const struct db_network *networks, size_t count)
+static void put_networks(FILE *out, const char *what, const struct db_network *networks,
+                         size_t count)
 {
 	static const struct db_network nobody = { .prefix = 128 };
 
@@ -56,11 +57,11 @@ static void describe_modbus(const struct db_modbus_config *modbus, FILE *out)
 		fprintf(out, "answered as soon as they are queued\n");
 	else
 		fprintf(out, "answered when confirmed, or with exception 05 after %u ms\n",
-			modbus->confirm_ms);
+		        modbus->confirm_ms);
 	fprintf(out, "  %-14s", "stale data");
 	put_word(out, "modbus", "stale", modbus->stale_values);
 	fprintf(out, "\n  %-14s%u clients, %u requests of each at once\n", "limits",
-		modbus->max_clients, modbus->max_pipelined);
+	        modbus->max_clients, modbus->max_pipelined);
 	fprintf(out, "  %-14sunfinished frame %u ms, idle ", "timeouts", modbus->frame_timeout_ms);
 	if (modbus->idle_timeout_s > 0)
 		fprintf(out, "%u s\n", modbus->idle_timeout_s);
@@ -76,11 +77,11 @@ static void describe_times(const struct db_config *config, size_t index, FILE *o
 	double all = one * (double)drives;
 
 	fprintf(out, "  %-14s%u ms; one status exchange %.2f ms, %zu drive%s %.2f ms (%.0f %%)\n",
-		"cycle", bus->cycle_ms, one, drives, drives == 1 ? "" : "s", all,
-		100.0 * all / bus->cycle_ms);
-	fprintf(out, "  %-14sconfirmed after %.2f ms, or %.2f ms when the wire is busy\n", "command",
-		milliseconds(bus->driver->command_time(bus)),
-		milliseconds(db_config_confirm_time(bus)));
+	        "cycle", bus->cycle_ms, one, drives, drives == 1 ? "" : "s", all,
+	        100.0 * all / bus->cycle_ms);
+	fprintf(out, "  %-14sconfirmed after %.2f ms, or %.2f ms when the wire is busy\n",
+	        "command", milliseconds(bus->driver->command_time(bus)),
+	        milliseconds(db_config_confirm_time(bus)));
 }
 
 static void describe_drive(const struct db_drive_config *drive, FILE *out)
@@ -88,7 +89,8 @@ static void describe_drive(const struct db_drive_config *drive, FILE *out)
 	fprintf(out, "  drive %s: unit %u", drive->name, drive->unit);
 	if (drive->address > 0)
 		fprintf(out, ", address %u", drive->address);
-	fprintf(out, ", %g counts per %s, on-client-loss ", drive->counts_per_unit, drive->unit_name);
+	fprintf(out, ", %g counts per %s, on-client-loss ", drive->counts_per_unit,
+	        drive->unit_name);
 	put_word(out, "drive", "on-client-loss", drive->on_client_loss);
 	fprintf(out, ", on-exit ");
 	put_word(out, "drive", "on-exit", drive->on_exit);
@@ -103,15 +105,15 @@ static void describe_bus(const struct db_config *config, size_t index, FILE *out
 	const struct db_bus_config *bus = &config->buses[index];
 
 	fprintf(out, "bus %s\n  %-14s%s (%s)\n", bus->name, "protocol", bus->driver->name,
-		bus->driver->title);
+	        bus->driver->title);
 	fprintf(out, "  %-14s%s, ", "device", bus->device);
 	put_word(out, "bus", "line", bus->line);
 	fprintf(out, ", %u baud, parity ", bus->baud);
 	put_word(out, "bus", "parity", bus->parity);
 	fprintf(out, ", %u stop bit%s\n", bus->stop_bits, bus->stop_bits == 1 ? "" : "s");
 	describe_times(config, index, out);
-	fprintf(out, "  %-14sdrive latency %u ms, retries %u, queue %u, save-interval %u s, ", "limits",
-		bus->drive_latency_ms, bus->retries, bus->queue, bus->save_interval_s);
+	fprintf(out, "  %-14sdrive latency %u ms, retries %u, queue %u, save-interval %u s, ",
+	        "limits", bus->drive_latency_ms, bus->retries, bus->queue, bus->save_interval_s);
 	if (bus->priority > 0)
 		fprintf(out, "real-time priority %u\n", bus->priority);
 	else

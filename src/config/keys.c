@@ -3,18 +3,26 @@
 
 #include <string.h>
 
-#define NUMBER(s, n, p, low, high, u, d)                                                            \
-	{ .section = s, .name = n, .kind = DB_KEY_NUMBER, .preset = p, .min = low, .max = high,     \
-	  .unit = u, .words = "", .only = "", .description = d }
-#define WORD(s, n, p, w, d)                                                                         \
-	{ .section = s, .name = n, .kind = DB_KEY_WORD, .preset = p, .unit = "", .words = w,        \
-	  .only = "", .description = d }
-#define OTHER(k, s, n, p, low, high, d)                                                             \
-	{ .section = s, .name = n, .kind = k, .preset = p, .min = low, .max = high, .unit = "",     \
-	  .words = "", .only = "", .description = d }
-#define FOREIGN(s, n, o, d)                                                                         \
-	{ .section = s, .name = n, .kind = DB_KEY_TEXT, .preset = "", .min = 1, .max = 255,         \
-	  .unit = "", .words = "", .only = o, .description = d }
+#define NUMBER(s, n, p, low, high, u, d)                                                 \
+	{                                                                                \
+		.section = s, .name = n, .kind = DB_KEY_NUMBER, .preset = p, .min = low, \
+		.max = high, .unit = u, .words = "", .only = "", .description = d        \
+	}
+#define WORD(s, n, p, w, d)                                                                        \
+	{                                                                                          \
+		.section = s, .name = n, .kind = DB_KEY_WORD, .preset = p, .unit = "", .words = w, \
+		.only = "", .description = d                                                       \
+	}
+#define OTHER(k, s, n, p, low, high, d)                                                   \
+	{                                                                                 \
+		.section = s, .name = n, .kind = k, .preset = p, .min = low, .max = high, \
+		.unit = "", .words = "", .only = "", .description = d                     \
+	}
+#define FOREIGN(s, n, o, d)                                                                       \
+	{                                                                                         \
+		.section = s, .name = n, .kind = DB_KEY_TEXT, .preset = "", .min = 1, .max = 255, \
+		.unit = "", .words = "", .only = o, .description = d                              \
+	}
 
 /* clang-format off */
 static const struct db_config_key KEYS[] = {

@@ -28,9 +28,9 @@ struct db_config_key {
 	const char *preset;
 	double min;
 	double max;
-	const char *unit;    /* "" when it has none */
-	const char *words;   /* WORD: separated by spaces, else "" */
-	const char *only;    /* not for serial families, but for these; "" = for all */
+	const char *unit;  /* "" when it has none */
+	const char *words; /* WORD: separated by spaces, else "" */
+	const char *only;  /* not for serial families, but for these; "" = for all */
 	const char *description;
 };
 

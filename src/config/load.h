@@ -12,7 +12,7 @@
 #include <confuse.h>
 
 struct db_load {
-	const char *file;          /* kept by the configuration */
+	const char *file; /* kept by the configuration */
 	struct db_report report;
 	struct db_outline outline;
 	cfg_t *root;
@@ -25,8 +25,8 @@ struct db_section {
 	const char *name;  /* "modbus", "bus" or "drive" */
 	const char *title; /* "" for modbus */
 	cfg_t *values;
-	size_t place;      /* in the outline, or DB_OUTLINE_TOP */
-	unsigned line;     /* of its head; 0 when the file has none */
+	size_t place;  /* in the outline, or DB_OUTLINE_TOP */
+	unsigned line; /* of its head; 0 when the file has none */
 };
 
 /* The section's line of this key, or of the section's head when the key was not given. */

@@ -56,7 +56,8 @@ static bool blank_comment(struct scan *scan)
 		else
 			text[scan->at] = ' ';
 	}
-	db_report_error(scan->report, start, "the comment that begins here has no end; close it with */");
+	db_report_error(scan->report, start,
+	                "the comment that begins here has no end; close it with */");
 	return false;
 }
 
@@ -91,23 +92,26 @@ static bool scan_string(struct scan *scan)
 
 	for (; text[scan->at] != quote; scan->at++) {
 		if (text[scan->at] == '\0' || text[scan->at] == '\n') {
-			db_report_error(scan->report, scan->line,
-					"the text that begins here has no end; close it with %c on the same line",
-					quote);
+			db_report_error(
+				scan->report, scan->line,
+				"the text that begins here has no end; close it with %c on the same line",
+				quote);
 			return false;
 		}
 		if (text[scan->at] == '$' && text[scan->at + 1] == '{') {
-			db_report_error(scan->report, scan->line,
-					"environment variables are not filled in; write the value itself");
+			db_report_error(
+				scan->report, scan->line,
+				"environment variables are not filled in; write the value itself");
 			return false;
 		}
 		if (text[scan->at] != '\\')
 			continue;
 		scan->at++;
 		if (text[scan->at] != quote && text[scan->at] != '\\') {
-			db_report_error(scan->report, scan->line,
-					"unknown escape after a backslash; write \\\\ for a backslash and \\%c for %c",
-					quote, quote);
+			db_report_error(
+				scan->report, scan->line,
+				"unknown escape after a backslash; write \\\\ for a backslash and \\%c for %c",
+				quote, quote);
 			return false;
 		}
 	}
@@ -135,9 +139,10 @@ static bool scan_word(struct scan *scan)
 	if (scan->at > begin && scan->text[scan->at] != '/' &&
 	    !(scan->text[scan->at - 1] == '$' && scan->text[scan->at] == '{'))
 		return true;
-	db_report_error(scan->report, scan->line,
-			"the character '%c' cannot stand here; put texts with special characters in \"quotes\"",
-			scan->text[scan->at]);
+	db_report_error(
+		scan->report, scan->line,
+		"the character '%c' cannot stand here; put texts with special characters in \"quotes\"",
+		scan->text[scan->at]);
 	return false;
 }
 
@@ -183,7 +188,7 @@ static char *token_text(const struct scan *scan)
 	size_t quotes = scan->token.type == TOKEN_STRING;
 
 	return strndup(scan->text + scan->token.begin + quotes,
-		       scan->token.end - scan->token.begin - 2 * quotes);
+	               scan->token.end - scan->token.begin - 2 * quotes);
 }
 
 static bool wrong(struct scan *scan, const char *expected)
@@ -191,11 +196,12 @@ static bool wrong(struct scan *scan, const char *expected)
 	int length = (int)(scan->token.end - scan->token.begin);
 
 	if (scan->token.type == TOKEN_END)
-		db_report_error(scan->report, scan->token.line, "the file ends too early; expected %s",
-				expected);
+		db_report_error(scan->report, scan->token.line,
+		                "the file ends too early; expected %s", expected);
 	else if (scan->token.type != TOKEN_BAD)
-		db_report_error(scan->report, scan->token.line, "'%.*s' cannot stand here; expected %s",
-				length > 40 ? 40 : length, scan->text + scan->token.begin, expected);
+		db_report_error(scan->report, scan->token.line,
+		                "'%.*s' cannot stand here; expected %s", length > 40 ? 40 : length,
+		                scan->text + scan->token.begin, expected);
 	return false;
 }
 
@@ -339,7 +345,8 @@ static bool is_titled(const struct db_outline_section *section)
 
 static bool is_name(const char *text)
 {
-	static const char ALLOWED[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-";
+	static const char ALLOWED[] =
+		"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-";
 	size_t length = strspn(text, ALLOWED);
 
 	return length >= 1 && length <= 31 && text[length] == '\0';
@@ -352,21 +359,23 @@ static bool check_section(const struct db_outline *outline, size_t index, struct
 	bool titled = is_titled(section);
 
 	if (!titled && strcmp(section->name, "modbus") != 0) {
-		db_report_error(report, section->line,
-				"unknown section '%s'; the sections are modbus, bus NAME and drive NAME",
-				section->name);
+		db_report_error(
+			report, section->line,
+			"unknown section '%s'; the sections are modbus, bus NAME and drive NAME",
+			section->name);
 		return false;
 	}
 	if (!titled && section->title[0] != '\0') {
 		db_report_error(report, section->line,
-				"section modbus has no name, but '%s' was given; write modbus {",
-				section->title);
+		                "section modbus has no name, but '%s' was given; write modbus {",
+		                section->title);
 		return false;
 	}
 	if (titled && !is_name(section->title)) {
-		db_report_error(report, section->line,
-				"'%s' is no name for a %s; 1 to 31 of the characters A-Z a-z 0-9 _ -",
-				section->title, section->name);
+		db_report_error(
+			report, section->line,
+			"'%s' is no name for a %s; 1 to 31 of the characters A-Z a-z 0-9 _ -",
+			section->title, section->name);
 		return false;
 	}
 	for (size_t i = 0; i < index; i++) {
@@ -375,10 +384,11 @@ static bool check_section(const struct db_outline *outline, size_t index, struct
 		if (strcmp(other->name, section->name) != 0 ||
 		    strcmp(other->title, section->title) != 0)
 			continue;
-		db_report_error(report, section->line,
-				titled ? "there is a %s '%s' on line %u already; choose another name" :
-					 "there is a section %s%s on line %u already; put all keys there",
-				section->name, section->title, other->line);
+		db_report_error(
+			report, section->line,
+			titled ? "there is a %s '%s' on line %u already; choose another name" :
+				 "there is a section %s%s on line %u already; put all keys there",
+			section->name, section->title, other->line);
 		return false;
 	}
 	return true;
@@ -391,12 +401,13 @@ static void report_unknown_key(const struct db_outline_key *key, const char *sec
 
 	if (elsewhere)
 		db_report_error(report, key->line,
-				"unknown key '%s' in section %s; it belongs to section %s", key->name,
-				section, elsewhere);
+		                "unknown key '%s' in section %s; it belongs to section %s",
+		                key->name, section, elsewhere);
 	else
 		db_report_error(report, key->line,
-				"unknown key '%s' in section %s; the nearest one is '%s'", key->name,
-				section, db_config_key_nearest(section, key->name)->name);
+		                "unknown key '%s' in section %s; the nearest one is '%s'",
+		                key->name, section,
+		                db_config_key_nearest(section, key->name)->name);
 }
 
 /* True when the key may stay. Its section is a known one. */
@@ -407,9 +418,10 @@ static bool check_key(const struct db_outline *outline, size_t index, struct db_
 	const struct db_config_key *known;
 
 	if (key->section == DB_OUTLINE_TOP) {
-		db_report_error(report, key->line,
-				"key '%s' stands outside of a section; the sections are modbus, bus NAME and drive NAME",
-				key->name);
+		db_report_error(
+			report, key->line,
+			"key '%s' stands outside of a section; the sections are modbus, bus NAME and drive NAME",
+			key->name);
 		return false;
 	}
 	section = outline->sections[key->section].name;
@@ -419,15 +431,17 @@ static bool check_key(const struct db_outline *outline, size_t index, struct db_
 		return false;
 	}
 	if (key->list && known->kind != DB_KEY_NETWORKS) {
-		db_report_error(report, key->line, "%s is a list; '%s' takes one value without braces",
-				key->name, key->name);
+		db_report_error(report, key->line,
+		                "%s is a list; '%s' takes one value without braces", key->name,
+		                key->name);
 		return false;
 	}
 	for (size_t i = index; i > 0 && outline->keys[i - 1].section == key->section; i--) {
 		if (strcmp(outline->keys[i - 1].name, key->name) != 0)
 			continue;
-		db_report_error(report, key->line, "%s was set on line %u already; keep one of them",
-				key->name, outline->keys[i - 1].line);
+		db_report_error(report, key->line,
+		                "%s was set on line %u already; keep one of them", key->name,
+		                outline->keys[i - 1].line);
 		return false;
 	}
 	return true;
@@ -449,8 +463,8 @@ static void check(char *text, struct db_outline *outline, struct db_report *repo
 	for (size_t i = 0; i < outline->key_count; i++) {
 		struct db_outline_key *key = &outline->keys[i];
 		const char *section = key->section == DB_OUTLINE_TOP ?
-					      "" :
-					      outline->sections[key->section].name;
+		                              "" :
+		                              outline->sections[key->section].name;
 
 		if (key->section != DB_OUTLINE_TOP && !db_config_key_nearest(section, ""))
 			continue;
@@ -471,7 +485,8 @@ bool db_outline_read(char *text, struct db_outline *outline, struct db_report *r
 	*outline = (struct db_outline){ 0 };
 	if (!scan_text(&scan)) {
 		if (report->errors == 0)
-			db_report_error(report, 0, "out of memory while reading it; free some and try again");
+			db_report_error(report, 0,
+			                "out of memory while reading it; free some and try again");
 		return false;
 	}
 	check(text, outline, report);

@@ -24,13 +24,13 @@ struct db_outline_key {
 	size_t section; /* index, or DB_OUTLINE_TOP */
 	size_t begin;   /* bytes of the text it takes, value included */
 	size_t end;
-	bool list;      /* the value stands in braces */
+	bool list; /* the value stands in braces */
 	bool refused;
 };
 
 struct db_outline_section {
 	char *name;
-	char *title;    /* "" when it has none */
+	char *title; /* "" when it has none */
 	unsigned line;
 	size_t begin;
 	size_t end;

@@ -79,7 +79,7 @@ void db_report_print(struct db_report *report, const char *file, FILE *out)
 	for (size_t i = 0; i < report->count; i++) {
 		if (report->entries[i].line > 0)
 			fprintf(out, "%s:%u: %s\n", file, report->entries[i].line,
-				report->entries[i].text);
+			        report->entries[i].text);
 		else
 			fprintf(out, "%s: %s\n", file, report->entries[i].text);
 	}

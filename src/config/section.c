@@ -26,10 +26,10 @@ static void describe_range(const struct db_config_key *key, char *text, size_t s
 
 	if (key->kind == DB_KEY_REAL)
 		snprintf(text, size, "a number from %g to %g%s%s", key->min, key->max, space,
-			 key->unit);
+		         key->unit);
 	else if (key->kind == DB_KEY_NUMBER)
 		snprintf(text, size, "a whole number from %.0f to %.0f%s%s", key->min, key->max,
-			 space, key->unit);
+		         space, key->unit);
 	else if (key->kind == DB_KEY_WORD)
 		snprintf(text, size, "one of: %s", key->words);
 	else if (key->kind == DB_KEY_PROTOCOL)
@@ -51,8 +51,8 @@ static const char *text_of(const struct db_section *section, const struct db_con
 		return key->preset;
 	describe_range(key, range, sizeof(range));
 	db_report_error(&section->load->report, section->line,
-			"%s '%s' has no key '%s', which must be given; add %s = ..., %s", section->name,
-			section->title, key->name, key->name, range);
+	                "%s '%s' has no key '%s', which must be given; add %s = ..., %s",
+	                section->name, section->title, key->name, key->name, range);
 	return NULL;
 }
 
@@ -62,8 +62,8 @@ static void report_value(const struct db_section *section, const struct db_confi
 	char range[128];
 
 	describe_range(key, range, sizeof(range));
-	db_report_error(&section->load->report, db_section_line(section, key->name), "%s = %s %s; %s",
-			key->name, text, wrong, range);
+	db_report_error(&section->load->report, db_section_line(section, key->name),
+	                "%s = %s %s; %s", key->name, text, wrong, range);
 }
 
 unsigned db_section_number(const struct db_section *section, const char *name)
@@ -131,14 +131,16 @@ char *db_section_text(const struct db_section *section, const char *name)
 		return NULL;
 	}
 	if (key->kind == DB_KEY_LISTEN && !db_text_listen(text)) {
-		db_report_error(&section->load->report, db_section_line(section, name),
-				"%s = %s is no address and port; \"0.0.0.0:502\" or \"[::]:502\", numbers only, for instance",
-				name, text);
+		db_report_error(
+			&section->load->report, db_section_line(section, name),
+			"%s = %s is no address and port; \"0.0.0.0:502\" or \"[::]:502\", numbers only, for instance",
+			name, text);
 		return NULL;
 	}
 	copy = strdup(text);
 	if (!copy)
-		db_report_error(&section->load->report, 0, "out of memory; free some and try again");
+		db_report_error(&section->load->report, 0,
+		                "out of memory; free some and try again");
 	return copy;
 }
 
@@ -153,20 +155,23 @@ static void read_network(const struct db_section *section, const char *name, con
 	case DB_NETWORK_OK:
 		break;
 	case DB_NETWORK_NO_ADDRESS:
-		db_report_error(report, line,
-				"%s: '%s' is no network; \"192.168.10.0/24\", \"192.168.10.5\" or \"fd00::/8\", for instance",
-				name, text);
+		db_report_error(
+			report, line,
+			"%s: '%s' is no network; \"192.168.10.0/24\", \"192.168.10.5\" or \"fd00::/8\", for instance",
+			name, text);
 		break;
 	case DB_NETWORK_PREFIX:
-		db_report_error(report, line,
-				"%s: '%s' has no good prefix length; 0 to 32 for IPv4, 0 to 128 for IPv6",
-				name, text);
+		db_report_error(
+			report, line,
+			"%s: '%s' has no good prefix length; 0 to 32 for IPv4, 0 to 128 for IPv6",
+			name, text);
 		break;
 	case DB_NETWORK_HOST_BITS:
 		db_network_text(network, right);
-		db_report_error(report, line,
-				"%s: '%s' has address bits beyond its prefix; \"%s\" for the whole network, or the address without a prefix for one client",
-				name, text, right);
+		db_report_error(
+			report, line,
+			"%s: '%s' has address bits beyond its prefix; \"%s\" for the whole network, or the address without a prefix for one client",
+			name, text, right);
 		break;
 	}
 }
@@ -199,14 +204,15 @@ struct db_network *db_section_networks(const struct db_section *section, const c
 
 	*count = 0;
 	if (!networks) {
-		db_report_error(&section->load->report, 0, "out of memory; free some and try again");
+		db_report_error(&section->load->report, 0,
+		                "out of memory; free some and try again");
 		return NULL;
 	}
 	if (!given)
 		return preset_networks(section, key, networks, count);
 	for (size_t i = 0; i < size; i++)
 		read_network(section, name, cfg_getnstr(section->values, name, (unsigned)i),
-			     &networks[(*count)++]);
+		             &networks[(*count)++]);
 	if (size == 0) {
 		/* Nobody: the unspecified address, which no client can have. An empty array would mean
 		 * that nothing was configured. */

@@ -27,7 +27,8 @@ static void read_modbus(struct db_load *load)
 
 	modbus->listen = db_section_text(&section, "listen");
 	modbus->allow_read = db_section_networks(&section, "allow-read", &modbus->allow_read_count);
-	modbus->allow_write = db_section_networks(&section, "allow-write", &modbus->allow_write_count);
+	modbus->allow_write = db_section_networks(&section, "allow-write",
+	                                          &modbus->allow_write_count);
 	modbus->low_word_first = db_section_word(&section, "word-order") != 0;
 	modbus->confirm_ms = db_section_number(&section, "confirm-ms");
 	modbus->accept_writes = db_section_word(&section, "write-confirm") != 0;
@@ -46,7 +47,7 @@ static void list_protocols(char *text, size_t size)
 	text[0] = '\0';
 	for (size_t i = 0; db_drivers[i] && used < size; i++) {
 		int length = snprintf(text + used, size - used, "%s%s", i > 0 ? ", " : "",
-				      db_drivers[i]->name);
+		                      db_drivers[i]->name);
 
 		if (length > 0)
 			used += (size_t)length;
@@ -62,7 +63,7 @@ static const struct db_driver *read_protocol(const struct db_section *section)
 	if (name && !driver) {
 		list_protocols(known, sizeof(known));
 		db_report_error(&section->load->report, db_section_line(section, "protocol"),
-				"unknown protocol '%s'; known are: %s", name, known);
+		                "unknown protocol '%s'; known are: %s", name, known);
 	}
 	free(name);
 	return driver;
@@ -82,10 +83,11 @@ static void refuse_foreign_keys(const struct db_section *section, const struct d
 		if (strcmp(key->section, section->name) != 0 || key->only[0] == '\0' ||
 		    !db_section_has(section, key->name))
 			continue;
-		db_report_error(&section->load->report, db_section_line(section, key->name),
-				"%s is for %s, but %s runs on a serial line with one axis per drive; remove it%s",
-				key->name, key->only, driver->name,
-				strcmp(key->section, "bus") == 0 ? " and name the port with device" : "");
+		db_report_error(
+			&section->load->report, db_section_line(section, key->name),
+			"%s is for %s, but %s runs on a serial line with one axis per drive; remove it%s",
+			key->name, key->only, driver->name,
+			strcmp(key->section, "bus") == 0 ? " and name the port with device" : "");
 	}
 }
 
@@ -100,9 +102,10 @@ static void read_bus(struct db_load *load, unsigned index, struct db_bus_config 
 	refuse_foreign_keys(&section, bus->driver);
 	bus->device = db_section_text(&section, "device");
 	if (bus->device && bus->device[0] != '/')
-		db_report_error(&load->report, db_section_line(&section, "device"),
-				"device = %s is no whole path; one that begins with /, such as /dev/ttyUSB0",
-				bus->device);
+		db_report_error(
+			&load->report, db_section_line(&section, "device"),
+			"device = %s is no whole path; one that begins with /, such as /dev/ttyUSB0",
+			bus->device);
 	bus->baud = db_section_number(&section, "baud");
 	if (bus->baud == 0 && bus->driver)
 		bus->baud = bus->driver->default_baud;
@@ -129,9 +132,10 @@ static size_t read_drive_bus(const struct db_section *section)
 	while (index < config->bus_count && strcmp(config->buses[index].name, name) != 0)
 		index++;
 	if (index == config->bus_count)
-		db_report_error(&section->load->report, db_section_line(section, "bus"),
-				"there is no bus '%s'; the name of a section \"bus %s { ... }\" of this file",
-				name, name);
+		db_report_error(
+			&section->load->report, db_section_line(section, "bus"),
+			"there is no bus '%s'; the name of a section \"bus %s { ... }\" of this file",
+			name, name);
 	free(name);
 	return index;
 }
@@ -147,17 +151,20 @@ static void check_address(const struct db_section *section, const struct db_bus_
 		return;
 	if (driver->medium == DB_MEDIUM_SERIAL && bus->line == DB_LINE_RS232) {
 		if (address != 0)
-			db_report_error(report, line,
-					"address = %u cannot be on bus '%s', whose line is RS232; remove it, or set line = rs485 there",
-					address, bus->name);
+			db_report_error(
+				report, line,
+				"address = %u cannot be on bus '%s', whose line is RS232; remove it, or set line = rs485 there",
+				address, bus->name);
 	} else if (!db_section_has(section, "address")) {
-		db_report_error(report, section->line,
-				"drive '%s' has no key 'address', which must be given on bus '%s'; add address = ..., a whole number from %u to %u",
-				section->title, bus->name, driver->address_min, driver->address_max);
+		db_report_error(
+			report, section->line,
+			"drive '%s' has no key 'address', which must be given on bus '%s'; add address = ..., a whole number from %u to %u",
+			section->title, bus->name, driver->address_min, driver->address_max);
 	} else if (address < driver->address_min || address > driver->address_max) {
-		db_report_error(report, line,
-				"address = %u is out of range; %s drives have addresses from %u to %u",
-				address, driver->name, driver->address_min, driver->address_max);
+		db_report_error(
+			report, line,
+			"address = %u is out of range; %s drives have addresses from %u to %u",
+			address, driver->name, driver->address_min, driver->address_max);
 	}
 }
 
@@ -184,8 +191,8 @@ static void read_drive(struct db_load *load, unsigned index, struct db_drive_con
 	drive->unit_name = db_section_text(&section, "unit-name");
 	drive->on_client_loss = (enum db_on_loss)db_section_word(&section, "on-client-loss");
 	drive->on_exit = db_section_has(&section, "on-exit") ?
-				 (enum db_on_loss)db_section_word(&section, "on-exit") :
-				 drive->on_client_loss;
+	                         (enum db_on_loss)db_section_word(&section, "on-exit") :
+	                         drive->on_client_loss;
 	drive->watchdog_ms = db_section_number(&section, "watchdog-ms");
 }
 

@@ -135,10 +135,10 @@ enum db_network_error db_text_network(const char *text, struct db_network *netwo
 void db_network_text(const struct db_network *network, char text[DB_NETWORK_TEXT_MAX])
 {
 	bool v4 = network->prefix >= 96 &&
-		  memcmp(network->address, V4_MAPPED, sizeof(V4_MAPPED)) == 0;
+	          memcmp(network->address, V4_MAPPED, sizeof(V4_MAPPED)) == 0;
 	char address[INET6_ADDRSTRLEN] = "";
 
 	inet_ntop(v4 ? AF_INET : AF_INET6, network->address + (v4 ? sizeof(V4_MAPPED) : 0), address,
-		  sizeof(address));
+	          sizeof(address));
 	snprintf(text, DB_NETWORK_TEXT_MAX, "%s/%u", address, network->prefix - (v4 ? 96u : 0u));
 }

@@ -47,7 +47,7 @@ struct db_bus {
 	bool port_failed;
 
 	atomic_uint stats_sequence;
-	_Atomic uint32_t stats_words[DB_SEQLOCK_WORDS(sizeof(struct db_bus_stats))];
+	_Atomic uint32_t stats_words[DB_SEQLOCK_WORDS(struct db_bus_stats)];
 };
 
 static db_time clock_ns(clockid_t clock)

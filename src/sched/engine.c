@@ -48,7 +48,7 @@ struct db_engine {
 	db_time cycle_at;     /* when the next cycle is due; 0 before the first */
 	db_time cycle_started;
 	bool polling;         /* this cycle's polls are not all answered */
-	unsigned polls_since_identify;
+	unsigned polls_in_a_row;
 	bool front_was_last;
 
 	db_time probes_from;  /* the share for offline drives is used up until then */
@@ -426,7 +426,7 @@ static void send_poll(struct db_engine *engine, struct station *station, db_time
 	else if (begin(engine, station, LANE_POLL, DB_JOB_POLL, NULL, now, &result) == DB_STEP_SEND)
 		send_lane(engine, station, LANE_POLL, now);
 	engine->next_poll++;
-	engine->polls_since_identify++;
+	engine->polls_in_a_row++;
 }
 
 static bool wants_identify(const struct station *station, db_time now)
@@ -448,7 +448,6 @@ static bool try_identify(struct db_engine *engine, db_time now)
 		if (!wants_identify(station, now))
 			continue;
 		engine->next_identify = i + (lane->active ? 0 : 1);
-		engine->polls_since_identify = 0;
 		if (!lane->active && begin(engine, station, LANE_IDENTIFY, DB_JOB_IDENTIFY, NULL,
 		                           now, &result) != DB_STEP_SEND)
 			continue;
@@ -476,10 +475,17 @@ static bool try_probes(struct db_engine *engine, db_time now)
 	return false;
 }
 
+/* The classes below cyclic status. */
+static bool try_background(struct db_engine *engine, db_time now)
+{
+	engine->polls_in_a_row = 0;
+	return try_identify(engine, now) || try_probes(engine, now);
+}
+
 /*
  * Commands go before status, but cannot starve it: when a drive's status is two cycles old, they
- * take turns. Likewise status cannot starve the reading of parameters: once in a round of polls
- * one of its exchanges is let through.
+ * take turns. Likewise status cannot starve what comes after it: once in a round of polls one
+ * exchange of those classes is let through.
  */
 static bool send_something(struct db_engine *engine, db_time now)
 {
@@ -496,14 +502,13 @@ static bool send_something(struct db_engine *engine, db_time now)
 	}
 	if (try_fronts(engine, now))
 		return true;
-	if (poll && engine->polls_since_identify > engine->station_count &&
-	    try_identify(engine, now))
+	if (poll && engine->polls_in_a_row > engine->station_count && try_background(engine, now))
 		return true;
 	if (poll) {
 		send_poll(engine, poll, now);
 		return true;
 	}
-	return try_identify(engine, now) || try_probes(engine, now);
+	return try_background(engine, now);
 }
 
 /* --- answers --------------------------------------------------------------------------------------- */

@@ -150,7 +150,8 @@ static const char *do_get(struct request *request)
 	}
 	sim_vsmd_status(node->drive, request->now, &status);
 	(void)fprintf(request->out,
-	              "ok position=%" PRId32 " velocity=%g status=0x%08" PRIx32 " shaft=%.0f power=%d"
+	              "ok position=%" PRId32 " velocity=%g status=0x%08" PRIx32
+	              " shaft=%.0f power=%d"
 	              " address=%u heard=%" PRIu32 " replies=%" PRIu32 " refused=%" PRIu32,
 	              status.position, (double)status.velocity, status.status,
 	              sim_vsmd_shaft(node->drive), sim_vsmd_powered(node->drive),
@@ -171,7 +172,8 @@ static const char *do_log(struct request *request)
 	for (uint32_t i = first; i < node->heard; i++) {
 		const struct sim_log_entry *entry = &node->log[i % SIM_LOG_LINES];
 
-		(void)fprintf(request->out, "%" PRId64 " %s\n", entry->time / DB_NS_PER_US, entry->line);
+		(void)fprintf(request->out, "%" PRId64 " %s\n", entry->time / DB_NS_PER_US,
+		              entry->line);
 	}
 	return NULL;
 }
@@ -232,16 +234,18 @@ static const char *find_target(struct request *request, enum target target)
 	if (target != TARGET_DRIVE)
 		request->bus = sim_world_bus(request->world, name);
 	if (!request->node && !request->bus)
-		return target == TARGET_BUS ? "no such bus" :
-		       target == TARGET_DRIVE ? "no such drive" : "no such drive or bus";
+		return target == TARGET_BUS   ? "no such bus" :
+		       target == TARGET_DRIVE ? "no such drive" :
+		                                "no such drive or bus";
 	return NULL;
 }
 
 void sim_command(struct sim_world *world, char *line, db_time now, FILE *out)
 {
 	struct request request = { .world = world, .now = now, .out = out };
-	const char *error = "no such command; there are fault, power, identity, flash, stall, sensor, "
-	                    "bits, baud, get, log, list";
+	const char *error =
+		"no such command; there are fault, power, identity, flash, stall, sensor, "
+		"bits, baud, get, log, list";
 	const char *name = cut_word(line, &request.rest);
 
 	for (size_t i = 0; i < COMMAND_COUNT; i++) {

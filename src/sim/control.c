@@ -140,8 +140,7 @@ static bool answer(struct sim_control *control, struct client *client, char *lin
 	if (!out)
 		return false;
 	sim_command(control->world, line, now, out);
-	sent = fclose(out) == 0 &&
-	       send(client->fd, text, length, MSG_NOSIGNAL) == (ssize_t)length;
+	sent = fclose(out) == 0 && send(client->fd, text, length, MSG_NOSIGNAL) == (ssize_t)length;
 	free(text);
 	return sent;
 }

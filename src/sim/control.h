@@ -11,7 +11,8 @@
 
 struct sim_control;
 
-/* Listens at path; an old socket there is replaced. The world must outlive it. 0 or a negative errno. */
+/* Listens at path; an old socket there is replaced. The world must outlive it. 0 or a negative
+ * errno. */
 int sim_control_open(const char *path, struct sim_world *world, struct sim_control **control);
 void sim_control_close(struct sim_control *control);
 

@@ -32,7 +32,8 @@ static bool read_number(const char *text, int32_t *number)
 	return true;
 }
 
-static const char *apply(struct sim_faults *faults, enum sim_fault kind, char **words, unsigned count)
+static const char *apply(struct sim_faults *faults, enum sim_fault kind, char **words,
+                         unsigned count)
 {
 	int32_t left = -1;
 	int32_t delay = 0;

@@ -27,8 +27,8 @@ struct sim_faults {
 };
 
 /*
- * Reads "drop", "drop 3", "delay 200", "delay 200 3", "silence on", "echo off", "none" ... and changes
- * *faults. Null, or what is wrong (a static text) with *faults unchanged.
+ * Reads "drop", "drop 3", "delay 200", "delay 200 3", "silence on", "echo off", "none" ... and
+ * changes *faults. Null, or what is wrong (a static text) with *faults unchanged.
  */
 const char *sim_faults_set(struct sim_faults *faults, const char *text);
 

@@ -7,12 +7,14 @@
 
 #include "codec/vsmd.h"
 
-/* Replaces the file as one step: a crash leaves the old or the new content. 0 or a negative errno. */
+/* Replaces the file as one step: a crash leaves the old or the new content. 0 or a negative errno.
+ * */
 int sim_flash_write(const char *path, const union db_value values[VSMD_PARAM_COUNT]);
 
 /*
  * Changes those values that the file has. 0, -ENOENT when there is no file yet, -EBADMSG when its
- * content is not what sim_flash_write() writes (values may then be partly changed), or another errno.
+ * content is not what sim_flash_write() writes (values may then be partly changed), or another
+ * errno.
  */
 int sim_flash_read(const char *path, union db_value values[VSMD_PARAM_COUNT]);
 

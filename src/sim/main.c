@@ -45,13 +45,14 @@ static db_time clock_now(void)
 
 static void usage(FILE *out)
 {
-	(void)fputs("usage: drivebridge-sim --config FILE [--link BUS=PATH]... [--control SOCKET] "
-	            "[--trace FILE]\n"
-	            "  --config FILE    buses and drives, see conf/sim-demo.conf\n"
-	            "  --link BUS=PATH  make PATH a symbolic link to the bus's device\n"
-	            "  --control SOCKET take commands (faults, power ...) on this UNIX socket\n"
-	            "  --trace FILE     write every request and reply with its time in microseconds\n",
-	            out);
+	(void)fputs(
+		"usage: drivebridge-sim --config FILE [--link BUS=PATH]... [--control SOCKET] "
+		"[--trace FILE]\n"
+		"  --config FILE    buses and drives, see conf/sim-demo.conf\n"
+		"  --link BUS=PATH  make PATH a symbolic link to the bus's device\n"
+		"  --control SOCKET take commands (faults, power ...) on this UNIX socket\n"
+		"  --trace FILE     write every request and reply with its time in microseconds\n",
+		out);
 }
 
 /* 0, or the status to exit with, plus one. */
@@ -137,7 +138,9 @@ static int open_loop(struct loop *loop)
 	if (loop->poll < 0 || loop->timer < 0 || loop->signals < 0)
 		return -1;
 	return watch(loop, loop->timer, &loop->timer) != 0 ||
-	       watch(loop, loop->signals, &loop->signals) != 0 ? -1 : 0;
+	                       watch(loop, loop->signals, &loop->signals) != 0 ?
+	               -1 :
+	               0;
 }
 
 static void close_loop(const struct loop *loop)
@@ -165,8 +168,8 @@ static void arm(struct loop *loop, db_time when)
 }
 
 /* False when it is time to end. */
-static bool dispatch(struct loop *loop, const struct epoll_event *event, struct sim_control *control,
-                     db_time now)
+static bool dispatch(struct loop *loop, const struct epoll_event *event,
+                     struct sim_control *control, db_time now)
 {
 	struct sim_bus *bus;
 	uint64_t ticks;
@@ -187,7 +190,8 @@ static bool dispatch(struct loop *loop, const struct epoll_event *event, struct 
 	result = sim_bus_read(bus, now);
 	if (result == 0)
 		return true;
-	(void)fprintf(stderr, "bus %s: %s: %s\n", bus->config->name, bus->port.host, strerror(-result));
+	(void)fprintf(stderr, "bus %s: %s: %s\n", bus->config->name, bus->port.host,
+	              strerror(-result));
 	return false;
 }
 
@@ -218,7 +222,8 @@ static int announce(const struct loop *loop, struct sim_world *world, struct sim
 	for (size_t i = 0; i < world->bus_count; i++) {
 		if (watch(loop, world->buses[i].port.fd, &world->buses[i]) != 0)
 			return -1;
-		(void)printf("bus %s on %s\n", world->buses[i].config->name, world->buses[i].port.host);
+		(void)printf("bus %s on %s\n", world->buses[i].config->name,
+		             world->buses[i].port.host);
 	}
 	(void)puts("ready");
 	return fflush(stdout) == 0 ? 0 : -1;

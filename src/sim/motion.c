@@ -5,7 +5,8 @@
 
 /* Rounding of positions up to 2^31 in doubles stays well below this many pulses. */
 #define POSITION_TOLERANCE 1e-4
-/* A stopping distance this much too long is made up by braking a little harder, not by overshooting. */
+/* A stopping distance this much too long is made up by braking a little harder, not by
+ * overshooting. */
 #define LANDING_TOLERANCE 0.5
 
 /* A stretch of constant acceleration. */
@@ -14,7 +15,7 @@ struct segment {
 	double duration;     /* s, INFINITY = until something changes */
 	double end_velocity; /* exact values at its end, free of rounding */
 	double end_position;
-	bool lands;          /* end_position is meaningful */
+	bool lands; /* end_position is meaningful */
 };
 
 void sim_motion_init(struct sim_motion *motion, db_time now)
@@ -110,9 +111,15 @@ void sim_motion_stop(struct sim_motion *motion)
 
 void sim_motion_halt(struct sim_motion *motion)
 {
+	/* A pulse that has begun is finished: a sensor that just saw the motor still sees it. */
+	if (motion->velocity > 0.0)
+		motion->position = ceil(motion->position);
+	else if (motion->velocity < 0.0)
+		motion->position = floor(motion->position);
+	else
+		motion->position = round(motion->position);
 	motion->mode = SIM_MOTION_STANDING;
 	motion->velocity = 0.0;
-	motion->position = round(motion->position);
 }
 
 bool sim_motion_moving(const struct sim_motion *motion)
@@ -200,8 +207,8 @@ static struct segment plan_position(const struct sim_motion *motion)
 	if (speed > 0.0 && braking >= distance - POSITION_TOLERANCE) {
 		if (motion->dec == 0.0 || distance < POSITION_TOLERANCE / 2.0)
 			return braking > LANDING_TOLERANCE ?
-			       ramp_to(motion->velocity, 0.0, motion->dec) :
-			       land(motion, 0.0, 0.0);
+			               ramp_to(motion->velocity, 0.0, motion->dec) :
+			               land(motion, 0.0, 0.0);
 		if (braking > distance + LANDING_TOLERANCE)
 			return ramp_to(motion->velocity, 0.0, motion->dec);
 		return land(motion, -direction * speed * speed / (2.0 * distance),
@@ -215,7 +222,7 @@ static struct segment plan_position(const struct sim_motion *motion)
 	if (motion->dec == 0.0)
 		return land(motion, 0.0, distance / speed);
 	return (struct segment){ .duration = (distance - braking) / speed,
-	                         .end_velocity = motion->velocity };
+		                 .end_velocity = motion->velocity };
 }
 
 static struct segment plan(const struct sim_motion *motion)

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * How a stepper moves: trapezoidal speed profiles, continuous running, position moves that can be
- * retargeted at any moment, and oscillation. Pure arithmetic: no clock, no I/O, no allocation; time is
- * handed in. Positions are in pulses, speeds in pulses/s, accelerations in pulses/s^2.
+ * retargeted at any moment, and oscillation. Pure arithmetic: no clock, no I/O, no allocation;
+ * time is handed in. Positions are in pulses, speeds in pulses/s, accelerations in pulses/s^2.
  *
- * Every function but sim_motion_advance() acts at the moment the motion was last advanced to. Copying
- * the struct copies the motion, which is how a caller looks into the future.
+ * Every function but sim_motion_advance() acts at the moment the motion was last advanced to.
+ * Copying the struct copies the motion, which is how a caller looks into the future.
  */
 #ifndef DRIVEBRIDGE_SIM_MOTION_H
 #define DRIVEBRIDGE_SIM_MOTION_H
@@ -31,7 +31,7 @@ struct sim_motion {
 	double dec;             /* 0 = the speed jumps down */
 	double target_velocity; /* VELOCITY: signed; POSITION: a magnitude */
 	double target_position;
-	double limit_min;       /* soft limits; -INFINITY and INFINITY = none */
+	double limit_min; /* soft limits; -INFINITY and INFINITY = none */
 	double limit_max;
 	double shake_centre;
 	double shake_amplitude; /* signed: the start is centre + amplitude */

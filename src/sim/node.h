@@ -9,7 +9,7 @@
 #include "sim/faults.h"
 #include "sim/vsmd_drive.h"
 
-#define SIM_LOG_LINES  64
+#define SIM_LOG_LINES 64
 #define SIM_LOG_LENGTH 96 /* longer lines are cut in the log */
 
 struct sim_log_entry {
@@ -22,8 +22,8 @@ struct sim_node {
 	struct sim_vsmd *drive; /* not owned */
 	struct sim_faults faults;
 	struct sim_log_entry log[SIM_LOG_LINES]; /* a ring; entry heard % SIM_LOG_LINES is next */
-	uint32_t heard;         /* lines, broadcasts included */
-	uint32_t replies;       /* put on the wire, whole or broken */
+	uint32_t heard;                          /* lines, broadcasts included */
+	uint32_t replies;                        /* put on the wire, whole or broken */
 };
 
 #endif

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Where a simulated bus meets its host: a pseudo terminal, or a real serial port. Raw and non-blocking.
+ * Where a simulated bus meets its host: a pseudo terminal, or a real serial port. Raw and non-
+ * blocking.
  */
 #ifndef DRIVEBRIDGE_SIM_PORT_H
 #define DRIVEBRIDGE_SIM_PORT_H
@@ -19,9 +20,9 @@ struct sim_port {
 bool sim_port_is_pty(const char *device);
 
 /*
- * Opens device ("pty" or a path) and makes the symbolic link when link is not null; an old symbolic
- * link is replaced, any other file is not (-EEXIST). 0 or a negative errno (-EINVAL: no such baud rate);
- * on error nothing is left open.
+ * Opens device ("pty" or a path) and makes the symbolic link when link is not null; an old
+ * symbolic link is replaced, any other file is not (-EEXIST). 0 or a negative errno (-EINVAL: no
+ * such baud rate); on error nothing is left open.
  */
 int sim_port_open(struct sim_port *port, const char *device, unsigned baud, const char *link);
 

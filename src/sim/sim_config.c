@@ -15,24 +15,42 @@
 #define BAUD_MAX 921600
 #define TIME_MAX_US 10000000
 
-__attribute__((format(printf, 2, 0)))
-static void report(cfg_t *cfg, const char *format, va_list arguments)
+/* What would be right, for messages of libconfuse that only say what is wrong. */
+static const struct {
+	const char *begin;
+	const char *right;
+} advice[] = {
+	{ "invalid integer", "a whole number is right" },
+	{ "invalid floating", "a number is right" },
+	{ "invalid boolean", "true or false is right" },
+	{ "found duplicate title", "every bus and drive needs a name of its own" },
+	{ "missing equal sign", "KEY = VALUE is right" },
+	{ "missing opening brace", "SECTION NAME { ... } is right" },
+	{ "missing title", "SECTION NAME { ... } is right" },
+};
+
+__attribute__((format(printf, 2, 0))) static void report(cfg_t *cfg, const char *format,
+                                                         va_list arguments)
 {
 	char message[256];
 
 	(void)vsnprintf(message, sizeof(message), format, arguments);
-	(void)fprintf(stderr, "%s:%d: %s", cfg->filename ? cfg->filename : "configuration", cfg->line,
-	              message);
+	(void)fprintf(stderr, "%s:%d: %s", cfg->filename ? cfg->filename : "configuration",
+	              cfg->line, message);
 	if (strncmp(message, "no such option", 14) == 0) {
 		(void)fputs("; known here:", stderr);
 		for (cfg_opt_t *opt = cfg->opts; opt->name; opt++)
 			(void)fprintf(stderr, " %s", opt->name);
 	}
+	for (size_t i = 0; i < sizeof(advice) / sizeof(advice[0]); i++) {
+		if (strncmp(message, advice[i].begin, strlen(advice[i].begin)) == 0)
+			(void)fprintf(stderr, "; %s", advice[i].right);
+	}
 	(void)fputc('\n', stderr);
 }
 
-/* Remembers the line of a value for checks after parsing: libconfuse keeps lines of sections only, and
- * only of their ends, but has a comment for each option that parsing leaves unused. */
+/* Remembers the line of a value for checks after parsing: libconfuse keeps lines of sections only,
+ * and only of their ends, but has a comment for each option that parsing leaves unused. */
 static int note_line(cfg_t *cfg, cfg_opt_t *opt)
 {
 	char line[16];
@@ -42,8 +60,8 @@ static int note_line(cfg_t *cfg, cfg_opt_t *opt)
 }
 
 /* Reports something about option `name`; returns -1. */
-__attribute__((format(printf, 3, 4)))
-static int wrong(cfg_t *cfg, const char *name, const char *format, ...)
+__attribute__((format(printf, 3, 4))) static int wrong(cfg_t *cfg, const char *name,
+                                                       const char *format, ...)
 {
 	cfg_opt_t *opt = name ? cfg_getopt(cfg, name) : NULL;
 	const char *line = opt ? cfg_opt_getcomment(opt) : NULL;
@@ -63,7 +81,8 @@ static int check_int(cfg_t *cfg, const char *name, long min, long max)
 
 	if (value >= min && value <= max)
 		return 0;
-	return wrong(cfg, name, "%s = %ld is out of range; %ld to %ld is right", name, value, min, max);
+	return wrong(cfg, name, "%s = %ld is out of range; %ld to %ld is right", name, value, min,
+	             max);
 }
 
 /* A word of a list; its index, or -1 after a report. */
@@ -78,7 +97,8 @@ static int check_word(cfg_t *cfg, const char *name, const char *const *words)
 		(void)snprintf(known + strlen(known), sizeof(known) - strlen(known), "%s%s",
 		               i ? ", " : "", words[i]);
 	}
-	return wrong(cfg, name, "%s = \"%s\" is unknown; one of these is right: %s", name, value, known);
+	return wrong(cfg, name, "%s = \"%s\" is unknown; one of these is right: %s", name, value,
+	             known);
 }
 
 static int load_faults(cfg_t *cfg, const char **faults, size_t *count)
@@ -119,7 +139,8 @@ static int load_bus(cfg_t *cfg, struct sim_bus_config *bus)
 		.baud = (unsigned)cfg_getint(cfg, "baud"),
 		.rs485 = line == 0,
 		/* A real line takes its own time, a pty (whoever made it) takes none. */
-		.paced = strcmp(bus->device, "pty") == 0 || strncmp(bus->device, "/dev/pts/", 9) == 0,
+		.paced = strcmp(bus->device, "pty") == 0 ||
+		         strncmp(bus->device, "/dev/pts/", 9) == 0,
 		.reply_id = (uint8_t)cfg_getint(cfg, "reply-id"),
 		.latency = cfg_getint(cfg, "latency-us") * DB_NS_PER_US,
 		.turnaround = cfg_getint(cfg, "turnaround-us") * DB_NS_PER_US,
@@ -171,8 +192,10 @@ static int load_sensors(cfg_t *cfg, struct sim_vsmd_config *vsmd)
 		const char *text = cfg_getnstr(cfg, "sensor", i);
 
 		if (!parse_sensor(text, vsmd->sensors))
-			return wrong(cfg, "sensor", "sensor \"%s\" cannot be read; right is N:below:POS, "
-			             "N:above:POS or N:between:FROM:TO with N 1 to 6", text);
+			return wrong(cfg, "sensor",
+			             "sensor \"%s\" cannot be read; right is N:below:POS, "
+			             "N:above:POS or N:between:FROM:TO with N 1 to 6",
+			             text);
 	}
 	return 0;
 }
@@ -185,16 +208,21 @@ static int load_settings(cfg_t *cfg, struct sim_vsmd_config *vsmd)
 		size_t cursor = 0;
 
 		if (vsmd_serial_next_param(text, strlen(text), &cursor, &setting) != 1)
-			return wrong(cfg, "set", "set \"%s\" cannot be read; right is NAME=VALUE with the "
-			             "vendor's name of a parameter", text);
+			return wrong(cfg, "set",
+			             "set \"%s\" cannot be read; right is NAME=VALUE with the "
+			             "vendor's name of a parameter",
+			             text);
 		if (setting.param == VSMD_CID || setting.param == VSMD_BDR)
-			return wrong(cfg, "set", "set \"%s\": use address of the drive and baud of its bus",
+			return wrong(cfg, "set",
+			             "set \"%s\": use address of the drive and baud of its bus",
 			             text);
 		if (!sim_vsmd_takes(vsmd, setting.param, setting.value)) {
 			const struct db_param *param = &vsmd_params[setting.param];
 
-			return wrong(cfg, "set", "set \"%s\" is out of range or not for this model; "
-			             "%g to %g is documented", text, param->min, param->max);
+			return wrong(cfg, "set",
+			             "set \"%s\" is out of range or not for this model; "
+			             "%g to %g is documented",
+			             text, param->min, param->max);
 		}
 		vsmd->defaults[setting.param] = setting.value;
 	}
@@ -233,8 +261,8 @@ static int load_vsmd(cfg_t *cfg, unsigned baud, struct sim_vsmd_config *vsmd)
 	if (!(vsmd->travel_min <= vsmd->start && vsmd->start <= vsmd->travel_max))
 		return wrong(cfg, "start", "start must lie between travel-min and travel-max");
 	for (size_t i = 0; i < sizeof(currents) / sizeof(currents[0]); i++)
-		vsmd->defaults[currents[i]].f =
-			(float)clamp_current(vsmd->defaults[currents[i]].f, vsmd->max_current);
+		vsmd->defaults[currents[i]].f = (float)clamp_current(vsmd->defaults[currents[i]].f,
+		                                                     vsmd->max_current);
 	return load_sensors(cfg, vsmd) != 0 || load_settings(cfg, vsmd) != 0 ? -1 : 0;
 }
 
@@ -259,10 +287,13 @@ static int check_neighbours(cfg_t *cfg, const struct sim_config *config, size_t 
 		if (other->bus != drive->bus)
 			continue;
 		if (!config->buses[drive->bus].serial.rs485)
-			return wrong(cfg, "bus", "drives %s and %s share the rs232 line %s; it can have only "
-			             "one", other->name, drive->name, config->buses[drive->bus].name);
+			return wrong(cfg, "bus",
+			             "drives %s and %s share the rs232 line %s; it can have only "
+			             "one",
+			             other->name, drive->name, config->buses[drive->bus].name);
 		if (other->vsmd.address == drive->vsmd.address)
-			return wrong(cfg, "address", "address %u is taken by drive %s on the same bus",
+			return wrong(cfg, "address",
+			             "address %u is taken by drive %s on the same bus",
 			             drive->vsmd.address, other->name);
 	}
 	return 0;
@@ -275,8 +306,10 @@ static int load_drive(cfg_t *cfg, struct sim_config *config, size_t index)
 
 	drive->name = cfg_title(cfg);
 	if (find_bus(config, bus, &drive->bus) != 0)
-		return wrong(cfg, "bus", "drive %s: bus \"%s\" does not exist; name a bus section of this "
-		             "file", drive->name, bus ? bus : "");
+		return wrong(cfg, "bus",
+		             "drive %s: bus \"%s\" does not exist; name a bus section of this "
+		             "file",
+		             drive->name, bus ? bus : "");
 	for (size_t i = 0; i < config->bus_count; i++) {
 		if (strcmp(config->buses[i].name, drive->name) == 0)
 			return wrong(cfg, NULL, "drive %s has the name of a bus; names must differ",
@@ -306,8 +339,8 @@ static int load_sections(cfg_t *cfg, struct sim_config *config)
 	if (result != 0)
 		return -1;
 	for (; config->drive_count < drives; config->drive_count++)
-		result |= load_drive(cfg_getnsec(cfg, "drive", (unsigned)config->drive_count), config,
-		                     config->drive_count);
+		result |= load_drive(cfg_getnsec(cfg, "drive", (unsigned)config->drive_count),
+		                     config, config->drive_count);
 	return result;
 }
 
@@ -323,40 +356,34 @@ static void note_lines(cfg_t *cfg, const char *section, const cfg_opt_t *opts)
 
 int sim_config_load(const char *path, struct sim_config *config)
 {
-	cfg_opt_t bus[] = {
-		CFG_STR("protocol", "vsmd-serial", CFGF_NONE),
-		CFG_STR("device", "pty", CFGF_NONE),
-		CFG_STR("link", NULL, CFGF_NODEFAULT),
-		CFG_INT("baud", 115200, CFGF_NONE),
-		CFG_STR("line", "rs485", CFGF_NONE),
-		CFG_INT("latency-us", 800, CFGF_NONE),
-		CFG_INT("turnaround-us", 0, CFGF_NONE),
-		CFG_INT("reply-id", 1, CFGF_NONE),
-		CFG_STR("flash", NULL, CFGF_NODEFAULT),
-		CFG_STR_LIST("fault", NULL, CFGF_NODEFAULT),
-		CFG_END()
-	};
-	cfg_opt_t drive[] = {
-		CFG_STR("bus", NULL, CFGF_NODEFAULT),
-		CFG_INT("address", 1, CFGF_NONE),
-		CFG_STR("identity", "VSMD113_025T-1.0.008.170428", CFGF_NONE),
-		CFG_STR("model", "025T", CFGF_NONE),
-		CFG_BOOL("closed-loop", cfg_false, CFGF_NONE),
-		CFG_BOOL("external", cfg_false, CFGF_NONE),
-		CFG_FLOAT("max-current", 2.5, CFGF_NONE),
-		CFG_FLOAT("travel-min", -1e9, CFGF_NONE),
-		CFG_FLOAT("travel-max", 1e9, CFGF_NONE),
-		CFG_FLOAT("start", 0.0, CFGF_NONE),
-		CFG_STR_LIST("sensor", NULL, CFGF_NODEFAULT),
-		CFG_STR_LIST("set", NULL, CFGF_NODEFAULT),
-		CFG_STR_LIST("fault", NULL, CFGF_NODEFAULT),
-		CFG_END()
-	};
-	cfg_opt_t opts[] = {
-		CFG_SEC("bus", bus, CFGF_MULTI | CFGF_TITLE | CFGF_NO_TITLE_DUPES),
-		CFG_SEC("drive", drive, CFGF_MULTI | CFGF_TITLE | CFGF_NO_TITLE_DUPES),
-		CFG_END()
-	};
+	cfg_opt_t bus[] = { CFG_STR("protocol", "vsmd-serial", CFGF_NONE),
+		            CFG_STR("device", "pty", CFGF_NONE),
+		            CFG_STR("link", NULL, CFGF_NODEFAULT),
+		            CFG_INT("baud", 115200, CFGF_NONE),
+		            CFG_STR("line", "rs485", CFGF_NONE),
+		            CFG_INT("latency-us", 800, CFGF_NONE),
+		            CFG_INT("turnaround-us", 0, CFGF_NONE),
+		            CFG_INT("reply-id", 1, CFGF_NONE),
+		            CFG_STR("flash", NULL, CFGF_NODEFAULT),
+		            CFG_STR_LIST("fault", NULL, CFGF_NODEFAULT),
+		            CFG_END() };
+	cfg_opt_t drive[] = { CFG_STR("bus", NULL, CFGF_NODEFAULT),
+		              CFG_INT("address", 1, CFGF_NONE),
+		              CFG_STR("identity", "VSMD113_025T-1.0.008.170428", CFGF_NONE),
+		              CFG_STR("model", "025T", CFGF_NONE),
+		              CFG_BOOL("closed-loop", cfg_false, CFGF_NONE),
+		              CFG_BOOL("external", cfg_false, CFGF_NONE),
+		              CFG_FLOAT("max-current", 2.5, CFGF_NONE),
+		              CFG_FLOAT("travel-min", -1e9, CFGF_NONE),
+		              CFG_FLOAT("travel-max", 1e9, CFGF_NONE),
+		              CFG_FLOAT("start", 0.0, CFGF_NONE),
+		              CFG_STR_LIST("sensor", NULL, CFGF_NODEFAULT),
+		              CFG_STR_LIST("set", NULL, CFGF_NODEFAULT),
+		              CFG_STR_LIST("fault", NULL, CFGF_NODEFAULT),
+		              CFG_END() };
+	cfg_opt_t opts[] = { CFG_SEC("bus", bus, CFGF_MULTI | CFGF_TITLE | CFGF_NO_TITLE_DUPES),
+		             CFG_SEC("drive", drive, CFGF_MULTI | CFGF_TITLE | CFGF_NO_TITLE_DUPES),
+		             CFG_END() };
 	cfg_t *cfg = cfg_init(opts, CFGF_NONE);
 	int parsed;
 

@@ -12,9 +12,9 @@
 
 struct sim_bus_config {
 	const char *name;
-	const char *device;      /* "pty" or a path */
-	const char *link;        /* null = none */
-	const char *flash;       /* directory, null = none */
+	const char *device; /* "pty" or a path */
+	const char *link;   /* null = none */
+	const char *flash;  /* directory, null = none */
 	struct sim_serial_config serial;
 	const char *faults[SIM_FAULT_TEXTS_MAX];
 	size_t fault_count;
@@ -22,8 +22,8 @@ struct sim_bus_config {
 
 struct sim_drive_config {
 	const char *name;
-	size_t bus;              /* index */
-	struct sim_vsmd_config vsmd; /* flash_path is left null */
+	size_t bus;                              /* index */
+	struct sim_vsmd_config vsmd;             /* flash_path is left null */
 	const char *faults[SIM_FAULT_TEXTS_MAX]; /* as the control socket's `fault` takes them */
 	size_t fault_count;
 };
@@ -33,12 +33,12 @@ struct sim_config {
 	size_t bus_count;
 	struct sim_drive_config *drives;
 	size_t drive_count;
-	void *source;            /* owns the strings */
+	void *source; /* owns the strings */
 };
 
 /*
- * On success 0, and the configuration is to be freed. Otherwise -1, and everything wrong was reported to
- * standard error as "file:line: what is wrong; what would be right".
+ * On success 0, and the configuration is to be freed. Otherwise -1, and everything wrong was
+ * reported to standard error as "file:line: what is wrong; what would be right".
  */
 int sim_config_load(const char *path, struct sim_config *config);
 void sim_config_free(struct sim_config *config);

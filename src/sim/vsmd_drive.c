@@ -16,17 +16,18 @@ static const struct {
 	enum vsmd_param param;
 	uint32_t value;
 } whole_defaults[] = {
-	{ VSMD_MCS, 5 }, { VSMD_PUD, 3 }, { VSMD_MSV, 1 }, { VSMD_PSV, 1 }, { VSMD_ELNS, 1000 },
-	{ VSMD_ESTP, 200 }, { VSMD_EZ, 4 }, { VSMD_ERTY, 2 }, { VSMD_EWR, 1 },
+	{ VSMD_MCS, 5 },    { VSMD_PUD, 3 }, { VSMD_MSV, 1 },  { VSMD_PSV, 1 }, { VSMD_ELNS, 1000 },
+	{ VSMD_ESTP, 200 }, { VSMD_EZ, 4 },  { VSMD_ERTY, 2 }, { VSMD_EWR, 1 },
 };
 
 static const struct {
 	enum vsmd_param param;
 	float value;
 } float_defaults[] = {
-	{ VSMD_SPD, 6400.0f }, { VSMD_ACC, 24000.0f }, { VSMD_DEC, 24000.0f }, { VSMD_CRA, 0.8f },
-	{ VSMD_CRN, 0.6f }, { VSMD_CRH, 0.3f }, { VSMD_ZSD, -1200.0f }, { VSMD_ZCR, 0.4f },
-	{ VSMD_ESDS, 0.5f }, { VSMD_ERATIO, 1.0f }, { VSMD_N1RATIO, 1.0f }, { VSMD_N2RATIO, 1.0f },
+	{ VSMD_SPD, 6400.0f },  { VSMD_ACC, 24000.0f }, { VSMD_DEC, 24000.0f },
+	{ VSMD_CRA, 0.8f },     { VSMD_CRN, 0.6f },     { VSMD_CRH, 0.3f },
+	{ VSMD_ZSD, -1200.0f }, { VSMD_ZCR, 0.4f },     { VSMD_ESDS, 0.5f },
+	{ VSMD_ERATIO, 1.0f },  { VSMD_N1RATIO, 1.0f }, { VSMD_N2RATIO, 1.0f },
 	{ VSMD_N3RATIO, 1.0f },
 };
 
@@ -53,7 +54,8 @@ static bool has_output(const struct sim_vsmd_config *config, unsigned port)
 	return config->model == 10 ? port <= 2 : port >= 3;
 }
 
-bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param, union db_value value)
+bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param,
+                    union db_value value)
 {
 	if (!vsmd_param_in_range(param, value))
 		return false;
@@ -68,12 +70,21 @@ bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param,
 		return (double)value.f <= config->max_current;
 	case VSMD_ZCR:
 		return config->closed_loop && (double)value.f <= config->max_current;
-	case VSMD_EMOD: case VSMD_ELNS: case VSMD_ESTP: case VSMD_EZ: case VSMD_ESDS:
-	case VSMD_ERTY: case VSMD_EDIR: case VSMD_EWR: case VSMD_ERATIO:
+	case VSMD_EMOD:
+	case VSMD_ELNS:
+	case VSMD_ESTP:
+	case VSMD_EZ:
+	case VSMD_ESDS:
+	case VSMD_ERTY:
+	case VSMD_EDIR:
+	case VSMD_EWR:
+	case VSMD_ERATIO:
 		return config->closed_loop;
 	case VSMD_ZMD:
 		return value.u < 5 || (value.u > 5 && config->closed_loop);
-	case VSMD_N1RATIO: case VSMD_N2RATIO: case VSMD_N3RATIO:
+	case VSMD_N1RATIO:
+	case VSMD_N2RATIO:
+	case VSMD_N3RATIO:
 		return config->external;
 	case VSMD_RES:
 		return config->model == 80;
@@ -105,8 +116,9 @@ static void power_up(struct sim_vsmd *drive, db_time now)
 	drive->encoder_mode = drive->params[VSMD_EMOD].u;
 	drive->outputs = 0;
 	drive->blocked = 0;
-	drive->offline_start = drive->params[VSMD_DAR].u == 0 ? DB_TIME_NEVER :
-	                       now + (db_time)drive->params[VSMD_DAR].u * DB_NS_PER_S;
+	drive->offline_start = drive->params[VSMD_DAR].u == 0 ?
+	                               DB_TIME_NEVER :
+	                               now + (db_time)drive->params[VSMD_DAR].u * DB_NS_PER_S;
 	sim_mechanics_set_position(drive, 0.0);
 	sim_mechanics_settle(drive);
 	sim_mechanics_configure(drive);

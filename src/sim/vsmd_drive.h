@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * One simulated VSMD drive with its motor, sensors and flash. It knows commands and parameters but no
- * wire: the bus in front of it (vsmd_serial_bus.h) turns bytes into struct vsmd_command. Time is handed in and
- * must not run backwards (an earlier `now` counts as the latest seen). One thread.
+ * One simulated VSMD drive with its motor, sensors and flash. It knows commands and parameters but
+ * no wire: the bus in front of it (vsmd_serial_bus.h) turns bytes into struct vsmd_command. Time
+ * is handed in and must not run backwards (an earlier `now` counts as the latest seen). One
+ * thread.
  *
- * Where the vendor's document is silent the drive does this: an open-loop motor that hits a mechanical
- * end or is blocked loses steps and keeps counting, a closed-loop one stands and reports an encoder
- * error; a cfg write is all or nothing; homing as described at sim_vsmd_new().
+ * Where the vendor's document is silent the drive does this: an open-loop motor that hits a
+ * mechanical end or is blocked loses steps and keeps counting, a closed-loop one stands and
+ * reports an encoder error; a cfg write is all or nothing; homing as described at sim_vsmd_new().
  */
 #ifndef DRIVEBRIDGE_SIM_VSMD_DRIVE_H
 #define DRIVEBRIDGE_SIM_VSMD_DRIVE_H
@@ -31,14 +32,14 @@ struct sim_sensor {
 
 /* Positions are mechanical: pulses from where the shaft stands when `start` is 0. */
 struct sim_vsmd_config {
-	const char *identity;        /* not null */
-	const char *flash_path;      /* null: saved parameters live as long as the process */
-	unsigned address;            /* factory value of cid, 1..32 */
-	unsigned baud;               /* factory value of bdr */
-	unsigned model;              /* 10, 25, 45 or 80: VSMD1xx_0nnT */
+	const char *identity;   /* not null */
+	const char *flash_path; /* null: saved parameters live as long as the process */
+	unsigned address;       /* factory value of cid, 1..32 */
+	unsigned baud;          /* factory value of bdr */
+	unsigned model;         /* 10, 25, 45 or 80: VSMD1xx_0nnT */
 	bool closed_loop;
-	bool external;               /* has the sv and nmos ports (VSMD1x3E) */
-	double max_current;          /* A */
+	bool external;      /* has the sv and nmos ports (VSMD1x3E) */
+	double max_current; /* A */
 	double travel_min;
 	double travel_max;
 	double start;
@@ -52,16 +53,18 @@ struct sim_vsmd;
 void sim_vsmd_config_init(struct sim_vsmd_config *config, unsigned address, unsigned baud);
 
 /* Whether a drive of this kind has the parameter and takes the value. */
-bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param, union db_value value);
+bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param,
+                    union db_value value);
 
 /*
  * Powered on. Null when out of memory. Copies the configuration (the strings too).
  *
  * Homing: the motor runs with zsd until the origin sensor leaves its open level (if it has left it
- * already, backwards first until it is open). zmd 1, 2: it halts there and the place is 0. zmd 3, 4: it
- * stops, backs off at half the speed until the sensor opens, and comes again at a quarter. zmd 2, 4 then go
- * to zsp. zmd 6: runs to the mechanical end. zmd 7: runs to the next full turn of the shaft. Soft limits
- * do not hold before the origin is found. Any limit sensor but the origin sensor ends it unfinished.
+ * already, backwards first until it is open). zmd 1, 2: it halts there and the place is 0. zmd 3,
+ * 4: it stops, backs off at half the speed until the sensor opens, and comes again at a quarter.
+ * zmd 2, 4 then go to zsp. zmd 6: runs to the mechanical end. zmd 7: runs to the next full turn of
+ * the shaft. Soft limits do not hold before the origin is found. Any limit sensor but the origin
+ * sensor ends it unfinished.
  */
 struct sim_vsmd *sim_vsmd_new(const struct sim_vsmd_config *config, db_time now);
 void sim_vsmd_free(struct sim_vsmd *drive);
@@ -97,7 +100,9 @@ void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now);
 void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity); /* cut at the maximum */
 void sim_vsmd_fail_flash(struct sim_vsmd *drive, bool fail);
 void sim_vsmd_stall(struct sim_vsmd *drive, bool stalled, db_time now);
-void sim_vsmd_force_sensor(struct sim_vsmd *drive, unsigned number, int level, db_time now); /* -1 ends it */
-void sim_vsmd_force_status(struct sim_vsmd *drive, uint32_t bits); /* shown beside the real ones */
+/* number 1..6; level 0 or 1, or -1 to let the sensor work again. */
+void sim_vsmd_force_sensor(struct sim_vsmd *drive, unsigned number, int level, db_time now);
+/* Shows these status bits beside the real ones. */
+void sim_vsmd_force_status(struct sim_vsmd *drive, uint32_t bits);
 
 #endif

@@ -146,16 +146,16 @@ static bool limit_active(const struct sim_vsmd *drive, enum vsmd_param port, enu
 
 static bool origin_is_limit(const struct sim_vsmd *drive, int direction)
 {
-	return drive->params[direction < 0 ? VSMD_MSR : VSMD_PSR].u == drive->params[VSMD_SNR].u + 1;
+	return drive->params[direction < 0 ? VSMD_MSR : VSMD_PSR].u ==
+	       drive->params[VSMD_SNR].u + 1;
 }
 
 void sim_mechanics_hold_limits(struct sim_vsmd *drive)
 {
 	int direction = sim_motion_direction(&drive->motion);
 
-	if (direction == 0 ||
-	    !(direction < 0 ? limit_active(drive, VSMD_MSR, VSMD_MSV)
-	                    : limit_active(drive, VSMD_PSR, VSMD_PSV)))
+	if (direction == 0 || !(direction < 0 ? limit_active(drive, VSMD_MSR, VSMD_MSV) :
+	                                        limit_active(drive, VSMD_PSR, VSMD_PSV)))
 		return;
 	sim_motion_halt(&drive->motion);
 	/* One sensor may serve as limit and origin: homing then goes on from where it was held. */
@@ -185,8 +185,8 @@ static void home_to_turn_mark(struct sim_vsmd *drive)
 	double turn = pulses_per_turn(drive);
 	double speed = (double)drive->params[VSMD_ZSD].f;
 	double shaft = sim_mechanics_shaft(drive);
-	double mark = speed > 0.0 ? ceil((shaft + 1.0) / turn) * turn
-	                          : floor((shaft - 1.0) / turn) * turn;
+	double mark = speed > 0.0 ? ceil((shaft + 1.0) / turn) * turn :
+	                            floor((shaft - 1.0) / turn) * turn;
 
 	set_homing(drive, SIM_HOMING_TURN_MARK);
 	sim_motion_move(&drive->motion, mark - drive->shaft_offset, speed);
@@ -199,8 +199,8 @@ bool sim_mechanics_home(struct sim_vsmd *drive)
 
 	if (mode == 0 || mode == 5 || drive->params[VSMD_ZSD].f == 0.0f)
 		return false;
-	if (encoder ? !closed_loop(drive) || (mode == 7 && drive->encoder_mode != 2)
-	            : drive->params[sensor_param(VSMD_S1, drive->params[VSMD_SNR].u, 1)].u == 1)
+	if (encoder ? !closed_loop(drive) || (mode == 7 && drive->encoder_mode != 2) :
+	              drive->params[sensor_param(VSMD_S1, drive->params[VSMD_SNR].u, 1)].u == 1)
 		return false;
 	sim_mechanics_abandon(drive);
 	if (mode == 6)
@@ -309,7 +309,8 @@ void sim_mechanics_shake(struct sim_vsmd *drive, const struct vsmd_command *comm
 	drive->shake_frequency = command->shake_frequency;
 	/* A time ends with the full swing in which it runs out. */
 	drive->shake_cycles = command->verb == VSMD_SHAKE_TIME ?
-	                      ceil(count * (double)command->shake_frequency) : count;
+	                              ceil(count * (double)command->shake_frequency) :
+	                              count;
 	sim_motion_move(&drive->motion, command->shake_start, (double)drive->params[VSMD_SPD].f);
 	sim_mechanics_hold_limits(drive);
 }
@@ -321,7 +322,8 @@ static void update_shake(struct sim_vsmd *drive)
 	if (drive->shake == SIM_SHAKE_TO_START) {
 		/* A limit may have held it before the start: then there is nothing to shake. */
 		drive->shake = drive->motion.position == drive->motion.target_position ?
-		               SIM_SHAKE_RUN : SIM_SHAKE_NONE;
+		                       SIM_SHAKE_RUN :
+		                       SIM_SHAKE_NONE;
 		if (drive->shake == SIM_SHAKE_RUN)
 			sim_motion_shake(&drive->motion, drive->shake_end,
 			                 (double)drive->shake_frequency, drive->shake_cycles);
@@ -449,8 +451,10 @@ static void blocked(struct sim_vsmd *drive, const struct sim_motion *before, dou
 		encoder_error(drive);
 }
 
-/* The first moment in (before, end] at which a sensor differs: sensors see whole pulses, not steps. */
-static db_time first_edge(const struct sim_vsmd *drive, const struct sim_motion *before, db_time end)
+/* The first moment in (before, end] at which a sensor differs: sensors see whole pulses, not
+ * steps. */
+static db_time first_edge(const struct sim_vsmd *drive, const struct sim_motion *before,
+                          db_time end)
 {
 	db_time early = before->time;
 	db_time late = end;

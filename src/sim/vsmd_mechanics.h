@@ -11,15 +11,15 @@
 
 enum sim_homing {
 	SIM_HOMING_NONE,
-	SIM_HOMING_LEAVE,    /* the sensor was active at the start: backwards until it opens */
+	SIM_HOMING_LEAVE, /* the sensor was active at the start: backwards until it opens */
 	SIM_HOMING_APPROACH,
-	SIM_HOMING_BRAKE,    /* stopping behind the sensor's edge */
+	SIM_HOMING_BRAKE, /* stopping behind the sensor's edge */
 	SIM_HOMING_BACKOFF,
-	SIM_HOMING_TURN,     /* stopping before the second approach */
+	SIM_HOMING_TURN, /* stopping before the second approach */
 	SIM_HOMING_AGAIN,
-	SIM_HOMING_END_STOP, /* zmd 6 */
-	SIM_HOMING_TURN_MARK,/* zmd 7 */
-	SIM_HOMING_SAFE,     /* on the way to zsp */
+	SIM_HOMING_END_STOP,  /* zmd 6 */
+	SIM_HOMING_TURN_MARK, /* zmd 7 */
+	SIM_HOMING_SAFE,      /* on the way to zsp */
 };
 
 enum sim_shake { SIM_SHAKE_NONE, SIM_SHAKE_TO_START, SIM_SHAKE_RUN };
@@ -45,14 +45,14 @@ struct sim_vsmd {
 	int32_t shake_end;
 	float shake_frequency;
 	double shake_cycles;
-	db_time blocked;          /* how long the encoder has seen no motion */
-	db_time offline_start;    /* dar: when the offline program starts, or DB_TIME_NEVER */
+	db_time blocked;       /* how long the encoder has seen no motion */
+	db_time offline_start; /* dar: when the offline program starts, or DB_TIME_NEVER */
 
-	uint32_t levels;          /* bit n-1 = sensor n is high */
-	uint32_t outputs;         /* the same for output ports */
+	uint32_t levels;              /* bit n-1 = sensor n is high */
+	uint32_t outputs;             /* the same for output ports */
 	int forced[SIM_VSMD_SENSORS]; /* -1 = not forced */
 
-	uint32_t flags;           /* the status bits that are remembered, not computed */
+	uint32_t flags; /* the status bits that are remembered, not computed */
 	uint32_t forced_status;
 	bool powered;
 	bool stalled;

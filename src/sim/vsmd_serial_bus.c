@@ -6,15 +6,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define BITS_PER_BYTE   10 /* 8N1 */
-#define LINES_MAX       16
-#define BURSTS_MAX      16
-#define GARBAGE_MAX     8
+#define BITS_PER_BYTE 10 /* 8N1 */
+#define LINES_MAX 16
+#define BURSTS_MAX 16
+#define GARBAGE_MAX 8
 #define BURST_BYTES_MAX (VSMD_SERIAL_FRAME_MAX + GARBAGE_MAX)
-/* A burst is handed out in at most this many chunks, and a chunk is worth at least this long: a host sees
- * bytes trickle in, and the simulator does not wake up for each. */
-#define CHUNKS_MAX      8
-#define CHUNK_NS        DB_NS_PER_MS
+/* A burst is handed out in at most this many chunks, and a chunk is worth at least this long: a
+ * host sees bytes trickle in, and the simulator does not wake up for each. */
+#define CHUNKS_MAX 8
+#define CHUNK_NS DB_NS_PER_MS
 
 /* A request line on its way; done when `end` has come. */
 struct line {
@@ -49,19 +49,19 @@ struct sim_serial_bus {
 	size_t input_length;
 	bool input_overflow;
 	bool input_unheard;
-	db_time input_start;  /* when the line's first byte began */
-	db_time request_end;  /* of the last line: the next one cannot begin sooner */
+	db_time input_start; /* when the line's first byte began */
+	db_time request_end; /* of the last line: the next one cannot begin sooner */
 	db_time reply_end;
 
 	struct line lines[LINES_MAX];
-	size_t first_line;    /* a ring: lines end in the order they came */
+	size_t first_line; /* a ring: lines end in the order they came */
 	size_t line_count;
 	struct burst bursts[BURSTS_MAX];
 	struct burst *current; /* begun and not finished */
 };
 
-struct sim_serial_bus *sim_serial_bus_new(const struct sim_serial_config *config, sim_trace_fn *trace,
-                                          void *context)
+struct sim_serial_bus *sim_serial_bus_new(const struct sim_serial_config *config,
+                                          sim_trace_fn *trace, void *context)
 {
 	struct sim_serial_bus *bus = calloc(1, sizeof(*bus));
 
@@ -138,7 +138,8 @@ static struct burst *new_burst(struct sim_serial_bus *bus)
 	return NULL;
 }
 
-static void send_burst(struct sim_serial_bus *bus, struct burst *burst, char direction, db_time start)
+static void send_burst(struct sim_serial_bus *bus, struct burst *burst, char direction,
+                       db_time start)
 {
 	db_time duration = wire_time(bus, burst->length);
 	size_t chunks = (size_t)(duration / CHUNK_NS) + 1;
@@ -203,7 +204,8 @@ static void begin_line(struct sim_serial_bus *bus, db_time now)
 	bus->stats.collisions += replying;
 }
 
-void sim_serial_bus_receive(struct sim_serial_bus *bus, const uint8_t *bytes, size_t length, db_time now)
+void sim_serial_bus_receive(struct sim_serial_bus *bus, const uint8_t *bytes, size_t length,
+                            db_time now)
 {
 	for (size_t i = 0; i < length; i++) {
 		if (bus->input_length == 0 && !bus->input_overflow)
@@ -241,7 +243,8 @@ static int encode(struct sim_node *node, enum vsmd_reply_code code, uint8_t id, 
 		                               strlen(sim_vsmd_identity(node->drive)), frame,
 		                               VSMD_SERIAL_FRAME_MAX);
 	case VSMD_REPLY_PARAMS:
-		length = vsmd_serial_format_params(sim_vsmd_params(node->drive), text, sizeof(text));
+		length = vsmd_serial_format_params(sim_vsmd_params(node->drive), text,
+		                                   sizeof(text));
 		if (length < 0)
 			return length;
 		return vsmd_serial_encode_text(id, code, text, (size_t)length, frame,
@@ -328,7 +331,8 @@ static struct burst *overlap(struct burst *first, struct burst *second)
 static bool hears(const struct sim_serial_bus *bus, const struct sim_node *node)
 {
 	return sim_vsmd_powered(node->drive) && sim_vsmd_baud(node->drive) == bus->config.baud &&
-	       node->faults.left[SIM_FAULT_SILENCE] == 0 && bus->faults.left[SIM_FAULT_SILENCE] == 0;
+	       node->faults.left[SIM_FAULT_SILENCE] == 0 &&
+	       bus->faults.left[SIM_FAULT_SILENCE] == 0;
 }
 
 static bool is_for(const struct sim_serial_bus *bus, const struct sim_node *node, int id)

@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The wire between a host and simulated VSMD drives on RS485 or RS232: bytes in, bytes out, each at the
- * time a real line would have delivered it. No I/O and no clock: the owner of the port hands bytes and `now`
- * in, and asks when to come back. Allocates only in sim_serial_bus_new(). One thread.
+ * The wire between a host and simulated VSMD drives on RS485 or RS232: bytes in, bytes out, each
+ * at the time a real line would have delivered it. No I/O and no clock: the owner of the port
+ * hands bytes and `now` in, and asks when to come back. Allocates only in sim_serial_bus_new().
+ * One thread.
  *
- * A request is complete when its bytes would have been on the wire at the configured rate, counted from
- * when its first byte was handed in (a host's port may swallow a line at once). The reply's first byte starts
- * `latency` later; bytes are handed out in chunks, each when its last byte is through.
+ * A request is complete when its bytes would have been on the wire at the configured rate, counted
+ * from when its first byte was handed in (a host's port may swallow a line at once). The reply's
+ * first byte starts `latency` later; bytes are handed out in chunks, each when its last byte is
+ * through.
  */
 #ifndef DRIVEBRIDGE_SIM_VSMD_SERIAL_BUS_H
 #define DRIVEBRIDGE_SIM_VSMD_SERIAL_BUS_H
@@ -37,25 +39,26 @@ struct sim_serial_stats {
 	uint32_t requests;
 	uint32_t replies;
 	uint32_t collisions; /* requests that began while a reply was on the wire */
-	uint32_t unheard;    /* in the turnaround time, lost by a fault, too long, or too many at once */
+	uint32_t unheard;    /* in the turnaround time, too long, too many, or no drive heard it */
 	uint32_t foreign;    /* for no drive here */
 };
 
 struct sim_serial_bus;
 
 /* Null when out of memory. trace may be null. */
-struct sim_serial_bus *sim_serial_bus_new(const struct sim_serial_config *config, sim_trace_fn *trace,
-                                          void *context);
+struct sim_serial_bus *sim_serial_bus_new(const struct sim_serial_config *config,
+                                          sim_trace_fn *trace, void *context);
 void sim_serial_bus_free(struct sim_serial_bus *bus);
 
 /* The node must outlive the bus. False when the bus is full. */
 bool sim_serial_bus_attach(struct sim_serial_bus *bus, struct sim_node *node);
 
-void sim_serial_bus_receive(struct sim_serial_bus *bus, const uint8_t *bytes, size_t length, db_time now);
+void sim_serial_bus_receive(struct sim_serial_bus *bus, const uint8_t *bytes, size_t length,
+                            db_time now);
 
 /*
- * Does what is due and writes the bytes that have arrived at the host by `now` to out; returns their
- * number. Call again while it returns `size`.
+ * Does what is due and writes the bytes that have arrived at the host by `now` to out; returns
+ * their number. Call again while it returns `size`.
  */
 size_t sim_serial_bus_run(struct sim_serial_bus *bus, db_time now, uint8_t *out, size_t size);
 

@@ -12,13 +12,15 @@
 /* Motors that move unwatched catch up this often, so that a later request finds little to do. */
 #define TICK_NS (100 * DB_NS_PER_MS)
 
-static void write_trace(void *context, db_time time, char direction, const uint8_t *bytes, size_t length)
+static void write_trace(void *context, db_time time, char direction, const uint8_t *bytes,
+                        size_t length)
 {
 	const struct sim_bus *bus = context;
 
 	if (!bus->trace)
 		return;
-	(void)fprintf(bus->trace, "%" PRId64 " %s %c", time / DB_NS_PER_US, bus->config->name, direction);
+	(void)fprintf(bus->trace, "%" PRId64 " %s %c", time / DB_NS_PER_US, bus->config->name,
+	              direction);
 	for (size_t i = 0; i < length; i++)
 		(void)fprintf(bus->trace, " %02x", (unsigned)bytes[i]);
 	(void)fputs(" |", bus->trace);
@@ -34,8 +36,8 @@ static int open_bus(struct sim_bus *bus)
 	int result;
 
 	if (config->flash && mkdir(config->flash, 0777) != 0 && errno != EEXIST) {
-		(void)fprintf(stderr, "bus %s: flash directory %s: %s\n", config->name, config->flash,
-		              strerror(errno));
+		(void)fprintf(stderr, "bus %s: flash directory %s: %s\n", config->name,
+		              config->flash, strerror(errno));
 		return -1;
 	}
 	result = sim_port_open(&bus->port, config->device, config->serial.baud, config->link);
@@ -58,15 +60,16 @@ static int open_bus(struct sim_bus *bus)
 	return 0;
 }
 
-static int open_node(struct sim_node *node, struct sim_bus *bus, const struct sim_drive_config *config,
-                     db_time now)
+static int open_node(struct sim_node *node, struct sim_bus *bus,
+                     const struct sim_drive_config *config, db_time now)
 {
 	struct sim_vsmd_config vsmd = config->vsmd;
 	char path[PATH_MAX];
 
 	node->name = config->name;
 	if (bus->config->flash) {
-		int length = snprintf(path, sizeof(path), "%s/%s.flash", bus->config->flash, config->name);
+		int length = snprintf(path, sizeof(path), "%s/%s.flash", bus->config->flash,
+		                      config->name);
 
 		if (length < 0 || (size_t)length >= sizeof(path))
 			return -1;
@@ -74,7 +77,8 @@ static int open_node(struct sim_node *node, struct sim_bus *bus, const struct si
 	}
 	node->drive = sim_vsmd_new(&vsmd, now);
 	if (!node->drive || !sim_serial_bus_attach(bus->wire, node)) {
-		(void)fprintf(stderr, "drive %s: no room on bus %s\n", node->name, bus->config->name);
+		(void)fprintf(stderr, "drive %s: no room on bus %s\n", node->name,
+		              bus->config->name);
 		return -1;
 	}
 	for (size_t i = 0; i < config->fault_count; i++) {
@@ -84,7 +88,8 @@ static int open_node(struct sim_node *node, struct sim_bus *bus, const struct si
 	return 0;
 }
 
-int sim_world_open(struct sim_world *world, const struct sim_config *config, FILE *trace, db_time now)
+int sim_world_open(struct sim_world *world, const struct sim_config *config, FILE *trace,
+                   db_time now)
 {
 	*world = (struct sim_world){ .bus_count = config->bus_count };
 	world->buses = calloc(config->bus_count, sizeof(*world->buses));
@@ -147,7 +152,8 @@ void sim_world_run(struct sim_world *world, db_time now)
 		size_t count;
 
 		while ((count = sim_serial_bus_run(bus->wire, now, bytes, sizeof(bytes))) > 0) {
-			/* What a host does not read is lost, as on any line with nobody listening. */
+			/* What a host does not read is lost, as on any line with nobody listening.
+			 * */
 			if (write(bus->port.fd, bytes, count) < 0 && errno != EAGAIN)
 				(void)fprintf(stderr, "bus %s: %s\n", bus->config->name,
 				              strerror(errno));
@@ -194,7 +200,8 @@ struct sim_node *sim_world_node(struct sim_world *world, const char *name)
 	return NULL;
 }
 
-const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const char *text, db_time now)
+const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const char *text,
+                            db_time now)
 {
 	if (!node)
 		return sim_faults_set(sim_serial_bus_faults(bus->wire), text);

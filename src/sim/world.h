@@ -27,10 +27,11 @@ struct sim_world {
 };
 
 /*
- * Opens all ports and powers all drives up. `config` must outlive the world. trace may be null. 0, or
- * -1 after a message on standard error; the world is to be closed in both cases.
+ * Opens all ports and powers all drives up. `config` must outlive the world. trace may be null. 0,
+ * or -1 after a message on standard error; the world is to be closed in both cases.
  */
-int sim_world_open(struct sim_world *world, const struct sim_config *config, FILE *trace, db_time now);
+int sim_world_open(struct sim_world *world, const struct sim_config *config, FILE *trace,
+                   db_time now);
 void sim_world_close(struct sim_world *world);
 
 /* The host sent something on this bus, or its port failed (negative errno). */
@@ -48,6 +49,7 @@ struct sim_node *sim_world_node(struct sim_world *world, const char *name);
 
 /* A fault as text, for a drive or (node null) for a bus: those of faults.h, for drives also
  * "stall [on|off]" and "flash fail|ok". Null or what is wrong. */
-const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const char *text, db_time now);
+const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const char *text,
+                            db_time now);
 
 #endif

@@ -14,11 +14,11 @@
 
 #include <cmocka.h>
 
-#define BUS_HEAD   "bus b {\n protocol = vsmd-serial\n device = \"/dev/ttyX\"\n"
-#define BUS        BUS_HEAD "}\n"               /* lines 1 to 4 */
-#define FAST_BUS   BUS_HEAD " baud = 115200\n}\n" /* lines 1 to 5 */
-#define RS232_BUS  BUS_HEAD " line = rs232\n}\n"  /* lines 1 to 5 */
-#define DRIVE      "drive d {\n bus = b\n address = 1\n unit = 1\n}\n"
+#define BUS_HEAD "bus b {\n protocol = vsmd-serial\n device = \"/dev/ttyX\"\n"
+#define BUS BUS_HEAD "}\n"                      /* lines 1 to 4 */
+#define FAST_BUS BUS_HEAD " baud = 115200\n}\n" /* lines 1 to 5 */
+#define RS232_BUS BUS_HEAD " line = rs232\n}\n" /* lines 1 to 5 */
+#define DRIVE "drive d {\n bus = b\n address = 1\n unit = 1\n}\n"
 
 struct loaded {
 	char path[64];
@@ -176,7 +176,8 @@ static const struct wrong_case WRONG[] = {
 	{ BUS "bus c {\n protocol = vsmd-serial\n device = \"/dev/ttyX\"\n}\n", 7,
 	  "is used by bus 'b' on line 1 already" },
 	{ "bus b {\n protocol = vsmd-serial\n device = \"/dev/null\"\n}\n"
-	  "bus c {\n protocol = vsmd-serial\n device = \"/dev/./null\"\n}\n", 7, "is used by bus 'b'" },
+	  "bus c {\n protocol = vsmd-serial\n device = \"/dev/./null\"\n}\n",
+	  7, "is used by bus 'b'" },
 	/* Drives. */
 	{ BUS "drive d {\n address = 1\n unit = 1\n}\n", 5, "has no key 'bus'" },
 	{ BUS "drive d {\n bus = c\n address = 1\n unit = 1\n}\n", 6, "there is no bus 'c'" },
@@ -222,9 +223,10 @@ static void test_wrong_files(void **state)
 
 static void test_all_errors_in_order(void **state)
 {
-	struct loaded loaded = load("modbus {\n confrim-ms = 4\n max-clients = 0\n}\n"
-				    "drive d {\n bus = c\n unit = 300\n}\n"
-				    "bus b {\n protocol = x\n baud = 1\n colour = {red, green}\n}\n");
+	struct loaded loaded = load(
+		"modbus {\n confrim-ms = 4\n max-clients = 0\n}\n"
+		"drive d {\n bus = c\n unit = 300\n}\n"
+		"bus b {\n protocol = x\n baud = 1\n colour = {red, green}\n}\n");
 	static const unsigned LINES[] = { 2, 3, 6, 7, 9, 10, 11, 12 };
 	const char *before = loaded.messages;
 
@@ -235,7 +237,7 @@ static void test_all_errors_in_order(void **state)
 
 		if (!message || message < before)
 			fail_msg("line %u is missing or not in order:\n%s", LINES[i],
-				 loaded.messages);
+			         loaded.messages);
 		before = message;
 	}
 	assert_int_equal(count_lines(loaded.messages), sizeof(LINES) / sizeof(LINES[0]));
@@ -410,8 +412,8 @@ static void test_everything_set(void **state)
 
 static void test_rs232_without_address(void **state)
 {
-	struct loaded loaded =
-		load_good(RS232_BUS "drive d {\n bus = b\n unit = 1\n address = 0\n}\n");
+	struct loaded loaded = load_good(RS232_BUS
+	                                 "drive d {\n bus = b\n unit = 1\n address = 0\n}\n");
 
 	(void)state;
 	assert_int_equal(loaded.config->drives[0].address, 0);
@@ -436,8 +438,8 @@ static struct loaded load_key(const struct db_config_key *key, const char *value
 	else if (strcmp(key->section, "bus") == 0)
 		snprintf(text, sizeof(text), "bus b { %s %s = %s }\n", bus, key->name, value);
 	else
-		snprintf(text, sizeof(text), "bus b { %s } drive d { bus = b %s %s %s = %s }\n", bus,
-			 address, unit, key->name, value);
+		snprintf(text, sizeof(text), "bus b { %s } drive d { bus = b %s %s %s = %s }\n",
+		         bus, address, unit, key->name, value);
 	return load(text);
 }
 
@@ -447,7 +449,7 @@ static void expect_key(const struct db_config_key *key, const char *value, bool 
 
 	if ((loaded.result == 0) != good)
 		fail_msg("%s: %s = %s was %s\n%s", key->section, key->name, value,
-			 good ? "refused" : "accepted", loaded.messages);
+		         good ? "refused" : "accepted", loaded.messages);
 	done(&loaded);
 }
 
@@ -535,7 +537,7 @@ static struct loaded load_drives(const char *modbus, const char *keys, unsigned 
 
 	for (unsigned i = 1; i <= drives; i++)
 		used += (size_t)snprintf(text + used, sizeof(text) - used,
-					 "drive d%u { bus = b address = %u unit = %u }\n", i, i, i);
+		                         "drive d%u { bus = b address = %u unit = %u }\n", i, i, i);
 	assert_true(used < sizeof(text));
 	return load_good(text);
 }
@@ -550,7 +552,8 @@ static void test_cycle_warning(void **state)
 
 	(void)state;
 	assert_true(all > 20 * DB_NS_PER_MS);
-	expect_message(&loaded, 6, "warning: cycle of 20 ms cannot fit 32 drives: one status exchange takes ");
+	expect_message(&loaded, 6,
+	               "warning: cycle of 20 ms cannot fit 32 drives: one status exchange takes ");
 	expect_message(&loaded, 6, " ms at 115200 baud, all of them ");
 	snprintf(advice, sizeof(advice), "set cycle-ms = %u or raise the baud rate", enough);
 	expect_message(&loaded, 6, advice);
@@ -574,13 +577,15 @@ static void test_cycle_warning(void **state)
 
 static void test_confirm_warning(void **state)
 {
-	struct loaded loaded = load_drives("modbus { confirm-ms = 5 }", "baud = 9600\ncycle-ms = 1000", 1);
+	struct loaded loaded = load_drives("modbus { confirm-ms = 5 }",
+	                                   "baud = 9600\ncycle-ms = 1000", 1);
 	int64_t needed = db_config_confirm_time(&loaded.config->buses[0]);
 	unsigned enough = (unsigned)((needed + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
 	char modbus[64], advice[64];
 
 	(void)state;
-	expect_message(&loaded, 1, "warning: confirm-ms = 5 cannot be met on bus 'b': at 9600 baud");
+	expect_message(&loaded, 1,
+	               "warning: confirm-ms = 5 cannot be met on bus 'b': at 9600 baud");
 	snprintf(advice, sizeof(advice), "set confirm-ms = %u", enough);
 	expect_message(&loaded, 1, advice);
 	done(&loaded);
@@ -596,7 +601,7 @@ static void test_confirm_warning(void **state)
 
 	/* Nothing to meet: writes are answered at once, or nobody to write to. */
 	loaded = load_drives("modbus { confirm-ms = 5 write-confirm = accepted }",
-			     "baud = 9600\ncycle-ms = 1000", 1);
+	                     "baud = 9600\ncycle-ms = 1000", 1);
 	assert_string_equal(loaded.messages, "");
 	done(&loaded);
 	loaded = load_drives("modbus { confirm-ms = 5 }", "baud = 9600\ncycle-ms = 1000", 0);
@@ -619,14 +624,22 @@ static char *described(const struct db_config *config)
 static void test_describe(void **state)
 {
 	static const char *const EXPECTED[] = {
-		"127.0.0.1:502", "allow-read    nobody\n", "0, 255, 9\n",   "low-first",
-		"after 60 ms",   "bus b\n",                "vsmd-serial",   "/dev/ttyX, rs485, 115200 baud",
-		"20 ms; one status exchange ",             "2 drives",      "watchdog off",
+		"127.0.0.1:502",
+		"allow-read    nobody\n",
+		"0, 255, 9\n",
+		"low-first",
+		"after 60 ms",
+		"bus b\n",
+		"vsmd-serial",
+		"/dev/ttyX, rs485, 115200 baud",
+		"20 ms; one status exchange ",
+		"2 drives",
+		"watchdog off",
 		"drive d2: unit 2, address 2, 640 counts per mm, on-client-loss quick-stop, on-exit disable",
 	};
 	struct loaded loaded = load_good(
-		"modbus { gateway-unit = 9 word-order = low-first confirm-ms = 60 allow-read = {} }\n"
-		FAST_BUS "drive d1 { bus = b address = 1 unit = 1 watchdog-ms = 0 }\n"
+		"modbus { gateway-unit = 9 word-order = low-first confirm-ms = 60 allow-read = {} }\n" FAST_BUS
+		"drive d1 { bus = b address = 1 unit = 1 watchdog-ms = 0 }\n"
 		"drive d2 { bus = b address = 2 unit = 2 counts-per-unit = 640.0 unit-name = mm\n"
 		" on-client-loss = quick-stop on-exit = disable }\n");
 	char *text = described(loaded.config);
@@ -746,7 +759,7 @@ static void expect_all_keys(char *text)
 		if (keys[i].kind != DB_KEY_NUMBER && keys[i].kind != DB_KEY_WORD)
 			continue;
 		snprintf(shown, sizeof(shown), "%s = %s", keys[i].name,
-			 keys[i].preset ? keys[i].preset : "");
+		         keys[i].preset ? keys[i].preset : "");
 		if (!keys[i].only[0] && !strstr(text, shown))
 			fail_msg("drivebridge.conf does not show %s", shown);
 	}
@@ -775,8 +788,9 @@ static void test_default_file_is_complete(void **state)
 	(void)state;
 	uncomment(text);
 	with = load_good(text);
-	without = load_good("bus press { protocol = vsmd-serial device = \"/dev/serial/by-id/...\" }\n"
-			    "drive feeder { bus = press address = 1 unit = 1 }\n");
+	without = load_good(
+		"bus press { protocol = vsmd-serial device = \"/dev/serial/by-id/...\" }\n"
+		"drive feeder { bus = press address = 1 unit = 1 }\n");
 	shown = described(with.config);
 	unsaid = described(without.config);
 	assert_string_equal(shown, unsaid);
@@ -813,7 +827,8 @@ static void test_networks(void **state)
 		{ "/8", DB_NETWORK_NO_ADDRESS, NULL },
 		{ "10.0.0", DB_NETWORK_NO_ADDRESS, NULL },
 		{ "localhost", DB_NETWORK_NO_ADDRESS, NULL },
-		{ "1111:2222:3333:4444:5555:6666:7777:8888:9999:1111:2222", DB_NETWORK_NO_ADDRESS, NULL },
+		{ "1111:2222:3333:4444:5555:6666:7777:8888:9999:1111:2222", DB_NETWORK_NO_ADDRESS,
+		  NULL },
 	};
 
 	(void)state;

@@ -10,9 +10,10 @@
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
+
 #include <cmocka.h>
 
-#define GOOD \
+#define GOOD                      \
 	"bus b { baud = 9600 }\n" \
 	"drive d { bus = b\n address = 4\n sensor = {\"3:below:-10\"}\n set = {\"spd=100\"} }\n"
 
@@ -57,21 +58,26 @@ static void bad_configurations_are_explained(void **state)
 {
 	(void)state;
 	assert_refused("bus b { baud = 9600\n colour = red }", ":2:", "no such option 'colour'");
-	assert_refused("bus b { baud = 9600\n colour = red }", ":2:", "known here: protocol device");
+	assert_refused("bus b { baud = 9600\n colour = red }",
+	               ":2:", "known here: protocol device");
 	assert_refused("bus b {\n baud = 1200\n }\ndrive d { bus = b }", ":2:", "2400 to 921600");
 	assert_refused("bus b {\n line = rs422 }\ndrive d { bus = b }", ":2:", "rs485, rs232");
 	assert_refused("bus b { }\ndrive d {\n bus = c }", ":3:", "\"c\" does not exist");
 	assert_refused("bus b { }\ndrive d { bus = b\n address = 33 }", ":3:", "1 to 32");
-	assert_refused("bus b { }\ndrive d { bus = b }\ndrive e { bus = b\n address = 1 }", ":4:",
-	               "taken by drive d");
-	assert_refused("bus b { line = rs232 }\ndrive d { bus = b }\ndrive e { bus = b\n address = 2 }",
-	               ":3:", "only one");
-	assert_refused("bus b { }\ndrive d { bus = b\n sensor = {\"7:below:1\"} }", ":3:",
-	               "N:below:POS");
-	assert_refused("bus b { }\ndrive d { bus = b\n set = {\"spd=1e9\"} }", ":3:", "set \"spd=1e9\"");
+	assert_refused("bus b { }\ndrive d { bus = b }\ndrive e { bus = b\n address = 1 }",
+	               ":4:", "taken by drive d");
+	assert_refused(
+		"bus b { line = rs232 }\ndrive d { bus = b }\ndrive e { bus = b\n address = 2 }",
+		":3:", "only one");
+	assert_refused("bus b { }\ndrive d { bus = b\n sensor = {\"7:below:1\"} }",
+	               ":3:", "N:below:POS");
+	assert_refused("bus b { }\ndrive d { bus = b\n set = {\"spd=1e9\"} }",
+	               ":3:", "set \"spd=1e9\"");
 	assert_refused("bus b { }\ndrive d { bus = b\n set = {\"nope=1\"} }", ":3:", "NAME=VALUE");
-	assert_refused("bus b { }\ndrive d { bus = b\n set = {\"emod=1\"} }", ":3:", "for this model");
-	assert_refused("bus b { }\ndrive d { bus = b\n fault = {\"boom\"} }", ":3:", "there are drop");
+	assert_refused("bus b { }\ndrive d { bus = b\n set = {\"emod=1\"} }",
+	               ":3:", "for this model");
+	assert_refused("bus b { }\ndrive d { bus = b\n fault = {\"boom\"} }",
+	               ":3:", "there are drop");
 	assert_refused("bus b { }\n", "", "at least one");
 }
 
@@ -131,9 +137,26 @@ static void errors_are_answered(void **state)
 {
 	struct bench *b = *state;
 	static const char *const wrong[] = {
-		"", "dance", "fault", "fault x drop", "fault d", "fault d echo on", "fault d drop no",
-		"power d", "power b on", "power d maybe", "identity d", "flash d maybe", "stall d maybe",
-		"sensor d 7 1", "sensor d 1", "sensor d 1 2", "bits d x", "baud d 9600", "baud b 1", "get z",
+		"",
+		"dance",
+		"fault",
+		"fault x drop",
+		"fault d",
+		"fault d echo on",
+		"fault d drop no",
+		"power d",
+		"power b on",
+		"power d maybe",
+		"identity d",
+		"flash d maybe",
+		"stall d maybe",
+		"sensor d 7 1",
+		"sensor d 1",
+		"sensor d 1 2",
+		"bits d x",
+		"baud d 9600",
+		"baud b 1",
+		"get z",
 		"log b",
 	};
 

@@ -6,12 +6,13 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
+
 #include <cmocka.h>
 
-#define BAUD    9600
+#define BAUD 9600
 #define LATENCY (2 * DB_NS_PER_MS)
-#define SECOND  DB_NS_PER_S
-#define NEVER   DB_TIME_NEVER
+#define SECOND DB_NS_PER_S
+#define NEVER DB_TIME_NEVER
 
 /* Two drives on a bus, and what a host received. */
 struct bench {
@@ -27,8 +28,9 @@ struct bench {
 static int setup(void **state)
 {
 	static struct bench bench;
-	struct sim_serial_config config = { .baud = BAUD, .rs485 = true, .paced = true,
-	                                    .latency = LATENCY };
+	struct sim_serial_config config = {
+		.baud = BAUD, .rs485 = true, .paced = true, .latency = LATENCY
+	};
 
 	bench = (struct bench){ .now = 50 * SECOND };
 	bench.bus = sim_serial_bus_new(&config, NULL, NULL);

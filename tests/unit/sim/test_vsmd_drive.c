@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
+
 #include <cmocka.h>
 
 #define SECOND DB_NS_PER_S
@@ -107,7 +108,7 @@ static void refuses_and_forgives(void **state)
 	assert_false(send(&b, "cfg cra=2.6"));
 	assert_false(send(&b, "cfg acc=1 emod=1")); /* open loop; and then acc stays too */
 	assert_true(sim_vsmd_params(b.drive)[VSMD_ACC].f == 24000.0f);
-	assert_false(send(&b, "s3 on")); /* an input */
+	assert_false(send(&b, "s3 on"));    /* an input */
 	assert_false(send(&b, "cfg s1=1")); /* 025T: ports 3 to 6 only */
 	assert_true(send(&b, "cfg s3=1"));
 	assert_false(bit(&b, VSMD_ST_S3));
@@ -261,7 +262,8 @@ static void homing_by_encoder(void **state)
 	assert_int_equal(status(&b).position, 0);
 	assert_in_range(-sim_vsmd_shaft(b.drive), 3000, 3000);
 
-	assert_true(send(&b, "cfg zmd=7 zsd=1600") && send(&b, "zero stop") && send(&b, "zero start"));
+	assert_true(send(&b, "cfg zmd=7 zsd=1600") && send(&b, "zero stop") &&
+	            send(&b, "zero start"));
 	wait_seconds(&b, 20);
 	assert_true(bit(&b, VSMD_ST_ZERO));
 	assert_in_range(sim_vsmd_shaft(b.drive) + 1, 1, 1); /* a whole turn: 200 steps of 32 */
@@ -282,6 +284,8 @@ static void sensor_events_act(void **state)
 	assert_true(bit(&b, VSMD_ST_STP) && bit(&b, VSMD_ST_S5));
 	assert_in_range(status(&b).position, 1999, 2001);
 
+	send(&b, "pos 5000");
+	wait_seconds(&b, 5);
 	assert_true(send(&b, "cfg s5f=3")); /* leaving: brake, then this place is 0 */
 	send(&b, "mov spd=-3000");
 	wait_seconds(&b, 5);

@@ -1,0 +1,52 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The one command table: which codes there are, how they are called and which registers of the
+ * command block are their arguments.
+ */
+#ifndef DRIVEBRIDGE_REGMAP_COMMANDS_H
+#define DRIVEBRIDGE_REGMAP_COMMANDS_H
+
+#include "drivebridge/command.h"
+
+#define DB_COMMAND_ARGS_MAX 4
+
+/* The members of struct db_args, in the order of their registers. */
+enum db_arg {
+	DB_ARG_NONE,
+	DB_ARG_TARGET_POSITION,
+	DB_ARG_TARGET_VELOCITY,
+	DB_ARG_OUTPUT_NUMBER,
+	DB_ARG_OUTPUT_VALUE,
+	DB_ARG_OUTPUT_MASK,
+	DB_ARG_OUTPUT_LEVELS,
+	DB_ARG_SHAKE_START_POSITION,
+	DB_ARG_SHAKE_END_POSITION,
+	DB_ARG_SHAKE_FREQUENCY,
+	DB_ARG_SHAKE_CYCLES,
+	DB_ARG_SHAKE_TIME,
+	DB_ARG_COUNT
+};
+
+/* Where an argument lies in struct db_args. Its register row has the same offset. */
+size_t db_arg_offset(enum db_arg arg);
+
+struct db_command_row {
+	enum db_command code;
+	const char *name;
+	enum db_arg args[DB_COMMAND_ARGS_MAX]; /* up to the first NONE */
+	bool own;                /* of some families only, by its nature */
+	const char *description; /* one line */
+};
+
+/* In the order of their codes. */
+extern const struct db_command_row db_command_rows[];
+extern const size_t db_command_row_count;
+
+/* Null when there is no such command. */
+const struct db_command_row *db_command_find(unsigned code);
+const char *db_command_name(unsigned code); /* "move_absolute" ...; "none" for 0, "unknown" */
+
+/* The arguments that this command uses are the same, bit by bit. */
+bool db_command_same_args(unsigned code, const struct db_args *a, const struct db_args *b);
+
+#endif

@@ -1,0 +1,111 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Everything the registers of one view can show, in one struct of one moment. Register rows name
+ * members of these by offset; only the parts that a read touches are filled in.
+ */
+#ifndef DRIVEBRIDGE_REGMAP_IMAGE_H
+#define DRIVEBRIDGE_REGMAP_IMAGE_H
+
+#include "drivebridge/axis.h"
+#include "drivebridge/commander.h"
+
+/* Parts of the images. */
+enum db_part {
+	DB_PART_PROCESS = 1u << 0, /* cheap: snapshot and results */
+	DB_PART_BLOCK = 1u << 1,   /* the command block */
+	DB_PART_PLATE = 1u << 2,   /* parameters and identity */
+	DB_PART_STATIC = 1u << 3,  /* from the configuration */
+	DB_PART_SERVER = 1u << 4,
+	DB_PART_BUSES = 1u << 5,
+	DB_PART_DRIVES = 1u << 6,
+};
+
+#define DB_UNIT_NAME_REGISTERS 8
+#define DB_IDENTITY_REGISTERS  (DB_IDENTITY_MAX / 2)
+
+/* Unit 1..247. */
+struct db_drive_image {
+	/* DB_PART_PROCESS; `state` and `feedback` belong to it. */
+	uint16_t quality;
+	uint32_t status;
+	uint32_t age_ms;
+	float position_units;
+	float velocity_units;
+	uint32_t capabilities;
+	struct db_command_state state;
+	struct db_feedback feedback;
+	struct db_axis_stats stats;
+
+	struct db_command_block block;
+
+	/* DB_PART_PLATE */
+	struct db_nameplate plate;
+
+	/* DB_PART_STATIC */
+	uint16_t bus;      /* from 1 */
+	uint16_t address;
+	char unit_name[2 * DB_UNIT_NAME_REGISTERS];
+	float counts_per_unit;
+};
+
+/* The gateway view shows so many in detail; there may be more. */
+#define DB_GATEWAY_BUSES  8
+#define DB_GATEWAY_DRIVES 32
+
+struct db_gateway_bus {
+	uint16_t up;
+	uint16_t last_error;
+	uint32_t period_us;
+	uint32_t cycle_us;
+	uint32_t cycle_max_us;
+	uint32_t jitter_us;
+	uint32_t jitter_max_us;
+	uint32_t utilisation;
+	uint32_t cycles;
+	uint32_t overruns;
+	uint32_t transactions;
+	uint32_t retries;
+	uint32_t timeouts;
+	uint32_t bad_frames;
+	uint32_t stray_frames;
+	uint32_t garbage_bytes;
+	uint32_t opens;
+	uint32_t queued;
+	uint32_t online;
+};
+
+struct db_gateway_drive {
+	uint16_t unit;
+	uint16_t online;
+	uint16_t axis_state;
+	uint16_t error;
+	uint32_t age_ms;
+	struct db_axis_stats stats;
+};
+
+/* Units 0, 255 and the configured one. 64-bit counters are shown by their low half. */
+struct db_gateway_image {
+	/* DB_PART_SERVER */
+	uint16_t version_major;
+	uint16_t version_minor;
+	uint16_t version_patch;
+	uint16_t bus_count;
+	uint16_t drive_count;
+	uint16_t drives_online;
+	uint32_t uptime_s;
+	uint32_t clients;
+	uint32_t clients_peak;
+	uint32_t accepted;
+	uint32_t refused_full;
+	uint32_t refused_address;
+	uint32_t refused_writes;
+	uint32_t requests;
+	uint32_t exceptions;
+	uint32_t bad_frames;
+	uint32_t timeouts;
+	/* DB_PART_BUSES, DB_PART_DRIVES */
+	struct db_gateway_bus buses[DB_GATEWAY_BUSES];
+	struct db_gateway_drive drives[DB_GATEWAY_DRIVES];
+};
+
+#endif

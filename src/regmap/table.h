@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The register table: the only place that knows an address. Rows are constant data; what a certain
+ * drive has is found by expanding them (index.h).
+ */
+#ifndef DRIVEBRIDGE_REGMAP_TABLE_H
+#define DRIVEBRIDGE_REGMAP_TABLE_H
+
+#include "drivebridge/driver.h"
+#include "drivebridge/server.h"
+#include "drivebridge/value.h"
+
+enum db_view { DB_VIEW_DRIVE, DB_VIEW_GATEWAY };
+
+enum db_row_flag {
+	DB_ROW_WRITABLE = 1u << 0,
+	DB_ROW_MEASURED = 1u << 1,  /* old when the drive does not answer */
+	DB_ROW_PARAM = 1u << 2,     /* a vendor parameter: read and written by its index */
+};
+
+/* Names of a register's values or bits, for its description. */
+struct db_codes {
+	const char *(*name)(unsigned code); /* "unknown" where there is none */
+	unsigned count;
+	bool bits;
+};
+
+/* Rows that stand for several: '#' in name and description becomes 1, 2 ... */
+struct db_repeat {
+	unsigned count;
+	unsigned addresses; /* from one to the next */
+	size_t bytes;       /* of their members */
+	const char *(*name)(unsigned index); /* instead of the row's name; may be null */
+};
+
+struct db_row {
+	const char *name;
+	enum db_view view;
+	enum db_table table;  /* HOLDING (also INPUT when not writable), DISCRETE or COILS */
+	uint16_t address;
+	enum db_type type;
+	uint16_t registers;   /* TEXT only */
+	size_t offset;        /* of the member in its image; bit tables: of the word */
+	uint8_t flags;        /* enum db_row_flag */
+	uint8_t part;         /* enum db_part it needs */
+	uint16_t measure;     /* exists only when the family measures this */
+	bool outputs;         /* repeats as often as the family has outputs */
+	size_t param_alias;   /* offset in struct db_driver of a parameter's index + 1; 0 = none */
+	struct db_repeat repeat;
+	const char *unit;
+	double min;           /* both 0: not limited here */
+	double max;
+	const struct db_codes *codes;
+	const char *description;
+};
+
+extern const struct db_row db_rows[];
+extern const size_t db_row_count;
+
+/* The vendor's parameters of a family begin here, in the order of its table. */
+#define DB_PARAM_BASE 200
+#define DB_PARAM_PAGE 200
+
+/* Every address is below. */
+#define DB_ADDRESS_LIMIT 2048
+
+/* What a drive can do, as the capabilities register shows it. */
+uint32_t db_capabilities(const struct db_driver *driver);
+const char *db_capability_name(unsigned bit);
+
+#endif

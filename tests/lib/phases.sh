@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+#
+# The phases of tests/run and what they share. A step that fails is counted and the rest still runs.
+
+VENV=build/venv
+TOTAL_PASSED=0
+TOTAL_FAILED=0
+FAILURES=()
+
+# The tools that come from Python packages, as tests/requirements.txt pins them.
+need_venv() {
+	local stamp=$VENV/installed.txt
+
+	if cmp -s tests/requirements.txt "$stamp" && "$VENV/bin/python" -c 'import pytest' 2>/dev/null
+	then
+		return 0
+	fi
+	say "installing Python packages into $VENV: $(grep -v '^#' tests/requirements.txt | tr '\n' ' ')"
+	rm -rf "$VENV"
+	/usr/bin/python3 -m venv "$VENV"
+	"$VENV/bin/pip" --quiet --disable-pip-version-check install -r tests/requirements.txt
+	cp tests/requirements.txt "$stamp"
+}
+
+# count PASSED FAILED
+count() {
+	PASSED=$((PASSED + $1))
+	FAILED=$((FAILED + $2))
+}
+
+# Runs a command with its output in a log, shown only when it fails. Counts nothing.
+quietly() {
+	local log=build/logs/$PHASE-$1.log
+
+	shift
+	if "$@" >"$log" 2>&1 </dev/null; then
+		return 0
+	fi
+	printf -- '--- failed: %s (%s)\n' "$*" "$log"
+	tail -n 60 "$log"
+	return 1
+}
+
+# step LABEL COMMAND...: one check.
+step() {
+	local label=$1
+
+	if quietly "$@"; then
+		count 1 0
+	else
+		FAILURES+=("$PHASE: $label")
+		count 0 1
+	fi
+}
+
+configure_and_build() {
+	cmake --preset "$1" && cmake --build --preset "$1" -- -k 0 -j "$JOBS"
+}
+
+# A build that the phase needs: only its failure counts.
+need_build() {
+	if quietly "build-$1" configure_and_build "$1"; then
+		return 0
+	fi
+	FAILURES+=("$PHASE: the build of preset $1")
+	count 0 1
+	return 1
+}
+
+# run_ctest PRESET [COMMAND-PREFIX...]: counts the test cases inside the programs.
+run_ctest() {
+	local preset=$1 folder=build/$1 names
+
+	shift
+	"$@" ctest --preset "$preset" -j "$JOBS" --no-tests=error \
+		>"build/logs/$PHASE-ctest.log" 2>&1 || true
+	# Programs first, then their totals; see the tool for how crashes are counted.
+	names=$(tests/tools/count-cmocka "$folder/Testing/Temporary/LastTest.log") || true
+	if [ -z "$names" ]; then
+		tail -n 60 "build/logs/$PHASE-ctest.log"
+		names='0 1 (ctest did not run)'
+	fi
+	# shellcheck disable=SC2086 # two numbers and a list of programs
+	set -- $names
+	count "$1" "$2"
+	if [ "$2" -gt 0 ]; then
+		shift 2
+		FAILURES+=("$PHASE: $*")
+		grep -E -B 12 'FAILED|ERROR|Sanitizer|runtime error' "build/logs/$PHASE-ctest.log" |
+			head -n 150 || true
+	fi
+}
+
+phase_unit() {
+	need_build asan || return 0
+	export ASAN_OPTIONS=detect_leaks=1:detect_stack_use_after_return=1:strict_string_checks=1
+	export UBSAN_OPTIONS=print_stacktrace=1
+	run_ctest asan
+}
+
+# Both compilers, optimizing, every warning an error.
+phase_compilers() {
+	step gcc configure_and_build gcc
+	step clang configure_and_build clang
+}
+
+phase_threads() {
+	local prefix=()
+
+	need_build tsan || return 0
+	# Thread sanitizer needs its memory where old kernels had it; not every container allows this.
+	if setarch "$(uname -m)" -R true 2>/dev/null; then
+		prefix=(setarch "$(uname -m)" -R)
+	fi
+	export TSAN_OPTIONS=second_deadlock_stack=1
+	run_ctest tsan "${prefix[@]}"
+	run_pytest tsan "${prefix[@]}" -- -m threads
+}
+
+c_files() {
+	git ls-files --cached --others --exclude-standard -- '*.[ch]'
+}
+
+check_format() {
+	c_files | xargs "$VENV/bin/clang-format" --dry-run -Werror
+}
+
+check_cppcheck() {
+	cppcheck --std=c11 --enable=warning,performance,portability --inline-suppr \
+		--suppress=missingIncludeSystem --suppress=normalCheckLevelMaxBranches \
+		--error-exitcode=1 --quiet -j "$JOBS" -D_GNU_SOURCE -DDRIVEBRIDGE_VERSION='"0"' \
+		-I include -I src src
+}
+
+check_clang_tidy() {
+	cmake --preset clang >/dev/null &&
+		find src -name '*.c' -print0 |
+		xargs -0 -P "$JOBS" -n 4 timeout 240 clang-tidy -p build/clang --quiet
+}
+
+# What the repository must not contain: work left over, and lines of more than 100 columns.
+check_text() {
+	local bad=0
+
+	if git grep -n --untracked -E 'TO''DO|FIX''ME|X''XX' -- src include tests demo; then
+		bad=1
+	fi
+	if c_files | xargs grep -L 'SPDX-License-Identifier: Apache-2.0' | grep .; then
+		printf 'no SPDX line in these\n'
+		bad=1
+	fi
+	return $bad
+}
+
+phase_style() {
+	step format check_format
+	step text check_text
+	step shellcheck shellcheck -x demo tests/run .ci/run tests/lib/packages.sh \
+		tests/lib/phases.sh
+	step cppcheck check_cppcheck
+	step clang-tidy check_clang_tidy
+}
+
+# The generated documents are what the table says today.
+phase_docs() {
+	local file
+
+	need_build asan || return 0
+	rm -rf build/docs
+	mkdir -p build/docs
+	quietly export build/asan/regmap-export build/docs || true
+	for file in register-map.csv register-map.md commands.csv; do
+		step "$file" diff -u "docs/$file" "build/docs/$file"
+	done
+	[ "$FAILED" -eq 0 ] ||
+		printf 'to bring docs/ up to date: cmake --build --preset asan --target docs-generate\n'
+}
+
+fuzz_one() {
+	local target=$1 name corpus
+
+	name=${target##*/fuzz_}
+	corpus=tests/fuzz/corpus/$name
+	if [ ! -d "$corpus" ]; then
+		printf 'no seed corpus %s\n' "$corpus"
+		return 1
+	fi
+	# What it finds goes to build/, the seeds stay as they are.
+	mkdir -p "build/fuzz/found/$name"
+	"$target" -max_total_time="$FUZZ_SECONDS" -timeout=5 -rss_limit_mb=1024 \
+		-artifact_prefix="build/fuzz/found/$name-" "build/fuzz/found/$name" "$corpus"
+}
+
+phase_fuzz() {
+	local target ran=0
+
+	need_build fuzz || return 0
+	export ASAN_OPTIONS=allow_addr2line=1 UBSAN_OPTIONS=print_stacktrace=1
+	for target in build/fuzz/fuzz/fuzz_*; do
+		[ -x "$target" ] || continue
+		ran=1
+		step "${target##*/}" fuzz_one "$target"
+	done
+	[ $ran -eq 1 ] || step targets false
+}
+
+# run_pytest PRESET [COMMAND-PREFIX...] -- [PYTEST-ARGUMENT...]
+run_pytest() {
+	local preset=$1 prefix=() log numbers report=build/logs/$PHASE-pytest.xml
+
+	shift
+	while [ "$1" != -- ]; do
+		prefix+=("$1")
+		shift
+	done
+	shift
+	log=build/logs/$PHASE-pytest.log
+	rm -f "$report"
+	DRIVEBRIDGE_BUILD=$PWD/build/$preset "${prefix[@]}" "$VENV/bin/python" -m pytest -q -n 4 \
+		--junitxml="$report" "$@" tests/e2e >"$log" 2>&1 </dev/null || true
+	numbers=$("$VENV/bin/python" tests/tools/count-junit "$report") || numbers='0 1'
+	# shellcheck disable=SC2086 # two numbers
+	set -- $numbers
+	count "$1" "$2"
+	if [ "$2" -gt 0 ]; then
+		tail -n 150 "$log"
+		FAILURES+=("$PHASE: pytest ($log)")
+	fi
+}
+
+phase_e2e() {
+	need_build asan || return 0
+	export ASAN_OPTIONS=detect_leaks=1 UBSAN_OPTIONS=print_stacktrace=1
+	run_pytest asan --
+}
+
+run_phase() {
+	local started=$SECONDS
+
+	PHASE=$1
+	PASSED=0
+	FAILED=0
+	say "$PHASE"
+	"phase_$PHASE"
+	printf '%s: %d passed, %d failed (%d s)\n' "$PHASE" $PASSED $FAILED $((SECONDS - started))
+	TOTAL_PASSED=$((TOTAL_PASSED + PASSED))
+	TOTAL_FAILED=$((TOTAL_FAILED + FAILED))
+}
+
+finish() {
+	if [ ${#FAILURES[@]} -gt 0 ]; then
+		say "failed"
+		printf '%s\n' "${FAILURES[@]}"
+	fi
+	printf '%d passed, %d failed\n' $TOTAL_PASSED $TOTAL_FAILED
+	[ $TOTAL_FAILED -eq 0 ]
+}

@@ -1,0 +1,84 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "drivebridge/result.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <string.h>
+
+/* Numbers and names are what PLC programs rely on, so they are written out here once more. */
+static const struct {
+	enum db_result result;
+	int number;
+	const char *name;
+	int exception;
+} rows[] = {
+	{ DB_RESULT_NONE, 0, "none", 0x00 },
+	{ DB_RESULT_OK, 1, "ok", 0x00 },
+	{ DB_RESULT_PENDING, 2, "pending", 0x05 },
+	{ DB_RESULT_REFUSED, 3, "refused", 0x04 },
+	{ DB_RESULT_OUT_OF_RANGE, 4, "out_of_range", 0x03 },
+	{ DB_RESULT_TIMEOUT, 5, "timeout", 0x0B },
+	{ DB_RESULT_INDETERMINATE, 6, "indeterminate", 0x0B },
+	{ DB_RESULT_RESTARTED, 7, "restarted", 0x04 },
+	{ DB_RESULT_CANCELLED, 8, "cancelled", 0x04 },
+	{ DB_RESULT_LIMIT, 9, "limit", 0x03 },
+	{ DB_RESULT_LATCHED, 10, "latched", 0x04 },
+	{ DB_RESULT_UNSUPPORTED, 11, "unsupported", 0x01 },
+	{ DB_RESULT_BUSY, 12, "busy", 0x06 },
+	{ DB_RESULT_BUS_DOWN, 13, "bus_down", 0x0A },
+	{ DB_RESULT_OFFLINE, 14, "offline", 0x0B },
+	{ DB_RESULT_FAILED, 15, "failed", 0x04 },
+	{ DB_RESULT_RATE_LIMITED, 16, "rate_limited", 0x04 },
+};
+
+static void every_code_is_listed(void **state)
+{
+	(void)state;
+	assert_int_equal(sizeof rows / sizeof rows[0], DB_RESULT_COUNT);
+}
+
+static void numbers_names_exceptions(void **state)
+{
+	(void)state;
+	for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+		assert_int_equal((int)rows[i].result, rows[i].number);
+		assert_string_equal(db_result_name(rows[i].result), rows[i].name);
+		assert_int_equal(db_result_exception(rows[i].result), rows[i].exception);
+	}
+}
+
+static void names_are_distinct(void **state)
+{
+	(void)state;
+	for (int i = 0; i < DB_RESULT_COUNT; i++) {
+		for (int j = 0; j < i; j++)
+			assert_true(strcmp(db_result_name((enum db_result)i),
+			                   db_result_name((enum db_result)j)) != 0);
+	}
+}
+
+static void outside_the_enum(void **state)
+{
+	(void)state;
+	assert_string_equal(db_result_name(DB_RESULT_COUNT), "unknown");
+	assert_string_equal(db_result_name((enum db_result)-1), "unknown");
+	assert_string_equal(db_result_name((enum db_result)1000), "unknown");
+	assert_int_equal(db_result_exception(DB_RESULT_COUNT), 0x04);
+	assert_int_equal(db_result_exception((enum db_result)-1), 0x04);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(every_code_is_listed),
+		cmocka_unit_test(numbers_names_exceptions),
+		cmocka_unit_test(names_are_distinct),
+		cmocka_unit_test(outside_the_enum),
+	};
+
+	return cmocka_run_group_tests_name("codec/result", tests, NULL, NULL);
+}
