@@ -133,7 +133,7 @@ static unsigned distance(const char *a, const char *b)
 
 	for (unsigned j = 0; j <= length; j++)
 		row[j] = j;
-	for (size_t i = 0; a[i] && i < NAME_MAX_COMPARED; i++) {
+	for (size_t i = 0; i < NAME_MAX_COMPARED && a[i]; i++) {
 		unsigned diagonal = row[0];
 
 		row[0]++;

@@ -23,8 +23,8 @@ struct db_config_key {
 	const char *section; /* "modbus", "bus" or "drive" */
 	const char *name;
 	enum db_config_kind kind;
-	/* As it would be written in a file (lists: separated by spaces). Null: the key must be given;
-	 * "": what holds then is not one value, `description` tells it. */
+	/* As it would be written in a file (lists: separated by spaces). Null: the key must be
+	 * given; "": what holds then is not one value, `description` tells it. */
 	const char *preset;
 	double min;
 	double max;

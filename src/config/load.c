@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define FILE_MAX (1024u * 1024u)
+#define FILE_MAX ((size_t)1 << 20)
 
 /* The configuration and the file name its sections point to, freed as one. */
 struct loaded {
@@ -98,7 +98,7 @@ int db_config_parse(const char *text, const char *file, FILE *errors, struct db_
 		free(copy);
 		return -1;
 	}
-	strcpy(loaded->file, file);
+	memcpy(loaded->file, file, strlen(file) + 1);
 	load.file = loaded->file;
 	load.config = &loaded->config;
 	read_text(&load, copy);

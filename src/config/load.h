@@ -19,7 +19,7 @@ struct db_load {
 	struct db_config *config;
 };
 
-/* One section being read. */
+/* One section being read. All functions of it take keys of the table only. */
 struct db_section {
 	struct db_load *load;
 	const char *name;  /* "modbus", "bus" or "drive" */
@@ -39,11 +39,11 @@ bool db_section_has(const struct db_section *section, const char *key);
  * The value of a key, its preset when it was not given. What is wrong (also a missing key that must
  * be given) is reported, and 0 or null returned. A key without a preset gives 0 or "".
  */
-unsigned db_section_number(const struct db_section *section, const char *key);
-double db_section_real(const struct db_section *section, const char *key);
-unsigned db_section_word(const struct db_section *section, const char *key);
-char *db_section_text(const struct db_section *section, const char *key); /* to be freed */
-struct db_network *db_section_networks(const struct db_section *section, const char *key,
+unsigned db_section_number(const struct db_section *section, const char *name);
+double db_section_real(const struct db_section *section, const char *name);
+unsigned db_section_word(const struct db_section *section, const char *name);
+char *db_section_text(const struct db_section *section, const char *name); /* to be freed */
+struct db_network *db_section_networks(const struct db_section *section, const char *name,
                                        size_t *count); /* to be freed */
 
 /* Fills config->modbus, buses and drives from load->root. False when out of memory. */

@@ -84,7 +84,7 @@ static bool skip_space(struct scan *scan)
 	}
 }
 
-/* Only what reads the same for everybody: libconfuse's other escapes and ${VARIABLE} are refused. */
+/* Only what reads the same for everybody: other escapes and ${VARIABLE} are refused. */
 static bool scan_string(struct scan *scan)
 {
 	const char *text = scan->text;
@@ -131,8 +131,7 @@ static bool scan_word(struct scan *scan)
 	size_t begin = scan->at;
 
 	while (is_word_byte(scan->text + scan->at)) {
-		/* A byte behind a slash belongs to the word, whatever is_word_byte() says of it alone:
-		 * it was looked at together with the slash. */
+		/* A byte behind a slash was looked at together with the slash. */
 		scan->at += scan->text[scan->at] == '/' ? 2 : 1;
 	}
 	/* "a//b" is a mistake more often than a comment, and "${" is libconfuse's for variables. */
@@ -236,48 +235,72 @@ static bool scan_value(struct scan *scan, const char *name, bool *list, size_t *
 	return true;
 }
 
-static bool add_key(struct db_outline *outline, const struct db_outline_key *key)
+static bool add_section(struct db_outline *outline, struct token head, const char *name,
+                        const char *title)
 {
-	struct db_outline_key *keys;
+	struct db_outline_section *sections;
+	struct db_outline_section section = {
+		.name = strdup(name), .title = strdup(title), .line = head.line, .begin = head.begin
+	};
 
-	keys = realloc(outline->keys, (outline->key_count + 1) * sizeof(*keys));
-	if (!keys)
+	sections = realloc(outline->sections, (outline->section_count + 1) * sizeof(*sections));
+	if (sections)
+		outline->sections = sections;
+	if (!sections || !section.name || !section.title) {
+		free(section.name);
+		free(section.title);
 		return false;
-	outline->keys = keys;
-	keys[outline->key_count++] = *key;
+	}
+	sections[outline->section_count++] = section;
 	return true;
 }
 
-/* At '='; the name was before it. Takes the name. */
-static bool scan_key(struct scan *scan, struct token name, char *name_text, size_t section)
+static bool add_key(struct db_outline *outline, const struct db_outline_key *key)
+{
+	struct db_outline_key *keys;
+	char *name = strdup(key->name);
+
+	keys = realloc(outline->keys, (outline->key_count + 1) * sizeof(*keys));
+	if (keys)
+		outline->keys = keys;
+	if (!keys || !name) {
+		free(name);
+		return false;
+	}
+	keys[outline->key_count] = *key;
+	keys[outline->key_count++].name = name;
+	return true;
+}
+
+/* At '='; the name was before it. */
+static bool scan_key(struct scan *scan, struct token head, char *name, size_t section)
 {
 	struct db_outline_key key = {
-		.name = name_text, .line = name.line, .section = section, .begin = name.begin
+		.name = name, .line = head.line, .section = section, .begin = head.begin
 	};
 
 	advance(scan);
-	if (scan_value(scan, name_text, &key.list, &key.end) && add_key(scan->outline, &key))
-		return true;
-	free(name_text);
-	return false;
+	return scan_value(scan, name, &key.list, &key.end) && add_key(scan->outline, &key);
 }
 
 /* Behind '{'. */
 static bool scan_keys(struct scan *scan, size_t section)
 {
 	while (scan->token.type != TOKEN_CLOSE) {
-		struct token name = scan->token;
-		char *text;
+		struct token head = scan->token;
+		char *name;
+		bool good;
 
-		if (scan->token.type != TOKEN_WORD)
+		if (head.type != TOKEN_WORD)
 			return wrong(scan, "a key, or } at the end of the section");
-		text = token_text(scan);
+		name = token_text(scan);
+		if (!name)
+			return false;
 		advance(scan);
-		if (!text || scan->token.type != TOKEN_EQUALS) {
-			free(text);
-			return wrong(scan, "= after the key");
-		}
-		if (!scan_key(scan, name, text, section))
+		good = scan->token.type == TOKEN_EQUALS ? scan_key(scan, head, name, section) :
+		                                          wrong(scan, "= after the key");
+		free(name);
+		if (!good)
 			return false;
 	}
 	scan->outline->sections[section].end = scan->token.end;
@@ -285,34 +308,22 @@ static bool scan_keys(struct scan *scan, size_t section)
 	return true;
 }
 
-/* Behind the name, at the title or '{'. Takes the name. */
-static bool scan_section(struct scan *scan, struct token name, char *name_text)
+/* Behind the name, at the title or '{'. */
+static bool scan_section(struct scan *scan, struct token head, const char *name)
 {
-	struct db_outline *outline = scan->outline;
-	struct db_outline_section *sections;
-	char *title;
+	bool titled = is_text(scan);
+	char *title = titled ? token_text(scan) : strdup("");
+	bool good = title && add_section(scan->outline, head, name, title);
 
-	if (is_text(scan)) {
-		title = token_text(scan);
-		advance(scan);
-	} else {
-		title = strdup("");
-	}
-	sections = realloc(outline->sections, (outline->section_count + 1) * sizeof(*sections));
-	if (sections)
-		outline->sections = sections;
-	if (!title || !sections) {
-		free(name_text);
-		free(title);
+	free(title);
+	if (!good)
 		return false;
-	}
-	sections[outline->section_count++] = (struct db_outline_section){
-		.name = name_text, .title = title, .line = name.line, .begin = name.begin
-	};
+	if (titled)
+		advance(scan);
 	if (scan->token.type != TOKEN_OPEN)
 		return wrong(scan, "{ at the start of a section, or = after a key");
 	advance(scan);
-	return scan_keys(scan, outline->section_count - 1);
+	return scan_keys(scan, scan->outline->section_count - 1);
 }
 
 static bool scan_text(struct scan *scan)
@@ -321,19 +332,20 @@ static bool scan_text(struct scan *scan)
 
 	advance(scan);
 	while (good && scan->token.type != TOKEN_END) {
-		struct token name = scan->token;
-		char *text;
+		struct token head = scan->token;
+		char *name;
 
-		if (name.type != TOKEN_WORD)
+		if (head.type != TOKEN_WORD)
 			return wrong(scan, "a section: modbus, bus NAME or drive NAME");
-		text = token_text(scan);
-		if (!text)
+		name = token_text(scan);
+		if (!name)
 			return false;
 		advance(scan);
 		if (scan->token.type == TOKEN_EQUALS)
-			good = scan_key(scan, name, text, DB_OUTLINE_TOP);
+			good = scan_key(scan, head, name, DB_OUTLINE_TOP);
 		else
-			good = scan_section(scan, name, text);
+			good = scan_section(scan, head, name);
+		free(name);
 	}
 	return good;
 }
@@ -455,7 +467,7 @@ static void blank(char *text, size_t begin, size_t end)
 	}
 }
 
-/* Keys of a section that was refused for its name only are checked too, so that one run finds all. */
+/* Keys of a section refused only for its name are checked too, so that one run finds all. */
 static void check(char *text, struct db_outline *outline, struct db_report *report)
 {
 	for (size_t i = 0; i < outline->section_count; i++)

@@ -3,10 +3,10 @@
  * The outline of a configuration text: which sections and keys stand on which line.
  *
  * libconfuse reads the values, but it forgets where a key stood, gives up at the first unknown key,
- * lets the last of two keys or sections of one name win without a word, miscounts lines after a block
- * comment and takes no comments inside lists. So this pass goes first: it finds the places, checks
- * the form, and blanks comments and everything that was refused, so that libconfuse goes on to the
- * values of the rest.
+ * lets the last of two keys or sections of one name win without a word, miscounts lines after a
+ * block comment and takes no comments inside lists. So this pass goes first: it finds the places,
+ * checks the form, and blanks comments and everything that was refused, so that libconfuse goes on
+ * to the values of the rest.
  */
 #ifndef DRIVEBRIDGE_CONFIG_OUTLINE_H
 #define DRIVEBRIDGE_CONFIG_OUTLINE_H

@@ -63,6 +63,11 @@ void db_report_warning(struct db_report *report, unsigned line, const char *form
 		add(report, line, whole);
 }
 
+size_t db_report_errors(const struct db_report *report)
+{
+	return report->errors;
+}
+
 static int compare(const void *left, const void *right)
 {
 	const struct db_report_entry *a = left, *b = right;

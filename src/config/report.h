@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Errors and warnings about a file, collected while it is read and printed in the order of its lines.
+ * Errors and warnings about a file, collected while it is read and printed in the order of its
+ * lines.
  */
 #ifndef DRIVEBRIDGE_CONFIG_REPORT_H
 #define DRIVEBRIDGE_CONFIG_REPORT_H
@@ -25,6 +26,9 @@ void db_report_error(struct db_report *report, unsigned line, const char *format
 	__attribute__((format(printf, 3, 4)));
 void db_report_warning(struct db_report *report, unsigned line, const char *format, ...)
 	__attribute__((format(printf, 3, 4)));
+
+/* How many errors so far, to find out whether a step found any. */
+size_t db_report_errors(const struct db_report *report);
 
 void db_report_print(struct db_report *report, const char *file, FILE *out);
 void db_report_clear(struct db_report *report);

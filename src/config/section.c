@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* One key of one section: from its text to its value, or to a message that says what would be right. */
+/* One key of one section: from its text to its value, or to a message with what would be right. */
 #include "config/keys.h"
 #include "config/load.h"
 #include "config/text.h"
@@ -214,8 +214,8 @@ struct db_network *db_section_networks(const struct db_section *section, const c
 		read_network(section, name, cfg_getnstr(section->values, name, (unsigned)i),
 		             &networks[(*count)++]);
 	if (size == 0) {
-		/* Nobody: the unspecified address, which no client can have. An empty array would mean
-		 * that nothing was configured. */
+		/* Nobody: the unspecified address, which no client can have. An empty array would
+		 * mean that nothing was configured. */
 		networks[0].prefix = 128;
 		*count = 1;
 	}

@@ -58,9 +58,10 @@ static const struct db_driver *read_protocol(const struct db_section *section)
 {
 	char *name = db_section_text(section, "protocol");
 	const struct db_driver *driver = name ? db_driver_find(name) : NULL;
-	char known[256];
 
 	if (name && !driver) {
+		char known[256];
+
 		list_protocols(known, sizeof(known));
 		db_report_error(&section->load->report, db_section_line(section, "protocol"),
 		                "unknown protocol '%s'; known are: %s", name, known);
@@ -177,14 +178,14 @@ static void read_drive(struct db_load *load, unsigned index, struct db_drive_con
 	drive->source_file = load->file;
 	drive->source_line = section.line;
 	drive->bus = read_drive_bus(&section);
-	errors = load->report.errors;
+	errors = db_report_errors(&load->report);
 	drive->address = db_section_number(&section, "address");
 	if (drive->bus < load->config->bus_count) {
 		const struct db_bus_config *bus = &load->config->buses[drive->bus];
 
-		refuse_foreign_keys(&section, bus->driver);
-		if (load->report.errors == errors)
+		if (db_report_errors(&load->report) == errors)
 			check_address(&section, bus, drive->address);
+		refuse_foreign_keys(&section, bus->driver);
 	}
 	drive->unit = db_section_number(&section, "unit");
 	drive->counts_per_unit = db_section_real(&section, "counts-per-unit");

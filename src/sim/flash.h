@@ -7,8 +7,7 @@
 
 #include "codec/vsmd.h"
 
-/* Replaces the file as one step: a crash leaves the old or the new content. 0 or a negative errno.
- * */
+/* Replaces the file as one step: whoever reads sees the old or the new. 0 or a negative errno. */
 int sim_flash_write(const char *path, const union db_value values[VSMD_PARAM_COUNT]);
 
 /*

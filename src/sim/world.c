@@ -152,8 +152,7 @@ void sim_world_run(struct sim_world *world, db_time now)
 		size_t count;
 
 		while ((count = sim_serial_bus_run(bus->wire, now, bytes, sizeof(bytes))) > 0) {
-			/* What a host does not read is lost, as on any line with nobody listening.
-			 * */
+			/* What a host does not read is lost, as on a line nobody listens to. */
 			if (write(bus->port.fd, bytes, count) < 0 && errno != EAGAIN)
 				(void)fprintf(stderr, "bus %s: %s\n", bus->config->name,
 				              strerror(errno));

@@ -1,0 +1,432 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * drivebridged: puts the rooms together, runs the network thread and ends in order.
+ */
+#include "drivebridge/axis.h"
+#include "drivebridge/bus.h"
+#include "drivebridge/commander.h"
+#include "drivebridge/config.h"
+#include "drivebridge/log.h"
+#include "drivebridge/server.h"
+#include "regmap/view.h"
+
+#include <errno.h>
+#include <getopt.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <systemd/sd-daemon.h>
+#include <systemd/sd-event.h>
+
+struct service;
+
+/* What a commander's callbacks need to find their way. */
+struct seat {
+	struct service *service;
+	struct db_bus *bus;
+};
+
+struct service {
+	struct db_config *config;
+	sd_event *loop;
+	sd_event_source *term;
+	sd_event_source *deadline; /* of the most impatient client */
+	db_time armed;
+	struct db_axis **axes;           /* one per drive, in the configuration's order */
+	struct db_commander **commanders; /* likewise */
+	struct seat *seats;              /* likewise */
+	struct db_bus **buses;
+	struct db_view *view;
+	struct db_server *server;
+};
+
+struct options {
+	const char *config;
+	bool check;
+};
+
+static void usage(FILE *out)
+{
+	fputs("usage: drivebridged --config FILE [--check]\n"
+	      "  --config FILE  run in the foreground with this configuration\n"
+	      "  --check        read the file, say what would run or what is wrong, and end\n"
+	      "  --version      print the version\n"
+	      "  --help         print this\n",
+	      out);
+}
+
+/* -1 to go on, else the status to exit with. */
+static int read_options(int argc, char **argv, struct options *options)
+{
+	static const struct option known[] = {
+		{ "config", required_argument, NULL, 'c' },
+		{ "check", no_argument, NULL, 'k' },
+		{ "version", no_argument, NULL, 'v' },
+		{ "help", no_argument, NULL, 'h' },
+		{ NULL, 0, NULL, 0 },
+	};
+	int option;
+
+	while ((option = getopt_long(argc, argv, "c:h", known, NULL)) != -1) {
+		switch (option) {
+		case 'c':
+			options->config = optarg;
+			break;
+		case 'k':
+			options->check = true;
+			break;
+		case 'v':
+			puts("drivebridged " DRIVEBRIDGE_VERSION);
+			return EXIT_SUCCESS;
+		case 'h':
+			usage(stdout);
+			return EXIT_SUCCESS;
+		default:
+			usage(stderr);
+			return 2;
+		}
+	}
+	if (!options->config || optind != argc) {
+		usage(stderr);
+		return 2;
+	}
+	return -1;
+}
+
+static db_time loop_now(const struct service *service)
+{
+	uint64_t us = 0;
+
+	sd_event_now(service->loop, CLOCK_MONOTONIC, &us);
+	return (db_time)us * DB_NS_PER_US;
+}
+
+/* --- commanders --------------------------------------------------------------------------------- */
+
+static bool submit(void *context, const struct db_request *request)
+{
+	const struct seat *seat = context;
+
+	return db_bus_submit(seat->bus, request);
+}
+
+static void answer(void *context, struct db_write_token token, uint8_t exception)
+{
+	const struct seat *seat = context;
+
+	db_server_answer(seat->service->server, token, exception);
+}
+
+static const struct db_commander_ops commander_ops = { .submit = submit, .answer = answer };
+
+/* Sets the timer to the first client that will not wait any longer. */
+static void arm_deadline(struct service *service)
+{
+	db_time first = DB_TIME_NEVER;
+
+	for (size_t i = 0; i < service->config->drive_count; i++) {
+		db_time deadline = db_commander_next_deadline(service->commanders[i]);
+
+		if (deadline < first)
+			first = deadline;
+	}
+	if (first == service->armed)
+		return;
+	service->armed = first;
+	if (first == DB_TIME_NEVER) {
+		sd_event_source_set_enabled(service->deadline, SD_EVENT_OFF);
+		return;
+	}
+	sd_event_source_set_time(service->deadline, (uint64_t)(first / DB_NS_PER_US));
+	sd_event_source_set_enabled(service->deadline, SD_EVENT_ONESHOT);
+}
+
+static int on_deadline(sd_event_source *source, uint64_t us, void *context)
+{
+	struct service *service = context;
+
+	(void)source;
+	(void)us;
+	service->armed = DB_TIME_NEVER;
+	for (size_t i = 0; i < service->config->drive_count; i++)
+		db_commander_expire(service->commanders[i], loop_now(service));
+	return 0;
+}
+
+static int on_completion(sd_event_source *source, int fd, uint32_t events, void *context)
+{
+	const struct seat *seat = context;
+	struct service *service = seat->service;
+	struct db_completion completion;
+
+	(void)source;
+	(void)fd;
+	(void)events;
+	while (db_bus_completion(seat->bus, &completion)) {
+		uint16_t drive = db_ticket_drive(completion.ticket);
+
+		if (drive < service->config->drive_count)
+			db_commander_complete(service->commanders[drive], &completion,
+			                      loop_now(service));
+	}
+	return 0;
+}
+
+/* Writes come and go inside every turn of the loop; the timer follows once, before it sleeps. */
+static int on_prepare(sd_event_source *source, void *context)
+{
+	(void)source;
+	arm_deadline(context);
+	return 0;
+}
+
+/* --- putting together ----------------------------------------------------------------------------- */
+
+static void read_server_stats(void *context, struct db_server_stats *stats)
+{
+	const struct service *service = context;
+
+	if (service->server)
+		db_server_stats(service->server, stats);
+	else
+		*stats = (struct db_server_stats){ 0 };
+}
+
+static int make_buses(struct service *service)
+{
+	const struct db_config *config = service->config;
+
+	for (size_t b = 0; b < config->bus_count; b++) {
+		struct db_axis **axes = calloc(config->drive_count + 1, sizeof *axes);
+		size_t count = 0;
+		int error;
+
+		if (!axes)
+			return -ENOMEM;
+		for (size_t d = 0; d < config->drive_count; d++) {
+			if (config->drives[d].bus == b)
+				axes[count++] = service->axes[d];
+		}
+		error = db_bus_new(config, b, axes, &service->buses[b]);
+		free(axes);
+		if (error != 0)
+			return error;
+	}
+	return 0;
+}
+
+static int make_commanders(struct service *service)
+{
+	const struct db_config *config = service->config;
+
+	for (size_t d = 0; d < config->drive_count; d++) {
+		const struct db_drive_config *drive = &config->drives[d];
+		struct db_commander_config settings = {
+			.driver = config->buses[drive->bus].driver,
+			.axis = service->axes[d],
+			.drive = (uint16_t)d,
+			.confirm_ms = config->modbus.confirm_ms,
+			.accept_writes = config->modbus.accept_writes,
+		};
+		int error;
+
+		for (size_t other = 0; other < d; other++)
+			settings.bus_axis += config->drives[other].bus == drive->bus;
+		service->seats[d].service = service;
+		service->seats[d].bus = service->buses[drive->bus];
+		error = db_commander_new(&settings, &commander_ops, &service->seats[d],
+		                         &service->commanders[d]);
+		if (error != 0)
+			return error;
+	}
+	return 0;
+}
+
+static int make_axes(struct service *service)
+{
+	size_t drives = service->config->drive_count;
+
+	/* One more of each than needed, so that none is ever an allocation of nothing. */
+	service->axes = calloc(drives + 1, sizeof *service->axes);
+	service->commanders = calloc(drives + 1, sizeof *service->commanders);
+	service->seats = calloc(drives + service->config->bus_count + 1, sizeof *service->seats);
+	service->buses = calloc(service->config->bus_count + 1, sizeof *service->buses);
+	if (!service->axes || !service->commanders || !service->seats || !service->buses)
+		return -ENOMEM;
+	for (size_t d = 0; d < drives; d++) {
+		service->axes[d] = db_axis_new();
+		if (!service->axes[d])
+			return -ENOMEM;
+	}
+	return 0;
+}
+
+static int make_view(struct service *service)
+{
+	struct db_view_parts parts = {
+		.config = service->config,
+		.axes = service->axes,
+		.buses = service->buses,
+		.commanders = service->commanders,
+		.server_stats = read_server_stats,
+		.context = service,
+	};
+
+	return db_view_new(&parts, &service->view);
+}
+
+static int watch_completions(struct service *service)
+{
+	struct seat *bus_seats = service->seats + service->config->drive_count;
+
+	for (size_t b = 0; b < service->config->bus_count; b++) {
+		int error;
+
+		bus_seats[b].service = service;
+		bus_seats[b].bus = service->buses[b];
+		error = sd_event_add_io(service->loop, NULL,
+		                        db_bus_completion_fd(service->buses[b]), SD_EVENT_IO_IN,
+		                        on_completion, &bus_seats[b]);
+		if (error < 0)
+			return error;
+	}
+	return 0;
+}
+
+static int make_loop(struct service *service)
+{
+	int error = sd_event_default(&service->loop);
+
+	if (error < 0)
+		return error;
+	/* Both end the loop: a null handler means just that. */
+	error = sd_event_add_signal(service->loop, &service->term, SIGTERM, NULL, service);
+	if (error >= 0)
+		error = sd_event_add_signal(service->loop, NULL, SIGINT, NULL, NULL);
+	if (error >= 0)
+		error = sd_event_add_time(service->loop, &service->deadline, CLOCK_MONOTONIC,
+		                          UINT64_MAX, 500, on_deadline, service);
+	if (error >= 0)
+		error = sd_event_source_set_enabled(service->deadline, SD_EVENT_OFF);
+	/* Prepare callbacks run whenever the loop is about to sleep, whatever their source. */
+	if (error >= 0)
+		error = sd_event_source_set_prepare(service->term, on_prepare);
+	service->armed = DB_TIME_NEVER;
+	return error < 0 ? error : watch_completions(service);
+}
+
+static int listen_for_clients(struct service *service)
+{
+	const struct db_modbus_config *modbus = &service->config->modbus;
+	int error = db_server_new(service->loop, modbus, db_view_backend(service->view),
+	                          service->view, &service->server);
+
+	if (error != 0) {
+		db_log(DB_LOG_ERROR, "cannot listen on %s: %s", modbus->listen, strerror(-error));
+		return error;
+	}
+	db_log(DB_LOG_NOTICE, "listening on %.*s:%u",
+	       (int)(strrchr(modbus->listen, ':') - modbus->listen), modbus->listen,
+	       (unsigned)db_server_port(service->server));
+	return 0;
+}
+
+static int set_up(struct service *service)
+{
+	int error = make_axes(service);
+
+	if (error == 0)
+		error = make_buses(service);
+	if (error == 0)
+		error = make_commanders(service);
+	if (error == 0)
+		error = make_view(service);
+	if (error == 0)
+		error = make_loop(service);
+	if (error < 0)
+		return error;
+	error = listen_for_clients(service);
+	for (size_t b = 0; error == 0 && b < service->config->bus_count; b++)
+		error = db_bus_start(service->buses[b]);
+	return error;
+}
+
+/* Every bus carries out its drives' on_exit side by side; clients are gone by then. */
+static void tear_down(struct service *service)
+{
+	size_t drives = service->config->drive_count;
+	size_t buses = service->config->bus_count;
+
+	db_server_free(service->server);
+	for (size_t b = 0; service->buses && b < buses; b++) {
+		if (service->buses[b])
+			db_bus_ask_end(service->buses[b]);
+	}
+	for (size_t b = 0; service->buses && b < buses; b++)
+		db_bus_free(service->buses[b]);
+	db_view_free(service->view);
+	for (size_t d = 0; d < drives; d++) {
+		if (service->commanders)
+			db_commander_free(service->commanders[d]);
+		if (service->axes)
+			db_axis_free(service->axes[d]);
+	}
+	free(service->buses);
+	free(service->seats);
+	free(service->commanders);
+	free(service->axes);
+	sd_event_source_unref(service->deadline);
+	sd_event_source_unref(service->term);
+	sd_event_unref(service->loop);
+}
+
+static int run(struct db_config *config)
+{
+	struct service service = { .config = config };
+	int error = set_up(&service);
+
+	if (error >= 0) {
+		sd_event_set_watchdog(service.loop, 1);
+		sd_notify(0, "READY=1");
+		error = sd_event_loop(service.loop);
+		sd_notify(0, "STOPPING=1");
+	}
+	if (error < 0)
+		db_log(DB_LOG_ERROR, "cannot go on: %s", strerror(-error));
+	tear_down(&service);
+	return error < 0 ? EXIT_FAILURE : EXIT_SUCCESS;
+}
+
+/* Before any thread starts: signals are the loop's. */
+static void block_signals(void)
+{
+	sigset_t signals;
+
+	sigemptyset(&signals);
+	sigaddset(&signals, SIGTERM);
+	sigaddset(&signals, SIGINT);
+	sigprocmask(SIG_BLOCK, &signals, NULL);
+	signal(SIGPIPE, SIG_IGN);
+}
+
+int main(int argc, char **argv)
+{
+	struct options options = { 0 };
+	struct db_config *config = NULL;
+	int status = read_options(argc, argv, &options);
+
+	if (status >= 0)
+		return status;
+	if (db_config_load(options.config, stderr, &config) != 0)
+		return EXIT_FAILURE;
+	if (options.check) {
+		db_config_describe(config, stdout);
+		status = EXIT_SUCCESS;
+	} else {
+		block_signals();
+		status = run(config);
+	}
+	db_config_free(config);
+	return status;
+}

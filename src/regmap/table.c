@@ -1,0 +1,1025 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "regmap/table.h"
+
+#include "regmap/commands.h"
+#include "regmap/image.h"
+
+#define COUNT_OF(array) (sizeof(array) / sizeof((array)[0]))
+
+/* --- what drives can do --------------------------------------------------------------------------- */
+
+/* A capability is there when the family has one of the commands or measures. Append, never renumber. */
+static const struct {
+	const char *name;
+	uint64_t commands;
+	unsigned measures;
+} capabilities[] = {
+	{ "move_velocity", DB_COMMAND_BIT(DB_CMD_MOVE_VELOCITY), 0 },
+	{ "move_absolute", DB_COMMAND_BIT(DB_CMD_MOVE_ABSOLUTE), 0 },
+	{ "move_relative", DB_COMMAND_BIT(DB_CMD_MOVE_RELATIVE), 0 },
+	{ "home", DB_COMMAND_BIT(DB_CMD_HOME), 0 },
+	{ "set_position", DB_COMMAND_BIT(DB_CMD_SET_POSITION), 0 },
+	{ "clear_fault", DB_COMMAND_BIT(DB_CMD_CLEAR_FAULT), 0 },
+	{ "read_parameters", DB_COMMAND_BIT(DB_CMD_READ_PARAMETERS), 0 },
+	{ "save_parameters", DB_COMMAND_BIT(DB_CMD_SAVE_PARAMETERS), 0 },
+	{ "inputs", 0, DB_MEASURE_INPUTS },
+	{ "outputs", DB_COMMAND_BIT(DB_CMD_SET_OUTPUT) | DB_COMMAND_BIT(DB_CMD_SET_OUTPUTS), 0 },
+	{ "pwm", DB_COMMAND_BIT(DB_CMD_SET_SV) | DB_COMMAND_BIT(DB_CMD_SET_NMOS), 0 },
+	{ "shake", DB_COMMAND_BIT(DB_CMD_SHAKE_START) | DB_COMMAND_BIT(DB_CMD_SHAKE_START_TIME), 0 },
+	{ "move_preset", DB_COMMAND_BIT(DB_CMD_MOVE_PRESET), 0 },
+	{ "programs", 0, DB_MEASURE_PROGRAM },
+	{ "measures_current", 0, DB_MEASURE_CURRENT },
+};
+
+uint32_t db_capabilities(const struct db_driver *driver)
+{
+	uint32_t bits = 0;
+
+	for (size_t i = 0; i < COUNT_OF(capabilities); i++) {
+		if ((driver->commands & capabilities[i].commands) ||
+		    (driver->measures & capabilities[i].measures))
+			bits |= UINT32_C(1) << i;
+	}
+	return bits;
+}
+
+const char *db_capability_name(unsigned bit)
+{
+	return bit < COUNT_OF(capabilities) ? capabilities[bit].name : "unknown";
+}
+
+/* --- codes for descriptions -------------------------------------------------------------------------- */
+
+static const char *state_name(unsigned code)
+{
+	return db_axis_state_name((enum db_axis_state)code);
+}
+
+static const char *error_name(unsigned code)
+{
+	return db_error_name((uint16_t)code);
+}
+
+static const char *result_name(unsigned code)
+{
+	return db_result_name((enum db_result)code);
+}
+
+static const struct db_codes axis_states = { state_name, DB_AXIS_STATE_COUNT, false };
+static const struct db_codes errors = { error_name, 64, false };
+static const struct db_codes results = { result_name, DB_RESULT_COUNT, false };
+static const struct db_codes command_codes = { db_command_name, DB_CMD_LIMIT, false };
+static const struct db_codes status_bits = { db_status_bit_name, DB_STATUS_BIT_COUNT, true };
+static const struct db_codes capability_bits = { db_capability_name, COUNT_OF(capabilities), true };
+
+/* --- the table ----------------------------------------------------------------------------------------- */
+
+#define DRIVE(needs, member)                                                                        \
+	.view = DB_VIEW_DRIVE, .table = DB_TABLE_HOLDING, .part = (needs),                          \
+	.offset = offsetof(struct db_drive_image, member)
+#define PROCESS(member) DRIVE(DB_PART_PROCESS, member)
+#define BLOCK(member)   DRIVE(DB_PART_BLOCK, block.member)
+#define PARAMETER       DRIVE(DB_PART_PLATE, plate.values)
+#define GATEWAY_PART(needs, member)                                                                 \
+	.view = DB_VIEW_GATEWAY, .table = DB_TABLE_HOLDING, .part = (needs),                        \
+	.offset = offsetof(struct db_gateway_image, member)
+#define GATEWAY(member)       GATEWAY_PART(DB_PART_SERVER, member)
+#define GATEWAY_BUS(member)   GATEWAY_PART(DB_PART_BUSES, buses[0].member)
+#define GATEWAY_DRIVE(member) GATEWAY_PART(DB_PART_DRIVES, drives[0].member)
+#define EACH_BUS                                                                                    \
+	{                                                                                           \
+		.count = DB_GATEWAY_BUSES, .addresses = 40, .bytes = sizeof(struct db_gateway_bus)  \
+	}
+#define EACH_DRIVE                                                                                  \
+	{                                                                                           \
+		.count = DB_GATEWAY_DRIVES, .addresses = 16,                                        \
+		.bytes = sizeof(struct db_gateway_drive)                                            \
+	}
+
+const struct db_row db_rows[] = {
+	/* Drive view: process data. */
+	{
+		.name = "axis_state",
+		.address = 0,
+		.type = DB_U16,
+		PROCESS(feedback.state),
+		.max = DB_AXIS_STATE_COUNT - 1,
+		.codes = &axis_states,
+		.description = "State of the axis after PLCopen",
+	},
+	{
+		.name = "error",
+		.address = 1,
+		.type = DB_U16,
+		PROCESS(feedback.error),
+		.codes = &errors,
+		.description = "Why the axis is in ErrorStop or Offline; below 16 the bridge's "
+		               "own causes; from 16 the drive's",
+	},
+	{
+		.name = "status",
+		.address = 2,
+		.type = DB_BITS32,
+		PROCESS(status),
+		.codes = &status_bits,
+		.description = "State in bits",
+	},
+	{
+		.name = "quality",
+		.address = 4,
+		.type = DB_U16,
+		PROCESS(quality),
+		.max = 192,
+		.description = "Quality of the process data as in OPC: 0=bad 64=uncertain "
+		               "192=good; good means online and not older than three cycles or "
+		               "100 ms",
+	},
+	{
+		.name = "active_command",
+		.address = 5,
+		.type = DB_U16,
+		PROCESS(state.active_command),
+		.description = "Oldest command that is not confirmed yet; 0=none; codes as in "
+		               "command",
+	},
+	{
+		.name = "age_ms",
+		.address = 6,
+		.type = DB_U32,
+		PROCESS(age_ms),
+		.unit = "ms",
+		.description = "Age of the process data; 4294967295=never read",
+	},
+	{
+		.name = "timestamp_us",
+		.address = 8,
+		.type = DB_U64,
+		PROCESS(feedback.taken_wall_us),
+		.flags = DB_ROW_MEASURED,
+		.unit = "us",
+		.description = "Moment of the process data since 1970-01-01 UTC",
+	},
+	{
+		.name = "position",
+		.address = 12,
+		.type = DB_I32,
+		PROCESS(feedback.position),
+		.flags = DB_ROW_MEASURED,
+		.unit = "counts",
+		.description = "Actual position in the drive's own units",
+	},
+	{
+		.name = "velocity",
+		.address = 14,
+		.type = DB_F32,
+		PROCESS(feedback.velocity),
+		.flags = DB_ROW_MEASURED,
+		.unit = "counts/s",
+		.description = "Actual velocity in the drive's own units",
+	},
+	{
+		.name = "position_units",
+		.address = 16,
+		.type = DB_F32,
+		PROCESS(position_units),
+		.flags = DB_ROW_MEASURED,
+		.unit = "user units",
+		.description = "Position divided by counts_per_unit; see unit_name",
+	},
+	{
+		.name = "velocity_units",
+		.address = 18,
+		.type = DB_F32,
+		PROCESS(velocity_units),
+		.flags = DB_ROW_MEASURED,
+		.unit = "user units/s",
+		.description = "Velocity divided by counts_per_unit; see unit_name",
+	},
+	{
+		.name = "drive_status",
+		.address = 20,
+		.type = DB_BITS32,
+		PROCESS(feedback.drive_status),
+		.flags = DB_ROW_MEASURED,
+		.description = "The drive's own status word as its vendor documents it",
+	},
+	{
+		.name = "result_id",
+		.address = 22,
+		.type = DB_U16,
+		PROCESS(state.result_id),
+		.description = "command_id of the latest command; 0=it had none",
+	},
+	{
+		.name = "result",
+		.address = 23,
+		.type = DB_U16,
+		PROCESS(state.result),
+		.max = DB_RESULT_COUNT - 1,
+		.codes = &results,
+		.description = "How the latest command ended",
+	},
+	{
+		.name = "write_result",
+		.address = 24,
+		.type = DB_U16,
+		PROCESS(state.write_result),
+		.max = DB_RESULT_COUNT - 1,
+		.description = "How the latest command or parameter write ended; codes as in "
+		               "result",
+	},
+	{
+		.name = "result_command",
+		.address = 25,
+		.type = DB_U16,
+		PROCESS(state.result_command),
+		.description = "The latest command; codes as in command",
+	},
+	{
+		.name = "result_time_us",
+		.address = 26,
+		.type = DB_U32,
+		PROCESS(state.result_time_us),
+		.unit = "us",
+		.description = "Time from the arrival of the last ended command to its end",
+	},
+	{
+		.name = "capabilities",
+		.address = 28,
+		.type = DB_BITS32,
+		PROCESS(capabilities),
+		.codes = &capability_bits,
+		.description = "What this drive can do",
+	},
+	{
+		.name = "inputs",
+		.address = 30,
+		.type = DB_BITS16,
+		PROCESS(feedback.inputs),
+		.flags = DB_ROW_MEASURED,
+		.measure = DB_MEASURE_INPUTS,
+		.description = "Levels of the inputs; bit 0 = input 1",
+	},
+	{
+		.name = "outputs",
+		.address = 31,
+		.type = DB_BITS16,
+		PROCESS(feedback.outputs),
+		.flags = DB_ROW_MEASURED,
+		.measure = DB_MEASURE_OUTPUTS,
+		.description = "Levels of the outputs; bit 0 = output 1",
+	},
+	{
+		.name = "acceleration",
+		.address = 32,
+		.type = DB_F32,
+		PARAMETER,
+		.flags = DB_ROW_WRITABLE | DB_ROW_PARAM,
+		.param_alias = offsetof(struct db_driver, acceleration_param) + 1,
+		.description = "Acceleration: the parameter of the drive under a neutral name",
+	},
+	{
+		.name = "deceleration",
+		.address = 34,
+		.type = DB_F32,
+		PARAMETER,
+		.flags = DB_ROW_WRITABLE | DB_ROW_PARAM,
+		.param_alias = offsetof(struct db_driver, deceleration_param) + 1,
+		.description = "Deceleration: the parameter of the drive under a neutral name",
+	},
+	{
+		.name = "fault_bits",
+		.address = 36,
+		.type = DB_BITS32,
+		PROCESS(feedback.fault_bits),
+		.flags = DB_ROW_MEASURED,
+		.measure = DB_MEASURE_FAULT_BITS,
+		.description = "The drive's own fault word as its vendor documents it",
+	},
+	{
+		.name = "current",
+		.address = 38,
+		.type = DB_F32,
+		PROCESS(feedback.current),
+		.flags = DB_ROW_MEASURED,
+		.measure = DB_MEASURE_CURRENT,
+		.unit = "A",
+		.description = "Motor current",
+	},
+	{
+		.name = "supply_voltage",
+		.address = 40,
+		.type = DB_F32,
+		PROCESS(feedback.supply_voltage),
+		.flags = DB_ROW_MEASURED,
+		.measure = DB_MEASURE_SUPPLY_VOLTAGE,
+		.unit = "V",
+		.description = "Supply voltage",
+	},
+	{
+		.name = "temperature",
+		.address = 42,
+		.type = DB_F32,
+		PROCESS(feedback.temperature),
+		.flags = DB_ROW_MEASURED,
+		.measure = DB_MEASURE_TEMPERATURE,
+		.unit = "degC",
+		.description = "Temperature of the drive",
+	},
+	{
+		.name = "program",
+		.address = 44,
+		.type = DB_U16,
+		PROCESS(feedback.program),
+		.flags = DB_ROW_MEASURED,
+		.measure = DB_MEASURE_PROGRAM,
+		.description = "Program that is running; 0=none",
+	},
+	{
+		.name = "program_state",
+		.address = 45,
+		.type = DB_U16,
+		PROCESS(feedback.program_state),
+		.flags = DB_ROW_MEASURED,
+		.measure = DB_MEASURE_PROGRAM,
+		.description = "State of the program in the vendor's code",
+	},
+
+	/* Drive view: the command block, at most 100 registers. */
+	{
+		.name = "command_id",
+		.address = 100,
+		.type = DB_U16,
+		BLOCK(command_id),
+		.flags = DB_ROW_WRITABLE,
+		.max = 65535,
+		.description = "Number of a command: 0=executes each time it is written; "
+		               "other=executes when it differs from the drive's last one while "
+		               "the same again is answered with the stored result; after the "
+		               "bridge starts the first one is only remembered (restarted); stop "
+		               "and disable always execute; an id is used up by every outcome "
+		               "except busy",
+	},
+	{
+		.name = "command",
+		.address = 101,
+		.type = DB_U16,
+		BLOCK(command),
+		.flags = DB_ROW_WRITABLE,
+		.max = DB_CMD_LIMIT - 1,
+		.codes = &command_codes,
+		.description = "Writing a code other than 0 executes it with the kept arguments. "
+		               "Written without command_id it uses the kept id if that is unused; "
+		               "the same command and arguments under a used id are the same "
+		               "request again; anything else executes as if the id were 0",
+	},
+	{
+		.name = "target_position",
+		.address = 102,
+		.type = DB_I32,
+		BLOCK(args.target_position),
+		.flags = DB_ROW_WRITABLE,
+		.unit = "counts",
+		.min = INT32_MIN,
+		.max = INT32_MAX,
+		.description = "Target or distance in the drive's own units",
+	},
+	{
+		.name = "target_velocity",
+		.address = 104,
+		.type = DB_F32,
+		BLOCK(args.target_velocity),
+		.flags = DB_ROW_WRITABLE,
+		.unit = "counts/s",
+		.description = "Velocity in the drive's own units; 0 in a position move = the "
+		               "drive's preset speed",
+	},
+	{
+		.name = "output_number",
+		.address = 106,
+		.type = DB_U16,
+		BLOCK(args.output_number),
+		.flags = DB_ROW_WRITABLE,
+		.max = 65535,
+		.description = "Output port from 1",
+	},
+	{
+		.name = "output_value",
+		.address = 107,
+		.type = DB_U16,
+		BLOCK(args.output_value),
+		.flags = DB_ROW_WRITABLE,
+		.max = 65535,
+		.description = "Level 0 or 1; or the duty of a PWM port 0..255",
+	},
+	{
+		.name = "output_mask",
+		.address = 108,
+		.type = DB_BITS16,
+		BLOCK(args.output_mask),
+		.flags = DB_ROW_WRITABLE,
+		.description = "Ports that set_outputs changes; bit 0 = port 1",
+	},
+	{
+		.name = "output_levels",
+		.address = 109,
+		.type = DB_BITS16,
+		BLOCK(args.output_levels),
+		.flags = DB_ROW_WRITABLE,
+		.description = "Their levels; bit 0 = port 1",
+	},
+	{
+		.name = "shake_start_position",
+		.address = 110,
+		.type = DB_I32,
+		BLOCK(args.shake_start_position),
+		.flags = DB_ROW_WRITABLE,
+		.unit = "counts",
+		.min = INT32_MIN,
+		.max = INT32_MAX,
+		.description = "One end of the swing",
+	},
+	{
+		.name = "shake_end_position",
+		.address = 112,
+		.type = DB_I32,
+		BLOCK(args.shake_end_position),
+		.flags = DB_ROW_WRITABLE,
+		.unit = "counts",
+		.min = INT32_MIN,
+		.max = INT32_MAX,
+		.description = "The other end of the swing",
+	},
+	{
+		.name = "shake_frequency",
+		.address = 114,
+		.type = DB_F32,
+		BLOCK(args.shake_frequency),
+		.flags = DB_ROW_WRITABLE,
+		.unit = "Hz",
+		.description = "Frequency of the swing; the range is the family's",
+	},
+	{
+		.name = "shake_cycles",
+		.address = 116,
+		.type = DB_U32,
+		BLOCK(args.shake_cycles),
+		.flags = DB_ROW_WRITABLE,
+		.max = INT32_MAX,
+		.description = "Number of cycles; 0=until stopped",
+	},
+	{
+		.name = "shake_time",
+		.address = 118,
+		.type = DB_U32,
+		BLOCK(args.shake_time),
+		.flags = DB_ROW_WRITABLE,
+		.unit = "s",
+		.max = INT32_MAX,
+		.description = "Duration; 0=until stopped",
+	},
+
+	/* Drive view: diagnostics. */
+	{
+		.name = "identity",
+		.address = 1000,
+		.type = DB_TEXT,
+		DRIVE(DB_PART_PLATE, plate.identity),
+		.registers = DB_IDENTITY_REGISTERS,
+		.description = "The drive's own description of itself; two characters a register; "
+		               "zeros after its end; all zero = not read yet",
+	},
+	{
+		.name = "bus",
+		.address = 1020,
+		.type = DB_U16,
+		DRIVE(DB_PART_STATIC, bus),
+		.description = "Number of the drive's bus from 1 in the order of the "
+		               "configuration",
+	},
+	{
+		.name = "address",
+		.address = 1021,
+		.type = DB_U16,
+		DRIVE(DB_PART_STATIC, address),
+		.description = "The drive's address on its bus; 0 on RS232",
+	},
+	{
+		.name = "unit_name",
+		.address = 1022,
+		.type = DB_TEXT,
+		DRIVE(DB_PART_STATIC, unit_name),
+		.registers = DB_UNIT_NAME_REGISTERS,
+		.description = "Name of the user units",
+	},
+	{
+		.name = "counts_per_unit",
+		.address = 1030,
+		.type = DB_F32,
+		DRIVE(DB_PART_STATIC, counts_per_unit),
+		.unit = "counts",
+		.description = "The drive's own units per user unit",
+	},
+	{
+		.name = "requests",
+		.address = 1032,
+		.type = DB_U32,
+		PROCESS(stats.requests),
+		.description = "Requests sent to the drive",
+	},
+	{
+		.name = "answers",
+		.address = 1034,
+		.type = DB_U32,
+		PROCESS(stats.answers),
+		.description = "Answers received from it",
+	},
+	{
+		.name = "timeouts",
+		.address = 1036,
+		.type = DB_U32,
+		PROCESS(stats.timeouts),
+		.description = "Answers that did not come in time",
+	},
+	{
+		.name = "retries",
+		.address = 1038,
+		.type = DB_U32,
+		PROCESS(stats.retries),
+		.description = "Requests repeated",
+	},
+	{
+		.name = "bad_frames",
+		.address = 1040,
+		.type = DB_U32,
+		PROCESS(stats.bad_frames),
+		.description = "Answers with a wrong checksum or form",
+	},
+	{
+		.name = "refusals",
+		.address = 1042,
+		.type = DB_U32,
+		PROCESS(stats.refusals),
+		.description = "Commands that the drive refused",
+	},
+	{
+		.name = "came_online",
+		.address = 1044,
+		.type = DB_U32,
+		PROCESS(stats.came_online),
+		.description = "How often it came online",
+	},
+	{
+		.name = "round_trip_us",
+		.address = 1046,
+		.type = DB_U32,
+		PROCESS(stats.round_trip_us),
+		.unit = "us",
+		.description = "Last round trip: first byte out to last byte in",
+	},
+	{
+		.name = "round_trip_min_us",
+		.address = 1048,
+		.type = DB_U32,
+		PROCESS(stats.round_trip_min_us),
+		.unit = "us",
+		.description = "Shortest round trip",
+	},
+	{
+		.name = "round_trip_max_us",
+		.address = 1050,
+		.type = DB_U32,
+		PROCESS(stats.round_trip_max_us),
+		.unit = "us",
+		.description = "Longest round trip",
+	},
+	{
+		.name = "round_trip_mean_us",
+		.address = 1052,
+		.type = DB_U32,
+		PROCESS(stats.round_trip_mean_us),
+		.unit = "us",
+		.description = "Mean round trip since the bridge started",
+	},
+	{
+		.name = "parameters_generation",
+		.address = 1054,
+		.type = DB_U32,
+		DRIVE(DB_PART_PLATE, plate.generation),
+		.description = "Grows whenever identity or a parameter changes",
+	},
+
+	/* Drive view: bits. */
+	{
+		.name = "status_#",
+		.view = DB_VIEW_DRIVE,
+		.table = DB_TABLE_DISCRETE,
+		.address = 0,
+		.type = DB_U32,
+		.part = DB_PART_PROCESS,
+		.offset = offsetof(struct db_drive_image, status),
+		.repeat = { .count = DB_STATUS_BIT_COUNT, .addresses = 1, .name = db_status_bit_name },
+		.max = 1,
+		.description = "Bit of the status register",
+	},
+	{
+		.name = "input_#",
+		.view = DB_VIEW_DRIVE,
+		.table = DB_TABLE_DISCRETE,
+		.address = 32,
+		.type = DB_U16,
+		.flags = DB_ROW_MEASURED,
+		.part = DB_PART_PROCESS,
+		.measure = DB_MEASURE_INPUTS,
+		.offset = offsetof(struct db_drive_image, feedback.inputs),
+		.repeat = { .count = 16, .addresses = 1 },
+		.max = 1,
+		.description = "Level of input #",
+	},
+	{
+		.name = "output_#",
+		.view = DB_VIEW_DRIVE,
+		.table = DB_TABLE_COILS,
+		.address = 0,
+		.type = DB_U16,
+		.flags = DB_ROW_MEASURED | DB_ROW_WRITABLE,
+		.part = DB_PART_PROCESS,
+		.outputs = true,
+		.offset = offsetof(struct db_drive_image, feedback.outputs),
+		.repeat = { .count = 16, .addresses = 1 },
+		.max = 1,
+		.description = "Level of output #; writing several at once is one set_outputs without id",
+	},
+
+	/* Gateway view. */
+	{
+		.name = "version_major",
+		.address = 0,
+		.type = DB_U16,
+		GATEWAY(version_major),
+		.description = "Version of drivebridge: first number",
+	},
+	{
+		.name = "version_minor",
+		.address = 1,
+		.type = DB_U16,
+		GATEWAY(version_minor),
+		.description = "Version of drivebridge: second number",
+	},
+	{
+		.name = "version_patch",
+		.address = 2,
+		.type = DB_U16,
+		GATEWAY(version_patch),
+		.description = "Version of drivebridge: third number",
+	},
+	{
+		.name = "bus_count",
+		.address = 3,
+		.type = DB_U16,
+		GATEWAY(bus_count),
+		.description = "Buses in the configuration",
+	},
+	{
+		.name = "drive_count",
+		.address = 4,
+		.type = DB_U16,
+		GATEWAY(drive_count),
+		.description = "Drives in the configuration",
+	},
+	{
+		.name = "drives_online",
+		.address = 5,
+		.type = DB_U16,
+		GATEWAY(drives_online),
+		.description = "Drives online",
+	},
+	{
+		.name = "uptime_s",
+		.address = 6,
+		.type = DB_U32,
+		GATEWAY(uptime_s),
+		.unit = "s",
+		.description = "Time since the bridge started",
+	},
+	{
+		.name = "clients",
+		.address = 8,
+		.type = DB_U32,
+		GATEWAY(clients),
+		.description = "Modbus TCP clients connected",
+	},
+	{
+		.name = "clients_peak",
+		.address = 10,
+		.type = DB_U32,
+		GATEWAY(clients_peak),
+		.description = "The most there were at once",
+	},
+	{
+		.name = "accepted",
+		.address = 12,
+		.type = DB_U32,
+		GATEWAY(accepted),
+		.description = "Connections accepted",
+	},
+	{
+		.name = "refused_full",
+		.address = 14,
+		.type = DB_U32,
+		GATEWAY(refused_full),
+		.description = "Connections refused because max-clients was reached",
+	},
+	{
+		.name = "refused_address",
+		.address = 16,
+		.type = DB_U32,
+		GATEWAY(refused_address),
+		.description = "Connections refused because of the address",
+	},
+	{
+		.name = "refused_writes",
+		.address = 18,
+		.type = DB_U32,
+		GATEWAY(refused_writes),
+		.description = "Writes refused because the client may only read",
+	},
+	{
+		.name = "requests",
+		.address = 20,
+		.type = DB_U32,
+		GATEWAY(requests),
+		.description = "Requests received",
+	},
+	{
+		.name = "exceptions",
+		.address = 22,
+		.type = DB_U32,
+		GATEWAY(exceptions),
+		.description = "Exceptions answered",
+	},
+	{
+		.name = "bad_frames",
+		.address = 24,
+		.type = DB_U32,
+		GATEWAY(bad_frames),
+		.description = "Connections closed for what cannot be Modbus",
+	},
+	{
+		.name = "timeouts",
+		.address = 26,
+		.type = DB_U32,
+		GATEWAY(timeouts),
+		.description = "Connections closed for an unfinished frame or idling",
+	},
+
+	/* Gateway view: a block for each bus. */
+	{
+		.name = "bus#_up",
+		.address = 100,
+		.type = DB_U16,
+		GATEWAY_BUS(up),
+		.repeat = EACH_BUS,
+		.description = "Port of bus #: 0=closed 1=open; only the first 8 buses have "
+		               "registers",
+	},
+	{
+		.name = "bus#_last_error",
+		.address = 101,
+		.type = DB_U16,
+		GATEWAY_BUS(last_error),
+		.repeat = EACH_BUS,
+		.description = "Bus #: errno of the last failed open or lost port; 0=none",
+	},
+	{
+		.name = "bus#_period_us",
+		.address = 102,
+		.type = DB_U32,
+		GATEWAY_BUS(period_us),
+		.unit = "us",
+		.repeat = EACH_BUS,
+		.description = "Bus #: configured cycle",
+	},
+	{
+		.name = "bus#_cycle_us",
+		.address = 104,
+		.type = DB_U32,
+		GATEWAY_BUS(cycle_us),
+		.unit = "us",
+		.repeat = EACH_BUS,
+		.description = "Bus #: time the last cycle took",
+	},
+	{
+		.name = "bus#_cycle_max_us",
+		.address = 106,
+		.type = DB_U32,
+		GATEWAY_BUS(cycle_max_us),
+		.unit = "us",
+		.repeat = EACH_BUS,
+		.description = "Bus #: longest cycle",
+	},
+	{
+		.name = "bus#_jitter_us",
+		.address = 108,
+		.type = DB_U32,
+		GATEWAY_BUS(jitter_us),
+		.unit = "us",
+		.repeat = EACH_BUS,
+		.description = "Bus #: lateness of the last cycle's start",
+	},
+	{
+		.name = "bus#_jitter_max_us",
+		.address = 110,
+		.type = DB_U32,
+		GATEWAY_BUS(jitter_max_us),
+		.unit = "us",
+		.repeat = EACH_BUS,
+		.description = "Bus #: largest lateness",
+	},
+	{
+		.name = "bus#_utilisation",
+		.address = 112,
+		.type = DB_U32,
+		GATEWAY_BUS(utilisation),
+		.unit = "permille",
+		.repeat = EACH_BUS,
+		.description = "Bus #: part of the last second in which the wire was busy or "
+		               "waited for",
+	},
+	{
+		.name = "bus#_cycles",
+		.address = 114,
+		.type = DB_U32,
+		GATEWAY_BUS(cycles),
+		.repeat = EACH_BUS,
+		.description = "Bus #: cycles run",
+	},
+	{
+		.name = "bus#_overruns",
+		.address = 116,
+		.type = DB_U32,
+		GATEWAY_BUS(overruns),
+		.repeat = EACH_BUS,
+		.description = "Bus #: cycles that had not ended when the next was due",
+	},
+	{
+		.name = "bus#_transactions",
+		.address = 118,
+		.type = DB_U32,
+		GATEWAY_BUS(transactions),
+		.repeat = EACH_BUS,
+		.description = "Bus #: exchanges on the wire",
+	},
+	{
+		.name = "bus#_retries",
+		.address = 120,
+		.type = DB_U32,
+		GATEWAY_BUS(retries),
+		.repeat = EACH_BUS,
+		.description = "Bus #: exchanges repeated",
+	},
+	{
+		.name = "bus#_timeouts",
+		.address = 122,
+		.type = DB_U32,
+		GATEWAY_BUS(timeouts),
+		.repeat = EACH_BUS,
+		.description = "Bus #: answers that did not come in time",
+	},
+	{
+		.name = "bus#_bad_frames",
+		.address = 124,
+		.type = DB_U32,
+		GATEWAY_BUS(bad_frames),
+		.repeat = EACH_BUS,
+		.description = "Bus #: frames with a wrong checksum or form",
+	},
+	{
+		.name = "bus#_stray_frames",
+		.address = 126,
+		.type = DB_U32,
+		GATEWAY_BUS(stray_frames),
+		.repeat = EACH_BUS,
+		.description = "Bus #: good frames that nobody had asked for",
+	},
+	{
+		.name = "bus#_garbage_bytes",
+		.address = 128,
+		.type = DB_U32,
+		GATEWAY_BUS(garbage_bytes),
+		.repeat = EACH_BUS,
+		.description = "Bus #: bytes outside of frames",
+	},
+	{
+		.name = "bus#_opens",
+		.address = 130,
+		.type = DB_U32,
+		GATEWAY_BUS(opens),
+		.repeat = EACH_BUS,
+		.description = "Bus #: how often the port was opened",
+	},
+	{
+		.name = "bus#_queued",
+		.address = 132,
+		.type = DB_U32,
+		GATEWAY_BUS(queued),
+		.repeat = EACH_BUS,
+		.description = "Bus #: commands waiting now",
+	},
+	{
+		.name = "bus#_online",
+		.address = 134,
+		.type = DB_U32,
+		GATEWAY_BUS(online),
+		.repeat = EACH_BUS,
+		.description = "Bus #: drives online now",
+	},
+
+	/* Gateway view: a block for each drive. */
+	{
+		.name = "drive#_unit",
+		.address = 1000,
+		.type = DB_U16,
+		GATEWAY_DRIVE(unit),
+		.repeat = EACH_DRIVE,
+		.description = "Modbus unit of drive #; only the first 32 drives have registers "
+		               "here",
+	},
+	{
+		.name = "drive#_online",
+		.address = 1001,
+		.type = DB_U16,
+		GATEWAY_DRIVE(online),
+		.repeat = EACH_DRIVE,
+		.description = "Drive #: 1=online",
+	},
+	{
+		.name = "drive#_axis_state",
+		.address = 1002,
+		.type = DB_U16,
+		GATEWAY_DRIVE(axis_state),
+		.repeat = EACH_DRIVE,
+		.description = "Drive #: as axis_state",
+	},
+	{
+		.name = "drive#_error",
+		.address = 1003,
+		.type = DB_U16,
+		GATEWAY_DRIVE(error),
+		.repeat = EACH_DRIVE,
+		.description = "Drive #: as error",
+	},
+	{
+		.name = "drive#_age_ms",
+		.address = 1004,
+		.type = DB_U32,
+		GATEWAY_DRIVE(age_ms),
+		.unit = "ms",
+		.repeat = EACH_DRIVE,
+		.description = "Drive #: age of its process data",
+	},
+	{
+		.name = "drive#_round_trip_us",
+		.address = 1006,
+		.type = DB_U32,
+		GATEWAY_DRIVE(stats.round_trip_us),
+		.unit = "us",
+		.repeat = EACH_DRIVE,
+		.description = "Drive #: last round trip",
+	},
+	{
+		.name = "drive#_round_trip_max_us",
+		.address = 1008,
+		.type = DB_U32,
+		GATEWAY_DRIVE(stats.round_trip_max_us),
+		.unit = "us",
+		.repeat = EACH_DRIVE,
+		.description = "Drive #: longest round trip",
+	},
+	{
+		.name = "drive#_requests",
+		.address = 1010,
+		.type = DB_U32,
+		GATEWAY_DRIVE(stats.requests),
+		.repeat = EACH_DRIVE,
+		.description = "Drive #: requests sent",
+	},
+	{
+		.name = "drive#_retries",
+		.address = 1012,
+		.type = DB_U32,
+		GATEWAY_DRIVE(stats.retries),
+		.repeat = EACH_DRIVE,
+		.description = "Drive #: requests repeated",
+	},
+	{
+		.name = "drive#_timeouts",
+		.address = 1014,
+		.type = DB_U32,
+		GATEWAY_DRIVE(stats.timeouts),
+		.repeat = EACH_DRIVE,
+		.description = "Drive #: answers that did not come in time",
+	},
+};
+
+const size_t db_row_count = COUNT_OF(db_rows);
