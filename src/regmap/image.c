@@ -1,0 +1,178 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "regmap/image.h"
+
+#include "drivebridge/version.h"
+#include "regmap/view.h"
+
+#include <string.h>
+
+#define QUALITY_BAD       0
+#define QUALITY_UNCERTAIN 64
+#define QUALITY_GOOD      192
+
+/* The bus thread may publish between our look at the clock and at the data: not younger than now. */
+static db_time age_of(const struct db_feedback *feedback, db_time now)
+{
+	return now > feedback->taken ? now - feedback->taken : 0;
+}
+
+static uint32_t age_ms(const struct db_feedback *feedback, db_time now)
+{
+	db_time age = age_of(feedback, now) / DB_NS_PER_MS;
+
+	return feedback->taken == 0 || age > UINT32_MAX ? UINT32_MAX : (uint32_t)age;
+}
+
+static uint16_t quality_of(const struct view_drive *drive, const struct db_feedback *feedback,
+                           db_time now)
+{
+	if (feedback->taken == 0)
+		return QUALITY_BAD;
+	if (!(feedback->status & DB_STATUS_ONLINE))
+		return drive->registers->config->modbus.stale_values ? QUALITY_UNCERTAIN :
+		                                                       QUALITY_BAD;
+	return age_of(feedback, now) <= drive->fresh_for ? QUALITY_GOOD : QUALITY_UNCERTAIN;
+}
+
+static void fill_process(struct db_drive_image *image, const struct view_drive *drive)
+{
+	const struct db_feedback *feedback = &image->feedback;
+	double counts_per_unit = drive->config->counts_per_unit;
+	struct db_snapshot snapshot;
+	db_time now;
+
+	db_axis_read(drive->axis, &snapshot);
+	now = drive->registers->ops->now(drive->registers->context);
+	image->feedback = snapshot.feedback;
+	image->stats = snapshot.stats;
+	db_commander_state(drive->commander, &image->state);
+	image->quality = quality_of(drive, feedback, now);
+	image->age_ms = age_ms(feedback, now);
+	image->status = feedback->status & ~(uint32_t)DB_STATUS_BUSY;
+	if (image->state.busy)
+		image->status |= DB_STATUS_BUSY;
+	image->position_units = (float)((double)feedback->position / counts_per_unit);
+	image->velocity_units = (float)((double)feedback->velocity / counts_per_unit);
+	image->capabilities = drive->capabilities;
+}
+
+static void fill_static(struct db_drive_image *image, const struct view_drive *drive)
+{
+	size_t length = strlen(drive->config->unit_name);
+
+	if (length > sizeof image->unit_name)
+		length = sizeof image->unit_name;
+	memset(image->unit_name, 0, sizeof image->unit_name);
+	memcpy(image->unit_name, drive->config->unit_name, length);
+	image->bus = (uint16_t)(drive->config->bus + 1);
+	image->address = (uint16_t)drive->config->address;
+	image->counts_per_unit = (float)drive->config->counts_per_unit;
+}
+
+void view_fill_drive(struct db_drive_image *image, const struct view_drive *drive, unsigned parts)
+{
+	/* Before the snapshot: when that says that the parameters are valid, these are. */
+	if (parts & DB_PART_PLATE)
+		db_axis_read_nameplate(drive->axis, &image->plate);
+	if (parts & (DB_PART_PROCESS | DB_PART_PLATE))
+		fill_process(image, drive);
+	if (parts & DB_PART_BLOCK)
+		image->block = *db_commander_kept(drive->commander);
+	if (parts & DB_PART_STATIC)
+		fill_static(image, drive);
+}
+
+static void fill_server(struct db_gateway_image *image, const struct db_registers *registers)
+{
+	const struct db_config *config = registers->config;
+	db_time up = registers->ops->now(registers->context) - registers->started;
+	struct db_server_stats stats;
+
+	registers->ops->server_stats(registers->context, &stats);
+	image->version_major = DB_VERSION_MAJOR;
+	image->version_minor = DB_VERSION_MINOR;
+	image->version_patch = DB_VERSION_PATCH;
+	image->bus_count = (uint16_t)config->bus_count;
+	image->drive_count = (uint16_t)config->drive_count;
+	image->drives_online = 0;
+	for (size_t i = 0; i < config->bus_count; i++) {
+		struct db_bus_stats bus;
+
+		registers->ops->bus_stats(registers->context, i, &bus);
+		image->drives_online = (uint16_t)(image->drives_online + bus.online);
+	}
+	image->uptime_s = (uint32_t)(up / DB_NS_PER_S);
+	image->clients = stats.clients;
+	image->clients_peak = stats.clients_peak;
+	image->accepted = (uint32_t)stats.accepted;
+	image->refused_full = (uint32_t)stats.refused_full;
+	image->refused_address = (uint32_t)stats.refused_address;
+	image->refused_writes = (uint32_t)stats.refused_writes;
+	image->requests = (uint32_t)stats.requests;
+	image->exceptions = (uint32_t)stats.exceptions;
+	image->bad_frames = (uint32_t)stats.bad_frames;
+	image->timeouts = (uint32_t)stats.timeouts;
+}
+
+static void fill_bus(struct db_gateway_bus *image, const struct db_bus_stats *stats)
+{
+	*image = (struct db_gateway_bus){
+		.up = stats->up,
+		.last_error = (uint16_t)stats->last_error,
+		.period_us = stats->period_us,
+		.cycle_us = stats->cycle_us,
+		.cycle_max_us = stats->cycle_max_us,
+		.jitter_us = stats->jitter_us,
+		.jitter_max_us = stats->jitter_max_us,
+		.utilisation = stats->utilisation,
+		.cycles = stats->cycles,
+		.overruns = stats->overruns,
+		.transactions = stats->transactions,
+		.retries = stats->retries,
+		.timeouts = stats->timeouts,
+		.bad_frames = stats->bad_frames,
+		.stray_frames = stats->stray_frames,
+		.garbage_bytes = stats->garbage_bytes,
+		.opens = stats->opens,
+		.queued = stats->queued,
+		.online = stats->online,
+	};
+}
+
+static void fill_gateway_drive(struct db_gateway_drive *image, const struct view_drive *drive,
+                               db_time now)
+{
+	struct db_snapshot snapshot;
+
+	db_axis_read(drive->axis, &snapshot);
+	*image = (struct db_gateway_drive){
+		.unit = (uint16_t)drive->config->unit,
+		.online = (snapshot.feedback.status & DB_STATUS_ONLINE) != 0,
+		.axis_state = snapshot.feedback.state,
+		.error = snapshot.feedback.error,
+		.age_ms = age_ms(&snapshot.feedback, now),
+		.stats = snapshot.stats,
+	};
+}
+
+void view_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
+                       unsigned parts)
+{
+	size_t buses = registers->config->bus_count;
+	size_t drives = registers->drive_count;
+
+	if (parts & DB_PART_SERVER)
+		fill_server(image, registers);
+	for (size_t i = 0; (parts & DB_PART_BUSES) && i < buses && i < DB_GATEWAY_BUSES; i++) {
+		struct db_bus_stats stats;
+
+		registers->ops->bus_stats(registers->context, i, &stats);
+		fill_bus(&image->buses[i], &stats);
+	}
+	if (parts & DB_PART_DRIVES) {
+		db_time now = registers->ops->now(registers->context);
+
+		for (size_t i = 0; i < drives && i < DB_GATEWAY_DRIVES; i++)
+			fill_gateway_drive(&image->drives[i], &registers->drives[i], now);
+	}
+}

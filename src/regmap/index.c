@@ -1,0 +1,238 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "regmap/index.h"
+
+#include "regmap/image.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* --- expanding ------------------------------------------------------------------------------------ */
+
+/* Writes `name` with '#' replaced by the number. */
+static void name_of(char *to, const struct db_row *row, unsigned index)
+{
+	const char *name = row->repeat.name ? row->repeat.name(index) : row->name;
+	const char *mark = strchr(name, '#');
+
+	if (mark)
+		snprintf(to, DB_ROW_NAME_MAX, "%.*s%u%s", (int)(mark - name), name, index + 1,
+		         mark + 1);
+	else
+		snprintf(to, DB_ROW_NAME_MAX, "%s", name);
+}
+
+static int alias_param(const struct db_row *row, const struct db_driver *driver)
+{
+	int param;
+
+	memcpy(&param, (const char *)driver + row->param_alias - 1, sizeof param);
+	return param;
+}
+
+static bool exists(const struct db_row *row, const struct db_scope *scope)
+{
+	if (row->view != scope->view)
+		return false;
+	if (row->measure && !(scope->driver->measures & row->measure))
+		return false;
+	if (row->param_alias && alias_param(row, scope->driver) < 0)
+		return false;
+	return true;
+}
+
+static unsigned count_of(const struct db_row *row, const struct db_scope *scope)
+{
+	unsigned count = row->repeat.count;
+	size_t most = count;
+
+	if (row->outputs)
+		most = scope->driver->output_count;
+	else if (row->part == DB_PART_BUSES)
+		most = scope->buses;
+	else if (row->part == DB_PART_DRIVES)
+		most = scope->drives;
+	return most < count ? (unsigned)most : count;
+}
+
+static uint16_t param_offset(size_t param)
+{
+	return (uint16_t)(offsetof(struct db_drive_image, plate.values) +
+	                  param * sizeof(union db_value));
+}
+
+static struct db_entry entry_of(const struct db_row *row, const struct db_scope *scope,
+                                unsigned index)
+{
+	struct db_entry entry = {
+		.cell = {
+			.address = (uint16_t)(row->address + index * row->repeat.addresses),
+			.offset = (uint16_t)(row->offset + index * row->repeat.bytes),
+			.type = (uint8_t)row->type,
+			.flags = row->flags,
+			.part = row->part,
+		},
+		.row = row,
+		.table = row->table,
+		.number = row->repeat.count ? index + 1 : 0,
+	};
+
+	if (row->table != DB_TABLE_HOLDING) {
+		entry.cell.registers = 1;
+		entry.cell.bit = (uint8_t)index;
+	} else if (row->type == DB_TEXT) {
+		entry.cell.registers = (uint8_t)row->registers;
+	} else {
+		entry.cell.registers = (uint8_t)db_type_registers(row->type);
+	}
+	if (row->param_alias) {
+		size_t param = (size_t)alias_param(row, scope->driver);
+
+		entry.cell.param = (uint8_t)param;
+		entry.cell.offset = param_offset(param);
+		entry.param = &scope->driver->params[param];
+	}
+	name_of(entry.name, row, index);
+	return entry;
+}
+
+static void each_param(const struct db_scope *scope, db_visit_fn *visit, void *context)
+{
+	const struct db_driver *driver = scope->driver;
+	unsigned address = DB_PARAM_BASE + DB_PARAM_PAGE * driver->param_page;
+
+	for (size_t i = 0; i < driver->param_count; i++) {
+		const struct db_param *param = &driver->params[i];
+		unsigned registers = db_type_registers(param->type);
+		struct db_entry entry = { .table = DB_TABLE_HOLDING };
+
+		if (registers > 1 && address % 2 != 0) {
+			entry.cell.address = (uint16_t)address++;
+			entry.cell.registers = 1;
+			entry.cell.type = DB_U16;
+			entry.cell.flags = DB_ROW_WRITABLE | DB_CELL_GAP;
+			visit(context, &entry);
+		}
+		entry.cell = (struct db_cell){
+			.address = (uint16_t)address,
+			.offset = param_offset(i),
+			.registers = (uint8_t)registers,
+			.type = (uint8_t)param->type,
+			.flags = DB_ROW_WRITABLE | DB_ROW_PARAM,
+			.part = DB_PART_PLATE,
+			.param = (uint8_t)i,
+		};
+		entry.param = param;
+		snprintf(entry.name, sizeof entry.name, "%s", param->name);
+		visit(context, &entry);
+		address += registers;
+	}
+}
+
+void db_table_each(const struct db_scope *scope, db_visit_fn *visit, void *context)
+{
+	for (size_t i = 0; i < db_row_count; i++) {
+		const struct db_row *row = &db_rows[i];
+		unsigned count;
+
+		if (!exists(row, scope))
+			continue;
+		count = row->repeat.count ? count_of(row, scope) : 1;
+		for (unsigned index = 0; index < count; index++) {
+			struct db_entry entry = entry_of(row, scope, index);
+
+			visit(context, &entry);
+		}
+	}
+	if (scope->view == DB_VIEW_DRIVE)
+		each_param(scope, visit, context);
+}
+
+/* --- looking up ------------------------------------------------------------------------------------- */
+
+struct filling {
+	struct db_index *index;
+	enum db_table table;
+};
+
+static void count_cell(void *context, const struct db_entry *entry)
+{
+	struct filling *filling = context;
+	size_t end = (size_t)entry->cell.address + entry->cell.registers;
+
+	if (entry->table != filling->table)
+		return;
+	filling->index->count++;
+	if (end > filling->index->limit)
+		filling->index->limit = end;
+}
+
+static void add_cell(void *context, const struct db_entry *entry)
+{
+	struct filling *filling = context;
+
+	if (entry->table == filling->table)
+		filling->index->cells[filling->index->count++] = entry->cell;
+}
+
+static int by_address(const void *a, const void *b)
+{
+	const struct db_cell *left = a;
+	const struct db_cell *right = b;
+
+	return (left->address > right->address) - (left->address < right->address);
+}
+
+int db_index_init(struct db_index *index, const struct db_scope *scope, enum db_table table)
+{
+	struct filling filling = { .index = index, .table = table };
+
+	*index = (struct db_index){ 0 };
+	db_table_each(scope, count_cell, &filling);
+	index->cells = calloc(index->count + 1, sizeof index->cells[0]);
+	index->lookup = malloc((index->limit + 1) * sizeof index->lookup[0]);
+	if (!index->cells || !index->lookup) {
+		db_index_release(index);
+		return -ENOMEM;
+	}
+	index->count = 0;
+	db_table_each(scope, add_cell, &filling);
+	qsort(index->cells, index->count, sizeof index->cells[0], by_address);
+	for (size_t i = 0; i < index->limit; i++)
+		index->lookup[i] = DB_NO_CELL;
+	for (size_t i = 0; i < index->count; i++) {
+		for (unsigned j = 0; j < index->cells[i].registers; j++)
+			index->lookup[index->cells[i].address + j] = (uint16_t)i;
+	}
+	return 0;
+}
+
+void db_index_release(struct db_index *index)
+{
+	free(index->cells);
+	free(index->lookup);
+	*index = (struct db_index){ 0 };
+}
+
+uint16_t db_index_find(const struct db_index *index, uint16_t address, uint16_t count,
+                       uint16_t *cells)
+{
+	size_t end = (size_t)address + count;
+	uint16_t first;
+	size_t last;
+
+	if (count == 0 || end > index->limit)
+		return DB_NO_CELL;
+	first = index->lookup[address];
+	last = index->lookup[end - 1];
+	if (first == DB_NO_CELL || last == DB_NO_CELL)
+		return DB_NO_CELL;
+	/* Without a hole in between, the cells' sizes add up to the way from first to last. */
+	for (size_t i = first; i < last; i++) {
+		if (index->cells[i].address + index->cells[i].registers != index->cells[i + 1].address)
+			return DB_NO_CELL;
+	}
+	*cells = (uint16_t)(last - first + 1);
+	return first;
+}

@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The table expanded for one drive family or one gateway: repeats unrolled, vendor parameters given
+ * their addresses, and a lookup from address to register in constant time.
+ */
+#ifndef DRIVEBRIDGE_REGMAP_INDEX_H
+#define DRIVEBRIDGE_REGMAP_INDEX_H
+
+#include "regmap/table.h"
+
+#define DB_ROW_NAME_MAX 32
+
+/* What reading and writing need to know of one register (or bit). */
+struct db_cell {
+	uint16_t address;
+	uint16_t offset;    /* in the image */
+	uint8_t registers;
+	uint8_t type;       /* enum db_type */
+	uint8_t flags;      /* enum db_row_flag and DB_CELL_GAP */
+	uint8_t part;       /* enum db_part */
+	uint8_t param;      /* with DB_ROW_PARAM: its index */
+	uint8_t bit;        /* bit tables: in the word at offset */
+};
+
+/* Keeps 32-bit parameters on even addresses: reads as 0, takes nothing but 0. Has no name. */
+#define DB_CELL_GAP (1u << 7)
+
+/* One register with everything there is to tell about it. */
+struct db_entry {
+	struct db_cell cell;
+	const struct db_row *row;      /* null for parameters and gaps */
+	const struct db_param *param;  /* parameters and their aliases */
+	enum db_table table;
+	unsigned number;               /* of a repeat, from 1; else 0 */
+	char name[DB_ROW_NAME_MAX];    /* "" for gaps */
+};
+
+/* What is to be expanded. */
+struct db_scope {
+	enum db_view view;
+	const struct db_driver *driver; /* drive view */
+	size_t buses;                   /* gateway view */
+	size_t drives;
+};
+
+/* Calls visit() for every register of the scope, in the table's order. */
+typedef void db_visit_fn(void *context, const struct db_entry *entry);
+void db_table_each(const struct db_scope *scope, db_visit_fn *visit, void *context);
+
+#define DB_NO_CELL UINT16_MAX
+
+/* The registers of one table, ascending, without overlaps. */
+struct db_index {
+	struct db_cell *cells;
+	size_t count;
+	uint16_t *lookup;   /* by address: the cell that covers it, or DB_NO_CELL */
+	size_t limit;       /* addresses from here on have none */
+};
+
+/* For HOLDING, DISCRETE or COILS. 0 or -ENOMEM. */
+int db_index_init(struct db_index *index, const struct db_scope *scope, enum db_table table);
+void db_index_release(struct db_index *index);
+
+/*
+ * The cells that cover `count` addresses: the number of the first, their count in *cells. DB_NO_CELL
+ * when some address has none.
+ */
+uint16_t db_index_find(const struct db_index *index, uint16_t address, uint16_t count,
+                       uint16_t *cells);
+
+#endif

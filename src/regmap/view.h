@@ -1,0 +1,60 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The insides of struct db_registers. Internal to src/regmap. */
+#ifndef DRIVEBRIDGE_REGMAP_VIEW_H
+#define DRIVEBRIDGE_REGMAP_VIEW_H
+
+#include "drivebridge/commander.h"
+#include "drivebridge/registers.h"
+#include "regmap/image.h"
+#include "regmap/index.h"
+
+/* The tables of one view. Families share theirs between their drives. */
+struct view_map {
+	const struct db_driver *driver; /* null: the gateway's */
+	struct db_index holding;
+	struct db_index discrete;
+	struct db_index coils;
+};
+
+struct view_drive {
+	struct db_registers *registers;
+	const struct db_drive_config *config;
+	const struct db_bus_config *bus;
+	const struct db_driver *driver;
+	const struct view_map *map;
+	struct db_axis *axis;
+	struct db_commander *commander;
+	uint32_t capabilities;
+	db_time fresh_for;      /* older data is not `good` any more */
+	char model[DB_IDENTITY_MAX + 1]; /* device_id's answer, valid until the next call */
+};
+
+struct db_registers {
+	const struct db_config *config;
+	const struct db_registers_ops *ops;
+	void *context;
+	db_time started;
+	struct view_map gateway;
+	struct view_map *families;
+	size_t family_count;
+	uint16_t units[256];    /* drive index, VIEW_GATEWAY or VIEW_NOTHING */
+	struct view_drive *drives;
+	size_t drive_count;
+};
+
+#define VIEW_GATEWAY UINT16_MAX
+#define VIEW_NOTHING (UINT16_MAX - 1)
+
+/* Fills the parts of an image. What a drive's registers show is from one snapshot. */
+void view_fill_drive(struct db_drive_image *image, const struct view_drive *drive, unsigned parts);
+void view_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
+                       unsigned parts);
+
+/* The exception that says why a drive cannot be asked: 0B, or 0A when its bus is down. */
+uint8_t view_unreachable(const struct db_feedback *feedback);
+
+/* db_backend's write, for a drive. */
+int view_write(struct view_drive *drive, enum db_table table, uint16_t address, uint16_t count,
+               const uint16_t *values, struct db_write_token token);
+
+#endif
