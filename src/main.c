@@ -4,11 +4,10 @@
  */
 #include "drivebridge/axis.h"
 #include "drivebridge/bus.h"
-#include "drivebridge/commander.h"
 #include "drivebridge/config.h"
 #include "drivebridge/log.h"
+#include "drivebridge/registers.h"
 #include "drivebridge/server.h"
-#include "regmap/view.h"
 
 #include <errno.h>
 #include <getopt.h>
@@ -16,12 +15,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/epoll.h>
 #include <systemd/sd-daemon.h>
 #include <systemd/sd-event.h>
 
 struct service;
 
-/* What a commander's callbacks need to find their way. */
+/* What the callback of one bus's completions needs. */
 struct seat {
 	struct service *service;
 	struct db_bus *bus;
@@ -33,11 +33,10 @@ struct service {
 	sd_event_source *term;
 	sd_event_source *deadline; /* of the most impatient client */
 	db_time armed;
-	struct db_axis **axes;           /* one per drive, in the configuration's order */
-	struct db_commander **commanders; /* likewise */
-	struct seat *seats;              /* likewise */
+	struct db_axis **axes;     /* one per drive, in the configuration's order */
 	struct db_bus **buses;
-	struct db_view *view;
+	struct seat *seats;        /* one per bus */
+	struct db_registers *registers;
 	struct db_server *server;
 };
 
@@ -102,35 +101,56 @@ static db_time loop_now(const struct service *service)
 	return (db_time)us * DB_NS_PER_US;
 }
 
-/* --- commanders --------------------------------------------------------------------------------- */
+/* --- what the registers ask for ------------------------------------------------------------------- */
 
-static bool submit(void *context, const struct db_request *request)
+static db_time now_of(void *context)
 {
-	const struct seat *seat = context;
+	return loop_now(context);
+}
 
-	return db_bus_submit(seat->bus, request);
+static bool submit(void *context, size_t bus, const struct db_request *request)
+{
+	const struct service *service = context;
+
+	return db_bus_submit(service->buses[bus], request);
 }
 
 static void answer(void *context, struct db_write_token token, uint8_t exception)
 {
-	const struct seat *seat = context;
+	const struct service *service = context;
 
-	db_server_answer(seat->service->server, token, exception);
+	db_server_answer(service->server, token, exception);
 }
 
-static const struct db_commander_ops commander_ops = { .submit = submit, .answer = answer };
+static void bus_stats(void *context, size_t bus, struct db_bus_stats *stats)
+{
+	const struct service *service = context;
+
+	db_bus_read_stats(service->buses[bus], stats);
+}
+
+static void server_stats(void *context, struct db_server_stats *stats)
+{
+	const struct service *service = context;
+
+	db_server_stats(service->server, stats);
+}
+
+static const struct db_registers_ops registers_ops = {
+	.now = now_of,
+	.submit = submit,
+	.answer = answer,
+	.bus_stats = bus_stats,
+	.server_stats = server_stats,
+};
+
+/* --- the loop's events ---------------------------------------------------------------------------- */
 
 /* Sets the timer to the first client that will not wait any longer. */
 static void arm_deadline(struct service *service)
 {
-	db_time first = DB_TIME_NEVER;
+	db_time first = db_registers_next_deadline(service->registers);
 
-	for (size_t i = 0; i < service->config->drive_count; i++) {
-		db_time deadline = db_commander_next_deadline(service->commanders[i]);
-
-		if (deadline < first)
-			first = deadline;
-	}
 	if (first == service->armed)
 		return;
 	service->armed = first;
@@ -149,8 +169,7 @@ static int on_deadline(sd_event_source *source, uint64_t us, void *context)
 	(void)source;
 	(void)us;
 	service->armed = DB_TIME_NEVER;
-	for (size_t i = 0; i < service->config->drive_count; i++)
-		db_commander_expire(service->commanders[i], loop_now(service));
+	db_registers_expire(service->registers, loop_now(service));
 	return 0;
 }
 
@@ -163,13 +182,8 @@ static int on_completion(sd_event_source *source, int fd, uint32_t events, void 
 	(void)source;
 	(void)fd;
 	(void)events;
-	while (db_bus_completion(seat->bus, &completion)) {
-		uint16_t drive = db_ticket_drive(completion.ticket);
-
-		if (drive < service->config->drive_count)
-			db_commander_complete(service->commanders[drive], &completion,
-			                      loop_now(service));
-	}
+	while (db_bus_completion(seat->bus, &completion))
+		db_registers_complete(service->registers, &completion, loop_now(service));
 	return 0;
 }
 
@@ -182,16 +196,6 @@ static int on_prepare(sd_event_source *source, void *context)
 }
 
 /* --- putting together ----------------------------------------------------------------------------- */
-
-static void read_server_stats(void *context, struct db_server_stats *stats)
-{
-	const struct service *service = context;
-
-	if (service->server)
-		db_server_stats(service->server, stats);
-	else
-		*stats = (struct db_server_stats){ 0 };
-}
 
 static int make_buses(struct service *service)
 {
@@ -216,43 +220,15 @@ static int make_buses(struct service *service)
 	return 0;
 }
 
-static int make_commanders(struct service *service)
-{
-	const struct db_config *config = service->config;
-
-	for (size_t d = 0; d < config->drive_count; d++) {
-		const struct db_drive_config *drive = &config->drives[d];
-		struct db_commander_config settings = {
-			.driver = config->buses[drive->bus].driver,
-			.axis = service->axes[d],
-			.drive = (uint16_t)d,
-			.confirm_ms = config->modbus.confirm_ms,
-			.accept_writes = config->modbus.accept_writes,
-		};
-		int error;
-
-		for (size_t other = 0; other < d; other++)
-			settings.bus_axis += config->drives[other].bus == drive->bus;
-		service->seats[d].service = service;
-		service->seats[d].bus = service->buses[drive->bus];
-		error = db_commander_new(&settings, &commander_ops, &service->seats[d],
-		                         &service->commanders[d]);
-		if (error != 0)
-			return error;
-	}
-	return 0;
-}
-
 static int make_axes(struct service *service)
 {
 	size_t drives = service->config->drive_count;
 
 	/* One more of each than needed, so that none is ever an allocation of nothing. */
 	service->axes = calloc(drives + 1, sizeof *service->axes);
-	service->commanders = calloc(drives + 1, sizeof *service->commanders);
-	service->seats = calloc(drives + service->config->bus_count + 1, sizeof *service->seats);
+	service->seats = calloc(service->config->bus_count + 1, sizeof *service->seats);
 	service->buses = calloc(service->config->bus_count + 1, sizeof *service->buses);
-	if (!service->axes || !service->commanders || !service->seats || !service->buses)
+	if (!service->axes || !service->seats || !service->buses)
 		return -ENOMEM;
 	for (size_t d = 0; d < drives; d++) {
 		service->axes[d] = db_axis_new();
@@ -262,32 +238,16 @@ static int make_axes(struct service *service)
 	return 0;
 }
 
-static int make_view(struct service *service)
-{
-	struct db_view_parts parts = {
-		.config = service->config,
-		.axes = service->axes,
-		.buses = service->buses,
-		.commanders = service->commanders,
-		.server_stats = read_server_stats,
-		.context = service,
-	};
-
-	return db_view_new(&parts, &service->view);
-}
-
 static int watch_completions(struct service *service)
 {
-	struct seat *bus_seats = service->seats + service->config->drive_count;
-
 	for (size_t b = 0; b < service->config->bus_count; b++) {
 		int error;
 
-		bus_seats[b].service = service;
-		bus_seats[b].bus = service->buses[b];
+		service->seats[b].service = service;
+		service->seats[b].bus = service->buses[b];
 		error = sd_event_add_io(service->loop, NULL,
-		                        db_bus_completion_fd(service->buses[b]), SD_EVENT_IO_IN,
-		                        on_completion, &bus_seats[b]);
+		                        db_bus_completion_fd(service->buses[b]), EPOLLIN,
+		                        on_completion, &service->seats[b]);
 		if (error < 0)
 			return error;
 	}
@@ -319,8 +279,8 @@ static int make_loop(struct service *service)
 static int listen_for_clients(struct service *service)
 {
 	const struct db_modbus_config *modbus = &service->config->modbus;
-	int error = db_server_new(service->loop, modbus, db_view_backend(service->view),
-	                          service->view, &service->server);
+	int error = db_server_new(service->loop, modbus, &db_registers_backend,
+	                          service->registers, &service->server);
 
 	if (error != 0) {
 		db_log(DB_LOG_ERROR, "cannot listen on %s: %s", modbus->listen, strerror(-error));
@@ -339,9 +299,8 @@ static int set_up(struct service *service)
 	if (error == 0)
 		error = make_buses(service);
 	if (error == 0)
-		error = make_commanders(service);
-	if (error == 0)
-		error = make_view(service);
+		error = db_registers_new(service->config, service->axes, &registers_ops, service,
+		                         &service->registers);
 	if (error == 0)
 		error = make_loop(service);
 	if (error < 0)
@@ -365,16 +324,11 @@ static void tear_down(struct service *service)
 	}
 	for (size_t b = 0; service->buses && b < buses; b++)
 		db_bus_free(service->buses[b]);
-	db_view_free(service->view);
-	for (size_t d = 0; d < drives; d++) {
-		if (service->commanders)
-			db_commander_free(service->commanders[d]);
-		if (service->axes)
-			db_axis_free(service->axes[d]);
-	}
+	db_registers_free(service->registers);
+	for (size_t d = 0; service->axes && d < drives; d++)
+		db_axis_free(service->axes[d]);
 	free(service->buses);
 	free(service->seats);
-	free(service->commanders);
 	free(service->axes);
 	sd_event_source_unref(service->deadline);
 	sd_event_source_unref(service->term);

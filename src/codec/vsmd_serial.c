@@ -53,7 +53,8 @@ static bool parse_value(enum db_type type, const char *text, size_t length, unio
 	double number;
 	bool whole;
 
-	return parse_number(text, length, &number, &whole) &&
+	/* A fraction too small for a double to keep is a fraction all the same. */
+	return parse_number(text, length, &number, &whole) && (whole || type == DB_F32) &&
 	       db_value_from_number(type, number, value);
 }
 
@@ -131,10 +132,10 @@ static void put_value(struct writer *writer, enum db_type type, union db_value v
 	char text[128];
 	int length = vsmd_format_value(type, value, text, sizeof text);
 
-	if (length < 0 && !writer->error)
-		writer->error = length;
-	else
+	if (length >= 0)
 		put(writer, text);
+	else if (!writer->error)
+		writer->error = length;
 }
 
 static void put_int(struct writer *writer, int32_t number)
@@ -725,7 +726,7 @@ static bool is_text(const uint8_t *data, size_t length)
 
 enum vsmd_error vsmd_serial_decode_reply(const uint8_t *frame, size_t length, struct vsmd_reply *reply)
 {
-	const uint8_t *data = frame + 3;
+	const uint8_t *data;
 	size_t data_length;
 
 	*reply = (struct vsmd_reply){ 0 };
@@ -738,6 +739,7 @@ enum vsmd_error vsmd_serial_decode_reply(const uint8_t *frame, size_t length, st
 	if (frame[length - 3] != 0 || frame[length - 2] != bcc_of(frame + 1, length - 4) ||
 	    frame[1] > VSMD_SERIAL_ID_MAX)
 		return VSMD_ERR_SYNTAX;
+	data = frame + 3;
 	data_length = length - FRAME_LEAST;
 	reply->id = frame[1];
 	switch (frame[2]) {
@@ -789,9 +791,13 @@ int vsmd_serial_encode_status(uint8_t id, const struct vsmd_status *status, uint
 int vsmd_serial_encode_text(uint8_t id, enum vsmd_reply_code code, const char *text, size_t length,
                             uint8_t *frame, size_t size)
 {
+	/* A longer frame would be thrown away as garbage by whoever cuts the stream. */
+	if (size > VSMD_SERIAL_FRAME_MAX)
+		size = VSMD_SERIAL_FRAME_MAX;
 	if (length > size || size - length < FRAME_LEAST)
 		return VSMD_ERR_SPACE;
-	if (id > VSMD_SERIAL_ID_MAX || code == VSMD_REPLY_STATUS ||
+	if (id > VSMD_SERIAL_ID_MAX ||
+	    (code != VSMD_REPLY_IDENTITY && code != VSMD_REPLY_PARAMS) ||
 	    !is_text((const uint8_t *)text, length))
 		return VSMD_ERR_RANGE;
 	frame[0] = FRAME_START;

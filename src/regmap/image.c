@@ -71,11 +71,11 @@ static void fill_static(struct db_drive_image *image, const struct view_drive *d
 
 void view_fill_drive(struct db_drive_image *image, const struct view_drive *drive, unsigned parts)
 {
-	/* Before the snapshot: when that says that the parameters are valid, these are. */
-	if (parts & DB_PART_PLATE)
-		db_axis_read_nameplate(drive->axis, &image->plate);
 	if (parts & (DB_PART_PROCESS | DB_PART_PLATE))
 		fill_process(image, drive);
+	/* After the snapshot: when that says that the parameters are valid, these are. */
+	if (parts & DB_PART_PLATE)
+		db_axis_read_nameplate(drive->axis, &image->plate);
 	if (parts & DB_PART_BLOCK)
 		image->block = *db_commander_kept(drive->commander);
 	if (parts & DB_PART_STATIC)

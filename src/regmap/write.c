@@ -1,0 +1,182 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Writes to a drive's unit: address first (02), then form and range (03), then the commander. */
+#include "regmap/view.h"
+#include "regmap/words.h"
+
+#include <modbus.h>
+
+struct span {
+	const struct db_cell *cells;
+	uint16_t count;
+};
+
+static db_time now_of(const struct view_drive *drive)
+{
+	return drive->registers->ops->now(drive->registers->context);
+}
+
+/* Every register exists, may be written, and belongs to the same block. */
+static uint8_t find_span(const struct db_index *index, uint16_t address, uint16_t count,
+                         struct span *span)
+{
+	uint16_t first = db_index_find(index, address, count, &span->count);
+	unsigned parts = 0;
+
+	if (first == DB_NO_CELL)
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	span->cells = &index->cells[first];
+	for (uint16_t i = 0; i < span->count; i++) {
+		if (!(span->cells[i].flags & DB_ROW_WRITABLE))
+			return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+		parts |= span->cells[i].part;
+	}
+	return (parts & DB_PART_BLOCK) && (parts & ~(unsigned)DB_PART_BLOCK) ?
+	               MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS :
+	               0;
+}
+
+/* Half of a 32-bit value cannot be written. */
+static bool is_whole(const struct span *span, uint16_t address, uint16_t count)
+{
+	const struct db_cell *last = &span->cells[span->count - 1];
+
+	return span->cells[0].address == address &&
+	       last->address + last->registers == address + count;
+}
+
+/* --- the command block ----------------------------------------------------------------------------- */
+
+static bool block_from(const struct view_drive *drive, const struct span *span,
+                       const uint16_t *values, struct db_command_write *write)
+{
+	bool low_first = drive->registers->config->modbus.low_word_first;
+
+	*write = (struct db_command_write){ .block = *db_commander_kept(drive->commander) };
+	for (uint16_t i = 0; i < span->count; i++) {
+		struct db_cell cell = span->cells[i];
+		union db_value value;
+
+		if (!db_words_decode(&cell, values, low_first, &value))
+			return false;
+		values += cell.registers;
+		if (cell.offset == offsetof(struct db_drive_image, block.command))
+			write->has_command = true;
+		if (cell.offset == offsetof(struct db_drive_image, block.command_id))
+			write->has_id = true;
+		/* The rows know where the block's members are in an image; here it stands alone. */
+		cell.offset = (uint16_t)(cell.offset - offsetof(struct db_drive_image, block));
+		db_words_store(&cell, value, &write->block);
+	}
+	return true;
+}
+
+static int write_block(struct view_drive *drive, const struct span *span, const uint16_t *values,
+                       struct db_write_token token)
+{
+	struct db_command_write write;
+
+	if (!block_from(drive, span, values, &write))
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	return db_commander_write(drive->commander, &write, token, now_of(drive));
+}
+
+/* --- parameters -------------------------------------------------------------------------------------- */
+
+/* The number of settings, or -1 when a value is out of its range. */
+static int settings_from(const struct view_drive *drive, const struct span *span,
+                         const uint16_t *values, struct db_setting *settings)
+{
+	bool low_first = drive->registers->config->modbus.low_word_first;
+	int count = 0;
+
+	for (uint16_t i = 0; i < span->count; i++) {
+		const struct db_cell *cell = &span->cells[i];
+		union db_value value;
+
+		if (!db_words_decode(cell, values, low_first, &value))
+			return -1;
+		values += cell->registers;
+		if (cell->flags & DB_CELL_GAP) {
+			if (value.u != 0)
+				return -1;
+			continue;
+		}
+		if (!drive->driver->check_param(cell->param, value))
+			return -1;
+		settings[count].param = cell->param;
+		settings[count].value = value;
+		count++;
+	}
+	return count;
+}
+
+/* Models without some of the family's parameters do not tell them when all are read. */
+static bool model_has(const struct view_drive *drive, const struct db_setting *settings, int count)
+{
+	struct db_snapshot snapshot;
+	struct db_nameplate plate;
+
+	db_axis_read(drive->axis, &snapshot);
+	if (!(snapshot.feedback.status & DB_STATUS_PARAMS_VALID))
+		return true;
+	db_axis_read_nameplate(drive->axis, &plate);
+	for (int i = 0; i < count; i++) {
+		if (!(plate.valid & (UINT64_C(1) << settings[i].param)))
+			return false;
+	}
+	return true;
+}
+
+static int write_params(struct view_drive *drive, const struct span *span, const uint16_t *values,
+                        struct db_write_token token)
+{
+	struct db_setting settings[DB_SETTINGS_MAX];
+	int count = settings_from(drive, span, values, settings);
+
+	if (count < 0) {
+		db_commander_set_refused(drive->commander, DB_RESULT_OUT_OF_RANGE);
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	}
+	if (count == 0)
+		return 0;
+	if (!model_has(drive, settings, count))
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	return db_commander_set(drive->commander, settings, (size_t)count, token, now_of(drive));
+}
+
+/* --- coils ------------------------------------------------------------------------------------------- */
+
+static int write_coils(struct view_drive *drive, const struct span *span, const uint16_t *values,
+                       struct db_write_token token)
+{
+	struct db_args args = { 0 };
+
+	for (uint16_t i = 0; i < span->count; i++) {
+		unsigned bit = 1u << span->cells[i].bit;
+
+		args.output_mask = (uint16_t)(args.output_mask | bit);
+		if (values[i])
+			args.output_levels = (uint16_t)(args.output_levels | bit);
+	}
+	return db_commander_execute(drive->commander, DB_CMD_SET_OUTPUTS, &args, token,
+	                            now_of(drive));
+}
+
+int view_write(struct view_drive *drive, enum db_table table, uint16_t address, uint16_t count,
+               const uint16_t *values, struct db_write_token token)
+{
+	const struct db_index *index =
+	        table == DB_TABLE_COILS ? &drive->map->coils : &drive->map->holding;
+	struct span span;
+	uint8_t exception = find_span(index, address, count, &span);
+
+	if (exception)
+		return exception;
+	if (table == DB_TABLE_COILS)
+		return write_coils(drive, &span, values, token);
+	if (!is_whole(&span, address, count))
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	if (span.cells[0].part == DB_PART_BLOCK)
+		return write_block(drive, &span, values, token);
+	return write_params(drive, &span, values, token);
+}
