@@ -96,7 +96,7 @@ int db_commander_execute(struct db_commander *commander, enum db_command command
 int db_commander_set(struct db_commander *commander, const struct db_setting *settings, size_t count,
                      struct db_write_token token, db_time now);
 
-/* A parameter write was refused before it came here (03): for write_result only. */
+/* A write was refused for its form before it came here: for write_result only. */
 void db_commander_set_refused(struct db_commander *commander, enum db_result result);
 
 /* The bus ended a request. Unknown tickets are ignored. */

@@ -452,37 +452,50 @@ static enum vsmd_error read_switch(struct reader *reader, struct vsmd_command *c
 
 enum shake_word { SHAKE_SPOS = 1, SHAKE_EPOS = 2, SHAKE_FREQ = 4, SHAKE_LIMIT = 8, SHAKE_ALL = 15 };
 
-static enum vsmd_error read_shake_word(struct word word, struct vsmd_command *command, int *seen)
+/* True unless the word was there before: which of the two would count is nowhere written. */
+static bool first_time(int *seen, enum shake_word word)
+{
+	bool first = (*seen & (int)word) == 0;
+
+	*seen |= (int)word;
+	return first;
+}
+
+static enum vsmd_error read_shake_limit(struct word word, struct vsmd_command *command)
 {
 	enum vsmd_error error;
 	double number;
 
-	if (take_name(&word, "spos")) {
-		*seen |= SHAKE_SPOS;
-		return read_int(word, &command->shake_start);
-	}
-	if (take_name(&word, "epos")) {
-		*seen |= SHAKE_EPOS;
-		return read_int(word, &command->shake_end);
-	}
-	if (take_name(&word, "freq")) {
-		*seen |= SHAKE_FREQ;
-		return read_float(word, (double)VSMD_SHAKE_FREQ_MIN, (double)VSMD_SHAKE_FREQ_MAX,
-		                  &command->shake_frequency);
-	}
-	command->verb = take_name(&word, "cycles") ? VSMD_SHAKE_CYCLES : VSMD_SHAKE_TIME;
-	if (command->verb == VSMD_SHAKE_TIME && !take_name(&word, "time"))
+	if (take_name(&word, "cycles"))
+		command->verb = VSMD_SHAKE_CYCLES;
+	else if (take_name(&word, "time"))
+		command->verb = VSMD_SHAKE_TIME;
+	else
 		return VSMD_ERR_SYNTAX;
-	*seen |= SHAKE_LIMIT;
 	error = read_whole(word, 0, INT32_MAX, &number);
 	if (error == VSMD_OK)
 		command->shake_count = (uint32_t)number;
 	return error;
 }
 
+static enum vsmd_error read_shake_word(struct word word, struct vsmd_command *command, int *seen)
+{
+	if (take_name(&word, "spos"))
+		return first_time(seen, SHAKE_SPOS) ? read_int(word, &command->shake_start) :
+		                                      VSMD_ERR_SYNTAX;
+	if (take_name(&word, "epos"))
+		return first_time(seen, SHAKE_EPOS) ? read_int(word, &command->shake_end) :
+		                                      VSMD_ERR_SYNTAX;
+	if (take_name(&word, "freq"))
+		return first_time(seen, SHAKE_FREQ) ?
+		               read_float(word, (double)VSMD_SHAKE_FREQ_MIN,
+		                          (double)VSMD_SHAKE_FREQ_MAX, &command->shake_frequency) :
+		               VSMD_ERR_SYNTAX;
+	return first_time(seen, SHAKE_LIMIT) ? read_shake_limit(word, command) : VSMD_ERR_SYNTAX;
+}
+
 static enum vsmd_error read_shake(struct reader *reader, struct vsmd_command *command)
 {
-	enum vsmd_error worst = VSMD_OK;
 	struct word word;
 	int seen = 0;
 
@@ -497,12 +510,10 @@ static enum vsmd_error read_shake(struct reader *reader, struct vsmd_command *co
 	while (next_word(reader, &word)) {
 		enum vsmd_error error = read_shake_word(word, command, &seen);
 
-		if (error != VSMD_OK && worst == VSMD_OK)
-			worst = error;
+		if (error != VSMD_OK)
+			return error;
 	}
-	if (worst == VSMD_OK && seen != SHAKE_ALL)
-		return VSMD_ERR_SYNTAX;
-	return worst;
+	return seen == SHAKE_ALL ? VSMD_OK : VSMD_ERR_SYNTAX;
 }
 
 static enum vsmd_error read_zero(struct reader *reader, struct vsmd_command *command)

@@ -46,6 +46,7 @@ static bool is_whole(const struct span *span, uint16_t address, uint16_t count)
 
 /* --- the command block ----------------------------------------------------------------------------- */
 
+/* False when a float is not a number. */
 static bool block_from(const struct view_drive *drive, const struct span *span,
                        const uint16_t *values, struct db_command_write *write)
 {
@@ -75,8 +76,10 @@ static int write_block(struct view_drive *drive, const struct span *span, const 
 {
 	struct db_command_write write;
 
-	if (!block_from(drive, span, values, &write))
+	if (!block_from(drive, span, values, &write)) {
+		db_commander_set_refused(drive->commander, DB_RESULT_OUT_OF_RANGE);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	}
 	return db_commander_write(drive->commander, &write, token, now_of(drive));
 }
 
@@ -139,8 +142,10 @@ static int write_params(struct view_drive *drive, const struct span *span, const
 	}
 	if (count == 0)
 		return 0;
-	if (!model_has(drive, settings, count))
+	if (!model_has(drive, settings, count)) {
+		db_commander_set_refused(drive->commander, DB_RESULT_UNSUPPORTED);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	}
 	return db_commander_set(drive->commander, settings, (size_t)count, token, now_of(drive));
 }
 
@@ -174,8 +179,10 @@ int view_write(struct view_drive *drive, enum db_table table, uint16_t address, 
 		return exception;
 	if (table == DB_TABLE_COILS)
 		return write_coils(drive, &span, values, token);
-	if (!is_whole(&span, address, count))
+	if (!is_whole(&span, address, count)) {
+		db_commander_set_refused(drive->commander, DB_RESULT_OUT_OF_RANGE);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	}
 	if (span.cells[0].part == DB_PART_BLOCK)
 		return write_block(drive, &span, values, token);
 	return write_params(drive, &span, values, token);

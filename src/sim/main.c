@@ -24,6 +24,7 @@ struct options {
 	const char *config;
 	const char *control;
 	const char *trace;
+	bool busy;
 	char *links[LINKS_MAX]; /* NAME=PATH */
 	size_t link_count;
 };
@@ -48,10 +49,13 @@ static void usage(FILE *out)
 	(void)fputs(
 		"usage: drivebridge-sim --config FILE [--link BUS=PATH]... [--control SOCKET] "
 		"[--trace FILE]\n"
+	            "                       [--busy]\n"
 		"  --config FILE    buses and drives, see conf/sim-demo.conf\n"
 		"  --link BUS=PATH  make PATH a symbolic link to the bus's device\n"
 		"  --control SOCKET take commands (faults, power ...) on this UNIX socket\n"
-		"  --trace FILE     write every request and reply with its time in microseconds\n",
+		"  --trace FILE     write every request and reply with its time in microseconds\n"
+	            "  --busy           never sleep: takes a whole processor, but answers to the "
+	            "microsecond (for measurements)\n",
 		out);
 }
 
@@ -63,6 +67,7 @@ static int read_options(int argc, char **argv, struct options *options)
 		{ "link", required_argument, NULL, 'l' },
 		{ "control", required_argument, NULL, 's' },
 		{ "trace", required_argument, NULL, 't' },
+		{ "busy", no_argument, NULL, 'b' },
 		{ "help", no_argument, NULL, 'h' },
 		{ NULL, 0, NULL, 0 },
 	};
@@ -75,6 +80,8 @@ static int read_options(int argc, char **argv, struct options *options)
 			options->control = optarg;
 		} else if (option == 't') {
 			options->trace = optarg;
+		} else if (option == 'b') {
+			options->busy = true;
 		} else if (option == 'l' && options->link_count < LINKS_MAX) {
 			options->links[options->link_count++] = optarg;
 		} else {
@@ -196,15 +203,16 @@ static bool dispatch(struct loop *loop, const struct epoll_event *event,
 }
 
 /* 0 when told to end, -1 when something broke. */
-static int run(struct loop *loop, struct sim_world *world, struct sim_control *control)
+static int run(struct loop *loop, struct sim_world *world, struct sim_control *control, bool busy)
 {
 	struct epoll_event events[16];
 
 	for (;;) {
 		int count;
 
-		arm(loop, sim_world_next(world, clock_now()));
-		count = epoll_wait(loop->poll, events, 16, -1);
+		if (!busy)
+			arm(loop, sim_world_next(world, clock_now()));
+		count = epoll_wait(loop->poll, events, 16, busy ? 0 : -1);
 		if (count < 0 && errno != EINTR)
 			return -1;
 		for (int i = 0; i < count; i++) {
@@ -252,7 +260,7 @@ static int simulate(const struct sim_config *config, const struct options *optio
 		}
 	}
 	if (announce(&loop, &world, control) == 0)
-		result = run(&loop, &world, control);
+		result = run(&loop, &world, control, options->busy);
 out:
 	sim_control_close(control);
 	sim_world_close(&world);

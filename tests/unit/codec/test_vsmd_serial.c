@@ -351,3 +351,292 @@ static void all_parameters_at_once(void **state)
 	assert_int_equal(decoded.command.setting_count, VSMD_PARAM_COUNT);
 	assert_memory_equal(decoded.settings, settings, sizeof settings);
 }
+
+/* --- ranges of commands --------------------------------------------------------------------------- */
+
+static void speeds(void **state)
+{
+	static const char *const good[] = { "mov spd=-192000", "mov spd=192000", "mov spd=0",
+		                            "mov spd=0.1", "pos 1 spd=0", "pos 1 spd=192000",
+		                            "rmv 1 spd=0", "rmv 1 spd=192000" };
+	static const char *const bad[] = { "mov spd=-192000.1", "mov spd=192000.1", "pos 1 spd=-0.1",
+		                           "pos 1 spd=192000.1", "rmv 1 spd=-1", "rmv 1 spd=192001",
+		                           "mov spd=100000000000000000000000000000000000000000" };
+	struct vsmd_command mov = { .verb = VSMD_MOV, .id = 1, .has_velocity = true };
+	struct vsmd_command pos = { .verb = VSMD_POS, .id = 1, .has_velocity = true };
+	struct vsmd_command rmv = { .verb = VSMD_RMV, .id = 1, .has_velocity = true };
+	static const float over[] = { 192000.02f, FLT_MAX, INFINITY, -INFINITY, NAN, -192000.02f };
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(good); i++) {
+		struct decoded decoded;
+
+		decode(good[i], false, &decoded);
+		assert_int_equal(decoded.error, VSMD_OK);
+		assert_encodes(&decoded.command, good[i]);
+	}
+	for (size_t i = 0; i < COUNT(bad); i++)
+		assert_error(bad[i], false, VSMD_ERR_RANGE);
+	for (size_t i = 0; i < COUNT(over); i++) {
+		mov.velocity = pos.velocity = rmv.velocity = over[i];
+		assert_refused(mov, VSMD_ERR_RANGE);
+		assert_refused(pos, VSMD_ERR_RANGE);
+		assert_refused(rmv, VSMD_ERR_RANGE);
+	}
+	pos.velocity = rmv.velocity = -1;
+	assert_refused(pos, VSMD_ERR_RANGE);
+	assert_refused(rmv, VSMD_ERR_RANGE);
+}
+
+static void positions(void **state)
+{
+	static const char *const good[] = { "pos -2147483648", "pos 2147483647", "rmv -2147483648",
+		                            "rmv 2147483647",  "org -2147483648", "org 2147483647",
+		                            "pos 0" };
+	/* The document prints the range with its signs swapped. */
+	static const char *const bad[] = { "pos 2147483648", "pos -2147483649", "rmv 2147483648",
+		                           "rmv -2147483649", "org 2147483648", "org -2147483649",
+		                           "pos 99999999999999999999999999999999" };
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(good); i++) {
+		struct decoded decoded;
+
+		decode(good[i], false, &decoded);
+		assert_int_equal(decoded.error, VSMD_OK);
+		assert_encodes(&decoded.command, good[i]);
+	}
+	for (size_t i = 0; i < COUNT(bad); i++)
+		assert_error(bad[i], false, VSMD_ERR_RANGE);
+}
+
+static void small_numbers(void **state)
+{
+	static const char *const range[] = { "stp 2",   "stp -1",   "sv1 256",   "sv1 -1",
+		                             "sv3 256", "nmos1 256", "nmos3 -1", "sv2 1000000" };
+	static const char *const syntax[] = { "sv0 1", "sv4 1", "nmos0 1", "nmos4 1", "s0 on", "s7 on" };
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(range); i++)
+		assert_error(range[i], false, VSMD_ERR_RANGE);
+	for (size_t i = 0; i < COUNT(syntax); i++)
+		assert_error(syntax[i], false, VSMD_ERR_SYNTAX);
+	for (unsigned value = 0; value <= 255; value++) {
+		struct vsmd_command sv = { .verb = VSMD_SV, .id = NO_ID, .port = 2, .value = (uint8_t)value };
+		char line[16];
+
+		snprintf(line, sizeof line, "sv2 %u", value);
+		assert_encodes(&sv, line);
+		sv.verb = VSMD_NMOS;
+		snprintf(line, sizeof line, "nmos2 %u", value);
+		assert_encodes(&sv, line);
+	}
+}
+
+static void refused_by_encode(void **state)
+{
+	(void)state;
+	assert_refused((struct vsmd_command){ .verb = VSMD_STP, .id = 1, .has_value = true, .value = 2 },
+	               VSMD_ERR_RANGE);
+	assert_refused((struct vsmd_command){ .verb = VSMD_SENSOR_OUT, .id = 1, .port = 0 },
+	               VSMD_ERR_RANGE);
+	assert_refused((struct vsmd_command){ .verb = VSMD_SENSOR_OUT, .id = 1, .port = 7 },
+	               VSMD_ERR_RANGE);
+	assert_refused((struct vsmd_command){ .verb = VSMD_SENSOR_OUT, .id = 1, .port = 1, .value = 2 },
+	               VSMD_ERR_RANGE);
+	assert_refused((struct vsmd_command){ .verb = VSMD_SV, .id = 1, .port = 0 }, VSMD_ERR_RANGE);
+	assert_refused((struct vsmd_command){ .verb = VSMD_SV, .id = 1, .port = 4 }, VSMD_ERR_RANGE);
+	assert_refused((struct vsmd_command){ .verb = VSMD_NMOS, .id = 1, .port = 0 }, VSMD_ERR_RANGE);
+	assert_refused((struct vsmd_command){ .verb = VSMD_NMOS, .id = 1, .port = 4 }, VSMD_ERR_RANGE);
+	assert_refused((struct vsmd_command){ .verb = VSMD_DEV, .id = 33 }, VSMD_ERR_RANGE);
+	assert_refused((struct vsmd_command){ .verb = VSMD_DEV, .id = -2 }, VSMD_ERR_RANGE);
+	assert_refused((struct vsmd_command){ .verb = VSMD_VERB_COUNT, .id = 1 }, VSMD_ERR_SYNTAX);
+	assert_refused((struct vsmd_command){ .verb = VSMD_CFG_WRITE, .id = 1 }, VSMD_ERR_SYNTAX);
+}
+
+static void shake_ranges(void **state)
+{
+	static const float outside[] = { 0.19999f, 20.00001f, 0.0f, -1.0f, 0.1f, NAN, INFINITY };
+	struct vsmd_command shake = { .verb = VSMD_SHAKE_CYCLES, .id = NO_ID };
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(outside); i++) {
+		shake.shake_frequency = outside[i];
+		assert_refused(shake, VSMD_ERR_RANGE);
+	}
+	shake.shake_start = INT32_MIN;
+	shake.shake_end = INT32_MAX;
+	shake.shake_frequency = 0.2f;
+	shake.shake_count = INT32_MAX;
+	assert_encodes(&shake,
+	               "shake start spos=-2147483648 epos=2147483647 freq=0.2 cycles=2147483647");
+	shake.verb = VSMD_SHAKE_TIME;
+	shake.shake_frequency = 20.0f;
+	assert_encodes(&shake,
+	               "shake start spos=-2147483648 epos=2147483647 freq=20 time=2147483647");
+	shake.shake_count = (uint32_t)INT32_MAX + 1;
+	assert_refused(shake, VSMD_ERR_RANGE);
+	assert_error("shake start spos=0 epos=1 freq=0.2 time=0", false, VSMD_OK);
+	assert_error("shake start spos=0 epos=1 freq=0.19 time=0", false, VSMD_ERR_RANGE);
+	assert_error("shake start spos=0 epos=1 freq=20.1 time=0", false, VSMD_ERR_RANGE);
+	assert_error("shake start spos=0 epos=1 freq=1 time=2147483648", false, VSMD_ERR_RANGE);
+	assert_error("shake start spos=0 epos=1 freq=1 cycles=-1", false, VSMD_ERR_RANGE);
+	assert_error("shake start spos=2147483648 epos=1 freq=1 cycles=1", false, VSMD_ERR_RANGE);
+	assert_error("shake start spos=0 epos=-2147483649 freq=1 cycles=1", false, VSMD_ERR_RANGE);
+}
+
+static void shake_needs_each_word_once(void **state)
+{
+	/* The command table shortens the line to this; the drive has nothing to go by. */
+	assert_error("shake start", false, VSMD_ERR_SYNTAX);
+	(void)state;
+	assert_error("shake start epos=1 freq=1 time=0", false, VSMD_ERR_SYNTAX);
+	assert_error("shake start spos=0 freq=1 time=0", false, VSMD_ERR_SYNTAX);
+	assert_error("shake start spos=0 epos=1 time=0", false, VSMD_ERR_SYNTAX);
+	assert_error("shake start spos=0 epos=1 freq=1", false, VSMD_ERR_SYNTAX);
+	assert_error("shake start spos=0 epos=1 freq=1 time=0 cycles=0", false, VSMD_ERR_SYNTAX);
+	assert_error("shake start spos=0 spos=0 epos=1 freq=1 time=0", false, VSMD_ERR_SYNTAX);
+	assert_error("shake start spos=0 epos=1 freq=1 freq=2 time=0", false, VSMD_ERR_SYNTAX);
+	assert_error("shake start spos=0 epos=1 freq=1 time=0 hz=1", false, VSMD_ERR_SYNTAX);
+	assert_error("shake start freq=1 time=0 epos=1 spos=0", false, VSMD_OK);
+}
+
+static void parameter_ranges(void **state)
+{
+	static const char *const range[] = { "cfg bdr=2399",   "cfg bdr=921601",     "cfg cid=0",
+		                             "cfg cid=33",     "cfg res=999",        "cfg res=1",
+		                             "cfg eratio=0",   "cfg eratio=-1",      "cfg s1f=10",
+		                             "cfg s1f=-1",     "cfg cid=65537",      "cfg mcs=0.5",
+		                             "cfg zsp=2147483648", "cfg spd=192001", "cfg esds=0.95",
+		                             "cfg cid=4294967297", "cfg cid=1.00000000000000000001" };
+	struct vsmd_setting setting = { .param = VSMD_RES, .value.u = 500 };
+	struct vsmd_command cfg = {
+		.verb = VSMD_CFG_WRITE, .id = 1, .settings = &setting, .setting_count = 1
+	};
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(range); i++)
+		assert_error(range[i], false, VSMD_ERR_RANGE);
+	assert_error("cfg res=0", false, VSMD_OK);
+	assert_error("cfg res=1000", false, VSMD_OK);
+	assert_refused(cfg, VSMD_ERR_RANGE);
+	setting = (struct vsmd_setting){ .param = VSMD_ERATIO, .value.f = 0 };
+	assert_refused(cfg, VSMD_ERR_RANGE);
+	setting = (struct vsmd_setting){ .param = VSMD_PARAM_COUNT };
+	assert_refused(cfg, VSMD_ERR_RANGE);
+}
+
+/* --- malformed lines ------------------------------------------------------------------------------ */
+
+static void malformed_lines(void **state)
+{
+	static const char *const lines[] = {
+		"", " ", "\t", "\r", "\n", "DEV", "devx", "de", "dev x", "sts 1", "ena on", "off 0",
+		"eclr 1", "sav 1", "dev\tx", "\tdev", "dev\t", "de\rv", "dev\r\r", "dev\nsts", "\x7f",
+		"\xff\xfe", "pos", "pos x", "pos 1 2", "pos 1 spd", "pos 1 spd=", "pos 1 spd=x",
+		"pos 1 spd=1 spd=1", "pos 1 acc=1", "pos spd=1", "pos 1.0", "pos 1.5", "pos 1e3",
+		"pos 0x10", "pos --1", "pos +-1", "pos -", "pos +", "pos 1,000", "pos\t1", "pos 1\t",
+		"pos nan", "rmv", "rmv one", "rmv 1 x", "mov 100", "mov spd", "mov spd=", "mov spd=1e3",
+		"mov spd=0x10", "mov spd=nan", "mov spd=inf", "mov spd=-inf", "mov spd=1.2.3",
+		"mov spd=.", "mov spd=-", "mov spd= 1", "mov spd=1 2", "mov SPD=1", "mov spd==1",
+		"stp x", "stp 0 1", "stp 1.0", "org x", "org 1 2", "org 0.5", "s1", "s1 1", "s1 ON",
+		"s1 on off", "s1 onn", "s", "s12 on", "sv1", "sv1 x", "sv1 1 2", "sv1 0xA0", "sv1 1.0",
+		"sv 1", "nmos1", "nmos1 on", "nmos 1", "zero", "zero go", "zero start 1", "zero stop x",
+		"shake", "shake go", "shake stop 1", "shake start x", "shake start spos", "cfg bdr",
+		"cfg bdr=", "cfg =1", "cfg =", "cfg spd=1e3", "cfg spd=nan", "cfg spd=inf", "cfg bdr=0x10",
+		"cfg spd=1 x", "cfg spd=1\tacc=2", "cfg bdr= 9600", "1 dev",
+	};
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(lines); i++) {
+		struct decoded decoded;
+		char with_id[64];
+
+		decode(lines[i], false, &decoded);
+		if (decoded.error == VSMD_OK || decoded.error == VSMD_ERR_RANGE)
+			fail_msg("\"%s\": error %d", lines[i], (int)decoded.error);
+		assert_int_equal(decoded.command.id, NO_ID);
+		snprintf(with_id, sizeof with_id, "5 %s", lines[i]);
+		decode(with_id, true, &decoded);
+		if (decoded.error == VSMD_OK || decoded.error == VSMD_ERR_RANGE)
+			fail_msg("\"%s\": error %d", with_id, (int)decoded.error);
+		assert_int_equal(decoded.command.id, 5);
+	}
+}
+
+static void unknown_parameters(void **state)
+{
+	(void)state;
+	assert_error("cfg dmd=1", false, VSMD_ERR_NAME);
+	assert_error("cfg sds=0.5", false, VSMD_ERR_NAME);
+	assert_error("cfg spd=1 nosuch=2", false, VSMD_ERR_NAME);
+	assert_error("cfg BDR=9600", false, VSMD_ERR_NAME);
+}
+
+static void ids(void **state)
+{
+	static const char *const unread[] = { "33 dev", "-1 dev", "+1 dev", "1.0 dev", "x dev", "dev",
+		                              "0x1 dev", "1dev", "999999999999999999999 dev", "" };
+	struct decoded decoded;
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(unread); i++) {
+		decode(unread[i], true, &decoded);
+		assert_int_not_equal(decoded.error, VSMD_OK);
+		assert_int_equal(decoded.command.id, UNREAD_ID);
+	}
+	assert_error("33 dev", true, VSMD_ERR_RANGE);
+	decode("7 mov spd=192001", true, &decoded);
+	assert_int_equal(decoded.error, VSMD_ERR_RANGE);
+	assert_int_equal(decoded.command.id, 7);
+	decode("8 cfg dmd=1", true, &decoded);
+	assert_int_equal(decoded.error, VSMD_ERR_NAME);
+	assert_int_equal(decoded.command.id, 8);
+	decode("9", true, &decoded);
+	assert_int_equal(decoded.error, VSMD_ERR_SYNTAX);
+	assert_int_equal(decoded.command.id, 9);
+}
+
+static void bytes_that_end_c_strings(void **state)
+{
+	struct vsmd_command command;
+
+	(void)state;
+	assert_int_equal(vsmd_serial_decode_command("dev\0", 4, false, &command, NULL, 0),
+	                 VSMD_ERR_SYNTAX);
+	assert_int_equal(vsmd_serial_decode_command("\0dev", 4, false, &command, NULL, 0),
+	                 VSMD_ERR_SYNTAX);
+	assert_int_equal(vsmd_serial_decode_command("pos 1\0", 6, false, &command, NULL, 0),
+	                 VSMD_ERR_SYNTAX);
+	assert_int_equal(vsmd_serial_decode_command("dev\0 x", 3, false, &command, NULL, 0), VSMD_OK);
+	/* Terminals end lines with both; the drive's '\n' is already gone here. */
+	assert_int_equal(vsmd_serial_decode_command("pos 10\r", 7, false, &command, NULL, 0), VSMD_OK);
+	assert_int_equal(command.position, 10);
+}
+
+static void space_for_settings(void **state)
+{
+	struct vsmd_setting settings[2];
+	struct vsmd_command command;
+	const char *two = "cfg spd=1 acc=2";
+	const char *three = "cfg spd=1 acc=2 dec=3";
+
+	(void)state;
+	assert_int_equal(vsmd_serial_decode_command(two, strlen(two), false, &command, settings, 2),
+	                 VSMD_OK);
+	assert_int_equal(vsmd_serial_decode_command(three, strlen(three), false, &command, settings, 2),
+	                 VSMD_ERR_SPACE);
+	assert_int_equal(vsmd_serial_decode_command("cfg", 3, false, &command, NULL, 0), VSMD_OK);
+}
+
+static void space_for_lines(void **state)
+{
+	const struct vsmd_command command = { .verb = VSMD_POS, .id = 12, .position = -345 };
+	char line[16];
+
+	(void)state;
+	for (size_t size = 0; size < strlen("12 pos -345\n"); size++)
+		assert_int_equal(vsmd_serial_encode_command(&command, line, size), VSMD_ERR_SPACE);
+	assert_int_equal(vsmd_serial_encode_command(&command, line, strlen("12 pos -345\n")),
+	                 strlen("12 pos -345\n"));
+}

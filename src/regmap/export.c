@@ -1,0 +1,459 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "regmap/export.h"
+
+#include "regmap/commands.h"
+#include "regmap/image.h"
+#include "regmap/index.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* --- collecting ------------------------------------------------------------------------------------ */
+
+/* One line of the map: a register and the families that have it (bits by place in db_drivers). */
+struct line {
+	struct db_entry entry;
+	enum db_view view;
+	uint32_t families;
+	bool conditional;   /* some families may lack it */
+};
+
+struct lines {
+	struct line *items;
+	size_t count;
+	size_t room;
+	enum db_view view;  /* of what is being added */
+	unsigned family;
+	bool failed;
+};
+
+static bool same_line(const struct line *line, enum db_view view, const struct db_entry *entry)
+{
+	return line->view == view && line->entry.table == entry->table &&
+	       line->entry.cell.address == entry->cell.address &&
+	       strcmp(line->entry.name, entry->name) == 0;
+}
+
+static bool make_room(struct lines *lines)
+{
+	struct line *items;
+
+	if (lines->count < lines->room)
+		return true;
+	items = realloc(lines->items, (lines->room + 256) * sizeof items[0]);
+	if (!items) {
+		lines->failed = true;
+		return false;
+	}
+	lines->items = items;
+	lines->room += 256;
+	return true;
+}
+
+static void add_line(void *context, const struct db_entry *entry)
+{
+	struct lines *lines = context;
+	const struct db_row *row = entry->row;
+
+	if (entry->name[0] == '\0')
+		return;
+	for (size_t i = 0; i < lines->count; i++) {
+		if (same_line(&lines->items[i], lines->view, entry)) {
+			lines->items[i].families |= UINT32_C(1) << lines->family;
+			return;
+		}
+	}
+	if (!make_room(lines))
+		return;
+	lines->items[lines->count++] = (struct line){
+		.entry = *entry,
+		.view = lines->view,
+		.families = UINT32_C(1) << lines->family,
+		.conditional = !row || row->measure || row->param_alias || row->outputs,
+	};
+}
+
+static int by_place(const void *a, const void *b)
+{
+	static const int order[] = {
+		[DB_TABLE_HOLDING] = 0, [DB_TABLE_INPUT] = 1, [DB_TABLE_DISCRETE] = 2,
+		[DB_TABLE_COILS] = 3,
+	};
+	const struct line *left = a;
+	const struct line *right = b;
+
+	if (left->view != right->view)
+		return left->view < right->view ? -1 : 1;
+	if (left->entry.table != right->entry.table)
+		return order[left->entry.table] - order[right->entry.table];
+	if (left->entry.cell.address != right->entry.cell.address)
+		return left->entry.cell.address < right->entry.cell.address ? -1 : 1;
+	return strcmp(left->entry.name, right->entry.name);
+}
+
+static int collect(struct lines *lines)
+{
+	struct db_scope scope = { .view = DB_VIEW_DRIVE };
+
+	*lines = (struct lines){ .view = DB_VIEW_DRIVE };
+	for (unsigned i = 0; db_drivers[i]; i++) {
+		scope.driver = db_drivers[i];
+		lines->family = i;
+		db_table_each(&scope, add_line, lines);
+	}
+	scope = (struct db_scope){
+		.view = DB_VIEW_GATEWAY,
+		.buses = DB_GATEWAY_BUSES,
+		.drives = DB_GATEWAY_DRIVES,
+	};
+	lines->view = DB_VIEW_GATEWAY;
+	db_table_each(&scope, add_line, lines);
+	if (lines->failed) {
+		free(lines->items);
+		return -ENOMEM;
+	}
+	qsort(lines->items, lines->count, sizeof lines->items[0], by_place);
+	return 0;
+}
+
+/* --- columns ----------------------------------------------------------------------------------------- */
+
+#define TEXT_MAX 4096
+
+/* A column's text while it is put together. What does not fit is cut off. */
+struct text {
+	char bytes[TEXT_MAX];
+	size_t length;
+};
+
+__attribute__((format(printf, 2, 3))) static void add(struct text *text, const char *format, ...)
+{
+	size_t room = TEXT_MAX - text->length;
+	va_list arguments;
+	int length;
+
+	va_start(arguments, format);
+	length = vsnprintf(text->bytes + text->length, room, format, arguments);
+	va_end(arguments);
+	if (length > 0)
+		text->length += (size_t)length < room ? (size_t)length : room - 1;
+}
+
+static const char *view_name(enum db_view view)
+{
+	return view == DB_VIEW_DRIVE ? "drive" : "gateway";
+}
+
+static const struct {
+	const char *name;
+	const char *title;
+	unsigned reference;
+} tables[] = {
+	[DB_TABLE_COILS] = { "coil", "coils", 1 },
+	[DB_TABLE_DISCRETE] = { "discrete", "discrete inputs", 10001 },
+	[DB_TABLE_HOLDING] = { "holding", "holding registers", 40001 },
+	[DB_TABLE_INPUT] = { "input", "input registers", 30001 },
+};
+
+static const char *type_of(const struct line *line)
+{
+	if (line->entry.table == DB_TABLE_HOLDING)
+		return db_type_name((enum db_type)line->entry.cell.type);
+	return "u16";
+}
+
+static const char *access_of(const struct line *line)
+{
+	return line->entry.cell.flags & DB_ROW_WRITABLE ? "rw" : "r";
+}
+
+static const char *unit_of(const struct line *line)
+{
+	const struct db_entry *entry = &line->entry;
+
+	if (entry->param)
+		return entry->param->unit;
+	return entry->row->unit ? entry->row->unit : "";
+}
+
+static void add_limits(const struct line *line, struct text *min, struct text *max)
+{
+	const struct db_entry *entry = &line->entry;
+	double low = entry->param ? entry->param->min : entry->row->min;
+	double high = entry->param ? entry->param->max : entry->row->max;
+
+	if (low == 0 && high == 0)
+		return;
+	add(min, "%.10g", low);
+	add(max, "%.10g", high);
+}
+
+static void add_families(uint32_t families, bool conditional, struct text *text)
+{
+	uint32_t all = 0;
+
+	for (unsigned i = 0; db_drivers[i]; i++)
+		all |= UINT32_C(1) << i;
+	if (!conditional) {
+		add(text, "all");
+		return;
+	}
+	for (unsigned i = 0; db_drivers[i]; i++) {
+		if (families & all & (UINT32_C(1) << i))
+			add(text, "%s%s", text->length ? " " : "", db_drivers[i]->name);
+	}
+}
+
+static bool is_offered(unsigned code)
+{
+	for (unsigned i = 0; db_drivers[i]; i++) {
+		if (db_drivers[i]->commands & DB_COMMAND_BIT(code))
+			return true;
+	}
+	return false;
+}
+
+static void add_codes(const struct db_codes *codes, struct text *text)
+{
+	const char *before = codes->bits ? "; bits:" : ":";
+
+	for (unsigned code = 0; code < codes->count; code++) {
+		const char *name = codes->name(code);
+
+		if (strcmp(name, "unknown") == 0)
+			continue;
+		if (codes->name == db_command_name && code != 0 && !is_offered(code))
+			continue;
+		add(text, "%s %u=%s", before, code, name);
+		before = "";
+	}
+}
+
+static void add_description(const struct line *line, struct text *text)
+{
+	const struct db_entry *entry = &line->entry;
+	const char *from;
+
+	if (!entry->row) {
+		add(text, "%s", entry->param->description);
+		return;
+	}
+	for (from = entry->row->description; *from; from++) {
+		if (*from == '#')
+			add(text, "%u", entry->number);
+		else
+			add(text, "%c", *from);
+	}
+	if (entry->row->codes)
+		add_codes(entry->row->codes, text);
+	if (entry->param)
+		add(text, " (%s)", entry->param->name);
+}
+
+/* --- CSV ---------------------------------------------------------------------------------------------- */
+
+/* RFC 4180 */
+static void put_field(FILE *out, const char *field)
+{
+	if (!strpbrk(field, ",\"\r\n")) {
+		fputs(field, out);
+		return;
+	}
+	putc('"', out);
+	for (; *field; field++) {
+		if (*field == '"')
+			putc('"', out);
+		putc(*field, out);
+	}
+	putc('"', out);
+}
+
+static void put_line(FILE *out, const struct line *line)
+{
+	struct text min = { .length = 0 };
+	struct text max = { .length = 0 };
+	struct text families = { .length = 0 };
+	struct text description = { .length = 0 };
+	unsigned address = line->entry.cell.address;
+
+	add_limits(line, &min, &max);
+	add_families(line->families, line->conditional, &families);
+	add_description(line, &description);
+	fprintf(out, "%s,%s,%u,%05u,%s,%s,%s,", view_name(line->view),
+	        tables[line->entry.table].name, address,
+	        tables[line->entry.table].reference + address, line->entry.name, type_of(line),
+	        access_of(line));
+	put_field(out, unit_of(line));
+	fprintf(out, ",%s,%s,%s,", min.bytes, max.bytes, families.bytes);
+	put_field(out, description.bytes);
+	putc('\n', out);
+}
+
+int db_export_csv(FILE *out)
+{
+	struct lines lines;
+
+	if (collect(&lines) != 0)
+		return -ENOMEM;
+	fputs("view,table,address,reference,name,type,access,unit,min,max,families,description\n",
+	      out);
+	for (size_t i = 0; i < lines.count; i++)
+		put_line(out, &lines.items[i]);
+	free(lines.items);
+	return 0;
+}
+
+static uint32_t families_with(unsigned code, bool *all)
+{
+	uint32_t families = 0;
+
+	*all = true;
+	for (unsigned i = 0; db_drivers[i]; i++) {
+		if (db_drivers[i]->commands & DB_COMMAND_BIT(code))
+			families |= UINT32_C(1) << i;
+		else
+			*all = false;
+	}
+	return families;
+}
+
+static void put_command(FILE *out, const struct db_command_row *row, struct lines *lines)
+{
+	struct text families = { .length = 0 };
+	bool all;
+	uint32_t with = families_with((unsigned)row->code, &all);
+	const char *before = "";
+
+	if (with == 0)
+		return;
+	fprintf(out, "%u,%s,", (unsigned)row->code, row->name);
+	for (size_t i = 0; i < DB_COMMAND_ARGS_MAX && row->args[i] != DB_ARG_NONE; i++) {
+		size_t offset = offsetof(struct db_drive_image, block.args) +
+		                db_arg_offset(row->args[i]);
+
+		for (size_t j = 0; j < lines->count; j++) {
+			const struct line *line = &lines->items[j];
+
+			if (line->view != DB_VIEW_DRIVE || line->entry.cell.offset != offset ||
+			    line->entry.cell.part != DB_PART_BLOCK)
+				continue;
+			fprintf(out, "%s%s", before, line->entry.name);
+			before = " ";
+		}
+	}
+	add_families(with, !all || row->own, &families);
+	fprintf(out, ",%s,", families.bytes);
+	put_field(out, row->description);
+	putc('\n', out);
+}
+
+int db_export_commands(FILE *out)
+{
+	struct lines lines;
+
+	if (collect(&lines) != 0)
+		return -ENOMEM;
+	fputs("code,name,arguments,families,description\n", out);
+	for (size_t i = 0; i < db_command_row_count; i++)
+		put_command(out, &db_command_rows[i], &lines);
+	free(lines.items);
+	return 0;
+}
+
+/* --- Markdown ----------------------------------------------------------------------------------------- */
+
+static const char introduction[] =
+	"# Register map\n"
+	"\n"
+	"Generated from the register table by `regmap-export md`; do not edit. The same as\n"
+	"[register-map.csv](register-map.csv); the commands are in [commands.csv](commands.csv).\n"
+	"\n"
+	"- Addresses are those on the wire, from 0. The reference is the number printed in many\n"
+	"  PLC manuals: 40001 is holding register 0.\n"
+	"- Holding registers are read with FC 3 and written with FC 6, 16, 22 and 23. Those with\n"
+	"  access `r` are also input registers (FC 4) at the same address.\n"
+	"- 32-bit values take two registers and 64-bit values four, high word first unless\n"
+	"  `word-order = low-first`. Text holds two characters in a register, the first in the high\n"
+	"  byte, in both word orders. Half of a 32-bit value can be read but not written (03).\n"
+	"- Vendor parameters stand in the vendor's order. Where a 32-bit one would begin at an odd\n"
+	"  address a register without a name is left free: it reads as 0 and takes only 0.\n"
+	"- All values of one read are from one moment of the drive. A read that touches a register\n"
+	"  which does not exist is answered with 02.\n"
+	"- The reads of FC 23 are made before its write: they do not show its effect.\n"
+	"- A command or parameter write is answered when the drive has confirmed it. 01: the drive\n"
+	"  has no such function; 02: no such register, or it cannot be written; 03: value out of\n"
+	"  range; 04: refused, failed, or the first `command_id` after a start; 05: not confirmed\n"
+	"  yet, `result` tells the end; 06: busy; 0A: unknown unit, or the bus is down; 0B: the\n"
+	"  drive does not answer. A write answered with an exception at once stores nothing.\n"
+	"- When a drive does not answer, reading its measured registers (positions, speeds,\n"
+	"  `drive_status`, `timestamp_us`, inputs and the like) or its parameters is answered with\n"
+	"  0B, or 0A when the bus is down; `stale = value` gives the last values instead. The\n"
+	"  state, quality, age and result registers can always be read.\n";
+
+static void put_heading(FILE *out, const struct line *line)
+{
+	fprintf(out, "\n## %s\n\n",
+	        line->view == DB_VIEW_DRIVE ? "Drive units" : "The gateway's units (0, 255 and `gateway-unit`)");
+}
+
+static void put_table_heading(FILE *out, const struct line *line)
+{
+	fprintf(out, "%s### %s: %s\n\n", "\n", view_name(line->view),
+	        tables[line->entry.table].title);
+	fputs("| address | reference | name | type | access | unit | range | families | description |\n"
+	      "|---|---|---|---|---|---|---|---|---|\n",
+	      out);
+}
+
+/* Pipes would end a table's cell. */
+static void put_cell(FILE *out, const char *text)
+{
+	for (; *text; text++) {
+		if (*text == '|')
+			putc('\\', out);
+		putc(*text, out);
+	}
+}
+
+static void put_row(FILE *out, const struct line *line)
+{
+	struct text min = { .length = 0 };
+	struct text max = { .length = 0 };
+	struct text families = { .length = 0 };
+	struct text description = { .length = 0 };
+	unsigned address = line->entry.cell.address;
+
+	add_limits(line, &min, &max);
+	add_families(line->families, line->conditional, &families);
+	add_description(line, &description);
+	fprintf(out, "| %u | %05u | `%s` | %s | %s | %s | %s%s%s | %s | ", address,
+	        tables[line->entry.table].reference + address, line->entry.name, type_of(line),
+	        access_of(line), unit_of(line), min.bytes, min.length ? " .. " : "", max.bytes,
+	        families.bytes);
+	put_cell(out, description.bytes);
+	fputs(" |\n", out);
+}
+
+int db_export_markdown(FILE *out)
+{
+	struct lines lines;
+
+	if (collect(&lines) != 0)
+		return -ENOMEM;
+	fputs(introduction, out);
+	for (size_t i = 0; i < lines.count; i++) {
+		const struct line *line = &lines.items[i];
+		const struct line *before = i > 0 ? line - 1 : NULL;
+
+		if (!before || before->view != line->view)
+			put_heading(out, line);
+		if (!before || before->view != line->view ||
+		    before->entry.table != line->entry.table)
+			put_table_heading(out, line);
+		put_row(out, line);
+	}
+	free(lines.items);
+	return 0;
+}

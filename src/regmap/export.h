@@ -1,0 +1,13 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The register and command tables as documents. All families of db_drivers are in them. */
+#ifndef DRIVEBRIDGE_REGMAP_EXPORT_H
+#define DRIVEBRIDGE_REGMAP_EXPORT_H
+
+#include <stdio.h>
+
+/* 0, or -ENOMEM. Errors of the stream are the caller's to look for. */
+int db_export_csv(FILE *out);
+int db_export_markdown(FILE *out);
+int db_export_commands(FILE *out);
+
+#endif
