@@ -80,8 +80,7 @@ const struct db_command_row db_command_rows[] = {
 		.code = DB_CMD_SET_POSITION,
 		.name = "set_position",
 		.args = { DB_ARG_TARGET_POSITION },
-		.description = "Make the present position count as target_position; nothing moves. "
-		               "A family may accept 0 only",
+		.description = "Make the present position count as target_position; nothing moves",
 	},
 	{
 		.code = DB_CMD_CLEAR_FAULT,

@@ -250,6 +250,8 @@ static void add_description(const struct line *line, struct text *text)
 		add_codes(entry->row->codes, text);
 	if (entry->param)
 		add(text, " (%s)", entry->param->name);
+	if (entry->cell.type == DB_TEXT)
+		add(text, "; %u registers", (unsigned)entry->cell.registers);
 }
 
 /* --- CSV ---------------------------------------------------------------------------------------------- */
@@ -394,13 +396,14 @@ static const char introduction[] =
 
 static void put_heading(FILE *out, const struct line *line)
 {
-	fprintf(out, "\n## %s\n\n",
-	        line->view == DB_VIEW_DRIVE ? "Drive units" : "The gateway's units (0, 255 and `gateway-unit`)");
+	fprintf(out, "\n## %s\n",
+	        line->view == DB_VIEW_DRIVE ? "Drive units" :
+	                                      "The gateway's units (0, 255 and `gateway-unit`)");
 }
 
 static void put_table_heading(FILE *out, const struct line *line)
 {
-	fprintf(out, "%s### %s: %s\n\n", "\n", view_name(line->view),
+	fprintf(out, "\n### %s: %s\n\n", view_name(line->view),
 	        tables[line->entry.table].title);
 	fputs("| address | reference | name | type | access | unit | range | families | description |\n"
 	      "|---|---|---|---|---|---|---|---|---|\n",

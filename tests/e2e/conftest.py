@@ -2,27 +2,24 @@
 """What the end-to-end tests stand on: the register map, a Modbus client that knows its names, and
 fixtures that run the simulator and the bridge. Nothing here uses a fixed port or path."""
 
+import os
 import tempfile
 from pathlib import Path
 
 import pytest
-from bridgelib import (
-    Bridge,
-    RegisterMap,
-    load_commands,
-)
+from bridgelib import ROOT, Bridge, RegisterMap, load_commands
 
-ROOT = Path(__file__).resolve().parents[2]
+DOCS = Path(os.environ.get("DRIVEBRIDGE_DOCS", ROOT / "docs"))
 
 
 @pytest.fixture(scope="session")
 def register_map():
-    return RegisterMap(ROOT / "docs" / "register-map.csv")
+    return RegisterMap(DOCS / "register-map.csv")
 
 
 @pytest.fixture(scope="session")
 def command_table():
-    return load_commands(ROOT / "docs" / "commands.csv")
+    return load_commands(DOCS / "commands.csv")
 
 
 @pytest.hookimpl(wrapper=True)

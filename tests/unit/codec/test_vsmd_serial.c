@@ -10,6 +10,7 @@
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define COUNT(array) (sizeof(array) / sizeof(array)[0])
@@ -639,4 +640,485 @@ static void space_for_lines(void **state)
 		assert_int_equal(vsmd_serial_encode_command(&command, line, size), VSMD_ERR_SPACE);
 	assert_int_equal(vsmd_serial_encode_command(&command, line, strlen("12 pos -345\n")),
 	                 strlen("12 pos -345\n"));
+}
+
+/* --- replies -------------------------------------------------------------------------------------- */
+
+static const uint8_t status_frame[] = { 0xFF, 0x01, 0x02, 0, 0, 0, 0, 0,    0,    0,    0,
+	                                0,    0,    0,    0, 0, 0x23, 0x33, 0x00, 0x13, 0xFE };
+static const char identity[] = "VSMD113_025T-1.0.008.170428";
+
+static size_t identity_frame(uint8_t *frame)
+{
+	size_t length = strlen(identity);
+
+	memcpy(frame, "\xFF\x01\x01", 3);
+	memcpy(frame + 3, identity, length);
+	memcpy(frame + 3 + length, "\x00\x31\xFE", 3);
+	return length + 6;
+}
+
+static enum vsmd_error decode_bytes(const uint8_t *frame, size_t length)
+{
+	struct vsmd_reply reply;
+
+	return vsmd_serial_decode_reply(frame, length, &reply);
+}
+
+static void documented_identity(void **state)
+{
+	uint8_t frame[64];
+	uint8_t again[64];
+	size_t length = identity_frame(frame);
+	struct vsmd_reply reply;
+
+	(void)state;
+	assert_int_equal(vsmd_serial_decode_reply(frame, length, &reply), VSMD_OK);
+	assert_int_equal(reply.id, 1);
+	assert_int_equal(reply.code, VSMD_REPLY_IDENTITY);
+	assert_int_equal(reply.text_length, strlen(identity));
+	assert_ptr_equal(reply.text, frame + 3);
+	assert_memory_equal(reply.text, identity, strlen(identity));
+	assert_int_equal(vsmd_serial_encode_text(1, VSMD_REPLY_IDENTITY, identity, strlen(identity),
+	                                         again, sizeof again),
+	                 length);
+	assert_memory_equal(again, frame, length);
+}
+
+static void documented_status(void **state)
+{
+	struct vsmd_reply reply;
+	uint8_t again[VSMD_SERIAL_STATUS_FRAME];
+
+	(void)state;
+	assert_int_equal(sizeof status_frame, VSMD_SERIAL_STATUS_FRAME);
+	assert_int_equal(vsmd_serial_decode_reply(status_frame, sizeof status_frame, &reply), VSMD_OK);
+	assert_int_equal(reply.id, 1);
+	assert_int_equal(reply.code, VSMD_REPLY_STATUS);
+	assert_true(reply.status.velocity == 0.0f);
+	assert_int_equal(reply.status.position, 0);
+	assert_int_equal(reply.status.status, 0x11B3);
+	assert_int_equal(vsmd_serial_encode_status(1, &reply.status, again, sizeof again),
+	                 sizeof status_frame);
+	assert_memory_equal(again, status_frame, sizeof status_frame);
+}
+
+/* The document prints its sample with one and with three bytes too many; checksums are right. */
+static void status_of_wrong_length(void **state)
+{
+	(void)state;
+	for (size_t zeros = 0; zeros <= 20; zeros++) {
+		uint8_t frame[64] = { 0xFF, 0x01, 0x02 };
+
+		memcpy(frame + 3 + zeros, "\x23\x33\x00\x13\xFE", 5);
+		assert_int_equal(decode_bytes(frame, zeros + 8),
+		                 zeros == 13 ? VSMD_OK : VSMD_ERR_SYNTAX);
+	}
+}
+
+static void parameter_text_frame(void **state)
+{
+	static const char text[] = "bdr=9600 cid=2 spd=1200 dmd=1 dar=10";
+	uint8_t frame[64];
+	struct vsmd_reply reply;
+	int length;
+
+	(void)state;
+	length = vsmd_serial_encode_text(2, VSMD_REPLY_PARAMS, text, strlen(text), frame, sizeof frame);
+	assert_int_equal(length, strlen(text) + 6);
+	assert_memory_equal(frame, "\xFF\x02\x03" "bdr=9600", 11);
+	assert_int_equal(vsmd_serial_decode_reply(frame, (size_t)length, &reply), VSMD_OK);
+	assert_int_equal(reply.id, 2);
+	assert_int_equal(reply.code, VSMD_REPLY_PARAMS);
+	assert_int_equal(reply.text_length, strlen(text));
+	assert_memory_equal(reply.text, text, strlen(text));
+}
+
+/* Appendix 1: 32 bits are five groups of seven, the most significant first. */
+static void five_groups(void **state)
+{
+	static const struct {
+		struct vsmd_status status;
+		uint8_t groups[15];
+	} rows[] = {
+		{ { 1.0f, 1, 1 }, { 3, 0x7C, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 } },
+		{ { -1.0f, -1, UINT32_MAX },
+		  { 0x0B, 0x7C, 0, 0, 0, 0x0F, 0x7F, 0x7F, 0x7F, 0x7F, 0x0F, 0x7F, 0x7F, 0x7F, 0x7F } },
+		{ { 0.0f, INT32_MIN, 0x12345678 },
+		  { 0, 0, 0, 0, 0, 8, 0, 0, 0, 0, 1, 0x11, 0x51, 0x2C, 0x78 } },
+		{ { -0.0f, INT32_MAX, 0x80 },
+		  { 8, 0, 0, 0, 0, 7, 0x7F, 0x7F, 0x7F, 0x7F, 0, 0, 0, 1, 0 } },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(rows); i++) {
+		uint8_t frame[VSMD_SERIAL_STATUS_FRAME];
+		struct vsmd_reply reply;
+
+		assert_int_equal(vsmd_serial_encode_status(32, &rows[i].status, frame, sizeof frame),
+		                 sizeof frame);
+		assert_memory_equal(frame, "\xFF\x20\x02", 3);
+		assert_memory_equal(frame + 3, rows[i].groups, 15);
+		assert_int_equal(vsmd_serial_decode_reply(frame, sizeof frame, &reply), VSMD_OK);
+		assert_int_equal(reply.id, 32);
+		assert_memory_equal(&reply.status, &rows[i].status, sizeof reply.status);
+	}
+}
+
+/* Appendix 2 sums up bytes that no reply may carry: right by its rule, still not a frame. */
+static void checksum_example(void **state)
+{
+	static const uint8_t frame[] = { 0xFF, 0x01, 0xA0, 0x7C, 0x6F, 0x02, 0x01, 0x30, 0xFE };
+	static const uint8_t low[] = { 0xFF, 0x01, 0x01, 0x7C, 0x6F, 0x20, 0x00, 0x33, 0xFE };
+	size_t skip;
+	size_t length;
+
+	(void)state;
+	assert_int_equal(decode_bytes(frame, sizeof frame), VSMD_ERR_SYNTAX);
+	assert_int_equal(vsmd_serial_cut(frame, sizeof frame, &skip, &length), VSMD_CUT_MORE);
+	assert_int_equal(skip, sizeof frame);
+	assert_int_equal(decode_bytes(low, sizeof low), VSMD_OK);
+}
+
+static void every_damaged_byte_is_noticed(void **state)
+{
+	(void)state;
+	for (size_t i = 0; i < sizeof status_frame; i++) {
+		for (unsigned bit = 0; bit < 8; bit++) {
+			uint8_t frame[sizeof status_frame];
+
+			memcpy(frame, status_frame, sizeof frame);
+			frame[i] = (uint8_t)(frame[i] ^ 1u << bit);
+			assert_int_equal(decode_bytes(frame, sizeof frame), VSMD_ERR_SYNTAX);
+		}
+		assert_int_equal(decode_bytes(status_frame, i), VSMD_ERR_SYNTAX);
+	}
+}
+
+/* Checksums are right here, so that only the named fault can be the reason. */
+static void faults_behind_a_right_checksum(void **state)
+{
+	static const struct {
+		const char *bytes;
+		size_t length;
+		enum vsmd_error error;
+	} rows[] = {
+		{ "\xFF\x01\x01" "A" "\x00\x41\xFE", 7, VSMD_OK },
+		{ "\xFF\x00\x01" "A" "\x00\x40\xFE", 7, VSMD_OK },
+		{ "\xFF\x20\x01" "A" "\x00\x60\xFE", 7, VSMD_OK },
+		{ "\xFF\x01\x01\x00\x00\xFE", 6, VSMD_OK },               /* an empty text */
+		{ "\xFF\x21\x01" "A" "\x00\x61\xFE", 7, VSMD_ERR_SYNTAX }, /* id 33 */
+		{ "\xFF\x01\x01" "A" "\x01\x41\xFE", 7, VSMD_ERR_SYNTAX }, /* BH */
+		{ "\xFF\x01\x01" "A" "\x00\x42\xFE", 7, VSMD_ERR_SYNTAX }, /* BL */
+		{ "\xFF\x01\x00" "A" "\x00\x40\xFE", 7, VSMD_ERR_SYNTAX }, /* code 0 */
+		{ "\xFF\x01\x04" "A" "\x00\x44\xFE", 7, VSMD_ERR_SYNTAX }, /* code 4 */
+		{ "\xFF\x01\x01\x1F\x00\x1F\xFE", 7, VSMD_ERR_SYNTAX },    /* control characters */
+		{ "\xFF\x01\x01\x0A\x00\x0A\xFE", 7, VSMD_ERR_SYNTAX },
+		{ "\xFF\x01\x01\x00\x00\x00\xFE", 7, VSMD_ERR_SYNTAX },
+		{ "\xFF\x01\x01\x7F\x00\x7F\xFE", 7, VSMD_ERR_SYNTAX },
+		{ "\xFF\x01\x03\x09\x00\x0B\xFE", 7, VSMD_ERR_SYNTAX },
+		{ "\xFF\x01\x01\xFE", 4, VSMD_ERR_SYNTAX },
+		{ "\xFF\xFE", 2, VSMD_ERR_SYNTAX },
+		{ "\xFF", 1, VSMD_ERR_SYNTAX },
+		{ "", 0, VSMD_ERR_SYNTAX },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(rows); i++) {
+		if (decode_bytes((const uint8_t *)rows[i].bytes, rows[i].length) != rows[i].error)
+			fail_msg("row %zu", i);
+	}
+}
+
+static void first_group_has_four_bits(void **state)
+{
+	static const size_t firsts[] = { 3, 8, 13 };
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(firsts); i++) {
+		uint8_t frame[sizeof status_frame];
+
+		memcpy(frame, status_frame, sizeof frame);
+		frame[firsts[i]] = 0x0F;
+		frame[19] ^= 0x0F;
+		assert_int_equal(decode_bytes(frame, sizeof frame), VSMD_OK);
+		frame[firsts[i]] = 0x10;
+		frame[19] ^= 0x1F;
+		assert_int_equal(decode_bytes(frame, sizeof frame), VSMD_ERR_SYNTAX);
+	}
+}
+
+static void encoders_refuse(void **state)
+{
+	const struct vsmd_status status = { 0 };
+	char many[VSMD_SERIAL_FRAME_MAX];
+	uint8_t frame[VSMD_SERIAL_FRAME_MAX + 8];
+
+	(void)state;
+	memset(many, 'x', sizeof many);
+	assert_int_equal(vsmd_serial_encode_status(1, &status, frame, 20), VSMD_ERR_SPACE);
+	assert_int_equal(vsmd_serial_encode_status(33, &status, frame, 21), VSMD_ERR_RANGE);
+	assert_int_equal(vsmd_serial_encode_text(1, VSMD_REPLY_PARAMS, "abc", 3, frame, 8),
+	                 VSMD_ERR_SPACE);
+	assert_int_equal(vsmd_serial_encode_text(1, VSMD_REPLY_PARAMS, "abc", 3, frame, 9), 9);
+	assert_int_equal(vsmd_serial_encode_text(1, VSMD_REPLY_PARAMS, "abc", 3, frame, 2),
+	                 VSMD_ERR_SPACE);
+	assert_int_equal(vsmd_serial_encode_text(33, VSMD_REPLY_PARAMS, "a", 1, frame, 9),
+	                 VSMD_ERR_RANGE);
+	assert_int_equal(vsmd_serial_encode_text(1, VSMD_REPLY_STATUS, "a", 1, frame, 9),
+	                 VSMD_ERR_RANGE);
+	assert_int_equal(vsmd_serial_encode_text(1, (enum vsmd_reply_code)4, "a", 1, frame, 9),
+	                 VSMD_ERR_RANGE);
+	assert_int_equal(vsmd_serial_encode_text(1, VSMD_REPLY_PARAMS, "\x80", 1, frame, 9),
+	                 VSMD_ERR_RANGE);
+	assert_int_equal(vsmd_serial_encode_text(1, VSMD_REPLY_PARAMS, "\n", 1, frame, 9),
+	                 VSMD_ERR_RANGE);
+	/* What cut() would throw away is not built either. */
+	assert_int_equal(vsmd_serial_encode_text(1, VSMD_REPLY_PARAMS, many,
+	                                         VSMD_SERIAL_FRAME_MAX - 6, frame, sizeof frame),
+	                 VSMD_SERIAL_FRAME_MAX);
+	assert_int_equal(vsmd_serial_encode_text(1, VSMD_REPLY_PARAMS, many,
+	                                         VSMD_SERIAL_FRAME_MAX - 5, frame, sizeof frame),
+	                 VSMD_ERR_SPACE);
+}
+
+/* --- cutting a stream ----------------------------------------------------------------------------- */
+
+static void assert_cut(const char *bytes, size_t length, enum vsmd_cut cut, size_t skip, size_t frame)
+{
+	size_t skipped = 999;
+	size_t cut_length = 999;
+
+	assert_int_equal(vsmd_serial_cut((const uint8_t *)bytes, length, &skipped, &cut_length), cut);
+	assert_int_equal(skipped, skip);
+	if (cut == VSMD_CUT_FRAME)
+		assert_int_equal(cut_length, frame);
+}
+
+static void cuts(void **state)
+{
+	(void)state;
+	assert_cut("", 0, VSMD_CUT_MORE, 0, 0);
+	assert_cut("\xFF\x01\x01\xFE", 4, VSMD_CUT_FRAME, 0, 4);
+	assert_cut("abc\xFE\x80\xFF\x01\xFE", 8, VSMD_CUT_FRAME, 5, 3); /* garbage before */
+	assert_cut("abc\xFE", 4, VSMD_CUT_MORE, 4, 0);                  /* garbage only */
+	assert_cut("\xFF\x01\x02", 3, VSMD_CUT_MORE, 0, 0);             /* truncated */
+	assert_cut("ab\xFF\x01", 4, VSMD_CUT_MORE, 2, 0);
+	assert_cut("\xFF", 1, VSMD_CUT_MORE, 0, 0);
+	assert_cut("\xFF\x01\xFF\x02\xFE", 5, VSMD_CUT_FRAME, 2, 3);    /* a new start inside */
+	assert_cut("\xFF\xFF\xFF\x02\xFE", 5, VSMD_CUT_FRAME, 2, 3);
+	assert_cut("\xFF\x01\x80\x02\xFE", 5, VSMD_CUT_MORE, 5, 0);     /* high byte inside */
+	assert_cut("\xFF\x01\xFD\x02\xFE\xFF\x03\xFE", 8, VSMD_CUT_FRAME, 5, 3);
+	assert_cut("\xFF\x01\xFE\xFF\x02\x03\xFE", 7, VSMD_CUT_FRAME, 0, 3); /* two frames */
+	assert_cut("\xFF\x02\x03\xFE\xFF", 4, VSMD_CUT_FRAME, 0, 4);
+}
+
+static void every_split_of_a_frame(void **state)
+{
+	(void)state;
+	for (size_t length = 0; length < sizeof status_frame; length++)
+		assert_cut((const char *)status_frame, length, VSMD_CUT_MORE, 0, 0);
+	assert_cut((const char *)status_frame, sizeof status_frame, VSMD_CUT_FRAME, 0,
+	           sizeof status_frame);
+}
+
+static void over_long_frames(void **state)
+{
+	static char bytes[VSMD_SERIAL_FRAME_MAX + 10];
+
+	(void)state;
+	memset(bytes, 'x', sizeof bytes);
+	bytes[0] = (char)0xFF;
+	assert_cut(bytes, VSMD_SERIAL_FRAME_MAX - 1, VSMD_CUT_MORE, 0, 0);
+	assert_cut(bytes, VSMD_SERIAL_FRAME_MAX, VSMD_CUT_MORE, VSMD_SERIAL_FRAME_MAX, 0);
+	bytes[VSMD_SERIAL_FRAME_MAX] = (char)0xFE;
+	assert_cut(bytes, VSMD_SERIAL_FRAME_MAX + 1, VSMD_CUT_MORE, VSMD_SERIAL_FRAME_MAX + 1, 0);
+	memcpy(bytes + VSMD_SERIAL_FRAME_MAX + 2, "\xFF\x01\xFE", 3);
+	assert_cut(bytes, sizeof bytes, VSMD_CUT_FRAME, VSMD_SERIAL_FRAME_MAX + 2, 3);
+	bytes[VSMD_SERIAL_FRAME_MAX - 1] = (char)0xFE;
+	assert_cut(bytes, sizeof bytes, VSMD_CUT_FRAME, 0, VSMD_SERIAL_FRAME_MAX);
+}
+
+/* --- parameter texts ------------------------------------------------------------------------------ */
+
+static void walks_parameters(void **state)
+{
+	static const char text[] = "  bdr=9600 cid=2.00 spd=12800.00 acc=12800 dmd=1 sds=0.5 zsp=-7.0 "
+				   "crn=0.8 cra= garbage =5 dec=abc mcs=1.5 cid=70000 crh==1 BDR=1 "
+				   "zsp=99999999999 spd=1e3 res=500 dar=10 ";
+	static const struct {
+		int result;
+		enum vsmd_param param;
+		double number;
+	} rows[] = {
+		{ 1, VSMD_BDR, 9600 },  { 1, VSMD_CID, 2 }, { 1, VSMD_SPD, 12800 },
+		{ 1, VSMD_ACC, 12800 }, { 2, 0, 0 },        { 2, 0, 0 },
+		{ 1, VSMD_ZSP, -7 },    { 1, VSMD_CRN, 0.8 }, { 2, 0, 0 },
+		{ 2, 0, 0 },            { 2, 0, 0 },        { 2, 0, 0 },
+		{ 2, 0, 0 },            { 2, 0, 0 },        { 2, 0, 0 },
+		{ 2, 0, 0 },            { 2, 0, 0 },        { 2, 0, 0 },
+		{ 1, VSMD_RES, 500 }, /* outside its range: the drive knows what it holds */
+		{ 1, VSMD_DAR, 10 },
+	};
+	struct vsmd_setting setting;
+	size_t cursor = 0;
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(rows); i++) {
+		int result = vsmd_serial_next_param(text, strlen(text), &cursor, &setting);
+
+		if (result != rows[i].result)
+			fail_msg("row %zu: %d", i, result);
+		if (result == 1)
+			assert_setting(&setting, rows[i].param, rows[i].number);
+	}
+	assert_int_equal(vsmd_serial_next_param(text, strlen(text), &cursor, &setting), 0);
+	assert_int_equal(vsmd_serial_next_param(text, strlen(text), &cursor, &setting), 0);
+	cursor = 0;
+	assert_int_equal(vsmd_serial_next_param("   ", 3, &cursor, &setting), 0);
+}
+
+static void formats_all_parameters(void **state)
+{
+	union db_value values[VSMD_PARAM_COUNT];
+	char text[VSMD_SERIAL_FRAME_MAX];
+	uint8_t frame[VSMD_SERIAL_FRAME_MAX];
+	struct vsmd_setting setting;
+	size_t cursor = 0;
+	int length;
+
+	(void)state;
+	for (int i = 0; i < VSMD_PARAM_COUNT; i++)
+		assert_true(db_value_from_number(vsmd_params[i].type, examples[i].number, &values[i]));
+	length = vsmd_serial_format_params(values, text, sizeof text);
+	assert_in_range(length, 1, sizeof text);
+	assert_memory_equal(text, "bdr=115200 cid=1 mcs=5 spd=1200 ", 32);
+	assert_in_range(vsmd_serial_encode_text(1, VSMD_REPLY_PARAMS, text, (size_t)length, frame,
+	                                        sizeof frame), 1, sizeof frame);
+	for (int i = 0; i < VSMD_PARAM_COUNT; i++) {
+		assert_int_equal(vsmd_serial_next_param(text, (size_t)length, &cursor, &setting), 1);
+		assert_setting(&setting, (enum vsmd_param)i, examples[i].number);
+	}
+	assert_int_equal(vsmd_serial_next_param(text, (size_t)length, &cursor, &setting), 0);
+	assert_int_equal(vsmd_serial_format_params(values, text, (size_t)length), length);
+	assert_int_equal(vsmd_serial_format_params(values, text, (size_t)length - 1), VSMD_ERR_SPACE);
+	values[VSMD_SPD].f = NAN;
+	assert_int_equal(vsmd_serial_format_params(values, text, sizeof text), VSMD_ERR_RANGE);
+}
+
+/* --- numbers as text ------------------------------------------------------------------------------ */
+
+static void floats_are_short_and_plain(void **state)
+{
+	static const struct {
+		float number;
+		const char *text;
+	} rows[] = {
+		{ 0.0f, "0" },           { 0.1f, "0.1" },       { 0.2f, "0.2" },
+		{ 0.8f, "0.8" },         { -1200.0f, "-1200" }, { 0.5f, "0.5" },
+		{ 192000000.0f, "192000000" }, { 191999.98f, "191999.98" }, { -0.25f, "-0.25" },
+		{ 16777216.0f, "16777216" }, { 8388607.5f, "8388607.5" }, { 1e-5f, "0.00001" },
+		{ 1.17549435e-38f, "0.000000000000000000000000000000000000011754944" },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(rows); i++) {
+		union db_value value = { .f = rows[i].number };
+		char text[128];
+
+		assert_int_equal(vsmd_format_value(DB_F32, value, text, sizeof text),
+		                 strlen(rows[i].text));
+		assert_string_equal(text, rows[i].text);
+	}
+}
+
+static void floats_read_back_equal(void **state)
+{
+	uint32_t bits = 1;
+
+	(void)state;
+	/* A walk over all exponents with ever other fractions. */
+	for (int i = 0; i < 2000; i++) {
+		union db_value value = { .u = bits & 0x7FFFFFFF };
+		struct vsmd_setting setting;
+		char text[160] = "eratio=";
+		size_t cursor = 0;
+		int length;
+
+		bits = bits * 1664525u + 1013904223u;
+		if (!isfinite(value.f))
+			continue;
+		length = vsmd_format_value(DB_F32, value, text + 7, sizeof text - 7);
+		assert_true(length > 0);
+		assert_null(strpbrk(text + 7, "eE,+"));
+		assert_true(strtof(text + 7, NULL) == value.f);
+		assert_int_equal(vsmd_serial_next_param(text, strlen(text), &cursor, &setting), 1);
+		assert_true(setting.value.f == value.f);
+	}
+}
+
+static void values_of_other_types(void **state)
+{
+	char text[16];
+
+	(void)state;
+	assert_int_equal(vsmd_format_value(DB_U32, (union db_value){ .u = UINT32_MAX }, text, 16), 10);
+	assert_string_equal(text, "4294967295");
+	assert_int_equal(vsmd_format_value(DB_I32, (union db_value){ .i = INT32_MIN }, text, 16), 11);
+	assert_string_equal(text, "-2147483648");
+	assert_int_equal(vsmd_format_value(DB_U16, (union db_value){ .u = 65535 }, text, 6), 5);
+	assert_int_equal(vsmd_format_value(DB_U16, (union db_value){ .u = 65535 }, text, 5),
+	                 VSMD_ERR_SPACE);
+	assert_int_equal(vsmd_format_value(DB_F32, (union db_value){ .f = 0.5f }, text, 3),
+	                 VSMD_ERR_SPACE);
+	assert_int_equal(vsmd_format_value(DB_F32, (union db_value){ .f = 0.5f }, text, 4), 3);
+	assert_int_equal(vsmd_format_value(DB_F32, (union db_value){ .f = NAN }, text, 16),
+	                 VSMD_ERR_RANGE);
+	assert_int_equal(vsmd_format_value(DB_F32, (union db_value){ .f = INFINITY }, text, 16),
+	                 VSMD_ERR_RANGE);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(documented_lines),
+		cmocka_unit_test(documented_lines_on_rs485),
+		cmocka_unit_test(documented_parameters),
+		cmocka_unit_test(broadcast_parameter),
+		cmocka_unit_test(several_parameters),
+		cmocka_unit_test(all_parameters_at_once),
+		cmocka_unit_test(speeds),
+		cmocka_unit_test(positions),
+		cmocka_unit_test(small_numbers),
+		cmocka_unit_test(refused_by_encode),
+		cmocka_unit_test(shake_ranges),
+		cmocka_unit_test(shake_needs_each_word_once),
+		cmocka_unit_test(parameter_ranges),
+		cmocka_unit_test(malformed_lines),
+		cmocka_unit_test(unknown_parameters),
+		cmocka_unit_test(ids),
+		cmocka_unit_test(bytes_that_end_c_strings),
+		cmocka_unit_test(space_for_settings),
+		cmocka_unit_test(space_for_lines),
+		cmocka_unit_test(documented_identity),
+		cmocka_unit_test(documented_status),
+		cmocka_unit_test(status_of_wrong_length),
+		cmocka_unit_test(parameter_text_frame),
+		cmocka_unit_test(five_groups),
+		cmocka_unit_test(checksum_example),
+		cmocka_unit_test(every_damaged_byte_is_noticed),
+		cmocka_unit_test(faults_behind_a_right_checksum),
+		cmocka_unit_test(first_group_has_four_bits),
+		cmocka_unit_test(encoders_refuse),
+		cmocka_unit_test(cuts),
+		cmocka_unit_test(every_split_of_a_frame),
+		cmocka_unit_test(over_long_frames),
+		cmocka_unit_test(walks_parameters),
+		cmocka_unit_test(formats_all_parameters),
+		cmocka_unit_test(floats_are_short_and_plain),
+		cmocka_unit_test(floats_read_back_equal),
+		cmocka_unit_test(values_of_other_types),
+	};
+
+	return cmocka_run_group_tests_name("codec/vsmd_serial", tests, NULL, NULL);
 }

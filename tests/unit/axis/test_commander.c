@@ -1,0 +1,662 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "drivebridge/commander.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+
+/* Exceptions */
+#define ILLEGAL_FUNCTION 0x01
+#define ILLEGAL_VALUE    0x03
+#define FAILURE          0x04
+#define LATER            0x05
+#define BUSY             0x06
+#define NO_PATH          0x0A
+#define NO_ANSWER        0x0B
+
+/* --- a bus and a server that only take notes -------------------------------------------------------- */
+
+struct fake {
+	struct db_commander *commander;
+	struct db_axis *axis;
+	bool full;
+	unsigned submitted;
+	struct db_request requests[64];
+	unsigned answered;
+	uint32_t answered_token[64];
+	int answered_with[64];
+	uint32_t next_token;
+	db_time now;
+};
+
+static bool fake_submit(void *context, const struct db_request *request)
+{
+	struct fake *fake = context;
+
+	if (fake->full)
+		return false;
+	fake->requests[fake->submitted++] = *request;
+	return true;
+}
+
+static void fake_answer(void *context, struct db_write_token token, uint8_t exception)
+{
+	struct fake *fake = context;
+
+	fake->answered_token[fake->answered] = token.sequence;
+	fake->answered_with[fake->answered++] = exception;
+}
+
+static const struct db_commander_ops ops = { .submit = fake_submit, .answer = fake_answer };
+
+static enum db_result fake_check(enum db_command command, const struct db_args *args)
+{
+	if (command == DB_CMD_MOVE_VELOCITY && args->target_velocity > 1000.0f)
+		return DB_RESULT_OUT_OF_RANGE;
+	return DB_RESULT_OK;
+}
+
+static const struct db_driver driver = {
+	.name = "fake",
+	.commands = ~DB_COMMAND_BIT(DB_CMD_SET_SV),
+	.check = fake_check,
+};
+
+static void set_status(struct fake *fake, uint32_t status)
+{
+	struct db_snapshot snapshot = { .feedback.status = status, .feedback.taken = 1 };
+
+	db_axis_publish(fake->axis, &snapshot);
+}
+
+static void init(struct fake *fake, bool accept)
+{
+	struct db_commander_config config = {
+		.driver = &driver,
+		.drive = 7,
+		.bus_axis = 3,
+		.confirm_ms = 40,
+		.accept_writes = accept,
+	};
+
+	memset(fake, 0, sizeof *fake);
+	fake->now = 1000 * MS;
+	fake->axis = db_axis_new();
+	config.axis = fake->axis;
+	set_status(fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE);
+	assert_int_equal(db_commander_new(&config, &ops, fake, &fake->commander), 0);
+}
+
+#define FAKE(accept)                                                                                \
+	struct fake fake;                                                                           \
+	(void)state;                                                                                \
+	init(&fake, accept)
+
+static void drop(struct fake *fake)
+{
+	db_commander_free(fake->commander);
+	db_axis_free(fake->axis);
+}
+
+static int write_as(struct fake *fake, uint16_t id, unsigned command, int32_t position, bool has_id)
+{
+	struct db_command_write write = {
+		.block = *db_commander_kept(fake->commander),
+		.has_command = true,
+		.has_id = has_id,
+	};
+
+	if (has_id)
+		write.block.command_id = id;
+	write.block.command = (uint16_t)command;
+	write.block.args.target_position = position;
+	return db_commander_write(fake->commander, &write,
+	                          (struct db_write_token){ 1, ++fake->next_token }, fake->now);
+}
+
+/* One FC 16 over the whole block. */
+static int put(struct fake *fake, uint16_t id, unsigned command, int32_t position)
+{
+	return write_as(fake, id, command, position, true);
+}
+
+static void finish(struct fake *fake, unsigned request, enum db_result result)
+{
+	struct db_completion completion = {
+		.ticket = fake->requests[request].ticket,
+		.axis = 3,
+		.result = result,
+		.finished = fake->now,
+	};
+
+	db_commander_complete(fake->commander, &completion, fake->now);
+}
+
+static struct db_command_state look(const struct fake *fake)
+{
+	struct db_command_state state;
+
+	db_commander_state(fake->commander, &state);
+	return state;
+}
+
+/* Uses up the first id, so that what follows is not taken as a baseline. */
+static void pass_baseline(struct fake *fake, uint16_t id)
+{
+	assert_int_equal(put(fake, id, DB_CMD_ENABLE, 0), FAILURE);
+}
+
+/* --- ids ------------------------------------------------------------------------------------------------ */
+
+static void id_0_executes_each_time(void **state)
+{
+	FAKE(false);
+	for (unsigned i = 0; i < 3; i++) {
+		assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 5), DB_WRITE_LATER);
+		assert_int_equal(fake.submitted, i + 1);
+		finish(&fake, i, DB_RESULT_OK);
+		assert_int_equal(fake.answered, i + 1);
+		assert_int_equal(fake.answered_with[i], 0);
+	}
+	assert_int_equal(fake.requests[0].axis, 3);
+	assert_int_equal(fake.requests[0].command, DB_CMD_MOVE_RELATIVE);
+	assert_int_equal(fake.requests[0].args.target_position, 5);
+	assert_int_equal(fake.requests[0].setting_count, 0);
+	assert_int_equal(fake.requests[0].submitted, fake.now);
+	assert_int_not_equal(fake.requests[0].ticket, fake.requests[1].ticket);
+	assert_int_equal(db_ticket_drive(fake.requests[0].ticket), 7);
+	drop(&fake);
+}
+
+static void first_id_is_only_the_baseline(void **state)
+{
+	FAKE(false);
+	assert_int_equal(put(&fake, 9, DB_CMD_MOVE_RELATIVE, 5), FAILURE);
+	assert_int_equal(fake.submitted, 0);
+	assert_int_equal(look(&fake).result, DB_RESULT_RESTARTED);
+	assert_int_equal(look(&fake).result_id, 9);
+	assert_int_equal(look(&fake).result_command, DB_CMD_MOVE_RELATIVE);
+	/* The scanner goes on writing it. */
+	assert_int_equal(put(&fake, 9, DB_CMD_MOVE_RELATIVE, 5), FAILURE);
+	assert_int_equal(fake.submitted, 0);
+	assert_int_equal(put(&fake, 10, DB_CMD_MOVE_RELATIVE, 5), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 1);
+	drop(&fake);
+}
+
+static void id_0_leaves_the_baseline_open(void **state)
+{
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(put(&fake, 1, DB_CMD_MOVE_RELATIVE, 5), FAILURE);
+	assert_int_equal(fake.submitted, 1);
+	drop(&fake);
+}
+
+static void stops_execute_before_the_baseline(void **state)
+{
+	static const enum db_command stops[] = { DB_CMD_STOP, DB_CMD_QUICK_STOP, DB_CMD_DISABLE };
+
+	for (size_t i = 0; i < 3; i++) {
+		FAKE(false);
+		assert_int_equal(put(&fake, 9, stops[i], 0), DB_WRITE_LATER);
+		assert_int_equal(fake.submitted, 1);
+		finish(&fake, 0, DB_RESULT_OK);
+		/* Its id is the baseline. */
+		assert_int_equal(put(&fake, 9, DB_CMD_MOVE_RELATIVE, 5), 0);
+		assert_int_equal(fake.submitted, 1);
+		assert_int_equal(put(&fake, 10, DB_CMD_MOVE_RELATIVE, 5), DB_WRITE_LATER);
+		drop(&fake);
+	}
+}
+
+static void same_id_gets_the_stored_result(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_RELATIVE, 5), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_RELATIVE, 5), 0);
+	assert_int_equal(put(&fake, 3, DB_CMD_MOVE_RELATIVE, 5), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_REFUSED);
+	assert_int_equal(put(&fake, 3, DB_CMD_MOVE_RELATIVE, 5), FAILURE);
+	assert_int_equal(put(&fake, 4, DB_CMD_MOVE_RELATIVE, 5), DB_WRITE_LATER);
+	finish(&fake, 2, DB_RESULT_INDETERMINATE);
+	assert_int_equal(put(&fake, 4, DB_CMD_MOVE_RELATIVE, 5), NO_ANSWER);
+	assert_int_equal(fake.submitted, 3);
+	drop(&fake);
+}
+
+static void same_id_while_pending_waits_with_the_first(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	for (unsigned i = 0; i < DB_COMMANDER_WAITERS; i++)
+		assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), LATER);
+	assert_int_equal(fake.submitted, 1);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(fake.answered, DB_COMMANDER_WAITERS);
+	for (unsigned i = 0; i < DB_COMMANDER_WAITERS; i++)
+		assert_int_equal(fake.answered_with[i], 0);
+	drop(&fake);
+}
+
+static void stored_result_survives_commands_without_id(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_RELATIVE, 5), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_CLEAR_FAULT, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_FAILED);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_RELATIVE, 5), FAILURE);
+	assert_int_equal(fake.submitted, 2);
+	drop(&fake);
+}
+
+static void stops_execute_under_a_used_id(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	for (unsigned i = 0; i < 3; i++) {
+		assert_int_equal(put(&fake, 5, DB_CMD_STOP, 0), DB_WRITE_LATER);
+		assert_int_equal(fake.submitted, i + 1);
+		finish(&fake, i, DB_RESULT_OK);
+	}
+	drop(&fake);
+}
+
+static void repeated_stop_joins_the_pending_one(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 5, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 5, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 6, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 1);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 3);
+	assert_int_equal(look(&fake).result_id, 6);
+	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	drop(&fake);
+}
+
+static void stop_after_a_later_command_is_a_new_one(void **state)
+{
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_VELOCITY, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 3);
+	assert_int_equal(put(&fake, 0, DB_CMD_QUICK_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 4);
+	drop(&fake);
+}
+
+/* --- writing the command alone ---------------------------------------------------------------------------- */
+
+static void arguments_alone_execute_nothing(void **state)
+{
+	struct db_command_write write = { .block = { 7, DB_CMD_HOME, { .target_position = 3 } } };
+	struct db_write_token token = { 1, 1 };
+
+	FAKE(false);
+	assert_int_equal(db_commander_write(fake.commander, &write, token, fake.now), 0);
+	assert_int_equal(db_commander_kept(fake.commander)->args.target_position, 3);
+	write.has_command = true;
+	write.has_id = true;
+	write.block.command = DB_CMD_NONE;
+	assert_int_equal(db_commander_write(fake.commander, &write, token, fake.now), 0);
+	assert_int_equal(fake.submitted, 0);
+	assert_int_equal(look(&fake).result, DB_RESULT_NONE);
+	drop(&fake);
+}
+
+static void command_alone_uses_an_unused_kept_id(void **state)
+{
+	struct db_command_write write = { .block = { .command_id = 7 }, .has_id = true };
+	struct db_write_token token = { 1, 1 };
+
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(db_commander_write(fake.commander, &write, token, fake.now), 0);
+	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), DB_WRITE_LATER);
+	assert_int_equal(look(&fake).result_id, 7);
+	finish(&fake, 0, DB_RESULT_OK);
+	/* The same again is the same request sent again ... */
+	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), 0);
+	assert_int_equal(fake.submitted, 1);
+	/* ... and another one is a command without id. */
+	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 6, false), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 2);
+	assert_int_equal(look(&fake).result_id, 0);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(write_as(&fake, 0, DB_CMD_HOME, 6, false), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 3);
+	drop(&fake);
+}
+
+static void command_alone_without_id_executes_each_time(void **state)
+{
+	FAKE(false);
+	for (unsigned i = 0; i < 2; i++) {
+		assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), DB_WRITE_LATER);
+		finish(&fake, i, DB_RESULT_OK);
+	}
+	assert_int_equal(fake.submitted, 2);
+	drop(&fake);
+}
+
+static void arguments_a_command_does_not_use_make_no_difference(void **state)
+{
+	struct db_command_write write = { .has_command = true };
+	struct db_write_token token = { 1, 1 };
+
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_RELATIVE, 5), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	write.block = *db_commander_kept(fake.commander);
+	write.block.args.shake_cycles = 99;
+	assert_int_equal(db_commander_write(fake.commander, &write, token, fake.now), 0);
+	assert_int_equal(fake.submitted, 1);
+	write.block.args.target_velocity = 99;
+	assert_int_equal(db_commander_write(fake.commander, &write, token, fake.now),
+	                 DB_WRITE_LATER);
+	drop(&fake);
+}
+
+/* --- refusals ---------------------------------------------------------------------------------------------- */
+
+static void refused_writes_store_nothing(void **state)
+{
+	struct db_command_block kept;
+
+	FAKE(false);
+	kept = *db_commander_kept(fake.commander);
+	assert_int_equal(put(&fake, 0, 63, 5), ILLEGAL_VALUE);
+	assert_int_equal(look(&fake).result, DB_RESULT_OUT_OF_RANGE);
+	assert_int_equal(look(&fake).result_command, 63);
+	assert_int_equal(put(&fake, 0, 40000, 5), ILLEGAL_VALUE);
+	assert_int_equal(put(&fake, 0, DB_CMD_SET_SV, 5), ILLEGAL_FUNCTION);
+	assert_int_equal(look(&fake).result, DB_RESULT_UNSUPPORTED);
+	pass_baseline(&fake, 4);
+	fake.full = true;
+	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 5), BUSY);
+	assert_memory_equal(&kept, db_commander_kept(fake.commander), sizeof kept);
+	assert_int_equal(fake.submitted, 0);
+	drop(&fake);
+}
+
+static void out_of_range_arguments(void **state)
+{
+	struct db_command_write write = {
+		.block = { 0, DB_CMD_MOVE_VELOCITY, { .target_velocity = 1001.0f } },
+		.has_command = true,
+	};
+	struct db_write_token token = { 1, 1 };
+
+	FAKE(false);
+	assert_int_equal(db_commander_write(fake.commander, &write, token, fake.now),
+	                 ILLEGAL_VALUE);
+	assert_true(db_commander_kept(fake.commander)->args.target_velocity == 0.0f);
+	assert_int_equal(look(&fake).write_result, DB_RESULT_OUT_OF_RANGE);
+	drop(&fake);
+}
+
+static void busy_does_not_use_the_id_up(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.full = true;
+	assert_int_equal(put(&fake, 3, DB_CMD_MOVE_RELATIVE, 5), BUSY);
+	assert_int_equal(look(&fake).result, DB_RESULT_BUSY);
+	fake.full = false;
+	/* Nor does it make the one before new again. */
+	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), 0);
+	assert_int_equal(put(&fake, 3, DB_CMD_MOVE_RELATIVE, 5), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 2);
+	drop(&fake);
+}
+
+static void busy_of_the_bus_does_not_either(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(put(&fake, 3, DB_CMD_MOVE_RELATIVE, 5), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_BUSY);
+	assert_int_equal(fake.answered_with[1], BUSY);
+	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), 0);
+	assert_int_equal(put(&fake, 3, DB_CMD_MOVE_RELATIVE, 5), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 3);
+	drop(&fake);
+}
+
+static void two_busy_of_the_bus_do_not_lock_an_id(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 3, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_BUSY);
+	finish(&fake, 1, DB_RESULT_BUSY);
+	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 3);
+	drop(&fake);
+}
+
+static void offline_and_bus_down(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	set_status(&fake, DB_STATUS_BUS_UP);
+	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), NO_ANSWER);
+	assert_int_equal(look(&fake).result, DB_RESULT_OFFLINE);
+	set_status(&fake, 0);
+	assert_int_equal(put(&fake, 3, DB_CMD_HOME, 0), NO_PATH);
+	assert_int_equal(look(&fake).result, DB_RESULT_BUS_DOWN);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), NO_PATH);
+	assert_int_equal(fake.submitted, 0);
+	/* The id is used up: a client that sends again does not start a move much later. */
+	set_status(&fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE);
+	assert_int_equal(put(&fake, 3, DB_CMD_HOME, 0), NO_PATH);
+	assert_int_equal(fake.submitted, 0);
+	drop(&fake);
+}
+
+static void stop_of_an_offline_drive_is_queued(void **state)
+{
+	FAKE(false);
+	set_status(&fake, DB_STATUS_BUS_UP);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 1);
+	fake.now += 40 * MS;
+	db_commander_expire(fake.commander, fake.now);
+	assert_int_equal(fake.answered, 1);
+	assert_int_equal(fake.answered_with[0], NO_ANSWER);
+	assert_int_equal(look(&fake).result, DB_RESULT_PENDING);
+	drop(&fake);
+}
+
+/* --- time -------------------------------------------------------------------------------------------------- */
+
+static void late_confirmation_is_answered_05(void **state)
+{
+	FAKE(false);
+	assert_true(db_commander_next_deadline(fake.commander) == DB_TIME_NEVER);
+	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	assert_true(db_commander_next_deadline(fake.commander) == fake.now + 40 * MS);
+	fake.now += 40 * MS - 1;
+	db_commander_expire(fake.commander, fake.now);
+	assert_int_equal(fake.answered, 0);
+	fake.now += 1;
+	db_commander_expire(fake.commander, fake.now);
+	assert_int_equal(fake.answered, 1);
+	assert_int_equal(fake.answered_with[0], LATER);
+	assert_true(db_commander_next_deadline(fake.commander) == DB_TIME_NEVER);
+	assert_int_equal(look(&fake).result, DB_RESULT_PENDING);
+	assert_true(look(&fake).busy);
+	assert_int_equal(look(&fake).active_command, DB_CMD_HOME);
+	fake.now += 20 * MS;
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 1);
+	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_int_equal(look(&fake).result_time_us, 60000);
+	assert_false(look(&fake).busy);
+	assert_int_equal(look(&fake).active_command, DB_CMD_NONE);
+	drop(&fake);
+}
+
+static void accepted_writes_do_not_wait(void **state)
+{
+	FAKE(true);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), 0);
+	assert_int_equal(look(&fake).result, DB_RESULT_PENDING);
+	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), 0);
+	finish(&fake, 0, DB_RESULT_REFUSED);
+	assert_int_equal(look(&fake).result, DB_RESULT_REFUSED);
+	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), 0);
+	assert_int_equal(fake.submitted, 1);
+	assert_int_equal(fake.answered, 0);
+	assert_int_equal(put(&fake, 0, 63, 0), ILLEGAL_VALUE);
+	drop(&fake);
+}
+
+/* --- several at once ------------------------------------------------------------------------------------------ */
+
+static void old_completions_do_not_overwrite_newer_results(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 3, DB_CMD_MOVE_ABSOLUTE, 5), DB_WRITE_LATER);
+	assert_int_equal(look(&fake).active_command, DB_CMD_HOME);
+	finish(&fake, 0, DB_RESULT_CANCELLED);
+	assert_int_equal(look(&fake).result, DB_RESULT_PENDING);
+	assert_int_equal(look(&fake).result_id, 3);
+	assert_int_equal(look(&fake).active_command, DB_CMD_MOVE_ABSOLUTE);
+	assert_int_equal(fake.answered_token[0], 2);
+	assert_int_equal(fake.answered_with[0], FAILURE);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	/* Once more the same completion: no one is there any more. */
+	finish(&fake, 1, DB_RESULT_FAILED);
+	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 2);
+	drop(&fake);
+}
+
+static void the_queue_is_bounded_and_stops_have_their_own(void **state)
+{
+	FAKE(false);
+	for (unsigned i = 0; i < DB_COMMANDER_PENDING; i++)
+		assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), BUSY);
+	for (unsigned i = 0; i < DB_COMMANDER_STOPS; i++)
+		assert_int_equal(put(&fake, 0, i % 2 ? DB_CMD_STOP : DB_CMD_DISABLE, 1),
+		                 DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_DISABLE, 1), BUSY);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), DB_WRITE_LATER);
+	drop(&fake);
+}
+
+/* --- parameters and coils -------------------------------------------------------------------------------------- */
+
+static void parameters_are_one_request(void **state)
+{
+	struct db_setting settings[] = { { 4, { .f = 2.5f } }, { 5, { .u = 7 } } };
+	struct db_write_token token = { 1, 77 };
+
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(db_commander_set(fake.commander, settings, 2, token, fake.now),
+	                 DB_WRITE_LATER);
+	assert_int_equal(fake.requests[1].command, DB_CMD_NONE);
+	assert_int_equal(fake.requests[1].setting_count, 2);
+	assert_int_equal(fake.requests[1].settings[1].param, 5);
+	assert_int_equal(fake.requests[1].settings[1].value.u, 7);
+	assert_int_equal(look(&fake).write_result, DB_RESULT_PENDING);
+	assert_int_equal(look(&fake).active_command, DB_CMD_NONE);
+	finish(&fake, 1, DB_RESULT_REFUSED);
+	assert_int_equal(look(&fake).write_result, DB_RESULT_REFUSED);
+	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_int_equal(fake.answered_token[1], 77);
+	assert_int_equal(fake.answered_with[1], FAILURE);
+	set_status(&fake, DB_STATUS_BUS_UP);
+	assert_int_equal(db_commander_set(fake.commander, settings, 2, token, fake.now), NO_ANSWER);
+	set_status(&fake, 0);
+	assert_int_equal(db_commander_set(fake.commander, settings, 2, token, fake.now), NO_PATH);
+	set_status(&fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE);
+	fake.full = true;
+	assert_int_equal(db_commander_set(fake.commander, settings, 2, token, fake.now), BUSY);
+	assert_int_equal(look(&fake).write_result, DB_RESULT_BUSY);
+	drop(&fake);
+}
+
+static void outside_commands_leave_the_block_alone(void **state)
+{
+	struct db_args args = { .output_mask = 1, .output_levels = 1 };
+	struct db_write_token token = { 1, 5 };
+
+	FAKE(false);
+	for (unsigned i = 0; i < 2; i++) {
+		assert_int_equal(db_commander_execute(fake.commander, DB_CMD_SET_OUTPUTS, &args,
+		                                      token, fake.now),
+		                 DB_WRITE_LATER);
+		finish(&fake, i, DB_RESULT_OK);
+	}
+	assert_int_equal(fake.submitted, 2);
+	assert_int_equal(db_commander_kept(fake.commander)->args.output_mask, 0);
+	assert_int_equal(db_commander_kept(fake.commander)->command, 0);
+	drop(&fake);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(id_0_executes_each_time),
+		cmocka_unit_test(first_id_is_only_the_baseline),
+		cmocka_unit_test(id_0_leaves_the_baseline_open),
+		cmocka_unit_test(stops_execute_before_the_baseline),
+		cmocka_unit_test(same_id_gets_the_stored_result),
+		cmocka_unit_test(same_id_while_pending_waits_with_the_first),
+		cmocka_unit_test(stored_result_survives_commands_without_id),
+		cmocka_unit_test(stops_execute_under_a_used_id),
+		cmocka_unit_test(repeated_stop_joins_the_pending_one),
+		cmocka_unit_test(stop_after_a_later_command_is_a_new_one),
+		cmocka_unit_test(arguments_alone_execute_nothing),
+		cmocka_unit_test(command_alone_uses_an_unused_kept_id),
+		cmocka_unit_test(command_alone_without_id_executes_each_time),
+		cmocka_unit_test(arguments_a_command_does_not_use_make_no_difference),
+		cmocka_unit_test(refused_writes_store_nothing),
+		cmocka_unit_test(out_of_range_arguments),
+		cmocka_unit_test(busy_does_not_use_the_id_up),
+		cmocka_unit_test(busy_of_the_bus_does_not_either),
+		cmocka_unit_test(two_busy_of_the_bus_do_not_lock_an_id),
+		cmocka_unit_test(offline_and_bus_down),
+		cmocka_unit_test(stop_of_an_offline_drive_is_queued),
+		cmocka_unit_test(late_confirmation_is_answered_05),
+		cmocka_unit_test(accepted_writes_do_not_wait),
+		cmocka_unit_test(old_completions_do_not_overwrite_newer_results),
+		cmocka_unit_test(the_queue_is_bounded_and_stops_have_their_own),
+		cmocka_unit_test(parameters_are_one_request),
+		cmocka_unit_test(outside_commands_leave_the_block_alone),
+	};
+
+	return cmocka_run_group_tests_name("commander", tests, NULL, NULL);
+}
