@@ -162,6 +162,15 @@ static void arm_deadline(struct service *service)
 	sd_event_source_set_enabled(service->deadline, SD_EVENT_ONESHOT);
 }
 
+static int on_signal(sd_event_source *source, const struct signalfd_siginfo *info, void *context)
+{
+	struct service *service = context;
+
+	(void)source;
+	(void)info;
+	return sd_event_exit(service->loop, EXIT_SUCCESS);
+}
+
 static int on_deadline(sd_event_source *source, uint64_t us, void *context)
 {
 	struct service *service = context;
@@ -260,10 +269,10 @@ static int make_loop(struct service *service)
 
 	if (error < 0)
 		return error;
-	/* Both end the loop: a null handler means just that. */
-	error = sd_event_add_signal(service->loop, &service->term, SIGTERM, NULL, service);
+	/* Without a handler of their own they would end the loop with the context as its result. */
+	error = sd_event_add_signal(service->loop, &service->term, SIGTERM, on_signal, service);
 	if (error >= 0)
-		error = sd_event_add_signal(service->loop, NULL, SIGINT, NULL, NULL);
+		error = sd_event_add_signal(service->loop, NULL, SIGINT, on_signal, service);
 	if (error >= 0)
 		error = sd_event_add_time(service->loop, &service->deadline, CLOCK_MONOTONIC,
 		                          UINT64_MAX, 500, on_deadline, service);

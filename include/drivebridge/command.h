@@ -6,6 +6,7 @@
 #ifndef DRIVEBRIDGE_COMMAND_H
 #define DRIVEBRIDGE_COMMAND_H
 
+#include "drivebridge/config.h"
 #include "drivebridge/result.h"
 #include "drivebridge/time.h"
 #include "drivebridge/value.h"
@@ -47,6 +48,9 @@ bool db_command_is_stop(enum db_command command);
 
 /* Sets the axis in motion (arms the watchdog, refused while latched). */
 bool db_command_is_motion(enum db_command command);
+
+/* The stop that a configured reaction stands for; NONE for DB_ON_LOSS_NONE. */
+enum db_command db_on_loss_command(enum db_on_loss reaction);
 
 /* Arguments as the register table holds them; a command uses those its table row names. */
 struct db_args {

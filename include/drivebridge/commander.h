@@ -19,6 +19,10 @@
  * the same request sent again and is not executed; otherwise it executes as if its id were 0.
  *
  * A write answered with an exception at once stores nothing.
+ *
+ * The watchdog is armed by the first motion command and fed by every request of a client that may
+ * write. When it expires, the configured stop goes to the bus ahead of everything and motion is
+ * refused (04, latched) until clear_fault.
  */
 #ifndef DRIVEBRIDGE_COMMANDER_H
 #define DRIVEBRIDGE_COMMANDER_H
@@ -44,6 +48,8 @@ struct db_commander_config {
 	uint16_t bus_axis;    /* index among the bus's drives */
 	unsigned confirm_ms;
 	bool accept_writes;   /* answer success at once; the result registers tell the end */
+	uint32_t watchdog_ms; /* 0 = off */
+	enum db_command on_client_loss; /* the stop that expiry sends; NONE = there is no watchdog */
 };
 
 /* The command block of the registers, as kept for this drive. */
@@ -69,6 +75,10 @@ struct db_command_state {
 	uint32_t result_time_us;  /* from the arrival of the last ended command to its end */
 	uint16_t active_command;  /* oldest command pending, 0 = none */
 	bool busy;                /* a command or parameter write is pending */
+	bool latched;             /* the watchdog tripped; motion is refused until clear_fault */
+	uint32_t watchdog_ms;
+	uint32_t watchdog_remaining_ms; /* 0 while nothing moves it */
+	uint32_t watchdog_trips;
 };
 
 /* Requests of one drive that may be pending; stops have places of their own. */
@@ -99,17 +109,22 @@ int db_commander_set(struct db_commander *commander, const struct db_setting *se
 /* A write was refused for its form before it came here: for write_result only. */
 void db_commander_set_refused(struct db_commander *commander, enum db_result result);
 
+/* Somebody who may write addressed this drive: it is not alone. */
+void db_commander_feed(struct db_commander *commander, db_time now);
+void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_ms, db_time now);
+
 /* The bus ended a request. Unknown tickets are ignored. */
 void db_commander_complete(struct db_commander *commander, const struct db_completion *completion,
                            db_time now);
 
 /* When db_commander_expire() is due; DB_TIME_NEVER. */
 db_time db_commander_next_deadline(const struct db_commander *commander);
-/* Answers the writers whose time is up; their requests stay pending. */
+/* Answers the writers whose time is up (their requests stay pending) and runs the watchdog. */
 void db_commander_expire(struct db_commander *commander, db_time now);
 
 const struct db_command_block *db_commander_kept(const struct db_commander *commander);
-void db_commander_state(const struct db_commander *commander, struct db_command_state *state);
+void db_commander_state(const struct db_commander *commander, struct db_command_state *state,
+                        db_time now);
 
 /* Index in the configuration of the drive that a ticket belongs to. */
 uint16_t db_ticket_drive(uint32_t ticket);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "drivebridge/commander.h"
 
+#include "axis/watchdog.h"
 #include "regmap/commands.h"
 
 #include <errno.h>
@@ -37,6 +38,9 @@ struct db_commander {
 	const struct db_commander_ops *ops;
 	void *context;
 
+	struct db_watchdog watchdog;
+	bool reaction_due;            /* the watchdog tripped and its stop is not with the bus yet */
+
 	struct db_command_block kept;
 	struct memory last;           /* id 0: no id was seen yet */
 	struct memory previous;       /* to fall back to when the bus turns `last` away as busy */
@@ -63,6 +67,8 @@ int db_commander_new(const struct db_commander_config *config, const struct db_c
 	made->config = *config;
 	made->ops = ops;
 	made->context = context;
+	db_watchdog_init(&made->watchdog,
+	                 config->on_client_loss == DB_CMD_NONE ? 0 : config->watchdog_ms);
 	*commander = made;
 	return 0;
 }
@@ -189,7 +195,7 @@ static void remember(struct db_commander *commander, uint16_t id, enum db_result
 	commander->last = (struct memory){ .id = id, .result = result, .ticket = ticket };
 }
 
-/* Ends a command before it came to the bus. */
+/* Ends a command without the bus. */
 static int refuse(struct db_commander *commander, uint16_t id, uint16_t code, enum db_result result)
 {
 	show(commander, id, code, result, 0);
@@ -234,6 +240,8 @@ static int carry_out(struct db_commander *commander, const struct db_command_blo
 	request.setting_count = 0;
 	if (!submit(commander, &request, &slot))
 		return refuse(commander, id, block->command, DB_RESULT_BUSY);
+	if (db_command_is_motion(request.command))
+		db_watchdog_arm(&commander->watchdog, now);
 	commander->newest = request.ticket;
 	commander->executed = *block;
 	commander->has_executed = true;
@@ -275,6 +283,17 @@ static struct slot *joinable(struct db_commander *commander, uint16_t code)
 	               NULL;
 }
 
+/* Ends the latch. True when that is all there is to clear: the drive itself has no fault. */
+static bool unlatch(struct db_commander *commander)
+{
+	struct db_snapshot snapshot;
+
+	db_watchdog_reset(&commander->watchdog);
+	db_axis_read(commander->config.axis, &snapshot);
+	return (snapshot.feedback.status & DB_STATUS_ONLINE) &&
+	       snapshot.feedback.error == DB_ERROR_NONE;
+}
+
 static int command(struct db_commander *commander, const struct db_command_block *block, uint16_t id,
                    struct db_write_token token, db_time now)
 {
@@ -289,6 +308,10 @@ static int command(struct db_commander *commander, const struct db_command_block
 		return refuse(commander, id, block->command, result);
 	if (id != 0 && commander->last.id == 0 && !stop)
 		return refuse(commander, id, block->command, DB_RESULT_RESTARTED);
+	if (commander->watchdog.latched && db_command_is_motion((enum db_command)block->command))
+		return refuse(commander, id, block->command, DB_RESULT_LATCHED);
+	if (commander->watchdog.latched && block->command == DB_CMD_CLEAR_FAULT && unlatch(commander))
+		return refuse(commander, id, block->command, DB_RESULT_OK);
 	slot = joinable(commander, block->command);
 	if (slot) {
 		show(commander, id, block->command, DB_RESULT_PENDING, slot->ticket);
@@ -405,10 +428,10 @@ void db_commander_complete(struct db_commander *commander, const struct db_compl
 
 db_time db_commander_next_deadline(const struct db_commander *commander)
 {
-	db_time next = DB_TIME_NEVER;
+	db_time next = db_watchdog_deadline(&commander->watchdog);
 
 	if (commander->waiting == 0)
-		return DB_TIME_NEVER;
+		return next;
 	for (size_t i = 0; i < SLOTS; i++) {
 		const struct slot *slot = &commander->slots[i];
 
@@ -444,8 +467,36 @@ static void expire_slot(struct db_commander *commander, struct slot *slot, db_ti
 		answer_waiters(commander, &due, late_answer(commander));
 }
 
+/* Stops the drive because nobody talks to it. Tried again with the next call if the box is full. */
+static void react(struct db_commander *commander, db_time now)
+{
+	struct db_request request = {
+		.command = commander->config.on_client_loss,
+		.submitted = now,
+	};
+	struct slot *slot;
+
+	commander->reaction_due = !submit(commander, &request, &slot);
+	if (commander->reaction_due)
+		return;
+	commander->newest = request.ticket;
+	show(commander, 0, (uint16_t)request.command, DB_RESULT_PENDING, request.ticket);
+}
+
+void db_commander_feed(struct db_commander *commander, db_time now)
+{
+	db_watchdog_feed(&commander->watchdog, now);
+}
+
+void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_ms, db_time now)
+{
+	db_watchdog_set(&commander->watchdog, timeout_ms, now);
+}
+
 void db_commander_expire(struct db_commander *commander, db_time now)
 {
+	if (db_watchdog_trip(&commander->watchdog, now) || commander->reaction_due)
+		react(commander, now);
 	for (size_t i = 0; i < SLOTS && commander->waiting > 0; i++)
 		expire_slot(commander, &commander->slots[i], now);
 }
@@ -455,12 +506,17 @@ const struct db_command_block *db_commander_kept(const struct db_commander *comm
 	return &commander->kept;
 }
 
-void db_commander_state(const struct db_commander *commander, struct db_command_state *state)
+void db_commander_state(const struct db_commander *commander, struct db_command_state *state,
+                        db_time now)
 {
 	uint32_t oldest = 0;
 
 	*state = commander->shown;
 	state->busy = false;
+	state->latched = commander->watchdog.latched;
+	state->watchdog_ms = commander->watchdog.timeout_ms;
+	state->watchdog_remaining_ms = db_watchdog_remaining_ms(&commander->watchdog, now);
+	state->watchdog_trips = commander->watchdog.trips;
 	state->active_command = DB_CMD_NONE;
 	for (size_t i = 0; i < SLOTS; i++) {
 		const struct slot *slot = &commander->slots[i];

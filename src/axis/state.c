@@ -74,3 +74,18 @@ bool db_command_is_motion(enum db_command command)
 		return false;
 	}
 }
+
+enum db_command db_on_loss_command(enum db_on_loss reaction)
+{
+	switch (reaction) {
+	case DB_ON_LOSS_STOP:
+		return DB_CMD_STOP;
+	case DB_ON_LOSS_QUICK_STOP:
+		return DB_CMD_QUICK_STOP;
+	case DB_ON_LOSS_DISABLE:
+		return DB_CMD_DISABLE;
+	case DB_ON_LOSS_NONE:
+	default:
+		return DB_CMD_NONE;
+	}
+}

@@ -45,10 +45,15 @@ static void fill_process(struct db_drive_image *image, const struct view_drive *
 	now = drive->registers->ops->now(drive->registers->context);
 	image->feedback = snapshot.feedback;
 	image->stats = snapshot.stats;
-	db_commander_state(drive->commander, &image->state);
+	db_commander_state(drive->commander, &image->state, now);
 	image->quality = quality_of(drive, feedback, now);
 	image->age_ms = age_ms(feedback, now);
-	image->status = feedback->status & ~(uint32_t)DB_STATUS_BUSY;
+	image->status = feedback->status & ~(uint32_t)(DB_STATUS_BUSY | DB_STATUS_LATCHED);
+	if (image->state.latched) {
+		image->status |= DB_STATUS_LATCHED;
+		if (feedback->error == DB_ERROR_NONE)
+			image->feedback.error = DB_ERROR_CLIENT_LOSS;
+	}
 	if (image->state.busy)
 		image->status |= DB_STATUS_BUSY;
 	image->position_units = (float)((double)feedback->position / counts_per_unit);

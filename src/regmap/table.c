@@ -344,6 +344,33 @@ const struct db_row db_rows[] = {
 		.measure = DB_MEASURE_PROGRAM,
 		.description = "State of the program in the vendor's code",
 	},
+	{
+		.name = "watchdog_ms",
+		.address = 46,
+		.type = DB_U32,
+		PROCESS(state.watchdog_ms),
+		.flags = DB_ROW_WRITABLE | DB_ROW_WATCHDOG,
+		.unit = "ms",
+		.max = DB_WATCHDOG_MAX_MS,
+		.description = "Longest silence of the clients before the drive is stopped; "
+		               "0=off; armed by the first motion command; fed by each request to "
+		               "this unit from a client that may write",
+	},
+	{
+		.name = "watchdog_remaining_ms",
+		.address = 48,
+		.type = DB_U32,
+		PROCESS(state.watchdog_remaining_ms),
+		.unit = "ms",
+		.description = "Time left before the watchdog stops the drive; 0=not armed",
+	},
+	{
+		.name = "watchdog_trips",
+		.address = 50,
+		.type = DB_U32,
+		PROCESS(state.watchdog_trips),
+		.description = "How often the watchdog stopped the drive",
+	},
 
 	/* Drive view: the command block, at most 100 registers. */
 	{

@@ -16,6 +16,7 @@ enum db_row_flag {
 	DB_ROW_WRITABLE = 1u << 0,
 	DB_ROW_MEASURED = 1u << 1,  /* old when the drive does not answer */
 	DB_ROW_PARAM = 1u << 2,     /* a vendor parameter: read and written by its index */
+	DB_ROW_WATCHDOG = 1u << 3,  /* the one setting of the bridge's own */
 };
 
 /* Names of a register's values or bits, for its description. */
@@ -56,6 +57,9 @@ struct db_row {
 
 extern const struct db_row db_rows[];
 extern const size_t db_row_count;
+
+/* As in the configuration. */
+#define DB_WATCHDOG_MAX_MS 60000
 
 /* The vendor's parameters of a family begin here, in the order of its table. */
 #define DB_PARAM_BASE 200

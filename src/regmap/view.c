@@ -193,15 +193,28 @@ static uint8_t backend_unit(void *context, uint8_t unit)
 	return registers->units[unit] == VIEW_NOTHING ? MODBUS_EXCEPTION_GATEWAY_PATH : 0;
 }
 
+/* Who may only look does not keep a machine running. */
+static void feed(const struct view_drive *drive, const struct db_client *client)
+{
+	const struct db_registers *registers = drive->registers;
+
+	if (client->may_write)
+		db_commander_feed(drive->commander, registers->ops->now(registers->context));
+}
+
 static uint8_t backend_read(void *context, const struct db_client *client, uint8_t unit,
                             enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
 {
 	const struct db_registers *registers = context;
 	const struct view_drive *drive = drive_of(registers, unit);
 
-	(void)client;
-	if (drive)
-		return read_drive(drive, table, address, count, values);
+	if (drive) {
+		uint8_t exception = read_drive(drive, table, address, count, values);
+
+		if (!exception)
+			feed(drive, client);
+		return exception;
+	}
 	if (backend_unit(context, unit))
 		return MODBUS_EXCEPTION_GATEWAY_PATH;
 	return read_gateway(registers, table, address, count, values);
@@ -213,9 +226,13 @@ static int backend_write(void *context, const struct db_client *client, uint8_t 
 {
 	struct view_drive *drive = drive_of(context, unit);
 
-	(void)client;
-	if (drive)
-		return view_write(drive, table, address, count, values, token);
+	if (drive) {
+		int answer = view_write(drive, table, address, count, values, token);
+
+		if (answer <= 0 || answer == MODBUS_EXCEPTION_ACKNOWLEDGE)
+			feed(drive, client);
+		return answer;
+	}
 	if (backend_unit(context, unit))
 		return MODBUS_EXCEPTION_GATEWAY_PATH;
 	/* Nothing of the gateway's can be written. */
@@ -416,6 +433,8 @@ static int init_drive(struct db_registers *registers, size_t number, struct db_a
 		.bus_axis = bus_axis_of(config, number),
 		.confirm_ms = config->modbus.confirm_ms,
 		.accept_writes = config->modbus.accept_writes,
+		.watchdog_ms = config->drives[number].watchdog_ms,
+		.on_client_loss = db_on_loss_command(config->drives[number].on_client_loss),
 	};
 
 	drive->registers = registers;

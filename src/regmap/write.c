@@ -113,23 +113,6 @@ static int settings_from(const struct view_drive *drive, const struct span *span
 	return count;
 }
 
-/* Models without some of the family's parameters do not tell them when all are read. */
-static bool model_has(const struct view_drive *drive, const struct db_setting *settings, int count)
-{
-	struct db_snapshot snapshot;
-	struct db_nameplate plate;
-
-	db_axis_read(drive->axis, &snapshot);
-	if (!(snapshot.feedback.status & DB_STATUS_PARAMS_VALID))
-		return true;
-	db_axis_read_nameplate(drive->axis, &plate);
-	for (int i = 0; i < count; i++) {
-		if (!(plate.valid & (UINT64_C(1) << settings[i].param)))
-			return false;
-	}
-	return true;
-}
-
 static int write_params(struct view_drive *drive, const struct span *span, const uint16_t *values,
                         struct db_write_token token)
 {
@@ -142,11 +125,24 @@ static int write_params(struct view_drive *drive, const struct span *span, const
 	}
 	if (count == 0)
 		return 0;
-	if (!model_has(drive, settings, count)) {
-		db_commander_set_refused(drive->commander, DB_RESULT_UNSUPPORTED);
-		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
-	}
 	return db_commander_set(drive->commander, settings, (size_t)count, token, now_of(drive));
+}
+
+/* --- the watchdog ------------------------------------------------------------------------------------ */
+
+static int write_watchdog(struct view_drive *drive, const struct span *span, const uint16_t *values)
+{
+	union db_value value;
+
+	if (span->count != 1 ||
+	    !db_words_decode(&span->cells[0], values,
+	                     drive->registers->config->modbus.low_word_first, &value) ||
+	    value.u > DB_WATCHDOG_MAX_MS) {
+		db_commander_set_refused(drive->commander, DB_RESULT_OUT_OF_RANGE);
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	}
+	db_commander_set_watchdog(drive->commander, value.u, now_of(drive));
+	return 0;
 }
 
 /* --- coils ------------------------------------------------------------------------------------------- */
@@ -183,6 +179,8 @@ int view_write(struct view_drive *drive, enum db_table table, uint16_t address, 
 		db_commander_set_refused(drive->commander, DB_RESULT_OUT_OF_RANGE);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	}
+	if (span.cells[0].flags & DB_ROW_WATCHDOG)
+		return write_watchdog(drive, &span, values);
 	if (span.cells[0].part == DB_PART_BLOCK)
 		return write_block(drive, &span, values, token);
 	return write_params(drive, &span, values, token);

@@ -863,27 +863,12 @@ db_time db_engine_run(struct db_engine *engine, db_time now)
 
 /* --- the end --------------------------------------------------------------------------------------- */
 
-static enum db_command exit_command(enum db_on_loss reaction)
-{
-	switch (reaction) {
-	case DB_ON_LOSS_STOP:
-		return DB_CMD_STOP;
-	case DB_ON_LOSS_QUICK_STOP:
-		return DB_CMD_QUICK_STOP;
-	case DB_ON_LOSS_DISABLE:
-		return DB_CMD_DISABLE;
-	case DB_ON_LOSS_NONE:
-	default:
-		return DB_CMD_NONE;
-	}
-}
-
 void db_engine_shut_down(struct db_engine *engine, db_time now)
 {
 	engine->shutting_down = true;
 	for (size_t i = 0; i < engine->station_count; i++) {
 		struct station *station = &engine->stations[i];
-		enum db_command command = exit_command(station->config->on_exit);
+		enum db_command command = db_on_loss_command(station->config->on_exit);
 
 		finish_waiting(engine, station, DB_RESULT_CANCELLED, now);
 		if (engine->flight.station == station && engine->flight.lane == LANE_FRONT)

@@ -142,7 +142,7 @@ static struct db_command_state look(const struct fake *fake)
 {
 	struct db_command_state state;
 
-	db_commander_state(fake->commander, &state);
+	db_commander_state(fake->commander, &state, 0);
 	return state;
 }
 

@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "axis/watchdog.h"
+
+void db_watchdog_init(struct db_watchdog *watchdog, uint32_t timeout_ms)
+{
+	*watchdog = (struct db_watchdog){ .timeout_ms = timeout_ms };
+}
+
+void db_watchdog_set(struct db_watchdog *watchdog, uint32_t timeout_ms, db_time now)
+{
+	watchdog->timeout_ms = timeout_ms;
+	watchdog->fed = now;
+}
+
+void db_watchdog_arm(struct db_watchdog *watchdog, db_time now)
+{
+	watchdog->armed = true;
+	watchdog->fed = now;
+}
+
+void db_watchdog_feed(struct db_watchdog *watchdog, db_time now)
+{
+	watchdog->fed = now;
+}
+
+db_time db_watchdog_deadline(const struct db_watchdog *watchdog)
+{
+	if (!watchdog->armed || watchdog->latched || watchdog->timeout_ms == 0)
+		return DB_TIME_NEVER;
+	return watchdog->fed + (db_time)watchdog->timeout_ms * DB_NS_PER_MS;
+}
+
+bool db_watchdog_trip(struct db_watchdog *watchdog, db_time now)
+{
+	if (now < db_watchdog_deadline(watchdog))
+		return false;
+	watchdog->armed = false;
+	watchdog->latched = true;
+	watchdog->trips++;
+	return true;
+}
+
+void db_watchdog_reset(struct db_watchdog *watchdog)
+{
+	watchdog->latched = false;
+	watchdog->armed = false;
+}
+
+uint32_t db_watchdog_remaining_ms(const struct db_watchdog *watchdog, db_time now)
+{
+	db_time deadline = db_watchdog_deadline(watchdog);
+
+	if (deadline == DB_TIME_NEVER || deadline <= now)
+		return 0;
+	/* Rounded up: 0 means that there is nothing to wait for. */
+	return (uint32_t)((deadline - now + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
+}
