@@ -8,6 +8,7 @@
 #include "drivebridge/log.h"
 #include "drivebridge/registers.h"
 #include "drivebridge/server.h"
+#include "drivebridge/version.h"
 
 #include <errno.h>
 #include <getopt.h>
@@ -33,9 +34,9 @@ struct service {
 	sd_event_source *term;
 	sd_event_source *deadline; /* of the most impatient client */
 	db_time armed;
-	struct db_axis **axes;     /* one per drive, in the configuration's order */
+	struct db_axis **axes; /* one per drive, in the configuration's order */
 	struct db_bus **buses;
-	struct seat *seats;        /* one per bus */
+	struct seat *seats; /* one per bus */
 	struct db_registers *registers;
 	struct db_server *server;
 };
@@ -76,7 +77,7 @@ static int read_options(int argc, char **argv, struct options *options)
 			options->check = true;
 			break;
 		case 'v':
-			puts("drivebridged " DRIVEBRIDGE_VERSION);
+			puts("drivebridged " DB_VERSION);
 			return EXIT_SUCCESS;
 		case 'h':
 			usage(stdout);
@@ -288,8 +289,8 @@ static int make_loop(struct service *service)
 static int listen_for_clients(struct service *service)
 {
 	const struct db_modbus_config *modbus = &service->config->modbus;
-	int error = db_server_new(service->loop, modbus, &db_registers_backend,
-	                          service->registers, &service->server);
+	int error = db_server_new(service->loop, modbus, &db_registers_backend, service->registers,
+	                          &service->server);
 
 	if (error != 0) {
 		db_log(DB_LOG_ERROR, "cannot listen on %s: %s", modbus->listen, strerror(-error));

@@ -33,17 +33,20 @@ enum db_status_bit {
 	DB_STATUS_ENABLED = 1u << 1,
 	DB_STATUS_HOMED = 1u << 2,
 	DB_STATUS_MOVING = 1u << 3,
-	DB_STATUS_AT_TARGET = 1u << 4,    /* standing at the target of the last position move */
+	DB_STATUS_AT_TARGET = 1u << 4, /* standing at the target of the last position move */
 	DB_STATUS_HOMING = 1u << 5,
 	DB_STATUS_STOPPING = 1u << 6,
 	DB_STATUS_ERROR = 1u << 7,
 	DB_STATUS_WARNING = 1u << 8,
-	DB_STATUS_BUSY = 1u << 9,         /* (net) a command is pending */
-	DB_STATUS_LATCHED = 1u << 10,     /* (net) client loss latched */
-	DB_STATUS_ORIGIN_LOST = 1u << 11, /* position was reset by the drive since the last homing or set_position */
-	DB_STATUS_PARAMS_VALID = 1u << 12,/* identity and parameters were read since the drive came online */
-	DB_STATUS_BUS_UP = 1u << 13,      /* the port or interface is open */
-	DB_STATUS_REFUSED = 1u << 14,     /* the drive refused its last command (cmd_wrg) */
+	DB_STATUS_BUSY = 1u << 9,     /* (net) a command is pending */
+	DB_STATUS_LATCHED = 1u << 10, /* (net) client loss latched */
+	DB_STATUS_ORIGIN_LOST =
+		1u
+		<< 11, /* position was reset by the drive since the last homing or set_position */
+	DB_STATUS_PARAMS_VALID =
+		1u << 12, /* identity and parameters were read since the drive came online */
+	DB_STATUS_BUS_UP = 1u << 13,  /* the port or interface is open */
+	DB_STATUS_REFUSED = 1u << 14, /* the drive refused its last command (cmd_wrg) */
 };
 #define DB_STATUS_BIT_COUNT 15
 const char *db_status_bit_name(unsigned bit); /* 0 = "online" ...; "unknown" */
@@ -51,12 +54,12 @@ const char *db_status_bit_name(unsigned bit); /* 0 = "online" ...; "unknown" */
 /* Values of the `error` register: 0 none, then the bridge's own causes, then the drives' faults. */
 enum db_error {
 	DB_ERROR_NONE = 0,
-	DB_ERROR_NO_ANSWER = 1,      /* the drive does not answer */
-	DB_ERROR_BUS_DOWN = 2,       /* the port or interface is missing */
-	DB_ERROR_CLIENT_LOSS = 3,    /* the watchdog stopped the drive */
-	DB_ERROR_HARDWARE = 16,      /* drive: hardware fault */
-	DB_ERROR_FLASH = 17,         /* drive: parameter memory */
-	DB_ERROR_ENCODER = 18,       /* drive: encoder or stalled motor */
+	DB_ERROR_NO_ANSWER = 1,   /* the drive does not answer */
+	DB_ERROR_BUS_DOWN = 2,    /* the port or interface is missing */
+	DB_ERROR_CLIENT_LOSS = 3, /* the watchdog stopped the drive */
+	DB_ERROR_HARDWARE = 16,   /* drive: hardware fault */
+	DB_ERROR_FLASH = 17,      /* drive: parameter memory */
+	DB_ERROR_ENCODER = 18,    /* drive: encoder or stalled motor */
 	DB_ERROR_OVER_TEMPERATURE = 19,
 	DB_ERROR_OVER_CURRENT = 20,
 	DB_ERROR_VOLTAGE = 21,
@@ -76,11 +79,11 @@ enum db_measure {
 
 /* One moment of a drive, as its driver understood it. */
 struct db_feedback {
-	db_time taken;            /* when the answer was complete; 0 = never */
-	uint64_t taken_wall_us;   /* the same in microseconds since 1970 */
-	int32_t position;         /* drive units */
-	float velocity;           /* drive units per second */
-	uint32_t drive_status;    /* the vendor's own word */
+	db_time taken;          /* when the answer was complete; 0 = never */
+	uint64_t taken_wall_us; /* the same in microseconds since 1970 */
+	int32_t position;       /* drive units */
+	float velocity;         /* drive units per second */
+	uint32_t drive_status;  /* the vendor's own word */
 	uint32_t fault_bits;
 	uint16_t inputs;
 	uint16_t outputs;
@@ -89,9 +92,9 @@ struct db_feedback {
 	float current;
 	float supply_voltage;
 	float temperature;
-	uint16_t error;           /* enum db_error, drive's part */
-	uint16_t state;           /* enum db_axis_state */
-	uint32_t status;          /* enum db_status_bit */
+	uint16_t error;  /* enum db_error, drive's part */
+	uint16_t state;  /* enum db_axis_state */
+	uint32_t status; /* enum db_status_bit */
 };
 
 /* Counters since the bridge started; round trips in microseconds from first byte out to last byte in. */
@@ -114,15 +117,15 @@ struct db_snapshot {
 	struct db_axis_stats stats;
 };
 
-#define DB_PARAMS_MAX   64
+#define DB_PARAMS_MAX 64
 #define DB_IDENTITY_MAX 40
 
 /* Changes rarely: identity and parameters. */
 struct db_nameplate {
-	uint64_t valid;                          /* bit i: values[i] was read from the drive */
+	uint64_t valid; /* bit i: values[i] was read from the drive */
 	union db_value values[DB_PARAMS_MAX];
-	char identity[DB_IDENTITY_MAX];          /* not terminated when full; "" = not read */
-	uint32_t generation;                     /* grows with each change */
+	char identity[DB_IDENTITY_MAX]; /* not terminated when full; "" = not read */
+	uint32_t generation;            /* grows with each change */
 };
 
 struct db_axis;

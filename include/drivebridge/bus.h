@@ -12,25 +12,25 @@
 struct db_bus;
 
 struct db_bus_stats {
-	bool up;                      /* the port is open */
-	uint32_t last_error;          /* errno of the last failed open or lost port, 0 = none */
-	uint32_t period_us;           /* configured cycle */
-	uint32_t cycle_us;            /* time the last cycle's polling took */
+	bool up;             /* the port is open */
+	uint32_t last_error; /* errno of the last failed open or lost port, 0 = none */
+	uint32_t period_us;  /* configured cycle */
+	uint32_t cycle_us;   /* time the last cycle's polling took */
 	uint32_t cycle_max_us;
-	uint32_t jitter_us;           /* lateness of the last cycle's start */
+	uint32_t jitter_us; /* lateness of the last cycle's start */
 	uint32_t jitter_max_us;
-	uint32_t utilisation;         /* permille of the last second that the wire was busy or waited for */
+	uint32_t utilisation; /* permille of the last second that the wire was busy or waited for */
 	uint32_t cycles;
-	uint32_t overruns;            /* cycles whose polling had not ended when the next was due */
+	uint32_t overruns; /* cycles whose polling had not ended when the next was due */
 	uint32_t transactions;
 	uint32_t retries;
 	uint32_t timeouts;
-	uint32_t bad_frames;          /* frames with a wrong checksum or form */
-	uint32_t stray_frames;        /* good frames nobody asked for */
+	uint32_t bad_frames;   /* frames with a wrong checksum or form */
+	uint32_t stray_frames; /* good frames nobody asked for */
 	uint32_t garbage_bytes;
-	uint32_t opens;               /* how often the port was opened */
-	uint32_t queued;              /* commands waiting now */
-	uint32_t online;              /* drives online now */
+	uint32_t opens;  /* how often the port was opened */
+	uint32_t queued; /* commands waiting now */
+	uint32_t online; /* drives online now */
 };
 
 /*

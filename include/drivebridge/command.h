@@ -19,8 +19,8 @@ enum db_command {
 	DB_CMD_NONE = 0,
 	DB_CMD_ENABLE = 1,
 	DB_CMD_DISABLE = 2,
-	DB_CMD_STOP = 3,              /* decelerate */
-	DB_CMD_QUICK_STOP = 4,        /* the fastest stop the drive has */
+	DB_CMD_STOP = 3,       /* decelerate */
+	DB_CMD_QUICK_STOP = 4, /* the fastest stop the drive has */
 	DB_CMD_MOVE_VELOCITY = 5,
 	DB_CMD_MOVE_ABSOLUTE = 6,
 	DB_CMD_MOVE_RELATIVE = 7,
@@ -54,17 +54,17 @@ enum db_command db_on_loss_command(enum db_on_loss reaction);
 
 /* Arguments as the register table holds them; a command uses those its table row names. */
 struct db_args {
-	int32_t target_position;  /* drive units; the distance for move_relative */
-	float target_velocity;    /* drive units per second; 0 in a position move = the drive's preset */
-	uint16_t output_number;   /* from 1 */
+	int32_t target_position; /* drive units; the distance for move_relative */
+	float target_velocity; /* drive units per second; 0 in a position move = the drive's preset */
+	uint16_t output_number; /* from 1 */
 	uint16_t output_value;
-	uint16_t output_mask;     /* bit 0 = port 1 */
+	uint16_t output_mask; /* bit 0 = port 1 */
 	uint16_t output_levels;
 	int32_t shake_start_position;
 	int32_t shake_end_position;
-	float shake_frequency;    /* Hz */
-	uint32_t shake_cycles;    /* 0 = no limit */
-	uint32_t shake_time;      /* s, 0 = no limit */
+	float shake_frequency; /* Hz */
+	uint32_t shake_cycles; /* 0 = no limit */
+	uint32_t shake_time;   /* s, 0 = no limit */
 };
 
 /* A parameter write: the index in the family's table and a value of its type, checked already. */
@@ -77,9 +77,9 @@ struct db_setting {
 
 /* What the network thread hands to a bus. */
 struct db_request {
-	uint32_t ticket;          /* comes back in the completion; never 0 */
-	uint16_t axis;            /* index among the bus's drives */
-	uint16_t setting_count;   /* > 0: a parameter write; command is NONE */
+	uint32_t ticket;        /* comes back in the completion; never 0 */
+	uint16_t axis;          /* index among the bus's drives */
+	uint16_t setting_count; /* > 0: a parameter write; command is NONE */
 	enum db_command command;
 	struct db_args args;
 	db_time submitted;

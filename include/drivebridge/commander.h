@@ -44,12 +44,13 @@ struct db_commander_ops {
 struct db_commander_config {
 	const struct db_driver *driver;
 	const struct db_axis *axis;
-	uint16_t drive;       /* index in the configuration; makes tickets unique: 0..65534 */
-	uint16_t bus_axis;    /* index among the bus's drives */
+	uint16_t drive;    /* index in the configuration; makes tickets unique: 0..65534 */
+	uint16_t bus_axis; /* index among the bus's drives */
 	unsigned confirm_ms;
 	bool accept_writes;   /* answer success at once; the result registers tell the end */
 	uint32_t watchdog_ms; /* 0 = off */
-	enum db_command on_client_loss; /* the stop that expiry sends; NONE = there is no watchdog */
+	enum db_command
+		on_client_loss; /* the stop that expiry sends; NONE = there is no watchdog */
 };
 
 /* The command block of the registers, as kept for this drive. */
@@ -62,20 +63,20 @@ struct db_command_block {
 /* One write into the command block: the kept block with the written registers put over it. */
 struct db_command_write {
 	struct db_command_block block;
-	bool has_command;     /* `command` was among the written registers */
-	bool has_id;          /* `command_id` was */
+	bool has_command; /* `command` was among the written registers */
+	bool has_id;      /* `command_id` was */
 };
 
 /* What the result registers show. */
 struct db_command_state {
 	uint16_t result_id;
-	uint16_t result;          /* enum db_result of the latest command */
+	uint16_t result; /* enum db_result of the latest command */
 	uint16_t result_command;
-	uint16_t write_result;    /* enum db_result of the latest command or parameter write */
-	uint32_t result_time_us;  /* from the arrival of the last ended command to its end */
-	uint16_t active_command;  /* oldest command pending, 0 = none */
-	bool busy;                /* a command or parameter write is pending */
-	bool latched;             /* the watchdog tripped; motion is refused until clear_fault */
+	uint16_t write_result;   /* enum db_result of the latest command or parameter write */
+	uint32_t result_time_us; /* from the arrival of the last ended command to its end */
+	uint16_t active_command; /* oldest command pending, 0 = none */
+	bool busy;               /* a command or parameter write is pending */
+	bool latched;            /* the watchdog tripped; motion is refused until clear_fault */
 	uint32_t watchdog_ms;
 	uint32_t watchdog_remaining_ms; /* 0 while nothing moves it */
 	uint32_t watchdog_trips;
@@ -83,7 +84,7 @@ struct db_command_state {
 
 /* Requests of one drive that may be pending; stops have places of their own. */
 #define DB_COMMANDER_PENDING 16
-#define DB_COMMANDER_STOPS   8
+#define DB_COMMANDER_STOPS 8
 
 /* Writers that may wait for one request; more are answered 05 at once. */
 #define DB_COMMANDER_WAITERS 4
@@ -103,8 +104,8 @@ int db_commander_execute(struct db_commander *commander, enum db_command command
                          const struct db_args *args, struct db_write_token token, db_time now);
 
 /* Values that were checked already; 1..DB_SETTINGS_MAX of them, carried out as one request. */
-int db_commander_set(struct db_commander *commander, const struct db_setting *settings, size_t count,
-                     struct db_write_token token, db_time now);
+int db_commander_set(struct db_commander *commander, const struct db_setting *settings,
+                     size_t count, struct db_write_token token, db_time now);
 
 /* A write was refused for its form before it came here: for write_result only. */
 void db_commander_set_refused(struct db_commander *commander, enum db_result result);

@@ -25,20 +25,21 @@ struct db_network {
 };
 
 struct db_modbus_config {
-	char *listen;              /* "ADDRESS:PORT", "[V6]:PORT"; default "127.0.0.1:502"; port 0 = any free one */
-	struct db_network *allow_read;  /* default: everyone who can connect to `listen` */
+	char *listen; /* "ADDRESS:PORT", "[V6]:PORT"; default "127.0.0.1:502"; port 0 = any free one */
+	struct db_network *allow_read; /* default: everyone who can connect to `listen` */
 	size_t allow_read_count;
 	struct db_network *allow_write; /* default: 127.0.0.0/8 and ::1 */
 	size_t allow_write_count;
-	bool low_word_first;       /* word-order = high-first (default) or low-first */
-	unsigned confirm_ms;       /* confirm-ms, 1..10000, default 40 */
-	bool accept_writes;        /* write-confirm = confirmed (default) or accepted */
-	bool stale_values;         /* stale = exception (default) or value */
-	unsigned gateway_unit;     /* gateway-unit, 1..254, 0 (default) = none beside 0 and 255 */
-	unsigned max_clients;      /* max-clients, 1..1024, default 64 */
-	unsigned max_pipelined;    /* max-pipelined, 1..64 requests in flight per client, default 16 */
-	unsigned frame_timeout_ms; /* frame-timeout-ms, 100..60000, default 1000: an unfinished frame ends its connection */
-	unsigned idle_timeout_s;   /* idle-timeout-s, 0 = never (default) */
+	bool low_word_first;    /* word-order = high-first (default) or low-first */
+	unsigned confirm_ms;    /* confirm-ms, 1..10000, default 40 */
+	bool accept_writes;     /* write-confirm = confirmed (default) or accepted */
+	bool stale_values;      /* stale = exception (default) or value */
+	unsigned gateway_unit;  /* gateway-unit, 1..254, 0 (default) = none beside 0 and 255 */
+	unsigned max_clients;   /* max-clients, 1..1024, default 64 */
+	unsigned max_pipelined; /* max-pipelined, 1..64 requests in flight per client, default 16 */
+	unsigned
+		frame_timeout_ms; /* frame-timeout-ms, 100..60000, default 1000: an unfinished frame ends its connection */
+	unsigned idle_timeout_s; /* idle-timeout-s, 0 = never (default) */
 };
 
 struct db_bus_config {
@@ -46,31 +47,34 @@ struct db_bus_config {
 	const char *source_file;
 	unsigned source_line;
 	const struct db_driver *driver; /* protocol = one of the driver list's names */
-	char *device;              /* serial: path of the port */
-	unsigned baud;             /* default: the family's */
-	enum db_parity parity;     /* default none */
-	unsigned stop_bits;        /* 1 (default) or 2 */
-	enum db_line line;         /* line = rs485 (default) or rs232 */
-	unsigned cycle_ms;         /* 1..10000, default 20 */
-	unsigned drive_latency_ms; /* drive-latency-ms, 1..1000, default 30: the longest time a drive may think before it answers */
-	unsigned retries;          /* retries, 0..10, default 2: repeats of a lost harmless exchange before the drive counts as offline */
-	unsigned queue;            /* queue, 1..256, default 32: commands that may wait */
-	unsigned save_interval_s;  /* save-interval-s, 0..3600, default 10: shortest time between two save_parameters of a drive */
-	unsigned priority;         /* priority, 0 (default, SCHED_OTHER) or 1..99 (SCHED_FIFO) */
+	char *device;                   /* serial: path of the port */
+	unsigned baud;                  /* default: the family's */
+	enum db_parity parity;          /* default none */
+	unsigned stop_bits;             /* 1 (default) or 2 */
+	enum db_line line;              /* line = rs485 (default) or rs232 */
+	unsigned cycle_ms;              /* 1..10000, default 20 */
+	unsigned
+		drive_latency_ms; /* drive-latency-ms, 1..1000, default 30: the longest time a drive may think before it answers */
+	unsigned
+		retries; /* retries, 0..10, default 2: repeats of a lost harmless exchange before the drive counts as offline */
+	unsigned queue;  /* queue, 1..256, default 32: commands that may wait */
+	unsigned
+		save_interval_s; /* save-interval-s, 0..3600, default 10: shortest time between two save_parameters of a drive */
+	unsigned priority; /* priority, 0 (default, SCHED_OTHER) or 1..99 (SCHED_FIFO) */
 };
 
 struct db_drive_config {
 	char *name;
 	const char *source_file;
 	unsigned source_line;
-	size_t bus;                /* index into buses */
-	unsigned address;          /* on the bus; range is the family's; 0 on RS232 */
-	unsigned unit;             /* Modbus unit 1..247 */
-	double counts_per_unit;    /* counts-per-unit, > 0, default 1.0 */
-	char *unit_name;           /* unit-name, default "counts" */
+	size_t bus;                     /* index into buses */
+	unsigned address;               /* on the bus; range is the family's; 0 on RS232 */
+	unsigned unit;                  /* Modbus unit 1..247 */
+	double counts_per_unit;         /* counts-per-unit, > 0, default 1.0 */
+	char *unit_name;                /* unit-name, default "counts" */
 	enum db_on_loss on_client_loss; /* default stop */
-	enum db_on_loss on_exit;   /* default: as on_client_loss */
-	unsigned watchdog_ms;      /* 0 = off, default 3000 */
+	enum db_on_loss on_exit;        /* default: as on_client_loss */
+	unsigned watchdog_ms;           /* 0 = off, default 3000 */
 };
 
 struct db_config {

@@ -18,13 +18,12 @@
 
 #define DB_REQUEST_MAX 1024 /* bytes of the longest request: every parameter written at once */
 #define DB_SHORT_REQUEST 64 /* enough for polls, probes, identification and stops */
-#define DB_ANSWER_MAX  1536 /* bytes of the longest answer frame */
-
+#define DB_ANSWER_MAX 1536  /* bytes of the longest answer frame */
 
 enum db_medium { DB_MEDIUM_SERIAL, DB_MEDIUM_CAN };
 
 enum db_job_kind {
-	DB_JOB_PROBE,    /* is an offline drive there? also gets back in step with one that lost answers */
+	DB_JOB_PROBE, /* is an offline drive there? also gets back in step with one that lost answers */
 	DB_JOB_IDENTIFY, /* identity and all parameters */
 	DB_JOB_POLL,     /* cyclic process data */
 	DB_JOB_COMMAND,
@@ -34,25 +33,25 @@ enum db_job_kind {
 struct db_job {
 	enum db_job_kind kind;
 	const struct db_request *request; /* COMMAND and SETTINGS: what was asked */
-	unsigned step;                    /* the driver's own: where the conversation is, 0 at begin */
-	int64_t scratch[2];               /* the driver's own */
-	db_time started;                  /* when begin() was called */
+	unsigned step;      /* the driver's own: where the conversation is, 0 at begin */
+	int64_t scratch[2]; /* the driver's own */
+	db_time started;    /* when begin() was called */
 };
 
 /* One request on the wire and what is expected back. */
 struct db_exchange {
-	uint8_t *request;        /* the scheduler's buffer, filled by the driver */
-	size_t request_size;     /* DB_REQUEST_MAX for COMMAND and SETTINGS, DB_SHORT_REQUEST for the rest */
+	uint8_t *request; /* the scheduler's buffer, filled by the driver */
+	size_t request_size; /* DB_REQUEST_MAX for COMMAND and SETTINGS, DB_SHORT_REQUEST for the rest */
 	size_t request_length;
-	size_t answer_length;   /* longest expected answer in bytes; 0 = none will come (broadcast) */
-	db_time extra_time;     /* beyond the bus's drive latency: a flash write, for instance */
-	bool repeatable;        /* sending it again after a lost answer is harmless */
+	size_t answer_length; /* longest expected answer in bytes; 0 = none will come (broadcast) */
+	db_time extra_time;   /* beyond the bus's drive latency: a flash write, for instance */
+	bool repeatable;      /* sending it again after a lost answer is harmless */
 };
 
 enum db_step {
-	DB_STEP_SEND,    /* *exchange is to be sent next */
-	DB_STEP_DONE,    /* the job ended; *result says how */
-	DB_STEP_IGNORE,  /* (answer only) not the answer waited for; keep waiting */
+	DB_STEP_SEND,   /* *exchange is to be sent next */
+	DB_STEP_DONE,   /* the job ended; *result says how */
+	DB_STEP_IGNORE, /* (answer only) not the answer waited for; keep waiting */
 };
 
 /* A frame cut out of a serial stream: *skip bytes of garbage, then *length bytes (0: need more). */
@@ -61,19 +60,19 @@ typedef void db_cut_fn(const uint8_t *bytes, size_t available, size_t *skip, siz
 struct db_device; /* the driver's own state of one drive */
 
 struct db_driver {
-	const char *name;            /* protocol = NAME, and the families column of the register map */
-	const char *title;           /* for people */
+	const char *name;  /* protocol = NAME, and the families column of the register map */
+	const char *title; /* for people */
 	enum db_medium medium;
 	unsigned address_min;
 	unsigned address_max;
 	unsigned default_baud;
-	uint64_t commands;           /* DB_COMMAND_BIT() of all it can do */
-	unsigned measures;           /* enum db_measure */
-	unsigned output_count;       /* ports of set_output, as coils 0.. */
+	uint64_t commands;     /* DB_COMMAND_BIT() of all it can do */
+	unsigned measures;     /* enum db_measure */
+	unsigned output_count; /* ports of set_output, as coils 0.. */
 	const struct db_param *params;
-	size_t param_count;          /* <= DB_PARAMS_MAX */
-	unsigned param_page;         /* families with the same page share their table and registers */
-	int acceleration_param;      /* index of the parameter behind `acceleration`, -1 = none */
+	size_t param_count;     /* <= DB_PARAMS_MAX */
+	unsigned param_page;    /* families with the same page share their table and registers */
+	int acceleration_param; /* index of the parameter behind `acceleration`, -1 = none */
 	int deceleration_param;
 
 	/* Pure: is this command, with these arguments, inside the documented ranges? OK,
@@ -85,7 +84,7 @@ struct db_driver {
 	db_time (*poll_time)(const struct db_bus_config *bus);
 	db_time (*command_time)(const struct db_bus_config *bus);
 
-	size_t device_size;          /* zeroed memory of this size is given to init */
+	size_t device_size; /* zeroed memory of this size is given to init */
 	void (*init)(struct db_device *device, const struct db_bus_config *bus,
 	             const struct db_drive_config *drive);
 

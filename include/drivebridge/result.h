@@ -8,23 +8,25 @@
 #define DRIVEBRIDGE_RESULT_H
 
 enum db_result {
-	DB_RESULT_NONE = 0,           /* nothing was commanded since the bridge started */
-	DB_RESULT_OK = 1,             /* confirmed by the drive */
-	DB_RESULT_PENDING = 2,        /* queued or on the bus */
-	DB_RESULT_REFUSED = 3,        /* the drive itself refused it */
-	DB_RESULT_OUT_OF_RANGE = 4,   /* an argument is outside the documented range; nothing was sent */
-	DB_RESULT_TIMEOUT = 5,        /* no answer; known not to have been carried out, or harmless */
-	DB_RESULT_INDETERMINATE = 6,  /* the answer was lost and reading back could not tell */
-	DB_RESULT_RESTARTED = 7,      /* first id after the bridge started, taken as the baseline only */
-	DB_RESULT_CANCELLED = 8,      /* overtaken by a stop, or the bus was taken down */
-	DB_RESULT_LIMIT = 9,          /* outside the limits of the configuration; nothing was sent */
-	DB_RESULT_LATCHED = 10,       /* the client-loss reaction is latched; clear_fault first */
-	DB_RESULT_UNSUPPORTED = 11,   /* this drive has no such function */
-	DB_RESULT_BUSY = 12,          /* the bus's queue is full */
-	DB_RESULT_BUS_DOWN = 13,      /* the port or interface is missing or down */
-	DB_RESULT_OFFLINE = 14,       /* the drive is offline; nothing was sent */
-	DB_RESULT_FAILED = 15,        /* the drive tried and failed (flash error, hardware fault) */
-	DB_RESULT_RATE_LIMITED = 16,  /* too soon after the last one (save_parameters wears the flash) */
+	DB_RESULT_NONE = 0,    /* nothing was commanded since the bridge started */
+	DB_RESULT_OK = 1,      /* confirmed by the drive */
+	DB_RESULT_PENDING = 2, /* queued or on the bus */
+	DB_RESULT_REFUSED = 3, /* the drive itself refused it */
+	DB_RESULT_OUT_OF_RANGE =
+		4,             /* an argument is outside the documented range; nothing was sent */
+	DB_RESULT_TIMEOUT = 5, /* no answer; known not to have been carried out, or harmless */
+	DB_RESULT_INDETERMINATE = 6, /* the answer was lost and reading back could not tell */
+	DB_RESULT_RESTARTED = 7, /* first id after the bridge started, taken as the baseline only */
+	DB_RESULT_CANCELLED = 8, /* overtaken by a stop, or the bus was taken down */
+	DB_RESULT_LIMIT = 9,     /* outside the limits of the configuration; nothing was sent */
+	DB_RESULT_LATCHED = 10,  /* the client-loss reaction is latched; clear_fault first */
+	DB_RESULT_UNSUPPORTED = 11, /* this drive has no such function */
+	DB_RESULT_BUSY = 12,        /* the bus's queue is full */
+	DB_RESULT_BUS_DOWN = 13,    /* the port or interface is missing or down */
+	DB_RESULT_OFFLINE = 14,     /* the drive is offline; nothing was sent */
+	DB_RESULT_FAILED = 15,      /* the drive tried and failed (flash error, hardware fault) */
+	DB_RESULT_RATE_LIMITED =
+		16, /* too soon after the last one (save_parameters wears the flash) */
 	DB_RESULT_COUNT
 };
 

@@ -20,8 +20,8 @@ enum db_table { DB_TABLE_COILS, DB_TABLE_DISCRETE, DB_TABLE_HOLDING, DB_TABLE_IN
 
 /* Who asks. Valid for the duration of the call. */
 struct db_client {
-	uint32_t id;              /* unique for the life of the server, never 0 */
-	uint8_t address[16];      /* IPv6, or IPv4 v4-mapped */
+	uint32_t id;         /* unique for the life of the server, never 0 */
+	uint8_t address[16]; /* IPv6, or IPv4 v4-mapped */
 	uint16_t port;
 	bool may_write;
 };
@@ -56,8 +56,8 @@ struct db_backend {
 	 * called exactly once with this token (never from inside this call).
 	 * Only called for clients that may write.
 	 */
-	int (*write)(void *context, const struct db_client *client, uint8_t unit, enum db_table table,
-	             uint16_t address, uint16_t count, const uint16_t *values,
+	int (*write)(void *context, const struct db_client *client, uint8_t unit,
+	             enum db_table table, uint16_t address, uint16_t count, const uint16_t *values,
 	             struct db_write_token token);
 
 	/* FC 17: server id text and run indicator of a unit. Returns the text's length (<= size). */
@@ -72,16 +72,16 @@ struct db_backend {
 };
 
 struct db_server_stats {
-	uint32_t clients;          /* now */
+	uint32_t clients; /* now */
 	uint32_t clients_peak;
 	uint64_t accepted;
-	uint64_t refused_full;     /* connections refused: max-clients reached */
-	uint64_t refused_address;  /* connections refused: not in allow-read or allow-write */
-	uint64_t refused_writes;   /* writes refused: client may only read */
+	uint64_t refused_full;    /* connections refused: max-clients reached */
+	uint64_t refused_address; /* connections refused: not in allow-read or allow-write */
+	uint64_t refused_writes;  /* writes refused: client may only read */
 	uint64_t requests;
 	uint64_t exceptions;
-	uint64_t bad_frames;       /* connections closed for a frame that cannot be Modbus */
-	uint64_t timeouts;         /* connections closed for an unfinished frame, or idle */
+	uint64_t bad_frames; /* connections closed for a frame that cannot be Modbus */
+	uint64_t timeouts;   /* connections closed for an unfinished frame, or idle */
 };
 
 /*

@@ -14,6 +14,6 @@ typedef int64_t db_time;
 
 #define DB_NS_PER_US INT64_C(1000)
 #define DB_NS_PER_MS INT64_C(1000000)
-#define DB_NS_PER_S  INT64_C(1000000000)
+#define DB_NS_PER_S INT64_C(1000000000)
 
 #endif

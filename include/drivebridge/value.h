@@ -49,12 +49,12 @@ bool db_value_from_number(enum db_type type, double number, union db_value *valu
  * Tables of these are const and live as long as the program.
  */
 struct db_param {
-	const char *name;        /* the vendor's name */
-	enum db_type type;       /* U16, I16, U32, I32 or F32 */
-	const char *unit;        /* "" when it has none */
+	const char *name;  /* the vendor's name */
+	enum db_type type; /* U16, I16, U32, I32 or F32 */
+	const char *unit;  /* "" when it has none */
 	double min;
 	double max;
-	bool max_is_model;       /* the document leaves the upper bound to the model; max is the widest */
+	bool max_is_model; /* the document leaves the upper bound to the model; max is the widest */
 	const char *description; /* one line, English, vendor term in brackets where it helps */
 };
 

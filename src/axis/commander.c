@@ -39,21 +39,21 @@ struct db_commander {
 	void *context;
 
 	struct db_watchdog watchdog;
-	bool reaction_due;            /* the watchdog tripped and its stop is not with the bus yet */
+	bool reaction_due; /* the watchdog tripped and its stop is not with the bus yet */
 
 	struct db_command_block kept;
-	struct memory last;           /* id 0: no id was seen yet */
-	struct memory previous;       /* to fall back to when the bus turns `last` away as busy */
+	struct memory last;     /* id 0: no id was seen yet */
+	struct memory previous; /* to fall back to when the bus turns `last` away as busy */
 
-	bool has_executed;            /* `executed` holds something */
+	bool has_executed;                /* `executed` holds something */
 	struct db_command_block executed; /* the newest command that went to the bus */
 
 	struct db_command_state shown;
-	uint32_t shown_ticket;        /* the command that `shown.result` is about */
-	uint32_t write_ticket;        /* the request that `shown.write_result` is about */
-	uint32_t newest;              /* the command that was submitted last */
-	uint32_t submitted;           /* requests so far */
-	unsigned waiting;             /* waiters in all slots */
+	uint32_t shown_ticket; /* the command that `shown.result` is about */
+	uint32_t write_ticket; /* the request that `shown.write_result` is about */
+	uint32_t newest;       /* the command that was submitted last */
+	uint32_t submitted;    /* requests so far */
+	unsigned waiting;      /* waiters in all slots */
 	struct slot slots[SLOTS];
 };
 
@@ -294,8 +294,8 @@ static bool unlatch(struct db_commander *commander)
 	       snapshot.feedback.error == DB_ERROR_NONE;
 }
 
-static int command(struct db_commander *commander, const struct db_command_block *block, uint16_t id,
-                   struct db_write_token token, db_time now)
+static int command(struct db_commander *commander, const struct db_command_block *block,
+                   uint16_t id, struct db_write_token token, db_time now)
 {
 	bool stop = db_command_is_stop((enum db_command)block->command);
 	enum db_result result;
@@ -310,7 +310,8 @@ static int command(struct db_commander *commander, const struct db_command_block
 		return refuse(commander, id, block->command, DB_RESULT_RESTARTED);
 	if (commander->watchdog.latched && db_command_is_motion((enum db_command)block->command))
 		return refuse(commander, id, block->command, DB_RESULT_LATCHED);
-	if (commander->watchdog.latched && block->command == DB_CMD_CLEAR_FAULT && unlatch(commander))
+	if (commander->watchdog.latched && block->command == DB_CMD_CLEAR_FAULT &&
+	    unlatch(commander))
 		return refuse(commander, id, block->command, DB_RESULT_OK);
 	slot = joinable(commander, block->command);
 	if (slot) {
@@ -348,8 +349,8 @@ void db_commander_set_refused(struct db_commander *commander, enum db_result res
 	commander->write_ticket = 0;
 }
 
-int db_commander_set(struct db_commander *commander, const struct db_setting *settings, size_t count,
-                     struct db_write_token token, db_time now)
+int db_commander_set(struct db_commander *commander, const struct db_setting *settings,
+                     size_t count, struct db_write_token token, db_time now)
 {
 	struct db_request request;
 	enum db_result result = reach(commander, DB_CMD_NONE);

@@ -56,8 +56,7 @@ static inline void db_seqlock_read(const atomic_uint *sequence, const _Atomic ui
 
 			memcpy(to + at, &word, left < sizeof word ? left : sizeof word);
 		}
-		if (!(before & 1) &&
-		    atomic_load_explicit(sequence, memory_order_relaxed) == before)
+		if (!(before & 1) && atomic_load_explicit(sequence, memory_order_relaxed) == before)
 			return;
 		if (++spins % DB_SEQLOCK_SPINS == 0)
 			sched_yield();

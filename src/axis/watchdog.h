@@ -17,7 +17,7 @@ struct db_watchdog {
 	bool armed;
 	bool latched;
 	db_time fed;
-	uint32_t trips;      /* since the start */
+	uint32_t trips; /* since the start */
 };
 
 void db_watchdog_init(struct db_watchdog *watchdog, uint32_t timeout_ms);

@@ -5,18 +5,18 @@
 
 #define POSITION_MIN (-2147483648.0)
 #define POSITION_MAX 2147483647.0
-#define SPEED        ((double)VSMD_SPEED_MAX)
+#define SPEED ((double)VSMD_SPEED_MAX)
 
 /* The strongest model of the family; the document leaves the bound of each to the model. */
 #define CURRENT_MAX 10.0
 
-#define EVENTS                                                                                      \
-	"0=none 1=set origin 2=decelerate 3=decelerate then set origin 4=stop at once "             \
-	"5=stop at once then set origin 6=run forward 7=run backward 8=start offline program "      \
+#define EVENTS                                                                                 \
+	"0=none 1=set origin 2=decelerate 3=decelerate then set origin 4=stop at once "        \
+	"5=stop at once then set origin 6=run forward 7=run backward 8=start offline program " \
 	"9=stop offline program"
 #define FALLING(n) "What a falling edge of sensor " n " does: " EVENTS
-#define RISING(n)  "What a rising edge of sensor " n " does: " EVENTS
-#define MODE(n)    "Direction of sensor port " n ": 0=input 1=output"
+#define RISING(n) "What a rising edge of sensor " n " does: " EVENTS
+#define MODE(n) "Direction of sensor port " n ": 0=input 1=output"
 
 const struct db_param vsmd_params[VSMD_PARAM_COUNT] = {
 	[VSMD_BDR] = { "bdr", DB_U32, "bit/s", 2400, 921600, false,
@@ -57,13 +57,15 @@ const struct db_param vsmd_params[VSMD_PARAM_COUNT] = {
 	[VSMD_S6] = { "s6", DB_U16, "", 0, 1, false, MODE("6") },
 	[VSMD_PUD] = { "pud", DB_U16, "", 0, 63, false,
 	               "Pull resistors of the sensor ports (上拉/下拉): bit 0 = s1 ... bit 5 = s6; 1=up 0=down" },
-	[VSMD_PAE] = { "pae", DB_U16, "", 0, 1, false, "Enable the motor at power-up (上电电机使能): 0=no 1=yes" },
+	[VSMD_PAE] = { "pae", DB_U16, "", 0, 1, false,
+	               "Enable the motor at power-up (上电电机使能): 0=no 1=yes" },
 	[VSMD_DAR] = { "dar", DB_U16, "s", 0, 60, false,
 	               "Start the offline program when nobody speaks for so long (无握手启动等待时间); 0=never" },
 	[VSMD_ZMD] = { "zmd", DB_U16, "", 0, 7, false,
 	               "Homing mode (归零模式): 0=off 1=once 2=once then safe position 3=twice "
 	               "4=twice then safe position 5=sensorless (some models) 6=encoder 7=Z signal" },
-	[VSMD_ZAR] = { "zar", DB_U16, "", 0, 1, false, "Home at power-up (上电自动归零): 0=no 1=yes" },
+	[VSMD_ZAR] = { "zar", DB_U16, "", 0, 1, false,
+	               "Home at power-up (上电自动归零): 0=no 1=yes" },
 	[VSMD_SNR] = { "snr", DB_U16, "", 0, 5, false,
 	               "Origin sensor's port (原点传感器端口) counted from 0: 0=s1 ... 5=s6" },
 	[VSMD_OSV] = { "osv", DB_U16, "", 0, 1, false,
@@ -89,7 +91,8 @@ const struct db_param vsmd_params[VSMD_PARAM_COUNT] = {
 	[VSMD_EMOD] = { "emod", DB_U16, "", 0, 2, false,
 	                "Encoder mode (编码器模式): 0=none 1=A and B 2=A B and Z; closed loop only; effective "
 	                "after save_parameters and a power cycle" },
-	[VSMD_ELNS] = { "elns", DB_U16, "lines", 10, 10000, false, "Encoder lines (编码器线数); closed loop only" },
+	[VSMD_ELNS] = { "elns", DB_U16, "lines", 10, 10000, false,
+	                "Encoder lines (编码器线数); closed loop only" },
 	[VSMD_ESTP] = { "estp", DB_U16, "steps", 1, 65535, false,
 	                "Full steps per motor turn (电机单圈整步数); closed loop only" },
 	[VSMD_EZ] = { "ez", DB_U16, "", 0, 100, false,
@@ -105,9 +108,12 @@ const struct db_param vsmd_params[VSMD_PARAM_COUNT] = {
 	               "loop only" },
 	[VSMD_ERATIO] = { "eratio", DB_F32, "", 0, 3.4028234663852886e38, false,
 	                  "Gear ratio between motor and encoder (电机减速比), above 0; closed loop only" },
-	[VSMD_N1RATIO] = { "n1ratio", DB_F32, "", 0, 1, false, "Output ratio of port cs1 for set_nmos (输出比率)" },
-	[VSMD_N2RATIO] = { "n2ratio", DB_F32, "", 0, 1, false, "Output ratio of port cs2 for set_nmos (输出比率)" },
-	[VSMD_N3RATIO] = { "n3ratio", DB_F32, "", 0, 1, false, "Output ratio of port cs3 for set_nmos (输出比率)" },
+	[VSMD_N1RATIO] = { "n1ratio", DB_F32, "", 0, 1, false,
+	                   "Output ratio of port cs1 for set_nmos (输出比率)" },
+	[VSMD_N2RATIO] = { "n2ratio", DB_F32, "", 0, 1, false,
+	                   "Output ratio of port cs2 for set_nmos (输出比率)" },
+	[VSMD_N3RATIO] = { "n3ratio", DB_F32, "", 0, 1, false,
+	                   "Output ratio of port cs3 for set_nmos (输出比率)" },
 	[VSMD_RES] = { "res", DB_U32, "ohm", 0, 100000, false,
 	               "Potentiometer that sets the speed (外接电位器阻值): 0=none or 1000..100000" },
 };

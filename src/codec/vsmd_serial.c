@@ -6,7 +6,7 @@
 #include <string.h>
 
 #define FRAME_START 0xFF
-#define FRAME_END   0xFE
+#define FRAME_END 0xFE
 #define FRAME_LEAST 6 /* FF id code BH BL FE */
 
 /* --- numbers as text ------------------------------------------------------------------------------ */
@@ -585,7 +585,7 @@ static bool numbered(struct word word, const char *name, unsigned ports, uint8_t
 
 static enum vsmd_error read_plain(struct word verb, struct vsmd_command *command)
 {
-	static const enum vsmd_verb plain[] = { VSMD_DEV, VSMD_STS, VSMD_ENA,
+	static const enum vsmd_verb plain[] = { VSMD_DEV, VSMD_STS,  VSMD_ENA,
 		                                VSMD_OFF, VSMD_ECLR, VSMD_SAV };
 
 	for (size_t i = 0; i < sizeof plain / sizeof plain[0]; i++) {
@@ -666,7 +666,8 @@ enum vsmd_error vsmd_serial_decode_command(const char *line, size_t length, bool
 
 /* --- frames --------------------------------------------------------------------------------------- */
 
-enum vsmd_cut vsmd_serial_cut(const uint8_t *bytes, size_t length, size_t *skip, size_t *frame_length)
+enum vsmd_cut vsmd_serial_cut(const uint8_t *bytes, size_t length, size_t *skip,
+                              size_t *frame_length)
 {
 	size_t start = length;
 
@@ -735,7 +736,8 @@ static bool is_text(const uint8_t *data, size_t length)
 	return true;
 }
 
-enum vsmd_error vsmd_serial_decode_reply(const uint8_t *frame, size_t length, struct vsmd_reply *reply)
+enum vsmd_error vsmd_serial_decode_reply(const uint8_t *frame, size_t length,
+                                         struct vsmd_reply *reply)
 {
 	const uint8_t *data;
 	size_t data_length;
@@ -779,7 +781,8 @@ static int close_frame(uint8_t *frame, size_t data_length)
 	return (int)(data_length + FRAME_LEAST);
 }
 
-int vsmd_serial_encode_status(uint8_t id, const struct vsmd_status *status, uint8_t *frame, size_t size)
+int vsmd_serial_encode_status(uint8_t id, const struct vsmd_status *status, uint8_t *frame,
+                              size_t size)
 {
 	uint32_t speed;
 	uint32_t position;
@@ -807,8 +810,7 @@ int vsmd_serial_encode_text(uint8_t id, enum vsmd_reply_code code, const char *t
 		size = VSMD_SERIAL_FRAME_MAX;
 	if (length > size || size - length < FRAME_LEAST)
 		return VSMD_ERR_SPACE;
-	if (id > VSMD_SERIAL_ID_MAX ||
-	    (code != VSMD_REPLY_IDENTITY && code != VSMD_REPLY_PARAMS) ||
+	if (id > VSMD_SERIAL_ID_MAX || (code != VSMD_REPLY_IDENTITY && code != VSMD_REPLY_PARAMS) ||
 	    !is_text((const uint8_t *)text, length))
 		return VSMD_ERR_RANGE;
 	frame[0] = FRAME_START;
@@ -820,7 +822,8 @@ int vsmd_serial_encode_text(uint8_t id, enum vsmd_reply_code code, const char *t
 
 /* --- parameter texts ------------------------------------------------------------------------------ */
 
-int vsmd_serial_next_param(const char *text, size_t length, size_t *cursor, struct vsmd_setting *setting)
+int vsmd_serial_next_param(const char *text, size_t length, size_t *cursor,
+                           struct vsmd_setting *setting)
 {
 	struct reader reader = { .text = text, .length = length, .at = *cursor };
 	const char *equals;
@@ -845,7 +848,8 @@ int vsmd_serial_next_param(const char *text, size_t length, size_t *cursor, stru
 	               2;
 }
 
-int vsmd_serial_format_params(const union db_value values[VSMD_PARAM_COUNT], char *text, size_t size)
+int vsmd_serial_format_params(const union db_value values[VSMD_PARAM_COUNT], char *text,
+                              size_t size)
 {
 	struct writer writer = { .text = text, .size = size };
 

@@ -13,30 +13,34 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define VSMD_SERIAL_LINE_MAX  1536 /* "cfg" with all parameters written at once, and room */
+#define VSMD_SERIAL_LINE_MAX 1536  /* "cfg" with all parameters written at once, and room */
 #define VSMD_SERIAL_FRAME_MAX 1536 /* a parameter text with every known and some unknown names */
 #define VSMD_SERIAL_STATUS_FRAME 21
 #define VSMD_SERIAL_BROADCAST 0
-#define VSMD_SERIAL_NO_ID (-1)     /* RS232: the line carries no id */
+#define VSMD_SERIAL_NO_ID (-1) /* RS232: the line carries no id */
 #define VSMD_SERIAL_ID_MAX 32
 
 enum vsmd_verb {
-	VSMD_DEV, VSMD_STS, VSMD_ENA, VSMD_OFF,
-	VSMD_MOV,         /* velocity used when has_velocity */
-	VSMD_POS,         /* position; velocity when has_velocity */
-	VSMD_RMV,         /* position is the distance; velocity when has_velocity */
-	VSMD_STP,         /* value 0 or 1 when has_value */
-	VSMD_ORG,         /* position when has_value */
+	VSMD_DEV,
+	VSMD_STS,
+	VSMD_ENA,
+	VSMD_OFF,
+	VSMD_MOV, /* velocity used when has_velocity */
+	VSMD_POS, /* position; velocity when has_velocity */
+	VSMD_RMV, /* position is the distance; velocity when has_velocity */
+	VSMD_STP, /* value 0 or 1 when has_value */
+	VSMD_ORG, /* position when has_value */
 	VSMD_ECLR,
-	VSMD_SENSOR_OUT,  /* s1..s6: port 1..6, value 0 off, 1 on */
-	VSMD_SV,          /* sv1..3: port 1..3, value 0..255 */
-	VSMD_NMOS,        /* nmos1..3: port 1..3, value 0..255 */
-	VSMD_ZERO_START, VSMD_ZERO_STOP,
+	VSMD_SENSOR_OUT, /* s1..s6: port 1..6, value 0 off, 1 on */
+	VSMD_SV,         /* sv1..3: port 1..3, value 0..255 */
+	VSMD_NMOS,       /* nmos1..3: port 1..3, value 0..255 */
+	VSMD_ZERO_START,
+	VSMD_ZERO_STOP,
 	VSMD_SHAKE_CYCLES, /* shake start ... cycles= */
 	VSMD_SHAKE_TIME,   /* shake start ... time= */
 	VSMD_SHAKE_STOP,
 	VSMD_CFG_READ,
-	VSMD_CFG_WRITE,   /* settings[0..setting_count) */
+	VSMD_CFG_WRITE, /* settings[0..setting_count) */
 	VSMD_SAV,
 	VSMD_VERB_COUNT
 };
@@ -48,7 +52,7 @@ struct vsmd_setting {
 
 struct vsmd_command {
 	enum vsmd_verb verb;
-	int id;                /* 1..32, VSMD_SERIAL_BROADCAST or VSMD_SERIAL_NO_ID */
+	int id; /* 1..32, VSMD_SERIAL_BROADCAST or VSMD_SERIAL_NO_ID */
 	bool has_value;
 	bool has_velocity;
 	int32_t position;
@@ -58,17 +62,17 @@ struct vsmd_command {
 	int32_t shake_start;
 	int32_t shake_end;
 	float shake_frequency;
-	uint32_t shake_count;  /* cycles, or seconds; 0 = no limit; at most INT32_MAX */
+	uint32_t shake_count; /* cycles, or seconds; 0 = no limit; at most INT32_MAX */
 	const struct vsmd_setting *settings;
 	size_t setting_count;
 };
 
 enum vsmd_error {
 	VSMD_OK = 0,
-	VSMD_ERR_SYNTAX = -1,  /* no such verb, word or form */
-	VSMD_ERR_RANGE = -2,   /* well formed, outside the documented range */
-	VSMD_ERR_NAME = -3,    /* a parameter no document names */
-	VSMD_ERR_SPACE = -4,   /* does not fit the buffer */
+	VSMD_ERR_SYNTAX = -1, /* no such verb, word or form */
+	VSMD_ERR_RANGE = -2,  /* well formed, outside the documented range */
+	VSMD_ERR_NAME = -3,   /* a parameter no document names */
+	VSMD_ERR_SPACE = -4,  /* does not fit the buffer */
 };
 
 /*
@@ -91,16 +95,16 @@ enum vsmd_error vsmd_serial_decode_command(const char *line, size_t length, bool
 enum vsmd_reply_code { VSMD_REPLY_IDENTITY = 1, VSMD_REPLY_STATUS = 2, VSMD_REPLY_PARAMS = 3 };
 
 struct vsmd_status {
-	float velocity;    /* pulses per second */
-	int32_t position;  /* pulses */
-	uint32_t status;   /* enum vsmd_status_bit */
+	float velocity;   /* pulses per second */
+	int32_t position; /* pulses */
+	uint32_t status;  /* enum vsmd_status_bit */
 };
 
 struct vsmd_reply {
 	uint8_t id;
 	enum vsmd_reply_code code;
 	struct vsmd_status status; /* code STATUS */
-	const char *text;          /* codes IDENTITY and PARAMS: points into the frame, not terminated */
+	const char *text; /* codes IDENTITY and PARAMS: points into the frame, not terminated */
 	size_t text_length;
 };
 
@@ -113,17 +117,20 @@ struct vsmd_reply {
  * the attempt: what came before is garbage. Never reads past length.
  */
 enum vsmd_cut { VSMD_CUT_MORE, VSMD_CUT_FRAME };
-enum vsmd_cut vsmd_serial_cut(const uint8_t *bytes, size_t length, size_t *skip, size_t *frame_length);
+enum vsmd_cut vsmd_serial_cut(const uint8_t *bytes, size_t length, size_t *skip,
+                              size_t *frame_length);
 
 /*
  * Reads one whole frame. VSMD_OK, or VSMD_ERR_SYNTAX: bad length for the code, checksum wrong, BH
  * not zero, unknown code, id above 32, group with too many bits, byte above 7F, text with control
  * characters.
  */
-enum vsmd_error vsmd_serial_decode_reply(const uint8_t *frame, size_t length, struct vsmd_reply *reply);
+enum vsmd_error vsmd_serial_decode_reply(const uint8_t *frame, size_t length,
+                                         struct vsmd_reply *reply);
 
 /* Drive's side. Returns the frame's length or VSMD_ERR_SPACE / VSMD_ERR_RANGE (byte above 7F in a text). */
-int vsmd_serial_encode_status(uint8_t id, const struct vsmd_status *status, uint8_t *frame, size_t size);
+int vsmd_serial_encode_status(uint8_t id, const struct vsmd_status *status, uint8_t *frame,
+                              size_t size);
 int vsmd_serial_encode_text(uint8_t id, enum vsmd_reply_code code, const char *text, size_t length,
                             uint8_t *frame, size_t size);
 
@@ -133,10 +140,12 @@ int vsmd_serial_encode_text(uint8_t id, enum vsmd_reply_code code, const char *t
  * is not checked: the drive is the authority on what it holds), 2 for an unknown name or a value
  * that cannot be read (skipped), 0 at the end.
  */
-int vsmd_serial_next_param(const char *text, size_t length, size_t *cursor, struct vsmd_setting *setting);
+int vsmd_serial_next_param(const char *text, size_t length, size_t *cursor,
+                           struct vsmd_setting *setting);
 
 /* Drive's side: all parameters as text, in the shape real drives send. Length or VSMD_ERR_SPACE. */
-int vsmd_serial_format_params(const union db_value values[VSMD_PARAM_COUNT], char *text, size_t size);
+int vsmd_serial_format_params(const union db_value values[VSMD_PARAM_COUNT], char *text,
+                              size_t size);
 
 /* One value as the codec writes it on the wire (terminated). Length or VSMD_ERR_SPACE. */
 int vsmd_format_value(enum db_type type, union db_value value, char *text, size_t size);

@@ -19,7 +19,7 @@
 
 /* Answers the document gives no length for: identity text, and all parameters as text. */
 #define IDENTITY_FRAME 64
-#define PARAMS_FRAME   1000
+#define PARAMS_FRAME 1000
 
 /* What a drive usually needs before it starts to answer; only for predictions, never a time-out. */
 #define TYPICAL_LATENCY (1 * DB_NS_PER_MS)
@@ -42,11 +42,11 @@ struct db_device {
 	bool saved;
 
 	struct vsmd_status last;
-	db_time taken;         /* when `last` came */
-	bool heard;            /* `last` holds something */
-	bool handshaken;       /* hs was seen set: when it drops, the drive has restarted */
+	db_time taken;   /* when `last` came */
+	bool heard;      /* `last` holds something */
+	bool handshaken; /* hs was seen set: when it drops, the drive has restarted */
 	enum motion motion;
-	bool fresh;            /* motion accepted, no status read after it yet */
+	bool fresh; /* motion accepted, no status read after it yet */
 	bool stopping;
 	bool homed;
 	bool origin_lost;
@@ -62,7 +62,7 @@ struct db_device {
 enum step { STEP_FIRST, STEP_SECOND, STEP_THIRD, STEP_READ_BACK };
 
 /* scratch[0] of a motion command: where the drive stood. scratch[1]: these. */
-#define WAS_MOVING    1
+#define WAS_MOVING 1
 #define RESENDS_SHIFT 8
 
 /* --- exchanges ------------------------------------------------------------------------------- */
@@ -706,7 +706,8 @@ static enum db_step vsmd_answer(struct db_device *device, struct db_job *job, co
 {
 	struct vsmd_reply reply;
 
-	if (vsmd_serial_decode_reply(frame, length, &reply) != VSMD_OK || !expected(job, reply.code))
+	if (vsmd_serial_decode_reply(frame, length, &reply) != VSMD_OK ||
+	    !expected(job, reply.code))
 		return DB_STEP_IGNORE;
 	if (reply.code == VSMD_REPLY_STATUS)
 		take_status(device, &reply.status, now);
@@ -918,28 +919,29 @@ static bool vsmd_broadcast(enum db_command command, const struct db_bus_config *
                            struct db_exchange *exchange)
 {
 	struct db_device everyone = { .id = VSMD_SERIAL_BROADCAST };
+	const struct db_args none = { 0 };
 	enum db_result result;
 
 	if (bus->line != DB_LINE_RS485 ||
 	    !(db_command_is_stop(command) || command == DB_CMD_ENABLE))
 		return false;
-	if (ask(&everyone, line_of(command, NULL), false, exchange, &result) != DB_STEP_SEND)
+	if (ask(&everyone, line_of(command, &none), false, exchange, &result) != DB_STEP_SEND)
 		return false;
 	exchange->answer_length = 0;
 	return true;
 }
 
-#define COMMANDS                                                                                    \
-	(DB_COMMAND_BIT(DB_CMD_ENABLE) | DB_COMMAND_BIT(DB_CMD_DISABLE) |                           \
-	 DB_COMMAND_BIT(DB_CMD_STOP) | DB_COMMAND_BIT(DB_CMD_QUICK_STOP) |                          \
-	 DB_COMMAND_BIT(DB_CMD_MOVE_VELOCITY) | DB_COMMAND_BIT(DB_CMD_MOVE_ABSOLUTE) |              \
-	 DB_COMMAND_BIT(DB_CMD_MOVE_RELATIVE) | DB_COMMAND_BIT(DB_CMD_HOME) |                       \
-	 DB_COMMAND_BIT(DB_CMD_HOME_STOP) | DB_COMMAND_BIT(DB_CMD_SET_POSITION) |                   \
-	 DB_COMMAND_BIT(DB_CMD_CLEAR_FAULT) | DB_COMMAND_BIT(DB_CMD_SAVE_PARAMETERS) |              \
-	 DB_COMMAND_BIT(DB_CMD_READ_PARAMETERS) | DB_COMMAND_BIT(DB_CMD_MOVE_PRESET) |              \
-	 DB_COMMAND_BIT(DB_CMD_SET_OUTPUT) | DB_COMMAND_BIT(DB_CMD_SET_OUTPUTS) |                   \
-	 DB_COMMAND_BIT(DB_CMD_SET_SV) | DB_COMMAND_BIT(DB_CMD_SET_NMOS) |                          \
-	 DB_COMMAND_BIT(DB_CMD_SHAKE_START) | DB_COMMAND_BIT(DB_CMD_SHAKE_START_TIME) |             \
+#define COMMANDS                                                                        \
+	(DB_COMMAND_BIT(DB_CMD_ENABLE) | DB_COMMAND_BIT(DB_CMD_DISABLE) |               \
+	 DB_COMMAND_BIT(DB_CMD_STOP) | DB_COMMAND_BIT(DB_CMD_QUICK_STOP) |              \
+	 DB_COMMAND_BIT(DB_CMD_MOVE_VELOCITY) | DB_COMMAND_BIT(DB_CMD_MOVE_ABSOLUTE) |  \
+	 DB_COMMAND_BIT(DB_CMD_MOVE_RELATIVE) | DB_COMMAND_BIT(DB_CMD_HOME) |           \
+	 DB_COMMAND_BIT(DB_CMD_HOME_STOP) | DB_COMMAND_BIT(DB_CMD_SET_POSITION) |       \
+	 DB_COMMAND_BIT(DB_CMD_CLEAR_FAULT) | DB_COMMAND_BIT(DB_CMD_SAVE_PARAMETERS) |  \
+	 DB_COMMAND_BIT(DB_CMD_READ_PARAMETERS) | DB_COMMAND_BIT(DB_CMD_MOVE_PRESET) |  \
+	 DB_COMMAND_BIT(DB_CMD_SET_OUTPUT) | DB_COMMAND_BIT(DB_CMD_SET_OUTPUTS) |       \
+	 DB_COMMAND_BIT(DB_CMD_SET_SV) | DB_COMMAND_BIT(DB_CMD_SET_NMOS) |              \
+	 DB_COMMAND_BIT(DB_CMD_SHAKE_START) | DB_COMMAND_BIT(DB_CMD_SHAKE_START_TIME) | \
 	 DB_COMMAND_BIT(DB_CMD_SHAKE_STOP))
 
 const struct db_driver db_driver_vsmd_serial = {

@@ -9,7 +9,10 @@ static const struct {
 	size_t offset;
 	size_t bytes;
 } args[DB_ARG_COUNT] = {
-#define ARG(member) { offsetof(struct db_args, member), sizeof(((struct db_args *)0)->member) }
+#define ARG(member)                                                                     \
+	{                                                                               \
+		offsetof(struct db_args, member), sizeof(((struct db_args *)0)->member) \
+	}
 	[DB_ARG_TARGET_POSITION] = ARG(target_position),
 	[DB_ARG_TARGET_VELOCITY] = ARG(target_velocity),
 	[DB_ARG_OUTPUT_NUMBER] = ARG(output_number),
@@ -34,13 +37,13 @@ const struct db_command_row db_command_rows[] = {
 		.code = DB_CMD_DISABLE,
 		.name = "disable",
 		.description = "Take the power off the motor; some drives lose their origin by it; "
-		               "always executes",
+			       "always executes",
 	},
 	{
 		.code = DB_CMD_STOP,
 		.name = "stop",
 		.description = "Decelerate to standstill; overtakes everything and cancels what is "
-		               "queued for the drive; always executes",
+			       "queued for the drive; always executes",
 	},
 	{
 		.code = DB_CMD_QUICK_STOP,
@@ -57,14 +60,15 @@ const struct db_command_row db_command_rows[] = {
 		.code = DB_CMD_MOVE_ABSOLUTE,
 		.name = "move_absolute",
 		.args = { DB_ARG_TARGET_POSITION, DB_ARG_TARGET_VELOCITY },
-		.description = "Go to target_position; target_velocity 0 = at the drive's preset speed",
+		.description =
+			"Go to target_position; target_velocity 0 = at the drive's preset speed",
 	},
 	{
 		.code = DB_CMD_MOVE_RELATIVE,
 		.name = "move_relative",
 		.args = { DB_ARG_TARGET_POSITION, DB_ARG_TARGET_VELOCITY },
 		.description = "Go the distance target_position from where the drive is; "
-		               "target_velocity 0 = at the drive's preset speed",
+			       "target_velocity 0 = at the drive's preset speed",
 	},
 	{
 		.code = DB_CMD_HOME,
@@ -90,8 +94,9 @@ const struct db_command_row db_command_rows[] = {
 	{
 		.code = DB_CMD_SAVE_PARAMETERS,
 		.name = "save_parameters",
-		.description = "Write the parameters into the drive's flash memory; wears it and is "
-		               "limited in rate",
+		.description =
+			"Write the parameters into the drive's flash memory; wears it and is "
+			"limited in rate",
 	},
 	{
 		.code = DB_CMD_READ_PARAMETERS,
@@ -117,7 +122,7 @@ const struct db_command_row db_command_rows[] = {
 		.args = { DB_ARG_OUTPUT_MASK, DB_ARG_OUTPUT_LEVELS },
 		.own = true,
 		.description = "Set the output ports chosen by output_mask to output_levels; "
-		               "bit 0 = port 1",
+			       "bit 0 = port 1",
 	},
 	{
 		.code = DB_CMD_SET_SV,
@@ -125,7 +130,7 @@ const struct db_command_row db_command_rows[] = {
 		.args = { DB_ARG_OUTPUT_NUMBER, DB_ARG_OUTPUT_VALUE },
 		.own = true,
 		.description = "Drive port output_number (1..3) for an inductive load with duty "
-		               "output_value (0..255)",
+			       "output_value (0..255)",
 	},
 	{
 		.code = DB_CMD_SET_NMOS,
@@ -133,23 +138,25 @@ const struct db_command_row db_command_rows[] = {
 		.args = { DB_ARG_OUTPUT_NUMBER, DB_ARG_OUTPUT_VALUE },
 		.own = true,
 		.description = "Drive port output_number (1..3) for a resistive load with duty "
-		               "output_value (0..255)",
+			       "output_value (0..255)",
 	},
 	{
 		.code = DB_CMD_SHAKE_START,
 		.name = "shake_start",
 		.args = { DB_ARG_SHAKE_START_POSITION, DB_ARG_SHAKE_END_POSITION,
-		          DB_ARG_SHAKE_FREQUENCY, DB_ARG_SHAKE_CYCLES },
+	                  DB_ARG_SHAKE_FREQUENCY, DB_ARG_SHAKE_CYCLES },
 		.own = true,
-		.description = "Swing between two positions for shake_cycles cycles; 0 = until stopped",
+		.description =
+			"Swing between two positions for shake_cycles cycles; 0 = until stopped",
 	},
 	{
 		.code = DB_CMD_SHAKE_START_TIME,
 		.name = "shake_start_time",
 		.args = { DB_ARG_SHAKE_START_POSITION, DB_ARG_SHAKE_END_POSITION,
-		          DB_ARG_SHAKE_FREQUENCY, DB_ARG_SHAKE_TIME },
+	                  DB_ARG_SHAKE_FREQUENCY, DB_ARG_SHAKE_TIME },
 		.own = true,
-		.description = "Swing between two positions for shake_time seconds; 0 = until stopped",
+		.description =
+			"Swing between two positions for shake_time seconds; 0 = until stopped",
 	},
 	{
 		.code = DB_CMD_SHAKE_STOP,

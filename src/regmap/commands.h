@@ -34,8 +34,8 @@ struct db_command_row {
 	enum db_command code;
 	const char *name;
 	enum db_arg args[DB_COMMAND_ARGS_MAX]; /* up to the first NONE */
-	bool own;                /* of some families only, by its nature */
-	const char *description; /* one line */
+	bool own;                              /* of some families only, by its nature */
+	const char *description;               /* one line */
 };
 
 /* In the order of their codes. */

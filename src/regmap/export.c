@@ -17,14 +17,14 @@ struct line {
 	struct db_entry entry;
 	enum db_view view;
 	uint32_t families;
-	bool conditional;   /* some families may lack it */
+	bool conditional; /* some families may lack it */
 };
 
 struct lines {
 	struct line *items;
 	size_t count;
 	size_t room;
-	enum db_view view;  /* of what is being added */
+	enum db_view view; /* of what is being added */
 	unsigned family;
 	bool failed;
 };
@@ -78,7 +78,9 @@ static void add_line(void *context, const struct db_entry *entry)
 static int by_place(const void *a, const void *b)
 {
 	static const int order[] = {
-		[DB_TABLE_HOLDING] = 0, [DB_TABLE_INPUT] = 1, [DB_TABLE_DISCRETE] = 2,
+		[DB_TABLE_HOLDING] = 0,
+		[DB_TABLE_INPUT] = 1,
+		[DB_TABLE_DISCRETE] = 2,
 		[DB_TABLE_COILS] = 3,
 	};
 	const struct line *left = a;
@@ -403,8 +405,7 @@ static void put_heading(FILE *out, const struct line *line)
 
 static void put_table_heading(FILE *out, const struct line *line)
 {
-	fprintf(out, "\n### %s: %s\n\n", view_name(line->view),
-	        tables[line->entry.table].title);
+	fprintf(out, "\n### %s: %s\n\n", view_name(line->view), tables[line->entry.table].title);
 	fputs("| address | reference | name | type | access | unit | range | families | description |\n"
 	      "|---|---|---|---|---|---|---|---|---|\n",
 	      out);

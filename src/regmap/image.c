@@ -6,9 +6,9 @@
 
 #include <string.h>
 
-#define QUALITY_BAD       0
+#define QUALITY_BAD 0
 #define QUALITY_UNCERTAIN 64
-#define QUALITY_GOOD      192
+#define QUALITY_GOOD 192
 
 /* The bus thread may publish between our look at the clock and at the data: not younger than now. */
 static db_time age_of(const struct db_feedback *feedback, db_time now)

@@ -21,7 +21,7 @@ enum db_part {
 };
 
 #define DB_UNIT_NAME_REGISTERS 8
-#define DB_IDENTITY_REGISTERS  (DB_IDENTITY_MAX / 2)
+#define DB_IDENTITY_REGISTERS (DB_IDENTITY_MAX / 2)
 
 /* Unit 1..247. */
 struct db_drive_image {
@@ -42,14 +42,14 @@ struct db_drive_image {
 	struct db_nameplate plate;
 
 	/* DB_PART_STATIC */
-	uint16_t bus;      /* from 1 */
+	uint16_t bus; /* from 1 */
 	uint16_t address;
 	char unit_name[2 * DB_UNIT_NAME_REGISTERS];
 	float counts_per_unit;
 };
 
 /* The gateway view shows so many in detail; there may be more. */
-#define DB_GATEWAY_BUSES  8
+#define DB_GATEWAY_BUSES 8
 #define DB_GATEWAY_DRIVES 32
 
 struct db_gateway_bus {

@@ -230,7 +230,8 @@ uint16_t db_index_find(const struct db_index *index, uint16_t address, uint16_t 
 		return DB_NO_CELL;
 	/* Without a hole in between, the cells' sizes add up to the way from first to last. */
 	for (size_t i = first; i < last; i++) {
-		if (index->cells[i].address + index->cells[i].registers != index->cells[i + 1].address)
+		if (index->cells[i].address + index->cells[i].registers !=
+		    index->cells[i + 1].address)
 			return DB_NO_CELL;
 	}
 	*cells = (uint16_t)(last - first + 1);

@@ -13,13 +13,13 @@
 /* What reading and writing need to know of one register (or bit). */
 struct db_cell {
 	uint16_t address;
-	uint16_t offset;    /* in the image */
+	uint16_t offset; /* in the image */
 	uint8_t registers;
-	uint8_t type;       /* enum db_type */
-	uint8_t flags;      /* enum db_row_flag and DB_CELL_GAP */
-	uint8_t part;       /* enum db_part */
-	uint8_t param;      /* with DB_ROW_PARAM: its index */
-	uint8_t bit;        /* bit tables: in the word at offset */
+	uint8_t type;  /* enum db_type */
+	uint8_t flags; /* enum db_row_flag and DB_CELL_GAP */
+	uint8_t part;  /* enum db_part */
+	uint8_t param; /* with DB_ROW_PARAM: its index */
+	uint8_t bit;   /* bit tables: in the word at offset */
 };
 
 /* Keeps 32-bit parameters on even addresses: reads as 0, takes nothing but 0. Has no name. */
@@ -28,11 +28,11 @@ struct db_cell {
 /* One register with everything there is to tell about it. */
 struct db_entry {
 	struct db_cell cell;
-	const struct db_row *row;      /* null for parameters and gaps */
-	const struct db_param *param;  /* parameters and their aliases */
+	const struct db_row *row;     /* null for parameters and gaps */
+	const struct db_param *param; /* parameters and their aliases */
 	enum db_table table;
-	unsigned number;               /* of a repeat, from 1; else 0 */
-	char name[DB_ROW_NAME_MAX];    /* "" for gaps */
+	unsigned number;            /* of a repeat, from 1; else 0 */
+	char name[DB_ROW_NAME_MAX]; /* "" for gaps */
 };
 
 /* What is to be expanded. */
@@ -53,8 +53,8 @@ void db_table_each(const struct db_scope *scope, db_visit_fn *visit, void *conte
 struct db_index {
 	struct db_cell *cells;
 	size_t count;
-	uint16_t *lookup;   /* by address: the cell that covers it, or DB_NO_CELL */
-	size_t limit;       /* addresses from here on have none */
+	uint16_t *lookup; /* by address: the cell that covers it, or DB_NO_CELL */
+	size_t limit;     /* addresses from here on have none */
 };
 
 /* For HOLDING, DISCRETE or COILS. 0 or -ENOMEM. */

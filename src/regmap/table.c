@@ -25,7 +25,8 @@ static const struct {
 	{ "inputs", 0, DB_MEASURE_INPUTS },
 	{ "outputs", DB_COMMAND_BIT(DB_CMD_SET_OUTPUT) | DB_COMMAND_BIT(DB_CMD_SET_OUTPUTS), 0 },
 	{ "pwm", DB_COMMAND_BIT(DB_CMD_SET_SV) | DB_COMMAND_BIT(DB_CMD_SET_NMOS), 0 },
-	{ "shake", DB_COMMAND_BIT(DB_CMD_SHAKE_START) | DB_COMMAND_BIT(DB_CMD_SHAKE_START_TIME), 0 },
+	{ "shake", DB_COMMAND_BIT(DB_CMD_SHAKE_START) | DB_COMMAND_BIT(DB_CMD_SHAKE_START_TIME),
+	  0 },
 	{ "move_preset", DB_COMMAND_BIT(DB_CMD_MOVE_PRESET), 0 },
 	{ "programs", 0, DB_MEASURE_PROGRAM },
 	{ "measures_current", 0, DB_MEASURE_CURRENT },
@@ -74,26 +75,26 @@ static const struct db_codes capability_bits = { db_capability_name, COUNT_OF(ca
 
 /* --- the table ----------------------------------------------------------------------------------------- */
 
-#define DRIVE(needs, member)                                                                        \
-	.view = DB_VIEW_DRIVE, .table = DB_TABLE_HOLDING, .part = (needs),                          \
+#define DRIVE(needs, member)                                               \
+	.view = DB_VIEW_DRIVE, .table = DB_TABLE_HOLDING, .part = (needs), \
 	.offset = offsetof(struct db_drive_image, member)
 #define PROCESS(member) DRIVE(DB_PART_PROCESS, member)
-#define BLOCK(member)   DRIVE(DB_PART_BLOCK, block.member)
-#define PARAMETER       DRIVE(DB_PART_PLATE, plate.values)
-#define GATEWAY_PART(needs, member)                                                                 \
-	.view = DB_VIEW_GATEWAY, .table = DB_TABLE_HOLDING, .part = (needs),                        \
+#define BLOCK(member) DRIVE(DB_PART_BLOCK, block.member)
+#define PARAMETER DRIVE(DB_PART_PLATE, plate.values)
+#define GATEWAY_PART(needs, member)                                          \
+	.view = DB_VIEW_GATEWAY, .table = DB_TABLE_HOLDING, .part = (needs), \
 	.offset = offsetof(struct db_gateway_image, member)
-#define GATEWAY(member)       GATEWAY_PART(DB_PART_SERVER, member)
-#define GATEWAY_BUS(member)   GATEWAY_PART(DB_PART_BUSES, buses[0].member)
+#define GATEWAY(member) GATEWAY_PART(DB_PART_SERVER, member)
+#define GATEWAY_BUS(member) GATEWAY_PART(DB_PART_BUSES, buses[0].member)
 #define GATEWAY_DRIVE(member) GATEWAY_PART(DB_PART_DRIVES, drives[0].member)
-#define EACH_BUS                                                                                    \
-	{                                                                                           \
-		.count = DB_GATEWAY_BUSES, .addresses = 40, .bytes = sizeof(struct db_gateway_bus)  \
+#define EACH_BUS                                                                                   \
+	{                                                                                          \
+		.count = DB_GATEWAY_BUSES, .addresses = 40, .bytes = sizeof(struct db_gateway_bus) \
 	}
-#define EACH_DRIVE                                                                                  \
-	{                                                                                           \
-		.count = DB_GATEWAY_DRIVES, .addresses = 16,                                        \
-		.bytes = sizeof(struct db_gateway_drive)                                            \
+#define EACH_DRIVE                                           \
+	{                                                    \
+		.count = DB_GATEWAY_DRIVES, .addresses = 16, \
+		.bytes = sizeof(struct db_gateway_drive)     \
 	}
 
 const struct db_row db_rows[] = {
@@ -114,7 +115,7 @@ const struct db_row db_rows[] = {
 		PROCESS(feedback.error),
 		.codes = &errors,
 		.description = "Why the axis is in ErrorStop or Offline; below 16 the bridge's "
-		               "own causes; from 16 the drive's",
+			       "own causes; from 16 the drive's",
 	},
 	{
 		.name = "status",
@@ -131,8 +132,8 @@ const struct db_row db_rows[] = {
 		PROCESS(quality),
 		.max = 192,
 		.description = "Quality of the process data as in OPC: 0=bad 64=uncertain "
-		               "192=good; good means online and not older than three cycles or "
-		               "100 ms",
+			       "192=good; good means online and not older than three cycles or "
+			       "100 ms",
 	},
 	{
 		.name = "active_command",
@@ -140,7 +141,7 @@ const struct db_row db_rows[] = {
 		.type = DB_U16,
 		PROCESS(state.active_command),
 		.description = "Oldest command that is not confirmed yet; 0=none; codes as in "
-		               "command",
+			       "command",
 	},
 	{
 		.name = "age_ms",
@@ -226,7 +227,7 @@ const struct db_row db_rows[] = {
 		PROCESS(state.write_result),
 		.max = DB_RESULT_COUNT - 1,
 		.description = "How the latest command or parameter write ended; codes as in "
-		               "result",
+			       "result",
 	},
 	{
 		.name = "result_command",
@@ -353,8 +354,8 @@ const struct db_row db_rows[] = {
 		.unit = "ms",
 		.max = DB_WATCHDOG_MAX_MS,
 		.description = "Longest silence of the clients before the drive is stopped; "
-		               "0=off; armed by the first motion command; fed by each request to "
-		               "this unit from a client that may write",
+			       "0=off; armed by the first motion command; fed by each request to "
+			       "this unit from a client that may write",
 	},
 	{
 		.name = "watchdog_remaining_ms",
@@ -381,11 +382,11 @@ const struct db_row db_rows[] = {
 		.flags = DB_ROW_WRITABLE,
 		.max = 65535,
 		.description = "Number of a command: 0=executes each time it is written; "
-		               "other=executes when it differs from the drive's last one while "
-		               "the same again is answered with the stored result; after the "
-		               "bridge starts the first one is only remembered (restarted); stop "
-		               "and disable always execute; an id is used up by every outcome "
-		               "except busy",
+			       "other=executes when it differs from the drive's last one while "
+			       "the same again is answered with the stored result; after the "
+			       "bridge starts the first one is only remembered (restarted); stop "
+			       "and disable always execute; an id is used up by every outcome "
+			       "except busy",
 	},
 	{
 		.name = "command",
@@ -396,9 +397,9 @@ const struct db_row db_rows[] = {
 		.max = DB_CMD_LIMIT - 1,
 		.codes = &command_codes,
 		.description = "Writing a code other than 0 executes it with the kept arguments. "
-		               "Written without command_id it uses the kept id if that is unused; "
-		               "the same command and arguments under a used id are the same "
-		               "request again; anything else executes as if the id were 0",
+			       "Written without command_id it uses the kept id if that is unused; "
+			       "the same command and arguments under a used id are the same "
+			       "request again; anything else executes as if the id were 0",
 	},
 	{
 		.name = "target_position",
@@ -419,7 +420,7 @@ const struct db_row db_rows[] = {
 		.flags = DB_ROW_WRITABLE,
 		.unit = "counts/s",
 		.description = "Velocity in the drive's own units; 0 in a position move = the "
-		               "drive's preset speed",
+			       "drive's preset speed",
 	},
 	{
 		.name = "output_number",
@@ -514,7 +515,7 @@ const struct db_row db_rows[] = {
 		DRIVE(DB_PART_PLATE, plate.identity),
 		.registers = DB_IDENTITY_REGISTERS,
 		.description = "The drive's own description of itself; two characters a register; "
-		               "zeros after its end; all zero = not read yet",
+			       "zeros after its end; all zero = not read yet",
 	},
 	{
 		.name = "bus",
@@ -522,7 +523,7 @@ const struct db_row db_rows[] = {
 		.type = DB_U16,
 		DRIVE(DB_PART_STATIC, bus),
 		.description = "Number of the drive's bus from 1 in the order of the "
-		               "configuration",
+			       "configuration",
 	},
 	{
 		.name = "address",
@@ -645,7 +646,9 @@ const struct db_row db_rows[] = {
 		.type = DB_U32,
 		.part = DB_PART_PROCESS,
 		.offset = offsetof(struct db_drive_image, status),
-		.repeat = { .count = DB_STATUS_BIT_COUNT, .addresses = 1, .name = db_status_bit_name },
+		.repeat = { .count = DB_STATUS_BIT_COUNT,
+	                    .addresses = 1,
+	                    .name = db_status_bit_name },
 		.max = 1,
 		.description = "Bit of the status register",
 	},
@@ -675,7 +678,8 @@ const struct db_row db_rows[] = {
 		.offset = offsetof(struct db_drive_image, feedback.outputs),
 		.repeat = { .count = 16, .addresses = 1 },
 		.max = 1,
-		.description = "Level of output #; writing several at once is one set_outputs without id",
+		.description =
+			"Level of output #; writing several at once is one set_outputs without id",
 	},
 
 	/* Gateway view. */
@@ -808,7 +812,7 @@ const struct db_row db_rows[] = {
 		GATEWAY_BUS(up),
 		.repeat = EACH_BUS,
 		.description = "Port of bus #: 0=closed 1=open; only the first 8 buses have "
-		               "registers",
+			       "registers",
 	},
 	{
 		.name = "bus#_last_error",
@@ -871,7 +875,7 @@ const struct db_row db_rows[] = {
 		.unit = "permille",
 		.repeat = EACH_BUS,
 		.description = "Bus #: part of the last second in which the wire was busy or "
-		               "waited for",
+			       "waited for",
 	},
 	{
 		.name = "bus#_cycles",
@@ -970,7 +974,7 @@ const struct db_row db_rows[] = {
 		GATEWAY_DRIVE(unit),
 		.repeat = EACH_DRIVE,
 		.description = "Modbus unit of drive #; only the first 32 drives have registers "
-		               "here",
+			       "here",
 	},
 	{
 		.name = "drive#_online",

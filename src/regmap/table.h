@@ -14,9 +14,9 @@ enum db_view { DB_VIEW_DRIVE, DB_VIEW_GATEWAY };
 
 enum db_row_flag {
 	DB_ROW_WRITABLE = 1u << 0,
-	DB_ROW_MEASURED = 1u << 1,  /* old when the drive does not answer */
-	DB_ROW_PARAM = 1u << 2,     /* a vendor parameter: read and written by its index */
-	DB_ROW_WATCHDOG = 1u << 3,  /* the one setting of the bridge's own */
+	DB_ROW_MEASURED = 1u << 1, /* old when the drive does not answer */
+	DB_ROW_PARAM = 1u << 2,    /* a vendor parameter: read and written by its index */
+	DB_ROW_WATCHDOG = 1u << 3, /* the one setting of the bridge's own */
 };
 
 /* Names of a register's values or bits, for its description. */
@@ -29,27 +29,27 @@ struct db_codes {
 /* Rows that stand for several: '#' in name and description becomes 1, 2 ... */
 struct db_repeat {
 	unsigned count;
-	unsigned addresses; /* from one to the next */
-	size_t bytes;       /* of their members */
+	unsigned addresses;                  /* from one to the next */
+	size_t bytes;                        /* of their members */
 	const char *(*name)(unsigned index); /* instead of the row's name; may be null */
 };
 
 struct db_row {
 	const char *name;
 	enum db_view view;
-	enum db_table table;  /* HOLDING (also INPUT when not writable), DISCRETE or COILS */
+	enum db_table table; /* HOLDING (also INPUT when not writable), DISCRETE or COILS */
 	uint16_t address;
 	enum db_type type;
-	uint16_t registers;   /* TEXT only */
-	size_t offset;        /* of the member in its image; bit tables: of the word */
-	uint8_t flags;        /* enum db_row_flag */
-	uint8_t part;         /* enum db_part it needs */
-	uint16_t measure;     /* exists only when the family measures this */
-	bool outputs;         /* repeats as often as the family has outputs */
-	size_t param_alias;   /* offset in struct db_driver of a parameter's index + 1; 0 = none */
+	uint16_t registers; /* TEXT only */
+	size_t offset;      /* of the member in its image; bit tables: of the word */
+	uint8_t flags;      /* enum db_row_flag */
+	uint8_t part;       /* enum db_part it needs */
+	uint16_t measure;   /* exists only when the family measures this */
+	bool outputs;       /* repeats as often as the family has outputs */
+	size_t param_alias; /* offset in struct db_driver of a parameter's index + 1; 0 = none */
 	struct db_repeat repeat;
 	const char *unit;
-	double min;           /* both 0: not limited here */
+	double min; /* both 0: not limited here */
 	double max;
 	const struct db_codes *codes;
 	const char *description;

@@ -165,8 +165,8 @@ static uint8_t read_gateway(const struct db_registers *registers, enum db_table 
 {
 	struct db_gateway_image image;
 	struct span span;
-	uint8_t exception =
-	        find_span(table_of(&registers->gateway, table), table, address, count, &span);
+	uint8_t exception = find_span(table_of(&registers->gateway, table), table, address, count,
+	                              &span);
 
 	if (exception)
 		return exception;

@@ -25,7 +25,7 @@ struct view_drive {
 	struct db_axis *axis;
 	struct db_commander *commander;
 	uint32_t capabilities;
-	db_time fresh_for;      /* older data is not `good` any more */
+	db_time fresh_for;               /* older data is not `good` any more */
 	char model[DB_IDENTITY_MAX + 1]; /* device_id's answer, valid until the next call */
 };
 
@@ -37,7 +37,7 @@ struct db_registers {
 	struct view_map gateway;
 	struct view_map *families;
 	size_t family_count;
-	uint16_t units[256];    /* drive index, VIEW_GATEWAY or VIEW_NOTHING */
+	uint16_t units[256]; /* drive index, VIEW_GATEWAY or VIEW_NOTHING */
 	struct view_drive *drives;
 	size_t drive_count;
 };

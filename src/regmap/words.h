@@ -8,7 +8,8 @@
 #define DB_CELL_REGISTERS_MAX 20
 
 /* Writes the cell's registers, as they are in the image, to words[]. */
-void db_words_encode(const struct db_cell *cell, const void *image, bool low_first, uint16_t *words);
+void db_words_encode(const struct db_cell *cell, const void *image, bool low_first,
+                     uint16_t *words);
 
 /* The value that a cell's registers stand for. False when a float is not finite. */
 bool db_words_decode(const struct db_cell *cell, const uint16_t *words, bool low_first,

@@ -166,8 +166,8 @@ static int write_coils(struct view_drive *drive, const struct span *span, const 
 int view_write(struct view_drive *drive, enum db_table table, uint16_t address, uint16_t count,
                const uint16_t *values, struct db_write_token token)
 {
-	const struct db_index *index =
-	        table == DB_TABLE_COILS ? &drive->map->coils : &drive->map->holding;
+	const struct db_index *index = table == DB_TABLE_COILS ? &drive->map->coils :
+	                                                         &drive->map->holding;
 	struct span span;
 	uint8_t exception = find_span(index, address, count, &span);
 

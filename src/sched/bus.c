@@ -41,7 +41,7 @@ struct db_bus {
 	/* Bus thread only. */
 	struct db_serial *port;
 	db_time reopen_at;
-	int open_error;    /* the last one reported, so that it is reported once */
+	int open_error; /* the last one reported, so that it is reported once */
 	uint8_t unsent[DB_REQUEST_MAX];
 	size_t unsent_length;
 	bool port_failed;

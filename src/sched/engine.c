@@ -21,7 +21,7 @@
 struct flight {
 	struct station *station; /* null: nothing on the wire */
 	enum lane_kind lane;
-	bool trusted;            /* an answer proves something: the drive was in step */
+	bool trusted; /* an answer proves something: the drive was in step */
 	db_time sent;
 	db_time deadline;
 };
@@ -36,7 +36,7 @@ struct db_engine {
 	struct db_bus_stats stats;
 	struct flight flight;
 
-	db_time quiet_until;    /* a broadcast is on the wire; nobody answers it */
+	db_time quiet_until; /* a broadcast is on the wire; nobody answers it */
 	uint8_t received[RECEIVE_MAX];
 	size_t received_length;
 
@@ -45,18 +45,18 @@ struct db_engine {
 	size_t waiting_max;
 
 	db_time period;
-	db_time cycle_at;     /* when the next cycle is due; 0 before the first */
+	db_time cycle_at; /* when the next cycle is due; 0 before the first */
 	db_time cycle_started;
-	bool polling;         /* this cycle's polls are not all answered */
+	bool polling; /* this cycle's polls are not all answered */
 	unsigned polls_in_a_row;
 	bool front_was_last;
 
-	db_time probes_from;  /* the share for offline drives is used up until then */
-	db_time busy;         /* time with an exchange on the wire in this second */
+	db_time probes_from; /* the share for offline drives is used up until then */
+	db_time busy;        /* time with an exchange on the wire in this second */
 	db_time second_at;
 
 	bool shutting_down;
-	size_t next_poll;     /* where round robin goes on */
+	size_t next_poll; /* where round robin goes on */
 	size_t next_front;
 	size_t next_identify;
 	size_t next_probe;

@@ -39,8 +39,9 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 	const struct db_nameplate *plate = driver->nameplate(station->device);
 
 	driver->feedback(station->device, feedback);
-	feedback->taken_wall_us =
-	        feedback->taken == 0 ? 0 : (uint64_t)(feedback->taken / 1000 + wall_offset_us);
+	feedback->taken_wall_us = feedback->taken == 0 ?
+	                                  0 :
+	                                  (uint64_t)(feedback->taken / 1000 + wall_offset_us);
 	if (bus_up)
 		feedback->status |= DB_STATUS_BUS_UP;
 	if (station->online) {

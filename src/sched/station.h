@@ -10,9 +10,9 @@
 enum lane_kind { LANE_STOP, LANE_FRONT, LANE_POLL, LANE_IDENTIFY, LANE_PROBE, LANE_COUNT };
 
 struct lane {
-	bool active;       /* begun, not ended */
-	bool ready;        /* its next exchange is prepared and waits to be sent */
-	unsigned tries;    /* how often the prepared exchange was repeated */
+	bool active;    /* begun, not ended */
+	bool ready;     /* its next exchange is prepared and waits to be sent */
+	unsigned tries; /* how often the prepared exchange was repeated */
 	struct db_job job;
 	struct db_exchange exchange;
 };
@@ -37,13 +37,13 @@ struct station {
 	bool online;
 	bool in_step;
 	bool ever_probed;
-	unsigned losses;         /* in a row */
+	unsigned losses; /* in a row */
 
 	bool poll_due;
-	db_time polled;          /* when the last poll was sent */
-	db_time identify_at;     /* not before: the last attempt failed */
+	db_time polled;      /* when the last poll was sent */
+	db_time identify_at; /* not before: the last attempt failed */
 	db_time identify_backoff;
-	uint32_t generation;     /* of the nameplate published last */
+	uint32_t generation; /* of the nameplate published last */
 	bool plate_published;
 
 	struct db_letter *front_letter;
@@ -51,8 +51,8 @@ struct station {
 
 	struct pending_stop stops[STOPS_MAX];
 	unsigned stop_count;
-	bool blind_stop_sent;    /* a stop went out while out of step; its answer proves nothing */
-	db_time stop_at;         /* not before */
+	bool blind_stop_sent; /* a stop went out while out of step; its answer proves nothing */
+	db_time stop_at;      /* not before */
 	struct db_request exit_request;
 
 	db_time probe_at;

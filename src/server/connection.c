@@ -24,25 +24,25 @@ struct db_connection {
 	db_time frame_since;  /* when the unfinished frame in `in` began */
 	db_time active_since; /* last byte in either direction */
 	int fd;
-	uint32_t events;      /* what epoll waits for */
+	uint32_t events; /* what epoll waits for */
 
 	/* Ring of max_pipelined entries, there only while it is not empty. */
 	struct entry *queue;
-	uint32_t sequence;    /* of the first entry; the others follow without gaps */
+	uint32_t sequence; /* of the first entry; the others follow without gaps */
 	unsigned first, queued, unfinished;
 
 	/* Answers that the socket did not take; there only while it is not empty. */
 	uint8_t *out;
 	size_t out_sent, out_used;
 
-	bool ended;           /* the client has sent everything it wants to send */
-	bool waiting;         /* a request in `in` may not be taken yet */
+	bool ended;   /* the client has sent everything it wants to send */
+	bool waiting; /* a request in `in` may not be taken yet */
 	uint16_t in_used;
 	uint8_t in[DB_ADU_MAX];
 };
 
 struct db_connection *db_connection_new(struct db_connection_group *group, int fd,
-					const struct db_client *client, db_time now)
+                                        const struct db_client *client, db_time now)
 {
 	struct db_connection *c = calloc(1, sizeof(*c));
 	struct epoll_event event = { .events = EPOLLIN, .data.ptr = c };
@@ -148,7 +148,7 @@ static void answer(struct db_connection *c, const struct db_request *request, ui
 		group->batch_used += db_pdu_exception(request, exception, adu);
 	else
 		group->batch_used += db_execute_answer(&group->executor, &c->client, request, adu,
-						       &exception);
+		                                       &exception);
 	group->stats.exceptions += exception != 0;
 }
 

@@ -31,7 +31,7 @@ struct db_connection_group {
 
 /* Takes over the descriptor (also on failure) and waits for input. Null when out of memory. */
 struct db_connection *db_connection_new(struct db_connection_group *group, int fd,
-					const struct db_client *client, db_time now);
+                                        const struct db_client *client, db_time now);
 
 /* Closes the socket. Answers that come later find nobody. */
 void db_connection_free(struct db_connection *connection);

@@ -4,13 +4,13 @@
 static enum db_table write_table(const struct db_request *request)
 {
 	return request->function == MODBUS_FC_WRITE_SINGLE_COIL ||
-			       request->function == MODBUS_FC_WRITE_MULTIPLE_COILS
-		       ? DB_TABLE_COILS
-		       : DB_TABLE_HOLDING;
+	                       request->function == MODBUS_FC_WRITE_MULTIPLE_COILS ?
+	               DB_TABLE_COILS :
+	               DB_TABLE_HOLDING;
 }
 
 int db_execute_write(const struct db_executor *executor, const struct db_client *client,
-		     const struct db_request *request, struct db_write_token token)
+                     const struct db_request *request, struct db_write_token token)
 {
 	const struct db_backend *backend = executor->backend;
 	uint16_t values[MODBUS_MAX_WRITE_BITS];
@@ -18,16 +18,16 @@ int db_execute_write(const struct db_executor *executor, const struct db_client 
 
 	if (request->function == MODBUS_FC_MASK_WRITE_REGISTER) {
 		exception = backend->read(executor->context, client, request->unit,
-					  DB_TABLE_HOLDING, request->write_address, 1, values);
+		                          DB_TABLE_HOLDING, request->write_address, 1, values);
 		if (exception)
 			return exception;
 		values[0] = (uint16_t)((values[0] & request->value) |
-				       (request->or_mask & ~request->value));
+		                       (request->or_mask & ~request->value));
 	} else {
 		if (request->function == MODBUS_FC_WRITE_AND_READ_REGISTERS) {
 			exception = backend->read(executor->context, client, request->unit,
-						  DB_TABLE_HOLDING, request->read_address,
-						  request->read_count, values);
+			                          DB_TABLE_HOLDING, request->read_address,
+			                          request->read_count, values);
 			/* Other trouble (an old value, say) must not keep a stop back. */
 			if (exception == MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS)
 				return exception;
@@ -35,11 +35,11 @@ int db_execute_write(const struct db_executor *executor, const struct db_client 
 		db_pdu_values(request, values);
 	}
 	return backend->write(executor->context, client, request->unit, write_table(request),
-			      request->write_address, request->write_count, values, token);
+	                      request->write_address, request->write_count, values, token);
 }
 
 static size_t answer_read(const struct db_executor *executor, const struct db_client *client,
-			  const struct db_request *request, uint8_t *adu, uint8_t *exception)
+                          const struct db_request *request, uint8_t *adu, uint8_t *exception)
 {
 	uint16_t values[MODBUS_MAX_READ_BITS];
 	enum db_table table = DB_TABLE_HOLDING;
@@ -51,37 +51,37 @@ static size_t answer_read(const struct db_executor *executor, const struct db_cl
 	else if (request->function == MODBUS_FC_READ_INPUT_REGISTERS)
 		table = DB_TABLE_INPUT;
 	*exception = executor->backend->read(executor->context, client, request->unit, table,
-					     request->read_address, request->read_count, values);
-	return *exception ? db_pdu_exception(request, *exception, adu)
-			  : db_pdu_read(request, values, adu);
+	                                     request->read_address, request->read_count, values);
+	return *exception ? db_pdu_exception(request, *exception, adu) :
+	                    db_pdu_read(request, values, adu);
 }
 
-static size_t answer_server_id(const struct db_executor *executor,
-			       const struct db_request *request, uint8_t *adu)
+static size_t answer_server_id(const struct db_executor *executor, const struct db_request *request,
+                               uint8_t *adu)
 {
 	char text[MODBUS_MAX_PDU_LENGTH];
 	bool running = false;
 	size_t length = executor->backend->server_id(executor->context, request->unit, text,
-						     sizeof(text), &running);
+	                                             sizeof(text), &running);
 
 	return db_pdu_server_id(request, text, length, running, adu);
 }
 
-static size_t answer_device_id(const struct db_executor *executor,
-			       const struct db_request *request, uint8_t *adu, uint8_t *exception)
+static size_t answer_device_id(const struct db_executor *executor, const struct db_request *request,
+                               uint8_t *adu, uint8_t *exception)
 {
 	const char *objects[DB_DEVICE_ID_OBJECTS];
 	size_t length;
 
 	for (unsigned i = 0; i < DB_DEVICE_ID_OBJECTS; i++)
 		objects[i] = executor->backend->device_id(executor->context, request->unit,
-							  (uint8_t)i);
+		                                          (uint8_t)i);
 	length = db_pdu_device_id(request, objects, adu, exception);
 	return *exception ? db_pdu_exception(request, *exception, adu) : length;
 }
 
 size_t db_execute_answer(const struct db_executor *executor, const struct db_client *client,
-			 const struct db_request *request, uint8_t *adu, uint8_t *exception)
+                         const struct db_request *request, uint8_t *adu, uint8_t *exception)
 {
 	*exception = 0;
 	switch (request->function) {
@@ -90,8 +90,8 @@ size_t db_execute_answer(const struct db_executor *executor, const struct db_cli
 	case DB_FC_DEVICE_ID:
 		return answer_device_id(executor, request, adu, exception);
 	default:
-		return request->read_count > 0
-			       ? answer_read(executor, client, request, adu, exception)
-			       : db_pdu_written(request, adu);
+		return request->read_count > 0 ?
+		               answer_read(executor, client, request, adu, exception) :
+		               db_pdu_written(request, adu);
 	}
 }

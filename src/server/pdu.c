@@ -3,9 +3,9 @@
 
 #include <string.h>
 
-#define HEADER 7u          /* transaction, protocol, length, unit */
-#define LENGTH_BASE 6u     /* the header's length counts what follows it: unit and PDU */
-#define LENGTH_MIN 2u      /* unit and function */
+#define HEADER 7u      /* transaction, protocol, length, unit */
+#define LENGTH_BASE 6u /* the header's length counts what follows it: unit and PDU */
+#define LENGTH_MIN 2u  /* unit and function */
 #define LENGTH_MAX 254u
 #define PDU_MAX 253u
 #define COIL_ON 0xFF00u
@@ -58,8 +58,8 @@ static uint8_t parse_read(const uint8_t *pdu, size_t length, uint16_t max, struc
 	r->read_count = get16(pdu + 3);
 	if (r->read_count < 1 || r->read_count > max)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-	return range_fits(r->read_address, r->read_count) ? 0
-							  : MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	return range_fits(r->read_address, r->read_count) ? 0 :
+	                                                    MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
 }
 
 static uint8_t parse_single(const uint8_t *pdu, size_t length, struct db_request *r)
@@ -89,8 +89,8 @@ static uint8_t parse_multiple(const uint8_t *pdu, size_t length, struct db_reque
 	bytes = bits ? (r->write_count + 7u) / 8u : r->write_count * 2u;
 	if (r->write_count < 1 || r->write_count > max || pdu[5] != bytes || length != 6 + bytes)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-	return range_fits(r->write_address, r->write_count) ? 0
-							    : MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	return range_fits(r->write_address, r->write_count) ? 0 :
+	                                                      MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
 }
 
 static uint8_t parse_mask(const uint8_t *pdu, size_t length, struct db_request *r)
@@ -122,9 +122,9 @@ static uint8_t parse_write_read(const uint8_t *pdu, size_t length, struct db_req
 	    pdu[9] != bytes || length != 10 + bytes)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	return range_fits(r->read_address, r->read_count) &&
-			       range_fits(r->write_address, r->write_count)
-		       ? 0
-		       : MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	                       range_fits(r->write_address, r->write_count) ?
+	               0 :
+	               MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
 }
 
 static uint8_t parse_device_id(const uint8_t *pdu, size_t length, struct db_request *r)
@@ -214,7 +214,7 @@ size_t db_pdu_exception(const struct db_request *request, uint8_t exception, uin
 size_t db_pdu_read(const struct db_request *request, const uint16_t *values, uint8_t *adu)
 {
 	bool bits = request->function == MODBUS_FC_READ_COILS ||
-		    request->function == MODBUS_FC_READ_DISCRETE_INPUTS;
+	            request->function == MODBUS_FC_READ_DISCRETE_INPUTS;
 	size_t count = request->read_count;
 	size_t bytes = bits ? (count + 7) / 8 : count * 2;
 	uint8_t *pdu = adu + HEADER;
@@ -254,7 +254,7 @@ size_t db_pdu_written(const struct db_request *request, uint8_t *adu)
 }
 
 size_t db_pdu_server_id(const struct db_request *request, const char *text, size_t length,
-			bool running, uint8_t *adu)
+                        bool running, uint8_t *adu)
 {
 	uint8_t *pdu = adu + HEADER;
 
@@ -282,8 +282,8 @@ static size_t add_object(uint8_t *pdu, size_t used, uint8_t id, const char *text
 }
 
 size_t db_pdu_device_id(const struct db_request *request,
-			const char *const objects[DB_DEVICE_ID_OBJECTS], uint8_t *adu,
-			uint8_t *exception)
+                        const char *const objects[DB_DEVICE_ID_OBJECTS], uint8_t *adu,
+                        uint8_t *exception)
 {
 	bool single = request->id_code == ID_INDIVIDUAL;
 	unsigned end = request->id_code == ID_BASIC ? ID_BASIC_OBJECTS : DB_DEVICE_ID_OBJECTS;

@@ -17,7 +17,7 @@
 #include <stdint.h>
 
 /* What libmodbus has no name for. */
-#define DB_FC_DEVICE_ID 0x2B          /* encapsulated interface transport */
+#define DB_FC_DEVICE_ID 0x2B /* encapsulated interface transport */
 
 #define DB_ADU_MAX ((size_t)MODBUS_TCP_MAX_ADU_LENGTH) /* 7 bytes of header, 253 of PDU */
 #define DB_DEVICE_ID_OBJECTS 7u
@@ -27,9 +27,9 @@
  * function allows, and the end is within 65536.
  */
 struct db_request {
-	const uint8_t *data;    /* FC 5, 6, 15, 16, 23: values, inside the caller's frame */
+	const uint8_t *data; /* FC 5, 6, 15, 16, 23: values, inside the caller's frame */
 	uint16_t transaction;
-	uint16_t read_address;  /* FC 1..4, 23 */
+	uint16_t read_address; /* FC 1..4, 23 */
 	uint16_t read_count;
 	uint16_t write_address; /* FC 5, 6, 15, 16, 22, 23 */
 	uint16_t write_count;   /* 0: this request writes nothing */
@@ -37,8 +37,8 @@ struct db_request {
 	uint16_t or_mask;       /* FC 22 */
 	uint8_t unit;
 	uint8_t function;
-	uint8_t id_code;        /* FC 43/14: 1 basic, 2 regular, 3 extended, 4 one object */
-	uint8_t object;         /* FC 43/14 */
+	uint8_t id_code; /* FC 43/14: 1 basic, 2 regular, 3 extended, 4 one object */
+	uint8_t object;  /* FC 43/14 */
 };
 
 /*
@@ -68,7 +68,7 @@ size_t db_pdu_written(const struct db_request *request, uint8_t *adu);
 
 /* FC 17. Text beyond 250 bytes is cut off. */
 size_t db_pdu_server_id(const struct db_request *request, const char *text, size_t length,
-			bool running, uint8_t *adu);
+                        bool running, uint8_t *adu);
 
 /*
  * FC 43/14. Objects that the unit does not have are null; texts beyond 244 bytes are cut off.
@@ -76,7 +76,7 @@ size_t db_pdu_server_id(const struct db_request *request, const char *text, size
  * for a unit without any object.
  */
 size_t db_pdu_device_id(const struct db_request *request,
-			const char *const objects[DB_DEVICE_ID_OBJECTS], uint8_t *adu,
-			uint8_t *exception);
+                        const char *const objects[DB_DEVICE_ID_OBJECTS], uint8_t *adu,
+                        uint8_t *exception);
 
 #endif

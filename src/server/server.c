@@ -69,13 +69,13 @@ static void set_accepting(struct db_server *server, bool accepting)
 /* Connections. */
 
 static void announce(const struct db_server *server, const struct db_connection *connection,
-		     bool connected)
+                     bool connected)
 {
 	const struct db_executor *executor = &server->group.executor;
 
 	if (executor->backend->client)
 		executor->backend->client(executor->context, db_connection_client(connection),
-					  connected);
+		                          connected);
 }
 
 static void drop(struct db_server *server, size_t index)
@@ -123,7 +123,7 @@ static void leave(struct db_server *server)
 		for (size_t i = server->count; i-- > 0;) {
 			connection = server->connections[i];
 			conclude(server, connection,
-				 db_connection_advance(connection, loop_time(server)));
+			         db_connection_advance(connection, loop_time(server)));
 		}
 	}
 	server->busy = false;
@@ -170,7 +170,7 @@ static void accept_clients(struct db_server *server)
 	for (int i = 0; i < ACCEPTS_AT_ONCE; i++) {
 		length = sizeof(peer);
 		fd = accept4(server->listener, (struct sockaddr *)&peer, &length,
-			     SOCK_NONBLOCK | SOCK_CLOEXEC);
+		             SOCK_NONBLOCK | SOCK_CLOEXEC);
 		if (fd >= 0) {
 			add_client(server, fd, &peer);
 			continue;
@@ -200,7 +200,7 @@ static int on_ready(sd_event_source *source, int fd, uint32_t revents, void *use
 	for (int i = 0; i < count; i++) {
 		if (events[i].data.ptr)
 			conclude(server, events[i].data.ptr,
-				 db_connection_ready(events[i].data.ptr, events[i].events, now));
+			         db_connection_ready(events[i].data.ptr, events[i].events, now));
 		else
 			accept_clients(server);
 	}
@@ -248,7 +248,7 @@ static int open_sockets(struct db_server *server)
 }
 
 int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
-		  const struct db_backend *backend, void *context, struct db_server **result)
+                  const struct db_backend *backend, void *context, struct db_server **result)
 {
 	struct db_server *server;
 	int error;
@@ -268,10 +268,10 @@ int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
 	error = open_sockets(server);
 	if (error == 0)
 		error = sd_event_add_io(loop, &server->io, server->group.epoll, EPOLLIN, on_ready,
-					server);
+		                        server);
 	if (error >= 0)
 		error = sd_event_add_time(loop, &server->timer, CLOCK_MONOTONIC, UINT64_MAX,
-					  TIMER_ACCURACY_US, on_timer, server);
+		                          TIMER_ACCURACY_US, on_timer, server);
 	if (error >= 0)
 		error = sd_event_source_set_enabled(server->timer, SD_EVENT_OFF);
 	if (error < 0) {

@@ -52,8 +52,8 @@ static uint8_t any_unit(void *context, uint8_t unit)
 }
 
 static uint8_t copy_registers(void *context, const struct db_client *client, uint8_t unit,
-			      enum db_table table, uint16_t address, uint16_t count,
-			      uint16_t *values)
+                              enum db_table table, uint16_t address, uint16_t count,
+                              uint16_t *values)
 {
 	(void)client;
 	(void)unit;
@@ -148,7 +148,7 @@ static _Noreturn void serve_bare(int pipe)
 			if (fd == listener) {
 				event.data.fd = accept(listener, NULL, NULL);
 				setsockopt(event.data.fd, IPPROTO_TCP, TCP_NODELAY, &on,
-					   sizeof(on));
+				           sizeof(on));
 				epoll_ctl(set, EPOLL_CTL_ADD, event.data.fd, &event);
 			} else if (!answer_bare(fd, registers)) {
 				close(fd);

@@ -39,6 +39,10 @@ RESULT_RATE_LIMITED = 16
 
 OFFLINE, DISABLED, STANDSTILL, DISCRETE, CONTINUOUS, HOMING, STOPPING, ERROR_STOP = range(8)
 
+# Values of `error`.
+NO_ANSWER_ERROR = 1
+BUS_DOWN_ERROR = 2
+
 ONLINE_BIT = 1 << 0
 ENABLED_BIT = 1 << 1
 HOMED_BIT = 1 << 2
@@ -154,7 +158,9 @@ class RegisterMap:
         ]
 
     def parameters(self):
-        return [row for row in self.rows if row.view == "vsmd" and row.table == "holding"]
+        """The vendor's parameters: the registers between the command block and the diagnostics."""
+        first, last = self.find("bdr").address, self.find("res").address
+        return [row for row in self.of_drive() if first <= row.address <= last]
 
 
 def load_commands(path):

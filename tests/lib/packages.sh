@@ -43,5 +43,6 @@ install the counterparts of these and leave out this step: $*"
 		"${missing[@]}"
 }
 
+# shellcheck disable=SC2034 # for the scripts that read this file
 BUILD_PACKAGES=(gcc libc6-dev cmake ninja-build pkg-config libmodbus-dev libserialport-dev
 	libsystemd-dev libconfuse-dev)

@@ -125,9 +125,9 @@ static void names(void **state)
 
 static void kinds_of_commands(void **state)
 {
-	static const enum db_command motions[] = { DB_CMD_MOVE_VELOCITY, DB_CMD_MOVE_ABSOLUTE,
-		                                   DB_CMD_MOVE_RELATIVE, DB_CMD_HOME,
-		                                   DB_CMD_MOVE_PRESET,   DB_CMD_SHAKE_START,
+	static const enum db_command motions[] = { DB_CMD_MOVE_VELOCITY,   DB_CMD_MOVE_ABSOLUTE,
+		                                   DB_CMD_MOVE_RELATIVE,   DB_CMD_HOME,
+		                                   DB_CMD_MOVE_PRESET,     DB_CMD_SHAKE_START,
 		                                   DB_CMD_SHAKE_START_TIME };
 	unsigned motion_count = 0;
 	unsigned stop_count = 0;

@@ -13,12 +13,12 @@
 
 /* Exceptions */
 #define ILLEGAL_FUNCTION 0x01
-#define ILLEGAL_VALUE    0x03
-#define FAILURE          0x04
-#define LATER            0x05
-#define BUSY             0x06
-#define NO_PATH          0x0A
-#define NO_ANSWER        0x0B
+#define ILLEGAL_VALUE 0x03
+#define FAILURE 0x04
+#define LATER 0x05
+#define BUSY 0x06
+#define NO_PATH 0x0A
+#define NO_ANSWER 0x0B
 
 /* --- a bus and a server that only take notes -------------------------------------------------------- */
 
@@ -93,9 +93,9 @@ static void init(struct fake *fake, bool accept)
 	assert_int_equal(db_commander_new(&config, &ops, fake, &fake->commander), 0);
 }
 
-#define FAKE(accept)                                                                                \
-	struct fake fake;                                                                           \
-	(void)state;                                                                                \
+#define FAKE(accept)      \
+	struct fake fake; \
+	(void)state;      \
 	init(&fake, accept)
 
 static void drop(struct fake *fake)
@@ -348,7 +348,8 @@ static void command_alone_without_id_executes_each_time(void **state)
 {
 	FAKE(false);
 	for (unsigned i = 0; i < 2; i++) {
-		assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), DB_WRITE_LATER);
+		assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false),
+		                 DB_WRITE_LATER);
 		finish(&fake, i, DB_RESULT_OK);
 	}
 	assert_int_equal(fake.submitted, 2);

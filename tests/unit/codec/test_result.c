@@ -6,8 +6,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include <cmocka.h>
 #include <string.h>
+#include <cmocka.h>
 
 /* Numbers and names are what PLC programs rely on, so they are written out here once more. */
 static const struct {
@@ -65,10 +65,10 @@ static void outside_the_enum(void **state)
 {
 	(void)state;
 	assert_string_equal(db_result_name(DB_RESULT_COUNT), "unknown");
-	assert_string_equal(db_result_name((enum db_result)-1), "unknown");
+	assert_string_equal(db_result_name((enum db_result) - 1), "unknown");
 	assert_string_equal(db_result_name((enum db_result)1000), "unknown");
 	assert_int_equal(db_result_exception(DB_RESULT_COUNT), 0x04);
-	assert_int_equal(db_result_exception((enum db_result)-1), 0x04);
+	assert_int_equal(db_result_exception((enum db_result) - 1), 0x04);
 }
 
 int main(void)

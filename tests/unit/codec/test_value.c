@@ -6,9 +6,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include <cmocka.h>
 #include <float.h>
 #include <math.h>
+#include <cmocka.h>
 
 #define COUNT(array) (sizeof(array) / sizeof(array)[0])
 
@@ -19,8 +19,8 @@ static void names_and_registers(void **state)
 		const char *name;
 		unsigned registers;
 	} rows[] = {
-		{ DB_U16, "u16", 1 }, { DB_I16, "i16", 1 },       { DB_U32, "u32", 2 },
-		{ DB_I32, "i32", 2 }, { DB_U64, "u64", 4 },       { DB_F32, "f32", 2 },
+		{ DB_U16, "u16", 1 },   { DB_I16, "i16", 1 },       { DB_U32, "u32", 2 },
+		{ DB_I32, "i32", 2 },   { DB_U64, "u64", 4 },       { DB_F32, "f32", 2 },
 		{ DB_TEXT, "text", 0 }, { DB_BITS16, "bits16", 1 }, { DB_BITS32, "bits32", 2 },
 	};
 
@@ -38,9 +38,9 @@ static void whole_types_take_their_range(void **state)
 		double min;
 		double max;
 	} rows[] = {
-		{ DB_U16, 0, 65535 },         { DB_BITS16, 0, 65535 },
-		{ DB_I16, -32768, 32767 },    { DB_I32, -2147483648.0, 2147483647.0 },
-		{ DB_U32, 0, 4294967295.0 },  { DB_BITS32, 0, 4294967295.0 },
+		{ DB_U16, 0, 65535 },        { DB_BITS16, 0, 65535 },
+		{ DB_I16, -32768, 32767 },   { DB_I32, -2147483648.0, 2147483647.0 },
+		{ DB_U32, 0, 4294967295.0 }, { DB_BITS32, 0, 4294967295.0 },
 	};
 
 	(void)state;

@@ -6,15 +6,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include <cmocka.h>
 #include <float.h>
 #include <math.h>
 #include <string.h>
+#include <cmocka.h>
 
 #define COUNT(array) (sizeof(array) / sizeof(array)[0])
-#define I32_MIN      (-2147483648.0)
-#define I32_MAX      2147483647.0
-#define MODEL        true
+#define I32_MIN (-2147483648.0)
+#define I32_MAX 2147483647.0
+#define MODEL true
 
 /* What the document says, written out a second time; `word` must occur in the description. */
 static const struct row {
@@ -125,7 +125,8 @@ static void descriptions_tell_the_point(void **state)
 		assert_non_null(description);
 		assert_null(strchr(description, '\n'));
 		if (!strstr(description, rows[i].word))
-			fail_msg("%s: \"%s\" lacks \"%s\"", rows[i].name, description, rows[i].word);
+			fail_msg("%s: \"%s\" lacks \"%s\"", rows[i].name, description,
+			         rows[i].word);
 	}
 }
 
@@ -198,7 +199,8 @@ static void floats_that_are_no_numbers(void **state)
 			continue;
 		assert_false(vsmd_param_in_range(rows[i].param, (union db_value){ .f = NAN }));
 		assert_false(vsmd_param_in_range(rows[i].param, (union db_value){ .f = INFINITY }));
-		assert_false(vsmd_param_in_range(rows[i].param, (union db_value){ .f = -INFINITY }));
+		assert_false(
+			vsmd_param_in_range(rows[i].param, (union db_value){ .f = -INFINITY }));
 	}
 }
 
@@ -257,9 +259,9 @@ static void names_are_found(void **state)
 
 static void other_names_are_not(void **state)
 {
-	static const char *const others[] = { "",    "dmd", "sds",     "BDR",     "bd", "bdrx",
-		                              " bdr", "s7",  "s0",      "n4ratio", "mbs", "s",
-		                              "spd ", "ra",  "eratio\n" };
+	static const char *const others[] = { "",     "dmd",  "sds",  "BDR", "bd",
+		                              "bdrx", " bdr", "s7",   "s0",  "n4ratio",
+		                              "mbs",  "s",    "spd ", "ra",  "eratio\n" };
 
 	(void)state;
 	for (size_t i = 0; i < COUNT(others); i++)
@@ -274,17 +276,28 @@ static void status_bits(void **state)
 		enum vsmd_status_bit bit;
 		unsigned number;
 	} bits[] = {
-		{ VSMD_ST_S1, 0 },           { VSMD_ST_S2, 1 },
-		{ VSMD_ST_S3, 2 },           { VSMD_ST_S4, 3 },
-		{ VSMD_ST_POS_REACHED, 4 },  { VSMD_ST_SPD_REACHED, 5 },
-		{ VSMD_ST_FLT, 6 },          { VSMD_ST_ORG, 7 },
-		{ VSMD_ST_STP, 8 },          { VSMD_ST_CMD_WRG, 9 },
-		{ VSMD_ST_FLASH_ERR, 10 },   { VSMD_ST_ACTION, 11 },
-		{ VSMD_ST_HS, 12 },          { VSMD_ST_PWR, 13 },
-		{ VSMD_ST_ZERO, 14 },        { VSMD_ST_S5, 16 },
-		{ VSMD_ST_S6, 17 },          { VSMD_ST_OVER_TEMPERATURE, 20 },
-		{ VSMD_ST_OVER_CURRENT, 21 }, { VSMD_ST_VOLTAGE, 22 },
-		{ VSMD_ST_ENC_ERR, 24 },     { VSMD_ST_ACT, 27 },
+		{ VSMD_ST_S1, 0 },
+		{ VSMD_ST_S2, 1 },
+		{ VSMD_ST_S3, 2 },
+		{ VSMD_ST_S4, 3 },
+		{ VSMD_ST_POS_REACHED, 4 },
+		{ VSMD_ST_SPD_REACHED, 5 },
+		{ VSMD_ST_FLT, 6 },
+		{ VSMD_ST_ORG, 7 },
+		{ VSMD_ST_STP, 8 },
+		{ VSMD_ST_CMD_WRG, 9 },
+		{ VSMD_ST_FLASH_ERR, 10 },
+		{ VSMD_ST_ACTION, 11 },
+		{ VSMD_ST_HS, 12 },
+		{ VSMD_ST_PWR, 13 },
+		{ VSMD_ST_ZERO, 14 },
+		{ VSMD_ST_S5, 16 },
+		{ VSMD_ST_S6, 17 },
+		{ VSMD_ST_OVER_TEMPERATURE, 20 },
+		{ VSMD_ST_OVER_CURRENT, 21 },
+		{ VSMD_ST_VOLTAGE, 22 },
+		{ VSMD_ST_ENC_ERR, 24 },
+		{ VSMD_ST_ACT, 27 },
 	};
 
 	(void)state;

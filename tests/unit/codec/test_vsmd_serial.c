@@ -6,16 +6,16 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include <cmocka.h>
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <cmocka.h>
 
 #define COUNT(array) (sizeof(array) / sizeof(array)[0])
-#define NO_ID        VSMD_SERIAL_NO_ID
-#define UNREAD_ID    (-2)
+#define NO_ID VSMD_SERIAL_NO_ID
+#define UNREAD_ID (-2)
 
 /* --- helpers -------------------------------------------------------------------------------------- */
 
@@ -283,7 +283,8 @@ static void documented_parameters(void **state)
 		assert_int_equal(decoded.command.setting_count, 1);
 		assert_ptr_equal(decoded.command.settings, decoded.settings);
 		assert_setting(&decoded.settings[0], (enum vsmd_param)i, examples[i].number);
-		assert_encodes(&decoded.command, examples[i].canonical ? examples[i].canonical : line);
+		assert_encodes(&decoded.command,
+		               examples[i].canonical ? examples[i].canonical : line);
 	}
 }
 
@@ -327,9 +328,10 @@ static void several_parameters(void **state)
 static void all_parameters_at_once(void **state)
 {
 	struct vsmd_setting settings[VSMD_PARAM_COUNT];
-	struct vsmd_command command = {
-		.verb = VSMD_CFG_WRITE, .id = 32, .settings = settings, .setting_count = COUNT(settings)
-	};
+	struct vsmd_command command = { .verb = VSMD_CFG_WRITE,
+		                        .id = 32,
+		                        .settings = settings,
+		                        .setting_count = COUNT(settings) };
 	char line[VSMD_SERIAL_LINE_MAX];
 	struct decoded decoded;
 	int length;
@@ -339,8 +341,8 @@ static void all_parameters_at_once(void **state)
 		const struct db_param *param = &vsmd_params[i];
 
 		settings[i].param = (enum vsmd_param)i;
-		assert_true(db_value_from_number(param->type, param->min < 0 ? param->min : param->max,
-		                                 &settings[i].value));
+		assert_true(db_value_from_number(
+			param->type, param->min < 0 ? param->min : param->max, &settings[i].value));
 		if (param->type == DB_F32 && i != VSMD_ESDS)
 			settings[i].value.f = FLT_TRUE_MIN;
 	}
@@ -357,11 +359,16 @@ static void all_parameters_at_once(void **state)
 
 static void speeds(void **state)
 {
-	static const char *const good[] = { "mov spd=-192000", "mov spd=192000", "mov spd=0",
-		                            "mov spd=0.1", "pos 1 spd=0", "pos 1 spd=192000",
-		                            "rmv 1 spd=0", "rmv 1 spd=192000" };
-	static const char *const bad[] = { "mov spd=-192000.1", "mov spd=192000.1", "pos 1 spd=-0.1",
-		                           "pos 1 spd=192000.1", "rmv 1 spd=-1", "rmv 1 spd=192001",
+	static const char *const good[] = { "mov spd=-192000", "mov spd=192000",
+		                            "mov spd=0",       "mov spd=0.1",
+		                            "pos 1 spd=0",     "pos 1 spd=192000",
+		                            "rmv 1 spd=0",     "rmv 1 spd=192000" };
+	static const char *const bad[] = { "mov spd=-192000.1",
+		                           "mov spd=192000.1",
+		                           "pos 1 spd=-0.1",
+		                           "pos 1 spd=192000.1",
+		                           "rmv 1 spd=-1",
+		                           "rmv 1 spd=192001",
 		                           "mov spd=100000000000000000000000000000000000000000" };
 	struct vsmd_command mov = { .verb = VSMD_MOV, .id = 1, .has_velocity = true };
 	struct vsmd_command pos = { .verb = VSMD_POS, .id = 1, .has_velocity = true };
@@ -391,12 +398,20 @@ static void speeds(void **state)
 
 static void positions(void **state)
 {
-	static const char *const good[] = { "pos -2147483648", "pos 2147483647", "rmv -2147483648",
-		                            "rmv 2147483647",  "org -2147483648", "org 2147483647",
+	static const char *const good[] = { "pos -2147483648",
+		                            "pos 2147483647",
+		                            "rmv -2147483648",
+		                            "rmv 2147483647",
+		                            "org -2147483648",
+		                            "org 2147483647",
 		                            "pos 0" };
 	/* The document prints the range with its signs swapped. */
-	static const char *const bad[] = { "pos 2147483648", "pos -2147483649", "rmv 2147483648",
-		                           "rmv -2147483649", "org 2147483648", "org -2147483649",
+	static const char *const bad[] = { "pos 2147483648",
+		                           "pos -2147483649",
+		                           "rmv 2147483648",
+		                           "rmv -2147483649",
+		                           "org 2147483648",
+		                           "org -2147483649",
 		                           "pos 99999999999999999999999999999999" };
 
 	(void)state;
@@ -413,9 +428,10 @@ static void positions(void **state)
 
 static void small_numbers(void **state)
 {
-	static const char *const range[] = { "stp 2",   "stp -1",   "sv1 256",   "sv1 -1",
+	static const char *const range[] = { "stp 2",   "stp -1",    "sv1 256",  "sv1 -1",
 		                             "sv3 256", "nmos1 256", "nmos3 -1", "sv2 1000000" };
-	static const char *const syntax[] = { "sv0 1", "sv4 1", "nmos0 1", "nmos4 1", "s0 on", "s7 on" };
+	static const char *const syntax[] = { "sv0 1",   "sv4 1", "nmos0 1",
+		                              "nmos4 1", "s0 on", "s7 on" };
 
 	(void)state;
 	for (size_t i = 0; i < COUNT(range); i++)
@@ -423,7 +439,9 @@ static void small_numbers(void **state)
 	for (size_t i = 0; i < COUNT(syntax); i++)
 		assert_error(syntax[i], false, VSMD_ERR_SYNTAX);
 	for (unsigned value = 0; value <= 255; value++) {
-		struct vsmd_command sv = { .verb = VSMD_SV, .id = NO_ID, .port = 2, .value = (uint8_t)value };
+		struct vsmd_command sv = {
+			.verb = VSMD_SV, .id = NO_ID, .port = 2, .value = (uint8_t)value
+		};
 		char line[16];
 
 		snprintf(line, sizeof line, "sv2 %u", value);
@@ -437,18 +455,24 @@ static void small_numbers(void **state)
 static void refused_by_encode(void **state)
 {
 	(void)state;
-	assert_refused((struct vsmd_command){ .verb = VSMD_STP, .id = 1, .has_value = true, .value = 2 },
-	               VSMD_ERR_RANGE);
+	assert_refused(
+		(struct vsmd_command){ .verb = VSMD_STP, .id = 1, .has_value = true, .value = 2 },
+		VSMD_ERR_RANGE);
 	assert_refused((struct vsmd_command){ .verb = VSMD_SENSOR_OUT, .id = 1, .port = 0 },
 	               VSMD_ERR_RANGE);
 	assert_refused((struct vsmd_command){ .verb = VSMD_SENSOR_OUT, .id = 1, .port = 7 },
 	               VSMD_ERR_RANGE);
-	assert_refused((struct vsmd_command){ .verb = VSMD_SENSOR_OUT, .id = 1, .port = 1, .value = 2 },
+	assert_refused(
+		(struct vsmd_command){ .verb = VSMD_SENSOR_OUT, .id = 1, .port = 1, .value = 2 },
+		VSMD_ERR_RANGE);
+	assert_refused((struct vsmd_command){ .verb = VSMD_SV, .id = 1, .port = 0 },
 	               VSMD_ERR_RANGE);
-	assert_refused((struct vsmd_command){ .verb = VSMD_SV, .id = 1, .port = 0 }, VSMD_ERR_RANGE);
-	assert_refused((struct vsmd_command){ .verb = VSMD_SV, .id = 1, .port = 4 }, VSMD_ERR_RANGE);
-	assert_refused((struct vsmd_command){ .verb = VSMD_NMOS, .id = 1, .port = 0 }, VSMD_ERR_RANGE);
-	assert_refused((struct vsmd_command){ .verb = VSMD_NMOS, .id = 1, .port = 4 }, VSMD_ERR_RANGE);
+	assert_refused((struct vsmd_command){ .verb = VSMD_SV, .id = 1, .port = 4 },
+	               VSMD_ERR_RANGE);
+	assert_refused((struct vsmd_command){ .verb = VSMD_NMOS, .id = 1, .port = 0 },
+	               VSMD_ERR_RANGE);
+	assert_refused((struct vsmd_command){ .verb = VSMD_NMOS, .id = 1, .port = 4 },
+	               VSMD_ERR_RANGE);
 	assert_refused((struct vsmd_command){ .verb = VSMD_DEV, .id = 33 }, VSMD_ERR_RANGE);
 	assert_refused((struct vsmd_command){ .verb = VSMD_DEV, .id = -2 }, VSMD_ERR_RANGE);
 	assert_refused((struct vsmd_command){ .verb = VSMD_VERB_COUNT, .id = 1 }, VSMD_ERR_SYNTAX);
@@ -504,12 +528,23 @@ static void shake_needs_each_word_once(void **state)
 
 static void parameter_ranges(void **state)
 {
-	static const char *const range[] = { "cfg bdr=2399",   "cfg bdr=921601",     "cfg cid=0",
-		                             "cfg cid=33",     "cfg res=999",        "cfg res=1",
-		                             "cfg eratio=0",   "cfg eratio=-1",      "cfg s1f=10",
-		                             "cfg s1f=-1",     "cfg cid=65537",      "cfg mcs=0.5",
-		                             "cfg zsp=2147483648", "cfg spd=192001", "cfg esds=0.95",
-		                             "cfg cid=4294967297", "cfg cid=1.00000000000000000001" };
+	static const char *const range[] = { "cfg bdr=2399",
+		                             "cfg bdr=921601",
+		                             "cfg cid=0",
+		                             "cfg cid=33",
+		                             "cfg res=999",
+		                             "cfg res=1",
+		                             "cfg eratio=0",
+		                             "cfg eratio=-1",
+		                             "cfg s1f=10",
+		                             "cfg s1f=-1",
+		                             "cfg cid=65537",
+		                             "cfg mcs=0.5",
+		                             "cfg zsp=2147483648",
+		                             "cfg spd=192001",
+		                             "cfg esds=0.95",
+		                             "cfg cid=4294967297",
+		                             "cfg cid=1.00000000000000000001" };
 	struct vsmd_setting setting = { .param = VSMD_RES, .value.u = 500 };
 	struct vsmd_command cfg = {
 		.verb = VSMD_CFG_WRITE, .id = 1, .settings = &setting, .setting_count = 1
@@ -532,20 +567,110 @@ static void parameter_ranges(void **state)
 static void malformed_lines(void **state)
 {
 	static const char *const lines[] = {
-		"", " ", "\t", "\r", "\n", "DEV", "devx", "de", "dev x", "sts 1", "ena on", "off 0",
-		"eclr 1", "sav 1", "dev\tx", "\tdev", "dev\t", "de\rv", "dev\r\r", "dev\nsts", "\x7f",
-		"\xff\xfe", "pos", "pos x", "pos 1 2", "pos 1 spd", "pos 1 spd=", "pos 1 spd=x",
-		"pos 1 spd=1 spd=1", "pos 1 acc=1", "pos spd=1", "pos 1.0", "pos 1.5", "pos 1e3",
-		"pos 0x10", "pos --1", "pos +-1", "pos -", "pos +", "pos 1,000", "pos\t1", "pos 1\t",
-		"pos nan", "rmv", "rmv one", "rmv 1 x", "mov 100", "mov spd", "mov spd=", "mov spd=1e3",
-		"mov spd=0x10", "mov spd=nan", "mov spd=inf", "mov spd=-inf", "mov spd=1.2.3",
-		"mov spd=.", "mov spd=-", "mov spd= 1", "mov spd=1 2", "mov SPD=1", "mov spd==1",
-		"stp x", "stp 0 1", "stp 1.0", "org x", "org 1 2", "org 0.5", "s1", "s1 1", "s1 ON",
-		"s1 on off", "s1 onn", "s", "s12 on", "sv1", "sv1 x", "sv1 1 2", "sv1 0xA0", "sv1 1.0",
-		"sv 1", "nmos1", "nmos1 on", "nmos 1", "zero", "zero go", "zero start 1", "zero stop x",
-		"shake", "shake go", "shake stop 1", "shake start x", "shake start spos", "cfg bdr",
-		"cfg bdr=", "cfg =1", "cfg =", "cfg spd=1e3", "cfg spd=nan", "cfg spd=inf", "cfg bdr=0x10",
-		"cfg spd=1 x", "cfg spd=1\tacc=2", "cfg bdr= 9600", "1 dev",
+		"",
+		" ",
+		"\t",
+		"\r",
+		"\n",
+		"DEV",
+		"devx",
+		"de",
+		"dev x",
+		"sts 1",
+		"ena on",
+		"off 0",
+		"eclr 1",
+		"sav 1",
+		"dev\tx",
+		"\tdev",
+		"dev\t",
+		"de\rv",
+		"dev\r\r",
+		"dev\nsts",
+		"\x7f",
+		"\xff\xfe",
+		"pos",
+		"pos x",
+		"pos 1 2",
+		"pos 1 spd",
+		"pos 1 spd=",
+		"pos 1 spd=x",
+		"pos 1 spd=1 spd=1",
+		"pos 1 acc=1",
+		"pos spd=1",
+		"pos 1.0",
+		"pos 1.5",
+		"pos 1e3",
+		"pos 0x10",
+		"pos --1",
+		"pos +-1",
+		"pos -",
+		"pos +",
+		"pos 1,000",
+		"pos\t1",
+		"pos 1\t",
+		"pos nan",
+		"rmv",
+		"rmv one",
+		"rmv 1 x",
+		"mov 100",
+		"mov spd",
+		"mov spd=",
+		"mov spd=1e3",
+		"mov spd=0x10",
+		"mov spd=nan",
+		"mov spd=inf",
+		"mov spd=-inf",
+		"mov spd=1.2.3",
+		"mov spd=.",
+		"mov spd=-",
+		"mov spd= 1",
+		"mov spd=1 2",
+		"mov SPD=1",
+		"mov spd==1",
+		"stp x",
+		"stp 0 1",
+		"stp 1.0",
+		"org x",
+		"org 1 2",
+		"org 0.5",
+		"s1",
+		"s1 1",
+		"s1 ON",
+		"s1 on off",
+		"s1 onn",
+		"s",
+		"s12 on",
+		"sv1",
+		"sv1 x",
+		"sv1 1 2",
+		"sv1 0xA0",
+		"sv1 1.0",
+		"sv 1",
+		"nmos1",
+		"nmos1 on",
+		"nmos 1",
+		"zero",
+		"zero go",
+		"zero start 1",
+		"zero stop x",
+		"shake",
+		"shake go",
+		"shake stop 1",
+		"shake start x",
+		"shake start spos",
+		"cfg bdr",
+		"cfg bdr=",
+		"cfg =1",
+		"cfg =",
+		"cfg spd=1e3",
+		"cfg spd=nan",
+		"cfg spd=inf",
+		"cfg bdr=0x10",
+		"cfg spd=1 x",
+		"cfg spd=1\tacc=2",
+		"cfg bdr= 9600",
+		"1 dev",
 	};
 
 	(void)state;
@@ -576,8 +701,10 @@ static void unknown_parameters(void **state)
 
 static void ids(void **state)
 {
-	static const char *const unread[] = { "33 dev", "-1 dev", "+1 dev", "1.0 dev", "x dev", "dev",
-		                              "0x1 dev", "1dev", "999999999999999999999 dev", "" };
+	static const char *const unread[] = { "33 dev",  "-1 dev", "+1 dev",
+		                              "1.0 dev", "x dev",  "dev",
+		                              "0x1 dev", "1dev",   "999999999999999999999 dev",
+		                              "" };
 	struct decoded decoded;
 
 	(void)state;
@@ -609,9 +736,11 @@ static void bytes_that_end_c_strings(void **state)
 	                 VSMD_ERR_SYNTAX);
 	assert_int_equal(vsmd_serial_decode_command("pos 1\0", 6, false, &command, NULL, 0),
 	                 VSMD_ERR_SYNTAX);
-	assert_int_equal(vsmd_serial_decode_command("dev\0 x", 3, false, &command, NULL, 0), VSMD_OK);
+	assert_int_equal(vsmd_serial_decode_command("dev\0 x", 3, false, &command, NULL, 0),
+	                 VSMD_OK);
 	/* Terminals end lines with both; the drive's '\n' is already gone here. */
-	assert_int_equal(vsmd_serial_decode_command("pos 10\r", 7, false, &command, NULL, 0), VSMD_OK);
+	assert_int_equal(vsmd_serial_decode_command("pos 10\r", 7, false, &command, NULL, 0),
+	                 VSMD_OK);
 	assert_int_equal(command.position, 10);
 }
 
@@ -625,8 +754,9 @@ static void space_for_settings(void **state)
 	(void)state;
 	assert_int_equal(vsmd_serial_decode_command(two, strlen(two), false, &command, settings, 2),
 	                 VSMD_OK);
-	assert_int_equal(vsmd_serial_decode_command(three, strlen(three), false, &command, settings, 2),
-	                 VSMD_ERR_SPACE);
+	assert_int_equal(
+		vsmd_serial_decode_command(three, strlen(three), false, &command, settings, 2),
+		VSMD_ERR_SPACE);
 	assert_int_equal(vsmd_serial_decode_command("cfg", 3, false, &command, NULL, 0), VSMD_OK);
 }
 
@@ -644,7 +774,7 @@ static void space_for_lines(void **state)
 
 /* --- replies -------------------------------------------------------------------------------------- */
 
-static const uint8_t status_frame[] = { 0xFF, 0x01, 0x02, 0, 0, 0, 0, 0,    0,    0,    0,
+static const uint8_t status_frame[] = { 0xFF, 0x01, 0x02, 0, 0, 0,    0,    0,    0,    0,   0,
 	                                0,    0,    0,    0, 0, 0x23, 0x33, 0x00, 0x13, 0xFE };
 static const char identity[] = "VSMD113_025T-1.0.008.170428";
 
@@ -692,7 +822,8 @@ static void documented_status(void **state)
 
 	(void)state;
 	assert_int_equal(sizeof status_frame, VSMD_SERIAL_STATUS_FRAME);
-	assert_int_equal(vsmd_serial_decode_reply(status_frame, sizeof status_frame, &reply), VSMD_OK);
+	assert_int_equal(vsmd_serial_decode_reply(status_frame, sizeof status_frame, &reply),
+	                 VSMD_OK);
 	assert_int_equal(reply.id, 1);
 	assert_int_equal(reply.code, VSMD_REPLY_STATUS);
 	assert_true(reply.status.velocity == 0.0f);
@@ -724,9 +855,13 @@ static void parameter_text_frame(void **state)
 	int length;
 
 	(void)state;
-	length = vsmd_serial_encode_text(2, VSMD_REPLY_PARAMS, text, strlen(text), frame, sizeof frame);
+	length = vsmd_serial_encode_text(2, VSMD_REPLY_PARAMS, text, strlen(text), frame,
+	                                 sizeof frame);
 	assert_int_equal(length, strlen(text) + 6);
-	assert_memory_equal(frame, "\xFF\x02\x03" "bdr=9600", 11);
+	assert_memory_equal(frame,
+	                    "\xFF\x02\x03"
+	                    "bdr=9600",
+	                    11);
 	assert_int_equal(vsmd_serial_decode_reply(frame, (size_t)length, &reply), VSMD_OK);
 	assert_int_equal(reply.id, 2);
 	assert_int_equal(reply.code, VSMD_REPLY_PARAMS);
@@ -743,7 +878,8 @@ static void five_groups(void **state)
 	} rows[] = {
 		{ { 1.0f, 1, 1 }, { 3, 0x7C, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 } },
 		{ { -1.0f, -1, UINT32_MAX },
-		  { 0x0B, 0x7C, 0, 0, 0, 0x0F, 0x7F, 0x7F, 0x7F, 0x7F, 0x0F, 0x7F, 0x7F, 0x7F, 0x7F } },
+		  { 0x0B, 0x7C, 0, 0, 0, 0x0F, 0x7F, 0x7F, 0x7F, 0x7F, 0x0F, 0x7F, 0x7F, 0x7F,
+		    0x7F } },
 		{ { 0.0f, INT32_MIN, 0x12345678 },
 		  { 0, 0, 0, 0, 0, 8, 0, 0, 0, 0, 1, 0x11, 0x51, 0x2C, 0x78 } },
 		{ { -0.0f, INT32_MAX, 0x80 },
@@ -755,8 +891,9 @@ static void five_groups(void **state)
 		uint8_t frame[VSMD_SERIAL_STATUS_FRAME];
 		struct vsmd_reply reply;
 
-		assert_int_equal(vsmd_serial_encode_status(32, &rows[i].status, frame, sizeof frame),
-		                 sizeof frame);
+		assert_int_equal(
+			vsmd_serial_encode_status(32, &rows[i].status, frame, sizeof frame),
+			sizeof frame);
 		assert_memory_equal(frame, "\xFF\x20\x02", 3);
 		assert_memory_equal(frame + 3, rows[i].groups, 15);
 		assert_int_equal(vsmd_serial_decode_reply(frame, sizeof frame, &reply), VSMD_OK);
@@ -803,16 +940,40 @@ static void faults_behind_a_right_checksum(void **state)
 		size_t length;
 		enum vsmd_error error;
 	} rows[] = {
-		{ "\xFF\x01\x01" "A" "\x00\x41\xFE", 7, VSMD_OK },
-		{ "\xFF\x00\x01" "A" "\x00\x40\xFE", 7, VSMD_OK },
-		{ "\xFF\x20\x01" "A" "\x00\x60\xFE", 7, VSMD_OK },
-		{ "\xFF\x01\x01\x00\x00\xFE", 6, VSMD_OK },               /* an empty text */
-		{ "\xFF\x21\x01" "A" "\x00\x61\xFE", 7, VSMD_ERR_SYNTAX }, /* id 33 */
-		{ "\xFF\x01\x01" "A" "\x01\x41\xFE", 7, VSMD_ERR_SYNTAX }, /* BH */
-		{ "\xFF\x01\x01" "A" "\x00\x42\xFE", 7, VSMD_ERR_SYNTAX }, /* BL */
-		{ "\xFF\x01\x00" "A" "\x00\x40\xFE", 7, VSMD_ERR_SYNTAX }, /* code 0 */
-		{ "\xFF\x01\x04" "A" "\x00\x44\xFE", 7, VSMD_ERR_SYNTAX }, /* code 4 */
-		{ "\xFF\x01\x01\x1F\x00\x1F\xFE", 7, VSMD_ERR_SYNTAX },    /* control characters */
+		{ "\xFF\x01\x01"
+		  "A"
+		  "\x00\x41\xFE",
+		  7, VSMD_OK },
+		{ "\xFF\x00\x01"
+		  "A"
+		  "\x00\x40\xFE",
+		  7, VSMD_OK },
+		{ "\xFF\x20\x01"
+		  "A"
+		  "\x00\x60\xFE",
+		  7, VSMD_OK },
+		{ "\xFF\x01\x01\x00\x00\xFE", 6, VSMD_OK }, /* an empty text */
+		{ "\xFF\x21\x01"
+		  "A"
+		  "\x00\x61\xFE",
+		  7, VSMD_ERR_SYNTAX }, /* id 33 */
+		{ "\xFF\x01\x01"
+		  "A"
+		  "\x01\x41\xFE",
+		  7, VSMD_ERR_SYNTAX }, /* BH */
+		{ "\xFF\x01\x01"
+		  "A"
+		  "\x00\x42\xFE",
+		  7, VSMD_ERR_SYNTAX }, /* BL */
+		{ "\xFF\x01\x00"
+		  "A"
+		  "\x00\x40\xFE",
+		  7, VSMD_ERR_SYNTAX }, /* code 0 */
+		{ "\xFF\x01\x04"
+		  "A"
+		  "\x00\x44\xFE",
+		  7, VSMD_ERR_SYNTAX },                                 /* code 4 */
+		{ "\xFF\x01\x01\x1F\x00\x1F\xFE", 7, VSMD_ERR_SYNTAX }, /* control characters */
 		{ "\xFF\x01\x01\x0A\x00\x0A\xFE", 7, VSMD_ERR_SYNTAX },
 		{ "\xFF\x01\x01\x00\x00\x00\xFE", 7, VSMD_ERR_SYNTAX },
 		{ "\xFF\x01\x01\x7F\x00\x7F\xFE", 7, VSMD_ERR_SYNTAX },
@@ -884,12 +1045,14 @@ static void encoders_refuse(void **state)
 
 /* --- cutting a stream ----------------------------------------------------------------------------- */
 
-static void assert_cut(const char *bytes, size_t length, enum vsmd_cut cut, size_t skip, size_t frame)
+static void assert_cut(const char *bytes, size_t length, enum vsmd_cut cut, size_t skip,
+                       size_t frame)
 {
 	size_t skipped = 999;
 	size_t cut_length = 999;
 
-	assert_int_equal(vsmd_serial_cut((const uint8_t *)bytes, length, &skipped, &cut_length), cut);
+	assert_int_equal(vsmd_serial_cut((const uint8_t *)bytes, length, &skipped, &cut_length),
+	                 cut);
 	assert_int_equal(skipped, skip);
 	if (cut == VSMD_CUT_FRAME)
 		assert_int_equal(cut_length, frame);
@@ -905,9 +1068,9 @@ static void cuts(void **state)
 	assert_cut("\xFF\x01\x02", 3, VSMD_CUT_MORE, 0, 0);             /* truncated */
 	assert_cut("ab\xFF\x01", 4, VSMD_CUT_MORE, 2, 0);
 	assert_cut("\xFF", 1, VSMD_CUT_MORE, 0, 0);
-	assert_cut("\xFF\x01\xFF\x02\xFE", 5, VSMD_CUT_FRAME, 2, 3);    /* a new start inside */
+	assert_cut("\xFF\x01\xFF\x02\xFE", 5, VSMD_CUT_FRAME, 2, 3); /* a new start inside */
 	assert_cut("\xFF\xFF\xFF\x02\xFE", 5, VSMD_CUT_FRAME, 2, 3);
-	assert_cut("\xFF\x01\x80\x02\xFE", 5, VSMD_CUT_MORE, 5, 0);     /* high byte inside */
+	assert_cut("\xFF\x01\x80\x02\xFE", 5, VSMD_CUT_MORE, 5, 0); /* high byte inside */
 	assert_cut("\xFF\x01\xFD\x02\xFE\xFF\x03\xFE", 8, VSMD_CUT_FRAME, 5, 3);
 	assert_cut("\xFF\x01\xFE\xFF\x02\x03\xFE", 7, VSMD_CUT_FRAME, 0, 3); /* two frames */
 	assert_cut("\xFF\x02\x03\xFE\xFF", 4, VSMD_CUT_FRAME, 0, 4);
@@ -943,20 +1106,33 @@ static void over_long_frames(void **state)
 
 static void walks_parameters(void **state)
 {
-	static const char text[] = "  bdr=9600 cid=2.00 spd=12800.00 acc=12800 dmd=1 sds=0.5 zsp=-7.0 "
-				   "crn=0.8 cra= garbage =5 dec=abc mcs=1.5 cid=70000 crh==1 BDR=1 "
-				   "zsp=99999999999 spd=1e3 res=500 dar=10 ";
+	static const char text[] =
+		"  bdr=9600 cid=2.00 spd=12800.00 acc=12800 dmd=1 sds=0.5 zsp=-7.0 "
+		"crn=0.8 cra= garbage =5 dec=abc mcs=1.5 cid=70000 crh==1 BDR=1 "
+		"zsp=99999999999 spd=1e3 res=500 dar=10 ";
 	static const struct {
 		int result;
 		enum vsmd_param param;
 		double number;
 	} rows[] = {
-		{ 1, VSMD_BDR, 9600 },  { 1, VSMD_CID, 2 }, { 1, VSMD_SPD, 12800 },
-		{ 1, VSMD_ACC, 12800 }, { 2, 0, 0 },        { 2, 0, 0 },
-		{ 1, VSMD_ZSP, -7 },    { 1, VSMD_CRN, 0.8 }, { 2, 0, 0 },
-		{ 2, 0, 0 },            { 2, 0, 0 },        { 2, 0, 0 },
-		{ 2, 0, 0 },            { 2, 0, 0 },        { 2, 0, 0 },
-		{ 2, 0, 0 },            { 2, 0, 0 },        { 2, 0, 0 },
+		{ 1, VSMD_BDR, 9600 },
+		{ 1, VSMD_CID, 2 },
+		{ 1, VSMD_SPD, 12800 },
+		{ 1, VSMD_ACC, 12800 },
+		{ 2, 0, 0 },
+		{ 2, 0, 0 },
+		{ 1, VSMD_ZSP, -7 },
+		{ 1, VSMD_CRN, 0.8 },
+		{ 2, 0, 0 },
+		{ 2, 0, 0 },
+		{ 2, 0, 0 },
+		{ 2, 0, 0 },
+		{ 2, 0, 0 },
+		{ 2, 0, 0 },
+		{ 2, 0, 0 },
+		{ 2, 0, 0 },
+		{ 2, 0, 0 },
+		{ 2, 0, 0 },
 		{ 1, VSMD_RES, 500 }, /* outside its range: the drive knows what it holds */
 		{ 1, VSMD_DAR, 10 },
 	};
@@ -989,19 +1165,23 @@ static void formats_all_parameters(void **state)
 
 	(void)state;
 	for (int i = 0; i < VSMD_PARAM_COUNT; i++)
-		assert_true(db_value_from_number(vsmd_params[i].type, examples[i].number, &values[i]));
+		assert_true(
+			db_value_from_number(vsmd_params[i].type, examples[i].number, &values[i]));
 	length = vsmd_serial_format_params(values, text, sizeof text);
 	assert_in_range(length, 1, sizeof text);
 	assert_memory_equal(text, "bdr=115200 cid=1 mcs=5 spd=1200 ", 32);
 	assert_in_range(vsmd_serial_encode_text(1, VSMD_REPLY_PARAMS, text, (size_t)length, frame,
-	                                        sizeof frame), 1, sizeof frame);
+	                                        sizeof frame),
+	                1, sizeof frame);
 	for (int i = 0; i < VSMD_PARAM_COUNT; i++) {
-		assert_int_equal(vsmd_serial_next_param(text, (size_t)length, &cursor, &setting), 1);
+		assert_int_equal(vsmd_serial_next_param(text, (size_t)length, &cursor, &setting),
+		                 1);
 		assert_setting(&setting, (enum vsmd_param)i, examples[i].number);
 	}
 	assert_int_equal(vsmd_serial_next_param(text, (size_t)length, &cursor, &setting), 0);
 	assert_int_equal(vsmd_serial_format_params(values, text, (size_t)length), length);
-	assert_int_equal(vsmd_serial_format_params(values, text, (size_t)length - 1), VSMD_ERR_SPACE);
+	assert_int_equal(vsmd_serial_format_params(values, text, (size_t)length - 1),
+	                 VSMD_ERR_SPACE);
 	values[VSMD_SPD].f = NAN;
 	assert_int_equal(vsmd_serial_format_params(values, text, sizeof text), VSMD_ERR_RANGE);
 }
@@ -1014,10 +1194,18 @@ static void floats_are_short_and_plain(void **state)
 		float number;
 		const char *text;
 	} rows[] = {
-		{ 0.0f, "0" },           { 0.1f, "0.1" },       { 0.2f, "0.2" },
-		{ 0.8f, "0.8" },         { -1200.0f, "-1200" }, { 0.5f, "0.5" },
-		{ 192000000.0f, "192000000" }, { 191999.98f, "191999.98" }, { -0.25f, "-0.25" },
-		{ 16777216.0f, "16777216" }, { 8388607.5f, "8388607.5" }, { 1e-5f, "0.00001" },
+		{ 0.0f, "0" },
+		{ 0.1f, "0.1" },
+		{ 0.2f, "0.2" },
+		{ 0.8f, "0.8" },
+		{ -1200.0f, "-1200" },
+		{ 0.5f, "0.5" },
+		{ 192000000.0f, "192000000" },
+		{ 191999.98f, "191999.98" },
+		{ -0.25f, "-0.25" },
+		{ 16777216.0f, "16777216" },
+		{ 8388607.5f, "8388607.5" },
+		{ 1e-5f, "0.00001" },
 		{ 1.17549435e-38f, "0.000000000000000000000000000000000000011754944" },
 	};
 
@@ -1062,9 +1250,11 @@ static void values_of_other_types(void **state)
 	char text[16];
 
 	(void)state;
-	assert_int_equal(vsmd_format_value(DB_U32, (union db_value){ .u = UINT32_MAX }, text, 16), 10);
+	assert_int_equal(vsmd_format_value(DB_U32, (union db_value){ .u = UINT32_MAX }, text, 16),
+	                 10);
 	assert_string_equal(text, "4294967295");
-	assert_int_equal(vsmd_format_value(DB_I32, (union db_value){ .i = INT32_MIN }, text, 16), 11);
+	assert_int_equal(vsmd_format_value(DB_I32, (union db_value){ .i = INT32_MIN }, text, 16),
+	                 11);
 	assert_string_equal(text, "-2147483648");
 	assert_int_equal(vsmd_format_value(DB_U16, (union db_value){ .u = 65535 }, text, 6), 5);
 	assert_int_equal(vsmd_format_value(DB_U16, (union db_value){ .u = 65535 }, text, 5),

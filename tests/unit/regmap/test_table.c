@@ -252,11 +252,13 @@ static void only_what_exists_has_registers(void **state)
 static void names_that_others_rely_on(void **state)
 {
 	static const char *const wanted[] = {
-		"axis_state", "status", "error", "quality", "age_ms", "timestamp_us", "position",
-		"velocity", "position_units", "velocity_units", "drive_status", "command_id",
-		"command", "target_position", "target_velocity", "result_id", "result",
-		"capabilities", "inputs", "outputs", "acceleration", "program", "program_state",
-		"current", "fault_bits", "supply_voltage", "temperature",
+		"axis_state",     "status",          "error",           "quality",
+		"age_ms",         "timestamp_us",    "position",        "velocity",
+		"position_units", "velocity_units",  "drive_status",    "command_id",
+		"command",        "target_position", "target_velocity", "result_id",
+		"result",         "capabilities",    "inputs",          "outputs",
+		"acceleration",   "program",         "program_state",   "current",
+		"fault_bits",     "supply_voltage",  "temperature",
 	};
 	static struct list list;
 

@@ -15,14 +15,14 @@
 #include <cmocka.h>
 
 #define DRIVES 3
-#define MS     DB_NS_PER_MS
+#define MS DB_NS_PER_MS
 
 enum fault { FAULT_NONE, FAULT_LOSE_REQUEST, FAULT_LOSE_ANSWER, FAULT_LATE_ANSWER };
 
 struct drive {
 	struct vsmd_status status;
 	bool dead;
-	enum fault fault;    /* of the next request that `fault_verb` matches */
+	enum fault fault; /* of the next request that `fault_verb` matches */
 	enum vsmd_verb fault_verb;
 	unsigned executed[VSMD_VERB_COUNT];
 };
@@ -41,7 +41,7 @@ struct world {
 	db_time answer_at;
 	uint8_t late[VSMD_SERIAL_FRAME_MAX];
 	size_t late_length;
-	char log[4096];      /* every line sent since it was cleared */
+	char log[4096]; /* every line sent since it was cleared */
 };
 
 static void execute(struct drive *drive, const struct vsmd_command *command)
@@ -447,7 +447,8 @@ static void a_late_answer_is_not_taken_for_the_next_ones(void **state)
 	for (int i = 0; i < 40; i++) {
 		pass(world, MS);
 		if (world->late_length > 0 && count(world, "1 dev\n") > 0) {
-			db_engine_receive(world->engine, world->late, world->late_length, world->now);
+			db_engine_receive(world->engine, world->late, world->late_length,
+			                  world->now);
 			world->late_length = 0;
 		}
 		/* Never confirmed before the drive has really done it. */
@@ -472,7 +473,8 @@ static void a_stop_overtakes_and_cancels(void **state)
 	post(world, 1, DB_CMD_ENABLE, 0);
 	post(world, 0, DB_CMD_STOP, 0);
 	pass(world, 30 * MS);
-	assert_true(strncmp(world->log, "1 stp\n", 6) == 0 || strncmp(strchr(world->log, '\n') + 1, "1 stp\n", 6) == 0);
+	assert_true(strncmp(world->log, "1 stp\n", 6) == 0 ||
+	            strncmp(strchr(world->log, '\n') + 1, "1 stp\n", 6) == 0);
 	assert_int_equal(count(world, "1 pos"), 0);
 	while (db_mailbox_collect(world->mailbox, &completion)) {
 		if (completion.result == DB_RESULT_CANCELLED)

@@ -99,8 +99,8 @@ static void two_threads_lose_and_reorder_nothing(void **state)
 	assert_int_equal(db_mailbox_new(5, 3, &mailbox), 0);
 	assert_int_equal(pthread_create(&thread, NULL, work, mailbox), 0);
 	while (collected < LETTERS) {
-		struct db_request request = request_of(posted + 1, posted % 3 ? DB_CMD_ENABLE :
-		                                                                DB_CMD_STOP);
+		struct db_request request = request_of(posted + 1,
+		                                       posted % 3 ? DB_CMD_ENABLE : DB_CMD_STOP);
 
 		if (posted < LETTERS && db_mailbox_post(mailbox, &request))
 			posted++;

@@ -6,10 +6,10 @@
 #include <stdint.h>
 
 #include <arpa/inet.h>
-#include <cmocka.h>
 #include <errno.h>
 #include <string.h>
 #include <unistd.h>
+#include <cmocka.h>
 
 #include "server/acl.h"
 #include "server/listener.h"
@@ -92,9 +92,22 @@ static void peers(void **state)
 static void listen_addresses(void **state)
 {
 	static const char *const bad[] = {
-		"", "502", ":502", "127.0.0.1", "127.0.0.1:", "127.0.0.1:x", "127.0.0.1:-1",
-		"127.0.0.1:+1", "127.0.0.1: 1", "127.0.0.1:999999", "a.b:0", "::1:0", "[::1]",
-		"[]:502", "[::1:502", "::1]:502",
+		"",
+		"502",
+		":502",
+		"127.0.0.1",
+		"127.0.0.1:",
+		"127.0.0.1:x",
+		"127.0.0.1:-1",
+		"127.0.0.1:+1",
+		"127.0.0.1: 1",
+		"127.0.0.1:999999",
+		"a.b:0",
+		"::1:0",
+		"[::1]",
+		"[]:502",
+		"[::1:502",
+		"::1]:502",
 	};
 	int fd;
 
@@ -111,7 +124,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(matches_prefixes), cmocka_unit_test(empty_lists),
-		cmocka_unit_test(both_lists),	    cmocka_unit_test(peers),
+		cmocka_unit_test(both_lists),       cmocka_unit_test(peers),
 		cmocka_unit_test(listen_addresses),
 	};
 

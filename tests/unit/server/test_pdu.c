@@ -30,8 +30,8 @@ static uint8_t parse(struct db_request *request, uint8_t *adu, const uint8_t *pd
 	return db_pdu_parse(adu, size, request);
 }
 
-#define PARSE(request, adu, ...)                                                                   \
-	parse((request), (adu), (const uint8_t[]){ __VA_ARGS__ },                                  \
+#define PARSE(request, adu, ...)                                  \
+	parse((request), (adu), (const uint8_t[]){ __VA_ARGS__ }, \
 	      sizeof((const uint8_t[]){ __VA_ARGS__ }))
 
 static void check_frame(const uint8_t *adu, size_t length, const uint8_t *pdu, size_t size)
@@ -43,9 +43,9 @@ static void check_frame(const uint8_t *adu, size_t length, const uint8_t *pdu, s
 	assert_memory_equal(adu, expected, total);
 }
 
-#define CHECK(adu, length, ...)                                                                    \
-	check_frame((adu), (length), (const uint8_t[]){ __VA_ARGS__ },                             \
-		    sizeof((const uint8_t[]){ __VA_ARGS__ }))
+#define CHECK(adu, length, ...)                                        \
+	check_frame((adu), (length), (const uint8_t[]){ __VA_ARGS__ }, \
+	            sizeof((const uint8_t[]){ __VA_ARGS__ }))
 
 static void cuts_frames(void **state)
 {
@@ -191,9 +191,8 @@ static void write_limits(void **state)
 		pdu[3] = cases[i].quantity_high;
 		pdu[4] = cases[i].quantity_low;
 		pdu[5] = cases[i].bytes;
-		assert_int_equal(
-			db_pdu_parse(adu, frame(adu, pdu, 6u + cases[i].bytes), &r),
-			cases[i].expected);
+		assert_int_equal(db_pdu_parse(adu, frame(adu, pdu, 6u + cases[i].bytes), &r),
+		                 cases[i].expected);
 	}
 	memcpy(pdu, (const uint8_t[]){ 23, 0, 0, 0, 125, 0, 0, 0, 121, 242 }, 10);
 	assert_int_equal(parse(&r, adu, pdu, 10 + 242), 0);
@@ -254,7 +253,7 @@ static void wrong_lengths(void **state)
 	};
 	/* A write hidden behind a read, covered by one length. */
 	static const uint8_t hidden[] = { 3, 0, 0,  0, 1, 0, 2, 0, 0, 0,
-					  9, 5, 16, 0, 0, 0, 1, 2, 0, 1 };
+		                          9, 5, 16, 0, 0, 0, 1, 2, 0, 1 };
 	uint8_t adu[DB_ADU_MAX];
 	struct db_request r;
 
@@ -383,20 +382,13 @@ static void device_id_more_follows(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		cmocka_unit_test(cuts_frames),
-		cmocka_unit_test(reads),
-		cmocka_unit_test(read_limits),
-		cmocka_unit_test(single_writes),
-		cmocka_unit_test(multiple_writes),
-		cmocka_unit_test(write_limits),
-		cmocka_unit_test(mask_and_write_read),
-		cmocka_unit_test(wrong_lengths),
-		cmocka_unit_test(unknown_functions),
-		cmocka_unit_test(every_exception),
-		cmocka_unit_test(server_id),
-		cmocka_unit_test(device_id_streams),
-		cmocka_unit_test(device_id_single),
-		cmocka_unit_test(device_id_more_follows),
+		cmocka_unit_test(cuts_frames),         cmocka_unit_test(reads),
+		cmocka_unit_test(read_limits),         cmocka_unit_test(single_writes),
+		cmocka_unit_test(multiple_writes),     cmocka_unit_test(write_limits),
+		cmocka_unit_test(mask_and_write_read), cmocka_unit_test(wrong_lengths),
+		cmocka_unit_test(unknown_functions),   cmocka_unit_test(every_exception),
+		cmocka_unit_test(server_id),           cmocka_unit_test(device_id_streams),
+		cmocka_unit_test(device_id_single),    cmocka_unit_test(device_id_more_follows),
 	};
 
 	return cmocka_run_group_tests_name("server/pdu", tests, NULL, NULL);

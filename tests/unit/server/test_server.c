@@ -9,7 +9,6 @@
 #include <stdint.h>
 
 #include <arpa/inet.h>
-#include <cmocka.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -19,13 +18,14 @@
 #include <systemd/sd-event.h>
 #include <time.h>
 #include <unistd.h>
+#include <cmocka.h>
 
 #include "drivebridge/server.h"
 
-#define REGISTERS 1000u  /* addresses beyond do not exist */
-#define LATER 200u       /* writes from here on are answered later */
-#define STOP 300u        /* a write here cancels the oldest pending one with exception 04 */
-#define STALE 400u       /* reading here gives 0B */
+#define REGISTERS 1000u /* addresses beyond do not exist */
+#define LATER 200u      /* writes from here on are answered later */
+#define STOP 300u       /* a write here cancels the oldest pending one with exception 04 */
+#define STALE 400u      /* reading here gives 0B */
 #define NO_UNIT 9
 #define PENDING 64
 #define PATIENCE_MS 10000
@@ -52,7 +52,7 @@ static uint8_t fake_unit(void *context, uint8_t unit)
 }
 
 static uint8_t fake_read(void *context, const struct db_client *client, uint8_t unit,
-			 enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
+                         enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
 {
 	struct rig *rig = context;
 
@@ -76,8 +76,8 @@ static void apply(struct rig *rig, uint16_t address, uint16_t count, const uint1
 }
 
 static int fake_write(void *context, const struct db_client *client, uint8_t unit,
-		      enum db_table table, uint16_t address, uint16_t count, const uint16_t *values,
-		      struct db_write_token token)
+                      enum db_table table, uint16_t address, uint16_t count, const uint16_t *values,
+                      struct db_write_token token)
 {
 	struct rig *rig = context;
 	struct pending *pending = &rig->pending[rig->later % PENDING];
@@ -204,13 +204,13 @@ static void settle(struct rig *rig)
 		;
 }
 
-#define WAIT_FOR(rig, condition)                                                                   \
-	do {                                                                                       \
-		int64_t end_ = now_ms() + PATIENCE_MS;                                             \
-		while (!(condition)) {                                                             \
-			assert_true(now_ms() < end_);                                              \
-			assert_true(sd_event_run((rig)->loop, 5000) >= 0);                         \
-		}                                                                                  \
+#define WAIT_FOR(rig, condition)                                           \
+	do {                                                               \
+		int64_t end_ = now_ms() + PATIENCE_MS;                     \
+		while (!(condition)) {                                     \
+			assert_true(now_ms() < end_);                      \
+			assert_true(sd_event_run((rig)->loop, 5000) >= 0); \
+		}                                                          \
 	} while (0)
 
 static int open_client(const struct rig *rig)
@@ -251,11 +251,11 @@ static size_t make(uint8_t *adu, uint16_t transaction, const uint8_t *pdu, size_
 	return 7 + length;
 }
 
-#define SEND(fd, transaction, ...)                                                                 \
-	do {                                                                                       \
-		const uint8_t pdu_[] = { __VA_ARGS__ };                                            \
-		uint8_t adu_[260];                                                                 \
-		send_bytes((fd), adu_, make(adu_, (transaction), pdu_, sizeof(pdu_)));             \
+#define SEND(fd, transaction, ...)                                                     \
+	do {                                                                           \
+		const uint8_t pdu_[] = { __VA_ARGS__ };                                \
+		uint8_t adu_[260];                                                     \
+		send_bytes((fd), adu_, make(adu_, (transaction), pdu_, sizeof(pdu_))); \
 	} while (0)
 
 static void receive(struct rig *rig, int fd, uint8_t *bytes, size_t length)
@@ -285,8 +285,8 @@ static void expect(struct rig *rig, int fd, uint16_t transaction, const uint8_t 
 	assert_memory_equal(got, expected, size);
 }
 
-#define EXPECT(rig, fd, transaction, ...)                                                          \
-	expect((rig), (fd), (transaction), (const uint8_t[]){ __VA_ARGS__ },                       \
+#define EXPECT(rig, fd, transaction, ...)                                    \
+	expect((rig), (fd), (transaction), (const uint8_t[]){ __VA_ARGS__ }, \
 	       sizeof((const uint8_t[]){ __VA_ARGS__ }))
 
 static void expect_silence(struct rig *rig, int fd)
@@ -703,7 +703,7 @@ static void flood_is_held_back(void **state)
 static void readers_may_not_write(void **state)
 {
 	struct db_network elsewhere = { .address = { [10] = 0xFF, [11] = 0xFF, [12] = 10 },
-					.prefix = 104 };
+		                        .prefix = 104 };
 	struct rig *rig = *state;
 	int fd;
 
@@ -725,7 +725,7 @@ static void readers_may_not_write(void **state)
 static void strangers_are_closed(void **state)
 {
 	struct db_network elsewhere = { .address = { [10] = 0xFF, [11] = 0xFF, [12] = 10 },
-					.prefix = 104 };
+		                        .prefix = 104 };
 	struct rig *rig = *state;
 
 	rig->config.allow_write = rig->config.allow_read = &elsewhere;
@@ -841,7 +841,7 @@ static void errors_of_new(void **state)
 	start(rig);
 	snprintf(rig->listen, sizeof(rig->listen), "127.0.0.1:%u", db_server_port(rig->server));
 	assert_int_equal(db_server_new(rig->loop, &rig->config, &BACKEND, rig, &second),
-			 -EADDRINUSE);
+	                 -EADDRINUSE);
 	strcpy(rig->listen, "localhost");
 	assert_int_equal(db_server_new(rig->loop, &rig->config, &BACKEND, rig, &second), -EINVAL);
 	assert_null(second);

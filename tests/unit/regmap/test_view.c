@@ -1,0 +1,704 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "drivebridge/driver.h"
+#include "drivebridge/registers.h"
+#include "drivebridge/version.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+
+#define ILLEGAL_FUNCTION 0x01
+#define ILLEGAL_ADDRESS  0x02
+#define ILLEGAL_VALUE    0x03
+#define LATER            0x05
+#define NO_PATH          0x0A
+#define NO_ANSWER        0x0B
+
+/* Addresses are literals here: they are the contract. */
+#define ONLINE (DB_STATUS_BUS_UP | DB_STATUS_ONLINE | DB_STATUS_PARAMS_VALID)
+
+struct fake {
+	struct db_bus_config buses[2];
+	struct db_drive_config drives[3];
+	struct db_config config;
+	struct db_axis *axes[3];
+	struct db_registers *registers;
+	db_time now;
+	struct db_request request;
+	size_t submitted_to;
+	unsigned submitted;
+	unsigned answered;
+	uint8_t answered_with;
+	unsigned clients;
+};
+
+static db_time fake_now(void *context)
+{
+	return ((struct fake *)context)->now;
+}
+
+static bool fake_submit(void *context, size_t bus, const struct db_request *request)
+{
+	struct fake *fake = context;
+
+	fake->request = *request;
+	fake->submitted_to = bus;
+	fake->submitted++;
+	return true;
+}
+
+static void fake_answer(void *context, struct db_write_token token, uint8_t exception)
+{
+	struct fake *fake = context;
+
+	assert_int_equal(token.sequence, 42);
+	fake->answered++;
+	fake->answered_with = exception;
+}
+
+static void fake_bus_stats(void *context, size_t bus, struct db_bus_stats *stats)
+{
+	(void)context;
+	*stats = (struct db_bus_stats){
+		.up = true,
+		.period_us = 20000,
+		.cycles = (uint32_t)bus + 70000,
+		.online = (uint32_t)bus + 1,
+	};
+}
+
+static void fake_server_stats(void *context, struct db_server_stats *stats)
+{
+	(void)context;
+	*stats = (struct db_server_stats){ .clients = 3, .requests = 0x500000007 };
+}
+
+static void fake_client(void *context, const struct db_client *client, bool connected)
+{
+	(void)client;
+	((struct fake *)context)->clients += connected;
+}
+
+static const struct db_registers_ops ops = {
+	.now = fake_now,
+	.submit = fake_submit,
+	.answer = fake_answer,
+	.bus_stats = fake_bus_stats,
+	.server_stats = fake_server_stats,
+	.client = fake_client,
+};
+
+/* A standing drive that was polled 10 ms ago. */
+static struct db_snapshot usual(const struct fake *fake)
+{
+	return (struct db_snapshot){
+		.feedback = {
+			.taken = fake->now - 10 * MS,
+			.taken_wall_us = 0x0001000200030004,
+			.position = -100000,
+			.velocity = 1.5f,
+			.drive_status = 0xA1B2C3D4,
+			.inputs = 0x21,
+			.outputs = 0x02,
+			.state = DB_AXIS_STANDSTILL,
+			.status = ONLINE | DB_STATUS_ENABLED,
+		},
+		.stats = { .requests = 0x12345 },
+	};
+}
+
+static void publish_status(struct fake *fake, uint32_t status)
+{
+	struct db_snapshot snapshot = usual(fake);
+
+	snapshot.feedback.status = status;
+	if (!(status & DB_STATUS_ONLINE))
+		snapshot.feedback.state = DB_AXIS_OFFLINE;
+	db_axis_publish(fake->axes[0], &snapshot);
+}
+
+static void make(struct fake *fake)
+{
+	static char name[] = "feeder";
+	static char unit_name[] = "mm";
+	const struct db_driver *driver = db_driver_find("vsmd-serial");
+	struct db_snapshot snapshot;
+	struct db_nameplate plate = { .valid = UINT64_MAX, .identity = "VSMD113", .generation = 4 };
+
+	memset(fake, 0, sizeof *fake);
+	fake->now = 5000 * MS;
+	for (unsigned i = 0; i < 2; i++)
+		fake->buses[i] = (struct db_bus_config){ .driver = driver, .cycle_ms = 20 };
+	for (unsigned i = 0; i < 3; i++) {
+		fake->drives[i] = (struct db_drive_config){
+			.name = name,
+			.bus = i == 0 ? 0 : 1,
+			.address = i + 5,
+			.unit = i + 1,
+			.counts_per_unit = 640.0,
+			.unit_name = unit_name,
+		};
+		fake->axes[i] = db_axis_new();
+	}
+	plate.values[4].f = 25000.0f; /* acc */
+	plate.values[1].u = 5;        /* cid */
+	snapshot = usual(fake);
+	db_axis_publish(fake->axes[0], &snapshot);
+	db_axis_publish_nameplate(fake->axes[0], &plate);
+	fake->config = (struct db_config){
+		.modbus = { .confirm_ms = 40, .gateway_unit = 200 },
+		.buses = fake->buses,
+		.bus_count = 2,
+		.drives = fake->drives,
+		.drive_count = 3,
+	};
+	assert_int_equal(db_registers_new(&fake->config, fake->axes, &ops, fake, &fake->registers),
+	                 0);
+}
+
+#define FAKE()                                                                                      \
+	struct fake fake;                                                                           \
+	(void)state;                                                                                \
+	make(&fake)
+
+static void drop(struct fake *fake)
+{
+	db_registers_free(fake->registers);
+	for (unsigned i = 0; i < 3; i++)
+		db_axis_free(fake->axes[i]);
+}
+
+static const struct db_client client = { .id = 1, .may_write = true };
+
+static int get(struct fake *fake, uint8_t unit, enum db_table table, uint16_t address,
+               uint16_t count, uint16_t *values)
+{
+	return db_registers_backend.read(fake->registers, &client, unit, table, address, count,
+	                                 values);
+}
+
+/* Of unit 1, the values thrown away. */
+static int try_get(struct fake *fake, enum db_table table, uint16_t address, uint16_t count)
+{
+	uint16_t values[2000];
+
+	return get(fake, 1, table, address, count, values);
+}
+
+static uint16_t get1(struct fake *fake, uint8_t unit, uint16_t address)
+{
+	uint16_t value = 0xDEAD;
+
+	assert_int_equal(get(fake, unit, DB_TABLE_HOLDING, address, 1, &value), 0);
+	return value;
+}
+
+static uint32_t get2(struct fake *fake, uint8_t unit, uint16_t address)
+{
+	uint16_t values[2] = { 0xDEAD, 0xDEAD };
+
+	assert_int_equal(get(fake, unit, DB_TABLE_HOLDING, address, 2, values), 0);
+	return (uint32_t)values[0] << 16 | values[1];
+}
+
+static int put(struct fake *fake, enum db_table table, uint16_t address, uint16_t count,
+               const uint16_t *values)
+{
+	return db_registers_backend.write(fake->registers, &client, 1, table, address, count,
+	                                  values, (struct db_write_token){ 1, 42 });
+}
+
+static int put_words(struct fake *fake, uint16_t address, unsigned count, ...)
+{
+	uint16_t values[128];
+	va_list words;
+
+	va_start(words, count);
+	for (unsigned i = 0; i < count; i++)
+		values[i] = (uint16_t)va_arg(words, int);
+	va_end(words);
+	return put(fake, DB_TABLE_HOLDING, address, (uint16_t)count, values);
+}
+
+static void finish(struct fake *fake, enum db_result result)
+{
+	struct db_completion completion = { .ticket = fake->request.ticket, .result = result };
+
+	completion.finished = fake->now;
+	db_registers_complete(fake->registers, &completion, fake->now);
+}
+
+/* --- units ------------------------------------------------------------------------------------------ */
+
+static void units(void **state)
+{
+	FAKE();
+	for (unsigned unit = 0; unit < 256; unit++) {
+		bool there = unit <= 3 || unit == 200 || unit == 255;
+
+		assert_int_equal(db_registers_backend.unit(fake.registers, (uint8_t)unit),
+		                 there ? 0 : NO_PATH);
+	}
+	drop(&fake);
+}
+
+static void requests_find_their_bus(void **state)
+{
+	const uint16_t stop[] = { 0, DB_CMD_STOP };
+
+	FAKE();
+	publish_status(&fake, ONLINE);
+	db_axis_publish(fake.axes[2], &(struct db_snapshot){ .feedback.status = ONLINE });
+	assert_int_equal(db_registers_backend.write(fake.registers, &client, 3, DB_TABLE_HOLDING,
+	                                            100, 2, stop, (struct db_write_token){ 1, 42 }),
+	                 DB_WRITE_LATER);
+	assert_int_equal(fake.submitted_to, 1);
+	assert_int_equal(fake.request.axis, 1);
+	finish(&fake, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 1);
+	drop(&fake);
+}
+
+/* --- reading a drive ---------------------------------------------------------------------------------- */
+
+static void process_data(void **state)
+{
+	float number;
+	uint32_t word;
+
+	FAKE();
+	assert_int_equal(get1(&fake, 1, 0), DB_AXIS_STANDSTILL);
+	assert_int_equal(get1(&fake, 1, 4), 192);
+	assert_int_equal(get2(&fake, 1, 2), ONLINE | DB_STATUS_ENABLED);
+	assert_int_equal(get2(&fake, 1, 6), 10);
+	assert_int_equal((int32_t)get2(&fake, 1, 12), -100000);
+	word = get2(&fake, 1, 14);
+	memcpy(&number, &word, sizeof number);
+	assert_true(number == 1.5f);
+	word = get2(&fake, 1, 16);
+	memcpy(&number, &word, sizeof number);
+	assert_true(number == -156.25f);
+	assert_int_equal(get2(&fake, 1, 20), 0xA1B2C3D4);
+	assert_int_equal(get1(&fake, 1, 30), 0x21);
+	assert_int_equal(get2(&fake, 1, 1032), 0x12345);
+	drop(&fake);
+}
+
+static void word_order(void **state)
+{
+	uint16_t values[16];
+
+	FAKE();
+	assert_int_equal(get(&fake, 1, DB_TABLE_HOLDING, 8, 4, values), 0);
+	for (uint16_t i = 0; i < 4; i++)
+		assert_int_equal(values[i], i + 1);
+	fake.config.modbus.low_word_first = true;
+	assert_int_equal(get(&fake, 1, DB_TABLE_INPUT, 8, 4, values), 0);
+	for (uint16_t i = 0; i < 4; i++)
+		assert_int_equal(values[i], 4 - i);
+	assert_int_equal(get(&fake, 1, DB_TABLE_HOLDING, 20, 2, values), 0);
+	assert_int_equal(values[0], 0xC3D4);
+	assert_int_equal(values[1], 0xA1B2);
+	/* Text is not a number. */
+	assert_int_equal(get(&fake, 1, DB_TABLE_HOLDING, 1000, 5, values), 0);
+	assert_int_equal(values[0], 'V' << 8 | 'S');
+	assert_int_equal(values[3], '3' << 8);
+	assert_int_equal(values[4], 0);
+	assert_int_equal(put_words(&fake, 102, 2, 2, 1), 0);
+	assert_int_equal(get(&fake, 1, DB_TABLE_HOLDING, 102, 2, values), 0);
+	assert_int_equal(values[0], 2);
+	assert_int_equal(put_words(&fake, 101, 1, DB_CMD_MOVE_ABSOLUTE), DB_WRITE_LATER);
+	assert_int_equal(fake.request.args.target_position, 0x10002);
+	drop(&fake);
+}
+
+static void parts_of_wide_registers(void **state)
+{
+	uint16_t whole[40];
+	uint16_t part[40];
+
+	FAKE();
+	assert_int_equal(get(&fake, 1, DB_TABLE_HOLDING, 0, 36, whole), 0);
+	for (uint16_t from = 0; from < 36; from++) {
+		for (uint16_t count = 1; count <= 36 - from; count++) {
+			memset(part, 0xEE, sizeof part);
+			assert_int_equal(get(&fake, 1, DB_TABLE_HOLDING, from, count, part), 0);
+			assert_memory_equal(part, &whole[from], count * sizeof part[0]);
+			assert_int_equal(part[count], 0xEEEE);
+		}
+	}
+	assert_int_equal(get(&fake, 1, DB_TABLE_HOLDING, 1001, 2, part), 0);
+	assert_int_equal(part[0], 'M' << 8 | 'D');
+	drop(&fake);
+}
+
+static void registers_that_do_not_exist(void **state)
+{
+	FAKE();
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 36, 1), ILLEGAL_ADDRESS);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 30, 10), ILLEGAL_ADDRESS);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 65535, 125), ILLEGAL_ADDRESS);
+	assert_int_equal(try_get(&fake, DB_TABLE_DISCRETE, 14, 2), ILLEGAL_ADDRESS);
+	assert_int_equal(try_get(&fake, DB_TABLE_COILS, 0, 7), ILLEGAL_ADDRESS);
+	/* Input registers: what can be written is none. */
+	assert_int_equal(try_get(&fake, DB_TABLE_INPUT, 0, 32), 0);
+	assert_int_equal(try_get(&fake, DB_TABLE_INPUT, 32, 2), ILLEGAL_ADDRESS);
+	assert_int_equal(try_get(&fake, DB_TABLE_INPUT, 100, 1), ILLEGAL_ADDRESS);
+	drop(&fake);
+}
+
+static void offline_drive(void **state)
+{
+	FAKE();
+	publish_status(&fake, DB_STATUS_BUS_UP);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 0, 8), 0);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 22, 8), 0);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 100, 20), 0);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 1000, 56), 0);
+	assert_int_equal(try_get(&fake, DB_TABLE_DISCRETE, 0, 15), 0);
+	assert_int_equal(get1(&fake, 1, 4), 0);
+	for (uint16_t address = 8; address < 22; address++)
+		assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, address, 1), NO_ANSWER);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 0, 36), NO_ANSWER);
+	for (uint16_t address = 30; address < 36; address++)
+		assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, address, 1), NO_ANSWER);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 200, 1), NO_ANSWER);
+	assert_int_equal(try_get(&fake, DB_TABLE_DISCRETE, 32, 1), NO_ANSWER);
+	assert_int_equal(try_get(&fake, DB_TABLE_COILS, 0, 1), NO_ANSWER);
+	publish_status(&fake, 0);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 12, 2), NO_PATH);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 200, 1), NO_PATH);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 0, 2), 0);
+	drop(&fake);
+}
+
+static void stale_values(void **state)
+{
+	FAKE();
+	fake.config.modbus.stale_values = true;
+	publish_status(&fake, DB_STATUS_BUS_UP);
+	fake.now += 990 * MS;
+	assert_int_equal((int32_t)get2(&fake, 1, 12), -100000);
+	assert_int_equal(get2(&fake, 1, 6), 1000);
+	assert_int_equal(get1(&fake, 1, 4), 64);
+	assert_int_equal(get2(&fake, 1, 2) & DB_STATUS_ONLINE, 0);
+	assert_int_equal(get1(&fake, 1, 202), 5);
+	/* Its second drive was never heard: nothing to tell about parameters. */
+	assert_int_equal(get1(&fake, 2, 4), 0);
+	assert_int_equal(get2(&fake, 2, 6), UINT32_MAX);
+	assert_int_equal(get2(&fake, 2, 12), 0);
+	{
+		uint16_t value;
+
+		assert_int_equal(get(&fake, 2, DB_TABLE_HOLDING, 202, 1, &value), NO_PATH);
+	}
+	drop(&fake);
+}
+
+static void quality_and_age(void **state)
+{
+	struct db_snapshot snapshot;
+
+	FAKE();
+	fake.now += 90 * MS;
+	assert_int_equal(get1(&fake, 1, 4), 192);
+	fake.now += 1 * MS;
+	assert_int_equal(get1(&fake, 1, 4), 64);
+	assert_int_equal(get2(&fake, 1, 6), 101);
+	fake.now += UINT32_MAX * MS;
+	assert_int_equal(get2(&fake, 1, 6), UINT32_MAX);
+	/* Published between the clock and the look. */
+	snapshot = usual(&fake);
+	snapshot.feedback.taken = fake.now + 1;
+	db_axis_publish(fake.axes[0], &snapshot);
+	assert_int_equal(get2(&fake, 1, 6), 0);
+	assert_int_equal(get1(&fake, 1, 4), 192);
+	/* Online, but no status came yet. */
+	snapshot.feedback.taken = 0;
+	db_axis_publish(fake.axes[0], &snapshot);
+	assert_int_equal(get1(&fake, 1, 4), 0);
+	assert_int_equal(get2(&fake, 1, 6), UINT32_MAX);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 12, 2), NO_ANSWER);
+	drop(&fake);
+}
+
+static void parameters(void **state)
+{
+	struct db_nameplate plate = { .valid = UINT64_MAX & ~(UINT64_C(1) << 2) };
+	float number;
+	uint32_t word;
+
+	FAKE();
+	assert_int_equal(get1(&fake, 1, 202), 5);
+	word = get2(&fake, 1, 206);
+	memcpy(&number, &word, sizeof number);
+	assert_true(number == 25000.0f);
+	assert_int_equal(get2(&fake, 1, 32), word);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 200, 76), 0);
+	assert_int_equal(get1(&fake, 1, 241), 0);
+	/* Known from before, not read again yet. */
+	publish_status(&fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 202, 1), NO_ANSWER);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 32, 2), NO_ANSWER);
+	/* A model without mcs. */
+	publish_status(&fake, ONLINE);
+	db_axis_publish_nameplate(fake.axes[0], &plate);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 203, 1), ILLEGAL_ADDRESS);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 202, 1), 0);
+	drop(&fake);
+}
+
+static void bits(void **state)
+{
+	uint16_t values[16];
+
+	FAKE();
+	assert_int_equal(get(&fake, 1, DB_TABLE_DISCRETE, 0, 15, values), 0);
+	for (unsigned i = 0; i < 15; i++)
+		assert_int_equal(values[i], (ONLINE | DB_STATUS_ENABLED) >> i & 1);
+	assert_int_equal(get(&fake, 1, DB_TABLE_DISCRETE, 32, 16, values), 0);
+	for (unsigned i = 0; i < 16; i++)
+		assert_int_equal(values[i], i == 0 || i == 5);
+	assert_int_equal(get(&fake, 1, DB_TABLE_COILS, 1, 2, values), 0);
+	assert_int_equal(values[0], 1);
+	assert_int_equal(values[1], 0);
+	drop(&fake);
+}
+
+/* --- writing a drive ------------------------------------------------------------------------------------- */
+
+static void a_block_is_one_command(void **state)
+{
+	FAKE();
+	assert_int_equal(put_words(&fake, 100, 6, 0, DB_CMD_MOVE_ABSOLUTE, 0xFFFF, 0xFFFE, 0x42C8, 0),
+	                 DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 1);
+	assert_int_equal(fake.request.command, DB_CMD_MOVE_ABSOLUTE);
+	assert_int_equal(fake.request.args.target_position, -2);
+	assert_true(fake.request.args.target_velocity == 100.0f);
+	assert_int_equal(get1(&fake, 1, 23), DB_RESULT_PENDING);
+	assert_int_equal(get1(&fake, 1, 5), DB_CMD_MOVE_ABSOLUTE);
+	assert_true(get2(&fake, 1, 2) & DB_STATUS_BUSY);
+	finish(&fake, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 1);
+	assert_int_equal(fake.answered_with, 0);
+	assert_int_equal(get1(&fake, 1, 23), DB_RESULT_OK);
+	assert_int_equal(get1(&fake, 1, 25), DB_CMD_MOVE_ABSOLUTE);
+	assert_false(get2(&fake, 1, 2) & DB_STATUS_BUSY);
+	assert_int_equal((int32_t)get2(&fake, 1, 102), -2);
+	drop(&fake);
+}
+
+static void arguments_are_kept_for_a_single_register(void **state)
+{
+	FAKE();
+	assert_int_equal(put_words(&fake, 102, 2, 0, 7), 0);
+	assert_int_equal(fake.submitted, 0);
+	assert_int_equal(put_words(&fake, 101, 1, DB_CMD_SET_POSITION), DB_WRITE_LATER);
+	assert_int_equal(fake.request.args.target_position, 7);
+	drop(&fake);
+}
+
+static void writes_that_are_refused(void **state)
+{
+	FAKE();
+	/* Halves */
+	assert_int_equal(put_words(&fake, 102, 1, 1), ILLEGAL_VALUE);
+	assert_int_equal(put_words(&fake, 103, 1, 1), ILLEGAL_VALUE);
+	assert_int_equal(put_words(&fake, 100, 3, 0, DB_CMD_HOME, 0), ILLEGAL_VALUE);
+	assert_int_equal(put_words(&fake, 207, 1, 0), ILLEGAL_VALUE);
+	/* Not a number */
+	assert_int_equal(put_words(&fake, 104, 2, 0x7FC0, 0), ILLEGAL_VALUE);
+	assert_int_equal(put_words(&fake, 104, 2, 0x7F80, 0), ILLEGAL_VALUE);
+	/* Read-only, and nothing there */
+	assert_int_equal(put_words(&fake, 0, 1, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(put_words(&fake, 31, 3, 0, 0, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(put_words(&fake, 119, 2, 0, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(put_words(&fake, 1000, 1, 0), ILLEGAL_ADDRESS);
+	/* Commands */
+	assert_int_equal(put_words(&fake, 101, 1, 63), ILLEGAL_VALUE);
+	assert_int_equal(put_words(&fake, 100, 6, 0, DB_CMD_MOVE_VELOCITY, 0, 9, 0x4B00, 0),
+	                 ILLEGAL_VALUE);
+	assert_int_equal(fake.submitted, 0);
+	for (uint16_t address = 100; address < 120; address++)
+		assert_int_equal(get1(&fake, 1, address), 0);
+	assert_int_equal(get1(&fake, 1, 24), DB_RESULT_OUT_OF_RANGE);
+	drop(&fake);
+}
+
+static void parameter_writes(void **state)
+{
+	FAKE();
+	/* cid mcs spd: one request */
+	assert_int_equal(put_words(&fake, 202, 4, 5, 3, 0xC2C8, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.request.setting_count, 3);
+	assert_int_equal(fake.request.settings[0].param, 1);
+	assert_int_equal(fake.request.settings[0].value.u, 5);
+	assert_int_equal(fake.request.settings[2].param, 3);
+	assert_true(fake.request.settings[2].value.f == -100.0f);
+	finish(&fake, DB_RESULT_OK);
+	assert_int_equal(fake.answered_with, 0);
+	assert_int_equal(get1(&fake, 1, 24), DB_RESULT_OK);
+	assert_int_equal(get1(&fake, 1, 23), DB_RESULT_NONE);
+	/* One wrong value, and none is written. */
+	assert_int_equal(put_words(&fake, 202, 2, 5, 9), ILLEGAL_VALUE);
+	assert_int_equal(put_words(&fake, 202, 2, 33, 1), ILLEGAL_VALUE);
+	assert_int_equal(fake.submitted, 1);
+	/* The free register keeps quiet. */
+	assert_int_equal(put_words(&fake, 240, 2, 1, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.request.setting_count, 1);
+	assert_int_equal(put_words(&fake, 240, 2, 1, 1), ILLEGAL_VALUE);
+	assert_int_equal(put_words(&fake, 241, 1, 0), 0);
+	assert_int_equal(fake.submitted, 2);
+	/* acceleration and deceleration */
+	assert_int_equal(put_words(&fake, 32, 4, 0x42C8, 0, 0x4348, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.request.settings[0].param, 4);
+	assert_int_equal(fake.request.settings[1].param, 5);
+	assert_true(fake.request.settings[1].value.f == 200.0f);
+	publish_status(&fake, DB_STATUS_BUS_UP);
+	assert_int_equal(put_words(&fake, 202, 1, 5), NO_ANSWER);
+	drop(&fake);
+}
+
+static void coils(void **state)
+{
+	const uint16_t levels[] = { 1, 0, 1, 1, 1, 1, 1 };
+
+	FAKE();
+	assert_int_equal(put(&fake, DB_TABLE_COILS, 1, 3, levels), DB_WRITE_LATER);
+	assert_int_equal(fake.request.command, DB_CMD_SET_OUTPUTS);
+	assert_int_equal(fake.request.args.output_mask, 0x0E);
+	assert_int_equal(fake.request.args.output_levels, 0x0A);
+	finish(&fake, DB_RESULT_REFUSED);
+	assert_int_equal(fake.answered_with, 4);
+	assert_int_equal(put(&fake, DB_TABLE_COILS, 0, 7, levels), ILLEGAL_ADDRESS);
+	assert_int_equal(get1(&fake, 1, 108), 0);
+	drop(&fake);
+}
+
+static void late_answers(void **state)
+{
+	FAKE();
+	assert_true(db_registers_next_deadline(fake.registers) == DB_TIME_NEVER);
+	assert_int_equal(put_words(&fake, 101, 1, DB_CMD_HOME), DB_WRITE_LATER);
+	assert_true(db_registers_next_deadline(fake.registers) == fake.now + 40 * MS);
+	db_registers_expire(fake.registers, fake.now + 40 * MS);
+	assert_int_equal(fake.answered, 1);
+	assert_int_equal(fake.answered_with, LATER);
+	drop(&fake);
+}
+
+static void foreign_tickets_are_ignored(void **state)
+{
+	FAKE();
+	for (uint32_t ticket = 0; ticket < 10; ticket++)
+		db_registers_complete(fake.registers,
+		                      &(struct db_completion){ .ticket = ticket << 16 }, fake.now);
+	assert_int_equal(fake.answered, 0);
+	drop(&fake);
+}
+
+/* --- the gateway ------------------------------------------------------------------------------------------- */
+
+static void gateway(void **state)
+{
+	uint16_t values[125];
+
+	FAKE();
+	fake.now += 7000 * MS;
+	assert_int_equal(get(&fake, 255, DB_TABLE_INPUT, 0, 28, values), 0);
+	assert_int_equal(values[0], DB_VERSION_MAJOR);
+	assert_int_equal(values[3], 2);
+	assert_int_equal(values[4], 3);
+	assert_int_equal(values[5], 3);
+	assert_int_equal(get2(&fake, 0, 6), 7);
+	assert_int_equal(get2(&fake, 200, 8), 3);
+	assert_int_equal(get2(&fake, 0, 20), 7);
+	assert_int_equal(get1(&fake, 0, 100), 1);
+	assert_int_equal(get2(&fake, 0, 102), 20000);
+	assert_int_equal(get2(&fake, 0, 140 + 14), 70001);
+	assert_int_equal(get1(&fake, 0, 1000), 1);
+	assert_int_equal(get1(&fake, 0, 1001), 1);
+	assert_int_equal(get1(&fake, 0, 1002), DB_AXIS_STANDSTILL);
+	assert_int_equal(get2(&fake, 0, 1004), 7010);
+	assert_int_equal(get1(&fake, 0, 1017), 0);
+	assert_int_equal(get2(&fake, 0, 1020), UINT32_MAX);
+	assert_int_equal(get(&fake, 0, DB_TABLE_HOLDING, 1000, 48, values), 0);
+	assert_int_equal(get(&fake, 0, DB_TABLE_HOLDING, 180, 1, values), ILLEGAL_ADDRESS);
+	assert_int_equal(get(&fake, 0, DB_TABLE_HOLDING, 1048, 1, values), ILLEGAL_ADDRESS);
+	assert_int_equal(get(&fake, 0, DB_TABLE_COILS, 0, 1, values), ILLEGAL_ADDRESS);
+	assert_int_equal(db_registers_backend.write(fake.registers, &client, 0, DB_TABLE_HOLDING, 0,
+	                                            1, values, (struct db_write_token){ 1, 42 }),
+	                 ILLEGAL_ADDRESS);
+	drop(&fake);
+}
+
+static void identification(void **state)
+{
+	char text[100];
+	char small[8];
+	size_t length;
+	bool running;
+
+	FAKE();
+	length = db_registers_backend.server_id(fake.registers, 1, text, sizeof text, &running);
+	text[length] = '\0';
+	assert_true(running);
+	assert_string_equal(text, "drivebridge " DB_VERSION " unit 1 feeder VSMD113");
+	length = db_registers_backend.server_id(fake.registers, 1, small, sizeof small, &running);
+	assert_true(length <= sizeof small);
+	length = db_registers_backend.server_id(fake.registers, 0, text, sizeof text, &running);
+	text[length] = '\0';
+	assert_string_equal(text, "drivebridge " DB_VERSION " gateway");
+	(void)db_registers_backend.server_id(fake.registers, 2, text, sizeof text, &running);
+	assert_false(running);
+	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 0), "drivebridge");
+	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 1), "vsmd-serial");
+	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 2), DB_VERSION);
+	assert_null(db_registers_backend.device_id(fake.registers, 1, 3));
+	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 5), "VSMD113");
+	assert_string_equal(db_registers_backend.device_id(fake.registers, 2, 5),
+	                    db_driver_find("vsmd-serial")->title);
+	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 6), "feeder");
+	assert_string_equal(db_registers_backend.device_id(fake.registers, 0, 0), "drivebridge");
+	assert_null(db_registers_backend.device_id(fake.registers, 0, 6));
+	assert_null(db_registers_backend.device_id(fake.registers, 1, 7));
+	db_registers_backend.client(fake.registers, &client, true);
+	assert_int_equal(fake.clients, 1);
+	drop(&fake);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(units),
+		cmocka_unit_test(requests_find_their_bus),
+		cmocka_unit_test(process_data),
+		cmocka_unit_test(word_order),
+		cmocka_unit_test(parts_of_wide_registers),
+		cmocka_unit_test(registers_that_do_not_exist),
+		cmocka_unit_test(offline_drive),
+		cmocka_unit_test(stale_values),
+		cmocka_unit_test(quality_and_age),
+		cmocka_unit_test(parameters),
+		cmocka_unit_test(bits),
+		cmocka_unit_test(a_block_is_one_command),
+		cmocka_unit_test(arguments_are_kept_for_a_single_register),
+		cmocka_unit_test(writes_that_are_refused),
+		cmocka_unit_test(parameter_writes),
+		cmocka_unit_test(coils),
+		cmocka_unit_test(late_answers),
+		cmocka_unit_test(foreign_tickets_are_ignored),
+		cmocka_unit_test(gateway),
+		cmocka_unit_test(identification),
+	};
+
+	return cmocka_run_group_tests_name("view", tests, NULL, NULL);
+}
