@@ -11,6 +11,9 @@
 
 #define SLOTS (DB_COMMANDER_PENDING + DB_COMMANDER_STOPS)
 
+/* How soon a stop of the watchdog that found no room is tried again. */
+#define REACT_AGAIN (5 * DB_NS_PER_MS)
+
 struct waiter {
 	struct db_write_token token;
 	db_time deadline;
@@ -39,7 +42,7 @@ struct db_commander {
 	void *context;
 
 	struct db_watchdog watchdog;
-	bool reaction_due; /* the watchdog tripped and its stop is not with the bus yet */
+	db_time react_at; /* the watchdog's stop is not with the bus yet: try again; or NEVER */
 
 	struct db_command_block kept;
 	struct memory last;     /* id 0: no id was seen yet */
@@ -67,6 +70,7 @@ int db_commander_new(const struct db_commander_config *config, const struct db_c
 	made->config = *config;
 	made->ops = ops;
 	made->context = context;
+	made->react_at = DB_TIME_NEVER;
 	db_watchdog_init(&made->watchdog,
 	                 config->on_client_loss == DB_CMD_NONE ? 0 : config->watchdog_ms);
 	*commander = made;
@@ -431,6 +435,8 @@ db_time db_commander_next_deadline(const struct db_commander *commander)
 {
 	db_time next = db_watchdog_deadline(&commander->watchdog);
 
+	if (commander->react_at < next)
+		next = commander->react_at;
 	if (commander->waiting == 0)
 		return next;
 	for (size_t i = 0; i < SLOTS; i++) {
@@ -468,7 +474,7 @@ static void expire_slot(struct db_commander *commander, struct slot *slot, db_ti
 		answer_waiters(commander, &due, late_answer(commander));
 }
 
-/* Stops the drive because nobody talks to it. Tried again with the next call if the box is full. */
+/* Stops the drive because nobody talks to it. Tried again soon if there is no room for a request. */
 static void react(struct db_commander *commander, db_time now)
 {
 	struct db_request request = {
@@ -477,9 +483,11 @@ static void react(struct db_commander *commander, db_time now)
 	};
 	struct slot *slot;
 
-	commander->reaction_due = !submit(commander, &request, &slot);
-	if (commander->reaction_due)
+	if (!submit(commander, &request, &slot)) {
+		commander->react_at = now + REACT_AGAIN;
 		return;
+	}
+	commander->react_at = DB_TIME_NEVER;
 	commander->newest = request.ticket;
 	show(commander, 0, (uint16_t)request.command, DB_RESULT_PENDING, request.ticket);
 }
@@ -496,7 +504,7 @@ void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_
 
 void db_commander_expire(struct db_commander *commander, db_time now)
 {
-	if (db_watchdog_trip(&commander->watchdog, now) || commander->reaction_due)
+	if (db_watchdog_trip(&commander->watchdog, now) || commander->react_at <= now)
 		react(commander, now);
 	for (size_t i = 0; i < SLOTS && commander->waiting > 0; i++)
 		expire_slot(commander, &commander->slots[i], now);

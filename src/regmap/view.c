@@ -209,11 +209,8 @@ static uint8_t backend_read(void *context, const struct db_client *client, uint8
 	const struct view_drive *drive = drive_of(registers, unit);
 
 	if (drive) {
-		uint8_t exception = read_drive(drive, table, address, count, values);
-
-		if (!exception)
-			feed(drive, client);
-		return exception;
+		feed(drive, client);
+		return read_drive(drive, table, address, count, values);
 	}
 	if (backend_unit(context, unit))
 		return MODBUS_EXCEPTION_GATEWAY_PATH;
@@ -227,11 +224,8 @@ static int backend_write(void *context, const struct db_client *client, uint8_t 
 	struct view_drive *drive = drive_of(context, unit);
 
 	if (drive) {
-		int answer = view_write(drive, table, address, count, values, token);
-
-		if (answer <= 0 || answer == MODBUS_EXCEPTION_ACKNOWLEDGE)
-			feed(drive, client);
-		return answer;
+		feed(drive, client);
+		return view_write(drive, table, address, count, values, token);
 	}
 	if (backend_unit(context, unit))
 		return MODBUS_EXCEPTION_GATEWAY_PATH;

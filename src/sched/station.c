@@ -37,14 +37,23 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 {
 	struct db_feedback *feedback = &station->snapshot.feedback;
 	const struct db_nameplate *plate = driver->nameplate(station->device);
+	bool online;
 
+	/* First the nameplate: who sees that it is valid in the snapshot must find the new one. */
+	if (!station->plate_published || plate->generation != station->generation) {
+		db_axis_publish_nameplate(station->axis, plate);
+		station->generation = plate->generation;
+		station->plate_published = true;
+	}
 	driver->feedback(station->device, feedback);
 	feedback->taken_wall_us = feedback->taken == 0 ?
 	                                  0 :
 	                                  (uint64_t)(feedback->taken / 1000 + wall_offset_us);
 	if (bus_up)
 		feedback->status |= DB_STATUS_BUS_UP;
-	if (station->online) {
+	/* A drive that came back is online for others with its first status, not with old data. */
+	online = station->online && feedback->state != DB_AXIS_OFFLINE;
+	if (online) {
 		feedback->status |= DB_STATUS_ONLINE;
 	} else {
 		feedback->status &= DB_STATUS_BUS_UP;
@@ -52,11 +61,6 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 		feedback->error = bus_up ? DB_ERROR_NO_ANSWER : DB_ERROR_BUS_DOWN;
 	}
 	db_axis_publish(station->axis, &station->snapshot);
-	if (!station->plate_published || plate->generation != station->generation) {
-		db_axis_publish_nameplate(station->axis, plate);
-		station->generation = plate->generation;
-		station->plate_published = true;
-	}
 }
 
 void station_count_answer(struct station *station, db_time round_trip)

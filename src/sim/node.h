@@ -23,6 +23,7 @@ struct sim_node {
 	struct sim_faults faults;
 	struct sim_log_entry log[SIM_LOG_LINES]; /* a ring; entry heard % SIM_LOG_LINES is next */
 	uint32_t heard;                          /* lines, broadcasts included */
+	db_time thinks_until;                    /* answers come in the order of the questions */
 	uint32_t replies;                        /* put on the wire, whole or broken */
 };
 

@@ -310,6 +310,10 @@ static struct burst *reply(struct sim_serial_bus *bus, struct sim_node *node,
 		start += (db_time)node->faults.delay_ms * DB_NS_PER_MS;
 	else if (sim_faults_take(&bus->faults, SIM_FAULT_DELAY))
 		start += (db_time)bus->faults.delay_ms * DB_NS_PER_MS;
+	/* A drive that is slow over one answer is late with those after it, too. */
+	if (start < node->thinks_until)
+		start = node->thinks_until;
+	node->thinks_until = start + wire_time(bus, burst->length);
 	send_burst(bus, burst, '<', start);
 	node->replies++;
 	bus->stats.replies++;

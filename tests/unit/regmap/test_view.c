@@ -15,11 +15,11 @@
 #define MS DB_NS_PER_MS
 
 #define ILLEGAL_FUNCTION 0x01
-#define ILLEGAL_ADDRESS  0x02
-#define ILLEGAL_VALUE    0x03
-#define LATER            0x05
-#define NO_PATH          0x0A
-#define NO_ANSWER        0x0B
+#define ILLEGAL_ADDRESS 0x02
+#define ILLEGAL_VALUE 0x03
+#define LATER 0x05
+#define NO_PATH 0x0A
+#define NO_ANSWER 0x0B
 
 /* Addresses are literals here: they are the contract. */
 #define ONLINE (DB_STATUS_BUS_UP | DB_STATUS_ONLINE | DB_STATUS_PARAMS_VALID)
@@ -163,9 +163,9 @@ static void make(struct fake *fake)
 	                 0);
 }
 
-#define FAKE()                                                                                      \
-	struct fake fake;                                                                           \
-	(void)state;                                                                                \
+#define FAKE()            \
+	struct fake fake; \
+	(void)state;      \
 	make(&fake)
 
 static void drop(struct fake *fake)
@@ -477,8 +477,9 @@ static void bits(void **state)
 static void a_block_is_one_command(void **state)
 {
 	FAKE();
-	assert_int_equal(put_words(&fake, 100, 6, 0, DB_CMD_MOVE_ABSOLUTE, 0xFFFF, 0xFFFE, 0x42C8, 0),
-	                 DB_WRITE_LATER);
+	assert_int_equal(
+		put_words(&fake, 100, 6, 0, DB_CMD_MOVE_ABSOLUTE, 0xFFFF, 0xFFFE, 0x42C8, 0),
+		DB_WRITE_LATER);
 	assert_int_equal(fake.submitted, 1);
 	assert_int_equal(fake.request.command, DB_CMD_MOVE_ABSOLUTE);
 	assert_int_equal(fake.request.args.target_position, -2);
