@@ -126,6 +126,7 @@ struct db_nameplate {
 	union db_value values[DB_PARAMS_MAX];
 	char identity[DB_IDENTITY_MAX]; /* not terminated when full; "" = not read */
 	uint32_t generation;            /* grows with each change */
+	bool doubtful;                  /* some value may have changed: to be read again */
 };
 
 struct db_axis;

@@ -375,6 +375,7 @@ static void take_params(struct db_device *device, const struct vsmd_reply *reply
 		device->plate.valid |= UINT64_C(1) << setting.param;
 	}
 	device->plate.generation++;
+	device->plate.doubtful = false;
 	device->params_valid = true;
 }
 
@@ -642,7 +643,7 @@ static enum db_step answer_settings(struct db_device *device, const struct db_jo
 	device->refused = (device->last.status & VSMD_ST_CMD_WRG) != 0;
 	if (device->refused) {
 		/* Which of several settings it took is unknown: read all of them again. */
-		device->params_valid = false;
+		device->plate.doubtful = true;
 		return done(result, DB_RESULT_REFUSED);
 	}
 	for (size_t i = 0; i < job->request->setting_count; i++) {
@@ -739,7 +740,7 @@ static enum db_step vsmd_lost(struct db_device *device, struct db_job *job,
 	bool reading;
 
 	if (job->kind == DB_JOB_SETTINGS)
-		device->params_valid = false;
+		device->plate.doubtful = true;
 	if (job->kind != DB_JOB_COMMAND)
 		return done(result, DB_RESULT_TIMEOUT);
 	if (command == DB_CMD_SAVE_PARAMETERS)

@@ -23,6 +23,20 @@ static uint32_t age_ms(const struct db_feedback *feedback, db_time now)
 	return feedback->taken == 0 || age > UINT32_MAX ? UINT32_MAX : (uint32_t)age;
 }
 
+/*
+ * A drive that answers everything but its status in time, or a bus that does not get round to asking:
+ * whatever the reason, data this old is as good as none.
+ */
+static void drop_if_too_old(struct db_feedback *feedback, const struct view_drive *drive,
+                            db_time now)
+{
+	if (!(feedback->status & DB_STATUS_ONLINE) || age_of(feedback, now) <= drive->useless_after)
+		return;
+	feedback->status &= DB_STATUS_BUS_UP;
+	feedback->state = DB_AXIS_OFFLINE;
+	feedback->error = DB_ERROR_NO_ANSWER;
+}
+
 static uint16_t quality_of(const struct view_drive *drive, const struct db_feedback *feedback,
                            db_time now)
 {
@@ -44,6 +58,7 @@ static void fill_process(struct db_drive_image *image, const struct view_drive *
 	db_axis_read(drive->axis, &snapshot);
 	now = drive->registers->ops->now(drive->registers->context);
 	image->feedback = snapshot.feedback;
+	drop_if_too_old(&image->feedback, drive, now);
 	image->stats = snapshot.stats;
 	db_commander_state(drive->commander, &image->state, now);
 	image->quality = quality_of(drive, feedback, now);

@@ -417,6 +417,21 @@ static uint16_t bus_axis_of(const struct db_config *config, size_t drive)
 	return before;
 }
 
+/* A second or ten cycles, and at least three rounds over all the drives of a slow bus. */
+static db_time useless_after(const struct db_config *config, const struct view_drive *drive)
+{
+	db_time age = 10 * (db_time)drive->bus->cycle_ms * DB_NS_PER_MS;
+	db_time round = 0;
+
+	for (size_t i = 0; i < config->drive_count; i++) {
+		if (config->drives[i].bus == drive->config->bus)
+			round += drive->driver->poll_time(drive->bus);
+	}
+	if (age < 3 * round)
+		age = 3 * round;
+	return age > DB_NS_PER_S ? age : DB_NS_PER_S;
+}
+
 static int init_drive(struct db_registers *registers, size_t number, struct db_axis *axis)
 {
 	const struct db_config *config = registers->config;
@@ -440,6 +455,7 @@ static int init_drive(struct db_registers *registers, size_t number, struct db_a
 	drive->fresh_for = 3 * (db_time)drive->bus->cycle_ms * DB_NS_PER_MS;
 	if (drive->fresh_for < 100 * DB_NS_PER_MS)
 		drive->fresh_for = 100 * DB_NS_PER_MS;
+	drive->useless_after = useless_after(config, drive);
 	drive->map = family_of(registers, drive->driver);
 	commander.driver = drive->driver;
 	if (!drive->map)

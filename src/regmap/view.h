@@ -26,6 +26,7 @@ struct view_drive {
 	struct db_commander *commander;
 	uint32_t capabilities;
 	db_time fresh_for;               /* older data is not `good` any more */
+	db_time useless_after;           /* older data is not shown at all */
 	char model[DB_IDENTITY_MAX + 1]; /* device_id's answer, valid until the next call */
 };
 

@@ -429,11 +429,14 @@ static void send_poll(struct db_engine *engine, struct station *station, db_time
 	engine->polls_in_a_row++;
 }
 
-static bool wants_identify(const struct station *station, db_time now)
+static bool wants_identify(const struct db_engine *engine, const struct station *station,
+                           db_time now)
 {
-	return station->online && station->identify_at <= now &&
-	       (station->lanes[LANE_IDENTIFY].active ||
-	        !(station->snapshot.feedback.status & DB_STATUS_PARAMS_VALID));
+	if (!station->online || station->identify_at > now)
+		return false;
+	return station->lanes[LANE_IDENTIFY].active ||
+	       !(station->snapshot.feedback.status & DB_STATUS_PARAMS_VALID) ||
+	       engine->driver->nameplate(station->device)->doubtful;
 }
 
 static bool try_identify(struct db_engine *engine, db_time now)
@@ -445,7 +448,7 @@ static bool try_identify(struct db_engine *engine, db_time now)
 		struct station *station = &engine->stations[i];
 		struct lane *lane = &station->lanes[LANE_IDENTIFY];
 
-		if (!wants_identify(station, now))
+		if (!wants_identify(engine, station, now))
 			continue;
 		engine->next_identify = i + (lane->active ? 0 : 1);
 		if (!lane->active && begin(engine, station, LANE_IDENTIFY, DB_JOB_IDENTIFY, NULL,

@@ -13,7 +13,7 @@ from bridgelib import (
 FAULTS = [
     ("drop", "timeouts"),
     ("lose-request", "timeouts"),
-    ("delay 100", "timeouts"),
+    ("delay 60", "timeouts"),
     ("corrupt", "bad_frames"),
     ("truncate", "timeouts"),
     ("garbage", None),
@@ -143,6 +143,7 @@ def test_silence_and_return_again_and_again(bridge):
         eventually(lambda: drive.read("axis_state") == OFFLINE)
         bridge.sim.fault("silence off")
         eventually(drive.online)
+        assert drive.read("axis_state") != OFFLINE
         assert drive.read("came_online") == times
 
 

@@ -73,6 +73,7 @@ run_ctest() {
 	local preset=$1 folder=build/$1 names
 
 	shift
+	rm -f "$folder/Testing/Temporary/LastTest.log"
 	"$@" ctest --preset "$preset" -j "$JOBS" --no-tests=error \
 		>"build/logs/$PHASE-ctest.log" 2>&1 || true
 	# Programs first, then their totals; see the tool for how crashes are counted.

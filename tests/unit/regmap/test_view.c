@@ -135,7 +135,9 @@ static void make(struct fake *fake)
 	memset(fake, 0, sizeof *fake);
 	fake->now = 5000 * MS;
 	for (unsigned i = 0; i < 2; i++)
-		fake->buses[i] = (struct db_bus_config){ .driver = driver, .cycle_ms = 20 };
+		fake->buses[i] = (struct db_bus_config){
+			.driver = driver, .baud = 115200, .stop_bits = 1, .cycle_ms = 20
+		};
 	for (unsigned i = 0; i < 3; i++) {
 		fake->drives[i] = (struct db_drive_config){
 			.name = name,
@@ -412,6 +414,17 @@ static void quality_and_age(void **state)
 	fake.now += 1 * MS;
 	assert_int_equal(get1(&fake, 1, 4), 64);
 	assert_int_equal(get2(&fake, 1, 6), 101);
+	/* Up to a second old it is shown with its age, then the drive counts as silent. */
+	fake.now += 899 * MS;
+	assert_int_equal((int32_t)get2(&fake, 1, 12), -100000);
+	fake.now += 1 * MS;
+	{
+		uint16_t value[2];
+
+		assert_int_equal(get(&fake, 1, DB_TABLE_HOLDING, 12, 2, value), NO_ANSWER);
+	}
+	assert_int_equal(get1(&fake, 1, 0), DB_AXIS_OFFLINE);
+	assert_int_equal(get2(&fake, 1, 2) & DB_STATUS_ONLINE, 0);
 	fake.now += UINT32_MAX * MS;
 	assert_int_equal(get2(&fake, 1, 6), UINT32_MAX);
 	/* Published between the clock and the look. */

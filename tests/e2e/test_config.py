@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""drivebridged --check, and what a wrong file is told."""
+
+import subprocess
+
+import pytest
+from bridgelib import ROOT, find_program
+
+GOOD = """modbus {
+    listen = "127.0.0.1:0"
+}
+bus line {
+    protocol = vsmd-serial
+    device = "/dev/null/none"
+    baud = 115200
+    cycle-ms = 50
+}
+drive feeder {
+    bus = line
+    address = 1
+    unit = 1
+}
+"""
+
+MODBUS, BUS, DRIVE = 1, 4, 10  # the lines where the sections begin
+
+
+def check(path):
+    done = subprocess.run(
+        [find_program("drivebridged"), "--check", "--config", path],
+        capture_output=True, text=True, timeout=20, check=False,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def checked(tmp_path, text):
+    path = tmp_path / "test.conf"
+    path.write_text(text, encoding="utf-8")
+    return path, *check(path)
+
+
+@pytest.mark.parametrize(
+    "path",
+    sorted((ROOT / "conf").glob("examples/*.conf"))
+    + [ROOT / "conf" / "drivebridge.conf", ROOT / "conf" / "demo.conf"],
+    ids=lambda path: path.name,
+)
+def test_every_shipped_file_is_right(path):
+    status, _, errors = check(path)
+    assert status == 0, errors
+
+
+def test_check_says_what_would_run(tmp_path):
+    _, status, out, errors = checked(tmp_path, GOOD)
+    assert status == 0, errors
+    text = out + errors
+    for word in ("line", "feeder", "vsmd-serial", "/dev/null/none", "115200", "127.0.0.1"):
+        assert word in text, word
+
+
+def after(line, *more):
+    """GOOD with lines put in behind this one."""
+    lines = GOOD.splitlines()
+    return "\n".join(lines[:line] + list(more) + lines[line:]) + "\n"
+
+
+def instead(old, new):
+    assert old in GOOD
+    return GOOD.replace(old, new, 1)
+
+
+SECOND = "drive second {\n    bus = line\n    address = 2\n    unit = 2\n}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "words"),
+    [
+        (after(MODBUS, "    lissten = 1"), MODBUS + 1, ["lissten"]),
+        (instead("baud = 115200", "baud = fast"), 7, ["baud"]),
+        (instead("baud = 115200", "baud = 1"), 7, ["baud", "300"]),
+        (instead("cycle-ms = 50", "cycle-ms = 0"), 8, ["cycle-ms"]),
+        (instead("vsmd-serial", "vsmd-cereal"), 5, ["vsmd-cereal", "vsmd-serial"]),
+        (instead("address = 1", "address = 33"), 12, ["address", "32"]),
+        (instead("address = 1", "address = 0"), 12, ["address"]),
+        (instead("unit = 1", "unit = 248"), 13, ["unit", "247"]),
+        (instead("unit = 1", "unit = 0"), 13, ["unit"]),
+        (instead("bus = line", "bus = lime"), 11, ["lime", "bus"]),
+        (instead('"127.0.0.1:0"', '"127.0.0.1"'), 2, ["listen"]),
+        (instead('"127.0.0.1:0"', '"localhost.:99999"'), 2, ["listen"]),
+        (after(MODBUS, '    allow-write = {"300.1.1.1"}'), MODBUS + 1, ["300.1.1.1"]),
+        (after(MODBUS, '    allow-read = {"10.0.0.0/33"}'), MODBUS + 1, ["10.0.0.0/33"]),
+        (after(MODBUS, "    confirm-ms = 0"), MODBUS + 1, ["confirm-ms"]),
+        (after(MODBUS, "    word-order = middle"), MODBUS + 1, ["word-order", "high-first"]),
+        (after(DRIVE, "    on-client-loss = run"), DRIVE + 1, ["on-client-loss", "quick-stop"]),
+        (after(DRIVE, "    counts-per-unit = 0"), DRIVE + 1, ["counts-per-unit"]),
+        (GOOD + SECOND.replace("address = 2", "address = 1"), 17, ["address", "feeder"]),
+        (GOOD + SECOND.replace("unit = 2", "unit = 1"), 18, ["unit", "feeder"]),
+        (instead("    address = 1\n", ""), None, ["address"]),
+        (instead("    unit = 1\n", ""), None, ["unit"]),
+        (instead('    device = "/dev/null/none"\n', ""), None, ["device"]),
+        (after(BUS, "    line = rs232"), None, ["address"]),
+    ],
+)
+def test_wrong_files_name_file_and_line(tmp_path, text, line, words):
+    path, status, _, errors = checked(tmp_path, text)
+    assert status != 0
+    assert f"{path}:{line}:" in errors if line else f"{path}:" in errors, errors
+    for word in words:
+        assert word in errors, errors
+
+
+def test_two_drives_on_rs232(tmp_path):
+    text = after(BUS, "    line = rs232").replace("    address = 1\n", "")
+    text += SECOND.replace("    address = 2\n", "")
+    path, status, _, errors = checked(tmp_path, text)
+    assert status != 0
+    assert f"{path}:" in errors and "rs232" in errors
+
+
+def test_a_wrong_file_never_starts(tmp_path):
+    path = tmp_path / "test.conf"
+    path.write_text(after(MODBUS, "    lissten = 1"), encoding="utf-8")
+    done = subprocess.run(
+        [find_program("drivebridged"), "--config", path],
+        capture_output=True, text=True, timeout=10, check=False,
+    )
+    assert done.returncode != 0
+    assert f"{path}:2:" in done.stderr
+    assert "listening" not in done.stderr
+
+
+def test_a_missing_file(tmp_path):
+    status, _, errors = check(tmp_path / "none.conf")
+    assert status != 0
+    assert "none.conf" in errors
+
+
+def test_a_cycle_that_cannot_fit_is_warned_with_figures(tmp_path):
+    text = GOOD.replace("cycle-ms = 50", "cycle-ms = 1").replace("115200", "9600")
+    _, status, out, errors = checked(tmp_path, text)
+    assert status == 0, errors
+    assert "cycle-ms" in out + errors
+    assert " ms" in out + errors
+
+
+def test_a_confirmation_that_cannot_come_in_time_is_warned(tmp_path):
+    text = after(MODBUS, "    confirm-ms = 1").replace("115200", "2400")
+    _, status, out, errors = checked(tmp_path, text)
+    assert status == 0, errors
+    assert "confirm-ms" in out + errors

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stop comes first, and silence is safe when the bridge itself ends."""
+
+import struct
+
+import pytest
+from bridgelib import (
+    CONTINUOUS,
+    DEVICE_FAILURE,
+    DISABLED,
+    RESULT_CANCELLED,
+    RESULT_OK,
+    STANDSTILL,
+    encode,
+    eventually,
+)
+
+
+def fc16(bridge, name, **args):
+    """The PDU of one command with all its arguments, target_position and target_velocity."""
+    code = int(bridge.commands[name]["code"])
+    words = [code, *encode("i32", args.get("target_position", 0)),
+             *encode("f32", args.get("target_velocity", 0))]
+    address = bridge.map.find("command").address
+    return struct.pack(">BHHB", 16, address, len(words), 2 * len(words)) + struct.pack(
+        f">{len(words)}H", *words)
+
+
+def starts_moving(bridge, number=1, velocity=3200):
+    drive = bridge.drive(number)
+    assert drive.command("move_velocity", target_velocity=velocity) == 0
+    eventually(lambda: drive.read("axis_state") == CONTINUOUS)
+
+
+def test_stop_overtakes_and_cancels_what_waits(make_bridge):
+    """Six moves wait behind a slow drive; a stop goes out next, and none of them after it."""
+    bridge = make_bridge(bus={"drive-latency-ms": 500})
+    bridge.sim.fault("delay 100")
+    mark = bridge.sim.mark()
+    with bridge.raw() as mover, bridge.raw() as stopper:
+        for number in range(1, 7):
+            mover.send(mover.adu(number, 1, fc16(bridge, "move_absolute",
+                                                 target_position=number * 10000,
+                                                 target_velocity=1000)))
+        eventually(lambda: bridge.sim.sent(mark), what="the first move on the wire")
+        assert stopper.request(fc16(bridge, "stop"))[0] == 16
+        answers = [mover.receive() for _ in range(6)]
+    bridge.sim.fault("none")
+    assert [transaction for transaction, _, _ in answers] == [1, 2, 3, 4, 5, 6]
+    cancelled = [pdu for _, _, pdu in answers if pdu == bytes([0x90, DEVICE_FAILURE])]
+    lines = bridge.sim.sent(mark)
+    # What had gone out before the stop may stand; nothing may follow it.
+    assert lines[-1] == "1 stp"
+    assert len(lines) - 1 + len(cancelled) >= 6
+    assert len(cancelled) >= 4
+    drive = bridge.drive()
+    assert drive.read("result") == RESULT_OK
+    assert drive.read("result_command") == int(bridge.commands["stop"]["code"])
+    eventually(lambda: drive.read("axis_state") == STANDSTILL)
+
+
+def test_a_cancelled_id_is_remembered_as_cancelled(make_bridge):
+    bridge = make_bridge(bus={"drive-latency-ms": 500})
+    drive = bridge.drive()
+    assert drive.command("move_absolute", 1, target_position=0, target_velocity=1000) != 0
+    bridge.sim.fault("delay 100")
+    mark = bridge.sim.mark()
+    with bridge.raw() as mover, bridge.raw() as stopper:
+        mover.send(mover.adu(1, 1, fc16(bridge, "move_absolute", target_position=9000)))
+        eventually(lambda: bridge.sim.sent(mark))
+        words = [2, int(bridge.commands["move_absolute"]["code"]), *encode("i32", 9),
+                 *encode("f32", 9)]
+        address = drive.row("command_id").address
+        mover.send(mover.adu(2, 1, struct.pack(">BHHB6H", 16, address, 6, 12, *words)))
+        eventually(lambda: drive.read("result_id") == 2)
+        assert stopper.request(fc16(bridge, "stop"))[0] == 16
+        mover.receive()
+        assert mover.receive()[2] == bytes([0x90, DEVICE_FAILURE])
+    bridge.sim.fault("none")
+    # The same id again is told the same end, and does not move.
+    assert drive.command("move_absolute", 2, target_position=9, target_velocity=9) == DEVICE_FAILURE
+    assert drive.read("write_result") == RESULT_CANCELLED
+    assert not [line for line in bridge.sim.sent(mark) if line == "1 pos 9 spd=9"]
+
+
+def test_a_stop_of_one_drive_leaves_the_others_alone(make_bridge):
+    bridge = make_bridge(drives=3)
+    for number in (1, 2, 3):
+        starts_moving(bridge, number)
+    assert bridge.drive(2).command("stop") == 0
+    eventually(lambda: bridge.drive(2).read("axis_state") == STANDSTILL)
+    for number in (1, 3):
+        assert bridge.drive(number).read("axis_state") == CONTINUOUS
+
+
+@pytest.mark.parametrize("fault", ["drop 4", "lose-request 4", "corrupt 4", "truncate 4"])
+def test_a_stop_is_repeated_until_confirmed(bridge, fault):
+    starts_moving(bridge)
+    bridge.sim.fault(fault)
+    assert bridge.drive().command("stop") == 0
+    assert bridge.sim.get()["velocity"] == 0 or bridge.drive().read("result") == RESULT_OK
+    eventually(lambda: bridge.sim.get()["velocity"] == 0)
+    assert bridge.sim.get()["stp"] >= 1
+
+
+def test_a_stop_waits_for_a_drive_that_is_away(bridge):
+    starts_moving(bridge)
+    bridge.sim.fault("silence on")
+    drive = bridge.drive()
+    with bridge.raw() as raw:
+        raw.send(raw.adu(1, 1, fc16(bridge, "stop")))
+        eventually(lambda: drive.read("status") & 1 == 0, what="the drive to be offline")
+        assert bridge.sim.get()["velocity"] == 3200
+        bridge.sim.fault("silence off")
+        eventually(lambda: bridge.sim.get()["velocity"] == 0, what="the stop to reach the drive")
+        assert raw.receive()[0] == 1
+
+
+@pytest.mark.parametrize(
+    ("keys", "line"),
+    [
+        ({}, "stp"),
+        ({"on-client-loss": "quick-stop"}, "stp 1"),
+        ({"on-client-loss": "none", "on-exit": "disable"}, "off"),
+        ({"on-exit": "stop"}, "stp"),
+    ],
+)
+def test_the_end_of_the_bridge_stops_what_moves(make_bridge, keys, line):
+    bridge = make_bridge(drive=keys)
+    starts_moving(bridge)
+    assert bridge.stop_bridge() == 0
+    assert f"1 {line}" in bridge.sim.sent()
+    eventually(lambda: bridge.sim.get()["velocity"] == 0)
+
+
+def test_the_end_of_the_bridge_stops_on_a_bad_line(bridge):
+    starts_moving(bridge)
+    bridge.sim.fault("lose-request 2")
+    assert bridge.stop_bridge() == 0
+    eventually(lambda: bridge.sim.get()["velocity"] == 0)
+
+
+def test_the_end_of_the_bridge_waits_for_nobody(bridge):
+    """Neither a silent drive nor a client that does not read delays it beyond its time."""
+    starts_moving(bridge)
+    bridge.sim.fault("silence on")
+    with bridge.raw() as raw:
+        raw.send(raw.adu(1, 1, struct.pack(">BHH", 3, 0, 10)) * 200)
+        assert bridge.stop_bridge() == 0
+
+
+def test_on_exit_none_leaves_it_moving(make_bridge):
+    bridge = make_bridge(drive={"on-exit": "none"})
+    starts_moving(bridge)
+    mark = bridge.sim.mark()
+    assert bridge.stop_bridge() == 0
+    assert not [text for text in bridge.sim.sent(mark) if " stp" in text or " off" in text]
+    position = bridge.sim.get()["position"]
+    eventually(lambda: bridge.sim.get()["velocity"] == 3200)
+    eventually(lambda: bridge.sim.get()["position"] > position)
+
+
+def test_watchdog_stops_when_the_plc_falls_silent(make_bridge):
+    bridge = make_bridge(drive={"watchdog-ms": 300})
+    starts_moving(bridge)
+    bridge.drive().close()
+    eventually(lambda: bridge.sim.get()["velocity"] == 0, what="the watchdog")
+    assert "1 stp" in bridge.sim.sent()
+    bridge.units.clear()
+    drive = bridge.drive()
+    assert drive.read("watchdog_trips") == 1
+    assert drive.read("status") & 1 << 10
+    # Latched: an explicit reset is needed before it moves again.
+    assert drive.command("move_velocity", target_velocity=100) == DEVICE_FAILURE
+    eventually(lambda: drive.read("axis_state") not in (CONTINUOUS, DISABLED))
+
+
+def test_a_talking_client_feeds_the_watchdog(make_bridge):
+    bridge = make_bridge(drive={"watchdog-ms": 300})
+    starts_moving(bridge)
+    drive = bridge.drive()
+    start = drive.read("position")
+    eventually(lambda: drive.read("position") > start + 3200, what="a second of travel")
+    assert drive.read("watchdog_trips") == 0
+    assert drive.read("axis_state") == CONTINUOUS
+    assert drive.command("stop") == 0
