@@ -100,7 +100,7 @@ int db_commander_write(struct db_commander *commander, const struct db_command_w
                        struct db_write_token token, db_time now);
 
 /* A command from outside the command block (coils): no id, the kept block stays as it is. */
-int db_commander_execute(struct db_commander *commander, enum db_command command,
+int db_commander_execute(struct db_commander *commander, enum db_command code,
                          const struct db_args *args, struct db_write_token token, db_time now);
 
 /* Values that were checked already; 1..DB_SETTINGS_MAX of them, carried out as one request. */

@@ -89,7 +89,7 @@ struct db_server_stats {
  * 0, or a negative errno (EADDRINUSE, EACCES, EINVAL for an address that cannot be read ...).
  */
 int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
-                  const struct db_backend *backend, void *context, struct db_server **server);
+                  const struct db_backend *backend, void *context, struct db_server **result);
 
 /* Closes every connection; pending tokens become void. */
 void db_server_free(struct db_server *server);

@@ -269,7 +269,7 @@ static int load_vsmd(cfg_t *cfg, unsigned baud, struct sim_vsmd_config *vsmd)
 static int find_bus(const struct sim_config *config, const char *name, size_t *index)
 {
 	for (size_t i = 0; name && i < config->bus_count; i++) {
-		if (strcmp(config->buses[i].name, name) == 0) {
+		if (config->buses[i].name && strcmp(config->buses[i].name, name) == 0) {
 			*index = i;
 			return 0;
 		}
