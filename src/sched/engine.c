@@ -573,6 +573,7 @@ static bool blind_stop_answered(struct db_engine *engine, struct station *statio
 	if (kind != LANE_STOP || engine->flight.trusted)
 		return false;
 	station->lanes[LANE_STOP].active = false;
+	station_note_ghost(station, false, now);
 	account(engine, now);
 	return true;
 }
@@ -602,7 +603,7 @@ static void take_frame(struct db_engine *engine, const uint8_t *frame, size_t le
 		return;
 	step = engine->driver->answer(station->device, &lane->job, frame, length, now,
 	                              &lane->exchange, &result);
-	if (step == DB_STEP_IGNORE) {
+	if (step == DB_STEP_IGNORE || (kind == LANE_PROBE && station_is_ghost(station, now))) {
 		engine->stats.stray_frames++;
 		return;
 	}
@@ -710,6 +711,7 @@ static void answer_lost(struct db_engine *engine, db_time now)
 	station->snapshot.stats.timeouts++;
 	station->in_step = false;
 	station->losses++;
+	station_note_ghost(station, kind == LANE_PROBE, now);
 	switch (kind) {
 	case LANE_PROBE:
 		probe_lost(engine, station, cost, now);

@@ -78,6 +78,33 @@ void station_count_answer(struct station *station, db_time round_trip)
 	stats->round_trip_mean_us = (uint32_t)(station->round_trip_sum_us / stats->answers);
 }
 
+void station_note_ghost(struct station *station, bool probe, db_time now)
+{
+	if (!probe) {
+		station->risky_until = now + GHOST_TIME;
+		return;
+	}
+	if (now >= station->ghosts_until)
+		station->ghosts = 0;
+	station->ghosts++;
+	station->ghosts_until = now + GHOST_TIME;
+}
+
+bool station_is_ghost(struct station *station, db_time now)
+{
+	if (now >= station->ghosts_until)
+		station->ghosts = 0;
+	if (station->ghosts == 0)
+		return false;
+	if (now < station->risky_until) {
+		station->ghosts--;
+		return true;
+	}
+	/* Whichever probe it answers, as many others may still be. */
+	station->ghosts_until = now + GHOST_TIME;
+	return false;
+}
+
 void station_add_stop(struct station *station, const struct db_request *request,
                       struct db_letter *letter, db_time now)
 {

@@ -37,7 +37,16 @@ struct station {
 	bool online;
 	bool in_step;
 	bool ever_probed;
-	unsigned losses; /* in a row */
+	/*
+	 * Answers that may still come. Drives answer in the order of the questions, so the answer to a
+	 * probe says that nothing older is on its way, if it is the answer to *that* probe: as long as
+	 * a lost status or command may be answered, an answer is first taken for that of an earlier
+	 * lost probe.
+	 */
+	db_time risky_until;  /* a lost exchange other than a probe may be answered until then */
+	unsigned ghosts;      /* lost probes that may be answered */
+	db_time ghosts_until; /* after that, none will be */
+	unsigned losses;      /* in a row */
 
 	bool poll_due;
 	db_time polled;      /* when the last poll was sent */
@@ -60,6 +69,9 @@ struct station {
 	uint64_t round_trip_sum_us;
 };
 
+/* No drive is later than this: what was not answered by then never will be. */
+#define GHOST_TIME (500 * DB_NS_PER_MS)
+
 /* How often an offline drive is looked for: at first, and at most. */
 #define PROBE_BACKOFF_MIN (100 * DB_NS_PER_MS)
 #define PROBE_BACKOFF_MAX (2 * DB_NS_PER_S)
@@ -79,6 +91,11 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
                      int64_t wall_offset_us);
 
 void station_count_answer(struct station *station, db_time round_trip);
+
+/* An exchange went without its answer; `probe` tells which kind it was. */
+void station_note_ghost(struct station *station, bool probe, db_time now);
+/* Whether the answer that just came to a probe may be an earlier probe's. */
+bool station_is_ghost(struct station *station, db_time now);
 
 /* Adds a stop; the letter may be null. What is queued or running for the drive is the caller's. */
 void station_add_stop(struct station *station, const struct db_request *request,

@@ -13,6 +13,7 @@ from bridgelib import (
     RESULT_RESTARTED,
     RESULT_TIMEOUT,
     STANDSTILL,
+    encode,
     eventually,
 )
 
@@ -103,8 +104,6 @@ def test_two_clients_send_the_same_id_while_it_is_pending(bridge):
 
 def encoded(bridge, block):
     """The words of a relative move of STEP under the id already in the block."""
-    from bridgelib import encode
-
     code = int(bridge.commands["move_relative"]["code"])
     return [block[0], code, *encode("i32", STEP["target_position"]),
             *encode("f32", STEP["target_velocity"])]
