@@ -339,6 +339,20 @@ static bool at_end(struct reader *reader)
 	return !next_word(reader, &rest);
 }
 
+/*
+ * parse_number() for commands, which are strict: digits on both sides of a decimal point. Drives are
+ * not held to that in what they send.
+ */
+static bool parse_strict(struct word word, double *number, bool *whole)
+{
+	const char *point = memchr(word.text, '.', word.length);
+
+	if (point && (point == word.text || point[-1] < '0' ||
+	              point + 1 == word.text + word.length))
+		return false;
+	return parse_number(word.text, word.length, number, whole);
+}
+
 /* A whole number in a range; commands are strict, so "1.0" is none. */
 static enum vsmd_error read_whole(struct word word, double min, double max, double *number)
 {
@@ -365,7 +379,7 @@ static enum vsmd_error read_float(struct word word, double min, double max, floa
 	double number;
 	bool whole;
 
-	if (!parse_number(word.text, word.length, &number, &whole))
+	if (!parse_strict(word, &number, &whole))
 		return VSMD_ERR_SYNTAX;
 	*value = (float)number;
 	return (double)*value >= (double)(float)min && (double)*value <= (double)(float)max ?
@@ -530,6 +544,9 @@ static enum vsmd_error read_setting(struct word word, struct vsmd_setting *setti
 {
 	const char *equals = memchr(word.text, '=', word.length);
 	size_t name = equals ? (size_t)(equals - word.text) : 0;
+	struct word value;
+	double number;
+	bool whole;
 	int param;
 
 	if (!equals || name + 1 == word.length)
@@ -537,16 +554,12 @@ static enum vsmd_error read_setting(struct word word, struct vsmd_setting *setti
 	param = vsmd_param_find(word.text, name);
 	if (param < 0)
 		return VSMD_ERR_NAME;
+	value = (struct word){ .text = equals + 1, .length = word.length - name - 1 };
+	if (!parse_strict(value, &number, &whole))
+		return VSMD_ERR_SYNTAX;
 	setting->param = (enum vsmd_param)param;
-	if (!parse_value(vsmd_params[param].type, equals + 1, word.length - name - 1,
-	                 &setting->value)) {
-		double number;
-		bool whole;
-
-		return parse_number(equals + 1, word.length - name - 1, &number, &whole) ?
-		               VSMD_ERR_RANGE :
-		               VSMD_ERR_SYNTAX;
-	}
+	if (!parse_value(vsmd_params[param].type, value.text, value.length, &setting->value))
+		return VSMD_ERR_RANGE;
 	return vsmd_param_in_range(setting->param, setting->value) ? VSMD_OK : VSMD_ERR_RANGE;
 }
 

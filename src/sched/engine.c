@@ -259,6 +259,12 @@ static void send_probe(struct db_engine *engine, struct station *station, db_tim
 		send_lane(engine, station, LANE_PROBE, now);
 }
 
+/* It must be asked a probe first, and the answer could not be told from an earlier one's yet. */
+static bool is_haunted(const struct station *station, db_time now)
+{
+	return !station->in_step && station_haunted_until(station, now) > now;
+}
+
 /* --- choosing -------------------------------------------------------------------------------------- */
 
 static void send_stop(struct db_engine *engine, struct station *station, db_time now)
@@ -330,6 +336,9 @@ static bool try_stops(struct db_engine *engine, db_time now)
 	for (size_t i = 0; i < engine->station_count; i++) {
 		struct station *station = &engine->stations[i];
 
+		/* A stop itself is never held back, only the question whether it was obeyed. */
+		if (station->blind_stop_sent && is_haunted(station, now))
+			continue;
 		if (station->stop_count > 0 && station->stop_at <= now) {
 			send_stop(engine, station, now);
 			return true;
@@ -376,7 +385,8 @@ static bool try_fronts(struct db_engine *engine, db_time now)
 		size_t i = (engine->next_front + n) % engine->station_count;
 		struct station *station = &engine->stations[i];
 
-		if (station->lanes[LANE_FRONT].ready && station->stop_count == 0) {
+		if (station->lanes[LANE_FRONT].ready && station->stop_count == 0 &&
+		    !is_haunted(station, now)) {
 			engine->next_front = i + 1;
 			send_in_step(engine, station, LANE_FRONT, now);
 			return true;
@@ -388,7 +398,8 @@ static bool try_fronts(struct db_engine *engine, db_time now)
 		size_t before = engine->waiting_count;
 
 		/* A command given after a stop waits until the stop is confirmed. */
-		if (station->lanes[LANE_FRONT].active || station->stop_count > 0)
+		if (station->lanes[LANE_FRONT].active || station->stop_count > 0 ||
+		    is_haunted(station, now))
 			i++;
 		else if (begin_letter(engine, i, now))
 			return true;
@@ -398,12 +409,13 @@ static bool try_fronts(struct db_engine *engine, db_time now)
 	return false;
 }
 
-static struct station *due_poll(struct db_engine *engine)
+static struct station *due_poll(struct db_engine *engine, db_time now)
 {
 	for (size_t n = 0; n < engine->station_count; n++) {
 		size_t i = (engine->next_poll + n) % engine->station_count;
 
-		if (engine->stations[i].online && engine->stations[i].poll_due) {
+		if (engine->stations[i].online && engine->stations[i].poll_due &&
+		    !is_haunted(&engine->stations[i], now)) {
 			engine->next_poll = i;
 			return &engine->stations[i];
 		}
@@ -432,7 +444,7 @@ static void send_poll(struct db_engine *engine, struct station *station, db_time
 static bool wants_identify(const struct db_engine *engine, const struct station *station,
                            db_time now)
 {
-	if (!station->online || station->identify_at > now)
+	if (!station->online || station->identify_at > now || is_haunted(station, now))
 		return false;
 	return station->lanes[LANE_IDENTIFY].active ||
 	       !(station->snapshot.feedback.status & DB_STATUS_PARAMS_VALID) ||
@@ -466,7 +478,7 @@ static bool try_probes(struct db_engine *engine, db_time now)
 		size_t i = (engine->next_probe + n) % engine->station_count;
 		struct station *station = &engine->stations[i];
 
-		if (station->online || station->probe_at > now)
+		if (station->online || station->probe_at > now || is_haunted(station, now))
 			continue;
 		/* The first round after the port opened is free: nothing is known of any drive. */
 		if (station->ever_probed && engine->probes_from > now)
@@ -498,7 +510,7 @@ static bool send_something(struct db_engine *engine, db_time now)
 		return true;
 	if (engine->shutting_down)
 		return false;
-	poll = due_poll(engine);
+	poll = due_poll(engine, now);
 	if (poll && engine->front_was_last && now - poll->polled > 2 * engine->period) {
 		send_poll(engine, poll, now);
 		return true;
@@ -848,6 +860,8 @@ static db_time next_wake(const struct db_engine *engine, db_time now)
 			probe = engine->probes_from;
 		if (!station->online && !engine->shutting_down)
 			wake = earliest(wake, probe);
+		if (is_haunted(station, now))
+			wake = earliest(wake, station_haunted_until(station, now));
 	}
 	return wake > now ? wake : now + 1;
 }

@@ -23,6 +23,7 @@ int station_init(struct station *station, const struct db_driver *driver,
 	station->lanes[LANE_FRONT].exchange.request = station->front_request;
 	station->lanes[LANE_FRONT].exchange.request_size = sizeof station->front_request;
 	station->probe_backoff = PROBE_BACKOFF_MIN;
+	station->ghost_time = GHOST_LATENCIES * (db_time)bus->drive_latency_ms * DB_NS_PER_MS;
 	driver->init(station->device, bus, drive);
 	return 0;
 }
@@ -81,13 +82,20 @@ void station_count_answer(struct station *station, db_time round_trip)
 void station_note_ghost(struct station *station, bool probe, db_time now)
 {
 	if (!probe) {
-		station->risky_until = now + GHOST_TIME;
+		station->risky_until = now + station->ghost_time;
 		return;
 	}
 	if (now >= station->ghosts_until)
 		station->ghosts = 0;
 	station->ghosts++;
-	station->ghosts_until = now + GHOST_TIME;
+	station->ghosts_until = now + station->ghost_time;
+}
+
+db_time station_haunted_until(const struct station *station, db_time now)
+{
+	if (station->ghosts == 0 || now >= station->risky_until)
+		return now;
+	return station->ghosts_until;
 }
 
 bool station_is_ghost(struct station *station, db_time now)
@@ -101,7 +109,7 @@ bool station_is_ghost(struct station *station, db_time now)
 		return true;
 	}
 	/* Whichever probe it answers, as many others may still be. */
-	station->ghosts_until = now + GHOST_TIME;
+	station->ghosts_until = now + station->ghost_time;
 	return false;
 }
 

@@ -43,6 +43,7 @@ struct station {
 	 * a lost status or command may be answered, an answer is first taken for that of an earlier
 	 * lost probe.
 	 */
+	db_time ghost_time;   /* how late an answer can be */
 	db_time risky_until;  /* a lost exchange other than a probe may be answered until then */
 	unsigned ghosts;      /* lost probes that may be answered */
 	db_time ghosts_until; /* after that, none will be */
@@ -69,8 +70,9 @@ struct station {
 	uint64_t round_trip_sum_us;
 };
 
-/* No drive is later than this: what was not answered by then never will be. */
-#define GHOST_TIME (500 * DB_NS_PER_MS)
+/* No drive is later than so many times the configured latency: what was not answered by then never
+ * will be. */
+#define GHOST_LATENCIES 4
 
 /* How often an offline drive is looked for: at first, and at most. */
 #define PROBE_BACKOFF_MIN (100 * DB_NS_PER_MS)
@@ -94,6 +96,8 @@ void station_count_answer(struct station *station, db_time round_trip);
 
 /* An exchange went without its answer; `probe` tells which kind it was. */
 void station_note_ghost(struct station *station, bool probe, db_time now);
+/* Until when it is no use to send a probe, because its answer could not be told from a ghost. */
+db_time station_haunted_until(const struct station *station, db_time now);
 /* Whether the answer that just came to a probe may be an earlier probe's. */
 bool station_is_ghost(struct station *station, db_time now);
 

@@ -355,6 +355,66 @@ static void all_parameters_at_once(void **state)
 	assert_memory_equal(decoded.settings, settings, sizeof settings);
 }
 
+/* A name may come twice; both reach the drive in order, where the last one wins. */
+static void repeated_parameter(void **state)
+{
+	struct decoded decoded;
+
+	(void)state;
+	decode("3 cfg spd=100 acc=7 spd=200", true, &decoded);
+	assert_int_equal(decoded.error, VSMD_OK);
+	assert_int_equal(decoded.command.setting_count, 3);
+	assert_setting(&decoded.settings[0], VSMD_SPD, 100);
+	assert_setting(&decoded.settings[1], VSMD_ACC, 7);
+	assert_setting(&decoded.settings[2], VSMD_SPD, 200);
+	assert_encodes(&decoded.command, "3 cfg spd=100 acc=7 spd=200");
+}
+
+static void several_spaces(void **state)
+{
+	static const struct {
+		const char *line;
+		const char *canonical;
+	} rows[] = {
+		{ "  4   pos   10000    spd=20000  ", "4 pos 10000 spd=20000" },
+		{ "4 zero  start ", "4 zero start" },
+		{ " 4  cfg ", "4 cfg" },
+		{ "4 cfg  spd=1   acc=2 \r", "4 cfg spd=1 acc=2" },
+		{ "4  dev\r", "4 dev" },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(rows); i++) {
+		struct decoded decoded;
+
+		decode(rows[i].line, true, &decoded);
+		assert_int_equal(decoded.error, VSMD_OK);
+		assert_encodes(&decoded.command, rows[i].canonical);
+	}
+}
+
+/* Commands are read strictly, a drive's own texts are not. */
+static void half_written_fractions(void **state)
+{
+	static const char *const lines[] = { "mov spd=5.", "mov spd=.5", "mov spd=-.5",
+		                             "cfg spd=5.", "cfg spd=.5", "cfg bdr=9600." };
+	static const char text[] = "spd=5. acc=.5 bdr=9600.";
+	struct vsmd_setting setting;
+	size_t cursor = 0;
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(lines); i++)
+		assert_error(lines[i], false, VSMD_ERR_SYNTAX);
+	assert_error("shake start spos=0 epos=1 freq=.5 time=0", false, VSMD_ERR_SYNTAX);
+	assert_error("cfg bdr=9600.0", false, VSMD_OK);
+	assert_int_equal(vsmd_serial_next_param(text, strlen(text), &cursor, &setting), 1);
+	assert_setting(&setting, VSMD_SPD, 5);
+	assert_int_equal(vsmd_serial_next_param(text, strlen(text), &cursor, &setting), 1);
+	assert_setting(&setting, VSMD_ACC, 0.5);
+	assert_int_equal(vsmd_serial_next_param(text, strlen(text), &cursor, &setting), 1);
+	assert_setting(&setting, VSMD_BDR, 9600);
+}
+
 /* --- ranges of commands --------------------------------------------------------------------------- */
 
 static void speeds(void **state)
@@ -776,17 +836,6 @@ static void space_for_lines(void **state)
 
 static const uint8_t status_frame[] = { 0xFF, 0x01, 0x02, 0, 0, 0,    0,    0,    0,    0,   0,
 	                                0,    0,    0,    0, 0, 0x23, 0x33, 0x00, 0x13, 0xFE };
-static const char identity[] = "VSMD113_025T-1.0.008.170428";
-
-static size_t identity_frame(uint8_t *frame)
-{
-	size_t length = strlen(identity);
-
-	memcpy(frame, "\xFF\x01\x01", 3);
-	memcpy(frame + 3, identity, length);
-	memcpy(frame + 3 + length, "\x00\x31\xFE", 3);
-	return length + 6;
-}
 
 static enum vsmd_error decode_bytes(const uint8_t *frame, size_t length)
 {
@@ -795,24 +844,73 @@ static enum vsmd_error decode_bytes(const uint8_t *frame, size_t length)
 	return vsmd_serial_decode_reply(frame, length, &reply);
 }
 
-static void documented_identity(void **state)
+/* The texts the document prints, with the checksums it leaves out. */
+static const struct {
+	const char *frame;
+	size_t length;
+	enum vsmd_reply_code code;
+	const char *text;
+} documented_texts[] = {
+	{ "\xFF\x01\x01"
+	  "VSMD113_025T-1.0.008.170428"
+	  "\x00\x31\xFE",
+	  33, VSMD_REPLY_IDENTITY, "VSMD113_025T-1.0.008.170428" },
+	{ "\xFF\x01\x01"
+	  "VSMD113_025T-1.0.008.161228"
+	  "\x00\x37\xFE",
+	  33, VSMD_REPLY_IDENTITY, "VSMD113_025T-1.0.008.161228" },
+	{ "\xFF\x01\x03"
+	  "bdr=9600 cid=2 spd=1200 ...dmd=1 dar=10"
+	  "\x00\x78\xFE",
+	  45, VSMD_REPLY_PARAMS, "bdr=9600 cid=2 spd=1200 ...dmd=1 dar=10" },
+};
+
+static void documented_text_frames(void **state)
 {
-	uint8_t frame[64];
-	uint8_t again[64];
-	size_t length = identity_frame(frame);
-	struct vsmd_reply reply;
+	(void)state;
+	for (size_t i = 0; i < COUNT(documented_texts); i++) {
+		const uint8_t *frame = (const uint8_t *)documented_texts[i].frame;
+		size_t length = documented_texts[i].length;
+		const char *text = documented_texts[i].text;
+		struct vsmd_reply reply;
+		uint8_t again[64];
+
+		assert_int_equal(vsmd_serial_decode_reply(frame, length, &reply), VSMD_OK);
+		assert_int_equal(reply.id, 1);
+		assert_int_equal(reply.code, documented_texts[i].code);
+		assert_int_equal(reply.text_length, strlen(text));
+		assert_ptr_equal(reply.text, frame + 3);
+		assert_memory_equal(reply.text, text, strlen(text));
+		assert_int_equal(vsmd_serial_encode_text(1, documented_texts[i].code, text,
+		                                         strlen(text), again, sizeof again),
+		                 length);
+		assert_memory_equal(again, frame, length);
+	}
+}
+
+/* The document cuts the text short with dots, which hide a name: the others are read all the same. */
+static void documented_parameter_text(void **state)
+{
+	static const struct {
+		enum vsmd_param param;
+		double number;
+		int result;
+	} rows[] = {
+		{ VSMD_BDR, 9600, 1 }, { VSMD_CID, 2, 1 },  { VSMD_SPD, 1200, 1 },
+		{ 0, 0, 2 },           { VSMD_DAR, 10, 1 },
+	};
+	const char *text = documented_texts[2].text;
+	struct vsmd_setting setting;
+	size_t cursor = 0;
 
 	(void)state;
-	assert_int_equal(vsmd_serial_decode_reply(frame, length, &reply), VSMD_OK);
-	assert_int_equal(reply.id, 1);
-	assert_int_equal(reply.code, VSMD_REPLY_IDENTITY);
-	assert_int_equal(reply.text_length, strlen(identity));
-	assert_ptr_equal(reply.text, frame + 3);
-	assert_memory_equal(reply.text, identity, strlen(identity));
-	assert_int_equal(vsmd_serial_encode_text(1, VSMD_REPLY_IDENTITY, identity, strlen(identity),
-	                                         again, sizeof again),
-	                 length);
-	assert_memory_equal(again, frame, length);
+	for (size_t i = 0; i < COUNT(rows); i++) {
+		assert_int_equal(vsmd_serial_next_param(text, strlen(text), &cursor, &setting),
+		                 rows[i].result);
+		if (rows[i].result == 1)
+			assert_setting(&setting, rows[i].param, rows[i].number);
+	}
+	assert_int_equal(vsmd_serial_next_param(text, strlen(text), &cursor, &setting), 0);
 }
 
 static void documented_status(void **state)
@@ -834,7 +932,23 @@ static void documented_status(void **state)
 	assert_memory_equal(again, status_frame, sizeof status_frame);
 }
 
-/* The document prints its sample with one and with three bytes too many; checksums are right. */
+/* As the document prints its sample; zeros do not change the checksum, so only the length is wrong. */
+static void documented_status_misprints(void **state)
+{
+	static const uint8_t one_more[] = { 0xFF, 0x01, 0x02, 0, 0, 0,    0,    0,    0,    0,    0,
+		                            0,    0,    0,    0, 0, 0,    0x23, 0x33, 0x00, 0x13, 0xFE };
+	static const uint8_t three_more[] = { 0xFF, 0x01, 0x02, 0,    0,    0,    0,    0,
+		                              0,    0,    0,    0,    0,    0,    0,    0,
+		                              0,    0,    0,    0x23, 0x33, 0x00, 0x13, 0xFE };
+
+	(void)state;
+	assert_int_equal(sizeof one_more, 22);
+	assert_int_equal(sizeof three_more, 24);
+	assert_int_equal(decode_bytes(one_more, sizeof one_more), VSMD_ERR_SYNTAX);
+	assert_int_equal(decode_bytes(three_more, sizeof three_more), VSMD_ERR_SYNTAX);
+}
+
+/* Any number of zeros but thirteen. */
 static void status_of_wrong_length(void **state)
 {
 	(void)state;
@@ -1277,6 +1391,9 @@ int main(void)
 		cmocka_unit_test(broadcast_parameter),
 		cmocka_unit_test(several_parameters),
 		cmocka_unit_test(all_parameters_at_once),
+		cmocka_unit_test(repeated_parameter),
+		cmocka_unit_test(several_spaces),
+		cmocka_unit_test(half_written_fractions),
 		cmocka_unit_test(speeds),
 		cmocka_unit_test(positions),
 		cmocka_unit_test(small_numbers),
@@ -1290,8 +1407,10 @@ int main(void)
 		cmocka_unit_test(bytes_that_end_c_strings),
 		cmocka_unit_test(space_for_settings),
 		cmocka_unit_test(space_for_lines),
-		cmocka_unit_test(documented_identity),
+		cmocka_unit_test(documented_text_frames),
+		cmocka_unit_test(documented_parameter_text),
 		cmocka_unit_test(documented_status),
+		cmocka_unit_test(documented_status_misprints),
 		cmocka_unit_test(status_of_wrong_length),
 		cmocka_unit_test(parameter_text_frame),
 		cmocka_unit_test(five_groups),
