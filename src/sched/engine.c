@@ -854,14 +854,17 @@ static db_time next_wake(const struct db_engine *engine, db_time now)
 		const struct station *station = &engine->stations[i];
 		db_time probe = station->probe_at;
 
+		if (is_haunted(station, now) &&
+		    (station->stop_count == 0 || station->blind_stop_sent)) {
+			wake = earliest(wake, station_haunted_until(station, now));
+			continue;
+		}
 		if (station->stop_count > 0)
 			wake = earliest(wake, station->stop_at);
 		if (station->ever_probed && probe < engine->probes_from)
 			probe = engine->probes_from;
 		if (!station->online && !engine->shutting_down)
 			wake = earliest(wake, probe);
-		if (is_haunted(station, now))
-			wake = earliest(wake, station_haunted_until(station, now));
 	}
 	return wake > now ? wake : now + 1;
 }
