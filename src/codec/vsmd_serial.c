@@ -347,8 +347,8 @@ static bool parse_strict(struct word word, double *number, bool *whole)
 {
 	const char *point = memchr(word.text, '.', word.length);
 
-	if (point && (point == word.text || point[-1] < '0' ||
-	              point + 1 == word.text + word.length))
+	if (point &&
+	    (point == word.text || point[-1] < '0' || point + 1 == word.text + word.length))
 		return false;
 	return parse_number(word.text, word.length, number, whole);
 }

@@ -127,6 +127,14 @@ def main():
             print(f"processor {100 * cpu:.1f} % of one core, resident {resident_kib(bridge.pid)} KiB")
             jitter = client.read_u32(0, gateway["bus1_jitter_us"])
             print(f"jitter last {jitter} us, overruns {client.read_u32(0, gateway['bus1_overruns'])}")
+            if os.path.exists(f"{build}/bench/bench_server_reads"):
+                before = client.read_u32(0, gateway["bus1_overruns"])
+                print("100 registers per read, 8 clients, the bus cycling:", flush=True)
+                subprocess.run([f"{build}/bench/bench_server_reads", "1", "8", "3", str(port), "0",
+                                str(gateway["drive1_unit"])], check=True)
+                jitter = client.read_u32(0, gateway["bus1_jitter_us"])
+                overruns = client.read_u32(0, gateway["bus1_overruns"]) - before
+                print(f"jitter under that flood {jitter} us, {overruns} overruns")
             times = command_times(client, drive, 100)
             print(f"command on the busy bus: median {statistics.median(times):.2f} ms, "
                   f"max {max(times):.2f} ms")

@@ -3,7 +3,9 @@
  * Requests per second of 100 registers with several clients: this server, a bare epoll server that
  * only copies registers, and a plain libmodbus select server, one after the other in the same run.
  *
- *   server_reads [SECONDS [CLIENTS [ROUNDS]]]
+ *   server_reads [SECONDS [CLIENTS [ROUNDS [PORT UNIT ADDRESS]]]]
+ *
+ * With a port, "drivebridge" is a drivebridged that runs there, and its registers are read.
  *
  * Each server is a process of its own; all clients share another one. The figure of a server is the
  * best of its rounds, because everything that disturbs a measurement makes it smaller.
@@ -205,9 +207,11 @@ static _Noreturn void serve_libmodbus(int pipe)
 
 /* The clients: each has one request under way. */
 
-static void ask(int fd)
+static void ask(int fd, uint8_t unit, uint16_t first)
 {
-	static const uint8_t request[] = { 0, 1, 0, 0, 0, 6, 1, 3, 0, 0, 0, REGISTERS };
+	const uint8_t request[] = {
+		0, 1, 0, 0, 0, 6, unit, 3, (uint8_t)(first >> 8), (uint8_t)first, 0, REGISTERS
+	};
 
 	if (send(fd, request, sizeof(request), MSG_NOSIGNAL) != sizeof(request))
 		fail("send");
@@ -226,7 +230,7 @@ static int open_client(uint16_t port)
 	return fd;
 }
 
-static double drive(uint16_t port, int clients, double duration)
+static double drive(uint16_t port, int clients, double duration, uint8_t unit, uint16_t first)
 {
 	struct epoll_event events[64], event = { .events = EPOLLIN };
 	int set = epoll_create1(0), fds[CLIENTS_MAX], count;
@@ -240,7 +244,7 @@ static double drive(uint16_t port, int clients, double duration)
 		fds[i] = open_client(port);
 		event.data.u32 = (uint32_t)i;
 		epoll_ctl(set, EPOLL_CTL_ADD, fds[i], &event);
-		ask(fds[i]);
+		ask(fds[i], unit, first);
 	}
 	for (; now - begin < duration; now = seconds()) {
 		count = epoll_wait(set, events, 64, 1000);
@@ -250,12 +254,16 @@ static double drive(uint16_t port, int clients, double duration)
 			length = recv(fds[client], answer, sizeof(answer), 0);
 			if (length <= 0)
 				fail("recv");
+			if (got[client] == 0 && length > 7 && (answer[7] & 0x80)) {
+				fprintf(stderr, "exception %u\n", answer[8]);
+				exit(EXIT_FAILURE);
+			}
 			got[client] += (size_t)length;
 			if (got[client] < ANSWER)
 				continue;
 			got[client] = 0;
 			done++;
-			ask(fds[client]);
+			ask(fds[client], unit, first);
 		}
 	}
 	for (int i = 0; i < clients; i++)
@@ -289,7 +297,7 @@ static double measure(const struct contender *contender, int clients, double dur
 		contender->serve(pipes[1]);
 	if (read(pipes[0], &port, sizeof(port)) != sizeof(port))
 		fail("server");
-	rate = drive(port, clients, duration);
+	rate = drive(port, clients, duration, 1, 0);
 	kill(child, SIGKILL);
 	waitpid(child, NULL, 0);
 	close(pipes[0]);
@@ -302,19 +310,24 @@ int main(int argc, char **argv)
 	double duration = argc > 1 ? atof(argv[1]) : 1.0, best[3] = { 0 }, rate;
 	int clients = argc > 2 ? atoi(argv[2]) : 8;
 	int rounds = argc > 3 ? atoi(argv[3]) : 3;
+	uint16_t port = argc > 6 ? (uint16_t)atoi(argv[4]) : 0;
+	uint8_t unit = argc > 6 ? (uint8_t)atoi(argv[5]) : 1;
+	uint16_t first = argc > 6 ? (uint16_t)atoi(argv[6]) : 0;
 
 	if (duration <= 0 || clients < 1 || clients > CLIENTS_MAX || rounds < 1) {
-		fprintf(stderr, "usage: %s [SECONDS [CLIENTS [ROUNDS]]]\n", argv[0]);
+		fprintf(stderr, "usage: %s [SECONDS [CLIENTS [ROUNDS [PORT UNIT ADDRESS]]]]\n",
+		        argv[0]);
 		return EXIT_FAILURE;
 	}
 	for (int round = 0; round < rounds; round++) {
 		for (int i = 0; i < 3; i++) {
-			rate = measure(&CONTENDERS[i], clients, duration);
+			rate = i == 0 && port ? drive(port, clients, duration, unit, first) :
+			                        measure(&CONTENDERS[i], clients, duration);
 			best[i] = rate > best[i] ? rate : best[i];
 		}
 	}
 	for (int i = 0; i < 3; i++)
-		printf("%-18s %9.0f requests/s  %5.2f of bare epoll\n", CONTENDERS[i].name, best[i],
-		       best[i] / best[1]);
+		printf("%-18s %9.0f requests/s  %5.2f of bare epoll  %5.2f of libmodbus\n",
+		       CONTENDERS[i].name, best[i], best[i] / best[1], best[i] / best[2]);
 	return EXIT_SUCCESS;
 }

@@ -935,8 +935,10 @@ static void documented_status(void **state)
 /* As the document prints its sample; zeros do not change the checksum, so only the length is wrong. */
 static void documented_status_misprints(void **state)
 {
-	static const uint8_t one_more[] = { 0xFF, 0x01, 0x02, 0, 0, 0,    0,    0,    0,    0,    0,
-		                            0,    0,    0,    0, 0, 0,    0x23, 0x33, 0x00, 0x13, 0xFE };
+	static const uint8_t one_more[] = {
+		0xFF, 0x01, 0x02, 0, 0, 0, 0,    0,    0,    0,    0,
+		0,    0,    0,    0, 0, 0, 0x23, 0x33, 0x00, 0x13, 0xFE
+	};
 	static const uint8_t three_more[] = { 0xFF, 0x01, 0x02, 0,    0,    0,    0,    0,
 		                              0,    0,    0,    0,    0,    0,    0,    0,
 		                              0,    0,    0,    0x23, 0x33, 0x00, 0x13, 0xFE };
