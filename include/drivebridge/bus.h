@@ -8,6 +8,7 @@
 #include "drivebridge/axis.h"
 #include "drivebridge/command.h"
 #include "drivebridge/config.h"
+#include "drivebridge/transport.h"
 
 struct db_bus;
 
@@ -28,9 +29,11 @@ struct db_bus_stats {
 	uint32_t bad_frames;   /* frames with a wrong checksum or form */
 	uint32_t stray_frames; /* good frames nobody asked for */
 	uint32_t garbage_bytes;
-	uint32_t opens;  /* how often the port was opened */
-	uint32_t queued; /* commands waiting now */
-	uint32_t online; /* drives online now */
+	uint32_t reports; /* frames that drives sent unasked and that were used */
+	uint32_t opens;   /* how often the port was opened */
+	uint32_t queued;  /* commands waiting now */
+	uint32_t online;  /* drives online now */
+	struct db_port_health port;
 };
 
 /*

@@ -43,6 +43,9 @@ struct db_commander_ops {
 
 struct db_commander_config {
 	const struct db_driver *driver;
+	const struct db_bus_config *bus_config;     /* for the driver's check() */
+	const struct db_drive_config *drive_config; /* likewise */
+	uint64_t commands;                          /* db_driver_commands() */
 	const struct db_axis *axis;
 	uint16_t drive;    /* index in the configuration; makes tickets unique: 0..65534 */
 	uint16_t bus_axis; /* index among the bus's drives */

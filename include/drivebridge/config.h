@@ -13,6 +13,12 @@
 #include <stdio.h>
 
 struct db_driver;
+struct db_transport;
+
+/* Settings that only some families have: declared by the driver (struct db_option), kept by their
+ * place in its list. Numbers as they are, words by their place among the allowed ones, NAN when not
+ * set and without a default. */
+#define DB_OPTIONS_MAX 16
 
 enum db_on_loss { DB_ON_LOSS_NONE, DB_ON_LOSS_STOP, DB_ON_LOSS_QUICK_STOP, DB_ON_LOSS_DISABLE };
 enum db_parity { DB_PARITY_NONE, DB_PARITY_EVEN, DB_PARITY_ODD };
@@ -46,13 +52,16 @@ struct db_bus_config {
 	char *name;
 	const char *source_file;
 	unsigned source_line;
-	const struct db_driver *driver; /* protocol = one of the driver list's names */
-	char *device;                   /* serial: path of the port */
-	unsigned baud;                  /* default: the family's */
-	enum db_parity parity;          /* default none */
-	unsigned stop_bits;             /* 1 (default) or 2 */
-	enum db_line line;              /* line = rs485 (default) or rs232 */
-	unsigned cycle_ms;              /* 1..10000, default 20 */
+	const struct db_driver *driver;       /* protocol = one of the driver list's names */
+	const struct db_transport *transport; /* default: serial, or socketcan for CAN families */
+	char *device;                         /* serial and slcan: path of the port; else null */
+	char *interface;       /* socketcan: name of the network interface; else null */
+	unsigned baud;         /* of the serial port; default: the family's, or 115200 for slcan */
+	unsigned bitrate;      /* CAN: bit/s, 10000..1000000; default: the family's */
+	enum db_parity parity; /* default none */
+	unsigned stop_bits;    /* 1 (default) or 2 */
+	enum db_line line;     /* line = rs485 (default) or rs232 */
+	unsigned cycle_ms;     /* 1..10000, default 20 */
 	unsigned
 		drive_latency_ms; /* drive-latency-ms, 1..1000, default 30: the longest time a drive may think before it answers */
 	unsigned
@@ -61,20 +70,23 @@ struct db_bus_config {
 	unsigned
 		save_interval_s; /* save-interval-s, 0..3600, default 10: shortest time between two save_parameters of a drive */
 	unsigned priority; /* priority, 0 (default, SCHED_OTHER) or 1..99 (SCHED_FIFO) */
+	double options[DB_OPTIONS_MAX]; /* of the driver's list; those of drives are left NAN */
 };
 
 struct db_drive_config {
 	char *name;
 	const char *source_file;
 	unsigned source_line;
-	size_t bus;                     /* index into buses */
-	unsigned address;               /* on the bus; range is the family's; 0 on RS232 */
-	unsigned unit;                  /* Modbus unit 1..247 */
-	double counts_per_unit;         /* counts-per-unit, > 0, default 1.0 */
-	char *unit_name;                /* unit-name, default "counts" */
+	size_t bus;             /* index into buses */
+	unsigned address;       /* on the bus; range is the family's; 0 on RS232 */
+	unsigned axis;          /* axis, of a controller with several: 0 = x, 1 = y ...; else 0 */
+	unsigned unit;          /* Modbus unit 1..247 */
+	double counts_per_unit; /* counts-per-unit, > 0, default 1.0 */
+	char *unit_name;        /* unit-name, default "counts" */
 	enum db_on_loss on_client_loss; /* default stop */
 	enum db_on_loss on_exit;        /* default: as on_client_loss */
 	unsigned watchdog_ms;           /* 0 = off, default 3000 */
+	double options[DB_OPTIONS_MAX]; /* of the driver's list; those of buses are left NAN */
 };
 
 struct db_config {

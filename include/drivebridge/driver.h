@@ -15,12 +15,11 @@
 #include "drivebridge/axis.h"
 #include "drivebridge/command.h"
 #include "drivebridge/config.h"
+#include "drivebridge/transport.h"
 
 #define DB_REQUEST_MAX 1024 /* bytes of the longest request: every parameter written at once */
 #define DB_SHORT_REQUEST 64 /* enough for polls, probes, identification and stops */
 #define DB_ANSWER_MAX 1536  /* bytes of the longest answer frame */
-
-enum db_medium { DB_MEDIUM_SERIAL, DB_MEDIUM_CAN };
 
 enum db_job_kind {
 	DB_JOB_PROBE, /* is an offline drive there? also gets back in step with one that lost answers */
@@ -43,7 +42,8 @@ struct db_exchange {
 	uint8_t *request; /* the scheduler's buffer, filled by the driver */
 	size_t request_size; /* DB_REQUEST_MAX for COMMAND and SETTINGS, DB_SHORT_REQUEST for the rest */
 	size_t request_length;
-	size_t answer_length; /* longest expected answer in bytes; 0 = none will come (broadcast) */
+	size_t answer_length; /* longest expected answer, as wire_time() of transports counts it;
+	                         0 = none will come (broadcast) */
 	db_time extra_time;   /* beyond the bus's drive latency: a flash write, for instance */
 	bool repeatable;      /* sending it again after a lost answer is harmless */
 };
@@ -51,6 +51,7 @@ struct db_exchange {
 enum db_step {
 	DB_STEP_SEND,   /* *exchange is to be sent next */
 	DB_STEP_DONE,   /* the job ended; *result says how */
+	DB_STEP_MORE,   /* (answer only) a part of the answer; the rest is waited for */
 	DB_STEP_IGNORE, /* (answer only) not the answer waited for; keep waiting */
 };
 
@@ -58,6 +59,35 @@ enum db_step {
 typedef void db_cut_fn(const uint8_t *bytes, size_t available, size_t *skip, size_t *length);
 
 struct db_device; /* the driver's own state of one drive */
+struct db_can_filter;
+
+/* What accept() says of a frame. */
+enum db_frame {
+	DB_FRAME_GOOD,
+	DB_FRAME_BAD,     /* form or checksum is wrong */
+	DB_FRAME_FOREIGN, /* another family's or another master's */
+};
+
+/* A setting of the configuration that only this family has. */
+struct db_option {
+	const char *section; /* "bus" or "drive" */
+	const char *name;
+	const char *words;  /* allowed words separated by spaces; "" = a number */
+	const char *preset; /* default as written in a file; "" = none, NAN */
+	double min;         /* of a number */
+	double max;
+	bool whole; /* a number without fraction */
+	const char *unit;
+	const char *description;
+};
+
+/* Called for each thing wrong in a configuration. `drive` is null when it is the bus's. `error`:
+ * refuse it, else warn. */
+typedef void db_complain_fn(void *context, const struct db_drive_config *drive, bool error,
+                            const char *format, ...) __attribute__((format(printf, 4, 5)));
+
+#define DB_FILTERS_MAX 16
+#define DB_AXES_MAX 4
 
 struct db_driver {
 	const char *name;  /* protocol = NAME, and the families column of the register map */
@@ -65,7 +95,12 @@ struct db_driver {
 	enum db_medium medium;
 	unsigned address_min;
 	unsigned address_max;
-	unsigned default_baud;
+	unsigned default_baud; /* or bit rate, on CAN */
+	unsigned
+		axes; /* of one controller: so many drives may share an address, `axis = x` telling them
+	                  apart (x, y, z, a); 0 = one drive an address */
+	const struct db_option *options; /* at most DB_OPTIONS_MAX */
+	size_t option_count;
 	uint64_t commands;     /* DB_COMMAND_BIT() of all it can do */
 	unsigned measures;     /* enum db_measure */
 	unsigned output_count; /* ports of set_output, as coils 0.. */
@@ -75,24 +110,40 @@ struct db_driver {
 	int acceleration_param; /* index of the parameter behind `acceleration`, -1 = none */
 	int deceleration_param;
 
-	/* Pure: is this command, with these arguments, inside the documented ranges? OK,
-	 * UNSUPPORTED or OUT_OF_RANGE. */
-	enum db_result (*check)(enum db_command command, const struct db_args *args);
-	bool (*check_param)(size_t param, union db_value value);
+	/* Pure: is this command, with these arguments, inside the documented ranges and possible with
+	 * this configuration? OK, UNSUPPORTED or OUT_OF_RANGE. */
+	enum db_result (*check)(const struct db_bus_config *bus,
+	                        const struct db_drive_config *drive, enum db_command command,
+	                        const struct db_args *args);
+	enum db_result (*check_param)(const struct db_bus_config *bus, size_t param,
+	                              union db_value value);
+
+	/* The commands that this configuration takes away, as a set. May be null: none. */
+	uint64_t (*forbidden)(const struct db_bus_config *bus, const struct db_drive_config *drive);
+
+	/* What only the family knows of a configuration. May be null. */
+	void (*check_config)(const struct db_bus_config *bus,
+	                     const struct db_drive_config *const *drives, size_t drive_count,
+	                     db_complain_fn *complain, void *context);
 
 	/* Longest expected time on the wire, answer and a typical drive latency included. */
 	db_time (*poll_time)(const struct db_bus_config *bus);
 	db_time (*command_time)(const struct db_bus_config *bus);
 
 	size_t device_size; /* zeroed memory of this size is given to init */
-	void (*init)(struct db_device *device, const struct db_bus_config *bus,
-	             const struct db_drive_config *drive);
+	/* `first` is null, or the device of the first drive at the same address: it outlives this one,
+	 * polls for both, and its poll updates what feedback() of both tells. */
+	void (*init)(struct db_device *device, struct db_device *first,
+	             const struct db_bus_config *bus, const struct db_drive_config *drive);
 
-	db_cut_fn *cut;
+	/* Which frames of a CAN bus matter; how many of DB_FILTERS_MAX. Null on serial lines. */
+	size_t (*filters)(const struct db_bus_config *bus, struct db_can_filter *filters);
 
-	/* The frame's form and checksum are right. *address: who sent it, or -1 when the frame does not
-	 * tell. False = bad frame. */
-	bool (*accept)(const uint8_t *frame, size_t length, int *address);
+	db_cut_fn *cut; /* db_can_cut on CAN */
+
+	/* *address: who sent a good frame, or -1 when the frame does not tell. */
+	enum db_frame (*accept)(const struct db_bus_config *bus, const uint8_t *frame,
+	                        size_t length, int *address);
 
 	enum db_step (*begin)(struct db_device *device, struct db_job *job,
 	                      struct db_exchange *exchange, enum db_result *result);
@@ -102,6 +153,13 @@ struct db_driver {
 	/* No answer in time, all harmless repeats used up. */
 	enum db_step (*lost)(struct db_device *device, struct db_job *job,
 	                     struct db_exchange *exchange, enum db_result *result);
+
+	/* A good frame of this drive that no exchange took: the drive reports by itself. True when it
+	 * was used. May be null: never. */
+	bool (*report)(struct db_device *device, const uint8_t *frame, size_t length, db_time now);
+
+	/* Whether the drive must be asked in this cycle; null: always. Drives that report need not. */
+	bool (*wants_poll)(const struct db_device *device, db_time now);
 
 	/*
 	 * The drive is considered gone: forget what may have changed when it comes back. Returns
@@ -125,5 +183,8 @@ extern const struct db_driver *const db_drivers[];
 
 /* By name, or null. */
 const struct db_driver *db_driver_find(const char *name);
+
+/* What a configured drive can do: DB_COMMAND_BIT() of each. */
+uint64_t db_driver_commands(const struct db_bus_config *bus, const struct db_drive_config *drive);
 
 #endif

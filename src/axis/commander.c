@@ -127,19 +127,20 @@ static int wait_for(struct db_commander *commander, struct slot *slot, struct db
 
 /* --- what a write asks for -------------------------------------------------------------------- */
 
-static bool is_supported(const struct db_driver *driver, uint16_t code)
+static bool is_supported(const struct db_commander_config *config, uint16_t code)
 {
-	return code < DB_CMD_LIMIT && (driver->commands & DB_COMMAND_BIT(code));
+	return code < DB_CMD_LIMIT && (config->commands & DB_COMMAND_BIT(code));
 }
 
-static enum db_result check(const struct db_driver *driver, uint16_t code,
+static enum db_result check(const struct db_commander_config *config, uint16_t code,
                             const struct db_args *args)
 {
 	if (!db_command_find(code))
 		return DB_RESULT_OUT_OF_RANGE;
-	if (!is_supported(driver, code))
+	if (!is_supported(config, code))
 		return DB_RESULT_UNSUPPORTED;
-	return driver->check((enum db_command)code, args);
+	return config->driver->check(config->bus_config, config->drive_config,
+	                             (enum db_command)code, args);
 }
 
 /* OK when the drive can be asked now. A stop is worth queueing for a drive that may come back. */
@@ -307,7 +308,7 @@ static int command(struct db_commander *commander, const struct db_command_block
 
 	if (is_repeat(commander, id) && !stop)
 		return repeat(commander, token, now);
-	result = check(commander->config.driver, block->command, &block->args);
+	result = check(&commander->config, block->command, &block->args);
 	if (result != DB_RESULT_OK)
 		return refuse(commander, id, block->command, result);
 	if (id != 0 && commander->last.id == 0 && !stop)

@@ -100,6 +100,7 @@ static void read_bus(struct db_load *load, unsigned index, struct db_bus_config 
 	bus->source_file = load->file;
 	bus->source_line = section.line;
 	bus->driver = read_protocol(&section);
+	bus->transport = &db_transport_serial;
 	refuse_foreign_keys(&section, bus->driver);
 	bus->device = db_section_text(&section, "device");
 	if (bus->device && bus->device[0] != '/')

@@ -16,3 +16,10 @@ const struct db_driver *db_driver_find(const char *name)
 	}
 	return NULL;
 }
+
+uint64_t db_driver_commands(const struct db_bus_config *bus, const struct db_drive_config *drive)
+{
+	const struct db_driver *driver = bus->driver;
+
+	return driver->commands & ~(driver->forbidden ? driver->forbidden(bus, drive) : 0);
+}

@@ -208,9 +208,14 @@ static bool port_and_value(const struct db_args *args, unsigned ports, unsigned 
 	return in(args->output_number, 1, ports) && args->output_value <= max;
 }
 
-static enum db_result vsmd_check(enum db_command command, const struct db_args *args)
+static enum db_result vsmd_check(const struct db_bus_config *bus,
+                                 const struct db_drive_config *drive, enum db_command command,
+                                 const struct db_args *args)
 {
 	bool right = true;
+
+	(void)bus;
+	(void)drive;
 
 	switch (command) {
 	case DB_CMD_MOVE_VELOCITY:
@@ -245,9 +250,14 @@ static enum db_result vsmd_check(enum db_command command, const struct db_args *
 	return right ? DB_RESULT_OK : DB_RESULT_OUT_OF_RANGE;
 }
 
-static bool vsmd_check_param(size_t param, union db_value value)
+static enum db_result vsmd_check_param(const struct db_bus_config *bus, size_t param,
+                                       union db_value value)
 {
-	return param < VSMD_PARAM_COUNT && vsmd_param_in_range((enum vsmd_param)param, value);
+	(void)bus;
+	if (param >= VSMD_PARAM_COUNT)
+		return DB_RESULT_UNSUPPORTED;
+	return vsmd_param_in_range((enum vsmd_param)param, value) ? DB_RESULT_OK :
+	                                                            DB_RESULT_OUT_OF_RANGE;
 }
 
 /* --- beginning a job --------------------------------------------------------------------------- */
@@ -875,9 +885,10 @@ static const struct db_nameplate *vsmd_nameplate(const struct db_device *device)
 	return &device->plate;
 }
 
-static void vsmd_init(struct db_device *device, const struct db_bus_config *bus,
-                      const struct db_drive_config *drive)
+static void vsmd_init(struct db_device *device, struct db_device *first,
+                      const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
+	(void)first; /* one drive an address */
 	device->id = bus->line == DB_LINE_RS232 ? VSMD_SERIAL_NO_ID : (int)drive->address;
 	device->save_interval = (db_time)bus->save_interval_s * DB_NS_PER_S;
 }
@@ -891,14 +902,16 @@ static void vsmd_cut(const uint8_t *bytes, size_t available, size_t *skip, size_
 		*length = 0;
 }
 
-static bool vsmd_accept(const uint8_t *frame, size_t length, int *address)
+static enum db_frame vsmd_accept(const struct db_bus_config *bus, const uint8_t *frame,
+                                 size_t length, int *address)
 {
 	struct vsmd_reply reply;
 
 	if (vsmd_serial_decode_reply(frame, length, &reply) != VSMD_OK)
-		return false;
-	*address = reply.id;
-	return true;
+		return DB_FRAME_BAD;
+	/* On RS232 there is one drive, and what id it gives differs. */
+	*address = bus->line == DB_LINE_RS232 ? -1 : reply.id;
+	return DB_FRAME_GOOD;
 }
 
 static db_time time_of(const struct db_bus_config *bus, size_t request, size_t answer)

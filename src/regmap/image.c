@@ -165,6 +165,7 @@ static void fill_gateway_drive(struct db_gateway_drive *image, const struct view
 	struct db_snapshot snapshot;
 
 	db_axis_read(drive->axis, &snapshot);
+	drop_if_too_old(&snapshot.feedback, drive, now);
 	*image = (struct db_gateway_drive){
 		.unit = (uint16_t)drive->config->unit,
 		.online = (snapshot.feedback.status & DB_STATUS_ONLINE) != 0,
@@ -175,24 +176,40 @@ static void fill_gateway_drive(struct db_gateway_drive *image, const struct view
 	};
 }
 
-void view_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
-                       unsigned parts)
+/* The elements of an array in the image, `size` each, that lie between two offsets: *from <= i < *to. */
+static void touched(size_t array, size_t size, uint16_t low, uint16_t high, size_t count,
+                    size_t *from, size_t *to)
 {
-	size_t buses = registers->config->bus_count;
-	size_t drives = registers->drive_count;
+	*from = low > array ? (low - array) / size : 0;
+	*to = high < array ? 0 : (high - array) / size + 1;
+	if (*to > count)
+		*to = count;
+}
+
+void view_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
+                       unsigned parts, uint16_t low, uint16_t high)
+{
+	size_t from;
+	size_t to;
 
 	if (parts & DB_PART_SERVER)
 		fill_server(image, registers);
-	for (size_t i = 0; (parts & DB_PART_BUSES) && i < buses && i < DB_GATEWAY_BUSES; i++) {
-		struct db_bus_stats stats;
+	if (parts & DB_PART_BUSES) {
+		touched(offsetof(struct db_gateway_image, buses), sizeof image->buses[0], low, high,
+		        registers->config->bus_count, &from, &to);
+		for (size_t i = from; i < to && i < DB_GATEWAY_BUSES; i++) {
+			struct db_bus_stats stats;
 
-		registers->ops->bus_stats(registers->context, i, &stats);
-		fill_bus(&image->buses[i], &stats);
+			registers->ops->bus_stats(registers->context, i, &stats);
+			fill_bus(&image->buses[i], &stats);
+		}
 	}
 	if (parts & DB_PART_DRIVES) {
 		db_time now = registers->ops->now(registers->context);
 
-		for (size_t i = 0; i < drives && i < DB_GATEWAY_DRIVES; i++)
+		touched(offsetof(struct db_gateway_image, drives), sizeof image->drives[0], low,
+		        high, registers->drive_count, &from, &to);
+		for (size_t i = from; i < to && i < DB_GATEWAY_DRIVES; i++)
 			fill_gateway_drive(&image->drives[i], &registers->drives[i], now);
 	}
 }

@@ -32,13 +32,12 @@ static const struct {
 	{ "measures_current", 0, DB_MEASURE_CURRENT },
 };
 
-uint32_t db_capabilities(const struct db_driver *driver)
+uint32_t db_capabilities(uint64_t commands, unsigned measures)
 {
 	uint32_t bits = 0;
 
 	for (size_t i = 0; i < COUNT_OF(capabilities); i++) {
-		if ((driver->commands & capabilities[i].commands) ||
-		    (driver->measures & capabilities[i].measures))
+		if ((commands & capabilities[i].commands) || (measures & capabilities[i].measures))
 			bits |= UINT32_C(1) << i;
 	}
 	return bits;

@@ -69,7 +69,7 @@ extern const size_t db_row_count;
 #define DB_ADDRESS_LIMIT 2048
 
 /* What a drive can do, as the capabilities register shows it. */
-uint32_t db_capabilities(const struct db_driver *driver);
+uint32_t db_capabilities(uint64_t commands, unsigned measures);
 const char *db_capability_name(unsigned bit);
 
 #endif

@@ -30,6 +30,8 @@ struct span {
 	uint16_t count;
 	unsigned parts;
 	unsigned flags;
+	uint16_t low; /* offsets of the first and the last member of the image that is read */
+	uint16_t high;
 };
 
 static uint8_t find_span(const struct db_index *index, enum db_table table, uint16_t address,
@@ -42,9 +44,14 @@ static uint8_t find_span(const struct db_index *index, enum db_table table, uint
 	span->cells = &index->cells[first];
 	span->parts = 0;
 	span->flags = 0;
+	span->low = span->high = span->cells[0].offset;
 	for (uint16_t i = 0; i < span->count; i++) {
 		span->parts |= span->cells[i].part;
 		span->flags |= span->cells[i].flags;
+		if (span->cells[i].offset < span->low)
+			span->low = span->cells[i].offset;
+		if (span->cells[i].offset > span->high)
+			span->high = span->cells[i].offset;
 	}
 	if (table == DB_TABLE_INPUT && (span->flags & DB_ROW_WRITABLE))
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
@@ -170,7 +177,7 @@ static uint8_t read_gateway(const struct db_registers *registers, enum db_table 
 
 	if (exception)
 		return exception;
-	view_fill_gateway(&image, registers, span.parts);
+	view_fill_gateway(&image, registers, span.parts, span.low, span.high);
 	copy_registers(&span, &image, registers->config->modbus.low_word_first, address, count,
 	               values);
 	return 0;
@@ -451,7 +458,10 @@ static int init_drive(struct db_registers *registers, size_t number, struct db_a
 	drive->bus = &config->buses[drive->config->bus];
 	drive->driver = drive->bus->driver;
 	drive->axis = axis;
-	drive->capabilities = db_capabilities(drive->driver);
+	commander.bus_config = drive->bus;
+	commander.drive_config = drive->config;
+	commander.commands = db_driver_commands(drive->bus, drive->config);
+	drive->capabilities = db_capabilities(commander.commands, drive->driver->measures);
 	drive->fresh_for = 3 * (db_time)drive->bus->cycle_ms * DB_NS_PER_MS;
 	if (drive->fresh_for < 100 * DB_NS_PER_MS)
 		drive->fresh_for = 100 * DB_NS_PER_MS;

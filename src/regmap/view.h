@@ -46,10 +46,11 @@ struct db_registers {
 #define VIEW_GATEWAY UINT16_MAX
 #define VIEW_NOTHING (UINT16_MAX - 1)
 
-/* Fills the parts of an image. What a drive's registers show is from one snapshot. */
+/* Fills the parts of an image. What a drive's registers show is from one snapshot. Of the gateway's
+ * buses and drives only those whose members lie between the offsets low and high. */
 void view_fill_drive(struct db_drive_image *image, const struct view_drive *drive, unsigned parts);
 void view_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
-                       unsigned parts);
+                       unsigned parts, uint16_t low, uint16_t high);
 
 /* The exception that says why a drive cannot be asked: 0B, or 0A when its bus is down. */
 uint8_t view_unreachable(const struct db_feedback *feedback);

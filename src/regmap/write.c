@@ -85,7 +85,7 @@ static int write_block(struct view_drive *drive, const struct span *span, const 
 
 /* --- parameters -------------------------------------------------------------------------------------- */
 
-/* The number of settings, or -1 when a value is out of its range. */
+/* The number of settings, or the negative exception that refuses them. */
 static int settings_from(const struct view_drive *drive, const struct span *span,
                          const uint16_t *values, struct db_setting *settings)
 {
@@ -95,17 +95,21 @@ static int settings_from(const struct view_drive *drive, const struct span *span
 	for (uint16_t i = 0; i < span->count; i++) {
 		const struct db_cell *cell = &span->cells[i];
 		union db_value value;
+		enum db_result checked;
 
 		if (!db_words_decode(cell, values, low_first, &value))
-			return -1;
+			return -MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 		values += cell->registers;
 		if (cell->flags & DB_CELL_GAP) {
 			if (value.u != 0)
-				return -1;
+				return -MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 			continue;
 		}
-		if (!drive->driver->check_param(cell->param, value))
-			return -1;
+		checked = drive->driver->check_param(drive->bus, cell->param, value);
+		if (checked != DB_RESULT_OK)
+			return checked == DB_RESULT_UNSUPPORTED ?
+			               -MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS :
+			               -MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 		settings[count].param = cell->param;
 		settings[count].value = value;
 		count++;
@@ -120,8 +124,11 @@ static int write_params(struct view_drive *drive, const struct span *span, const
 	int count = settings_from(drive, span, values, settings);
 
 	if (count < 0) {
-		db_commander_set_refused(drive->commander, DB_RESULT_OUT_OF_RANGE);
-		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+		db_commander_set_refused(drive->commander,
+		                         count == -MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS ?
+		                                 DB_RESULT_UNSUPPORTED :
+		                                 DB_RESULT_OUT_OF_RANGE);
+		return -count;
 	}
 	if (count == 0)
 		return 0;

@@ -7,9 +7,8 @@
 #include "drivebridge/log.h"
 
 #include "axis/seqlock.h"
+#include "codec/can.h"
 #include "sched/engine.h"
-
-#include "transport/serial.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -25,6 +24,9 @@
 
 #define REOPEN_INTERVAL (500 * DB_NS_PER_MS)
 
+/* A port that takes nothing for so long is as good as gone. */
+#define STUCK_TIME (1 * DB_NS_PER_S)
+
 /* Longest time the end of the service waits for drives to confirm their on_exit. */
 #define EXIT_TIME (1500 * DB_NS_PER_MS)
 
@@ -39,12 +41,15 @@ struct db_bus {
 	atomic_bool ending;
 
 	/* Bus thread only. */
-	struct db_serial *port;
+	const struct db_transport *transport;
+	struct db_port *port;
+	bool line_up; /* the port is open and carries frames */
 	db_time reopen_at;
 	int open_error; /* the last one reported, so that it is reported once */
-	uint8_t unsent[DB_REQUEST_MAX];
+	int port_error; /* the open port failed with it */
+	uint8_t unsent[2 * DB_REQUEST_MAX];
 	size_t unsent_length;
-	bool port_failed;
+	db_time unsent_since; /* when the port last took something */
 
 	atomic_uint stats_sequence;
 	_Atomic uint32_t stats_words[DB_SEQLOCK_WORDS(struct db_bus_stats)];
@@ -70,19 +75,36 @@ static int64_t wall_offset_us(void)
 
 /* --- engine's callbacks ------------------------------------------------------------------------- */
 
+/* The first error counts; the port is closed when the turn is over. */
+static void fail_port(struct db_bus *bus, int error)
+{
+	if (bus->port_error == 0)
+		bus->port_error = error;
+}
+
 static void send_bytes(void *context, const uint8_t *bytes, size_t length)
 {
 	struct db_bus *bus = context;
-	ssize_t sent = db_serial_write(bus->port, bytes, length);
+	db_time now = now_ns();
+	ssize_t sent = 0;
 
-	if (sent < 0) {
-		bus->port_failed = true;
-		bus->open_error = (int)-sent;
+	if (bus->unsent_length + length > sizeof bus->unsent) {
+		fail_port(bus, ENOBUFS); /* cannot be: what is held sends nothing */
 		return;
 	}
+	if (bus->unsent_length == 0)
+		sent = bus->transport->write(bus->port, bytes, length, now);
+	if (sent < 0) {
+		fail_port(bus, (int)-sent);
+		return;
+	}
+	if ((size_t)sent == length)
+		return;
 	/* The kernel's buffer is full: the rest follows as soon as it drains. */
-	bus->unsent_length = length - (size_t)sent;
-	memcpy(bus->unsent, bytes + sent, bus->unsent_length);
+	memcpy(bus->unsent + bus->unsent_length, bytes + sent, length - (size_t)sent);
+	bus->unsent_length += length - (size_t)sent;
+	bus->unsent_since = now;
+	db_engine_hold(bus->engine, true, now);
 }
 
 static void log_presence(void *context, const struct db_drive_config *drive, bool online)
@@ -106,39 +128,113 @@ static const struct db_engine_ops engine_ops = {
 
 /* --- the port ------------------------------------------------------------------------------------- */
 
-static void open_port(struct db_bus *bus, db_time now)
+static const char *place_of(const struct db_bus_config *config)
 {
-	int error = db_serial_open(bus->config, &bus->port);
+	return config->transport->uses_interface ? config->interface : config->device;
+}
 
-	if (error != 0) {
-		bus->port = NULL;
-		bus->reopen_at = now + REOPEN_INTERVAL;
-		db_engine_port(bus->engine, false, -error, now);
-		if (-error != bus->open_error)
-			db_log(DB_LOG_ERROR, "bus %s: cannot open %s: %s; trying again",
-			       bus->config->name, bus->config->device, strerror(-error));
-		bus->open_error = -error;
-		return;
+static const struct db_port_health *health_of(const struct db_bus *bus)
+{
+	static const struct db_port_health fine = { .up = true };
+
+	return bus->port && bus->transport->health ? bus->transport->health(bus->port) : &fine;
+}
+
+/* What a person should look at, for errors that ports are lost or cannot be opened with. */
+static const char *advice_for(int error)
+{
+	switch (error) {
+	case ENOENT:
+	case ENODEV:
+	case ENXIO:
+		return "; is it plugged in, and is its name right?";
+	case EACCES:
+	case EPERM:
+		return "; may this user open it (group dialout)?";
+	case EBUSY:
+		return "; another program uses it";
+	case ENETDOWN:
+		return "; the interface is down: set it up with its bit rate (systemd-networkd)";
+	case ENOBUFS:
+		return "; nobody on the bus acknowledges: check wiring, termination, bit rate and the drives' power";
+	default:
+		return "";
 	}
-	db_log(DB_LOG_NOTICE, "bus %s: %s is open", bus->config->name, bus->config->device);
+}
+
+static void bring_up(struct db_bus *bus, db_time now)
+{
+	unsigned bitrate = health_of(bus)->bitrate;
+
+	bus->line_up = true;
+	db_log(DB_LOG_NOTICE, "bus %s: %s is up", bus->config->name, place_of(bus->config));
+	if (bitrate != 0 && bitrate != bus->config->bitrate)
+		db_log(DB_LOG_WARNING,
+		       "bus %s: %s runs at %u bit/s, but the configuration says bitrate = %u",
+		       bus->config->name, place_of(bus->config), bitrate, bus->config->bitrate);
 	bus->open_error = 0;
-	bus->port_failed = false;
-	bus->unsent_length = 0;
 	db_engine_set_wall_offset(bus->engine, wall_offset_us());
 	db_engine_port(bus->engine, true, 0, now);
 }
 
-static void lose_port(struct db_bus *bus, int error, db_time now)
+static void take_down(struct db_bus *bus, int error, db_time now)
 {
-	db_log(DB_LOG_ERROR, "bus %s: lost %s: %s; waiting for it to come back", bus->config->name,
-	       bus->config->device, strerror(error));
-	db_serial_close(bus->port);
-	bus->port = NULL;
-	bus->port_failed = false;
+	bus->line_up = false;
 	bus->unsent_length = 0;
+	db_engine_port(bus->engine, false, error, now);
+}
+
+static void open_port(struct db_bus *bus, db_time now)
+{
+	struct db_can_filter filters[DB_FILTERS_MAX];
+	const struct db_driver *driver = bus->config->driver;
+	size_t count = driver->filters ? driver->filters(bus->config, filters) : 0;
+	int error = bus->transport->open(bus->config, filters, count, now, &bus->port);
+
+	if (error == 0)
+		return;
+	bus->port = NULL;
+	bus->reopen_at = now + REOPEN_INTERVAL;
+	db_engine_port(bus->engine, false, -error, now);
+	if (-error != bus->open_error)
+		db_log(DB_LOG_ERROR, "bus %s: cannot open %s: %s%s; trying again",
+		       bus->config->name, place_of(bus->config), strerror(-error),
+		       advice_for(-error));
+	bus->open_error = -error;
+}
+
+static void lose_port(struct db_bus *bus, db_time now)
+{
+	int error = bus->port_error;
+
+	if (error != bus->open_error)
+		db_log(DB_LOG_ERROR, "bus %s: lost %s: %s%s; waiting for it to come back",
+		       bus->config->name, place_of(bus->config), strerror(error),
+		       advice_for(error));
+	bus->transport->close(bus->port);
+	bus->port = NULL;
+	bus->port_error = 0;
 	bus->open_error = error;
 	bus->reopen_at = now + REOPEN_INTERVAL;
-	db_engine_port(bus->engine, false, error, now);
+	take_down(bus, error, now);
+}
+
+/* Adapters that are not ready yet, and controllers that went bus off and come back. */
+static void follow_health(struct db_bus *bus, db_time now)
+{
+	const struct db_port_health *health = health_of(bus);
+
+	if (!bus->port || health->up == bus->line_up)
+		return;
+	if (health->up) {
+		bring_up(bus, now);
+		return;
+	}
+	db_log(DB_LOG_ERROR, "bus %s: %s: %s", bus->config->name, place_of(bus->config),
+	       health->error == ENETRESET ?
+	               "bus off, too many errors on the wire; check wiring, termination and bit rate" :
+	               strerror(health->error));
+	take_down(bus, health->error, now);
 }
 
 static void read_port(struct db_bus *bus)
@@ -146,28 +242,31 @@ static void read_port(struct db_bus *bus)
 	uint8_t bytes[512];
 	ssize_t count;
 
-	while ((count = db_serial_read(bus->port, bytes, sizeof bytes)) > 0) {
+	while ((count = bus->transport->read(bus->port, bytes, sizeof bytes, now_ns())) > 0) {
 		db_engine_receive(bus->engine, bytes, (size_t)count, now_ns());
 		if ((size_t)count < sizeof bytes)
 			return;
 	}
-	if (count < 0) {
-		bus->port_failed = true;
-		bus->open_error = (int)-count;
-	}
+	if (count < 0)
+		fail_port(bus, (int)-count);
 }
 
-static void write_rest(struct db_bus *bus)
+static void write_rest(struct db_bus *bus, db_time now)
 {
-	ssize_t sent = db_serial_write(bus->port, bus->unsent, bus->unsent_length);
+	ssize_t sent = bus->transport->write(bus->port, bus->unsent, bus->unsent_length, now);
 
 	if (sent < 0) {
-		bus->port_failed = true;
-		bus->open_error = (int)-sent;
+		fail_port(bus, (int)-sent);
 		return;
 	}
 	bus->unsent_length -= (size_t)sent;
 	memmove(bus->unsent, bus->unsent + sent, bus->unsent_length);
+	if (bus->unsent_length == 0)
+		db_engine_hold(bus->engine, false, now);
+	else if (sent > 0)
+		bus->unsent_since = now;
+	else if (now - bus->unsent_since > STUCK_TIME)
+		fail_port(bus, ENOBUFS);
 }
 
 /* --- the thread ----------------------------------------------------------------------------------- */
@@ -177,24 +276,35 @@ static void publish_stats(struct db_bus *bus)
 	struct db_bus_stats stats;
 
 	db_engine_stats(bus->engine, &stats);
+	stats.port = *health_of(bus);
 	db_seqlock_write(&bus->stats_sequence, bus->stats_words, &stats, sizeof stats);
+}
+
+/* What poll() said about the port. */
+static void serve_port(struct db_bus *bus, short events)
+{
+	if (events & POLLOUT)
+		write_rest(bus, now_ns());
+	if (events & (POLLIN | POLLHUP | POLLERR | POLLNVAL))
+		read_port(bus);
+	/* A hung-up port that has nothing more to say would wake us for ever. */
+	if (!(events & POLLIN) && (events & (POLLHUP | POLLNVAL)))
+		fail_port(bus, ENODEV);
 }
 
 static void wait_for_work(struct db_bus *bus, db_time until)
 {
 	struct pollfd fds[2] = {
 		{ .fd = bus->wake_fd, .events = POLLIN },
-		{ .fd = bus->port ? db_serial_fd(bus->port) : -1, .events = POLLIN },
+		{ .fd = bus->port ? bus->transport->fd(bus->port) : -1, .events = POLLIN },
 	};
-	db_time wait = until - now_ns();
-	struct timespec timeout;
+	db_time now = now_ns();
+	db_time wait = until > now ? until - now : 0;
+	struct timespec timeout = { .tv_sec = (time_t)(wait / DB_NS_PER_S),
+		                    .tv_nsec = (long)(wait % DB_NS_PER_S) };
 
-	if (bus->unsent_length > 0)
+	if (bus->unsent_length > 0 && bus->transport->write_retry == 0)
 		fds[1].events |= POLLOUT;
-	if (wait < 0)
-		wait = 0;
-	timeout.tv_sec = (time_t)(wait / DB_NS_PER_S);
-	timeout.tv_nsec = (long)(wait % DB_NS_PER_S);
 	if (ppoll(fds, 2, &timeout, NULL) <= 0)
 		return;
 	if (fds[0].revents) {
@@ -202,33 +312,49 @@ static void wait_for_work(struct db_bus *bus, db_time until)
 
 		(void)!read(bus->wake_fd, &count, sizeof count);
 	}
-	if (fds[1].revents & POLLOUT)
-		write_rest(bus);
-	if (fds[1].revents & (POLLIN | POLLHUP | POLLERR | POLLNVAL))
-		read_port(bus);
-	/* A hung-up port that has nothing more to say would wake us for ever. */
-	if (!(fds[1].revents & POLLIN) && (fds[1].revents & (POLLHUP | POLLERR | POLLNVAL)) &&
-	    !bus->port_failed) {
-		bus->port_failed = true;
-		bus->open_error = ENODEV;
+	if (fds[1].revents)
+		serve_port(bus, fds[1].revents);
+}
+
+/* The transport's own part of a turn. Returns when it wants the next one. */
+static db_time run_port(struct db_bus *bus, db_time now)
+{
+	db_time next = DB_TIME_NEVER;
+	int error = 0;
+
+	if (!bus->port && now >= bus->reopen_at)
+		open_port(bus, now);
+	if (!bus->port)
+		return bus->reopen_at;
+	if (bus->transport->run)
+		next = bus->transport->run(bus->port, now, &error);
+	if (error < 0)
+		fail_port(bus, -error);
+	if (bus->unsent_length > 0)
+		write_rest(bus, now);
+	if (bus->unsent_length > 0) {
+		db_time retry = bus->transport->write_retry > 0 ? bus->transport->write_retry :
+		                                                  STUCK_TIME;
+
+		next = now + retry < next ? now + retry : next;
 	}
+	follow_health(bus, now);
+	return next;
 }
 
 /* One turn. Returns when the next one is due at the latest. */
 static db_time turn(struct db_bus *bus)
 {
 	db_time now = now_ns();
-	db_time next;
+	db_time port_next = run_port(bus, now);
+	db_time next = db_engine_run(bus->engine, now);
 
-	if (!bus->port && now >= bus->reopen_at)
-		open_port(bus, now);
-	next = db_engine_run(bus->engine, now);
-	if (bus->port_failed)
-		lose_port(bus, bus->open_error, now);
-	if (!bus->port && bus->reopen_at < next)
-		next = bus->reopen_at;
+	if (bus->port && bus->port_error != 0) {
+		lose_port(bus, now);
+		port_next = bus->reopen_at;
+	}
 	publish_stats(bus);
-	return next;
+	return port_next < next ? port_next : next;
 }
 
 static void tell_network(struct db_bus *bus)
@@ -274,7 +400,7 @@ static void *run(void *context)
 			break;
 		wait_for_work(bus, next < exit_by ? next : exit_by);
 	}
-	db_serial_close(bus->port);
+	bus->transport->close(bus->port);
 	bus->port = NULL;
 	return NULL;
 }
@@ -309,6 +435,7 @@ int db_bus_new(const struct db_config *config, size_t bus_index, struct db_axis 
 	if (!made)
 		return -ENOMEM;
 	made->config = &config->buses[bus_index];
+	made->transport = made->config->transport;
 	made->wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
 	made->completion_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
 	if (made->wake_fd < 0 || made->completion_fd < 0) {

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The schedule of one half-duplex bus, without threads, descriptors or clocks: it is told what
- * arrived and what time it is, sends through a callback, and says when it wants to be called again.
+ * The schedule of one bus, without threads, descriptors or clocks: it is told what arrived and what
+ * time it is, sends through a callback, and says when it wants to be called again.
  *
  * Classes, first to last: stops; commands and parameter writes; cyclic status; reading identity and
- * parameters; looking for drives that are offline. One exchange is on the wire at a time.
+ * parameters; looking for drives that are offline. On a serial line one exchange is under way at a
+ * time, on CAN one for each drive.
  *
  * After a lost answer a drive is "out of step": its answer may still come and would be taken for the
  * next one's. It is then first asked something whose answer cannot be confused (DB_JOB_PROBE).
@@ -37,6 +38,10 @@ void db_engine_free(struct db_engine *engine);
 /* The port was opened (error 0) or lost. `wall_offset_us` turns monotonic into wall time. */
 void db_engine_port(struct db_engine *engine, bool up, int error, db_time now);
 void db_engine_set_wall_offset(struct db_engine *engine, int64_t wall_offset_us);
+
+/* The port takes no more (hold), or has taken all that send() was given: until then nothing is sent,
+ * and answers are waited for so much longer. Also within send(). */
+void db_engine_hold(struct db_engine *engine, bool hold, db_time now);
 
 /* Bytes came from the wire. */
 void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now);

@@ -5,10 +5,71 @@
 #include <stdlib.h>
 #include <string.h>
 
-int station_init(struct station *station, const struct db_driver *driver,
-                 const struct db_bus_config *bus, const struct db_drive_config *drive,
-                 struct db_axis *axis)
+/* --- nodes ------------------------------------------------------------------------------------- */
+
+void node_init(struct node *node, const struct db_bus_config *bus, unsigned address)
 {
+	node->address = address;
+	node->probe_backoff = PROBE_BACKOFF_MIN;
+	node->ghost_time = GHOST_LATENCIES * (db_time)bus->drive_latency_ms * DB_NS_PER_MS;
+}
+
+void node_note_ghost(struct node *node, bool probe, db_time now)
+{
+	if (!probe) {
+		node->risky_until = now + node->ghost_time;
+		return;
+	}
+	if (now >= node->ghosts_until)
+		node->ghosts = 0;
+	node->ghosts++;
+	node->ghosts_until = now + node->ghost_time;
+}
+
+db_time node_haunted_until(const struct node *node, db_time now)
+{
+	if (node->ghosts == 0 || now >= node->risky_until)
+		return now;
+	return node->ghosts_until;
+}
+
+bool node_is_haunted(const struct node *node, db_time now)
+{
+	return !node->in_step && node_haunted_until(node, now) > now;
+}
+
+bool node_is_ghost(struct node *node, db_time now)
+{
+	if (now >= node->ghosts_until)
+		node->ghosts = 0;
+	if (node->ghosts == 0)
+		return false;
+	if (now < node->risky_until) {
+		node->ghosts--;
+		return true;
+	}
+	/* Whichever probe it answers, as many others may still be. */
+	node->ghosts_until = now + node->ghost_time;
+	return false;
+}
+
+/* --- stations ---------------------------------------------------------------------------------- */
+
+static void join(struct station *station, struct node *node)
+{
+	struct station **place = &node->first;
+
+	while (*place)
+		place = &(*place)->next_axis;
+	*place = station;
+	station->node = node;
+}
+
+int station_init(struct station *station, struct node *node, const struct db_bus_config *bus,
+                 const struct db_drive_config *drive, struct db_axis *axis)
+{
+	const struct db_driver *driver = bus->driver;
+
 	station->config = drive;
 	station->axis = axis;
 	station->device = calloc(1, driver->device_size);
@@ -22,9 +83,9 @@ int station_init(struct station *station, const struct db_driver *driver,
 	}
 	station->lanes[LANE_FRONT].exchange.request = station->front_request;
 	station->lanes[LANE_FRONT].exchange.request_size = sizeof station->front_request;
-	station->probe_backoff = PROBE_BACKOFF_MIN;
-	station->ghost_time = GHOST_LATENCIES * (db_time)bus->drive_latency_ms * DB_NS_PER_MS;
-	driver->init(station->device, bus, drive);
+	join(station, node);
+	driver->init(station->device, station == node->first ? NULL : node->first->device, bus,
+	             drive);
 	return 0;
 }
 
@@ -53,7 +114,7 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 	if (bus_up)
 		feedback->status |= DB_STATUS_BUS_UP;
 	/* A drive that came back is online for others with its first status, not with old data. */
-	online = station->online && feedback->state != DB_AXIS_OFFLINE;
+	online = station->node->online && feedback->state != DB_AXIS_OFFLINE;
 	if (online) {
 		feedback->status |= DB_STATUS_ONLINE;
 	} else {
@@ -77,40 +138,6 @@ void station_count_answer(struct station *station, db_time round_trip)
 		stats->round_trip_min_us = us;
 	station->round_trip_sum_us += us;
 	stats->round_trip_mean_us = (uint32_t)(station->round_trip_sum_us / stats->answers);
-}
-
-void station_note_ghost(struct station *station, bool probe, db_time now)
-{
-	if (!probe) {
-		station->risky_until = now + station->ghost_time;
-		return;
-	}
-	if (now >= station->ghosts_until)
-		station->ghosts = 0;
-	station->ghosts++;
-	station->ghosts_until = now + station->ghost_time;
-}
-
-db_time station_haunted_until(const struct station *station, db_time now)
-{
-	if (station->ghosts == 0 || now >= station->risky_until)
-		return now;
-	return station->ghosts_until;
-}
-
-bool station_is_ghost(struct station *station, db_time now)
-{
-	if (now >= station->ghosts_until)
-		station->ghosts = 0;
-	if (station->ghosts == 0)
-		return false;
-	if (now < station->risky_until) {
-		station->ghosts--;
-		return true;
-	}
-	/* Whichever probe it answers, as many others may still be. */
-	station->ghosts_until = now + station->ghost_time;
-	return false;
 }
 
 void station_add_stop(struct station *station, const struct db_request *request,
@@ -147,6 +174,21 @@ void station_finish_stop(struct station *station, enum db_result result, db_time
 	station->lanes[LANE_STOP].active = false;
 	station->blind_stop_sent = false;
 	station->stop_at = now;
+}
+
+bool station_front_flies(const struct station *station)
+{
+	const struct flight *flight = &station->node->flight;
+
+	return flight->station == station && flight->lane == LANE_FRONT;
+}
+
+void station_cancel_front(struct station *station, db_time now)
+{
+	if (station_front_flies(station))
+		station->front_cancelled = true;
+	else
+		station_finish_front(station, DB_RESULT_CANCELLED, now);
 }
 
 void station_finish_front(struct station *station, enum db_result result, db_time now)

@@ -1,12 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* One drive as the scheduler sees it. Internal to src/sched. */
+/*
+ * What the scheduler knows of the other end: a node is one address on the bus, which answers or does
+ * not; a station is one drive there. Nearly always a node has one station; a controller with several
+ * axes is one node with a station for each. Internal to src/sched.
+ */
 #ifndef DRIVEBRIDGE_SCHED_STATION_H
 #define DRIVEBRIDGE_SCHED_STATION_H
 
 #include "drivebridge/driver.h"
 #include "sched/mailbox.h"
 
-/* A conversation with a drive. Those of different lanes may interleave, exchange by exchange. */
+/* A conversation with a drive. Those of different lanes may interleave, exchange by exchange. Polls
+ * and probes are the first station's of a node, for all of them. */
 enum lane_kind { LANE_STOP, LANE_FRONT, LANE_POLL, LANE_IDENTIFY, LANE_PROBE, LANE_COUNT };
 
 struct lane {
@@ -25,18 +30,28 @@ struct pending_stop {
 	bool sent;
 };
 
-struct station {
-	const struct db_drive_config *config;
-	struct db_axis *axis;
-	struct db_device *device;
-	struct db_snapshot snapshot;
-	struct lane lanes[LANE_COUNT];
-	uint8_t short_requests[LANE_COUNT][DB_SHORT_REQUEST];
-	uint8_t front_request[DB_REQUEST_MAX];
+struct station;
+
+/* An exchange on the wire. */
+struct flight {
+	struct station *station; /* null: nothing is under way */
+	enum lane_kind lane;
+	bool trusted; /* an answer proves something: the node was in step */
+	db_time sent;
+	db_time wire; /* its share of that, without the drive's thinking */
+	db_time deadline;
+};
+
+struct node {
+	unsigned address;
+	struct station *first; /* the others follow, linked by next_axis */
+	struct flight flight;  /* one exchange at a time */
 
 	bool online;
 	bool in_step;
 	bool ever_probed;
+	unsigned losses; /* in a row */
+
 	/*
 	 * Answers that may still come. Drives answer in the order of the questions, so the answer to a
 	 * probe says that nothing older is on its way, if it is the answer to *that* probe: as long as
@@ -47,10 +62,25 @@ struct station {
 	db_time risky_until;  /* a lost exchange other than a probe may be answered until then */
 	unsigned ghosts;      /* lost probes that may be answered */
 	db_time ghosts_until; /* after that, none will be */
-	unsigned losses;      /* in a row */
 
 	bool poll_due;
-	db_time polled;      /* when the last poll was sent */
+	db_time polled; /* when the last poll was sent */
+
+	db_time probe_at;
+	db_time probe_backoff;
+};
+
+struct station {
+	struct node *node;
+	struct station *next_axis; /* at the same address */
+	const struct db_drive_config *config;
+	struct db_axis *axis;
+	struct db_device *device;
+	struct db_snapshot snapshot;
+	struct lane lanes[LANE_COUNT];
+	uint8_t short_requests[LANE_COUNT][DB_SHORT_REQUEST];
+	uint8_t front_request[DB_REQUEST_MAX];
+
 	db_time identify_at; /* not before: the last attempt failed */
 	db_time identify_backoff;
 	uint32_t generation; /* of the nameplate published last */
@@ -65,8 +95,6 @@ struct station {
 	db_time stop_at;      /* not before */
 	struct db_request exit_request;
 
-	db_time probe_at;
-	db_time probe_backoff;
 	uint64_t round_trip_sum_us;
 };
 
@@ -82,10 +110,25 @@ struct station {
 #define IDENTIFY_BACKOFF_MIN (500 * DB_NS_PER_MS)
 #define IDENTIFY_BACKOFF_MAX (30 * DB_NS_PER_S)
 
-/* 0 or -ENOMEM. The station's memory is zeroed. */
-int station_init(struct station *station, const struct db_driver *driver,
-                 const struct db_bus_config *bus, const struct db_drive_config *drive,
-                 struct db_axis *axis);
+/* --- nodes ------------------------------------------------------------------------------------- */
+
+/* The node's memory is zeroed. */
+void node_init(struct node *node, const struct db_bus_config *bus, unsigned address);
+
+/* An exchange went without its answer; `probe` tells which kind it was. */
+void node_note_ghost(struct node *node, bool probe, db_time now);
+/* Until when it is no use to send a probe, because its answer could not be told from a ghost. */
+db_time node_haunted_until(const struct node *node, db_time now);
+/* It must be asked a probe first, and the answer could not be told from an earlier one's yet. */
+bool node_is_haunted(const struct node *node, db_time now);
+/* Whether the answer that just came to a probe may be an earlier probe's. */
+bool node_is_ghost(struct node *node, db_time now);
+
+/* --- stations ---------------------------------------------------------------------------------- */
+
+/* Becomes one of the node's. 0 or -ENOMEM. The station's memory is zeroed. */
+int station_init(struct station *station, struct node *node, const struct db_bus_config *bus,
+                 const struct db_drive_config *drive, struct db_axis *axis);
 void station_release(struct station *station);
 
 /* Copies what the driver knows to the other threads. */
@@ -94,21 +137,18 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 
 void station_count_answer(struct station *station, db_time round_trip);
 
-/* An exchange went without its answer; `probe` tells which kind it was. */
-void station_note_ghost(struct station *station, bool probe, db_time now);
-/* Until when it is no use to send a probe, because its answer could not be told from a ghost. */
-db_time station_haunted_until(const struct station *station, db_time now);
-/* Whether the answer that just came to a probe may be an earlier probe's. */
-bool station_is_ghost(struct station *station, db_time now);
-
 /* Adds a stop; the letter may be null. What is queued or running for the drive is the caller's. */
 void station_add_stop(struct station *station, const struct db_request *request,
                       struct db_letter *letter, db_time now);
 /* The stop that was on the wire ended: everyone who had asked for it by then learns how. */
 void station_finish_stop(struct station *station, enum db_result result, db_time now);
 
+/* The running command or parameter write is on the wire now. */
+bool station_front_flies(const struct station *station);
 /* Ends the running command or parameter write, if there is one. */
 void station_finish_front(struct station *station, enum db_result result, db_time now);
+/* A stop or the end overtakes it: ends it, or lets it end as cancelled when it is on the wire. */
+void station_cancel_front(struct station *station, db_time now);
 
 /* Ends a running command whose drive is lost: the driver says what is known of its fate. */
 void station_abandon_front(struct station *station, const struct db_driver *driver,

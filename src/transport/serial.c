@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "transport/serial.h"
 
+#include "drivebridge/transport.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <libserialport.h>
@@ -167,3 +169,72 @@ db_time db_serial_wire_time(const struct db_bus_config *config, size_t bytes)
 
 	return (db_time)bytes * (db_time)bits * DB_NS_PER_S / (db_time)config->baud;
 }
+
+/* --- as a transport ------------------------------------------------------------------------------- */
+
+struct db_port {
+	struct db_serial *serial;
+};
+
+static int port_open(const struct db_bus_config *bus, const struct db_can_filter *filters,
+                     size_t filter_count, db_time now, struct db_port **port)
+{
+	struct db_port *made = calloc(1, sizeof *made);
+	int error;
+
+	(void)filters;
+	(void)filter_count;
+	(void)now;
+	if (!made)
+		return -ENOMEM;
+	error = db_serial_open(bus, &made->serial);
+	if (error != 0) {
+		free(made);
+		return error;
+	}
+	*port = made;
+	return 0;
+}
+
+static void port_close(struct db_port *port)
+{
+	if (!port)
+		return;
+	db_serial_close(port->serial);
+	free(port);
+}
+
+static int port_fd(const struct db_port *port)
+{
+	return db_serial_fd(port->serial);
+}
+
+static ssize_t port_read(struct db_port *port, void *bytes, size_t size, db_time now)
+{
+	(void)now;
+	return db_serial_read(port->serial, bytes, size);
+}
+
+static ssize_t port_write(struct db_port *port, const void *bytes, size_t length, db_time now)
+{
+	(void)now;
+	return db_serial_write(port->serial, bytes, length);
+}
+
+static db_time port_wire_time(const struct db_bus_config *bus, const uint8_t *request,
+                              size_t request_length, size_t answer_length)
+{
+	(void)request;
+	return db_serial_wire_time(bus, request_length + answer_length);
+}
+
+const struct db_transport db_transport_serial = {
+	.name = "serial",
+	.medium = DB_MEDIUM_SERIAL,
+	.open = port_open,
+	.close = port_close,
+	.fd = port_fd,
+	.read = port_read,
+	.write = port_write,
+	.wire_time = port_wire_time,
+};

@@ -55,8 +55,12 @@ static void fake_answer(void *context, struct db_write_token token, uint8_t exce
 
 static const struct db_commander_ops ops = { .submit = fake_submit, .answer = fake_answer };
 
-static enum db_result fake_check(enum db_command command, const struct db_args *args)
+static enum db_result fake_check(const struct db_bus_config *bus,
+                                 const struct db_drive_config *drive, enum db_command command,
+                                 const struct db_args *args)
 {
+	(void)bus;
+	(void)drive;
 	if (command == DB_CMD_MOVE_VELOCITY && args->target_velocity > 1000.0f)
 		return DB_RESULT_OUT_OF_RANGE;
 	return DB_RESULT_OK;
@@ -79,6 +83,7 @@ static void init(struct fake *fake, bool accept)
 {
 	struct db_commander_config config = {
 		.driver = &driver,
+		.commands = driver.commands,
 		.drive = 7,
 		.bus_axis = 3,
 		.confirm_ms = 40,

@@ -326,11 +326,7 @@ static void same_arguments(void **state)
 
 static void capabilities(void **state)
 {
-	static const struct db_driver little = {
-		.commands = DB_COMMAND_BIT(DB_CMD_MOVE_RELATIVE),
-		.measures = DB_MEASURE_INPUTS,
-	};
-	uint32_t bits = db_capabilities(&little);
+	uint32_t bits = db_capabilities(DB_COMMAND_BIT(DB_CMD_MOVE_RELATIVE), DB_MEASURE_INPUTS);
 	unsigned count = 0;
 
 	(void)state;

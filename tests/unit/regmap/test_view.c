@@ -135,9 +135,11 @@ static void make(struct fake *fake)
 	memset(fake, 0, sizeof *fake);
 	fake->now = 5000 * MS;
 	for (unsigned i = 0; i < 2; i++)
-		fake->buses[i] = (struct db_bus_config){
-			.driver = driver, .baud = 115200, .stop_bits = 1, .cycle_ms = 20
-		};
+		fake->buses[i] = (struct db_bus_config){ .driver = driver,
+			                                 .transport = &db_transport_serial,
+			                                 .baud = 115200,
+			                                 .stop_bits = 1,
+			                                 .cycle_ms = 20 };
 	for (unsigned i = 0; i < 3; i++) {
 		fake->drives[i] = (struct db_drive_config){
 			.name = name,
@@ -626,6 +628,8 @@ static void gateway(void **state)
 	uint16_t values[125];
 
 	FAKE();
+	assert_int_equal(get1(&fake, 0, 1001), 1);
+	assert_int_equal(get1(&fake, 0, 1002), DB_AXIS_STANDSTILL);
 	fake.now += 7000 * MS;
 	assert_int_equal(get(&fake, 255, DB_TABLE_INPUT, 0, 28, values), 0);
 	assert_int_equal(values[0], DB_VERSION_MAJOR);
@@ -639,8 +643,9 @@ static void gateway(void **state)
 	assert_int_equal(get2(&fake, 0, 102), 20000);
 	assert_int_equal(get2(&fake, 0, 140 + 14), 70001);
 	assert_int_equal(get1(&fake, 0, 1000), 1);
-	assert_int_equal(get1(&fake, 0, 1001), 1);
-	assert_int_equal(get1(&fake, 0, 1002), DB_AXIS_STANDSTILL);
+	/* Seven seconds old: as good as none. */
+	assert_int_equal(get1(&fake, 0, 1001), 0);
+	assert_int_equal(get1(&fake, 0, 1002), DB_AXIS_OFFLINE);
 	assert_int_equal(get2(&fake, 0, 1004), 7010);
 	assert_int_equal(get1(&fake, 0, 1017), 0);
 	assert_int_equal(get2(&fake, 0, 1020), UINT32_MAX);

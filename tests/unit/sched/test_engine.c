@@ -146,6 +146,7 @@ static int setup(void **state)
 	world->bus = (struct db_bus_config){
 		.name = (char *)"test",
 		.driver = db_driver_find("vsmd-serial"),
+		.transport = &db_transport_serial,
 		.baud = 115200,
 		.stop_bits = 1,
 		.cycle_ms = 20,

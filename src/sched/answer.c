@@ -1,0 +1,363 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Frames from the wire, answers that do not come, drives that come and go. */
+#include "sched/state.h"
+
+#include <string.h>
+
+/* Looking for offline drives may cost one part in this many of the bus's time. */
+#define PROBE_SHARE 20
+/* Repeating a stop to a drive that does not answer: one part in this many. */
+#define STOP_SHARE 5
+
+/* --- drives coming and going ----------------------------------------------------------------------- */
+
+static void tell_presence(struct db_engine *engine, struct node *node, bool online)
+{
+	for (struct station *s = node->first; s && engine->ops->presence; s = s->next_axis)
+		engine->ops->presence(engine->context, s->config, online);
+}
+
+static void come_online(struct db_engine *engine, struct node *node)
+{
+	node->in_step = true;
+	node->losses = 0;
+	node->probe_backoff = PROBE_BACKOFF_MIN;
+	if (node->online)
+		return;
+	node->online = true;
+	node->poll_due = true;
+	for (struct station *s = node->first; s; s = s->next_axis) {
+		s->identify_at = 0;
+		s->identify_backoff = IDENTIFY_BACKOFF_MIN;
+		s->snapshot.stats.came_online++;
+		engine->stats.online++;
+	}
+	tell_presence(engine, node, true);
+}
+
+static void lose_station(struct db_engine *engine, struct station *station, enum db_result result,
+                         db_time now)
+{
+	station_abandon_front(station, engine->driver,
+	                      result == DB_RESULT_OFFLINE ? DB_RESULT_TIMEOUT : result, now);
+	engine_finish_waiting(engine, station, result, now);
+	for (size_t i = 0; i < LANE_COUNT; i++)
+		station->lanes[i].active = station->lanes[i].ready = false;
+	if (!station->node->online)
+		return;
+	engine->stats.online--;
+	engine->driver->gone(station->device);
+}
+
+void engine_go_offline(struct db_engine *engine, struct node *node, enum db_result result,
+                       db_time now)
+{
+	bool was_online = node->online;
+
+	node->in_step = false;
+	for (struct station *s = node->first; s; s = s->next_axis)
+		lose_station(engine, s, result, now);
+	node->online = false;
+	node->poll_due = false;
+	if (!was_online)
+		return;
+	node->probe_at = now + node->probe_backoff;
+	for (struct station *s = node->first; s; s = s->next_axis)
+		engine_publish(engine, s);
+	tell_presence(engine, node, false);
+}
+
+/* --- answers --------------------------------------------------------------------------------------- */
+
+void engine_end_flight(struct db_engine *engine, struct node *node, db_time now)
+{
+	/* Where exchanges overlap, the time they wait side by side is not the wire's. */
+	engine->busy += engine->driver->medium == DB_MEDIUM_CAN ? node->flight.wire :
+	                                                          now - node->flight.sent;
+	node->flight.station = NULL;
+	engine->flights--;
+}
+
+static void lane_done(struct db_engine *engine, struct station *station, enum lane_kind kind,
+                      enum db_result result, db_time now)
+{
+	station->lanes[kind].active = false;
+	switch (kind) {
+	case LANE_PROBE:
+		come_online(engine, station->node);
+		break;
+	case LANE_POLL:
+		station->node->poll_due = false;
+		engine_end_of_polls(engine, now);
+		break;
+	case LANE_STOP:
+		engine_publish(engine, station);
+		station_finish_stop(station, result, now);
+		break;
+	case LANE_FRONT:
+		/* The PLC must find the command's effect when it reads right behind the response. */
+		engine_publish(engine, station);
+		station->lanes[kind].active = true;
+		station_finish_front(station, result, now);
+		break;
+	default:
+		break;
+	}
+}
+
+/* An answer to a stop that was sent while out of step proves nothing, but the wire is free. */
+static bool blind_stop_answered(struct db_engine *engine, struct node *node, db_time now)
+{
+	if (node->flight.lane != LANE_STOP || node->flight.trusted)
+		return false;
+	node->flight.station->lanes[LANE_STOP].active = false;
+	node_note_ghost(node, false, now);
+	engine_end_flight(engine, node, now);
+	return true;
+}
+
+/* Nothing waits for this frame. */
+static void unsolicited(struct db_engine *engine, struct node *node, const uint8_t *frame,
+                        size_t length, db_time now)
+{
+	const struct db_driver *driver = engine->driver;
+
+	if (!node || !driver->report || !driver->report(node->first->device, frame, length, now)) {
+		engine->stats.stray_frames++;
+		return;
+	}
+	engine->stats.reports++;
+	/* Who reports is there: no need to wait for the next look. */
+	if (!node->online && !is_flying(node) && node->probe_at > now &&
+	    node->probe_backoff > PROBE_BACKOFF_MIN) {
+		node->probe_at = now;
+		node->probe_backoff = PROBE_BACKOFF_MIN;
+	}
+	for (struct station *s = node->first; s; s = s->next_axis)
+		engine_publish(engine, s);
+}
+
+static void publish_poll(struct db_engine *engine, struct station *station, enum lane_kind kind)
+{
+	if (kind != LANE_POLL) {
+		engine_publish(engine, station);
+		return;
+	}
+	for (struct station *s = station->node->first; s; s = s->next_axis)
+		engine_publish(engine, s);
+}
+
+static void take_answer(struct db_engine *engine, struct node *node, const uint8_t *frame,
+                        size_t length, db_time now)
+{
+	struct station *station = node->flight.station;
+	enum lane_kind kind = node->flight.lane;
+	struct lane *lane = &station->lanes[kind];
+	enum db_result result = DB_RESULT_OK;
+	enum db_step step;
+
+	if (blind_stop_answered(engine, node, now))
+		return;
+	step = engine->driver->answer(station->device, &lane->job, frame, length, now,
+	                              &lane->exchange, &result);
+	if (step == DB_STEP_MORE)
+		return;
+	if (step == DB_STEP_IGNORE) {
+		unsolicited(engine, node, frame, length, now);
+		return;
+	}
+	if (kind == LANE_PROBE && node_is_ghost(node, now)) {
+		engine->stats.stray_frames++;
+		return;
+	}
+	station_count_answer(station, now - node->flight.sent);
+	node->losses = 0;
+	engine_end_flight(engine, node, now);
+	lane->tries = 0;
+	lane->ready = step == DB_STEP_SEND;
+	if (kind == LANE_FRONT && station->front_cancelled && step == DB_STEP_SEND) {
+		step = DB_STEP_DONE;
+		result = DB_RESULT_CANCELLED;
+	}
+	if (step == DB_STEP_DONE)
+		lane_done(engine, station, kind, result, now);
+	publish_poll(engine, station, kind);
+}
+
+/* Who sent it. `address` -1: whoever was asked. Null when there is nobody. */
+static struct node *sender_of(struct db_engine *engine, int address)
+{
+	for (size_t i = 0; i < engine->node_count; i++) {
+		struct node *node = &engine->nodes[i];
+
+		if (address < 0 ? is_flying(node) : node->address == (unsigned)address)
+			return node;
+	}
+	return NULL;
+}
+
+/* On a line where one is asked at a time, what is damaged was probably his. */
+static void count_bad_frame(struct db_engine *engine)
+{
+	struct node *node = engine->flights == 1 ? sender_of(engine, -1) : NULL;
+
+	engine->stats.bad_frames++;
+	if (node)
+		node->flight.station->snapshot.stats.bad_frames++;
+}
+
+static void take_frame(struct db_engine *engine, const uint8_t *frame, size_t length, db_time now)
+{
+	struct node *node;
+	int address = -1;
+
+	switch (engine->driver->accept(engine->bus, frame, length, &address)) {
+	case DB_FRAME_GOOD:
+		break;
+	case DB_FRAME_FOREIGN:
+		return;
+	default:
+		count_bad_frame(engine);
+		return;
+	}
+	node = sender_of(engine, address);
+	if (node && is_flying(node))
+		take_answer(engine, node, frame, length, now);
+	else
+		unsolicited(engine, node, frame, length, now);
+}
+
+void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now)
+{
+	while (length > 0) {
+		size_t room = sizeof engine->received - engine->received_length;
+		size_t take = length < room ? length : room;
+		size_t start = 0;
+		size_t skip = 0;
+		size_t frame = 0;
+
+		memcpy(engine->received + engine->received_length, bytes, take);
+		engine->received_length += take;
+		bytes += take;
+		length -= take;
+		do {
+			engine->driver->cut(engine->received + start,
+			                    engine->received_length - start, &skip, &frame);
+			engine->stats.garbage_bytes += (uint32_t)skip;
+			start += skip;
+			if (frame > 0)
+				take_frame(engine, engine->received + start, frame, now);
+			start += frame;
+		} while (frame > 0);
+		/* take_frame() never sends, so the buffer is still the one that was cut. */
+		engine->received_length -= start;
+		memmove(engine->received, engine->received + start, engine->received_length);
+		if (engine->received_length == sizeof engine->received) {
+			engine->stats.garbage_bytes += (uint32_t)engine->received_length;
+			engine->received_length = 0;
+		}
+	}
+}
+
+/* --- losses ---------------------------------------------------------------------------------------- */
+
+static void front_lost(struct db_engine *engine, struct station *station, db_time now)
+{
+	struct lane *lane = &station->lanes[LANE_FRONT];
+	enum db_result result = DB_RESULT_TIMEOUT;
+
+	if (station->front_cancelled) {
+		station_finish_front(station, DB_RESULT_CANCELLED, now);
+		return;
+	}
+	if (lane->exchange.repeatable && lane->tries < engine->bus->retries) {
+		lane->tries++;
+		lane->ready = true;
+		engine->stats.retries++;
+		station->snapshot.stats.retries++;
+		return;
+	}
+	if (engine->driver->lost(station->device, &lane->job, &lane->exchange, &result) ==
+	    DB_STEP_SEND) {
+		lane->tries = 0;
+		lane->ready = true;
+		return;
+	}
+	station_finish_front(station, result, now);
+}
+
+static void probe_lost(struct db_engine *engine, struct node *node, db_time cost, db_time now)
+{
+	node->first->lanes[LANE_PROBE].active = false;
+	if (node->online)
+		return;
+	engine->probes_from = now + cost * (PROBE_SHARE - 1);
+	node->probe_at = now + node->probe_backoff;
+	node->probe_backoff *= 2;
+	if (node->probe_backoff > PROBE_BACKOFF_MAX)
+		node->probe_backoff = PROBE_BACKOFF_MAX;
+}
+
+static void identify_lost(struct station *station, db_time now)
+{
+	station->identify_at = now + station->identify_backoff;
+	station->identify_backoff *= 2;
+	if (station->identify_backoff > IDENTIFY_BACKOFF_MAX)
+		station->identify_backoff = IDENTIFY_BACKOFF_MAX;
+}
+
+static void lane_lost(struct db_engine *engine, struct station *station, enum lane_kind kind,
+                      db_time cost, db_time now)
+{
+	switch (kind) {
+	case LANE_PROBE:
+		probe_lost(engine, station->node, cost, now);
+		break;
+	case LANE_FRONT:
+		front_lost(engine, station, now);
+		break;
+	case LANE_IDENTIFY:
+		identify_lost(station, now);
+		/* fall through */
+	default: /* begun anew, after getting back in step */
+		station->lanes[kind].active = false;
+		station->lanes[kind].ready = false;
+		engine->stats.retries++;
+		station->snapshot.stats.retries++;
+		break;
+	}
+}
+
+/* Stops are repeated: at first at once; to a drive that stays silent, without starving the others. */
+static void repeat_stops(struct db_engine *engine, struct node *node, db_time cost, db_time now)
+{
+	for (struct station *s = node->first; s; s = s->next_axis) {
+		if (s->stop_count == 0)
+			continue;
+		s->blind_stop_sent = false;
+		if (node->losses > engine->bus->retries)
+			s->stop_at = now + cost * (STOP_SHARE - 1);
+	}
+}
+
+void engine_answer_lost(struct db_engine *engine, struct node *node, db_time now)
+{
+	struct station *station = node->flight.station;
+	enum lane_kind kind = node->flight.lane;
+	/* What the others lose by it: all of the wait, or only the room on the wire. */
+	db_time cost = engine->driver->medium == DB_MEDIUM_CAN ? node->flight.wire :
+	                                                         now - node->flight.sent;
+
+	engine_end_flight(engine, node, now);
+	engine->stats.timeouts++;
+	station->snapshot.stats.timeouts++;
+	node->in_step = false;
+	node->losses++;
+	node_note_ghost(node, kind == LANE_PROBE, now);
+	lane_lost(engine, station, kind, cost, now);
+	repeat_stops(engine, node, cost, now);
+	if (node->losses > engine->bus->retries)
+		engine_go_offline(engine, node, DB_RESULT_OFFLINE, now);
+	engine_end_of_polls(engine, now);
+	engine_publish(engine, station);
+}

@@ -1,0 +1,377 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What goes on the wire next. */
+#include "sched/state.h"
+
+#include <string.h>
+
+/* What drives are given to act on a broadcast before they are asked something. */
+#define BROADCAST_GAP (2 * DB_NS_PER_MS)
+
+/*
+ * On CAN requests to several drives are under way at once. So much work, in time on the wire, is
+ * given to the wire ahead: enough for it not to fall idle while this thread wakes up, and little
+ * enough for a stop not to wait long behind it.
+ */
+#define AHEAD (1 * DB_NS_PER_MS)
+
+/* --- sending --------------------------------------------------------------------------------------- */
+
+static bool is_shared(const struct db_engine *engine)
+{
+	return engine->driver->medium == DB_MEDIUM_CAN;
+}
+
+db_time engine_may_send_at(const struct db_engine *engine, bool stop, db_time now)
+{
+	if (engine->held_since != 0)
+		return DB_TIME_NEVER;
+	if (now < engine->quiet_until)
+		return engine->quiet_until;
+	if (engine->flights == 0)
+		return now;
+	if (!is_shared(engine))
+		return DB_TIME_NEVER;
+	return stop || engine->wire_free - AHEAD <= now ? now : engine->wire_free - AHEAD;
+}
+
+static enum db_step begin(struct db_engine *engine, struct station *station, enum lane_kind kind,
+                          enum db_job_kind job, const struct db_request *request, db_time now,
+                          enum db_result *result)
+{
+	struct lane *lane = &station->lanes[kind];
+	enum db_step step;
+
+	lane->job = (struct db_job){ .kind = job, .request = request, .started = now };
+	lane->tries = 0;
+	step = engine->driver->begin(station->device, &lane->job, &lane->exchange, result);
+	lane->active = lane->ready = step == DB_STEP_SEND;
+	return step;
+}
+
+static db_time wire_time(const struct db_engine *engine, const struct db_exchange *exchange)
+{
+	return engine->bus->transport->wire_time(engine->bus, exchange->request,
+	                                         exchange->request_length, exchange->answer_length);
+}
+
+static void send_lane(struct db_engine *engine, struct station *station, enum lane_kind kind,
+                      db_time now)
+{
+	struct lane *lane = &station->lanes[kind];
+	struct node *node = station->node;
+	db_time wire = wire_time(engine, &lane->exchange);
+
+	lane->ready = false;
+	if (engine->flights == 0) {
+		/* Whatever is still in the buffer was said before this question. */
+		engine->stats.garbage_bytes += (uint32_t)engine->received_length;
+		engine->received_length = 0;
+		engine->wire_free = now;
+	}
+	if (engine->wire_free < now)
+		engine->wire_free = now;
+	engine->wire_free += wire;
+	engine->flights++;
+	node->flight = (struct flight){
+		.station = station,
+		.lane = kind,
+		.trusted = node->in_step,
+		.sent = now,
+		.wire = wire,
+		.deadline = engine->wire_free + lane->exchange.extra_time +
+		            (db_time)engine->bus->drive_latency_ms * DB_NS_PER_MS,
+	};
+	engine->stats.transactions++;
+	station->snapshot.stats.requests++;
+	engine->front_was_last = kind == LANE_FRONT;
+	engine->ops->send(engine->context, lane->exchange.request, lane->exchange.request_length);
+}
+
+static void send_probe(struct db_engine *engine, struct node *node, db_time now)
+{
+	struct station *station = node->first;
+	enum db_result result;
+
+	node->ever_probed = true;
+	if (begin(engine, station, LANE_PROBE, DB_JOB_PROBE, NULL, now, &result) == DB_STEP_SEND)
+		send_lane(engine, station, LANE_PROBE, now);
+}
+
+/* Sends a prepared exchange, after getting back in step with the drive where that is needed. */
+static void send_in_step(struct db_engine *engine, struct station *station, enum lane_kind kind,
+                         db_time now)
+{
+	if (station->node->in_step)
+		send_lane(engine, station, kind, now);
+	else
+		send_probe(engine, station->node, now);
+}
+
+/* --- stops ----------------------------------------------------------------------------------------- */
+
+static void send_stop(struct db_engine *engine, struct station *station, db_time now)
+{
+	struct pending_stop *first = &station->stops[0];
+	struct lane *lane = &station->lanes[LANE_STOP];
+	bool in_step = station->node->in_step;
+	enum db_result result = DB_RESULT_FAILED;
+
+	if (!in_step && station->blind_stop_sent) {
+		send_probe(engine, station->node, now);
+		return;
+	}
+	station->blind_stop_sent = !in_step;
+	for (unsigned i = 0; i < station->stop_count; i++) {
+		if (station->stops[i].request->command == first->request->command)
+			station->stops[i].sent = true;
+	}
+	if (lane->active && lane->ready && in_step) {
+		send_lane(engine, station, LANE_STOP, now);
+		return;
+	}
+	if (begin(engine, station, LANE_STOP, DB_JOB_COMMAND, first->request, now, &result) ==
+	    DB_STEP_SEND)
+		send_lane(engine, station, LANE_STOP, now);
+	else
+		station_finish_stop(station, result, now);
+}
+
+/* Does every drive of the bus wait for one and the same stop that was not sent to any of them yet? */
+static bool all_want(const struct db_engine *engine, enum db_command command)
+{
+	for (size_t i = 0; i < engine->station_count; i++) {
+		const struct station *station = &engine->stations[i];
+
+		if (station->stop_count == 0 || station->stops[0].sent ||
+		    station->stops[0].request->command != command)
+			return false;
+	}
+	return true;
+}
+
+/* One frame stops everybody at once; each drive is then asked for its confirmation as usual. */
+static bool try_broadcast(struct db_engine *engine, db_time now)
+{
+	uint8_t request[DB_SHORT_REQUEST];
+	struct db_exchange exchange = { .request = request, .request_size = sizeof request };
+	enum db_command command;
+
+	if (engine->station_count < 2 || engine->stations[0].stop_count == 0 ||
+	    !engine->driver->broadcast)
+		return false;
+	command = engine->stations[0].stops[0].request->command;
+	if (!all_want(engine, command) ||
+	    !engine->driver->broadcast(command, engine->bus, &exchange))
+		return false;
+	for (size_t i = 0; i < engine->station_count; i++)
+		engine->stations[i].stops[0].sent = true;
+	/* On CAN what follows waits for its turn on the wire by itself. */
+	if (!is_shared(engine))
+		engine->quiet_until = now + BROADCAST_GAP + wire_time(engine, &exchange);
+	engine->stats.transactions++;
+	engine->ops->send(engine->context, request, exchange.request_length);
+	return true;
+}
+
+static bool try_stops(struct db_engine *engine, db_time now)
+{
+	if (engine_may_send_at(engine, true, now) > now)
+		return false;
+	if (try_broadcast(engine, now))
+		return true;
+	for (size_t i = 0; i < engine->station_count; i++) {
+		struct station *station = &engine->stations[i];
+
+		if (station->stop_count == 0 || station->stop_at > now || is_flying(station->node))
+			continue;
+		/* A stop itself is never held back, only the question whether it was obeyed. */
+		if (station->blind_stop_sent && node_is_haunted(station->node, now))
+			continue;
+		send_stop(engine, station, now);
+		return true;
+	}
+	return false;
+}
+
+/* --- commands -------------------------------------------------------------------------------------- */
+
+static bool is_free(const struct station *station, db_time now)
+{
+	return !is_flying(station->node) && !node_is_haunted(station->node, now);
+}
+
+/* False when it ended without anything being sent. */
+static bool begin_letter(struct db_engine *engine, size_t index, db_time now)
+{
+	struct db_letter *letter = engine->waiting[index];
+	const struct db_request *request = db_letter_request(letter);
+	struct station *station = &engine->stations[request->axis];
+	enum db_job_kind kind = request->setting_count > 0 ? DB_JOB_SETTINGS : DB_JOB_COMMAND;
+	enum db_result result = DB_RESULT_FAILED;
+
+	engine->waiting_count--;
+	memmove(&engine->waiting[index], &engine->waiting[index + 1],
+	        (engine->waiting_count - index) * sizeof engine->waiting[0]);
+	station->front_letter = letter;
+	station->front_cancelled = false;
+	if (begin(engine, station, LANE_FRONT, kind, request, now, &result) == DB_STEP_SEND) {
+		send_in_step(engine, station, LANE_FRONT, now);
+		return is_flying(station->node);
+	}
+	station->lanes[LANE_FRONT].active = true;
+	station_finish_front(station, result, now);
+	return false;
+}
+
+static bool try_fronts(struct db_engine *engine, db_time now)
+{
+	for (size_t n = 0; n < engine->station_count; n++) {
+		size_t i = (engine->next_front + n) % engine->station_count;
+		struct station *station = &engine->stations[i];
+
+		if (station->lanes[LANE_FRONT].ready && station->stop_count == 0 &&
+		    is_free(station, now)) {
+			engine->next_front = i + 1;
+			send_in_step(engine, station, LANE_FRONT, now);
+			return true;
+		}
+	}
+	for (size_t i = 0; i < engine->waiting_count;) {
+		const struct db_request *request = db_letter_request(engine->waiting[i]);
+		const struct station *station = &engine->stations[request->axis];
+		size_t before = engine->waiting_count;
+
+		/* A command given after a stop waits until the stop is confirmed. */
+		if (station->lanes[LANE_FRONT].active || station->stop_count > 0 ||
+		    !is_free(station, now))
+			i++;
+		else if (begin_letter(engine, i, now))
+			return true;
+		else if (engine->waiting_count == before)
+			i++;
+	}
+	return false;
+}
+
+/* --- cyclic status --------------------------------------------------------------------------------- */
+
+static struct node *due_poll(struct db_engine *engine, db_time now)
+{
+	for (size_t n = 0; n < engine->node_count; n++) {
+		size_t i = (engine->next_poll + n) % engine->node_count;
+		struct node *node = &engine->nodes[i];
+
+		if (node->online && node->poll_due && is_free(node->first, now)) {
+			engine->next_poll = i;
+			return node;
+		}
+	}
+	return NULL;
+}
+
+static void send_poll(struct db_engine *engine, struct node *node, db_time now)
+{
+	struct station *station = node->first;
+	struct lane *lane = &station->lanes[LANE_POLL];
+	enum db_result result;
+
+	if (!node->in_step) {
+		send_probe(engine, node, now);
+		return;
+	}
+	node->polled = now;
+	if (lane->active && lane->ready)
+		send_lane(engine, station, LANE_POLL, now);
+	else if (begin(engine, station, LANE_POLL, DB_JOB_POLL, NULL, now, &result) == DB_STEP_SEND)
+		send_lane(engine, station, LANE_POLL, now);
+	else
+		node->poll_due = false;
+	engine->next_poll++;
+	engine->polls_in_a_row++;
+}
+
+/* --- below cyclic status ------------------------------------------------------------------------------ */
+
+static bool wants_identify(const struct db_engine *engine, const struct station *station,
+                           db_time now)
+{
+	if (!station->node->online || station->identify_at > now || !is_free(station, now))
+		return false;
+	return station->lanes[LANE_IDENTIFY].active ||
+	       !(station->snapshot.feedback.status & DB_STATUS_PARAMS_VALID) ||
+	       engine->driver->nameplate(station->device)->doubtful;
+}
+
+static bool try_identify(struct db_engine *engine, db_time now)
+{
+	enum db_result result;
+
+	for (size_t n = 0; n < engine->station_count; n++) {
+		size_t i = (engine->next_identify + n) % engine->station_count;
+		struct station *station = &engine->stations[i];
+		struct lane *lane = &station->lanes[LANE_IDENTIFY];
+
+		if (!wants_identify(engine, station, now))
+			continue;
+		engine->next_identify = i + (lane->active ? 0 : 1);
+		if (!lane->active && begin(engine, station, LANE_IDENTIFY, DB_JOB_IDENTIFY, NULL,
+		                           now, &result) != DB_STEP_SEND)
+			continue;
+		send_in_step(engine, station, LANE_IDENTIFY, now);
+		return true;
+	}
+	return false;
+}
+
+static bool try_probes(struct db_engine *engine, db_time now)
+{
+	for (size_t n = 0; n < engine->node_count; n++) {
+		size_t i = (engine->next_probe + n) % engine->node_count;
+		struct node *node = &engine->nodes[i];
+
+		if (node->online || node->probe_at > now || !is_free(node->first, now))
+			continue;
+		/* The first round after the port opened is free: nothing is known of any drive. */
+		if (node->ever_probed && engine->probes_from > now)
+			continue;
+		engine->next_probe = i + 1;
+		send_probe(engine, node, now);
+		return true;
+	}
+	return false;
+}
+
+static bool try_background(struct db_engine *engine, db_time now)
+{
+	engine->polls_in_a_row = 0;
+	return try_identify(engine, now) || try_probes(engine, now);
+}
+
+/*
+ * Commands go before status, but cannot starve it: when a drive's status is two cycles old, they
+ * take turns. Likewise status cannot starve what comes after it: once in a round of polls one
+ * exchange of those classes is let through.
+ */
+bool engine_send_something(struct db_engine *engine, db_time now)
+{
+	struct node *poll;
+
+	if (try_stops(engine, now))
+		return true;
+	if (engine->shutting_down || engine_may_send_at(engine, false, now) > now)
+		return false;
+	poll = due_poll(engine, now);
+	if (poll && engine->front_was_last && now - poll->polled > 2 * engine->period) {
+		send_poll(engine, poll, now);
+		return true;
+	}
+	if (try_fronts(engine, now))
+		return true;
+	if (poll && engine->polls_in_a_row > engine->node_count && try_background(engine, now))
+		return true;
+	if (poll) {
+		send_poll(engine, poll, now);
+		return true;
+	}
+	return try_background(engine, now);
+}

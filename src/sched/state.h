@@ -1,0 +1,81 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The engine's inside, shared by engine.c, choose.c and answer.c. Internal to src/sched. */
+#ifndef DRIVEBRIDGE_SCHED_STATE_H
+#define DRIVEBRIDGE_SCHED_STATE_H
+
+#include "sched/engine.h"
+#include "sched/station.h"
+
+#define RECEIVE_MAX (2 * DB_ANSWER_MAX)
+
+struct db_engine {
+	const struct db_bus_config *bus;
+	const struct db_driver *driver;
+	struct db_mailbox *mailbox;
+	const struct db_engine_ops *ops;
+	void *context;
+	int64_t wall_offset_us;
+	struct db_bus_stats stats;
+
+	unsigned flights;   /* exchanges under way */
+	db_time wire_free;  /* when the wire would have carried them all, if nobody had to think */
+	db_time held_since; /* the port cannot take more; 0 = it can */
+
+	db_time quiet_until; /* a broadcast is on the wire; nobody answers it */
+	uint8_t received[RECEIVE_MAX];
+	size_t received_length;
+
+	struct db_letter **waiting; /* taken, not begun; in order of arrival */
+	size_t waiting_count;
+	size_t waiting_max;
+
+	db_time period;
+	db_time cycle_at; /* when the next cycle is due; 0 before the first */
+	db_time cycle_started;
+	bool polling; /* this cycle's polls are not all answered */
+	unsigned polls_in_a_row;
+	bool front_was_last;
+
+	db_time probes_from; /* the share for offline drives is used up until then */
+	db_time busy;        /* time with an exchange on the wire in this second */
+	db_time second_at;
+
+	bool shutting_down;
+	size_t next_poll; /* where round robin goes on */
+	size_t next_front;
+	size_t next_identify;
+	size_t next_probe;
+	struct node *nodes;
+	size_t node_count;
+	size_t station_count;
+	struct station stations[];
+};
+
+static inline bool is_flying(const struct node *node)
+{
+	return node->flight.station != NULL;
+}
+
+/* engine.c */
+void engine_publish(struct db_engine *engine, struct station *station);
+/* Ends what waits for a drive that cannot do it now. */
+void engine_finish_waiting(struct db_engine *engine, const struct station *station,
+                           enum db_result result, db_time now);
+/* The cycle is over when all its polls are. */
+void engine_end_of_polls(struct db_engine *engine, db_time now);
+
+/* choose.c */
+/* Sends what is most urgent. False when nothing is to be sent now. */
+bool engine_send_something(struct db_engine *engine, db_time now);
+/* When something may be sent at the earliest, DB_TIME_NEVER: when something has happened. */
+db_time engine_may_send_at(const struct db_engine *engine, bool stop, db_time now);
+
+/* answer.c */
+/* The exchange is not under way any more. */
+void engine_end_flight(struct db_engine *engine, struct node *node, db_time now);
+void engine_go_offline(struct db_engine *engine, struct node *node, enum db_result result,
+                       db_time now);
+/* No answer came in time. */
+void engine_answer_lost(struct db_engine *engine, struct node *node, db_time now);
+
+#endif
