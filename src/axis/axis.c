@@ -12,8 +12,8 @@
 struct db_axis {
 	atomic_uint snapshot_sequence;
 	atomic_uint nameplate_sequence;
-	_Atomic uint32_t snapshot[DB_SEQLOCK_WORDS(struct db_snapshot)];
-	_Atomic uint32_t nameplate[DB_SEQLOCK_WORDS(struct db_nameplate)];
+	db_seqlock_word snapshot[DB_SEQLOCK_WORDS(struct db_snapshot)];
+	db_seqlock_word nameplate[DB_SEQLOCK_WORDS(struct db_nameplate)];
 };
 
 struct db_axis *db_axis_new(void)

@@ -13,51 +13,70 @@
 #include <sched.h>
 #include <stdatomic.h>
 #include <stddef.h>
-#include <stdint.h>
 #include <string.h>
 
-#define DB_SEQLOCK_WORDS(type) ((sizeof(type) + 3) / 4)
+typedef _Atomic unsigned long db_seqlock_word;
+
+#define DB_SEQLOCK_WORDS(type) \
+	((sizeof(type) + sizeof(db_seqlock_word) - 1) / sizeof(db_seqlock_word))
 
 /* A writer that was preempted inside its publication needs the processor that a reader spins on. */
 #define DB_SEQLOCK_SPINS 64
 
 /* The one writer's thread only. */
-static inline void db_seqlock_write(atomic_uint *sequence, _Atomic uint32_t *words,
+static inline void db_seqlock_write(atomic_uint *sequence, db_seqlock_word *words,
                                     const void *source, size_t bytes)
 {
 	unsigned before = atomic_load_explicit(sequence, memory_order_relaxed);
 	const unsigned char *from = source;
+	size_t whole = bytes / sizeof(unsigned long);
+	size_t rest = bytes % sizeof(unsigned long);
+	unsigned long word;
 
 	atomic_store_explicit(sequence, before + 1, memory_order_relaxed);
-	for (size_t at = 0; at < bytes; at += sizeof(uint32_t)) {
-		size_t left = bytes - at;
-		uint32_t word = 0;
-
-		memcpy(&word, from + at, left < sizeof word ? left : sizeof word);
-		atomic_store_explicit(&words[at / sizeof word], word, memory_order_release);
+	for (size_t i = 0; i < whole; i++) {
+		memcpy(&word, from + i * sizeof word, sizeof word);
+		atomic_store_explicit(&words[i], word, memory_order_release);
+	}
+	if (rest > 0) {
+		word = 0;
+		memcpy(&word, from + whole * sizeof word, rest);
+		atomic_store_explicit(&words[whole], word, memory_order_release);
 	}
 	atomic_store_explicit(sequence, before + 2, memory_order_release);
 }
 
-/* Any thread. */
-static inline void db_seqlock_read(const atomic_uint *sequence, const _Atomic uint32_t *words,
-                                   void *target, size_t bytes)
+static inline void db_seqlock_copy(const db_seqlock_word *words, void *target, size_t bytes)
 {
 	unsigned char *to = target;
+	size_t whole = bytes / sizeof(unsigned long);
+	size_t rest = bytes % sizeof(unsigned long);
+	unsigned long word;
+
+	for (size_t i = 0; i < whole; i++) {
+		word = atomic_load_explicit(&words[i], memory_order_acquire);
+		memcpy(to + i * sizeof word, &word, sizeof word);
+	}
+	if (rest > 0) {
+		word = atomic_load_explicit(&words[whole], memory_order_acquire);
+		memcpy(to + whole * sizeof word, &word, rest);
+	}
+}
+
+/* Any thread. */
+static inline void db_seqlock_read(const atomic_uint *sequence, const db_seqlock_word *words,
+                                   void *target, size_t bytes)
+{
 	unsigned spins = 0;
 
 	for (;;) {
 		unsigned before = atomic_load_explicit(sequence, memory_order_acquire);
 
-		for (size_t at = 0; at < bytes && !(before & 1); at += sizeof(uint32_t)) {
-			size_t left = bytes - at;
-			uint32_t word = atomic_load_explicit(&words[at / sizeof word],
-			                                     memory_order_acquire);
-
-			memcpy(to + at, &word, left < sizeof word ? left : sizeof word);
+		if (!(before & 1)) {
+			db_seqlock_copy(words, target, bytes);
+			if (atomic_load_explicit(sequence, memory_order_relaxed) == before)
+				return;
 		}
-		if (!(before & 1) && atomic_load_explicit(sequence, memory_order_relaxed) == before)
-			return;
 		if (++spins % DB_SEQLOCK_SPINS == 0)
 			sched_yield();
 	}

@@ -52,7 +52,7 @@ struct db_bus {
 	db_time unsent_since; /* when the port last took something */
 
 	atomic_uint stats_sequence;
-	_Atomic uint32_t stats_words[DB_SEQLOCK_WORDS(struct db_bus_stats)];
+	db_seqlock_word stats_words[DB_SEQLOCK_WORDS(struct db_bus_stats)];
 };
 
 static db_time clock_ns(clockid_t clock)
