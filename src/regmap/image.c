@@ -4,6 +4,7 @@
 #include "drivebridge/version.h"
 #include "regmap/view.h"
 
+#include <errno.h>
 #include <string.h>
 
 #define QUALITY_BAD 0
@@ -134,6 +135,22 @@ static void fill_server(struct db_gateway_image *image, const struct db_register
 	image->timeouts = (uint32_t)stats.timeouts;
 }
 
+static uint16_t line_state(const struct db_bus_stats *stats)
+{
+	const struct db_port_health *port = &stats->port;
+	unsigned bits = 0;
+
+	if (stats->up && port->up)
+		bits |= DB_LINE_UP;
+	if (port->error == ENETRESET)
+		bits |= DB_LINE_BUS_OFF;
+	if (port->error_passive)
+		bits |= DB_LINE_PASSIVE;
+	if (port->error_warning)
+		bits |= DB_LINE_WARNING;
+	return (uint16_t)bits;
+}
+
 static void fill_bus(struct db_gateway_bus *image, const struct db_bus_stats *stats)
 {
 	*image = (struct db_gateway_bus){
@@ -156,6 +173,16 @@ static void fill_bus(struct db_gateway_bus *image, const struct db_bus_stats *st
 		.opens = stats->opens,
 		.queued = stats->queued,
 		.online = stats->online,
+		.reports = stats->reports,
+		.line_state = line_state(stats),
+		.line_error = (uint16_t)stats->port.error,
+		.bus_offs = stats->port.bus_offs,
+		.error_passives = stats->port.error_passives,
+		.arbitration_lost = stats->port.arbitration_lost,
+		.line_errors = stats->port.line_errors,
+		.overflows = stats->port.overflows,
+		.refused = stats->port.refused,
+		.bitrate = stats->port.bitrate,
 	};
 }
 

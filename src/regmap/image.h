@@ -52,6 +52,13 @@ struct db_drive_image {
 #define DB_GATEWAY_BUSES 8
 #define DB_GATEWAY_DRIVES 32
 
+enum db_line_bit {
+	DB_LINE_UP = 1u << 0,
+	DB_LINE_BUS_OFF = 1u << 1,
+	DB_LINE_PASSIVE = 1u << 2,
+	DB_LINE_WARNING = 1u << 3,
+};
+
 struct db_gateway_bus {
 	uint16_t up;
 	uint16_t last_error;
@@ -72,6 +79,16 @@ struct db_gateway_bus {
 	uint32_t opens;
 	uint32_t queued;
 	uint32_t online;
+	uint32_t reports;
+	uint16_t line_state; /* enum db_line_bit */
+	uint16_t line_error;
+	uint32_t bus_offs;
+	uint32_t error_passives;
+	uint32_t arbitration_lost;
+	uint32_t line_errors;
+	uint32_t overflows;
+	uint32_t refused;
+	uint32_t bitrate;
 };
 
 struct db_gateway_drive {

@@ -90,6 +90,10 @@ static const struct db_codes capability_bits = { db_capability_name, COUNT_OF(ca
 	{                                                                                          \
 		.count = DB_GATEWAY_BUSES, .addresses = 40, .bytes = sizeof(struct db_gateway_bus) \
 	}
+#define EACH_LINE                                                                                  \
+	{                                                                                          \
+		.count = DB_GATEWAY_BUSES, .addresses = 16, .bytes = sizeof(struct db_gateway_bus) \
+	}
 #define EACH_DRIVE                                           \
 	{                                                    \
 		.count = DB_GATEWAY_DRIVES, .addresses = 16, \
@@ -963,6 +967,93 @@ const struct db_row db_rows[] = {
 		GATEWAY_BUS(online),
 		.repeat = EACH_BUS,
 		.description = "Bus #: drives online now",
+	},
+
+	{
+		.name = "bus#_reports",
+		.address = 136,
+		.type = DB_U32,
+		GATEWAY_BUS(reports),
+		.repeat = EACH_BUS,
+		.description = "Bus #: frames that drives sent by themselves and that were used",
+	},
+
+	/* Gateway view: what adapters and controllers tell of each bus's line. */
+	{
+		.name = "line#_state",
+		.address = 440,
+		.type = DB_BITS16,
+		GATEWAY_BUS(line_state),
+		.repeat = EACH_LINE,
+		.description = "Line of bus #: bit 0 carries frames; 1 bus off; 2 error passive; "
+			       "3 error warning",
+	},
+	{
+		.name = "line#_error",
+		.address = 441,
+		.type = DB_U16,
+		GATEWAY_BUS(line_error),
+		.repeat = EACH_LINE,
+		.description = "Line of bus #: errno of what keeps an open port from carrying "
+			       "frames; 0=none",
+	},
+	{
+		.name = "line#_bus_offs",
+		.address = 442,
+		.type = DB_U32,
+		GATEWAY_BUS(bus_offs),
+		.repeat = EACH_LINE,
+		.description = "Line of bus #: times the CAN controller went bus off",
+	},
+	{
+		.name = "line#_error_passives",
+		.address = 444,
+		.type = DB_U32,
+		GATEWAY_BUS(error_passives),
+		.repeat = EACH_LINE,
+		.description = "Line of bus #: times the CAN controller became error passive",
+	},
+	{
+		.name = "line#_arbitration_lost",
+		.address = 446,
+		.type = DB_U32,
+		GATEWAY_BUS(arbitration_lost),
+		.repeat = EACH_LINE,
+		.description =
+			"Line of bus #: frames that lost arbitration as far as the controller reports it",
+	},
+	{
+		.name = "line#_line_errors",
+		.address = 448,
+		.type = DB_U32,
+		GATEWAY_BUS(line_errors),
+		.repeat = EACH_LINE,
+		.description = "Line of bus #: stuff form CRC and acknowledge errors on the wire",
+	},
+	{
+		.name = "line#_overflows",
+		.address = 450,
+		.type = DB_U32,
+		GATEWAY_BUS(overflows),
+		.repeat = EACH_LINE,
+		.description = "Line of bus #: frames lost in the controller or adapter",
+	},
+	{
+		.name = "line#_refused",
+		.address = 452,
+		.type = DB_U32,
+		GATEWAY_BUS(refused),
+		.repeat = EACH_LINE,
+		.description = "Line of bus #: frames or settings that the adapter refused",
+	},
+	{
+		.name = "line#_bitrate",
+		.address = 454,
+		.type = DB_U32,
+		GATEWAY_BUS(bitrate),
+		.unit = "bit/s",
+		.repeat = EACH_LINE,
+		.description = "Line of bus #: bit rate that the interface is set to; 0=not known",
 	},
 
 	/* Gateway view: a block for each drive. */
