@@ -44,8 +44,11 @@ struct db_exchange {
 	size_t request_length;
 	size_t answer_length; /* longest expected answer, as wire_time() of transports counts it;
 	                         0 = none will come (broadcast) */
-	db_time extra_time;   /* beyond the bus's drive latency: a flash write, for instance */
-	bool repeatable;      /* sending it again after a lost answer is harmless */
+	unsigned
+		sending; /* set by the scheduler: another number each time anything is sent, so that
+	                     frames of an answer can be told from those of the one before */
+	db_time extra_time; /* beyond the bus's drive latency: a flash write, for instance */
+	bool repeatable;    /* sending it again after a lost answer is harmless */
 };
 
 enum db_step {

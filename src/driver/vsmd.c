@@ -9,6 +9,9 @@
 
 #define RESENDS_MAX 2
 
+/* How long a drive may take to show that it has begun what it was told. */
+#define EVIDENCE_TIME (10 * DB_NS_PER_MS)
+
 /* scratch[0] of a motion command: where the drive stood. scratch[1]: these. */
 #define WAS_MOVING 1
 #define RESENDS_SHIFT 8
@@ -133,13 +136,10 @@ void vsmd_axis_init(struct vsmd_axis *axis, const struct vsmd_link *link,
 	axis->save_interval = (db_time)bus->save_interval_s * DB_NS_PER_S;
 }
 
-enum db_result vsmd_check(const struct db_bus_config *bus, const struct db_drive_config *drive,
-                          enum db_command command, const struct db_args *args)
+enum db_result vsmd_check(const struct vsmd_link *link, enum db_command command,
+                          const struct db_args *args)
 {
 	bool right = true;
-
-	(void)bus;
-	(void)drive;
 
 	switch (command) {
 	case DB_CMD_MOVE_VELOCITY:
@@ -161,7 +161,7 @@ enum db_result vsmd_check(const struct db_bus_config *bus, const struct db_drive
 		break;
 	case DB_CMD_SHAKE_START:
 	case DB_CMD_SHAKE_START_TIME:
-		right = in((double)args->shake_frequency, (double)VSMD_SHAKE_FREQ_MIN,
+		right = in((double)args->shake_frequency, (double)link->shake_frequency_min,
 		           (double)VSMD_SHAKE_FREQ_MAX) &&
 		        args->shake_cycles <= INT32_MAX && args->shake_time <= INT32_MAX;
 		break;
@@ -172,15 +172,6 @@ enum db_result vsmd_check(const struct db_bus_config *bus, const struct db_drive
 		break;
 	}
 	return right ? DB_RESULT_OK : DB_RESULT_OUT_OF_RANGE;
-}
-
-enum db_result vsmd_check_param(const struct db_bus_config *bus, size_t param, union db_value value)
-{
-	(void)bus;
-	if (param >= VSMD_PARAM_COUNT)
-		return DB_RESULT_UNSUPPORTED;
-	return vsmd_param_in_range((enum vsmd_param)param, value) ? DB_RESULT_OK :
-	                                                            DB_RESULT_OUT_OF_RANGE;
 }
 
 /* --- beginning a command -------------------------------------------------------------------------- */
@@ -227,6 +218,7 @@ enum db_step vsmd_begin_command(struct vsmd_axis *axis, struct db_job *job,
 		axis->last_save = job->started;
 		repeatable = false;
 	}
+	axis->asked_at = 0;
 	job->scratch[0] = axis->last.position;
 	job->scratch[1] = axis->last.status & VSMD_ST_STP ? 0 : WAS_MOVING;
 	return ask(axis, vsmd_command_of(command, &job->request->args), repeatable, exchange,
@@ -291,9 +283,9 @@ void vsmd_follow_motion(struct vsmd_axis *axis)
 	}
 }
 
-void vsmd_take_status(struct vsmd_axis *axis, const struct vsmd_status *status, db_time now)
+void vsmd_take_confirmation(struct vsmd_axis *axis, int32_t position, uint32_t word, db_time now)
 {
-	bool hs = (status->status & VSMD_ST_HS) != 0;
+	bool hs = (word & VSMD_ST_HS) != 0;
 
 	if (axis->handshaken && !hs) {
 		/* It lost power between two polls: what it was told before is gone. */
@@ -304,7 +296,16 @@ void vsmd_take_status(struct vsmd_axis *axis, const struct vsmd_status *status, 
 		axis->params_valid = false;
 	}
 	axis->handshaken = hs;
-	axis->last = *status;
+	axis->last.position = position;
+	axis->last.status = word;
+	axis->heard_at = now;
+}
+
+void vsmd_take_status(struct vsmd_axis *axis, const struct vsmd_status *status, db_time now)
+{
+	vsmd_take_confirmation(axis, status->position, status->status, now);
+	axis->last.velocity = status->velocity;
+	axis->process = *status;
 	axis->taken = now;
 	axis->heard = true;
 }
@@ -360,6 +361,7 @@ static void carried_out(struct vsmd_axis *axis, const struct db_job *job)
 		axis->origin_lost = false;
 		axis->has_target = false;
 		axis->last.position = args->target_position;
+		axis->process.position = args->target_position;
 		break;
 	case DB_CMD_DISABLE: /* section 2.4.3: the position becomes 0, the origin is lost */
 		forget_motion(axis);
@@ -379,6 +381,44 @@ static enum db_step confirmed(struct vsmd_axis *axis, const struct db_job *job,
 {
 	carried_out(axis, job);
 	return done(result, DB_RESULT_OK);
+}
+
+/*
+ * Whether the status that was read behind a command shows that it had an effect. Only asked where
+ * answers do not tell: of commands whose effect does not show, true.
+ */
+static bool is_evident(const struct vsmd_axis *axis, const struct db_job *job)
+{
+	const struct db_args *args = &job->request->args;
+	uint32_t status = axis->last.status;
+	bool stands = (status & VSMD_ST_STP) != 0;
+
+	switch (job->request->command) {
+	case DB_CMD_MOVE_ABSOLUTE:
+		return !stands || axis->last.position == args->target_position;
+	case DB_CMD_MOVE_RELATIVE:
+		return !stands || axis->last.position == axis->target;
+	case DB_CMD_MOVE_VELOCITY:
+		return !stands || !(args->target_velocity > 0.0f || args->target_velocity < 0.0f);
+	case DB_CMD_MOVE_PRESET:
+		return !stands;
+	case DB_CMD_HOME:
+		return job->step == VSMD_FIRST || !stands || (status & VSMD_ST_ZERO);
+	case DB_CMD_SHAKE_START:
+	case DB_CMD_SHAKE_START_TIME:
+		return !stands || (status & VSMD_ST_ACT);
+	case DB_CMD_SET_POSITION:
+		return !stands || axis->last.position == args->target_position;
+	case DB_CMD_STOP:
+	case DB_CMD_QUICK_STOP:
+		/* Homing and shaking have an end of their own, which follows. */
+		return stands || (job->step == VSMD_FIRST && (axis->motion == VSMD_MOTION_HOMING ||
+		                                              axis->motion == VSMD_MOTION_SHAKE));
+	case DB_CMD_CLEAR_FAULT:
+		return !(status & VSMD_ST_ENC_ERR);
+	default:
+		return true;
+	}
 }
 
 /* Has the power stage followed enable or disable? It may be a status too early in the answer. */
@@ -455,6 +495,30 @@ static enum db_step resend(struct vsmd_axis *axis, struct db_job *job, struct db
 	return ask(axis, vsmd_command_of(command, &job->request->args), false, exchange, result);
 }
 
+/*
+ * The effect of a command does not show (yet). Looks again for a while, then says it again where
+ * that is harmless. A stop is said again at once; that its deceleration is long is no failure.
+ */
+static enum db_step look_again(struct vsmd_axis *axis, struct db_job *job,
+                               struct db_exchange *exchange, enum db_result *result)
+{
+	enum db_command command = job->request->command;
+	bool again = job->scratch[1] >> RESENDS_SHIFT < RESENDS_MAX;
+
+	if (db_command_is_stop(command))
+		return again ? resend(axis, job, exchange, result) : confirmed(axis, job, result);
+	if (axis->asked_at == 0)
+		axis->asked_at = axis->heard_at;
+	if (axis->heard_at - axis->asked_at < EVIDENCE_TIME)
+		return ask_verb(axis, VSMD_STS, exchange, result);
+	axis->asked_at = 0;
+	/* Homing or shaking that began unnoticed must not begin anew. */
+	if (again && command != DB_CMD_HOME && command != DB_CMD_SHAKE_START &&
+	    command != DB_CMD_SHAKE_START_TIME)
+		return resend(axis, job, exchange, result);
+	return done(result, DB_RESULT_FAILED);
+}
+
 /* The answer to a motion command or set_position was lost: what does the drive itself say? */
 static enum db_step resolve(struct vsmd_axis *axis, struct db_job *job,
                             struct db_exchange *exchange, enum db_result *result)
@@ -489,6 +553,12 @@ static enum db_step resolve(struct vsmd_axis *axis, struct db_job *job,
 	return done(result, DB_RESULT_INDETERMINATE);
 }
 
+/* A relative move's first exchange only reads. */
+static bool is_preparation(const struct db_job *job)
+{
+	return job->request->command == DB_CMD_MOVE_RELATIVE && job->step == VSMD_FIRST;
+}
+
 enum db_step vsmd_answer_command(struct vsmd_axis *axis, struct db_job *job,
                                  struct db_exchange *exchange, enum db_result *result)
 {
@@ -498,8 +568,11 @@ enum db_step vsmd_answer_command(struct vsmd_axis *axis, struct db_job *job,
 		return resolve(axis, job, exchange, result);
 	axis->refused = (axis->last.status & VSMD_ST_CMD_WRG) != 0;
 	/* A status read inside a conversation shows the flag of the command before it. */
-	if (axis->refused && !(command == DB_CMD_MOVE_RELATIVE && job->step == VSMD_FIRST))
+	if (axis->refused && !is_preparation(job))
 		return done(result, DB_RESULT_REFUSED);
+	if (!axis->link->acknowledges && !is_preparation(job) && !is_evident(axis, job))
+		return look_again(axis, job, exchange, result);
+	axis->asked_at = 0;
 	switch (command) {
 	case DB_CMD_ENABLE:
 	case DB_CMD_DISABLE:
@@ -646,8 +719,8 @@ void vsmd_axis_feedback(const struct vsmd_axis *axis, struct db_feedback *feedba
 	enum db_axis_state state;
 
 	feedback->taken = axis->taken;
-	feedback->position = axis->last.position;
-	feedback->velocity = axis->last.velocity;
+	feedback->position = axis->process.position;
+	feedback->velocity = axis->process.velocity;
 	feedback->drive_status = axis->last.status;
 	feedback->inputs = inputs_of(axis->last.status);
 	feedback->outputs = outputs_of(axis, feedback->inputs);

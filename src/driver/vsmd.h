@@ -2,8 +2,7 @@
 /*
  * What VSMD drives have in common on every bus: what neutral commands mean to them, how a lost
  * answer is resolved, and what their status says of the axis. How a command travels is the link's
- * part. Internal to src/driver; bus thread only, except vsmd_check() and vsmd_check_param(), which
- * are pure.
+ * part. Internal to src/driver; bus thread only, except vsmd_check(), which is pure.
  *
  * A relative move is turned into an absolute one from a freshly read position, so that a lost answer
  * can never make the drive move twice. Commands that start a motion are not repeated blindly
@@ -28,6 +27,10 @@ enum vsmd_motion {
 
 /* How one kind of bus carries commands. */
 struct vsmd_link {
+	/* A drive's answer to a command says that it had this command. Where it does not (CAN), its
+	 * effect is looked for in the status that is read behind it. */
+	bool acknowledges;
+	float shake_frequency_min; /* Hz */
 	/* Writes the exchange of one command (its id is the link's part). SEND; DONE with
 	 * OUT_OF_RANGE when it cannot be said. */
 	enum db_step (*ask)(struct vsmd_axis *axis, const struct vsmd_command *command,
@@ -40,10 +43,12 @@ struct vsmd_axis {
 	db_time last_save;
 	bool saved;
 
-	struct vsmd_status last;
-	db_time taken;   /* when `last` came */
-	bool heard;      /* `last` holds something */
-	bool handshaken; /* hs was seen set: when it drops, the drive has restarted */
+	struct vsmd_status last;    /* the newest of each value */
+	db_time heard_at;           /* when `last` came */
+	struct vsmd_status process; /* position and velocity of one moment, for the PLC */
+	db_time taken;              /* when `process` came */
+	bool heard;                 /* `process` holds something */
+	bool handshaken;            /* hs was seen set: when it drops, the drive has restarted */
 	enum vsmd_motion motion;
 	bool fresh; /* motion accepted, no status read after it yet */
 	bool stopping;
@@ -53,6 +58,7 @@ struct vsmd_axis {
 	bool has_target;
 	int32_t target;
 	unsigned standstill_polls;
+	db_time asked_at; /* when the effect of a command was first looked for; 0: not yet */
 	struct db_nameplate plate;
 	bool params_valid;
 };
@@ -73,10 +79,8 @@ enum vsmd_step { VSMD_FIRST, VSMD_SECOND, VSMD_THIRD, VSMD_READ_BACK };
 	 DB_COMMAND_BIT(DB_CMD_SHAKE_START) | DB_COMMAND_BIT(DB_CMD_SHAKE_START_TIME) | \
 	 DB_COMMAND_BIT(DB_CMD_SHAKE_STOP))
 
-enum db_result vsmd_check(const struct db_bus_config *bus, const struct db_drive_config *drive,
-                          enum db_command command, const struct db_args *args);
-enum db_result vsmd_check_param(const struct db_bus_config *bus, size_t param,
-                                union db_value value);
+enum db_result vsmd_check(const struct vsmd_link *link, enum db_command command,
+                          const struct db_args *args);
 
 /* The one command that carries out a neutral one; a status request where it takes several. */
 struct vsmd_command vsmd_command_of(enum db_command command, const struct db_args *args);
@@ -95,6 +99,8 @@ enum db_step vsmd_lost(struct vsmd_axis *axis, struct db_job *job, struct db_exc
                        enum db_result *result);
 
 void vsmd_take_status(struct vsmd_axis *axis, const struct vsmd_status *status, db_time now);
+/* A status without the velocity: good for deciding, not for showing. */
+void vsmd_take_confirmation(struct vsmd_axis *axis, int32_t position, uint32_t word, db_time now);
 /* That status is certainly younger than the last command. */
 void vsmd_follow_motion(struct vsmd_axis *axis);
 void vsmd_take_identity(struct vsmd_axis *axis, const char *text, size_t length);

@@ -71,8 +71,29 @@ static enum db_step link_ask(struct vsmd_axis *axis, const struct vsmd_command *
 }
 
 static const struct vsmd_link serial_link = {
+	.acknowledges = true,
+	.shake_frequency_min = VSMD_SHAKE_FREQ_MIN,
 	.ask = link_ask,
 };
+
+static enum db_result serial_check(const struct db_bus_config *bus,
+                                   const struct db_drive_config *drive, enum db_command command,
+                                   const struct db_args *args)
+{
+	(void)bus;
+	(void)drive;
+	return vsmd_check(&serial_link, command, args);
+}
+
+static enum db_result serial_check_param(const struct db_bus_config *bus, size_t param,
+                                         union db_value value)
+{
+	(void)bus;
+	if (param >= VSMD_PARAM_COUNT)
+		return DB_RESULT_UNSUPPORTED;
+	return vsmd_param_in_range((enum vsmd_param)param, value) ? DB_RESULT_OK :
+	                                                            DB_RESULT_OUT_OF_RANGE;
+}
 
 static enum db_step ask_verb(const struct db_device *device, enum vsmd_verb verb,
                              struct db_exchange *exchange, enum db_result *result)
@@ -344,8 +365,8 @@ const struct db_driver db_driver_vsmd_serial = {
 	.param_page = 0,
 	.acceleration_param = VSMD_ACC,
 	.deceleration_param = VSMD_DEC,
-	.check = vsmd_check,
-	.check_param = vsmd_check_param,
+	.check = serial_check,
+	.check_param = serial_check_param,
 	.poll_time = serial_poll_time,
 	.command_time = serial_command_time,
 	.device_size = sizeof(struct db_device),

@@ -62,6 +62,7 @@ static void send_lane(struct db_engine *engine, struct station *station, enum la
 	db_time wire = wire_time(engine, &lane->exchange);
 
 	lane->ready = false;
+	lane->exchange.sending = ++engine->sendings;
 	if (engine->flights == 0) {
 		/* Whatever is still in the buffer was said before this question. */
 		engine->stats.garbage_bytes += (uint32_t)engine->received_length;

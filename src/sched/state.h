@@ -18,6 +18,7 @@ struct db_engine {
 	struct db_bus_stats stats;
 
 	unsigned flights;   /* exchanges under way */
+	unsigned sendings;  /* numbers them */
 	db_time wire_free;  /* when the wire would have carried them all, if nobody had to think */
 	db_time held_since; /* the port cannot take more; 0 = it can */
 

@@ -113,6 +113,8 @@ def test_home_and_home_stop(make_bridge):
     eventually(lambda: drive.read("status") & HOMED_BIT, what="the drive to be homed")
     state(bridge, STANDSTILL)
     assert drive.command("move_absolute", target_position=60000, target_velocity=12800) == 0
+    # Far enough for the way home to take longer than the next commands.
+    eventually(lambda: drive.read("position") > 6000, what="the drive to be on its way")
     assert drive.command("stop") == 0
     state(bridge, STANDSTILL)
     sends(bridge, "home", "1 zero stop", "1 zero start")

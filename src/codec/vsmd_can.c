@@ -1,0 +1,893 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "codec/vsmd_can.h"
+
+#include <string.h>
+
+/* Extended ids: 0 | target (9) | broadcast (1) | source (9) | control (2) | register (7). */
+#define EXT_FIXED 0x10000000u
+#define EXT_TARGET 19
+#define EXT_BROADCAST 0x00040000u
+#define EXT_SOURCE 9
+#define EXT_CONTROL 7
+
+/* Standard ids: target (4) | control (2) | register (5). */
+#define STD_TARGET 7
+#define STD_CONTROL 5
+
+#define CONTROL_MASK 3u
+#define CONTROL_HOST 2u /* the bit of the control that says: from the host */
+
+#define REG_BYTES 4
+#define SENSOR_PORTS 6
+#define OUTPUT_PORTS 3
+
+/* --- bytes ---------------------------------------------------------------------------------------- */
+
+static void put_u32(uint32_t value, uint8_t *data)
+{
+	for (size_t i = 0; i < REG_BYTES; i++)
+		data[i] = (uint8_t)(value >> (24 - 8 * i));
+}
+
+static uint32_t get_u32(const uint8_t *data)
+{
+	uint32_t value = 0;
+
+	for (size_t i = 0; i < REG_BYTES; i++)
+		value = value << 8 | data[i];
+	return value;
+}
+
+static uint32_t bits_of_int(int32_t number)
+{
+	return (uint32_t)number;
+}
+
+static int32_t int_of_bits(uint32_t bits)
+{
+	int32_t number;
+
+	memcpy(&number, &bits, sizeof number);
+	return number;
+}
+
+static uint32_t bits_of_float(float number)
+{
+	uint32_t bits;
+
+	memcpy(&bits, &number, sizeof bits);
+	return bits;
+}
+
+static float float_of_bits(uint32_t bits)
+{
+	float number;
+
+	memcpy(&number, &bits, sizeof number);
+	return number;
+}
+
+/* --- ids ------------------------------------------------------------------------------------------ */
+
+static unsigned reg_max(bool extended)
+{
+	return extended ? VSMD_CAN_REG_MAX : VSMD_CAN_STD_REG_MAX;
+}
+
+static bool is_reply(enum vsmd_can_control control)
+{
+	return control == VSMD_CAN_STATUS_REPLY || control == VSMD_CAN_DATA_REPLY;
+}
+
+static bool is_drive(unsigned drive, bool extended)
+{
+	return drive >= 1 && drive <= (extended ? VSMD_CAN_DRIVE_MAX : VSMD_CAN_STD_DRIVE_MAX);
+}
+
+/* Whether sender and receiver are such as this control has. */
+static bool sides_possible(const struct vsmd_can_id *id)
+{
+	unsigned host;
+
+	if (is_reply(id->control)) {
+		host = id->target;
+		if (id->broadcast || !is_drive(id->source, id->extended))
+			return false;
+	} else {
+		host = id->source;
+		if (id->broadcast ? id->target != 0 : !is_drive(id->target, id->extended))
+			return false;
+	}
+	return host <= (id->extended ? VSMD_CAN_SOURCE_MAX : 0);
+}
+
+enum vsmd_error vsmd_can_pack_id(const struct vsmd_can_id *id, uint32_t *packed)
+{
+	uint32_t control = (uint32_t)id->control;
+
+	if (control > CONTROL_MASK || id->reg > reg_max(id->extended) || !sides_possible(id))
+		return VSMD_ERR_RANGE;
+	if (id->extended) {
+		*packed = DB_CAN_EXTENDED | (uint32_t)id->target << EXT_TARGET |
+		          (id->broadcast ? EXT_BROADCAST : 0) | (uint32_t)id->source << EXT_SOURCE |
+		          control << EXT_CONTROL | id->reg;
+	} else {
+		uint32_t drive = is_reply(id->control) ? id->source : id->target;
+
+		*packed = drive << STD_TARGET | control << STD_CONTROL | id->reg;
+	}
+	return VSMD_OK;
+}
+
+static void unpack_extended(uint32_t packed, struct vsmd_can_id *id)
+{
+	id->extended = true;
+	id->broadcast = packed & EXT_BROADCAST;
+	id->control = (enum vsmd_can_control)(packed >> EXT_CONTROL & CONTROL_MASK);
+	if (!id->broadcast)
+		id->target = packed >> EXT_TARGET & VSMD_CAN_SOURCE_MAX;
+	id->source = packed >> EXT_SOURCE & VSMD_CAN_SOURCE_MAX;
+	id->reg = packed & VSMD_CAN_REG_MAX;
+}
+
+static void unpack_standard(uint32_t packed, struct vsmd_can_id *id)
+{
+	uint16_t drive = packed >> STD_TARGET & VSMD_CAN_STD_DRIVE_MAX;
+
+	id->control = (enum vsmd_can_control)(packed >> STD_CONTROL & CONTROL_MASK);
+	if (is_reply(id->control)) {
+		id->source = drive;
+	} else {
+		id->target = drive;
+		id->broadcast = drive == VSMD_CAN_BROADCAST;
+	}
+	id->reg = packed & VSMD_CAN_STD_REG_MAX;
+}
+
+enum vsmd_error vsmd_can_unpack_id(uint32_t packed, struct vsmd_can_id *id)
+{
+	struct vsmd_can_id unpacked = { 0 };
+
+	if (packed & (DB_CAN_REMOTE | DB_CAN_ERROR))
+		return VSMD_ERR_SYNTAX;
+	if (packed & DB_CAN_EXTENDED) {
+		if (packed & EXT_FIXED)
+			return VSMD_ERR_SYNTAX;
+		unpack_extended(packed, &unpacked);
+	} else {
+		if (packed & ~DB_CAN_STANDARD_MASK)
+			return VSMD_ERR_SYNTAX;
+		unpack_standard(packed, &unpacked);
+	}
+	if (!sides_possible(&unpacked))
+		return VSMD_ERR_SYNTAX;
+	*id = unpacked;
+	return VSMD_OK;
+}
+
+/* The id of what this host sends to a drive or to all. */
+static struct vsmd_can_id request_id(const struct vsmd_can_style *style, unsigned drive,
+                                     enum vsmd_can_control control, unsigned reg)
+{
+	return (struct vsmd_can_id){
+		.extended = style->extended,
+		.broadcast = drive == VSMD_CAN_BROADCAST,
+		.control = control,
+		/* Too big a number stays too big. */
+		.target = (uint16_t)(drive > UINT16_MAX ? UINT16_MAX : drive),
+		.source = style->extended ? style->host : 0,
+		.reg = (uint8_t)(reg > UINT8_MAX ? UINT8_MAX : reg),
+	};
+}
+
+/* The id of what a drive answers to this host. */
+static struct vsmd_can_id reply_id(const struct vsmd_can_style *style, unsigned drive,
+                                   enum vsmd_can_control control, unsigned reg)
+{
+	struct vsmd_can_id id = request_id(style, drive, control, reg);
+	uint16_t host = id.source;
+
+	id.broadcast = false;
+	id.source = id.target;
+	id.target = host;
+	return id;
+}
+
+struct db_can_filter vsmd_can_answer_filter(const struct vsmd_can_style *style)
+{
+	uint32_t kind = DB_CAN_EXTENDED | DB_CAN_REMOTE;
+
+	if (!style->extended)
+		return (struct db_can_filter){ 0, kind | CONTROL_HOST << STD_CONTROL };
+	return (struct db_can_filter){
+		.id = DB_CAN_EXTENDED | (uint32_t)style->host << EXT_TARGET,
+		.mask = kind | EXT_FIXED | (uint32_t)VSMD_CAN_SOURCE_MAX << EXT_TARGET |
+		        EXT_BROADCAST | CONTROL_HOST << EXT_CONTROL,
+	};
+}
+
+/* --- commands ------------------------------------------------------------------------------------- */
+
+/* Lengths a command's data can have: without what is optional, and with it. */
+struct shape {
+	bool known;
+	uint8_t least;
+	uint8_t most;
+};
+
+#define SHAPES 0x20
+
+static const struct shape shapes[SHAPES] = {
+	[VSMD_CAN_ENA] = { true, 0, 0 },        [VSMD_CAN_OFF] = { true, 0, 0 },
+	[VSMD_CAN_ORG] = { true, 0, 4 },        [VSMD_CAN_STP] = { true, 1, 1 },
+	[VSMD_CAN_MOV] = { true, 0, 4 },        [VSMD_CAN_POS] = { true, 4, 8 },
+	[VSMD_CAN_SAV] = { true, 0, 0 },        [VSMD_CAN_OUTPUT] = { true, 2, 2 },
+	[VSMD_CAN_ZERO_START] = { true, 0, 0 }, [VSMD_CAN_ZERO_STOP] = { true, 0, 0 },
+	[VSMD_CAN_RMV] = { true, 4, 8 },        [VSMD_CAN_SV] = { true, 2, 2 },
+	[VSMD_CAN_NMOS] = { true, 2, 2 },       [VSMD_CAN_AUTO_RES_STS] = { true, 1, 3 },
+	[VSMD_CAN_SHAKE] = { true, 1, 5 }, /* 1 to stop, 5 for all else */
+	[VSMD_CAN_ENCODER] = { true, 1, 1 },    [VSMD_CAN_READ_STATUS] = { true, 2, 2 },
+	[VSMD_CAN_READ_DATA] = { true, 2, 2 },
+};
+
+static bool code_known(unsigned code)
+{
+	return code < SHAPES && shapes[code].known;
+}
+
+static bool is_read(enum vsmd_can_code code)
+{
+	return code == VSMD_CAN_READ_STATUS || code == VSMD_CAN_READ_DATA;
+}
+
+static bool velocity_possible(const struct vsmd_can_command *command)
+{
+	return !command->has_velocity ||
+	       (command->velocity >= -VSMD_SPEED_MAX && command->velocity <= VSMD_SPEED_MAX);
+}
+
+static bool shake_possible(const struct vsmd_can_command *command)
+{
+	switch (command->shake) {
+	case VSMD_CAN_SHAKE_STOP:
+	case VSMD_CAN_SHAKE_START_AT:
+	case VSMD_CAN_SHAKE_END_AT:
+		return true;
+	case VSMD_CAN_SHAKE_CYCLES:
+	case VSMD_CAN_SHAKE_TIME:
+		return command->shake_count <= INT32_MAX;
+	case VSMD_CAN_SHAKE_FREQUENCY:
+		return command->shake_frequency >= VSMD_SHAKE_FREQ_MIN_CAN &&
+		       command->shake_frequency <= VSMD_SHAKE_FREQ_MAX;
+	}
+	return false;
+}
+
+static bool port_possible(const struct vsmd_can_command *command, unsigned ports)
+{
+	return command->port >= 1 && command->port <= ports;
+}
+
+static bool window_possible(unsigned first, unsigned count, bool extended)
+{
+	return count >= 1 && count <= VSMD_CAN_READ_MAX && first <= reg_max(extended) &&
+	       count - 1 <= reg_max(extended) - first;
+}
+
+/* Whether all arguments of a known command are in their ranges. */
+static bool command_possible(const struct vsmd_can_command *command, bool extended)
+{
+	switch (command->code) {
+	case VSMD_CAN_STP:
+		return command->value <= 1;
+	case VSMD_CAN_MOV:
+	case VSMD_CAN_POS:
+	case VSMD_CAN_RMV:
+		return velocity_possible(command);
+	case VSMD_CAN_OUTPUT:
+		return port_possible(command, SENSOR_PORTS) && command->value <= 1;
+	case VSMD_CAN_SV:
+	case VSMD_CAN_NMOS:
+		return port_possible(command, OUTPUT_PORTS);
+	case VSMD_CAN_AUTO_RES_STS:
+		return (unsigned)command->report <= VSMD_CAN_REPORT_POSITION;
+	case VSMD_CAN_SHAKE:
+		return shake_possible(command);
+	case VSMD_CAN_READ_STATUS:
+	case VSMD_CAN_READ_DATA:
+		return window_possible(command->first, command->count, extended);
+	default:
+		return true;
+	}
+}
+
+static uint8_t put_move(const struct vsmd_can_command *command, uint8_t *data)
+{
+	put_u32(bits_of_int(command->position), data);
+	if (!command->has_velocity)
+		return 4;
+	put_u32(bits_of_float(command->velocity), data + 4);
+	return 8;
+}
+
+static uint8_t put_shake(const struct vsmd_can_command *command, uint8_t *data)
+{
+	data[0] = (uint8_t)command->shake;
+	switch (command->shake) {
+	case VSMD_CAN_SHAKE_STOP:
+		return 1;
+	case VSMD_CAN_SHAKE_CYCLES:
+	case VSMD_CAN_SHAKE_TIME:
+		put_u32(command->shake_count, data + 1);
+		break;
+	case VSMD_CAN_SHAKE_START_AT:
+	case VSMD_CAN_SHAKE_END_AT:
+		put_u32(bits_of_int(command->position), data + 1);
+		break;
+	case VSMD_CAN_SHAKE_FREQUENCY:
+		put_u32(bits_of_float(command->shake_frequency), data + 1);
+		break;
+	}
+	return 5;
+}
+
+static uint8_t put_report(const struct vsmd_can_command *command, uint8_t *data)
+{
+	data[0] = (uint8_t)command->report;
+	if (!command->has_interval)
+		return 1;
+	data[1] = (uint8_t)(command->interval >> 8);
+	data[2] = (uint8_t)(command->interval & UINT8_MAX);
+	return 3;
+}
+
+static uint8_t put_pair(unsigned first, unsigned second, uint8_t *data)
+{
+	data[0] = (uint8_t)first;
+	data[1] = (uint8_t)second;
+	return 2;
+}
+
+/* The data of a possible command; returns its length. */
+static uint8_t put_arguments(const struct vsmd_can_command *command, uint8_t output_base,
+                             uint8_t *data)
+{
+	switch (command->code) {
+	case VSMD_CAN_ORG:
+		if (!command->has_position)
+			return 0;
+		put_u32(bits_of_int(command->position), data);
+		return 4;
+	case VSMD_CAN_STP:
+		data[0] = command->value;
+		return 1;
+	case VSMD_CAN_MOV:
+		if (!command->has_velocity)
+			return 0;
+		put_u32(bits_of_float(command->velocity), data);
+		return 4;
+	case VSMD_CAN_POS:
+	case VSMD_CAN_RMV:
+		return put_move(command, data);
+	case VSMD_CAN_OUTPUT:
+		return put_pair(command->port - 1u + output_base, command->value, data);
+	case VSMD_CAN_SV:
+	case VSMD_CAN_NMOS:
+		return put_pair(command->port - 1u, command->value, data);
+	case VSMD_CAN_AUTO_RES_STS:
+		return put_report(command, data);
+	case VSMD_CAN_SHAKE:
+		return put_shake(command, data);
+	case VSMD_CAN_ENCODER:
+		data[0] = 0;
+		return 1;
+	case VSMD_CAN_READ_STATUS:
+	case VSMD_CAN_READ_DATA:
+		return put_pair(command->first, command->count, data);
+	default:
+		return 0;
+	}
+}
+
+enum vsmd_error vsmd_can_encode_command(const struct vsmd_can_style *style, unsigned drive,
+                                        const struct vsmd_can_command *command,
+                                        struct db_can_frame *frame)
+{
+	struct vsmd_can_id id = request_id(style, drive, VSMD_CAN_COMMAND, command->code);
+	struct db_can_frame built = { 0 };
+
+	if (!code_known(command->code) || (id.broadcast && is_read(command->code)))
+		return VSMD_ERR_SYNTAX;
+	if (style->output_base > 1 || !command_possible(command, style->extended) ||
+	    vsmd_can_pack_id(&id, &built.id) != VSMD_OK)
+		return VSMD_ERR_RANGE;
+	built.length = put_arguments(command, style->output_base, built.data);
+	*frame = built;
+	return VSMD_OK;
+}
+
+static enum vsmd_error get_shake(const uint8_t *data, unsigned length,
+                                 struct vsmd_can_command *command)
+{
+	uint32_t bits;
+
+	command->shake = (enum vsmd_can_shake)data[0];
+	/* What is started or set needs its number. */
+	if ((length == 1) != (command->shake == VSMD_CAN_SHAKE_STOP))
+		return VSMD_ERR_SYNTAX;
+	if (length == 1)
+		return VSMD_OK;
+	bits = get_u32(data + 1);
+	switch (command->shake) {
+	case VSMD_CAN_SHAKE_CYCLES:
+	case VSMD_CAN_SHAKE_TIME:
+		command->shake_count = bits;
+		break;
+	case VSMD_CAN_SHAKE_FREQUENCY:
+		command->shake_frequency = float_of_bits(bits);
+		break;
+	default:
+		command->position = int_of_bits(bits);
+		break;
+	}
+	return VSMD_OK;
+}
+
+static void get_report(const uint8_t *data, unsigned length, struct vsmd_can_command *command)
+{
+	command->report = (enum vsmd_can_report)data[0];
+	command->has_interval = length > 1;
+	if (command->has_interval)
+		command->interval = (uint16_t)(data[1] << 8 | data[2]);
+}
+
+/* Ports counted from 1; what is below the first becomes 0, which no command takes. */
+static uint8_t get_port(uint8_t number, unsigned base)
+{
+	unsigned port = number + 1u - base;
+
+	return port > UINT8_MAX ? 0 : (uint8_t)port;
+}
+
+static void get_pair(const uint8_t *data, unsigned base, struct vsmd_can_command *command)
+{
+	command->port = get_port(data[0], base);
+	command->value = data[1];
+}
+
+/* The arguments out of data whose length the command's shape allows. */
+static enum vsmd_error get_arguments(const uint8_t *data, unsigned length, uint8_t output_base,
+                                     struct vsmd_can_command *command)
+{
+	switch (command->code) {
+	case VSMD_CAN_ORG:
+		command->has_position = length > 0;
+		if (command->has_position)
+			command->position = int_of_bits(get_u32(data));
+		return VSMD_OK;
+	case VSMD_CAN_STP:
+		command->value = data[0];
+		return VSMD_OK;
+	case VSMD_CAN_MOV:
+		command->has_velocity = length > 0;
+		if (command->has_velocity)
+			command->velocity = float_of_bits(get_u32(data));
+		return VSMD_OK;
+	case VSMD_CAN_POS:
+	case VSMD_CAN_RMV:
+		command->position = int_of_bits(get_u32(data));
+		command->has_velocity = length > 4;
+		if (command->has_velocity)
+			command->velocity = float_of_bits(get_u32(data + 4));
+		return VSMD_OK;
+	case VSMD_CAN_OUTPUT:
+		get_pair(data, output_base, command);
+		return VSMD_OK;
+	case VSMD_CAN_SV:
+	case VSMD_CAN_NMOS:
+		get_pair(data, 0, command);
+		return VSMD_OK;
+	case VSMD_CAN_AUTO_RES_STS:
+		get_report(data, length, command);
+		return VSMD_OK;
+	case VSMD_CAN_SHAKE:
+		return get_shake(data, length, command);
+	case VSMD_CAN_ENCODER:
+		return data[0] == 0 ? VSMD_OK : VSMD_ERR_RANGE;
+	case VSMD_CAN_READ_STATUS:
+	case VSMD_CAN_READ_DATA:
+		command->first = data[0];
+		command->count = data[1];
+		return VSMD_OK;
+	default:
+		return VSMD_OK;
+	}
+}
+
+static enum vsmd_error decode_command(const struct vsmd_can_style *style,
+                                      const struct db_can_frame *frame,
+                                      struct vsmd_can_message *message)
+{
+	struct vsmd_can_command *command = &message->command;
+	const struct shape *shape;
+	enum vsmd_error error;
+
+	command->code = (enum vsmd_can_code)message->id.reg;
+	if (!code_known(message->id.reg) || (message->id.broadcast && is_read(command->code)))
+		return VSMD_ERR_SYNTAX;
+	shape = &shapes[message->id.reg];
+	if (frame->length != shape->least && frame->length != shape->most)
+		return VSMD_ERR_SYNTAX;
+	error = get_arguments(frame->data, frame->length, style->output_base, command);
+	if (error != VSMD_OK)
+		return error;
+	return style->output_base <= 1 && command_possible(command, message->id.extended) ?
+	               VSMD_OK :
+	               VSMD_ERR_RANGE;
+}
+
+/* --- registers in frames -------------------------------------------------------------------------- */
+
+static void put_registers(const uint32_t *values, unsigned count, struct db_can_frame *frame)
+{
+	frame->length = (uint8_t)(count * REG_BYTES);
+	for (unsigned i = 0; i < count; i++)
+		put_u32(values[i], frame->data + (size_t)i * REG_BYTES);
+}
+
+static enum vsmd_error decode_registers(const struct db_can_frame *frame,
+                                        struct vsmd_can_message *message)
+{
+	unsigned count = frame->length / REG_BYTES;
+
+	if (count == 0 || frame->length % REG_BYTES != 0)
+		return VSMD_ERR_SYNTAX;
+	if (!window_possible(message->id.reg, count, message->id.extended))
+		return VSMD_ERR_RANGE;
+	message->count = count;
+	for (unsigned i = 0; i < count; i++)
+		message->values[i] = get_u32(frame->data + (size_t)i * REG_BYTES);
+	return VSMD_OK;
+}
+
+enum vsmd_error vsmd_can_decode(const struct vsmd_can_style *style,
+                                const struct db_can_frame *frame, struct vsmd_can_message *message)
+{
+	*message = (struct vsmd_can_message){ 0 };
+	if (vsmd_can_unpack_id(frame->id, &message->id) != VSMD_OK ||
+	    frame->length > DB_CAN_DATA_MAX)
+		return VSMD_ERR_SYNTAX;
+	return message->id.control == VSMD_CAN_COMMAND ? decode_command(style, frame, message) :
+	                                                 decode_registers(frame, message);
+}
+
+/* Whether a whole register, given raw, holds what its only parameter can be. */
+static bool raw_possible(unsigned reg, uint32_t raw)
+{
+	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+	union db_value value;
+	uint32_t again = raw;
+
+	if (vsmd_can_reg_packed(reg) || vsmd_can_params_of(reg, params) == 0)
+		return true;
+	/* A bit rate has one documented code and others that mean the same. */
+	return vsmd_can_extract(params[0], raw, &value) == VSMD_OK &&
+	       vsmd_can_insert(params[0], value, &again) == VSMD_OK && again == raw;
+}
+
+enum vsmd_error vsmd_can_encode_write(const struct vsmd_can_style *style, unsigned drive,
+                                      unsigned first, const uint32_t *values, unsigned count,
+                                      struct db_can_frame *frame)
+{
+	struct vsmd_can_id id = request_id(style, drive, VSMD_CAN_DATA_WRITE, first);
+	struct db_can_frame built = { 0 };
+
+	if (count > VSMD_CAN_FRAME_REGS || !window_possible(first, count, style->extended) ||
+	    vsmd_can_pack_id(&id, &built.id) != VSMD_OK)
+		return VSMD_ERR_RANGE;
+	for (unsigned i = 0; i < count; i++) {
+		if (!vsmd_can_reg_known(first + i))
+			return VSMD_ERR_NAME;
+		if (!raw_possible(first + i, values[i]))
+			return VSMD_ERR_RANGE;
+	}
+	put_registers(values, count, &built);
+	*frame = built;
+	return VSMD_OK;
+}
+
+int vsmd_can_encode_answer(const struct vsmd_can_style *style, unsigned drive,
+                           enum vsmd_can_control control, unsigned first, const uint32_t *values,
+                           unsigned count, struct db_can_frame *frames, size_t capacity)
+{
+	struct vsmd_can_id id = reply_id(style, drive, control, first);
+	uint32_t packed;
+	size_t used = 0;
+
+	if (!is_reply(control) || !window_possible(first, count, style->extended) ||
+	    vsmd_can_pack_id(&id, &packed) != VSMD_OK)
+		return VSMD_ERR_RANGE;
+	if ((count + 1u) / VSMD_CAN_FRAME_REGS > capacity)
+		return VSMD_ERR_SPACE;
+	for (unsigned at = 0; at < count; at += VSMD_CAN_FRAME_REGS) {
+		unsigned left = count - at;
+
+		/* The register is the lowest field of the id and has room for all of them. */
+		frames[used] = (struct db_can_frame){ .id = packed + at };
+		put_registers(values + at, left < VSMD_CAN_FRAME_REGS ? left : VSMD_CAN_FRAME_REGS,
+		              &frames[used++]);
+	}
+	return (int)used;
+}
+
+/* --- answers of several frames -------------------------------------------------------------------- */
+
+enum vsmd_error vsmd_can_expect(struct vsmd_can_answer *answer, const struct vsmd_can_style *style,
+                                unsigned drive, enum vsmd_can_control control, unsigned first,
+                                unsigned count)
+{
+	struct vsmd_can_id id = reply_id(style, drive, control, first);
+	uint32_t packed;
+
+	if (!is_reply(control))
+		return VSMD_ERR_SYNTAX;
+	if (!window_possible(first, count, style->extended) ||
+	    vsmd_can_pack_id(&id, &packed) != VSMD_OK)
+		return VSMD_ERR_RANGE;
+	*answer = (struct vsmd_can_answer){ .id = id, .count = (uint8_t)count };
+	return VSMD_OK;
+}
+
+/* Same sender, receiver and kind; the register may be another. */
+static bool same_ends(const struct vsmd_can_id *a, const struct vsmd_can_id *b)
+{
+	return a->extended == b->extended && a->broadcast == b->broadcast &&
+	       a->control == b->control && a->target == b->target && a->source == b->source;
+}
+
+enum vsmd_can_took vsmd_can_take(struct vsmd_can_answer *answer,
+                                 const struct vsmd_can_message *message)
+{
+	unsigned frames = (answer->count + 1u) / VSMD_CAN_FRAME_REGS;
+	unsigned at = (unsigned)message->id.reg - answer->id.reg; /* huge when below the first */
+	unsigned left;
+
+	if (!same_ends(&message->id, &answer->id) || at >= answer->count ||
+	    at % VSMD_CAN_FRAME_REGS != 0)
+		return VSMD_CAN_FOREIGN;
+	left = answer->count - at;
+	if (message->count != (left < VSMD_CAN_FRAME_REGS ? left : VSMD_CAN_FRAME_REGS))
+		return VSMD_CAN_FOREIGN;
+	if (answer->seen >> (at / VSMD_CAN_FRAME_REGS) & 1u)
+		return VSMD_CAN_REPEATED;
+	answer->seen |= 1u << (at / VSMD_CAN_FRAME_REGS);
+	memcpy(answer->values + at, message->values, message->count * sizeof message->values[0]);
+	return answer->seen == UINT32_MAX >> (32 - frames) ? VSMD_CAN_WHOLE : VSMD_CAN_PART;
+}
+
+/* --- status registers ----------------------------------------------------------------------------- */
+
+void vsmd_can_get_status(const uint32_t values[VSMD_CAN_STATUS_REGS], struct vsmd_status *status)
+{
+	status->velocity = float_of_bits(values[VSMD_CAN_STATUS_SPEED]);
+	status->position = int_of_bits(values[VSMD_CAN_STATUS_POSITION]);
+	status->status = values[VSMD_CAN_STATUS_WORD];
+}
+
+void vsmd_can_put_status(const struct vsmd_status *status, uint32_t values[VSMD_CAN_STATUS_REGS])
+{
+	values[VSMD_CAN_STATUS_SPEED] = bits_of_float(status->velocity);
+	values[VSMD_CAN_STATUS_POSITION] = bits_of_int(status->position);
+	values[VSMD_CAN_STATUS_WORD] = status->status;
+}
+
+static bool is_printable(uint8_t character)
+{
+	return character >= 0x20 && character <= 0x7E;
+}
+
+int vsmd_can_get_identity(const uint32_t values[VSMD_CAN_IDENTITY_REGS],
+                          char text[VSMD_CAN_IDENTITY_MAX + 1])
+{
+	uint8_t bytes[VSMD_CAN_IDENTITY_MAX];
+	const uint8_t *nul;
+	size_t length;
+
+	for (size_t i = 0; i < VSMD_CAN_IDENTITY_REGS; i++)
+		put_u32(values[i], bytes + i * REG_BYTES);
+	nul = memchr(bytes, 0, sizeof bytes);
+	length = nul ? (size_t)(nul - bytes) : sizeof bytes;
+	while (length > 0 && (bytes[length - 1] == ' ' || bytes[length - 1] == UINT8_MAX))
+		length--;
+	for (size_t i = 0; i < length; i++) {
+		if (!is_printable(bytes[i]))
+			return VSMD_ERR_SYNTAX;
+	}
+	memcpy(text, bytes, length);
+	text[length] = '\0';
+	return (int)length;
+}
+
+enum vsmd_error vsmd_can_put_identity(const char *text, uint32_t values[VSMD_CAN_IDENTITY_REGS])
+{
+	uint8_t bytes[VSMD_CAN_IDENTITY_MAX];
+	size_t length = strlen(text);
+
+	if (length > sizeof bytes)
+		return VSMD_ERR_SPACE;
+	for (size_t i = 0; i < length; i++) {
+		if (!is_printable((uint8_t)text[i]))
+			return VSMD_ERR_RANGE;
+	}
+	memset(bytes, ' ', sizeof bytes);
+	memcpy(bytes, text, length);
+	for (size_t i = 0; i < VSMD_CAN_IDENTITY_REGS; i++)
+		values[i] = get_u32(bytes + i * REG_BYTES);
+	return VSMD_OK;
+}
+
+/* --- data registers ------------------------------------------------------------------------------- */
+
+#define WHOLE 32
+
+const struct vsmd_can_field vsmd_can_fields[VSMD_PARAM_COUNT] = {
+	[VSMD_CID] = { 0x00, 0, WHOLE },     [VSMD_BDR] = { 0x01, 0, WHOLE },
+	[VSMD_MCS] = { 0x02, 0, WHOLE },     [VSMD_SPD] = { 0x03, 0, WHOLE },
+	[VSMD_ACC] = { 0x04, 0, WHOLE },     [VSMD_DEC] = { 0x05, 0, WHOLE },
+	[VSMD_CRA] = { 0x06, 0, WHOLE },     [VSMD_CRN] = { 0x07, 0, WHOLE },
+	[VSMD_CRH] = { 0x08, 0, WHOLE },     [VSMD_S1F] = { 0x09, 24, 8 },
+	[VSMD_S1R] = { 0x09, 16, 8 },        [VSMD_S2F] = { 0x09, 8, 8 },
+	[VSMD_S2R] = { 0x09, 0, 8 },         [VSMD_S3F] = { 0x0A, 24, 8 },
+	[VSMD_S3R] = { 0x0A, 16, 8 },        [VSMD_S4F] = { 0x0A, 8, 8 },
+	[VSMD_S4R] = { 0x0A, 0, 8 },         [VSMD_S5F] = { 0x0B, 24, 8 },
+	[VSMD_S5R] = { 0x0B, 16, 8 },        [VSMD_S6F] = { 0x0B, 8, 8 },
+	[VSMD_S6R] = { 0x0B, 0, 8 },         [VSMD_PUD] = { 0x0C, 0, 6 },
+	[VSMD_S1] = { 0x0D, 0, 1 },          [VSMD_S2] = { 0x0D, 1, 1 },
+	[VSMD_S3] = { 0x0D, 2, 1 },          [VSMD_S4] = { 0x0D, 3, 1 },
+	[VSMD_S5] = { 0x0D, 4, 1 },          [VSMD_S6] = { 0x0D, 5, 1 },
+	[VSMD_ZMD] = { 0x0E, 0, WHOLE },     [VSMD_OSV] = { 0x0F, 0, WHOLE },
+	[VSMD_SNR] = { 0x10, 0, WHOLE },     [VSMD_ZSD] = { 0x11, 0, WHOLE },
+	[VSMD_ZSP] = { 0x12, 0, WHOLE },     [VSMD_DAR] = { 0x14, 0, WHOLE },
+	[VSMD_RES] = { 0x15, 0, WHOLE },     [VSMD_MSR] = { 0x17, 24, 8 },
+	[VSMD_MSV] = { 0x17, 16, 8 },        [VSMD_PSR] = { 0x17, 8, 8 },
+	[VSMD_PSV] = { 0x17, 0, 8 },         [VSMD_PAE] = { 0x18, 0, WHOLE },
+	[VSMD_ZAR] = { 0x1A, 0, WHOLE },     [VSMD_ZCR] = { 0x1C, 0, WHOLE },
+	[VSMD_N1RATIO] = { 0x1D, 0, WHOLE }, [VSMD_N2RATIO] = { 0x1E, 0, WHOLE },
+	[VSMD_N3RATIO] = { 0x1F, 0, WHOLE }, [VSMD_EMOD] = { 0x20, 0, WHOLE },
+	[VSMD_ELNS] = { 0x21, 0, WHOLE },    [VSMD_ESTP] = { 0x22, 0, WHOLE },
+	[VSMD_ERTY] = { 0x23, 0, WHOLE },    [VSMD_EDIR] = { 0x24, 0, WHOLE },
+	[VSMD_EZ] = { 0x25, 0, WHOLE },      [VSMD_EWR] = { 0x26, 0, WHOLE },
+	[VSMD_ERATIO] = { 0x27, 0, WHOLE },  [VSMD_ESDS] = { 0x28, 0, WHOLE },
+	[VSMD_SML] = { 0x2A, 0, WHOLE },     [VSMD_SPL] = { 0x2B, 0, WHOLE },
+};
+
+size_t vsmd_can_params_of(unsigned reg, enum vsmd_param params[VSMD_CAN_FIELDS_MAX])
+{
+	size_t count = 0;
+
+	for (unsigned i = 0; i < VSMD_PARAM_COUNT; i++) {
+		size_t at;
+
+		if (vsmd_can_fields[i].reg != reg || count == VSMD_CAN_FIELDS_MAX)
+			continue;
+		for (at = count; at > 0; at--) {
+			if (vsmd_can_fields[params[at - 1]].shift > vsmd_can_fields[i].shift)
+				break;
+			params[at] = params[at - 1];
+		}
+		params[at] = (enum vsmd_param)i;
+		count++;
+	}
+	return count;
+}
+
+bool vsmd_can_reg_known(unsigned reg)
+{
+	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+
+	return reg == VSMD_CAN_DMD || reg == VSMD_CAN_CAF || reg == VSMD_CAN_SDS ||
+	       vsmd_can_params_of(reg, params) > 0;
+}
+
+bool vsmd_can_reg_packed(unsigned reg)
+{
+	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+
+	return vsmd_can_params_of(reg, params) > 0 && vsmd_can_fields[params[0]].width < WHOLE;
+}
+
+bool vsmd_can_reg_reachable(unsigned reg, bool extended)
+{
+	return reg <= reg_max(extended);
+}
+
+bool vsmd_can_param_in_range(enum vsmd_param param, union db_value value)
+{
+	switch (param) {
+	case VSMD_CID:
+		return is_drive(value.u, true);
+	case VSMD_BDR:
+		return vsmd_can_rate_code(value.u) != 0;
+	default:
+		return vsmd_param_in_range(param, value);
+	}
+}
+
+/* The bits of a field, not yet shifted to their place. */
+static uint32_t field_mask(const struct vsmd_can_field *field)
+{
+	return UINT32_MAX >> (WHOLE - field->width);
+}
+
+enum vsmd_error vsmd_can_extract(enum vsmd_param param, uint32_t raw, union db_value *value)
+{
+	const struct vsmd_can_field *field = &vsmd_can_fields[param];
+	uint32_t bits = raw >> field->shift & field_mask(field);
+
+	if (param == VSMD_BDR) {
+		bits = vsmd_can_code_rate(raw);
+		if (bits == 0)
+			return VSMD_ERR_RANGE;
+	}
+	if (vsmd_params[param].type == DB_U16 && bits > UINT16_MAX)
+		return VSMD_ERR_RANGE;
+	/* Signed and floating registers are whole ones: their bits are the value's. */
+	value->u = bits;
+	return VSMD_OK;
+}
+
+enum vsmd_error vsmd_can_insert(enum vsmd_param param, union db_value value, uint32_t *raw)
+{
+	const struct vsmd_can_field *field = &vsmd_can_fields[param];
+	uint32_t mask = field_mask(field) << field->shift;
+
+	if (!vsmd_can_param_in_range(param, value))
+		return VSMD_ERR_RANGE;
+	if (param == VSMD_BDR)
+		value.u = vsmd_can_rate_code(value.u);
+	*raw = (*raw & ~mask) | (value.u << field->shift & mask);
+	return VSMD_OK;
+}
+
+/* --- bit rates ------------------------------------------------------------------------------------ */
+
+#define CAN_CLOCK 54000000u /* Hz */
+
+struct rate {
+	uint32_t rate;
+	uint32_t code;
+};
+
+static const struct rate rates[] = {
+	{ 20000, 0x1C2132 }, { 25000, 0x168132 }, { 30000, 0x12C132 }, { 40000, 0xE1132 },
+	{ 50000, 0xB4132 },  { 60000, 0x5A163 },  { 75000, 0x78132 },  { 80000, 0x4B153 },
+	{ 90000, 0x4B143 },  { 100000, 0x5A132 }, { 125000, 0x48132 }, { 150000, 0x3C132 },
+	{ 200000, 0x2D132 }, { 250000, 0x24132 }, { 300000, 0x1E132 }, { 400000, 0xF153 },
+	{ 500000, 0x12132 }, { 600000, 0x9163 },  { 750000, 0x8153 },  { 900000, 0x6163 },
+	{ 1000000, 0x9132 },
+};
+
+#define RATES (sizeof rates / sizeof rates[0])
+
+/* Divider above bit 12, then jump width and the two segments of a bit, four bits each. */
+uint32_t vsmd_can_code_rate(uint32_t code)
+{
+	uint32_t quanta = 1 + (code >> 4 & 0xF) + (code & 0xF);
+	uint32_t divider = (code >> 12) * quanta;
+
+	return divider == 0 ? 0 : (CAN_CLOCK + divider / 2) / divider;
+}
+
+uint32_t vsmd_can_rate_code(uint32_t rate)
+{
+	for (size_t i = 0; i < RATES; i++) {
+		if (rates[i].rate == rate)
+			return rates[i].code;
+	}
+	return 0;
+}
+
+uint32_t vsmd_can_rate_at(size_t index)
+{
+	return index < RATES ? rates[index].rate : 0;
+}

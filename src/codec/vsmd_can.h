@@ -1,0 +1,293 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * VSMD over CAN: commands, registers and their answers as CAN frames. Both directions, so that the
+ * simulator speaks with the same code. Pure: no I/O, clock, allocation or global state; any thread.
+ * Source: VSMD CAN 2.0 protocol, sections 1.2 to 1.6, 2, 3, 4 and 5.2.
+ *
+ * The host sends commands and data writes; drives answer reads and nothing else. Values travel high
+ * byte first. Functions that build something leave it untouched when they return an error.
+ */
+#ifndef DRIVEBRIDGE_CODEC_VSMD_CAN_H
+#define DRIVEBRIDGE_CODEC_VSMD_CAN_H
+
+#include "codec/can.h"
+#include "codec/vsmd_serial.h" /* enum vsmd_error, struct vsmd_status */
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define VSMD_CAN_BROADCAST 0   /* as a drive: all of them */
+#define VSMD_CAN_DRIVE_MAX 110 /* extended frames: drives are 1..110 */
+#define VSMD_CAN_STD_DRIVE_MAX 15
+#define VSMD_CAN_SOURCE_MAX 511 /* extended frames: a host is 0..511; standard ones do not say */
+#define VSMD_CAN_REG_MAX 127    /* of extended frames */
+#define VSMD_CAN_STD_REG_MAX 31
+#define VSMD_CAN_FRAME_REGS 2 /* registers a frame has room for */
+
+/* --- ids ------------------------------------------------------------------------------------------ */
+
+enum vsmd_can_control {
+	VSMD_CAN_STATUS_REPLY, /* from a drive: status registers */
+	VSMD_CAN_DATA_REPLY,   /* from a drive: data registers */
+	VSMD_CAN_DATA_WRITE,   /* from the host */
+	VSMD_CAN_COMMAND,      /* from the host */
+};
+
+/*
+ * Extended frames name both sides: the receiver is `target`, the sender `source`. Standard frames have
+ * one field, which is taken to hold the drive in both directions: how drives answer in standard frames
+ * is not documented. So in a standard reply `source` is the drive and `target` is 0.
+ */
+struct vsmd_can_id {
+	bool extended;
+	bool broadcast; /* then target is 0 */
+	enum vsmd_can_control control;
+	uint16_t target;
+	uint16_t source;
+	uint8_t reg; /* register, or the code of a command */
+};
+
+/* The id with DB_CAN_EXTENDED where it applies. VSMD_ERR_RANGE: a field is outside its limits. */
+enum vsmd_error vsmd_can_pack_id(const struct vsmd_can_id *id, uint32_t *packed);
+
+/*
+ * VSMD_ERR_SYNTAX: a remote or error frame, a bit set that is always 0, or sides that cannot be. What
+ * was accepted packs into the same id again, but for the target of an extended broadcast: it is read
+ * whatever it is, since the document leaves it open, and written as 0.
+ */
+enum vsmd_error vsmd_can_unpack_id(uint32_t packed, struct vsmd_can_id *id);
+
+/* --- commands ------------------------------------------------------------------------------------- */
+
+/* The codes are those on the wire. */
+enum vsmd_can_code {
+	VSMD_CAN_ENA = 0x01,
+	VSMD_CAN_OFF = 0x02,
+	VSMD_CAN_ORG = 0x03, /* position when has_position, else 0 is meant */
+	VSMD_CAN_STP = 0x04, /* value 0 decelerate, 1 at once */
+	VSMD_CAN_MOV = 0x05, /* velocity when has_velocity */
+	VSMD_CAN_POS = 0x06, /* position; velocity when has_velocity */
+	VSMD_CAN_SAV = 0x07,
+	VSMD_CAN_OUTPUT = 0x08, /* port 1..6, value 0 low, 1 high */
+	VSMD_CAN_ZERO_START = 0x09,
+	VSMD_CAN_ZERO_STOP = 0x0A,
+	VSMD_CAN_RMV = 0x0B,          /* position is the distance; velocity when has_velocity */
+	VSMD_CAN_SV = 0x0D,           /* port 1..3, value 0..255 */
+	VSMD_CAN_NMOS = 0x0E,         /* port 1..3, value 0..255 */
+	VSMD_CAN_AUTO_RES_STS = 0x0F, /* report; interval when has_interval */
+	VSMD_CAN_SHAKE = 0x1B,        /* shake, and what it asks for */
+	VSMD_CAN_ENCODER = 0x1D,      /* clears the encoder error */
+	VSMD_CAN_READ_STATUS = 0x1E,  /* first, count */
+	VSMD_CAN_READ_DATA = 0x1F,    /* first, count */
+};
+
+/* A shake takes four frames: start, end and frequency, then one of the two that start it. */
+enum vsmd_can_shake {
+	VSMD_CAN_SHAKE_STOP = 0x00,
+	VSMD_CAN_SHAKE_CYCLES = 0x01,    /* shake_count cycles, 0 = no limit */
+	VSMD_CAN_SHAKE_TIME = 0x02,      /* shake_count seconds, 0 = no limit */
+	VSMD_CAN_SHAKE_START_AT = 0x10,  /* position */
+	VSMD_CAN_SHAKE_END_AT = 0x11,    /* position */
+	VSMD_CAN_SHAKE_FREQUENCY = 0x12, /* shake_frequency */
+};
+
+/* Which status registers a drive sends by itself. */
+enum vsmd_can_report {
+	VSMD_CAN_REPORT_NONE,
+	VSMD_CAN_REPORT_ALL,             /* speed, position, status */
+	VSMD_CAN_REPORT_POSITION_STATUS, /* position, status */
+	VSMD_CAN_REPORT_POSITION,
+};
+
+#define VSMD_CAN_INTERVAL_DEFAULT 50 /* ms between reports when never set */
+#define VSMD_CAN_READ_MAX 64 /* registers asked for at once, so that an answer has a bound */
+
+struct vsmd_can_command {
+	enum vsmd_can_code code;
+	bool has_position;
+	bool has_velocity;
+	bool has_interval;
+	int32_t position; /* pulses */
+	float velocity; /* pulses/s, -VSMD_SPEED_MAX..VSMD_SPEED_MAX; pos and rmv ignore the sign */
+	uint8_t port;   /* counted from 1, whatever the wire does */
+	uint8_t value;
+	enum vsmd_can_shake shake;
+	float shake_frequency; /* Hz, VSMD_SHAKE_FREQ_MIN_CAN..VSMD_SHAKE_FREQ_MAX */
+	uint32_t shake_count;  /* at most INT32_MAX */
+	enum vsmd_can_report report;
+	uint16_t interval; /* ms */
+	uint8_t first;     /* register */
+	uint8_t count;     /* registers, 1..VSMD_CAN_READ_MAX */
+};
+
+/* How a bus is spoken on; the same for all drives on it. */
+struct vsmd_can_style {
+	bool extended;
+	uint16_t host;       /* extended frames: the host's own id, 0..VSMD_CAN_SOURCE_MAX */
+	uint8_t output_base; /* number of the first port in `output`: 1, or 0 on older firmware */
+};
+
+/*
+ * Host to drive (or VSMD_CAN_BROADCAST; reads never are). VSMD_ERR_RANGE: an argument, the drive or a
+ * register is out of reach; VSMD_ERR_SYNTAX: no such code or a read of all drives.
+ */
+enum vsmd_error vsmd_can_encode_command(const struct vsmd_can_style *style, unsigned drive,
+                                        const struct vsmd_can_command *command,
+                                        struct db_can_frame *frame);
+
+/*
+ * Host to drive: one or two registers in a row, raw. A register no document names is refused with
+ * VSMD_ERR_NAME, one out of reach or holding a value out of range with VSMD_ERR_RANGE. The values of
+ * packed registers are not checked, for most of their content was read from the drive: vsmd_can_insert
+ * has checked what was changed.
+ */
+enum vsmd_error vsmd_can_encode_write(const struct vsmd_can_style *style, unsigned drive,
+                                      unsigned first, const uint32_t *values, unsigned count,
+                                      struct db_can_frame *frame);
+
+/*
+ * Drive to host: registers first..first+count-1, two to a frame. Returns the number of frames, or
+ * VSMD_ERR_RANGE or VSMD_ERR_SPACE. `control` is a reply's; `host` is who asked.
+ */
+int vsmd_can_encode_answer(const struct vsmd_can_style *style, unsigned drive,
+                           enum vsmd_can_control control, unsigned first, const uint32_t *values,
+                           unsigned count, struct db_can_frame *frames, size_t capacity);
+
+struct vsmd_can_message {
+	struct vsmd_can_id id;
+	struct vsmd_can_command command;      /* control COMMAND */
+	unsigned count;                       /* other controls: registers id.reg onwards, 1 or 2 */
+	uint32_t values[VSMD_CAN_FRAME_REGS]; /* raw */
+};
+
+/*
+ * Any frame, on either side. message->id is set whenever vsmd_can_unpack_id takes the id, so that a drive
+ * can tell that it was meant. VSMD_ERR_SYNTAX: not a frame of this family, no such command, or not the
+ * length it has; VSMD_ERR_RANGE: an argument is out of range. Which registers exist and what they
+ * may hold is for the receiver to say. Only style->output_base is looked at.
+ */
+enum vsmd_error vsmd_can_decode(const struct vsmd_can_style *style,
+                                const struct db_can_frame *frame, struct vsmd_can_message *message);
+
+/* Passes what drives answer to this host, and as little else as a mask can. */
+struct db_can_filter vsmd_can_answer_filter(const struct vsmd_can_style *style);
+
+/* --- answers of several frames -------------------------------------------------------------------- */
+
+/* Collects the frames of one answer in any order. Filled by vsmd_can_expect. */
+struct vsmd_can_answer {
+	struct vsmd_can_id id; /* what the first frame must carry */
+	uint8_t count;         /* registers */
+	uint32_t seen;         /* bit n: frame n, registers first+2n and first+2n+1 */
+	uint32_t values[VSMD_CAN_READ_MAX];
+};
+
+enum vsmd_can_took {
+	VSMD_CAN_FOREIGN,  /* no frame of this answer */
+	VSMD_CAN_REPEATED, /* it was there already; the first one counts */
+	VSMD_CAN_PART,     /* taken, others are missing */
+	VSMD_CAN_WHOLE,    /* taken, and all are there: values[0..count) */
+};
+
+/* VSMD_ERR_RANGE as for the read that asks for it; VSMD_ERR_SYNTAX: not a reply's control. */
+enum vsmd_error vsmd_can_expect(struct vsmd_can_answer *answer, const struct vsmd_can_style *style,
+                                unsigned drive, enum vsmd_can_control control, unsigned first,
+                                unsigned count);
+
+/*
+ * A frame belongs to the answer when sides, control, register and length are those of one of its
+ * frames. Frames carry no number: those of an earlier, equal read cannot be told apart.
+ */
+enum vsmd_can_took vsmd_can_take(struct vsmd_can_answer *answer,
+                                 const struct vsmd_can_message *message);
+
+/* --- status registers ----------------------------------------------------------------------------- */
+
+enum vsmd_can_status_reg {
+	VSMD_CAN_STATUS_SPEED = 0x00,
+	VSMD_CAN_STATUS_POSITION = 0x01,
+	VSMD_CAN_STATUS_WORD = 0x02,
+	VSMD_CAN_STATUS_REGS = 3,
+	VSMD_CAN_IDENTITY = 0x0A, /* to 0x10: model and firmware as text */
+	VSMD_CAN_IDENTITY_REGS = 7,
+};
+
+#define VSMD_CAN_IDENTITY_MAX (4 * VSMD_CAN_IDENTITY_REGS) /* characters */
+
+/* Registers 0x00..0x02. */
+void vsmd_can_get_status(const uint32_t values[VSMD_CAN_STATUS_REGS], struct vsmd_status *status);
+void vsmd_can_put_status(const struct vsmd_status *status, uint32_t values[VSMD_CAN_STATUS_REGS]);
+
+/*
+ * Registers 0x0A..0x10 as a terminated text: it ends at a NUL, and blanks and FF (erased flash) behind
+ * it are dropped. Returns its length, or VSMD_ERR_SYNTAX for any other character that cannot be printed.
+ */
+int vsmd_can_get_identity(const uint32_t values[VSMD_CAN_IDENTITY_REGS],
+                          char text[VSMD_CAN_IDENTITY_MAX + 1]);
+
+/* Padded with blanks. VSMD_ERR_SPACE: too long; VSMD_ERR_RANGE: a character that cannot be printed. */
+enum vsmd_error vsmd_can_put_identity(const char *text, uint32_t values[VSMD_CAN_IDENTITY_REGS]);
+
+/* --- data registers ------------------------------------------------------------------------------- */
+
+#define VSMD_CAN_DATA_FIRST 0x00
+#define VSMD_CAN_DATA_LAST 0x2B
+#define VSMD_CAN_FIELDS_MAX 6 /* parameters in one register */
+
+/* Reserved in the document, known from the field. Raw only: what they hold is nowhere described. */
+enum vsmd_can_raw_reg {
+	VSMD_CAN_DMD = 0x13,
+	VSMD_CAN_CAF = 0x19, /* acknowledges commands on some firmware */
+	VSMD_CAN_SDS = 0x1B,
+};
+
+/* Where a parameter is. Each is in one register; a field of fewer than 32 bits shares its register. */
+struct vsmd_can_field {
+	uint8_t reg;
+	uint8_t shift; /* of its lowest bit */
+	uint8_t width; /* bits */
+};
+
+extern const struct vsmd_can_field vsmd_can_fields[VSMD_PARAM_COUNT];
+
+/* Parameters of a register, highest field first. Returns how many; 0 for reserved and raw registers. */
+size_t vsmd_can_params_of(unsigned reg, enum vsmd_param params[VSMD_CAN_FIELDS_MAX]);
+
+/* Whether the register is one that can be written: it has parameters, or is a raw one. */
+bool vsmd_can_reg_known(unsigned reg);
+
+/* Whether the register holds several fields, so that writing one takes reading the others first. */
+bool vsmd_can_reg_packed(unsigned reg);
+
+/* Whether frames of this kind reach it. */
+bool vsmd_can_reg_reachable(unsigned reg, bool extended);
+
+/*
+ * As vsmd_param_in_range, with what is different on CAN: cid 1..110, and bdr one of the documented
+ * bit rates.
+ */
+bool vsmd_can_param_in_range(enum vsmd_param param, union db_value value);
+
+/*
+ * A parameter out of its raw register, of the type in vsmd_params; bdr in bit/s. Its range is not
+ * checked: the drive is the authority on what it holds. VSMD_ERR_RANGE: does not fit the type, or a
+ * code that is no bit rate.
+ */
+enum vsmd_error vsmd_can_extract(enum vsmd_param param, uint32_t raw, union db_value *value);
+
+/* A parameter into its raw register; the other fields stay. VSMD_ERR_RANGE: value out of range. */
+enum vsmd_error vsmd_can_insert(enum vsmd_param param, union db_value value, uint32_t *raw);
+
+/* --- bit rates ------------------------------------------------------------------------------------ */
+
+/* bit/s of a code, rounded; 0 when it is none. Any code with a divider is read, documented or not. */
+uint32_t vsmd_can_code_rate(uint32_t code);
+
+/* The documented code of a bit rate; 0 when there is none. */
+uint32_t vsmd_can_rate_code(uint32_t rate);
+
+/* The documented bit rates, slowest first; 0 beyond the last. */
+uint32_t vsmd_can_rate_at(size_t index);
+
+#endif
