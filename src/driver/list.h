@@ -6,5 +6,6 @@
 #include "drivebridge/driver.h"
 
 extern const struct db_driver db_driver_vsmd_serial;
+extern const struct db_driver db_driver_vsmd_can;
 
 #endif

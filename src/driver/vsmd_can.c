@@ -1,0 +1,824 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * VSMD steppers on CAN. Drives do not acknowledge: every command goes out in one burst with a read of
+ * position and status behind it, and every register write with a read of that register. A CAN
+ * controller keeps the order, so the answer to the read comes from behind the command.
+ *
+ * The read behind a command asks for the registers 1 and 2, the cyclic one for 0 to 2, a probe for
+ * one register of the identity: the answers differ in their register or length, so that a late answer
+ * or a drive's own report is never taken for a confirmation.
+ *
+ * Source: VSMD CAN 2.0 protocol, sections 1.2, 2, 3 and 4.
+ */
+#include "codec/vsmd_can.h"
+#include "driver/list.h"
+#include "driver/vsmd.h"
+
+#include <string.h>
+
+/* What a drive usually needs before it answers; only for predictions, never a time-out. */
+#define TYPICAL_LATENCY (500 * DB_NS_PER_US)
+
+/* Writing the flash: beyond the latency that other commands are given. */
+#define SAVE_TIME (500 * DB_NS_PER_MS)
+
+/* A read of parameters that goes unanswered so often is for registers this model has not. */
+#define BLOCK_TRIES 3
+
+/* How many frames a burst can have: four to begin a shake, and the read. */
+#define BURST_MAX 5
+
+/* Reports are trusted for so many of their intervals. */
+#define REPORT_PATIENCE 3
+
+enum option { OPTION_FRAMES, OPTION_HOST_ID, OPTION_OUTPUT_BASE, OPTION_REPORT_MS };
+
+static const struct db_option options[] = {
+	[OPTION_FRAMES] = {
+		.section = "bus",
+		.name = "frames",
+		.words = "extended standard",
+		.preset = "extended",
+		.unit = "",
+		.description = "Kind of CAN frames; standard ones reach the drives 1 to 15 and the "
+			       "first 32 registers, and how drives answer in them is not documented",
+	},
+	[OPTION_HOST_ID] = {
+		.section = "bus",
+		.name = "host-id",
+		.words = "",
+		.preset = "1",
+		.min = 0,
+		.max = VSMD_CAN_SOURCE_MAX,
+		.whole = true,
+		.unit = "",
+		.description = "The bridge's own id in extended frames; drives answer to it",
+	},
+	[OPTION_OUTPUT_BASE] = {
+		.section = "bus",
+		.name = "output-base",
+		.words = "",
+		.preset = "1",
+		.min = 0,
+		.max = 1,
+		.whole = true,
+		.unit = "",
+		.description = "What drives call their first output port: 1, or 0 on older firmware",
+	},
+	[OPTION_REPORT_MS] = {
+		.section = "bus",
+		.name = "report-ms",
+		.words = "",
+		.preset = "0",
+		.min = 0,
+		.max = 60000,
+		.whole = true,
+		.unit = "ms",
+		.description = "Lets drives report their status by themselves at this interval "
+			       "instead of asking them; 0 asks. Drives whose reports do not come "
+			       "are asked",
+	},
+};
+
+/* Runs of registers that hold parameters; those between are reserved and never asked for. */
+static const struct block {
+	uint8_t first;
+	uint8_t count;
+} blocks[] = {
+	{ 0x00, 8 }, { 0x08, 8 }, { 0x10, 3 }, { 0x14, 2 }, { 0x17, 2 },
+	{ 0x1A, 1 }, { 0x1C, 4 }, { 0x20, 5 }, { 0x25, 4 }, { 0x2A, 2 },
+};
+#define BLOCK_COUNT (sizeof blocks / sizeof blocks[0])
+
+struct db_device {
+	struct vsmd_axis axis; /* first: the link is given this */
+	struct vsmd_can_style style;
+	unsigned drive;
+	db_time report_interval; /* 0: drives are asked */
+
+	struct vsmd_can_answer answer; /* of the exchange under way */
+	unsigned answer_to;            /* its number */
+
+	/* Reports: what came in the first frame of one, until the second is there. */
+	uint32_t reported[VSMD_CAN_STATUS_REGS];
+	bool half_reported;
+	db_time reported_at;
+
+	/* Identification: the block that was asked for last, from 1, and how often in a row each went
+	 * without an answer. */
+	unsigned unanswered;
+	uint8_t block_losses[BLOCK_COUNT];
+};
+
+static struct vsmd_can_style style_of(const struct db_bus_config *bus)
+{
+	return (struct vsmd_can_style){
+		.extended = !(bus->options[OPTION_FRAMES] > 0.0),
+		.host = (uint16_t)bus->options[OPTION_HOST_ID],
+		.output_base = (uint8_t)bus->options[OPTION_OUTPUT_BASE],
+	};
+}
+
+static enum db_step done(enum db_result *result, enum db_result value)
+{
+	*result = value;
+	return DB_STEP_DONE;
+}
+
+/* --- bursts ---------------------------------------------------------------------------------- */
+
+static void start_burst(struct db_exchange *exchange, bool repeatable)
+{
+	exchange->request_length = 0;
+	exchange->answer_length = 0;
+	exchange->extra_time = 0;
+	exchange->repeatable = repeatable;
+}
+
+static bool add_frame(struct db_exchange *exchange, const struct db_can_frame *frame)
+{
+	if (exchange->request_length + sizeof *frame > exchange->request_size)
+		return false;
+	memcpy(exchange->request + exchange->request_length, frame, sizeof *frame);
+	exchange->request_length += sizeof *frame;
+	return true;
+}
+
+static bool add_command(const struct vsmd_can_style *style, unsigned drive,
+                        const struct vsmd_can_command *command, struct db_exchange *exchange)
+{
+	struct db_can_frame frame;
+
+	return vsmd_can_encode_command(style, drive, command, &frame) == VSMD_OK &&
+	       add_frame(exchange, &frame);
+}
+
+/* What an answer of so many registers takes, as wire_time() of transports counts it. */
+static size_t answer_length(unsigned registers)
+{
+	size_t frames = (registers + VSMD_CAN_FRAME_REGS - 1) / VSMD_CAN_FRAME_REGS;
+
+	return 8 * frames + 4 * registers;
+}
+
+/* The read that ends every burst. */
+static enum db_step add_read(const struct db_device *device, enum vsmd_can_code code,
+                             unsigned first, unsigned count, struct db_exchange *exchange,
+                             enum db_result *result)
+{
+	struct vsmd_can_command read = {
+		.code = code,
+		.first = (uint8_t)first,
+		.count = (uint8_t)count,
+	};
+
+	if (!add_command(&device->style, device->drive, &read, exchange))
+		return done(result, DB_RESULT_UNSUPPORTED);
+	exchange->answer_length = answer_length(count);
+	return DB_STEP_SEND;
+}
+
+static enum db_step read_status(const struct db_device *device, struct db_exchange *exchange,
+                                enum db_result *result)
+{
+	start_burst(exchange, true);
+	return add_read(device, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED, VSMD_CAN_STATUS_REGS,
+	                exchange, result);
+}
+
+static enum db_step add_confirmation(const struct db_device *device, struct db_exchange *exchange,
+                                     enum db_result *result)
+{
+	return add_read(device, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_POSITION, 2, exchange,
+	                result);
+}
+
+static enum db_step read_probe(const struct db_device *device, struct db_exchange *exchange,
+                               enum db_result *result)
+{
+	start_burst(exchange, true);
+	return add_read(device, VSMD_CAN_READ_STATUS, VSMD_CAN_IDENTITY, 1, exchange, result);
+}
+
+/* --- commands -------------------------------------------------------------------------------- */
+
+static size_t shake_frames(const struct vsmd_command *command, enum vsmd_can_shake start,
+                           struct vsmd_can_command *frames)
+{
+	frames[0] = (struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
+		                               .shake = VSMD_CAN_SHAKE_START_AT,
+		                               .position = command->shake_start };
+	frames[1] = (struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
+		                               .shake = VSMD_CAN_SHAKE_END_AT,
+		                               .position = command->shake_end };
+	frames[2] = (struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
+		                               .shake = VSMD_CAN_SHAKE_FREQUENCY,
+		                               .shake_frequency = command->shake_frequency };
+	frames[3] = (struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
+		                               .shake = start,
+		                               .shake_count = command->shake_count };
+	return 4;
+}
+
+/* The codes of the commands that one frame carries. */
+static enum vsmd_can_code code_of(enum vsmd_verb verb)
+{
+	switch (verb) {
+	case VSMD_ENA:
+		return VSMD_CAN_ENA;
+	case VSMD_OFF:
+		return VSMD_CAN_OFF;
+	case VSMD_MOV:
+		return VSMD_CAN_MOV;
+	case VSMD_POS:
+		return VSMD_CAN_POS;
+	case VSMD_STP:
+		return VSMD_CAN_STP;
+	case VSMD_ORG:
+		return VSMD_CAN_ORG;
+	case VSMD_ECLR:
+		return VSMD_CAN_ENCODER;
+	case VSMD_SENSOR_OUT:
+		return VSMD_CAN_OUTPUT;
+	case VSMD_SV:
+		return VSMD_CAN_SV;
+	case VSMD_NMOS:
+		return VSMD_CAN_NMOS;
+	case VSMD_ZERO_START:
+		return VSMD_CAN_ZERO_START;
+	case VSMD_ZERO_STOP:
+		return VSMD_CAN_ZERO_STOP;
+	case VSMD_SAV:
+		return VSMD_CAN_SAV;
+	default: /* VSMD_SHAKE_STOP */
+		return VSMD_CAN_SHAKE;
+	}
+}
+
+/* The frames of a command; none for a mere status request. */
+static size_t frames_of(const struct vsmd_command *command, struct vsmd_can_command *frames)
+{
+	switch (command->verb) {
+	case VSMD_STS:
+		return 0;
+	case VSMD_SHAKE_CYCLES:
+		return shake_frames(command, VSMD_CAN_SHAKE_CYCLES, frames);
+	case VSMD_SHAKE_TIME:
+		return shake_frames(command, VSMD_CAN_SHAKE_TIME, frames);
+	default:
+		frames[0] = (struct vsmd_can_command){
+			.code = code_of(command->verb),
+			.has_position = command->verb == VSMD_ORG && command->has_value,
+			.has_velocity = command->has_velocity,
+			.position = command->position,
+			.velocity = command->velocity,
+			.port = command->port,
+			.value = command->value,
+			.shake = VSMD_CAN_SHAKE_STOP,
+		};
+		return 1;
+	}
+}
+
+static enum db_step link_ask(struct vsmd_axis *axis, const struct vsmd_command *command,
+                             bool repeatable, struct db_exchange *exchange, enum db_result *result)
+{
+	const struct db_device *device = (const struct db_device *)axis;
+	struct vsmd_can_command frames[BURST_MAX - 1];
+	size_t count = frames_of(command, frames);
+
+	start_burst(exchange, repeatable);
+	for (size_t i = 0; i < count; i++) {
+		if (!add_command(&device->style, device->drive, &frames[i], exchange))
+			return done(result, DB_RESULT_OUT_OF_RANGE);
+	}
+	if (command->verb == VSMD_SAV)
+		exchange->extra_time = SAVE_TIME;
+	return add_confirmation(device, exchange, result);
+}
+
+static const struct vsmd_link can_link = {
+	.acknowledges = false,
+	.shake_frequency_min = VSMD_SHAKE_FREQ_MIN_CAN,
+	.ask = link_ask,
+};
+
+static enum db_result can_check(const struct db_bus_config *bus,
+                                const struct db_drive_config *drive, enum db_command command,
+                                const struct db_args *args)
+{
+	(void)bus;
+	(void)drive;
+	return vsmd_check(&can_link, command, args);
+}
+
+static enum db_result can_check_param(const struct db_bus_config *bus, size_t param,
+                                      union db_value value)
+{
+	if (param >= VSMD_PARAM_COUNT ||
+	    !vsmd_can_reg_reachable(vsmd_can_fields[param].reg, style_of(bus).extended))
+		return DB_RESULT_UNSUPPORTED;
+	return vsmd_can_param_in_range((enum vsmd_param)param, value) ? DB_RESULT_OK :
+	                                                                DB_RESULT_OUT_OF_RANGE;
+}
+
+/* --- writing parameters ------------------------------------------------------------------------ */
+
+static unsigned reg_of(const struct db_request *request, size_t i)
+{
+	return vsmd_can_fields[request->settings[i].param].reg;
+}
+
+/* The first setting from `i` on whose register was not written for an earlier one. */
+static size_t next_setting(const struct db_request *request, size_t i)
+{
+	for (; i < request->setting_count; i++) {
+		size_t j = 0;
+
+		while (j < i && reg_of(request, j) != reg_of(request, i))
+			j++;
+		if (j == i)
+			break;
+	}
+	return i;
+}
+
+/* scratch[0]: the setting whose register is on. scratch[1]: what was written to it. */
+
+/* Puts every setting of this register into its raw value. */
+static bool insert_settings(const struct db_request *request, unsigned reg, uint32_t *raw)
+{
+	for (size_t i = 0; i < request->setting_count; i++) {
+		const struct db_setting *setting = &request->settings[i];
+
+		if (reg_of(request, i) == reg && vsmd_can_insert((enum vsmd_param)setting->param,
+		                                                 setting->value, raw) != VSMD_OK)
+			return false;
+	}
+	return true;
+}
+
+/* The register with its new content, and the read that shows whether it has it. */
+static enum db_step write_register(struct db_device *device, struct db_job *job, uint32_t raw,
+                                   struct db_exchange *exchange, enum db_result *result)
+{
+	unsigned reg = reg_of(job->request, (size_t)job->scratch[0]);
+	struct db_can_frame frame;
+
+	if (!insert_settings(job->request, reg, &raw) ||
+	    vsmd_can_encode_write(&device->style, device->drive, reg, &raw, 1, &frame) != VSMD_OK)
+		return done(result, DB_RESULT_OUT_OF_RANGE);
+	job->step = VSMD_SECOND;
+	job->scratch[1] = raw;
+	start_burst(exchange, true);
+	if (!add_frame(exchange, &frame))
+		return done(result, DB_RESULT_FAILED);
+	return add_read(device, VSMD_CAN_READ_DATA, reg, 1, exchange, result);
+}
+
+/* A register that holds several parameters is read first, so that the others stay as they are. */
+static enum db_step next_register(struct db_device *device, struct db_job *job, size_t from,
+                                  struct db_exchange *exchange, enum db_result *result)
+{
+	size_t i = next_setting(job->request, from);
+	unsigned reg;
+
+	if (i == job->request->setting_count) {
+		vsmd_take_settings(&device->axis, job->request);
+		return done(result, DB_RESULT_OK);
+	}
+	job->scratch[0] = (int64_t)i;
+	reg = reg_of(job->request, i);
+	if (!vsmd_can_reg_packed(reg))
+		return write_register(device, job, 0, exchange, result);
+	job->step = VSMD_FIRST;
+	start_burst(exchange, true);
+	return add_read(device, VSMD_CAN_READ_DATA, reg, 1, exchange, result);
+}
+
+static enum db_step answer_settings(struct db_device *device, struct db_job *job,
+                                    struct db_exchange *exchange, enum db_result *result)
+{
+	if (job->step == VSMD_FIRST)
+		return write_register(device, job, device->answer.values[0], exchange, result);
+	if (device->answer.values[0] != (uint32_t)job->scratch[1]) {
+		/* Which of several settings it took is unknown: read all of them again. */
+		device->axis.plate.doubtful = true;
+		device->axis.refused = true;
+		return done(result, DB_RESULT_REFUSED);
+	}
+	return next_register(device, job, (size_t)job->scratch[0] + 1, exchange, result);
+}
+
+/* --- identity and parameters ------------------------------------------------------------------- */
+
+/* scratch[0]: the next block. scratch[1]: the parameters found, as bits. */
+
+/* Reporting is set anew each time a drive is identified: it may have restarted, or another master
+ * have set it otherwise. */
+static enum db_step begin_identify(struct db_device *device, struct db_job *job,
+                                   struct db_exchange *exchange, enum db_result *result)
+{
+	struct vsmd_can_command report = {
+		.code = VSMD_CAN_AUTO_RES_STS,
+		.report = device->report_interval > 0 ? VSMD_CAN_REPORT_ALL : VSMD_CAN_REPORT_NONE,
+		.has_interval = device->report_interval > 0,
+		.interval = (uint16_t)(device->report_interval / DB_NS_PER_MS),
+	};
+
+	/* The last attempt ended at this block without an answer. */
+	if (device->unanswered > 0 && device->block_losses[device->unanswered - 1] < BLOCK_TRIES)
+		device->block_losses[device->unanswered - 1]++;
+	device->unanswered = 0;
+	job->scratch[0] = 0;
+	job->scratch[1] = 0;
+	job->step = VSMD_FIRST;
+	start_burst(exchange, true);
+	if (!add_command(&device->style, device->drive, &report, exchange))
+		return done(result, DB_RESULT_FAILED);
+	return add_read(device, VSMD_CAN_READ_STATUS, VSMD_CAN_IDENTITY, VSMD_CAN_IDENTITY_REGS,
+	                exchange, result);
+}
+
+static void take_identity(struct db_device *device)
+{
+	char text[VSMD_CAN_IDENTITY_MAX + 1];
+	int length = vsmd_can_get_identity(device->answer.values, text);
+
+	if (length > 0)
+		vsmd_take_identity(&device->axis, text, (size_t)length);
+}
+
+static void take_block(struct db_device *device, struct db_job *job)
+{
+	const struct vsmd_can_answer *answer = &device->answer;
+
+	device->block_losses[job->scratch[0] - 1] = 0;
+	device->unanswered = 0;
+	for (unsigned i = 0; i < answer->count; i++) {
+		enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+		size_t count = vsmd_can_params_of(answer->id.reg + i, params);
+
+		for (size_t j = 0; j < count; j++) {
+			if (vsmd_can_extract(params[j], answer->values[i],
+			                     &device->axis.plate.values[params[j]]) == VSMD_OK)
+				job->scratch[1] |= INT64_C(1) << params[j];
+		}
+	}
+}
+
+/* So much of a block as frames of this kind reach. */
+static unsigned reachable(const struct db_device *device, const struct block *block)
+{
+	unsigned count = 0;
+
+	while (count < block->count &&
+	       vsmd_can_reg_reachable(block->first + count, device->style.extended))
+		count++;
+	return count;
+}
+
+static enum db_step next_block(struct db_device *device, struct db_job *job,
+                               struct db_exchange *exchange, enum db_result *result)
+{
+	struct vsmd_axis *axis = &device->axis;
+
+	while (job->scratch[0] < (int64_t)BLOCK_COUNT) {
+		size_t i = (size_t)job->scratch[0]++;
+		const struct block *block = &blocks[i];
+		unsigned count = reachable(device, block);
+
+		if (count == 0 || device->block_losses[i] >= BLOCK_TRIES)
+			continue;
+		device->unanswered = (unsigned)i + 1;
+		start_burst(exchange, true);
+		return add_read(device, VSMD_CAN_READ_DATA, block->first, count, exchange, result);
+	}
+	axis->plate.valid = (uint64_t)job->scratch[1];
+	axis->plate.generation++;
+	axis->plate.doubtful = false;
+	axis->params_valid = true;
+	return done(result, DB_RESULT_OK);
+}
+
+static enum db_step answer_identify(struct db_device *device, struct db_job *job,
+                                    struct db_exchange *exchange, enum db_result *result)
+{
+	if (job->step == VSMD_FIRST) {
+		take_identity(device);
+		job->step = VSMD_SECOND;
+	} else {
+		take_block(device, job);
+	}
+	return next_block(device, job, exchange, result);
+}
+
+/* --- jobs -------------------------------------------------------------------------------------- */
+
+static enum db_step can_begin(struct db_device *device, struct db_job *job,
+                              struct db_exchange *exchange, enum db_result *result)
+{
+	job->step = VSMD_FIRST;
+	switch (job->kind) {
+	case DB_JOB_PROBE:
+		return read_probe(device, exchange, result);
+	case DB_JOB_IDENTIFY:
+		return begin_identify(device, job, exchange, result);
+	case DB_JOB_POLL:
+		return read_status(device, exchange, result);
+	case DB_JOB_SETTINGS:
+		return next_register(device, job, 0, exchange, result);
+	case DB_JOB_COMMAND:
+	default:
+		if (job->request->command == DB_CMD_READ_PARAMETERS)
+			return begin_identify(device, job, exchange, result);
+		return vsmd_begin_command(&device->axis, job, exchange, result);
+	}
+}
+
+static enum db_step answer_save(struct vsmd_axis *axis, enum db_result *result)
+{
+	if (axis->last.status & VSMD_ST_FLASH_ERR)
+		return done(result, DB_RESULT_FAILED);
+	axis->refused = (axis->last.status & VSMD_ST_CMD_WRG) != 0;
+	return done(result, axis->refused ? DB_RESULT_REFUSED : DB_RESULT_OK);
+}
+
+static enum db_step answer_command(struct db_device *device, struct db_job *job, db_time now,
+                                   struct db_exchange *exchange, enum db_result *result)
+{
+	const uint32_t *values = device->answer.values;
+
+	if (job->request->command == DB_CMD_READ_PARAMETERS)
+		return answer_identify(device, job, exchange, result);
+	vsmd_take_confirmation(&device->axis, (int32_t)values[0], values[1], now);
+	if (job->request->command == DB_CMD_SAVE_PARAMETERS)
+		return answer_save(&device->axis, result);
+	return vsmd_answer_command(&device->axis, job, exchange, result);
+}
+
+static void take_process(struct db_device *device, const uint32_t *values, db_time now)
+{
+	struct vsmd_status status;
+
+	vsmd_can_get_status(values, &status);
+	vsmd_take_status(&device->axis, &status, now);
+	vsmd_follow_motion(&device->axis);
+}
+
+/* Makes ready for the answer to this exchange: the read at its end says what it must be. */
+static bool expect_answer(struct db_device *device, const struct db_exchange *exchange)
+{
+	struct vsmd_can_message read;
+	struct db_can_frame frame;
+
+	memcpy(&frame, exchange->request + exchange->request_length - sizeof frame, sizeof frame);
+	if (vsmd_can_decode(&device->style, &frame, &read) != VSMD_OK)
+		return false;
+	device->answer_to = exchange->sending;
+	return vsmd_can_expect(&device->answer, &device->style, device->drive,
+	                       read.command.code == VSMD_CAN_READ_STATUS ? VSMD_CAN_STATUS_REPLY :
+	                                                                   VSMD_CAN_DATA_REPLY,
+	                       read.command.first, read.command.count) == VSMD_OK;
+}
+
+static enum db_step can_answer(struct db_device *device, struct db_job *job, const uint8_t *bytes,
+                               size_t length, db_time now, struct db_exchange *exchange,
+                               enum db_result *result)
+{
+	struct vsmd_can_message message;
+	struct db_can_frame frame;
+
+	if (length != sizeof frame)
+		return DB_STEP_IGNORE;
+	memcpy(&frame, bytes, sizeof frame);
+	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK ||
+	    (device->answer_to != exchange->sending && !expect_answer(device, exchange)))
+		return DB_STEP_IGNORE;
+	switch (vsmd_can_take(&device->answer, &message)) {
+	case VSMD_CAN_PART:
+		return DB_STEP_MORE;
+	case VSMD_CAN_WHOLE:
+		break;
+	default:
+		return DB_STEP_IGNORE;
+	}
+	switch (job->kind) {
+	case DB_JOB_PROBE:
+		return done(result, DB_RESULT_OK);
+	case DB_JOB_IDENTIFY:
+		return answer_identify(device, job, exchange, result);
+	case DB_JOB_POLL:
+		take_process(device, device->answer.values, now);
+		return done(result, DB_RESULT_OK);
+	case DB_JOB_SETTINGS:
+		return answer_settings(device, job, exchange, result);
+	case DB_JOB_COMMAND:
+	default:
+		return answer_command(device, job, now, exchange, result);
+	}
+}
+
+static enum db_step can_lost(struct db_device *device, struct db_job *job,
+                             struct db_exchange *exchange, enum db_result *result)
+{
+	return vsmd_lost(&device->axis, job, exchange, result);
+}
+
+/* --- reports ------------------------------------------------------------------------------------- */
+
+/* A report comes as the answer to a read of all three registers would: two frames, in this order. */
+static bool can_report(struct db_device *device, const uint8_t *bytes, size_t length, db_time now)
+{
+	struct vsmd_can_message message;
+	struct db_can_frame frame;
+
+	if (device->report_interval == 0 || length != sizeof frame)
+		return false;
+	memcpy(&frame, bytes, sizeof frame);
+	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK ||
+	    message.id.control != VSMD_CAN_STATUS_REPLY)
+		return false;
+	if (message.id.reg == VSMD_CAN_STATUS_SPEED && message.count == 2) {
+		memcpy(device->reported, message.values, 2 * sizeof message.values[0]);
+		device->half_reported = true;
+		return true;
+	}
+	if (message.id.reg != VSMD_CAN_STATUS_WORD || message.count != 1 || !device->half_reported)
+		return false;
+	device->half_reported = false;
+	device->reported[VSMD_CAN_STATUS_WORD] = message.values[0];
+	device->reported_at = now;
+	take_process(device, device->reported, now);
+	return true;
+}
+
+static bool can_wants_poll(const struct db_device *device, db_time now)
+{
+	return device->report_interval == 0 || device->reported_at == 0 ||
+	       now - device->reported_at > REPORT_PATIENCE * device->report_interval;
+}
+
+/* --- state ------------------------------------------------------------------------------------- */
+
+static void can_feedback(const struct db_device *device, struct db_feedback *feedback)
+{
+	vsmd_axis_feedback(&device->axis, feedback);
+}
+
+static void can_gone(struct db_device *device)
+{
+	vsmd_axis_gone(&device->axis);
+	device->half_reported = false;
+	device->reported_at = 0;
+	/* Another model may come back. */
+	device->unanswered = 0;
+	memset(device->block_losses, 0, sizeof device->block_losses);
+}
+
+static const struct db_nameplate *can_nameplate(const struct db_device *device)
+{
+	return &device->axis.plate;
+}
+
+static void can_init(struct db_device *device, struct db_device *first,
+                     const struct db_bus_config *bus, const struct db_drive_config *drive)
+{
+	(void)first; /* one drive an address */
+	vsmd_axis_init(&device->axis, &can_link, bus);
+	device->style = style_of(bus);
+	device->drive = drive->address;
+	device->report_interval = (db_time)bus->options[OPTION_REPORT_MS] * DB_NS_PER_MS;
+}
+
+/* --- the bus's side ---------------------------------------------------------------------------- */
+
+static size_t can_filters(const struct db_bus_config *bus, struct db_can_filter *filters)
+{
+	struct vsmd_can_style style = style_of(bus);
+
+	filters[0] = vsmd_can_answer_filter(&style);
+	return 1;
+}
+
+static enum db_frame can_accept(const struct db_bus_config *bus, const uint8_t *bytes,
+                                size_t length, int *address)
+{
+	struct vsmd_can_style style = style_of(bus);
+	struct vsmd_can_message message;
+	struct db_can_frame frame;
+	struct vsmd_can_id id;
+
+	if (length != sizeof frame)
+		return DB_FRAME_BAD;
+	memcpy(&frame, bytes, sizeof frame);
+	if (vsmd_can_unpack_id(frame.id, &id) != VSMD_OK || id.extended != style.extended ||
+	    (id.control != VSMD_CAN_STATUS_REPLY && id.control != VSMD_CAN_DATA_REPLY) ||
+	    (id.extended && id.target != style.host))
+		return DB_FRAME_FOREIGN;
+	if (vsmd_can_decode(&style, &frame, &message) != VSMD_OK)
+		return DB_FRAME_BAD;
+	*address = id.source;
+	return DB_FRAME_GOOD;
+}
+
+static db_time time_of(const struct db_bus_config *bus, const struct vsmd_can_command *command,
+                       unsigned registers)
+{
+	struct vsmd_can_style style = style_of(bus);
+	struct db_can_frame frame;
+
+	if (vsmd_can_encode_command(&style, 1, command, &frame) != VSMD_OK)
+		return 0;
+	return bus->transport->wire_time(bus, (const uint8_t *)&frame, sizeof frame,
+	                                 registers > 0 ? answer_length(registers) : 0);
+}
+
+/* Drives think side by side, so a poll costs only its time on the wire. */
+static db_time can_poll_time(const struct db_bus_config *bus)
+{
+	const struct vsmd_can_command read = { .code = VSMD_CAN_READ_STATUS,
+		                               .first = 0,
+		                               .count = 3 };
+
+	return time_of(bus, &read, VSMD_CAN_STATUS_REGS);
+}
+
+static db_time can_command_time(const struct db_bus_config *bus)
+{
+	const struct vsmd_can_command move = { .code = VSMD_CAN_POS, .has_velocity = true };
+	const struct vsmd_can_command read = { .code = VSMD_CAN_READ_STATUS,
+		                               .first = 1,
+		                               .count = 2 };
+
+	return time_of(bus, &move, 0) + time_of(bus, &read, 2) + TYPICAL_LATENCY;
+}
+
+static bool can_broadcast(enum db_command command, const struct db_bus_config *bus,
+                          struct db_exchange *exchange)
+{
+	const struct db_args none = { 0 };
+	struct vsmd_can_style style = style_of(bus);
+	struct vsmd_command said = vsmd_command_of(command, &none);
+	struct vsmd_can_command frames[BURST_MAX - 1];
+
+	if (!(db_command_is_stop(command) || command == DB_CMD_ENABLE) ||
+	    frames_of(&said, frames) != 1)
+		return false;
+	start_burst(exchange, false);
+	return add_command(&style, VSMD_CAN_BROADCAST, &frames[0], exchange);
+}
+
+static void can_check_config(const struct db_bus_config *bus,
+                             const struct db_drive_config *const *drives, size_t drive_count,
+                             db_complain_fn *complain, void *context)
+{
+	if (style_of(bus).extended)
+		return;
+	for (size_t i = 0; i < drive_count; i++) {
+		if (drives[i]->address > VSMD_CAN_STD_DRIVE_MAX)
+			complain(
+				context, drives[i], true,
+				"address = %u cannot be said in standard frames; one from 1 to %d, "
+				"or frames = extended on bus '%s'",
+				drives[i]->address, VSMD_CAN_STD_DRIVE_MAX, bus->name);
+	}
+}
+
+const struct db_driver db_driver_vsmd_can = {
+	.name = "vsmd-can",
+	.title = "VSMD stepper on CAN",
+	.medium = DB_MEDIUM_CAN,
+	.address_min = 1,
+	.address_max = VSMD_CAN_DRIVE_MAX,
+	.default_baud = 100000,
+	.options = options,
+	.option_count = sizeof options / sizeof options[0],
+	.commands = VSMD_COMMANDS,
+	.measures = DB_MEASURE_INPUTS | DB_MEASURE_OUTPUTS,
+	.output_count = 6,
+	.params = vsmd_params,
+	.param_count = VSMD_PARAM_COUNT,
+	.param_page = 0,
+	.acceleration_param = VSMD_ACC,
+	.deceleration_param = VSMD_DEC,
+	.check = can_check,
+	.check_param = can_check_param,
+	.check_config = can_check_config,
+	.poll_time = can_poll_time,
+	.command_time = can_command_time,
+	.device_size = sizeof(struct db_device),
+	.init = can_init,
+	.filters = can_filters,
+	.cut = db_can_cut,
+	.accept = can_accept,
+	.begin = can_begin,
+	.answer = can_answer,
+	.lost = can_lost,
+	.report = can_report,
+	.wants_poll = can_wants_poll,
+	.gone = can_gone,
+	.feedback = can_feedback,
+	.nameplate = can_nameplate,
+	.broadcast = can_broadcast,
+};

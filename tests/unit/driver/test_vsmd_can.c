@@ -1,0 +1,672 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * VSMD on CAN, the driver alone: which frames each job puts on the wire, written as a person with
+ * the document would, and what it makes of the frames that come back. Drive 1, host 1, extended
+ * frames: commands are 00080380 + code, status replies 00080200 + register, data replies 00080280 +
+ * register.
+ */
+#include "codec/can.h"
+#include "codec/vsmd.h"
+#include "driver/list.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+
+/* Status words: handshake, power, standing or not. */
+#define STANDS (VSMD_ST_PWR | VSMD_ST_STP)
+#define RUNS (VSMD_ST_PWR)
+
+struct fixture {
+	struct db_bus_config bus;
+	struct db_drive_config drive;
+	struct db_device *device;
+	struct db_job job;
+	struct db_request request;
+	struct db_exchange exchange;
+	uint8_t bytes[DB_REQUEST_MAX];
+	enum db_result result;
+	db_time now;
+	char said[1024]; /* the exchange, as "ID#DATA ID#DATA" */
+};
+
+static db_time wire_time(const struct db_bus_config *bus, const uint8_t *request,
+                         size_t request_length, size_t answer_length)
+{
+	(void)bus;
+	(void)request;
+	return (db_time)(request_length + answer_length) * DB_NS_PER_US;
+}
+
+static const struct db_transport wire = { .medium = DB_MEDIUM_CAN, .wire_time = wire_time };
+
+static struct fixture *make(double standard, double report_ms)
+{
+	struct fixture *f = calloc(1, sizeof *f);
+
+	assert_non_null(f);
+	f->bus.driver = &db_driver_vsmd_can;
+	f->bus.transport = &wire;
+	f->bus.save_interval_s = 10;
+	f->bus.options[0] = standard;
+	f->bus.options[1] = 1; /* host-id */
+	f->bus.options[2] = 1; /* output-base */
+	f->bus.options[3] = report_ms;
+	f->drive.address = 1;
+	f->exchange.request = f->bytes;
+	f->exchange.request_size = sizeof f->bytes;
+	f->now = 1000 * MS;
+	f->device = calloc(1, db_driver_vsmd_can.device_size);
+	assert_non_null(f->device);
+	db_driver_vsmd_can.init(f->device, NULL, &f->bus, &f->drive);
+	return f;
+}
+
+static void drop(struct fixture *f)
+{
+	free(f->device);
+	free(f);
+}
+
+static void spell(struct fixture *f)
+{
+	char *at = f->said;
+
+	*at = '\0';
+	for (size_t i = 0; i < f->exchange.request_length; i += sizeof(struct db_can_frame)) {
+		struct db_can_frame frame;
+
+		memcpy(&frame, f->exchange.request + i, sizeof frame);
+		at += sprintf(at, frame.id & DB_CAN_EXTENDED ? "%s%08X#" : "%s%03X#",
+		              i > 0 ? " " : "", frame.id & DB_CAN_ID_MASK);
+		for (unsigned j = 0; j < frame.length; j++)
+			at += sprintf(at, "%02X", frame.data[j]);
+	}
+}
+
+/* What the driver wants next: the frames, or how the job ended as "=name". */
+static const char *next(struct fixture *f, enum db_step step)
+{
+	if (step == DB_STEP_SEND) {
+		f->exchange.sending++;
+		spell(f);
+	} else if (step == DB_STEP_DONE) {
+		snprintf(f->said, sizeof f->said, "=%s", db_result_name(f->result));
+	} else {
+		snprintf(f->said, sizeof f->said, step == DB_STEP_MORE ? "more" : "ignored");
+	}
+	return f->said;
+}
+
+static const char *begin(struct fixture *f, enum db_job_kind kind)
+{
+	f->result = DB_RESULT_NONE;
+	f->job = (struct db_job){ .kind = kind, .request = &f->request, .started = f->now };
+	return next(f, db_driver_vsmd_can.begin(f->device, &f->job, &f->exchange, &f->result));
+}
+
+static const char *command(struct fixture *f, enum db_command code, struct db_args args)
+{
+	f->request = (struct db_request){ .command = code, .args = args };
+	return begin(f, DB_JOB_COMMAND);
+}
+
+static struct db_can_frame frame_of(uint32_t id, uint32_t first, uint32_t second, uint8_t length)
+{
+	struct db_can_frame frame = { .id = id | DB_CAN_EXTENDED, .length = length };
+
+	for (unsigned i = 0; i < 4; i++) {
+		frame.data[i] = (uint8_t)(first >> (24 - 8 * i));
+		frame.data[4 + i] = length > 4 ? (uint8_t)(second >> (24 - 8 * i)) : 0;
+	}
+	return frame;
+}
+
+static const char *answer(struct fixture *f, struct db_can_frame frame)
+{
+	f->now += MS / 2;
+	return next(f, db_driver_vsmd_can.answer(f->device, &f->job, (const uint8_t *)&frame,
+	                                         sizeof frame, f->now, &f->exchange, &f->result));
+}
+
+/* The answer to the read behind a command: position and status. */
+static const char *confirm(struct fixture *f, int32_t position, uint32_t status)
+{
+	return answer(f, frame_of(0x00080201, (uint32_t)position, status, 8));
+}
+
+static const char *data(struct fixture *f, unsigned reg, uint32_t value)
+{
+	return answer(f, frame_of(0x00080280 + reg, value, 0, 4));
+}
+
+static const char *lost(struct fixture *f)
+{
+	return next(f, db_driver_vsmd_can.lost(f->device, &f->job, &f->exchange, &f->result));
+}
+
+/* A cyclic status: speed 0, position, status word. */
+static void poll(struct fixture *f, int32_t position, uint32_t status)
+{
+	assert_string_equal(begin(f, DB_JOB_POLL), "0008039E#0003");
+	assert_string_equal(answer(f, frame_of(0x00080200, 0, (uint32_t)position, 8)), "more");
+	assert_string_equal(answer(f, frame_of(0x00080202, status, 0, 4)), "=ok");
+}
+
+static struct db_feedback feedback(const struct fixture *f)
+{
+	struct db_feedback feedback;
+
+	db_driver_vsmd_can.feedback(f->device, &feedback);
+	return feedback;
+}
+
+/* --- reading --------------------------------------------------------------------------------------- */
+
+static void cyclic_status_is_put_together_whatever_the_order(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	assert_int_equal(feedback(f).state, DB_AXIS_OFFLINE);
+	assert_string_equal(begin(f, DB_JOB_POLL), "0008039E#0003");
+	assert_string_equal(answer(f, frame_of(0x00080202, RUNS, 0, 4)), "more");
+	/* 1600.0 pulses per second, at -5 */
+	assert_string_equal(answer(f, frame_of(0x00080200, 0x44C80000, 0xFFFFFFFB, 8)), "=ok");
+	assert_int_equal(feedback(f).position, -5);
+	assert_true(feedback(f).velocity > 1599.9f && feedback(f).velocity < 1600.1f);
+	assert_int_equal(feedback(f).state, DB_AXIS_CONTINUOUS_MOTION);
+	drop(f);
+}
+
+static void a_half_answer_is_not_completed_by_the_next_one(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	begin(f, DB_JOB_POLL);
+	assert_string_equal(answer(f, frame_of(0x00080200, 0, 111, 8)), "more");
+	/* The rest was lost; asked again, with another position meanwhile. */
+	begin(f, DB_JOB_POLL);
+	assert_string_equal(answer(f, frame_of(0x00080200, 0, 222, 8)), "more");
+	assert_string_equal(answer(f, frame_of(0x00080202, STANDS, 0, 4)), "=ok");
+	assert_int_equal(feedback(f).position, 222);
+	drop(f);
+}
+
+static void a_confirmation_is_nothing_else(void **state)
+{
+	struct fixture *f = make(0, 0);
+	int address = 0;
+	struct db_can_frame frame = frame_of(0x00080200, 0, 7, 8);
+
+	(void)state;
+	command(f, DB_CMD_ENABLE, (struct db_args){ 0 });
+	assert_string_equal(answer(f, frame), "ignored");
+	assert_string_equal(answer(f, frame_of(0x00080202, STANDS, 0, 4)), "ignored");
+	assert_string_equal(answer(f, frame_of(0x00080281, 0, STANDS, 8)), "ignored");
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	/* Who it comes from, and for whom it is. */
+	assert_int_equal(
+		db_driver_vsmd_can.accept(&f->bus, (uint8_t *)&frame, sizeof frame, &address),
+		DB_FRAME_GOOD);
+	assert_int_equal(address, 1);
+	frame.id = 0x00180200 | DB_CAN_EXTENDED; /* for host 3 */
+	assert_int_equal(
+		db_driver_vsmd_can.accept(&f->bus, (uint8_t *)&frame, sizeof frame, &address),
+		DB_FRAME_FOREIGN);
+	frame = frame_of(0x00080200, 0, 7, 8);
+	frame.length = 5;
+	assert_int_equal(
+		db_driver_vsmd_can.accept(&f->bus, (uint8_t *)&frame, sizeof frame, &address),
+		DB_FRAME_BAD);
+	drop(f);
+}
+
+static void probe_and_identity(void **state)
+{
+	static const uint32_t text[] = { 0x56534D44, 0x3130362D, 0x30323554, 0x2D312E30,
+		                         0x2E303430, 0x2E313731, 0x31303120 };
+	struct fixture *f = make(0, 0);
+	unsigned blocks = 0;
+
+	(void)state;
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0A01");
+	assert_string_equal(answer(f, frame_of(0x0008020A, text[0], 0, 4)), "=ok");
+	/* Reports are turned off, then the text is read. */
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#00 0008039E#0A07");
+	answer(f, frame_of(0x00080210, text[6], 0, 4));
+	answer(f, frame_of(0x0008020A, text[0], text[1], 8));
+	answer(f, frame_of(0x0008020E, text[4], text[5], 8));
+	assert_string_equal(answer(f, frame_of(0x0008020C, text[2], text[3], 8)), "0008039F#0008");
+	assert_memory_equal(db_driver_vsmd_can.nameplate(f->device)->identity,
+	                    "VSMD106-025T-1.0.040.171101", 27);
+	while (f->said[0] != '=') {
+		unsigned first;
+		unsigned count;
+
+		assert_int_equal(sscanf(f->said, "0008039F#%2x%2x", &first, &count), 2);
+		for (unsigned reg = first; reg < first + count; reg += 2)
+			answer(f,
+			       frame_of(0x00080280 + reg, reg == 0 ? 1 : 0, reg == 0 ? 0x5A132 : 0,
+			                first + count - reg > 1 ? 8 : 4));
+		blocks++;
+	}
+	assert_string_equal(f->said, "=ok");
+	assert_int_equal(blocks, 10);
+	assert_int_equal(db_driver_vsmd_can.nameplate(f->device)->values[VSMD_CID].u, 1);
+	assert_int_equal(db_driver_vsmd_can.nameplate(f->device)->values[VSMD_BDR].u, 100000);
+	drop(f);
+}
+
+/* --- commands ---------------------------------------------------------------------------------------- */
+
+static void every_command_in_bytes(void **state)
+{
+	static const struct {
+		enum db_command command;
+		struct db_args args;
+		const char *said;
+	} cases[] = {
+		{ DB_CMD_ENABLE, { 0 }, "00080381# 0008039E#0102" },
+		{ DB_CMD_DISABLE, { 0 }, "00080382# 0008039E#0102" },
+		{ DB_CMD_STOP, { 0 }, "00080384#00 0008039E#0102" },
+		{ DB_CMD_QUICK_STOP, { 0 }, "00080384#01 0008039E#0102" },
+		{ DB_CMD_MOVE_VELOCITY,
+		  { .target_velocity = -1600.0f },
+		  "00080385#C4C80000 0008039E#0102" },
+		{ DB_CMD_MOVE_PRESET, { 0 }, "00080385# 0008039E#0102" },
+		{ DB_CMD_MOVE_ABSOLUTE,
+		  { .target_position = 25000 },
+		  "00080386#000061A8 0008039E#0102" },
+		{ DB_CMD_MOVE_ABSOLUTE,
+		  { .target_position = -2, .target_velocity = 1600.0f },
+		  "00080386#FFFFFFFE44C80000 0008039E#0102" },
+		{ DB_CMD_MOVE_RELATIVE, { .target_position = 5 }, "0008039E#0102" },
+		{ DB_CMD_HOME, { 0 }, "0008038A# 0008039E#0102" },
+		{ DB_CMD_HOME_STOP, { 0 }, "0008038A# 0008039E#0102" },
+		{ DB_CMD_SET_POSITION,
+		  { .target_position = 258 },
+		  "00080383#00000102 0008039E#0102" },
+		{ DB_CMD_CLEAR_FAULT, { 0 }, "0008039D#00 0008039E#0102" },
+		{ DB_CMD_SAVE_PARAMETERS, { 0 }, "00080387# 0008039E#0102" },
+		{ DB_CMD_SET_OUTPUT,
+		  { .output_number = 5, .output_value = 1 },
+		  "00080388#0501 0008039E#0102" },
+		{ DB_CMD_SET_SV,
+		  { .output_number = 3, .output_value = 255 },
+		  "0008038D#02FF 0008039E#0102" },
+		{ DB_CMD_SET_NMOS,
+		  { .output_number = 1, .output_value = 16 },
+		  "0008038E#0010 0008039E#0102" },
+		{ DB_CMD_SHAKE_START,
+		  { .shake_start_position = 1,
+		    .shake_end_position = 200,
+		    .shake_frequency = 0.5f,
+		    .shake_cycles = 7 },
+		  "0008039B#1000000001 0008039B#11000000C8 0008039B#123F000000 "
+		  "0008039B#0100000007 0008039E#0102" },
+		{ DB_CMD_SHAKE_START_TIME,
+		  { .shake_frequency = 2.0f, .shake_time = 60 },
+		  "0008039B#1000000000 0008039B#1100000000 0008039B#1240000000 "
+		  "0008039B#020000003C 0008039E#0102" },
+		{ DB_CMD_SHAKE_STOP, { 0 }, "0008039B#00 0008039E#0102" },
+		{ DB_CMD_READ_PARAMETERS, { 0 }, "0008038F#00 0008039E#0A07" },
+	};
+	uint64_t tried = DB_COMMAND_BIT(DB_CMD_SET_OUTPUTS); /* below */
+	struct fixture *f;
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		f = make(0, 0);
+		assert_int_equal(db_driver_vsmd_can.check(&f->bus, &f->drive, cases[i].command,
+		                                          &cases[i].args),
+		                 DB_RESULT_OK);
+		assert_string_equal(command(f, cases[i].command, cases[i].args), cases[i].said);
+		tried |= DB_COMMAND_BIT(cases[i].command);
+		drop(f);
+	}
+	assert_true(tried == db_driver_vsmd_can.commands);
+	f = make(0, 0);
+	assert_string_equal(command(f, DB_CMD_SET_OUTPUTS,
+	                            (struct db_args){ .output_mask = 0x28, .output_levels = 0x20 }),
+	                    "00080388#0400 0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "00080388#0601 0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	drop(f);
+}
+
+static void standard_frames(void **state)
+{
+	struct fixture *f = make(1, 0);
+
+	(void)state;
+	assert_string_equal(command(f, DB_CMD_STOP, (struct db_args){ 0 }), "0E4#00 0FE#0102");
+	assert_int_equal(
+		db_driver_vsmd_can.check_param(&f->bus, VSMD_SPL, (union db_value){ .i = 5 }),
+		DB_RESULT_UNSUPPORTED);
+	assert_int_equal(
+		db_driver_vsmd_can.check_param(&f->bus, VSMD_MCS, (union db_value){ .u = 5 }),
+		DB_RESULT_OK);
+	drop(f);
+}
+
+static void what_the_drive_refuses(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 5 });
+	assert_string_equal(confirm(f, 0, VSMD_ST_STP | VSMD_ST_CMD_WRG), "=refused");
+	assert_true(feedback(f).status == 0 || feedback(f).status & DB_STATUS_REFUSED);
+	drop(f);
+}
+
+/* --- looking for the effect ---------------------------------------------------------------------------- */
+
+static void a_move_counts_when_it_shows(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 500 });
+	/* The status was read before the drive got going. */
+	assert_string_equal(confirm(f, 0, STANDS), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "0008039E#0102");
+	assert_string_equal(confirm(f, 1, RUNS), "=ok");
+	/* Already there. */
+	poll(f, 500, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 500 });
+	assert_string_equal(confirm(f, 500, STANDS), "=ok");
+	drop(f);
+}
+
+static void a_move_that_does_not_show_is_said_again_and_then_failed(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned moves = 1;
+	unsigned reads = 0;
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 500 });
+	while (f->said[0] != '=' && reads < 200) {
+		confirm(f, 0, STANDS);
+		moves += strncmp(f->said, "00080386#000001F4 ", 18) == 0;
+		reads++;
+	}
+	assert_string_equal(f->said, "=failed");
+	assert_int_equal(moves, 3);
+	assert_in_range(reads, 30, 70);
+	drop(f);
+}
+
+static void homing_and_shaking_are_never_begun_twice(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned starts = 0;
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_HOME, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, STANDS), "00080389# 0008039E#0102");
+	for (unsigned i = 0; i < 200 && f->said[0] != '='; i++) {
+		starts += strncmp(f->said, "00080389#", 9) == 0;
+		confirm(f, 0, STANDS);
+	}
+	assert_string_equal(f->said, "=failed");
+	assert_int_equal(starts, 1);
+	drop(f);
+}
+
+static void a_stop_is_said_again_while_the_drive_runs(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, RUNS);
+	assert_string_equal(command(f, DB_CMD_STOP, (struct db_args){ 0 }),
+	                    "00080384#00 0008039E#0102");
+	assert_string_equal(confirm(f, 1, RUNS), "00080384#00 0008039E#0102");
+	assert_string_equal(confirm(f, 2, RUNS), "00080384#00 0008039E#0102");
+	assert_string_equal(confirm(f, 3, RUNS), "=ok");
+	assert_int_equal(feedback(f).state, DB_AXIS_STOPPING);
+	drop(f);
+}
+
+static void stopping_a_homing_run_ends_homing_too(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_HOME, (struct db_args){ 0 });
+	confirm(f, 0, STANDS);
+	assert_string_equal(confirm(f, 0, RUNS), "=ok");
+	command(f, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, RUNS), "0008038A# 0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	drop(f);
+}
+
+static void power_must_follow(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	command(f, DB_CMD_ENABLE, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, VSMD_ST_STP), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, VSMD_ST_STP), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, VSMD_ST_STP), "=failed");
+	drop(f);
+}
+
+/* --- relative moves and lost answers ------------------------------------------------------------------- */
+
+static void a_relative_move_is_an_absolute_one(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 100, STANDS);
+	command(f, DB_CMD_MOVE_RELATIVE, (struct db_args){ .target_position = 50 });
+	/* It is at 110 by now. */
+	assert_string_equal(confirm(f, 110, STANDS), "00080386#000000A0 0008039E#0102");
+	assert_string_equal(confirm(f, 111, RUNS), "=ok");
+	drop(f);
+}
+
+static void a_lost_confirmation_never_repeats_a_relative_move(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 100, STANDS);
+	command(f, DB_CMD_MOVE_RELATIVE, (struct db_args){ .target_position = 50 });
+	confirm(f, 100, STANDS);
+	assert_string_equal(f->said, "00080386#00000096 0008039E#0102");
+	assert_false(f->exchange.repeatable);
+	/* Its answer is lost: the drive is read, and stands where it was to go. */
+	assert_string_equal(lost(f), "0008039E#0102");
+	assert_string_equal(confirm(f, 150, STANDS), "=ok");
+	/* Or it has not moved at all: the same target again, not another 50. */
+	poll(f, 150, STANDS);
+	command(f, DB_CMD_MOVE_RELATIVE, (struct db_args){ .target_position = 50 });
+	confirm(f, 150, STANDS);
+	lost(f);
+	assert_string_equal(confirm(f, 150, STANDS), "00080386#000000C8 0008039E#0102");
+	/* Or nobody can tell. */
+	lost(f);
+	assert_string_equal(lost(f), "=indeterminate");
+	drop(f);
+}
+
+static void saving_is_rate_limited_and_its_failure_seen(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	command(f, DB_CMD_SAVE_PARAMETERS, (struct db_args){ 0 });
+	assert_false(f->exchange.repeatable);
+	assert_true(f->exchange.extra_time >= 100 * MS);
+	assert_string_equal(confirm(f, 0, STANDS | VSMD_ST_FLASH_ERR), "=failed");
+	assert_string_equal(command(f, DB_CMD_SAVE_PARAMETERS, (struct db_args){ 0 }),
+	                    "=rate_limited");
+	f->now += 11000 * MS;
+	command(f, DB_CMD_SAVE_PARAMETERS, (struct db_args){ 0 });
+	assert_string_equal(lost(f), "=indeterminate");
+	drop(f);
+}
+
+/* --- parameters ---------------------------------------------------------------------------------------- */
+
+static void set(struct fixture *f, enum vsmd_param param, uint32_t value)
+{
+	struct db_setting *setting = &f->request.settings[f->request.setting_count++];
+
+	setting->param = (uint16_t)param;
+	setting->value.u = value;
+}
+
+static void a_plain_register_is_written_and_read_back(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	f->request = (struct db_request){ 0 };
+	set(f, VSMD_MCS, 5);
+	/* Never 00080382, which would disable the motor. */
+	assert_string_equal(begin(f, DB_JOB_SETTINGS), "00080302#00000005 0008039F#0201");
+	assert_string_equal(data(f, 0x03, 5), "ignored");
+	assert_string_equal(data(f, 0x02, 5), "=ok");
+	assert_int_equal(db_driver_vsmd_can.nameplate(f->device)->values[VSMD_MCS].u, 5);
+	begin(f, DB_JOB_SETTINGS);
+	assert_string_equal(data(f, 0x02, 4), "=refused");
+	assert_true(db_driver_vsmd_can.nameplate(f->device)->doubtful);
+	drop(f);
+}
+
+static void a_packed_register_keeps_its_other_parameters(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	f->request = (struct db_request){ 0 };
+	set(f, VSMD_S1R, 3);
+	set(f, VSMD_MCS, 2);
+	set(f, VSMD_S2R, 4);
+	assert_string_equal(begin(f, DB_JOB_SETTINGS), "0008039F#0901");
+	/* s1f, s1r, s2f, s2r */
+	assert_string_equal(data(f, 0x09, 0x01020506), "00080309#01030504 0008039F#0901");
+	assert_string_equal(data(f, 0x09, 0x01030504), "00080302#00000002 0008039F#0201");
+	assert_string_equal(data(f, 0x02, 2), "=ok");
+	drop(f);
+}
+
+static void a_model_without_some_registers_is_identified_all_the_same(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned attempts = 0;
+
+	(void)state;
+	do {
+		assert_true(++attempts < 10);
+		begin(f, DB_JOB_IDENTIFY);
+		answer(f, frame_of(0x0008020A, 0x56534D44, 0x20202020, 8));
+		answer(f, frame_of(0x0008020C, 0x20202020, 0x20202020, 8));
+		answer(f, frame_of(0x0008020E, 0x20202020, 0x20202020, 8));
+		answer(f, frame_of(0x00080210, 0x20202020, 0, 4));
+		while (f->said[0] != '=') {
+			unsigned first;
+			unsigned count;
+
+			assert_int_equal(sscanf(f->said, "0008039F#%2x%2x", &first, &count), 2);
+			if (first == 0x2A)
+				break; /* no soft limits in this model: no answer */
+			for (unsigned reg = first; reg < first + count; reg += 2)
+				answer(f, frame_of(0x00080280 + reg, 1, 1,
+				                   first + count - reg > 1 ? 8 : 4));
+		}
+	} while (f->said[0] != '=');
+	assert_int_equal(attempts, 4);
+	assert_false(db_driver_vsmd_can.nameplate(f->device)->valid >> VSMD_SML & 1);
+	assert_true(db_driver_vsmd_can.nameplate(f->device)->valid >> VSMD_MCS & 1);
+	drop(f);
+}
+
+/* --- reports and broadcast ------------------------------------------------------------------------------- */
+
+static bool report(struct fixture *f, struct db_can_frame frame)
+{
+	return db_driver_vsmd_can.report(f->device, (const uint8_t *)&frame, sizeof frame, f->now);
+}
+
+static void reports_take_the_place_of_polls(void **state)
+{
+	struct fixture *f = make(0, 50);
+
+	(void)state;
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#010032 0008039E#0A07");
+	assert_true(db_driver_vsmd_can.wants_poll(f->device, f->now));
+	assert_false(report(f, frame_of(0x00080202, STANDS, 0, 4)));
+	assert_true(report(f, frame_of(0x00080200, 0, 77, 8)));
+	assert_true(db_driver_vsmd_can.wants_poll(f->device, f->now));
+	assert_true(report(f, frame_of(0x00080202, STANDS, 0, 4)));
+	assert_int_equal(feedback(f).position, 77);
+	assert_false(db_driver_vsmd_can.wants_poll(f->device, f->now + 100 * MS));
+	assert_true(db_driver_vsmd_can.wants_poll(f->device, f->now + 151 * MS));
+	drop(f);
+	f = make(0, 0);
+	assert_false(report(f, frame_of(0x00080200, 0, 77, 8)));
+	drop(f);
+}
+
+static void all_at_once(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	assert_true(db_driver_vsmd_can.broadcast(DB_CMD_STOP, &f->bus, &f->exchange));
+	spell(f);
+	assert_string_equal(f->said, "00040384#00");
+	assert_int_equal(f->exchange.answer_length, 0);
+	assert_false(db_driver_vsmd_can.broadcast(DB_CMD_HOME, &f->bus, &f->exchange));
+	drop(f);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(cyclic_status_is_put_together_whatever_the_order),
+		cmocka_unit_test(a_half_answer_is_not_completed_by_the_next_one),
+		cmocka_unit_test(a_confirmation_is_nothing_else),
+		cmocka_unit_test(probe_and_identity),
+		cmocka_unit_test(every_command_in_bytes),
+		cmocka_unit_test(standard_frames),
+		cmocka_unit_test(what_the_drive_refuses),
+		cmocka_unit_test(a_move_counts_when_it_shows),
+		cmocka_unit_test(a_move_that_does_not_show_is_said_again_and_then_failed),
+		cmocka_unit_test(homing_and_shaking_are_never_begun_twice),
+		cmocka_unit_test(a_stop_is_said_again_while_the_drive_runs),
+		cmocka_unit_test(stopping_a_homing_run_ends_homing_too),
+		cmocka_unit_test(power_must_follow),
+		cmocka_unit_test(a_relative_move_is_an_absolute_one),
+		cmocka_unit_test(a_lost_confirmation_never_repeats_a_relative_move),
+		cmocka_unit_test(saving_is_rate_limited_and_its_failure_seen),
+		cmocka_unit_test(a_plain_register_is_written_and_read_back),
+		cmocka_unit_test(a_packed_register_keeps_its_other_parameters),
+		cmocka_unit_test(a_model_without_some_registers_is_identified_all_the_same),
+		cmocka_unit_test(reports_take_the_place_of_polls),
+		cmocka_unit_test(all_at_once),
+	};
+
+	return cmocka_run_group_tests_name("driver/vsmd_can", tests, NULL, NULL);
+}
