@@ -3,7 +3,10 @@
 #include "config/load.h"
 #include "config/text.h"
 #include "drivebridge/driver.h"
+#include "drivebridge/transport.h"
+#include "regmap/commands.h"
 
+#include <math.h>
 #include <string.h>
 
 static double milliseconds(db_time time)
@@ -11,16 +14,20 @@ static double milliseconds(db_time time)
 	return (double)time / (double)DB_NS_PER_MS;
 }
 
-/* The word at a position of a key's list, as it is written in a file. */
-static void put_word(FILE *out, const char *section, const char *key, unsigned position)
+/* One word of a list of words separated by spaces. */
+static void put_nth(FILE *out, const char *words, unsigned position)
 {
-	const char *words = db_config_key_find(section, key)->words;
-
 	while (position-- > 0) {
 		words += strcspn(words, " ");
 		words += *words == ' ';
 	}
 	fprintf(out, "%.*s", (int)strcspn(words, " "), words);
+}
+
+/* The word at a position of a key's list, as it is written in a file. */
+static void put_word(FILE *out, const char *section, const char *key, unsigned position)
+{
+	put_nth(out, db_config_key_find(section, key)->words, position);
 }
 
 static void put_networks(FILE *out, const char *what, const struct db_network *networks,
@@ -69,35 +76,113 @@ static void describe_modbus(const struct db_modbus_config *modbus, FILE *out)
 		fprintf(out, "never\n");
 }
 
+static void put_option(FILE *out, const struct db_option *option, double value)
+{
+	fprintf(out, "%s ", option->name);
+	if (isnan(value))
+		fprintf(out, "not set");
+	else if (option->words[0] != '\0')
+		put_nth(out, option->words, (unsigned)value);
+	else if (option->whole && db_text_is_hex(option->preset))
+		fprintf(out, "0x%X", (unsigned)value);
+	else
+		fprintf(out, "%.10g%s%s", value, option->unit[0] ? " " : "", option->unit);
+}
+
+/* The family's own settings of this kind of section, separated by commas. `before` comes first. */
+static bool put_options(FILE *out, const char *section, const struct db_driver *driver,
+                        const double *options, const char *before)
+{
+	bool any = false;
+
+	for (size_t i = 0; i < driver->option_count && i < DB_OPTIONS_MAX; i++) {
+		if (strcmp(driver->options[i].section, section) != 0)
+			continue;
+		fprintf(out, "%s", any ? ", " : before);
+		put_option(out, &driver->options[i], options[i]);
+		any = true;
+	}
+	return any;
+}
+
 static void describe_times(const struct db_config *config, size_t index, FILE *out)
 {
 	const struct db_bus_config *bus = &config->buses[index];
-	size_t drives = db_config_drives_on(config, index);
+	size_t stations = db_config_stations_on(config, index);
 	double one = milliseconds(bus->driver->poll_time(bus));
-	double all = one * (double)drives;
+	double all = one * (double)stations;
 
-	fprintf(out, "  %-14s%u ms; one status exchange %.2f ms, %zu drive%s %.2f ms (%.0f %%)\n",
-	        "cycle", bus->cycle_ms, one, drives, drives == 1 ? "" : "s", all,
+	fprintf(out, "  %-14s%u ms; one status exchange %.2f ms, %zu %s%s %.2f ms (%.0f %%)\n",
+	        "cycle", bus->cycle_ms, one, stations,
+	        bus->driver->axes > 0 ? "controller" : "drive", stations == 1 ? "" : "s", all,
 	        100.0 * all / bus->cycle_ms);
 	fprintf(out, "  %-14sconfirmed after %.2f ms, or %.2f ms when the wire is busy\n",
 	        "command", milliseconds(bus->driver->command_time(bus)),
 	        milliseconds(db_config_confirm_time(bus)));
 }
 
-static void describe_drive(const struct db_drive_config *drive, FILE *out)
+/* What the family can do, but not with this configuration. */
+static void describe_forbidden(const struct db_bus_config *bus, const struct db_drive_config *drive,
+                               FILE *out)
+{
+	uint64_t forbidden = bus->driver->commands & ~db_driver_commands(bus, drive);
+	const char *before = "";
+
+	if (forbidden == 0)
+		return;
+	fprintf(out, "    refused with these settings: ");
+	for (unsigned code = 0; code < DB_CMD_LIMIT; code++) {
+		if (!(forbidden & DB_COMMAND_BIT(code)))
+			continue;
+		fprintf(out, "%s%s", before, db_command_name(code));
+		before = ", ";
+	}
+	fprintf(out, "\n");
+}
+
+static void describe_drive(const struct db_bus_config *bus, const struct db_drive_config *drive,
+                           FILE *out)
 {
 	fprintf(out, "  drive %s: unit %u", drive->name, drive->unit);
 	if (drive->address > 0)
 		fprintf(out, ", address %u", drive->address);
+	if (bus->driver->axes > 0) {
+		fprintf(out, ", axis ");
+		put_word(out, "drive", "axis", drive->axis);
+	}
 	fprintf(out, ", %g counts per %s, on-client-loss ", drive->counts_per_unit,
 	        drive->unit_name);
 	put_word(out, "drive", "on-client-loss", drive->on_client_loss);
 	fprintf(out, ", on-exit ");
 	put_word(out, "drive", "on-exit", drive->on_exit);
 	if (drive->watchdog_ms > 0)
-		fprintf(out, ", watchdog %u ms\n", drive->watchdog_ms);
+		fprintf(out, ", watchdog %u ms", drive->watchdog_ms);
 	else
-		fprintf(out, ", watchdog off\n");
+		fprintf(out, ", watchdog off");
+	put_options(out, "drive", bus->driver, drive->options, ", ");
+	fprintf(out, "\n");
+	describe_forbidden(bus, drive, out);
+}
+
+static void describe_line(const struct db_bus_config *bus, FILE *out)
+{
+	const char *name = bus->transport->name;
+
+	if (bus->transport->uses_interface) {
+		fprintf(out, "  %-14s%s, %s, %u bit/s\n", "interface", bus->interface, name,
+		        bus->bitrate);
+		return;
+	}
+	if (bus->driver->medium == DB_MEDIUM_CAN) {
+		fprintf(out, "  %-14s%s, %s, %u bit/s, adapter at %u baud\n", "device", bus->device,
+		        name, bus->bitrate, bus->baud);
+		return;
+	}
+	fprintf(out, "  %-14s%s, %s, ", "device", bus->device, name);
+	put_word(out, "bus", "line", bus->line);
+	fprintf(out, ", %u baud, parity ", bus->baud);
+	put_word(out, "bus", "parity", bus->parity);
+	fprintf(out, ", %u stop bit%s\n", bus->stop_bits, bus->stop_bits == 1 ? "" : "s");
 }
 
 static void describe_bus(const struct db_config *config, size_t index, FILE *out)
@@ -106,11 +191,7 @@ static void describe_bus(const struct db_config *config, size_t index, FILE *out
 
 	fprintf(out, "bus %s\n  %-14s%s (%s)\n", bus->name, "protocol", bus->driver->name,
 	        bus->driver->title);
-	fprintf(out, "  %-14s%s, ", "device", bus->device);
-	put_word(out, "bus", "line", bus->line);
-	fprintf(out, ", %u baud, parity ", bus->baud);
-	put_word(out, "bus", "parity", bus->parity);
-	fprintf(out, ", %u stop bit%s\n", bus->stop_bits, bus->stop_bits == 1 ? "" : "s");
+	describe_line(bus, out);
 	describe_times(config, index, out);
 	fprintf(out, "  %-14sdrive latency %u ms, retries %u, queue %u, save-interval %u s, ",
 	        "limits", bus->drive_latency_ms, bus->retries, bus->queue, bus->save_interval_s);
@@ -118,9 +199,11 @@ static void describe_bus(const struct db_config *config, size_t index, FILE *out
 		fprintf(out, "real-time priority %u\n", bus->priority);
 	else
 		fprintf(out, "no real-time priority\n");
+	if (put_options(out, "bus", bus->driver, bus->options, "  options       "))
+		fprintf(out, "\n");
 	for (size_t i = 0; i < config->drive_count; i++) {
 		if (config->drives[i].bus == index)
-			describe_drive(&config->drives[i], out);
+			describe_drive(bus, &config->drives[i], out);
 	}
 }
 

@@ -2,6 +2,8 @@
 #include "config/load.h"
 
 #include "config/keys.h"
+#include "drivebridge/driver.h"
+#include "drivebridge/transport.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -23,32 +25,56 @@ static void ignore_message(cfg_t *cfg, const char *format, va_list arguments)
 	(void)arguments;
 }
 
-/* libconfuse's table of a section's keys, all as text; to be freed. */
-static cfg_opt_t *section_options(const char *section)
+const struct db_built_in db_config_built_in = { db_drivers, db_transports };
+
+/* libconfuse's table of a section's keys while it is made. */
+struct table {
+	const char *section;
+	cfg_opt_t *options; /* null: only count */
+	size_t count;
+};
+
+/* All values are read as text, so that messages about them are ours. */
+static void visit_key(void *context, const struct db_config_key *key, const char *families)
 {
-	size_t count, used = 0;
-	const struct db_config_key *keys = db_config_keys(&count);
-	cfg_opt_t *options = calloc(count + 1, sizeof(*options));
-	const cfg_opt_t end = CFG_END();
+	struct table *table = context;
+	cfg_opt_t one = CFG_STR(key->name, NULL, CFGF_NODEFAULT);
+	cfg_opt_t list = CFG_STR_LIST(key->name, NULL, CFGF_NODEFAULT);
 
-	if (!options)
-		return NULL;
-	for (size_t i = 0; i < count; i++) {
-		cfg_opt_t one = CFG_STR(keys[i].name, NULL, CFGF_NODEFAULT);
-		cfg_opt_t list = CFG_STR_LIST(keys[i].name, NULL, CFGF_NODEFAULT);
-
-		if (strcmp(keys[i].section, section) == 0)
-			options[used++] = keys[i].kind == DB_KEY_NETWORKS ? list : one;
+	(void)families;
+	if (strcmp(key->section, table->section) != 0)
+		return;
+	/* An option that families declare differently is the same key to libconfuse. */
+	for (size_t i = 0; table->options && i < table->count; i++) {
+		if (strcmp(table->options[i].name, key->name) == 0)
+			return;
 	}
-	options[used] = end;
-	return options;
+	if (table->options)
+		table->options[table->count] = key->kind == DB_KEY_NETWORKS ? list : one;
+	table->count++;
 }
 
-static cfg_t *new_parser(void)
+/* To be freed; null when out of memory. */
+static cfg_opt_t *section_table(const struct db_driver *const *drivers, const char *section)
 {
-	cfg_opt_t *modbus = section_options("modbus");
-	cfg_opt_t *bus = section_options("bus");
-	cfg_opt_t *drive = section_options("drive");
+	struct table table = { .section = section };
+	const cfg_opt_t end = CFG_END();
+
+	db_config_each_key(drivers, visit_key, &table);
+	table.options = calloc(table.count + 1, sizeof(*table.options));
+	if (!table.options)
+		return NULL;
+	table.count = 0;
+	db_config_each_key(drivers, visit_key, &table);
+	table.options[table.count] = end;
+	return table.options;
+}
+
+static cfg_t *new_parser(const struct db_driver *const *drivers)
+{
+	cfg_opt_t *modbus = section_table(drivers, "modbus");
+	cfg_opt_t *bus = section_table(drivers, "bus");
+	cfg_opt_t *drive = section_table(drivers, "drive");
 	cfg_t *root = NULL;
 
 	if (modbus && bus && drive) {
@@ -71,9 +97,9 @@ static cfg_t *new_parser(void)
 /* Everything between the text and the configuration; errors are in the report. */
 static void read_text(struct db_load *load, char *text)
 {
-	if (!db_outline_read(text, &load->outline, &load->report))
+	if (!db_outline_read(load->built_in->drivers, text, &load->outline, &load->report))
 		return;
-	load->root = new_parser();
+	load->root = new_parser(load->built_in->drivers);
 	if (!load->root) {
 		db_report_error(&load->report, 0, "out of memory; free some and try again");
 		return;
@@ -85,11 +111,12 @@ static void read_text(struct db_load *load, char *text)
 		db_load_check(load);
 }
 
-int db_config_parse(const char *text, const char *file, FILE *errors, struct db_config **config)
+int db_config_parse_with(const struct db_built_in *built_in, const char *text, const char *file,
+                         FILE *errors, struct db_config **config)
 {
 	struct loaded *loaded = calloc(1, sizeof(*loaded) + strlen(file) + 1);
 	char *copy = strdup(text);
-	struct db_load load = { 0 };
+	struct db_load load = { .built_in = built_in };
 	bool good;
 
 	if (!loaded || !copy) {
@@ -115,6 +142,11 @@ int db_config_parse(const char *text, const char *file, FILE *errors, struct db_
 	}
 	*config = &loaded->config;
 	return 0;
+}
+
+int db_config_parse(const char *text, const char *file, FILE *errors, struct db_config **config)
+{
+	return db_config_parse_with(&db_config_built_in, text, file, errors, config);
 }
 
 /* Null when the text may be used, else what is wrong with it. */
@@ -176,6 +208,7 @@ void db_config_free(struct db_config *config)
 	for (size_t i = 0; config->buses && i < config->bus_count; i++) {
 		free(config->buses[i].name);
 		free(config->buses[i].device);
+		free(config->buses[i].interface);
 	}
 	for (size_t i = 0; config->drives && i < config->drive_count; i++) {
 		free(config->drives[i].name);

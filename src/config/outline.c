@@ -406,10 +406,11 @@ static bool check_section(const struct db_outline *outline, size_t index, struct
 	return true;
 }
 
-static void report_unknown_key(const struct db_outline_key *key, const char *section,
+static void report_unknown_key(const struct db_driver *const *drivers,
+                               const struct db_outline_key *key, const char *section,
                                struct db_report *report)
 {
-	const char *elsewhere = db_config_key_elsewhere(section, key->name);
+	const char *elsewhere = db_config_name_elsewhere(drivers, section, key->name);
 
 	if (elsewhere)
 		db_report_error(report, key->line,
@@ -419,15 +420,23 @@ static void report_unknown_key(const struct db_outline_key *key, const char *sec
 		db_report_error(report, key->line,
 		                "unknown key '%s' in section %s; the nearest one is '%s'",
 		                key->name, section,
-		                db_config_key_nearest(section, key->name)->name);
+		                db_config_name_nearest(drivers, section, key->name));
+}
+
+/* Families have no options that are lists. */
+static bool is_list(const char *section, const char *name)
+{
+	const struct db_config_key *key = db_config_key_find(section, name);
+
+	return key && key->kind == DB_KEY_NETWORKS;
 }
 
 /* True when the key may stay. Its section is a known one. */
-static bool check_key(const struct db_outline *outline, size_t index, struct db_report *report)
+static bool check_key(const struct db_driver *const *drivers, const struct db_outline *outline,
+                      size_t index, struct db_report *report)
 {
 	const struct db_outline_key *key = &outline->keys[index];
 	const char *section;
-	const struct db_config_key *known;
 
 	if (key->section == DB_OUTLINE_TOP) {
 		db_report_error(
@@ -437,12 +446,11 @@ static bool check_key(const struct db_outline *outline, size_t index, struct db_
 		return false;
 	}
 	section = outline->sections[key->section].name;
-	known = db_config_key_find(section, key->name);
-	if (!known) {
-		report_unknown_key(key, section, report);
+	if (!db_config_name_known(drivers, section, key->name)) {
+		report_unknown_key(drivers, key, section, report);
 		return false;
 	}
-	if (key->list && known->kind != DB_KEY_NETWORKS) {
+	if (key->list && !is_list(section, key->name)) {
 		db_report_error(report, key->line,
 		                "%s is a list; '%s' takes one value without braces", key->name,
 		                key->name);
@@ -468,7 +476,8 @@ static void blank(char *text, size_t begin, size_t end)
 }
 
 /* Keys of a section refused only for its name are checked too, so that one run finds all. */
-static void check(char *text, struct db_outline *outline, struct db_report *report)
+static void check(const struct db_driver *const *drivers, char *text, struct db_outline *outline,
+                  struct db_report *report)
 {
 	for (size_t i = 0; i < outline->section_count; i++)
 		outline->sections[i].refused = !check_section(outline, i, report);
@@ -478,9 +487,9 @@ static void check(char *text, struct db_outline *outline, struct db_report *repo
 		                              "" :
 		                              outline->sections[key->section].name;
 
-		if (key->section != DB_OUTLINE_TOP && !db_config_key_nearest(section, ""))
+		if (key->section != DB_OUTLINE_TOP && !db_config_section_known(section))
 			continue;
-		key->refused = !check_key(outline, i, report);
+		key->refused = !check_key(drivers, outline, i, report);
 		if (key->refused)
 			blank(text, key->begin, key->end);
 	}
@@ -490,7 +499,8 @@ static void check(char *text, struct db_outline *outline, struct db_report *repo
 	}
 }
 
-bool db_outline_read(char *text, struct db_outline *outline, struct db_report *report)
+bool db_outline_read(const struct db_driver *const *drivers, char *text, struct db_outline *outline,
+                     struct db_report *report)
 {
 	struct scan scan = { .text = text, .line = 1, .outline = outline, .report = report };
 
@@ -501,7 +511,7 @@ bool db_outline_read(char *text, struct db_outline *outline, struct db_report *r
 			                "out of memory while reading it; free some and try again");
 		return false;
 	}
-	check(text, outline, report);
+	check(drivers, text, outline, report);
 	return true;
 }
 

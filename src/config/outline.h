@@ -16,6 +16,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+struct db_driver;
+
 #define DB_OUTLINE_TOP ((size_t)-1) /* a key outside of every section */
 
 struct db_outline_key {
@@ -45,11 +47,12 @@ struct db_outline {
 };
 
 /*
- * Reads the text, blanks its comments, and checks its sections and keys against the table of keys.
- * What is wrong goes to the report and is blanked. False: the form is broken (reported, with the
+ * Reads the text, blanks its comments, and checks its sections and keys against the table of keys
+ * and the options of these drivers (a null-terminated list). What is wrong goes to the report and is blanked. False: the form is broken (reported, with the
  * outline as far as it came), or no memory; the text is then not to be given to libconfuse.
  */
-bool db_outline_read(char *text, struct db_outline *outline, struct db_report *report);
+bool db_outline_read(const struct db_driver *const *drivers, char *text, struct db_outline *outline,
+                     struct db_report *report);
 void db_outline_clear(struct db_outline *outline);
 
 /* Line of a key of a section that was not refused, or 0. */

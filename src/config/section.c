@@ -5,6 +5,7 @@
 #include "config/text.h"
 #include "drivebridge/driver.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -24,10 +25,13 @@ static void describe_range(const struct db_config_key *key, char *text, size_t s
 {
 	const char *space = key->unit[0] ? " " : "";
 
-	if (key->kind == DB_KEY_REAL)
+	if (key->kind == DB_KEY_INTEGER && db_text_is_hex(key->preset))
+		snprintf(text, size, "a whole number from 0x%X to 0x%X%s%s", (unsigned)key->min,
+		         (unsigned)key->max, space, key->unit);
+	else if (key->kind == DB_KEY_REAL)
 		snprintf(text, size, "a number from %g to %g%s%s", key->min, key->max, space,
 		         key->unit);
-	else if (key->kind == DB_KEY_NUMBER)
+	else if (key->kind == DB_KEY_NUMBER || key->kind == DB_KEY_INTEGER)
 		snprintf(text, size, "a whole number from %.0f to %.0f%s%s", key->min, key->max,
 		         space, key->unit);
 	else if (key->kind == DB_KEY_WORD)
@@ -66,6 +70,11 @@ static void report_value(const struct db_section *section, const struct db_confi
 	                "%s = %s %s; %s", key->name, text, wrong, range);
 }
 
+static bool in_range(const struct db_config_key *key, double number)
+{
+	return number >= key->min && number <= key->max;
+}
+
 unsigned db_section_number(const struct db_section *section, const char *name)
 {
 	const struct db_config_key *key = db_config_key_find(section->name, name);
@@ -78,7 +87,7 @@ unsigned db_section_number(const struct db_section *section, const char *name)
 		report_value(section, key, text, "is no whole number");
 		return 0;
 	}
-	if (!db_text_number(text, &number) || number < key->min || number > key->max) {
+	if (!db_text_number(text, &number) || !in_range(key, number)) {
 		report_value(section, key, text, "is out of range");
 		return 0;
 	}
@@ -97,9 +106,37 @@ double db_section_real(const struct db_section *section, const char *name)
 		report_value(section, key, text, "is no number");
 		return 0;
 	}
-	if (number < key->min || number > key->max) {
+	if (!in_range(key, number)) {
 		report_value(section, key, text, "is out of range");
 		return 0;
+	}
+	return number;
+}
+
+double db_section_option(const struct db_section *section, const struct db_option *option)
+{
+	struct db_config_key key = db_config_option_key(option);
+	const char *text = text_of(section, &key);
+	double number = NAN;
+	unsigned position = 0;
+
+	if (!text || (text[0] == '\0' && !db_section_has(section, key.name)))
+		return NAN;
+	if (key.kind == DB_KEY_WORD) {
+		if (db_text_word(text, key.words, &position))
+			return position;
+		report_value(section, &key, text, "is none of its words");
+		return NAN;
+	}
+	if (key.kind == DB_KEY_INTEGER ? !db_text_integer(text, &number) :
+	                                 !db_text_real(text, &number)) {
+		report_value(section, &key, text,
+		             key.kind == DB_KEY_INTEGER ? "is no whole number" : "is no number");
+		return NAN;
+	}
+	if (!in_range(&key, number)) {
+		report_value(section, &key, text, "is out of range");
+		return NAN;
 	}
 	return number;
 }

@@ -27,6 +27,34 @@ bool db_text_number(const char *text, unsigned *number)
 	return true;
 }
 
+bool db_text_is_hex(const char *text)
+{
+	return text[0] == '0' && (text[1] == 'x' || text[1] == 'X');
+}
+
+bool db_text_integer(const char *text, double *number)
+{
+	bool negative = text[0] == '-';
+	unsigned value;
+
+	if (db_text_is_hex(text)) {
+		unsigned long long digits;
+
+		if (text[2] == '\0' || text[2 + strspn(text + 2, "0123456789abcdefABCDEF")] != '\0')
+			return false;
+		errno = 0;
+		digits = strtoull(text, NULL, 16);
+		if (errno || digits > UINT_MAX)
+			return false;
+		*number = (double)digits;
+		return true;
+	}
+	if (!db_text_number(text + negative, &value))
+		return false;
+	*number = negative ? -(double)value : value;
+	return true;
+}
+
 bool db_text_real(const char *text, double *number)
 {
 	locale_t plain;

@@ -12,6 +12,12 @@
 /* Digits only, at most 4294967295. */
 bool db_text_number(const char *text, unsigned *number);
 
+/* Begins with 0x. */
+bool db_text_is_hex(const char *text);
+
+/* Whole number, -4294967295..4294967295; without sign also hexadecimal with 0x. */
+bool db_text_integer(const char *text, double *number);
+
 /* Finite decimal number, '.' whatever the locale. */
 bool db_text_real(const char *text, double *number);
 

@@ -5,6 +5,8 @@
 
 const struct db_transport *const db_transports[] = {
 	&db_transport_serial,
+	&db_transport_socketcan,
+	&db_transport_slcan,
 	NULL,
 };
 

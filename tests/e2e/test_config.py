@@ -54,7 +54,7 @@ def test_check_says_what_would_run(tmp_path):
     _, status, out, errors = checked(tmp_path, GOOD)
     assert status == 0, errors
     text = out + errors
-    for word in ("line", "feeder", "vsmd-serial", "/dev/null/none", "115200", "127.0.0.1"):
+    for word in ("line", "feeder", "vsmd-serial", "/dev/null/none, serial", "115200", "127.0.0.1"):
         assert word in text, word
 
 
@@ -99,6 +99,11 @@ SECOND = "drive second {\n    bus = line\n    address = 2\n    unit = 2\n}\n"
         (instead("    unit = 1\n", ""), None, ["unit"]),
         (instead('    device = "/dev/null/none"\n', ""), None, ["device"]),
         (after(BUS, "    line = rs232"), None, ["address"]),
+        (after(BUS, "    bitrate = 500000"), BUS + 1, ["bitrate", "CAN", "baud"]),
+        (after(BUS, '    interface = "can0"'), BUS + 1, ["interface", "CAN", "device"]),
+        (after(BUS, "    transport = slcan"), BUS + 1, ["transport", "slcan", "serial"]),
+        (after(BUS, "    transport = usb"), BUS + 1, ["transport", "serial socketcan slcan"]),
+        (after(DRIVE, "    axis = x"), DRIVE + 1, ["axis", "vsmd-serial"]),
     ],
 )
 def test_wrong_files_name_file_and_line(tmp_path, text, line, words):

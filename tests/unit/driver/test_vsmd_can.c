@@ -124,7 +124,7 @@ static struct db_can_frame frame_of(uint32_t id, uint32_t first, uint32_t second
 
 	for (unsigned i = 0; i < 4; i++) {
 		frame.data[i] = (uint8_t)(first >> (24 - 8 * i));
-		frame.data[4 + i] = length > 4 ? (uint8_t)(second >> (24 - 8 * i)) : 0;
+		frame.data[4 + i] = (uint8_t)(length > 4 ? second >> (24 - 8 * i) : 0);
 	}
 	return frame;
 }

@@ -1,0 +1,113 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Times that cannot be met, told before anybody waits for them. */
+#include "config/load.h"
+#include "drivebridge/driver.h"
+
+#include <stdio.h>
+
+size_t db_config_drives_on(const struct db_config *config, size_t bus)
+{
+	size_t count = 0;
+
+	for (size_t i = 0; i < config->drive_count; i++)
+		count += config->drives[i].bus == bus;
+	return count;
+}
+
+/* Whether an earlier drive of the list is behind the same address and polls for both. */
+static bool polled_with_another(const struct db_config *config, size_t index)
+{
+	const struct db_drive_config *drive = &config->drives[index];
+
+	for (size_t i = 0; i < index; i++) {
+		if (config->drives[i].bus == drive->bus &&
+		    config->drives[i].address == drive->address)
+			return true;
+	}
+	return false;
+}
+
+size_t db_config_stations_on(const struct db_config *config, size_t bus)
+{
+	size_t count = 0;
+
+	for (size_t i = 0; i < config->drive_count; i++)
+		count += config->drives[i].bus == bus && !polled_with_another(config, i);
+	return count;
+}
+
+int64_t db_config_confirm_time(const struct db_bus_config *bus)
+{
+	db_time own = bus->driver->command_time(bus);
+	db_time poll = bus->driver->poll_time(bus);
+
+	return own + (poll > own ? poll : own);
+}
+
+void db_config_speed(const struct db_bus_config *bus, char text[DB_SPEED_TEXT_MAX])
+{
+	bool can = bus->driver->medium == DB_MEDIUM_CAN;
+
+	snprintf(text, DB_SPEED_TEXT_MAX, "%u %s", can ? bus->bitrate : bus->baud,
+	         can ? "bit/s" : "baud");
+}
+
+static double milliseconds(db_time time)
+{
+	return (double)time / (double)DB_NS_PER_MS;
+}
+
+static unsigned whole_milliseconds(db_time time)
+{
+	return (unsigned)((time + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
+}
+
+static const char *speed_up(const struct db_bus_config *bus)
+{
+	return bus->driver->medium == DB_MEDIUM_CAN ? "raise the bit rate" : "raise the baud rate";
+}
+
+static void warn_cycle(struct db_load *load, size_t index)
+{
+	const struct db_bus_config *bus = &load->config->buses[index];
+	size_t stations = db_config_stations_on(load->config, index);
+	db_time one = bus->driver->poll_time(bus);
+	db_time all = one * (db_time)stations;
+	char speed[DB_SPEED_TEXT_MAX];
+
+	if (all <= (db_time)bus->cycle_ms * DB_NS_PER_MS)
+		return;
+	db_config_speed(bus, speed);
+	db_report_warning(
+		&load->report, db_load_line(load, "bus", bus->name, bus->source_line, "cycle-ms"),
+		"cycle of %u ms cannot fit %zu %s%s: one status exchange takes %.2f ms at %s, all of them %.2f ms; set cycle-ms = %u or %s",
+		bus->cycle_ms, stations, bus->driver->axes > 0 ? "controller" : "drive",
+		stations == 1 ? "" : "s", milliseconds(one), speed, milliseconds(all),
+		whole_milliseconds(all), speed_up(bus));
+}
+
+static void warn_confirm(struct db_load *load, size_t index)
+{
+	const struct db_bus_config *bus = &load->config->buses[index];
+	unsigned confirm_ms = load->config->modbus.confirm_ms;
+	db_time needed = db_config_confirm_time(bus);
+	char speed[DB_SPEED_TEXT_MAX];
+
+	if (load->config->modbus.accept_writes || db_config_drives_on(load->config, index) == 0 ||
+	    needed <= (db_time)confirm_ms * DB_NS_PER_MS)
+		return;
+	db_config_speed(bus, speed);
+	db_report_warning(
+		&load->report, db_load_line(load, "modbus", "", bus->source_line, "confirm-ms"),
+		"confirm-ms = %u cannot be met on bus '%s': at %s a command takes %.2f ms, and %.2f ms when it has to wait for the exchange on the wire; set confirm-ms = %u in section modbus or %s",
+		confirm_ms, bus->name, speed, milliseconds(bus->driver->command_time(bus)),
+		milliseconds(needed), whole_milliseconds(needed), speed_up(bus));
+}
+
+void db_load_check_times(struct db_load *load)
+{
+	for (size_t i = 0; i < load->config->bus_count; i++) {
+		warn_cycle(load, i);
+		warn_confirm(load, i);
+	}
+}
