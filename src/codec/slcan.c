@@ -42,7 +42,9 @@ enum slcan_took slcan_take(struct slcan_reader *reader, uint8_t byte)
 	if (reader->complete)
 		*reader = (struct slcan_reader){ 0 };
 	if (byte == SLCAN_BEL) {
-		*reader = (struct slcan_reader){ .line = { SLCAN_BEL }, .length = 1, .complete = true };
+		*reader = (struct slcan_reader){ .line = { SLCAN_BEL },
+			                         .length = 1,
+			                         .complete = true };
 		return SLCAN_TOOK_LINE;
 	}
 	if (byte == SLCAN_CR) {

@@ -114,7 +114,7 @@ struct slcan_reply {
 	bool has_timestamp;
 	uint16_t timestamp; /* ms; most adapters start again after 59999 */
 	bool extended;
-	uint8_t flags;             /* enum slcan_flag */
+	uint8_t flags;                 /* enum slcan_flag */
 	char text[SLCAN_TEXT_MAX + 1]; /* printable, terminated */
 };
 

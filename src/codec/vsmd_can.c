@@ -715,12 +715,12 @@ enum vsmd_error vsmd_can_put_identity(const char *text, uint32_t values[VSMD_CAN
 
 	if (length > sizeof bytes)
 		return VSMD_ERR_SPACE;
+	memset(bytes, ' ', sizeof bytes);
 	for (size_t i = 0; i < length; i++) {
-		if (!is_printable((uint8_t)text[i]))
+		bytes[i] = (uint8_t)text[i];
+		if (!is_printable(bytes[i]))
 			return VSMD_ERR_RANGE;
 	}
-	memset(bytes, ' ', sizeof bytes);
-	memcpy(bytes, text, length);
 	for (size_t i = 0; i < VSMD_CAN_IDENTITY_REGS; i++)
 		values[i] = get_u32(bytes + i * REG_BYTES);
 	return VSMD_OK;

@@ -91,10 +91,13 @@ static const struct db_transport *read_transport(const struct db_section *sectio
 	name = transport_name(section, driver);
 	if (name[0] == '\0')
 		return NULL;
-	while (*all && strcmp((*all)->name, name) != 0)
-		all++;
-	if (*all && (*all)->medium == driver->medium)
-		return *all;
+	for (; *all; all++) {
+		if (strcmp((*all)->name, name) != 0)
+			continue;
+		if ((*all)->medium == driver->medium)
+			return *all;
+		break;
+	}
 	report_transport(section, driver, name, *all != NULL);
 	return NULL;
 }

@@ -107,8 +107,7 @@ static bool ask(int fd, unsigned index)
 	};
 
 	return sendto(fd, &question, sizeof question, MSG_DONTWAIT,
-	              (const struct sockaddr *)&kernel,
-	              sizeof kernel) == (ssize_t)sizeof question;
+	              (const struct sockaddr *)&kernel, sizeof kernel) == (ssize_t)sizeof question;
 }
 
 bool db_can_link_read(unsigned index, struct db_can_link *link)

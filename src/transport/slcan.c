@@ -57,11 +57,11 @@ struct db_port {
 	unsigned attempts;
 	bool timestamps_settled; /* told once per opening: some adapters keep it in an EEPROM */
 
-	bool acknowledges; /* frames taken; some adapters never do */
+	bool acknowledges;   /* frames taken; some adapters never do */
 	unsigned unanswered; /* frames sent that were neither taken nor refused, as far as known */
 	unsigned refused_in_a_row;
 
-	bool status_known; /* has answered F once */
+	bool status_known;   /* has answered F once */
 	bool status_useless; /* never did */
 	bool status_asked;
 	unsigned before_status; /* of the unanswered frames, those sent before the question */

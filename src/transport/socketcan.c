@@ -25,8 +25,7 @@ _Static_assert(sizeof(struct db_can_frame) == sizeof(struct can_frame) &&
                        offsetof(struct db_can_frame, data) == offsetof(struct can_frame, data),
                "frames go to the socket as they are");
 _Static_assert(sizeof(struct db_can_filter) == sizeof(struct can_filter) &&
-                       offsetof(struct db_can_filter, id) ==
-                               offsetof(struct can_filter, can_id) &&
+                       offsetof(struct db_can_filter, id) == offsetof(struct can_filter, can_id) &&
                        offsetof(struct db_can_filter, mask) ==
                                offsetof(struct can_filter, can_mask),
                "filters go to the socket as they are");

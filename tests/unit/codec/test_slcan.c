@@ -78,9 +78,9 @@ static void commands_are_written(void **state)
 
 		assert_int_equal(length, strlen(COMMANDS[i].line));
 		assert_memory_equal(line, COMMANDS[i].line, (size_t)length);
-		assert_int_equal(slcan_encode_command(&COMMANDS[i].command, line,
-		                                      (size_t)length - 1),
-		                 SLCAN_ERR_SPACE);
+		assert_int_equal(
+			slcan_encode_command(&COMMANDS[i].command, line, (size_t)length - 1),
+			SLCAN_ERR_SPACE);
 	}
 }
 
@@ -154,9 +154,9 @@ static void wrong_commands_are_refused(void **state)
 
 	(void)state;
 	for (size_t i = 0; i < COUNT(wrong); i++)
-		assert_int_equal(slcan_decode_command(wrong[i].line, strlen(wrong[i].line),
-		                                      &command),
-		                 wrong[i].error);
+		assert_int_equal(
+			slcan_decode_command(wrong[i].line, strlen(wrong[i].line), &command),
+			wrong[i].error);
 	assert_int_equal(slcan_decode_command("\0\r", 2, &command), SLCAN_ERR_SYNTAX);
 }
 
@@ -219,8 +219,7 @@ static const struct {
 	               .length = 8,
 	               .data = { 0x01, 0x23, 0x45, 0x67, 0x89, 0xAB, 0xCD, 0xEF } },
 	    .has_timestamp = true } },
-	{ "r1008\r",
-	  { .kind = SLCAN_REPLY_FRAME, .frame = { .id = RTR | 0x100, .length = 8 } } },
+	{ "r1008\r", { .kind = SLCAN_REPLY_FRAME, .frame = { .id = RTR | 0x100, .length = 8 } } },
 	{ "R00000100200FF\r",
 	  { .kind = SLCAN_REPLY_FRAME,
 	    .frame = { .id = EXT | RTR | 0x100, .length = 2 },
@@ -334,7 +333,9 @@ static void lines_are_cut_out_of_what_comes(void **state)
 		/* BEL ends a half line and says that it was refused. */
 		{ "t10\aF00\r", "#F00;" },
 		{ "z\r\nF00\r\n\r", "z;F00;;" },
-		{ "t10\x80""00\rz\r", "!z;" },
+		{ "t10\x80"
+		  "00\rz\r",
+		  "!z;" },
 		{ "\xFF\xFE\a\r", "#;" },
 		/* The longest line there is, and one character more. */
 		{ "T1FFFFFFF80123456789ABCDEF0000\r", "T1FFFFFFF80123456789ABCDEF0000;" },

@@ -37,8 +37,8 @@ static struct {
 	struct db_can_filter filters[8];
 	size_t filter_count;
 	can_err_mask_t errors;
-	int read_error;    /* once, after what is waiting */
-	int write_error;   /* every time, once writes_left is used up */
+	int read_error;  /* once, after what is waiting */
+	int write_error; /* every time, once writes_left is used up */
 	int writes_left;
 } fake;
 
