@@ -153,6 +153,12 @@ static const char *advice_for(int error)
 		return "; may this user open it (group dialout)?";
 	case EBUSY:
 		return "; another program uses it";
+	case EAFNOSUPPORT:
+		return "; this kernel has no CAN";
+	case ETIMEDOUT:
+		return "; the adapter does not answer: does it speak SLCAN, and is baud right?";
+	case EPROTO:
+		return "; the adapter refuses to open the bus";
 	case ENETDOWN:
 		return "; the interface is down: set it up with its bit rate (systemd-networkd)";
 	case ENOBUFS:
@@ -237,18 +243,22 @@ static void follow_health(struct db_bus *bus, db_time now)
 	take_down(bus, health->error, now);
 }
 
-static void read_port(struct db_bus *bus)
+/* False when nothing was there. */
+static bool read_port(struct db_bus *bus)
 {
 	uint8_t bytes[512];
+	bool any = false;
 	ssize_t count;
 
 	while ((count = bus->transport->read(bus->port, bytes, sizeof bytes, now_ns())) > 0) {
+		any = true;
 		db_engine_receive(bus->engine, bytes, (size_t)count, now_ns());
 		if ((size_t)count < sizeof bytes)
-			return;
+			return true;
 	}
 	if (count < 0)
 		fail_port(bus, (int)-count);
+	return any;
 }
 
 static void write_rest(struct db_bus *bus, db_time now)
@@ -285,10 +295,10 @@ static void serve_port(struct db_bus *bus, short events)
 {
 	if (events & POLLOUT)
 		write_rest(bus, now_ns());
-	if (events & (POLLIN | POLLHUP | POLLERR | POLLNVAL))
-		read_port(bus);
-	/* A hung-up port that has nothing more to say would wake us for ever. */
-	if (!(events & POLLIN) && (events & (POLLHUP | POLLNVAL)))
+	/* A hung-up port that has nothing more to say would wake us for ever. (A socket with an error
+	 * pending tells it by read(), and is fine afterwards.) */
+	if ((events & (POLLIN | POLLHUP | POLLERR | POLLNVAL)) && !read_port(bus) &&
+	    (events & (POLLHUP | POLLNVAL)))
 		fail_port(bus, ENODEV);
 }
 
