@@ -47,8 +47,10 @@ enum db_status_bit {
 		1u << 12, /* identity and parameters were read since the drive came online */
 	DB_STATUS_BUS_UP = 1u << 13,  /* the port or interface is open */
 	DB_STATUS_REFUSED = 1u << 14, /* the drive refused its last command (cmd_wrg) */
+	DB_STATUS_DONE = 1u << 15,    /* (net) the last motion command came to its end */
+	DB_STATUS_ABORTED = 1u << 16, /* (net) the motion before the last command did not */
 };
-#define DB_STATUS_BIT_COUNT 15
+#define DB_STATUS_BIT_COUNT 17
 const char *db_status_bit_name(unsigned bit); /* 0 = "online" ...; "unknown" */
 
 /* Values of the `error` register: 0 none, then the bridge's own causes, then the drives' faults. */
@@ -63,6 +65,7 @@ enum db_error {
 	DB_ERROR_OVER_TEMPERATURE = 19,
 	DB_ERROR_OVER_CURRENT = 20,
 	DB_ERROR_VOLTAGE = 21,
+	DB_ERROR_DRIVE_FAULT = 32, /* plus a bit 0..15 of a servo drive's fault word */
 };
 const char *db_error_name(uint16_t error); /* "none", "no_answer" ...; "unknown" */
 
@@ -75,6 +78,8 @@ enum db_measure {
 	DB_MEASURE_FAULT_BITS = 1u << 4,
 	DB_MEASURE_SUPPLY_VOLTAGE = 1u << 5,
 	DB_MEASURE_TEMPERATURE = 1u << 6,
+	DB_MEASURE_ANALOGUE = 1u << 7,
+	DB_MEASURE_RAW_HEALTH = 1u << 8, /* voltage and temperature before scaling */
 };
 
 /* One moment of a drive, as its driver understood it. */
@@ -83,7 +88,9 @@ struct db_feedback {
 	uint64_t taken_wall_us; /* the same in microseconds since 1970 */
 	int32_t position;       /* drive units */
 	float velocity;         /* drive units per second */
-	uint32_t drive_status;  /* the vendor's own word */
+	bool has_target;        /* `target` holds where the last position move goes */
+	int32_t target;
+	uint32_t drive_status; /* the vendor's own word */
 	uint32_t fault_bits;
 	uint16_t inputs;
 	uint16_t outputs;
@@ -92,6 +99,9 @@ struct db_feedback {
 	float current;
 	float supply_voltage;
 	float temperature;
+	uint16_t analogue_1;
+	uint16_t supply_voltage_raw;
+	uint16_t temperature_raw;
 	uint16_t error;  /* enum db_error, drive's part */
 	uint16_t state;  /* enum db_axis_state */
 	uint32_t status; /* enum db_status_bit */

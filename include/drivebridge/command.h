@@ -38,7 +38,9 @@ enum db_command {
 	DB_CMD_SHAKE_START = 24,      /* number of cycles */
 	DB_CMD_SHAKE_START_TIME = 25, /* duration */
 	DB_CMD_SHAKE_STOP = 26,
-	DB_CMD_LIMIT = 64 /* codes are below this, so that sets of them fit 64 bits */
+	DB_CMD_MOVE_CURRENT = 27, /* torque: run with a motor current */
+	DB_CMD_SYNC_START = 40,   /* what was staged on drives in sync mode begins on all of them */
+	DB_CMD_LIMIT = 64         /* codes are below this, so that sets of them fit 64 bits */
 };
 
 #define DB_COMMAND_BIT(command) (UINT64_C(1) << (command))
@@ -65,6 +67,7 @@ struct db_args {
 	float shake_frequency; /* Hz */
 	uint32_t shake_cycles; /* 0 = no limit */
 	uint32_t shake_time;   /* s, 0 = no limit */
+	float target_current;  /* A; its sign is the direction */
 };
 
 /* A parameter write: the index in the family's table and a value of its type, checked already. */

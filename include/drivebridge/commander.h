@@ -73,11 +73,18 @@ struct db_command_write {
 /* What the result registers show. */
 struct db_command_state {
 	uint16_t result_id;
-	uint16_t result; /* enum db_result of the latest command */
+	/* enum db_result of the latest command. OK says that the drive has begun it. A motion with an
+	 * end (a position move, homing, shaking) is followed to that: `done` when it came there,
+	 * FAILED, CANCELLED or INDETERMINATE here when it did not. */
+	uint16_t result;
 	uint16_t result_command;
 	uint16_t write_result;   /* enum db_result of the latest command or parameter write */
 	uint32_t result_time_us; /* from the arrival of the last ended command to its end */
 	uint16_t active_command; /* oldest command pending, 0 = none */
+	uint16_t result_limit;   /* enum db_limit, when result is `limit` */
+	uint16_t aborted_id;     /* of the motion that `aborted` is about */
+	bool done;               /* the motion that `result` is about came to its end */
+	bool aborted;            /* a motion was ended by the latest command before its end */
 	bool busy;               /* a command or parameter write is pending */
 	bool latched;            /* the watchdog tripped; motion is refused until clear_fault */
 	uint32_t watchdog_ms;

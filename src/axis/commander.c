@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "drivebridge/commander.h"
 
+#include "axis/follow.h"
+#include "axis/limits.h"
 #include "axis/watchdog.h"
 #include "regmap/commands.h"
 
@@ -10,6 +12,14 @@
 #include <string.h>
 
 #define SLOTS (DB_COMMANDER_PENDING + DB_COMMANDER_STOPS)
+
+/* How often a motion under way is looked at, at most and at least. */
+#define LOOK_MIN (5 * DB_NS_PER_MS)
+#define LOOK_MAX (50 * DB_NS_PER_MS)
+
+/* A drive that stands elsewhere for so many cycles, and so long, does not arrive any more. */
+#define PATIENCE_CYCLES 5
+#define PATIENCE_MIN (200 * DB_NS_PER_MS)
 
 /* How soon a stop of the watchdog that found no room is tried again. */
 #define REACT_AGAIN (5 * DB_NS_PER_MS)
@@ -41,6 +51,11 @@ struct db_commander {
 	const struct db_commander_ops *ops;
 	void *context;
 
+	struct db_follow follow; /* the motion that the last command has begun */
+	struct db_follow_config follow_config;
+	db_time look_at; /* the next look at it */
+	db_time look_interval;
+
 	struct db_watchdog watchdog;
 	db_time react_at; /* the watchdog's stop is not with the bus yet: try again; or NEVER */
 
@@ -60,6 +75,23 @@ struct db_commander {
 	struct slot slots[SLOTS];
 };
 
+static void init_follow(struct db_commander *commander)
+{
+	const struct db_drive_config *drive = commander->config.drive_config;
+	const struct db_bus_config *bus = commander->config.bus_config;
+	db_time cycle = (db_time)bus->cycle_ms * DB_NS_PER_MS;
+	db_time patience = PATIENCE_CYCLES * cycle;
+
+	commander->look_interval = cycle < LOOK_MIN ? LOOK_MIN :
+	                           cycle > LOOK_MAX ? LOOK_MAX :
+	                                              cycle;
+	commander->follow_config = (struct db_follow_config){
+		.window = drive->in_position_window * drive->counts_per_unit,
+		.settling = (db_time)drive->settling_ms * DB_NS_PER_MS,
+		.patience = patience < PATIENCE_MIN ? PATIENCE_MIN : patience,
+	};
+}
+
 int db_commander_new(const struct db_commander_config *config, const struct db_commander_ops *ops,
                      void *context, struct db_commander **commander)
 {
@@ -71,6 +103,7 @@ int db_commander_new(const struct db_commander_config *config, const struct db_c
 	made->ops = ops;
 	made->context = context;
 	made->react_at = DB_TIME_NEVER;
+	init_follow(made);
 	db_watchdog_init(&made->watchdog,
 	                 config->on_client_loss == DB_CMD_NONE ? 0 : config->watchdog_ms);
 	*commander = made;
@@ -176,6 +209,58 @@ static uint16_t id_of(const struct db_commander *commander, const struct db_comm
 	return 0;
 }
 
+/* --- limits -------------------------------------------------------------------------------------- */
+
+static struct db_limit_facts limit_facts(const struct db_commander *commander)
+{
+	int param = commander->config.driver->preset_velocity_param;
+	struct db_limit_facts facts = { 0 };
+	struct db_nameplate plate;
+	struct db_snapshot snapshot;
+
+	db_axis_read(commander->config.axis, &snapshot);
+	facts.position = snapshot.feedback.position;
+	if (param < 0 || param >= DB_PARAMS_MAX)
+		return facts;
+	db_axis_read_nameplate(commander->config.axis, &plate);
+	facts.has_preset = plate.valid >> param & 1;
+	facts.preset_velocity = plate.values[param].f;
+	return facts;
+}
+
+/* LIMIT when a limit of the configuration would be broken; which one is then shown. */
+static enum db_result check_limits(struct db_commander *commander,
+                                   const struct db_command_block *block)
+{
+	struct db_limit_facts facts = limit_facts(commander);
+
+	commander->shown.result_limit = (uint16_t)db_limits_command(commander->config.drive_config,
+	                                                            (enum db_command)block->command,
+	                                                            &block->args, &facts);
+	return commander->shown.result_limit == DB_LIMIT_NONE ? DB_RESULT_OK : DB_RESULT_LIMIT;
+}
+
+static enum db_result check_acceleration(struct db_commander *commander,
+                                         const struct db_setting *settings, size_t count)
+{
+	const struct db_driver *driver = commander->config.driver;
+
+	for (size_t i = 0; i < count; i++) {
+		int param = settings[i].param;
+		enum db_limit limit;
+
+		if (param != driver->acceleration_param && param != driver->deceleration_param)
+			continue;
+		limit = db_limits_acceleration(
+			commander->config.drive_config,
+			db_value_number(driver->params[param].type, settings[i].value));
+		commander->shown.result_limit = (uint16_t)limit;
+		if (limit != DB_LIMIT_NONE)
+			return DB_RESULT_LIMIT;
+	}
+	return DB_RESULT_OK;
+}
+
 /* --- what is remembered ------------------------------------------------------------------------ */
 
 static void show(struct db_commander *commander, uint16_t id, uint16_t code, enum db_result result,
@@ -210,6 +295,21 @@ static int refuse(struct db_commander *commander, uint16_t id, uint16_t code, en
 }
 
 /* --- carrying out -------------------------------------------------------------------------------- */
+
+/* Whatever moves is ended by what was just handed to the bus. */
+static void abort_motion(struct db_commander *commander, enum db_command by)
+{
+	bool ends = db_command_is_motion(by) || db_command_is_stop(by) || by == DB_CMD_HOME_STOP ||
+	            by == DB_CMD_SHAKE_STOP;
+
+	if (!ends)
+		return;
+	commander->shown.done = false;
+	commander->shown.aborted = commander->follow.active;
+	if (commander->follow.active)
+		commander->shown.aborted_id = commander->follow.id;
+	commander->follow.active = false;
+}
 
 /* False when the drive's or the bus's queue is full. */
 static bool submit(struct db_commander *commander, struct db_request *request, struct slot **slot)
@@ -247,6 +347,7 @@ static int carry_out(struct db_commander *commander, const struct db_command_blo
 		return refuse(commander, id, block->command, DB_RESULT_BUSY);
 	if (db_command_is_motion(request.command))
 		db_watchdog_arm(&commander->watchdog, now);
+	abort_motion(commander, request.command);
 	commander->newest = request.ticket;
 	commander->executed = *block;
 	commander->has_executed = true;
@@ -309,6 +410,8 @@ static int command(struct db_commander *commander, const struct db_command_block
 	if (is_repeat(commander, id) && !stop)
 		return repeat(commander, token, now);
 	result = check(&commander->config, block->command, &block->args);
+	if (result == DB_RESULT_OK)
+		result = check_limits(commander, block);
 	if (result != DB_RESULT_OK)
 		return refuse(commander, id, block->command, result);
 	if (id != 0 && commander->last.id == 0 && !stop)
@@ -358,9 +461,11 @@ int db_commander_set(struct db_commander *commander, const struct db_setting *se
                      size_t count, struct db_write_token token, db_time now)
 {
 	struct db_request request;
-	enum db_result result = reach(commander, DB_CMD_NONE);
+	enum db_result result = check_acceleration(commander, settings, count);
 	struct slot *slot = NULL;
 
+	if (result == DB_RESULT_OK)
+		result = reach(commander, DB_CMD_NONE);
 	request.command = DB_CMD_NONE;
 	request.args = (struct db_args){ 0 };
 	request.submitted = now;
@@ -399,6 +504,32 @@ static void forget_last(struct db_commander *commander)
 	commander->previous = (struct memory){ 0 };
 }
 
+/* The command has begun a motion: its result stays ok, unless the motion ends badly. */
+static void follow_motion(struct db_commander *commander, const struct slot *slot, db_time now)
+{
+	db_follow_begin(&commander->follow, slot->command, slot->ticket, commander->shown.result_id,
+	                now);
+	commander->look_at = now + LOOK_MIN;
+}
+
+static void look_at_motion(struct db_commander *commander, db_time now)
+{
+	struct db_snapshot snapshot;
+	enum db_result result;
+
+	if (!commander->follow.active || commander->look_at > now)
+		return;
+	commander->look_at = now + commander->look_interval;
+	db_axis_read(commander->config.axis, &snapshot);
+	result = db_follow_look(&commander->follow, &commander->follow_config, &snapshot.feedback,
+	                        now);
+	if (result == DB_RESULT_PENDING)
+		return;
+	commander->shown.done = result == DB_RESULT_OK;
+	if (commander->shown_ticket == commander->follow.ticket)
+		commander->shown.result = (uint16_t)result;
+}
+
 void db_commander_complete(struct db_commander *commander, const struct db_completion *completion,
                            db_time now)
 {
@@ -414,6 +545,8 @@ void db_commander_complete(struct db_commander *commander, const struct db_compl
 
 		commander->shown.result = (uint16_t)completion->result;
 		commander->shown.result_time_us = took > 0 ? (uint32_t)(took / DB_NS_PER_US) : 0;
+		if (completion->result == DB_RESULT_OK && db_follow_applies(slot->command))
+			follow_motion(commander, slot, end);
 	}
 	if (commander->write_ticket == completion->ticket)
 		commander->shown.write_result = (uint16_t)completion->result;
@@ -438,6 +571,8 @@ db_time db_commander_next_deadline(const struct db_commander *commander)
 
 	if (commander->react_at < next)
 		next = commander->react_at;
+	if (commander->follow.active && commander->look_at < next)
+		next = commander->look_at;
 	if (commander->waiting == 0)
 		return next;
 	for (size_t i = 0; i < SLOTS; i++) {
@@ -489,6 +624,7 @@ static void react(struct db_commander *commander, db_time now)
 		return;
 	}
 	commander->react_at = DB_TIME_NEVER;
+	abort_motion(commander, request.command);
 	commander->newest = request.ticket;
 	show(commander, 0, (uint16_t)request.command, DB_RESULT_PENDING, request.ticket);
 }
@@ -507,6 +643,7 @@ void db_commander_expire(struct db_commander *commander, db_time now)
 {
 	if (db_watchdog_trip(&commander->watchdog, now) || commander->react_at <= now)
 		react(commander, now);
+	look_at_motion(commander, now);
 	for (size_t i = 0; i < SLOTS && commander->waiting > 0; i++)
 		expire_slot(commander, &commander->slots[i], now);
 }

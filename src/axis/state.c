@@ -27,6 +27,22 @@ static const char *const error_names[] = {
 	[DB_ERROR_OVER_TEMPERATURE] = "over_temperature",
 	[DB_ERROR_OVER_CURRENT] = "over_current",
 	[DB_ERROR_VOLTAGE] = "voltage",
+	[DB_ERROR_DRIVE_FAULT + 0] = "undervoltage",
+	[DB_ERROR_DRIVE_FAULT + 1] = "position_error",
+	[DB_ERROR_DRIVE_FAULT + 2] = "hall_error",
+	[DB_ERROR_DRIVE_FAULT + 3] = "overcurrent",
+	[DB_ERROR_DRIVE_FAULT + 4] = "overload",
+	[DB_ERROR_DRIVE_FAULT + 5] = "eeprom_fault",
+	[DB_ERROR_DRIVE_FAULT + 6] = "igbt_fault",
+	[DB_ERROR_DRIVE_FAULT + 7] = "drive_overtemperature",
+	[DB_ERROR_DRIVE_FAULT + 8] = "phase_loss",
+	[DB_ERROR_DRIVE_FAULT + 9] = "current_deviation",
+	[DB_ERROR_DRIVE_FAULT + 10] = "speed_deviation",
+	[DB_ERROR_DRIVE_FAULT + 11] = "motor_overtemperature",
+	[DB_ERROR_DRIVE_FAULT + 12] = "overvoltage",
+	[DB_ERROR_DRIVE_FAULT + 13] = "absolute_encoder_fault",
+	[DB_ERROR_DRIVE_FAULT + 14] = "undocumented_fault_14",
+	[DB_ERROR_DRIVE_FAULT + 15] = "locked",
 };
 
 /*
@@ -34,9 +50,9 @@ static const char *const error_names[] = {
  * registers: DB_STATUS_ERROR is error_stop because `error` is a register.
  */
 static const char *const status_names[DB_STATUS_BIT_COUNT] = {
-	"online",  "enabled",     "homed",        "moving",  "at_target",
-	"homing",  "stopping",    "error_stop",   "warning", "busy",
-	"latched", "origin_lost", "params_valid", "bus_up",  "refused",
+	"online",       "enabled",    "homed",   "moving", "at_target", "homing",
+	"stopping",     "error_stop", "warning", "busy",   "latched",   "origin_lost",
+	"params_valid", "bus_up",     "refused", "done",   "aborted",
 };
 
 const char *db_axis_state_name(enum db_axis_state state)
@@ -66,6 +82,8 @@ bool db_command_is_motion(enum db_command command)
 	case DB_CMD_MOVE_ABSOLUTE:
 	case DB_CMD_MOVE_RELATIVE:
 	case DB_CMD_MOVE_PRESET:
+	case DB_CMD_MOVE_CURRENT:
+	case DB_CMD_SYNC_START:
 	case DB_CMD_HOME:
 	case DB_CMD_SHAKE_START:
 	case DB_CMD_SHAKE_START_TIME:

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * VSMD over CAN: commands, registers and their answers as CAN frames. Both directions, so that the
- * simulator speaks with the same code. Pure: no I/O, clock, allocation or global state; any thread.
- * Source: VSMD CAN 2.0 protocol, sections 1.2 to 1.6, 2, 3, 4 and 5.2.
+ * simulator speaks with the same code. Pure: no I/O, clock, allocation or global state; any
+ * thread. Source: VSMD CAN 2.0 protocol, sections 1.2 to 1.6, 2, 3, 4 and 5.2.
  *
- * The host sends commands and data writes; drives answer reads and nothing else. Values travel high
- * byte first. Functions that build something leave it untouched when they return an error.
+ * The host sends commands and data writes; drives answer reads and nothing else. Values travel
+ * high byte first. Functions that build something leave it untouched when they return an error.
  */
 #ifndef DRIVEBRIDGE_CODEC_VSMD_CAN_H
 #define DRIVEBRIDGE_CODEC_VSMD_CAN_H
@@ -35,9 +35,9 @@ enum vsmd_can_control {
 };
 
 /*
- * Extended frames name both sides: the receiver is `target`, the sender `source`. Standard frames have
- * one field, which is taken to hold the drive in both directions: how drives answer in standard frames
- * is not documented. So in a standard reply `source` is the drive and `target` is 0.
+ * Extended frames name both sides: the receiver is `target`, the sender `source`. Standard frames
+ * have one field, which is taken to hold the drive in both directions: how drives answer in
+ * standard frames is not documented. So a standard reply has the drive in `source`, 0 in `target`.
  */
 struct vsmd_can_id {
 	bool extended;
@@ -52,9 +52,9 @@ struct vsmd_can_id {
 enum vsmd_error vsmd_can_pack_id(const struct vsmd_can_id *id, uint32_t *packed);
 
 /*
- * VSMD_ERR_SYNTAX: a remote or error frame, a bit set that is always 0, or sides that cannot be. What
- * was accepted packs into the same id again, but for the target of an extended broadcast: it is read
- * whatever it is, since the document leaves it open, and written as 0.
+ * VSMD_ERR_SYNTAX: a remote or error frame, a bit set that is always 0, or sides that cannot be.
+ * What was accepted packs into the same id again, but for the target of an extended broadcast: it
+ * is read whatever it is, since the document leaves it open, and written as 0.
  */
 enum vsmd_error vsmd_can_unpack_id(uint32_t packed, struct vsmd_can_id *id);
 
@@ -129,8 +129,8 @@ struct vsmd_can_style {
 };
 
 /*
- * Host to drive (or VSMD_CAN_BROADCAST; reads never are). VSMD_ERR_RANGE: an argument, the drive or a
- * register is out of reach; VSMD_ERR_SYNTAX: no such code or a read of all drives.
+ * Host to drive (or VSMD_CAN_BROADCAST; reads never are). VSMD_ERR_RANGE: an argument, the drive
+ * or a register is out of reach; VSMD_ERR_SYNTAX: no such code or a read of all drives.
  */
 enum vsmd_error vsmd_can_encode_command(const struct vsmd_can_style *style, unsigned drive,
                                         const struct vsmd_can_command *command,
@@ -138,9 +138,9 @@ enum vsmd_error vsmd_can_encode_command(const struct vsmd_can_style *style, unsi
 
 /*
  * Host to drive: one or two registers in a row, raw. A register no document names is refused with
- * VSMD_ERR_NAME, one out of reach or holding a value out of range with VSMD_ERR_RANGE. The values of
- * packed registers are not checked, for most of their content was read from the drive: vsmd_can_insert
- * has checked what was changed.
+ * VSMD_ERR_NAME, one out of reach or holding a value out of range with VSMD_ERR_RANGE. The values
+ * of packed registers are not checked, for most of their content was read from the drive:
+ * vsmd_can_insert has checked what was changed.
  */
 enum vsmd_error vsmd_can_encode_write(const struct vsmd_can_style *style, unsigned drive,
                                       unsigned first, const uint32_t *values, unsigned count,
@@ -162,10 +162,10 @@ struct vsmd_can_message {
 };
 
 /*
- * Any frame, on either side. message->id is set whenever vsmd_can_unpack_id takes the id, so that a drive
- * can tell that it was meant. VSMD_ERR_SYNTAX: not a frame of this family, no such command, or not the
- * length it has; VSMD_ERR_RANGE: an argument is out of range. Which registers exist and what they
- * may hold is for the receiver to say. Only style->output_base is looked at.
+ * Any frame, on either side. message->id is set whenever vsmd_can_unpack_id takes the id, so that
+ * a drive can tell that it was meant. VSMD_ERR_SYNTAX: not a frame of this family, no such
+ * command, or not the length it has; VSMD_ERR_RANGE: an argument is out of range. Which registers
+ * exist and what they may hold is for the receiver to say. Only style->output_base is looked at.
  */
 enum vsmd_error vsmd_can_decode(const struct vsmd_can_style *style,
                                 const struct db_can_frame *frame, struct vsmd_can_message *message);
@@ -220,13 +220,14 @@ void vsmd_can_get_status(const uint32_t values[VSMD_CAN_STATUS_REGS], struct vsm
 void vsmd_can_put_status(const struct vsmd_status *status, uint32_t values[VSMD_CAN_STATUS_REGS]);
 
 /*
- * Registers 0x0A..0x10 as a terminated text: it ends at a NUL, and blanks and FF (erased flash) behind
- * it are dropped. Returns its length, or VSMD_ERR_SYNTAX for any other character that cannot be printed.
+ * Registers 0x0A..0x10 as a terminated text: it ends at a NUL, and blanks and FF (erased flash)
+ * behind it are dropped. Returns its length, or VSMD_ERR_SYNTAX for any other character that
+ * cannot be printed.
  */
 int vsmd_can_get_identity(const uint32_t values[VSMD_CAN_IDENTITY_REGS],
                           char text[VSMD_CAN_IDENTITY_MAX + 1]);
 
-/* Padded with blanks. VSMD_ERR_SPACE: too long; VSMD_ERR_RANGE: a character that cannot be printed. */
+/* Padded with blanks. VSMD_ERR_SPACE: too long; VSMD_ERR_RANGE: one that cannot be printed. */
 enum vsmd_error vsmd_can_put_identity(const char *text, uint32_t values[VSMD_CAN_IDENTITY_REGS]);
 
 /* --- data registers ------------------------------------------------------------------------------- */
@@ -242,7 +243,7 @@ enum vsmd_can_raw_reg {
 	VSMD_CAN_SDS = 0x1B,
 };
 
-/* Where a parameter is. Each is in one register; a field of fewer than 32 bits shares its register. */
+/* Where a parameter is, each in one register; a field of fewer than 32 bits shares it. */
 struct vsmd_can_field {
 	uint8_t reg;
 	uint8_t shift; /* of its lowest bit */
@@ -251,7 +252,7 @@ struct vsmd_can_field {
 
 extern const struct vsmd_can_field vsmd_can_fields[VSMD_PARAM_COUNT];
 
-/* Parameters of a register, highest field first. Returns how many; 0 for reserved and raw registers. */
+/* Parameters of a register, highest field first. Returns how many; none for reserved and raw. */
 size_t vsmd_can_params_of(unsigned reg, enum vsmd_param params[VSMD_CAN_FIELDS_MAX]);
 
 /* Whether the register is one that can be written: it has parameters, or is a raw one. */
@@ -271,8 +272,8 @@ bool vsmd_can_param_in_range(enum vsmd_param param, union db_value value);
 
 /*
  * A parameter out of its raw register, of the type in vsmd_params; bdr in bit/s. Its range is not
- * checked: the drive is the authority on what it holds. VSMD_ERR_RANGE: does not fit the type, or a
- * code that is no bit rate.
+ * checked: the drive is the authority on what it holds. VSMD_ERR_RANGE: does not fit the type, or
+ * a code that is no bit rate.
  */
 enum vsmd_error vsmd_can_extract(enum vsmd_param param, uint32_t raw, union db_value *value);
 
@@ -281,7 +282,7 @@ enum vsmd_error vsmd_can_insert(enum vsmd_param param, union db_value value, uin
 
 /* --- bit rates ------------------------------------------------------------------------------------ */
 
-/* bit/s of a code, rounded; 0 when it is none. Any code with a divider is read, documented or not. */
+/* bit/s of a code, rounded, whether documented or not; 0 without a divider. */
 uint32_t vsmd_can_code_rate(uint32_t code);
 
 /* The documented code of a bit rate; 0 when there is none. */

@@ -70,6 +70,21 @@ static void check_units(struct db_load *load, const struct db_drive_config *driv
 			drive->unit, other->name, other->source_line);
 }
 
+/* The second unit of this drive, against all of the other one. */
+static void check_vendor_unit(struct db_load *load, const struct db_drive_config *drive,
+                              const struct db_drive_config *other)
+{
+	bool own = drive == other;
+
+	if (drive->vendor_unit == 0 || !(drive->vendor_unit == other->unit ||
+	                                 (!own && drive->vendor_unit == other->vendor_unit)))
+		return;
+	db_report_error(
+		&load->report, drive_line(load, drive, "vendor-unit"),
+		"vendor-unit = %u belongs to drive '%s' on line %u already; a unit that nothing else has",
+		drive->vendor_unit, other->name, other->source_line);
+}
+
 static bool has_axis(const struct db_load *load, const struct db_drive_config *drive)
 {
 	size_t place = db_outline_section_find(&load->outline, "drive", drive->name);
@@ -146,12 +161,22 @@ static void check_drive(struct db_load *load, size_t index)
 			&load->report, drive_line(load, drive, "unit"),
 			"unit = %u is the gateway's own unit (gateway-unit); another unit for one of them",
 			drive->unit);
+	if (drive->vendor_unit != 0 && drive->vendor_unit == config->modbus.gateway_unit)
+		db_report_error(
+			&load->report, drive_line(load, drive, "vendor-unit"),
+			"vendor-unit = %u is the gateway's own unit (gateway-unit); another unit for one of them",
+			drive->vendor_unit);
 	if (drive->bus < config->bus_count)
 		check_axis_given(load, index);
+	check_vendor_unit(load, drive, drive);
 	for (size_t i = 0; i < index; i++) {
 		const struct db_drive_config *other = &config->drives[i];
 
 		check_units(load, drive, other);
+		check_vendor_unit(load, drive, other);
+		/* The later drive's unit against the second unit of an earlier one. */
+		if (drive->vendor_unit != other->vendor_unit)
+			check_vendor_unit(load, other, drive);
 		if (drive->bus < config->bus_count && drive->bus == other->bus)
 			check_addresses(load, drive, other);
 	}

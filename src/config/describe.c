@@ -140,6 +140,19 @@ static void describe_forbidden(const struct db_bus_config *bus, const struct db_
 	fprintf(out, "\n");
 }
 
+static void describe_vendor_view(const struct db_drive_config *drive, FILE *out)
+{
+	if (drive->vendor_layout)
+		fprintf(out, ", layout ");
+	else if (drive->vendor_unit != 0)
+		fprintf(out, ", vendor-unit %u with layout ", drive->vendor_unit);
+	else
+		return;
+	put_word(out, "drive", "layout", true);
+	fprintf(out, ", ");
+	put_word(out, "drive", "vendor-word-order", drive->vendor_high_first);
+}
+
 static void describe_drive(const struct db_bus_config *bus, const struct db_drive_config *drive,
                            FILE *out)
 {
@@ -150,6 +163,7 @@ static void describe_drive(const struct db_bus_config *bus, const struct db_driv
 		fprintf(out, ", axis ");
 		put_word(out, "drive", "axis", drive->axis);
 	}
+	describe_vendor_view(drive, out);
 	fprintf(out, ", %g counts per %s, on-client-loss ", drive->counts_per_unit,
 	        drive->unit_name);
 	put_word(out, "drive", "on-client-loss", drive->on_client_loss);

@@ -93,6 +93,38 @@ static void read_place(const struct db_section *section, const struct db_bus_con
 	db_section_options(section, bus ? bus->driver : NULL, drive->options);
 }
 
+static void read_limits(const struct db_section *section, struct db_drive_config *drive)
+{
+	drive->min_position = db_section_real(section, "min-position");
+	drive->max_position = db_section_real(section, "max-position");
+	drive->max_velocity = db_section_real(section, "max-velocity");
+	drive->max_acceleration = db_section_real(section, "max-acceleration");
+	if (drive->min_position > drive->max_position)
+		db_report_error(&section->load->report, db_section_line(section, "min-position"),
+		                "min-position = %g is above max-position = %g; the other way round",
+		                drive->min_position, drive->max_position);
+}
+
+/* On other families the keys were refused already. */
+static void read_vendor_view(const struct db_section *section, struct db_drive_config *drive)
+{
+	struct db_report *report = &section->load->report;
+
+	drive->vendor_layout = db_section_word(section, "layout") != 0;
+	drive->vendor_unit = db_section_number(section, "vendor-unit");
+	drive->vendor_high_first = db_section_word(section, "vendor-word-order") != 0;
+	if (drive->vendor_layout && drive->vendor_unit != 0)
+		db_report_error(
+			report, db_section_line(section, "vendor-unit"),
+			"vendor-unit = %u gives the vendor's register map to a second unit, but layout = vsmd gives it to the drive's own; one of them",
+			drive->vendor_unit);
+	if (db_section_has(section, "vendor-word-order") && !drive->vendor_layout &&
+	    drive->vendor_unit == 0)
+		db_report_error(
+			report, db_section_line(section, "vendor-word-order"),
+			"vendor-word-order is for the vendor's register map, which this drive does not show; remove it, or add layout = vsmd or vendor-unit = ...");
+}
+
 void db_load_drive(struct db_load *load, unsigned index, struct db_drive_config *drive)
 {
 	struct db_section section = db_section_open(load, "drive", index);
@@ -113,4 +145,8 @@ void db_load_drive(struct db_load *load, unsigned index, struct db_drive_config 
 	                         (enum db_on_loss)db_section_word(&section, "on-exit") :
 	                         drive->on_client_loss;
 	drive->watchdog_ms = db_section_number(&section, "watchdog-ms");
+	read_limits(&section, drive);
+	drive->in_position_window = db_section_real(&section, "in-position-window");
+	drive->settling_ms = db_section_number(&section, "settling-ms");
+	read_vendor_view(&section, drive);
 }

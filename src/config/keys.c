@@ -2,6 +2,7 @@
 #include "config/keys.h"
 
 #include "drivebridge/driver.h"
+#include "regmap/vsmd_layout.h"
 
 #include <string.h>
 
@@ -15,6 +16,10 @@
 #define OTHER(k, s, n, p, low, high, d)                                                       \
 	.section = s, .name = n, .kind = k, .preset = p, .min = low, .max = high, .unit = "", \
 	.words = "", .description = d
+
+#define LIMIT(n, low, d)                                                                           \
+	.section = "drive", .name = n, .kind = DB_KEY_REAL, .preset = "", .min = low, .max = 1e12, \
+	.unit = "", .words = "", .description = d
 
 /* clang-format off */
 static const struct db_config_key KEYS[] = {
@@ -103,6 +108,27 @@ static const struct db_config_key KEYS[] = {
 	       "What the drive does when the service ends; as on-client-loss when not given") },
 	{ NUMBER("drive", "watchdog-ms", "3000", 0, 60000, "ms",
 	         "Longest silence of the PLC after a motion command; 0 turns the watchdog off") },
+	{ LIMIT("min-position", -1e12, "Lowest position that may be commanded, in the user's unit") },
+	{ LIMIT("max-position", -1e12, "Highest position that may be commanded, in the user's unit") },
+	{ LIMIT("max-velocity", 0, "Highest velocity that may be commanded, in the user's unit per second") },
+	{ LIMIT("max-acceleration", 0,
+	        "Highest acceleration that may be written, in the user's unit per second squared") },
+	{ .section = "drive", .name = "in-position-window", .kind = DB_KEY_REAL, .preset = "0",
+	  .min = 0, .max = 1e12, .unit = "", .words = "",
+	  .description = "Distance from the target, in the user's unit, that counts as arrived" },
+	{ NUMBER("drive", "settling-ms", "0", 0, 10000, "ms",
+	         "How long a drive must stand in that window before its move is done") },
+	{ WORD("drive", "layout", "neutral", "neutral vsmd",
+	       "Register map of this unit: the same as that of every drive, or that of the vendor's "
+	       "own Modbus models"),
+	  .scope = DB_KEY_FOR_VSMD },
+	{ NUMBER("drive", "vendor-unit", "0", 0, 247, "",
+	         "Second unit id, under which the drive answers with the register map of the vendor's "
+	         "own Modbus models; 0 means none"),
+	  .scope = DB_KEY_FOR_VSMD },
+	{ WORD("drive", "vendor-word-order", "low-first", "low-first high-first",
+	       "Which register of a 32-bit value comes first in that map until a program writes mbs"),
+	  .scope = DB_KEY_FOR_VSMD },
 };
 /* clang-format on */
 
@@ -132,6 +158,8 @@ bool db_config_key_fits(const struct db_config_key *key, const struct db_driver 
 		return driver->medium == DB_MEDIUM_CAN;
 	case DB_KEY_FOR_AXES:
 		return driver->axes > 0;
+	case DB_KEY_FOR_VSMD:
+		return vsmd_layout_fits(driver);
 	case DB_KEY_FOR_ALL:
 		break;
 	}

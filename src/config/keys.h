@@ -30,6 +30,7 @@ enum db_config_scope {
 	DB_KEY_FOR_SERIAL, /* families on serial lines */
 	DB_KEY_FOR_CAN,    /* families on CAN */
 	DB_KEY_FOR_AXES,   /* families with several axes behind one address */
+	DB_KEY_FOR_VSMD,   /* families whose vendor has a register map of its own */
 };
 
 struct db_config_key {

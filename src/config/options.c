@@ -27,6 +27,11 @@ static void refuse_key(const struct db_section *section, const struct db_outline
 			report, key->line,
 			"%s is for multi-axis families, but %s has one axis behind an address; %s",
 			key->name, driver->name, advice(key->name));
+	else if (scope == DB_KEY_FOR_VSMD)
+		db_report_error(
+			report, key->line,
+			"%s is for VSMD families, whose vendor has a register map of its own, but drive '%s' is of family %s; %s",
+			key->name, section->title, driver->name, advice(key->name));
 	else
 		db_report_error(report, key->line, "%s is for %s families, but %s runs on %s; %s",
 		                key->name, scope == DB_KEY_FOR_CAN ? "CAN" : "serial", driver->name,

@@ -102,6 +102,8 @@ double db_section_real(const struct db_section *section, const char *name)
 
 	if (!text)
 		return 0;
+	if (text[0] == '\0' && !db_section_has(section, name))
+		return NAN;
 	if (!db_text_real(text, &number)) {
 		report_value(section, key, text, "is no number");
 		return 0;

@@ -6,6 +6,7 @@
 const struct db_driver *const db_drivers[] = {
 	&db_driver_vsmd_serial,
 	&db_driver_vsmd_can,
+	&db_driver_servo_can,
 	NULL,
 };
 

@@ -7,5 +7,6 @@
 
 extern const struct db_driver db_driver_vsmd_serial;
 extern const struct db_driver db_driver_vsmd_can;
+extern const struct db_driver db_driver_servo_can;
 
 #endif

@@ -130,9 +130,10 @@ static bool port_and_value(const struct db_args *args, unsigned ports, unsigned 
 }
 
 void vsmd_axis_init(struct vsmd_axis *axis, const struct vsmd_link *link,
-                    const struct db_bus_config *bus)
+                    const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
 	axis->link = link;
+	axis->config = drive;
 	axis->save_interval = (db_time)bus->save_interval_s * DB_NS_PER_S;
 }
 
@@ -471,6 +472,10 @@ static enum db_step after_relative(struct vsmd_axis *axis, struct db_job *job,
 	target = (int64_t)axis->last.position + job->request->args.target_position;
 	if (target < INT32_MIN || target > INT32_MAX)
 		return done(result, DB_RESULT_OUT_OF_RANGE);
+	/* It may have moved since the limits were checked. Those that are not set are NAN. */
+	if ((double)target / axis->config->counts_per_unit < axis->config->min_position ||
+	    (double)target / axis->config->counts_per_unit > axis->config->max_position)
+		return done(result, DB_RESULT_LIMIT);
 	axis->target = (int32_t)target;
 	job->scratch[0] = axis->last.position;
 	job->scratch[1] = axis->last.status & VSMD_ST_STP ? 0 : WAS_MOVING;
@@ -721,6 +726,8 @@ void vsmd_axis_feedback(const struct vsmd_axis *axis, struct db_feedback *feedba
 	feedback->taken = axis->taken;
 	feedback->position = axis->process.position;
 	feedback->velocity = axis->process.velocity;
+	feedback->has_target = axis->has_target;
+	feedback->target = axis->target;
 	feedback->drive_status = axis->last.status;
 	feedback->inputs = inputs_of(axis->last.status);
 	feedback->outputs = outputs_of(axis, feedback->inputs);

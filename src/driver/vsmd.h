@@ -39,6 +39,7 @@ struct vsmd_link {
 
 struct vsmd_axis {
 	const struct vsmd_link *link;
+	const struct db_drive_config *config;
 	db_time save_interval;
 	db_time last_save;
 	bool saved;
@@ -86,7 +87,7 @@ enum db_result vsmd_check(const struct vsmd_link *link, enum db_command command,
 struct vsmd_command vsmd_command_of(enum db_command command, const struct db_args *args);
 
 void vsmd_axis_init(struct vsmd_axis *axis, const struct vsmd_link *link,
-                    const struct db_bus_config *bus);
+                    const struct db_bus_config *bus, const struct db_drive_config *drive);
 
 /* A job of the kind COMMAND begins; not for read_parameters, which is the link's. */
 enum db_step vsmd_begin_command(struct vsmd_axis *axis, struct db_job *job,

@@ -685,7 +685,7 @@ static void can_init(struct db_device *device, struct db_device *first,
                      const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
 	(void)first; /* one drive an address */
-	vsmd_axis_init(&device->axis, &can_link, bus);
+	vsmd_axis_init(&device->axis, &can_link, bus, drive);
 	device->style = style_of(bus);
 	device->drive = drive->address;
 	device->report_interval = (db_time)bus->options[OPTION_REPORT_MS] * DB_NS_PER_MS;
@@ -802,6 +802,7 @@ const struct db_driver db_driver_vsmd_can = {
 	.param_page = 0,
 	.acceleration_param = VSMD_ACC,
 	.deceleration_param = VSMD_DEC,
+	.preset_velocity_param = VSMD_SPD,
 	.check = can_check,
 	.check_param = can_check_param,
 	.check_config = can_check_config,

@@ -294,7 +294,7 @@ static void serial_init(struct db_device *device, struct db_device *first,
                         const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
 	(void)first; /* one drive an address */
-	vsmd_axis_init(&device->axis, &serial_link, bus);
+	vsmd_axis_init(&device->axis, &serial_link, bus, drive);
 	device->id = bus->line == DB_LINE_RS232 ? VSMD_SERIAL_NO_ID : (int)drive->address;
 }
 
@@ -365,6 +365,7 @@ const struct db_driver db_driver_vsmd_serial = {
 	.param_page = 0,
 	.acceleration_param = VSMD_ACC,
 	.deceleration_param = VSMD_DEC,
+	.preset_velocity_param = VSMD_SPD,
 	.check = serial_check,
 	.check_param = serial_check_param,
 	.poll_time = serial_poll_time,

@@ -24,6 +24,7 @@ static const struct {
 	[DB_ARG_SHAKE_FREQUENCY] = ARG(shake_frequency),
 	[DB_ARG_SHAKE_CYCLES] = ARG(shake_cycles),
 	[DB_ARG_SHAKE_TIME] = ARG(shake_time),
+	[DB_ARG_TARGET_CURRENT] = ARG(target_current),
 #undef ARG
 };
 
@@ -163,6 +164,21 @@ const struct db_command_row db_command_rows[] = {
 		.name = "shake_stop",
 		.own = true,
 		.description = "End the swinging",
+	},
+	{
+		.code = DB_CMD_MOVE_CURRENT,
+		.name = "move_current",
+		.args = { DB_ARG_TARGET_CURRENT },
+		.own = true,
+		.description = "Drive the motor with target_current; its sign is the direction of "
+			       "the torque",
+	},
+	{
+		.code = DB_CMD_SYNC_START,
+		.name = "sync_start",
+		.own = true,
+		.description = "One sync frame to the whole bus: what was staged on drives in sync "
+			       "mode begins on all of them at once",
 	},
 };
 

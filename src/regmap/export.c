@@ -4,6 +4,7 @@
 #include "regmap/commands.h"
 #include "regmap/image.h"
 #include "regmap/index.h"
+#include "regmap/vsmd_layout.h"
 
 #include <errno.h>
 #include <stdarg.h>
@@ -71,7 +72,8 @@ static void add_line(void *context, const struct db_entry *entry)
 		.entry = *entry,
 		.view = lines->view,
 		.families = UINT32_C(1) << lines->family,
-		.conditional = !row || row->measure || row->param_alias || row->outputs,
+		.conditional = !row || row->measure || row->param_alias || row->outputs ||
+		               lines->view == DB_VIEW_VSMD,
 	};
 }
 
@@ -112,6 +114,12 @@ static int collect(struct lines *lines)
 	};
 	lines->view = DB_VIEW_GATEWAY;
 	db_table_each(&scope, add_line, lines);
+	lines->view = DB_VIEW_VSMD;
+	for (unsigned i = 0; db_drivers[i]; i++) {
+		lines->family = i;
+		if (vsmd_layout_fits(db_drivers[i]))
+			vsmd_layout_each(add_line, lines);
+	}
 	if (lines->failed) {
 		free(lines->items);
 		return -ENOMEM;
@@ -145,7 +153,13 @@ __attribute__((format(printf, 2, 3))) static void add(struct text *text, const c
 
 static const char *view_name(enum db_view view)
 {
-	return view == DB_VIEW_DRIVE ? "drive" : "gateway";
+	static const char *const names[] = {
+		[DB_VIEW_DRIVE] = "drive",
+		[DB_VIEW_GATEWAY] = "gateway",
+		[DB_VIEW_VSMD] = "vsmd",
+	};
+
+	return names[view];
 }
 
 static const struct {
@@ -161,7 +175,7 @@ static const struct {
 
 static const char *type_of(const struct line *line)
 {
-	if (line->entry.table == DB_TABLE_HOLDING)
+	if (line->entry.table == DB_TABLE_HOLDING || line->entry.table == DB_TABLE_INPUT)
 		return db_type_name((enum db_type)line->entry.cell.type);
 	return "u16";
 }
@@ -396,11 +410,36 @@ static const char introduction[] =
 	"  0B, or 0A when the bus is down; `stale = value` gives the last values instead. The\n"
 	"  state, quality, age and result registers can always be read.\n";
 
+static const char vendor_introduction[] =
+	"\n"
+	"The register map of the VSMD models that speak Modbus themselves, so that programs written\n"
+	"for those run unchanged. What is said above holds here, too, except that\n"
+	"\n"
+	"- holding and input registers are different registers, and there are no bits;\n"
+	"- the word order of 32-bit values is that of `mbs`, and text has its first character in the\n"
+	"  low byte;\n"
+	"- commands have no `command_id`: each write of `command` executes;\n"
+	"- **while `command` holds 0x0301 or 0x0302, writing `pos` starts a move**; a write of both\n"
+	"  executes once;\n"
+	"- a write of parameters and a command together writes the parameters first, and the command\n"
+	"  follows when the drive has confirmed them; only a stop goes first;\n"
+	"- registers between the listed ones, and parameters that a model does not have, read as 0\n"
+	"  and take only 0.\n"
+	"\n"
+	"Watchdog and latch are the drive's: after the watchdog has stopped it, 0x1000 (clear encoder\n"
+	"error) allows motion again.\n";
+
 static void put_heading(FILE *out, const struct line *line)
 {
-	fprintf(out, "\n## %s\n",
-	        line->view == DB_VIEW_DRIVE ? "Drive units" :
-	                                      "The gateway's units (0, 255 and `gateway-unit`)");
+	static const char *const headings[] = {
+		[DB_VIEW_DRIVE] = "Drive units",
+		[DB_VIEW_GATEWAY] = "The gateway's units (0, 255 and `gateway-unit`)",
+		[DB_VIEW_VSMD] = "The vendor's own layout (`layout = vsmd` and `vendor-unit`)",
+	};
+
+	fprintf(out, "\n## %s\n", headings[line->view]);
+	if (line->view == DB_VIEW_VSMD)
+		fputs(vendor_introduction, out);
 }
 
 static void put_table_heading(FILE *out, const struct line *line)

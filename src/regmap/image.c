@@ -11,6 +11,9 @@
 #define QUALITY_UNCERTAIN 64
 #define QUALITY_GOOD 192
 
+/* Bits of the status that are not the bus's. */
+#define NET_BITS (DB_STATUS_BUSY | DB_STATUS_LATCHED | DB_STATUS_DONE | DB_STATUS_ABORTED)
+
 /* The bus thread may publish between our look at the clock and at the data: not younger than now. */
 static db_time age_of(const struct db_feedback *feedback, db_time now)
 {
@@ -64,7 +67,7 @@ static void fill_process(struct db_drive_image *image, const struct view_drive *
 	db_commander_state(drive->commander, &image->state, now);
 	image->quality = quality_of(drive, feedback, now);
 	image->age_ms = age_ms(feedback, now);
-	image->status = feedback->status & ~(uint32_t)(DB_STATUS_BUSY | DB_STATUS_LATCHED);
+	image->status = feedback->status & ~(uint32_t)NET_BITS;
 	if (image->state.latched) {
 		image->status |= DB_STATUS_LATCHED;
 		if (feedback->error == DB_ERROR_NONE)
@@ -72,6 +75,10 @@ static void fill_process(struct db_drive_image *image, const struct view_drive *
 	}
 	if (image->state.busy)
 		image->status |= DB_STATUS_BUSY;
+	if (image->state.done)
+		image->status |= DB_STATUS_DONE;
+	if (image->state.aborted)
+		image->status |= DB_STATUS_ABORTED;
 	image->position_units = (float)((double)feedback->position / counts_per_unit);
 	image->velocity_units = (float)((double)feedback->velocity / counts_per_unit);
 	image->capabilities = drive->capabilities;

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "regmap/table.h"
 
+#include "axis/limits.h"
+
 #include "regmap/commands.h"
 #include "regmap/image.h"
 
@@ -30,6 +32,8 @@ static const struct {
 	{ "move_preset", DB_COMMAND_BIT(DB_CMD_MOVE_PRESET), 0 },
 	{ "programs", 0, DB_MEASURE_PROGRAM },
 	{ "measures_current", 0, DB_MEASURE_CURRENT },
+	{ "move_current", DB_COMMAND_BIT(DB_CMD_MOVE_CURRENT), 0 },
+	{ "sync_start", DB_COMMAND_BIT(DB_CMD_SYNC_START), 0 },
 };
 
 uint32_t db_capabilities(uint64_t commands, unsigned measures)
@@ -60,6 +64,11 @@ static const char *error_name(unsigned code)
 	return db_error_name((uint16_t)code);
 }
 
+static const char *limit_name(unsigned code)
+{
+	return db_limit_name((uint16_t)code);
+}
+
 static const char *result_name(unsigned code)
 {
 	return db_result_name((enum db_result)code);
@@ -67,6 +76,7 @@ static const char *result_name(unsigned code)
 
 static const struct db_codes axis_states = { state_name, DB_AXIS_STATE_COUNT, false };
 static const struct db_codes errors = { error_name, 64, false };
+static const struct db_codes limits = { limit_name, DB_LIMIT_COUNT, false };
 static const struct db_codes results = { result_name, DB_RESULT_COUNT, false };
 static const struct db_codes command_codes = { db_command_name, DB_CMD_LIMIT, false };
 static const struct db_codes status_bits = { db_status_bit_name, DB_STATUS_BIT_COUNT, true };
@@ -179,7 +189,7 @@ const struct db_row db_rows[] = {
 		PROCESS(feedback.velocity),
 		.flags = DB_ROW_MEASURED,
 		.unit = "counts/s",
-		.description = "Actual velocity in the drive's own units",
+		.description = "Actual velocity in the drive's own units; rpm on servo-can",
 	},
 	{
 		.name = "position_units",
@@ -197,7 +207,8 @@ const struct db_row db_rows[] = {
 		PROCESS(velocity_units),
 		.flags = DB_ROW_MEASURED,
 		.unit = "user units/s",
-		.description = "Velocity divided by counts_per_unit; see unit_name",
+		.description = "Velocity divided by counts_per_unit; see unit_name; without "
+			       "meaning on servo-can where velocity is in rpm",
 	},
 	{
 		.name = "drive_status",
@@ -221,7 +232,8 @@ const struct db_row db_rows[] = {
 		PROCESS(state.result),
 		.max = DB_RESULT_COUNT - 1,
 		.codes = &results,
-		.description = "How the latest command ended",
+		.description = "How the latest command ended; of a motion: ok when the drive has "
+			       "begun it and until it ends badly (see status bit done)",
 	},
 	{
 		.name = "write_result",
@@ -375,6 +387,52 @@ const struct db_row db_rows[] = {
 		PROCESS(state.watchdog_trips),
 		.description = "How often the watchdog stopped the drive",
 	},
+	{
+		.name = "analogue_1",
+		.address = 52,
+		.type = DB_U16,
+		PROCESS(feedback.analogue_1),
+		.flags = DB_ROW_MEASURED,
+		.measure = DB_MEASURE_ANALOGUE,
+		.description = "Analogue input 1 as the drive gives it",
+	},
+	{
+		.name = "supply_voltage_raw",
+		.address = 53,
+		.type = DB_U16,
+		PROCESS(feedback.supply_voltage_raw),
+		.flags = DB_ROW_MEASURED,
+		.measure = DB_MEASURE_RAW_HEALTH,
+		.description = "Supply voltage as the drive gives it; see supply_voltage",
+	},
+	{
+		.name = "temperature_raw",
+		.address = 54,
+		.type = DB_U16,
+		PROCESS(feedback.temperature_raw),
+		.flags = DB_ROW_MEASURED,
+		.measure = DB_MEASURE_RAW_HEALTH,
+		.description = "Temperature of the drive as it gives it; see temperature",
+	},
+	{
+		.name = "result_limit",
+		.address = 62,
+		.type = DB_U16,
+		PROCESS(state.result_limit),
+		.max = DB_LIMIT_COUNT - 1,
+		.codes = &limits,
+		.description = "Which limit of the configuration a command would have broken when "
+			       "result is limit",
+	},
+	{
+		.name = "aborted_id",
+		.address = 63,
+		.type = DB_U16,
+		PROCESS(state.aborted_id),
+		.max = 65535,
+		.description = "command_id of the motion that was aborted when the status bit "
+			       "aborted is set",
+	},
 
 	/* Drive view: the command block, at most 100 registers. */
 	{
@@ -422,8 +480,8 @@ const struct db_row db_rows[] = {
 		BLOCK(args.target_velocity),
 		.flags = DB_ROW_WRITABLE,
 		.unit = "counts/s",
-		.description = "Velocity in the drive's own units; 0 in a position move = the "
-			       "drive's preset speed",
+		.description = "Velocity in the drive's own units; rpm on servo-can; 0 in a "
+			       "position move = the drive's preset speed",
 	},
 	{
 		.name = "output_number",
@@ -508,6 +566,15 @@ const struct db_row db_rows[] = {
 		.unit = "s",
 		.max = INT32_MAX,
 		.description = "Duration; 0=until stopped",
+	},
+	{
+		.name = "target_current",
+		.address = 120,
+		.type = DB_F32,
+		BLOCK(args.target_current),
+		.flags = DB_ROW_WRITABLE,
+		.unit = "A",
+		.description = "Motor current; its sign is the direction of the torque",
 	},
 
 	/* Drive view: diagnostics. */

@@ -10,7 +10,7 @@
 #include "drivebridge/server.h"
 #include "drivebridge/value.h"
 
-enum db_view { DB_VIEW_DRIVE, DB_VIEW_GATEWAY };
+enum db_view { DB_VIEW_DRIVE, DB_VIEW_GATEWAY, DB_VIEW_VSMD };
 
 enum db_row_flag {
 	DB_ROW_WRITABLE = 1u << 0,

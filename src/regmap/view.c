@@ -2,6 +2,7 @@
 #include "regmap/view.h"
 
 #include "drivebridge/version.h"
+#include "regmap/vsmd_view.h"
 #include "regmap/words.h"
 
 #include <errno.h>
@@ -217,6 +218,8 @@ static uint8_t backend_read(void *context, const struct db_client *client, uint8
 
 	if (drive) {
 		feed(drive, client);
+		if (registers->vendor_units[unit])
+			return vsmd_view_read(drive, table, address, count, values);
 		return read_drive(drive, table, address, count, values);
 	}
 	if (backend_unit(context, unit))
@@ -232,6 +235,8 @@ static int backend_write(void *context, const struct db_client *client, uint8_t 
 
 	if (drive) {
 		feed(drive, client);
+		if (drive->registers->vendor_units[unit])
+			return vsmd_view_write(drive, table, address, count, values, token);
 		return view_write(drive, table, address, count, values, token);
 	}
 	if (backend_unit(context, unit))
@@ -333,8 +338,10 @@ void db_registers_complete(struct db_registers *registers, const struct db_compl
 {
 	uint16_t drive = db_ticket_drive(completion->ticket);
 
-	if (drive < registers->drive_count)
-		db_commander_complete(registers->drives[drive].commander, completion, now);
+	if (drive >= registers->drive_count)
+		return;
+	db_commander_complete(registers->drives[drive].commander, completion, now);
+	vsmd_view_completed(&registers->drives[drive], completion, now);
 }
 
 db_time db_registers_next_deadline(const struct db_registers *registers)
@@ -397,14 +404,17 @@ static bool submit_to_bus(void *context, const struct db_request *request)
 	const struct view_drive *drive = context;
 	const struct db_registers *registers = drive->registers;
 
+	vsmd_view_submitted(drive->vendor, request);
 	return registers->ops->submit(registers->context, drive->config->bus, request);
 }
 
 static void answer_client(void *context, struct db_write_token token, uint8_t exception)
 {
-	const struct db_registers *registers = ((const struct view_drive *)context)->registers;
+	const struct view_drive *drive = context;
+	const struct db_registers *registers = drive->registers;
 
-	registers->ops->answer(registers->context, token, exception);
+	if (vsmd_view_answered(drive->vendor, token, &exception))
+		registers->ops->answer(registers->context, token, exception);
 }
 
 static const struct db_commander_ops commander_ops = {
@@ -468,6 +478,11 @@ static int init_drive(struct db_registers *registers, size_t number, struct db_a
 	drive->useless_after = useless_after(config, drive);
 	drive->map = family_of(registers, drive->driver);
 	commander.driver = drive->driver;
+	if (drive->config->vendor_layout || drive->config->vendor_unit != 0) {
+		drive->vendor = vsmd_view_new(drive->config);
+		if (!drive->vendor)
+			return -ENOMEM;
+	}
 	if (!drive->map)
 		return -ENOMEM;
 	return db_commander_new(&commander, &commander_ops, drive, &drive->commander);
@@ -479,8 +494,16 @@ static void init_units(struct db_registers *registers)
 
 	for (size_t i = 0; i < 256; i++)
 		registers->units[i] = VIEW_NOTHING;
-	for (size_t i = 0; i < config->drive_count; i++)
-		registers->units[config->drives[i].unit & 0xFF] = (uint16_t)i;
+	for (size_t i = 0; i < config->drive_count; i++) {
+		const struct db_drive_config *drive = &config->drives[i];
+
+		registers->units[drive->unit & 0xFF] = (uint16_t)i;
+		registers->vendor_units[drive->unit & 0xFF] = drive->vendor_layout;
+		if (drive->vendor_unit != 0) {
+			registers->units[drive->vendor_unit & 0xFF] = (uint16_t)i;
+			registers->vendor_units[drive->vendor_unit & 0xFF] = true;
+		}
+	}
 	registers->units[0] = VIEW_GATEWAY;
 	registers->units[255] = VIEW_GATEWAY;
 	registers->units[config->modbus.gateway_unit & 0xFF] = VIEW_GATEWAY;
@@ -523,6 +546,9 @@ void db_registers_free(struct db_registers *registers)
 {
 	if (!registers)
 		return;
+	/* One more than were finished: the last may have failed half-way. */
+	for (size_t i = 0; registers->drives && i < registers->config->drive_count; i++)
+		vsmd_view_free(registers->drives[i].vendor);
 	for (size_t i = 0; i < registers->drive_count; i++)
 		db_commander_free(registers->drives[i].commander);
 	for (size_t i = 0; i < registers->family_count; i++)

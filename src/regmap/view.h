@@ -24,6 +24,7 @@ struct view_drive {
 	const struct view_map *map;
 	struct db_axis *axis;
 	struct db_commander *commander;
+	struct vsmd_view *vendor; /* null: it has no unit with the vendor's layout */
 	uint32_t capabilities;
 	db_time fresh_for;               /* older data is not `good` any more */
 	db_time useless_after;           /* older data is not shown at all */
@@ -39,6 +40,7 @@ struct db_registers {
 	struct view_map *families;
 	size_t family_count;
 	uint16_t units[256]; /* drive index, VIEW_GATEWAY or VIEW_NOTHING */
+	bool vendor_units[256]; /* the drive's unit has the vendor's layout */
 	struct view_drive *drives;
 	size_t drive_count;
 };

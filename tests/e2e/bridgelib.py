@@ -491,8 +491,9 @@ class Bridge:
 
         keys = {"listen": "127.0.0.1:0", "confirm-ms": 2000, **(modbus or {})}
         parts = [section("modbus", keys)]
+        # Twice the default latency: many tests side by side keep a machine busy.
         keys = {"protocol": "vsmd-serial", "device": self.link, "baud": baud, "line": line,
-                "cycle-ms": 20, **(bus or {})}
+                "cycle-ms": 20, "drive-latency-ms": 60, **(bus or {})}
         parts.append(section("bus line", keys))
         for number in range(1, drives + 1):
             keys = {"bus": "line", "address": None if line == "rs232" else number,

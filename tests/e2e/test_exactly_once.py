@@ -174,7 +174,7 @@ def test_a_single_register_write_with_a_fresh_kept_id(bridge):
     rests_at(bridge, 300)
 
 
-@pytest.mark.parametrize("fault", ["drop", "lose-request", "corrupt", "truncate", "delay 150"])
+@pytest.mark.parametrize("fault", ["drop", "lose-request", "corrupt", "truncate", "delay 300"])
 @pytest.mark.parametrize("count", [1, 2])
 def test_a_relative_move_on_a_bad_line_moves_once(bridge, fault, count):
     """Whatever of the conversation is lost, the drive never moves further than once, and what the

@@ -13,7 +13,7 @@ from bridgelib import (
 FAULTS = [
     ("drop", "timeouts"),
     ("lose-request", "timeouts"),
-    ("delay 60", "timeouts"),
+    ("delay 120", "timeouts"),
     ("corrupt", "bad_frames"),
     ("truncate", "timeouts"),
     ("garbage", None),
@@ -66,7 +66,7 @@ def test_values_stay_true_on_a_line_that_is_always_bad(make_bridge, fault, count
             assert error.code == 0x0B
             return True
         # With these a drive can be lived with: what it says is right, or comes a little late.
-        return fault in ("garbage", "delay 60") and drive.read("requests") > start + 50
+        return fault in ("garbage", "delay 120") and drive.read("requests") > start + 50
 
     start = drive.read("requests")
     eventually(told, what="the drive to be offline, or to live with it")
@@ -148,7 +148,7 @@ def test_silence_and_return_again_and_again(bridge):
         assert drive.read("came_online") == times
 
 
-@pytest.mark.parametrize("delay", [40, 60, 90])
+@pytest.mark.parametrize("delay", [80, 120, 180])
 def test_an_older_answer_never_confirms_a_command(bridge, delay):
     """A drive that is always later than configured: each request may find the answer to the one
     before it on the line. A move that the drive refuses is never told to be a success."""

@@ -118,17 +118,18 @@ static void names(void **state)
 	assert_string_equal(db_error_name(4), "unknown");
 	assert_string_equal(db_error_name(UINT16_MAX), "unknown");
 	assert_string_equal(db_status_bit_name(0), "online");
-	assert_int_equal(DB_STATUS_REFUSED, 1u << (DB_STATUS_BIT_COUNT - 1));
-	assert_string_equal(db_status_bit_name(DB_STATUS_BIT_COUNT - 1), "refused");
+	assert_int_equal(DB_STATUS_ABORTED, 1u << (DB_STATUS_BIT_COUNT - 1));
+	assert_string_equal(db_status_bit_name(DB_STATUS_BIT_COUNT - 1), "aborted");
 	assert_string_equal(db_status_bit_name(DB_STATUS_BIT_COUNT), "unknown");
 }
 
 static void kinds_of_commands(void **state)
 {
-	static const enum db_command motions[] = { DB_CMD_MOVE_VELOCITY,   DB_CMD_MOVE_ABSOLUTE,
-		                                   DB_CMD_MOVE_RELATIVE,   DB_CMD_HOME,
-		                                   DB_CMD_MOVE_PRESET,     DB_CMD_SHAKE_START,
-		                                   DB_CMD_SHAKE_START_TIME };
+	static const enum db_command motions[] = { DB_CMD_MOVE_VELOCITY,    DB_CMD_MOVE_ABSOLUTE,
+		                                   DB_CMD_MOVE_RELATIVE,    DB_CMD_HOME,
+		                                   DB_CMD_MOVE_PRESET,      DB_CMD_SHAKE_START,
+		                                   DB_CMD_SHAKE_START_TIME, DB_CMD_MOVE_CURRENT,
+		                                   DB_CMD_SYNC_START };
 	unsigned motion_count = 0;
 	unsigned stop_count = 0;
 

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include "axis/limits.h"
 #include "drivebridge/commander.h"
 
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -23,6 +25,8 @@
 /* --- a bus and a server that only take notes -------------------------------------------------------- */
 
 struct fake {
+	struct db_bus_config bus;
+	struct db_drive_config drive;
 	struct db_commander *commander;
 	struct db_axis *axis;
 	bool full;
@@ -70,6 +74,9 @@ static const struct db_driver driver = {
 	.name = "fake",
 	.commands = ~DB_COMMAND_BIT(DB_CMD_SET_SV),
 	.check = fake_check,
+	.acceleration_param = -1,
+	.deceleration_param = -1,
+	.preset_velocity_param = -1,
 };
 
 static void set_status(struct fake *fake, uint32_t status)
@@ -83,6 +90,8 @@ static void init(struct fake *fake, bool accept)
 {
 	struct db_commander_config config = {
 		.driver = &driver,
+		.bus_config = &fake->bus,
+		.drive_config = &fake->drive,
 		.commands = driver.commands,
 		.drive = 7,
 		.bus_axis = 3,
@@ -91,6 +100,14 @@ static void init(struct fake *fake, bool accept)
 	};
 
 	memset(fake, 0, sizeof *fake);
+	fake->bus.cycle_ms = 20;
+	fake->drive = (struct db_drive_config){
+		.counts_per_unit = 10.0,
+		.min_position = NAN,
+		.max_position = NAN,
+		.max_velocity = NAN,
+		.max_acceleration = NAN,
+	};
 	fake->now = 1000 * MS;
 	fake->axis = db_axis_new();
 	config.axis = fake->axis;
@@ -502,7 +519,7 @@ static void late_confirmation_is_answered_05(void **state)
 {
 	FAKE(false);
 	assert_true(db_commander_next_deadline(fake.commander) == DB_TIME_NEVER);
-	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_HOME_STOP, 0), DB_WRITE_LATER);
 	assert_true(db_commander_next_deadline(fake.commander) == fake.now + 40 * MS);
 	fake.now += 40 * MS - 1;
 	db_commander_expire(fake.commander, fake.now);
@@ -514,7 +531,7 @@ static void late_confirmation_is_answered_05(void **state)
 	assert_true(db_commander_next_deadline(fake.commander) == DB_TIME_NEVER);
 	assert_int_equal(look(&fake).result, DB_RESULT_PENDING);
 	assert_true(look(&fake).busy);
-	assert_int_equal(look(&fake).active_command, DB_CMD_HOME);
+	assert_int_equal(look(&fake).active_command, DB_CMD_HOME_STOP);
 	fake.now += 20 * MS;
 	finish(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 1);
@@ -548,12 +565,12 @@ static void old_completions_do_not_overwrite_newer_results(void **state)
 	FAKE(false);
 	pass_baseline(&fake, 1);
 	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), DB_WRITE_LATER);
-	assert_int_equal(put(&fake, 3, DB_CMD_MOVE_ABSOLUTE, 5), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 3, DB_CMD_SET_POSITION, 5), DB_WRITE_LATER);
 	assert_int_equal(look(&fake).active_command, DB_CMD_HOME);
 	finish(&fake, 0, DB_RESULT_CANCELLED);
 	assert_int_equal(look(&fake).result, DB_RESULT_PENDING);
 	assert_int_equal(look(&fake).result_id, 3);
-	assert_int_equal(look(&fake).active_command, DB_CMD_MOVE_ABSOLUTE);
+	assert_int_equal(look(&fake).active_command, DB_CMD_SET_POSITION);
 	assert_int_equal(fake.answered_token[0], 2);
 	assert_int_equal(fake.answered_with[0], FAILURE);
 	finish(&fake, 1, DB_RESULT_OK);
@@ -632,9 +649,203 @@ static void outside_commands_leave_the_block_alone(void **state)
 	drop(&fake);
 }
 
+/* --- motions to their end ------------------------------------------------------------------------------------- */
+
+static void set_axis(struct fake *fake, enum db_axis_state state, uint32_t status, int32_t position)
+{
+	struct db_snapshot snapshot = {
+		.feedback = {
+			.state = (uint16_t)state,
+			.status = DB_STATUS_BUS_UP | DB_STATUS_ONLINE | status,
+			.taken = fake->now,
+			.position = position,
+			.has_target = true,
+			.target = 1000,
+		},
+	};
+
+	db_axis_publish(fake->axis, &snapshot);
+}
+
+static void let_pass(struct fake *fake, db_time span)
+{
+	db_time end = fake->now + span;
+
+	while (db_commander_next_deadline(fake->commander) <= end) {
+		fake->now = db_commander_next_deadline(fake->commander);
+		db_commander_expire(fake->commander, fake->now);
+	}
+	fake->now = end;
+}
+
+static void result_follows_a_move_to_its_end(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	/* Its writer has his answer; the motion goes on. */
+	assert_int_equal(fake.answered_with[0], 0);
+	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_false(look(&fake).done);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_DISCRETE_MOTION, DB_STATUS_MOVING, 500);
+	let_pass(&fake, 500 * MS);
+	assert_false(look(&fake).done);
+	/* The same id again: it was accepted, and nothing is sent. */
+	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_ABSOLUTE, 1000), 0);
+	assert_int_equal(fake.submitted, 1);
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 50 * MS);
+	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_true(look(&fake).done);
+	assert_false(look(&fake).aborted);
+	assert_false(look(&fake).busy);
+	assert_true(db_commander_next_deadline(fake.commander) == DB_TIME_NEVER);
+	drop(&fake);
+}
+
+static void old_data_ends_no_move(void **state)
+{
+	FAKE(false);
+	set_axis(&fake, DB_AXIS_STANDSTILL, DB_STATUS_AT_TARGET, 1000);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	fake.now += MS;
+	finish(&fake, 0, DB_RESULT_OK);
+	let_pass(&fake, 1000 * MS);
+	assert_false(look(&fake).done);
+	drop(&fake);
+}
+
+static void a_move_that_stops_elsewhere_has_failed(void **state)
+{
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 900);
+	let_pass(&fake, 190 * MS);
+	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	let_pass(&fake, 60 * MS);
+	assert_int_equal(look(&fake).result, DB_RESULT_FAILED);
+	assert_false(look(&fake).done);
+	drop(&fake);
+}
+
+static void a_new_command_aborts_the_motion(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 7, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(put(&fake, 8, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_true(look(&fake).aborted);
+	assert_int_equal(look(&fake).aborted_id, 7);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_int_equal(look(&fake).result_id, 8);
+	assert_false(look(&fake).done);
+	/* What moves nothing aborts nothing. */
+	assert_int_equal(put(&fake, 9, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	assert_false(look(&fake).aborted);
+	finish(&fake, 2, DB_RESULT_OK);
+	assert_int_equal(put(&fake, 10, DB_CMD_READ_PARAMETERS, 0), DB_WRITE_LATER);
+	assert_false(look(&fake).aborted);
+	drop(&fake);
+}
+
+static void homing_ends_homed_or_failed(void **state)
+{
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_HOMING, 0, 5);
+	let_pass(&fake, 100 * MS);
+	assert_false(look(&fake).done);
+	set_axis(&fake, DB_AXIS_STANDSTILL, DB_STATUS_HOMED, 0);
+	let_pass(&fake, 100 * MS);
+	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_true(look(&fake).done);
+	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 3);
+	let_pass(&fake, 100 * MS);
+	assert_int_equal(look(&fake).result, DB_RESULT_FAILED);
+	drop(&fake);
+}
+
+/* --- limits --------------------------------------------------------------------------------------------------- */
+
+static int move(struct fake *fake, enum db_command code, int32_t position, float velocity)
+{
+	struct db_args args = { .target_position = position, .target_velocity = velocity };
+
+	return db_commander_execute(fake->commander, code, &args, (struct db_write_token){ 0 },
+	                            fake->now);
+}
+
+/* Ten counts a unit: -5..100 units, 20 units per second. The drive stands at 500 counts. */
+static void limits_at_the_door(void **state)
+{
+	static const struct {
+		enum db_command command;
+		int32_t position;
+		float velocity;
+		enum db_limit limit;
+	} cases[] = {
+		{ DB_CMD_MOVE_ABSOLUTE, 1000, 200.0f, DB_LIMIT_NONE },
+		{ DB_CMD_MOVE_ABSOLUTE, 1001, 200.0f, DB_LIMIT_MAX_POSITION },
+		{ DB_CMD_MOVE_ABSOLUTE, -50, 200.0f, DB_LIMIT_NONE },
+		{ DB_CMD_MOVE_ABSOLUTE, -51, 200.0f, DB_LIMIT_MIN_POSITION },
+		{ DB_CMD_MOVE_ABSOLUTE, 0, 200.5f, DB_LIMIT_MAX_VELOCITY },
+		{ DB_CMD_MOVE_ABSOLUTE, 0, 0.0f, DB_LIMIT_MAX_VELOCITY }, /* unknown preset */
+		{ DB_CMD_MOVE_RELATIVE, 500, 1.0f, DB_LIMIT_NONE },
+		{ DB_CMD_MOVE_RELATIVE, 501, 1.0f, DB_LIMIT_MAX_POSITION },
+		{ DB_CMD_MOVE_RELATIVE, -551, 1.0f, DB_LIMIT_MIN_POSITION },
+		{ DB_CMD_MOVE_VELOCITY, 0, -200.0f, DB_LIMIT_NONE },
+		{ DB_CMD_MOVE_VELOCITY, 0, -201.0f, DB_LIMIT_MAX_VELOCITY },
+		{ DB_CMD_MOVE_VELOCITY, 0, 0.0f, DB_LIMIT_NONE },
+		{ DB_CMD_MOVE_PRESET, 0, 0.0f, DB_LIMIT_MAX_VELOCITY },
+	};
+	unsigned submitted = 0;
+
+	FAKE(false);
+	fake.drive.min_position = -5.0;
+	fake.drive.max_position = 100.0;
+	fake.drive.max_velocity = 20.0;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 500);
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		int answer = move(&fake, cases[i].command, cases[i].position, cases[i].velocity);
+
+		assert_int_equal(look(&fake).result_limit, cases[i].limit);
+		if (cases[i].limit == DB_LIMIT_NONE) {
+			assert_int_equal(answer, DB_WRITE_LATER);
+			finish(&fake, submitted++, DB_RESULT_REFUSED);
+		} else {
+			assert_int_equal(answer, ILLEGAL_VALUE);
+			assert_int_equal(look(&fake).result, DB_RESULT_LIMIT);
+		}
+		assert_int_equal(fake.submitted, submitted);
+	}
+	/* Beyond a limit already: back, but not further out. */
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1200);
+	assert_int_equal(move(&fake, DB_CMD_MOVE_VELOCITY, 0, 10.0f), ILLEGAL_VALUE);
+	assert_int_equal(look(&fake).result_limit, DB_LIMIT_MAX_POSITION);
+	assert_int_equal(move(&fake, DB_CMD_MOVE_VELOCITY, 0, -10.0f), DB_WRITE_LATER);
+	drop(&fake);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(result_follows_a_move_to_its_end),
+		cmocka_unit_test(old_data_ends_no_move),
+		cmocka_unit_test(a_move_that_stops_elsewhere_has_failed),
+		cmocka_unit_test(a_new_command_aborts_the_motion),
+		cmocka_unit_test(homing_ends_homed_or_failed),
+		cmocka_unit_test(limits_at_the_door),
 		cmocka_unit_test(id_0_executes_each_time),
 		cmocka_unit_test(first_id_is_only_the_baseline),
 		cmocka_unit_test(id_0_leaves_the_baseline_open),

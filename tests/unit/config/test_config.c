@@ -4,6 +4,7 @@
 #include "config/text.h"
 #include "drivebridge/driver.h"
 
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdint.h>
@@ -476,7 +477,8 @@ static void expect_range(const struct db_config_key *key)
 	expect_key(key, text, true);
 	snprintf(text, sizeof(text), "%.17g", real ? max * 1.001 : max + 1);
 	expect_key(key, text, false);
-	snprintf(text, sizeof(text), "%.17g", real ? min * 0.999 : min - 1);
+	snprintf(text, sizeof(text), "%.17g",
+	         real && fabs(min) > 0 ? min - 0.001 * fabs(min) : min - 1);
 	expect_key(key, text, false);
 	expect_key(key, "one", false);
 	expect_key(key, "\"\"", false);

@@ -9,6 +9,7 @@
 #include "codec/vsmd.h"
 #include "driver/list.h"
 
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -60,6 +61,8 @@ static struct fixture *make(double standard, double report_ms)
 	f->bus.options[2] = 1; /* output-base */
 	f->bus.options[3] = report_ms;
 	f->drive.address = 1;
+	f->drive.counts_per_unit = 1.0;
+	f->drive.min_position = f->drive.max_position = NAN;
 	f->exchange.request = f->bytes;
 	f->exchange.request_size = sizeof f->bytes;
 	f->now = 1000 * MS;

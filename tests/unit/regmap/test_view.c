@@ -3,6 +3,7 @@
 #include "drivebridge/registers.h"
 #include "drivebridge/version.h"
 
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -148,6 +149,10 @@ static void make(struct fake *fake)
 			.unit = i + 1,
 			.counts_per_unit = 640.0,
 			.unit_name = unit_name,
+			.min_position = NAN,
+			.max_position = NAN,
+			.max_velocity = NAN,
+			.max_acceleration = NAN,
 		};
 		fake->axes[i] = db_axis_new();
 	}
@@ -349,7 +354,7 @@ static void registers_that_do_not_exist(void **state)
 	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 36, 1), ILLEGAL_ADDRESS);
 	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 30, 10), ILLEGAL_ADDRESS);
 	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 65535, 125), ILLEGAL_ADDRESS);
-	assert_int_equal(try_get(&fake, DB_TABLE_DISCRETE, 14, 2), ILLEGAL_ADDRESS);
+	assert_int_equal(try_get(&fake, DB_TABLE_DISCRETE, 16, 2), ILLEGAL_ADDRESS);
 	assert_int_equal(try_get(&fake, DB_TABLE_COILS, 0, 7), ILLEGAL_ADDRESS);
 	/* Input registers: what can be written is none. */
 	assert_int_equal(try_get(&fake, DB_TABLE_INPUT, 0, 32), 0);
@@ -491,6 +496,8 @@ static void bits(void **state)
 
 static void a_block_is_one_command(void **state)
 {
+	struct db_snapshot snapshot;
+
 	FAKE();
 	assert_int_equal(
 		put_words(&fake, 100, 6, 0, DB_CMD_MOVE_ABSOLUTE, 0xFFFF, 0xFFFE, 0x42C8, 0),
@@ -505,9 +512,18 @@ static void a_block_is_one_command(void **state)
 	finish(&fake, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 1);
 	assert_int_equal(fake.answered_with, 0);
+	/* It has begun; now it goes on to its end. */
+	assert_int_equal(get1(&fake, 1, 23), DB_RESULT_OK);
+	assert_false(get2(&fake, 1, 2) & DB_STATUS_DONE);
+	fake.now += 20 * MS;
+	snapshot = usual(&fake);
+	snapshot.feedback.status |= DB_STATUS_AT_TARGET;
+	db_axis_publish(fake.axes[0], &snapshot);
+	db_registers_expire(fake.registers, fake.now);
 	assert_int_equal(get1(&fake, 1, 23), DB_RESULT_OK);
 	assert_int_equal(get1(&fake, 1, 25), DB_CMD_MOVE_ABSOLUTE);
 	assert_false(get2(&fake, 1, 2) & DB_STATUS_BUSY);
+	assert_true(get2(&fake, 1, 2) & DB_STATUS_DONE);
 	assert_int_equal((int32_t)get2(&fake, 1, 102), -2);
 	drop(&fake);
 }
@@ -536,7 +552,7 @@ static void writes_that_are_refused(void **state)
 	/* Read-only, and nothing there */
 	assert_int_equal(put_words(&fake, 0, 1, 0), ILLEGAL_ADDRESS);
 	assert_int_equal(put_words(&fake, 31, 3, 0, 0, 0), ILLEGAL_ADDRESS);
-	assert_int_equal(put_words(&fake, 119, 2, 0, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(put_words(&fake, 121, 2, 0, 0), ILLEGAL_ADDRESS);
 	assert_int_equal(put_words(&fake, 1000, 1, 0), ILLEGAL_ADDRESS);
 	/* Commands */
 	assert_int_equal(put_words(&fake, 101, 1, 63), ILLEGAL_VALUE);

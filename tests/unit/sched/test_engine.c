@@ -6,6 +6,7 @@
 #include "codec/vsmd_serial.h"
 #include "sched/engine.h"
 
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -159,6 +160,9 @@ static int setup(void **state)
 			.name = (char *)"d",
 			.address = (unsigned)i + 1,
 			.on_exit = DB_ON_LOSS_STOP,
+			.counts_per_unit = 1.0,
+			.min_position = NAN,
+			.max_position = NAN,
 		};
 		world->drive_list[i] = &world->drives[i];
 		world->axes[i] = db_axis_new();

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=sh
+#
+# Simulated drives and Modbus requests, from the installed packages alone.
+
+MAP=/usr/share/doc/drivebridge/register-map.csv
+COMMANDS=/usr/share/doc/drivebridge/commands.csv
+# shellcheck disable=SC2034 # for the tests
+EXAMPLES=/usr/share/doc/drivebridge-sim/examples
+
+# The 0-based address of a register of a drive.
+address() {
+	awk -F, -v name="$1" '$1 == "drive" && $2 == "holding" && $5 == name {
+		print $3; found = 1; exit } END { exit !found }' "$MAP"
+}
+
+code() {
+	awk -F, -v name="$1" '$2 == name { print $1; found = 1; exit } END { exit !found }' "$COMMANDS"
+}
+
+# until_true SECONDS WHAT COMMAND...
+until_true() {
+	end=$(($(date +%s) + $1))
+	what=$2
+	shift 2
+	until "$@" >/dev/null 2>&1; do
+		if [ "$(date +%s)" -gt "$end" ]; then
+			echo "not within the time: $what"
+			return 1
+		fi
+		sleep 0.1
+	done
+}
+
+# read_i32 PORT UNIT REGISTER
+read_i32() {
+	mbpoll -q -0 -1 -p "$1" -a "$2" -t 4:int -B -r "$(address "$3")" 127.0.0.1 |
+		sed -n 's/^\[[0-9]*\]:[[:space:]]*//p'
+}
+
+read_u16() {
+	mbpoll -q -0 -1 -p "$1" -a "$2" -r "$(address "$3")" 127.0.0.1 |
+		sed -n 's/^\[[0-9]*\]:[[:space:]]*//p'
+}
+
+# command PORT UNIT NAME [ARGUMENT WORDS...]
+command_drive() {
+	port=$1 unit=$2 name=$3
+	shift 3
+	mbpoll -q -0 -1 -p "$port" -a "$unit" -r "$(address command_id)" 127.0.0.1 0 \
+		"$(code "$name")" "$@" >/dev/null
+}
+
+is_at() {
+	[ "$(read_i32 "$1" "$2" position)" = "$3" ]
+}
+
+is_online() {
+	[ "$(read_u16 "$1" "$2" axis_state)" -ne 0 ]
+}
+
+# move_and_check PORT UNIT: enable, go to 70000, be there, disable.
+move_and_check() {
+	until_true 15 "drive $2 online" is_online "$1" "$2"
+	command_drive "$1" "$2" enable
+	command_drive "$1" "$2" move_absolute 1 4464 # 65536 + 4464
+	until_true 30 "drive $2 at 70000" is_at "$1" "$2" 70000
+	echo "drive $2 is at $(read_i32 "$1" "$2" position)"
+	command_drive "$1" "$2" disable
+}

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+#
+# Clean roots of Debian releases, one for each release and architecture to build for: unpacked once
+# with debootstrap, with the build dependencies in it. A build gets a copy of nothing: it has its own
+# folder, bound to /build.
+
+MOUNTED=()
+
+# Unmounts what a build has mounted.
+leave_roots() {
+	local i
+
+	for ((i = ${#MOUNTED[@]} - 1; i >= 0; i--)); do
+		as_root umount "${MOUNTED[i]}" || as_root umount -l "${MOUNTED[i]}"
+	done
+	MOUNTED=()
+}
+
+# in_chroot ROOT COMMAND...
+in_chroot() {
+	local root=$1
+
+	shift
+	as_root env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root TZ=UTC LC_ALL=C.UTF-8 \
+		DEBIAN_FRONTEND=noninteractive chroot "$root" "$@"
+}
+
+# What the root's tools need of the machine.
+enter_root() {
+	local root=$1
+
+	as_root mount -t proc proc "$root/proc"
+	MOUNTED+=("$root/proc")
+	as_root mount -t devpts -o newinstance,ptmxmode=666,mode=620 devpts "$root/dev/pts"
+	MOUNTED+=("$root/dev/pts")
+	as_root mount -t tmpfs shm "$root/dev/shm"
+	MOUNTED+=("$root/dev/shm")
+	[ -L "$root/dev/ptmx" ] || as_root ln -sf pts/ptmx "$root/dev/ptmx"
+	as_root cp /etc/resolv.conf /etc/hosts "$root/etc/"
+}
+
+write_sources() {
+	local dist=$1 mirror=${DRIVEBRIDGE_MIRROR:-http://deb.debian.org/debian}
+
+	printf 'deb %s %s main\n' "$mirror" "$dist" "$mirror" "$dist-updates" \
+		"${mirror%/}-security" "$dist-security"
+}
+
+# What a root for ARCH has beside the build dependencies.
+extra_packages() {
+	case $1 in
+	"$(dpkg --print-architecture)") echo build-essential fakeroot ;;
+	*) echo "crossbuild-essential-$1" "libc6-dev:$1" fakeroot qemu-user ;;
+	esac
+}
+
+# root_for DIST ARCH: makes the root if it is not there, and brings it up to date.
+root_for() {
+	local dist=$1 arch=$2 root=$ROOTS/$1-$2 native packages
+
+	native=$(dpkg --print-architecture)
+	if [ ! -e "$root/.complete" ]; then
+		need_packages debootstrap
+		say "making the root $root"
+		as_root rm -rf "$root"
+		mkdir -p "$ROOTS"
+		as_root debootstrap --variant=minbase "$dist" "$root" \
+			"${DRIVEBRIDGE_MIRROR:-http://deb.debian.org/debian}" >"$ROOTS/$dist-$arch.log"
+		write_sources "$dist" | as_root tee "$root/etc/apt/sources.list" >/dev/null
+		as_root touch "$root/.complete"
+	fi
+	enter_root "$root"
+	[ "$arch" = "$native" ] || in_chroot "$root" dpkg --add-architecture "$arch"
+	in_chroot "$root" apt-get -q update
+	in_chroot "$root" apt-get -q -y --no-install-recommends dist-upgrade
+	read -ra packages <<<"$(extra_packages "$arch")"
+	in_chroot "$root" apt-get -q -y --no-install-recommends install "${packages[@]}"
+	leave_roots
+}
+
+# in_root DIST ARCH FOLDER SOURCE: builds FOLDER/SOURCE in its root.
+in_root() {
+	local dist=$1 arch=$2 folder=$3 source=$4 root=$ROOTS/$1-$2
+
+	enter_root "$root"
+	as_root mkdir -p "$root/build"
+	as_root mount --bind "$folder" "$root/build"
+	MOUNTED+=("$root/build")
+	in_chroot "$root" apt-get -q -y --no-install-recommends -a "$arch" build-dep "/build/$source"
+	# Tests open ptys and listen on loopback; nothing of the build needs root.
+	in_chroot "$root" sh -c "id builder >/dev/null 2>&1 || useradd --create-home builder
+		chown -R builder: /build"
+	in_chroot "$root" setpriv --reuid=builder --regid=builder --init-groups env HOME=/home/builder \
+		DEB_BUILD_OPTIONS="${DEB_BUILD_OPTIONS:-parallel=$(nproc)}" \
+		sh -c "cd '/build/$source' && dpkg-buildpackage -us -uc --host-arch '$arch'"
+	leave_roots
+	as_root chown -R "$(id -u):$(id -g)" "$folder"
+}

@@ -1,0 +1,96 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "axis/follow.h"
+
+#include <math.h>
+
+bool db_follow_applies(enum db_command command)
+{
+	switch (command) {
+	case DB_CMD_MOVE_ABSOLUTE:
+	case DB_CMD_MOVE_RELATIVE:
+	case DB_CMD_HOME:
+	case DB_CMD_SHAKE_START:
+	case DB_CMD_SHAKE_START_TIME:
+		return true;
+	default:
+		return false;
+	}
+}
+
+void db_follow_begin(struct db_follow *follow, enum db_command command, uint32_t ticket,
+                     uint16_t id, db_time now)
+{
+	*follow = (struct db_follow){
+		.active = true,
+		.command = command,
+		.ticket = ticket,
+		.id = id,
+		.since = now,
+	};
+}
+
+static enum db_result look_at_homing(const struct db_feedback *feedback)
+{
+	if (feedback->state == DB_AXIS_HOMING || (feedback->status & DB_STATUS_MOVING))
+		return DB_RESULT_PENDING;
+	return feedback->status & DB_STATUS_HOMED ? DB_RESULT_OK : DB_RESULT_FAILED;
+}
+
+static bool is_there(const struct db_feedback *feedback, double window)
+{
+	if (feedback->status & DB_STATUS_AT_TARGET)
+		return true;
+	return feedback->has_target &&
+	       fabs((double)feedback->position - (double)feedback->target) <= window;
+}
+
+static enum db_result look_at_move(struct db_follow *follow, const struct db_follow_config *config,
+                                   const struct db_feedback *feedback, db_time now)
+{
+	if (feedback->status & DB_STATUS_MOVING) {
+		follow->standing_since = follow->there_since = 0;
+		return DB_RESULT_PENDING;
+	}
+	if (follow->standing_since == 0)
+		follow->standing_since = now;
+	if (!is_there(feedback, config->window)) {
+		follow->there_since = 0;
+		return now - follow->standing_since >= config->patience ? DB_RESULT_FAILED :
+		                                                          DB_RESULT_PENDING;
+	}
+	if (follow->there_since == 0)
+		follow->there_since = now;
+	return now - follow->there_since >= config->settling ? DB_RESULT_OK : DB_RESULT_PENDING;
+}
+
+static enum db_result look(struct db_follow *follow, const struct db_follow_config *config,
+                           const struct db_feedback *feedback, db_time now)
+{
+	if (!(feedback->status & DB_STATUS_ONLINE))
+		return DB_RESULT_INDETERMINATE;
+	if (feedback->taken <= follow->since)
+		return DB_RESULT_PENDING;
+	if (feedback->state == DB_AXIS_ERROR_STOP)
+		return DB_RESULT_FAILED;
+	if (feedback->state == DB_AXIS_DISABLED)
+		return DB_RESULT_CANCELLED;
+	switch (follow->command) {
+	case DB_CMD_HOME:
+		return look_at_homing(feedback);
+	case DB_CMD_SHAKE_START:
+	case DB_CMD_SHAKE_START_TIME:
+		return feedback->status & DB_STATUS_MOVING ? DB_RESULT_PENDING : DB_RESULT_OK;
+	default:
+		return look_at_move(follow, config, feedback, now);
+	}
+}
+
+enum db_result db_follow_look(struct db_follow *follow, const struct db_follow_config *config,
+                              const struct db_feedback *feedback, db_time now)
+{
+	enum db_result result = look(follow, config, feedback, now);
+
+	if (result != DB_RESULT_PENDING)
+		follow->active = false;
+	return result;
+}

@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Follows a motion that a drive has begun to its end, so that `result` can tell it. Pure; `now` is
+ * passed in.
+ */
+#ifndef DRIVEBRIDGE_AXIS_FOLLOW_H
+#define DRIVEBRIDGE_AXIS_FOLLOW_H
+
+#include "drivebridge/axis.h"
+#include "drivebridge/command.h"
+#include "drivebridge/result.h"
+
+struct db_follow_config {
+	double window;    /* drive units around the target that count as there */
+	db_time settling; /* how long it must stand there */
+	db_time patience; /* a drive that stands elsewhere for so long will not arrive any more */
+};
+
+struct db_follow {
+	bool active;
+	enum db_command command;
+	uint32_t ticket; /* of the command that began it */
+	uint16_t id;
+	db_time since;          /* data must be younger */
+	db_time standing_since; /* 0: it moves */
+	db_time there_since;    /* 0: it is not at the target */
+};
+
+/* Whether a command begins something that has an end of its own. */
+bool db_follow_applies(enum db_command command);
+
+void db_follow_begin(struct db_follow *follow, enum db_command command, uint32_t ticket,
+                     uint16_t id, db_time now);
+
+/* PENDING while it goes on; else how it ended, and it is not followed any more. */
+enum db_result db_follow_look(struct db_follow *follow, const struct db_follow_config *config,
+                              const struct db_feedback *feedback, db_time now);
+
+#endif

@@ -1,0 +1,95 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "axis/limits.h"
+
+#include <math.h>
+
+static const char *const names[DB_LIMIT_COUNT] = {
+	[DB_LIMIT_NONE] = "none",
+	[DB_LIMIT_MIN_POSITION] = "min_position",
+	[DB_LIMIT_MAX_POSITION] = "max_position",
+	[DB_LIMIT_MAX_VELOCITY] = "max_velocity",
+	[DB_LIMIT_MAX_ACCELERATION] = "max_acceleration",
+};
+
+const char *db_limit_name(uint16_t limit)
+{
+	return limit < DB_LIMIT_COUNT ? names[limit] : "unknown";
+}
+
+/* Limits that are not set are NAN, and no comparison with that is true. */
+
+static enum db_limit check_position(const struct db_drive_config *drive, double counts)
+{
+	double units = counts / drive->counts_per_unit;
+
+	if (units < drive->min_position)
+		return DB_LIMIT_MIN_POSITION;
+	return units > drive->max_position ? DB_LIMIT_MAX_POSITION : DB_LIMIT_NONE;
+}
+
+static enum db_limit check_velocity(const struct db_drive_config *drive, double counts)
+{
+	return fabs(counts / drive->counts_per_unit) > drive->max_velocity ? DB_LIMIT_MAX_VELOCITY :
+	                                                                     DB_LIMIT_NONE;
+}
+
+static enum db_limit check_preset(const struct db_drive_config *drive,
+                                  const struct db_limit_facts *facts)
+{
+	if (isnan(drive->max_velocity))
+		return DB_LIMIT_NONE;
+	return facts->has_preset ? check_velocity(drive, (double)facts->preset_velocity) :
+	                           DB_LIMIT_MAX_VELOCITY;
+}
+
+/* Beyond a limit already, and on the way further out. */
+static enum db_limit check_direction(const struct db_drive_config *drive, double velocity,
+                                     const struct db_limit_facts *facts)
+{
+	enum db_limit broken = check_position(drive, (double)facts->position);
+
+	if ((broken == DB_LIMIT_MIN_POSITION && velocity < 0.0) ||
+	    (broken == DB_LIMIT_MAX_POSITION && velocity > 0.0))
+		return broken;
+	return DB_LIMIT_NONE;
+}
+
+static enum db_limit first_of(enum db_limit a, enum db_limit b)
+{
+	return a != DB_LIMIT_NONE ? a : b;
+}
+
+enum db_limit db_limits_command(const struct db_drive_config *drive, enum db_command command,
+                                const struct db_args *args, const struct db_limit_facts *facts)
+{
+	double velocity = (double)args->target_velocity;
+	double target = (double)args->target_position;
+	enum db_limit speed = velocity > 0.0 || velocity < 0.0 ? check_velocity(drive, velocity) :
+	                                                         check_preset(drive, facts);
+
+	switch (command) {
+	case DB_CMD_MOVE_ABSOLUTE:
+		return first_of(check_position(drive, target), speed);
+	case DB_CMD_MOVE_RELATIVE:
+		return first_of(check_position(drive, (double)facts->position + target), speed);
+	case DB_CMD_MOVE_VELOCITY:
+		return first_of(check_velocity(drive, velocity),
+		                check_direction(drive, velocity, facts));
+	case DB_CMD_MOVE_PRESET:
+		return first_of(check_preset(drive, facts),
+		                check_direction(drive, (double)facts->preset_velocity, facts));
+	case DB_CMD_SHAKE_START:
+	case DB_CMD_SHAKE_START_TIME:
+		return first_of(check_position(drive, (double)args->shake_start_position),
+		                check_position(drive, (double)args->shake_end_position));
+	default:
+		return DB_LIMIT_NONE;
+	}
+}
+
+enum db_limit db_limits_acceleration(const struct db_drive_config *drive, double acceleration)
+{
+	return fabs(acceleration / drive->counts_per_unit) > drive->max_acceleration ?
+	               DB_LIMIT_MAX_ACCELERATION :
+	               DB_LIMIT_NONE;
+}

@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Limits of the configuration, checked before a command reaches the bus. Pure. */
+#ifndef DRIVEBRIDGE_AXIS_LIMITS_H
+#define DRIVEBRIDGE_AXIS_LIMITS_H
+
+#include "drivebridge/command.h"
+#include "drivebridge/config.h"
+
+/* Values of the `result_limit` register: part of the contract, append only. */
+enum db_limit {
+	DB_LIMIT_NONE = 0,
+	DB_LIMIT_MIN_POSITION = 1,
+	DB_LIMIT_MAX_POSITION = 2,
+	DB_LIMIT_MAX_VELOCITY = 3,
+	DB_LIMIT_MAX_ACCELERATION = 4,
+};
+#define DB_LIMIT_COUNT 5
+const char *db_limit_name(uint16_t limit); /* "none", "min_position" ...; "unknown" */
+
+/* What is known of the drive when a command comes. */
+struct db_limit_facts {
+	int32_t position;      /* drive units */
+	bool has_preset;       /* preset_velocity is known */
+	float preset_velocity; /* what a move without a velocity runs at, drive units per second */
+};
+
+/*
+ * The limit that the command would break, or NONE. A move at a preset that is not known breaks a
+ * limit of the velocity. A velocity move breaks a limit of the position when the drive is beyond it
+ * already and would go further.
+ */
+enum db_limit db_limits_command(const struct db_drive_config *drive, enum db_command command,
+                                const struct db_args *args, const struct db_limit_facts *facts);
+
+/* Likewise for an acceleration, in drive units per second squared. */
+enum db_limit db_limits_acceleration(const struct db_drive_config *drive, double acceleration);
+
+#endif

@@ -1,0 +1,527 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "regmap/vsmd_view.h"
+
+#include "regmap/view.h"
+#include "regmap/vsmd_layout.h"
+#include "regmap/words.h"
+
+#include <modbus.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* The sensor ports that the map packs into one register. */
+#define PORTS 6
+
+/* Names no client: what is answered to it is dropped. */
+static const struct db_write_token nobody = { .client = 0 };
+
+/* A command that waits for the parameters of the same write. */
+struct chain {
+	uint32_t ticket; /* of the parameters; 0 = there is none */
+	enum db_command command;
+	struct db_args args;
+	struct db_write_token token;
+	bool waits; /* the writer was not answered yet */
+	bool dead;  /* a stop came in between */
+};
+
+struct vsmd_view {
+	struct vsmd_kept kept;
+	uint32_t last_ticket; /* of the drive's latest request, whoever made it */
+	struct chain chain;
+};
+
+struct vsmd_view *vsmd_view_new(const struct db_drive_config *config)
+{
+	struct vsmd_view *view = calloc(1, sizeof *view);
+
+	if (view)
+		view->kept.mbs = config->vendor_high_first;
+	return view;
+}
+
+void vsmd_view_free(struct vsmd_view *view)
+{
+	free(view);
+}
+
+/* --- the rows of a request --------------------------------------------------------------------------- */
+
+struct span {
+	const struct vsmd_row *rows;
+	size_t count;
+};
+
+/* The rows that cover the addresses. Rows have no holes, so only the ends decide. */
+static uint8_t find_span(enum db_table table, uint16_t address, uint16_t count, struct span *span)
+{
+	size_t total;
+	const struct vsmd_row *rows = vsmd_layout_rows(table, &total);
+	size_t end = (size_t)address + count;
+	struct db_cell last;
+	size_t first = 0;
+
+	if (!rows || count == 0)
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	last = vsmd_layout_cell(&rows[total - 1]);
+	if (end > (size_t)last.address + last.registers)
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	while (first + 1 < total && rows[first + 1].row.address <= address)
+		first++;
+	span->rows = &rows[first];
+	span->count = 1;
+	while (first + span->count < total && rows[first + span->count].row.address < end)
+		span->count++;
+	return 0;
+}
+
+/* Half of a 32-bit value cannot be written. */
+static bool is_whole(const struct span *span, uint16_t address, uint16_t count)
+{
+	struct db_cell last = vsmd_layout_cell(&span->rows[span->count - 1]);
+
+	return span->rows[0].row.address == address &&
+	       last.address + last.registers == address + count;
+}
+
+/* How many of the drive's parameters, from row->param on, the row shows. */
+static unsigned params_of(const struct vsmd_row *row)
+{
+	switch (row->content) {
+	case VSMD_PARAM:
+		return 1;
+	case VSMD_EVENTS:
+		return 2;
+	case VSMD_MODES:
+		return PORTS;
+	default:
+		return 0;
+	}
+}
+
+/* --- reading ------------------------------------------------------------------------------------------- */
+
+static bool has_param(const struct db_nameplate *plate, unsigned param)
+{
+	return plate->valid >> param & 1;
+}
+
+/* Everything was read since the drive came, so what is missing does not exist. */
+static bool is_known(const struct db_feedback *feedback)
+{
+	uint32_t wanted = DB_STATUS_ONLINE | DB_STATUS_PARAMS_VALID;
+
+	return (feedback->status & wanted) == wanted;
+}
+
+/* Old data is never shown as fresh. */
+static uint8_t check_row(const struct view_drive *drive, const struct vsmd_row *row,
+                         const struct db_drive_image *image)
+{
+	bool stale_values = drive->registers->config->modbus.stale_values;
+	const struct db_feedback *feedback = &image->feedback;
+	bool online = (feedback->status & DB_STATUS_ONLINE) && feedback->taken != 0;
+
+	if (row->content == VSMD_MEASURED)
+		return online || stale_values ? 0 : view_unreachable(feedback);
+	if (is_known(feedback))
+		return 0;
+	for (unsigned i = 0; i < params_of(row); i++) {
+		if (!stale_values || !has_param(&image->plate, row->param + i))
+			return view_unreachable(feedback);
+	}
+	return 0;
+}
+
+/* 0 when the drive does not have it. */
+static uint32_t param_word(const struct db_nameplate *plate, unsigned param)
+{
+	return has_param(plate, param) ? plate->values[param].u : 0;
+}
+
+/* The first character in the low byte. */
+static void encode_version(const struct db_nameplate *plate, uint16_t *words)
+{
+	bool ended = false;
+
+	for (size_t i = 0; i < 2 * VSMD_VERSION_REGISTERS; i++) {
+		unsigned character = ended ? 0 : (unsigned char)plate->identity[i];
+
+		ended = character == 0;
+		if (i % 2 == 0)
+			words[i / 2] = (uint16_t)character;
+		else
+			words[i / 2] = (uint16_t)(words[i / 2] | character << 8);
+	}
+}
+
+static void encode_row(const struct vsmd_view *view, const struct vsmd_row *row,
+                       const struct db_drive_image *image, uint16_t *words)
+{
+	struct db_cell cell = vsmd_layout_cell(row);
+	bool low_first = view->kept.mbs == 0;
+	const struct db_nameplate *plate = &image->plate;
+	union db_value value;
+	unsigned bits = 0;
+
+	switch (row->content) {
+	case VSMD_KEPT:
+		db_words_encode(&cell, &view->kept, low_first, words);
+		break;
+	case VSMD_MEASURED:
+		db_words_encode(&cell, image, low_first, words);
+		break;
+	case VSMD_PARAM:
+		value.u = param_word(plate, row->param);
+		cell.flags = DB_ROW_PARAM; /* 32 bits wide whatever the type */
+		db_words_encode(&cell, &value, low_first, words);
+		break;
+	case VSMD_MODES:
+		for (unsigned i = 0; i < PORTS; i++)
+			bits |= (param_word(plate, row->param + i) & 1) << i;
+		words[0] = (uint16_t)bits;
+		break;
+	case VSMD_EVENTS:
+		words[0] = (uint16_t)(param_word(plate, row->param) << 8 |
+		                      param_word(plate, row->param + 1u));
+		break;
+	case VSMD_VERSION:
+		encode_version(plate, words);
+		break;
+	case VSMD_RESERVED:
+		words[0] = 0;
+		break;
+	}
+}
+
+static unsigned parts_of(const struct span *span)
+{
+	unsigned parts = DB_PART_PROCESS;
+
+	for (size_t i = 0; i < span->count; i++) {
+		if (params_of(&span->rows[i]) > 0 || span->rows[i].content == VSMD_VERSION)
+			parts |= DB_PART_PLATE;
+	}
+	return parts;
+}
+
+uint8_t vsmd_view_read(const struct view_drive *drive, enum db_table table, uint16_t address,
+                       uint16_t count, uint16_t *values)
+{
+	struct db_drive_image image;
+	struct span span;
+	uint8_t exception = find_span(table, address, count, &span);
+	uint16_t words[DB_CELL_REGISTERS_MAX];
+
+	if (exception)
+		return exception;
+	view_fill_drive(&image, drive, parts_of(&span));
+	for (size_t i = 0; i < span.count; i++) {
+		exception = check_row(drive, &span.rows[i], &image);
+		if (exception)
+			return exception;
+	}
+	for (size_t i = 0; i < span.count; i++) {
+		struct db_cell cell = vsmd_layout_cell(&span.rows[i]);
+
+		encode_row(drive->vendor, &span.rows[i], &image, words);
+		for (unsigned j = 0; j < cell.registers; j++) {
+			unsigned at = cell.address + j;
+
+			if (at >= address && at < (unsigned)address + count)
+				values[at - address] = words[j];
+		}
+	}
+	return 0;
+}
+
+/* --- what a write asks for ------------------------------------------------------------------------------ */
+
+struct plan {
+	struct vsmd_kept kept; /* with the written registers put over it */
+	bool has_command;      /* these were among them */
+	bool has_pos;
+	enum db_command command; /* NONE: nothing is to be executed */
+	struct db_args args;
+	size_t setting_count;
+	struct db_setting settings[DB_SETTINGS_MAX];
+};
+
+/* What the drive is known to have. */
+struct possible {
+	struct db_nameplate plate;
+	bool known;
+};
+
+static void find_possible(const struct view_drive *drive, struct possible *possible)
+{
+	struct db_snapshot snapshot;
+
+	db_axis_read(drive->axis, &snapshot);
+	db_axis_read_nameplate(drive->axis, &possible->plate);
+	possible->known = is_known(&snapshot.feedback);
+}
+
+static enum db_result add_setting(const struct view_drive *drive, const struct possible *possible,
+                                  unsigned param, union db_value value, struct plan *plan)
+{
+	enum db_result checked;
+
+	if (possible->known && !has_param(&possible->plate, param))
+		return value.u == 0 ? DB_RESULT_OK : DB_RESULT_UNSUPPORTED;
+	checked = drive->driver->check_param(drive->bus, param, value);
+	if (checked == DB_RESULT_OK)
+		plan->settings[plan->setting_count++] = (struct db_setting){
+			.param = (uint16_t)param,
+			.value = value,
+		};
+	return checked;
+}
+
+static enum db_result plan_kept(const struct vsmd_row *row, union db_value value, struct plan *plan)
+{
+	struct db_cell cell = vsmd_layout_cell(row);
+
+	if (cell.offset == offsetof(struct vsmd_kept, command))
+		plan->has_command = true;
+	if (cell.offset == offsetof(struct vsmd_kept, pos))
+		plan->has_pos = true;
+	db_words_store(&cell, value, &plan->kept);
+	return plan->kept.mbs <= 1 ? DB_RESULT_OK : DB_RESULT_OUT_OF_RANGE;
+}
+
+static enum db_result plan_modes(const struct view_drive *drive, const struct possible *possible,
+                                 const struct vsmd_row *row, uint32_t bits, struct plan *plan)
+{
+	enum db_result result = bits >> PORTS ? DB_RESULT_OUT_OF_RANGE : DB_RESULT_OK;
+
+	for (unsigned i = 0; i < PORTS && result == DB_RESULT_OK; i++)
+		result = add_setting(drive, possible, row->param + i,
+		                     (union db_value){ .u = bits >> i & 1 }, plan);
+	return result;
+}
+
+static enum db_result plan_events(const struct view_drive *drive, const struct possible *possible,
+                                  const struct vsmd_row *row, uint32_t word, struct plan *plan)
+{
+	enum db_result result = add_setting(drive, possible, row->param,
+	                                    (union db_value){ .u = word >> 8 }, plan);
+
+	if (result != DB_RESULT_OK)
+		return result;
+	return add_setting(drive, possible, row->param + 1u,
+	                   (union db_value){ .u = word & 0xFF }, plan);
+}
+
+static enum db_result plan_row(const struct view_drive *drive, const struct possible *possible,
+                               const struct vsmd_row *row, const uint16_t *words, struct plan *plan)
+{
+	struct db_cell cell = vsmd_layout_cell(row);
+	union db_value value;
+
+	if (!db_words_decode(&cell, words, drive->vendor->kept.mbs == 0, &value))
+		return DB_RESULT_OUT_OF_RANGE;
+	switch (row->content) {
+	case VSMD_KEPT:
+		return plan_kept(row, value, plan);
+	case VSMD_PARAM:
+		return add_setting(drive, possible, row->param, value, plan);
+	case VSMD_MODES:
+		return plan_modes(drive, possible, row, value.u, plan);
+	case VSMD_EVENTS:
+		return plan_events(drive, possible, row, value.u, plan);
+	default:
+		return value.u == 0 ? DB_RESULT_OK : DB_RESULT_OUT_OF_RANGE;
+	}
+}
+
+static bool is_position_mode(uint16_t code)
+{
+	const struct vsmd_code *entry = vsmd_layout_code(code);
+
+	return entry && (entry->command == DB_CMD_MOVE_ABSOLUTE ||
+	                 entry->command == DB_CMD_MOVE_RELATIVE);
+}
+
+static enum db_result plan_command(const struct view_drive *drive, struct plan *plan)
+{
+	bool moves = plan->has_pos && is_position_mode(plan->kept.command);
+	const struct vsmd_code *entry;
+
+	plan->command = DB_CMD_NONE;
+	/* 0 is what the register holds before the first command: takes position mode off. */
+	if (!(plan->has_command || moves) || plan->kept.command == 0)
+		return DB_RESULT_OK;
+	entry = vsmd_layout_code(plan->kept.command);
+	if (!entry)
+		return DB_RESULT_OUT_OF_RANGE;
+	plan->command = entry->command;
+	plan->args = vsmd_layout_args(entry, &plan->kept);
+	/* The commander checks it too, but parameters would be written by then. */
+	return drive->driver->check(drive->bus, drive->config, plan->command, &plan->args);
+}
+
+static enum db_result plan_registers(const struct view_drive *drive, const struct span *span,
+                                     const uint16_t *values, struct plan *plan)
+{
+	struct possible possible;
+
+	find_possible(drive, &possible);
+	plan->kept = drive->vendor->kept;
+	plan->has_command = false;
+	plan->has_pos = false;
+	plan->setting_count = 0;
+	for (size_t i = 0; i < span->count; i++) {
+		enum db_result result = plan_row(drive, &possible, &span->rows[i], values, plan);
+
+		if (result != DB_RESULT_OK)
+			return result;
+		values += vsmd_layout_cell(&span->rows[i]).registers;
+	}
+	return DB_RESULT_OK;
+}
+
+/* --- carrying it out -------------------------------------------------------------------------------------- */
+
+/* The answer to a write that is on its way, whether or not its writer waits. */
+static bool is_accepted(int answer)
+{
+	return answer <= 0 || answer == MODBUS_EXCEPTION_ACKNOWLEDGE;
+}
+
+static int set(struct view_drive *drive, const struct plan *plan, struct db_write_token token,
+               db_time now)
+{
+	return db_commander_set(drive->commander, plan->settings, plan->setting_count, token, now);
+}
+
+/* Both in one write: the parameters first, because the command is to run with them. */
+static int begin_chain(struct view_drive *drive, const struct plan *plan,
+                       struct db_write_token token, db_time now)
+{
+	struct vsmd_view *view = drive->vendor;
+	int answer = set(drive, plan, token, now);
+
+	if (is_accepted(answer))
+		view->chain = (struct chain){
+			.ticket = view->last_ticket,
+			.command = plan->command,
+			.args = plan->args,
+			.token = token,
+			.waits = answer == DB_WRITE_LATER,
+		};
+	return answer;
+}
+
+static int refuse(struct view_drive *drive, enum db_result result)
+{
+	db_commander_set_refused(drive->commander, result);
+	return db_result_exception(result);
+}
+
+static int carry_out(struct view_drive *drive, const struct plan *plan, struct db_write_token token)
+{
+	db_time now = drive->registers->ops->now(drive->registers->context);
+	int answer;
+
+	if (db_command_is_stop(plan->command)) {
+		answer = db_commander_execute(drive->commander, plan->command, &plan->args,
+		                              plan->setting_count > 0 ? nobody : token, now);
+		/* It is repeated until it works: the parameters' answer tells of both. */
+		return plan->setting_count > 0 && is_accepted(answer) ?
+		               set(drive, plan, token, now) :
+		               answer;
+	}
+	if (plan->command == DB_CMD_NONE && plan->setting_count == 0)
+		return 0;
+	if (drive->vendor->chain.ticket != 0)
+		return refuse(drive, DB_RESULT_BUSY);
+	if (plan->command == DB_CMD_NONE)
+		return set(drive, plan, token, now);
+	if (plan->setting_count > 0)
+		return begin_chain(drive, plan, token, now);
+	return db_commander_execute(drive->commander, plan->command, &plan->args, token, now);
+}
+
+int vsmd_view_write(struct view_drive *drive, enum db_table table, uint16_t address, uint16_t count,
+                    const uint16_t *values, struct db_write_token token)
+{
+	struct plan plan;
+	struct span span;
+	enum db_result result;
+	int answer;
+
+	if (table != DB_TABLE_HOLDING || find_span(table, address, count, &span) != 0)
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	if (!is_whole(&span, address, count))
+		return refuse(drive, DB_RESULT_OUT_OF_RANGE);
+	result = plan_registers(drive, &span, values, &plan);
+	if (result != DB_RESULT_OK) {
+		answer = refuse(drive, result);
+		/* The vendor's models have this register, but the drive has nothing behind it. */
+		return result == DB_RESULT_UNSUPPORTED ? MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS :
+		                                         answer;
+	}
+	result = plan_command(drive, &plan);
+	if (result != DB_RESULT_OK)
+		return refuse(drive, result);
+	answer = carry_out(drive, &plan, token);
+	if (is_accepted(answer))
+		drive->vendor->kept = plan.kept;
+	return answer;
+}
+
+/* --- the second half of a chain ---------------------------------------------------------------------------- */
+
+void vsmd_view_submitted(struct vsmd_view *view, const struct db_request *request)
+{
+	if (!view)
+		return;
+	view->last_ticket = request->ticket;
+	if (db_command_is_stop(request->command))
+		view->chain.dead = true;
+}
+
+static bool same_token(struct db_write_token a, struct db_write_token b)
+{
+	return a.client == b.client && a.sequence == b.sequence;
+}
+
+bool vsmd_view_answered(struct vsmd_view *view, struct db_write_token token, uint8_t *exception)
+{
+	struct chain *chain = view ? &view->chain : NULL;
+
+	if (same_token(token, nobody))
+		return false;
+	if (!chain || chain->ticket == 0 || !chain->waits || !same_token(token, chain->token))
+		return true;
+	if (*exception == 0 && !chain->dead)
+		return false; /* completed() goes on */
+	chain->waits = false;
+	if (*exception == 0)
+		*exception = db_result_exception(DB_RESULT_CANCELLED);
+	/* A writer that was told of a failure must not see its command executed later. */
+	if (*exception != MODBUS_EXCEPTION_ACKNOWLEDGE)
+		chain->dead = true;
+	return true;
+}
+
+void vsmd_view_completed(struct view_drive *drive, const struct db_completion *completion,
+                         db_time now)
+{
+	struct vsmd_view *view = drive->vendor;
+	struct db_registers *registers = drive->registers;
+	struct chain chain;
+	int answer;
+
+	if (!view || view->chain.ticket == 0 || view->chain.ticket != completion->ticket)
+		return;
+	chain = view->chain;
+	view->chain.ticket = 0;
+	if (completion->result != DB_RESULT_OK || chain.dead)
+		return;
+	answer = db_commander_execute(drive->commander, chain.command, &chain.args,
+	                              chain.waits ? chain.token : nobody, now);
+	if (chain.waits && answer != DB_WRITE_LATER)
+		registers->ops->answer(registers->context, chain.token, (uint8_t)answer);
+}

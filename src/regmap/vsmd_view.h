@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A drive seen through the register map of the vendor's own Modbus models (vsmd_layout.h). Commands
+ * go to the drive's commander like those of the neutral view, so watchdog, latch, limits and result
+ * registers are the same; they carry no id, so each write executes. Internal to src/regmap.
+ *
+ * - While the command register holds 0301 or 0302, a write of pos starts that move; a write of both
+ *   executes once.
+ * - spd, acc and the like are the drive's own parameters; moves run at its spd.
+ * - A write of parameters and a command together first writes the parameters; the command follows
+ *   when the drive has confirmed them, and never after a stop that came in between. A stop goes
+ *   first instead. Until the command has followed, other writes to the drive are answered 06.
+ * - A parameter that this model of the drive does not have reads as 0 and takes 0, like a reserved
+ *   register, so that blocks can be read and written whole.
+ * - A write answered with an exception at once stores nothing.
+ */
+#ifndef DRIVEBRIDGE_REGMAP_VSMD_VIEW_H
+#define DRIVEBRIDGE_REGMAP_VSMD_VIEW_H
+
+#include "drivebridge/command.h"
+#include "drivebridge/server.h"
+
+struct view_drive;
+struct vsmd_view;
+
+/* What the bridge keeps for one drive. Null when out of memory. */
+struct vsmd_view *vsmd_view_new(const struct db_drive_config *config);
+void vsmd_view_free(struct vsmd_view *view);
+
+/* As db_backend's read and write, for a drive that has a vsmd_view. */
+uint8_t vsmd_view_read(const struct view_drive *drive, enum db_table table, uint16_t address,
+                       uint16_t count, uint16_t *values);
+int vsmd_view_write(struct view_drive *drive, enum db_table table, uint16_t address, uint16_t count,
+                    const uint16_t *values, struct db_write_token token);
+
+/*
+ * Where the drive's commander and the bus pass by; `view` may be null.
+ *
+ * submitted: a request goes to the bus. answered: a write is to be answered with *exception; false:
+ * not now. completed: the bus ended a request, and the commander knows.
+ */
+void vsmd_view_submitted(struct vsmd_view *view, const struct db_request *request);
+bool vsmd_view_answered(struct vsmd_view *view, struct db_write_token token, uint8_t *exception);
+void vsmd_view_completed(struct view_drive *drive, const struct db_completion *completion,
+                         db_time now);
+
+#endif

@@ -1,0 +1,81 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/servo_can_node.h"
+
+#include <string.h>
+
+void sim_servo_node_init(struct sim_servo_node *node, const char *name, struct sim_servo *drive,
+                         uint8_t address, const struct servo_can_layout *layout, db_time latency)
+{
+	memset(node, 0, sizeof *node);
+	node->name = name;
+	node->drive = drive;
+	node->address = address;
+	node->layout = *layout;
+	node->latency = latency;
+}
+
+static bool enqueue(struct sim_servo_node *node, struct servo_can_message *message, db_time due)
+{
+	message->node = node->address;
+	if (node->queued == SIM_SERVO_QUEUE) {
+		node->lost++;
+		return false;
+	}
+	if (servo_can_encode(message, &node->layout, &node->queue[node->queued].frame) !=
+	    SERVO_CAN_OK)
+		return false;
+	node->queue[node->queued++].due = due;
+	return true;
+}
+
+void sim_servo_node_receive(struct sim_servo_node *node, const struct db_can_frame *frame,
+                            db_time now)
+{
+	struct servo_can_message replies[SIM_SERVO_REPLIES];
+	struct servo_can_message message;
+	enum servo_can_error error;
+	uint8_t words_ack;
+	size_t count;
+
+	error = servo_can_decode(frame, &node->layout, SERVO_CAN_FROM_HOST, &message);
+	if (message.kind == SERVO_CAN_FOREIGN && error == SERVO_CAN_OK)
+		return;
+	if (message.kind != SERVO_CAN_SYNC && message.node != node->address &&
+	    message.node != SERVO_CAN_BROADCAST)
+		return;
+	node->heard++;
+	/* What a drive answers to a frame it does not understand is not documented: nothing. */
+	if (error != SERVO_CAN_OK) {
+		node->unknown++;
+		return;
+	}
+	words_ack = node->layout.words.set ? node->layout.words.ack : (uint8_t)SERVO_CAN_ACK_NONE;
+	count = sim_servo_execute(node->drive, &message, words_ack, now, replies);
+	for (size_t i = 0; i < count; i++)
+		node->answers += enqueue(node, &replies[i], now + node->latency);
+}
+
+db_time sim_servo_node_next(const struct sim_servo_node *node)
+{
+	db_time report = sim_servo_next(node->drive);
+
+	return node->queued > 0 && node->queue[0].due < report ? node->queue[0].due : report;
+}
+
+bool sim_servo_node_send(struct sim_servo_node *node, db_time now, struct db_can_frame *frame)
+{
+	struct servo_can_message report;
+
+	while (sim_servo_report(node->drive, now, &report))
+		node->reports += enqueue(node, &report, now);
+	for (unsigned i = 0; i < node->queued; i++) {
+		if (node->queue[i].due > now)
+			continue;
+		*frame = node->queue[i].frame;
+		node->queued--;
+		memmove(&node->queue[i], &node->queue[i + 1],
+		        (node->queued - i) * sizeof node->queue[0]);
+		return true;
+	}
+	return false;
+}

@@ -1,0 +1,626 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/servo_drive.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define STEP (250 * DB_NS_PER_US) /* of the integration, and of the drive's own loops */
+#define STEP_S ((double)STEP / (double)DB_NS_PER_S)
+
+#define RPM_PER_RAD_S (60.0 / (2.0 * 3.14159265358979323846))
+#define SECONDS_PER_MINUTE 60.0
+
+#define SPEED_LOOP_S 0.002 /* how fast the speed loop corrects */
+#define POSITION_GAIN 40.0 /* 1/s */
+#define ZERO_SPEED 1.0     /* rpm below which the drive says that it stands */
+#define REACHED_SPEED 2.0  /* rpm around the speed that count as reached */
+#define AT_REST_COUNTS 0.5 /* the position loop holds still this close to its target ... */
+#define AT_REST_RPM 3.0    /* ... and this slow */
+#define CURRENT_STEPS 10.0 /* of an ampere */
+#define CTRG SERVO_CAN_CTRG
+
+struct sim_servo {
+	struct sim_servo_config config;
+	db_time time; /* the motor is there */
+	bool powered;
+
+	/* Told by the host. */
+	enum servo_can_mode mode;
+	bool torque_clockwise;
+	bool enabled;
+	bool shown_enabled; /* by the status bit, `power_time` later */
+	db_time enabled_at;
+	int16_t speed;   /* rpm */
+	int16_t current; /* 0.1 A */
+	bool speed_staged;
+	bool current_staged;
+	int16_t next_speed;
+	int16_t next_current;
+	db_time setpoint_at;
+	int32_t internal_position; /* command 0; nothing happens before CTRG rises */
+	uint16_t word0;
+	double max_speed;
+	double acceleration;
+	double deceleration;
+
+	/* The motor. */
+	double position; /* counts, as fed back */
+	double rpm;
+	double amperes;
+	double profile; /* rpm, what the ramps allow now */
+	double target;  /* counts, what position mode holds or goes to */
+	bool limited;   /* by max_current */
+	bool blocked;
+
+	/* Shown as they are. */
+	uint16_t faults;
+	uint16_t forced;
+	uint16_t voltage;
+	uint16_t temperature;
+	uint16_t analogue;
+	uint8_t inputs;
+
+	db_time report_at[SIM_SERVO_REPORTS]; /* DB_TIME_NEVER: off */
+	uint32_t counts[SERVO_CAN_KIND_COUNT];
+	uint32_t moves;
+};
+
+/* --- making -------------------------------------------------------------------------------------- */
+
+void sim_servo_config_init(struct sim_servo_config *config)
+{
+	*config = (struct sim_servo_config){
+		.mode = SERVO_CAN_MODE_POSITION,
+		.reports = { 100 * DB_NS_PER_MS, 100 * DB_NS_PER_MS, 1000 * DB_NS_PER_MS },
+		.power_time = 5 * DB_NS_PER_MS,
+		.counts_per_turn = 10000,
+		.window = 10,
+		.inertia = 1e-4,
+		.torque_constant = 0.1,
+		.friction = 0.02,
+		.max_current = 10,
+		.max_speed = 3000,
+		.acceleration = 10000,
+		.deceleration = 10000,
+		.voltage = 480,
+		.temperature = 35,
+	};
+}
+
+static void start_reports(struct sim_servo *drive, db_time now)
+{
+	for (size_t i = 0; i < SIM_SERVO_REPORTS; i++)
+		drive->report_at[i] = drive->config.reports[i] > 0 ?
+		                              now + drive->config.reports[i] :
+		                              DB_TIME_NEVER;
+}
+
+/* What a loss of power resets. Encoder and shaft stay where they are. */
+static void boot(struct sim_servo *drive, db_time now)
+{
+	const struct sim_servo_config *config = &drive->config;
+
+	drive->mode = config->mode;
+	drive->torque_clockwise = false;
+	drive->enabled = drive->shown_enabled = false;
+	drive->speed = drive->current = 0;
+	drive->speed_staged = drive->current_staged = false;
+	drive->internal_position = 0;
+	drive->word0 = 0;
+	drive->max_speed = config->max_speed;
+	drive->acceleration = config->acceleration;
+	drive->deceleration = config->deceleration;
+	drive->faults = 0;
+	drive->target = drive->position;
+	start_reports(drive, now);
+}
+
+struct sim_servo *sim_servo_new(const struct sim_servo_config *config, db_time now)
+{
+	struct sim_servo *drive = calloc(1, sizeof *drive);
+
+	if (!drive)
+		return NULL;
+	drive->config = *config;
+	drive->time = now;
+	drive->powered = true;
+	drive->position = config->start;
+	drive->voltage = config->voltage;
+	drive->temperature = config->temperature;
+	boot(drive, now);
+	return drive;
+}
+
+void sim_servo_free(struct sim_servo *drive)
+{
+	free(drive);
+}
+
+/* --- the motor ----------------------------------------------------------------------------------- */
+
+static double clamp(double value, double limit)
+{
+	return value > limit ? limit : value < -limit ? -limit : value;
+}
+
+/* The profile approaches a speed: with the deceleration when that is slower. */
+static void ramp(struct sim_servo *drive, double wanted)
+{
+	bool slower = fabs(wanted) < fabs(drive->profile) || wanted * drive->profile < 0;
+	double most = (slower ? drive->deceleration : drive->acceleration) * STEP_S;
+
+	drive->profile += clamp(wanted - drive->profile, most);
+}
+
+/* The speed that position mode wants: in time to stop at the target with the deceleration. */
+static double approach(const struct sim_servo *drive)
+{
+	double left = drive->target - drive->position;
+	double per_rpm = drive->config.counts_per_turn / SECONDS_PER_MINUTE; /* counts/s */
+	double braking = sqrt(2.0 * drive->deceleration * fabs(left) / per_rpm);
+	double wanted = fabs(left) * POSITION_GAIN / per_rpm;
+
+	return copysign(fmin(fmin(wanted, braking), drive->max_speed), left);
+}
+
+/* The current that brings the motor to the profile's speed, as far as the current loop allows. */
+static double speed_loop(struct sim_servo *drive)
+{
+	const struct sim_servo_config *config = &drive->config;
+	double angular = (drive->profile - drive->rpm) / RPM_PER_RAD_S / SPEED_LOOP_S;
+	double torque = config->inertia * angular + config->load;
+
+	if (drive->profile != 0)
+		torque += copysign(config->friction, drive->profile);
+	return torque / config->torque_constant;
+}
+
+static double wanted_current(struct sim_servo *drive)
+{
+	double amperes;
+
+	switch (drive->mode) {
+	case SERVO_CAN_MODE_SPEED:
+		ramp(drive, clamp(drive->speed, drive->max_speed));
+		return speed_loop(drive);
+	case SERVO_CAN_MODE_CURRENT:
+		amperes = drive->current / CURRENT_STEPS;
+		drive->profile = drive->rpm;
+		/* The speed limit takes away what would accelerate further. */
+		return fabs(drive->rpm) >= drive->max_speed && amperes * drive->rpm > 0 ? 0 :
+		                                                                          amperes;
+	default:
+		ramp(drive, approach(drive));
+		return speed_loop(drive);
+	}
+}
+
+/* Friction slows down, but never turns a motor round, and holds a standing one. */
+static void turn(struct sim_servo *drive)
+{
+	const struct sim_servo_config *config = &drive->config;
+	double torque = drive->amperes * config->torque_constant - config->load;
+	double before = drive->rpm;
+	double free_rpm = before + torque / config->inertia * RPM_PER_RAD_S * STEP_S;
+	double brake = config->friction / config->inertia * RPM_PER_RAD_S * STEP_S;
+
+	drive->rpm = fabs(free_rpm) <= brake ? 0 : free_rpm - copysign(brake, free_rpm);
+	if (drive->blocked)
+		drive->rpm = 0;
+	drive->position += (before + drive->rpm) / 2.0 / SECONDS_PER_MINUTE *
+	                   config->counts_per_turn * STEP_S;
+}
+
+static void hold_at_target(struct sim_servo *drive)
+{
+	if (drive->mode != SERVO_CAN_MODE_POSITION || !drive->enabled ||
+	    fabs(drive->target - drive->position) > AT_REST_COUNTS ||
+	    fabs(drive->rpm) > AT_REST_RPM)
+		return;
+	drive->position = drive->target;
+	drive->rpm = 0;
+	drive->profile = 0;
+}
+
+static void step(struct sim_servo *drive)
+{
+	double wanted = 0;
+
+	if (drive->enabled)
+		wanted = wanted_current(drive);
+	else
+		drive->profile = drive->rpm;
+	drive->amperes = clamp(wanted, drive->config.max_current);
+	drive->limited = drive->amperes != wanted;
+	turn(drive);
+	hold_at_target(drive);
+	drive->time += STEP;
+	if (drive->shown_enabled != drive->enabled &&
+	    drive->time - drive->enabled_at >= drive->config.power_time)
+		drive->shown_enabled = drive->enabled;
+}
+
+/* Nothing will change however long one waits. */
+static bool settled(const struct sim_servo *drive)
+{
+	if (drive->rpm != 0 || drive->shown_enabled != drive->enabled ||
+	    fabs(drive->config.load) > drive->config.friction)
+		return false;
+	if (!drive->enabled)
+		return drive->amperes == 0;
+	switch (drive->mode) {
+	case SERVO_CAN_MODE_SPEED:
+		return drive->speed == 0 && drive->profile == 0;
+	case SERVO_CAN_MODE_CURRENT:
+		return drive->current == 0 && drive->amperes == 0;
+	default:
+		return drive->position == drive->target;
+	}
+}
+
+void sim_servo_advance(struct sim_servo *drive, db_time now)
+{
+	while (now - drive->time >= STEP) {
+		if (settled(drive)) {
+			drive->time += (now - drive->time) / STEP * STEP;
+			return;
+		}
+		step(drive);
+	}
+}
+
+/* --- what the host says ---------------------------------------------------------------------------- */
+
+static void set_enabled(struct sim_servo *drive, bool enabled, db_time now)
+{
+	if (drive->enabled == enabled)
+		return;
+	drive->enabled = enabled;
+	drive->enabled_at = now;
+	drive->profile = drive->rpm;
+	drive->target = drive->position;
+}
+
+static void set_mode(struct sim_servo *drive, const struct servo_can_message *message)
+{
+	enum servo_can_mode mode = message->u.mode.mode;
+
+	if (message->u.mode.has_max_speed)
+		drive->max_speed = message->u.mode.max_speed;
+	drive->torque_clockwise = message->u.mode.torque_clockwise;
+	if (mode == drive->mode)
+		return;
+	drive->mode = mode;
+	drive->profile = drive->rpm;
+	drive->target = drive->position;
+}
+
+static void set_speed(struct sim_servo *drive, int16_t speed, db_time now)
+{
+	if (drive->config.synchronous) {
+		drive->next_speed = speed;
+		drive->speed_staged = true;
+		return;
+	}
+	drive->speed = speed;
+	drive->setpoint_at = now;
+}
+
+static void set_current(struct sim_servo *drive, int16_t current, db_time now)
+{
+	if (drive->config.synchronous) {
+		drive->next_current = current;
+		drive->current_staged = true;
+		return;
+	}
+	drive->current = current;
+	drive->setpoint_at = now;
+}
+
+static void synchronise(struct sim_servo *drive, db_time now)
+{
+	if (drive->speed_staged || drive->current_staged)
+		drive->setpoint_at = now;
+	if (drive->speed_staged)
+		drive->speed = drive->next_speed;
+	if (drive->current_staged)
+		drive->current = drive->next_current;
+	drive->speed_staged = drive->current_staged = false;
+}
+
+static void set_words(struct sim_servo *drive, uint16_t word0)
+{
+	bool rises = (word0 & CTRG) && !(drive->word0 & CTRG);
+
+	drive->word0 = word0;
+	if (!rises || !drive->enabled || drive->mode != SERVO_CAN_MODE_POSITION)
+		return;
+	drive->target = drive->internal_position;
+	drive->moves++;
+}
+
+static void obey(struct sim_servo *drive, const struct servo_can_message *message, db_time now)
+{
+	switch (message->kind) {
+	case SERVO_CAN_SYNC:
+		synchronise(drive, now);
+		break;
+	case SERVO_CAN_ENABLE:
+		set_enabled(drive, message->u.enable && drive->faults == 0, now);
+		break;
+	case SERVO_CAN_MODE:
+		set_mode(drive, message);
+		break;
+	case SERVO_CAN_SPEED:
+		set_speed(drive, message->u.speed, now);
+		break;
+	case SERVO_CAN_CURRENT:
+		set_current(drive, message->u.current, now);
+		break;
+	case SERVO_CAN_POSITION:
+		drive->internal_position = message->u.position;
+		break;
+	case SERVO_CAN_SET_FEEDBACK:
+		drive->position = message->u.position;
+		if (!drive->enabled)
+			drive->target = drive->position;
+		break;
+	case SERVO_CAN_RAMPS:
+		drive->acceleration = message->u.ramps.acceleration;
+		drive->deceleration = message->u.ramps.deceleration;
+		break;
+	case SERVO_CAN_WORDS:
+		set_words(drive, message->u.words.word0);
+		break;
+	default:
+		break;
+	}
+}
+
+/* --- what it says ---------------------------------------------------------------------------------- */
+
+static int32_t whole_position(const struct sim_servo *drive)
+{
+	return (int32_t)(uint32_t)(int64_t)llrint(drive->position);
+}
+
+static int16_t shown_speed(const struct sim_servo *drive)
+{
+	return (int16_t)lrint(clamp(drive->rpm, INT16_MAX));
+}
+
+static int16_t shown_current(const struct sim_servo *drive)
+{
+	return (int16_t)lrint(clamp(drive->amperes * CURRENT_STEPS, INT16_MAX));
+}
+
+static bool reached(const struct sim_servo *drive)
+{
+	return fabs(drive->target - drive->position) <= drive->config.window;
+}
+
+static uint16_t status_bits(const struct sim_servo *drive)
+{
+	unsigned bits = drive->forced;
+
+	if (drive->shown_enabled)
+		bits |= SERVO_CAN_ST_STARTED | SERVO_CAN_ST_RUNNING | SERVO_CAN_ST_BRAKE_OUTPUT;
+	if (fabs(drive->rpm) < ZERO_SPEED)
+		bits |= SERVO_CAN_ST_ZERO_SPEED;
+	if (drive->mode == SERVO_CAN_MODE_SPEED && fabs(drive->rpm - drive->speed) <= REACHED_SPEED)
+		bits |= SERVO_CAN_ST_SPEED_REACHED;
+	if (drive->mode == SERVO_CAN_MODE_POSITION && reached(drive))
+		bits |= SERVO_CAN_ST_POSITION_REACHED;
+	if (drive->limited)
+		bits |= SERVO_CAN_ST_TORQUE_LIMITED;
+	if (drive->faults)
+		bits |= SERVO_CAN_ST_ERROR;
+	if (drive->rpm <= -ZERO_SPEED)
+		bits |= SERVO_CAN_ST_REVERSE;
+	if (drive->rpm >= ZERO_SPEED)
+		bits |= SERVO_CAN_ST_FORWARD;
+	return (uint16_t)bits;
+}
+
+static size_t acknowledge(const struct sim_servo *drive, const struct servo_can_message *message,
+                          uint8_t words_ack, struct servo_can_message *reply)
+{
+	const struct servo_can_layout layout = { .words = { .set = true, .ack = words_ack } };
+
+	*reply = (struct servo_can_message){ .kind = SERVO_CAN_ACK, .node = message->node };
+	reply->u.ack.code = servo_can_ack_expected(message, &layout);
+	if (message->kind == SERVO_CAN_SPEED)
+		reply->u.ack.value = shown_speed(drive);
+	if (message->kind == SERVO_CAN_CURRENT)
+		reply->u.ack.value = shown_current(drive);
+	return reply->u.ack.code == SERVO_CAN_ACK_NONE ? 0 : 1;
+}
+
+static size_t answer(const struct sim_servo *drive, const struct servo_can_message *message,
+                     struct servo_can_message *replies)
+{
+	unsigned answers = servo_can_answers(message->u.selector);
+	struct servo_can_message *reply = replies;
+
+	memset(replies, 0, SIM_SERVO_REPLIES * sizeof replies[0]);
+	for (size_t i = 0; i < SIM_SERVO_REPLIES; i++)
+		replies[i].node = message->node;
+	if (answers & SERVO_CAN_GIVES_POSITION) {
+		reply->kind = SERVO_CAN_ANSWER_POSITION;
+		reply++->u.position = whole_position(drive);
+	}
+	if (answers & SERVO_CAN_GIVES_MOTION) {
+		reply->kind = SERVO_CAN_ANSWER_MOTION;
+		reply->u.motion.speed = shown_speed(drive);
+		reply++->u.motion.current = shown_current(drive);
+	}
+	if (answers & SERVO_CAN_GIVES_STATUS) {
+		reply->kind = SERVO_CAN_ANSWER_STATUS;
+		reply->u.status.bits = status_bits(drive);
+		reply++->u.status.inputs = drive->inputs;
+	}
+	if (answers & SERVO_CAN_GIVES_ANALOGUE) {
+		reply->kind = SERVO_CAN_ANSWER_ANALOGUE;
+		reply++->u.analogue = drive->analogue;
+	}
+	return (size_t)(reply - replies);
+}
+
+size_t sim_servo_execute(struct sim_servo *drive, const struct servo_can_message *message,
+                         uint8_t words_ack, db_time now,
+                         struct servo_can_message replies[SIM_SERVO_REPLIES])
+{
+	if (!drive->powered || message->kind <= SERVO_CAN_FOREIGN || message->kind >= SERVO_CAN_ACK)
+		return 0;
+	sim_servo_advance(drive, now);
+	drive->counts[message->kind]++;
+	if (message->kind == SERVO_CAN_READ)
+		return answer(drive, message, replies);
+	obey(drive, message, now);
+	return acknowledge(drive, message, words_ack, &replies[0]);
+}
+
+/* --- reports ------------------------------------------------------------------------------------- */
+
+static enum sim_servo_report next_report(const struct sim_servo *drive)
+{
+	size_t first = 0;
+
+	for (size_t i = 1; i < SIM_SERVO_REPORTS; i++) {
+		if (drive->report_at[i] < drive->report_at[first])
+			first = i;
+	}
+	return (enum sim_servo_report)first;
+}
+
+db_time sim_servo_next(const struct sim_servo *drive)
+{
+	return drive->powered ? drive->report_at[next_report(drive)] : DB_TIME_NEVER;
+}
+
+bool sim_servo_report(struct sim_servo *drive, db_time now, struct servo_can_message *report)
+{
+	enum sim_servo_report due = next_report(drive);
+
+	if (!drive->powered || drive->report_at[due] > now)
+		return false;
+	sim_servo_advance(drive, now);
+	memset(report, 0, sizeof *report);
+	switch (due) {
+	case SIM_SERVO_REPORT_POSITION:
+		report->kind = SERVO_CAN_REPORT_POSITION;
+		report->u.position = whole_position(drive);
+		break;
+	case SIM_SERVO_REPORT_MOTION:
+		report->kind = SERVO_CAN_REPORT_MOTION;
+		report->u.motion.speed = shown_speed(drive);
+		report->u.motion.current = shown_current(drive);
+		break;
+	default:
+		report->kind = SERVO_CAN_REPORT_HEALTH;
+		report->u.health.voltage = drive->voltage;
+		report->u.health.temperature = drive->temperature;
+		report->u.health.faults = drive->faults;
+		break;
+	}
+	drive->report_at[due] += drive->config.reports[due];
+	/* Whoever looks too seldom does not get all that was missed. */
+	if (drive->report_at[due] <= now)
+		drive->report_at[due] = now + drive->config.reports[due];
+	return true;
+}
+
+void sim_servo_set_reports(struct sim_servo *drive, enum sim_servo_report report, db_time interval,
+                           db_time now)
+{
+	drive->config.reports[report] = interval;
+	drive->report_at[report] = interval > 0 ? now + interval : DB_TIME_NEVER;
+}
+
+/* --- from outside ---------------------------------------------------------------------------------- */
+
+void sim_servo_power(struct sim_servo *drive, bool on, db_time now)
+{
+	sim_servo_advance(drive, now);
+	if (drive->powered == on)
+		return;
+	drive->powered = on;
+	boot(drive, now);
+}
+
+void sim_servo_set_faults(struct sim_servo *drive, uint16_t faults, db_time now)
+{
+	sim_servo_advance(drive, now);
+	drive->faults = faults;
+	if (faults)
+		set_enabled(drive, false, now);
+}
+
+void sim_servo_force_status(struct sim_servo *drive, uint16_t bits)
+{
+	drive->forced = bits;
+}
+
+void sim_servo_set_health(struct sim_servo *drive, uint16_t voltage, uint16_t temperature)
+{
+	drive->voltage = voltage;
+	drive->temperature = temperature;
+}
+
+void sim_servo_set_inputs(struct sim_servo *drive, uint8_t inputs, uint16_t analogue)
+{
+	drive->inputs = inputs;
+	drive->analogue = analogue;
+}
+
+void sim_servo_block(struct sim_servo *drive, bool blocked, db_time now)
+{
+	sim_servo_advance(drive, now);
+	drive->blocked = blocked;
+}
+
+bool sim_servo_powered(const struct sim_servo *drive)
+{
+	return drive->powered;
+}
+
+enum servo_can_mode sim_servo_mode(const struct sim_servo *drive)
+{
+	return drive->mode;
+}
+
+bool sim_servo_enabled(const struct sim_servo *drive)
+{
+	return drive->enabled;
+}
+
+double sim_servo_position(const struct sim_servo *drive)
+{
+	return drive->position;
+}
+
+double sim_servo_speed(const struct sim_servo *drive)
+{
+	return drive->rpm;
+}
+
+double sim_servo_current(const struct sim_servo *drive)
+{
+	return drive->amperes;
+}
+
+db_time sim_servo_setpoint_at(const struct sim_servo *drive)
+{
+	return drive->setpoint_at;
+}
+
+uint32_t sim_servo_count(const struct sim_servo *drive, enum servo_can_kind kind)
+{
+	return drive->counts[kind];
+}
+
+uint32_t sim_servo_moves(const struct sim_servo *drive)
+{
+	return drive->moves;
+}
