@@ -122,6 +122,8 @@ static const char *do_baud(struct request *request)
 	char *end;
 	unsigned long baud = strtoul(request->rest, &end, 10);
 
+	if (request->bus->config->kind != SIM_BUS_VSMD_SERIAL)
+		return "baud is for serial lines";
 	if (end == request->rest || *end != '\0' || baud < 2400 || baud > 921600)
 		return "baud needs a rate of 2400 to 921600";
 	sim_serial_bus_set_baud(request->bus->wire, (unsigned)baud);
@@ -130,13 +132,10 @@ static const char *do_baud(struct request *request)
 
 static void get_bus(struct request *request)
 {
-	const struct sim_serial_stats *stats = sim_serial_bus_stats(request->bus->wire);
+	char text[256];
 
-	(void)fprintf(request->out,
-	              "ok device=%s requests=%" PRIu32 " replies=%" PRIu32 " collisions=%" PRIu32
-	              " unheard=%" PRIu32 " foreign=%" PRIu32 "\n",
-	              request->bus->port.host, stats->requests, stats->replies, stats->collisions,
-	              stats->unheard, stats->foreign);
+	request->bus->ops->describe(request->bus->wire, text, sizeof(text));
+	(void)fprintf(request->out, "ok device=%s %s\n", request->bus->port.host, text);
 }
 
 static const char *do_get(struct request *request)

@@ -19,6 +19,7 @@ static const struct {
 	[SIM_FAULT_WRONG_ID] = { "wrong-id", FORM_COUNT },
 	[SIM_FAULT_SILENCE] = { "silence", FORM_SWITCH },
 	[SIM_FAULT_ECHO] = { "echo", FORM_SWITCH },
+	[SIM_FAULT_BUS_OFF] = { "bus-off", FORM_SWITCH },
 };
 
 static bool read_number(const char *text, int32_t *number)

@@ -18,6 +18,7 @@ enum sim_fault {
 	SIM_FAULT_WRONG_ID,     /* a good reply in another drive's name */
 	SIM_FAULT_SILENCE,      /* on or off: as if unplugged from the bus, but with power */
 	SIM_FAULT_ECHO,         /* on or off, bus only: the host hears what it sends */
+	SIM_FAULT_BUS_OFF,      /* on or off, CAN only: the host's controller is off the bus */
 	SIM_FAULT_COUNT
 };
 
@@ -37,6 +38,6 @@ bool sim_faults_take(struct sim_faults *faults, enum sim_fault fault);
 
 /* The names sim_faults_set() knows, for messages. */
 #define SIM_FAULT_NAMES \
-	"drop, lose-request, delay, corrupt, truncate, garbage, wrong-id, silence, echo, none"
+	"drop, lose-request, delay, corrupt, truncate, garbage, wrong-id, silence, echo, bus-off, none"
 
 #endif

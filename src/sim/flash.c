@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/flash.h"
 
+#include "codec/vsmd_can.h"
 #include "codec/vsmd_serial.h"
 
 #include <errno.h>
@@ -62,7 +63,8 @@ int sim_flash_read(const char *path, union db_value values[VSMD_PARAM_COUNT])
 		return -EBADMSG;
 	length--;
 	while ((found = vsmd_serial_next_param(text, length, &cursor, &setting)) != 0) {
-		if (found != 1 || !vsmd_param_in_range(setting.param, setting.value))
+		if (found != 1 || !(vsmd_param_in_range(setting.param, setting.value) ||
+		                    vsmd_can_param_in_range(setting.param, setting.value)))
 			return -EBADMSG;
 		values[setting.param] = setting.value;
 	}

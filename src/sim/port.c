@@ -3,10 +3,14 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <linux/can.h>
+#include <linux/can/raw.h>
+#include <net/if.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <termios.h>
 #include <unistd.h>
@@ -102,6 +106,28 @@ int sim_port_open(struct sim_port *port, const char *device, unsigned baud, cons
 	if (result != 0)
 		sim_port_close(port);
 	return result;
+}
+
+int sim_port_open_can(struct sim_port *port, const char *interface)
+{
+	struct sockaddr_can address = { .can_family = AF_CAN };
+	unsigned index = if_nametoindex(interface);
+
+	*port = (struct sim_port){ .fd = -1, .slave = -1 };
+	(void)snprintf(port->host, sizeof(port->host), "%s", interface);
+	if (index == 0)
+		return -ENODEV;
+	address.can_ifindex = (int)index;
+	port->fd = socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
+	if (port->fd < 0)
+		return -errno;
+	if (bind(port->fd, (const struct sockaddr *)&address, sizeof(address)) != 0) {
+		int error = errno;
+
+		sim_port_close(port);
+		return -error;
+	}
+	return 0;
 }
 
 void sim_port_close(struct sim_port *port)

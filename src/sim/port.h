@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Where a simulated bus meets its host: a pseudo terminal, or a real serial port. Raw and non-
- * blocking.
+ * Where a simulated bus meets its host: a pseudo terminal, a real serial port, or a CAN network
+ * interface. Raw and non-blocking.
  */
 #ifndef DRIVEBRIDGE_SIM_PORT_H
 #define DRIVEBRIDGE_SIM_PORT_H
@@ -25,6 +25,9 @@ bool sim_port_is_pty(const char *device);
  * such baud rate); on error nothing is left open.
  */
 int sim_port_open(struct sim_port *port, const char *device, unsigned baud, const char *link);
+
+/* Opens a raw socket on a CAN interface; each read or write is one frame. 0 or a negative errno. */
+int sim_port_open_can(struct sim_port *port, const char *interface);
 
 /* Removes the link if it is still ours. */
 void sim_port_close(struct sim_port *port);

@@ -57,15 +57,21 @@ void sim_servo_node_receive(struct sim_servo_node *node, const struct db_can_fra
 
 db_time sim_servo_node_next(const struct sim_servo_node *node)
 {
-	db_time report = sim_servo_next(node->drive);
+	db_time next = sim_servo_next(node->drive);
 
-	return node->queued > 0 && node->queue[0].due < report ? node->queue[0].due : report;
+	for (unsigned i = 0; i < node->queued; i++) {
+		if (node->queue[i].due < next)
+			next = node->queue[i].due;
+	}
+	return next;
 }
 
 bool sim_servo_node_send(struct sim_servo_node *node, db_time now, struct db_can_frame *frame)
 {
 	struct servo_can_message report;
 
+	if (!sim_servo_powered(node->drive))
+		node->queued = 0;
 	while (sim_servo_report(node->drive, now, &report))
 		node->reports += enqueue(node, &report, now);
 	for (unsigned i = 0; i < node->queued; i++) {
@@ -78,4 +84,32 @@ bool sim_servo_node_send(struct sim_servo_node *node, db_time now, struct db_can
 		return true;
 	}
 	return false;
+}
+
+/* --- as a station ---------------------------------------------------------------------------------- */
+
+static void station_receive(void *self, const struct db_can_frame *frame, db_time now)
+{
+	sim_servo_node_receive(self, frame, now);
+}
+
+static db_time station_next(void *self)
+{
+	return sim_servo_node_next(self);
+}
+
+static bool station_send(void *self, db_time now, struct db_can_frame *frame)
+{
+	return sim_servo_node_send(self, now, frame);
+}
+
+struct sim_can_station sim_servo_node_station(struct sim_servo_node *node)
+{
+	return (struct sim_can_station){
+		.self = node,
+		.receive = station_receive,
+		.next = station_next,
+		.send = station_send,
+		.faults = &node->faults,
+	};
 }

@@ -9,6 +9,8 @@
 
 #include "codec/servo_can.h"
 #include "drivebridge/time.h"
+#include "sim/can_bus.h"
+#include "sim/faults.h"
 #include "sim/servo_drive.h"
 
 #include <stdbool.h>
@@ -22,6 +24,7 @@ struct sim_servo_node {
 	uint8_t address;         /* 1..31 */
 	struct servo_can_layout layout;
 	db_time latency; /* thinking before an answer */
+	struct sim_faults faults;
 
 	struct {
 		db_time due;
@@ -39,6 +42,9 @@ struct sim_servo_node {
 /* `name` and `drive` must outlive the node. */
 void sim_servo_node_init(struct sim_servo_node *node, const char *name, struct sim_servo *drive,
                          uint8_t address, const struct servo_can_layout *layout, db_time latency);
+
+/* Its end of the bus. */
+struct sim_can_station sim_servo_node_station(struct sim_servo_node *node);
 
 /* A frame was on the bus; the end of it is `now`. Frames for others, and of others, are ignored. */
 void sim_servo_node_receive(struct sim_servo_node *node, const struct db_can_frame *frame,

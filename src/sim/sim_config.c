@@ -14,6 +14,8 @@
 #define BAUD_MIN 2400
 #define BAUD_MAX 921600
 #define TIME_MAX_US 10000000
+#define CAN_RATE_MIN 10000
+#define CAN_RATE_MAX 1000000
 
 /* What would be right, for messages of libconfuse that only say what is wrong. */
 static const struct {
@@ -119,19 +121,53 @@ static int load_faults(cfg_t *cfg, const char **faults, size_t *count)
 	return 0;
 }
 
+static int load_can(cfg_t *cfg, struct sim_bus_config *bus)
+{
+	static const char *const transports[] = { "slcan", "socketcan", NULL };
+	static const char *const kinds[] = { "extended", "standard", NULL };
+	int transport = check_word(cfg, "transport", transports);
+	int frames = check_word(cfg, "frames", kinds);
+
+	if (transport < 0 || frames < 0 ||
+	    check_int(cfg, "bitrate", CAN_RATE_MIN, CAN_RATE_MAX) != 0 ||
+	    check_int(cfg, "output-base", 0, 1) != 0)
+		return -1;
+	bus->interface = cfg_getstr(cfg, "interface");
+	if (transport == 1 && !bus->interface)
+		return wrong(cfg, "transport",
+		             "transport = socketcan needs interface = NAME, such as vcan0");
+	if (transport == 0)
+		bus->interface = NULL;
+	bus->can = (struct sim_can_config){
+		.bitrate = (unsigned)cfg_getint(cfg, "bitrate"),
+		.adapter = transport == 0,
+		.latency = bus->serial.latency,
+	};
+	bus->style = (struct vsmd_can_style){
+		.extended = frames == 0,
+		.output_base = (uint8_t)cfg_getint(cfg, "output-base"),
+	};
+	return 0;
+}
+
 static int load_bus(cfg_t *cfg, struct sim_bus_config *bus)
 {
-	static const char *const protocols[] = { "vsmd-serial", NULL };
+	static const char *const protocols[] = {
+		[SIM_BUS_VSMD_SERIAL] = "vsmd-serial",
+		[SIM_BUS_VSMD_CAN] = "vsmd-can",
+		NULL,
+	};
 	static const char *const lines[] = { "rs485", "rs232", NULL };
 	int line = check_word(cfg, "line", lines);
+	int protocol = check_word(cfg, "protocol", protocols);
 
-	if (line < 0 || check_word(cfg, "protocol", protocols) < 0 ||
-	    check_int(cfg, "baud", BAUD_MIN, BAUD_MAX) != 0 ||
+	if (line < 0 || protocol < 0 || check_int(cfg, "baud", BAUD_MIN, BAUD_MAX) != 0 ||
 	    check_int(cfg, "latency-us", 0, TIME_MAX_US) != 0 ||
 	    check_int(cfg, "turnaround-us", 0, TIME_MAX_US) != 0 ||
 	    check_int(cfg, "reply-id", 0, VSMD_SERIAL_ID_MAX) != 0)
 		return -1;
 	bus->name = cfg_title(cfg);
+	bus->kind = (enum sim_bus_kind)protocol;
 	bus->device = cfg_getstr(cfg, "device");
 	bus->link = cfg_getstr(cfg, "link");
 	bus->flash = cfg_getstr(cfg, "flash");
@@ -145,6 +181,8 @@ static int load_bus(cfg_t *cfg, struct sim_bus_config *bus)
 		.latency = cfg_getint(cfg, "latency-us") * DB_NS_PER_US,
 		.turnaround = cfg_getint(cfg, "turnaround-us") * DB_NS_PER_US,
 	};
+	if (bus->kind != SIM_BUS_VSMD_SERIAL && load_can(cfg, bus) != 0)
+		return -1;
 	return load_faults(cfg, bus->faults, &bus->fault_count);
 }
 
@@ -234,16 +272,21 @@ static double clamp_current(float value, double max)
 	return (double)value > max ? max : (double)value;
 }
 
-static int load_vsmd(cfg_t *cfg, unsigned baud, struct sim_vsmd_config *vsmd)
+static int load_vsmd(cfg_t *cfg, const struct sim_bus_config *bus, struct sim_vsmd_config *vsmd)
 {
 	static const char *const models[] = { "010T", "025T", "045T", "080T", NULL };
 	static const unsigned model_numbers[] = { 10, 25, 45, 80 };
 	static const enum vsmd_param currents[] = { VSMD_CRA, VSMD_CRN, VSMD_CRH, VSMD_ZCR };
 	int model = check_word(cfg, "model", models);
 
-	if (model < 0 || check_int(cfg, "address", 1, VSMD_SERIAL_ID_MAX) != 0)
+	bool can = bus->kind == SIM_BUS_VSMD_CAN;
+
+	if (model < 0 ||
+	    check_int(cfg, "address", 1, can ? VSMD_CAN_DRIVE_MAX : VSMD_SERIAL_ID_MAX) != 0)
 		return -1;
-	sim_vsmd_config_init(vsmd, (unsigned)cfg_getint(cfg, "address"), baud);
+	sim_vsmd_config_init(vsmd, (unsigned)cfg_getint(cfg, "address"),
+	                     can ? bus->can.bitrate : bus->serial.baud);
+	vsmd->can = can;
 	vsmd->model = model_numbers[model];
 	vsmd->identity = cfg_getstr(cfg, "identity");
 	vsmd->closed_loop = cfg_getbool(cfg, "closed-loop");
@@ -286,7 +329,8 @@ static int check_neighbours(cfg_t *cfg, const struct sim_config *config, size_t 
 
 		if (other->bus != drive->bus)
 			continue;
-		if (!config->buses[drive->bus].serial.rs485)
+		if (config->buses[drive->bus].kind == SIM_BUS_VSMD_SERIAL &&
+		    !config->buses[drive->bus].serial.rs485)
 			return wrong(cfg, "bus",
 			             "drives %s and %s share the rs232 line %s; it can have only "
 			             "one",
@@ -315,7 +359,7 @@ static int load_drive(cfg_t *cfg, struct sim_config *config, size_t index)
 			return wrong(cfg, NULL, "drive %s has the name of a bus; names must differ",
 			             drive->name);
 	}
-	if (load_vsmd(cfg, config->buses[drive->bus].serial.baud, &drive->vsmd) != 0 ||
+	if (load_vsmd(cfg, &config->buses[drive->bus], &drive->vsmd) != 0 ||
 	    load_faults(cfg, drive->faults, &drive->fault_count) != 0)
 		return -1;
 	return check_neighbours(cfg, config, index);
@@ -364,6 +408,11 @@ int sim_config_load(const char *path, struct sim_config *config)
 		            CFG_INT("latency-us", 800, CFGF_NONE),
 		            CFG_INT("turnaround-us", 0, CFGF_NONE),
 		            CFG_INT("reply-id", 1, CFGF_NONE),
+		            CFG_STR("transport", "slcan", CFGF_NONE),
+		            CFG_STR("interface", NULL, CFGF_NODEFAULT),
+		            CFG_INT("bitrate", 100000, CFGF_NONE),
+		            CFG_STR("frames", "extended", CFGF_NONE),
+		            CFG_INT("output-base", 1, CFGF_NONE),
 		            CFG_STR("flash", NULL, CFGF_NODEFAULT),
 		            CFG_STR_LIST("fault", NULL, CFGF_NODEFAULT),
 		            CFG_END() };

@@ -5,17 +5,25 @@
 #ifndef DRIVEBRIDGE_SIM_CONFIG_H
 #define DRIVEBRIDGE_SIM_CONFIG_H
 
+#include "sim/can_line.h"
+#include "sim/vsmd_can_node.h"
 #include "sim/vsmd_drive.h"
 #include "sim/vsmd_serial_bus.h"
 
 #define SIM_FAULT_TEXTS_MAX 16
 
+enum sim_bus_kind { SIM_BUS_VSMD_SERIAL, SIM_BUS_VSMD_CAN };
+
 struct sim_bus_config {
 	const char *name;
-	const char *device; /* "pty" or a path */
-	const char *link;   /* null = none */
-	const char *flash;  /* directory, null = none */
-	struct sim_serial_config serial;
+	enum sim_bus_kind kind;
+	const char *device;    /* "pty" or a path */
+	const char *interface; /* CAN network interface, null: a serial adapter on device */
+	const char *link;      /* null = none */
+	const char *flash;     /* directory, null = none */
+	struct sim_serial_config serial; /* serial lines */
+	struct sim_can_config can;       /* CAN */
+	struct vsmd_can_style style;
 	const char *faults[SIM_FAULT_TEXTS_MAX];
 	size_t fault_count;
 };

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/vsmd_drive.h"
 
+#include "codec/vsmd_can.h"
+
 #include "sim/flash.h"
 #include "sim/vsmd_mechanics.h"
 
@@ -57,7 +59,8 @@ static bool has_output(const struct sim_vsmd_config *config, unsigned port)
 bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param,
                     union db_value value)
 {
-	if (!vsmd_param_in_range(param, value))
+	if (!(config->can ? vsmd_can_param_in_range(param, value) :
+	                    vsmd_param_in_range(param, value)))
 		return false;
 	if (param >= VSMD_S1 && param <= VSMD_S6)
 		return value.u == 0 || has_output(config, (unsigned)(param - VSMD_S1) + 1);
@@ -198,11 +201,16 @@ static bool accept(struct sim_vsmd *drive, const struct vsmd_command *command)
 	return true;
 }
 
+void sim_vsmd_greet(struct sim_vsmd *drive)
+{
+	drive->flags |= VSMD_ST_HS;
+	drive->offline_start = DB_TIME_NEVER;
+}
+
 static bool handshake(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
 	(void)command;
-	drive->flags |= VSMD_ST_HS;
-	drive->offline_start = DB_TIME_NEVER;
+	sim_vsmd_greet(drive);
 	return true;
 }
 

@@ -34,7 +34,8 @@ struct sim_sensor {
 struct sim_vsmd_config {
 	const char *identity;   /* not null */
 	const char *flash_path; /* null: saved parameters live as long as the process */
-	unsigned address;       /* factory value of cid, 1..32 */
+	bool can;               /* on CAN: other values of cid and bdr are right */
+	unsigned address;       /* factory value of cid, 1..32, on CAN 1..110 */
 	unsigned baud;          /* factory value of bdr */
 	unsigned model;         /* 10, 25, 45 or 80: VSMD1xx_0nnT */
 	bool closed_loop;
@@ -75,6 +76,9 @@ void sim_vsmd_advance(struct sim_vsmd *drive, db_time now);
 /* Carries a well-formed command out (the id is ignored) and says which reply it calls for. */
 enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_command *command,
                                       db_time now);
+
+/* The host has made itself known, as `dev` does. */
+void sim_vsmd_greet(struct sim_vsmd *drive);
 
 /* A line that was no command: sets cmd_wrg. The reply is the status. */
 void sim_vsmd_refuse(struct sim_vsmd *drive, db_time now);

@@ -3,6 +3,8 @@
 
 #include "codec/vsmd_serial.h"
 
+#include <inttypes.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -465,3 +467,50 @@ size_t sim_serial_bus_run(struct sim_serial_bus *bus, db_time now, uint8_t *out,
 	}
 	return written;
 }
+
+/* --- for the world --------------------------------------------------------------------------------- */
+
+static void wire_receive(void *wire, const uint8_t *bytes, size_t length, db_time now)
+{
+	sim_serial_bus_receive(wire, bytes, length, now);
+}
+
+static size_t wire_run(void *wire, db_time now, uint8_t *out, size_t size)
+{
+	return sim_serial_bus_run(wire, now, out, size);
+}
+
+static db_time wire_next(void *wire)
+{
+	return sim_serial_bus_next(wire);
+}
+
+static struct sim_faults *wire_faults(void *wire)
+{
+	return sim_serial_bus_faults(wire);
+}
+
+static void wire_describe(void *wire, char *text, size_t size)
+{
+	const struct sim_serial_stats *stats = sim_serial_bus_stats(wire);
+
+	(void)snprintf(text, size,
+	               "requests=%" PRIu32 " replies=%" PRIu32 " collisions=%" PRIu32
+	               " unheard=%" PRIu32 " foreign=%" PRIu32,
+	               stats->requests, stats->replies, stats->collisions, stats->unheard,
+	               stats->foreign);
+}
+
+static void wire_free(void *wire)
+{
+	sim_serial_bus_free(wire);
+}
+
+const struct sim_wire_ops sim_serial_bus_ops = {
+	.receive = wire_receive,
+	.run = wire_run,
+	.next = wire_next,
+	.faults = wire_faults,
+	.describe = wire_describe,
+	.free = wire_free,
+};

@@ -15,6 +15,7 @@
 
 #include "drivebridge/time.h"
 #include "sim/node.h"
+#include "sim/wire.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -30,10 +31,6 @@ struct sim_serial_config {
 	db_time latency;    /* a drive's thinking time */
 	db_time turnaround; /* after a reply: requests that begin sooner are not heard */
 };
-
-/* direction '>' host to drive, '<' drive to host, 'e' echo. */
-typedef void sim_trace_fn(void *context, db_time time, char direction, const uint8_t *bytes,
-                          size_t length);
 
 struct sim_serial_stats {
 	uint32_t requests;
@@ -64,6 +61,9 @@ size_t sim_serial_bus_run(struct sim_serial_bus *bus, db_time now, uint8_t *out,
 
 /* When sim_serial_bus_run() has something to do next; DB_TIME_NEVER when nothing is under way. */
 db_time sim_serial_bus_next(struct sim_serial_bus *bus);
+
+/* The functions above, for the world. */
+extern const struct sim_wire_ops sim_serial_bus_ops;
 
 struct sim_faults *sim_serial_bus_faults(struct sim_serial_bus *bus);
 const struct sim_serial_stats *sim_serial_bus_stats(const struct sim_serial_bus *bus);

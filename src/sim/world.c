@@ -29,9 +29,35 @@ static void write_trace(void *context, db_time time, char direction, const uint8
 	(void)fputs("|\n", bus->trace);
 }
 
+/* The wire with nobody on it yet. */
+static int make_wire(struct sim_bus *bus)
+{
+	const struct sim_bus_config *config = bus->config;
+
+	if (config->kind == SIM_BUS_VSMD_SERIAL) {
+		bus->ops = &sim_serial_bus_ops;
+		bus->wire = sim_serial_bus_new(&config->serial, write_trace, bus);
+	} else {
+		bus->ops = &sim_can_line_ops;
+		bus->wire = sim_can_line_new(&config->can, write_trace, bus);
+	}
+	return bus->wire ? 0 : -1;
+}
+
+static int open_port(struct sim_bus *bus)
+{
+	const struct sim_bus_config *config = bus->config;
+
+	if (!config->interface)
+		return sim_port_open(&bus->port, config->device, config->serial.baud, config->link);
+	bus->write_unit = sizeof(struct db_can_frame);
+	return sim_port_open_can(&bus->port, config->interface);
+}
+
 static int open_bus(struct sim_bus *bus)
 {
 	const struct sim_bus_config *config = bus->config;
+	const char *place = config->interface ? config->interface : config->device;
 	const char *error;
 	int result;
 
@@ -40,15 +66,14 @@ static int open_bus(struct sim_bus *bus)
 		              config->flash, strerror(errno));
 		return -1;
 	}
-	result = sim_port_open(&bus->port, config->device, config->serial.baud, config->link);
+	result = open_port(bus);
 	if (result != 0) {
-		(void)fprintf(stderr, "bus %s: %s%s%s: %s\n", config->name, config->device,
+		(void)fprintf(stderr, "bus %s: %s%s%s: %s\n", config->name, place,
 		              config->link ? " with link " : "", config->link ? config->link : "",
 		              strerror(-result));
 		return -1;
 	}
-	bus->wire = sim_serial_bus_new(&config->serial, write_trace, bus);
-	if (!bus->wire)
+	if (make_wire(bus) != 0)
 		return -1;
 	for (size_t i = 0; i < config->fault_count; i++) {
 		error = sim_world_fault(NULL, bus, config->faults[i], 0);
@@ -60,7 +85,19 @@ static int open_bus(struct sim_bus *bus)
 	return 0;
 }
 
-static int open_node(struct sim_node *node, struct sim_bus *bus,
+static bool attach(struct sim_bus *bus, struct sim_node *node, struct sim_vsmd_can_node *can_node)
+{
+	const struct sim_bus_config *config = bus->config;
+	struct sim_can_station station;
+
+	if (config->kind == SIM_BUS_VSMD_SERIAL)
+		return sim_serial_bus_attach(bus->wire, node);
+	sim_vsmd_can_node_init(can_node, node, &config->style, config->can.latency);
+	station = sim_vsmd_can_node_station(can_node);
+	return sim_can_bus_attach(sim_can_line_bus(bus->wire), &station);
+}
+
+static int open_node(struct sim_node *node, struct sim_vsmd_can_node *can_node, struct sim_bus *bus,
                      const struct sim_drive_config *config, db_time now)
 {
 	struct sim_vsmd_config vsmd = config->vsmd;
@@ -76,7 +113,7 @@ static int open_node(struct sim_node *node, struct sim_bus *bus,
 		vsmd.flash_path = path;
 	}
 	node->drive = sim_vsmd_new(&vsmd, now);
-	if (!node->drive || !sim_serial_bus_attach(bus->wire, node)) {
+	if (!node->drive || !attach(bus, node, can_node)) {
 		(void)fprintf(stderr, "drive %s: no room on bus %s\n", node->name,
 		              bus->config->name);
 		return -1;
@@ -94,7 +131,8 @@ int sim_world_open(struct sim_world *world, const struct sim_config *config, FIL
 	*world = (struct sim_world){ .bus_count = config->bus_count };
 	world->buses = calloc(config->bus_count, sizeof(*world->buses));
 	world->nodes = calloc(config->drive_count, sizeof(*world->nodes));
-	if (!world->buses || !world->nodes) {
+	world->can_nodes = calloc(config->drive_count, sizeof(*world->can_nodes));
+	if (!world->buses || !world->nodes || !world->can_nodes) {
 		world->bus_count = 0;
 		return -1;
 	}
@@ -108,10 +146,11 @@ int sim_world_open(struct sim_world *world, const struct sim_config *config, FIL
 			return -1;
 	}
 	while (world->node_count < config->drive_count) {
-		const struct sim_drive_config *drive = &config->drives[world->node_count];
+		size_t i = world->node_count++;
+		const struct sim_drive_config *drive = &config->drives[i];
 
-		if (open_node(&world->nodes[world->node_count++], &world->buses[drive->bus], drive,
-		              now) != 0)
+		if (open_node(&world->nodes[i], &world->can_nodes[i], &world->buses[drive->bus],
+		              drive, now) != 0)
 			return -1;
 	}
 	return 0;
@@ -121,12 +160,14 @@ void sim_world_close(struct sim_world *world)
 {
 	for (size_t i = 0; i < world->bus_count; i++) {
 		sim_port_close(&world->buses[i].port);
-		sim_serial_bus_free(world->buses[i].wire);
+		if (world->buses[i].wire)
+			world->buses[i].ops->free(world->buses[i].wire);
 	}
 	for (size_t i = 0; i < world->node_count; i++)
 		sim_vsmd_free(world->nodes[i].drive);
 	free(world->buses);
 	free(world->nodes);
+	free(world->can_nodes);
 	*world = (struct sim_world){ .buses = NULL };
 }
 
@@ -139,8 +180,20 @@ int sim_bus_read(struct sim_bus *bus, db_time now)
 		return errno == EAGAIN || errno == EINTR ? 0 : -errno;
 	if (count == 0)
 		return -EPIPE;
-	sim_serial_bus_receive(bus->wire, bytes, (size_t)count, now);
+	bus->ops->receive(bus->wire, bytes, (size_t)count, now);
 	return 0;
+}
+
+/* What a host does not read is lost, as on a line nobody listens to. */
+static void write_out(struct sim_bus *bus, const uint8_t *bytes, size_t length)
+{
+	size_t unit = bus->write_unit > 0 ? bus->write_unit : length;
+
+	for (size_t done = 0; done + unit <= length; done += unit) {
+		if (write(bus->port.fd, bytes + done, unit) < 0 && errno != EAGAIN &&
+		    errno != ENOBUFS)
+			(void)fprintf(stderr, "bus %s: %s\n", bus->config->name, strerror(errno));
+	}
 }
 
 void sim_world_run(struct sim_world *world, db_time now)
@@ -151,12 +204,8 @@ void sim_world_run(struct sim_world *world, db_time now)
 		struct sim_bus *bus = &world->buses[i];
 		size_t count;
 
-		while ((count = sim_serial_bus_run(bus->wire, now, bytes, sizeof(bytes))) > 0) {
-			/* What a host does not read is lost, as on a line nobody listens to. */
-			if (write(bus->port.fd, bytes, count) < 0 && errno != EAGAIN)
-				(void)fprintf(stderr, "bus %s: %s\n", bus->config->name,
-				              strerror(errno));
-		}
+		while ((count = bus->ops->run(bus->wire, now, bytes, sizeof(bytes))) > 0)
+			write_out(bus, bytes, count);
 	}
 	for (size_t i = 0; i < world->node_count; i++) {
 		if (sim_vsmd_moving(world->nodes[i].drive))
@@ -169,7 +218,7 @@ db_time sim_world_next(const struct sim_world *world, db_time now)
 	db_time next = DB_TIME_NEVER;
 
 	for (size_t i = 0; i < world->bus_count; i++) {
-		db_time due = sim_serial_bus_next(world->buses[i].wire);
+		db_time due = world->buses[i].ops->next(world->buses[i].wire);
 
 		if (due < next)
 			next = due;
@@ -203,9 +252,9 @@ const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const ch
                             db_time now)
 {
 	if (!node)
-		return sim_faults_set(sim_serial_bus_faults(bus->wire), text);
-	if (strncmp(text, "echo", 4) == 0)
-		return "echo is a fault of a bus, not of a drive";
+		return sim_faults_set(bus->ops->faults(bus->wire), text);
+	if (strncmp(text, "echo", 4) == 0 || strncmp(text, "bus-off", 7) == 0)
+		return "that is a fault of a bus, not of a drive";
 	if (strcmp(text, "stall") == 0 || strcmp(text, "stall on") == 0)
 		sim_vsmd_stall(node->drive, true, now);
 	else if (strcmp(text, "stall off") == 0)

@@ -8,21 +8,25 @@
 #include "sim/node.h"
 #include "sim/port.h"
 #include "sim/sim_config.h"
-#include "sim/vsmd_serial_bus.h"
+#include "sim/vsmd_can_node.h"
+#include "sim/wire.h"
 
 #include <stdio.h>
 
 struct sim_bus {
 	const struct sim_bus_config *config;
 	struct sim_port port;
-	struct sim_serial_bus *wire;
-	FILE *trace; /* not owned, may be null */
+	const struct sim_wire_ops *ops;
+	void *wire;        /* what ops work on */
+	size_t write_unit; /* the port takes so many bytes at a time; 0 = as many as there are */
+	FILE *trace;       /* not owned, may be null */
 };
 
 struct sim_world {
 	struct sim_bus *buses;
 	size_t bus_count;
 	struct sim_node *nodes;
+	struct sim_vsmd_can_node *can_nodes; /* of those nodes that are on CAN, at the same place */
 	size_t node_count;
 };
 

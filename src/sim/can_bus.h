@@ -1,0 +1,74 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A CAN bus: one frame at a time is on the wire, the lowest id of those that wait goes first, and
+ * each takes the time its bits take at the bit rate, stuff bits included. At one end is the host
+ * (through an adapter or an interface), at the others are drives. No I/O and no clock; allocates
+ * only in sim_can_bus_new(). One thread.
+ */
+#ifndef DRIVEBRIDGE_SIM_CAN_BUS_H
+#define DRIVEBRIDGE_SIM_CAN_BUS_H
+
+#include "codec/can.h"
+#include "drivebridge/time.h"
+#include "sim/faults.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define SIM_CAN_STATIONS_MAX 128
+
+/* A drive's end of the bus. */
+struct sim_can_station {
+	void *self;
+	/* A frame was on the bus; `now` is its end. */
+	void (*receive)(void *self, const struct db_can_frame *frame, db_time now);
+	/* When it has something to send next; DB_TIME_NEVER. */
+	db_time (*next)(void *self);
+	/* Takes the next frame that is due. False when none is. */
+	bool (*send)(void *self, db_time now, struct db_can_frame *frame);
+	struct sim_faults *faults; /* of its connection */
+};
+
+/* direction '>' host to drive, '<' drive to host. */
+typedef void sim_can_trace_fn(void *context, db_time time, char direction,
+                              const struct db_can_frame *frame);
+
+struct sim_can_stats {
+	uint32_t frames; /* on the wire, from either side */
+	uint32_t host_frames;
+	uint32_t arbitration_lost; /* times a frame of the host had to wait for a better id */
+	uint32_t corrupted;        /* frames that had to be sent again for a bit error */
+	uint32_t overflows;        /* frames nobody had room for */
+	uint64_t busy_ns;          /* time the wire was in use */
+};
+
+struct sim_can_bus;
+
+/* Null when out of memory. trace may be null. */
+struct sim_can_bus *sim_can_bus_new(unsigned bitrate, sim_can_trace_fn *trace, void *context);
+void sim_can_bus_free(struct sim_can_bus *bus);
+
+/* Copies the station; what it points to must outlive the bus. False when the bus is full. */
+bool sim_can_bus_attach(struct sim_can_bus *bus, const struct sim_can_station *station);
+
+/* The host has a frame to send. False when it waits for too many already. */
+bool sim_can_bus_put(struct sim_can_bus *bus, const struct db_can_frame *frame, db_time now);
+
+/* Does what is due up to `now`. True: *frame arrived at the host; call again. */
+bool sim_can_bus_run(struct sim_can_bus *bus, db_time now, struct db_can_frame *frame);
+
+/* When sim_can_bus_run() has something to do next. */
+db_time sim_can_bus_next(struct sim_can_bus *bus);
+
+/* Frames of the host that are not through yet. */
+size_t sim_can_bus_waiting(const struct sim_can_bus *bus);
+
+/* Bus off: the host is not connected. What waits is forgotten. */
+void sim_can_bus_cut(struct sim_can_bus *bus, bool cut);
+bool sim_can_bus_is_cut(const struct sim_can_bus *bus);
+
+struct sim_faults *sim_can_bus_faults(struct sim_can_bus *bus);
+const struct sim_can_stats *sim_can_bus_stats(const struct sim_can_bus *bus);
+
+#endif

@@ -1,0 +1,332 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/can_line.h"
+
+#include "codec/slcan.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define OUT_MAX 4096
+#define FRAME sizeof(struct db_can_frame)
+
+/* What SocketCAN's error frames say. */
+#define ERROR_BUS_OFF (DB_CAN_ERROR | 0x40u)
+#define ERROR_RESTARTED (DB_CAN_ERROR | 0x100u)
+
+/* An adapter has room for so many frames. */
+#define ADAPTER_QUEUE 32
+
+struct sim_can_line {
+	struct sim_can_config config;
+	sim_trace_fn *trace;
+	void *context;
+	struct sim_can_bus *bus;
+	uint8_t out[OUT_MAX];
+	size_t out_length;
+
+	/* The adapter. */
+	struct slcan_reader reader;
+	bool open;
+	bool listens;
+	uint8_t digit; /* of the rate it was set to */
+	uint8_t flags;
+	uint32_t arbitration_told; /* losses that the flags have shown */
+
+	/* Frames from an interface. */
+	uint8_t partial[FRAME];
+	size_t partial_length;
+};
+
+static void trace_frame(void *context, db_time time, char direction,
+                        const struct db_can_frame *frame)
+{
+	const struct sim_can_line *line = context;
+	char text[32];
+	bool extended = frame->id & DB_CAN_EXTENDED;
+	int length = snprintf(text, sizeof(text), extended ? "%08X#" : "%03X#",
+	                      frame->id & DB_CAN_ID_MASK);
+
+	for (unsigned i = 0; i < frame->length; i++)
+		length += snprintf(text + length, sizeof(text) - (size_t)length, "%02X",
+		                   frame->data[i]);
+	if (line->trace)
+		line->trace(line->context, time, direction, (const uint8_t *)text, (size_t)length);
+}
+
+struct sim_can_line *sim_can_line_new(const struct sim_can_config *config, sim_trace_fn *trace,
+                                      void *context)
+{
+	struct sim_can_line *line = calloc(1, sizeof(*line));
+
+	if (!line)
+		return NULL;
+	line->config = *config;
+	line->trace = trace;
+	line->context = context;
+	line->bus = sim_can_bus_new(config->bitrate, trace_frame, line);
+	if (!line->bus) {
+		free(line);
+		return NULL;
+	}
+	return line;
+}
+
+struct sim_can_bus *sim_can_line_bus(struct sim_can_line *line)
+{
+	return line->bus;
+}
+
+static void put(struct sim_can_line *line, const void *bytes, size_t length)
+{
+	if (line->out_length + length > sizeof(line->out)) {
+		line->flags |= SLCAN_RX_FULL;
+		return;
+	}
+	memcpy(line->out + line->out_length, bytes, length);
+	line->out_length += length;
+}
+
+/* --- the adapter ----------------------------------------------------------------------------------- */
+
+static void reply(struct sim_can_line *line, const struct slcan_reply *reply)
+{
+	char text[SLCAN_LINE_MAX];
+	int length = slcan_encode_reply(reply, text, sizeof(text));
+
+	if (length > 0)
+		put(line, text, (size_t)length);
+}
+
+static void reply_kind(struct sim_can_line *line, enum slcan_reply_kind kind)
+{
+	reply(line, &(struct slcan_reply){ .kind = kind });
+}
+
+static bool runs_at_the_bus_rate(const struct sim_can_line *line)
+{
+	return slcan_bitrate(line->digit) == line->config.bitrate;
+}
+
+static void send_frame(struct sim_can_line *line, const struct db_can_frame *frame, db_time now)
+{
+	/* Nobody understands an adapter at another rate, so nobody acknowledges. */
+	if (!line->open || line->listens || sim_can_bus_is_cut(line->bus) ||
+	    !runs_at_the_bus_rate(line)) {
+		line->flags |= SLCAN_BUS_ERROR;
+		reply_kind(line, SLCAN_REPLY_REFUSED);
+		return;
+	}
+	if (sim_can_bus_waiting(line->bus) >= ADAPTER_QUEUE ||
+	    !sim_can_bus_put(line->bus, frame, now)) {
+		line->flags |= SLCAN_TX_FULL;
+		reply_kind(line, SLCAN_REPLY_REFUSED);
+		return;
+	}
+	reply(line, &(struct slcan_reply){ .kind = SLCAN_REPLY_SENT,
+	                                   .extended = frame->id & DB_CAN_EXTENDED });
+}
+
+static void tell_flags(struct sim_can_line *line)
+{
+	const struct sim_can_stats *stats = sim_can_bus_stats(line->bus);
+
+	if (stats->arbitration_lost != line->arbitration_told)
+		line->flags |= SLCAN_ARBITRATION_LOST;
+	line->arbitration_told = stats->arbitration_lost;
+	if (sim_can_bus_is_cut(line->bus))
+		line->flags |= SLCAN_ERROR_PASSIVE | SLCAN_BUS_ERROR;
+	reply(line, &(struct slcan_reply){ .kind = SLCAN_REPLY_FLAGS, .flags = line->flags });
+	line->flags = 0;
+}
+
+static void open_channel(struct sim_can_line *line, bool listens)
+{
+	if (line->open) {
+		reply_kind(line, SLCAN_REPLY_REFUSED);
+		return;
+	}
+	line->open = true;
+	line->listens = listens;
+	line->flags = 0;
+	reply_kind(line, SLCAN_REPLY_DONE);
+}
+
+static void set_rate(struct sim_can_line *line, uint8_t digit)
+{
+	if (line->open) {
+		reply_kind(line, SLCAN_REPLY_REFUSED);
+		return;
+	}
+	line->digit = digit;
+	reply_kind(line, SLCAN_REPLY_DONE);
+}
+
+static void obey(struct sim_can_line *line, const struct slcan_command *command, db_time now)
+{
+	switch (command->verb) {
+	case SLCAN_SEND:
+		send_frame(line, &command->frame, now);
+		break;
+	case SLCAN_SET_RATE:
+		set_rate(line, command->digit);
+		break;
+	case SLCAN_OPEN:
+	case SLCAN_LISTEN:
+		open_channel(line, command->verb == SLCAN_LISTEN);
+		break;
+	case SLCAN_CLOSE:
+		line->open = false;
+		reply_kind(line, SLCAN_REPLY_DONE);
+		break;
+	case SLCAN_FLAGS:
+		if (line->open)
+			tell_flags(line);
+		else
+			reply_kind(line, SLCAN_REPLY_REFUSED);
+		break;
+	case SLCAN_VERSION:
+		reply(line, &(struct slcan_reply){ .kind = SLCAN_REPLY_VERSION, .text = "1013" });
+		break;
+	case SLCAN_SERIAL:
+		reply(line, &(struct slcan_reply){ .kind = SLCAN_REPLY_SERIAL, .text = "DB01" });
+		break;
+	case SLCAN_SET_BTR: /* rates outside of the table are not simulated */
+		reply_kind(line, SLCAN_REPLY_REFUSED);
+		break;
+	default: /* an empty line, timestamps */
+		reply_kind(line, SLCAN_REPLY_DONE);
+		break;
+	}
+}
+
+static void hear_adapter(struct sim_can_line *line, uint8_t byte, db_time now)
+{
+	struct slcan_command command;
+
+	switch (slcan_take(&line->reader, byte)) {
+	case SLCAN_TOOK_LINE:
+		if (slcan_decode_command(line->reader.line, line->reader.length, &command) ==
+		    SLCAN_OK)
+			obey(line, &command, now);
+		else
+			reply_kind(line, SLCAN_REPLY_REFUSED);
+		break;
+	case SLCAN_TOOK_SPOILT:
+		reply_kind(line, SLCAN_REPLY_REFUSED);
+		break;
+	default:
+		break;
+	}
+}
+
+/* --- both kinds ------------------------------------------------------------------------------------ */
+
+static void hear_frame(struct sim_can_line *line, uint8_t byte, db_time now)
+{
+	struct db_can_frame frame;
+
+	line->partial[line->partial_length++] = byte;
+	if (line->partial_length < FRAME)
+		return;
+	line->partial_length = 0;
+	memcpy(&frame, line->partial, FRAME);
+	if (!(frame.id & (DB_CAN_ERROR | DB_CAN_REMOTE)))
+		(void)sim_can_bus_put(line->bus, &frame, now);
+}
+
+static void line_receive(void *wire, const uint8_t *bytes, size_t length, db_time now)
+{
+	struct sim_can_line *line = wire;
+
+	for (size_t i = 0; i < length; i++) {
+		if (line->config.adapter)
+			hear_adapter(line, bytes[i], now);
+		else
+			hear_frame(line, bytes[i], now);
+	}
+}
+
+static void pass_on(struct sim_can_line *line, const struct db_can_frame *frame)
+{
+	if (!line->config.adapter)
+		put(line, frame, FRAME);
+	else if (line->open && runs_at_the_bus_rate(line))
+		reply(line, &(struct slcan_reply){ .kind = SLCAN_REPLY_FRAME, .frame = *frame });
+}
+
+/* The fault "bus-off on" takes the host off the bus; an interface tells it by error frames. */
+static void follow_bus_off(struct sim_can_line *line)
+{
+	bool off = sim_can_bus_faults(line->bus)->left[SIM_FAULT_BUS_OFF] != 0;
+	struct db_can_frame error = { .length = DB_CAN_DATA_MAX };
+
+	if (off == sim_can_bus_is_cut(line->bus))
+		return;
+	sim_can_bus_cut(line->bus, off);
+	error.id = off ? ERROR_BUS_OFF : ERROR_RESTARTED;
+	if (!line->config.adapter)
+		put(line, &error, FRAME);
+}
+
+static size_t line_run(void *wire, db_time now, uint8_t *out, size_t size)
+{
+	struct sim_can_line *line = wire;
+	struct db_can_frame frame;
+	size_t count;
+
+	follow_bus_off(line);
+	while (line->out_length + SLCAN_LINE_MAX <= sizeof(line->out) &&
+	       sim_can_bus_run(line->bus, now, &frame))
+		pass_on(line, &frame);
+	count = line->out_length < size ? line->out_length : size;
+	memcpy(out, line->out, count);
+	line->out_length -= count;
+	memmove(line->out, line->out + count, line->out_length);
+	return count;
+}
+
+static db_time line_next(void *wire)
+{
+	struct sim_can_line *line = wire;
+
+	return line->out_length > 0 ? 0 : sim_can_bus_next(line->bus);
+}
+
+static struct sim_faults *line_faults(void *wire)
+{
+	return sim_can_bus_faults(((struct sim_can_line *)wire)->bus);
+}
+
+static void line_describe(void *wire, char *text, size_t size)
+{
+	const struct sim_can_stats *stats = sim_can_bus_stats(((struct sim_can_line *)wire)->bus);
+
+	(void)snprintf(text, size,
+	               "frames=%" PRIu32 " requests=%" PRIu32 " replies=%" PRIu32
+	               " arbitration_lost=%" PRIu32 " corrupted=%" PRIu32 " overflows=%" PRIu32
+	               " busy_us=%" PRIu64,
+	               stats->frames, stats->host_frames, stats->frames - stats->host_frames,
+	               stats->arbitration_lost, stats->corrupted, stats->overflows,
+	               stats->busy_ns / 1000);
+}
+
+static void line_free(void *wire)
+{
+	struct sim_can_line *line = wire;
+
+	if (!line)
+		return;
+	sim_can_bus_free(line->bus);
+	free(line);
+}
+
+const struct sim_wire_ops sim_can_line_ops = {
+	.receive = line_receive,
+	.run = line_run,
+	.next = line_next,
+	.faults = line_faults,
+	.describe = line_describe,
+	.free = line_free,
+};

@@ -1,0 +1,344 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/vsmd_can_node.h"
+
+#include <stdio.h>
+#include <string.h>
+
+void sim_vsmd_can_node_init(struct sim_vsmd_can_node *node, struct sim_node *sim,
+                            const struct vsmd_can_style *style, db_time latency)
+{
+	memset(node, 0, sizeof(*node));
+	node->node = sim;
+	node->style = *style;
+	node->latency = latency;
+	node->interval = (db_time)VSMD_CAN_INTERVAL_DEFAULT * DB_NS_PER_MS;
+	node->shake_frequency = VSMD_SHAKE_FREQ_MIN_CAN;
+}
+
+/* "00080381#01": what other tools print, too. */
+static void write_log(struct sim_node *node, const struct db_can_frame *frame, db_time now)
+{
+	struct sim_log_entry *entry = &node->log[node->heard++ % SIM_LOG_LINES];
+	bool extended = frame->id & DB_CAN_EXTENDED;
+	int length = snprintf(entry->line, sizeof(entry->line), extended ? "%08X#" : "%03X#",
+	                      frame->id & DB_CAN_ID_MASK);
+
+	entry->time = now;
+	for (unsigned i = 0; i < frame->length; i++)
+		length += snprintf(entry->line + length, sizeof(entry->line) - (size_t)length,
+		                   "%02X", frame->data[i]);
+}
+
+/* --- answers --------------------------------------------------------------------------------------- */
+
+static void queue_answer(struct sim_vsmd_can_node *node, enum vsmd_can_control control,
+                         uint16_t host, unsigned first, const uint32_t *values, unsigned count,
+                         db_time due)
+{
+	struct vsmd_can_style style = node->style;
+	struct db_can_frame frames[VSMD_CAN_READ_MAX / VSMD_CAN_FRAME_REGS];
+	int frame_count;
+
+	style.host = host;
+	if (due < node->busy_until)
+		due = node->busy_until;
+	node->busy_until = due;
+	frame_count = vsmd_can_encode_answer(&style, sim_vsmd_address(node->node->drive), control,
+	                                     first, values, count, frames,
+	                                     sizeof(frames) / sizeof(frames[0]));
+	for (int i = 0; i < frame_count && node->count < SIM_VSMD_CAN_QUEUE; i++) {
+		size_t place = (node->first + node->count++) % SIM_VSMD_CAN_QUEUE;
+
+		node->queue[place].due = due;
+		node->queue[place].frame = frames[i];
+	}
+	node->node->replies++;
+}
+
+static void read_status(struct sim_vsmd_can_node *node, uint16_t host, unsigned first,
+                        unsigned count, db_time now)
+{
+	uint32_t values[VSMD_CAN_REG_MAX + 1] = { 0 };
+	struct sim_vsmd *drive = node->node->drive;
+	struct vsmd_status status;
+	char identity[VSMD_CAN_IDENTITY_MAX + 1];
+
+	sim_vsmd_status(drive, now, &status);
+	vsmd_can_put_status(&status, values);
+	(void)snprintf(identity, sizeof(identity), "%s", sim_vsmd_identity(drive));
+	(void)vsmd_can_put_identity(identity, &values[VSMD_CAN_IDENTITY]);
+	if (first + count > VSMD_CAN_REG_MAX + 1)
+		return;
+	queue_answer(node, VSMD_CAN_STATUS_REPLY, host, first, &values[first], count,
+	             now + node->latency);
+}
+
+static uint32_t register_of(const struct sim_vsmd *drive, unsigned reg)
+{
+	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+	size_t count = vsmd_can_params_of(reg, params);
+	uint32_t raw = 0;
+
+	for (size_t i = 0; i < count; i++)
+		(void)vsmd_can_insert(params[i], sim_vsmd_params(drive)[params[i]], &raw);
+	return raw;
+}
+
+static void read_data(struct sim_vsmd_can_node *node, uint16_t host, unsigned first, unsigned count,
+                      db_time now)
+{
+	uint32_t values[VSMD_CAN_READ_MAX];
+
+	if (first > VSMD_CAN_DATA_LAST || count > VSMD_CAN_READ_MAX)
+		return;
+	for (unsigned i = 0; i < count; i++)
+		values[i] = register_of(node->node->drive, first + i);
+	queue_answer(node, VSMD_CAN_DATA_REPLY, host, first, values, count, now + node->latency);
+}
+
+/* --- what the host says ---------------------------------------------------------------------------- */
+
+/* Writes what a register holds of parameters that differ from before. */
+static void write_register(struct sim_vsmd_can_node *node, unsigned reg, uint32_t raw, db_time now)
+{
+	struct sim_vsmd *drive = node->node->drive;
+	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+	struct vsmd_setting settings[VSMD_CAN_FIELDS_MAX];
+	struct vsmd_command command = { .verb = VSMD_CFG_WRITE, .settings = settings };
+	size_t count = vsmd_can_params_of(reg, params);
+	bool right = count > 0;
+
+	for (size_t i = 0; i < count; i++) {
+		union db_value value;
+
+		if (vsmd_can_extract(params[i], raw, &value) != VSMD_OK) {
+			right = false;
+		} else if (value.u != sim_vsmd_params(drive)[params[i]].u) {
+			settings[command.setting_count].param = params[i];
+			settings[command.setting_count++].value = value;
+		}
+	}
+	if (!right)
+		sim_vsmd_refuse(drive, now);
+	else if (command.setting_count > 0)
+		(void)sim_vsmd_execute(drive, &command, now);
+}
+
+static void set_report(struct sim_vsmd_can_node *node, uint16_t host,
+                       const struct vsmd_can_command *command, db_time now)
+{
+	node->report = command->report;
+	node->reporting_to = host;
+	if (command->has_interval)
+		node->interval = (db_time)command->interval * DB_NS_PER_MS;
+	node->report_at = now + node->interval;
+}
+
+static void shake(struct sim_vsmd_can_node *node, const struct vsmd_can_command *command,
+                  db_time now)
+{
+	struct vsmd_command start = {
+		.shake_start = node->shake_start,
+		.shake_end = node->shake_end,
+		.shake_frequency = node->shake_frequency,
+		.shake_count = command->shake_count,
+	};
+
+	switch (command->shake) {
+	case VSMD_CAN_SHAKE_START_AT:
+		node->shake_start = command->position;
+		return;
+	case VSMD_CAN_SHAKE_END_AT:
+		node->shake_end = command->position;
+		return;
+	case VSMD_CAN_SHAKE_FREQUENCY:
+		node->shake_frequency = command->shake_frequency;
+		return;
+	case VSMD_CAN_SHAKE_CYCLES:
+		start.verb = VSMD_SHAKE_CYCLES;
+		break;
+	case VSMD_CAN_SHAKE_TIME:
+		start.verb = VSMD_SHAKE_TIME;
+		break;
+	case VSMD_CAN_SHAKE_STOP:
+	default:
+		start.verb = VSMD_SHAKE_STOP;
+		break;
+	}
+	(void)sim_vsmd_execute(node->node->drive, &start, now);
+}
+
+static enum vsmd_verb verb_of(enum vsmd_can_code code)
+{
+	switch (code) {
+	case VSMD_CAN_ENA:
+		return VSMD_ENA;
+	case VSMD_CAN_OFF:
+		return VSMD_OFF;
+	case VSMD_CAN_ORG:
+		return VSMD_ORG;
+	case VSMD_CAN_STP:
+		return VSMD_STP;
+	case VSMD_CAN_MOV:
+		return VSMD_MOV;
+	case VSMD_CAN_POS:
+		return VSMD_POS;
+	case VSMD_CAN_RMV:
+		return VSMD_RMV;
+	case VSMD_CAN_SAV:
+		return VSMD_SAV;
+	case VSMD_CAN_OUTPUT:
+		return VSMD_SENSOR_OUT;
+	case VSMD_CAN_ZERO_START:
+		return VSMD_ZERO_START;
+	case VSMD_CAN_ZERO_STOP:
+		return VSMD_ZERO_STOP;
+	case VSMD_CAN_SV:
+		return VSMD_SV;
+	case VSMD_CAN_NMOS:
+		return VSMD_NMOS;
+	default: /* VSMD_CAN_ENCODER */
+		return VSMD_ECLR;
+	}
+}
+
+static void act(struct sim_vsmd_can_node *node, const struct vsmd_can_command *command, db_time now)
+{
+	struct vsmd_command said = {
+		.verb = verb_of(command->code),
+		.has_value = command->code == VSMD_CAN_STP || command->has_position,
+		.has_velocity = command->has_velocity,
+		.position = command->position,
+		.velocity = command->velocity,
+		.port = command->port,
+		.value = command->value,
+	};
+
+	(void)sim_vsmd_execute(node->node->drive, &said, now);
+}
+
+static void obey(struct sim_vsmd_can_node *node, const struct vsmd_can_message *message,
+                 db_time now)
+{
+	const struct vsmd_can_command *command = &message->command;
+	uint16_t host = message->id.source;
+
+	switch (command->code) {
+	case VSMD_CAN_READ_STATUS:
+		read_status(node, host, command->first, command->count, now);
+		break;
+	case VSMD_CAN_READ_DATA:
+		read_data(node, host, command->first, command->count, now);
+		break;
+	case VSMD_CAN_AUTO_RES_STS:
+		set_report(node, host, command, now);
+		break;
+	case VSMD_CAN_SHAKE:
+		shake(node, command, now);
+		break;
+	default:
+		act(node, command, now);
+		break;
+	}
+}
+
+static bool is_for(const struct sim_vsmd_can_node *node, const struct vsmd_can_id *id)
+{
+	if (id->control != VSMD_CAN_COMMAND && id->control != VSMD_CAN_DATA_WRITE)
+		return false;
+	return id->extended == node->style.extended &&
+	       (id->broadcast || id->target == sim_vsmd_address(node->node->drive));
+}
+
+static void receive(void *self, const struct db_can_frame *frame, db_time now)
+{
+	struct sim_vsmd_can_node *node = self;
+	struct sim_vsmd *drive = node->node->drive;
+	struct vsmd_can_message message;
+	struct vsmd_can_id id;
+	enum vsmd_error error;
+
+	if (!sim_vsmd_powered(drive) || vsmd_can_unpack_id(frame->id, &id) != VSMD_OK ||
+	    !is_for(node, &id))
+		return;
+	write_log(node->node, frame, now);
+	/* A host that says anything has shaken hands. */
+	sim_vsmd_greet(drive);
+	error = vsmd_can_decode(&node->style, frame, &message);
+	if (error != VSMD_OK) {
+		sim_vsmd_refuse(drive, now);
+		return;
+	}
+	if (id.control == VSMD_CAN_COMMAND) {
+		obey(node, &message, now);
+		return;
+	}
+	for (unsigned i = 0; i < message.count; i++)
+		write_register(node, id.reg + i, message.values[i], now);
+}
+
+/* --- sending --------------------------------------------------------------------------------------- */
+
+static bool is_reporting(const struct sim_vsmd_can_node *node)
+{
+	return node->report != VSMD_CAN_REPORT_NONE && sim_vsmd_powered(node->node->drive);
+}
+
+static db_time next(void *self)
+{
+	struct sim_vsmd_can_node *node = self;
+	db_time due = is_reporting(node) ? node->report_at : DB_TIME_NEVER;
+
+	if (!sim_vsmd_powered(node->node->drive))
+		node->count = 0;
+	if (node->count > 0 && node->queue[node->first].due < due)
+		due = node->queue[node->first].due;
+	return due;
+}
+
+static void queue_report(struct sim_vsmd_can_node *node)
+{
+	static const struct {
+		uint8_t first;
+		uint8_t count;
+	} parts[] = {
+		[VSMD_CAN_REPORT_NONE] = { 0, 0 },
+		[VSMD_CAN_REPORT_ALL] = { VSMD_CAN_STATUS_SPEED, 3 },
+		[VSMD_CAN_REPORT_POSITION_STATUS] = { VSMD_CAN_STATUS_POSITION, 2 },
+		[VSMD_CAN_REPORT_POSITION] = { VSMD_CAN_STATUS_POSITION, 1 },
+	};
+	uint32_t values[VSMD_CAN_STATUS_REGS];
+	struct vsmd_status status;
+	unsigned first = parts[node->report].first;
+
+	sim_vsmd_status(node->node->drive, node->report_at, &status);
+	vsmd_can_put_status(&status, values);
+	queue_answer(node, VSMD_CAN_STATUS_REPLY, node->reporting_to, first, &values[first],
+	             parts[node->report].count, node->report_at);
+	node->report_at += node->interval;
+}
+
+static bool send(void *self, db_time now, struct db_can_frame *frame)
+{
+	struct sim_vsmd_can_node *node = self;
+
+	if (is_reporting(node) && node->report_at <= now)
+		queue_report(node);
+	if (node->count == 0 || node->queue[node->first].due > now)
+		return false;
+	*frame = node->queue[node->first].frame;
+	node->first = (node->first + 1) % SIM_VSMD_CAN_QUEUE;
+	node->count--;
+	return true;
+}
+
+struct sim_can_station sim_vsmd_can_node_station(struct sim_vsmd_can_node *node)
+{
+	return (struct sim_can_station){
+		.self = node,
+		.receive = receive,
+		.next = next,
+		.send = send,
+		.faults = &node->node->faults,
+	};
+}
