@@ -92,12 +92,12 @@ struct db_drive_config {
 	double max_position;
 	double max_velocity;
 	double max_acceleration;
-	double in_position_window;      /* in-position-window, user's units, >= 0, default 0 */
-	unsigned settling_ms;           /* settling-ms, 0 (default)..10000 */
+	double in_position_window; /* in-position-window, user's units, >= 0, default 0 */
+	unsigned settling_ms;      /* settling-ms, 0 (default)..10000 */
 	/* VSMD families: the register map of the vendor's own Modbus models. */
-	bool vendor_layout;     /* layout = neutral (default) or vsmd: that of `unit` */
-	unsigned vendor_unit;   /* vendor-unit, 1..247, 0 (default) = no second unit with that map */
-	bool vendor_high_first; /* vendor-word-order = low-first (default) or high-first */
+	bool vendor_layout;   /* layout = neutral (default) or vsmd: that of `unit` */
+	unsigned vendor_unit; /* vendor-unit, 1..247, 0 (default) = no second unit with that map */
+	bool vendor_high_first;         /* vendor-word-order = low-first (default) or high-first */
 	double options[DB_OPTIONS_MAX]; /* of the driver's list; those of buses are left NAN */
 };
 

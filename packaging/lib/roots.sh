@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # shellcheck shell=bash
 #
-# Clean roots of Debian releases, one for each release and architecture to build for: unpacked once
-# with debootstrap, with the build dependencies in it. A build gets a copy of nothing: it has its own
-# folder, bound to /build.
+# Roots of Debian releases, one for each release and architecture to build for, and one to check in:
+# unpacked once with debootstrap, and kept up to date. What is built is bound to /build.
 
 MOUNTED=()
 
@@ -55,27 +54,41 @@ extra_packages() {
 	esac
 }
 
-# root_for DIST ARCH: makes the root if it is not there, and brings it up to date.
-root_for() {
-	local dist=$1 arch=$2 root=$ROOTS/$1-$2 native packages
+# new_root DIST NAME: the smallest root of the release, if it is not there.
+new_root() {
+	local dist=$1 root=$ROOTS/$2
 
-	native=$(dpkg --print-architecture)
-	if [ ! -e "$root/.complete" ]; then
-		need_packages debootstrap
-		say "making the root $root"
-		as_root rm -rf "$root"
-		mkdir -p "$ROOTS"
-		as_root debootstrap --variant=minbase "$dist" "$root" \
-			"${DRIVEBRIDGE_MIRROR:-http://deb.debian.org/debian}" >"$ROOTS/$dist-$arch.log"
-		write_sources "$dist" | as_root tee "$root/etc/apt/sources.list" >/dev/null
-		as_root touch "$root/.complete"
-	fi
-	enter_root "$root"
-	[ "$arch" = "$native" ] || in_chroot "$root" dpkg --add-architecture "$arch"
+	[ ! -e "$root/.complete" ] || return 0
+	need_packages debootstrap
+	say "making the root $root"
+	as_root rm -rf "$root"
+	mkdir -p "$ROOTS"
+	as_root debootstrap --variant=minbase "$dist" "$root" \
+		"${DRIVEBRIDGE_MIRROR:-http://deb.debian.org/debian}" >"$ROOTS/$2.log"
+	write_sources "$dist" | as_root tee "$root/etc/apt/sources.list" >/dev/null
+	as_root touch "$root/.complete"
+}
+
+# update_root NAME PACKAGE...: brings it up to date, and has these packages in it. It is entered.
+update_root() {
+	local root=$ROOTS/$1
+
+	shift
 	in_chroot "$root" apt-get -q update
 	in_chroot "$root" apt-get -q -y --no-install-recommends dist-upgrade
+	in_chroot "$root" apt-get -q -y --no-install-recommends install "$@"
+}
+
+# root_for DIST ARCH: the root to build in.
+root_for() {
+	local dist=$1 arch=$2 root=$ROOTS/$1-$2 packages
+
+	new_root "$dist" "$dist-$arch"
+	enter_root "$root"
+	[ "$arch" = "$(dpkg --print-architecture)" ] ||
+		in_chroot "$root" dpkg --add-architecture "$arch"
 	read -ra packages <<<"$(extra_packages "$arch")"
-	in_chroot "$root" apt-get -q -y --no-install-recommends install "${packages[@]}"
+	update_root "$dist-$arch" "${packages[@]}"
 	leave_roots
 }
 

@@ -108,21 +108,14 @@ static void read_limits(const struct db_section *section, struct db_drive_config
 /* On other families the keys were refused already. */
 static void read_vendor_view(const struct db_section *section, struct db_drive_config *drive)
 {
-	struct db_report *report = &section->load->report;
-
 	drive->vendor_layout = db_section_word(section, "layout") != 0;
 	drive->vendor_unit = db_section_number(section, "vendor-unit");
 	drive->vendor_high_first = db_section_word(section, "vendor-word-order") != 0;
 	if (drive->vendor_layout && drive->vendor_unit != 0)
 		db_report_error(
-			report, db_section_line(section, "vendor-unit"),
+			&section->load->report, db_section_line(section, "vendor-unit"),
 			"vendor-unit = %u gives the vendor's register map to a second unit, but layout = vsmd gives it to the drive's own; one of them",
 			drive->vendor_unit);
-	if (db_section_has(section, "vendor-word-order") && !drive->vendor_layout &&
-	    drive->vendor_unit == 0)
-		db_report_error(
-			report, db_section_line(section, "vendor-word-order"),
-			"vendor-word-order is for the vendor's register map, which this drive does not show; remove it, or add layout = vsmd or vendor-unit = ...");
 }
 
 void db_load_drive(struct db_load *load, unsigned index, struct db_drive_config *drive)

@@ -478,14 +478,17 @@ static int init_drive(struct db_registers *registers, size_t number, struct db_a
 	drive->useless_after = useless_after(config, drive);
 	drive->map = family_of(registers, drive->driver);
 	commander.driver = drive->driver;
+	if (!drive->map)
+		return -ENOMEM;
 	if (drive->config->vendor_layout || drive->config->vendor_unit != 0) {
 		drive->vendor = vsmd_view_new(drive->config);
 		if (!drive->vendor)
 			return -ENOMEM;
 	}
-	if (!drive->map)
-		return -ENOMEM;
-	return db_commander_new(&commander, &commander_ops, drive, &drive->commander);
+	if (db_commander_new(&commander, &commander_ops, drive, &drive->commander) == 0)
+		return 0;
+	vsmd_view_free(drive->vendor);
+	return -ENOMEM;
 }
 
 static void init_units(struct db_registers *registers)
@@ -546,11 +549,10 @@ void db_registers_free(struct db_registers *registers)
 {
 	if (!registers)
 		return;
-	/* One more than were finished: the last may have failed half-way. */
-	for (size_t i = 0; registers->drives && i < registers->config->drive_count; i++)
-		vsmd_view_free(registers->drives[i].vendor);
-	for (size_t i = 0; i < registers->drive_count; i++)
+	for (size_t i = 0; i < registers->drive_count; i++) {
 		db_commander_free(registers->drives[i].commander);
+		vsmd_view_free(registers->drives[i].vendor);
+	}
 	for (size_t i = 0; i < registers->family_count; i++)
 		release_map(&registers->families[i]);
 	release_map(&registers->gateway);

@@ -39,7 +39,7 @@ struct db_registers {
 	struct view_map gateway;
 	struct view_map *families;
 	size_t family_count;
-	uint16_t units[256]; /* drive index, VIEW_GATEWAY or VIEW_NOTHING */
+	uint16_t units[256];    /* drive index, VIEW_GATEWAY or VIEW_NOTHING */
 	bool vendor_units[256]; /* the drive's unit has the vendor's layout */
 	struct view_drive *drives;
 	size_t drive_count;

@@ -14,36 +14,44 @@
 	.view = DB_VIEW_VSMD, .table = DB_TABLE_HOLDING, .address = (at), .flags = DB_ROW_WRITABLE
 #define INPUT(at) .view = DB_VIEW_VSMD, .table = DB_TABLE_INPUT, .address = (at)
 
-#define KEPT(at, kind, member, text, ...)                                              \
-	{                                                                              \
-		.content = VSMD_KEPT,                                                  \
-		.row = { HOLDING(at), .name = #member, .type = (kind),                 \
-			 .offset = offsetof(struct vsmd_kept, member),                 \
-			 .description = (text), __VA_ARGS__ }                          \
+#define KEPT(at, kind, member, text, ...)                              \
+	{                                                              \
+		.content = VSMD_KEPT,                                  \
+		.row = { HOLDING(at),                                  \
+			 .name = #member,                              \
+			 .type = (kind),                               \
+			 .offset = offsetof(struct vsmd_kept, member), \
+			 .description = (text),                        \
+			 __VA_ARGS__ }                                 \
 	}
-#define PARAM(at, parameter)                                                              \
-	{                                                                                 \
+#define PARAM(at, parameter)                                                        \
+	{                                                                           \
 		.content = VSMD_PARAM, .param = (parameter), .row = { HOLDING(at) } \
 	}
-#define EVENTS(at, port, falling)                                                           \
-	{                                                                                   \
-		.content = VSMD_EVENTS, .param = (falling),                                 \
-		.row = { HOLDING(at), .name = "s" port "_events", .type = DB_U16,           \
-			 .max = 0x0909,                                                     \
-			 .description = "Sensor port " port ": high byte what a falling "   \
-					"edge does as s" port "f; low byte what a rising "  \
-					"edge does as s" port "r" }                         \
+#define EVENTS(at, port, falling)                                                          \
+	{                                                                                  \
+		.content = VSMD_EVENTS, .param = (falling),                                \
+		.row = { HOLDING(at),                                                      \
+			 .name = "s" port "_events",                                       \
+			 .type = DB_U16,                                                   \
+			 .max = 0x0909,                                                    \
+			 .description = "Sensor port " port ": high byte what a falling "  \
+			                "edge does as s" port "f; low byte what a rising " \
+			                "edge does as s" port "r" }                        \
 	}
-#define RESERVED(at)                                                                               \
-	{                                                                                          \
+#define RESERVED(at)                                                                         \
+	{                                                                                    \
 		.content = VSMD_RESERVED, .row = { HOLDING(at), .name = "", .type = DB_U16 } \
 	}
-#define MEASURED(at, kind, title, member, text, ...)                                  \
-	{                                                                             \
-		.content = VSMD_MEASURED,                                             \
-		.row = { INPUT(at), .name = (title), .type = (kind),                  \
-			 .offset = offsetof(struct db_drive_image, feedback.member),  \
-			 .description = (text), __VA_ARGS__ }                         \
+#define MEASURED(at, kind, title, member, text, ...)                                 \
+	{                                                                            \
+		.content = VSMD_MEASURED,                                            \
+		.row = { INPUT(at),                                                  \
+			 .name = (title),                                            \
+			 .type = (kind),                                             \
+			 .offset = offsetof(struct db_drive_image, feedback.member), \
+			 .description = (text),                                      \
+			 __VA_ARGS__ }                                               \
 	}
 #define ANY_POSITION .unit = "pulses", .min = INT32_MIN, .max = INT32_MAX
 
@@ -70,12 +78,9 @@ static const struct vsmd_row holding[] = {
 	{
 		.content = VSMD_MODES,
 		.param = VSMD_S1,
-		.row = { HOLDING(0x0F),
-	                 .name = "s_modes",
-	                 .type = DB_BITS16,
-	                 .max = 0x3F,
+		.row = { HOLDING(0x0F), .name = "s_modes", .type = DB_BITS16, .max = 0x3F,
 	                 .description = "Direction of the sensor ports: bit 0 = s1 ... bit 5 = s6; "
-					"0=input 1=output" },
+	                                "0=input 1=output" },
 	},
 	EVENTS(0x10, "1", VSMD_S1F),
 	EVENTS(0x11, "2", VSMD_S2F),
@@ -120,8 +125,8 @@ static const struct vsmd_row holding[] = {
 	KEPT(0x3C, DB_I32, spos, "One end of the swing", ANY_POSITION),
 	KEPT(0x3E, DB_I32, epos, "The other end of the swing", ANY_POSITION),
 	KEPT(0x40, DB_F32, freq, "Frequency of the swing; the range is the family's", .unit = "Hz"),
-	KEPT(0x42, DB_U16, cycles,
-	     "Cycles for 0x1301 or seconds for 0x1302; 0=until stopped", .max = 65535),
+	KEPT(0x42, DB_U16, cycles, "Cycles for 0x1301 or seconds for 0x1302; 0=until stopped",
+	     .max = 65535),
 	PARAM(0x43, VSMD_SML),
 	PARAM(0x45, VSMD_SPL),
 };
@@ -133,12 +138,10 @@ static const struct vsmd_row input[] = {
 	         "The drive's own status word as its vendor documents it", .unit = ""),
 	{
 		.content = VSMD_VERSION,
-		.row = { INPUT(6),
-	                 .name = "version",
-	                 .type = DB_TEXT,
+		.row = { INPUT(6), .name = "version", .type = DB_TEXT,
 	                 .registers = VSMD_VERSION_REGISTERS,
 	                 .description = "The drive's own description of itself; two characters a "
-					"register; the first in the low byte" },
+	                                "register; the first in the low byte" },
 	},
 };
 
@@ -174,17 +177,17 @@ struct db_cell vsmd_layout_cell(const struct vsmd_row *row)
 
 /* --- command codes --------------------------------------------------------------------------------- */
 
-#define ONE(code, what)                                           \
-	{                                                         \
+#define ONE(code, what)                                            \
+	{                                                          \
 		.first = (code), .last = (code), .command = (what) \
 	}
-#define PORT(code, number)                                                            \
-	{                                                                             \
-		.first = (code), .last = (code) + 1, .command = DB_CMD_SET_OUTPUT,    \
-		.port = (number)                                                      \
+#define PORT(code, number)                                                         \
+	{                                                                          \
+		.first = (code), .last = (code) + 1, .command = DB_CMD_SET_OUTPUT, \
+		.port = (number)                                                   \
 	}
-#define DUTY(code, what, number)                                                                  \
-	{                                                                                         \
+#define DUTY(code, what, number)                                                            \
+	{                                                                                   \
 		.first = (code), .last = (code) + 0xFF, .command = (what), .port = (number) \
 	}
 

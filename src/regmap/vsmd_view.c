@@ -211,7 +211,7 @@ uint8_t vsmd_view_read(const struct view_drive *drive, enum db_table table, uint
 	struct db_drive_image image;
 	struct span span;
 	uint8_t exception = find_span(table, address, count, &span);
-	uint16_t words[DB_CELL_REGISTERS_MAX];
+	uint16_t words[DB_CELL_REGISTERS_MAX] = { 0 };
 
 	if (exception)
 		return exception;
@@ -309,8 +309,8 @@ static enum db_result plan_events(const struct view_drive *drive, const struct p
 
 	if (result != DB_RESULT_OK)
 		return result;
-	return add_setting(drive, possible, row->param + 1u,
-	                   (union db_value){ .u = word & 0xFF }, plan);
+	return add_setting(drive, possible, row->param + 1u, (union db_value){ .u = word & 0xFF },
+	                   plan);
 }
 
 static enum db_result plan_row(const struct view_drive *drive, const struct possible *possible,
@@ -339,8 +339,8 @@ static bool is_position_mode(uint16_t code)
 {
 	const struct vsmd_code *entry = vsmd_layout_code(code);
 
-	return entry && (entry->command == DB_CMD_MOVE_ABSOLUTE ||
-	                 entry->command == DB_CMD_MOVE_RELATIVE);
+	return entry &&
+	       (entry->command == DB_CMD_MOVE_ABSOLUTE || entry->command == DB_CMD_MOVE_RELATIVE);
 }
 
 static enum db_result plan_command(const struct view_drive *drive, struct plan *plan)

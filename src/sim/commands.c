@@ -17,7 +17,7 @@ struct request {
 /* Null, or what is wrong. A handler that answers itself writes its own "ok" line and returns "". */
 typedef const char *command_fn(struct request *request);
 
-enum target { TARGET_NONE, TARGET_DRIVE, TARGET_BUS, TARGET_ANY };
+enum target { TARGET_NONE, TARGET_DRIVE, TARGET_VSMD, TARGET_SERVO, TARGET_BUS, TARGET_ANY };
 
 static const char *const verb_names[VSMD_VERB_COUNT] = {
 	[VSMD_DEV] = "dev",
@@ -62,22 +62,29 @@ static const char *do_stall(struct request *request)
 
 	if (!off && request->rest[0] != '\0' && strcmp(request->rest, "on") != 0)
 		return "stall needs \"on\", \"off\" or nothing";
-	sim_vsmd_stall(request->node->drive, !off, request->now);
+	sim_node_stall(request->node, !off, request->now);
 	return NULL;
+}
+
+static void set_power(const struct sim_node *node, bool on, db_time now)
+{
+	if (node->servo)
+		sim_servo_power(node->servo->drive, on, now);
+	else
+		sim_vsmd_power(node->drive, on, now);
 }
 
 static const char *do_power(struct request *request)
 {
-	struct sim_vsmd *drive = request->node->drive;
 	bool cycle = strcmp(request->rest, "cycle") == 0;
 	bool on = strcmp(request->rest, "on") == 0;
 
 	if (!cycle && !on && strcmp(request->rest, "off") != 0)
 		return "power needs \"on\", \"off\" or \"cycle\"";
 	if (!on)
-		sim_vsmd_power(drive, false, request->now);
+		set_power(request->node, false, request->now);
 	if (on || cycle)
-		sim_vsmd_power(drive, true, request->now);
+		set_power(request->node, true, request->now);
 	return NULL;
 }
 
@@ -113,8 +120,106 @@ static const char *do_bits(struct request *request)
 
 	if (end == request->rest || *end != '\0' || mask > UINT32_MAX)
 		return "bits needs a number, 0x40 for instance";
-	sim_vsmd_force_status(request->node->drive, (uint32_t)mask);
+	if (request->node->servo)
+		sim_servo_force_status(request->node->servo->drive, (uint16_t)mask);
+	else
+		sim_vsmd_force_status(request->node->drive, (uint32_t)mask);
 	return NULL;
+}
+
+/* --- servos -------------------------------------------------------------------------------------- */
+
+/* So many numbers and nothing else; false when it is not so. */
+static bool read_numbers(const char *text, long *numbers, size_t count, long max)
+{
+	for (size_t i = 0; i < count; i++) {
+		char *end;
+
+		numbers[i] = strtol(text, &end, 0);
+		if (end == text || numbers[i] < 0 || numbers[i] > max)
+			return false;
+		text = end + strspn(end, " \t");
+	}
+	return *text == '\0';
+}
+
+static const char *do_faults(struct request *request)
+{
+	long faults;
+
+	if (!read_numbers(request->rest, &faults, 1, UINT16_MAX))
+		return "faults needs the fault word, 0x40 for instance";
+	sim_servo_set_faults(request->node->servo->drive, (uint16_t)faults, request->now);
+	return NULL;
+}
+
+static const char *do_health(struct request *request)
+{
+	long raw[2];
+
+	if (!read_numbers(request->rest, raw, 2, UINT16_MAX))
+		return "health needs voltage and temperature as they are reported";
+	sim_servo_set_health(request->node->servo->drive, (uint16_t)raw[0], (uint16_t)raw[1]);
+	return NULL;
+}
+
+static const char *do_inputs(struct request *request)
+{
+	long raw[2];
+
+	if (!read_numbers(request->rest, raw, 2, UINT16_MAX) || raw[0] > UINT8_MAX)
+		return "inputs needs the levels of 8 inputs and the analogue input's value";
+	sim_servo_set_inputs(request->node->servo->drive, (uint8_t)raw[0], (uint16_t)raw[1]);
+	return NULL;
+}
+
+static const char *do_reports(struct request *request)
+{
+	const long max = 60000;
+	long ms[SIM_SERVO_REPORTS];
+
+	if (!read_numbers(request->rest, ms, SIM_SERVO_REPORTS, max))
+		return "reports needs three intervals in ms, 0 = off: position, motion, health";
+	for (int i = 0; i < SIM_SERVO_REPORTS; i++)
+		sim_servo_set_reports(request->node->servo->drive, (enum sim_servo_report)i,
+		                      ms[i] * DB_NS_PER_MS, request->now);
+	return NULL;
+}
+
+static void get_servo(struct request *request)
+{
+	static const struct {
+		enum servo_can_kind kind;
+		const char *name;
+	} counted[] = {
+		{ SERVO_CAN_SYNC, "sync" },
+		{ SERVO_CAN_ENABLE, "enable" },
+		{ SERVO_CAN_MODE, "mode_frames" },
+		{ SERVO_CAN_SPEED, "speed_frames" },
+		{ SERVO_CAN_CURRENT, "current_frames" },
+		{ SERVO_CAN_POSITION, "position_frames" },
+		{ SERVO_CAN_SET_FEEDBACK, "set_feedback" },
+		{ SERVO_CAN_RAMPS, "ramps" },
+		{ SERVO_CAN_READ, "read" },
+		{ SERVO_CAN_WORDS, "words" },
+	};
+	const struct sim_servo_node *node = request->node->servo;
+	const struct sim_servo *drive = node->drive;
+
+	sim_servo_advance(node->drive, request->now);
+	(void)fprintf(request->out,
+	              "ok position=%.0f velocity=%g current=%g mode=%s enabled=%d power=%d"
+	              " address=%u heard=%" PRIu32 " unknown=%" PRIu32 " moves=%" PRIu32
+	              " setpoint_us=%" PRId64,
+	              sim_servo_position(drive), sim_servo_speed(drive), sim_servo_current(drive),
+	              servo_can_mode_name((unsigned)sim_servo_mode(drive)),
+	              sim_servo_enabled(drive), sim_servo_powered(drive), node->address,
+	              node->heard, node->unknown, sim_servo_moves(drive),
+	              sim_servo_setpoint_at(drive) / DB_NS_PER_US);
+	for (size_t i = 0; i < sizeof(counted) / sizeof(counted[0]); i++)
+		(void)fprintf(request->out, " %s=%" PRIu32, counted[i].name,
+		              sim_servo_count(drive, counted[i].kind));
+	(void)fputc('\n', request->out);
 }
 
 static const char *do_baud(struct request *request)
@@ -145,6 +250,10 @@ static const char *do_get(struct request *request)
 
 	if (!node) {
 		get_bus(request);
+		return "";
+	}
+	if (node->servo) {
+		get_servo(request);
 		return "";
 	}
 	sim_vsmd_status(node->drive, request->now, &status);
@@ -184,9 +293,12 @@ static const char *do_list(struct request *request)
 	for (size_t i = 0; i < world->bus_count; i++)
 		(void)fprintf(request->out, "bus %s %s\n", world->buses[i].config->name,
 		              world->buses[i].port.host);
-	for (size_t i = 0; i < world->node_count; i++)
-		(void)fprintf(request->out, "drive %s %u\n", world->nodes[i].name,
-		              sim_vsmd_address(world->nodes[i].drive));
+	for (size_t i = 0; i < world->node_count; i++) {
+		const struct sim_node *node = &world->nodes[i];
+
+		(void)fprintf(request->out, "drive %s %u\n", node->name,
+		              node->servo ? node->servo->address : sim_vsmd_address(node->drive));
+	}
 	return NULL;
 }
 
@@ -197,11 +309,15 @@ static const struct {
 } commands[] = {
 	{ "fault", TARGET_ANY, do_fault },
 	{ "power", TARGET_DRIVE, do_power },
-	{ "identity", TARGET_DRIVE, do_identity },
-	{ "flash", TARGET_DRIVE, do_flash },
+	{ "identity", TARGET_VSMD, do_identity },
+	{ "flash", TARGET_VSMD, do_flash },
 	{ "stall", TARGET_DRIVE, do_stall },
-	{ "sensor", TARGET_DRIVE, do_sensor },
+	{ "sensor", TARGET_VSMD, do_sensor },
 	{ "bits", TARGET_DRIVE, do_bits },
+	{ "faults", TARGET_SERVO, do_faults },
+	{ "health", TARGET_SERVO, do_health },
+	{ "inputs", TARGET_SERVO, do_inputs },
+	{ "reports", TARGET_SERVO, do_reports },
 	{ "baud", TARGET_BUS, do_baud },
 	{ "get", TARGET_ANY, do_get },
 	{ "log", TARGET_DRIVE, do_log },
@@ -230,12 +346,15 @@ static const char *find_target(struct request *request, enum target target)
 	name = cut_word(request->rest, &request->rest);
 	if (target != TARGET_BUS)
 		request->node = sim_world_node(request->world, name);
-	if (target != TARGET_DRIVE)
+	if (target == TARGET_BUS || target == TARGET_ANY)
 		request->bus = sim_world_bus(request->world, name);
 	if (!request->node && !request->bus)
-		return target == TARGET_BUS   ? "no such bus" :
-		       target == TARGET_DRIVE ? "no such drive" :
-		                                "no such drive or bus";
+		return target == TARGET_BUS ? "no such bus" :
+		       target == TARGET_ANY ? "no such drive or bus" :
+		                              "no such drive";
+	if ((target == TARGET_VSMD && request->node->servo) ||
+	    (target == TARGET_SERVO && !request->node->servo))
+		return "this family has none";
 	return NULL;
 }
 
@@ -244,7 +363,7 @@ void sim_command(struct sim_world *world, char *line, db_time now, FILE *out)
 	struct request request = { .world = world, .now = now, .out = out };
 	const char *error =
 		"no such command; there are fault, power, identity, flash, stall, sensor, "
-		"bits, baud, get, log, list";
+		"bits, faults, health, inputs, reports, baud, get, log, list";
 	const char *name = cut_word(line, &request.rest);
 
 	for (size_t i = 0; i < COMMAND_COUNT; i++) {

@@ -7,10 +7,13 @@
 
 #include "drivebridge/time.h"
 #include "sim/faults.h"
+#include "sim/servo_can_node.h"
 #include "sim/vsmd_drive.h"
 
 #define SIM_LOG_LINES 64
 #define SIM_LOG_LENGTH 96 /* longer lines are cut in the log */
+
+struct sim_bus_kind;
 
 struct sim_log_entry {
 	db_time time;
@@ -18,8 +21,9 @@ struct sim_log_entry {
 };
 
 struct sim_node {
-	const char *name;       /* not owned */
-	struct sim_vsmd *drive; /* not owned */
+	const char *name;             /* not owned */
+	struct sim_vsmd *drive;       /* not owned; null: it is a servo */
+	struct sim_servo_node *servo; /* not owned; else null */
 	struct sim_faults faults;
 	struct sim_log_entry log[SIM_LOG_LINES]; /* a ring; entry heard % SIM_LOG_LINES is next */
 	uint32_t heard;                          /* lines, broadcasts included */

@@ -580,6 +580,11 @@ void sim_servo_block(struct sim_servo *drive, bool blocked, db_time now)
 	drive->blocked = blocked;
 }
 
+bool sim_servo_moving(const struct sim_servo *drive)
+{
+	return !settled(drive);
+}
+
 bool sim_servo_powered(const struct sim_servo *drive)
 {
 	return drive->powered;

@@ -91,6 +91,7 @@ void sim_servo_block(struct sim_servo *drive, bool blocked, db_time now);
 
 /* What a test wants to see. Call sim_servo_advance() before. */
 bool sim_servo_powered(const struct sim_servo *drive);
+bool sim_servo_moving(const struct sim_servo *drive); /* something changes as time passes */
 enum servo_can_mode sim_servo_mode(const struct sim_servo *drive);
 bool sim_servo_enabled(const struct sim_servo *drive);
 double sim_servo_position(const struct sim_servo *drive); /* counts, as fed back */

@@ -16,6 +16,7 @@
 #define TIME_MAX_US 10000000
 #define CAN_RATE_MIN 10000
 #define CAN_RATE_MAX 1000000
+#define SIM_REPORT_MAX_MS 60000
 
 /* What would be right, for messages of libconfuse that only say what is wrong. */
 static const struct {
@@ -150,11 +151,39 @@ static int load_can(cfg_t *cfg, struct sim_bus_config *bus)
 	return 0;
 }
 
+/* What the servos' document leaves open. */
+static int load_layout(cfg_t *cfg, struct sim_bus_config *bus)
+{
+	struct servo_can_words_layout *words = &bus->layout.words;
+	const char *reason;
+
+	if (check_int(cfg, "ack-base", 0, DB_CAN_STANDARD_MASK) != 0 ||
+	    check_int(cfg, "command-word-base", 0, DB_CAN_STANDARD_MASK) != 0 ||
+	    check_int(cfg, "command-word-length", 2, DB_CAN_DATA_MAX) != 0 ||
+	    check_int(cfg, "command-word-0-at", 0, DB_CAN_DATA_MAX - 2) != 0 ||
+	    check_int(cfg, "command-word-1-at", -1, DB_CAN_DATA_MAX - 2) != 0 ||
+	    check_int(cfg, "command-word-ack", 1, UINT8_MAX) != 0)
+		return -1;
+	bus->layout.ack_base = (uint16_t)cfg_getint(cfg, "ack-base");
+	bus->layout.padded = cfg_getbool(cfg, "padded");
+	words->set = cfg_getint(cfg, "command-word-base") > 0;
+	words->base = (uint16_t)cfg_getint(cfg, "command-word-base");
+	words->length = (uint8_t)cfg_getint(cfg, "command-word-length");
+	words->word0 = (uint8_t)cfg_getint(cfg, "command-word-0-at");
+	/* -1 becomes SERVO_CAN_NO_WORD. */
+	words->word1 = (uint8_t)cfg_getint(cfg, "command-word-1-at");
+	words->ack = (uint8_t)cfg_getint(cfg, "command-word-ack");
+	if (servo_can_layout_check(&bus->layout, &reason) != SERVO_CAN_OK)
+		return wrong(cfg, "command-word-base", "frames cannot be so: %s", reason);
+	return 0;
+}
+
 static int load_bus(cfg_t *cfg, struct sim_bus_config *bus)
 {
 	static const char *const protocols[] = {
 		[SIM_BUS_VSMD_SERIAL] = "vsmd-serial",
 		[SIM_BUS_VSMD_CAN] = "vsmd-can",
+		[SIM_BUS_SERVO_CAN] = "servo-can",
 		NULL,
 	};
 	static const char *const lines[] = { "rs485", "rs232", NULL };
@@ -182,6 +211,8 @@ static int load_bus(cfg_t *cfg, struct sim_bus_config *bus)
 		.turnaround = cfg_getint(cfg, "turnaround-us") * DB_NS_PER_US,
 	};
 	if (bus->kind != SIM_BUS_VSMD_SERIAL && load_can(cfg, bus) != 0)
+		return -1;
+	if (bus->kind == SIM_BUS_SERVO_CAN && load_layout(cfg, bus) != 0)
 		return -1;
 	return load_faults(cfg, bus->faults, &bus->fault_count);
 }
@@ -309,6 +340,34 @@ static int load_vsmd(cfg_t *cfg, const struct sim_bus_config *bus, struct sim_vs
 	return load_sensors(cfg, vsmd) != 0 || load_settings(cfg, vsmd) != 0 ? -1 : 0;
 }
 
+static int load_servo(cfg_t *cfg, struct sim_servo_config *servo)
+{
+	static const char *const modes[] = { "position", "speed", "current", NULL };
+	static const char *const intervals[SIM_SERVO_REPORTS] = {
+		[SIM_SERVO_REPORT_POSITION] = "report-position-ms",
+		[SIM_SERVO_REPORT_MOTION] = "report-motion-ms",
+		[SIM_SERVO_REPORT_HEALTH] = "report-health-ms",
+	};
+	int mode = check_word(cfg, "mode", modes);
+
+	if (mode < 0 || check_int(cfg, "address", 1, SERVO_CAN_NODE_MAX) != 0)
+		return -1;
+	sim_servo_config_init(servo);
+	for (size_t i = 0; i < SIM_SERVO_REPORTS; i++) {
+		if (check_int(cfg, intervals[i], 0, SIM_REPORT_MAX_MS) != 0)
+			return -1;
+		servo->reports[i] = cfg_getint(cfg, intervals[i]) * DB_NS_PER_MS;
+	}
+	servo->mode = (enum servo_can_mode)mode;
+	servo->synchronous = cfg_getbool(cfg, "sync");
+	servo->start = cfg_getfloat(cfg, "start");
+	servo->load = cfg_getfloat(cfg, "load");
+	servo->inertia = cfg_getfloat(cfg, "inertia");
+	if (!(servo->inertia > 0.0))
+		return wrong(cfg, "inertia", "inertia must be above 0 (in kg m^2)");
+	return 0;
+}
+
 static int find_bus(const struct sim_config *config, const char *name, size_t *index)
 {
 	for (size_t i = 0; name && i < config->bus_count; i++) {
@@ -335,12 +394,18 @@ static int check_neighbours(cfg_t *cfg, const struct sim_config *config, size_t 
 			             "drives %s and %s share the rs232 line %s; it can have only "
 			             "one",
 			             other->name, drive->name, config->buses[drive->bus].name);
-		if (other->vsmd.address == drive->vsmd.address)
+		if (other->address == drive->address)
 			return wrong(cfg, "address",
 			             "address %u is taken by drive %s on the same bus",
-			             drive->vsmd.address, other->name);
+			             drive->address, other->name);
 	}
 	return 0;
+}
+
+static int load_model(cfg_t *cfg, const struct sim_bus_config *bus, struct sim_drive_config *drive)
+{
+	return bus->kind == SIM_BUS_SERVO_CAN ? load_servo(cfg, &drive->servo) :
+	                                        load_vsmd(cfg, bus, &drive->vsmd);
 }
 
 static int load_drive(cfg_t *cfg, struct sim_config *config, size_t index)
@@ -359,7 +424,8 @@ static int load_drive(cfg_t *cfg, struct sim_config *config, size_t index)
 			return wrong(cfg, NULL, "drive %s has the name of a bus; names must differ",
 			             drive->name);
 	}
-	if (load_vsmd(cfg, &config->buses[drive->bus], &drive->vsmd) != 0 ||
+	drive->address = (unsigned)cfg_getint(cfg, "address");
+	if (load_model(cfg, &config->buses[drive->bus], drive) != 0 ||
 	    load_faults(cfg, drive->faults, &drive->fault_count) != 0)
 		return -1;
 	return check_neighbours(cfg, config, index);
@@ -413,6 +479,13 @@ int sim_config_load(const char *path, struct sim_config *config)
 		            CFG_INT("bitrate", 100000, CFGF_NONE),
 		            CFG_STR("frames", "extended", CFGF_NONE),
 		            CFG_INT("output-base", 1, CFGF_NONE),
+		            CFG_INT("ack-base", 1, CFGF_NONE),
+		            CFG_BOOL("padded", cfg_false, CFGF_NONE),
+		            CFG_INT("command-word-base", 0, CFGF_NONE),
+		            CFG_INT("command-word-length", 4, CFGF_NONE),
+		            CFG_INT("command-word-0-at", 0, CFGF_NONE),
+		            CFG_INT("command-word-1-at", -1, CFGF_NONE),
+		            CFG_INT("command-word-ack", 7, CFGF_NONE),
 		            CFG_STR("flash", NULL, CFGF_NODEFAULT),
 		            CFG_STR_LIST("fault", NULL, CFGF_NODEFAULT),
 		            CFG_END() };
@@ -426,6 +499,13 @@ int sim_config_load(const char *path, struct sim_config *config)
 		              CFG_FLOAT("travel-min", -1e9, CFGF_NONE),
 		              CFG_FLOAT("travel-max", 1e9, CFGF_NONE),
 		              CFG_FLOAT("start", 0.0, CFGF_NONE),
+		              CFG_STR("mode", "position", CFGF_NONE),
+		              CFG_BOOL("sync", cfg_false, CFGF_NONE),
+		              CFG_INT("report-position-ms", 100, CFGF_NONE),
+		              CFG_INT("report-motion-ms", 100, CFGF_NONE),
+		              CFG_INT("report-health-ms", 1000, CFGF_NONE),
+		              CFG_FLOAT("load", 0.0, CFGF_NONE),
+		              CFG_FLOAT("inertia", 1e-4, CFGF_NONE),
 		              CFG_STR_LIST("sensor", NULL, CFGF_NODEFAULT),
 		              CFG_STR_LIST("set", NULL, CFGF_NODEFAULT),
 		              CFG_STR_LIST("fault", NULL, CFGF_NODEFAULT),

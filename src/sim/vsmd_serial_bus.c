@@ -2,237 +2,21 @@
 #include "sim/vsmd_serial_bus.h"
 
 #include "codec/vsmd_serial.h"
+#include "sim/vsmd_drive.h"
 
-#include <inttypes.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
-#define BITS_PER_BYTE 10 /* 8N1 */
-#define LINES_MAX 16
-#define BURSTS_MAX 16
-#define GARBAGE_MAX 8
-#define BURST_BYTES_MAX (VSMD_SERIAL_FRAME_MAX + GARBAGE_MAX)
-/* A burst is handed out in at most this many chunks, and a chunk is worth at least this long: a
- * host sees bytes trickle in, and the simulator does not wake up for each. */
-#define CHUNKS_MAX 8
-#define CHUNK_NS DB_NS_PER_MS
+#define LINE_END '\n'
+#define FRAME_START 0xff
 
-/* A request line on its way; done when `end` has come. */
-struct line {
-	bool used;
-	db_time end;
-	size_t length;
-	char text[VSMD_SERIAL_LINE_MAX];
-};
-
-/* Bytes on their way to the host. */
-struct burst {
-	bool used;
-	char direction;
-	db_time start; /* of the first byte; fixed once begun */
-	size_t length;
-	size_t sent;
-	size_t chunk;
-	uint8_t bytes[BURST_BYTES_MAX];
-};
-
-struct sim_serial_bus {
-	struct sim_serial_config config;
-	sim_trace_fn *trace;
-	void *context;
-	struct sim_node *nodes[SIM_SERIAL_DRIVES_MAX];
-	size_t node_count;
-	struct sim_faults faults;
-	struct sim_serial_stats stats;
-	uint32_t random;
-
-	char input[VSMD_SERIAL_LINE_MAX];
-	size_t input_length;
-	bool input_overflow;
-	bool input_unheard;
-	db_time input_start; /* when the line's first byte began */
-	db_time request_end; /* of the last line: the next one cannot begin sooner */
-	db_time reply_end;
-
-	struct line lines[LINES_MAX];
-	size_t first_line; /* a ring: lines end in the order they came */
-	size_t line_count;
-	struct burst bursts[BURSTS_MAX];
-	struct burst *current; /* begun and not finished */
-};
-
-struct sim_serial_bus *sim_serial_bus_new(const struct sim_serial_config *config,
-                                          sim_trace_fn *trace, void *context)
+static bool ends(uint8_t *bytes, size_t *length, uint8_t newest)
 {
-	struct sim_serial_bus *bus = calloc(1, sizeof(*bus));
-
-	if (!bus)
-		return NULL;
-	bus->config = *config;
-	bus->trace = trace;
-	bus->context = context;
-	bus->random = 0x2545f491u;
-	bus->reply_end = -config->turnaround;
-	return bus;
+	(void)bytes;
+	(void)length;
+	return newest == LINE_END;
 }
 
-void sim_serial_bus_free(struct sim_serial_bus *bus)
-{
-	free(bus);
-}
-
-bool sim_serial_bus_attach(struct sim_serial_bus *bus, struct sim_node *node)
-{
-	if (bus->node_count == SIM_SERIAL_DRIVES_MAX)
-		return false;
-	bus->nodes[bus->node_count++] = node;
-	return true;
-}
-
-struct sim_faults *sim_serial_bus_faults(struct sim_serial_bus *bus)
-{
-	return &bus->faults;
-}
-
-const struct sim_serial_stats *sim_serial_bus_stats(const struct sim_serial_bus *bus)
-{
-	return &bus->stats;
-}
-
-void sim_serial_bus_set_baud(struct sim_serial_bus *bus, unsigned baud)
-{
-	bus->config.baud = baud;
-}
-
-/* Wire time of so many bytes, rounded up. */
-static db_time wire_time(const struct sim_serial_bus *bus, size_t bytes)
-{
-	db_time bits = (db_time)bytes * BITS_PER_BYTE;
-
-	if (!bus->config.paced)
-		return 0;
-	return (bits * DB_NS_PER_S + (db_time)bus->config.baud - 1) / (db_time)bus->config.baud;
-}
-
-/* Faults need variety, not quality; the same start gives the same run. */
-static uint32_t random_below(struct sim_serial_bus *bus, uint32_t limit)
-{
-	bus->random ^= bus->random << 13;
-	bus->random ^= bus->random >> 17;
-	bus->random ^= bus->random << 5;
-	return bus->random % limit;
-}
-
-static void trace(const struct sim_serial_bus *bus, db_time time, char direction, const void *bytes,
-                  size_t length)
-{
-	if (bus->trace)
-		bus->trace(bus->context, time, direction, bytes, length);
-}
-
-static struct burst *new_burst(struct sim_serial_bus *bus)
-{
-	for (size_t i = 0; i < BURSTS_MAX; i++) {
-		if (!bus->bursts[i].used)
-			return &bus->bursts[i];
-	}
-	return NULL;
-}
-
-static void send_burst(struct sim_serial_bus *bus, struct burst *burst, char direction,
-                       db_time start)
-{
-	db_time duration = wire_time(bus, burst->length);
-	size_t chunks = (size_t)(duration / CHUNK_NS) + 1;
-
-	if (chunks > CHUNKS_MAX)
-		chunks = CHUNKS_MAX;
-	burst->used = burst->length > 0;
-	burst->direction = direction;
-	burst->start = start;
-	burst->sent = 0;
-	burst->chunk = (burst->length + chunks - 1) / chunks;
-}
-
-static void echo(struct sim_serial_bus *bus, db_time start)
-{
-	struct burst *burst;
-
-	if (!sim_faults_take(&bus->faults, SIM_FAULT_ECHO))
-		return;
-	burst = new_burst(bus);
-	if (!burst)
-		return;
-	memcpy(burst->bytes, bus->input, bus->input_length);
-	burst->bytes[bus->input_length] = '\n';
-	burst->length = bus->input_length + 1;
-	send_burst(bus, burst, 'e', start);
-}
-
-static void end_line(struct sim_serial_bus *bus, db_time now)
-{
-	db_time end = bus->input_start + wire_time(bus, bus->input_length + 1);
-	struct line *line;
-
-	if (end < now)
-		end = now;
-	bus->request_end = end;
-	bus->stats.requests++;
-	trace(bus, now, '>', bus->input, bus->input_length);
-	if (!bus->input_overflow)
-		echo(bus, bus->input_start);
-	if (bus->input_overflow || bus->input_unheard || bus->line_count == LINES_MAX) {
-		bus->stats.unheard++;
-	} else {
-		line = &bus->lines[(bus->first_line + bus->line_count++) % LINES_MAX];
-		line->end = end;
-		line->length = bus->input_length;
-		memcpy(line->text, bus->input, bus->input_length);
-	}
-	bus->input_length = 0;
-	bus->input_overflow = false;
-}
-
-static void begin_line(struct sim_serial_bus *bus, db_time now)
-{
-	bool replying = false;
-
-	for (size_t i = 0; i < BURSTS_MAX; i++)
-		replying |= bus->bursts[i].used && bus->bursts[i].direction == '<' &&
-		            bus->bursts[i].start <= now;
-	bus->input_start = now > bus->request_end ? now : bus->request_end;
-	bus->input_unheard = bus->input_start < bus->reply_end + bus->config.turnaround;
-	bus->stats.collisions += replying;
-}
-
-void sim_serial_bus_receive(struct sim_serial_bus *bus, const uint8_t *bytes, size_t length,
-                            db_time now)
-{
-	for (size_t i = 0; i < length; i++) {
-		if (bus->input_length == 0 && !bus->input_overflow)
-			begin_line(bus, now);
-		if (bytes[i] == '\n')
-			end_line(bus, now);
-		else if (bus->input_length < sizeof(bus->input))
-			bus->input[bus->input_length++] = (char)bytes[i];
-		else
-			bus->input_overflow = true;
-	}
-}
-
-static void write_log(struct sim_node *node, const struct line *line)
-{
-	struct sim_log_entry *entry = &node->log[node->heard++ % SIM_LOG_LINES];
-	size_t length = line->length < SIM_LOG_LENGTH ? line->length : SIM_LOG_LENGTH - 1;
-
-	entry->time = line->end;
-	for (size_t i = 0; i < length; i++)
-		entry->line[i] = line->text[i] >= ' ' && line->text[i] <= '~' ? line->text[i] : '?';
-	entry->line[length] = '\0';
-}
-
-static int encode(struct sim_node *node, enum vsmd_reply_code code, uint8_t id, db_time now,
+static int encode(struct sim_vsmd *drive, enum vsmd_reply_code code, uint8_t id, db_time now,
                   uint8_t *frame)
 {
 	char text[VSMD_SERIAL_FRAME_MAX];
@@ -241,276 +25,105 @@ static int encode(struct sim_node *node, enum vsmd_reply_code code, uint8_t id, 
 
 	switch (code) {
 	case VSMD_REPLY_IDENTITY:
-		return vsmd_serial_encode_text(id, code, sim_vsmd_identity(node->drive),
-		                               strlen(sim_vsmd_identity(node->drive)), frame,
-		                               VSMD_SERIAL_FRAME_MAX);
+		return vsmd_serial_encode_text(id, code, sim_vsmd_identity(drive),
+		                               strlen(sim_vsmd_identity(drive)), frame,
+		                               SIM_SERIAL_REPLY_MAX);
 	case VSMD_REPLY_PARAMS:
-		length = vsmd_serial_format_params(sim_vsmd_params(node->drive), text,
-		                                   sizeof(text));
+		length = vsmd_serial_format_params(sim_vsmd_params(drive), text, sizeof(text));
 		if (length < 0)
 			return length;
 		return vsmd_serial_encode_text(id, code, text, (size_t)length, frame,
-		                               VSMD_SERIAL_FRAME_MAX);
+		                               SIM_SERIAL_REPLY_MAX);
 	case VSMD_REPLY_STATUS:
 	default:
-		sim_vsmd_status(node->drive, now, &status);
-		return vsmd_serial_encode_status(id, &status, frame, VSMD_SERIAL_FRAME_MAX);
-	}
-}
-
-/* A fault of the drive's connection or of the whole bus. */
-static bool take(struct sim_serial_bus *bus, struct sim_node *node, enum sim_fault fault)
-{
-	return sim_faults_take(&node->faults, fault) || sim_faults_take(&bus->faults, fault);
-}
-
-static void damage(struct sim_serial_bus *bus, struct sim_node *node, struct burst *burst)
-{
-	if (take(bus, node, SIM_FAULT_CORRUPT)) {
-		size_t victim = 1 + random_below(bus, (uint32_t)burst->length - 2);
-
-		burst->bytes[victim] ^= (uint8_t)(1u << random_below(bus, 7));
-	}
-	if (take(bus, node, SIM_FAULT_TRUNCATE))
-		burst->length /= 2;
-	if (take(bus, node, SIM_FAULT_GARBAGE)) {
-		size_t count = 1 + random_below(bus, GARBAGE_MAX);
-
-		memmove(burst->bytes + count, burst->bytes, burst->length);
-		for (size_t i = 0; i < count; i++)
-			burst->bytes[i] = (uint8_t)random_below(bus, 256);
-		burst->bytes[random_below(bus, (uint32_t)count)] = 0xff;
-		burst->length += count;
+		sim_vsmd_status(drive, now, &status);
+		return vsmd_serial_encode_status(id, &status, frame, SIM_SERIAL_REPLY_MAX);
 	}
 }
 
 static uint8_t reply_id(struct sim_serial_bus *bus, struct sim_node *node)
 {
-	unsigned id = bus->config.rs485 ? sim_vsmd_address(node->drive) : bus->config.reply_id;
+	const struct sim_serial_config *config = sim_serial_bus_config(bus);
+	unsigned id = config->rs485 ? sim_vsmd_address(node->drive) : config->reply_id;
 
-	if (take(bus, node, SIM_FAULT_WRONG_ID))
+	if (sim_serial_bus_take(bus, node, SIM_FAULT_WRONG_ID))
 		id = id % VSMD_SERIAL_ID_MAX + 1;
 	return (uint8_t)id;
 }
 
 /* The reply put on the wire, or null. */
-static struct burst *reply(struct sim_serial_bus *bus, struct sim_node *node,
-                           enum vsmd_reply_code code, db_time now)
+static struct sim_burst *reply(struct sim_serial_bus *bus, struct sim_node *node,
+                               enum vsmd_reply_code code, db_time now)
 {
-	struct burst *burst = new_burst(bus);
-	db_time start = now + bus->config.latency;
+	struct sim_burst *burst = sim_serial_bus_begin(bus, node);
 	int length;
 
-	if (take(bus, node, SIM_FAULT_DROP) || !burst)
+	if (!burst)
 		return NULL;
-	length = encode(node, code, reply_id(bus, node), now, burst->bytes);
+	length = encode(node->drive, code, reply_id(bus, node), now, sim_serial_bus_bytes(burst));
 	if (length < 0)
 		return NULL;
-	burst->length = (size_t)length;
-	damage(bus, node, burst);
-	if (sim_faults_take(&node->faults, SIM_FAULT_DELAY))
-		start += (db_time)node->faults.delay_ms * DB_NS_PER_MS;
-	else if (sim_faults_take(&bus->faults, SIM_FAULT_DELAY))
-		start += (db_time)bus->faults.delay_ms * DB_NS_PER_MS;
-	/* A drive that is slow over one answer is late with those after it, too. */
-	if (start < node->thinks_until)
-		start = node->thinks_until;
-	node->thinks_until = start + wire_time(bus, burst->length);
-	send_burst(bus, burst, '<', start);
-	node->replies++;
-	bus->stats.replies++;
+	sim_serial_bus_send(bus, node, burst, (size_t)length, now);
 	return burst;
-}
-
-/* Two drives with one id talk at once: what arrives is neither. Returns the one that is left. */
-static struct burst *overlap(struct burst *first, struct burst *second)
-{
-	if (!first || !second)
-		return first ? first : second;
-	for (size_t i = 0; i < first->length && i < second->length; i++)
-		first->bytes[i] &= second->bytes[i];
-	second->used = false;
-	return first;
 }
 
 /* Whether the drive hears the bus at all. */
 static bool hears(const struct sim_serial_bus *bus, const struct sim_node *node)
 {
-	return sim_vsmd_powered(node->drive) && sim_vsmd_baud(node->drive) == bus->config.baud &&
-	       node->faults.left[SIM_FAULT_SILENCE] == 0 &&
-	       bus->faults.left[SIM_FAULT_SILENCE] == 0;
+	return sim_vsmd_powered(node->drive) &&
+	       sim_vsmd_baud(node->drive) == sim_serial_bus_config(bus)->baud &&
+	       sim_serial_bus_connects(bus, node);
 }
 
-static bool is_for(const struct sim_serial_bus *bus, const struct sim_node *node, int id)
+/* What one drive does about it. */
+static struct sim_burst *serve(struct sim_serial_bus *bus, struct sim_node *node,
+                               const struct sim_serial_request *request,
+                               const struct vsmd_command *command, enum vsmd_error error)
 {
-	return !bus->config.rs485 || id == VSMD_SERIAL_BROADCAST ||
-	       id == (int)sim_vsmd_address(node->drive);
+	bool broadcast = sim_serial_bus_config(bus)->rs485 && command->id == VSMD_SERIAL_BROADCAST;
+	enum vsmd_reply_code code = VSMD_REPLY_STATUS;
+
+	if (!hears(bus, node) || sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
+		sim_serial_bus_count(bus)->unheard++;
+		return NULL;
+	}
+	sim_serial_bus_log(node, request, (const char *)request->bytes, request->length - 1);
+	if (error == VSMD_OK)
+		code = sim_vsmd_execute(node->drive, command, request->end);
+	else
+		sim_vsmd_refuse(node->drive, request->end);
+	return broadcast ? NULL : reply(bus, node, code, request->end);
 }
 
-static void process(struct sim_serial_bus *bus, const struct line *line)
+static void process(struct sim_serial_bus *bus, const struct sim_serial_request *request)
 {
+	bool rs485 = sim_serial_bus_config(bus)->rs485;
 	struct vsmd_setting settings[VSMD_PARAM_COUNT * 2];
 	struct vsmd_command command = { .id = -2 };
-	enum vsmd_error error = vsmd_serial_decode_command(line->text, line->length,
-	                                                   bus->config.rs485, &command, settings,
-	                                                   VSMD_PARAM_COUNT * 2);
-	bool broadcast = bus->config.rs485 && command.id == VSMD_SERIAL_BROADCAST;
-	struct burst *answer = NULL;
+	enum vsmd_error error = vsmd_serial_decode_command((const char *)request->bytes,
+	                                                   request->length - 1, rs485, &command,
+	                                                   settings, VSMD_PARAM_COUNT * 2);
+	struct sim_burst *answer = NULL;
+	struct sim_node *node;
 	bool known = false;
 
-	if (bus->config.rs485 && (command.id < 0 || command.id > VSMD_SERIAL_ID_MAX)) {
-		bus->stats.foreign++;
+	if (rs485 && (command.id < 0 || command.id > VSMD_SERIAL_ID_MAX)) {
+		sim_serial_bus_count(bus)->foreign++;
 		return;
 	}
-	for (size_t i = 0; i < bus->node_count; i++) {
-		struct sim_node *node = bus->nodes[i];
-		enum vsmd_reply_code code = VSMD_REPLY_STATUS;
-
-		if (!is_for(bus, node, command.id))
+	for (size_t i = 0; (node = sim_serial_bus_node(bus, i)) != NULL; i++) {
+		if (rs485 && command.id != VSMD_SERIAL_BROADCAST &&
+		    command.id != (int)sim_vsmd_address(node->drive))
 			continue;
 		known = true;
-		if (!hears(bus, node) || take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
-			bus->stats.unheard++;
-			continue;
-		}
-		write_log(node, line);
-		if (error == VSMD_OK)
-			code = sim_vsmd_execute(node->drive, &command, line->end);
-		else
-			sim_vsmd_refuse(node->drive, line->end);
-		if (!broadcast)
-			answer = overlap(answer, reply(bus, node, code, line->end));
+		answer = sim_serial_bus_overlap(answer, serve(bus, node, request, &command, error));
 	}
-	bus->stats.foreign += !known;
+	sim_serial_bus_count(bus)->foreign += !known;
 }
 
-/* The burst to go on with: the one begun, else the one that starts first. */
-static struct burst *next_burst(struct sim_serial_bus *bus)
-{
-	struct burst *best = bus->current;
-
-	for (size_t i = 0; !bus->current && i < BURSTS_MAX; i++) {
-		if (bus->bursts[i].used && (!best || bus->bursts[i].start < best->start))
-			best = &bus->bursts[i];
-	}
-	return best;
-}
-
-static size_t next_chunk(const struct burst *burst)
-{
-	size_t end = burst->sent + burst->chunk;
-
-	return end < burst->length ? end : burst->length;
-}
-
-static db_time burst_due(const struct sim_serial_bus *bus, const struct burst *burst)
-{
-	db_time start = burst->start;
-
-	/* Before its first chunk a burst may still have to wait for the wire. */
-	if (burst != bus->current && burst->direction == '<' && start < bus->reply_end)
-		start = bus->reply_end;
-	return start + wire_time(bus, next_chunk(burst));
-}
-
-db_time sim_serial_bus_next(struct sim_serial_bus *bus)
-{
-	const struct burst *burst = next_burst(bus);
-	db_time next = burst ? burst_due(bus, burst) : DB_TIME_NEVER;
-
-	if (bus->line_count > 0 && bus->lines[bus->first_line].end < next)
-		next = bus->lines[bus->first_line].end;
-	return next;
-}
-
-/* Hands out the burst's next chunk as far as there is room. */
-static size_t emit(struct sim_serial_bus *bus, struct burst *burst, uint8_t *out, size_t size)
-{
-	size_t count = next_chunk(burst) - burst->sent;
-
-	if (!bus->current) {
-		if (burst->direction == '<' && burst->start < bus->reply_end)
-			burst->start = bus->reply_end;
-		bus->current = burst;
-	}
-	if (count > size)
-		count = size;
-	memcpy(out, burst->bytes + burst->sent, count);
-	burst->sent += count;
-	if (burst->sent == burst->length) {
-		db_time end = burst->start + wire_time(bus, burst->length);
-
-		if (burst->direction == '<')
-			bus->reply_end = end;
-		trace(bus, end, burst->direction, burst->bytes, burst->length);
-		burst->used = false;
-		bus->current = NULL;
-	}
-	return count;
-}
-
-size_t sim_serial_bus_run(struct sim_serial_bus *bus, db_time now, uint8_t *out, size_t size)
-{
-	size_t written = 0;
-
-	while (written < size && sim_serial_bus_next(bus) <= now) {
-		struct burst *burst = next_burst(bus);
-		struct line *line = &bus->lines[bus->first_line];
-
-		if (bus->line_count > 0 && (!burst || line->end <= burst_due(bus, burst))) {
-			bus->first_line = (bus->first_line + 1) % LINES_MAX;
-			bus->line_count--;
-			process(bus, line);
-		} else if (burst) {
-			written += emit(bus, burst, out + written, size - written);
-		}
-	}
-	return written;
-}
-
-/* --- for the world --------------------------------------------------------------------------------- */
-
-static void wire_receive(void *wire, const uint8_t *bytes, size_t length, db_time now)
-{
-	sim_serial_bus_receive(wire, bytes, length, now);
-}
-
-static size_t wire_run(void *wire, db_time now, uint8_t *out, size_t size)
-{
-	return sim_serial_bus_run(wire, now, out, size);
-}
-
-static db_time wire_next(void *wire)
-{
-	return sim_serial_bus_next(wire);
-}
-
-static struct sim_faults *wire_faults(void *wire)
-{
-	return sim_serial_bus_faults(wire);
-}
-
-static void wire_describe(void *wire, char *text, size_t size)
-{
-	const struct sim_serial_stats *stats = sim_serial_bus_stats(wire);
-
-	(void)snprintf(text, size,
-	               "requests=%" PRIu32 " replies=%" PRIu32 " collisions=%" PRIu32
-	               " unheard=%" PRIu32 " foreign=%" PRIu32,
-	               stats->requests, stats->replies, stats->collisions, stats->unheard,
-	               stats->foreign);
-}
-
-static void wire_free(void *wire)
-{
-	sim_serial_bus_free(wire);
-}
-
-const struct sim_wire_ops sim_serial_bus_ops = {
-	.receive = wire_receive,
-	.run = wire_run,
-	.next = wire_next,
-	.faults = wire_faults,
-	.describe = wire_describe,
-	.free = wire_free,
+const struct sim_serial_protocol sim_vsmd_serial_protocol = {
+	.ends = ends,
+	.untraced = 1,
+	.garbage = FRAME_START,
+	.process = process,
 };

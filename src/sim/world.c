@@ -85,6 +85,14 @@ static int open_bus(struct sim_bus *bus)
 	return 0;
 }
 
+static bool attach_servo(struct sim_bus *bus, struct sim_node *node)
+{
+	struct sim_can_station station = sim_servo_node_station(node->servo);
+
+	station.faults = &node->faults;
+	return sim_can_bus_attach(sim_can_line_bus(bus->wire), &station);
+}
+
 static bool attach(struct sim_bus *bus, struct sim_node *node, struct sim_vsmd_can_node *can_node)
 {
 	const struct sim_bus_config *config = bus->config;
@@ -97,13 +105,31 @@ static bool attach(struct sim_bus *bus, struct sim_node *node, struct sim_vsmd_c
 	return sim_can_bus_attach(sim_can_line_bus(bus->wire), &station);
 }
 
-static int open_node(struct sim_node *node, struct sim_vsmd_can_node *can_node, struct sim_bus *bus,
+static int no_room(const struct sim_node *node, const struct sim_bus *bus)
+{
+	(void)fprintf(stderr, "drive %s: no room on bus %s\n", node->name, bus->config->name);
+	return -1;
+}
+
+static int open_servo(struct sim_node *node, struct sim_servo_node *servo, struct sim_bus *bus,
+                      const struct sim_drive_config *config, db_time now)
+{
+	struct sim_servo *drive = sim_servo_new(&config->servo, now);
+
+	if (!drive)
+		return no_room(node, bus);
+	sim_servo_node_init(servo, config->name, drive, (uint8_t)config->address,
+	                    &bus->config->layout, bus->config->can.latency);
+	node->servo = servo;
+	return attach_servo(bus, node) ? 0 : no_room(node, bus);
+}
+
+static int open_vsmd(struct sim_node *node, struct sim_vsmd_can_node *can_node, struct sim_bus *bus,
                      const struct sim_drive_config *config, db_time now)
 {
 	struct sim_vsmd_config vsmd = config->vsmd;
 	char path[PATH_MAX];
 
-	node->name = config->name;
 	if (bus->config->flash) {
 		int length = snprintf(path, sizeof(path), "%s/%s.flash", bus->config->flash,
 		                      config->name);
@@ -113,11 +139,22 @@ static int open_node(struct sim_node *node, struct sim_vsmd_can_node *can_node, 
 		vsmd.flash_path = path;
 	}
 	node->drive = sim_vsmd_new(&vsmd, now);
-	if (!node->drive || !attach(bus, node, can_node)) {
-		(void)fprintf(stderr, "drive %s: no room on bus %s\n", node->name,
-		              bus->config->name);
+	return node->drive && attach(bus, node, can_node) ? 0 : no_room(node, bus);
+}
+
+static int open_node(struct sim_world *world, size_t place, struct sim_bus *bus,
+                     const struct sim_drive_config *config, db_time now)
+{
+	struct sim_node *node = &world->nodes[place];
+	int result;
+
+	node->name = config->name;
+	if (bus->config->kind == SIM_BUS_SERVO_CAN)
+		result = open_servo(node, &world->servos[place], bus, config, now);
+	else
+		result = open_vsmd(node, &world->can_nodes[place], bus, config, now);
+	if (result != 0)
 		return -1;
-	}
 	for (size_t i = 0; i < config->fault_count; i++) {
 		if (sim_world_fault(node, bus, config->faults[i], now))
 			return -1;
@@ -132,7 +169,8 @@ int sim_world_open(struct sim_world *world, const struct sim_config *config, FIL
 	world->buses = calloc(config->bus_count, sizeof(*world->buses));
 	world->nodes = calloc(config->drive_count, sizeof(*world->nodes));
 	world->can_nodes = calloc(config->drive_count, sizeof(*world->can_nodes));
-	if (!world->buses || !world->nodes || !world->can_nodes) {
+	world->servos = calloc(config->drive_count, sizeof(*world->servos));
+	if (!world->buses || !world->nodes || !world->can_nodes || !world->servos) {
 		world->bus_count = 0;
 		return -1;
 	}
@@ -149,8 +187,7 @@ int sim_world_open(struct sim_world *world, const struct sim_config *config, FIL
 		size_t i = world->node_count++;
 		const struct sim_drive_config *drive = &config->drives[i];
 
-		if (open_node(&world->nodes[i], &world->can_nodes[i], &world->buses[drive->bus],
-		              drive, now) != 0)
+		if (open_node(world, i, &world->buses[drive->bus], drive, now) != 0)
 			return -1;
 	}
 	return 0;
@@ -163,11 +200,14 @@ void sim_world_close(struct sim_world *world)
 		if (world->buses[i].wire)
 			world->buses[i].ops->free(world->buses[i].wire);
 	}
-	for (size_t i = 0; i < world->node_count; i++)
+	for (size_t i = 0; i < world->node_count; i++) {
 		sim_vsmd_free(world->nodes[i].drive);
+		sim_servo_free(world->servos[i].drive);
+	}
 	free(world->buses);
 	free(world->nodes);
 	free(world->can_nodes);
+	free(world->servos);
 	*world = (struct sim_world){ .buses = NULL };
 }
 
@@ -196,6 +236,11 @@ static void write_out(struct sim_bus *bus, const uint8_t *bytes, size_t length)
 	}
 }
 
+static bool is_moving(const struct sim_node *node)
+{
+	return node->servo ? sim_servo_moving(node->servo->drive) : sim_vsmd_moving(node->drive);
+}
+
 void sim_world_run(struct sim_world *world, db_time now)
 {
 	uint8_t bytes[4096];
@@ -208,8 +253,14 @@ void sim_world_run(struct sim_world *world, db_time now)
 			write_out(bus, bytes, count);
 	}
 	for (size_t i = 0; i < world->node_count; i++) {
-		if (sim_vsmd_moving(world->nodes[i].drive))
-			sim_vsmd_advance(world->nodes[i].drive, now);
+		const struct sim_node *node = &world->nodes[i];
+
+		if (!is_moving(node))
+			continue;
+		if (node->servo)
+			sim_servo_advance(node->servo->drive, now);
+		else
+			sim_vsmd_advance(node->drive, now);
 	}
 }
 
@@ -224,7 +275,7 @@ db_time sim_world_next(const struct sim_world *world, db_time now)
 			next = due;
 	}
 	for (size_t i = 0; i < world->node_count; i++) {
-		if (sim_vsmd_moving(world->nodes[i].drive) && now + TICK_NS < next)
+		if (is_moving(&world->nodes[i]) && now + TICK_NS < next)
 			next = now + TICK_NS;
 	}
 	return next;
@@ -248,6 +299,14 @@ struct sim_node *sim_world_node(struct sim_world *world, const char *name)
 	return NULL;
 }
 
+void sim_node_stall(struct sim_node *node, bool stalled, db_time now)
+{
+	if (node->servo)
+		sim_servo_block(node->servo->drive, stalled, now);
+	else
+		sim_vsmd_stall(node->drive, stalled, now);
+}
+
 const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const char *text,
                             db_time now)
 {
@@ -256,10 +315,10 @@ const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const ch
 	if (strncmp(text, "echo", 4) == 0 || strncmp(text, "bus-off", 7) == 0)
 		return "that is a fault of a bus, not of a drive";
 	if (strcmp(text, "stall") == 0 || strcmp(text, "stall on") == 0)
-		sim_vsmd_stall(node->drive, true, now);
+		sim_node_stall(node, true, now);
 	else if (strcmp(text, "stall off") == 0)
-		sim_vsmd_stall(node->drive, false, now);
-	else if (strcmp(text, "flash fail") == 0 || strcmp(text, "flash ok") == 0)
+		sim_node_stall(node, false, now);
+	else if (node->drive && (strcmp(text, "flash fail") == 0 || strcmp(text, "flash ok") == 0))
 		sim_vsmd_fail_flash(node->drive, text[6] == 'f');
 	else
 		return sim_faults_set(&node->faults, text);

@@ -7,6 +7,7 @@
 
 #include "sim/node.h"
 #include "sim/port.h"
+#include "sim/servo_can_node.h"
 #include "sim/sim_config.h"
 #include "sim/vsmd_can_node.h"
 #include "sim/wire.h"
@@ -27,6 +28,7 @@ struct sim_world {
 	size_t bus_count;
 	struct sim_node *nodes;
 	struct sim_vsmd_can_node *can_nodes; /* of those nodes that are on CAN, at the same place */
+	struct sim_servo_node *servos;       /* likewise of those that are servos */
 	size_t node_count;
 };
 
@@ -51,8 +53,11 @@ db_time sim_world_next(const struct sim_world *world, db_time now);
 struct sim_bus *sim_world_bus(struct sim_world *world, const char *name);
 struct sim_node *sim_world_node(struct sim_world *world, const char *name);
 
+/* Holds the shaft of a drive, or lets it go. */
+void sim_node_stall(struct sim_node *node, bool stalled, db_time now);
+
 /* A fault as text, for a drive or (node null) for a bus: those of faults.h, for drives also
- * "stall [on|off]" and "flash fail|ok". Null or what is wrong. */
+ * "stall [on|off]", and for those with a flash "flash fail|ok". Null or what is wrong. */
 const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const char *text,
                             db_time now);
 

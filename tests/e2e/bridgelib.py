@@ -129,23 +129,13 @@ class RegisterMap:
         self.by_key = {(row.view, row.table, row.name): row for row in self.rows}
 
     def _size_texts(self):
-        """The columns do not tell how long a text is: it reaches to the next register."""
+        """How long a text is stands at the end of its description."""
         for row in self.rows:
-            if row.type != "text":
-                continue
-            later = [
-                other.address
-                for other in self.rows
-                if other.view == row.view
-                and other.table == row.table
-                and other.address > row.address
-            ]
-            row.size = min(later) - row.address
+            if row.type == "text":
+                row.size = int(row.description.rsplit(";", 1)[1].split()[0])
 
     def find(self, name, view="drive", table="holding"):
         row = self.by_key.get((view, table, name))
-        if row is None and view == "drive":
-            row = self.by_key.get(("vsmd", table, name))
         if row is None:
             raise KeyError(f"no register {name} in {view}/{table}")
         return row
@@ -154,7 +144,7 @@ class RegisterMap:
         return [
             row
             for row in self.rows
-            if row.view in ("drive", "vsmd") and row.table == table and row.belongs_to(family)
+            if row.view == "drive" and row.table == table and row.belongs_to(family)
         ]
 
     def parameters(self):

@@ -20,6 +20,7 @@
 #define FAST_BUS BUS_HEAD " baud = 115200\n}\n" /* lines 1 to 5 */
 #define RS232_BUS BUS_HEAD " line = rs232\n}\n" /* lines 1 to 5 */
 #define DRIVE "drive d {\n bus = b\n address = 1\n unit = 1\n}\n"
+#define VENDOR_DRIVE "drive d {\n bus = b\n address = 1\n unit = 1\n vendor-unit = 9\n}\n"
 
 struct loaded {
 	char path[64];
@@ -196,6 +197,19 @@ static const struct wrong_case WRONG[] = {
 	{ BUS DRIVE "drive e {\n bus = b\n address = 2\n unit = 1\n}\n", 13,
 	  "unit = 1 belongs to drive 'd' on line 5 already" },
 	{ "modbus {\n gateway-unit = 1\n}\n" BUS DRIVE, 11, "gateway's own unit" },
+
+	/* The vendor's register map. */
+	{ "modbus {\n gateway-unit = 9\n}\n" BUS VENDOR_DRIVE, 12, "gateway's own unit" },
+	{ BUS "drive d {\n bus = b\n address = 1\n unit = 1\n vendor-unit = 1\n}\n", 9,
+	  "vendor-unit = 1 belongs to drive 'd' on line 5 already" },
+	{ BUS VENDOR_DRIVE "drive e {\n bus = b\n address = 2\n unit = 9\n}\n", 9,
+	  "vendor-unit = 9 belongs to drive 'e' on line 11 already" },
+	{ BUS "drive e {\n bus = b\n address = 2\n unit = 9\n}\n" VENDOR_DRIVE, 14,
+	  "vendor-unit = 9 belongs to drive 'e' on line 5 already" },
+	{ BUS VENDOR_DRIVE "drive e {\n bus = b\n address = 2\n unit = 2\n vendor-unit = 9\n}\n",
+	  15, "vendor-unit = 9 belongs to drive 'd' on line 5 already" },
+	{ BUS "drive d {\n bus = b\n address = 1\n unit = 1\n vendor-unit = 9\n layout = vsmd\n}\n",
+	  9, "one of them" },
 	{ RS232_BUS DRIVE, 8, "RS232" },
 	{ RS232_BUS "drive d {\n bus = b\n unit = 1\n}\ndrive e {\n bus = b\n unit = 2\n}\n", 11,
 	  "one drive per RS232 line" },
@@ -630,6 +644,31 @@ static char *described(const struct db_config *config)
 	return text;
 }
 
+static void test_vendor_view(void **state)
+{
+	struct loaded loaded = load_good(
+		BUS DRIVE
+		"drive e { bus = b address = 2 unit = 2 vendor-unit = 9 }\n"
+		"drive f { bus = b address = 3 unit = 3 layout = vsmd vendor-word-order = high-first }");
+	const struct db_drive_config *drives = loaded.config->drives;
+	char *text = described(loaded.config);
+
+	(void)state;
+	assert_false(drives[0].vendor_layout);
+	assert_int_equal(drives[0].vendor_unit, 0);
+	assert_false(drives[1].vendor_layout);
+	assert_int_equal(drives[1].vendor_unit, 9);
+	assert_false(drives[1].vendor_high_first);
+	assert_true(drives[2].vendor_layout);
+	assert_int_equal(drives[2].vendor_unit, 0);
+	assert_true(drives[2].vendor_high_first);
+	assert_non_null(strstr(text, "drive d: unit 1, address 1, 1 counts"));
+	assert_non_null(strstr(text, "address 2, vendor-unit 9 with layout vsmd, low-first, 1"));
+	assert_non_null(strstr(text, "address 3, layout vsmd, high-first, 1 counts"));
+	free(text);
+	done(&loaded);
+}
+
 static void test_describe(void **state)
 {
 	static const char *const EXPECTED[] = {
@@ -885,6 +924,7 @@ int main(void)
 		cmocka_unit_test(test_every_key),
 		cmocka_unit_test(test_cycle_warning),
 		cmocka_unit_test(test_confirm_warning),
+		cmocka_unit_test(test_vendor_view),
 		cmocka_unit_test(test_describe),
 		cmocka_unit_test(test_shipped_files),
 		cmocka_unit_test(test_default_file_is_complete),

@@ -402,6 +402,11 @@ static void test_wrong_axes(void **state)
 		  "has no key 'address'" },
 		{ RAIL_BUS "}\ndrive d {\n bus = r address = 1 unit = 1\n axis = x\n}\n", 7,
 		  "axis is for multi-axis families, but rail-can" },
+		{ RAIL_BUS "}\ndrive d {\n bus = r address = 1 unit = 1\n layout = vsmd\n}\n", 7,
+		  "layout is for VSMD families, whose vendor has a register map of its own, but "
+		  "drive 'd' is of family rail-can; remove it" },
+		{ RAIL_BUS "}\ndrive d {\n bus = r address = 1 unit = 1\n vendor-unit = 9\n}\n", 7,
+		  "vendor-unit is for VSMD families" },
 		/* Without axes an address is one drive. */
 		{ RAIL_BUS "}\ndrive d { bus = r address = 1 unit = 1 }\n"
 		           "drive e { bus = r address = 1 unit = 2 }\n",

@@ -1,6 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/vsmd_serial_bus.h"
 
+#include "codec/vsmd_serial.h"
+#include "sim/vsmd_drive.h"
+
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -33,7 +36,7 @@ static int setup(void **state)
 	};
 
 	bench = (struct bench){ .now = 50 * SECOND };
-	bench.bus = sim_serial_bus_new(&config, NULL, NULL);
+	bench.bus = sim_serial_bus_new(&sim_vsmd_serial_protocol, &config, NULL, NULL);
 	assert_non_null(bench.bus);
 	for (unsigned i = 0; i < 2; i++) {
 		struct sim_vsmd_config drive;

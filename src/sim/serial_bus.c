@@ -1,0 +1,482 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/serial_bus.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define BITS_PER_BYTE 10 /* 8N1 */
+#define LINES_MAX 16
+#define BURSTS_MAX 16
+#define GARBAGE_MAX 8
+#define BURST_BYTES_MAX (SIM_SERIAL_REPLY_MAX + GARBAGE_MAX)
+/* A burst is handed out in at most this many chunks, and a chunk is worth at least this long: a
+ * host sees bytes trickle in, and the simulator does not wake up for each. */
+#define CHUNKS_MAX 8
+#define CHUNK_NS DB_NS_PER_MS
+
+/* A request on its way; done when `end` has come. */
+struct line {
+	bool used;
+	db_time end;
+	size_t length;
+	uint8_t bytes[SIM_SERIAL_REQUEST_MAX];
+};
+
+/* Bytes on their way to the host. */
+struct sim_burst {
+	bool used;
+	char direction;
+	db_time start; /* of the first byte; fixed once begun */
+	size_t length;
+	size_t sent;
+	size_t chunk;
+	uint8_t bytes[BURST_BYTES_MAX];
+};
+
+struct sim_serial_bus {
+	const struct sim_serial_protocol *protocol;
+	struct sim_serial_config config;
+	sim_trace_fn *trace;
+	void *context;
+	struct sim_node *nodes[SIM_SERIAL_DRIVES_MAX];
+	size_t node_count;
+	struct sim_faults faults;
+	struct sim_serial_stats stats;
+	uint32_t random;
+
+	uint8_t input[SIM_SERIAL_REQUEST_MAX];
+	size_t input_length;
+	bool input_overflow;
+	bool input_unheard;
+	db_time input_start; /* when the request's first byte began */
+	db_time input_newest;
+	db_time request_end; /* of the last line: the next one cannot begin sooner */
+	db_time reply_end;
+
+	struct line lines[LINES_MAX];
+	size_t first_line; /* a ring: lines end in the order they came */
+	size_t line_count;
+	struct sim_burst bursts[BURSTS_MAX];
+	struct sim_burst *current; /* begun and not finished */
+};
+
+struct sim_serial_bus *sim_serial_bus_new(const struct sim_serial_protocol *protocol,
+                                          const struct sim_serial_config *config,
+                                          sim_trace_fn *trace, void *context)
+{
+	struct sim_serial_bus *bus = calloc(1, sizeof(*bus));
+
+	if (!bus)
+		return NULL;
+	bus->protocol = protocol;
+	bus->config = *config;
+	bus->trace = trace;
+	bus->context = context;
+	bus->random = 0x2545f491u;
+	bus->reply_end = -config->turnaround;
+	return bus;
+}
+
+void sim_serial_bus_free(struct sim_serial_bus *bus)
+{
+	free(bus);
+}
+
+bool sim_serial_bus_attach(struct sim_serial_bus *bus, struct sim_node *node)
+{
+	if (bus->node_count == SIM_SERIAL_DRIVES_MAX)
+		return false;
+	bus->nodes[bus->node_count++] = node;
+	return true;
+}
+
+struct sim_faults *sim_serial_bus_faults(struct sim_serial_bus *bus)
+{
+	return &bus->faults;
+}
+
+const struct sim_serial_stats *sim_serial_bus_stats(const struct sim_serial_bus *bus)
+{
+	return &bus->stats;
+}
+
+void sim_serial_bus_set_baud(struct sim_serial_bus *bus, unsigned baud)
+{
+	bus->config.baud = baud;
+}
+
+/* Wire time of so many bytes, rounded up. */
+static db_time wire_time(const struct sim_serial_bus *bus, size_t bytes)
+{
+	db_time bits = (db_time)bytes * BITS_PER_BYTE;
+
+	if (!bus->config.paced)
+		return 0;
+	return (bits * DB_NS_PER_S + (db_time)bus->config.baud - 1) / (db_time)bus->config.baud;
+}
+
+/* Faults need variety, not quality; the same start gives the same run. */
+static uint32_t random_below(struct sim_serial_bus *bus, uint32_t limit)
+{
+	bus->random ^= bus->random << 13;
+	bus->random ^= bus->random >> 17;
+	bus->random ^= bus->random << 5;
+	return bus->random % limit;
+}
+
+static void trace(const struct sim_serial_bus *bus, db_time time, char direction, const void *bytes,
+                  size_t length)
+{
+	if (bus->trace)
+		bus->trace(bus->context, time, direction, bytes, length);
+}
+
+static struct sim_burst *new_burst(struct sim_serial_bus *bus)
+{
+	for (size_t i = 0; i < BURSTS_MAX; i++) {
+		if (!bus->bursts[i].used)
+			return &bus->bursts[i];
+	}
+	return NULL;
+}
+
+static void send_burst(struct sim_serial_bus *bus, struct sim_burst *burst, char direction,
+                       db_time start)
+{
+	db_time duration = wire_time(bus, burst->length);
+	size_t chunks = (size_t)(duration / CHUNK_NS) + 1;
+
+	if (chunks > CHUNKS_MAX)
+		chunks = CHUNKS_MAX;
+	burst->used = burst->length > 0;
+	burst->direction = direction;
+	burst->start = start;
+	burst->sent = 0;
+	burst->chunk = (burst->length + chunks - 1) / chunks;
+}
+
+static void echo(struct sim_serial_bus *bus, db_time start)
+{
+	struct sim_burst *burst;
+
+	if (!sim_faults_take(&bus->faults, SIM_FAULT_ECHO))
+		return;
+	burst = new_burst(bus);
+	if (!burst)
+		return;
+	memcpy(burst->bytes, bus->input, bus->input_length);
+	burst->length = bus->input_length;
+	send_burst(bus, burst, 'e', start);
+}
+
+static void end_request(struct sim_serial_bus *bus, db_time now)
+{
+	db_time end = bus->input_start + wire_time(bus, bus->input_length);
+	size_t untraced = bus->input_overflow ? 0 : bus->protocol->untraced;
+	struct line *line;
+
+	if (end < now)
+		end = now;
+	bus->request_end = end;
+	bus->stats.requests++;
+	trace(bus, now, '>', bus->input, bus->input_length - untraced);
+	if (!bus->input_overflow)
+		echo(bus, bus->input_start);
+	if (bus->input_overflow || bus->input_unheard || bus->line_count == LINES_MAX) {
+		bus->stats.unheard++;
+	} else {
+		line = &bus->lines[(bus->first_line + bus->line_count++) % LINES_MAX];
+		line->end = end;
+		line->length = bus->input_length;
+		memcpy(line->bytes, bus->input, bus->input_length);
+	}
+	bus->input_length = 0;
+	bus->input_overflow = false;
+}
+
+static void begin_request(struct sim_serial_bus *bus, db_time now)
+{
+	bool replying = false;
+
+	for (size_t i = 0; i < BURSTS_MAX; i++)
+		replying |= bus->bursts[i].used && bus->bursts[i].direction == '<' &&
+		            bus->bursts[i].start <= now;
+	bus->input_start = now > bus->request_end ? now : bus->request_end;
+	bus->input_unheard = bus->input_start < bus->reply_end + bus->config.turnaround;
+	bus->stats.collisions += replying;
+}
+
+static void take_byte(struct sim_serial_bus *bus, uint8_t byte, db_time now)
+{
+	size_t before;
+
+	if (bus->input_length == 0 && !bus->input_overflow)
+		begin_request(bus, now);
+	if (bus->input_length < sizeof(bus->input))
+		bus->input[bus->input_length++] = byte;
+	else
+		bus->input_overflow = true;
+	bus->input_newest = now;
+	before = bus->input_length;
+	if (bus->protocol->ends(bus->input, &bus->input_length, byte))
+		end_request(bus, now);
+	else
+		bus->input_start += wire_time(bus, before - bus->input_length);
+}
+
+void sim_serial_bus_receive(struct sim_serial_bus *bus, const uint8_t *bytes, size_t length,
+                            db_time now)
+{
+	if (bus->protocol->patience > 0 && bus->input_length > 0 &&
+	    now - bus->input_newest > bus->protocol->patience) {
+		bus->input_length = 0;
+		bus->stats.unheard++;
+	}
+	for (size_t i = 0; i < length; i++)
+		take_byte(bus, bytes[i], now);
+}
+
+const struct sim_serial_config *sim_serial_bus_config(const struct sim_serial_bus *bus)
+{
+	return &bus->config;
+}
+
+struct sim_serial_stats *sim_serial_bus_count(struct sim_serial_bus *bus)
+{
+	return &bus->stats;
+}
+
+struct sim_node *sim_serial_bus_node(const struct sim_serial_bus *bus, size_t index)
+{
+	return index < bus->node_count ? bus->nodes[index] : NULL;
+}
+
+bool sim_serial_bus_connects(const struct sim_serial_bus *bus, const struct sim_node *node)
+{
+	return node->faults.left[SIM_FAULT_SILENCE] == 0 &&
+	       bus->faults.left[SIM_FAULT_SILENCE] == 0;
+}
+
+bool sim_serial_bus_take(struct sim_serial_bus *bus, struct sim_node *node, enum sim_fault fault)
+{
+	return sim_faults_take(&node->faults, fault) || sim_faults_take(&bus->faults, fault);
+}
+
+void sim_serial_bus_log(struct sim_node *node, const struct sim_serial_request *request,
+                        const char *text, size_t length)
+{
+	struct sim_log_entry *entry = &node->log[node->heard++ % SIM_LOG_LINES];
+
+	if (length >= SIM_LOG_LENGTH)
+		length = SIM_LOG_LENGTH - 1;
+	entry->time = request->end;
+	for (size_t i = 0; i < length; i++)
+		entry->line[i] = text[i] >= ' ' && text[i] <= '~' ? text[i] : '?';
+	entry->line[length] = '\0';
+}
+
+static void damage(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst)
+{
+	if (sim_serial_bus_take(bus, node, SIM_FAULT_CORRUPT)) {
+		size_t victim = 1 + random_below(bus, (uint32_t)burst->length - 2);
+
+		burst->bytes[victim] ^= (uint8_t)(1u << random_below(bus, 7));
+	}
+	if (sim_serial_bus_take(bus, node, SIM_FAULT_TRUNCATE))
+		burst->length /= 2;
+	if (sim_serial_bus_take(bus, node, SIM_FAULT_GARBAGE)) {
+		size_t count = 1 + random_below(bus, GARBAGE_MAX);
+
+		memmove(burst->bytes + count, burst->bytes, burst->length);
+		for (size_t i = 0; i < count; i++)
+			burst->bytes[i] = (uint8_t)random_below(bus, 256);
+		burst->bytes[random_below(bus, (uint32_t)count)] = bus->protocol->garbage;
+		burst->length += count;
+	}
+}
+
+struct sim_burst *sim_serial_bus_begin(struct sim_serial_bus *bus, struct sim_node *node)
+{
+	struct sim_burst *burst = new_burst(bus);
+
+	return sim_serial_bus_take(bus, node, SIM_FAULT_DROP) ? NULL : burst;
+}
+
+uint8_t *sim_serial_bus_bytes(struct sim_burst *burst)
+{
+	return burst->bytes;
+}
+
+void sim_serial_bus_send(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst,
+                         size_t length, db_time request_end)
+{
+	db_time start = request_end + bus->config.latency;
+
+	burst->length = length;
+	damage(bus, node, burst);
+	if (sim_faults_take(&node->faults, SIM_FAULT_DELAY))
+		start += (db_time)node->faults.delay_ms * DB_NS_PER_MS;
+	else if (sim_faults_take(&bus->faults, SIM_FAULT_DELAY))
+		start += (db_time)bus->faults.delay_ms * DB_NS_PER_MS;
+	/* A drive that is slow over one answer is late with those after it, too. */
+	if (start < node->thinks_until)
+		start = node->thinks_until;
+	node->thinks_until = start + wire_time(bus, burst->length);
+	send_burst(bus, burst, '<', start);
+	node->replies++;
+	bus->stats.replies++;
+}
+
+struct sim_burst *sim_serial_bus_overlap(struct sim_burst *first, struct sim_burst *second)
+{
+	if (!first || !second)
+		return first ? first : second;
+	for (size_t i = 0; i < first->length && i < second->length; i++)
+		first->bytes[i] &= second->bytes[i];
+	second->used = false;
+	return first;
+}
+
+static void process(struct sim_serial_bus *bus, const struct line *line)
+{
+	struct sim_serial_request request = {
+		.bytes = line->bytes,
+		.length = line->length,
+		.end = line->end,
+	};
+
+	bus->protocol->process(bus, &request);
+}
+
+/* The burst to go on with: the one begun, else the one that starts first. */
+static struct sim_burst *next_burst(struct sim_serial_bus *bus)
+{
+	struct sim_burst *best = bus->current;
+
+	for (size_t i = 0; !bus->current && i < BURSTS_MAX; i++) {
+		if (bus->bursts[i].used && (!best || bus->bursts[i].start < best->start))
+			best = &bus->bursts[i];
+	}
+	return best;
+}
+
+static size_t next_chunk(const struct sim_burst *burst)
+{
+	size_t end = burst->sent + burst->chunk;
+
+	return end < burst->length ? end : burst->length;
+}
+
+static db_time burst_due(const struct sim_serial_bus *bus, const struct sim_burst *burst)
+{
+	db_time start = burst->start;
+
+	/* Before its first chunk a burst may still have to wait for the wire. */
+	if (burst != bus->current && burst->direction == '<' && start < bus->reply_end)
+		start = bus->reply_end;
+	return start + wire_time(bus, next_chunk(burst));
+}
+
+db_time sim_serial_bus_next(struct sim_serial_bus *bus)
+{
+	const struct sim_burst *burst = next_burst(bus);
+	db_time next = burst ? burst_due(bus, burst) : DB_TIME_NEVER;
+
+	if (bus->line_count > 0 && bus->lines[bus->first_line].end < next)
+		next = bus->lines[bus->first_line].end;
+	return next;
+}
+
+/* Hands out the burst's next chunk as far as there is room. */
+static size_t emit(struct sim_serial_bus *bus, struct sim_burst *burst, uint8_t *out, size_t size)
+{
+	size_t count = next_chunk(burst) - burst->sent;
+
+	if (!bus->current) {
+		if (burst->direction == '<' && burst->start < bus->reply_end)
+			burst->start = bus->reply_end;
+		bus->current = burst;
+	}
+	if (count > size)
+		count = size;
+	memcpy(out, burst->bytes + burst->sent, count);
+	burst->sent += count;
+	if (burst->sent == burst->length) {
+		db_time end = burst->start + wire_time(bus, burst->length);
+
+		if (burst->direction == '<')
+			bus->reply_end = end;
+		trace(bus, end, burst->direction, burst->bytes, burst->length);
+		burst->used = false;
+		bus->current = NULL;
+	}
+	return count;
+}
+
+size_t sim_serial_bus_run(struct sim_serial_bus *bus, db_time now, uint8_t *out, size_t size)
+{
+	size_t written = 0;
+
+	while (written < size && sim_serial_bus_next(bus) <= now) {
+		struct sim_burst *burst = next_burst(bus);
+		struct line *line = &bus->lines[bus->first_line];
+
+		if (bus->line_count > 0 && (!burst || line->end <= burst_due(bus, burst))) {
+			bus->first_line = (bus->first_line + 1) % LINES_MAX;
+			bus->line_count--;
+			process(bus, line);
+		} else if (burst) {
+			written += emit(bus, burst, out + written, size - written);
+		}
+	}
+	return written;
+}
+
+/* --- for the world --------------------------------------------------------------------------------- */
+
+static void wire_receive(void *wire, const uint8_t *bytes, size_t length, db_time now)
+{
+	sim_serial_bus_receive(wire, bytes, length, now);
+}
+
+static size_t wire_run(void *wire, db_time now, uint8_t *out, size_t size)
+{
+	return sim_serial_bus_run(wire, now, out, size);
+}
+
+static db_time wire_next(void *wire)
+{
+	return sim_serial_bus_next(wire);
+}
+
+static struct sim_faults *wire_faults(void *wire)
+{
+	return sim_serial_bus_faults(wire);
+}
+
+static void wire_describe(void *wire, char *text, size_t size)
+{
+	const struct sim_serial_stats *stats = sim_serial_bus_stats(wire);
+
+	(void)snprintf(text, size,
+	               "requests=%" PRIu32 " replies=%" PRIu32 " collisions=%" PRIu32
+	               " unheard=%" PRIu32 " foreign=%" PRIu32,
+	               stats->requests, stats->replies, stats->collisions, stats->unheard,
+	               stats->foreign);
+}
+
+static void wire_free(void *wire)
+{
+	sim_serial_bus_free(wire);
+}
+
+const struct sim_wire_ops sim_serial_bus_ops = {
+	.receive = wire_receive,
+	.run = wire_run,
+	.next = wire_next,
+	.faults = wire_faults,
+	.describe = wire_describe,
+	.free = wire_free,
+};
