@@ -17,24 +17,31 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/epoll.h>
+#include <sys/mman.h>
+#include <sysexits.h>
 #include <systemd/sd-daemon.h>
 #include <systemd/sd-event.h>
 
 struct service;
 
-/* What the callback of one bus's completions needs. */
+/* What the callback of one bus's completions needs, and whether its thread is alive. */
 struct seat {
 	struct service *service;
 	struct db_bus *bus;
+	uint32_t beats; /* seen last */
+	db_time beaten; /* when they changed */
 };
 
 struct service {
 	struct db_config *config;
+	const char *path; /* the configuration's */
 	sd_event *loop;
 	sd_event_source *term;
 	sd_event_source *deadline; /* of the most impatient client */
 	db_time armed;
-	struct db_axis **axes; /* one per drive, in the configuration's order */
+	sd_event_source *pulse; /* feeds systemd's watchdog; null: there is none */
+	db_time watchdog;       /* systemd's patience */
+	struct db_axis **axes;  /* one per drive, in the configuration's order */
 	struct db_bus **buses;
 	struct seat *seats; /* one per bus */
 	struct db_registers *registers;
@@ -172,6 +179,56 @@ static int on_signal(sd_event_source *source, const struct signalfd_siginfo *inf
 	return sd_event_exit(service->loop, EXIT_SUCCESS);
 }
 
+/* The new file is checked, so that a wrong one is known at once; it holds from the next start on. */
+static int on_hangup(sd_event_source *source, const struct signalfd_siginfo *info, void *context)
+{
+	const struct service *service = context;
+	struct db_config *config = NULL;
+
+	(void)source;
+	(void)info;
+	if (db_config_load(service->path, stderr, &config) != 0) {
+		db_log(DB_LOG_ERROR, "%s is wrong and not taken; nothing changes", service->path);
+		return 0;
+	}
+	db_config_free(config);
+	db_log(DB_LOG_NOTICE, "%s is right; it takes effect with the next start of the service",
+	       service->path);
+	return 0;
+}
+
+/* Whether every bus's thread has turned within half of systemd's patience. */
+static bool all_alive(struct service *service, db_time now)
+{
+	bool alive = true;
+
+	for (size_t b = 0; b < service->config->bus_count; b++) {
+		struct seat *seat = &service->seats[b];
+		uint32_t beats = db_bus_heartbeat(seat->bus);
+
+		if (beats != seat->beats || seat->beaten == 0) {
+			seat->beats = beats;
+			seat->beaten = now;
+		}
+		if (now - seat->beaten <= service->watchdog / 2)
+			continue;
+		db_log(DB_LOG_ERROR, "bus %s: its thread hangs", service->config->buses[b].name);
+		alive = false;
+	}
+	return alive;
+}
+
+static int on_pulse(sd_event_source *source, uint64_t us, void *context)
+{
+	struct service *service = context;
+
+	(void)us;
+	if (all_alive(service, loop_now(service)))
+		sd_notify(0, "WATCHDOG=1");
+	sd_event_source_set_time_relative(source, (uint64_t)(service->watchdog / DB_NS_PER_US / 4));
+	return sd_event_source_set_enabled(source, SD_EVENT_ONESHOT);
+}
+
 static int on_deadline(sd_event_source *source, uint64_t us, void *context)
 {
 	struct service *service = context;
@@ -275,6 +332,8 @@ static int make_loop(struct service *service)
 	if (error >= 0)
 		error = sd_event_add_signal(service->loop, NULL, SIGINT, on_signal, service);
 	if (error >= 0)
+		error = sd_event_add_signal(service->loop, NULL, SIGHUP, on_hangup, service);
+	if (error >= 0)
 		error = sd_event_add_time(service->loop, &service->deadline, CLOCK_MONOTONIC,
 		                          UINT64_MAX, 500, on_deadline, service);
 	if (error >= 0)
@@ -284,6 +343,18 @@ static int make_loop(struct service *service)
 		error = sd_event_source_set_prepare(service->term, on_prepare);
 	service->armed = DB_TIME_NEVER;
 	return error < 0 ? error : watch_completions(service);
+}
+
+/* A hung bus thread is as bad as a hung network: both must turn for systemd to be content. */
+static int make_watchdog(struct service *service)
+{
+	uint64_t us = 0;
+
+	if (sd_watchdog_enabled(0, &us) <= 0)
+		return 0;
+	service->watchdog = (db_time)us * DB_NS_PER_US;
+	return sd_event_add_time_relative(service->loop, &service->pulse, CLOCK_MONOTONIC, us / 4,
+	                                  0, on_pulse, service);
 }
 
 static int listen_for_clients(struct service *service)
@@ -313,6 +384,8 @@ static int set_up(struct service *service)
 		                         &service->registers);
 	if (error == 0)
 		error = make_loop(service);
+	if (error >= 0)
+		error = make_watchdog(service);
 	if (error < 0)
 		return error;
 	error = listen_for_clients(service);
@@ -340,18 +413,33 @@ static void tear_down(struct service *service)
 	free(service->buses);
 	free(service->seats);
 	free(service->axes);
+	sd_event_source_unref(service->pulse);
 	sd_event_source_unref(service->deadline);
 	sd_event_source_unref(service->term);
 	sd_event_unref(service->loop);
 }
 
-static int run(struct db_config *config)
+/* A page that has to be fetched from a disk first makes a cycle late. */
+static void lock_memory(void)
 {
-	struct service service = { .config = config };
-	int error = set_up(&service);
+	if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0 && errno != EPERM &&
+	    errno != ENOMEM)
+		db_log(DB_LOG_WARNING, "cannot lock memory: %s", strerror(errno));
+}
 
+static int run(struct db_config *config, const char *path)
+{
+	struct service service = { .config = config, .path = path };
+	int error;
+
+	lock_memory();
+	if (config->drive_count == 0)
+		db_log(DB_LOG_NOTICE,
+		       "no drive is configured yet: describe the buses and drives in %s, see "
+		       "drivebridge.conf(5), check it with drivebridged --check and restart",
+		       path);
+	error = set_up(&service);
 	if (error >= 0) {
-		sd_event_set_watchdog(service.loop, 1);
 		sd_notify(0, "READY=1");
 		error = sd_event_loop(service.loop);
 		sd_notify(0, "STOPPING=1");
@@ -370,6 +458,7 @@ static void block_signals(void)
 	sigemptyset(&signals);
 	sigaddset(&signals, SIGTERM);
 	sigaddset(&signals, SIGINT);
+	sigaddset(&signals, SIGHUP);
 	sigprocmask(SIG_BLOCK, &signals, NULL);
 	signal(SIGPIPE, SIG_IGN);
 }
@@ -382,14 +471,15 @@ int main(int argc, char **argv)
 
 	if (status >= 0)
 		return status;
+	/* For systemd a status of its own: starting again would not help. */
 	if (db_config_load(options.config, stderr, &config) != 0)
-		return EXIT_FAILURE;
+		return options.check ? EXIT_FAILURE : EX_CONFIG;
 	if (options.check) {
 		db_config_describe(config, stdout);
 		status = EXIT_SUCCESS;
 	} else {
 		block_signals();
-		status = run(config);
+		status = run(config, options.config);
 	}
 	db_config_free(config);
 	return status;

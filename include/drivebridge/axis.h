@@ -65,6 +65,7 @@ enum db_error {
 	DB_ERROR_OVER_TEMPERATURE = 19,
 	DB_ERROR_OVER_CURRENT = 20,
 	DB_ERROR_VOLTAGE = 21,
+	DB_ERROR_INTERRUPTED = 22, /* drive: its program was ended by an emergency stop */
 	DB_ERROR_DRIVE_FAULT = 32, /* plus a bit 0..15 of a servo drive's fault word */
 };
 const char *db_error_name(uint16_t error); /* "none", "no_answer" ...; "unknown" */
@@ -96,6 +97,8 @@ struct db_feedback {
 	uint16_t outputs;
 	uint16_t program;
 	uint16_t program_state;
+	uint16_t program_step;
+	float counts_per_unit; /* what the drive itself knows of its mechanics; 0 = nothing */
 	float current;
 	float supply_voltage;
 	float temperature;

@@ -59,6 +59,9 @@ bool db_bus_submit(struct db_bus *bus, const struct db_request *request);
 int db_bus_completion_fd(const struct db_bus *bus);
 bool db_bus_completion(struct db_bus *bus, struct db_completion *completion);
 
+/* Grows with each turn of the bus's thread, at least twice a second. */
+uint32_t db_bus_heartbeat(const struct db_bus *bus);
+
 void db_bus_read_stats(const struct db_bus *bus, struct db_bus_stats *stats);
 
 #endif

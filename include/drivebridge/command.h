@@ -39,8 +39,15 @@ enum db_command {
 	DB_CMD_SHAKE_START_TIME = 25, /* duration */
 	DB_CMD_SHAKE_STOP = 26,
 	DB_CMD_MOVE_CURRENT = 27, /* torque: run with a motor current */
-	DB_CMD_SYNC_START = 40,   /* what was staged on drives in sync mode begins on all of them */
-	DB_CMD_LIMIT = 64         /* codes are below this, so that sets of them fit 64 bits */
+	DB_CMD_JOG_POSITIVE = 28, /* run at the drive's manual speed until stopped */
+	DB_CMD_JOG_NEGATIVE = 29,
+	DB_CMD_START_PROGRAM = 30, /* one that is stored in the controller */
+	DB_CMD_PAUSE_PROGRAM = 31,
+	DB_CMD_CONTINUE_PROGRAM = 32,
+	DB_CMD_END_PROGRAM = 33,
+	DB_CMD_SINGLE_STEP = 34, /* programs step by step: output_value 1 on, 0 off */
+	DB_CMD_SYNC_START = 40,  /* what was staged on drives in sync mode begins on all of them */
+	DB_CMD_LIMIT = 64        /* codes are below this, so that sets of them fit 64 bits */
 };
 
 #define DB_COMMAND_BIT(command) (UINT64_C(1) << (command))
@@ -68,6 +75,8 @@ struct db_args {
 	uint32_t shake_cycles; /* 0 = no limit */
 	uint32_t shake_time;   /* s, 0 = no limit */
 	float target_current;  /* A; its sign is the direction */
+	uint16_t program_number;
+	uint16_t program_delay; /* s, from the command to the program's begin */
 };
 
 /* A parameter write: the index in the family's table and a value of its type, checked already. */

@@ -82,6 +82,7 @@ struct db_drive_config {
 	unsigned axis;          /* axis, of a controller with several: 0 = x, 1 = y ...; else 0 */
 	unsigned unit;          /* Modbus unit 1..247 */
 	double counts_per_unit; /* counts-per-unit, > 0, default 1.0 */
+	bool counts_given;      /* it is in the file; else what the drive knows goes first */
 	char *unit_name;        /* unit-name, default "counts" */
 	enum db_on_loss on_client_loss; /* default stop */
 	enum db_on_loss on_exit;        /* default: as on_client_loss */

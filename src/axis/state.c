@@ -27,6 +27,7 @@ static const char *const error_names[] = {
 	[DB_ERROR_OVER_TEMPERATURE] = "over_temperature",
 	[DB_ERROR_OVER_CURRENT] = "over_current",
 	[DB_ERROR_VOLTAGE] = "voltage",
+	[DB_ERROR_INTERRUPTED] = "interrupted",
 	[DB_ERROR_DRIVE_FAULT + 0] = "undervoltage",
 	[DB_ERROR_DRIVE_FAULT + 1] = "position_error",
 	[DB_ERROR_DRIVE_FAULT + 2] = "hall_error",
@@ -83,6 +84,10 @@ bool db_command_is_motion(enum db_command command)
 	case DB_CMD_MOVE_RELATIVE:
 	case DB_CMD_MOVE_PRESET:
 	case DB_CMD_MOVE_CURRENT:
+	case DB_CMD_JOG_POSITIVE:
+	case DB_CMD_JOG_NEGATIVE:
+	case DB_CMD_START_PROGRAM:
+	case DB_CMD_CONTINUE_PROGRAM:
 	case DB_CMD_SYNC_START:
 	case DB_CMD_HOME:
 	case DB_CMD_SHAKE_START:

@@ -132,6 +132,7 @@ void db_load_drive(struct db_load *load, unsigned index, struct db_drive_config 
 	read_place(&section, bus, drive);
 	drive->unit = db_section_number(&section, "unit");
 	drive->counts_per_unit = db_section_real(&section, "counts-per-unit");
+	drive->counts_given = db_section_has(&section, "counts-per-unit");
 	drive->unit_name = db_section_text(&section, "unit-name");
 	drive->on_client_loss = (enum db_on_loss)db_section_word(&section, "on-client-loss");
 	drive->on_exit = db_section_has(&section, "on-exit") ?

@@ -4,10 +4,7 @@
 #include <string.h>
 
 const struct db_driver *const db_drivers[] = {
-	&db_driver_vsmd_serial,
-	&db_driver_vsmd_can,
-	&db_driver_servo_can,
-	NULL,
+	&db_driver_vsmd_serial, &db_driver_vsmd_can, &db_driver_xyza, &db_driver_servo_can, NULL,
 };
 
 const struct db_driver *db_driver_find(const char *name)

@@ -7,6 +7,7 @@
 
 extern const struct db_driver db_driver_vsmd_serial;
 extern const struct db_driver db_driver_vsmd_can;
+extern const struct db_driver db_driver_xyza;
 extern const struct db_driver db_driver_servo_can;
 
 #endif

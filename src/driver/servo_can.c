@@ -1712,6 +1712,17 @@ static void check_drive(const struct servo_can_layout *layout, const struct db_d
 		complain(context, drive, false,
 		         "allow-mode-change = no without mode: all moves are refused; set mode to "
 		         "what the drive is set to");
+	/* It would be taken for a speed in counts, and let pass nearly everything. */
+	if (!isnan(drive->max_velocity))
+		complain(
+			context, drive, true,
+			"max-velocity is in the user's unit, but the drive's speed is in rpm, and how "
+			"far a turn goes is not known; remove it and write max_speed");
+	if (!isnan(drive->max_acceleration))
+		complain(
+			context, drive, true,
+			"max-acceleration is in the user's unit, but the drive's ramps are in rpm/s; "
+			"remove it");
 	if (!fixed && known)
 		complain(context, drive, true,
 		         "mode is for drives with allow-mode-change = no; remove it, or set that");

@@ -25,6 +25,8 @@ static const struct {
 	[DB_ARG_SHAKE_CYCLES] = ARG(shake_cycles),
 	[DB_ARG_SHAKE_TIME] = ARG(shake_time),
 	[DB_ARG_TARGET_CURRENT] = ARG(target_current),
+	[DB_ARG_PROGRAM_NUMBER] = ARG(program_number),
+	[DB_ARG_PROGRAM_DELAY] = ARG(program_delay),
 #undef ARG
 };
 
@@ -172,6 +174,53 @@ const struct db_command_row db_command_rows[] = {
 		.own = true,
 		.description = "Drive the motor with target_current; its sign is the direction of "
 			       "the torque",
+	},
+	{
+		.code = DB_CMD_JOG_POSITIVE,
+		.name = "jog_positive",
+		.own = true,
+		.description =
+			"Run in positive direction at the drive's manual speed until stopped",
+	},
+	{
+		.code = DB_CMD_JOG_NEGATIVE,
+		.name = "jog_negative",
+		.own = true,
+		.description =
+			"Run in negative direction at the drive's manual speed until stopped",
+	},
+	{
+		.code = DB_CMD_START_PROGRAM,
+		.name = "start_program",
+		.args = { DB_ARG_PROGRAM_NUMBER, DB_ARG_PROGRAM_DELAY },
+		.own = true,
+		.description =
+			"Start a program that is stored in the controller after program_delay",
+	},
+	{
+		.code = DB_CMD_PAUSE_PROGRAM,
+		.name = "pause_program",
+		.own = true,
+		.description = "Stop the running program so that it can go on",
+	},
+	{
+		.code = DB_CMD_CONTINUE_PROGRAM,
+		.name = "continue_program",
+		.own = true,
+		.description = "Go on with a stopped program",
+	},
+	{
+		.code = DB_CMD_END_PROGRAM,
+		.name = "end_program",
+		.own = true,
+		.description = "End a stopped program",
+	},
+	{
+		.code = DB_CMD_SINGLE_STEP,
+		.name = "single_step",
+		.args = { DB_ARG_OUTPUT_VALUE },
+		.own = true,
+		.description = "Run programs step by step: output_value 1=on 0=off",
 	},
 	{
 		.code = DB_CMD_SYNC_START,

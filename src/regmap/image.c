@@ -52,16 +52,25 @@ static uint16_t quality_of(const struct view_drive *drive, const struct db_feedb
 	return age_of(feedback, now) <= drive->fresh_for ? QUALITY_GOOD : QUALITY_UNCERTAIN;
 }
 
+/* The configuration knows best, then the drive. */
+static double counts_of(const struct view_drive *drive, const struct db_feedback *feedback)
+{
+	if (!drive->config->counts_given && feedback->counts_per_unit > 0.0f)
+		return (double)feedback->counts_per_unit;
+	return drive->config->counts_per_unit;
+}
+
 static void fill_process(struct db_drive_image *image, const struct view_drive *drive)
 {
 	const struct db_feedback *feedback = &image->feedback;
-	double counts_per_unit = drive->config->counts_per_unit;
+	double counts_per_unit;
 	struct db_snapshot snapshot;
 	db_time now;
 
 	db_axis_read(drive->axis, &snapshot);
 	now = drive->registers->ops->now(drive->registers->context);
 	image->feedback = snapshot.feedback;
+	counts_per_unit = counts_of(drive, feedback);
 	drop_if_too_old(&image->feedback, drive, now);
 	image->stats = snapshot.stats;
 	db_commander_state(drive->commander, &image->state, now);
@@ -87,6 +96,7 @@ static void fill_process(struct db_drive_image *image, const struct view_drive *
 static void fill_static(struct db_drive_image *image, const struct view_drive *drive)
 {
 	size_t length = strlen(drive->config->unit_name);
+	struct db_snapshot snapshot;
 
 	if (length > sizeof image->unit_name)
 		length = sizeof image->unit_name;
@@ -94,7 +104,8 @@ static void fill_static(struct db_drive_image *image, const struct view_drive *d
 	memcpy(image->unit_name, drive->config->unit_name, length);
 	image->bus = (uint16_t)(drive->config->bus + 1);
 	image->address = (uint16_t)drive->config->address;
-	image->counts_per_unit = (float)drive->config->counts_per_unit;
+	db_axis_read(drive->axis, &snapshot);
+	image->counts_per_unit = (float)counts_of(drive, &snapshot.feedback);
 }
 
 void view_fill_drive(struct db_drive_image *image, const struct view_drive *drive, unsigned parts)

@@ -415,6 +415,15 @@ const struct db_row db_rows[] = {
 		.description = "Temperature of the drive as it gives it; see temperature",
 	},
 	{
+		.name = "program_step",
+		.address = 55,
+		.type = DB_U16,
+		PROCESS(feedback.program_step),
+		.flags = DB_ROW_MEASURED,
+		.measure = DB_MEASURE_PROGRAM,
+		.description = "Instruction of the program that is carried out",
+	},
+	{
 		.name = "result_limit",
 		.address = 62,
 		.type = DB_U16,
@@ -575,6 +584,25 @@ const struct db_row db_rows[] = {
 		.flags = DB_ROW_WRITABLE,
 		.unit = "A",
 		.description = "Motor current; its sign is the direction of the torque",
+	},
+	{
+		.name = "program_number",
+		.address = 122,
+		.type = DB_U16,
+		BLOCK(args.program_number),
+		.flags = DB_ROW_WRITABLE,
+		.max = 65535,
+		.description = "Program of start_program",
+	},
+	{
+		.name = "program_delay",
+		.address = 123,
+		.type = DB_U16,
+		BLOCK(args.program_delay),
+		.flags = DB_ROW_WRITABLE,
+		.unit = "s",
+		.max = 65535,
+		.description = "From start_program to the program's begin",
 	},
 
 	/* Drive view: diagnostics. */

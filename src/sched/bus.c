@@ -24,6 +24,9 @@
 
 #define REOPEN_INTERVAL (500 * DB_NS_PER_MS)
 
+/* The thread turns at least so often, to show that it lives. */
+#define BEAT_TIME (500 * DB_NS_PER_MS)
+
 /* A port that takes nothing for so long is as good as gone. */
 #define STUCK_TIME (1 * DB_NS_PER_S)
 
@@ -39,6 +42,7 @@ struct db_bus {
 	pthread_t thread;
 	bool running;
 	atomic_bool ending;
+	_Atomic uint32_t beats;
 
 	/* Bus thread only. */
 	const struct db_transport *transport;
@@ -399,6 +403,8 @@ static void *run(void *context)
 	while (now_ns() < exit_by) {
 		db_time next = turn(bus);
 
+		atomic_fetch_add_explicit(&bus->beats, 1, memory_order_relaxed);
+
 		if (db_mailbox_take_finished(bus->mailbox))
 			tell_network(bus);
 		if (exit_by == DB_TIME_NEVER && atomic_load(&bus->ending)) {
@@ -408,6 +414,8 @@ static void *run(void *context)
 		}
 		if (exit_by != DB_TIME_NEVER && db_engine_is_quiet(bus->engine))
 			break;
+		if (next > now_ns() + BEAT_TIME)
+			next = now_ns() + BEAT_TIME;
 		wait_for_work(bus, next < exit_by ? next : exit_by);
 	}
 	bus->transport->close(bus->port);
@@ -538,6 +546,11 @@ bool db_bus_completion(struct db_bus *bus, struct db_completion *completion)
 	/* Only now, and then look once more: a letter finished in between rings again or is found. */
 	(void)!read(bus->completion_fd, &count, sizeof count);
 	return db_mailbox_collect(bus->mailbox, completion);
+}
+
+uint32_t db_bus_heartbeat(const struct db_bus *bus)
+{
+	return atomic_load_explicit(&bus->beats, memory_order_relaxed);
 }
 
 void db_bus_read_stats(const struct db_bus *bus, struct db_bus_stats *stats)

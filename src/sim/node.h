@@ -13,8 +13,6 @@
 #define SIM_LOG_LINES 64
 #define SIM_LOG_LENGTH 96 /* longer lines are cut in the log */
 
-struct sim_bus_kind;
-
 struct sim_log_entry {
 	db_time time;
 	char line[SIM_LOG_LENGTH]; /* printable */

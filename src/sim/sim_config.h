@@ -5,7 +5,40 @@
 #ifndef DRIVEBRIDGE_SIM_CONFIG_H
 #define DRIVEBRIDGE_SIM_CONFIG_H
 
-#include "sim/sim_bus.h"
+#include "sim/can_line.h"
+#include "sim/servo_drive.h"
+#include "sim/vsmd_can_node.h"
+#include "sim/vsmd_drive.h"
+#include "sim/vsmd_serial_bus.h"
+
+#define SIM_FAULT_TEXTS_MAX 16
+
+enum sim_bus_kind { SIM_BUS_VSMD_SERIAL, SIM_BUS_VSMD_CAN, SIM_BUS_SERVO_CAN };
+
+struct sim_bus_config {
+	const char *name;
+	enum sim_bus_kind kind;
+	const char *device;    /* "pty" or a path */
+	const char *interface; /* CAN network interface, null: a serial adapter on device */
+	const char *link;      /* null = none */
+	const char *flash;     /* directory, null = none */
+	struct sim_serial_config serial; /* serial lines */
+	struct sim_can_config can;       /* CAN */
+	struct vsmd_can_style style;
+	struct servo_can_layout layout; /* servos */
+	const char *faults[SIM_FAULT_TEXTS_MAX];
+	size_t fault_count;
+};
+
+struct sim_drive_config {
+	const char *name;
+	size_t bus; /* index */
+	unsigned address;
+	struct sim_vsmd_config vsmd;             /* flash_path is left null */
+	struct sim_servo_config servo;           /* on a bus of servos instead */
+	const char *faults[SIM_FAULT_TEXTS_MAX]; /* as the control socket's `fault` takes them */
+	size_t fault_count;
+};
 
 struct sim_config {
 	struct sim_bus_config *buses;
@@ -21,17 +54,5 @@ struct sim_config {
  */
 int sim_config_load(const char *path, struct sim_config *config);
 void sim_config_free(struct sim_config *config);
-
-/* --- for media and kinds, while a section is loaded --------------------------------------------------- */
-
-/* Reports something about option `name` (null: about the section); returns -1. */
-int sim_config_wrong(cfg_t *cfg, const char *name, const char *format, ...)
-	__attribute__((format(printf, 3, 4)));
-
-/* 0, or -1 after a report. */
-int sim_config_check_int(cfg_t *cfg, const char *name, long min, long max);
-
-/* The index of a word in a null-terminated list, or -1 after a report. */
-int sim_config_check_word(cfg_t *cfg, const char *name, const char *const *words);
 
 #endif

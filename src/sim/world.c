@@ -36,7 +36,8 @@ static int make_wire(struct sim_bus *bus)
 
 	if (config->kind == SIM_BUS_VSMD_SERIAL) {
 		bus->ops = &sim_serial_bus_ops;
-		bus->wire = sim_serial_bus_new(&config->serial, write_trace, bus);
+		bus->wire = sim_serial_bus_new(&sim_vsmd_serial_protocol, &config->serial, write_trace,
+		                               bus);
 	} else {
 		bus->ops = &sim_can_line_ops;
 		bus->wire = sim_can_line_new(&config->can, write_trace, bus);

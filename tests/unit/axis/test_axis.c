@@ -129,7 +129,9 @@ static void kinds_of_commands(void **state)
 		                                   DB_CMD_MOVE_RELATIVE,    DB_CMD_HOME,
 		                                   DB_CMD_MOVE_PRESET,      DB_CMD_SHAKE_START,
 		                                   DB_CMD_SHAKE_START_TIME, DB_CMD_MOVE_CURRENT,
-		                                   DB_CMD_SYNC_START };
+		                                   DB_CMD_SYNC_START,       DB_CMD_JOG_POSITIVE,
+		                                   DB_CMD_JOG_NEGATIVE,     DB_CMD_START_PROGRAM,
+		                                   DB_CMD_CONTINUE_PROGRAM };
 	unsigned motion_count = 0;
 	unsigned stop_count = 0;
 

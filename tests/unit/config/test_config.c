@@ -711,15 +711,13 @@ static void test_describe(void **state)
 /* From this file's own place in the source tree, so that tests run from any directory. */
 static struct db_config *load_shipped(const char *name)
 {
-	static const char HERE[] = "tests/unit/config/test_config.c";
-	size_t root = strlen(__FILE__) - strlen(HERE);
 	char path[4096], *messages = NULL;
 	struct db_config *config = NULL;
 	size_t size;
 	FILE *errors = open_memstream(&messages, &size);
 
 	assert_non_null(errors);
-	snprintf(path, sizeof(path), "%.*sconf/%s", (int)root, __FILE__, name);
+	snprintf(path, sizeof(path), DRIVEBRIDGE_SOURCE_DIR "/conf/%s", name);
 	if (db_config_load(path, errors, &config) != 0 || ftell(errors) != 0) {
 		fflush(errors);
 		fail_msg("%s", messages);
@@ -750,23 +748,27 @@ static void test_shipped_files(void **state)
 	config = load_shipped("demo.conf");
 	assert_string_equal(config->modbus.listen, "127.0.0.1:1502");
 	assert_string_equal(config->buses[0].name, "line");
-	assert_int_equal(config->drive_count, 3);
-	for (unsigned i = 0; i < 3; i++) {
+	assert_string_equal(config->buses[1].name, "can");
+	assert_int_equal(config->drive_count, 5);
+	for (unsigned i = 0; i < 5; i++) {
 		assert_int_equal(config->drives[i].unit, i + 1);
-		assert_int_equal(config->drives[i].address, i + 1);
+		assert_int_equal(config->drives[i].address, i < 3 ? i + 1 : i - 2);
 	}
+	db_config_free(config);
+
+	config = load_shipped("examples/vsmd-can.conf");
+	assert_int_equal(config->bus_count, 2);
+	assert_string_equal(config->buses[0].interface, "can0");
 	db_config_free(config);
 }
 
 static char *read_shipped(const char *name)
 {
-	static const char HERE[] = "tests/unit/config/test_config.c";
-	size_t root = strlen(__FILE__) - strlen(HERE);
 	char path[4096];
 	char *text = calloc(1, 65536);
 	FILE *file;
 
-	snprintf(path, sizeof(path), "%.*sconf/%s", (int)root, __FILE__, name);
+	snprintf(path, sizeof(path), DRIVEBRIDGE_SOURCE_DIR "/conf/%s", name);
 	file = fopen(path, "r");
 	assert_non_null(text);
 	assert_non_null(file);

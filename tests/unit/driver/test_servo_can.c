@@ -82,6 +82,8 @@ static struct fixture *make(void)
 	f->bus.cycle_ms = CYCLE_MS;
 	f->bus.bitrate = 1000000;
 	f->drive.address = NODE;
+	f->drive.max_velocity = NAN;
+	f->drive.max_acceleration = NAN;
 	for (size_t i = 0; i < DB_OPTIONS_MAX; i++)
 		f->bus.options[i] = f->drive.options[i] = NAN;
 	for (size_t i = 0; i < driver->option_count; i++)
@@ -1353,6 +1355,11 @@ static void what_the_check_tells(void **unused)
 	assert_int_equal(check_config(f).warnings, 0);
 	option(f, "allow-mode-change", 1);
 	assert_int_equal(check_config(f).errors, 1);
+	option(f, "mode", 0);
+	assert_int_equal(check_config(f).errors, 0);
+	f->drive.max_velocity = 10;
+	f->drive.max_acceleration = 10;
+	assert_int_equal(check_config(f).errors, 2);
 	drop(f);
 }
 

@@ -552,7 +552,7 @@ static void writes_that_are_refused(void **state)
 	/* Read-only, and nothing there */
 	assert_int_equal(put_words(&fake, 0, 1, 0), ILLEGAL_ADDRESS);
 	assert_int_equal(put_words(&fake, 31, 3, 0, 0, 0), ILLEGAL_ADDRESS);
-	assert_int_equal(put_words(&fake, 121, 2, 0, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(put_words(&fake, 124, 2, 0, 0), ILLEGAL_ADDRESS);
 	assert_int_equal(put_words(&fake, 1000, 1, 0), ILLEGAL_ADDRESS);
 	/* Commands */
 	assert_int_equal(put_words(&fake, 101, 1, 63), ILLEGAL_VALUE);

@@ -1,0 +1,878 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "codec/xyza.h"
+
+#include <string.h>
+
+#define HEADER_0 0x5A
+#define HEADER_1 0xA5
+
+enum mark {
+	MARK_COMMAND = 0x0A,
+	MARK_DATA = 0x0B,
+	MARK_ANSWER = 0x0C,
+	MARK_PROGRAM_DATA = 0x0D,
+	MARK_PROGRAM_COMMAND = 0x0E,
+	MARK_ACTION = 0x0F,
+};
+
+/* Where things are in a frame. */
+enum place {
+	AT_MARK = 2,
+	AT_ORDER = 3,
+	AT_LEVEL = 4,
+	AT_OBJECT = 5,
+	AT_CLASS = 6,
+	AT_TARGET = 7,
+	AT_VALUE = 8, /* data frames; in the others the sum */
+};
+
+enum level { LEVEL_CONTROLLER = 0, LEVEL_HOST = 1, LEVEL_SYSTEM_HOST = 2 };
+
+/* Classes of order F1. */
+enum data_class {
+	CLASS_POSITION = 0xE1,
+	CLASS_SPEED = 0xE2,
+	CLASS_MOTOR = 0xE3,
+	CLASS_PORTS = 0xE4,
+	CLASS_SYSTEM = 0xE5,
+};
+
+#define TARGET_AXIS 0xA0 /* A1.. of X, B1.. of Y, C1.. of Z, D1.. of A */
+#define TARGET_AXIS_STEP 0x10
+#define TARGET_JOG 0xA1 /* X forward, X backward, Y forward ... */
+#define TARGET_SYSTEM 0xC1
+#define ONLINE_CODE 0xAC /* class and target of an online check */
+#define PORTS_ECHO 0xC1  /* target of the answer to a read of the ports */
+
+/* Numbers of targets within class E1. */
+enum position_number { NUMBER_MAGNITUDE = 1, NUMBER_SIGN = 2, NUMBER_STANDING = 3 };
+
+#define ALL_ON 0x9F
+#define ALL_OFF 0x90
+
+/* --- parameters ----------------------------------------------------------------------------------- */
+
+static const struct {
+	uint8_t item_class;
+	uint8_t number; /* of the target, from 1 */
+} items[XYZA_ITEM_COUNT] = {
+	[XYZA_ITEM_MIN_SPEED] = { CLASS_SPEED, 1 },
+	[XYZA_ITEM_MAX_SPEED] = { CLASS_SPEED, 2 },
+	[XYZA_ITEM_ACCELERATION_TIME] = { CLASS_SPEED, 3 },
+	[XYZA_ITEM_MANUAL_SPEED] = { CLASS_SPEED, 4 },
+	[XYZA_ITEM_STEP_ANGLE] = { CLASS_MOTOR, 1 },
+	[XYZA_ITEM_MICROSTEP] = { CLASS_MOTOR, 2 },
+	[XYZA_ITEM_LEAD] = { CLASS_MOTOR, 3 },
+	[XYZA_ITEM_ENABLE] = { CLASS_SYSTEM, 1 },
+	[XYZA_ITEM_KEYS] = { CLASS_SYSTEM, 2 },
+	[XYZA_ITEM_BRAKE] = { CLASS_SYSTEM, 3 },
+	[XYZA_ITEM_SOUND] = { CLASS_SYSTEM, 4 },
+	[XYZA_ITEM_READ_PASSWORD] = { CLASS_SYSTEM, 5 },
+	[XYZA_ITEM_PASSWORD] = { CLASS_SYSTEM, 6 },
+	[XYZA_ITEM_START_UP] = { CLASS_SYSTEM, 7 },
+	[XYZA_ITEM_SYSTEM_INFO] = { CLASS_SYSTEM, 8 },
+	[XYZA_ITEM_PULSE_MODE] = { CLASS_SYSTEM, 9 },
+	[XYZA_ITEM_FACTORY_RESET] = { CLASS_SYSTEM, 10 },
+	[XYZA_ITEM_SLAVE_NUMBER] = { CLASS_SYSTEM, 11 },
+};
+
+#define U32_MAX 4294967295.0
+#define AXES_MAX 15 /* a bit for each axis */
+#define AXES "bit 0=x 1=y 2=z 3=a"
+
+const struct db_param xyza_params[XYZA_PARAM_COUNT] = {
+	[XYZA_MIN_SPEED] = { "min_speed", DB_U32, "Hz", 0, U32_MAX, true,
+	                     "Speed at which a motion starts and ends (最低速度)" },
+	[XYZA_MAX_SPEED] = { "max_speed", DB_U32, "Hz", 1, U32_MAX, true,
+	                     "Highest speed, of programs (最高速度)" },
+	[XYZA_ACCELERATION_TIME] = { "acceleration_time", DB_U32, "0.1 s", 0, U32_MAX, true,
+	                             "Time from min_speed to max_speed (加速时间)" },
+	[XYZA_MANUAL_SPEED] = { "manual_speed", DB_U32, "Hz", 1, U32_MAX, true,
+	                        "Speed of manual mode (手动速度)" },
+	[XYZA_STEP_ANGLE] = { "step_angle", DB_U32, "steps/rev", 1, U32_MAX, true,
+	                      "Full steps per motor turn (电机步进角); 200 = 1.8 degrees" },
+	[XYZA_MICROSTEP] = { "microstep", DB_U32, "", 1, U32_MAX, true,
+	                     "Microsteps per full step (驱动器细分)" },
+	[XYZA_LEAD] = { "lead", DB_U32, "0.001 mm", 1, U32_MAX, true,
+	                "Way per motor turn (导程); 5000 = 5 mm" },
+	[XYZA_ENABLE] = { "enable", DB_U16, "", 0, AXES_MAX, false,
+	                  "Motors that are always enabled (电机使能): " AXES },
+	[XYZA_START_KEY] = { "start_key", DB_U16, "", 1, 7, false,
+	                     "Input that starts a program (启动键): 1=K1 ... 7=K7" },
+	[XYZA_STOP_KEY] = { "stop_key", DB_U16, "", 1, 7, false,
+	                    "Input that stops a program (停止键): 1=K1 ... 7=K7" },
+	[XYZA_PAUSE_KEY] = { "pause_key", DB_U16, "", 0, 8, false,
+	                     "Input that pauses a program (暂停键): 0=none or 8=K8" },
+	[XYZA_BRAKE] = { "brake", DB_U16, "", 0, AXES_MAX, false,
+	                 "Axes that decelerate before they stand (刹车设置): " AXES
+	                 "; the others stop at once" },
+	[XYZA_SOUND] = { "sound", DB_U16, "", 0, 1, false,
+	                 "Sound while a motor turns (声音设置): 0=off 1=on" },
+	[XYZA_READ_PASSWORD] = { "read_password", DB_U32, "", 0, U32_MAX, false,
+	                         "Item C5 (读取密码); its content is not documented" },
+	[XYZA_PASSWORD] = { "password", DB_U32, "", 0, U32_MAX, false,
+	                    "Item C6 (密码设置); its content is not documented" },
+	[XYZA_START_UP] = { "start_up", DB_U16, "", 0, 1, false,
+	                    "Run the program at power-up (启动设置): 0=no 1=yes" },
+	[XYZA_SYSTEM_INFO] = { "system_info", DB_U32, "", 0, U32_MAX, false,
+	                       "Item C8 (系统信息); its codes are the vendor's; to be unlocked" },
+	[XYZA_PULSE_MODE] = { "pulse_mode", DB_U16, "", 0, AXES_MAX, false,
+	                      "Axes with a pulse line per direction (脉冲方式): " AXES
+	                      "; the others have pulse and direction" },
+	[XYZA_FACTORY_RESET] = { "factory_reset", DB_U16, "", 1, 1, false,
+	                         "1=all parameters as delivered (恢复出厂); cannot be read; to be unlocked; "
+	                         "needs 10 s and a power cycle" },
+	[XYZA_SLAVE_NUMBER] = { "slave_number", DB_U16, "", 1, XYZA_OBJECT_MAX, false,
+	                        "The controller's number on the bus (从机序号); cannot be read; to be "
+	                        "unlocked; effective at once" },
+};
+
+#define READ_WRITE (XYZA_CAN_READ | XYZA_CAN_WRITE)
+#define LOCKED (XYZA_CAN_WRITE | XYZA_NEEDS_UNLOCK)
+
+/* Where a parameter is in its item, in bits; and what may be done with it. */
+static const struct {
+	enum xyza_item item;
+	uint8_t shift;
+	uint8_t width;
+	unsigned access;
+} layout[XYZA_PARAM_COUNT] = {
+	[XYZA_MIN_SPEED] = { XYZA_ITEM_MIN_SPEED, 0, 32, READ_WRITE },
+	[XYZA_MAX_SPEED] = { XYZA_ITEM_MAX_SPEED, 0, 32, READ_WRITE },
+	[XYZA_ACCELERATION_TIME] = { XYZA_ITEM_ACCELERATION_TIME, 0, 32, READ_WRITE },
+	[XYZA_MANUAL_SPEED] = { XYZA_ITEM_MANUAL_SPEED, 0, 32, READ_WRITE },
+	[XYZA_STEP_ANGLE] = { XYZA_ITEM_STEP_ANGLE, 0, 32, READ_WRITE },
+	[XYZA_MICROSTEP] = { XYZA_ITEM_MICROSTEP, 0, 32, READ_WRITE },
+	[XYZA_LEAD] = { XYZA_ITEM_LEAD, 0, 32, READ_WRITE },
+	[XYZA_ENABLE] = { XYZA_ITEM_ENABLE, 0, 8, READ_WRITE },
+	[XYZA_START_KEY] = { XYZA_ITEM_KEYS, 0, 8, READ_WRITE },
+	[XYZA_STOP_KEY] = { XYZA_ITEM_KEYS, 8, 8, READ_WRITE },
+	[XYZA_PAUSE_KEY] = { XYZA_ITEM_KEYS, 16, 8, READ_WRITE },
+	[XYZA_BRAKE] = { XYZA_ITEM_BRAKE, 0, 8, READ_WRITE },
+	[XYZA_SOUND] = { XYZA_ITEM_SOUND, 0, 8, READ_WRITE },
+	[XYZA_READ_PASSWORD] = { XYZA_ITEM_READ_PASSWORD, 0, 32, READ_WRITE },
+	[XYZA_PASSWORD] = { XYZA_ITEM_PASSWORD, 0, 32, READ_WRITE },
+	[XYZA_START_UP] = { XYZA_ITEM_START_UP, 0, 8, READ_WRITE },
+	/* The table of writes has it, but nothing says what a write would do. */
+	[XYZA_SYSTEM_INFO] = { XYZA_ITEM_SYSTEM_INFO, 0, 32, READ_WRITE | XYZA_NEEDS_UNLOCK },
+	[XYZA_PULSE_MODE] = { XYZA_ITEM_PULSE_MODE, 0, 8, READ_WRITE },
+	[XYZA_FACTORY_RESET] = { XYZA_ITEM_FACTORY_RESET, 0, 8, LOCKED },
+	[XYZA_SLAVE_NUMBER] = { XYZA_ITEM_SLAVE_NUMBER, 0, 8, LOCKED },
+};
+
+bool xyza_item_of_axis(enum xyza_item item)
+{
+	return (unsigned)item < XYZA_ITEM_COUNT && items[item].item_class != CLASS_SYSTEM;
+}
+
+unsigned xyza_param_access(enum xyza_param param)
+{
+	return layout[param].access;
+}
+
+enum xyza_item xyza_param_item(enum xyza_param param)
+{
+	return layout[param].item;
+}
+
+bool xyza_param_in_range(enum xyza_param param, union db_value value)
+{
+	const struct db_param *row = &xyza_params[param];
+	double number = db_value_number(row->type, value);
+
+	if (param == XYZA_PAUSE_KEY)
+		return number == row->min || number == row->max;
+	return number >= row->min && number <= row->max;
+}
+
+int xyza_param_find(const char *name, size_t length)
+{
+	for (int i = 0; i < XYZA_PARAM_COUNT; i++) {
+		if (strlen(xyza_params[i].name) == length &&
+		    memcmp(xyza_params[i].name, name, length) == 0)
+			return i;
+	}
+	return -1;
+}
+
+static uint32_t field_mask(enum xyza_param param)
+{
+	return UINT32_MAX >> (32 - layout[param].width);
+}
+
+union db_value xyza_param_get(enum xyza_param param, uint32_t content)
+{
+	if (param == XYZA_FACTORY_RESET)
+		return (union db_value){ .u = 1 };
+	return (union db_value){ .u = (content >> layout[param].shift) & field_mask(param) };
+}
+
+uint32_t xyza_param_put(enum xyza_param param, union db_value value, uint32_t content)
+{
+	uint32_t mask = field_mask(param);
+
+	if (param == XYZA_FACTORY_RESET)
+		return 0;
+	return (content & ~(mask << layout[param].shift)) |
+	       ((value.u & mask) << layout[param].shift);
+}
+
+/* Whether an item's content has only values in range, and nothing in bytes that are none. */
+static bool content_in_range(enum xyza_item item, uint32_t content)
+{
+	uint32_t rest = content;
+
+	for (int i = 0; i < XYZA_PARAM_COUNT; i++) {
+		enum xyza_param param = (enum xyza_param)i;
+
+		if (layout[param].item != item)
+			continue;
+		if (!xyza_param_in_range(param, xyza_param_get(param, content)))
+			return false;
+		if (param != XYZA_FACTORY_RESET)
+			rest &= ~(field_mask(param) << layout[param].shift);
+	}
+	return rest == 0;
+}
+
+static bool item_can(enum xyza_item item, unsigned access)
+{
+	for (int i = 0; i < XYZA_PARAM_COUNT; i++) {
+		if (layout[i].item == item)
+			return (layout[i].access & access) != 0;
+	}
+	return false;
+}
+
+/* --- frames --------------------------------------------------------------------------------------- */
+
+static uint8_t sum(const uint8_t *bytes, size_t length)
+{
+	unsigned total = 0;
+
+	for (size_t i = 0; i < length; i++)
+		total += bytes[i];
+	return (uint8_t)total;
+}
+
+static bool sum_is_right(const uint8_t *frame, size_t length)
+{
+	return sum(frame + AT_ORDER, length - AT_ORDER - 1) == frame[length - 1];
+}
+
+/* Bytes of a whole frame with this mark; 0 when there is no such mark. */
+static size_t frame_length(uint8_t mark)
+{
+	switch (mark) {
+	case MARK_COMMAND:
+	case MARK_ANSWER:
+		return XYZA_COMMAND_FRAME;
+	case MARK_DATA:
+		return XYZA_DATA_FRAME;
+	case MARK_PROGRAM_COMMAND:
+		return XYZA_COMMAND_FRAME + 2; /* two bytes of instruction */
+	case MARK_PROGRAM_DATA:
+	case MARK_ACTION:
+		return XYZA_FRAME_MAX;
+	default:
+		return 0;
+	}
+}
+
+/* The content of a frame of one of the marks 0A, 0B, 0C. */
+struct content {
+	uint8_t mark;
+	uint8_t order;
+	uint8_t level;
+	uint8_t object;
+	uint8_t item_class;
+	uint8_t target;
+	uint32_t value; /* mark 0B */
+};
+
+static int write_frame(const struct content *content, uint8_t *frame, size_t size)
+{
+	size_t length = frame_length(content->mark);
+
+	if (size < length)
+		return XYZA_ERR_SPACE;
+	frame[0] = HEADER_0;
+	frame[1] = HEADER_1;
+	frame[AT_MARK] = content->mark;
+	frame[AT_ORDER] = content->order;
+	frame[AT_LEVEL] = content->level;
+	frame[AT_OBJECT] = content->object;
+	frame[AT_CLASS] = content->item_class;
+	frame[AT_TARGET] = content->target;
+	for (size_t i = 0; AT_VALUE + i + 1 < length; i++)
+		frame[AT_VALUE + i] = (uint8_t)(content->value >> (8 * i));
+	frame[length - 1] = sum(frame + AT_ORDER, length - AT_ORDER - 1);
+	return (int)length;
+}
+
+/* *content is filled in unless the form is wrong. */
+static enum xyza_error read_frame(const uint8_t *frame, size_t length, struct content *content)
+{
+	if (length < XYZA_COMMAND_FRAME || frame[0] != HEADER_0 || frame[1] != HEADER_1 ||
+	    frame_length(frame[AT_MARK]) != length)
+		return XYZA_ERR_FORM;
+	*content = (struct content){
+		.mark = frame[AT_MARK],
+		.order = frame[AT_ORDER],
+		.level = frame[AT_LEVEL],
+		.object = frame[AT_OBJECT],
+		.item_class = frame[AT_CLASS],
+		.target = frame[AT_TARGET],
+	};
+	if (content->mark == MARK_DATA) {
+		for (size_t i = 0; i < sizeof content->value; i++)
+			content->value |= (uint32_t)frame[AT_VALUE + i] << (8 * i);
+	}
+	return sum_is_right(frame, length) ? XYZA_OK : XYZA_ERR_CHECKSUM;
+}
+
+/* Whether these bytes, the last that are there, may be the beginning of a frame. */
+static bool may_begin(const uint8_t *bytes, size_t available)
+{
+	return bytes[0] == HEADER_0 && (available < 2 || bytes[1] == HEADER_1) &&
+	       (available <= AT_MARK || frame_length(bytes[AT_MARK]) != 0);
+}
+
+static size_t find_beginning(const uint8_t *bytes, size_t from, size_t available)
+{
+	while (from < available && !may_begin(bytes + from, available - from))
+		from++;
+	return from;
+}
+
+void xyza_cut(const uint8_t *bytes, size_t available, size_t *skip, size_t *length)
+{
+	size_t start = find_beginning(bytes, 0, available);
+
+	*length = 0;
+	while (available - start > AT_MARK) {
+		size_t whole = frame_length(bytes[start + AT_MARK]);
+		size_t next;
+
+		if (available - start < whole)
+			break;
+		next = find_beginning(bytes, start + 1, start + whole);
+		if (next == start + whole || sum_is_right(bytes + start, whole)) {
+			*length = whole;
+			break;
+		}
+		/* What looked like a beginning at the end of that frame may be none. */
+		start = find_beginning(bytes, next, available);
+	}
+	*skip = start;
+}
+
+/* --- requests ------------------------------------------------------------------------------------- */
+
+/* Verbs of orders F3 and F4: the class is all that tells them apart. */
+static const struct {
+	uint8_t order;
+	uint8_t item_class;
+} motions[XYZA_VERB_COUNT] = {
+	[XYZA_MANUAL_QUICK_STOP] = { XYZA_ORDER_MANUAL, 0x01 },
+	[XYZA_MANUAL_STOP] = { XYZA_ORDER_MANUAL, 0x02 },
+	[XYZA_MANUAL_JOG] = { XYZA_ORDER_MANUAL, 0x03 },
+	[XYZA_MANUAL_CLEAR] = { XYZA_ORDER_MANUAL, 0x04 },
+	[XYZA_PROGRAM_QUICK_STOP] = { XYZA_ORDER_PROGRAM, 0x01 },
+	[XYZA_PROGRAM_STOP] = { XYZA_ORDER_PROGRAM, 0x02 },
+	[XYZA_PROGRAM_START] = { XYZA_ORDER_PROGRAM, 0x03 },
+	[XYZA_PROGRAM_CLEAR] = { XYZA_ORDER_PROGRAM, 0x04 },
+	[XYZA_PROGRAM_DELAY] = { XYZA_ORDER_PROGRAM, 0x05 },
+	[XYZA_PROGRAM_CONTINUE] = { XYZA_ORDER_PROGRAM, 0x06 },
+	[XYZA_PROGRAM_END] = { XYZA_ORDER_PROGRAM, 0x07 },
+	[XYZA_PROGRAM_STEP_ON] = { XYZA_ORDER_PROGRAM, 0x08 },
+	[XYZA_PROGRAM_STEP_OFF] = { XYZA_ORDER_PROGRAM, 0x09 },
+	[XYZA_PROGRAM_STATE] = { XYZA_ORDER_PROGRAM, 0x0A },
+};
+
+static uint8_t axis_target(enum xyza_axis axis, unsigned number)
+{
+	return (uint8_t)(TARGET_AXIS + TARGET_AXIS_STEP * (unsigned)axis + number);
+}
+
+static uint8_t jog_target(enum xyza_axis axis, bool negative)
+{
+	return (uint8_t)(TARGET_JOG + 2 * (unsigned)axis + negative);
+}
+
+static uint8_t item_target(enum xyza_item item, enum xyza_axis axis)
+{
+	if (items[item].item_class == CLASS_SYSTEM)
+		return (uint8_t)(TARGET_SYSTEM + items[item].number - 1);
+	return axis_target(axis, items[item].number);
+}
+
+static enum xyza_error put_item(const struct xyza_request *request, struct content *content)
+{
+	enum xyza_item item = request->item;
+	bool write = request->verb == XYZA_WRITE_ITEM;
+
+	if ((unsigned)item >= XYZA_ITEM_COUNT ||
+	    !item_can(item, write ? XYZA_CAN_WRITE : XYZA_CAN_READ))
+		return XYZA_ERR_UNKNOWN;
+	if ((write && !content_in_range(item, request->value)) ||
+	    (xyza_item_of_axis(item) && (unsigned)request->axis >= XYZA_AXIS_COUNT))
+		return XYZA_ERR_RANGE;
+	content->item_class = items[item].item_class;
+	content->target = item_target(item, request->axis);
+	content->value = write ? request->value : 0;
+	return XYZA_OK;
+}
+
+static enum xyza_error put_position(const struct xyza_request *request, unsigned number,
+                                    uint32_t value, struct content *content)
+{
+	if ((unsigned)request->axis >= XYZA_AXIS_COUNT)
+		return XYZA_ERR_RANGE;
+	content->item_class = CLASS_POSITION;
+	content->target = axis_target(request->axis, number);
+	content->value = value;
+	return XYZA_OK;
+}
+
+static enum xyza_error put_output(const struct xyza_request *request, struct content *content)
+{
+	unsigned port = request->number;
+
+	content->item_class = CLASS_PORTS;
+	if (request->verb == XYZA_WRITE_OUTPUTS) {
+		content->value = request->on ? ALL_ON : ALL_OFF;
+		return XYZA_OK;
+	}
+	if (port < 1 || port > XYZA_OUTPUTS)
+		return XYZA_ERR_RANGE;
+	content->value = port << 4 | (request->on ? port : 0);
+	return XYZA_OK;
+}
+
+static enum xyza_error put_motion(const struct xyza_request *request, struct content *content)
+{
+	content->order = motions[request->verb].order;
+	content->item_class = motions[request->verb].item_class;
+	switch (request->verb) {
+	case XYZA_MANUAL_JOG:
+	case XYZA_MANUAL_CLEAR:
+	case XYZA_PROGRAM_CLEAR:
+		if ((unsigned)request->axis >= XYZA_AXIS_COUNT)
+			return XYZA_ERR_RANGE;
+		content->target = jog_target(request->axis,
+		                             request->verb == XYZA_MANUAL_JOG && request->negative);
+		return XYZA_OK;
+	case XYZA_PROGRAM_START:
+	case XYZA_PROGRAM_DELAY:
+		content->target = request->number;
+		return XYZA_OK;
+	default:
+		return XYZA_OK;
+	}
+}
+
+static enum xyza_error put_request(const struct xyza_request *request, struct content *content)
+{
+	switch (request->verb) {
+	case XYZA_VERB_ONLINE:
+		content->order = content->item_class = content->target = ONLINE_CODE;
+		return XYZA_OK;
+	case XYZA_READ_MAGNITUDE:
+	case XYZA_WRITE_MAGNITUDE:
+		return put_position(request, NUMBER_MAGNITUDE, request->value, content);
+	case XYZA_READ_SIGN:
+	case XYZA_WRITE_SIGN:
+		return put_position(request, NUMBER_SIGN, request->negative, content);
+	case XYZA_READ_STANDING:
+		return put_position(request, NUMBER_STANDING, 0, content);
+	case XYZA_READ_PORTS:
+		content->item_class = CLASS_PORTS;
+		return XYZA_OK;
+	case XYZA_READ_ITEM:
+	case XYZA_WRITE_ITEM:
+		return put_item(request, content);
+	case XYZA_WRITE_OUTPUT:
+	case XYZA_WRITE_OUTPUTS:
+		return put_output(request, content);
+	default:
+		if ((unsigned)request->verb >= XYZA_VERB_COUNT)
+			return XYZA_ERR_UNKNOWN;
+		return put_motion(request, content);
+	}
+}
+
+static bool is_write(enum xyza_verb verb)
+{
+	return verb >= XYZA_WRITE_MAGNITUDE && verb <= XYZA_WRITE_ITEM;
+}
+
+int xyza_encode_request(const struct xyza_request *request, uint8_t *frame, size_t size)
+{
+	struct content content = {
+		.mark = is_write(request->verb) ? MARK_DATA : MARK_COMMAND,
+		.order = XYZA_ORDER_DATA,
+		.level = LEVEL_HOST,
+		.object = request->object,
+	};
+	enum xyza_error error = put_request(request, &content);
+
+	if (error != XYZA_OK)
+		return error;
+	if (request->object == 0)
+		return XYZA_ERR_RANGE;
+	return write_frame(&content, frame, size);
+}
+
+/* Splits A1..A9, B1.. C1.. D1.. into axis and number. */
+static bool take_axis_target(uint8_t target, struct xyza_request *request, unsigned *number)
+{
+	if (target < TARGET_AXIS || target >= TARGET_AXIS + TARGET_AXIS_STEP * XYZA_AXIS_COUNT)
+		return false;
+	request->axis = (enum xyza_axis)((target - TARGET_AXIS) / TARGET_AXIS_STEP);
+	*number = ((unsigned)target - TARGET_AXIS) % TARGET_AXIS_STEP;
+	return true;
+}
+
+static enum xyza_error take_position(const struct content *content, struct xyza_request *request)
+{
+	bool write = content->mark == MARK_DATA;
+	unsigned number;
+
+	if (!take_axis_target(content->target, request, &number))
+		return XYZA_ERR_UNKNOWN;
+	if (number == NUMBER_MAGNITUDE) {
+		request->verb = write ? XYZA_WRITE_MAGNITUDE : XYZA_READ_MAGNITUDE;
+		request->value = content->value;
+		return XYZA_OK;
+	}
+	if (number == NUMBER_SIGN) {
+		request->verb = write ? XYZA_WRITE_SIGN : XYZA_READ_SIGN;
+		request->negative = content->value == 1;
+		return content->value <= 1 ? XYZA_OK : XYZA_ERR_RANGE;
+	}
+	request->verb = XYZA_READ_STANDING;
+	return number == NUMBER_STANDING && !write ? XYZA_OK : XYZA_ERR_UNKNOWN;
+}
+
+static enum xyza_error take_output(uint32_t value, struct xyza_request *request)
+{
+	uint32_t port = value >> 4;
+	uint32_t state = value & 0x0F;
+
+	if (value == ALL_ON || value == ALL_OFF) {
+		request->verb = XYZA_WRITE_OUTPUTS;
+		request->on = value == ALL_ON;
+		return XYZA_OK;
+	}
+	if (port < 1 || port > XYZA_OUTPUTS || (state != 0 && state != port))
+		return XYZA_ERR_RANGE;
+	request->verb = XYZA_WRITE_OUTPUT;
+	request->number = (uint8_t)port;
+	request->on = state != 0;
+	return XYZA_OK;
+}
+
+static enum xyza_error take_ports(const struct content *content, struct xyza_request *request)
+{
+	if (content->mark == MARK_DATA)
+		return content->target == 0 ? take_output(content->value, request) :
+		                              XYZA_ERR_UNKNOWN;
+	/* The example reads with target 00, the table beside it with A1. */
+	request->verb = XYZA_READ_PORTS;
+	return content->target == 0 || content->target == axis_target(XYZA_X, 1) ? XYZA_OK :
+	                                                                           XYZA_ERR_UNKNOWN;
+}
+
+static enum xyza_error take_item(const struct content *content, struct xyza_request *request)
+{
+	bool write = content->mark == MARK_DATA;
+	struct xyza_request found = { .axis = XYZA_X };
+	unsigned number = 0;
+
+	if (content->item_class != CLASS_SYSTEM &&
+	    !take_axis_target(content->target, &found, &number))
+		return XYZA_ERR_UNKNOWN;
+	for (int i = 0; i < XYZA_ITEM_COUNT; i++) {
+		enum xyza_item item = (enum xyza_item)i;
+
+		if (items[item].item_class != content->item_class ||
+		    item_target(item, found.axis) != content->target)
+			continue;
+		if (!item_can(item, write ? XYZA_CAN_WRITE : XYZA_CAN_READ))
+			return XYZA_ERR_UNKNOWN;
+		request->verb = write ? XYZA_WRITE_ITEM : XYZA_READ_ITEM;
+		request->item = item;
+		request->axis = found.axis;
+		request->value = content->value;
+		return !write || content_in_range(item, content->value) ? XYZA_OK : XYZA_ERR_RANGE;
+	}
+	return XYZA_ERR_UNKNOWN;
+}
+
+static enum xyza_error take_data(const struct content *content, struct xyza_request *request)
+{
+	switch (content->item_class) {
+	case CLASS_POSITION:
+		return take_position(content, request);
+	case CLASS_PORTS:
+		return take_ports(content, request);
+	case CLASS_SPEED:
+	case CLASS_MOTOR:
+	case CLASS_SYSTEM:
+		return take_item(content, request);
+	default:
+		return XYZA_ERR_UNKNOWN;
+	}
+}
+
+static enum xyza_error take_target(uint8_t target, struct xyza_request *request)
+{
+	switch (request->verb) {
+	case XYZA_MANUAL_JOG:
+	case XYZA_MANUAL_CLEAR:
+	case XYZA_PROGRAM_CLEAR:
+		if (target < TARGET_JOG || target >= TARGET_JOG + 2 * XYZA_AXIS_COUNT)
+			return XYZA_ERR_UNKNOWN;
+		request->axis = (enum xyza_axis)((target - TARGET_JOG) / 2);
+		request->negative = request->verb == XYZA_MANUAL_JOG && (target - TARGET_JOG) % 2;
+		return XYZA_OK;
+	case XYZA_PROGRAM_START:
+	case XYZA_PROGRAM_DELAY:
+		request->number = target;
+		return XYZA_OK;
+	default:
+		return target == 0 ? XYZA_OK : XYZA_ERR_UNKNOWN;
+	}
+}
+
+static enum xyza_error take_motion(const struct content *content, struct xyza_request *request)
+{
+	for (int i = XYZA_MANUAL_QUICK_STOP; i < XYZA_VERB_COUNT; i++) {
+		if (motions[i].order != content->order ||
+		    motions[i].item_class != content->item_class)
+			continue;
+		request->verb = (enum xyza_verb)i;
+		return take_target(content->target, request);
+	}
+	return XYZA_ERR_UNKNOWN;
+}
+
+static enum xyza_error take_request(const struct content *content, struct xyza_request *request)
+{
+	if (content->order == XYZA_ORDER_DATA)
+		return take_data(content, request);
+	if (content->mark != MARK_COMMAND)
+		return XYZA_ERR_UNKNOWN;
+	if (content->order != XYZA_ORDER_ONLINE)
+		return take_motion(content, request);
+	request->verb = XYZA_VERB_ONLINE;
+	return content->item_class == ONLINE_CODE && content->target == ONLINE_CODE ?
+	               XYZA_OK :
+	               XYZA_ERR_UNKNOWN;
+}
+
+enum xyza_error xyza_decode_request(const uint8_t *frame, size_t length,
+                                    struct xyza_request *request)
+{
+	struct content content;
+	enum xyza_error error = read_frame(frame, length, &content);
+
+	*request = (struct xyza_request){ .verb = XYZA_VERB_ONLINE };
+	if (error == XYZA_ERR_FORM)
+		return error;
+	request->object = content.object;
+	request->order = content.order;
+	if (error != XYZA_OK)
+		return error;
+	if (content.level != LEVEL_HOST && content.level != LEVEL_SYSTEM_HOST)
+		return XYZA_ERR_SIDE;
+	if (content.mark != MARK_COMMAND && content.mark != MARK_DATA)
+		return XYZA_ERR_UNKNOWN;
+	if (content.object == 0)
+		return XYZA_ERR_RANGE;
+	return take_request(&content, request);
+}
+
+/* --- replies -------------------------------------------------------------------------------------- */
+
+static enum xyza_error take_answer(const struct content *content, struct xyza_reply *reply)
+{
+	if (content->order == XYZA_ORDER_OK)
+		reply->kind = XYZA_REPLY_DONE;
+	else if (content->order == XYZA_ORDER_FAILED || content->order == XYZA_ORDER_FAILED_BB)
+		reply->kind = XYZA_REPLY_FAILED;
+	else
+		return XYZA_ERR_UNKNOWN;
+	reply->order = content->target;
+	return content->item_class == 0 ? XYZA_OK : XYZA_ERR_UNKNOWN;
+}
+
+static enum xyza_error take_reply_data(const struct content *content, struct xyza_reply *reply)
+{
+	reply->order = content->order;
+	if (content->order == XYZA_ORDER_PROGRAM) {
+		reply->kind = XYZA_REPLY_PROGRAM_STATE;
+		reply->state = content->item_class;
+		reply->program = content->target;
+		reply->step = (uint16_t)content->value;
+		return content->item_class <= XYZA_PROGRAM_STATE_MAX ? XYZA_OK : XYZA_ERR_UNKNOWN;
+	}
+	reply->kind = XYZA_REPLY_DATA;
+	reply->item_class = content->item_class;
+	reply->target = content->target;
+	reply->value = content->value;
+	if (content->order != XYZA_ORDER_DATA || content->item_class < CLASS_POSITION ||
+	    content->item_class > CLASS_SYSTEM)
+		return XYZA_ERR_UNKNOWN;
+	return XYZA_OK;
+}
+
+enum xyza_error xyza_decode_reply(const uint8_t *frame, size_t length, struct xyza_reply *reply)
+{
+	struct content content;
+	enum xyza_error error = read_frame(frame, length, &content);
+
+	*reply = (struct xyza_reply){ .kind = XYZA_REPLY_DONE };
+	if (error != XYZA_OK)
+		return error;
+	reply->object = content.object;
+	if (content.level != LEVEL_CONTROLLER)
+		return XYZA_ERR_SIDE;
+	switch (content.mark) {
+	case MARK_COMMAND:
+	case MARK_ANSWER:
+		return take_answer(&content, reply);
+	case MARK_DATA:
+		return take_reply_data(&content, reply);
+	default:
+		return XYZA_ERR_UNKNOWN;
+	}
+}
+
+int xyza_encode_reply(const struct xyza_reply *reply, const struct xyza_style *style,
+                      uint8_t *frame, size_t size)
+{
+	struct content content = { .level = LEVEL_CONTROLLER, .object = reply->object };
+
+	switch (reply->kind) {
+	case XYZA_REPLY_DONE:
+	case XYZA_REPLY_FAILED:
+		content.mark = style->answer_mark_0a ? MARK_COMMAND : MARK_ANSWER;
+		content.order = style->failure_bb ? XYZA_ORDER_FAILED_BB : XYZA_ORDER_FAILED;
+		if (reply->kind == XYZA_REPLY_DONE)
+			content.order = XYZA_ORDER_OK;
+		content.target = reply->order;
+		break;
+	case XYZA_REPLY_DATA:
+		content.mark = MARK_DATA;
+		content.order = XYZA_ORDER_DATA;
+		content.item_class = reply->item_class;
+		content.target = reply->target;
+		content.value = reply->value;
+		break;
+	case XYZA_REPLY_PROGRAM_STATE:
+		content.mark = MARK_DATA;
+		content.order = XYZA_ORDER_PROGRAM;
+		content.item_class = reply->state;
+		content.target = reply->program;
+		content.value = reply->step;
+		break;
+	default:
+		return XYZA_ERR_UNKNOWN;
+	}
+	return write_frame(&content, frame, size);
+}
+
+void xyza_fill_data(const struct xyza_request *request, uint32_t value,
+                    const struct xyza_style *style, struct xyza_reply *reply)
+{
+	struct content content = { .mark = MARK_COMMAND };
+
+	(void)put_request(request, &content);
+	*reply = (struct xyza_reply){
+		.kind = XYZA_REPLY_DATA,
+		.object = request->object,
+		.order = XYZA_ORDER_DATA,
+		.item_class = content.item_class,
+		.target = request->verb == XYZA_READ_PORTS ? PORTS_ECHO : content.target,
+		.value = value,
+	};
+	if (request->verb == XYZA_READ_STANDING && style->echo_a4)
+		reply->target++;
+}
+
+/* What must be so of the data that answers a read. */
+static bool data_fits(const struct xyza_request *request, const struct xyza_reply *reply)
+{
+	struct content content = { .mark = MARK_COMMAND };
+
+	if (put_request(request, &content) != XYZA_OK || reply->item_class != content.item_class)
+		return false;
+	switch (request->verb) {
+	case XYZA_READ_PORTS:
+		return true; /* no two places of the document agree on the target */
+	case XYZA_READ_SIGN:
+		return reply->target == content.target && reply->value <= 1;
+	case XYZA_READ_STANDING:
+		return (reply->target == content.target || reply->target == content.target + 1) &&
+		       reply->value <= 1;
+	default:
+		return reply->target == content.target;
+	}
+}
+
+static bool is_read(enum xyza_verb verb)
+{
+	return verb >= XYZA_READ_MAGNITUDE && verb <= XYZA_READ_ITEM;
+}
+
+static uint8_t order_of(enum xyza_verb verb)
+{
+	if (verb == XYZA_VERB_ONLINE)
+		return XYZA_ORDER_ONLINE;
+	return motions[verb].order ? motions[verb].order : (uint8_t)XYZA_ORDER_DATA;
+}
+
+bool xyza_fits(const struct xyza_request *request, const struct xyza_reply *reply)
+{
+	if ((unsigned)request->verb >= XYZA_VERB_COUNT || reply->object != request->object)
+		return false;
+	switch (reply->kind) {
+	case XYZA_REPLY_FAILED:
+		return reply->order == order_of(request->verb);
+	case XYZA_REPLY_DONE:
+		return reply->order == order_of(request->verb) && !is_read(request->verb) &&
+		       request->verb != XYZA_PROGRAM_STATE;
+	case XYZA_REPLY_PROGRAM_STATE:
+		return request->verb == XYZA_PROGRAM_STATE;
+	case XYZA_REPLY_DATA:
+	default:
+		return is_read(request->verb) && data_fits(request, reply);
+	}
+}
+
+size_t xyza_reply_length(enum xyza_verb verb)
+{
+	return is_read(verb) || verb == XYZA_PROGRAM_STATE ? XYZA_DATA_FRAME : XYZA_COMMAND_FRAME;
+}
+
+uint16_t xyza_inputs(uint32_t value)
+{
+	return (uint16_t)value;
+}
+
+uint16_t xyza_outputs(uint32_t value)
+{
+	return (uint16_t)(value >> 16);
+}
+
+bool xyza_position(uint32_t magnitude, bool negative, int32_t *position)
+{
+	int64_t number = negative ? -(int64_t)magnitude : (int64_t)magnitude;
+
+	if (number < INT32_MIN || number > INT32_MAX)
+		return false;
+	*position = (int32_t)number;
+	return true;
+}
