@@ -233,10 +233,13 @@ static enum db_step poll_answer(struct db_device *first, struct db_job *job,
                                 const struct xyza_reply *reply, db_time now,
                                 struct db_exchange *exchange, enum db_result *result)
 {
+	/* Behind the last axis come the ports and programs, which are the first one's. */
 	struct db_device *device = first->poll_axis < XYZA_AXIS_COUNT ?
 	                                   first->axes[first->poll_axis] :
-	                                   NULL;
+	                                   first;
 
+	if (!device)
+		return done(result, DB_RESULT_FAILED);
 	switch ((enum poll_phase)job->step) {
 	case POLL_STANDING:
 		first->poll_standing = reply->value == 1;

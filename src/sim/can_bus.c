@@ -246,6 +246,8 @@ static void start_frame(struct sim_can_bus *bus, db_time start)
 	struct candidate best = arbitrate(bus, start);
 	db_time time;
 
+	if (!best.frame)
+		return;
 	bus->frame = *best.frame;
 	bus->sender = best.station;
 	if (best.station) {

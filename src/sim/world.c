@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/world.h"
 
+#include "sim/xyza_bus.h"
+
 #include <ctype.h>
 #include <errno.h>
 #include <inttypes.h>
@@ -34,10 +36,14 @@ static int make_wire(struct sim_bus *bus)
 {
 	const struct sim_bus_config *config = bus->config;
 
-	if (config->kind == SIM_BUS_VSMD_SERIAL) {
+	if (config->kind == SIM_BUS_XYZA) {
 		bus->ops = &sim_serial_bus_ops;
-		bus->wire = sim_serial_bus_new(&sim_vsmd_serial_protocol, &config->serial, write_trace,
+		bus->wire = sim_serial_bus_new(&sim_xyza_protocol, &config->serial, write_trace,
 		                               bus);
+	} else if (config->kind == SIM_BUS_VSMD_SERIAL) {
+		bus->ops = &sim_serial_bus_ops;
+		bus->wire = sim_serial_bus_new(&sim_vsmd_serial_protocol, &config->serial,
+		                               write_trace, bus);
 	} else {
 		bus->ops = &sim_can_line_ops;
 		bus->wire = sim_can_line_new(&config->can, write_trace, bus);
@@ -125,20 +131,40 @@ static int open_servo(struct sim_node *node, struct sim_servo_node *servo, struc
 	return attach_servo(bus, node) ? 0 : no_room(node, bus);
 }
 
+/* Where the drive's memory is, in path; null when it has no file. False when that is too long. */
+static bool flash_path(const struct sim_bus *bus, const struct sim_node *node, char path[PATH_MAX],
+                       const char **flash)
+{
+	int length;
+
+	*flash = NULL;
+	if (!bus->config->flash)
+		return true;
+	length = snprintf(path, PATH_MAX, "%s/%s.flash", bus->config->flash, node->name);
+	*flash = path;
+	return length >= 0 && length < PATH_MAX;
+}
+
+static int open_xyza(struct sim_node *node, struct sim_bus *bus,
+                     const struct sim_drive_config *config, db_time now)
+{
+	struct sim_xyza_config xyza = config->xyza;
+	char path[PATH_MAX];
+
+	if (!flash_path(bus, node, path, &xyza.flash_path))
+		return -1;
+	node->xyza = sim_xyza_new(&xyza, now);
+	return node->xyza && sim_serial_bus_attach(bus->wire, node) ? 0 : no_room(node, bus);
+}
+
 static int open_vsmd(struct sim_node *node, struct sim_vsmd_can_node *can_node, struct sim_bus *bus,
                      const struct sim_drive_config *config, db_time now)
 {
 	struct sim_vsmd_config vsmd = config->vsmd;
 	char path[PATH_MAX];
 
-	if (bus->config->flash) {
-		int length = snprintf(path, sizeof(path), "%s/%s.flash", bus->config->flash,
-		                      config->name);
-
-		if (length < 0 || (size_t)length >= sizeof(path))
-			return -1;
-		vsmd.flash_path = path;
-	}
+	if (!flash_path(bus, node, path, &vsmd.flash_path))
+		return -1;
 	node->drive = sim_vsmd_new(&vsmd, now);
 	return node->drive && attach(bus, node, can_node) ? 0 : no_room(node, bus);
 }
@@ -152,6 +178,8 @@ static int open_node(struct sim_world *world, size_t place, struct sim_bus *bus,
 	node->name = config->name;
 	if (bus->config->kind == SIM_BUS_SERVO_CAN)
 		result = open_servo(node, &world->servos[place], bus, config, now);
+	else if (bus->config->kind == SIM_BUS_XYZA)
+		result = open_xyza(node, bus, config, now);
 	else
 		result = open_vsmd(node, &world->can_nodes[place], bus, config, now);
 	if (result != 0)
@@ -204,6 +232,7 @@ void sim_world_close(struct sim_world *world)
 	for (size_t i = 0; i < world->node_count; i++) {
 		sim_vsmd_free(world->nodes[i].drive);
 		sim_servo_free(world->servos[i].drive);
+		sim_xyza_free(world->nodes[i].xyza);
 	}
 	free(world->buses);
 	free(world->nodes);
@@ -239,6 +268,8 @@ static void write_out(struct sim_bus *bus, const uint8_t *bytes, size_t length)
 
 static bool is_moving(const struct sim_node *node)
 {
+	if (node->xyza)
+		return sim_xyza_busy(node->xyza);
 	return node->servo ? sim_servo_moving(node->servo->drive) : sim_vsmd_moving(node->drive);
 }
 
@@ -258,7 +289,9 @@ void sim_world_run(struct sim_world *world, db_time now)
 
 		if (!is_moving(node))
 			continue;
-		if (node->servo)
+		if (node->xyza)
+			sim_xyza_advance(node->xyza, now);
+		else if (node->servo)
 			sim_servo_advance(node->servo->drive, now);
 		else
 			sim_vsmd_advance(node->drive, now);
@@ -315,6 +348,9 @@ const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const ch
 		return sim_faults_set(bus->ops->faults(bus->wire), text);
 	if (strncmp(text, "echo", 4) == 0 || strncmp(text, "bus-off", 7) == 0)
 		return "that is a fault of a bus, not of a drive";
+	/* A controller does not see its motors: to it they never stall. */
+	if (node->xyza)
+		return sim_faults_set(&node->faults, text);
 	if (strcmp(text, "stall") == 0 || strcmp(text, "stall on") == 0)
 		sim_node_stall(node, true, now);
 	else if (strcmp(text, "stall off") == 0)

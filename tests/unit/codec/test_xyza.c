@@ -16,20 +16,23 @@
 /* --- helpers -------------------------------------------------------------------------------------- */
 
 /* "5A A5 0A" as bytes; returns how many. */
-static size_t from_hex(const char *hex, uint8_t *bytes)
+static size_t from_hex(const char *hex, uint8_t bytes[XYZA_FRAME_MAX])
 {
 	size_t length = 0;
 
-	for (; *hex; hex += hex[2] ? 3 : 2)
+	for (; *hex && length < XYZA_FRAME_MAX; hex += hex[2] ? 3 : 2)
 		bytes[length++] = (uint8_t)strtoul((const char[]){ hex[0], hex[1], 0 }, NULL, 16);
 	return length;
 }
 
 static void seal(uint8_t *frame, size_t length)
 {
-	frame[length - 1] = 0;
-	for (size_t i = 3; i < length - 1; i++)
-		frame[length - 1] = (uint8_t)(frame[length - 1] + frame[i]);
+	unsigned total = 0;
+
+	assert_in_range(length, 1, XYZA_FRAME_MAX);
+	for (size_t i = 3; i + 1 < length; i++)
+		total += frame[i];
+	frame[length - 1] = (uint8_t)total;
 }
 
 static void assert_same_request(const struct xyza_request *a, const struct xyza_request *b)
