@@ -16,11 +16,11 @@
 /* --- helpers -------------------------------------------------------------------------------------- */
 
 /* "5A A5 0A" as bytes; returns how many. */
-static size_t from_hex(const char *hex, uint8_t bytes[XYZA_FRAME_MAX])
+static size_t from_hex(const char *hex, uint8_t *bytes, size_t size)
 {
 	size_t length = 0;
 
-	for (; *hex && length < XYZA_FRAME_MAX; hex += hex[2] ? 3 : 2)
+	for (; *hex && length < size; hex += hex[2] ? 3 : 2)
 		bytes[length++] = (uint8_t)strtoul((const char[]){ hex[0], hex[1], 0 }, NULL, 16);
 	return length;
 }
@@ -276,7 +276,7 @@ static void test_printed_requests(void **state)
 		struct xyza_reply reply;
 		uint8_t frame[XYZA_FRAME_MAX];
 		uint8_t written[XYZA_FRAME_MAX];
-		size_t length = from_hex(requests[i].frame, frame);
+		size_t length = from_hex(requests[i].frame, frame, sizeof frame);
 
 		expected.object = SLAVE;
 		assert_int_equal(xyza_decode_request(frame, length, &request), XYZA_OK);
@@ -305,7 +305,7 @@ static void test_printed_replies(void **state)
 		struct xyza_reply reply;
 		uint8_t frame[XYZA_FRAME_MAX];
 		uint8_t written[XYZA_FRAME_MAX];
-		size_t length = from_hex(replies[i].frame, frame);
+		size_t length = from_hex(replies[i].frame, frame, sizeof frame);
 
 		expected.object = SLAVE;
 		style.answer_mark_0a = frame[2] == 0x0A;
@@ -328,7 +328,7 @@ static void test_misprints(void **state)
 		struct xyza_reply reply;
 		uint8_t frame[XYZA_FRAME_MAX];
 		uint8_t written[XYZA_FRAME_MAX];
-		size_t length = from_hex(misprints[i].frame, frame);
+		size_t length = from_hex(misprints[i].frame, frame, sizeof frame);
 
 		assert_int_not_equal(frame[length - 1], misprints[i].sum);
 		assert_int_equal(xyza_decode_request(frame, length, &request), XYZA_ERR_CHECKSUM);
@@ -350,7 +350,7 @@ static void test_misprints(void **state)
 static void test_header_misprint(void **state)
 {
 	uint8_t frame[XYZA_FRAME_MAX];
-	size_t length = from_hex("FF A5 0A AC 01 03 AC AC 08", frame);
+	size_t length = from_hex("FF A5 0A AC 01 03 AC AC 08", frame, sizeof frame);
 	struct xyza_request request;
 	size_t skip;
 	size_t cut;
@@ -369,7 +369,7 @@ static void test_misprinted_reply_fits_nothing(void **state)
 		                        .object = SLAVE,
 		                        .item = XYZA_ITEM_MICROSTEP };
 	uint8_t frame[XYZA_FRAME_MAX];
-	size_t length = from_hex("5A A5 0B F1 00 03 E3 10 00 07 00 00 EE", frame);
+	size_t length = from_hex("5A A5 0B F1 00 03 E3 10 00 07 00 00 EE", frame, sizeof frame);
 	struct xyza_reply reply;
 
 	(void)state;
@@ -476,7 +476,10 @@ static void test_codes_of_tables(void **state)
 		{ { .verb = XYZA_MANUAL_JOG, .axis = XYZA_Z }, 0xF3, 0x03, 0xA5 },
 		{ { .verb = XYZA_MANUAL_JOG, .axis = XYZA_A, .negative = true }, 0xF3, 0x03, 0xA8 },
 		{ { .verb = XYZA_MANUAL_CLEAR, .axis = XYZA_X }, 0xF3, 0x04, 0xA1 },
-		{ { .verb = XYZA_MANUAL_CLEAR, .axis = XYZA_Y }, 0xF3, 0x04, 0xA3 },
+		{ { .verb = XYZA_MANUAL_CLEAR, .axis = XYZA_Y, .negative = true },
+		  0xF3,
+		  0x04,
+		  0xA3 },
 		{ { .verb = XYZA_PROGRAM_QUICK_STOP }, 0xF4, 0x01, 0x00 },
 		{ { .verb = XYZA_PROGRAM_START, .number = 2 }, 0xF4, 0x03, 0x02 },
 		{ { .verb = XYZA_PROGRAM_CLEAR, .axis = XYZA_X }, 0xF4, 0x04, 0xA1 },
@@ -518,7 +521,7 @@ static void test_codes_of_tables(void **state)
 static void test_clear_by_either_direction(void **state)
 {
 	uint8_t frame[XYZA_FRAME_MAX];
-	size_t length = from_hex("5A A5 0A F3 01 03 04 A4 00", frame);
+	size_t length = from_hex("5A A5 0A F3 01 03 04 A4 00", frame, sizeof frame);
 	struct xyza_request request;
 
 	(void)state;
@@ -536,8 +539,7 @@ static void test_items(void **state)
 		enum xyza_param param = (enum xyza_param)i;
 		enum xyza_item item = xyza_param_item(param);
 		unsigned access = xyza_param_access(param);
-		/* Start and stop keys are never 0. */
-		uint32_t content = item == XYZA_ITEM_KEYS ? 0x000101 : 0;
+		uint32_t content = 0;
 		union db_value value;
 
 		assert_true(db_value_from_number(xyza_params[i].type, xyza_params[i].max, &value));
@@ -641,6 +643,10 @@ static void test_undocumented_requests(void **state)
 		{ "5A A5 0B F1 01 03 E1 A3 01 00 00 00 00", XYZA_ERR_UNKNOWN },
 		{ "5A A5 0B F1 01 03 E1 A2 02 00 00 00 00", XYZA_ERR_RANGE },
 		{ "5A A5 0B F1 01 03 E4 00 99 00 00 00 00", XYZA_ERR_RANGE },
+		{ "5A A5 0B F1 01 03 E4 A1 22 00 00 00 00", XYZA_ERR_UNKNOWN },
+		{ "5A A5 0B F1 01 03 E5 C4 02 00 00 00 00", XYZA_ERR_RANGE },
+		{ "5A A5 0B F1 01 03 E5 C4 01 00 00 01 00", XYZA_ERR_RANGE },
+		{ "5A A5 0C F1 01 03 E1 A1 00", XYZA_ERR_UNKNOWN }, /* mark of an answer */
 		{ "5A A5 0B F1 01 03 E4 00 12 00 00 00 00", XYZA_ERR_RANGE },
 		{ "5A A5 0B F1 01 03 E4 00 22 01 00 00 00", XYZA_ERR_RANGE },
 		{ "5A A5 0A F3 01 03 05 00 00", XYZA_ERR_UNKNOWN },
@@ -666,7 +672,7 @@ static void test_undocumented_requests(void **state)
 	for (size_t i = 0; i < COUNT(rows); i++) {
 		struct xyza_request request;
 		uint8_t frame[XYZA_FRAME_MAX];
-		size_t length = from_hex(rows[i].frame, frame);
+		size_t length = from_hex(rows[i].frame, frame, sizeof frame);
 		enum xyza_error error;
 
 		seal(frame, length);
@@ -698,7 +704,7 @@ static void test_refused_replies(void **state)
 	for (size_t i = 0; i < COUNT(rows); i++) {
 		struct xyza_reply reply;
 		uint8_t frame[XYZA_FRAME_MAX];
-		size_t length = from_hex(rows[i].frame, frame);
+		size_t length = from_hex(rows[i].frame, frame, sizeof frame);
 
 		seal(frame, length);
 		assert_int_equal(xyza_decode_reply(frame, length, &reply), rows[i].error);
@@ -764,6 +770,37 @@ static void test_answers_fit_their_requests(void **state)
 		answer.order = XYZA_ORDER_ONLINE;
 		assert_false(xyza_fits(&reads[i], &answer));
 	}
+}
+
+static void test_ports_are_answered_with_c1(void **state)
+{
+	static const struct xyza_style style = { .echo_a4 = true };
+	const struct xyza_request request = { .verb = XYZA_READ_PORTS, .object = 5 };
+	struct xyza_reply reply;
+
+	(void)state;
+	xyza_fill_data(&request, 0x30001, &style, &reply);
+	assert_int_equal(reply.target, 0xC1);
+	/* Other targets pass too. */
+	reply.target = 0;
+	assert_true(xyza_fits(&request, &reply));
+}
+
+/* Data that come late from a read do not confirm a write of the same. */
+static void test_data_confirm_no_write(void **state)
+{
+	static const struct xyza_style style = { .echo_a4 = false };
+	struct xyza_request request = { .verb = XYZA_READ_ITEM,
+		                        .object = 5,
+		                        .item = XYZA_ITEM_LEAD };
+	struct xyza_reply reply;
+
+	(void)state;
+	xyza_fill_data(&request, 5000, &style, &reply);
+	assert_true(xyza_fits(&request, &reply));
+	request.verb = XYZA_WRITE_ITEM;
+	request.value = 5000;
+	assert_false(xyza_fits(&request, &reply));
 }
 
 static void test_standing_echoed_as_a4(void **state)
@@ -914,12 +951,43 @@ static void test_parameters_in_items(void **state)
 	assert_int_equal(xyza_param_put(XYZA_LEAD, (union db_value){ .u = 5000 }, 1), 5000);
 }
 
+/* What a controller may hold must not keep one from writing a parameter beside it. */
+static void test_parameters_beside_what_is_not_set(void **state)
+{
+	static const struct {
+		enum xyza_param param;
+		uint32_t held;
+		uint32_t written;
+	} rows[] = {
+		{ XYZA_START_KEY, 0x000000, 0x000006 },
+		{ XYZA_STOP_KEY, 0x000000, 0x000600 },
+		{ XYZA_START_KEY, 0x01080706, 0x080706 },
+		{ XYZA_ENABLE, 0xFFFFFF0F, 0x06 },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(rows); i++) {
+		struct xyza_request request = { .verb = XYZA_WRITE_ITEM, .object = 5 };
+		uint8_t frame[XYZA_FRAME_MAX];
+
+		request.item = xyza_param_item(rows[i].param);
+		request.value = xyza_param_put(rows[i].param, (union db_value){ .u = 6 },
+		                               rows[i].held);
+		assert_int_equal(request.value, rows[i].written);
+		assert_int_equal(xyza_encode_request(&request, frame, sizeof frame),
+		                 XYZA_DATA_FRAME);
+	}
+	/* To take a key away is not documented. */
+	assert_false(in_range(XYZA_START_KEY, 0));
+	assert_false(in_range(XYZA_STOP_KEY, 0));
+}
+
 /* --- streams -------------------------------------------------------------------------------------- */
 
 static void assert_cut(const char *hex, size_t skip_expected, size_t length_expected)
 {
 	uint8_t bytes[64];
-	size_t available = from_hex(hex, bytes);
+	size_t available = from_hex(hex, bytes, sizeof bytes);
 	size_t skip;
 	size_t length;
 
@@ -985,6 +1053,8 @@ int main(void)
 		cmocka_unit_test(test_refused_replies),
 		cmocka_unit_test(test_failure_has_two_codes),
 		cmocka_unit_test(test_answers_fit_their_requests),
+		cmocka_unit_test(test_ports_are_answered_with_c1),
+		cmocka_unit_test(test_data_confirm_no_write),
 		cmocka_unit_test(test_standing_echoed_as_a4),
 		cmocka_unit_test(test_impossible_values_fit_nothing),
 		cmocka_unit_test(test_answers_to_commands),
@@ -993,6 +1063,7 @@ int main(void)
 		cmocka_unit_test(test_parameter_table),
 		cmocka_unit_test(test_parameters_to_unlock),
 		cmocka_unit_test(test_parameters_in_items),
+		cmocka_unit_test(test_parameters_beside_what_is_not_set),
 		cmocka_unit_test(test_cut),
 		cmocka_unit_test(test_cut_after_truncated_frame),
 	};
