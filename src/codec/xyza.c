@@ -207,32 +207,47 @@ union db_value xyza_param_get(enum xyza_param param, uint32_t content)
 	return (union db_value){ .u = (content >> layout[param].shift) & field_mask(param) };
 }
 
+/* The bits of an item's content that belong to a parameter. */
+static uint32_t item_mask(enum xyza_item item)
+{
+	uint32_t mask = 0;
+
+	for (int i = 0; i < XYZA_PARAM_COUNT; i++) {
+		if (layout[i].item == item && i != XYZA_FACTORY_RESET)
+			mask |= field_mask((enum xyza_param)i) << layout[i].shift;
+	}
+	return mask;
+}
+
 uint32_t xyza_param_put(enum xyza_param param, union db_value value, uint32_t content)
 {
 	uint32_t mask = field_mask(param);
+	uint32_t kept = item_mask(layout[param].item) & ~(mask << layout[param].shift);
 
 	if (param == XYZA_FACTORY_RESET)
 		return 0;
-	return (content & ~(mask << layout[param].shift)) |
-	       ((value.u & mask) << layout[param].shift);
+	return (content & kept) | ((value.u & mask) << layout[param].shift);
+}
+
+/* A key that was never assigned must not stand in the way of assigning the others, which are
+ * written with it. */
+static bool is_unset_key(enum xyza_param param, union db_value value)
+{
+	return (param == XYZA_START_KEY || param == XYZA_STOP_KEY) && value.u == 0;
 }
 
 /* Whether an item's content has only values in range, and nothing in bytes that are none. */
 static bool content_in_range(enum xyza_item item, uint32_t content)
 {
-	uint32_t rest = content;
-
 	for (int i = 0; i < XYZA_PARAM_COUNT; i++) {
 		enum xyza_param param = (enum xyza_param)i;
+		union db_value value = xyza_param_get(param, content);
 
-		if (layout[param].item != item)
-			continue;
-		if (!xyza_param_in_range(param, xyza_param_get(param, content)))
+		if (layout[param].item == item && !is_unset_key(param, value) &&
+		    !xyza_param_in_range(param, value))
 			return false;
-		if (param != XYZA_FACTORY_RESET)
-			rest &= ~(field_mask(param) << layout[param].shift);
 	}
-	return rest == 0;
+	return (content & ~item_mask(item)) == 0;
 }
 
 static bool item_can(enum xyza_item item, unsigned access)

@@ -124,8 +124,12 @@ bool xyza_param_in_range(enum xyza_param param, union db_value value);
 /* Index of a parameter's name, or -1. The name need not be terminated. */
 int xyza_param_find(const char *name, size_t length);
 
-/* A parameter out of its item's four bytes, and into them (the other bytes stay as they are). A
- * factory_reset is 1 here and travels as 0. */
+/*
+ * A parameter out of its item's four bytes, and into them: the item's other parameters stay as they
+ * are, what belongs to none becomes 0. A factory_reset is 1 here and travels as 0. A start_key or
+ * stop_key that a controller never had assigned is 0: outside its range, but written back beside
+ * another key.
+ */
 union db_value xyza_param_get(enum xyza_param param, uint32_t content);
 uint32_t xyza_param_put(enum xyza_param param, union db_value value, uint32_t content);
 

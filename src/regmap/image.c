@@ -221,6 +221,33 @@ static void fill_gateway_drive(struct db_gateway_drive *image, const struct view
 	};
 }
 
+static void fill_window(struct db_gateway_window *window, const struct view_drive *drive)
+{
+	struct db_drive_image image;
+	const struct db_feedback *feedback = &image.feedback;
+
+	fill_process(&image, drive);
+	*window = (struct db_gateway_window){
+		.unit = (uint16_t)drive->config->unit,
+		.online = (image.status & DB_STATUS_ONLINE) != 0,
+		.axis_state = feedback->state,
+		.error = feedback->error,
+		.status = image.status,
+		.quality = image.quality,
+		.active_command = image.state.active_command,
+		.age_ms = image.age_ms,
+		.position = feedback->position,
+		.velocity = feedback->velocity,
+		.position_units = image.position_units,
+		.velocity_units = image.velocity_units,
+		.drive_status = feedback->drive_status,
+		.result_id = image.state.result_id,
+		.result = image.state.result,
+		.inputs = feedback->inputs,
+		.outputs = feedback->outputs,
+	};
+}
+
 /* The elements of an array in the image, `size` each, that lie between two offsets: *from <= i < *to. */
 static void touched(size_t array, size_t size, uint16_t low, uint16_t high, size_t count,
                     size_t *from, size_t *to)
@@ -256,5 +283,11 @@ void view_fill_gateway(struct db_gateway_image *image, const struct db_registers
 		        high, registers->drive_count, &from, &to);
 		for (size_t i = from; i < to && i < DB_GATEWAY_DRIVES; i++)
 			fill_gateway_drive(&image->drives[i], &registers->drives[i], now);
+	}
+	if (parts & DB_PART_WINDOWS) {
+		touched(offsetof(struct db_gateway_image, windows), sizeof image->windows[0], low,
+		        high, registers->drive_count, &from, &to);
+		for (size_t i = from; i < to && i < DB_GATEWAY_DRIVES; i++)
+			fill_window(&image->windows[i], &registers->drives[i]);
 	}
 }

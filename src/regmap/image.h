@@ -18,6 +18,7 @@ enum db_part {
 	DB_PART_SERVER = 1u << 4,
 	DB_PART_BUSES = 1u << 5,
 	DB_PART_DRIVES = 1u << 6,
+	DB_PART_WINDOWS = 1u << 7,
 };
 
 #define DB_UNIT_NAME_REGISTERS 8
@@ -100,6 +101,27 @@ struct db_gateway_drive {
 	struct db_axis_stats stats;
 };
 
+/* One drive in the flat window: what its own unit shows, of one moment. */
+struct db_gateway_window {
+	uint16_t unit;
+	uint16_t online;
+	uint16_t axis_state;
+	uint16_t error;
+	uint32_t status;
+	uint16_t quality;
+	uint16_t active_command;
+	uint32_t age_ms;
+	int32_t position;
+	float velocity;
+	float position_units;
+	float velocity_units;
+	uint32_t drive_status;
+	uint16_t result_id;
+	uint16_t result;
+	uint16_t inputs;
+	uint16_t outputs;
+};
+
 /* Units 0, 255 and the configured one. 64-bit counters are shown by their low half. */
 struct db_gateway_image {
 	/* DB_PART_SERVER */
@@ -123,6 +145,7 @@ struct db_gateway_image {
 	/* DB_PART_BUSES, DB_PART_DRIVES */
 	struct db_gateway_bus buses[DB_GATEWAY_BUSES];
 	struct db_gateway_drive drives[DB_GATEWAY_DRIVES];
+	struct db_gateway_window windows[DB_GATEWAY_DRIVES];
 };
 
 #endif

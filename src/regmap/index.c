@@ -51,7 +51,7 @@ static unsigned count_of(const struct db_row *row, const struct db_scope *scope)
 		most = scope->driver->output_count;
 	else if (row->part == DB_PART_BUSES)
 		most = scope->buses;
-	else if (row->part == DB_PART_DRIVES)
+	else if (row->part == DB_PART_DRIVES || row->part == DB_PART_WINDOWS)
 		most = scope->drives;
 	return most < count ? (unsigned)most : count;
 }

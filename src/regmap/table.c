@@ -95,6 +95,7 @@ static const struct db_codes capability_bits = { db_capability_name, COUNT_OF(ca
 	.offset = offsetof(struct db_gateway_image, member)
 #define GATEWAY(member) GATEWAY_PART(DB_PART_SERVER, member)
 #define GATEWAY_BUS(member) GATEWAY_PART(DB_PART_BUSES, buses[0].member)
+#define GATEWAY_WINDOW(member) GATEWAY_PART(DB_PART_WINDOWS, windows[0].member)
 #define GATEWAY_DRIVE(member) GATEWAY_PART(DB_PART_DRIVES, drives[0].member)
 #define EACH_BUS                                                                                   \
 	{                                                                                          \
@@ -103,6 +104,11 @@ static const struct db_codes capability_bits = { db_capability_name, COUNT_OF(ca
 #define EACH_LINE                                                                                  \
 	{                                                                                          \
 		.count = DB_GATEWAY_BUSES, .addresses = 16, .bytes = sizeof(struct db_gateway_bus) \
+	}
+#define EACH_WINDOW                                          \
+	{                                                    \
+		.count = DB_GATEWAY_DRIVES, .addresses = 24, \
+		.bytes = sizeof(struct db_gateway_window)    \
 	}
 #define EACH_DRIVE                                           \
 	{                                                    \
@@ -1235,6 +1241,147 @@ const struct db_row db_rows[] = {
 		GATEWAY_DRIVE(stats.timeouts),
 		.repeat = EACH_DRIVE,
 		.description = "Drive #: answers that did not come in time",
+	},
+	/* Gateway view: the flat window, a block of process data for each drive. */
+	{
+		.name = "window#_unit",
+		.address = 2000,
+		.type = DB_U16,
+		GATEWAY_WINDOW(unit),
+		.repeat = EACH_WINDOW,
+		.description = "Modbus unit of drive #; only the first 32 drives have a window",
+	},
+	{
+		.name = "window#_online",
+		.address = 2001,
+		.type = DB_U16,
+		GATEWAY_WINDOW(online),
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: 1=online",
+	},
+	{
+		.name = "window#_axis_state",
+		.address = 2002,
+		.type = DB_U16,
+		GATEWAY_WINDOW(axis_state),
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: as axis_state; Offline while it is not online",
+	},
+	{
+		.name = "window#_error",
+		.address = 2003,
+		.type = DB_U16,
+		GATEWAY_WINDOW(error),
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: as error",
+	},
+	{
+		.name = "window#_status",
+		.address = 2004,
+		.type = DB_BITS32,
+		GATEWAY_WINDOW(status),
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: as status",
+	},
+	{
+		.name = "window#_quality",
+		.address = 2006,
+		.type = DB_U16,
+		GATEWAY_WINDOW(quality),
+		.repeat = EACH_WINDOW,
+		.description =
+			"Window of drive #: as quality; 0=bad: position and velocity are the last known",
+	},
+	{
+		.name = "window#_active_command",
+		.address = 2007,
+		.type = DB_U16,
+		GATEWAY_WINDOW(active_command),
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: as active_command",
+	},
+	{
+		.name = "window#_age_ms",
+		.address = 2008,
+		.type = DB_U32,
+		GATEWAY_WINDOW(age_ms),
+		.unit = "ms",
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: age of its process data",
+	},
+	{
+		.name = "window#_position",
+		.address = 2010,
+		.type = DB_I32,
+		GATEWAY_WINDOW(position),
+		.unit = "counts",
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: as position",
+	},
+	{
+		.name = "window#_velocity",
+		.address = 2012,
+		.type = DB_F32,
+		GATEWAY_WINDOW(velocity),
+		.unit = "counts/s",
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: as velocity",
+	},
+	{
+		.name = "window#_position_units",
+		.address = 2014,
+		.type = DB_F32,
+		GATEWAY_WINDOW(position_units),
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: as position_units",
+	},
+	{
+		.name = "window#_velocity_units",
+		.address = 2016,
+		.type = DB_F32,
+		GATEWAY_WINDOW(velocity_units),
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: as velocity_units",
+	},
+	{
+		.name = "window#_drive_status",
+		.address = 2018,
+		.type = DB_BITS32,
+		GATEWAY_WINDOW(drive_status),
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: as drive_status",
+	},
+	{
+		.name = "window#_result_id",
+		.address = 2020,
+		.type = DB_U16,
+		GATEWAY_WINDOW(result_id),
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: as result_id",
+	},
+	{
+		.name = "window#_result",
+		.address = 2021,
+		.type = DB_U16,
+		GATEWAY_WINDOW(result),
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: as result",
+	},
+	{
+		.name = "window#_inputs",
+		.address = 2022,
+		.type = DB_BITS16,
+		GATEWAY_WINDOW(inputs),
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: as inputs",
+	},
+	{
+		.name = "window#_outputs",
+		.address = 2023,
+		.type = DB_BITS16,
+		GATEWAY_WINDOW(outputs),
+		.repeat = EACH_WINDOW,
+		.description = "Window of drive #: as outputs",
 	},
 };
 

@@ -17,7 +17,16 @@ struct request {
 /* Null, or what is wrong. A handler that answers itself writes its own "ok" line and returns "". */
 typedef const char *command_fn(struct request *request);
 
-enum target { TARGET_NONE, TARGET_DRIVE, TARGET_VSMD, TARGET_SERVO, TARGET_BUS, TARGET_ANY };
+enum target {
+	TARGET_NONE,
+	TARGET_DRIVE,
+	TARGET_VSMD,
+	TARGET_SERVO,
+	TARGET_XYZA,
+	TARGET_MOTOR,
+	TARGET_BUS,
+	TARGET_ANY
+};
 
 static const char *const verb_names[VSMD_VERB_COUNT] = {
 	[VSMD_DEV] = "dev",
@@ -68,7 +77,9 @@ static const char *do_stall(struct request *request)
 
 static void set_power(const struct sim_node *node, bool on, db_time now)
 {
-	if (node->servo)
+	if (node->xyza)
+		sim_xyza_power(node->xyza, on, now);
+	else if (node->servo)
 		sim_servo_power(node->servo->drive, on, now);
 	else
 		sim_vsmd_power(node->drive, on, now);
@@ -222,12 +233,100 @@ static void get_servo(struct request *request)
 	(void)fputc('\n', request->out);
 }
 
+/* --- XYZA controllers ----------------------------------------------------------------------------- */
+
+static const char axis_letters[] = "xyza";
+
+static const char *do_input(struct request *request)
+{
+	long values[2];
+
+	if (!read_numbers(request->rest, values, 2, SIM_XYZA_INPUTS) || values[0] < 1 ||
+	    values[1] > 1)
+		return "input needs a number 1 to 16 and 0 or 1";
+	sim_xyza_set_input(request->node->xyza, (unsigned)values[0], values[1] == 1, request->now);
+	return NULL;
+}
+
+static const char *do_place(struct request *request)
+{
+	const char *letter = request->rest[0] ? strchr(axis_letters, request->rest[0]) : NULL;
+	char *end;
+	long position;
+
+	if (!letter || request->rest[1] != ' ')
+		return "place needs an axis (x, y, z or a) and a position";
+	position = strtol(request->rest + 2, &end, 10);
+	if (end == request->rest + 2 || *end != '\0' || position < INT32_MIN ||
+	    position > INT32_MAX)
+		return "place needs an axis (x, y, z or a) and a position";
+	sim_xyza_place(request->node->xyza, (enum xyza_axis)(letter - axis_letters),
+	               (int32_t)position, request->now);
+	return NULL;
+}
+
+static void get_xyza(struct request *request)
+{
+	static const struct {
+		enum xyza_verb verb;
+		const char *name;
+	} counted[] = {
+		{ XYZA_VERB_ONLINE, "online" },
+		{ XYZA_READ_MAGNITUDE, "read_magnitude" },
+		{ XYZA_READ_SIGN, "read_sign" },
+		{ XYZA_READ_STANDING, "read_standing" },
+		{ XYZA_READ_PORTS, "read_ports" },
+		{ XYZA_READ_ITEM, "read_item" },
+		{ XYZA_WRITE_MAGNITUDE, "write_magnitude" },
+		{ XYZA_WRITE_SIGN, "write_sign" },
+		{ XYZA_WRITE_OUTPUT, "write_output" },
+		{ XYZA_WRITE_OUTPUTS, "write_outputs" },
+		{ XYZA_WRITE_ITEM, "write_item" },
+		{ XYZA_MANUAL_QUICK_STOP, "manual_quick_stop" },
+		{ XYZA_MANUAL_STOP, "manual_stop" },
+		{ XYZA_MANUAL_JOG, "jog" },
+		{ XYZA_MANUAL_CLEAR, "manual_clear" },
+		{ XYZA_PROGRAM_QUICK_STOP, "program_quick_stop" },
+		{ XYZA_PROGRAM_STOP, "program_stop" },
+		{ XYZA_PROGRAM_START, "program_start" },
+		{ XYZA_PROGRAM_CLEAR, "program_clear" },
+		{ XYZA_PROGRAM_DELAY, "program_delay" },
+		{ XYZA_PROGRAM_CONTINUE, "program_continue" },
+		{ XYZA_PROGRAM_END, "program_end" },
+		{ XYZA_PROGRAM_STEP_ON, "step_on" },
+		{ XYZA_PROGRAM_STEP_OFF, "step_off" },
+		{ XYZA_PROGRAM_STATE, "read_program" },
+	};
+	const struct sim_node *node = request->node;
+	FILE *out = request->out;
+
+	sim_xyza_advance(node->xyza, request->now);
+	(void)fputs("ok", out);
+	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++)
+		(void)fprintf(out, " %c=%.0f %c_speed=%g", axis_letters[axis],
+		              sim_xyza_position(node->xyza, (enum xyza_axis)axis),
+		              axis_letters[axis], sim_xyza_speed(node->xyza, (enum xyza_axis)axis));
+	(void)fprintf(out,
+	              " inputs=0x%04x outputs=0x%04x program_state=%d program=%u step=%u power=%d"
+	              " address=%u heard=%" PRIu32 " replies=%" PRIu32 " failed=%" PRIu32,
+	              (unsigned)sim_xyza_inputs(node->xyza), (unsigned)sim_xyza_outputs(node->xyza),
+	              (int)sim_xyza_program_state(node->xyza), sim_xyza_program(node->xyza),
+	              sim_xyza_step(node->xyza), sim_xyza_powered(node->xyza),
+	              sim_xyza_number(node->xyza), node->heard, node->replies,
+	              sim_xyza_failures(node->xyza));
+	for (size_t i = 0; i < sizeof(counted) / sizeof(counted[0]); i++)
+		(void)fprintf(out, " %s=%" PRIu32, counted[i].name,
+		              sim_xyza_count(node->xyza, counted[i].verb));
+	(void)fputc('\n', out);
+}
+
 static const char *do_baud(struct request *request)
 {
 	char *end;
 	unsigned long baud = strtoul(request->rest, &end, 10);
 
-	if (request->bus->config->kind != SIM_BUS_VSMD_SERIAL)
+	if (request->bus->config->kind != SIM_BUS_VSMD_SERIAL &&
+	    request->bus->config->kind != SIM_BUS_XYZA)
 		return "baud is for serial lines";
 	if (end == request->rest || *end != '\0' || baud < 2400 || baud > 921600)
 		return "baud needs a rate of 2400 to 921600";
@@ -254,6 +353,10 @@ static const char *do_get(struct request *request)
 	}
 	if (node->servo) {
 		get_servo(request);
+		return "";
+	}
+	if (node->xyza) {
+		get_xyza(request);
 		return "";
 	}
 	sim_vsmd_status(node->drive, request->now, &status);
@@ -286,6 +389,13 @@ static const char *do_log(struct request *request)
 	return NULL;
 }
 
+static unsigned address_of(const struct sim_node *node)
+{
+	if (node->xyza)
+		return sim_xyza_number(node->xyza);
+	return node->servo ? node->servo->address : sim_vsmd_address(node->drive);
+}
+
 static const char *do_list(struct request *request)
 {
 	const struct sim_world *world = request->world;
@@ -296,8 +406,7 @@ static const char *do_list(struct request *request)
 	for (size_t i = 0; i < world->node_count; i++) {
 		const struct sim_node *node = &world->nodes[i];
 
-		(void)fprintf(request->out, "drive %s %u\n", node->name,
-		              node->servo ? node->servo->address : sim_vsmd_address(node->drive));
+		(void)fprintf(request->out, "drive %s %u\n", node->name, address_of(node));
 	}
 	return NULL;
 }
@@ -311,13 +420,15 @@ static const struct {
 	{ "power", TARGET_DRIVE, do_power },
 	{ "identity", TARGET_VSMD, do_identity },
 	{ "flash", TARGET_VSMD, do_flash },
-	{ "stall", TARGET_DRIVE, do_stall },
+	{ "stall", TARGET_MOTOR, do_stall },
 	{ "sensor", TARGET_VSMD, do_sensor },
-	{ "bits", TARGET_DRIVE, do_bits },
+	{ "bits", TARGET_MOTOR, do_bits },
 	{ "faults", TARGET_SERVO, do_faults },
 	{ "health", TARGET_SERVO, do_health },
 	{ "inputs", TARGET_SERVO, do_inputs },
 	{ "reports", TARGET_SERVO, do_reports },
+	{ "input", TARGET_XYZA, do_input },
+	{ "place", TARGET_XYZA, do_place },
 	{ "baud", TARGET_BUS, do_baud },
 	{ "get", TARGET_ANY, do_get },
 	{ "log", TARGET_DRIVE, do_log },
@@ -352,8 +463,10 @@ static const char *find_target(struct request *request, enum target target)
 		return target == TARGET_BUS ? "no such bus" :
 		       target == TARGET_ANY ? "no such drive or bus" :
 		                              "no such drive";
-	if ((target == TARGET_VSMD && request->node->servo) ||
-	    (target == TARGET_SERVO && !request->node->servo))
+	if ((target == TARGET_VSMD && !request->node->drive) ||
+	    (target == TARGET_SERVO && !request->node->servo) ||
+	    (target == TARGET_XYZA && !request->node->xyza) ||
+	    (target == TARGET_MOTOR && request->node->xyza))
 		return "this family has none";
 	return NULL;
 }
@@ -363,7 +476,7 @@ void sim_command(struct sim_world *world, char *line, db_time now, FILE *out)
 	struct request request = { .world = world, .now = now, .out = out };
 	const char *error =
 		"no such command; there are fault, power, identity, flash, stall, sensor, "
-		"bits, faults, health, inputs, reports, baud, get, log, list";
+		"bits, faults, health, inputs, reports, input, place, baud, get, log, list";
 	const char *name = cut_word(line, &request.rest);
 
 	for (size_t i = 0; i < COMMAND_COUNT; i++) {

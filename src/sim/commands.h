@@ -9,6 +9,8 @@
  *   stall DRIVE [on|off]       block the motor
  *   sensor DRIVE N 0|1|auto    force a sensor, or let it work again
  *   bits DRIVE MASK            show these status bits too (0x40 = hardware fault ...); 0 ends it
+ *   input DRIVE N 0|1          XYZA: level of input K1..K16; the keys act when theirs becomes 1
+ *   place DRIVE AXIS POSITION  XYZA: puts axis x, y, z or a there, standing
  *   baud BUS RATE              the rate of the bus; drives with another bdr hear nothing
  *   get NAME                   one line of key=value
  *   log DRIVE                  the last 64 lines heard, "MICROSECONDS LINE" each, oldest first

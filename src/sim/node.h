@@ -9,6 +9,7 @@
 #include "sim/faults.h"
 #include "sim/servo_can_node.h"
 #include "sim/vsmd_drive.h"
+#include "sim/xyza_controller.h"
 
 #define SIM_LOG_LINES 64
 #define SIM_LOG_LENGTH 96 /* longer lines are cut in the log */
@@ -20,8 +21,9 @@ struct sim_log_entry {
 
 struct sim_node {
 	const char *name;             /* not owned */
-	struct sim_vsmd *drive;       /* not owned; null: it is a servo */
+	struct sim_vsmd *drive;       /* not owned; null: it is of another family */
 	struct sim_servo_node *servo; /* not owned; else null */
+	struct sim_xyza *xyza;        /* likewise: it is an XYZA controller */
 	struct sim_faults faults;
 	struct sim_log_entry log[SIM_LOG_LINES]; /* a ring; entry heard % SIM_LOG_LINES is next */
 	uint32_t heard;                          /* lines, broadcasts included */

@@ -184,6 +184,7 @@ static int load_bus(cfg_t *cfg, struct sim_bus_config *bus)
 		[SIM_BUS_VSMD_SERIAL] = "vsmd-serial",
 		[SIM_BUS_VSMD_CAN] = "vsmd-can",
 		[SIM_BUS_SERVO_CAN] = "servo-can",
+		[SIM_BUS_XYZA] = "xyza",
 		NULL,
 	};
 	static const char *const lines[] = { "rs485", "rs232", NULL };
@@ -210,7 +211,8 @@ static int load_bus(cfg_t *cfg, struct sim_bus_config *bus)
 		.latency = cfg_getint(cfg, "latency-us") * DB_NS_PER_US,
 		.turnaround = cfg_getint(cfg, "turnaround-us") * DB_NS_PER_US,
 	};
-	if (bus->kind != SIM_BUS_VSMD_SERIAL && load_can(cfg, bus) != 0)
+	if (bus->kind != SIM_BUS_VSMD_SERIAL && bus->kind != SIM_BUS_XYZA &&
+	    load_can(cfg, bus) != 0)
 		return -1;
 	if (bus->kind == SIM_BUS_SERVO_CAN && load_layout(cfg, bus) != 0)
 		return -1;
@@ -368,6 +370,73 @@ static int load_servo(cfg_t *cfg, struct sim_servo_config *servo)
 	return 0;
 }
 
+/* "lead.y=2000" for one axis, "lead=2000" for all, "sound=1" for what they share. */
+static bool parse_xyza_setting(const char *text, struct sim_xyza_config *xyza)
+{
+	static const char letters[] = "xyza";
+	size_t length = strcspn(text, ".=");
+	int param = xyza_param_find(text, length);
+	const char *letter = NULL;
+	union db_value value;
+	char *end;
+	double number;
+
+	if (param < 0 || param == XYZA_FACTORY_RESET || param == XYZA_SLAVE_NUMBER)
+		return false;
+	text += length;
+	if (*text == '.') {
+		letter = text[1] ? strchr(letters, text[1]) : NULL;
+		if (!letter || !xyza_item_of_axis(xyza_param_item((enum xyza_param)param)))
+			return false;
+		text += 2;
+	}
+	if (*text != '=')
+		return false;
+	number = strtod(text + 1, &end);
+	if (end == text + 1 || *end != '\0' ||
+	    !db_value_from_number(xyza_params[param].type, number, &value) ||
+	    !xyza_param_in_range((enum xyza_param)param, value))
+		return false;
+	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
+		uint32_t *content = &xyza->defaults[axis][xyza_param_item((enum xyza_param)param)];
+
+		if (!letter || letters[axis] == *letter)
+			*content = xyza_param_put((enum xyza_param)param, value, *content);
+	}
+	return true;
+}
+
+static int load_xyza(cfg_t *cfg, struct sim_xyza_config *xyza)
+{
+	static const char *const marks[] = { "0c", "0a", NULL };
+	static const char *const failures[] = { "ab", "bb", NULL };
+	int mark = check_word(cfg, "answer-mark", marks);
+	int failure = check_word(cfg, "failure-code", failures);
+
+	if (mark < 0 || failure < 0 || check_int(cfg, "address", 1, XYZA_OBJECT_MAX) != 0 ||
+	    check_int(cfg, "axes", 1, XYZA_AXIS_COUNT) != 0 ||
+	    check_int(cfg, "programs", 1, UINT8_MAX) != 0 ||
+	    check_int(cfg, "program-steps", 1, XYZA_PROGRAM_STEP_MAX) != 0 ||
+	    check_int(cfg, "step-ms", 1, SIM_REPORT_MAX_MS) != 0)
+		return -1;
+	sim_xyza_config_init(xyza, (unsigned)cfg_getint(cfg, "address"));
+	xyza->style.answer_mark_0a = mark == 1;
+	xyza->style.failure_bb = failure == 1;
+	xyza->style.echo_a4 = cfg_getbool(cfg, "echo-a4");
+	xyza->axes = (unsigned)cfg_getint(cfg, "axes");
+	xyza->programs = (unsigned)cfg_getint(cfg, "programs");
+	xyza->steps = (unsigned)cfg_getint(cfg, "program-steps");
+	xyza->step_time = cfg_getint(cfg, "step-ms") * DB_NS_PER_MS;
+	for (unsigned i = 0; i < cfg_size(cfg, "set"); i++) {
+		if (!parse_xyza_setting(cfg_getnstr(cfg, "set", i), xyza))
+			return wrong(cfg, "set",
+			             "set \"%s\" cannot be read or is out of range; right is "
+			             "NAME=VALUE, or NAME.x=VALUE for one axis",
+			             cfg_getnstr(cfg, "set", i));
+	}
+	return 0;
+}
+
 static int find_bus(const struct sim_config *config, const char *name, size_t *index)
 {
 	for (size_t i = 0; name && i < config->bus_count; i++) {
@@ -404,6 +473,8 @@ static int check_neighbours(cfg_t *cfg, const struct sim_config *config, size_t 
 
 static int load_model(cfg_t *cfg, const struct sim_bus_config *bus, struct sim_drive_config *drive)
 {
+	if (bus->kind == SIM_BUS_XYZA)
+		return load_xyza(cfg, &drive->xyza);
 	return bus->kind == SIM_BUS_SERVO_CAN ? load_servo(cfg, &drive->servo) :
 	                                        load_vsmd(cfg, bus, &drive->vsmd);
 }
@@ -464,6 +535,37 @@ static void note_lines(cfg_t *cfg, const char *section, const cfg_opt_t *opts)
 	}
 }
 
+/* Keys of drives of all families. */
+static const cfg_opt_t drive_options[] = { CFG_STR("bus", NULL, CFGF_NODEFAULT),
+	                                   CFG_INT("address", 1, CFGF_NONE),
+	                                   CFG_STR("identity", "VSMD113_025T-1.0.008.170428",
+	                                           CFGF_NONE),
+	                                   CFG_STR("model", "025T", CFGF_NONE),
+	                                   CFG_BOOL("closed-loop", cfg_false, CFGF_NONE),
+	                                   CFG_BOOL("external", cfg_false, CFGF_NONE),
+	                                   CFG_FLOAT("max-current", 2.5, CFGF_NONE),
+	                                   CFG_FLOAT("travel-min", -1e9, CFGF_NONE),
+	                                   CFG_FLOAT("travel-max", 1e9, CFGF_NONE),
+	                                   CFG_FLOAT("start", 0.0, CFGF_NONE),
+	                                   CFG_STR("mode", "position", CFGF_NONE),
+	                                   CFG_BOOL("sync", cfg_false, CFGF_NONE),
+	                                   CFG_INT("report-position-ms", 100, CFGF_NONE),
+	                                   CFG_INT("report-motion-ms", 100, CFGF_NONE),
+	                                   CFG_INT("report-health-ms", 1000, CFGF_NONE),
+	                                   CFG_FLOAT("load", 0.0, CFGF_NONE),
+	                                   CFG_FLOAT("inertia", 1e-4, CFGF_NONE),
+	                                   CFG_INT("axes", XYZA_AXIS_COUNT, CFGF_NONE),
+	                                   CFG_INT("programs", 8, CFGF_NONE),
+	                                   CFG_INT("program-steps", 300, CFGF_NONE),
+	                                   CFG_INT("step-ms", 500, CFGF_NONE),
+	                                   CFG_STR("answer-mark", "0c", CFGF_NONE),
+	                                   CFG_STR("failure-code", "ab", CFGF_NONE),
+	                                   CFG_BOOL("echo-a4", cfg_false, CFGF_NONE),
+	                                   CFG_STR_LIST("sensor", NULL, CFGF_NODEFAULT),
+	                                   CFG_STR_LIST("set", NULL, CFGF_NODEFAULT),
+	                                   CFG_STR_LIST("fault", NULL, CFGF_NODEFAULT),
+	                                   CFG_END() };
+
 int sim_config_load(const char *path, struct sim_config *config)
 {
 	cfg_opt_t bus[] = { CFG_STR("protocol", "vsmd-serial", CFGF_NONE),
@@ -489,33 +591,15 @@ int sim_config_load(const char *path, struct sim_config *config)
 		            CFG_STR("flash", NULL, CFGF_NODEFAULT),
 		            CFG_STR_LIST("fault", NULL, CFGF_NODEFAULT),
 		            CFG_END() };
-	cfg_opt_t drive[] = { CFG_STR("bus", NULL, CFGF_NODEFAULT),
-		              CFG_INT("address", 1, CFGF_NONE),
-		              CFG_STR("identity", "VSMD113_025T-1.0.008.170428", CFGF_NONE),
-		              CFG_STR("model", "025T", CFGF_NONE),
-		              CFG_BOOL("closed-loop", cfg_false, CFGF_NONE),
-		              CFG_BOOL("external", cfg_false, CFGF_NONE),
-		              CFG_FLOAT("max-current", 2.5, CFGF_NONE),
-		              CFG_FLOAT("travel-min", -1e9, CFGF_NONE),
-		              CFG_FLOAT("travel-max", 1e9, CFGF_NONE),
-		              CFG_FLOAT("start", 0.0, CFGF_NONE),
-		              CFG_STR("mode", "position", CFGF_NONE),
-		              CFG_BOOL("sync", cfg_false, CFGF_NONE),
-		              CFG_INT("report-position-ms", 100, CFGF_NONE),
-		              CFG_INT("report-motion-ms", 100, CFGF_NONE),
-		              CFG_INT("report-health-ms", 1000, CFGF_NONE),
-		              CFG_FLOAT("load", 0.0, CFGF_NONE),
-		              CFG_FLOAT("inertia", 1e-4, CFGF_NONE),
-		              CFG_STR_LIST("sensor", NULL, CFGF_NODEFAULT),
-		              CFG_STR_LIST("set", NULL, CFGF_NODEFAULT),
-		              CFG_STR_LIST("fault", NULL, CFGF_NODEFAULT),
-		              CFG_END() };
+	cfg_opt_t drive[sizeof(drive_options) / sizeof(drive_options[0])];
 	cfg_opt_t opts[] = { CFG_SEC("bus", bus, CFGF_MULTI | CFGF_TITLE | CFGF_NO_TITLE_DUPES),
 		             CFG_SEC("drive", drive, CFGF_MULTI | CFGF_TITLE | CFGF_NO_TITLE_DUPES),
 		             CFG_END() };
-	cfg_t *cfg = cfg_init(opts, CFGF_NONE);
+	cfg_t *cfg;
 	int parsed;
 
+	memcpy(drive, drive_options, sizeof(drive));
+	cfg = cfg_init(opts, CFGF_NONE);
 	*config = (struct sim_config){ .source = cfg };
 	if (!cfg)
 		return -1;

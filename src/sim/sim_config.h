@@ -10,10 +10,11 @@
 #include "sim/vsmd_can_node.h"
 #include "sim/vsmd_drive.h"
 #include "sim/vsmd_serial_bus.h"
+#include "sim/xyza_controller.h"
 
 #define SIM_FAULT_TEXTS_MAX 16
 
-enum sim_bus_kind { SIM_BUS_VSMD_SERIAL, SIM_BUS_VSMD_CAN, SIM_BUS_SERVO_CAN };
+enum sim_bus_kind { SIM_BUS_VSMD_SERIAL, SIM_BUS_VSMD_CAN, SIM_BUS_SERVO_CAN, SIM_BUS_XYZA };
 
 struct sim_bus_config {
 	const char *name;
@@ -36,6 +37,7 @@ struct sim_drive_config {
 	unsigned address;
 	struct sim_vsmd_config vsmd;             /* flash_path is left null */
 	struct sim_servo_config servo;           /* on a bus of servos instead */
+	struct sim_xyza_config xyza;             /* likewise; flash_path is left null */
 	const char *faults[SIM_FAULT_TEXTS_MAX]; /* as the control socket's `fault` takes them */
 	size_t fault_count;
 };

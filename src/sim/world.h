@@ -53,7 +53,7 @@ db_time sim_world_next(const struct sim_world *world, db_time now);
 struct sim_bus *sim_world_bus(struct sim_world *world, const char *name);
 struct sim_node *sim_world_node(struct sim_world *world, const char *name);
 
-/* Holds the shaft of a drive, or lets it go. */
+/* Holds the shaft of a drive (no XYZA controller), or lets it go. */
 void sim_node_stall(struct sim_node *node, bool stalled, db_time now);
 
 /* A fault as text, for a drive or (node null) for a bus: those of faults.h, for drives also

@@ -242,7 +242,9 @@ static void only_what_exists_has_registers(void **state)
 	assert_int_not_equal(index.lookup[100], DB_NO_CELL);
 	assert_int_equal(index.lookup[140], DB_NO_CELL);
 	assert_int_not_equal(index.lookup[1015], DB_NO_CELL);
-	assert_int_equal(index.limit, 1016);
+	assert_int_equal(index.lookup[1016], DB_NO_CELL);
+	assert_int_not_equal(index.lookup[2023], DB_NO_CELL);
+	assert_int_equal(index.limit, 2024);
 	db_index_release(&index);
 	assert_int_equal(db_index_init(&index, &scopes[0], DB_TABLE_COILS), 0);
 	assert_int_equal(index.count, 16);

@@ -639,6 +639,36 @@ static void foreign_tickets_are_ignored(void **state)
 
 /* --- the gateway ------------------------------------------------------------------------------------------- */
 
+/* The flat window shows what the drive's own unit shows, all drives in one read. */
+static void flat_window(void **state)
+{
+	uint16_t own[40];
+	uint16_t values[72];
+
+	FAKE();
+	assert_int_equal(get(&fake, 1, DB_TABLE_HOLDING, 0, 36, own), 0);
+	assert_int_equal(get(&fake, 0, DB_TABLE_HOLDING, 2000, 72, values), 0);
+	assert_int_equal(values[0], 1);
+	assert_int_equal(values[1], 1);
+	assert_int_equal(values[2], own[0]);
+	assert_memory_equal(&values[4], &own[2], 4);   /* status */
+	assert_int_equal(values[6], own[4]);           /* quality */
+	assert_memory_equal(&values[8], &own[6], 4);   /* age */
+	assert_memory_equal(&values[10], &own[12], 8); /* position, velocity */
+	assert_memory_equal(&values[14], &own[16], 8); /* in units */
+	assert_memory_equal(&values[18], &own[20], 4); /* drive_status */
+	assert_int_equal(values[21], own[23]);
+	assert_int_equal(values[22], own[30]);
+	/* The third drive, and none behind it. */
+	assert_int_equal(values[48], 3);
+	assert_int_equal(get(&fake, 0, DB_TABLE_HOLDING, 2072, 1, values), ILLEGAL_ADDRESS);
+	/* Too old to be shown: not online any more. */
+	fake.now += 7000 * MS;
+	assert_int_equal(get1(&fake, 0, 2001), 0);
+	assert_int_equal(get1(&fake, 0, 2002), DB_AXIS_OFFLINE);
+	drop(&fake);
+}
+
 static void gateway(void **state)
 {
 	uint16_t values[125];
@@ -731,6 +761,7 @@ int main(void)
 		cmocka_unit_test(coils),
 		cmocka_unit_test(late_answers),
 		cmocka_unit_test(foreign_tickets_are_ignored),
+		cmocka_unit_test(flat_window),
 		cmocka_unit_test(gateway),
 		cmocka_unit_test(identification),
 	};

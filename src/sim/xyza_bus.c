@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/xyza_bus.h"
+
+#include "codec/xyza.h"
+#include "sim/xyza_controller.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#define FRAME_START 0x5a
+/* Half a request is forgotten after a silence that no host makes within one. */
+#define PATIENCE (100 * DB_NS_PER_MS)
+#define HEX_DIGITS 3 /* characters a byte takes in the log */
+
+static bool ends(uint8_t *bytes, size_t *length, uint8_t newest)
+{
+	size_t skip;
+	size_t frame;
+
+	(void)newest;
+	xyza_cut(bytes, *length, &skip, &frame);
+	memmove(bytes, bytes + skip, *length - skip);
+	*length -= skip;
+	return frame > 0;
+}
+
+static void write_log(struct sim_node *node, const struct sim_serial_request *request)
+{
+	char text[XYZA_FRAME_MAX * HEX_DIGITS + 1];
+
+	for (size_t i = 0; i < request->length; i++)
+		(void)snprintf(text + HEX_DIGITS * i, HEX_DIGITS + 1, "%02X ",
+		               (unsigned)request->bytes[i]);
+	sim_serial_bus_log(node, request, text, HEX_DIGITS * request->length - 1);
+}
+
+/* The reply put on the wire, or null. */
+static struct sim_burst *answer(struct sim_serial_bus *bus, struct sim_node *node,
+                                struct xyza_reply *reply, db_time request_end)
+{
+	struct sim_burst *burst = sim_serial_bus_begin(bus, node);
+	int length;
+
+	if (!burst)
+		return NULL;
+	if (sim_serial_bus_take(bus, node, SIM_FAULT_WRONG_ID))
+		reply->object = (uint8_t)(reply->object % XYZA_OBJECT_MAX + 1);
+	length = xyza_encode_reply(reply, sim_xyza_style(node->xyza), sim_serial_bus_bytes(burst),
+	                           XYZA_FRAME_MAX);
+	if (length < 0)
+		return NULL;
+	sim_serial_bus_send(bus, node, burst, (size_t)length, request_end);
+	return burst;
+}
+
+/* What one controller does about it. */
+static struct sim_burst *serve(struct sim_serial_bus *bus, struct sim_node *node,
+                               const struct sim_serial_request *request,
+                               const struct xyza_request *decoded, enum xyza_error error)
+{
+	struct xyza_reply reply;
+
+	if (!sim_xyza_powered(node->xyza) || !sim_serial_bus_connects(bus, node) ||
+	    sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
+		sim_serial_bus_count(bus)->unheard++;
+		return NULL;
+	}
+	write_log(node, request);
+	if (!sim_xyza_execute(node->xyza, decoded, error, request->end, &reply))
+		return NULL;
+	return answer(bus, node, &reply, request->end);
+}
+
+static void process(struct sim_serial_bus *bus, const struct sim_serial_request *request)
+{
+	struct xyza_request decoded;
+	enum xyza_error error = xyza_decode_request(request->bytes, request->length, &decoded);
+	struct sim_burst *burst = NULL;
+	struct sim_node *node;
+	bool known = false;
+
+	/* Another controller's answer is nobody's request. */
+	for (size_t i = 0; error != XYZA_ERR_SIDE && (node = sim_serial_bus_node(bus, i)); i++) {
+		if (!node->xyza || decoded.object != sim_xyza_number(node->xyza))
+			continue;
+		known = true;
+		burst = sim_serial_bus_overlap(burst, serve(bus, node, request, &decoded, error));
+	}
+	sim_serial_bus_count(bus)->foreign += !known;
+}
+
+const struct sim_serial_protocol sim_xyza_protocol = {
+	.ends = ends,
+	.garbage = FRAME_START,
+	.patience = PATIENCE,
+	.process = process,
+};

@@ -1,0 +1,739 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/xyza_controller.h"
+
+#include "sim/motion.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define ACCELERATION_TIME_UNIT 0.1 /* s */
+#define FLASH_TEXT_MAX 4096
+
+struct axis {
+	struct sim_motion motion;
+	bool negative_zero; /* the sign is kept apart, so that 0 has one, too */
+};
+
+struct sim_xyza {
+	struct sim_xyza_config config;
+	char *flash_path;
+	uint32_t items[XYZA_AXIS_COUNT][XYZA_ITEM_COUNT];
+	struct axis axes[XYZA_AXIS_COUNT];
+	db_time now;
+	bool powered;
+	db_time reset_done; /* a factory reset is under way until then; DB_TIME_NEVER: none is */
+
+	uint16_t inputs;
+	uint16_t outputs;
+
+	enum xyza_program_state state;
+	unsigned program;
+	unsigned step;  /* from 1; 0 before the first */
+	unsigned delay; /* s, before a program's first step */
+	bool single_step;
+	db_time step_end; /* RUNNING; or when a start that is delayed begins */
+	bool starting;
+
+	uint32_t counts[XYZA_VERB_COUNT];
+	uint32_t failures;
+};
+
+/* A handler returns false when the request fails. */
+typedef bool handler_fn(struct sim_xyza *controller, const struct xyza_request *request);
+
+void sim_xyza_config_init(struct sim_xyza_config *config, unsigned number)
+{
+	static const struct {
+		enum xyza_item item;
+		uint32_t content;
+	} values[] = {
+		{ XYZA_ITEM_MIN_SPEED, 200 },     { XYZA_ITEM_MAX_SPEED, 6400 },
+		{ XYZA_ITEM_MANUAL_SPEED, 3200 }, { XYZA_ITEM_ACCELERATION_TIME, 2 },
+		{ XYZA_ITEM_STEP_ANGLE, 200 },    { XYZA_ITEM_MICROSTEP, 16 },
+		{ XYZA_ITEM_LEAD, 5000 },         { XYZA_ITEM_KEYS, 0x080706 },
+		{ XYZA_ITEM_SYSTEM_INFO, 1 },
+	};
+
+	*config = (struct sim_xyza_config){
+		.number = number,
+		.axes = XYZA_AXIS_COUNT,
+		.programs = 8,
+		.steps = 300,
+		.step_time = DB_NS_PER_S / 2,
+	};
+	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
+		for (size_t i = 0; i < sizeof(values) / sizeof(values[0]); i++)
+			config->defaults[axis][values[i].item] = values[i].content;
+	}
+}
+
+/* --- memory --------------------------------------------------------------------------------------- */
+
+/* An item's place: those that all axes share are kept with the first. */
+static uint32_t *content_of(struct sim_xyza *controller, enum xyza_item item, enum xyza_axis axis)
+{
+	return &controller->items[xyza_item_of_axis(item) ? axis : XYZA_X][item];
+}
+
+static void set_defaults(struct sim_xyza *controller)
+{
+	memcpy(controller->items, controller->config.defaults, sizeof(controller->items));
+	controller->items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER] = controller->config.number;
+}
+
+/* One line of numbers in the order of axes and items. */
+static void save(const struct sim_xyza *controller)
+{
+	char temporary[FLASH_TEXT_MAX];
+	int length;
+	bool whole = true;
+	FILE *file;
+
+	if (!controller->flash_path)
+		return;
+	length = snprintf(temporary, sizeof(temporary), "%s.new", controller->flash_path);
+	if (length < 0 || (size_t)length >= sizeof(temporary))
+		return;
+	file = fopen(temporary, "we");
+	if (!file)
+		return;
+	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
+		for (size_t item = 0; item < XYZA_ITEM_COUNT; item++)
+			whole &= fprintf(file, "%lu ",
+			                 (unsigned long)controller->items[axis][item]) > 0;
+	}
+	whole &= fputs("end\n", file) >= 0;
+	whole &= fclose(file) == 0;
+	if (!whole || rename(temporary, controller->flash_path) != 0)
+		(void)unlink(temporary);
+}
+
+/* False, and nothing changed, when there is no whole memory. */
+static bool load(struct sim_xyza *controller)
+{
+	uint32_t items[XYZA_AXIS_COUNT][XYZA_ITEM_COUNT];
+	char text[FLASH_TEXT_MAX];
+	size_t length;
+	char *cursor = text;
+	FILE *file = controller->flash_path ? fopen(controller->flash_path, "re") : NULL;
+
+	if (!file)
+		return false;
+	length = fread(text, 1, sizeof(text) - 1, file);
+	(void)fclose(file);
+	text[length] = '\0';
+	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
+		for (size_t item = 0; item < XYZA_ITEM_COUNT; item++)
+			items[axis][item] = (uint32_t)strtoul(cursor, &cursor, 10);
+	}
+	if (strcmp(cursor, " end\n") != 0)
+		return false;
+	memcpy(controller->items, items, sizeof(items));
+	return true;
+}
+
+/* --- motion --------------------------------------------------------------------------------------- */
+
+static double content(const struct sim_xyza *controller, enum xyza_axis axis, enum xyza_item item)
+{
+	return (double)controller->items[axis][item];
+}
+
+static double ramp(const struct sim_xyza *controller, enum xyza_axis axis)
+{
+	double time = content(controller, axis, XYZA_ITEM_ACCELERATION_TIME) *
+	              ACCELERATION_TIME_UNIT;
+	double change = content(controller, axis, XYZA_ITEM_MAX_SPEED) -
+	                content(controller, axis, XYZA_ITEM_MIN_SPEED);
+
+	/* 0 is a jump. */
+	return time > 0.0 && change > 0.0 ? change / time : 0.0;
+}
+
+static bool brakes(const struct sim_xyza *controller, enum xyza_axis axis)
+{
+	return (controller->items[XYZA_X][XYZA_ITEM_BRAKE] >> axis & 1) != 0;
+}
+
+static void run_axis(struct sim_xyza *controller, enum xyza_axis axis, double velocity)
+{
+	struct sim_motion *motion = &controller->axes[axis].motion;
+	double min = fmin(content(controller, axis, XYZA_ITEM_MIN_SPEED), fabs(velocity));
+	double acceleration = ramp(controller, axis);
+
+	sim_motion_set_ramps(motion, acceleration, brakes(controller, axis) ? acceleration : 0.0);
+	/* From standing it starts with the lowest speed. */
+	if (!sim_motion_moving(motion) && acceleration > 0.0)
+		motion->velocity = copysign(min, velocity);
+	controller->axes[axis].negative_zero = false;
+	sim_motion_run(motion, velocity);
+}
+
+static void stop_axis(struct sim_xyza *controller, enum xyza_axis axis)
+{
+	struct sim_motion *motion = &controller->axes[axis].motion;
+
+	sim_motion_set_ramps(motion, motion->acc,
+	                     brakes(controller, axis) ? ramp(controller, axis) : 0.0);
+	sim_motion_stop(motion);
+}
+
+static void stop_axes(struct sim_xyza *controller)
+{
+	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++)
+		stop_axis(controller, (enum xyza_axis)axis);
+}
+
+static void halt_axes(struct sim_xyza *controller)
+{
+	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++)
+		sim_motion_halt(&controller->axes[axis].motion);
+}
+
+/* Below its lowest speed a motor stands at once. */
+static void advance_axis(struct sim_xyza *controller, enum xyza_axis axis, db_time now)
+{
+	struct sim_motion *motion = &controller->axes[axis].motion;
+	double min = content(controller, axis, XYZA_ITEM_MIN_SPEED);
+
+	if (motion->mode == SIM_MOTION_STOPPING && motion->dec > 0.0) {
+		double left = fmax(0.0, fabs(motion->velocity) - min) / motion->dec;
+		db_time end = motion->time + (db_time)(left * (double)DB_NS_PER_S);
+
+		if (end <= now) {
+			sim_motion_advance(motion, end);
+			sim_motion_halt(motion);
+		}
+	}
+	sim_motion_advance(motion, now);
+}
+
+static void advance_axes(struct sim_xyza *controller, db_time now)
+{
+	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++)
+		advance_axis(controller, (enum xyza_axis)axis, now);
+	controller->now = now;
+}
+
+static bool any_moves(const struct sim_xyza *controller)
+{
+	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
+		if (sim_motion_moving(&controller->axes[axis].motion))
+			return true;
+	}
+	return false;
+}
+
+/* --- programs ------------------------------------------------------------------------------------- */
+
+static bool program_active(const struct sim_xyza *controller)
+{
+	return controller->state != XYZA_PROGRAM_IDLE || controller->starting;
+}
+
+static void end_program(struct sim_xyza *controller)
+{
+	controller->state = XYZA_PROGRAM_IDLE;
+	controller->starting = false;
+	controller->step = 0;
+}
+
+static void move_in_step(struct sim_xyza *controller)
+{
+	double speed = content(controller, XYZA_X, XYZA_ITEM_MAX_SPEED);
+
+	run_axis(controller, XYZA_X, controller->step % 2 ? speed : -speed);
+}
+
+static void next_step(struct sim_xyza *controller)
+{
+	if (controller->step == controller->config.steps) {
+		stop_axes(controller);
+		end_program(controller);
+		return;
+	}
+	controller->state = XYZA_PROGRAM_RUNNING;
+	controller->starting = false;
+	controller->step++;
+	controller->step_end = controller->now + controller->config.step_time;
+	move_in_step(controller);
+}
+
+static void pause_program(struct sim_xyza *controller, enum xyza_program_state state)
+{
+	/* A start that still waits for its delay is called off. */
+	if (controller->starting) {
+		end_program(controller);
+		return;
+	}
+	if (controller->state == XYZA_PROGRAM_RUNNING ||
+	    (controller->state == XYZA_PROGRAM_WAITING && state == XYZA_PROGRAM_INTERRUPTED))
+		controller->state = state;
+	stop_axes(controller);
+}
+
+static void end_step(struct sim_xyza *controller)
+{
+	if (controller->single_step && controller->step < controller->config.steps &&
+	    controller->step > 0)
+		pause_program(controller, XYZA_PROGRAM_WAITING);
+	else
+		next_step(controller);
+}
+
+static bool start(struct sim_xyza *controller, unsigned program)
+{
+	if (program < 1 || program > controller->config.programs || program_active(controller) ||
+	    any_moves(controller))
+		return false;
+	controller->program = program;
+	controller->step = 0;
+	controller->starting = true;
+	controller->step_end = controller->now + (db_time)controller->delay * DB_NS_PER_S;
+	if (controller->delay == 0)
+		next_step(controller);
+	return true;
+}
+
+static bool resume(struct sim_xyza *controller)
+{
+	if (controller->state != XYZA_PROGRAM_WAITING &&
+	    controller->state != XYZA_PROGRAM_INTERRUPTED)
+		return false;
+	next_step(controller);
+	return true;
+}
+
+static bool timed(const struct sim_xyza *controller)
+{
+	return controller->starting || controller->state == XYZA_PROGRAM_RUNNING;
+}
+
+void sim_xyza_advance(struct sim_xyza *controller, db_time now)
+{
+	if (now < controller->now)
+		return;
+	while (controller->powered && timed(controller) && controller->step_end <= now) {
+		advance_axes(controller, controller->step_end);
+		end_step(controller);
+	}
+	advance_axes(controller, now);
+}
+
+bool sim_xyza_busy(const struct sim_xyza *controller)
+{
+	return controller->powered && (timed(controller) || any_moves(controller));
+}
+
+/* --- power ---------------------------------------------------------------------------------------- */
+
+static void power_up(struct sim_xyza *controller)
+{
+	if (!load(controller) && controller->flash_path)
+		set_defaults(controller);
+	controller->powered = true;
+	controller->reset_done = DB_TIME_NEVER;
+	controller->outputs = 0;
+	controller->delay = 0;
+	controller->single_step = false;
+	controller->program = 0;
+	end_program(controller);
+	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
+		sim_motion_init(&controller->axes[axis].motion, controller->now);
+		controller->axes[axis].negative_zero = false;
+	}
+	if (controller->items[XYZA_X][XYZA_ITEM_START_UP] == 1)
+		(void)start(controller, 1);
+}
+
+struct sim_xyza *sim_xyza_new(const struct sim_xyza_config *config, db_time now)
+{
+	struct sim_xyza *controller = calloc(1, sizeof(*controller));
+
+	if (!controller)
+		return NULL;
+	controller->config = *config;
+	controller->config.flash_path = NULL;
+	if (config->flash_path) {
+		controller->flash_path = strdup(config->flash_path);
+		if (!controller->flash_path) {
+			free(controller);
+			return NULL;
+		}
+	}
+	controller->now = now;
+	set_defaults(controller);
+	power_up(controller);
+	return controller;
+}
+
+void sim_xyza_free(struct sim_xyza *controller)
+{
+	if (!controller)
+		return;
+	free(controller->flash_path);
+	free(controller);
+}
+
+void sim_xyza_power(struct sim_xyza *controller, bool on, db_time now)
+{
+	sim_xyza_advance(controller, now);
+	if (on == controller->powered)
+		return;
+	if (on) {
+		power_up(controller);
+		return;
+	}
+	halt_axes(controller);
+	if (controller->reset_done <= controller->now) {
+		set_defaults(controller);
+		save(controller);
+	}
+	controller->powered = false;
+}
+
+/* --- requests ------------------------------------------------------------------------------------- */
+
+static bool accept(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	(void)controller;
+	(void)request;
+	return true;
+}
+
+static bool write_magnitude(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	struct axis *axis = &controller->axes[request->axis];
+	bool negative = axis->negative_zero || round(axis->motion.position) < 0.0;
+	double magnitude = (double)request->value;
+
+	axis->negative_zero = negative && request->value == 0;
+	sim_motion_set_position(&axis->motion, negative ? -magnitude : magnitude);
+	return true;
+}
+
+static bool write_sign(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	struct axis *axis = &controller->axes[request->axis];
+	double magnitude = fabs(round(axis->motion.position));
+
+	axis->negative_zero = request->negative && magnitude == 0.0;
+	sim_motion_set_position(&axis->motion, request->negative ? -magnitude : magnitude);
+	return true;
+}
+
+static bool write_output(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	unsigned bits = request->verb == XYZA_WRITE_OUTPUTS ? (1u << XYZA_OUTPUTS) - 1 :
+	                                                      1u << (request->number - 1);
+
+	controller->outputs = (uint16_t)(request->on ? controller->outputs | bits :
+	                                               controller->outputs & ~bits);
+	return true;
+}
+
+static bool write_item(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	if (request->item == XYZA_ITEM_FACTORY_RESET) {
+		halt_axes(controller);
+		end_program(controller);
+		controller->reset_done = controller->now + SIM_XYZA_RESET_TIME;
+		return true;
+	}
+	*content_of(controller, request->item, request->axis) = request->value;
+	save(controller);
+	return true;
+}
+
+static bool jog(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	double speed = content(controller, request->axis, XYZA_ITEM_MANUAL_SPEED);
+
+	if (program_active(controller))
+		return false;
+	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
+		if (axis != request->axis && sim_motion_moving(&controller->axes[axis].motion))
+			return false;
+	}
+	run_axis(controller, request->axis, request->negative ? -speed : speed);
+	return true;
+}
+
+static bool manual_stop(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	if (program_active(controller))
+		return true;
+	if (request->verb == XYZA_MANUAL_QUICK_STOP)
+		halt_axes(controller);
+	else
+		stop_axes(controller);
+	return true;
+}
+
+static bool clear(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	controller->axes[request->axis].negative_zero = false;
+	sim_motion_set_position(&controller->axes[request->axis].motion, 0.0);
+	return true;
+}
+
+static bool program_stop(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	bool quick = request->verb == XYZA_PROGRAM_QUICK_STOP;
+
+	if (!program_active(controller))
+		return true;
+	pause_program(controller, quick ? XYZA_PROGRAM_INTERRUPTED : XYZA_PROGRAM_WAITING);
+	if (quick)
+		halt_axes(controller);
+	return true;
+}
+
+static bool program_start(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	return start(controller, request->number);
+}
+
+static bool program_delay(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	controller->delay = request->number;
+	return true;
+}
+
+static bool program_continue(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	(void)request;
+	return resume(controller);
+}
+
+static bool program_end(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	(void)request;
+	if (controller->state == XYZA_PROGRAM_RUNNING || controller->starting)
+		return false;
+	end_program(controller);
+	return true;
+}
+
+static bool step_mode(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	controller->single_step = request->verb == XYZA_PROGRAM_STEP_ON;
+	return true;
+}
+
+static handler_fn *const handlers[XYZA_VERB_COUNT] = {
+	[XYZA_VERB_ONLINE] = accept,
+	[XYZA_READ_MAGNITUDE] = accept,
+	[XYZA_READ_SIGN] = accept,
+	[XYZA_READ_STANDING] = accept,
+	[XYZA_READ_PORTS] = accept,
+	[XYZA_READ_ITEM] = accept,
+	[XYZA_WRITE_MAGNITUDE] = write_magnitude,
+	[XYZA_WRITE_SIGN] = write_sign,
+	[XYZA_WRITE_OUTPUT] = write_output,
+	[XYZA_WRITE_OUTPUTS] = write_output,
+	[XYZA_WRITE_ITEM] = write_item,
+	[XYZA_MANUAL_QUICK_STOP] = manual_stop,
+	[XYZA_MANUAL_STOP] = manual_stop,
+	[XYZA_MANUAL_JOG] = jog,
+	[XYZA_MANUAL_CLEAR] = clear,
+	[XYZA_PROGRAM_QUICK_STOP] = program_stop,
+	[XYZA_PROGRAM_STOP] = program_stop,
+	[XYZA_PROGRAM_START] = program_start,
+	[XYZA_PROGRAM_CLEAR] = clear,
+	[XYZA_PROGRAM_DELAY] = program_delay,
+	[XYZA_PROGRAM_CONTINUE] = program_continue,
+	[XYZA_PROGRAM_END] = program_end,
+	[XYZA_PROGRAM_STEP_ON] = step_mode,
+	[XYZA_PROGRAM_STEP_OFF] = step_mode,
+	[XYZA_PROGRAM_STATE] = accept,
+};
+
+static uint32_t read_value(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	const struct axis *axis = &controller->axes[request->axis];
+	double position = round(axis->motion.position);
+
+	switch (request->verb) {
+	case XYZA_READ_MAGNITUDE:
+		/* The counter is 32 bits wide and wraps in endless running. */
+		return (uint32_t)(int64_t)llround(fabs(position));
+	case XYZA_READ_SIGN:
+		return position < 0.0 || axis->negative_zero;
+	case XYZA_READ_STANDING:
+		return !sim_motion_moving(&axis->motion);
+	case XYZA_READ_PORTS:
+		return (uint32_t)controller->outputs << 16 | controller->inputs;
+	case XYZA_READ_ITEM:
+	default:
+		return *content_of(controller, request->item, request->axis);
+	}
+}
+
+static void fill_reply(struct sim_xyza *controller, const struct xyza_request *request,
+                       struct xyza_reply *reply)
+{
+	switch (request->verb) {
+	case XYZA_READ_MAGNITUDE:
+	case XYZA_READ_SIGN:
+	case XYZA_READ_STANDING:
+	case XYZA_READ_PORTS:
+	case XYZA_READ_ITEM:
+		xyza_fill_data(request, read_value(controller, request), &controller->config.style,
+		               reply);
+		break;
+	case XYZA_PROGRAM_STATE:
+		reply->kind = XYZA_REPLY_PROGRAM_STATE;
+		reply->state = (uint8_t)controller->state;
+		reply->program = (uint8_t)controller->program;
+		reply->step = (uint16_t)controller->step;
+		break;
+	default:
+		reply->kind = XYZA_REPLY_DONE;
+		break;
+	}
+}
+
+bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *request,
+                      enum xyza_error error, db_time now, struct xyza_reply *reply)
+{
+	sim_xyza_advance(controller, now);
+	if (!controller->powered || controller->reset_done != DB_TIME_NEVER)
+		return false;
+	*reply = (struct xyza_reply){
+		.kind = XYZA_REPLY_FAILED,
+		.object = request->object,
+		.order = request->order,
+	};
+	/* All verbs about an axis name it; the others have x there. */
+	if (error != XYZA_OK || (unsigned)request->axis >= controller->config.axes ||
+	    !handlers[request->verb](controller, request)) {
+		controller->failures++;
+		return true;
+	}
+	controller->counts[request->verb]++;
+	fill_reply(controller, request, reply);
+	return true;
+}
+
+/* --- from outside --------------------------------------------------------------------------------- */
+
+static unsigned key(const struct sim_xyza *controller, enum xyza_param param)
+{
+	return xyza_param_get(param, controller->items[XYZA_X][XYZA_ITEM_KEYS]).u;
+}
+
+static void press(struct sim_xyza *controller, unsigned number)
+{
+	if (number == key(controller, XYZA_START_KEY)) {
+		if (!resume(controller))
+			(void)start(controller, controller->program ? controller->program : 1);
+	} else if (number == key(controller, XYZA_STOP_KEY)) {
+		if (controller->state == XYZA_PROGRAM_RUNNING || controller->starting)
+			pause_program(controller, XYZA_PROGRAM_WAITING);
+		else
+			end_program(controller);
+	} else if (number == key(controller, XYZA_PAUSE_KEY)) {
+		pause_program(controller, XYZA_PROGRAM_WAITING);
+	}
+}
+
+void sim_xyza_set_input(struct sim_xyza *controller, unsigned number, bool level, db_time now)
+{
+	unsigned bit;
+	bool before;
+
+	if (number < 1 || number > SIM_XYZA_INPUTS)
+		return;
+	sim_xyza_advance(controller, now);
+	bit = 1u << (number - 1);
+	before = (controller->inputs & bit) != 0;
+	controller->inputs = (uint16_t)(level ? controller->inputs | bit :
+	                                        controller->inputs & ~bit);
+	if (level && !before && controller->powered && controller->reset_done == DB_TIME_NEVER)
+		press(controller, number);
+}
+
+void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t position, db_time now)
+{
+	sim_xyza_advance(controller, now);
+	sim_motion_halt(&controller->axes[axis].motion);
+	controller->axes[axis].negative_zero = false;
+	sim_motion_set_position(&controller->axes[axis].motion, position);
+}
+
+/* --- what it is like ------------------------------------------------------------------------------ */
+
+unsigned sim_xyza_number(const struct sim_xyza *controller)
+{
+	return controller->items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER];
+}
+
+const struct xyza_style *sim_xyza_style(const struct sim_xyza *controller)
+{
+	return &controller->config.style;
+}
+
+bool sim_xyza_powered(const struct sim_xyza *controller)
+{
+	return controller->powered;
+}
+
+double sim_xyza_position(const struct sim_xyza *controller, enum xyza_axis axis)
+{
+	return controller->axes[axis].motion.position;
+}
+
+double sim_xyza_speed(const struct sim_xyza *controller, enum xyza_axis axis)
+{
+	return controller->axes[axis].motion.velocity;
+}
+
+bool sim_xyza_standing(const struct sim_xyza *controller, enum xyza_axis axis)
+{
+	return !sim_motion_moving(&controller->axes[axis].motion);
+}
+
+uint32_t sim_xyza_content(const struct sim_xyza *controller, enum xyza_item item,
+                          enum xyza_axis axis)
+{
+	return controller->items[xyza_item_of_axis(item) ? axis : XYZA_X][item];
+}
+
+uint16_t sim_xyza_inputs(const struct sim_xyza *controller)
+{
+	return controller->inputs;
+}
+
+uint16_t sim_xyza_outputs(const struct sim_xyza *controller)
+{
+	return controller->outputs;
+}
+
+enum xyza_program_state sim_xyza_program_state(const struct sim_xyza *controller)
+{
+	return controller->state;
+}
+
+unsigned sim_xyza_program(const struct sim_xyza *controller)
+{
+	return controller->program;
+}
+
+unsigned sim_xyza_step(const struct sim_xyza *controller)
+{
+	return controller->step;
+}
+
+uint32_t sim_xyza_count(const struct sim_xyza *controller, enum xyza_verb verb)
+{
+	return controller->counts[verb];
+}
+
+uint32_t sim_xyza_failures(const struct sim_xyza *controller)
+{
+	return controller->failures;
+}

@@ -1,0 +1,87 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * One simulated XYZA controller: up to four axes, inputs, outputs, programs and its memory. It knows
+ * requests but no wire: xyza_bus.h turns bytes into struct xyza_request. Time is handed in and must
+ * not run backwards (an earlier `now` counts as the latest seen). One thread.
+ *
+ * Where the vendor's document is silent the controller does this: what it does not know and what is
+ * out of range is answered as failed; manual motion and programs exclude each other, and commands of
+ * one mode leave the other alone; a new manual speed holds from the next jog on; parameters are kept
+ * without power at once, positions, outputs and the delay of programs are not; a program moves x
+ * forwards in its odd steps and backwards in its even ones.
+ */
+#ifndef DRIVEBRIDGE_SIM_XYZA_CONTROLLER_H
+#define DRIVEBRIDGE_SIM_XYZA_CONTROLLER_H
+
+#include "codec/xyza.h"
+#include "drivebridge/time.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define SIM_XYZA_INPUTS 16
+#define SIM_XYZA_RESET_TIME (10 * DB_NS_PER_S)
+
+struct sim_xyza_config {
+	const char *flash_path; /* null: parameters live as long as the process */
+	unsigned number;        /* slave number as delivered, 1..255 */
+	unsigned axes;          /* 1..4 */
+	unsigned programs;      /* 1..so many exist */
+	unsigned steps;         /* of each program, 1..65535 */
+	db_time step_time;
+	struct xyza_style style;
+	/* As delivered; of items that all axes share the first counts. */
+	uint32_t defaults[XYZA_AXIS_COUNT][XYZA_ITEM_COUNT];
+};
+
+struct sim_xyza;
+
+/* Fills in what is sensible; the caller then changes what it knows better. */
+void sim_xyza_config_init(struct sim_xyza_config *config, unsigned number);
+
+/* Powered on. Null when out of memory. Copies the configuration (the path too). */
+struct sim_xyza *sim_xyza_new(const struct sim_xyza_config *config, db_time now);
+void sim_xyza_free(struct sim_xyza *controller);
+
+/* Lets axes and programs catch up. Needed only to keep the later catching-up short. */
+void sim_xyza_advance(struct sim_xyza *controller, db_time now);
+
+/* Something changes as time passes. */
+bool sim_xyza_busy(const struct sim_xyza *controller);
+
+/*
+ * Carries out a request to this controller as it was decoded (the number is not looked at; `error`
+ * is what decoding it said) and fills in the reply. False when there is none: no power, or between a
+ * factory reset and the power cycle behind it.
+ */
+bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *request,
+                      enum xyza_error error, db_time now, struct xyza_reply *reply);
+
+/* What happens to a controller from outside. A factory reset is complete when the power goes off
+ * SIM_XYZA_RESET_TIME after it or later; sooner, all is as before. */
+void sim_xyza_power(struct sim_xyza *controller, bool on, db_time now);
+/* number 1..16. The keys for start, stop and pause act when their input becomes 1. */
+void sim_xyza_set_input(struct sim_xyza *controller, unsigned number, bool level, db_time now);
+/* Puts an axis there, standing. */
+void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t position,
+                    db_time now);
+
+/* What a test wants to see. Call sim_xyza_advance() before. */
+unsigned sim_xyza_number(const struct sim_xyza *controller); /* in effect */
+const struct xyza_style *sim_xyza_style(const struct sim_xyza *controller);
+bool sim_xyza_powered(const struct sim_xyza *controller);
+double sim_xyza_position(const struct sim_xyza *controller, enum xyza_axis axis); /* pulses */
+double sim_xyza_speed(const struct sim_xyza *controller, enum xyza_axis axis);    /* Hz, signed */
+bool sim_xyza_standing(const struct sim_xyza *controller, enum xyza_axis axis);
+uint32_t sim_xyza_content(const struct sim_xyza *controller, enum xyza_item item,
+                          enum xyza_axis axis);
+uint16_t sim_xyza_inputs(const struct sim_xyza *controller);
+uint16_t sim_xyza_outputs(const struct sim_xyza *controller);
+enum xyza_program_state sim_xyza_program_state(const struct sim_xyza *controller);
+unsigned sim_xyza_program(const struct sim_xyza *controller);
+unsigned sim_xyza_step(const struct sim_xyza *controller);
+/* How often a verb was carried out, and how many requests were answered as failed. */
+uint32_t sim_xyza_count(const struct sim_xyza *controller, enum xyza_verb verb);
+uint32_t sim_xyza_failures(const struct sim_xyza *controller);
+
+#endif
