@@ -95,10 +95,12 @@ struct db_device {
 	int32_t position;
 	float velocity; /* computed from two positions */
 	db_time taken;
-	bool jogging; /* it was told to, and was not seen to stand since */
-	bool fresh;   /* told so after the last look at it */
+	bool jogging;  /* it was told to, and was not seen to stand since */
+	bool fresh;    /* told so after the last look at it */
+	unsigned told; /* how often it was told to move or to stop */
 	bool stopping;
 	bool refused;
+	unsigned resends; /* of the command under way */
 	struct db_nameplate plate;
 	bool params_valid;
 
@@ -108,11 +110,14 @@ struct db_device {
 	uint8_t program;
 	uint8_t program_state;
 	uint16_t program_step;
+	unsigned stops; /* how often any axis was told to stop: all of them do */
+	bool delayed;   /* it may have a start delay, which a start without one has to end */
 
 	/* First axis only: the reading under way. */
 	unsigned poll_axis;
 	unsigned sign_tries;
 	bool poll_standing;
+	unsigned poll_told; /* when it was seen to stand or to move */
 	bool poll_negative;
 	uint32_t poll_magnitude;
 	db_time poll_taken;
@@ -182,8 +187,13 @@ static enum db_step poll_begin(struct db_device *first, struct db_job *job,
 	return poll_ask(first, job, POLL_STANDING, exchange, result);
 }
 
-static void take_standing(struct db_device *device, bool standing)
+static void take_standing(struct db_device *device, const struct db_device *first)
 {
+	bool standing = first->poll_standing;
+
+	/* What was seen before it was told something says nothing about what it does now. */
+	if (first->poll_told != device->told)
+		return;
 	device->standing = standing;
 	device->fresh = false;
 	if (standing)
@@ -207,7 +217,7 @@ static void take_position(struct db_device *device, const struct db_device *firs
 	device->negative = first->poll_negative;
 	device->taken = first->poll_taken;
 	device->heard = true;
-	take_standing(device, first->poll_standing);
+	take_standing(device, first);
 }
 
 static enum db_step poll_next_axis(struct db_device *first, struct db_job *job,
@@ -225,6 +235,7 @@ static bool is_settled(const struct db_device *first, const struct db_device *de
 	int32_t position;
 
 	return device->heard && first->poll_standing && device->standing &&
+	       first->poll_told == device->told &&
 	       xyza_position(first->poll_magnitude, first->poll_negative, &position) &&
 	       position == device->position;
 }
@@ -243,6 +254,7 @@ static enum db_step poll_answer(struct db_device *first, struct db_job *job,
 	switch ((enum poll_phase)job->step) {
 	case POLL_STANDING:
 		first->poll_standing = reply->value == 1;
+		first->poll_told = device->told;
 		return poll_ask(first, job, POLL_SIGN, exchange, result);
 	case POLL_SIGN:
 		first->poll_negative = reply->value == 1;
@@ -284,9 +296,9 @@ static struct step *add(struct plan *plan, struct xyza_request request)
 	return step;
 }
 
-static void add_verb(struct plan *plan, const struct db_device *device, enum xyza_verb verb)
+static struct step *add_verb(struct plan *plan, const struct db_device *device, enum xyza_verb verb)
 {
-	add(plan, (struct xyza_request){ .verb = verb, .axis = device->axis });
+	return add(plan, (struct xyza_request){ .verb = verb, .axis = device->axis });
 }
 
 /* Reads an item, puts the parameter in and writes it. */
@@ -305,21 +317,25 @@ static void add_change(struct plan *plan, const struct db_device *device, enum x
 	    (struct xyza_request){ .verb = XYZA_WRITE_ITEM, .axis = device->axis, .item = item });
 }
 
-static bool runs_program(const struct db_device *first)
-{
-	return first->program_state != XYZA_PROGRAM_IDLE;
-}
-
-/* Both modes are stopped: what a controller does not do it may refuse to stop. */
+/*
+ * Both modes are stopped: what a controller does not do it may refuse to stop. A program that shows
+ * as idle may be about to start, by a key or after its delay. One that is stopped already may end.
+ */
 static void plan_stop(struct plan *plan, const struct db_device *device, bool quick)
 {
-	bool program = runs_program(device->first);
+	enum xyza_verb manual = quick ? XYZA_MANUAL_QUICK_STOP : XYZA_MANUAL_STOP;
+	enum xyza_verb program = quick ? XYZA_PROGRAM_QUICK_STOP : XYZA_PROGRAM_STOP;
 
-	add(plan,
-	    (struct xyza_request){ .verb = quick ? XYZA_MANUAL_QUICK_STOP : XYZA_MANUAL_STOP })
-		->kind = program ? STEP_MAY_FAIL : STEP_PLAIN;
-	if (program)
-		add_verb(plan, device, quick ? XYZA_PROGRAM_QUICK_STOP : XYZA_PROGRAM_STOP);
+	if (device->first->program_state == XYZA_PROGRAM_RUNNING) {
+		add_verb(plan, device, program);
+		add_verb(plan, device, manual)->kind = STEP_MAY_FAIL;
+		return;
+	}
+	add_verb(plan, device, manual)->kind = device->first->program_state == XYZA_PROGRAM_IDLE ?
+	                                               STEP_PLAIN :
+	                                               STEP_MAY_FAIL;
+	/* An emergency stop would leave a program interrupted that never ran. */
+	add_verb(plan, device, XYZA_PROGRAM_STOP)->kind = STEP_MAY_FAIL;
 }
 
 static void plan_enable(struct plan *plan, const struct db_device *device, bool on)
@@ -337,8 +353,7 @@ static void plan_jog(struct plan *plan, struct db_device *device, bool negative,
 {
 	if (!device->standing || device->jogging) {
 		add_verb(plan, device, XYZA_MANUAL_STOP);
-		add(plan, (struct xyza_request){ .verb = XYZA_READ_STANDING, .axis = device->axis })
-			->kind = STEP_UNTIL_STANDING;
+		add_verb(plan, device, XYZA_READ_STANDING)->kind = STEP_UNTIL_STANDING;
 	}
 	if (speed > 0.0f)
 		add(plan, (struct xyza_request){ .verb = XYZA_WRITE_ITEM,
@@ -360,22 +375,33 @@ static void plan_outputs(struct plan *plan, const struct db_args *args)
 	}
 }
 
+/* Whoever reads between two of these writes, and whatever becomes of the rest of them: the position
+ * has the sign of the old value or of the new one, or is 0. */
 static void plan_position(struct plan *plan, const struct db_device *device, int32_t position)
 {
 	uint32_t magnitude = position < 0 ? 0u - (uint32_t)position : (uint32_t)position;
 
-	add(plan, (struct xyza_request){
-			  .verb = XYZA_WRITE_MAGNITUDE, .axis = device->axis, .value = magnitude });
-	add(plan, (struct xyza_request){ .verb = XYZA_WRITE_SIGN,
-	                                 .axis = device->axis,
-	                                 .negative = position < 0 });
+	if (position == 0) {
+		add_verb(plan, device, XYZA_MANUAL_CLEAR);
+		return;
+	}
+	if (device->position != 0 && device->negative != (position < 0))
+		add_verb(plan, device, XYZA_WRITE_MAGNITUDE);
+	add_verb(plan, device, XYZA_WRITE_SIGN)->request.negative = position < 0;
+	add_verb(plan, device, XYZA_WRITE_MAGNITUDE)->request.value = magnitude;
 }
 
-static void plan_program(struct plan *plan, const struct db_args *args)
+static void plan_program(struct plan *plan, struct db_device *first, const struct db_args *args)
 {
-	if (args->program_delay > 0)
-		add(plan, (struct xyza_request){ .verb = XYZA_PROGRAM_DELAY,
-		                                 .number = (uint8_t)args->program_delay });
+	if (args->program_delay > 0 || first->delayed) {
+		struct step *step = add(
+			plan, (struct xyza_request){ .verb = XYZA_PROGRAM_DELAY,
+		                                     .number = (uint8_t)args->program_delay });
+
+		if (args->program_delay == 0)
+			step->kind = STEP_MAY_FAIL;
+		first->delayed = true;
+	}
 	add(plan, (struct xyza_request){ .verb = XYZA_PROGRAM_START,
 	                                 .number = (uint8_t)args->program_number });
 }
@@ -442,7 +468,7 @@ static void make_plan(struct plan *plan, struct db_device *device, const struct 
 		plan_outputs(plan, args);
 		break;
 	case DB_CMD_START_PROGRAM:
-		plan_program(plan, args);
+		plan_program(plan, device->first, args);
 		break;
 	case DB_CMD_PAUSE_PROGRAM:
 		add_verb(plan, device, XYZA_PROGRAM_STOP);
@@ -488,8 +514,9 @@ static struct plan *plan_of(struct db_device *device, const struct db_job *job)
 	               &device->front;
 }
 
-/* After its answer was lost, saying it again can do no harm. */
-static bool is_repeatable(enum xyza_verb verb)
+/* After its answer was lost, saying it again can do no harm. A second stop may end a program that
+ * the first one has paused, which is no harm when it was to stop anyway. */
+static bool is_repeatable(const struct db_job *job, enum xyza_verb verb)
 {
 	switch (verb) {
 	case XYZA_MANUAL_JOG:
@@ -497,6 +524,8 @@ static bool is_repeatable(enum xyza_verb verb)
 	case XYZA_PROGRAM_CONTINUE:
 	case XYZA_PROGRAM_END:
 		return false;
+	case XYZA_PROGRAM_STOP:
+		return job->request->command != DB_CMD_PAUSE_PROGRAM;
 	default:
 		return true;
 	}
@@ -511,52 +540,68 @@ static enum db_step send_step(struct db_device *device, struct db_job *job,
 	if (job->step == plan->count)
 		return done(result, DB_RESULT_OK);
 	request = &plan->steps[job->step].request;
-	return ask(device, *request, is_repeatable(request->verb), exchange, result);
+	return ask(device, *request, is_repeatable(job, request->verb), exchange, result);
 }
 
 /* --- what a finished command means ------------------------------------------------------------------ */
 
-static void share(struct db_device *first, enum xyza_param param, union db_value value, bool valid)
+static void learn_one(struct db_device *device, enum xyza_param param, union db_value value)
 {
-	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
-		struct db_device *device = first->axes[i];
-		uint64_t bit = UINT64_C(1) << param;
+	uint64_t bit = UINT64_C(1) << param;
 
-		if (!device || (valid && device->plate.values[param].u == value.u &&
-		                (device->plate.valid & bit)))
-			continue;
-		device->plate.values[param] = value;
-		if (valid)
-			device->plate.valid |= bit;
-		device->plate.generation++;
-	}
+	if ((device->plate.valid & bit) && device->plate.values[param].u == value.u)
+		return;
+	device->plate.values[param] = value;
+	device->plate.valid |= bit;
+	device->plate.generation++;
 }
 
 static void learn(struct db_device *device, enum xyza_param param, union db_value value)
 {
-	if (!xyza_item_of_axis(xyza_param_item(param))) {
-		share(device->first, param, value, true);
+	struct db_device *const *axes = device->first->axes;
+
+	if (xyza_item_of_axis(xyza_param_item(param))) {
+		learn_one(device, param, value);
 		return;
 	}
-	device->plate.values[param] = value;
-	device->plate.valid |= UINT64_C(1) << param;
-	device->plate.generation++;
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (axes[i])
+			learn_one(axes[i], param, value);
+	}
 }
 
-static void learn_settings(struct db_device *device, const struct db_request *request)
+/* What an item was read as, or written. */
+static void learn_item(struct db_device *device, enum xyza_item item, uint32_t content)
 {
-	for (size_t i = 0; i < request->setting_count; i++) {
-		enum xyza_param param = (enum xyza_param)request->settings[i].param;
+	for (unsigned i = 0; i < XYZA_PARAM_COUNT; i++) {
+		enum xyza_param param = (enum xyza_param)i;
 
-		if (param == XYZA_FACTORY_RESET)
-			device->plate.doubtful = true;
-		else if (xyza_param_access(param) & XYZA_CAN_READ)
-			learn(device, param, request->settings[i].value);
+		if (xyza_param_item(param) == item && (xyza_param_access(param) & XYZA_CAN_READ))
+			learn(device, param, xyza_param_get(param, content));
+	}
+}
+
+/* A controller may not have it. */
+static void forget_item(struct db_device *device, enum xyza_item item)
+{
+	for (unsigned i = 0; i < XYZA_PARAM_COUNT; i++) {
+		if (xyza_param_item((enum xyza_param)i) == item)
+			device->plate.valid &= ~(UINT64_C(1) << i);
+	}
+}
+
+/* After a reset nothing that is known of any axis counts. */
+static void forget_all(struct db_device *first)
+{
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (first->axes[i])
+			first->axes[i]->plate.doubtful = true;
 	}
 }
 
 static void started(struct db_device *device)
 {
+	device->told++;
 	device->jogging = true;
 	device->fresh = true;
 	device->standing = false;
@@ -568,8 +613,11 @@ static void stopped(struct db_device *first)
 	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
 		struct db_device *device = first->axes[i];
 
-		if (device && !device->standing)
-			device->stopping = device->fresh = true;
+		/* A program may have set it in motion since. */
+		if (!device || (device->standing && first->program_state != XYZA_PROGRAM_RUNNING))
+			continue;
+		device->told++;
+		device->stopping = device->fresh = true;
 	}
 }
 
@@ -579,18 +627,14 @@ static enum db_step carried_out(struct db_device *device, const struct db_job *j
 	const struct db_request *request = job->request;
 	float velocity = request->args.target_velocity;
 
-	if (job->kind == DB_JOB_SETTINGS) {
-		learn_settings(device, request);
+	if (job->kind == DB_JOB_SETTINGS)
 		return done(result, DB_RESULT_OK);
-	}
 	switch (request->command) {
 	case DB_CMD_MOVE_VELOCITY:
 		if (!(velocity > 0.0f || velocity < 0.0f)) {
 			stopped(device->first);
 			break;
 		}
-		learn(device, XYZA_MANUAL_SPEED,
-		      (union db_value){ .u = (uint32_t)lroundf(fabsf(velocity)) });
 		started(device);
 		break;
 	case DB_CMD_JOG_POSITIVE:
@@ -609,6 +653,7 @@ static enum db_step carried_out(struct db_device *device, const struct db_job *j
 	case DB_CMD_START_PROGRAM:
 		device->first->program = (uint8_t)request->args.program_number;
 		device->first->program_state = XYZA_PROGRAM_RUNNING;
+		device->first->delayed = request->args.program_delay > 0;
 		break;
 	default:
 		break;
@@ -618,7 +663,8 @@ static enum db_step carried_out(struct db_device *device, const struct db_job *j
 
 /* --- commands, step by step ------------------------------------------------------------------------- */
 
-/* scratch[0]: the step after which the drive is read back, plus one. scratch[1]: resends. */
+/* scratch[0]: the step whose answer was lost, plus one. scratch[1]: of a jog the stops that there had
+ * been when it began, of a program command the program's state then. */
 
 static enum db_step next_step(struct db_device *device, struct db_job *job,
                               struct db_exchange *exchange, enum db_result *result)
@@ -629,30 +675,40 @@ static enum db_step next_step(struct db_device *device, struct db_job *job,
 	return send_step(device, job, exchange, result);
 }
 
-/* The answer to a jog was lost: it moves, then it had it; it stands, then it had not. */
-static enum db_step resolve_jog(struct db_device *device, struct db_job *job, bool standing,
-                                struct db_exchange *exchange, enum db_result *result)
+/* The answer to a jog was lost: it moves, then it had it; it stands, then it had not, unless it was
+ * stopped meanwhile. */
+static enum db_step resolve_jog(struct db_device *device, struct db_job *job,
+                                const struct xyza_reply *reply, struct db_exchange *exchange,
+                                enum db_result *result)
 {
-	job->step = (unsigned)job->scratch[0] - 1;
-	job->scratch[0] = 0;
-	if (!standing)
+	if (reply->kind == XYZA_REPLY_FAILED)
+		return done(result, DB_RESULT_INDETERMINATE);
+	if (job->scratch[1] != device->first->stops)
+		return done(result, DB_RESULT_CANCELLED);
+	if (reply->value == 0)
 		return next_step(device, job, exchange, result);
-	if (job->scratch[1]++ >= RESENDS_MAX)
+	if (device->resends++ >= RESENDS_MAX)
 		return done(result, DB_RESULT_TIMEOUT);
 	return send_step(device, job, exchange, result);
 }
 
-/* The answer to a start was lost: a program that runs has started; else nobody can tell. */
-static enum db_step resolve_start(struct db_device *device, struct db_job *job,
-                                  const struct xyza_reply *reply, struct db_exchange *exchange,
-                                  enum db_result *result)
+/* The answer to a program command was lost: a program that has come into the state that it was to
+ * come into has had it; else nobody can tell. */
+static enum db_step resolve_program(struct db_device *device, struct db_job *job,
+                                    const struct xyza_reply *reply, struct db_exchange *exchange,
+                                    enum db_result *result)
 {
-	job->step = (unsigned)job->scratch[0] - 1;
-	job->scratch[0] = 0;
-	if (job->request->command == DB_CMD_START_PROGRAM && reply->state == XYZA_PROGRAM_RUNNING &&
-	    reply->program == job->request->args.program_number)
-		return next_step(device, job, exchange, result);
-	return done(result, DB_RESULT_INDETERMINATE);
+	enum db_command command = job->request->command;
+	enum xyza_program_state wanted = command == DB_CMD_PAUSE_PROGRAM ? XYZA_PROGRAM_WAITING :
+	                                 command == DB_CMD_END_PROGRAM   ? XYZA_PROGRAM_IDLE :
+	                                                                   XYZA_PROGRAM_RUNNING;
+
+	if (reply->kind != XYZA_REPLY_PROGRAM_STATE || reply->state != wanted ||
+	    job->scratch[1] == (int64_t)wanted ||
+	    (command == DB_CMD_START_PROGRAM &&
+	     reply->program != job->request->args.program_number))
+		return done(result, DB_RESULT_INDETERMINATE);
+	return next_step(device, job, exchange, result);
 }
 
 static enum db_step step_answered(struct db_device *device, struct db_job *job,
@@ -682,9 +738,11 @@ static enum db_step step_answered(struct db_device *device, struct db_job *job,
 			value.u = (xyza_param_get(XYZA_ENABLE, reply->value).u & ~bit) |
 			          (value.u & bit);
 		step[1].request.value = xyza_param_put(step->param, value, reply->value);
-		if (job->kind == DB_JOB_COMMAND)
-			share(device->first, step->param, value, true);
 	}
+	if (step->request.verb == XYZA_WRITE_ITEM)
+		learn_item(device, step->request.item, step->request.value);
+	if (step->request.verb == XYZA_WRITE_ITEM && step->request.item == XYZA_ITEM_FACTORY_RESET)
+		forget_all(device->first);
 	device->refused = false;
 	return next_step(device, job, exchange, result);
 }
@@ -695,29 +753,27 @@ static enum db_step command_answered(struct db_device *device, struct db_job *jo
 {
 	if (job->scratch[0] == 0)
 		return step_answered(device, job, reply, now, exchange, result);
+	job->step = (unsigned)job->scratch[0] - 1;
+	job->scratch[0] = 0;
 	if (is_jog(job->request->command))
-		return resolve_jog(device, job, reply->value == 1, exchange, result);
-	return resolve_start(device, job, reply, exchange, result);
+		return resolve_jog(device, job, reply, exchange, result);
+	return resolve_program(device, job, reply, exchange, result);
 }
 
 /* --- parameters -------------------------------------------------------------------------------------- */
 
-/* The next item that can be read, from `item` on, or XYZA_ITEM_COUNT. Common ones that another axis
- * has read are good for this one, too. */
-static unsigned next_item(const struct db_device *device, unsigned item)
+/* The next item that can be read, from `item` on, or XYZA_ITEM_COUNT. */
+static unsigned next_item(unsigned item)
 {
-	for (; item < XYZA_ITEM_COUNT; item++) {
-		if (item != XYZA_ITEM_FACTORY_RESET && item != XYZA_ITEM_SLAVE_NUMBER)
-			break;
-	}
-	(void)device;
+	while (item == XYZA_ITEM_FACTORY_RESET || item == XYZA_ITEM_SLAVE_NUMBER)
+		item++;
 	return item;
 }
 
 static enum db_step ask_item(struct db_device *device, struct db_job *job, unsigned item,
                              struct db_exchange *exchange, enum db_result *result)
 {
-	item = next_item(device, item);
+	item = next_item(item);
 	job->step = item;
 	if (item < XYZA_ITEM_COUNT)
 		return ask(device,
@@ -735,17 +791,12 @@ static enum db_step identify_answered(struct db_device *device, struct db_job *j
                                       const struct xyza_reply *reply, struct db_exchange *exchange,
                                       enum db_result *result)
 {
-	for (unsigned i = 0; i < XYZA_PARAM_COUNT; i++) {
-		enum xyza_param param = (enum xyza_param)i;
+	enum xyza_item item = (enum xyza_item)job->step;
 
-		if (xyza_param_item(param) != (enum xyza_item)job->step)
-			continue;
-		/* A controller may not have it. */
-		if (reply->kind == XYZA_REPLY_FAILED)
-			device->plate.valid &= ~(UINT64_C(1) << i);
-		else
-			learn(device, param, xyza_param_get(param, reply->value));
-	}
+	if (reply->kind == XYZA_REPLY_DATA)
+		learn_item(device, item, reply->value);
+	else
+		forget_item(device, item);
 	return ask_item(device, job, job->step + 1, exchange, result);
 }
 
@@ -763,6 +814,12 @@ static enum db_step begin_command(struct db_device *device, struct db_job *job,
 		device->refused = true;
 		return done(result, DB_RESULT_REFUSED);
 	}
+	if (db_command_is_stop(command) || command == DB_CMD_DISABLE)
+		device->first->stops++;
+	else
+		device->resends = 0;
+	job->scratch[1] = is_jog(command) ? (int64_t)device->first->stops :
+	                                    (int64_t)device->first->program_state;
 	make_plan(plan_of(device, job), device, job->request);
 	return send_step(device, job, exchange, result);
 }
@@ -830,7 +887,7 @@ static enum db_step xyza_lost(struct db_device *device, struct db_job *job,
 	if (job->scratch[0] != 0)
 		return done(result, DB_RESULT_INDETERMINATE);
 	step = &plan_of(device, job)->steps[job->step];
-	if (is_repeatable(step->request.verb))
+	if (is_repeatable(job, step->request.verb))
 		return done(result, DB_RESULT_TIMEOUT);
 	job->scratch[0] = job->step + 1;
 	return ask_verb(device,
@@ -937,6 +994,7 @@ static void xyza_init(struct db_device *device, struct db_device *first,
 	device->object = (uint8_t)drive->address;
 	device->axis = (enum xyza_axis)drive->axis;
 	device->standing = true;
+	device->delayed = true;
 	device->first->axes[device->axis] = device;
 }
 

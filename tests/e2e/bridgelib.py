@@ -127,6 +127,8 @@ class RegisterMap:
             self.rows = [Register(row) for row in csv.DictReader(file)]
         self._size_texts()
         self.by_key = {(row.view, row.table, row.name): row for row in self.rows}
+        self.by_family = {(row.view, row.table, row.name, family): row
+                          for row in self.rows for family in row.families}
 
     def _size_texts(self):
         """How long a text is stands at the end of its description."""
@@ -134,8 +136,10 @@ class RegisterMap:
             if row.type == "text":
                 row.size = int(row.description.rsplit(";", 1)[1].split()[0])
 
-    def find(self, name, view="drive", table="holding"):
-        row = self.by_key.get((view, table, name))
+    def find(self, name, view="drive", table="holding", family=None):
+        """Two families may have parameters of the same name."""
+        row = self.by_family.get((view, table, name, family))
+        row = row or self.by_key.get((view, table, name))
         if row is None:
             raise KeyError(f"no register {name} in {view}/{table}")
         return row
@@ -227,7 +231,7 @@ class Unit:
         return answer.exception_code if answer.isError() else 0
 
     def row(self, name):
-        return self.map.find(name, self.view)
+        return self.map.find(name, self.view, family=self.bridge.family)
 
     def read(self, name):
         row = self.row(name)
@@ -458,16 +462,19 @@ class Bridge:
     per_drive, sim_per_drive
              {number: keys} for single drives
     faults   what the simulated drives have from the start: {number: [fault ...]}
+    sim_drives
+             number of simulated drives, where one of them is several of the bridge's
     """
 
     def __init__(self, place, register_map, commands, *, drives=1, modbus=None, bus=None,
                  drive=None, per_drive=None, sim_bus=None, sim_drive=None, sim_per_drive=None,
                  faults=None, line="rs485", baud=115200, start_sim=True, wait_online=True,
-                 text=None):
+                 text=None, sim_drives=None):
         self.place = place
         self.map = register_map
         self.commands = commands
         self.drive_count = drives
+        self.family = (bus or {}).get("protocol", "vsmd-serial")
         self.start_sim = start_sim
         self.wait_online = wait_online
         self.low_first = (modbus or {}).get("word-order") == "low-first"
@@ -495,7 +502,7 @@ class Bridge:
         keys = {"protocol": "vsmd-serial", "device": "pty", "baud": baud, "line": line,
                 "latency-us": 200, **(sim_bus or {})}
         parts = [section("bus line", keys)]
-        for number in range(1, drives + 1):
+        for number in range(1, (sim_drives or drives) + 1):
             keys = {"bus": "line", "address": number,
                     "identity": "VSMD113_025T-1.0.008.170428",
                     "set": ["spd=6400", "acc=64000", "dec=64000", "pae=1"],

@@ -1,0 +1,989 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * XYZA controllers, the driver alone: which frames each job puts on the wire, written as a person
+ * with the document would, and what it makes of the frames that come back. Controller 3. Frames are
+ * spelt in hexadecimal without the header 5A A5 and without the sum at their end, which is computed
+ * here by the document's rule and not by the codec.
+ */
+#include "codec/xyza.h"
+#include "driver/list.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+#define OBJECT 3
+#define OK_MANUAL "0CAA000300F3"
+#define OK_PROGRAM "0CAA000300F4"
+#define OK_DATA "0CAA000300F1"
+#define FAILED_MANUAL "0CAB000300F3"
+#define FAILED_PROGRAM "0CAB000300F4"
+#define FAILED_DATA "0CAB000300F1"
+#define ASK_PROGRAM "0AF401030A00"
+#define ASK_PORTS "0AF10103E400"
+
+/* A controller with some of its axes; one conversation at a time, as on the bus. */
+struct fixture {
+	struct db_bus_config bus;
+	struct db_drive_config drives[XYZA_AXIS_COUNT];
+	struct db_device *axes[XYZA_AXIS_COUNT];
+	struct db_device *talking;
+	struct db_job job;
+	struct db_request request;
+	struct db_exchange exchange;
+	uint8_t bytes[DB_REQUEST_MAX];
+	enum db_result result;
+	db_time now;
+	char said[64];
+};
+
+/* `axes` is a set: bit 0 = x. The first of them is the one that polls. */
+static struct fixture *make(unsigned axes)
+{
+	struct fixture *f = calloc(1, sizeof *f);
+	struct db_device *first = NULL;
+
+	assert_non_null(f);
+	f->bus.driver = &db_driver_xyza;
+	f->exchange.request = f->bytes;
+	f->exchange.request_size = sizeof f->bytes;
+	f->now = 1000 * MS;
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (!(axes >> i & 1))
+			continue;
+		f->drives[i].address = OBJECT;
+		f->drives[i].axis = i;
+		f->axes[i] = calloc(1, db_driver_xyza.device_size);
+		assert_non_null(f->axes[i]);
+		db_driver_xyza.init(f->axes[i], first, &f->bus, &f->drives[i]);
+		if (!first)
+			first = f->axes[i];
+	}
+	f->talking = first;
+	return f;
+}
+
+static void drop(struct fixture *f)
+{
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++)
+		free(f->axes[i]);
+	free(f);
+}
+
+static void spell(struct fixture *f)
+{
+	uint8_t sum = 0;
+	size_t length = f->exchange.request_length;
+
+	assert_in_range(length, 9, 13);
+	assert_memory_equal(f->bytes, "\x5A\xA5", 2);
+	for (size_t i = 2; i < length - 1; i++)
+		sprintf(f->said + 2 * (i - 2), "%02X", (unsigned)f->bytes[i]);
+	for (size_t i = 3; i < length - 1; i++)
+		sum = (uint8_t)(sum + f->bytes[i]);
+	assert_int_equal(f->bytes[length - 1], sum);
+}
+
+/* What the driver wants next: the frame, or how the job ended as "=name". */
+static const char *next(struct fixture *f, enum db_step step)
+{
+	if (step == DB_STEP_SEND)
+		spell(f);
+	else if (step == DB_STEP_DONE)
+		snprintf(f->said, sizeof f->said, "=%s", db_result_name(f->result));
+	else
+		snprintf(f->said, sizeof f->said, "ignored");
+	return f->said;
+}
+
+static const char *begin(struct fixture *f, unsigned axis, enum db_job_kind kind)
+{
+	f->result = DB_RESULT_NONE;
+	f->talking = f->axes[axis];
+	f->job = (struct db_job){ .kind = kind, .request = &f->request, .started = f->now };
+	return next(f, db_driver_xyza.begin(f->talking, &f->job, &f->exchange, &f->result));
+}
+
+static const char *command(struct fixture *f, unsigned axis, enum db_command code,
+                           struct db_args args)
+{
+	f->request = (struct db_request){ .command = code, .args = args };
+	return begin(f, axis, DB_JOB_COMMAND);
+}
+
+static const char *jog(struct fixture *f, unsigned axis)
+{
+	return command(f, axis, DB_CMD_JOG_POSITIVE, (struct db_args){ 0 });
+}
+
+static size_t compose(const char *hex, uint8_t frame[XYZA_FRAME_MAX])
+{
+	size_t length = 2;
+
+	frame[0] = 0x5A;
+	frame[1] = 0xA5;
+	for (; *hex; hex += 2) {
+		unsigned byte;
+
+		assert_int_equal(sscanf(hex, "%2x", &byte), 1);
+		frame[length++] = (uint8_t)byte;
+	}
+	frame[length] = 0;
+	for (size_t i = 3; i < length; i++)
+		frame[length] = (uint8_t)(frame[length] + frame[i]);
+	return length + 1;
+}
+
+static const char *answer(struct fixture *f, const char *hex)
+{
+	uint8_t frame[XYZA_FRAME_MAX];
+	size_t length = compose(hex, frame);
+
+	f->now += MS;
+	return next(f, db_driver_xyza.answer(f->talking, &f->job, frame, length, f->now,
+	                                     &f->exchange, &f->result));
+}
+
+/* The answer to the read that was just asked. */
+static const char *value(struct fixture *f, uint32_t content)
+{
+	char hex[32];
+
+	snprintf(hex, sizeof hex, "0BF10003%02X%02X%02X%02X%02X%02X", (unsigned)f->bytes[6],
+	         (unsigned)f->bytes[7], content & 0xFF, content >> 8 & 0xFF, content >> 16 & 0xFF,
+	         content >> 24);
+	return answer(f, hex);
+}
+
+static const char *program(struct fixture *f, unsigned state, unsigned number, unsigned step)
+{
+	char hex[32];
+
+	snprintf(hex, sizeof hex, "0BF40003%02X%02X%02X%02X0000", state, number, step & 0xFF,
+	         step >> 8);
+	return answer(f, hex);
+}
+
+static const char *lost(struct fixture *f)
+{
+	return next(f, db_driver_xyza.lost(f->talking, &f->job, &f->exchange, &f->result));
+}
+
+static struct db_feedback feedback(const struct fixture *f, unsigned axis)
+{
+	struct db_feedback feedback = { .state = 0 };
+
+	db_driver_xyza.feedback(f->axes[axis], &feedback);
+	return feedback;
+}
+
+static const struct db_nameplate *plate(const struct fixture *f, unsigned axis)
+{
+	return db_driver_xyza.nameplate(f->axes[axis]);
+}
+
+/* A whole cycle in which x is at `position`, the other axes at 0, and the program's state is told. */
+static void poll_all(struct fixture *f, bool standing, int32_t position, unsigned state)
+{
+	const char *said = begin(f, 0, DB_JOB_POLL);
+
+	while (said[0] != '=') {
+		bool x = f->bytes[7] >> 4 == 0xA;
+
+		if (strcmp(said, ASK_PROGRAM) == 0)
+			said = program(f, state, 1, 7);
+		else if (strcmp(said, ASK_PORTS) == 0)
+			said = value(f, 0);
+		else if (f->bytes[7] % 16 == 3)
+			said = value(f, x ? standing : 1);
+		else if (f->bytes[7] % 16 == 2)
+			said = value(f, x && position < 0);
+		else
+			said = value(f, x ? (uint32_t)labs(position) : 0);
+	}
+	assert_string_equal(said, "=ok");
+}
+
+/* --- reading --------------------------------------------------------------------------------------- */
+
+static void one_cycle_asks_once_for_all_axes(void **state)
+{
+	struct fixture *f = make(0x5); /* x and z */
+
+	(void)state;
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_OFFLINE);
+	assert_string_equal(begin(f, 0, DB_JOB_POLL), "0AF10103E1A3");
+	assert_string_equal(value(f, 1), "0AF10103E1A2");
+	assert_string_equal(value(f, 1), "0AF10103E1A1");
+	assert_string_equal(value(f, 257), "0AF10103E1A2");
+	assert_string_equal(value(f, 1), "0AF10103E1C3");
+	assert_string_equal(value(f, 0), "0AF10103E1C2");
+	assert_string_equal(value(f, 0), "0AF10103E1C1");
+	assert_string_equal(value(f, 5), "0AF10103E1C2");
+	assert_string_equal(value(f, 0), "0AF10103E400");
+	/* The reply to the ports has another target in the document. */
+	assert_string_equal(answer(f, "0BF10003E4C101000300"), "0AF401030A00");
+	assert_string_equal(program(f, 2, 2, 264), "=ok");
+	assert_int_equal(feedback(f, 0).position, -257);
+	assert_int_equal(feedback(f, 2).position, 5);
+	assert_int_equal(feedback(f, 2).state, DB_AXIS_CONTINUOUS_MOTION);
+	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis += 2) {
+		assert_int_equal(feedback(f, axis).inputs, 1);
+		assert_int_equal(feedback(f, axis).outputs, 3);
+		assert_int_equal(feedback(f, axis).program, 2);
+		assert_int_equal(feedback(f, axis).program_state, XYZA_PROGRAM_WAITING);
+		assert_int_equal(feedback(f, axis).program_step, 264);
+	}
+	drop(f);
+}
+
+static void what_stands_where_it_stood_needs_no_second_look(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, true, -257, 0);
+	begin(f, 0, DB_JOB_POLL);
+	value(f, 1);
+	value(f, 1);
+	assert_string_equal(value(f, 257), ASK_PORTS);
+	value(f, 0);
+	program(f, 0, 0, 0);
+	/* Elsewhere, or moving: it does. */
+	begin(f, 0, DB_JOB_POLL);
+	value(f, 1);
+	value(f, 1);
+	assert_string_equal(value(f, 258), "0AF10103E1A2");
+	value(f, 1);
+	value(f, 0);
+	program(f, 0, 0, 0);
+	begin(f, 0, DB_JOB_POLL);
+	value(f, 0);
+	value(f, 1);
+	assert_string_equal(value(f, 258), "0AF10103E1A2");
+	drop(f);
+}
+
+static void a_state_reply_may_echo_the_next_target(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	begin(f, 0, DB_JOB_POLL);
+	assert_string_equal(answer(f, "0BF10003E1A401000000"), "0AF10103E1A2");
+	drop(f);
+}
+
+/* An axis moves with every read; whatever the speed and wherever it crosses zero, a position that is
+ * shown lies between where it was before and after the cycle, so its sign is right. */
+static void the_sign_is_right_while_zero_is_crossed(void **state)
+{
+	static const int32_t speeds[] = { 1, 2, 3, 7, 40, 400 };
+	unsigned shown = 0;
+
+	(void)state;
+	for (size_t s = 0; s < sizeof speeds / sizeof speeds[0]; s++) {
+		for (int32_t start = -12 * speeds[s]; start < 2 * speeds[s]; start++) {
+			struct fixture *f = make(1);
+			int32_t position = start;
+			const char *said = begin(f, 0, DB_JOB_POLL);
+
+			while (strcmp(said, ASK_PORTS) != 0) {
+				unsigned number = f->bytes[7] % 16;
+
+				said = value(f, number == 1 ? (uint32_t)labs(position) :
+				                number == 2 ? position < 0 :
+				                              0);
+				position += speeds[s];
+			}
+			if (feedback(f, 0).state != DB_AXIS_OFFLINE) {
+				assert_in_range(feedback(f, 0).position + 10000, start + 10000,
+				                position + 10000);
+				shown++;
+			}
+			drop(f);
+		}
+	}
+	assert_true(shown > 1000);
+}
+
+/* A sign that never settles: nothing is shown, and the cycle goes on. */
+static void a_position_whose_sign_is_in_doubt_is_not_shown(void **state)
+{
+	struct fixture *f = make(3);
+	unsigned reads = 0;
+	const char *said;
+
+	(void)state;
+	poll_all(f, true, 5, 0);
+	said = begin(f, 0, DB_JOB_POLL);
+	while (strncmp(said + 10, "B", 1) != 0) {
+		unsigned number = f->bytes[7] % 16;
+
+		said = value(f, number == 1 ? 6 : number == 2 ? reads / 2 % 2 : 0);
+		assert_true(++reads < 20);
+	}
+	assert_int_equal(feedback(f, 0).position, 5);
+	drop(f);
+}
+
+static void a_velocity_comes_from_two_positions(void **state)
+{
+	struct fixture *f = make(1);
+	db_time taken;
+
+	(void)state;
+	poll_all(f, false, 100, 0);
+	taken = feedback(f, 0).taken;
+	f->now += 40 * MS;
+	poll_all(f, false, 0, 0);
+	assert_float_equal(feedback(f, 0).velocity,
+	                   -100.0f * (float)DB_NS_PER_S / (float)(feedback(f, 0).taken - taken),
+	                   0.01f);
+	poll_all(f, true, 0, 0);
+	assert_float_equal(feedback(f, 0).velocity, 0.0f, 0.0f);
+	drop(f);
+}
+
+/* --- who says what ------------------------------------------------------------------------------------ */
+
+static enum db_frame accepts(const struct fixture *f, const char *hex, int *address)
+{
+	uint8_t frame[XYZA_FRAME_MAX];
+	size_t length = compose(hex, frame);
+
+	return db_driver_xyza.accept(&f->bus, frame, length, address);
+}
+
+static void frames_of_others_are_not_taken(void **state)
+{
+	struct fixture *f = make(1);
+	uint8_t frame[XYZA_FRAME_MAX];
+	int address = 0;
+
+	(void)state;
+	assert_int_equal(accepts(f, "0CAA000700F3", &address), DB_FRAME_GOOD);
+	assert_int_equal(address, 7);
+	assert_int_equal(accepts(f, "0AF301030200", &address), DB_FRAME_FOREIGN);
+	compose(OK_MANUAL, frame);
+	frame[8]++;
+	assert_int_equal(db_driver_xyza.accept(&f->bus, frame, 9, &address), DB_FRAME_BAD);
+	jog(f, 0);
+	assert_string_equal(answer(f, OK_PROGRAM), "ignored");
+	assert_string_equal(answer(f, OK_DATA), "ignored");
+	assert_string_equal(answer(f, "0CAA000400F3"), "ignored");
+	assert_string_equal(answer(f, "0BF10003E1A301000000"), "ignored");
+	/* Mark 0A is as good as 0C. */
+	assert_string_equal(answer(f, "0AAA000300F3"), "=ok");
+	drop(f);
+}
+
+static void a_read_takes_only_what_was_read(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	begin(f, 0, DB_JOB_POLL);
+	value(f, 1);
+	assert_string_equal(f->said, "0AF10103E1A2");
+	assert_string_equal(answer(f, "0BF10003E1A101000000"), "ignored");
+	assert_string_equal(answer(f, "0BF10003E1B201000000"), "ignored");
+	assert_string_equal(answer(f, "0BF10003E2A201000000"), "ignored");
+	assert_string_equal(answer(f, "0BF10003E1A202000000"), "ignored"); /* no sign */
+	assert_string_equal(answer(f, OK_DATA), "ignored");
+	assert_string_equal(answer(f, "0BF10003E1A201000000"), "0AF10103E1A1");
+	drop(f);
+}
+
+static void the_probe_has_an_order_of_its_own(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	assert_string_equal(begin(f, 0, DB_JOB_PROBE), "0AAC0103ACAC");
+	assert_string_equal(answer(f, OK_MANUAL), "ignored");
+	assert_string_equal(answer(f, "0CAA000300AC"), "=ok");
+	drop(f);
+}
+
+/* --- commands ---------------------------------------------------------------------------------------- */
+
+/* Answers each frame as done or with 0 until the job ends; all frames, separated by spaces. */
+static const char *whole(struct fixture *f, const char *said)
+{
+	static char all[512];
+
+	all[0] = '\0';
+	while (said[0] != '=') {
+		char done[16];
+
+		snprintf(all + strlen(all), sizeof all - strlen(all), "%s%s", all[0] ? " " : "",
+		         said);
+		snprintf(done, sizeof done, "0CAA000300%02X", (unsigned)f->bytes[3]);
+		said = f->bytes[2] == 0x0A && f->bytes[3] == 0xF1 ? value(f, 0) : answer(f, done);
+	}
+	assert_string_equal(said, "=ok");
+	return all;
+}
+
+static const struct {
+	unsigned axis;
+	enum db_command command;
+	struct db_args args;
+	const char *said;
+} every_command[] = {
+	{ 1, DB_CMD_ENABLE, { 0 }, "0AF10103E5C1 0BF10103E5C102000000" },
+	{ 2, DB_CMD_DISABLE, { 0 }, "0AF301030100 0AF401030200 0AF10103E5C1 0BF10103E5C100000000" },
+	{ 0, DB_CMD_STOP, { 0 }, "0AF301030200 0AF401030200" },
+	{ 3, DB_CMD_QUICK_STOP, { 0 }, "0AF301030100 0AF401030200" },
+	{ 0,
+	  DB_CMD_MOVE_VELOCITY,
+	  { .target_velocity = 1600.4f },
+	  "0BF10103E2A440060000 0AF3010303A1" },
+	{ 3,
+	  DB_CMD_MOVE_VELOCITY,
+	  { .target_velocity = -70000.0f },
+	  "0BF10103E2D470110100 0AF3010303A8" },
+	{ 0, DB_CMD_MOVE_VELOCITY, { 0 }, "0AF301030200" },
+	{ 1, DB_CMD_JOG_POSITIVE, { 0 }, "0AF3010303A3" },
+	{ 2, DB_CMD_JOG_NEGATIVE, { 0 }, "0AF3010303A6" },
+	{ 2, DB_CMD_SET_POSITION, { 0 }, "0AF3010304A5" },
+	{ 1,
+	  DB_CMD_SET_POSITION,
+	  { .target_position = -4108 },
+	  "0BF10103E1B201000000 0BF10103E1B10C100000" },
+	{ 0, DB_CMD_SET_OUTPUT, { .output_number = 2, .output_value = 1 }, "0BF10103E40022000000" },
+	{ 3, DB_CMD_SET_OUTPUT, { .output_number = 8 }, "0BF10103E40080000000" },
+	{ 0,
+	  DB_CMD_SET_OUTPUTS,
+	  { .output_mask = 0x0A, .output_levels = 0x08 },
+	  "0BF10103E40020000000 0BF10103E40044000000" },
+	{ 0,
+	  DB_CMD_START_PROGRAM,
+	  { .program_number = 2, .program_delay = 2 },
+	  "0AF401030502 0AF401030302" },
+	{ 0, DB_CMD_PAUSE_PROGRAM, { 0 }, "0AF401030200" },
+	{ 1, DB_CMD_CONTINUE_PROGRAM, { 0 }, "0AF401030600" },
+	{ 0, DB_CMD_END_PROGRAM, { 0 }, "0AF401030700" },
+	{ 0, DB_CMD_SINGLE_STEP, { .output_value = 1 }, "0AF401030800" },
+	{ 0, DB_CMD_SINGLE_STEP, { 0 }, "0AF401030900" },
+};
+
+static void every_command_in_bytes(void **state)
+{
+	uint64_t tried = DB_COMMAND_BIT(DB_CMD_READ_PARAMETERS); /* below */
+
+	(void)state;
+	for (size_t i = 0; i < sizeof every_command / sizeof every_command[0]; i++) {
+		struct fixture *f = make(0xF);
+
+		assert_int_equal(db_driver_xyza.check(&f->bus, &f->drives[every_command[i].axis],
+		                                      every_command[i].command,
+		                                      &every_command[i].args),
+		                 DB_RESULT_OK);
+		assert_string_equal(
+			whole(f, command(f, every_command[i].axis, every_command[i].command,
+		                         every_command[i].args)),
+			every_command[i].said);
+		tried |= DB_COMMAND_BIT(every_command[i].command);
+		drop(f);
+	}
+	assert_true(tried == db_driver_xyza.commands);
+}
+
+static void what_the_family_does_not_have_is_refused(void **state)
+{
+	static const enum db_command others[] = {
+		DB_CMD_MOVE_ABSOLUTE, DB_CMD_MOVE_RELATIVE,    DB_CMD_MOVE_PRESET,
+		DB_CMD_HOME,          DB_CMD_SAVE_PARAMETERS,  DB_CMD_CLEAR_FAULT,
+		DB_CMD_SHAKE_START,   DB_CMD_SHAKE_START_TIME, DB_CMD_SYNC_START,
+	};
+	static const struct {
+		enum db_command command;
+		struct db_args args;
+	} out[] = {
+		{ DB_CMD_MOVE_VELOCITY, { .target_velocity = 0.4f } },
+		{ DB_CMD_MOVE_VELOCITY, { .target_velocity = 5e9f } },
+		{ DB_CMD_MOVE_VELOCITY, { .target_velocity = NAN } },
+		{ DB_CMD_SET_POSITION, { .target_position = INT32_MIN } },
+		{ DB_CMD_SET_OUTPUT, { .output_number = 9 } },
+		{ DB_CMD_SET_OUTPUT, { .output_number = 1, .output_value = 2 } },
+		{ DB_CMD_SET_OUTPUTS, { .output_mask = 0x100 } },
+		{ DB_CMD_START_PROGRAM, { .program_number = 256 } },
+		{ DB_CMD_START_PROGRAM, { .program_number = 1, .program_delay = 256 } },
+		{ DB_CMD_SINGLE_STEP, { .output_value = 2 } },
+	};
+	struct fixture *f = make(1);
+	struct db_args none = { 0 };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof others / sizeof others[0]; i++)
+		assert_int_equal(db_driver_xyza.check(&f->bus, &f->drives[0], others[i], &none),
+		                 DB_RESULT_UNSUPPORTED);
+	for (size_t i = 0; i < sizeof out / sizeof out[0]; i++)
+		assert_int_equal(
+			db_driver_xyza.check(&f->bus, &f->drives[0], out[i].command, &out[i].args),
+			DB_RESULT_OUT_OF_RANGE);
+	drop(f);
+}
+
+static void a_refusal_is_told(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	assert_string_equal(answer(f, FAILED_MANUAL), "=refused");
+	assert_true(feedback(f, 0).status & DB_STATUS_REFUSED);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	/* The other way to say so. */
+	jog(f, 0);
+	assert_string_equal(answer(f, "0ABB000300F3"), "=refused");
+	drop(f);
+}
+
+static void one_axis_at_a_time(void **state)
+{
+	struct fixture *f = make(3);
+
+	(void)state;
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	assert_string_equal(answer(f, OK_MANUAL), "=ok");
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
+	assert_string_equal(jog(f, 1), "=refused");
+	assert_true(feedback(f, 1).status & DB_STATUS_REFUSED);
+	poll_all(f, false, 100, 0);
+	assert_string_equal(jog(f, 1), "=refused");
+	poll_all(f, true, 100, 0);
+	assert_string_equal(jog(f, 1), "0AF3010303A3");
+	answer(f, OK_MANUAL);
+	/* And not while a program runs. */
+	poll_all(f, true, 100, 1);
+	assert_string_equal(jog(f, 0), "=refused");
+	drop(f);
+}
+
+/* A jog is told between two reads of a cycle: that it stood before says nothing. */
+static void what_was_seen_before_a_jog_does_not_end_it(void **state)
+{
+	struct fixture *f = make(1);
+	struct db_job poll;
+
+	(void)state;
+	poll_all(f, true, 0, 0);
+	begin(f, 0, DB_JOB_POLL);
+	value(f, 1);
+	poll = f->job;
+	jog(f, 0);
+	assert_string_equal(answer(f, OK_MANUAL), "=ok");
+	f->job = poll;
+	compose("0AF10103E1A2", f->bytes);
+	f->exchange.request_length = 9;
+	assert_string_equal(value(f, 0), "0AF10103E1A1");
+	assert_string_equal(value(f, 3), "0AF10103E1A2");
+	value(f, 0);
+	assert_int_equal(feedback(f, 0).position, 3);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
+	drop(f);
+}
+
+static void another_way_is_gone_only_from_a_stand(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, false, 0, 0);
+	assert_string_equal(
+		command(f, 0, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -5.0f }),
+		"0AF301030200");
+	assert_string_equal(answer(f, OK_MANUAL), "0AF10103E1A3");
+	assert_string_equal(value(f, 0), "0AF10103E1A3");
+	assert_string_equal(value(f, 1), "0BF10103E2A405000000");
+	assert_string_equal(answer(f, OK_DATA), "0AF3010303A2");
+	assert_string_equal(answer(f, OK_MANUAL), "=ok");
+	/* One that does not come to a stand. */
+	command(f, 0, DB_CMD_JOG_POSITIVE, (struct db_args){ 0 });
+	answer(f, OK_MANUAL);
+	f->now += 3 * DB_NS_PER_S;
+	assert_string_equal(value(f, 0), "=failed");
+	drop(f);
+}
+
+static void a_stop_stops_what_runs(void **state)
+{
+	struct fixture *f = make(3);
+
+	(void)state;
+	poll_all(f, false, 0, 0);
+	command(f, 1, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(answer(f, OK_MANUAL), "0AF401030200");
+	assert_string_equal(answer(f, FAILED_PROGRAM), "=ok");
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_STOPPING);
+	/* While a program runs it is stopped first, and manual mode may refuse. */
+	poll_all(f, false, 0, 1);
+	assert_string_equal(command(f, 0, DB_CMD_QUICK_STOP, (struct db_args){ 0 }),
+	                    "0AF401030100");
+	assert_string_equal(answer(f, OK_PROGRAM), "0AF301030100");
+	assert_string_equal(answer(f, FAILED_MANUAL), "=ok");
+	/* y stood when it was looked at, but the program may have moved it since. */
+	assert_int_equal(feedback(f, 1).state, DB_AXIS_STOPPING);
+	/* What is to stop the motion must not be refused. */
+	assert_string_equal(command(f, 0, DB_CMD_STOP, (struct db_args){ 0 }), "0AF401030200");
+	assert_string_equal(answer(f, FAILED_PROGRAM), "=refused");
+	/* An interrupted program is an error until it is ended. */
+	poll_all(f, true, 0, 3);
+	assert_int_equal(feedback(f, 1).state, DB_AXIS_ERROR_STOP);
+	assert_int_equal(feedback(f, 1).error, DB_ERROR_INTERRUPTED);
+	poll_all(f, true, 0, 0);
+	assert_int_equal(feedback(f, 1).error, DB_ERROR_NONE);
+	drop(f);
+}
+
+static void a_position_is_set_without_ever_having_the_wrong_sign(void **state)
+{
+	struct fixture *f = make(1);
+	struct db_args args = { .target_position = -50 };
+
+	(void)state;
+	poll_all(f, true, 100, 0);
+	assert_string_equal(command(f, 0, DB_CMD_SET_POSITION, args), "0BF10103E1A100000000");
+	assert_string_equal(answer(f, OK_DATA), "0BF10103E1A201000000");
+	assert_string_equal(answer(f, OK_DATA), "0BF10103E1A132000000");
+	assert_string_equal(answer(f, OK_DATA), "=ok");
+	assert_int_equal(feedback(f, 0).position, -50);
+	/* The same sign needs no way over 0. */
+	args.target_position = -7;
+	assert_string_equal(command(f, 0, DB_CMD_SET_POSITION, args), "0BF10103E1A201000000");
+	answer(f, OK_DATA);
+	answer(f, OK_DATA);
+	/* Not while it moves. */
+	poll_all(f, false, 100, 0);
+	assert_string_equal(command(f, 0, DB_CMD_SET_POSITION, args), "=refused");
+	drop(f);
+}
+
+static void a_delay_does_not_outlive_its_start(void **state)
+{
+	struct fixture *f = make(1);
+	struct db_args later = { .program_number = 4, .program_delay = 9 };
+	struct db_args now = { .program_number = 4 };
+
+	(void)state;
+	/* Nobody knows what was set before this program began. A controller may refuse 0. */
+	assert_string_equal(command(f, 0, DB_CMD_START_PROGRAM, now), "0AF401030500");
+	assert_string_equal(answer(f, FAILED_PROGRAM), "0AF401030304");
+	answer(f, OK_PROGRAM);
+	assert_int_equal(feedback(f, 0).program, 4);
+	assert_int_equal(feedback(f, 0).program_state, XYZA_PROGRAM_RUNNING);
+	assert_string_equal(command(f, 0, DB_CMD_START_PROGRAM, now), "0AF401030304");
+	answer(f, OK_PROGRAM);
+	assert_string_equal(command(f, 0, DB_CMD_START_PROGRAM, later), "0AF401030509");
+	assert_string_equal(answer(f, OK_PROGRAM), "0AF401030304");
+	answer(f, OK_PROGRAM);
+	assert_string_equal(command(f, 0, DB_CMD_START_PROGRAM, now), "0AF401030500");
+	assert_string_equal(answer(f, OK_PROGRAM), "0AF401030304");
+	drop(f);
+}
+
+/* --- lost answers ------------------------------------------------------------------------------------ */
+
+static void a_jog_is_never_repeated_blindly(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, true, 0, 0);
+	/* It moves: it was heard. */
+	jog(f, 0);
+	assert_false(f->exchange.repeatable);
+	assert_string_equal(lost(f), "0AF10103E1A3");
+	assert_true(f->exchange.repeatable);
+	assert_string_equal(value(f, 0), "=ok");
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
+	/* It stands: it was not; said again, but not for ever. */
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	for (unsigned i = 0; i < 2; i++) {
+		lost(f);
+		assert_string_equal(value(f, 1), "0AF3010303A1");
+	}
+	lost(f);
+	assert_string_equal(value(f, 1), "=timeout");
+	/* Nobody can tell. */
+	jog(f, 0);
+	lost(f);
+	assert_string_equal(lost(f), "=indeterminate");
+	jog(f, 0);
+	lost(f);
+	assert_string_equal(answer(f, FAILED_DATA), "=indeterminate");
+	drop(f);
+}
+
+/* It may stand because it was stopped: the operator of another axis stops all of them. */
+static void a_jog_is_not_repeated_after_a_stop(void **state)
+{
+	struct fixture *f = make(3);
+	struct db_request request;
+	struct db_job job;
+
+	(void)state;
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	lost(f);
+	job = f->job;
+	request = f->request;
+	whole(f, command(f, 1, DB_CMD_STOP, (struct db_args){ 0 }));
+	f->job = job;
+	f->request = request;
+	f->talking = f->axes[0];
+	compose("0AF10103E1A3", f->bytes);
+	f->exchange.request_length = 9;
+	assert_string_equal(value(f, 1), "=cancelled");
+	drop(f);
+}
+
+static void program_commands_are_never_repeated_blindly(void **state)
+{
+	static const struct {
+		enum db_command command;
+		unsigned before;
+		unsigned after;
+		const char *ends;
+	} cases[] = {
+		{ DB_CMD_START_PROGRAM, 0, 1, "=ok" },
+		{ DB_CMD_START_PROGRAM, 0, 0, "=indeterminate" },
+		{ DB_CMD_START_PROGRAM, 1, 1, "=indeterminate" },
+		{ DB_CMD_PAUSE_PROGRAM, 1, 2, "=ok" },
+		{ DB_CMD_PAUSE_PROGRAM, 1, 1, "=indeterminate" },
+		{ DB_CMD_CONTINUE_PROGRAM, 2, 1, "=ok" },
+		{ DB_CMD_CONTINUE_PROGRAM, 2, 2, "=indeterminate" },
+		{ DB_CMD_END_PROGRAM, 2, 0, "=ok" },
+		{ DB_CMD_END_PROGRAM, 2, 2, "=indeterminate" },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		struct fixture *f = make(1);
+		bool start = cases[i].command == DB_CMD_START_PROGRAM;
+
+		poll_all(f, true, 0, cases[i].before);
+		command(f, 0, cases[i].command, (struct db_args){ .program_number = 6 });
+		if (start)
+			answer(f, OK_PROGRAM);
+		assert_false(f->exchange.repeatable);
+		assert_string_equal(lost(f), ASK_PROGRAM);
+		assert_string_equal(program(f, cases[i].after, 6, 1), cases[i].ends);
+		/* Another program is no proof. */
+		if (start) {
+			command(f, 0, cases[i].command, (struct db_args){ .program_number = 6 });
+			if (strcmp(f->said, "0AF401030500") == 0)
+				answer(f, OK_PROGRAM);
+			lost(f);
+			assert_string_equal(program(f, 1, 5, 1), "=indeterminate");
+		}
+		drop(f);
+	}
+}
+
+static void stops_and_writes_are_repeated(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, true, 0, 1);
+	command(f, 0, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_true(f->exchange.repeatable);
+	assert_string_equal(lost(f), "=timeout");
+	command(f, 0, DB_CMD_SET_OUTPUT, (struct db_args){ .output_number = 1 });
+	assert_true(f->exchange.repeatable);
+	assert_string_equal(lost(f), "=timeout");
+	drop(f);
+}
+
+/* --- parameters ---------------------------------------------------------------------------------------- */
+
+static const char *set(struct fixture *f, unsigned axis, enum xyza_param param, uint32_t number)
+{
+	f->request = (struct db_request){ .setting_count = 1 };
+	f->request.settings[0].param = (uint16_t)param;
+	f->request.settings[0].value.u = number;
+	return begin(f, axis, DB_JOB_SETTINGS);
+}
+
+static void all_parameters_are_read(void **state)
+{
+	struct fixture *f = make(3);
+	const struct db_nameplate *y = plate(f, 1);
+	unsigned reads = 0;
+	const char *said = begin(f, 1, DB_JOB_IDENTIFY);
+
+	(void)state;
+	assert_string_equal(said, "0AF10103E2B1");
+	while (said[0] != '=') {
+		unsigned key = (unsigned)f->bytes[6] << 8 | f->bytes[7];
+
+		/* C8 is not known to this controller. */
+		said = key == 0xE3B1 ? value(f, 200) :
+		       key == 0xE3B2 ? value(f, 16) :
+		       key == 0xE3B3 ? value(f, 5000) :
+		       key == 0xE5C2 ? value(f, 0x080706) :
+		       key == 0xE5C1 ? value(f, 2) :
+		       key == 0xE5C8 ? answer(f, FAILED_DATA) :
+		                       value(f, 1);
+		reads++;
+	}
+	assert_string_equal(said, "=ok");
+	assert_int_equal(reads, 16);
+	assert_int_equal(y->values[XYZA_START_KEY].u, 6);
+	assert_int_equal(y->values[XYZA_STOP_KEY].u, 7);
+	assert_int_equal(y->values[XYZA_PAUSE_KEY].u, 8);
+	assert_false(y->valid >> XYZA_SYSTEM_INFO & 1);
+	assert_false(y->valid >> XYZA_FACTORY_RESET & 1);
+	assert_false(y->valid >> XYZA_SLAVE_NUMBER & 1);
+	/* What the axes share, x knows as well; what is y's own it does not. */
+	assert_int_equal(plate(f, 0)->values[XYZA_STOP_KEY].u, 7);
+	assert_false(plate(f, 0)->valid >> XYZA_LEAD & 1);
+	/* 3200 pulses for 5 mm. */
+	assert_float_equal(feedback(f, 1).counts_per_unit, 640.0f, 0.001f);
+	assert_float_equal(feedback(f, 0).counts_per_unit, 0.0f, 0.0f);
+	poll_all(f, true, 0, 0);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	assert_int_equal(feedback(f, 1).state, DB_AXIS_STANDSTILL);
+	assert_true(feedback(f, 1).status & DB_STATUS_PARAMS_VALID);
+	/* One that was gone may have been exchanged. */
+	db_driver_xyza.gone(f->axes[1]);
+	assert_false(feedback(f, 1).status & DB_STATUS_PARAMS_VALID);
+	assert_int_equal(feedback(f, 1).state, DB_AXIS_OFFLINE);
+	drop(f);
+}
+
+static void one_key_is_changed_and_the_others_kept(void **state)
+{
+	struct fixture *f = make(3);
+
+	(void)state;
+	assert_string_equal(set(f, 0, XYZA_STOP_KEY, 5), "0AF10103E5C2");
+	assert_string_equal(value(f, 0x080706), "0BF10103E5C206050800");
+	assert_string_equal(answer(f, OK_DATA), "=ok");
+	assert_int_equal(plate(f, 1)->values[XYZA_STOP_KEY].u, 5);
+	assert_int_equal(plate(f, 1)->values[XYZA_START_KEY].u, 6);
+	/* Not written, not known. */
+	set(f, 0, XYZA_START_KEY, 1);
+	value(f, 0x080506);
+	assert_string_equal(answer(f, FAILED_DATA), "=refused");
+	assert_int_equal(plate(f, 0)->values[XYZA_START_KEY].u, 6);
+	assert_true(plate(f, 0)->doubtful);
+	drop(f);
+}
+
+static void enabling_an_axis_leaves_the_others(void **state)
+{
+	struct fixture *f = make(0xF);
+
+	(void)state;
+	command(f, 1, DB_CMD_ENABLE, (struct db_args){ 0 });
+	assert_string_equal(value(f, 0x9), "0BF10103E5C10B000000");
+	assert_string_equal(answer(f, OK_DATA), "=ok");
+	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++)
+		assert_int_equal(plate(f, axis)->values[XYZA_ENABLE].u, 0xB);
+	command(f, 3, DB_CMD_DISABLE, (struct db_args){ 0 });
+	answer(f, OK_MANUAL);
+	assert_string_equal(answer(f, OK_PROGRAM), "0AF10103E5C1");
+	assert_string_equal(value(f, 0xB), "0BF10103E5C103000000");
+	/* Refused: all is as it was. */
+	assert_string_equal(answer(f, FAILED_DATA), "=refused");
+	assert_int_equal(plate(f, 3)->values[XYZA_ENABLE].u, 0xB);
+	drop(f);
+}
+
+static void what_an_axis_has_alone_stays_its_own(void **state)
+{
+	struct fixture *f = make(3);
+
+	(void)state;
+	assert_string_equal(set(f, 1, XYZA_LEAD, 2000), "0AF10103E3B3");
+	assert_string_equal(value(f, 5000), "0BF10103E3B3D0070000");
+	assert_string_equal(answer(f, OK_DATA), "=ok");
+	assert_int_equal(plate(f, 1)->values[XYZA_LEAD].u, 2000);
+	assert_false(plate(f, 0)->valid >> XYZA_LEAD & 1);
+	/* A speed that was given with a motion is the parameter from now on. */
+	command(f, 1, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -70.0f });
+	answer(f, OK_DATA);
+	assert_string_equal(answer(f, FAILED_MANUAL), "=refused");
+	assert_int_equal(plate(f, 1)->values[XYZA_MANUAL_SPEED].u, 70);
+	drop(f);
+}
+
+static void dangerous_parameters_are_locked(void **state)
+{
+	static const enum xyza_param locked[] = { XYZA_FACTORY_RESET, XYZA_SLAVE_NUMBER,
+		                                  XYZA_SYSTEM_INFO };
+	struct fixture *f = make(3);
+	union db_value one = { .u = 1 };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof locked / sizeof locked[0]; i++) {
+		f->bus.options[0] = 0;
+		assert_int_equal(db_driver_xyza.check_param(&f->bus, locked[i], one),
+		                 DB_RESULT_UNSUPPORTED);
+		f->bus.options[0] = 1;
+		assert_int_equal(db_driver_xyza.check_param(&f->bus, locked[i], one), DB_RESULT_OK);
+	}
+	assert_int_equal(db_driver_xyza.check_param(&f->bus, XYZA_BRAKE, (union db_value){ 16 }),
+	                 DB_RESULT_OUT_OF_RANGE);
+	assert_int_equal(db_driver_xyza.check_param(&f->bus, XYZA_PARAM_COUNT, one),
+	                 DB_RESULT_UNSUPPORTED);
+	/* They are not read before they are written. */
+	assert_string_equal(set(f, 0, XYZA_SLAVE_NUMBER, 6), "0BF10103E5CB06000000");
+	assert_string_equal(answer(f, OK_DATA), "=ok");
+	assert_string_equal(set(f, 0, XYZA_FACTORY_RESET, 1), "0BF10103E5CA00000000");
+	assert_false(plate(f, 1)->doubtful);
+	assert_string_equal(answer(f, OK_DATA), "=ok");
+	assert_true(plate(f, 0)->doubtful && plate(f, 1)->doubtful);
+	drop(f);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(one_cycle_asks_once_for_all_axes),
+		cmocka_unit_test(what_stands_where_it_stood_needs_no_second_look),
+		cmocka_unit_test(a_state_reply_may_echo_the_next_target),
+		cmocka_unit_test(the_sign_is_right_while_zero_is_crossed),
+		cmocka_unit_test(a_position_whose_sign_is_in_doubt_is_not_shown),
+		cmocka_unit_test(a_velocity_comes_from_two_positions),
+		cmocka_unit_test(frames_of_others_are_not_taken),
+		cmocka_unit_test(a_read_takes_only_what_was_read),
+		cmocka_unit_test(the_probe_has_an_order_of_its_own),
+		cmocka_unit_test(every_command_in_bytes),
+		cmocka_unit_test(what_the_family_does_not_have_is_refused),
+		cmocka_unit_test(a_refusal_is_told),
+		cmocka_unit_test(one_axis_at_a_time),
+		cmocka_unit_test(what_was_seen_before_a_jog_does_not_end_it),
+		cmocka_unit_test(another_way_is_gone_only_from_a_stand),
+		cmocka_unit_test(a_stop_stops_what_runs),
+		cmocka_unit_test(a_position_is_set_without_ever_having_the_wrong_sign),
+		cmocka_unit_test(a_delay_does_not_outlive_its_start),
+		cmocka_unit_test(a_jog_is_never_repeated_blindly),
+		cmocka_unit_test(a_jog_is_not_repeated_after_a_stop),
+		cmocka_unit_test(program_commands_are_never_repeated_blindly),
+		cmocka_unit_test(stops_and_writes_are_repeated),
+		cmocka_unit_test(all_parameters_are_read),
+		cmocka_unit_test(one_key_is_changed_and_the_others_kept),
+		cmocka_unit_test(enabling_an_axis_leaves_the_others),
+		cmocka_unit_test(what_an_axis_has_alone_stays_its_own),
+		cmocka_unit_test(dangerous_parameters_are_locked),
+	};
+
+	return cmocka_run_group_tests_name("driver/xyza", tests, NULL, NULL);
+}
