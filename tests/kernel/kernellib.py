@@ -6,6 +6,8 @@ import errno
 import os
 import re
 import select
+import socket
+import struct
 import subprocess
 import threading
 import time
@@ -16,6 +18,7 @@ from pathlib import Path
 from bridgelib import Bridge, eventually
 
 # The upper bits of an id in <linux/can.h>, and the classes of error frames in <linux/can/error.h>.
+EXTENDED_FLAG = 0x80000000
 ERROR_FLAG = 0x20000000
 STANDARD_MASK = 0x7FF
 EXTENDED_MASK = 0x1FFFFFFF
@@ -30,6 +33,8 @@ ERROR_RESTARTED = 0x100
 # Data byte 1 of a controller error.
 CONTROLLER_RX_PASSIVE = 0x10
 CONTROLLER_TX_PASSIVE = 0x20
+# A frame that belongs to nobody: what the witness sends to see how far it is.
+MARK = EXTENDED_MASK
 
 
 def run(*command, check=True):
@@ -109,6 +114,8 @@ class Witness:
         self.reader = None
         self.complaints = []
         self._frames = []
+        self._marks_sent = 0
+        self._marks_seen = 0
         self._changed = threading.Condition()
 
     def __enter__(self):
@@ -144,6 +151,8 @@ class Witness:
             with self._changed:
                 if frame is None:
                     self.complaints.append(line.strip())
+                elif frame.id == MARK and frame.extended:
+                    self._marks_seen = int.from_bytes(frame.data, "big")
                 else:
                     self._frames.append(frame)
                 self._changed.notify_all()
@@ -155,8 +164,21 @@ class Witness:
             self.reader.join(5)
             self.process = None
 
+    def catch_up(self, timeout=10.0):
+        """Waits until everything said before is in the record: for that a frame of its own, which
+        does not appear there, must come back."""
+        self._marks_sent += 1
+        with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as sender:
+            sender.bind((self.interface,))
+            sender.send(struct.pack("=IB3x8s", MARK | EXTENDED_FLAG, 8,
+                                    self._marks_sent.to_bytes(8, "big")))
+        with self._changed:
+            assert self._changed.wait_for(lambda: self._marks_seen == self._marks_sent, timeout), (
+                f"candump on {self.interface} is stuck: {self.complaints}")
+
     def mark(self):
-        """A place in the record, for `since`."""
+        """A place in the record, for `since`: between what was said before and after this."""
+        self.catch_up()
         with self._changed:
             return len(self._frames)
 
@@ -321,16 +343,22 @@ class CanBridge(Bridge):
 
     interface    the interface's name
     protocol     the family
-    sim_on       the simulator's interface, if it is another one
+    bitrate      what both believe the bus runs at; the simulator keeps its pace
     """
 
     def __init__(self, place, register_map, commands, *, interface, protocol="vsmd-can",
-                 sim_on=None, bus=None, sim_bus=None, **options):
-        here = {"protocol": protocol, "device": None, "baud": None, "line": None}
+                 bitrate=1000000, bus=None, sim_bus=None, **options):
+        here = {"protocol": protocol, "transport": "socketcan", "interface": interface,
+                "bitrate": bitrate, "device": None, "baud": None, "line": None}
         super().__init__(
             place, register_map, commands,
-            bus={**here, "interface": interface, **(bus or {})},
-            sim_bus={**here, "interface": sim_on or interface, **(sim_bus or {})},
-            **options)
+            bus={**here, **(bus or {})}, sim_bus={**here, **(sim_bus or {})}, **options)
         # No terminal whose name the simulator could link to.
         self.sim.links = {}
+
+    def restart_sim(self):
+        """After its interface went away; mostly the simulator ended with that. Its drives start
+        anew."""
+        if self.sim.process.poll() is None:
+            self.sim.stop()
+        self.sim.start()
