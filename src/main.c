@@ -144,12 +144,28 @@ static void server_stats(void *context, struct db_server_stats *stats)
 	db_server_stats(service->server, stats);
 }
 
+static size_t server_clients(void *context, struct db_server_client *clients, size_t max)
+{
+	const struct service *service = context;
+
+	return db_server_clients(service->server, clients, max);
+}
+
+static void refused(void *context, const struct db_client *client, enum db_refusal kind)
+{
+	const struct service *service = context;
+
+	db_server_refused(service->server, client, kind);
+}
+
 static const struct db_registers_ops registers_ops = {
 	.now = now_of,
 	.submit = submit,
 	.answer = answer,
 	.bus_stats = bus_stats,
 	.server_stats = server_stats,
+	.server_clients = server_clients,
+	.refused = refused,
 };
 
 /* --- the loop's events ---------------------------------------------------------------------------- */

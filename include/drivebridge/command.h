@@ -103,6 +103,7 @@ struct db_completion {
 	uint32_t ticket;
 	uint16_t axis;
 	enum db_result result;
+	db_time sent; /* when the command itself was first put on the wire; 0: it was not */
 	db_time finished;
 };
 

@@ -61,6 +61,7 @@ struct db_command_block {
 	uint16_t command_id;
 	uint16_t command;
 	struct db_args args;
+	uint16_t staged_command; /* waits, with the arguments as they are then, for group_start */
 };
 
 /* One write into the command block: the kept block with the written registers put over it. */
@@ -68,6 +69,7 @@ struct db_command_write {
 	struct db_command_block block;
 	bool has_command; /* `command` was among the written registers */
 	bool has_id;      /* `command_id` was */
+	bool has_staged;  /* `staged_command` was */
 };
 
 /* What the result registers show. */
@@ -108,6 +110,15 @@ void db_commander_free(struct db_commander *commander);
 
 int db_commander_write(struct db_commander *commander, const struct db_command_write *write,
                        struct db_write_token token, db_time now);
+
+/* The command that waits for the group's start; NONE. */
+enum db_command db_commander_staged(const struct db_commander *commander);
+/* Carries it out with the kept arguments, as db_commander_execute() does; there must be one. */
+int db_commander_start_staged(struct db_commander *commander, struct db_write_token token,
+                              db_time now);
+
+/* Ticket of the request that the newest command became; 0: none yet. */
+uint32_t db_commander_newest(const struct db_commander *commander);
 
 /* A command from outside the command block (coils): no id, the kept block stays as it is. */
 int db_commander_execute(struct db_commander *commander, enum db_command code,

@@ -21,6 +21,7 @@ struct db_transport;
 #define DB_OPTIONS_MAX 16
 
 enum db_on_loss { DB_ON_LOSS_NONE, DB_ON_LOSS_STOP, DB_ON_LOSS_QUICK_STOP, DB_ON_LOSS_DISABLE };
+enum db_control_mode { DB_CONTROL_OFF, DB_CONTROL_DRIVE };
 enum db_parity { DB_PARITY_NONE, DB_PARITY_EVEN, DB_PARITY_ODD };
 enum db_line { DB_LINE_RS485, DB_LINE_RS232 };
 
@@ -46,6 +47,14 @@ struct db_modbus_config {
 	unsigned
 		frame_timeout_ms; /* frame-timeout-ms, 100..60000, default 1000: an unfinished frame ends its connection */
 	unsigned idle_timeout_s; /* idle-timeout-s, 0 = never (default) */
+	unsigned keepalive_s;    /* keepalive-s, 0 = off..7200, default 10: see listener.h */
+	/* reserved-writers, default 4 or what max-clients leaves, below max-clients: connections
+	 * that only clients who may write can take. */
+	unsigned reserved_writers;
+	unsigned max_clients_per_address; /* 0 = no limit (default) */
+	unsigned max_requests_per_second; /* of one address, 0 = no limit (default) */
+	enum db_control_mode control;     /* default off */
+	unsigned control_timeout_ms;      /* control-timeout-ms, 100..600000, default 5000 */
 };
 
 struct db_bus_config {

@@ -22,6 +22,10 @@ struct db_registers_ops {
 	void (*answer)(void *context, struct db_write_token token, uint8_t exception);
 	void (*bus_stats)(void *context, size_t bus, struct db_bus_stats *stats);
 	void (*server_stats)(void *context, struct db_server_stats *stats);
+	/* The clients connected longest, at most `max`; how many. Null: clients are not shown. */
+	size_t (*server_clients)(void *context, struct db_server_client *clients, size_t max);
+	/* Something was refused to a client for who it is. May be null. */
+	void (*refused)(void *context, const struct db_client *client, enum db_refusal kind);
 	/* A client came or went. May be null. */
 	void (*client)(void *context, const struct db_client *client, bool connected);
 };

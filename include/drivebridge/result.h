@@ -27,6 +27,7 @@ enum db_result {
 	DB_RESULT_FAILED = 15,      /* the drive tried and failed (flash error, hardware fault) */
 	DB_RESULT_RATE_LIMITED =
 		16, /* too soon after the last one (save_parameters wears the flash) */
+	DB_RESULT_NOT_IN_CONTROL = 17, /* another client has control of the drive */
 	DB_RESULT_COUNT
 };
 

@@ -26,6 +26,23 @@ struct db_client {
 	bool may_write;
 };
 
+#define DB_CLIENT_ADDRESS_MAX 46
+
+/* The address as people write it: "192.168.10.5", "fd00::5". */
+void db_client_address(const uint8_t address[16], char text[DB_CLIENT_ADDRESS_MAX]);
+
+/* What is not done for a client because of who it is. Each kind is counted, and told once. */
+enum db_refusal {
+	DB_REFUSED_ADDRESS,     /* connection: in neither allow-read nor allow-write */
+	DB_REFUSED_FULL,        /* connection: max-clients reached */
+	DB_REFUSED_RESERVED,    /* connection: may only read, and the rest is for writers */
+	DB_REFUSED_PER_ADDRESS, /* connection: max-clients-per-address reached */
+	DB_REFUSED_WRITE,       /* write: may only read */
+	DB_REFUSED_CONTROL,     /* write: another client has control of the drive */
+	DB_REFUSED_PACE,        /* request: more than max-requests-per-second, answered later */
+	DB_REFUSAL_COUNT
+};
+
 /*
  * Names one write that is to be answered later. Stays valid in the sense that answering it is
  * always allowed: when its connection has gone meanwhile, the answer is dropped.
@@ -75,13 +92,25 @@ struct db_server_stats {
 	uint32_t clients; /* now */
 	uint32_t clients_peak;
 	uint64_t accepted;
-	uint64_t refused_full;    /* connections refused: max-clients reached */
-	uint64_t refused_address; /* connections refused: not in allow-read or allow-write */
-	uint64_t refused_writes;  /* writes refused: client may only read */
+	uint64_t refused_full;        /* connections refused: max-clients reached */
+	uint64_t refused_address;     /* connections refused: not in allow-read or allow-write */
+	uint64_t refused_writes;      /* writes refused: client may only read */
+	uint64_t refused_reserved;    /* connections refused: may only read, the rest is reserved */
+	uint64_t refused_per_address; /* connections refused: too many of one address */
+	uint64_t refused_control;     /* writes refused: another client has control of the drive */
+	uint64_t held_back;           /* requests that had to wait: too many of one address */
 	uint64_t requests;
 	uint64_t exceptions;
 	uint64_t bad_frames; /* connections closed for a frame that cannot be Modbus */
 	uint64_t timeouts;   /* connections closed for an unfinished frame, or idle */
+};
+
+/* One connection as it is now. */
+struct db_server_client {
+	struct db_client client;
+	uint64_t requests;
+	db_time idle;      /* since the last byte in either direction */
+	db_time connected; /* since it came */
 };
 
 /*
@@ -101,5 +130,13 @@ void db_server_answer(struct db_server *server, struct db_write_token token, uin
 uint16_t db_server_port(const struct db_server *server);
 
 void db_server_stats(const struct db_server *server, struct db_server_stats *stats);
+
+/* The connections that have been there longest, at most `max`. Returns how many. */
+size_t db_server_clients(const struct db_server *server, struct db_server_client *clients,
+                         size_t max);
+
+/* The backend refused something to a client for who it is (DB_REFUSED_CONTROL). */
+void db_server_refused(struct db_server *server, const struct db_client *client,
+                       enum db_refusal kind);
 
 #endif

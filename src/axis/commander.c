@@ -430,12 +430,49 @@ static int command(struct db_commander *commander, const struct db_command_block
 	return carry_out(commander, block, id, token, now);
 }
 
+/* What is staged is checked now, so that the start of a group finds no surprises. */
+static int stage(struct db_commander *commander, const struct db_command_write *write)
+{
+	struct db_command_block block = write->block;
+	enum db_result result;
+
+	block.command = block.staged_command;
+	if (write->has_command && write->block.command != DB_CMD_NONE)
+		return refuse(commander, 0, block.command, DB_RESULT_OUT_OF_RANGE);
+	result = check(&commander->config, block.command, &block.args);
+	if (result == DB_RESULT_OK)
+		result = check_limits(commander, &block);
+	return result == DB_RESULT_OK ? 0 : refuse(commander, 0, block.command, result);
+}
+
+enum db_command db_commander_staged(const struct db_commander *commander)
+{
+	return (enum db_command)commander->kept.staged_command;
+}
+
+uint32_t db_commander_newest(const struct db_commander *commander)
+{
+	return commander->newest;
+}
+
+int db_commander_start_staged(struct db_commander *commander, struct db_write_token token,
+                              db_time now)
+{
+	struct db_command_block block = commander->kept;
+
+	block.command = block.staged_command;
+	commander->kept.staged_command = DB_CMD_NONE;
+	return command(commander, &block, 0, token, now);
+}
+
 int db_commander_write(struct db_commander *commander, const struct db_command_write *write,
                        struct db_write_token token, db_time now)
 {
 	int answer = 0;
 
-	if (write->has_command && write->block.command != DB_CMD_NONE)
+	if (write->has_staged && write->block.staged_command != DB_CMD_NONE)
+		answer = stage(commander, write);
+	else if (write->has_command && write->block.command != DB_CMD_NONE)
 		answer = command(commander, &write->block, id_of(commander, write), token, now);
 	/* 05: on its way, though its writer does not wait for it. */
 	if (answer <= 0 || answer == MODBUS_EXCEPTION_ACKNOWLEDGE)

@@ -26,6 +26,7 @@ static const struct {
 	[DB_RESULT_OFFLINE] = { "offline", MODBUS_EXCEPTION_GATEWAY_TARGET },
 	[DB_RESULT_FAILED] = { "failed", MODBUS_EXCEPTION_SLAVE_OR_SERVER_FAILURE },
 	[DB_RESULT_RATE_LIMITED] = { "rate_limited", MODBUS_EXCEPTION_SLAVE_OR_SERVER_FAILURE },
+	[DB_RESULT_NOT_IN_CONTROL] = { "not_in_control", MODBUS_EXCEPTION_SLAVE_OR_SERVER_BUSY },
 };
 
 const char *db_result_name(enum db_result result)

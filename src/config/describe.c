@@ -49,6 +49,31 @@ static void put_networks(FILE *out, const char *what, const struct db_network *n
 	fprintf(out, "\n");
 }
 
+static void put_limit(FILE *out, unsigned limit)
+{
+	if (limit > 0)
+		fprintf(out, "%u", limit);
+	else
+		fprintf(out, "any number of");
+}
+
+/* What keeps one client from taking what others need. */
+static void describe_access(const struct db_modbus_config *modbus, FILE *out)
+{
+	fprintf(out, "  %-14s%u clients (%u of them only writers), %u requests of each at once\n",
+	        "limits", modbus->max_clients, modbus->reserved_writers, modbus->max_pipelined);
+	fprintf(out, "  %-14s", "per address");
+	put_limit(out, modbus->max_clients_per_address);
+	fprintf(out, " clients, ");
+	put_limit(out, modbus->max_requests_per_second);
+	fprintf(out, " requests per second\n");
+	fprintf(out, "  %-14s", "control");
+	put_word(out, "modbus", "control", modbus->control);
+	if (modbus->control != DB_CONTROL_OFF)
+		fprintf(out, ", lost after %u ms of silence", modbus->control_timeout_ms);
+	fprintf(out, "\n");
+}
+
 static void describe_modbus(const struct db_modbus_config *modbus, FILE *out)
 {
 	fprintf(out, "modbus\n  %-14s%s\n", "listen", modbus->listen);
@@ -67,13 +92,17 @@ static void describe_modbus(const struct db_modbus_config *modbus, FILE *out)
 		        modbus->confirm_ms);
 	fprintf(out, "  %-14s", "stale data");
 	put_word(out, "modbus", "stale", modbus->stale_values);
-	fprintf(out, "\n  %-14s%u clients, %u requests of each at once\n", "limits",
-	        modbus->max_clients, modbus->max_pipelined);
+	fprintf(out, "\n");
+	describe_access(modbus, out);
 	fprintf(out, "  %-14sunfinished frame %u ms, idle ", "timeouts", modbus->frame_timeout_ms);
 	if (modbus->idle_timeout_s > 0)
-		fprintf(out, "%u s\n", modbus->idle_timeout_s);
+		fprintf(out, "%u s, keepalive ", modbus->idle_timeout_s);
 	else
-		fprintf(out, "never\n");
+		fprintf(out, "never, keepalive ");
+	if (modbus->keepalive_s > 0)
+		fprintf(out, "%u s\n", modbus->keepalive_s);
+	else
+		fprintf(out, "off\n");
 }
 
 static void put_option(FILE *out, const struct db_option *option, double value)

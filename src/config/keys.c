@@ -41,12 +41,28 @@ static const struct db_config_key KEYS[] = {
 	         "Unit id of the gateway's own registers beside 0 and 255; 0 means no further one") },
 	{ NUMBER("modbus", "max-clients", "64", 1, 1024, "",
 	         "Connections served at the same time") },
+	{ NUMBER("modbus", "reserved-writers", "4", 0, 1023, "",
+	         "How many of them only clients that may write can take, so that readers never lock "
+	         "them out; fewer than max-clients, and when not given as many as that allows") },
+	{ NUMBER("modbus", "max-clients-per-address", "0", 0, 1024, "",
+	         "Connections of one address at the same time; 0 means no limit of its own") },
+	{ NUMBER("modbus", "max-requests-per-second", "0", 0, 100000, "",
+	         "Requests of one address, all its connections together, a tenth of them at once; "
+	         "more wait their turn and are answered later; 0 means no limit") },
 	{ NUMBER("modbus", "max-pipelined", "16", 1, 64, "",
 	         "Requests of one connection that may be in work at the same time") },
 	{ NUMBER("modbus", "frame-timeout-ms", "1000", 100, 60000, "ms",
 	         "Longest time for an unfinished request before its connection is closed") },
 	{ NUMBER("modbus", "idle-timeout-s", "0", 0, 86400, "s",
 	         "Longest silence before a connection is closed; 0 means never") },
+	{ NUMBER("modbus", "keepalive-s", "10", 0, 7200, "s",
+	         "Silence after which TCP asks whether a client is still there; it is gone after "
+	         "four times as long; 0 means that it is not asked") },
+	{ WORD("modbus", "control", "off", "off drive",
+	       "Whether one client at a time has the right to command a drive, while others can only "
+	       "read and stop it; see the register control_request") },
+	{ NUMBER("modbus", "control-timeout-ms", "5000", 100, 600000, "ms",
+	         "Longest silence towards a drive before the client that has control of it loses it") },
 
 	{ OTHER(DB_KEY_PROTOCOL, "bus", "protocol", NULL, 0, 0,
 	        "Family of the drives on this bus") },

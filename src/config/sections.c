@@ -18,6 +18,21 @@ struct db_section db_section_open(struct db_load *load, const char *name, unsign
 	return section;
 }
 
+/* Readers need a place, too; writers can take every one. */
+static unsigned read_reserved(const struct db_section *section, unsigned max_clients)
+{
+	unsigned reserved = db_section_number(section, "reserved-writers");
+
+	if (max_clients == 0 || reserved < max_clients)
+		return reserved;
+	if (db_section_has(section, "reserved-writers"))
+		db_report_error(
+			&section->load->report, db_section_line(section, "reserved-writers"),
+			"reserved-writers = %u leaves none of max-clients = %u to clients that may only read; fewer than that",
+			reserved, max_clients);
+	return max_clients - 1;
+}
+
 static void read_modbus(struct db_load *load)
 {
 	struct db_modbus_config *modbus = &load->config->modbus;
@@ -36,6 +51,12 @@ static void read_modbus(struct db_load *load)
 	modbus->max_pipelined = db_section_number(&section, "max-pipelined");
 	modbus->frame_timeout_ms = db_section_number(&section, "frame-timeout-ms");
 	modbus->idle_timeout_s = db_section_number(&section, "idle-timeout-s");
+	modbus->keepalive_s = db_section_number(&section, "keepalive-s");
+	modbus->reserved_writers = read_reserved(&section, modbus->max_clients);
+	modbus->max_clients_per_address = db_section_number(&section, "max-clients-per-address");
+	modbus->max_requests_per_second = db_section_number(&section, "max-requests-per-second");
+	modbus->control = (enum db_control_mode)db_section_word(&section, "control");
+	modbus->control_timeout_ms = db_section_number(&section, "control-timeout-ms");
 }
 
 bool db_load_sections(struct db_load *load)

@@ -151,6 +151,10 @@ static void fill_server(struct db_gateway_image *image, const struct db_register
 	image->exceptions = (uint32_t)stats.exceptions;
 	image->bad_frames = (uint32_t)stats.bad_frames;
 	image->timeouts = (uint32_t)stats.timeouts;
+	image->refused_reserved = (uint32_t)stats.refused_reserved;
+	image->refused_per_address = (uint32_t)stats.refused_per_address;
+	image->refused_control = (uint32_t)stats.refused_control;
+	image->held_back = (uint32_t)stats.held_back;
 }
 
 static uint16_t line_state(const struct db_bus_stats *stats)
@@ -167,6 +171,21 @@ static uint16_t line_state(const struct db_bus_stats *stats)
 	if (port->error_warning)
 		bits |= DB_LINE_WARNING;
 	return (uint16_t)bits;
+}
+
+static void fill_group(struct db_gateway_image *image, const struct db_registers *registers)
+{
+	image->group_stop = 0;
+	image->group_start = 0;
+	image->group_staged = 0;
+	for (size_t i = 0; i < registers->drive_count; i++) {
+		if (db_commander_staged(registers->drives[i].commander) != DB_CMD_NONE)
+			image->group_staged++;
+	}
+	image->group_drives = registers->group.drives;
+	image->group_result = registers->group.result;
+	image->group_busy = registers->group.pending > 0;
+	image->group_skew_us = registers->group.skew_us;
 }
 
 static void fill_bus(struct db_gateway_bus *image, const struct db_bus_stats *stats)
@@ -248,6 +267,57 @@ static void fill_window(struct db_gateway_window *window, const struct view_driv
 	};
 }
 
+uint32_t view_ipv4(const uint8_t address[16])
+{
+	static const uint8_t mapped[] = { 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xFF, 0xFF };
+
+	if (memcmp(address, mapped, sizeof mapped) != 0)
+		return VIEW_IPV6;
+	return (uint32_t)address[12] << 24 | (uint32_t)address[13] << 16 |
+	       (uint32_t)address[14] << 8 | address[15];
+}
+
+/* The drives that a client controls; those that have a bit. */
+static uint32_t controls_of(const struct db_registers *registers, uint32_t client, db_time now)
+{
+	uint32_t bits = 0;
+
+	for (size_t i = 0; i < registers->drive_count && i < DB_GATEWAY_DRIVES; i++) {
+		const struct db_client *holder = db_control_holder(&registers->drives[i].control,
+		                                                   now);
+
+		if (holder && holder->id == client)
+			bits |= UINT32_C(1) << i;
+	}
+	return bits;
+}
+
+static void fill_clients(struct db_gateway_image *image, const struct db_registers *registers)
+{
+	struct db_server_client clients[DB_GATEWAY_CLIENTS];
+	db_time now = registers->ops->now(registers->context);
+	size_t count = 0;
+
+	if (registers->ops->server_clients)
+		count = registers->ops->server_clients(registers->context, clients,
+		                                       DB_GATEWAY_CLIENTS);
+	memset(image->connected, 0, sizeof image->connected);
+	for (size_t i = 0; i < count; i++) {
+		struct db_gateway_client *shown = &image->connected[i];
+		char text[DB_CLIENT_ADDRESS_MAX];
+
+		shown->ipv4 = view_ipv4(clients[i].client.address);
+		shown->port = clients[i].client.port;
+		shown->may_write = clients[i].client.may_write;
+		shown->requests = (uint32_t)clients[i].requests;
+		shown->idle_s = (uint32_t)(clients[i].idle / DB_NS_PER_S);
+		shown->connected_s = (uint32_t)(clients[i].connected / DB_NS_PER_S);
+		shown->controls = controls_of(registers, clients[i].client.id, now);
+		db_client_address(clients[i].client.address, text);
+		memcpy(shown->address, text, strnlen(text, sizeof shown->address));
+	}
+}
+
 /* The elements of an array in the image, `size` each, that lie between two offsets: *from <= i < *to. */
 static void touched(size_t array, size_t size, uint16_t low, uint16_t high, size_t count,
                     size_t *from, size_t *to)
@@ -266,6 +336,10 @@ void view_fill_gateway(struct db_gateway_image *image, const struct db_registers
 
 	if (parts & DB_PART_SERVER)
 		fill_server(image, registers);
+	if (parts & DB_PART_GROUP)
+		fill_group(image, registers);
+	if (parts & DB_PART_CLIENTS)
+		fill_clients(image, registers);
 	if (parts & DB_PART_BUSES) {
 		touched(offsetof(struct db_gateway_image, buses), sizeof image->buses[0], low, high,
 		        registers->config->bus_count, &from, &to);

@@ -19,6 +19,8 @@ enum db_part {
 	DB_PART_BUSES = 1u << 5,
 	DB_PART_DRIVES = 1u << 6,
 	DB_PART_WINDOWS = 1u << 7,
+	DB_PART_CLIENTS = 1u << 8,
+	DB_PART_GROUP = 1u << 9,
 };
 
 #define DB_UNIT_NAME_REGISTERS 8
@@ -36,6 +38,11 @@ struct db_drive_image {
 	struct db_command_state state;
 	struct db_feedback feedback;
 	struct db_axis_stats stats;
+	/* Likewise, but about the client that reads. */
+	uint16_t control_request;
+	uint16_t control_port;
+	uint32_t control_holder;
+	uint32_t control_remaining_ms;
 
 	struct db_command_block block;
 
@@ -52,6 +59,7 @@ struct db_drive_image {
 /* The gateway view shows so many in detail; there may be more. */
 #define DB_GATEWAY_BUSES 8
 #define DB_GATEWAY_DRIVES 32
+#define DB_GATEWAY_CLIENTS 16
 
 enum db_line_bit {
 	DB_LINE_UP = 1u << 0,
@@ -122,6 +130,19 @@ struct db_gateway_window {
 	uint16_t outputs;
 };
 
+#define DB_CLIENT_ADDRESS_REGISTERS 20 /* the longest address has 39 characters */
+
+struct db_gateway_client {
+	uint32_t ipv4;
+	uint16_t port;
+	uint16_t may_write;
+	uint32_t requests;
+	uint32_t idle_s;
+	uint32_t connected_s;
+	uint32_t controls; /* bit 0: the first drive */
+	char address[2 * DB_CLIENT_ADDRESS_REGISTERS];
+};
+
 /* Units 0, 255 and the configured one. 64-bit counters are shown by their low half. */
 struct db_gateway_image {
 	/* DB_PART_SERVER */
@@ -142,10 +163,23 @@ struct db_gateway_image {
 	uint32_t exceptions;
 	uint32_t bad_frames;
 	uint32_t timeouts;
-	/* DB_PART_BUSES, DB_PART_DRIVES */
+	uint32_t refused_reserved;
+	uint32_t refused_per_address;
+	uint32_t refused_control;
+	uint32_t held_back;
+	/* DB_PART_GROUP */
+	uint16_t group_stop; /* these two read as 0 */
+	uint16_t group_start;
+	uint16_t group_staged;
+	uint16_t group_drives;
+	uint16_t group_result;
+	uint16_t group_busy;
+	uint32_t group_skew_us;
+	/* DB_PART_BUSES, DB_PART_DRIVES, DB_PART_CLIENTS */
 	struct db_gateway_bus buses[DB_GATEWAY_BUSES];
 	struct db_gateway_drive drives[DB_GATEWAY_DRIVES];
 	struct db_gateway_window windows[DB_GATEWAY_DRIVES];
+	struct db_gateway_client connected[DB_GATEWAY_CLIENTS];
 };
 
 #endif

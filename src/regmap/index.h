@@ -14,10 +14,10 @@
 struct db_cell {
 	uint16_t address;
 	uint16_t offset; /* in the image */
+	uint16_t part;   /* enum db_part */
 	uint8_t registers;
 	uint8_t type;  /* enum db_type */
 	uint8_t flags; /* enum db_row_flag and DB_CELL_GAP */
-	uint8_t part;  /* enum db_part */
 	uint8_t param; /* with DB_ROW_PARAM: its index */
 	uint8_t bit;   /* bit tables: in the word at offset */
 };

@@ -94,9 +94,11 @@ static const struct db_codes capability_bits = { db_capability_name, COUNT_OF(ca
 	.view = DB_VIEW_GATEWAY, .table = DB_TABLE_HOLDING, .part = (needs), \
 	.offset = offsetof(struct db_gateway_image, member)
 #define GATEWAY(member) GATEWAY_PART(DB_PART_SERVER, member)
+#define GATEWAY_GROUP(member) GATEWAY_PART(DB_PART_GROUP, member)
 #define GATEWAY_BUS(member) GATEWAY_PART(DB_PART_BUSES, buses[0].member)
 #define GATEWAY_WINDOW(member) GATEWAY_PART(DB_PART_WINDOWS, windows[0].member)
 #define GATEWAY_DRIVE(member) GATEWAY_PART(DB_PART_DRIVES, drives[0].member)
+#define GATEWAY_CLIENT(member) GATEWAY_PART(DB_PART_CLIENTS, connected[0].member)
 #define EACH_BUS                                                                                   \
 	{                                                                                          \
 		.count = DB_GATEWAY_BUSES, .addresses = 40, .bytes = sizeof(struct db_gateway_bus) \
@@ -114,6 +116,17 @@ static const struct db_codes capability_bits = { db_capability_name, COUNT_OF(ca
 	{                                                    \
 		.count = DB_GATEWAY_DRIVES, .addresses = 16, \
 		.bytes = sizeof(struct db_gateway_drive)     \
+	}
+
+#define EACH_CLIENT                                           \
+	{                                                     \
+		.count = DB_GATEWAY_CLIENTS, .addresses = 12, \
+		.bytes = sizeof(struct db_gateway_client)     \
+	}
+#define EACH_CLIENT_TEXT                                                               \
+	{                                                                              \
+		.count = DB_GATEWAY_CLIENTS, .addresses = DB_CLIENT_ADDRESS_REGISTERS, \
+		.bytes = sizeof(struct db_gateway_client)                              \
 	}
 
 const struct db_row db_rows[] = {
@@ -430,6 +443,47 @@ const struct db_row db_rows[] = {
 		.description = "Instruction of the program that is carried out",
 	},
 	{
+		.name = "control_request",
+		.address = 56,
+		.type = DB_U16,
+		PROCESS(control_request),
+		.flags = DB_ROW_WRITABLE | DB_ROW_CONTROL,
+		.max = 1,
+		.description =
+			"Control of the drive (control = drive in the configuration): "
+			"write 1 to take it and 0 to let it go; reads 1 when the "
+			"connection that reads has it. Any other write but a stop takes it "
+			"too when nobody has it; while somebody has it others can only stop "
+			"the drive (06; not_in_control). Lost with the connection or by "
+			"silence; 1 from another connection of the same address takes it over",
+	},
+	{
+		.name = "control_port",
+		.address = 57,
+		.type = DB_U16,
+		PROCESS(control_port),
+		.max = 65535,
+		.description = "TCP port of the client that has control; 0=nobody",
+	},
+	{
+		.name = "control_holder",
+		.address = 58,
+		.type = DB_U32,
+		PROCESS(control_holder),
+		.description = "IPv4 address of the client that has control; its first byte "
+			       "highest; 0=nobody 4294967295=an IPv6 address: see the clients in "
+			       "the gateway unit",
+	},
+	{
+		.name = "control_remaining_ms",
+		.address = 60,
+		.type = DB_U32,
+		PROCESS(control_remaining_ms),
+		.unit = "ms",
+		.description = "Time left before silence of the client that has control ends it; "
+			       "each of its requests to this unit begins it again; 0=nobody",
+	},
+	{
 		.name = "result_limit",
 		.address = 62,
 		.type = DB_U16,
@@ -609,6 +663,17 @@ const struct db_row db_rows[] = {
 		.unit = "s",
 		.max = 65535,
 		.description = "From start_program to the program's begin",
+	},
+	{
+		.name = "staged_command",
+		.address = 124,
+		.type = DB_U16,
+		BLOCK(staged_command),
+		.flags = DB_ROW_WRITABLE,
+		.max = DB_CMD_LIMIT - 1,
+		.codes = &command_codes,
+		.description = "A command that waits for group_start of the gateway and takes the "
+			       "arguments of then; writing it executes nothing; 0=none",
 	},
 
 	/* Drive view: diagnostics. */
@@ -907,6 +972,95 @@ const struct db_row db_rows[] = {
 		GATEWAY(timeouts),
 		.description = "Connections closed for an unfinished frame or idling",
 	},
+	{
+		.name = "refused_reserved",
+		.address = 28,
+		.type = DB_U32,
+		GATEWAY(refused_reserved),
+		.description = "Connections refused because the client may only read and the "
+			       "places left are reserved-writers",
+	},
+	{
+		.name = "refused_per_address",
+		.address = 30,
+		.type = DB_U32,
+		GATEWAY(refused_per_address),
+		.description = "Connections refused because max-clients-per-address was reached",
+	},
+	{
+		.name = "refused_control",
+		.address = 32,
+		.type = DB_U32,
+		GATEWAY(refused_control),
+		.description = "Writes refused because another client has control of the drive",
+	},
+	{
+		.name = "held_back",
+		.address = 34,
+		.type = DB_U32,
+		GATEWAY(held_back),
+		.description = "Requests that were answered later because of "
+			       "max-requests-per-second",
+	},
+
+	/* Gateway view: commands to many drives in one write. */
+	{
+		.name = "group_stop",
+		.address = 60,
+		.type = DB_U16,
+		GATEWAY_GROUP(group_stop),
+		.flags = DB_ROW_WRITABLE,
+		.max = 3,
+		.description = "Written 1=stop 2=quick_stop 3=disable: every drive of every bus; "
+			       "answered when all have confirmed; reads 0",
+	},
+	{
+		.name = "group_start",
+		.address = 61,
+		.type = DB_U16,
+		GATEWAY_GROUP(group_start),
+		.flags = DB_ROW_WRITABLE,
+		.max = 1,
+		.description = "Written 1: starts every drive's staged_command; answered when all "
+			       "have confirmed; reads 0",
+	},
+	{
+		.name = "group_staged",
+		.address = 62,
+		.type = DB_U16,
+		GATEWAY_GROUP(group_staged),
+		.description = "Drives with a staged_command",
+	},
+	{
+		.name = "group_drives",
+		.address = 63,
+		.type = DB_U16,
+		GATEWAY_GROUP(group_drives),
+		.description = "Drives of the latest group command",
+	},
+	{
+		.name = "group_result",
+		.address = 64,
+		.type = DB_U16,
+		GATEWAY_GROUP(group_result),
+		.description = "Highest exception code of its drives so far; 0=none; each drive's "
+			       "own result tells more",
+	},
+	{
+		.name = "group_busy",
+		.address = 65,
+		.type = DB_U16,
+		GATEWAY_GROUP(group_busy),
+		.description = "1=some drive has not ended its part yet",
+	},
+	{
+		.name = "group_skew_us",
+		.address = 66,
+		.type = DB_U32,
+		GATEWAY_GROUP(group_skew_us),
+		.unit = "us",
+		.description = "From the first to the last drive's command on the wire",
+	},
 
 	/* Gateway view: a block for each bus. */
 	{
@@ -1157,6 +1311,71 @@ const struct db_row db_rows[] = {
 		.description = "Line of bus #: bit rate that the interface is set to; 0=not known",
 	},
 
+	/* Gateway view: who is connected. */
+	{
+		.name = "client#_ipv4",
+		.address = 700,
+		.type = DB_U32,
+		GATEWAY_CLIENT(ipv4),
+		.repeat = EACH_CLIENT,
+		.description = "IPv4 address of client # with its first byte highest; 0=none "
+			       "4294967295=see client#_address; the 16 clients that are connected "
+			       "longest have registers",
+	},
+	{
+		.name = "client#_port",
+		.address = 702,
+		.type = DB_U16,
+		GATEWAY_CLIENT(port),
+		.max = 65535,
+		.repeat = EACH_CLIENT,
+		.description = "Client #: its TCP port",
+	},
+	{
+		.name = "client#_may_write",
+		.address = 703,
+		.type = DB_U16,
+		GATEWAY_CLIENT(may_write),
+		.max = 1,
+		.repeat = EACH_CLIENT,
+		.description = "Client #: 1=it may write",
+	},
+	{
+		.name = "client#_requests",
+		.address = 704,
+		.type = DB_U32,
+		GATEWAY_CLIENT(requests),
+		.repeat = EACH_CLIENT,
+		.description = "Client #: requests received",
+	},
+	{
+		.name = "client#_idle_s",
+		.address = 706,
+		.type = DB_U32,
+		GATEWAY_CLIENT(idle_s),
+		.unit = "s",
+		.repeat = EACH_CLIENT,
+		.description = "Client #: time since the last byte in either direction",
+	},
+	{
+		.name = "client#_connected_s",
+		.address = 708,
+		.type = DB_U32,
+		GATEWAY_CLIENT(connected_s),
+		.unit = "s",
+		.repeat = EACH_CLIENT,
+		.description = "Client #: time since it connected",
+	},
+	{
+		.name = "client#_controls",
+		.address = 710,
+		.type = DB_BITS32,
+		GATEWAY_CLIENT(controls),
+		.repeat = EACH_CLIENT,
+		.description = "Client #: drives that it has control of; bit 0 = the first drive "
+			       "of the configuration",
+	},
+
 	/* Gateway view: a block for each drive. */
 	{
 		.name = "drive#_unit",
@@ -1242,6 +1461,17 @@ const struct db_row db_rows[] = {
 		.repeat = EACH_DRIVE,
 		.description = "Drive #: answers that did not come in time",
 	},
+	/* Gateway view: the clients' addresses as text. */
+	{
+		.name = "client#_address",
+		.address = 1520,
+		.type = DB_TEXT,
+		.registers = DB_CLIENT_ADDRESS_REGISTERS,
+		GATEWAY_CLIENT(address),
+		.repeat = EACH_CLIENT_TEXT,
+		.description = "Client #: its address; empty=none",
+	},
+
 	/* Gateway view: the flat window, a block of process data for each drive. */
 	{
 		.name = "window#_unit",

@@ -17,6 +17,7 @@ enum db_row_flag {
 	DB_ROW_MEASURED = 1u << 1, /* old when the drive does not answer */
 	DB_ROW_PARAM = 1u << 2,    /* a vendor parameter: read and written by its index */
 	DB_ROW_WATCHDOG = 1u << 3, /* the one setting of the bridge's own */
+	DB_ROW_CONTROL = 1u << 4,  /* asks for control of the drive, or lets it go */
 };
 
 /* Names of a register's values or bits, for its description. */
@@ -43,7 +44,7 @@ struct db_row {
 	uint16_t registers; /* TEXT only */
 	size_t offset;      /* of the member in its image; bit tables: of the word */
 	uint8_t flags;      /* enum db_row_flag */
-	uint8_t part;       /* enum db_part it needs */
+	uint16_t part;      /* enum db_part it needs */
 	uint16_t measure;   /* exists only when the family measures this */
 	bool outputs;       /* repeats as often as the family has outputs */
 	size_t param_alias; /* offset in struct db_driver of a parameter's index + 1; 0 = none */

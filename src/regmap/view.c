@@ -144,8 +144,20 @@ static uint8_t check_params(const struct view_drive *drive, const struct span *s
 	return 0;
 }
 
-static uint8_t read_drive(const struct view_drive *drive, enum db_table table, uint16_t address,
-                          uint16_t count, uint16_t *values)
+static void fill_control(struct db_drive_image *image, const struct view_drive *drive,
+                         const struct db_client *client)
+{
+	db_time now = drive->registers->ops->now(drive->registers->context);
+	const struct db_client *holder = db_control_holder(&drive->control, now);
+
+	image->control_request = holder && holder->id == client->id;
+	image->control_port = holder ? holder->port : 0;
+	image->control_holder = holder ? view_ipv4(holder->address) : 0;
+	image->control_remaining_ms = db_control_remaining_ms(&drive->control, now);
+}
+
+static uint8_t read_drive(const struct view_drive *drive, const struct db_client *client,
+                          enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
 {
 	struct db_drive_image image;
 	struct span span;
@@ -154,6 +166,8 @@ static uint8_t read_drive(const struct view_drive *drive, enum db_table table, u
 	if (exception)
 		return exception;
 	view_fill_drive(&image, drive, span.parts);
+	if (span.parts & DB_PART_PROCESS)
+		fill_control(&image, drive, client);
 	if (span.flags & DB_ROW_MEASURED)
 		exception = check_measured(drive, &image.feedback);
 	if (!exception && (span.flags & DB_ROW_PARAM))
@@ -201,26 +215,29 @@ static uint8_t backend_unit(void *context, uint8_t unit)
 	return registers->units[unit] == VIEW_NOTHING ? MODBUS_EXCEPTION_GATEWAY_PATH : 0;
 }
 
-/* Who may only look does not keep a machine running. */
-static void feed(const struct view_drive *drive, const struct db_client *client)
+/* Who may only look does not keep a machine running, nor who does not control it. */
+static void feed(struct view_drive *drive, const struct db_client *client)
 {
 	const struct db_registers *registers = drive->registers;
+	db_time now = registers->ops->now(registers->context);
 
-	if (client->may_write)
-		db_commander_feed(drive->commander, registers->ops->now(registers->context));
+	if (!client->may_write || !db_control_holds(&drive->control, client, now))
+		return;
+	db_control_hear(&drive->control, client, now);
+	db_commander_feed(drive->commander, now);
 }
 
 static uint8_t backend_read(void *context, const struct db_client *client, uint8_t unit,
                             enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
 {
 	const struct db_registers *registers = context;
-	const struct view_drive *drive = drive_of(registers, unit);
+	struct view_drive *drive = drive_of(registers, unit);
 
 	if (drive) {
 		feed(drive, client);
 		if (registers->vendor_units[unit])
 			return vsmd_view_read(drive, table, address, count, values);
-		return read_drive(drive, table, address, count, values);
+		return read_drive(drive, client, table, address, count, values);
 	}
 	if (backend_unit(context, unit))
 		return MODBUS_EXCEPTION_GATEWAY_PATH;
@@ -236,13 +253,12 @@ static int backend_write(void *context, const struct db_client *client, uint8_t 
 	if (drive) {
 		feed(drive, client);
 		if (drive->registers->vendor_units[unit])
-			return vsmd_view_write(drive, table, address, count, values, token);
-		return view_write(drive, table, address, count, values, token);
+			return vsmd_view_write(drive, client, table, address, count, values, token);
+		return view_write(drive, client, table, address, count, values, token);
 	}
 	if (backend_unit(context, unit))
 		return MODBUS_EXCEPTION_GATEWAY_PATH;
-	/* Nothing of the gateway's can be written. */
-	return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	return view_write_gateway(context, client, table, address, count, values, token);
 }
 
 static size_t backend_server_id(void *context, uint8_t unit, char *text, size_t size, bool *running)
@@ -318,6 +334,8 @@ static void backend_client(void *context, const struct db_client *client, bool c
 {
 	const struct db_registers *registers = context;
 
+	for (size_t i = 0; i < registers->drive_count && !connected; i++)
+		db_control_release(&registers->drives[i].control, client);
 	if (registers->ops->client)
 		registers->ops->client(registers->context, client, connected);
 }
@@ -340,6 +358,8 @@ void db_registers_complete(struct db_registers *registers, const struct db_compl
 
 	if (drive >= registers->drive_count)
 		return;
+	/* First what the group's figures need: the commander may answer its writer. */
+	group_completed(registers, &registers->drives[drive], completion->ticket, completion->sent);
 	db_commander_complete(registers->drives[drive].commander, completion, now);
 	vsmd_view_completed(&registers->drives[drive], completion, now);
 }
@@ -413,6 +433,8 @@ static void answer_client(void *context, struct db_write_token token, uint8_t ex
 	const struct view_drive *drive = context;
 	const struct db_registers *registers = drive->registers;
 
+	if (group_answered(drive->registers, token, exception))
+		return;
 	if (vsmd_view_answered(drive->vendor, token, &exception))
 		registers->ops->answer(registers->context, token, exception);
 }
@@ -468,6 +490,8 @@ static int init_drive(struct db_registers *registers, size_t number, struct db_a
 	drive->bus = &config->buses[drive->config->bus];
 	drive->driver = drive->bus->driver;
 	drive->axis = axis;
+	db_control_init(&drive->control, config->modbus.control == DB_CONTROL_DRIVE,
+	                config->modbus.control_timeout_ms);
 	commander.bus_config = drive->bus;
 	commander.drive_config = drive->config;
 	commander.commands = db_driver_commands(drive->bus, drive->config);

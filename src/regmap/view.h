@@ -3,8 +3,10 @@
 #ifndef DRIVEBRIDGE_REGMAP_VIEW_H
 #define DRIVEBRIDGE_REGMAP_VIEW_H
 
+#include "axis/control.h"
 #include "drivebridge/commander.h"
 #include "drivebridge/registers.h"
+#include "regmap/group.h"
 #include "regmap/image.h"
 #include "regmap/index.h"
 
@@ -24,6 +26,8 @@ struct view_drive {
 	const struct view_map *map;
 	struct db_axis *axis;
 	struct db_commander *commander;
+	struct db_control control;
+	uint32_t group_ticket;    /* its part of the group command under way; 0 */
 	struct vsmd_view *vendor; /* null: it has no unit with the vendor's layout */
 	uint32_t capabilities;
 	db_time fresh_for;               /* older data is not `good` any more */
@@ -43,6 +47,7 @@ struct db_registers {
 	bool vendor_units[256]; /* the drive's unit has the vendor's layout */
 	struct view_drive *drives;
 	size_t drive_count;
+	struct group group;
 };
 
 #define VIEW_GATEWAY UINT16_MAX
@@ -54,11 +59,28 @@ void view_fill_drive(struct db_drive_image *image, const struct view_drive *driv
 void view_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
                        unsigned parts, uint16_t low, uint16_t high);
 
+/* An address in one number, the first byte highest; VIEW_IPV6 for what is no IPv4 address. */
+#define VIEW_IPV6 UINT32_MAX
+uint32_t view_ipv4(const uint8_t address[16]);
+
 /* The exception that says why a drive cannot be asked: 0B, or 0A when its bus is down. */
 uint8_t view_unreachable(const struct db_feedback *feedback);
 
+/*
+ * Whether a write of this client may go to the drive's commander: it has control, or takes it now.
+ * A stop takes nothing and is only told whether it comes from who has control; it is to be executed
+ * in any case, but by itself, with nothing else of its write. What is refused is counted.
+ */
+bool view_may_write(struct view_drive *drive, const struct db_client *client, bool stop);
+
+/* db_backend's write, for the gateway: group commands. */
+int view_write_gateway(struct db_registers *registers, const struct db_client *client,
+                       enum db_table table, uint16_t address, uint16_t count,
+                       const uint16_t *values, struct db_write_token token);
+
 /* db_backend's write, for a drive. */
-int view_write(struct view_drive *drive, enum db_table table, uint16_t address, uint16_t count,
-               const uint16_t *values, struct db_write_token token);
+int view_write(struct view_drive *drive, const struct db_client *client, enum db_table table,
+               uint16_t address, uint16_t count, const uint16_t *values,
+               struct db_write_token token);
 
 #endif

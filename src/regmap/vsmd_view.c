@@ -443,8 +443,20 @@ static int carry_out(struct view_drive *drive, const struct plan *plan, struct d
 	return db_commander_execute(drive->commander, plan->command, &plan->args, token, now);
 }
 
-int vsmd_view_write(struct view_drive *drive, enum db_table table, uint16_t address, uint16_t count,
-                    const uint16_t *values, struct db_write_token token)
+/* The client is not in control: it may stop the drive and nothing else. */
+static int carry_out_stop(struct view_drive *drive, const struct plan *plan,
+                          struct db_write_token token)
+{
+	db_time now = drive->registers->ops->now(drive->registers->context);
+
+	if (!db_command_is_stop(plan->command))
+		return refuse(drive, DB_RESULT_NOT_IN_CONTROL);
+	return db_commander_execute(drive->commander, plan->command, &plan->args, token, now);
+}
+
+int vsmd_view_write(struct view_drive *drive, const struct db_client *client, enum db_table table,
+                    uint16_t address, uint16_t count, const uint16_t *values,
+                    struct db_write_token token)
 {
 	struct plan plan;
 	struct span span;
@@ -465,6 +477,8 @@ int vsmd_view_write(struct view_drive *drive, enum db_table table, uint16_t addr
 	result = plan_command(drive, &plan);
 	if (result != DB_RESULT_OK)
 		return refuse(drive, result);
+	if (!view_may_write(drive, client, db_command_is_stop(plan.command)))
+		return carry_out_stop(drive, &plan, token);
 	answer = carry_out(drive, &plan, token);
 	if (is_accepted(answer))
 		drive->vendor->kept = plan.kept;

@@ -12,7 +12,8 @@
  *   first instead. Until the command has followed, other writes to the drive are answered 06.
  * - A parameter that this model of the drive does not have reads as 0 and takes 0, like a reserved
  *   register, so that blocks can be read and written whole.
- * - A write answered with an exception at once stores nothing.
+ * - A write answered with an exception at once stores nothing, nor does a stop of a client that is
+ *   not in control.
  */
 #ifndef DRIVEBRIDGE_REGMAP_VSMD_VIEW_H
 #define DRIVEBRIDGE_REGMAP_VSMD_VIEW_H
@@ -30,8 +31,9 @@ void vsmd_view_free(struct vsmd_view *view);
 /* As db_backend's read and write, for a drive that has a vsmd_view. */
 uint8_t vsmd_view_read(const struct view_drive *drive, enum db_table table, uint16_t address,
                        uint16_t count, uint16_t *values);
-int vsmd_view_write(struct view_drive *drive, enum db_table table, uint16_t address, uint16_t count,
-                    const uint16_t *values, struct db_write_token token);
+int vsmd_view_write(struct view_drive *drive, const struct db_client *client, enum db_table table,
+                    uint16_t address, uint16_t count, const uint16_t *values,
+                    struct db_write_token token);
 
 /*
  * Where the drive's commander and the bus pass by; `view` may be null.

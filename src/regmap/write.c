@@ -44,6 +44,27 @@ static bool is_whole(const struct span *span, uint16_t address, uint16_t count)
 	       last->address + last->registers == address + count;
 }
 
+bool view_may_write(struct view_drive *drive, const struct db_client *client, bool stop)
+{
+	const struct db_registers *registers = drive->registers;
+	db_time now = now_of(drive);
+
+	if (stop)
+		return !db_control_holder(&drive->control, now) ||
+		       db_control_holds(&drive->control, client, now);
+	if (db_control_take(&drive->control, client, now))
+		return true;
+	if (registers->ops->refused)
+		registers->ops->refused(registers->context, client, DB_REFUSED_CONTROL);
+	return false;
+}
+
+static int refuse(struct view_drive *drive, enum db_result result)
+{
+	db_commander_set_refused(drive->commander, result);
+	return db_result_exception(result);
+}
+
 /* --- the command block ----------------------------------------------------------------------------- */
 
 /* False when a float is not a number. */
@@ -64,6 +85,8 @@ static bool block_from(const struct view_drive *drive, const struct span *span,
 			write->has_command = true;
 		if (cell.offset == offsetof(struct db_drive_image, block.command_id))
 			write->has_id = true;
+		if (cell.offset == offsetof(struct db_drive_image, block.staged_command))
+			write->has_staged = true;
 		/* The rows know where the block's members are in an image; here it stands alone. */
 		cell.offset = (uint16_t)(cell.offset - offsetof(struct db_drive_image, block));
 		db_words_store(&cell, value, &write->block);
@@ -71,16 +94,25 @@ static bool block_from(const struct view_drive *drive, const struct span *span,
 	return true;
 }
 
-static int write_block(struct view_drive *drive, const struct span *span, const uint16_t *values,
-                       struct db_write_token token)
+static int write_block(struct view_drive *drive, const struct db_client *client,
+                       const struct span *span, const uint16_t *values, struct db_write_token token)
 {
+	const struct db_args no_args = { 0 };
 	struct db_command_write write;
+	bool stop;
 
 	if (!block_from(drive, span, values, &write)) {
 		db_commander_set_refused(drive->commander, DB_RESULT_OUT_OF_RANGE);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	}
-	return db_commander_write(drive->commander, &write, token, now_of(drive));
+	stop = write.has_command && db_command_is_stop((enum db_command)write.block.command);
+	if (view_may_write(drive, client, stop))
+		return db_commander_write(drive->commander, &write, token, now_of(drive));
+	if (!stop)
+		return refuse(drive, DB_RESULT_NOT_IN_CONTROL);
+	/* Neither the id nor the arguments are for the one in control to find. */
+	return db_commander_execute(drive->commander, (enum db_command)write.block.command,
+	                            &no_args, token, now_of(drive));
 }
 
 /* --- parameters -------------------------------------------------------------------------------------- */
@@ -117,7 +149,8 @@ static int settings_from(const struct view_drive *drive, const struct span *span
 	return count;
 }
 
-static int write_params(struct view_drive *drive, const struct span *span, const uint16_t *values,
+static int write_params(struct view_drive *drive, const struct db_client *client,
+                        const struct span *span, const uint16_t *values,
                         struct db_write_token token)
 {
 	struct db_setting settings[DB_SETTINGS_MAX];
@@ -132,12 +165,15 @@ static int write_params(struct view_drive *drive, const struct span *span, const
 	}
 	if (count == 0)
 		return 0;
+	if (!view_may_write(drive, client, false))
+		return refuse(drive, DB_RESULT_NOT_IN_CONTROL);
 	return db_commander_set(drive->commander, settings, (size_t)count, token, now_of(drive));
 }
 
 /* --- the watchdog ------------------------------------------------------------------------------------ */
 
-static int write_watchdog(struct view_drive *drive, const struct span *span, const uint16_t *values)
+static int write_watchdog(struct view_drive *drive, const struct db_client *client,
+                          const struct span *span, const uint16_t *values)
 {
 	union db_value value;
 
@@ -148,16 +184,43 @@ static int write_watchdog(struct view_drive *drive, const struct span *span, con
 		db_commander_set_refused(drive->commander, DB_RESULT_OUT_OF_RANGE);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	}
+	if (!view_may_write(drive, client, false))
+		return refuse(drive, DB_RESULT_NOT_IN_CONTROL);
 	db_commander_set_watchdog(drive->commander, value.u, now_of(drive));
 	return 0;
 }
 
+/* --- control ----------------------------------------------------------------------------------------- */
+
+static int write_control(struct view_drive *drive, const struct db_client *client, uint16_t value)
+{
+	const struct db_registers *registers = drive->registers;
+
+	if (value > 1)
+		return refuse(drive, DB_RESULT_OUT_OF_RANGE);
+	if (value == 0) {
+		db_control_release(&drive->control, client);
+		return 0;
+	}
+	/* Without it everybody may command: nobody is to believe otherwise. */
+	if (!drive->control.enabled)
+		return refuse(drive, DB_RESULT_UNSUPPORTED);
+	if (db_control_request(&drive->control, client, now_of(drive)))
+		return 0;
+	if (registers->ops->refused)
+		registers->ops->refused(registers->context, client, DB_REFUSED_CONTROL);
+	return refuse(drive, DB_RESULT_NOT_IN_CONTROL);
+}
+
 /* --- coils ------------------------------------------------------------------------------------------- */
 
-static int write_coils(struct view_drive *drive, const struct span *span, const uint16_t *values,
-                       struct db_write_token token)
+static int write_coils(struct view_drive *drive, const struct db_client *client,
+                       const struct span *span, const uint16_t *values, struct db_write_token token)
 {
 	struct db_args args = { 0 };
+
+	if (!view_may_write(drive, client, false))
+		return refuse(drive, DB_RESULT_NOT_IN_CONTROL);
 
 	for (uint16_t i = 0; i < span->count; i++) {
 		unsigned bit = 1u << span->cells[i].bit;
@@ -170,8 +233,9 @@ static int write_coils(struct view_drive *drive, const struct span *span, const 
 	                            now_of(drive));
 }
 
-int view_write(struct view_drive *drive, enum db_table table, uint16_t address, uint16_t count,
-               const uint16_t *values, struct db_write_token token)
+int view_write(struct view_drive *drive, const struct db_client *client, enum db_table table,
+               uint16_t address, uint16_t count, const uint16_t *values,
+               struct db_write_token token)
 {
 	const struct db_index *index = table == DB_TABLE_COILS ? &drive->map->coils :
 	                                                         &drive->map->holding;
@@ -181,14 +245,54 @@ int view_write(struct view_drive *drive, enum db_table table, uint16_t address, 
 	if (exception)
 		return exception;
 	if (table == DB_TABLE_COILS)
-		return write_coils(drive, &span, values, token);
+		return write_coils(drive, client, &span, values, token);
 	if (!is_whole(&span, address, count)) {
 		db_commander_set_refused(drive->commander, DB_RESULT_OUT_OF_RANGE);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	}
 	if (span.cells[0].flags & DB_ROW_WATCHDOG)
-		return write_watchdog(drive, &span, values);
+		return write_watchdog(drive, client, &span, values);
+	if (span.cells[0].flags & DB_ROW_CONTROL)
+		return write_control(drive, client, values[0]);
 	if (span.cells[0].part == DB_PART_BLOCK)
-		return write_block(drive, &span, values, token);
-	return write_params(drive, &span, values, token);
+		return write_block(drive, client, &span, values, token);
+	return write_params(drive, client, &span, values, token);
+}
+
+/* --- the gateway ------------------------------------------------------------------------------------- */
+
+static int write_group(struct db_registers *registers, const struct db_client *client,
+                       const struct db_cell *cell, uint16_t value, struct db_write_token token)
+{
+	static const enum db_command stops[] = { DB_CMD_NONE, DB_CMD_STOP, DB_CMD_QUICK_STOP,
+		                                 DB_CMD_DISABLE };
+
+	if (value == 0)
+		return 0;
+	if (cell->offset == offsetof(struct db_gateway_image, group_start)) {
+		if (value != 1)
+			return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+		return group_start(registers, client, token);
+	}
+	if (value >= sizeof stops / sizeof stops[0])
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	return group_stop(registers, stops[value], token);
+}
+
+int view_write_gateway(struct db_registers *registers, const struct db_client *client,
+                       enum db_table table, uint16_t address, uint16_t count,
+                       const uint16_t *values, struct db_write_token token)
+{
+	struct span span;
+	uint8_t exception;
+
+	if (table != DB_TABLE_HOLDING)
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	exception = find_span(&registers->gateway.holding, address, count, &span);
+	if (exception)
+		return exception;
+	/* One group command in one write: of two the order would be a guess. */
+	if (span.count != 1)
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	return write_group(registers, client, &span.cells[0], values[0], token);
 }

@@ -54,6 +54,17 @@ static db_time wire_time(const struct db_engine *engine, const struct db_exchang
 	                                         exchange->request_length, exchange->answer_length);
 }
 
+/* Whoever asked for what goes out now is told when, for the skew of a group. */
+static void note_sent(struct station *station, enum lane_kind kind, db_time now)
+{
+	if (kind == LANE_FRONT && station->front_letter)
+		db_letter_sent(station->front_letter, now);
+	for (unsigned i = 0; kind == LANE_STOP && i < station->stop_count; i++) {
+		if (station->stops[i].sent && station->stops[i].letter)
+			db_letter_sent(station->stops[i].letter, now);
+	}
+}
+
 static void send_lane(struct db_engine *engine, struct station *station, enum lane_kind kind,
                       db_time now)
 {
@@ -85,6 +96,7 @@ static void send_lane(struct db_engine *engine, struct station *station, enum la
 	engine->stats.transactions++;
 	station->snapshot.stats.requests++;
 	engine->front_was_last = kind == LANE_FRONT;
+	note_sent(station, kind, now);
 	engine->ops->send(engine->context, lane->exchange.request, lane->exchange.request_length);
 }
 
@@ -164,8 +176,10 @@ static bool try_broadcast(struct db_engine *engine, db_time now)
 	if (!all_want(engine, command) ||
 	    !engine->driver->broadcast(command, engine->bus, &exchange))
 		return false;
-	for (size_t i = 0; i < engine->station_count; i++)
+	for (size_t i = 0; i < engine->station_count; i++) {
 		engine->stations[i].stops[0].sent = true;
+		note_sent(&engine->stations[i], LANE_STOP, now);
+	}
 	/* On CAN what follows waits for its turn on the wire by itself. */
 	if (!is_shared(engine))
 		engine->quiet_until = now + BROADCAST_GAP + wire_time(engine, &exchange);

@@ -17,6 +17,7 @@ struct db_letter {
 	uint32_t order;
 	struct db_mailbox *mailbox;
 	enum db_result result;
+	db_time sent;
 	db_time finished;
 	struct db_request request;
 };
@@ -86,6 +87,7 @@ bool db_mailbox_post(struct db_mailbox *mailbox, const struct db_request *reques
 			continue;
 		fill(&letter->request, request);
 		letter->order = mailbox->next_order++;
+		letter->sent = 0;
 		pass(letter, LETTER_POSTED);
 		return true;
 	}
@@ -103,6 +105,7 @@ bool db_mailbox_collect(struct db_mailbox *mailbox, struct db_completion *comple
 			.ticket = letter->request.ticket,
 			.axis = letter->request.axis,
 			.result = letter->result,
+			.sent = letter->sent,
 			.finished = letter->finished,
 		};
 		pass(letter, LETTER_FREE);
@@ -132,6 +135,12 @@ struct db_letter *db_mailbox_take(struct db_mailbox *mailbox)
 const struct db_request *db_letter_request(const struct db_letter *letter)
 {
 	return &letter->request;
+}
+
+void db_letter_sent(struct db_letter *letter, db_time now)
+{
+	if (letter->sent == 0)
+		letter->sent = now;
 }
 
 void db_letter_finish(struct db_letter *letter, enum db_result result, db_time now)

@@ -28,6 +28,8 @@ bool db_mailbox_collect(struct db_mailbox *mailbox, struct db_completion *comple
 /* Bus thread: the oldest letter not taken yet, or null. The letter stays the bus's until finished. */
 struct db_letter *db_mailbox_take(struct db_mailbox *mailbox);
 const struct db_request *db_letter_request(const struct db_letter *letter);
+/* Bus thread: the letter's command is on the wire (the first time counts). */
+void db_letter_sent(struct db_letter *letter, db_time now);
 /* Bus thread: ends a letter; it must not be used afterwards. */
 void db_letter_finish(struct db_letter *letter, enum db_result result, db_time now);
 

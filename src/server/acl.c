@@ -1,10 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "server/acl.h"
 
+#include <arpa/inet.h>
 #include <netinet/in.h>
 #include <string.h>
 
 #define V4_MAPPED 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xFF, 0xFF
+
+static const uint8_t V4_PREFIX[] = { V4_MAPPED };
 
 static const struct db_network LOOPBACK[] = {
 	{ .address = { V4_MAPPED, 127, 0, 0, 0 }, .prefix = 96 + 8 },
@@ -48,15 +51,14 @@ enum db_access db_acl_access(const struct db_modbus_config *config, const uint8_
 
 bool db_acl_peer(const struct sockaddr_storage *peer, uint8_t address[16], uint16_t *port)
 {
-	static const uint8_t mapped[] = { V4_MAPPED };
 	struct sockaddr_in v4;
 	struct sockaddr_in6 v6;
 
 	switch (peer->ss_family) {
 	case AF_INET:
 		memcpy(&v4, peer, sizeof(v4));
-		memcpy(address, mapped, sizeof(mapped));
-		memcpy(address + sizeof(mapped), &v4.sin_addr, 4);
+		memcpy(address, V4_PREFIX, sizeof(V4_PREFIX));
+		memcpy(address + sizeof(V4_PREFIX), &v4.sin_addr, 4);
 		*port = ntohs(v4.sin_port);
 		return true;
 	case AF_INET6:
@@ -67,4 +69,12 @@ bool db_acl_peer(const struct sockaddr_storage *peer, uint8_t address[16], uint1
 	default:
 		return false;
 	}
+}
+
+void db_client_address(const uint8_t address[16], char text[DB_CLIENT_ADDRESS_MAX])
+{
+	bool v4 = memcmp(address, V4_PREFIX, sizeof(V4_PREFIX)) == 0;
+
+	inet_ntop(v4 ? AF_INET : AF_INET6, v4 ? address + sizeof(V4_PREFIX) : address, text,
+	          DB_CLIENT_ADDRESS_MAX);
 }

@@ -6,6 +6,7 @@
 #define DRIVEBRIDGE_SERVER_ACL_H
 
 #include "drivebridge/config.h"
+#include "drivebridge/server.h"
 
 #include <stdbool.h>
 #include <stdint.h>

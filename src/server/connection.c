@@ -21,8 +21,12 @@ enum taken { TAKEN, NOTHING_TO_TAKE, MUST_WAIT, BROKEN };
 struct db_connection {
 	struct db_connection_group *group;
 	struct db_client client;
+	struct db_peer *peer;
+	uint64_t requests;
+	db_time since;
 	db_time frame_since;  /* when the unfinished frame in `in` began */
 	db_time active_since; /* last byte in either direction */
+	db_time turn;         /* of the next request, when it came too early; else 0 */
 	int fd;
 	uint32_t events; /* what epoll waits for */
 
@@ -41,8 +45,26 @@ struct db_connection {
 	uint8_t in[DB_ADU_MAX];
 };
 
+void db_group_refused(struct db_connection_group *group, struct db_peer *peer, enum db_refusal kind,
+                      db_time now)
+{
+	uint64_t *const counters[DB_REFUSAL_COUNT] = {
+		[DB_REFUSED_ADDRESS] = &group->stats.refused_address,
+		[DB_REFUSED_FULL] = &group->stats.refused_full,
+		[DB_REFUSED_RESERVED] = &group->stats.refused_reserved,
+		[DB_REFUSED_PER_ADDRESS] = &group->stats.refused_per_address,
+		[DB_REFUSED_WRITE] = &group->stats.refused_writes,
+		[DB_REFUSED_CONTROL] = &group->stats.refused_control,
+		[DB_REFUSED_PACE] = &group->stats.held_back,
+	};
+
+	(*counters[kind])++;
+	db_peers_refused(group->peers, peer, kind, now);
+}
+
 struct db_connection *db_connection_new(struct db_connection_group *group, int fd,
-                                        const struct db_client *client, db_time now)
+                                        const struct db_client *client, struct db_peer *peer,
+                                        db_time now)
 {
 	struct db_connection *c = calloc(1, sizeof(*c));
 	struct epoll_event event = { .events = EPOLLIN, .data.ptr = c };
@@ -54,8 +76,11 @@ struct db_connection *db_connection_new(struct db_connection_group *group, int f
 	}
 	c->group = group;
 	c->client = *client;
+	c->peer = peer;
+	c->peer->connections++;
 	c->fd = fd;
 	c->events = EPOLLIN;
+	c->since = now;
 	c->active_since = now;
 	return c;
 }
@@ -64,6 +89,7 @@ void db_connection_free(struct db_connection *c)
 {
 	if (!c)
 		return;
+	c->peer->connections--;
 	close(c->fd);
 	free(c->queue);
 	free(c->out);
@@ -73,6 +99,22 @@ void db_connection_free(struct db_connection *c)
 const struct db_client *db_connection_client(const struct db_connection *c)
 {
 	return &c->client;
+}
+
+void db_connection_describe(const struct db_connection *c, struct db_server_client *description,
+                            db_time now)
+{
+	*description = (struct db_server_client){
+		.client = c->client,
+		.requests = c->requests,
+		.idle = now > c->active_since ? now - c->active_since : 0,
+		.connected = now > c->since ? now - c->since : 0,
+	};
+}
+
+void db_connection_refused(struct db_connection *c, enum db_refusal kind, db_time now)
+{
+	db_group_refused(c->group, c->peer, kind, now);
 }
 
 /* Output. */
@@ -204,7 +246,7 @@ static bool depends_on_unfinished(const struct db_connection *c, const struct db
 }
 
 /* Refuses or dispatches a request: 0, an exception, or DB_WRITE_LATER. */
-static int start_request(struct db_connection *c, const struct db_request *request)
+static int start_request(struct db_connection *c, const struct db_request *request, db_time now)
 {
 	struct db_connection_group *group = c->group;
 	const struct db_executor *executor = &group->executor;
@@ -214,7 +256,7 @@ static int start_request(struct db_connection *c, const struct db_request *reque
 	if (exception || request->write_count == 0)
 		return exception;
 	if (!c->client.may_write) {
-		group->stats.refused_writes++;
+		db_connection_refused(c, DB_REFUSED_WRITE, now);
 		return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 	}
 	/* First make sure that the outcome can be kept. */
@@ -246,8 +288,31 @@ static bool settle(struct db_connection *c, const struct db_request *request, in
 	return true;
 }
 
+/*
+ * Whether the next request may be taken now: its address does not ask too often. When it does, the
+ * request waits here, and what comes behind it in the kernel and then at the client.
+ */
+static bool may_go_on(struct db_connection *c, db_time now)
+{
+	unsigned per_second = c->group->config->max_requests_per_second;
+
+	if (per_second == 0)
+		return true;
+	if (c->turn == 0) {
+		c->turn = db_rate_take(&c->peer->rate, per_second, now);
+		if (c->turn > now)
+			db_connection_refused(c, DB_REFUSED_PACE, now);
+	}
+	if (c->turn > now)
+		return false;
+	c->turn = 0;
+	/* The time in which we did not read is not the client's. */
+	c->active_since = now;
+	return true;
+}
+
 /* Takes the request at `*offset` of the input buffer. */
-static enum taken take_request(struct db_connection *c, size_t *offset)
+static enum taken take_request(struct db_connection *c, size_t *offset, db_time now)
 {
 	struct db_request request;
 	const uint8_t *adu = c->in + *offset;
@@ -265,10 +330,13 @@ static enum taken take_request(struct db_connection *c, size_t *offset)
 	result = db_pdu_parse(adu, (size_t)length, &request);
 	if (result == 0 && depends_on_unfinished(c, &request))
 		return MUST_WAIT;
+	if (!may_go_on(c, now))
+		return MUST_WAIT;
 	*offset += (size_t)length;
 	c->group->stats.requests++;
+	c->requests++;
 	if (result == 0)
-		result = start_request(c, &request);
+		result = start_request(c, &request, now);
 	return settle(c, &request, result) ? TAKEN : BROKEN;
 }
 
@@ -285,7 +353,7 @@ static bool work(struct db_connection *c, size_t *offset, db_time now)
 		}
 		if (answer_queued(c))
 			continue;
-		taken = take_request(c, offset);
+		taken = take_request(c, offset, now);
 	}
 	c->waiting = taken == MUST_WAIT;
 	if (taken == BROKEN) {
@@ -360,24 +428,43 @@ bool db_connection_ready(struct db_connection *c, uint32_t events, db_time now)
 	return db_connection_advance(c, now);
 }
 
+/* Waits for its turn and for nothing else. */
+static bool is_held_back(const struct db_connection *c)
+{
+	return c->turn != 0 && !c->out;
+}
+
+/* When it is closed for what its client leaves undone. */
+static db_time time_limit(const struct db_connection *c)
+{
+	const struct db_modbus_config *config = c->group->config;
+	db_time limit = DB_TIME_NEVER, idle;
+
+	if (c->in_used > 0 && !c->waiting && !c->out && !c->ended)
+		limit = c->frame_since + config->frame_timeout_ms * DB_NS_PER_MS;
+	if (config->idle_timeout_s > 0 && c->unfinished == 0 && !is_held_back(c)) {
+		idle = c->active_since + config->idle_timeout_s * DB_NS_PER_S;
+		if (idle < limit)
+			limit = idle;
+	}
+	return limit;
+}
+
 bool db_connection_in_time(const struct db_connection *c, db_time now)
 {
-	return now < db_connection_deadline(c);
+	return now < time_limit(c);
+}
+
+bool db_connection_has_turn(const struct db_connection *c, db_time now)
+{
+	return is_held_back(c) && c->turn <= now;
 }
 
 db_time db_connection_deadline(const struct db_connection *c)
 {
-	const struct db_modbus_config *config = c->group->config;
-	db_time deadline = DB_TIME_NEVER, idle;
+	db_time limit = time_limit(c);
 
-	if (c->in_used > 0 && !c->waiting && !c->out && !c->ended)
-		deadline = c->frame_since + config->frame_timeout_ms * DB_NS_PER_MS;
-	if (config->idle_timeout_s > 0 && c->unfinished == 0) {
-		idle = c->active_since + config->idle_timeout_s * DB_NS_PER_S;
-		if (idle < deadline)
-			deadline = idle;
-	}
-	return deadline;
+	return is_held_back(c) && c->turn < limit ? c->turn : limit;
 }
 
 bool db_connection_answer(struct db_connection *c, uint32_t sequence, uint8_t exception)

@@ -12,6 +12,7 @@
 #define DRIVEBRIDGE_SERVER_CONNECTION_H
 
 #include "server/execute.h"
+#include "server/peers.h"
 
 /* The longest answers to one full input buffer: 32 requests of 8 bytes. */
 #define DB_BATCH_SIZE (DB_ADU_MAX / 8 * DB_ADU_MAX)
@@ -23,20 +24,32 @@ struct db_connection_group {
 	const struct db_modbus_config *config;
 	struct db_executor executor;
 	struct db_server_stats stats;
+	struct db_peers *peers;
 	int epoll;
 	size_t batch_used;
 	/* Answers of the one connection that is being served; empty between calls. */
 	uint8_t batch[DB_BATCH_SIZE];
 };
 
-/* Takes over the descriptor (also on failure) and waits for input. Null when out of memory. */
+/* Counts that something was refused to an address, and has it told. */
+void db_group_refused(struct db_connection_group *group, struct db_peer *peer, enum db_refusal kind,
+                      db_time now);
+
+/* Takes over the descriptor (also on failure) and waits for input. Counts among its peer's until it
+ * is freed. Null when out of memory. */
 struct db_connection *db_connection_new(struct db_connection_group *group, int fd,
-                                        const struct db_client *client, db_time now);
+                                        const struct db_client *client, struct db_peer *peer,
+                                        db_time now);
 
 /* Closes the socket. Answers that come later find nobody. */
 void db_connection_free(struct db_connection *connection);
 
 const struct db_client *db_connection_client(const struct db_connection *connection);
+void db_connection_describe(const struct db_connection *connection,
+                            struct db_server_client *description, db_time now);
+
+/* Counts that something was refused to its client, and has it told. */
+void db_connection_refused(struct db_connection *connection, enum db_refusal kind, db_time now);
 
 /* The next three return false when the connection is over and to be freed. */
 
@@ -49,7 +62,11 @@ bool db_connection_advance(struct db_connection *connection, db_time now);
 /* Whether it is within its time limits; a connection that is not counts as timed out. */
 bool db_connection_in_time(const struct db_connection *connection, db_time now);
 
-/* When db_connection_in_time() may become false: DB_TIME_NEVER if nothing is running. */
+/* Whether it waited for its turn, which has come: db_connection_advance() goes on. */
+bool db_connection_has_turn(const struct db_connection *connection, db_time now);
+
+/* When db_connection_in_time() may become false or db_connection_has_turn() true: DB_TIME_NEVER if
+ * nothing is running. */
 db_time db_connection_deadline(const struct db_connection *connection);
 
 /*

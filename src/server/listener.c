@@ -10,12 +10,9 @@
 #include <unistd.h>
 
 #define BACKLOG 128
-/* 30 s of silence, then three probes 10 s apart: the other end is found dead after a minute. */
-#define KEEPALIVE_IDLE_S 30
-#define KEEPALIVE_INTERVAL_S 10
 #define KEEPALIVE_PROBES 3
-/* The same minute for a peer that is alive but takes no answers, or it keeps its place for ever. */
-#define UNSENT_TIMEOUT_MS 60000
+/* For a peer that is alive but takes no answers, or it keeps its place for ever; without keepalive. */
+#define UNSENT_TIMEOUT_S 60
 /*
  * Without a limit the kernel grows both to megabytes for every client that floods us. 32 KiB hold
  * more than a hundred of the longest answers.
@@ -105,12 +102,18 @@ uint16_t db_listener_port(int fd)
 	return ntohs(address.v4.sin_port);
 }
 
-void db_listener_tune(int fd)
+void db_listener_tune(int fd, unsigned keepalive_s)
 {
+	int probe = (int)keepalive_s;
+	/* The kernel ends a connection by this one, if it is set, instead of counting probes. */
+	int dead = keepalive_s > 0 ? (KEEPALIVE_PROBES + 1) * probe : UNSENT_TIMEOUT_S;
+
 	set_option(fd, IPPROTO_TCP, TCP_NODELAY, 1);
-	set_option(fd, SOL_SOCKET, SO_KEEPALIVE, 1);
-	set_option(fd, IPPROTO_TCP, TCP_KEEPIDLE, KEEPALIVE_IDLE_S);
-	set_option(fd, IPPROTO_TCP, TCP_KEEPINTVL, KEEPALIVE_INTERVAL_S);
-	set_option(fd, IPPROTO_TCP, TCP_KEEPCNT, KEEPALIVE_PROBES);
-	set_option(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, UNSENT_TIMEOUT_MS);
+	if (keepalive_s > 0) {
+		set_option(fd, SOL_SOCKET, SO_KEEPALIVE, 1);
+		set_option(fd, IPPROTO_TCP, TCP_KEEPIDLE, probe);
+		set_option(fd, IPPROTO_TCP, TCP_KEEPINTVL, probe);
+		set_option(fd, IPPROTO_TCP, TCP_KEEPCNT, KEEPALIVE_PROBES);
+	}
+	set_option(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, dead * 1000);
 }

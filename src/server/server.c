@@ -6,12 +6,16 @@
  */
 #include "drivebridge/server.h"
 
+#include "drivebridge/log.h"
 #include "server/acl.h"
 #include "server/connection.h"
 #include "server/listener.h"
+#include "server/peers.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/epoll.h>
 #include <systemd/sd-event.h>
 #include <unistd.h>
@@ -33,8 +37,9 @@ struct db_server {
 	db_time accept_again; /* DB_TIME_NEVER: accepting now */
 	bool busy;            /* some connection is being served */
 	bool late_answers;    /* answers came meanwhile */
+	size_t readers;       /* connections that may only read */
 	size_t count;
-	struct db_connection *connections[]; /* max_clients places */
+	struct db_connection *connections[]; /* max_clients places, in the order they came */
 };
 
 static db_time loop_time(const struct db_server *server)
@@ -80,9 +85,12 @@ static void announce(const struct db_server *server, const struct db_connection 
 
 static void drop(struct db_server *server, size_t index)
 {
-	struct db_connection *connection = server->connections[index];
+	struct db_connection **place = &server->connections[index];
+	struct db_connection *connection = *place;
 
-	server->connections[index] = server->connections[--server->count];
+	server->count--;
+	memmove(place, place + 1, (server->count - index) * sizeof(*place));
+	server->readers -= !db_connection_client(connection)->may_write;
 	server->group.stats.clients = (uint32_t)server->count;
 	announce(server, connection, false);
 	db_connection_free(connection);
@@ -126,39 +134,76 @@ static void leave(struct db_server *server)
 			         db_connection_advance(connection, loop_time(server)));
 		}
 	}
+	arm(server, db_peers_deadline(server->group.peers));
 	server->busy = false;
 }
 
-static void add_client(struct db_server *server, int fd, const struct sockaddr_storage *peer)
+/* What keeps a client out: DB_REFUSAL_COUNT when nothing does. */
+static enum db_refusal refusal_of(const struct db_server *server, enum db_access access,
+                                  const struct db_peer *peer)
 {
 	const struct db_modbus_config *config = server->group.config;
+
+	if (access == DB_ACCESS_NONE)
+		return DB_REFUSED_ADDRESS;
+	if (config->max_clients_per_address > 0 &&
+	    peer->connections >= config->max_clients_per_address)
+		return DB_REFUSED_PER_ADDRESS;
+	if (server->count == config->max_clients)
+		return DB_REFUSED_FULL;
+	if (access == DB_ACCESS_READ &&
+	    server->readers + config->reserved_writers >= config->max_clients)
+		return DB_REFUSED_RESERVED;
+	return DB_REFUSAL_COUNT;
+}
+
+static uint32_t unused_id(struct db_server *server)
+{
+	do
+		server->last_id++;
+	while (server->last_id == 0 || find(server, server->last_id));
+	return server->last_id;
+}
+
+static void admit(struct db_server *server, int fd, struct db_client *client, struct db_peer *peer)
+{
 	struct db_server_stats *stats = &server->group.stats;
 	struct db_connection *connection;
-	struct db_client client = { 0 };
-	enum db_access access = DB_ACCESS_NONE;
 
-	if (db_acl_peer(peer, client.address, &client.port))
-		access = db_acl_access(config, client.address);
-	if (access == DB_ACCESS_NONE || server->count == config->max_clients) {
-		*(access == DB_ACCESS_NONE ? &stats->refused_address : &stats->refused_full) += 1;
-		close(fd);
-		return;
-	}
-	db_listener_tune(fd);
-	client.may_write = access == DB_ACCESS_WRITE;
-	do
-		client.id = ++server->last_id;
-	while (client.id == 0 || find(server, client.id));
-	connection = db_connection_new(&server->group, fd, &client, loop_time(server));
+	db_listener_tune(fd, server->group.config->keepalive_s);
+	client->id = unused_id(server);
+	connection = db_connection_new(&server->group, fd, client, peer, loop_time(server));
 	if (!connection)
 		return;
 	server->connections[server->count++] = connection;
+	server->readers += !client->may_write;
 	stats->accepted++;
 	stats->clients = (uint32_t)server->count;
 	if (stats->clients > stats->clients_peak)
 		stats->clients_peak = stats->clients;
 	announce(server, connection, true);
 	arm(server, db_connection_deadline(connection));
+}
+
+static void add_client(struct db_server *server, int fd, const struct sockaddr_storage *address)
+{
+	db_time now = loop_time(server);
+	enum db_access access = DB_ACCESS_NONE;
+	struct db_client client = { 0 };
+	enum db_refusal refusal;
+	struct db_peer *peer;
+
+	if (db_acl_peer(address, client.address, &client.port))
+		access = db_acl_access(server->group.config, client.address);
+	client.may_write = access == DB_ACCESS_WRITE;
+	peer = db_peers_find(server->group.peers, client.address, now);
+	refusal = refusal_of(server, access, peer);
+	if (refusal == DB_REFUSAL_COUNT) {
+		admit(server, fd, &client, peer);
+		return;
+	}
+	close(fd);
+	db_group_refused(&server->group, peer, refusal, now);
 }
 
 static void accept_clients(struct db_server *server)
@@ -218,19 +263,53 @@ static int on_timer(sd_event_source *source, uint64_t usec, void *userdata)
 	server->armed = DB_TIME_NEVER;
 	server->busy = true;
 	for (size_t i = server->count; i-- > 0;) {
-		if (db_connection_in_time(server->connections[i], now)) {
-			arm(server, db_connection_deadline(server->connections[i]));
+		struct db_connection *connection = server->connections[i];
+
+		if (!db_connection_in_time(connection, now)) {
+			server->group.stats.timeouts++;
+			drop(server, i);
 			continue;
 		}
-		server->group.stats.timeouts++;
-		drop(server, i);
+		conclude(server, connection,
+		         !db_connection_has_turn(connection, now) ||
+		                 db_connection_advance(connection, now));
 	}
+	db_peers_tell(server->group.peers, now);
 	if (server->accept_again <= now)
 		set_accepting(server, true);
 	else
 		arm(server, server->accept_again);
 	leave(server);
 	return 0;
+}
+
+/* --- telling people what was refused ---------------------------------------------------------------- */
+
+static void tell_refusal(void *context, const uint8_t address[16], enum db_refusal kind,
+                         uint32_t count, bool first)
+{
+	static const char *const what[DB_REFUSAL_COUNT] = {
+		[DB_REFUSED_ADDRESS] =
+			"connection refused: it is in neither allow-read nor allow-write",
+		[DB_REFUSED_FULL] = "connection refused: there are max-clients already",
+		[DB_REFUSED_RESERVED] =
+			"connection refused: the places left are reserved-writers, and it may only read",
+		[DB_REFUSED_PER_ADDRESS] =
+			"connection refused: it has max-clients-per-address already",
+		[DB_REFUSED_WRITE] = "write refused: it is not in allow-write",
+		[DB_REFUSED_CONTROL] = "write refused: another client has control of the drive",
+		[DB_REFUSED_PACE] =
+			"request answered later: it sends more than max-requests-per-second",
+	};
+	char text[DB_CLIENT_ADDRESS_MAX];
+
+	(void)context;
+	db_client_address(address, text);
+	if (count == 1)
+		db_log(DB_LOG_WARNING, "client %s: %s", text, what[kind]);
+	else
+		db_log(DB_LOG_WARNING, "client %s: %" PRIu32 " times%s: %s", text, count,
+		       first ? "" : " more", what[kind]);
 }
 
 static int open_sockets(struct db_server *server)
@@ -265,7 +344,8 @@ int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
 	server->group.epoll = -1;
 	server->armed = DB_TIME_NEVER;
 	server->accept_again = DB_TIME_NEVER;
-	error = open_sockets(server);
+	server->group.peers = db_peers_new(config->max_clients, tell_refusal, NULL);
+	error = server->group.peers ? open_sockets(server) : -ENOMEM;
 	if (error == 0)
 		error = sd_event_add_io(loop, &server->io, server->group.epoll, EPOLLIN, on_ready,
 		                        server);
@@ -296,6 +376,7 @@ void db_server_free(struct db_server *server)
 		close(server->listener);
 	if (server->group.epoll >= 0)
 		close(server->group.epoll);
+	db_peers_free(server->group.peers);
 	sd_event_unref(server->loop);
 	free(server);
 }
@@ -323,4 +404,24 @@ uint16_t db_server_port(const struct db_server *server)
 void db_server_stats(const struct db_server *server, struct db_server_stats *stats)
 {
 	*stats = server->group.stats;
+}
+
+size_t db_server_clients(const struct db_server *server, struct db_server_client *clients,
+                         size_t max)
+{
+	size_t count = server->count < max ? server->count : max;
+	db_time now = loop_time(server);
+
+	for (size_t i = 0; i < count; i++)
+		db_connection_describe(server->connections[i], &clients[i], now);
+	return count;
+}
+
+void db_server_refused(struct db_server *server, const struct db_client *client,
+                       enum db_refusal kind)
+{
+	struct db_connection *connection = find(server, client->id);
+
+	if (connection)
+		db_connection_refused(connection, kind, loop_time(server));
 }

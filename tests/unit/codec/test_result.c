@@ -33,6 +33,7 @@ static const struct {
 	{ DB_RESULT_OFFLINE, 14, "offline", 0x0B },
 	{ DB_RESULT_FAILED, 15, "failed", 0x04 },
 	{ DB_RESULT_RATE_LIMITED, 16, "rate_limited", 0x04 },
+	{ DB_RESULT_NOT_IN_CONTROL, 17, "not_in_control", 0x06 },
 };
 
 static void every_code_is_listed(void **state)

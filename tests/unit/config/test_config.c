@@ -197,6 +197,8 @@ static const struct wrong_case WRONG[] = {
 	{ BUS DRIVE "drive e {\n bus = b\n address = 2\n unit = 1\n}\n", 13,
 	  "unit = 1 belongs to drive 'd' on line 5 already" },
 	{ "modbus {\n gateway-unit = 1\n}\n" BUS DRIVE, 11, "gateway's own unit" },
+	{ "modbus {\n max-clients = 4\n reserved-writers = 4\n}\n", 3,
+	  "reserved-writers = 4 leaves none of max-clients = 4" },
 
 	/* The vendor's register map. */
 	{ "modbus {\n gateway-unit = 9\n}\n" BUS VENDOR_DRIVE, 12, "gateway's own unit" },
@@ -334,6 +336,28 @@ static void test_defaults_of_modbus(void **state)
 	assert_int_equal(modbus->max_pipelined, 16);
 	assert_int_equal(modbus->frame_timeout_ms, 1000);
 	assert_int_equal(modbus->idle_timeout_s, 0);
+	assert_int_equal(modbus->keepalive_s, 10);
+	assert_int_equal(modbus->reserved_writers, 4);
+	assert_int_equal(modbus->max_clients_per_address, 0);
+	assert_int_equal(modbus->max_requests_per_second, 0);
+	assert_int_equal(modbus->control, DB_CONTROL_OFF);
+	assert_int_equal(modbus->control_timeout_ms, 5000);
+	done(&loaded);
+}
+
+static void test_reserved_writers(void **state)
+{
+	struct loaded loaded = load_good("modbus { max-clients = 3 }\n");
+
+	(void)state;
+	assert_int_equal(loaded.config->modbus.reserved_writers, 2);
+	done(&loaded);
+	loaded = load_good("modbus { max-clients = 1 }\n");
+	assert_int_equal(loaded.config->modbus.reserved_writers, 0);
+	done(&loaded);
+	loaded = load_good("modbus { max-clients = 3 reserved-writers = 1 control = drive }\n");
+	assert_int_equal(loaded.config->modbus.reserved_writers, 1);
+	assert_int_equal(loaded.config->modbus.control, DB_CONTROL_DRIVE);
 	done(&loaded);
 }
 
@@ -453,7 +477,10 @@ static struct loaded load_key(const struct db_config_key *key, const char *value
 	const char *unit = strcmp(key->name, "unit") == 0 ? "" : "unit = 1";
 	char text[1024];
 
-	if (strcmp(key->section, "modbus") == 0)
+	if (strcmp(key->name, "reserved-writers") == 0)
+		snprintf(text, sizeof(text), "modbus { max-clients = 1024 %s = %s }\n", key->name,
+		         value);
+	else if (strcmp(key->section, "modbus") == 0)
 		snprintf(text, sizeof(text), "modbus { %s = %s }\n", key->name, value);
 	else if (strcmp(key->section, "bus") == 0)
 		snprintf(text, sizeof(text), "bus b { %s %s = %s }\n", bus, key->name, value);
@@ -677,6 +704,10 @@ static void test_describe(void **state)
 		"0, 255, 9\n",
 		"low-first",
 		"after 60 ms",
+		"64 clients (4 of them only writers), 16 requests of each at once\n",
+		"any number of clients, 500 requests per second\n",
+		"control       drive, lost after 5000 ms of silence\n",
+		"idle never, keepalive 10 s\n",
 		"bus b\n",
 		"vsmd-serial",
 		"/dev/ttyX, serial, rs485, 115200 baud",
@@ -686,7 +717,8 @@ static void test_describe(void **state)
 		"drive d2: unit 2, address 2, 640 counts per mm, on-client-loss quick-stop, on-exit disable",
 	};
 	struct loaded loaded = load_good(
-		"modbus { gateway-unit = 9 word-order = low-first confirm-ms = 60 allow-read = {} }\n" FAST_BUS
+		"modbus { gateway-unit = 9 word-order = low-first confirm-ms = 60 allow-read = {}\n"
+		" max-requests-per-second = 500 control = drive }\n" FAST_BUS
 		"drive d1 { bus = b address = 1 unit = 1 watchdog-ms = 0 }\n"
 		"drive d2 { bus = b address = 2 unit = 2 counts-per-unit = 640.0 unit-name = mm\n"
 		" on-client-loss = quick-stop on-exit = disable }\n");
@@ -920,6 +952,7 @@ int main(void)
 		cmocka_unit_test(test_messages_are_printable),
 		cmocka_unit_test(test_unreadable_files),
 		cmocka_unit_test(test_defaults_of_modbus),
+		cmocka_unit_test(test_reserved_writers),
 		cmocka_unit_test(test_defaults_of_bus_and_drive),
 		cmocka_unit_test(test_everything_set),
 		cmocka_unit_test(test_rs232_without_address),

@@ -19,6 +19,7 @@
 #define ILLEGAL_ADDRESS 0x02
 #define ILLEGAL_VALUE 0x03
 #define LATER 0x05
+#define BUSY 0x06
 #define NO_PATH 0x0A
 #define NO_ANSWER 0x0B
 
@@ -38,6 +39,15 @@ struct fake {
 	unsigned answered;
 	uint8_t answered_with;
 	unsigned clients;
+	unsigned refused; /* to `intruder` */
+};
+
+static const struct db_client client = { .id = 1, .may_write = true };
+static const struct db_client intruder = {
+	.id = 2,
+	.address = { [10] = 0xFF, [11] = 0xFF, [12] = 192, [13] = 168, [14] = 10, [15] = 5 },
+	.port = 50001,
+	.may_write = true,
 };
 
 static db_time fake_now(void *context)
@@ -81,10 +91,31 @@ static void fake_server_stats(void *context, struct db_server_stats *stats)
 	*stats = (struct db_server_stats){ .clients = 3, .requests = 0x500000007 };
 }
 
-static void fake_client(void *context, const struct db_client *client, bool connected)
+static void fake_client(void *context, const struct db_client *who, bool connected)
 {
-	(void)client;
+	(void)who;
 	((struct fake *)context)->clients += connected;
+}
+
+static size_t fake_server_clients(void *context, struct db_server_client *clients, size_t max)
+{
+	(void)context;
+	assert_int_equal(max, 16);
+	clients[0] = (struct db_server_client){
+		.client = intruder,
+		.requests = 0x100000002,
+		.idle = 3900 * MS,
+		.connected = 70000 * MS,
+	};
+	clients[1] = (struct db_server_client){ .client = client };
+	memset(clients[1].client.address, 0xFD, sizeof clients[1].client.address);
+	return 2;
+}
+
+static void fake_refused(void *context, const struct db_client *who, enum db_refusal kind)
+{
+	assert_int_equal(kind, DB_REFUSED_CONTROL);
+	((struct fake *)context)->refused += who->id == intruder.id;
 }
 
 static const struct db_registers_ops ops = {
@@ -93,6 +124,8 @@ static const struct db_registers_ops ops = {
 	.answer = fake_answer,
 	.bus_stats = fake_bus_stats,
 	.server_stats = fake_server_stats,
+	.server_clients = fake_server_clients,
+	.refused = fake_refused,
 	.client = fake_client,
 };
 
@@ -125,7 +158,7 @@ static void publish_status(struct fake *fake, uint32_t status)
 	db_axis_publish(fake->axes[0], &snapshot);
 }
 
-static void make(struct fake *fake)
+static void make_with(struct fake *fake, const struct db_modbus_config *modbus)
 {
 	static char name[] = "feeder";
 	static char unit_name[] = "mm";
@@ -162,7 +195,7 @@ static void make(struct fake *fake)
 	db_axis_publish(fake->axes[0], &snapshot);
 	db_axis_publish_nameplate(fake->axes[0], &plate);
 	fake->config = (struct db_config){
-		.modbus = { .confirm_ms = 40, .gateway_unit = 200 },
+		.modbus = *modbus,
 		.buses = fake->buses,
 		.bus_count = 2,
 		.drives = fake->drives,
@@ -170,6 +203,11 @@ static void make(struct fake *fake)
 	};
 	assert_int_equal(db_registers_new(&fake->config, fake->axes, &ops, fake, &fake->registers),
 	                 0);
+}
+
+static void make(struct fake *fake)
+{
+	make_with(fake, &(struct db_modbus_config){ .confirm_ms = 40, .gateway_unit = 200 });
 }
 
 #define FAKE()            \
@@ -183,8 +221,6 @@ static void drop(struct fake *fake)
 	for (unsigned i = 0; i < 3; i++)
 		db_axis_free(fake->axes[i]);
 }
-
-static const struct db_client client = { .id = 1, .may_write = true };
 
 static int get(struct fake *fake, uint8_t unit, enum db_table table, uint16_t address,
                uint16_t count, uint16_t *values)
@@ -552,7 +588,7 @@ static void writes_that_are_refused(void **state)
 	/* Read-only, and nothing there */
 	assert_int_equal(put_words(&fake, 0, 1, 0), ILLEGAL_ADDRESS);
 	assert_int_equal(put_words(&fake, 31, 3, 0, 0, 0), ILLEGAL_ADDRESS);
-	assert_int_equal(put_words(&fake, 124, 2, 0, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(put_words(&fake, 125, 2, 0, 0), ILLEGAL_ADDRESS);
 	assert_int_equal(put_words(&fake, 1000, 1, 0), ILLEGAL_ADDRESS);
 	/* Commands */
 	assert_int_equal(put_words(&fake, 101, 1, 63), ILLEGAL_VALUE);
@@ -614,6 +650,220 @@ static void coils(void **state)
 	assert_int_equal(get1(&fake, 1, 108), 0);
 	drop(&fake);
 }
+
+/* --- control ----------------------------------------------------------------------------------------------- */
+
+#define CONTROL_FAKE()                                                            \
+	struct fake fake;                                                         \
+	(void)state;                                                              \
+	make_with(&fake, &(struct db_modbus_config){ .confirm_ms = 40,            \
+	                                             .control = DB_CONTROL_DRIVE, \
+	                                             .control_timeout_ms = 5000 })
+
+/* FC 16 on unit 1 by somebody else than `client`. */
+static int intrude(struct fake *fake, uint16_t address, unsigned count, ...)
+{
+	uint16_t values[16];
+	va_list words;
+
+	va_start(words, count);
+	for (unsigned i = 0; i < count; i++)
+		values[i] = (uint16_t)va_arg(words, int);
+	va_end(words);
+	return db_registers_backend.write(fake->registers, &intruder, 1, DB_TABLE_HOLDING, address,
+	                                  (uint16_t)count, values,
+	                                  (struct db_write_token){ 2, 42 });
+}
+
+static uint16_t intruder_sees(struct fake *fake, uint16_t address)
+{
+	uint16_t value = 0xDEAD;
+
+	assert_int_equal(db_registers_backend.read(fake->registers, &intruder, 1, DB_TABLE_HOLDING,
+	                                           address, 1, &value),
+	                 0);
+	return value;
+}
+
+static void without_control(void **state)
+{
+	FAKE();
+	assert_int_equal(put_words(&fake, 56, 1, 1), ILLEGAL_FUNCTION);
+	assert_int_equal(get1(&fake, 1, 24), DB_RESULT_UNSUPPORTED);
+	assert_int_equal(put_words(&fake, 56, 1, 0), 0);
+	assert_int_equal(put_words(&fake, 102, 2, 0, 1), 0);
+	assert_int_equal(intrude(&fake, 102, 2, 0, 2), 0);
+	assert_int_equal(intrude(&fake, 100, 2, 0, DB_CMD_HOME), DB_WRITE_LATER);
+	assert_int_equal(get1(&fake, 1, 56), 0);
+	assert_int_equal(get2(&fake, 1, 58), 0);
+	assert_int_equal(get2(&fake, 1, 60), 0);
+	assert_int_equal(fake.refused, 0);
+	drop(&fake);
+}
+
+static void control_is_asked_for_and_let_go(void **state)
+{
+	CONTROL_FAKE();
+	assert_int_equal(intrude(&fake, 56, 1, 2), ILLEGAL_VALUE);
+	assert_int_equal(intrude(&fake, 56, 2, 1, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(intrude(&fake, 56, 1, 1), 0);
+	assert_int_equal(intruder_sees(&fake, 56), 1);
+	assert_int_equal(get1(&fake, 1, 56), 0);
+	assert_int_equal(get1(&fake, 1, 57), 50001);
+	assert_int_equal(get2(&fake, 1, 58), 0xC0A80A05);
+	fake.now += 1500 * MS;
+	assert_int_equal(get2(&fake, 1, 60), 3500);
+	assert_int_equal(put_words(&fake, 56, 1, 1), BUSY);
+	assert_int_equal(get1(&fake, 1, 24), DB_RESULT_NOT_IN_CONTROL);
+	/* Letting go what one does not have is nothing. */
+	assert_int_equal(put_words(&fake, 56, 1, 0), 0);
+	assert_int_equal(intruder_sees(&fake, 56), 1);
+	/* Other drives are free. */
+	assert_int_equal(get1(&fake, 2, 57), 0);
+	assert_int_equal(intrude(&fake, 56, 1, 0), 0);
+	assert_int_equal(put_words(&fake, 56, 1, 1), 0);
+	assert_int_equal(get1(&fake, 1, 56), 1);
+	/* `client` has no IPv4 address. */
+	assert_int_equal(get2(&fake, 1, 58), UINT32_MAX);
+	drop(&fake);
+}
+
+static void the_first_write_takes_control(void **state)
+{
+	const uint16_t level = 1;
+
+	CONTROL_FAKE();
+	assert_int_equal(intrude(&fake, 102, 2, 0, 7), 0);
+	assert_int_equal(intruder_sees(&fake, 56), 1);
+	assert_int_equal(put_words(&fake, 102, 2, 0, 8), BUSY);
+	assert_int_equal(put_words(&fake, 100, 2, 5, DB_CMD_HOME), BUSY);
+	assert_int_equal(put_words(&fake, 202, 1, 5), BUSY);
+	assert_int_equal(put_words(&fake, 46, 2, 0, 100), BUSY);
+	assert_int_equal(put(&fake, DB_TABLE_COILS, 0, 1, &level), BUSY);
+	assert_int_equal(get1(&fake, 1, 24), DB_RESULT_NOT_IN_CONTROL);
+	assert_int_equal(fake.submitted, 0);
+	/* Nothing of it was kept. */
+	assert_int_equal(get2(&fake, 1, 102), 7);
+	assert_int_equal(get1(&fake, 1, 100), 0);
+	assert_int_equal(get2(&fake, 1, 46), 0);
+	assert_int_equal(get1(&fake, 1, 23), DB_RESULT_NONE);
+	assert_int_equal(intrude(&fake, 101, 1, DB_CMD_SET_POSITION), DB_WRITE_LATER);
+	drop(&fake);
+}
+
+static void everybody_may_stop(void **state)
+{
+	CONTROL_FAKE();
+	/* The first id is only remembered. */
+	assert_int_equal(intrude(&fake, 100, 4, 4, DB_CMD_MOVE_RELATIVE, 0, 9), 4);
+	assert_int_equal(intrude(&fake, 100, 4, 5, DB_CMD_MOVE_RELATIVE, 0, 9), DB_WRITE_LATER);
+	finish(&fake, DB_RESULT_OK);
+	assert_int_equal(put_words(&fake, 100, 4, 77, DB_CMD_STOP, 0, 1000), DB_WRITE_LATER);
+	assert_int_equal(fake.request.command, DB_CMD_STOP);
+	finish(&fake, DB_RESULT_OK);
+	assert_int_equal(put_words(&fake, 101, 1, DB_CMD_DISABLE), DB_WRITE_LATER);
+	finish(&fake, DB_RESULT_OK);
+	assert_int_equal(fake.submitted, 3);
+	assert_int_equal(fake.refused, 0);
+	/* The one in control still is, and finds id and arguments as it left them: writing its last
+	 * block again, as scanners do, does not move the drive. */
+	assert_int_equal(intruder_sees(&fake, 56), 1);
+	assert_int_equal(intruder_sees(&fake, 100), 5);
+	assert_int_equal(intruder_sees(&fake, 103), 9);
+	assert_int_equal(intrude(&fake, 100, 4, 5, DB_CMD_MOVE_RELATIVE, 0, 9), 0);
+	assert_int_equal(fake.submitted, 3);
+	drop(&fake);
+}
+
+static void a_stop_takes_no_control(void **state)
+{
+	CONTROL_FAKE();
+	assert_int_equal(put_words(&fake, 101, 1, DB_CMD_QUICK_STOP), DB_WRITE_LATER);
+	finish(&fake, DB_RESULT_OK);
+	assert_int_equal(get1(&fake, 1, 56), 0);
+	assert_int_equal(get2(&fake, 1, 60), 0);
+	drop(&fake);
+}
+
+static void control_is_lost(void **state)
+{
+	CONTROL_FAKE();
+	assert_int_equal(intrude(&fake, 56, 1, 1), 0);
+	assert_int_equal(put_words(&fake, 202, 1, 5), BUSY);
+	/* Its connection ends; those of others are nothing to it. */
+	db_registers_backend.client(fake.registers, &client, false);
+	assert_int_equal(intruder_sees(&fake, 56), 1);
+	db_registers_backend.client(fake.registers, &intruder, false);
+	assert_int_equal(get1(&fake, 1, 57), 0);
+	/* It is silent towards this drive, while reading goes on keeping it. */
+	assert_int_equal(intrude(&fake, 56, 1, 1), 0);
+	for (int i = 0; i < 3; i++) {
+		fake.now += 4999 * MS;
+		assert_int_equal(intruder_sees(&fake, 56), 1);
+		assert_int_equal(put_words(&fake, 102, 2, 0, 1), BUSY);
+	}
+	assert_int_equal(fake.refused, 0);
+	fake.now += 5000 * MS;
+	assert_int_equal(get1(&fake, 1, 57), 0);
+	assert_int_equal(put_words(&fake, 102, 2, 0, 1), 0);
+	assert_int_equal(intrude(&fake, 102, 2, 0, 1), BUSY);
+	assert_int_equal(fake.refused, 1);
+	drop(&fake);
+}
+
+/* Who does not control a drive does not keep it moving either. */
+static void only_who_controls_feeds_the_watchdog(void **state)
+{
+	CONTROL_FAKE();
+	fake.drives[0].on_client_loss = DB_ON_LOSS_STOP;
+	db_registers_free(fake.registers);
+	assert_int_equal(db_registers_new(&fake.config, fake.axes, &ops, &fake, &fake.registers),
+	                 0);
+	assert_int_equal(intrude(&fake, 46, 2, 0, 1000), 0);
+	assert_int_equal(intrude(&fake, 100, 4, 0, DB_CMD_MOVE_RELATIVE, 0, 9), DB_WRITE_LATER);
+	finish(&fake, DB_RESULT_OK);
+	fake.now += 600 * MS;
+	assert_int_equal(get2(&fake, 1, 48), 400);
+	assert_int_equal(intruder_sees(&fake, 48), 0);
+	assert_int_equal(get2(&fake, 1, 48), 1000);
+	fake.now += 999 * MS;
+	assert_int_equal(get2(&fake, 1, 48), 1);
+	fake.now += 1 * MS;
+	db_registers_expire(fake.registers, fake.now);
+	assert_int_equal(fake.request.command, DB_CMD_STOP);
+	assert_int_equal(get2(&fake, 1, 50), 1);
+	drop(&fake);
+}
+
+static void who_is_connected(void **state)
+{
+	uint16_t values[40];
+
+	CONTROL_FAKE();
+	assert_int_equal(intrude(&fake, 56, 1, 1), 0);
+	assert_int_equal(get2(&fake, 0, 700), 0xC0A80A05);
+	assert_int_equal(get1(&fake, 0, 702), 50001);
+	assert_int_equal(get1(&fake, 0, 703), 1);
+	assert_int_equal(get2(&fake, 0, 704), 2);
+	assert_int_equal(get2(&fake, 0, 706), 3);
+	assert_int_equal(get2(&fake, 0, 708), 70);
+	assert_int_equal(get2(&fake, 0, 710), 1);
+	assert_int_equal(get2(&fake, 0, 712), UINT32_MAX);
+	assert_int_equal(get2(&fake, 0, 722), 0);
+	for (uint16_t address = 724; address < 736; address++)
+		assert_int_equal(get1(&fake, 0, address), 0);
+	assert_int_equal(get2(&fake, 0, 700 + 15 * 12 + 10), 0);
+	assert_int_equal(get(&fake, 0, DB_TABLE_INPUT, 1520, 40, values), 0);
+	assert_int_equal(values[0], '1' << 8 | '9');
+	assert_int_equal(values[5], '.' << 8 | '5');
+	assert_int_equal(values[6], 0);
+	/* fdfd:fdfd:...: 39 characters */
+	assert_int_equal(values[20], 'f' << 8 | 'd');
+	assert_int_equal(values[39], 'd' << 8);
+	drop(&fake);
+}
+
+/* --- time -------------------------------------------------------------------------------------------------- */
 
 static void late_answers(void **state)
 {
@@ -759,6 +1009,14 @@ int main(void)
 		cmocka_unit_test(writes_that_are_refused),
 		cmocka_unit_test(parameter_writes),
 		cmocka_unit_test(coils),
+		cmocka_unit_test(without_control),
+		cmocka_unit_test(control_is_asked_for_and_let_go),
+		cmocka_unit_test(the_first_write_takes_control),
+		cmocka_unit_test(everybody_may_stop),
+		cmocka_unit_test(a_stop_takes_no_control),
+		cmocka_unit_test(control_is_lost),
+		cmocka_unit_test(only_who_controls_feeds_the_watchdog),
+		cmocka_unit_test(who_is_connected),
 		cmocka_unit_test(late_answers),
 		cmocka_unit_test(foreign_tickets_are_ignored),
 		cmocka_unit_test(flat_window),

@@ -10,6 +10,8 @@
 
 #include <arpa/inet.h>
 #include <errno.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,6 +23,7 @@
 #include <cmocka.h>
 
 #include "drivebridge/server.h"
+#include "server/listener.h"
 
 #define REGISTERS 1000u /* addresses beyond do not exist */
 #define LATER 200u      /* writes from here on are answered later */
@@ -213,25 +216,38 @@ static void settle(struct rig *rig)
 		}                                                          \
 	} while (0)
 
-static int open_client(const struct rig *rig)
+/* From 127.0.0.`last`. */
+static int open_client_from(const struct rig *rig, uint32_t last)
 {
 	struct sockaddr_in address = { .sin_family = AF_INET };
 	int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
 
 	assert_true(fd >= 0);
+	address.sin_addr.s_addr = htonl((INADDR_LOOPBACK & ~UINT32_C(0xFF)) | last);
+	assert_int_equal(bind(fd, (struct sockaddr *)&address, sizeof(address)), 0);
 	address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
 	address.sin_port = htons(db_server_port(rig->server));
 	assert_int_equal(connect(fd, (struct sockaddr *)&address, sizeof(address)), 0);
 	return fd;
 }
 
-static int connect_client(struct rig *rig)
+static int open_client(const struct rig *rig)
+{
+	return open_client_from(rig, 1);
+}
+
+static int connect_client_from(struct rig *rig, uint32_t last)
 {
 	uint64_t before = stats(rig).accepted;
-	int fd = open_client(rig);
+	int fd = open_client_from(rig, last);
 
 	WAIT_FOR(rig, stats(rig).accepted > before);
 	return fd;
+}
+
+static int connect_client(struct rig *rig)
+{
+	return connect_client_from(rig, 1);
 }
 
 static void send_bytes(int fd, const void *bytes, size_t length)
@@ -736,6 +752,213 @@ static void strangers_are_closed(void **state)
 	assert_int_equal(stats(rig).accepted, 0);
 }
 
+/* 127.0.0.`last` and nothing else. */
+static struct db_network only(uint8_t last)
+{
+	return (struct db_network){
+		.address = { [10] = 0xFF, [11] = 0xFF, [12] = 127, [15] = last },
+		.prefix = 128,
+	};
+}
+
+static void readers_leave_room_for_writers(void **state)
+{
+	enum { PLACES = 5, RESERVED = 2 };
+	struct db_network writers = only(9);
+	struct rig *rig = *state;
+	int readers[PLACES], fds[PLACES];
+
+	rig->config.max_clients = PLACES;
+	rig->config.reserved_writers = RESERVED;
+	rig->config.allow_write = &writers;
+	rig->config.allow_write_count = 1;
+	start(rig);
+	for (int i = 0; i < PLACES - RESERVED; i++)
+		readers[i] = connect_client_from(rig, 1);
+	expect_closed(rig, open_client_from(rig, 2));
+	assert_int_equal(stats(rig).refused_reserved, 1);
+	for (int i = 0; i < RESERVED; i++)
+		fds[i] = connect_client_from(rig, 9);
+	expect_closed(rig, open_client_from(rig, 9));
+	assert_int_equal(stats(rig).refused_full, 1);
+	/* A reader's place is for anybody, a writer's for a writer. */
+	close(fds[0]);
+	WAIT_FOR(rig, stats(rig).clients == PLACES - 1);
+	expect_closed(rig, open_client_from(rig, 1));
+	assert_int_equal(stats(rig).refused_reserved, 2);
+	close(readers[0]);
+	WAIT_FOR(rig, stats(rig).clients == PLACES - 2);
+	readers[0] = connect_client_from(rig, 2);
+	fds[0] = connect_client_from(rig, 9);
+	SEND(fds[0], 1, 6, 0, 1, 0, 1);
+	EXPECT(rig, fds[0], 1, 6, 0, 1, 0, 1);
+	for (int i = 0; i < PLACES - RESERVED; i++)
+		close(readers[i]);
+	close(fds[0]);
+	close(fds[1]);
+}
+
+static void writers_may_take_every_place(void **state)
+{
+	struct rig *rig = *state;
+	int fds[3];
+
+	rig->config.max_clients = 3;
+	rig->config.reserved_writers = 2;
+	start(rig);
+	for (int i = 0; i < 3; i++)
+		fds[i] = connect_client(rig);
+	for (int i = 0; i < 3; i++)
+		close(fds[i]);
+}
+
+static void connections_of_one_address(void **state)
+{
+	struct rig *rig = *state;
+	int first, second, other;
+
+	rig->config.max_clients_per_address = 2;
+	start(rig);
+	first = connect_client_from(rig, 2);
+	second = connect_client_from(rig, 2);
+	expect_closed(rig, open_client_from(rig, 2));
+	assert_int_equal(stats(rig).refused_per_address, 1);
+	other = connect_client_from(rig, 3);
+	close(first);
+	WAIT_FOR(rig, stats(rig).clients == 2);
+	first = connect_client_from(rig, 2);
+	assert_int_equal(stats(rig).refused_per_address, 1);
+	close(first);
+	close(second);
+	close(other);
+}
+
+/* Twenty a second from one address, two connections of it, and somebody else. */
+static void too_many_requests_wait(void **state)
+{
+	enum { RATE = 20, REQUESTS = 15 };
+	struct rig *rig = *state;
+	int64_t began, took;
+	int fds[2], other;
+
+	rig->config.max_requests_per_second = RATE;
+	rig->config.idle_timeout_s = 1;
+	rig->config.frame_timeout_ms = 100;
+	start(rig);
+	fds[0] = connect_client_from(rig, 2);
+	fds[1] = connect_client_from(rig, 2);
+	other = connect_client_from(rig, 3);
+	began = now_ms();
+	for (uint16_t i = 0; i < REQUESTS; i++) {
+		SEND(fds[0], i, 3, 0, 1, 0, 1);
+		SEND(fds[1], i, 6, 0, 5, 0, (uint8_t)i);
+	}
+	settle(rig);
+	assert_in_range(stats(rig).held_back, 1, 2);
+	SEND(other, 1, 3, 0, 2, 0, 1);
+	EXPECT(rig, other, 1, 3, 2, 0, 2);
+	assert_true(now_ms() - began < 1000);
+	/* Every one is answered, in order, and nobody is closed for the time it took. */
+	for (uint16_t i = 0; i < REQUESTS; i++) {
+		EXPECT(rig, fds[0], i, 3, 2, 0, 1);
+		EXPECT(rig, fds[1], i, 6, 0, 5, 0, (uint8_t)i);
+	}
+	took = now_ms() - began;
+	/* All but the two that come at once. */
+	assert_in_range(took, (2 * REQUESTS - 2) * 1000 / RATE - 10, 5000);
+	assert_int_equal(rig->writes, REQUESTS);
+	assert_int_equal(stats(rig).exceptions, 0);
+	close(fds[0]);
+	close(fds[1]);
+	close(other);
+}
+
+static void a_held_back_client_may_vanish(void **state)
+{
+	struct rig *rig = *state;
+	int fd;
+
+	rig->config.max_requests_per_second = 1;
+	start(rig);
+	fd = connect_client(rig);
+	for (uint16_t i = 0; i < 50; i++)
+		SEND(fd, i, 3, 0, 1, 0, 1);
+	EXPECT(rig, fd, 0, 3, 2, 0, 1);
+	close(fd);
+	WAIT_FOR(rig, rig->connected == 0);
+	assert_true(stats(rig).requests <= 3);
+}
+
+static void who_is_connected(void **state)
+{
+	struct db_network writers = only(2);
+	struct db_server_client clients[4];
+	struct rig *rig = *state;
+	char text[DB_CLIENT_ADDRESS_MAX];
+	int fds[3];
+
+	rig->config.allow_write = &writers;
+	rig->config.allow_write_count = 1;
+	start(rig);
+	assert_int_equal(db_server_clients(rig->server, clients, 4), 0);
+	for (uint32_t i = 0; i < 3; i++)
+		fds[i] = connect_client_from(rig, i + 1);
+	SEND(fds[1], 1, 3, 0, 1, 0, 1);
+	EXPECT(rig, fds[1], 1, 3, 2, 0, 1);
+	assert_int_equal(db_server_clients(rig->server, clients, 2), 2);
+	assert_int_equal(db_server_clients(rig->server, clients, 4), 3);
+	for (unsigned i = 0; i < 3; i++) {
+		assert_int_equal(clients[i].client.address[15], i + 1);
+		assert_int_equal(clients[i].client.may_write, i == 1);
+		assert_int_equal(clients[i].requests, i == 1);
+		assert_int_not_equal(clients[i].client.port, 0);
+		assert_in_range(clients[i].idle, 0, PATIENCE_MS * DB_NS_PER_MS);
+	}
+	db_client_address(clients[2].client.address, text);
+	assert_string_equal(text, "127.0.0.3");
+	/* The others keep their order. */
+	close(fds[0]);
+	WAIT_FOR(rig, stats(rig).clients == 2);
+	assert_int_equal(db_server_clients(rig->server, clients, 4), 2);
+	assert_int_equal(clients[0].client.address[15], 2);
+	assert_int_equal(clients[1].client.address[15], 3);
+	/* What the backend refuses counts here. */
+	db_server_refused(rig->server, &clients[0].client, DB_REFUSED_CONTROL);
+	assert_int_equal(stats(rig).refused_control, 1);
+	clients[0].client.id = 0;
+	db_server_refused(rig->server, &clients[0].client, DB_REFUSED_CONTROL);
+	assert_int_equal(stats(rig).refused_control, 1);
+	close(fds[1]);
+	close(fds[2]);
+}
+
+static int option_of(int fd, int level, int name)
+{
+	int value = -1;
+	socklen_t length = sizeof(value);
+
+	assert_int_equal(getsockopt(fd, level, name, &value, &length), 0);
+	return value;
+}
+
+static void sockets_are_tuned(void **state)
+{
+	int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+
+	(void)state;
+	db_listener_tune(fd, 0);
+	assert_int_equal(option_of(fd, SOL_SOCKET, SO_KEEPALIVE), 0);
+	assert_int_equal(option_of(fd, IPPROTO_TCP, TCP_NODELAY), 1);
+	assert_int_equal(option_of(fd, IPPROTO_TCP, TCP_USER_TIMEOUT), 60000);
+	db_listener_tune(fd, 10);
+	assert_int_equal(option_of(fd, SOL_SOCKET, SO_KEEPALIVE), 1);
+	assert_int_equal(option_of(fd, IPPROTO_TCP, TCP_KEEPIDLE), 10);
+	assert_int_equal(option_of(fd, IPPROTO_TCP, TCP_KEEPINTVL), 10);
+	assert_int_equal(option_of(fd, IPPROTO_TCP, TCP_KEEPCNT), 3);
+	assert_int_equal(option_of(fd, IPPROTO_TCP, TCP_USER_TIMEOUT), 40000);
+	close(fd);
+}
+
 static void answers_to_nobody(void **state)
 {
 	struct linger reset = { .l_onoff = 1, .l_linger = 0 };
@@ -868,6 +1091,13 @@ int main(void)
 		TEST(flood_is_held_back),
 		TEST(readers_may_not_write),
 		TEST(strangers_are_closed),
+		TEST(readers_leave_room_for_writers),
+		TEST(writers_may_take_every_place),
+		TEST(connections_of_one_address),
+		TEST(too_many_requests_wait),
+		TEST(a_held_back_client_may_vanish),
+		TEST(who_is_connected),
+		TEST(sockets_are_tuned),
 		TEST(answers_to_nobody),
 		TEST(half_closed_gets_its_answers),
 		TEST(survives_without_descriptors),

@@ -1,0 +1,72 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "axis/control.h"
+
+#include <string.h>
+
+void db_control_init(struct db_control *control, bool enabled, uint32_t timeout_ms)
+{
+	*control = (struct db_control){
+		.enabled = enabled,
+		.timeout = (db_time)timeout_ms * DB_NS_PER_MS,
+	};
+}
+
+const struct db_client *db_control_holder(const struct db_control *control, db_time now)
+{
+	if (control->holder.id == 0 || now >= control->heard + control->timeout)
+		return NULL;
+	return &control->holder;
+}
+
+bool db_control_holds(const struct db_control *control, const struct db_client *client, db_time now)
+{
+	const struct db_client *holder = db_control_holder(control, now);
+
+	return !control->enabled || (holder && holder->id == client->id);
+}
+
+static void give(struct db_control *control, const struct db_client *client, db_time now)
+{
+	control->holder = *client;
+	control->heard = now;
+}
+
+bool db_control_take(struct db_control *control, const struct db_client *client, db_time now)
+{
+	if (control->enabled && !db_control_holder(control, now))
+		give(control, client, now);
+	return db_control_holds(control, client, now);
+}
+
+bool db_control_request(struct db_control *control, const struct db_client *client, db_time now)
+{
+	const struct db_client *holder = db_control_holder(control, now);
+
+	if (holder && memcmp(holder->address, client->address, sizeof(holder->address)) == 0)
+		give(control, client, now);
+	return db_control_take(control, client, now);
+}
+
+void db_control_release(struct db_control *control, const struct db_client *client)
+{
+	if (control->holder.id == client->id)
+		control->holder.id = 0;
+}
+
+void db_control_hear(struct db_control *control, const struct db_client *client, db_time now)
+{
+	/* Who fell silent has lost it, even if nobody took it since. */
+	if (control->enabled && db_control_holds(control, client, now))
+		control->heard = now;
+}
+
+uint32_t db_control_remaining_ms(const struct db_control *control, db_time now)
+{
+	db_time left;
+
+	if (!db_control_holder(control, now))
+		return 0;
+	left = control->heard + control->timeout - now;
+	/* Rounded up, so that 0 means that it is over. */
+	return (uint32_t)((left + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
+}

@@ -1,0 +1,140 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "regmap/group.h"
+
+#include "regmap/view.h"
+
+#include <modbus.h>
+
+/* No client has this number; the sequence is the generation. */
+#define GROUP_CLIENT UINT32_MAX
+
+static void answer_writer(struct db_registers *registers, uint8_t exception)
+{
+	struct group *group = &registers->group;
+
+	if (!group->waits)
+		return;
+	group->waits = false;
+	registers->ops->answer(registers->context, group->writer, exception);
+}
+
+/* A new one begins; who waits for an older one learns that it goes on without being watched. */
+static void begin(struct db_registers *registers, struct db_write_token token)
+{
+	struct group *group = &registers->group;
+
+	answer_writer(registers, MODBUS_EXCEPTION_ACKNOWLEDGE);
+	group->writer = token;
+	group->generation++;
+	group->pending = 0;
+	group->worst = 0;
+	group->drives = 0;
+	group->skew_us = 0;
+	group->first_out = group->last_out = 0;
+}
+
+static struct db_write_token part_token(const struct db_registers *registers)
+{
+	return (struct db_write_token){ .client = GROUP_CLIENT,
+		                        .sequence = registers->group.generation };
+}
+
+static void add_part(struct db_registers *registers, struct view_drive *drive, int answer)
+{
+	struct group *group = &registers->group;
+
+	group->drives++;
+	drive->group_ticket = db_commander_newest(drive->commander);
+	if (answer == DB_WRITE_LATER)
+		group->pending++;
+	else if (answer > group->worst)
+		group->worst = (uint8_t)answer;
+}
+
+/* Everything is handed over; the writer waits if a drive has to confirm. */
+static int end(struct db_registers *registers)
+{
+	struct group *group = &registers->group;
+
+	group->result = group->worst;
+	if (group->pending == 0)
+		return group->worst;
+	group->waits = true;
+	return DB_WRITE_LATER;
+}
+
+int group_stop(struct db_registers *registers, enum db_command stop, struct db_write_token token)
+{
+	const struct db_args none = { 0 };
+	db_time now = registers->ops->now(registers->context);
+
+	begin(registers, token);
+	for (size_t i = 0; i < registers->drive_count; i++) {
+		struct view_drive *drive = &registers->drives[i];
+
+		add_part(registers, drive,
+		         db_commander_execute(drive->commander, stop, &none, part_token(registers),
+		                              now));
+	}
+	return end(registers);
+}
+
+int group_start(struct db_registers *registers, const struct db_client *client,
+                struct db_write_token token)
+{
+	db_time now = registers->ops->now(registers->context);
+	bool any = false;
+
+	for (size_t i = 0; i < registers->drive_count; i++) {
+		struct view_drive *drive = &registers->drives[i];
+
+		if (db_commander_staged(drive->commander) == DB_CMD_NONE)
+			continue;
+		any = true;
+		if (!view_may_write(drive, client, false))
+			return MODBUS_EXCEPTION_SLAVE_OR_SERVER_BUSY;
+	}
+	if (!any)
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	begin(registers, token);
+	for (size_t i = 0; i < registers->drive_count; i++) {
+		struct view_drive *drive = &registers->drives[i];
+
+		if (db_commander_staged(drive->commander) != DB_CMD_NONE)
+			add_part(registers, drive,
+			         db_commander_start_staged(drive->commander, part_token(registers),
+			                                   now));
+	}
+	return end(registers);
+}
+
+bool group_answered(struct db_registers *registers, struct db_write_token token, uint8_t exception)
+{
+	struct group *group = &registers->group;
+
+	if (token.client != GROUP_CLIENT)
+		return false;
+	if (token.sequence != group->generation || group->pending == 0)
+		return true;
+	if (exception > group->worst)
+		group->worst = exception;
+	group->result = group->worst;
+	if (--group->pending == 0)
+		answer_writer(registers, group->worst);
+	return true;
+}
+
+void group_completed(struct db_registers *registers, struct view_drive *drive, uint32_t ticket,
+                     db_time sent)
+{
+	struct group *group = &registers->group;
+
+	if (ticket == 0 || ticket != drive->group_ticket || sent == 0)
+		return;
+	drive->group_ticket = 0;
+	if (group->first_out == 0 || sent < group->first_out)
+		group->first_out = sent;
+	if (sent > group->last_out)
+		group->last_out = sent;
+	group->skew_us = (uint32_t)((group->last_out - group->first_out) / DB_NS_PER_US);
+}

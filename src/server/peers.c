@@ -1,0 +1,130 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "server/peers.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define SILENT_MIN_S 60
+#define SILENT_MAX_S 3600
+
+#define LINES_PERIOD (60 * DB_NS_PER_S)
+
+struct db_peers {
+	db_peers_tell_fn *tell;
+	void *context;
+	db_time deadline;
+	db_time period; /* when the period began in which `lines` were told */
+	unsigned lines;
+	size_t count;
+	struct db_peer peers[];
+};
+
+struct db_peers *db_peers_new(size_t connections, db_peers_tell_fn *tell, void *context)
+{
+	size_t count = connections + DB_PEERS_SPARE;
+	struct db_peers *peers = calloc(1, sizeof(*peers) + count * sizeof(peers->peers[0]));
+
+	if (!peers)
+		return NULL;
+	peers->tell = tell;
+	peers->context = context;
+	peers->deadline = DB_TIME_NEVER;
+	peers->count = count;
+	return peers;
+}
+
+void db_peers_free(struct db_peers *peers)
+{
+	free(peers);
+}
+
+struct db_peer *db_peers_find(struct db_peers *peers, const uint8_t address[16], db_time now)
+{
+	/* There are more places than connections: the place taken in the end is free of them. */
+	struct db_peer *oldest = &peers->peers[0];
+
+	for (size_t i = 0; i < peers->count; i++) {
+		struct db_peer *peer = &peers->peers[i];
+
+		if (peer->seen != 0 && memcmp(peer->address, address, sizeof(peer->address)) == 0) {
+			peer->seen = now;
+			return peer;
+		}
+		if (peer->connections == 0 &&
+		    (oldest->connections > 0 || peer->seen < oldest->seen))
+			oldest = peer;
+	}
+	*oldest = (struct db_peer){ .seen = now };
+	memcpy(oldest->address, address, sizeof(oldest->address));
+	return oldest;
+}
+
+/* --- telling ------------------------------------------------------------------------------------ */
+
+static db_time due_at(const struct db_peer_refusals *refusals)
+{
+	return refusals->told_at == 0 ? 0 : refusals->told_at + refusals->silent_s * DB_NS_PER_S;
+}
+
+/* False when enough was told for now. */
+static bool has_line(struct db_peers *peers, db_time now)
+{
+	if (peers->lines == 0 || now >= peers->period + LINES_PERIOD) {
+		peers->period = now;
+		peers->lines = 0;
+	}
+	if (peers->lines == DB_PEERS_LINES)
+		return false;
+	peers->lines++;
+	return true;
+}
+
+/* Tells it if it is time; else sees to it that it will be told. */
+static void consider(struct db_peers *peers, struct db_peer *peer, enum db_refusal kind,
+                     db_time now)
+{
+	struct db_peer_refusals *refusals = &peer->refusals[kind];
+	db_time due = due_at(refusals);
+
+	if (due <= now && has_line(peers, now)) {
+		peers->tell(peers->context, peer->address, kind, refusals->untold,
+		            refusals->told_at == 0);
+		refusals->told_at = now;
+		refusals->untold = 0;
+		refusals->silent_s = refusals->silent_s == 0 ? SILENT_MIN_S :
+		                                               2 * refusals->silent_s;
+		if (refusals->silent_s > SILENT_MAX_S)
+			refusals->silent_s = SILENT_MAX_S;
+		return;
+	}
+	if (due <= now)
+		due = peers->period + LINES_PERIOD;
+	if (due < peers->deadline)
+		peers->deadline = due;
+}
+
+void db_peers_refused(struct db_peers *peers, struct db_peer *peer, enum db_refusal kind,
+                      db_time now)
+{
+	peer->seen = now;
+	peer->refusals[kind].untold++;
+	consider(peers, peer, kind, now);
+}
+
+db_time db_peers_deadline(const struct db_peers *peers)
+{
+	return peers->deadline;
+}
+
+void db_peers_tell(struct db_peers *peers, db_time now)
+{
+	if (now < peers->deadline)
+		return;
+	peers->deadline = DB_TIME_NEVER;
+	for (size_t i = 0; i < peers->count; i++) {
+		for (unsigned kind = 0; kind < DB_REFUSAL_COUNT; kind++) {
+			if (peers->peers[i].refusals[kind].untold > 0)
+				consider(peers, &peers->peers[i], (enum db_refusal)kind, now);
+		}
+	}
+}

@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the server remembers of each address: its connections, how fast it may ask, and what was
+ * refused to it, so that people are told of that once and not with every request.
+ *
+ * The first refusal of a kind is told at once, those that follow by their count: after a minute,
+ * then after twice as long each time, up to an hour. However many addresses knock, no more than
+ * DB_PEERS_LINES a minute are told; the counters of the server miss nothing.
+ *
+ * Pure: no clock, no I/O, no allocation after db_peers_new(). Network thread only.
+ */
+#ifndef DRIVEBRIDGE_SERVER_PEERS_H
+#define DRIVEBRIDGE_SERVER_PEERS_H
+
+#include "drivebridge/server.h"
+#include "server/rate.h"
+
+#define DB_PEERS_LINES 30
+
+/* Addresses without a connection that are remembered, at least. */
+#define DB_PEERS_SPARE 64
+
+struct db_peer_refusals {
+	db_time told_at;   /* 0: never */
+	uint32_t untold;   /* since then */
+	uint32_t silent_s; /* not told again before this time is over */
+};
+
+struct db_peer {
+	uint8_t address[16]; /* IPv6, or IPv4 v4-mapped */
+	unsigned connections;
+	db_time seen; /* 0: this place was never used */
+	struct db_rate rate;
+	struct db_peer_refusals refusals[DB_REFUSAL_COUNT];
+};
+
+/* To be told: `count` refusals of a kind since the last time; first: there was none before. */
+typedef void db_peers_tell_fn(void *context, const uint8_t address[16], enum db_refusal kind,
+                              uint32_t count, bool first);
+
+struct db_peers;
+
+/* `connections`: how many there may be at most. Null when out of memory. */
+struct db_peers *db_peers_new(size_t connections, db_peers_tell_fn *tell, void *context);
+void db_peers_free(struct db_peers *peers);
+
+/* The entry of an address; when it is new it takes the place of the one not seen for longest. Valid
+ * until the next call, or as long as it has connections, which the caller counts. */
+struct db_peer *db_peers_find(struct db_peers *peers, const uint8_t address[16], db_time now);
+
+void db_peers_refused(struct db_peers *peers, struct db_peer *peer, enum db_refusal kind,
+                      db_time now);
+
+/* When db_peers_tell() is due; DB_TIME_NEVER while there is nothing to tell. */
+db_time db_peers_deadline(const struct db_peers *peers);
+void db_peers_tell(struct db_peers *peers, db_time now);
+
+#endif
