@@ -327,7 +327,9 @@ static void stop_after_a_later_command_is_a_new_one(void **state)
 
 static void arguments_alone_execute_nothing(void **state)
 {
-	struct db_command_write write = { .block = { 7, DB_CMD_HOME, { .target_position = 3 } } };
+	struct db_command_write write = { .block = { .command_id = 7,
+		                                     .command = DB_CMD_HOME,
+		                                     .args = { .target_position = 3 } } };
 	struct db_write_token token = { 1, 1 };
 
 	FAKE(false);
@@ -422,7 +424,8 @@ static void refused_writes_store_nothing(void **state)
 static void out_of_range_arguments(void **state)
 {
 	struct db_command_write write = {
-		.block = { 0, DB_CMD_MOVE_VELOCITY, { .target_velocity = 1001.0f } },
+		.block = { .command = DB_CMD_MOVE_VELOCITY,
+		           .args = { .target_velocity = 1001.0f } },
 		.has_command = true,
 	};
 	struct db_write_token token = { 1, 1 };
