@@ -34,6 +34,10 @@
 #define SIGN_TRIES 3
 
 #define RESENDS_MAX 2
+
+/* A controller also refuses what arrived with a wrong sum: it is asked again so often. */
+#define REFUSALS_MAX 1
+
 #define STEPS_MAX (3 * XYZA_PARAM_COUNT)
 
 enum option { OPTION_UNLOCK };
@@ -100,7 +104,8 @@ struct db_device {
 	unsigned told; /* how often it was told to move or to stop */
 	bool stopping;
 	bool refused;
-	unsigned resends; /* of the command under way */
+	unsigned resends;                       /* of the command under way */
+	unsigned refusals[DB_JOB_SETTINGS + 1]; /* of the last request of each kind of job */
 	struct db_nameplate plate;
 	bool params_valid;
 
@@ -284,6 +289,17 @@ static enum db_step poll_answer(struct db_device *first, struct db_job *job,
 		first->program_step = reply->step;
 		return done(result, DB_RESULT_OK);
 	}
+}
+
+/* An axis that the controller does not have is not shown; the others are. */
+static enum db_step poll_refused(struct db_device *first, struct db_job *job,
+                                 struct db_exchange *exchange, enum db_result *result)
+{
+	if (job->step == POLL_PROGRAM)
+		return done(result, DB_RESULT_OK);
+	if (job->step == POLL_PORTS)
+		return poll_ask(first, job, POLL_PROGRAM, exchange, result);
+	return poll_next_axis(first, job, exchange, result);
 }
 
 /* --- plans ----------------------------------------------------------------------------------------- */
@@ -828,6 +844,7 @@ static enum db_step xyza_begin(struct db_device *device, struct db_job *job,
                                struct db_exchange *exchange, enum db_result *result)
 {
 	job->step = 0;
+	device->refusals[job->kind] = 0;
 	switch (job->kind) {
 	case DB_JOB_PROBE:
 		return ask_verb(device, XYZA_VERB_ONLINE, exchange, result);
@@ -844,6 +861,24 @@ static enum db_step xyza_begin(struct db_device *device, struct db_job *job,
 	}
 }
 
+/* A refused request was not carried out, so saying it again is harmless whatever it is. */
+static bool is_asked_again(struct db_device *device, const struct db_job *job,
+                           const struct xyza_reply *reply)
+{
+	unsigned *refusals = &device->refusals[job->kind];
+	bool steps = job->kind == DB_JOB_SETTINGS ||
+	             (job->kind == DB_JOB_COMMAND &&
+	              job->request->command != DB_CMD_READ_PARAMETERS && job->scratch[0] == 0);
+
+	if (reply->kind == XYZA_REPLY_FAILED && *refusals < REFUSALS_MAX &&
+	    !(steps && plan_of(device, job)->steps[job->step].kind == STEP_MAY_FAIL)) {
+		(*refusals)++;
+		return true;
+	}
+	*refusals = 0;
+	return false;
+}
+
 static enum db_step xyza_answer(struct db_device *device, struct db_job *job, const uint8_t *frame,
                                 size_t length, db_time now, struct db_exchange *exchange,
                                 enum db_result *result)
@@ -855,15 +890,16 @@ static enum db_step xyza_answer(struct db_device *device, struct db_job *job, co
 	    xyza_decode_request(exchange->request, exchange->request_length, &request) != XYZA_OK ||
 	    !xyza_fits(&request, &reply))
 		return DB_STEP_IGNORE;
+	if (is_asked_again(device, job, &reply))
+		return DB_STEP_SEND; /* the exchange is as it was */
 	switch (job->kind) {
 	case DB_JOB_PROBE:
 		return done(result, DB_RESULT_OK);
 	case DB_JOB_IDENTIFY:
 		return identify_answered(device, job, &reply, exchange, result);
 	case DB_JOB_POLL:
-		/* A controller that refuses to be read has nothing to say in this cycle. */
 		if (reply.kind == XYZA_REPLY_FAILED)
-			return done(result, DB_RESULT_REFUSED);
+			return poll_refused(device, job, exchange, result);
 		return poll_answer(device, job, &reply, now, exchange, result);
 	case DB_JOB_SETTINGS:
 		return step_answered(device, job, &reply, now, exchange, result);

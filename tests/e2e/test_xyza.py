@@ -520,8 +520,11 @@ def test_other_ways_to_say_the_same(make_xyza, style):
 
 def test_a_controller_with_fewer_axes(make_xyza):
     """An axis that the controller does not have is not shown; the others are."""
-    bridge = make_xyza(axes="xy", sim_drive={"axes": 1}, wait_online=False)
+    bridge = make_xyza(axes="xya", sim_drive={"axes": 1}, wait_online=False)
     bridge.wait_ready(1)
     place(bridge, "x", 42)
-    state(bridge, OFFLINE, 2)
+    for number in (2, 3):
+        state(bridge, OFFLINE, number)
+    bridge.sim.control("input drive1 5 1")
+    eventually(lambda: bridge.drive(1).read("inputs") == 1 << 4)
     assert bridge.drive(1).read("came_online") == 1

@@ -152,6 +152,16 @@ static const char *answer(struct fixture *f, const char *hex)
 	                                     &f->exchange, &f->result));
 }
 
+/* A refusal may be a damaged request: it is said once more, the same, and refused again. */
+static const char *refuse(struct fixture *f, const char *hex)
+{
+	char said[sizeof f->said];
+
+	strcpy(said, f->said);
+	assert_string_equal(answer(f, hex), said);
+	return answer(f, hex);
+}
+
 /* The answer to the read that was just asked. */
 static const char *value(struct fixture *f, uint32_t content)
 {
@@ -542,12 +552,58 @@ static void a_refusal_is_told(void **state)
 	(void)state;
 	poll_all(f, true, 0, 0);
 	jog(f, 0);
-	assert_string_equal(answer(f, FAILED_MANUAL), "=refused");
+	assert_string_equal(refuse(f, FAILED_MANUAL), "=refused");
 	assert_true(feedback(f, 0).status & DB_STATUS_REFUSED);
 	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
 	/* The other way to say so. */
 	jog(f, 0);
-	assert_string_equal(answer(f, "0ABB000300F3"), "=refused");
+	assert_string_equal(refuse(f, "0ABB000300F3"), "=refused");
+	drop(f);
+}
+
+/* The controller's answer to a wrong sum. */
+static void a_damaged_request_is_said_again(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	assert_string_equal(answer(f, FAILED_MANUAL), "0AF3010303A1");
+	assert_string_equal(answer(f, OK_MANUAL), "=ok");
+	poll_all(f, true, 0, 0);
+	/* Each step has its own repeat. */
+	command(f, 0, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 5.0f });
+	assert_string_equal(answer(f, FAILED_DATA), "0BF10103E2A405000000");
+	assert_string_equal(answer(f, OK_DATA), "0AF3010303A1");
+	assert_string_equal(answer(f, FAILED_MANUAL), "0AF3010303A1");
+	assert_string_equal(answer(f, OK_MANUAL), "=ok");
+	begin(f, 0, DB_JOB_POLL);
+	assert_string_equal(answer(f, FAILED_DATA), "0AF10103E1A3");
+	assert_string_equal(value(f, 1), "0AF10103E1A2");
+	drop(f);
+}
+
+static void an_axis_that_is_not_there_leaves_the_others(void **state)
+{
+	struct fixture *f = make(7);
+
+	(void)state;
+	begin(f, 0, DB_JOB_POLL);
+	value(f, 1);
+	value(f, 0);
+	value(f, 9);
+	assert_string_equal(value(f, 0), "0AF10103E1B3");
+	assert_string_equal(refuse(f, FAILED_DATA), "0AF10103E1C3");
+	value(f, 1);
+	value(f, 0);
+	value(f, 8);
+	assert_string_equal(value(f, 0), ASK_PORTS);
+	assert_string_equal(refuse(f, FAILED_DATA), ASK_PROGRAM);
+	assert_string_equal(refuse(f, FAILED_PROGRAM), "=ok");
+	assert_int_equal(feedback(f, 0).position, 9);
+	assert_int_equal(feedback(f, 1).state, DB_AXIS_OFFLINE);
+	assert_int_equal(feedback(f, 2).position, 8);
 	drop(f);
 }
 
@@ -639,7 +695,7 @@ static void a_stop_stops_what_runs(void **state)
 	assert_int_equal(feedback(f, 1).state, DB_AXIS_STOPPING);
 	/* What is to stop the motion must not be refused. */
 	assert_string_equal(command(f, 0, DB_CMD_STOP, (struct db_args){ 0 }), "0AF401030200");
-	assert_string_equal(answer(f, FAILED_PROGRAM), "=refused");
+	assert_string_equal(refuse(f, FAILED_PROGRAM), "=refused");
 	/* An interrupted program is an error until it is ended. */
 	poll_all(f, true, 0, 3);
 	assert_int_equal(feedback(f, 1).state, DB_AXIS_ERROR_STOP);
@@ -725,7 +781,7 @@ static void a_jog_is_never_repeated_blindly(void **state)
 	assert_string_equal(lost(f), "=indeterminate");
 	jog(f, 0);
 	lost(f);
-	assert_string_equal(answer(f, FAILED_DATA), "=indeterminate");
+	assert_string_equal(refuse(f, FAILED_DATA), "=indeterminate");
 	drop(f);
 }
 
@@ -838,7 +894,7 @@ static void all_parameters_are_read(void **state)
 		       key == 0xE3B3 ? value(f, 5000) :
 		       key == 0xE5C2 ? value(f, 0x080706) :
 		       key == 0xE5C1 ? value(f, 2) :
-		       key == 0xE5C8 ? answer(f, FAILED_DATA) :
+		       key == 0xE5C8 ? refuse(f, FAILED_DATA) :
 		                       value(f, 1);
 		reads++;
 	}
@@ -880,7 +936,7 @@ static void one_key_is_changed_and_the_others_kept(void **state)
 	/* Not written, not known. */
 	set(f, 0, XYZA_START_KEY, 1);
 	value(f, 0x080506);
-	assert_string_equal(answer(f, FAILED_DATA), "=refused");
+	assert_string_equal(refuse(f, FAILED_DATA), "=refused");
 	assert_int_equal(plate(f, 0)->values[XYZA_START_KEY].u, 6);
 	assert_true(plate(f, 0)->doubtful);
 	drop(f);
@@ -901,7 +957,7 @@ static void enabling_an_axis_leaves_the_others(void **state)
 	assert_string_equal(answer(f, OK_PROGRAM), "0AF10103E5C1");
 	assert_string_equal(value(f, 0xB), "0BF10103E5C103000000");
 	/* Refused: all is as it was. */
-	assert_string_equal(answer(f, FAILED_DATA), "=refused");
+	assert_string_equal(refuse(f, FAILED_DATA), "=refused");
 	assert_int_equal(plate(f, 3)->values[XYZA_ENABLE].u, 0xB);
 	drop(f);
 }
@@ -919,7 +975,7 @@ static void what_an_axis_has_alone_stays_its_own(void **state)
 	/* A speed that was given with a motion is the parameter from now on. */
 	command(f, 1, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -70.0f });
 	answer(f, OK_DATA);
-	assert_string_equal(answer(f, FAILED_MANUAL), "=refused");
+	assert_string_equal(refuse(f, FAILED_MANUAL), "=refused");
 	assert_int_equal(plate(f, 1)->values[XYZA_MANUAL_SPEED].u, 70);
 	drop(f);
 }
@@ -968,6 +1024,8 @@ int main(void)
 		cmocka_unit_test(every_command_in_bytes),
 		cmocka_unit_test(what_the_family_does_not_have_is_refused),
 		cmocka_unit_test(a_refusal_is_told),
+		cmocka_unit_test(a_damaged_request_is_said_again),
+		cmocka_unit_test(an_axis_that_is_not_there_leaves_the_others),
 		cmocka_unit_test(one_axis_at_a_time),
 		cmocka_unit_test(what_was_seen_before_a_jog_does_not_end_it),
 		cmocka_unit_test(another_way_is_gone_only_from_a_stand),
