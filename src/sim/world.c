@@ -247,7 +247,8 @@ int sim_bus_read(struct sim_bus *bus, db_time now)
 	ssize_t count = read(bus->port.fd, bytes, sizeof(bytes));
 
 	if (count < 0)
-		return errno == EAGAIN || errno == EINTR ? 0 : -errno;
+		/* An interface that is down comes up again. */
+		return errno == EAGAIN || errno == EINTR || errno == ENETDOWN ? 0 : -errno;
 	if (count == 0)
 		return -EPIPE;
 	bus->ops->receive(bus->wire, bytes, (size_t)count, now);
@@ -261,7 +262,7 @@ static void write_out(struct sim_bus *bus, const uint8_t *bytes, size_t length)
 
 	for (size_t done = 0; done + unit <= length; done += unit) {
 		if (write(bus->port.fd, bytes + done, unit) < 0 && errno != EAGAIN &&
-		    errno != ENOBUFS)
+		    errno != ENOBUFS && errno != ENETDOWN)
 			(void)fprintf(stderr, "bus %s: %s\n", bus->config->name, strerror(errno));
 	}
 }
