@@ -132,10 +132,13 @@ static db_time delay_of(struct sim_can_bus *bus, const struct station *station)
 	return 0;
 }
 
-/* In another drive's name: of extended frames the source, of standard ones the target. */
-static void change_sender(struct db_can_frame *frame)
+/* In another drive's name. */
+static void change_sender(const struct station *station, struct db_can_frame *frame)
 {
-	frame->id ^= frame->id & DB_CAN_EXTENDED ? 1u << 10 : 1u << 1;
+	if (station->ops.sender_bit)
+		frame->id ^= station->ops.sender_bit;
+	else
+		frame->id ^= frame->id & DB_CAN_EXTENDED ? 1u << 10 : 1u << 1;
 }
 
 /* Lets faults act on a frame that a drive wants to send. False: it is not sent at all. */
@@ -147,7 +150,7 @@ static bool damage(struct sim_can_bus *bus, const struct station *station,
 	if (take(bus, station, SIM_FAULT_TRUNCATE))
 		frame->length /= 2;
 	if (take(bus, station, SIM_FAULT_WRONG_ID))
-		change_sender(frame);
+		change_sender(station, frame);
 	return true;
 }
 
@@ -280,12 +283,20 @@ static void queue_to_host(struct sim_can_bus *bus, const struct db_can_frame *fr
 		bus->stats.overflows++;
 }
 
+/* A request to one drive does not use up what another is to lose. */
+static bool loses(struct sim_can_bus *bus, const struct station *station)
+{
+	if (station->ops.wants && !station->ops.wants(station->ops.self, &bus->frame))
+		return false;
+	return take(bus, station, SIM_FAULT_LOSE_REQUEST);
+}
+
 static void deliver_host_frame(struct sim_can_bus *bus)
 {
 	for (size_t i = 0; i < bus->station_count; i++) {
 		struct station *station = &bus->stations[i];
 
-		if (!is_silent(bus, station) && !take(bus, station, SIM_FAULT_LOSE_REQUEST))
+		if (!is_silent(bus, station) && !loses(bus, station))
 			station->ops.receive(station->ops.self, &bus->frame, bus->wire_end);
 	}
 	if (sim_faults_take(&bus->faults, SIM_FAULT_ECHO))

@@ -27,6 +27,10 @@ struct sim_can_station {
 	db_time (*next)(void *self);
 	/* Takes the next frame that is due. False when none is. */
 	bool (*send)(void *self, db_time now, struct db_can_frame *frame);
+	/* Whether a frame of the host is meant for it: only such requests can be lost. Null: all. */
+	bool (*wants)(void *self, const struct db_can_frame *frame);
+	/* Flipped in the id, it names another sender. 0: bit 10 of extended ids, bit 1 of others. */
+	uint32_t sender_bit;
 	struct sim_faults *faults; /* of its connection */
 };
 

@@ -93,6 +93,19 @@ static void station_receive(void *self, const struct db_can_frame *frame, db_tim
 	sim_servo_node_receive(self, frame, now);
 }
 
+static bool station_wants(void *self, const struct db_can_frame *frame)
+{
+	const struct sim_servo_node *node = self;
+	struct servo_can_message message;
+	enum servo_can_error error = servo_can_decode(frame, &node->layout, SERVO_CAN_FROM_HOST,
+	                                              &message);
+
+	if (message.kind == SERVO_CAN_FOREIGN && error == SERVO_CAN_OK)
+		return false;
+	return message.kind == SERVO_CAN_SYNC || message.node == node->address ||
+	       message.node == SERVO_CAN_BROADCAST;
+}
+
 static db_time station_next(void *self)
 {
 	return sim_servo_node_next(self);
@@ -110,6 +123,7 @@ struct sim_can_station sim_servo_node_station(struct sim_servo_node *node)
 		.receive = station_receive,
 		.next = station_next,
 		.send = station_send,
+		.wants = station_wants,
 		.faults = &node->faults,
 	};
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/sim_config.h"
 
+#include "codec/slcan.h"
 #include "codec/vsmd_serial.h"
 
 #include <confuse.h>
@@ -133,6 +134,18 @@ static int load_can(cfg_t *cfg, struct sim_bus_config *bus)
 	    check_int(cfg, "bitrate", CAN_RATE_MIN, CAN_RATE_MAX) != 0 ||
 	    check_int(cfg, "output-base", 0, 1) != 0)
 		return -1;
+	if (transport == 0 && slcan_bitrate_digit((uint32_t)cfg_getint(cfg, "bitrate")) < 0)
+		return wrong(cfg, "bitrate",
+		             "bitrate = %ld cannot be set on a serial adapter; one of these is "
+		             "right: 10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, "
+		             "1000000",
+		             cfg_getint(cfg, "bitrate"));
+	if (bus->kind == SIM_BUS_VSMD_CAN &&
+	    vsmd_can_rate_code((uint32_t)cfg_getint(cfg, "bitrate")) == 0)
+		return wrong(cfg, "bitrate",
+		             "bitrate = %ld is none these drives have; 100000, 125000, 250000, "
+		             "500000 and 1000000, for instance, are right",
+		             cfg_getint(cfg, "bitrate"));
 	bus->interface = cfg_getstr(cfg, "interface");
 	if (transport == 1 && !bus->interface)
 		return wrong(cfg, "transport",
@@ -313,9 +326,11 @@ static int load_vsmd(cfg_t *cfg, const struct sim_bus_config *bus, struct sim_vs
 	int model = check_word(cfg, "model", models);
 
 	bool can = bus->kind == SIM_BUS_VSMD_CAN;
+	long last = VSMD_SERIAL_ID_MAX;
 
-	if (model < 0 ||
-	    check_int(cfg, "address", 1, can ? VSMD_CAN_DRIVE_MAX : VSMD_SERIAL_ID_MAX) != 0)
+	if (can)
+		last = bus->style.extended ? VSMD_CAN_DRIVE_MAX : VSMD_CAN_STD_DRIVE_MAX;
+	if (model < 0 || check_int(cfg, "address", 1, last) != 0)
 		return -1;
 	sim_vsmd_config_init(vsmd, (unsigned)cfg_getint(cfg, "address"),
 	                     can ? bus->can.bitrate : bus->serial.baud);

@@ -4,6 +4,10 @@
 #include <stdio.h>
 #include <string.h>
 
+/* Of the drive's field in the id, to name another one. */
+#define SENDER_BIT_EXTENDED (1u << 10)
+#define SENDER_BIT_STANDARD (1u << 8)
+
 void sim_vsmd_can_node_init(struct sim_vsmd_can_node *node, struct sim_node *sim,
                             const struct vsmd_can_style *style, db_time latency)
 {
@@ -13,6 +17,16 @@ void sim_vsmd_can_node_init(struct sim_vsmd_can_node *node, struct sim_node *sim
 	node->latency = latency;
 	node->interval = (db_time)VSMD_CAN_INTERVAL_DEFAULT * DB_NS_PER_MS;
 	node->shake_frequency = VSMD_SHAKE_FREQ_MIN_CAN;
+	node->starts = sim_vsmd_starts(sim->drive);
+}
+
+/* What was said before the drive was switched off is forgotten: reports, too, are asked for again. */
+static void follow_power(struct sim_vsmd_can_node *node)
+{
+	const struct vsmd_can_style style = node->style;
+
+	if (node->starts != sim_vsmd_starts(node->node->drive))
+		sim_vsmd_can_node_init(node, node->node, &style, node->latency);
 }
 
 /* "00080381#01": what other tools print, too. */
@@ -130,7 +144,8 @@ static void set_report(struct sim_vsmd_can_node *node, uint16_t host,
 	node->report = command->report;
 	node->reporting_to = host;
 	if (command->has_interval)
-		node->interval = (db_time)command->interval * DB_NS_PER_MS;
+		node->interval = (db_time)(command->interval > 0 ? command->interval : 1) *
+		                 DB_NS_PER_MS; /* what 0 means is not documented */
 	node->report_at = now + node->interval;
 }
 
@@ -250,6 +265,13 @@ static bool is_for(const struct sim_vsmd_can_node *node, const struct vsmd_can_i
 	       (id->broadcast || id->target == sim_vsmd_address(node->node->drive));
 }
 
+static bool wants(void *self, const struct db_can_frame *frame)
+{
+	struct vsmd_can_id id;
+
+	return vsmd_can_unpack_id(frame->id, &id) == VSMD_OK && is_for(self, &id);
+}
+
 static void receive(void *self, const struct db_can_frame *frame, db_time now)
 {
 	struct sim_vsmd_can_node *node = self;
@@ -258,6 +280,7 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 	struct vsmd_can_id id;
 	enum vsmd_error error;
 
+	follow_power(node);
 	if (!sim_vsmd_powered(drive) || vsmd_can_unpack_id(frame->id, &id) != VSMD_OK ||
 	    !is_for(node, &id))
 		return;
@@ -287,8 +310,10 @@ static bool is_reporting(const struct sim_vsmd_can_node *node)
 static db_time next(void *self)
 {
 	struct sim_vsmd_can_node *node = self;
-	db_time due = is_reporting(node) ? node->report_at : DB_TIME_NEVER;
+	db_time due;
 
+	follow_power(node);
+	due = is_reporting(node) ? node->report_at : DB_TIME_NEVER;
 	if (!sim_vsmd_powered(node->node->drive))
 		node->count = 0;
 	if (node->count > 0 && node->queue[node->first].due < due)
@@ -322,6 +347,7 @@ static bool send(void *self, db_time now, struct db_can_frame *frame)
 {
 	struct sim_vsmd_can_node *node = self;
 
+	follow_power(node);
 	if (is_reporting(node) && node->report_at <= now)
 		queue_report(node);
 	if (node->count == 0 || node->queue[node->first].due > now)
@@ -339,6 +365,8 @@ struct sim_can_station sim_vsmd_can_node_station(struct sim_vsmd_can_node *node)
 		.receive = receive,
 		.next = next,
 		.send = send,
+		.wants = wants,
+		.sender_bit = node->style.extended ? SENDER_BIT_EXTENDED : SENDER_BIT_STANDARD,
 		.faults = &node->node->faults,
 	};
 }

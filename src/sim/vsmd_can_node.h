@@ -25,6 +25,7 @@ struct sim_vsmd_can_node {
 	size_t first;
 	size_t count;
 	db_time busy_until; /* an answer comes behind those before it */
+	uint32_t starts;    /* power-ups of the drive that this memory has seen */
 
 	/* auto_res_sts */
 	enum vsmd_can_report report;

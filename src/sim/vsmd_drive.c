@@ -113,6 +113,7 @@ static void power_up(struct sim_vsmd *drive, db_time now)
 	}
 	memcpy(drive->params, drive->flash, sizeof(drive->params));
 	drive->powered = true;
+	drive->starts++;
 	drive->flags = unreadable ? VSMD_ST_FLASH_ERR : 0;
 	drive->address = drive->params[VSMD_CID].u;
 	drive->baud = drive->params[VSMD_BDR].u;
@@ -484,6 +485,11 @@ unsigned sim_vsmd_baud(const struct sim_vsmd *drive)
 bool sim_vsmd_powered(const struct sim_vsmd *drive)
 {
 	return drive->powered;
+}
+
+uint32_t sim_vsmd_starts(const struct sim_vsmd *drive)
+{
+	return drive->starts;
 }
 
 bool sim_vsmd_moving(const struct sim_vsmd *drive)

@@ -92,6 +92,8 @@ unsigned sim_vsmd_address(const struct sim_vsmd *drive);
 unsigned sim_vsmd_baud(const struct sim_vsmd *drive);
 
 bool sim_vsmd_powered(const struct sim_vsmd *drive);
+/* How often it was powered up; what a node remembers of before is lost. */
+uint32_t sim_vsmd_starts(const struct sim_vsmd *drive);
 bool sim_vsmd_moving(const struct sim_vsmd *drive);
 double sim_vsmd_shaft(const struct sim_vsmd *drive);
 

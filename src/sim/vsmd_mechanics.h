@@ -60,6 +60,7 @@ struct sim_vsmd {
 
 	uint32_t counts[VSMD_VERB_COUNT];
 	uint32_t refusals;
+	uint32_t starts; /* power-ups */
 };
 
 void sim_mechanics_advance(struct sim_vsmd *drive, db_time now);
