@@ -53,6 +53,8 @@ struct db_commander {
 
 	struct db_follow follow; /* the motion that the last command has begun */
 	struct db_follow_config follow_config;
+	uint32_t motion_ticket; /* the motion to follow once it is confirmed; 0: none */
+	uint16_t motion_id;
 	db_time look_at; /* the next look at it */
 	db_time look_interval;
 
@@ -309,6 +311,7 @@ static void abort_motion(struct db_commander *commander, enum db_command by)
 	if (commander->follow.active)
 		commander->shown.aborted_id = commander->follow.id;
 	commander->follow.active = false;
+	commander->motion_ticket = 0;
 }
 
 /* False when the drive's or the bus's queue is full. */
@@ -348,6 +351,10 @@ static int carry_out(struct db_commander *commander, const struct db_command_blo
 	if (db_command_is_motion(request.command))
 		db_watchdog_arm(&commander->watchdog, now);
 	abort_motion(commander, request.command);
+	if (db_follow_applies(request.command)) {
+		commander->motion_ticket = request.ticket;
+		commander->motion_id = id;
+	}
 	commander->newest = request.ticket;
 	commander->executed = *block;
 	commander->has_executed = true;
@@ -544,8 +551,7 @@ static void forget_last(struct db_commander *commander)
 /* The command has begun a motion: its result stays ok, unless the motion ends badly. */
 static void follow_motion(struct db_commander *commander, const struct slot *slot, db_time now)
 {
-	db_follow_begin(&commander->follow, slot->command, slot->ticket, commander->shown.result_id,
-	                now);
+	db_follow_begin(&commander->follow, slot->command, slot->ticket, commander->motion_id, now);
 	commander->look_at = now + LOOK_MIN;
 }
 
@@ -582,9 +588,9 @@ void db_commander_complete(struct db_commander *commander, const struct db_compl
 
 		commander->shown.result = (uint16_t)completion->result;
 		commander->shown.result_time_us = took > 0 ? (uint32_t)(took / DB_NS_PER_US) : 0;
-		if (completion->result == DB_RESULT_OK && db_follow_applies(slot->command))
-			follow_motion(commander, slot, end);
 	}
+	if (commander->motion_ticket == completion->ticket && completion->result == DB_RESULT_OK)
+		follow_motion(commander, slot, completion->finished ? completion->finished : now);
 	if (commander->write_ticket == completion->ticket)
 		commander->shown.write_result = (uint16_t)completion->result;
 	if (commander->previous.ticket == completion->ticket)

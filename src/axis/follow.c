@@ -63,6 +63,18 @@ static enum db_result look_at_move(struct db_follow *follow, const struct db_fol
 	return now - follow->there_since >= config->settling ? DB_RESULT_OK : DB_RESULT_PENDING;
 }
 
+/* The first status may still stand; a short shake may be over before it was seen to move. */
+static enum db_result look_at_shake(struct db_follow *follow, const struct db_follow_config *config,
+                                    const struct db_feedback *feedback, db_time now)
+{
+	if (feedback->status & DB_STATUS_MOVING) {
+		follow->moved = true;
+		return DB_RESULT_PENDING;
+	}
+	return follow->moved || now - follow->since >= config->patience ? DB_RESULT_OK :
+	                                                                  DB_RESULT_PENDING;
+}
+
 static enum db_result look(struct db_follow *follow, const struct db_follow_config *config,
                            const struct db_feedback *feedback, db_time now)
 {
@@ -79,7 +91,7 @@ static enum db_result look(struct db_follow *follow, const struct db_follow_conf
 		return look_at_homing(feedback);
 	case DB_CMD_SHAKE_START:
 	case DB_CMD_SHAKE_START_TIME:
-		return feedback->status & DB_STATUS_MOVING ? DB_RESULT_PENDING : DB_RESULT_OK;
+		return look_at_shake(follow, config, feedback, now);
 	default:
 		return look_at_move(follow, config, feedback, now);
 	}

@@ -24,6 +24,7 @@ struct db_follow {
 	db_time since;          /* data must be younger */
 	db_time standing_since; /* 0: it moves */
 	db_time there_since;    /* 0: it is not at the target */
+	bool moved;             /* it was seen to move */
 };
 
 /* Whether a command begins something that has an end of its own. */

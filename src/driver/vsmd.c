@@ -19,6 +19,10 @@
 static enum db_step ask(struct vsmd_axis *axis, struct vsmd_command command, bool repeatable,
                         struct db_exchange *exchange, enum db_result *result)
 {
+	if (command.verb == VSMD_ZERO_START)
+		axis->begun = VSMD_MOTION_HOMING;
+	if (command.verb == VSMD_SHAKE_CYCLES || command.verb == VSMD_SHAKE_TIME)
+		axis->begun = VSMD_MOTION_SHAKE;
 	return axis->link->ask(axis, &command, repeatable, exchange, result);
 }
 
@@ -231,6 +235,7 @@ enum db_step vsmd_begin_command(struct vsmd_axis *axis, struct db_job *job,
 static void forget_motion(struct vsmd_axis *axis)
 {
 	axis->motion = VSMD_MOTION_NONE;
+	axis->begun = VSMD_MOTION_NONE;
 	axis->fresh = false;
 	axis->stopping = false;
 	axis->standstill_polls = 0;
@@ -314,6 +319,7 @@ void vsmd_take_status(struct vsmd_axis *axis, const struct vsmd_status *status, 
 static void start_motion(struct vsmd_axis *axis, enum vsmd_motion motion)
 {
 	axis->motion = motion;
+	axis->begun = VSMD_MOTION_NONE;
 	axis->fresh = true;
 	axis->stopping = false;
 	axis->standstill_polls = 0;
@@ -321,8 +327,15 @@ static void start_motion(struct vsmd_axis *axis, enum vsmd_motion motion)
 		axis->has_target = false;
 }
 
+/* What a stop has to end: also what the drive may have begun without its answer coming back. */
+static enum vsmd_motion to_be_ended(const struct vsmd_axis *axis)
+{
+	return axis->begun != VSMD_MOTION_NONE ? axis->begun : axis->motion;
+}
+
 static void stop_motion(struct vsmd_axis *axis)
 {
+	axis->begun = VSMD_MOTION_NONE;
 	if (axis->motion != VSMD_MOTION_NONE || !(axis->last.status & VSMD_ST_STP)) {
 		axis->stopping = true;
 		axis->fresh = true;
@@ -413,8 +426,9 @@ static bool is_evident(const struct vsmd_axis *axis, const struct db_job *job)
 	case DB_CMD_STOP:
 	case DB_CMD_QUICK_STOP:
 		/* Homing and shaking have an end of their own, which follows. */
-		return stands || (job->step == VSMD_FIRST && (axis->motion == VSMD_MOTION_HOMING ||
-		                                              axis->motion == VSMD_MOTION_SHAKE));
+		return stands ||
+		       (job->step == VSMD_FIRST && (to_be_ended(axis) == VSMD_MOTION_HOMING ||
+		                                    to_be_ended(axis) == VSMD_MOTION_SHAKE));
 	case DB_CMD_CLEAR_FAULT:
 		return !(status & VSMD_ST_ENC_ERR);
 	default:
@@ -442,11 +456,11 @@ static enum db_step check_power(struct vsmd_axis *axis, struct db_job *job,
 static enum db_step after_stop(struct vsmd_axis *axis, struct db_job *job,
                                struct db_exchange *exchange, enum db_result *result)
 {
-	if (job->step == VSMD_FIRST && axis->motion == VSMD_MOTION_HOMING) {
+	if (job->step == VSMD_FIRST && to_be_ended(axis) == VSMD_MOTION_HOMING) {
 		job->step = VSMD_SECOND;
 		return ask_verb(axis, VSMD_ZERO_STOP, exchange, result);
 	}
-	if (job->step == VSMD_FIRST && axis->motion == VSMD_MOTION_SHAKE) {
+	if (job->step == VSMD_FIRST && to_be_ended(axis) == VSMD_MOTION_SHAKE) {
 		job->step = VSMD_SECOND;
 		return ask_verb(axis, VSMD_SHAKE_STOP, exchange, result);
 	}
@@ -549,7 +563,8 @@ static enum db_step resolve(struct vsmd_axis *axis, struct db_job *job,
 		return confirmed(axis, job, result);
 	if (command == DB_CMD_HOME && (now->status & VSMD_ST_ZERO))
 		return confirmed(axis, job, result);
-	if (unmoved)
+	/* A shake may be over already, back where it began. */
+	if (unmoved && command != DB_CMD_SHAKE_START && command != DB_CMD_SHAKE_START_TIME)
 		return resend(axis, job, exchange, result);
 	/* It moved before and moves still: the same target or speed once more changes nothing. */
 	if (!stood && !stands &&

@@ -51,7 +51,8 @@ struct vsmd_axis {
 	bool heard;                 /* `process` holds something */
 	bool handshaken;            /* hs was seen set: when it drops, the drive has restarted */
 	enum vsmd_motion motion;
-	bool fresh; /* motion accepted, no status read after it yet */
+	enum vsmd_motion begun; /* homing or shaking was asked for, and not heard of since */
+	bool fresh;             /* motion accepted, no status read after it yet */
 	bool stopping;
 	bool homed;
 	bool origin_lost;

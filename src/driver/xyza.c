@@ -38,6 +38,9 @@
 /* A controller also refuses what arrived with a wrong sum: it is asked again so often. */
 #define REFUSALS_MAX 1
 
+/* scratch[1] of a stop: one of its two modes was stopped, or none needs to. */
+#define STOP_TAKEN 1
+
 #define STEPS_MAX (3 * XYZA_PARAM_COUNT)
 
 enum option { OPTION_UNLOCK };
@@ -347,9 +350,7 @@ static void plan_stop(struct plan *plan, const struct db_device *device, bool qu
 		add_verb(plan, device, manual)->kind = STEP_MAY_FAIL;
 		return;
 	}
-	add_verb(plan, device, manual)->kind = device->first->program_state == XYZA_PROGRAM_IDLE ?
-	                                               STEP_PLAIN :
-	                                               STEP_MAY_FAIL;
+	add_verb(plan, device, manual)->kind = STEP_MAY_FAIL;
 	/* An emergency stop would leave a program interrupted that never ran. */
 	add_verb(plan, device, XYZA_PROGRAM_STOP)->kind = STEP_MAY_FAIL;
 }
@@ -375,7 +376,7 @@ static void plan_jog(struct plan *plan, struct db_device *device, bool negative,
 		add(plan, (struct xyza_request){ .verb = XYZA_WRITE_ITEM,
 		                                 .axis = device->axis,
 		                                 .item = XYZA_ITEM_MANUAL_SPEED,
-		                                 .value = (uint32_t)lroundf(speed) });
+		                                 .value = (uint32_t)llroundf(speed) });
 	add(plan, (struct xyza_request){
 			  .verb = XYZA_MANUAL_JOG, .axis = device->axis, .negative = negative });
 }
@@ -734,7 +735,11 @@ static enum db_step step_answered(struct db_device *device, struct db_job *job,
 	struct plan *plan = plan_of(device, job);
 	struct step *step = &plan->steps[job->step];
 
-	if (reply->kind == XYZA_REPLY_FAILED && step->kind != STEP_MAY_FAIL) {
+	if (plan == &device->stop && reply->kind != XYZA_REPLY_FAILED)
+		job->scratch[1] = STOP_TAKEN;
+	if (reply->kind == XYZA_REPLY_FAILED &&
+	    (step->kind != STEP_MAY_FAIL ||
+	     (plan == &device->stop && job->step == 1 && job->scratch[1] != STOP_TAKEN))) {
 		device->refused = true;
 		if (job->kind == DB_JOB_SETTINGS)
 			device->plate.doubtful = true;
@@ -836,6 +841,9 @@ static enum db_step begin_command(struct db_device *device, struct db_job *job,
 		device->resends = 0;
 	job->scratch[1] = is_jog(command) ? (int64_t)device->first->stops :
 	                                    (int64_t)device->first->program_state;
+	if (plan_of(device, job) == &device->stop)
+		job->scratch[1] = device->first->program_state > XYZA_PROGRAM_RUNNING ? STOP_TAKEN :
+		                                                                        0;
 	make_plan(plan_of(device, job), device, job->request);
 	return send_step(device, job, exchange, result);
 }
@@ -871,7 +879,8 @@ static bool is_asked_again(struct db_device *device, const struct db_job *job,
 	              job->request->command != DB_CMD_READ_PARAMETERS && job->scratch[0] == 0);
 
 	if (reply->kind == XYZA_REPLY_FAILED && *refusals < REFUSALS_MAX &&
-	    !(steps && plan_of(device, job)->steps[job->step].kind == STEP_MAY_FAIL)) {
+	    !(steps && plan_of(device, job)->steps[job->step].kind == STEP_MAY_FAIL &&
+	      (plan_of(device, job) == &device->front || job->scratch[1] == STOP_TAKEN))) {
 		(*refusals)++;
 		return true;
 	}
@@ -1013,8 +1022,6 @@ static void xyza_gone(struct db_device *device)
 	device->heard = false;
 	device->params_valid = false;
 	device->jogging = device->fresh = device->stopping = false;
-	if (device->first == device)
-		device->program_state = XYZA_PROGRAM_IDLE;
 }
 
 static const struct db_nameplate *xyza_nameplate(const struct db_device *device)

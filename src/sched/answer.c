@@ -100,6 +100,10 @@ static void lane_done(struct db_engine *engine, struct station *station, enum la
 		station->lanes[kind].active = true;
 		station_finish_front(station, result, now);
 		break;
+	case LANE_IDENTIFY:
+		/* What is still missing then may stay so: others want the bus, too. */
+		station->identify_at = now + IDENTIFY_BACKOFF_MIN;
+		break;
 	default:
 		break;
 	}
@@ -336,7 +340,7 @@ static void repeat_stops(struct db_engine *engine, struct node *node, db_time co
 			continue;
 		s->blind_stop_sent = false;
 		if (node->losses > engine->bus->retries)
-			s->stop_at = now + cost * (STOP_SHARE - 1);
+			s->stop_at = engine->stops_from = now + cost * (STOP_SHARE - 1);
 	}
 }
 

@@ -43,6 +43,7 @@ static enum db_step begin(struct db_engine *engine, struct station *station, enu
 
 	lane->job = (struct db_job){ .kind = job, .request = request, .started = now };
 	lane->tries = 0;
+	lane->sent = false;
 	step = engine->driver->begin(station->device, &lane->job, &lane->exchange, result);
 	lane->active = lane->ready = step == DB_STEP_SEND;
 	return step;
@@ -73,6 +74,7 @@ static void send_lane(struct db_engine *engine, struct station *station, enum la
 	db_time wire = wire_time(engine, &lane->exchange);
 
 	lane->ready = false;
+	lane->sent = true;
 	lane->exchange.sending = ++engine->sendings;
 	if (engine->flights == 0) {
 		/* Whatever is still in the buffer was said before this question. */
@@ -188,20 +190,35 @@ static bool try_broadcast(struct db_engine *engine, db_time now)
 	return true;
 }
 
+/* An offline drive's first; but one that answered its blind stop is only asked about it. */
+db_time engine_stop_at(const struct db_engine *engine, const struct station *station)
+{
+	bool silent = !station->node->online && !station->blind_stop_sent;
+
+	return silent && station->stop_at < engine->stops_from ? engine->stops_from :
+	                                                         station->stop_at;
+}
+
 static bool try_stops(struct db_engine *engine, db_time now)
 {
 	if (engine_may_send_at(engine, true, now) > now)
 		return false;
 	if (try_broadcast(engine, now))
 		return true;
-	for (size_t i = 0; i < engine->station_count; i++) {
+	/* Those that are there come first. */
+	for (size_t n = 0; n < 2 * engine->station_count; n++) {
+		size_t i = (engine->next_stop + n) % engine->station_count;
 		struct station *station = &engine->stations[i];
 
-		if (station->stop_count == 0 || station->stop_at > now || is_flying(station->node))
+		if (station->node->online != (n < engine->station_count) ||
+		    station->stop_count == 0 || engine_stop_at(engine, station) > now ||
+		    is_flying(station->node))
 			continue;
 		/* A stop itself is never held back, only the question whether it was obeyed. */
 		if (station->blind_stop_sent && node_is_haunted(station->node, now))
 			continue;
+		if (n >= engine->station_count)
+			engine->next_stop = i + 1;
 		send_stop(engine, station, now);
 		return true;
 	}
@@ -238,7 +255,7 @@ static bool begin_letter(struct db_engine *engine, size_t index, db_time now)
 	return false;
 }
 
-static bool try_fronts(struct db_engine *engine, db_time now)
+static bool continue_front(struct db_engine *engine, db_time now)
 {
 	for (size_t n = 0; n < engine->station_count; n++) {
 		size_t i = (engine->next_front + n) % engine->station_count;
@@ -251,6 +268,11 @@ static bool try_fronts(struct db_engine *engine, db_time now)
 			return true;
 		}
 	}
+	return false;
+}
+
+static bool begin_front(struct db_engine *engine, db_time now)
+{
 	for (size_t i = 0; i < engine->waiting_count;) {
 		const struct db_request *request = db_letter_request(engine->waiting[i]);
 		const struct station *station = &engine->stations[request->axis];
@@ -266,6 +288,17 @@ static bool try_fronts(struct db_engine *engine, db_time now)
 			i++;
 	}
 	return false;
+}
+
+/* They take turns: a command of many exchanges does not hold up other drives' commands. */
+static bool try_fronts(struct db_engine *engine, db_time now)
+{
+	if (engine->continued && begin_front(engine, now)) {
+		engine->continued = false;
+		return true;
+	}
+	engine->continued = continue_front(engine, now);
+	return engine->continued || begin_front(engine, now);
 }
 
 /* --- cyclic status --------------------------------------------------------------------------------- */

@@ -154,7 +154,9 @@ static void take_stop(struct db_engine *engine, struct station *station, struct 
                       db_time now)
 {
 	engine_finish_waiting(engine, station, DB_RESULT_CANCELLED, now);
-	station_cancel_front(station, now);
+	/* Of its controller's other axes nothing half done may go on behind the stop. */
+	for (struct station *s = station->node->first; s; s = s->next_axis)
+		station_cancel_front(s, now);
 	station_add_stop(station, db_letter_request(letter), letter, now);
 }
 
@@ -263,7 +265,7 @@ static db_time node_wake(const struct db_engine *engine, const struct node *node
 
 	for (const struct station *s = node->first; s; s = s->next_axis) {
 		if (s->stop_count > 0 && !(haunted && s->blind_stop_sent))
-			wake = earliest(wake, s->stop_at);
+			wake = earliest(wake, engine_stop_at(engine, s));
 	}
 	if (haunted)
 		return earliest(wake, node_haunted_until(node, now));
@@ -330,7 +332,7 @@ void db_engine_shut_down(struct db_engine *engine, db_time now)
 
 		engine_finish_waiting(engine, station, DB_RESULT_CANCELLED, now);
 		station_cancel_front(station, now);
-		if (command == DB_CMD_NONE || !station->node->online)
+		if (command == DB_CMD_NONE)
 			continue;
 		station->exit_request.command = command;
 		station_add_stop(station, &station->exit_request, NULL, now);

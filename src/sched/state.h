@@ -36,14 +36,17 @@ struct db_engine {
 	bool polling; /* this cycle's polls are not all answered */
 	unsigned polls_in_a_row;
 	bool front_was_last;
+	bool continued; /* the last of the commands' exchanges was not the first of one */
 
 	db_time probes_from; /* the share for offline drives is used up until then */
+	db_time stops_from;  /* likewise the share for stops to drives that are offline */
 	db_time busy;        /* time with an exchange on the wire in this second */
 	db_time second_at;
 
 	bool shutting_down;
 	size_t next_poll; /* where round robin goes on */
 	size_t next_front;
+	size_t next_stop;
 	size_t next_identify;
 	size_t next_probe;
 	struct node *nodes;
@@ -68,6 +71,8 @@ void engine_end_of_polls(struct db_engine *engine, db_time now);
 /* choose.c */
 /* Sends what is most urgent. False when nothing is to be sent now. */
 bool engine_send_something(struct db_engine *engine, db_time now);
+/* When a stop of the station may be sent, if nothing else is in its way. */
+db_time engine_stop_at(const struct db_engine *engine, const struct station *station);
 /* When something may be sent at the earliest, DB_TIME_NEVER: when something has happened. */
 db_time engine_may_send_at(const struct db_engine *engine, bool stop, db_time now);
 

@@ -214,8 +214,7 @@ void station_abandon_front(struct station *station, const struct db_driver *driv
 
 	if (!lane->active)
 		return;
-	/* A prepared exchange that never went out has no fate to ask about, unless it is a repeat. */
-	if (lane->ready && lane->tries == 0 && lane->job.step == 0) {
+	if (!lane->sent) {
 		station_finish_front(station, unless_known, now);
 		return;
 	}

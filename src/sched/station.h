@@ -17,6 +17,7 @@ enum lane_kind { LANE_STOP, LANE_FRONT, LANE_POLL, LANE_IDENTIFY, LANE_PROBE, LA
 struct lane {
 	bool active;    /* begun, not ended */
 	bool ready;     /* its next exchange is prepared and waits to be sent */
+	bool sent;      /* something of the job was */
 	unsigned tries; /* how often the prepared exchange was repeated */
 	struct db_job job;
 	struct db_exchange exchange;
