@@ -757,6 +757,37 @@ static void a_new_command_aborts_the_motion(void **state)
 	drop(&fake);
 }
 
+static void another_command_does_not_hide_the_end(void **state)
+{
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_SET_OUTPUT, 1000), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	finish(&fake, 1, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 100 * MS);
+	assert_true(look(&fake).done);
+	drop(&fake);
+}
+
+static void a_shake_is_done_when_it_has_moved(void **state)
+{
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_SHAKE_START, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 0);
+	let_pass(&fake, 50 * MS);
+	assert_false(look(&fake).done);
+	set_axis(&fake, DB_AXIS_CONTINUOUS_MOTION, DB_STATUS_MOVING, 5);
+	let_pass(&fake, 50 * MS);
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 0);
+	let_pass(&fake, 50 * MS);
+	assert_true(look(&fake).done);
+	drop(&fake);
+}
+
 static void homing_ends_homed_or_failed(void **state)
 {
 	FAKE(false);
@@ -847,6 +878,8 @@ int main(void)
 		cmocka_unit_test(old_data_ends_no_move),
 		cmocka_unit_test(a_move_that_stops_elsewhere_has_failed),
 		cmocka_unit_test(a_new_command_aborts_the_motion),
+		cmocka_unit_test(another_command_does_not_hide_the_end),
+		cmocka_unit_test(a_shake_is_done_when_it_has_moved),
 		cmocka_unit_test(homing_ends_homed_or_failed),
 		cmocka_unit_test(limits_at_the_door),
 		cmocka_unit_test(id_0_executes_each_time),

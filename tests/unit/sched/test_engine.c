@@ -567,9 +567,106 @@ static void the_end_stops_every_drive(void **state)
 	assert_int_equal(count(world, " stp\n"), 4);
 }
 
+/* --- stops that must not be lost ----------------------------------------------------------------------- */
+
+static void a_drive_that_is_offline_at_the_end_is_stopped_when_it_answers(void **state)
+{
+	struct world *world = *state;
+
+	start(world);
+	world->sim[1].status.status = VSMD_ST_HS | VSMD_ST_PWR; /* runs */
+	world->sim[1].dead = true;
+	pass(world, 200 * MS);
+	assert_false(status_of(world, 1) & DB_STATUS_ONLINE);
+	/* The line is whole again, and nobody has noticed. */
+	world->sim[1].dead = false;
+	db_engine_shut_down(world->engine, world->now);
+	for (unsigned i = 0; i < 1500 && !db_engine_is_quiet(world->engine); i++)
+		pass(world, 1 * MS);
+	assert_true(world->sim[1].status.status & VSMD_ST_STP);
+}
+
+static void a_homing_run_that_began_unheard_is_ended_by_a_stop(void **state)
+{
+	struct world *world = *state;
+	char *stop;
+
+	start(world);
+	world->sim[0].status.status |= VSMD_ST_HS | VSMD_ST_PWR;
+	pass(world, 50 * MS);
+	world->sim[0].fault = FAULT_LOSE_ANSWER;
+	world->sim[0].fault_verb = VSMD_ZERO_START;
+	post(world, 0, DB_CMD_HOME, 0);
+	while (!strstr(world->log, "zero start"))
+		pass(world, MS / 8);
+	pass(world, 2 * MS);
+	world->sim[0].status.status &= ~(uint32_t)VSMD_ST_STP;
+	world->log[0] = '\0';
+	post(world, 0, DB_CMD_STOP, 0);
+	pass(world, 200 * MS);
+	stop = strstr(world->log, "1 stp");
+	assert_non_null(stop);
+	assert_non_null(strstr(stop, "1 zero stop"));
+}
+
+static void a_shake_whose_answer_is_lost_is_not_begun_again(void **state)
+{
+	struct world *world = *state;
+	struct db_request request = {
+		.ticket = 9,
+		.command = DB_CMD_SHAKE_START,
+		.args = { .shake_end_position = 100, .shake_frequency = 20.0f, .shake_cycles = 1 },
+	};
+
+	start(world);
+	world->sim[0].status.status |= VSMD_ST_HS | VSMD_ST_PWR;
+	pass(world, 50 * MS);
+	world->sim[0].fault = FAULT_LOSE_ANSWER;
+	world->sim[0].fault_verb = VSMD_SHAKE_CYCLES;
+	assert_true(db_mailbox_post(world->mailbox, &request));
+	pass(world, 200 * MS);
+	/* It is over by now, back where it began. */
+	assert_int_equal(result_of(world), DB_RESULT_INDETERMINATE);
+	assert_int_equal(world->sim[0].executed[VSMD_SHAKE_CYCLES], 1);
+}
+
+static void silent_drives_do_not_keep_a_stop_from_one_that_answers(void **state)
+{
+	struct world *world = *state;
+
+	world->sim[0].dead = world->sim[1].dead = true;
+	start(world);
+	pass(world, 1000 * MS);
+	for (unsigned i = 0; i < 4; i++) {
+		post(world, 0, DB_CMD_STOP, 0);
+		post(world, 1, DB_CMD_QUICK_STOP, 0);
+	}
+	pass(world, 1000 * MS);
+	world->log[0] = '\0';
+	world->sim[2].status.status = VSMD_ST_HS | VSMD_ST_PWR; /* runs */
+	post(world, 2, DB_CMD_STOP, 0);
+	/* At most the one transaction that is on the wire. */
+	pass(world, 25 * MS);
+	assert_true(world->sim[2].status.status & VSMD_ST_STP);
+	/* Both silent ones share one part of the bus. */
+	world->log[0] = '\0';
+	pass(world, 1000 * MS);
+	assert_true(count(world, "3 sts\n") > 40);
+	assert_true(count(world, "1 stp") > 3 && count(world, "2 stp") > 3);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
+		cmocka_unit_test_setup_teardown(
+			a_drive_that_is_offline_at_the_end_is_stopped_when_it_answers, setup,
+			teardown),
+		cmocka_unit_test_setup_teardown(a_homing_run_that_began_unheard_is_ended_by_a_stop,
+		                                setup, teardown),
+		cmocka_unit_test_setup_teardown(a_shake_whose_answer_is_lost_is_not_begun_again,
+		                                setup, teardown),
+		cmocka_unit_test_setup_teardown(
+			silent_drives_do_not_keep_a_stop_from_one_that_answers, setup, teardown),
 #define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
 		TEST(drives_come_online_and_tell_their_parameters),
 		TEST(every_drive_is_polled_once_a_cycle),
