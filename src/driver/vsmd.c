@@ -275,10 +275,16 @@ void vsmd_follow_motion(struct vsmd_axis *axis)
 	axis->fresh = false;
 	if (!(status & VSMD_ST_STP)) {
 		axis->standstill_polls = 0;
+		if (axis->motion == VSMD_MOTION_NONE)
+			axis->motion = VSMD_MOTION_UNKNOWN;
 		return;
 	}
 	axis->stopping = false;
-	if (axis->motion != VSMD_MOTION_HOMING) {
+	if (axis->motion == VSMD_MOTION_UNKNOWN) {
+		/* It may be homing, between two phases. */
+		if ((status & VSMD_ST_ZERO) || ++axis->standstill_polls > HOMING_STANDSTILL_POLLS)
+			forget_motion(axis);
+	} else if (axis->motion != VSMD_MOTION_HOMING) {
 		axis->motion = VSMD_MOTION_NONE;
 	} else if (status & VSMD_ST_ZERO) {
 		axis->homed = true;
@@ -397,6 +403,26 @@ static enum db_step confirmed(struct vsmd_axis *axis, const struct db_job *job,
 	return done(result, DB_RESULT_OK);
 }
 
+/* `stp` is documented for the velocity and position modes; homing and shaking have their own ends. */
+enum vsmd_end { VSMD_NO_END, VSMD_HOMING_END, VSMD_SHAKE_END };
+
+/*
+ * What a stop says next. A drive that moves for a reason that is not known is told all the ends. Its
+ * homing-done bit shows that it is not homing, and would be lost by ending that.
+ */
+static enum vsmd_end next_end(const struct vsmd_axis *axis, const struct db_job *job)
+{
+	enum vsmd_motion motion = to_be_ended(axis);
+	bool unknown = motion == VSMD_MOTION_UNKNOWN;
+
+	if (job->step < VSMD_SECOND &&
+	    (motion == VSMD_MOTION_HOMING || (unknown && !(axis->last.status & VSMD_ST_ZERO))))
+		return VSMD_HOMING_END;
+	if (job->step < VSMD_THIRD && (motion == VSMD_MOTION_SHAKE || unknown))
+		return VSMD_SHAKE_END;
+	return VSMD_NO_END;
+}
+
 /*
  * Whether the status that was read behind a command shows that it had an effect. Only asked where
  * answers do not tell: of commands whose effect does not show, true.
@@ -425,10 +451,7 @@ static bool is_evident(const struct vsmd_axis *axis, const struct db_job *job)
 		return !stands || axis->last.position == args->target_position;
 	case DB_CMD_STOP:
 	case DB_CMD_QUICK_STOP:
-		/* Homing and shaking have an end of their own, which follows. */
-		return stands ||
-		       (job->step == VSMD_FIRST && (to_be_ended(axis) == VSMD_MOTION_HOMING ||
-		                                    to_be_ended(axis) == VSMD_MOTION_SHAKE));
+		return stands || next_end(axis, job) != VSMD_NO_END;
 	case DB_CMD_CLEAR_FAULT:
 		return !(status & VSMD_ST_ENC_ERR);
 	default:
@@ -452,19 +475,19 @@ static enum db_step check_power(struct vsmd_axis *axis, struct db_job *job,
 	return done(result, DB_RESULT_FAILED);
 }
 
-/* `stp` is documented for the velocity and position modes; homing and shaking have their own ends. */
 static enum db_step after_stop(struct vsmd_axis *axis, struct db_job *job,
                                struct db_exchange *exchange, enum db_result *result)
 {
-	if (job->step == VSMD_FIRST && to_be_ended(axis) == VSMD_MOTION_HOMING) {
+	switch (next_end(axis, job)) {
+	case VSMD_HOMING_END:
 		job->step = VSMD_SECOND;
 		return ask_verb(axis, VSMD_ZERO_STOP, exchange, result);
-	}
-	if (job->step == VSMD_FIRST && to_be_ended(axis) == VSMD_MOTION_SHAKE) {
-		job->step = VSMD_SECOND;
+	case VSMD_SHAKE_END:
+		job->step = VSMD_THIRD;
 		return ask_verb(axis, VSMD_SHAKE_STOP, exchange, result);
+	default:
+		return confirmed(axis, job, result);
 	}
-	return confirmed(axis, job, result);
 }
 
 static enum db_step send_target(struct vsmd_axis *axis, struct db_job *job,
@@ -579,6 +602,13 @@ static bool is_preparation(const struct db_job *job)
 	return job->request->command == DB_CMD_MOVE_RELATIVE && job->step == VSMD_FIRST;
 }
 
+/* One of the ends that a stop told a drive which may need none of them. */
+static bool is_precaution(const struct vsmd_axis *axis, const struct db_job *job)
+{
+	return db_command_is_stop(job->request->command) && job->step != VSMD_FIRST &&
+	       to_be_ended(axis) == VSMD_MOTION_UNKNOWN;
+}
+
 enum db_step vsmd_answer_command(struct vsmd_axis *axis, struct db_job *job,
                                  struct db_exchange *exchange, enum db_result *result)
 {
@@ -586,7 +616,8 @@ enum db_step vsmd_answer_command(struct vsmd_axis *axis, struct db_job *job,
 
 	if (job->step == VSMD_READ_BACK && needs_read_back(command))
 		return resolve(axis, job, exchange, result);
-	axis->refused = (axis->last.status & VSMD_ST_CMD_WRG) != 0;
+	/* A model that does not shake may refuse to end it: the stop itself was taken. */
+	axis->refused = (axis->last.status & VSMD_ST_CMD_WRG) != 0 && !is_precaution(axis, job);
 	/* A status read inside a conversation shows the flag of the command before it. */
 	if (axis->refused && !is_preparation(job))
 		return done(result, DB_RESULT_REFUSED);

@@ -23,6 +23,7 @@ enum vsmd_motion {
 	VSMD_MOTION_CONTINUOUS,
 	VSMD_MOTION_HOMING,
 	VSMD_MOTION_SHAKE,
+	VSMD_MOTION_UNKNOWN, /* not begun from here: before a restart, by a sensor, by hand */
 };
 
 /* How one kind of bus carries commands. */

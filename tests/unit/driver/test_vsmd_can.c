@@ -435,7 +435,9 @@ static void a_stop_is_said_again_while_the_drive_runs(void **state)
 	struct fixture *f = make(0, 0);
 
 	(void)state;
-	poll(f, 0, RUNS);
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 800.0f });
+	assert_string_equal(confirm(f, 0, RUNS), "=ok");
 	assert_string_equal(command(f, DB_CMD_STOP, (struct db_args){ 0 }),
 	                    "00080384#00 0008039E#0102");
 	assert_string_equal(confirm(f, 1, RUNS), "00080384#00 0008039E#0102");
@@ -456,6 +458,56 @@ static void stopping_a_homing_run_ends_homing_too(void **state)
 	assert_string_equal(confirm(f, 0, RUNS), "=ok");
 	command(f, DB_CMD_STOP, (struct db_args){ 0 });
 	assert_string_equal(confirm(f, 0, RUNS), "0008038A# 0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	drop(f);
+}
+
+/* As after a restart of the bridge, or when a sensor started the motor. */
+static void a_motion_not_begun_here_is_told_all_the_ends(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, RUNS);
+	assert_int_equal(feedback(f).state, DB_AXIS_CONTINUOUS_MOTION);
+	assert_string_equal(command(f, DB_CMD_STOP, (struct db_args){ 0 }),
+	                    "00080384#00 0008039E#0102");
+	assert_string_equal(confirm(f, 1, RUNS), "0008038A# 0008039E#0102");
+	assert_string_equal(confirm(f, 2, RUNS), "0008039B#00 0008039E#0102");
+	/* That this model may not know how to shake does not make the stop a failure. */
+	assert_string_equal(confirm(f, 3, STANDS | VSMD_ST_CMD_WRG), "=ok");
+	assert_false(feedback(f).status & DB_STATUS_REFUSED);
+	drop(f);
+}
+
+/* Ending homing would clear the bit that says that it was done. */
+static void a_homed_drive_that_moves_is_not_homing(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, RUNS | VSMD_ST_ZERO);
+	command(f, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 1, RUNS | VSMD_ST_ZERO), "0008039B#00 0008039E#0102");
+	assert_string_equal(confirm(f, 2, STANDS | VSMD_ST_ZERO), "=ok");
+	drop(f);
+}
+
+static void homing_found_between_two_phases_is_ended_too(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, RUNS);
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, STANDS), "0008038A# 0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "0008039B#00 0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	/* Standing for long, it is not homing any more. */
+	for (unsigned i = 0; i < 30; i++)
+		poll(f, 0, STANDS);
+	command(f, DB_CMD_STOP, (struct db_args){ 0 });
 	assert_string_equal(confirm(f, 0, STANDS), "=ok");
 	drop(f);
 }
@@ -660,6 +712,9 @@ int main(void)
 		cmocka_unit_test(homing_and_shaking_are_never_begun_twice),
 		cmocka_unit_test(a_stop_is_said_again_while_the_drive_runs),
 		cmocka_unit_test(stopping_a_homing_run_ends_homing_too),
+		cmocka_unit_test(a_motion_not_begun_here_is_told_all_the_ends),
+		cmocka_unit_test(a_homed_drive_that_moves_is_not_homing),
+		cmocka_unit_test(homing_found_between_two_phases_is_ended_too),
 		cmocka_unit_test(power_must_follow),
 		cmocka_unit_test(a_relative_move_is_an_absolute_one),
 		cmocka_unit_test(a_lost_confirmation_never_repeats_a_relative_move),
