@@ -110,7 +110,7 @@ static int collect(struct lines *lines)
 	scope = (struct db_scope){
 		.view = DB_VIEW_GATEWAY,
 		.buses = DB_GATEWAY_BUSES,
-		.drives = DB_GATEWAY_DRIVES,
+		.drives = DB_GATEWAY_WINDOWS,
 	};
 	lines->view = DB_VIEW_GATEWAY;
 	db_table_each(&scope, add_line, lines);
@@ -386,7 +386,8 @@ static const char introduction[] =
 	"# Register map\n"
 	"\n"
 	"Generated from the register table by `regmap-export md`; do not edit. The same as\n"
-	"[register-map.csv](register-map.csv); the commands are in [commands.csv](commands.csv).\n"
+	"[register-map.csv](register-map.csv), which has every one of the blocks that repeat; the\n"
+	"commands are in [commands.csv](commands.csv).\n"
 	"\n"
 	"- Addresses are those on the wire, from 0. The reference is the number printed in many\n"
 	"  PLC manuals: 40001 is holding register 0.\n"
@@ -460,6 +461,22 @@ static void put_cell(FILE *out, const char *text)
 	}
 }
 
+/* Blocks of registers that repeat: the first is shown, with where the others are. */
+static bool is_repeated(const struct line *line)
+{
+	const struct db_row *row = line->entry.row;
+
+	return row && row->table == DB_TABLE_HOLDING && row->repeat.count > 1 && !row->repeat.name;
+}
+
+static void add_repetition(const struct line *line, struct text *text)
+{
+	const struct db_repeat *repeat = &line->entry.row->repeat;
+
+	add(text, "; likewise 2 to %u, each %u registers further", repeat->count,
+	    repeat->addresses);
+}
+
 static void put_row(FILE *out, const struct line *line)
 {
 	struct text min = { .length = 0 };
@@ -471,6 +488,8 @@ static void put_row(FILE *out, const struct line *line)
 	add_limits(line, &min, &max);
 	add_families(line->families, line->conditional, &families);
 	add_description(line, &description);
+	if (is_repeated(line))
+		add_repetition(line, &description);
 	fprintf(out, "| %u | %05u | `%s` | %s | %s | %s | %s%s%s | %s | ", address,
 	        tables[line->entry.table].reference + address, line->entry.name, type_of(line),
 	        access_of(line), unit_of(line), min.bytes, min.length ? " .. " : "", max.bytes,
@@ -495,7 +514,8 @@ int db_export_markdown(FILE *out)
 		if (!before || before->view != line->view ||
 		    before->entry.table != line->entry.table)
 			put_table_heading(out, line);
-		put_row(out, line);
+		if (!is_repeated(line) || line->entry.number == 1)
+			put_row(out, line);
 	}
 	free(lines.items);
 	return 0;

@@ -361,7 +361,7 @@ void view_fill_gateway(struct db_gateway_image *image, const struct db_registers
 	if (parts & DB_PART_WINDOWS) {
 		touched(offsetof(struct db_gateway_image, windows), sizeof image->windows[0], low,
 		        high, registers->drive_count, &from, &to);
-		for (size_t i = from; i < to && i < DB_GATEWAY_DRIVES; i++)
+		for (size_t i = from; i < to && i < DB_GATEWAY_WINDOWS; i++)
 			fill_window(&image->windows[i], &registers->drives[i]);
 	}
 }

@@ -56,6 +56,9 @@ struct db_drive_image {
 	float counts_per_unit;
 };
 
+/* Every drive has a window: units are 1 to 247. */
+#define DB_GATEWAY_WINDOWS 247
+
 /* The gateway view shows so many in detail; there may be more. */
 #define DB_GATEWAY_BUSES 8
 #define DB_GATEWAY_DRIVES 32
@@ -175,10 +178,10 @@ struct db_gateway_image {
 	uint16_t group_result;
 	uint16_t group_busy;
 	uint32_t group_skew_us;
-	/* DB_PART_BUSES, DB_PART_DRIVES, DB_PART_CLIENTS */
+	/* DB_PART_BUSES, DB_PART_DRIVES, DB_PART_WINDOWS, DB_PART_CLIENTS */
 	struct db_gateway_bus buses[DB_GATEWAY_BUSES];
 	struct db_gateway_drive drives[DB_GATEWAY_DRIVES];
-	struct db_gateway_window windows[DB_GATEWAY_DRIVES];
+	struct db_gateway_window windows[DB_GATEWAY_WINDOWS];
 	struct db_gateway_client connected[DB_GATEWAY_CLIENTS];
 };
 

@@ -107,10 +107,10 @@ static const struct db_codes capability_bits = { db_capability_name, COUNT_OF(ca
 	{                                                                                          \
 		.count = DB_GATEWAY_BUSES, .addresses = 16, .bytes = sizeof(struct db_gateway_bus) \
 	}
-#define EACH_WINDOW                                          \
-	{                                                    \
-		.count = DB_GATEWAY_DRIVES, .addresses = 24, \
-		.bytes = sizeof(struct db_gateway_window)    \
+#define EACH_WINDOW                                           \
+	{                                                     \
+		.count = DB_GATEWAY_WINDOWS, .addresses = 24, \
+		.bytes = sizeof(struct db_gateway_window)     \
 	}
 #define EACH_DRIVE                                           \
 	{                                                    \
@@ -1479,7 +1479,7 @@ const struct db_row db_rows[] = {
 		.type = DB_U16,
 		GATEWAY_WINDOW(unit),
 		.repeat = EACH_WINDOW,
-		.description = "Modbus unit of drive #; only the first 32 drives have a window",
+		.description = "Modbus unit of drive #; every drive has a window",
 	},
 	{
 		.name = "window#_online",

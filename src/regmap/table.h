@@ -67,7 +67,7 @@ extern const size_t db_row_count;
 #define DB_PARAM_PAGE 200
 
 /* Every address is below. */
-#define DB_ADDRESS_LIMIT 4096
+#define DB_ADDRESS_LIMIT 8192
 
 /* What a drive can do, as the capabilities register shows it. */
 uint32_t db_capabilities(uint64_t commands, unsigned measures);

@@ -5,6 +5,7 @@ import struct
 
 import pytest
 from bridgelib import (
+    BUS_DOWN_ERROR,
     DEVICE_FAILURE,
     DISABLED,
     ILLEGAL_ADDRESS,
@@ -96,6 +97,23 @@ def test_flat_window_shows_every_drive(make_bridge):
     for number in (1, 2):
         assert gateway.read(f"drive{number}_online") == 1
         assert gateway.read(f"drive{number}_axis_state") == bridge.drive(number).read("axis_state")
+
+
+def test_every_drive_has_a_window(make_bridge):
+    """As many as one CAN bus carries, none of them there."""
+    drives = "".join(
+        f"drive d{number} {{ bus = can  address = {number}  unit = {number} }}\n"
+        for number in range(1, 111)
+    )
+    bridge = make_bridge(start_sim=False, text=f"""
+        modbus {{ listen = "127.0.0.1:0" }}
+        bus can {{ protocol = vsmd-can  transport = slcan  device = "/dev/null/none" }}
+        {drives}""")
+    gateway = bridge.gateway()
+    for number in (1, 33, 110):
+        assert gateway.words(2000 + 24 * (number - 1), 4) == [number, 0, 0, BUS_DOWN_ERROR]
+    with pytest.raises(Refused, match="02"):
+        gateway.words(2000 + 24 * 110, 1)
 
 
 def test_longest_block(make_bridge):

@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#define ENTRIES_MAX 2048
+#define ENTRIES_MAX 8192
 
 /* A family that has every measure and parameters that need gaps. */
 static const struct db_param params[] = {
