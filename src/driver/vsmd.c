@@ -3,9 +3,10 @@
 
 #include <string.h>
 
-/* Homing stands still for a moment between its phases; standing longer than this many polls means
- * that it ended without reaching its end. */
-#define HOMING_STANDSTILL_POLLS 25
+/* Homing stands still for a moment between its phases; standing longer than this, at more than a few
+ * looks, means that it ended without reaching its end. */
+#define HOMING_STANDSTILL (500 * DB_NS_PER_MS)
+#define HOMING_LOOKS 5
 
 #define RESENDS_MAX 2
 
@@ -238,7 +239,7 @@ static void forget_motion(struct vsmd_axis *axis)
 	axis->begun = VSMD_MOTION_NONE;
 	axis->fresh = false;
 	axis->stopping = false;
-	axis->standstill_polls = 0;
+	axis->standstill_looks = 0;
 }
 
 void vsmd_take_identity(struct vsmd_axis *axis, const char *text, size_t length)
@@ -268,13 +269,22 @@ void vsmd_take_settings(struct vsmd_axis *axis, const struct db_request *request
 	axis->plate.generation++;
 }
 
+/* For longer than homing stands between two of its phases; asked once for each status. */
+static bool stands_for_good(struct vsmd_axis *axis)
+{
+	if (axis->standstill_looks++ == 0)
+		axis->standstill_since = axis->heard_at;
+	return axis->standstill_looks > HOMING_LOOKS &&
+	       axis->heard_at - axis->standstill_since > HOMING_STANDSTILL;
+}
+
 void vsmd_follow_motion(struct vsmd_axis *axis)
 {
 	uint32_t status = axis->last.status;
 
 	axis->fresh = false;
 	if (!(status & VSMD_ST_STP)) {
-		axis->standstill_polls = 0;
+		axis->standstill_looks = 0;
 		if (axis->motion == VSMD_MOTION_NONE)
 			axis->motion = VSMD_MOTION_UNKNOWN;
 		return;
@@ -282,7 +292,7 @@ void vsmd_follow_motion(struct vsmd_axis *axis)
 	axis->stopping = false;
 	if (axis->motion == VSMD_MOTION_UNKNOWN) {
 		/* It may be homing, between two phases. */
-		if ((status & VSMD_ST_ZERO) || ++axis->standstill_polls > HOMING_STANDSTILL_POLLS)
+		if ((status & VSMD_ST_ZERO) || stands_for_good(axis))
 			forget_motion(axis);
 	} else if (axis->motion != VSMD_MOTION_HOMING) {
 		axis->motion = VSMD_MOTION_NONE;
@@ -290,7 +300,7 @@ void vsmd_follow_motion(struct vsmd_axis *axis)
 		axis->homed = true;
 		axis->origin_lost = false;
 		forget_motion(axis);
-	} else if (++axis->standstill_polls > HOMING_STANDSTILL_POLLS) {
+	} else if (stands_for_good(axis)) {
 		forget_motion(axis);
 	}
 }
@@ -328,7 +338,7 @@ static void start_motion(struct vsmd_axis *axis, enum vsmd_motion motion)
 	axis->begun = VSMD_MOTION_NONE;
 	axis->fresh = true;
 	axis->stopping = false;
-	axis->standstill_polls = 0;
+	axis->standstill_looks = 0;
 	if (motion != VSMD_MOTION_DISCRETE)
 		axis->has_target = false;
 }

@@ -60,7 +60,8 @@ struct vsmd_axis {
 	bool refused;
 	bool has_target;
 	int32_t target;
-	unsigned standstill_polls;
+	unsigned standstill_looks; /* statuses in a row that show it standing */
+	db_time standstill_since;  /* the first of them */
 	db_time asked_at; /* when the effect of a command was first looked for; 0: not yet */
 	struct db_nameplate plate;
 	bool params_valid;

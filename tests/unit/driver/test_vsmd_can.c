@@ -505,10 +505,38 @@ static void homing_found_between_two_phases_is_ended_too(void **state)
 	assert_string_equal(confirm(f, 0, STANDS), "0008039B#00 0008039E#0102");
 	assert_string_equal(confirm(f, 0, STANDS), "=ok");
 	/* Standing for long, it is not homing any more. */
-	for (unsigned i = 0; i < 30; i++)
+	for (unsigned i = 0; i < 7; i++) {
 		poll(f, 0, STANDS);
+		f->now += 100 * MS;
+	}
 	command(f, DB_CMD_STOP, (struct db_args){ 0 });
 	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	drop(f);
+}
+
+/* However short or long the cycle is. */
+static void homing_may_stand_for_a_moment(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	for (unsigned cycle_ms = 1; cycle_ms <= 1000; cycle_ms *= 10) {
+		unsigned polls = 0;
+
+		poll(f, 0, STANDS);
+		command(f, DB_CMD_HOME, (struct db_args){ 0 });
+		confirm(f, 0, STANDS);
+		assert_string_equal(confirm(f, 0, RUNS), "=ok");
+		while (feedback(f).state == DB_AXIS_HOMING) {
+			poll(f, 0, STANDS);
+			f->now += (cycle_ms - 1) * MS;
+			polls++;
+		}
+		assert_true(polls * cycle_ms > 500 && polls > 5);
+		assert_true(polls * cycle_ms <= 500 + 2 * cycle_ms || polls == 6);
+		assert_int_equal(feedback(f).state, DB_AXIS_STANDSTILL);
+		assert_false(feedback(f).status & DB_STATUS_HOMED);
+	}
 	drop(f);
 }
 
@@ -715,6 +743,7 @@ int main(void)
 		cmocka_unit_test(a_motion_not_begun_here_is_told_all_the_ends),
 		cmocka_unit_test(a_homed_drive_that_moves_is_not_homing),
 		cmocka_unit_test(homing_found_between_two_phases_is_ended_too),
+		cmocka_unit_test(homing_may_stand_for_a_moment),
 		cmocka_unit_test(power_must_follow),
 		cmocka_unit_test(a_relative_move_is_an_absolute_one),
 		cmocka_unit_test(a_lost_confirmation_never_repeats_a_relative_move),
