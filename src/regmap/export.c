@@ -194,13 +194,48 @@ static const char *unit_of(const struct line *line)
 	return entry->row->unit ? entry->row->unit : "";
 }
 
+/* A parameter under a neutral name is not the same one in every family. */
+static const struct db_param *param_in(const struct line *line, unsigned family)
+{
+	int param = db_row_param(line->entry.row, db_drivers[family]);
+
+	return param < 0 ? NULL : &db_drivers[family]->params[param];
+}
+
+static bool is_other(const struct db_param *param, const struct db_param *than)
+{
+	return param && strcmp(param->name, than->name) != 0;
+}
+
+static bool has_others(const struct line *line)
+{
+	if (!line->entry.row || !line->entry.row->param_alias)
+		return false;
+	for (unsigned i = 0; db_drivers[i]; i++) {
+		if (is_other(param_in(line, i), line->entry.param))
+			return true;
+	}
+	return false;
+}
+
+static void add_others(const struct line *line, struct text *text)
+{
+	for (unsigned i = 0; db_drivers[i]; i++) {
+		const struct db_param *param = param_in(line, i);
+
+		if (is_other(param, line->entry.param))
+			add(text, "; %s in %s on %s", param->name, param->unit,
+			    db_drivers[i]->name);
+	}
+}
+
 static void add_limits(const struct line *line, struct text *min, struct text *max)
 {
 	const struct db_entry *entry = &line->entry;
 	double low = entry->param ? entry->param->min : entry->row->min;
 	double high = entry->param ? entry->param->max : entry->row->max;
 
-	if (low == 0 && high == 0)
+	if ((low == 0 && high == 0) || has_others(line))
 		return;
 	add(min, "%.10g", low);
 	add(max, "%.10g", high);
@@ -266,6 +301,8 @@ static void add_description(const struct line *line, struct text *text)
 		add_codes(entry->row->codes, text);
 	if (entry->param)
 		add(text, " (%s)", entry->param->name);
+	if (has_others(line))
+		add_others(line, text);
 	if (entry->cell.type == DB_TEXT)
 		add(text, "; %u registers", (unsigned)entry->cell.registers);
 }

@@ -23,7 +23,7 @@ static void name_of(char *to, const struct db_row *row, unsigned index)
 		snprintf(to, DB_ROW_NAME_MAX, "%s", name);
 }
 
-static int alias_param(const struct db_row *row, const struct db_driver *driver)
+int db_row_param(const struct db_row *row, const struct db_driver *driver)
 {
 	int param;
 
@@ -37,7 +37,7 @@ static bool exists(const struct db_row *row, const struct db_scope *scope)
 		return false;
 	if (row->measure && !(scope->driver->measures & row->measure))
 		return false;
-	if (row->param_alias && alias_param(row, scope->driver) < 0)
+	if (row->param_alias && db_row_param(row, scope->driver) < 0)
 		return false;
 	return true;
 }
@@ -87,7 +87,7 @@ static struct db_entry entry_of(const struct db_row *row, const struct db_scope 
 		entry.cell.registers = (uint8_t)db_type_registers(row->type);
 	}
 	if (row->param_alias) {
-		size_t param = (size_t)alias_param(row, scope->driver);
+		size_t param = (size_t)db_row_param(row, scope->driver);
 
 		entry.cell.param = (uint8_t)param;
 		entry.cell.offset = param_offset(param);
