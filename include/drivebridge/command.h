@@ -58,6 +58,9 @@ bool db_command_is_stop(enum db_command command);
 /* Sets the axis in motion (arms the watchdog, refused while latched). */
 bool db_command_is_motion(enum db_command command);
 
+/* Whatever motion there was is over once this command is on its way: another motion, or an end. */
+bool db_command_ends_motion(enum db_command command);
+
 /* The stop that a configured reaction stands for; NONE for DB_ON_LOSS_NONE. */
 enum db_command db_on_loss_command(enum db_on_loss reaction);
 

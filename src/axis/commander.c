@@ -301,10 +301,7 @@ static int refuse(struct db_commander *commander, uint16_t id, uint16_t code, en
 /* Whatever moves is ended by what was just handed to the bus. */
 static void abort_motion(struct db_commander *commander, enum db_command by)
 {
-	bool ends = db_command_is_motion(by) || db_command_is_stop(by) || by == DB_CMD_HOME_STOP ||
-	            by == DB_CMD_SHAKE_STOP;
-
-	if (!ends)
+	if (!db_command_ends_motion(by))
 		return;
 	commander->shown.done = false;
 	commander->shown.aborted = commander->follow.active;

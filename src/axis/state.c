@@ -98,6 +98,12 @@ bool db_command_is_motion(enum db_command command)
 	}
 }
 
+bool db_command_ends_motion(enum db_command command)
+{
+	return db_command_is_motion(command) || db_command_is_stop(command) ||
+	       command == DB_CMD_HOME_STOP || command == DB_CMD_SHAKE_STOP;
+}
+
 enum db_command db_on_loss_command(enum db_on_loss reaction)
 {
 	switch (reaction) {

@@ -149,6 +149,26 @@ static void kinds_of_commands(void **state)
 	assert_int_equal(stop_count, 3);
 }
 
+static void what_ends_a_motion(void **state)
+{
+	static const enum db_command stays[] = { DB_CMD_NONE,         DB_CMD_ENABLE,
+		                                 DB_CMD_SET_POSITION, DB_CMD_CLEAR_FAULT,
+		                                 DB_CMD_SET_OUTPUT,   DB_CMD_READ_PARAMETERS,
+		                                 DB_CMD_END_PROGRAM };
+
+	(void)state;
+	for (unsigned code = 0; code < DB_CMD_LIMIT; code++) {
+		enum db_command command = (enum db_command)code;
+
+		if (db_command_is_motion(command) || db_command_is_stop(command))
+			assert_true(db_command_ends_motion(command));
+	}
+	assert_true(db_command_ends_motion(DB_CMD_HOME_STOP));
+	assert_true(db_command_ends_motion(DB_CMD_SHAKE_STOP));
+	for (size_t i = 0; i < sizeof stays / sizeof stays[0]; i++)
+		assert_false(db_command_ends_motion(stays[i]));
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -157,6 +177,7 @@ int main(void)
 		cmocka_unit_test(never_tears),
 		cmocka_unit_test(names),
 		cmocka_unit_test(kinds_of_commands),
+		cmocka_unit_test(what_ends_a_motion),
 	};
 
 	return cmocka_run_group_tests_name("axis", tests, NULL, NULL);
