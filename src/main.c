@@ -21,6 +21,7 @@
 #include <sysexits.h>
 #include <systemd/sd-daemon.h>
 #include <systemd/sd-event.h>
+#include <time.h>
 
 struct service;
 
@@ -116,6 +117,15 @@ static db_time now_of(void *context)
 	return loop_now(context);
 }
 
+static uint64_t wall_us(void *context)
+{
+	struct timespec now;
+
+	(void)context;
+	clock_gettime(CLOCK_REALTIME, &now);
+	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
+}
+
 static bool submit(void *context, size_t bus, const struct db_request *request)
 {
 	const struct service *service = context;
@@ -160,6 +170,7 @@ static void refused(void *context, const struct db_client *client, enum db_refus
 
 static const struct db_registers_ops registers_ops = {
 	.now = now_of,
+	.wall_us = wall_us,
 	.submit = submit,
 	.answer = answer,
 	.bus_stats = bus_stats,

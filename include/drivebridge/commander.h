@@ -20,6 +20,10 @@
  *
  * A write answered with an exception at once stores nothing.
  *
+ * A motion is aborted when the drive has taken another one, or a stop is on its way. One that the
+ * drive refuses leaves the motion before as it is, and that is followed to its end: result_id and
+ * result are about the latest command, motion_id and motion_result about the latest motion.
+ *
  * The watchdog is armed by the first motion command and fed by every request of a client that may
  * write. When it expires, the configured stop goes to the bus ahead of everything and motion is
  * refused (04, latched) until clear_fault.
@@ -30,6 +34,7 @@
 #include "drivebridge/axis.h"
 #include "drivebridge/command.h"
 #include "drivebridge/driver.h"
+#include "drivebridge/history.h"
 #include "drivebridge/server.h"
 
 struct db_commander;
@@ -39,6 +44,9 @@ struct db_commander_ops {
 	bool (*submit)(void *context, const struct db_request *request);
 	/* Answers a write for which DB_WRITE_LATER was returned. Exactly once for each. */
 	void (*answer)(void *context, struct db_write_token token, uint8_t exception);
+	/* For the history. Whose write is being carried out; null: nobody's, the bridge acts itself. */
+	const struct db_client *(*writer)(void *context);
+	uint64_t (*wall_us)(void *context); /* since 1970-01-01 UTC */
 };
 
 struct db_commander_config {
@@ -85,6 +93,8 @@ struct db_command_state {
 	uint16_t active_command; /* oldest command pending, 0 = none */
 	uint16_t result_limit;   /* enum db_limit, when result is `limit` */
 	uint16_t aborted_id;     /* of the motion that `aborted` is about */
+	uint16_t motion_id;      /* of the motion that the drive has begun last */
+	uint16_t motion_result;  /* enum db_result: PENDING while it goes on, OK: at its end */
 	bool done;               /* the motion that `result` is about came to its end */
 	bool aborted;            /* a motion was ended by the latest command before its end */
 	bool busy;               /* a command or parameter write is pending */
@@ -130,6 +140,9 @@ int db_commander_set(struct db_commander *commander, const struct db_setting *se
 
 /* A write was refused for its form before it came here: for write_result only. */
 void db_commander_set_refused(struct db_commander *commander, enum db_result result);
+/* A command, or with NONE a parameter write, was refused before it came here: for the history, too. */
+void db_commander_refuse(struct db_commander *commander, const struct db_command_block *block,
+                         enum db_result result, db_time now);
 
 /* Somebody who may write addressed this drive: it is not alone. */
 void db_commander_feed(struct db_commander *commander, db_time now);
@@ -143,6 +156,10 @@ void db_commander_complete(struct db_commander *commander, const struct db_compl
 db_time db_commander_next_deadline(const struct db_commander *commander);
 /* Answers the writers whose time is up (their requests stay pending) and runs the watchdog. */
 void db_commander_expire(struct db_commander *commander, db_time now);
+
+/* age 0 is the newest; null: there are not so many. Valid until the next call. */
+const struct db_history_entry *db_commander_history(const struct db_commander *commander,
+                                                    size_t age);
 
 const struct db_command_block *db_commander_kept(const struct db_commander *commander);
 void db_commander_state(const struct db_commander *commander, struct db_command_state *state,

@@ -112,7 +112,7 @@ struct db_driver {
 	unsigned param_page;    /* families with the same page share their table and registers */
 	int acceleration_param; /* index of the parameter behind `acceleration`, -1 = none */
 	int deceleration_param;
-	int preset_velocity_param; /* of moves without a velocity, -1 = none */
+	int preset_velocity_param; /* of moves without a velocity, and jogs; -1 = none */
 
 	/* Pure: is this command, with these arguments, inside the documented ranges and possible with
 	 * this configuration? OK, UNSUPPORTED or OUT_OF_RANGE. */

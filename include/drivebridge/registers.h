@@ -16,6 +16,7 @@ struct db_registers;
 
 struct db_registers_ops {
 	db_time (*now)(void *context);
+	uint64_t (*wall_us)(void *context); /* since 1970-01-01 UTC */
 	/* Hands a request to a bus (index in the configuration). False when its queue is full. */
 	bool (*submit)(void *context, size_t bus, const struct db_request *request);
 	/* Answers a postponed write; see db_server_answer(). */

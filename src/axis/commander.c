@@ -2,6 +2,7 @@
 #include "drivebridge/commander.h"
 
 #include "axis/follow.h"
+#include "axis/history.h"
 #include "axis/limits.h"
 #include "axis/watchdog.h"
 #include "regmap/commands.h"
@@ -34,6 +35,8 @@ struct slot {
 	uint32_t ticket; /* 0 = free */
 	uint32_t order;
 	enum db_command command; /* NONE: a parameter write */
+	uint16_t id;             /* command_id */
+	bool overtaken;          /* a stop was handed to the bus after it */
 	db_time arrived;
 	unsigned waiter_count;
 	struct waiter waiters[DB_COMMANDER_WAITERS];
@@ -51,10 +54,8 @@ struct db_commander {
 	const struct db_commander_ops *ops;
 	void *context;
 
-	struct db_follow follow; /* the motion that the last command has begun */
+	struct db_follow follow; /* the motion that the drive has begun last, if it has an end */
 	struct db_follow_config follow_config;
-	uint32_t motion_ticket; /* the motion to follow once it is confirmed; 0: none */
-	uint16_t motion_id;
 	db_time look_at; /* the next look at it */
 	db_time look_interval;
 
@@ -75,6 +76,7 @@ struct db_commander {
 	uint32_t submitted;    /* requests so far */
 	unsigned waiting;      /* waiters in all slots */
 	struct slot slots[SLOTS];
+	struct db_history history;
 };
 
 static void init_follow(struct db_commander *commander)
@@ -226,7 +228,8 @@ static struct db_limit_facts limit_facts(const struct db_commander *commander)
 		return facts;
 	db_axis_read_nameplate(commander->config.axis, &plate);
 	facts.has_preset = plate.valid >> param & 1;
-	facts.preset_velocity = plate.values[param].f;
+	facts.preset_velocity = (float)db_value_number(commander->config.driver->params[param].type,
+	                                               plate.values[param]);
 	return facts;
 }
 
@@ -287,10 +290,51 @@ static void remember(struct db_commander *commander, uint16_t id, enum db_result
 	commander->last = (struct memory){ .id = id, .result = result, .ticket = ticket };
 }
 
-/* Ends a command without the bus. */
-static int refuse(struct db_commander *commander, uint16_t id, uint16_t code, enum db_result result)
+/* For the technician. Who is speaking the registers know; during a watchdog's stop it is nobody. */
+static void stamp(const struct db_commander *commander, struct db_history_entry *entry)
 {
-	show(commander, id, code, result, 0);
+	const struct db_client *client = commander->ops->writer(commander->context);
+
+	entry->timestamp_us = commander->ops->wall_us(commander->context);
+	if (!client)
+		return;
+	memcpy(entry->address, client->address, sizeof entry->address);
+	entry->port = client->port;
+}
+
+static void record(struct db_commander *commander, const struct db_command_block *block,
+                   uint16_t id, enum db_result result, uint32_t ticket, db_time now)
+{
+	struct db_history_entry entry = {
+		.command_id = id,
+		.command = block->command,
+		.result = (uint16_t)result,
+	};
+
+	stamp(commander, &entry);
+	db_history_args(&entry, block->command, &block->args);
+	db_history_add(&commander->history, &entry, ticket, now);
+}
+
+static void record_settings(struct db_commander *commander, const struct db_setting *settings,
+                            enum db_result result, uint32_t ticket, db_time now)
+{
+	struct db_history_entry entry = {
+		.number = settings[0].param,
+		.value = settings[0].value.u,
+		.result = (uint16_t)result,
+	};
+
+	stamp(commander, &entry);
+	db_history_add(&commander->history, &entry, ticket, now);
+}
+
+/* Ends a command without the bus. */
+static int refuse(struct db_commander *commander, const struct db_command_block *block, uint16_t id,
+                  enum db_result result, db_time now)
+{
+	show(commander, id, block->command, result, 0);
+	record(commander, block, id, result, 0, now);
 	if (result != DB_RESULT_BUSY)
 		remember(commander, id, result, 0);
 	return db_result_exception(result);
@@ -298,21 +342,47 @@ static int refuse(struct db_commander *commander, uint16_t id, uint16_t code, en
 
 /* --- carrying out -------------------------------------------------------------------------------- */
 
-/* Whatever moves is ended by what was just handed to the bus. */
-static void abort_motion(struct db_commander *commander, enum db_command by)
+static bool sets_in_motion(enum db_command command)
 {
-	if (!db_command_ends_motion(by))
-		return;
+	return db_command_ends_motion(command) && !db_command_is_stop(command);
+}
+
+/* Whatever moved is ended by another command. */
+static void abort_motion(struct db_commander *commander, db_time now)
+{
+	struct db_follow *follow = &commander->follow;
+
 	commander->shown.done = false;
-	commander->shown.aborted = commander->follow.active;
-	if (commander->follow.active)
-		commander->shown.aborted_id = commander->follow.id;
-	commander->follow.active = false;
-	commander->motion_ticket = 0;
+	commander->shown.aborted = follow->active;
+	if (commander->shown.motion_result == DB_RESULT_PENDING)
+		commander->shown.motion_result = DB_RESULT_CANCELLED;
+	if (!follow->active)
+		return;
+	commander->shown.aborted_id = follow->id;
+	db_history_end(&commander->history, follow->ticket, DB_RESULT_CANCELLED, now);
+	follow->active = false;
+}
+
+/*
+ * What was just handed to the bus: a stop ends what moves, and what is still to begin, in any case.
+ * Another motion does so only when the drive takes it: until then nobody knows.
+ */
+static void note_submitted(struct db_commander *commander, enum db_command command, db_time now)
+{
+	if (sets_in_motion(command))
+		commander->shown.done = commander->shown.aborted = false;
+	if (!db_command_is_stop(command))
+		return;
+	abort_motion(commander, now);
+	for (size_t i = 0; i < SLOTS; i++) {
+		if (sets_in_motion(commander->slots[i].command))
+			commander->slots[i].overtaken = true;
+	}
 }
 
 /* False when the drive's or the bus's queue is full. */
-static bool submit(struct db_commander *commander, struct db_request *request, struct slot **slot)
+static bool submit(struct db_commander *commander, struct db_request *request, uint16_t id,
+                   struct slot **slot)
 {
 	*slot = free_slot(commander, request->command);
 	if (!*slot)
@@ -325,6 +395,8 @@ static bool submit(struct db_commander *commander, struct db_request *request, s
 	(*slot)->ticket = request->ticket;
 	(*slot)->order = commander->submitted++;
 	(*slot)->command = request->command;
+	(*slot)->id = id;
+	(*slot)->overtaken = false;
 	(*slot)->arrived = request->submitted;
 	(*slot)->waiter_count = 0;
 	return true;
@@ -338,20 +410,17 @@ static int carry_out(struct db_commander *commander, const struct db_command_blo
 	struct slot *slot;
 
 	if (result != DB_RESULT_OK)
-		return refuse(commander, id, block->command, result);
+		return refuse(commander, block, id, result, now);
 	request.command = (enum db_command)block->command;
 	request.args = block->args;
 	request.submitted = now;
 	request.setting_count = 0;
-	if (!submit(commander, &request, &slot))
-		return refuse(commander, id, block->command, DB_RESULT_BUSY);
+	if (!submit(commander, &request, id, &slot))
+		return refuse(commander, block, id, DB_RESULT_BUSY, now);
 	if (db_command_is_motion(request.command))
 		db_watchdog_arm(&commander->watchdog, now);
-	abort_motion(commander, request.command);
-	if (db_follow_applies(request.command)) {
-		commander->motion_ticket = request.ticket;
-		commander->motion_id = id;
-	}
+	note_submitted(commander, request.command, now);
+	record(commander, block, id, DB_RESULT_PENDING, request.ticket, now);
 	commander->newest = request.ticket;
 	commander->executed = *block;
 	commander->has_executed = true;
@@ -417,16 +486,17 @@ static int command(struct db_commander *commander, const struct db_command_block
 	if (result == DB_RESULT_OK)
 		result = check_limits(commander, block);
 	if (result != DB_RESULT_OK)
-		return refuse(commander, id, block->command, result);
+		return refuse(commander, block, id, result, now);
 	if (id != 0 && commander->last.id == 0 && !stop)
-		return refuse(commander, id, block->command, DB_RESULT_RESTARTED);
+		return refuse(commander, block, id, DB_RESULT_RESTARTED, now);
 	if (commander->watchdog.latched && db_command_is_motion((enum db_command)block->command))
-		return refuse(commander, id, block->command, DB_RESULT_LATCHED);
+		return refuse(commander, block, id, DB_RESULT_LATCHED, now);
 	if (commander->watchdog.latched && block->command == DB_CMD_CLEAR_FAULT &&
 	    unlatch(commander))
-		return refuse(commander, id, block->command, DB_RESULT_OK);
+		return refuse(commander, block, id, DB_RESULT_OK, now);
 	slot = joinable(commander, block->command);
 	if (slot) {
+		db_history_repeat(&commander->history, slot->ticket);
 		show(commander, id, block->command, DB_RESULT_PENDING, slot->ticket);
 		remember(commander, id, DB_RESULT_PENDING, slot->ticket);
 		return wait_for(commander, slot, token, now);
@@ -435,18 +505,18 @@ static int command(struct db_commander *commander, const struct db_command_block
 }
 
 /* What is staged is checked now, so that the start of a group finds no surprises. */
-static int stage(struct db_commander *commander, const struct db_command_write *write)
+static int stage(struct db_commander *commander, const struct db_command_write *write, db_time now)
 {
 	struct db_command_block block = write->block;
 	enum db_result result;
 
 	block.command = block.staged_command;
 	if (write->has_command && write->block.command != DB_CMD_NONE)
-		return refuse(commander, 0, block.command, DB_RESULT_OUT_OF_RANGE);
+		return refuse(commander, &block, 0, DB_RESULT_OUT_OF_RANGE, now);
 	result = check(&commander->config, block.command, &block.args);
 	if (result == DB_RESULT_OK)
 		result = check_limits(commander, &block);
-	return result == DB_RESULT_OK ? 0 : refuse(commander, 0, block.command, result);
+	return result == DB_RESULT_OK ? 0 : refuse(commander, &block, 0, result, now);
 }
 
 enum db_command db_commander_staged(const struct db_commander *commander)
@@ -475,7 +545,7 @@ int db_commander_write(struct db_commander *commander, const struct db_command_w
 	int answer = 0;
 
 	if (write->has_staged && write->block.staged_command != DB_CMD_NONE)
-		answer = stage(commander, write);
+		answer = stage(commander, write, now);
 	else if (write->has_command && write->block.command != DB_CMD_NONE)
 		answer = command(commander, &write->block, id_of(commander, write), token, now);
 	/* 05: on its way, though its writer does not wait for it. */
@@ -498,6 +568,18 @@ void db_commander_set_refused(struct db_commander *commander, enum db_result res
 	commander->write_ticket = 0;
 }
 
+void db_commander_refuse(struct db_commander *commander, const struct db_command_block *block,
+                         enum db_result result, db_time now)
+{
+	const struct db_setting unknown = { .param = DB_HISTORY_UNKNOWN };
+
+	db_commander_set_refused(commander, result);
+	if (block->command == DB_CMD_NONE)
+		record_settings(commander, &unknown, result, 0, now);
+	else
+		record(commander, block, block->command_id, result, 0, now);
+}
+
 int db_commander_set(struct db_commander *commander, const struct db_setting *settings,
                      size_t count, struct db_write_token token, db_time now)
 {
@@ -512,12 +594,14 @@ int db_commander_set(struct db_commander *commander, const struct db_setting *se
 	request.submitted = now;
 	request.setting_count = (uint16_t)count;
 	memcpy(request.settings, settings, count * sizeof settings[0]);
-	if (result == DB_RESULT_OK && !submit(commander, &request, &slot))
+	if (result == DB_RESULT_OK && !submit(commander, &request, 0, &slot))
 		result = DB_RESULT_BUSY;
 	if (result != DB_RESULT_OK) {
 		db_commander_set_refused(commander, result);
+		record_settings(commander, settings, result, 0, now);
 		return db_result_exception(result);
 	}
+	record_settings(commander, settings, DB_RESULT_PENDING, request.ticket, now);
 	commander->shown.write_result = DB_RESULT_PENDING;
 	commander->write_ticket = request.ticket;
 	return wait_for(commander, slot, token, now);
@@ -545,11 +629,53 @@ static void forget_last(struct db_commander *commander)
 	commander->previous = (struct memory){ 0 };
 }
 
-/* The command has begun a motion: its result stays ok, unless the motion ends badly. */
-static void follow_motion(struct db_commander *commander, const struct slot *slot, db_time now)
+/* The command did nothing: whatever moved before goes on. */
+static bool never_began(enum db_result result)
 {
-	db_follow_begin(&commander->follow, slot->command, slot->ticket, commander->motion_id, now);
+	switch (result) {
+	case DB_RESULT_TIMEOUT:
+	case DB_RESULT_INDETERMINATE:
+	case DB_RESULT_FAILED:
+		return false;
+	default:
+		return result != DB_RESULT_OK;
+	}
+}
+
+/* The drive has taken it: its result stays ok, unless the motion ends badly. */
+static void note_begun(struct db_commander *commander, const struct slot *slot, db_time now)
+{
+	abort_motion(commander, now);
+	if (!db_command_is_motion(slot->command))
+		return;
+	commander->shown.motion_id = slot->id;
+	commander->shown.motion_result = slot->overtaken ? DB_RESULT_CANCELLED : DB_RESULT_PENDING;
+	if (slot->overtaken || !db_follow_applies(slot->command))
+		return;
+	db_follow_begin(&commander->follow, slot->command, slot->ticket, slot->id, now);
 	commander->look_at = now + LOOK_MIN;
+}
+
+static void note_ended(struct db_commander *commander, const struct slot *slot,
+                       enum db_result result, db_time now)
+{
+	db_history_end(&commander->history, slot->ticket, result, now);
+	if (!sets_in_motion(slot->command) || never_began(result))
+		return;
+	if (result == DB_RESULT_OK)
+		note_begun(commander, slot, now);
+	else
+		abort_motion(commander, now);
+}
+
+/* A motion is on its way to the drive: whether the one before reaches its end is open. */
+static bool motion_is_pending(const struct db_commander *commander)
+{
+	for (size_t i = 0; i < SLOTS; i++) {
+		if (commander->slots[i].ticket != 0 && sets_in_motion(commander->slots[i].command))
+			return true;
+	}
+	return false;
 }
 
 static void look_at_motion(struct db_commander *commander, db_time now)
@@ -560,12 +686,16 @@ static void look_at_motion(struct db_commander *commander, db_time now)
 	if (!commander->follow.active || commander->look_at > now)
 		return;
 	commander->look_at = now + commander->look_interval;
+	if (motion_is_pending(commander))
+		return;
 	db_axis_read(commander->config.axis, &snapshot);
 	result = db_follow_look(&commander->follow, &commander->follow_config, &snapshot.feedback,
 	                        now);
 	if (result == DB_RESULT_PENDING)
 		return;
 	commander->shown.done = result == DB_RESULT_OK;
+	commander->shown.motion_result = (uint16_t)result;
+	db_history_end(&commander->history, commander->follow.ticket, result, now);
 	if (commander->shown_ticket == commander->follow.ticket)
 		commander->shown.result = (uint16_t)result;
 }
@@ -574,20 +704,19 @@ void db_commander_complete(struct db_commander *commander, const struct db_compl
                            db_time now)
 {
 	struct slot *slot = slot_of(commander, completion->ticket);
+	/* The confirmation itself, not when this thread came to hear of it. */
+	db_time end = completion->finished ? completion->finished : now;
 	struct slot ended;
 
 	if (!slot)
 		return;
 	if (commander->shown_ticket == completion->ticket) {
-		/* To the confirmation itself, not to when this thread came to hear of it. */
-		db_time end = completion->finished ? completion->finished : now;
 		db_time took = end - slot->arrived;
 
 		commander->shown.result = (uint16_t)completion->result;
 		commander->shown.result_time_us = took > 0 ? (uint32_t)(took / DB_NS_PER_US) : 0;
 	}
-	if (commander->motion_ticket == completion->ticket && completion->result == DB_RESULT_OK)
-		follow_motion(commander, slot, completion->finished ? completion->finished : now);
+	note_ended(commander, slot, completion->result, end);
 	if (commander->write_ticket == completion->ticket)
 		commander->shown.write_result = (uint16_t)completion->result;
 	if (commander->previous.ticket == completion->ticket)
@@ -653,18 +782,20 @@ static void expire_slot(struct db_commander *commander, struct slot *slot, db_ti
 /* Stops the drive because nobody talks to it. Tried again soon if there is no room for a request. */
 static void react(struct db_commander *commander, db_time now)
 {
+	struct db_command_block block = { .command = (uint16_t)commander->config.on_client_loss };
 	struct db_request request = {
 		.command = commander->config.on_client_loss,
 		.submitted = now,
 	};
 	struct slot *slot;
 
-	if (!submit(commander, &request, &slot)) {
+	if (!submit(commander, &request, 0, &slot)) {
 		commander->react_at = now + REACT_AGAIN;
 		return;
 	}
 	commander->react_at = DB_TIME_NEVER;
-	abort_motion(commander, request.command);
+	note_submitted(commander, request.command, now);
+	record(commander, &block, 0, DB_RESULT_PENDING, request.ticket, now);
 	commander->newest = request.ticket;
 	show(commander, 0, (uint16_t)request.command, DB_RESULT_PENDING, request.ticket);
 }
@@ -686,6 +817,12 @@ void db_commander_expire(struct db_commander *commander, db_time now)
 	look_at_motion(commander, now);
 	for (size_t i = 0; i < SLOTS && commander->waiting > 0; i++)
 		expire_slot(commander, &commander->slots[i], now);
+}
+
+const struct db_history_entry *db_commander_history(const struct db_commander *commander,
+                                                    size_t age)
+{
+	return db_history_get(&commander->history, age);
 }
 
 const struct db_command_block *db_commander_kept(const struct db_commander *commander)

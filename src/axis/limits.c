@@ -78,6 +78,12 @@ enum db_limit db_limits_command(const struct db_drive_config *drive, enum db_com
 	case DB_CMD_MOVE_PRESET:
 		return first_of(check_preset(drive, facts),
 		                check_direction(drive, (double)facts->preset_velocity, facts));
+	case DB_CMD_JOG_POSITIVE:
+		return first_of(check_preset(drive, facts), check_direction(drive, 1.0, facts));
+	case DB_CMD_JOG_NEGATIVE:
+		return first_of(check_preset(drive, facts), check_direction(drive, -1.0, facts));
+	case DB_CMD_MOVE_CURRENT:
+		return check_direction(drive, (double)args->target_current, facts);
 	case DB_CMD_SHAKE_START:
 	case DB_CMD_SHAKE_START_TIME:
 		return first_of(check_position(drive, (double)args->shake_start_position),

@@ -25,9 +25,10 @@ struct db_limit_facts {
 };
 
 /*
- * The limit that the command would break, or NONE. A move at a preset that is not known breaks a
- * limit of the velocity. A velocity move breaks a limit of the position when the drive is beyond it
- * already and would go further.
+ * The limit that the command would break, or NONE. A move or jog at a preset that is not known breaks
+ * a limit of the velocity. A motion without a target (velocity, jog, current) breaks a limit of the
+ * position when the drive is beyond it already and would go further; what comes after its beginning
+ * is the drive's own limits' part. What speed a current leads to nobody knows.
  */
 enum db_limit db_limits_command(const struct db_drive_config *drive, enum db_command command,
                                 const struct db_args *args, const struct db_limit_facts *facts);

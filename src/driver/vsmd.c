@@ -225,6 +225,8 @@ enum db_step vsmd_begin_command(struct vsmd_axis *axis, struct db_job *job,
 		repeatable = false;
 	}
 	axis->asked_at = 0;
+	if (command == DB_CMD_MOVE_ABSOLUTE)
+		axis->wanted = job->request->args.target_position;
 	job->scratch[0] = axis->last.position;
 	job->scratch[1] = axis->last.status & VSMD_ST_STP ? 0 : WAS_MOVING;
 	return ask(axis, vsmd_command_of(command, &job->request->args), repeatable, exchange,
@@ -359,6 +361,12 @@ static void stop_motion(struct vsmd_axis *axis)
 	axis->has_target = false;
 }
 
+static void take_target(struct vsmd_axis *axis)
+{
+	axis->has_target = true;
+	axis->target = axis->wanted;
+}
+
 /* The drive confirmed a command: what that means for the axis. */
 static void carried_out(struct vsmd_axis *axis, const struct db_job *job)
 {
@@ -372,6 +380,7 @@ static void carried_out(struct vsmd_axis *axis, const struct db_job *job)
 	case DB_CMD_MOVE_ABSOLUTE:
 	case DB_CMD_MOVE_RELATIVE:
 		start_motion(axis, VSMD_MOTION_DISCRETE);
+		take_target(axis);
 		break;
 	case DB_CMD_HOME:
 		axis->homed = false;
@@ -447,7 +456,7 @@ static bool is_evident(const struct vsmd_axis *axis, const struct db_job *job)
 	case DB_CMD_MOVE_ABSOLUTE:
 		return !stands || axis->last.position == args->target_position;
 	case DB_CMD_MOVE_RELATIVE:
-		return !stands || axis->last.position == axis->target;
+		return !stands || axis->last.position == axis->wanted;
 	case DB_CMD_MOVE_VELOCITY:
 		return !stands || !(args->target_velocity > 0.0f || args->target_velocity < 0.0f);
 	case DB_CMD_MOVE_PRESET:
@@ -504,8 +513,7 @@ static enum db_step send_target(struct vsmd_axis *axis, struct db_job *job,
                                 struct db_exchange *exchange, enum db_result *result)
 {
 	job->step = VSMD_SECOND;
-	axis->has_target = true;
-	return ask(axis, position_command(axis->target, job->request->args.target_velocity), false,
+	return ask(axis, position_command(axis->wanted, job->request->args.target_velocity), false,
 	           exchange, result);
 }
 
@@ -523,7 +531,7 @@ static enum db_step after_relative(struct vsmd_axis *axis, struct db_job *job,
 	if ((double)target / axis->config->counts_per_unit < axis->config->min_position ||
 	    (double)target / axis->config->counts_per_unit > axis->config->max_position)
 		return done(result, DB_RESULT_LIMIT);
-	axis->target = (int32_t)target;
+	axis->wanted = (int32_t)target;
 	job->scratch[0] = axis->last.position;
 	job->scratch[1] = axis->last.status & VSMD_ST_STP ? 0 : WAS_MOVING;
 	return send_target(axis, job, exchange, result);
@@ -590,7 +598,7 @@ static enum db_step resolve(struct vsmd_axis *axis, struct db_job *job,
 		return unmoved ? resend(axis, job, exchange, result) :
 		                 done(result, DB_RESULT_INDETERMINATE);
 	}
-	if (positions && stands && now->position == axis->target)
+	if (positions && stands && now->position == axis->wanted)
 		return confirmed(axis, job, result);
 	if (stood && !stands)
 		return confirmed(axis, job, result);
@@ -643,10 +651,6 @@ enum db_step vsmd_answer_command(struct vsmd_axis *axis, struct db_job *job,
 		return after_stop(axis, job, exchange, result);
 	case DB_CMD_MOVE_RELATIVE:
 		return after_relative(axis, job, exchange, result);
-	case DB_CMD_MOVE_ABSOLUTE:
-		axis->target = job->request->args.target_position;
-		axis->has_target = true;
-		return confirmed(axis, job, result);
 	case DB_CMD_HOME:
 		if (job->step == VSMD_FIRST) {
 			job->step = VSMD_SECOND;
@@ -682,10 +686,9 @@ enum db_step vsmd_lost(struct vsmd_axis *axis, struct db_job *job, struct db_exc
 		return done(result, DB_RESULT_TIMEOUT);
 	if (job->step == VSMD_READ_BACK)
 		return done(result, DB_RESULT_INDETERMINATE);
-	if (command == DB_CMD_MOVE_ABSOLUTE) {
-		axis->target = job->request->args.target_position;
-		axis->has_target = true;
-	}
+	/* It may have been taken. */
+	if (command == DB_CMD_MOVE_ABSOLUTE || command == DB_CMD_MOVE_RELATIVE)
+		take_target(axis);
 	job->step = VSMD_READ_BACK;
 	return ask_verb(axis, VSMD_STS, exchange, result);
 }

@@ -60,6 +60,7 @@ struct vsmd_axis {
 	bool refused;
 	bool has_target;
 	int32_t target;
+	int32_t wanted; /* by the position move that is being asked for: the target once it is taken */
 	unsigned standstill_looks; /* statuses in a row that show it standing */
 	db_time standstill_since;  /* the first of them */
 	db_time asked_at; /* when the effect of a command was first looked for; 0: not yet */

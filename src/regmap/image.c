@@ -108,8 +108,55 @@ static void fill_static(struct db_drive_image *image, const struct view_drive *d
 	image->counts_per_unit = (float)counts_of(drive, &snapshot.feedback);
 }
 
-void view_fill_drive(struct db_drive_image *image, const struct view_drive *drive, unsigned parts)
+/* The elements of an array in the image, `size` each, that lie between two offsets: *from <= i < *to. */
+static void touched(size_t array, size_t size, uint16_t low, uint16_t high, size_t count,
+                    size_t *from, size_t *to)
 {
+	*from = low > array ? (low - array) / size : 0;
+	*to = high < array ? 0 : (high - array) / size + 1;
+	if (*to > count)
+		*to = count;
+}
+
+/* Where a parameter of the vendor's has its register; 0: unknown. */
+static uint16_t param_address(const struct view_drive *drive, uint16_t param)
+{
+	const struct db_index *index = &drive->map->holding;
+
+	for (size_t i = 0; i < index->count; i++) {
+		const struct db_cell *cell = &index->cells[i];
+
+		if (cell->address >= DB_PARAM_BASE && (cell->flags & DB_ROW_PARAM) &&
+		    cell->param == param)
+			return cell->address;
+	}
+	return 0;
+}
+
+static void fill_history(struct db_drive_history *shown, const struct db_history_entry *entry,
+                         const struct view_drive *drive)
+{
+	char text[DB_CLIENT_ADDRESS_MAX];
+
+	memset(shown, 0, sizeof *shown);
+	if (!entry)
+		return;
+	shown->entry = *entry;
+	if (entry->command == DB_CMD_NONE)
+		shown->entry.number = param_address(drive, entry->number);
+	if (entry->port == 0)
+		return; /* the bridge itself */
+	shown->ipv4 = view_ipv4(entry->address);
+	db_client_address(entry->address, text);
+	memcpy(shown->address, text, strnlen(text, sizeof shown->address));
+}
+
+void view_fill_drive(struct db_drive_image *image, const struct view_drive *drive, unsigned parts,
+                     uint16_t low, uint16_t high)
+{
+	size_t from;
+	size_t to;
+
 	if (parts & (DB_PART_PROCESS | DB_PART_PLATE))
 		fill_process(image, drive);
 	/* After the snapshot: when that says that the parameters are valid, these are. */
@@ -119,6 +166,12 @@ void view_fill_drive(struct db_drive_image *image, const struct view_drive *driv
 		image->block = *db_commander_kept(drive->commander);
 	if (parts & DB_PART_STATIC)
 		fill_static(image, drive);
+	if (!(parts & DB_PART_HISTORY))
+		return;
+	touched(offsetof(struct db_drive_image, history), sizeof image->history[0], low, high,
+	        DB_HISTORY_MAX, &from, &to);
+	for (size_t i = from; i < to; i++)
+		fill_history(&image->history[i], db_commander_history(drive->commander, i), drive);
 }
 
 static void fill_server(struct db_gateway_image *image, const struct db_registers *registers)
@@ -316,16 +369,6 @@ static void fill_clients(struct db_gateway_image *image, const struct db_registe
 		db_client_address(clients[i].client.address, text);
 		memcpy(shown->address, text, strnlen(text, sizeof shown->address));
 	}
-}
-
-/* The elements of an array in the image, `size` each, that lie between two offsets: *from <= i < *to. */
-static void touched(size_t array, size_t size, uint16_t low, uint16_t high, size_t count,
-                    size_t *from, size_t *to)
-{
-	*from = low > array ? (low - array) / size : 0;
-	*to = high < array ? 0 : (high - array) / size + 1;
-	if (*to > count)
-		*to = count;
 }
 
 void view_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,

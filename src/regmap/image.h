@@ -21,10 +21,18 @@ enum db_part {
 	DB_PART_WINDOWS = 1u << 7,
 	DB_PART_CLIENTS = 1u << 8,
 	DB_PART_GROUP = 1u << 9,
+	DB_PART_HISTORY = 1u << 10,
 };
 
 #define DB_UNIT_NAME_REGISTERS 8
 #define DB_IDENTITY_REGISTERS (DB_IDENTITY_MAX / 2)
+#define DB_CLIENT_ADDRESS_REGISTERS 20 /* the longest address has 39 characters */
+
+struct db_drive_history {
+	struct db_history_entry entry; /* `number` of a parameter is its register */
+	uint32_t ipv4;
+	char address[2 * DB_CLIENT_ADDRESS_REGISTERS];
+};
 
 /* Unit 1..247. */
 struct db_drive_image {
@@ -54,6 +62,9 @@ struct db_drive_image {
 	uint16_t address;
 	char unit_name[2 * DB_UNIT_NAME_REGISTERS];
 	float counts_per_unit;
+
+	/* DB_PART_HISTORY, the newest first */
+	struct db_drive_history history[DB_HISTORY_MAX];
 };
 
 /* Every drive has a window: units are 1 to 247. */
@@ -132,8 +143,6 @@ struct db_gateway_window {
 	uint16_t inputs;
 	uint16_t outputs;
 };
-
-#define DB_CLIENT_ADDRESS_REGISTERS 20 /* the longest address has 39 characters */
 
 struct db_gateway_client {
 	uint32_t ipv4;

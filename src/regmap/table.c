@@ -90,6 +90,7 @@ static const struct db_codes capability_bits = { db_capability_name, COUNT_OF(ca
 #define PROCESS(member) DRIVE(DB_PART_PROCESS, member)
 #define BLOCK(member) DRIVE(DB_PART_BLOCK, block.member)
 #define PARAMETER DRIVE(DB_PART_PLATE, plate.values)
+#define HISTORY(member) DRIVE(DB_PART_HISTORY, history[0].member)
 #define GATEWAY_PART(needs, member)                                          \
 	.view = DB_VIEW_GATEWAY, .table = DB_TABLE_HOLDING, .part = (needs), \
 	.offset = offsetof(struct db_gateway_image, member)
@@ -118,6 +119,15 @@ static const struct db_codes capability_bits = { db_capability_name, COUNT_OF(ca
 		.bytes = sizeof(struct db_gateway_drive)     \
 	}
 
+#define EACH_HISTORY                                                                               \
+	{                                                                                          \
+		.count = DB_HISTORY_MAX, .addresses = 24, .bytes = sizeof(struct db_drive_history) \
+	}
+#define EACH_HISTORY_TEXT                                                          \
+	{                                                                          \
+		.count = DB_HISTORY_MAX, .addresses = DB_CLIENT_ADDRESS_REGISTERS, \
+		.bytes = sizeof(struct db_drive_history)                           \
+	}
 #define EACH_CLIENT                                           \
 	{                                                     \
 		.count = DB_GATEWAY_CLIENTS, .addresses = 12, \
@@ -502,6 +512,26 @@ const struct db_row db_rows[] = {
 		.description = "command_id of the motion that was aborted when the status bit "
 			       "aborted is set",
 	},
+	{
+		.name = "motion_id",
+		.address = 64,
+		.type = DB_U16,
+		PROCESS(state.motion_id),
+		.max = 65535,
+		.description = "command_id of the motion that the drive has begun last; a motion "
+			       "that is refused leaves it as it is",
+	},
+	{
+		.name = "motion_result",
+		.address = 65,
+		.type = DB_U16,
+		PROCESS(state.motion_result),
+		.max = DB_RESULT_COUNT - 1,
+		.codes = &results,
+		.description = "What became of the motion of motion_id: pending while it goes on "
+			       "and ok when it came to its end; cancelled when another command "
+			       "ended it",
+	},
 
 	/* Drive view: the command block, at most 100 registers. */
 	{
@@ -804,6 +834,143 @@ const struct db_row db_rows[] = {
 		.type = DB_U32,
 		DRIVE(DB_PART_PLATE, plate.generation),
 		.description = "Grows whenever identity or a parameter changes",
+	},
+
+	/* Drive view: the last commands. */
+	{
+		.name = "history#_timestamp_us",
+		.address = 3000,
+		.type = DB_U64,
+		HISTORY(entry.timestamp_us),
+		.repeat = EACH_HISTORY,
+		.description = "Command # (1 is the newest): when it arrived; us since "
+			       "1970-01-01 UTC; 0=there is none",
+	},
+	{
+		.name = "history#_sequence",
+		.address = 3004,
+		.type = DB_U32,
+		HISTORY(entry.sequence),
+		.repeat = EACH_HISTORY,
+		.description = "Command #: its number since the bridge started",
+	},
+	{
+		.name = "history#_ipv4",
+		.address = 3006,
+		.type = DB_U32,
+		HISTORY(ipv4),
+		.repeat = EACH_HISTORY,
+		.description = "Command #: IPv4 address of the client with its first byte "
+			       "highest; 0=the bridge itself 4294967295=see history#_address",
+	},
+	{
+		.name = "history#_port",
+		.address = 3008,
+		.type = DB_U16,
+		HISTORY(entry.port),
+		.repeat = EACH_HISTORY,
+		.max = 65535,
+		.description = "Command #: TCP port of the client",
+	},
+	{
+		.name = "history#_command_id",
+		.address = 3009,
+		.type = DB_U16,
+		HISTORY(entry.command_id),
+		.repeat = EACH_HISTORY,
+		.max = 65535,
+		.description = "Command #: as command_id",
+	},
+	{
+		.name = "history#_command",
+		.address = 3010,
+		.type = DB_U16,
+		HISTORY(entry.command),
+		.repeat = EACH_HISTORY,
+		.description = "Command #: as command; 0=a parameter write",
+	},
+	{
+		.name = "history#_result",
+		.address = 3011,
+		.type = DB_U16,
+		HISTORY(entry.result),
+		.repeat = EACH_HISTORY,
+		.description = "Command #: as result; of a motion that ended: cancelled when "
+			       "another command ended it",
+	},
+	{
+		.name = "history#_duration_us",
+		.address = 3012,
+		.type = DB_U32,
+		HISTORY(entry.duration_us),
+		.repeat = EACH_HISTORY,
+		.unit = "us",
+		.description = "Command #: time from its arrival to its result; of a motion "
+			       "with an end to that",
+	},
+	{
+		.name = "history#_position",
+		.address = 3014,
+		.type = DB_I32,
+		HISTORY(entry.position),
+		.repeat = EACH_HISTORY,
+		.unit = "counts",
+		.description = "Command #: its target_position or shake_start_position",
+	},
+	{
+		.name = "history#_position_2",
+		.address = 3016,
+		.type = DB_I32,
+		HISTORY(entry.position_2),
+		.repeat = EACH_HISTORY,
+		.unit = "counts",
+		.description = "Command #: its shake_end_position",
+	},
+	{
+		.name = "history#_real",
+		.address = 3018,
+		.type = DB_F32,
+		HISTORY(entry.real),
+		.repeat = EACH_HISTORY,
+		.description = "Command #: its target_velocity or target_current or "
+			       "shake_frequency",
+	},
+	{
+		.name = "history#_number",
+		.address = 3020,
+		.type = DB_U16,
+		HISTORY(entry.number),
+		.repeat = EACH_HISTORY,
+		.description = "Command #: its output_number or output_mask or program_number; "
+			       "of a parameter write the first parameter's register",
+	},
+	{
+		.name = "history#_repeats",
+		.address = 3021,
+		.type = DB_U16,
+		HISTORY(entry.repeats),
+		.repeat = EACH_HISTORY,
+		.description = "Command #: how often the same came again: a refused one from "
+			       "the same client or a stop that was under way",
+	},
+	{
+		.name = "history#_value",
+		.address = 3022,
+		.type = DB_U32,
+		HISTORY(entry.value),
+		.repeat = EACH_HISTORY,
+		.description = "Command #: its output_value or output_levels or shake_cycles or "
+			       "shake_time or program_delay; of a parameter write the first "
+			       "value in bits",
+	},
+	{
+		.name = "history#_address",
+		.address = 4000,
+		.type = DB_TEXT,
+		.registers = DB_CLIENT_ADDRESS_REGISTERS,
+		HISTORY(address),
+		.repeat = EACH_HISTORY_TEXT,
+		.description = "Command #: address of the client; empty=the bridge itself",
 	},
 
 	/* Drive view: bits. */

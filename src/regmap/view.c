@@ -165,7 +165,7 @@ static uint8_t read_drive(const struct view_drive *drive, const struct db_client
 
 	if (exception)
 		return exception;
-	view_fill_drive(&image, drive, span.parts);
+	view_fill_drive(&image, drive, span.parts, span.low, span.high);
 	if (span.parts & DB_PART_PROCESS)
 		fill_control(&image, drive, client);
 	if (span.flags & DB_ROW_MEASURED)
@@ -244,21 +244,34 @@ static uint8_t backend_read(void *context, const struct db_client *client, uint8
 	return read_gateway(registers, table, address, count, values);
 }
 
+static int write_unit(struct db_registers *registers, const struct db_client *client, uint8_t unit,
+                      enum db_table table, uint16_t address, uint16_t count, const uint16_t *values,
+                      struct db_write_token token)
+{
+	struct view_drive *drive = drive_of(registers, unit);
+
+	if (drive) {
+		feed(drive, client);
+		if (registers->vendor_units[unit])
+			return vsmd_view_write(drive, client, table, address, count, values, token);
+		return view_write(drive, client, table, address, count, values, token);
+	}
+	if (backend_unit(registers, unit))
+		return MODBUS_EXCEPTION_GATEWAY_PATH;
+	return view_write_gateway(registers, client, table, address, count, values, token);
+}
+
 static int backend_write(void *context, const struct db_client *client, uint8_t unit,
                          enum db_table table, uint16_t address, uint16_t count,
                          const uint16_t *values, struct db_write_token token)
 {
-	struct view_drive *drive = drive_of(context, unit);
+	struct db_registers *registers = context;
+	int answer;
 
-	if (drive) {
-		feed(drive, client);
-		if (drive->registers->vendor_units[unit])
-			return vsmd_view_write(drive, client, table, address, count, values, token);
-		return view_write(drive, client, table, address, count, values, token);
-	}
-	if (backend_unit(context, unit))
-		return MODBUS_EXCEPTION_GATEWAY_PATH;
-	return view_write_gateway(context, client, table, address, count, values, token);
+	registers->writer = client;
+	answer = write_unit(registers, client, unit, table, address, count, values, token);
+	registers->writer = NULL;
+	return answer;
 }
 
 static size_t backend_server_id(void *context, uint8_t unit, char *text, size_t size, bool *running)
@@ -439,9 +452,25 @@ static void answer_client(void *context, struct db_write_token token, uint8_t ex
 		registers->ops->answer(registers->context, token, exception);
 }
 
+static const struct db_client *writer_now(void *context)
+{
+	const struct view_drive *drive = context;
+
+	return drive->registers->writer;
+}
+
+static uint64_t wall_us_now(void *context)
+{
+	const struct db_registers *registers = ((const struct view_drive *)context)->registers;
+
+	return registers->ops->wall_us(registers->context);
+}
+
 static const struct db_commander_ops commander_ops = {
 	.submit = submit_to_bus,
 	.answer = answer_client,
+	.writer = writer_now,
+	.wall_us = wall_us_now,
 };
 
 /* Its place among the drives of its bus. */

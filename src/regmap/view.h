@@ -48,14 +48,16 @@ struct db_registers {
 	struct view_drive *drives;
 	size_t drive_count;
 	struct group group;
+	const struct db_client *writer; /* whose write is being carried out; null: nobody's */
 };
 
 #define VIEW_GATEWAY UINT16_MAX
 #define VIEW_NOTHING (UINT16_MAX - 1)
 
-/* Fills the parts of an image. What a drive's registers show is from one snapshot. Of the gateway's
- * buses and drives only those whose members lie between the offsets low and high. */
-void view_fill_drive(struct db_drive_image *image, const struct view_drive *drive, unsigned parts);
+/* Fills the parts of an image. What a drive's registers show is from one snapshot. Of what repeats
+ * only those whose members lie between the offsets low and high. */
+void view_fill_drive(struct db_drive_image *image, const struct view_drive *drive, unsigned parts,
+                     uint16_t low, uint16_t high);
 void view_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
                        unsigned parts, uint16_t low, uint16_t high);
 

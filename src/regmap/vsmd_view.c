@@ -21,6 +21,7 @@ struct chain {
 	enum db_command command;
 	struct db_args args;
 	struct db_write_token token;
+	struct db_client client;
 	bool waits; /* the writer was not answered yet */
 	bool dead;  /* a stop came in between */
 };
@@ -215,7 +216,7 @@ uint8_t vsmd_view_read(const struct view_drive *drive, enum db_table table, uint
 
 	if (exception)
 		return exception;
-	view_fill_drive(&image, drive, parts_of(&span));
+	view_fill_drive(&image, drive, parts_of(&span), 0, 0);
 	for (size_t i = 0; i < span.count; i++) {
 		exception = check_row(drive, &span.rows[i], &image);
 		if (exception)
@@ -408,6 +409,7 @@ static int begin_chain(struct view_drive *drive, const struct plan *plan,
 			.command = plan->command,
 			.args = plan->args,
 			.token = token,
+			.client = *drive->registers->writer,
 			.waits = answer == DB_WRITE_LATER,
 		};
 	return answer;
@@ -416,6 +418,16 @@ static int begin_chain(struct view_drive *drive, const struct plan *plan,
 static int refuse(struct view_drive *drive, enum db_result result)
 {
 	db_commander_set_refused(drive->commander, result);
+	return db_result_exception(result);
+}
+
+/* What a technician may look for later: a plan that could have been carried out. */
+static int refuse_plan(struct view_drive *drive, const struct plan *plan, enum db_result result)
+{
+	struct db_command_block block = { .command = (uint16_t)plan->command, .args = plan->args };
+
+	db_commander_refuse(drive->commander, &block, result,
+	                    drive->registers->ops->now(drive->registers->context));
 	return db_result_exception(result);
 }
 
@@ -435,7 +447,7 @@ static int carry_out(struct view_drive *drive, const struct plan *plan, struct d
 	if (plan->command == DB_CMD_NONE && plan->setting_count == 0)
 		return 0;
 	if (drive->vendor->chain.ticket != 0)
-		return refuse(drive, DB_RESULT_BUSY);
+		return refuse_plan(drive, plan, DB_RESULT_BUSY);
 	if (plan->command == DB_CMD_NONE)
 		return set(drive, plan, token, now);
 	if (plan->setting_count > 0)
@@ -450,7 +462,7 @@ static int carry_out_stop(struct view_drive *drive, const struct plan *plan,
 	db_time now = drive->registers->ops->now(drive->registers->context);
 
 	if (!db_command_is_stop(plan->command))
-		return refuse(drive, DB_RESULT_NOT_IN_CONTROL);
+		return refuse_plan(drive, plan, DB_RESULT_NOT_IN_CONTROL);
 	return db_commander_execute(drive->commander, plan->command, &plan->args, token, now);
 }
 
@@ -534,8 +546,10 @@ void vsmd_view_completed(struct view_drive *drive, const struct db_completion *c
 	view->chain.ticket = 0;
 	if (completion->result != DB_RESULT_OK || chain.dead)
 		return;
+	registers->writer = &chain.client;
 	answer = db_commander_execute(drive->commander, chain.command, &chain.args,
 	                              chain.waits ? chain.token : nobody, now);
+	registers->writer = NULL;
 	if (chain.waits && answer != DB_WRITE_LATER)
 		registers->ops->answer(registers->context, chain.token, (uint8_t)answer);
 }

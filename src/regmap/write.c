@@ -65,6 +65,15 @@ static int refuse(struct view_drive *drive, enum db_result result)
 	return db_result_exception(result);
 }
 
+/* Somebody else has control: who tried what is kept for the technician. NONE: parameters. */
+static int refuse_command(struct view_drive *drive, unsigned code, const struct db_args *args)
+{
+	struct db_command_block block = { .command = (uint16_t)code, .args = *args };
+
+	db_commander_refuse(drive->commander, &block, DB_RESULT_NOT_IN_CONTROL, now_of(drive));
+	return db_result_exception(DB_RESULT_NOT_IN_CONTROL);
+}
+
 /* --- the command block ----------------------------------------------------------------------------- */
 
 /* False when a float is not a number. */
@@ -108,6 +117,8 @@ static int write_block(struct view_drive *drive, const struct db_client *client,
 	stop = write.has_command && db_command_is_stop((enum db_command)write.block.command);
 	if (view_may_write(drive, client, stop))
 		return db_commander_write(drive->commander, &write, token, now_of(drive));
+	if (!stop && write.has_command && write.block.command != DB_CMD_NONE)
+		return refuse_command(drive, write.block.command, &write.block.args);
 	if (!stop)
 		return refuse(drive, DB_RESULT_NOT_IN_CONTROL);
 	/* Neither the id nor the arguments are for the one in control to find. */
@@ -166,7 +177,7 @@ static int write_params(struct view_drive *drive, const struct db_client *client
 	if (count == 0)
 		return 0;
 	if (!view_may_write(drive, client, false))
-		return refuse(drive, DB_RESULT_NOT_IN_CONTROL);
+		return refuse_command(drive, DB_CMD_NONE, &(struct db_args){ 0 });
 	return db_commander_set(drive->commander, settings, (size_t)count, token, now_of(drive));
 }
 
@@ -219,9 +230,6 @@ static int write_coils(struct view_drive *drive, const struct db_client *client,
 {
 	struct db_args args = { 0 };
 
-	if (!view_may_write(drive, client, false))
-		return refuse(drive, DB_RESULT_NOT_IN_CONTROL);
-
 	for (uint16_t i = 0; i < span->count; i++) {
 		unsigned bit = 1u << span->cells[i].bit;
 
@@ -229,6 +237,8 @@ static int write_coils(struct view_drive *drive, const struct db_client *client,
 		if (values[i])
 			args.output_levels = (uint16_t)(args.output_levels | bit);
 	}
+	if (!view_may_write(drive, client, false))
+		return refuse_command(drive, DB_CMD_SET_OUTPUTS, &args);
 	return db_commander_execute(drive->commander, DB_CMD_SET_OUTPUTS, &args, token,
 	                            now_of(drive));
 }

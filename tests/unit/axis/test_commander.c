@@ -36,6 +36,7 @@ struct fake {
 	uint32_t answered_token[64];
 	int answered_with[64];
 	uint32_t next_token;
+	const struct db_client *writer;
 	db_time now;
 };
 
@@ -57,7 +58,22 @@ static void fake_answer(void *context, struct db_write_token token, uint8_t exce
 	fake->answered_with[fake->answered++] = exception;
 }
 
-static const struct db_commander_ops ops = { .submit = fake_submit, .answer = fake_answer };
+static const struct db_client *fake_writer(void *context)
+{
+	return ((struct fake *)context)->writer;
+}
+
+static uint64_t fake_wall(void *context)
+{
+	return 1700000000000000u + (uint64_t)((struct fake *)context)->now / 1000;
+}
+
+static const struct db_commander_ops ops = {
+	.submit = fake_submit,
+	.answer = fake_answer,
+	.writer = fake_writer,
+	.wall_us = fake_wall,
+};
 
 static enum db_result fake_check(const struct db_bus_config *bus,
                                  const struct db_drive_config *drive, enum db_command command,
@@ -757,6 +773,78 @@ static void a_new_command_aborts_the_motion(void **state)
 	drop(&fake);
 }
 
+/* The drive turned the second one down: the first goes on, and its end is told. */
+static void a_refused_motion_leaves_the_one_before(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 7, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_DISCRETE_MOTION, DB_STATUS_MOVING, 500);
+	assert_int_equal(look(&fake).motion_id, 7);
+	assert_int_equal(look(&fake).motion_result, DB_RESULT_PENDING);
+	assert_int_equal(put(&fake, 8, DB_CMD_MOVE_ABSOLUTE, 2000), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_REFUSED);
+	assert_int_equal(look(&fake).result_id, 8);
+	assert_int_equal(look(&fake).result, DB_RESULT_REFUSED);
+	assert_false(look(&fake).aborted);
+	assert_int_equal(look(&fake).motion_id, 7);
+	assert_int_equal(look(&fake).motion_result, DB_RESULT_PENDING);
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 100 * MS);
+	assert_true(look(&fake).done);
+	assert_int_equal(look(&fake).motion_id, 7);
+	assert_int_equal(look(&fake).motion_result, DB_RESULT_OK);
+	assert_int_equal(look(&fake).result, DB_RESULT_REFUSED);
+	drop(&fake);
+}
+
+static void a_motion_is_aborted_when_the_drive_takes_the_next(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 7, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += MS;
+	assert_int_equal(put(&fake, 8, DB_CMD_MOVE_VELOCITY, 0), DB_WRITE_LATER);
+	/* It would be there, but whether the next one has begun is open: nothing is said yet. */
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 300 * MS);
+	assert_false(look(&fake).done);
+	assert_int_equal(look(&fake).motion_id, 7);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_true(look(&fake).aborted);
+	assert_int_equal(look(&fake).aborted_id, 7);
+	assert_int_equal(look(&fake).motion_id, 8);
+	assert_int_equal(look(&fake).motion_result, DB_RESULT_PENDING);
+	/* Nobody knows whether this one moves it: then the one before is over. */
+	assert_int_equal(put(&fake, 9, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	finish(&fake, 2, DB_RESULT_INDETERMINATE);
+	assert_int_equal(look(&fake).motion_id, 8);
+	assert_int_equal(look(&fake).motion_result, DB_RESULT_CANCELLED);
+	drop(&fake);
+}
+
+/* A stop was sent behind it: that it was begun in between is no motion that goes on. */
+static void a_motion_that_a_stop_overtook_is_over(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 7, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 8, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(look(&fake).motion_id, 7);
+	assert_int_equal(look(&fake).motion_result, DB_RESULT_CANCELLED);
+	finish(&fake, 1, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 100 * MS);
+	assert_false(look(&fake).done);
+	assert_int_equal(look(&fake).motion_result, DB_RESULT_CANCELLED);
+	drop(&fake);
+}
+
 static void another_command_does_not_hide_the_end(void **state)
 {
 	FAKE(false);
@@ -842,6 +930,9 @@ static void limits_at_the_door(void **state)
 		{ DB_CMD_MOVE_VELOCITY, 0, -201.0f, DB_LIMIT_MAX_VELOCITY },
 		{ DB_CMD_MOVE_VELOCITY, 0, 0.0f, DB_LIMIT_NONE },
 		{ DB_CMD_MOVE_PRESET, 0, 0.0f, DB_LIMIT_MAX_VELOCITY },
+		{ DB_CMD_JOG_POSITIVE, 0, 0.0f, DB_LIMIT_MAX_VELOCITY },
+		{ DB_CMD_JOG_NEGATIVE, 0, 0.0f, DB_LIMIT_MAX_VELOCITY },
+		{ DB_CMD_MOVE_CURRENT, 0, 0.0f, DB_LIMIT_NONE },
 	};
 	unsigned submitted = 0;
 
@@ -871,6 +962,139 @@ static void limits_at_the_door(void **state)
 	drop(&fake);
 }
 
+static void jogs_and_currents_go_no_further_out(void **state)
+{
+	const struct db_args pull = { .target_current = -0.5f };
+	const struct db_args push = { .target_current = 0.5f };
+	const struct db_write_token token = { 1, 1 };
+
+	FAKE(false);
+	fake.drive.min_position = -5.0;
+	fake.drive.max_position = 100.0;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, -60);
+	assert_int_equal(move(&fake, DB_CMD_JOG_NEGATIVE, 0, 0.0f), ILLEGAL_VALUE);
+	assert_int_equal(look(&fake).result_limit, DB_LIMIT_MIN_POSITION);
+	assert_int_equal(move(&fake, DB_CMD_JOG_POSITIVE, 0, 0.0f), DB_WRITE_LATER);
+	assert_int_equal(
+		db_commander_execute(fake.commander, DB_CMD_MOVE_CURRENT, &pull, token, fake.now),
+		ILLEGAL_VALUE);
+	assert_int_equal(
+		db_commander_execute(fake.commander, DB_CMD_MOVE_CURRENT, &push, token, fake.now),
+		DB_WRITE_LATER);
+	drop(&fake);
+}
+
+/* --- the last commands ---------------------------------------------------------------------------------------- */
+
+static const struct db_history_entry *entry_of(const struct fake *fake, size_t age)
+{
+	const struct db_history_entry *entry = db_commander_history(fake->commander, age);
+
+	assert_non_null(entry);
+	return entry;
+}
+
+static void history_tells_who_moved_it(void **state)
+{
+	const struct db_client plc = { .id = 5, .address = { [15] = 7 }, .port = 4711 };
+	const struct db_setting setting = { .param = 3, .value.f = 1.5f };
+
+	FAKE(false);
+	assert_null(db_commander_history(fake.commander, 0));
+	fake.writer = &plc;
+	pass_baseline(&fake, 1);
+	fake.now += 1000 * MS;
+	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_ABSOLUTE, -77), DB_WRITE_LATER);
+	assert_int_equal(entry_of(&fake, 0)->sequence, 2);
+	assert_int_equal(entry_of(&fake, 0)->timestamp_us, 1700000002000000u);
+	assert_int_equal(entry_of(&fake, 0)->address[15], 7);
+	assert_int_equal(entry_of(&fake, 0)->port, 4711);
+	assert_int_equal(entry_of(&fake, 0)->command_id, 2);
+	assert_int_equal(entry_of(&fake, 0)->command, DB_CMD_MOVE_ABSOLUTE);
+	assert_int_equal(entry_of(&fake, 0)->position, -77);
+	assert_int_equal(entry_of(&fake, 0)->result, DB_RESULT_PENDING);
+	fake.now += 3 * MS;
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(entry_of(&fake, 0)->result, DB_RESULT_OK);
+	assert_int_equal(entry_of(&fake, 0)->duration_us, 3000);
+	assert_int_equal(entry_of(&fake, 1)->result, DB_RESULT_RESTARTED);
+	/* A scanner writes it for ever. */
+	for (unsigned i = 0; i < 100; i++)
+		assert_int_equal(put(&fake, 2, DB_CMD_MOVE_ABSOLUTE, -77), 0);
+	assert_int_equal(entry_of(&fake, 0)->sequence, 2);
+	assert_int_equal(db_commander_set(fake.commander, &setting, 1,
+	                                  (struct db_write_token){ 1, 1 }, fake.now),
+	                 DB_WRITE_LATER);
+	assert_int_equal(entry_of(&fake, 0)->command, DB_CMD_NONE);
+	assert_int_equal(entry_of(&fake, 0)->number, 3);
+	assert_int_equal(entry_of(&fake, 0)->value, 0x3FC00000);
+	finish(&fake, 1, DB_RESULT_REFUSED);
+	assert_int_equal(entry_of(&fake, 0)->result, DB_RESULT_REFUSED);
+	drop(&fake);
+}
+
+static void history_keeps_the_last_32(void **state)
+{
+	FAKE(true);
+	for (unsigned i = 0; i < 40; i++) {
+		assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, (int32_t)i), 0);
+		finish(&fake, i, DB_RESULT_OK);
+	}
+	for (unsigned i = 0; i < 32; i++) {
+		assert_int_equal(entry_of(&fake, i)->sequence, 40 - i);
+		assert_int_equal(entry_of(&fake, i)->position, 39 - i);
+	}
+	assert_null(db_commander_history(fake.commander, 32));
+	/* A completion of what was overwritten meanwhile changes nothing. */
+	finish(&fake, 0, DB_RESULT_FAILED);
+	for (unsigned i = 1; i < 32; i++)
+		assert_int_equal(entry_of(&fake, i)->result, DB_RESULT_CANCELLED);
+	drop(&fake);
+}
+
+/* What was refused before the same way only counts: the cause of the trouble stays to be seen. */
+static void history_is_not_flooded_by_refusals(void **state)
+{
+	const struct db_client other = { .id = 6, .address = { [15] = 8 }, .port = 1 };
+
+	FAKE(false);
+	fake.drive.max_position = 1.0;
+	for (unsigned i = 0; i < 1000; i++)
+		assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 11), ILLEGAL_VALUE);
+	assert_int_equal(entry_of(&fake, 0)->sequence, 1);
+	assert_int_equal(entry_of(&fake, 0)->repeats, 999);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 12), ILLEGAL_VALUE);
+	assert_int_equal(entry_of(&fake, 0)->sequence, 2);
+	fake.writer = &other;
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 12), ILLEGAL_VALUE);
+	assert_int_equal(entry_of(&fake, 0)->sequence, 3);
+	/* Stops that join one under way. */
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(entry_of(&fake, 0)->sequence, 4);
+	assert_int_equal(entry_of(&fake, 0)->repeats, 1);
+	drop(&fake);
+}
+
+static void history_follows_a_motion_to_its_end(void **state)
+{
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += 700 * MS;
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(entry_of(&fake, 1)->result, DB_RESULT_CANCELLED);
+	assert_int_equal(entry_of(&fake, 1)->duration_us, 700000);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	finish(&fake, 2, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 900);
+	let_pass(&fake, 1000 * MS);
+	assert_int_equal(entry_of(&fake, 0)->result, DB_RESULT_FAILED);
+	drop(&fake);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -878,10 +1102,18 @@ int main(void)
 		cmocka_unit_test(old_data_ends_no_move),
 		cmocka_unit_test(a_move_that_stops_elsewhere_has_failed),
 		cmocka_unit_test(a_new_command_aborts_the_motion),
+		cmocka_unit_test(a_refused_motion_leaves_the_one_before),
+		cmocka_unit_test(a_motion_is_aborted_when_the_drive_takes_the_next),
+		cmocka_unit_test(a_motion_that_a_stop_overtook_is_over),
 		cmocka_unit_test(another_command_does_not_hide_the_end),
 		cmocka_unit_test(a_shake_is_done_when_it_has_moved),
 		cmocka_unit_test(homing_ends_homed_or_failed),
 		cmocka_unit_test(limits_at_the_door),
+		cmocka_unit_test(jogs_and_currents_go_no_further_out),
+		cmocka_unit_test(history_tells_who_moved_it),
+		cmocka_unit_test(history_keeps_the_last_32),
+		cmocka_unit_test(history_is_not_flooded_by_refusals),
+		cmocka_unit_test(history_follows_a_motion_to_its_end),
 		cmocka_unit_test(id_0_executes_each_time),
 		cmocka_unit_test(first_id_is_only_the_baseline),
 		cmocka_unit_test(id_0_leaves_the_baseline_open),

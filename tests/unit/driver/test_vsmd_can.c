@@ -412,6 +412,28 @@ static void a_move_that_does_not_show_is_said_again_and_then_failed(void **state
 	drop(f);
 }
 
+/* The move before goes on to where it was sent. */
+static void a_refused_move_changes_no_target(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 500 });
+	assert_string_equal(confirm(f, 0, RUNS), "=ok");
+	assert_int_equal(feedback(f).target, 500);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 900 });
+	assert_string_equal(confirm(f, 10, RUNS | VSMD_ST_CMD_WRG), "=refused");
+	assert_int_equal(feedback(f).target, 500);
+	command(f, DB_CMD_MOVE_RELATIVE, (struct db_args){ .target_position = 100 });
+	confirm(f, 20, RUNS);
+	assert_string_equal(confirm(f, 20, RUNS | VSMD_ST_CMD_WRG), "=refused");
+	assert_int_equal(feedback(f).target, 500);
+	poll(f, 500, STANDS);
+	assert_true(feedback(f).status & DB_STATUS_AT_TARGET);
+	drop(f);
+}
+
 static void homing_and_shaking_are_never_begun_twice(void **state)
 {
 	struct fixture *f = make(0, 0);
@@ -737,6 +759,7 @@ int main(void)
 		cmocka_unit_test(what_the_drive_refuses),
 		cmocka_unit_test(a_move_counts_when_it_shows),
 		cmocka_unit_test(a_move_that_does_not_show_is_said_again_and_then_failed),
+		cmocka_unit_test(a_refused_move_changes_no_target),
 		cmocka_unit_test(homing_and_shaking_are_never_begun_twice),
 		cmocka_unit_test(a_stop_is_said_again_while_the_drive_runs),
 		cmocka_unit_test(stopping_a_homing_run_ends_homing_too),

@@ -118,7 +118,13 @@ static void fake_refused(void *context, const struct db_client *who, enum db_ref
 	((struct fake *)context)->refused += who->id == intruder.id;
 }
 
+static uint64_t fake_wall(void *context)
+{
+	return 1700000000000000u + (uint64_t)((struct fake *)context)->now / 1000;
+}
+
 static const struct db_registers_ops ops = {
+	.wall_us = fake_wall,
 	.now = fake_now,
 	.submit = fake_submit,
 	.answer = fake_answer,

@@ -81,7 +81,13 @@ static void fake_server_stats(void *context, struct db_server_stats *stats)
 	*stats = (struct db_server_stats){ 0 };
 }
 
+static uint64_t fake_wall(void *context)
+{
+	return 1700000000000000u + (uint64_t)((struct fake *)context)->now / 1000;
+}
+
 static const struct db_registers_ops ops = {
+	.wall_us = fake_wall,
 	.now = fake_now,
 	.submit = fake_submit,
 	.answer = fake_answer,
