@@ -19,7 +19,7 @@ static bool is_again(const struct db_history *history, const struct db_history_e
 	       last->result == entry->result && last->command == entry->command &&
 	       last->command_id == entry->command_id && last->number == entry->number &&
 	       last->position == entry->position && last->position_2 == entry->position_2 &&
-	       memcmp(&last->real, &entry->real, sizeof last->real) == 0 &&
+	       !(last->real < entry->real) && !(last->real > entry->real) &&
 	       last->value == entry->value &&
 	       memcmp(last->address, entry->address, sizeof last->address) == 0;
 }

@@ -204,7 +204,7 @@ static const struct db_param *param_in(const struct line *line, unsigned family)
 
 static bool is_other(const struct db_param *param, const struct db_param *than)
 {
-	return param && strcmp(param->name, than->name) != 0;
+	return param && than && strcmp(param->name, than->name) != 0;
 }
 
 static bool has_others(const struct line *line)
