@@ -35,7 +35,8 @@ struct seat {
 
 struct service {
 	struct db_config *config;
-	const char *path; /* the configuration's */
+	struct db_log_source log; /* the network side's */
+	const char *path;         /* the configuration's */
 	sd_event *loop;
 	sd_event_source *term;
 	sd_event_source *deadline; /* of the most impatient client */
@@ -110,6 +111,15 @@ static db_time loop_now(const struct service *service)
 	return (db_time)us * DB_NS_PER_US;
 }
 
+/* Where there is no loop yet, or no more. */
+static db_time monotonic_now(void)
+{
+	struct timespec now;
+
+	clock_gettime(CLOCK_MONOTONIC, &now);
+	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
+}
+
 /* --- what the registers ask for ------------------------------------------------------------------- */
 
 static db_time now_of(void *context)
@@ -168,6 +178,33 @@ static void refused(void *context, const struct db_client *client, enum db_refus
 	db_server_refused(service->server, client, kind);
 }
 
+/* The network side speaking of a bus. */
+static struct db_log_source log_of(const struct service *service, size_t bus)
+{
+	return (struct db_log_source){
+		.log = service->log.log,
+		.bus = service->config->buses[bus].name,
+		.level = service->config->buses[bus].log,
+	};
+}
+
+static void tripped(void *context, size_t drive, const struct db_client *last)
+{
+	const struct service *service = context;
+	const struct db_drive_config *config = &service->config->drives[drive];
+	struct db_log_source log = log_of(service, config->bus);
+	char text[DB_CLIENT_ADDRESS_MAX];
+	struct db_log_about about = { .drive = config->name, .unit = config->unit };
+
+	if (last->id != 0) {
+		db_client_address(last->address, text);
+		about.client = text;
+	}
+	db_log(&log, loop_now(service), DB_EVENT_WATCHDOG_TRIPPED, &about,
+	       "silent too long, so the watchdog stops the drive, and nothing moves it before "
+	       "clear_fault; check the PLC, its program and the network");
+}
+
 static const struct db_registers_ops registers_ops = {
 	.now = now_of,
 	.wall_us = wall_us,
@@ -177,6 +214,7 @@ static const struct db_registers_ops registers_ops = {
 	.server_stats = server_stats,
 	.server_clients = server_clients,
 	.refused = refused,
+	.tripped = tripped,
 };
 
 /* --- the loop's events ---------------------------------------------------------------------------- */
@@ -215,12 +253,15 @@ static int on_hangup(sd_event_source *source, const struct signalfd_siginfo *inf
 	(void)source;
 	(void)info;
 	if (db_config_load(service->path, stderr, &config) != 0) {
-		db_log(DB_LOG_ERROR, "%s is wrong and not taken; nothing changes", service->path);
+		db_log(&service->log, loop_now(service), DB_EVENT_CONFIG_WRONG, NULL,
+		       "%s is wrong and not taken, nothing changes; drivebridged --check tells "
+		       "what is wrong",
+		       service->path);
 		return 0;
 	}
 	db_config_free(config);
-	db_log(DB_LOG_NOTICE, "%s is right; it takes effect with the next start of the service",
-	       service->path);
+	db_log(&service->log, loop_now(service), DB_EVENT_CONFIG_RIGHT, NULL,
+	       "%s is right; it takes effect with the next start of the service", service->path);
 	return 0;
 }
 
@@ -232,6 +273,7 @@ static bool all_alive(struct service *service, db_time now)
 	for (size_t b = 0; b < service->config->bus_count; b++) {
 		struct seat *seat = &service->seats[b];
 		uint32_t beats = db_bus_heartbeat(seat->bus);
+		struct db_log_source log;
 
 		if (beats != seat->beats || seat->beaten == 0) {
 			seat->beats = beats;
@@ -239,7 +281,9 @@ static bool all_alive(struct service *service, db_time now)
 		}
 		if (now - seat->beaten <= service->watchdog / 2)
 			continue;
-		db_log(DB_LOG_ERROR, "bus %s: its thread hangs", service->config->buses[b].name);
+		log = log_of(service, b);
+		db_log(&log, now, DB_EVENT_THREAD_HANGS, NULL,
+		       "its thread hangs; systemd will start the service again");
 		alive = false;
 	}
 	return alive;
@@ -306,7 +350,7 @@ static int make_buses(struct service *service)
 			if (config->drives[d].bus == b)
 				axes[count++] = service->axes[d];
 		}
-		error = db_bus_new(config, b, axes, &service->buses[b]);
+		error = db_bus_new(config, b, axes, service->log.log, &service->buses[b]);
 		free(axes);
 		if (error != 0)
 			return error;
@@ -388,13 +432,15 @@ static int listen_for_clients(struct service *service)
 {
 	const struct db_modbus_config *modbus = &service->config->modbus;
 	int error = db_server_new(service->loop, modbus, &db_registers_backend, service->registers,
-	                          &service->server);
+	                          &service->log, &service->server);
 
 	if (error != 0) {
-		db_log(DB_LOG_ERROR, "cannot listen on %s: %s", modbus->listen, strerror(-error));
+		db_log(&service->log, loop_now(service), DB_EVENT_FAILED, NULL,
+		       "cannot listen on %s: %s; does another program use this port?",
+		       modbus->listen, strerror(-error));
 		return error;
 	}
-	db_log(DB_LOG_NOTICE, "listening on %.*s:%u",
+	db_log(&service->log, loop_now(service), DB_EVENT_LISTENING, NULL, "listening on %.*s:%u",
 	       (int)(strrchr(modbus->listen, ':') - modbus->listen), modbus->listen,
 	       (unsigned)db_server_port(service->server));
 	return 0;
@@ -447,34 +493,55 @@ static void tear_down(struct service *service)
 }
 
 /* A page that has to be fetched from a disk first makes a cycle late. */
-static void lock_memory(void)
+static void lock_memory(const struct db_log_source *log)
 {
 	if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0 && errno != EPERM &&
 	    errno != ENOMEM)
-		db_log(DB_LOG_WARNING, "cannot lock memory: %s", strerror(errno));
+		db_log(log, monotonic_now(), DB_EVENT_MEMORY_UNLOCKED, NULL,
+		       "cannot lock memory: %s; a cycle may be late when memory is short",
+		       strerror(errno));
+}
+
+static int serve(struct service *service)
+{
+	int error;
+
+	lock_memory(&service->log);
+	if (service->config->drive_count == 0)
+		db_log(&service->log, monotonic_now(), DB_EVENT_NO_DRIVES, NULL,
+		       "no drive is configured yet: describe the buses and drives in %s, see "
+		       "drivebridge.conf(5), check it with drivebridged --check and restart",
+		       service->path);
+	error = set_up(service);
+	if (error >= 0) {
+		sd_notify(0, "READY=1");
+		error = sd_event_loop(service->loop);
+		sd_notify(0, "STOPPING=1");
+	}
+	if (error < 0)
+		db_log(&service->log, monotonic_now(), DB_EVENT_FAILED, NULL, "cannot go on: %s",
+		       strerror(-error));
+	tear_down(service);
+	return error < 0 ? EXIT_FAILURE : EXIT_SUCCESS;
 }
 
 static int run(struct db_config *config, const char *path)
 {
-	struct service service = { .config = config, .path = path };
-	int error;
+	struct service service = {
+		.config = config,
+		.path = path,
+		.log.level = config->modbus.log,
+	};
+	int error = db_log_new(&service.log.log);
+	int status;
 
-	lock_memory();
-	if (config->drive_count == 0)
-		db_log(DB_LOG_NOTICE,
-		       "no drive is configured yet: describe the buses and drives in %s, see "
-		       "drivebridge.conf(5), check it with drivebridged --check and restart",
-		       path);
-	error = set_up(&service);
-	if (error >= 0) {
-		sd_notify(0, "READY=1");
-		error = sd_event_loop(service.loop);
-		sd_notify(0, "STOPPING=1");
+	if (error != 0) {
+		fprintf(stderr, "cannot make the log: %s\n", strerror(-error));
+		return EXIT_FAILURE;
 	}
-	if (error < 0)
-		db_log(DB_LOG_ERROR, "cannot go on: %s", strerror(-error));
-	tear_down(&service);
-	return error < 0 ? EXIT_FAILURE : EXIT_SUCCESS;
+	status = serve(&service);
+	db_log_free(service.log.log);
+	return status;
 }
 
 /* Before any thread starts: signals are the loop's. */

@@ -8,6 +8,7 @@
 #include "drivebridge/axis.h"
 #include "drivebridge/command.h"
 #include "drivebridge/config.h"
+#include "drivebridge/log.h"
 #include "drivebridge/transport.h"
 
 struct db_bus;
@@ -38,10 +39,10 @@ struct db_bus_stats {
 
 /*
  * axes[i] belongs to the i-th of the bus's drives (in the configuration's order) and must outlive
- * the bus. 0 or a negative errno.
+ * the bus, as must the log (null: none). 0 or a negative errno.
  */
 int db_bus_new(const struct db_config *config, size_t bus_index, struct db_axis *const *axes,
-               struct db_bus **bus);
+               struct db_log *log, struct db_bus **bus);
 
 /* Starts and ends the thread. Ending first carries out each drive's on_exit, bounded in time. */
 int db_bus_start(struct db_bus *bus);

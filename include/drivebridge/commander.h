@@ -154,8 +154,9 @@ void db_commander_complete(struct db_commander *commander, const struct db_compl
 
 /* When db_commander_expire() is due; DB_TIME_NEVER. */
 db_time db_commander_next_deadline(const struct db_commander *commander);
-/* Answers the writers whose time is up (their requests stay pending) and runs the watchdog. */
-void db_commander_expire(struct db_commander *commander, db_time now);
+/* Answers the writers whose time is up (their requests stay pending) and runs the watchdog. Whether
+ * that tripped now. */
+bool db_commander_expire(struct db_commander *commander, db_time now);
 
 /* age 0 is the newest; null: there are not so many. Valid until the next call. */
 const struct db_history_entry *db_commander_history(const struct db_commander *commander,

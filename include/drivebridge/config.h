@@ -7,6 +7,8 @@
 #ifndef DRIVEBRIDGE_CONFIG_H
 #define DRIVEBRIDGE_CONFIG_H
 
+#include "drivebridge/log.h"
+
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -55,6 +57,7 @@ struct db_modbus_config {
 	unsigned max_requests_per_second; /* of one address, 0 = no limit (default) */
 	enum db_control_mode control;     /* default off */
 	unsigned control_timeout_ms;      /* control-timeout-ms, 100..600000, default 5000 */
+	enum db_log_level log;            /* default info */
 };
 
 struct db_bus_config {
@@ -78,7 +81,8 @@ struct db_bus_config {
 	unsigned queue;  /* queue, 1..256, default 32: commands that may wait */
 	unsigned
 		save_interval_s; /* save-interval-s, 0..3600, default 10: shortest time between two save_parameters of a drive */
-	unsigned priority; /* priority, 0 (default, SCHED_OTHER) or 1..99 (SCHED_FIFO) */
+	unsigned priority;     /* priority, 0 (default, SCHED_OTHER) or 1..99 (SCHED_FIFO) */
+	enum db_log_level log; /* default info */
 	double options[DB_OPTIONS_MAX]; /* of the driver's list; those of drives are left NAN */
 };
 

@@ -1,10 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Messages for people, a line each, on standard error. Under systemd each line carries the "<N>"
- * prefix that gives it its level in the journal; on a terminal it carries none. Any thread.
+ * Messages for people: a line for each event, which names bus and drive, says what happened and what
+ * to check. They go to the journal with fields to filter by when standard error is the journal, else
+ * to standard error as text.
+ *
+ * Nothing here ever makes the caller wait for whoever reads the log: a line is put into a bounded
+ * queue, and a thread of the log's own writes it. What finds no room is counted, and the count told.
+ * What repeats is told a few times and then by its count, at most once a minute.
  */
 #ifndef DRIVEBRIDGE_LOG_H
 #define DRIVEBRIDGE_LOG_H
+
+#include "drivebridge/time.h"
 
 /* Values are syslog's. */
 enum db_log_level {
@@ -14,6 +21,75 @@ enum db_log_level {
 	DB_LOG_INFO = 6,
 };
 
-__attribute__((format(printf, 2, 3))) void db_log(enum db_log_level level, const char *format, ...);
+/* What can happen. Level, name and how often it is told: src/log/event.c. */
+enum db_event {
+	/* the service */
+	DB_EVENT_LISTENING,
+	DB_EVENT_NO_DRIVES,
+	DB_EVENT_FAILED, /* it cannot go on */
+	DB_EVENT_CONFIG_RIGHT,
+	DB_EVENT_CONFIG_WRONG,
+	DB_EVENT_MEMORY_UNLOCKED,
+	DB_EVENT_THREAD_HANGS,
+	DB_EVENT_LOG_LOST,
+	/* its clients */
+	DB_EVENT_CLIENT_CONNECTED,
+	DB_EVENT_CLIENT_GONE,
+	DB_EVENT_CLIENT_REFUSED,
+	DB_EVENT_WATCHDOG_TRIPPED,
+	/* a bus */
+	DB_EVENT_BUS_UP,
+	DB_EVENT_BUS_BITRATE,
+	DB_EVENT_BUS_LOST, /* the port cannot be opened, or is gone */
+	DB_EVENT_BUS_OFF,  /* it is open and carries nothing */
+	DB_EVENT_BUS_SLOW,
+	DB_EVENT_PRIORITY_REFUSED,
+	/* a drive */
+	DB_EVENT_DRIVE_ONLINE,
+	DB_EVENT_DRIVE_LOST,
+	DB_EVENT_DRIVE_FAULT,
+	DB_EVENT_DRIVE_FAULT_GONE,
+	DB_EVENT_DRIVE_WARNING,
+	DB_EVENT_DRIVE_RESTARTED,
+	DB_EVENT_COUNT
+};
+
+struct db_log;
+
+/*
+ * Lines go to the journal or to standard error, whichever this process has. One log per process is
+ * enough; it must outlive everything that has a source of it. 0 or a negative errno.
+ */
+int db_log_new(struct db_log **log);
+/* Writes what is left, for a second at most; for the end of the process. Null is fine. */
+void db_log_free(struct db_log *log);
+
+/* Who speaks: one bus, or the network side when `bus` is null. Copied around freely. */
+struct db_log_source {
+	struct db_log *log; /* null: nobody listens */
+	const char *bus;
+	enum db_log_level level; /* less important ones are left out */
+};
+
+/* Whom a line is about, beside its source's bus. */
+struct db_log_about {
+	const char *drive;  /* null: none */
+	unsigned unit;      /* the drive's Modbus unit; 0: none */
+	const char *client; /* its address; null: none */
+};
+
+/*
+ * Any thread; does not wait, allocate or call the system beside waking the log's thread. `about` may
+ * be null. The line begins with "bus NAME: ", "drive NAME: " and "client ADDRESS: " as far as they
+ * are given; texts are copied. `now` is of CLOCK_MONOTONIC.
+ */
+__attribute__((format(printf, 5, 6))) void db_log(const struct db_log_source *source, db_time now,
+                                                  enum db_event event,
+                                                  const struct db_log_about *about,
+                                                  const char *format, ...);
+
+/* For the documents and the configuration. */
+const char *db_event_name(enum db_event event); /* "drive-lost" ... */
+enum db_log_level db_event_level(enum db_event event);
 
 #endif

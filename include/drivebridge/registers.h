@@ -29,6 +29,9 @@ struct db_registers_ops {
 	void (*refused)(void *context, const struct db_client *client, enum db_refusal kind);
 	/* A client came or went. May be null. */
 	void (*client)(void *context, const struct db_client *client, bool connected);
+	/* The watchdog stops a drive (index in the configuration). `last` had fed it last, and may
+	 * have gone since; its id is 0 when nobody had. May be null. */
+	void (*tripped)(void *context, size_t drive, const struct db_client *last);
 };
 
 /*

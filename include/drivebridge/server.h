@@ -7,6 +7,7 @@
 #define DRIVEBRIDGE_SERVER_H
 
 #include "drivebridge/config.h"
+#include "drivebridge/log.h"
 #include "drivebridge/time.h"
 
 #include <stdbool.h>
@@ -114,11 +115,13 @@ struct db_server_client {
 };
 
 /*
- * Listens and serves on the loop's thread. The configuration and backend must outlive the server.
+ * Listens and serves on the loop's thread. The configuration and backend must outlive the server,
+ * as must the log behind the source, which is copied.
  * 0, or a negative errno (EADDRINUSE, EACCES, EINVAL for an address that cannot be read ...).
  */
 int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
-                  const struct db_backend *backend, void *context, struct db_server **result);
+                  const struct db_backend *backend, void *context, const struct db_log_source *log,
+                  struct db_server **result);
 
 /* Closes every connection; pending tokens become void. */
 void db_server_free(struct db_server *server);

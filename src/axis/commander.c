@@ -810,13 +810,16 @@ void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_
 	db_watchdog_set(&commander->watchdog, timeout_ms, now);
 }
 
-void db_commander_expire(struct db_commander *commander, db_time now)
+bool db_commander_expire(struct db_commander *commander, db_time now)
 {
-	if (db_watchdog_trip(&commander->watchdog, now) || commander->react_at <= now)
+	bool tripped = db_watchdog_trip(&commander->watchdog, now);
+
+	if (tripped || commander->react_at <= now)
 		react(commander, now);
 	look_at_motion(commander, now);
 	for (size_t i = 0; i < SLOTS && commander->waiting > 0; i++)
 		expire_slot(commander, &commander->slots[i], now);
+	return tripped;
 }
 
 const struct db_history_entry *db_commander_history(const struct db_commander *commander,

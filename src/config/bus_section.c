@@ -248,5 +248,6 @@ void db_load_bus(struct db_load *load, unsigned index, struct db_bus_config *bus
 	bus->queue = db_section_number(&section, "queue");
 	bus->save_interval_s = db_section_number(&section, "save-interval-s");
 	bus->priority = db_section_number(&section, "priority");
+	bus->log = (enum db_log_level)(DB_LOG_ERROR + db_section_word(&section, "log"));
 	db_section_options(&section, bus->driver, bus->options);
 }

@@ -30,6 +30,13 @@ static void put_word(FILE *out, const char *section, const char *key, unsigned p
 	put_nth(out, db_config_key_find(section, key)->words, position);
 }
 
+static void put_log(FILE *out, const char *section, enum db_log_level level)
+{
+	fprintf(out, "  %-14s", "log");
+	put_word(out, section, "log", (unsigned)level - DB_LOG_ERROR);
+	fprintf(out, "\n");
+}
+
 static void put_networks(FILE *out, const char *what, const struct db_network *networks,
                          size_t count)
 {
@@ -94,6 +101,7 @@ static void describe_modbus(const struct db_modbus_config *modbus, FILE *out)
 	put_word(out, "modbus", "stale", modbus->stale_values);
 	fprintf(out, "\n");
 	describe_access(modbus, out);
+	put_log(out, "modbus", modbus->log);
 	fprintf(out, "  %-14sunfinished frame %u ms, idle ", "timeouts", modbus->frame_timeout_ms);
 	if (modbus->idle_timeout_s > 0)
 		fprintf(out, "%u s, keepalive ", modbus->idle_timeout_s);
@@ -242,6 +250,7 @@ static void describe_bus(const struct db_config *config, size_t index, FILE *out
 		fprintf(out, "real-time priority %u\n", bus->priority);
 	else
 		fprintf(out, "no real-time priority\n");
+	put_log(out, "bus", bus->log);
 	if (put_options(out, "bus", bus->driver, bus->options, "  options       "))
 		fprintf(out, "\n");
 	for (size_t i = 0; i < config->drive_count; i++) {

@@ -21,6 +21,9 @@
 	.section = "drive", .name = n, .kind = DB_KEY_REAL, .preset = "", .min = low, .max = 1e12, \
 	.unit = "", .words = "", .description = d
 
+/* From DB_LOG_ERROR on. */
+#define LOG_LEVELS "error warning notice info"
+
 /* clang-format off */
 static const struct db_config_key KEYS[] = {
 	{ OTHER(DB_KEY_LISTEN, "modbus", "listen", "127.0.0.1:502", 0, 0,
@@ -63,6 +66,8 @@ static const struct db_config_key KEYS[] = {
 	       "read and stop it; see the register control_request") },
 	{ NUMBER("modbus", "control-timeout-ms", "5000", 100, 600000, "ms",
 	         "Longest silence towards a drive before the client that has control of it loses it") },
+	{ WORD("modbus", "log", "info", LOG_LEVELS,
+	       "What the log tells of clients and the network: that and all that is graver") },
 
 	{ OTHER(DB_KEY_PROTOCOL, "bus", "protocol", NULL, 0, 0,
 	        "Family of the drives on this bus") },
@@ -102,6 +107,8 @@ static const struct db_config_key KEYS[] = {
 	         "Shortest time between two save_parameters of one drive, because they wear its memory") },
 	{ NUMBER("bus", "priority", "0", 0, 99, "",
 	         "Real-time priority (SCHED_FIFO) of the bus's thread; 0 means none") },
+	{ WORD("bus", "log", "info", LOG_LEVELS,
+	       "What the log tells of this bus and its drives: that and all that is graver") },
 
 	{ OTHER(DB_KEY_BUS, "drive", "bus", NULL, 0, 0,
 	        "Name of the bus the drive is connected to") },

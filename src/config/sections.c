@@ -57,6 +57,7 @@ static void read_modbus(struct db_load *load)
 	modbus->max_requests_per_second = db_section_number(&section, "max-requests-per-second");
 	modbus->control = (enum db_control_mode)db_section_word(&section, "control");
 	modbus->control_timeout_ms = db_section_number(&section, "control-timeout-ms");
+	modbus->log = (enum db_log_level)(DB_LOG_ERROR + db_section_word(&section, "log"));
 }
 
 bool db_load_sections(struct db_load *load)

@@ -225,6 +225,7 @@ static void feed(struct view_drive *drive, const struct db_client *client)
 		return;
 	db_control_hear(&drive->control, client, now);
 	db_commander_feed(drive->commander, now);
+	drive->fed_by = *client;
 }
 
 static uint8_t backend_read(void *context, const struct db_client *client, uint8_t unit,
@@ -392,8 +393,12 @@ db_time db_registers_next_deadline(const struct db_registers *registers)
 
 void db_registers_expire(struct db_registers *registers, db_time now)
 {
-	for (size_t i = 0; i < registers->drive_count; i++)
-		db_commander_expire(registers->drives[i].commander, now);
+	for (size_t i = 0; i < registers->drive_count; i++) {
+		const struct view_drive *drive = &registers->drives[i];
+
+		if (db_commander_expire(drive->commander, now) && registers->ops->tripped)
+			registers->ops->tripped(registers->context, i, &drive->fed_by);
+	}
 }
 
 /* --- making ------------------------------------------------------------------------------------------ */

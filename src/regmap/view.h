@@ -27,6 +27,7 @@ struct view_drive {
 	struct db_axis *axis;
 	struct db_commander *commander;
 	struct db_control control;
+	struct db_client fed_by;  /* who fed the watchdog last; id 0: nobody */
 	uint32_t group_ticket;    /* its part of the group command under way; 0 */
 	struct vsmd_view *vendor; /* null: it has no unit with the vendor's layout */
 	uint32_t capabilities;

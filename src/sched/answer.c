@@ -11,12 +11,6 @@
 
 /* --- drives coming and going ----------------------------------------------------------------------- */
 
-static void tell_presence(struct db_engine *engine, struct node *node, bool online)
-{
-	for (struct station *s = node->first; s && engine->ops->presence; s = s->next_axis)
-		engine->ops->presence(engine->context, s->config, online);
-}
-
 static void come_online(struct db_engine *engine, struct node *node)
 {
 	node->in_step = true;
@@ -32,7 +26,6 @@ static void come_online(struct db_engine *engine, struct node *node)
 		s->snapshot.stats.came_online++;
 		engine->stats.online++;
 	}
-	tell_presence(engine, node, true);
 }
 
 static void lose_station(struct db_engine *engine, struct station *station, enum db_result result,
@@ -64,7 +57,6 @@ void engine_go_offline(struct db_engine *engine, struct node *node, enum db_resu
 	node->probe_at = now + node->probe_backoff;
 	for (struct station *s = node->first; s; s = s->next_axis)
 		engine_publish(engine, s);
-	tell_presence(engine, node, false);
 }
 
 /* --- answers --------------------------------------------------------------------------------------- */
@@ -298,8 +290,12 @@ static void probe_lost(struct db_engine *engine, struct node *node, db_time cost
 	engine->probes_from = now + cost * (PROBE_SHARE - 1);
 	node->probe_at = now + node->probe_backoff;
 	node->probe_backoff *= 2;
-	if (node->probe_backoff > PROBE_BACKOFF_MAX)
-		node->probe_backoff = PROBE_BACKOFF_MAX;
+	if (node->probe_backoff <= PROBE_BACKOFF_MAX)
+		return;
+	/* It was looked for several times: one that was never there is to be told of, too. */
+	node->probe_backoff = PROBE_BACKOFF_MAX;
+	for (struct station *s = node->first; s; s = s->next_axis)
+		engine_tell_missing(engine, s);
 }
 
 static void identify_lost(struct station *station, db_time now)

@@ -4,11 +4,11 @@
  * thread posts a letter, or the engine wants to be called.
  */
 #include "drivebridge/bus.h"
-#include "drivebridge/log.h"
 
 #include "axis/seqlock.h"
 #include "codec/can.h"
 #include "sched/engine.h"
+#include "sched/report.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -30,11 +30,16 @@
 /* A port that takes nothing for so long is as good as gone. */
 #define STUCK_TIME (1 * DB_NS_PER_S)
 
+/* So often the cycle is judged; it is too slow when more than one in so many overran. */
+#define JUDGE_INTERVAL (10 * DB_NS_PER_S)
+#define OVERRUN_SHARE 10
+
 /* Longest time the end of the service waits for drives to confirm their on_exit. */
 #define EXIT_TIME (1500 * DB_NS_PER_MS)
 
 struct db_bus {
 	const struct db_bus_config *config;
+	struct db_log_source log;
 	struct db_engine *engine;
 	struct db_mailbox *mailbox;
 	int wake_fd;       /* network to bus: letters, or the end */
@@ -53,7 +58,9 @@ struct db_bus {
 	int port_error; /* the open port failed with it */
 	uint8_t unsent[2 * DB_REQUEST_MAX];
 	size_t unsent_length;
-	db_time unsent_since; /* when the port last took something */
+	db_time unsent_since;       /* when the port last took something */
+	struct db_bus_stats judged; /* as they were at the last judgement of the cycle */
+	db_time judge_at;           /* the next one; 0 before the first */
 
 	atomic_uint stats_sequence;
 	db_seqlock_word stats_words[DB_SEQLOCK_WORDS(struct db_bus_stats)];
@@ -111,23 +118,17 @@ static void send_bytes(void *context, const uint8_t *bytes, size_t length)
 	db_engine_hold(bus->engine, true, now);
 }
 
-static void log_presence(void *context, const struct db_drive_config *drive, bool online)
+static void tell_drive(void *context, const struct db_drive_config *drive, enum db_event event,
+                       const struct db_feedback *feedback)
 {
 	const struct db_bus *bus = context;
 
-	if (online)
-		db_log(DB_LOG_NOTICE, "bus %s: drive %s (address %u) answers", bus->config->name,
-		       drive->name, drive->address);
-	else
-		db_log(DB_LOG_WARNING,
-		       "bus %s: drive %s (address %u) does not answer any more; check its power, "
-		       "wiring and address",
-		       bus->config->name, drive->name, drive->address);
+	report_drive(&bus->log, drive, event, feedback, now_ns());
 }
 
 static const struct db_engine_ops engine_ops = {
 	.send = send_bytes,
-	.presence = log_presence,
+	.tell = tell_drive,
 };
 
 /* --- the port ------------------------------------------------------------------------------------- */
@@ -144,44 +145,17 @@ static const struct db_port_health *health_of(const struct db_bus *bus)
 	return bus->port && bus->transport->health ? bus->transport->health(bus->port) : &fine;
 }
 
-/* What a person should look at, for errors that ports are lost or cannot be opened with. */
-static const char *advice_for(int error)
-{
-	switch (error) {
-	case ENOENT:
-	case ENODEV:
-	case ENXIO:
-		return "; is it plugged in, and is its name right?";
-	case EACCES:
-	case EPERM:
-		return "; may this user open it (group dialout)?";
-	case EBUSY:
-		return "; another program uses it";
-	case EAFNOSUPPORT:
-		return "; this kernel has no CAN";
-	case ETIMEDOUT:
-		return "; the adapter does not answer: does it speak SLCAN, and is baud right?";
-	case EPROTO:
-		return "; the adapter refuses to open the bus";
-	case ENETDOWN:
-		return "; the interface is down: set it up with its bit rate (systemd-networkd)";
-	case ENOBUFS:
-		return "; nobody on the bus acknowledges: check wiring, termination, bit rate and the drives' power";
-	default:
-		return "";
-	}
-}
-
 static void bring_up(struct db_bus *bus, db_time now)
 {
 	unsigned bitrate = health_of(bus)->bitrate;
 
 	bus->line_up = true;
-	db_log(DB_LOG_NOTICE, "bus %s: %s is up", bus->config->name, place_of(bus->config));
+	db_log(&bus->log, now, DB_EVENT_BUS_UP, NULL, "%s is up", place_of(bus->config));
 	if (bitrate != 0 && bitrate != bus->config->bitrate)
-		db_log(DB_LOG_WARNING,
-		       "bus %s: %s runs at %u bit/s, but the configuration says bitrate = %u",
-		       bus->config->name, place_of(bus->config), bitrate, bus->config->bitrate);
+		db_log(&bus->log, now, DB_EVENT_BUS_BITRATE, NULL,
+		       "%s runs at %u bit/s, but the configuration says bitrate = %u; set both to "
+		       "that of the drives",
+		       place_of(bus->config), bitrate, bus->config->bitrate);
 	bus->open_error = 0;
 	db_engine_set_wall_offset(bus->engine, wall_offset_us());
 	db_engine_port(bus->engine, true, 0, now);
@@ -207,9 +181,9 @@ static void open_port(struct db_bus *bus, db_time now)
 	bus->reopen_at = now + REOPEN_INTERVAL;
 	db_engine_port(bus->engine, false, -error, now);
 	if (-error != bus->open_error)
-		db_log(DB_LOG_ERROR, "bus %s: cannot open %s: %s%s; trying again",
-		       bus->config->name, place_of(bus->config), strerror(-error),
-		       advice_for(-error));
+		db_log(&bus->log, now, DB_EVENT_BUS_LOST, NULL,
+		       "cannot open %s: %s%s; trying again", place_of(bus->config),
+		       strerror(-error), report_advice_for_port(-error));
 	bus->open_error = -error;
 }
 
@@ -218,9 +192,9 @@ static void lose_port(struct db_bus *bus, db_time now)
 	int error = bus->port_error;
 
 	if (error != bus->open_error)
-		db_log(DB_LOG_ERROR, "bus %s: lost %s: %s%s; waiting for it to come back",
-		       bus->config->name, place_of(bus->config), strerror(error),
-		       advice_for(error));
+		db_log(&bus->log, now, DB_EVENT_BUS_LOST, NULL,
+		       "lost %s: %s%s; waiting for it to come back", place_of(bus->config),
+		       strerror(error), report_advice_for_port(error));
 	bus->transport->close(bus->port);
 	bus->port = NULL;
 	bus->port_error = 0;
@@ -240,7 +214,7 @@ static void follow_health(struct db_bus *bus, db_time now)
 		bring_up(bus, now);
 		return;
 	}
-	db_log(DB_LOG_ERROR, "bus %s: %s: %s", bus->config->name, place_of(bus->config),
+	db_log(&bus->log, now, DB_EVENT_BUS_OFF, NULL, "%s: %s", place_of(bus->config),
 	       health->error == ENETRESET ?
 	               "bus off, too many errors on the wire; check wiring, termination and bit rate" :
 	               strerror(health->error));
@@ -285,13 +259,33 @@ static void write_rest(struct db_bus *bus, db_time now)
 
 /* --- the thread ----------------------------------------------------------------------------------- */
 
-static void publish_stats(struct db_bus *bus)
+/* Cycles that overrun now and then are no news (the figures count them); many of them are. */
+static void watch_cycle(struct db_bus *bus, const struct db_bus_stats *stats, db_time now)
+{
+	uint32_t cycles = stats->cycles - bus->judged.cycles;
+	uint32_t overruns = stats->overruns - bus->judged.overruns;
+
+	if (now < bus->judge_at)
+		return;
+	if (bus->judge_at != 0 && overruns > cycles / OVERRUN_SHARE)
+		db_log(&bus->log, now, DB_EVENT_BUS_SLOW, NULL,
+		       "%u times in %u s the drives could not all be read within cycle-ms = %u "
+		       "(the last round took %u ms); raise cycle-ms or baud, or look for drives "
+		       "that answer slowly or not at all",
+		       (unsigned)overruns, (unsigned)(JUDGE_INTERVAL / DB_NS_PER_S),
+		       bus->config->cycle_ms, (unsigned)(stats->cycle_us / 1000));
+	bus->judged = *stats;
+	bus->judge_at = now + JUDGE_INTERVAL;
+}
+
+static void publish_stats(struct db_bus *bus, db_time now)
 {
 	struct db_bus_stats stats;
 
 	db_engine_stats(bus->engine, &stats);
 	stats.port = *health_of(bus);
 	db_seqlock_write(&bus->stats_sequence, bus->stats_words, &stats, sizeof stats);
+	watch_cycle(bus, &stats, now);
 }
 
 /* What poll() said about the port. */
@@ -367,7 +361,7 @@ static db_time turn(struct db_bus *bus)
 		lose_port(bus, now);
 		port_next = bus->reopen_at;
 	}
-	publish_stats(bus);
+	publish_stats(bus, now);
 	return port_next < next ? port_next : next;
 }
 
@@ -387,9 +381,9 @@ static void set_priority(const struct db_bus *bus)
 		return;
 	error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &param);
 	if (error != 0)
-		db_log(DB_LOG_WARNING,
-		       "bus %s: cannot run at real-time priority %u: %s; check LimitRTPRIO",
-		       bus->config->name, bus->config->priority, strerror(error));
+		db_log(&bus->log, now_ns(), DB_EVENT_PRIORITY_REFUSED, NULL,
+		       "cannot run at real-time priority %u: %s; check LimitRTPRIO",
+		       bus->config->priority, strerror(error));
 }
 
 static void *run(void *context)
@@ -443,7 +437,7 @@ static const struct db_drive_config **drives_of(const struct db_config *config, 
 }
 
 int db_bus_new(const struct db_config *config, size_t bus_index, struct db_axis *const *axes,
-               struct db_bus **bus)
+               struct db_log *log, struct db_bus **bus)
 {
 	const struct db_drive_config **drives = NULL;
 	struct db_bus *made = calloc(1, sizeof *made);
@@ -453,6 +447,11 @@ int db_bus_new(const struct db_config *config, size_t bus_index, struct db_axis 
 	if (!made)
 		return -ENOMEM;
 	made->config = &config->buses[bus_index];
+	made->log = (struct db_log_source){
+		.log = log,
+		.bus = made->config->name,
+		.level = made->config->log,
+	};
 	made->transport = made->config->transport;
 	made->wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
 	made->completion_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
@@ -471,7 +470,7 @@ int db_bus_new(const struct db_config *config, size_t bus_index, struct db_axis 
 	if (error != 0)
 		goto fail;
 	free(drives);
-	publish_stats(made);
+	publish_stats(made, 0);
 	*bus = made;
 	return 0;
 fail:

@@ -78,9 +78,68 @@ void db_engine_set_wall_offset(struct db_engine *engine, int64_t wall_offset_us)
 	engine->wall_offset_us = wall_offset_us;
 }
 
+/* --- what is told of drives ------------------------------------------------------------------------ */
+
+static void tell(struct db_engine *engine, const struct station *station, enum db_event event)
+{
+	if (engine->ops->tell)
+		engine->ops->tell(engine->context, station->config, event,
+		                  &station->snapshot.feedback);
+}
+
+void engine_tell_missing(struct db_engine *engine, struct station *station)
+{
+	if (station->told.missing)
+		return;
+	station->told.missing = true;
+	tell(engine, station, DB_EVENT_DRIVE_LOST);
+}
+
+static void tell_presence(struct db_engine *engine, struct station *station, bool online)
+{
+	station->told.online = online;
+	station->told.error = DB_ERROR_NONE;
+	if (online) {
+		station->told.missing = false;
+		tell(engine, station, DB_EVENT_DRIVE_ONLINE);
+	} else if (engine->stats.up) {
+		/* Without a bus no drive answers: that was told of the bus. */
+		engine_tell_missing(engine, station);
+	}
+}
+
+/* Bits that were not set when the drive was last spoken of. */
+static bool rose(const struct station *station, uint32_t bit)
+{
+	return station->snapshot.feedback.status & ~station->told.status & bit;
+}
+
+static void tell_changes(struct db_engine *engine, struct station *station)
+{
+	const struct db_feedback *feedback = &station->snapshot.feedback;
+	bool online = feedback->status & DB_STATUS_ONLINE;
+
+	if (online != station->told.online)
+		tell_presence(engine, station, online);
+	if (!online)
+		return;
+	if (feedback->error != station->told.error)
+		tell(engine, station,
+		     feedback->error != DB_ERROR_NONE ? DB_EVENT_DRIVE_FAULT :
+		                                        DB_EVENT_DRIVE_FAULT_GONE);
+	if (rose(station, DB_STATUS_WARNING) && feedback->error == DB_ERROR_NONE)
+		tell(engine, station, DB_EVENT_DRIVE_WARNING);
+	/* Disabling some drives loses the origin as well, but not what was read of their parameters. */
+	if (rose(station, DB_STATUS_ORIGIN_LOST) && !(feedback->status & DB_STATUS_PARAMS_VALID))
+		tell(engine, station, DB_EVENT_DRIVE_RESTARTED);
+	station->told.error = feedback->error;
+	station->told.status = feedback->status;
+}
+
 void engine_publish(struct db_engine *engine, struct station *station)
 {
 	station_publish(station, engine->driver, engine->stats.up, engine->wall_offset_us);
+	tell_changes(engine, station);
 }
 
 /* --- the port -------------------------------------------------------------------------------------- */

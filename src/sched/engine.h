@@ -15,6 +15,7 @@
 
 #include "drivebridge/bus.h"
 #include "drivebridge/driver.h"
+#include "drivebridge/log.h"
 #include "sched/mailbox.h"
 
 struct db_engine;
@@ -22,8 +23,9 @@ struct db_engine;
 struct db_engine_ops {
 	/* Puts bytes on the wire. The engine expects them to start at once. */
 	void (*send)(void *context, const uint8_t *bytes, size_t length);
-	/* A drive came or went, for the log. May be null. */
-	void (*presence)(void *context, const struct db_drive_config *drive, bool online);
+	/* Something happened to a drive, for the log; it is seen once. May be null. */
+	void (*tell)(void *context, const struct db_drive_config *drive, enum db_event event,
+	             const struct db_feedback *feedback);
 };
 
 /*

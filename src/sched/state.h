@@ -61,7 +61,10 @@ static inline bool is_flying(const struct node *node)
 }
 
 /* engine.c */
+/* Shows what the driver knows, and tells what is new in it. */
 void engine_publish(struct db_engine *engine, struct station *station);
+/* Tells that a drive does not answer, unless that was told since it last did. */
+void engine_tell_missing(struct db_engine *engine, struct station *station);
 /* Ends what waits for a drive that cannot do it now. */
 void engine_finish_waiting(struct db_engine *engine, const struct station *station,
                            enum db_result result, db_time now);

@@ -71,6 +71,14 @@ struct node {
 	db_time probe_backoff;
 };
 
+/* What was said of a drive last, so that only changes are. */
+struct told {
+	bool online;
+	bool missing; /* it was told that it does not answer */
+	uint16_t error;
+	uint32_t status;
+};
+
 struct station {
 	struct node *node;
 	struct station *next_axis; /* at the same address */
@@ -78,6 +86,7 @@ struct station {
 	struct db_axis *axis;
 	struct db_device *device;
 	struct db_snapshot snapshot;
+	struct told told;
 	struct lane lanes[LANE_COUNT];
 	uint8_t short_requests[LANE_COUNT][DB_SHORT_REQUEST];
 	uint8_t front_request[DB_REQUEST_MAX];

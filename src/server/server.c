@@ -6,7 +6,6 @@
  */
 #include "drivebridge/server.h"
 
-#include "drivebridge/log.h"
 #include "server/acl.h"
 #include "server/connection.h"
 #include "server/listener.h"
@@ -30,6 +29,7 @@
 struct db_server {
 	struct db_connection_group group;
 	sd_event *loop;
+	struct db_log_source log;
 	sd_event_source *io, *timer;
 	int listener;
 	uint32_t last_id;
@@ -77,10 +77,17 @@ static void announce(const struct db_server *server, const struct db_connection 
                      bool connected)
 {
 	const struct db_executor *executor = &server->group.executor;
+	const struct db_client *client = db_connection_client(connection);
+	char text[DB_CLIENT_ADDRESS_MAX];
+	struct db_log_about about = { .client = text };
 
+	db_client_address(client->address, text);
+	db_log(&server->log, loop_time(server),
+	       connected ? DB_EVENT_CLIENT_CONNECTED : DB_EVENT_CLIENT_GONE, &about,
+	       "%s (port %u, %s)", connected ? "connected" : "gone", (unsigned)client->port,
+	       client->may_write ? "may read and write" : "may only read");
 	if (executor->backend->client)
-		executor->backend->client(executor->context, db_connection_client(connection),
-		                          connected);
+		executor->backend->client(executor->context, client, connected);
 }
 
 static void drop(struct db_server *server, size_t index)
@@ -301,15 +308,17 @@ static void tell_refusal(void *context, const uint8_t address[16], enum db_refus
 		[DB_REFUSED_PACE] =
 			"request answered later: it sends more than max-requests-per-second",
 	};
+	const struct db_server *server = context;
 	char text[DB_CLIENT_ADDRESS_MAX];
+	struct db_log_about about = { .client = text };
+	db_time now = loop_time(server);
 
-	(void)context;
 	db_client_address(address, text);
 	if (count == 1)
-		db_log(DB_LOG_WARNING, "client %s: %s", text, what[kind]);
+		db_log(&server->log, now, DB_EVENT_CLIENT_REFUSED, &about, "%s", what[kind]);
 	else
-		db_log(DB_LOG_WARNING, "client %s: %" PRIu32 " times%s: %s", text, count,
-		       first ? "" : " more", what[kind]);
+		db_log(&server->log, now, DB_EVENT_CLIENT_REFUSED, &about,
+		       "%" PRIu32 " times%s: %s", count, first ? "" : " more", what[kind]);
 }
 
 static int open_sockets(struct db_server *server)
@@ -327,7 +336,8 @@ static int open_sockets(struct db_server *server)
 }
 
 int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
-                  const struct db_backend *backend, void *context, struct db_server **result)
+                  const struct db_backend *backend, void *context, const struct db_log_source *log,
+                  struct db_server **result)
 {
 	struct db_server *server;
 	int error;
@@ -340,11 +350,12 @@ int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
 	server->group.config = config;
 	server->group.executor = (struct db_executor){ backend, context };
 	server->loop = sd_event_ref(loop);
+	server->log = *log;
 	server->listener = -1;
 	server->group.epoll = -1;
 	server->armed = DB_TIME_NEVER;
 	server->accept_again = DB_TIME_NEVER;
-	server->group.peers = db_peers_new(config->max_clients, tell_refusal, NULL);
+	server->group.peers = db_peers_new(config->max_clients, tell_refusal, server);
 	error = server->group.peers ? open_sockets(server) : -ENOMEM;
 	if (error == 0)
 		error = sd_event_add_io(loop, &server->io, server->group.epoll, EPOLLIN, on_ready,

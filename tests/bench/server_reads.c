@@ -75,6 +75,7 @@ static void report(int pipe, uint16_t port)
 static _Noreturn void serve_ours(int pipe)
 {
 	static const struct db_backend backend = { .unit = any_unit, .read = copy_registers };
+	static const struct db_log_source quiet = { 0 };
 	static uint16_t registers[2000];
 	char listen_address[] = "127.0.0.1:0";
 	const struct db_modbus_config config = {
@@ -87,7 +88,7 @@ static _Noreturn void serve_ours(int pipe)
 	sd_event *loop;
 
 	if (sd_event_new(&loop) < 0 ||
-	    db_server_new(loop, &config, &backend, registers, &server) < 0)
+	    db_server_new(loop, &config, &backend, registers, &quiet, &server) < 0)
 		fail("server");
 	report(pipe, db_server_port(server));
 	(void)sd_event_loop(loop);

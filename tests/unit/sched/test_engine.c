@@ -43,6 +43,12 @@ struct world {
 	uint8_t late[VSMD_SERIAL_FRAME_MAX];
 	size_t late_length;
 	char log[4096]; /* every line sent since it was cleared */
+	struct {
+		enum db_event event;
+		unsigned address;
+		struct db_feedback feedback;
+	} told[32];
+	size_t told_count;
 };
 
 static void execute(struct drive *drive, const struct vsmd_command *command)
@@ -138,7 +144,18 @@ static void on_send(void *context, const uint8_t *bytes, size_t length)
 	world->answer_at = world->now + 2 * MS;
 }
 
-static const struct db_engine_ops ops = { .send = on_send };
+static void on_tell(void *context, const struct db_drive_config *drive, enum db_event event,
+                    const struct db_feedback *feedback)
+{
+	struct world *world = context;
+
+	assert_true(world->told_count < sizeof world->told / sizeof world->told[0]);
+	world->told[world->told_count].event = event;
+	world->told[world->told_count].address = drive->address;
+	world->told[world->told_count++].feedback = *feedback;
+}
+
+static const struct db_engine_ops ops = { .send = on_send, .tell = on_tell };
 
 static int setup(void **state)
 {
@@ -655,6 +672,117 @@ static void silent_drives_do_not_keep_a_stop_from_one_that_answers(void **state)
 	assert_true(count(world, "1 stp") > 3 && count(world, "2 stp") > 3);
 }
 
+/* --- what is told for the log ----------------------------------------------------------------------- */
+
+static void assert_told(struct world *world, enum db_event event, unsigned address)
+{
+	assert_int_equal(world->told_count, 1);
+	assert_string_equal(db_event_name(world->told[0].event), db_event_name(event));
+	assert_int_equal(world->told[0].address, address);
+	world->told_count = 0;
+}
+
+static void pass_seconds(struct world *world, unsigned seconds)
+{
+	for (unsigned i = 0; i < 4 * seconds; i++) {
+		pass(world, 250 * MS);
+		world->log[0] = '\0';
+	}
+}
+
+static void what_is_found_is_told_once(void **state)
+{
+	struct world *world = *state;
+
+	world->sim[1].status.status = VSMD_ST_PWR; /* somebody else has set it going */
+	world->sim[1].status.velocity = 1200;
+	world->sim[1].status.position = 77;
+	start(world);
+	pass(world, 500 * MS);
+	assert_int_equal(world->told_count, DRIVES);
+	for (size_t i = 0; i < DRIVES; i++) {
+		assert_int_equal(world->told[i].event, DB_EVENT_DRIVE_ONLINE);
+		if (world->told[i].address != 2)
+			continue;
+		assert_true(world->told[i].feedback.status & DB_STATUS_MOVING);
+		assert_true(world->told[i].feedback.status & DB_STATUS_ENABLED);
+		assert_int_equal(world->told[i].feedback.position, 77);
+		assert_int_equal(world->told[i].feedback.state, DB_AXIS_CONTINUOUS_MOTION);
+	}
+}
+
+static void drives_that_go_and_come_are_told(void **state)
+{
+	struct world *world = *state;
+
+	start(world);
+	world->told_count = 0;
+	world->sim[0].dead = true;
+	pass_seconds(world, 20);
+	assert_told(world, DB_EVENT_DRIVE_LOST, 1);
+	world->sim[0].dead = false;
+	pass_seconds(world, 3);
+	assert_told(world, DB_EVENT_DRIVE_ONLINE, 1);
+}
+
+static void a_drive_that_was_never_there_is_told_once(void **state)
+{
+	struct world *world = *state;
+
+	world->sim[2].dead = true;
+	db_engine_port(world->engine, true, 0, world->now);
+	pass(world, 500 * MS);
+	assert_int_equal(world->told_count, 2);
+	world->told_count = 0;
+	pass_seconds(world, 60);
+	assert_told(world, DB_EVENT_DRIVE_LOST, 3);
+}
+
+/* Of a lost port there is one line, the bus's; what is found behind it afterwards is told. */
+static void a_lost_port_is_not_told_of_each_drive(void **state)
+{
+	struct world *world = *state;
+
+	start(world);
+	world->told_count = 0;
+	db_engine_port(world->engine, false, 5, world->now);
+	pass(world, 1000 * MS);
+	assert_int_equal(world->told_count, 0);
+	db_engine_port(world->engine, true, 0, world->now);
+	pass(world, 1000 * MS);
+	assert_int_equal(world->told_count, DRIVES);
+}
+
+static void faults_are_told_when_they_come_and_go(void **state)
+{
+	struct world *world = *state;
+
+	start(world);
+	world->told_count = 0;
+	world->sim[1].status.status |= VSMD_ST_OVER_CURRENT;
+	pass(world, 1000 * MS);
+	assert_int_equal(world->told[0].feedback.error, DB_ERROR_OVER_CURRENT);
+	assert_told(world, DB_EVENT_DRIVE_FAULT, 2);
+	world->sim[1].status.status &= ~(uint32_t)VSMD_ST_OVER_CURRENT;
+	pass(world, 1000 * MS);
+	assert_told(world, DB_EVENT_DRIVE_FAULT_GONE, 2);
+}
+
+static void a_drive_that_lost_power_is_told(void **state)
+{
+	struct world *world = *state;
+
+	start(world);
+	world->told_count = 0;
+	world->sim[0].status.status = VSMD_ST_STP; /* no handshake any more */
+	pass(world, 1000 * MS);
+	assert_told(world, DB_EVENT_DRIVE_RESTARTED, 1);
+	/* That a disabled drive loses its origin as well is what was asked for. */
+	post(world, 1, DB_CMD_DISABLE, 0);
+	pass(world, 500 * MS);
+	assert_int_equal(world->told_count, 0);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -685,6 +813,12 @@ int main(void)
 		TEST(a_lost_port_ends_everything_and_comes_back),
 		TEST(a_drive_that_lost_power_is_read_again),
 		TEST(the_end_stops_every_drive),
+		TEST(what_is_found_is_told_once),
+		TEST(drives_that_go_and_come_are_told),
+		TEST(a_drive_that_was_never_there_is_told_once),
+		TEST(a_lost_port_is_not_told_of_each_drive),
+		TEST(faults_are_told_when_they_come_and_go),
+		TEST(a_drive_that_lost_power_is_told),
 #undef TEST
 	};
 

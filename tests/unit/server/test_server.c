@@ -139,6 +139,8 @@ static void fake_client(void *context, const struct db_client *client, bool conn
 	rig->connected += connected ? 1u : -1u;
 }
 
+static const struct db_log_source QUIET = { 0 };
+
 static const struct db_backend BACKEND = {
 	.unit = fake_unit,
 	.read = fake_read,
@@ -181,7 +183,8 @@ static int tear_down(void **state)
 
 static void start(struct rig *rig)
 {
-	assert_int_equal(db_server_new(rig->loop, &rig->config, &BACKEND, rig, &rig->server), 0);
+	assert_int_equal(
+		db_server_new(rig->loop, &rig->config, &BACKEND, rig, &QUIET, &rig->server), 0);
 }
 
 static struct db_server_stats stats(const struct rig *rig)
@@ -1043,7 +1046,7 @@ static void listens_on_ipv6(void **state)
 	int error, fd;
 
 	strcpy(rig->listen, "[::1]:0");
-	error = db_server_new(rig->loop, &rig->config, &BACKEND, rig, &rig->server);
+	error = db_server_new(rig->loop, &rig->config, &BACKEND, rig, &QUIET, &rig->server);
 	if (error == -EADDRNOTAVAIL || error == -EAFNOSUPPORT)
 		skip();
 	assert_int_equal(error, 0);
@@ -1063,10 +1066,11 @@ static void errors_of_new(void **state)
 
 	start(rig);
 	snprintf(rig->listen, sizeof(rig->listen), "127.0.0.1:%u", db_server_port(rig->server));
-	assert_int_equal(db_server_new(rig->loop, &rig->config, &BACKEND, rig, &second),
+	assert_int_equal(db_server_new(rig->loop, &rig->config, &BACKEND, rig, &QUIET, &second),
 	                 -EADDRINUSE);
 	strcpy(rig->listen, "localhost");
-	assert_int_equal(db_server_new(rig->loop, &rig->config, &BACKEND, rig, &second), -EINVAL);
+	assert_int_equal(db_server_new(rig->loop, &rig->config, &BACKEND, rig, &QUIET, &second),
+	                 -EINVAL);
 	assert_null(second);
 }
 

@@ -1,0 +1,75 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "log/event.h"
+
+#define KIND(n, i, l, t, m)                                                                       \
+	{                                                                                         \
+		.name = n, .message_id = i, .level = DB_LOG_##l, .topic = DB_TOPIC_##t, .most = m \
+	}
+
+/* clang-format off */
+static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
+	[DB_EVENT_LISTENING] =
+		KIND("listening", "bb6d098457a34ae685a7c7fcff009cea", NOTICE, SERVICE, 0),
+	[DB_EVENT_NO_DRIVES] =
+		KIND("no-drives", "255aa391a5614efe982633ac537d1d1f", NOTICE, SERVICE, 0),
+	[DB_EVENT_FAILED] =
+		KIND("failed", "17d014c7211c4bc2922bd3f828f5bb99", ERROR, SERVICE, 0),
+	[DB_EVENT_CONFIG_RIGHT] =
+		KIND("config-right", "2c56c3ed686641d7b8ef27acb79b0c78", NOTICE, CONFIG, 4),
+	[DB_EVENT_CONFIG_WRONG] =
+		KIND("config-wrong", "a821b9703e19458d9c3c7a04ce267bf2", ERROR, CONFIG, 4),
+	[DB_EVENT_MEMORY_UNLOCKED] =
+		KIND("memory-unlocked", "469b25f8e2fa4a6d818fcd4b872f6e30", WARNING, SERVICE, 0),
+	[DB_EVENT_THREAD_HANGS] =
+		KIND("thread-hangs", "df1869a90aa1460ea0087ded7847191c", ERROR, THREAD, 1),
+	[DB_EVENT_LOG_LOST] =
+		KIND("log-lost", "fcb78af18563450fadf9bab6b218961a", WARNING, SERVICE, 0),
+	[DB_EVENT_CLIENT_CONNECTED] =
+		KIND("client-connected", "4d68edf0a4c14afc87d9198923f2bc17", INFO, CLIENT, 4),
+	[DB_EVENT_CLIENT_GONE] =
+		KIND("client-gone", "d2b7d6f9a9dc4fb8b1e89d0d913d687b", INFO, CLIENT, 4),
+	[DB_EVENT_CLIENT_REFUSED] =
+		KIND("client-refused", "2ceb96144aac429996a0d597cdd9743a", WARNING, REFUSAL, 0),
+	[DB_EVENT_WATCHDOG_TRIPPED] =
+		KIND("watchdog-tripped", "f4b126778ab340cabc0126093758deea", ERROR, WATCHDOG, 4),
+	[DB_EVENT_BUS_UP] =
+		KIND("bus-up", "fed920e4b5ff44ef8ec33d9d7454611f", NOTICE, PORT, 6),
+	[DB_EVENT_BUS_BITRATE] =
+		KIND("bus-bitrate", "76f7b4c70d6b460a9b871e7b10f5ad9f", WARNING, SETTING, 1),
+	[DB_EVENT_BUS_LOST] =
+		KIND("bus-lost", "b5177f78e8f24520a6bb84de3caa92cd", ERROR, PORT, 6),
+	[DB_EVENT_BUS_OFF] =
+		KIND("bus-off", "a69890070d594b00be85c146045a1082", ERROR, PORT, 6),
+	[DB_EVENT_BUS_SLOW] =
+		KIND("bus-slow", "d843580b97d647409d50b6768c57e229", WARNING, SPEED, 1),
+	[DB_EVENT_PRIORITY_REFUSED] =
+		KIND("priority-refused", "2fd87d3fbe5e4def925c2bf0f8c92f05", WARNING, SERVICE, 0),
+	[DB_EVENT_DRIVE_ONLINE] =
+		KIND("drive-online", "28d1998abc3c409bb624c8b5e83aef24", NOTICE, PRESENCE, 6),
+	[DB_EVENT_DRIVE_LOST] =
+		KIND("drive-lost", "c7ce0f31624346d39ee387aae97593ed", WARNING, PRESENCE, 6),
+	[DB_EVENT_DRIVE_FAULT] =
+		KIND("drive-fault", "bf826b86cde64642adc785f038b32bdd", ERROR, FAULT, 4),
+	[DB_EVENT_DRIVE_FAULT_GONE] =
+		KIND("drive-fault-gone", "a86f6be2faba4a41a20207c8899e51ba", NOTICE, FAULT, 4),
+	[DB_EVENT_DRIVE_WARNING] =
+		KIND("drive-warning", "9ea9ac46a27c409796d2a6843bdef3af", WARNING, WARNING, 1),
+	[DB_EVENT_DRIVE_RESTARTED] =
+		KIND("drive-restarted", "bd2b195dc30244519fdda108bcd99585", WARNING, RESTART, 1),
+};
+/* clang-format on */
+
+const struct db_event_kind *db_event_kind(enum db_event event)
+{
+	return &KINDS[event];
+}
+
+const char *db_event_name(enum db_event event)
+{
+	return KINDS[event].name;
+}
+
+enum db_log_level db_event_level(enum db_event event)
+{
+	return KINDS[event].level;
+}

@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the log knows of each event. Internal to src/log. */
+#ifndef DRIVEBRIDGE_LOG_EVENT_H
+#define DRIVEBRIDGE_LOG_EVENT_H
+
+#include "drivebridge/log.h"
+
+/* Events of one topic are told together when they repeat, by the newest of them: the last line about
+ * a drive is then always what holds. */
+enum db_topic {
+	DB_TOPIC_SERVICE,
+	DB_TOPIC_CONFIG,
+	DB_TOPIC_THREAD,
+	DB_TOPIC_CLIENT,
+	DB_TOPIC_REFUSAL,
+	DB_TOPIC_WATCHDOG,
+	DB_TOPIC_PORT,
+	DB_TOPIC_SPEED,
+	DB_TOPIC_SETTING,
+	DB_TOPIC_PRESENCE,
+	DB_TOPIC_FAULT,
+	DB_TOPIC_WARNING,
+	DB_TOPIC_RESTART,
+};
+
+struct db_event_kind {
+	const char *name;
+	const char *message_id; /* of the journal: 32 hexadecimal digits, never changed */
+	enum db_log_level level;
+	enum db_topic topic;
+	unsigned most; /* told in a minute before only their count is; 0: as often as it comes */
+};
+
+const struct db_event_kind *db_event_kind(enum db_event event);
+
+#endif

@@ -1,0 +1,225 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A thread of its own writes, because whoever reads the log may hang: a full pipe, a stopped
+ * terminal, a journal that is being restarted. Neither a bus's cycle nor the watchdog of the network
+ * thread may hang with it.
+ *
+ * The lock is held to copy a line in or out, never while one is written. It inherits priority: a
+ * bus's thread that waits for it lends its own to the one that has it.
+ */
+#include "log/log.h"
+
+#include "log/event.h"
+#include "log/repeat.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <semaphore.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+/* How long the end waits for lines to be written. */
+#define FLUSH_S 1
+
+struct db_log {
+	db_log_write_fn *write;
+	void *context;
+	int fd; /* of the usual outputs */
+	pthread_t thread;
+	sem_t wake;
+
+	pthread_mutex_t lock; /* of what follows */
+	struct db_repeats repeats;
+	struct db_log_record queue[DB_LOG_QUEUE];
+	size_t first;
+	size_t count;
+	uint32_t lost;
+	bool ending;
+};
+
+static db_time now_ns(void)
+{
+	struct timespec now;
+
+	clock_gettime(CLOCK_MONOTONIC, &now);
+	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
+}
+
+/* --- the thread that writes ------------------------------------------------------------------------- */
+
+__attribute__((format(printf, 3, 4))) static void make_record(struct db_log_record *record,
+                                                              enum db_event event,
+                                                              const char *format, ...)
+{
+	va_list arguments;
+
+	va_start(arguments, format);
+	db_log_record_init(record, NULL, event, NULL, format, arguments);
+	va_end(arguments);
+}
+
+/* The lock is held. False when there is nothing to write now. */
+static bool next_record(struct db_log *log, db_time now, struct db_log_record *record)
+{
+	if (log->count > 0) {
+		*record = log->queue[log->first];
+		log->first = (log->first + 1) % DB_LOG_QUEUE;
+		log->count--;
+		return true;
+	}
+	if (log->lost > 0) {
+		make_record(record, DB_EVENT_LOG_LOST,
+		            "%u messages are missing here: they came faster than they were read",
+		            (unsigned)log->lost);
+		log->lost = 0;
+		return true;
+	}
+	return db_repeats_due(&log->repeats, now, log->ending, record);
+}
+
+static bool take(struct db_log *log, struct db_log_record *record, db_time *next, bool *ending)
+{
+	bool any;
+
+	pthread_mutex_lock(&log->lock);
+	any = next_record(log, now_ns(), record);
+	*next = db_repeats_next(&log->repeats);
+	*ending = log->ending;
+	pthread_mutex_unlock(&log->lock);
+	return any;
+}
+
+static void wait_until(struct db_log *log, db_time until)
+{
+	struct timespec time = { .tv_sec = (time_t)(until / DB_NS_PER_S),
+		                 .tv_nsec = (long)(until % DB_NS_PER_S) };
+
+	if (until == DB_TIME_NEVER)
+		sem_wait(&log->wake);
+	else
+		sem_clockwait(&log->wake, CLOCK_MONOTONIC, &time);
+}
+
+static void *run(void *context)
+{
+	struct db_log *log = context;
+	struct db_log_record record;
+	bool ending = false;
+	db_time next = 0;
+
+	while (!ending) {
+		wait_until(log, next);
+		while (take(log, &record, &next, &ending))
+			log->write(log->context, &record);
+	}
+	return NULL;
+}
+
+/* --- making ------------------------------------------------------------------------------------------ */
+
+static int init_lock(pthread_mutex_t *lock)
+{
+	pthread_mutexattr_t attributes;
+	int error = pthread_mutexattr_init(&attributes);
+
+	if (error != 0)
+		return -error;
+	error = pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
+	if (error == 0)
+		error = pthread_mutex_init(lock, &attributes);
+	pthread_mutexattr_destroy(&attributes);
+	return -error;
+}
+
+int db_log_new_to(db_log_write_fn *write, void *context, struct db_log **log)
+{
+	struct db_log *made = calloc(1, sizeof *made);
+	int error;
+
+	if (!made)
+		return -ENOMEM;
+	made->write = write;
+	made->fd = STDERR_FILENO;
+	made->context = context ? context : &made->fd;
+	error = init_lock(&made->lock);
+	if (error != 0) {
+		free(made);
+		return error;
+	}
+	sem_init(&made->wake, 0, 0);
+	error = pthread_create(&made->thread, NULL, run, made);
+	if (error != 0) {
+		sem_destroy(&made->wake);
+		pthread_mutex_destroy(&made->lock);
+		free(made);
+		return -error;
+	}
+	pthread_setname_np(made->thread, "log");
+	*log = made;
+	return 0;
+}
+
+int db_log_new(struct db_log **log)
+{
+	bool journal = db_log_is_journal(STDERR_FILENO, getenv("JOURNAL_STREAM"));
+
+	return db_log_new_to(journal ? db_log_write_journal : db_log_write_text, NULL, log);
+}
+
+void db_log_free(struct db_log *log)
+{
+	struct timespec end;
+
+	if (!log)
+		return;
+	pthread_mutex_lock(&log->lock);
+	log->ending = true;
+	pthread_mutex_unlock(&log->lock);
+	sem_post(&log->wake);
+	clock_gettime(CLOCK_MONOTONIC, &end);
+	end.tv_sec += FLUSH_S;
+	if (pthread_clockjoin_np(log->thread, NULL, CLOCK_MONOTONIC, &end) != 0) {
+		/* Nobody takes the lines. The call that waits for it cannot be ended, so the thread
+		 * keeps what it has until the process ends. */
+		pthread_detach(log->thread);
+		return;
+	}
+	sem_destroy(&log->wake);
+	pthread_mutex_destroy(&log->lock);
+	free(log);
+}
+
+/* --- the other threads ------------------------------------------------------------------------------- */
+
+static void post(struct db_log *log, const struct db_log_record *record, db_time now)
+{
+	bool news = false;
+
+	pthread_mutex_lock(&log->lock);
+	if (db_repeats_pass(&log->repeats, record, now)) {
+		news = log->count < DB_LOG_QUEUE;
+		if (news)
+			log->queue[(log->first + log->count++) % DB_LOG_QUEUE] = *record;
+		else
+			log->lost++;
+	}
+	pthread_mutex_unlock(&log->lock);
+	if (news)
+		sem_post(&log->wake);
+}
+
+void db_log(const struct db_log_source *source, db_time now, enum db_event event,
+            const struct db_log_about *about, const char *format, ...)
+{
+	struct db_log_record record;
+	va_list arguments;
+
+	if (!source->log || db_event_level(event) > source->level)
+		return;
+	va_start(arguments, format);
+	db_log_record_init(&record, source->bus, event, about, format, arguments);
+	va_end(arguments);
+	post(source->log, &record, now);
+}

@@ -1,0 +1,78 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "log/repeat.h"
+
+#include "log/event.h"
+
+#define PERIOD (DB_REPEAT_PERIOD_S * DB_NS_PER_S)
+
+/* The subject's place, else a free one, else the oldest. */
+static struct db_repeat *place_of(struct db_repeats *repeats, uint64_t subject)
+{
+	struct db_repeat *place = &repeats->entries[0];
+
+	for (size_t i = 0; i < DB_REPEATS_MAX; i++) {
+		struct db_repeat *entry = &repeats->entries[i];
+
+		if (entry->since != 0 && entry->newest.subject == subject)
+			return entry;
+		if (entry->since < place->since)
+			place = entry;
+	}
+	*place = (struct db_repeat){ .newest.subject = subject };
+	return place;
+}
+
+bool db_repeats_pass(struct db_repeats *repeats, const struct db_log_record *record, db_time now)
+{
+	unsigned most = db_event_kind(record->event)->most;
+	struct db_repeat *entry;
+
+	if (most == 0)
+		return true;
+	entry = place_of(repeats, record->subject);
+	if (entry->since == 0 || (now >= entry->since + PERIOD && entry->untold == 0)) {
+		entry->since = now;
+		entry->told = 0;
+	}
+	if (entry->told < most) {
+		entry->told++;
+		return true;
+	}
+	entry->untold++;
+	entry->newest = *record;
+	return false;
+}
+
+db_time db_repeats_next(const struct db_repeats *repeats)
+{
+	db_time next = DB_TIME_NEVER;
+
+	for (size_t i = 0; i < DB_REPEATS_MAX; i++) {
+		const struct db_repeat *entry = &repeats->entries[i];
+
+		if (entry->since != 0 && entry->since + PERIOD < next)
+			next = entry->since + PERIOD;
+	}
+	return next;
+}
+
+bool db_repeats_due(struct db_repeats *repeats, db_time now, bool all, struct db_log_record *record)
+{
+	for (size_t i = 0; i < DB_REPEATS_MAX; i++) {
+		struct db_repeat *entry = &repeats->entries[i];
+
+		if (entry->since == 0 || (now < entry->since + PERIOD && !all))
+			continue;
+		if (entry->untold == 0) {
+			entry->since = 0; /* a quiet minute: the next one is news again */
+			continue;
+		}
+		*record = entry->newest;
+		db_log_record_add_count(record, entry->untold,
+		                        (uint32_t)((now - entry->since) / DB_NS_PER_S));
+		entry->untold = 0;
+		entry->since = now;
+		return true;
+	}
+	return false;
+}

@@ -1,0 +1,140 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sched/report.h"
+
+#include <errno.h>
+
+#define COUNT_OF(array) (sizeof(array) / sizeof((array)[0]))
+
+/* By enum db_error. */
+static const char *const drive_advice[] = {
+	[DB_ERROR_HARDWARE] = "switch it off and on; if it comes back, replace the drive",
+	[DB_ERROR_FLASH] = "its saved parameters are not to be trusted; write and save them again",
+	[DB_ERROR_ENCODER] =
+		"check for a blocked axis, the load, the motor current and the encoder "
+		"cable",
+	[DB_ERROR_OVER_TEMPERATURE] = "let it cool; check ventilation and the motor current",
+	[DB_ERROR_OVER_CURRENT] = "check the motor cable for a short circuit, and the load",
+	[DB_ERROR_VOLTAGE] = "check the drive's power supply",
+	[DB_ERROR_INTERRUPTED] = "its emergency stop ended its program; check why",
+	[DB_ERROR_DRIVE_FAULT + 0] = "check the drive's power supply",
+	[DB_ERROR_DRIVE_FAULT + 1] = "following error: check for a blocked axis, the load and the "
+				     "limits of acceleration",
+	[DB_ERROR_DRIVE_FAULT + 2] = "check the encoder cable",
+	[DB_ERROR_DRIVE_FAULT + 3] = "check the motor cable for a short circuit, and the load",
+	[DB_ERROR_DRIVE_FAULT + 4] = "check for a blocked axis, the brake and the load",
+	[DB_ERROR_DRIVE_FAULT +
+		5] = "its saved parameters are not to be trusted; write and save them "
+		     "again",
+	[DB_ERROR_DRIVE_FAULT +
+		6] = "switch it off and on; check the motor cable; if it comes back, "
+		     "replace the drive",
+	[DB_ERROR_DRIVE_FAULT + 7] = "let it cool; check ventilation and the load",
+	[DB_ERROR_DRIVE_FAULT + 8] = "check the motor cable",
+	[DB_ERROR_DRIVE_FAULT + 9] = "check the motor cable and the load",
+	[DB_ERROR_DRIVE_FAULT + 10] = "check for a blocked axis and the load",
+	[DB_ERROR_DRIVE_FAULT + 11] = "let the motor cool; check the load",
+	[DB_ERROR_DRIVE_FAULT + 12] = "check the power supply and the braking resistor",
+	[DB_ERROR_DRIVE_FAULT + 13] = "check the encoder cable and battery",
+	[DB_ERROR_DRIVE_FAULT + 14] = "see the drive's manual",
+	[DB_ERROR_DRIVE_FAULT + 15] = "see the drive's manual for how it is unlocked",
+};
+
+static const char *advice_for_drive(uint16_t error)
+{
+	return error < COUNT_OF(drive_advice) && drive_advice[error] ? drive_advice[error] :
+	                                                               "see the drive's manual";
+}
+
+const char *report_advice_for_port(int error)
+{
+	switch (error) {
+	case ENOENT:
+	case ENODEV:
+	case ENXIO:
+		return "; is it plugged in, and is its name right?";
+	case EACCES:
+	case EPERM:
+		return "; may this user open it (group dialout)?";
+	case EBUSY:
+		return "; another program uses it";
+	case EAFNOSUPPORT:
+		return "; this kernel has no CAN";
+	case ETIMEDOUT:
+		return "; the adapter does not answer: does it speak SLCAN, and is baud right?";
+	case EPROTO:
+		return "; the adapter refuses to open the bus";
+	case ENETDOWN:
+		return "; the interface is down: set it up with its bit rate (systemd-networkd)";
+	case ENOBUFS:
+		return "; nobody on the bus acknowledges: check wiring, termination, bit rate and the drives' power";
+	default:
+		return "";
+	}
+}
+
+static const char *mood(const struct db_feedback *feedback)
+{
+	return feedback->status & DB_STATUS_ENABLED ? "enabled" : "disabled";
+}
+
+/* What the bridge has found, and done nothing about: also what went on while it was not there. */
+static void report_found(const struct db_log_source *log, const struct db_drive_config *drive,
+                         const struct db_log_about *about, const struct db_feedback *feedback,
+                         db_time now)
+{
+	double counts = feedback->counts_per_unit > 0 && !drive->counts_given ?
+	                        (double)feedback->counts_per_unit :
+	                        drive->counts_per_unit;
+	double position = feedback->position / counts;
+	double velocity = (double)feedback->velocity / counts;
+
+	if (feedback->status & DB_STATUS_MOVING)
+		db_log(log, now, DB_EVENT_DRIVE_ONLINE, about,
+		       "answers at address %u: %s, moving at %.6g %s/s, position %.10g %s, error %s",
+		       drive->address, mood(feedback), velocity, drive->unit_name, position,
+		       drive->unit_name, db_error_name(feedback->error));
+	else
+		db_log(log, now, DB_EVENT_DRIVE_ONLINE, about,
+		       "answers at address %u: %s, standing, position %.10g %s, error %s",
+		       drive->address, mood(feedback), position, drive->unit_name,
+		       db_error_name(feedback->error));
+}
+
+void report_drive(const struct db_log_source *log, const struct db_drive_config *drive,
+                  enum db_event event, const struct db_feedback *feedback, db_time now)
+{
+	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
+
+	switch (event) {
+	case DB_EVENT_DRIVE_ONLINE:
+		report_found(log, drive, &about, feedback, now);
+		break;
+	case DB_EVENT_DRIVE_LOST:
+		db_log(log, now, event, &about,
+		       "does not answer at address %u; check its power, wiring, address and baud or "
+		       "bit rate",
+		       drive->address);
+		break;
+	case DB_EVENT_DRIVE_FAULT:
+		db_log(log, now, event, &about,
+		       "reports the fault %s (status %08X, fault bits %04X); %s, then clear_fault",
+		       db_error_name(feedback->error), (unsigned)feedback->drive_status,
+		       (unsigned)feedback->fault_bits, advice_for_drive(feedback->error));
+		break;
+	case DB_EVENT_DRIVE_FAULT_GONE:
+		db_log(log, now, event, &about, "has no fault any more");
+		break;
+	case DB_EVENT_DRIVE_WARNING:
+		db_log(log, now, event, &about,
+		       "warns (status %08X, fault bits %04X); see the drive's manual",
+		       (unsigned)feedback->drive_status, (unsigned)feedback->fault_bits);
+		break;
+	case DB_EVENT_DRIVE_RESTARTED:
+		db_log(log, now, event, &about,
+		       "was restarted: its position and unsaved parameters are lost; check its power, "
+		       "and home it");
+		break;
+	default:
+		break;
+	}
+}
