@@ -24,7 +24,8 @@
  * drive refuses leaves the motion before as it is, and that is followed to its end: result_id and
  * result are about the latest command, motion_id and motion_result about the latest motion.
  *
- * The watchdog is armed by the first motion command and fed by every request of a client that may
+ * The watchdog is armed by the first motion command, or when the drive already moves as it is first
+ * seen (the program was killed and started again), and fed by every request of a client that may
  * write. When it expires, the configured stop goes to the bus ahead of everything and motion is
  * refused (04, latched) until clear_fault.
  */

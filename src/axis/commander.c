@@ -25,6 +25,9 @@
 /* How soon a stop of the watchdog that found no room is tried again. */
 #define REACT_AGAIN (5 * DB_NS_PER_MS)
 
+/* How often a drive that was not there yet is looked for. */
+#define FIND_INTERVAL (100 * DB_NS_PER_MS)
+
 struct waiter {
 	struct db_write_token token;
 	db_time deadline;
@@ -60,6 +63,7 @@ struct db_commander {
 	db_time look_interval;
 
 	struct db_watchdog watchdog;
+	db_time find_at; /* the next look whether the drive is there and moves; NEVER: it was seen */
 	db_time react_at; /* the watchdog's stop is not with the bus yet: try again; or NEVER */
 
 	struct db_command_block kept;
@@ -110,6 +114,7 @@ int db_commander_new(const struct db_commander_config *config, const struct db_c
 	init_follow(made);
 	db_watchdog_init(&made->watchdog,
 	                 config->on_client_loss == DB_CMD_NONE ? 0 : config->watchdog_ms);
+	made->find_at = made->watchdog.timeout_ms == 0 ? DB_TIME_NEVER : 0;
 	*commander = made;
 	return 0;
 }
@@ -740,6 +745,8 @@ db_time db_commander_next_deadline(const struct db_commander *commander)
 
 	if (commander->react_at < next)
 		next = commander->react_at;
+	if (commander->find_at < next)
+		next = commander->find_at;
 	if (commander->follow.active && commander->look_at < next)
 		next = commander->look_at;
 	if (commander->waiting == 0)
@@ -810,12 +817,33 @@ void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_
 	db_watchdog_set(&commander->watchdog, timeout_ms, now);
 }
 
+/*
+ * A drive that moves when it is first seen was set going before this program ran. Its PLC is watched
+ * from now on as if it had commanded the motion here: should it have gone meanwhile, the drive stops.
+ */
+static void find(struct db_commander *commander, db_time now)
+{
+	struct db_snapshot snapshot;
+
+	if (commander->find_at > now)
+		return;
+	db_axis_read(commander->config.axis, &snapshot);
+	if (!(snapshot.feedback.status & DB_STATUS_ONLINE)) {
+		commander->find_at = now + FIND_INTERVAL;
+		return;
+	}
+	commander->find_at = DB_TIME_NEVER;
+	if ((snapshot.feedback.status & DB_STATUS_MOVING) && !commander->watchdog.armed)
+		db_watchdog_arm(&commander->watchdog, now);
+}
+
 bool db_commander_expire(struct db_commander *commander, db_time now)
 {
 	bool tripped = db_watchdog_trip(&commander->watchdog, now);
 
 	if (tripped || commander->react_at <= now)
 		react(commander, now);
+	find(commander, now);
 	look_at_motion(commander, now);
 	for (size_t i = 0; i < SLOTS && commander->waiting > 0; i++)
 		expire_slot(commander, &commander->slots[i], now);

@@ -102,9 +102,11 @@ static void set_status(struct fake *fake, uint32_t status)
 	db_axis_publish(fake->axis, &snapshot);
 }
 
-static void init(struct fake *fake, bool accept)
+static void init_watched(struct fake *fake, bool accept, uint32_t watchdog_ms)
 {
 	struct db_commander_config config = {
+		.watchdog_ms = watchdog_ms,
+		.on_client_loss = DB_CMD_STOP,
 		.driver = &driver,
 		.bus_config = &fake->bus,
 		.drive_config = &fake->drive,
@@ -129,6 +131,11 @@ static void init(struct fake *fake, bool accept)
 	config.axis = fake->axis;
 	set_status(fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE);
 	assert_int_equal(db_commander_new(&config, &ops, fake, &fake->commander), 0);
+}
+
+static void init(struct fake *fake, bool accept)
+{
+	init_watched(fake, accept, 0);
 }
 
 #define FAKE(accept)      \
@@ -668,6 +675,58 @@ static void outside_commands_leave_the_block_alone(void **state)
 	drop(&fake);
 }
 
+/* --- what was going on at the start --------------------------------------------------------------- */
+
+/* Lets the commander do what is due. */
+static void wake(struct fake *fake)
+{
+	db_time due = db_commander_next_deadline(fake->commander);
+
+	assert_true(due != DB_TIME_NEVER);
+	if (due > fake->now)
+		fake->now = due;
+	db_commander_expire(fake->commander, fake->now);
+}
+
+static void a_drive_found_moving_is_watched(void **state)
+{
+	struct fake fake;
+
+	(void)state;
+	init_watched(&fake, false, 3000);
+	set_status(&fake, DB_STATUS_BUS_UP);
+	for (int i = 0; i < 5; i++)
+		wake(&fake);
+	set_status(&fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE | DB_STATUS_MOVING);
+	wake(&fake);
+	/* Nothing was sent: it goes on as long as its PLC is there. */
+	assert_int_equal(fake.submitted, 0);
+	assert_true(db_commander_next_deadline(fake.commander) == fake.now + 3000 * MS);
+	fake.now += 2000 * MS;
+	db_commander_feed(fake.commander, fake.now);
+	assert_true(db_commander_next_deadline(fake.commander) == fake.now + 3000 * MS);
+	wake(&fake);
+	assert_int_equal(fake.submitted, 1);
+	assert_int_equal(fake.requests[0].command, DB_CMD_STOP);
+	assert_true(look(&fake).latched);
+	drop(&fake);
+}
+
+static void a_drive_found_standing_is_not(void **state)
+{
+	struct fake fake;
+
+	(void)state;
+	init_watched(&fake, false, 3000);
+	wake(&fake);
+	assert_true(db_commander_next_deadline(fake.commander) == DB_TIME_NEVER);
+	/* What moves it later is not a leftover of the time before. */
+	set_status(&fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE | DB_STATUS_MOVING);
+	db_commander_expire(fake.commander, fake.now);
+	assert_true(db_commander_next_deadline(fake.commander) == DB_TIME_NEVER);
+	drop(&fake);
+}
+
 /* --- motions to their end ------------------------------------------------------------------------------------- */
 
 static void set_axis(struct fake *fake, enum db_axis_state state, uint32_t status, int32_t position)
@@ -1098,6 +1157,8 @@ static void history_follows_a_motion_to_its_end(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(a_drive_found_moving_is_watched),
+		cmocka_unit_test(a_drive_found_standing_is_not),
 		cmocka_unit_test(result_follows_a_move_to_its_end),
 		cmocka_unit_test(old_data_ends_no_move),
 		cmocka_unit_test(a_move_that_stops_elsewhere_has_failed),
