@@ -398,7 +398,7 @@ const struct db_row db_rows[] = {
 		.unit = "ms",
 		.max = DB_WATCHDOG_MAX_MS,
 		.description = "Longest silence of the clients before the drive is stopped; "
-			       "0=off; armed by the first motion command, or when the "
+			       "0=off; armed by the first motion command or when the "
 			       "drive moves as it is first seen; fed by each request to "
 			       "this unit from a client that may write",
 	},
