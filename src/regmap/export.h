@@ -10,4 +10,10 @@ int db_export_csv(FILE *out);
 int db_export_markdown(FILE *out);
 int db_export_commands(FILE *out);
 
+/*
+ * The Structured Text library: `blocks` with the tables' constants in the place of its line
+ * "@constants@". -ENOENT when it has no such line, -EIO when it cannot be read.
+ */
+int db_export_st(FILE *out, FILE *blocks);
+
 #endif

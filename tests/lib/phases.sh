@@ -174,7 +174,9 @@ phase_docs() {
 	build/asan/regmap-export csv >build/docs/register-map.csv || true
 	build/asan/regmap-export md >build/docs/register-map.md || true
 	build/asan/regmap-export commands >build/docs/commands.csv || true
-	for file in register-map.csv register-map.md commands.csv; do
+	build/asan/regmap-export st src/regmap/export/drivebridge.st.in \
+		>build/docs/drivebridge.st || true
+	for file in register-map.csv register-map.md commands.csv drivebridge.st; do
 		step "$file" diff -u "docs/$file" "build/docs/$file"
 	done
 	[ "$FAILED" -eq 0 ] ||

@@ -3,6 +3,7 @@
 #include "drivebridge/result.h"
 #include "regmap/export.h"
 
+#include <errno.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -173,6 +174,52 @@ static void markdown_accounts_for_every_register(void **state)
 	free(markdown);
 }
 
+/* Puts a template through. */
+static int fill(char *template, char **text)
+{
+	size_t size = 0;
+	FILE *out = open_memstream(text, &size);
+	FILE *in = fmemopen(template, strlen(template), "r");
+	int error;
+
+	assert_non_null(out);
+	assert_non_null(in);
+	error = db_export_st(out, in);
+	fclose(in);
+	fclose(out);
+	return error;
+}
+
+static void structured_text_has_the_constants(void **state)
+{
+	char template[] = "before\n@constants@\nafter\n";
+	char *text = NULL;
+
+	(void)state;
+	assert_int_equal(fill(template, &text), 0);
+	assert_int_equal(strncmp(text, "before\n", 7), 0);
+	assert_string_equal(text + strlen(text) - 6, "after\n");
+	assert_non_null(strstr(text, "\tDB_REG_COMMAND_ID : UINT := 100;\n"));
+	assert_non_null(strstr(text, "\tDB_CMD_MOVE_ABSOLUTE : UINT := 6;\n"));
+	assert_non_null(strstr(text, "\tDB_STATE_DISCRETE_MOTION : UINT := 3;\n"));
+	assert_non_null(strstr(text, "\tDB_STATUS_DONE : DWORD := 16#00008000;\n"));
+	/* Type f32 above address 204. */
+	assert_non_null(strstr(text, "\tDB_PAR_VSMD_SPD : UDINT := 16#600CC;\n"));
+	/* From command_id to both registers of target_velocity. */
+	assert_non_null(strstr(text, "\tDB_COUNT_MOTION : UINT := 6;\n"));
+	free(text);
+}
+
+static void structured_text_needs_a_place_for_them(void **state)
+{
+	char template[] = "before\nafter\n";
+	char *text = NULL;
+
+	(void)state;
+	assert_int_equal(fill(template, &text), -ENOENT);
+	free(text);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -181,6 +228,8 @@ int main(void)
 		cmocka_unit_test(status_lists_its_bits),
 		cmocka_unit_test(commands_parse),
 		cmocka_unit_test(markdown_accounts_for_every_register),
+		cmocka_unit_test(structured_text_has_the_constants),
+		cmocka_unit_test(structured_text_needs_a_place_for_them),
 	};
 
 	return cmocka_run_group_tests_name("export", tests, NULL, NULL);

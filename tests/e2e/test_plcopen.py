@@ -1,0 +1,429 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The function blocks of docs/drivebridge.st, run as a controller runs them, against the bridge."""
+
+import pytest
+from bridgelib import eventually
+from conftest import DOCS
+from plc import Plc
+from stlib import Library
+
+
+@pytest.fixture(scope="session")
+def library():
+    return Library((DOCS / "drivebridge.st").read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def make_plc(library):
+    made = []
+
+    def make(bridge, unit=1, **axis):
+        plc = Plc(library, bridge.port, unit, **axis)
+        made.append(plc)
+        plc.until(lambda: plc.axis.Valid, what="the first image")
+        return plc
+
+    yield make
+    for plc in made:
+        plc.modbus.close()
+
+
+@pytest.fixture
+def plc(bridge, make_plc):
+    return make_plc(bridge)
+
+
+@pytest.fixture
+def codes(library):
+    return library.constants
+
+
+def commands(plc, codes):
+    """The ids and codes of all commands that were sent."""
+    return [write[1:3] for write in plc.modbus.writes
+            if write[0] == codes["DB_REG_COMMAND_ID"]]
+
+
+def sees(plc, name):
+    """Cycles until the output is true."""
+    block, output = name
+    plc.until(lambda: getattr(block, output), what=output)
+
+
+def test_move_absolute(bridge, plc, codes):
+    move = plc.block("MC_MoveAbsolute", Position=500.0, Velocity=6400.0, Execute=True)
+    plc.cycle()
+    assert (move.Busy, move.Active, move.Done) == (True, False, False)
+    sees(plc, (move, "Active"))
+    assert (move.Busy, move.Done) == (True, False)
+    assert plc.ended(move) == "Done"
+    assert bridge.sim.get()["position"] == 500
+    assert plc.axis.PositionCounts == 500
+    for _ in range(3):
+        plc.cycle()
+        assert move.Done and not move.Busy and not move.Active
+    plc.set(move, Execute=False)
+    plc.cycle()
+    assert not move.Done
+    # The first id after the bridge's start is not executed: the block gave it another.
+    sent = commands(plc, codes)
+    assert [code for _, code in sent] == [codes["DB_CMD_MOVE_ABSOLUTE"]] * 2
+    assert sent[0][0] != sent[1][0] and 0 not in (sent[0][0], sent[1][0])
+    assert bridge.sim.get()["pos"] == 1
+
+
+def test_done_lasts_a_cycle_without_execute(bridge, plc):
+    move = plc.block("MC_MoveAbsolute", PositionCounts=300, InCounts=True, Execute=True)
+    plc.cycle()
+    plc.set(move, Execute=False)
+    plc.until(lambda: move.Done, what="Done")
+    plc.cycle()
+    assert not move.Done and not move.Busy
+    assert bridge.sim.get()["position"] == 300
+
+
+def test_user_units(make_bridge, make_plc):
+    bridge = make_bridge(drive={"counts-per-unit": 100})
+    plc = make_plc(bridge, CountsPerUnit=100.0)
+    move = plc.block("MC_MoveRelative", Distance=-2.5, Velocity=64.0)
+    for count in (1, 2):
+        assert plc.run(move) == "Done"
+        assert bridge.sim.get()["position"] == -250 * count
+    assert plc.axis.Position == -5.0
+    assert bridge.drive().read("target_velocity") == 6400.0
+    assert plc.run(move, Distance=1e9) == plc.library.constants["DB_FAIL_ARGUMENT"]
+
+
+def test_low_word_first(make_bridge, make_plc):
+    bridge = make_bridge(modbus={"word-order": "low-first"})
+    plc = make_plc(bridge, LowWordFirst=True)
+    move = plc.block("MC_MoveAbsolute")
+    assert plc.run(move, Position=-1234.0, Velocity=12345.5) == "Done"
+    assert bridge.sim.get()["position"] == -1234
+    assert bridge.drive().read("target_velocity") == 12345.5
+    assert plc.axis.PositionCounts == -1234 and plc.axis.Moment != 0
+
+
+def test_halt_aborts_a_velocity_move(bridge, plc, codes):
+    run = plc.block("MC_MoveVelocity", Velocity=-5000.0, Execute=True)
+    halt = plc.block("MC_Halt")
+    sees(plc, (run, "InVelocity"))
+    assert run.Busy and run.Active and plc.axis.State == codes["DB_STATE_CONTINUOUS_MOTION"]
+    plc.set(halt, Execute=True)
+    plc.until(lambda: run.CommandAborted, what="CommandAborted")
+    assert not (run.Busy or run.Active or run.InVelocity)
+    assert plc.ended(halt) == "Done"
+    assert bridge.sim.get()["stp"] >= 1
+    assert plc.axis.State == codes["DB_STATE_STANDSTILL"]
+    assert plc.axis.VelocityCounts == 0.0
+
+
+def test_a_velocity_move_changes_its_velocity(plc):
+    run = plc.block("MC_MoveVelocity", Velocity=3000.0, Execute=True)
+    sees(plc, (run, "InVelocity"))
+    plc.set(run, Execute=False)
+    plc.cycle()
+    assert run.Busy
+    plc.set(run, Execute=True, Velocity=9000.0)
+    plc.cycle()
+    assert not run.InVelocity
+    sees(plc, (run, "InVelocity"))
+    assert plc.axis.VelocityCounts == pytest.approx(9000.0, rel=0.03)
+    assert plc.run(plc.block("MC_Halt")) == "Done"
+
+
+def test_a_second_move_aborts_the_first(bridge, plc):
+    first = plc.block("MC_MoveAbsolute", Position=100000.0, Velocity=3000.0, Execute=True)
+    second = plc.block("MC_MoveAbsolute", Position=-200.0, Velocity=0.0)
+    sees(plc, (first, "Active"))
+    plc.set(second, Execute=True)
+    assert plc.ended(first) == "CommandAborted"
+    assert plc.ended(second) == "Done"
+    assert bridge.sim.get()["position"] == -200
+
+
+def test_the_same_block_again_while_it_moves(bridge, plc):
+    move = plc.block("MC_MoveAbsolute", Position=100000.0, Velocity=3000.0, Execute=True)
+    sees(plc, (move, "Active"))
+    plc.set(move, Execute=False)
+    plc.cycle()
+    plc.set(move, Execute=True, Position=700.0, Velocity=0.0)
+    assert plc.ended(move) == "Done"
+    assert bridge.sim.get()["position"] == 700
+
+
+def test_a_foreign_command_aborts(bridge, plc):
+    move = plc.block("MC_MoveAbsolute", Position=100000.0, Velocity=3000.0, Execute=True)
+    sees(plc, (move, "Active"))
+    assert bridge.drive().command("stop") == 0
+    assert plc.ended(move) == "CommandAborted"
+
+
+@pytest.mark.parametrize(
+    ("name", "args"),
+    [
+        ("set_output", {"output_number": 5, "output_value": 1}),
+        ("move_absolute", {"target_position": 0, "target_velocity": 1e9}),
+        ("clear_fault", {}),
+    ],
+)
+def test_what_does_not_end_the_motion_does_not_abort(make_bridge, make_plc, name, args):
+    """A command that is no motion, or one that was refused before it reached the drive."""
+    bridge = make_bridge(sim_drive={"set": ["s5=1", "spd=6400", "acc=64000", "dec=64000", "pae=1"]})
+    plc = make_plc(bridge)
+    move = plc.block("MC_MoveAbsolute", Position=3000.0, Velocity=3000.0, Execute=True)
+    sees(plc, (move, "Active"))
+    bridge.drive().command(name, **args)
+    assert plc.ended(move) == "Done"
+    assert bridge.sim.get()["position"] == 3000
+
+
+def test_stop_holds_the_axis(bridge, plc, codes):
+    run = plc.block("MC_MoveVelocity", Velocity=5000.0, Execute=True)
+    stop = plc.block("MC_Stop")
+    move = plc.block("MC_MoveAbsolute", Position=50.0)
+    sees(plc, (run, "InVelocity"))
+    plc.set(stop, Execute=True)
+    plc.until(lambda: run.CommandAborted, what="CommandAborted")
+    assert plc.ended(stop) == "Done"
+    position = bridge.sim.get()["position"]
+    assert plc.run(move) == codes["DB_FAIL_STOPPING"]
+    assert bridge.sim.get()["position"] == position
+    assert stop.Done
+    plc.set(stop, Execute=False)
+    plc.cycle()
+    assert plc.run(move) == "Done"
+
+
+def test_a_stop_overtakes_what_waits(bridge, plc, codes):
+    """A move that waits for the connection is not written after the stop."""
+    outputs = [plc.block("MC_ReadParameter", ParameterNumber=codes["DB_PAR_WATCHDOG_MS"])
+               for _ in range(2)]
+    move = plc.block("MC_MoveVelocity", Velocity=100.0)
+    halt = plc.block("MC_Halt")
+    for output in outputs:
+        plc.set(output, Enable=True)
+    plc.until(lambda: plc.axis.Owner != 0, what="a busy connection")
+    plc.set(move, Execute=True)
+    plc.set(halt, Execute=True)
+    assert plc.ended(move) == "CommandAborted"
+    assert plc.ended(halt) == "Done"
+    assert bridge.sim.get()["velocity"] == 0
+
+
+def test_power(bridge, plc, codes):
+    power = plc.block("MC_Power")
+    for _ in range(20):
+        plc.cycle()
+    # Never enabled by this block: left alone.
+    assert bridge.sim.get()["off"] == 0
+    plc.set(power, Enable=True)
+    sees(plc, (power, "Status"))
+    plc.set(power, Enable=False)
+    plc.cycle()
+    assert not power.Status
+    plc.until(lambda: plc.axis.State == codes["DB_STATE_DISABLED"], what="Disabled")
+    assert bridge.sim.get()["off"] == 1
+    move = plc.block("MC_MoveRelative", Distance=10.0)
+    assert plc.run(move) == codes["DB_RESULT_REFUSED"]
+    plc.set(power, Enable=True)
+    sees(plc, (power, "Status"))
+    assert plc.run(move) == "Done"
+    assert not power.Error
+
+
+def test_home_and_set_position(make_bridge, make_plc, codes):
+    bridge = make_bridge(sim_drive={
+        "start": 300, "sensor": ["3:below:0"],
+        "set": ["zmd=1", "snr=2", "osv=0", "zsd=-6400", "acc=64000", "dec=64000", "pae=1"],
+    })
+    plc = make_plc(bridge)
+    home = plc.block("MC_Home", Execute=True)
+    sees(plc, (home, "Active"))
+    assert plc.ended(home) == "Done"
+    assert plc.axis.Status & codes["DB_STATUS_HOMED"]
+    plc.set(home, Execute=False)
+    assert plc.run(plc.block("MC_SetPosition"), Position=4321.0) == "Done"
+    assert bridge.sim.get()["position"] == 4321
+    # Far enough for the way home to be seen.
+    assert plc.run(plc.block("MC_MoveRelative"), Distance=4000.0, Velocity=50000.0) == "Done"
+    plc.set(home, Execute=True)
+    sees(plc, (home, "Active"))
+    assert plc.run(plc.block("MC_Halt")) == "Done"
+    assert home.CommandAborted
+
+
+def test_read_status(bridge, plc, codes):
+    status = plc.block("MC_ReadStatus", Enable=True)
+    names = ["ErrorStop", "Disabled", "Stopping", "Homing", "Standstill", "DiscreteMotion",
+             "ContinuousMotion"]
+
+    def only():
+        assert status.Valid
+        return [name for name in names if getattr(status, name)]
+
+    plc.cycle()
+    assert only() == ["Standstill"]
+    run = plc.block("MC_MoveVelocity", Velocity=5000.0, Execute=True)
+    sees(plc, (run, "InVelocity"))
+    plc.cycle()
+    assert only() == ["ContinuousMotion"]
+    plc.set(status, Enable=False)
+    plc.cycle()
+    assert not status.Valid and not status.ContinuousMotion
+
+
+def test_parameters(bridge, plc, codes):
+    write, read = plc.block("MC_WriteParameter"), plc.block("MC_ReadParameter")
+
+    def value(name):
+        plc.set(read, Enable=False)
+        plc.cycle()
+        plc.set(read, Enable=True, ParameterNumber=codes[name])
+        plc.cycle()
+        plc.until(lambda: not read.Busy, what="a value")
+        assert not read.Error
+        return read.Value
+
+    for name, number in [("DB_PAR_VSMD_ACC", 32000.0), ("DB_PAR_VSMD_MCS", 4.0),
+                         ("DB_PAR_WATCHDOG_MS", 1500.0), ("DB_PAR_WATCHDOG_MS", 0.0),
+                         ("DB_PAR_VSMD_ZSP", -70000.0), ("DB_PAR_ACCELERATION", 64000.0)]:
+        assert plc.run(write, ParameterNumber=codes[name], Value=number) == "Done"
+        assert value(name) == number
+        register = name.removeprefix("DB_PAR_").removeprefix("VSMD_").lower()
+        assert bridge.drive().read(register) == number
+    assert plc.run(write, ParameterNumber=codes["DB_PAR_VSMD_MCS"], Value=99.0) \
+        == codes["DB_RESULT_OUT_OF_RANGE"]
+    assert plc.run(write, ParameterNumber=codes["DB_PAR_POSITION"], Value=1.0) \
+        == codes["DB_FAIL_EXCEPTION"] + 2
+    assert plc.run(write, ParameterNumber=codes["DB_PAR_VSMD_MCS"], Value=-1.0) \
+        == codes["DB_FAIL_ARGUMENT"]
+    plc.set(read, ParameterNumber=0x13000)
+    plc.until(lambda: read.Error, what="an error")
+    assert read.ErrorID == codes["DB_FAIL_EXCEPTION"] + 2
+
+
+def test_limits_are_told(make_bridge, make_plc, codes):
+    bridge = make_bridge(drive={"max-position": 500})
+    plc = make_plc(bridge)
+    move = plc.block("MC_MoveAbsolute")
+    assert plc.run(move, Position=501.0) == codes["DB_RESULT_LIMIT"]
+    assert plc.axis.ResultLimit == codes["DB_LIMIT_MAX_POSITION"]
+    assert plc.run(move, Position=500.0) == "Done"
+    assert plc.run(move, Position=0.0, Velocity=1e9) == codes["DB_RESULT_OUT_OF_RANGE"]
+
+
+def test_reset_clears_the_watchdogs_latch(make_bridge, make_plc, codes):
+    bridge = make_bridge(drive={"watchdog-ms": 400})
+    plc = make_plc(bridge)
+    run = plc.block("MC_MoveVelocity", Velocity=5000.0, Execute=True)
+    sees(plc, (run, "InVelocity"))
+    # The controller stops its cycles.
+    eventually(lambda: bridge.sim.get()["velocity"] == 0, what="the watchdog")
+    plc.until(lambda: not run.Busy, what="the end")
+    assert run.Error or run.CommandAborted
+    move = plc.block("MC_MoveRelative", Distance=10.0)
+    assert plc.run(move) == codes["DB_RESULT_LATCHED"]
+    assert plc.run(plc.block("MC_Reset")) == "Done"
+    assert plc.run(move) == "Done"
+
+
+@pytest.mark.parametrize("lost", [1, 2, 4])
+def test_lost_responses_move_once(bridge, plc, codes, lost):
+    """The connection is closed after the request: the same id goes out again, and the drive moves
+    once."""
+    move = plc.block("MC_MoveRelative", Distance=300.0, Velocity=12800.0)
+    assert plc.run(move) == "Done"
+    for count in (2, 3):
+        del plc.modbus.writes[:]
+        plc.modbus.lose = lost
+        assert plc.run(move, timeout=30) == "Done"
+        assert plc.modbus.lose == 0
+        sent = commands(plc, codes)
+        assert len(sent) == lost + 1 and len(set(sent)) == 1
+        assert bridge.sim.get()["position"] == 300 * count
+        assert bridge.drive().read("result_id") == sent[0][0]
+
+
+def test_a_bridge_that_restarts_before_the_answer(bridge, plc, codes):
+    """Whether the move was made cannot be known: it is told, and not made again."""
+    move = plc.block("MC_MoveRelative", Distance=300.0, Velocity=12800.0)
+    assert plc.run(move) == "Done"
+    plc.modbus.lose = 1
+    plc.set(move, Execute=True)
+    plc.until(lambda: plc.modbus.lose == 0, what="the request")
+    eventually(lambda: bridge.sim.get()["position"] == 600, what="the move")
+    bridge.restart_bridge()
+    plc.modbus.port = bridge.port
+    assert plc.ended(move) == codes["DB_RESULT_RESTARTED"]
+    assert bridge.sim.get()["position"] == 600
+
+
+def test_writes_that_are_accepted_at_once(make_bridge, make_plc, codes):
+    bridge = make_bridge(modbus={"write-confirm": "accepted"})
+    plc = make_plc(bridge)
+    move = plc.block("MC_MoveRelative", Distance=300.0, Velocity=12800.0)
+    for count in (1, 2, 3):
+        assert plc.run(move) == "Done"
+        assert bridge.sim.get()["position"] == 300 * count
+    assert bridge.drive().command("disable") == 0
+    assert plc.run(move) == codes["DB_RESULT_REFUSED"]
+
+
+def test_confirmed_later(make_bridge, make_plc, codes):
+    """Exception 05 says nothing of the end: that is in the result registers."""
+    bridge = make_bridge(modbus={"confirm-ms": 20})
+    plc = make_plc(bridge)
+    move = plc.block("MC_MoveRelative", Distance=300.0, Velocity=12800.0)
+    for count in range(1, 6):
+        bridge.sim.fault("delay 40")
+        end = plc.run(move)
+        bridge.sim.fault("none")
+        assert end == "Done"
+        assert bridge.sim.get()["position"] == 300 * count
+
+
+def test_a_drive_that_is_gone(bridge, plc, codes):
+    move = plc.block("MC_MoveRelative", Distance=300.0)
+    assert plc.run(move) == "Done"
+    bridge.sim.fault("silence on")
+    plc.until(lambda: plc.axis.State == codes["DB_STATE_OFFLINE"], what="Offline")
+    assert plc.axis.Valid and plc.axis.ErrorCode == codes["DB_ERROR_NO_ANSWER"]
+    assert plc.run(move) == codes["DB_RESULT_OFFLINE"]
+    bridge.sim.fault("silence off")
+    plc.until(lambda: plc.axis.State == codes["DB_STATE_STANDSTILL"], what="Standstill")
+    assert plc.run(move) == "Done"
+    assert bridge.sim.get()["position"] == 600
+
+
+def test_a_bridge_that_is_gone(bridge, plc, codes):
+    bridge.stop_bridge()
+    plc.until(lambda: not plc.axis.Valid, what="not Valid")
+    move = plc.block("MC_MoveRelative", Distance=300.0)
+    assert plc.run(move, timeout=40) == codes["DB_FAIL_NO_ANSWER"]
+    bridge.start_bridge()
+    plc.modbus.port = bridge.port
+    plc.until(lambda: plc.axis.Valid, what="Valid")
+    assert bridge.sim.get()["position"] == 0
+    assert plc.run(move) == "Done"
+    assert bridge.sim.get()["position"] == 300
+
+
+def test_a_new_program_finds_a_new_id(bridge, make_plc, codes):
+    """A controller that lost its memory does not repeat the id that the bridge has seen last."""
+    for count in range(1, 6):
+        plc = make_plc(bridge)
+        move = plc.block("MC_MoveRelative", Distance=100.0)
+        assert plc.run(move) == "Done"
+        assert bridge.sim.get()["position"] == 100 * count
+
+
+def test_ids_wrap(bridge, plc, codes):
+    move = plc.block("MC_MoveRelative", Distance=10.0)
+    assert plc.run(move) == "Done"
+    del plc.modbus.writes[:]
+    plc.axis.LastId = 65533
+    for _ in range(4):
+        assert plc.run(move) == "Done"
+    assert [id for id, _ in commands(plc, codes)] == [65534, 65535, 1, 2]
+    assert bridge.sim.get()["position"] == 50

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""docs/drivebridge.st: Structured Text by an independent parser, and the register map's numbers."""
+
+import csv
+import struct
+
+import pytest
+from blark.parse import parse_source_code
+from conftest import DOCS
+from stlib import Library
+
+BLOCKS = ["MC_Power", "MC_Stop", "MC_Halt", "MC_MoveAbsolute", "MC_MoveRelative",
+          "MC_MoveVelocity", "MC_Home", "MC_SetPosition", "MC_Reset", "MC_ReadStatus",
+          "MC_ReadParameter", "MC_WriteParameter"]
+
+
+@pytest.fixture(scope="module")
+def text():
+    return (DOCS / "drivebridge.st").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def library(text):
+    return Library(text)
+
+
+def rows(name):
+    with open(DOCS / name, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+# Half a minute on a machine that has nothing else to do.
+@pytest.mark.timeout(400)
+def test_an_iec_61131_3_parser_takes_it(text):
+    parsed = parse_source_code(text)
+    assert parsed.exception is None
+    blocks = [item.name for item in parsed.transform().items
+              if type(item).__name__ == "FunctionBlock"]
+    assert set(BLOCKS) <= {str(name) for name in blocks}
+
+
+def test_the_parser_would_have_complained(text):
+    begin = text.index("FUNCTION_BLOCK MC_Halt")
+    block = text[begin : text.index("END_FUNCTION_BLOCK", begin) + len("END_FUNCTION_BLOCK")]
+    assert parse_source_code(block).exception is None
+    assert parse_source_code(block.replace("Busy := Motion.Busy", "Busy = Motion.Busy")).exception
+
+
+def test_names_are_there_once(library):
+    """The language does not tell capitals from small letters."""
+    names = [*library.constants, *library.types, *library.functions]
+    assert len({name.upper() for name in names}) == len(names)
+    assert set(BLOCKS) <= set(library.types)
+
+
+def constant(prefix, name):
+    return prefix + name.upper()
+
+
+def test_registers_are_those_of_the_map(library):
+    shown = 0
+    for row in rows("register-map.csv"):
+        if row["view"] == "drive" and row["table"] == "holding":
+            address = library.constants.get(constant("DB_REG_", row["name"]))
+            if address is not None and "family's" not in row["description"]:
+                assert address == int(row["address"]), row["name"]
+                shown += 1
+        elif row["view"] == "gateway" and row["table"] == "holding":
+            address = library.constants.get(constant("DB_GATEWAY_", row["name"]))
+            assert address is None or address == int(row["address"]), row["name"]
+    assert shown >= 40
+
+
+def test_commands_are_those_of_the_table(library):
+    for row in rows("commands.csv"):
+        assert library.constants[constant("DB_CMD_", row["name"])] == int(row["code"])
+
+
+@pytest.mark.parametrize(
+    ("register", "prefix", "bits"),
+    [("result", "DB_RESULT_", False), ("axis_state", "DB_STATE_", False),
+     ("error", "DB_ERROR_", False), ("status", "DB_STATUS_", True),
+     ("result_limit", "DB_LIMIT_", False), ("capabilities", "DB_CAN_", True)],
+)
+def test_codes_are_those_of_the_descriptions(library, register, prefix, bits):
+    [row] = [row for row in rows("register-map.csv")
+             if (row["view"], row["table"], row["name"]) == ("drive", "holding", register)]
+    told = [word.split("=") for word in row["description"].split(":", 1)[1].split()
+            if "=" in word]
+    expected = {name.replace("_", "").upper(): 1 << int(code) if bits else int(code)
+                for code, name in told}
+    found = {name.removeprefix(prefix).replace("_", ""): value
+             for name, value in library.constants.items() if name.startswith(prefix)}
+    assert expected and found == expected
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0, -1.5, 0.1, 12800.0, -192000.0, 16777215.0, 3.4e38,
+                                   1.1754944e-38, 1e-40, -1.4e-45])
+def test_reals_in_registers(library, value):
+    """By arithmetic there and back, to the last bit."""
+    raw = struct.pack(">f", value)
+    [single], [bits] = struct.unpack(">f", raw), struct.unpack(">I", raw)
+    assert library.functions["DB_FromReal"](single) == bits
+    assert library.functions["DB_ToReal"](bits) == single
+
+
+@pytest.mark.parametrize("low_first", [False, True])
+def test_words_of_a_number(library, low_first):
+    words = [library.functions["DB_Part"](0x12345678, second, low_first)
+             for second in (False, True)]
+    assert words == ([0x5678, 0x1234] if low_first else [0x1234, 0x5678])
+    assert library.functions["DB_Join"](*words, low_first) == 0x12345678
