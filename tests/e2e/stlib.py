@@ -65,6 +65,10 @@ class Array(list):
             raise IndexError(index)
         super().__setitem__(index, fit(self.kind, value))
 
+    def take(self, other):
+        for index, value in enumerate(other):
+            self[index] = value
+
 
 class Record:
     """A structure, or an instance of a block; its class has the variables' declarations."""
@@ -76,14 +80,31 @@ class Record:
             object.__setattr__(self, name, make())
 
     def __setattr__(self, name, value):
+        """An assignment: structures and arrays are copied."""
         kind = self.declared[name][0]
-        object.__setattr__(self, name, fit(kind, value) if kind in DEFAULTS else value)
+        if kind in DEFAULTS:
+            object.__setattr__(self, name, fit(kind, value))
+        else:
+            getattr(self, name).take(value)
+
+    def take(self, other):
+        if type(other) is not type(self):
+            raise TypeError(f"{other!r} is no {type(self).__name__}")
+        for name in self.declared:
+            setattr(self, name, getattr(other, name))
 
 
 class Block(Record):
+    references = frozenset()
+
     def __call__(self, **inputs):
+        if missing := self.references - set(inputs):
+            raise TypeError(f"{type(self).__name__} needs {missing}")
         for name, value in inputs.items():
-            setattr(self, name, value)
+            if name in self.references:
+                object.__setattr__(self, name, value)
+            else:
+                setattr(self, name, value)
         self.body()
         return self
 
@@ -113,8 +134,6 @@ def signed(value):
 
 FUNCTIONS = {
     "ABS": abs,
-    "SHL": lambda value, count: value << count & 0xFFFFFFFF,
-    "SHR": lambda value, count: value >> count,
     "DINT_TO_DWORD": lambda value: fit("DINT", value) & 0xFFFFFFFF,
     "DWORD_TO_DINT": lambda value: signed(fit("DWORD", value)),
     "DINT_TO_REAL": lambda value: float(fit("DINT", value)),
@@ -124,6 +143,11 @@ FUNCTIONS = {
     "WORD_TO_DWORD": lambda value: fit("WORD", value),
     "DWORD_TO_WORD": lambda value: fit("WORD", value),
     "UDINT_TO_UINT": lambda value: fit("UINT", value),
+    "UDINT_TO_WORD": lambda value: fit("WORD", value),
+    "UDINT_TO_DINT": lambda value: fit("DINT", value),
+    "UDINT_TO_DWORD": lambda value: fit("DWORD", value),
+    "DWORD_TO_UDINT": lambda value: fit("UDINT", value),
+    "WORD_TO_UDINT": lambda value: fit("WORD", value),
 }
 
 
@@ -199,6 +223,7 @@ class Library:
             self.next(":")
             self.next("STRUCT")
             self.types[name] = type(name, (Record,), {"declared": self.variables("END_STRUCT")})
+            self.next(";")
             self.next("END_TYPE")
         elif what in ("FUNCTION", "FUNCTION_BLOCK"):
             self.unit(what)
@@ -212,21 +237,24 @@ class Library:
             kind = self.next()
             declared[name] = (kind, lambda: DEFAULTS[kind])
         inputs = []
+        references = set()
         while section := self.takes("VAR_INPUT", "VAR_OUTPUT", "VAR_IN_OUT", "VAR"):
             new = self.variables("END_VAR", section == "VAR_IN_OUT")
             inputs += new if section == "VAR_INPUT" else []
+            references |= set(new) if section == "VAR_IN_OUT" else set()
             declared.update(new)
         self.local = set(declared)
         lines = ["def body(self):", *self.statements("END_" + what)]
         self.next("END_" + what)
         scope = {**self.functions, "invert": invert, "divide": divide}
         exec("\n".join(lines), scope)  # noqa: S102 - the library's own text
-        made = type(name, (Block,), {"declared": declared, "body": scope["body"]})
+        made = type(name, (Block,), {
+            "declared": declared, "references": references, "body": scope["body"]})
         if what == "FUNCTION_BLOCK":
             self.types[name] = made
         else:
-            self.functions[name] = lambda *values: getattr(
-                made()(**dict(zip(inputs, values, strict=True))), name)
+            self.functions[name] = lambda *values, **named: getattr(
+                made()(**(named or dict(zip(inputs, values, strict=True)))), name)
 
     def variables(self, end, references=False):
         declared = {}
@@ -392,9 +420,11 @@ class Library:
         return self.place()
 
     def call(self):
-        """Of a function: by place."""
+        """Of the standard's functions by place, of the library's own by name."""
         name = self.next()
         self.next("(")
+        if name not in FUNCTIONS:
+            return f"{name}({self.arguments()})"
         given = []
         while not self.takes(")"):
             given.append(self.expression())

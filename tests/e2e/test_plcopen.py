@@ -203,7 +203,7 @@ def test_a_stop_overtakes_what_waits(bridge, plc, codes):
     halt = plc.block("MC_Halt")
     for output in outputs:
         plc.set(output, Enable=True)
-    plc.until(lambda: plc.axis.Owner != 0, what="a busy connection")
+    plc.until(lambda: plc.axis.Engaged, what="a busy connection")
     plc.set(move, Execute=True)
     plc.set(halt, Execute=True)
     assert plc.ended(move) == "CommandAborted"
