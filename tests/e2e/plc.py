@@ -24,6 +24,7 @@ class ModbusBlock:
         self.transaction = 0
         self.deadline = 0.0
         self.writes = []  # the registers of every FC 16 that was sent
+        self.exceptions = []
         self.lose = 0     # so many responses to writes: the connection is closed after the request
 
     def close(self):
@@ -90,6 +91,7 @@ class ModbusBlock:
 
     def answered(self, client, mailbox, pdu):
         if pdu[0] & 0x80:
+            self.exceptions.append(pdu[1])
             self.fail(pdu[1])
             return
         if client.ReadHolding:
@@ -99,20 +101,52 @@ class ModbusBlock:
         self.busy, self.done = False, True
 
 
+class Connection:
+    """The library's client and the controller's block, and the mailbox between them."""
+
+    def __init__(self, library, port):
+        self.client = library.types["DB_ModbusClient"]()
+        self.modbus = ModbusBlock(port)
+
+    def cycle(self, mailbox):
+        block = self.modbus
+        self.client(Mailbox=mailbox, Done=block.done, Error=block.error,
+                    Exception=block.exception)
+        block.cycle(self.client, mailbox)
+
+
 class Plc:
     """One axis. Blocks are made by block() and called in every cycle, in the order of their making,
     with the inputs that were set last."""
 
-    def __init__(self, library: Library, port, unit=1, **axis):
+    def __init__(self, library: Library, port, unit=1, shared=None, **axis):
+        """`shared`: another controller's axis whose connection this one uses, too."""
         self.library = library
         self.axis = library.types["DB_AXIS_REF"]()
         self.axis.UnitId = unit
         for name, value in axis.items():
             setattr(self.axis, name, value)
-        self.client = library.types["DB_ModbusClient"]()
         self.update = library.types["DB_Axis"]()
-        self.modbus = ModbusBlock(port)
+        self.connection = shared.connection if shared else Connection(library, port)
+        self.modbus = self.connection.modbus
         self.blocks = []
+        self.line = None
+        self.sharing = []
+        if shared:
+            shared.share()
+            self.join(shared)
+
+    def share(self):
+        """From now on through a line."""
+        if not self.line:
+            self.line = self.library.types["DB_LINE"]()
+            self.sharing = [self]
+            self.turn = self.library.types["DB_Share"]()
+
+    def join(self, other):
+        self.line, self.sharing = other.line, other.sharing
+        self.sharing.append(self)
+        self.turn = self.library.types["DB_Share"]()
 
     def block(self, name, **inputs):
         made = self.library.types[name]()
@@ -126,17 +160,23 @@ class Plc:
             setattr(block, name, value)
 
     def cycle(self):
-        block = self.modbus
-        self.client(Mailbox=self.axis.Mailbox, Done=block.done, Error=block.error,
-                    Exception=block.exception)
-        block.cycle(self.client, self.axis.Mailbox)
+        if self.line:
+            self.connection.cycle(self.line.Mailbox)
+        else:
+            self.connection.cycle(self.axis.Mailbox)
+        for plc in self.sharing or [self]:
+            plc.call_blocks()
+        time.sleep(0.001)
+
+    def call_blocks(self):
+        if self.line:
+            self.turn(Axis=self.axis, Line=self.line)
         self.update(Axis=self.axis, Interval=5)
         for made in self.blocks:
             made(Axis=self.axis)
             outputs = [made.declared.get(name) and getattr(made, name)
                        for name in ("Done", "CommandAborted", "Error")]
             assert sum(map(bool, outputs)) <= 1, "one of Done, CommandAborted and Error"
-        time.sleep(0.001)
 
     def until(self, check, timeout=15.0, what=None):
         """Runs cycles until check() says something true, which is returned."""

@@ -321,10 +321,15 @@ def test_reset_clears_the_watchdogs_latch(make_bridge, make_plc, codes):
     # The controller stops its cycles.
     eventually(lambda: bridge.sim.get()["velocity"] == 0, what="the watchdog")
     plc.until(lambda: not run.Busy, what="the end")
-    assert run.Error or run.CommandAborted
+    assert run.Error and run.ErrorID == codes["DB_RESULT_LATCHED"]
+    assert not run.CommandAborted
+    status = plc.block("MC_ReadStatus", Enable=True)
+    sees(plc, (status, "ErrorStop"))
+    assert not (status.Standstill or status.Stopping)
     move = plc.block("MC_MoveRelative", Distance=10.0)
     assert plc.run(move) == codes["DB_RESULT_LATCHED"]
     assert plc.run(plc.block("MC_Reset")) == "Done"
+    assert status.Standstill and not status.ErrorStop
     assert plc.run(move) == "Done"
 
 
@@ -427,3 +432,242 @@ def test_ids_wrap(bridge, plc, codes):
         assert plc.run(move) == "Done"
     assert [id for id, _ in commands(plc, codes)] == [65534, 65535, 1, 2]
     assert bridge.sim.get()["position"] == 50
+
+
+# --- several blocks at once ----------------------------------------------------------------------
+
+
+SLOW = {"set": ["spd=6400", "acc=64000", "dec=6400", "pae=1"]}
+
+
+def test_a_halt_is_aborted_by_a_move(make_bridge, make_plc):
+    bridge = make_bridge(sim_drive=SLOW)
+    plc = make_plc(bridge)
+    run = plc.block("MC_MoveVelocity", Velocity=6400.0, Execute=True)
+    halt = plc.block("MC_Halt")
+    move = plc.block("MC_MoveAbsolute", Position=100.0, Velocity=6400.0)
+    sees(plc, (run, "InVelocity"))
+    plc.set(halt, Execute=True)
+    sees(plc, (halt, "Active"))
+    assert not halt.Done
+    plc.set(move, Execute=True)
+    assert plc.ended(halt) == "CommandAborted"
+    assert plc.ended(move) == "Done"
+    assert bridge.sim.get()["position"] == 100
+
+
+def test_a_stop_aborts_a_halt_and_refuses_others(make_bridge, make_plc, codes):
+    bridge = make_bridge(sim_drive=SLOW)
+    plc = make_plc(bridge)
+    run = plc.block("MC_MoveVelocity", Velocity=6400.0, Execute=True)
+    halt, stop = plc.block("MC_Halt"), plc.block("MC_Stop")
+    sees(plc, (run, "InVelocity"))
+    plc.set(halt, Execute=True)
+    sees(plc, (halt, "Active"))
+    plc.set(stop, Execute=True)
+    assert plc.ended(halt) == "CommandAborted"
+    assert plc.ended(stop) == "Done"
+    sent = commands(plc, codes)
+    plc.set(halt, Execute=False)
+    plc.cycle()
+    assert plc.run(halt) == codes["DB_FAIL_STOPPING"]
+    assert commands(plc, codes) == sent
+    # The power goes off all the same.
+    power = plc.block("MC_Power", Enable=True)
+    sees(plc, (power, "Status"))
+    plc.set(power, Enable=False)
+    plc.until(lambda: plc.axis.State == codes["DB_STATE_DISABLED"], what="Disabled")
+
+
+@pytest.mark.parametrize("name", ["MC_Halt", "MC_Stop"])
+def test_nothing_is_written_again_after_a_stop(bridge, plc, codes, name):
+    """The response to a move is lost; before it is written again somebody wants a stop."""
+    move = plc.block("MC_MoveVelocity", Velocity=100.0)
+    stop = plc.block(name)
+    assert plc.run(plc.block("MC_SetPosition")) == "Done"
+    del plc.modbus.writes[:]
+    plc.modbus.lose = 1
+    plc.set(move, Execute=True)
+    plc.until(lambda: plc.modbus.lose == 0, what="the request")
+    plc.set(stop, Execute=True)
+    assert plc.ended(move) == "CommandAborted"
+    assert plc.ended(stop) == "Done"
+    assert [code for _, code in commands(plc, codes)] == [
+        codes["DB_CMD_MOVE_VELOCITY"],
+        codes["DB_CMD_STOP" if name == "MC_Halt" else "DB_CMD_QUICK_STOP"]]
+    assert bridge.sim.get()["velocity"] == 0
+
+
+def test_a_stop_does_not_wait_for_what_moves_nothing(bridge, plc, codes):
+    assert plc.run(plc.block("MC_SetPosition")) == "Done"
+    preset, stop = plc.block("MC_SetPosition", Position=7.0), plc.block("MC_Stop")
+    del plc.modbus.writes[:]
+    plc.modbus.lose = 1
+    plc.set(preset, Execute=True)
+    plc.until(lambda: plc.modbus.lose == 0, what="the request")
+    plc.set(stop, Execute=True)
+    # Whether it was carried out is not known.
+    assert plc.ended(preset) == codes["DB_FAIL_NO_ANSWER"]
+    assert plc.ended(stop) == "Done"
+    assert [code for _, code in commands(plc, codes)] == [codes["DB_CMD_SET_POSITION"],
+                                                          codes["DB_CMD_QUICK_STOP"]]
+
+
+@pytest.mark.parametrize("name", ["MC_Stop", "MC_Halt", "MC_MoveAbsolute", "MC_SetPosition",
+                                  "MC_Reset"])
+def test_a_lost_response_to_any_command(bridge, plc, codes, name):
+    assert plc.run(plc.block("MC_MoveRelative"), Distance=10.0) == "Done"
+    del plc.modbus.writes[:]
+    plc.modbus.lose = 1
+    assert plc.run(plc.block(name)) == "Done"
+    sent = commands(plc, codes)
+    assert len(sent) == 2 and len(set(sent)) == 1
+
+
+def test_a_lost_response_to_a_parameter(bridge, plc, codes):
+    plc.modbus.lose = 2
+    assert plc.run(plc.block("MC_WriteParameter"), ParameterNumber=codes["DB_PAR_VSMD_ACC"],
+                   Value=1234.0) == "Done"
+    assert bridge.drive().read("acc") == 1234.0
+
+
+# --- power ---------------------------------------------------------------------------------------
+
+
+def test_power_is_tried_again(bridge, plc, codes):
+    assert plc.run(plc.block("MC_SetPosition")) == "Done"
+    bridge.sim.fault("silence on")
+    plc.until(lambda: plc.axis.State == codes["DB_STATE_OFFLINE"], what="Offline")
+    power = plc.block("MC_Power", Enable=True)
+    sees(plc, (power, "Error"))
+    assert power.ErrorID == codes["DB_RESULT_OFFLINE"] and not power.Busy
+    bridge.sim.fault("silence off")
+    sees(plc, (power, "Status"))
+    assert not power.Error and power.ErrorID == 0
+    bridge.sim.fault("silence on")
+    plc.until(lambda: not power.Status, what="no Status")
+    plc.set(power, Enable=False)
+    bridge.sim.fault("silence off")
+    plc.until(lambda: plc.axis.State == codes["DB_STATE_DISABLED"], what="Disabled")
+    assert bridge.sim.get()["off"] >= 1
+
+
+def test_power_that_was_taken_away_comes_back_by_reset(bridge, plc, codes):
+    power = plc.block("MC_Power", Enable=True)
+    sees(plc, (power, "Status"))
+    assert bridge.drive().command("disable") == 0
+    sees(plc, (power, "Error"))
+    assert power.ErrorID == codes["DB_FAIL_AXIS"] and not power.Status
+    seen = len(commands(plc, codes))
+    images = plc.axis.Images
+    plc.until(lambda: plc.axis.Images >= images + 30, what="some time")
+    assert len(commands(plc, codes)) == seen and power.Error
+    assert plc.run(plc.block("MC_Reset")) == "Done"
+    sees(plc, (power, "Status"))
+    assert not power.Error
+
+
+def test_power_off_overtakes_power_on(bridge, plc, codes):
+    assert plc.run(plc.block("MC_SetPosition")) == "Done"
+    power = plc.block("MC_Power")
+    plc.modbus.lose = 1
+    plc.set(power, Enable=True)
+    plc.until(lambda: plc.modbus.lose == 0, what="the request")
+    plc.set(power, Enable=False)
+    plc.until(lambda: plc.axis.State == codes["DB_STATE_DISABLED"] and not power.Busy,
+              what="Disabled")
+    assert not power.Error
+    sent = [code for _, code in commands(plc, codes)]
+    assert sent[-2:] == [codes["DB_CMD_ENABLE"], codes["DB_CMD_DISABLE"]]
+
+
+# --- what goes away, what is busy -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["MC_MoveVelocity", "MC_MoveAbsolute"])
+def test_a_drive_that_goes_away_while_it_moves(bridge, plc, codes, name):
+    args = {"Position": 1e6} if name == "MC_MoveAbsolute" else {}
+    move = plc.block(name, Velocity=1000.0, Execute=True, **args)
+    sees(plc, (move, "Active"))
+    bridge.sim.fault("silence on")
+    assert plc.ended(move, 30) == codes["DB_RESULT_INDETERMINATE" if args else "DB_RESULT_OFFLINE"]
+    assert not (getattr(move, "InVelocity", False) or move.Active)
+
+
+def test_a_bridge_that_goes_away_while_a_drive_moves(bridge, plc, codes):
+    run = plc.block("MC_MoveVelocity", Velocity=1000.0, Execute=True)
+    sees(plc, (run, "InVelocity"))
+    assert bridge.stop_bridge() == 0
+    assert plc.ended(run, 30) == codes["DB_FAIL_NO_ANSWER"]
+    assert not run.InVelocity
+    assert plc.update.Error and plc.update.ErrorID == codes["DB_FAIL_NO_ANSWER"]
+
+
+def test_a_full_queue(make_bridge, make_plc, codes):
+    """Exception 06 executes nothing: the block tries again until there is room."""
+    bridge = make_bridge(modbus={"write-confirm": "accepted"}, bus={"drive-latency-ms": 900})
+    plc = make_plc(bridge)
+    move = plc.block("MC_MoveRelative", Distance=300.0, Velocity=12800.0)
+    assert plc.run(move) == "Done"
+    bridge.sim.fault("delay 400")
+    drive = bridge.drive()
+
+    def fill():
+        block = [0, codes["DB_CMD_READ_PARAMETERS"]]
+        while drive.write_words(codes["DB_REG_COMMAND_ID"], block) == 0:
+            pass
+
+    fill()
+    plc.set(move, Execute=True)
+    plc.until(lambda: plc.modbus.exceptions and plc.modbus.exceptions[-1] == 6, what="06")
+    bridge.sim.fault("none")
+    assert plc.ended(move, 30) == "Done"
+    assert bridge.sim.get()["position"] == 600
+
+
+def test_axes_share_a_connection(make_bridge, make_plc, codes):
+    bridge = make_bridge(drives=3)
+    plcs = [make_plc(bridge)]
+    plcs += [make_plc(bridge, unit, shared=plcs[0]) for unit in (2, 3)]
+    first = plcs[0]
+    moves = [plc.block("MC_MoveAbsolute", Position=100.0 * plc.axis.UnitId, Execute=True)
+             for plc in plcs]
+    for plc, move in zip(plcs, moves, strict=True):
+        assert plc.ended(move) == "Done"
+        assert plc.axis.PositionCounts == 100 * plc.axis.UnitId
+    for number in (1, 2, 3):
+        assert bridge.sim.get(f"drive{number}")["position"] == 100 * number
+    # Also when an answer is lost, and when a stop goes before others.
+    relative = plcs[1].block("MC_MoveRelative", Distance=50.0, Execute=True)
+    first.modbus.lose = 2
+    assert plcs[1].ended(relative) == "Done"
+    assert bridge.sim.get("drive2")["position"] == 250
+    runs = [plc.block("MC_MoveVelocity", Velocity=1000.0, Execute=True) for plc in plcs]
+    first.until(lambda: all(run.InVelocity for run in runs), what="InVelocity")
+    stop = plcs[2].block("MC_Stop", Execute=True)
+    assert first.ended(stop) == "Done"
+    assert [run.CommandAborted for run in runs] == [False, False, True]
+
+
+def test_a_stop_goes_first_on_a_shared_connection(library, make_bridge, make_plc, codes):
+    """However many others wait: after what is on its way and the axis' own read."""
+    bridge = make_bridge(drives=4)
+    plcs = [make_plc(bridge)]
+    plcs += [make_plc(bridge, unit, shared=plcs[0]) for unit in (2, 3, 4)]
+    stop = plcs[3].block("MC_Stop")
+    requests = []
+    begin = plcs[0].modbus.begin
+
+    def watch(client, mailbox):
+        requests.append((client.UnitId, client.WriteMultiple))
+        begin(client, mailbox)
+
+    plcs[0].modbus.begin = watch
+    for _ in range(20):
+        plcs[3].set(stop, Execute=True)
+        del requests[:]
+        plcs[0].until(lambda: (4, True) in requests, what="the stop")
+        assert requests.index((4, True)) <= 2, requests
+        assert plcs[3].ended(stop) == "Done"
+        plcs[3].set(stop, Execute=False)
+        plcs[3].cycle()
