@@ -12,7 +12,8 @@ int db_export_commands(FILE *out);
 
 /*
  * The Structured Text library: `blocks` with the tables' constants in the place of its line
- * "@constants@". -ENOENT when it has no such line, -EIO when it cannot be read.
+ * "@constants@". -ENOENT when it has no such line, or the table no register that the library needs;
+ * -EIO when it cannot be read.
  */
 int db_export_st(FILE *out, FILE *blocks);
 

@@ -2,8 +2,6 @@
 /* The Structured Text library: the tables' numbers as constants, put into the text of the blocks. */
 #include "regmap/export.h"
 
-#include "axis/limits.h"
-
 #include "regmap/commands.h"
 #include "regmap/index.h"
 
@@ -15,14 +13,19 @@
 static const char placeholder[] = "@constants@\n";
 
 /* "DiscreteMotion" and "move_absolute" become DISCRETE_MOTION and MOVE_ABSOLUTE. */
-static void put_name(FILE *out, const char *prefix, const char *name)
+static void put_word(FILE *out, const char *before, const char *prefix, const char *name)
 {
-	fprintf(out, "\t%s", prefix);
+	fprintf(out, "%s%s", before, prefix);
 	for (const char *from = name; *from; from++) {
 		if (from > name && isupper((unsigned char)*from))
 			putc('_', out);
 		putc(isalnum((unsigned char)*from) ? toupper((unsigned char)*from) : '_', out);
 	}
+}
+
+static void put_name(FILE *out, const char *prefix, const char *name)
+{
+	put_word(out, "\t", prefix, name);
 }
 
 static void put_uint(FILE *out, const char *prefix, const char *name, unsigned value)
@@ -41,71 +44,66 @@ static void end(FILE *out)
 	fputs("END_VAR\n", out);
 }
 
-/* --- codes --------------------------------------------------------------------------------------- */
-
-static const char *state_name(unsigned code)
-{
-	return db_axis_state_name((enum db_axis_state)code);
-}
-
-static const char *result_name(unsigned code)
-{
-	return db_result_name((enum db_result)code);
-}
-
-static const char *error_name(unsigned code)
-{
-	return db_error_name((uint16_t)code);
-}
-
-static const char *limit_name(unsigned code)
-{
-	return db_limit_name((uint16_t)code);
-}
-
-#define LAST_ERROR 63 /* as the description of the register counts them */
-#define STATUS_BITS 32
-
-static const struct {
-	const char *comment;
-	const char *prefix;
-	const char *(*name)(unsigned code);
-	unsigned count;
-	bool bits;
-} code_lists[] = {
-	{ "Values of axis_state", "DB_STATE_", state_name, DB_AXIS_STATE_COUNT, false },
-	{ "Codes of command", "DB_CMD_", db_command_name, DB_CMD_LIMIT, false },
-	{ "Values of result and write_result", "DB_RESULT_", result_name, DB_RESULT_COUNT, false },
-	{ "Values of error", "DB_ERROR_", error_name, LAST_ERROR + 1, false },
-	{ "Values of result_limit", "DB_LIMIT_", limit_name, DB_LIMIT_COUNT, false },
-	{ "Bits of status", "DB_STATUS_", db_status_bit_name, DB_STATUS_BIT_COUNT, true },
-	{ "Bits of capabilities", "DB_CAN_", db_capability_name, STATUS_BITS, true },
-};
-
-static void put_codes(FILE *out, size_t list)
-{
-	begin(out, code_lists[list].comment);
-	for (unsigned code = 0; code < code_lists[list].count; code++) {
-		const char *name = code_lists[list].name(code);
-
-		if (strcmp(name, "unknown") == 0)
-			continue;
-		if (!code_lists[list].bits) {
-			put_uint(out, code_lists[list].prefix, name, code);
-			continue;
-		}
-		put_name(out, code_lists[list].prefix, name);
-		fprintf(out, " : DWORD := 16#%08X;\n", 1u << code);
-	}
-	end(out);
-}
-
-/* --- registers ----------------------------------------------------------------------------------- */
+/* --- the table's rows ---------------------------------------------------------------------------- */
 
 static bool is_single(const struct db_row *row, enum db_view view)
 {
 	return row->view == view && row->table == DB_TABLE_HOLDING && row->repeat.count == 0;
 }
+
+static const struct db_row *row_of(const char *name)
+{
+	for (size_t i = 0; i < db_row_count; i++) {
+		if (is_single(&db_rows[i], DB_VIEW_DRIVE) && strcmp(db_rows[i].name, name) == 0)
+			return &db_rows[i];
+	}
+	return NULL;
+}
+
+/* --- codes --------------------------------------------------------------------------------------- */
+
+/* The registers whose codes the library needs. */
+static const struct {
+	const char *name;
+	const char *prefix;
+} coded[] = {
+	{ "axis_state", "DB_STATE_" }, { "command", "DB_CMD_" },   { "result", "DB_RESULT_" },
+	{ "error", "DB_ERROR_" },      { "status", "DB_STATUS_" }, { "result_limit", "DB_LIMIT_" },
+	{ "capabilities", "DB_CAN_" },
+};
+
+static void put_codes(FILE *out, const struct db_codes *codes, const char *prefix)
+{
+	for (unsigned code = 0; code < codes->count; code++) {
+		const char *name = codes->name(code);
+
+		if (strcmp(name, "unknown") == 0)
+			continue;
+		if (!codes->bits) {
+			put_uint(out, prefix, name, code);
+			continue;
+		}
+		put_name(out, prefix, name);
+		fprintf(out, " : DWORD := 16#%08X;\n", 1u << code);
+	}
+}
+
+static int put_coded(FILE *out, size_t which)
+{
+	const struct db_row *row = row_of(coded[which].name);
+	char comment[80];
+
+	if (!row || !row->codes)
+		return -ENOENT;
+	snprintf(comment, sizeof comment, "%s of %s", row->codes->bits ? "Bits" : "Values",
+	         row->name);
+	begin(out, comment);
+	put_codes(out, row->codes, coded[which].prefix);
+	end(out);
+	return 0;
+}
+
+/* --- registers ----------------------------------------------------------------------------------- */
 
 static void put_registers(FILE *out, enum db_view view, const char *prefix)
 {
@@ -127,15 +125,6 @@ static const struct {
 	{ "refusal", "result_limit", "aborted_id" },   { "order", "command_id", "command" },
 	{ "motion", "command_id", "target_velocity" },
 };
-
-static const struct db_row *row_of(const char *name)
-{
-	for (size_t i = 0; i < db_row_count; i++) {
-		if (is_single(&db_rows[i], DB_VIEW_DRIVE) && strcmp(db_rows[i].name, name) == 0)
-			return &db_rows[i];
-	}
-	return NULL;
-}
 
 static int put_spans(FILE *out)
 {
@@ -222,21 +211,56 @@ static void put_own_parameters(FILE *out)
 
 /* --- the whole ------------------------------------------------------------------------------------- */
 
+static bool ends_motion(unsigned code)
+{
+	return db_command_ends_motion((enum db_command)code);
+}
+
+static bool is_stop(unsigned code)
+{
+	return db_command_is_stop((enum db_command)code);
+}
+
+static const char *kind_name(unsigned kind)
+{
+	return db_type_name((enum db_type)(kind - 1));
+}
+
+static bool is_wide(unsigned kind)
+{
+	return kind > 0 && db_type_registers((enum db_type)(kind - 1)) == 2;
+}
+
 /* Asked of the bridge itself, so that a command of tomorrow is not forgotten. */
-static void put_ends_motion(FILE *out)
+static const struct {
+	const char *comment;
+	const char *function;
+	const char *input;
+	const char *prefix;
+	const char *(*name)(unsigned code);
+	bool (*holds)(unsigned code);
+	unsigned count;
+} questions[] = {
+	{ "The drive's motion is ended by this command", "DB_EndsMotion", "Code", "DB_CMD_",
+	  db_command_name, ends_motion, DB_CMD_LIMIT },
+	{ "This command always executes, and overtakes others", "DB_IsStop", "Code", "DB_CMD_",
+	  db_command_name, is_stop, DB_CMD_LIMIT },
+	{ "This type takes two registers", "DB_IsWide", "Kind", "DB_TYPE_", kind_name, is_wide,
+	  DB_TEXT + 1 },
+};
+
+static void put_question(FILE *out, size_t question)
 {
 	const char *before = "\n\t";
 
-	fputs("\n(* The drive's motion is ended by this command. *)\n"
-	      "FUNCTION DB_EndsMotion : BOOL\n"
-	      "VAR_INPUT\n\tCode : UINT;\nEND_VAR\n"
-	      "DB_EndsMotion :=",
-	      out);
-	for (size_t i = 0; i < db_command_row_count; i++) {
-		if (!db_command_ends_motion(db_command_rows[i].code))
+	fprintf(out, "\n(* %s. *)\nFUNCTION %s : BOOL\nVAR_INPUT\n\t%s : UINT;\nEND_VAR\n%s :=",
+	        questions[question].comment, questions[question].function,
+	        questions[question].input, questions[question].function);
+	for (unsigned code = 0; code < questions[question].count; code++) {
+		if (!questions[question].holds(code))
 			continue;
-		fputs(before, out);
-		put_name(out, "(Code = DB_CMD_", db_command_rows[i].name);
+		fprintf(out, "%s(%s =", before, questions[question].input);
+		put_word(out, " ", questions[question].prefix, questions[question].name(code));
 		fputs(")", out);
 		before = " OR\n\t";
 	}
@@ -256,19 +280,20 @@ static int put_constants(FILE *out)
 	begin(out, "Lengths of what is read or written in one request");
 	error = put_spans(out);
 	end(out);
-	for (size_t i = 0; i < sizeof code_lists / sizeof code_lists[0]; i++)
-		put_codes(out, i);
+	for (size_t i = 0; error == 0 && i < sizeof coded / sizeof coded[0]; i++)
+		error = put_coded(out, i);
 	begin(out, "Types of registers, as they stand above 16#FFFF in ParameterNumber");
 	put_types(out);
 	end(out);
 	begin(out,
-	      "ParameterNumber of MC_ReadParameter and MC_WriteParameter: what all drives have");
+	      "ParameterNumber of MC_ReadParameter and MC_WriteParameter: the bridge's registers");
 	put_own_parameters(out);
 	end(out);
 	begin(out, "The vendors' parameters by family");
 	put_vendor_parameters(out);
 	end(out);
-	put_ends_motion(out);
+	for (size_t i = 0; i < sizeof questions / sizeof questions[0]; i++)
+		put_question(out, i);
 	return error;
 }
 

@@ -205,6 +205,8 @@ static void structured_text_has_the_constants(void **state)
 	assert_non_null(strstr(text, "\tDB_STATUS_DONE : DWORD := 16#00008000;\n"));
 	/* Type f32 above address 204. */
 	assert_non_null(strstr(text, "\tDB_PAR_VSMD_SPD : UDINT := 16#600CC;\n"));
+	assert_non_null(strstr(text, "DB_IsStop :=\n\t(Code = DB_CMD_DISABLE) OR\n"));
+	assert_non_null(strstr(text, "(Kind = DB_TYPE_BITS32);\nEND_FUNCTION\n"));
 	/* From command_id to both registers of target_velocity. */
 	assert_non_null(strstr(text, "\tDB_COUNT_MOTION : UINT := 6;\n"));
 	free(text);
