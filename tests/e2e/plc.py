@@ -25,6 +25,7 @@ class ModbusBlock:
         self.deadline = 0.0
         self.writes = []  # the registers of every FC 16 that was sent
         self.exceptions = []
+        self.tells_codes = True  # not all controllers' blocks say which exception it was
         self.lose = 0     # so many responses to writes: the connection is closed after the request
 
     def close(self):
@@ -92,7 +93,7 @@ class ModbusBlock:
     def answered(self, client, mailbox, pdu):
         if pdu[0] & 0x80:
             self.exceptions.append(pdu[1])
-            self.fail(pdu[1])
+            self.fail(pdu[1] if self.tells_codes else 255)
             return
         if client.ReadHolding:
             assert pdu[1] == 2 * client.Count

@@ -155,6 +155,11 @@ def divide(left, right):
     return left / right if isinstance(left, float) else left // right
 
 
+def examples(page):
+    """The blocks of Structured Text on a page."""
+    return re.findall(r"^```iecst\n(.*?)^```$", page.read_text(encoding="utf-8"), re.S | re.M)
+
+
 def tokens(text):
     at = 0
     found = []
@@ -179,7 +184,7 @@ def tokens(text):
 
 
 class Library:
-    """The file's constants, structures, functions and blocks, by their names."""
+    """A text's constants, structures, functions, blocks and programs, by their names."""
 
     def __init__(self, text):
         self.tokens = tokens(text)
@@ -225,7 +230,7 @@ class Library:
             self.types[name] = type(name, (Record,), {"declared": self.variables("END_STRUCT")})
             self.next(";")
             self.next("END_TYPE")
-        elif what in ("FUNCTION", "FUNCTION_BLOCK"):
+        elif what in ("FUNCTION", "FUNCTION_BLOCK", "PROGRAM"):
             self.unit(what)
         else:
             raise SyntaxError(what)
@@ -250,7 +255,7 @@ class Library:
         exec("\n".join(lines), scope)  # noqa: S102 - the library's own text
         made = type(name, (Block,), {
             "declared": declared, "references": references, "body": scope["body"]})
-        if what == "FUNCTION_BLOCK":
+        if what != "FUNCTION":
             self.types[name] = made
         else:
             self.functions[name] = lambda *values, **named: getattr(

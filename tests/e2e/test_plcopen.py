@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The function blocks of docs/drivebridge.st, run as a controller runs them, against the bridge."""
 
+import time
+
 import pytest
 from bridgelib import eventually
 from conftest import DOCS
-from plc import Plc
-from stlib import Library
+from plc import ModbusBlock, Plc
+from stlib import Library, examples
 
 
 @pytest.fixture(scope="session")
@@ -298,6 +300,8 @@ def test_parameters(bridge, plc, codes):
         == codes["DB_FAIL_EXCEPTION"] + 2
     assert plc.run(write, ParameterNumber=codes["DB_PAR_VSMD_MCS"], Value=-1.0) \
         == codes["DB_FAIL_ARGUMENT"]
+    for name, register in [("DB_PAR_STATUS", "status"), ("DB_PAR_RESULT_ID", "result_id")]:
+        assert value(name) == bridge.drive().read(register) == read.Raw
     plc.set(read, ParameterNumber=0x13000)
     plc.until(lambda: read.Error, what="an error")
     assert read.ErrorID == codes["DB_FAIL_EXCEPTION"] + 2
@@ -671,3 +675,82 @@ def test_a_stop_goes_first_on_a_shared_connection(library, make_bridge, make_plc
         assert plcs[3].ended(stop) == "Done"
         plcs[3].set(stop, Execute=False)
         plcs[3].cycle()
+
+
+# --- controllers that tell less, and the guide's program -------------------------------------------
+
+
+def test_exceptions_without_their_codes(make_bridge, make_plc, codes):
+    bridge = make_bridge(modbus={"confirm-ms": 20}, drive={"max-position": 5000})
+    plc = make_plc(bridge)
+    plc.modbus.tells_codes = False
+    move = plc.block("MC_MoveRelative", Distance=300.0, Velocity=12800.0)
+    assert plc.run(move) == "Done"
+    bridge.sim.fault("delay 40")
+    assert plc.run(move) == "Done"
+    write = plc.block("MC_WriteParameter", ParameterNumber=codes["DB_PAR_VSMD_ACC"])
+    assert plc.run(write, Value=32000.0) == "Done"
+    bridge.sim.fault("none")
+    assert 5 in plc.modbus.exceptions
+    assert bridge.sim.get()["position"] == 600
+    assert plc.run(move, Distance=9000.0) == codes["DB_RESULT_LIMIT"]
+    assert plc.run(write, Value=-1.0) == codes["DB_RESULT_OUT_OF_RANGE"]
+    assert plc.run(write, Value=0.0, ParameterNumber=codes["DB_PAR_POSITION"]) \
+        != "Done"
+
+
+def test_the_guides_program(make_bridge):
+    """Runs as it stands on the page, through lost responses, a watchdog and a restart."""
+    [text] = [text for text in examples(DOCS / "guide" / "structured-text.md")
+              if "PROGRAM Feeder" in text]
+    feeder = Library((DOCS / "drivebridge.st").read_text(encoding="utf-8") + text) \
+        .types["Feeder"]()
+    bridge = make_bridge(drive={"counts-per-unit": 640, "watchdog-ms": 1000},
+                         sim_drive={"set": ["spd=6400", "acc=640000", "dec=640000", "pae=1"]})
+    block = ModbusBlock(bridge.port)
+
+    def until(check):
+        def cycle():
+            feeder.ModbusDone, feeder.ModbusError = block.done, block.error
+            feeder.ModbusException = block.exception
+            feeder()
+            block.cycle(feeder.Client, feeder.Axis.Mailbox)
+            time.sleep(0.001)
+            return check()
+
+        eventually(cycle, 30)
+
+    def advance(lose=0):
+        steps = feeder.Steps
+        block.lose = lose
+        feeder.Advance = True
+        until(lambda: feeder.Steps == steps + 1)
+        feeder.Advance = False
+        until(lambda: not feeder.Feed.Done)
+        assert bridge.sim.get()["position"] == 8000 * (steps + 1)
+
+    feeder.Run = True
+    until(lambda: feeder.Ready)
+    advance()
+    advance(lose=2)
+    bridge.restart_bridge()
+    block.close()
+    block.port = bridge.port
+    until(lambda: feeder.Ready and feeder.Update.Valid)
+    advance()
+    feeder.Hold = True
+    until(lambda: feeder.Stopping.Done)
+    assert not feeder.Ready
+    feeder.Advance = True
+    until(lambda: feeder.Fault)
+    assert feeder.FaultID == 513
+    feeder.Advance = feeder.Hold = False
+    until(lambda: not feeder.Feed.Error)
+    feeder.Acknowledge = True
+    until(lambda: not feeder.Fault)
+    feeder.Acknowledge = False
+    until(lambda: feeder.Ready)
+    advance()
+    feeder.Run = False
+    until(lambda: bridge.sim.get()["off"] == 1)
+    block.close()

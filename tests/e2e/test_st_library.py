@@ -2,12 +2,13 @@
 """docs/drivebridge.st: Structured Text by an independent parser, and the register map's numbers."""
 
 import csv
+import re
 import struct
 
 import pytest
 from blark.parse import parse_source_code
 from conftest import DOCS
-from stlib import Library
+from stlib import Library, examples
 
 BLOCKS = ["MC_Power", "MC_Stop", "MC_Halt", "MC_MoveAbsolute", "MC_MoveRelative",
           "MC_MoveVelocity", "MC_Home", "MC_SetPosition", "MC_Reset", "MC_ReadStatus",
@@ -44,6 +45,68 @@ def test_the_parser_would_have_complained(text):
     block = text[begin : text.index("END_FUNCTION_BLOCK", begin) + len("END_FUNCTION_BLOCK")]
     assert parse_source_code(block).exception is None
     assert parse_source_code(block.replace("Busy := Motion.Busy", "Busy = Motion.Busy")).exception
+
+
+GUIDE = DOCS / "guide" / "structured-text.md"
+
+
+def test_the_parser_takes_the_guides_programs():
+    programs = examples(GUIDE)
+    assert len(programs) == 4
+    for program in programs:
+        assert parse_source_code(program).exception is None, program
+
+
+def test_the_guides_table_of_errors(library):
+    """Every ErrorID there is, with its number."""
+    told = {name: int(number) for number, name in re.findall(
+        r"^\| (\d+)(?: \+ n)? \| `(\w+)`", GUIDE.read_text(encoding="utf-8"), re.M)}
+    there = {name: value for name, value in library.constants.items()
+             if name.startswith(("DB_RESULT_", "DB_FAIL_"))}
+    for no_error in ("NONE", "OK", "PENDING"):
+        del there["DB_RESULT_" + no_error]
+    assert told == there
+
+
+# Of the standard, in text form, of its instruction list, and of Siemens' SCL.
+KEYWORDS = """
+ACTION END_ACTION ARRAY AT CASE CONFIGURATION CONSTANT DO ELSE ELSIF EN ENO EXIT F_EDGE R_EDGE
+FOR FROM FUNCTION FUNCTION_BLOCK IF INITIAL_STEP NON_RETAIN NOT OF ON PROGRAM READ_ONLY READ_WRITE
+REPEAT RESOURCE RETAIN RETURN STEP STRUCT TASK THEN TO TRANSITION TYPE UNTIL VAR WHILE WITH XOR
+LD ST S R S1 R1 CLK CU CD PV IN PT CAL JMP RET ADD SUB MUL DIV MOD GT GE EQ NE LE LT
+ABS SQRT LN LOG EXP SIN COS TAN ASIN ACOS ATAN EXPT MOVE SHL SHR ROL ROR SEL MAX MIN LIMIT MUX
+LEN LEFT RIGHT MID CONCAT INSERT DELETE REPLACE FIND SR RS SEMA R_TRIG F_TRIG CTU CTD CTUD TP TON
+TOF RTC CLASS METHOD INTERFACE NAMESPACE USING REF REF_TO NULL THIS SUPER OVERRIDE FINAL ABSTRACT
+PUBLIC PRIVATE PROTECTED INTERNAL OVERLAP CONTINUE BEGIN GOTO LABEL TIMER COUNTER VOID ANY POINTER
+TITLE VERSION NAME AUTHOR FAMILY REGION DATE TIME TOD DT STRING CHAR BLOCK_DB BLOCK_FB BLOCK_FC
+DATA_BLOCK NIL PROPERTY UNION ADR SIZEOF REFERENCE GET SET
+""".split()
+
+
+def test_no_name_is_a_keyword(text, library):
+    code = re.sub(r"\(\*.*?\*\)", "", text, flags=re.S)
+    declared = {name.upper() for name in re.findall(r"^\t(\w+) :[^=]", code, re.M)}
+    assert {"EXECUTE", "AXIS", "COMMAND"} <= declared
+    assert not (declared | {name.upper() for name in library.constants}) & set(KEYWORDS)
+
+
+def test_nothing_that_a_vendor_added(text):
+    code = re.sub(r"\(\*.*?\*\)", "", text, flags=re.S)
+    assert "//" not in code and "{" not in code
+    assert not re.search(r"\b(POINTER|REFERENCE|ADR|SIZEOF|METHOD|SHL|SHR|LREAL|RETURN)\b", code)
+    # All that is called is the standard's, the library's or a variable's type.
+    assert code.isascii()
+
+
+def test_which_commands_and_types(library):
+    ends, stops = library.functions["DB_EndsMotion"], library.functions["DB_IsStop"]
+    codes = {row["name"]: int(row["code"]) for row in rows("commands.csv")}
+    assert {name for name, code in codes.items() if stops(code)} == {"stop", "quick_stop", "disable"}
+    assert {"stop", "move_relative", "home_stop"} <= {name for name in codes if ends(codes[name])}
+    assert not any(ends(codes[name]) for name in ("enable", "set_position", "set_output"))
+    for row in rows("register-map.csv"):
+        kind = library.constants.get("DB_TYPE_" + row["type"].upper())
+        assert kind is None or library.functions["DB_IsWide"](kind) == row["type"].endswith("32")
 
 
 def test_names_are_there_once(library):
