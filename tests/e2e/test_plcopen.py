@@ -425,6 +425,8 @@ def test_a_new_program_finds_a_new_id(bridge, make_plc, codes):
         move = plc.block("MC_MoveRelative", Distance=100.0)
         assert plc.run(move) == "Done"
         assert bridge.sim.get()["position"] == 100 * count
+        # Another client's, after which result_id does not tell the last id any more.
+        assert bridge.drive().command("read_parameters") == 0
 
 
 def test_ids_wrap(bridge, plc, codes):
