@@ -609,6 +609,23 @@ def test_a_bridge_that_goes_away_while_a_drive_moves(bridge, plc, codes):
     assert plc.update.Error and plc.update.ErrorID == codes["DB_FAIL_NO_ANSWER"]
 
 
+def test_old_data_is_not_shown_as_fresh(bridge, plc, codes):
+    """As long as a command is written again nothing is read."""
+    move = plc.block("MC_MoveRelative", Distance=300.0)
+    status = plc.block("MC_ReadStatus", Enable=True)
+    assert plc.run(move) == "Done"
+    sees(plc, (status, "Standstill"))
+    plc.modbus.lose = 1000
+    plc.set(move, Execute=True)
+    plc.until(lambda: not status.Valid, what="not Valid")
+    assert plc.update.Error and plc.update.ErrorID == codes["DB_FAIL_NO_ANSWER"]
+    assert move.Busy and not status.Standstill
+    plc.modbus.lose = 0
+    sees(plc, (status, "Valid"))
+    assert plc.ended(move) == "Done" and not plc.update.Error
+    assert bridge.sim.get()["position"] == 600
+
+
 def test_a_full_queue(make_bridge, make_plc, codes):
     """Exception 06 executes nothing: the block tries again until there is room."""
     bridge = make_bridge(modbus={"write-confirm": "accepted"}, bus={"drive-latency-ms": 900})
