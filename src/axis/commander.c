@@ -467,12 +467,20 @@ static struct slot *joinable(struct db_commander *commander, uint16_t code)
 	               NULL;
 }
 
-/* Ends the latch. True when that is all there is to clear: the drive itself has no fault. */
+static bool clears_latch(const struct db_commander *commander, const struct db_command_block *block)
+{
+	return commander->watchdog.latched && block->command == DB_CMD_CLEAR_FAULT;
+}
+
+/* Ends the latch. True when that is all there is to clear: the drive itself has no fault, or nothing
+ * that could clear it. */
 static bool unlatch(struct db_commander *commander)
 {
 	struct db_snapshot snapshot;
 
 	db_watchdog_reset(&commander->watchdog);
+	if (!is_supported(&commander->config, DB_CMD_CLEAR_FAULT))
+		return true;
 	db_axis_read(commander->config.axis, &snapshot);
 	return (snapshot.feedback.status & DB_STATUS_ONLINE) &&
 	       snapshot.feedback.error == DB_ERROR_NONE;
@@ -488,6 +496,9 @@ static int command(struct db_commander *commander, const struct db_command_block
 	if (is_repeat(commander, id) && !stop)
 		return repeat(commander, token, now);
 	result = check(&commander->config, block->command, &block->args);
+	/* The latch is the bridge's own: it ends also where the drive has nothing to clear. */
+	if (result == DB_RESULT_UNSUPPORTED && clears_latch(commander, block))
+		result = DB_RESULT_OK;
 	if (result == DB_RESULT_OK)
 		result = check_limits(commander, block);
 	if (result != DB_RESULT_OK)
@@ -496,8 +507,7 @@ static int command(struct db_commander *commander, const struct db_command_block
 		return refuse(commander, block, id, DB_RESULT_RESTARTED, now);
 	if (commander->watchdog.latched && db_command_is_motion((enum db_command)block->command))
 		return refuse(commander, block, id, DB_RESULT_LATCHED, now);
-	if (commander->watchdog.latched && block->command == DB_CMD_CLEAR_FAULT &&
-	    unlatch(commander))
+	if (clears_latch(commander, block) && unlatch(commander))
 		return refuse(commander, block, id, DB_RESULT_OK, now);
 	slot = joinable(commander, block->command);
 	if (slot) {

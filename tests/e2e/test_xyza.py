@@ -528,3 +528,17 @@ def test_a_controller_with_fewer_axes(make_xyza):
     bridge.sim.control("input drive1 5 1")
     eventually(lambda: bridge.drive(1).read("inputs") == 1 << 4)
     assert bridge.drive(1).read("came_online") == 1
+
+
+def test_the_watchdogs_latch_can_be_cleared(make_xyza):
+    """The controller has no faults to clear, but the latch is the bridge's own."""
+    bridge = make_xyza(axes="x", drive={"watchdog-ms": 200})
+    drive, gateway = bridge.drive(), bridge.gateway()
+    assert drive.command("clear_fault") == ILLEGAL_FUNCTION
+    assert drive.command("jog_positive") == 0
+    eventually(lambda: gateway.words(2004, 2)[1] & 1 << 10, what="the watchdog")
+    assert drive.command("jog_positive") == DEVICE_FAILURE
+    assert drive.command("clear_fault") == 0
+    assert drive.read("result") == RESULT_OK
+    assert drive.command("jog_positive") == 0
+    assert drive.command("stop") == 0
