@@ -1,0 +1,533 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The user guide says what is true: its configurations pass --check, its mbpoll lines are typed against
+the simulator, its names, numbers, log lines and links exist."""
+
+import csv
+import os
+import re
+import shlex
+import subprocess
+from pathlib import Path
+
+import pytest
+from bridgelib import DISCRETE, HOMING, ROOT, STOPPING, eventually, find_program
+
+GUIDE = ROOT / "docs" / "guide"
+PAGES = sorted(GUIDE.glob("*.md"))
+FENCES = {"sh", "conf", "ini", "udev", "log", "mermaid", "iecst", "scl", "exchange"}
+
+# What mbpoll prints for an exception.
+EXCEPTIONS = {
+    0x01: "Illegal function",
+    0x02: "Illegal data address",
+    0x03: "Illegal data value",
+    0x04: "Slave device or server failure",
+    0x06: "Slave device or server is busy",
+    0x0B: "Target device failed to respond",
+}
+
+# Words in code formatting that are none of the program's own.
+FOREIGN = {
+    # programs, users, files
+    "dialout", "drivebridge", "drivebridged", "mbpoll", "latency_timer",
+    # other products' words
+    "CONNECT", "MB_CLIENT", "MB_MODE", "MB_DATA_ADDR", "MB_DATA_LEN", "MB_DATA_PTR",
+    "MB_Unit_ID", "REQ", "BUSY", "STATUS", "uiMaxRetries", "UNION", "WORD", "DINT", "REAL", "Int", "DInt", "Real", "TCON_IP_v4",
+    "FB_MBReadRegs", "FB_MBWriteRegs", "nUnitID", "nQuantity", "nMBAddr", "tTimeout",
+    "SamplePoint", "RestartSec", "DRIVEBRIDGE_DEMO_PORT", "ID_PATH",
+    # a column of the map
+    "reference",
+    # sections of the configuration
+    "modbus", "bus", "drive",
+}
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*([_-][A-Za-z0-9]+)*")
+SETTING = re.compile(r"([a-z][a-z0-9-]*) = (.+)")
+
+
+class Block:
+    """A fenced part of a page."""
+
+    def __init__(self, kind, line):
+        self.kind = kind
+        self.line = line
+        self.lines = []
+
+    @property
+    def text(self):
+        return "\n".join(self.lines) + "\n"
+
+
+def parse(path):
+    """The blocks of a page, and its prose with everything fenced left out."""
+    blocks, prose, block = [], [], None
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        fence = re.fullmatch(r"\s*```(\w*)", line)
+        if fence and block is None:
+            block = Block(fence[1], number)
+        elif fence:
+            blocks.append(block)
+            block = None
+        elif block is not None:
+            block.lines.append(line)
+        else:
+            prose.append((number, line))
+    assert block is None, f"{path.name}: a block does not end"
+    return blocks, prose
+
+
+def blocks_of(kind):
+    return [(page, block) for page in PAGES for block in parse(page)[0] if block.kind == kind]
+
+
+def names(items):
+    return [f"{page.stem}:{block.line}" for page, block in items]
+
+
+def spans(page):
+    """What stands in code formatting outside of blocks."""
+    for number, line in parse(page)[1]:
+        for span in re.findall(r"`([^`]+)`", line):
+            yield f"{page.name}:{number}", span
+
+
+# --- names and numbers ---------------------------------------------------------------------------
+
+
+def rows(name):
+    with open(ROOT / "docs" / name, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+REGISTERS = rows("register-map.csv")
+COMMANDS = rows("commands.csv")
+KEYS = rows("config-keys.csv")
+
+
+def enumerations():
+    """Names of values, as the descriptions of registers list them: name=code and code=name."""
+    for row in REGISTERS:
+        for code, name in re.findall(r"\b(\d+)=([A-Za-z_0-9]+)", row["description"]):
+            yield name, int(code)
+
+
+def numbers_of():
+    """What number a name may stand with."""
+    known = {}
+    for row in REGISTERS:
+        known.setdefault(row["name"], set()).add(int(row["address"]))
+    for row in COMMANDS:
+        known.setdefault(row["name"], set()).add(int(row["code"]))
+    for name, code in enumerations():
+        known.setdefault(name, set()).add(code)
+    return known
+
+
+NUMBERS = numbers_of()
+KEY_NAMES = {row["name"] for row in KEYS}
+WORDS = {word for row in KEYS for word in row["words"].split()}
+FAMILIES = {"vsmd-serial", "vsmd-can", "xyza", "servo-can"}
+KNOWN = set(NUMBERS) | KEY_NAMES | WORDS | FAMILIES | FOREIGN
+
+
+def structured_text(page):
+    """The names in a page's programs, and in the library that they use."""
+    texts = [block.text for block in parse(page)[0] if block.kind == "iecst"]
+    texts += [path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.st")]
+    return {name for text in texts for name in re.findall(r"[A-Za-z_]\w*", text)}
+
+
+def wrong_setting(key, value):
+    fitting = [row for row in KEYS if row["name"] == key]
+    if not fitting:
+        return f"no key {key}"
+    if value.startswith('"') or value == "FILE":
+        return None
+    for row in fitting:
+        if row["words"] and value in row["words"].split():
+            return None
+        if row["type"] == "family" and value in FAMILIES:
+            return None
+        if row["type"] in ("integer", "number") and re.fullmatch(r"-?[0-9.]+", value):
+            low, high = row["min"] or "-inf", row["max"] or "inf"
+            if float(low) <= float(value) <= float(high):
+                return None
+    return f"{key} cannot be {value}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_names_exist(page):
+    wrong, known = [], KNOWN | structured_text(page)
+    for place, span in spans(page):
+        setting = SETTING.fullmatch(span)
+        if setting and setting[1] in NUMBERS and setting[1] not in KEY_NAMES:
+            wrong += [f"{place}: {span}: write a register's value in prose"]
+        elif setting:
+            complaint = wrong_setting(setting[1], setting[2])
+            wrong += [f"{place}: {complaint}"] if complaint else []
+        elif NAME.fullmatch(span) and span not in known:
+            wrong.append(f"{place}: {span}")
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_numbers_belong_to_their_names(page):
+    wrong = []
+    for number, line in parse(page)[1]:
+        pairs = re.findall(r"`(\w+)` \((0|[1-9]\d*)\)", line)
+        pairs += [(name, code) for code, name in re.findall(r"\b(0|[1-9]\d*) \(`(\w+)`\)", line)]
+        wrong += [f"{page.name}:{number}: {name} is not {code}" for name, code in pairs
+                  if int(code) not in NUMBERS.get(name, ())]
+    assert not wrong, "\n".join(wrong)
+
+
+# --- configurations ------------------------------------------------------------------------------
+
+
+CONFIGURATIONS = blocks_of("conf")
+
+
+@pytest.mark.parametrize("page, block", CONFIGURATIONS, ids=names(CONFIGURATIONS))
+def test_configuration_is_right(page, block, tmp_path):
+    path = tmp_path / "guide.conf"
+    path.write_text(block.text, encoding="utf-8")
+    done = subprocess.run([find_program("drivebridged"), "--config", path, "--check"],
+                          capture_output=True, text=True, timeout=30, check=False)
+    assert done.returncode == 0, f"{page.name}:{block.line}\n{done.stderr}"
+
+
+# --- mbpoll --------------------------------------------------------------------------------------
+
+
+class Line:
+    """One mbpoll line, with what its comment claims."""
+
+    def __init__(self, text):
+        self.text = text
+        self.argv = shlex.split(text, comments=True)
+        self.comment = text.partition(" # ")[2].strip()
+        claim = re.match(r"exception ([0-9A-F]{2})", self.comment)
+        self.exception = int(claim[1], 16) if claim else 0
+        claim = re.match(r"reads (-?[0-9.]+)(?: in (.*))?", self.comment)
+        self.reads = claim[1] if claim else None
+        self.about = (claim[2] or "") if claim else self.comment
+        self.host = self.argv.index("127.0.0.1")
+
+    def option(self, name, default):
+        for at, word in enumerate(self.argv):
+            if word == name:
+                return self.argv[at + 1]
+        return default
+
+    @property
+    def unit(self):
+        return int(self.option("-a", "1"))
+
+    @property
+    def address(self):
+        return int(self.option("-r", "1"))
+
+    @property
+    def values(self):
+        return [value for value in self.argv[self.host + 1 :] if value != "--"]
+
+    def command(self, port):
+        """The line as it is run: once, at this port, with patience for a busy machine."""
+        options = []
+        words = iter(self.argv[1 : self.host])
+        for word in words:
+            if word in ("-p", "-l"):
+                next(words)
+            elif word != "-1":
+                options.append(word)
+        return ["mbpoll", *options, "-1", "-o", "10", "-p", str(port), *self.argv[self.host :]]
+
+
+def mbpoll_lines(block):
+    return [Line(line.strip()) for line in block.lines if line.strip().startswith("mbpoll ")]
+
+
+def value_of(text):
+    text = text.strip().rstrip(",")
+    if text.startswith("{"):
+        return [item.strip().strip('"') for item in text.strip("{}").split(",")]
+    if re.fullmatch(r"-?\d+", text):
+        return int(text)
+    return float(text) if re.fullmatch(r"-?\d+\.\d+", text) else text.strip('"')
+
+
+def sections(text):
+    """The sections of a configuration, as (kind, name, keys)."""
+    found = []
+    for line in text.splitlines():
+        line = re.sub(r"#.*", "", line).strip()
+        head = re.fullmatch(r"(modbus|bus|drive)(?: (\S+))? \{", line)
+        key = re.fullmatch(r"([a-z0-9-]+)\s*=\s*(.+)", line)
+        if head:
+            found.append((head[1], head[2], {}))
+        elif key:
+            value = value_of(key[2])
+            found[-1][2].setdefault(key[1], value)
+    return found
+
+
+# What the simulated drives of each family need beside what the page configures.
+SIMULATED = {
+    "vsmd-serial": {"sensor": ["3:below:5000"],
+                    "set": ["spd=25600", "acc=256000", "dec=256000"]},
+    "vsmd-can": {"set": ["spd=25600", "acc=256000", "dec=256000"]},
+    "xyza": {"identity": None, "step-ms": 50, "set": ["manual_speed=2000", "brake=15"]},
+    "servo-can": {"identity": None, "set": None},
+}
+CAN = {"transport": "slcan", "baud": 3000000, "line": None}
+
+
+def start(make_bridge, text):
+    """The bridge that a page configures, with simulated drives instead of real ones."""
+    parts = sections(text)
+    modbus = next((keys for kind, _, keys in parts if kind == "modbus"), {})
+    (bus,) = [keys for kind, _, keys in parts if kind == "bus"]
+    drives = [keys for kind, _, keys in parts if kind == "drive"]
+    family = bus["protocol"]
+    controllers = sorted({keys["address"] for keys in drives})
+    for at, keys in enumerate(drives, 1):
+        assert keys["unit"] == at, "the guide's drives are units 1, 2 ..."
+    keep = {key: value for key, value in bus.items() if key not in ("device", "interface")}
+    # Of the simulated bus: what says how its frames are.
+    wire = {key: value for key, value in keep.items() if key.startswith(("command-word", "bitrate"))}
+    if family.endswith("-can"):
+        keep |= CAN
+        wire |= CAN | {"baud": None}
+    modbus = {key: value for key, value in modbus.items() if key != "listen"}
+    return make_bridge(
+        drives=len(drives), sim_drives=len(controllers),
+        modbus=modbus | {"confirm-ms": 5000},
+        bus=keep | {"cycle-ms": 20, "drive-latency-ms": 100},
+        sim_bus={"protocol": family} | wire, sim_drive=SIMULATED[family],
+        per_drive={at: {key: value for key, value in keys.items() if key != "bus"}
+                   for at, keys in enumerate(drives, 1)},
+        sim_per_drive={at: {"address": address} for at, address in enumerate(controllers, 1)})
+
+
+def demo():
+    """The RS485 bus of ./demo, for pages that are about no drive of their own."""
+    parts = sections((ROOT / "conf" / "demo.conf").read_text(encoding="utf-8"))
+    kept = [(kind, name, keys) for kind, name, keys in parts
+            if name == "line" or keys.get("bus") == "line"]
+    text = []
+    for kind, name, keys in kept:
+        lines = [f"{key} = {value}" for key, value in keys.items()]
+        text += [f"{kind} {name} {{", *lines, "}"]
+    return "\n".join(text)
+
+
+def settle(bridge, unit):
+    """What was begun comes to its end, as for somebody who watches before typing on."""
+    if not 1 <= unit <= bridge.drive_count:
+        return
+    drive = bridge.drive(unit)
+    eventually(lambda: drive.read("axis_state") not in (DISCRETE, HOMING, STOPPING),
+               what=f"unit {unit} to stand")
+
+
+def poll(line, port):
+    done = subprocess.run(line.command(port), capture_output=True, text=True, timeout=30,
+                          check=False, env=os.environ | {"LC_ALL": "C"})
+    return done.returncode, done.stdout + done.stderr
+
+
+def values_read(output):
+    return re.findall(r"^\[\d+\]:\s+(\S+)", output, re.MULTILINE)
+
+
+def type_in(bridge, line):
+    if line.values:
+        settle(bridge, line.unit)
+    if line.reads is not None:
+        def reads():
+            status, output = poll(line, bridge.port)
+            assert status == 0, output
+            return values_read(output)[0] == line.reads
+
+        eventually(reads, 30, line.text)
+        return
+    status, output = poll(line, bridge.port)
+    if line.exception:
+        assert status != 0 and EXCEPTIONS[line.exception] in output, f"{line.text}\n{output}"
+    else:
+        assert status == 0, f"{line.text}\n{output}"
+
+
+def pages_to_type():
+    return [page for page in PAGES
+            if any(mbpoll_lines(block) for block in parse(page)[0] if block.kind == "sh")]
+
+
+@pytest.mark.parametrize("page", pages_to_type(), ids=lambda page: page.stem)
+def test_what_is_to_be_typed_works(page, make_bridge):
+    """Each line is typed at the bridge that the page configured last."""
+    text, bridge = demo(), None
+    for block in parse(page)[0]:
+        if block.kind == "conf" and re.search(r"^drive ", block.text, re.MULTILINE):
+            text, bridge = block.text, None
+        for line in mbpoll_lines(block) if block.kind == "sh" else []:
+            bridge = bridge or start(make_bridge, text)
+            type_in(bridge, line)
+
+
+def view_of(line):
+    if line.unit in (0, 255):
+        return "gateway"
+    return "vsmd" if line.unit > 100 else "drive"
+
+
+def wrong_comment(line):
+    """A comment that begins with a register or a command is about what the line reads or writes."""
+    first = re.match(r"[a-z0-9_]+", line.about)
+    table = {"0": "coil", "1": "discrete", "3": "input"}.get(line.option("-t", "4")[0], "holding")
+    if not first:
+        return None
+    codes = {row["name"]: int(row["code"]) for row in COMMANDS}
+    at = {100: 1, 101: 0, 124: 0}.get(line.address)
+    if line.values and at is not None and view_of(line) == "drive" and first[0] in codes:
+        written = int(line.values[at])
+        return None if written == codes[first[0]] else f"{first[0]} is not {written}"
+    addresses = {int(row["address"]) for row in REGISTERS
+                 if row["name"] == first[0] and row["view"] == view_of(line)
+                 and row["table"] == table}
+    if first[0] in codes or not addresses or line.address in addresses:
+        return None
+    return f"{first[0]} is not at {line.address}"
+
+
+@pytest.mark.parametrize("page", pages_to_type(), ids=lambda page: page.stem)
+def test_comments_name_what_is_at_the_address(page):
+    lines = [line for block in parse(page)[0] if block.kind == "sh"
+             for line in mbpoll_lines(block)]
+    wrong = [f"{line.text}: {wrong_comment(line)}" for line in lines if wrong_comment(line)]
+    assert not wrong, "\n".join(wrong)
+
+
+# --- log lines -----------------------------------------------------------------------------------
+
+
+STRING = r'"((?:[^"\\\n]|\\.)*)"'
+CONVERSION = re.compile(r"%[-+ 0#]*(?:\d+|\*)?(?:\.(?:\d+|\*))?(?:hh|h|ll|l|z|t)?[a-zA-Z]")
+
+
+def literals():
+    """The string literals of the sources, joined where the compiler joins them."""
+    found = set()
+    for path in sorted((ROOT / "src").rglob("*.c")):
+        text = path.read_text(encoding="utf-8")
+        text = re.sub(r'"\s*PRI[ud](?:32|64)\s*"', "u", text)
+        for match in re.finditer(rf"{STRING}(?:\s*{STRING})*", text):
+            found.add("".join(re.findall(STRING, match[0])))
+    return found
+
+
+class Format:
+    """A text of the sources that is printed with something filled in."""
+
+    def __init__(self, text):
+        self.parts = CONVERSION.split(text)
+        self.kinds = CONVERSION.findall(text)
+
+    def prints(self, line, at=0):
+        """Whether the line is the rest of the format, from the part `at` on."""
+        if not line.startswith(self.parts[at]):
+            return False
+        line = line[len(self.parts[at]) :]
+        if at == len(self.kinds):
+            return line == ""
+        text = self.kinds[at][-1] == "s"
+        return any((is_filled_in(line[:end]) if text else NUMBER.fullmatch(line[:end]))
+                   and self.prints(line[end:], at + 1) for end in range(len(line) + 1))
+
+
+def is_filled_in(text):
+    """What a %s stands for: a name, a number with its unit, a text of the program or system."""
+    return re.fullmatch(r"\S*|[0-9]+ \S+", text) or text in SYSTEM_TEXTS or text in LITERALS
+
+
+def is_printed(line):
+    return any(text in LITERALS or any(form.prints(text) for form in FORMATS)
+               for text in (line, WHOM.sub("", line, count=1)))
+
+
+NUMBER = re.compile(r"-?[0-9A-Fx.]+")
+SYSTEM_TEXTS = {os.strerror(code) for code in range(1, 134)}
+LITERALS = literals()
+FORMATS = [Format(text) for text in sorted(LITERALS)
+           if CONVERSION.search(text) and re.search("[A-Za-z:]", CONVERSION.sub("", text))]
+# What stands before a message: that it is a warning, whom it is about.
+WHOM = re.compile(r"(warning: )?(bus \S+: )?(drive \S+: )?(client \S+: )?")
+
+
+def is_log(span):
+    return " " in span and re.match(
+        r"(bus|client) \S+: |cannot |listening |unknown key|no drive is |warning: ", span)
+
+
+def log_lines(page):
+    for block in parse(page)[0]:
+        if block.kind == "log":
+            yield from block.lines
+    yield from (span for _, span in spans(page) if is_log(span))
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if any(log_lines(page))],
+                         ids=lambda page: page.stem)
+def test_log_lines_are_those_of_the_program(page):
+    wrong = [line for line in log_lines(page) if not is_printed(line)]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_other_log_lines_are_noticed():
+    lines = [line for page in PAGES for line in log_lines(page)]
+    assert lines
+    assert not [line for line in lines if is_printed(line + " again")]
+
+
+# --- the pages themselves ------------------------------------------------------------------------
+
+
+def anchors(path):
+    found = set()
+    for _, line in parse(path)[1]:
+        heading = re.match(r"#+ (.*)", line)
+        if heading:
+            text = re.sub(r"[^\w\- ]", "", heading[1].lower())
+            found.add(text.replace(" ", "-"))
+    return found
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md"], ids=lambda page: page.stem)
+def test_links_lead_somewhere(page):
+    wrong = []
+    for number, line in parse(page)[1]:
+        for target in re.findall(r"\]\(([^)\s]+)\)", line):
+            path, _, anchor = target.partition("#")
+            if "://" in target:
+                continue
+            file = (page.parent / path) if path else page
+            if not file.exists() or (anchor and anchor not in anchors(file)):
+                wrong.append(f"{page.name}:{number}: {target}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_every_page_is_in_the_index():
+    index = (GUIDE / "README.md").read_text(encoding="utf-8")
+    assert [page.name for page in PAGES if f"]({page.name})" not in index] == ["README.md"]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_blocks_say_what_they_are(page):
+    wrong = [f"{page.name}:{block.line}: {block.kind or 'nothing'}" for block in parse(page)[0]
+             if block.kind not in FENCES]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_the_package_has_the_guide():
+    documents = Path(ROOT / "packaging" / "debian" / "drivebridge.docs").read_text(encoding="utf-8")
+    assert "docs/guide" in documents.split() or "docs/*" in documents.split()
