@@ -9,25 +9,18 @@
 static const char *const drive_advice[] = {
 	[DB_ERROR_HARDWARE] = "switch it off and on; if it comes back, replace the drive",
 	[DB_ERROR_FLASH] = "its saved parameters are not to be trusted; write and save them again",
-	[DB_ERROR_ENCODER] =
-		"check for a blocked axis, the load, the motor current and the encoder "
-		"cable",
+	[DB_ERROR_ENCODER] = "check for a blocked axis, the load, the current, the encoder cable",
 	[DB_ERROR_OVER_TEMPERATURE] = "let it cool; check ventilation and the motor current",
 	[DB_ERROR_OVER_CURRENT] = "check the motor cable for a short circuit, and the load",
 	[DB_ERROR_VOLTAGE] = "check the drive's power supply",
 	[DB_ERROR_INTERRUPTED] = "its emergency stop ended its program; check why",
 	[DB_ERROR_DRIVE_FAULT + 0] = "check the drive's power supply",
-	[DB_ERROR_DRIVE_FAULT + 1] = "following error: check for a blocked axis, the load and the "
-				     "limits of acceleration",
+	[DB_ERROR_DRIVE_FAULT + 1] = "following error: check for a blocked axis, and the load",
 	[DB_ERROR_DRIVE_FAULT + 2] = "check the encoder cable",
 	[DB_ERROR_DRIVE_FAULT + 3] = "check the motor cable for a short circuit, and the load",
 	[DB_ERROR_DRIVE_FAULT + 4] = "check for a blocked axis, the brake and the load",
-	[DB_ERROR_DRIVE_FAULT +
-		5] = "its saved parameters are not to be trusted; write and save them "
-		     "again",
-	[DB_ERROR_DRIVE_FAULT +
-		6] = "switch it off and on; check the motor cable; if it comes back, "
-		     "replace the drive",
+	[DB_ERROR_DRIVE_FAULT + 5] = "do not trust its saved parameters; write and save them again",
+	[DB_ERROR_DRIVE_FAULT + 6] = "switch it off and on; check the motor cable; else replace it",
 	[DB_ERROR_DRIVE_FAULT + 7] = "let it cool; check ventilation and the load",
 	[DB_ERROR_DRIVE_FAULT + 8] = "check the motor cable",
 	[DB_ERROR_DRIVE_FAULT + 9] = "check the motor cable and the load",
