@@ -122,7 +122,8 @@ static const struct {
 	{ "image", "axis_state", "capabilities" },  /* every family has all of these */
 	{ "state", "axis_state", "age_ms" },        /* can be read when the drive does not answer */
 	{ "results", "result_id", "capabilities" }, /* likewise */
-	{ "refusal", "result_limit", "aborted_id" },   { "order", "command_id", "command" },
+	{ "refusal", "result_limit", "motion_result" },
+	{ "order", "command_id", "command" },
 	{ "motion", "command_id", "target_velocity" },
 };
 

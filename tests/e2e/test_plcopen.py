@@ -180,6 +180,19 @@ def test_what_does_not_end_the_motion_does_not_abort(make_bridge, make_plc, name
     assert bridge.sim.get()["position"] == 3000
 
 
+def test_a_motion_that_the_drive_refuses_aborts_nothing(make_bridge, make_plc, codes):
+    """It does not home (zmd=0); the move before goes on, whose block waits for its end."""
+    bridge = make_bridge(sim_drive={"set": ["zmd=0", "spd=6400", "acc=64000", "dec=64000", "pae=1"]})
+    plc = make_plc(bridge)
+    move = plc.block("MC_MoveAbsolute", Position=3000.0, Velocity=3000.0, Execute=True)
+    sees(plc, (move, "Active"))
+    home = plc.block("MC_Home", Execute=True)
+    assert plc.ended(home) == codes["DB_RESULT_REFUSED"]
+    assert move.Busy and not move.CommandAborted
+    assert plc.ended(move) == "Done"
+    assert bridge.sim.get()["position"] == 3000
+
+
 def test_stop_holds_the_axis(bridge, plc, codes):
     run = plc.block("MC_MoveVelocity", Velocity=5000.0, Execute=True)
     stop = plc.block("MC_Stop")
