@@ -5,6 +5,8 @@
  *
  * Network thread only. No clock, no I/O, no allocation after db_commander_new(); `now` is handed in.
  *
+ * `client` is who asks; null: nobody in particular (the vendor's layout), who has no ids.
+ *
  * command_id
  *   0: the write executes, each time.
  *   Other: it executes when it differs from the drive's last id. The same id again is not executed
@@ -13,6 +15,15 @@
  *   except busy: a writer that found the queue full may repeat its write as it is.
  *   stop, quick_stop and disable always execute. One that repeats the drive's newest command while
  *   that is still pending joins it instead of filling the queue.
+ *
+ *   With ids_by_client "last id" is that of the client's address: each numbers its own commands,
+ *   and the first of each is only remembered. The last 8 addresses that command the drive are known;
+ *   one that is forgotten begins anew. Without, there is one memory for all clients.
+ *
+ * Results
+ *   With ids_by_client a client whose address has commanded the drive is shown the result of its own
+ *   latest command and write, and whether its own motion is done or was aborted, by whomever. Others,
+ *   and without ids_by_client everybody, are shown the latest of all.
  *
  * A write of `command` without `command_id` (one register, FC 6) uses the kept id when that was not
  * used yet. When it was, and command and arguments are those that were executed last, the write is
@@ -25,8 +36,9 @@
  * result are about the latest command, motion_id and motion_result about the latest motion.
  *
  * The watchdog is armed by the first motion command, or when the drive already moves as it is first
- * seen (the program was killed and started again), and fed by every request of a client that may
- * write. When it expires, the configured stop goes to the bus ahead of everything and motion is
+ * seen (the program was killed and started again), and fed by what the drive's configuration says:
+ * every request of a client that may write, its writes, or changes of its heartbeat. When it
+ * expires, the configured stop goes to the bus ahead of everything and motion is
  * refused (04, latched) until clear_fault.
  */
 #ifndef DRIVEBRIDGE_COMMANDER_H
@@ -45,8 +57,7 @@ struct db_commander_ops {
 	bool (*submit)(void *context, const struct db_request *request);
 	/* Answers a write for which DB_WRITE_LATER was returned. Exactly once for each. */
 	void (*answer)(void *context, struct db_write_token token, uint8_t exception);
-	/* For the history. Whose write is being carried out; null: nobody's, the bridge acts itself. */
-	const struct db_client *(*writer)(void *context);
+	/* For the history: */
 	uint64_t (*wall_us)(void *context); /* since 1970-01-01 UTC */
 };
 
@@ -56,8 +67,9 @@ struct db_commander_config {
 	const struct db_drive_config *drive_config; /* likewise */
 	uint64_t commands;                          /* db_driver_commands() */
 	const struct db_axis *axis;
-	uint16_t drive;    /* index in the configuration; makes tickets unique: 0..65534 */
-	uint16_t bus_axis; /* index among the bus's drives */
+	uint16_t drive;     /* index in the configuration; makes tickets unique: 0..65534 */
+	uint16_t bus_axis;  /* index among the bus's drives */
+	bool ids_by_client; /* command-id-scope = client */
 	unsigned confirm_ms;
 	bool accept_writes;   /* answer success at once; the result registers tell the end */
 	uint32_t watchdog_ms; /* 0 = off */
@@ -119,34 +131,44 @@ void db_commander_free(struct db_commander *commander);
 
 /* The following three return 0, an exception, or DB_WRITE_LATER, as db_backend.write does. */
 
-int db_commander_write(struct db_commander *commander, const struct db_command_write *write,
-                       struct db_write_token token, db_time now);
+int db_commander_write(struct db_commander *commander, const struct db_client *client,
+                       const struct db_command_write *write, struct db_write_token token,
+                       db_time now);
 
 /* The command that waits for the group's start; NONE. */
 enum db_command db_commander_staged(const struct db_commander *commander);
 /* Carries it out with the kept arguments, as db_commander_execute() does; there must be one. */
-int db_commander_start_staged(struct db_commander *commander, struct db_write_token token,
-                              db_time now);
+int db_commander_start_staged(struct db_commander *commander, const struct db_client *client,
+                              struct db_write_token token, db_time now);
 
 /* Ticket of the request that the newest command became; 0: none yet. */
 uint32_t db_commander_newest(const struct db_commander *commander);
 
 /* A command from outside the command block (coils): no id, the kept block stays as it is. */
-int db_commander_execute(struct db_commander *commander, enum db_command code,
-                         const struct db_args *args, struct db_write_token token, db_time now);
+int db_commander_execute(struct db_commander *commander, const struct db_client *client,
+                         enum db_command code, const struct db_args *args,
+                         struct db_write_token token, db_time now);
 
 /* Values that were checked already; 1..DB_SETTINGS_MAX of them, carried out as one request. */
-int db_commander_set(struct db_commander *commander, const struct db_setting *settings,
-                     size_t count, struct db_write_token token, db_time now);
+int db_commander_set(struct db_commander *commander, const struct db_client *client,
+                     const struct db_setting *settings, size_t count, struct db_write_token token,
+                     db_time now);
 
 /* A write was refused for its form before it came here: for write_result only. */
-void db_commander_set_refused(struct db_commander *commander, enum db_result result);
+void db_commander_set_refused(struct db_commander *commander, const struct db_client *client,
+                              enum db_result result);
 /* A command, or with NONE a parameter write, was refused before it came here: for the history, too. */
-void db_commander_refuse(struct db_commander *commander, const struct db_command_block *block,
-                         enum db_result result, db_time now);
+void db_commander_refuse(struct db_commander *commander, const struct db_client *client,
+                         const struct db_command_block *block, enum db_result result, db_time now);
 
-/* Somebody who may write addressed this drive: it is not alone. */
-void db_commander_feed(struct db_commander *commander, db_time now);
+/* It addressed this drive: of those with a memory of their own the silent are forgotten first. */
+void db_commander_hear(struct db_commander *commander, const struct db_client *client, db_time now);
+
+/* It addressed this drive: of those with a memory of their own the silent are forgotten first. */
+void db_commander_hear(struct db_commander *commander, const struct db_client *client, db_time now);
+
+/* Somebody who may write addressed this drive, `by` what is said: it is not alone. */
+void db_commander_feed(struct db_commander *commander, enum db_watchdog_feed by, db_time now);
 void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_ms, db_time now);
 
 /* The bus ended a request. Unknown tickets are ignored. */
@@ -163,9 +185,11 @@ bool db_commander_expire(struct db_commander *commander, db_time now);
 const struct db_history_entry *db_commander_history(const struct db_commander *commander,
                                                     size_t age);
 
-const struct db_command_block *db_commander_kept(const struct db_commander *commander);
-void db_commander_state(const struct db_commander *commander, struct db_command_state *state,
-                        db_time now);
+/* The block as this client finds it: the arguments are everybody's, the id may be its own. */
+struct db_command_block db_commander_kept(struct db_commander *commander,
+                                          const struct db_client *client);
+void db_commander_state(struct db_commander *commander, const struct db_client *client,
+                        struct db_command_state *state, db_time now);
 
 /* Index in the configuration of the drive that a ticket belongs to. */
 uint16_t db_ticket_drive(uint32_t ticket);

@@ -23,6 +23,9 @@ struct db_transport;
 #define DB_OPTIONS_MAX 16
 
 enum db_on_loss { DB_ON_LOSS_NONE, DB_ON_LOSS_STOP, DB_ON_LOSS_QUICK_STOP, DB_ON_LOSS_DISABLE };
+/* What tells that the clients of a drive are alive. Each is also told by those behind it. */
+enum db_watchdog_feed { DB_FEED_REQUESTS, DB_FEED_WRITES, DB_FEED_HEARTBEAT };
+enum db_id_scope { DB_IDS_OF_DRIVE, DB_IDS_OF_CLIENT };
 enum db_control_mode { DB_CONTROL_OFF, DB_CONTROL_DRIVE };
 enum db_parity { DB_PARITY_NONE, DB_PARITY_EVEN, DB_PARITY_ODD };
 enum db_line { DB_LINE_RS485, DB_LINE_RS232 };
@@ -53,11 +56,12 @@ struct db_modbus_config {
 	/* reserved-writers, default 4 or what max-clients leaves, below max-clients: connections
 	 * that only clients who may write can take. */
 	unsigned reserved_writers;
-	unsigned max_clients_per_address; /* 0 = no limit (default) */
-	unsigned max_requests_per_second; /* of one address, 0 = no limit (default) */
-	enum db_control_mode control;     /* default off */
-	unsigned control_timeout_ms;      /* control-timeout-ms, 100..600000, default 5000 */
-	enum db_log_level log;            /* default info */
+	unsigned max_clients_per_address;  /* 0 = no limit (default) */
+	unsigned max_requests_per_second;  /* of one address, 0 = no limit (default) */
+	enum db_id_scope command_id_scope; /* command-id-scope, default drive */
+	enum db_control_mode control;      /* default off */
+	unsigned control_timeout_ms;       /* control-timeout-ms, 100..600000, default 5000 */
+	enum db_log_level log;             /* default info */
 };
 
 struct db_bus_config {
@@ -97,9 +101,10 @@ struct db_drive_config {
 	double counts_per_unit; /* counts-per-unit, > 0, default 1.0 */
 	bool counts_given;      /* it is in the file; else what the drive knows goes first */
 	char *unit_name;        /* unit-name, default "counts" */
-	enum db_on_loss on_client_loss; /* default stop */
-	enum db_on_loss on_exit;        /* default: as on_client_loss */
-	unsigned watchdog_ms;           /* 0 = off, default 3000 */
+	enum db_on_loss on_client_loss;      /* default stop */
+	enum db_on_loss on_exit;             /* default: as on_client_loss */
+	unsigned watchdog_ms;                /* 0 = off, default 3000 */
+	enum db_watchdog_feed watchdog_feed; /* watchdog-feed, default requests */
 	/* Limits in the user's units, NAN = none: min-position, max-position, max-velocity,
 	 * max-acceleration. */
 	double min_position;

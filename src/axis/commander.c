@@ -5,6 +5,7 @@
 #include "axis/history.h"
 #include "axis/limits.h"
 #include "axis/watchdog.h"
+#include "axis/writers.h"
 #include "regmap/commands.h"
 
 #include <errno.h>
@@ -33,6 +34,12 @@ struct waiter {
 	db_time deadline;
 };
 
+/* Who asks for something. */
+struct origin {
+	const struct db_client *client; /* null: the bridge itself */
+	struct db_writer *writer;       /* its memory; null: it has none, and no ids */
+};
+
 /* One request that the bus has. */
 struct slot {
 	uint32_t ticket; /* 0 = free */
@@ -40,16 +47,11 @@ struct slot {
 	enum db_command command; /* NONE: a parameter write */
 	uint16_t id;             /* command_id */
 	bool overtaken;          /* a stop was handed to the bus after it */
+	bool has_client;
+	struct db_client client; /* whose it is */
 	db_time arrived;
 	unsigned waiter_count;
 	struct waiter waiters[DB_COMMANDER_WAITERS];
-};
-
-/* A command id that was used, and what became of it. */
-struct memory {
-	uint16_t id;
-	enum db_result result;
-	uint32_t ticket; /* 0: it never went to the bus */
 };
 
 struct db_commander {
@@ -67,18 +69,11 @@ struct db_commander {
 	db_time react_at; /* the watchdog's stop is not with the bus yet: try again; or NEVER */
 
 	struct db_command_block kept;
-	struct memory last;     /* id 0: no id was seen yet */
-	struct memory previous; /* to fall back to when the bus turns `last` away as busy */
-
-	bool has_executed;                /* `executed` holds something */
-	struct db_command_block executed; /* the newest command that went to the bus */
-
-	struct db_command_state shown;
-	uint32_t shown_ticket; /* the command that `shown.result` is about */
-	uint32_t write_ticket; /* the request that `shown.write_result` is about */
-	uint32_t newest;       /* the command that was submitted last */
-	uint32_t submitted;    /* requests so far */
-	unsigned waiting;      /* waiters in all slots */
+	struct db_writers writers;
+	struct db_outcome shown; /* of the latest, whoever wrote it */
+	uint32_t newest;         /* the command that was submitted last */
+	uint32_t submitted;      /* requests so far */
+	unsigned waiting;        /* waiters in all slots */
 	struct slot slots[SLOTS];
 	struct db_history history;
 };
@@ -111,9 +106,11 @@ int db_commander_new(const struct db_commander_config *config, const struct db_c
 	made->ops = ops;
 	made->context = context;
 	made->react_at = DB_TIME_NEVER;
+	made->writers.by_address = config->ids_by_client;
 	init_follow(made);
 	db_watchdog_init(&made->watchdog,
-	                 config->on_client_loss == DB_CMD_NONE ? 0 : config->watchdog_ms);
+	                 config->on_client_loss == DB_CMD_NONE ? 0 : config->watchdog_ms,
+	                 config->drive_config->watchdog_feed);
 	made->find_at = made->watchdog.timeout_ms == 0 ? DB_TIME_NEVER : 0;
 	*commander = made;
 	return 0;
@@ -198,22 +195,21 @@ static enum db_result reach(const struct db_commander *commander, enum db_comman
 	return DB_RESULT_OK;
 }
 
-static bool equals_executed(const struct db_commander *commander,
-                            const struct db_command_block *block)
+static bool equals_executed(const struct db_writer *writer, const struct db_command_block *block)
 {
-	return commander->has_executed && commander->executed.command == block->command &&
-	       db_command_same_args(block->command, &commander->executed.args, &block->args);
+	return writer->has_executed && writer->executed.command == block->command &&
+	       db_command_same_args(block->command, &writer->executed.args, &block->args);
 }
 
 /*
  * The id that a write stands for: the written one, or for a write of `command` alone the kept one,
  * unless that was used for something else already.
  */
-static uint16_t id_of(const struct db_commander *commander, const struct db_command_write *write)
+static uint16_t id_of(const struct db_writer *writer, const struct db_command_write *write)
 {
 	uint16_t id = write->block.command_id;
 
-	if (write->has_id || id != commander->last.id || equals_executed(commander, &write->block))
+	if (write->has_id || id != writer->last.id || equals_executed(writer, &write->block))
 		return id;
 	return 0;
 }
@@ -238,19 +234,28 @@ static struct db_limit_facts limit_facts(const struct db_commander *commander)
 	return facts;
 }
 
+static enum db_result show_limit(struct db_commander *commander, struct db_writer *writer,
+                                 enum db_limit limit)
+{
+	commander->shown.result_limit = (uint16_t)limit;
+	if (writer)
+		writer->shown.result_limit = (uint16_t)limit;
+	return limit == DB_LIMIT_NONE ? DB_RESULT_OK : DB_RESULT_LIMIT;
+}
+
 /* LIMIT when a limit of the configuration would be broken; which one is then shown. */
-static enum db_result check_limits(struct db_commander *commander,
+static enum db_result check_limits(struct db_commander *commander, struct db_writer *writer,
                                    const struct db_command_block *block)
 {
 	struct db_limit_facts facts = limit_facts(commander);
+	enum db_limit limit = db_limits_command(commander->config.drive_config,
+	                                        (enum db_command)block->command, &block->args,
+	                                        &facts);
 
-	commander->shown.result_limit = (uint16_t)db_limits_command(commander->config.drive_config,
-	                                                            (enum db_command)block->command,
-	                                                            &block->args, &facts);
-	return commander->shown.result_limit == DB_LIMIT_NONE ? DB_RESULT_OK : DB_RESULT_LIMIT;
+	return show_limit(commander, writer, limit);
 }
 
-static enum db_result check_acceleration(struct db_commander *commander,
+static enum db_result check_acceleration(struct db_commander *commander, struct db_writer *writer,
                                          const struct db_setting *settings, size_t count)
 {
 	const struct db_driver *driver = commander->config.driver;
@@ -264,8 +269,7 @@ static enum db_result check_acceleration(struct db_commander *commander,
 		limit = db_limits_acceleration(
 			commander->config.drive_config,
 			db_value_number(driver->params[param].type, settings[i].value));
-		commander->shown.result_limit = (uint16_t)limit;
-		if (limit != DB_LIMIT_NONE)
+		if (show_limit(commander, writer, limit) != DB_RESULT_OK)
 			return DB_RESULT_LIMIT;
 	}
 	return DB_RESULT_OK;
@@ -273,33 +277,44 @@ static enum db_result check_acceleration(struct db_commander *commander,
 
 /* --- what is remembered ------------------------------------------------------------------------ */
 
-static void show(struct db_commander *commander, uint16_t id, uint16_t code, enum db_result result,
-                 uint32_t ticket)
+static void show_write(struct db_commander *commander, struct db_writer *writer,
+                       enum db_result result, uint32_t ticket)
 {
-	commander->shown.result_id = id;
-	commander->shown.result_command = code;
-	commander->shown.result = (uint16_t)result;
-	commander->shown_ticket = ticket;
 	commander->shown.write_result = (uint16_t)result;
-	commander->write_ticket = ticket;
-}
-
-static void remember(struct db_commander *commander, uint16_t id, enum db_result result,
-                     uint32_t ticket)
-{
-	if (id == 0)
+	commander->shown.write_ticket = ticket;
+	if (!writer)
 		return;
-	/* A stop repeated under its own id does not make an older id new again. */
-	if (id != commander->last.id)
-		commander->previous = commander->last;
-	commander->last = (struct memory){ .id = id, .result = result, .ticket = ticket };
+	writer->shown.write_result = (uint16_t)result;
+	writer->shown.write_ticket = ticket;
 }
 
-/* For the technician. Who is speaking the registers know; during a watchdog's stop it is nobody. */
-static void stamp(const struct db_commander *commander, struct db_history_entry *entry)
+static void show_command(struct db_outcome *outcome, uint16_t id, uint16_t code,
+                         enum db_result result, uint32_t ticket)
 {
-	const struct db_client *client = commander->ops->writer(commander->context);
+	outcome->result_id = id;
+	outcome->result_command = code;
+	outcome->result = (uint16_t)result;
+	outcome->ticket = ticket;
+}
 
+/* A command's result and, if it had an id, its memory. */
+static void show(struct db_commander *commander, struct db_writer *writer, uint16_t id,
+                 uint16_t code, enum db_result result, uint32_t ticket)
+{
+	show_command(&commander->shown, id, code, result, ticket);
+	show_write(commander, writer, result, ticket);
+	if (!writer)
+		return;
+	show_command(&writer->shown, id, code, result, ticket);
+	writer->commanded = true;
+	if (id != 0 && result != DB_RESULT_BUSY)
+		db_writer_remember(writer, id, result, ticket);
+}
+
+/* For the technician. */
+static void stamp(const struct db_commander *commander, const struct db_client *client,
+                  struct db_history_entry *entry)
+{
 	entry->timestamp_us = commander->ops->wall_us(commander->context);
 	if (!client)
 		return;
@@ -307,8 +322,9 @@ static void stamp(const struct db_commander *commander, struct db_history_entry 
 	entry->port = client->port;
 }
 
-static void record(struct db_commander *commander, const struct db_command_block *block,
-                   uint16_t id, enum db_result result, uint32_t ticket, db_time now)
+static void record(struct db_commander *commander, const struct db_client *client,
+                   const struct db_command_block *block, uint16_t id, enum db_result result,
+                   uint32_t ticket, db_time now)
 {
 	struct db_history_entry entry = {
 		.command_id = id,
@@ -316,13 +332,14 @@ static void record(struct db_commander *commander, const struct db_command_block
 		.result = (uint16_t)result,
 	};
 
-	stamp(commander, &entry);
+	stamp(commander, client, &entry);
 	db_history_args(&entry, block->command, &block->args);
 	db_history_add(&commander->history, &entry, ticket, now);
 }
 
-static void record_settings(struct db_commander *commander, const struct db_setting *settings,
-                            enum db_result result, uint32_t ticket, db_time now)
+static void record_settings(struct db_commander *commander, const struct db_client *client,
+                            const struct db_setting *settings, enum db_result result,
+                            uint32_t ticket, db_time now)
 {
 	struct db_history_entry entry = {
 		.number = settings[0].param,
@@ -330,18 +347,17 @@ static void record_settings(struct db_commander *commander, const struct db_sett
 		.result = (uint16_t)result,
 	};
 
-	stamp(commander, &entry);
+	stamp(commander, client, &entry);
 	db_history_add(&commander->history, &entry, ticket, now);
 }
 
 /* Ends a command without the bus. */
-static int refuse(struct db_commander *commander, const struct db_command_block *block, uint16_t id,
-                  enum db_result result, db_time now)
+static int refuse(struct db_commander *commander, const struct origin *by,
+                  const struct db_command_block *block, uint16_t id, enum db_result result,
+                  db_time now)
 {
-	show(commander, id, block->command, result, 0);
-	record(commander, block, id, result, 0, now);
-	if (result != DB_RESULT_BUSY)
-		remember(commander, id, result, 0);
+	show(commander, by->writer, id, block->command, result, 0);
+	record(commander, by->client, block, id, result, 0, now);
 	return db_result_exception(result);
 }
 
@@ -352,30 +368,30 @@ static bool sets_in_motion(enum db_command command)
 	return db_command_ends_motion(command) && !db_command_is_stop(command);
 }
 
-/* Whatever moved is ended by another command. */
+/* Whatever moved is ended by another command. Who began it is told so. */
 static void abort_motion(struct db_commander *commander, db_time now)
 {
-	struct db_follow *follow = &commander->follow;
-
-	commander->shown.done = false;
-	commander->shown.aborted = follow->active;
-	if (commander->shown.motion_result == DB_RESULT_PENDING)
-		commander->shown.motion_result = DB_RESULT_CANCELLED;
-	if (!follow->active)
-		return;
-	commander->shown.aborted_id = follow->id;
-	db_history_end(&commander->history, follow->ticket, DB_RESULT_CANCELLED, now);
-	follow->active = false;
+	commander->shown.done = commander->shown.aborted = false;
+	db_outcome_cancel_motion(&commander->shown);
+	db_writers_cancel_motion(&commander->writers);
+	if (commander->follow.active)
+		db_history_end(&commander->history, commander->follow.ticket, DB_RESULT_CANCELLED,
+		               now);
+	commander->follow.active = false;
 }
 
 /*
  * What was just handed to the bus: a stop ends what moves, and what is still to begin, in any case.
  * Another motion does so only when the drive takes it: until then nobody knows.
  */
-static void note_submitted(struct db_commander *commander, enum db_command command, db_time now)
+static void note_submitted(struct db_commander *commander, struct db_writer *writer,
+                           enum db_command command, db_time now)
 {
-	if (sets_in_motion(command))
-		commander->shown.done = commander->shown.aborted = false;
+	if (!db_command_ends_motion(command))
+		return;
+	commander->shown.done = commander->shown.aborted = false;
+	if (writer)
+		writer->shown.done = writer->shown.aborted = false;
 	if (!db_command_is_stop(command))
 		return;
 	abort_motion(commander, now);
@@ -386,8 +402,8 @@ static void note_submitted(struct db_commander *commander, enum db_command comma
 }
 
 /* False when the drive's or the bus's queue is full. */
-static bool submit(struct db_commander *commander, struct db_request *request, uint16_t id,
-                   struct slot **slot)
+static bool submit(struct db_commander *commander, const struct db_client *client,
+                   struct db_request *request, uint16_t id, struct slot **slot)
 {
 	*slot = free_slot(commander, request->command);
 	if (!*slot)
@@ -395,6 +411,7 @@ static bool submit(struct db_commander *commander, struct db_request *request, u
 	request->ticket = ((uint32_t)commander->config.drive + 1) << 16 |
 	                  (commander->submitted & 0xFFFFu);
 	request->axis = commander->config.bus_axis;
+	db_writers_retire(&commander->writers, request->ticket);
 	if (!commander->ops->submit(commander->context, request))
 		return false;
 	(*slot)->ticket = request->ticket;
@@ -402,56 +419,66 @@ static bool submit(struct db_commander *commander, struct db_request *request, u
 	(*slot)->command = request->command;
 	(*slot)->id = id;
 	(*slot)->overtaken = false;
+	(*slot)->has_client = client != NULL;
+	if (client)
+		(*slot)->client = *client;
 	(*slot)->arrived = request->submitted;
 	(*slot)->waiter_count = 0;
 	return true;
 }
 
-static int carry_out(struct db_commander *commander, const struct db_command_block *block,
-                     uint16_t id, struct db_write_token token, db_time now)
+static void begin(struct db_writer *writer, const struct db_command_block *block, uint32_t ticket)
+{
+	writer->has_executed = true;
+	writer->executed = *block;
+	writer->executed_ticket = ticket;
+}
+
+static int carry_out(struct db_commander *commander, const struct origin *by,
+                     const struct db_command_block *block, uint16_t id, struct db_write_token token,
+                     db_time now)
 {
 	struct db_request request;
 	enum db_result result = reach(commander, (enum db_command)block->command);
 	struct slot *slot;
 
 	if (result != DB_RESULT_OK)
-		return refuse(commander, block, id, result, now);
+		return refuse(commander, by, block, id, result, now);
 	request.command = (enum db_command)block->command;
 	request.args = block->args;
 	request.submitted = now;
 	request.setting_count = 0;
-	if (!submit(commander, &request, id, &slot))
-		return refuse(commander, block, id, DB_RESULT_BUSY, now);
+	if (!submit(commander, by->client, &request, id, &slot))
+		return refuse(commander, by, block, id, DB_RESULT_BUSY, now);
 	if (db_command_is_motion(request.command))
 		db_watchdog_arm(&commander->watchdog, now);
-	note_submitted(commander, request.command, now);
-	record(commander, block, id, DB_RESULT_PENDING, request.ticket, now);
+	note_submitted(commander, by->writer, request.command, now);
+	record(commander, by->client, block, id, DB_RESULT_PENDING, request.ticket, now);
 	commander->newest = request.ticket;
-	commander->executed = *block;
-	commander->has_executed = true;
-	show(commander, id, block->command, DB_RESULT_PENDING, request.ticket);
-	remember(commander, id, DB_RESULT_PENDING, request.ticket);
+	if (by->writer)
+		begin(by->writer, block, request.ticket);
+	show(commander, by->writer, id, block->command, DB_RESULT_PENDING, request.ticket);
 	return wait_for(commander, slot, token, now);
 }
 
 /* The last id came again, and its command was not turned away as busy. */
-static bool is_repeat(const struct db_commander *commander, uint16_t id)
+static bool is_repeat(const struct db_writer *writer, uint16_t id)
 {
-	return id != 0 && id == commander->last.id && commander->last.result != DB_RESULT_BUSY;
+	return id != 0 && id == writer->last.id && writer->last.result != DB_RESULT_BUSY;
 }
 
 /* The last id came again: its answer is that of the first time. */
-static int repeat(struct db_commander *commander, struct db_write_token token, db_time now)
+static int repeat(struct db_commander *commander, struct db_writer *writer,
+                  struct db_write_token token, db_time now)
 {
-	struct slot *slot = slot_of(commander, commander->last.ticket);
+	struct slot *slot = slot_of(commander, writer->last.ticket);
 
-	commander->shown.write_result = (uint16_t)commander->last.result;
-	commander->write_ticket = slot ? slot->ticket : 0;
+	show_write(commander, writer, writer->last.result, slot ? slot->ticket : 0);
 	if (slot)
 		return wait_for(commander, slot, token, now);
-	if (commander->config.accept_writes && commander->last.ticket != 0)
+	if (commander->config.accept_writes && writer->last.sent)
 		return 0;
-	return db_result_exception(commander->last.result);
+	return db_result_exception(writer->last.result);
 }
 
 /*
@@ -486,52 +513,55 @@ static bool unlatch(struct db_commander *commander)
 	       snapshot.feedback.error == DB_ERROR_NONE;
 }
 
-static int command(struct db_commander *commander, const struct db_command_block *block,
-                   uint16_t id, struct db_write_token token, db_time now)
+/* Without a writer there is no id. */
+static int command(struct db_commander *commander, const struct origin *by,
+                   const struct db_command_block *block, uint16_t id, struct db_write_token token,
+                   db_time now)
 {
 	bool stop = db_command_is_stop((enum db_command)block->command);
+	struct db_writer *writer = by->writer;
 	enum db_result result;
 	struct slot *slot;
 
-	if (is_repeat(commander, id) && !stop)
-		return repeat(commander, token, now);
+	if (is_repeat(writer, id) && !stop)
+		return repeat(commander, writer, token, now);
 	result = check(&commander->config, block->command, &block->args);
 	/* The latch is the bridge's own: it ends also where the drive has nothing to clear. */
 	if (result == DB_RESULT_UNSUPPORTED && clears_latch(commander, block))
 		result = DB_RESULT_OK;
 	if (result == DB_RESULT_OK)
-		result = check_limits(commander, block);
+		result = check_limits(commander, writer, block);
 	if (result != DB_RESULT_OK)
-		return refuse(commander, block, id, result, now);
-	if (id != 0 && commander->last.id == 0 && !stop)
-		return refuse(commander, block, id, DB_RESULT_RESTARTED, now);
+		return refuse(commander, by, block, id, result, now);
+	if (id != 0 && writer->last.id == 0 && !stop)
+		return refuse(commander, by, block, id, DB_RESULT_RESTARTED, now);
 	if (commander->watchdog.latched && db_command_is_motion((enum db_command)block->command))
-		return refuse(commander, block, id, DB_RESULT_LATCHED, now);
+		return refuse(commander, by, block, id, DB_RESULT_LATCHED, now);
 	if (clears_latch(commander, block) && unlatch(commander))
-		return refuse(commander, block, id, DB_RESULT_OK, now);
+		return refuse(commander, by, block, id, DB_RESULT_OK, now);
 	slot = joinable(commander, block->command);
 	if (slot) {
 		db_history_repeat(&commander->history, slot->ticket);
-		show(commander, id, block->command, DB_RESULT_PENDING, slot->ticket);
-		remember(commander, id, DB_RESULT_PENDING, slot->ticket);
+		show(commander, writer, id, block->command, DB_RESULT_PENDING, slot->ticket);
 		return wait_for(commander, slot, token, now);
 	}
-	return carry_out(commander, block, id, token, now);
+	return carry_out(commander, by, block, id, token, now);
 }
 
 /* What is staged is checked now, so that the start of a group finds no surprises. */
-static int stage(struct db_commander *commander, const struct db_command_write *write, db_time now)
+static int stage(struct db_commander *commander, const struct origin *by,
+                 const struct db_command_write *write, db_time now)
 {
 	struct db_command_block block = write->block;
 	enum db_result result;
 
 	block.command = block.staged_command;
 	if (write->has_command && write->block.command != DB_CMD_NONE)
-		return refuse(commander, &block, 0, DB_RESULT_OUT_OF_RANGE, now);
+		return refuse(commander, by, &block, 0, DB_RESULT_OUT_OF_RANGE, now);
 	result = check(&commander->config, block.command, &block.args);
 	if (result == DB_RESULT_OK)
-		result = check_limits(commander, &block);
-	return result == DB_RESULT_OK ? 0 : refuse(commander, &block, 0, result, now);
+		result = check_limits(commander, by->writer, &block);
+	return result == DB_RESULT_OK ? 0 : refuse(commander, by, &block, 0, result, now);
 }
 
 enum db_command db_commander_staged(const struct db_commander *commander)
@@ -544,62 +574,78 @@ uint32_t db_commander_newest(const struct db_commander *commander)
 	return commander->newest;
 }
 
-int db_commander_start_staged(struct db_commander *commander, struct db_write_token token,
-                              db_time now)
+int db_commander_start_staged(struct db_commander *commander, const struct db_client *client,
+                              struct db_write_token token, db_time now)
 {
+	struct origin by = { client, db_writers_claim(&commander->writers, client, now) };
 	struct db_command_block block = commander->kept;
 
 	block.command = block.staged_command;
 	commander->kept.staged_command = DB_CMD_NONE;
-	return command(commander, &block, 0, token, now);
+	return command(commander, &by, &block, 0, token, now);
 }
 
-int db_commander_write(struct db_commander *commander, const struct db_command_write *write,
-                       struct db_write_token token, db_time now)
+int db_commander_write(struct db_commander *commander, const struct db_client *client,
+                       const struct db_command_write *write, struct db_write_token token,
+                       db_time now)
 {
+	bool stages = write->has_staged && write->block.staged_command != DB_CMD_NONE;
+	bool commands = write->has_command && write->block.command != DB_CMD_NONE;
+	struct origin by = { .client = client };
 	int answer = 0;
 
-	if (write->has_staged && write->block.staged_command != DB_CMD_NONE)
-		answer = stage(commander, write, now);
-	else if (write->has_command && write->block.command != DB_CMD_NONE)
-		answer = command(commander, &write->block, id_of(commander, write), token, now);
+	/* Who only writes arguments takes no place from those who number their commands. */
+	if (stages || commands || write->has_id)
+		by.writer = db_writers_claim(&commander->writers, client, now);
+	if (stages)
+		answer = stage(commander, &by, write, now);
+	else if (commands)
+		answer = command(commander, &by, &write->block, id_of(by.writer, write), token,
+		                 now);
 	/* 05: on its way, though its writer does not wait for it. */
-	if (answer <= 0 || answer == MODBUS_EXCEPTION_ACKNOWLEDGE)
-		commander->kept = write->block;
+	if (answer > 0 && answer != MODBUS_EXCEPTION_ACKNOWLEDGE)
+		return answer;
+	commander->kept = write->block;
+	if (write->has_id)
+		by.writer->kept_id = write->block.command_id;
 	return answer;
 }
 
-int db_commander_execute(struct db_commander *commander, enum db_command code,
-                         const struct db_args *args, struct db_write_token token, db_time now)
+int db_commander_execute(struct db_commander *commander, const struct db_client *client,
+                         enum db_command code, const struct db_args *args,
+                         struct db_write_token token, db_time now)
 {
+	struct origin by = { client, db_writers_claim(&commander->writers, client, now) };
 	struct db_command_block block = { .command = (uint16_t)code, .args = *args };
 
-	return command(commander, &block, 0, token, now);
+	return command(commander, &by, &block, 0, token, now);
 }
 
-void db_commander_set_refused(struct db_commander *commander, enum db_result result)
+void db_commander_set_refused(struct db_commander *commander, const struct db_client *client,
+                              enum db_result result)
 {
-	commander->shown.write_result = (uint16_t)result;
-	commander->write_ticket = 0;
+	show_write(commander, db_writers_find(&commander->writers, client), result, 0);
 }
 
-void db_commander_refuse(struct db_commander *commander, const struct db_command_block *block,
-                         enum db_result result, db_time now)
+void db_commander_refuse(struct db_commander *commander, const struct db_client *client,
+                         const struct db_command_block *block, enum db_result result, db_time now)
 {
 	const struct db_setting unknown = { .param = DB_HISTORY_UNKNOWN };
 
-	db_commander_set_refused(commander, result);
+	db_commander_set_refused(commander, client, result);
 	if (block->command == DB_CMD_NONE)
-		record_settings(commander, &unknown, result, 0, now);
+		record_settings(commander, client, &unknown, result, 0, now);
 	else
-		record(commander, block, block->command_id, result, 0, now);
+		record(commander, client, block, block->command_id, result, 0, now);
 }
 
-int db_commander_set(struct db_commander *commander, const struct db_setting *settings,
-                     size_t count, struct db_write_token token, db_time now)
+int db_commander_set(struct db_commander *commander, const struct db_client *client,
+                     const struct db_setting *settings, size_t count, struct db_write_token token,
+                     db_time now)
 {
+	struct db_writer *writer = db_writers_find(&commander->writers, client);
 	struct db_request request;
-	enum db_result result = check_acceleration(commander, settings, count);
+	enum db_result result = check_acceleration(commander, writer, settings, count);
 	struct slot *slot = NULL;
 
 	if (result == DB_RESULT_OK)
@@ -609,16 +655,15 @@ int db_commander_set(struct db_commander *commander, const struct db_setting *se
 	request.submitted = now;
 	request.setting_count = (uint16_t)count;
 	memcpy(request.settings, settings, count * sizeof settings[0]);
-	if (result == DB_RESULT_OK && !submit(commander, &request, 0, &slot))
+	if (result == DB_RESULT_OK && !submit(commander, client, &request, 0, &slot))
 		result = DB_RESULT_BUSY;
 	if (result != DB_RESULT_OK) {
-		db_commander_set_refused(commander, result);
-		record_settings(commander, settings, result, 0, now);
+		show_write(commander, writer, result, 0);
+		record_settings(commander, client, settings, result, 0, now);
 		return db_result_exception(result);
 	}
-	record_settings(commander, settings, DB_RESULT_PENDING, request.ticket, now);
-	commander->shown.write_result = DB_RESULT_PENDING;
-	commander->write_ticket = request.ticket;
+	record_settings(commander, client, settings, DB_RESULT_PENDING, request.ticket, now);
+	show_write(commander, writer, DB_RESULT_PENDING, request.ticket);
 	return wait_for(commander, slot, token, now);
 }
 
@@ -637,13 +682,6 @@ static void answer_waiters(struct db_commander *commander, struct slot *slot, ui
 		commander->ops->answer(commander->context, waiters[i].token, exception);
 }
 
-/* The bus turned it away after all: the id is as good as never seen. */
-static void forget_last(struct db_commander *commander)
-{
-	commander->last = commander->previous;
-	commander->previous = (struct memory){ 0 };
-}
-
 /* The command did nothing: whatever moved before goes on. */
 static bool never_began(enum db_result result)
 {
@@ -660,14 +698,19 @@ static bool never_began(enum db_result result)
 /* The drive has taken it: its result stays ok, unless the motion ends badly. */
 static void note_begun(struct db_commander *commander, const struct slot *slot, db_time now)
 {
+	const struct db_client *client = slot->has_client ? &slot->client : NULL;
+	struct db_writer *writer = db_writers_find(&commander->writers, client);
+	bool ends = db_follow_applies(slot->command);
+
 	abort_motion(commander, now);
 	if (!db_command_is_motion(slot->command))
 		return;
-	commander->shown.motion_id = slot->id;
-	commander->shown.motion_result = slot->overtaken ? DB_RESULT_CANCELLED : DB_RESULT_PENDING;
-	if (slot->overtaken || !db_follow_applies(slot->command))
+	db_outcome_begin_motion(&commander->shown, slot->id, ends, slot->overtaken);
+	if (writer)
+		db_outcome_begin_motion(&writer->shown, slot->id, ends, slot->overtaken);
+	if (slot->overtaken || !ends)
 		return;
-	db_follow_begin(&commander->follow, slot->command, slot->ticket, slot->id, now);
+	db_follow_begin(&commander->follow, slot->command, slot->ticket, now);
 	commander->look_at = now + LOOK_MIN;
 }
 
@@ -708,41 +751,26 @@ static void look_at_motion(struct db_commander *commander, db_time now)
 	                        now);
 	if (result == DB_RESULT_PENDING)
 		return;
-	commander->shown.done = result == DB_RESULT_OK;
-	commander->shown.motion_result = (uint16_t)result;
 	db_history_end(&commander->history, commander->follow.ticket, result, now);
-	if (commander->shown_ticket == commander->follow.ticket)
-		commander->shown.result = (uint16_t)result;
+	db_outcome_end_motion(&commander->shown, commander->follow.ticket, result);
+	db_writers_end_motion(&commander->writers, commander->follow.ticket, result);
 }
 
 void db_commander_complete(struct db_commander *commander, const struct db_completion *completion,
                            db_time now)
 {
 	struct slot *slot = slot_of(commander, completion->ticket);
-	/* The confirmation itself, not when this thread came to hear of it. */
+	/* To the confirmation itself, not to when this thread came to hear of it. */
 	db_time end = completion->finished ? completion->finished : now;
+	uint32_t took_us;
 	struct slot ended;
 
 	if (!slot)
 		return;
-	if (commander->shown_ticket == completion->ticket) {
-		db_time took = end - slot->arrived;
-
-		commander->shown.result = (uint16_t)completion->result;
-		commander->shown.result_time_us = took > 0 ? (uint32_t)(took / DB_NS_PER_US) : 0;
-	}
+	took_us = end > slot->arrived ? (uint32_t)((end - slot->arrived) / DB_NS_PER_US) : 0;
+	db_outcome_complete(&commander->shown, completion->ticket, completion->result, took_us);
+	db_writers_complete(&commander->writers, completion->ticket, completion->result, took_us);
 	note_ended(commander, slot, completion->result, end);
-	if (commander->write_ticket == completion->ticket)
-		commander->shown.write_result = (uint16_t)completion->result;
-	if (commander->previous.ticket == completion->ticket)
-		commander->previous.result = completion->result;
-	if (commander->last.ticket == completion->ticket) {
-		commander->last.result = completion->result;
-		if (completion->result == DB_RESULT_BUSY)
-			forget_last(commander);
-	}
-	if (commander->newest == completion->ticket && completion->result == DB_RESULT_BUSY)
-		commander->has_executed = false;
 	ended = *slot;
 	slot->ticket = 0;
 	slot->waiter_count = 0;
@@ -806,20 +834,25 @@ static void react(struct db_commander *commander, db_time now)
 	};
 	struct slot *slot;
 
-	if (!submit(commander, &request, 0, &slot)) {
+	if (!submit(commander, NULL, &request, 0, &slot)) {
 		commander->react_at = now + REACT_AGAIN;
 		return;
 	}
 	commander->react_at = DB_TIME_NEVER;
-	note_submitted(commander, request.command, now);
-	record(commander, &block, 0, DB_RESULT_PENDING, request.ticket, now);
+	note_submitted(commander, NULL, request.command, now);
+	record(commander, NULL, &block, 0, DB_RESULT_PENDING, request.ticket, now);
 	commander->newest = request.ticket;
-	show(commander, 0, (uint16_t)request.command, DB_RESULT_PENDING, request.ticket);
+	show(commander, NULL, 0, (uint16_t)request.command, DB_RESULT_PENDING, request.ticket);
 }
 
-void db_commander_feed(struct db_commander *commander, db_time now)
+void db_commander_hear(struct db_commander *commander, const struct db_client *client, db_time now)
 {
-	db_watchdog_feed(&commander->watchdog, now);
+	db_writers_hear(&commander->writers, client, now);
+}
+
+void db_commander_feed(struct db_commander *commander, enum db_watchdog_feed by, db_time now)
+{
+	db_watchdog_feed(&commander->watchdog, by, now);
 }
 
 void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_ms, db_time now)
@@ -866,17 +899,45 @@ const struct db_history_entry *db_commander_history(const struct db_commander *c
 	return db_history_get(&commander->history, age);
 }
 
-const struct db_command_block *db_commander_kept(const struct db_commander *commander)
+struct db_command_block db_commander_kept(struct db_commander *commander,
+                                          const struct db_client *client)
 {
-	return &commander->kept;
+	const struct db_writer *writer = db_writers_find(&commander->writers, client);
+	struct db_command_block block = commander->kept;
+
+	block.command_id = writer ? writer->kept_id : 0;
+	return block;
 }
 
-void db_commander_state(const struct db_commander *commander, struct db_command_state *state,
-                        db_time now)
+/* Its own latest command's, if it has one that is remembered; else the drive's. */
+static const struct db_outcome *outcome_for(struct db_commander *commander,
+                                            const struct db_client *client)
 {
+	const struct db_writer *writer = db_writers_find(&commander->writers, client);
+
+	return commander->writers.by_address && writer && writer->commanded ? &writer->shown :
+	                                                                      &commander->shown;
+}
+
+void db_commander_state(struct db_commander *commander, const struct db_client *client,
+                        struct db_command_state *state, db_time now)
+{
+	const struct db_outcome *outcome = outcome_for(commander, client);
 	uint32_t oldest = 0;
 
-	*state = commander->shown;
+	*state = (struct db_command_state){
+		.result_id = outcome->result_id,
+		.result = outcome->result,
+		.result_command = outcome->result_command,
+		.write_result = outcome->write_result,
+		.result_time_us = outcome->result_time_us,
+		.result_limit = outcome->result_limit,
+		.aborted_id = outcome->aborted_id,
+		.motion_id = outcome->motion_id,
+		.motion_result = outcome->motion_result,
+		.done = outcome->done,
+		.aborted = outcome->aborted,
+	};
 	state->busy = false;
 	state->latched = commander->watchdog.latched;
 	state->watchdog_ms = commander->watchdog.timeout_ms;

@@ -18,13 +18,12 @@ bool db_follow_applies(enum db_command command)
 }
 
 void db_follow_begin(struct db_follow *follow, enum db_command command, uint32_t ticket,
-                     uint16_t id, db_time now)
+                     db_time now)
 {
 	*follow = (struct db_follow){
 		.active = true,
 		.command = command,
 		.ticket = ticket,
-		.id = id,
 		.since = now,
 	};
 }

@@ -19,8 +19,7 @@ struct db_follow_config {
 struct db_follow {
 	bool active;
 	enum db_command command;
-	uint32_t ticket; /* of the command that began it */
-	uint16_t id;
+	uint32_t ticket;        /* of the command that began it */
 	db_time since;          /* data must be younger */
 	db_time standing_since; /* 0: it moves */
 	db_time there_since;    /* 0: it is not at the target */
@@ -31,7 +30,7 @@ struct db_follow {
 bool db_follow_applies(enum db_command command);
 
 void db_follow_begin(struct db_follow *follow, enum db_command command, uint32_t ticket,
-                     uint16_t id, db_time now);
+                     db_time now);
 
 /* PENDING while it goes on; else how it ended, and it is not followed any more. */
 enum db_result db_follow_look(struct db_follow *follow, const struct db_follow_config *config,

@@ -1,26 +1,45 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "axis/watchdog.h"
 
-void db_watchdog_init(struct db_watchdog *watchdog, uint32_t timeout_ms)
+#include <string.h>
+
+void db_watchdog_init(struct db_watchdog *watchdog, uint32_t timeout_ms, enum db_watchdog_feed feed)
 {
-	*watchdog = (struct db_watchdog){ .timeout_ms = timeout_ms };
+	*watchdog = (struct db_watchdog){ .timeout_ms = timeout_ms, .feed = feed };
 }
 
 void db_watchdog_set(struct db_watchdog *watchdog, uint32_t timeout_ms, db_time now)
 {
+	if (timeout_ms != watchdog->timeout_ms)
+		watchdog->fed = now;
+	else
+		db_watchdog_feed(watchdog, DB_FEED_WRITES, now);
 	watchdog->timeout_ms = timeout_ms;
-	watchdog->fed = now;
 }
 
 void db_watchdog_arm(struct db_watchdog *watchdog, db_time now)
 {
+	if (!watchdog->armed)
+		watchdog->fed = now;
+	else
+		db_watchdog_feed(watchdog, DB_FEED_WRITES, now);
 	watchdog->armed = true;
-	watchdog->fed = now;
 }
 
-void db_watchdog_feed(struct db_watchdog *watchdog, db_time now)
+void db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, db_time now)
 {
-	watchdog->fed = now;
+	if (by >= watchdog->feed)
+		watchdog->fed = now;
+}
+
+bool db_heartbeat_write(struct db_heartbeat *heartbeat, const uint8_t writer[16], uint16_t value)
+{
+	bool same = memcmp(heartbeat->writer, writer, sizeof heartbeat->writer) == 0;
+	bool beats = same && value != heartbeat->value;
+
+	memcpy(heartbeat->writer, writer, sizeof heartbeat->writer);
+	heartbeat->value = value;
+	return beats;
 }
 
 db_time db_watchdog_deadline(const struct db_watchdog *watchdog)

@@ -1,12 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Silence is safe: notices that nobody who may command a drive talks to it any more. Armed by the
- * first motion command, fed by requests; when it expires it latches until it is reset. Pure: time is
- * passed in, one thread.
+ * first motion command, fed by requests, by writes or by a heartbeat; when it expires it latches until
+ * it is reset. Pure: time is passed in, one thread.
+ *
+ * With DB_FEED_HEARTBEAT nothing that an I/O scanner repeats by itself keeps a drive moving after the
+ * program of its PLC has died: neither the same motion command again nor the same settings.
  */
 #ifndef DRIVEBRIDGE_AXIS_WATCHDOG_H
 #define DRIVEBRIDGE_AXIS_WATCHDOG_H
 
+#include "drivebridge/config.h"
 #include "drivebridge/time.h"
 
 #include <stdbool.h>
@@ -14,22 +18,37 @@
 
 struct db_watchdog {
 	uint32_t timeout_ms; /* 0 = off */
+	enum db_watchdog_feed feed;
 	bool armed;
 	bool latched;
 	db_time fed;
 	uint32_t trips; /* since the start */
 };
 
-void db_watchdog_init(struct db_watchdog *watchdog, uint32_t timeout_ms);
+/* A register that is the sign of life of a program. */
+struct db_heartbeat {
+	uint8_t writer[16]; /* address of the client, as in struct db_client; zero: none yet */
+	uint16_t value;
+};
 
-/* 0 turns it off, which does not undo a latch. The new time counts from now. */
+/*
+ * A value was written. True when the same client had written another one before: of two that both
+ * write it, one of them dead, the values alternate, too.
+ */
+bool db_heartbeat_write(struct db_heartbeat *heartbeat, const uint8_t writer[16], uint16_t value);
+
+void db_watchdog_init(struct db_watchdog *watchdog, uint32_t timeout_ms,
+                      enum db_watchdog_feed feed);
+
+/* 0 turns it off, which does not undo a latch. A new time counts from now. */
 void db_watchdog_set(struct db_watchdog *watchdog, uint32_t timeout_ms, db_time now);
 
 /* A motion command was taken. */
 void db_watchdog_arm(struct db_watchdog *watchdog, db_time now);
 
-/* Somebody who may write addressed the drive. */
-void db_watchdog_feed(struct db_watchdog *watchdog, db_time now);
+/* Somebody who may write addressed the drive: `by` a request of any kind, a write, or a heartbeat
+ * that has changed. It is fed when that is enough for it. */
+void db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, db_time now);
 
 /* When it will expire; DB_TIME_NEVER while it is off, not armed or latched. */
 db_time db_watchdog_deadline(const struct db_watchdog *watchdog);

@@ -74,7 +74,9 @@ static void describe_access(const struct db_modbus_config *modbus, FILE *out)
 	fprintf(out, " clients, ");
 	put_limit(out, modbus->max_requests_per_second);
 	fprintf(out, " requests per second\n");
-	fprintf(out, "  %-14s", "control");
+	fprintf(out, "  %-14sone memory per ", "command_id");
+	put_word(out, "modbus", "command-id-scope", modbus->command_id_scope);
+	fprintf(out, "\n  %-14s", "control");
 	put_word(out, "modbus", "control", modbus->control);
 	if (modbus->control != DB_CONTROL_OFF)
 		fprintf(out, ", lost after %u ms of silence", modbus->control_timeout_ms);
@@ -210,6 +212,9 @@ static void describe_drive(const struct db_bus_config *bus, const struct db_driv
 		fprintf(out, ", watchdog %u ms", drive->watchdog_ms);
 	else
 		fprintf(out, ", watchdog off");
+	/* The register watchdog_ms may turn it on. */
+	fprintf(out, ", fed by ");
+	put_word(out, "drive", "watchdog-feed", drive->watchdog_feed);
 	put_options(out, "drive", bus->driver, drive->options, ", ");
 	fprintf(out, "\n");
 	describe_forbidden(bus, drive, out);

@@ -139,6 +139,7 @@ void db_load_drive(struct db_load *load, unsigned index, struct db_drive_config 
 	                         (enum db_on_loss)db_section_word(&section, "on-exit") :
 	                         drive->on_client_loss;
 	drive->watchdog_ms = db_section_number(&section, "watchdog-ms");
+	drive->watchdog_feed = (enum db_watchdog_feed)db_section_word(&section, "watchdog-feed");
 	read_limits(&section, drive);
 	drive->in_position_window = db_section_real(&section, "in-position-window");
 	drive->settling_ms = db_section_number(&section, "settling-ms");

@@ -61,6 +61,9 @@ static const struct db_config_key KEYS[] = {
 	{ NUMBER("modbus", "keepalive-s", "10", 0, 7200, "s",
 	         "Silence after which TCP asks whether a client is still there; it is gone after "
 	         "four times as long; 0 means that it is not asked") },
+	{ WORD("modbus", "command-id-scope", "drive", "drive client",
+	       "Whether a drive has one memory of command_id and results for all clients, or one for "
+	       "each client address") },
 	{ WORD("modbus", "control", "off", "off drive",
 	       "Whether one client at a time has the right to command a drive, while others can only "
 	       "read and stop it; see the register control_request") },
@@ -131,6 +134,9 @@ static const struct db_config_key KEYS[] = {
 	       "What the drive does when the service ends; as on-client-loss when not given") },
 	{ NUMBER("drive", "watchdog-ms", "3000", 0, 60000, "ms",
 	         "Longest silence of the PLC after a motion command; 0 turns the watchdog off") },
+	{ WORD("drive", "watchdog-feed", "requests", "requests writes heartbeat",
+	       "What tells that the PLC is not silent: any of its requests to this drive, only writes, "
+	       "or only a changed register heartbeat") },
 	{ LIMIT("min-position", -1e12, "Lowest position that may be commanded, in the user's unit") },
 	{ LIMIT("max-position", -1e12, "Highest position that may be commanded, in the user's unit") },
 	{ LIMIT("max-velocity", 0, "Highest velocity that may be commanded, in the user's unit per second") },

@@ -55,6 +55,7 @@ static void read_modbus(struct db_load *load)
 	modbus->reserved_writers = read_reserved(&section, modbus->max_clients);
 	modbus->max_clients_per_address = db_section_number(&section, "max-clients-per-address");
 	modbus->max_requests_per_second = db_section_number(&section, "max-requests-per-second");
+	modbus->command_id_scope = (enum db_id_scope)db_section_word(&section, "command-id-scope");
 	modbus->control = (enum db_control_mode)db_section_word(&section, "control");
 	modbus->control_timeout_ms = db_section_number(&section, "control-timeout-ms");
 	modbus->log = (enum db_log_level)(DB_LOG_ERROR + db_section_word(&section, "log"));

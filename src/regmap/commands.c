@@ -92,7 +92,8 @@ const struct db_command_row db_command_rows[] = {
 	{
 		.code = DB_CMD_CLEAR_FAULT,
 		.name = "clear_fault",
-		.description = "Clear the drive's faults; and in every family the latch of the watchdog",
+		.description =
+			"Clear the drive's faults; and in every family the latch of the watchdog",
 	},
 	{
 		.code = DB_CMD_SAVE_PARAMETERS,

@@ -63,7 +63,8 @@ static int end(struct db_registers *registers)
 	return DB_WRITE_LATER;
 }
 
-int group_stop(struct db_registers *registers, enum db_command stop, struct db_write_token token)
+int group_stop(struct db_registers *registers, const struct db_client *client, enum db_command stop,
+               struct db_write_token token)
 {
 	const struct db_args none = { 0 };
 	db_time now = registers->ops->now(registers->context);
@@ -73,8 +74,8 @@ int group_stop(struct db_registers *registers, enum db_command stop, struct db_w
 		struct view_drive *drive = &registers->drives[i];
 
 		add_part(registers, drive,
-		         db_commander_execute(drive->commander, stop, &none, part_token(registers),
-		                              now));
+		         db_commander_execute(drive->commander, client, stop, &none,
+		                              part_token(registers), now));
 	}
 	return end(registers);
 }
@@ -102,8 +103,8 @@ int group_start(struct db_registers *registers, const struct db_client *client,
 
 		if (db_commander_staged(drive->commander) != DB_CMD_NONE)
 			add_part(registers, drive,
-			         db_commander_start_staged(drive->commander, part_token(registers),
-			                                   now));
+			         db_commander_start_staged(drive->commander, client,
+			                                   part_token(registers), now));
 	}
 	return end(registers);
 }

@@ -34,7 +34,8 @@ struct group {
 /* The following return 0, an exception, or DB_WRITE_LATER, as db_backend.write does. */
 
 /* Stops, quick-stops or disables every drive; those that are offline are stopped when they answer. */
-int group_stop(struct db_registers *registers, enum db_command stop, struct db_write_token token);
+int group_stop(struct db_registers *registers, const struct db_client *client, enum db_command stop,
+               struct db_write_token token);
 /* Starts what is staged, everywhere at once. 03 when nothing is; 06 when another client has control of
  * one of the drives. */
 int group_start(struct db_registers *registers, const struct db_client *client,

@@ -60,7 +60,8 @@ static double counts_of(const struct view_drive *drive, const struct db_feedback
 	return drive->config->counts_per_unit;
 }
 
-static void fill_process(struct db_drive_image *image, const struct view_drive *drive)
+static void fill_process(struct db_drive_image *image, const struct view_drive *drive,
+                         const struct db_client *client)
 {
 	const struct db_feedback *feedback = &image->feedback;
 	double counts_per_unit;
@@ -73,7 +74,7 @@ static void fill_process(struct db_drive_image *image, const struct view_drive *
 	counts_per_unit = counts_of(drive, feedback);
 	drop_if_too_old(&image->feedback, drive, now);
 	image->stats = snapshot.stats;
-	db_commander_state(drive->commander, &image->state, now);
+	db_commander_state(drive->commander, client, &image->state, now);
 	image->quality = quality_of(drive, feedback, now);
 	image->age_ms = age_ms(feedback, now);
 	image->status = feedback->status & ~(uint32_t)NET_BITS;
@@ -91,6 +92,7 @@ static void fill_process(struct db_drive_image *image, const struct view_drive *
 	image->position_units = (float)((double)feedback->position / counts_per_unit);
 	image->velocity_units = (float)((double)feedback->velocity / counts_per_unit);
 	image->capabilities = drive->capabilities;
+	image->heartbeat = drive->heartbeat.value;
 }
 
 static void fill_static(struct db_drive_image *image, const struct view_drive *drive)
@@ -151,19 +153,19 @@ static void fill_history(struct db_drive_history *shown, const struct db_history
 	memcpy(shown->address, text, strnlen(text, sizeof shown->address));
 }
 
-void view_fill_drive(struct db_drive_image *image, const struct view_drive *drive, unsigned parts,
-                     uint16_t low, uint16_t high)
+void view_fill_drive(struct db_drive_image *image, const struct view_drive *drive,
+                     const struct db_client *client, unsigned parts, uint16_t low, uint16_t high)
 {
 	size_t from;
 	size_t to;
 
 	if (parts & (DB_PART_PROCESS | DB_PART_PLATE))
-		fill_process(image, drive);
+		fill_process(image, drive, client);
 	/* After the snapshot: when that says that the parameters are valid, these are. */
 	if (parts & DB_PART_PLATE)
 		db_axis_read_nameplate(drive->axis, &image->plate);
 	if (parts & DB_PART_BLOCK)
-		image->block = *db_commander_kept(drive->commander);
+		image->block = db_commander_kept(drive->commander, client);
 	if (parts & DB_PART_STATIC)
 		fill_static(image, drive);
 	if (!(parts & DB_PART_HISTORY))
@@ -228,6 +230,7 @@ static uint16_t line_state(const struct db_bus_stats *stats)
 
 static void fill_group(struct db_gateway_image *image, const struct db_registers *registers)
 {
+	image->heartbeat = registers->heartbeat;
 	image->group_stop = 0;
 	image->group_start = 0;
 	image->group_staged = 0;
@@ -293,12 +296,13 @@ static void fill_gateway_drive(struct db_gateway_drive *image, const struct view
 	};
 }
 
-static void fill_window(struct db_gateway_window *window, const struct view_drive *drive)
+static void fill_window(struct db_gateway_window *window, const struct view_drive *drive,
+                        const struct db_client *client)
 {
 	struct db_drive_image image;
 	const struct db_feedback *feedback = &image.feedback;
 
-	fill_process(&image, drive);
+	fill_process(&image, drive, client);
 	*window = (struct db_gateway_window){
 		.unit = (uint16_t)drive->config->unit,
 		.online = (image.status & DB_STATUS_ONLINE) != 0,
@@ -372,7 +376,7 @@ static void fill_clients(struct db_gateway_image *image, const struct db_registe
 }
 
 void view_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
-                       unsigned parts, uint16_t low, uint16_t high)
+                       const struct db_client *client, unsigned parts, uint16_t low, uint16_t high)
 {
 	size_t from;
 	size_t to;
@@ -405,6 +409,6 @@ void view_fill_gateway(struct db_gateway_image *image, const struct db_registers
 		touched(offsetof(struct db_gateway_image, windows), sizeof image->windows[0], low,
 		        high, registers->drive_count, &from, &to);
 		for (size_t i = from; i < to && i < DB_GATEWAY_WINDOWS; i++)
-			fill_window(&image->windows[i], &registers->drives[i]);
+			fill_window(&image->windows[i], &registers->drives[i], client);
 	}
 }

@@ -46,6 +46,7 @@ struct db_drive_image {
 	struct db_command_state state;
 	struct db_feedback feedback;
 	struct db_axis_stats stats;
+	uint16_t heartbeat;
 	/* Likewise, but about the client that reads. */
 	uint16_t control_request;
 	uint16_t control_port;
@@ -179,7 +180,8 @@ struct db_gateway_image {
 	uint32_t refused_per_address;
 	uint32_t refused_control;
 	uint32_t held_back;
-	/* DB_PART_GROUP */
+	/* DB_PART_GROUP: what is written to the gateway, and what came of it */
+	uint16_t heartbeat;
 	uint16_t group_stop; /* these two read as 0 */
 	uint16_t group_start;
 	uint16_t group_staged;

@@ -252,7 +252,11 @@ const struct db_row db_rows[] = {
 		.address = 22,
 		.type = DB_U16,
 		PROCESS(state.result_id),
-		.description = "command_id of the latest command; 0=it had none",
+		.description = "command_id of the latest command; 0=it had none. With "
+			       "command-id-scope = client in the configuration this and the other "
+			       "result registers and the status bits done and aborted are about "
+			       "the latest command of the client address that reads; who has not "
+			       "commanded this drive sees the latest of all",
 	},
 	{
 		.name = "result",
@@ -398,9 +402,11 @@ const struct db_row db_rows[] = {
 		.unit = "ms",
 		.max = DB_WATCHDOG_MAX_MS,
 		.description = "Longest silence of the clients before the drive is stopped; "
-			       "0=off; armed by the first motion command or when the "
-			       "drive moves as it is first seen; fed by each request to "
-			       "this unit from a client that may write",
+			       "0=off; armed by the first motion command or when the drive "
+			       "moves as it is first seen; fed as watchdog-feed in the "
+			       "configuration says: by each request to this unit from a "
+			       "client that may write (requests) or only by its writes (writes) "
+			       "or only by its writes of a new value to heartbeat (heartbeat)",
 	},
 	{
 		.name = "watchdog_remaining_ms",
@@ -492,7 +498,8 @@ const struct db_row db_rows[] = {
 		PROCESS(control_remaining_ms),
 		.unit = "ms",
 		.description = "Time left before silence of the client that has control ends it; "
-			       "each of its requests to this unit begins it again; 0=nobody",
+			       "each of its requests to this unit begins it again and so does a "
+			       "heartbeat of the gateway unit that feeds this drive; 0=nobody",
 	},
 	{
 		.name = "result_limit",
@@ -511,7 +518,8 @@ const struct db_row db_rows[] = {
 		PROCESS(state.aborted_id),
 		.max = 65535,
 		.description = "command_id of the motion that was aborted when the status bit "
-			       "aborted is set",
+			       "aborted is set; with command-id-scope = client a motion of the "
+			       "client that reads; whoever aborted it",
 	},
 	{
 		.name = "motion_id",
@@ -519,8 +527,9 @@ const struct db_row db_rows[] = {
 		.type = DB_U16,
 		PROCESS(state.motion_id),
 		.max = 65535,
-		.description = "command_id of the motion that the drive has begun last; a motion "
-			       "that is refused leaves it as it is",
+		.description = "command_id of the motion that the drive has begun last; with "
+			       "command-id-scope = client of the client that reads; a motion that "
+			       "is refused leaves it as it is",
 	},
 	{
 		.name = "motion_result",
@@ -532,6 +541,19 @@ const struct db_row db_rows[] = {
 		.description = "What became of the motion of motion_id: pending while it goes on "
 			       "and ok when it came to its end; cancelled when another command "
 			       "ended it",
+	},
+	{
+		.name = "heartbeat",
+		.address = 66,
+		.type = DB_U16,
+		PROCESS(heartbeat),
+		.flags = DB_ROW_WRITABLE | DB_ROW_HEARTBEAT,
+		.max = 65535,
+		.description = "Sign of life of the PLC's program (watchdog-feed = heartbeat in "
+			       "the configuration): a new value feeds the watchdog when the same "
+			       "address had written another one before; the same value again does "
+			       "not; so one client only is to write it; reads the value written "
+			       "last; see also heartbeat of the gateway unit",
 	},
 
 	/* Drive view: the command block, at most 100 registers. */
@@ -545,7 +567,9 @@ const struct db_row db_rows[] = {
 		.description = "Number of a command: 0=executes each time it is written; "
 			       "other=executes when it differs from the drive's last one while "
 			       "the same again is answered with the stored result; after the "
-			       "bridge starts the first one is only remembered (restarted); stop "
+			       "bridge starts the first one is only remembered (restarted); with "
+			       "command-id-scope = client in the configuration all this is for "
+			       "each client address by itself (the last 8 that commanded); stop "
 			       "and disable always execute; an id is used up by every outcome "
 			       "except busy",
 	},
@@ -1228,6 +1252,18 @@ const struct db_row db_rows[] = {
 		GATEWAY_GROUP(group_skew_us),
 		.unit = "us",
 		.description = "From the first to the last drive's command on the wire",
+	},
+	{
+		.name = "heartbeat",
+		.address = 68,
+		.type = DB_U16,
+		GATEWAY_GROUP(heartbeat),
+		.flags = DB_ROW_WRITABLE | DB_ROW_HEARTBEAT,
+		.max = 65535,
+		.description = "For PLCs with one unit id only: a new value is like one in the "
+			       "heartbeat of every drive with watchdog-feed = heartbeat; with "
+			       "control = drive of those that the client controls; reads the "
+			       "value written last",
 	},
 
 	/* Gateway view: a block for each bus. */

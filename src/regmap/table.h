@@ -18,6 +18,7 @@ enum db_row_flag {
 	DB_ROW_PARAM = 1u << 2,    /* a vendor parameter: read and written by its index */
 	DB_ROW_WATCHDOG = 1u << 3, /* the one setting of the bridge's own */
 	DB_ROW_CONTROL = 1u << 4,  /* asks for control of the drive, or lets it go */
+	DB_ROW_HEARTBEAT = 1u << 5,
 };
 
 /* Names of a register's values or bits, for its description. */

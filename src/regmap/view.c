@@ -165,7 +165,7 @@ static uint8_t read_drive(const struct view_drive *drive, const struct db_client
 
 	if (exception)
 		return exception;
-	view_fill_drive(&image, drive, span.parts, span.low, span.high);
+	view_fill_drive(&image, drive, client, span.parts, span.low, span.high);
 	if (span.parts & DB_PART_PROCESS)
 		fill_control(&image, drive, client);
 	if (span.flags & DB_ROW_MEASURED)
@@ -182,8 +182,8 @@ static uint8_t read_drive(const struct view_drive *drive, const struct db_client
 	return 0;
 }
 
-static uint8_t read_gateway(const struct db_registers *registers, enum db_table table,
-                            uint16_t address, uint16_t count, uint16_t *values)
+static uint8_t read_gateway(const struct db_registers *registers, const struct db_client *client,
+                            enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
 {
 	struct db_gateway_image image;
 	struct span span;
@@ -192,7 +192,7 @@ static uint8_t read_gateway(const struct db_registers *registers, enum db_table 
 
 	if (exception)
 		return exception;
-	view_fill_gateway(&image, registers, span.parts, span.low, span.high);
+	view_fill_gateway(&image, registers, client, span.parts, span.low, span.high);
 	copy_registers(&span, &image, registers->config->modbus.low_word_first, address, count,
 	               values);
 	return 0;
@@ -216,15 +216,16 @@ static uint8_t backend_unit(void *context, uint8_t unit)
 }
 
 /* Who may only look does not keep a machine running, nor who does not control it. */
-static void feed(struct view_drive *drive, const struct db_client *client)
+static void feed(struct view_drive *drive, const struct db_client *client, enum db_watchdog_feed by)
 {
 	const struct db_registers *registers = drive->registers;
 	db_time now = registers->ops->now(registers->context);
 
+	db_commander_hear(drive->commander, client, now);
 	if (!client->may_write || !db_control_holds(&drive->control, client, now))
 		return;
 	db_control_hear(&drive->control, client, now);
-	db_commander_feed(drive->commander, now);
+	db_commander_feed(drive->commander, by, now);
 	drive->fed_by = *client;
 }
 
@@ -235,44 +236,31 @@ static uint8_t backend_read(void *context, const struct db_client *client, uint8
 	struct view_drive *drive = drive_of(registers, unit);
 
 	if (drive) {
-		feed(drive, client);
+		feed(drive, client, DB_FEED_REQUESTS);
 		if (registers->vendor_units[unit])
 			return vsmd_view_read(drive, table, address, count, values);
 		return read_drive(drive, client, table, address, count, values);
 	}
 	if (backend_unit(context, unit))
 		return MODBUS_EXCEPTION_GATEWAY_PATH;
-	return read_gateway(registers, table, address, count, values);
-}
-
-static int write_unit(struct db_registers *registers, const struct db_client *client, uint8_t unit,
-                      enum db_table table, uint16_t address, uint16_t count, const uint16_t *values,
-                      struct db_write_token token)
-{
-	struct view_drive *drive = drive_of(registers, unit);
-
-	if (drive) {
-		feed(drive, client);
-		if (registers->vendor_units[unit])
-			return vsmd_view_write(drive, client, table, address, count, values, token);
-		return view_write(drive, client, table, address, count, values, token);
-	}
-	if (backend_unit(registers, unit))
-		return MODBUS_EXCEPTION_GATEWAY_PATH;
-	return view_write_gateway(registers, client, table, address, count, values, token);
+	return read_gateway(registers, client, table, address, count, values);
 }
 
 static int backend_write(void *context, const struct db_client *client, uint8_t unit,
                          enum db_table table, uint16_t address, uint16_t count,
                          const uint16_t *values, struct db_write_token token)
 {
-	struct db_registers *registers = context;
-	int answer;
+	struct view_drive *drive = drive_of(context, unit);
 
-	registers->writer = client;
-	answer = write_unit(registers, client, unit, table, address, count, values, token);
-	registers->writer = NULL;
-	return answer;
+	if (drive) {
+		feed(drive, client, DB_FEED_WRITES);
+		if (drive->registers->vendor_units[unit])
+			return vsmd_view_write(drive, client, table, address, count, values, token);
+		return view_write(drive, client, table, address, count, values, token);
+	}
+	if (backend_unit(context, unit))
+		return MODBUS_EXCEPTION_GATEWAY_PATH;
+	return view_write_gateway(context, client, table, address, count, values, token);
 }
 
 static size_t backend_server_id(void *context, uint8_t unit, char *text, size_t size, bool *running)
@@ -457,13 +445,6 @@ static void answer_client(void *context, struct db_write_token token, uint8_t ex
 		registers->ops->answer(registers->context, token, exception);
 }
 
-static const struct db_client *writer_now(void *context)
-{
-	const struct view_drive *drive = context;
-
-	return drive->registers->writer;
-}
-
 static uint64_t wall_us_now(void *context)
 {
 	const struct db_registers *registers = ((const struct view_drive *)context)->registers;
@@ -474,7 +455,6 @@ static uint64_t wall_us_now(void *context)
 static const struct db_commander_ops commander_ops = {
 	.submit = submit_to_bus,
 	.answer = answer_client,
-	.writer = writer_now,
 	.wall_us = wall_us_now,
 };
 
@@ -515,6 +495,7 @@ static int init_drive(struct db_registers *registers, size_t number, struct db_a
 		.bus_axis = bus_axis_of(config, number),
 		.confirm_ms = config->modbus.confirm_ms,
 		.accept_writes = config->modbus.accept_writes,
+		.ids_by_client = config->modbus.command_id_scope == DB_IDS_OF_CLIENT,
 		.watchdog_ms = config->drives[number].watchdog_ms,
 		.on_client_loss = db_on_loss_command(config->drives[number].on_client_loss),
 	};

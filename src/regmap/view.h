@@ -4,6 +4,7 @@
 #define DRIVEBRIDGE_REGMAP_VIEW_H
 
 #include "axis/control.h"
+#include "axis/watchdog.h"
 #include "drivebridge/commander.h"
 #include "drivebridge/registers.h"
 #include "regmap/group.h"
@@ -27,9 +28,11 @@ struct view_drive {
 	struct db_axis *axis;
 	struct db_commander *commander;
 	struct db_control control;
-	struct db_client fed_by;  /* who fed the watchdog last; id 0: nobody */
-	uint32_t group_ticket;    /* its part of the group command under way; 0 */
-	struct vsmd_view *vendor; /* null: it has no unit with the vendor's layout */
+	struct db_client fed_by; /* who fed the watchdog last; id 0: nobody */
+	struct db_heartbeat heartbeat;
+	struct db_heartbeat gateway_heartbeat; /* as written by who may feed this drive */
+	uint32_t group_ticket;                 /* its part of the group command under way; 0 */
+	struct vsmd_view *vendor;              /* null: it has no unit with the vendor's layout */
 	uint32_t capabilities;
 	db_time fresh_for;               /* older data is not `good` any more */
 	db_time useless_after;           /* older data is not shown at all */
@@ -49,18 +52,19 @@ struct db_registers {
 	struct view_drive *drives;
 	size_t drive_count;
 	struct group group;
-	const struct db_client *writer; /* whose write is being carried out; null: nobody's */
+	uint16_t heartbeat; /* of the gateway, written last */
 };
 
 #define VIEW_GATEWAY UINT16_MAX
 #define VIEW_NOTHING (UINT16_MAX - 1)
 
-/* Fills the parts of an image. What a drive's registers show is from one snapshot. Of what repeats
- * only those whose members lie between the offsets low and high. */
-void view_fill_drive(struct db_drive_image *image, const struct view_drive *drive, unsigned parts,
-                     uint16_t low, uint16_t high);
+/* Fills the parts of an image, as `client` is shown it; null: as any that never commanded. What a
+ * drive's registers show is from one snapshot. Of what repeats only those whose members lie between
+ * the offsets low and high. */
+void view_fill_drive(struct db_drive_image *image, const struct view_drive *drive,
+                     const struct db_client *client, unsigned parts, uint16_t low, uint16_t high);
 void view_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
-                       unsigned parts, uint16_t low, uint16_t high);
+                       const struct db_client *client, unsigned parts, uint16_t low, uint16_t high);
 
 /* An address in one number, the first byte highest; VIEW_IPV6 for what is no IPv4 address. */
 #define VIEW_IPV6 UINT32_MAX
@@ -76,7 +80,7 @@ uint8_t view_unreachable(const struct db_feedback *feedback);
  */
 bool view_may_write(struct view_drive *drive, const struct db_client *client, bool stop);
 
-/* db_backend's write, for the gateway: group commands. */
+/* db_backend's write, for the gateway: group commands and the heartbeat. */
 int view_write_gateway(struct db_registers *registers, const struct db_client *client,
                        enum db_table table, uint16_t address, uint16_t count,
                        const uint16_t *values, struct db_write_token token);

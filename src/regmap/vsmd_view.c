@@ -216,7 +216,7 @@ uint8_t vsmd_view_read(const struct view_drive *drive, enum db_table table, uint
 
 	if (exception)
 		return exception;
-	view_fill_drive(&image, drive, parts_of(&span), 0, 0);
+	view_fill_drive(&image, drive, NULL, parts_of(&span), 0, 0);
 	for (size_t i = 0; i < span.count; i++) {
 		exception = check_row(drive, &span.rows[i], &image);
 		if (exception)
@@ -239,6 +239,7 @@ uint8_t vsmd_view_read(const struct view_drive *drive, enum db_table table, uint
 /* --- what a write asks for ------------------------------------------------------------------------------ */
 
 struct plan {
+	const struct db_client *client;
 	struct vsmd_kept kept; /* with the written registers put over it */
 	bool has_command;      /* these were among them */
 	bool has_pos;
@@ -393,7 +394,8 @@ static bool is_accepted(int answer)
 static int set(struct view_drive *drive, const struct plan *plan, struct db_write_token token,
                db_time now)
 {
-	return db_commander_set(drive->commander, plan->settings, plan->setting_count, token, now);
+	return db_commander_set(drive->commander, plan->client, plan->settings, plan->setting_count,
+	                        token, now);
 }
 
 /* Both in one write: the parameters first, because the command is to run with them. */
@@ -409,15 +411,15 @@ static int begin_chain(struct view_drive *drive, const struct plan *plan,
 			.command = plan->command,
 			.args = plan->args,
 			.token = token,
-			.client = *drive->registers->writer,
+			.client = *plan->client,
 			.waits = answer == DB_WRITE_LATER,
 		};
 	return answer;
 }
 
-static int refuse(struct view_drive *drive, enum db_result result)
+static int refuse(struct view_drive *drive, const struct db_client *client, enum db_result result)
 {
-	db_commander_set_refused(drive->commander, result);
+	db_commander_set_refused(drive->commander, client, result);
 	return db_result_exception(result);
 }
 
@@ -426,7 +428,7 @@ static int refuse_plan(struct view_drive *drive, const struct plan *plan, enum d
 {
 	struct db_command_block block = { .command = (uint16_t)plan->command, .args = plan->args };
 
-	db_commander_refuse(drive->commander, &block, result,
+	db_commander_refuse(drive->commander, plan->client, &block, result,
 	                    drive->registers->ops->now(drive->registers->context));
 	return db_result_exception(result);
 }
@@ -437,8 +439,9 @@ static int carry_out(struct view_drive *drive, const struct plan *plan, struct d
 	int answer;
 
 	if (db_command_is_stop(plan->command)) {
-		answer = db_commander_execute(drive->commander, plan->command, &plan->args,
-		                              plan->setting_count > 0 ? nobody : token, now);
+		answer = db_commander_execute(drive->commander, plan->client, plan->command,
+		                              &plan->args, plan->setting_count > 0 ? nobody : token,
+		                              now);
 		/* It is repeated until it works: the parameters' answer tells of both. */
 		return plan->setting_count > 0 && is_accepted(answer) ?
 		               set(drive, plan, token, now) :
@@ -452,7 +455,8 @@ static int carry_out(struct view_drive *drive, const struct plan *plan, struct d
 		return set(drive, plan, token, now);
 	if (plan->setting_count > 0)
 		return begin_chain(drive, plan, token, now);
-	return db_commander_execute(drive->commander, plan->command, &plan->args, token, now);
+	return db_commander_execute(drive->commander, plan->client, plan->command, &plan->args,
+	                            token, now);
 }
 
 /* The client is not in control: it may stop the drive and nothing else. */
@@ -463,7 +467,8 @@ static int carry_out_stop(struct view_drive *drive, const struct plan *plan,
 
 	if (!db_command_is_stop(plan->command))
 		return refuse_plan(drive, plan, DB_RESULT_NOT_IN_CONTROL);
-	return db_commander_execute(drive->commander, plan->command, &plan->args, token, now);
+	return db_commander_execute(drive->commander, plan->client, plan->command, &plan->args,
+	                            token, now);
 }
 
 int vsmd_view_write(struct view_drive *drive, const struct db_client *client, enum db_table table,
@@ -478,17 +483,18 @@ int vsmd_view_write(struct view_drive *drive, const struct db_client *client, en
 	if (table != DB_TABLE_HOLDING || find_span(table, address, count, &span) != 0)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
 	if (!is_whole(&span, address, count))
-		return refuse(drive, DB_RESULT_OUT_OF_RANGE);
+		return refuse(drive, client, DB_RESULT_OUT_OF_RANGE);
 	result = plan_registers(drive, &span, values, &plan);
+	plan.client = client;
 	if (result != DB_RESULT_OK) {
-		answer = refuse(drive, result);
+		answer = refuse(drive, client, result);
 		/* The vendor's models have this register, but the drive has nothing behind it. */
 		return result == DB_RESULT_UNSUPPORTED ? MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS :
 		                                         answer;
 	}
 	result = plan_command(drive, &plan);
 	if (result != DB_RESULT_OK)
-		return refuse(drive, result);
+		return refuse(drive, client, result);
 	if (!view_may_write(drive, client, db_command_is_stop(plan.command)))
 		return carry_out_stop(drive, &plan, token);
 	answer = carry_out(drive, &plan, token);
@@ -546,10 +552,8 @@ void vsmd_view_completed(struct view_drive *drive, const struct db_completion *c
 	view->chain.ticket = 0;
 	if (completion->result != DB_RESULT_OK || chain.dead)
 		return;
-	registers->writer = &chain.client;
-	answer = db_commander_execute(drive->commander, chain.command, &chain.args,
+	answer = db_commander_execute(drive->commander, &chain.client, chain.command, &chain.args,
 	                              chain.waits ? chain.token : nobody, now);
-	registers->writer = NULL;
 	if (chain.waits && answer != DB_WRITE_LATER)
 		registers->ops->answer(registers->context, chain.token, (uint8_t)answer);
 }

@@ -59,30 +59,33 @@ bool view_may_write(struct view_drive *drive, const struct db_client *client, bo
 	return false;
 }
 
-static int refuse(struct view_drive *drive, enum db_result result)
+static int refuse(struct view_drive *drive, const struct db_client *client, enum db_result result)
 {
-	db_commander_set_refused(drive->commander, result);
+	db_commander_set_refused(drive->commander, client, result);
 	return db_result_exception(result);
 }
 
 /* Somebody else has control: who tried what is kept for the technician. NONE: parameters. */
-static int refuse_command(struct view_drive *drive, unsigned code, const struct db_args *args)
+static int refuse_command(struct view_drive *drive, const struct db_client *client, unsigned code,
+                          const struct db_args *args)
 {
 	struct db_command_block block = { .command = (uint16_t)code, .args = *args };
 
-	db_commander_refuse(drive->commander, &block, DB_RESULT_NOT_IN_CONTROL, now_of(drive));
+	db_commander_refuse(drive->commander, client, &block, DB_RESULT_NOT_IN_CONTROL,
+	                    now_of(drive));
 	return db_result_exception(DB_RESULT_NOT_IN_CONTROL);
 }
 
 /* --- the command block ----------------------------------------------------------------------------- */
 
 /* False when a float is not a number. */
-static bool block_from(const struct view_drive *drive, const struct span *span,
-                       const uint16_t *values, struct db_command_write *write)
+static bool block_from(const struct view_drive *drive, const struct db_client *client,
+                       const struct span *span, const uint16_t *values,
+                       struct db_command_write *write)
 {
 	bool low_first = drive->registers->config->modbus.low_word_first;
 
-	*write = (struct db_command_write){ .block = *db_commander_kept(drive->commander) };
+	*write = (struct db_command_write){ .block = db_commander_kept(drive->commander, client) };
 	for (uint16_t i = 0; i < span->count; i++) {
 		struct db_cell cell = span->cells[i];
 		union db_value value;
@@ -110,19 +113,19 @@ static int write_block(struct view_drive *drive, const struct db_client *client,
 	struct db_command_write write;
 	bool stop;
 
-	if (!block_from(drive, span, values, &write)) {
-		db_commander_set_refused(drive->commander, DB_RESULT_OUT_OF_RANGE);
+	if (!block_from(drive, client, span, values, &write)) {
+		db_commander_set_refused(drive->commander, client, DB_RESULT_OUT_OF_RANGE);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	}
 	stop = write.has_command && db_command_is_stop((enum db_command)write.block.command);
 	if (view_may_write(drive, client, stop))
-		return db_commander_write(drive->commander, &write, token, now_of(drive));
+		return db_commander_write(drive->commander, client, &write, token, now_of(drive));
 	if (!stop && write.has_command && write.block.command != DB_CMD_NONE)
-		return refuse_command(drive, write.block.command, &write.block.args);
+		return refuse_command(drive, client, write.block.command, &write.block.args);
 	if (!stop)
-		return refuse(drive, DB_RESULT_NOT_IN_CONTROL);
+		return refuse(drive, client, DB_RESULT_NOT_IN_CONTROL);
 	/* Neither the id nor the arguments are for the one in control to find. */
-	return db_commander_execute(drive->commander, (enum db_command)write.block.command,
+	return db_commander_execute(drive->commander, client, (enum db_command)write.block.command,
 	                            &no_args, token, now_of(drive));
 }
 
@@ -168,7 +171,7 @@ static int write_params(struct view_drive *drive, const struct db_client *client
 	int count = settings_from(drive, span, values, settings);
 
 	if (count < 0) {
-		db_commander_set_refused(drive->commander,
+		db_commander_set_refused(drive->commander, client,
 		                         count == -MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS ?
 		                                 DB_RESULT_UNSUPPORTED :
 		                                 DB_RESULT_OUT_OF_RANGE);
@@ -177,8 +180,9 @@ static int write_params(struct view_drive *drive, const struct db_client *client
 	if (count == 0)
 		return 0;
 	if (!view_may_write(drive, client, false))
-		return refuse_command(drive, DB_CMD_NONE, &(struct db_args){ 0 });
-	return db_commander_set(drive->commander, settings, (size_t)count, token, now_of(drive));
+		return refuse_command(drive, client, DB_CMD_NONE, &(struct db_args){ 0 });
+	return db_commander_set(drive->commander, client, settings, (size_t)count, token,
+	                        now_of(drive));
 }
 
 /* --- the watchdog ------------------------------------------------------------------------------------ */
@@ -192,12 +196,21 @@ static int write_watchdog(struct view_drive *drive, const struct db_client *clie
 	    !db_words_decode(&span->cells[0], values,
 	                     drive->registers->config->modbus.low_word_first, &value) ||
 	    value.u > DB_WATCHDOG_MAX_MS) {
-		db_commander_set_refused(drive->commander, DB_RESULT_OUT_OF_RANGE);
+		db_commander_set_refused(drive->commander, client, DB_RESULT_OUT_OF_RANGE);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	}
 	if (!view_may_write(drive, client, false))
-		return refuse(drive, DB_RESULT_NOT_IN_CONTROL);
+		return refuse(drive, client, DB_RESULT_NOT_IN_CONTROL);
 	db_commander_set_watchdog(drive->commander, value.u, now_of(drive));
+	return 0;
+}
+
+static int write_heartbeat(struct view_drive *drive, const struct db_client *client, uint16_t value)
+{
+	if (!view_may_write(drive, client, false))
+		return refuse(drive, client, DB_RESULT_NOT_IN_CONTROL);
+	if (db_heartbeat_write(&drive->heartbeat, client->address, value))
+		db_commander_feed(drive->commander, DB_FEED_HEARTBEAT, now_of(drive));
 	return 0;
 }
 
@@ -208,19 +221,19 @@ static int write_control(struct view_drive *drive, const struct db_client *clien
 	const struct db_registers *registers = drive->registers;
 
 	if (value > 1)
-		return refuse(drive, DB_RESULT_OUT_OF_RANGE);
+		return refuse(drive, client, DB_RESULT_OUT_OF_RANGE);
 	if (value == 0) {
 		db_control_release(&drive->control, client);
 		return 0;
 	}
 	/* Without it everybody may command: nobody is to believe otherwise. */
 	if (!drive->control.enabled)
-		return refuse(drive, DB_RESULT_UNSUPPORTED);
+		return refuse(drive, client, DB_RESULT_UNSUPPORTED);
 	if (db_control_request(&drive->control, client, now_of(drive)))
 		return 0;
 	if (registers->ops->refused)
 		registers->ops->refused(registers->context, client, DB_REFUSED_CONTROL);
-	return refuse(drive, DB_RESULT_NOT_IN_CONTROL);
+	return refuse(drive, client, DB_RESULT_NOT_IN_CONTROL);
 }
 
 /* --- coils ------------------------------------------------------------------------------------------- */
@@ -238,8 +251,8 @@ static int write_coils(struct view_drive *drive, const struct db_client *client,
 			args.output_levels = (uint16_t)(args.output_levels | bit);
 	}
 	if (!view_may_write(drive, client, false))
-		return refuse_command(drive, DB_CMD_SET_OUTPUTS, &args);
-	return db_commander_execute(drive->commander, DB_CMD_SET_OUTPUTS, &args, token,
+		return refuse_command(drive, client, DB_CMD_SET_OUTPUTS, &args);
+	return db_commander_execute(drive->commander, client, DB_CMD_SET_OUTPUTS, &args, token,
 	                            now_of(drive));
 }
 
@@ -257,13 +270,15 @@ int view_write(struct view_drive *drive, const struct db_client *client, enum db
 	if (table == DB_TABLE_COILS)
 		return write_coils(drive, client, &span, values, token);
 	if (!is_whole(&span, address, count)) {
-		db_commander_set_refused(drive->commander, DB_RESULT_OUT_OF_RANGE);
+		db_commander_set_refused(drive->commander, client, DB_RESULT_OUT_OF_RANGE);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	}
 	if (span.cells[0].flags & DB_ROW_WATCHDOG)
 		return write_watchdog(drive, client, &span, values);
 	if (span.cells[0].flags & DB_ROW_CONTROL)
 		return write_control(drive, client, values[0]);
+	if (span.cells[0].flags & DB_ROW_HEARTBEAT)
+		return write_heartbeat(drive, client, values[0]);
 	if (span.cells[0].part == DB_PART_BLOCK)
 		return write_block(drive, client, &span, values, token);
 	return write_params(drive, client, &span, values, token);
@@ -286,7 +301,30 @@ static int write_group(struct db_registers *registers, const struct db_client *c
 	}
 	if (value >= sizeof stops / sizeof stops[0])
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-	return group_stop(registers, stops[value], token);
+	return group_stop(registers, client, stops[value], token);
+}
+
+/*
+ * A PLC that has only this unit is alive to every drive that waits for a heartbeat, as if it had
+ * written a new one there. Where somebody else has control it is nobody, which is no error.
+ */
+static int write_gateway_heartbeat(struct db_registers *registers, const struct db_client *client,
+                                   uint16_t value)
+{
+	db_time now = registers->ops->now(registers->context);
+
+	registers->heartbeat = value;
+	for (size_t i = 0; i < registers->drive_count; i++) {
+		struct view_drive *drive = &registers->drives[i];
+
+		if (drive->config->watchdog_feed != DB_FEED_HEARTBEAT ||
+		    !db_control_holds(&drive->control, client, now) ||
+		    !db_heartbeat_write(&drive->gateway_heartbeat, client->address, value))
+			continue;
+		db_control_hear(&drive->control, client, now);
+		db_commander_feed(drive->commander, DB_FEED_HEARTBEAT, now);
+	}
+	return 0;
 }
 
 int view_write_gateway(struct db_registers *registers, const struct db_client *client,
@@ -301,8 +339,10 @@ int view_write_gateway(struct db_registers *registers, const struct db_client *c
 	exception = find_span(&registers->gateway.holding, address, count, &span);
 	if (exception)
 		return exception;
-	/* One group command in one write: of two the order would be a guess. */
+	/* One of them in one write: of two group commands the order would be a guess. */
 	if (span.count != 1)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	if (span.cells[0].flags & DB_ROW_HEARTBEAT)
+		return write_gateway_heartbeat(registers, client, values[0]);
 	return write_group(registers, client, &span.cells[0], values[0], token);
 }

@@ -289,6 +289,24 @@ class Unit:
         return bool(self.read("status") & ONLINE_BIT)
 
 
+class Client(Unit):
+    """A pymodbus client from an address of its own."""
+
+    def __init__(self, bridge, source, number=1, view="drive"):
+        super().__init__(bridge, number, view)
+        self.client.close()
+        self.client = ModbusTcpClient("127.0.0.1", port=bridge.port, timeout=10, retries=0,
+                                      source_address=(source, 0))
+        assert self.client.connect()
+        self.port = self.client.socket.getsockname()[1]
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *unused):
+        self.close()
+
+
 class Raw:
     """A bare TCP connection to the bridge."""
 

@@ -11,10 +11,9 @@ from bridgelib import (
     ILLEGAL_FUNCTION,
     ILLEGAL_VALUE,
     RESULT_OK,
-    Unit,
+    Client,
     eventually,
 )
-from pymodbus.client import ModbusTcpClient
 
 PLC, SECOND_PLC, HMI, OTHER_HMI = "127.0.0.2", "127.0.0.3", "127.0.0.4", "127.0.0.5"
 
@@ -27,24 +26,6 @@ READ = struct.pack(">BHH", 3, 0, 10)
 def number_of(address):
     """As in the registers: the first byte highest."""
     return int.from_bytes(bytes(int(part) for part in address.split(".")), "big")
-
-
-class Client(Unit):
-    """A pymodbus client from an address of its own."""
-
-    def __init__(self, bridge, source, number=1, view="drive"):
-        super().__init__(bridge, number, view)
-        self.client.close()
-        self.client = ModbusTcpClient("127.0.0.1", port=bridge.port, timeout=10, retries=0,
-                                      source_address=(source, 0))
-        assert self.client.connect()
-        self.port = self.client.socket.getsockname()[1]
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *unused):
-        self.close()
 
 
 def log_lines(bridge, word):

@@ -13,9 +13,12 @@ from bridgelib import (
     RESULT_RESTARTED,
     RESULT_TIMEOUT,
     STANDSTILL,
+    Client,
     encode,
     eventually,
 )
+
+ABORTED = 1 << 16
 
 STEP = {"target_position": 300, "target_velocity": 12800}
 
@@ -234,3 +237,100 @@ def test_arguments_of_one_fc16_are_one_step(bridge):
     assert set(bridge.sim.sent(mark)) == {"1 pos 111 spd=11111", "1 pos -222 spd=2222"}
     drive.command("stop")
     eventually(lambda: drive.read("axis_state") == STANDSTILL)
+
+
+# --- a memory of ids for each client
+
+PLC, HMI = "127.0.0.2", "127.0.0.3"
+
+
+@pytest.fixture
+def scoped(make_bridge):
+    return make_bridge(modbus={"command-id-scope": "client"})
+
+
+def test_two_clients_number_their_own_commands(scoped):
+    bridge = scoped
+    with Client(bridge, PLC) as plc, Client(bridge, HMI) as hmi:
+        baseline(plc, 1)
+        assert relative(plc, 2) == 0
+        rests_at(bridge, 300)
+        # The other one's first is its baseline, whatever the first has done.
+        baseline(hmi, 2)
+        assert relative(hmi, 3) == 0
+        rests_at(bridge, 600)
+        assert relative(hmi, 3) == 0
+        assert relative(plc, 2) == 0
+        plc.reconnect()
+        with Client(bridge, PLC) as twin:
+            assert relative(twin, 2) == 0
+            rests_at(bridge, 600)
+            assert relative(twin, 3) == 0
+            rests_at(bridge, 900)
+        plc.client.close()
+    rests_at(bridge, 900)
+
+
+def test_without_it_there_is_one_memory(bridge):
+    with Client(bridge, PLC) as plc, Client(bridge, HMI) as hmi:
+        baseline(plc, 1)
+        assert relative(hmi, 2) == 0
+        assert relative(plc, 2) == 0
+        assert (plc.read("result_id"), hmi.read("result_id")) == (2, 2)
+        rests_at(bridge, 300)
+
+
+def test_a_client_reads_what_it_commanded(scoped):
+    bridge = scoped
+    far = {"target_position": 640000, "target_velocity": 3200}
+    with Client(bridge, PLC) as plc, Client(bridge, HMI) as hmi:
+        baseline(plc, 1)
+        baseline(hmi, 100)
+        assert plc.command("move_absolute", 2, **far) == 0
+        assert hmi.command("set_output", 101, output_number=99) != 0
+        assert (plc.read("result_id"), plc.read("result")) == (2, RESULT_OK)
+        assert hmi.read("result_id") == 101
+        assert hmi.read("result") != RESULT_OK
+        assert hmi.command("stop", 102) == 0
+        assert plc.read("status") & ABORTED
+        assert (plc.read("aborted_id"), plc.read("result_id")) == (2, 2)
+        assert hmi.read("status") & ABORTED == 0
+        assert (hmi.read("result_id"), hmi.read("result")) == (102, RESULT_OK)
+        # Who has commanded nothing, and the gateway's window, show what is to be shown to them.
+        assert bridge.drive().read("result_id") == 102
+        with Client(bridge, PLC, 255, "gateway") as window:
+            assert window.read("window1_result_id") == 2
+
+
+def test_restarting_takes_a_new_baseline_of_each_client(scoped):
+    bridge = scoped
+    with Client(bridge, PLC) as plc, Client(bridge, HMI) as hmi:
+        for unit in (plc, hmi):
+            baseline(unit, 1)
+            assert relative(unit, 2) == 0
+            bridge.wait_standing()
+    rests_at(bridge, 600)
+    bridge.restart_bridge()
+    with Client(bridge, PLC) as plc, Client(bridge, HMI) as hmi:
+        for unit in (plc, hmi):
+            assert relative(unit, 2) == DEVICE_FAILURE
+            assert unit.read("result") == RESULT_RESTARTED
+        rests_at(bridge, 600)
+        assert relative(plc, 3) == 0
+        rests_at(bridge, 900)
+
+
+def test_the_client_that_was_silent_longest_begins_anew(scoped):
+    bridge = scoped
+    numbers = range(2, 11)
+    for number in numbers:
+        with Client(bridge, f"127.0.0.{number}") as unit:
+            baseline(unit, 1)
+    with Client(bridge, "127.0.0.3") as remembered, Client(bridge, "127.0.0.2") as forgotten:
+        assert relative(remembered, 2) == 0
+        rests_at(bridge, 300)
+        assert relative(forgotten, 2) == DEVICE_FAILURE
+        assert forgotten.read("result") == RESULT_RESTARTED
+        rests_at(bridge, 300)
+        assert relative(forgotten, 3) == 0
+        rests_at(bridge, 600)

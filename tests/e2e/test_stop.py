@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stop comes first, and silence is safe when the bridge itself ends."""
 
+import itertools
 import struct
+import time
 
 import pytest
 from bridgelib import (
@@ -11,6 +13,7 @@ from bridgelib import (
     RESULT_CANCELLED,
     RESULT_OK,
     STANDSTILL,
+    Client,
     encode,
     eventually,
 )
@@ -184,3 +187,49 @@ def test_a_talking_client_feeds_the_watchdog(make_bridge):
     assert drive.read("watchdog_trips") == 0
     assert drive.read("axis_state") == CONTINUOUS
     assert drive.command("stop") == 0
+
+
+def keep_asking(drive, seconds, ask):
+    """What a PLC's I/O scanner does by itself."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and not drive.read("watchdog_trips"):
+        ask()
+
+
+def test_reading_does_not_feed_a_watchdog_that_waits_for_writes(make_bridge):
+    bridge = make_bridge(drive={"watchdog-ms": 500, "watchdog-feed": "writes"})
+    starts_moving(bridge)
+    drive = bridge.drive()
+    keep_asking(drive, 1.5, lambda: drive.write("output_number", 1))
+    assert drive.read("watchdog_trips") == 0
+    assert eventually(lambda: drive.read("watchdog_trips"), timeout=5) == 1
+    eventually(lambda: bridge.sim.get()["velocity"] == 0)
+
+
+@pytest.mark.parametrize("view", ["drive", "gateway"])
+def test_only_a_beating_heart_feeds_a_watchdog_that_waits_for_it(make_bridge, view):
+    bridge = make_bridge(drive={"watchdog-ms": 500, "watchdog-feed": "heartbeat"})
+    starts_moving(bridge)
+    drive = bridge.drive()
+    unit = drive if view == "drive" else bridge.gateway()
+    beats = itertools.count(1)
+    keep_asking(drive, 1.5, lambda: unit.write("heartbeat", next(beats)))
+    assert drive.read("watchdog_trips") == 0
+    assert drive.read("axis_state") == CONTINUOUS
+    # The program dies; its scanner goes on with reading, the last heartbeat and the last command.
+    last = unit.read("heartbeat")
+    assert last >= 2
+    keep_asking(drive, 5, lambda: (unit.write("heartbeat", last),
+                                   drive.command("move_velocity", target_velocity=3200)))
+    assert drive.read("watchdog_trips") == 1
+    eventually(lambda: bridge.sim.get()["velocity"] == 0)
+    assert drive.read("heartbeat") == (last if view == "drive" else 0)
+
+
+def test_a_dead_plc_is_not_kept_alive_by_another(make_bridge):
+    """Two clients that write different heartbeats, and neither changes its own."""
+    bridge = make_bridge(drive={"watchdog-ms": 500, "watchdog-feed": "heartbeat"})
+    starts_moving(bridge)
+    with Client(bridge, "127.0.0.2") as plc, Client(bridge, "127.0.0.3") as other:
+        keep_asking(plc, 5, lambda: (plc.write("heartbeat", 1), other.write("heartbeat", 2)))
+        assert plc.read("watchdog_trips") == 1

@@ -27,6 +27,7 @@
 struct fake {
 	struct db_bus_config bus;
 	struct db_drive_config drive;
+	const struct db_client *client; /* who asks */
 	struct db_commander *commander;
 	struct db_axis *axis;
 	bool full;
@@ -36,7 +37,6 @@ struct fake {
 	uint32_t answered_token[64];
 	int answered_with[64];
 	uint32_t next_token;
-	const struct db_client *writer;
 	db_time now;
 };
 
@@ -58,11 +58,6 @@ static void fake_answer(void *context, struct db_write_token token, uint8_t exce
 	fake->answered_with[fake->answered++] = exception;
 }
 
-static const struct db_client *fake_writer(void *context)
-{
-	return ((struct fake *)context)->writer;
-}
-
 static uint64_t fake_wall(void *context)
 {
 	return 1700000000000000u + (uint64_t)((struct fake *)context)->now / 1000;
@@ -71,7 +66,6 @@ static uint64_t fake_wall(void *context)
 static const struct db_commander_ops ops = {
 	.submit = fake_submit,
 	.answer = fake_answer,
-	.writer = fake_writer,
 	.wall_us = fake_wall,
 };
 
@@ -102,7 +96,7 @@ static void set_status(struct fake *fake, uint32_t status)
 	db_axis_publish(fake->axis, &snapshot);
 }
 
-static void init_watched(struct fake *fake, bool accept, uint32_t watchdog_ms)
+static void init_with(struct fake *fake, bool accept, uint32_t watchdog_ms, bool ids_by_client)
 {
 	struct db_commander_config config = {
 		.watchdog_ms = watchdog_ms,
@@ -113,6 +107,7 @@ static void init_watched(struct fake *fake, bool accept, uint32_t watchdog_ms)
 		.commands = driver.commands,
 		.drive = 7,
 		.bus_axis = 3,
+		.ids_by_client = ids_by_client,
 		.confirm_ms = 40,
 		.accept_writes = accept,
 	};
@@ -135,7 +130,7 @@ static void init_watched(struct fake *fake, bool accept, uint32_t watchdog_ms)
 
 static void init(struct fake *fake, bool accept)
 {
-	init_watched(fake, accept, 0);
+	init_with(fake, accept, 0, false);
 }
 
 #define FAKE(accept)      \
@@ -152,7 +147,7 @@ static void drop(struct fake *fake)
 static int write_as(struct fake *fake, uint16_t id, unsigned command, int32_t position, bool has_id)
 {
 	struct db_command_write write = {
-		.block = *db_commander_kept(fake->commander),
+		.block = db_commander_kept(fake->commander, fake->client),
 		.has_command = true,
 		.has_id = has_id,
 	};
@@ -161,7 +156,7 @@ static int write_as(struct fake *fake, uint16_t id, unsigned command, int32_t po
 		write.block.command_id = id;
 	write.block.command = (uint16_t)command;
 	write.block.args.target_position = position;
-	return db_commander_write(fake->commander, &write,
+	return db_commander_write(fake->commander, fake->client, &write,
 	                          (struct db_write_token){ 1, ++fake->next_token }, fake->now);
 }
 
@@ -187,7 +182,7 @@ static struct db_command_state look(const struct fake *fake)
 {
 	struct db_command_state state;
 
-	db_commander_state(fake->commander, &state, 0);
+	db_commander_state(fake->commander, fake->client, &state, 0);
 	return state;
 }
 
@@ -356,12 +351,14 @@ static void arguments_alone_execute_nothing(void **state)
 	struct db_write_token token = { 1, 1 };
 
 	FAKE(false);
-	assert_int_equal(db_commander_write(fake.commander, &write, token, fake.now), 0);
-	assert_int_equal(db_commander_kept(fake.commander)->args.target_position, 3);
+	assert_int_equal(db_commander_write(fake.commander, fake.client, &write, token, fake.now),
+	                 0);
+	assert_int_equal(db_commander_kept(fake.commander, fake.client).args.target_position, 3);
 	write.has_command = true;
 	write.has_id = true;
 	write.block.command = DB_CMD_NONE;
-	assert_int_equal(db_commander_write(fake.commander, &write, token, fake.now), 0);
+	assert_int_equal(db_commander_write(fake.commander, fake.client, &write, token, fake.now),
+	                 0);
 	assert_int_equal(fake.submitted, 0);
 	assert_int_equal(look(&fake).result, DB_RESULT_NONE);
 	drop(&fake);
@@ -374,7 +371,8 @@ static void command_alone_uses_an_unused_kept_id(void **state)
 
 	FAKE(false);
 	pass_baseline(&fake, 1);
-	assert_int_equal(db_commander_write(fake.commander, &write, token, fake.now), 0);
+	assert_int_equal(db_commander_write(fake.commander, fake.client, &write, token, fake.now),
+	                 0);
 	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), DB_WRITE_LATER);
 	assert_int_equal(look(&fake).result_id, 7);
 	finish(&fake, 0, DB_RESULT_OK);
@@ -412,12 +410,13 @@ static void arguments_a_command_does_not_use_make_no_difference(void **state)
 	pass_baseline(&fake, 1);
 	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_RELATIVE, 5), DB_WRITE_LATER);
 	finish(&fake, 0, DB_RESULT_OK);
-	write.block = *db_commander_kept(fake.commander);
+	write.block = db_commander_kept(fake.commander, fake.client);
 	write.block.args.shake_cycles = 99;
-	assert_int_equal(db_commander_write(fake.commander, &write, token, fake.now), 0);
+	assert_int_equal(db_commander_write(fake.commander, fake.client, &write, token, fake.now),
+	                 0);
 	assert_int_equal(fake.submitted, 1);
 	write.block.args.target_velocity = 99;
-	assert_int_equal(db_commander_write(fake.commander, &write, token, fake.now),
+	assert_int_equal(db_commander_write(fake.commander, fake.client, &write, token, fake.now),
 	                 DB_WRITE_LATER);
 	drop(&fake);
 }
@@ -427,9 +426,10 @@ static void arguments_a_command_does_not_use_make_no_difference(void **state)
 static void refused_writes_store_nothing(void **state)
 {
 	struct db_command_block kept;
+	struct db_command_block again;
 
 	FAKE(false);
-	kept = *db_commander_kept(fake.commander);
+	kept = db_commander_kept(fake.commander, fake.client);
 	assert_int_equal(put(&fake, 0, 63, 5), ILLEGAL_VALUE);
 	assert_int_equal(look(&fake).result, DB_RESULT_OUT_OF_RANGE);
 	assert_int_equal(look(&fake).result_command, 63);
@@ -439,7 +439,8 @@ static void refused_writes_store_nothing(void **state)
 	pass_baseline(&fake, 4);
 	fake.full = true;
 	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 5), BUSY);
-	assert_memory_equal(&kept, db_commander_kept(fake.commander), sizeof kept);
+	again = db_commander_kept(fake.commander, fake.client);
+	assert_memory_equal(&kept, &again, sizeof kept);
 	assert_int_equal(fake.submitted, 0);
 	drop(&fake);
 }
@@ -454,9 +455,9 @@ static void out_of_range_arguments(void **state)
 	struct db_write_token token = { 1, 1 };
 
 	FAKE(false);
-	assert_int_equal(db_commander_write(fake.commander, &write, token, fake.now),
+	assert_int_equal(db_commander_write(fake.commander, fake.client, &write, token, fake.now),
 	                 ILLEGAL_VALUE);
-	assert_true(db_commander_kept(fake.commander)->args.target_velocity == 0.0f);
+	assert_true(db_commander_kept(fake.commander, fake.client).args.target_velocity == 0.0f);
 	assert_int_equal(look(&fake).write_result, DB_RESULT_OUT_OF_RANGE);
 	drop(&fake);
 }
@@ -633,8 +634,9 @@ static void parameters_are_one_request(void **state)
 	FAKE(false);
 	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
 	finish(&fake, 0, DB_RESULT_OK);
-	assert_int_equal(db_commander_set(fake.commander, settings, 2, token, fake.now),
-	                 DB_WRITE_LATER);
+	assert_int_equal(
+		db_commander_set(fake.commander, fake.client, settings, 2, token, fake.now),
+		DB_WRITE_LATER);
 	assert_int_equal(fake.requests[1].command, DB_CMD_NONE);
 	assert_int_equal(fake.requests[1].setting_count, 2);
 	assert_int_equal(fake.requests[1].settings[1].param, 5);
@@ -647,12 +649,17 @@ static void parameters_are_one_request(void **state)
 	assert_int_equal(fake.answered_token[1], 77);
 	assert_int_equal(fake.answered_with[1], FAILURE);
 	set_status(&fake, DB_STATUS_BUS_UP);
-	assert_int_equal(db_commander_set(fake.commander, settings, 2, token, fake.now), NO_ANSWER);
+	assert_int_equal(
+		db_commander_set(fake.commander, fake.client, settings, 2, token, fake.now),
+		NO_ANSWER);
 	set_status(&fake, 0);
-	assert_int_equal(db_commander_set(fake.commander, settings, 2, token, fake.now), NO_PATH);
+	assert_int_equal(
+		db_commander_set(fake.commander, fake.client, settings, 2, token, fake.now),
+		NO_PATH);
 	set_status(&fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE);
 	fake.full = true;
-	assert_int_equal(db_commander_set(fake.commander, settings, 2, token, fake.now), BUSY);
+	assert_int_equal(
+		db_commander_set(fake.commander, fake.client, settings, 2, token, fake.now), BUSY);
 	assert_int_equal(look(&fake).write_result, DB_RESULT_BUSY);
 	drop(&fake);
 }
@@ -664,14 +671,14 @@ static void outside_commands_leave_the_block_alone(void **state)
 
 	FAKE(false);
 	for (unsigned i = 0; i < 2; i++) {
-		assert_int_equal(db_commander_execute(fake.commander, DB_CMD_SET_OUTPUTS, &args,
-		                                      token, fake.now),
+		assert_int_equal(db_commander_execute(fake.commander, fake.client,
+		                                      DB_CMD_SET_OUTPUTS, &args, token, fake.now),
 		                 DB_WRITE_LATER);
 		finish(&fake, i, DB_RESULT_OK);
 	}
 	assert_int_equal(fake.submitted, 2);
-	assert_int_equal(db_commander_kept(fake.commander)->args.output_mask, 0);
-	assert_int_equal(db_commander_kept(fake.commander)->command, 0);
+	assert_int_equal(db_commander_kept(fake.commander, fake.client).args.output_mask, 0);
+	assert_int_equal(db_commander_kept(fake.commander, fake.client).command, 0);
 	drop(&fake);
 }
 
@@ -693,7 +700,7 @@ static void a_drive_found_moving_is_watched(void **state)
 	struct fake fake;
 
 	(void)state;
-	init_watched(&fake, false, 3000);
+	init_with(&fake, false, 3000, false);
 	set_status(&fake, DB_STATUS_BUS_UP);
 	for (int i = 0; i < 5; i++)
 		wake(&fake);
@@ -703,7 +710,7 @@ static void a_drive_found_moving_is_watched(void **state)
 	assert_int_equal(fake.submitted, 0);
 	assert_true(db_commander_next_deadline(fake.commander) == fake.now + 3000 * MS);
 	fake.now += 2000 * MS;
-	db_commander_feed(fake.commander, fake.now);
+	db_commander_feed(fake.commander, DB_FEED_REQUESTS, fake.now);
 	assert_true(db_commander_next_deadline(fake.commander) == fake.now + 3000 * MS);
 	wake(&fake);
 	assert_int_equal(fake.submitted, 1);
@@ -717,7 +724,7 @@ static void a_drive_found_standing_is_not(void **state)
 	struct fake fake;
 
 	(void)state;
-	init_watched(&fake, false, 3000);
+	init_with(&fake, false, 3000, false);
 	wake(&fake);
 	assert_true(db_commander_next_deadline(fake.commander) == DB_TIME_NEVER);
 	/* What moves it later is not a leftover of the time before. */
@@ -963,8 +970,8 @@ static int move(struct fake *fake, enum db_command code, int32_t position, float
 {
 	struct db_args args = { .target_position = position, .target_velocity = velocity };
 
-	return db_commander_execute(fake->commander, code, &args, (struct db_write_token){ 0 },
-	                            fake->now);
+	return db_commander_execute(fake->commander, fake->client, code, &args,
+	                            (struct db_write_token){ 0 }, fake->now);
 }
 
 /* Ten counts a unit: -5..100 units, 20 units per second. The drive stands at 500 counts. */
@@ -1034,12 +1041,12 @@ static void jogs_and_currents_go_no_further_out(void **state)
 	assert_int_equal(move(&fake, DB_CMD_JOG_NEGATIVE, 0, 0.0f), ILLEGAL_VALUE);
 	assert_int_equal(look(&fake).result_limit, DB_LIMIT_MIN_POSITION);
 	assert_int_equal(move(&fake, DB_CMD_JOG_POSITIVE, 0, 0.0f), DB_WRITE_LATER);
-	assert_int_equal(
-		db_commander_execute(fake.commander, DB_CMD_MOVE_CURRENT, &pull, token, fake.now),
-		ILLEGAL_VALUE);
-	assert_int_equal(
-		db_commander_execute(fake.commander, DB_CMD_MOVE_CURRENT, &push, token, fake.now),
-		DB_WRITE_LATER);
+	assert_int_equal(db_commander_execute(fake.commander, NULL, DB_CMD_MOVE_CURRENT, &pull,
+	                                      token, fake.now),
+	                 ILLEGAL_VALUE);
+	assert_int_equal(db_commander_execute(fake.commander, NULL, DB_CMD_MOVE_CURRENT, &push,
+	                                      token, fake.now),
+	                 DB_WRITE_LATER);
 	drop(&fake);
 }
 
@@ -1060,7 +1067,7 @@ static void history_tells_who_moved_it(void **state)
 
 	FAKE(false);
 	assert_null(db_commander_history(fake.commander, 0));
-	fake.writer = &plc;
+	fake.client = &plc;
 	pass_baseline(&fake, 1);
 	fake.now += 1000 * MS;
 	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_ABSOLUTE, -77), DB_WRITE_LATER);
@@ -1081,7 +1088,7 @@ static void history_tells_who_moved_it(void **state)
 	for (unsigned i = 0; i < 100; i++)
 		assert_int_equal(put(&fake, 2, DB_CMD_MOVE_ABSOLUTE, -77), 0);
 	assert_int_equal(entry_of(&fake, 0)->sequence, 2);
-	assert_int_equal(db_commander_set(fake.commander, &setting, 1,
+	assert_int_equal(db_commander_set(fake.commander, fake.client, &setting, 1,
 	                                  (struct db_write_token){ 1, 1 }, fake.now),
 	                 DB_WRITE_LATER);
 	assert_int_equal(entry_of(&fake, 0)->command, DB_CMD_NONE);
@@ -1124,7 +1131,7 @@ static void history_is_not_flooded_by_refusals(void **state)
 	assert_int_equal(entry_of(&fake, 0)->repeats, 999);
 	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 12), ILLEGAL_VALUE);
 	assert_int_equal(entry_of(&fake, 0)->sequence, 2);
-	fake.writer = &other;
+	fake.client = &other;
 	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 12), ILLEGAL_VALUE);
 	assert_int_equal(entry_of(&fake, 0)->sequence, 3);
 	/* Stops that join one under way. */
@@ -1151,6 +1158,204 @@ static void history_follows_a_motion_to_its_end(void **state)
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 900);
 	let_pass(&fake, 1000 * MS);
 	assert_int_equal(entry_of(&fake, 0)->result, DB_RESULT_FAILED);
+	drop(&fake);
+}
+
+/* --- an id memory for each client ----------------------------------------------------------------- */
+
+#define CLIENTS 9
+
+static const struct db_client *client(unsigned number)
+{
+	static struct db_client clients[CLIENTS + 1];
+
+	clients[number] = (struct db_client){ .id = number + 100, .address = { (uint8_t)number } };
+	return &clients[number];
+}
+
+static int put_as(struct fake *fake, unsigned number, uint16_t id, unsigned command,
+                  int32_t position)
+{
+	fake->client = client(number);
+	db_commander_hear(fake->commander, fake->client, ++fake->now);
+	return put(fake, id, command, position);
+}
+
+static struct db_command_state look_as(struct fake *fake, unsigned number)
+{
+	fake->client = client(number);
+	return look(fake);
+}
+
+#define CLIENT_FAKE()     \
+	struct fake fake; \
+	(void)state;      \
+	init_with(&fake, false, 0, true)
+
+static void each_client_numbers_its_own_commands(void **state)
+{
+	CLIENT_FAKE();
+	/* The first of each is a baseline, also after others have commanded. */
+	assert_int_equal(put_as(&fake, 1, 5, DB_CMD_ENABLE, 0), FAILURE);
+	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(put_as(&fake, 2, 6, DB_CMD_ENABLE, 0), FAILURE);
+	assert_int_equal(look_as(&fake, 2).result, DB_RESULT_RESTARTED);
+	assert_int_equal(put_as(&fake, 2, 7, DB_CMD_DISABLE, 0), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_REFUSED);
+	assert_int_equal(fake.submitted, 2);
+	/* The same id again is a repeat for the one, whatever the other did meanwhile. */
+	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_ENABLE, 0), 0);
+	assert_int_equal(fake.submitted, 2);
+	/* And the id of the other is new for it. */
+	assert_int_equal(put_as(&fake, 1, 7, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 3);
+	finish(&fake, 2, DB_RESULT_OK);
+	/* Another connection of the same address is the same client. */
+	assert_int_equal(put_as(&fake, 2, 8, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	finish(&fake, 3, DB_RESULT_OK);
+	assert_int_equal(put_as(&fake, 2, 8, DB_CMD_ENABLE, 0), 0);
+	assert_int_equal(fake.submitted, 4);
+	drop(&fake);
+}
+
+static void each_client_sees_its_own_result(void **state)
+{
+	struct db_command_state seen;
+
+	CLIENT_FAKE();
+	assert_int_equal(put_as(&fake, 1, 0, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	assert_int_equal(look_as(&fake, 1).result, DB_RESULT_PENDING);
+	assert_int_equal(put_as(&fake, 2, 0, DB_CMD_SET_POSITION, 0), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_REFUSED);
+	finish(&fake, 0, DB_RESULT_OK);
+	seen = look_as(&fake, 1);
+	assert_int_equal(seen.result, DB_RESULT_OK);
+	assert_int_equal(seen.result_command, DB_CMD_ENABLE);
+	assert_int_equal(seen.write_result, DB_RESULT_OK);
+	seen = look_as(&fake, 2);
+	assert_int_equal(seen.result, DB_RESULT_REFUSED);
+	assert_int_equal(seen.result_command, DB_CMD_SET_POSITION);
+	/* Who has commanded nothing sees the drive's latest. */
+	assert_int_equal(look_as(&fake, 3).result_command, DB_CMD_SET_POSITION);
+	fake.drive.max_position = 1.0;
+	assert_int_equal(put_as(&fake, 1, 0, DB_CMD_MOVE_ABSOLUTE, 11), ILLEGAL_VALUE);
+	assert_int_equal(look_as(&fake, 1).result, DB_RESULT_LIMIT);
+	assert_int_equal(look_as(&fake, 1).result_limit, DB_LIMIT_MAX_POSITION);
+	assert_int_equal(look_as(&fake, 2).result_limit, DB_LIMIT_NONE);
+	drop(&fake);
+}
+
+static void a_motion_aborted_by_another_client_is_told_to_its_own(void **state)
+{
+	CLIENT_FAKE();
+	assert_int_equal(put_as(&fake, 1, 5, DB_CMD_ENABLE, 0), FAILURE);
+	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_MOVE_ABSOLUTE, 10), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(put_as(&fake, 2, 0, DB_CMD_MOVE_ABSOLUTE, 20), DB_WRITE_LATER);
+	assert_false(look_as(&fake, 1).aborted);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_true(look_as(&fake, 1).aborted);
+	assert_int_equal(look_as(&fake, 1).aborted_id, 6);
+	assert_false(look_as(&fake, 1).done);
+	assert_int_equal(look_as(&fake, 1).result, DB_RESULT_OK);
+	assert_int_equal(look_as(&fake, 1).motion_id, 6);
+	assert_int_equal(look_as(&fake, 1).motion_result, DB_RESULT_CANCELLED);
+	/* Not to who did it: the id is none of its own. */
+	assert_false(look_as(&fake, 2).aborted);
+	assert_int_equal(look_as(&fake, 2).motion_id, 0);
+	assert_int_equal(look_as(&fake, 2).motion_result, DB_RESULT_PENDING);
+	assert_int_equal(put_as(&fake, 1, 7, DB_CMD_MOVE_ABSOLUTE, 30), DB_WRITE_LATER);
+	assert_false(look_as(&fake, 1).aborted);
+	/* Who looks on sees the drive's. */
+	assert_int_equal(look_as(&fake, 3).motion_result, DB_RESULT_PENDING);
+	finish(&fake, 2, DB_RESULT_OK);
+	assert_true(look_as(&fake, 2).aborted);
+	assert_false(look_as(&fake, 1).aborted);
+	assert_int_equal(look_as(&fake, 1).motion_id, 7);
+	assert_int_equal(look_as(&fake, 3).motion_id, 7);
+	/* Its own stop ends its own motion. */
+	assert_int_equal(put_as(&fake, 1, 8, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_true(look_as(&fake, 1).aborted);
+	assert_int_equal(look_as(&fake, 1).aborted_id, 7);
+	drop(&fake);
+}
+
+static void the_client_that_was_silent_longest_is_forgotten(void **state)
+{
+	CLIENT_FAKE();
+	for (unsigned i = 1; i < CLIENTS; i++)
+		assert_int_equal(put_as(&fake, i, 5, DB_CMD_ENABLE, 0), FAILURE);
+	/* Reading is enough: now it is the second. */
+	db_commander_hear(fake.commander, client(1), ++fake.now);
+	assert_int_equal(put_as(&fake, CLIENTS, 5, DB_CMD_ENABLE, 0), FAILURE);
+	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	/* Forgotten: a baseline again, never an execution. */
+	assert_int_equal(put_as(&fake, 2, 6, DB_CMD_ENABLE, 0), FAILURE);
+	assert_int_equal(look_as(&fake, 2).result, DB_RESULT_RESTARTED);
+	assert_int_equal(fake.submitted, 1);
+	assert_int_equal(put_as(&fake, 4, 6, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 2);
+	drop(&fake);
+}
+
+/* A write of `command` alone, sent again, after another client wrote a block with another id. */
+static void the_kept_id_is_the_clients_own(void **state)
+{
+	CLIENT_FAKE();
+	assert_int_equal(put_as(&fake, 1, 5, DB_CMD_ENABLE, 0), FAILURE);
+	assert_int_equal(put_as(&fake, 2, 50, DB_CMD_ENABLE, 0), FAILURE);
+	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_NONE, 0), 0);
+	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 9, false), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(put_as(&fake, 2, 51, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_OK);
+	fake.client = client(1);
+	assert_int_equal(db_commander_kept(fake.commander, fake.client).command_id, 6);
+	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 9, false), 0);
+	assert_int_equal(fake.submitted, 2);
+	assert_int_equal(db_commander_kept(fake.commander, client(3)).command_id, 0);
+	drop(&fake);
+}
+
+/* The bus turns one away as busy: only its own id is as good as never seen. */
+static void busy_gives_the_id_back_to_its_client(void **state)
+{
+	CLIENT_FAKE();
+	for (unsigned i = 1; i < 3; i++)
+		assert_int_equal(put_as(&fake, i, 5, DB_CMD_ENABLE, 0), FAILURE);
+	for (unsigned i = 1; i < 3; i++)
+		assert_int_equal(put_as(&fake, i, 6, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_BUSY);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(put_as(&fake, 2, 6, DB_CMD_ENABLE, 0), 0);
+	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 3);
+	drop(&fake);
+}
+
+/* Tickets come round: one that is given out anew is not the one of long ago. */
+static void a_memory_outlives_its_ticket(void **state)
+{
+	uint32_t ticket;
+
+	CLIENT_FAKE();
+	assert_int_equal(put_as(&fake, 1, 5, DB_CMD_ENABLE, 0), FAILURE);
+	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	ticket = fake.requests[0].ticket;
+	do {
+		fake.submitted = fake.answered = 0;
+		assert_int_equal(put_as(&fake, 2, 0, DB_CMD_DISABLE, 0), DB_WRITE_LATER);
+		if (fake.requests[0].ticket != ticket)
+			finish(&fake, 0, DB_RESULT_OK);
+	} while (fake.requests[0].ticket != ticket);
+	/* Answered at once, not together with the other's. */
+	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_ENABLE, 0), 0);
+	finish(&fake, 0, DB_RESULT_REFUSED);
+	assert_int_equal(look_as(&fake, 1).result, DB_RESULT_OK);
+	assert_int_equal(look_as(&fake, 1).write_result, DB_RESULT_OK);
+	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_ENABLE, 0), 0);
 	drop(&fake);
 }
 
@@ -1202,6 +1407,13 @@ int main(void)
 		cmocka_unit_test(the_queue_is_bounded_and_stops_have_their_own),
 		cmocka_unit_test(parameters_are_one_request),
 		cmocka_unit_test(outside_commands_leave_the_block_alone),
+		cmocka_unit_test(each_client_numbers_its_own_commands),
+		cmocka_unit_test(each_client_sees_its_own_result),
+		cmocka_unit_test(a_motion_aborted_by_another_client_is_told_to_its_own),
+		cmocka_unit_test(the_client_that_was_silent_longest_is_forgotten),
+		cmocka_unit_test(the_kept_id_is_the_clients_own),
+		cmocka_unit_test(busy_gives_the_id_back_to_its_client),
+		cmocka_unit_test(a_memory_outlives_its_ticket),
 	};
 
 	return cmocka_run_group_tests_name("commander", tests, NULL, NULL);

@@ -15,7 +15,7 @@ static void it_sleeps_until_something_moves(void **state)
 	struct db_watchdog watchdog;
 
 	(void)state;
-	db_watchdog_init(&watchdog, 500);
+	db_watchdog_init(&watchdog, 500, DB_FEED_REQUESTS);
 	assert_int_equal(db_watchdog_deadline(&watchdog), DB_TIME_NEVER);
 	assert_false(db_watchdog_trip(&watchdog, 3600 * DB_NS_PER_S));
 	db_watchdog_arm(&watchdog, 1000 * MS);
@@ -28,16 +28,16 @@ static void requests_keep_it_quiet_and_silence_trips_it_once(void **state)
 	struct db_watchdog watchdog;
 
 	(void)state;
-	db_watchdog_init(&watchdog, 500);
+	db_watchdog_init(&watchdog, 500, DB_FEED_REQUESTS);
 	db_watchdog_arm(&watchdog, 0);
-	db_watchdog_feed(&watchdog, 400 * MS);
+	db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 400 * MS);
 	assert_false(db_watchdog_trip(&watchdog, 899 * MS));
 	assert_true(db_watchdog_trip(&watchdog, 900 * MS));
 	assert_true(watchdog.latched);
 	assert_int_equal(watchdog.trips, 1);
 	assert_false(db_watchdog_trip(&watchdog, 5000 * MS));
 	/* Talking again does not end the latch. */
-	db_watchdog_feed(&watchdog, 5000 * MS);
+	db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 5000 * MS);
 	assert_true(watchdog.latched);
 	db_watchdog_reset(&watchdog);
 	assert_false(watchdog.latched);
@@ -52,7 +52,7 @@ static void zero_turns_it_off(void **state)
 	struct db_watchdog watchdog;
 
 	(void)state;
-	db_watchdog_init(&watchdog, 0);
+	db_watchdog_init(&watchdog, 0, DB_FEED_REQUESTS);
 	db_watchdog_arm(&watchdog, 0);
 	assert_false(db_watchdog_trip(&watchdog, 3600 * DB_NS_PER_S));
 	assert_int_equal(db_watchdog_remaining_ms(&watchdog, 1), 0);
@@ -62,12 +62,91 @@ static void zero_turns_it_off(void **state)
 	assert_true(watchdog.latched);
 }
 
+static void each_kind_of_feeding_includes_the_stricter_ones(void **state)
+{
+	static const enum db_watchdog_feed KINDS[] = { DB_FEED_REQUESTS, DB_FEED_WRITES,
+		                                       DB_FEED_HEARTBEAT };
+
+	(void)state;
+	for (unsigned set = 0; set < 3; set++) {
+		for (unsigned by = 0; by < 3; by++) {
+			struct db_watchdog watchdog;
+
+			db_watchdog_init(&watchdog, 500, KINDS[set]);
+			db_watchdog_arm(&watchdog, 0);
+			db_watchdog_feed(&watchdog, KINDS[by], 100 * MS);
+			assert_int_equal(db_watchdog_deadline(&watchdog),
+			                 (by >= set ? 600 : 500) * MS);
+		}
+	}
+}
+
+/* What an I/O scanner repeats by itself is no sign of life. */
+static void only_the_heartbeat_feeds_when_it_is_asked_for(void **state)
+{
+	struct db_watchdog watchdog;
+
+	(void)state;
+	db_watchdog_init(&watchdog, 500, DB_FEED_HEARTBEAT);
+	db_watchdog_arm(&watchdog, 0);
+	db_watchdog_arm(&watchdog, 100 * MS);
+	db_watchdog_set(&watchdog, 500, 200 * MS);
+	assert_int_equal(db_watchdog_deadline(&watchdog), 500 * MS);
+	db_watchdog_feed(&watchdog, DB_FEED_HEARTBEAT, 300 * MS);
+	assert_int_equal(db_watchdog_deadline(&watchdog), 800 * MS);
+	/* A new time counts from now. */
+	db_watchdog_set(&watchdog, 100, 400 * MS);
+	assert_int_equal(db_watchdog_deadline(&watchdog), 500 * MS);
+	assert_true(db_watchdog_trip(&watchdog, 500 * MS));
+	db_watchdog_reset(&watchdog);
+	db_watchdog_arm(&watchdog, 600 * MS);
+	assert_int_equal(db_watchdog_deadline(&watchdog), 700 * MS);
+}
+
+static void other_feeding_goes_by_every_motion_and_setting(void **state)
+{
+	struct db_watchdog watchdog;
+
+	(void)state;
+	db_watchdog_init(&watchdog, 500, DB_FEED_WRITES);
+	db_watchdog_arm(&watchdog, 0);
+	db_watchdog_arm(&watchdog, 100 * MS);
+	assert_int_equal(db_watchdog_deadline(&watchdog), 600 * MS);
+	db_watchdog_set(&watchdog, 500, 200 * MS);
+	assert_int_equal(db_watchdog_deadline(&watchdog), 700 * MS);
+}
+
+static void a_heart_beats_when_one_client_changes_its_value(void **state)
+{
+	static const uint8_t PLC[16] = { 1 };
+	static const uint8_t OTHER[16] = { 2 };
+	struct db_heartbeat heart = { 0 };
+
+	(void)state;
+	assert_false(db_heartbeat_write(&heart, PLC, 5));
+	assert_false(db_heartbeat_write(&heart, PLC, 5));
+	assert_true(db_heartbeat_write(&heart, PLC, 6));
+	assert_true(db_heartbeat_write(&heart, PLC, 0));
+	assert_int_equal(heart.value, 0);
+	/* Two that stand still do not make one that beats. */
+	for (unsigned i = 0; i < 3; i++) {
+		assert_false(db_heartbeat_write(&heart, OTHER, 7));
+		assert_false(db_heartbeat_write(&heart, PLC, 8));
+	}
+	assert_int_equal(heart.value, 8);
+	assert_true(db_heartbeat_write(&heart, PLC, 9));
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(it_sleeps_until_something_moves),
 		cmocka_unit_test(requests_keep_it_quiet_and_silence_trips_it_once),
 		cmocka_unit_test(zero_turns_it_off),
+		cmocka_unit_test(each_kind_of_feeding_includes_the_stricter_ones),
+		cmocka_unit_test(only_the_heartbeat_feeds_when_it_is_asked_for),
+		cmocka_unit_test(other_feeding_goes_by_every_motion_and_setting),
+		cmocka_unit_test(a_heart_beats_when_one_client_changes_its_value),
 	};
 
 	return cmocka_run_group_tests_name("watchdog", tests, NULL, NULL);

@@ -400,6 +400,7 @@ static void test_defaults_of_bus_and_drive(void **state)
 	assert_int_equal(drive->on_client_loss, DB_ON_LOSS_STOP);
 	assert_int_equal(drive->on_exit, DB_ON_LOSS_STOP);
 	assert_int_equal(drive->watchdog_ms, 3000);
+	assert_int_equal(drive->watchdog_feed, DB_FEED_REQUESTS);
 	done(&loaded);
 }
 
@@ -409,8 +410,8 @@ static void test_everything_set(void **state)
 	struct loaded loaded = load_good(
 		"#\n/**/ drive d { // a\n bus = \"p\" /* b\n c */ address = 32\n unit = 247\n"
 		" counts-per-unit = 17.5\n unit-name = \"\\\"deg\\\"\"\n on-client-loss = 'disable'\n"
-		" watchdog-ms = 0\n}\n"
-		"drive e { bus = p address = 2 unit = 2 on-client-loss=none on-exit = quick-stop }\n"
+		" watchdog-ms = 0 watchdog-feed = heartbeat\n}\n"
+		"drive e { bus = p address = 2 unit = 2 watchdog-feed = writes on-client-loss=none on-exit = quick-stop }\n"
 		"modbus { listen = \"[::]:0\" allow-read = {} allow-write = { # the PLC\n"
 		" 10.1.2.3, // and\n \"fd00::/8\" }\n word-order = low-first write-confirm = accepted\n"
 		" stale = value gateway-unit = 254 }\n"
@@ -430,6 +431,8 @@ static void test_everything_set(void **state)
 	assert_int_equal(config->drives[0].on_client_loss, DB_ON_LOSS_DISABLE);
 	assert_int_equal(config->drives[0].on_exit, DB_ON_LOSS_DISABLE);
 	assert_int_equal(config->drives[0].watchdog_ms, 0);
+	assert_int_equal(config->drives[0].watchdog_feed, DB_FEED_HEARTBEAT);
+	assert_int_equal(config->drives[1].watchdog_feed, DB_FEED_WRITES);
 	assert_int_equal(config->drives[1].on_client_loss, DB_ON_LOSS_NONE);
 	assert_int_equal(config->drives[1].on_exit, DB_ON_LOSS_QUICK_STOP);
 	assert_string_equal(config->modbus.listen, "[::]:0");
@@ -706,6 +709,7 @@ static void test_describe(void **state)
 		"after 60 ms",
 		"64 clients (4 of them only writers), 16 requests of each at once\n",
 		"any number of clients, 500 requests per second\n",
+		"command_id    one memory per client\n",
 		"control       drive, lost after 5000 ms of silence\n",
 		"idle never, keepalive 10 s\n",
 		"bus b\n",
@@ -713,15 +717,16 @@ static void test_describe(void **state)
 		"/dev/ttyX, serial, rs485, 115200 baud",
 		"20 ms; one status exchange ",
 		"2 drives",
-		"watchdog off",
+		"watchdog off, fed by requests\n",
+		"watchdog 3000 ms, fed by heartbeat\n",
 		"drive d2: unit 2, address 2, 640 counts per mm, on-client-loss quick-stop, on-exit disable",
 	};
 	struct loaded loaded = load_good(
 		"modbus { gateway-unit = 9 word-order = low-first confirm-ms = 60 allow-read = {}\n"
-		" max-requests-per-second = 500 control = drive }\n" FAST_BUS
+		" max-requests-per-second = 500 control = drive command-id-scope = client }\n" FAST_BUS
 		"drive d1 { bus = b address = 1 unit = 1 watchdog-ms = 0 }\n"
 		"drive d2 { bus = b address = 2 unit = 2 counts-per-unit = 640.0 unit-name = mm\n"
-		" on-client-loss = quick-stop on-exit = disable }\n");
+		" on-client-loss = quick-stop on-exit = disable watchdog-feed = heartbeat }\n");
 	char *text = described(loaded.config);
 
 	(void)state;

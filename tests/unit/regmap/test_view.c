@@ -841,6 +841,111 @@ static void only_who_controls_feeds_the_watchdog(void **state)
 	drop(&fake);
 }
 
+static void rebuild(struct fake *fake)
+{
+	db_registers_free(fake->registers);
+	assert_int_equal(db_registers_new(&fake->config, fake->axes, &ops, fake, &fake->registers),
+	                 0);
+}
+
+/* Drive 1 moves, with a watchdog of a second. */
+static void move_with_watchdog(struct fake *fake, enum db_watchdog_feed feed)
+{
+	fake->drives[0].on_client_loss = DB_ON_LOSS_STOP;
+	fake->drives[0].watchdog_ms = 1000;
+	fake->drives[0].watchdog_feed = feed;
+	rebuild(fake);
+	assert_int_equal(put_words(fake, 100, 4, 0, DB_CMD_MOVE_RELATIVE, 0, 9), DB_WRITE_LATER);
+	finish(fake, DB_RESULT_OK);
+}
+
+static int put_gateway(struct fake *fake, const struct db_client *who, uint16_t address,
+                       uint16_t value)
+{
+	return db_registers_backend.write(fake->registers, who, 255, DB_TABLE_HOLDING, address, 1,
+	                                  &value, (struct db_write_token){ 1, 42 });
+}
+
+static void requests_feed_unless_only_writes_do(void **state)
+{
+	FAKE();
+	move_with_watchdog(&fake, DB_FEED_REQUESTS);
+	fake.now += 600 * MS;
+	assert_int_equal(get2(&fake, 1, 48), 1000);
+	drop(&fake);
+	make(&fake);
+	move_with_watchdog(&fake, DB_FEED_WRITES);
+	fake.now += 600 * MS;
+	assert_int_equal(get2(&fake, 1, 48), 400);
+	/* Of the heartbeat, too, whatever its value, but not to the gateway. */
+	assert_int_equal(put_gateway(&fake, &client, 68, 1), 0);
+	assert_int_equal(put_gateway(&fake, &client, 68, 2), 0);
+	assert_int_equal(get2(&fake, 1, 48), 400);
+	assert_int_equal(put_words(&fake, 66, 1, 0), 0);
+	assert_int_equal(get2(&fake, 1, 48), 1000);
+	drop(&fake);
+}
+
+static void only_a_new_heartbeat_feeds(void **state)
+{
+	FAKE();
+	move_with_watchdog(&fake, DB_FEED_HEARTBEAT);
+	assert_int_equal(put_words(&fake, 66, 1, 7), 0);
+	fake.now += 600 * MS;
+	/* What a scanner repeats: reads, the same heartbeat, settings and commands. */
+	assert_int_equal(put_words(&fake, 66, 1, 7), 0);
+	assert_int_equal(put_words(&fake, 46, 2, 0, 1000), 0);
+	assert_int_equal(put_words(&fake, 100, 4, 0, DB_CMD_MOVE_RELATIVE, 0, 9), DB_WRITE_LATER);
+	finish(&fake, DB_RESULT_OK);
+	assert_int_equal(get2(&fake, 1, 48), 400);
+	assert_int_equal(get1(&fake, 1, 66), 7);
+	assert_int_equal(put_words(&fake, 66, 1, 8), 0);
+	assert_int_equal(get2(&fake, 1, 48), 1000);
+	assert_int_equal(get1(&fake, 1, 66), 8);
+	assert_int_equal(put_words(&fake, 66, 1, 8), 0);
+	fake.now += 1000 * MS;
+	db_registers_expire(fake.registers, fake.now);
+	assert_int_equal(fake.request.command, DB_CMD_STOP);
+	assert_int_equal(get2(&fake, 1, 50), 1);
+	drop(&fake);
+}
+
+static void a_heartbeat_of_the_gateway_feeds_who_waits_for_one(void **state)
+{
+	FAKE();
+	move_with_watchdog(&fake, DB_FEED_HEARTBEAT);
+	assert_int_equal(put_gateway(&fake, &client, 68, 3), 0);
+	fake.now += 600 * MS;
+	assert_int_equal(put_gateway(&fake, &client, 68, 3), 0);
+	assert_int_equal(get2(&fake, 1, 48), 400);
+	assert_int_equal(put_gateway(&fake, &client, 68, 0), 0);
+	assert_int_equal(get2(&fake, 1, 48), 1000);
+	assert_int_equal(get1(&fake, 255, 68), 0);
+	/* Together with a group command the order would be a guess. */
+	assert_int_equal(put_gateway(&fake, &client, 67, 0), ILLEGAL_ADDRESS);
+	drop(&fake);
+}
+
+/* A dead PLC in control is not kept alive by others that beat. */
+static void only_who_controls_beats(void **state)
+{
+	CONTROL_FAKE();
+	fake.config.modbus.control_timeout_ms = 600000;
+	move_with_watchdog(&fake, DB_FEED_HEARTBEAT);
+	fake.now += 100 * MS;
+	assert_int_equal(intrude(&fake, 66, 1, 1), BUSY);
+	assert_int_equal(get1(&fake, 1, 66), 0);
+	for (uint16_t i = 1; i < 5; i++) {
+		assert_int_equal(put_gateway(&fake, &intruder, 68, i), 0);
+		assert_int_equal(get1(&fake, 255, 68), i);
+		assert_int_equal(put_gateway(&fake, &client, 68, 0), 0);
+	}
+	assert_int_equal(get2(&fake, 1, 48), 900);
+	assert_int_equal(put_gateway(&fake, &client, 68, 1), 0);
+	assert_int_equal(get2(&fake, 1, 48), 1000);
+	drop(&fake);
+}
+
 static void who_is_connected(void **state)
 {
 	uint16_t values[40];
@@ -1022,6 +1127,10 @@ int main(void)
 		cmocka_unit_test(a_stop_takes_no_control),
 		cmocka_unit_test(control_is_lost),
 		cmocka_unit_test(only_who_controls_feeds_the_watchdog),
+		cmocka_unit_test(requests_feed_unless_only_writes_do),
+		cmocka_unit_test(only_a_new_heartbeat_feeds),
+		cmocka_unit_test(a_heartbeat_of_the_gateway_feeds_who_waits_for_one),
+		cmocka_unit_test(only_who_controls_beats),
 		cmocka_unit_test(who_is_connected),
 		cmocka_unit_test(late_answers),
 		cmocka_unit_test(foreign_tickets_are_ignored),

@@ -1,0 +1,172 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "axis/writers.h"
+
+#include <string.h>
+
+struct db_writer *db_writers_find(struct db_writers *writers, const struct db_client *client)
+{
+	if (!writers->by_address)
+		return &writers->list[0];
+	for (size_t i = 0; client && i < DB_WRITERS; i++) {
+		struct db_writer *writer = &writers->list[i];
+
+		if (writer->taken &&
+		    memcmp(writer->address, client->address, sizeof writer->address) == 0)
+			return writer;
+	}
+	return NULL;
+}
+
+/* A free place, or that of the one that was silent longest. */
+static struct db_writer *place(struct db_writers *writers)
+{
+	struct db_writer *chosen = &writers->list[0];
+
+	for (size_t i = 0; i < DB_WRITERS; i++) {
+		struct db_writer *writer = &writers->list[i];
+
+		if (!writer->taken)
+			return writer;
+		if (writer->heard < chosen->heard)
+			chosen = writer;
+	}
+	return chosen;
+}
+
+struct db_writer *db_writers_claim(struct db_writers *writers, const struct db_client *client,
+                                   db_time now)
+{
+	struct db_writer *writer = db_writers_find(writers, client);
+
+	if (writer || !client)
+		return writer;
+	writer = place(writers);
+	*writer = (struct db_writer){ .taken = true, .heard = now };
+	memcpy(writer->address, client->address, sizeof writer->address);
+	return writer;
+}
+
+void db_writers_hear(struct db_writers *writers, const struct db_client *client, db_time now)
+{
+	struct db_writer *writer = db_writers_find(writers, client);
+
+	if (writer)
+		writer->heard = now;
+}
+
+static void retire(uint32_t *kept, uint32_t ticket)
+{
+	if (*kept == ticket)
+		*kept = 0;
+}
+
+void db_writers_retire(struct db_writers *writers, uint32_t ticket)
+{
+	for (size_t i = 0; i < DB_WRITERS; i++) {
+		struct db_writer *writer = &writers->list[i];
+
+		retire(&writer->last.ticket, ticket);
+		retire(&writer->previous.ticket, ticket);
+		retire(&writer->executed_ticket, ticket);
+		retire(&writer->shown.ticket, ticket);
+		retire(&writer->shown.write_ticket, ticket);
+	}
+}
+
+void db_writer_remember(struct db_writer *writer, uint16_t id, enum db_result result,
+                        uint32_t ticket)
+{
+	/* A stop repeated under its own id does not make an older id new again. */
+	if (id != writer->last.id)
+		writer->previous = writer->last;
+	writer->last = (struct db_used_id){
+		.id = id,
+		.result = result,
+		.sent = ticket != 0,
+		.ticket = ticket,
+	};
+}
+
+void db_outcome_complete(struct db_outcome *outcome, uint32_t ticket, enum db_result result,
+                         uint32_t took_us)
+{
+	if (outcome->ticket == ticket) {
+		outcome->result = (uint16_t)result;
+		outcome->result_time_us = took_us;
+	}
+	if (outcome->write_ticket == ticket)
+		outcome->write_result = (uint16_t)result;
+}
+
+static void complete_ids(struct db_writer *writer, uint32_t ticket, enum db_result result)
+{
+	if (writer->previous.ticket == ticket)
+		writer->previous.result = result;
+	if (writer->last.ticket != ticket)
+		return;
+	writer->last.result = result;
+	if (result != DB_RESULT_BUSY)
+		return;
+	/* The bus turned it away after all: the id is as good as never seen. */
+	writer->last = writer->previous;
+	writer->previous = (struct db_used_id){ 0 };
+}
+
+void db_writers_complete(struct db_writers *writers, uint32_t ticket, enum db_result result,
+                         uint32_t took_us)
+{
+	for (size_t i = 0; i < DB_WRITERS; i++) {
+		struct db_writer *writer = &writers->list[i];
+
+		db_outcome_complete(&writer->shown, ticket, result, took_us);
+		complete_ids(writer, ticket, result);
+		if (writer->executed_ticket == ticket && result == DB_RESULT_BUSY)
+			writer->has_executed = false;
+	}
+}
+
+static void abort_motion(struct db_outcome *outcome)
+{
+	outcome->motion_result = DB_RESULT_CANCELLED;
+	if (!outcome->motion_ends)
+		return;
+	outcome->aborted = true;
+	outcome->aborted_id = outcome->motion_id;
+}
+
+void db_outcome_begin_motion(struct db_outcome *outcome, uint16_t id, bool ends, bool cancelled)
+{
+	outcome->motion_id = id;
+	outcome->motion_ends = ends;
+	outcome->motion_result = DB_RESULT_PENDING;
+	if (cancelled)
+		abort_motion(outcome);
+}
+
+void db_outcome_cancel_motion(struct db_outcome *outcome)
+{
+	if (outcome->motion_result == DB_RESULT_PENDING)
+		abort_motion(outcome);
+}
+
+void db_writers_cancel_motion(struct db_writers *writers)
+{
+	for (size_t i = 0; i < DB_WRITERS; i++)
+		db_outcome_cancel_motion(&writers->list[i].shown);
+}
+
+void db_outcome_end_motion(struct db_outcome *outcome, uint32_t ticket, enum db_result result)
+{
+	if (outcome->motion_result != DB_RESULT_PENDING)
+		return;
+	outcome->motion_result = (uint16_t)result;
+	outcome->done = result == DB_RESULT_OK;
+	if (outcome->ticket == ticket)
+		outcome->result = (uint16_t)result;
+}
+
+void db_writers_end_motion(struct db_writers *writers, uint32_t ticket, enum db_result result)
+{
+	for (size_t i = 0; i < DB_WRITERS; i++)
+		db_outcome_end_motion(&writers->list[i].shown, ticket, result);
+}
