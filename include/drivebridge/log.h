@@ -44,6 +44,8 @@ enum db_event {
 	DB_EVENT_BUS_OFF,  /* it is open and carries nothing */
 	DB_EVENT_BUS_SLOW,
 	DB_EVENT_PRIORITY_REFUSED,
+	DB_EVENT_CPUS_REFUSED,
+	DB_EVENT_SERIAL_LATENCY,
 	/* a drive */
 	DB_EVENT_DRIVE_ONLINE,
 	DB_EVENT_DRIVE_LOST,

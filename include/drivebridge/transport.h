@@ -20,6 +20,13 @@ enum db_medium { DB_MEDIUM_SERIAL, DB_MEDIUM_CAN };
 /* The transport's own state of one open port. */
 struct db_port;
 
+/* Whether the driver of a serial port passes received bytes on at once. */
+enum db_port_latency {
+	DB_PORT_LATENCY_UNKNOWN, /* no serial port, or a pseudo terminal */
+	DB_PORT_LATENCY_LOW,
+	DB_PORT_LATENCY_REFUSED, /* it was asked to, and does not or has no such setting */
+};
+
 /* What a port knows of its line beside the data. Counters start with each opening. */
 struct db_port_health {
 	bool up;   /* frames can be carried: the adapter is ready, the controller not bus off */
@@ -33,6 +40,7 @@ struct db_port_health {
 	uint32_t overflows;        /* frames lost in the adapter or controller */
 	uint32_t refused;          /* frames or settings the adapter refused */
 	uint32_t bitrate;          /* bit/s the interface is really set to; 0 = not known */
+	enum db_port_latency latency;
 };
 
 struct db_can_filter;

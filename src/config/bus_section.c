@@ -10,6 +10,7 @@
 #include <ctype.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #define SLCAN_BAUD 115200 /* of the adapter's serial port; many adapters do not care at all */
 #define LIST_MAX 256
@@ -226,6 +227,31 @@ static void read_speed(const struct db_section *section, struct db_bus_config *b
 		check_slcan_bitrate(section, bus->bitrate);
 }
 
+/* --- its thread -------------------------------------------------------------------------------- */
+
+/* The file may be checked on another machine than it is for: what is missing here is a warning. */
+static void read_cpus(const struct db_section *section, struct db_bus_config *bus)
+{
+	struct db_report *report = &section->load->report;
+	long here = sysconf(_SC_NPROCESSORS_CONF);
+	char *text;
+
+	text = db_section_text(section, "cpus");
+	if (!text)
+		return;
+	if (!db_text_cpus(text, &bus->cpus))
+		db_report_error(
+			report, db_section_line(section, "cpus"),
+			"cpus = %s is no list of processors; numbers from 0 to 63 and ranges of them with commas between, such as 3 or \"2-3,5\", or any",
+			text);
+	else if (here > 0 && here < 64 && bus->cpus >> here != 0)
+		db_report_warning(
+			report, db_section_line(section, "cpus"),
+			"cpus = %s: this machine has only the processors 0 to %ld; the bus runs on those of the list that there are, or on any",
+			text, here - 1);
+	free(text);
+}
+
 /* --- all of it --------------------------------------------------------------------------------- */
 
 void db_load_bus(struct db_load *load, unsigned index, struct db_bus_config *bus)
@@ -248,6 +274,7 @@ void db_load_bus(struct db_load *load, unsigned index, struct db_bus_config *bus
 	bus->queue = db_section_number(&section, "queue");
 	bus->save_interval_s = db_section_number(&section, "save-interval-s");
 	bus->priority = db_section_number(&section, "priority");
+	read_cpus(&section, bus);
 	bus->log = (enum db_log_level)(DB_LOG_ERROR + db_section_word(&section, "log"));
 	db_section_options(&section, bus->driver, bus->options);
 }

@@ -241,6 +241,17 @@ static void describe_line(const struct db_bus_config *bus, FILE *out)
 	fprintf(out, ", %u stop bit%s\n", bus->stop_bits, bus->stop_bits == 1 ? "" : "s");
 }
 
+static void put_cpus(FILE *out, uint64_t cpus)
+{
+	char text[DB_CPUS_TEXT_MAX];
+
+	db_cpus_text(cpus, text);
+	if (cpus != 0)
+		fprintf(out, ", processors %s\n", text);
+	else
+		fprintf(out, ", any processor\n");
+}
+
 static void describe_bus(const struct db_config *config, size_t index, FILE *out)
 {
 	const struct db_bus_config *bus = &config->buses[index];
@@ -252,9 +263,10 @@ static void describe_bus(const struct db_config *config, size_t index, FILE *out
 	fprintf(out, "  %-14sdrive latency %u ms, retries %u, queue %u, save-interval %u s, ",
 	        "limits", bus->drive_latency_ms, bus->retries, bus->queue, bus->save_interval_s);
 	if (bus->priority > 0)
-		fprintf(out, "real-time priority %u\n", bus->priority);
+		fprintf(out, "real-time priority %u", bus->priority);
 	else
-		fprintf(out, "no real-time priority\n");
+		fprintf(out, "no real-time priority");
+	put_cpus(out, bus->cpus);
 	put_log(out, "bus", bus->log);
 	if (put_options(out, "bus", bus->driver, bus->options, "  options       "))
 		fprintf(out, "\n");

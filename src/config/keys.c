@@ -110,6 +110,8 @@ static const struct db_config_key KEYS[] = {
 	         "Shortest time between two save_parameters of one drive, because they wear its memory") },
 	{ NUMBER("bus", "priority", "0", 0, 99, "",
 	         "Real-time priority (SCHED_FIFO) of the bus's thread; 0 means none") },
+	{ OTHER(DB_KEY_TEXT, "bus", "cpus", "any", 1, 63,
+	        "Processors on which the bus's thread may run, such as 3 or 2-3,5, or any") },
 	{ WORD("bus", "log", "info", LOG_LEVELS,
 	       "What the log tells of this bus and its drives: that and all that is graver") },
 

@@ -170,3 +170,61 @@ void db_network_text(const struct db_network *network, char text[DB_NETWORK_TEXT
 	          sizeof(address));
 	snprintf(text, DB_NETWORK_TEXT_MAX, "%s/%u", address, network->prefix - (v4 ? 96u : 0u));
 }
+
+/* One processor or a range of them, at most 63. */
+static bool parse_cpus(const char *text, size_t length, uint64_t *cpus)
+{
+	char part[16];
+	char *dash;
+	unsigned first, last;
+
+	if (length >= sizeof(part))
+		return false;
+	memcpy(part, text, length);
+	part[length] = '\0';
+	dash = strchr(part, '-');
+	if (dash)
+		*dash = '\0';
+	if (!db_text_number(part, &first) || !db_text_number(dash ? dash + 1 : part, &last) ||
+	    first > last || last > 63)
+		return false;
+	for (unsigned cpu = first; cpu <= last; cpu++)
+		*cpus |= UINT64_C(1) << cpu;
+	return true;
+}
+
+bool db_text_cpus(const char *text, uint64_t *cpus)
+{
+	*cpus = 0;
+	if (strcmp(text, "any") == 0)
+		return true;
+	for (;;) {
+		size_t length = strcspn(text, ",");
+
+		if (!parse_cpus(text, length, cpus))
+			return false;
+		if (text[length] == '\0')
+			return true;
+		text += length + 1;
+	}
+}
+
+void db_cpus_text(uint64_t cpus, char text[DB_CPUS_TEXT_MAX])
+{
+	size_t used = 0;
+
+	text[0] = '\0';
+	for (unsigned cpu = 0; cpu < 64; cpu++) {
+		unsigned last = cpu;
+
+		if (!(cpus >> cpu & 1))
+			continue;
+		while (last < 63 && cpus >> (last + 1) & 1)
+			last++;
+		used += (size_t)snprintf(text + used, DB_CPUS_TEXT_MAX - used, "%s%u",
+		                         used > 0 ? "," : "", cpu);
+		if (last > cpu)
+			used += (size_t)snprintf(text + used, DB_CPUS_TEXT_MAX - used, "-%u", last);
+		cpu = last;
+	}
+}

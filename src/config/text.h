@@ -27,6 +27,14 @@ bool db_text_word(const char *text, const char *words, unsigned *position);
 /* "192.168.1.5:502" or "[::1]:502", numeric addresses only, port 0..65535. */
 bool db_text_listen(const char *text);
 
+/* "3", "2-3,5": processors 0..63, as bits; ranges rise. "any": none of them. */
+bool db_text_cpus(const char *text, uint64_t *cpus);
+
+#define DB_CPUS_TEXT_MAX 192
+
+/* As db_text_cpus() reads them. */
+void db_cpus_text(uint64_t cpus, char text[DB_CPUS_TEXT_MAX]);
+
 enum db_network_error {
 	DB_NETWORK_OK,
 	DB_NETWORK_NO_ADDRESS, /* not a numeric IPv4 or IPv6 address */

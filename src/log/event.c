@@ -44,6 +44,10 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 		KIND("bus-slow", "d843580b97d647409d50b6768c57e229", WARNING, SPEED, 1),
 	[DB_EVENT_PRIORITY_REFUSED] =
 		KIND("priority-refused", "2fd87d3fbe5e4def925c2bf0f8c92f05", WARNING, SERVICE, 0),
+	[DB_EVENT_CPUS_REFUSED] =
+		KIND("cpus-refused", "2f4ee8b5f0654f178815d8d62d568f59", WARNING, SERVICE, 0),
+	[DB_EVENT_SERIAL_LATENCY] =
+		KIND("serial-latency", "c68b3d1a4afc4c999fc0ca8119bb83e4", INFO, SETTING, 1),
 	[DB_EVENT_DRIVE_ONLINE] =
 		KIND("drive-online", "28d1998abc3c409bb624c8b5e83aef24", NOTICE, PRESENCE, 6),
 	[DB_EVENT_DRIVE_LOST] =

@@ -15,6 +15,7 @@
 #include <pthread.h>
 #include <sched.h>
 #include <stdatomic.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
@@ -145,6 +146,20 @@ static const struct db_port_health *health_of(const struct db_bus *bus)
 	return bus->port && bus->transport->health ? bus->transport->health(bus->port) : &fine;
 }
 
+static void report_latency(const struct db_bus *bus, db_time now)
+{
+	enum db_port_latency latency = health_of(bus)->latency;
+
+	if (latency == DB_PORT_LATENCY_LOW)
+		db_log(&bus->log, now, DB_EVENT_SERIAL_LATENCY, NULL,
+		       "%s passes received bytes on at once", place_of(bus->config));
+	else if (latency == DB_PORT_LATENCY_REFUSED)
+		db_log(&bus->log, now, DB_EVENT_SERIAL_LATENCY, NULL,
+		       "the driver of %s has no low latency setting; should answers be late by 16 ms "
+		       "or so, see latency_timer in the udev example",
+		       place_of(bus->config));
+}
+
 static void bring_up(struct db_bus *bus, db_time now)
 {
 	unsigned bitrate = health_of(bus)->bitrate;
@@ -156,6 +171,7 @@ static void bring_up(struct db_bus *bus, db_time now)
 		       "%s runs at %u bit/s, but the configuration says bitrate = %u; set both to "
 		       "that of the drives",
 		       place_of(bus->config), bitrate, bus->config->bitrate);
+	report_latency(bus, now);
 	bus->open_error = 0;
 	db_engine_set_wall_offset(bus->engine, wall_offset_us());
 	db_engine_port(bus->engine, true, 0, now);
@@ -386,11 +402,42 @@ static void set_priority(const struct db_bus *bus)
 		       bus->config->priority, strerror(error));
 }
 
+static void set_cpus(const struct db_bus *bus)
+{
+	cpu_set_t set;
+	int error;
+
+	if (bus->config->cpus == 0)
+		return;
+	CPU_ZERO(&set);
+	for (size_t cpu = 0; cpu < 64; cpu++) {
+		if (bus->config->cpus >> cpu & 1)
+			CPU_SET(cpu, &set);
+	}
+	error = pthread_setaffinity_np(pthread_self(), sizeof set, &set);
+	if (error != 0)
+		db_log(&bus->log, now_ns(), DB_EVENT_CPUS_REFUSED, NULL,
+		       "cannot keep to its processors: %s; check cpus, and CPUAffinity and "
+		       "AllowedCPUs of the service",
+		       strerror(error));
+}
+
+/* What top -H and ps show; the kernel keeps 15 characters. */
+static void set_name(const struct db_bus *bus)
+{
+	char name[16];
+
+	snprintf(name, sizeof name, "%s", bus->config->name);
+	pthread_setname_np(pthread_self(), name);
+}
+
 static void *run(void *context)
 {
 	struct db_bus *bus = context;
 	db_time exit_by = DB_TIME_NEVER;
 
+	set_name(bus);
+	set_cpus(bus);
 	set_priority(bus);
 	/* The default slack of 50 us is a good part of an exchange at high baud rates. */
 	prctl(PR_SET_TIMERSLACK, 1000UL, 0UL, 0UL, 0UL);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "transport/serial.h"
 
-#include "drivebridge/transport.h"
+#include "transport/serial_latency.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -16,6 +16,7 @@
 struct db_serial {
 	int fd;
 	struct sp_port *port; /* null for a pty, whose descriptor is ours to close */
+	enum db_port_latency latency;
 };
 
 static int open_pty(const char *path, struct db_serial *serial)
@@ -80,6 +81,11 @@ static enum sp_return set_port(struct sp_port *port, const struct db_bus_config 
 	return code;
 }
 
+static int control(int fd, unsigned long request, void *argument)
+{
+	return ioctl(fd, request, argument);
+}
+
 static int open_port(const char *path, const struct db_bus_config *config, struct db_serial *serial)
 {
 	enum sp_return code;
@@ -97,6 +103,7 @@ static int open_port(const char *path, const struct db_bus_config *config, struc
 	/* Two masters on one bus would answer each other's questions. */
 	if (ioctl(serial->fd, TIOCEXCL) != 0)
 		return -errno;
+	serial->latency = db_serial_lower_latency(serial->fd, control);
 	sp_flush(serial->port, SP_BUF_BOTH);
 	return 0;
 }
@@ -139,6 +146,11 @@ void db_serial_close(struct db_serial *serial)
 	free(serial);
 }
 
+enum db_port_latency db_serial_latency(const struct db_serial *serial)
+{
+	return serial->latency;
+}
+
 int db_serial_fd(const struct db_serial *serial)
 {
 	return serial->fd;
@@ -174,6 +186,7 @@ db_time db_serial_wire_time(const struct db_bus_config *config, size_t bytes)
 
 struct db_port {
 	struct db_serial *serial;
+	struct db_port_health health;
 };
 
 static int port_open(const struct db_bus_config *bus, const struct db_can_filter *filters,
@@ -192,6 +205,8 @@ static int port_open(const struct db_bus_config *bus, const struct db_can_filter
 		free(made);
 		return error;
 	}
+	made->health.up = true;
+	made->health.latency = db_serial_latency(made->serial);
 	*port = made;
 	return 0;
 }
@@ -207,6 +222,11 @@ static void port_close(struct db_port *port)
 static int port_fd(const struct db_port *port)
 {
 	return db_serial_fd(port->serial);
+}
+
+static const struct db_port_health *port_health(const struct db_port *port)
+{
+	return &port->health;
 }
 
 static ssize_t port_read(struct db_port *port, void *bytes, size_t size, db_time now)
@@ -236,5 +256,6 @@ const struct db_transport db_transport_serial = {
 	.fd = port_fd,
 	.read = port_read,
 	.write = port_write,
+	.health = port_health,
 	.wire_time = port_wire_time,
 };

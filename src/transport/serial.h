@@ -8,6 +8,7 @@
 
 #include "drivebridge/config.h"
 #include "drivebridge/time.h"
+#include "drivebridge/transport.h"
 
 #include <sys/types.h>
 
@@ -16,6 +17,8 @@ struct db_serial;
 /* 0, or a negative errno: ENOENT, ENODEV, EACCES, EBUSY, EINVAL (a setting the port refuses) ... */
 int db_serial_open(const struct db_bus_config *config, struct db_serial **serial);
 void db_serial_close(struct db_serial *serial);
+
+enum db_port_latency db_serial_latency(const struct db_serial *serial);
 
 /* For poll(); stays the same while open. */
 int db_serial_fd(const struct db_serial *serial);

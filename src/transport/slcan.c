@@ -440,6 +440,7 @@ static int port_open(const struct db_bus_config *bus, const struct db_can_filter
 		port_close(made);
 		return error;
 	}
+	made->health.latency = db_serial_latency(made->serial);
 	start_flush(made, QUIET_TIME, now);
 	*port = made;
 	return 0;

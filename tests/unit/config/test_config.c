@@ -176,6 +176,11 @@ static const struct wrong_case WRONG[] = {
 	{ BUS_HEAD " transport = usb\n}\n", 4, "one of: serial socketcan slcan" },
 	{ BUS_HEAD " bitrate = 500000\n}\n", 4, "bitrate is for CAN families" },
 	{ BUS_HEAD " priority = 100\n}\n", 4, "from 0 to 99" },
+	{ BUS_HEAD " cpus = 64\n}\n", 4, "cpus = 64 is no list of processors" },
+	{ BUS_HEAD " cpus = \"3-1\"\n}\n", 4, "is no list of processors" },
+	{ BUS_HEAD " cpus = \"1,\"\n}\n", 4, "is no list of processors" },
+	{ BUS_HEAD " cpus = \"all\"\n}\n", 4, "is no list of processors" },
+	{ BUS_HEAD " log = debug\n}\n", 4, "one of: error warning notice info" },
 	{ BUS "bus c {\n protocol = vsmd-serial\n device = \"/dev/ttyX\"\n}\n", 7,
 	  "is used by bus 'b' on line 1 already" },
 	{ "bus b {\n protocol = vsmd-serial\n device = \"/dev/null\"\n}\n"
@@ -388,6 +393,8 @@ static void test_defaults_of_bus_and_drive(void **state)
 	assert_int_equal(bus->queue, 32);
 	assert_int_equal(bus->save_interval_s, 10);
 	assert_int_equal(bus->priority, 0);
+	assert_true(bus->cpus == 0);
+	assert_int_equal(bus->log, DB_LOG_INFO);
 	assert_string_equal(drive->name, "d");
 	assert_string_equal(drive->source_file, loaded.path);
 	assert_int_equal(drive->source_line, 6);
@@ -417,7 +424,7 @@ static void test_everything_set(void **state)
 		" stale = value gateway-unit = 254 }\n"
 		"bus q { protocol = vsmd-serial device = /dev/ttyA }\r\n"
 		"bus p { protocol = vsmd-serial device = /dev/ttyB parity = odd stop-bits = 2\n"
-		" baud = 19200 line = rs485 cycle-ms = 1000 priority = 99 }");
+		" baud = 19200 line = rs485 cycle-ms = 1000 priority = 99 cpus = 0 log = warning }");
 	const struct db_config *config = loaded.config;
 	char text[DB_NETWORK_TEXT_MAX];
 
@@ -454,6 +461,8 @@ static void test_everything_set(void **state)
 	assert_int_equal(config->buses[1].stop_bits, 2);
 	assert_int_equal(config->buses[1].baud, 19200);
 	assert_int_equal(config->buses[1].priority, 99);
+	assert_true(config->buses[1].cpus == 1);
+	assert_int_equal(config->buses[1].log, DB_LOG_WARNING);
 	done(&loaded);
 }
 
@@ -926,6 +935,51 @@ static void test_default_file_is_complete(void **state)
 
 /* ---- values ---- */
 
+static void test_cpus(void **state)
+{
+	static const struct {
+		const char *text;
+		uint64_t cpus;
+		const char *back;
+	} CASES[] = {
+		{ "0", 1, "0" },
+		{ "63", UINT64_C(1) << 63, "63" },
+		{ "2-3,5", 0x2C, "2-3,5" },
+		{ "5,3,2", 0x2C, "2-3,5" },
+		{ "1-1", 2, "1" },
+		{ "0-63", UINT64_MAX, "0-63" },
+		{ "any", 0, "" },
+	};
+	static const char *const REFUSED[] = { "",
+		                               ",",
+		                               "1,",
+		                               "-1",
+		                               "1-",
+		                               "3-1",
+		                               "64",
+		                               "0-64",
+		                               "1 2",
+		                               "0x1",
+		                               "all",
+		                               "1-2-3",
+		                               "00000000000000000" };
+	char text[DB_CPUS_TEXT_MAX];
+	uint64_t cpus;
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(CASES) / sizeof(CASES[0]); i++) {
+		assert_true(db_text_cpus(CASES[i].text, &cpus));
+		assert_true(cpus == CASES[i].cpus);
+		db_cpus_text(cpus, text);
+		assert_string_equal(text, CASES[i].back);
+	}
+	for (size_t i = 0; i < sizeof(REFUSED) / sizeof(REFUSED[0]); i++)
+		assert_false(db_text_cpus(REFUSED[i], &cpus));
+	/* As much text as there can be. */
+	db_cpus_text(UINT64_C(0x5555555555555555), text);
+	assert_int_equal(strlen(text), 5 * 2 + 27 * 3 - 1);
+}
+
 static void test_networks(void **state)
 {
 	static const struct {
@@ -986,6 +1040,7 @@ int main(void)
 		cmocka_unit_test(test_describe),
 		cmocka_unit_test(test_shipped_files),
 		cmocka_unit_test(test_default_file_is_complete),
+		cmocka_unit_test(test_cpus),
 		cmocka_unit_test(test_networks),
 	};
 
