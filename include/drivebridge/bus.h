@@ -13,6 +13,13 @@
 
 struct db_bus;
 
+/* A drive as its bus knows it. Its configuration and axis must outlive its time on the bus. */
+struct db_bus_drive {
+	uint16_t number; /* names it in requests; never another one's as long as it is there */
+	const struct db_drive_config *config;
+	struct db_axis *axis;
+};
+
 struct db_bus_stats {
 	bool up;             /* the port is open */
 	uint32_t last_error; /* errno of the last failed open or lost port, 0 = none */
@@ -37,18 +44,18 @@ struct db_bus_stats {
 	struct db_port_health port;
 };
 
-/*
- * axes[i] belongs to the i-th of the bus's drives (in the configuration's order) and must outlive
- * the bus, as must the log (null: none). 0 or a negative errno.
- */
-int db_bus_new(const struct db_config *config, size_t bus_index, struct db_axis *const *axes,
-               struct db_log *log, struct db_bus **bus);
+/* The configuration and the log (null: none) must outlive the bus. 0 or a negative errno. */
+int db_bus_new(const struct db_bus_config *config, const struct db_bus_drive *drives,
+               size_t drive_count, struct db_log *log, struct db_bus **bus);
 
 /* Starts and ends the thread. Ending first carries out each drive's on_exit, bounded in time. */
 int db_bus_start(struct db_bus *bus);
 void db_bus_stop(struct db_bus *bus);
 /* Lets the ending begin without waiting for it, so that several buses can end side by side. */
 void db_bus_ask_end(struct db_bus *bus);
+/* Whether it has ended, so that db_bus_stop() and db_bus_free() do not wait. Told by the descriptor
+ * of the completions. */
+bool db_bus_has_ended(const struct db_bus *bus);
 void db_bus_free(struct db_bus *bus);
 
 /* The following are for one other thread, the network's. */
@@ -59,6 +66,27 @@ bool db_bus_submit(struct db_bus *bus, const struct db_request *request);
 /* Becomes readable when completions wait; read by db_bus_completion() itself. */
 int db_bus_completion_fd(const struct db_bus *bus);
 bool db_bus_completion(struct db_bus *bus, struct db_completion *completion);
+
+/*
+ * Drives that leave a running bus and drives that come to it, while its other drives go on as ever.
+ * Who leaves does what its on_exit says, bounded in time; requests for it that have not ended by then
+ * end as cancelled. When the last one has left, the others come: an address may be used again.
+ *
+ * Everything is allocated by db_bus_change_new() and freed by db_bus_change_free(): when it was
+ * carried out, or instead of db_bus_change(). One change at a time.
+ */
+struct db_change;
+
+int db_bus_change_new(struct db_bus *bus, const uint16_t *leaving, size_t leaving_count,
+                      const struct db_bus_drive *coming, size_t coming_count,
+                      struct db_change **change);
+/* Hands it over; then it is the bus's. No requests but stops are to be submitted for drives that leave. */
+void db_bus_change(struct db_bus *bus, struct db_change *change);
+/* The change, once, when it was carried out; else null. Told by the descriptor of the completions. By
+ * then every request for the drives that left has its completion, which is to be fetched after this
+ * call. */
+struct db_change *db_bus_take_changed(struct db_bus *bus);
+void db_bus_change_free(struct db_change *change);
 
 /* Grows with each turn of the bus's thread, at least twice a second. */
 uint32_t db_bus_heartbeat(const struct db_bus *bus);

@@ -93,7 +93,7 @@ struct db_setting {
 /* What the network thread hands to a bus. */
 struct db_request {
 	uint32_t ticket;        /* comes back in the completion; never 0 */
-	uint16_t axis;          /* index among the bus's drives */
+	uint16_t axis;          /* number of the drive; see struct db_bus_drive */
 	uint16_t setting_count; /* > 0: a parameter write; command is NONE */
 	enum db_command command;
 	struct db_args args;

@@ -67,8 +67,7 @@ struct db_commander_config {
 	const struct db_drive_config *drive_config; /* likewise */
 	uint64_t commands;                          /* db_driver_commands() */
 	const struct db_axis *axis;
-	uint16_t drive;     /* index in the configuration; makes tickets unique: 0..65534 */
-	uint16_t bus_axis;  /* index among the bus's drives */
+	uint16_t drive; /* its number, 0..65534; see struct db_bus_drive. Makes tickets unique */
 	bool ids_by_client; /* command-id-scope = client */
 	unsigned confirm_ms;
 	bool accept_writes;   /* answer success at once; the result registers tell the end */
@@ -128,6 +127,16 @@ struct db_command_state {
 int db_commander_new(const struct db_commander_config *config, const struct db_commander_ops *ops,
                      void *context, struct db_commander **commander);
 void db_commander_free(struct db_commander *commander);
+
+/*
+ * How writers are answered from now on; those that wait keep their time. When ids_by_client changes,
+ * all ids are forgotten: the next of each is only a baseline.
+ */
+void db_commander_set_writers(struct db_commander *commander, unsigned confirm_ms,
+                              bool accept_writes, bool ids_by_client);
+
+/* The drive is taken out: answers everybody who still waits, as cancelled. */
+void db_commander_dismiss(struct db_commander *commander);
 
 /* The following three return 0, an exception, or DB_WRITE_LATER, as db_backend.write does. */
 
@@ -191,7 +200,7 @@ struct db_command_block db_commander_kept(struct db_commander *commander,
 void db_commander_state(struct db_commander *commander, const struct db_client *client,
                         struct db_command_state *state, db_time now);
 
-/* Index in the configuration of the drive that a ticket belongs to. */
+/* Number of the drive that a ticket belongs to. */
 uint16_t db_ticket_drive(uint32_t ticket);
 
 #endif

@@ -102,9 +102,9 @@ struct db_drive_config {
 	double counts_per_unit; /* counts-per-unit, > 0, default 1.0 */
 	bool counts_given;      /* it is in the file; else what the drive knows goes first */
 	char *unit_name;        /* unit-name, default "counts" */
-	enum db_on_loss on_client_loss;      /* default stop */
-	enum db_on_loss on_exit;             /* default: as on_client_loss */
-	unsigned watchdog_ms;                /* 0 = off, default 3000 */
+	enum db_on_loss on_client_loss; /* default stop */
+	enum db_on_loss on_exit; /* also when a reload takes it out; default: as on_client_loss */
+	unsigned watchdog_ms;    /* 0 = off, default 3000 */
 	enum db_watchdog_feed watchdog_feed; /* watchdog-feed, default requests */
 	/* Limits in the user's units, NAN = none: min-position, max-position, max-velocity,
 	 * max-acceleration. */
@@ -137,6 +137,16 @@ struct db_config {
  */
 int db_config_load(const char *path, FILE *errors, struct db_config **config);
 void db_config_free(struct db_config *config);
+
+/*
+ * Whether two configurations say the same about the clients, a bus or a drive: values with their
+ * defaults, and names, but not where in the file. Buses are compared without their drives, and a
+ * drive's bus by its name. Each drive's configuration is the one its section belongs to.
+ */
+bool db_config_same_modbus(const struct db_config *a, const struct db_config *b);
+bool db_config_same_bus(const struct db_bus_config *a, const struct db_bus_config *b);
+bool db_config_same_drive(const struct db_config *config_a, const struct db_drive_config *a,
+                          const struct db_config *config_b, const struct db_drive_config *b);
 
 /* What --check prints: every bus and drive with its settings and the computed times. */
 void db_config_describe(const struct db_config *config, FILE *out);

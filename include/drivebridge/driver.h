@@ -136,9 +136,14 @@ struct db_driver {
 
 	size_t device_size; /* zeroed memory of this size is given to init */
 	/* `first` is null, or the device of the first drive at the same address: it outlives this one,
-	 * polls for both, and its poll updates what feedback() of both tells. */
+	 * is asked to poll for both, and its poll updates what feedback() of both tells. */
 	void (*init)(struct db_device *device, struct db_device *first,
 	             const struct db_bus_config *bus, const struct db_drive_config *drive);
+
+	/* This drive leaves, while others at its address stay: polls no longer update it. It may be
+	 * the first one, which goes on to poll for the others. Not while a poll is under way. Null
+	 * where each drive has an address of its own. */
+	void (*leave)(struct db_device *device);
 
 	/* Which frames of a CAN bus matter; how many of DB_FILTERS_MAX. Null on serial lines. */
 	size_t (*filters)(const struct db_bus_config *bus, struct db_can_filter *filters);

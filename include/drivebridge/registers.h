@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The register view: what Modbus clients see and what their writes mean. It is the server's backend
- * and owns the commander of each drive. Network thread only; allocates only in db_registers_new().
+ * and owns the commander of each drive. Network thread only; allocates only in db_registers_new() and
+ * db_registers_prepare().
  */
 #ifndef DRIVEBRIDGE_REGISTERS_H
 #define DRIVEBRIDGE_REGISTERS_H
@@ -14,14 +15,36 @@
 
 struct db_registers;
 
+/* What the registers show, in the order of the configuration. Names the parts of several
+ * configurations when some of them were left alone by a reload. */
+struct db_roster {
+	const struct db_modbus_config *modbus;
+	const struct db_roster_bus *buses;
+	size_t bus_count;
+	const struct db_roster_drive *drives;
+	size_t drive_count;
+};
+
+struct db_roster_bus {
+	const struct db_bus_config *config;
+	struct db_bus *bus; /* for the ops only */
+};
+
+struct db_roster_drive {
+	uint16_t number; /* see struct db_bus_drive; of no other drive, also not of one that left */
+	size_t bus;      /* place among the roster's */
+	const struct db_drive_config *config;
+	struct db_axis *axis;
+};
+
 struct db_registers_ops {
 	db_time (*now)(void *context);
 	uint64_t (*wall_us)(void *context); /* since 1970-01-01 UTC */
-	/* Hands a request to a bus (index in the configuration). False when its queue is full. */
-	bool (*submit)(void *context, size_t bus, const struct db_request *request);
+	/* Hands a request to a bus. False when its queue is full. */
+	bool (*submit)(void *context, struct db_bus *bus, const struct db_request *request);
 	/* Answers a postponed write; see db_server_answer(). */
 	void (*answer)(void *context, struct db_write_token token, uint8_t exception);
-	void (*bus_stats)(void *context, size_t bus, struct db_bus_stats *stats);
+	void (*bus_stats)(void *context, struct db_bus *bus, struct db_bus_stats *stats);
 	void (*server_stats)(void *context, struct db_server_stats *stats);
 	/* The clients connected longest, at most `max`; how many. Null: clients are not shown. */
 	size_t (*server_clients)(void *context, struct db_server_client *clients, size_t max);
@@ -29,19 +52,33 @@ struct db_registers_ops {
 	void (*refused)(void *context, const struct db_client *client, enum db_refusal kind);
 	/* A client came or went. May be null. */
 	void (*client)(void *context, const struct db_client *client, bool connected);
-	/* The watchdog stops a drive (index in the configuration). `last` had fed it last, and may
-	 * have gone since; its id is 0 when nobody had. May be null. */
-	void (*tripped)(void *context, size_t drive, const struct db_client *last);
+	/* The watchdog stops a drive. `last` had fed it last, and may have gone since; its id is 0
+	 * when nobody had. May be null. */
+	void (*tripped)(void *context, const struct db_bus_config *bus,
+	                const struct db_drive_config *drive, const struct db_client *last);
 };
 
-/*
- * axes[i] belongs to config->drives[i]. Everything handed in must outlive the registers. A request's
- * `axis` is the drive's place among the drives of its bus. 0 or -ENOMEM.
- */
-int db_registers_new(const struct db_config *config, struct db_axis *const *axes,
-                     const struct db_registers_ops *ops, void *context,
-                     struct db_registers **registers);
+/* What the roster names must outlive its time in the registers; the roster itself need not. 0 or
+ * -ENOMEM. */
+int db_registers_new(const struct db_roster *roster, const struct db_registers_ops *ops,
+                     void *context, struct db_registers **registers);
 void db_registers_free(struct db_registers *registers);
+
+/*
+ * Another roster, in three steps that are done between events of the loop. Preparing allocates all that
+ * will be needed; it is 0 or -ENOMEM. Retiring takes the drives that will not be there from their units
+ * at once, which then answer 0A; in the gateway's registers they keep their places and are offline; what
+ * their buses still complete is taken. The change then puts the new roster in the place of the old one:
+ * drives of the same number keep all that is known of them; who still waits for one that left is
+ * answered as cancelled. Instead, db_registers_change_free() forgets what was prepared.
+ */
+struct db_registers_change;
+
+int db_registers_prepare(struct db_registers *registers, const struct db_roster *roster,
+                         struct db_registers_change **change);
+void db_registers_retire(struct db_registers *registers, const struct db_registers_change *change);
+void db_registers_change(struct db_registers *registers, struct db_registers_change *change);
+void db_registers_change_free(struct db_registers_change *change);
 
 /* For db_server_new(); its context is the struct db_registers. */
 extern const struct db_backend db_registers_backend;

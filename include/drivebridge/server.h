@@ -87,6 +87,9 @@ struct db_backend {
 
 	/* A client came (connected = true) or went. For logs and counters. May be null. */
 	void (*client)(void *context, const struct db_client *client, bool connected);
+
+	/* A client that could write may not any more. May be null. */
+	void (*restricted)(void *context, const struct db_client *client);
 };
 
 struct db_server_stats {
@@ -115,8 +118,9 @@ struct db_server_client {
 };
 
 /*
- * Listens and serves on the loop's thread. The configuration and backend must outlive the server,
- * as must the log behind the source, which is copied.
+ * Listens and serves on the loop's thread. The backend must outlive the server, as must the log behind
+ * the source, which is copied; so must the configuration, or the time until another one takes its
+ * place.
  * 0, or a negative errno (EADDRINUSE, EACCES, EINVAL for an address that cannot be read ...).
  */
 int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
@@ -125,6 +129,20 @@ int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
 
 /* Closes every connection; pending tokens become void. */
 void db_server_free(struct db_server *server);
+
+/*
+ * Other settings, in two steps. Preparing does all that can fail, such as listening on another address
+ * beside the old one; it changes nothing that a client could notice. 0 or a negative errno. Then
+ * db_server_change() lets them take effect, or db_server_change_free() forgets them; no event is to be
+ * served in between. Connections stay, except those of clients that may not connect any more. The
+ * former configuration is not used afterwards.
+ */
+struct db_server_change;
+
+int db_server_prepare(struct db_server *server, const struct db_modbus_config *config,
+                      struct db_server_change **change);
+void db_server_change(struct db_server *server, struct db_server_change *change);
+void db_server_change_free(struct db_server_change *change);
 
 /* Answers a write that the backend postponed. exception 0 = success. */
 void db_server_answer(struct db_server *server, struct db_write_token token, uint8_t exception);

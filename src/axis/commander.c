@@ -410,7 +410,7 @@ static bool submit(struct db_commander *commander, const struct db_client *clien
 		return false;
 	request->ticket = ((uint32_t)commander->config.drive + 1) << 16 |
 	                  (commander->submitted & 0xFFFFu);
-	request->axis = commander->config.bus_axis;
+	request->axis = commander->config.drive;
 	db_writers_retire(&commander->writers, request->ticket);
 	if (!commander->ops->submit(commander->context, request))
 		return false;
@@ -680,6 +680,24 @@ static void answer_waiters(struct db_commander *commander, struct slot *slot, ui
 	commander->waiting -= count;
 	for (unsigned i = 0; i < count; i++)
 		commander->ops->answer(commander->context, waiters[i].token, exception);
+}
+
+void db_commander_set_writers(struct db_commander *commander, unsigned confirm_ms,
+                              bool accept_writes, bool ids_by_client)
+{
+	commander->config.confirm_ms = confirm_ms;
+	commander->config.accept_writes = accept_writes;
+	if (commander->writers.by_address == ids_by_client)
+		return;
+	/* Whose an id was cannot be said any more: each begins with a baseline again. */
+	commander->writers = (struct db_writers){ .by_address = ids_by_client };
+}
+
+void db_commander_dismiss(struct db_commander *commander)
+{
+	for (size_t i = 0; i < SLOTS; i++)
+		answer_waiters(commander, &commander->slots[i],
+		               db_result_exception(DB_RESULT_CANCELLED));
 }
 
 /* The command did nothing: whatever moved before goes on. */

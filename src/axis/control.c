@@ -11,6 +11,17 @@ void db_control_init(struct db_control *control, bool enabled, uint32_t timeout_
 	};
 }
 
+void db_control_change(struct db_control *control, bool enabled, uint32_t timeout_ms)
+{
+	struct db_control before = *control;
+
+	db_control_init(control, enabled, timeout_ms);
+	if (!enabled)
+		return;
+	control->holder = before.holder;
+	control->heard = before.heard;
+}
+
 const struct db_client *db_control_holder(const struct db_control *control, db_time now)
 {
 	if (control->holder.id == 0 || now >= control->heard + control->timeout)

@@ -27,6 +27,9 @@ struct db_control {
 
 void db_control_init(struct db_control *control, bool enabled, uint32_t timeout_ms);
 
+/* Other settings: who has the right keeps it, unless there is none any more. */
+void db_control_change(struct db_control *control, bool enabled, uint32_t timeout_ms);
+
 /* Null: nobody has the right, or whoever had it is silent for too long. */
 const struct db_client *db_control_holder(const struct db_control *control, db_time now);
 

@@ -18,6 +18,7 @@ enum db_config_kind {
 	DB_KEY_REAL,    /* number, min..max */
 	DB_KEY_WORD,    /* one of `words`; the position of a word is its enum value */
 	DB_KEY_TEXT,    /* free text, min..max bytes */
+	DB_KEY_CPUS,    /* list of processors, min..max bytes */
 	DB_KEY_LISTEN,  /* ADDRESS:PORT */
 	DB_KEY_NETWORKS, /* list of ADDRESS or ADDRESS/PREFIX */
 	DB_KEY_PROTOCOL, /* name of a family of the driver list */
@@ -45,6 +46,10 @@ struct db_config_key {
 	const char *unit;  /* "" when it has none */
 	const char *words; /* WORD: separated by spaces, else "" */
 	enum db_config_scope scope;
+	/* Of the member of the section's struct that holds the value, so that sections can be
+	 * compared. A list's count stands right behind it. Both 0 for a family's option. */
+	size_t offset;
+	size_t size;
 	const char *description;
 };
 

@@ -164,7 +164,7 @@ char *db_section_text(const struct db_section *section, const char *name)
 
 	if (!text)
 		return NULL;
-	if (key->kind == DB_KEY_TEXT &&
+	if ((key->kind == DB_KEY_TEXT || key->kind == DB_KEY_CPUS) &&
 	    ((double)strlen(text) < key->min || (double)strlen(text) > key->max)) {
 		report_value(section, key, text, "is too short or too long");
 		return NULL;

@@ -1041,6 +1041,11 @@ static void xyza_init(struct db_device *device, struct db_device *first,
 	device->first->axes[device->axis] = device;
 }
 
+static void xyza_leave(struct db_device *device)
+{
+	device->first->axes[device->axis] = NULL;
+}
+
 /* --- the bus's side ----------------------------------------------------------------------------------- */
 
 static enum db_frame xyza_accept(const struct db_bus_config *bus, const uint8_t *frame,
@@ -1169,6 +1174,7 @@ const struct db_driver db_driver_xyza = {
 	.command_time = xyza_command_time,
 	.device_size = sizeof(struct db_device),
 	.init = xyza_init,
+	.leave = xyza_leave,
 	.cut = xyza_cut,
 	.accept = xyza_accept,
 	.begin = xyza_begin,

@@ -70,14 +70,21 @@ int group_stop(struct db_registers *registers, const struct db_client *client, e
 	db_time now = registers->ops->now(registers->context);
 
 	begin(registers, token);
-	for (size_t i = 0; i < registers->drive_count; i++) {
-		struct view_drive *drive = &registers->drives[i];
+	for (size_t i = 0; i < registers->layout->drive_count; i++) {
+		struct view_drive *drive = registers->layout->drives[i];
 
+		if (drive->leaving)
+			continue;
 		add_part(registers, drive,
 		         db_commander_execute(drive->commander, client, stop, &none,
 		                              part_token(registers), now));
 	}
 	return end(registers);
+}
+
+static bool is_staged(const struct view_drive *drive)
+{
+	return !drive->leaving && db_commander_staged(drive->commander) != DB_CMD_NONE;
 }
 
 int group_start(struct db_registers *registers, const struct db_client *client,
@@ -86,10 +93,10 @@ int group_start(struct db_registers *registers, const struct db_client *client,
 	db_time now = registers->ops->now(registers->context);
 	bool any = false;
 
-	for (size_t i = 0; i < registers->drive_count; i++) {
-		struct view_drive *drive = &registers->drives[i];
+	for (size_t i = 0; i < registers->layout->drive_count; i++) {
+		struct view_drive *drive = registers->layout->drives[i];
 
-		if (db_commander_staged(drive->commander) == DB_CMD_NONE)
+		if (!is_staged(drive))
 			continue;
 		any = true;
 		if (!view_may_write(drive, client, false))
@@ -98,10 +105,10 @@ int group_start(struct db_registers *registers, const struct db_client *client,
 	if (!any)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	begin(registers, token);
-	for (size_t i = 0; i < registers->drive_count; i++) {
-		struct view_drive *drive = &registers->drives[i];
+	for (size_t i = 0; i < registers->layout->drive_count; i++) {
+		struct view_drive *drive = registers->layout->drives[i];
 
-		if (db_commander_staged(drive->commander) != DB_CMD_NONE)
+		if (is_staged(drive))
 			add_part(registers, drive,
 			         db_commander_start_staged(drive->commander, client,
 			                                   part_token(registers), now));

@@ -29,12 +29,13 @@ static uint32_t age_ms(const struct db_feedback *feedback, db_time now)
 
 /*
  * A drive that answers everything but its status in time, or a bus that does not get round to asking:
- * whatever the reason, data this old is as good as none.
+ * whatever the reason, data this old is as good as none. So is that of a drive that leaves.
  */
 static void drop_if_too_old(struct db_feedback *feedback, const struct view_drive *drive,
                             db_time now)
 {
-	if (!(feedback->status & DB_STATUS_ONLINE) || age_of(feedback, now) <= drive->useless_after)
+	if (!drive->leaving && (!(feedback->status & DB_STATUS_ONLINE) ||
+	                        age_of(feedback, now) <= drive->useless_after))
 		return;
 	feedback->status &= DB_STATUS_BUS_UP;
 	feedback->state = DB_AXIS_OFFLINE;
@@ -47,8 +48,8 @@ static uint16_t quality_of(const struct view_drive *drive, const struct db_feedb
 	if (feedback->taken == 0)
 		return QUALITY_BAD;
 	if (!(feedback->status & DB_STATUS_ONLINE))
-		return drive->registers->config->modbus.stale_values ? QUALITY_UNCERTAIN :
-		                                                       QUALITY_BAD;
+		return drive->registers->layout->modbus->stale_values ? QUALITY_UNCERTAIN :
+		                                                        QUALITY_BAD;
 	return age_of(feedback, now) <= drive->fresh_for ? QUALITY_GOOD : QUALITY_UNCERTAIN;
 }
 
@@ -104,7 +105,7 @@ static void fill_static(struct db_drive_image *image, const struct view_drive *d
 		length = sizeof image->unit_name;
 	memset(image->unit_name, 0, sizeof image->unit_name);
 	memcpy(image->unit_name, drive->config->unit_name, length);
-	image->bus = (uint16_t)(drive->config->bus + 1);
+	image->bus = (uint16_t)(drive->bus_place + 1);
 	image->address = (uint16_t)drive->config->address;
 	db_axis_read(drive->axis, &snapshot);
 	image->counts_per_unit = (float)counts_of(drive, &snapshot.feedback);
@@ -178,7 +179,7 @@ void view_fill_drive(struct db_drive_image *image, const struct view_drive *driv
 
 static void fill_server(struct db_gateway_image *image, const struct db_registers *registers)
 {
-	const struct db_config *config = registers->config;
+	const struct view_layout *layout = registers->layout;
 	db_time up = registers->ops->now(registers->context) - registers->started;
 	struct db_server_stats stats;
 
@@ -186,13 +187,13 @@ static void fill_server(struct db_gateway_image *image, const struct db_register
 	image->version_major = DB_VERSION_MAJOR;
 	image->version_minor = DB_VERSION_MINOR;
 	image->version_patch = DB_VERSION_PATCH;
-	image->bus_count = (uint16_t)config->bus_count;
-	image->drive_count = (uint16_t)config->drive_count;
+	image->bus_count = (uint16_t)layout->bus_count;
+	image->drive_count = (uint16_t)layout->drive_count;
 	image->drives_online = 0;
-	for (size_t i = 0; i < config->bus_count; i++) {
+	for (size_t i = 0; i < layout->bus_count; i++) {
 		struct db_bus_stats bus;
 
-		registers->ops->bus_stats(registers->context, i, &bus);
+		registers->ops->bus_stats(registers->context, layout->buses[i], &bus);
 		image->drives_online = (uint16_t)(image->drives_online + bus.online);
 	}
 	image->uptime_s = (uint32_t)(up / DB_NS_PER_S);
@@ -234,8 +235,10 @@ static void fill_group(struct db_gateway_image *image, const struct db_registers
 	image->group_stop = 0;
 	image->group_start = 0;
 	image->group_staged = 0;
-	for (size_t i = 0; i < registers->drive_count; i++) {
-		if (db_commander_staged(registers->drives[i].commander) != DB_CMD_NONE)
+	for (size_t i = 0; i < registers->layout->drive_count; i++) {
+		const struct view_drive *drive = registers->layout->drives[i];
+
+		if (!drive->leaving && db_commander_staged(drive->commander) != DB_CMD_NONE)
 			image->group_staged++;
 	}
 	image->group_drives = registers->group.drives;
@@ -339,9 +342,9 @@ static uint32_t controls_of(const struct db_registers *registers, uint32_t clien
 {
 	uint32_t bits = 0;
 
-	for (size_t i = 0; i < registers->drive_count && i < DB_GATEWAY_DRIVES; i++) {
-		const struct db_client *holder = db_control_holder(&registers->drives[i].control,
-		                                                   now);
+	for (size_t i = 0; i < registers->layout->drive_count && i < DB_GATEWAY_DRIVES; i++) {
+		const struct db_client *holder = db_control_holder(
+			&registers->layout->drives[i]->control, now);
 
 		if (holder && holder->id == client)
 			bits |= UINT32_C(1) << i;
@@ -389,11 +392,12 @@ void view_fill_gateway(struct db_gateway_image *image, const struct db_registers
 		fill_clients(image, registers);
 	if (parts & DB_PART_BUSES) {
 		touched(offsetof(struct db_gateway_image, buses), sizeof image->buses[0], low, high,
-		        registers->config->bus_count, &from, &to);
+		        registers->layout->bus_count, &from, &to);
 		for (size_t i = from; i < to && i < DB_GATEWAY_BUSES; i++) {
 			struct db_bus_stats stats;
 
-			registers->ops->bus_stats(registers->context, i, &stats);
+			registers->ops->bus_stats(registers->context, registers->layout->buses[i],
+			                          &stats);
 			fill_bus(&image->buses[i], &stats);
 		}
 	}
@@ -401,14 +405,14 @@ void view_fill_gateway(struct db_gateway_image *image, const struct db_registers
 		db_time now = registers->ops->now(registers->context);
 
 		touched(offsetof(struct db_gateway_image, drives), sizeof image->drives[0], low,
-		        high, registers->drive_count, &from, &to);
+		        high, registers->layout->drive_count, &from, &to);
 		for (size_t i = from; i < to && i < DB_GATEWAY_DRIVES; i++)
-			fill_gateway_drive(&image->drives[i], &registers->drives[i], now);
+			fill_gateway_drive(&image->drives[i], registers->layout->drives[i], now);
 	}
 	if (parts & DB_PART_WINDOWS) {
 		touched(offsetof(struct db_gateway_image, windows), sizeof image->windows[0], low,
-		        high, registers->drive_count, &from, &to);
+		        high, registers->layout->drive_count, &from, &to);
 		for (size_t i = from; i < to && i < DB_GATEWAY_WINDOWS; i++)
-			fill_window(&image->windows[i], &registers->drives[i], client);
+			fill_window(&image->windows[i], registers->layout->drives[i], client);
 	}
 }

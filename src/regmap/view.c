@@ -113,7 +113,7 @@ uint8_t view_unreachable(const struct db_feedback *feedback)
 /* Old data is never shown as fresh. */
 static uint8_t check_measured(const struct view_drive *drive, const struct db_feedback *feedback)
 {
-	if (drive->registers->config->modbus.stale_values)
+	if (drive->registers->layout->modbus->stale_values)
 		return 0;
 	if (!(feedback->status & DB_STATUS_ONLINE) || feedback->taken == 0)
 		return view_unreachable(feedback);
@@ -123,7 +123,7 @@ static uint8_t check_measured(const struct view_drive *drive, const struct db_fe
 static uint8_t check_params(const struct view_drive *drive, const struct span *span,
                             const struct db_drive_image *image)
 {
-	bool stale = drive->registers->config->modbus.stale_values;
+	bool stale = drive->registers->layout->modbus->stale_values;
 	uint32_t wanted = DB_STATUS_ONLINE | DB_STATUS_PARAMS_VALID;
 	bool fresh = (image->feedback.status & wanted) == wanted;
 
@@ -175,7 +175,7 @@ static uint8_t read_drive(const struct view_drive *drive, const struct db_client
 	if (exception)
 		return exception;
 	if (table == DB_TABLE_HOLDING || table == DB_TABLE_INPUT)
-		copy_registers(&span, &image, drive->registers->config->modbus.low_word_first,
+		copy_registers(&span, &image, drive->registers->layout->modbus->low_word_first,
 		               address, count, values);
 	else
 		copy_bits(&span, &image, values);
@@ -187,13 +187,13 @@ static uint8_t read_gateway(const struct db_registers *registers, const struct d
 {
 	struct db_gateway_image image;
 	struct span span;
-	uint8_t exception = find_span(table_of(&registers->gateway, table), table, address, count,
-	                              &span);
+	uint8_t exception = find_span(table_of(&registers->layout->gateway, table), table, address,
+	                              count, &span);
 
 	if (exception)
 		return exception;
 	view_fill_gateway(&image, registers, client, span.parts, span.low, span.high);
-	copy_registers(&span, &image, registers->config->modbus.low_word_first, address, count,
+	copy_registers(&span, &image, registers->layout->modbus->low_word_first, address, count,
 	               values);
 	return 0;
 }
@@ -203,16 +203,16 @@ static uint8_t read_gateway(const struct db_registers *registers, const struct d
 /* Null for the gateway. Only asked for units that exist. */
 static struct view_drive *drive_of(const struct db_registers *registers, uint8_t unit)
 {
-	uint16_t drive = registers->units[unit];
+	uint16_t drive = registers->layout->units[unit];
 
-	return drive < registers->drive_count ? &registers->drives[drive] : NULL;
+	return drive < registers->layout->drive_count ? registers->layout->drives[drive] : NULL;
 }
 
 static uint8_t backend_unit(void *context, uint8_t unit)
 {
 	const struct db_registers *registers = context;
 
-	return registers->units[unit] == VIEW_NOTHING ? MODBUS_EXCEPTION_GATEWAY_PATH : 0;
+	return registers->layout->units[unit] == VIEW_NOTHING ? MODBUS_EXCEPTION_GATEWAY_PATH : 0;
 }
 
 /* Who may only look does not keep a machine running, nor who does not control it. */
@@ -237,7 +237,7 @@ static uint8_t backend_read(void *context, const struct db_client *client, uint8
 
 	if (drive) {
 		feed(drive, client, DB_FEED_REQUESTS);
-		if (registers->vendor_units[unit])
+		if (registers->layout->vendor_units[unit])
 			return vsmd_view_read(drive, table, address, count, values);
 		return read_drive(drive, client, table, address, count, values);
 	}
@@ -254,7 +254,7 @@ static int backend_write(void *context, const struct db_client *client, uint8_t 
 
 	if (drive) {
 		feed(drive, client, DB_FEED_WRITES);
-		if (drive->registers->vendor_units[unit])
+		if (drive->registers->layout->vendor_units[unit])
 			return vsmd_view_write(drive, client, table, address, count, values, token);
 		return view_write(drive, client, table, address, count, values, token);
 	}
@@ -332,12 +332,23 @@ static const char *backend_device_id(void *context, uint8_t unit, uint8_t object
 	}
 }
 
+static void release_control(const struct db_registers *registers, const struct db_client *client)
+{
+	for (size_t i = 0; i < registers->layout->drive_count; i++)
+		db_control_release(&registers->layout->drives[i]->control, client);
+}
+
+static void backend_restricted(void *context, const struct db_client *client)
+{
+	release_control(context, client);
+}
+
 static void backend_client(void *context, const struct db_client *client, bool connected)
 {
 	const struct db_registers *registers = context;
 
-	for (size_t i = 0; i < registers->drive_count && !connected; i++)
-		db_control_release(&registers->drives[i].control, client);
+	if (!connected)
+		release_control(registers, client);
 	if (registers->ops->client)
 		registers->ops->client(registers->context, client, connected);
 }
@@ -349,29 +360,43 @@ const struct db_backend db_registers_backend = {
 	.server_id = backend_server_id,
 	.device_id = backend_device_id,
 	.client = backend_client,
+	.restricted = backend_restricted,
 };
 
 /* --- what comes back from the buses ---------------------------------------------------------------- */
 
+/* Null: it has left. */
+static struct view_drive *drive_numbered(const struct db_registers *registers, uint16_t number)
+{
+	const struct view_layout *layout = registers->layout;
+
+	for (size_t i = 0; layout && i < layout->drive_count; i++) {
+		if (layout->drives[i]->number == number)
+			return layout->drives[i];
+	}
+	return NULL;
+}
+
 void db_registers_complete(struct db_registers *registers, const struct db_completion *completion,
                            db_time now)
 {
-	uint16_t drive = db_ticket_drive(completion->ticket);
+	struct view_drive *drive = drive_numbered(registers, db_ticket_drive(completion->ticket));
 
-	if (drive >= registers->drive_count)
+	if (!drive)
 		return;
 	/* First what the group's figures need: the commander may answer its writer. */
-	group_completed(registers, &registers->drives[drive], completion->ticket, completion->sent);
-	db_commander_complete(registers->drives[drive].commander, completion, now);
-	vsmd_view_completed(&registers->drives[drive], completion, now);
+	group_completed(registers, drive, completion->ticket, completion->sent);
+	db_commander_complete(drive->commander, completion, now);
+	vsmd_view_completed(drive, completion, now);
 }
 
 db_time db_registers_next_deadline(const struct db_registers *registers)
 {
+	const struct view_layout *layout = registers->layout;
 	db_time next = DB_TIME_NEVER;
 
-	for (size_t i = 0; i < registers->drive_count; i++) {
-		db_time deadline = db_commander_next_deadline(registers->drives[i].commander);
+	for (size_t i = 0; i < layout->drive_count; i++) {
+		db_time deadline = db_commander_next_deadline(layout->drives[i]->commander);
 
 		if (deadline < next)
 			next = deadline;
@@ -381,11 +406,14 @@ db_time db_registers_next_deadline(const struct db_registers *registers)
 
 void db_registers_expire(struct db_registers *registers, db_time now)
 {
-	for (size_t i = 0; i < registers->drive_count; i++) {
-		const struct view_drive *drive = &registers->drives[i];
+	const struct view_layout *layout = registers->layout;
+
+	for (size_t i = 0; i < layout->drive_count; i++) {
+		const struct view_drive *drive = layout->drives[i];
 
 		if (db_commander_expire(drive->commander, now) && registers->ops->tripped)
-			registers->ops->tripped(registers->context, i, &drive->fed_by);
+			registers->ops->tripped(registers->context, drive->bus, drive->config,
+			                        &drive->fed_by);
 	}
 }
 
@@ -413,16 +441,23 @@ static const struct view_map *family_of(struct db_registers *registers,
                                         const struct db_driver *driver)
 {
 	struct db_scope scope = { .view = DB_VIEW_DRIVE, .driver = driver };
+	struct view_map *map = registers->families;
 
-	for (size_t i = 0; i < registers->family_count; i++) {
-		if (registers->families[i].driver == driver)
-			return &registers->families[i];
-	}
-	/* Counted first, so that what a failed one allocated is released, too. */
-	registers->family_count++;
-	if (init_map(&registers->families[registers->family_count - 1], &scope) != 0)
+	while (map && map->driver != driver)
+		map = map->next;
+	if (map)
+		return map;
+	map = calloc(1, sizeof *map);
+	if (map && init_map(map, &scope) != 0) {
+		release_map(map);
+		free(map);
 		return NULL;
-	return &registers->families[registers->family_count - 1];
+	}
+	if (map) {
+		map->next = registers->families;
+		registers->families = map;
+	}
+	return map;
 }
 
 static bool submit_to_bus(void *context, const struct db_request *request)
@@ -431,7 +466,7 @@ static bool submit_to_bus(void *context, const struct db_request *request)
 	const struct db_registers *registers = drive->registers;
 
 	vsmd_view_submitted(drive->vendor, request);
-	return registers->ops->submit(registers->context, drive->config->bus, request);
+	return registers->ops->submit(registers->context, drive->line, request);
 }
 
 static void answer_client(void *context, struct db_write_token token, uint8_t exception)
@@ -458,65 +493,37 @@ static const struct db_commander_ops commander_ops = {
 	.wall_us = wall_us_now,
 };
 
-/* Its place among the drives of its bus. */
-static uint16_t bus_axis_of(const struct db_config *config, size_t drive)
-{
-	uint16_t before = 0;
-
-	for (size_t i = 0; i < drive; i++) {
-		if (config->drives[i].bus == config->drives[drive].bus)
-			before++;
-	}
-	return before;
-}
-
 /* A second or ten cycles, and at least three rounds over all the drives of a slow bus. */
-static db_time useless_after(const struct db_config *config, const struct view_drive *drive)
+static db_time useless_after(const struct db_roster *roster, size_t bus)
 {
-	db_time age = 10 * (db_time)drive->bus->cycle_ms * DB_NS_PER_MS;
+	const struct db_bus_config *config = roster->buses[bus].config;
+	db_time age = 10 * (db_time)config->cycle_ms * DB_NS_PER_MS;
 	db_time round = 0;
 
-	for (size_t i = 0; i < config->drive_count; i++) {
-		if (config->drives[i].bus == drive->config->bus)
-			round += drive->driver->poll_time(drive->bus);
+	for (size_t i = 0; i < roster->drive_count; i++) {
+		if (roster->drives[i].bus == bus)
+			round += config->driver->poll_time(config);
 	}
 	if (age < 3 * round)
 		age = 3 * round;
 	return age > DB_NS_PER_S ? age : DB_NS_PER_S;
 }
 
-static int init_drive(struct db_registers *registers, size_t number, struct db_axis *axis)
+static int make_parts(struct view_drive *drive)
 {
-	const struct db_config *config = registers->config;
-	struct view_drive *drive = &registers->drives[number];
 	struct db_commander_config commander = {
-		.axis = axis,
-		.drive = (uint16_t)number,
-		.bus_axis = bus_axis_of(config, number),
-		.confirm_ms = config->modbus.confirm_ms,
-		.accept_writes = config->modbus.accept_writes,
-		.ids_by_client = config->modbus.command_id_scope == DB_IDS_OF_CLIENT,
-		.watchdog_ms = config->drives[number].watchdog_ms,
-		.on_client_loss = db_on_loss_command(config->drives[number].on_client_loss),
+		.driver = drive->driver,
+		.bus_config = drive->bus,
+		.drive_config = drive->config,
+		.commands = db_driver_commands(drive->bus, drive->config),
+		.axis = drive->axis,
+		.drive = drive->number,
+		.watchdog_ms = drive->config->watchdog_ms,
+		.on_client_loss = db_on_loss_command(drive->config->on_client_loss),
 	};
 
-	drive->registers = registers;
-	drive->config = &config->drives[number];
-	drive->bus = &config->buses[drive->config->bus];
-	drive->driver = drive->bus->driver;
-	drive->axis = axis;
-	db_control_init(&drive->control, config->modbus.control == DB_CONTROL_DRIVE,
-	                config->modbus.control_timeout_ms);
-	commander.bus_config = drive->bus;
-	commander.drive_config = drive->config;
-	commander.commands = db_driver_commands(drive->bus, drive->config);
 	drive->capabilities = db_capabilities(commander.commands, drive->driver->measures);
-	drive->fresh_for = 3 * (db_time)drive->bus->cycle_ms * DB_NS_PER_MS;
-	if (drive->fresh_for < 100 * DB_NS_PER_MS)
-		drive->fresh_for = 100 * DB_NS_PER_MS;
-	drive->useless_after = useless_after(config, drive);
-	drive->map = family_of(registers, drive->driver);
-	commander.driver = drive->driver;
+	drive->map = family_of(drive->registers, drive->driver);
 	if (!drive->map)
 		return -ENOMEM;
 	if (drive->config->vendor_layout || drive->config->vendor_unit != 0) {
@@ -524,78 +531,248 @@ static int init_drive(struct db_registers *registers, size_t number, struct db_a
 		if (!drive->vendor)
 			return -ENOMEM;
 	}
-	if (db_commander_new(&commander, &commander_ops, drive, &drive->commander) == 0)
-		return 0;
-	vsmd_view_free(drive->vendor);
-	return -ENOMEM;
+	return db_commander_new(&commander, &commander_ops, drive, &drive->commander);
 }
 
-static void init_units(struct db_registers *registers)
+static void free_drive(struct view_drive *drive)
 {
-	const struct db_config *config = registers->config;
+	if (!drive)
+		return;
+	db_commander_free(drive->commander);
+	vsmd_view_free(drive->vendor);
+	free(drive);
+}
 
+/* Without what may change while it is there; see settle(). Null when out of memory. */
+static struct view_drive *new_drive(struct db_registers *registers, const struct db_roster *roster,
+                                    const struct db_roster_drive *member)
+{
+	struct view_drive *drive = calloc(1, sizeof *drive);
+
+	if (!drive)
+		return NULL;
+	drive->registers = registers;
+	drive->number = member->number;
+	drive->config = member->config;
+	drive->axis = member->axis;
+	drive->bus = roster->buses[member->bus].config;
+	drive->line = roster->buses[member->bus].bus;
+	drive->driver = drive->bus->driver;
+	drive->fresh_for = 3 * (db_time)drive->bus->cycle_ms * DB_NS_PER_MS;
+	if (drive->fresh_for < 100 * DB_NS_PER_MS)
+		drive->fresh_for = 100 * DB_NS_PER_MS;
+	if (make_parts(drive) == 0)
+		return drive;
+	free_drive(drive);
+	return NULL;
+}
+
+/* --- rosters ----------------------------------------------------------------------------------------- */
+
+struct db_registers_change {
+	struct view_layout *layout;
+	/* What the drives of the layout are given with it. */
+	struct place {
+		bool made; /* it is new */
+		size_t bus;
+		db_time useless_after;
+	} * places;
+};
+
+static void free_layout(struct view_layout *layout)
+{
+	if (!layout)
+		return;
+	release_map(&layout->gateway);
+	free(layout->buses);
+	free(layout->drives);
+	free(layout);
+}
+
+static void init_units(struct view_layout *layout)
+{
 	for (size_t i = 0; i < 256; i++)
-		registers->units[i] = VIEW_NOTHING;
-	for (size_t i = 0; i < config->drive_count; i++) {
-		const struct db_drive_config *drive = &config->drives[i];
+		layout->units[i] = VIEW_NOTHING;
+	for (size_t i = 0; i < layout->drive_count; i++) {
+		const struct db_drive_config *drive = layout->drives[i]->config;
 
-		registers->units[drive->unit & 0xFF] = (uint16_t)i;
-		registers->vendor_units[drive->unit & 0xFF] = drive->vendor_layout;
+		layout->units[drive->unit & 0xFF] = (uint16_t)i;
+		layout->vendor_units[drive->unit & 0xFF] = drive->vendor_layout;
 		if (drive->vendor_unit != 0) {
-			registers->units[drive->vendor_unit & 0xFF] = (uint16_t)i;
-			registers->vendor_units[drive->vendor_unit & 0xFF] = true;
+			layout->units[drive->vendor_unit & 0xFF] = (uint16_t)i;
+			layout->vendor_units[drive->vendor_unit & 0xFF] = true;
 		}
 	}
-	registers->units[0] = VIEW_GATEWAY;
-	registers->units[255] = VIEW_GATEWAY;
-	registers->units[config->modbus.gateway_unit & 0xFF] = VIEW_GATEWAY;
+	layout->units[0] = VIEW_GATEWAY;
+	layout->units[255] = VIEW_GATEWAY;
+	layout->units[layout->modbus->gateway_unit & 0xFF] = VIEW_GATEWAY;
 }
 
-int db_registers_new(const struct db_config *config, struct db_axis *const *axes,
-                     const struct db_registers_ops *ops, void *context,
-                     struct db_registers **registers)
+static int fill_layout(struct db_registers *registers, const struct db_roster *roster,
+                       struct db_registers_change *change)
+{
+	struct view_layout *layout = change->layout;
+
+	for (; layout->bus_count < roster->bus_count; layout->bus_count++)
+		layout->buses[layout->bus_count] = roster->buses[layout->bus_count].bus;
+	for (; layout->drive_count < roster->drive_count; layout->drive_count++) {
+		size_t i = layout->drive_count;
+		const struct db_roster_drive *member = &roster->drives[i];
+		struct view_drive *drive = drive_numbered(registers, member->number);
+
+		change->places[i] = (struct place){
+			.made = !drive,
+			.bus = member->bus,
+			.useless_after = useless_after(roster, member->bus),
+		};
+		if (!drive)
+			drive = new_drive(registers, roster, member);
+		if (!drive)
+			return -ENOMEM;
+		layout->drives[i] = drive;
+	}
+	init_units(layout);
+	return 0;
+}
+
+int db_registers_prepare(struct db_registers *registers, const struct db_roster *roster,
+                         struct db_registers_change **change)
 {
 	struct db_scope scope = {
 		.view = DB_VIEW_GATEWAY,
-		.buses = config->bus_count,
-		.drives = config->drive_count,
+		.buses = roster->bus_count,
+		.drives = roster->drive_count,
 	};
+	struct db_registers_change *made = calloc(1, sizeof *made);
+	struct view_layout *layout = calloc(1, sizeof *layout);
+
+	if (!made || !layout) {
+		free(made);
+		free(layout);
+		return -ENOMEM;
+	}
+	/* One more of each than needed, so that none is ever an allocation of nothing. */
+	made->layout = layout;
+	made->places = calloc(roster->drive_count + 1, sizeof made->places[0]);
+	layout->modbus = roster->modbus;
+	layout->buses = calloc(roster->bus_count + 1, sizeof(struct db_bus *));
+	layout->drives = calloc(roster->drive_count + 1, sizeof(struct view_drive *));
+	if (!made->places || !layout->buses || !layout->drives ||
+	    init_map(&layout->gateway, &scope) != 0 || fill_layout(registers, roster, made) != 0) {
+		db_registers_change_free(made);
+		return -ENOMEM;
+	}
+	*change = made;
+	return 0;
+}
+
+void db_registers_change_free(struct db_registers_change *change)
+{
+	if (!change)
+		return;
+	for (size_t i = 0; i < change->layout->drive_count; i++) {
+		if (change->places[i].made)
+			free_drive(change->layout->drives[i]);
+	}
+	free_layout(change->layout);
+	free(change->places);
+	free(change);
+}
+
+static bool has_drive(const struct view_layout *layout, const struct view_drive *drive)
+{
+	for (size_t i = 0; i < layout->drive_count; i++) {
+		if (layout->drives[i] == drive)
+			return true;
+	}
+	return false;
+}
+
+void db_registers_retire(struct db_registers *registers, const struct db_registers_change *change)
+{
+	struct view_layout *layout = registers->layout;
+
+	for (size_t i = 0; i < layout->drive_count; i++)
+		layout->drives[i]->leaving = !has_drive(change->layout, layout->drives[i]);
+	for (size_t unit = 0; unit < 256; unit++) {
+		size_t place = layout->units[unit];
+
+		if (place < layout->drive_count && layout->drives[place]->leaving)
+			layout->units[unit] = VIEW_NOTHING;
+	}
+}
+
+/* Gives a drive what comes with its layout. */
+static void settle(struct view_drive *drive, const struct db_modbus_config *modbus,
+                   const struct place *place)
+{
+	bool control = modbus->control == DB_CONTROL_DRIVE;
+
+	drive->bus_place = place->bus;
+	drive->useless_after = place->useless_after;
+	db_commander_set_writers(drive->commander, modbus->confirm_ms, modbus->accept_writes,
+	                         modbus->command_id_scope == DB_IDS_OF_CLIENT);
+	if (place->made)
+		db_control_init(&drive->control, control, modbus->control_timeout_ms);
+	else
+		db_control_change(&drive->control, control, modbus->control_timeout_ms);
+}
+
+void db_registers_change(struct db_registers *registers, struct db_registers_change *change)
+{
+	struct view_layout *old = registers->layout;
+	struct view_layout *layout = change->layout;
+
+	for (size_t i = 0; i < layout->drive_count; i++) {
+		settle(layout->drives[i], layout->modbus, &change->places[i]);
+		change->places[i].made = false;
+	}
+	registers->layout = layout;
+	/* Last: who is answered may come with its next request at once. */
+	for (size_t i = 0; old && i < old->drive_count; i++) {
+		if (has_drive(layout, old->drives[i]))
+			continue;
+		db_commander_dismiss(old->drives[i]->commander);
+		free_drive(old->drives[i]);
+	}
+	free_layout(old);
+	free(change->places);
+	free(change);
+}
+
+int db_registers_new(const struct db_roster *roster, const struct db_registers_ops *ops,
+                     void *context, struct db_registers **registers)
+{
 	struct db_registers *made = calloc(1, sizeof *made);
+	struct db_registers_change *change;
 
 	if (!made)
 		return -ENOMEM;
-	made->config = config;
 	made->ops = ops;
 	made->context = context;
 	made->started = ops->now(context);
-	made->families = calloc(config->bus_count + 1, sizeof made->families[0]);
-	made->drives = calloc(config->drive_count + 1, sizeof made->drives[0]);
-	if (!made->families || !made->drives || init_map(&made->gateway, &scope) != 0)
-		goto fail;
-	for (; made->drive_count < config->drive_count; made->drive_count++) {
-		if (init_drive(made, made->drive_count, axes[made->drive_count]) != 0)
-			goto fail;
+	if (db_registers_prepare(made, roster, &change) != 0) {
+		db_registers_free(made);
+		return -ENOMEM;
 	}
-	init_units(made);
+	db_registers_change(made, change);
 	*registers = made;
 	return 0;
-fail:
-	db_registers_free(made);
-	return -ENOMEM;
 }
 
 void db_registers_free(struct db_registers *registers)
 {
+	struct view_map *family;
+
 	if (!registers)
 		return;
-	for (size_t i = 0; i < registers->drive_count; i++) {
-		db_commander_free(registers->drives[i].commander);
-		vsmd_view_free(registers->drives[i].vendor);
+	for (size_t i = 0; registers->layout && i < registers->layout->drive_count; i++)
+		free_drive(registers->layout->drives[i]);
+	free_layout(registers->layout);
+	while ((family = registers->families) != NULL) {
+		registers->families = family->next;
+		release_map(family);
+		free(family);
 	}
-	for (size_t i = 0; i < registers->family_count; i++)
-		release_map(&registers->families[i]);
-	release_map(&registers->gateway);
-	free(registers->families);
-	free(registers->drives);
 	free(registers);
 }

@@ -13,6 +13,7 @@
 
 /* The tables of one view. Families share theirs between their drives. */
 struct view_map {
+	struct view_map *next;          /* families only */
 	const struct db_driver *driver; /* null: the gateway's */
 	struct db_index holding;
 	struct db_index discrete;
@@ -21,8 +22,12 @@ struct view_map {
 
 struct view_drive {
 	struct db_registers *registers;
+	uint16_t number;
+	bool leaving; /* nobody reaches it any more; its bus still has it */
 	const struct db_drive_config *config;
 	const struct db_bus_config *bus;
+	struct db_bus *line; /* for the ops */
+	size_t bus_place;    /* among the buses shown */
 	const struct db_driver *driver;
 	const struct view_map *map;
 	struct db_axis *axis;
@@ -39,18 +44,24 @@ struct view_drive {
 	char model[DB_IDENTITY_MAX + 1]; /* device_id's answer, valid until the next call */
 };
 
+/* What follows from a roster. */
+struct view_layout {
+	const struct db_modbus_config *modbus;
+	struct view_map gateway;
+	uint16_t units[256];    /* place among the drives, VIEW_GATEWAY or VIEW_NOTHING */
+	bool vendor_units[256]; /* the drive's unit has the vendor's layout */
+	struct db_bus **buses;
+	size_t bus_count;
+	struct view_drive **drives;
+	size_t drive_count;
+};
+
 struct db_registers {
-	const struct db_config *config;
 	const struct db_registers_ops *ops;
 	void *context;
 	db_time started;
-	struct view_map gateway;
-	struct view_map *families;
-	size_t family_count;
-	uint16_t units[256];    /* drive index, VIEW_GATEWAY or VIEW_NOTHING */
-	bool vendor_units[256]; /* the drive's unit has the vendor's layout */
-	struct view_drive *drives;
-	size_t drive_count;
+	struct view_map *families; /* of every driver that was ever there */
+	struct view_layout *layout;
 	struct group group;
 	uint16_t heartbeat; /* of the gateway, written last */
 };

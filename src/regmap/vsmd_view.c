@@ -119,7 +119,7 @@ static bool is_known(const struct db_feedback *feedback)
 static uint8_t check_row(const struct view_drive *drive, const struct vsmd_row *row,
                          const struct db_drive_image *image)
 {
-	bool stale_values = drive->registers->config->modbus.stale_values;
+	bool stale_values = drive->registers->layout->modbus->stale_values;
 	const struct db_feedback *feedback = &image->feedback;
 	bool online = (feedback->status & DB_STATUS_ONLINE) && feedback->taken != 0;
 

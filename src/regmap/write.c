@@ -83,7 +83,7 @@ static bool block_from(const struct view_drive *drive, const struct db_client *c
                        const struct span *span, const uint16_t *values,
                        struct db_command_write *write)
 {
-	bool low_first = drive->registers->config->modbus.low_word_first;
+	bool low_first = drive->registers->layout->modbus->low_word_first;
 
 	*write = (struct db_command_write){ .block = db_commander_kept(drive->commander, client) };
 	for (uint16_t i = 0; i < span->count; i++) {
@@ -135,7 +135,7 @@ static int write_block(struct view_drive *drive, const struct db_client *client,
 static int settings_from(const struct view_drive *drive, const struct span *span,
                          const uint16_t *values, struct db_setting *settings)
 {
-	bool low_first = drive->registers->config->modbus.low_word_first;
+	bool low_first = drive->registers->layout->modbus->low_word_first;
 	int count = 0;
 
 	for (uint16_t i = 0; i < span->count; i++) {
@@ -194,7 +194,7 @@ static int write_watchdog(struct view_drive *drive, const struct db_client *clie
 
 	if (span->count != 1 ||
 	    !db_words_decode(&span->cells[0], values,
-	                     drive->registers->config->modbus.low_word_first, &value) ||
+	                     drive->registers->layout->modbus->low_word_first, &value) ||
 	    value.u > DB_WATCHDOG_MAX_MS) {
 		db_commander_set_refused(drive->commander, client, DB_RESULT_OUT_OF_RANGE);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
@@ -314,8 +314,8 @@ static int write_gateway_heartbeat(struct db_registers *registers, const struct 
 	db_time now = registers->ops->now(registers->context);
 
 	registers->heartbeat = value;
-	for (size_t i = 0; i < registers->drive_count; i++) {
-		struct view_drive *drive = &registers->drives[i];
+	for (size_t i = 0; i < registers->layout->drive_count; i++) {
+		struct view_drive *drive = registers->layout->drives[i];
 
 		if (drive->config->watchdog_feed != DB_FEED_HEARTBEAT ||
 		    !db_control_holds(&drive->control, client, now) ||
@@ -336,7 +336,7 @@ int view_write_gateway(struct db_registers *registers, const struct db_client *c
 
 	if (table != DB_TABLE_HOLDING)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
-	exception = find_span(&registers->gateway.holding, address, count, &span);
+	exception = find_span(&registers->layout->gateway.holding, address, count, &span);
 	if (exception)
 		return exception;
 	/* One of them in one write: of two group commands the order would be a guess. */

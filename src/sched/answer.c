@@ -11,6 +11,14 @@
 
 /* --- drives coming and going ----------------------------------------------------------------------- */
 
+void engine_come_online(struct db_engine *engine, struct station *station)
+{
+	station->identify_at = 0;
+	station->identify_backoff = IDENTIFY_BACKOFF_MIN;
+	station->snapshot.stats.came_online++;
+	engine->stats.online++;
+}
+
 static void come_online(struct db_engine *engine, struct node *node)
 {
 	node->in_step = true;
@@ -20,12 +28,8 @@ static void come_online(struct db_engine *engine, struct node *node)
 		return;
 	node->online = true;
 	node->poll_due = true;
-	for (struct station *s = node->first; s; s = s->next_axis) {
-		s->identify_at = 0;
-		s->identify_backoff = IDENTIFY_BACKOFF_MIN;
-		s->snapshot.stats.came_online++;
-		engine->stats.online++;
-	}
+	for (struct station *s = node->first; s; s = s->next_axis)
+		engine_come_online(engine, s);
 }
 
 static void lose_station(struct db_engine *engine, struct station *station, enum db_result result,
@@ -118,7 +122,7 @@ static void unsolicited(struct db_engine *engine, struct node *node, const uint8
 {
 	const struct db_driver *driver = engine->driver;
 
-	if (!node || !driver->report || !driver->report(node->first->device, frame, length, now)) {
+	if (!node || !driver->report || !driver->report(node->head, frame, length, now)) {
 		engine->stats.stray_frames++;
 		return;
 	}
@@ -154,7 +158,7 @@ static void take_answer(struct db_engine *engine, struct node *node, const uint8
 
 	if (blind_stop_answered(engine, node, now))
 		return;
-	step = engine->driver->answer(station->device, &lane->job, frame, length, now,
+	step = engine->driver->answer(station_device(station, kind), &lane->job, frame, length, now,
 	                              &lane->exchange, &result);
 	if (step == DB_STEP_MORE)
 		return;
@@ -184,7 +188,7 @@ static void take_answer(struct db_engine *engine, struct node *node, const uint8
 static struct node *sender_of(struct db_engine *engine, int address)
 {
 	for (size_t i = 0; i < engine->node_count; i++) {
-		struct node *node = &engine->nodes[i];
+		struct node *node = engine->nodes[i];
 
 		if (address < 0 ? is_flying(node) : node->address == (unsigned)address)
 			return node;

@@ -7,6 +7,7 @@
 
 #include "axis/seqlock.h"
 #include "codec/can.h"
+#include "sched/change.h"
 #include "sched/engine.h"
 #include "sched/report.h"
 
@@ -35,9 +36,6 @@
 #define JUDGE_INTERVAL (10 * DB_NS_PER_S)
 #define OVERRUN_SHARE 10
 
-/* Longest time the end of the service waits for drives to confirm their on_exit. */
-#define EXIT_TIME (1500 * DB_NS_PER_MS)
-
 struct db_bus {
 	const struct db_bus_config *config;
 	struct db_log_source log;
@@ -48,6 +46,10 @@ struct db_bus {
 	pthread_t thread;
 	bool running;
 	atomic_bool ending;
+	atomic_bool ended;
+	struct db_change *_Atomic change;  /* network to bus */
+	struct db_change *_Atomic changed; /* and back */
+	size_t drives;                     /* network's: so many when all changes are carried out */
 	_Atomic uint32_t beats;
 
 	/* Bus thread only. */
@@ -388,6 +390,27 @@ static void tell_network(struct db_bus *bus)
 	(void)!write(bus->completion_fd, &one, sizeof one);
 }
 
+/* Before a turn: requests that were handed over before a change are all there by now. */
+static void take_change(struct db_bus *bus)
+{
+	struct db_change *change = atomic_exchange(&bus->change, NULL);
+
+	if (change)
+		db_engine_change(bus->engine, change, now_ns());
+}
+
+/* After a turn; true when the network is to be told of something. */
+static bool give_back(struct db_bus *bus)
+{
+	bool finished = db_mailbox_take_finished(bus->mailbox);
+	struct db_change *changed = db_engine_take_changed(bus->engine);
+
+	/* Last, so that who sees it finds every completion. */
+	if (changed)
+		atomic_store(&bus->changed, changed);
+	return finished || changed;
+}
+
 static void set_priority(const struct db_bus *bus)
 {
 	struct sched_param param = { .sched_priority = (int)bus->config->priority };
@@ -442,14 +465,16 @@ static void *run(void *context)
 	/* The default slack of 50 us is a good part of an exchange at high baud rates. */
 	prctl(PR_SET_TIMERSLACK, 1000UL, 0UL, 0UL, 0UL);
 	while (now_ns() < exit_by) {
-		db_time next = turn(bus);
+		db_time next;
 
+		take_change(bus);
+		next = turn(bus);
 		atomic_fetch_add_explicit(&bus->beats, 1, memory_order_relaxed);
 
-		if (db_mailbox_take_finished(bus->mailbox))
+		if (give_back(bus))
 			tell_network(bus);
 		if (exit_by == DB_TIME_NEVER && atomic_load(&bus->ending)) {
-			exit_by = now_ns() + EXIT_TIME;
+			exit_by = now_ns() + DB_EXIT_TIME;
 			db_engine_shut_down(bus->engine, now_ns());
 			continue;
 		}
@@ -461,69 +486,47 @@ static void *run(void *context)
 	}
 	bus->transport->close(bus->port);
 	bus->port = NULL;
+	atomic_store(&bus->ended, true);
+	tell_network(bus);
 	return NULL;
 }
 
 /* --- making and using ------------------------------------------------------------------------------- */
 
-/* The bus's drives, in the configuration's order; null-terminated. */
-static const struct db_drive_config **drives_of(const struct db_config *config, size_t bus_index,
-                                                size_t *count)
-{
-	const struct db_drive_config **drives;
+/* Stops of one drive that may wait. */
+#define STOPS_EACH 4
 
-	drives = calloc(config->drive_count + 1, sizeof *drives);
-	if (!drives)
-		return NULL;
-	*count = 0;
-	for (size_t i = 0; i < config->drive_count; i++) {
-		if (config->drives[i].bus == bus_index)
-			drives[(*count)++] = &config->drives[i];
-	}
-	return drives;
-}
-
-int db_bus_new(const struct db_config *config, size_t bus_index, struct db_axis *const *axes,
-               struct db_log *log, struct db_bus **bus)
+int db_bus_new(const struct db_bus_config *config, const struct db_bus_drive *drives,
+               size_t drive_count, struct db_log *log, struct db_bus **bus)
 {
-	const struct db_drive_config **drives = NULL;
 	struct db_bus *made = calloc(1, sizeof *made);
-	size_t count = 0;
-	int error = -ENOMEM;
+	int error;
 
 	if (!made)
 		return -ENOMEM;
-	made->config = &config->buses[bus_index];
+	made->config = config;
 	made->log = (struct db_log_source){
 		.log = log,
-		.bus = made->config->name,
-		.level = made->config->log,
+		.bus = config->name,
+		.level = config->log,
 	};
-	made->transport = made->config->transport;
+	made->transport = config->transport;
+	made->drives = drive_count;
 	made->wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
 	made->completion_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
-	if (made->wake_fd < 0 || made->completion_fd < 0) {
-		error = -errno;
-		goto fail;
+	error = made->wake_fd < 0 || made->completion_fd < 0 ? -errno : 0;
+	if (error == 0)
+		error = db_mailbox_new(config->queue, STOPS_EACH * drive_count, &made->mailbox);
+	if (error == 0)
+		error = db_engine_new(config, drives, drive_count, made->mailbox, &engine_ops, made,
+		                      &made->engine);
+	if (error != 0) {
+		db_bus_free(made);
+		return error;
 	}
-	drives = drives_of(config, bus_index, &count);
-	if (!drives)
-		goto fail;
-	error = db_mailbox_new(made->config->queue, 4 * count, &made->mailbox);
-	if (error != 0)
-		goto fail;
-	error = db_engine_new(made->config, drives, axes, count, made->mailbox, &engine_ops, made,
-	                      &made->engine);
-	if (error != 0)
-		goto fail;
-	free(drives);
 	publish_stats(made, 0);
 	*bus = made;
 	return 0;
-fail:
-	free(drives);
-	db_bus_free(made);
-	return error;
 }
 
 int db_bus_start(struct db_bus *bus)
@@ -556,11 +559,18 @@ void db_bus_stop(struct db_bus *bus)
 	bus->running = false;
 }
 
+bool db_bus_has_ended(const struct db_bus *bus)
+{
+	return atomic_load(&bus->ended);
+}
+
 void db_bus_free(struct db_bus *bus)
 {
 	if (!bus)
 		return;
 	db_bus_stop(bus);
+	change_free(atomic_load(&bus->change));
+	change_free(atomic_load(&bus->changed));
 	db_engine_free(bus->engine);
 	db_mailbox_free(bus->mailbox);
 	if (bus->wake_fd >= 0)
@@ -568,6 +578,36 @@ void db_bus_free(struct db_bus *bus)
 	if (bus->completion_fd >= 0)
 		close(bus->completion_fd);
 	free(bus);
+}
+
+int db_bus_change_new(struct db_bus *bus, const uint16_t *leaving, size_t leaving_count,
+                      const struct db_bus_drive *coming, size_t coming_count,
+                      struct db_change **change)
+{
+	size_t drives = bus->drives - leaving_count + coming_count;
+
+	if (db_mailbox_grow(bus->mailbox, STOPS_EACH * drives) != 0)
+		return -ENOMEM;
+	*change = change_new(bus->config, bus->drives, leaving, leaving_count, coming,
+	                     coming_count);
+	return *change ? 0 : -ENOMEM;
+}
+
+void db_bus_change(struct db_bus *bus, struct db_change *change)
+{
+	bus->drives = bus->drives - change->leaving_count + change->coming_count;
+	atomic_store(&bus->change, change);
+	wake(bus);
+}
+
+struct db_change *db_bus_take_changed(struct db_bus *bus)
+{
+	return atomic_exchange(&bus->changed, NULL);
+}
+
+void db_bus_change_free(struct db_change *change)
+{
+	change_free(change);
 }
 
 bool db_bus_submit(struct db_bus *bus, const struct db_request *request)

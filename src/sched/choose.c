@@ -44,7 +44,8 @@ static enum db_step begin(struct db_engine *engine, struct station *station, enu
 	lane->job = (struct db_job){ .kind = job, .request = request, .started = now };
 	lane->tries = 0;
 	lane->sent = false;
-	step = engine->driver->begin(station->device, &lane->job, &lane->exchange, result);
+	step = engine->driver->begin(station_device(station, kind), &lane->job, &lane->exchange,
+	                             result);
 	lane->active = lane->ready = step == DB_STEP_SEND;
 	return step;
 }
@@ -155,7 +156,7 @@ static void send_stop(struct db_engine *engine, struct station *station, db_time
 static bool all_want(const struct db_engine *engine, enum db_command command)
 {
 	for (size_t i = 0; i < engine->station_count; i++) {
-		const struct station *station = &engine->stations[i];
+		const struct station *station = engine->stations[i];
 
 		if (station->stop_count == 0 || station->stops[0].sent ||
 		    station->stops[0].request->command != command)
@@ -171,16 +172,16 @@ static bool try_broadcast(struct db_engine *engine, db_time now)
 	struct db_exchange exchange = { .request = request, .request_size = sizeof request };
 	enum db_command command;
 
-	if (engine->station_count < 2 || engine->stations[0].stop_count == 0 ||
+	if (engine->station_count < 2 || engine->stations[0]->stop_count == 0 ||
 	    !engine->driver->broadcast)
 		return false;
-	command = engine->stations[0].stops[0].request->command;
+	command = engine->stations[0]->stops[0].request->command;
 	if (!all_want(engine, command) ||
 	    !engine->driver->broadcast(command, engine->bus, &exchange))
 		return false;
 	for (size_t i = 0; i < engine->station_count; i++) {
-		engine->stations[i].stops[0].sent = true;
-		note_sent(&engine->stations[i], LANE_STOP, now);
+		engine->stations[i]->stops[0].sent = true;
+		note_sent(engine->stations[i], LANE_STOP, now);
 	}
 	/* On CAN what follows waits for its turn on the wire by itself. */
 	if (!is_shared(engine))
@@ -208,7 +209,7 @@ static bool try_stops(struct db_engine *engine, db_time now)
 	/* Those that are there come first. */
 	for (size_t n = 0; n < 2 * engine->station_count; n++) {
 		size_t i = (engine->next_stop + n) % engine->station_count;
-		struct station *station = &engine->stations[i];
+		struct station *station = engine->stations[i];
 
 		if (station->node->online != (n < engine->station_count) ||
 		    station->stop_count == 0 || engine_stop_at(engine, station) > now ||
@@ -237,7 +238,7 @@ static bool begin_letter(struct db_engine *engine, size_t index, db_time now)
 {
 	struct db_letter *letter = engine->waiting[index];
 	const struct db_request *request = db_letter_request(letter);
-	struct station *station = &engine->stations[request->axis];
+	struct station *station = engine_station(engine, request->axis);
 	enum db_job_kind kind = request->setting_count > 0 ? DB_JOB_SETTINGS : DB_JOB_COMMAND;
 	enum db_result result = DB_RESULT_FAILED;
 
@@ -259,7 +260,7 @@ static bool continue_front(struct db_engine *engine, db_time now)
 {
 	for (size_t n = 0; n < engine->station_count; n++) {
 		size_t i = (engine->next_front + n) % engine->station_count;
-		struct station *station = &engine->stations[i];
+		struct station *station = engine->stations[i];
 
 		if (station->lanes[LANE_FRONT].ready && station->stop_count == 0 &&
 		    is_free(station, now)) {
@@ -275,7 +276,7 @@ static bool begin_front(struct db_engine *engine, db_time now)
 {
 	for (size_t i = 0; i < engine->waiting_count;) {
 		const struct db_request *request = db_letter_request(engine->waiting[i]);
-		const struct station *station = &engine->stations[request->axis];
+		const struct station *station = engine_station(engine, request->axis);
 		size_t before = engine->waiting_count;
 
 		/* A command given after a stop waits until the stop is confirmed. */
@@ -307,7 +308,7 @@ static struct node *due_poll(struct db_engine *engine, db_time now)
 {
 	for (size_t n = 0; n < engine->node_count; n++) {
 		size_t i = (engine->next_poll + n) % engine->node_count;
-		struct node *node = &engine->nodes[i];
+		struct node *node = engine->nodes[i];
 
 		if (node->online && node->poll_due && is_free(node->first, now)) {
 			engine->next_poll = i;
@@ -356,7 +357,7 @@ static bool try_identify(struct db_engine *engine, db_time now)
 
 	for (size_t n = 0; n < engine->station_count; n++) {
 		size_t i = (engine->next_identify + n) % engine->station_count;
-		struct station *station = &engine->stations[i];
+		struct station *station = engine->stations[i];
 		struct lane *lane = &station->lanes[LANE_IDENTIFY];
 
 		if (!wants_identify(engine, station, now))
@@ -375,7 +376,7 @@ static bool try_probes(struct db_engine *engine, db_time now)
 {
 	for (size_t n = 0; n < engine->node_count; n++) {
 		size_t i = (engine->next_probe + n) % engine->node_count;
-		struct node *node = &engine->nodes[i];
+		struct node *node = engine->nodes[i];
 
 		if (node->online || node->probe_at > now || !is_free(node->first, now))
 			continue;

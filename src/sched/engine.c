@@ -7,41 +7,12 @@
 
 /* --- making -------------------------------------------------------------------------------------- */
 
-/* The node of an address, which is made when its first drive comes. */
-static struct node *node_of(struct db_engine *engine, unsigned address)
+int db_engine_new(const struct db_bus_config *bus, const struct db_bus_drive *drives,
+                  size_t drive_count, struct db_mailbox *mailbox, const struct db_engine_ops *ops,
+                  void *context, struct db_engine **engine)
 {
-	struct node *node;
+	struct db_engine *made = calloc(1, sizeof *made);
 
-	for (size_t i = 0; i < engine->node_count; i++) {
-		if (engine->nodes[i].address == address)
-			return &engine->nodes[i];
-	}
-	node = &engine->nodes[engine->node_count++];
-	node_init(node, engine->bus, address);
-	return node;
-}
-
-static int add_stations(struct db_engine *engine, const struct db_drive_config *const *drives,
-                        struct db_axis *const *axes, size_t drive_count)
-{
-	for (; engine->station_count < drive_count; engine->station_count++) {
-		size_t i = engine->station_count;
-		struct node *node = node_of(engine, drives[i]->address);
-
-		if (station_init(&engine->stations[i], node, engine->bus, drives[i], axes[i]) != 0)
-			return -ENOMEM;
-		station_publish(&engine->stations[i], engine->driver, false, 0);
-	}
-	return 0;
-}
-
-int db_engine_new(const struct db_bus_config *bus, const struct db_drive_config *const *drives,
-                  struct db_axis *const *axes, size_t drive_count, struct db_mailbox *mailbox,
-                  const struct db_engine_ops *ops, void *context, struct db_engine **engine)
-{
-	struct db_engine *made;
-
-	made = calloc(1, sizeof *made + drive_count * sizeof made->stations[0]);
 	if (!made)
 		return -ENOMEM;
 	made->bus = bus;
@@ -53,11 +24,14 @@ int db_engine_new(const struct db_bus_config *bus, const struct db_drive_config 
 	made->stats.period_us = bus->cycle_ms * 1000;
 	made->waiting_max = bus->queue;
 	made->waiting = calloc(made->waiting_max, sizeof made->waiting[0]);
-	made->nodes = calloc(drive_count + 1, sizeof made->nodes[0]);
-	if (!made->waiting || !made->nodes || add_stations(made, drives, axes, drive_count) != 0) {
+	/* The first drives come as all others do. */
+	made->change = change_new(bus, 0, NULL, 0, drives, drive_count);
+	if (!made->waiting || !made->change) {
 		db_engine_free(made);
 		return -ENOMEM;
 	}
+	engine_carry_change(made, 0);
+	change_free(db_engine_take_changed(made));
 	*engine = made;
 	return 0;
 }
@@ -66,11 +40,25 @@ void db_engine_free(struct db_engine *engine)
 {
 	if (!engine)
 		return;
+	change_free(engine->change);
+	change_free(engine->changed);
 	for (size_t i = 0; i < engine->station_count; i++)
-		station_release(&engine->stations[i]);
+		station_free(engine->stations[i]);
+	for (size_t i = 0; i < engine->node_count; i++)
+		node_free(engine->nodes[i]);
+	free(engine->stations);
 	free(engine->nodes);
 	free(engine->waiting);
 	free(engine);
+}
+
+struct station *engine_station(const struct db_engine *engine, uint16_t number)
+{
+	for (size_t i = 0; i < engine->station_count; i++) {
+		if (engine->stations[i]->number == number)
+			return engine->stations[i];
+	}
+	return NULL;
 }
 
 void db_engine_set_wall_offset(struct db_engine *engine, int64_t wall_offset_us)
@@ -158,7 +146,7 @@ void db_engine_port(struct db_engine *engine, bool up, int error, db_time now)
 		engine->stats.last_error = (uint32_t)error;
 	}
 	for (size_t i = 0; i < engine->node_count; i++) {
-		struct node *node = &engine->nodes[i];
+		struct node *node = engine->nodes[i];
 
 		node->flight.station = NULL;
 		if (!up)
@@ -168,7 +156,7 @@ void db_engine_port(struct db_engine *engine, bool up, int error, db_time now)
 		node->ever_probed = false;
 	}
 	for (size_t i = 0; i < engine->station_count; i++)
-		engine_publish(engine, &engine->stations[i]);
+		engine_publish(engine, engine->stations[i]);
 }
 
 void db_engine_hold(struct db_engine *engine, bool hold, db_time now)
@@ -187,7 +175,7 @@ void db_engine_hold(struct db_engine *engine, bool hold, db_time now)
 	engine->held_since = 0;
 	engine->wire_free += late;
 	for (size_t i = 0; i < engine->node_count; i++)
-		engine->nodes[i].flight.deadline += late;
+		engine->nodes[i]->flight.deadline += late;
 }
 
 /* --- letters --------------------------------------------------------------------------------------- */
@@ -195,13 +183,12 @@ void db_engine_hold(struct db_engine *engine, bool hold, db_time now)
 void engine_finish_waiting(struct db_engine *engine, const struct station *station,
                            enum db_result result, db_time now)
 {
-	size_t axis = (size_t)(station - engine->stations);
 	size_t kept = 0;
 
 	for (size_t i = 0; i < engine->waiting_count; i++) {
 		struct db_letter *letter = engine->waiting[i];
 
-		if (db_letter_request(letter)->axis == axis)
+		if (db_letter_request(letter)->axis == station->number)
 			db_letter_finish(letter, result, now);
 		else
 			engine->waiting[kept++] = letter;
@@ -225,14 +212,16 @@ static void take_letters(struct db_engine *engine, db_time now)
 
 	while ((letter = db_mailbox_take(engine->mailbox)) != NULL) {
 		const struct db_request *request = db_letter_request(letter);
-		struct station *station = &engine->stations[request->axis];
+		struct station *station = engine_station(engine, request->axis);
 
-		if (request->axis >= engine->station_count)
+		if (!station)
 			db_letter_finish(letter, DB_RESULT_FAILED, now);
 		else if (engine->shutting_down)
 			db_letter_finish(letter, DB_RESULT_CANCELLED, now);
 		else if (request->setting_count == 0 && db_command_is_stop(request->command))
 			take_stop(engine, station, letter, now);
+		else if (station->leaving)
+			db_letter_finish(letter, DB_RESULT_CANCELLED, now);
 		else if (!engine->stats.up)
 			db_letter_finish(letter, DB_RESULT_BUS_DOWN, now);
 		else if (!station->node->online)
@@ -271,10 +260,10 @@ static void start_cycle(struct db_engine *engine, db_time now)
 		engine->stats.overruns++;
 	}
 	for (size_t i = 0; i < engine->node_count; i++) {
-		struct node *node = &engine->nodes[i];
+		struct node *node = engine->nodes[i];
 
-		if (!node->online || (engine->driver->wants_poll &&
-		                      !engine->driver->wants_poll(node->first->device, now)))
+		if (!node->online ||
+		    (engine->driver->wants_poll && !engine->driver->wants_poll(node->head, now)))
 			continue;
 		node->poll_due = true;
 		engine->polling = true;
@@ -288,7 +277,7 @@ void engine_end_of_polls(struct db_engine *engine, db_time now)
 	if (!engine->polling)
 		return;
 	for (size_t i = 0; i < engine->node_count; i++) {
-		if (engine->nodes[i].poll_due)
+		if (engine->nodes[i]->poll_due)
 			return;
 	}
 	engine->polling = false;
@@ -336,13 +325,13 @@ static db_time node_wake(const struct db_engine *engine, const struct node *node
 static db_time next_wake(const struct db_engine *engine, bool more, db_time now)
 {
 	db_time may_send = engine_may_send_at(engine, false, now);
-	db_time wake = engine->cycle_at;
+	db_time wake = earliest(engine->cycle_at, engine_change_deadline(engine, now));
 
 	/* There is more to be sent as soon as the wire has room. */
 	if (more || may_send > now)
 		wake = earliest(wake, may_send > now ? may_send : now + 1);
 	for (size_t i = 0; i < engine->node_count; i++) {
-		const struct node *node = &engine->nodes[i];
+		const struct node *node = engine->nodes[i];
 
 		if (is_flying(node))
 			wake = earliest(wake, node->flight.deadline);
@@ -357,7 +346,7 @@ static void lose_overdue(struct db_engine *engine, db_time now)
 	if (engine->held_since != 0)
 		return;
 	for (size_t i = 0; engine->flights > 0 && i < engine->node_count; i++) {
-		struct node *node = &engine->nodes[i];
+		struct node *node = engine->nodes[i];
 
 		if (is_flying(node) && now >= node->flight.deadline)
 			engine_answer_lost(engine, node, now);
@@ -370,6 +359,7 @@ db_time db_engine_run(struct db_engine *engine, db_time now)
 	size_t turns = 2 * engine->node_count + 1;
 
 	take_letters(engine, now);
+	engine_carry_change(engine, now);
 	measure_utilisation(engine, now);
 	if (!engine->stats.up)
 		return DB_TIME_NEVER;
@@ -386,12 +376,13 @@ void db_engine_shut_down(struct db_engine *engine, db_time now)
 {
 	engine->shutting_down = true;
 	for (size_t i = 0; i < engine->station_count; i++) {
-		struct station *station = &engine->stations[i];
+		struct station *station = engine->stations[i];
 		enum db_command command = db_on_loss_command(station->config->on_exit);
 
 		engine_finish_waiting(engine, station, DB_RESULT_CANCELLED, now);
 		station_cancel_front(station, now);
-		if (command == DB_CMD_NONE)
+		/* Who leaves was told already. */
+		if (command == DB_CMD_NONE || station->leaving)
 			continue;
 		station->exit_request.command = command;
 		station_add_stop(station, &station->exit_request, NULL, now);
@@ -405,7 +396,7 @@ bool db_engine_is_quiet(const struct db_engine *engine)
 	if (engine->flights > 0)
 		return false;
 	for (size_t i = 0; i < engine->station_count; i++) {
-		if (engine->stations[i].stop_count > 0)
+		if (engine->stations[i]->stop_count > 0)
 			return false;
 	}
 	return true;

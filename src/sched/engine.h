@@ -28,14 +28,18 @@ struct db_engine_ops {
 	             const struct db_feedback *feedback);
 };
 
-/*
- * drives[i] are the configurations of the bus's drives, axes[i] where each is published; both, and
- * the mailbox, must outlive the engine. 0 or -ENOMEM.
- */
-int db_engine_new(const struct db_bus_config *bus, const struct db_drive_config *const *drives,
-                  struct db_axis *const *axes, size_t drive_count, struct db_mailbox *mailbox,
-                  const struct db_engine_ops *ops, void *context, struct db_engine **engine);
+/* The bus's configuration and the mailbox must outlive the engine. 0 or -ENOMEM. */
+int db_engine_new(const struct db_bus_config *bus, const struct db_bus_drive *drives,
+                  size_t drive_count, struct db_mailbox *mailbox, const struct db_engine_ops *ops,
+                  void *context, struct db_engine **engine);
 void db_engine_free(struct db_engine *engine);
+
+/*
+ * Drives leave and come, see db_bus_change() and sched/change.h. The change is the engine's until it
+ * was carried out and fetched; before the next one it must be. Null: there is none.
+ */
+void db_engine_change(struct db_engine *engine, struct db_change *change, db_time now);
+struct db_change *db_engine_take_changed(struct db_engine *engine);
 
 /* The port was opened (error 0) or lost. `wall_offset_us` turns monotonic into wall time. */
 void db_engine_port(struct db_engine *engine, bool up, int error, db_time now);

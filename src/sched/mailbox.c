@@ -22,33 +22,86 @@ struct db_letter {
 	struct db_request request;
 };
 
-struct db_mailbox {
-	size_t commands;
+/* Slots that were allocated together. The first block has those for everything and some for stops,
+ * the later ones have more for stops. */
+struct block {
+	struct block *_Atomic next;
+	size_t commands; /* so many at the beginning are for everything */
 	size_t total;
-	uint32_t next_order; /* network's: of the next letter posted */
-	uint32_t next_taken; /* bus's: of the next letter to take */
-	bool finished;       /* bus's: some letter was finished since it asked */
 	struct db_letter letters[];
 };
 
+struct db_mailbox {
+	struct block *first;
+	size_t stops;        /* network's: in all blocks */
+	uint32_t next_order; /* network's: of the next letter posted */
+	uint32_t next_taken; /* bus's: of the next letter to take */
+	bool finished;       /* bus's: some letter was finished since it asked */
+};
+
+static struct block *next_of(struct block *block)
+{
+	return atomic_load_explicit(&block->next, memory_order_acquire);
+}
+
+static struct block *new_block(struct db_mailbox *mailbox, size_t commands, size_t stops)
+{
+	size_t total = commands + stops;
+	struct block *block = calloc(1, sizeof *block + total * sizeof block->letters[0]);
+
+	if (!block)
+		return NULL;
+	block->commands = commands;
+	block->total = total;
+	for (size_t i = 0; i < total; i++)
+		block->letters[i].mailbox = mailbox;
+	return block;
+}
+
 int db_mailbox_new(size_t commands, size_t stops, struct db_mailbox **mailbox)
 {
-	struct db_mailbox *made;
+	struct db_mailbox *made = calloc(1, sizeof *made);
 
-	made = calloc(1, sizeof *made + (commands + stops) * sizeof made->letters[0]);
 	if (!made)
 		return -ENOMEM;
-	made->commands = commands;
-	made->total = commands + stops;
-	for (size_t i = 0; i < made->total; i++)
-		made->letters[i].mailbox = made;
+	made->first = new_block(made, commands, stops);
+	if (!made->first) {
+		free(made);
+		return -ENOMEM;
+	}
+	made->stops = stops;
 	*mailbox = made;
 	return 0;
 }
 
 void db_mailbox_free(struct db_mailbox *mailbox)
 {
+	struct block *block = mailbox ? mailbox->first : NULL;
+
+	while (block) {
+		struct block *next = next_of(block);
+
+		free(block);
+		block = next;
+	}
 	free(mailbox);
+}
+
+int db_mailbox_grow(struct db_mailbox *mailbox, size_t stops)
+{
+	struct block *last = mailbox->first;
+	struct block *block;
+
+	if (stops <= mailbox->stops)
+		return 0;
+	block = new_block(mailbox, 0, stops - mailbox->stops);
+	if (!block)
+		return -ENOMEM;
+	mailbox->stops = stops;
+	while (next_of(last))
+		last = next_of(last);
+	atomic_store_explicit(&last->next, block, memory_order_release);
+	return 0;
 }
 
 static enum letter_state state_of(struct db_letter *letter)
@@ -74,44 +127,64 @@ static void fill(struct db_request *to, const struct db_request *from)
 		to->settings[i] = from->settings[i];
 }
 
+static struct db_letter *free_letter(struct db_mailbox *mailbox, bool stop)
+{
+	for (struct block *block = mailbox->first; block; block = next_of(block)) {
+		size_t first = stop ? block->commands : 0;
+		size_t end = stop ? block->total : block->commands;
+
+		for (size_t i = first; i < end; i++) {
+			if (state_of(&block->letters[i]) == LETTER_FREE)
+				return &block->letters[i];
+		}
+	}
+	return NULL;
+}
+
 bool db_mailbox_post(struct db_mailbox *mailbox, const struct db_request *request)
 {
 	bool stop = request->setting_count == 0 && db_command_is_stop(request->command);
-	size_t first = stop ? mailbox->commands : 0;
-	size_t end = stop ? mailbox->total : mailbox->commands;
+	struct db_letter *letter = free_letter(mailbox, stop);
 
-	for (size_t i = first; i < end; i++) {
-		struct db_letter *letter = &mailbox->letters[i];
+	if (!letter)
+		return false;
+	fill(&letter->request, request);
+	letter->order = mailbox->next_order++;
+	letter->sent = 0;
+	pass(letter, LETTER_POSTED);
+	return true;
+}
 
-		if (state_of(letter) != LETTER_FREE)
-			continue;
-		fill(&letter->request, request);
-		letter->order = mailbox->next_order++;
-		letter->sent = 0;
-		pass(letter, LETTER_POSTED);
-		return true;
+/* Some letter in this state; of posted ones only the oldest not taken. */
+static struct db_letter *find(struct db_mailbox *mailbox, enum letter_state state)
+{
+	for (struct block *block = mailbox->first; block; block = next_of(block)) {
+		for (size_t i = 0; i < block->total; i++) {
+			struct db_letter *letter = &block->letters[i];
+
+			if (state_of(letter) == state &&
+			    (state != LETTER_POSTED || letter->order == mailbox->next_taken))
+				return letter;
+		}
 	}
-	return false;
+	return NULL;
 }
 
 bool db_mailbox_collect(struct db_mailbox *mailbox, struct db_completion *completion)
 {
-	for (size_t i = 0; i < mailbox->total; i++) {
-		struct db_letter *letter = &mailbox->letters[i];
+	struct db_letter *letter = find(mailbox, LETTER_DONE);
 
-		if (state_of(letter) != LETTER_DONE)
-			continue;
-		*completion = (struct db_completion){
-			.ticket = letter->request.ticket,
-			.axis = letter->request.axis,
-			.result = letter->result,
-			.sent = letter->sent,
-			.finished = letter->finished,
-		};
-		pass(letter, LETTER_FREE);
-		return true;
-	}
-	return false;
+	if (!letter)
+		return false;
+	*completion = (struct db_completion){
+		.ticket = letter->request.ticket,
+		.axis = letter->request.axis,
+		.result = letter->result,
+		.sent = letter->sent,
+		.finished = letter->finished,
+	};
+	pass(letter, LETTER_FREE);
+	return true;
 }
 
 /*
@@ -120,16 +193,13 @@ bool db_mailbox_collect(struct db_mailbox *mailbox, struct db_completion *comple
  */
 struct db_letter *db_mailbox_take(struct db_mailbox *mailbox)
 {
-	for (size_t i = 0; i < mailbox->total; i++) {
-		struct db_letter *letter = &mailbox->letters[i];
+	struct db_letter *letter = find(mailbox, LETTER_POSTED);
 
-		if (state_of(letter) != LETTER_POSTED || letter->order != mailbox->next_taken)
-			continue;
-		mailbox->next_taken++;
-		pass(letter, LETTER_TAKEN);
-		return letter;
-	}
-	return NULL;
+	if (!letter)
+		return NULL;
+	mailbox->next_taken++;
+	pass(letter, LETTER_TAKEN);
+	return letter;
 }
 
 const struct db_request *db_letter_request(const struct db_letter *letter)

@@ -2,8 +2,8 @@
 /*
  * The only way of commands between the network thread and one bus thread: a fixed set of slots, each
  * owned by one side at a time. The network fills a free slot; the bus works on it in place and marks
- * it done; the network collects the result, which frees the slot. Nothing is allocated after the
- * start and nothing can overflow: a completion lives in the slot of its own request.
+ * it done; the network collects the result, which frees the slot. The bus allocates nothing, and
+ * nothing can overflow: a completion lives in the slot of its own request.
  */
 #ifndef DRIVEBRIDGE_SCHED_MAILBOX_H
 #define DRIVEBRIDGE_SCHED_MAILBOX_H
@@ -19,6 +19,10 @@ struct db_letter; /* one request, while the bus has it */
 /* `commands` slots for everything, `stops` more that only stops may use. */
 int db_mailbox_new(size_t commands, size_t stops, struct db_mailbox **mailbox);
 void db_mailbox_free(struct db_mailbox *mailbox);
+
+/* Network thread, also while the bus works: at least so many slots that only stops may use. There
+ * are never fewer than before. 0 or -ENOMEM. */
+int db_mailbox_grow(struct db_mailbox *mailbox, size_t stops);
 
 /* Network thread. False when no slot is free for this kind of request. */
 bool db_mailbox_post(struct db_mailbox *mailbox, const struct db_request *request);

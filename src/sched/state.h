@@ -3,6 +3,7 @@
 #ifndef DRIVEBRIDGE_SCHED_STATE_H
 #define DRIVEBRIDGE_SCHED_STATE_H
 
+#include "sched/change.h"
 #include "sched/engine.h"
 #include "sched/station.h"
 
@@ -49,10 +50,12 @@ struct db_engine {
 	size_t next_stop;
 	size_t next_identify;
 	size_t next_probe;
-	struct node *nodes;
+	struct node **nodes; /* in order of their first drive's coming */
 	size_t node_count;
+	struct station **stations; /* in order of coming */
 	size_t station_count;
-	struct station stations[];
+	struct db_change *change;  /* under way */
+	struct db_change *changed; /* carried out, not fetched */
 };
 
 static inline bool is_flying(const struct node *node)
@@ -61,6 +64,8 @@ static inline bool is_flying(const struct node *node)
 }
 
 /* engine.c */
+/* The drive of this number, or null. */
+struct station *engine_station(const struct db_engine *engine, uint16_t number);
 /* Shows what the driver knows, and tells what is new in it. */
 void engine_publish(struct db_engine *engine, struct station *station);
 /* Tells that a drive does not answer, unless that was told since it last did. */
@@ -79,7 +84,15 @@ db_time engine_stop_at(const struct db_engine *engine, const struct station *sta
 /* When something may be sent at the earliest, DB_TIME_NEVER: when something has happened. */
 db_time engine_may_send_at(const struct db_engine *engine, bool stop, db_time now);
 
+/* change.c */
+/* Takes out who can leave now; when nobody leaves any more, takes in who comes. */
+void engine_carry_change(struct db_engine *engine, db_time now);
+/* When it is to be looked at again at the latest. */
+db_time engine_change_deadline(const struct db_engine *engine, db_time now);
+
 /* answer.c */
+/* The drive is there, as one of a node that answers. */
+void engine_come_online(struct db_engine *engine, struct station *station);
 /* The exchange is not under way any more. */
 void engine_end_flight(struct db_engine *engine, struct node *node, db_time now);
 void engine_go_offline(struct db_engine *engine, struct node *node, enum db_result result,

@@ -1,17 +1,32 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sched/station.h"
 
-#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
 /* --- nodes ------------------------------------------------------------------------------------- */
 
-void node_init(struct node *node, const struct db_bus_config *bus, unsigned address)
+struct node *node_new(const struct db_bus_config *bus, unsigned address)
 {
+	struct node *node = calloc(1, sizeof *node);
+
+	if (!node)
+		return NULL;
 	node->address = address;
 	node->probe_backoff = PROBE_BACKOFF_MIN;
 	node->ghost_time = GHOST_LATENCIES * (db_time)bus->drive_latency_ms * DB_NS_PER_MS;
+	return node;
+}
+
+void node_free(struct node *node)
+{
+	while (node) {
+		struct node *also = node->also;
+
+		free(node->head);
+		free(node);
+		node = also;
+	}
 }
 
 void node_note_ghost(struct node *node, bool probe, db_time now)
@@ -24,6 +39,13 @@ void node_note_ghost(struct node *node, bool probe, db_time now)
 		node->ghosts = 0;
 	node->ghosts++;
 	node->ghosts_until = now + node->ghost_time;
+}
+
+void node_inherit_ghosts(struct node *node, const struct node *from)
+{
+	node->risky_until = from->risky_until;
+	node->ghosts = from->ghosts;
+	node->ghosts_until = from->ghosts_until;
 }
 
 db_time node_haunted_until(const struct node *node, db_time now)
@@ -55,26 +77,21 @@ bool node_is_ghost(struct node *node, db_time now)
 
 /* --- stations ---------------------------------------------------------------------------------- */
 
-static void join(struct station *station, struct node *node)
+struct station *station_new(const struct db_bus_config *bus, const struct db_bus_drive *drive)
 {
-	struct station **place = &node->first;
+	struct station *station = calloc(1, sizeof *station);
 
-	while (*place)
-		place = &(*place)->next_axis;
-	*place = station;
-	station->node = node;
-}
-
-int station_init(struct station *station, struct node *node, const struct db_bus_config *bus,
-                 const struct db_drive_config *drive, struct db_axis *axis)
-{
-	const struct db_driver *driver = bus->driver;
-
-	station->config = drive;
-	station->axis = axis;
-	station->device = calloc(1, driver->device_size);
-	if (!station->device)
-		return -ENOMEM;
+	if (!station)
+		return NULL;
+	station->number = drive->number;
+	station->config = drive->config;
+	station->axis = drive->axis;
+	station->device = calloc(1, bus->driver->device_size);
+	station->spare = node_new(bus, drive->config->address);
+	if (!station->device || !station->spare) {
+		station_free(station);
+		return NULL;
+	}
 	for (size_t i = 0; i < LANE_COUNT; i++) {
 		struct db_exchange *exchange = &station->lanes[i].exchange;
 
@@ -83,15 +100,62 @@ int station_init(struct station *station, struct node *node, const struct db_bus
 	}
 	station->lanes[LANE_FRONT].exchange.request = station->front_request;
 	station->lanes[LANE_FRONT].exchange.request_size = sizeof station->front_request;
-	join(station, node);
-	driver->init(station->device, station == node->first ? NULL : node->first->device, bus,
-	             drive);
-	return 0;
+	return station;
 }
 
-void station_release(struct station *station)
+void station_free(struct station *station)
 {
-	free(station->device);
+	if (!station)
+		return;
+	/* Which of the two has the head, when it is at no node, was settled when it parted. */
+	if (!station->node || station->device != station->node->head)
+		free(station->device);
+	node_free(station->spare);
+	free(station);
+}
+
+static struct station **last_place(struct node *node)
+{
+	struct station **place = &node->first;
+
+	while (*place)
+		place = &(*place)->next_axis;
+	return place;
+}
+
+void station_join(struct station *station, struct node *node, const struct db_bus_config *bus)
+{
+	*last_place(node) = station;
+	station->node = node;
+	bus->driver->init(station->device, node->head, bus, station->config);
+	if (!node->head)
+		node->head = station->device;
+}
+
+bool station_part(struct station *station, const struct db_driver *driver)
+{
+	struct node *node = station->node;
+	struct station **place = &node->first;
+
+	while (*place != station)
+		place = &(*place)->next_axis;
+	*place = station->next_axis;
+	station->next_axis = NULL;
+	station->node = NULL;
+	if (node->first) {
+		driver->leave(station->device);
+	} else {
+		node->also = station->spare;
+		station->spare = node;
+	}
+	if (station->device == node->head)
+		station->device = NULL;
+	return !node->first;
+}
+
+struct db_device *station_device(const struct station *station, enum lane_kind kind)
+{
+	return kind == LANE_POLL || kind == LANE_PROBE ? station->node->head : station->device;
 }
 
 void station_publish(struct station *station, const struct db_driver *driver, bool bus_up,
@@ -176,6 +240,19 @@ void station_finish_stop(struct station *station, enum db_result result, db_time
 	station->stop_at = now;
 }
 
+void station_drop_stops(struct station *station, db_time now)
+{
+	for (unsigned i = 0; i < station->stop_count; i++) {
+		struct pending_stop *stop = &station->stops[i];
+
+		if (stop->letter)
+			db_letter_finish(stop->letter,
+			                 stop->sent ? DB_RESULT_INDETERMINATE : DB_RESULT_CANCELLED,
+			                 now);
+	}
+	station->stop_count = 0;
+}
+
 bool station_front_flies(const struct station *station)
 {
 	const struct flight *flight = &station->node->flight;
@@ -202,6 +279,7 @@ void station_finish_front(struct station *station, enum db_result result, db_tim
 	db_letter_finish(station->front_letter, result, now);
 	station->front_letter = NULL;
 	station->front_cancelled = false;
+	station->front_ended = now;
 	lane->active = false;
 	lane->ready = false;
 }

@@ -7,6 +7,7 @@
 #ifndef DRIVEBRIDGE_SCHED_STATION_H
 #define DRIVEBRIDGE_SCHED_STATION_H
 
+#include "drivebridge/bus.h"
 #include "drivebridge/driver.h"
 #include "sched/mailbox.h"
 
@@ -45,8 +46,11 @@ struct flight {
 
 struct node {
 	unsigned address;
+	struct node *also;     /* another spare one, freed with it */
 	struct station *first; /* the others follow, linked by next_axis */
-	struct flight flight;  /* one exchange at a time */
+	struct db_device
+		*head;        /* the first drive's; polls for all, and stays when that drive goes */
+	struct flight flight; /* one exchange at a time */
 
 	bool online;
 	bool in_step;
@@ -80,11 +84,14 @@ struct told {
 };
 
 struct station {
+	uint16_t number; /* as requests name it */
 	struct node *node;
+	struct node *spare;        /* in case that it is the first at its address; freed with it */
 	struct station *next_axis; /* at the same address */
 	const struct db_drive_config *config;
 	struct db_axis *axis;
-	struct db_device *device;
+	struct db_device *device; /* null once its node keeps it as its head */
+	bool leaving;             /* to be taken out as soon as it can be */
 	struct db_snapshot snapshot;
 	struct told told;
 	struct lane lanes[LANE_COUNT];
@@ -98,6 +105,7 @@ struct station {
 
 	struct db_letter *front_letter;
 	bool front_cancelled;
+	db_time front_ended; /* the last one */
 
 	struct pending_stop stops[STOPS_MAX];
 	unsigned stop_count;
@@ -122,11 +130,15 @@ struct station {
 
 /* --- nodes ------------------------------------------------------------------------------------- */
 
-/* The node's memory is zeroed. */
-void node_init(struct node *node, const struct db_bus_config *bus, unsigned address);
+/* With no station yet. Null when out of memory. */
+struct node *node_new(const struct db_bus_config *bus, unsigned address);
+/* Its head too; not its stations. */
+void node_free(struct node *node);
 
 /* An exchange went without its answer; `probe` tells which kind it was. */
 void node_note_ghost(struct node *node, bool probe, db_time now);
+/* Another node takes its place at its address: answers to the old one may still come. */
+void node_inherit_ghosts(struct node *node, const struct node *from);
 /* Until when it is no use to send a probe, because its answer could not be told from a ghost. */
 db_time node_haunted_until(const struct node *node, db_time now);
 /* It must be asked a probe first, and the answer could not be told from an earlier one's yet. */
@@ -136,10 +148,17 @@ bool node_is_ghost(struct node *node, db_time now);
 
 /* --- stations ---------------------------------------------------------------------------------- */
 
-/* Becomes one of the node's. 0 or -ENOMEM. The station's memory is zeroed. */
-int station_init(struct station *station, struct node *node, const struct db_bus_config *bus,
-                 const struct db_drive_config *drive, struct db_axis *axis);
-void station_release(struct station *station);
+/* With a spare node, at no node yet. Null when out of memory. Any thread. */
+struct station *station_new(const struct db_bus_config *bus, const struct db_bus_drive *drive);
+void station_free(struct station *station);
+
+/* Becomes one of the node's. */
+void station_join(struct station *station, struct node *node, const struct db_bus_config *bus);
+/* The opposite; a node without stations becomes its spare one. True then. */
+bool station_part(struct station *station, const struct db_driver *driver);
+
+/* The device that does this kind of job. */
+struct db_device *station_device(const struct station *station, enum lane_kind kind);
 
 /* Copies what the driver knows to the other threads. */
 void station_publish(struct station *station, const struct db_driver *driver, bool bus_up,
@@ -152,6 +171,9 @@ void station_add_stop(struct station *station, const struct db_request *request,
                       struct db_letter *letter, db_time now);
 /* The stop that was on the wire ended: everyone who had asked for it by then learns how. */
 void station_finish_stop(struct station *station, enum db_result result, db_time now);
+
+/* Ends the stops that wait, whether or not they went out. */
+void station_drop_stops(struct station *station, db_time now);
 
 /* The running command or parameter write is on the wire now. */
 bool station_front_flies(const struct station *station);

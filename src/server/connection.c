@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "server/connection.h"
 
+#include "server/listener.h"
+
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -30,8 +32,9 @@ struct db_connection {
 	int fd;
 	uint32_t events; /* what epoll waits for */
 
-	/* Ring of max_pipelined entries, there only while it is not empty. */
+	/* Ring of `room` entries, there only while it is not empty. */
 	struct entry *queue;
+	unsigned room;
 	uint32_t sequence; /* of the first entry; the others follow without gaps */
 	unsigned first, queued, unfinished;
 
@@ -110,6 +113,21 @@ void db_connection_describe(const struct db_connection *c, struct db_server_clie
 		.idle = now > c->active_since ? now - c->active_since : 0,
 		.connected = now > c->since ? now - c->since : 0,
 	};
+}
+
+void db_connection_adapt(struct db_connection *c, bool may_write, struct db_peer *peer)
+{
+	c->client.may_write = may_write;
+	c->peer = peer;
+	db_listener_tune(c->fd, c->group->config->keepalive_s);
+}
+
+void db_connection_take_turn(struct db_connection *c, db_time now)
+{
+	if (c->turn == 0)
+		return;
+	c->turn = 0;
+	c->active_since = now;
 }
 
 void db_connection_refused(struct db_connection *c, enum db_refusal kind, db_time now)
@@ -196,7 +214,7 @@ static void answer(struct db_connection *c, const struct db_request *request, ui
 
 static struct entry *entry_at(const struct db_connection *c, unsigned index)
 {
-	return &c->queue[(c->first + index) % c->group->config->max_pipelined];
+	return &c->queue[(c->first + index) % c->room];
 }
 
 /* Answers the first request in the queue, if its turn has come. */
@@ -207,7 +225,7 @@ static bool answer_queued(struct db_connection *c)
 	if (!entry || entry->unfinished)
 		return false;
 	answer(c, &entry->request, entry->exception);
-	c->first = (c->first + 1) % c->group->config->max_pipelined;
+	c->first = (c->first + 1) % c->room;
 	c->sequence++;
 	if (--c->queued == 0) {
 		free(c->queue);
@@ -221,7 +239,8 @@ static bool ensure_queue(struct db_connection *c)
 	if (c->queue)
 		return true;
 	c->first = 0;
-	c->queue = malloc(c->group->config->max_pipelined * sizeof(*c->queue));
+	c->room = c->group->config->max_pipelined;
+	c->queue = malloc(c->room * sizeof(*c->queue));
 	return c->queue;
 }
 
@@ -325,7 +344,7 @@ static enum taken take_request(struct db_connection *c, size_t *offset, db_time 
 	}
 	if (length == 0)
 		return NOTHING_TO_TAKE;
-	if (c->queued == c->group->config->max_pipelined)
+	if (c->queue && (c->queued == c->room || c->queued >= c->group->config->max_pipelined))
 		return MUST_WAIT;
 	result = db_pdu_parse(adu, (size_t)length, &request);
 	if (result == 0 && depends_on_unfinished(c, &request))

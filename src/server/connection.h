@@ -21,7 +21,7 @@ struct db_connection;
 
 /* What all connections of a server share. */
 struct db_connection_group {
-	const struct db_modbus_config *config;
+	const struct db_modbus_config *config; /* may be another one between two calls */
 	struct db_executor executor;
 	struct db_server_stats stats;
 	struct db_peers *peers;
@@ -47,6 +47,13 @@ void db_connection_free(struct db_connection *connection);
 const struct db_client *db_connection_client(const struct db_connection *connection);
 void db_connection_describe(const struct db_connection *connection,
                             struct db_server_client *description, db_time now);
+
+/* The group's configuration is another one now: what its client may do, and where what is remembered
+ * of its address is. It goes on with db_connection_advance(). */
+void db_connection_adapt(struct db_connection *connection, bool may_write, struct db_peer *peer);
+
+/* A request that waits for its turn need not wait any longer. */
+void db_connection_take_turn(struct db_connection *connection, db_time now);
 
 /* Counts that something was refused to its client, and has it told. */
 void db_connection_refused(struct db_connection *connection, enum db_refusal kind, db_time now);

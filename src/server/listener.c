@@ -5,11 +5,11 @@
 #include <netdb.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
+#include <stdbool.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define BACKLOG 128
 #define KEEPALIVE_PROBES 3
 /* For a peer that is alive but takes no answers, or it keeps its place for ever; without keepalive. */
 #define UNSENT_TIMEOUT_S 60
@@ -57,33 +57,48 @@ static int resolve(const char *text, struct addrinfo **found)
 	return getaddrinfo(host, colon + 1, &hints, found) == 0 ? 0 : -EINVAL;
 }
 
-int db_listener_open(const char *address)
+static int open_socket(const struct addrinfo *info, bool shared)
 {
-	struct addrinfo *info;
-	int error = resolve(address, &info);
-	int fd;
+	int fd = socket(info->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+	int error;
 
-	if (error)
-		return error;
-	fd = socket(info->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-	if (fd < 0) {
-		error = -errno;
-		freeaddrinfo(info);
-		return error;
-	}
+	if (fd < 0)
+		return -errno;
 	set_option(fd, SOL_SOCKET, SO_REUSEADDR, 1);
+	set_option(fd, SOL_SOCKET, SO_REUSEPORT, shared);
 	/* Accepted sockets inherit these two; the window is settled before accept() returns. */
 	set_option(fd, SOL_SOCKET, SO_RCVBUF, SOCKET_BUFFER);
 	set_option(fd, SOL_SOCKET, SO_SNDBUF, SOCKET_BUFFER);
 	if (info->ai_family == AF_INET6)
 		set_option(fd, IPPROTO_IPV6, IPV6_V6ONLY, 0);
-	if (bind(fd, info->ai_addr, info->ai_addrlen) < 0 || listen(fd, BACKLOG) < 0) {
+	if (bind(fd, info->ai_addr, info->ai_addrlen) < 0 || listen(fd, DB_LISTENER_BACKLOG) < 0) {
 		error = -errno;
 		close(fd);
-		fd = error;
+		return error;
 	}
+	set_option(fd, SOL_SOCKET, SO_REUSEPORT, 0);
+	return fd;
+}
+
+int db_listener_open_beside(int other, const char *address)
+{
+	struct addrinfo *info;
+	int fd = resolve(address, &info);
+
+	if (fd < 0)
+		return fd;
+	if (other >= 0)
+		set_option(other, SOL_SOCKET, SO_REUSEPORT, 1);
+	fd = open_socket(info, other >= 0);
+	if (other >= 0)
+		set_option(other, SOL_SOCKET, SO_REUSEPORT, 0);
 	freeaddrinfo(info);
 	return fd;
+}
+
+int db_listener_open(const char *address)
+{
+	return db_listener_open_beside(-1, address);
 }
 
 uint16_t db_listener_port(int fd)
@@ -109,8 +124,8 @@ void db_listener_tune(int fd, unsigned keepalive_s)
 	int dead = keepalive_s > 0 ? (KEEPALIVE_PROBES + 1) * probe : UNSENT_TIMEOUT_S;
 
 	set_option(fd, IPPROTO_TCP, TCP_NODELAY, 1);
+	set_option(fd, SOL_SOCKET, SO_KEEPALIVE, keepalive_s > 0);
 	if (keepalive_s > 0) {
-		set_option(fd, SOL_SOCKET, SO_KEEPALIVE, 1);
 		set_option(fd, IPPROTO_TCP, TCP_KEEPIDLE, probe);
 		set_option(fd, IPPROTO_TCP, TCP_KEEPINTVL, probe);
 		set_option(fd, IPPROTO_TCP, TCP_KEEPCNT, KEEPALIVE_PROBES);

@@ -38,6 +38,34 @@ void db_peers_free(struct db_peers *peers)
 	free(peers);
 }
 
+static void copy_some(struct db_peers *peers, const struct db_peers *from, bool connected,
+                      size_t *used)
+{
+	for (size_t i = 0; i < from->count && *used < peers->count; i++) {
+		const struct db_peer *peer = &from->peers[i];
+
+		if (peer->seen != 0 && (peer->connections > 0) == connected)
+			peers->peers[(*used)++] = *peer;
+	}
+}
+
+void db_peers_copy(struct db_peers *peers, const struct db_peers *from)
+{
+	size_t used = 0;
+
+	copy_some(peers, from, true, &used);
+	copy_some(peers, from, false, &used);
+	peers->deadline = from->deadline;
+	peers->period = from->period;
+	peers->lines = from->lines;
+}
+
+void db_peers_reset_rates(struct db_peers *peers)
+{
+	for (size_t i = 0; i < peers->count; i++)
+		peers->peers[i].rate = (struct db_rate){ 0 };
+}
+
 struct db_peer *db_peers_find(struct db_peers *peers, const uint8_t address[16], db_time now)
 {
 	/* There are more places than connections: the place taken in the end is free of them. */

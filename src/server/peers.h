@@ -44,6 +44,13 @@ struct db_peers;
 struct db_peers *db_peers_new(size_t connections, db_peers_tell_fn *tell, void *context);
 void db_peers_free(struct db_peers *peers);
 
+/* Copies what another one knows, as far as there is room: those with connections first, for which there
+ * must be. What connections point to is then to be found anew. */
+void db_peers_copy(struct db_peers *peers, const struct db_peers *from);
+
+/* Every address may ask at once again. */
+void db_peers_reset_rates(struct db_peers *peers);
+
 /* The entry of an address; when it is new it takes the place of the one not seen for longest. Valid
  * until the next call, or as long as it has connections, which the caller counts. */
 struct db_peer *db_peers_find(struct db_peers *peers, const uint8_t address[16], db_time now);

@@ -38,8 +38,9 @@ struct db_server {
 	bool busy;            /* some connection is being served */
 	bool late_answers;    /* answers came meanwhile */
 	size_t readers;       /* connections that may only read */
+	size_t room;          /* at least max_clients */
 	size_t count;
-	struct db_connection *connections[]; /* max_clients places, in the order they came */
+	struct db_connection **connections; /* in the order they came */
 };
 
 static db_time loop_time(const struct db_server *server)
@@ -156,7 +157,7 @@ static enum db_refusal refusal_of(const struct db_server *server, enum db_access
 	if (config->max_clients_per_address > 0 &&
 	    peer->connections >= config->max_clients_per_address)
 		return DB_REFUSED_PER_ADDRESS;
-	if (server->count == config->max_clients)
+	if (server->count >= config->max_clients)
 		return DB_REFUSED_FULL;
 	if (access == DB_ACCESS_READ &&
 	    server->readers + config->reserved_writers >= config->max_clients)
@@ -213,13 +214,13 @@ static void add_client(struct db_server *server, int fd, const struct sockaddr_s
 	db_group_refused(&server->group, peer, refusal, now);
 }
 
-static void accept_clients(struct db_server *server)
+static void accept_clients(struct db_server *server, int most)
 {
 	struct sockaddr_storage peer;
 	socklen_t length;
 	int fd;
 
-	for (int i = 0; i < ACCEPTS_AT_ONCE; i++) {
+	for (int i = 0; i < most; i++) {
 		length = sizeof(peer);
 		fd = accept4(server->listener, (struct sockaddr *)&peer, &length,
 		             SOCK_NONBLOCK | SOCK_CLOEXEC);
@@ -254,7 +255,7 @@ static int on_ready(sd_event_source *source, int fd, uint32_t revents, void *use
 			conclude(server, events[i].data.ptr,
 			         db_connection_ready(events[i].data.ptr, events[i].events, now));
 		else
-			accept_clients(server);
+			accept_clients(server, ACCEPTS_AT_ONCE);
 	}
 	leave(server);
 	return 0;
@@ -344,9 +345,15 @@ int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
 
 	if (config->max_clients == 0 || config->max_pipelined == 0)
 		return -EINVAL;
-	server = calloc(1, sizeof(*server) + config->max_clients * sizeof(server->connections[0]));
+	server = calloc(1, sizeof(*server));
 	if (!server)
 		return -ENOMEM;
+	server->room = config->max_clients;
+	server->connections = calloc(server->room, sizeof(server->connections[0]));
+	if (!server->connections) {
+		free(server);
+		return -ENOMEM;
+	}
 	server->group.config = config;
 	server->group.executor = (struct db_executor){ backend, context };
 	server->loop = sd_event_ref(loop);
@@ -389,7 +396,163 @@ void db_server_free(struct db_server *server)
 		close(server->group.epoll);
 	db_peers_free(server->group.peers);
 	sd_event_unref(server->loop);
+	free(server->connections);
 	free(server);
+}
+
+/* --- other settings -------------------------------------------------------------------------------- */
+
+struct db_server_change {
+	const struct db_modbus_config *config;
+	int listener; /* the new one, in the epoll set already; -1: it stays as it is */
+	/* Both null: there is room enough. */
+	struct db_connection **connections;
+	struct db_peers *peers;
+};
+
+static int prepare_listener(const struct db_server *server, struct db_server_change *change)
+{
+	struct epoll_event event = { .events = 0 };
+
+	if (strcmp(change->config->listen, server->group.config->listen) == 0)
+		return 0;
+	change->listener = db_listener_open_beside(server->listener, change->config->listen);
+	if (change->listener < 0)
+		return change->listener;
+	if (epoll_ctl(server->group.epoll, EPOLL_CTL_ADD, change->listener, &event) < 0)
+		return -errno;
+	return 0;
+}
+
+static int prepare_room(struct db_server *server, struct db_server_change *change)
+{
+	size_t room = change->config->max_clients;
+
+	if (room <= server->room)
+		return 0;
+	change->connections = calloc(room, sizeof(change->connections[0]));
+	change->peers = db_peers_new(room, tell_refusal, server);
+	return change->connections && change->peers ? 0 : -ENOMEM;
+}
+
+int db_server_prepare(struct db_server *server, const struct db_modbus_config *config,
+                      struct db_server_change **change)
+{
+	struct db_server_change *made = calloc(1, sizeof(*made));
+	int error;
+
+	if (!made)
+		return -ENOMEM;
+	made->config = config;
+	made->listener = -1;
+	error = prepare_room(server, made);
+	if (error == 0)
+		error = prepare_listener(server, made);
+	if (error < 0) {
+		db_server_change_free(made);
+		return error;
+	}
+	*change = made;
+	return 0;
+}
+
+void db_server_change_free(struct db_server_change *change)
+{
+	if (!change)
+		return;
+	if (change->listener >= 0)
+		close(change->listener);
+	db_peers_free(change->peers);
+	free(change->connections);
+	free(change);
+}
+
+static void take_room(struct db_server *server, struct db_server_change *change)
+{
+	struct db_connection **connections = server->connections;
+	struct db_peers *peers = server->group.peers;
+
+	if (!change->connections)
+		return;
+	memcpy(change->connections, connections, server->count * sizeof(connections[0]));
+	db_peers_copy(change->peers, peers);
+	server->connections = change->connections;
+	server->group.peers = change->peers;
+	server->room = server->group.config->max_clients;
+	change->connections = connections;
+	change->peers = peers;
+}
+
+/* Who knocked at the old address in time is let in. */
+static void take_listener(struct db_server *server, struct db_server_change *change)
+{
+	int old = server->listener;
+
+	if (change->listener < 0)
+		return;
+	accept_clients(server, DB_LISTENER_BACKLOG + 1);
+	server->listener = change->listener;
+	change->listener = old;
+	set_accepting(server, true);
+}
+
+static void close_out(struct db_server *server, size_t index)
+{
+	char text[DB_CLIENT_ADDRESS_MAX];
+	struct db_log_about about = { .client = text };
+
+	db_client_address(db_connection_client(server->connections[index])->address, text);
+	db_log(&server->log, loop_time(server), DB_EVENT_CLIENT_REFUSED, &about,
+	       "connection closed: it is in neither allow-read nor allow-write any more");
+	drop(server, index);
+}
+
+static void adapt(struct db_server *server, size_t index, db_time now)
+{
+	struct db_connection *connection = server->connections[index];
+	const struct db_client *client = db_connection_client(connection);
+	const struct db_executor *executor = &server->group.executor;
+	enum db_access access = db_acl_access(server->group.config, client->address);
+	bool could_write = client->may_write;
+
+	if (access == DB_ACCESS_NONE) {
+		close_out(server, index);
+		return;
+	}
+	server->readers -= !could_write;
+	db_connection_adapt(connection, access == DB_ACCESS_WRITE,
+	                    db_peers_find(server->group.peers, client->address, now));
+	server->readers += !client->may_write;
+	if (could_write && !client->may_write && executor->backend->restricted)
+		executor->backend->restricted(executor->context, client);
+}
+
+/* What an address has used up was of another share. */
+static void forget_pace(struct db_server *server, db_time now)
+{
+	db_peers_reset_rates(server->group.peers);
+	for (size_t i = 0; i < server->count; i++)
+		db_connection_take_turn(server->connections[i], now);
+}
+
+void db_server_change(struct db_server *server, struct db_server_change *change)
+{
+	unsigned pace = server->group.config->max_requests_per_second;
+	db_time now = loop_time(server);
+
+	server->busy = true;
+	server->group.config = change->config;
+	server->log.level = change->config->log;
+	take_room(server, change);
+	for (size_t i = server->count; i-- > 0;)
+		adapt(server, i, now);
+	if (change->config->max_requests_per_second != pace)
+		forget_pace(server, now);
+	take_listener(server, change);
+	/* What waited for its turn goes on, and time limits may be nearer now. */
+	server->late_answers = true;
+	leave(server);
+	db_server_change_free(change);
 }
 
 void db_server_answer(struct db_server *server, struct db_write_token token, uint8_t exception)

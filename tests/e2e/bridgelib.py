@@ -49,6 +49,9 @@ HOMED_BIT = 1 << 2
 ORIGIN_LOST_BIT = 1 << 11
 PARAMS_VALID_BIT = 1 << 12
 
+# How the last line about a reload ends.
+RELOAD_ENDS = ("reload: done\n", "nothing changes\n")
+
 WIDTHS = {"u16": 1, "i16": 1, "bits16": 1, "u32": 2, "i32": 2, "f32": 2, "bits32": 2, "u64": 4}
 FORMATS = {
     "u16": ">H",
@@ -505,17 +508,17 @@ class Bridge:
         self.ended = False
 
         keys = {"listen": "127.0.0.1:0", "confirm-ms": 2000, **(modbus or {})}
-        parts = [section("modbus", keys)]
+        self.sections = {"modbus": keys}
         # Twice the default latency: many tests side by side keep a machine busy.
         keys = {"protocol": "vsmd-serial", "device": self.link, "baud": baud, "line": line,
                 "cycle-ms": 20, "drive-latency-ms": 60, **(bus or {})}
-        parts.append(section("bus line", keys))
+        self.sections["bus line"] = keys
         for number in range(1, drives + 1):
             keys = {"bus": "line", "address": None if line == "rs232" else number,
                     "unit": number, "watchdog-ms": 0, **(drive or {}),
                     **(per_drive or {}).get(number, {})}
-            parts.append(section(f"drive drive{number}", keys))
-        self.config_path.write_text(text or "\n".join(parts), encoding="utf-8")
+            self.sections[f"drive drive{number}"] = keys
+        self.write_config(text)
 
         keys = {"protocol": "vsmd-serial", "device": "pty", "baud": baud, "line": line,
                 "latency-us": 200, **(sim_bus or {})}
@@ -528,6 +531,13 @@ class Bridge:
                     **(sim_per_drive or {}).get(number, {})}
             parts.append(section(f"drive drive{number}", keys))
         self.sim = Sim(place, "\n".join(parts), {"line": self.link})
+
+    def write_config(self, text=None):
+        """What the sections say, at once: a reload never finds half a file."""
+        text = text or "\n".join(section(title, keys) for title, keys in self.sections.items())
+        fresh = self.config_path.with_suffix(".new")
+        fresh.write_text(text, encoding="utf-8")
+        os.replace(fresh, self.config_path)
 
     # --- running
 
@@ -569,6 +579,24 @@ class Bridge:
         self.units = {}
         self.process.send_signal(signal.SIGTERM)
         return self.process.wait(5)
+
+    def log_size(self):
+        return self.log_path.stat().st_size
+
+    def log_since(self, offset):
+        return self.log_path.read_bytes()[offset:].decode(errors="replace")
+
+    def hang_up(self):
+        self.process.send_signal(signal.SIGHUP)
+
+    def reload(self, text=None, timeout=10.0):
+        """Writes the sections as they are now and has them taken. What was logged about it."""
+        self.write_config(text)
+        offset = self.log_size()
+        self.hang_up()
+        eventually(lambda: any(end in self.log_since(offset) for end in RELOAD_ENDS), timeout,
+                   "the end of the reload")
+        return self.log_since(offset)
 
     def restart_bridge(self):
         assert self.stop_bridge() == 0

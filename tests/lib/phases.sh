@@ -116,8 +116,8 @@ phase_threads() {
 	fi
 	export TSAN_OPTIONS=second_deadlock_stack=1
 	run_ctest tsan "${prefix[@]}"
-	# Commands and reads are where the threads meet.
-	run_pytest tsan "${prefix[@]}" -- tests/e2e/test_exactly_once.py
+	# Commands and reads are where the threads meet, and reloads hand drives from one to the other.
+	run_pytest tsan "${prefix[@]}" -- tests/e2e/test_exactly_once.py tests/e2e/test_reload.py
 }
 
 c_files() {

@@ -36,6 +36,8 @@ static const char *type_of(const struct db_config_key *key)
 		return "word";
 	case DB_KEY_TEXT:
 		return "text";
+	case DB_KEY_CPUS:
+		return "processors";
 	case DB_KEY_LISTEN:
 		return "address";
 	case DB_KEY_NETWORKS:

@@ -106,7 +106,6 @@ static void init_with(struct fake *fake, bool accept, uint32_t watchdog_ms, bool
 		.drive_config = &fake->drive,
 		.commands = driver.commands,
 		.drive = 7,
-		.bus_axis = 3,
 		.ids_by_client = ids_by_client,
 		.confirm_ms = 40,
 		.accept_writes = accept,
@@ -170,7 +169,7 @@ static void finish(struct fake *fake, unsigned request, enum db_result result)
 {
 	struct db_completion completion = {
 		.ticket = fake->requests[request].ticket,
-		.axis = 3,
+		.axis = 7,
 		.result = result,
 		.finished = fake->now,
 	};
@@ -204,7 +203,7 @@ static void id_0_executes_each_time(void **state)
 		assert_int_equal(fake.answered, i + 1);
 		assert_int_equal(fake.answered_with[i], 0);
 	}
-	assert_int_equal(fake.requests[0].axis, 3);
+	assert_int_equal(fake.requests[0].axis, 7);
 	assert_int_equal(fake.requests[0].command, DB_CMD_MOVE_RELATIVE);
 	assert_int_equal(fake.requests[0].args.target_position, 5);
 	assert_int_equal(fake.requests[0].setting_count, 0);

@@ -255,6 +255,30 @@ static void one_cycle_asks_once_for_all_axes(void **state)
 	drop(f);
 }
 
+/* The first axis leaves and goes on to ask for the other; then it comes back. */
+static void an_axis_that_leaves_is_not_asked_for(void **state)
+{
+	struct fixture *f = make(0x5); /* x and z */
+	struct db_device *back = calloc(1, db_driver_xyza.device_size);
+
+	(void)state;
+	assert_non_null(back);
+	poll_all(f, true, 0, XYZA_PROGRAM_WAITING);
+	db_driver_xyza.leave(f->axes[0]);
+	assert_string_equal(begin(f, 0, DB_JOB_POLL), "0AF10103E1C3");
+	assert_string_equal(value(f, 1), "0AF10103E1C2");
+	assert_string_equal(value(f, 0), "0AF10103E1C1");
+	assert_string_equal(value(f, 0), "0AF10103E400");
+	assert_string_equal(answer(f, "0BF10003E4C101000300"), "0AF401030A00");
+	assert_string_equal(program(f, 2, 2, 264), "=ok");
+	assert_int_equal(feedback(f, 2).program, 2);
+	/* What the other one did does not count for this one. */
+	db_driver_xyza.init(back, f->axes[0], &f->bus, &f->drives[0]);
+	assert_string_equal(begin(f, 0, DB_JOB_POLL), "0AF10103E1A3");
+	free(back);
+	drop(f);
+}
+
 static void what_stands_where_it_stood_needs_no_second_look(void **state)
 {
 	struct fixture *f = make(1);
@@ -1013,6 +1037,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(one_cycle_asks_once_for_all_axes),
+		cmocka_unit_test(an_axis_that_leaves_is_not_asked_for),
 		cmocka_unit_test(what_stands_where_it_stood_needs_no_second_look),
 		cmocka_unit_test(a_state_reply_may_echo_the_next_target),
 		cmocka_unit_test(the_sign_is_right_while_zero_is_crossed),

@@ -55,12 +55,18 @@ static db_time fake_now(void *context)
 	return ((struct fake *)context)->now;
 }
 
-static bool fake_submit(void *context, size_t bus, const struct db_request *request)
+/* Buses are known by their configurations. */
+static size_t place_of(const struct fake *fake, struct db_bus *bus)
+{
+	return (size_t)((struct db_bus_config *)(void *)bus - fake->buses);
+}
+
+static bool fake_submit(void *context, struct db_bus *bus, const struct db_request *request)
 {
 	struct fake *fake = context;
 
 	fake->request = *request;
-	fake->submitted_to = bus;
+	fake->submitted_to = place_of(fake, bus);
 	fake->submitted++;
 	return true;
 }
@@ -74,14 +80,15 @@ static void fake_answer(void *context, struct db_write_token token, uint8_t exce
 	fake->answered_with = exception;
 }
 
-static void fake_bus_stats(void *context, size_t bus, struct db_bus_stats *stats)
+static void fake_bus_stats(void *context, struct db_bus *bus, struct db_bus_stats *stats)
 {
-	(void)context;
+	size_t place = place_of(context, bus);
+
 	*stats = (struct db_bus_stats){
 		.up = true,
 		.period_us = 20000,
-		.cycles = (uint32_t)bus + 70000,
-		.online = (uint32_t)bus + 1,
+		.cycles = (uint32_t)place + 70000,
+		.online = (uint32_t)place + 1,
 	};
 }
 
@@ -164,6 +171,34 @@ static void publish_status(struct fake *fake, uint32_t status)
 	db_axis_publish(fake->axes[0], &snapshot);
 }
 
+/* The configuration as it is, its drives with their places for numbers. */
+struct sheet {
+	struct db_roster_bus buses[2];
+	struct db_roster_drive drives[4];
+	struct db_roster roster;
+};
+
+static void write_sheet(struct fake *fake, struct sheet *sheet)
+{
+	for (size_t i = 0; i < 2; i++)
+		sheet->buses[i] = (struct db_roster_bus){ &fake->buses[i],
+			                                  (void *)&fake->buses[i] };
+	for (size_t i = 0; i < fake->config.drive_count; i++)
+		sheet->drives[i] = (struct db_roster_drive){ (uint16_t)i, fake->drives[i].bus,
+			                                     &fake->drives[i], fake->axes[i] };
+	sheet->roster = (struct db_roster){ &fake->config.modbus, sheet->buses,
+		                            fake->config.bus_count, sheet->drives,
+		                            fake->config.drive_count };
+}
+
+static void make_registers(struct fake *fake)
+{
+	struct sheet sheet;
+
+	write_sheet(fake, &sheet);
+	assert_int_equal(db_registers_new(&sheet.roster, &ops, fake, &fake->registers), 0);
+}
+
 static void make_with(struct fake *fake, const struct db_modbus_config *modbus)
 {
 	static char name[] = "feeder";
@@ -207,8 +242,7 @@ static void make_with(struct fake *fake, const struct db_modbus_config *modbus)
 		.drives = fake->drives,
 		.drive_count = 3,
 	};
-	assert_int_equal(db_registers_new(&fake->config, fake->axes, &ops, fake, &fake->registers),
-	                 0);
+	make_registers(fake);
 }
 
 static void make(struct fake *fake)
@@ -311,7 +345,7 @@ static void requests_find_their_bus(void **state)
 	                                            100, 2, stop, (struct db_write_token){ 1, 42 }),
 	                 DB_WRITE_LATER);
 	assert_int_equal(fake.submitted_to, 1);
-	assert_int_equal(fake.request.axis, 1);
+	assert_int_equal(fake.request.axis, 2);
 	finish(&fake, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 1);
 	drop(&fake);
@@ -823,8 +857,7 @@ static void only_who_controls_feeds_the_watchdog(void **state)
 	CONTROL_FAKE();
 	fake.drives[0].on_client_loss = DB_ON_LOSS_STOP;
 	db_registers_free(fake.registers);
-	assert_int_equal(db_registers_new(&fake.config, fake.axes, &ops, &fake, &fake.registers),
-	                 0);
+	make_registers(&fake);
 	assert_int_equal(intrude(&fake, 46, 2, 0, 1000), 0);
 	assert_int_equal(intrude(&fake, 100, 4, 0, DB_CMD_MOVE_RELATIVE, 0, 9), DB_WRITE_LATER);
 	finish(&fake, DB_RESULT_OK);
@@ -844,8 +877,7 @@ static void only_who_controls_feeds_the_watchdog(void **state)
 static void rebuild(struct fake *fake)
 {
 	db_registers_free(fake->registers);
-	assert_int_equal(db_registers_new(&fake->config, fake->axes, &ops, fake, &fake->registers),
-	                 0);
+	make_registers(fake);
 }
 
 /* Drive 1 moves, with a watchdog of a second. */
@@ -1101,6 +1133,222 @@ static void identification(void **state)
 	drop(&fake);
 }
 
+/* --- another roster ----------------------------------------------------------------------------------- */
+
+/* What was written by write_sheet() and changed since takes its place. */
+static struct db_registers_change *prepare(struct fake *fake, const struct sheet *sheet)
+{
+	struct db_registers_change *made = NULL;
+
+	assert_int_equal(db_registers_prepare(fake->registers, &sheet->roster, &made), 0);
+	return made;
+}
+
+static int unit_of(struct fake *fake, uint8_t unit)
+{
+	return db_registers_backend.unit(fake->registers, unit);
+}
+
+/* Takes the drive of this place out of the sheet. */
+static void strike_out(struct sheet *sheet, size_t place)
+{
+	sheet->roster.drive_count--;
+	for (size_t i = place; i < sheet->roster.drive_count; i++)
+		sheet->drives[i] = sheet->drives[i + 1];
+}
+
+static void drives_that_stay_keep_everything(void **state)
+{
+	struct db_modbus_config modbus = { .confirm_ms = 70, .gateway_unit = 100 };
+	struct db_registers_change *change;
+	struct sheet sheet;
+
+	CONTROL_FAKE();
+	publish_status(&fake, ONLINE);
+	assert_int_equal(put_words(&fake, 100, 4, 7, DB_CMD_MOVE_RELATIVE, 0, 9), 0x04);
+	assert_int_equal(put_words(&fake, 100, 4, 8, DB_CMD_MOVE_RELATIVE, 0, 9), DB_WRITE_LATER);
+	assert_int_equal(fake.request.ticket >> 16, 1);
+	/* Last of its bus now, and the buses have changed places, too. */
+	write_sheet(&fake, &sheet);
+	modbus.control = DB_CONTROL_DRIVE;
+	modbus.control_timeout_ms = 7000;
+	sheet.roster.modbus = &modbus;
+	sheet.buses[0] = (struct db_roster_bus){ &fake.buses[1], (void *)&fake.buses[1] };
+	sheet.buses[1] = (struct db_roster_bus){ &fake.buses[0], (void *)&fake.buses[0] };
+	sheet.drives[0] = (struct db_roster_drive){ 2, 0, &fake.drives[2], fake.axes[2] };
+	sheet.drives[1] = (struct db_roster_drive){ 1, 0, &fake.drives[1], fake.axes[1] };
+	sheet.drives[2] = (struct db_roster_drive){ 0, 1, &fake.drives[0], fake.axes[0] };
+	change = prepare(&fake, &sheet);
+	db_registers_retire(fake.registers, change);
+	assert_int_equal(unit_of(&fake, 1), 0);
+	db_registers_change(fake.registers, change);
+	assert_int_equal(fake.answered, 0);
+	/* The write that was pending ends, and its id is known. */
+	finish(&fake, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 1);
+	assert_int_equal(fake.answered_with, 0);
+	assert_int_equal(get1(&fake, 1, 22), 8);
+	assert_int_equal(get1(&fake, 1, 23), DB_RESULT_OK);
+	assert_int_equal(put_words(&fake, 100, 4, 8, DB_CMD_MOVE_RELATIVE, 0, 9), 0);
+	assert_int_equal(fake.submitted, 1);
+	/* Control is kept, with its new time. */
+	assert_int_equal(get1(&fake, 1, 56), 1);
+	assert_int_equal(get2(&fake, 1, 60), 7000);
+	assert_int_equal(intrude(&fake, 100, 4, 0, DB_CMD_MOVE_RELATIVE, 0, 9), BUSY);
+	/* Requests go where they went. */
+	assert_int_equal(put_words(&fake, 100, 2, 9, DB_CMD_ENABLE), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted_to, 0);
+	/* The gateway follows the new order. */
+	assert_int_equal(get1(&fake, 100, 1000), 3);
+	assert_int_equal(get1(&fake, 100, 2048), 1);
+	assert_int_equal(unit_of(&fake, 200), NO_PATH);
+	drop(&fake);
+}
+
+static void a_drive_that_leaves_is_gone_at_once_and_still_answered(void **state)
+{
+	struct db_registers_change *change;
+	struct sheet sheet;
+
+	FAKE();
+	publish_status(&fake, ONLINE);
+	assert_int_equal(put_words(&fake, 100, 2, 0, DB_CMD_ENABLE), DB_WRITE_LATER);
+	write_sheet(&fake, &sheet);
+	strike_out(&sheet, 0);
+	change = prepare(&fake, &sheet);
+	assert_int_equal(unit_of(&fake, 1), 0);
+	db_registers_retire(fake.registers, change);
+	assert_int_equal(unit_of(&fake, 1), NO_PATH);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 0, 2), NO_PATH);
+	assert_int_equal(put_words(&fake, 100, 2, 0, DB_CMD_STOP), NO_PATH);
+	/* In the gateway's registers it keeps its place, so that nobody is taken for it. */
+	assert_int_equal(get1(&fake, 255, 1000), 1);
+	assert_int_equal(get1(&fake, 255, 1001), 0);
+	assert_int_equal(get1(&fake, 255, 2000), 1);
+	assert_int_equal(get1(&fake, 255, 2024), 2);
+	/* How its last write ended. */
+	finish(&fake, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 1);
+	assert_int_equal(fake.answered_with, 0);
+	db_registers_change(fake.registers, change);
+	assert_int_equal(fake.answered, 1);
+	assert_int_equal(get1(&fake, 255, 1000), 2);
+	assert_int_equal(unit_of(&fake, 1), NO_PATH);
+	/* A completion that comes late finds nobody. */
+	finish(&fake, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 1);
+	drop(&fake);
+}
+
+static void who_still_waits_is_told_that_it_was_cancelled(void **state)
+{
+	struct db_registers_change *change;
+	struct sheet sheet;
+
+	FAKE();
+	publish_status(&fake, ONLINE);
+	assert_int_equal(put_words(&fake, 100, 2, 0, DB_CMD_ENABLE), DB_WRITE_LATER);
+	assert_int_equal(put_words(&fake, 100, 2, 0, DB_CMD_STOP), DB_WRITE_LATER);
+	write_sheet(&fake, &sheet);
+	strike_out(&sheet, 0);
+	change = prepare(&fake, &sheet);
+	db_registers_retire(fake.registers, change);
+	db_registers_change(fake.registers, change);
+	assert_int_equal(fake.answered, 2);
+	assert_int_equal(fake.answered_with, 0x04);
+	assert_true(db_registers_next_deadline(fake.registers) == DB_TIME_NEVER);
+	drop(&fake);
+}
+
+/* The group's write was waiting for a drive that is taken out. */
+static void a_group_does_not_wait_for_who_left(void **state)
+{
+	struct db_registers_change *change;
+	struct sheet sheet;
+	const uint16_t stop = 1;
+
+	FAKE();
+	publish_status(&fake, ONLINE);
+	assert_int_equal(db_registers_backend.write(fake.registers, &client, 255, DB_TABLE_HOLDING,
+	                                            60, 1, &stop, (struct db_write_token){ 1, 42 }),
+	                 DB_WRITE_LATER);
+	write_sheet(&fake, &sheet);
+	strike_out(&sheet, 0);
+	change = prepare(&fake, &sheet);
+	db_registers_retire(fake.registers, change);
+	db_registers_change(fake.registers, change);
+	assert_int_equal(fake.answered, 1);
+	drop(&fake);
+}
+
+/* Taken out and put in again under another number: to the bridge it is another drive. */
+static void a_changed_drive_begins_anew(void **state)
+{
+	struct db_drive_config changed;
+	struct db_registers_change *change;
+	uint32_t late;
+	struct sheet sheet;
+
+	FAKE();
+	publish_status(&fake, ONLINE);
+	put_words(&fake, 100, 2, 5, DB_CMD_ENABLE);
+	assert_int_equal(put_words(&fake, 100, 2, 6, DB_CMD_ENABLE), DB_WRITE_LATER);
+	late = fake.request.ticket;
+	changed = fake.drives[0];
+	changed.max_velocity = 1.0;
+	write_sheet(&fake, &sheet);
+	sheet.drives[0].number = 3;
+	sheet.drives[0].config = &changed;
+	change = prepare(&fake, &sheet);
+	db_registers_retire(fake.registers, change);
+	assert_int_equal(unit_of(&fake, 1), NO_PATH);
+	db_registers_change(fake.registers, change);
+	assert_int_equal(fake.answered, 1);
+	assert_int_equal(get1(&fake, 1, 22), 0);
+	/* The same id is the first one again. */
+	assert_int_equal(put_words(&fake, 100, 2, 6, DB_CMD_ENABLE), 0x04);
+	assert_int_equal(get1(&fake, 1, 23), DB_RESULT_RESTARTED);
+	assert_int_equal(put_words(&fake, 100, 2, 7, DB_CMD_ENABLE), DB_WRITE_LATER);
+	assert_true(fake.request.ticket != late);
+	db_registers_complete(fake.registers,
+	                      &(struct db_completion){ .ticket = late, .result = DB_RESULT_OK },
+	                      fake.now);
+	assert_int_equal(fake.answered, 1);
+	finish(&fake, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 2);
+	drop(&fake);
+}
+
+static void what_was_prepared_can_be_forgotten(void **state)
+{
+	struct db_modbus_config modbus = { .confirm_ms = 70, .gateway_unit = 100 };
+	struct sheet sheet;
+
+	FAKE();
+	write_sheet(&fake, &sheet);
+	sheet.roster.modbus = &modbus;
+	sheet.drives[1].number = 9;
+	strike_out(&sheet, 0);
+	db_registers_change_free(prepare(&fake, &sheet));
+	assert_int_equal(unit_of(&fake, 200), 0);
+	assert_int_equal(unit_of(&fake, 100), NO_PATH);
+	assert_int_equal(get1(&fake, 255, 1000), 1);
+	drop(&fake);
+}
+
+static void who_may_not_write_any_more_loses_control(void **state)
+{
+	CONTROL_FAKE();
+	publish_status(&fake, ONLINE);
+	assert_int_equal(intrude(&fake, 56, 1, 1), 0);
+	assert_int_equal(get1(&fake, 1, 57), intruder.port);
+	db_registers_backend.restricted(fake.registers, &client);
+	assert_int_equal(get1(&fake, 1, 57), intruder.port);
+	db_registers_backend.restricted(fake.registers, &intruder);
+	assert_int_equal(get1(&fake, 1, 57), 0);
+	drop(&fake);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -1137,6 +1385,13 @@ int main(void)
 		cmocka_unit_test(flat_window),
 		cmocka_unit_test(gateway),
 		cmocka_unit_test(identification),
+		cmocka_unit_test(drives_that_stay_keep_everything),
+		cmocka_unit_test(a_drive_that_leaves_is_gone_at_once_and_still_answered),
+		cmocka_unit_test(who_still_waits_is_told_that_it_was_cancelled),
+		cmocka_unit_test(a_group_does_not_wait_for_who_left),
+		cmocka_unit_test(a_changed_drive_begins_anew),
+		cmocka_unit_test(what_was_prepared_can_be_forgotten),
+		cmocka_unit_test(who_may_not_write_any_more_loses_control),
 	};
 
 	return cmocka_run_group_tests_name("view", tests, NULL, NULL);

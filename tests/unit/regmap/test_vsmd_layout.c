@@ -48,11 +48,11 @@ static db_time fake_now(void *context)
 	return ((struct fake *)context)->now;
 }
 
-static bool fake_submit(void *context, size_t bus, const struct db_request *request)
+static bool fake_submit(void *context, struct db_bus *bus, const struct db_request *request)
 {
 	struct fake *fake = context;
 
-	assert_int_equal(bus, 0);
+	assert_null(bus);
 	assert_true(fake->submitted < REQUESTS_MAX);
 	fake->requests[fake->submitted++] = *request;
 	return true;
@@ -68,7 +68,7 @@ static void fake_answer(void *context, struct db_write_token token, uint8_t exce
 	fake->answered_with = exception;
 }
 
-static void fake_bus_stats(void *context, size_t bus, struct db_bus_stats *stats)
+static void fake_bus_stats(void *context, struct db_bus *bus, struct db_bus_stats *stats)
 {
 	(void)context;
 	(void)bus;
@@ -111,6 +111,15 @@ static void publish(struct fake *fake, uint32_t status)
 	db_axis_publish(fake->axis, &snapshot);
 }
 
+static void make_registers(struct fake *fake)
+{
+	const struct db_roster_bus bus = { .config = &fake->bus };
+	const struct db_roster_drive drive = { .config = &fake->drive, .axis = fake->axis };
+	const struct db_roster roster = { &fake->config.modbus, &bus, 1, &drive, 1 };
+
+	assert_int_equal(db_registers_new(&roster, &ops, fake, &fake->registers), 0);
+}
+
 static void make(struct fake *fake)
 {
 	static char name[] = "feeder";
@@ -151,8 +160,7 @@ static void make(struct fake *fake)
 	fake->plate.values[VSMD_CID].u = 5;
 	fake->plate.values[VSMD_ZSP].i = -2;
 	db_axis_publish_nameplate(fake->axis, &fake->plate);
-	assert_int_equal(db_registers_new(&fake->config, &fake->axis, &ops, fake, &fake->registers),
-	                 0);
+	make_registers(fake);
 }
 
 #define FAKE()            \
@@ -564,8 +572,7 @@ static void first_word_order(void **state)
 	FAKE();
 	db_registers_free(fake.registers);
 	fake.drive.vendor_high_first = true;
-	assert_int_equal(db_registers_new(&fake.config, &fake.axis, &ops, &fake, &fake.registers),
-	                 0);
+	make_registers(&fake);
 	assert_int_equal(get1(&fake, 0x29), 1);
 	drop(&fake);
 }
@@ -740,8 +747,7 @@ static void accepted_writes_are_chained_too(void **state)
 	FAKE();
 	db_registers_free(fake.registers);
 	fake.config.modbus.accept_writes = true;
-	assert_int_equal(db_registers_new(&fake.config, &fake.axis, &ops, &fake, &fake.registers),
-	                 0);
+	make_registers(&fake);
 	assert_int_equal(put_both(&fake, 0x0301), 0);
 	assert_int_equal(fake.submitted, 1);
 	finish(&fake, 0, DB_RESULT_OK);
@@ -783,8 +789,7 @@ static void layout_of_the_only_unit(void **state)
 	db_registers_free(fake.registers);
 	fake.drive.vendor_unit = 0;
 	fake.drive.vendor_layout = true;
-	assert_int_equal(db_registers_new(&fake.config, &fake.axis, &ops, &fake, &fake.registers),
-	                 0);
+	make_registers(&fake);
 	assert_int_equal(db_registers_backend.unit(fake.registers, VENDOR), 0x0A);
 	assert_int_equal(db_registers_backend.read(fake.registers, &client, NEUTRAL, DB_TABLE_INPUT,
 	                                           2, 2, values),

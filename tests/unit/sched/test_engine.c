@@ -31,7 +31,7 @@ struct drive {
 struct world {
 	struct db_bus_config bus;
 	struct db_drive_config drives[DRIVES];
-	const struct db_drive_config *drive_list[DRIVES];
+	struct db_bus_drive list[DRIVES];
 	struct db_axis *axes[DRIVES];
 	struct db_mailbox *mailbox;
 	struct db_engine *engine;
@@ -181,14 +181,15 @@ static int setup(void **state)
 			.min_position = NAN,
 			.max_position = NAN,
 		};
-		world->drive_list[i] = &world->drives[i];
 		world->axes[i] = db_axis_new();
+		world->list[i] = (struct db_bus_drive){ (uint16_t)i, &world->drives[i],
+			                                world->axes[i] };
 		world->sim[i].status.status = VSMD_ST_STP;
 	}
 	world->now = 1000 * MS;
 	assert_int_equal(db_mailbox_new(8, 4 * DRIVES, &world->mailbox), 0);
-	assert_int_equal(db_engine_new(&world->bus, world->drive_list, world->axes, DRIVES,
-	                               world->mailbox, &ops, world, &world->engine),
+	assert_int_equal(db_engine_new(&world->bus, world->list, DRIVES, world->mailbox, &ops,
+	                               world, &world->engine),
 	                 0);
 	*state = world;
 	return 0;
@@ -322,8 +323,8 @@ static void a_cycle_that_does_not_fit_overruns_and_stays_fair(void **state)
 
 	world->bus.cycle_ms = 4;
 	db_engine_free(world->engine);
-	assert_int_equal(db_engine_new(&world->bus, world->drive_list, world->axes, DRIVES,
-	                               world->mailbox, &ops, world, &world->engine),
+	assert_int_equal(db_engine_new(&world->bus, world->list, DRIVES, world->mailbox, &ops,
+	                               world, &world->engine),
 	                 0);
 	start(world);
 	for (size_t i = 0; i < DRIVES; i++)

@@ -207,7 +207,7 @@ struct answer {
 struct world {
 	struct db_bus_config bus;
 	struct db_drive_config drives[DRIVES];
-	const struct db_drive_config *drive_list[DRIVES];
+	struct db_bus_drive list[DRIVES];
 	struct db_axis *axes[DRIVES];
 	struct db_mailbox *mailbox;
 	struct db_engine *engine;
@@ -328,12 +328,13 @@ static struct world *make(size_t drives, unsigned axes)
 			.address = (unsigned)(i / axes) + 1,
 			.axis = (unsigned)(i % axes),
 		};
-		world->drive_list[i] = &world->drives[i];
 		world->axes[i] = db_axis_new();
+		world->list[i] = (struct db_bus_drive){ (uint16_t)i, &world->drives[i],
+			                                world->axes[i] };
 	}
 	assert_int_equal(db_mailbox_new(8, 4 * drives, &world->mailbox), 0);
-	assert_int_equal(db_engine_new(&world->bus, world->drive_list, world->axes, drives,
-	                               world->mailbox, &ops, world, &world->engine),
+	assert_int_equal(db_engine_new(&world->bus, world->list, drives, world->mailbox, &ops,
+	                               world, &world->engine),
 	                 0);
 	db_engine_port(world->engine, true, 0, world->now);
 	pass(world, 500 * MS);

@@ -99,6 +99,9 @@ static void two_threads_lose_and_reorder_nothing(void **state)
 	assert_int_equal(db_mailbox_new(5, 3, &mailbox), 0);
 	assert_int_equal(pthread_create(&thread, NULL, work, mailbox), 0);
 	while (collected < LETTERS) {
+		/* It may grow all the while. */
+		if (posted % 1000 == 0)
+			assert_int_equal(db_mailbox_grow(mailbox, 3 + posted / 1000), 0);
 		struct db_request request = request_of(posted + 1,
 		                                       posted % 3 ? DB_CMD_ENABLE : DB_CMD_STOP);
 
@@ -112,11 +115,37 @@ static void two_threads_lose_and_reorder_nothing(void **state)
 	db_mailbox_free(mailbox);
 }
 
+static void it_grows_for_stops_and_never_shrinks(void **state)
+{
+	struct db_mailbox *mailbox = NULL;
+	struct db_completion completion;
+	struct db_request move = request_of(1, DB_CMD_MOVE_ABSOLUTE);
+	struct db_request stop = request_of(9, DB_CMD_STOP);
+
+	(void)state;
+	assert_int_equal(db_mailbox_new(1, 1, &mailbox), 0);
+	assert_int_equal(db_mailbox_grow(mailbox, 3), 0);
+	assert_int_equal(db_mailbox_grow(mailbox, 2), 0);
+	assert_true(db_mailbox_post(mailbox, &move));
+	assert_false(db_mailbox_post(mailbox, &move));
+	for (unsigned i = 0; i < 3; i++)
+		assert_true(db_mailbox_post(mailbox, &stop));
+	assert_false(db_mailbox_post(mailbox, &stop));
+	for (unsigned i = 0; i < 4; i++)
+		db_letter_finish(db_mailbox_take(mailbox), DB_RESULT_OK, 1);
+	assert_null(db_mailbox_take(mailbox));
+	for (unsigned i = 0; i < 4; i++)
+		assert_true(db_mailbox_collect(mailbox, &completion));
+	assert_false(db_mailbox_collect(mailbox, &completion));
+	db_mailbox_free(mailbox);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(letters_are_taken_in_order_and_answered_once),
 		cmocka_unit_test(a_full_box_still_takes_stops),
+		cmocka_unit_test(it_grows_for_stops_and_never_shrinks),
 		cmocka_unit_test(two_threads_lose_and_reorder_nothing),
 	};
 

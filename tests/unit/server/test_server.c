@@ -38,12 +38,14 @@ struct rig {
 	struct db_server *server;
 	struct db_modbus_config config;
 	char listen[32];
+	struct db_modbus_config next; /* see change() */
+	char next_listen[32];
 	uint16_t registers[REGISTERS];
 	struct pending {
 		struct db_write_token token;
 		uint16_t address, count, values[128];
 	} pending[PENDING];
-	unsigned writes, later, connected;
+	unsigned writes, later, connected, restricted;
 };
 
 /* The backend. */
@@ -139,6 +141,14 @@ static void fake_client(void *context, const struct db_client *client, bool conn
 	rig->connected += connected ? 1u : -1u;
 }
 
+static void fake_restricted(void *context, const struct db_client *client)
+{
+	struct rig *rig = context;
+
+	assert_false(client->may_write);
+	rig->restricted++;
+}
+
 static const struct db_log_source QUIET = { 0 };
 
 static const struct db_backend BACKEND = {
@@ -148,6 +158,7 @@ static const struct db_backend BACKEND = {
 	.server_id = fake_server_id,
 	.device_id = fake_device_id,
 	.client = fake_client,
+	.restricted = fake_restricted,
 };
 
 /* The rig. */
@@ -1074,6 +1085,280 @@ static void errors_of_new(void **state)
 	assert_null(second);
 }
 
+/* Other settings while it serves. rig->config and rig->next take turns. */
+
+static void copy_settings(struct rig *rig)
+{
+	rig->next = rig->config;
+	strcpy(rig->next_listen, rig->listen);
+	rig->next.listen = rig->next_listen;
+}
+
+static int change(struct rig *rig, const struct db_modbus_config *config)
+{
+	struct db_server_change *made = NULL;
+	int error = db_server_prepare(rig->server, config, &made);
+
+	if (error == 0)
+		db_server_change(rig->server, made);
+	else
+		assert_null(made);
+	return error;
+}
+
+static void expect_served(struct rig *rig, int fd)
+{
+	SEND(fd, 77, 3, 0, 7, 0, 1);
+	EXPECT(rig, fd, 77, 3, 2, 0, 7);
+}
+
+static int connect_to(uint32_t address, uint16_t port)
+{
+	struct sockaddr_in to = { .sin_family = AF_INET };
+	int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+
+	to.sin_addr.s_addr = htonl(address);
+	to.sin_port = htons(port);
+	if (connect(fd, (struct sockaddr *)&to, sizeof(to)) == 0)
+		return fd;
+	close(fd);
+	return -1;
+}
+
+static void listens_elsewhere(void **state)
+{
+	struct rig *rig = *state;
+	uint16_t port;
+	int stays, late, other;
+
+	start(rig);
+	port = db_server_port(rig->server);
+	stays = connect_client(rig);
+	SEND(stays, 1, 6, 0, LATER, 0, 5);
+	copy_settings(rig);
+	strcpy(rig->next_listen, "127.0.0.2:0");
+	settle(rig);
+	/* Knocked at the old address and was not let in yet. */
+	late = connect_to(INADDR_LOOPBACK, port);
+	assert_true(late >= 0);
+	assert_int_equal(change(rig, &rig->next), 0);
+	assert_int_equal(connect_to(INADDR_LOOPBACK, port), -1);
+	other = connect_to(INADDR_LOOPBACK + 1, db_server_port(rig->server));
+	assert_true(other >= 0);
+	expect_served(rig, other);
+	expect_served(rig, late);
+	/* What was in flight is answered. */
+	finish(rig, 0, 0);
+	EXPECT(rig, stays, 1, 6, 0, LATER, 0, 5);
+	expect_served(rig, stays);
+	close(other);
+	close(late);
+	close(stays);
+}
+
+/* From one address to all of the machine's, and back: the ports are in each other's way. */
+static void listens_on_the_same_port(void **state)
+{
+	struct rig *rig = *state;
+	struct db_server *second = NULL;
+	uint16_t port;
+	int stays, other;
+
+	start(rig);
+	port = db_server_port(rig->server);
+	stays = connect_client(rig);
+	copy_settings(rig);
+	snprintf(rig->next_listen, sizeof(rig->next_listen), "0.0.0.0:%u", port);
+	assert_int_equal(change(rig, &rig->next), 0);
+	assert_int_equal(db_server_port(rig->server), port);
+	other = connect_to(INADDR_LOOPBACK + 1, port);
+	assert_true(other >= 0);
+	expect_served(rig, other);
+	close(other);
+	/* Nobody else gets in there. */
+	assert_int_equal(db_server_new(rig->loop, &rig->next, &BACKEND, rig, &QUIET, &second),
+	                 -EADDRINUSE);
+	snprintf(rig->listen, sizeof(rig->listen), "127.0.0.1:%u", port);
+	assert_int_equal(change(rig, &rig->config), 0);
+	assert_int_equal(connect_to(INADDR_LOOPBACK + 1, port), -1);
+	expect_served(rig, stays);
+	close(stays);
+}
+
+static void where_it_cannot_listen_it_stays(void **state)
+{
+	struct rig *rig = *state;
+	struct sockaddr_in taken = { .sin_family = AF_INET };
+	socklen_t length = sizeof(taken);
+	int fd, blocker = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+
+	taken.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+	assert_int_equal(bind(blocker, (struct sockaddr *)&taken, sizeof(taken)), 0);
+	assert_int_equal(listen(blocker, 1), 0);
+	assert_int_equal(getsockname(blocker, (struct sockaddr *)&taken, &length), 0);
+	start(rig);
+	fd = connect_client(rig);
+	copy_settings(rig);
+	rig->next.allow_write_count = 0;
+	snprintf(rig->next_listen, sizeof(rig->next_listen), "127.0.0.1:%u", ntohs(taken.sin_port));
+	assert_int_equal(change(rig, &rig->next), -EADDRINUSE);
+	strcpy(rig->next_listen, "192.0.2.1:0");
+	assert_int_equal(change(rig, &rig->next), -EADDRNOTAVAIL);
+	expect_served(rig, fd);
+	close(fd);
+	fd = connect_client(rig);
+	expect_served(rig, fd);
+	close(fd);
+	close(blocker);
+}
+
+static void rights_are_looked_at_again(void **state)
+{
+	struct rig *rig = *state;
+	struct db_network first = only(1);
+	struct db_network second = only(2);
+	int writer, reader, stranger;
+
+	start(rig);
+	writer = connect_client_from(rig, 1);
+	reader = connect_client_from(rig, 2);
+	stranger = connect_client_from(rig, 3);
+	SEND(stranger, 1, 6, 0, LATER, 0, 5);
+	SEND(reader, 1, 6, 0, LATER, 0, 5);
+	WAIT_FOR(rig, rig->later == 2);
+	copy_settings(rig);
+	rig->next.allow_write = &first;
+	rig->next.allow_write_count = 1;
+	rig->next.allow_read = &second;
+	rig->next.allow_read_count = 1;
+	assert_int_equal(change(rig, &rig->next), 0);
+	assert_int_equal(rig->restricted, 1);
+	expect_closed(rig, stranger);
+	assert_int_equal(rig->connected, 2);
+	/* What it was allowed to write when it did so is answered; it can write no more. */
+	finish(rig, 0, 0);
+	finish(rig, 1, 0);
+	EXPECT(rig, reader, 1, 6, 0, LATER, 0, 5);
+	SEND(reader, 2, 6, 0, 1, 0, 5);
+	EXPECT(rig, reader, 2, 0x86, 1);
+	expect_served(rig, reader);
+	SEND(writer, 3, 6, 0, 1, 0, 5);
+	EXPECT(rig, writer, 3, 6, 0, 1, 0, 5);
+	/* And the right comes back. */
+	assert_int_equal(stats(rig).clients, 2);
+	rig->config = rig->next;
+	rig->config.allow_write = &second;
+	assert_int_equal(change(rig, &rig->config), 0);
+	SEND(reader, 4, 6, 0, 1, 0, 6);
+	EXPECT(rig, reader, 4, 6, 0, 1, 0, 6);
+	assert_int_equal(rig->restricted, 1);
+	expect_closed(rig, writer);
+	close(reader);
+}
+
+static void other_numbers_of_places(void **state)
+{
+	struct rig *rig = *state;
+	int fds[6];
+
+	rig->config.max_clients = 2;
+	start(rig);
+	fds[0] = connect_client(rig);
+	fds[1] = connect_client(rig);
+	copy_settings(rig);
+	rig->next.max_clients = 200;
+	assert_int_equal(change(rig, &rig->next), 0);
+	for (unsigned i = 2; i < 6; i++)
+		fds[i] = connect_client_from(rig, i);
+	/* Those that are there stay, new ones find no place. */
+	rig->config = rig->next;
+	rig->config.max_clients = 3;
+	assert_int_equal(change(rig, &rig->config), 0);
+	for (unsigned i = 0; i < 6; i++)
+		expect_served(rig, fds[i]);
+	expect_closed(rig, open_client(rig));
+	assert_int_equal(stats(rig).refused_full, 1);
+	for (unsigned i = 0; i < 4; i++)
+		close(fds[i]);
+	WAIT_FOR(rig, rig->connected == 2);
+	fds[0] = connect_client(rig);
+	expect_served(rig, fds[0]);
+	expect_closed(rig, open_client(rig));
+	close(fds[0]);
+	close(fds[4]);
+	close(fds[5]);
+}
+
+static void another_number_in_flight(void **state)
+{
+	struct rig *rig = *state;
+	int fd;
+
+	rig->config.max_pipelined = 3;
+	start(rig);
+	fd = connect_client(rig);
+	for (uint16_t i = 0; i < 5; i++)
+		SEND(fd, i, 6, 0, LATER, 0, (uint8_t)i);
+	WAIT_FOR(rig, rig->later == 3);
+	settle(rig);
+	copy_settings(rig);
+	rig->next.max_pipelined = 1;
+	assert_int_equal(change(rig, &rig->next), 0);
+	for (unsigned i = 0; i < 5; i++) {
+		/* Of those that wait only one at a time is taken up. */
+		assert_int_equal(rig->later, i < 3 ? 3 : i + 1);
+		finish(rig, i, 0);
+		EXPECT(rig, fd, (uint16_t)i, 6, 0, LATER, 0, (uint8_t)i);
+	}
+	rig->config = rig->next;
+	rig->config.max_pipelined = 4;
+	assert_int_equal(change(rig, &rig->config), 0);
+	for (uint16_t i = 0; i < 4; i++)
+		SEND(fd, i, 6, 0, LATER, 0, (uint8_t)i);
+	WAIT_FOR(rig, rig->later == 9);
+	close(fd);
+}
+
+static void another_pace(void **state)
+{
+	struct rig *rig = *state;
+	int fd;
+
+	rig->config.max_requests_per_second = 1;
+	start(rig);
+	fd = connect_client(rig);
+	expect_served(rig, fd);
+	for (uint16_t i = 0; i < 20; i++)
+		SEND(fd, i, 3, 0, 7, 0, 1);
+	settle(rig);
+	copy_settings(rig);
+	rig->next.max_requests_per_second = 0;
+	assert_int_equal(change(rig, &rig->next), 0);
+	/* At one a second they would take longer than the test's patience. */
+	for (uint16_t i = 0; i < 20; i++)
+		EXPECT(rig, fd, i, 3, 2, 0, 7);
+	close(fd);
+}
+
+static void shorter_patience(void **state)
+{
+	struct rig *rig = *state;
+	int idle, slow;
+
+	start(rig);
+	idle = connect_client(rig);
+	slow = connect_client(rig);
+	send_bytes(slow, "\0\1", 2);
+	settle(rig);
+	copy_settings(rig);
+	rig->next.idle_timeout_s = 1;
+	rig->next.frame_timeout_ms = 100;
+	assert_int_equal(change(rig, &rig->next), 0);
+	expect_closed(rig, slow);
+	expect_closed(rig, idle);
+	assert_int_equal(stats(rig).timeouts, 2);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
 int main(void)
@@ -1107,6 +1392,14 @@ int main(void)
 		TEST(survives_without_descriptors),
 		TEST(listens_on_ipv6),
 		TEST(errors_of_new),
+		TEST(listens_elsewhere),
+		TEST(listens_on_the_same_port),
+		TEST(where_it_cannot_listen_it_stays),
+		TEST(rights_are_looked_at_again),
+		TEST(other_numbers_of_places),
+		TEST(another_number_in_flight),
+		TEST(another_pace),
+		TEST(shorter_patience),
 	};
 
 	return cmocka_run_group_tests_name("server/server", tests, NULL, NULL);

@@ -146,7 +146,7 @@ static void a_node_reports(void **state)
 struct world {
 	struct db_bus_config bus;
 	struct db_drive_config drives[NODES];
-	const struct db_drive_config *list[NODES];
+	struct db_bus_drive list[NODES];
 	struct db_axis *axes[NODES];
 	struct db_mailbox *mailbox;
 	struct db_engine *engine;
@@ -282,8 +282,9 @@ static void start(struct world *world, const struct sim_servo_config *config)
 
 		world->drives[i].name = (char *)"d";
 		world->drives[i].address = (unsigned)i + 1;
-		world->list[i] = &world->drives[i];
 		world->axes[i] = db_axis_new();
+		world->list[i] = (struct db_bus_drive){ (uint16_t)i, &world->drives[i],
+			                                world->axes[i] };
 		world->servos[i] = sim_servo_new(config, world->now);
 		assert_non_null(world->servos[i]);
 		sim_servo_node_init(&world->nodes[i], "d", world->servos[i], (uint8_t)(i + 1),
@@ -292,8 +293,8 @@ static void start(struct world *world, const struct sim_servo_config *config)
 		assert_true(sim_can_bus_attach(world->wire, &station));
 	}
 	assert_int_equal(db_mailbox_new(32, 8, &world->mailbox), 0);
-	assert_int_equal(db_engine_new(&world->bus, world->list, world->axes, world->count,
-	                               world->mailbox, &ops, world, &world->engine),
+	assert_int_equal(db_engine_new(&world->bus, world->list, world->count, world->mailbox, &ops,
+	                               world, &world->engine),
 	                 0);
 	db_engine_port(world->engine, true, 0, world->now);
 	pass(world, 200 * MS);

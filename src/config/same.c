@@ -1,0 +1,145 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Whether two sections mean the same, key by key as the table lists them: so a key that is added
+ * there is compared from its first day. Values are compared, not texts: a default that is spelled
+ * out is no difference, nor are the order and the lines of sections.
+ */
+#include "config/keys.h"
+#include "drivebridge/driver.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Two sections of the same kind, with what their references lead to. */
+struct pair {
+	const struct db_config *config_a;
+	const struct db_config *config_b;
+	const void *a;
+	const void *b;
+};
+
+static const void *member(const void *section, const struct db_config_key *key)
+{
+	return (const char *)section + key->offset;
+}
+
+static bool same_text(const char *a, const char *b)
+{
+	return a && b ? strcmp(a, b) == 0 : a == b;
+}
+
+static bool same_real(double a, double b)
+{
+	return isnan(a) ? isnan(b) : a >= b && a <= b;
+}
+
+/* Whether every network of a is among b's. */
+static bool has_networks(const struct db_network *a, size_t count_a, const struct db_network *b,
+                         size_t count_b)
+{
+	for (size_t i = 0; i < count_a; i++) {
+		size_t j = 0;
+
+		while (j < count_b && memcmp(&a[i], &b[j], sizeof a[i]) != 0)
+			j++;
+		if (j == count_b)
+			return false;
+	}
+	return true;
+}
+
+/* A list says the same in any order. */
+static bool same_networks_of(const struct pair *pair, const struct db_config_key *key)
+{
+	struct db_network *a;
+	struct db_network *b;
+	size_t count_a;
+	size_t count_b;
+
+	memcpy(&a, member(pair->a, key), sizeof a);
+	memcpy(&b, member(pair->b, key), sizeof b);
+	memcpy(&count_a, (const char *)member(pair->a, key) + sizeof a, sizeof count_a);
+	memcpy(&count_b, (const char *)member(pair->b, key) + sizeof b, sizeof count_b);
+	return has_networks(a, count_a, b, count_b) && has_networks(b, count_b, a, count_a);
+}
+
+static bool same_value(const struct pair *pair, const struct db_config_key *key)
+{
+	const void *a = member(pair->a, key);
+	const void *b = member(pair->b, key);
+	const char *text_a;
+	const char *text_b;
+	double real_a;
+	double real_b;
+	size_t bus_a;
+	size_t bus_b;
+
+	switch (key->kind) {
+	case DB_KEY_TEXT:
+	case DB_KEY_LISTEN:
+		memcpy(&text_a, a, sizeof text_a);
+		memcpy(&text_b, b, sizeof text_b);
+		return same_text(text_a, text_b);
+	case DB_KEY_REAL:
+		memcpy(&real_a, a, sizeof real_a);
+		memcpy(&real_b, b, sizeof real_b);
+		return same_real(real_a, real_b);
+	case DB_KEY_NETWORKS:
+		return same_networks_of(pair, key);
+	case DB_KEY_BUS:
+		memcpy(&bus_a, a, sizeof bus_a);
+		memcpy(&bus_b, b, sizeof bus_b);
+		return same_text(pair->config_a->buses[bus_a].name,
+		                 pair->config_b->buses[bus_b].name);
+	default:
+		/* Numbers, words, and the pointers that words like protocol stand for. */
+		return memcmp(a, b, key->size) == 0;
+	}
+}
+
+static bool same_section(const char *section, const struct pair *pair)
+{
+	size_t count;
+	const struct db_config_key *keys = db_config_keys(&count);
+
+	for (size_t i = 0; i < count; i++) {
+		if (strcmp(keys[i].section, section) == 0 && !same_value(pair, &keys[i]))
+			return false;
+	}
+	return true;
+}
+
+/* Those of other kinds of sections are NAN in both. */
+static bool same_options(const double a[DB_OPTIONS_MAX], const double b[DB_OPTIONS_MAX])
+{
+	for (size_t i = 0; i < DB_OPTIONS_MAX; i++) {
+		if (!same_real(a[i], b[i]))
+			return false;
+	}
+	return true;
+}
+
+bool db_config_same_modbus(const struct db_config *a, const struct db_config *b)
+{
+	const struct pair pair = { .a = &a->modbus, .b = &b->modbus };
+
+	return same_section("modbus", &pair);
+}
+
+bool db_config_same_bus(const struct db_bus_config *a, const struct db_bus_config *b)
+{
+	const struct pair pair = { .a = a, .b = b };
+
+	return same_text(a->name, b->name) && same_section("bus", &pair) &&
+	       same_options(a->options, b->options);
+}
+
+bool db_config_same_drive(const struct db_config *config_a, const struct db_drive_config *a,
+                          const struct db_config *config_b, const struct db_drive_config *b)
+{
+	const struct pair pair = { config_a, config_b, a, b };
+
+	/* Without counts-per-unit the drive's own knowledge counts, which no default can say. */
+	return same_text(a->name, b->name) && a->counts_given == b->counts_given &&
+	       same_section("drive", &pair) && same_options(a->options, b->options);
+}

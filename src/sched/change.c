@@ -1,0 +1,272 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sched/change.h"
+
+#include "sched/state.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* --- making -------------------------------------------------------------------------------------- */
+
+static bool fill(struct db_change *change, const struct db_bus_config *bus, size_t present,
+                 const uint16_t *leaving, const struct db_bus_drive *coming)
+{
+	size_t room = present + change->coming_count;
+
+	/* One more of each than needed, so that none is ever an allocation of nothing. */
+	change->leaving = calloc(change->leaving_count + 1, sizeof change->leaving[0]);
+	change->left = calloc(change->leaving_count + 1, sizeof(struct station *));
+	change->coming = calloc(change->coming_count + 1, sizeof(struct station *));
+	change->stations = calloc(room + 1, sizeof(struct station *));
+	change->nodes = calloc(room + 1, sizeof(struct node *));
+	if (!change->leaving || !change->left || !change->coming || !change->stations ||
+	    !change->nodes)
+		return false;
+	for (size_t i = 0; i < change->leaving_count; i++)
+		change->leaving[i] = leaving[i];
+	for (size_t i = 0; i < change->coming_count; i++) {
+		change->coming[i] = station_new(bus, &coming[i]);
+		if (!change->coming[i])
+			return false;
+	}
+	return true;
+}
+
+struct db_change *change_new(const struct db_bus_config *bus, size_t present,
+                             const uint16_t *leaving, size_t leaving_count,
+                             const struct db_bus_drive *coming, size_t coming_count)
+{
+	struct db_change *change = calloc(1, sizeof *change);
+
+	if (!change)
+		return NULL;
+	change->leaving_count = leaving_count;
+	change->coming_count = coming_count;
+	if (fill(change, bus, present, leaving, coming))
+		return change;
+	change_free(change);
+	return NULL;
+}
+
+void change_free(struct db_change *change)
+{
+	if (!change)
+		return;
+	for (size_t i = 0; i < change->left_count; i++)
+		station_free(change->left[i]);
+	for (size_t i = 0; change->coming && i < change->coming_count; i++)
+		station_free(change->coming[i]);
+	free(change->leaving);
+	free(change->left);
+	free(change->coming);
+	free(change->stations);
+	free(change->nodes);
+	free(change);
+}
+
+/* --- leaving ------------------------------------------------------------------------------------- */
+
+/*
+ * A controller's stop is for all of its axes: one that is seen to stand, since its last command ended,
+ * leaves without disturbing the others.
+ */
+static bool needs_stop(const struct station *station, enum db_command command)
+{
+	const struct db_feedback *feedback = &station->snapshot.feedback;
+	bool alone = !station->node->first->next_axis;
+	bool stands = (feedback->state == DB_AXIS_STANDSTILL ||
+	               feedback->state == DB_AXIS_DISABLED) &&
+	              station->node->online && !station->lanes[LANE_FRONT].active &&
+	              feedback->taken > station->front_ended;
+
+	if (command == DB_CMD_NONE)
+		return false;
+	return alone || command == DB_CMD_DISABLE || !stands;
+}
+
+static void begin_to_leave(struct db_engine *engine, struct station *station, db_time now)
+{
+	enum db_command command = db_on_loss_command(station->config->on_exit);
+	bool stop = needs_stop(station, command);
+
+	station->leaving = true;
+	engine_finish_waiting(engine, station, DB_RESULT_CANCELLED, now);
+	station_cancel_front(station, now);
+	if (!stop)
+		return;
+	station->exit_request.command = command;
+	station_add_stop(station, &station->exit_request, NULL, now);
+}
+
+void db_engine_change(struct db_engine *engine, struct db_change *change, db_time now)
+{
+	engine->change = change;
+	change->leave_by = now + DB_EXIT_TIME;
+	for (size_t i = 0; i < change->leaving_count && !engine->shutting_down; i++) {
+		struct station *station = engine_station(engine, change->leaving[i]);
+
+		if (station)
+			begin_to_leave(engine, station, now);
+	}
+}
+
+struct db_change *db_engine_take_changed(struct db_engine *engine)
+{
+	struct db_change *changed = engine->changed;
+
+	engine->changed = NULL;
+	return changed;
+}
+
+db_time engine_change_deadline(const struct db_engine *engine, db_time now)
+{
+	/* After it only the end of what is on the wire is waited for. */
+	return engine->change && engine->change->leave_by > now ? engine->change->leave_by :
+	                                                          DB_TIME_NEVER;
+}
+
+/* Nothing of it is on the wire, and nothing that is read for others goes through it. */
+static bool may_leave(const struct db_engine *engine, const struct station *station, db_time now)
+{
+	const struct node *node = station->node;
+
+	if (!engine->stats.up)
+		return true;
+	if (node->flight.station == station)
+		return false;
+	if (node->first->next_axis && node->first->lanes[LANE_POLL].active)
+		return false;
+	return station->stop_count == 0 || now >= engine->change->leave_by;
+}
+
+/* Round robin goes on where it was when something before that place is taken out. */
+static void close_gap(size_t *next, size_t index, size_t count)
+{
+	*next %= count;
+	if (*next > index)
+		(*next)--;
+}
+
+static void take_out_node(struct db_engine *engine, const struct node *node)
+{
+	struct db_change *change = engine->change;
+	size_t index = 0;
+
+	for (size_t i = 0; i < change->coming_count; i++) {
+		if (change->coming[i]->spare->address == node->address)
+			node_inherit_ghosts(change->coming[i]->spare, node);
+	}
+
+	while (engine->nodes[index] != node)
+		index++;
+	close_gap(&engine->next_poll, index, engine->node_count);
+	close_gap(&engine->next_probe, index, engine->node_count);
+	engine->node_count--;
+	memmove(&engine->nodes[index], &engine->nodes[index + 1],
+	        (engine->node_count - index) * sizeof(struct node *));
+}
+
+static void take_out(struct db_engine *engine, size_t index, db_time now)
+{
+	struct station *station = engine->stations[index];
+	struct node *node = station->node;
+
+	engine_finish_waiting(engine, station, DB_RESULT_CANCELLED, now);
+	station_finish_front(station, DB_RESULT_CANCELLED, now);
+	station_drop_stops(station, now);
+	if (node->online)
+		engine->stats.online--;
+	if (station_part(station, engine->driver))
+		take_out_node(engine, node);
+	close_gap(&engine->next_front, index, engine->station_count);
+	close_gap(&engine->next_stop, index, engine->station_count);
+	close_gap(&engine->next_identify, index, engine->station_count);
+	engine->station_count--;
+	memmove(&engine->stations[index], &engine->stations[index + 1],
+	        (engine->station_count - index) * sizeof(struct station *));
+	engine->change->left[engine->change->left_count++] = station;
+	engine_end_of_polls(engine, now);
+}
+
+/* --- coming -------------------------------------------------------------------------------------- */
+
+/* The node of an address, which the first drive there brings along. */
+static struct node *node_for(struct db_engine *engine, struct station *station)
+{
+	struct node *node = station->spare;
+
+	for (size_t i = 0; i < engine->node_count; i++) {
+		if (engine->nodes[i]->address == node->address)
+			return engine->nodes[i];
+	}
+	station->spare = NULL;
+	engine->nodes[engine->node_count++] = node;
+	return node;
+}
+
+static void swap_room(struct db_engine *engine, struct db_change *change)
+{
+	struct station **stations = engine->stations;
+	struct node **nodes = engine->nodes;
+
+	if (engine->station_count > 0)
+		memcpy(change->stations, stations, engine->station_count * sizeof stations[0]);
+	if (engine->node_count > 0)
+		memcpy(change->nodes, nodes, engine->node_count * sizeof nodes[0]);
+	engine->stations = change->stations;
+	engine->nodes = change->nodes;
+	change->stations = stations;
+	change->nodes = nodes;
+}
+
+/* What is counted modulo the number of drives begins at the first one's, not at the newcomer's. */
+static void wrap(size_t *next, size_t count)
+{
+	if (count > 0)
+		*next %= count;
+}
+
+static void take_in(struct db_engine *engine, struct db_change *change)
+{
+	swap_room(engine, change);
+	wrap(&engine->next_poll, engine->node_count);
+	wrap(&engine->next_probe, engine->node_count);
+	wrap(&engine->next_front, engine->station_count);
+	wrap(&engine->next_stop, engine->station_count);
+	wrap(&engine->next_identify, engine->station_count);
+	for (size_t i = 0; i < change->coming_count; i++) {
+		struct station *station = change->coming[i];
+
+		change->coming[i] = NULL;
+		engine->stations[engine->station_count++] = station;
+		station_join(station, node_for(engine, station), engine->bus);
+		if (station->node->online)
+			engine_come_online(engine, station);
+		engine_publish(engine, station);
+	}
+}
+
+void engine_carry_change(struct db_engine *engine, db_time now)
+{
+	struct db_change *change = engine->change;
+	bool waits = false;
+
+	/* What then happens to every drive is the same for those that leave. */
+	if (!change || engine->shutting_down)
+		return;
+	for (size_t i = engine->station_count; i-- > 0;) {
+		const struct station *station = engine->stations[i];
+
+		if (!station->leaving)
+			continue;
+		if (may_leave(engine, station, now))
+			take_out(engine, i, now);
+		else
+			waits = true;
+	}
+	if (waits)
+		return;
+	take_in(engine, change);
+	engine->change = NULL;
+	engine->changed = change;
+}

@@ -1,0 +1,346 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A reload: from the plant that runs to that of the new file, while what is the same in both goes on.
+ *
+ * First everything is made that will be needed; if anything fails, nothing has changed. Then what goes
+ * is retired: buses end, and drives leave theirs, as their on-exit says. That takes its time, in which
+ * the network thread does everything else. When all of it is gone, so that its ports and addresses are
+ * free, the new plant takes its place.
+ */
+#include "drivebridge/log.h"
+#include "service/state.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+#include <systemd/sd-daemon.h>
+#include <time.h>
+
+struct reload {
+	struct plant *next;
+	struct db_server_change *server;
+	struct db_registers_change *registers;
+};
+
+static void notify_begin(void)
+{
+	struct timespec now;
+
+	clock_gettime(CLOCK_MONOTONIC, &now);
+	sd_notifyf(0, "RELOADING=1\nMONOTONIC_USEC=%" PRIu64,
+	           (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000);
+}
+
+static void notify_end(void)
+{
+	sd_notify(0, "READY=1");
+}
+
+/* --- in words -------------------------------------------------------------------------------------- */
+
+/* About a bus, or when that is null about the service. */
+static void tell(const struct service *service, const struct db_bus_config *bus, const char *drive,
+                 const char *text)
+{
+	struct db_log_source log = service->log;
+	struct db_log_about about = { .drive = drive };
+
+	log.bus = bus ? bus->name : NULL;
+	db_log(&log, service_now(service), DB_EVENT_RELOAD, &about, "reload: %s", text);
+}
+
+static void tell_buses(const struct service *service, const struct plant *next)
+{
+	const struct plant *running = service->plant;
+
+	for (size_t i = 0; i < running->bus_count; i++) {
+		const struct db_bus_config *bus = running->buses[i]->config;
+
+		if (plant_has_bus(next, running->buses[i]))
+			continue;
+		tell(service, bus, NULL,
+		     plant_bus_named(next, bus->name) ? "it is changed and begins anew" :
+		                                        "it is removed");
+	}
+	for (size_t i = 0; i < next->bus_count; i++) {
+		const struct db_bus_config *bus = next->buses[i]->config;
+
+		if (!plant_bus_named(running, bus->name))
+			tell(service, bus, NULL, "it is added");
+	}
+}
+
+/* What becomes of a drive that does not go on; `after` is null when it is removed. */
+static const char *fate_of(const struct plant_drive *drive, const struct plant_drive *after)
+{
+	if (!after)
+		return "it is removed, and left as on-exit says";
+	if (db_config_same_drive(drive->edition->config, drive->config, after->edition->config,
+	                         after->config))
+		return "it begins anew with its bus";
+	return "it is changed: it is left as on-exit says and begins anew";
+}
+
+/* How many go on undisturbed. */
+static size_t tell_drives(const struct service *service, const struct plant *next)
+{
+	const struct plant *running = service->plant;
+	size_t kept = 0;
+
+	for (size_t i = 0; i < running->drive_count; i++) {
+		const struct plant_drive *drive = running->drives[i];
+		const struct plant_drive *after = plant_drive_named(next, drive->config->name);
+
+		if (after == drive)
+			kept++;
+		else
+			tell(service, drive->bus->config, drive->config->name,
+			     fate_of(drive, after));
+	}
+	for (size_t i = 0; i < next->drive_count; i++) {
+		const struct plant_drive *drive = next->drives[i];
+
+		if (!plant_drive_named(running, drive->config->name))
+			tell(service, drive->bus->config, drive->config->name, "it is added");
+	}
+	return kept;
+}
+
+static void tell_changes(const struct service *service, const struct plant *next)
+{
+	size_t kept;
+
+	tell_buses(service, next);
+	kept = tell_drives(service, next);
+	if (!db_config_same_modbus(service->plant->edition->config, next->edition->config))
+		tell(service, NULL, NULL, "the section modbus is changed");
+	db_log(&service->log, service_now(service), DB_EVENT_RELOAD, NULL,
+	       "reload: %zu drive%s undisturbed", kept, kept == 1 ? " goes on" : "s go on");
+}
+
+/* Why nothing becomes of it. */
+static void tell_failure(const struct service *service, int error)
+{
+	db_log(&service->log, service_now(service), DB_EVENT_RELOAD_FAILED, NULL,
+	       "reload: %s; nothing changes", strerror(-error));
+}
+
+/* --- getting ready --------------------------------------------------------------------------------- */
+
+/* The drives that leave a bus and come to it; nothing when there are none. */
+static int prepare_bus(struct plant_bus *bus, const struct plant *running, const struct plant *next)
+{
+	size_t leaving_count;
+	size_t coming_count;
+	struct db_bus_drive *leaving = plant_drives_on(running, bus, next, &leaving_count);
+	struct db_bus_drive *coming = plant_drives_on(next, bus, running, &coming_count);
+	uint16_t *numbers = calloc(leaving_count + 1, sizeof *numbers);
+	int error = leaving && coming && numbers ? 0 : -ENOMEM;
+
+	for (size_t i = 0; error == 0 && i < leaving_count; i++)
+		numbers[i] = leaving[i].number;
+	if (error == 0 && leaving_count + coming_count > 0)
+		error = db_bus_change_new(bus->bus, numbers, leaving_count, coming, coming_count,
+		                          &bus->change);
+	free(leaving);
+	free(coming);
+	free(numbers);
+	return error;
+}
+
+static int prepare_buses(struct service *service, const struct plant *next)
+{
+	int error = 0;
+
+	for (size_t i = 0; error >= 0 && i < next->bus_count; i++) {
+		struct plant_bus *bus = next->buses[i];
+
+		if (plant_has_bus(service->plant, bus))
+			error = prepare_bus(bus, service->plant, next);
+		else
+			error = service_watch(service, bus);
+	}
+	return error;
+}
+
+static int prepare_registers(struct service *service, struct reload *reload)
+{
+	struct plant_roster roster;
+	int error = plant_roster_init(&roster, reload->next);
+
+	if (error != 0)
+		return error;
+	error = db_registers_prepare(service->registers, &roster.roster, &reload->registers);
+	plant_roster_release(&roster);
+	return error;
+}
+
+static int prepare(struct service *service, struct reload *reload)
+{
+	const struct db_modbus_config *modbus = &reload->next->edition->config->modbus;
+	int error = prepare_buses(service, reload->next);
+
+	if (error >= 0)
+		error = prepare_registers(service, reload);
+	if (error < 0) {
+		tell_failure(service, error);
+		return error;
+	}
+	error = db_server_prepare(service->server, modbus, &reload->server);
+	if (error < 0)
+		db_log(&service->log, service_now(service), DB_EVENT_RELOAD_FAILED, NULL,
+		       "reload: cannot listen on %s: %s; nothing changes", modbus->listen,
+		       strerror(-error));
+	return error;
+}
+
+static void forget(struct reload *reload, const struct plant *running)
+{
+	for (size_t i = 0; running && i < running->bus_count; i++) {
+		db_bus_change_free(running->buses[i]->change);
+		running->buses[i]->change = NULL;
+	}
+	db_registers_change_free(reload->registers);
+	db_server_change_free(reload->server);
+	plant_free(reload->next, running);
+	free(reload);
+}
+
+/* --- what goes ------------------------------------------------------------------------------------- */
+
+static void retire(struct service *service, struct reload *reload)
+{
+	struct plant *running = service->plant;
+	bool elsewhere = strcmp(running->edition->config->modbus.listen,
+	                        reload->next->edition->config->modbus.listen) != 0;
+
+	db_registers_retire(service->registers, reload->registers);
+	db_server_change(service->server, reload->server);
+	reload->server = NULL;
+	service->log.level = reload->next->edition->config->modbus.log;
+	if (elsewhere)
+		service_log_listening(service, &reload->next->edition->config->modbus);
+	for (size_t i = 0; i < running->bus_count; i++) {
+		struct plant_bus *bus = running->buses[i];
+
+		bus->leaving = !plant_has_bus(reload->next, bus);
+		if (bus->leaving)
+			db_bus_ask_end(bus->bus);
+		if (!bus->change)
+			continue;
+		bus->changing = true;
+		db_bus_change(bus->bus, bus->change);
+		bus->change = NULL;
+	}
+}
+
+static bool all_gone(const struct plant *running)
+{
+	for (size_t i = 0; i < running->bus_count; i++) {
+		const struct plant_bus *bus = running->buses[i];
+
+		if (bus->changing || (bus->leaving && !db_bus_has_ended(bus->bus)))
+			return false;
+	}
+	return true;
+}
+
+/* --- what comes ------------------------------------------------------------------------------------ */
+
+static int take_over(struct service *service, struct reload *reload)
+{
+	struct plant *before = service->plant;
+	int error = 0;
+
+	for (size_t i = 0; i < before->bus_count; i++) {
+		if (before->buses[i]->leaving)
+			service_collect(before->buses[i]);
+	}
+	db_registers_change(service->registers, reload->registers);
+	service->plant = reload->next;
+	for (size_t i = 0; error == 0 && i < service->plant->bus_count; i++) {
+		if (!plant_has_bus(before, service->plant->buses[i]))
+			error = db_bus_start(service->plant->buses[i]->bus);
+	}
+	plant_free(before, service->plant);
+	free(reload);
+	service->reload = NULL;
+	return error;
+}
+
+static void begin(struct service *service, struct db_config *config)
+{
+	struct reload *reload = calloc(1, sizeof *reload);
+	int error = reload ? plant_new(service, config, service->plant, &service->last_number,
+	                               &reload->next) :
+	                     -ENOMEM;
+
+	if (!reload)
+		db_config_free(config);
+	if (error != 0) {
+		tell_failure(service, error);
+		free(reload);
+		return;
+	}
+	if (plant_same(service->plant, reload->next)) {
+		db_log(&service->log, service_now(service), DB_EVENT_RELOAD, NULL,
+		       "reload: %s says what runs already; nothing changes", service->path);
+		forget(reload, service->plant);
+		return;
+	}
+	if (prepare(service, reload) < 0) {
+		forget(reload, service->plant);
+		return;
+	}
+	tell_changes(service, reload->next);
+	service->reload = reload;
+	retire(service, reload);
+}
+
+void reload_ask(struct service *service)
+{
+	struct db_config *config = NULL;
+
+	if (service->reload) {
+		service->reload_again = true;
+		return;
+	}
+	notify_begin();
+	if (db_config_load(service->path, stderr, &config) == 0)
+		begin(service, config);
+	else
+		db_log(&service->log, service_now(service), DB_EVENT_CONFIG_WRONG, NULL,
+		       "reload: %s is wrong and not taken, drivebridged --check tells what is "
+		       "wrong; nothing changes",
+		       service->path);
+	if (!service->reload)
+		notify_end();
+}
+
+void reload_step(struct service *service)
+{
+	while (service->reload && all_gone(service->plant)) {
+		int error = take_over(service, service->reload);
+
+		if (error != 0) {
+			/* Half a plant is worse than none: an end in order, and systemd starts anew. */
+			sd_event_exit(service->loop, error);
+			return;
+		}
+		tell(service, NULL, NULL, "done");
+		notify_end();
+		if (!service->reload_again)
+			return;
+		service->reload_again = false;
+		reload_ask(service);
+	}
+}
+
+void reload_abandon(struct service *service)
+{
+	if (!service->reload)
+		return;
+	forget(service->reload, service->plant);
+	service->reload = NULL;
+}

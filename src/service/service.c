@@ -1,0 +1,427 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "service/service.h"
+
+#include "drivebridge/log.h"
+#include "service/state.h"
+
+#include <errno.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/mman.h>
+#include <systemd/sd-daemon.h>
+#include <time.h>
+
+db_time service_now(const struct service *service)
+{
+	uint64_t us = 0;
+
+	sd_event_now(service->loop, CLOCK_MONOTONIC, &us);
+	return (db_time)us * DB_NS_PER_US;
+}
+
+/* Where there is no loop yet, or no more. */
+static db_time monotonic_now(void)
+{
+	struct timespec now;
+
+	clock_gettime(CLOCK_MONOTONIC, &now);
+	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
+}
+
+/* --- what the registers ask for ------------------------------------------------------------------- */
+
+static db_time now_of(void *context)
+{
+	return service_now(context);
+}
+
+static uint64_t wall_us(void *context)
+{
+	struct timespec now;
+
+	(void)context;
+	clock_gettime(CLOCK_REALTIME, &now);
+	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
+}
+
+static bool submit(void *context, struct db_bus *bus, const struct db_request *request)
+{
+	(void)context;
+	return db_bus_submit(bus, request);
+}
+
+static void answer(void *context, struct db_write_token token, uint8_t exception)
+{
+	const struct service *service = context;
+
+	db_server_answer(service->server, token, exception);
+}
+
+static void bus_stats(void *context, struct db_bus *bus, struct db_bus_stats *stats)
+{
+	(void)context;
+	db_bus_read_stats(bus, stats);
+}
+
+static void server_stats(void *context, struct db_server_stats *stats)
+{
+	const struct service *service = context;
+
+	db_server_stats(service->server, stats);
+}
+
+static size_t server_clients(void *context, struct db_server_client *clients, size_t max)
+{
+	const struct service *service = context;
+
+	return db_server_clients(service->server, clients, max);
+}
+
+static void refused(void *context, const struct db_client *client, enum db_refusal kind)
+{
+	const struct service *service = context;
+
+	db_server_refused(service->server, client, kind);
+}
+
+/* The network side speaking of a bus. */
+static struct db_log_source log_of(const struct service *service, const struct db_bus_config *bus)
+{
+	return (struct db_log_source){
+		.log = service->log.log,
+		.bus = bus->name,
+		.level = bus->log,
+	};
+}
+
+static void tripped(void *context, const struct db_bus_config *bus,
+                    const struct db_drive_config *drive, const struct db_client *last)
+{
+	const struct service *service = context;
+	struct db_log_source log = log_of(service, bus);
+	char text[DB_CLIENT_ADDRESS_MAX];
+	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
+
+	if (last->id != 0) {
+		db_client_address(last->address, text);
+		about.client = text;
+	}
+	db_log(&log, service_now(service), DB_EVENT_WATCHDOG_TRIPPED, &about,
+	       "silent too long, so the watchdog stops the drive, and nothing moves it before "
+	       "clear_fault; check the PLC, its program and the network");
+}
+
+static const struct db_registers_ops registers_ops = {
+	.now = now_of,
+	.wall_us = wall_us,
+	.submit = submit,
+	.answer = answer,
+	.bus_stats = bus_stats,
+	.server_stats = server_stats,
+	.server_clients = server_clients,
+	.refused = refused,
+	.tripped = tripped,
+};
+
+/* --- the loop's events ---------------------------------------------------------------------------- */
+
+/* Sets the timer to the first client that will not wait any longer. */
+static void arm_deadline(struct service *service)
+{
+	db_time first = db_registers_next_deadline(service->registers);
+
+	if (first == service->armed)
+		return;
+	service->armed = first;
+	if (first == DB_TIME_NEVER) {
+		sd_event_source_set_enabled(service->deadline, SD_EVENT_OFF);
+		return;
+	}
+	sd_event_source_set_time(service->deadline, (uint64_t)(first / DB_NS_PER_US));
+	sd_event_source_set_enabled(service->deadline, SD_EVENT_ONESHOT);
+}
+
+static int on_signal(sd_event_source *source, const struct signalfd_siginfo *info, void *context)
+{
+	struct service *service = context;
+
+	(void)source;
+	(void)info;
+	return sd_event_exit(service->loop, EXIT_SUCCESS);
+}
+
+static int on_hangup(sd_event_source *source, const struct signalfd_siginfo *info, void *context)
+{
+	(void)source;
+	(void)info;
+	reload_ask(context);
+	return 0;
+}
+
+/* Whether every bus's thread has turned within half of systemd's patience. */
+static bool all_alive(struct service *service, db_time now)
+{
+	bool alive = true;
+
+	for (size_t b = 0; b < service->plant->bus_count; b++) {
+		struct plant_bus *bus = service->plant->buses[b];
+		uint32_t beats = db_bus_heartbeat(bus->bus);
+		struct db_log_source log;
+
+		if (beats != bus->beats || bus->beaten == 0 || db_bus_has_ended(bus->bus)) {
+			bus->beats = beats;
+			bus->beaten = now;
+		}
+		if (now - bus->beaten <= service->watchdog / 2)
+			continue;
+		log = log_of(service, bus->config);
+		db_log(&log, now, DB_EVENT_THREAD_HANGS, NULL,
+		       "its thread hangs; systemd will start the service again");
+		alive = false;
+	}
+	return alive;
+}
+
+static int on_pulse(sd_event_source *source, uint64_t us, void *context)
+{
+	struct service *service = context;
+
+	(void)us;
+	if (all_alive(service, service_now(service)))
+		sd_notify(0, "WATCHDOG=1");
+	sd_event_source_set_time_relative(source, (uint64_t)(service->watchdog / DB_NS_PER_US / 4));
+	return sd_event_source_set_enabled(source, SD_EVENT_ONESHOT);
+}
+
+static int on_deadline(sd_event_source *source, uint64_t us, void *context)
+{
+	struct service *service = context;
+
+	(void)source;
+	(void)us;
+	service->armed = DB_TIME_NEVER;
+	db_registers_expire(service->registers, service_now(service));
+	return 0;
+}
+
+void service_collect(struct plant_bus *bus)
+{
+	struct service *service = bus->service;
+	struct db_completion completion;
+
+	while (db_bus_completion(bus->bus, &completion))
+		db_registers_complete(service->registers, &completion, service_now(service));
+}
+
+static int on_completion(sd_event_source *source, int fd, uint32_t events, void *context)
+{
+	struct plant_bus *bus = context;
+	struct db_change *changed = db_bus_take_changed(bus->bus);
+
+	(void)source;
+	(void)fd;
+	(void)events;
+	/* After that look: what a drive that left still had to answer is there by then. */
+	service_collect(bus);
+	if (changed)
+		bus->changing = false;
+	db_bus_change_free(changed);
+	return 0;
+}
+
+/* Writes come and go inside every turn of the loop; the timer follows once, before it sleeps. */
+static int on_prepare(sd_event_source *source, void *context)
+{
+	(void)source;
+	reload_step(context);
+	arm_deadline(context);
+	return 0;
+}
+
+/* --- putting together ----------------------------------------------------------------------------- */
+
+int service_watch(struct service *service, struct plant_bus *bus)
+{
+	return sd_event_add_io(service->loop, &bus->completions, db_bus_completion_fd(bus->bus),
+	                       EPOLLIN, on_completion, bus);
+}
+
+static int make_registers(struct service *service)
+{
+	struct plant_roster roster;
+	int error = plant_roster_init(&roster, service->plant);
+
+	if (error != 0)
+		return error;
+	error = db_registers_new(&roster.roster, &registers_ops, service, &service->registers);
+	plant_roster_release(&roster);
+	return error;
+}
+
+static int make_loop(struct service *service)
+{
+	int error = sd_event_default(&service->loop);
+
+	if (error < 0)
+		return error;
+	/* Without a handler of their own they would end the loop with the context as its result. */
+	error = sd_event_add_signal(service->loop, &service->term, SIGTERM, on_signal, service);
+	if (error >= 0)
+		error = sd_event_add_signal(service->loop, NULL, SIGINT, on_signal, service);
+	if (error >= 0)
+		error = sd_event_add_signal(service->loop, NULL, SIGHUP, on_hangup, service);
+	if (error >= 0)
+		error = sd_event_add_time(service->loop, &service->deadline, CLOCK_MONOTONIC,
+		                          UINT64_MAX, 500, on_deadline, service);
+	if (error >= 0)
+		error = sd_event_source_set_enabled(service->deadline, SD_EVENT_OFF);
+	/* Prepare callbacks run whenever the loop is about to sleep, whatever their source. */
+	if (error >= 0)
+		error = sd_event_source_set_prepare(service->term, on_prepare);
+	service->armed = DB_TIME_NEVER;
+	for (size_t b = 0; error >= 0 && b < service->plant->bus_count; b++)
+		error = service_watch(service, service->plant->buses[b]);
+	return error;
+}
+
+/* A hung bus thread is as bad as a hung network: both must turn for systemd to be content. */
+static int make_watchdog(struct service *service)
+{
+	uint64_t us = 0;
+
+	if (sd_watchdog_enabled(0, &us) <= 0)
+		return 0;
+	service->watchdog = (db_time)us * DB_NS_PER_US;
+	return sd_event_add_time_relative(service->loop, &service->pulse, CLOCK_MONOTONIC, us / 4,
+	                                  0, on_pulse, service);
+}
+
+void service_log_listening(const struct service *service, const struct db_modbus_config *modbus)
+{
+	db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
+	       "listening on %.*s:%u", (int)(strrchr(modbus->listen, ':') - modbus->listen),
+	       modbus->listen, (unsigned)db_server_port(service->server));
+}
+
+static int listen_for_clients(struct service *service)
+{
+	const struct db_modbus_config *modbus = &service->plant->edition->config->modbus;
+	int error = db_server_new(service->loop, modbus, &db_registers_backend, service->registers,
+	                          &service->log, &service->server);
+
+	if (error != 0) {
+		db_log(&service->log, service_now(service), DB_EVENT_FAILED, NULL,
+		       "cannot listen on %s: %s; does another program use this port?",
+		       modbus->listen, strerror(-error));
+		return error;
+	}
+	service_log_listening(service, modbus);
+	return 0;
+}
+
+static int set_up(struct service *service, struct db_config *config)
+{
+	int error = plant_new(service, config, NULL, &service->last_number, &service->plant);
+
+	if (error == 0)
+		error = make_registers(service);
+	if (error == 0)
+		error = make_loop(service);
+	if (error >= 0)
+		error = make_watchdog(service);
+	if (error < 0)
+		return error;
+	error = listen_for_clients(service);
+	for (size_t b = 0; error == 0 && b < service->plant->bus_count; b++)
+		error = db_bus_start(service->plant->buses[b]->bus);
+	return error;
+}
+
+/*
+ * Every bus carries out its drives' on_exit side by side; clients are gone by then. What a reload was
+ * about to bring goes last: buses have its drives already.
+ */
+static void tear_down(struct service *service)
+{
+	db_server_free(service->server);
+	if (service->plant)
+		plant_end(service->plant);
+	reload_abandon(service);
+	db_registers_free(service->registers);
+	plant_free(service->plant, NULL);
+	sd_event_source_unref(service->pulse);
+	sd_event_source_unref(service->deadline);
+	sd_event_source_unref(service->term);
+	sd_event_unref(service->loop);
+}
+
+/* A page that has to be fetched from a disk first makes a cycle late. */
+static void lock_memory(const struct db_log_source *log)
+{
+	if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0 && errno != EPERM &&
+	    errno != ENOMEM)
+		db_log(log, monotonic_now(), DB_EVENT_MEMORY_UNLOCKED, NULL,
+		       "cannot lock memory: %s; a cycle may be late when memory is short",
+		       strerror(errno));
+}
+
+/* Before any thread starts: signals are the loop's. */
+static void block_signals(void)
+{
+	sigset_t signals;
+
+	sigemptyset(&signals);
+	sigaddset(&signals, SIGTERM);
+	sigaddset(&signals, SIGINT);
+	sigaddset(&signals, SIGHUP);
+	sigprocmask(SIG_BLOCK, &signals, NULL);
+	signal(SIGPIPE, SIG_IGN);
+}
+
+/* Takes the configuration over. */
+static int serve(struct service *service, struct db_config *config)
+{
+	int error;
+
+	lock_memory(&service->log);
+	if (config->drive_count == 0)
+		db_log(&service->log, monotonic_now(), DB_EVENT_NO_DRIVES, NULL,
+		       "no drive is configured yet: describe the buses and drives in %s, see "
+		       "drivebridge.conf(5), check it with drivebridged --check and reload",
+		       service->path);
+	error = set_up(service, config);
+	if (error >= 0) {
+		sd_notify(0, "READY=1");
+		error = sd_event_loop(service->loop);
+		sd_notify(0, "STOPPING=1");
+	}
+	if (error < 0)
+		db_log(&service->log, monotonic_now(), DB_EVENT_FAILED, NULL, "cannot go on: %s",
+		       strerror(-error));
+	tear_down(service);
+	return error < 0 ? EXIT_FAILURE : EXIT_SUCCESS;
+}
+
+int db_service_run(struct db_config *config, const char *path)
+{
+	struct service service = {
+		.path = path,
+		.log.level = config->modbus.log,
+	};
+	int error;
+	int status;
+
+	block_signals();
+	error = db_log_new(&service.log.log);
+	if (error != 0) {
+		fprintf(stderr, "cannot make the log: %s\n", strerror(-error));
+		db_config_free(config);
+		return EXIT_FAILURE;
+	}
+	status = serve(&service, config);
+	db_log_free(service.log.log);
+	return status;
+}
