@@ -29,6 +29,7 @@ enum db_id_scope { DB_IDS_OF_DRIVE, DB_IDS_OF_CLIENT };
 enum db_control_mode { DB_CONTROL_OFF, DB_CONTROL_DRIVE };
 enum db_parity { DB_PARITY_NONE, DB_PARITY_EVEN, DB_PARITY_ODD };
 enum db_line { DB_LINE_RS485, DB_LINE_RS232 };
+enum db_direction { DB_DIRECTION_ADAPTER, DB_DIRECTION_RTS, DB_DIRECTION_RTS_INVERTED };
 
 /* One entry of allow-read or allow-write: an IPv4 or IPv6 network. IPv4 is kept v4-mapped. */
 struct db_network {
@@ -77,7 +78,11 @@ struct db_bus_config {
 	enum db_parity parity; /* default none */
 	unsigned stop_bits;    /* 1 (default) or 2 */
 	enum db_line line;     /* line = rs485 (default) or rs232 */
-	unsigned cycle_ms;     /* 1..10000, default 20 */
+	/* What switches an RS485 line between sending and receiving: direction, default adapter. */
+	enum db_direction direction;
+	unsigned rts_before_ms; /* rts-before-ms, rts-after-ms, 0 (default)..100 */
+	unsigned rts_after_ms;
+	unsigned cycle_ms; /* 1..10000, default 20 */
 	unsigned
 		drive_latency_ms; /* drive-latency-ms, 1..1000, default 30: the longest time a drive may think before it answers */
 	unsigned

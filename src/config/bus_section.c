@@ -227,6 +227,35 @@ static void read_speed(const struct db_section *section, struct db_bus_config *b
 		check_slcan_bitrate(section, bus->bitrate);
 }
 
+/* --- its line ---------------------------------------------------------------------------------- */
+
+static void read_line(const struct db_section *section, struct db_bus_config *bus)
+{
+	static const char *const delays[] = { "rts-before-ms", "rts-after-ms" };
+	struct db_report *report = &section->load->report;
+
+	bus->parity = (enum db_parity)db_section_word(section, "parity");
+	bus->stop_bits = db_section_number(section, "stop-bits");
+	bus->line = (enum db_line)db_section_word(section, "line");
+	bus->direction = (enum db_direction)db_section_word(section, "direction");
+	bus->rts_before_ms = db_section_number(section, "rts-before-ms");
+	bus->rts_after_ms = db_section_number(section, "rts-after-ms");
+	if (bus->direction != DB_DIRECTION_ADAPTER) {
+		if (bus->line == DB_LINE_RS232)
+			db_report_error(
+				report, db_section_line(section, "direction"),
+				"direction is for RS485, but bus '%s' has line = rs232; remove one of them",
+				section->title);
+		return;
+	}
+	for (size_t i = 0; i < sizeof delays / sizeof delays[0]; i++) {
+		if (db_section_number(section, delays[i]) != 0)
+			db_report_warning(report, db_section_line(section, delays[i]),
+			                  "%s does nothing without direction = rts or rts-inverted",
+			                  delays[i]);
+	}
+}
+
 /* --- its thread -------------------------------------------------------------------------------- */
 
 /* The file may be checked on another machine than it is for: what is missing here is a warning. */
@@ -265,9 +294,7 @@ void db_load_bus(struct db_load *load, unsigned index, struct db_bus_config *bus
 	bus->transport = read_transport(&section, bus->driver);
 	read_place(&section, bus);
 	read_speed(&section, bus);
-	bus->parity = (enum db_parity)db_section_word(&section, "parity");
-	bus->stop_bits = db_section_number(&section, "stop-bits");
-	bus->line = (enum db_line)db_section_word(&section, "line");
+	read_line(&section, bus);
 	bus->cycle_ms = db_section_number(&section, "cycle-ms");
 	bus->drive_latency_ms = db_section_number(&section, "drive-latency-ms");
 	bus->retries = db_section_number(&section, "retries");

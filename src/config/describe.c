@@ -238,7 +238,13 @@ static void describe_line(const struct db_bus_config *bus, FILE *out)
 	put_word(out, "bus", "line", bus->line);
 	fprintf(out, ", %u baud, parity ", bus->baud);
 	put_word(out, "bus", "parity", bus->parity);
-	fprintf(out, ", %u stop bit%s\n", bus->stop_bits, bus->stop_bits == 1 ? "" : "s");
+	fprintf(out, ", %u stop bit%s", bus->stop_bits, bus->stop_bits == 1 ? "" : "s");
+	if (bus->direction != DB_DIRECTION_ADAPTER) {
+		fputs(", direction ", out);
+		put_word(out, "bus", "direction", bus->direction);
+		fprintf(out, " (%u ms before, %u ms after)", bus->rts_before_ms, bus->rts_after_ms);
+	}
+	fputs("\n", out);
 }
 
 static void put_cpus(FILE *out, uint64_t cpus)

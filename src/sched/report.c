@@ -48,6 +48,8 @@ const char *report_advice_for_port(int error)
 	case EACCES:
 	case EPERM:
 		return "; may this user open it (group dialout)?";
+	case ENOTTY:
+		return "; its driver cannot switch RS485 with RTS: leave direction = adapter";
 	case EBUSY:
 		return "; another program uses it";
 	case EAFNOSUPPORT:

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "transport/serial.h"
 
-#include "transport/serial_latency.h"
+#include "transport/serial_control.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -89,6 +89,7 @@ static int control(int fd, unsigned long request, void *argument)
 static int open_port(const char *path, const struct db_bus_config *config, struct db_serial *serial)
 {
 	enum sp_return code;
+	int error;
 
 	errno = 0;
 	code = sp_get_port_by_name(path, &serial->port);
@@ -103,6 +104,9 @@ static int open_port(const char *path, const struct db_bus_config *config, struc
 	/* Two masters on one bus would answer each other's questions. */
 	if (ioctl(serial->fd, TIOCEXCL) != 0)
 		return -errno;
+	error = db_serial_set_direction(serial->fd, config, control);
+	if (error != 0)
+		return error;
 	serial->latency = db_serial_lower_latency(serial->fd, control);
 	sp_flush(serial->port, SP_BUF_BOTH);
 	return 0;

@@ -176,6 +176,8 @@ static const struct wrong_case WRONG[] = {
 	{ BUS_HEAD " transport = usb\n}\n", 4, "one of: serial socketcan slcan" },
 	{ BUS_HEAD " bitrate = 500000\n}\n", 4, "bitrate is for CAN families" },
 	{ BUS_HEAD " priority = 100\n}\n", 4, "from 0 to 99" },
+	{ BUS_HEAD " line = rs232\n direction = rts\n}\n", 5, "direction is for RS485" },
+	{ BUS_HEAD " direction = cts\n}\n", 4, "one of: adapter rts rts-inverted" },
 	{ BUS_HEAD " cpus = 64\n}\n", 4, "cpus = 64 is no list of processors" },
 	{ BUS_HEAD " cpus = \"3-1\"\n}\n", 4, "is no list of processors" },
 	{ BUS_HEAD " cpus = \"1,\"\n}\n", 4, "is no list of processors" },
