@@ -90,7 +90,7 @@ struct db_setting {
 
 #define DB_SETTINGS_MAX 64 /* more than one Modbus write can carry */
 
-/* What the network thread hands to a bus. */
+/* What the network thread hands to a bus. The settings are the giver's; a mailbox copies them. */
 struct db_request {
 	uint32_t ticket;        /* comes back in the completion; never 0 */
 	uint16_t axis;          /* number of the drive; see struct db_bus_drive */
@@ -98,7 +98,7 @@ struct db_request {
 	enum db_command command;
 	struct db_args args;
 	db_time submitted;
-	struct db_setting settings[DB_SETTINGS_MAX];
+	const struct db_setting *settings;
 };
 
 /* What comes back, exactly once for each request taken. */

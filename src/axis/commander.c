@@ -438,7 +438,7 @@ static int carry_out(struct db_commander *commander, const struct origin *by,
                      const struct db_command_block *block, uint16_t id, struct db_write_token token,
                      db_time now)
 {
-	struct db_request request;
+	struct db_request request = { 0 };
 	enum db_result result = reach(commander, (enum db_command)block->command);
 	struct slot *slot;
 
@@ -447,7 +447,6 @@ static int carry_out(struct db_commander *commander, const struct origin *by,
 	request.command = (enum db_command)block->command;
 	request.args = block->args;
 	request.submitted = now;
-	request.setting_count = 0;
 	if (!submit(commander, by->client, &request, id, &slot))
 		return refuse(commander, by, block, id, DB_RESULT_BUSY, now);
 	if (db_command_is_motion(request.command))
@@ -644,17 +643,15 @@ int db_commander_set(struct db_commander *commander, const struct db_client *cli
                      db_time now)
 {
 	struct db_writer *writer = db_writers_find(&commander->writers, client);
-	struct db_request request;
+	struct db_request request = { 0 };
 	enum db_result result = check_acceleration(commander, writer, settings, count);
 	struct slot *slot = NULL;
 
 	if (result == DB_RESULT_OK)
 		result = reach(commander, DB_CMD_NONE);
-	request.command = DB_CMD_NONE;
-	request.args = (struct db_args){ 0 };
 	request.submitted = now;
 	request.setting_count = (uint16_t)count;
-	memcpy(request.settings, settings, count * sizeof settings[0]);
+	request.settings = settings;
 	if (result == DB_RESULT_OK && !submit(commander, client, &request, 0, &slot))
 		result = DB_RESULT_BUSY;
 	if (result != DB_RESULT_OK) {

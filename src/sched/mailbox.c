@@ -20,6 +20,8 @@ struct db_letter {
 	db_time sent;
 	db_time finished;
 	struct db_request request;
+	struct db_setting
+		*settings; /* room for the request's; null: it is for stops, which have none */
 };
 
 /* Slots that were allocated together. The first block has those for everything and some for stops,
@@ -28,6 +30,7 @@ struct block {
 	struct block *_Atomic next;
 	size_t commands; /* so many at the beginning are for everything */
 	size_t total;
+	struct db_setting (*settings)[DB_SETTINGS_MAX]; /* of those */
 	struct db_letter letters[];
 };
 
@@ -51,10 +54,17 @@ static struct block *new_block(struct db_mailbox *mailbox, size_t commands, size
 
 	if (!block)
 		return NULL;
+	block->settings = calloc(commands + 1, sizeof block->settings[0]);
+	if (!block->settings) {
+		free(block);
+		return NULL;
+	}
 	block->commands = commands;
 	block->total = total;
-	for (size_t i = 0; i < total; i++)
+	for (size_t i = 0; i < total; i++) {
 		block->letters[i].mailbox = mailbox;
+		block->letters[i].settings = i < commands ? block->settings[i] : NULL;
+	}
 	return block;
 }
 
@@ -81,6 +91,7 @@ void db_mailbox_free(struct db_mailbox *mailbox)
 	while (block) {
 		struct block *next = next_of(block);
 
+		free(block->settings);
 		free(block);
 		block = next;
 	}
@@ -114,17 +125,12 @@ static void pass(struct db_letter *letter, enum letter_state state)
 	atomic_store_explicit(&letter->state, state, memory_order_release);
 }
 
-/* Copies only the settings in use: most requests have none, and the array is most of the size. */
-static void fill(struct db_request *to, const struct db_request *from)
+static void fill(struct db_letter *letter, const struct db_request *request)
 {
-	to->ticket = from->ticket;
-	to->axis = from->axis;
-	to->setting_count = from->setting_count;
-	to->command = from->command;
-	to->args = from->args;
-	to->submitted = from->submitted;
-	for (size_t i = 0; i < from->setting_count && i < DB_SETTINGS_MAX; i++)
-		to->settings[i] = from->settings[i];
+	letter->request = *request;
+	letter->request.settings = letter->settings;
+	for (size_t i = 0; i < request->setting_count && i < DB_SETTINGS_MAX; i++)
+		letter->settings[i] = request->settings[i];
 }
 
 static struct db_letter *free_letter(struct db_mailbox *mailbox, bool stop)
@@ -148,7 +154,7 @@ bool db_mailbox_post(struct db_mailbox *mailbox, const struct db_request *reques
 
 	if (!letter)
 		return false;
-	fill(&letter->request, request);
+	fill(letter, request);
 	letter->order = mailbox->next_order++;
 	letter->sent = 0;
 	pass(letter, LETTER_POSTED);

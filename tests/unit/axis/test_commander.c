@@ -1298,6 +1298,23 @@ static void the_client_that_was_silent_longest_is_forgotten(void **state)
 	drop(&fake);
 }
 
+/* The scope changed in a reload: nobody can say whose an id was, so none is executed on. */
+static void another_scope_begins_with_baselines(void **state)
+{
+	CLIENT_FAKE();
+	assert_int_equal(put_as(&fake, 1, 5, DB_CMD_ENABLE, 0), FAILURE);
+	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	db_commander_set_writers(fake.commander, 40, false, true);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_ENABLE, 0), 0);
+	db_commander_set_writers(fake.commander, 40, false, false);
+	assert_int_equal(put_as(&fake, 1, 7, DB_CMD_ENABLE, 0), FAILURE);
+	assert_int_equal(look_as(&fake, 2).result, DB_RESULT_RESTARTED);
+	assert_int_equal(put_as(&fake, 2, 8, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 2);
+	drop(&fake);
+}
+
 /* A write of `command` alone, sent again, after another client wrote a block with another id. */
 static void the_kept_id_is_the_clients_own(void **state)
 {
@@ -1410,6 +1427,7 @@ int main(void)
 		cmocka_unit_test(each_client_sees_its_own_result),
 		cmocka_unit_test(a_motion_aborted_by_another_client_is_told_to_its_own),
 		cmocka_unit_test(the_client_that_was_silent_longest_is_forgotten),
+		cmocka_unit_test(another_scope_begins_with_baselines),
 		cmocka_unit_test(the_kept_id_is_the_clients_own),
 		cmocka_unit_test(busy_gives_the_id_back_to_its_client),
 		cmocka_unit_test(a_memory_outlives_its_ticket),

@@ -31,6 +31,7 @@ struct fixture {
 	struct db_device *device;
 	struct db_job job;
 	struct db_request request;
+	struct db_setting settings[DB_SETTINGS_MAX];
 	struct db_exchange exchange;
 	uint8_t bytes[DB_REQUEST_MAX];
 	enum db_result result;
@@ -850,8 +851,9 @@ static void staged_speeds_begin_together(void **unused)
 
 static const char *set(struct fixture *f, size_t count, const struct db_setting *settings)
 {
-	f->request = (struct db_request){ .setting_count = (uint16_t)count };
-	memcpy(f->request.settings, settings, count * sizeof settings[0]);
+	f->request = (struct db_request){ .setting_count = (uint16_t)count,
+		                          .settings = f->settings };
+	memcpy(f->settings, settings, count * sizeof settings[0]);
 	return begin(f, DB_JOB_SETTINGS);
 }
 

@@ -31,6 +31,7 @@ struct fixture {
 	struct db_device *device;
 	struct db_job job;
 	struct db_request request;
+	struct db_setting settings[DB_SETTINGS_MAX];
 	struct db_exchange exchange;
 	uint8_t bytes[DB_REQUEST_MAX];
 	enum db_result result;
@@ -635,8 +636,9 @@ static void saving_is_rate_limited_and_its_failure_seen(void **state)
 
 static void set(struct fixture *f, enum vsmd_param param, uint32_t value)
 {
-	struct db_setting *setting = &f->request.settings[f->request.setting_count++];
+	struct db_setting *setting = &f->settings[f->request.setting_count++];
 
+	f->request.settings = f->settings;
 	setting->param = (uint16_t)param;
 	setting->value.u = value;
 }

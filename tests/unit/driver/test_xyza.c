@@ -38,6 +38,7 @@ struct fixture {
 	struct db_device *talking;
 	struct db_job job;
 	struct db_request request;
+	struct db_setting setting;
 	struct db_exchange exchange;
 	uint8_t bytes[DB_REQUEST_MAX];
 	enum db_result result;
@@ -894,9 +895,8 @@ static void stops_and_writes_are_repeated(void **state)
 
 static const char *set(struct fixture *f, unsigned axis, enum xyza_param param, uint32_t number)
 {
-	f->request = (struct db_request){ .setting_count = 1 };
-	f->request.settings[0].param = (uint16_t)param;
-	f->request.settings[0].value.u = number;
+	f->setting = (struct db_setting){ .param = (uint16_t)param, .value.u = number };
+	f->request = (struct db_request){ .setting_count = 1, .settings = &f->setting };
 	return begin(f, axis, DB_JOB_SETTINGS);
 }
 

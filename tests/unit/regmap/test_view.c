@@ -34,6 +34,7 @@ struct fake {
 	struct db_registers *registers;
 	db_time now;
 	struct db_request request;
+	struct db_setting settings[DB_SETTINGS_MAX];
 	size_t submitted_to;
 	unsigned submitted;
 	unsigned answered;
@@ -66,6 +67,9 @@ static bool fake_submit(void *context, struct db_bus *bus, const struct db_reque
 	struct fake *fake = context;
 
 	fake->request = *request;
+	fake->request.settings = fake->settings;
+	for (size_t i = 0; i < request->setting_count; i++)
+		fake->settings[i] = request->settings[i];
 	fake->submitted_to = place_of(fake, bus);
 	fake->submitted++;
 	return true;

@@ -38,6 +38,7 @@ struct fake {
 	struct db_nameplate plate;
 	db_time now;
 	struct db_request requests[REQUESTS_MAX];
+	struct db_setting settings[REQUESTS_MAX][DB_SETTINGS_MAX];
 	unsigned submitted;
 	unsigned answered;
 	uint8_t answered_with;
@@ -54,7 +55,11 @@ static bool fake_submit(void *context, struct db_bus *bus, const struct db_reque
 
 	assert_null(bus);
 	assert_true(fake->submitted < REQUESTS_MAX);
-	fake->requests[fake->submitted++] = *request;
+	fake->requests[fake->submitted] = *request;
+	fake->requests[fake->submitted].settings = fake->settings[fake->submitted];
+	for (size_t i = 0; i < request->setting_count; i++)
+		fake->settings[fake->submitted][i] = request->settings[i];
+	fake->submitted++;
 	return true;
 }
 
