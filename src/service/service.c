@@ -306,6 +306,20 @@ void service_log_listening(const struct service *service, const struct db_modbus
 	       modbus->listen, (unsigned)db_server_port(service->server));
 }
 
+static const char *advice_for_listening(int error)
+{
+	switch (error) {
+	case EADDRINUSE:
+		return "; another program uses this port";
+	case EADDRNOTAVAIL:
+		return "; this machine does not have this address (yet)";
+	case EACCES:
+		return "; ports below 1024 are for the service: see CAP_NET_BIND_SERVICE in its unit";
+	default:
+		return "";
+	}
+}
+
 static int listen_for_clients(struct service *service)
 {
 	const struct db_modbus_config *modbus = &service->plant->edition->config->modbus;
@@ -314,8 +328,8 @@ static int listen_for_clients(struct service *service)
 
 	if (error != 0) {
 		db_log(&service->log, service_now(service), DB_EVENT_FAILED, NULL,
-		       "cannot listen on %s: %s; does another program use this port?",
-		       modbus->listen, strerror(-error));
+		       "cannot listen on %s: %s%s", modbus->listen, strerror(-error),
+		       advice_for_listening(-error));
 		return error;
 	}
 	service_log_listening(service, modbus);
