@@ -510,8 +510,8 @@ static void add_repetition(const struct line *line, struct text *text)
 {
 	const struct db_repeat *repeat = &line->entry.row->repeat;
 
-	add(text, "; likewise 2 to %u, each %u registers further", repeat->count,
-	    repeat->addresses);
+	add(text, "; likewise 2 to %u, each %u register%s further", repeat->count,
+	    repeat->addresses, repeat->addresses == 1 ? "" : "s");
 }
 
 static void put_row(FILE *out, const struct line *line)

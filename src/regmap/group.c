@@ -4,6 +4,7 @@
 #include "regmap/view.h"
 
 #include <modbus.h>
+#include <string.h>
 
 /* No client has this number; the sequence is the generation. */
 #define GROUP_CLIENT UINT32_MAX
@@ -63,22 +64,66 @@ static int end(struct db_registers *registers)
 	return DB_WRITE_LATER;
 }
 
-int group_stop(struct db_registers *registers, const struct db_client *client, enum db_command stop,
-               struct db_write_token token)
+static void stop_part(struct db_registers *registers, struct view_drive *drive,
+                      const struct db_client *client, enum db_command stop)
 {
 	const struct db_args none = { 0 };
 	db_time now = registers->ops->now(registers->context);
 
+	add_part(registers, drive,
+	         db_commander_execute(drive->commander, client, stop, &none, part_token(registers),
+	                              now));
+}
+
+int group_stop(struct db_registers *registers, const struct db_client *client, enum db_command stop,
+               struct db_write_token token)
+{
+	begin(registers, token);
+	for (size_t i = 0; i < registers->layout->drive_count; i++) {
+		if (!registers->layout->drives[i]->leaving)
+			stop_part(registers, registers->layout->drives[i], client, stop);
+	}
+	return end(registers);
+}
+
+/* Takes a unit out of a set. Whether it was in it. */
+static bool take_unit(uint16_t units[GROUP_WORDS], unsigned unit)
+{
+	unsigned word = (unit - 1) / 16;
+	unsigned bit = 1u << (unit - 1) % 16;
+	bool was = units[word] & bit;
+
+	units[word] = (uint16_t)(units[word] & ~bit);
+	return was;
+}
+
+static bool is_empty(const uint16_t units[GROUP_WORDS])
+{
+	for (size_t i = 0; i < GROUP_WORDS; i++) {
+		if (units[i] != 0)
+			return false;
+	}
+	return true;
+}
+
+int group_stop_listed(struct db_registers *registers, const struct db_client *client,
+                      enum db_command stop, struct db_write_token token)
+{
+	uint16_t left[GROUP_WORDS];
+
+	if (is_empty(registers->group.units))
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	memcpy(left, registers->group.units, sizeof left);
 	begin(registers, token);
 	for (size_t i = 0; i < registers->layout->drive_count; i++) {
 		struct view_drive *drive = registers->layout->drives[i];
 
-		if (drive->leaving)
-			continue;
-		add_part(registers, drive,
-		         db_commander_execute(drive->commander, client, stop, &none,
-		                              part_token(registers), now));
+		if (!drive->leaving && take_unit(left, drive->config->unit))
+			stop_part(registers, drive, client, stop);
 	}
+	/* A stop is not refused for a wrong unit, but its writer is to know. */
+	if (!is_empty(left) && registers->group.worst < MODBUS_EXCEPTION_GATEWAY_PATH)
+		registers->group.worst = MODBUS_EXCEPTION_GATEWAY_PATH;
 	return end(registers);
 }
 

@@ -15,6 +15,9 @@
 struct db_registers;
 struct view_drive;
 
+/* A set of units: unit 1 is bit 0 of the first word. */
+#define GROUP_WORDS 16
+
 /* One group command under way, and how the last one went. */
 struct group {
 	struct db_write_token writer; /* who waits for it */
@@ -22,6 +25,7 @@ struct group {
 	uint32_t generation;          /* tells answers of this one from those of older ones */
 	unsigned pending;             /* drives that have not ended theirs */
 	uint8_t worst;                /* exception so far */
+	uint16_t units[GROUP_WORDS];  /* those that a stop of a list is for, as written last */
 
 	/* Shown. */
 	uint16_t result;  /* exception of the last group command; 0 = all drives confirmed */
@@ -36,6 +40,10 @@ struct group {
 /* Stops, quick-stops or disables every drive; those that are offline are stopped when they answer. */
 int group_stop(struct db_registers *registers, const struct db_client *client, enum db_command stop,
                struct db_write_token token);
+/* Likewise the drives of group.units. 03 when there are none; when some have no drive, the others are
+ * stopped all the same, and the answer is 0A. */
+int group_stop_listed(struct db_registers *registers, const struct db_client *client,
+                      enum db_command stop, struct db_write_token token);
 /* Starts what is staged, everywhere at once. 03 when nothing is; 06 when another client has control of
  * one of the drives. */
 int group_start(struct db_registers *registers, const struct db_client *client,

@@ -245,6 +245,8 @@ static void fill_group(struct db_gateway_image *image, const struct db_registers
 	image->group_result = registers->group.result;
 	image->group_busy = registers->group.pending > 0;
 	image->group_skew_us = registers->group.skew_us;
+	memcpy(image->group_units, registers->group.units, sizeof image->group_units);
+	image->group_stop_units = 0;
 }
 
 static void fill_bus(struct db_gateway_bus *image, const struct db_bus_stats *stats)

@@ -8,6 +8,7 @@
 
 #include "drivebridge/axis.h"
 #include "drivebridge/commander.h"
+#include "regmap/group.h"
 
 /* Parts of the images. */
 enum db_part {
@@ -189,6 +190,8 @@ struct db_gateway_image {
 	uint16_t group_result;
 	uint16_t group_busy;
 	uint32_t group_skew_us;
+	uint16_t group_units[GROUP_WORDS];
+	uint16_t group_stop_units; /* reads as 0 */
 	/* DB_PART_BUSES, DB_PART_DRIVES, DB_PART_WINDOWS, DB_PART_CLIENTS */
 	struct db_gateway_bus buses[DB_GATEWAY_BUSES];
 	struct db_gateway_drive drives[DB_GATEWAY_DRIVES];

@@ -1266,6 +1266,30 @@ const struct db_row db_rows[] = {
 			       "value written last",
 	},
 
+	{
+		.name = "group_units#",
+		.address = 70,
+		.type = DB_BITS16,
+		GATEWAY_GROUP(group_units),
+		.flags = DB_ROW_WRITABLE | DB_ROW_LIST,
+		.repeat = { .count = GROUP_WORDS, .addresses = 1, .bytes = sizeof(uint16_t) },
+		.description =
+			"Units that group_stop_units is for: bit 0 of group_units1 is unit 1 "
+			"and bit 15 of group_units16 would be unit 256; kept until they are "
+			"written again",
+	},
+	{
+		.name = "group_stop_units",
+		.address = 86,
+		.type = DB_U16,
+		GATEWAY_GROUP(group_stop_units),
+		.flags = DB_ROW_WRITABLE | DB_ROW_LIST,
+		.max = 3,
+		.description = "As group_stop for the units of group_units; best written with them "
+			       "in one request; 0A when some of them have no drive but the others "
+			       "are stopped all the same; reads 0",
+	},
+
 	/* Gateway view: a block for each bus. */
 	{
 		.name = "bus#_up",

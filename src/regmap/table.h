@@ -19,6 +19,7 @@ enum db_row_flag {
 	DB_ROW_WATCHDOG = 1u << 3, /* the one setting of the bridge's own */
 	DB_ROW_CONTROL = 1u << 4,  /* asks for control of the drive, or lets it go */
 	DB_ROW_HEARTBEAT = 1u << 5,
+	DB_ROW_LIST = 1u << 6, /* of a list of units with its stop: written together */
 };
 
 /* Names of a register's values or bits, for its description. */

@@ -286,12 +286,15 @@ int view_write(struct view_drive *drive, const struct db_client *client, enum db
 
 /* --- the gateway ------------------------------------------------------------------------------------- */
 
+/* By the value of group_stop and group_stop_units. */
+static const enum db_command group_stops[] = { DB_CMD_NONE, DB_CMD_STOP, DB_CMD_QUICK_STOP,
+	                                       DB_CMD_DISABLE };
+
+#define GROUP_STOPS (sizeof group_stops / sizeof group_stops[0])
+
 static int write_group(struct db_registers *registers, const struct db_client *client,
                        const struct db_cell *cell, uint16_t value, struct db_write_token token)
 {
-	static const enum db_command stops[] = { DB_CMD_NONE, DB_CMD_STOP, DB_CMD_QUICK_STOP,
-		                                 DB_CMD_DISABLE };
-
 	if (value == 0)
 		return 0;
 	if (cell->offset == offsetof(struct db_gateway_image, group_start)) {
@@ -299,9 +302,33 @@ static int write_group(struct db_registers *registers, const struct db_client *c
 			return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 		return group_start(registers, client, token);
 	}
-	if (value >= sizeof stops / sizeof stops[0])
+	if (value >= GROUP_STOPS)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-	return group_stop(registers, client, stops[value], token);
+	return group_stop(registers, client, group_stops[value], token);
+}
+
+static bool is_list(const struct span *span)
+{
+	return (span->cells[0].flags & DB_ROW_LIST) &&
+	       (span->cells[span->count - 1].flags & DB_ROW_LIST);
+}
+
+/* Some or all of the list's words, and the stop that is for them. */
+static int write_list(struct db_registers *registers, const struct db_client *client,
+                      const struct span *span, const uint16_t *values, struct db_write_token token)
+{
+	size_t units = offsetof(struct db_gateway_image, group_units);
+	const struct db_cell *last = &span->cells[span->count - 1];
+	bool stops = last->offset == offsetof(struct db_gateway_image, group_stop_units);
+	uint16_t words = (uint16_t)(span->count - stops);
+	uint16_t stop = stops ? values[words] : 0;
+
+	if (stop >= GROUP_STOPS)
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	for (uint16_t i = 0; i < words; i++)
+		registers->group.units[(span->cells[i].offset - units) / sizeof values[0]] =
+			values[i];
+	return stop == 0 ? 0 : group_stop_listed(registers, client, group_stops[stop], token);
 }
 
 /*
@@ -339,6 +366,8 @@ int view_write_gateway(struct db_registers *registers, const struct db_client *c
 	exception = find_span(&registers->layout->gateway.holding, address, count, &span);
 	if (exception)
 		return exception;
+	if (is_list(&span))
+		return write_list(registers, client, &span, values, token);
 	/* One of them in one write: of two group commands the order would be a guess. */
 	if (span.count != 1)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;

@@ -6,6 +6,7 @@ from bridgelib import (
     DEVICE_FAILURE,
     DISABLED,
     ILLEGAL_VALUE,
+    NO_PATH,
     RESULT_OK,
     STANDSTILL,
     eventually,
@@ -95,6 +96,33 @@ def test_one_write_stops_every_drive_on_every_bus(make_bridge):
     assert gateway.write("group_stop", 3) == 0
     state(bridge, DISABLED, 5)
     assert gateway.write("group_stop", 4) == ILLEGAL_VALUE
+
+
+def test_one_write_stops_a_list_of_drives(make_bridge):
+    """Registers 70 to 85 are the units, 86 is the stop for them: one FC 16."""
+    bridge = make_bridge(drives=5)
+    gateway = bridge.gateway()
+    for number in range(1, 6):
+        assert bridge.drive(number).command("move_velocity", target_velocity=2000) == 0
+    mark = bridge.sim.mark()
+    assert gateway.write_words(70, [0b10101, *[0] * 15, 1]) == 0
+    for number in (1, 3, 5):
+        eventually(lambda number=number: bridge.drive(number).read("axis_state") == STANDSTILL)
+    assert sorted(bridge.sim.sent(mark)) == ["1 stp", "3 stp", "5 stp"]
+    assert [bridge.drive(number).read("axis_state") for number in (2, 4)] == [CONTINUOUS] * 2
+    assert gateway.read("group_drives") == 3
+    assert gateway.words(70, 17) == [0b10101, *[0] * 16]
+    # The list stays as it is for a value that is none, and a stop alone is for the list that is kept.
+    assert gateway.write_words(70, [0b00010, *[0] * 15, 4]) == ILLEGAL_VALUE
+    assert gateway.write_word(86, 3) == 0
+    state(bridge, DISABLED, 1)
+    assert bridge.drive(2).read("axis_state") == CONTINUOUS
+    # A unit without a drive keeps no other one from its stop.
+    assert gateway.write_words(70, [0b100000010, *[0] * 15, 2]) == NO_PATH
+    eventually(lambda: bridge.drive(2).read("axis_state") == STANDSTILL)
+    assert gateway.write_words(70, [0] * 16) == 0
+    assert gateway.write_word(86, 1) == ILLEGAL_VALUE
+    assert bridge.drive(4).read("axis_state") == CONTINUOUS
 
 
 def test_a_group_stop_cancels_what_is_queued(make_bridge):
