@@ -107,7 +107,7 @@ struct db_command_state {
 	uint16_t aborted_id;     /* of the motion that `aborted` is about */
 	uint16_t motion_id;      /* of the motion that the drive has begun last */
 	uint16_t motion_result;  /* enum db_result: PENDING while it goes on, OK: at its end */
-	bool done;               /* the motion that `result` is about came to its end */
+	bool done;               /* the newest motion that was asked for came to its end */
 	bool aborted;            /* a motion was ended by the latest command before its end */
 	bool busy;               /* a command or parameter write is pending */
 	bool latched;            /* the watchdog tripped; motion is refused until clear_fault */
@@ -173,11 +173,9 @@ void db_commander_refuse(struct db_commander *commander, const struct db_client 
 /* It addressed this drive: of those with a memory of their own the silent are forgotten first. */
 void db_commander_hear(struct db_commander *commander, const struct db_client *client, db_time now);
 
-/* It addressed this drive: of those with a memory of their own the silent are forgotten first. */
-void db_commander_hear(struct db_commander *commander, const struct db_client *client, db_time now);
-
-/* Somebody who may write addressed this drive, `by` what is said: it is not alone. */
-void db_commander_feed(struct db_commander *commander, enum db_watchdog_feed by, db_time now);
+/* Somebody who may write addressed this drive, `by` what is said: it is not alone. Whether that feeds
+ * its watchdog. */
+bool db_commander_feed(struct db_commander *commander, enum db_watchdog_feed by, db_time now);
 void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_ms, db_time now);
 
 /* The bus ended a request. Unknown tickets are ignored. */

@@ -25,6 +25,8 @@
 
 /* How soon a stop of the watchdog that found no room is tried again. */
 #define REACT_AGAIN (5 * DB_NS_PER_MS)
+/* ... and one that the drive did not take. */
+#define REFUSED_AGAIN (100 * DB_NS_PER_MS)
 
 /* How often a drive that was not there yet is looked for. */
 #define FIND_INTERVAL (100 * DB_NS_PER_MS)
@@ -38,6 +40,7 @@ struct waiter {
 struct origin {
 	const struct db_client *client; /* null: the bridge itself */
 	struct db_writer *writer;       /* its memory; null: it has none, and no ids */
+	bool block;                     /* by the command block, where a write may be sent again */
 };
 
 /* One request that the bus has. */
@@ -66,6 +69,7 @@ struct db_commander {
 
 	struct db_watchdog watchdog;
 	db_time find_at; /* the next look whether the drive is there and moves; NEVER: it was seen */
+	uint32_t react_ticket; /* the watchdog's stop, until the drive has confirmed it; 0 */
 	db_time react_at; /* the watchdog's stop is not with the bus yet: try again; or NEVER */
 
 	struct db_command_block kept;
@@ -216,6 +220,16 @@ static uint16_t id_of(const struct db_writer *writer, const struct db_command_wr
 
 /* --- limits -------------------------------------------------------------------------------------- */
 
+/* What the drive's parameters will be is open. */
+static bool settings_are_pending(const struct db_commander *commander)
+{
+	for (size_t i = 0; i < SLOTS; i++) {
+		if (commander->slots[i].ticket != 0 && commander->slots[i].command == DB_CMD_NONE)
+			return true;
+	}
+	return false;
+}
+
 static struct db_limit_facts limit_facts(const struct db_commander *commander)
 {
 	int param = commander->config.driver->preset_velocity_param;
@@ -228,7 +242,8 @@ static struct db_limit_facts limit_facts(const struct db_commander *commander)
 	if (param < 0 || param >= DB_PARAMS_MAX)
 		return facts;
 	db_axis_read_nameplate(commander->config.axis, &plate);
-	facts.has_preset = plate.valid >> param & 1;
+	facts.has_preset = (plate.valid >> param & 1) && !plate.doubtful &&
+	                   !settings_are_pending(commander);
 	facts.preset_velocity = (float)db_value_number(commander->config.driver->params[param].type,
 	                                               plate.values[param]);
 	return facts;
@@ -351,22 +366,27 @@ static void record_settings(struct db_commander *commander, const struct db_clie
 	db_history_add(&commander->history, &entry, ticket, now);
 }
 
+static bool sets_in_motion(enum db_command command)
+{
+	return db_command_ends_motion(command) && !db_command_is_stop(command);
+}
+
 /* Ends a command without the bus. */
 static int refuse(struct db_commander *commander, const struct origin *by,
                   const struct db_command_block *block, uint16_t id, enum db_result result,
                   db_time now)
 {
 	show(commander, by->writer, id, block->command, result, 0);
+	if (sets_in_motion((enum db_command)block->command)) {
+		db_outcome_refuse_motion(&commander->shown);
+		if (by->writer)
+			db_outcome_refuse_motion(&by->writer->shown);
+	}
 	record(commander, by->client, block, id, result, 0, now);
 	return db_result_exception(result);
 }
 
 /* --- carrying out -------------------------------------------------------------------------------- */
-
-static bool sets_in_motion(enum db_command command)
-{
-	return db_command_ends_motion(command) && !db_command_is_stop(command);
-}
 
 /* Whatever moved is ended by another command. Who began it is told so. */
 static void abort_motion(struct db_commander *commander, db_time now)
@@ -389,9 +409,9 @@ static void note_submitted(struct db_commander *commander, struct db_writer *wri
 {
 	if (!db_command_ends_motion(command))
 		return;
-	commander->shown.done = commander->shown.aborted = false;
+	db_outcome_ask_motion(&commander->shown);
 	if (writer)
-		writer->shown.done = writer->shown.aborted = false;
+		db_outcome_ask_motion(&writer->shown);
 	if (!db_command_is_stop(command))
 		return;
 	abort_motion(commander, now);
@@ -412,6 +432,7 @@ static bool submit(struct db_commander *commander, const struct db_client *clien
 	                  (commander->submitted & 0xFFFFu);
 	request->axis = commander->config.drive;
 	db_writers_retire(&commander->writers, request->ticket);
+	db_outcome_retire(&commander->shown, request->ticket);
 	if (!commander->ops->submit(commander->context, request))
 		return false;
 	(*slot)->ticket = request->ticket;
@@ -454,7 +475,7 @@ static int carry_out(struct db_commander *commander, const struct origin *by,
 	note_submitted(commander, by->writer, request.command, now);
 	record(commander, by->client, block, id, DB_RESULT_PENDING, request.ticket, now);
 	commander->newest = request.ticket;
-	if (by->writer)
+	if (by->writer && by->block)
 		begin(by->writer, block, request.ticket);
 	show(commander, by->writer, id, block->command, DB_RESULT_PENDING, request.ticket);
 	return wait_for(commander, slot, token, now);
@@ -505,6 +526,8 @@ static bool unlatch(struct db_commander *commander)
 	struct db_snapshot snapshot;
 
 	db_watchdog_reset(&commander->watchdog);
+	commander->react_ticket = 0;
+	commander->react_at = DB_TIME_NEVER;
 	if (!is_supported(&commander->config, DB_CMD_CLEAR_FAULT))
 		return true;
 	db_axis_read(commander->config.axis, &snapshot);
@@ -536,10 +559,15 @@ static int command(struct db_commander *commander, const struct origin *by,
 		return refuse(commander, by, block, id, DB_RESULT_RESTARTED, now);
 	if (commander->watchdog.latched && db_command_is_motion((enum db_command)block->command))
 		return refuse(commander, by, block, id, DB_RESULT_LATCHED, now);
-	if (clears_latch(commander, block) && unlatch(commander))
+	if (clears_latch(commander, block) && unlatch(commander)) {
+		if (by->block)
+			begin(writer, block, 0);
 		return refuse(commander, by, block, id, DB_RESULT_OK, now);
+	}
 	slot = joinable(commander, block->command);
 	if (slot) {
+		if (writer)
+			db_outcome_ask_motion(&writer->shown);
 		db_history_repeat(&commander->history, slot->ticket);
 		show(commander, writer, id, block->command, DB_RESULT_PENDING, slot->ticket);
 		return wait_for(commander, slot, token, now);
@@ -576,7 +604,7 @@ uint32_t db_commander_newest(const struct db_commander *commander)
 int db_commander_start_staged(struct db_commander *commander, const struct db_client *client,
                               struct db_write_token token, db_time now)
 {
-	struct origin by = { client, db_writers_claim(&commander->writers, client, now) };
+	struct origin by = { client, db_writers_claim(&commander->writers, client, now), false };
 	struct db_command_block block = commander->kept;
 
 	block.command = block.staged_command;
@@ -590,13 +618,14 @@ int db_commander_write(struct db_commander *commander, const struct db_client *c
 {
 	bool stages = write->has_staged && write->block.staged_command != DB_CMD_NONE;
 	bool commands = write->has_command && write->block.command != DB_CMD_NONE;
-	struct origin by = { .client = client };
+	struct origin by = { .client = client, .block = true };
 	int answer = 0;
 
 	/* Who only writes arguments takes no place from those who number their commands. */
 	if (stages || commands || write->has_id)
 		by.writer = db_writers_claim(&commander->writers, client, now);
-	if (stages)
+	/* Whatever else stands in the block, a stop is a stop. */
+	if (stages && !(commands && db_command_is_stop((enum db_command)write->block.command)))
 		answer = stage(commander, &by, write, now);
 	else if (commands)
 		answer = command(commander, &by, &write->block, id_of(by.writer, write), token,
@@ -614,7 +643,7 @@ int db_commander_execute(struct db_commander *commander, const struct db_client 
                          enum db_command code, const struct db_args *args,
                          struct db_write_token token, db_time now)
 {
-	struct origin by = { client, db_writers_claim(&commander->writers, client, now) };
+	struct origin by = { client, db_writers_claim(&commander->writers, client, now), false };
 	struct db_command_block block = { .command = (uint16_t)code, .args = *args };
 
 	return command(commander, &by, &block, 0, token, now);
@@ -659,6 +688,8 @@ int db_commander_set(struct db_commander *commander, const struct db_client *cli
 		record_settings(commander, client, settings, result, 0, now);
 		return db_result_exception(result);
 	}
+	/* A later stop is not to join one from before this, which would leave it standing. */
+	commander->newest = request.ticket;
 	record_settings(commander, client, settings, DB_RESULT_PENDING, request.ticket, now);
 	show_write(commander, writer, DB_RESULT_PENDING, request.ticket);
 	return wait_for(commander, slot, token, now);
@@ -729,12 +760,27 @@ static void note_begun(struct db_commander *commander, const struct slot *slot, 
 	commander->look_at = now + LOOK_MIN;
 }
 
+/* The drive did not take it. */
+static void note_refused(struct db_commander *commander, const struct slot *slot)
+{
+	const struct db_client *client = slot->has_client ? &slot->client : NULL;
+	struct db_writer *writer = db_writers_find(&commander->writers, client);
+
+	db_outcome_refuse_motion(&commander->shown);
+	if (writer)
+		db_outcome_refuse_motion(&writer->shown);
+}
+
 static void note_ended(struct db_commander *commander, const struct slot *slot,
                        enum db_result result, db_time now)
 {
 	db_history_end(&commander->history, slot->ticket, result, now);
-	if (!sets_in_motion(slot->command) || never_began(result))
+	if (!sets_in_motion(slot->command))
 		return;
+	if (never_began(result)) {
+		note_refused(commander, slot);
+		return;
+	}
 	if (result == DB_RESULT_OK)
 		note_begun(commander, slot, now);
 	else
@@ -771,6 +817,22 @@ static void look_at_motion(struct db_commander *commander, db_time now)
 	db_writers_end_motion(&commander->writers, commander->follow.ticket, result);
 }
 
+/* The watchdog's stop ended. One that the drive turned down is said again until it is taken. */
+static void note_reaction(struct db_commander *commander, enum db_result result, db_time now)
+{
+	if (result == DB_RESULT_REFUSED || result == DB_RESULT_FAILED)
+		commander->react_at = now + REFUSED_AGAIN;
+	else
+		commander->react_ticket = 0;
+}
+
+static uint32_t microseconds(db_time span)
+{
+	db_time us = span / DB_NS_PER_US;
+
+	return us < 0 ? 0 : us > UINT32_MAX ? UINT32_MAX : (uint32_t)us;
+}
+
 void db_commander_complete(struct db_commander *commander, const struct db_completion *completion,
                            db_time now)
 {
@@ -782,10 +844,12 @@ void db_commander_complete(struct db_commander *commander, const struct db_compl
 
 	if (!slot)
 		return;
-	took_us = end > slot->arrived ? (uint32_t)((end - slot->arrived) / DB_NS_PER_US) : 0;
+	took_us = microseconds(end - slot->arrived);
 	db_outcome_complete(&commander->shown, completion->ticket, completion->result, took_us);
 	db_writers_complete(&commander->writers, completion->ticket, completion->result, took_us);
 	note_ended(commander, slot, completion->result, end);
+	if (commander->react_ticket == completion->ticket)
+		note_reaction(commander, completion->result, now);
 	ended = *slot;
 	slot->ticket = 0;
 	slot->waiter_count = 0;
@@ -855,7 +919,9 @@ static void react(struct db_commander *commander, db_time now)
 	}
 	commander->react_at = DB_TIME_NEVER;
 	note_submitted(commander, NULL, request.command, now);
-	record(commander, NULL, &block, 0, DB_RESULT_PENDING, request.ticket, now);
+	if (commander->react_ticket == 0)
+		record(commander, NULL, &block, 0, DB_RESULT_PENDING, request.ticket, now);
+	commander->react_ticket = request.ticket;
 	commander->newest = request.ticket;
 	show(commander, NULL, 0, (uint16_t)request.command, DB_RESULT_PENDING, request.ticket);
 }
@@ -865,9 +931,9 @@ void db_commander_hear(struct db_commander *commander, const struct db_client *c
 	db_writers_hear(&commander->writers, client, now);
 }
 
-void db_commander_feed(struct db_commander *commander, enum db_watchdog_feed by, db_time now)
+bool db_commander_feed(struct db_commander *commander, enum db_watchdog_feed by, db_time now)
 {
-	db_watchdog_feed(&commander->watchdog, by, now);
+	return db_watchdog_feed(&commander->watchdog, by, now);
 }
 
 void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_ms, db_time now)

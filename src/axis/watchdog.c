@@ -13,7 +13,7 @@ void db_watchdog_set(struct db_watchdog *watchdog, uint32_t timeout_ms, db_time 
 	if (timeout_ms != watchdog->timeout_ms)
 		watchdog->fed = now;
 	else
-		db_watchdog_feed(watchdog, DB_FEED_WRITES, now);
+		(void)db_watchdog_feed(watchdog, DB_FEED_WRITES, now);
 	watchdog->timeout_ms = timeout_ms;
 }
 
@@ -22,14 +22,16 @@ void db_watchdog_arm(struct db_watchdog *watchdog, db_time now)
 	if (!watchdog->armed)
 		watchdog->fed = now;
 	else
-		db_watchdog_feed(watchdog, DB_FEED_WRITES, now);
+		(void)db_watchdog_feed(watchdog, DB_FEED_WRITES, now);
 	watchdog->armed = true;
 }
 
-void db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, db_time now)
+bool db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, db_time now)
 {
-	if (by >= watchdog->feed)
-		watchdog->fed = now;
+	if (by < watchdog->feed)
+		return false;
+	watchdog->fed = now;
+	return true;
 }
 
 bool db_heartbeat_write(struct db_heartbeat *heartbeat, const uint8_t writer[16], uint16_t value)

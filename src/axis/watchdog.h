@@ -47,8 +47,8 @@ void db_watchdog_set(struct db_watchdog *watchdog, uint32_t timeout_ms, db_time 
 void db_watchdog_arm(struct db_watchdog *watchdog, db_time now);
 
 /* Somebody who may write addressed the drive: `by` a request of any kind, a write, or a heartbeat
- * that has changed. It is fed when that is enough for it. */
-void db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, db_time now);
+ * that has changed. It is fed when that is enough for it, and says whether it was. */
+bool db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, db_time now);
 
 /* When it will expire; DB_TIME_NEVER while it is off, not armed or latched. */
 db_time db_watchdog_deadline(const struct db_watchdog *watchdog);

@@ -60,6 +60,12 @@ static void retire(uint32_t *kept, uint32_t ticket)
 		*kept = 0;
 }
 
+void db_outcome_retire(struct db_outcome *outcome, uint32_t ticket)
+{
+	retire(&outcome->ticket, ticket);
+	retire(&outcome->write_ticket, ticket);
+}
+
 void db_writers_retire(struct db_writers *writers, uint32_t ticket)
 {
 	for (size_t i = 0; i < DB_WRITERS; i++) {
@@ -68,8 +74,7 @@ void db_writers_retire(struct db_writers *writers, uint32_t ticket)
 		retire(&writer->last.ticket, ticket);
 		retire(&writer->previous.ticket, ticket);
 		retire(&writer->executed_ticket, ticket);
-		retire(&writer->shown.ticket, ticket);
-		retire(&writer->shown.write_ticket, ticket);
+		db_outcome_retire(&writer->shown, ticket);
 	}
 }
 
@@ -134,11 +139,24 @@ static void abort_motion(struct db_outcome *outcome)
 	outcome->aborted_id = outcome->motion_id;
 }
 
+void db_outcome_ask_motion(struct db_outcome *outcome)
+{
+	outcome->done = outcome->aborted = false;
+	outcome->motion_refused = false;
+}
+
+void db_outcome_refuse_motion(struct db_outcome *outcome)
+{
+	outcome->done = outcome->aborted = false;
+	outcome->motion_refused = true;
+}
+
 void db_outcome_begin_motion(struct db_outcome *outcome, uint16_t id, bool ends, bool cancelled)
 {
 	outcome->motion_id = id;
 	outcome->motion_ends = ends;
 	outcome->motion_result = DB_RESULT_PENDING;
+	outcome->motion_refused = false;
 	if (cancelled)
 		abort_motion(outcome);
 }
@@ -160,7 +178,7 @@ void db_outcome_end_motion(struct db_outcome *outcome, uint32_t ticket, enum db_
 	if (outcome->motion_result != DB_RESULT_PENDING)
 		return;
 	outcome->motion_result = (uint16_t)result;
-	outcome->done = result == DB_RESULT_OK;
+	outcome->done = result == DB_RESULT_OK && !outcome->motion_refused;
 	if (outcome->ticket == ticket)
 		outcome->result = (uint16_t)result;
 }

@@ -33,6 +33,7 @@ struct db_outcome {
 	uint16_t motion_id;
 	uint16_t motion_result;
 	bool motion_ends; /* the motion has an end of its own */
+	bool motion_refused; /* another one was asked for since, and not begun: `done` is not about it */
 	bool done;
 	bool aborted;
 	uint32_t ticket;       /* the command that `result` is about */
@@ -68,6 +69,7 @@ void db_writers_hear(struct db_writers *writers, const struct db_client *client,
 
 /* A ticket is given out anew: whatever it meant before is over. */
 void db_writers_retire(struct db_writers *writers, uint32_t ticket);
+void db_outcome_retire(struct db_outcome *outcome, uint32_t ticket);
 
 void db_writer_remember(struct db_writer *writer, uint16_t id, enum db_result result,
                         uint32_t ticket);
@@ -78,6 +80,10 @@ void db_writers_complete(struct db_writers *writers, uint32_t ticket, enum db_re
 void db_outcome_complete(struct db_outcome *outcome, uint32_t ticket, enum db_result result,
                          uint32_t took_us);
 
+/* Another motion was asked for: `done` and `aborted` are about that from now on. */
+void db_outcome_ask_motion(struct db_outcome *outcome);
+/* ... and was not begun. */
+void db_outcome_refuse_motion(struct db_outcome *outcome);
 /* The drive has begun a motion; `cancelled`: another command had overtaken it by then. */
 void db_outcome_begin_motion(struct db_outcome *outcome, uint16_t id, bool ends, bool cancelled);
 /* Whatever goes on is ended by another command; told to who began it. */

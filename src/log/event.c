@@ -19,7 +19,7 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 	[DB_EVENT_RELOAD_FAILED] =
 		KIND("reload-failed", "0518d97771b04836931103c1f2e047ef", ERROR, SERVICE, 0),
 	[DB_EVENT_CONFIG_WRONG] =
-		KIND("config-wrong", "a821b9703e19458d9c3c7a04ce267bf2", ERROR, CONFIG, 4),
+		KIND("config-wrong", "a821b9703e19458d9c3c7a04ce267bf2", ERROR, CONFIG, 0),
 	[DB_EVENT_MEMORY_UNLOCKED] =
 		KIND("memory-unlocked", "469b25f8e2fa4a6d818fcd4b872f6e30", WARNING, SERVICE, 0),
 	[DB_EVENT_THREAD_HANGS] =

@@ -118,7 +118,11 @@ int group_stop_listed(struct db_registers *registers, const struct db_client *cl
 	for (size_t i = 0; i < registers->layout->drive_count; i++) {
 		struct view_drive *drive = registers->layout->drives[i];
 
-		if (!drive->leaving && take_unit(left, drive->config->unit))
+		bool named = take_unit(left, drive->config->unit);
+
+		if (drive->config->vendor_unit != 0 && take_unit(left, drive->config->vendor_unit))
+			named = true;
+		if (!drive->leaving && named)
 			stop_part(registers, drive, client, stop);
 	}
 	/* A stop is not refused for a wrong unit, but its writer is to know. */

@@ -225,8 +225,8 @@ static void feed(struct view_drive *drive, const struct db_client *client, enum 
 	if (!client->may_write || !db_control_holds(&drive->control, client, now))
 		return;
 	db_control_hear(&drive->control, client, now);
-	db_commander_feed(drive->commander, by, now);
-	drive->fed_by = *client;
+	if (db_commander_feed(drive->commander, by, now))
+		drive->fed_by = *client;
 }
 
 static uint8_t backend_read(void *context, const struct db_client *client, uint8_t unit,

@@ -59,6 +59,12 @@ bool view_may_write(struct view_drive *drive, const struct db_client *client, bo
 	return false;
 }
 
+static void feed_by_heartbeat(struct view_drive *drive, const struct db_client *client, db_time now)
+{
+	if (db_commander_feed(drive->commander, DB_FEED_HEARTBEAT, now))
+		drive->fed_by = *client;
+}
+
 static int refuse(struct view_drive *drive, const struct db_client *client, enum db_result result)
 {
 	db_commander_set_refused(drive->commander, client, result);
@@ -78,21 +84,25 @@ static int refuse_command(struct view_drive *drive, const struct db_client *clie
 
 /* --- the command block ----------------------------------------------------------------------------- */
 
-/* False when a float is not a number. */
+/* False when a float is not a number; the others are in the block all the same. */
 static bool block_from(const struct view_drive *drive, const struct db_client *client,
                        const struct span *span, const uint16_t *values,
                        struct db_command_write *write)
 {
 	bool low_first = drive->registers->layout->modbus->low_word_first;
+	bool right = true;
 
 	*write = (struct db_command_write){ .block = db_commander_kept(drive->commander, client) };
 	for (uint16_t i = 0; i < span->count; i++) {
 		struct db_cell cell = span->cells[i];
 		union db_value value;
+		bool decoded = db_words_decode(&cell, values, low_first, &value);
 
-		if (!db_words_decode(&cell, values, low_first, &value))
-			return false;
 		values += cell.registers;
+		if (!decoded) {
+			right = false;
+			continue;
+		}
 		if (cell.offset == offsetof(struct db_drive_image, block.command))
 			write->has_command = true;
 		if (cell.offset == offsetof(struct db_drive_image, block.command_id))
@@ -103,7 +113,7 @@ static bool block_from(const struct view_drive *drive, const struct db_client *c
 		cell.offset = (uint16_t)(cell.offset - offsetof(struct db_drive_image, block));
 		db_words_store(&cell, value, &write->block);
 	}
-	return true;
+	return right;
 }
 
 static int write_block(struct view_drive *drive, const struct db_client *client,
@@ -111,13 +121,14 @@ static int write_block(struct view_drive *drive, const struct db_client *client,
 {
 	const struct db_args no_args = { 0 };
 	struct db_command_write write;
-	bool stop;
+	bool right = block_from(drive, client, span, values, &write);
+	bool stop = write.has_command && db_command_is_stop((enum db_command)write.block.command);
 
-	if (!block_from(drive, client, span, values, &write)) {
+	/* A stop needs no arguments: wrong ones do not keep it from the drive. */
+	if (!right && !stop) {
 		db_commander_set_refused(drive->commander, client, DB_RESULT_OUT_OF_RANGE);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	}
-	stop = write.has_command && db_command_is_stop((enum db_command)write.block.command);
 	if (view_may_write(drive, client, stop))
 		return db_commander_write(drive->commander, client, &write, token, now_of(drive));
 	if (!stop && write.has_command && write.block.command != DB_CMD_NONE)
@@ -201,6 +212,9 @@ static int write_watchdog(struct view_drive *drive, const struct db_client *clie
 	}
 	if (!view_may_write(drive, client, false))
 		return refuse(drive, client, DB_RESULT_NOT_IN_CONTROL);
+	/* Without on-client-loss it would trip and stop nothing. */
+	if (value.u != 0 && drive->config->on_client_loss == DB_ON_LOSS_NONE)
+		return refuse(drive, client, DB_RESULT_UNSUPPORTED);
 	db_commander_set_watchdog(drive->commander, value.u, now_of(drive));
 	return 0;
 }
@@ -210,7 +224,7 @@ static int write_heartbeat(struct view_drive *drive, const struct db_client *cli
 	if (!view_may_write(drive, client, false))
 		return refuse(drive, client, DB_RESULT_NOT_IN_CONTROL);
 	if (db_heartbeat_write(&drive->heartbeat, client->address, value))
-		db_commander_feed(drive->commander, DB_FEED_HEARTBEAT, now_of(drive));
+		feed_by_heartbeat(drive, client, now_of(drive));
 	return 0;
 }
 
@@ -349,7 +363,7 @@ static int write_gateway_heartbeat(struct db_registers *registers, const struct 
 		    !db_heartbeat_write(&drive->gateway_heartbeat, client->address, value))
 			continue;
 		db_control_hear(&drive->control, client, now);
-		db_commander_feed(drive->commander, DB_FEED_HEARTBEAT, now);
+		feed_by_heartbeat(drive, client, now);
 	}
 	return 0;
 }

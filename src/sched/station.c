@@ -204,6 +204,9 @@ void station_count_answer(struct station *station, db_time round_trip)
 	stats->round_trip_mean_us = (uint32_t)(station->round_trip_sum_us / stats->answers);
 }
 
+/* How soon a stop that the drive did not take is said again. */
+#define STOP_AGAIN (20 * DB_NS_PER_MS)
+
 void station_add_stop(struct station *station, const struct db_request *request,
                       struct db_letter *letter, db_time now)
 {
@@ -219,15 +222,26 @@ void station_add_stop(struct station *station, const struct db_request *request,
 	station->stop_at = now;
 }
 
+/* The bridge's own stops have nobody else who would say them again. */
+static bool is_to_be_repeated(const struct pending_stop *stop, enum db_result result)
+{
+	return !stop->letter && (result == DB_RESULT_REFUSED || result == DB_RESULT_FAILED);
+}
+
 void station_finish_stop(struct station *station, enum db_result result, db_time now)
 {
 	enum db_command command = station->stops[0].request->command;
+	db_time again = 0;
 	unsigned kept = 0;
 
 	for (unsigned i = 0; i < station->stop_count; i++) {
 		struct pending_stop *stop = &station->stops[i];
 
-		if (stop->sent && stop->request->command == command) {
+		if (stop->sent && stop->request->command == command &&
+		    is_to_be_repeated(stop, result)) {
+			stop->sent = false;
+			again = STOP_AGAIN;
+		} else if (stop->sent && stop->request->command == command) {
 			if (stop->letter)
 				db_letter_finish(stop->letter, result, now);
 			continue;
@@ -237,7 +251,7 @@ void station_finish_stop(struct station *station, enum db_result result, db_time
 	station->stop_count = kept;
 	station->lanes[LANE_STOP].active = false;
 	station->blind_stop_sent = false;
-	station->stop_at = now;
+	station->stop_at = now + again;
 }
 
 void station_drop_stops(struct station *station, db_time now)

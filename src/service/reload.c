@@ -235,11 +235,26 @@ static void retire(struct service *service, struct reload *reload)
 	}
 }
 
+/* The bus's ring may have been heard together with that of a completion: so it is looked for
+ * whenever the loop is about to sleep. */
+static void look_for_changed(struct plant_bus *bus)
+{
+	struct db_change *changed = bus->changing ? db_bus_take_changed(bus->bus) : NULL;
+
+	if (!changed)
+		return;
+	/* After that look: what a drive that left still had to answer is there by then. */
+	service_collect(bus);
+	bus->changing = false;
+	db_bus_change_free(changed);
+}
+
 static bool all_gone(const struct plant *running)
 {
 	for (size_t i = 0; i < running->bus_count; i++) {
-		const struct plant_bus *bus = running->buses[i];
+		struct plant_bus *bus = running->buses[i];
 
+		look_for_changed(bus);
 		if (bus->changing || (bus->leaving && !db_bus_has_ended(bus->bus)))
 			return false;
 	}
@@ -298,6 +313,26 @@ static void begin(struct service *service, struct db_config *config)
 	retire(service, reload);
 }
 
+/* What is said of the file goes the way of the log, which never waits for whoever reads it. */
+static bool load(struct service *service, struct db_config **config)
+{
+	char *messages = NULL;
+	char *rest = NULL;
+	size_t size = 0;
+	FILE *errors = open_memstream(&messages, &size);
+	bool right;
+
+	if (!errors)
+		return false;
+	right = db_config_load(service->path, errors, config) == 0;
+	fclose(errors);
+	for (char *line = strtok_r(messages, "\n", &rest); line; line = strtok_r(NULL, "\n", &rest))
+		db_log(&service->log, service_now(service),
+		       right ? DB_EVENT_RELOAD : DB_EVENT_CONFIG_WRONG, NULL, "%s", line);
+	free(messages);
+	return right;
+}
+
 void reload_ask(struct service *service)
 {
 	struct db_config *config = NULL;
@@ -307,7 +342,7 @@ void reload_ask(struct service *service)
 		return;
 	}
 	notify_begin();
-	if (db_config_load(service->path, stderr, &config) == 0)
+	if (load(service, &config))
 		begin(service, config);
 	else
 		db_log(&service->log, service_now(service), DB_EVENT_CONFIG_WRONG, NULL,

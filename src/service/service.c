@@ -218,17 +218,10 @@ void service_collect(struct plant_bus *bus)
 
 static int on_completion(sd_event_source *source, int fd, uint32_t events, void *context)
 {
-	struct plant_bus *bus = context;
-	struct db_change *changed = db_bus_take_changed(bus->bus);
-
 	(void)source;
 	(void)fd;
 	(void)events;
-	/* After that look: what a drive that left still had to answer is there by then. */
-	service_collect(bus);
-	if (changed)
-		bus->changing = false;
-	db_bus_change_free(changed);
+	service_collect(context);
 	return 0;
 }
 
@@ -340,10 +333,11 @@ static int set_up(struct service *service, struct db_config *config)
 {
 	int error = plant_new(service, config, NULL, &service->last_number, &service->plant);
 
-	if (error == 0)
-		error = make_registers(service);
+	/* The loop first: the registers ask it for the time. */
 	if (error == 0)
 		error = make_loop(service);
+	if (error >= 0)
+		error = make_registers(service);
 	if (error >= 0)
 		error = make_watchdog(service);
 	if (error < 0)

@@ -141,6 +141,9 @@ void db_serial_close(struct db_serial *serial)
 {
 	if (!serial)
 		return;
+	/* What a port that is stuck did not take is not waited for: that can last half a minute. */
+	if (serial->fd >= 0)
+		tcflush(serial->fd, TCOFLUSH);
 	if (serial->port) {
 		sp_close(serial->port);
 		sp_free_port(serial->port);

@@ -90,6 +90,13 @@ def test_gateway_knows_its_drives(make_bridge):
     assert gateway.read("bus1_period_us") == 20000
 
 
+def test_uptime_begins_with_the_bridge(bridge):
+    assert bridge.gateway().read("uptime_s") < 60
+    assert bridge.stop_bridge() == 0
+    bridge.start_bridge()
+    assert bridge.gateway().read("uptime_s") < 60
+
+
 def test_flat_window_shows_every_drive(make_bridge):
     """A PLC with one unit id sees all drives in the gateway's registers."""
     bridge = make_bridge(drives=2)

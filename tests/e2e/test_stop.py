@@ -10,6 +10,7 @@ from bridgelib import (
     CONTINUOUS,
     DEVICE_FAILURE,
     DISABLED,
+    ILLEGAL_VALUE,
     RESULT_CANCELLED,
     RESULT_OK,
     STANDSTILL,
@@ -84,6 +85,19 @@ def test_a_cancelled_id_is_remembered_as_cancelled(make_bridge):
     assert drive.command("move_absolute", 2, target_position=9, target_velocity=9) == DEVICE_FAILURE
     assert drive.read("write_result") == RESULT_CANCELLED
     assert not [line for line in bridge.sim.sent(mark) if line == "1 pos 9 spd=9"]
+
+
+def test_wrong_arguments_do_not_keep_a_stop_from_the_drive(bridge):
+    """A PLC writes its whole block, in which 0/0 has become the velocity."""
+    drive = bridge.drive()
+    assert drive.command("move_velocity", target_velocity=2000) == 0
+    block = [0, 5, 0, 0, 0x7FC0, 0]
+    assert drive.write_words(100, block) == ILLEGAL_VALUE
+    assert drive.read("axis_state") == CONTINUOUS
+    block[1] = 3
+    assert drive.write_words(100, block) == 0
+    eventually(lambda: drive.read("axis_state") == STANDSTILL)
+    assert drive.read("target_velocity") == 2000.0
 
 
 def test_a_stop_of_one_drive_leaves_the_others_alone(make_bridge):

@@ -858,7 +858,8 @@ static void a_refused_motion_leaves_the_one_before(void **state)
 	assert_int_equal(look(&fake).motion_result, DB_RESULT_PENDING);
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
 	let_pass(&fake, 100 * MS);
-	assert_true(look(&fake).done);
+	/* `done` is about what was asked for last: who waits for id 8 must not take it for its own. */
+	assert_false(look(&fake).done);
 	assert_int_equal(look(&fake).motion_id, 7);
 	assert_int_equal(look(&fake).motion_result, DB_RESULT_OK);
 	assert_int_equal(look(&fake).result, DB_RESULT_REFUSED);
@@ -1046,6 +1047,82 @@ static void jogs_and_currents_go_no_further_out(void **state)
 	assert_int_equal(db_commander_execute(fake.commander, NULL, DB_CMD_MOVE_CURRENT, &push,
 	                                      token, fake.now),
 	                 DB_WRITE_LATER);
+	drop(&fake);
+}
+
+/* Whatever else stands in the same write. */
+static void a_stop_beside_a_staged_command_is_a_stop(void **state)
+{
+	struct db_command_write write = {
+		.block = { .command = DB_CMD_STOP, .staged_command = DB_CMD_MOVE_ABSOLUTE },
+		.has_command = true,
+		.has_staged = true,
+	};
+
+	FAKE(false);
+	assert_int_equal(db_commander_write(fake.commander, NULL, &write,
+	                                    (struct db_write_token){ 1, 1 }, fake.now),
+	                 DB_WRITE_LATER);
+	assert_int_equal(fake.requests[0].command, DB_CMD_STOP);
+	drop(&fake);
+}
+
+/* What was asked for between two stops would run after both. */
+static void a_stop_behind_parameters_joins_no_older_one(void **state)
+{
+	const struct db_setting setting = { .param = 3 };
+
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(db_commander_set(fake.commander, NULL, &setting, 1,
+	                                  (struct db_write_token){ 1, 1 }, fake.now),
+	                 DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 3);
+	drop(&fake);
+}
+
+/* Sent again because its answer was lost, after somebody switched an output. */
+static void outputs_in_between_make_no_new_command(void **state)
+{
+	const struct db_args args = { .output_mask = 1 };
+
+	FAKE(false);
+	pass_baseline(&fake, 8);
+	assert_int_equal(put(&fake, 9, DB_CMD_NONE, 5), 0);
+	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(db_commander_execute(fake.commander, NULL, DB_CMD_SET_OUTPUTS, &args,
+	                                      (struct db_write_token){ 1, 1 }, fake.now),
+	                 DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), 0);
+	assert_int_equal(fake.submitted, 2);
+	drop(&fake);
+}
+
+static void a_refused_reaction_is_said_again(void **state)
+{
+	struct fake fake;
+
+	(void)state;
+	init_with(&fake, false, 1000, false);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_VELOCITY, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	let_pass(&fake, 1000 * MS);
+	assert_int_equal(fake.submitted, 2);
+	assert_int_equal(fake.requests[1].command, DB_CMD_STOP);
+	for (unsigned i = 1; i < 5; i++) {
+		finish(&fake, i, DB_RESULT_REFUSED);
+		let_pass(&fake, 100 * MS);
+		assert_int_equal(fake.submitted, i + 2);
+		assert_int_equal(fake.requests[i + 1].command, DB_CMD_STOP);
+	}
+	finish(&fake, 5, DB_RESULT_OK);
+	let_pass(&fake, 1000 * MS);
+	assert_int_equal(fake.submitted, 6);
+	/* One entry, and the motion's. */
+	assert_int_equal(db_commander_history(fake.commander, 0)->sequence, 2);
 	drop(&fake);
 }
 
@@ -1392,6 +1469,10 @@ int main(void)
 		cmocka_unit_test(homing_ends_homed_or_failed),
 		cmocka_unit_test(limits_at_the_door),
 		cmocka_unit_test(jogs_and_currents_go_no_further_out),
+		cmocka_unit_test(a_stop_beside_a_staged_command_is_a_stop),
+		cmocka_unit_test(a_stop_behind_parameters_joins_no_older_one),
+		cmocka_unit_test(outputs_in_between_make_no_new_command),
+		cmocka_unit_test(a_refused_reaction_is_said_again),
 		cmocka_unit_test(history_tells_who_moved_it),
 		cmocka_unit_test(history_keeps_the_last_32),
 		cmocka_unit_test(history_is_not_flooded_by_refusals),

@@ -226,6 +226,7 @@ static void make_with(struct fake *fake, const struct db_modbus_config *modbus)
 			.address = i + 5,
 			.unit = i + 1,
 			.counts_per_unit = 640.0,
+			.on_client_loss = DB_ON_LOSS_STOP,
 			.unit_name = unit_name,
 			.min_position = NAN,
 			.max_position = NAN,
