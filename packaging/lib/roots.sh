@@ -39,9 +39,20 @@ enter_root() {
 	as_root cp /etc/resolv.conf /etc/hosts "$root/etc/"
 }
 
-write_sources() {
-	local dist=$1 mirror=${DRIVEBRIDGE_MIRROR:-http://deb.debian.org/debian}
+# Where Debian's packages come from: what DRIVEBRIDGE_MIRROR says, or this machine's own apt.
+debian_mirror() {
+	local mirror=${DRIVEBRIDGE_MIRROR:-}
 
+	# shellcheck disable=SC2016 # apt's own variable
+	[ -n "$mirror" ] || mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' |
+		grep -m 1 '/debian/*$') || die "apt knows no Debian mirror; set DRIVEBRIDGE_MIRROR"
+	printf '%s\n' "${mirror%/}"
+}
+
+write_sources() {
+	local dist=$1 mirror
+
+	mirror=$(debian_mirror)
 	printf 'deb %s %s main\n' "$mirror" "$dist" "$mirror" "$dist-updates" \
 		"${mirror%/}-security" "$dist-security"
 }
@@ -64,7 +75,7 @@ new_root() {
 	as_root rm -rf "$root"
 	mkdir -p "$ROOTS"
 	as_root debootstrap --variant=minbase "$dist" "$root" \
-		"${DRIVEBRIDGE_MIRROR:-http://deb.debian.org/debian}" >"$ROOTS/$2.log"
+		"$(debian_mirror)" >"$ROOTS/$2.log"
 	write_sources "$dist" | as_root tee "$root/etc/apt/sources.list" >/dev/null
 	as_root touch "$root/.complete"
 }
