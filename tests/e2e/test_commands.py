@@ -308,3 +308,14 @@ def test_rs232_has_one_drive_and_no_address(make_bridge):
     assert [line for line in bridge.sim.sent(mark) if line != "sts"] == ["pos 77"]
     state(bridge, STANDSTILL)
     assert drive.read("position") == 77
+
+
+def test_a_preset_that_is_being_written_is_no_preset(make_bridge):
+    """The speed that the drive will have when the move begins is the one that counts."""
+    bridge = make_bridge(drive={"max-velocity": 6400.0}, modbus={"confirm-ms": 5})
+    drive = bridge.drive()
+    bridge.sim.fault("silence on")
+    assert drive.write("spd", 12800.0) == 5
+    assert drive.command("move_preset") == 3
+    assert drive.read("result_limit") == 3
+    assert bridge.sim.get()["mov"] == 0

@@ -125,6 +125,15 @@ def test_one_write_stops_a_list_of_drives(make_bridge):
     assert bridge.drive(4).read("axis_state") == CONTINUOUS
 
 
+def test_a_drive_is_listed_by_either_of_its_units(make_bridge):
+    bridge = make_bridge(drive={"vendor-unit": 101})
+    words = [0] * 16
+    words[100 // 16] = 1 << 100 % 16
+    assert bridge.drive(1).command("move_velocity", target_velocity=2000) == 0
+    assert bridge.gateway().write_words(70, [*words, 1]) == 0
+    state(bridge, STANDSTILL, 1)
+
+
 def test_a_group_stop_cancels_what_is_queued(make_bridge):
     bridge = make_bridge(drives=3)
     bridge.sim.fault("silence on", "drive2")

@@ -18,7 +18,7 @@
 #define DRIVES 3
 #define MS DB_NS_PER_MS
 
-enum fault { FAULT_NONE, FAULT_LOSE_REQUEST, FAULT_LOSE_ANSWER, FAULT_LATE_ANSWER };
+enum fault { FAULT_NONE, FAULT_LOSE_REQUEST, FAULT_LOSE_ANSWER, FAULT_LATE_ANSWER, FAULT_REFUSE };
 
 struct drive {
 	struct vsmd_status status;
@@ -133,7 +133,10 @@ static void on_send(void *context, const uint8_t *bytes, size_t length)
 	}
 	if (drive->dead || fault == FAULT_LOSE_REQUEST)
 		return;
-	execute(drive, &command);
+	if (fault == FAULT_REFUSE)
+		drive->status.status |= VSMD_ST_CMD_WRG;
+	else
+		execute(drive, &command);
 	if (fault == FAULT_LOSE_ANSWER)
 		return;
 	if (fault == FAULT_LATE_ANSWER) {
@@ -587,6 +590,21 @@ static void the_end_stops_every_drive(void **state)
 
 /* --- stops that must not be lost ----------------------------------------------------------------------- */
 
+/* Nobody else would say the bridge's own stops again. */
+static void a_stop_at_the_end_that_is_refused_is_said_again(void **state)
+{
+	struct world *world = *state;
+
+	enabled(world);
+	fail_next(world, 0, VSMD_STP, FAULT_REFUSE);
+	db_engine_shut_down(world->engine, world->now);
+	for (unsigned i = 0; i < 200 && !db_engine_is_quiet(world->engine); i++)
+		pass(world, 1 * MS);
+	assert_true(db_engine_is_quiet(world->engine));
+	assert_int_equal(count(world, "1 stp\n"), 2);
+	assert_int_equal(count(world, "2 stp\n"), 1);
+}
+
 static void a_drive_that_is_offline_at_the_end_is_stopped_when_it_answers(void **state)
 {
 	struct world *world = *state;
@@ -814,6 +832,7 @@ int main(void)
 		TEST(a_lost_port_ends_everything_and_comes_back),
 		TEST(a_drive_that_lost_power_is_read_again),
 		TEST(the_end_stops_every_drive),
+		TEST(a_stop_at_the_end_that_is_refused_is_said_again),
 		TEST(what_is_found_is_told_once),
 		TEST(drives_that_go_and_come_are_told),
 		TEST(a_drive_that_was_never_there_is_told_once),
