@@ -54,6 +54,7 @@ enum db_event {
 	DB_EVENT_DRIVE_FAULT_GONE,
 	DB_EVENT_DRIVE_WARNING,
 	DB_EVENT_DRIVE_RESTARTED,
+	DB_EVENT_DRIVE_UNCONFIRMED, /* it is let go and has not confirmed its on-exit */
 	DB_EVENT_COUNT
 };
 

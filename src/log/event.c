@@ -62,6 +62,8 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 		KIND("drive-warning", "9ea9ac46a27c409796d2a6843bdef3af", WARNING, WARNING, 1),
 	[DB_EVENT_DRIVE_RESTARTED] =
 		KIND("drive-restarted", "bd2b195dc30244519fdda108bcd99585", WARNING, RESTART, 1),
+	[DB_EVENT_DRIVE_UNCONFIRMED] =
+		KIND("drive-unconfirmed", "ee1cac3a828548c99f6f90ee15321fb0", ERROR, EXIT, 0),
 };
 /* clang-format on */
 

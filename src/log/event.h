@@ -21,6 +21,7 @@ enum db_topic {
 	DB_TOPIC_FAULT,
 	DB_TOPIC_WARNING,
 	DB_TOPIC_RESTART,
+	DB_TOPIC_EXIT,
 };
 
 struct db_event_kind {

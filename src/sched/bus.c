@@ -484,6 +484,7 @@ static void *run(void *context)
 			next = now_ns() + BEAT_TIME;
 		wait_for_work(bus, next < exit_by ? next : exit_by);
 	}
+	db_engine_tell_unconfirmed(bus->engine);
 	bus->transport->close(bus->port);
 	bus->port = NULL;
 	atomic_store(&bus->ended, true);

@@ -173,6 +173,7 @@ static void take_out(struct db_engine *engine, size_t index, db_time now)
 
 	engine_finish_waiting(engine, station, DB_RESULT_CANCELLED, now);
 	station_finish_front(station, DB_RESULT_CANCELLED, now);
+	engine_tell_unconfirmed(engine, station);
 	station_drop_stops(station, now);
 	if (node->online)
 		engine->stats.online--;

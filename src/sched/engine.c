@@ -83,6 +83,25 @@ void engine_tell_missing(struct db_engine *engine, struct station *station)
 	tell(engine, station, DB_EVENT_DRIVE_LOST);
 }
 
+void engine_tell_unconfirmed(struct db_engine *engine, const struct station *station)
+{
+	/* One that was never heard was not set going from here. */
+	if (station->snapshot.feedback.taken == 0)
+		return;
+	for (unsigned i = 0; i < station->stop_count; i++) {
+		if (station->stops[i].letter)
+			continue;
+		tell(engine, station, DB_EVENT_DRIVE_UNCONFIRMED);
+		return;
+	}
+}
+
+void db_engine_tell_unconfirmed(struct db_engine *engine)
+{
+	for (size_t i = 0; i < engine->station_count; i++)
+		engine_tell_unconfirmed(engine, engine->stations[i]);
+}
+
 static void tell_presence(struct db_engine *engine, struct station *station, bool online)
 {
 	station->told.online = online;

@@ -59,6 +59,8 @@ db_time db_engine_run(struct db_engine *engine, db_time now);
 void db_engine_shut_down(struct db_engine *engine, db_time now);
 /* Nothing is left to be done of it. */
 bool db_engine_is_quiet(const struct db_engine *engine);
+/* Tells of each drive that is let go now though it has not confirmed its on_exit. */
+void db_engine_tell_unconfirmed(struct db_engine *engine);
 
 void db_engine_stats(const struct db_engine *engine, struct db_bus_stats *stats);
 

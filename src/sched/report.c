@@ -124,6 +124,10 @@ void report_drive(const struct db_log_source *log, const struct db_drive_config 
 		       "warns (status %08X, fault bits %04X); see the drive's manual",
 		       (unsigned)feedback->drive_status, (unsigned)feedback->fault_bits);
 		break;
+	case DB_EVENT_DRIVE_UNCONFIRMED:
+		db_log(log, now, event, &about,
+		       "is let go and did not confirm its on-exit; it may still move: look at it");
+		break;
 	case DB_EVENT_DRIVE_RESTARTED:
 		db_log(log, now, event, &about,
 		       "was restarted: its position and unsaved parameters are lost; check its power, "

@@ -68,6 +68,8 @@ static inline bool is_flying(const struct node *node)
 struct station *engine_station(const struct db_engine *engine, uint16_t number);
 /* Shows what the driver knows, and tells what is new in it. */
 void engine_publish(struct db_engine *engine, struct station *station);
+/* The station is let go: tells when its on_exit is still to be confirmed. */
+void engine_tell_unconfirmed(struct db_engine *engine, const struct station *station);
 /* Tells that a drive does not answer, unless that was told since it last did. */
 void engine_tell_missing(struct db_engine *engine, struct station *station);
 /* Ends what waits for a drive that cannot do it now. */

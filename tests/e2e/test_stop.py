@@ -164,6 +164,7 @@ def test_the_end_of_the_bridge_waits_for_nobody(bridge):
     with bridge.raw() as raw:
         raw.send(raw.adu(1, 1, struct.pack(">BHH", 3, 0, 10)) * 200)
         assert bridge.stop_bridge() == 0
+    assert "drive drive1: is let go and did not confirm its on-exit" in bridge.log_path.read_text()
 
 
 def test_on_exit_none_leaves_it_moving(make_bridge):

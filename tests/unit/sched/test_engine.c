@@ -701,6 +701,21 @@ static void assert_told(struct world *world, enum db_event event, unsigned addre
 	world->told_count = 0;
 }
 
+static void a_drive_that_does_not_confirm_its_end_is_told(void **state)
+{
+	struct world *world = *state;
+
+	enabled(world);
+	world->sim[1].dead = true;
+	world->told_count = 0;
+	db_engine_shut_down(world->engine, world->now);
+	for (unsigned i = 0; i < 1500; i++)
+		pass(world, 1 * MS);
+	world->told_count = 0;
+	db_engine_tell_unconfirmed(world->engine);
+	assert_told(world, DB_EVENT_DRIVE_UNCONFIRMED, 2);
+}
+
 static void pass_seconds(struct world *world, unsigned seconds)
 {
 	for (unsigned i = 0; i < 4 * seconds; i++) {
@@ -833,6 +848,7 @@ int main(void)
 		TEST(a_drive_that_lost_power_is_read_again),
 		TEST(the_end_stops_every_drive),
 		TEST(a_stop_at_the_end_that_is_refused_is_said_again),
+		TEST(a_drive_that_does_not_confirm_its_end_is_told),
 		TEST(what_is_found_is_told_once),
 		TEST(drives_that_go_and_come_are_told),
 		TEST(a_drive_that_was_never_there_is_told_once),
