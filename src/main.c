@@ -11,6 +11,8 @@
 #include <stdlib.h>
 #include <sysexits.h>
 
+#define PACKAGED_CONFIG "/etc/drivebridge/drivebridge.conf"
+
 struct options {
 	const char *config;
 	bool check;
@@ -18,8 +20,9 @@ struct options {
 
 static void usage(FILE *out)
 {
-	fputs("usage: drivebridged --config FILE [--check]\n"
-	      "  --config FILE  run in the foreground with this configuration\n"
+	fputs("usage: drivebridged [--config FILE] [--check]\n"
+	      "  --config FILE  run in the foreground with this configuration;\n"
+	      "                 " PACKAGED_CONFIG " when not given\n"
 	      "  --check        read the file, say what would run or what is wrong, and end\n"
 	      "  --version      print the version\n"
 	      "  --help         print this\n",
@@ -57,7 +60,7 @@ static int read_options(int argc, char **argv, struct options *options)
 			return 2;
 		}
 	}
-	if (!options->config || optind != argc) {
+	if (optind != argc) {
 		usage(stderr);
 		return 2;
 	}
@@ -66,7 +69,7 @@ static int read_options(int argc, char **argv, struct options *options)
 
 int main(int argc, char **argv)
 {
-	struct options options = { 0 };
+	struct options options = { .config = PACKAGED_CONFIG };
 	struct db_config *config = NULL;
 	int status = read_options(argc, argv, &options);
 
@@ -78,6 +81,9 @@ int main(int argc, char **argv)
 	if (!options.check)
 		return db_service_run(config, options.config);
 	db_config_describe(config, stdout);
+	db_config_probe(config, stdout, stderr);
+	puts("every value, as a file would say it");
+	db_config_write(config, stdout);
 	db_config_free(config);
 	return EXIT_SUCCESS;
 }

@@ -59,6 +59,7 @@ enum db_error {
 	DB_ERROR_NO_ANSWER = 1,   /* the drive does not answer */
 	DB_ERROR_BUS_DOWN = 2,    /* the port or interface is missing */
 	DB_ERROR_CLIENT_LOSS = 3, /* the watchdog stopped the drive */
+	DB_ERROR_RUNS_ON = 4,     /* it was told to stop, and does not slow down */
 	DB_ERROR_HARDWARE = 16,   /* drive: hardware fault */
 	DB_ERROR_FLASH = 17,      /* drive: parameter memory */
 	DB_ERROR_ENCODER = 18,    /* drive: encoder or stalled motor */
@@ -99,6 +100,8 @@ struct db_feedback {
 	uint16_t program_state;
 	uint16_t program_step;
 	float counts_per_unit; /* what the drive itself knows of its mechanics; 0 = nothing */
+	float deceleration; /* of a stop, drive units/s^2; INFINITY: at once; 0: not known, or it is the
+	                       driver's deceleration_param */
 	float current;
 	float supply_voltage;
 	float temperature;
@@ -135,7 +138,8 @@ struct db_snapshot {
 
 /* Changes rarely: identity and parameters. */
 struct db_nameplate {
-	uint64_t valid; /* bit i: values[i] was read from the drive */
+	uint64_t valid;   /* bit i: values[i] was read from the drive */
+	uint64_t missing; /* bit i: it was asked for values[i] and did not tell it; see the log */
 	union db_value values[DB_PARAMS_MAX];
 	char identity[DB_IDENTITY_MAX]; /* not terminated when full; "" = not read */
 	uint32_t generation;            /* grows with each change */

@@ -14,7 +14,10 @@
  *   The first id after the start is only remembered (04, restarted). Every outcome uses an id up,
  *   except busy: a writer that found the queue full may repeat its write as it is.
  *   stop, quick_stop and disable always execute. One that repeats the drive's newest command while
- *   that is still pending joins it instead of filling the queue.
+ *   that is still pending joins it. One that comes behind something else is handed to the bus anew,
+ *   and who waits for the older one of its kind waits for this one. So a drive never has more
+ *   than two of a kind with its bus, and there is always room for a stop: a third one is handed over
+ *   when the second ended, and until then other commands are answered as busy.
  *
  *   With ids_by_client "last id" is that of the client's address: each numbers its own commands,
  *   and the first of each is only remembered. The last 8 addresses that command the drive are known;
@@ -27,7 +30,8 @@
  *
  * A write of `command` without `command_id` (one register, FC 6) uses the kept id when that was not
  * used yet. When it was, and command and arguments are those that were executed last, the write is
- * the same request sent again and is not executed; otherwise it executes as if its id were 0.
+ * the same request sent again: it is not executed and is answered as that execution was; otherwise
+ * it executes as if its id were 0.
  *
  * A write answered with an exception at once stores nothing.
  *
@@ -37,8 +41,8 @@
  *
  * The watchdog is armed by the first motion command, or when the drive already moves as it is first
  * seen (the program was killed and started again), and fed by what the drive's configuration says:
- * every request of a client that may write, its writes, or changes of its heartbeat. When it
- * expires, the configured stop goes to the bus ahead of everything and motion is
+ * every request of a client that may write, only those of connections that command the drive, writes,
+ * or changes of the heartbeat; as of when they arrived. When it expires, the configured stop goes to the bus ahead of everything and motion is
  * refused (04, latched) until clear_fault.
  */
 #ifndef DRIVEBRIDGE_COMMANDER_H
@@ -52,13 +56,27 @@
 
 struct db_commander;
 
+/* A write that did not bring about what its writer wanted. */
+struct db_refused_write {
+	enum db_command command; /* NONE: parameters, or another register */
+	const char *param;       /* the first of the parameters; null: not known */
+	uint16_t address;        /* the register that it was refused for; 0: not known */
+	enum db_result result;
+};
+
 struct db_commander_ops {
-	/* Hands a request to the bus, which copies it. False when its queue is full. */
+	/* Hands a request to the bus, which copies it. False when its queue is full; never for a
+	 * stop, see DB_COMMANDER_STOPS. */
 	bool (*submit)(void *context, const struct db_request *request);
 	/* Answers a write for which DB_WRITE_LATER was returned. Exactly once for each. */
 	void (*answer)(void *context, struct db_write_token token, uint8_t exception);
 	/* For the history: */
 	uint64_t (*wall_us)(void *context); /* since 1970-01-01 UTC */
+	/* For the log: each refusal once, not what is answered from memory. `client` is null for the
+	 * bridge's own. Not told are what was cancelled, what others tell of (a client that is not in
+	 * control, a drive that runs on), and what is on its way. May be null. */
+	void (*refused)(void *context, const struct db_client *client,
+	                const struct db_refused_write *write);
 };
 
 struct db_commander_config {
@@ -101,6 +119,7 @@ struct db_command_state {
 	uint16_t result;
 	uint16_t result_command;
 	uint16_t write_result;   /* enum db_result of the latest command or parameter write */
+	uint16_t write_register; /* the first register that it was refused for; 0: not known */
 	uint32_t result_time_us; /* from the arrival of the last ended command to its end */
 	uint16_t active_command; /* oldest command pending, 0 = none */
 	uint16_t result_limit;   /* enum db_limit, when result is `limit` */
@@ -116,9 +135,13 @@ struct db_command_state {
 	uint32_t watchdog_trips;
 };
 
-/* Requests of one drive that may be pending; stops have places of their own. */
+/* Requests of one drive that may be pending. */
 #define DB_COMMANDER_PENDING 16
-#define DB_COMMANDER_STOPS 8
+
+/* Stops have places of their own: two of each kind for clients, and the watchdog's. A bus has room for
+ * as many of each of its drives, so that it takes every stop. */
+#define DB_COMMANDER_STOPS_OF_A_KIND 2
+#define DB_COMMANDER_STOPS (3 * DB_COMMANDER_STOPS_OF_A_KIND + 1)
 
 /* Writers that may wait for one request; more are answered 05 at once. */
 #define DB_COMMANDER_WAITERS 4
@@ -163,20 +186,30 @@ int db_commander_set(struct db_commander *commander, const struct db_client *cli
                      const struct db_setting *settings, size_t count, struct db_write_token token,
                      db_time now);
 
-/* A write was refused for its form before it came here: for write_result only. */
+/* A write was refused for its form before it came here: for write_result only. `address`: of the register
+ * that it was refused for; 0: for none in particular. */
 void db_commander_set_refused(struct db_commander *commander, const struct db_client *client,
-                              enum db_result result);
+                              enum db_result result, uint16_t address);
 /* A command, or with NONE a parameter write, was refused before it came here: for the history, too. */
 void db_commander_refuse(struct db_commander *commander, const struct db_client *client,
-                         const struct db_command_block *block, enum db_result result, db_time now);
+                         const struct db_command_block *block, enum db_result result,
+                         uint16_t address, db_time now);
+
+/* Ports of set_output that are known to be inputs, bit 0 = port 1: a set_outputs with one of them is
+ * refused as a whole. */
+unsigned db_commander_input_ports(const struct db_commander *commander);
 
 /* It addressed this drive: of those with a memory of their own the silent are forgotten first. */
 void db_commander_hear(struct db_commander *commander, const struct db_client *client, db_time now);
 
-/* Somebody who may write addressed this drive, `by` what is said: it is not alone. Whether that feeds
- * its watchdog. */
-bool db_commander_feed(struct db_commander *commander, enum db_watchdog_feed by, db_time now);
-void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_ms, db_time now);
+/* A client who may write addressed this drive, `by` what is said, at the time `arrived`: it is not
+ * alone. Whether that feeds its watchdog. */
+bool db_commander_feed(struct db_commander *commander, const struct db_client *client,
+                       enum db_watchdog_feed by, db_time arrived);
+void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_ms,
+                               db_time arrived);
+/* Its connection has ended: its number may become another's. */
+void db_commander_forget(struct db_commander *commander, const struct db_client *client);
 
 /* The bus ended a request. Unknown tickets are ignored. */
 void db_commander_complete(struct db_commander *commander, const struct db_completion *completion,

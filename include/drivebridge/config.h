@@ -20,11 +20,23 @@ struct db_transport;
 /* Settings that only some families have: declared by the driver (struct db_option), kept by their
  * place in its list. Numbers as they are, words by their place among the allowed ones, NAN when not
  * set and without a default. */
-#define DB_OPTIONS_MAX 16
+#define DB_OPTIONS_MAX 32
+
+/* What is done beside saying it again to a drive that was told to stop and does not slow down. */
+enum db_on_stop_failure {
+	DB_ON_STOP_FAILURE_NONE,
+	DB_ON_STOP_FAILURE_DISABLE, /* it is disabled: its motor then coasts, or its brake falls in */
+};
 
 enum db_on_loss { DB_ON_LOSS_NONE, DB_ON_LOSS_STOP, DB_ON_LOSS_QUICK_STOP, DB_ON_LOSS_DISABLE };
 /* What tells that the clients of a drive are alive. Each is also told by those behind it. */
-enum db_watchdog_feed { DB_FEED_REQUESTS, DB_FEED_WRITES, DB_FEED_HEARTBEAT };
+/* What feeds a watchdog; what is enough for one is enough for those before it. */
+enum db_watchdog_feed {
+	DB_FEED_REQUESTS,   /* any request of a client that may write */
+	DB_FEED_COMMANDERS, /* writes, and reads of who has commanded the drive */
+	DB_FEED_WRITES,
+	DB_FEED_HEARTBEAT,
+};
 enum db_id_scope { DB_IDS_OF_DRIVE, DB_IDS_OF_CLIENT };
 enum db_control_mode { DB_CONTROL_OFF, DB_CONTROL_DRIVE };
 enum db_parity { DB_PARITY_NONE, DB_PARITY_EVEN, DB_PARITY_ODD };
@@ -44,7 +56,7 @@ struct db_modbus_config {
 	struct db_network *allow_write; /* default: 127.0.0.0/8 and ::1 */
 	size_t allow_write_count;
 	bool low_word_first;    /* word-order = high-first (default) or low-first */
-	unsigned confirm_ms;    /* confirm-ms, 1..10000, default 40 */
+	unsigned confirm_ms;    /* confirm-ms, 1..10000, default 40 or what the buses need */
 	bool accept_writes;     /* write-confirm = confirmed (default) or accepted */
 	bool stale_values;      /* stale = exception (default) or value */
 	unsigned gateway_unit;  /* gateway-unit, 1..254, 0 (default) = none beside 0 and 255 */
@@ -77,12 +89,15 @@ struct db_bus_config {
 	unsigned bitrate;      /* CAN: bit/s, 10000..1000000; default: the family's */
 	enum db_parity parity; /* default none */
 	unsigned stop_bits;    /* 1 (default) or 2 */
-	enum db_line line;     /* line = rs485 (default) or rs232 */
+	/* turnaround-us, 0..100000: silence on a serial line between an answer and the next request;
+	 * default 3.5 characters, and at least 1000. 0 on CAN. */
+	unsigned turnaround_us;
+	enum db_line line; /* line = rs485 (default) or rs232 */
 	/* What switches an RS485 line between sending and receiving: direction, default adapter. */
 	enum db_direction direction;
 	unsigned rts_before_ms; /* rts-before-ms, rts-after-ms, 0 (default)..100 */
 	unsigned rts_after_ms;
-	unsigned cycle_ms; /* 1..10000, default 20 */
+	unsigned cycle_ms; /* 1..10000, default 20 or what one drive needs */
 	unsigned
 		drive_latency_ms; /* drive-latency-ms, 1..1000, default 30: the longest time a drive may think before it answers */
 	unsigned
@@ -107,10 +122,13 @@ struct db_drive_config {
 	double counts_per_unit; /* counts-per-unit, > 0, default 1.0 */
 	bool counts_given;      /* it is in the file; else what the drive knows goes first */
 	char *unit_name;        /* unit-name, default "counts" */
+	bool unit_given;        /* it is in the file */
 	enum db_on_loss on_client_loss; /* default stop */
-	enum db_on_loss on_exit; /* also when a reload takes it out; default: as on_client_loss */
-	unsigned watchdog_ms;    /* 0 = off, default 3000 */
-	enum db_watchdog_feed watchdog_feed; /* watchdog-feed, default requests */
+	enum db_on_loss on_exit;   /* also when a reload takes it out; default: as on_client_loss */
+	unsigned watchdog_ms;      /* 0 = off, default 3000 */
+	unsigned stop_reaction_ms; /* stop-reaction-ms, 100..60000, default 1000 */
+	enum db_on_stop_failure on_stop_failure; /* on-stop-failure, default none */
+	enum db_watchdog_feed watchdog_feed;     /* watchdog-feed, default commanders */
 	/* Limits in the user's units, NAN = none: min-position, max-position, max-velocity,
 	 * max-acceleration. */
 	double min_position;
@@ -126,7 +144,20 @@ struct db_drive_config {
 	double options[DB_OPTIONS_MAX]; /* of the driver's list; those of buses are left NAN */
 };
 
+/* A file of a configuration: the one that was named, or one of the folder conf.d beside it. */
+struct db_config_source {
+	char *path;
+	char *text;            /* as it was read; null once that was done */
+	size_t begin;          /* of the texts of all, one behind the other */
+	size_t length;         /* of the text */
+	unsigned lines_before; /* in the files before it */
+	bool ended;            /* its last line is `end` */
+};
+
 struct db_config {
+	struct db_config_source
+		*sources; /* first the file that was named; place and text of each */
+	size_t source_count;
 	struct db_modbus_config modbus;
 	struct db_bus_config *buses;
 	size_t bus_count;
@@ -135,13 +166,24 @@ struct db_config {
 };
 
 /*
- * Reads and checks a file. On success 0, and *config is to be freed. Otherwise -1 and every error
+ * Reads and checks a file, and behind it those of the folder conf.d beside it whose names end in .conf,
+ * in the order of their names. On success 0, and *config is to be freed. Otherwise -1 and every error
  * was written to `errors`, a line each: "FILE:LINE: what is wrong; what would be right". Warnings
  * (a cycle that cannot fit, a confirm-ms that cannot be met) go to `errors` too, as
  * "FILE:LINE: warning: ...", and do not fail.
  */
 int db_config_load(const char *path, FILE *errors, struct db_config **config);
 void db_config_free(struct db_config *config);
+
+/*
+ * Whether `next`, read from the same files later, looks like something that was cut off on its way to the
+ * disk: it has no bus any more, no drive any more and does not end with `end`, or a file that ended with
+ * `end` does not. Then *why is a message to be freed, or null when out of memory.
+ */
+bool db_config_is_cut(const struct db_config *running, const struct db_config *next, char **why);
+
+/* `next` says the same and is forgotten: but which of its files end with `end` is kept. */
+void db_config_keep_ends(struct db_config *running, const struct db_config *next);
 
 /*
  * Whether two configurations say the same about the clients, a bus or a drive: values with their
@@ -155,5 +197,15 @@ bool db_config_same_drive(const struct db_config *config_a, const struct db_driv
 
 /* What --check prints: every bus and drive with its settings and the computed times. */
 void db_config_describe(const struct db_config *config, FILE *out);
+
+/* All of it as one file, with every key: read again, it says the same. */
+void db_config_write(const struct db_config *config, FILE *out);
+
+/*
+ * What this machine has of it now, without opening or disturbing anything: whether ports and interfaces
+ * are there, are what they should be, and may be opened (for root: by the service's user). What is there
+ * goes to `out`, what is missing to `errors` as a warning with file and line.
+ */
+void db_config_probe(const struct db_config *config, FILE *out, FILE *errors);
 
 #endif

@@ -8,6 +8,11 @@
  * A job is a little conversation: begin() writes its first exchange, then answer() or lost() is
  * called for each and either writes the next exchange or ends the job. Between two exchanges of a
  * job the scheduler may run other jobs, of the same drive too (a stop always may).
+ *
+ * A stop's conversation (stop, quick_stop) ends when the drive has answered it or, where drives do not
+ * answer, when its status was read behind it. Whether the drive then stops is for the scheduler to see
+ * in feedback(), and to say it again: MOVING and the velocity must be what was read, never what is
+ * expected. For disable the driver itself reads that the power is off.
  */
 #ifndef DRIVEBRIDGE_DRIVER_H
 #define DRIVEBRIDGE_DRIVER_H
@@ -35,6 +40,7 @@ struct db_job {
 	unsigned step;      /* the driver's own: where the conversation is, 0 at begin */
 	int64_t scratch[2]; /* the driver's own */
 	db_time started;    /* when begin() was called */
+	bool out_of_step;   /* what was said to the drive last was not answered, or is a probe */
 };
 
 /* One request on the wire and what is expected back. */
@@ -104,15 +110,30 @@ struct db_driver {
 	                  apart (x, y, z, a); 0 = one drive an address */
 	const struct db_option *options; /* at most DB_OPTIONS_MAX */
 	size_t option_count;
-	uint64_t commands;     /* DB_COMMAND_BIT() of all it can do */
-	unsigned measures;     /* enum db_measure */
+	uint64_t commands; /* DB_COMMAND_BIT() of all it can do */
+	unsigned measures; /* enum db_measure */
+	/* A drive answers a command itself. Where it does not (CAN), its effect is looked for in what is
+	 * read behind it, and a drive that has not begun yet looks like one that stands. */
+	bool acknowledges;
 	unsigned output_count; /* ports of set_output, as coils 0.. */
 	const struct db_param *params;
-	size_t param_count;     /* <= DB_PARAMS_MAX */
+	size_t param_count; /* <= DB_PARAMS_MAX */
+	uint64_t
+		secret_params; /* bit of each whose value nobody is to read, in the history either */
+	const struct db_drive_bit
+		*status_bits; /* of drive_status, ascending; null: none are named */
+	size_t status_bit_count;
 	unsigned param_page;    /* families with the same page share their table and registers */
 	int acceleration_param; /* index of the parameter behind `acceleration`, -1 = none */
 	int deceleration_param;
+	const char *
+		scale_unit; /* the unit of counts_per_unit in feedback, which the drive tells once its
+	                           parameters were read; null: it never does */
 	int preset_velocity_param; /* of moves without a velocity, and jogs; -1 = none */
+
+	/* Pure: how many of the drive's position units a second one of its velocity units is; 0 when
+	 * that is not known. May be null: 1. */
+	double (*velocity_counts)(const struct db_drive_config *drive);
 
 	/* Pure: is this command, with these arguments, inside the documented ranges and possible with
 	 * this configuration? OK, UNSUPPORTED or OUT_OF_RANGE. */
@@ -122,6 +143,10 @@ struct db_driver {
 	enum db_result (*check_param)(const struct db_bus_config *bus, size_t param,
 	                              union db_value value);
 
+	/* Pure: the ports of set_output that the drive's parameters make inputs, bit 0 = port 1. May be
+	 * null: none. */
+	unsigned (*input_ports)(const struct db_nameplate *plate);
+
 	/* The commands that this configuration takes away, as a set. May be null: none. */
 	uint64_t (*forbidden)(const struct db_bus_config *bus, const struct db_drive_config *drive);
 
@@ -130,8 +155,11 @@ struct db_driver {
 	                     const struct db_drive_config *const *drives, size_t drive_count,
 	                     db_complain_fn *complain, void *context);
 
-	/* Longest expected time on the wire, answer and a typical drive latency included. */
+	/* Longest expected time on the wire, answer and a typical drive latency included. Of a
+	 * controller with several axes for one of them; each further one adds axis_time(), which is null
+	 * where there is none. */
 	db_time (*poll_time)(const struct db_bus_config *bus);
+	db_time (*axis_time)(const struct db_bus_config *bus);
 	db_time (*command_time)(const struct db_bus_config *bus);
 
 	size_t device_size; /* zeroed memory of this size is given to init */
@@ -192,6 +220,13 @@ extern const struct db_driver *const db_drivers[];
 
 /* By name, or null. */
 const struct db_driver *db_driver_find(const char *name);
+
+/* Reading all of so many drives at so many addresses once, as poll_time(). */
+db_time db_driver_round_time(const struct db_bus_config *bus, size_t addresses, size_t drives);
+
+/* See velocity_counts; 1 where it is not known: then shown units are the drive's own. */
+double db_driver_velocity_counts(const struct db_driver *driver,
+                                 const struct db_drive_config *drive);
 
 /* What a configured drive can do: DB_COMMAND_BIT() of each. */
 uint64_t db_driver_commands(const struct db_bus_config *bus, const struct db_drive_config *drive);

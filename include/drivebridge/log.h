@@ -54,7 +54,13 @@ enum db_event {
 	DB_EVENT_DRIVE_FAULT_GONE,
 	DB_EVENT_DRIVE_WARNING,
 	DB_EVENT_DRIVE_RESTARTED,
-	DB_EVENT_DRIVE_UNCONFIRMED, /* it is let go and has not confirmed its on-exit */
+	DB_EVENT_DRIVE_UNCONFIRMED,    /* it is let go and has not confirmed its on-exit */
+	DB_EVENT_DRIVE_RUNS_ON,        /* it was told to stop, and does not slow down */
+	DB_EVENT_DRIVE_PARAMS_MISSING, /* it does not answer for some of its parameters */
+	DB_EVENT_DRIVE_HEARD,          /* it does not answer, but something came from there */
+	DB_EVENT_DRIVE_LATE,           /* it answers later than drive-latency-ms */
+	DB_EVENT_COMMAND_REFUSED,
+	DB_EVENT_DRIVE_DEAF, /* it does not hear what follows its answers within turnaround-us */
 	DB_EVENT_COUNT
 };
 

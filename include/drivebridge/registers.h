@@ -10,6 +10,7 @@
 #include "drivebridge/axis.h"
 #include "drivebridge/bus.h"
 #include "drivebridge/command.h"
+#include "drivebridge/commander.h"
 #include "drivebridge/config.h"
 #include "drivebridge/server.h"
 
@@ -50,6 +51,11 @@ struct db_registers_ops {
 	size_t (*server_clients)(void *context, struct db_server_client *clients, size_t max);
 	/* Something was refused to a client for who it is. May be null. */
 	void (*refused)(void *context, const struct db_client *client, enum db_refusal kind);
+	/* A write to a drive did not bring about what its writer wanted; see struct db_commander_ops.
+	 * `client`: null for the bridge's own. May be null. */
+	void (*write_refused)(void *context, const struct db_bus_config *bus,
+	                      const struct db_drive_config *drive, const struct db_client *client,
+	                      const struct db_refused_write *write);
 	/* A client came or went. May be null. */
 	void (*client)(void *context, const struct db_client *client, bool connected);
 	/* The watchdog stops a drive. `last` had fed it last, and may have gone since; its id is 0
@@ -87,8 +93,10 @@ extern const struct db_backend db_registers_backend;
 void db_registers_complete(struct db_registers *registers, const struct db_completion *completion,
                            db_time now);
 
-/* When db_registers_expire() is due: the first waiting writer's time is up. DB_TIME_NEVER. */
-db_time db_registers_next_deadline(const struct db_registers *registers);
+/* When db_registers_expire() is due: the first waiting writer's time is up, or a watchdog's.
+ * DB_TIME_NEVER. Who calls it late first has served what waits on the clients' sockets: a request
+ * that comes long after this time then stands for all drives that its client had kept going. */
+db_time db_registers_next_deadline(struct db_registers *registers);
 void db_registers_expire(struct db_registers *registers, db_time now);
 
 #endif

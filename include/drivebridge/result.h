@@ -7,6 +7,8 @@
 #ifndef DRIVEBRIDGE_RESULT_H
 #define DRIVEBRIDGE_RESULT_H
 
+#include <stdbool.h>
+
 enum db_result {
 	DB_RESULT_NONE = 0,    /* nothing was commanded since the bridge started */
 	DB_RESULT_OK = 1,      /* confirmed by the drive */
@@ -28,13 +30,18 @@ enum db_result {
 	DB_RESULT_RATE_LIMITED =
 		16, /* too soon after the last one (save_parameters wears the flash) */
 	DB_RESULT_NOT_IN_CONTROL = 17, /* another client has control of the drive */
+	DB_RESULT_UNPROVEN = 18, /* accepted; nothing that the drive can tell shows its effect */
+	DB_RESULT_RUNS_ON = 19,  /* told to stop, the drive does not slow down; it is told on */
 	DB_RESULT_COUNT
 };
 
 /* "ok", "pending", "out_of_range" ...; never null, "unknown" outside the enum. */
 const char *db_result_name(enum db_result result);
 
-/* The Modbus exception that tells this result; 0 for NONE and OK. PENDING is 05. */
+/* The Modbus exception that tells this result; 0 for NONE, OK and UNPROVEN. PENDING is 05. */
 unsigned char db_result_exception(enum db_result result);
+
+/* The drive has taken it: OK or UNPROVEN. */
+bool db_result_is_success(enum db_result result);
 
 #endif

@@ -19,13 +19,30 @@ struct db_server;
 
 enum db_table { DB_TABLE_COILS, DB_TABLE_DISCRETE, DB_TABLE_HOLDING, DB_TABLE_INPUT };
 
+/* Numbers that no client has: nobody in particular, and the parts of a group command. */
+#define DB_CLIENT_NOBODY 0
+#define DB_CLIENT_GROUP UINT32_MAX
+
+/* The number that follows; skips those that no client has. */
+uint32_t db_client_number_after(uint32_t id);
+
 /* Who asks. Valid for the duration of the call. */
 struct db_client {
-	uint32_t id;         /* unique for the life of the server, never 0 */
+	uint32_t
+		id; /* of this connection: no other one's while it lasts; never one of those above */
 	uint8_t address[16]; /* IPv6, or IPv4 v4-mapped */
 	uint16_t port;
 	bool may_write;
+	/* The request did not reach this machine before this time, and perhaps at this time: one that
+	 * waited in a buffer is no sign of life of now. 0: just now. */
+	db_time arrived;
 };
+
+/* When its request arrived, as far as is known. */
+static inline db_time db_client_arrived(const struct db_client *client, db_time now)
+{
+	return client && client->arrived != 0 ? client->arrived : now;
+}
 
 #define DB_CLIENT_ADDRESS_MAX 46
 
@@ -41,6 +58,7 @@ enum db_refusal {
 	DB_REFUSED_WRITE,       /* write: may only read */
 	DB_REFUSED_CONTROL,     /* write: another client has control of the drive */
 	DB_REFUSED_PACE,        /* request: more than max-requests-per-second, answered later */
+	DB_REFUSED_DESCRIPTORS, /* connection: the descriptors left are for buses and files */
 	DB_REFUSAL_COUNT
 };
 
@@ -78,6 +96,11 @@ struct db_backend {
 	             enum db_table table, uint16_t address, uint16_t count, const uint16_t *values,
 	             struct db_write_token token);
 
+	/* Like write, for FC 22 that leaves a holding register at the value it has: it changes
+	 * nothing, so it repeats no command either, but for a stop. */
+	int (*write_same)(void *context, const struct db_client *client, uint8_t unit,
+	                  uint16_t address, uint16_t value, struct db_write_token token);
+
 	/* FC 17: server id text and run indicator of a unit. Returns the text's length (<= size). */
 	size_t (*server_id)(void *context, uint8_t unit, char *text, size_t size, bool *running);
 
@@ -96,10 +119,10 @@ struct db_server_stats {
 	uint32_t clients; /* now */
 	uint32_t clients_peak;
 	uint64_t accepted;
-	uint64_t refused_full;        /* connections refused: max-clients reached */
-	uint64_t refused_address;     /* connections refused: not in allow-read or allow-write */
-	uint64_t refused_writes;      /* writes refused: client may only read */
-	uint64_t refused_reserved;    /* connections refused: may only read, the rest is reserved */
+	uint64_t refused_full;     /* connections refused: max-clients reached, or no descriptors */
+	uint64_t refused_address;  /* connections refused: not in allow-read or allow-write */
+	uint64_t refused_writes;   /* writes refused: client may only read */
+	uint64_t refused_reserved; /* connections refused: may only read, the rest is reserved */
 	uint64_t refused_per_address; /* connections refused: too many of one address */
 	uint64_t refused_control;     /* writes refused: another client has control of the drive */
 	uint64_t held_back;           /* requests that had to wait: too many of one address */
@@ -144,8 +167,19 @@ int db_server_prepare(struct db_server *server, const struct db_modbus_config *c
 void db_server_change(struct db_server *server, struct db_server_change *change);
 void db_server_change_free(struct db_server_change *change);
 
+/* Serves every client once whose requests wait, as the loop does: for who acts on their silence and
+ * comes late to it. Not from inside the backend's calls. */
+void db_server_catch_up(struct db_server *server);
+
 /* Answers a write that the backend postponed. exception 0 = success. */
 void db_server_answer(struct db_server *server, struct db_write_token token, uint8_t exception);
+
+/* Refuses connections that would leave the process fewer than so many file descriptors: what else
+ * needs some, such as a bus that opens its port again, always finds them. 0, the default, keeps none. */
+void db_server_keep_descriptors(struct db_server *server, unsigned count);
+
+/* Whether it listens on an address that the machine did not have when it began to. */
+bool db_server_is_early(const struct db_server *server);
 
 /* The port it listens on (for port 0 in the configuration). */
 uint16_t db_server_port(const struct db_server *server);

@@ -58,4 +58,11 @@ struct db_param {
 	const char *description; /* one line, English, vendor term in brackets where it helps */
 };
 
+/* A bit of a drive's own status word that its vendor documents. */
+struct db_drive_bit {
+	uint8_t bit;      /* 0..31 */
+	const char *name; /* the vendor's; the discrete input is called drive_NAME */
+	const char *description;
+};
+
 #endif

@@ -4,11 +4,14 @@
 #include "axis/follow.h"
 #include "axis/history.h"
 #include "axis/limits.h"
+#include "axis/scale.h"
+#include "axis/supervise.h"
 #include "axis/watchdog.h"
 #include "axis/writers.h"
 #include "regmap/commands.h"
 
 #include <errno.h>
+#include <math.h>
 #include <modbus.h>
 #include <stdlib.h>
 #include <string.h>
@@ -41,6 +44,7 @@ struct origin {
 	const struct db_client *client; /* null: the bridge itself */
 	struct db_writer *writer;       /* its memory; null: it has none, and no ids */
 	bool block;                     /* by the command block, where a write may be sent again */
+	bool bare;                      /* ... without a command_id */
 };
 
 /* One request that the bus has. */
@@ -50,6 +54,10 @@ struct slot {
 	enum db_command command; /* NONE: a parameter write */
 	uint16_t id;             /* command_id */
 	bool overtaken;          /* a stop was handed to the bus after it */
+	bool reaction;           /* the watchdog's stop */
+	bool again;         /* a stop that is to be handed to the bus once more when it ended */
+	bool over;          /* ... and has ended */
+	uint32_t ends_trip; /* the trip of the watchdog whose latch it ends; 0: none */
 	bool has_client;
 	struct db_client client; /* whose it is */
 	db_time arrived;
@@ -64,13 +72,15 @@ struct db_commander {
 
 	struct db_follow follow; /* the motion that the drive has begun last, if it has an end */
 	struct db_follow_config follow_config;
-	db_time look_at; /* the next look at it */
+	struct db_supervise supervise; /* the motion without one */
+	db_time look_at;               /* the next look at it */
 	db_time look_interval;
 
 	struct db_watchdog watchdog;
 	db_time find_at; /* the next look whether the drive is there and moves; NEVER: it was seen */
 	uint32_t react_ticket; /* the watchdog's stop, until the drive has confirmed it; 0 */
-	db_time react_at; /* the watchdog's stop is not with the bus yet: try again; or NEVER */
+	db_time again_at;      /* a client's stop is to be said again then; or NEVER */
+	db_time react_at;      /* the watchdog's stop is to be said again then; or NEVER */
 
 	struct db_command_block kept;
 	struct db_writers writers;
@@ -110,6 +120,7 @@ int db_commander_new(const struct db_commander_config *config, const struct db_c
 	made->ops = ops;
 	made->context = context;
 	made->react_at = DB_TIME_NEVER;
+	made->again_at = DB_TIME_NEVER;
 	made->writers.by_address = config->ids_by_client;
 	init_follow(made);
 	db_watchdog_init(&made->watchdog,
@@ -139,6 +150,27 @@ static struct slot *slot_of(struct db_commander *commander, uint32_t ticket)
 	return NULL;
 }
 
+/* The clients' stops of one kind that are pending, and the youngest of them; null. */
+static struct slot *youngest_stop(struct db_commander *commander, enum db_command command,
+                                  unsigned *count)
+{
+	struct slot *youngest = NULL;
+
+	*count = 0;
+	for (size_t i = DB_COMMANDER_PENDING; i < SLOTS; i++) {
+		struct slot *slot = &commander->slots[i];
+
+		if (slot->ticket == 0 || slot->reaction || slot->command != command)
+			continue;
+		(*count)++;
+		if (!youngest ||
+		    commander->submitted - slot->order < commander->submitted - youngest->order)
+			youngest = slot;
+	}
+	return youngest;
+}
+
+/* Stops have theirs, which their number never exceeds. */
 static struct slot *free_slot(struct db_commander *commander, enum db_command command)
 {
 	bool stop = db_command_is_stop(command);
@@ -207,15 +239,28 @@ static bool equals_executed(const struct db_writer *writer, const struct db_comm
 
 /*
  * The id that a write stands for: the written one, or for a write of `command` alone the kept one,
- * unless that was used for something else already.
+ * unless that was used already.
  */
 static uint16_t id_of(const struct db_writer *writer, const struct db_command_write *write)
 {
 	uint16_t id = write->block.command_id;
 
-	if (write->has_id || id != writer->last.id || equals_executed(writer, &write->block))
-		return id;
-	return 0;
+	return write->has_id || id != writer->last.id ? id : 0;
+}
+
+/* The execution that a write repeats: of the id that was used last, or for one of `command` alone whose
+ * kept id was used, of what was executed last, if it asks for the same. Null: it repeats nothing. */
+static const struct db_used_id *repeated(const struct origin *by,
+                                         const struct db_command_block *block, uint16_t id)
+{
+	const struct db_writer *writer = by->writer;
+
+	if (id != 0 && id == writer->last.id)
+		return writer->last.result == DB_RESULT_BUSY ? NULL : &writer->last;
+	if (by->bare && id == 0 && block->command_id != 0 && block->command_id == writer->last.id &&
+	    equals_executed(writer, block))
+		return &writer->execution;
+	return NULL;
 }
 
 /* --- limits -------------------------------------------------------------------------------------- */
@@ -238,7 +283,12 @@ static struct db_limit_facts limit_facts(const struct db_commander *commander)
 	struct db_snapshot snapshot;
 
 	db_axis_read(commander->config.axis, &snapshot);
+	facts.counts = db_scale_counts(commander->config.drive_config, &snapshot.feedback);
+	facts.scale_open = db_scale_is_open(commander->config.driver,
+	                                    commander->config.drive_config, &snapshot.feedback);
 	facts.position = snapshot.feedback.position;
+	facts.velocity_counts = db_driver_velocity_counts(commander->config.driver,
+	                                                  commander->config.drive_config);
 	if (param < 0 || param >= DB_PARAMS_MAX)
 		return facts;
 	db_axis_read_nameplate(commander->config.axis, &plate);
@@ -274,6 +324,7 @@ static enum db_result check_acceleration(struct db_commander *commander, struct 
                                          const struct db_setting *settings, size_t count)
 {
 	const struct db_driver *driver = commander->config.driver;
+	struct db_limit_facts facts = limit_facts(commander);
 
 	for (size_t i = 0; i < count; i++) {
 		int param = settings[i].param;
@@ -283,7 +334,9 @@ static enum db_result check_acceleration(struct db_commander *commander, struct 
 			continue;
 		limit = db_limits_acceleration(
 			commander->config.drive_config,
-			db_value_number(driver->params[param].type, settings[i].value));
+			db_value_number(driver->params[param].type, settings[i].value) *
+				facts.velocity_counts,
+			&facts);
 		if (show_limit(commander, writer, limit) != DB_RESULT_OK)
 			return DB_RESULT_LIMIT;
 	}
@@ -296,10 +349,12 @@ static void show_write(struct db_commander *commander, struct db_writer *writer,
                        enum db_result result, uint32_t ticket)
 {
 	commander->shown.write_result = (uint16_t)result;
+	commander->shown.write_register = 0;
 	commander->shown.write_ticket = ticket;
 	if (!writer)
 		return;
 	writer->shown.write_result = (uint16_t)result;
+	writer->shown.write_register = 0;
 	writer->shown.write_ticket = ticket;
 }
 
@@ -352,18 +407,50 @@ static void record(struct db_commander *commander, const struct db_client *clien
 	db_history_add(&commander->history, &entry, ticket, now);
 }
 
+/* Everybody who may read reads the history. */
+static bool is_secret(const struct db_commander *commander, unsigned param)
+{
+	return param < DB_PARAMS_MAX && (commander->config.driver->secret_params >> param & 1);
+}
+
 static void record_settings(struct db_commander *commander, const struct db_client *client,
                             const struct db_setting *settings, enum db_result result,
                             uint32_t ticket, db_time now)
 {
 	struct db_history_entry entry = {
 		.number = settings[0].param,
-		.value = settings[0].value.u,
+		.value = is_secret(commander, settings[0].param) ? 0 : settings[0].value.u,
 		.result = (uint16_t)result,
 	};
 
 	stamp(commander, client, &entry);
 	db_history_add(&commander->history, &entry, ticket, now);
+}
+
+static bool is_refusal(enum db_result result)
+{
+	switch (result) {
+	case DB_RESULT_NONE:
+	case DB_RESULT_PENDING:
+	case DB_RESULT_CANCELLED:
+	case DB_RESULT_NOT_IN_CONTROL:
+	case DB_RESULT_RUNS_ON:
+		return false;
+	default:
+		return !db_result_is_success(result);
+	}
+}
+
+static void tell_refusal(const struct db_commander *commander, const struct db_client *client,
+                         const struct db_refused_write *write)
+{
+	if (commander->ops->refused && is_refusal(write->result))
+		commander->ops->refused(commander->context, client, write);
+}
+
+static const char *param_name(const struct db_driver *driver, size_t param)
+{
+	return param < driver->param_count ? driver->params[param].name : NULL;
 }
 
 static bool sets_in_motion(enum db_command command)
@@ -383,7 +470,70 @@ static int refuse(struct db_commander *commander, const struct origin *by,
 			db_outcome_refuse_motion(&by->writer->shown);
 	}
 	record(commander, by->client, block, id, result, 0, now);
+	tell_refusal(commander, by->client,
+	             &(struct db_refused_write){
+			     .command = (enum db_command)block->command,
+			     .result = result,
+		     });
 	return db_result_exception(result);
+}
+
+/* --- motion without a target ----------------------------------------------------------------------- */
+
+/* What a stop of it depends on now. */
+static struct db_supervise_config supervise_config(const struct db_commander *commander,
+                                                   const struct db_feedback *feedback)
+{
+	const struct db_drive_config *drive = commander->config.drive_config;
+	const struct db_bus_config *bus = commander->config.bus_config;
+	const struct db_driver *driver = commander->config.driver;
+	double counts = db_scale_counts(drive, feedback);
+	double velocity_counts = db_driver_velocity_counts(driver, drive);
+	struct db_supervise_config config = {
+		.min = drive->min_position * counts,
+		.max = drive->max_position * counts,
+		.velocity_counts = velocity_counts,
+		.deceleration = (double)feedback->deceleration,
+		.delay = 2 * commander->look_interval + driver->command_time(bus),
+	};
+	int param = driver->deceleration_param;
+	struct db_nameplate plate;
+
+	if (config.deceleration > 0.0 || param < 0)
+		return config;
+	db_axis_read_nameplate(commander->config.axis, &plate);
+	if (plate.valid >> param & 1)
+		config.deceleration = db_value_number(driver->params[param].type,
+		                                      plate.values[param]) *
+		                      velocity_counts;
+	return config;
+}
+
+static bool has_position_limits(const struct db_commander *commander)
+{
+	const struct db_drive_config *drive = commander->config.drive_config;
+
+	return !isnan(drive->min_position) || !isnan(drive->max_position);
+}
+
+/* What was handed to the bus, or begun, is to be watched, or ends what is. */
+static void note_supervised(struct db_commander *commander, enum db_command command, db_time now)
+{
+	struct db_supervise_config config;
+	struct db_snapshot snapshot;
+
+	if (!has_position_limits(commander))
+		return;
+	if (db_supervise_applies(command)) {
+		db_supervise_begin(&commander->supervise, now);
+		commander->look_at = now + LOOK_MIN;
+	} else if (db_command_is_stop(command)) {
+		db_axis_read(commander->config.axis, &snapshot);
+		config = supervise_config(commander, &snapshot.feedback);
+		db_supervise_stop(&commander->supervise, &config, &snapshot.feedback, now);
+	} else if (db_command_is_motion(command)) {
+		commander->supervise.active = false;
+	}
 }
 
 /* --- carrying out -------------------------------------------------------------------------------- */
@@ -409,6 +559,7 @@ static void note_submitted(struct db_commander *commander, struct db_writer *wri
 {
 	if (!db_command_ends_motion(command))
 		return;
+	note_supervised(commander, command, now);
 	db_outcome_ask_motion(&commander->shown);
 	if (writer)
 		db_outcome_ask_motion(&writer->shown);
@@ -421,6 +572,31 @@ static void note_submitted(struct db_commander *commander, struct db_writer *wri
 	}
 }
 
+/* Of no request that is pending, however long; what it meant before is over. */
+static uint32_t new_ticket(struct db_commander *commander)
+{
+	uint32_t ticket;
+
+	do
+		ticket = ((uint32_t)commander->config.drive + 1) << 16 |
+		         (commander->submitted++ & 0xFFFFu);
+	while (slot_of(commander, ticket));
+	db_writers_retire(&commander->writers, ticket);
+	db_outcome_retire(&commander->shown, ticket);
+	db_history_retarget(&commander->history, ticket, 0);
+	return ticket;
+}
+
+/* Who waits for the older stop, or would be told of it, waits for the younger one. */
+static void take_place(struct db_commander *commander, struct slot *older, struct slot *younger)
+{
+	memcpy(younger->waiters, older->waiters, sizeof younger->waiters);
+	younger->waiter_count = older->waiter_count;
+	older->waiter_count = 0;
+	db_writers_retarget(&commander->writers, older->ticket, younger->ticket);
+	db_outcome_retarget(&commander->shown, older->ticket, younger->ticket);
+}
+
 /* False when the drive's or the bus's queue is full. */
 static bool submit(struct db_commander *commander, const struct db_client *client,
                    struct db_request *request, uint16_t id, struct slot **slot)
@@ -428,31 +604,50 @@ static bool submit(struct db_commander *commander, const struct db_client *clien
 	*slot = free_slot(commander, request->command);
 	if (!*slot)
 		return false;
-	request->ticket = ((uint32_t)commander->config.drive + 1) << 16 |
-	                  (commander->submitted & 0xFFFFu);
+	request->ticket = new_ticket(commander);
 	request->axis = commander->config.drive;
-	db_writers_retire(&commander->writers, request->ticket);
-	db_outcome_retire(&commander->shown, request->ticket);
 	if (!commander->ops->submit(commander->context, request))
 		return false;
-	(*slot)->ticket = request->ticket;
-	(*slot)->order = commander->submitted++;
-	(*slot)->command = request->command;
-	(*slot)->id = id;
-	(*slot)->overtaken = false;
-	(*slot)->has_client = client != NULL;
+	**slot = (struct slot){
+		.ticket = request->ticket,
+		.order = commander->submitted - 1,
+		.command = request->command,
+		.id = id,
+		.has_client = client != NULL,
+		.arrived = request->submitted,
+	};
 	if (client)
 		(*slot)->client = *client;
-	(*slot)->arrived = request->submitted;
-	(*slot)->waiter_count = 0;
 	return true;
 }
 
-static void begin(struct db_writer *writer, const struct db_command_block *block, uint32_t ticket)
+/* The command block's newest command that went to the bus. */
+static void note_executed(struct db_writer *writer, const struct db_command_block *block,
+                          uint16_t id, enum db_result result, uint32_t ticket)
 {
 	writer->has_executed = true;
 	writer->executed = *block;
-	writer->executed_ticket = ticket;
+	writer->execution = (struct db_used_id){
+		.id = id,
+		.result = result,
+		.sent = ticket != 0,
+		.ticket = ticket,
+	};
+}
+
+static bool clears_latch(const struct db_commander *commander, enum db_command command)
+{
+	return commander->watchdog.latched && command == DB_CMD_CLEAR_FAULT;
+}
+
+/* A stop is to be handed to the bus as soon as one before it ended. */
+static bool stop_is_due(const struct db_commander *commander)
+{
+	for (size_t i = DB_COMMANDER_PENDING; i < SLOTS; i++) {
+		if (commander->slots[i].ticket != 0 && commander->slots[i].again)
+			return true;
+	}
+	return false;
 }
 
 static int carry_out(struct db_commander *commander, const struct origin *by,
@@ -461,118 +656,201 @@ static int carry_out(struct db_commander *commander, const struct origin *by,
 {
 	struct db_request request = { 0 };
 	enum db_result result = reach(commander, (enum db_command)block->command);
+	struct slot *older;
 	struct slot *slot;
+	unsigned count;
 
 	if (result != DB_RESULT_OK)
 		return refuse(commander, by, block, id, result, now);
 	request.command = (enum db_command)block->command;
 	request.args = block->args;
 	request.submitted = now;
+	older = youngest_stop(commander, request.command, &count);
+	/* It would be sent before a stop that came before it. */
+	if (!db_command_is_stop(request.command) && stop_is_due(commander))
+		return refuse(commander, by, block, id, DB_RESULT_BUSY, now);
 	if (!submit(commander, by->client, &request, id, &slot))
 		return refuse(commander, by, block, id, DB_RESULT_BUSY, now);
+	if (older)
+		take_place(commander, older, slot);
+	if (clears_latch(commander, request.command))
+		slot->ends_trip = commander->watchdog.trips;
 	if (db_command_is_motion(request.command))
-		db_watchdog_arm(&commander->watchdog, now);
+		db_watchdog_arm(&commander->watchdog, db_client_arrived(by->client, now));
 	note_submitted(commander, by->writer, request.command, now);
 	record(commander, by->client, block, id, DB_RESULT_PENDING, request.ticket, now);
 	commander->newest = request.ticket;
 	if (by->writer && by->block)
-		begin(by->writer, block, request.ticket);
+		note_executed(by->writer, block, id, DB_RESULT_PENDING, request.ticket);
 	show(commander, by->writer, id, block->command, DB_RESULT_PENDING, request.ticket);
 	return wait_for(commander, slot, token, now);
 }
 
-/* The last id came again, and its command was not turned away as busy. */
-static bool is_repeat(const struct db_writer *writer, uint16_t id)
-{
-	return id != 0 && id == writer->last.id && writer->last.result != DB_RESULT_BUSY;
-}
-
-/* The last id came again: its answer is that of the first time. */
+/* The same came again: its answer is that of the first time. */
 static int repeat(struct db_commander *commander, struct db_writer *writer,
-                  struct db_write_token token, db_time now)
+                  const struct db_used_id *first, struct db_write_token token, db_time now)
 {
-	struct slot *slot = slot_of(commander, writer->last.ticket);
+	struct slot *slot = slot_of(commander, first->ticket);
 
-	show_write(commander, writer, writer->last.result, slot ? slot->ticket : 0);
+	show_write(commander, writer, first->result, slot ? slot->ticket : 0);
 	if (slot)
 		return wait_for(commander, slot, token, now);
-	if (commander->config.accept_writes && writer->last.sent)
+	if (commander->config.accept_writes && first->sent)
 		return 0;
-	return db_result_exception(writer->last.result);
+	return db_result_exception(first->result);
 }
 
 /*
- * The pending stop that this one may join: the drive's newest command. An older one must not be
- * joined, because what was queued after it would run after both.
+ * The pending stop that this one may join: the drive's newest command, or one that is to be handed to
+ * the bus once more. An older one must not be joined as it is, because what was queued after it would
+ * run after both: where there is no place for another of its kind, it will be said again.
  */
-static struct slot *joinable(struct db_commander *commander, uint16_t code)
+static struct slot *joinable(struct db_commander *commander, enum db_command command)
 {
-	struct slot *slot = slot_of(commander, commander->newest);
+	struct slot *newest = slot_of(commander, commander->newest);
+	struct slot *youngest;
+	unsigned count;
 
-	return slot && slot->command == (enum db_command)code && db_command_is_stop(slot->command) ?
-	               slot :
-	               NULL;
+	if (newest && newest->command == command)
+		return newest;
+	youngest = youngest_stop(commander, command, &count);
+	if (count < DB_COMMANDER_STOPS_OF_A_KIND && !(youngest && youngest->again))
+		return NULL;
+	youngest->again = true;
+	commander->newest = youngest->ticket;
+	return youngest;
 }
 
-static bool clears_latch(const struct db_commander *commander, const struct db_command_block *block)
+static int join(struct db_commander *commander, const struct origin *by, struct slot *slot,
+                const struct db_command_block *block, uint16_t id, struct db_write_token token,
+                db_time now)
 {
-	return commander->watchdog.latched && block->command == DB_CMD_CLEAR_FAULT;
+	if (by->writer)
+		db_outcome_ask_motion(&by->writer->shown);
+	if (by->writer && by->block)
+		note_executed(by->writer, block, id, DB_RESULT_PENDING, slot->ticket);
+	if (slot->again)
+		note_submitted(commander, by->writer, slot->command, now);
+	db_history_repeat(&commander->history, slot->ticket);
+	show(commander, by->writer, id, block->command, DB_RESULT_PENDING, slot->ticket);
+	return wait_for(commander, slot, token, now);
 }
 
-/* Ends the latch. True when that is all there is to clear: the drive itself has no fault, or nothing
- * that could clear it. */
-static bool unlatch(struct db_commander *commander)
+/* Whether the latch is all there is to clear: the drive itself has no fault, or nothing that could
+ * clear it. */
+static bool is_only_latched(const struct db_commander *commander)
+{
+	struct db_snapshot snapshot;
+
+	if (!is_supported(&commander->config, DB_CMD_CLEAR_FAULT))
+		return true;
+	db_axis_read(commander->config.axis, &snapshot);
+	return snapshot.feedback.error == DB_ERROR_NONE;
+}
+
+/* Ends the latch. What moves all the same is watched again. */
+static void unlatch(struct db_commander *commander, db_time now)
 {
 	struct db_snapshot snapshot;
 
 	db_watchdog_reset(&commander->watchdog);
 	commander->react_ticket = 0;
 	commander->react_at = DB_TIME_NEVER;
-	if (!is_supported(&commander->config, DB_CMD_CLEAR_FAULT))
-		return true;
 	db_axis_read(commander->config.axis, &snapshot);
-	return (snapshot.feedback.status & DB_STATUS_ONLINE) &&
-	       snapshot.feedback.error == DB_ERROR_NONE;
+	if (snapshot.feedback.status & DB_STATUS_MOVING)
+		db_watchdog_arm(&commander->watchdog, now);
 }
 
-/* Without a writer there is no id. */
-static int command(struct db_commander *commander, const struct origin *by,
-                   const struct db_command_block *block, uint16_t id, struct db_write_token token,
-                   db_time now)
+unsigned db_commander_input_ports(const struct db_commander *commander)
 {
-	bool stop = db_command_is_stop((enum db_command)block->command);
-	struct db_writer *writer = by->writer;
-	enum db_result result;
-	struct slot *slot;
+	const struct db_driver *driver = commander->config.driver;
+	struct db_nameplate plate;
 
-	if (is_repeat(writer, id) && !stop)
-		return repeat(commander, writer, token, now);
-	result = check(&commander->config, block->command, &block->args);
+	if (!driver->input_ports || settings_are_pending(commander))
+		return 0;
+	db_axis_read_nameplate(commander->config.axis, &plate);
+	return plate.doubtful ? 0 : driver->input_ports(&plate);
+}
+
+/* The drive is told of one port after the other, and would refuse one in the middle. */
+static bool touches_input(const struct db_commander *commander,
+                          const struct db_command_block *block)
+{
+	return block->command == DB_CMD_SET_OUTPUTS &&
+	       (block->args.output_mask & db_commander_input_ports(commander)) != 0;
+}
+
+/* What may be said before the drive is asked; OK: it is to be asked. */
+static enum db_result permit(struct db_commander *commander, struct db_writer *writer,
+                             const struct db_command_block *block, uint16_t id)
+{
+	enum db_command code = (enum db_command)block->command;
+	enum db_result result = check(&commander->config, block->command, &block->args);
+
 	/* The latch is the bridge's own: it ends also where the drive has nothing to clear. */
-	if (result == DB_RESULT_UNSUPPORTED && clears_latch(commander, block))
+	if (result == DB_RESULT_UNSUPPORTED && clears_latch(commander, code))
 		result = DB_RESULT_OK;
 	if (result == DB_RESULT_OK)
 		result = check_limits(commander, writer, block);
 	if (result != DB_RESULT_OK)
+		return result;
+	if (touches_input(commander, block))
+		return DB_RESULT_REFUSED;
+	if (id != 0 && writer->last.id == 0 && !db_command_is_stop(code))
+		return DB_RESULT_RESTARTED;
+	if (commander->watchdog.latched && db_command_is_motion(code))
+		return DB_RESULT_LATCHED;
+	return DB_RESULT_OK;
+}
+
+/* The latch of a drive that has no fault itself. One that cannot be asked keeps it: what it does now
+ * nobody knows. */
+static int end_latch(struct db_commander *commander, const struct origin *by,
+                     const struct db_command_block *block, uint16_t id, db_time now)
+{
+	enum db_result result = reach(commander, DB_CMD_CLEAR_FAULT);
+
+	if (result != DB_RESULT_OK)
 		return refuse(commander, by, block, id, result, now);
-	if (id != 0 && writer->last.id == 0 && !stop)
-		return refuse(commander, by, block, id, DB_RESULT_RESTARTED, now);
-	if (commander->watchdog.latched && db_command_is_motion((enum db_command)block->command))
-		return refuse(commander, by, block, id, DB_RESULT_LATCHED, now);
-	if (clears_latch(commander, block) && unlatch(commander)) {
-		if (by->block)
-			begin(writer, block, 0);
-		return refuse(commander, by, block, id, DB_RESULT_OK, now);
-	}
-	slot = joinable(commander, block->command);
-	if (slot) {
-		if (writer)
-			db_outcome_ask_motion(&writer->shown);
-		db_history_repeat(&commander->history, slot->ticket);
-		show(commander, writer, id, block->command, DB_RESULT_PENDING, slot->ticket);
-		return wait_for(commander, slot, token, now);
-	}
-	return carry_out(commander, by, block, id, token, now);
+	unlatch(commander, now);
+	if (by->writer && by->block)
+		note_executed(by->writer, block, id, DB_RESULT_OK, 0);
+	return refuse(commander, by, block, id, DB_RESULT_OK, now);
+}
+
+/* Without a writer there is no id. */
+static int decide(struct db_commander *commander, const struct origin *by,
+                  const struct db_command_block *block, uint16_t id, struct db_write_token token,
+                  db_time now)
+{
+	enum db_command code = (enum db_command)block->command;
+	bool stop = db_command_is_stop(code);
+	const struct db_used_id *first = stop || !by->writer ? NULL : repeated(by, block, id);
+	enum db_result result;
+	struct slot *slot;
+
+	if (first)
+		return repeat(commander, by->writer, first, token, now);
+	result = permit(commander, by->writer, block, id);
+	if (result != DB_RESULT_OK)
+		return refuse(commander, by, block, id, result, now);
+	if (clears_latch(commander, code) && is_only_latched(commander))
+		return end_latch(commander, by, block, id, now);
+	slot = stop ? joinable(commander, code) : NULL;
+	return slot ? join(commander, by, slot, block, id, token, now) :
+	              carry_out(commander, by, block, id, token, now);
+}
+
+/* Who commands a drive is missed when it falls silent; who only stops it need not be. */
+static int command(struct db_commander *commander, const struct origin *by,
+                   const struct db_command_block *block, uint16_t id, struct db_write_token token,
+                   db_time now)
+{
+	int answer = decide(commander, by, block, id, token, now);
+
+	if (by->client && !db_command_is_stop((enum db_command)block->command))
+		db_watchdog_commanded(&commander->watchdog, by->client->id);
+	return answer;
 }
 
 /* What is staged is checked now, so that the start of a group finds no surprises. */
@@ -604,7 +882,10 @@ uint32_t db_commander_newest(const struct db_commander *commander)
 int db_commander_start_staged(struct db_commander *commander, const struct db_client *client,
                               struct db_write_token token, db_time now)
 {
-	struct origin by = { client, db_writers_claim(&commander->writers, client, now), false };
+	struct origin by = {
+		.client = client,
+		.writer = db_writers_claim(&commander->writers, client, now),
+	};
 	struct db_command_block block = commander->kept;
 
 	block.command = block.staged_command;
@@ -621,6 +902,7 @@ int db_commander_write(struct db_commander *commander, const struct db_client *c
 	struct origin by = { .client = client, .block = true };
 	int answer = 0;
 
+	by.bare = !write->has_id;
 	/* Who only writes arguments takes no place from those who number their commands. */
 	if (stages || commands || write->has_id)
 		by.writer = db_writers_claim(&commander->writers, client, now);
@@ -643,24 +925,46 @@ int db_commander_execute(struct db_commander *commander, const struct db_client 
                          enum db_command code, const struct db_args *args,
                          struct db_write_token token, db_time now)
 {
-	struct origin by = { client, db_writers_claim(&commander->writers, client, now), false };
+	struct origin by = {
+		.client = client,
+		.writer = db_writers_claim(&commander->writers, client, now),
+	};
 	struct db_command_block block = { .command = (uint16_t)code, .args = *args };
 
 	return command(commander, &by, &block, 0, token, now);
 }
 
-void db_commander_set_refused(struct db_commander *commander, const struct db_client *client,
-                              enum db_result result)
+static void show_refused(struct db_commander *commander, const struct db_client *client,
+                         enum db_result result, uint16_t address)
 {
-	show_write(commander, db_writers_find(&commander->writers, client), result, 0);
+	struct db_writer *writer = db_writers_find(&commander->writers, client);
+
+	show_write(commander, writer, result, 0);
+	commander->shown.write_register = address;
+	if (writer)
+		writer->shown.write_register = address;
+}
+
+void db_commander_set_refused(struct db_commander *commander, const struct db_client *client,
+                              enum db_result result, uint16_t address)
+{
+	show_refused(commander, client, result, address);
+	tell_refusal(commander, client,
+	             &(struct db_refused_write){ .address = address, .result = result });
 }
 
 void db_commander_refuse(struct db_commander *commander, const struct db_client *client,
-                         const struct db_command_block *block, enum db_result result, db_time now)
+                         const struct db_command_block *block, enum db_result result,
+                         uint16_t address, db_time now)
 {
 	const struct db_setting unknown = { .param = DB_HISTORY_UNKNOWN };
 
-	db_commander_set_refused(commander, client, result);
+	show_refused(commander, client, result, address);
+	tell_refusal(commander, client,
+	             &(struct db_refused_write){
+			     .command = (enum db_command)block->command,
+			     .result = result,
+		     });
 	if (block->command == DB_CMD_NONE)
 		record_settings(commander, client, &unknown, result, 0, now);
 	else
@@ -686,6 +990,12 @@ int db_commander_set(struct db_commander *commander, const struct db_client *cli
 	if (result != DB_RESULT_OK) {
 		show_write(commander, writer, result, 0);
 		record_settings(commander, client, settings, result, 0, now);
+		tell_refusal(
+			commander, client,
+			&(struct db_refused_write){
+				.param = param_name(commander->config.driver, settings[0].param),
+				.result = result,
+			});
 		return db_result_exception(result);
 	}
 	/* A later stop is not to join one from before this, which would leave it standing. */
@@ -737,7 +1047,7 @@ static bool never_began(enum db_result result)
 	case DB_RESULT_FAILED:
 		return false;
 	default:
-		return result != DB_RESULT_OK;
+		return !db_result_is_success(result);
 	}
 }
 
@@ -751,6 +1061,8 @@ static void note_begun(struct db_commander *commander, const struct slot *slot, 
 	abort_motion(commander, now);
 	if (!db_command_is_motion(slot->command))
 		return;
+	if (!slot->overtaken)
+		note_supervised(commander, slot->command, now);
 	db_outcome_begin_motion(&commander->shown, slot->id, ends, slot->overtaken);
 	if (writer)
 		db_outcome_begin_motion(&writer->shown, slot->id, ends, slot->overtaken);
@@ -781,7 +1093,7 @@ static void note_ended(struct db_commander *commander, const struct slot *slot,
 		note_refused(commander, slot);
 		return;
 	}
-	if (result == DB_RESULT_OK)
+	if (db_result_is_success(result))
 		note_begun(commander, slot, now);
 	else
 		abort_motion(commander, now);
@@ -797,17 +1109,50 @@ static bool motion_is_pending(const struct db_commander *commander)
 	return false;
 }
 
+/* Stops what would pass a limit otherwise. Tried again at the next look if there is no room. */
+static void hold_back(struct db_commander *commander, enum db_limit limit, db_time now)
+{
+	struct db_command_block block = { .command = DB_CMD_STOP };
+	struct db_request request = { .command = DB_CMD_STOP, .submitted = now };
+	struct slot *slot;
+
+	if (!submit(commander, NULL, &request, 0, &slot)) {
+		commander->supervise.stopped = false;
+		return;
+	}
+	note_submitted(commander, NULL, request.command, now);
+	record(commander, NULL, &block, 0, DB_RESULT_PENDING, request.ticket, now);
+	commander->newest = request.ticket;
+	show(commander, NULL, 0, block.command, DB_RESULT_PENDING, request.ticket);
+	(void)show_limit(commander, NULL, limit);
+}
+
+static void supervise(struct db_commander *commander, const struct db_feedback *feedback,
+                      db_time now)
+{
+	struct db_supervise_config config;
+	enum db_limit limit;
+
+	if (!commander->supervise.active || !(feedback->status & DB_STATUS_ONLINE))
+		return;
+	config = supervise_config(commander, feedback);
+	limit = db_supervise_look(&commander->supervise, &config, feedback, now);
+	if (limit != DB_LIMIT_NONE)
+		hold_back(commander, limit, now);
+}
+
 static void look_at_motion(struct db_commander *commander, db_time now)
 {
 	struct db_snapshot snapshot;
 	enum db_result result;
 
-	if (!commander->follow.active || commander->look_at > now)
+	if (!(commander->follow.active || commander->supervise.active) || commander->look_at > now)
 		return;
 	commander->look_at = now + commander->look_interval;
-	if (motion_is_pending(commander))
-		return;
 	db_axis_read(commander->config.axis, &snapshot);
+	supervise(commander, &snapshot.feedback, now);
+	if (!commander->follow.active || motion_is_pending(commander))
+		return;
 	result = db_follow_look(&commander->follow, &commander->follow_config, &snapshot.feedback,
 	                        now);
 	if (result == DB_RESULT_PENDING)
@@ -820,10 +1165,52 @@ static void look_at_motion(struct db_commander *commander, db_time now)
 /* The watchdog's stop ended. One that the drive turned down is said again until it is taken. */
 static void note_reaction(struct db_commander *commander, enum db_result result, db_time now)
 {
-	if (result == DB_RESULT_REFUSED || result == DB_RESULT_FAILED)
+	if (result == DB_RESULT_REFUSED || result == DB_RESULT_FAILED ||
+	    result == DB_RESULT_RUNS_ON)
 		commander->react_at = now + REFUSED_AGAIN;
 	else
 		commander->react_ticket = 0;
+}
+
+/*
+ * A stop that came behind something else while there was no place for another of its kind is handed
+ * to the bus now, where the place of the one before has just become free.
+ */
+static void say_again(struct db_commander *commander, struct slot *slot, db_time now)
+{
+	struct db_request request = {
+		.ticket = new_ticket(commander),
+		.axis = commander->config.drive,
+		.command = slot->command,
+		.submitted = now,
+	};
+	uint32_t before = slot->ticket;
+
+	slot->over = !commander->ops->submit(commander->context, &request);
+	if (slot->over) {
+		commander->again_at = now + REACT_AGAIN;
+		return;
+	}
+	slot->again = false;
+	slot->ticket = request.ticket;
+	slot->order = commander->submitted - 1;
+	db_writers_retarget(&commander->writers, before, slot->ticket);
+	db_outcome_retarget(&commander->shown, before, slot->ticket);
+	db_history_retarget(&commander->history, before, slot->ticket);
+	commander->newest = slot->ticket;
+	if (commander->react_ticket == before)
+		commander->react_ticket = slot->ticket;
+}
+
+static void say_all_again(struct db_commander *commander, db_time now)
+{
+	if (commander->again_at > now)
+		return;
+	commander->again_at = DB_TIME_NEVER;
+	for (size_t i = DB_COMMANDER_PENDING; i < SLOTS; i++) {
+		if (commander->slots[i].ticket != 0 && commander->slots[i].over)
+			say_again(commander, &commander->slots[i], now);
+	}
 }
 
 static uint32_t microseconds(db_time span)
@@ -844,12 +1231,24 @@ void db_commander_complete(struct db_commander *commander, const struct db_compl
 
 	if (!slot)
 		return;
+	if (slot->again) {
+		say_again(commander, slot, now);
+		return;
+	}
 	took_us = microseconds(end - slot->arrived);
 	db_outcome_complete(&commander->shown, completion->ticket, completion->result, took_us);
 	db_writers_complete(&commander->writers, completion->ticket, completion->result, took_us);
 	note_ended(commander, slot, completion->result, end);
+	if (slot->ends_trip != 0 && slot->ends_trip == commander->watchdog.trips &&
+	    db_result_is_success(completion->result))
+		unlatch(commander, now);
 	if (commander->react_ticket == completion->ticket)
 		note_reaction(commander, completion->result, now);
+	tell_refusal(commander, slot->has_client ? &slot->client : NULL,
+	             &(struct db_refused_write){
+			     .command = slot->command,
+			     .result = completion->result,
+		     });
 	ended = *slot;
 	slot->ticket = 0;
 	slot->waiter_count = 0;
@@ -862,9 +1261,11 @@ db_time db_commander_next_deadline(const struct db_commander *commander)
 
 	if (commander->react_at < next)
 		next = commander->react_at;
+	if (commander->again_at < next)
+		next = commander->again_at;
 	if (commander->find_at < next)
 		next = commander->find_at;
-	if (commander->follow.active && commander->look_at < next)
+	if ((commander->follow.active || commander->supervise.active) && commander->look_at < next)
 		next = commander->look_at;
 	if (commander->waiting == 0)
 		return next;
@@ -903,27 +1304,52 @@ static void expire_slot(struct db_commander *commander, struct slot *slot, db_ti
 		answer_waiters(commander, &due, late_answer(commander));
 }
 
-/* Stops the drive because nobody talks to it. Tried again soon if there is no room for a request. */
-static void react(struct db_commander *commander, db_time now)
+/* The watchdog's stop that is still with the bus; null. */
+static struct slot *pending_reaction(struct db_commander *commander)
 {
-	struct db_command_block block = { .command = (uint16_t)commander->config.on_client_loss };
+	for (size_t i = DB_COMMANDER_PENDING; i < SLOTS; i++) {
+		if (commander->slots[i].ticket != 0 && commander->slots[i].reaction)
+			return &commander->slots[i];
+	}
+	return NULL;
+}
+
+/* One of an earlier time, with what came since behind it, is said again when it ends. */
+static struct slot *submit_reaction(struct db_commander *commander, db_time now)
+{
 	struct db_request request = {
 		.command = commander->config.on_client_loss,
 		.submitted = now,
 	};
-	struct slot *slot;
+	struct slot *slot = pending_reaction(commander);
 
-	if (!submit(commander, NULL, &request, 0, &slot)) {
+	if (slot) {
+		slot->again = true;
+		return slot;
+	}
+	if (!submit(commander, NULL, &request, 0, &slot))
+		return NULL;
+	slot->reaction = true;
+	return slot;
+}
+
+/* Stops the drive because nobody talks to it. Tried again soon if there is no room for a request. */
+static void react(struct db_commander *commander, db_time now)
+{
+	struct db_command_block block = { .command = (uint16_t)commander->config.on_client_loss };
+	struct slot *slot = submit_reaction(commander, now);
+
+	if (!slot) {
 		commander->react_at = now + REACT_AGAIN;
 		return;
 	}
 	commander->react_at = DB_TIME_NEVER;
-	note_submitted(commander, NULL, request.command, now);
+	note_submitted(commander, NULL, slot->command, now);
 	if (commander->react_ticket == 0)
-		record(commander, NULL, &block, 0, DB_RESULT_PENDING, request.ticket, now);
-	commander->react_ticket = request.ticket;
-	commander->newest = request.ticket;
-	show(commander, NULL, 0, (uint16_t)request.command, DB_RESULT_PENDING, request.ticket);
+		record(commander, NULL, &block, 0, DB_RESULT_PENDING, slot->ticket, now);
+	commander->react_ticket = slot->ticket;
+	commander->newest = slot->ticket;
+	show(commander, NULL, 0, block.command, DB_RESULT_PENDING, slot->ticket);
 }
 
 void db_commander_hear(struct db_commander *commander, const struct db_client *client, db_time now)
@@ -931,14 +1357,20 @@ void db_commander_hear(struct db_commander *commander, const struct db_client *c
 	db_writers_hear(&commander->writers, client, now);
 }
 
-bool db_commander_feed(struct db_commander *commander, enum db_watchdog_feed by, db_time now)
+bool db_commander_feed(struct db_commander *commander, const struct db_client *client,
+                       enum db_watchdog_feed by, db_time arrived)
 {
-	return db_watchdog_feed(&commander->watchdog, by, now);
+	return db_watchdog_feed(&commander->watchdog, by, client->id, arrived);
 }
 
-void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_ms, db_time now)
+void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_ms, db_time arrived)
 {
-	db_watchdog_set(&commander->watchdog, timeout_ms, now);
+	db_watchdog_set(&commander->watchdog, timeout_ms, arrived);
+}
+
+void db_commander_forget(struct db_commander *commander, const struct db_client *client)
+{
+	db_watchdog_forget(&commander->watchdog, client->id);
 }
 
 /*
@@ -957,8 +1389,14 @@ static void find(struct db_commander *commander, db_time now)
 		return;
 	}
 	commander->find_at = DB_TIME_NEVER;
-	if ((snapshot.feedback.status & DB_STATUS_MOVING) && !commander->watchdog.armed)
+	if (!(snapshot.feedback.status & DB_STATUS_MOVING))
+		return;
+	if (!commander->watchdog.armed)
 		db_watchdog_arm(&commander->watchdog, now);
+	/* A running program of the controller's has its own way. */
+	if (snapshot.feedback.state == DB_AXIS_CONTINUOUS_MOTION &&
+	    snapshot.feedback.program_state == 0)
+		note_supervised(commander, DB_CMD_MOVE_VELOCITY, now);
 }
 
 bool db_commander_expire(struct db_commander *commander, db_time now)
@@ -967,6 +1405,7 @@ bool db_commander_expire(struct db_commander *commander, db_time now)
 
 	if (tripped || commander->react_at <= now)
 		react(commander, now);
+	say_all_again(commander, now);
 	find(commander, now);
 	look_at_motion(commander, now);
 	for (size_t i = 0; i < SLOTS && commander->waiting > 0; i++)
@@ -1011,6 +1450,7 @@ void db_commander_state(struct db_commander *commander, const struct db_client *
 		.result = outcome->result,
 		.result_command = outcome->result_command,
 		.write_result = outcome->write_result,
+		.write_register = outcome->write_register,
 		.result_time_us = outcome->result_time_us,
 		.result_limit = outcome->result_limit,
 		.aborted_id = outcome->aborted_id,

@@ -5,10 +5,8 @@
 
 void db_control_init(struct db_control *control, bool enabled, uint32_t timeout_ms)
 {
-	*control = (struct db_control){
-		.enabled = enabled,
-		.timeout = (db_time)timeout_ms * DB_NS_PER_MS,
-	};
+	*control = (struct db_control){ .enabled = enabled };
+	control->timeout = (db_time)timeout_ms * DB_NS_PER_MS;
 }
 
 void db_control_change(struct db_control *control, bool enabled, uint32_t timeout_ms)
@@ -64,11 +62,12 @@ void db_control_release(struct db_control *control, const struct db_client *clie
 		control->holder.id = 0;
 }
 
-void db_control_hear(struct db_control *control, const struct db_client *client, db_time now)
+void db_control_hear(struct db_control *control, const struct db_client *client, db_time arrived,
+                     db_time now)
 {
 	/* Who fell silent has lost it, even if nobody took it since. */
-	if (control->enabled && db_control_holds(control, client, now))
-		control->heard = now;
+	if (control->enabled && db_control_holds(control, client, now) && arrived > control->heard)
+		control->heard = arrived;
 }
 
 uint32_t db_control_remaining_ms(const struct db_control *control, db_time now)

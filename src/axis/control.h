@@ -46,8 +46,9 @@ bool db_control_request(struct db_control *control, const struct db_client *clie
 /* The client lets go, or its connection ends. Nothing happens when it does not hold it. */
 void db_control_release(struct db_control *control, const struct db_client *client);
 
-/* A client addressed the drive: the holder is not silent. */
-void db_control_hear(struct db_control *control, const struct db_client *client, db_time now);
+/* A client addressed the drive with a request that arrived then: the holder is not silent. */
+void db_control_hear(struct db_control *control, const struct db_client *client, db_time arrived,
+                     db_time now);
 
 /* Until the holder's silence ends its right; 0 when nobody has it. */
 uint32_t db_control_remaining_ms(const struct db_control *control, db_time now);

@@ -35,12 +35,12 @@ static enum db_result look_at_homing(const struct db_feedback *feedback)
 	return feedback->status & DB_STATUS_HOMED ? DB_RESULT_OK : DB_RESULT_FAILED;
 }
 
+/* Where the target is known, the position decides, whatever a bit of the drive's says. */
 static bool is_there(const struct db_feedback *feedback, double window)
 {
-	if (feedback->status & DB_STATUS_AT_TARGET)
-		return true;
-	return feedback->has_target &&
-	       fabs((double)feedback->position - (double)feedback->target) <= window;
+	if (!feedback->has_target)
+		return (feedback->status & DB_STATUS_AT_TARGET) != 0;
+	return fabs((double)feedback->position - (double)feedback->target) <= window;
 }
 
 static enum db_result look_at_move(struct db_follow *follow, const struct db_follow_config *config,

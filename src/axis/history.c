@@ -68,6 +68,14 @@ void db_history_repeat(struct db_history *history, uint32_t ticket)
 		count_repeat(entry);
 }
 
+void db_history_retarget(struct db_history *history, uint32_t ticket, uint32_t to)
+{
+	size_t place;
+
+	if (find(history, ticket, &place))
+		history->parts[place].ticket = to;
+}
+
 void db_history_end(struct db_history *history, uint32_t ticket, enum db_result result, db_time end)
 {
 	size_t place;

@@ -28,6 +28,9 @@ void db_history_add(struct db_history *history, const struct db_history_entry *e
 /* A writer joined the request: no entry of its own. */
 void db_history_repeat(struct db_history *history, uint32_t ticket);
 
+/* Another request took the place of this one. */
+void db_history_retarget(struct db_history *history, uint32_t ticket, uint32_t to);
+
 /*
  * What became of a request at `end`: called when the bus ended it, and again when the motion that it
  * began ended. Unknown tickets are ignored.

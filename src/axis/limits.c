@@ -18,19 +18,35 @@ const char *db_limit_name(uint16_t limit)
 
 /* Limits that are not set are NAN, and no comparison with that is true. */
 
-static enum db_limit check_position(const struct db_drive_config *drive, double counts)
+static double to_units(const struct db_drive_config *drive, double counts,
+                       const struct db_limit_facts *facts)
 {
-	double units = counts / drive->counts_per_unit;
+	return counts / (facts->counts > 0.0 ? facts->counts : drive->counts_per_unit);
+}
 
+static enum db_limit check_position(const struct db_drive_config *drive, double counts,
+                                    const struct db_limit_facts *facts)
+{
+	double units = to_units(drive, counts, facts);
+
+	if (facts->scale_open && !isnan(drive->min_position))
+		return DB_LIMIT_MIN_POSITION;
+	if (facts->scale_open && !isnan(drive->max_position))
+		return DB_LIMIT_MAX_POSITION;
 	if (units < drive->min_position)
 		return DB_LIMIT_MIN_POSITION;
 	return units > drive->max_position ? DB_LIMIT_MAX_POSITION : DB_LIMIT_NONE;
 }
 
-static enum db_limit check_velocity(const struct db_drive_config *drive, double counts)
+static enum db_limit check_velocity(const struct db_drive_config *drive, double velocity,
+                                    const struct db_limit_facts *facts)
 {
-	return fabs(counts / drive->counts_per_unit) > drive->max_velocity ? DB_LIMIT_MAX_VELOCITY :
-	                                                                     DB_LIMIT_NONE;
+	double counts = facts->velocity_counts > 0.0 ? velocity * facts->velocity_counts : velocity;
+
+	if (facts->scale_open && !isnan(drive->max_velocity))
+		return DB_LIMIT_MAX_VELOCITY;
+	return fabs(to_units(drive, counts, facts)) > drive->max_velocity ? DB_LIMIT_MAX_VELOCITY :
+	                                                                    DB_LIMIT_NONE;
 }
 
 static enum db_limit check_preset(const struct db_drive_config *drive,
@@ -38,7 +54,7 @@ static enum db_limit check_preset(const struct db_drive_config *drive,
 {
 	if (isnan(drive->max_velocity))
 		return DB_LIMIT_NONE;
-	return facts->has_preset ? check_velocity(drive, (double)facts->preset_velocity) :
+	return facts->has_preset ? check_velocity(drive, (double)facts->preset_velocity, facts) :
 	                           DB_LIMIT_MAX_VELOCITY;
 }
 
@@ -46,8 +62,11 @@ static enum db_limit check_preset(const struct db_drive_config *drive,
 static enum db_limit check_direction(const struct db_drive_config *drive, double velocity,
                                      const struct db_limit_facts *facts)
 {
-	enum db_limit broken = check_position(drive, (double)facts->position);
+	enum db_limit broken = check_position(drive, (double)facts->position, facts);
 
+	/* Nobody knows where it is, so no way is right. */
+	if (facts->scale_open)
+		return broken;
 	if ((broken == DB_LIMIT_MIN_POSITION && velocity < 0.0) ||
 	    (broken == DB_LIMIT_MAX_POSITION && velocity > 0.0))
 		return broken;
@@ -64,16 +83,18 @@ enum db_limit db_limits_command(const struct db_drive_config *drive, enum db_com
 {
 	double velocity = (double)args->target_velocity;
 	double target = (double)args->target_position;
-	enum db_limit speed = velocity > 0.0 || velocity < 0.0 ? check_velocity(drive, velocity) :
-	                                                         check_preset(drive, facts);
+	enum db_limit speed = velocity > 0.0 || velocity < 0.0 ?
+	                              check_velocity(drive, velocity, facts) :
+	                              check_preset(drive, facts);
 
 	switch (command) {
 	case DB_CMD_MOVE_ABSOLUTE:
-		return first_of(check_position(drive, target), speed);
+		return first_of(check_position(drive, target, facts), speed);
 	case DB_CMD_MOVE_RELATIVE:
-		return first_of(check_position(drive, (double)facts->position + target), speed);
+		return first_of(check_position(drive, (double)facts->position + target, facts),
+		                speed);
 	case DB_CMD_MOVE_VELOCITY:
-		return first_of(check_velocity(drive, velocity),
+		return first_of(check_velocity(drive, velocity, facts),
 		                check_direction(drive, velocity, facts));
 	case DB_CMD_MOVE_PRESET:
 		return first_of(check_preset(drive, facts),
@@ -86,16 +107,19 @@ enum db_limit db_limits_command(const struct db_drive_config *drive, enum db_com
 		return check_direction(drive, (double)args->target_current, facts);
 	case DB_CMD_SHAKE_START:
 	case DB_CMD_SHAKE_START_TIME:
-		return first_of(check_position(drive, (double)args->shake_start_position),
-		                check_position(drive, (double)args->shake_end_position));
+		return first_of(check_position(drive, (double)args->shake_start_position, facts),
+		                check_position(drive, (double)args->shake_end_position, facts));
 	default:
 		return DB_LIMIT_NONE;
 	}
 }
 
-enum db_limit db_limits_acceleration(const struct db_drive_config *drive, double acceleration)
+enum db_limit db_limits_acceleration(const struct db_drive_config *drive, double acceleration,
+                                     const struct db_limit_facts *facts)
 {
-	return fabs(acceleration / drive->counts_per_unit) > drive->max_acceleration ?
+	if (facts->scale_open && !isnan(drive->max_acceleration))
+		return DB_LIMIT_MAX_ACCELERATION;
+	return fabs(to_units(drive, acceleration, facts)) > drive->max_acceleration ?
 	               DB_LIMIT_MAX_ACCELERATION :
 	               DB_LIMIT_NONE;
 }

@@ -19,21 +19,25 @@ const char *db_limit_name(uint16_t limit); /* "none", "min_position" ...; "unkno
 
 /* What is known of the drive when a command comes. */
 struct db_limit_facts {
-	int32_t position;      /* drive units */
-	bool has_preset;       /* preset_velocity is known */
-	float preset_velocity; /* what a move without a velocity runs at, drive units per second */
+	double counts;          /* drive units in the user's; 0: as configured */
+	bool scale_open;        /* ... but the drive is to tell that, and has not yet */
+	int32_t position;       /* drive units */
+	bool has_preset;        /* preset_velocity is known */
+	float preset_velocity;  /* what a move without a velocity runs at, as target_velocity */
+	double velocity_counts; /* position units a second that target_velocity counts; 0: as 1 */
 };
 
 /*
  * The limit that the command would break, or NONE. A move or jog at a preset that is not known breaks
- * a limit of the velocity. A motion without a target (velocity, jog, current) breaks a limit of the
- * position when the drive is beyond it already and would go further; what comes after its beginning
- * is the drive's own limits' part. What speed a current leads to nobody knows.
+ * a limit of the velocity; while the scale is not known, whatever is limited breaks its limit. A motion without a target (velocity, jog, current) breaks a limit of the
+ * position when the drive is beyond it already and would go further; after its beginning
+ * db_supervise watches it. What speed a current leads to nobody knows.
  */
 enum db_limit db_limits_command(const struct db_drive_config *drive, enum db_command command,
                                 const struct db_args *args, const struct db_limit_facts *facts);
 
-/* Likewise for an acceleration, in drive units per second squared. */
-enum db_limit db_limits_acceleration(const struct db_drive_config *drive, double acceleration);
+/* Likewise for an acceleration, in position units per second squared. */
+enum db_limit db_limits_acceleration(const struct db_drive_config *drive, double acceleration,
+                                     const struct db_limit_facts *facts);
 
 #endif

@@ -21,6 +21,7 @@ static const char *const error_names[] = {
 	[DB_ERROR_NO_ANSWER] = "no_answer",
 	[DB_ERROR_BUS_DOWN] = "bus_down",
 	[DB_ERROR_CLIENT_LOSS] = "client_loss",
+	[DB_ERROR_RUNS_ON] = "runs_on",
 	[DB_ERROR_HARDWARE] = "hardware",
 	[DB_ERROR_FLASH] = "flash",
 	[DB_ERROR_ENCODER] = "encoder",

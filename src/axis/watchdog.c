@@ -8,29 +8,64 @@ void db_watchdog_init(struct db_watchdog *watchdog, uint32_t timeout_ms, enum db
 	*watchdog = (struct db_watchdog){ .timeout_ms = timeout_ms, .feed = feed };
 }
 
+/* Never back: an older request may be served behind a younger one. */
+static void note_life(struct db_watchdog *watchdog, db_time now)
+{
+	if (now > watchdog->fed)
+		watchdog->fed = now;
+}
+
 void db_watchdog_set(struct db_watchdog *watchdog, uint32_t timeout_ms, db_time now)
 {
-	if (timeout_ms != watchdog->timeout_ms)
-		watchdog->fed = now;
-	else
-		(void)db_watchdog_feed(watchdog, DB_FEED_WRITES, now);
+	if (timeout_ms != watchdog->timeout_ms || watchdog->feed <= DB_FEED_WRITES)
+		note_life(watchdog, now);
 	watchdog->timeout_ms = timeout_ms;
 }
 
 void db_watchdog_arm(struct db_watchdog *watchdog, db_time now)
 {
-	if (!watchdog->armed)
+	if (!watchdog->armed) {
 		watchdog->fed = now;
-	else
-		(void)db_watchdog_feed(watchdog, DB_FEED_WRITES, now);
+		memset(watchdog->commanders, 0, sizeof watchdog->commanders);
+	} else if (watchdog->feed <= DB_FEED_WRITES) {
+		note_life(watchdog, now);
+	}
 	watchdog->armed = true;
 }
 
-bool db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, db_time now)
+static bool is_commander(const struct db_watchdog *watchdog, uint32_t client)
 {
+	for (size_t i = 0; client != 0 && i < DB_WATCHDOG_COMMANDERS; i++) {
+		if (watchdog->commanders[i] == client)
+			return true;
+	}
+	return false;
+}
+
+void db_watchdog_commanded(struct db_watchdog *watchdog, uint32_t client)
+{
+	if (client == 0 || is_commander(watchdog, client))
+		return;
+	watchdog->commanders[watchdog->next_commander] = client;
+	watchdog->next_commander = (watchdog->next_commander + 1) % DB_WATCHDOG_COMMANDERS;
+}
+
+void db_watchdog_forget(struct db_watchdog *watchdog, uint32_t client)
+{
+	for (size_t i = 0; i < DB_WATCHDOG_COMMANDERS; i++) {
+		if (watchdog->commanders[i] == client)
+			watchdog->commanders[i] = 0;
+	}
+}
+
+bool db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, uint32_t client,
+                      db_time now)
+{
+	if (by == DB_FEED_REQUESTS && is_commander(watchdog, client))
+		by = DB_FEED_COMMANDERS;
 	if (by < watchdog->feed)
 		return false;
-	watchdog->fed = now;
+	note_life(watchdog, now);
 	return true;
 }
 

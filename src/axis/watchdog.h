@@ -4,6 +4,13 @@
  * first motion command, fed by requests, by writes or by a heartbeat; when it expires it latches until
  * it is reset. Pure: time is passed in, one thread.
  *
+ * Times that it is told of are those at which a request arrived, which may be long before it is
+ * served: what was asked before shows nothing about now, and never undoes what came later.
+ *
+ * With DB_FEED_COMMANDERS a read counts when its connection has commanded the drive since the watchdog
+ * was armed. A connection, not an address: a monitor may run on the same machine as the PLC, and a new
+ * connection of the PLC is known by its next write.
+ *
  * With DB_FEED_HEARTBEAT nothing that an I/O scanner repeats by itself keeps a drive moving after the
  * program of its PLC has died: neither the same motion command again nor the same settings.
  */
@@ -16,13 +23,18 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* Connections that are remembered as those that command the drive; the one that did so first gives way. */
+#define DB_WATCHDOG_COMMANDERS 4
+
 struct db_watchdog {
 	uint32_t timeout_ms; /* 0 = off */
 	enum db_watchdog_feed feed;
 	bool armed;
 	bool latched;
 	db_time fed;
-	uint32_t trips; /* since the start */
+	uint32_t trips;                              /* since the start */
+	uint32_t commanders[DB_WATCHDOG_COMMANDERS]; /* numbers of clients; 0: none */
+	unsigned next_commander;                     /* the place to be taken next */
 };
 
 /* A register that is the sign of life of a program. */
@@ -46,9 +58,15 @@ void db_watchdog_set(struct db_watchdog *watchdog, uint32_t timeout_ms, db_time 
 /* A motion command was taken. */
 void db_watchdog_arm(struct db_watchdog *watchdog, db_time now);
 
-/* Somebody who may write addressed the drive: `by` a request of any kind, a write, or a heartbeat
- * that has changed. It is fed when that is enough for it, and says whether it was. */
-bool db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, db_time now);
+/* This client has commanded the drive, otherwise than by a stop. 0: nobody in particular. */
+void db_watchdog_commanded(struct db_watchdog *watchdog, uint32_t client);
+/* Its connection has ended. */
+void db_watchdog_forget(struct db_watchdog *watchdog, uint32_t client);
+
+/* A client who may write addressed the drive: `by` a request of any kind (REQUESTS), a write, or a
+ * heartbeat that has changed. It is fed when that is enough for it, and says whether it was. */
+bool db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, uint32_t client,
+                      db_time now);
 
 /* When it will expire; DB_TIME_NEVER while it is off, not armed or latched. */
 db_time db_watchdog_deadline(const struct db_watchdog *watchdog);

@@ -54,28 +54,38 @@ void db_writers_hear(struct db_writers *writers, const struct db_client *client,
 		writer->heard = now;
 }
 
-static void retire(uint32_t *kept, uint32_t ticket)
+static void retarget(uint32_t *kept, uint32_t ticket, uint32_t to)
 {
 	if (*kept == ticket)
-		*kept = 0;
+		*kept = to;
 }
 
-void db_outcome_retire(struct db_outcome *outcome, uint32_t ticket)
+void db_outcome_retarget(struct db_outcome *outcome, uint32_t ticket, uint32_t to)
 {
-	retire(&outcome->ticket, ticket);
-	retire(&outcome->write_ticket, ticket);
+	retarget(&outcome->ticket, ticket, to);
+	retarget(&outcome->write_ticket, ticket, to);
 }
 
-void db_writers_retire(struct db_writers *writers, uint32_t ticket)
+void db_writers_retarget(struct db_writers *writers, uint32_t ticket, uint32_t to)
 {
 	for (size_t i = 0; i < DB_WRITERS; i++) {
 		struct db_writer *writer = &writers->list[i];
 
-		retire(&writer->last.ticket, ticket);
-		retire(&writer->previous.ticket, ticket);
-		retire(&writer->executed_ticket, ticket);
-		db_outcome_retire(&writer->shown, ticket);
+		retarget(&writer->last.ticket, ticket, to);
+		retarget(&writer->previous.ticket, ticket, to);
+		retarget(&writer->execution.ticket, ticket, to);
+		db_outcome_retarget(&writer->shown, ticket, to);
 	}
+}
+
+void db_outcome_retire(struct db_outcome *outcome, uint32_t ticket)
+{
+	db_outcome_retarget(outcome, ticket, 0);
+}
+
+void db_writers_retire(struct db_writers *writers, uint32_t ticket)
+{
+	db_writers_retarget(writers, ticket, 0);
 }
 
 void db_writer_remember(struct db_writer *writer, uint16_t id, enum db_result result,
@@ -125,8 +135,10 @@ void db_writers_complete(struct db_writers *writers, uint32_t ticket, enum db_re
 
 		db_outcome_complete(&writer->shown, ticket, result, took_us);
 		complete_ids(writer, ticket, result);
-		if (writer->executed_ticket == ticket && result == DB_RESULT_BUSY)
-			writer->has_executed = false;
+		if (writer->execution.ticket != ticket)
+			continue;
+		writer->execution.result = result;
+		writer->has_executed = result != DB_RESULT_BUSY;
 	}
 }
 

@@ -15,7 +15,7 @@
 
 /* A command id that was used, and what became of it. */
 struct db_used_id {
-	uint16_t id;
+	uint16_t id; /* 0: a command without */
 	enum db_result result;
 	bool sent; /* it went to the bus */
 	uint32_t ticket;
@@ -27,6 +27,7 @@ struct db_outcome {
 	uint16_t result;
 	uint16_t result_command;
 	uint16_t write_result;
+	uint16_t write_register;
 	uint32_t result_time_us;
 	uint16_t result_limit;
 	uint16_t aborted_id;
@@ -47,9 +48,9 @@ struct db_writer {
 	uint16_t kept_id;           /* the command_id that it wrote last */
 	struct db_used_id last;     /* id 0: no id was seen yet */
 	struct db_used_id previous; /* to fall back to when the bus turns `last` away as busy */
-	bool has_executed;          /* `executed` holds something */
-	uint32_t executed_ticket;
+	bool has_executed;          /* the following hold something */
 	struct db_command_block executed; /* its newest command that went to the bus */
+	struct db_used_id execution;      /* ... and what became of that */
 	bool commanded;                   /* `shown` holds something */
 	struct db_outcome shown;
 };
@@ -70,6 +71,10 @@ void db_writers_hear(struct db_writers *writers, const struct db_client *client,
 /* A ticket is given out anew: whatever it meant before is over. */
 void db_writers_retire(struct db_writers *writers, uint32_t ticket);
 void db_outcome_retire(struct db_outcome *outcome, uint32_t ticket);
+
+/* Another request took the place of this one: what was remembered of it is about that from now on. */
+void db_writers_retarget(struct db_writers *writers, uint32_t ticket, uint32_t to);
+void db_outcome_retarget(struct db_outcome *outcome, uint32_t ticket, uint32_t to);
 
 void db_writer_remember(struct db_writer *writer, uint16_t id, enum db_result result,
                         uint32_t ticket);

@@ -27,6 +27,8 @@ static const struct {
 	[DB_RESULT_FAILED] = { "failed", MODBUS_EXCEPTION_SLAVE_OR_SERVER_FAILURE },
 	[DB_RESULT_RATE_LIMITED] = { "rate_limited", MODBUS_EXCEPTION_SLAVE_OR_SERVER_FAILURE },
 	[DB_RESULT_NOT_IN_CONTROL] = { "not_in_control", MODBUS_EXCEPTION_SLAVE_OR_SERVER_BUSY },
+	[DB_RESULT_UNPROVEN] = { "unproven", 0 },
+	[DB_RESULT_RUNS_ON] = { "runs_on", MODBUS_EXCEPTION_SLAVE_OR_SERVER_FAILURE },
 };
 
 const char *db_result_name(enum db_result result)
@@ -38,4 +40,9 @@ unsigned char db_result_exception(enum db_result result)
 {
 	return (size_t)result < DB_RESULT_COUNT ? results[result].exception :
 	                                          MODBUS_EXCEPTION_SLAVE_OR_SERVER_FAILURE;
+}
+
+bool db_result_is_success(enum db_result result)
+{
+	return result == DB_RESULT_OK || result == DB_RESULT_UNPROVEN;
 }

@@ -8,6 +8,7 @@
 #define SETPOINT_SPEED 0x01   /* first byte of the frame that speed ... */
 #define SETPOINT_CURRENT 0x02 /* ... and current share */
 #define MODE_MASK 0x000Fu
+#define ACK_WITH_VALUE 3 /* data bytes of the acknowledgement of a speed or current */
 #define BITS 16
 
 /* --- what frames there are ------------------------------------------------------------------------ */
@@ -79,7 +80,7 @@ bool servo_can_ack_documented(uint8_t code)
 static bool ack_recognised(uint8_t code, const struct servo_can_layout *layout)
 {
 	return (code != SERVO_CAN_ACK_NONE && code <= SERVO_CAN_ACK_UNDOCUMENTED_0B) ||
-	       (layout->words.set && code == layout->words.ack);
+	       (layout->words.set && code != SERVO_CAN_ACK_NONE && code == layout->words.ack);
 }
 
 uint8_t servo_can_ack_expected(const struct servo_can_message *message,
@@ -119,14 +120,31 @@ static bool ack_base_possible(uint32_t base)
 	return true;
 }
 
+static bool in_word(unsigned at, unsigned byte)
+{
+	return byte == at || byte == at + 1;
+}
+
+/* Byte 0 tells which of the frames with this id it is, as it does for speed and current. */
+static bool has_subcode(const struct servo_can_words_layout *words)
+{
+	return !in_word(words->word0, 0) && !in_word(words->word1, 0) &&
+	       words->fixed[0] != SETPOINT_SPEED && words->fixed[0] != SETPOINT_CURRENT;
+}
+
 static const char *words_problem(const struct servo_can_words_layout *words, uint32_t ack_base)
 {
 	uint32_t last = (uint32_t)words->base + SERVO_CAN_NODE_MAX;
 
 	if (last > DB_CAN_STANDARD_MASK)
 		return "the command words' base id leaves no room for 31 nodes in 11 bits";
-	if (documented(words->base, last))
+	if (words->base == SERVO_CAN_BASE_SETPOINT) {
+		if (!has_subcode(words))
+			return "the command words have the ids of speed and current, so byte 0 must be "
+			       "a fixed number other than 1 and 2";
+	} else if (documented(words->base, last)) {
 		return "the command words' ids belong to a documented frame";
+	}
 	if (words->base <= ack_base + SERVO_CAN_NODE_MAX && last > ack_base)
 		return "the command words' ids are those of acknowledgements";
 	if (words->length > DB_CAN_DATA_MAX)
@@ -138,9 +156,19 @@ static const char *words_problem(const struct servo_can_words_layout *words, uin
 	if (words->word1 != SERVO_CAN_NO_WORD && words->word1 < words->word0 + 2 &&
 	    words->word0 < words->word1 + 2)
 		return "command words 0 and 1 overlap";
-	if (words->ack == SERVO_CAN_ACK_NONE || servo_can_ack_documented(words->ack))
-		return "the command words' acknowledgement is none, or another frame's";
+	if (servo_can_ack_documented(words->ack))
+		return "the command words' acknowledgement is another frame's";
 	return NULL;
+}
+
+void servo_can_put_fixed(struct servo_can_words_layout *words, uint64_t fixed)
+{
+	for (unsigned i = words->length; i-- > 0;) {
+		if (in_word(words->word0, i) || in_word(words->word1, i))
+			continue;
+		words->fixed[i] = (uint8_t)fixed;
+		fixed >>= 8;
+	}
 }
 
 enum servo_can_error servo_can_layout_check(const struct servo_can_layout *layout,
@@ -215,7 +243,7 @@ static enum servo_can_error put_words(const struct servo_can_message *message,
                                       const struct servo_can_words_layout *words, uint8_t *data)
 {
 	if ((message->u.words.word0 & ~SERVO_CAN_WORD0_DOCUMENTED) != 0 ||
-	    (message->u.words.word1 & ~SERVO_CAN_WORD1_DOCUMENTED) != 0)
+	    (message->u.words.word1 != 0 && words->word1 == SERVO_CAN_NO_WORD))
 		return SERVO_CAN_ERR_RANGE;
 	memcpy(data, words->fixed, words->length);
 	put16(data + words->word0, message->u.words.word0);
@@ -299,7 +327,7 @@ static enum servo_can_error put_ack(const struct servo_can_ack *ack,
 	*length = 1;
 	if (ack_has_value(ack->code)) {
 		put16(data + 1, (uint16_t)ack->value);
-		*length = 3;
+		*length = ACK_WITH_VALUE;
 	} else if (!servo_can_ack_documented(ack->code)) {
 		memcpy(data + 1, ack->bytes, ack->extra);
 		*length = (uint8_t)(1 + ack->extra);
@@ -418,9 +446,7 @@ static enum servo_can_error take_ack(const struct db_can_frame *frame,
                                      const struct servo_can_layout *layout,
                                      struct servo_can_ack *ack)
 {
-	uint8_t documented_length;
-
-	if (frame->length < 1 || (layout->padded && frame->length != DB_CAN_DATA_MAX))
+	if (frame->length < 1)
 		return SERVO_CAN_ERR_LENGTH;
 	ack->code = frame->data[0];
 	if (!servo_can_ack_documented(ack->code)) {
@@ -428,11 +454,11 @@ static enum servo_can_error take_ack(const struct db_can_frame *frame,
 		memcpy(ack->bytes, frame->data + 1, ack->extra);
 		return ack_recognised(ack->code, layout) ? SERVO_CAN_OK : SERVO_CAN_ERR_RANGE;
 	}
-	documented_length = ack_has_value(ack->code) ? 3 : 1;
-	if (!layout->padded && frame->length != documented_length)
+	if (!ack_has_value(ack->code))
+		return SERVO_CAN_OK;
+	if (frame->length < ACK_WITH_VALUE)
 		return SERVO_CAN_ERR_LENGTH;
-	if (ack_has_value(ack->code))
-		ack->value = (int16_t)take16(frame->data + 1);
+	ack->value = (int16_t)take16(frame->data + 1);
 	return SERVO_CAN_OK;
 }
 
@@ -506,12 +532,30 @@ static void take_drive(const uint8_t *data, struct servo_can_message *message)
 	}
 }
 
+/* Whether a frame with an id of speed and current has the command words instead. */
+static bool has_words_subcode(const struct db_can_frame *frame,
+                              const struct servo_can_layout *layout)
+{
+	return words_usable(layout) && layout->words.base == SERVO_CAN_BASE_SETPOINT &&
+	       frame->length > 0 && frame->data[0] == layout->words.fixed[0];
+}
+
+/* Drives may send more than is documented: some fill every frame up to 8 bytes. */
+static bool length_fits(const struct db_can_frame *frame, const struct servo_can_layout *layout,
+                        enum servo_can_side from, enum servo_can_kind kind)
+{
+	uint8_t length = shapes[kind].length;
+
+	if (from == SERVO_CAN_FROM_DRIVE)
+		return frame->length >= length;
+	return frame->length ==
+	       (layout->padded && kind != SERVO_CAN_SYNC ? DB_CAN_DATA_MAX : length);
+}
+
 enum servo_can_error servo_can_decode(const struct db_can_frame *frame,
                                       const struct servo_can_layout *layout,
                                       enum servo_can_side from, struct servo_can_message *message)
 {
-	uint8_t length;
-
 	/* The whole union, whichever member will count: kind FOREIGN is 0. */
 	memset(message, 0, sizeof *message);
 	/* A flag in the id makes it larger than any of ours. */
@@ -519,14 +563,13 @@ enum servo_can_error servo_can_decode(const struct db_can_frame *frame,
 		return SERVO_CAN_OK;
 	if (frame->length > DB_CAN_DATA_MAX)
 		return SERVO_CAN_ERR_LENGTH;
+	if (message->kind == SERVO_CAN_SPEED && has_words_subcode(frame, layout))
+		message->kind = SERVO_CAN_WORDS;
 	if (message->kind == SERVO_CAN_WORDS)
 		return take_words(frame, layout, message);
 	if (message->kind == SERVO_CAN_ACK)
 		return take_ack(frame, layout, &message->u.ack);
-	length = shapes[message->kind].length;
-	if (layout->padded && message->kind != SERVO_CAN_SYNC)
-		length = DB_CAN_DATA_MAX;
-	if (frame->length != length)
+	if (!length_fits(frame, layout, from, message->kind))
 		return SERVO_CAN_ERR_LENGTH;
 	if (from == SERVO_CAN_FROM_HOST)
 		return take_host(frame->data, message);
@@ -561,23 +604,25 @@ int servo_can_selector(unsigned answers)
 	return -1;
 }
 
-static const char *const status_names[BITS] = {
-	"servo_started",
-	"servo_running",
-	"zero_speed",
-	"target_speed_reached",
-	"target_position_reached",
-	"torque_limited",
-	"warning",
-	"brake_output",
-	"homing_done",
-	"overload_threshold",
-	"error_warning",
-	"command_done",
-	"stall_reverse",
-	"stall_forward",
-	"reverse_indication",
-	"forward_output",
+const struct db_drive_bit servo_can_status_bits[SERVO_CAN_STATUS_BITS] = {
+	{ 0, "servo_started", "The servo is switched on: the motor has power" },
+	{ 1, "servo_running", "The servo runs" },
+	{ 2, "zero_speed",
+	  "Slower than the drive's own threshold; a hint: see moving, which asks the speed" },
+	{ 3, "target_speed_reached", "Target speed reached; a hint" },
+	{ 4, "target_position_reached",
+	  "Target position reached, perhaps only by the reference; a hint: see at_target" },
+	{ 5, "torque_limited", "The torque is being limited" },
+	{ 6, "warning", "A warning" },
+	{ 7, "brake_output", "Output for the brake" },
+	{ 8, "homing_done", "Homing is done" },
+	{ 9, "overload_threshold", "Above the threshold of overload" },
+	{ 10, "error_warning", "An error or alarm, whose reason is in the next report of faults" },
+	{ 11, "command_done", "The command is done; a hint" },
+	{ 12, "stall_reverse", "Stalled in the reverse direction" },
+	{ 13, "stall_forward", "Stalled in the forward direction" },
+	{ 14, "reverse_indication", "Turning in reverse" },
+	{ 15, "forward_output", "Turning forward" },
 };
 
 static const char *const fault_names[BITS] = {
@@ -605,7 +650,7 @@ static const char *const word0_names[BITS] = {
 
 const char *servo_can_status_name(unsigned bit)
 {
-	return bit < BITS ? status_names[bit] : NULL;
+	return bit < BITS ? servo_can_status_bits[bit].name : NULL;
 }
 
 const char *servo_can_fault_name(unsigned bit)

@@ -9,6 +9,7 @@
 #define DRIVEBRIDGE_CODEC_SERVO_CAN_H
 
 #include "codec/can.h"
+#include "drivebridge/value.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -39,7 +40,7 @@ enum servo_can_base {
 
 enum servo_can_error {
 	SERVO_CAN_OK = 0,
-	SERVO_CAN_ERR_LENGTH = -1, /* not the number of data bytes the frame has */
+	SERVO_CAN_ERR_LENGTH = -1, /* fewer data bytes than the frame has; from a host, or more */
 	SERVO_CAN_ERR_RANGE = -2,  /* a node, value, code or bit that is not documented */
 	SERVO_CAN_ERR_LAYOUT = -3, /* command words: where they are is not set, or cannot be */
 };
@@ -110,7 +111,6 @@ enum servo_can_word0_bit {
 	SERVO_CAN_POS2 = 1u << 8,
 };
 #define SERVO_CAN_WORD0_DOCUMENTED 0x01FEu
-#define SERVO_CAN_WORD1_DOCUMENTED 0x0000u /* its bits are on a missing page */
 
 enum servo_can_status_bit {
 	SERVO_CAN_ST_STARTED = 1u << 0,
@@ -130,6 +130,10 @@ enum servo_can_status_bit {
 	SERVO_CAN_ST_REVERSE = 1u << 14,
 	SERVO_CAN_ST_FORWARD = 1u << 15,
 };
+
+/* The bits of the status word, ascending, for people. */
+#define SERVO_CAN_STATUS_BITS 16
+extern const struct db_drive_bit servo_can_status_bits[SERVO_CAN_STATUS_BITS];
 
 enum servo_can_fault_bit {
 	SERVO_CAN_FAULT_UNDERVOLTAGE = 1u << 0,
@@ -162,19 +166,21 @@ enum servo_can_answer {
 
 /* The frame with the command words. All of it is the user's to set: no page shows it. */
 struct servo_can_words_layout {
-	bool set;       /* false: nothing else here counts, and there are no command words */
-	uint16_t base;  /* the id is base + node; base alone is broadcast */
+	bool set; /* false: nothing else here counts, and there are no command words */
+	/* The id is base + node; base alone is broadcast. That of speed and current is possible when
+	 * fixed[0] tells the frame from theirs. */
+	uint16_t base;
 	uint8_t length; /* data bytes, 2..8 */
 	uint8_t word0;  /* the byte where word 0 starts, high byte first */
 	uint8_t word1;  /* as word0; SERVO_CAN_NO_WORD when word 1 is not in this frame */
-	uint8_t ack;    /* what acknowledges it; no code that acknowledges another frame */
+	uint8_t ack; /* what acknowledges it, no other frame's code; SERVO_CAN_ACK_NONE: nothing does */
 	uint8_t fixed[DB_CAN_DATA_MAX]; /* the bytes that belong to neither word */
 };
 
 /* What the document leaves open, the same for all drives of a bus. */
 struct servo_can_layout {
 	uint16_t ack_base; /* SERVO_CAN_BASE_ACK unless the user knows better */
-	bool padded;       /* all frames but sync and command words have 8 data bytes */
+	bool padded;       /* all frames but sync and command words are sent with 8 data bytes */
 	struct servo_can_words_layout words;
 };
 
@@ -209,7 +215,7 @@ struct servo_can_message {
 		} ramps;                       /* RAMPS */
 		struct {
 			uint16_t word0; /* enum servo_can_word0_bit */
-			uint16_t word1; /* 0 as long as no bit of it is documented */
+			uint16_t word1; /* bits of the full manual; 0 where the frame has none */
 		} words;                /* WORDS */
 		struct {
 			int16_t speed;   /* rpm */
@@ -238,6 +244,10 @@ struct servo_can_message {
 enum servo_can_error servo_can_layout_check(const struct servo_can_layout *layout,
                                             const char **reason);
 
+/* Fills in the bytes of the command words' frame that belong to neither word (length and places of
+ * the words must be set) from one number, the last byte lowest. */
+void servo_can_put_fixed(struct servo_can_words_layout *words, uint64_t fixed);
+
 /*
  * What every drive on the bus could take the node's acknowledgements for: SERVO_CAN_SYNC,
  * SERVO_CAN_ENABLE (to all), or SERVO_CAN_FOREIGN when there is no such danger.
@@ -261,8 +271,8 @@ enum servo_can_error servo_can_encode(const struct servo_can_message *message,
  * set, but the union is not to be used, with one exception: in an ACK with SERVO_CAN_ERR_RANGE the
  * code is right, and is one that neither the document nor the layout has. On the id that SPEED and
  * CURRENT share the kind is SPEED when the length is wrong, and FOREIGN when byte 0 is of neither.
- * Bytes a frame only has because it is padded are ignored, and so is a maximum speed in a MODE
- * frame that says it has none.
+ * Bytes that a drive's frame has beyond those documented are ignored, whether frames are padded or
+ * not, and so is a maximum speed in a MODE frame that says it has none.
  */
 enum servo_can_error servo_can_decode(const struct db_can_frame *frame,
                                       const struct servo_can_layout *layout,

@@ -18,6 +18,32 @@
 #define RISING(n) "What a rising edge of sensor " n " does: " EVENTS
 #define MODE(n) "Direction of sensor port " n ": 0=input 1=output"
 
+const struct db_drive_bit vsmd_status_bits[VSMD_STATUS_BITS] = {
+	{ 0, "s1", "Level of sensor port 1" },
+	{ 1, "s2", "Level of sensor port 2" },
+	{ 2, "s3", "Level of sensor port 3" },
+	{ 3, "s4", "Level of sensor port 4" },
+	{ 4, "pos_reached",
+	  "Target position reached; on later models only and a hint: see at_target" },
+	{ 5, "spd_reached", "Target speed reached; on later models only and a hint" },
+	{ 6, "flt", "Hardware fault" },
+	{ 7, "org", "The position is the origin" },
+	{ 8, "stp", "The motor stands" },
+	{ 9, "cmd_wrg", "The latest command or value was refused" },
+	{ 10, "flash_err", "The memory for parameters could not be read or written" },
+	{ 11, "action", "An offline program runs" },
+	{ 12, "hs", "Somebody has spoken to the drive" },
+	{ 13, "pwr", "The motor has power" },
+	{ 14, "zero", "Homing has ended; 0 while it goes on or was never asked for" },
+	{ 16, "s5", "Level of sensor port 5" },
+	{ 17, "s6", "Level of sensor port 6" },
+	{ 20, "over_temperature", "Over-temperature; on later models only" },
+	{ 21, "over_current", "Over-current; on later models only" },
+	{ 22, "voltage", "Supply voltage out of range; on later models only" },
+	{ 24, "enc_err", "Encoder error; closed loop only" },
+	{ 27, "act", "A special motion has ended; 0 while it goes on or there is none" },
+};
+
 const struct db_param vsmd_params[VSMD_PARAM_COUNT] = {
 	[VSMD_BDR] = { "bdr", DB_U32, "bit/s", 2400, 921600, false,
 	               "Baud rate (波特率); effective after save_parameters and a power cycle" },

@@ -34,6 +34,10 @@ enum vsmd_status_bit {
 	VSMD_ST_ACT = 1u << 27,
 };
 
+/* The same, ascending, with their names. */
+#define VSMD_STATUS_BITS 22
+extern const struct db_drive_bit vsmd_status_bits[VSMD_STATUS_BITS];
+
 /* Parameters in the order of section 3.1. The index is part of nothing but this program. */
 enum vsmd_param {
 	VSMD_BDR,

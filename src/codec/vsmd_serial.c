@@ -9,6 +9,8 @@
 #define FRAME_END 0xFE
 #define FRAME_LEAST 6 /* FF id code BH BL FE */
 
+#define EXPONENT_MAX 60.0 /* beyond it no value of a drive lies */
+
 /* --- numbers as text ------------------------------------------------------------------------------ */
 
 /*
@@ -48,13 +50,34 @@ static bool parse_number(const char *text, size_t length, double *number, bool *
 	return true;
 }
 
+/* The same as drives send it: an exponent is no error. */
+static bool parse_sent_number(const char *text, size_t length, double *number, bool *whole)
+{
+	size_t mantissa = 0;
+	double exponent = 0.0;
+	bool plain;
+
+	while (mantissa < length && text[mantissa] != 'e' && text[mantissa] != 'E')
+		mantissa++;
+	if (!parse_number(text, mantissa, number, whole))
+		return false;
+	if (mantissa == length)
+		return true;
+	if (!parse_number(text + mantissa + 1, length - mantissa - 1, &exponent, &plain) ||
+	    !plain || fabs(exponent) > EXPONENT_MAX)
+		return false;
+	*number *= pow(10.0, exponent);
+	*whole = floor(*number) == *number;
+	return true;
+}
+
 static bool parse_value(enum db_type type, const char *text, size_t length, union db_value *value)
 {
 	double number;
 	bool whole;
 
 	/* A fraction too small for a double to keep is a fraction all the same. */
-	return parse_number(text, length, &number, &whole) && (whole || type == DB_F32) &&
+	return parse_sent_number(text, length, &number, &whole) && (whole || type == DB_F32) &&
 	       db_value_from_number(type, number, value);
 }
 
@@ -740,10 +763,17 @@ static bool decode_status(const uint8_t *data, size_t length, struct vsmd_status
 	return true;
 }
 
+/* What may stand between words and behind a text. */
+static bool is_blank(char character)
+{
+	return character == ' ' || character == '\t' || character == '\r' || character == '\n' ||
+	       character == '\0';
+}
+
 static bool is_text(const uint8_t *data, size_t length)
 {
 	for (size_t i = 0; i < length; i++) {
-		if (data[i] < 0x20 || data[i] > 0x7E)
+		if ((data[i] < 0x20 || data[i] > 0x7E) && !is_blank((char)data[i]))
 			return false;
 	}
 	return true;
@@ -777,6 +807,8 @@ enum vsmd_error vsmd_serial_decode_reply(const uint8_t *frame, size_t length,
 		reply->code = (enum vsmd_reply_code)frame[2];
 		reply->text = (const char *)data;
 		reply->text_length = data_length;
+		while (reply->text_length > 0 && is_blank(reply->text[reply->text_length - 1]))
+			reply->text_length--;
 		return is_text(data, data_length) ? VSMD_OK : VSMD_ERR_SYNTAX;
 	default:
 		return VSMD_ERR_SYNTAX;
@@ -835,30 +867,55 @@ int vsmd_serial_encode_text(uint8_t id, enum vsmd_reply_code code, const char *t
 
 /* --- parameter texts ------------------------------------------------------------------------------ */
 
+/* The text as a whole may be in quotation marks, as the document prints it, or each value. */
+static void strip_quotes(struct word *word)
+{
+	while (word->length > 0 && word->text[0] == '"') {
+		word->text++;
+		word->length--;
+	}
+	while (word->length > 0 && word->text[word->length - 1] == '"')
+		word->length--;
+}
+
+/* What stands between two blanks; of length 0 at the end. */
+static struct word next_pair(const char *text, size_t length, size_t *cursor)
+{
+	struct word word;
+
+	while (*cursor < length && is_blank(text[*cursor]))
+		(*cursor)++;
+	word.text = text + *cursor;
+	while (*cursor < length && !is_blank(text[*cursor]))
+		(*cursor)++;
+	word.length = (size_t)(text + *cursor - word.text);
+	return word;
+}
+
 int vsmd_serial_next_param(const char *text, size_t length, size_t *cursor,
                            struct vsmd_setting *setting)
 {
-	struct reader reader = { .text = text, .length = length, .at = *cursor };
+	struct word word = next_pair(text, length, cursor);
+	struct word value;
 	const char *equals;
-	struct word word;
-	size_t name;
 	int param;
 
-	if (!next_word(&reader, &word))
+	if (word.length == 0)
 		return 0;
-	*cursor = reader.at;
 	equals = memchr(word.text, '=', word.length);
 	if (!equals)
 		return 2;
-	name = (size_t)(equals - word.text);
-	param = vsmd_param_find(word.text, name);
+	value.text = equals + 1;
+	value.length = (size_t)(word.text + word.length - value.text);
+	word.length = (size_t)(equals - word.text);
+	strip_quotes(&word);
+	strip_quotes(&value);
+	param = vsmd_param_find(word.text, word.length);
 	if (param < 0)
 		return 2;
 	setting->param = (enum vsmd_param)param;
-	return parse_value(vsmd_params[param].type, equals + 1, word.length - name - 1,
-	                   &setting->value) ?
-	               1 :
-	               2;
+	return parse_value(vsmd_params[param].type, value.text, value.length, &setting->value) ? 1 :
+	                                                                                         2;
 }
 
 int vsmd_serial_format_params(const union db_value values[VSMD_PARAM_COUNT], char *text,

@@ -867,6 +867,17 @@ bool xyza_fits(const struct xyza_request *request, const struct xyza_reply *repl
 	}
 }
 
+bool xyza_is_read(enum xyza_verb verb)
+{
+	return is_read(verb) || verb == XYZA_PROGRAM_STATE || verb == XYZA_VERB_ONLINE;
+}
+
+bool xyza_is_stop(enum xyza_verb verb)
+{
+	return verb == XYZA_MANUAL_STOP || verb == XYZA_MANUAL_QUICK_STOP ||
+	       verb == XYZA_PROGRAM_STOP || verb == XYZA_PROGRAM_QUICK_STOP;
+}
+
 size_t xyza_reply_length(enum xyza_verb verb)
 {
 	return is_read(verb) || verb == XYZA_PROGRAM_STATE ? XYZA_DATA_FRAME : XYZA_COMMAND_FRAME;
@@ -879,7 +890,7 @@ uint16_t xyza_inputs(uint32_t value)
 
 uint16_t xyza_outputs(uint32_t value)
 {
-	return (uint16_t)(value >> 16);
+	return (uint16_t)(value >> XYZA_OUTPUTS_SHIFT);
 }
 
 bool xyza_position(uint32_t magnitude, bool negative, int32_t *position)

@@ -21,11 +21,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define XYZA_COMMAND_FRAME 9 /* bytes of a read, a manual or program command, and of an answer */
-#define XYZA_DATA_FRAME 13   /* bytes of a write, and of what a read is answered with */
-#define XYZA_FRAME_MAX 19    /* bytes of the longest frame that is cut */
-#define XYZA_OBJECT_MAX 255  /* slave numbers are 1..255; there is no broadcast */
-#define XYZA_OUTPUTS 8       /* P1..P8 can be switched; inputs and outputs 1..16 are read */
+#define XYZA_COMMAND_FRAME 9  /* bytes of a read, a manual or program command, and of an answer */
+#define XYZA_DATA_FRAME 13    /* bytes of a write, and of what a read is answered with */
+#define XYZA_FRAME_MAX 19     /* bytes of the longest frame that is cut */
+#define XYZA_OBJECT_MAX 255   /* slave numbers are 1..255; there is no broadcast */
+#define XYZA_OUTPUTS 8        /* P1..P8 can be switched; inputs and outputs 1..16 are read */
+#define XYZA_OUTPUTS_SHIFT 16 /* where the outputs begin in the value of a read of the ports */
 #define XYZA_PROGRAM_STEP_MAX 65535
 
 enum xyza_axis { XYZA_X, XYZA_Y, XYZA_Z, XYZA_A, XYZA_AXIS_COUNT };
@@ -250,6 +251,12 @@ void xyza_fill_data(const struct xyza_request *request, uint32_t value,
  * as well.
  */
 bool xyza_fits(const struct xyza_request *request, const struct xyza_reply *reply);
+
+/* Asks only, and changes nothing. */
+bool xyza_is_read(enum xyza_verb verb);
+
+/* Ends a motion. */
+bool xyza_is_stop(enum xyza_verb verb);
 
 /* Longest frame that answers this request. */
 size_t xyza_reply_length(enum xyza_verb verb);

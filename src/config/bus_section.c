@@ -6,6 +6,7 @@
 #include "config/text.h"
 #include "drivebridge/driver.h"
 #include "drivebridge/transport.h"
+#include "transport/serial.h"
 
 #include <ctype.h>
 #include <stdlib.h>
@@ -256,6 +257,22 @@ static void read_line(const struct db_section *section, struct db_bus_config *bu
 	}
 }
 
+/* In half characters, and in microseconds. Drives are slower than the 3.5 characters of Modbus RTU. */
+#define TURNAROUND_HALF_CHARACTERS 7
+#define TURNAROUND_LEAST 1000
+
+static unsigned read_turnaround(const struct db_section *section, const struct db_bus_config *bus)
+{
+	db_time characters;
+
+	if (!bus->driver || bus->driver->medium != DB_MEDIUM_SERIAL || bus->baud == 0)
+		return 0;
+	if (db_section_has(section, "turnaround-us"))
+		return db_section_number(section, "turnaround-us");
+	characters = db_serial_wire_time(bus, TURNAROUND_HALF_CHARACTERS) / 2 / DB_NS_PER_US;
+	return characters > TURNAROUND_LEAST ? (unsigned)characters : TURNAROUND_LEAST;
+}
+
 /* --- its thread -------------------------------------------------------------------------------- */
 
 /* The file may be checked on another machine than it is for: what is missing here is a warning. */
@@ -288,13 +305,13 @@ void db_load_bus(struct db_load *load, unsigned index, struct db_bus_config *bus
 	struct db_section section = db_section_open(load, "bus", index);
 
 	bus->name = strdup(section.title);
-	bus->source_file = load->file;
 	bus->source_line = section.line;
 	bus->driver = read_protocol(&section);
 	bus->transport = read_transport(&section, bus->driver);
 	read_place(&section, bus);
 	read_speed(&section, bus);
 	read_line(&section, bus);
+	bus->turnaround_us = read_turnaround(&section, bus);
 	bus->cycle_ms = db_section_number(&section, "cycle-ms");
 	bus->drive_latency_ms = db_section_number(&section, "drive-latency-ms");
 	bus->retries = db_section_number(&section, "retries");

@@ -53,8 +53,9 @@ static void check_devices(struct db_load *load)
 				continue;
 			db_report_error(
 				&load->report, bus_line(load, bus, "device"),
-				"device = %s is used by bus '%s' on line %u already; another port, or one bus for all its drives",
-				bus->device, other->name, other->source_line);
+				"device = %s is used by bus '%s' on %s already; another port, or one bus for all its drives",
+				bus->device, other->name,
+				db_report_place(&load->report, other->source_line).text);
 			break;
 		}
 	}
@@ -66,8 +67,9 @@ static void check_units(struct db_load *load, const struct db_drive_config *driv
 	if (drive->unit != 0 && drive->unit == other->unit)
 		db_report_error(
 			&load->report, drive_line(load, drive, "unit"),
-			"unit = %u belongs to drive '%s' on line %u already; a unit of its own for each drive",
-			drive->unit, other->name, other->source_line);
+			"unit = %u belongs to drive '%s' on %s already; a unit of its own for each drive",
+			drive->unit, other->name,
+			db_report_place(&load->report, other->source_line).text);
 }
 
 /* The second unit of this drive, against all of the other one. */
@@ -81,8 +83,9 @@ static void check_vendor_unit(struct db_load *load, const struct db_drive_config
 		return;
 	db_report_error(
 		&load->report, drive_line(load, drive, "vendor-unit"),
-		"vendor-unit = %u belongs to drive '%s' on line %u already; a unit that nothing else has",
-		drive->vendor_unit, other->name, other->source_line);
+		"vendor-unit = %u belongs to drive '%s' on %s already; a unit that nothing else has",
+		drive->vendor_unit, other->name,
+		db_report_place(&load->report, other->source_line).text);
 }
 
 static bool has_axis(const struct db_load *load, const struct db_drive_config *drive)
@@ -100,8 +103,9 @@ static void check_axes(struct db_load *load, const struct db_drive_config *drive
 		return;
 	db_report_error(
 		&load->report, drive_line(load, drive, "axis"),
-		"this axis of address %u belongs to drive '%s' on line %u already; an axis of its own for each drive of a controller",
-		drive->address, other->name, other->source_line);
+		"this axis of address %u belongs to drive '%s' on %s already; an axis of its own for each drive of a controller",
+		drive->address, other->name,
+		db_report_place(&load->report, other->source_line).text);
 }
 
 /* Two drives of one bus. */
@@ -125,8 +129,9 @@ static void check_addresses(struct db_load *load, const struct db_drive_config *
 	else if (same && drive->address != 0)
 		db_report_error(
 			&load->report, drive_line(load, drive, "address"),
-			"address = %u on bus '%s' belongs to drive '%s' on line %u already; an address of its own for each drive of a bus",
-			drive->address, bus->name, other->name, other->source_line);
+			"address = %u on bus '%s' belongs to drive '%s' on %s already; an address of its own for each drive of a bus",
+			drive->address, bus->name, other->name,
+			db_report_place(&load->report, other->source_line).text);
 }
 
 /* A drive that does not say which axis it is, though others are behind the same address. */
@@ -155,6 +160,7 @@ static void check_drive(struct db_load *load, size_t index)
 {
 	const struct db_config *config = load->config;
 	const struct db_drive_config *drive = &config->drives[index];
+	size_t errors = db_report_errors(&load->report);
 
 	if (drive->unit != 0 && drive->unit == config->modbus.gateway_unit)
 		db_report_error(
@@ -169,7 +175,8 @@ static void check_drive(struct db_load *load, size_t index)
 	if (drive->bus < config->bus_count)
 		check_axis_given(load, index);
 	check_vendor_unit(load, drive, drive);
-	for (size_t i = 0; i < index; i++) {
+	/* One complaint is enough: a drive that was copied a thousand times has as many others. */
+	for (size_t i = 0; i < index && db_report_errors(&load->report) == errors; i++) {
 		const struct db_drive_config *other = &config->drives[i];
 
 		check_units(load, drive, other);
@@ -190,6 +197,8 @@ void db_load_check(struct db_load *load)
 	/* From here on everything has to be there. */
 	if (load->report.errors == 0)
 		db_load_check_interfaces(load);
+	if (load->report.errors == 0)
+		db_load_fill_times(load);
 	if (load->report.errors == 0)
 		db_load_check_families(load);
 	if (load->report.errors == 0)

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include "axis/scale.h"
 #include "config/keys.h"
 #include "config/load.h"
 #include "config/text.h"
@@ -148,8 +149,10 @@ static void describe_times(const struct db_config *config, size_t index, FILE *o
 {
 	const struct db_bus_config *bus = &config->buses[index];
 	size_t stations = db_config_stations_on(config, index);
-	double one = milliseconds(bus->driver->poll_time(bus));
-	double all = one * (double)stations;
+	double all = milliseconds(
+		db_driver_round_time(bus, stations, db_config_drives_on(config, index)));
+	double one = stations > 0 ? all / (double)stations :
+	                            milliseconds(bus->driver->poll_time(bus));
 
 	fprintf(out, "  %-14s%u ms; one status exchange %.2f ms, %zu %s%s %.2f ms (%.0f %%)\n",
 	        "cycle", bus->cycle_ms, one, stations,
@@ -203,11 +206,17 @@ static void describe_drive(const struct db_bus_config *bus, const struct db_driv
 		put_word(out, "drive", "axis", drive->axis);
 	}
 	describe_vendor_view(drive, out);
-	fprintf(out, ", %g counts per %s, on-client-loss ", drive->counts_per_unit,
-	        drive->unit_name);
+	if (bus->driver->scale_unit && !drive->counts_given)
+		fprintf(out, ", counts per %s from the drive, on-client-loss ",
+		        db_scale_unit(bus->driver, drive));
+	else
+		fprintf(out, ", %g counts per %s, on-client-loss ", drive->counts_per_unit,
+		        drive->unit_name);
 	put_word(out, "drive", "on-client-loss", drive->on_client_loss);
 	fprintf(out, ", on-exit ");
 	put_word(out, "drive", "on-exit", drive->on_exit);
+	fprintf(out, ", on-stop-failure ");
+	put_word(out, "drive", "on-stop-failure", drive->on_stop_failure);
 	if (drive->watchdog_ms > 0)
 		fprintf(out, ", watchdog %u ms", drive->watchdog_ms);
 	else
@@ -238,7 +247,8 @@ static void describe_line(const struct db_bus_config *bus, FILE *out)
 	put_word(out, "bus", "line", bus->line);
 	fprintf(out, ", %u baud, parity ", bus->baud);
 	put_word(out, "bus", "parity", bus->parity);
-	fprintf(out, ", %u stop bit%s", bus->stop_bits, bus->stop_bits == 1 ? "" : "s");
+	fprintf(out, ", %u stop bit%s, turnaround %u us", bus->stop_bits,
+	        bus->stop_bits == 1 ? "" : "s", bus->turnaround_us);
 	if (bus->direction != DB_DIRECTION_ADAPTER) {
 		fputs(", direction ", out);
 		put_word(out, "bus", "direction", bus->direction);

@@ -124,7 +124,6 @@ void db_load_drive(struct db_load *load, unsigned index, struct db_drive_config 
 	const struct db_bus_config *bus = NULL;
 
 	drive->name = strdup(section.title);
-	drive->source_file = load->file;
 	drive->source_line = section.line;
 	drive->bus = read_drive_bus(&section);
 	if (drive->bus < load->config->bus_count)
@@ -134,10 +133,14 @@ void db_load_drive(struct db_load *load, unsigned index, struct db_drive_config 
 	drive->counts_per_unit = db_section_real(&section, "counts-per-unit");
 	drive->counts_given = db_section_has(&section, "counts-per-unit");
 	drive->unit_name = db_section_text(&section, "unit-name");
+	drive->unit_given = db_section_has(&section, "unit-name");
 	drive->on_client_loss = (enum db_on_loss)db_section_word(&section, "on-client-loss");
 	drive->on_exit = db_section_has(&section, "on-exit") ?
 	                         (enum db_on_loss)db_section_word(&section, "on-exit") :
 	                         drive->on_client_loss;
+	drive->stop_reaction_ms = db_section_number(&section, "stop-reaction-ms");
+	drive->on_stop_failure = (enum db_on_stop_failure)db_section_word(&section,
+	                                                                  "on-stop-failure");
 	drive->watchdog_ms = db_section_number(&section, "watchdog-ms");
 	drive->watchdog_feed = (enum db_watchdog_feed)db_section_word(&section, "watchdog-feed");
 	read_limits(&section, drive);

@@ -52,16 +52,17 @@ static void check_pair(struct db_load *load, const struct db_bus_config *bus,
 		db_report_error(
 			&load->report,
 			db_load_line(load, "bus", bus->name, bus->source_line, "interface"),
-			"buses '%s' (%s) and '%s' (%s, line %u) use the same ids on interface %s, so that one could take the other's frames for its own; another interface for one of them%s",
+			"buses '%s' (%s) and '%s' (%s, %s) use the same ids on interface %s, so that one could take the other's frames for its own; another interface for one of them%s",
 			bus->name, bus->driver->name, other->name, other->driver->name,
-			other->source_line, bus->interface,
+			db_report_place(&load->report, other->source_line).text, bus->interface,
 			bus->driver == other->driver ? ", or one bus for all their drives" : "");
 	else if (bus->bitrate != other->bitrate)
 		db_report_error(
 			&load->report,
 			db_load_line(load, "bus", bus->name, bus->source_line, "bitrate"),
-			"bus '%s' has %u bit/s, but bus '%s' on line %u has %u bit/s on the same interface %s; the same bitrate for both",
-			bus->name, bus->bitrate, other->name, other->source_line, other->bitrate,
+			"bus '%s' has %u bit/s, but bus '%s' on %s has %u bit/s on the same interface %s; the same bitrate for both",
+			bus->name, bus->bitrate, other->name,
+			db_report_place(&load->report, other->source_line).text, other->bitrate,
 			bus->interface);
 }
 

@@ -137,8 +137,13 @@ static const struct db_config_key KEYS[] = {
 	{ NUMBER("bus", "rts-after-ms", "0", 0, 100, "ms",
 	         "With direction = rts: from the last byte to switching RTS back"),
 	  .scope = DB_KEY_FOR_SERIAL, AT(bus, rts_after_ms) },
-	{ NUMBER("bus", "cycle-ms", "20", 1, 10000, "ms",
-	         "Period in which every drive's status is read"),
+	{ NUMBER("bus", "turnaround-us", "", 0, 100000, "us",
+	         "Silence between a drive's answer and the next request, in which drives turn from "
+	         "sending to receiving; 3.5 characters and at least 1000 when not given"),
+	  .scope = DB_KEY_FOR_SERIAL, AT(bus, turnaround_us) },
+	{ NUMBER("bus", "cycle-ms", "", 1, 10000, "ms",
+	         "Period in which every drive's status is read; 20 when not given, or the first of 50, "
+	         "100, 200, 500 ... that is enough for one drive at this speed"),
 	  AT(bus, cycle_ms) },
 	{ NUMBER("bus", "drive-latency-ms", "30", 1, 1000, "ms",
 	         "Longest time a drive may take before it begins to answer"),
@@ -189,12 +194,20 @@ static const struct db_config_key KEYS[] = {
 	       "What the drive does when the service ends, or when a reload changes it or takes it "
 	       "out; as on-client-loss when not given"),
 	  AT(drive, on_exit) },
+	{ NUMBER("drive", "stop-reaction-ms", "1000", 100, 60000, "ms",
+	         "Longest time that a moving drive which was told to stop may go without slowing down "
+	         "before that counts as a failure; it is told again all the while"),
+	  AT(drive, stop_reaction_ms) },
+	{ WORD("drive", "on-stop-failure", "none", "none disable",
+	       "What is done then beside telling it again: nothing, or its power stage is switched off"),
+	  AT(drive, on_stop_failure) },
 	{ NUMBER("drive", "watchdog-ms", "3000", 0, 60000, "ms",
 	         "Longest silence of the PLC after a motion command; 0 turns the watchdog off"),
 	  AT(drive, watchdog_ms) },
-	{ WORD("drive", "watchdog-feed", "requests", "requests writes heartbeat",
-	       "What tells that the PLC is not silent: any of its requests to this drive, only writes, "
-	       "or only a changed register heartbeat"),
+	{ WORD("drive", "watchdog-feed", "commanders", "requests commanders writes heartbeat",
+	       "What tells that the PLC is not silent: any request to this drive of a client that may "
+	       "write, its writes and the reads of connections that have commanded the drive, only "
+	       "writes, or only a changed register heartbeat"),
 	  AT(drive, watchdog_feed) },
 	{ LIMIT("min-position", -1e12, "Lowest position that may be commanded, in the user's unit"),
 	  AT(drive, min_position) },

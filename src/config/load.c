@@ -2,20 +2,12 @@
 #include "config/load.h"
 
 #include "config/keys.h"
+#include "config/sources.h"
 #include "drivebridge/driver.h"
 #include "drivebridge/transport.h"
 
-#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-
-#define FILE_MAX ((size_t)1 << 20)
-
-/* The configuration and the file name its sections point to, freed as one. */
-struct loaded {
-	struct db_config config; /* first, so that a pointer to it is one to the whole */
-	char file[];
-};
 
 /* The reader gives messages of its own, with lines that are right. */
 static void ignore_message(cfg_t *cfg, const char *format, va_list arguments)
@@ -111,37 +103,80 @@ static void read_text(struct db_load *load, char *text)
 		db_load_check(load);
 }
 
-int db_config_parse_with(const struct db_built_in *built_in, const char *text, const char *file,
-                         FILE *errors, struct db_config **config)
+/* From here on sections name their file, and the line there. */
+static void place_sections(struct db_config *config, const struct db_report *report)
 {
-	struct loaded *loaded = calloc(1, sizeof(*loaded) + strlen(file) + 1);
-	char *copy = strdup(text);
-	struct db_load load = { .built_in = built_in };
+	for (size_t i = 0; i < config->bus_count; i++) {
+		struct db_bus_config *bus = &config->buses[i];
+		const struct db_config_source *source = db_report_source(report, bus->source_line);
+
+		bus->source_file = source->path;
+		bus->source_line -= source->lines_before;
+	}
+	for (size_t i = 0; i < config->drive_count; i++) {
+		struct db_drive_config *drive = &config->drives[i];
+		const struct db_config_source *source = db_report_source(report,
+		                                                         drive->source_line);
+
+		drive->source_file = source->path;
+		drive->source_line -= source->lines_before;
+	}
+}
+
+/* Takes the sources over. */
+static int parse(const struct db_built_in *built_in, struct db_config_source *sources, size_t count,
+                 FILE *errors, struct db_config **config)
+{
+	struct db_config *made = calloc(1, sizeof(*made));
+	char *text = db_sources_join(sources, count);
+	struct db_load load = {
+		.built_in = built_in,
+		.report = { .sources = sources, .source_count = count },
+		.config = made,
+	};
 	bool good;
 
-	if (!loaded || !copy) {
-		fprintf(errors, "%s: out of memory; free some and try again\n", file);
-		free(loaded);
-		free(copy);
+	if (!made || !text) {
+		fprintf(errors, "%s: out of memory; free some and try again\n", sources[0].path);
+		db_sources_free(sources, count);
+		free(made);
+		free(text);
 		return -1;
 	}
-	memcpy(loaded->file, file, strlen(file) + 1);
-	load.file = loaded->file;
-	load.config = &loaded->config;
-	read_text(&load, copy);
+	made->sources = sources;
+	made->source_count = count;
+	read_text(&load, text);
 	good = load.report.errors == 0;
-	db_report_print(&load.report, file, errors);
+	db_report_print(&load.report, sources[0].path, errors);
+	if (good)
+		place_sections(made, &load.report);
+	for (size_t i = 0; i < count; i++) {
+		free(sources[i].text);
+		sources[i].text = NULL;
+	}
 	db_report_clear(&load.report);
 	db_outline_clear(&load.outline);
 	if (load.root)
 		cfg_free(load.root);
-	free(copy);
+	free(text);
 	if (!good) {
-		db_config_free(&loaded->config);
+		db_config_free(made);
 		return -1;
 	}
-	*config = &loaded->config;
+	*config = made;
 	return 0;
+}
+
+int db_config_parse_with(const struct db_built_in *built_in, const char *text, const char *file,
+                         FILE *errors, struct db_config **config)
+{
+	struct db_config_source *source = db_sources_of_text(file, text);
+
+	if (!source) {
+		fprintf(errors, "%s: out of memory; free some and try again\n", file);
+		return -1;
+	}
+	return parse(built_in, source, 1, errors, config);
 }
 
 int db_config_parse(const char *text, const char *file, FILE *errors, struct db_config **config)
@@ -149,53 +184,16 @@ int db_config_parse(const char *text, const char *file, FILE *errors, struct db_
 	return db_config_parse_with(&db_config_built_in, text, file, errors, config);
 }
 
-/* Null when the text may be used, else what is wrong with it. */
-static const char *file_fault(const char *text, size_t length, bool failed)
-{
-	if (failed)
-		return strerror(errno ? errno : EIO);
-	if (length > FILE_MAX)
-		return "longer than 1 MiB";
-	return strlen(text) != length ? "has a zero byte in it" : NULL;
-}
-
-/* The whole file as a text to be freed, or null after a message. */
-static char *read_file(const char *path, FILE *errors)
-{
-	FILE *file = fopen(path, "re");
-	char *text = file ? malloc(FILE_MAX + 2) : NULL;
-	const char *fault;
-
-	if (text) {
-		size_t length;
-
-		errno = 0;
-		length = fread(text, 1, FILE_MAX + 1, file);
-		text[length] = '\0';
-		fault = file_fault(text, length, ferror(file) != 0);
-	} else {
-		fault = strerror(errno);
-	}
-	if (file)
-		fclose(file);
-	if (fault) {
-		fprintf(errors, "%s: %s; the path of a readable configuration file\n", path, fault);
-		free(text);
-		return NULL;
-	}
-	return text;
-}
-
 int db_config_load(const char *path, FILE *errors, struct db_config **config)
 {
-	char *text = read_file(path, errors);
-	int result;
+	struct db_config_source *sources;
+	size_t count;
 
-	if (!text)
+	if (db_sources_read(path, errors, &sources, &count) != 0) {
+		db_sources_free(sources, count);
 		return -1;
-	result = db_config_parse(text, path, errors, config);
-	free(text);
-	return result;
+	}
+	return parse(&db_config_built_in, sources, count, errors, config);
 }
 
 void db_config_free(struct db_config *config)
@@ -216,5 +214,6 @@ void db_config_free(struct db_config *config)
 	}
 	free(config->buses);
 	free(config->drives);
+	db_sources_free(config->sources, config->source_count);
 	free(config);
 }

@@ -23,7 +23,6 @@ struct db_built_in {
 extern const struct db_built_in db_config_built_in;
 
 struct db_load {
-	const char *file; /* kept by the configuration */
 	const struct db_built_in *built_in;
 	struct db_report report;
 	struct db_outline outline;
@@ -88,6 +87,9 @@ void db_load_check(struct db_load *load);
 void db_load_check_interfaces(struct db_load *load);
 void db_load_check_families(struct db_load *load);
 void db_load_check_times(struct db_load *load);
+
+/* Times that were not given: what the buses need. Everything else is there and right. */
+void db_load_fill_times(struct db_load *load);
 
 /* As db_config_load(), from a text. */
 int db_config_parse(const char *text, const char *file, FILE *errors, struct db_config **config);

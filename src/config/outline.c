@@ -2,6 +2,7 @@
 #include "config/outline.h"
 
 #include "config/keys.h"
+#include "drivebridge/config.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -31,7 +32,39 @@ struct scan {
 	struct token token; /* the current one */
 	struct db_outline *outline;
 	struct db_report *report;
+	struct db_config_source *source; /* the file that is read; null: a text without one */
 };
+
+/* What word processors and copied pages leave in a file. */
+static const struct {
+	const char *bytes;
+	const char *what;
+} MISPRINTS[] = {
+	{ "\xC2\xA0", "a non-breaking space (U+00A0); put an ordinary space in its place" },
+	{ "\xE2\x80\xAF",
+	  "a narrow non-breaking space (U+202F); put an ordinary space in its place" },
+	{ "\xE2\x80\x8B", "an invisible space (U+200B); remove it" },
+	{ "\xEF\xBB\xBF", "an invisible byte order mark (U+FEFF); remove it" },
+	{ "\xE2\x80\x9C", "a typographic quote (U+201C); texts stand in plain quotes: \"text\"" },
+	{ "\xE2\x80\x9D", "a typographic quote (U+201D); texts stand in plain quotes: \"text\"" },
+	{ "\xE2\x80\x9E", "a typographic quote (U+201E); texts stand in plain quotes: \"text\"" },
+	{ "\xE2\x80\x98", "a typographic quote (U+2018); texts stand in plain quotes: \"text\"" },
+	{ "\xE2\x80\x99", "a typographic quote (U+2019); texts stand in plain quotes: \"text\"" },
+	{ "\xC2\xAB", "a typographic quote (U+00AB); texts stand in plain quotes: \"text\"" },
+	{ "\xC2\xBB", "a typographic quote (U+00BB); texts stand in plain quotes: \"text\"" },
+	{ "\xE2\x80\x93", "a dash (U+2013); a minus or hyphen is the plain -" },
+	{ "\xE2\x88\x92", "a minus sign (U+2212); a minus is the plain -" },
+};
+
+/* What stands here and only looks like something that may; null. */
+static const char *misprint_at(const char *text)
+{
+	for (size_t i = 0; i < sizeof(MISPRINTS) / sizeof(MISPRINTS[0]); i++) {
+		if (strncmp(text, MISPRINTS[i].bytes, strlen(MISPRINTS[i].bytes)) == 0)
+			return MISPRINTS[i].what;
+	}
+	return NULL;
+}
 
 static bool blank_comment(struct scan *scan)
 {
@@ -131,6 +164,12 @@ static bool scan_word(struct scan *scan)
 	size_t begin = scan->at;
 
 	while (is_word_byte(scan->text + scan->at)) {
+		const char *misprint = misprint_at(scan->text + scan->at);
+
+		if (misprint) {
+			db_report_error(scan->report, scan->line, "here stands %s", misprint);
+			return false;
+		}
 		/* A byte behind a slash was looked at together with the slash. */
 		scan->at += scan->text[scan->at] == '/' ? 2 : 1;
 	}
@@ -209,10 +248,49 @@ static bool is_text(const struct scan *scan)
 	return scan->token.type == TOKEN_WORD || scan->token.type == TOKEN_STRING;
 }
 
+/* Brackets around a list, as in other languages; [ADDRESS]:PORT is none. */
+static bool is_bracket(const struct scan *scan)
+{
+	const char *word = scan->text + scan->token.begin;
+	size_t length = scan->token.end - scan->token.begin;
+
+	return scan->token.type == TOKEN_WORD && word[0] == '[' &&
+	       (word[length - 1] == ']' || !memchr(word, ']', length));
+}
+
+/* What stands behind a value that was taken for a whole one. */
+static bool no_comma(struct scan *scan, struct token value)
+{
+	const char *text = scan->text + value.begin;
+	int length = (int)(value.end - value.begin);
+	struct token comma = scan->token;
+
+	if (comma.type != TOKEN_COMMA)
+		return true;
+	advance(scan);
+	if (value.type == TOKEN_WORD && strspn(text, "-0123456789") == (size_t)length &&
+	    scan->token.type == TOKEN_WORD)
+		db_report_error(scan->report, comma.line,
+		                "numbers have a decimal point, not a comma; write %.*s.%.*s",
+		                length, text, (int)(scan->token.end - scan->token.begin),
+		                scan->text + scan->token.begin);
+	else
+		db_report_error(scan->report, comma.line,
+		                "several values are a list; write them in braces: {\"a\", \"b\"}");
+	return false;
+}
+
 /* After '='. Sets *end behind the value and goes to the token after it. */
 static bool scan_value(struct scan *scan, const char *name, bool *list, size_t *end)
 {
+	struct token value = scan->token;
+
 	*list = scan->token.type == TOKEN_OPEN;
+	if (is_bracket(scan)) {
+		db_report_error(scan->report, scan->token.line,
+		                "a list stands in braces, not in brackets; write {\"a\", \"b\"}");
+		return false;
+	}
 	if (*list) {
 		do {
 			advance(scan);
@@ -232,7 +310,7 @@ static bool scan_value(struct scan *scan, const char *name, bool *list, size_t *
 	}
 	*end = scan->token.end;
 	advance(scan);
-	return true;
+	return *list || no_comma(scan, value);
 }
 
 static bool add_section(struct db_outline *outline, struct token head, const char *name,
@@ -326,6 +404,31 @@ static bool scan_section(struct scan *scan, struct token head, const char *name)
 	return scan_keys(scan, scan->outline->section_count - 1);
 }
 
+static void blank(char *text, size_t begin, size_t end)
+{
+	for (size_t i = begin; i < end; i++) {
+		if (text[i] != '\n')
+			text[i] = ' ';
+	}
+}
+
+/* Behind the word `end`, which is the last one of a file. */
+static bool scan_end(struct scan *scan, struct token head)
+{
+	if (scan->token.type != TOKEN_END) {
+		if (scan->token.type != TOKEN_BAD)
+			db_report_error(
+				scan->report, head.line,
+				"end says that the file is complete, but more follows on %s; move it to the last line",
+				db_report_place(scan->report, scan->token.line).text);
+		return false;
+	}
+	if (scan->source)
+		scan->source->ended = true;
+	blank(scan->text, head.begin, head.end);
+	return true;
+}
+
 static bool scan_text(struct scan *scan)
 {
 	bool good = true;
@@ -343,6 +446,8 @@ static bool scan_text(struct scan *scan)
 		advance(scan);
 		if (scan->token.type == TOKEN_EQUALS)
 			good = scan_key(scan, head, name, DB_OUTLINE_TOP);
+		else if (strcmp(name, "end") == 0)
+			good = scan_end(scan, head);
 		else
 			good = scan_section(scan, head, name);
 		free(name);
@@ -362,6 +467,34 @@ static bool is_name(const char *text)
 	size_t length = strspn(text, ALLOWED);
 
 	return length >= 1 && length <= 31 && text[length] == '\0';
+}
+
+/* The section modbus of an earlier file, where this one is a section modbus too; else DB_OUTLINE_TOP. */
+static size_t earlier_modbus(const struct db_outline *outline, size_t index,
+                             const struct db_report *report)
+{
+	for (size_t i = 0; i < index; i++) {
+		if (strcmp(outline->sections[i].name, "modbus") == 0 &&
+		    strcmp(outline->sections[index].name, "modbus") == 0 &&
+		    db_report_source(report, outline->sections[i].line) !=
+		            db_report_source(report, outline->sections[index].line))
+			return i;
+	}
+	return DB_OUTLINE_TOP;
+}
+
+/* Several files may share the section modbus: what they say of it is looked for in the first one. */
+static void join_modbus(struct db_outline *outline, const struct db_report *report)
+{
+	for (size_t i = 0; i < outline->key_count; i++) {
+		struct db_outline_key *key = &outline->keys[i];
+		size_t earlier = key->section == DB_OUTLINE_TOP ?
+		                         DB_OUTLINE_TOP :
+		                         earlier_modbus(outline, key->section, report);
+
+		if (earlier != DB_OUTLINE_TOP)
+			key->section = earlier;
+	}
 }
 
 /* True when the section may stay. */
@@ -396,11 +529,15 @@ static bool check_section(const struct db_outline *outline, size_t index, struct
 		if (strcmp(other->name, section->name) != 0 ||
 		    strcmp(other->title, section->title) != 0)
 			continue;
+		if (db_report_source(report, other->line) !=
+		            db_report_source(report, section->line) &&
+		    !titled)
+			continue;
 		db_report_error(
 			report, section->line,
-			titled ? "there is a %s '%s' on line %u already; choose another name" :
-				 "there is a section %s%s on line %u already; put all keys there",
-			section->name, section->title, other->line);
+			titled ? "there is a %s '%s' on %s already; choose another name" :
+				 "there is a section %s%s on %s already; put all keys there",
+			section->name, section->title, db_report_place(report, other->line).text);
 		return false;
 	}
 	return true;
@@ -456,23 +593,18 @@ static bool check_key(const struct db_driver *const *drivers, const struct db_ou
 		                key->name);
 		return false;
 	}
-	for (size_t i = index; i > 0 && outline->keys[i - 1].section == key->section; i--) {
-		if (strcmp(outline->keys[i - 1].name, key->name) != 0)
+	for (size_t i = index; i > 0; i--) {
+		/* All keys of a section stand together, but those of modbus may be in several files. */
+		if (outline->keys[i - 1].section != key->section && strcmp(section, "modbus") != 0)
+			break;
+		if (outline->keys[i - 1].section != key->section ||
+		    strcmp(outline->keys[i - 1].name, key->name) != 0)
 			continue;
-		db_report_error(report, key->line,
-		                "%s was set on line %u already; keep one of them", key->name,
-		                outline->keys[i - 1].line);
+		db_report_error(report, key->line, "%s was set on %s already; keep one of them",
+		                key->name, db_report_place(report, outline->keys[i - 1].line).text);
 		return false;
 	}
 	return true;
-}
-
-static void blank(char *text, size_t begin, size_t end)
-{
-	for (size_t i = begin; i < end; i++) {
-		if (text[i] != '\n')
-			text[i] = ' ';
-	}
 }
 
 /* Keys of a section refused only for its name are checked too, so that one run finds all. */
@@ -481,6 +613,7 @@ static void check(const struct db_driver *const *drivers, char *text, struct db_
 {
 	for (size_t i = 0; i < outline->section_count; i++)
 		outline->sections[i].refused = !check_section(outline, i, report);
+	join_modbus(outline, report);
 	for (size_t i = 0; i < outline->key_count; i++) {
 		struct db_outline_key *key = &outline->keys[i];
 		const char *section = key->section == DB_OUTLINE_TOP ?
@@ -499,13 +632,34 @@ static void check(const struct db_driver *const *drivers, char *text, struct db_
 	}
 }
 
+/* Each file for itself: none of them goes on in the next one. */
+static bool scan_files(struct scan *scan)
+{
+	for (size_t i = 0; i < scan->report->source_count; i++) {
+		struct db_config_source *source = &scan->report->sources[i];
+		char *end = scan->text + source->begin + source->length;
+		char behind = *end;
+		bool good;
+
+		scan->source = source;
+		scan->at = source->begin;
+		scan->line = source->lines_before + 1;
+		*end = '\0';
+		good = scan_text(scan);
+		*end = behind;
+		if (!good)
+			return false;
+	}
+	return true;
+}
+
 bool db_outline_read(const struct db_driver *const *drivers, char *text, struct db_outline *outline,
                      struct db_report *report)
 {
 	struct scan scan = { .text = text, .line = 1, .outline = outline, .report = report };
 
 	*outline = (struct db_outline){ 0 };
-	if (!scan_text(&scan)) {
+	if (!(report->source_count > 0 ? scan_files(&scan) : scan_text(&scan))) {
 		if (report->errors == 0)
 			db_report_error(report, 0,
 			                "out of memory while reading it; free some and try again");

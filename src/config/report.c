@@ -1,8 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "config/report.h"
 
+#include "drivebridge/config.h"
+
 #include <stdarg.h>
 #include <stdlib.h>
+
+#define DB_REPORT_MOST 20
 
 /* What a file holds must not be able to play with the terminal that shows the message. */
 static void make_printable(char *text)
@@ -15,7 +19,7 @@ static void make_printable(char *text)
 	}
 }
 
-static void add(struct db_report *report, unsigned line, char *text)
+static void add(struct db_report *report, unsigned line, bool warning, char *text)
 {
 	struct db_report_entry *entries;
 
@@ -27,8 +31,9 @@ static void add(struct db_report *report, unsigned line, char *text)
 	}
 	make_printable(text);
 	report->entries = entries;
-	entries[report->count] =
-		(struct db_report_entry){ .line = line, .order = report->count, .text = text };
+	entries[report->count] = (struct db_report_entry){
+		.line = line, .warning = warning, .order = report->count, .text = text
+	};
 	report->count++;
 }
 
@@ -43,7 +48,7 @@ void db_report_error(struct db_report *report, unsigned line, const char *format
 	length = vasprintf(&text, format, arguments);
 	va_end(arguments);
 	if (length >= 0)
-		add(report, line, text);
+		add(report, line, false, text);
 }
 
 void db_report_warning(struct db_report *report, unsigned line, const char *format, ...)
@@ -60,7 +65,7 @@ void db_report_warning(struct db_report *report, unsigned line, const char *form
 	length = asprintf(&whole, "warning: %s", text);
 	free(text);
 	if (length >= 0)
-		add(report, line, whole);
+		add(report, line, true, whole);
 }
 
 size_t db_report_errors(const struct db_report *report)
@@ -77,17 +82,69 @@ static int compare(const void *left, const void *right)
 	return (a->order > b->order) - (a->order < b->order);
 }
 
+const struct db_config_source *db_report_source(const struct db_report *report, unsigned line)
+{
+	const struct db_config_source *found = report->sources;
+
+	for (size_t i = 0; i < report->source_count; i++) {
+		if (line > report->sources[i].lines_before)
+			found = &report->sources[i];
+	}
+	return found;
+}
+
+struct db_place db_report_place(const struct db_report *report, unsigned line)
+{
+	const struct db_config_source *source = db_report_source(report, line);
+	struct db_place place;
+
+	if (report->source_count < 2)
+		snprintf(place.text, sizeof(place.text), "line %u", line);
+	else
+		snprintf(place.text, sizeof(place.text), "line %u of %s",
+		         line - source->lines_before, source->path);
+	return place;
+}
+
+static void print_entry(const struct db_report *report, const struct db_report_entry *entry,
+                        const char *file, FILE *out)
+{
+	const struct db_config_source *source = db_report_source(report, entry->line);
+
+	if (entry->line == 0)
+		fprintf(out, "%s: %s\n", file, entry->text);
+	else
+		fprintf(out, "%s:%u: %s\n", source ? source->path : file,
+		        entry->line - (source ? source->lines_before : 0), entry->text);
+}
+
+/* Returns how many were left out. */
+static size_t print_some(const struct db_report *report, const char *file, bool warnings, FILE *out)
+{
+	size_t count = 0;
+
+	for (size_t i = 0; i < report->count; i++) {
+		if (report->entries[i].warning == warnings && count++ < DB_REPORT_MOST)
+			print_entry(report, &report->entries[i], file, out);
+	}
+	return count > DB_REPORT_MOST ? count - DB_REPORT_MOST : 0;
+}
+
 void db_report_print(struct db_report *report, const char *file, FILE *out)
 {
+	size_t errors;
+	size_t warnings;
+
 	if (report->count > 0)
 		qsort(report->entries, report->count, sizeof(*report->entries), compare);
-	for (size_t i = 0; i < report->count; i++) {
-		if (report->entries[i].line > 0)
-			fprintf(out, "%s:%u: %s\n", file, report->entries[i].line,
-			        report->entries[i].text);
-		else
-			fprintf(out, "%s: %s\n", file, report->entries[i].text);
-	}
+	errors = print_some(report, file, false, out);
+	if (errors > 0)
+		fprintf(out, "%s: %zu more error%s; mend these first\n", file, errors,
+		        errors == 1 ? "" : "s");
+	warnings = print_some(report, file, true, out);
+	if (warnings > 0)
+		fprintf(out, "%s: warning: %zu more warning%s\n", file, warnings,
+		        warnings == 1 ? "" : "s");
 	if (report->errors > 0 && report->count == 0)
 		fprintf(out, "%s: out of memory while reading it; free some and try again\n", file);
 }

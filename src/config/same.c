@@ -89,6 +89,7 @@ static bool same_value(const struct pair *pair, const struct db_config_key *key)
 	case DB_KEY_BUS:
 		memcpy(&bus_a, a, sizeof bus_a);
 		memcpy(&bus_b, b, sizeof bus_b);
+		/* gcc's analyzer: only sections of drives have one, with their configurations. */
 		return same_text(pair->config_a->buses[bus_a].name,
 		                 pair->config_b->buses[bus_b].name);
 	default:

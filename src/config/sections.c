@@ -67,7 +67,8 @@ bool db_load_sections(struct db_load *load)
 	unsigned buses = cfg_size(load->root, "bus");
 	unsigned drives = cfg_size(load->root, "drive");
 
-	/* One more than needed: calloc() of nothing may give null. */
+	/* One more than needed: calloc() of nothing may give null. What is missing here to gcc's analyzer
+	 * is freed by db_config_free(). */
 	config->buses = calloc((size_t)buses + 1, sizeof(*config->buses));
 	config->drives = calloc((size_t)drives + 1, sizeof(*config->drives));
 	if (!config->buses || !config->drives)

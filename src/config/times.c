@@ -71,8 +71,8 @@ static void warn_cycle(struct db_load *load, size_t index)
 {
 	const struct db_bus_config *bus = &load->config->buses[index];
 	size_t stations = db_config_stations_on(load->config, index);
-	db_time one = bus->driver->poll_time(bus);
-	db_time all = one * (db_time)stations;
+	db_time all = db_driver_round_time(bus, stations, db_config_drives_on(load->config, index));
+	db_time one = stations > 0 ? all / (db_time)stations : 0;
 	char speed[DB_SPEED_TEXT_MAX];
 
 	if (all <= (db_time)bus->cycle_ms * DB_NS_PER_MS)
@@ -93,6 +93,9 @@ static void warn_confirm(struct db_load *load, size_t index)
 	db_time needed = db_config_confirm_time(bus);
 	char speed[DB_SPEED_TEXT_MAX];
 
+	/* The usual one is what PLCs wait for, and 05 is then the right answer: nothing is wrong. */
+	if (db_load_line(load, "modbus", "", 0, "confirm-ms") == 0)
+		return;
 	if (load->config->modbus.accept_writes || db_config_drives_on(load->config, index) == 0 ||
 	    needed <= (db_time)confirm_ms * DB_NS_PER_MS)
 		return;
@@ -102,6 +105,29 @@ static void warn_confirm(struct db_load *load, size_t index)
 		"confirm-ms = %u cannot be met on bus '%s': at %s a command takes %.2f ms, and %.2f ms when it has to wait for the exchange on the wire; set confirm-ms = %u in section modbus or %s",
 		confirm_ms, bus->name, speed, milliseconds(bus->driver->command_time(bus)),
 		milliseconds(needed), whole_milliseconds(needed), speed_up(bus));
+}
+
+/* One drive's status at least; not more, or a drive that is added would change its whole bus. */
+static unsigned usual_cycle(const struct db_bus_config *bus)
+{
+	static const unsigned steps[] = { 20, 50, 100, 200, 500, 1000, 2000, 5000 };
+	unsigned needed = whole_milliseconds(bus->driver->poll_time(bus));
+
+	for (size_t i = 0; i < sizeof(steps) / sizeof(steps[0]); i++) {
+		if (needed <= steps[i])
+			return steps[i];
+	}
+	return 10000;
+}
+
+void db_load_fill_times(struct db_load *load)
+{
+	for (size_t i = 0; i < load->config->bus_count; i++) {
+		struct db_bus_config *bus = &load->config->buses[i];
+
+		if (bus->cycle_ms == 0)
+			bus->cycle_ms = usual_cycle(bus);
+	}
 }
 
 void db_load_check_times(struct db_load *load)

@@ -22,3 +22,20 @@ uint64_t db_driver_commands(const struct db_bus_config *bus, const struct db_dri
 
 	return driver->commands & ~(driver->forbidden ? driver->forbidden(bus, drive) : 0);
 }
+
+double db_driver_velocity_counts(const struct db_driver *driver,
+                                 const struct db_drive_config *drive)
+{
+	double counts = driver->velocity_counts ? driver->velocity_counts(drive) : 1.0;
+
+	return counts > 0.0 ? counts : 1.0;
+}
+
+db_time db_driver_round_time(const struct db_bus_config *bus, size_t addresses, size_t drives)
+{
+	const struct db_driver *driver = bus->driver;
+	db_time further = driver->axis_time ? driver->axis_time(bus) : 0;
+
+	return (db_time)addresses * driver->poll_time(bus) +
+	       (db_time)(drives - addresses) * further;
+}

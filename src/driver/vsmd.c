@@ -1,21 +1,29 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "driver/vsmd.h"
 
+#include <math.h>
 #include <string.h>
 
-/* Homing stands still for a moment between its phases; standing longer than this, at more than a few
- * looks, means that it ended without reaching its end. */
-#define HOMING_STANDSTILL (500 * DB_NS_PER_MS)
+/* Homing stands still for a moment between its phases; standing longer than homing-pause-ms, at more
+ * than a few looks, means that it ended without reaching its end. */
 #define HOMING_LOOKS 5
 
 #define RESENDS_MAX 2
 
-/* How long a drive may take to show that it has begun what it was told. */
-#define EVIDENCE_TIME (10 * DB_NS_PER_MS)
+/* A motion that an older one explains as well is looked at for so long. */
+#define OPEN_TIME (20 * DB_NS_PER_MS)
 
-/* scratch[0] of a motion command: where the drive stood. scratch[1]: these. */
-#define WAS_MOVING 1
-#define RESENDS_SHIFT 8
+/* A drive that does not answer commands is told to switch its motor off this often, until it is. */
+#define OFF_AGAIN (10 * DB_NS_PER_MS)
+
+/* The position from which a relative move is counted is read so often, until two readings agree. */
+#define READINGS_MAX 5
+
+/* The handshake bit of some drives lapses after a while. One that stays for longer than this does not. */
+#define HANDSHAKE_LAPSES (60 * DB_NS_PER_S)
+
+/* What commands change of position, power and homing bit is seen within this and the reaction time. */
+#define TOLD_TIME (500 * DB_NS_PER_MS)
 
 static enum db_step ask(struct vsmd_axis *axis, struct vsmd_command command, bool repeatable,
                         struct db_exchange *exchange, enum db_result *result)
@@ -24,6 +32,9 @@ static enum db_step ask(struct vsmd_axis *axis, struct vsmd_command command, boo
 		axis->begun = VSMD_MOTION_HOMING;
 	if (command.verb == VSMD_SHAKE_CYCLES || command.verb == VSMD_SHAKE_TIME)
 		axis->begun = VSMD_MOTION_SHAKE;
+	if (command.verb == VSMD_ORG || command.verb == VSMD_OFF ||
+	    command.verb == VSMD_ZERO_START || command.verb == VSMD_ZERO_STOP)
+		axis->told_until = axis->heard_at + TOLD_TIME + axis->reaction;
 	return axis->link->ask(axis, &command, repeatable, exchange, result);
 }
 
@@ -140,6 +151,10 @@ void vsmd_axis_init(struct vsmd_axis *axis, const struct vsmd_link *link,
 	axis->link = link;
 	axis->config = drive;
 	axis->save_interval = (db_time)bus->save_interval_s * DB_NS_PER_S;
+	axis->window = drive->in_position_window * drive->counts_per_unit;
+	axis->reaction = (db_time)drive->options[link->first_option] * DB_NS_PER_MS;
+	axis->save_time = (db_time)drive->options[link->first_option + 1] * DB_NS_PER_MS;
+	axis->homing_pause = (db_time)drive->options[link->first_option + 2] * DB_NS_PER_MS;
 }
 
 enum db_result vsmd_check(const struct vsmd_link *link, enum db_command command,
@@ -192,20 +207,48 @@ static unsigned next_output(const struct db_args *args, unsigned port)
 	return 0;
 }
 
-static enum db_step send_output(struct vsmd_axis *axis, struct db_job *job, unsigned port,
-                                struct db_exchange *exchange, enum db_result *result)
+/* The port that a set_outputs is at. */
+static enum db_step ask_output(struct vsmd_axis *axis, const struct db_job *job,
+                               struct db_exchange *exchange, enum db_result *result)
 {
 	const struct db_args *args = &job->request->args;
 
-	port = next_output(args, port);
-	if (port == 0)
-		return done(result, DB_RESULT_OK);
-	job->step = port;
 	return ask(axis,
 	           (struct vsmd_command){ .verb = VSMD_SENSOR_OUT,
-	                                  .port = (uint8_t)port,
-	                                  .value = (args->output_levels >> (port - 1)) & 1 },
+	                                  .port = (uint8_t)job->step,
+	                                  .value = (args->output_levels >> (job->step - 1)) & 1 },
 	           true, exchange, result);
+}
+
+static enum db_step send_output(struct vsmd_axis *axis, struct db_job *job, unsigned port,
+                                struct db_exchange *exchange, enum db_result *result)
+{
+	port = next_output(&job->request->args, port);
+	if (port == 0)
+		return done(result, axis->watch.unproven ? DB_RESULT_UNPROVEN : DB_RESULT_OK);
+	job->step = port;
+	axis->watch.since = 0;
+	axis->watch.said = 0;
+	return ask_output(axis, job, exchange, result);
+}
+
+/* From here on the effect of a command is looked for. */
+static void begin_watch(struct vsmd_axis *axis)
+{
+	const struct vsmd_status *last = &axis->last;
+
+	axis->watch = (struct vsmd_watch){
+		.before = {
+			.moving = !(last->status & VSMD_ST_STP),
+			.status = last->status,
+			.position = last->position,
+			.velocity = last->velocity,
+			.at = axis->heard_at,
+			.goal = axis->goal,
+		},
+		.unproven = axis->watch.unproven,
+		.restarts = axis->restarts,
+	};
 }
 
 enum db_step vsmd_begin_command(struct vsmd_axis *axis, struct db_job *job,
@@ -215,6 +258,10 @@ enum db_step vsmd_begin_command(struct vsmd_axis *axis, struct db_job *job,
 	bool repeatable = !needs_read_back(command) || command == DB_CMD_MOVE_RELATIVE ||
 	                  command == DB_CMD_HOME;
 
+	if (!db_command_is_stop(command)) {
+		axis->watch.unproven = false;
+		begin_watch(axis);
+	}
 	if (command == DB_CMD_SET_OUTPUTS)
 		return send_output(axis, job, 1, exchange, result);
 	if (command == DB_CMD_SAVE_PARAMETERS) {
@@ -224,11 +271,8 @@ enum db_step vsmd_begin_command(struct vsmd_axis *axis, struct db_job *job,
 		axis->last_save = job->started;
 		repeatable = false;
 	}
-	axis->asked_at = 0;
 	if (command == DB_CMD_MOVE_ABSOLUTE)
 		axis->wanted = job->request->args.target_position;
-	job->scratch[0] = axis->last.position;
-	job->scratch[1] = axis->last.status & VSMD_ST_STP ? 0 : WAS_MOVING;
 	return ask(axis, vsmd_command_of(command, &job->request->args), repeatable, exchange,
 	           result);
 }
@@ -242,6 +286,7 @@ static void forget_motion(struct vsmd_axis *axis)
 	axis->fresh = false;
 	axis->stopping = false;
 	axis->standstill_looks = 0;
+	axis->goal = (struct vsmd_goal){ .kind = VSMD_GOAL_REST };
 }
 
 void vsmd_take_identity(struct vsmd_axis *axis, const char *text, size_t length)
@@ -253,7 +298,8 @@ void vsmd_take_identity(struct vsmd_axis *axis, const char *text, size_t length)
 		text++;
 		length -= 2;
 	}
-	memcpy(kept, text, length < sizeof kept ? length : sizeof kept);
+	for (size_t i = 0; i < length && i < sizeof kept && text[i] >= ' '; i++)
+		kept[i] = text[i];
 	if (memcmp(kept, axis->plate.identity, sizeof kept) != 0) {
 		memcpy(axis->plate.identity, kept, sizeof kept);
 		axis->plate.generation++;
@@ -267,6 +313,9 @@ void vsmd_take_settings(struct vsmd_axis *axis, const struct db_request *request
 
 		axis->plate.values[setting->param] = setting->value;
 		axis->plate.valid |= UINT64_C(1) << setting->param;
+		/* A running motor follows the preset speed. */
+		if (setting->param == VSMD_SPD)
+			axis->goal.kind = VSMD_GOAL_UNKNOWN;
 	}
 	axis->plate.generation++;
 }
@@ -277,7 +326,15 @@ static bool stands_for_good(struct vsmd_axis *axis)
 	if (axis->standstill_looks++ == 0)
 		axis->standstill_since = axis->heard_at;
 	return axis->standstill_looks > HOMING_LOOKS &&
-	       axis->heard_at - axis->standstill_since > HOMING_STANDSTILL;
+	       axis->heard_at - axis->standstill_since > axis->homing_pause;
+}
+
+static void found_origin(struct vsmd_axis *axis)
+{
+	axis->homed = true;
+	axis->placed = true;
+	axis->origin_lost = false;
+	axis->told_until = 0;
 }
 
 void vsmd_follow_motion(struct vsmd_axis *axis)
@@ -287,8 +344,10 @@ void vsmd_follow_motion(struct vsmd_axis *axis)
 	axis->fresh = false;
 	if (!(status & VSMD_ST_STP)) {
 		axis->standstill_looks = 0;
-		if (axis->motion == VSMD_MOTION_NONE)
+		if (axis->motion == VSMD_MOTION_NONE) {
 			axis->motion = VSMD_MOTION_UNKNOWN;
+			axis->goal.kind = VSMD_GOAL_UNKNOWN;
+		}
 		return;
 	}
 	axis->stopping = false;
@@ -298,30 +357,173 @@ void vsmd_follow_motion(struct vsmd_axis *axis)
 			forget_motion(axis);
 	} else if (axis->motion != VSMD_MOTION_HOMING) {
 		axis->motion = VSMD_MOTION_NONE;
+		axis->goal.kind = VSMD_GOAL_REST;
 	} else if (status & VSMD_ST_ZERO) {
-		axis->homed = true;
-		axis->origin_lost = false;
+		found_origin(axis);
 		forget_motion(axis);
 	} else if (stands_for_good(axis)) {
 		forget_motion(axis);
 	}
 }
 
+/* --- origin and restarts ------------------------------------------------------------------------- */
+
+static bool dropped(uint32_t before, uint32_t now, uint32_t bit)
+{
+	return (before & ~now & bit) != 0;
+}
+
+/* What it was told before is gone. */
+static void forget_drive(struct vsmd_axis *axis, bool sure)
+{
+	bool counted = !vsmd_is_at(axis, axis->last.position, 0);
+
+	forget_motion(axis);
+	/* From one that was never given an origin, nothing was lost by a time offline. */
+	axis->origin_lost |= axis->placed || axis->homed || counted || sure;
+	axis->homed = false;
+	axis->placed = false;
+	axis->has_target = false;
+	axis->params_valid = false;
+	axis->goal.kind = VSMD_GOAL_UNKNOWN;
+}
+
+/* Standing still where it stood, and not where counters begin: it has gone on counting. */
+static bool counts_on(const struct vsmd_axis *axis, int32_t position)
+{
+	return vsmd_is_at(axis, position, axis->last.position) && !vsmd_is_at(axis, position, 0);
+}
+
+/* A sensor may be set to make its place the origin. */
+static bool sensors_set_origin(const struct vsmd_axis *axis)
+{
+	for (unsigned param = VSMD_S1F; param <= VSMD_S6R; param++) {
+		uint32_t event = axis->plate.values[param].u;
+
+		if ((axis->plate.valid >> param & 1) && (event == 1 || event == 3 || event == 5))
+			return true;
+	}
+	return false;
+}
+
+/* It stood, nobody told it anything, and it stands at 0 now. */
+static bool jumped_home(const struct vsmd_axis *axis, int32_t position, uint32_t word)
+{
+	if (!(axis->last.status & VSMD_ST_STP) || !(word & VSMD_ST_STP) ||
+	    axis->motion != VSMD_MOTION_NONE || axis->begun != VSMD_MOTION_NONE || axis->fresh)
+		return false;
+	return vsmd_is_at(axis, position, 0) && !vsmd_is_at(axis, axis->last.position, 0) &&
+	       !sensors_set_origin(axis);
+}
+
+/* The handshake bit alone proves little: in some drives it lapses. Believed the first time, and when it
+ * stood for long. */
+static bool dropped_handshake(struct vsmd_axis *axis, int32_t position, uint32_t word)
+{
+	bool long_set = axis->heard_at - axis->handshake_since > HANDSHAKE_LAPSES;
+
+	if (!dropped(axis->last.status, word, VSMD_ST_HS))
+		return false;
+	if ((axis->last.status & word & VSMD_ST_ZERO) || counts_on(axis, position) ||
+	    !(word & VSMD_ST_STP)) {
+		axis->handshake_lapses = true;
+		return false;
+	}
+	if (axis->handshake_lapses && !long_set)
+		return false;
+	axis->handshake_lapses = true;
+	return true;
+}
+
+/* The highest speed that it may have had since it was read last, as far as is known. */
+static double top_speed(const struct vsmd_axis *axis)
+{
+	bool known = axis->plate.valid >> VSMD_SPD & 1;
+	double preset = known ? (double)axis->plate.values[VSMD_SPD].f : (double)VSMD_SPEED_MAX;
+	double seen = fmax(fabs((double)axis->last.velocity), fabs((double)axis->process.velocity));
+
+	return fmax(fmax(preset, seen), fabs((double)axis->goal.velocity));
+}
+
+/* It moved, and stands at 0 now, sooner than it could have come there. */
+static bool jumped_from_motion(const struct vsmd_axis *axis, int32_t position, uint32_t word,
+                               db_time now)
+{
+	double way = fabs((double)axis->last.position - (double)position);
+	double time = (double)(now - axis->heard_at) / (double)DB_NS_PER_S;
+
+	if ((axis->last.status & VSMD_ST_STP) || !(word & VSMD_ST_STP) ||
+	    !vsmd_is_at(axis, position, 0) || sensors_set_origin(axis))
+		return false;
+	return way > 2.0 * top_speed(axis) * time + axis->window;
+}
+
+/* Whether the drive has begun to count anew since it was read last. */
+static bool has_restarted(struct vsmd_axis *axis, int32_t position, uint32_t word, db_time now)
+{
+	uint32_t before = axis->last.status;
+
+	if (axis->away)
+		return !(before & word & VSMD_ST_ZERO) && !counts_on(axis, position);
+	/* Homing moves the origin, and so do some commands. */
+	if (axis->motion == VSMD_MOTION_HOMING || axis->begun == VSMD_MOTION_HOMING ||
+	    axis->heard_at <= axis->told_until || (word & ~before & VSMD_ST_ZERO))
+		return false;
+	if (dropped(before, word, VSMD_ST_PWR) || dropped(before, word, VSMD_ST_ZERO))
+		return !counts_on(axis, position);
+	return dropped_handshake(axis, position, word) || jumped_home(axis, position, word) ||
+	       jumped_from_motion(axis, position, word, now);
+}
+
+/*
+ * The homing bit says that the drive has found its origin, whoever told it to; but it stays set in a
+ * drive that was disabled since, whose counter began anew.
+ */
+static void follow_origin(struct vsmd_axis *axis, uint32_t before, bool first)
+{
+	uint32_t word = axis->last.status;
+
+	if (!(word & VSMD_ST_ZERO)) {
+		axis->zero_is_old = false;
+		return;
+	}
+	if (axis->zero_is_old || !(word & VSMD_ST_STP) || axis->motion == VSMD_MOTION_HOMING)
+		return;
+	if (first ? (word & VSMD_ST_PWR) != 0 : !(before & VSMD_ST_ZERO))
+		found_origin(axis);
+}
+
 void vsmd_take_confirmation(struct vsmd_axis *axis, int32_t position, uint32_t word, db_time now)
 {
-	bool hs = (word & VSMD_ST_HS) != 0;
+	uint32_t before = axis->last.status;
+	bool first = !axis->known;
 
-	if (axis->handshaken && !hs) {
-		/* It lost power between two polls: what it was told before is gone. */
-		forget_motion(axis);
-		axis->homed = false;
-		axis->origin_lost = true;
-		axis->has_target = false;
-		axis->params_valid = false;
+	if (!first && has_restarted(axis, position, word, now)) {
+		axis->restarts++;
+		forget_drive(axis, !axis->away);
+		axis->zero_is_old = (before & word & VSMD_ST_ZERO) != 0;
 	}
-	axis->handshaken = hs;
+	if (word & ~before & VSMD_ST_HS)
+		axis->handshake_since = now;
+	axis->known = true;
+	axis->away = false;
 	axis->last.position = position;
 	axis->last.status = word;
+	axis->heard_at = now;
+	follow_origin(axis, before, first);
+}
+
+void vsmd_take_speed(struct vsmd_axis *axis, float velocity)
+{
+	axis->last.velocity = velocity;
+	if (!axis->watch.has_speed)
+		axis->watch.first_speed = velocity;
+	axis->watch.has_speed = true;
+}
+
+void vsmd_take_position(struct vsmd_axis *axis, int32_t position, db_time now)
+{
+	axis->last.position = position;
 	axis->heard_at = now;
 }
 
@@ -341,6 +543,7 @@ static void start_motion(struct vsmd_axis *axis, enum vsmd_motion motion)
 	axis->fresh = true;
 	axis->stopping = false;
 	axis->standstill_looks = 0;
+	axis->goal.kind = VSMD_GOAL_UNKNOWN;
 	if (motion != VSMD_MOTION_DISCRETE)
 		axis->has_target = false;
 }
@@ -358,6 +561,7 @@ static void stop_motion(struct vsmd_axis *axis)
 		axis->stopping = true;
 		axis->fresh = true;
 	}
+	axis->goal.kind = VSMD_GOAL_REST;
 	axis->has_target = false;
 }
 
@@ -367,6 +571,22 @@ static void take_target(struct vsmd_axis *axis)
 	axis->target = axis->wanted;
 }
 
+/* The drive was told something that may have come to it, or not. */
+static void doubt_motion(struct vsmd_axis *axis, const struct db_job *job)
+{
+	if (db_command_is_motion(job->request->command))
+		axis->goal.kind = VSMD_GOAL_UNKNOWN;
+}
+
+static void run_with(struct vsmd_axis *axis, float velocity)
+{
+	start_motion(axis, VSMD_MOTION_CONTINUOUS);
+	axis->goal = (struct vsmd_goal){
+		.kind = isnan(velocity) ? VSMD_GOAL_UNKNOWN : VSMD_GOAL_VELOCITY,
+		.velocity = velocity,
+	};
+}
+
 /* The drive confirmed a command: what that means for the axis. */
 static void carried_out(struct vsmd_axis *axis, const struct db_job *job)
 {
@@ -374,13 +594,19 @@ static void carried_out(struct vsmd_axis *axis, const struct db_job *job)
 
 	switch (job->request->command) {
 	case DB_CMD_MOVE_VELOCITY:
+		run_with(axis, args->target_velocity);
+		break;
 	case DB_CMD_MOVE_PRESET:
-		start_motion(axis, VSMD_MOTION_CONTINUOUS);
+		run_with(axis, vsmd_preset_speed(axis));
 		break;
 	case DB_CMD_MOVE_ABSOLUTE:
 	case DB_CMD_MOVE_RELATIVE:
 		start_motion(axis, VSMD_MOTION_DISCRETE);
 		take_target(axis);
+		axis->goal = (struct vsmd_goal){
+			.kind = VSMD_GOAL_POSITION,
+			.position = axis->wanted,
+		};
 		break;
 	case DB_CMD_HOME:
 		axis->homed = false;
@@ -398,14 +624,21 @@ static void carried_out(struct vsmd_axis *axis, const struct db_job *job)
 		break;
 	case DB_CMD_SET_POSITION:
 		axis->origin_lost = false;
+		axis->placed = true;
+		axis->told_until = 0; /* it was seen */
 		axis->has_target = false;
-		axis->last.position = args->target_position;
-		axis->process.position = args->target_position;
+		/* Where it was to go is counted anew, too, and nobody says which way. */
+		if (axis->goal.kind == VSMD_GOAL_POSITION)
+			axis->goal.kind = VSMD_GOAL_UNKNOWN;
+		axis->process.position = axis->last.position;
 		break;
 	case DB_CMD_DISABLE: /* section 2.4.3: the position becomes 0, the origin is lost */
 		forget_motion(axis);
 		axis->homed = false;
+		axis->placed = false;
+		axis->told_until = 0;
 		axis->origin_lost = true;
+		axis->zero_is_old = (axis->last.status & VSMD_ST_ZERO) != 0;
 		axis->has_target = false;
 		break;
 	default:
@@ -418,8 +651,24 @@ static void carried_out(struct vsmd_axis *axis, const struct db_job *job)
 static enum db_step confirmed(struct vsmd_axis *axis, const struct db_job *job,
                               enum db_result *result)
 {
+	bool proven = vsmd_shows_its_effect(axis->link, job->request->command) &&
+	              (db_command_is_stop(job->request->command) || !axis->watch.unproven);
+
 	carried_out(axis, job);
-	return done(result, DB_RESULT_OK);
+	return done(result, proven ? DB_RESULT_OK : DB_RESULT_UNPROVEN);
+}
+
+static enum db_step failed(struct vsmd_axis *axis, const struct db_job *job, enum db_result why,
+                           enum db_result *result)
+{
+	doubt_motion(axis, job);
+	return done(result, why);
+}
+
+static enum db_step look(struct vsmd_axis *axis, enum vsmd_look look, struct db_exchange *exchange,
+                         enum db_result *result)
+{
+	return axis->link->look(axis, look, exchange, result);
 }
 
 /* `stp` is documented for the velocity and position modes; homing and shaking have their own ends. */
@@ -442,56 +691,22 @@ static enum vsmd_end next_end(const struct vsmd_axis *axis, const struct db_job 
 	return VSMD_NO_END;
 }
 
-/*
- * Whether the status that was read behind a command shows that it had an effect. Only asked where
- * answers do not tell: of commands whose effect does not show, true.
- */
-static bool is_evident(const struct vsmd_axis *axis, const struct db_job *job)
-{
-	const struct db_args *args = &job->request->args;
-	uint32_t status = axis->last.status;
-	bool stands = (status & VSMD_ST_STP) != 0;
-
-	switch (job->request->command) {
-	case DB_CMD_MOVE_ABSOLUTE:
-		return !stands || axis->last.position == args->target_position;
-	case DB_CMD_MOVE_RELATIVE:
-		return !stands || axis->last.position == axis->wanted;
-	case DB_CMD_MOVE_VELOCITY:
-		return !stands || !(args->target_velocity > 0.0f || args->target_velocity < 0.0f);
-	case DB_CMD_MOVE_PRESET:
-		return !stands;
-	case DB_CMD_HOME:
-		return job->step == VSMD_FIRST || !stands || (status & VSMD_ST_ZERO);
-	case DB_CMD_SHAKE_START:
-	case DB_CMD_SHAKE_START_TIME:
-		return !stands || (status & VSMD_ST_ACT);
-	case DB_CMD_SET_POSITION:
-		return !stands || axis->last.position == args->target_position;
-	case DB_CMD_STOP:
-	case DB_CMD_QUICK_STOP:
-		return stands || next_end(axis, job) != VSMD_NO_END;
-	case DB_CMD_CLEAR_FAULT:
-		return !(status & VSMD_ST_ENC_ERR);
-	default:
-		return true;
-	}
-}
-
-/* Has the power stage followed enable or disable? It may be a status too early in the answer. */
+/* Has the power stage followed disable? It takes its time. scratch[0]: when that was first asked;
+ * scratch[1]: when it was told last. */
 static enum db_step check_power(struct vsmd_axis *axis, struct db_job *job,
                                 struct db_exchange *exchange, enum db_result *result)
 {
-	bool wanted = job->request->command == DB_CMD_ENABLE;
-	bool powered = (axis->last.status & VSMD_ST_PWR) != 0;
-
-	if (powered == wanted)
+	if (!(axis->last.status & VSMD_ST_PWR))
 		return confirmed(axis, job, result);
-	if (job->step < VSMD_THIRD) {
-		job->step++;
-		return ask_verb(axis, VSMD_STS, exchange, result);
-	}
-	return done(result, DB_RESULT_FAILED);
+	if (job->step == VSMD_FIRST)
+		job->scratch[0] = job->scratch[1] = axis->heard_at;
+	job->step = VSMD_SECOND;
+	if (axis->heard_at - job->scratch[0] >= axis->reaction)
+		return done(result, DB_RESULT_FAILED);
+	if (axis->link->acknowledges || axis->heard_at - job->scratch[1] < OFF_AGAIN)
+		return look(axis, VSMD_LOOK_STATUS, exchange, result);
+	job->scratch[1] = axis->heard_at;
+	return ask_verb(axis, VSMD_OFF, exchange, result);
 }
 
 static enum db_step after_stop(struct vsmd_axis *axis, struct db_job *job,
@@ -517,6 +732,16 @@ static enum db_step send_target(struct vsmd_axis *axis, struct db_job *job,
 	           exchange, result);
 }
 
+/* Two readings of the position from which a relative move is counted, in different frames: one of
+ * them may be older than the question. */
+static bool agree(const struct vsmd_axis *axis, int32_t first, db_time since)
+{
+	double seconds = (double)(axis->heard_at - since) / (double)DB_NS_PER_S;
+	double way = axis->last.status & VSMD_ST_STP ? 0.0 : (double)VSMD_SPEED_MAX * seconds;
+
+	return fabs((double)axis->last.position - (double)first) <= axis->window + way;
+}
+
 static enum db_step after_relative(struct vsmd_axis *axis, struct db_job *job,
                                    struct db_exchange *exchange, enum db_result *result)
 {
@@ -524,6 +749,20 @@ static enum db_step after_relative(struct vsmd_axis *axis, struct db_job *job,
 
 	if (job->step != VSMD_FIRST)
 		return confirmed(axis, job, result);
+	/* An answer that is waited for alone cannot be overtaken. */
+	if (!axis->link->acknowledges) {
+		unsigned readings = axis->watch.readings++;
+		bool agreed = readings % 2 == 1 &&
+		              agree(axis, (int32_t)job->scratch[0], job->scratch[1]);
+
+		job->scratch[0] = axis->last.position;
+		job->scratch[1] = axis->heard_at;
+		if (!agreed && readings >= READINGS_MAX)
+			return done(result, DB_RESULT_FAILED);
+		if (!agreed)
+			return look(axis, readings % 2 == 0 ? VSMD_LOOK_POSITION : VSMD_LOOK_STATUS,
+			            exchange, result);
+	}
 	target = (int64_t)axis->last.position + job->request->args.target_position;
 	if (target < INT32_MIN || target > INT32_MAX)
 		return done(result, DB_RESULT_OUT_OF_RANGE);
@@ -532,51 +771,98 @@ static enum db_step after_relative(struct vsmd_axis *axis, struct db_job *job,
 	    (double)target / axis->config->counts_per_unit > axis->config->max_position)
 		return done(result, DB_RESULT_LIMIT);
 	axis->wanted = (int32_t)target;
-	job->scratch[0] = axis->last.position;
-	job->scratch[1] = axis->last.status & VSMD_ST_STP ? 0 : WAS_MOVING;
+	begin_watch(axis);
 	return send_target(axis, job, exchange, result);
 }
 
-/* Sends a motion command again that the drive demonstrably did not receive. */
-static enum db_step resend(struct vsmd_axis *axis, struct db_job *job, struct db_exchange *exchange,
-                           enum db_result *result)
+/* Says a command again. Only where that is harmless, or the drive demonstrably did not take it. */
+static enum db_step say_again(struct vsmd_axis *axis, struct db_job *job,
+                              struct db_exchange *exchange, enum db_result *result)
 {
 	enum db_command command = job->request->command;
 
-	if (job->scratch[1] >> RESENDS_SHIFT >= RESENDS_MAX)
-		return done(result, DB_RESULT_TIMEOUT);
-	job->scratch[1] += 1 << RESENDS_SHIFT;
+	axis->watch.said++;
+	axis->watch.since = 0;
+	axis->watch.speed_next = false;
 	if (command == DB_CMD_MOVE_RELATIVE)
 		return send_target(axis, job, exchange, result);
-	job->step = command == DB_CMD_HOME ? VSMD_SECOND : VSMD_FIRST;
-	if (command == DB_CMD_HOME)
+	if (command == DB_CMD_HOME && job->step != VSMD_FIRST) {
+		job->step = VSMD_SECOND;
 		return ask(axis, (struct vsmd_command){ .verb = VSMD_ZERO_START }, false, exchange,
 		           result);
-	return ask(axis, vsmd_command_of(command, &job->request->args), false, exchange, result);
+	}
+	if (command == DB_CMD_SET_OUTPUTS)
+		return ask_output(axis, job, exchange, result);
+	job->step = VSMD_FIRST;
+	return ask(axis, vsmd_command_of(command, &job->request->args), !needs_read_back(command),
+	           exchange, result);
 }
 
-/*
- * The effect of a command does not show (yet). Looks again for a while, then says it again where
- * that is harmless. A stop is said again at once; that its deceleration is long is no failure.
- */
-static enum db_step look_again(struct vsmd_axis *axis, struct db_job *job,
-                               struct db_exchange *exchange, enum db_result *result)
+/* A place is another one now, and whoever asked for it does not know. */
+static bool has_restarted_since(const struct vsmd_axis *axis)
+{
+	return axis->watch.restarts != axis->restarts;
+}
+
+/* Homing or shaking that began unnoticed must not begin anew. */
+static bool may_be_said_again(const struct vsmd_axis *axis, const struct db_job *job)
 {
 	enum db_command command = job->request->command;
-	bool again = job->scratch[1] >> RESENDS_SHIFT < RESENDS_MAX;
 
-	if (db_command_is_stop(command))
-		return again ? resend(axis, job, exchange, result) : confirmed(axis, job, result);
-	if (axis->asked_at == 0)
-		axis->asked_at = axis->heard_at;
-	if (axis->heard_at - axis->asked_at < EVIDENCE_TIME)
-		return ask_verb(axis, VSMD_STS, exchange, result);
-	axis->asked_at = 0;
-	/* Homing or shaking that began unnoticed must not begin anew. */
-	if (again && command != DB_CMD_HOME && command != DB_CMD_SHAKE_START &&
-	    command != DB_CMD_SHAKE_START_TIME)
-		return resend(axis, job, exchange, result);
-	return done(result, DB_RESULT_FAILED);
+	return !has_restarted_since(axis) && !axis->link->acknowledges &&
+	       command != DB_CMD_SHAKE_START && command != DB_CMD_SHAKE_START_TIME &&
+	       !(command == DB_CMD_HOME && job->step != VSMD_FIRST);
+}
+
+/* The output ports' levels are not documented to show: what is seen of them proves, its lack does not. */
+static bool may_hide_its_effect(const struct vsmd_axis *axis, const struct db_job *job)
+{
+	const struct db_args *args = &job->request->args;
+	enum db_command command = job->request->command;
+	unsigned port = command == DB_CMD_SET_OUTPUT ? args->output_number : job->step;
+	unsigned mode = (unsigned)VSMD_S1 + port - 1;
+
+	if (command != DB_CMD_SET_OUTPUT && command != DB_CMD_SET_OUTPUTS)
+		return false;
+	return !(axis->plate.valid >> mode & 1) || axis->plate.values[mode].u == 1;
+}
+
+static enum db_step go_on(struct vsmd_axis *axis, struct db_job *job, struct db_exchange *exchange,
+                          enum db_result *result);
+
+/* The effect of a command does not show (yet), or something else may have caused it. */
+static enum db_step look_again(struct vsmd_axis *axis, struct db_job *job, enum vsmd_effect effect,
+                               struct db_exchange *exchange, enum db_result *result)
+{
+	struct vsmd_watch *watch = &axis->watch;
+	db_time elapsed;
+
+	if (watch->since == 0)
+		watch->since = axis->heard_at;
+	elapsed = axis->heard_at - watch->since;
+	/* Said a second time at once: that both frames are lost is unlikely. */
+	if (effect == VSMD_EFFECT_OPEN && watch->said == 0 && may_be_said_again(axis, job) &&
+	    job->request->command != DB_CMD_SET_POSITION) {
+		db_time since = watch->since;
+		enum db_step step = say_again(axis, job, exchange, result);
+
+		watch->since = since;
+		return step;
+	}
+	if (elapsed < (effect == VSMD_EFFECT_OPEN && axis->reaction > OPEN_TIME ? OPEN_TIME :
+	                                                                          axis->reaction)) {
+		watch->speed_next = !watch->speed_next && watch->before.moving &&
+		                    needs_read_back(job->request->command);
+		return look(axis, watch->speed_next ? VSMD_LOOK_SPEED : VSMD_LOOK_STATUS, exchange,
+		            result);
+	}
+	if (effect == VSMD_EFFECT_ABSENT && watch->said < RESENDS_MAX &&
+	    may_be_said_again(axis, job))
+		return say_again(axis, job, exchange, result);
+	if (effect == VSMD_EFFECT_ABSENT && !may_hide_its_effect(axis, job))
+		return failed(axis, job, DB_RESULT_FAILED, result);
+	watch->unproven = true;
+	return go_on(axis, job, exchange, result);
 }
 
 /* The answer to a motion command or set_position was lost: what does the drive itself say? */
@@ -584,34 +870,43 @@ static enum db_step resolve(struct vsmd_axis *axis, struct db_job *job,
                             struct db_exchange *exchange, enum db_result *result)
 {
 	const struct vsmd_status *now = &axis->last;
+	const struct vsmd_before *before = &axis->watch.before;
 	enum db_command command = job->request->command;
 	bool positions = command == DB_CMD_MOVE_ABSOLUTE || command == DB_CMD_MOVE_RELATIVE;
 	bool stands = (now->status & VSMD_ST_STP) != 0;
-	bool stood = !(job->scratch[1] & WAS_MOVING);
-	bool unmoved = stood && stands && now->position == job->scratch[0];
+	bool unmoved = !before->moving && stands &&
+	               vsmd_is_at(axis, now->position, before->position);
+	bool again = axis->watch.said < RESENDS_MAX && !has_restarted_since(axis);
 
+	if (positions && stands && vsmd_is_at(axis, now->position, axis->wanted))
+		return confirmed(axis, job, result);
 	if (unmoved && (now->status & VSMD_ST_CMD_WRG))
 		return done(result, DB_RESULT_REFUSED);
-	if (command == DB_CMD_SET_POSITION) {
-		if (stands && now->position == job->request->args.target_position)
-			return confirmed(axis, job, result);
-		return unmoved ? resend(axis, job, exchange, result) :
-		                 done(result, DB_RESULT_INDETERMINATE);
-	}
-	if (positions && stands && now->position == axis->wanted)
+	if (command == DB_CMD_SET_POSITION && stands &&
+	    vsmd_is_at(axis, now->position, job->request->args.target_position))
 		return confirmed(axis, job, result);
-	if (stood && !stands)
+	if (command != DB_CMD_SET_POSITION && !before->moving && !stands)
 		return confirmed(axis, job, result);
 	if (command == DB_CMD_HOME && (now->status & VSMD_ST_ZERO))
 		return confirmed(axis, job, result);
+	if (unmoved && axis->watch.since == 0)
+		axis->watch.since = axis->heard_at;
+	/* It may only be slow to begin. */
+	if (unmoved && axis->heard_at - axis->watch.since < axis->reaction)
+		return look(axis, VSMD_LOOK_STATUS, exchange, result);
 	/* A shake may be over already, back where it began. */
-	if (unmoved && command != DB_CMD_SHAKE_START && command != DB_CMD_SHAKE_START_TIME)
-		return resend(axis, job, exchange, result);
+	if (unmoved && again && command != DB_CMD_SHAKE_START && command != DB_CMD_SHAKE_START_TIME)
+		return say_again(axis, job, exchange, result);
 	/* It moved before and moves still: the same target or speed once more changes nothing. */
-	if (!stood && !stands &&
+	if (before->moving && !stands && again &&
 	    (positions || command == DB_CMD_MOVE_VELOCITY || command == DB_CMD_MOVE_PRESET))
-		return resend(axis, job, exchange, result);
-	return done(result, DB_RESULT_INDETERMINATE);
+		return say_again(axis, job, exchange, result);
+	return failed(axis, job,
+	              unmoved && command != DB_CMD_SHAKE_START &&
+	                              command != DB_CMD_SHAKE_START_TIME ?
+	                      DB_RESULT_TIMEOUT :
+	                      DB_RESULT_INDETERMINATE,
+	              result);
 }
 
 /* A relative move's first exchange only reads. */
@@ -627,23 +922,11 @@ static bool is_precaution(const struct vsmd_axis *axis, const struct db_job *job
 	       to_be_ended(axis) == VSMD_MOTION_UNKNOWN;
 }
 
-enum db_step vsmd_answer_command(struct vsmd_axis *axis, struct db_job *job,
-                                 struct db_exchange *exchange, enum db_result *result)
+/* A part of a command's conversation is done: the next one, or its end. */
+static enum db_step go_on(struct vsmd_axis *axis, struct db_job *job, struct db_exchange *exchange,
+                          enum db_result *result)
 {
-	enum db_command command = job->request->command;
-
-	if (job->step == VSMD_READ_BACK && needs_read_back(command))
-		return resolve(axis, job, exchange, result);
-	/* A model that does not shake may refuse to end it: the stop itself was taken. */
-	axis->refused = (axis->last.status & VSMD_ST_CMD_WRG) != 0 && !is_precaution(axis, job);
-	/* A status read inside a conversation shows the flag of the command before it. */
-	if (axis->refused && !is_preparation(job))
-		return done(result, DB_RESULT_REFUSED);
-	if (!axis->link->acknowledges && !is_preparation(job) && !is_evident(axis, job))
-		return look_again(axis, job, exchange, result);
-	axis->asked_at = 0;
-	switch (command) {
-	case DB_CMD_ENABLE:
+	switch (job->request->command) {
 	case DB_CMD_DISABLE:
 		return check_power(axis, job, exchange, result);
 	case DB_CMD_STOP:
@@ -652,12 +935,12 @@ enum db_step vsmd_answer_command(struct vsmd_axis *axis, struct db_job *job,
 	case DB_CMD_MOVE_RELATIVE:
 		return after_relative(axis, job, exchange, result);
 	case DB_CMD_HOME:
-		if (job->step == VSMD_FIRST) {
-			job->step = VSMD_SECOND;
-			return ask(axis, (struct vsmd_command){ .verb = VSMD_ZERO_START }, false,
-			           exchange, result);
-		}
-		return confirmed(axis, job, result);
+		if (job->step != VSMD_FIRST)
+			return confirmed(axis, job, result);
+		job->step = VSMD_SECOND;
+		begin_watch(axis);
+		return ask(axis, (struct vsmd_command){ .verb = VSMD_ZERO_START }, false, exchange,
+		           result);
 	case DB_CMD_SET_OUTPUTS:
 		return send_output(axis, job, job->step + 1, exchange, result);
 	default:
@@ -665,16 +948,47 @@ enum db_step vsmd_answer_command(struct vsmd_axis *axis, struct db_job *job,
 	}
 }
 
+static bool is_refused(const struct vsmd_axis *axis, const struct db_job *job)
+{
+	/* A model that does not shake may refuse to end it: the stop itself was taken. And a status read
+	 * inside a conversation shows the flag of the command before it. */
+	return (axis->last.status & VSMD_ST_CMD_WRG) != 0 && !is_precaution(axis, job);
+}
+
+enum db_step vsmd_answer_command(struct vsmd_axis *axis, struct db_job *job,
+                                 struct db_exchange *exchange, enum db_result *result)
+{
+	enum vsmd_effect effect;
+
+	if (job->step == VSMD_READ_BACK && needs_read_back(job->request->command))
+		return resolve(axis, job, exchange, result);
+	if (is_preparation(job))
+		return go_on(axis, job, exchange, result);
+	axis->refused = is_refused(axis, job);
+	if (axis->refused)
+		return done(result, DB_RESULT_REFUSED);
+	/* Whether it stops is for the scheduler to see. */
+	if (db_command_is_stop(job->request->command))
+		return go_on(axis, job, exchange, result);
+	effect = vsmd_effect_of(axis, job);
+	/* That the drive acknowledged it and moves as it should is enough. */
+	if (effect != VSMD_EFFECT_SHOWN &&
+	    !(effect == VSMD_EFFECT_OPEN && axis->link->acknowledges))
+		return look_again(axis, job, effect, exchange, result);
+	return go_on(axis, job, exchange, result);
+}
+
 enum db_step vsmd_lost(struct vsmd_axis *axis, struct db_job *job, struct db_exchange *exchange,
                        enum db_result *result)
 {
-	enum db_command command = job->request ? job->request->command : DB_CMD_NONE;
+	enum db_command command;
 	bool reading;
 
 	if (job->kind == DB_JOB_SETTINGS)
 		axis->plate.doubtful = true;
 	if (job->kind != DB_JOB_COMMAND)
 		return done(result, DB_RESULT_TIMEOUT);
+	command = job->request->command;
 	if (command == DB_CMD_SAVE_PARAMETERS)
 		return done(result, DB_RESULT_INDETERMINATE);
 	if (!needs_read_back(command))
@@ -685,12 +999,13 @@ enum db_step vsmd_lost(struct vsmd_axis *axis, struct db_job *job, struct db_exc
 	if (reading)
 		return done(result, DB_RESULT_TIMEOUT);
 	if (job->step == VSMD_READ_BACK)
-		return done(result, DB_RESULT_INDETERMINATE);
+		return failed(axis, job, DB_RESULT_INDETERMINATE, result);
 	/* It may have been taken. */
 	if (command == DB_CMD_MOVE_ABSOLUTE || command == DB_CMD_MOVE_RELATIVE)
 		take_target(axis);
+	axis->watch.since = 0;
 	job->step = VSMD_READ_BACK;
-	return ask_verb(axis, VSMD_STS, exchange, result);
+	return look(axis, VSMD_LOOK_STATUS, exchange, result);
 }
 
 /* --- state ------------------------------------------------------------------------------------- */
@@ -698,6 +1013,17 @@ enum db_step vsmd_lost(struct vsmd_axis *axis, struct db_job *job, struct db_exc
 static uint16_t inputs_of(uint32_t status)
 {
 	return (uint16_t)((status & 0xFu) | ((status >> 12) & 0x30u));
+}
+
+unsigned vsmd_input_ports(const struct db_nameplate *plate)
+{
+	unsigned ports = 0;
+
+	for (unsigned i = 0; i < 6; i++) {
+		if ((plate->valid >> (VSMD_S1 + i) & 1) && plate->values[VSMD_S1 + i].u == 0)
+			ports |= 1u << i;
+	}
+	return ports;
 }
 
 static uint16_t outputs_of(const struct vsmd_axis *axis, uint16_t levels)
@@ -759,7 +1085,7 @@ static uint32_t status_of(const struct vsmd_axis *axis, enum db_axis_state state
 		status |= DB_STATUS_HOMED;
 	if (!stands)
 		status |= DB_STATUS_MOVING;
-	if (stands && axis->has_target && axis->last.position == axis->target)
+	if (stands && axis->has_target && vsmd_is_at(axis, axis->last.position, axis->target))
 		status |= DB_STATUS_AT_TARGET;
 	if (state == DB_AXIS_HOMING)
 		status |= DB_STATUS_HOMING;
@@ -801,4 +1127,6 @@ void vsmd_axis_gone(struct vsmd_axis *axis)
 	axis->params_valid = false;
 	axis->heard = false;
 	axis->fresh = false;
+	axis->away = true;
+	axis->goal.kind = VSMD_GOAL_UNKNOWN;
 }

@@ -19,19 +19,29 @@
 /* What a drive usually needs before it answers; only for predictions, never a time-out. */
 #define TYPICAL_LATENCY (500 * DB_NS_PER_US)
 
-/* Writing the flash: beyond the latency that other commands are given. */
-#define SAVE_TIME (500 * DB_NS_PER_MS)
+/* A register that goes unanswered so often, while what was asked behind it is answered, is one that
+ * this model has not. */
+#define REGISTER_TRIES 2
 
-/* A read of parameters that goes unanswered so often is for registers this model has not. */
-#define BLOCK_TRIES 3
+/* Registers that are asked for at once. */
+#define RUN_MAX 8
 
-/* How many frames a burst can have: four to begin a shake, and the read. */
-#define BURST_MAX 5
+/* How many frames a burst can have: seven to begin a shake, and the read. */
+#define BURST_MAX 8
+
+/* What is asked behind a read of parameters: another register than a probe's. */
+#define GUARD (VSMD_CAN_IDENTITY + 1)
 
 /* Reports are trusted for so many of their intervals. */
 #define REPORT_PATIENCE 3
 
-enum option { OPTION_FRAMES, OPTION_HOST_ID, OPTION_OUTPUT_BASE, OPTION_REPORT_MS };
+enum option {
+	OPTION_FRAMES,
+	OPTION_HOST_ID,
+	OPTION_OUTPUT_BASE,
+	OPTION_REPORT_MS,
+	OPTION_OF_DRIVES, /* and those behind it */
+};
 
 static const struct db_option options[] = {
 	[OPTION_FRAMES] = {
@@ -78,17 +88,8 @@ static const struct db_option options[] = {
 			       "instead of asking them; 0 asks. Drives whose reports do not come "
 			       "are asked",
 	},
+	VSMD_DRIVE_OPTIONS,
 };
-
-/* Runs of registers that hold parameters; those between are reserved and never asked for. */
-static const struct block {
-	uint8_t first;
-	uint8_t count;
-} blocks[] = {
-	{ 0x00, 8 }, { 0x08, 8 }, { 0x10, 3 }, { 0x14, 2 }, { 0x17, 2 },
-	{ 0x1A, 1 }, { 0x1C, 4 }, { 0x20, 5 }, { 0x25, 4 }, { 0x2A, 2 },
-};
-#define BLOCK_COUNT (sizeof blocks / sizeof blocks[0])
 
 struct db_device {
 	struct vsmd_axis axis; /* first: the link is given this */
@@ -104,10 +105,9 @@ struct db_device {
 	bool half_reported;
 	db_time reported_at;
 
-	/* Identification: the block that was asked for last, from 1, and how often in a row each went
-	 * without an answer. */
-	unsigned unanswered;
-	uint8_t block_losses[BLOCK_COUNT];
+	/* Registers: which ones this model has not, and what of a guarded read came. */
+	uint64_t lacks;
+	bool whole; /* the registers that the read behind them guards are there */
 };
 
 static struct vsmd_can_style style_of(const struct db_bus_config *bus)
@@ -153,6 +153,11 @@ static bool add_command(const struct vsmd_can_style *style, unsigned drive,
 	       add_frame(exchange, &frame);
 }
 
+static bool lacks(const struct db_device *device, unsigned reg)
+{
+	return device->lacks >> reg & 1;
+}
+
 /* What an answer of so many registers takes, as wire_time() of transports counts it. */
 static size_t answer_length(unsigned registers)
 {
@@ -193,6 +198,18 @@ static enum db_step add_confirmation(const struct db_device *device, struct db_e
 	                result);
 }
 
+/* Models differ in their registers, and a read that touches one that is not there is not answered at
+ * all. So one that is there is asked for behind it: when that is answered, nothing more will come. */
+static enum db_step add_registers(const struct db_device *device, unsigned first, unsigned count,
+                                  struct db_exchange *exchange, enum db_result *result)
+{
+	if (add_read(device, VSMD_CAN_READ_DATA, first, count, exchange, result) == DB_STEP_DONE ||
+	    add_read(device, VSMD_CAN_READ_STATUS, GUARD, 1, exchange, result) == DB_STEP_DONE)
+		return DB_STEP_DONE;
+	exchange->answer_length = answer_length(count) + answer_length(1);
+	return DB_STEP_SEND;
+}
+
 static enum db_step read_probe(const struct db_device *device, struct db_exchange *exchange,
                                enum db_result *result)
 {
@@ -202,22 +219,29 @@ static enum db_step read_probe(const struct db_device *device, struct db_exchang
 
 /* --- commands -------------------------------------------------------------------------------- */
 
+/* What a shake is to be comes in frames that nothing confirms: each is said twice, so that one that is
+ * lost changes nothing. */
 static size_t shake_frames(const struct vsmd_command *command, enum vsmd_can_shake start,
                            struct vsmd_can_command *frames)
 {
-	frames[0] = (struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
-		                               .shake = VSMD_CAN_SHAKE_START_AT,
-		                               .position = command->shake_start };
-	frames[1] = (struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
-		                               .shake = VSMD_CAN_SHAKE_END_AT,
-		                               .position = command->shake_end };
-	frames[2] = (struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
-		                               .shake = VSMD_CAN_SHAKE_FREQUENCY,
-		                               .shake_frequency = command->shake_frequency };
-	frames[3] = (struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
-		                               .shake = start,
-		                               .shake_count = command->shake_count };
-	return 4;
+	size_t count = 0;
+
+	for (unsigned i = 0; i < 2; i++) {
+		frames[count++] = (struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
+			                                     .shake = VSMD_CAN_SHAKE_START_AT,
+			                                     .position = command->shake_start };
+		frames[count++] = (struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
+			                                     .shake = VSMD_CAN_SHAKE_END_AT,
+			                                     .position = command->shake_end };
+		frames[count++] =
+			(struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
+			                           .shake = VSMD_CAN_SHAKE_FREQUENCY,
+			                           .shake_frequency = command->shake_frequency };
+	}
+	frames[count++] = (struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
+		                                     .shake = start,
+		                                     .shake_count = command->shake_count };
+	return count;
 }
 
 /* The codes of the commands that one frame carries. */
@@ -293,14 +317,35 @@ static enum db_step link_ask(struct vsmd_axis *axis, const struct vsmd_command *
 			return done(result, DB_RESULT_OUT_OF_RANGE);
 	}
 	if (command->verb == VSMD_SAV)
-		exchange->extra_time = SAVE_TIME;
+		exchange->extra_time = axis->save_time;
 	return add_confirmation(device, exchange, result);
+}
+
+static enum db_step link_look(struct vsmd_axis *axis, enum vsmd_look look,
+                              struct db_exchange *exchange, enum db_result *result)
+{
+	const struct db_device *device = (const struct db_device *)axis;
+
+	start_burst(exchange, true);
+	switch (look) {
+	case VSMD_LOOK_SPEED:
+		return add_read(device, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED, 1, exchange,
+		                result);
+	case VSMD_LOOK_POSITION:
+		return add_read(device, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_POSITION, 1, exchange,
+		                result);
+	case VSMD_LOOK_STATUS:
+	default:
+		return add_confirmation(device, exchange, result);
+	}
 }
 
 static const struct vsmd_link can_link = {
 	.acknowledges = false,
 	.shake_frequency_min = VSMD_SHAKE_FREQ_MIN_CAN,
+	.first_option = OPTION_OF_DRIVES,
 	.ask = link_ask,
+	.look = link_look,
 };
 
 static enum db_result can_check(const struct db_bus_config *bus,
@@ -373,7 +418,7 @@ static enum db_step write_register(struct db_device *device, struct db_job *job,
 	start_burst(exchange, true);
 	if (!add_frame(exchange, &frame))
 		return done(result, DB_RESULT_FAILED);
-	return add_read(device, VSMD_CAN_READ_DATA, reg, 1, exchange, result);
+	return add_registers(device, reg, 1, exchange, result);
 }
 
 /* A register that holds several parameters is read first, so that the others stay as they are. */
@@ -393,17 +438,53 @@ static enum db_step next_register(struct db_device *device, struct db_job *job, 
 		return write_register(device, job, 0, exchange, result);
 	job->step = VSMD_FIRST;
 	start_burst(exchange, true);
-	return add_read(device, VSMD_CAN_READ_DATA, reg, 1, exchange, result);
+	return add_registers(device, reg, 1, exchange, result);
 }
 
+/* What a register holds, for the parameters in it; their bits. */
+static uint64_t take_register(struct db_device *device, unsigned reg, uint32_t raw)
+{
+	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+	size_t count = vsmd_can_params_of(reg, params);
+	uint64_t taken = 0;
+
+	for (size_t i = 0; i < count; i++) {
+		if (vsmd_can_extract(params[i], raw, &device->axis.plate.values[params[i]]) ==
+		    VSMD_OK)
+			taken |= UINT64_C(1) << params[i];
+	}
+	return taken;
+}
+
+/* A register that is not answered is asked for once more; it may have been a lost frame. */
+static enum db_step settings_unanswered(struct db_device *device, struct db_job *job,
+                                        struct db_exchange *exchange, enum db_result *result)
+{
+	unsigned reg = reg_of(job->request, (size_t)job->scratch[0]);
+
+	if (job->step == VSMD_THIRD || job->step == VSMD_READ_BACK) {
+		device->axis.plate.doubtful = true;
+		return done(result, DB_RESULT_UNSUPPORTED);
+	}
+	job->step = job->step == VSMD_FIRST ? VSMD_THIRD : VSMD_READ_BACK;
+	start_burst(exchange, true);
+	return add_registers(device, reg, 1, exchange, result);
+}
+
+/* FIRST, THIRD: the register before it is written. SECOND, READ_BACK: behind that. */
 static enum db_step answer_settings(struct db_device *device, struct db_job *job,
                                     struct db_exchange *exchange, enum db_result *result)
 {
-	if (job->step == VSMD_FIRST)
+	if (!device->whole)
+		return settings_unanswered(device, job, exchange, result);
+	if (job->step == VSMD_FIRST || job->step == VSMD_THIRD)
 		return write_register(device, job, device->answer.values[0], exchange, result);
 	if (device->answer.values[0] != (uint32_t)job->scratch[1]) {
-		/* Which of several settings it took is unknown: read all of them again. */
-		device->axis.plate.doubtful = true;
+		/* What it holds instead is shown. */
+		device->axis.plate.valid |= take_register(device, device->answer.id.reg,
+		                                          device->answer.values[0]);
+		device->axis.plate.generation++;
+		device->axis.plate.doubtful |= job->request->setting_count > 1;
 		device->axis.refused = true;
 		return done(result, DB_RESULT_REFUSED);
 	}
@@ -412,7 +493,37 @@ static enum db_step answer_settings(struct db_device *device, struct db_job *job
 
 /* --- identity and parameters ------------------------------------------------------------------- */
 
-/* scratch[0]: the next block. scratch[1]: the parameters found, as bits. */
+/*
+ * step: FIRST is the identity, then SECOND. scratch[1]: the parameters found, as bits. scratch[0]: the
+ * registers asked for (first, and how many), and those among which one is that was not answered (up
+ * to which, how many are asked for at once, and how often).
+ */
+struct search {
+	unsigned first;
+	unsigned count;
+	unsigned suspect_end;
+	unsigned run;
+	unsigned tries;
+};
+
+static struct search unpack_search(const struct db_job *job)
+{
+	uint64_t packed = (uint64_t)job->scratch[0];
+
+	return (struct search){
+		.first = packed & 0xFF,
+		.count = packed >> 8 & 0xFF,
+		.suspect_end = packed >> 16 & 0xFF,
+		.run = packed >> 24 & 0xFF,
+		.tries = packed >> 32 & 0xFF,
+	};
+}
+
+static void pack_search(struct db_job *job, const struct search *search)
+{
+	job->scratch[0] = (int64_t)(search->first | search->count << 8 | search->suspect_end << 16 |
+	                            search->run << 24 | (uint64_t)search->tries << 32);
+}
 
 /* Reporting is set anew each time a drive is identified: it may have restarted, or another master
  * have set it otherwise. */
@@ -426,11 +537,6 @@ static enum db_step begin_identify(struct db_device *device, struct db_job *job,
 		.interval = (uint16_t)(device->report_interval / DB_NS_PER_MS),
 	};
 
-	/* The last attempt ended at this block without an answer. */
-	if (device->unanswered > 0 && device->block_losses[device->unanswered - 1] < BLOCK_TRIES)
-		device->block_losses[device->unanswered - 1]++;
-	device->unanswered = 0;
-	job->scratch[0] = 0;
 	job->scratch[1] = 0;
 	job->step = VSMD_FIRST;
 	start_burst(exchange, true);
@@ -442,57 +548,65 @@ static enum db_step begin_identify(struct db_device *device, struct db_job *job,
 
 static void take_identity(struct db_device *device)
 {
+	uint32_t generation = device->axis.plate.generation;
 	char text[VSMD_CAN_IDENTITY_MAX + 1];
 	int length = vsmd_can_get_identity(device->answer.values, text);
 
 	if (length > 0)
 		vsmd_take_identity(&device->axis, text, (size_t)length);
+	/* Another model. */
+	if (device->axis.plate.generation != generation)
+		device->lacks = 0;
 }
 
-static void take_block(struct db_device *device, struct db_job *job)
+static bool is_parameter(const struct db_device *device, unsigned reg)
 {
-	const struct vsmd_can_answer *answer = &device->answer;
+	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
 
-	device->block_losses[job->scratch[0] - 1] = 0;
-	device->unanswered = 0;
-	for (unsigned i = 0; i < answer->count; i++) {
-		enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
-		size_t count = vsmd_can_params_of(answer->id.reg + i, params);
+	return vsmd_can_params_of(reg, params) > 0 && !lacks(device, reg) &&
+	       vsmd_can_reg_reachable(reg, device->style.extended);
+}
 
-		for (size_t j = 0; j < count; j++) {
-			if (vsmd_can_extract(params[j], answer->values[i],
-			                     &device->axis.plate.values[params[j]]) == VSMD_OK)
-				job->scratch[1] |= INT64_C(1) << params[j];
-		}
+/* The next run of registers with parameters, from search->first on. False at the end. */
+static bool next_run(const struct db_device *device, struct search *search)
+{
+	unsigned run;
+
+	while (search->first <= VSMD_CAN_DATA_LAST && !is_parameter(device, search->first))
+		search->first++;
+	run = search->first < search->suspect_end ? search->run : RUN_MAX;
+	search->count = 0;
+	while (search->count < run && search->first + search->count <= VSMD_CAN_DATA_LAST &&
+	       is_parameter(device, search->first + search->count))
+		search->count++;
+	return search->count > 0;
+}
+
+/* Whether the run is to be asked for again, or less of it. */
+static bool narrow(struct db_device *device, struct search *search)
+{
+	if (search->count > 1) {
+		search->suspect_end = search->first + search->count;
+		search->run = search->count / 2;
+		search->tries = 0;
+		return true;
 	}
+	if (++search->tries < REGISTER_TRIES)
+		return true;
+	device->lacks |= UINT64_C(1) << search->first;
+	search->tries = 0;
+	return false;
 }
 
-/* So much of a block as frames of this kind reach. */
-static unsigned reachable(const struct db_device *device, const struct block *block)
-{
-	unsigned count = 0;
-
-	while (count < block->count &&
-	       vsmd_can_reg_reachable(block->first + count, device->style.extended))
-		count++;
-	return count;
-}
-
-static enum db_step next_block(struct db_device *device, struct db_job *job,
-                               struct db_exchange *exchange, enum db_result *result)
+static enum db_step ask_run(struct db_device *device, struct db_job *job, struct search *search,
+                            struct db_exchange *exchange, enum db_result *result)
 {
 	struct vsmd_axis *axis = &device->axis;
 
-	while (job->scratch[0] < (int64_t)BLOCK_COUNT) {
-		size_t i = (size_t)job->scratch[0]++;
-		const struct block *block = &blocks[i];
-		unsigned count = reachable(device, block);
-
-		if (count == 0 || device->block_losses[i] >= BLOCK_TRIES)
-			continue;
-		device->unanswered = (unsigned)i + 1;
+	if (next_run(device, search)) {
+		pack_search(job, search);
 		start_burst(exchange, true);
-		return add_read(device, VSMD_CAN_READ_DATA, block->first, count, exchange, result);
+		return add_registers(device, search->first, search->count, exchange, result);
 	}
 	axis->plate.valid = (uint64_t)job->scratch[1];
 	axis->plate.generation++;
@@ -504,13 +618,27 @@ static enum db_step next_block(struct db_device *device, struct db_job *job,
 static enum db_step answer_identify(struct db_device *device, struct db_job *job,
                                     struct db_exchange *exchange, enum db_result *result)
 {
+	struct search search = { .first = VSMD_CAN_DATA_FIRST };
+
 	if (job->step == VSMD_FIRST) {
 		take_identity(device);
 		job->step = VSMD_SECOND;
-	} else {
-		take_block(device, job);
+		return ask_run(device, job, &search, exchange, result);
 	}
-	return next_block(device, job, exchange, result);
+	search = unpack_search(job);
+	if (device->whole) {
+		for (unsigned i = 0; i < search.count; i++)
+			job->scratch[1] |= (int64_t)take_register(device, search.first + i,
+			                                          device->answer.values[i]);
+		/* What is known is shown at once. */
+		device->axis.plate.valid |= (uint64_t)job->scratch[1];
+		device->axis.plate.generation++;
+		search.first += search.count;
+		search.tries = 0;
+	} else if (!narrow(device, &search)) {
+		search.first += search.count;
+	}
+	return ask_run(device, job, &search, exchange, result);
 }
 
 /* --- jobs -------------------------------------------------------------------------------------- */
@@ -530,8 +658,10 @@ static enum db_step can_begin(struct db_device *device, struct db_job *job,
 		return next_register(device, job, 0, exchange, result);
 	case DB_JOB_COMMAND:
 	default:
-		if (job->request->command == DB_CMD_READ_PARAMETERS)
+		if (job->request->command == DB_CMD_READ_PARAMETERS) {
+			device->lacks = 0;
 			return begin_identify(device, job, exchange, result);
+		}
 		return vsmd_begin_command(&device->axis, job, exchange, result);
 	}
 }
@@ -541,17 +671,33 @@ static enum db_step answer_save(struct vsmd_axis *axis, enum db_result *result)
 	if (axis->last.status & VSMD_ST_FLASH_ERR)
 		return done(result, DB_RESULT_FAILED);
 	axis->refused = (axis->last.status & VSMD_ST_CMD_WRG) != 0;
-	return done(result, axis->refused ? DB_RESULT_REFUSED : DB_RESULT_OK);
+	/* That something was written shows nowhere. */
+	return done(result, axis->refused ? DB_RESULT_REFUSED : DB_RESULT_UNPROVEN);
+}
+
+/* What a command's read brought. */
+static void take_look(struct db_device *device, db_time now)
+{
+	const struct vsmd_can_answer *answer = &device->answer;
+	uint32_t raw = answer->values[0];
+	float speed;
+
+	if (answer->id.reg == VSMD_CAN_STATUS_SPEED) {
+		memcpy(&speed, &raw, sizeof speed);
+		vsmd_take_speed(&device->axis, speed);
+	} else if (answer->count == 1) {
+		vsmd_take_position(&device->axis, (int32_t)raw, now);
+	} else {
+		vsmd_take_confirmation(&device->axis, (int32_t)raw, answer->values[1], now);
+	}
 }
 
 static enum db_step answer_command(struct db_device *device, struct db_job *job, db_time now,
                                    struct db_exchange *exchange, enum db_result *result)
 {
-	const uint32_t *values = device->answer.values;
-
 	if (job->request->command == DB_CMD_READ_PARAMETERS)
 		return answer_identify(device, job, exchange, result);
-	vsmd_take_confirmation(&device->axis, (int32_t)values[0], values[1], now);
+	take_look(device, now);
 	if (job->request->command == DB_CMD_SAVE_PARAMETERS)
 		return answer_save(&device->axis, result);
 	return vsmd_answer_command(&device->axis, job, exchange, result);
@@ -566,20 +712,67 @@ static void take_process(struct db_device *device, const uint32_t *values, db_ti
 	vsmd_follow_motion(&device->axis);
 }
 
+static const struct db_can_frame *frame_at(const struct db_exchange *exchange, size_t from_end,
+                                           struct db_can_frame *frame)
+{
+	size_t offset = from_end * sizeof *frame;
+
+	if (exchange->request_length < offset)
+		return NULL;
+	memcpy(frame, exchange->request + exchange->request_length - offset, sizeof *frame);
+	return frame;
+}
+
+/* The read that the exchange waits for: the last one, or what that one guards. */
+static bool find_read(const struct db_device *device, const struct db_exchange *exchange,
+                      struct vsmd_can_command *read)
+{
+	struct vsmd_can_message message;
+	struct db_can_frame frame;
+
+	for (size_t from_end = 1; from_end <= 2; from_end++) {
+		if (!frame_at(exchange, from_end, &frame) ||
+		    vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK)
+			return false;
+		*read = message.command;
+		if (read->code != VSMD_CAN_READ_STATUS || read->first != GUARD)
+			return true;
+	}
+	return false;
+}
+
 /* Makes ready for the answer to this exchange: the read at its end says what it must be. */
 static bool expect_answer(struct db_device *device, const struct db_exchange *exchange)
 {
-	struct vsmd_can_message read;
-	struct db_can_frame frame;
+	struct vsmd_can_command read;
 
-	memcpy(&frame, exchange->request + exchange->request_length - sizeof frame, sizeof frame);
-	if (vsmd_can_decode(&device->style, &frame, &read) != VSMD_OK)
+	if (!find_read(device, exchange, &read))
 		return false;
 	device->answer_to = exchange->sending;
+	device->whole = false;
 	return vsmd_can_expect(&device->answer, &device->style, device->drive,
-	                       read.command.code == VSMD_CAN_READ_STATUS ? VSMD_CAN_STATUS_REPLY :
-	                                                                   VSMD_CAN_DATA_REPLY,
-	                       read.command.first, read.command.count) == VSMD_OK;
+	                       read.code == VSMD_CAN_READ_STATUS ? VSMD_CAN_STATUS_REPLY :
+	                                                           VSMD_CAN_DATA_REPLY,
+	                       read.first, read.count) == VSMD_OK;
+}
+
+/* Whether the answer is all there; MORE and IGNORE as of a driver, DONE: it is. */
+static enum db_step collect(struct db_device *device, const struct vsmd_can_message *message)
+{
+	bool guarded = device->answer.id.control == VSMD_CAN_DATA_REPLY;
+
+	if (guarded && message->id.control == VSMD_CAN_STATUS_REPLY && message->id.reg == GUARD &&
+	    message->count == 1)
+		return DB_STEP_DONE;
+	switch (vsmd_can_take(&device->answer, message)) {
+	case VSMD_CAN_PART:
+		return DB_STEP_MORE;
+	case VSMD_CAN_WHOLE:
+		device->whole = true;
+		return guarded ? DB_STEP_MORE : DB_STEP_DONE;
+	default:
+		return DB_STEP_IGNORE;
+	}
 }
 
 static enum db_step can_answer(struct db_device *device, struct db_job *job, const uint8_t *bytes,
@@ -588,6 +781,7 @@ static enum db_step can_answer(struct db_device *device, struct db_job *job, con
 {
 	struct vsmd_can_message message;
 	struct db_can_frame frame;
+	enum db_step step;
 
 	if (length != sizeof frame)
 		return DB_STEP_IGNORE;
@@ -595,14 +789,9 @@ static enum db_step can_answer(struct db_device *device, struct db_job *job, con
 	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK ||
 	    (device->answer_to != exchange->sending && !expect_answer(device, exchange)))
 		return DB_STEP_IGNORE;
-	switch (vsmd_can_take(&device->answer, &message)) {
-	case VSMD_CAN_PART:
-		return DB_STEP_MORE;
-	case VSMD_CAN_WHOLE:
-		break;
-	default:
-		return DB_STEP_IGNORE;
-	}
+	step = collect(device, &message);
+	if (step != DB_STEP_DONE)
+		return step;
 	switch (job->kind) {
 	case DB_JOB_PROBE:
 		return done(result, DB_RESULT_OK);
@@ -671,9 +860,6 @@ static void can_gone(struct db_device *device)
 	vsmd_axis_gone(&device->axis);
 	device->half_reported = false;
 	device->reported_at = 0;
-	/* Another model may come back. */
-	device->unanswered = 0;
-	memset(device->block_losses, 0, sizeof device->block_losses);
 }
 
 static const struct db_nameplate *can_nameplate(const struct db_device *device)
@@ -799,12 +985,15 @@ const struct db_driver db_driver_vsmd_can = {
 	.output_count = 6,
 	.params = vsmd_params,
 	.param_count = VSMD_PARAM_COUNT,
+	.status_bits = vsmd_status_bits,
+	.status_bit_count = VSMD_STATUS_BITS,
 	.param_page = 0,
 	.acceleration_param = VSMD_ACC,
 	.deceleration_param = VSMD_DEC,
 	.preset_velocity_param = VSMD_SPD,
 	.check = can_check,
 	.check_param = can_check_param,
+	.input_ports = vsmd_input_ports,
 	.check_config = can_check_config,
 	.poll_time = can_poll_time,
 	.command_time = can_command_time,

@@ -9,6 +9,7 @@
 #include "driver/vsmd.h"
 #include "transport/serial.h"
 
+#include <math.h>
 #include <string.h>
 
 /* Answers the document gives no length for: identity text, and all parameters as text. */
@@ -18,8 +19,11 @@
 /* What a drive usually needs before it starts to answer; only for predictions, never a time-out. */
 #define TYPICAL_LATENCY (1 * DB_NS_PER_MS)
 
-/* Writing the flash: beyond the latency that other commands are given. */
-#define SAVE_TIME (500 * DB_NS_PER_MS)
+/* A number that comes back differs from the one written by no more: absolute, and of the number. */
+#define PRINTED_STEP 0.0051
+#define PRINTED_SHARE 1e-5
+
+static const struct db_option options[] = { VSMD_DRIVE_OPTIONS };
 
 struct db_device {
 	struct vsmd_axis axis; /* first: the link is given this */
@@ -49,9 +53,6 @@ static enum db_step ask(int id, const struct vsmd_command *command, bool repeata
 		exchange->answer_length = IDENTITY_FRAME;
 		break;
 	case VSMD_SAV:
-		exchange->extra_time = SAVE_TIME;
-		exchange->answer_length = PARAMS_FRAME;
-		break;
 	case VSMD_CFG_READ:
 		exchange->answer_length = PARAMS_FRAME;
 		break;
@@ -62,18 +63,33 @@ static enum db_step ask(int id, const struct vsmd_command *command, bool repeata
 	return DB_STEP_SEND;
 }
 
+static enum db_step link_look(struct vsmd_axis *axis, enum vsmd_look look,
+                              struct db_exchange *exchange, enum db_result *result)
+{
+	const struct db_device *device = (const struct db_device *)axis;
+
+	(void)look; /* every answer has all of it */
+	return ask(device->id, &(struct vsmd_command){ .verb = VSMD_STS }, true, exchange, result);
+}
+
 static enum db_step link_ask(struct vsmd_axis *axis, const struct vsmd_command *command,
                              bool repeatable, struct db_exchange *exchange, enum db_result *result)
 {
 	const struct db_device *device = (const struct db_device *)axis;
 
-	return ask(device->id, command, repeatable, exchange, result);
+	enum db_step step = ask(device->id, command, repeatable, exchange, result);
+
+	if (command->verb == VSMD_SAV)
+		exchange->extra_time = axis->save_time;
+	return step;
 }
 
 static const struct vsmd_link serial_link = {
 	.acknowledges = true,
 	.shake_frequency_min = VSMD_SHAKE_FREQ_MIN,
+	.first_option = 0,
 	.ask = link_ask,
+	.look = link_look,
 };
 
 static enum db_result serial_check(const struct db_bus_config *bus,
@@ -107,6 +123,16 @@ static enum db_step done(enum db_result *result, enum db_result value)
 	return DB_STEP_DONE;
 }
 
+/* The line before may have lost its end: a bare one keeps this line from being glued to it. */
+static void end_line_before(struct db_exchange *exchange)
+{
+	if (exchange->request_length + 1 > exchange->request_size)
+		return;
+	memmove(exchange->request + 1, exchange->request, exchange->request_length);
+	exchange->request[0] = '\n';
+	exchange->request_length++;
+}
+
 /* --- beginning a job --------------------------------------------------------------------------- */
 
 static enum db_step begin_settings(struct db_device *device, const struct db_job *job,
@@ -125,13 +151,27 @@ static enum db_step begin_settings(struct db_device *device, const struct db_job
 	           true, exchange, result);
 }
 
-static enum db_step serial_begin(struct db_device *device, struct db_job *job,
-                                 struct db_exchange *exchange, enum db_result *result)
+/* The text of all parameters cannot be cut short, and a stop would wait behind it. */
+static bool may_read_parameters(const struct vsmd_axis *axis)
 {
-	job->step = VSMD_FIRST;
+	return axis->heard && (axis->last.status & VSMD_ST_STP);
+}
+
+/* One that moves is asked only if nothing is known of it yet: as after a restart of this program. */
+static bool may_identify(const struct vsmd_axis *axis)
+{
+	return may_read_parameters(axis) || axis->plate.valid == 0;
+}
+
+static enum db_step begin_job(struct db_device *device, struct db_job *job,
+                              struct db_exchange *exchange, enum db_result *result)
+{
 	switch (job->kind) {
 	case DB_JOB_PROBE:
+		return ask_verb(device, VSMD_DEV, exchange, result);
 	case DB_JOB_IDENTIFY:
+		if (device->axis.heard && !may_identify(&device->axis))
+			return done(result, DB_RESULT_BUSY);
 		return ask_verb(device, VSMD_DEV, exchange, result);
 	case DB_JOB_POLL:
 		return ask_verb(device, VSMD_STS, exchange, result);
@@ -143,6 +183,18 @@ static enum db_step serial_begin(struct db_device *device, struct db_job *job,
 			return ask_verb(device, VSMD_DEV, exchange, result);
 		return vsmd_begin_command(&device->axis, job, exchange, result);
 	}
+}
+
+static enum db_step serial_begin(struct db_device *device, struct db_job *job,
+                                 struct db_exchange *exchange, enum db_result *result)
+{
+	enum db_step step;
+
+	job->step = VSMD_FIRST;
+	step = begin_job(device, job, exchange, result);
+	if (step == DB_STEP_SEND && job->out_of_step)
+		end_line_before(exchange);
+	return step;
 }
 
 /* --- answers ----------------------------------------------------------------------------------- */
@@ -166,17 +218,83 @@ static void take_params(struct vsmd_axis *axis, const struct vsmd_reply *reply)
 	axis->params_valid = true;
 }
 
-static enum db_step answer_settings(struct vsmd_axis *axis, const struct db_job *job,
-                                    enum db_result *result)
+/* Drives print numbers with as few as two decimals. */
+static bool is_written(enum vsmd_param param, union db_value held, union db_value written)
 {
+	if (vsmd_params[param].type != DB_F32)
+		return held.u == written.u;
+	return fabs((double)held.f - (double)written.f) <=
+	       PRINTED_STEP + PRINTED_SHARE * fabs((double)written.f);
+}
+
+/* How what the drive holds compares with what was written. */
+static enum db_result compare_settings(const struct vsmd_axis *axis,
+                                       const struct db_request *request)
+{
+	enum db_result result = DB_RESULT_OK;
+
+	for (size_t i = 0; i < request->setting_count; i++) {
+		const struct db_setting *setting = &request->settings[i];
+
+		if (!(axis->plate.valid >> setting->param & 1))
+			result = DB_RESULT_UNPROVEN;
+		else if (!is_written((enum vsmd_param)setting->param,
+		                     axis->plate.values[setting->param], setting->value))
+			return DB_RESULT_REFUSED;
+	}
+	return result;
+}
+
+/*
+ * What does the drive hold now? While it moves that is not asked. Of a line that it refused, too: it may
+ * have taken a part of it, or refuse to be told what it holds already.
+ *
+ * scratch[0]: it refused the line.
+ */
+static enum db_step settings_taken(struct db_device *device, struct db_job *job,
+                                   struct db_exchange *exchange, enum db_result *result)
+{
+	struct vsmd_axis *axis = &device->axis;
+
 	axis->refused = (axis->last.status & VSMD_ST_CMD_WRG) != 0;
-	if (axis->refused) {
+	job->scratch[0] = axis->refused;
+	if (axis->refused && !may_read_parameters(axis)) {
 		/* Which of several settings it took is unknown: read all of them again. */
-		axis->plate.doubtful = true;
+		axis->plate.doubtful |= job->request->setting_count > 1;
 		return done(result, DB_RESULT_REFUSED);
 	}
-	vsmd_take_settings(axis, job->request);
-	return done(result, DB_RESULT_OK);
+	if (!may_read_parameters(axis)) {
+		vsmd_take_settings(axis, job->request);
+		axis->plate.doubtful = true;
+		return done(result, DB_RESULT_UNPROVEN);
+	}
+	job->step++;
+	return ask_verb(device, VSMD_CFG_READ, exchange, result);
+}
+
+/* FIRST: written, SECOND: read back. THIRD and READ_BACK: the same again, as requests carry no checksum
+ * and a line may have come damaged. */
+static enum db_step answer_settings(struct db_device *device, struct db_job *job,
+                                    const struct vsmd_reply *reply, struct db_exchange *exchange,
+                                    enum db_result *result)
+{
+	struct vsmd_axis *axis = &device->axis;
+	enum db_result compared;
+
+	if (job->step == VSMD_FIRST || job->step == VSMD_THIRD)
+		return settings_taken(device, job, exchange, result);
+	take_params(axis, reply);
+	compared = compare_settings(axis, job->request);
+	if (job->scratch[0]) {
+		axis->refused = compared != DB_RESULT_OK;
+		return done(result, axis->refused ? DB_RESULT_REFUSED : DB_RESULT_OK);
+	}
+	if (compared == DB_RESULT_REFUSED && job->step == VSMD_SECOND) {
+		job->step = VSMD_THIRD;
+		return begin_settings(device, job, exchange, result);
+	}
+	axis->refused = compared == DB_RESULT_REFUSED;
+	return done(result, compared);
 }
 
 static enum db_step answer_identify(struct db_device *device, struct db_job *job,
@@ -186,6 +304,8 @@ static enum db_step answer_identify(struct db_device *device, struct db_job *job
 	if (job->step == VSMD_FIRST) {
 		vsmd_take_identity(&device->axis, reply->text, reply->text_length);
 		job->step = VSMD_SECOND;
+		if (job->kind == DB_JOB_IDENTIFY && !may_identify(&device->axis))
+			return done(result, DB_RESULT_BUSY);
 		return ask_verb(device, VSMD_CFG_READ, exchange, result);
 	}
 	take_params(&device->axis, reply);
@@ -233,6 +353,10 @@ static bool expected(const struct db_job *job, enum vsmd_reply_code code)
 		/* fall through */
 	case DB_JOB_IDENTIFY:
 		return code == (job->step == VSMD_FIRST ? VSMD_REPLY_IDENTITY : VSMD_REPLY_PARAMS);
+	case DB_JOB_SETTINGS:
+		return code == (job->step == VSMD_SECOND || job->step == VSMD_READ_BACK ?
+		                        VSMD_REPLY_PARAMS :
+		                        VSMD_REPLY_STATUS);
 	default:
 		return code == VSMD_REPLY_STATUS;
 	}
@@ -248,8 +372,11 @@ static enum db_step serial_answer(struct db_device *device, struct db_job *job,
 	if (vsmd_serial_decode_reply(frame, length, &reply) != VSMD_OK ||
 	    !expected(job, reply.code))
 		return DB_STEP_IGNORE;
-	if (reply.code == VSMD_REPLY_STATUS)
+	if (reply.code == VSMD_REPLY_STATUS) {
 		vsmd_take_status(axis, &reply.status, now);
+		if (job->kind == DB_JOB_COMMAND && !db_command_is_stop(job->request->command))
+			vsmd_take_speed(axis, reply.status.velocity);
+	}
 	switch (job->kind) {
 	case DB_JOB_PROBE:
 		vsmd_take_identity(axis, reply.text, reply.text_length);
@@ -260,7 +387,7 @@ static enum db_step serial_answer(struct db_device *device, struct db_job *job,
 		vsmd_follow_motion(axis);
 		return done(result, DB_RESULT_OK);
 	case DB_JOB_SETTINGS:
-		return answer_settings(axis, job, result);
+		return answer_settings(device, job, &reply, exchange, result);
 	case DB_JOB_COMMAND:
 	default:
 		return answer_command(device, job, &reply, exchange, result);
@@ -321,7 +448,8 @@ static enum db_frame serial_accept(const struct db_bus_config *bus, const uint8_
 
 static db_time time_of(const struct db_bus_config *bus, size_t request, size_t answer)
 {
-	return db_serial_wire_time(bus, request + answer) + TYPICAL_LATENCY;
+	return db_serial_wire_time(bus, request + answer) + TYPICAL_LATENCY +
+	       (db_time)bus->turnaround_us * DB_NS_PER_US;
 }
 
 static db_time serial_poll_time(const struct db_bus_config *bus)
@@ -357,17 +485,23 @@ const struct db_driver db_driver_vsmd_serial = {
 	.address_min = 1,
 	.address_max = VSMD_SERIAL_ID_MAX,
 	.default_baud = 9600,
+	.acknowledges = true,
+	.options = options,
+	.option_count = sizeof options / sizeof options[0],
 	.commands = VSMD_COMMANDS,
 	.measures = DB_MEASURE_INPUTS | DB_MEASURE_OUTPUTS,
 	.output_count = 6,
 	.params = vsmd_params,
 	.param_count = VSMD_PARAM_COUNT,
+	.status_bits = vsmd_status_bits,
+	.status_bit_count = VSMD_STATUS_BITS,
 	.param_page = 0,
 	.acceleration_param = VSMD_ACC,
 	.deceleration_param = VSMD_DEC,
 	.preset_velocity_param = VSMD_SPD,
 	.check = serial_check,
 	.check_param = serial_check_param,
+	.input_ports = vsmd_input_ports,
 	.poll_time = serial_poll_time,
 	.command_time = serial_command_time,
 	.device_size = sizeof(struct db_device),

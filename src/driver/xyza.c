@@ -17,8 +17,8 @@
  *
  * Source: the vendor's protocol V1.00 of 2016-10-20, sections 2 to 6.
  */
-#include "codec/xyza.h"
 #include "driver/list.h"
+#include "driver/xyza_plan.h"
 #include "transport/serial.h"
 
 #include <math.h>
@@ -27,8 +27,11 @@
 /* What a controller usually needs before it answers; only for predictions, never a time-out. */
 #define TYPICAL_LATENCY (1 * DB_NS_PER_MS)
 
-/* How long an axis may take to come to a stand before it is jogged another way. */
+/* How long an axis that was told to stop may go on without getting slower. */
 #define STOP_TIME (2 * DB_NS_PER_S)
+
+/* Between two writes of a position it is neither the old one nor the new one. */
+#define HOLD_TIME (500 * DB_NS_PER_MS)
 
 /* How often the sign is read again when it changes under the reading. */
 #define SIGN_TRIES 3
@@ -38,12 +41,16 @@
 /* A controller also refuses what arrived with a wrong sum: it is asked again so often. */
 #define REFUSALS_MAX 1
 
+/* How often what was written without effect is written again. */
+#define MENDS_MAX 2
+
+/* How often an item is asked for before it counts as one that the controller does not have. */
+#define ITEM_TRIES 2
+
 /* scratch[1] of a stop: one of its two modes was stopped, or none needs to. */
 #define STOP_TAKEN 1
 
-#define STEPS_MAX (3 * XYZA_PARAM_COUNT)
-
-enum option { OPTION_UNLOCK };
+enum option { OPTION_UNLOCK, OPTION_REACTION, OPTION_SPEED_CHANGE };
 
 static const struct db_option options[] = {
 	[OPTION_UNLOCK] = {
@@ -54,28 +61,26 @@ static const struct db_option options[] = {
 		.unit = "",
 		.description = "Lets system_info, factory_reset and slave_number be written",
 	},
-};
-
-/* --- the controller and its axes ------------------------------------------------------------------- */
-
-enum step_kind {
-	STEP_PLAIN,
-	STEP_READ_FOR_NEXT,  /* the content read, with one parameter changed, is written next */
-	STEP_UNTIL_STANDING, /* read again until the axis stands */
-	STEP_MAY_FAIL,       /* a refusal is no failure: it does not apply to the mode it is in */
-};
-
-struct step {
-	struct xyza_request request;
-	enum step_kind kind;
-	enum xyza_param param; /* READ_FOR_NEXT */
-	union db_value value;
-};
-
-/* What a command or a parameter write consists of. */
-struct plan {
-	struct step steps[STEPS_MAX];
-	unsigned count;
+	[OPTION_REACTION] = {
+		.section = "bus",
+		.name = "reaction-ms",
+		.words = "",
+		.preset = "200",
+		.min = 0,
+		.max = 10000,
+		.whole = true,
+		.unit = "ms",
+		.description = "How long the effect of a command may take to show before it counts as failed",
+	},
+	[OPTION_SPEED_CHANGE] = {
+		.section = "bus",
+		.name = "jog-speed-change",
+		.words = "moving standing",
+		.preset = "moving",
+		.unit = "",
+		.description = "Whether a jog that goes on the same way takes another speed while it moves, "
+		               "or is stopped before",
+	},
 };
 
 /* Where the cyclic reading is. */
@@ -88,47 +93,18 @@ enum poll_phase {
 	POLL_PROGRAM
 };
 
-struct db_device {
-	struct db_device *first; /* of the controller: has what is common */
-	uint8_t object;
-	enum xyza_axis axis;
-	struct plan front;
-	struct plan stop;
+/* Bits of drive_status, which the document does not have: made of what is read. The program's state
+ * is a number in three of them. */
+#define STATUS_NEGATIVE 0
+#define STATUS_STANDS 1
+#define STATUS_PROGRAM 8
 
-	/* The axis. */
-	bool heard;
-	bool standing;
-	bool negative;
-	int32_t position;
-	float velocity; /* computed from two positions */
-	db_time taken;
-	bool jogging;  /* it was told to, and was not seen to stand since */
-	bool fresh;    /* told so after the last look at it */
-	unsigned told; /* how often it was told to move or to stop */
-	bool stopping;
-	bool refused;
-	unsigned resends;                       /* of the command under way */
-	unsigned refusals[DB_JOB_SETTINGS + 1]; /* of the last request of each kind of job */
-	struct db_nameplate plate;
-	bool params_valid;
-
-	/* First axis only: the controller. */
-	struct db_device *axes[XYZA_AXIS_COUNT]; /* null: not configured */
-	uint32_t ports;
-	uint8_t program;
-	uint8_t program_state;
-	uint16_t program_step;
-	unsigned stops; /* how often any axis was told to stop: all of them do */
-	bool delayed;   /* it may have a start delay, which a start without one has to end */
-
-	/* First axis only: the reading under way. */
-	unsigned poll_axis;
-	unsigned sign_tries;
-	bool poll_standing;
-	unsigned poll_told; /* when it was seen to stand or to move */
-	bool poll_negative;
-	uint32_t poll_magnitude;
-	db_time poll_taken;
+static const struct db_drive_bit status_bits[] = {
+	{ STATUS_NEGATIVE, "negative", "The position is negative" },
+	{ STATUS_STANDS, "stands", "The axis stands" },
+	{ STATUS_PROGRAM, "program_state_0", "Bit 0 of program_state" },
+	{ STATUS_PROGRAM + 1, "program_state_1", "Bit 1 of program_state" },
+	{ STATUS_PROGRAM + 2, "program_state_2", "Bit 2 of program_state" },
 };
 
 static enum db_step done(enum db_result *result, enum db_result value)
@@ -160,6 +136,14 @@ static enum db_step ask_verb(const struct db_device *device, enum xyza_verb verb
 	           exchange, result);
 }
 
+static void take_program(struct db_device *first, const struct xyza_reply *reply)
+{
+	first->program = reply->program;
+	first->program_state = reply->state;
+	first->program_step = reply->step;
+	first->paused = false;
+}
+
 /* --- cyclic reading -------------------------------------------------------------------------------- */
 
 /* The next configured axis from `axis` on, or XYZA_AXIS_COUNT. */
@@ -180,7 +164,9 @@ static enum db_step poll_ask(struct db_device *first, struct db_job *job, enum p
 	};
 	struct xyza_request request = {
 		.verb = verbs[phase],
-		.axis = (enum xyza_axis)first->poll_axis,
+		/* Behind the last axis it is not used. */
+		.axis = (enum xyza_axis)first
+		                ->poll_axis, // NOLINT(clang-analyzer-optin.core.EnumCastOutOfRange)
 	};
 
 	job->step = phase;
@@ -200,7 +186,8 @@ static void take_standing(struct db_device *device, const struct db_device *firs
 	bool standing = first->poll_standing;
 
 	/* What was seen before it was told something says nothing about what it does now. */
-	if (first->poll_told != device->told)
+	if (first->poll_told != device->told ||
+	    (standing && first->poll_taken < device->expected_by))
 		return;
 	device->standing = standing;
 	device->fresh = false;
@@ -213,7 +200,10 @@ static void take_position(struct db_device *device, const struct db_device *firs
 {
 	int32_t position;
 
-	if (!xyza_position(first->poll_magnitude, first->poll_negative, &position))
+	take_standing(device, first);
+	/* Half of it may be from before it was written. */
+	if (first->poll_placed != device->placed || first->poll_taken < device->held_until ||
+	    !xyza_position(first->poll_magnitude, first->poll_negative, &position))
 		return;
 	if (device->heard && first->poll_taken > device->taken)
 		device->velocity = first->poll_standing ?
@@ -225,7 +215,6 @@ static void take_position(struct db_device *device, const struct db_device *firs
 	device->negative = first->poll_negative;
 	device->taken = first->poll_taken;
 	device->heard = true;
-	take_standing(device, first);
 }
 
 static enum db_step poll_next_axis(struct db_device *first, struct db_job *job,
@@ -263,6 +252,7 @@ static enum db_step poll_answer(struct db_device *first, struct db_job *job,
 	case POLL_STANDING:
 		first->poll_standing = reply->value == 1;
 		first->poll_told = device->told;
+		first->poll_placed = device->placed;
 		return poll_ask(first, job, POLL_SIGN, exchange, result);
 	case POLL_SIGN:
 		first->poll_negative = reply->value == 1;
@@ -287,9 +277,7 @@ static enum db_step poll_answer(struct db_device *first, struct db_job *job,
 		return poll_ask(first, job, POLL_PROGRAM, exchange, result);
 	case POLL_PROGRAM:
 	default:
-		first->program = reply->program;
-		first->program_state = reply->state;
-		first->program_step = reply->step;
+		take_program(first, reply);
 		return done(result, DB_RESULT_OK);
 	}
 }
@@ -305,267 +293,17 @@ static enum db_step poll_refused(struct db_device *first, struct db_job *job,
 	return poll_next_axis(first, job, exchange, result);
 }
 
-/* --- plans ----------------------------------------------------------------------------------------- */
+/* --- what is believed of it ------------------------------------------------------------------------ */
 
-static struct step *add(struct plan *plan, struct xyza_request request)
-{
-	struct step *step = &plan->steps[plan->count++];
-
-	*step = (struct step){ .request = request };
-	return step;
-}
-
-static struct step *add_verb(struct plan *plan, const struct db_device *device, enum xyza_verb verb)
-{
-	return add(plan, (struct xyza_request){ .verb = verb, .axis = device->axis });
-}
-
-/* Reads an item, puts the parameter in and writes it. */
-static void add_change(struct plan *plan, const struct db_device *device, enum xyza_param param,
-                       union db_value value)
-{
-	enum xyza_item item = xyza_param_item(param);
-	struct step *step = add(plan, (struct xyza_request){ .verb = XYZA_READ_ITEM,
-	                                                     .axis = device->axis,
-	                                                     .item = item });
-
-	step->kind = STEP_READ_FOR_NEXT;
-	step->param = param;
-	step->value = value;
-	add(plan,
-	    (struct xyza_request){ .verb = XYZA_WRITE_ITEM, .axis = device->axis, .item = item });
-}
-
-/*
- * Both modes are stopped: what a controller does not do it may refuse to stop. A program that shows
- * as idle may be about to start, by a key or after its delay. One that is stopped already may end.
- */
-static void plan_stop(struct plan *plan, const struct db_device *device, bool quick)
-{
-	enum xyza_verb manual = quick ? XYZA_MANUAL_QUICK_STOP : XYZA_MANUAL_STOP;
-	enum xyza_verb program = quick ? XYZA_PROGRAM_QUICK_STOP : XYZA_PROGRAM_STOP;
-
-	if (device->first->program_state == XYZA_PROGRAM_RUNNING) {
-		add_verb(plan, device, program);
-		add_verb(plan, device, manual)->kind = STEP_MAY_FAIL;
-		return;
-	}
-	add_verb(plan, device, manual)->kind = STEP_MAY_FAIL;
-	/* An emergency stop would leave a program interrupted that never ran. */
-	add_verb(plan, device, XYZA_PROGRAM_STOP)->kind = STEP_MAY_FAIL;
-}
-
-static void plan_enable(struct plan *plan, const struct db_device *device, bool on)
-{
-	unsigned bit = 1u << device->axis;
-	const struct db_nameplate *plate = &device->plate;
-	union db_value mask = { .u = plate->values[XYZA_ENABLE].u };
-
-	/* What is known of the other axes is read again right before it is written. */
-	mask.u = on ? mask.u | bit : mask.u & ~bit;
-	add_change(plan, device, XYZA_ENABLE, mask);
-}
-
-static void plan_jog(struct plan *plan, struct db_device *device, bool negative, float speed)
-{
-	if (!device->standing || device->jogging) {
-		add_verb(plan, device, XYZA_MANUAL_STOP);
-		add_verb(plan, device, XYZA_READ_STANDING)->kind = STEP_UNTIL_STANDING;
-	}
-	if (speed > 0.0f)
-		add(plan, (struct xyza_request){ .verb = XYZA_WRITE_ITEM,
-		                                 .axis = device->axis,
-		                                 .item = XYZA_ITEM_MANUAL_SPEED,
-		                                 .value = (uint32_t)llroundf(speed) });
-	add(plan, (struct xyza_request){
-			  .verb = XYZA_MANUAL_JOG, .axis = device->axis, .negative = negative });
-}
-
-static void plan_outputs(struct plan *plan, const struct db_args *args)
-{
-	for (unsigned port = 1; port <= XYZA_OUTPUTS; port++) {
-		if (args->output_mask >> (port - 1) & 1)
-			add(plan,
-			    (struct xyza_request){ .verb = XYZA_WRITE_OUTPUT,
-			                           .number = (uint8_t)port,
-			                           .on = args->output_levels >> (port - 1) & 1 });
-	}
-}
-
-/* Whoever reads between two of these writes, and whatever becomes of the rest of them: the position
- * has the sign of the old value or of the new one, or is 0. */
-static void plan_position(struct plan *plan, const struct db_device *device, int32_t position)
-{
-	uint32_t magnitude = position < 0 ? 0u - (uint32_t)position : (uint32_t)position;
-
-	if (position == 0) {
-		add_verb(plan, device, XYZA_MANUAL_CLEAR);
-		return;
-	}
-	if (device->position != 0 && device->negative != (position < 0))
-		add_verb(plan, device, XYZA_WRITE_MAGNITUDE);
-	add_verb(plan, device, XYZA_WRITE_SIGN)->request.negative = position < 0;
-	add_verb(plan, device, XYZA_WRITE_MAGNITUDE)->request.value = magnitude;
-}
-
-static void plan_program(struct plan *plan, struct db_device *first, const struct db_args *args)
-{
-	if (args->program_delay > 0 || first->delayed) {
-		struct step *step = add(
-			plan, (struct xyza_request){ .verb = XYZA_PROGRAM_DELAY,
-		                                     .number = (uint8_t)args->program_delay });
-
-		if (args->program_delay == 0)
-			step->kind = STEP_MAY_FAIL;
-		first->delayed = true;
-	}
-	add(plan, (struct xyza_request){ .verb = XYZA_PROGRAM_START,
-	                                 .number = (uint8_t)args->program_number });
-}
-
-/* Another axis is being jogged, or a program runs: this one cannot be jogged now. */
-static bool is_occupied(const struct db_device *device)
-{
-	const struct db_device *first = device->first;
-
-	if (first->program_state == XYZA_PROGRAM_RUNNING)
-		return true;
-	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
-		const struct db_device *other = first->axes[i];
-
-		if (other && other != device && (other->jogging || !other->standing))
-			return true;
-	}
-	return false;
-}
-
-static bool is_jog(enum db_command command)
-{
-	return command == DB_CMD_MOVE_VELOCITY || command == DB_CMD_JOG_POSITIVE ||
-	       command == DB_CMD_JOG_NEGATIVE;
-}
-
-static void make_plan(struct plan *plan, struct db_device *device, const struct db_request *request)
-{
-	const struct db_args *args = &request->args;
-	float velocity = args->target_velocity;
-
-	plan->count = 0;
-	switch (request->command) {
-	case DB_CMD_STOP:
-	case DB_CMD_QUICK_STOP:
-		plan_stop(plan, device, request->command == DB_CMD_QUICK_STOP);
-		break;
-	case DB_CMD_ENABLE:
-		plan_enable(plan, device, true);
-		break;
-	case DB_CMD_DISABLE:
-		plan_stop(plan, device, true);
-		plan_enable(plan, device, false);
-		break;
-	case DB_CMD_MOVE_VELOCITY:
-		if (velocity > 0.0f || velocity < 0.0f)
-			plan_jog(plan, device, velocity < 0.0f, fabsf(velocity));
-		else
-			add_verb(plan, device, XYZA_MANUAL_STOP);
-		break;
-	case DB_CMD_JOG_POSITIVE:
-	case DB_CMD_JOG_NEGATIVE:
-		plan_jog(plan, device, request->command == DB_CMD_JOG_NEGATIVE, 0.0f);
-		break;
-	case DB_CMD_SET_POSITION:
-		plan_position(plan, device, args->target_position);
-		break;
-	case DB_CMD_SET_OUTPUT:
-		add(plan, (struct xyza_request){ .verb = XYZA_WRITE_OUTPUT,
-		                                 .number = (uint8_t)args->output_number,
-		                                 .on = args->output_value != 0 });
-		break;
-	case DB_CMD_SET_OUTPUTS:
-		plan_outputs(plan, args);
-		break;
-	case DB_CMD_START_PROGRAM:
-		plan_program(plan, device->first, args);
-		break;
-	case DB_CMD_PAUSE_PROGRAM:
-		add_verb(plan, device, XYZA_PROGRAM_STOP);
-		break;
-	case DB_CMD_CONTINUE_PROGRAM:
-		add_verb(plan, device, XYZA_PROGRAM_CONTINUE);
-		break;
-	case DB_CMD_END_PROGRAM:
-		add_verb(plan, device, XYZA_PROGRAM_END);
-		break;
-	case DB_CMD_SINGLE_STEP:
-		add_verb(plan, device,
-		         args->output_value ? XYZA_PROGRAM_STEP_ON : XYZA_PROGRAM_STEP_OFF);
-		break;
-	default:
-		break;
-	}
-}
-
-static void plan_settings(struct plan *plan, const struct db_device *device,
-                          const struct db_request *request)
-{
-	plan->count = 0;
-	for (size_t i = 0; i < request->setting_count; i++) {
-		enum xyza_param param = (enum xyza_param)request->settings[i].param;
-		union db_value value = request->settings[i].value;
-
-		if (xyza_param_access(param) & XYZA_CAN_READ)
-			add_change(plan, device, param, value);
-		else
-			add(plan,
-			    (struct xyza_request){ .verb = XYZA_WRITE_ITEM,
-			                           .axis = device->axis,
-			                           .item = xyza_param_item(param),
-			                           .value = xyza_param_put(param, value, 0) });
-	}
-}
-
-static struct plan *plan_of(struct db_device *device, const struct db_job *job)
-{
-	return job->kind == DB_JOB_COMMAND && db_command_is_stop(job->request->command) ?
-	               &device->stop :
-	               &device->front;
-}
-
-/* After its answer was lost, saying it again can do no harm. A second stop may end a program that
- * the first one has paused, which is no harm when it was to stop anyway. */
-static bool is_repeatable(const struct db_job *job, enum xyza_verb verb)
-{
-	switch (verb) {
-	case XYZA_MANUAL_JOG:
-	case XYZA_PROGRAM_START:
-	case XYZA_PROGRAM_CONTINUE:
-	case XYZA_PROGRAM_END:
-		return false;
-	case XYZA_PROGRAM_STOP:
-		return job->request->command != DB_CMD_PAUSE_PROGRAM;
-	default:
-		return true;
-	}
-}
-
-static enum db_step send_step(struct db_device *device, struct db_job *job,
-                              struct db_exchange *exchange, enum db_result *result)
-{
-	const struct plan *plan = plan_of(device, job);
-	const struct xyza_request *request;
-
-	if (job->step == plan->count)
-		return done(result, DB_RESULT_OK);
-	request = &plan->steps[job->step].request;
-	return ask(device, *request, is_repeatable(job, request->verb), exchange, result);
-}
-
-/* --- what a finished command means ------------------------------------------------------------------ */
+#define SECRET_PARAMS (UINT64_C(1) << XYZA_READ_PASSWORD | UINT64_C(1) << XYZA_PASSWORD)
 
 static void learn_one(struct db_device *device, enum xyza_param param, union db_value value)
 {
 	uint64_t bit = UINT64_C(1) << param;
 
+	/* Whoever may only read is not to read passwords. */
+	if (SECRET_PARAMS & bit)
+		value.u = 0;
 	if ((device->plate.valid & bit) && device->plate.values[param].u == value.u)
 		return;
 	device->plate.values[param] = value;
@@ -587,9 +325,23 @@ static void learn(struct db_device *device, enum xyza_param param, union db_valu
 	}
 }
 
-/* What an item was read as, or written. */
+/* The bits of an item's parameters in a nameplate. */
+static uint64_t params_of(enum xyza_item item)
+{
+	uint64_t bits = 0;
+
+	for (unsigned i = 0; i < XYZA_PARAM_COUNT; i++) {
+		if (xyza_param_item((enum xyza_param)i) == item)
+			bits |= UINT64_C(1) << i;
+	}
+	return bits;
+}
+
+/* What an item was read as. */
 static void learn_item(struct db_device *device, enum xyza_item item, uint32_t content)
 {
+	device->unread &= ~(1u << item);
+	device->plate.missing &= ~params_of(item);
 	for (unsigned i = 0; i < XYZA_PARAM_COUNT; i++) {
 		enum xyza_param param = (enum xyza_param)i;
 
@@ -601,10 +353,9 @@ static void learn_item(struct db_device *device, enum xyza_item item, uint32_t c
 /* A controller may not have it. */
 static void forget_item(struct db_device *device, enum xyza_item item)
 {
-	for (unsigned i = 0; i < XYZA_PARAM_COUNT; i++) {
-		if (xyza_param_item((enum xyza_param)i) == item)
-			device->plate.valid &= ~(UINT64_C(1) << i);
-	}
+	device->unread |= 1u << item;
+	device->plate.valid &= ~params_of(item);
+	device->plate.missing |= params_of(item);
 }
 
 /* After a reset nothing that is known of any axis counts. */
@@ -616,115 +367,528 @@ static void forget_all(struct db_device *first)
 	}
 }
 
-static void started(struct db_device *device)
+/* It was told to move: until it was seen to, it counts as moving. */
+static void note_started(struct db_device *device, bool negative)
 {
 	device->told++;
 	device->jogging = true;
+	device->jog_negative = negative;
 	device->fresh = true;
 	device->standing = false;
 	device->stopping = false;
 }
 
-static void stopped(struct db_device *first)
+/* It stands, whatever it was told before. */
+static void note_standing(struct db_device *device)
+{
+	device->told++;
+	device->standing = true;
+	device->jogging = device->fresh = device->stopping = false;
+	device->expected_by = 0;
+	device->velocity = 0.0f;
+}
+
+static void note_stopped(struct db_device *first)
 {
 	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
 		struct db_device *device = first->axes[i];
 
+		if (!device)
+			continue;
+		device->expected_by = 0;
+		device->held_until = 0;
 		/* A program may have set it in motion since. */
-		if (!device || (device->standing && first->program_state != XYZA_PROGRAM_RUNNING))
+		if (device->standing && first->program_state != XYZA_PROGRAM_RUNNING)
 			continue;
 		device->told++;
 		device->stopping = device->fresh = true;
 	}
 }
 
-static enum db_step carried_out(struct db_device *device, const struct db_job *job,
-                                enum db_result *result)
+/* --- commands, step by step ------------------------------------------------------------------------- */
+
+/* scratch[0]: of a parameter write, which of its parameters. scratch[1]: of a jog the stops that there
+ * had been when it began; of a stop STOP_TAKEN. */
+
+static struct xyza_plan *plan_of(struct db_device *device, const struct db_job *job)
+{
+	return job->kind == DB_JOB_COMMAND && db_command_is_stop(job->request->command) ?
+	               &device->stop :
+	               &device->front;
+}
+
+static struct xyza_step *step_of(struct db_device *device, const struct db_job *job)
+{
+	return &plan_of(device, job)->steps[job->step];
+}
+
+/* After its answer was lost, saying it again can do no harm. A second stop may end a program that
+ * the first one has paused, which is no harm when it was to stop anyway. */
+static bool is_repeatable(const struct db_job *job, enum xyza_verb verb)
+{
+	switch (verb) {
+	case XYZA_MANUAL_JOG:
+	case XYZA_PROGRAM_START:
+	case XYZA_PROGRAM_CONTINUE:
+	case XYZA_PROGRAM_END:
+		return false;
+	case XYZA_PROGRAM_STOP:
+		return job->kind != DB_JOB_COMMAND || job->request->command != DB_CMD_PAUSE_PROGRAM;
+	default:
+		return true;
+	}
+}
+
+static enum db_step send_step(struct db_device *device, struct db_job *job,
+                              struct db_exchange *exchange, enum db_result *result)
+{
+	struct xyza_plan *plan = plan_of(device, job);
+	const struct xyza_request *request = &plan->steps[job->step].request;
+
+	if (!xyza_is_read(request->verb))
+		plan->acted = true;
+	return ask(device, *request, is_repeatable(job, request->verb), exchange, result);
+}
+
+static enum db_step refuse(struct db_device *device, const struct db_job *job,
+                           enum db_result *result)
+{
+	device->refused = true;
+	if (job->kind == DB_JOB_SETTINGS)
+		device->plate.doubtful = true;
+	return done(result, DB_RESULT_REFUSED);
+}
+
+static void note_carried_out(struct db_device *device, const struct db_job *job)
 {
 	const struct db_request *request = job->request;
-	float velocity = request->args.target_velocity;
 
-	if (job->kind == DB_JOB_SETTINGS)
-		return done(result, DB_RESULT_OK);
 	switch (request->command) {
-	case DB_CMD_MOVE_VELOCITY:
-		if (!(velocity > 0.0f || velocity < 0.0f)) {
-			stopped(device->first);
-			break;
-		}
-		started(device);
-		break;
-	case DB_CMD_JOG_POSITIVE:
-	case DB_CMD_JOG_NEGATIVE:
-		started(device);
-		break;
 	case DB_CMD_STOP:
 	case DB_CMD_QUICK_STOP:
-	case DB_CMD_DISABLE:
-		stopped(device->first);
+		note_stopped(device->first);
 		break;
 	case DB_CMD_SET_POSITION:
 		device->position = request->args.target_position;
 		device->negative = device->position < 0;
+		device->held_until = 0;
 		break;
 	case DB_CMD_START_PROGRAM:
-		device->first->program = (uint8_t)request->args.program_number;
-		device->first->program_state = XYZA_PROGRAM_RUNNING;
 		device->first->delayed = request->args.program_delay > 0;
 		break;
 	default:
 		break;
 	}
-	return done(result, DB_RESULT_OK);
 }
 
-/* --- commands, step by step ------------------------------------------------------------------------- */
+/* The whole plan was gone through; of several parameters the next one's follows. */
+static enum db_step end_plan(struct db_device *device, struct db_job *job,
+                             struct db_exchange *exchange, enum db_result *result)
+{
+	struct xyza_plan *plan = plan_of(device, job);
+	size_t next = (size_t)job->scratch[0] + 1;
 
-/* scratch[0]: the step whose answer was lost, plus one. scratch[1]: of a jog the stops that there had
- * been when it began, of a program command the program's state then. */
+	device->refused = false;
+	if (job->kind == DB_JOB_COMMAND) {
+		note_carried_out(device, job);
+	} else if (next < job->request->setting_count) {
+		job->scratch[0] = (int64_t)next;
+		job->step = 0;
+		xyza_plan_setting(plan, device, &job->request->settings[next]);
+		return send_step(device, job, exchange, result);
+	}
+	return done(result, plan->unproven ? DB_RESULT_UNPROVEN : DB_RESULT_OK);
+}
 
 static enum db_step next_step(struct db_device *device, struct db_job *job,
                               struct db_exchange *exchange, enum db_result *result)
 {
+	struct xyza_plan *plan = plan_of(device, job);
+
 	job->step++;
-	if (job->step == plan_of(device, job)->count)
-		return carried_out(device, job, result);
+	plan->entered = 0;
+	if (job->step == plan->count)
+		return end_plan(device, job, exchange, result);
 	return send_step(device, job, exchange, result);
 }
 
-/* The answer to a jog was lost: it moves, then it had it; it stands, then it had not, unless it was
- * stopped meanwhile. */
-static enum db_step resolve_jog(struct db_device *device, struct db_job *job,
-                                const struct xyza_reply *reply, struct db_exchange *exchange,
-                                enum db_result *result)
+static enum db_step go_back(struct db_device *device, struct db_job *job, unsigned steps,
+                            struct db_exchange *exchange, enum db_result *result)
 {
-	if (reply->kind == XYZA_REPLY_FAILED)
-		return done(result, DB_RESULT_INDETERMINATE);
-	if (job->scratch[1] != device->first->stops)
-		return done(result, DB_RESULT_CANCELLED);
-	if (reply->value == 0)
-		return next_step(device, job, exchange, result);
-	if (device->resends++ >= RESENDS_MAX)
-		return done(result, DB_RESULT_TIMEOUT);
+	plan_of(device, job)->entered = 0;
+	job->step -= steps;
 	return send_step(device, job, exchange, result);
 }
 
-/* The answer to a program command was lost: a program that has come into the state that it was to
- * come into has had it; else nobody can tell. */
-static enum db_step resolve_program(struct db_device *device, struct db_job *job,
+/* Whether what was told may still come to show. */
+static bool may_still_show(struct db_device *device, const struct db_job *job, db_time now)
+{
+	struct xyza_plan *plan = plan_of(device, job);
+
+	if (plan->entered == 0)
+		plan->entered = now;
+	return now - plan->entered < device->reaction;
+}
+
+/* --- what its answers show --------------------------------------------------------------------------- */
+
+static enum db_step changed_answered(struct db_device *device, struct db_job *job,
+                                     const struct xyza_reply *reply, struct db_exchange *exchange,
+                                     enum db_result *result)
+{
+	struct xyza_plan *plan = plan_of(device, job);
+	struct xyza_step *step = step_of(device, job);
+	uint32_t before = xyza_param_get(step->param, reply->value).u;
+	union db_value value = { .u = (before & ~step->mask) | (step->value & step->mask) };
+
+	learn_item(device, step->request.item, reply->value);
+	if (value.u == before) {
+		job->step += 2;
+		return next_step(device, job, exchange, result);
+	}
+	/* That it has another speed from now on cannot be told from its moving. */
+	if (plan->runs_on)
+		plan->unproven = true;
+	step[1].request.value = xyza_param_put(step->param, value, reply->value);
+	return next_step(device, job, exchange, result);
+}
+
+static enum db_step param_answered(struct db_device *device, struct db_job *job,
+                                   const struct xyza_reply *reply, db_time now,
+                                   struct db_exchange *exchange, enum db_result *result)
+{
+	const struct xyza_step *step = step_of(device, job);
+	uint32_t value = xyza_param_get(step->param, reply->value).u;
+	bool enabled = step->param == XYZA_ENABLE;
+
+	if (((value ^ step->value) & step->mask) == 0) {
+		learn_item(device, step->request.item, reply->value);
+		return next_step(device, job, exchange, result);
+	}
+	if (may_still_show(device, job, now))
+		return send_step(device, job, exchange, result);
+	/* What it has made of it instead is what counts. */
+	learn_item(device, step->request.item, reply->value);
+	if (job->kind == DB_JOB_COMMAND && enabled)
+		return done(result, DB_RESULT_FAILED);
+	device->refused = true;
+	return done(result, DB_RESULT_REFUSED);
+}
+
+static enum db_step expected_answered(struct db_device *device, struct db_job *job,
+                                      const struct xyza_reply *reply, db_time now,
+                                      struct db_exchange *exchange, enum db_result *result)
+{
+	struct xyza_plan *plan = plan_of(device, job);
+	const struct xyza_step *step = step_of(device, job);
+
+	if (((xyza_content(reply) ^ step->wanted) & step->mask) == 0) {
+		/* Where it is was just read: that is as good as a cycle. */
+		if (step->request.verb == XYZA_READ_MAGNITUDE)
+			device->taken = now;
+		return next_step(device, job, exchange, result);
+	}
+	/* Whatever it has become of the position, that is where the controller sees it. */
+	device->held_until = 0;
+	if (may_still_show(device, job, now))
+		return send_step(device, job, exchange, result);
+	if (step->back == 0 || plan->mends == MENDS_MAX)
+		return done(result, DB_RESULT_FAILED);
+	plan->mends++;
+	return go_back(device, job, step->back, exchange, result);
+}
+
+/* A jog that shows nothing. It is ended, so that it does not begin when nobody expects it any more. */
+static enum db_step give_up_jog(struct db_device *device, struct db_job *job,
+                                struct db_exchange *exchange, enum db_result *result)
+{
+	struct xyza_plan *plan = plan_of(device, job);
+
+	note_standing(device);
+	if (plan->refused)
+		return refuse(device, job, result);
+	plan->retreating = true;
+	job->step = plan->count;
+	return send_step(device, job, exchange, result);
+}
+
+/* Two cycles since it was told have found it at two places. */
+static bool was_seen_elsewhere(const struct db_device *device, struct xyza_plan *plan)
+{
+	if (plan->entered == 0 || device->taken <= plan->entered)
+		return false;
+	if (!plan->from_known) {
+		plan->from_known = true;
+		plan->from = device->position;
+	}
+	return device->position != plan->from;
+}
+
+static enum db_step jog_answered(struct db_device *device, struct db_job *job,
+                                 const struct xyza_reply *reply, db_time now,
+                                 struct db_exchange *exchange, enum db_result *result)
+{
+	struct xyza_plan *plan = plan_of(device, job);
+	bool moved = reply->value == 0 || was_seen_elsewhere(device, plan);
+
+	if (moved) {
+		/* What a cycle has seen of it before says nothing any more. */
+		device->told++;
+		/* It moved before, too: whether it has heard this nobody knows. */
+		if (plan->lost && plan->runs_on)
+			plan->unproven = true;
+		device->fresh = false;
+		device->expected_by = 0;
+		return next_step(device, job, exchange, result);
+	}
+	/* It may stand because it was stopped: the operator of another axis stops all of them. */
+	if ((plan->lost || plan->refused) && job->scratch[1] != (int64_t)device->first->stops)
+		return done(result, DB_RESULT_CANCELLED);
+	if (!plan->refused && may_still_show(device, job, now)) {
+		device->expected_by = plan->entered + device->reaction;
+		return send_step(device, job, exchange, result);
+	}
+	if ((plan->lost && device->resends < RESENDS_MAX) ||
+	    (plan->refused && device->resends < REFUSALS_MAX)) {
+		device->resends++;
+		plan->lost = plan->refused = false;
+		return go_back(device, job, 1, exchange, result);
+	}
+	return give_up_jog(device, job, exchange, result);
+}
+
+static bool has_ended(uint32_t content)
+{
+	return (content & UINT8_MAX) == XYZA_PROGRAM_IDLE;
+}
+
+static bool has_stopped(uint32_t content)
+{
+	return (content & UINT8_MAX) >= XYZA_PROGRAM_WAITING;
+}
+
+/* Whether the program's state is what this command makes of the state before, and nothing else. */
+static bool shows_effect(const struct xyza_plan *plan, const struct db_request *request,
+                         uint32_t content)
+{
+	switch (request->command) {
+	case DB_CMD_START_PROGRAM:
+		return !has_ended(content) && content != plan->before &&
+		       (content >> 8 & UINT8_MAX) == request->args.program_number;
+	case DB_CMD_PAUSE_PROGRAM:
+		return has_stopped(content) || (has_ended(content) && has_ended(plan->before));
+	case DB_CMD_CONTINUE_PROGRAM:
+		return content != plan->before;
+	default:
+		return has_ended(content);
+	}
+}
+
+static enum db_step program_answered(struct db_device *device, struct db_job *job,
+                                     const struct xyza_reply *reply, db_time now,
+                                     struct db_exchange *exchange, enum db_result *result)
+{
+	struct xyza_plan *plan = plan_of(device, job);
+	uint32_t content = xyza_content(reply);
+
+	take_program(device->first, reply);
+	if (plan->before_read && shows_effect(plan, job->request, content)) {
+		/* What was so before is no proof. */
+		plan->unproven = content == plan->before;
+		if (!(plan->lost && plan->unproven))
+			return next_step(device, job, exchange, result);
+	} else if (!plan->refused && !plan->unproven && may_still_show(device, job, now)) {
+		return send_step(device, job, exchange, result);
+	}
+	if (plan->refused && device->resends < REFUSALS_MAX) {
+		device->resends++;
+		plan->refused = false;
+		return go_back(device, job, 1, exchange, result);
+	}
+	if (plan->refused)
+		return refuse(device, job, result);
+	/* A program may also have come to its end between two looks. */
+	if (plan->lost ||
+	    (plan->before_read && !plan->unproven && job->request->command == DB_CMD_START_PROGRAM))
+		return done(result, DB_RESULT_INDETERMINATE);
+	if (plan->unproven || !plan->before_read) {
+		plan->unproven = true;
+		return next_step(device, job, exchange, result);
+	}
+	return done(result, DB_RESULT_FAILED);
+}
+
+/* The program's state right before a command to it decides whether that makes sense. */
+static enum db_step before_answered(struct db_device *device, struct db_job *job,
                                     const struct xyza_reply *reply, struct db_exchange *exchange,
                                     enum db_result *result)
 {
+	struct xyza_plan *plan = plan_of(device, job);
 	enum db_command command = job->request->command;
-	enum xyza_program_state wanted = command == DB_CMD_PAUSE_PROGRAM ? XYZA_PROGRAM_WAITING :
-	                                 command == DB_CMD_END_PROGRAM   ? XYZA_PROGRAM_IDLE :
-	                                                                   XYZA_PROGRAM_RUNNING;
+	bool runs = reply->state == XYZA_PROGRAM_RUNNING;
 
-	if (reply->kind != XYZA_REPLY_PROGRAM_STATE || reply->state != wanted ||
-	    job->scratch[1] == (int64_t)wanted ||
-	    (command == DB_CMD_START_PROGRAM &&
-	     reply->program != job->request->args.program_number))
-		return done(result, DB_RESULT_INDETERMINATE);
+	take_program(device->first, reply);
+	plan->before = xyza_content(reply);
+	plan->before_read = true;
+	if ((command == DB_CMD_START_PROGRAM && runs) ||
+	    (command == DB_CMD_CONTINUE_PROGRAM && !has_stopped(plan->before)))
+		return refuse(device, job, result);
+	/* A second stop might end what waits. Without an interruption there is nothing to clear. */
+	if ((command == DB_CMD_PAUSE_PROGRAM && has_stopped(plan->before)) ||
+	    (command == DB_CMD_CLEAR_FAULT && reply->state != XYZA_PROGRAM_INTERRUPTED)) {
+		device->refused = false;
+		return done(result, DB_RESULT_OK);
+	}
+	return next_step(device, job, exchange, result);
+}
+
+/* However long the brakes take, it is no failure as long as the axis slows down. */
+static enum db_step standing_answered(struct db_device *device, struct db_job *job,
+                                      const struct xyza_reply *reply, db_time now,
+                                      struct db_exchange *exchange, enum db_result *result)
+{
+	struct xyza_plan *plan = plan_of(device, job);
+	float speed = fabsf(device->velocity);
+
+	if (reply->value == 1) {
+		note_standing(device);
+		return next_step(device, job, exchange, result);
+	}
+	if (plan->progress == 0 || speed < plan->least_speed) {
+		plan->progress = now;
+		plan->least_speed = speed;
+	}
+	if (now - plan->progress <= STOP_TIME)
+		return send_step(device, job, exchange, result);
+	return done(result, DB_RESULT_FAILED);
+}
+
+static enum db_step guard_answered(struct db_device *device, struct db_job *job,
+                                   const struct xyza_reply *reply, struct db_exchange *exchange,
+                                   enum db_result *result)
+{
+	const struct xyza_step *step = step_of(device, job);
+	struct db_device *other = device->first->axes[step->request.axis];
+
+	if (reply->kind == XYZA_REPLY_PROGRAM_STATE)
+		take_program(device->first, reply);
+	if (((xyza_content(reply) ^ step->wanted) & step->mask) == 0)
+		return refuse(device, job, result);
+	if (step->request.verb == XYZA_READ_STANDING && other)
+		note_standing(other);
+	return next_step(device, job, exchange, result);
+}
+
+/* One that was told to move may only not show it yet. */
+static enum db_step condition_answered(struct db_device *device, struct db_job *job,
+                                       const struct xyza_reply *reply, db_time now,
+                                       struct db_exchange *exchange, enum db_result *result)
+{
+	const struct xyza_step *step = step_of(device, job);
+	bool wanted = ((xyza_content(reply) ^ step->wanted) & step->mask) == 0;
+
+	if (reply->kind == XYZA_REPLY_PROGRAM_STATE)
+		take_program(device->first, reply);
+	else
+		wanted = wanted || now < device->expected_by;
+	if (!wanted)
+		job->step++;
+	return next_step(device, job, exchange, result);
+}
+
+/* --- answers ------------------------------------------------------------------------------------------ */
+
+/* What can be read back follows: that decides what a refusal or a lost answer means. */
+static bool is_proven_next(const struct xyza_plan *plan, unsigned step)
+{
+	return !plan->retreating && step + 1 < plan->count &&
+	       (plan->steps[step + 1].kind == STEP_EXPECT_MOVING ||
+	        plan->steps[step + 1].kind == STEP_EXPECT_PROGRAM);
+}
+
+/* What could not be read cannot be shown: the command stays as the controller has taken it. */
+static enum db_step read_refused(struct db_device *device, struct db_job *job,
+                                 struct db_exchange *exchange, enum db_result *result)
+{
+	struct xyza_plan *plan = plan_of(device, job);
+	const struct xyza_step *step = step_of(device, job);
+
+	switch (step->kind) {
+	case STEP_CHANGE:
+		if (step->param == XYZA_ENABLE || step->request.item == XYZA_ITEM_KEYS)
+			return refuse(device, job, result);
+		return next_step(device, job, exchange, result);
+	case STEP_UNTIL_STANDING:
+		return done(result, DB_RESULT_FAILED);
+	case STEP_GUARD:
+	case STEP_BEFORE:
+	case STEP_IF:
+		return next_step(device, job, exchange, result);
+	default:
+		if (plan->refused)
+			return refuse(device, job, result);
+		if (plan->lost)
+			return done(result, DB_RESULT_INDETERMINATE);
+		plan->unproven = true;
+		return next_step(device, job, exchange, result);
+	}
+}
+
+static enum db_step step_refused(struct db_device *device, struct db_job *job,
+                                 struct db_exchange *exchange, enum db_result *result)
+{
+	struct xyza_plan *plan = plan_of(device, job);
+	const struct xyza_step *step = step_of(device, job);
+
+	if (xyza_is_read(step->request.verb))
+		return read_refused(device, job, exchange, result);
+	if (step->kind == STEP_MAY_FAIL ||
+	    (step->kind == STEP_OR_BEFORE && job->scratch[1] == STOP_TAKEN))
+		return next_step(device, job, exchange, result);
+	if (is_proven_next(plan, job->step) && !plan->runs_on) {
+		plan->refused = true;
+		return next_step(device, job, exchange, result);
+	}
+	if (step->request.verb == XYZA_WRITE_MAGNITUDE || step->request.verb == XYZA_WRITE_SIGN)
+		device->held_until = 0;
+	return refuse(device, job, result);
+}
+
+static enum db_step act_answered(struct db_device *device, struct db_job *job, db_time now,
+                                 struct db_exchange *exchange, enum db_result *result)
+{
+	struct xyza_plan *plan = plan_of(device, job);
+	const struct xyza_step *step = step_of(device, job);
+
+	switch (step->request.verb) {
+	case XYZA_MANUAL_JOG:
+		note_started(device, step->request.negative);
+		device->expected_by = now + device->reaction;
+		break;
+	case XYZA_WRITE_MAGNITUDE:
+	case XYZA_WRITE_SIGN:
+	case XYZA_MANUAL_CLEAR:
+		device->placed++;
+		device->held_until = now + HOLD_TIME;
+		break;
+	case XYZA_PROGRAM_STOP:
+	case XYZA_PROGRAM_QUICK_STOP:
+		device->first->paused = device->first->program_state == XYZA_PROGRAM_RUNNING;
+		break;
+	case XYZA_WRITE_ITEM:
+		if (step->request.item == XYZA_ITEM_FACTORY_RESET)
+			forget_all(device->first);
+		break;
+	default:
+		break;
+	}
+	if (plan == &device->stop)
+		job->scratch[1] = STOP_TAKEN;
+	if (job->kind == DB_JOB_COMMAND && job->request->command == DB_CMD_DISABLE &&
+	    xyza_is_stop(step->request.verb)) {
+		device->first->stops++;
+		note_stopped(device->first);
+	}
 	return next_step(device, job, exchange, result);
 }
 
@@ -732,53 +896,60 @@ static enum db_step step_answered(struct db_device *device, struct db_job *job,
                                   const struct xyza_reply *reply, db_time now,
                                   struct db_exchange *exchange, enum db_result *result)
 {
-	struct plan *plan = plan_of(device, job);
-	struct step *step = &plan->steps[job->step];
+	struct xyza_plan *plan = plan_of(device, job);
+	const struct xyza_step *step = step_of(device, job);
 
-	if (plan == &device->stop && reply->kind != XYZA_REPLY_FAILED)
-		job->scratch[1] = STOP_TAKEN;
-	if (reply->kind == XYZA_REPLY_FAILED &&
-	    (step->kind != STEP_MAY_FAIL ||
-	     (plan == &device->stop && job->step == 1 && job->scratch[1] != STOP_TAKEN))) {
-		device->refused = true;
-		if (job->kind == DB_JOB_SETTINGS)
-			device->plate.doubtful = true;
-		return done(result, DB_RESULT_REFUSED);
+	if (plan->retreating)
+		return done(result, plan->lost ? DB_RESULT_TIMEOUT : DB_RESULT_FAILED);
+	if (reply->kind == XYZA_REPLY_FAILED)
+		return step_refused(device, job, exchange, result);
+	switch (step->kind) {
+	case STEP_IF:
+		return condition_answered(device, job, reply, now, exchange, result);
+	case STEP_GUARD:
+		return guard_answered(device, job, reply, exchange, result);
+	case STEP_BEFORE:
+		return before_answered(device, job, reply, exchange, result);
+	case STEP_CHANGE:
+		return changed_answered(device, job, reply, exchange, result);
+	case STEP_UNTIL_STANDING:
+		return standing_answered(device, job, reply, now, exchange, result);
+	case STEP_EXPECT:
+		if (step->request.verb == XYZA_READ_PORTS)
+			device->first->ports = reply->value;
+		return expected_answered(device, job, reply, now, exchange, result);
+	case STEP_EXPECT_PARAM:
+		return param_answered(device, job, reply, now, exchange, result);
+	case STEP_EXPECT_MOVING:
+		return jog_answered(device, job, reply, now, exchange, result);
+	case STEP_EXPECT_PROGRAM:
+		return program_answered(device, job, reply, now, exchange, result);
+	default:
+		return act_answered(device, job, now, exchange, result);
 	}
-	if (step->kind == STEP_UNTIL_STANDING && reply->value != 1) {
-		if (now - job->started > STOP_TIME)
-			return done(result, DB_RESULT_FAILED);
-		return send_step(device, job, exchange, result);
-	}
-	if (step->kind == STEP_READ_FOR_NEXT) {
-		union db_value value = step->value;
-		uint32_t bit = 1u << device->axis;
-
-		/* Of the enabled motors only this axis's bit is to change. */
-		if (job->kind == DB_JOB_COMMAND && step->param == XYZA_ENABLE)
-			value.u = (xyza_param_get(XYZA_ENABLE, reply->value).u & ~bit) |
-			          (value.u & bit);
-		step[1].request.value = xyza_param_put(step->param, value, reply->value);
-	}
-	if (step->request.verb == XYZA_WRITE_ITEM)
-		learn_item(device, step->request.item, step->request.value);
-	if (step->request.verb == XYZA_WRITE_ITEM && step->request.item == XYZA_ITEM_FACTORY_RESET)
-		forget_all(device->first);
-	device->refused = false;
-	return next_step(device, job, exchange, result);
 }
 
-static enum db_step command_answered(struct db_device *device, struct db_job *job,
-                                     const struct xyza_reply *reply, db_time now,
-                                     struct db_exchange *exchange, enum db_result *result)
+/* The answer to one of its exchanges was lost, and to all repeats of it. */
+static enum db_step step_lost(struct db_device *device, struct db_job *job,
+                              struct db_exchange *exchange, enum db_result *result)
 {
-	if (job->scratch[0] == 0)
-		return step_answered(device, job, reply, now, exchange, result);
-	job->step = (unsigned)job->scratch[0] - 1;
-	job->scratch[0] = 0;
-	if (is_jog(job->request->command))
-		return resolve_jog(device, job, reply, exchange, result);
-	return resolve_program(device, job, reply, exchange, result);
+	struct xyza_plan *plan = plan_of(device, job);
+	const struct xyza_step *step = step_of(device, job);
+
+	device->held_until = 0;
+	if (plan->retreating)
+		return done(result, DB_RESULT_INDETERMINATE);
+	if (is_proven_next(plan, job->step)) {
+		plan->lost = true;
+		/* Who cannot know counts it as moving. */
+		if (step->request.verb == XYZA_MANUAL_JOG)
+			note_started(device, step->request.negative);
+		return next_step(device, job, exchange, result);
+	}
+	/* Reads tell nothing of what was done before them; writes can be said again. */
+	return done(result, xyza_is_read(step->request.verb) && plan->acted ?
+	                            DB_RESULT_INDETERMINATE :
+	                            DB_RESULT_TIMEOUT);
 }
 
 /* --- parameters -------------------------------------------------------------------------------------- */
@@ -796,6 +967,7 @@ static enum db_step ask_item(struct db_device *device, struct db_job *job, unsig
 {
 	item = next_item(item);
 	job->step = item;
+	job->scratch[0] = 0;
 	if (item < XYZA_ITEM_COUNT)
 		return ask(device,
 		           (struct xyza_request){ .verb = XYZA_READ_ITEM,
@@ -821,30 +993,52 @@ static enum db_step identify_answered(struct db_device *device, struct db_job *j
 	return ask_item(device, job, job->step + 1, exchange, result);
 }
 
+/* The controller is there, it only keeps silent about this: the others are as good without it. A single
+ * loss may be the line's; scratch[0] counts them. */
+static enum db_step item_lost(struct db_device *device, struct db_job *job,
+                              struct db_exchange *exchange, enum db_result *result)
+{
+	int64_t losses = job->scratch[0] + 1;
+	enum db_step step;
+
+	if (losses >= ITEM_TRIES) {
+		forget_item(device, (enum xyza_item)job->step);
+		return ask_item(device, job, job->step + 1, exchange, result);
+	}
+	step = ask_item(device, job, job->step, exchange, result);
+	job->scratch[0] = losses;
+	return step;
+}
+
 /* --- jobs -------------------------------------------------------------------------------------------- */
 
 static enum db_step begin_command(struct db_device *device, struct db_job *job,
                                   struct db_exchange *exchange, enum db_result *result)
 {
 	enum db_command command = job->request->command;
+	struct xyza_plan *plan = plan_of(device, job);
 
 	if (command == DB_CMD_READ_PARAMETERS)
 		return ask_item(device, job, 0, exchange, result);
-	if ((is_jog(command) && is_occupied(device)) ||
-	    (command == DB_CMD_SET_POSITION && !device->standing)) {
-		device->refused = true;
-		return done(result, DB_RESULT_REFUSED);
-	}
-	if (db_command_is_stop(command) || command == DB_CMD_DISABLE)
+	if (command == DB_CMD_STOP || command == DB_CMD_QUICK_STOP)
 		device->first->stops++;
-	else
+	else if (!db_command_is_stop(command))
 		device->resends = 0;
-	job->scratch[1] = is_jog(command) ? (int64_t)device->first->stops :
-	                                    (int64_t)device->first->program_state;
-	if (plan_of(device, job) == &device->stop)
-		job->scratch[1] = device->first->program_state > XYZA_PROGRAM_RUNNING ? STOP_TAKEN :
-		                                                                        0;
-	make_plan(plan_of(device, job), device, job->request);
+	job->scratch[1] = (int64_t)device->first->stops;
+	if (plan == &device->stop)
+		job->scratch[1] = device->first->paused || device->first->program_state >
+		                                                   XYZA_PROGRAM_RUNNING ?
+		                          STOP_TAKEN :
+		                          0;
+	xyza_plan_command(plan, device, job->request);
+	return send_step(device, job, exchange, result);
+}
+
+static enum db_step begin_settings(struct db_device *device, struct db_job *job,
+                                   struct db_exchange *exchange, enum db_result *result)
+{
+	device->front.unproven = false;
+	xyza_plan_setting(&device->front, device, &job->request->settings[0]);
 	return send_step(device, job, exchange, result);
 }
 
@@ -861,12 +1055,30 @@ static enum db_step xyza_begin(struct db_device *device, struct db_job *job,
 	case DB_JOB_POLL:
 		return poll_begin(device, job, exchange, result);
 	case DB_JOB_SETTINGS:
-		plan_settings(&device->front, device, job->request);
-		return send_step(device, job, exchange, result);
+		return begin_settings(device, job, exchange, result);
 	case DB_JOB_COMMAND:
 	default:
 		return begin_command(device, job, exchange, result);
 	}
+}
+
+static bool has_plan(const struct db_job *job)
+{
+	return job->kind == DB_JOB_SETTINGS ||
+	       (job->kind == DB_JOB_COMMAND && job->request->command != DB_CMD_READ_PARAMETERS);
+}
+
+/* A refusal that is no failure, or one that is looked into first. */
+static bool is_refusal_final(struct db_device *device, const struct db_job *job)
+{
+	const struct xyza_plan *plan = plan_of(device, job);
+	const struct xyza_step *step = &plan->steps[job->step];
+
+	if (plan->retreating)
+		return true;
+	if (step->kind == STEP_MAY_FAIL || step->kind == STEP_OR_BEFORE)
+		return plan == &device->front || job->scratch[1] == STOP_TAKEN;
+	return is_proven_next(plan, job->step) && !plan->runs_on;
 }
 
 /* A refused request was not carried out, so saying it again is harmless whatever it is. */
@@ -874,13 +1086,9 @@ static bool is_asked_again(struct db_device *device, const struct db_job *job,
                            const struct xyza_reply *reply)
 {
 	unsigned *refusals = &device->refusals[job->kind];
-	bool steps = job->kind == DB_JOB_SETTINGS ||
-	             (job->kind == DB_JOB_COMMAND &&
-	              job->request->command != DB_CMD_READ_PARAMETERS && job->scratch[0] == 0);
 
 	if (reply->kind == XYZA_REPLY_FAILED && *refusals < REFUSALS_MAX &&
-	    !(steps && plan_of(device, job)->steps[job->step].kind == STEP_MAY_FAIL &&
-	      (plan_of(device, job) == &device->front || job->scratch[1] == STOP_TAKEN))) {
+	    !(has_plan(job) && is_refusal_final(device, job))) {
 		(*refusals)++;
 		return true;
 	}
@@ -901,43 +1109,31 @@ static enum db_step xyza_answer(struct db_device *device, struct db_job *job, co
 		return DB_STEP_IGNORE;
 	if (is_asked_again(device, job, &reply))
 		return DB_STEP_SEND; /* the exchange is as it was */
+	if (has_plan(job))
+		return step_answered(device, job, &reply, now, exchange, result);
 	switch (job->kind) {
 	case DB_JOB_PROBE:
 		return done(result, DB_RESULT_OK);
-	case DB_JOB_IDENTIFY:
-		return identify_answered(device, job, &reply, exchange, result);
 	case DB_JOB_POLL:
 		if (reply.kind == XYZA_REPLY_FAILED)
 			return poll_refused(device, job, exchange, result);
 		return poll_answer(device, job, &reply, now, exchange, result);
-	case DB_JOB_SETTINGS:
-		return step_answered(device, job, &reply, now, exchange, result);
-	case DB_JOB_COMMAND:
+	case DB_JOB_IDENTIFY:
 	default:
-		if (job->request->command == DB_CMD_READ_PARAMETERS)
-			return identify_answered(device, job, &reply, exchange, result);
-		return command_answered(device, job, &reply, now, exchange, result);
+		return identify_answered(device, job, &reply, exchange, result);
 	}
 }
 
 static enum db_step xyza_lost(struct db_device *device, struct db_job *job,
                               struct db_exchange *exchange, enum db_result *result)
 {
-	const struct step *step;
-
 	if (job->kind == DB_JOB_SETTINGS)
 		device->plate.doubtful = true;
-	if (job->kind != DB_JOB_COMMAND || job->request->command == DB_CMD_READ_PARAMETERS)
-		return done(result, DB_RESULT_TIMEOUT);
-	if (job->scratch[0] != 0)
-		return done(result, DB_RESULT_INDETERMINATE);
-	step = &plan_of(device, job)->steps[job->step];
-	if (is_repeatable(job, step->request.verb))
-		return done(result, DB_RESULT_TIMEOUT);
-	job->scratch[0] = job->step + 1;
-	return ask_verb(device,
-	                is_jog(job->request->command) ? XYZA_READ_STANDING : XYZA_PROGRAM_STATE,
-	                exchange, result);
+	if (has_plan(job))
+		return step_lost(device, job, exchange, result);
+	if (job->kind == DB_JOB_IDENTIFY || job->kind == DB_JOB_COMMAND)
+		return item_lost(device, job, exchange, result);
+	return done(result, DB_RESULT_TIMEOUT);
 }
 
 /* --- state ------------------------------------------------------------------------------------------- */
@@ -995,6 +1191,23 @@ static float counts_per_unit(const struct db_nameplate *plate)
 	               (double)plate->values[XYZA_MICROSTEP].u / lead);
 }
 
+/* How fast it slows down, Hz/s: INFINITY when it stands at once, 0 when that is not known. */
+static float deceleration(const struct db_device *device)
+{
+	const struct db_nameplate *plate = &device->plate;
+	uint64_t needed = UINT64_C(1) << XYZA_MIN_SPEED | UINT64_C(1) << XYZA_MAX_SPEED |
+	                  UINT64_C(1) << XYZA_ACCELERATION_TIME | UINT64_C(1) << XYZA_BRAKE;
+	double time = (double)plate->values[XYZA_ACCELERATION_TIME].u / 10.0;
+	double change = (double)plate->values[XYZA_MAX_SPEED].u -
+	                (double)plate->values[XYZA_MIN_SPEED].u;
+
+	if ((plate->valid & needed) != needed)
+		return 0.0f;
+	if (!(plate->values[XYZA_BRAKE].u >> device->axis & 1) || !(time > 0.0))
+		return INFINITY;
+	return change > 0.0 ? (float)(change / time) : 0.0f;
+}
+
 static void xyza_feedback(const struct db_device *device, struct db_feedback *feedback)
 {
 	const struct db_device *first = device->first;
@@ -1003,15 +1216,17 @@ static void xyza_feedback(const struct db_device *device, struct db_feedback *fe
 	feedback->taken = device->taken;
 	feedback->position = device->position;
 	feedback->velocity = device->velocity;
-	/* Bit 0 negative, 1 stands, then the program's state. */
-	feedback->drive_status = (uint32_t)device->negative | (uint32_t)device->standing << 1 |
-	                         (uint32_t)first->program_state << 8;
+	feedback->drive_status = (uint32_t)device->negative << STATUS_NEGATIVE |
+	                         (uint32_t)device->standing << STATUS_STANDS |
+	                         (uint32_t)first->program_state << STATUS_PROGRAM;
 	feedback->inputs = xyza_inputs(first->ports);
 	feedback->outputs = xyza_outputs(first->ports);
-	feedback->program = first->program;
+	/* The controller goes on to name the last one that ran. */
+	feedback->program = first->program_state == XYZA_PROGRAM_IDLE ? 0 : first->program;
 	feedback->program_state = first->program_state;
 	feedback->program_step = first->program_step;
 	feedback->counts_per_unit = counts_per_unit(&device->plate);
+	feedback->deceleration = deceleration(device);
 	feedback->error = state == DB_AXIS_ERROR_STOP ? DB_ERROR_INTERRUPTED : DB_ERROR_NONE;
 	feedback->state = (uint16_t)state;
 	feedback->status = status_of(device, state);
@@ -1022,6 +1237,10 @@ static void xyza_gone(struct db_device *device)
 	device->heard = false;
 	device->params_valid = false;
 	device->jogging = device->fresh = device->stopping = false;
+	device->expected_by = device->held_until = 0;
+	/* Another one may come back, which has what this one had not. */
+	device->unread = 0;
+	device->plate.missing = 0;
 }
 
 static const struct db_nameplate *xyza_nameplate(const struct db_device *device)
@@ -1032,8 +1251,9 @@ static const struct db_nameplate *xyza_nameplate(const struct db_device *device)
 static void xyza_init(struct db_device *device, struct db_device *first,
                       const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
-	(void)bus;
 	device->first = first ? first : device;
+	device->reaction = (db_time)bus->options[OPTION_REACTION] * DB_NS_PER_MS;
+	device->stops_for_speed = bus->options[OPTION_SPEED_CHANGE] > 0.0;
 	device->object = (uint8_t)drive->address;
 	device->axis = (enum xyza_axis)drive->axis;
 	device->standing = true;
@@ -1067,8 +1287,8 @@ static enum db_frame xyza_accept(const struct db_bus_config *bus, const uint8_t 
 
 static db_time time_of(const struct db_bus_config *bus, unsigned reads)
 {
-	return (db_time)reads *
-	       (db_serial_wire_time(bus, XYZA_COMMAND_FRAME + XYZA_DATA_FRAME) + TYPICAL_LATENCY);
+	return (db_time)reads * (db_serial_wire_time(bus, XYZA_COMMAND_FRAME + XYZA_DATA_FRAME) +
+	                         TYPICAL_LATENCY + (db_time)bus->turnaround_us * DB_NS_PER_US);
 }
 
 /* Of a controller with one axis: standing, sign, magnitude, sign again, ports and program. */
@@ -1077,9 +1297,16 @@ static db_time xyza_poll_time(const struct db_bus_config *bus)
 	return time_of(bus, 6);
 }
 
+/* Its standing, sign, magnitude and sign again. */
+static db_time xyza_axis_time(const struct db_bus_config *bus)
+{
+	return time_of(bus, 4);
+}
+
+/* Of a move at another speed: that is read, written and read back, then the jog and its effect. */
 static db_time xyza_command_time(const struct db_bus_config *bus)
 {
-	return time_of(bus, 2);
+	return time_of(bus, 5);
 }
 
 static bool in(double value, double min, double max)
@@ -1095,7 +1322,8 @@ static bool in(double value, double min, double max)
 	 DB_COMMAND_BIT(DB_CMD_READ_PARAMETERS) | DB_COMMAND_BIT(DB_CMD_SET_OUTPUT) |     \
 	 DB_COMMAND_BIT(DB_CMD_SET_OUTPUTS) | DB_COMMAND_BIT(DB_CMD_START_PROGRAM) |      \
 	 DB_COMMAND_BIT(DB_CMD_PAUSE_PROGRAM) | DB_COMMAND_BIT(DB_CMD_CONTINUE_PROGRAM) | \
-	 DB_COMMAND_BIT(DB_CMD_END_PROGRAM) | DB_COMMAND_BIT(DB_CMD_SINGLE_STEP))
+	 DB_COMMAND_BIT(DB_CMD_END_PROGRAM) | DB_COMMAND_BIT(DB_CMD_SINGLE_STEP) |        \
+	 DB_COMMAND_BIT(DB_CMD_CLEAR_FAULT))
 
 static enum db_result xyza_check(const struct db_bus_config *bus,
                                  const struct db_drive_config *drive, enum db_command command,
@@ -1159,18 +1387,24 @@ const struct db_driver db_driver_xyza = {
 	.axes = XYZA_AXIS_COUNT,
 	.options = options,
 	.option_count = sizeof options / sizeof options[0],
+	.acknowledges = true,
 	.commands = COMMANDS,
 	.measures = DB_MEASURE_INPUTS | DB_MEASURE_OUTPUTS | DB_MEASURE_PROGRAM,
 	.output_count = XYZA_OUTPUTS,
 	.params = xyza_params,
 	.param_count = XYZA_PARAM_COUNT,
+	.secret_params = SECRET_PARAMS,
+	.status_bits = status_bits,
+	.status_bit_count = sizeof status_bits / sizeof status_bits[0],
 	.param_page = 1,
 	.acceleration_param = -1,
 	.deceleration_param = -1,
+	.scale_unit = "mm",
 	.preset_velocity_param = XYZA_MANUAL_SPEED,
 	.check = xyza_check,
 	.check_param = xyza_check_param,
 	.poll_time = xyza_poll_time,
+	.axis_time = xyza_axis_time,
 	.command_time = xyza_command_time,
 	.device_size = sizeof(struct db_device),
 	.init = xyza_init,

@@ -62,8 +62,20 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 		KIND("drive-warning", "9ea9ac46a27c409796d2a6843bdef3af", WARNING, WARNING, 1),
 	[DB_EVENT_DRIVE_RESTARTED] =
 		KIND("drive-restarted", "bd2b195dc30244519fdda108bcd99585", WARNING, RESTART, 1),
+	[DB_EVENT_DRIVE_PARAMS_MISSING] =
+		KIND("drive-params-missing", "6e42bbd3dd0e40e9ac2f99decd1f683c", WARNING, SETTING, 1),
 	[DB_EVENT_DRIVE_UNCONFIRMED] =
 		KIND("drive-unconfirmed", "ee1cac3a828548c99f6f90ee15321fb0", ERROR, EXIT, 0),
+	[DB_EVENT_DRIVE_RUNS_ON] =
+		KIND("drive-runs-on", "5d0a3a6d0b5a4c0fb6f1c8a36f9a27e4", ERROR, FAULT, 4),
+	[DB_EVENT_DRIVE_HEARD] =
+		KIND("drive-heard", "c8ae03305b784038be06f2ce841402bd", WARNING, PRESENCE, 6),
+	[DB_EVENT_DRIVE_LATE] =
+		KIND("drive-late", "3f7c1be3a5b84d0c9d0d5c7f0f4ab1d2", WARNING, TIMING, 1),
+	[DB_EVENT_COMMAND_REFUSED] =
+		KIND("command-refused", "2a18493d36b646118fe43eab9c581209", WARNING, COMMAND, 4),
+	[DB_EVENT_DRIVE_DEAF] =
+		KIND("drive-deaf", "a9be1c0de6f54a09a8f3a1f7b3f0c6e5", WARNING, TIMING, 1),
 };
 /* clang-format on */
 

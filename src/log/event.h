@@ -22,6 +22,8 @@ enum db_topic {
 	DB_TOPIC_WARNING,
 	DB_TOPIC_RESTART,
 	DB_TOPIC_EXIT,
+	DB_TOPIC_TIMING,
+	DB_TOPIC_COMMAND,
 };
 
 struct db_event_kind {

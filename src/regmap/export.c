@@ -73,7 +73,7 @@ static void add_line(void *context, const struct db_entry *entry)
 		.view = lines->view,
 		.families = UINT32_C(1) << lines->family,
 		.conditional = !row || row->measure || row->param_alias || row->outputs ||
-		               lines->view == DB_VIEW_VSMD,
+		               row->named_bits || lines->view == DB_VIEW_VSMD,
 	};
 }
 
@@ -291,6 +291,11 @@ static void add_description(const struct line *line, struct text *text)
 		add(text, "%s", entry->param->description);
 		return;
 	}
+	if (entry->bit) {
+		add(text, "%s: bit %u of drive_status", entry->bit->description,
+		    (unsigned)entry->bit->bit);
+		return;
+	}
 	for (from = entry->row->description; *from; from++) {
 		if (*from == '#')
 			add(text, "%u", entry->number);
@@ -435,8 +440,11 @@ static const char introduction[] =
 	"  byte, in both word orders. Half of a 32-bit value can be read but not written (03).\n"
 	"- Vendor parameters stand in the vendor's order. Where a 32-bit one would begin at an odd\n"
 	"  address a register without a name is left free: it reads as 0 and takes only 0.\n"
-	"- All values of one read are from one moment of the drive. A read that touches a register\n"
-	"  which does not exist is answered with 02.\n"
+	"- All values of one read are from one moment of the drive.\n"
+	"- Reads may go in blocks: inside an area (see below) registers that this drive does not have\n"
+	"  read as 0 where the read touches any that it has; `capabilities` tells what a drive can\n"
+	"  do. A read of nothing but registers that do not exist, or beyond the areas, is answered\n"
+	"  with 02, and so is a write to any of them.\n"
 	"- The reads of FC 23 are made before its write: they do not show its effect.\n"
 	"- A command or parameter write is answered when the drive has confirmed it. 01: the drive\n"
 	"  has no such function; 02: no such register, or it cannot be written; 03: value out of\n"
@@ -480,10 +488,29 @@ static void put_heading(FILE *out, const struct line *line)
 		fputs(vendor_introduction, out);
 }
 
+/* What may be read across in a table. */
+static void put_areas(FILE *out, const struct line *line)
+{
+	const char *before = "\nAreas: ";
+
+	for (size_t i = 0; i < db_area_count; i++) {
+		const struct db_area *area = &db_areas[i];
+
+		if (area->view != line->view || area->table != line->entry.table)
+			continue;
+		fprintf(out, "%s%s %u to %u", before, area->name, (unsigned)area->first,
+		        (unsigned)area->last);
+		before = ", ";
+	}
+	if (*before == ',')
+		fputs(".\n", out);
+}
+
 static void put_table_heading(FILE *out, const struct line *line)
 {
-	fprintf(out, "\n### %s: %s\n\n", view_name(line->view), tables[line->entry.table].title);
-	fputs("| address | reference | name | type | access | unit | range | families | description |\n"
+	fprintf(out, "\n### %s: %s\n", view_name(line->view), tables[line->entry.table].title);
+	put_areas(out, line);
+	fputs("\n| address | reference | name | type | access | unit | range | families | description |\n"
 	      "|---|---|---|---|---|---|---|---|---|\n",
 	      out);
 }

@@ -6,9 +6,6 @@
 #include <modbus.h>
 #include <string.h>
 
-/* No client has this number; the sequence is the generation. */
-#define GROUP_CLIENT UINT32_MAX
-
 static void answer_writer(struct db_registers *registers, uint8_t exception)
 {
 	struct group *group = &registers->group;
@@ -36,7 +33,8 @@ static void begin(struct db_registers *registers, struct db_write_token token)
 
 static struct db_write_token part_token(const struct db_registers *registers)
 {
-	return (struct db_write_token){ .client = GROUP_CLIENT,
+	/* The sequence tells the parts of one from those of another. */
+	return (struct db_write_token){ .client = DB_CLIENT_GROUP,
 		                        .sequence = registers->group.generation };
 }
 
@@ -169,7 +167,7 @@ bool group_answered(struct db_registers *registers, struct db_write_token token,
 {
 	struct group *group = &registers->group;
 
-	if (token.client != GROUP_CLIENT)
+	if (token.client != DB_CLIENT_GROUP)
 		return false;
 	if (token.sequence != group->generation || group->pending == 0)
 		return true;

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "regmap/image.h"
 
+#include "axis/scale.h"
 #include "drivebridge/version.h"
 #include "regmap/view.h"
 
@@ -27,6 +28,17 @@ static uint32_t age_ms(const struct db_feedback *feedback, db_time now)
 	return feedback->taken == 0 || age > UINT32_MAX ? UINT32_MAX : (uint32_t)age;
 }
 
+/* As long as three rounds over the bus take just now: drives that think for long, each within
+ * drive-latency-ms, make them longer than the wire does. Asked only of data that is old. */
+static bool is_of_slow_round(const struct view_drive *drive, db_time age)
+{
+	const struct db_registers *registers = drive->registers;
+	struct db_bus_stats stats;
+
+	registers->ops->bus_stats(registers->context, drive->line, &stats);
+	return age <= 3 * (db_time)stats.cycle_us * DB_NS_PER_US;
+}
+
 /*
  * A drive that answers everything but its status in time, or a bus that does not get round to asking:
  * whatever the reason, data this old is as good as none. So is that of a drive that leaves.
@@ -34,8 +46,10 @@ static uint32_t age_ms(const struct db_feedback *feedback, db_time now)
 static void drop_if_too_old(struct db_feedback *feedback, const struct view_drive *drive,
                             db_time now)
 {
+	db_time age = age_of(feedback, now);
+
 	if (!drive->leaving && (!(feedback->status & DB_STATUS_ONLINE) ||
-	                        age_of(feedback, now) <= drive->useless_after))
+	                        age <= drive->useless_after || is_of_slow_round(drive, age)))
 		return;
 	feedback->status &= DB_STATUS_BUS_UP;
 	feedback->state = DB_AXIS_OFFLINE;
@@ -53,14 +67,6 @@ static uint16_t quality_of(const struct view_drive *drive, const struct db_feedb
 	return age_of(feedback, now) <= drive->fresh_for ? QUALITY_GOOD : QUALITY_UNCERTAIN;
 }
 
-/* The configuration knows best, then the drive. */
-static double counts_of(const struct view_drive *drive, const struct db_feedback *feedback)
-{
-	if (!drive->config->counts_given && feedback->counts_per_unit > 0.0f)
-		return (double)feedback->counts_per_unit;
-	return drive->config->counts_per_unit;
-}
-
 static void fill_process(struct db_drive_image *image, const struct view_drive *drive,
                          const struct db_client *client)
 {
@@ -72,7 +78,7 @@ static void fill_process(struct db_drive_image *image, const struct view_drive *
 	db_axis_read(drive->axis, &snapshot);
 	now = drive->registers->ops->now(drive->registers->context);
 	image->feedback = snapshot.feedback;
-	counts_per_unit = counts_of(drive, feedback);
+	counts_per_unit = db_scale_counts(drive->config, feedback);
 	drop_if_too_old(&image->feedback, drive, now);
 	image->stats = snapshot.stats;
 	db_commander_state(drive->commander, client, &image->state, now);
@@ -91,24 +97,27 @@ static void fill_process(struct db_drive_image *image, const struct view_drive *
 	if (image->state.aborted)
 		image->status |= DB_STATUS_ABORTED;
 	image->position_units = (float)((double)feedback->position / counts_per_unit);
-	image->velocity_units = (float)((double)feedback->velocity / counts_per_unit);
+	image->velocity_units = (float)((double)feedback->velocity *
+	                                db_driver_velocity_counts(drive->driver, drive->config) /
+	                                counts_per_unit);
 	image->capabilities = drive->capabilities;
 	image->heartbeat = drive->heartbeat.value;
 }
 
 static void fill_static(struct db_drive_image *image, const struct view_drive *drive)
 {
-	size_t length = strlen(drive->config->unit_name);
+	const char *unit = db_scale_unit(drive->driver, drive->config);
+	size_t length = strlen(unit);
 	struct db_snapshot snapshot;
 
 	if (length > sizeof image->unit_name)
 		length = sizeof image->unit_name;
 	memset(image->unit_name, 0, sizeof image->unit_name);
-	memcpy(image->unit_name, drive->config->unit_name, length);
+	memcpy(image->unit_name, unit, length);
 	image->bus = (uint16_t)(drive->bus_place + 1);
 	image->address = (uint16_t)drive->config->address;
 	db_axis_read(drive->axis, &snapshot);
-	image->counts_per_unit = (float)counts_of(drive, &snapshot.feedback);
+	image->counts_per_unit = (float)db_scale_counts(drive->config, &snapshot.feedback);
 }
 
 /* The elements of an array in the image, `size` each, that lie between two offsets: *from <= i < *to. */

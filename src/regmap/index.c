@@ -49,6 +49,8 @@ static unsigned count_of(const struct db_row *row, const struct db_scope *scope)
 
 	if (row->outputs)
 		most = scope->driver->output_count;
+	else if (row->named_bits)
+		most = scope->driver->status_bit_count;
 	else if (row->part == DB_PART_BUSES)
 		most = scope->buses;
 	else if (row->part == DB_PART_DRIVES || row->part == DB_PART_WINDOWS)
@@ -60,6 +62,19 @@ static uint16_t param_offset(size_t param)
 {
 	return (uint16_t)(offsetof(struct db_drive_image, plate.values) +
 	                  param * sizeof(union db_value));
+}
+
+/* The family says which bits there are, and how its vendor calls them. */
+static void name_bit(struct db_entry *entry, const struct db_drive_bit *bit)
+{
+	const char *name = entry->row->name;
+
+	entry->bit = bit;
+	entry->cell.address = (uint16_t)(entry->row->address + bit->bit);
+	entry->cell.bit = bit->bit;
+	entry->number = 0;
+	snprintf(entry->name, sizeof entry->name, "%.*s%s", (int)strcspn(name, "#"), name,
+	         bit->name);
 }
 
 static struct db_entry entry_of(const struct db_row *row, const struct db_scope *scope,
@@ -94,6 +109,8 @@ static struct db_entry entry_of(const struct db_row *row, const struct db_scope 
 		entry.param = &scope->driver->params[param];
 	}
 	name_of(entry.name, row, index);
+	if (row->named_bits)
+		name_bit(&entry, &scope->driver->status_bits[index]);
 	return entry;
 }
 
@@ -176,6 +193,19 @@ static void add_cell(void *context, const struct db_entry *entry)
 		filling->index->cells[filling->index->count++] = entry->cell;
 }
 
+/* The next area of the scope; null. */
+static const struct db_area *area_of(const struct db_scope *scope, enum db_table table,
+                                     size_t *place)
+{
+	while (*place < db_area_count) {
+		const struct db_area *area = &db_areas[(*place)++];
+
+		if (area->view == scope->view && area->table == table)
+			return area;
+	}
+	return NULL;
+}
+
 static int by_address(const void *a, const void *b)
 {
 	const struct db_cell *left = a;
@@ -187,9 +217,14 @@ static int by_address(const void *a, const void *b)
 int db_index_init(struct db_index *index, const struct db_scope *scope, enum db_table table)
 {
 	struct filling filling = { .index = index, .table = table };
+	const struct db_area *area;
 
 	*index = (struct db_index){ 0 };
 	db_table_each(scope, count_cell, &filling);
+	for (size_t place = 0; (area = area_of(scope, table, &place)) != NULL;) {
+		if (area->first < index->limit && area->last >= index->limit)
+			index->limit = area->last + (size_t)1;
+	}
 	index->cells = calloc(index->count + 1, sizeof index->cells[0]);
 	index->lookup = malloc((index->limit + 1) * sizeof index->lookup[0]);
 	if (!index->cells || !index->lookup) {
@@ -201,6 +236,10 @@ int db_index_init(struct db_index *index, const struct db_scope *scope, enum db_
 	qsort(index->cells, index->count, sizeof index->cells[0], by_address);
 	for (size_t i = 0; i < index->limit; i++)
 		index->lookup[i] = DB_NO_CELL;
+	for (size_t place = 0; (area = area_of(scope, table, &place)) != NULL;) {
+		for (size_t i = area->first; i <= area->last && i < index->limit; i++)
+			index->lookup[i] = DB_GAP_CELL;
+	}
 	for (size_t i = 0; i < index->count; i++) {
 		for (unsigned j = 0; j < index->cells[i].registers; j++)
 			index->lookup[index->cells[i].address + j] = (uint16_t)i;
@@ -226,13 +265,35 @@ uint16_t db_index_find(const struct db_index *index, uint16_t address, uint16_t 
 		return DB_NO_CELL;
 	first = index->lookup[address];
 	last = index->lookup[end - 1];
-	if (first == DB_NO_CELL || last == DB_NO_CELL)
+	if (first >= DB_GAP_CELL || last >= DB_GAP_CELL)
 		return DB_NO_CELL;
 	/* Without a hole in between, the cells' sizes add up to the way from first to last. */
 	for (size_t i = first; i < last; i++) {
 		if (index->cells[i].address + index->cells[i].registers !=
 		    index->cells[i + 1].address)
 			return DB_NO_CELL;
+	}
+	*cells = (uint16_t)(last - first + 1);
+	return first;
+}
+
+uint16_t db_index_touch(const struct db_index *index, uint16_t address, uint16_t count,
+                        uint16_t *cells)
+{
+	size_t end = (size_t)address + count;
+	uint16_t first = DB_NO_CELL;
+	uint16_t last = DB_NO_CELL;
+
+	if (end > index->limit)
+		return DB_NO_CELL;
+	for (size_t i = address; i < end; i++) {
+		if (index->lookup[i] == DB_NO_CELL)
+			return DB_NO_CELL;
+		if (index->lookup[i] == DB_GAP_CELL)
+			continue;
+		last = index->lookup[i];
+		if (first == DB_NO_CELL)
+			first = last;
 	}
 	*cells = (uint16_t)(last - first + 1);
 	return first;

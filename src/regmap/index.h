@@ -28,8 +28,9 @@ struct db_cell {
 /* One register with everything there is to tell about it. */
 struct db_entry {
 	struct db_cell cell;
-	const struct db_row *row;     /* null for parameters and gaps */
-	const struct db_param *param; /* parameters and their aliases */
+	const struct db_row *row;       /* null for parameters and gaps */
+	const struct db_param *param;   /* parameters and their aliases */
+	const struct db_drive_bit *bit; /* of drive_status; else null */
 	enum db_table table;
 	unsigned number;            /* of a repeat, from 1; else 0 */
 	char name[DB_ROW_NAME_MAX]; /* "" for gaps */
@@ -51,12 +52,13 @@ void db_table_each(const struct db_scope *scope, db_visit_fn *visit, void *conte
 int db_row_param(const struct db_row *row, const struct db_driver *driver);
 
 #define DB_NO_CELL UINT16_MAX
+#define DB_GAP_CELL (UINT16_MAX - 1) /* none, inside an area: reads as 0 beside one that there is */
 
 /* The registers of one table, ascending, without overlaps. */
 struct db_index {
 	struct db_cell *cells;
 	size_t count;
-	uint16_t *lookup; /* by address: the cell that covers it, or DB_NO_CELL */
+	uint16_t *lookup; /* by address: the cell that covers it, DB_NO_CELL or DB_GAP_CELL */
 	size_t limit;     /* addresses from here on have none */
 };
 
@@ -70,5 +72,10 @@ void db_index_release(struct db_index *index);
  */
 uint16_t db_index_find(const struct db_index *index, uint16_t address, uint16_t count,
                        uint16_t *cells);
+
+/* The same for reading: those that there are, where the others belong to an area. DB_NO_CELL when there
+ * are none. */
+uint16_t db_index_touch(const struct db_index *index, uint16_t address, uint16_t count,
+                        uint16_t *cells);
 
 #endif

@@ -245,7 +245,8 @@ const struct db_row db_rows[] = {
 		.type = DB_BITS32,
 		PROCESS(feedback.drive_status),
 		.flags = DB_ROW_MEASURED,
-		.description = "The drive's own status word as its vendor documents it",
+		.description = "The drive's own status word as its vendor documents it; its bits "
+			       "are the discrete inputs drive_ from 64 on",
 	},
 	{
 		.name = "result_id",
@@ -404,9 +405,11 @@ const struct db_row db_rows[] = {
 		.description = "Longest silence of the clients before the drive is stopped; "
 			       "0=off; armed by the first motion command or when the drive "
 			       "moves as it is first seen; fed as watchdog-feed in the "
-			       "configuration says: by each request to this unit from a "
-			       "client that may write (requests) or only by its writes (writes) "
-			       "or only by its writes of a new value to heartbeat (heartbeat)",
+			       "configuration says: by writes to this unit and by reads over "
+			       "connections that have commanded the drive since it was armed "
+			       "(commanders) or by each request of a client that may write "
+			       "(requests) or only by writes (writes) or only by writes of a new "
+			       "value to heartbeat (heartbeat)",
 	},
 	{
 		.name = "watchdog_remaining_ms",
@@ -554,6 +557,18 @@ const struct db_row db_rows[] = {
 			       "address had written another one before; the same value again does "
 			       "not; so one client only is to write it; reads the value written "
 			       "last; see also heartbeat of the gateway unit",
+	},
+	{
+		.name = "write_result_register",
+		.address = 67,
+		.type = DB_U16,
+		PROCESS(state.write_register),
+		.max = 65535,
+		.description =
+			"Address of the first register that the write of write_result was "
+			"refused for; of coils the port's number (the coil's address plus 1); 0=it "
+			"was not refused or not for one register or the drive did not say "
+			"which",
 	},
 
 	/* Drive view: the command block, at most 100 registers. */
@@ -1026,6 +1041,20 @@ const struct db_row db_rows[] = {
 		.repeat = { .count = 16, .addresses = 1 },
 		.max = 1,
 		.description = "Level of input #",
+	},
+	{
+		.name = "drive_#",
+		.view = DB_VIEW_DRIVE,
+		.table = DB_TABLE_DISCRETE,
+		.address = 64,
+		.type = DB_U32,
+		.flags = DB_ROW_MEASURED,
+		.part = DB_PART_PROCESS,
+		.named_bits = true,
+		.offset = offsetof(struct db_drive_image, feedback.drive_status),
+		.repeat = { .count = 32, .addresses = 1 },
+		.max = 1,
+		.description = "Bit of drive_status",
 	},
 	{
 		.name = "output_#",
@@ -1844,3 +1873,29 @@ const struct db_row db_rows[] = {
 };
 
 const size_t db_row_count = COUNT_OF(db_rows);
+
+/* --- areas ------------------------------------------------------------------------------------------- */
+
+#define AREA(of, in, from, to, title)                                                       \
+	{                                                                                   \
+		.name = (title), .view = (of), .table = (in), .first = (from), .last = (to) \
+	}
+#define HOLDING_AREA(of, from, to, title) AREA(of, DB_TABLE_HOLDING, from, to, title)
+#define PARAM_AREA(page)                                                    \
+	HOLDING_AREA(DB_VIEW_DRIVE, DB_PARAM_BASE + DB_PARAM_PAGE * (page), \
+	             DB_PARAM_BASE + DB_PARAM_PAGE * ((page) + 1) - 1, "parameters")
+
+const struct db_area db_areas[] = {
+	HOLDING_AREA(DB_VIEW_DRIVE, 0, 99, "process data"),
+	HOLDING_AREA(DB_VIEW_DRIVE, 100, 199, "command block"),
+	PARAM_AREA(0),
+	PARAM_AREA(1),
+	PARAM_AREA(2),
+	HOLDING_AREA(DB_VIEW_DRIVE, 3000, 3767, "history"),
+	HOLDING_AREA(DB_VIEW_DRIVE, 4000, 4639, "addresses of the history"),
+	AREA(DB_VIEW_DRIVE, DB_TABLE_DISCRETE, 0, 95, "status bits"),
+	HOLDING_AREA(DB_VIEW_GATEWAY, 60, 86, "groups"),
+	HOLDING_AREA(DB_VIEW_GATEWAY, 2000, 2000 + 24 * DB_GATEWAY_WINDOWS - 1, "window"),
+};
+
+const size_t db_area_count = COUNT_OF(db_areas);

@@ -49,6 +49,7 @@ struct db_row {
 	uint16_t part;      /* enum db_part it needs */
 	uint16_t measure;   /* exists only when the family measures this */
 	bool outputs;       /* repeats as often as the family has outputs */
+	bool named_bits;    /* one for each status bit that the family names */
 	size_t param_alias; /* offset in struct db_driver of a parameter's index + 1; 0 = none */
 	struct db_repeat repeat;
 	const char *unit;
@@ -60,6 +61,21 @@ struct db_row {
 
 extern const struct db_row db_rows[];
 extern const size_t db_row_count;
+
+/*
+ * Registers that are read together. A read may cross what a drive lacks of one, and gets 0 there, when it
+ * touches anything that the drive has. Ascending in each view and table.
+ */
+struct db_area {
+	const char *name;
+	enum db_view view;
+	enum db_table table; /* HOLDING (and INPUT with it) or DISCRETE */
+	uint16_t first;
+	uint16_t last;
+};
+
+extern const struct db_area db_areas[];
+extern const size_t db_area_count;
 
 /* As in the configuration. */
 #define DB_WATCHDOG_MAX_MS 60000

@@ -11,6 +11,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Something due is late by so much only when this process was held, or its machine. */
+#define HELD_TIME (100 * DB_NS_PER_MS)
+
 /* --- reading ------------------------------------------------------------------------------------- */
 
 static const struct db_index *table_of(const struct view_map *map, enum db_table table)
@@ -31,22 +34,27 @@ struct span {
 	uint16_t count;
 	unsigned parts;
 	unsigned flags;
-	uint16_t low; /* offsets of the first and the last member of the image that is read */
+	unsigned without; /* cells with these flags are not there for this table: 0 */
+	uint16_t low;     /* offsets of the first and the last member of the image that is read */
 	uint16_t high;
 };
 
 static uint8_t find_span(const struct db_index *index, enum db_table table, uint16_t address,
                          uint16_t count, struct span *span)
 {
-	uint16_t first = db_index_find(index, address, count, &span->count);
+	uint16_t first = db_index_touch(index, address, count, &span->count);
 
 	if (first == DB_NO_CELL)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
 	span->cells = &index->cells[first];
+	span->without = table == DB_TABLE_INPUT ? DB_ROW_WRITABLE : 0;
 	span->parts = 0;
 	span->flags = 0;
-	span->low = span->high = span->cells[0].offset;
+	span->low = UINT16_MAX;
+	span->high = 0;
 	for (uint16_t i = 0; i < span->count; i++) {
+		if (span->cells[i].flags & span->without)
+			continue;
 		span->parts |= span->cells[i].part;
 		span->flags |= span->cells[i].flags;
 		if (span->cells[i].offset < span->low)
@@ -54,40 +62,41 @@ static uint8_t find_span(const struct db_index *index, enum db_table table, uint
 		if (span->cells[i].offset > span->high)
 			span->high = span->cells[i].offset;
 	}
-	if (table == DB_TABLE_INPUT && (span->flags & DB_ROW_WRITABLE))
-		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
-	return 0;
+	return span->low == UINT16_MAX ? MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS : 0;
 }
 
+/* What no cell covers is 0. */
 static void copy_registers(const struct span *span, const void *image, bool low_first,
                            uint16_t address, uint16_t count, uint16_t *values)
 {
-	uint16_t done = 0;
+	unsigned end = (unsigned)address + count;
 
+	memset(values, 0, count * sizeof values[0]);
 	for (uint16_t i = 0; i < span->count; i++) {
 		const struct db_cell *cell = &span->cells[i];
 		uint16_t words[DB_CELL_REGISTERS_MAX];
-		uint16_t from;
-		uint16_t take;
 
+		if (cell->flags & span->without)
+			continue;
 		/* Whole cells, nearly always, go straight to their place. */
-		if (cell->address == address + done && cell->registers <= count - done) {
-			db_words_encode(cell, image, low_first, &values[done]);
-			done = (uint16_t)(done + cell->registers);
+		if (cell->address >= address && (unsigned)cell->address + cell->registers <= end) {
+			db_words_encode(cell, image, low_first, &values[cell->address - address]);
 			continue;
 		}
 		db_words_encode(cell, image, low_first, words);
-		from = (uint16_t)(address + done - cell->address);
-		take = (uint16_t)(cell->registers - from);
-		if (take > count - done)
-			take = (uint16_t)(count - done);
-		memcpy(&values[done], &words[from], take * sizeof words[0]);
-		done = (uint16_t)(done + take);
+		for (unsigned j = 0; j < cell->registers; j++) {
+			unsigned at = (unsigned)cell->address + j;
+
+			if (at >= address && at < end)
+				values[at - address] = words[j];
+		}
 	}
 }
 
-static void copy_bits(const struct span *span, const void *image, uint16_t *values)
+static void copy_bits(const struct span *span, const void *image, uint16_t address, uint16_t count,
+                      uint16_t *values)
 {
+	memset(values, 0, count * sizeof values[0]);
 	for (uint16_t i = 0; i < span->count; i++) {
 		const struct db_cell *cell = &span->cells[i];
 		const unsigned char *member = (const unsigned char *)image + cell->offset;
@@ -100,7 +109,7 @@ static void copy_bits(const struct span *span, const void *image, uint16_t *valu
 			memcpy(&narrow, member, sizeof narrow);
 			wide = narrow;
 		}
-		values[i] = (uint16_t)(wide >> cell->bit & 1);
+		values[cell->address - address] = (uint16_t)(wide >> cell->bit & 1);
 	}
 }
 
@@ -120,28 +129,34 @@ static uint8_t check_measured(const struct view_drive *drive, const struct db_fe
 	return 0;
 }
 
+/*
+ * Parameters that are not known yet, or not any more, are not shown. When all were read and one was not
+ * among them, this model does not have it: it is 0, unless the read touches nothing else.
+ */
 static uint8_t check_params(const struct view_drive *drive, const struct span *span,
-                            const struct db_drive_image *image)
+                            struct db_drive_image *image)
 {
 	bool stale = drive->registers->layout->modbus->stale_values;
 	uint32_t wanted = DB_STATUS_ONLINE | DB_STATUS_PARAMS_VALID;
 	bool fresh = (image->feedback.status & wanted) == wanted;
+	bool any = false;
 
 	for (uint16_t i = 0; i < span->count; i++) {
 		const struct db_cell *cell = &span->cells[i];
 
-		if (!(cell->flags & DB_ROW_PARAM))
-			continue;
-		if (image->plate.valid & (UINT64_C(1) << cell->param)) {
-			if (fresh || stale)
-				continue;
+		if (!(cell->flags & DB_ROW_PARAM)) {
+			any = true;
+		} else if (image->plate.valid & (UINT64_C(1) << cell->param)) {
+			if (!fresh && !stale)
+				return view_unreachable(&image->feedback);
+			any = true;
+		} else if (fresh) {
+			image->plate.values[cell->param].u = 0;
+		} else {
 			return view_unreachable(&image->feedback);
 		}
-		/* All were read and this was not among them: this model has no such parameter. */
-		return fresh ? MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS :
-		               view_unreachable(&image->feedback);
 	}
-	return 0;
+	return any ? 0 : MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
 }
 
 static void fill_control(struct db_drive_image *image, const struct view_drive *drive,
@@ -178,7 +193,7 @@ static uint8_t read_drive(const struct view_drive *drive, const struct db_client
 		copy_registers(&span, &image, drive->registers->layout->modbus->low_word_first,
 		               address, count, values);
 	else
-		copy_bits(&span, &image, values);
+		copy_bits(&span, &image, address, count, values);
 	return 0;
 }
 
@@ -215,18 +230,45 @@ static uint8_t backend_unit(void *context, uint8_t unit)
 	return registers->layout->units[unit] == VIEW_NOTHING ? MODBUS_EXCEPTION_GATEWAY_PATH : 0;
 }
 
+void view_feed(struct view_drive *drive, const struct db_client *client, enum db_watchdog_feed by)
+{
+	const struct db_registers *registers = drive->registers;
+	db_time arrived = db_client_arrived(client, registers->ops->now(registers->context));
+
+	if (db_commander_feed(drive->commander, client, by, arrived))
+		drive->fed_by = *client;
+}
+
+/*
+ * Something that was due long ago has not been done: this process was held. A client asks for one thing
+ * after the other and may have waited with its first one for all that time, so that one stands for
+ * every drive that it had kept going.
+ */
+static void feed_all(const struct db_registers *registers, const struct db_client *client,
+                     db_time now)
+{
+	if (now - HELD_TIME < registers->due)
+		return;
+	for (size_t i = 0; i < registers->layout->drive_count; i++) {
+		struct view_drive *drive = registers->layout->drives[i];
+
+		if (drive->fed_by.id == client->id)
+			view_feed(drive, client, DB_FEED_HEARTBEAT);
+	}
+}
+
 /* Who may only look does not keep a machine running, nor who does not control it. */
-static void feed(struct view_drive *drive, const struct db_client *client, enum db_watchdog_feed by)
+static void hear(struct view_drive *drive, const struct db_client *client, enum db_watchdog_feed by)
 {
 	const struct db_registers *registers = drive->registers;
 	db_time now = registers->ops->now(registers->context);
 
 	db_commander_hear(drive->commander, client, now);
+	feed_all(registers, client, now);
 	if (!client->may_write || !db_control_holds(&drive->control, client, now))
 		return;
-	db_control_hear(&drive->control, client, now);
-	if (db_commander_feed(drive->commander, by, now))
-		drive->fed_by = *client;
+	db_control_hear(&drive->control, client, db_client_arrived(client, now), now);
+	view_feed(drive, client, by);
 }
 
 static uint8_t backend_read(void *context, const struct db_client *client, uint8_t unit,
@@ -236,7 +278,7 @@ static uint8_t backend_read(void *context, const struct db_client *client, uint8
 	struct view_drive *drive = drive_of(registers, unit);
 
 	if (drive) {
-		feed(drive, client, DB_FEED_REQUESTS);
+		hear(drive, client, DB_FEED_REQUESTS);
 		if (registers->layout->vendor_units[unit])
 			return vsmd_view_read(drive, table, address, count, values);
 		return read_drive(drive, client, table, address, count, values);
@@ -253,7 +295,7 @@ static int backend_write(void *context, const struct db_client *client, uint8_t 
 	struct view_drive *drive = drive_of(context, unit);
 
 	if (drive) {
-		feed(drive, client, DB_FEED_WRITES);
+		hear(drive, client, DB_FEED_WRITES);
 		if (drive->registers->layout->vendor_units[unit])
 			return vsmd_view_write(drive, client, table, address, count, values, token);
 		return view_write(drive, client, table, address, count, values, token);
@@ -261,6 +303,20 @@ static int backend_write(void *context, const struct db_client *client, uint8_t 
 	if (backend_unit(context, unit))
 		return MODBUS_EXCEPTION_GATEWAY_PATH;
 	return view_write_gateway(context, client, table, address, count, values, token);
+}
+
+static int backend_write_same(void *context, const struct db_client *client, uint8_t unit,
+                              uint16_t address, uint16_t value, struct db_write_token token)
+{
+	const struct db_registers *registers = context;
+	struct view_drive *drive = drive_of(registers, unit);
+
+	if (!drive)
+		return view_check_write(&registers->layout->gateway, address);
+	hear(drive, client, DB_FEED_WRITES);
+	if (registers->layout->vendor_units[unit])
+		return vsmd_view_write_same(drive, client, address, value, token);
+	return view_write_same(drive, client, address, value, token);
 }
 
 static size_t backend_server_id(void *context, uint8_t unit, char *text, size_t size, bool *running)
@@ -338,6 +394,14 @@ static void release_control(const struct db_registers *registers, const struct d
 		db_control_release(&registers->layout->drives[i]->control, client);
 }
 
+/* Its number may become another's. */
+static void forget(const struct db_registers *registers, const struct db_client *client)
+{
+	release_control(registers, client);
+	for (size_t i = 0; i < registers->layout->drive_count; i++)
+		db_commander_forget(registers->layout->drives[i]->commander, client);
+}
+
 static void backend_restricted(void *context, const struct db_client *client)
 {
 	release_control(context, client);
@@ -348,7 +412,7 @@ static void backend_client(void *context, const struct db_client *client, bool c
 	const struct db_registers *registers = context;
 
 	if (!connected)
-		release_control(registers, client);
+		forget(registers, client);
 	if (registers->ops->client)
 		registers->ops->client(registers->context, client, connected);
 }
@@ -357,6 +421,7 @@ const struct db_backend db_registers_backend = {
 	.unit = backend_unit,
 	.read = backend_read,
 	.write = backend_write,
+	.write_same = backend_write_same,
 	.server_id = backend_server_id,
 	.device_id = backend_device_id,
 	.client = backend_client,
@@ -390,7 +455,7 @@ void db_registers_complete(struct db_registers *registers, const struct db_compl
 	vsmd_view_completed(drive, completion, now);
 }
 
-db_time db_registers_next_deadline(const struct db_registers *registers)
+db_time db_registers_next_deadline(struct db_registers *registers)
 {
 	const struct view_layout *layout = registers->layout;
 	db_time next = DB_TIME_NEVER;
@@ -401,6 +466,7 @@ db_time db_registers_next_deadline(const struct db_registers *registers)
 		if (deadline < next)
 			next = deadline;
 	}
+	registers->due = next;
 	return next;
 }
 
@@ -408,6 +474,7 @@ void db_registers_expire(struct db_registers *registers, db_time now)
 {
 	const struct view_layout *layout = registers->layout;
 
+	registers->due = DB_TIME_NEVER;
 	for (size_t i = 0; i < layout->drive_count; i++) {
 		const struct view_drive *drive = layout->drives[i];
 
@@ -487,10 +554,22 @@ static uint64_t wall_us_now(void *context)
 	return registers->ops->wall_us(registers->context);
 }
 
+static void tell_refused(void *context, const struct db_client *client,
+                         const struct db_refused_write *write)
+{
+	const struct view_drive *drive = context;
+	const struct db_registers *registers = drive->registers;
+
+	if (registers->ops->write_refused)
+		registers->ops->write_refused(registers->context, drive->bus, drive->config, client,
+		                              write);
+}
+
 static const struct db_commander_ops commander_ops = {
 	.submit = submit_to_bus,
 	.answer = answer_client,
 	.wall_us = wall_us_now,
+	.refused = tell_refused,
 };
 
 /* A second or ten cycles, and at least three rounds over all the drives of a slow bus. */
@@ -500,6 +579,7 @@ static db_time useless_after(const struct db_roster *roster, size_t bus)
 	db_time age = 10 * (db_time)config->cycle_ms * DB_NS_PER_MS;
 	db_time round = 0;
 
+	/* By the time on the wire; what drives need beside shows in the rounds, see image.c. */
 	for (size_t i = 0; i < roster->drive_count; i++) {
 		if (roster->drives[i].bus == bus)
 			round += config->driver->poll_time(config);
@@ -751,6 +831,7 @@ int db_registers_new(const struct db_roster *roster, const struct db_registers_o
 	made->ops = ops;
 	made->context = context;
 	made->started = ops->now(context);
+	made->due = DB_TIME_NEVER;
 	if (db_registers_prepare(made, roster, &change) != 0) {
 		db_registers_free(made);
 		return -ENOMEM;

@@ -64,6 +64,7 @@ struct db_registers {
 	struct view_layout *layout;
 	struct group group;
 	uint16_t heartbeat; /* of the gateway, written last */
+	db_time due;        /* when db_registers_expire() is to be called, as was told last */
 };
 
 #define VIEW_GATEWAY UINT16_MAX
@@ -91,10 +92,20 @@ uint8_t view_unreachable(const struct db_feedback *feedback);
  */
 bool view_may_write(struct view_drive *drive, const struct db_client *client, bool stop);
 
+/* Tells the drive's watchdog that this client, who may command the drive, is there. */
+void view_feed(struct view_drive *drive, const struct db_client *client, enum db_watchdog_feed by);
+
 /* db_backend's write, for the gateway: group commands and the heartbeat. */
 int view_write_gateway(struct db_registers *registers, const struct db_client *client,
                        enum db_table table, uint16_t address, uint16_t count,
                        const uint16_t *values, struct db_write_token token);
+
+/* The exception that a write to this holding register alone gets for its address, or 0. */
+uint8_t view_check_write(const struct view_map *map, uint16_t address);
+
+/* db_backend's write_same, for a drive. */
+int view_write_same(struct view_drive *drive, const struct db_client *client, uint16_t address,
+                    uint16_t value, struct db_write_token token);
 
 /* db_backend's write, for a drive. */
 int view_write(struct view_drive *drive, const struct db_client *client, enum db_table table,

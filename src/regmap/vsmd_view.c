@@ -13,7 +13,7 @@
 #define PORTS 6
 
 /* Names no client: what is answered to it is dropped. */
-static const struct db_write_token nobody = { .client = 0 };
+static const struct db_write_token nobody = { .client = DB_CLIENT_NOBODY };
 
 /* A command that waits for the parameters of the same write. */
 struct chain {
@@ -241,6 +241,7 @@ uint8_t vsmd_view_read(const struct view_drive *drive, enum db_table table, uint
 struct plan {
 	const struct db_client *client;
 	struct vsmd_kept kept; /* with the written registers put over it */
+	uint16_t refused;      /* the register that was planned last */
 	bool has_command;      /* these were among them */
 	bool has_pos;
 	enum db_command command; /* NONE: nothing is to be executed */
@@ -376,11 +377,28 @@ static enum db_result plan_registers(const struct view_drive *drive, const struc
 	for (size_t i = 0; i < span->count; i++) {
 		enum db_result result = plan_row(drive, &possible, &span->rows[i], values, plan);
 
+		plan->refused = span->rows[i].row.address;
 		if (result != DB_RESULT_OK)
 			return result;
 		values += vsmd_layout_cell(&span->rows[i]).registers;
 	}
 	return DB_RESULT_OK;
+}
+
+/* The stop among what is written, if there is one: it is carried out whatever stands beside it. */
+static enum db_command stop_among(const struct span *span, uint16_t address, const uint16_t *values)
+{
+	for (size_t i = 0; i < span->count; i++) {
+		const struct vsmd_row *row = &span->rows[i];
+		const struct vsmd_code *entry;
+
+		if (row->content != VSMD_KEPT ||
+		    row->row.offset != offsetof(struct vsmd_kept, command))
+			continue;
+		entry = vsmd_layout_code(values[row->row.address - address]);
+		return entry && db_command_is_stop(entry->command) ? entry->command : DB_CMD_NONE;
+	}
+	return DB_CMD_NONE;
 }
 
 /* --- carrying it out -------------------------------------------------------------------------------------- */
@@ -417,9 +435,11 @@ static int begin_chain(struct view_drive *drive, const struct plan *plan,
 	return answer;
 }
 
-static int refuse(struct view_drive *drive, const struct db_client *client, enum db_result result)
+/* `address`: of the register that it is refused for; 0: of the command, or of none in particular. */
+static int refuse(struct view_drive *drive, const struct db_client *client, enum db_result result,
+                  uint16_t address)
 {
-	db_commander_set_refused(drive->commander, client, result);
+	db_commander_set_refused(drive->commander, client, result, address);
 	return db_result_exception(result);
 }
 
@@ -428,7 +448,7 @@ static int refuse_plan(struct view_drive *drive, const struct plan *plan, enum d
 {
 	struct db_command_block block = { .command = (uint16_t)plan->command, .args = plan->args };
 
-	db_commander_refuse(drive->commander, plan->client, &block, result,
+	db_commander_refuse(drive->commander, plan->client, &block, result, 0,
 	                    drive->registers->ops->now(drive->registers->context));
 	return db_result_exception(result);
 }
@@ -459,16 +479,14 @@ static int carry_out(struct view_drive *drive, const struct plan *plan, struct d
 	                            token, now);
 }
 
-/* The client is not in control: it may stop the drive and nothing else. */
-static int carry_out_stop(struct view_drive *drive, const struct plan *plan,
-                          struct db_write_token token)
+/* Nothing else of the write is carried out or kept: it is wrong, or the client is not in control. */
+static int stop_only(struct view_drive *drive, const struct db_client *client, enum db_command stop,
+                     struct db_write_token token)
 {
+	const struct db_args none = { 0 };
 	db_time now = drive->registers->ops->now(drive->registers->context);
 
-	if (!db_command_is_stop(plan->command))
-		return refuse_plan(drive, plan, DB_RESULT_NOT_IN_CONTROL);
-	return db_commander_execute(drive->commander, plan->client, plan->command, &plan->args,
-	                            token, now);
+	return db_commander_execute(drive->commander, client, stop, &none, token, now);
 }
 
 int vsmd_view_write(struct view_drive *drive, const struct db_client *client, enum db_table table,
@@ -477,30 +495,51 @@ int vsmd_view_write(struct view_drive *drive, const struct db_client *client, en
 {
 	struct plan plan;
 	struct span span;
+	enum db_command stop;
 	enum db_result result;
 	int answer;
 
 	if (table != DB_TABLE_HOLDING || find_span(table, address, count, &span) != 0)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	stop = stop_among(&span, address, values);
 	if (!is_whole(&span, address, count))
-		return refuse(drive, client, DB_RESULT_OUT_OF_RANGE);
+		return stop != DB_CMD_NONE ? stop_only(drive, client, stop, token) :
+		                             refuse(drive, client, DB_RESULT_OUT_OF_RANGE, 0);
 	result = plan_registers(drive, &span, values, &plan);
 	plan.client = client;
+	if (result != DB_RESULT_OK && stop != DB_CMD_NONE)
+		return stop_only(drive, client, stop, token);
 	if (result != DB_RESULT_OK) {
-		answer = refuse(drive, client, result);
+		answer = refuse(drive, client, result, plan.refused);
 		/* The vendor's models have this register, but the drive has nothing behind it. */
 		return result == DB_RESULT_UNSUPPORTED ? MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS :
 		                                         answer;
 	}
 	result = plan_command(drive, &plan);
 	if (result != DB_RESULT_OK)
-		return refuse(drive, client, result);
+		return refuse(drive, client, result, 0);
 	if (!view_may_write(drive, client, db_command_is_stop(plan.command)))
-		return carry_out_stop(drive, &plan, token);
+		return db_command_is_stop(plan.command) ?
+		               stop_only(drive, client, plan.command, token) :
+		               refuse_plan(drive, &plan, DB_RESULT_NOT_IN_CONTROL);
 	answer = carry_out(drive, &plan, token);
 	if (is_accepted(answer))
 		drive->vendor->kept = plan.kept;
 	return answer;
+}
+
+int vsmd_view_write_same(struct view_drive *drive, const struct db_client *client, uint16_t address,
+                         uint16_t value, struct db_write_token token)
+{
+	struct span span;
+
+	if (find_span(DB_TABLE_HOLDING, address, 1, &span) != 0)
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	if (!is_whole(&span, address, 1))
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	if (stop_among(&span, address, &value) == DB_CMD_NONE)
+		return 0;
+	return vsmd_view_write(drive, client, DB_TABLE_HOLDING, address, 1, &value, token);
 }
 
 /* --- the second half of a chain ---------------------------------------------------------------------------- */
@@ -550,7 +589,7 @@ void vsmd_view_completed(struct view_drive *drive, const struct db_completion *c
 		return;
 	chain = view->chain;
 	view->chain.ticket = 0;
-	if (completion->result != DB_RESULT_OK || chain.dead)
+	if (!db_result_is_success(completion->result) || chain.dead)
 		return;
 	answer = db_commander_execute(drive->commander, &chain.client, chain.command, &chain.args,
 	                              chain.waits ? chain.token : nobody, now);

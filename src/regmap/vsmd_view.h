@@ -35,6 +35,10 @@ int vsmd_view_write(struct view_drive *drive, const struct db_client *client, en
                     uint16_t address, uint16_t count, const uint16_t *values,
                     struct db_write_token token);
 
+/* As db_backend's write_same. */
+int vsmd_view_write_same(struct view_drive *drive, const struct db_client *client, uint16_t address,
+                         uint16_t value, struct db_write_token token);
+
 /*
  * Where the drive's commander and the bus pass by; `view` may be null.
  *

@@ -59,15 +59,9 @@ bool view_may_write(struct view_drive *drive, const struct db_client *client, bo
 	return false;
 }
 
-static void feed_by_heartbeat(struct view_drive *drive, const struct db_client *client, db_time now)
-{
-	if (db_commander_feed(drive->commander, DB_FEED_HEARTBEAT, now))
-		drive->fed_by = *client;
-}
-
 static int refuse(struct view_drive *drive, const struct db_client *client, enum db_result result)
 {
-	db_commander_set_refused(drive->commander, client, result);
+	db_commander_set_refused(drive->commander, client, result, 0);
 	return db_result_exception(result);
 }
 
@@ -77,7 +71,7 @@ static int refuse_command(struct view_drive *drive, const struct db_client *clie
 {
 	struct db_command_block block = { .command = (uint16_t)code, .args = *args };
 
-	db_commander_refuse(drive->commander, client, &block, DB_RESULT_NOT_IN_CONTROL,
+	db_commander_refuse(drive->commander, client, &block, DB_RESULT_NOT_IN_CONTROL, 0,
 	                    now_of(drive));
 	return db_result_exception(DB_RESULT_NOT_IN_CONTROL);
 }
@@ -116,17 +110,41 @@ static bool block_from(const struct view_drive *drive, const struct db_client *c
 	return right;
 }
 
+/* The stop among what is written, if there is one: it is carried out whatever stands beside it. */
+static enum db_command stop_among(const struct span *span, uint16_t address, const uint16_t *values)
+{
+	for (uint16_t i = 0; i < span->count; i++) {
+		const struct db_cell *cell = &span->cells[i];
+		enum db_command code;
+
+		if (cell->part != DB_PART_BLOCK ||
+		    cell->offset != offsetof(struct db_drive_image, block.command))
+			continue;
+		code = (enum db_command)values[cell->address - address];
+		return db_command_is_stop(code) ? code : DB_CMD_NONE;
+	}
+	return DB_CMD_NONE;
+}
+
+/* Neither the id nor the arguments of its write count. */
+static int stop_only(struct view_drive *drive, const struct db_client *client, enum db_command stop,
+                     struct db_write_token token)
+{
+	const struct db_args none = { 0 };
+
+	return db_commander_execute(drive->commander, client, stop, &none, token, now_of(drive));
+}
+
 static int write_block(struct view_drive *drive, const struct db_client *client,
                        const struct span *span, const uint16_t *values, struct db_write_token token)
 {
-	const struct db_args no_args = { 0 };
 	struct db_command_write write;
 	bool right = block_from(drive, client, span, values, &write);
 	bool stop = write.has_command && db_command_is_stop((enum db_command)write.block.command);
 
 	/* A stop needs no arguments: wrong ones do not keep it from the drive. */
 	if (!right && !stop) {
-		db_commander_set_refused(drive->commander, client, DB_RESULT_OUT_OF_RANGE);
+		db_commander_set_refused(drive->commander, client, DB_RESULT_OUT_OF_RANGE, 0);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	}
 	if (view_may_write(drive, client, stop))
@@ -136,42 +154,56 @@ static int write_block(struct view_drive *drive, const struct db_client *client,
 	if (!stop)
 		return refuse(drive, client, DB_RESULT_NOT_IN_CONTROL);
 	/* Neither the id nor the arguments are for the one in control to find. */
-	return db_commander_execute(drive->commander, client, (enum db_command)write.block.command,
-	                            &no_args, token, now_of(drive));
+	return stop_only(drive, client, (enum db_command)write.block.command, token);
 }
 
 /* --- parameters -------------------------------------------------------------------------------------- */
 
-/* The number of settings, or the negative exception that refuses them. */
-static int settings_from(const struct view_drive *drive, const struct span *span,
-                         const uint16_t *values, struct db_setting *settings)
+/* Everything was read since the drive came, and this was not among it: the model has no such parameter. */
+static bool is_lacking(const struct view_drive *drive, unsigned param)
+{
+	const uint32_t wanted = DB_STATUS_ONLINE | DB_STATUS_PARAMS_VALID;
+	struct db_nameplate plate;
+	struct db_snapshot snapshot;
+
+	db_axis_read(drive->axis, &snapshot);
+	db_axis_read_nameplate(drive->axis, &plate);
+	return (snapshot.feedback.status & wanted) == wanted && !(plate.valid >> param & 1);
+}
+
+/* One register of a write, perhaps beside others. What reads as 0 in a block takes 0 back there: registers
+ * between parameters, and parameters that the model lacks. */
+static enum db_result take_setting(const struct view_drive *drive, const struct db_cell *cell,
+                                   bool beside, const uint16_t *words, struct db_setting *settings,
+                                   size_t *count)
 {
 	bool low_first = drive->registers->layout->modbus->low_word_first;
-	int count = 0;
+	union db_value value;
+	enum db_result checked;
 
-	for (uint16_t i = 0; i < span->count; i++) {
-		const struct db_cell *cell = &span->cells[i];
-		union db_value value;
-		enum db_result checked;
+	if (!db_words_decode(cell, words, low_first, &value))
+		return DB_RESULT_OUT_OF_RANGE;
+	if (cell->flags & DB_CELL_GAP)
+		return value.u == 0 ? DB_RESULT_OK : DB_RESULT_OUT_OF_RANGE;
+	/* Other values are for the drive to judge: some can only be written, or were not read. */
+	if (value.u == 0 && beside && is_lacking(drive, cell->param))
+		return DB_RESULT_OK;
+	checked = drive->driver->check_param(drive->bus, cell->param, value);
+	if (checked != DB_RESULT_OK)
+		return checked;
+	settings[*count].param = cell->param;
+	settings[*count].value = value;
+	(*count)++;
+	return DB_RESULT_OK;
+}
 
-		if (!db_words_decode(cell, values, low_first, &value))
-			return -MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-		values += cell->registers;
-		if (cell->flags & DB_CELL_GAP) {
-			if (value.u != 0)
-				return -MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-			continue;
-		}
-		checked = drive->driver->check_param(drive->bus, cell->param, value);
-		if (checked != DB_RESULT_OK)
-			return checked == DB_RESULT_UNSUPPORTED ?
-			               -MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS :
-			               -MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-		settings[count].param = cell->param;
-		settings[count].value = value;
-		count++;
-	}
-	return count;
+static int refuse_setting(struct view_drive *drive, const struct db_client *client,
+                          enum db_result result, uint16_t address)
+{
+	db_commander_set_refused(drive->commander, client, result, address);
+	/* The family has this register, but the drive has nothing behind it. */
+	return result == DB_RESULT_UNSUPPORTED ? MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS :
+	                                         MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 }
 
 static int write_params(struct view_drive *drive, const struct db_client *client,
@@ -179,21 +211,26 @@ static int write_params(struct view_drive *drive, const struct db_client *client
                         struct db_write_token token)
 {
 	struct db_setting settings[DB_SETTINGS_MAX];
-	int count = settings_from(drive, span, values, settings);
+	bool gaps = true;
+	size_t count = 0;
 
-	if (count < 0) {
-		db_commander_set_refused(drive->commander, client,
-		                         count == -MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS ?
-		                                 DB_RESULT_UNSUPPORTED :
-		                                 DB_RESULT_OUT_OF_RANGE);
-		return -count;
+	for (uint16_t i = 0; i < span->count; i++) {
+		const struct db_cell *cell = &span->cells[i];
+		enum db_result result = take_setting(drive, cell, span->count > 1, values, settings,
+		                                     &count);
+
+		if (result != DB_RESULT_OK)
+			return refuse_setting(drive, client, result, cell->address);
+		gaps = gaps && (cell->flags & DB_CELL_GAP);
+		values += cell->registers;
 	}
 	if (count == 0)
-		return 0;
+		return gaps ? 0 :
+		              refuse_setting(drive, client, DB_RESULT_UNSUPPORTED,
+		                             span->cells[0].address);
 	if (!view_may_write(drive, client, false))
 		return refuse_command(drive, client, DB_CMD_NONE, &(struct db_args){ 0 });
-	return db_commander_set(drive->commander, client, settings, (size_t)count, token,
-	                        now_of(drive));
+	return db_commander_set(drive->commander, client, settings, count, token, now_of(drive));
 }
 
 /* --- the watchdog ------------------------------------------------------------------------------------ */
@@ -207,7 +244,7 @@ static int write_watchdog(struct view_drive *drive, const struct db_client *clie
 	    !db_words_decode(&span->cells[0], values,
 	                     drive->registers->layout->modbus->low_word_first, &value) ||
 	    value.u > DB_WATCHDOG_MAX_MS) {
-		db_commander_set_refused(drive->commander, client, DB_RESULT_OUT_OF_RANGE);
+		db_commander_set_refused(drive->commander, client, DB_RESULT_OUT_OF_RANGE, 0);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	}
 	if (!view_may_write(drive, client, false))
@@ -215,7 +252,8 @@ static int write_watchdog(struct view_drive *drive, const struct db_client *clie
 	/* Without on-client-loss it would trip and stop nothing. */
 	if (value.u != 0 && drive->config->on_client_loss == DB_ON_LOSS_NONE)
 		return refuse(drive, client, DB_RESULT_UNSUPPORTED);
-	db_commander_set_watchdog(drive->commander, value.u, now_of(drive));
+	db_commander_set_watchdog(drive->commander, value.u,
+	                          db_client_arrived(client, now_of(drive)));
 	return 0;
 }
 
@@ -224,7 +262,7 @@ static int write_heartbeat(struct view_drive *drive, const struct db_client *cli
 	if (!view_may_write(drive, client, false))
 		return refuse(drive, client, DB_RESULT_NOT_IN_CONTROL);
 	if (db_heartbeat_write(&drive->heartbeat, client->address, value))
-		feed_by_heartbeat(drive, client, now_of(drive));
+		view_feed(drive, client, DB_FEED_HEARTBEAT);
 	return 0;
 }
 
@@ -252,9 +290,32 @@ static int write_control(struct view_drive *drive, const struct db_client *clien
 
 /* --- coils ------------------------------------------------------------------------------------------- */
 
+/* The first coil that is an input of the drive, if there is one: nothing is switched then. */
+static const struct db_cell *input_among(const struct view_drive *drive, const struct span *span)
+{
+	unsigned inputs = db_commander_input_ports(drive->commander);
+
+	for (uint16_t i = 0; i < span->count; i++) {
+		if (inputs >> span->cells[i].bit & 1)
+			return &span->cells[i];
+	}
+	return NULL;
+}
+
+static int refuse_input(struct view_drive *drive, const struct db_client *client,
+                        const struct db_args *args, const struct db_cell *input)
+{
+	struct db_command_block block = { .command = DB_CMD_SET_OUTPUTS, .args = *args };
+
+	db_commander_refuse(drive->commander, client, &block, DB_RESULT_REFUSED,
+	                    (uint16_t)(input->bit + 1), now_of(drive));
+	return db_result_exception(DB_RESULT_REFUSED);
+}
+
 static int write_coils(struct view_drive *drive, const struct db_client *client,
                        const struct span *span, const uint16_t *values, struct db_write_token token)
 {
+	const struct db_cell *input = input_among(drive, span);
 	struct db_args args = { 0 };
 
 	for (uint16_t i = 0; i < span->count; i++) {
@@ -266,8 +327,20 @@ static int write_coils(struct view_drive *drive, const struct db_client *client,
 	}
 	if (!view_may_write(drive, client, false))
 		return refuse_command(drive, client, DB_CMD_SET_OUTPUTS, &args);
+	if (input)
+		return refuse_input(drive, client, &args, input);
 	return db_commander_execute(drive->commander, client, DB_CMD_SET_OUTPUTS, &args, token,
 	                            now_of(drive));
+}
+
+uint8_t view_check_write(const struct view_map *map, uint16_t address)
+{
+	struct span span;
+	uint8_t exception = find_span(&map->holding, address, 1, &span);
+
+	if (exception)
+		return exception;
+	return is_whole(&span, address, 1) ? 0 : MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 }
 
 int view_write(struct view_drive *drive, const struct db_client *client, enum db_table table,
@@ -284,7 +357,11 @@ int view_write(struct view_drive *drive, const struct db_client *client, enum db
 	if (table == DB_TABLE_COILS)
 		return write_coils(drive, client, &span, values, token);
 	if (!is_whole(&span, address, count)) {
-		db_commander_set_refused(drive->commander, client, DB_RESULT_OUT_OF_RANGE);
+		enum db_command stop = stop_among(&span, address, values);
+
+		if (stop != DB_CMD_NONE)
+			return stop_only(drive, client, stop, token);
+		db_commander_set_refused(drive->commander, client, DB_RESULT_OUT_OF_RANGE, 0);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	}
 	if (span.cells[0].flags & DB_ROW_WATCHDOG)
@@ -296,6 +373,20 @@ int view_write(struct view_drive *drive, const struct db_client *client, enum db
 	if (span.cells[0].part == DB_PART_BLOCK)
 		return write_block(drive, client, &span, values, token);
 	return write_params(drive, client, &span, values, token);
+}
+
+int view_write_same(struct view_drive *drive, const struct db_client *client, uint16_t address,
+                    uint16_t value, struct db_write_token token)
+{
+	uint8_t exception = view_check_write(drive->map, address);
+	struct span span;
+
+	if (exception)
+		return exception;
+	(void)find_span(&drive->map->holding, address, 1, &span);
+	if (stop_among(&span, address, &value) == DB_CMD_NONE)
+		return 0;
+	return view_write(drive, client, DB_TABLE_HOLDING, address, 1, &value, token);
 }
 
 /* --- the gateway ------------------------------------------------------------------------------------- */
@@ -362,8 +453,8 @@ static int write_gateway_heartbeat(struct db_registers *registers, const struct 
 		    !db_control_holds(&drive->control, client, now) ||
 		    !db_heartbeat_write(&drive->gateway_heartbeat, client->address, value))
 			continue;
-		db_control_hear(&drive->control, client, now);
-		feed_by_heartbeat(drive, client, now);
+		db_control_hear(&drive->control, client, db_client_arrived(client, now), now);
+		view_feed(drive, client, DB_FEED_HEARTBEAT);
 	}
 	return 0;
 }

@@ -11,15 +11,17 @@
 
 /* --- drives coming and going ----------------------------------------------------------------------- */
 
-void engine_come_online(struct db_engine *engine, struct station *station)
+void engine_come_online(struct db_engine *engine, struct station *station, db_time now)
 {
+	if (station->braking.active)
+		braking_resume(&station->braking, now);
 	station->identify_at = 0;
 	station->identify_backoff = IDENTIFY_BACKOFF_MIN;
 	station->snapshot.stats.came_online++;
 	engine->stats.online++;
 }
 
-static void come_online(struct db_engine *engine, struct node *node)
+static void come_online(struct db_engine *engine, struct node *node, db_time now)
 {
 	node->in_step = true;
 	node->losses = 0;
@@ -28,8 +30,9 @@ static void come_online(struct db_engine *engine, struct node *node)
 		return;
 	node->online = true;
 	node->poll_due = true;
+	node->heard.count = 0;
 	for (struct station *s = node->first; s; s = s->next_axis)
-		engine_come_online(engine, s);
+		engine_come_online(engine, s, now);
 }
 
 static void lose_station(struct db_engine *engine, struct station *station, enum db_result result,
@@ -80,7 +83,7 @@ static void lane_done(struct db_engine *engine, struct station *station, enum la
 	station->lanes[kind].active = false;
 	switch (kind) {
 	case LANE_PROBE:
-		come_online(engine, station->node);
+		come_online(engine, station->node, now);
 		break;
 	case LANE_POLL:
 		station->node->poll_due = false;
@@ -88,7 +91,7 @@ static void lane_done(struct db_engine *engine, struct station *station, enum la
 		break;
 	case LANE_STOP:
 		engine_publish(engine, station);
-		station_finish_stop(station, result, now);
+		engine_stop_answered(engine, station, result, now);
 		break;
 	case LANE_FRONT:
 		/* The PLC must find the command's effect when it reads right behind the response. */
@@ -105,6 +108,12 @@ static void lane_done(struct db_engine *engine, struct station *station, enum la
 	}
 }
 
+/* Not for what comes unasked: somebody who talks on and on must not keep a stop from the line. */
+static void keep_quiet(struct db_engine *engine, db_time now)
+{
+	engine->quiet_until = now + (db_time)engine->bus->turnaround_us * DB_NS_PER_US;
+}
+
 /* An answer to a stop that was sent while out of step proves nothing, but the wire is free. */
 static bool blind_stop_answered(struct db_engine *engine, struct node *node, db_time now)
 {
@@ -113,6 +122,47 @@ static bool blind_stop_answered(struct db_engine *engine, struct node *node, db_
 	node->flight.station->lanes[LANE_STOP].active = false;
 	node_note_ghost(node, false, now);
 	engine_end_flight(engine, node, now);
+	keep_quiet(engine, now);
+	return true;
+}
+
+static void publish_node(struct db_engine *engine, const struct node *node)
+{
+	for (struct station *s = node->first; s; s = s->next_axis)
+		engine_publish(engine, s);
+}
+
+/* All of it was read since `from`: drives that were told to stop before then show whether they do. */
+static void judge_stops(struct db_engine *engine, const struct node *node, db_time from,
+                        db_time now)
+{
+	for (struct station *s = node->first; s; s = s->next_axis) {
+		if (from < s->braking.begun)
+			continue;
+		s->braking.looked = true;
+		engine_judge_stop(engine, s, now);
+	}
+}
+
+/* It came from there and is of no use: if the drive does not answer, that may explain why. */
+static void note_heard(struct node *node, const uint8_t *frame, size_t length)
+{
+	struct db_heard *heard = &node->heard;
+
+	heard->length = length < sizeof heard->bytes ? length : sizeof heard->bytes;
+	memcpy(heard->bytes, frame, heard->length);
+	heard->count++;
+}
+
+/* A frame that nobody waits for any more: an answer that was given up too soon, if one was. */
+static bool note_late_answer(struct db_engine *engine, struct node *node, db_time now)
+{
+	db_time latency = node_late_by(node, now);
+
+	if (latency <= 0)
+		return false;
+	for (struct station *s = node->first; s; s = s->next_axis)
+		engine_tell_timing(engine, s, DB_EVENT_DRIVE_LATE, latency);
 	return true;
 }
 
@@ -124,6 +174,8 @@ static void unsolicited(struct db_engine *engine, struct node *node, const uint8
 
 	if (!node || !driver->report || !driver->report(node->head, frame, length, now)) {
 		engine->stats.stray_frames++;
+		if (node && !note_late_answer(engine, node, now) && !node->online)
+			note_heard(node, frame, length);
 		return;
 	}
 	engine->stats.reports++;
@@ -133,18 +185,8 @@ static void unsolicited(struct db_engine *engine, struct node *node, const uint8
 		node->probe_at = now;
 		node->probe_backoff = PROBE_BACKOFF_MIN;
 	}
-	for (struct station *s = node->first; s; s = s->next_axis)
-		engine_publish(engine, s);
-}
-
-static void publish_poll(struct db_engine *engine, struct station *station, enum lane_kind kind)
-{
-	if (kind != LANE_POLL) {
-		engine_publish(engine, station);
-		return;
-	}
-	for (struct station *s = station->node->first; s; s = s->next_axis)
-		engine_publish(engine, s);
+	publish_node(engine, node);
+	judge_stops(engine, node, now, now);
 }
 
 static void take_answer(struct db_engine *engine, struct node *node, const uint8_t *frame,
@@ -168,11 +210,14 @@ static void take_answer(struct db_engine *engine, struct node *node, const uint8
 	}
 	if (kind == LANE_PROBE && node_is_ghost(node, now)) {
 		engine->stats.stray_frames++;
+		(void)note_late_answer(engine, node, now);
 		return;
 	}
 	station_count_answer(station, now - node->flight.sent);
 	node->losses = 0;
+	node_note_answer(node, now);
 	engine_end_flight(engine, node, now);
+	keep_quiet(engine, now);
 	lane->tries = 0;
 	lane->ready = step == DB_STEP_SEND;
 	if (kind == LANE_FRONT && station->front_cancelled && step == DB_STEP_SEND) {
@@ -181,12 +226,21 @@ static void take_answer(struct db_engine *engine, struct node *node, const uint8
 	}
 	if (step == DB_STEP_DONE)
 		lane_done(engine, station, kind, result, now);
-	publish_poll(engine, station, kind);
+	if (kind != LANE_POLL) {
+		engine_publish(engine, station);
+		return;
+	}
+	publish_node(engine, node);
+	if (step == DB_STEP_DONE)
+		judge_stops(engine, node, lane->job.started, now);
 }
 
 /* Who sent it. `address` -1: whoever was asked. Null when there is nobody. */
 static struct node *sender_of(struct db_engine *engine, int address)
 {
+	/* On a line with one drive it can be nobody else. */
+	if (address < 0 && engine->node_count == 1)
+		return engine->nodes[0];
 	for (size_t i = 0; i < engine->node_count; i++) {
 		struct node *node = engine->nodes[i];
 
@@ -196,14 +250,21 @@ static struct node *sender_of(struct db_engine *engine, int address)
 	return NULL;
 }
 
-/* On a line where one is asked at a time, what is damaged was probably his. */
-static void count_bad_frame(struct db_engine *engine)
+/* A frame on CAN tells who sent it by its id. On a line where one is asked at a time, what is damaged was
+ * probably his. */
+static void take_bad_frame(struct db_engine *engine, const uint8_t *frame, size_t length,
+                           int address)
 {
-	struct node *node = engine->flights == 1 ? sender_of(engine, -1) : NULL;
+	bool told = address >= 0 && engine->driver->medium == DB_MEDIUM_CAN;
+	struct node *node = told || engine->flights == 1 ? sender_of(engine, told ? address : -1) :
+	                                                   NULL;
 
 	engine->stats.bad_frames++;
-	if (node)
+	if (!node)
+		return;
+	if (is_flying(node))
 		node->flight.station->snapshot.stats.bad_frames++;
+	note_heard(node, frame, length);
 }
 
 static void take_frame(struct db_engine *engine, const uint8_t *frame, size_t length, db_time now)
@@ -217,7 +278,7 @@ static void take_frame(struct db_engine *engine, const uint8_t *frame, size_t le
 	case DB_FRAME_FOREIGN:
 		return;
 	default:
-		count_bad_frame(engine);
+		take_bad_frame(engine, frame, length, address);
 		return;
 	}
 	node = sender_of(engine, address);
@@ -310,6 +371,17 @@ static void identify_lost(struct station *station, db_time now)
 		station->identify_backoff = IDENTIFY_BACKOFF_MAX;
 }
 
+/* The driver leaves out what the drive does not answer, and asks for the rest. */
+static bool goes_on_without(struct db_engine *engine, struct station *station)
+{
+	struct lane *lane = &station->lanes[LANE_IDENTIFY];
+	enum db_result result;
+
+	lane->ready = engine->driver->lost(station->device, &lane->job, &lane->exchange, &result) ==
+	              DB_STEP_SEND;
+	return lane->ready;
+}
+
 static void lane_lost(struct db_engine *engine, struct station *station, enum lane_kind kind,
                       db_time cost, db_time now)
 {
@@ -321,6 +393,8 @@ static void lane_lost(struct db_engine *engine, struct station *station, enum la
 		front_lost(engine, station, now);
 		break;
 	case LANE_IDENTIFY:
+		if (goes_on_without(engine, station))
+			break;
 		identify_lost(station, now);
 		/* fall through */
 	default: /* begun anew, after getting back in step */
@@ -357,6 +431,10 @@ void engine_answer_lost(struct db_engine *engine, struct node *node, db_time now
 	station->snapshot.stats.timeouts++;
 	node->in_step = false;
 	node->losses++;
+	node_note_loss(node);
+	if (node_is_deaf(node))
+		engine_tell_timing(engine, station, DB_EVENT_DRIVE_DEAF,
+		                   (db_time)engine->bus->turnaround_us * DB_NS_PER_US);
 	node_note_ghost(node, kind == LANE_PROBE, now);
 	lane_lost(engine, station, kind, cost, now);
 	repeat_stops(engine, node, cost, now);

@@ -12,6 +12,7 @@
 #include "sched/report.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <poll.h>
 #include <pthread.h>
 #include <sched.h>
@@ -55,7 +56,8 @@ struct db_bus {
 	/* Bus thread only. */
 	const struct db_transport *transport;
 	struct db_port *port;
-	bool line_up; /* the port is open and carries frames */
+	db_time wall_at; /* when the wall clock is looked at again */
+	bool line_up;    /* the port is open and carries frames */
 	db_time reopen_at;
 	int open_error; /* the last one reported, so that it is reported once */
 	int port_error; /* the open port failed with it */
@@ -63,6 +65,7 @@ struct db_bus {
 	size_t unsent_length;
 	db_time unsent_since;       /* when the port last took something */
 	struct db_bus_stats judged; /* as they were at the last judgement of the cycle */
+	db_time judged_wait;        /* for a processor, until then */
 	db_time judge_at;           /* the next one; 0 before the first */
 
 	atomic_uint stats_sequence;
@@ -82,9 +85,14 @@ static db_time now_ns(void)
 	return clock_ns(CLOCK_MONOTONIC);
 }
 
-static int64_t wall_offset_us(void)
+/* A gateway boots in 1970 and learns the time later: the offset is taken again and again. */
+static void follow_wall_clock(struct db_bus *bus, db_time now)
 {
-	return (clock_ns(CLOCK_REALTIME) - now_ns()) / DB_NS_PER_US;
+	if (now < bus->wall_at)
+		return;
+	bus->wall_at = now + BEAT_TIME;
+	db_engine_set_wall_offset(bus->engine,
+	                          (clock_ns(CLOCK_REALTIME) - now_ns()) / DB_NS_PER_US);
 }
 
 /* --- engine's callbacks ------------------------------------------------------------------------- */
@@ -129,9 +137,35 @@ static void tell_drive(void *context, const struct db_drive_config *drive, enum 
 	report_drive(&bus->log, drive, event, feedback, now_ns());
 }
 
+static void tell_missing(void *context, const struct db_drive_config *drive, uint64_t params)
+{
+	const struct db_bus *bus = context;
+
+	report_missing_params(&bus->log, drive, bus->config->driver, params, now_ns());
+}
+
+static void tell_heard(void *context, const struct db_drive_config *drive,
+                       const struct db_heard *heard)
+{
+	const struct db_bus *bus = context;
+
+	report_heard(&bus->log, drive, bus->config->driver->medium, heard, now_ns());
+}
+
+static void tell_timing(void *context, const struct db_drive_config *drive, enum db_event event,
+                        db_time time)
+{
+	const struct db_bus *bus = context;
+
+	report_timing(&bus->log, bus->config, drive, event, time, now_ns());
+}
+
 static const struct db_engine_ops engine_ops = {
 	.send = send_bytes,
 	.tell = tell_drive,
+	.tell_missing = tell_missing,
+	.tell_heard = tell_heard,
+	.tell_timing = tell_timing,
 };
 
 /* --- the port ------------------------------------------------------------------------------------- */
@@ -175,7 +209,6 @@ static void bring_up(struct db_bus *bus, db_time now)
 		       place_of(bus->config), bitrate, bus->config->bitrate);
 	report_latency(bus, now);
 	bus->open_error = 0;
-	db_engine_set_wall_offset(bus->engine, wall_offset_us());
 	db_engine_port(bus->engine, true, 0, now);
 }
 
@@ -201,7 +234,7 @@ static void open_port(struct db_bus *bus, db_time now)
 	if (-error != bus->open_error)
 		db_log(&bus->log, now, DB_EVENT_BUS_LOST, NULL,
 		       "cannot open %s: %s%s; trying again", place_of(bus->config),
-		       strerror(-error), report_advice_for_port(-error));
+		       strerror(-error), report_advice_for_port(bus->config, -error));
 	bus->open_error = -error;
 }
 
@@ -212,7 +245,7 @@ static void lose_port(struct db_bus *bus, db_time now)
 	if (error != bus->open_error)
 		db_log(&bus->log, now, DB_EVENT_BUS_LOST, NULL,
 		       "lost %s: %s%s; waiting for it to come back", place_of(bus->config),
-		       strerror(error), report_advice_for_port(error));
+		       strerror(error), report_advice_for_port(bus->config, error));
 	bus->transport->close(bus->port);
 	bus->port = NULL;
 	bus->port_error = 0;
@@ -277,22 +310,60 @@ static void write_rest(struct db_bus *bus, db_time now)
 
 /* --- the thread ----------------------------------------------------------------------------------- */
 
+/* How long this thread has been ready to run and was not let, since it began; 0 where the kernel does
+ * not say. */
+static db_time waited_for_processor(void)
+{
+	unsigned long long waited = 0;
+	char text[96] = "";
+	int fd = open("/proc/thread-self/schedstat", O_RDONLY | O_CLOEXEC);
+
+	if (fd < 0)
+		return 0;
+	if (read(fd, text, sizeof text - 1) <= 0 || sscanf(text, "%*s %llu", &waited) != 1)
+		waited = 0;
+	close(fd);
+	return (db_time)waited;
+}
+
+static void report_slow(const struct db_bus *bus, const struct db_bus_stats *stats,
+                        uint32_t overruns, db_time waited, db_time now)
+{
+	unsigned seconds = (unsigned)(JUDGE_INTERVAL / DB_NS_PER_S);
+	/* A quarter of a cycle of waiting for each one that overran. */
+	bool computer = waited / DB_NS_PER_MS * 4 > (db_time)overruns * bus->config->cycle_ms;
+
+	if (computer)
+		db_log(&bus->log, now, DB_EVENT_BUS_SLOW, NULL,
+		       "%u times in %u s the drives could not all be read within cycle-ms = %u: this "
+		       "computer is busy, the bus waited %u ms for a processor; set priority for the "
+		       "bus, or look for what else runs",
+		       (unsigned)overruns, seconds, bus->config->cycle_ms,
+		       (unsigned)(waited / DB_NS_PER_MS));
+	else
+		db_log(&bus->log, now, DB_EVENT_BUS_SLOW, NULL,
+		       "%u times in %u s the drives could not all be read within cycle-ms = %u "
+		       "(the last round took %u ms); raise cycle-ms or baud, or look for drives "
+		       "that answer slowly or not at all",
+		       (unsigned)overruns, seconds, bus->config->cycle_ms,
+		       (unsigned)(stats->cycle_us / 1000));
+}
+
 /* Cycles that overrun now and then are no news (the figures count them); many of them are. */
 static void watch_cycle(struct db_bus *bus, const struct db_bus_stats *stats, db_time now)
 {
 	uint32_t cycles = stats->cycles - bus->judged.cycles;
 	uint32_t overruns = stats->overruns - bus->judged.overruns;
+	db_time waited;
 
-	if (now < bus->judge_at)
+	/* The first figures are made before the thread runs. */
+	if (now < bus->judge_at || now == 0)
 		return;
+	waited = waited_for_processor();
 	if (bus->judge_at != 0 && overruns > cycles / OVERRUN_SHARE)
-		db_log(&bus->log, now, DB_EVENT_BUS_SLOW, NULL,
-		       "%u times in %u s the drives could not all be read within cycle-ms = %u "
-		       "(the last round took %u ms); raise cycle-ms or baud, or look for drives "
-		       "that answer slowly or not at all",
-		       (unsigned)overruns, (unsigned)(JUDGE_INTERVAL / DB_NS_PER_S),
-		       bus->config->cycle_ms, (unsigned)(stats->cycle_us / 1000));
+		report_slow(bus, stats, overruns, waited - bus->judged_wait, now);
 	bus->judged = *stats;
+	bus->judged_wait = waited;
 	bus->judge_at = now + JUDGE_INTERVAL;
 }
 
@@ -372,9 +443,12 @@ static db_time run_port(struct db_bus *bus, db_time now)
 static db_time turn(struct db_bus *bus)
 {
 	db_time now = now_ns();
-	db_time port_next = run_port(bus, now);
-	db_time next = db_engine_run(bus->engine, now);
+	db_time port_next;
+	db_time next;
 
+	follow_wall_clock(bus, now);
+	port_next = run_port(bus, now);
+	next = db_engine_run(bus->engine, now);
 	if (bus->port && bus->port_error != 0) {
 		lose_port(bus, now);
 		port_next = bus->reopen_at;
@@ -494,9 +568,6 @@ static void *run(void *context)
 
 /* --- making and using ------------------------------------------------------------------------------- */
 
-/* Stops of one drive that may wait. */
-#define STOPS_EACH 4
-
 int db_bus_new(const struct db_bus_config *config, const struct db_bus_drive *drives,
                size_t drive_count, struct db_log *log, struct db_bus **bus)
 {
@@ -517,7 +588,7 @@ int db_bus_new(const struct db_bus_config *config, const struct db_bus_drive *dr
 	made->completion_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
 	error = made->wake_fd < 0 || made->completion_fd < 0 ? -errno : 0;
 	if (error == 0)
-		error = db_mailbox_new(config->queue, STOPS_EACH * drive_count, &made->mailbox);
+		error = db_mailbox_new(config->queue, drive_count, &made->mailbox);
 	if (error == 0)
 		error = db_engine_new(config, drives, drive_count, made->mailbox, &engine_ops, made,
 		                      &made->engine);
@@ -587,7 +658,7 @@ int db_bus_change_new(struct db_bus *bus, const uint16_t *leaving, size_t leavin
 {
 	size_t drives = bus->drives - leaving_count + coming_count;
 
-	if (db_mailbox_grow(bus->mailbox, STOPS_EACH * drives) != 0)
+	if (db_mailbox_grow(bus->mailbox, drives) != 0)
 		return -ENOMEM;
 	*change = change_new(bus->config, bus->drives, leaving, leaving_count, coming,
 	                     coming_count);

@@ -227,7 +227,7 @@ static void wrap(size_t *next, size_t count)
 		*next %= count;
 }
 
-static void take_in(struct db_engine *engine, struct db_change *change)
+static void take_in(struct db_engine *engine, struct db_change *change, db_time now)
 {
 	swap_room(engine, change);
 	wrap(&engine->next_poll, engine->node_count);
@@ -242,7 +242,7 @@ static void take_in(struct db_engine *engine, struct db_change *change)
 		engine->stations[engine->station_count++] = station;
 		station_join(station, node_for(engine, station), engine->bus);
 		if (station->node->online)
-			engine_come_online(engine, station);
+			engine_come_online(engine, station, now);
 		engine_publish(engine, station);
 	}
 }
@@ -267,7 +267,7 @@ void engine_carry_change(struct db_engine *engine, db_time now)
 	}
 	if (waits)
 		return;
-	take_in(engine, change);
+	take_in(engine, change, now);
 	engine->change = NULL;
 	engine->changed = change;
 }

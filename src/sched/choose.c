@@ -4,9 +4,6 @@
 
 #include <string.h>
 
-/* What drives are given to act on a broadcast before they are asked something. */
-#define BROADCAST_GAP (2 * DB_NS_PER_MS)
-
 /*
  * On CAN requests to several drives are under way at once. So much work, in time on the wire, is
  * given to the wire ahead: enough for it not to fall idle while this thread wakes up, and little
@@ -16,7 +13,7 @@
 
 /* --- sending --------------------------------------------------------------------------------------- */
 
-static bool is_shared(const struct db_engine *engine)
+bool engine_is_shared(const struct db_engine *engine)
 {
 	return engine->driver->medium == DB_MEDIUM_CAN;
 }
@@ -29,19 +26,22 @@ db_time engine_may_send_at(const struct db_engine *engine, bool stop, db_time no
 		return engine->quiet_until;
 	if (engine->flights == 0)
 		return now;
-	if (!is_shared(engine))
+	if (!engine_is_shared(engine))
 		return DB_TIME_NEVER;
 	return stop || engine->wire_free - AHEAD <= now ? now : engine->wire_free - AHEAD;
 }
 
-static enum db_step begin(struct db_engine *engine, struct station *station, enum lane_kind kind,
-                          enum db_job_kind job, const struct db_request *request, db_time now,
-                          enum db_result *result)
+enum db_step engine_begin_job(struct db_engine *engine, struct station *station,
+                              enum lane_kind kind, enum db_job_kind job,
+                              const struct db_request *request, db_time now, enum db_result *result)
 {
 	struct lane *lane = &station->lanes[kind];
 	enum db_step step;
 
-	lane->job = (struct db_job){ .kind = job, .request = request, .started = now };
+	lane->job = (struct db_job){ .kind = job,
+		                     .request = request,
+		                     .started = now,
+		                     .out_of_step = !station->node->in_step };
 	lane->tries = 0;
 	lane->sent = false;
 	step = engine->driver->begin(station_device(station, kind), &lane->job, &lane->exchange,
@@ -50,7 +50,7 @@ static enum db_step begin(struct db_engine *engine, struct station *station, enu
 	return step;
 }
 
-static db_time wire_time(const struct db_engine *engine, const struct db_exchange *exchange)
+db_time engine_wire_time(const struct db_engine *engine, const struct db_exchange *exchange)
 {
 	return engine->bus->transport->wire_time(engine->bus, exchange->request,
 	                                         exchange->request_length, exchange->answer_length);
@@ -59,20 +59,23 @@ static db_time wire_time(const struct db_engine *engine, const struct db_exchang
 /* Whoever asked for what goes out now is told when, for the skew of a group. */
 static void note_sent(struct station *station, enum lane_kind kind, db_time now)
 {
-	if (kind == LANE_FRONT && station->front_letter)
-		db_letter_sent(station->front_letter, now);
-	for (unsigned i = 0; kind == LANE_STOP && i < station->stop_count; i++) {
-		if (station->stops[i].sent && station->stops[i].letter)
-			db_letter_sent(station->stops[i].letter, now);
-	}
+	const struct db_request *request = station->lanes[kind].job.request;
+
+	if (kind == LANE_STOP)
+		engine_note_stop_sent(station, request->command, now);
+	if (kind != LANE_FRONT || !station->front_letter)
+		return;
+	db_letter_sent(station->front_letter, now);
+	if (db_command_is_motion(request->command))
+		station->motion_sent = now;
 }
 
-static void send_lane(struct db_engine *engine, struct station *station, enum lane_kind kind,
+void engine_send_lane(struct db_engine *engine, struct station *station, enum lane_kind kind,
                       db_time now)
 {
 	struct lane *lane = &station->lanes[kind];
 	struct node *node = station->node;
-	db_time wire = wire_time(engine, &lane->exchange);
+	db_time wire = engine_wire_time(engine, &lane->exchange);
 
 	lane->ready = false;
 	lane->sent = true;
@@ -103,14 +106,15 @@ static void send_lane(struct db_engine *engine, struct station *station, enum la
 	engine->ops->send(engine->context, lane->exchange.request, lane->exchange.request_length);
 }
 
-static void send_probe(struct db_engine *engine, struct node *node, db_time now)
+void engine_send_probe(struct db_engine *engine, struct node *node, db_time now)
 {
 	struct station *station = node->first;
 	enum db_result result;
 
 	node->ever_probed = true;
-	if (begin(engine, station, LANE_PROBE, DB_JOB_PROBE, NULL, now, &result) == DB_STEP_SEND)
-		send_lane(engine, station, LANE_PROBE, now);
+	if (engine_begin_job(engine, station, LANE_PROBE, DB_JOB_PROBE, NULL, now, &result) ==
+	    DB_STEP_SEND)
+		engine_send_lane(engine, station, LANE_PROBE, now);
 }
 
 /* Sends a prepared exchange, after getting back in step with the drive where that is needed. */
@@ -118,112 +122,9 @@ static void send_in_step(struct db_engine *engine, struct station *station, enum
                          db_time now)
 {
 	if (station->node->in_step)
-		send_lane(engine, station, kind, now);
+		engine_send_lane(engine, station, kind, now);
 	else
-		send_probe(engine, station->node, now);
-}
-
-/* --- stops ----------------------------------------------------------------------------------------- */
-
-static void send_stop(struct db_engine *engine, struct station *station, db_time now)
-{
-	struct pending_stop *first = &station->stops[0];
-	struct lane *lane = &station->lanes[LANE_STOP];
-	bool in_step = station->node->in_step;
-	enum db_result result = DB_RESULT_FAILED;
-
-	if (!in_step && station->blind_stop_sent) {
-		send_probe(engine, station->node, now);
-		return;
-	}
-	station->blind_stop_sent = !in_step;
-	for (unsigned i = 0; i < station->stop_count; i++) {
-		if (station->stops[i].request->command == first->request->command)
-			station->stops[i].sent = true;
-	}
-	if (lane->active && lane->ready && in_step) {
-		send_lane(engine, station, LANE_STOP, now);
-		return;
-	}
-	if (begin(engine, station, LANE_STOP, DB_JOB_COMMAND, first->request, now, &result) ==
-	    DB_STEP_SEND)
-		send_lane(engine, station, LANE_STOP, now);
-	else
-		station_finish_stop(station, result, now);
-}
-
-/* Does every drive of the bus wait for one and the same stop that was not sent to any of them yet? */
-static bool all_want(const struct db_engine *engine, enum db_command command)
-{
-	for (size_t i = 0; i < engine->station_count; i++) {
-		const struct station *station = engine->stations[i];
-
-		if (station->stop_count == 0 || station->stops[0].sent ||
-		    station->stops[0].request->command != command)
-			return false;
-	}
-	return true;
-}
-
-/* One frame stops everybody at once; each drive is then asked for its confirmation as usual. */
-static bool try_broadcast(struct db_engine *engine, db_time now)
-{
-	uint8_t request[DB_SHORT_REQUEST];
-	struct db_exchange exchange = { .request = request, .request_size = sizeof request };
-	enum db_command command;
-
-	if (engine->station_count < 2 || engine->stations[0]->stop_count == 0 ||
-	    !engine->driver->broadcast)
-		return false;
-	command = engine->stations[0]->stops[0].request->command;
-	if (!all_want(engine, command) ||
-	    !engine->driver->broadcast(command, engine->bus, &exchange))
-		return false;
-	for (size_t i = 0; i < engine->station_count; i++) {
-		engine->stations[i]->stops[0].sent = true;
-		note_sent(engine->stations[i], LANE_STOP, now);
-	}
-	/* On CAN what follows waits for its turn on the wire by itself. */
-	if (!is_shared(engine))
-		engine->quiet_until = now + BROADCAST_GAP + wire_time(engine, &exchange);
-	engine->stats.transactions++;
-	engine->ops->send(engine->context, request, exchange.request_length);
-	return true;
-}
-
-/* An offline drive's first; but one that answered its blind stop is only asked about it. */
-db_time engine_stop_at(const struct db_engine *engine, const struct station *station)
-{
-	bool silent = !station->node->online && !station->blind_stop_sent;
-
-	return silent && station->stop_at < engine->stops_from ? engine->stops_from :
-	                                                         station->stop_at;
-}
-
-static bool try_stops(struct db_engine *engine, db_time now)
-{
-	if (engine_may_send_at(engine, true, now) > now)
-		return false;
-	if (try_broadcast(engine, now))
-		return true;
-	/* Those that are there come first. */
-	for (size_t n = 0; n < 2 * engine->station_count; n++) {
-		size_t i = (engine->next_stop + n) % engine->station_count;
-		struct station *station = engine->stations[i];
-
-		if (station->node->online != (n < engine->station_count) ||
-		    station->stop_count == 0 || engine_stop_at(engine, station) > now ||
-		    is_flying(station->node))
-			continue;
-		/* A stop itself is never held back, only the question whether it was obeyed. */
-		if (station->blind_stop_sent && node_is_haunted(station->node, now))
-			continue;
-		if (n >= engine->station_count)
-			engine->next_stop = i + 1;
-		send_stop(engine, station, now);
-		return true;
-	}
-	return false;
+		engine_send_probe(engine, station->node, now);
 }
 
 /* --- commands -------------------------------------------------------------------------------------- */
@@ -247,7 +148,10 @@ static bool begin_letter(struct db_engine *engine, size_t index, db_time now)
 	        (engine->waiting_count - index) * sizeof engine->waiting[0]);
 	station->front_letter = letter;
 	station->front_cancelled = false;
-	if (begin(engine, station, LANE_FRONT, kind, request, now, &result) == DB_STEP_SEND) {
+	if (db_command_ends_motion(request->command))
+		engine_forget_stop(station);
+	if (engine_begin_job(engine, station, LANE_FRONT, kind, request, now, &result) ==
+	    DB_STEP_SEND) {
 		send_in_step(engine, station, LANE_FRONT, now);
 		return is_flying(station->node);
 	}
@@ -262,7 +166,7 @@ static bool continue_front(struct db_engine *engine, db_time now)
 		size_t i = (engine->next_front + n) % engine->station_count;
 		struct station *station = engine->stations[i];
 
-		if (station->lanes[LANE_FRONT].ready && station->stop_count == 0 &&
+		if (station->lanes[LANE_FRONT].ready && !station_awaits_stop(station) &&
 		    is_free(station, now)) {
 			engine->next_front = i + 1;
 			send_in_step(engine, station, LANE_FRONT, now);
@@ -280,7 +184,7 @@ static bool begin_front(struct db_engine *engine, db_time now)
 		size_t before = engine->waiting_count;
 
 		/* A command given after a stop waits until the stop is confirmed. */
-		if (station->lanes[LANE_FRONT].active || station->stop_count > 0 ||
+		if (station->lanes[LANE_FRONT].active || station_awaits_stop(station) ||
 		    !is_free(station, now))
 			i++;
 		else if (begin_letter(engine, i, now))
@@ -325,14 +229,15 @@ static void send_poll(struct db_engine *engine, struct node *node, db_time now)
 	enum db_result result;
 
 	if (!node->in_step) {
-		send_probe(engine, node, now);
+		engine_send_probe(engine, node, now);
 		return;
 	}
 	node->polled = now;
 	if (lane->active && lane->ready)
-		send_lane(engine, station, LANE_POLL, now);
-	else if (begin(engine, station, LANE_POLL, DB_JOB_POLL, NULL, now, &result) == DB_STEP_SEND)
-		send_lane(engine, station, LANE_POLL, now);
+		engine_send_lane(engine, station, LANE_POLL, now);
+	else if (engine_begin_job(engine, station, LANE_POLL, DB_JOB_POLL, NULL, now, &result) ==
+	         DB_STEP_SEND)
+		engine_send_lane(engine, station, LANE_POLL, now);
 	else
 		node->poll_due = false;
 	engine->next_poll++;
@@ -340,6 +245,50 @@ static void send_poll(struct db_engine *engine, struct node *node, db_time now)
 }
 
 /* --- below cyclic status ------------------------------------------------------------------------------ */
+
+/*
+ * A stop waits for the exchange on the wire, and the text of all parameters may take 0.3 s. While a
+ * drive moves nothing is read that takes longer than this on the wire, and longer than two commands;
+ * unless drives move for ever: then one such exchange goes out in each DUMP_PAUSE.
+ */
+#define DUMP_SHORT (20 * DB_NS_PER_MS)
+#define DUMP_PAUSE (5 * DB_NS_PER_S)
+/* One that is held up is tried in every cycle: what was not for so long is over. */
+#define DUMP_FORGOTTEN (1 * DB_NS_PER_S)
+
+static bool is_dump(const struct db_engine *engine, const struct db_exchange *exchange)
+{
+	db_time wire = engine_wire_time(engine, exchange);
+
+	return wire > DUMP_SHORT && wire > 2 * engine->driver->command_time(engine->bus);
+}
+
+static bool any_moves(const struct db_engine *engine)
+{
+	for (size_t i = 0; i < engine->station_count; i++) {
+		const struct station *station = engine->stations[i];
+
+		if (station->node->online && (station->snapshot.feedback.status & DB_STATUS_MOVING))
+			return true;
+	}
+	return false;
+}
+
+/* The exchange is prepared. The pause counts from where motion began to hold dumps up. */
+static bool may_send_now(struct db_engine *engine, const struct db_exchange *exchange, db_time now)
+{
+	if (!is_dump(engine, exchange))
+		return true;
+	if (!any_moves(engine))
+		return true;
+	if (engine->dump_tried == 0 || now - engine->dump_tried > DUMP_FORGOTTEN)
+		engine->dumps_held_since = now;
+	engine->dump_tried = now;
+	if (now - engine->dumps_held_since < DUMP_PAUSE)
+		return false;
+	engine->dumps_held_since = now;
+	return true;
+}
 
 static bool wants_identify(const struct db_engine *engine, const struct station *station,
                            db_time now)
@@ -363,8 +312,11 @@ static bool try_identify(struct db_engine *engine, db_time now)
 		if (!wants_identify(engine, station, now))
 			continue;
 		engine->next_identify = i + (lane->active ? 0 : 1);
-		if (!lane->active && begin(engine, station, LANE_IDENTIFY, DB_JOB_IDENTIFY, NULL,
-		                           now, &result) != DB_STEP_SEND)
+		if (!lane->active &&
+		    engine_begin_job(engine, station, LANE_IDENTIFY, DB_JOB_IDENTIFY, NULL, now,
+		                     &result) != DB_STEP_SEND)
+			continue;
+		if (station->node->in_step && !may_send_now(engine, &lane->exchange, now))
 			continue;
 		send_in_step(engine, station, LANE_IDENTIFY, now);
 		return true;
@@ -384,7 +336,7 @@ static bool try_probes(struct db_engine *engine, db_time now)
 		if (node->ever_probed && engine->probes_from > now)
 			continue;
 		engine->next_probe = i + 1;
-		send_probe(engine, node, now);
+		engine_send_probe(engine, node, now);
 		return true;
 	}
 	return false;
@@ -405,7 +357,7 @@ bool engine_send_something(struct db_engine *engine, db_time now)
 {
 	struct node *poll;
 
-	if (try_stops(engine, now))
+	if (engine_send_stop(engine, now))
 		return true;
 	if (engine->shutting_down || engine_may_send_at(engine, false, now) > now)
 		return false;

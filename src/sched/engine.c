@@ -75,12 +75,24 @@ static void tell(struct db_engine *engine, const struct station *station, enum d
 		                  &station->snapshot.feedback);
 }
 
+void engine_tell_timing(struct db_engine *engine, struct station *station, enum db_event event,
+                        db_time time)
+{
+	/* That it does not answer in time is no news any more. */
+	if (event == DB_EVENT_DRIVE_LATE)
+		station->told.missing = true;
+	if (engine->ops->tell_timing)
+		engine->ops->tell_timing(engine->context, station->config, event, time);
+}
+
 void engine_tell_missing(struct db_engine *engine, struct station *station)
 {
 	if (station->told.missing)
 		return;
 	station->told.missing = true;
 	tell(engine, station, DB_EVENT_DRIVE_LOST);
+	if (station->node->heard.count > 0 && engine->ops->tell_heard)
+		engine->ops->tell_heard(engine->context, station->config, &station->node->heard);
 }
 
 void engine_tell_unconfirmed(struct db_engine *engine, const struct station *station)
@@ -106,6 +118,7 @@ static void tell_presence(struct db_engine *engine, struct station *station, boo
 {
 	station->told.online = online;
 	station->told.error = DB_ERROR_NONE;
+	station->told.missing_params = 0;
 	if (online) {
 		station->told.missing = false;
 		tell(engine, station, DB_EVENT_DRIVE_ONLINE);
@@ -132,8 +145,9 @@ static void tell_changes(struct db_engine *engine, struct station *station)
 		return;
 	if (feedback->error != station->told.error)
 		tell(engine, station,
-		     feedback->error != DB_ERROR_NONE ? DB_EVENT_DRIVE_FAULT :
-		                                        DB_EVENT_DRIVE_FAULT_GONE);
+		     feedback->error == DB_ERROR_RUNS_ON ? DB_EVENT_DRIVE_RUNS_ON :
+		     feedback->error != DB_ERROR_NONE    ? DB_EVENT_DRIVE_FAULT :
+		                                           DB_EVENT_DRIVE_FAULT_GONE);
 	if (rose(station, DB_STATUS_WARNING) && feedback->error == DB_ERROR_NONE)
 		tell(engine, station, DB_EVENT_DRIVE_WARNING);
 	/* Disabling some drives loses the origin as well, but not what was read of their parameters. */
@@ -143,10 +157,23 @@ static void tell_changes(struct db_engine *engine, struct station *station)
 	station->told.status = feedback->status;
 }
 
+static void tell_missing_params(struct db_engine *engine, struct station *station)
+{
+	uint64_t missing = engine->driver->nameplate(station->device)->missing;
+
+	/* One after the other is found missing: they are told together when all were asked for. */
+	if (!(station->snapshot.feedback.status & DB_STATUS_PARAMS_VALID))
+		return;
+	if ((missing & ~station->told.missing_params) && engine->ops->tell_missing)
+		engine->ops->tell_missing(engine->context, station->config, missing);
+	station->told.missing_params = missing;
+}
+
 void engine_publish(struct db_engine *engine, struct station *station)
 {
 	station_publish(station, engine->driver, engine->stats.up, engine->wall_offset_us);
 	tell_changes(engine, station);
+	tell_missing_params(engine, station);
 }
 
 /* --- the port -------------------------------------------------------------------------------------- */
@@ -219,9 +246,12 @@ static void take_stop(struct db_engine *engine, struct station *station, struct 
                       db_time now)
 {
 	engine_finish_waiting(engine, station, DB_RESULT_CANCELLED, now);
-	/* Of its controller's other axes nothing half done may go on behind the stop. */
-	for (struct station *s = station->node->first; s; s = s->next_axis)
-		station_cancel_front(s, now);
+	/* Of its controller's other axes nothing half done may go on behind the stop. Disabling one
+	 * leaves the others as they are. */
+	for (struct station *s = station->node->first; s; s = s->next_axis) {
+		if (s == station || db_letter_request(letter)->command != DB_CMD_DISABLE)
+			station_cancel_front(s, now);
+	}
 	station_add_stop(station, db_letter_request(letter), letter, now);
 }
 
@@ -257,13 +287,14 @@ static void take_letters(struct db_engine *engine, db_time now)
 
 static void start_cycle(struct db_engine *engine, db_time now)
 {
+	db_time missed;
 	uint32_t late;
 
 	if (engine->cycle_at == 0)
 		engine->cycle_at = now;
 	if (now < engine->cycle_at)
 		return;
-	late = (uint32_t)((now - engine->cycle_at) / DB_NS_PER_US);
+	late = db_time_us32(now - engine->cycle_at);
 	engine->stats.jitter_us = late;
 	if (late > engine->stats.jitter_max_us)
 		engine->stats.jitter_max_us = late;
@@ -273,11 +304,9 @@ static void start_cycle(struct db_engine *engine, db_time now)
 	else
 		engine->cycle_started = now;
 	/* Cycles that were missed altogether are overruns, and not made up for. */
-	engine->cycle_at += engine->period;
-	while (engine->cycle_at <= now) {
-		engine->cycle_at += engine->period;
-		engine->stats.overruns++;
-	}
+	missed = (now - engine->cycle_at) / engine->period;
+	engine->cycle_at += (missed + 1) * engine->period;
+	engine->stats.overruns += (uint32_t)missed;
 	for (size_t i = 0; i < engine->node_count; i++) {
 		struct node *node = engine->nodes[i];
 
@@ -300,7 +329,7 @@ void engine_end_of_polls(struct db_engine *engine, db_time now)
 			return;
 	}
 	engine->polling = false;
-	us = (uint32_t)((now - engine->cycle_started) / DB_NS_PER_US);
+	us = db_time_us32(now - engine->cycle_started);
 	engine->stats.cycle_us = us;
 	if (us > engine->stats.cycle_max_us)
 		engine->stats.cycle_max_us = us;
@@ -330,10 +359,8 @@ static db_time node_wake(const struct db_engine *engine, const struct node *node
 	db_time wake = DB_TIME_NEVER;
 	db_time probe = node->probe_at;
 
-	for (const struct station *s = node->first; s; s = s->next_axis) {
-		if (s->stop_count > 0 && !(haunted && s->blind_stop_sent))
-			wake = earliest(wake, engine_stop_at(engine, s));
-	}
+	for (const struct station *s = node->first; s; s = s->next_axis)
+		wake = earliest(wake, engine_stop_wake(engine, s, now));
 	if (haunted)
 		return earliest(wake, node_haunted_until(node, now));
 	if (node->ever_probed && probe < engine->probes_from)
@@ -353,7 +380,9 @@ static db_time next_wake(const struct db_engine *engine, bool more, db_time now)
 		const struct node *node = engine->nodes[i];
 
 		if (is_flying(node))
-			wake = earliest(wake, node->flight.deadline);
+			/* As long as the port holds, no answer is overdue. */
+			wake = earliest(wake, engine->held_since == 0 ? node->flight.deadline :
+			                                                DB_TIME_NEVER);
 		else if (may_send <= now)
 			wake = earliest(wake, node_wake(engine, node, now));
 	}

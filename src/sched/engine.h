@@ -20,12 +20,30 @@
 
 struct db_engine;
 
+/* A frame that was of no use, as it came. */
+struct db_heard {
+	uint8_t bytes[24];
+	size_t length;  /* of what is kept */
+	uint32_t count; /* of such frames since the drive last answered */
+};
+
 struct db_engine_ops {
 	/* Puts bytes on the wire. The engine expects them to start at once. */
 	void (*send)(void *context, const uint8_t *bytes, size_t length);
 	/* Something happened to a drive, for the log; it is seen once. May be null. */
 	void (*tell)(void *context, const struct db_drive_config *drive, enum db_event event,
 	             const struct db_feedback *feedback);
+	/* A drive was asked for these parameters (bits as in db_nameplate) and did not tell them. May be
+	 * null. */
+	void (*tell_missing)(void *context, const struct db_drive_config *drive, uint64_t params);
+	/* A drive that does not answer was heard all the same: the last frame that came from its
+	 * address and could not be used (its beginning, when it is long). May be null. */
+	void (*tell_heard)(void *context, const struct db_drive_config *drive,
+	                   const struct db_heard *heard);
+	/* A drive does not keep to the times of the configuration: it answers so late (DRIVE_LATE), or
+	 * does not hear what is asked so soon behind an answer (DRIVE_DEAF). May be null. */
+	void (*tell_timing)(void *context, const struct db_drive_config *drive, enum db_event event,
+	                    db_time time);
 };
 
 /* The bus's configuration and the mailbox must outlive the engine. 0 or -ENOMEM. */

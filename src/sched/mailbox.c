@@ -36,7 +36,8 @@ struct block {
 
 struct db_mailbox {
 	struct block *first;
-	size_t stops;        /* network's: in all blocks */
+	size_t drives;       /* network's: there is room for the stops of so many */
+	atomic_uint posted;  /* letters so far, so that the bus need not look for none */
 	uint32_t next_order; /* network's: of the next letter posted */
 	uint32_t next_taken; /* bus's: of the next letter to take */
 	bool finished;       /* bus's: some letter was finished since it asked */
@@ -47,9 +48,9 @@ static struct block *next_of(struct block *block)
 	return atomic_load_explicit(&block->next, memory_order_acquire);
 }
 
-static struct block *new_block(struct db_mailbox *mailbox, size_t commands, size_t stops)
+static struct block *new_block(struct db_mailbox *mailbox, size_t commands, size_t drives)
 {
-	size_t total = commands + stops;
+	size_t total = commands + drives * DB_MAILBOX_STOPS_EACH;
 	struct block *block = calloc(1, sizeof *block + total * sizeof block->letters[0]);
 
 	if (!block)
@@ -68,18 +69,18 @@ static struct block *new_block(struct db_mailbox *mailbox, size_t commands, size
 	return block;
 }
 
-int db_mailbox_new(size_t commands, size_t stops, struct db_mailbox **mailbox)
+int db_mailbox_new(size_t commands, size_t drives, struct db_mailbox **mailbox)
 {
 	struct db_mailbox *made = calloc(1, sizeof *made);
 
 	if (!made)
 		return -ENOMEM;
-	made->first = new_block(made, commands, stops);
+	made->first = new_block(made, commands, drives);
 	if (!made->first) {
 		free(made);
 		return -ENOMEM;
 	}
-	made->stops = stops;
+	made->drives = drives;
 	*mailbox = made;
 	return 0;
 }
@@ -98,17 +99,17 @@ void db_mailbox_free(struct db_mailbox *mailbox)
 	free(mailbox);
 }
 
-int db_mailbox_grow(struct db_mailbox *mailbox, size_t stops)
+int db_mailbox_grow(struct db_mailbox *mailbox, size_t drives)
 {
 	struct block *last = mailbox->first;
 	struct block *block;
 
-	if (stops <= mailbox->stops)
+	if (drives <= mailbox->drives)
 		return 0;
-	block = new_block(mailbox, 0, stops - mailbox->stops);
+	block = new_block(mailbox, 0, drives - mailbox->drives);
 	if (!block)
 		return -ENOMEM;
-	mailbox->stops = stops;
+	mailbox->drives = drives;
 	while (next_of(last))
 		last = next_of(last);
 	atomic_store_explicit(&last->next, block, memory_order_release);
@@ -133,24 +134,40 @@ static void fill(struct db_letter *letter, const struct db_request *request)
 		letter->settings[i] = request->settings[i];
 }
 
-static struct db_letter *free_letter(struct db_mailbox *mailbox, bool stop)
+static struct db_letter *free_letter(struct db_mailbox *mailbox)
 {
-	for (struct block *block = mailbox->first; block; block = next_of(block)) {
-		size_t first = stop ? block->commands : 0;
-		size_t end = stop ? block->total : block->commands;
+	struct block *block = mailbox->first; /* only the first has such */
 
-		for (size_t i = first; i < end; i++) {
-			if (state_of(&block->letters[i]) == LETTER_FREE)
-				return &block->letters[i];
-		}
+	for (size_t i = 0; i < block->commands; i++) {
+		if (state_of(&block->letters[i]) == LETTER_FREE)
+			return &block->letters[i];
 	}
 	return NULL;
+}
+
+/* Null when the drive has as many as it may: the free ones are the other drives'. */
+static struct db_letter *free_stop(struct db_mailbox *mailbox, uint16_t drive)
+{
+	struct db_letter *found = NULL;
+	unsigned used = 0;
+
+	for (struct block *block = mailbox->first; block; block = next_of(block)) {
+		for (size_t i = block->commands; i < block->total; i++) {
+			struct db_letter *letter = &block->letters[i];
+
+			if (state_of(letter) == LETTER_FREE)
+				found = found ? found : letter;
+			else if (letter->request.axis == drive)
+				used++;
+		}
+	}
+	return used < DB_MAILBOX_STOPS_EACH ? found : NULL;
 }
 
 bool db_mailbox_post(struct db_mailbox *mailbox, const struct db_request *request)
 {
 	bool stop = request->setting_count == 0 && db_command_is_stop(request->command);
-	struct db_letter *letter = free_letter(mailbox, stop);
+	struct db_letter *letter = stop ? free_stop(mailbox, request->axis) : free_letter(mailbox);
 
 	if (!letter)
 		return false;
@@ -158,6 +175,7 @@ bool db_mailbox_post(struct db_mailbox *mailbox, const struct db_request *reques
 	letter->order = mailbox->next_order++;
 	letter->sent = 0;
 	pass(letter, LETTER_POSTED);
+	atomic_store_explicit(&mailbox->posted, mailbox->next_order, memory_order_release);
 	return true;
 }
 
@@ -199,8 +217,11 @@ bool db_mailbox_collect(struct db_mailbox *mailbox, struct db_completion *comple
  */
 struct db_letter *db_mailbox_take(struct db_mailbox *mailbox)
 {
-	struct db_letter *letter = find(mailbox, LETTER_POSTED);
+	struct db_letter *letter;
 
+	if (atomic_load_explicit(&mailbox->posted, memory_order_acquire) == mailbox->next_taken)
+		return NULL;
+	letter = find(mailbox, LETTER_POSTED);
 	if (!letter)
 		return NULL;
 	mailbox->next_taken++;

@@ -16,15 +16,21 @@
 struct db_mailbox;
 struct db_letter; /* one request, while the bus has it */
 
-/* `commands` slots for everything, `stops` more that only stops may use. */
-int db_mailbox_new(size_t commands, size_t stops, struct db_mailbox **mailbox);
+/*
+ * Room of each drive's own for stops, which no other drive can take: two of each kind (one that the
+ * drive is to confirm, and one that came behind what was asked for in between), and the watchdog's.
+ */
+#define DB_MAILBOX_STOPS_EACH 7
+
+/* `commands` slots for everything but stops, and those for the stops of so many drives. */
+int db_mailbox_new(size_t commands, size_t drives, struct db_mailbox **mailbox);
 void db_mailbox_free(struct db_mailbox *mailbox);
 
-/* Network thread, also while the bus works: at least so many slots that only stops may use. There
- * are never fewer than before. 0 or -ENOMEM. */
-int db_mailbox_grow(struct db_mailbox *mailbox, size_t stops);
+/* Network thread, also while the bus works: room for the stops of at least so many drives. There is
+ * never less than before. 0 or -ENOMEM. */
+int db_mailbox_grow(struct db_mailbox *mailbox, size_t drives);
 
-/* Network thread. False when no slot is free for this kind of request. */
+/* Network thread. False when no slot is free for this kind of request, or for stops of this drive. */
 bool db_mailbox_post(struct db_mailbox *mailbox, const struct db_request *request);
 /* Network thread. False when no completion waits. */
 bool db_mailbox_collect(struct db_mailbox *mailbox, struct db_completion *completion);

@@ -1,7 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sched/report.h"
 
+#include "axis/scale.h"
+#include "codec/can.h"
+#include "drivebridge/driver.h"
+
 #include <errno.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <string.h>
 
 #define COUNT_OF(array) (sizeof(array) / sizeof((array)[0]))
 
@@ -38,7 +45,26 @@ static const char *advice_for_drive(uint16_t error)
 	                                                               "see the drive's manual";
 }
 
-const char *report_advice_for_port(int error)
+void report_timing(const struct db_log_source *log, const struct db_bus_config *bus,
+                   const struct db_drive_config *drive, enum db_event event, db_time time,
+                   db_time now)
+{
+	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
+	unsigned ms = (unsigned)((time + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
+
+	if (event == DB_EVENT_DRIVE_LATE)
+		db_log(log, now, event, &about,
+		       "answers after %u ms, and drive-latency-ms is %u: its answers are given up too "
+		       "soon; set drive-latency-ms = %u",
+		       ms, bus->drive_latency_ms, ms + ms / 2);
+	else
+		db_log(log, now, event, &about,
+		       "does not hear requests that follow an answer within a few milliseconds, and "
+		       "hears later ones; turnaround-us is %u: raise it",
+		       bus->turnaround_us);
+}
+
+const char *report_advice_for_port(const struct db_bus_config *bus, int error)
 {
 	switch (error) {
 	case ENOENT:
@@ -61,6 +87,9 @@ const char *report_advice_for_port(int error)
 	case ENETDOWN:
 		return "; the interface is down: set it up with its bit rate (systemd-networkd)";
 	case ENOBUFS:
+		if (bus->driver->medium == DB_MEDIUM_SERIAL)
+			return "; it takes no bytes: unplug the adapter and plug it in again, and check its "
+			       "flow control";
 		return "; nobody on the bus acknowledges: check wiring, termination, bit rate and the drives' power";
 	default:
 		return "";
@@ -77,9 +106,7 @@ static void report_found(const struct db_log_source *log, const struct db_drive_
                          const struct db_log_about *about, const struct db_feedback *feedback,
                          db_time now)
 {
-	double counts = feedback->counts_per_unit > 0 && !drive->counts_given ?
-	                        (double)feedback->counts_per_unit :
-	                        drive->counts_per_unit;
+	double counts = db_scale_counts(drive, feedback);
 	double position = feedback->position / counts;
 	double velocity = (double)feedback->velocity / counts;
 
@@ -110,6 +137,15 @@ void report_drive(const struct db_log_source *log, const struct db_drive_config 
 		       "bit rate",
 		       drive->address);
 		break;
+	case DB_EVENT_DRIVE_RUNS_ON:
+		db_log(log, now, event, &about,
+		       "was told to stop and does not slow down: %.6g %s/s after %u ms (status %08X); it "
+		       "is told on%s: switch it off if it is a danger",
+		       (double)feedback->velocity / db_scale_counts(drive, feedback),
+		       drive->unit_name, drive->stop_reaction_ms, (unsigned)feedback->drive_status,
+		       drive->on_stop_failure == DB_ON_STOP_FAILURE_DISABLE ? " and is disabled" :
+		                                                              "");
+		break;
 	case DB_EVENT_DRIVE_FAULT:
 		db_log(log, now, event, &about,
 		       "reports the fault %s (status %08X, fault bits %04X); %s, then clear_fault",
@@ -136,4 +172,59 @@ void report_drive(const struct db_log_source *log, const struct db_drive_config 
 	default:
 		break;
 	}
+}
+
+void report_missing_params(const struct db_log_source *log, const struct db_drive_config *drive,
+                           const struct db_driver *driver, uint64_t params, db_time now)
+{
+	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
+	char names[256] = "";
+
+	for (size_t i = 0; i < driver->param_count; i++) {
+		size_t length = strlen(names);
+
+		if (params >> i & 1)
+			snprintf(names + length, sizeof names - length, "%s%s", length ? ", " : "",
+			         driver->params[i].name);
+	}
+	db_log(log, now, DB_EVENT_DRIVE_PARAMS_MISSING, &about,
+	       "does not tell %s; its other parameters are shown, and read_parameters asks again",
+	       names);
+}
+
+#define FRAME_TEXT_MAX (2 * sizeof((struct db_heard *)0)->bytes + sizeof "12345678#...")
+
+/* "165#0000" for a CAN frame, else its bytes. */
+static void write_frame(const struct db_heard *heard, enum db_medium medium, char *text)
+{
+	const uint8_t *bytes = heard->bytes;
+	size_t length = heard->length;
+	struct db_can_frame frame;
+
+	if (medium == DB_MEDIUM_CAN && length == sizeof frame) {
+		memcpy(&frame, heard->bytes, sizeof frame);
+		text += sprintf(text, frame.id & DB_CAN_EXTENDED ? "%08X#" : "%03X#",
+		                (unsigned)(frame.id & DB_CAN_ID_MASK));
+		bytes = heard->bytes + offsetof(struct db_can_frame, data);
+		length = frame.length < DB_CAN_DATA_MAX ? frame.length : DB_CAN_DATA_MAX;
+	}
+	for (size_t i = 0; i < length; i++)
+		text += sprintf(text, "%02X", bytes[i]);
+	if (medium != DB_MEDIUM_CAN && length == sizeof heard->bytes)
+		(void)sprintf(text, "...");
+	else
+		*text = '\0';
+}
+
+void report_heard(const struct db_log_source *log, const struct db_drive_config *drive,
+                  enum db_medium medium, const struct db_heard *heard, db_time now)
+{
+	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
+	char text[FRAME_TEXT_MAX];
+
+	write_frame(heard, medium, text);
+	db_log(log, now, DB_EVENT_DRIVE_HEARD, &about,
+	       "is heard at address %u all the same: %u frames that are no answer to what was asked, "
+	       "the last one %s; check protocol, address and what the drive's manual says of it",
+	       drive->address, (unsigned)heard->count, text);
 }

@@ -6,12 +6,26 @@
 #include "drivebridge/axis.h"
 #include "drivebridge/config.h"
 #include "drivebridge/log.h"
+#include "sched/engine.h"
 
 void report_drive(const struct db_log_source *log, const struct db_drive_config *drive,
                   enum db_event event, const struct db_feedback *feedback, db_time now);
 
+/* What came from a drive that does not answer, as it came. */
+void report_heard(const struct db_log_source *log, const struct db_drive_config *drive,
+                  enum db_medium medium, const struct db_heard *heard, db_time now);
+
 /* What a person should look at, for errors that ports are lost or cannot be opened with; "" when
  * there is nothing to say. */
-const char *report_advice_for_port(int error);
+const char *report_advice_for_port(const struct db_bus_config *bus, int error);
+
+/* A drive that answers later than the bus waits, or is asked sooner than it hears. */
+void report_timing(const struct db_log_source *log, const struct db_bus_config *bus,
+                   const struct db_drive_config *drive, enum db_event event, db_time time,
+                   db_time now);
+
+/* Parameters that the drive did not tell: a bit for each of the driver's. */
+void report_missing_params(const struct db_log_source *log, const struct db_drive_config *drive,
+                           const struct db_driver *driver, uint64_t params, db_time now);
 
 #endif

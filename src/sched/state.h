@@ -23,7 +23,7 @@ struct db_engine {
 	db_time wire_free;  /* when the wire would have carried them all, if nobody had to think */
 	db_time held_since; /* the port cannot take more; 0 = it can */
 
-	db_time quiet_until; /* a broadcast is on the wire; nobody answers it */
+	db_time quiet_until; /* a broadcast is on the wire, or drives turn from sending to receiving */
 	uint8_t received[RECEIVE_MAX];
 	size_t received_length;
 
@@ -39,9 +39,11 @@ struct db_engine {
 	bool front_was_last;
 	bool continued; /* the last of the commands' exchanges was not the first of one */
 
-	db_time probes_from; /* the share for offline drives is used up until then */
-	db_time stops_from;  /* likewise the share for stops to drives that are offline */
-	db_time busy;        /* time with an exchange on the wire in this second */
+	db_time probes_from;      /* the share for offline drives is used up until then */
+	db_time dumps_held_since; /* long readings wait until all drives stand */
+	db_time dump_tried;       /* the last time that one had to wait; 0: never */
+	db_time stops_from;       /* likewise the share for stops to drives that are offline */
+	db_time busy;             /* time with an exchange on the wire in this second */
 	db_time second_at;
 
 	bool shutting_down;
@@ -70,6 +72,9 @@ struct station *engine_station(const struct db_engine *engine, uint16_t number);
 void engine_publish(struct db_engine *engine, struct station *station);
 /* The station is let go: tells when its on_exit is still to be confirmed. */
 void engine_tell_unconfirmed(struct db_engine *engine, const struct station *station);
+/* Tells of a drive that does not keep to the times of the configuration. */
+void engine_tell_timing(struct db_engine *engine, struct station *station, enum db_event event,
+                        db_time time);
 /* Tells that a drive does not answer, unless that was told since it last did. */
 void engine_tell_missing(struct db_engine *engine, struct station *station);
 /* Ends what waits for a drive that cannot do it now. */
@@ -79,12 +84,39 @@ void engine_finish_waiting(struct db_engine *engine, const struct station *stati
 void engine_end_of_polls(struct db_engine *engine, db_time now);
 
 /* choose.c */
+/* Several exchanges may be under way, one for each drive (CAN). */
+bool engine_is_shared(const struct db_engine *engine);
 /* Sends what is most urgent. False when nothing is to be sent now. */
 bool engine_send_something(struct db_engine *engine, db_time now);
-/* When a stop of the station may be sent, if nothing else is in its way. */
-db_time engine_stop_at(const struct db_engine *engine, const struct station *station);
 /* When something may be sent at the earliest, DB_TIME_NEVER: when something has happened. */
 db_time engine_may_send_at(const struct db_engine *engine, bool stop, db_time now);
+/* Lets the driver begin a job; its first exchange is prepared when it says SEND. */
+enum db_step engine_begin_job(struct db_engine *engine, struct station *station,
+                              enum lane_kind kind, enum db_job_kind job,
+                              const struct db_request *request, db_time now,
+                              enum db_result *result);
+/* Puts a prepared exchange on the wire. */
+void engine_send_lane(struct db_engine *engine, struct station *station, enum lane_kind kind,
+                      db_time now);
+void engine_send_probe(struct db_engine *engine, struct node *node, db_time now);
+/* How long an exchange takes on the wire, without the drive's thinking. */
+db_time engine_wire_time(const struct db_engine *engine, const struct db_exchange *exchange);
+
+/* stop.c */
+/* Sends the most urgent stop, or reads a drive that is to be seen to stop. False when there is none. */
+bool engine_send_stop(struct db_engine *engine, db_time now);
+/* When the station wants that, if nothing else is in its way. */
+db_time engine_stop_wake(const struct db_engine *engine, const struct station *station,
+                         db_time now);
+/* Who asked for it learns that the stop of this command is on the wire. */
+void engine_note_stop_sent(struct station *station, enum db_command command, db_time now);
+/* The conversation of a stop came to its end. */
+void engine_stop_answered(struct db_engine *engine, struct station *station, enum db_result result,
+                          db_time now);
+/* The drive was read: does it stop? */
+void engine_judge_stop(struct db_engine *engine, struct station *station, db_time now);
+/* It is to move again: whether it has stopped is of no interest any more. */
+void engine_forget_stop(struct station *station);
 
 /* change.c */
 /* Takes out who can leave now; when nobody leaves any more, takes in who comes. */
@@ -94,7 +126,7 @@ db_time engine_change_deadline(const struct db_engine *engine, db_time now);
 
 /* answer.c */
 /* The drive is there, as one of a node that answers. */
-void engine_come_online(struct db_engine *engine, struct station *station);
+void engine_come_online(struct db_engine *engine, struct station *station, db_time now);
 /* The exchange is not under way any more. */
 void engine_end_flight(struct db_engine *engine, struct node *node, db_time now);
 void engine_go_offline(struct db_engine *engine, struct node *node, enum db_result result,

@@ -75,6 +75,53 @@ bool node_is_ghost(struct node *node, db_time now)
 	return false;
 }
 
+/* What is asked so soon behind an answer may be lost by a drive that still turns its line around. */
+#define SOON (6 * DB_NS_PER_MS)
+
+/* So many losses make a pattern. */
+#define DEAF_LOSSES 6
+
+static bool was_asked_soon(const struct node *node)
+{
+	return node->answered != 0 && node->flight.sent - node->answered < SOON;
+}
+
+void node_note_answer(struct node *node, db_time now)
+{
+	if (was_asked_soon(node))
+		node->soon_answers++;
+	node->answered = now;
+	node->lost_sent = 0;
+}
+
+void node_note_loss(struct node *node)
+{
+	if (was_asked_soon(node))
+		node->soon_losses++;
+	else
+		node->later_losses++;
+	node->lost_sent = node->flight.sent;
+	node->lost_wire = node->flight.wire;
+}
+
+db_time node_late_by(const struct node *node, db_time now)
+{
+	db_time latency = now - node->lost_sent - node->lost_wire;
+
+	return node->lost_sent == 0 || latency > node->ghost_time ? 0 : latency;
+}
+
+bool node_is_deaf(struct node *node)
+{
+	bool deaf = node->soon_losses * 3 > node->soon_answers &&
+	            node->later_losses * 4 < node->soon_losses;
+
+	if (node->soon_losses < DEAF_LOSSES)
+		return false;
+	node->soon_answers = node->soon_losses = node->later_losses = 0;
+	return deaf;
+}
+
 /* --- stations ---------------------------------------------------------------------------------- */
 
 struct station *station_new(const struct db_bus_config *bus, const struct db_bus_drive *drive)
@@ -186,33 +233,37 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 		feedback->state = DB_AXIS_OFFLINE;
 		feedback->error = bus_up ? DB_ERROR_NO_ANSWER : DB_ERROR_BUS_DOWN;
 	}
+	if (online && station->braking.overdue) {
+		feedback->status |= DB_STATUS_ERROR;
+		feedback->error = DB_ERROR_RUNS_ON;
+	}
 	db_axis_publish(station->axis, &station->snapshot);
 }
 
 void station_count_answer(struct station *station, db_time round_trip)
 {
 	struct db_axis_stats *stats = &station->snapshot.stats;
-	uint32_t us = (uint32_t)(round_trip / DB_NS_PER_US);
+	uint32_t us = db_time_us32(round_trip);
 
 	stats->answers++;
 	stats->round_trip_us = us;
 	if (us > stats->round_trip_max_us)
 		stats->round_trip_max_us = us;
-	if (stats->answers == 1 || us < stats->round_trip_min_us)
+	if (station->round_trips == 0 || us < stats->round_trip_min_us)
 		stats->round_trip_min_us = us;
+	/* Not divided by stats->answers, which begins again from 0 after 2^32. */
+	station->round_trips++;
 	station->round_trip_sum_us += us;
-	stats->round_trip_mean_us = (uint32_t)(station->round_trip_sum_us / stats->answers);
+	stats->round_trip_mean_us = (uint32_t)(station->round_trip_sum_us / station->round_trips);
 }
-
-/* How soon a stop that the drive did not take is said again. */
-#define STOP_AGAIN (20 * DB_NS_PER_MS)
 
 void station_add_stop(struct station *station, const struct db_request *request,
                       struct db_letter *letter, db_time now)
 {
+	/* Room for letters is bounded where they are posted, and the end asks once. */
 	if (station->stop_count == STOPS_MAX) {
 		if (letter)
-			db_letter_finish(letter, DB_RESULT_BUSY, now);
+			db_letter_finish(letter, DB_RESULT_FAILED, now);
 		return;
 	}
 	station->stops[station->stop_count++] = (struct pending_stop){
@@ -222,36 +273,56 @@ void station_add_stop(struct station *station, const struct db_request *request,
 	station->stop_at = now;
 }
 
-/* The bridge's own stops have nobody else who would say them again. */
-static bool is_to_be_repeated(const struct pending_stop *stop, enum db_result result)
+const struct pending_stop *station_unanswered_stop(const struct station *station)
 {
-	return !stop->letter && (result == DB_RESULT_REFUSED || result == DB_RESULT_FAILED);
+	for (unsigned i = 0; i < station->stop_count; i++) {
+		if (!station->stops[i].answered)
+			return &station->stops[i];
+	}
+	return NULL;
 }
 
-void station_finish_stop(struct station *station, enum db_result result, db_time now)
+void station_note_stop_answered(struct station *station, enum db_command command)
 {
-	enum db_command command = station->stops[0].request->command;
-	db_time again = 0;
+	for (unsigned i = 0; i < station->stop_count; i++) {
+		struct pending_stop *stop = &station->stops[i];
+
+		if (stop->sent && stop->request->command == command)
+			stop->answered = true;
+	}
+}
+
+bool station_finish_stops(struct station *station, enum db_command command, enum db_result result,
+                          db_time now)
+{
+	bool turned_down = result == DB_RESULT_REFUSED || result == DB_RESULT_FAILED;
+	bool again = false;
 	unsigned kept = 0;
 
 	for (unsigned i = 0; i < station->stop_count; i++) {
 		struct pending_stop *stop = &station->stops[i];
+		bool ends = stop->answered &&
+		            (command == STOP_ANY || stop->request->command == command);
 
-		if (stop->sent && stop->request->command == command &&
-		    is_to_be_repeated(stop, result)) {
-			stop->sent = false;
-			again = STOP_AGAIN;
-		} else if (stop->sent && stop->request->command == command) {
-			if (stop->letter)
-				db_letter_finish(stop->letter, result, now);
+		/* The bridge's own stops have nobody else who would say them again. */
+		if (ends && !stop->letter && turned_down) {
+			stop->sent = stop->answered = false;
+			again = true;
+		} else if (ends && stop->letter) {
+			db_letter_finish(stop->letter, result, now);
+			continue;
+		} else if (ends && result == DB_RESULT_OK) {
 			continue;
 		}
 		station->stops[kept++] = *stop;
 	}
 	station->stop_count = kept;
-	station->lanes[LANE_STOP].active = false;
-	station->blind_stop_sent = false;
-	station->stop_at = now + again;
+	return again;
+}
+
+bool station_awaits_stop(const struct station *station)
+{
+	return station->stop_count > 0;
 }
 
 void station_drop_stops(struct station *station, db_time now)

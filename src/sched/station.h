@@ -9,6 +9,8 @@
 
 #include "drivebridge/bus.h"
 #include "drivebridge/driver.h"
+#include "sched/braking.h"
+#include "sched/engine.h"
 #include "sched/mailbox.h"
 
 /* A conversation with a drive. Those of different lanes may interleave, exchange by exchange. Polls
@@ -24,12 +26,16 @@ struct lane {
 	struct db_exchange exchange;
 };
 
-#define STOPS_MAX 8
+/* Those of letters, and the end's. */
+#define STOPS_MAX (DB_MAILBOX_STOPS_EACH + 1)
 
+/* Who waits for a stop. */
 struct pending_stop {
 	const struct db_request *request;
 	struct db_letter *letter; /* null for the bridge's own */
+	bool broadcast;           /* it went out for all drives at once; nobody answers that */
 	bool sent;
+	bool answered; /* the drive did; now it is to be seen to stand */
 };
 
 struct station;
@@ -68,8 +74,18 @@ struct node {
 	unsigned ghosts;      /* lost probes that may be answered */
 	db_time ghosts_until; /* after that, none will be */
 
+	/* For advice: the exchange lost last, and how requests fared that followed an answer at once. */
+	db_time lost_sent; /* 0: none */
+	db_time lost_wire;
+	db_time answered; /* when it answered last */
+	unsigned soon_answers;
+	unsigned soon_losses;
+	unsigned later_losses;
+
 	bool poll_due;
 	db_time polled; /* when the last poll was sent */
+
+	struct db_heard heard; /* from its address, while it does not answer */
 
 	db_time probe_at;
 	db_time probe_backoff;
@@ -81,6 +97,7 @@ struct told {
 	bool missing; /* it was told that it does not answer */
 	uint16_t error;
 	uint32_t status;
+	uint64_t missing_params;
 };
 
 struct station {
@@ -111,9 +128,14 @@ struct station {
 	unsigned stop_count;
 	bool blind_stop_sent; /* a stop went out while out of step; its answer proves nothing */
 	db_time stop_at;      /* not before */
+	struct db_request stop_request;  /* the one that is said now */
+	enum db_command braking_command; /* what it was told last, while it is to be seen to stop */
+	struct braking braking;
+	db_time motion_sent; /* when it was last told to move */
 	struct db_request exit_request;
 
-	uint64_t round_trip_sum_us;
+	uint64_t round_trips;
+	uint64_t round_trip_sum_us; /* of those */
 };
 
 /* No drive is later than so many times the configured latency: what was not answered by then never
@@ -146,6 +168,15 @@ bool node_is_haunted(const struct node *node, db_time now);
 /* Whether the answer that just came to a probe may be an earlier probe's. */
 bool node_is_ghost(struct node *node, db_time now);
 
+/* The exchange that just ended was answered, or lost. */
+void node_note_answer(struct node *node, db_time now);
+void node_note_loss(struct node *node);
+/* The latency of a frame that nobody waited for, as the answer to the exchange lost last; 0: it is
+ * none. */
+db_time node_late_by(const struct node *node, db_time now);
+/* It loses what follows its answers at once, and nothing else. Counting begins anew then. */
+bool node_is_deaf(struct node *node);
+
 /* --- stations ---------------------------------------------------------------------------------- */
 
 /* With a spare node, at no node yet. Null when out of memory. Any thread. */
@@ -169,8 +200,18 @@ void station_count_answer(struct station *station, db_time round_trip);
 /* Adds a stop; the letter may be null. What is queued or running for the drive is the caller's. */
 void station_add_stop(struct station *station, const struct db_request *request,
                       struct db_letter *letter, db_time now);
-/* The stop that was on the wire ended: everyone who had asked for it by then learns how. */
-void station_finish_stop(struct station *station, enum db_result result, db_time now);
+/* The first stop that the drive has not answered, or null. */
+const struct pending_stop *station_unanswered_stop(const struct station *station);
+/* The drive has answered the stop of this command that was on the wire: everyone who had asked for it
+ * by then may wait for its effect. */
+void station_note_stop_answered(struct station *station, enum db_command command);
+/* Ends those: of this command, or of every one that was answered with STOP_ANY. What the drive turned
+ * down is said again for those who would not do it themselves; true then. */
+#define STOP_ANY DB_CMD_NONE
+bool station_finish_stops(struct station *station, enum db_command command, enum db_result result,
+                          db_time now);
+/* Somebody waits for a stop, so that nothing else is to be said to the drive. */
+bool station_awaits_stop(const struct station *station);
 
 /* Ends the stops that wait, whether or not they went out. */
 void station_drop_stops(struct station *station, db_time now);

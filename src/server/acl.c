@@ -78,3 +78,11 @@ void db_client_address(const uint8_t address[16], char text[DB_CLIENT_ADDRESS_MA
 	inet_ntop(v4 ? AF_INET : AF_INET6, v4 ? address + sizeof(V4_PREFIX) : address, text,
 	          DB_CLIENT_ADDRESS_MAX);
 }
+
+uint32_t db_client_number_after(uint32_t id)
+{
+	do
+		id++;
+	while (id == DB_CLIENT_NOBODY || id == DB_CLIENT_GROUP);
+	return id;
+}

@@ -4,9 +4,11 @@
 #include "server/listener.h"
 
 #include <errno.h>
+#include <linux/sockios.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/epoll.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -16,6 +18,9 @@ struct entry {
 	bool unfinished;           /* the backend owes an answer */
 	uint8_t exception;         /* of a finished write, or of a request that was refused */
 };
+
+/* What is waited for while requests are taken. */
+#define READING (EPOLLIN | EPOLLRDHUP)
 
 /* How the next request in the buffer was taken. */
 enum taken { TAKEN, NOTHING_TO_TAKE, MUST_WAIT, BROKEN };
@@ -42,6 +47,12 @@ struct db_connection {
 	uint8_t *out;
 	size_t out_sent, out_used;
 
+	/* When what is read arrived, see note_arrival(); client.arrived is about what is in `in`. */
+	bool behind;       /* there is, or may be, something older than now in the socket */
+	size_t marked;     /* bytes that were there at mark_time and are not read yet */
+	db_time mark_time; /* what comes behind them came later than this */
+
+	bool closing; /* the client has closed its side, and what it sent before is being read */
 	bool ended;   /* the client has sent everything it wants to send */
 	bool waiting; /* a request in `in` may not be taken yet */
 	uint16_t in_used;
@@ -58,6 +69,7 @@ void db_group_refused(struct db_connection_group *group, struct db_peer *peer, e
 		[DB_REFUSED_PER_ADDRESS] = &group->stats.refused_per_address,
 		[DB_REFUSED_WRITE] = &group->stats.refused_writes,
 		[DB_REFUSED_CONTROL] = &group->stats.refused_control,
+		[DB_REFUSED_DESCRIPTORS] = &group->stats.refused_full,
 		[DB_REFUSED_PACE] = &group->stats.held_back,
 	};
 
@@ -70,7 +82,7 @@ struct db_connection *db_connection_new(struct db_connection_group *group, int f
                                         db_time now)
 {
 	struct db_connection *c = calloc(1, sizeof(*c));
-	struct epoll_event event = { .events = EPOLLIN, .data.ptr = c };
+	struct epoll_event event = { .events = READING, .data.ptr = c };
 
 	if (!c || epoll_ctl(group->epoll, EPOLL_CTL_ADD, fd, &event) < 0) {
 		free(c);
@@ -82,7 +94,8 @@ struct db_connection *db_connection_new(struct db_connection_group *group, int f
 	c->peer = peer;
 	c->peer->connections++;
 	c->fd = fd;
-	c->events = EPOLLIN;
+	c->events = READING;
+	c->client.arrived = now;
 	c->since = now;
 	c->active_since = now;
 	return c;
@@ -115,10 +128,14 @@ void db_connection_describe(const struct db_connection *c, struct db_server_clie
 	};
 }
 
-void db_connection_adapt(struct db_connection *c, bool may_write, struct db_peer *peer)
+void db_connection_rehome(struct db_connection *c, struct db_peer *peer)
+{
+	c->peer = peer;
+}
+
+void db_connection_adapt(struct db_connection *c, bool may_write)
 {
 	c->client.may_write = may_write;
-	c->peer = peer;
 	db_listener_tune(c->fd, c->group->config->keepalive_s);
 }
 
@@ -383,17 +400,70 @@ static bool work(struct db_connection *c, size_t *offset, db_time now)
 	return c->out || flush_batch(c, now);
 }
 
+/* --- when requests arrived ------------------------------------------------------------------------ */
+
+/* Bytes in the socket. */
+static size_t unread(const struct db_connection *c)
+{
+	int count = 0;
+
+	return ioctl(c->fd, SIOCINQ, &count) == 0 && count > 0 ? (size_t)count : 0;
+}
+
+/* All that is in the socket has arrived by now. */
+static void mark(struct db_connection *c, db_time now)
+{
+	c->marked = unread(c);
+	c->mark_time = now;
+}
+
+/*
+ * Bytes were read. As a rule they were read as they came. After a time in which nothing was read, or
+ * while more comes than is read, the socket has older ones: of those it is known only before which mark
+ * they came and behind which. The earlier one counts, for a request that waited shows no sign of life.
+ */
+static void note_arrival(struct db_connection *c, size_t got, bool all, db_time now)
+{
+	if (!c->behind) {
+		/* One that has closed its side since may have sent this long ago. */
+		if (!c->closing)
+			c->client.arrived = now;
+		if (all)
+			return;
+	} else if (c->marked > 0) {
+		c->marked -= got < c->marked ? got : c->marked;
+		return;
+	} else {
+		c->client.arrived = c->mark_time;
+	}
+	mark(c, now);
+	c->behind = c->marked > 0;
+}
+
+/* Reading stops for a while, or goes on. */
+static void note_pause(struct db_connection *c, bool reading, db_time now)
+{
+	if (!reading && !c->behind) {
+		mark(c, now);
+		c->behind = true;
+	} else if (reading && c->behind && c->marked == 0) {
+		c->behind = unread(c) > 0;
+	}
+}
+
 /* Tells epoll what this connection waits for now. */
-static bool update_events(struct db_connection *c)
+static bool update_events(struct db_connection *c, db_time now)
 {
 	struct epoll_event event = { .data.ptr = c };
 
 	if (!c->ended && !c->waiting && !c->out)
-		event.events |= EPOLLIN;
+		event.events |= READING;
 	if (c->out)
 		event.events |= EPOLLOUT;
 	if (event.events == c->events)
 		return true;
+	if ((event.events ^ c->events) & EPOLLIN)
+		note_pause(c, event.events & EPOLLIN, now);
 	c->events = event.events;
 	return epoll_ctl(c->group->epoll, EPOLL_CTL_MOD, c->fd, &event) == 0;
 }
@@ -416,13 +486,14 @@ bool db_connection_advance(struct db_connection *c, db_time now)
 		c->frame_since = now;
 	if (c->ended && c->queued == 0 && !c->out && !c->waiting)
 		return false;
-	return update_events(c);
+	return update_events(c, now);
 }
 
 /* Reads once. False when the connection is broken. */
 static bool receive(struct db_connection *c, db_time now)
 {
-	ssize_t got = recv(c->fd, c->in + c->in_used, sizeof(c->in) - c->in_used, MSG_DONTWAIT);
+	size_t room = sizeof(c->in) - c->in_used;
+	ssize_t got = recv(c->fd, c->in + c->in_used, room, MSG_DONTWAIT);
 
 	if (got < 0)
 		return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
@@ -433,6 +504,7 @@ static bool receive(struct db_connection *c, db_time now)
 	}
 	if (c->in_used == 0)
 		c->frame_since = now;
+	note_arrival(c, (size_t)got, (size_t)got < room, now);
 	c->in_used = (uint16_t)(c->in_used + got);
 	c->active_since = now;
 	return true;
@@ -442,6 +514,7 @@ bool db_connection_ready(struct db_connection *c, uint32_t events, db_time now)
 {
 	if (events & (EPOLLERR | EPOLLHUP))
 		return false;
+	c->closing = events & EPOLLRDHUP;
 	if ((events & EPOLLIN) && !receive(c, now))
 		return false;
 	return db_connection_advance(c, now);

@@ -48,9 +48,12 @@ const struct db_client *db_connection_client(const struct db_connection *connect
 void db_connection_describe(const struct db_connection *connection,
                             struct db_server_client *description, db_time now);
 
-/* The group's configuration is another one now: what its client may do, and where what is remembered
- * of its address is. It goes on with db_connection_advance(). */
-void db_connection_adapt(struct db_connection *connection, bool may_write, struct db_peer *peer);
+/* What is remembered of its address is elsewhere now, and counts it there already. */
+void db_connection_rehome(struct db_connection *connection, struct db_peer *peer);
+
+/* The group's configuration is another one now: what its client may do. It goes on with
+ * db_connection_advance(). */
+void db_connection_adapt(struct db_connection *connection, bool may_write);
 
 /* A request that waits for its turn need not wait any longer. */
 void db_connection_take_turn(struct db_connection *connection, db_time now);

@@ -14,6 +14,7 @@ int db_execute_write(const struct db_executor *executor, const struct db_client 
 {
 	const struct db_backend *backend = executor->backend;
 	uint16_t values[MODBUS_MAX_WRITE_BITS];
+	uint16_t masked;
 	uint8_t exception;
 
 	if (request->function == MODBUS_FC_MASK_WRITE_REGISTER) {
@@ -21,8 +22,12 @@ int db_execute_write(const struct db_executor *executor, const struct db_client 
 		                          DB_TABLE_HOLDING, request->write_address, 1, values);
 		if (exception)
 			return exception;
-		values[0] = (uint16_t)((values[0] & request->value) |
-		                       (request->or_mask & ~request->value));
+		masked = (uint16_t)((values[0] & request->value) |
+		                    (request->or_mask & ~request->value));
+		if (masked == values[0])
+			return backend->write_same(executor->context, client, request->unit,
+			                           request->write_address, masked, token);
+		values[0] = masked;
 	} else {
 		if (request->function == MODBUS_FC_WRITE_AND_READ_REGISTERS) {
 			exception = backend->read(executor->context, client, request->unit,

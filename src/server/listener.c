@@ -57,6 +57,20 @@ static int resolve(const char *text, struct addrinfo **found)
 	return getaddrinfo(host, colon + 1, &hints, found) == 0 ? 0 : -EINVAL;
 }
 
+/* Also to an address that the machine does not have yet: the switch or the DHCP server may start later
+ * than this machine, and clients reach the socket as soon as the address comes. */
+static int bind_socket(int fd, const struct addrinfo *info)
+{
+	bool v6 = info->ai_family == AF_INET6;
+
+	if (bind(fd, info->ai_addr, info->ai_addrlen) == 0)
+		return 0;
+	if (errno != EADDRNOTAVAIL)
+		return -errno;
+	set_option(fd, v6 ? IPPROTO_IPV6 : IPPROTO_IP, v6 ? IPV6_FREEBIND : IP_FREEBIND, 1);
+	return bind(fd, info->ai_addr, info->ai_addrlen) == 0 ? 0 : -errno;
+}
+
 static int open_socket(const struct addrinfo *info, bool shared)
 {
 	int fd = socket(info->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
@@ -71,8 +85,10 @@ static int open_socket(const struct addrinfo *info, bool shared)
 	set_option(fd, SOL_SOCKET, SO_SNDBUF, SOCKET_BUFFER);
 	if (info->ai_family == AF_INET6)
 		set_option(fd, IPPROTO_IPV6, IPV6_V6ONLY, 0);
-	if (bind(fd, info->ai_addr, info->ai_addrlen) < 0 || listen(fd, DB_LISTENER_BACKLOG) < 0) {
+	error = bind_socket(fd, info);
+	if (error == 0 && listen(fd, DB_LISTENER_BACKLOG) < 0)
 		error = -errno;
+	if (error != 0) {
 		close(fd);
 		return error;
 	}
@@ -115,6 +131,15 @@ uint16_t db_listener_port(int fd)
 	if (address.any.sa_family == AF_INET6)
 		return ntohs(address.v6.sin6_port);
 	return ntohs(address.v4.sin_port);
+}
+
+bool db_listener_is_early(int fd)
+{
+	socklen_t length = sizeof(int);
+	int free_bind = 0;
+
+	/* One flag of the socket, whichever family asks for it. */
+	return getsockopt(fd, IPPROTO_IP, IP_FREEBIND, &free_bind, &length) == 0 && free_bind != 0;
 }
 
 void db_listener_tune(int fd, unsigned keepalive_s)

@@ -5,6 +5,7 @@
 #ifndef DRIVEBRIDGE_SERVER_LISTENER_H
 #define DRIVEBRIDGE_SERVER_LISTENER_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 /* So many connections may wait to be accepted. */
@@ -12,7 +13,8 @@
 
 /*
  * Opens a non-blocking listening socket on "ADDRESS:PORT" or "[V6]:PORT" (numeric; port 0 is any
- * free one; "[::]" takes IPv4 clients too). The descriptor, or a negative errno; EINVAL for text
+ * free one; "[::]" takes IPv4 clients too). An address that the machine does not have yet is waited
+ * for: clients reach the socket when it comes. The descriptor, or a negative errno; EINVAL for text
  * that cannot be read.
  */
 int db_listener_open(const char *address);
@@ -23,6 +25,9 @@ int db_listener_open(const char *address);
  * which they do during this call: afterwards each of them keeps others out as before.
  */
 int db_listener_open_beside(int other, const char *address);
+
+/* Whether the machine did not have the address when the socket was opened. */
+bool db_listener_is_early(int fd);
 
 /* The port it is bound to, in host order; 0 if that cannot be told. */
 uint16_t db_listener_port(int fd);

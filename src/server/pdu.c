@@ -258,14 +258,15 @@ size_t db_pdu_server_id(const struct db_request *request, const char *text, size
 {
 	uint8_t *pdu = adu + HEADER;
 
-	if (length > PDU_MAX - 3)
-		length = PDU_MAX - 3;
+	if (length > PDU_MAX - 4)
+		length = PDU_MAX - 4;
 	pdu[0] = request->function;
-	pdu[1] = (uint8_t)(length + 1);
+	pdu[1] = (uint8_t)(length + 2);
+	pdu[2] = request->unit;
+	pdu[3] = running ? 0xFF : 0x00;
 	if (length > 0)
-		memcpy(pdu + 2, text, length);
-	pdu[2 + length] = running ? 0xFF : 0x00;
-	return finish(request, 3 + length, adu);
+		memcpy(pdu + 4, text, length);
+	return finish(request, 4 + length, adu);
 }
 
 /* Appends one object if it fits; returns the new length of the PDU, or 0. */

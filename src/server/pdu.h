@@ -66,7 +66,10 @@ size_t db_pdu_read(const struct db_request *request, const uint16_t *values, uin
 /* FC 5, 6, 15, 16 and 22. */
 size_t db_pdu_written(const struct db_request *request, uint8_t *adu);
 
-/* FC 17. Text beyond 250 bytes is cut off. */
+/*
+ * FC 17: an id of one byte (the unit), the run indicator, the text. The standard leaves the layout to the
+ * device; this is what clients take apart. Text beyond 249 bytes is cut off.
+ */
 size_t db_pdu_server_id(const struct db_request *request, const char *text, size_t length,
                         bool running, uint8_t *adu);
 

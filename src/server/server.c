@@ -16,6 +16,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/epoll.h>
+#include <sys/resource.h>
 #include <systemd/sd-event.h>
 #include <unistd.h>
 
@@ -37,6 +38,7 @@ struct db_server {
 	db_time accept_again; /* DB_TIME_NEVER: accepting now */
 	bool busy;            /* some connection is being served */
 	bool late_answers;    /* answers came meanwhile */
+	unsigned kept;        /* descriptors that connections leave to others */
 	size_t readers;       /* connections that may only read */
 	size_t room;          /* at least max_clients */
 	size_t count;
@@ -146,9 +148,18 @@ static void leave(struct db_server *server)
 	server->busy = false;
 }
 
+/* Every new descriptor is the lowest free one: how many are left above it tells how many there are. */
+static bool is_kept(const struct db_server *server, int fd)
+{
+	struct rlimit limit;
+
+	return server->kept > 0 && getrlimit(RLIMIT_NOFILE, &limit) == 0 &&
+	       (rlim_t)fd + server->kept >= limit.rlim_cur;
+}
+
 /* What keeps a client out: DB_REFUSAL_COUNT when nothing does. */
 static enum db_refusal refusal_of(const struct db_server *server, enum db_access access,
-                                  const struct db_peer *peer)
+                                  const struct db_peer *peer, int fd)
 {
 	const struct db_modbus_config *config = server->group.config;
 
@@ -162,14 +173,16 @@ static enum db_refusal refusal_of(const struct db_server *server, enum db_access
 	if (access == DB_ACCESS_READ &&
 	    server->readers + config->reserved_writers >= config->max_clients)
 		return DB_REFUSED_RESERVED;
+	if (is_kept(server, fd))
+		return DB_REFUSED_DESCRIPTORS;
 	return DB_REFUSAL_COUNT;
 }
 
 static uint32_t unused_id(struct db_server *server)
 {
 	do
-		server->last_id++;
-	while (server->last_id == 0 || find(server, server->last_id));
+		server->last_id = db_client_number_after(server->last_id);
+	while (find(server, server->last_id));
 	return server->last_id;
 }
 
@@ -205,7 +218,7 @@ static void add_client(struct db_server *server, int fd, const struct sockaddr_s
 		access = db_acl_access(server->group.config, client.address);
 	client.may_write = access == DB_ACCESS_WRITE;
 	peer = db_peers_find(server->group.peers, client.address, now);
-	refusal = refusal_of(server, access, peer);
+	refusal = refusal_of(server, access, peer, fd);
 	if (refusal == DB_REFUSAL_COUNT) {
 		admit(server, fd, &client, peer);
 		return;
@@ -238,16 +251,13 @@ static void accept_clients(struct db_server *server, int most)
 	}
 }
 
-static int on_ready(sd_event_source *source, int fd, uint32_t revents, void *userdata)
+/* Returns how many sockets were ready. */
+static int serve(struct db_server *server)
 {
-	struct db_server *server = userdata;
 	struct epoll_event events[EVENTS_AT_ONCE];
 	db_time now = loop_time(server);
-	int count;
+	int count = epoll_wait(server->group.epoll, events, EVENTS_AT_ONCE, 0);
 
-	(void)source;
-	(void)revents;
-	count = epoll_wait(fd, events, EVENTS_AT_ONCE, 0);
 	server->busy = true;
 	/* A connection appears once per round and only ever ends itself: no event outlives it. */
 	for (int i = 0; i < count; i++) {
@@ -258,7 +268,25 @@ static int on_ready(sd_event_source *source, int fd, uint32_t revents, void *use
 			accept_clients(server, ACCEPTS_AT_ONCE);
 	}
 	leave(server);
+	return count;
+}
+
+static int on_ready(sd_event_source *source, int fd, uint32_t revents, void *userdata)
+{
+	(void)source;
+	(void)fd;
+	(void)revents;
+	(void)serve(userdata);
 	return 0;
+}
+
+void db_server_catch_up(struct db_server *server)
+{
+	/* The kernel hands out ready sockets in turn: so often, and each had one. */
+	for (size_t served = 0; served <= server->count; served += EVENTS_AT_ONCE) {
+		if (serve(server) < EVENTS_AT_ONCE)
+			return;
+	}
 }
 
 static int on_timer(sd_event_source *source, uint64_t usec, void *userdata)
@@ -308,6 +336,9 @@ static void tell_refusal(void *context, const uint8_t address[16], enum db_refus
 		[DB_REFUSED_CONTROL] = "write refused: another client has control of the drive",
 		[DB_REFUSED_PACE] =
 			"request answered later: it sends more than max-requests-per-second",
+		[DB_REFUSED_DESCRIPTORS] =
+			("connection refused: the file descriptors left are for buses and reloads; lower "
+		         "max-clients, or raise the limit (LimitNOFILE of the unit)"),
 	};
 	const struct db_server *server = context;
 	char text[DB_CLIENT_ADDRESS_MAX];
@@ -467,7 +498,9 @@ void db_server_change_free(struct db_server_change *change)
 	free(change);
 }
 
-static void take_room(struct db_server *server, struct db_server_change *change)
+/* Every connection is at home in the new table before anything else happens to one: its end must be
+ * counted where its beginning was. */
+static void take_room(struct db_server *server, struct db_server_change *change, db_time now)
 {
 	struct db_connection **connections = server->connections;
 	struct db_peers *peers = server->group.peers;
@@ -481,6 +514,13 @@ static void take_room(struct db_server *server, struct db_server_change *change)
 	server->room = server->group.config->max_clients;
 	change->connections = connections;
 	change->peers = peers;
+	for (size_t i = 0; i < server->count; i++) {
+		struct db_connection *connection = server->connections[i];
+		const struct db_client *client = db_connection_client(connection);
+
+		db_connection_rehome(connection,
+		                     db_peers_find(server->group.peers, client->address, now));
+	}
 }
 
 /* Who knocked at the old address in time is let in. */
@@ -507,7 +547,7 @@ static void close_out(struct db_server *server, size_t index)
 	drop(server, index);
 }
 
-static void adapt(struct db_server *server, size_t index, db_time now)
+static void adapt(struct db_server *server, size_t index)
 {
 	struct db_connection *connection = server->connections[index];
 	const struct db_client *client = db_connection_client(connection);
@@ -520,8 +560,7 @@ static void adapt(struct db_server *server, size_t index, db_time now)
 		return;
 	}
 	server->readers -= !could_write;
-	db_connection_adapt(connection, access == DB_ACCESS_WRITE,
-	                    db_peers_find(server->group.peers, client->address, now));
+	db_connection_adapt(connection, access == DB_ACCESS_WRITE);
 	server->readers += !client->may_write;
 	if (could_write && !client->may_write && executor->backend->restricted)
 		executor->backend->restricted(executor->context, client);
@@ -543,9 +582,9 @@ void db_server_change(struct db_server *server, struct db_server_change *change)
 	server->busy = true;
 	server->group.config = change->config;
 	server->log.level = change->config->log;
-	take_room(server, change);
+	take_room(server, change, now);
 	for (size_t i = server->count; i-- > 0;)
-		adapt(server, i, now);
+		adapt(server, i);
 	if (change->config->max_requests_per_second != pace)
 		forget_pace(server, now);
 	take_listener(server, change);
@@ -568,6 +607,16 @@ void db_server_answer(struct db_server *server, struct db_write_token token, uin
 	server->busy = true;
 	conclude(server, connection, db_connection_advance(connection, loop_time(server)));
 	leave(server);
+}
+
+void db_server_keep_descriptors(struct db_server *server, unsigned count)
+{
+	server->kept = count;
+}
+
+bool db_server_is_early(const struct db_server *server)
+{
+	return db_listener_is_early(server->listener);
 }
 
 uint16_t db_server_port(const struct db_server *server)

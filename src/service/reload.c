@@ -9,6 +9,7 @@
  */
 #include "drivebridge/log.h"
 #include "service/state.h"
+#include "service/status.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -274,6 +275,7 @@ static int take_over(struct service *service, struct reload *reload)
 	}
 	db_registers_change(service->registers, reload->registers);
 	service->plant = reload->next;
+	service_keep_descriptors(service);
 	for (size_t i = 0; error == 0 && i < service->plant->bus_count; i++) {
 		if (!plant_has_bus(before, service->plant->buses[i]))
 			error = db_bus_start(service->plant->buses[i]->bus);
@@ -284,7 +286,8 @@ static int take_over(struct service *service, struct reload *reload)
 	return error;
 }
 
-static void begin(struct service *service, struct db_config *config)
+/* False when nothing can come of it. */
+static bool begin(struct service *service, struct db_config *config)
 {
 	struct reload *reload = calloc(1, sizeof *reload);
 	int error = reload ? plant_new(service, config, service->plant, &service->last_number,
@@ -296,21 +299,37 @@ static void begin(struct service *service, struct db_config *config)
 	if (error != 0) {
 		tell_failure(service, error);
 		free(reload);
-		return;
+		return false;
 	}
 	if (plant_same(service->plant, reload->next)) {
 		db_log(&service->log, service_now(service), DB_EVENT_RELOAD, NULL,
 		       "reload: %s says what runs already; nothing changes", service->path);
+		db_config_keep_ends(service->plant->edition->config, reload->next->edition->config);
 		forget(reload, service->plant);
-		return;
+		return true;
 	}
 	if (prepare(service, reload) < 0) {
 		forget(reload, service->plant);
-		return;
+		return false;
 	}
 	tell_changes(service, reload->next);
 	service->reload = reload;
 	retire(service, reload);
+	return true;
+}
+
+/* A file that was cut off on its way to the disk would take out drives that move. */
+static bool is_whole(const struct service *service, struct db_config **config, FILE *errors)
+{
+	char *why;
+
+	if (!db_config_is_cut(service->plant->edition->config, *config, &why))
+		return true;
+	fprintf(errors, "%s\n", why ? why : strerror(ENOMEM));
+	free(why);
+	db_config_free(*config);
+	*config = NULL;
+	return false;
 }
 
 /* What is said of the file goes the way of the log, which never waits for whoever reads it. */
@@ -324,7 +343,8 @@ static bool load(struct service *service, struct db_config **config)
 
 	if (!errors)
 		return false;
-	right = db_config_load(service->path, errors, config) == 0;
+	right = db_config_load(service->path, errors, config) == 0 &&
+	        is_whole(service, config, errors);
 	fclose(errors);
 	for (char *line = strtok_r(messages, "\n", &rest); line; line = strtok_r(NULL, "\n", &rest))
 		db_log(&service->log, service_now(service),
@@ -336,6 +356,7 @@ static bool load(struct service *service, struct db_config **config)
 void reload_ask(struct service *service)
 {
 	struct db_config *config = NULL;
+	bool taken = false;
 
 	if (service->reload) {
 		service->reload_again = true;
@@ -343,12 +364,13 @@ void reload_ask(struct service *service)
 	}
 	notify_begin();
 	if (load(service, &config))
-		begin(service, config);
+		taken = begin(service, config);
 	else
 		db_log(&service->log, service_now(service), DB_EVENT_CONFIG_WRONG, NULL,
-		       "reload: %s is wrong and not taken, drivebridged --check tells what is "
-		       "wrong; nothing changes",
-		       service->path);
+		       "reload: %s is wrong and not taken, drivebridged --config %s --check tells "
+		       "what is wrong; nothing changes",
+		       service->path, service->path);
+	status_reloaded(service, !taken);
 	if (!service->reload)
 		notify_end();
 }

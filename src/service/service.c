@@ -2,7 +2,10 @@
 #include "service/service.h"
 
 #include "drivebridge/log.h"
+#include "regmap/commands.h"
+#include "service/alone.h"
 #include "service/state.h"
+#include "service/status.h"
 
 #include <errno.h>
 #include <signal.h>
@@ -11,8 +14,10 @@
 #include <string.h>
 #include <sys/epoll.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <systemd/sd-daemon.h>
 #include <time.h>
+#include <unistd.h>
 
 db_time service_now(const struct service *service)
 {
@@ -30,6 +35,10 @@ static db_time monotonic_now(void)
 	clock_gettime(CLOCK_MONOTONIC, &now);
 	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
 }
+
+/* A deadline that is met later than this was kept waiting: by other clients, or by a stop of the whole
+ * process. */
+#define LATE (2 * DB_NS_PER_MS)
 
 /* --- what the registers ask for ------------------------------------------------------------------- */
 
@@ -114,6 +123,40 @@ static void tripped(void *context, const struct db_bus_config *bus,
 	       "clear_fault; check the PLC, its program and the network");
 }
 
+/* What the client wrote, in words. */
+static void describe_write(const struct db_refused_write *write, char *text, size_t size)
+{
+	if (write->command != DB_CMD_NONE)
+		snprintf(text, size, "command %s", db_command_name(write->command));
+	else if (write->address != 0)
+		snprintf(text, size, "a write to register %u", write->address);
+	else if (write->param)
+		snprintf(text, size, "a write of parameter %s", write->param);
+	else
+		snprintf(text, size, "a write");
+}
+
+static void write_refused(void *context, const struct db_bus_config *bus,
+                          const struct db_drive_config *drive, const struct db_client *client,
+                          const struct db_refused_write *write)
+{
+	const struct service *service = context;
+	struct db_log_source log = log_of(service, bus);
+	bool open = write->result == DB_RESULT_TIMEOUT || write->result == DB_RESULT_INDETERMINATE;
+	char address[DB_CLIENT_ADDRESS_MAX];
+	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
+	char what[96];
+
+	if (client) {
+		db_client_address(client->address, address);
+		about.client = address;
+	}
+	describe_write(write, what, sizeof what);
+	db_log(&log, service_now(service), DB_EVENT_COMMAND_REFUSED, &about,
+	       "%s %s: %s (result %u)", what, open ? "is not confirmed" : "is refused",
+	       db_result_name(write->result), (unsigned)write->result);
+}
+
 static const struct db_registers_ops registers_ops = {
 	.now = now_of,
 	.wall_us = wall_us,
@@ -123,6 +166,7 @@ static const struct db_registers_ops registers_ops = {
 	.server_stats = server_stats,
 	.server_clients = server_clients,
 	.refused = refused,
+	.write_refused = write_refused,
 	.tripped = tripped,
 };
 
@@ -202,6 +246,9 @@ static int on_deadline(sd_event_source *source, uint64_t us, void *context)
 
 	(void)source;
 	(void)us;
+	/* Who is late itself first hears those whom it may find silent. */
+	if (service_now(service) - service->armed > LATE)
+		db_server_catch_up(service->server);
 	service->armed = DB_TIME_NEVER;
 	db_registers_expire(service->registers, service_now(service));
 	return 0;
@@ -294,9 +341,16 @@ static int make_watchdog(struct service *service)
 
 void service_log_listening(const struct service *service, const struct db_modbus_config *modbus)
 {
+	int host = (int)(strrchr(modbus->listen, ':') - modbus->listen);
+
+	if (db_server_is_early(service->server))
+		db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
+		       "this machine does not have the address %.*s yet; clients are served as soon as "
+		       "it does. If it never should: correct listen, or see ip address",
+		       host, modbus->listen);
 	db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
-	       "listening on %.*s:%u", (int)(strrchr(modbus->listen, ':') - modbus->listen),
-	       modbus->listen, (unsigned)db_server_port(service->server));
+	       "listening on %.*s:%u", host, modbus->listen,
+	       (unsigned)db_server_port(service->server));
 }
 
 static const char *advice_for_listening(int error)
@@ -304,8 +358,6 @@ static const char *advice_for_listening(int error)
 	switch (error) {
 	case EADDRINUSE:
 		return "; another program uses this port";
-	case EADDRNOTAVAIL:
-		return "; this machine does not have this address (yet)";
 	case EACCES:
 		return "; ports below 1024 are for the service: see CAP_NET_BIND_SERVICE in its unit";
 	default:
@@ -313,18 +365,46 @@ static const char *advice_for_listening(int error)
 	}
 }
 
+/*
+ * systemd gives up on a service that fails too often, and what another program holds is free again some
+ * time: so as a service this waits, before it touches a bus. Who starts the program by hand is told
+ * instead. 0 to try again, -ECANCELED when asked to end, else what kept it.
+ */
+static int wait_after(int error)
+{
+	const struct timespec second = { .tv_sec = 1 };
+	sigset_t ends;
+
+	if (!getenv("NOTIFY_SOCKET"))
+		return error;
+	sigemptyset(&ends);
+	sigaddset(&ends, SIGTERM);
+	sigaddset(&ends, SIGINT);
+	return sigtimedwait(&ends, NULL, &second) < 0 ? 0 : -ECANCELED;
+}
+
 static int listen_for_clients(struct service *service)
 {
 	const struct db_modbus_config *modbus = &service->plant->edition->config->modbus;
-	int error = db_server_new(service->loop, modbus, &db_registers_backend, service->registers,
-	                          &service->log, &service->server);
+	bool told = false;
+	int error;
 
-	if (error != 0) {
-		db_log(&service->log, service_now(service), DB_EVENT_FAILED, NULL,
-		       "cannot listen on %s: %s%s", modbus->listen, strerror(-error),
-		       advice_for_listening(-error));
+	do {
+		error = db_server_new(service->loop, modbus, &db_registers_backend,
+		                      service->registers, &service->log, &service->server);
+		if (error == 0)
+			break;
+		if (!told)
+			db_log(&service->log, service_now(service), DB_EVENT_FAILED, NULL,
+			       "cannot listen on %s: %s%s", modbus->listen, strerror(-error),
+			       advice_for_listening(-error));
+		told = true;
+		if (error == -EADDRINUSE)
+			error = wait_after(error);
+	} while (error == 0);
+	if (error != 0)
 		return error;
-	}
+	service_keep_descriptors(service);
 	service_log_listening(service, modbus);
 	return 0;
 }
@@ -343,6 +423,8 @@ static int set_up(struct service *service, struct db_config *config)
 	if (error < 0)
 		return error;
 	error = listen_for_clients(service);
+	if (error == 0)
+		error = status_begin(service);
 	for (size_t b = 0; error == 0 && b < service->plant->bus_count; b++)
 		error = db_bus_start(service->plant->buses[b]->bus);
 	return error;
@@ -354,6 +436,7 @@ static int set_up(struct service *service, struct db_config *config)
  */
 static void tear_down(struct service *service)
 {
+	status_end(service);
 	db_server_free(service->server);
 	if (service->plant)
 		plant_end(service->plant);
@@ -364,6 +447,58 @@ static void tear_down(struct service *service)
 	sd_event_source_unref(service->deadline);
 	sd_event_source_unref(service->term);
 	sd_event_unref(service->loop);
+	if (service->lock >= 0)
+		close(service->lock);
+}
+
+/* --- what it needs of the machine ------------------------------------------------------------------- */
+
+/* A bus has two descriptors, its port and the lock of that; a reload may replace each of them before the old one ends. */
+#define DESCRIPTORS_PER_BUS 8
+/* The log, the loop, the server, and the files that a reload reads. */
+#define DESCRIPTORS_BESIDE 24
+
+void service_keep_descriptors(struct service *service)
+{
+	db_server_keep_descriptors(
+		service->server,
+		DESCRIPTORS_BESIDE + DESCRIPTORS_PER_BUS * (unsigned)service->plant->bus_count);
+}
+
+/* The soft limit is there for programs that use select(). */
+static void raise_descriptors(void)
+{
+	struct rlimit limit;
+
+	if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur == limit.rlim_max)
+		return;
+	limit.rlim_cur = limit.rlim_max;
+	/* Where it stays as it is, clients are refused earlier. */
+	(void)setrlimit(RLIMIT_NOFILE, &limit);
+}
+
+/* Another process that runs the same configuration would be a second master on each of its buses. */
+static int take_configuration(struct service *service)
+{
+	bool told = false;
+	pid_t holder = 0;
+	int error = 0;
+
+	while (error == 0) {
+		service->lock = alone_take(service->path, &holder);
+		/* Where there are no such sockets, ports and the address to listen on keep others out. */
+		if (service->lock != -EBUSY)
+			return 0;
+		if (!told)
+			db_log(&service->log, monotonic_now(), DB_EVENT_FAILED, NULL,
+			       "%s is run by another process already (%d): two masters on one bus would "
+			       "answer each other's questions; systemctl stop drivebridge ends the "
+			       "service, systemctl reload drivebridge has it read a changed file",
+			       service->path, (int)holder);
+		told = true;
+		error = wait_after(-EBUSY);
+	}
+	return error;
 }
 
 /* A page that has to be fetched from a disk first makes a cycle late. */
@@ -392,20 +527,28 @@ static void block_signals(void)
 /* Takes the configuration over. */
 static int serve(struct service *service, struct db_config *config)
 {
-	int error;
+	int error = take_configuration(service);
 
+	if (error != 0) {
+		db_config_free(config);
+		return error == -ECANCELED ? EXIT_SUCCESS : EXIT_FAILURE;
+	}
+	raise_descriptors();
 	lock_memory(&service->log);
 	if (config->drive_count == 0)
 		db_log(&service->log, monotonic_now(), DB_EVENT_NO_DRIVES, NULL,
 		       "no drive is configured yet: describe the buses and drives in %s, see "
-		       "drivebridge.conf(5), check it with drivebridged --check and reload",
-		       service->path);
+		       "drivebridge.conf(5), check it with drivebridged --config %s --check and "
+		       "reload",
+		       service->path, service->path);
 	error = set_up(service, config);
 	if (error >= 0) {
 		sd_notify(0, "READY=1");
 		error = sd_event_loop(service->loop);
 		sd_notify(0, "STOPPING=1");
 	}
+	if (error == -ECANCELED)
+		error = 0;
 	if (error < 0)
 		db_log(&service->log, monotonic_now(), DB_EVENT_FAILED, NULL, "cannot go on: %s",
 		       strerror(-error));
@@ -417,6 +560,7 @@ int db_service_run(struct db_config *config, const char *path)
 {
 	struct service service = {
 		.path = path,
+		.lock = -1,
 		.log.level = config->modbus.log,
 	};
 	int error;

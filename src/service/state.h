@@ -11,6 +11,7 @@
 #include <systemd/sd-event.h>
 
 struct reload;
+struct status;
 
 struct service {
 	struct db_log_source log; /* the network side's */
@@ -27,6 +28,8 @@ struct service {
 	struct db_server *server;
 	struct reload *reload; /* under way; null */
 	bool reload_again;     /* asked for meanwhile */
+	struct status *status; /* what systemd is told; null: nobody listens */
+	int lock;              /* of the configuration, see alone.h; -1: none */
 };
 
 /* service.c */
@@ -37,6 +40,8 @@ int service_watch(struct service *service, struct plant_bus *bus);
 void service_collect(struct plant_bus *bus);
 /* Where clients are waited for. */
 void service_log_listening(const struct service *service, const struct db_modbus_config *modbus);
+/* Leaves descriptors to the buses of the plant and to reloads, whatever clients take. */
+void service_keep_descriptors(struct service *service);
 
 /* reload.c */
 /* SIGHUP: begins a reload, or remembers that another one is wanted. */

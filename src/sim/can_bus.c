@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/can_bus.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -9,6 +10,18 @@
 
 /* Bits that an error frame and the wait behind it take. */
 #define ERROR_BITS 23u
+
+size_t sim_can_text(const struct db_can_frame *frame, char text[SIM_CAN_TEXT_MAX])
+{
+	bool extended = frame->id & DB_CAN_EXTENDED;
+	int length = snprintf(text, SIM_CAN_TEXT_MAX, extended ? "%08X#" : "%03X#",
+	                      frame->id & DB_CAN_ID_MASK);
+
+	for (unsigned i = 0; i < frame->length; i++)
+		length += snprintf(text + length, SIM_CAN_TEXT_MAX - (size_t)length, "%02X",
+		                   frame->data[i]);
+	return (size_t)length;
+}
 
 struct waiting {
 	struct db_can_frame frame;
@@ -314,6 +327,8 @@ static void deliver_drive_frame(struct sim_can_bus *bus)
 	if (disturbed)
 		queue_to_host(bus, &garbage);
 	queue_to_host(bus, &bus->frame);
+	if (take(bus, bus->sender, SIM_FAULT_DOUBLE))
+		queue_to_host(bus, &bus->frame);
 }
 
 static void end_frame(struct sim_can_bus *bus)

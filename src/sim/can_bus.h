@@ -17,6 +17,10 @@
 #include <stdint.h>
 
 #define SIM_CAN_STATIONS_MAX 128
+#define SIM_CAN_TEXT_MAX 32
+
+/* "00080381#01": what other tools print, too. Returns its length. */
+size_t sim_can_text(const struct db_can_frame *frame, char text[SIM_CAN_TEXT_MAX]);
 
 /* A drive's end of the bus. */
 struct sim_can_station {

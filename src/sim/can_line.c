@@ -43,16 +43,11 @@ static void trace_frame(void *context, db_time time, char direction,
                         const struct db_can_frame *frame)
 {
 	const struct sim_can_line *line = context;
-	char text[32];
-	bool extended = frame->id & DB_CAN_EXTENDED;
-	int length = snprintf(text, sizeof(text), extended ? "%08X#" : "%03X#",
-	                      frame->id & DB_CAN_ID_MASK);
+	char text[SIM_CAN_TEXT_MAX];
+	size_t length = sim_can_text(frame, text);
 
-	for (unsigned i = 0; i < frame->length; i++)
-		length += snprintf(text + length, sizeof(text) - (size_t)length, "%02X",
-		                   frame->data[i]);
 	if (line->trace)
-		line->trace(line->context, time, direction, (const uint8_t *)text, (size_t)length);
+		line->trace(line->context, time, direction, (const uint8_t *)text, length);
 }
 
 struct sim_can_line *sim_can_line_new(const struct sim_can_config *config, sim_trace_fn *trace,

@@ -96,6 +96,11 @@ static const char *do_power(struct request *request)
 		set_power(request->node, false, request->now);
 	if (on || cycle)
 		set_power(request->node, true, request->now);
+	sim_world_tell(request->world, request->node,
+	               cycle ? "power cycle" :
+	               on    ? "power on" :
+	                       "power off",
+	               request->now);
 	return NULL;
 }
 
@@ -121,6 +126,24 @@ static const char *do_sensor(struct request *request)
 		return "sensor needs a number 1 to 6 and 0, 1 or auto";
 	sim_vsmd_force_sensor(request->node->drive, number, level[0] == 'a' ? -1 : level[0] - '0',
 	                      request->now);
+	return NULL;
+}
+
+/* Two drives may have the same: that is what it is for. */
+static const char *do_address(struct request *request)
+{
+	char *end;
+	unsigned long address = strtoul(request->rest, &end, 10);
+	struct sim_node *node = request->node;
+
+	if (end == request->rest || *end != '\0' || address < 1 || address > 31)
+		return "address needs a number, 1 to 31";
+	if (node->xyza)
+		sim_xyza_set_number(node->xyza, (unsigned)address);
+	else if (node->servo)
+		node->servo->address = (uint8_t)address;
+	else
+		sim_vsmd_set_address(node->drive, (unsigned)address);
 	return NULL;
 }
 
@@ -416,23 +439,15 @@ static const struct {
 	enum target target;
 	command_fn *run;
 } commands[] = {
-	{ "fault", TARGET_ANY, do_fault },
-	{ "power", TARGET_DRIVE, do_power },
-	{ "identity", TARGET_VSMD, do_identity },
-	{ "flash", TARGET_VSMD, do_flash },
-	{ "stall", TARGET_MOTOR, do_stall },
-	{ "sensor", TARGET_VSMD, do_sensor },
-	{ "bits", TARGET_MOTOR, do_bits },
-	{ "faults", TARGET_SERVO, do_faults },
-	{ "health", TARGET_SERVO, do_health },
-	{ "inputs", TARGET_SERVO, do_inputs },
-	{ "reports", TARGET_SERVO, do_reports },
-	{ "input", TARGET_XYZA, do_input },
-	{ "place", TARGET_XYZA, do_place },
-	{ "baud", TARGET_BUS, do_baud },
-	{ "get", TARGET_ANY, do_get },
-	{ "log", TARGET_DRIVE, do_log },
-	{ "list", TARGET_NONE, do_list },
+	{ "fault", TARGET_ANY, do_fault },       { "power", TARGET_DRIVE, do_power },
+	{ "address", TARGET_DRIVE, do_address }, { "identity", TARGET_VSMD, do_identity },
+	{ "flash", TARGET_VSMD, do_flash },      { "stall", TARGET_MOTOR, do_stall },
+	{ "sensor", TARGET_VSMD, do_sensor },    { "bits", TARGET_MOTOR, do_bits },
+	{ "faults", TARGET_SERVO, do_faults },   { "health", TARGET_SERVO, do_health },
+	{ "inputs", TARGET_SERVO, do_inputs },   { "reports", TARGET_SERVO, do_reports },
+	{ "input", TARGET_XYZA, do_input },      { "place", TARGET_XYZA, do_place },
+	{ "baud", TARGET_BUS, do_baud },         { "get", TARGET_ANY, do_get },
+	{ "log", TARGET_DRIVE, do_log },         { "list", TARGET_NONE, do_list },
 };
 
 #define COMMAND_COUNT (sizeof(commands) / sizeof(commands[0]))
@@ -475,7 +490,7 @@ void sim_command(struct sim_world *world, char *line, db_time now, FILE *out)
 {
 	struct request request = { .world = world, .now = now, .out = out };
 	const char *error =
-		"no such command; there are fault, power, identity, flash, stall, sensor, "
+		"no such command; there are fault, power, address, identity, flash, stall, sensor, "
 		"bits, faults, health, inputs, reports, input, place, baud, get, log, list";
 	const char *name = cut_word(line, &request.rest);
 

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum form { FORM_COUNT, FORM_DELAY, FORM_SWITCH };
+enum form { FORM_COUNT, FORM_NUMBER, FORM_SWITCH };
 
 static const struct {
 	const char *name;
@@ -12,14 +12,19 @@ static const struct {
 } kinds[SIM_FAULT_COUNT] = {
 	[SIM_FAULT_DROP] = { "drop", FORM_COUNT },
 	[SIM_FAULT_LOSE_REQUEST] = { "lose-request", FORM_COUNT },
-	[SIM_FAULT_DELAY] = { "delay", FORM_DELAY },
+	[SIM_FAULT_DELAY] = { "delay", FORM_NUMBER },
 	[SIM_FAULT_CORRUPT] = { "corrupt", FORM_COUNT },
+	[SIM_FAULT_CORRUPT_AT] = { "corrupt-at", FORM_NUMBER },
 	[SIM_FAULT_TRUNCATE] = { "truncate", FORM_COUNT },
 	[SIM_FAULT_GARBAGE] = { "garbage", FORM_COUNT },
+	[SIM_FAULT_SPLIT] = { "split", FORM_COUNT },
+	[SIM_FAULT_DOUBLE] = { "double", FORM_COUNT },
 	[SIM_FAULT_WRONG_ID] = { "wrong-id", FORM_COUNT },
 	[SIM_FAULT_SILENCE] = { "silence", FORM_SWITCH },
 	[SIM_FAULT_ECHO] = { "echo", FORM_SWITCH },
 	[SIM_FAULT_BUS_OFF] = { "bus-off", FORM_SWITCH },
+	[SIM_FAULT_RUNAWAY] = { "runaway", FORM_SWITCH },
+	[SIM_FAULT_LOSE_END] = { "lose-end", FORM_COUNT },
 };
 
 static bool read_number(const char *text, int32_t *number)
@@ -37,7 +42,7 @@ static const char *apply(struct sim_faults *faults, enum sim_fault kind, char **
                          unsigned count)
 {
 	int32_t left = -1;
-	int32_t delay = 0;
+	int32_t number = 0;
 
 	switch (kinds[kind].form) {
 	case FORM_SWITCH:
@@ -45,9 +50,10 @@ static const char *apply(struct sim_faults *faults, enum sim_fault kind, char **
 			return "this fault needs \"on\" or \"off\"";
 		left = strcmp(words[1], "on") == 0 ? -1 : 0;
 		break;
-	case FORM_DELAY:
-		if (count < 2 || !read_number(words[1], &delay))
-			return "delay needs milliseconds, 1 to 1000000, and may have a count";
+	case FORM_NUMBER:
+		if (count < 2 || !read_number(words[1], &number))
+			return "delay needs milliseconds and corrupt-at a place, 1 to 1000000; both "
+			       "may have a count";
 		words++;
 		count--;
 		/* fall through */
@@ -58,15 +64,17 @@ static const char *apply(struct sim_faults *faults, enum sim_fault kind, char **
 		break;
 	}
 	faults->left[kind] = left;
-	if (delay > 0)
-		faults->delay_ms = (uint32_t)delay;
+	if (kind == SIM_FAULT_DELAY)
+		faults->delay_ms = (uint32_t)number;
+	if (kind == SIM_FAULT_CORRUPT_AT)
+		faults->corrupt_at = (uint32_t)number;
 	return NULL;
 }
 
 const char *sim_faults_set(struct sim_faults *faults, const char *text)
 {
 	char copy[64];
-	char *words[4];
+	char *words[4] = { NULL };
 	char *save = NULL;
 	unsigned count = 0;
 

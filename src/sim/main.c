@@ -53,7 +53,8 @@ static void usage(FILE *out)
 		"  --config FILE    buses and drives, see conf/sim-demo.conf\n"
 		"  --link BUS=PATH  make PATH a symbolic link to the bus's device\n"
 		"  --control SOCKET take commands (faults, power ...) on this UNIX socket\n"
-		"  --trace FILE     write every request and reply with its time in microseconds\n"
+		"  --trace FILE     write every request and reply with its time in microseconds, and\n"
+		"                   what drives obey\n"
 		"  --busy           never sleep: takes a whole processor, but answers to the "
 		"microsecond (for measurements)\n",
 		out);

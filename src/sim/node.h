@@ -9,6 +9,7 @@
 #include "sim/faults.h"
 #include "sim/servo_can_node.h"
 #include "sim/vsmd_drive.h"
+#include "sim/witness.h"
 #include "sim/xyza_controller.h"
 
 #define SIM_LOG_LINES 64
@@ -29,6 +30,7 @@ struct sim_node {
 	uint32_t heard;                          /* lines, broadcasts included */
 	db_time thinks_until;                    /* answers come in the order of the questions */
 	uint32_t replies;                        /* put on the wire, whole or broken */
+	struct sim_witness witness;              /* of VSMD drives and XYZA controllers */
 };
 
 #endif

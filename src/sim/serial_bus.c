@@ -10,7 +10,7 @@
 #define LINES_MAX 16
 #define BURSTS_MAX 16
 #define GARBAGE_MAX 8
-#define BURST_BYTES_MAX (SIM_SERIAL_REPLY_MAX + GARBAGE_MAX)
+#define BURST_BYTES_MAX (2 * (SIM_SERIAL_REPLY_MAX + 2 * GARBAGE_MAX))
 /* A burst is handed out in at most this many chunks, and a chunk is worth at least this long: a
  * host sees bytes trickle in, and the simulator does not wake up for each. */
 #define CHUNKS_MAX 8
@@ -220,10 +220,12 @@ static void take_byte(struct sim_serial_bus *bus, uint8_t byte, db_time now)
 		bus->input_overflow = true;
 	bus->input_newest = now;
 	before = bus->input_length;
-	if (bus->protocol->ends(bus->input, &bus->input_length, byte))
+	if (!bus->protocol->ends(bus->input, &bus->input_length, byte))
+		bus->input_start += wire_time(bus, before - bus->input_length);
+	else if (!sim_faults_take(&bus->faults, SIM_FAULT_LOSE_END))
 		end_request(bus, now);
 	else
-		bus->input_start += wire_time(bus, before - bus->input_length);
+		bus->input_length--;
 }
 
 void sim_serial_bus_receive(struct sim_serial_bus *bus, const uint8_t *bytes, size_t length,
@@ -277,8 +279,37 @@ void sim_serial_bus_log(struct sim_node *node, const struct sim_serial_request *
 	entry->line[length] = '\0';
 }
 
+void sim_serial_bus_testify(const struct sim_node *node, bool obeyed)
+{
+	const struct sim_log_entry *entry = &node->log[(node->heard - 1) % SIM_LOG_LINES];
+
+	sim_witness_tell(&node->witness, entry->time, entry->line, obeyed);
+}
+
+static void insert_garbage(struct sim_serial_bus *bus, struct sim_burst *burst, size_t place)
+{
+	size_t count = 1 + random_below(bus, GARBAGE_MAX);
+	uint8_t *hole = burst->bytes + place;
+
+	memmove(hole + count, hole, burst->length - place);
+	for (size_t i = 0; i < count; i++)
+		hole[i] = (uint8_t)random_below(bus, 256);
+	hole[random_below(bus, (uint32_t)count)] = bus->protocol->garbage;
+	burst->length += count;
+}
+
+static void corrupt_at(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst)
+{
+	uint32_t place = node->faults.left[SIM_FAULT_CORRUPT_AT] != 0 ? node->faults.corrupt_at :
+	                                                                bus->faults.corrupt_at;
+
+	if (sim_serial_bus_take(bus, node, SIM_FAULT_CORRUPT_AT))
+		burst->bytes[(place - 1) % burst->length] ^= (uint8_t)(1u << random_below(bus, 7));
+}
+
 static void damage(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst)
 {
+	corrupt_at(bus, node, burst);
 	if (sim_serial_bus_take(bus, node, SIM_FAULT_CORRUPT)) {
 		size_t victim = 1 + random_below(bus, (uint32_t)burst->length - 2);
 
@@ -286,14 +317,13 @@ static void damage(struct sim_serial_bus *bus, struct sim_node *node, struct sim
 	}
 	if (sim_serial_bus_take(bus, node, SIM_FAULT_TRUNCATE))
 		burst->length /= 2;
-	if (sim_serial_bus_take(bus, node, SIM_FAULT_GARBAGE)) {
-		size_t count = 1 + random_below(bus, GARBAGE_MAX);
-
-		memmove(burst->bytes + count, burst->bytes, burst->length);
-		for (size_t i = 0; i < count; i++)
-			burst->bytes[i] = (uint8_t)random_below(bus, 256);
-		burst->bytes[random_below(bus, (uint32_t)count)] = bus->protocol->garbage;
-		burst->length += count;
+	if (sim_serial_bus_take(bus, node, SIM_FAULT_SPLIT))
+		insert_garbage(bus, burst, burst->length / 2);
+	if (sim_serial_bus_take(bus, node, SIM_FAULT_GARBAGE))
+		insert_garbage(bus, burst, 0);
+	if (sim_serial_bus_take(bus, node, SIM_FAULT_DOUBLE)) {
+		memcpy(burst->bytes + burst->length, burst->bytes, burst->length);
+		burst->length *= 2;
 	}
 }
 

@@ -111,6 +111,9 @@ bool sim_serial_bus_take(struct sim_serial_bus *bus, struct sim_node *node, enum
 void sim_serial_bus_log(struct sim_node *node, const struct sim_serial_request *request,
                         const char *text, size_t length);
 
+/* Tells the drive's witness about the request that was written into its log last. */
+void sim_serial_bus_testify(const struct sim_node *node, bool obeyed);
+
 /* Where a reply is to be written, SIM_SERIAL_REPLY_MAX bytes; null when it is dropped. */
 struct sim_burst *sim_serial_bus_begin(struct sim_serial_bus *bus, struct sim_node *node);
 uint8_t *sim_serial_bus_bytes(struct sim_burst *burst);

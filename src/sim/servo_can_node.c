@@ -14,18 +14,43 @@ void sim_servo_node_init(struct sim_servo_node *node, const char *name, struct s
 	node->latency = latency;
 }
 
+static bool fills_up(const struct sim_servo_node *node)
+{
+	if (node->lengths == SIM_SERVO_MIXED)
+		return (node->answers + node->reports) % 2 == 1;
+	return node->lengths == SIM_SERVO_ALWAYS_EIGHT;
+}
+
 static bool enqueue(struct sim_servo_node *node, struct servo_can_message *message, db_time due)
 {
+	struct db_can_frame *frame;
+
 	message->node = node->address;
 	if (node->queued == SIM_SERVO_QUEUE) {
 		node->lost++;
 		return false;
 	}
-	if (servo_can_encode(message, &node->layout, &node->queue[node->queued].frame) !=
-	    SERVO_CAN_OK)
+	frame = &node->queue[node->queued].frame;
+	if (servo_can_encode(message, &node->layout, frame) != SERVO_CAN_OK)
 		return false;
+	/* The encoder leaves the rest of a frame 0. */
+	if (fills_up(node))
+		frame->length = DB_CAN_DATA_MAX;
+	else if (node->lengths == SIM_SERVO_TOO_SHORT)
+		frame->length--;
 	node->queue[node->queued++].due = due;
 	return true;
+}
+
+static void tell_witness(const struct sim_servo_node *node, const struct db_can_frame *frame,
+                         enum servo_can_kind kind, bool known, db_time now)
+{
+	char text[SIM_CAN_TEXT_MAX];
+
+	if (kind == SERVO_CAN_READ || !sim_servo_powered(node->drive))
+		return;
+	(void)sim_can_text(frame, text);
+	sim_witness_tell(&node->witness, now, text, known);
 }
 
 void sim_servo_node_receive(struct sim_servo_node *node, const struct db_can_frame *frame,
@@ -35,6 +60,7 @@ void sim_servo_node_receive(struct sim_servo_node *node, const struct db_can_fra
 	struct servo_can_message message;
 	enum servo_can_error error;
 	uint8_t words_ack;
+	db_time due;
 	size_t count;
 
 	error = servo_can_decode(frame, &node->layout, SERVO_CAN_FROM_HOST, &message);
@@ -47,12 +73,15 @@ void sim_servo_node_receive(struct sim_servo_node *node, const struct db_can_fra
 	/* What a drive answers to a frame it does not understand is not documented: nothing. */
 	if (error != SERVO_CAN_OK) {
 		node->unknown++;
+		tell_witness(node, frame, message.kind, false, now);
 		return;
 	}
 	words_ack = node->layout.words.set ? node->layout.words.ack : (uint8_t)SERVO_CAN_ACK_NONE;
 	count = sim_servo_execute(node->drive, &message, words_ack, now, replies);
+	due = now + node->latency + (message.kind == SERVO_CAN_READ ? 0 : node->ack_latency);
+	tell_witness(node, frame, message.kind, true, now);
 	for (size_t i = 0; i < count; i++)
-		node->answers += enqueue(node, &replies[i], now + node->latency);
+		node->answers += enqueue(node, &replies[i], due);
 }
 
 db_time sim_servo_node_next(const struct sim_servo_node *node)

@@ -12,19 +12,31 @@
 #include "sim/can_bus.h"
 #include "sim/faults.h"
 #include "sim/servo_drive.h"
+#include "sim/witness.h"
 
 #include <stdbool.h>
 #include <stdint.h>
 
 #define SIM_SERVO_QUEUE 16 /* frames that wait to be sent; more are lost */
 
+/* Data bytes of what the drive sends. */
+enum sim_servo_lengths {
+	SIM_SERVO_AS_DOCUMENTED, /* or 8, when the layout is padded */
+	SIM_SERVO_ALWAYS_EIGHT,
+	SIM_SERVO_MIXED,    /* now so, now so */
+	SIM_SERVO_TOO_SHORT /* one byte less than documented: nobody understands that */
+};
+
 struct sim_servo_node {
 	const char *name;        /* not owned */
 	struct sim_servo *drive; /* not owned */
 	uint8_t address;         /* 1..31 */
 	struct servo_can_layout layout;
-	db_time latency; /* thinking before an answer */
+	db_time latency;     /* thinking before an answer */
+	db_time ack_latency; /* and so much more before an acknowledgement */
+	enum sim_servo_lengths lengths;
 	struct sim_faults faults;
+	struct sim_witness witness;
 
 	struct {
 		db_time due;

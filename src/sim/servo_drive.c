@@ -13,12 +13,13 @@
 
 #define SPEED_LOOP_S 0.002 /* how fast the speed loop corrects */
 #define POSITION_GAIN 40.0 /* 1/s */
-#define ZERO_SPEED 1.0     /* rpm below which the drive says that it stands */
+#define ZERO_SPEED 1.0     /* rpm below which the drive usually says that it stands */
 #define REACHED_SPEED 2.0  /* rpm around the speed that count as reached */
 #define AT_REST_COUNTS 0.5 /* the position loop holds still this close to its target ... */
 #define AT_REST_RPM 3.0    /* ... and this slow */
 #define CURRENT_STEPS 10.0 /* of an ampere */
 #define CTRG SERVO_CAN_CTRG
+#define DITHER_TIME (7 * DB_NS_PER_MS) /* on either side */
 
 struct sim_servo {
 	struct sim_servo_config config;
@@ -48,9 +49,11 @@ struct sim_servo {
 	double position; /* counts, as fed back */
 	double rpm;
 	double amperes;
-	double profile; /* rpm, what the ramps allow now */
-	double target;  /* counts, what position mode holds or goes to */
-	bool limited;   /* by max_current */
+	double profile;     /* rpm, what the ramps allow now */
+	double planned;     /* counts, where a motor without friction or load would be */
+	db_time idle_until; /* it was told something, and has not begun */
+	double target;      /* counts, what position mode holds or goes to */
+	bool limited;       /* by max_current */
 	bool blocked;
 
 	/* Shown as they are. */
@@ -112,7 +115,8 @@ static void boot(struct sim_servo *drive, db_time now)
 	drive->acceleration = config->acceleration;
 	drive->deceleration = config->deceleration;
 	drive->faults = 0;
-	drive->target = drive->position;
+	drive->target = drive->planned = drive->position;
+	drive->idle_until = now;
 	start_reports(drive, now);
 }
 
@@ -212,9 +216,15 @@ static void turn(struct sim_servo *drive)
 	                   config->counts_per_turn * STEP_S;
 }
 
+/* The power stage is on. */
+static bool driven(const struct sim_servo *drive)
+{
+	return drive->enabled && drive->faults == 0;
+}
+
 static void hold_at_target(struct sim_servo *drive)
 {
-	if (drive->mode != SERVO_CAN_MODE_POSITION || !drive->enabled ||
+	if (drive->mode != SERVO_CAN_MODE_POSITION || !driven(drive) ||
 	    fabs(drive->target - drive->position) > AT_REST_COUNTS ||
 	    fabs(drive->rpm) > AT_REST_RPM)
 		return;
@@ -223,11 +233,20 @@ static void hold_at_target(struct sim_servo *drive)
 	drive->profile = 0;
 }
 
+/* Where the reference is, at full speed. */
+static void plan(struct sim_servo *drive)
+{
+	double most = drive->max_speed / SECONDS_PER_MINUTE * drive->config.counts_per_turn;
+
+	drive->planned += clamp(drive->target - drive->planned, most * STEP_S);
+}
+
 static void step(struct sim_servo *drive)
 {
 	double wanted = 0;
 
-	if (drive->enabled)
+	plan(drive);
+	if (driven(drive) && drive->time >= drive->idle_until)
 		wanted = wanted_current(drive);
 	else
 		drive->profile = drive->rpm;
@@ -245,9 +264,10 @@ static void step(struct sim_servo *drive)
 static bool settled(const struct sim_servo *drive)
 {
 	if (drive->rpm != 0 || drive->shown_enabled != drive->enabled ||
+	    drive->planned != drive->target || drive->time < drive->idle_until ||
 	    fabs(drive->config.load) > drive->config.friction)
 		return false;
-	if (!drive->enabled)
+	if (!driven(drive))
 		return drive->amperes == 0;
 	switch (drive->mode) {
 	case SERVO_CAN_MODE_SPEED:
@@ -272,6 +292,29 @@ void sim_servo_advance(struct sim_servo *drive, db_time now)
 
 /* --- what the host says ---------------------------------------------------------------------------- */
 
+/* Is the shaft held at the demand, or on its way there? */
+static bool is_held(const struct sim_servo *drive)
+{
+	return drive->enabled && drive->mode == SERVO_CAN_MODE_POSITION;
+}
+
+static void go_to(struct sim_servo *drive, double target)
+{
+	drive->target = target;
+	drive->planned = drive->position;
+}
+
+static void hold_here(struct sim_servo *drive)
+{
+	if (!drive->config.temper.keeps_demand)
+		go_to(drive, drive->position);
+}
+
+static void begin_late(struct sim_servo *drive, db_time now)
+{
+	drive->idle_until = now + drive->config.temper.motion_delay;
+}
+
 static void set_enabled(struct sim_servo *drive, bool enabled, db_time now)
 {
 	if (drive->enabled == enabled)
@@ -279,7 +322,7 @@ static void set_enabled(struct sim_servo *drive, bool enabled, db_time now)
 	drive->enabled = enabled;
 	drive->enabled_at = now;
 	drive->profile = drive->rpm;
-	drive->target = drive->position;
+	hold_here(drive);
 }
 
 static void set_mode(struct sim_servo *drive, const struct servo_can_message *message)
@@ -293,7 +336,7 @@ static void set_mode(struct sim_servo *drive, const struct servo_can_message *me
 		return;
 	drive->mode = mode;
 	drive->profile = drive->rpm;
-	drive->target = drive->position;
+	hold_here(drive);
 }
 
 static void set_speed(struct sim_servo *drive, int16_t speed, db_time now)
@@ -305,6 +348,7 @@ static void set_speed(struct sim_servo *drive, int16_t speed, db_time now)
 	}
 	drive->speed = speed;
 	drive->setpoint_at = now;
+	begin_late(drive, now);
 }
 
 static void set_current(struct sim_servo *drive, int16_t current, db_time now)
@@ -316,6 +360,7 @@ static void set_current(struct sim_servo *drive, int16_t current, db_time now)
 	}
 	drive->current = current;
 	drive->setpoint_at = now;
+	begin_late(drive, now);
 }
 
 static void synchronise(struct sim_servo *drive, db_time now)
@@ -329,14 +374,15 @@ static void synchronise(struct sim_servo *drive, db_time now)
 	drive->speed_staged = drive->current_staged = false;
 }
 
-static void set_words(struct sim_servo *drive, uint16_t word0)
+static void set_words(struct sim_servo *drive, uint16_t word0, db_time now)
 {
 	bool rises = (word0 & CTRG) && !(drive->word0 & CTRG);
 
 	drive->word0 = word0;
-	if (!rises || !drive->enabled || drive->mode != SERVO_CAN_MODE_POSITION)
+	if (!rises || !is_held(drive) || drive->config.temper.ignores_trigger)
 		return;
-	drive->target = drive->internal_position;
+	go_to(drive, drive->internal_position);
+	begin_late(drive, now);
 	drive->moves++;
 }
 
@@ -347,7 +393,10 @@ static void obey(struct sim_servo *drive, const struct servo_can_message *messag
 		synchronise(drive, now);
 		break;
 	case SERVO_CAN_ENABLE:
-		set_enabled(drive, message->u.enable && drive->faults == 0, now);
+		set_enabled(drive,
+		            message->u.enable &&
+		                    (drive->faults == 0 || drive->config.temper.fault_keeps_power),
+		            now);
 		break;
 	case SERVO_CAN_MODE:
 		set_mode(drive, message);
@@ -360,18 +409,20 @@ static void obey(struct sim_servo *drive, const struct servo_can_message *messag
 		break;
 	case SERVO_CAN_POSITION:
 		drive->internal_position = message->u.position;
+		if (drive->config.temper.keeps_demand && !is_held(drive))
+			go_to(drive, drive->internal_position);
 		break;
 	case SERVO_CAN_SET_FEEDBACK:
 		drive->position = message->u.position;
 		if (!drive->enabled)
-			drive->target = drive->position;
+			hold_here(drive);
 		break;
 	case SERVO_CAN_RAMPS:
 		drive->acceleration = message->u.ramps.acceleration;
 		drive->deceleration = message->u.ramps.deceleration;
 		break;
 	case SERVO_CAN_WORDS:
-		set_words(drive, message->u.words.word0);
+		set_words(drive, message->u.words.word0, now);
 		break;
 	default:
 		break;
@@ -380,9 +431,19 @@ static void obey(struct sim_servo *drive, const struct servo_can_message *messag
 
 /* --- what it says ---------------------------------------------------------------------------------- */
 
+/* A position that is held trembles. */
+static double tremble(const struct sim_servo *drive)
+{
+	bool even = drive->time / DITHER_TIME % 2 == 0;
+
+	if (!is_held(drive) || drive->rpm != 0)
+		return 0;
+	return even ? drive->config.temper.dither : -drive->config.temper.dither;
+}
+
 static int32_t whole_position(const struct sim_servo *drive)
 {
-	return (int32_t)(uint32_t)(int64_t)llrint(drive->position);
+	return (int32_t)(uint32_t)(int64_t)llrint(drive->position + tremble(drive));
 }
 
 static int16_t shown_speed(const struct sim_servo *drive)
@@ -397,7 +458,14 @@ static int16_t shown_current(const struct sim_servo *drive)
 
 static bool reached(const struct sim_servo *drive)
 {
-	return fabs(drive->target - drive->position) <= drive->config.window;
+	double at = drive->config.temper.reached_by_profile ? drive->planned : drive->position;
+
+	return fabs(drive->target - at) <= drive->config.window;
+}
+
+static double zero_speed(const struct sim_servo *drive)
+{
+	return fmax(drive->config.temper.zero_speed, ZERO_SPEED);
 }
 
 static uint16_t status_bits(const struct sim_servo *drive)
@@ -406,7 +474,7 @@ static uint16_t status_bits(const struct sim_servo *drive)
 
 	if (drive->shown_enabled)
 		bits |= SERVO_CAN_ST_STARTED | SERVO_CAN_ST_RUNNING | SERVO_CAN_ST_BRAKE_OUTPUT;
-	if (fabs(drive->rpm) < ZERO_SPEED)
+	if (fabs(drive->rpm) < zero_speed(drive))
 		bits |= SERVO_CAN_ST_ZERO_SPEED;
 	if (drive->mode == SERVO_CAN_MODE_SPEED && fabs(drive->rpm - drive->speed) <= REACHED_SPEED)
 		bits |= SERVO_CAN_ST_SPEED_REACHED;
@@ -467,6 +535,13 @@ static size_t answer(const struct sim_servo *drive, const struct servo_can_messa
 	return (size_t)(reply - replies);
 }
 
+static bool is_deaf_to(const struct sim_servo *drive, enum servo_can_kind kind)
+{
+	return drive->config.temper.deaf_to_setpoints &&
+	       ((kind == SERVO_CAN_SPEED && drive->mode != SERVO_CAN_MODE_SPEED) ||
+	        (kind == SERVO_CAN_CURRENT && drive->mode != SERVO_CAN_MODE_CURRENT));
+}
+
 size_t sim_servo_execute(struct sim_servo *drive, const struct servo_can_message *message,
                          uint8_t words_ack, db_time now,
                          struct servo_can_message replies[SIM_SERVO_REPLIES])
@@ -475,6 +550,8 @@ size_t sim_servo_execute(struct sim_servo *drive, const struct servo_can_message
 		return 0;
 	sim_servo_advance(drive, now);
 	drive->counts[message->kind]++;
+	if (is_deaf_to(drive, message->kind))
+		return 0;
 	if (message->kind == SERVO_CAN_READ)
 		return answer(drive, message, replies);
 	obey(drive, message, now);
@@ -553,7 +630,7 @@ void sim_servo_set_faults(struct sim_servo *drive, uint16_t faults, db_time now)
 {
 	sim_servo_advance(drive, now);
 	drive->faults = faults;
-	if (faults)
+	if (faults && !drive->config.temper.fault_keeps_power)
 		set_enabled(drive, false, now);
 }
 

@@ -8,8 +8,8 @@
  * Where the vendor's document is silent the drive does what is worst for a careless host: a speed or
  * current stays in force over a loss of power and a change of the mode, setting the position feedback
  * of a motor that is held in position makes it jump, a second rise of CTRG during a move goes to the
- * new target at once, and broadcasts are not acknowledged. It holds its place when it is enabled in,
- * or changed to, position mode. Only speed and current wait for the sync frame.
+ * new target at once, and broadcasts are not acknowledged. Only speed and current wait for the sync
+ * frame. What else real drives may do either way is in struct sim_servo_temper.
  */
 #ifndef DRIVEBRIDGE_SIM_SERVO_DRIVE_H
 #define DRIVEBRIDGE_SIM_SERVO_DRIVE_H
@@ -26,6 +26,23 @@ enum sim_servo_report {
 	SIM_SERVO_REPORT_MOTION,
 	SIM_SERVO_REPORT_HEALTH,
 	SIM_SERVO_REPORTS
+};
+
+/* What the document leaves open. All zero: the drive does what a host would like best. */
+struct sim_servo_temper {
+	/* A fault takes the power off the motor, but leaves the bit that tells of it, and the setpoint:
+	 * the motor goes on when the fault is gone. */
+	bool fault_keeps_power;
+	/* Enabled in, or changed to, position mode it goes to the demand it had before; what is written
+	 * as internal position while it is not held there becomes the demand. Else it holds its place. */
+	bool keeps_demand;
+	/* "Target position reached" tells of the reference's way, wherever the motor is. */
+	bool reached_by_profile;
+	bool ignores_trigger; /* CTRG is acknowledged and does nothing (address 0x1070 is not 4) */
+	bool deaf_to_setpoints; /* no answer to a speed or current outside its mode */
+	double zero_speed;      /* rpm below which it says that it stands; 0: 1 rpm */
+	double dither;          /* counts that a held position is off, to and fro */
+	db_time motion_delay;   /* from a setpoint or the rise of CTRG to the motor's beginning */
 };
 
 struct sim_servo_config {
@@ -46,6 +63,7 @@ struct sim_servo_config {
 	double deceleration;
 	uint16_t voltage; /* raw */
 	uint16_t temperature;
+	struct sim_servo_temper temper;
 };
 
 /* Fills in a small motor at 48 V with the vendor's report intervals. */
@@ -80,7 +98,7 @@ void sim_servo_set_reports(struct sim_servo *drive, enum sim_servo_report report
 
 /* What happens to a drive from outside. */
 void sim_servo_power(struct sim_servo *drive, bool on, db_time now);
-/* Sets the fault word; anything but 0 takes the power off the motor. */
+/* Sets the fault word; with anything but 0 in it the motor has no power. */
 void sim_servo_set_faults(struct sim_servo *drive, uint16_t faults, db_time now);
 /* Shows these status bits beside the real ones. */
 void sim_servo_force_status(struct sim_servo *drive, uint16_t bits);

@@ -175,7 +175,7 @@ static int load_layout(cfg_t *cfg, struct sim_bus_config *bus)
 	    check_int(cfg, "command-word-length", 2, DB_CAN_DATA_MAX) != 0 ||
 	    check_int(cfg, "command-word-0-at", 0, DB_CAN_DATA_MAX - 2) != 0 ||
 	    check_int(cfg, "command-word-1-at", -1, DB_CAN_DATA_MAX - 2) != 0 ||
-	    check_int(cfg, "command-word-ack", 1, UINT8_MAX) != 0)
+	    check_int(cfg, "command-word-ack", 0, UINT8_MAX) != 0)
 		return -1;
 	bus->layout.ack_base = (uint16_t)cfg_getint(cfg, "ack-base");
 	bus->layout.padded = cfg_getbool(cfg, "padded");
@@ -186,6 +186,7 @@ static int load_layout(cfg_t *cfg, struct sim_bus_config *bus)
 	/* -1 becomes SERVO_CAN_NO_WORD. */
 	words->word1 = (uint8_t)cfg_getint(cfg, "command-word-1-at");
 	words->ack = (uint8_t)cfg_getint(cfg, "command-word-ack");
+	servo_can_put_fixed(words, (uint64_t)cfg_getint(cfg, "command-word-fixed"));
 	if (servo_can_layout_check(&bus->layout, &reason) != SERVO_CAN_OK)
 		return wrong(cfg, "command-word-base", "frames cannot be so: %s", reason);
 	return 0;
@@ -318,6 +319,59 @@ static double clamp_current(float value, double max)
 	return (double)value > max ? max : (double)value;
 }
 
+static int load_lacks(cfg_t *cfg, struct sim_vsmd_temper *temper)
+{
+	unsigned size = cfg_size(cfg, "lacks");
+
+	if (size > SIM_VSMD_LACKS_MAX)
+		return wrong(cfg, "lacks", "more than %d ranges", SIM_VSMD_LACKS_MAX);
+	for (unsigned i = 0; i < size; i++) {
+		if (!sim_registers_parse(cfg_getnstr(cfg, "lacks", i), &temper->lacks[i]))
+			return wrong(cfg, "lacks",
+			             "lacks \"%s\" cannot be read; right is a register or a range "
+			             "in hexadecimal, \"0b\" or \"1c-2b\"",
+			             cfg_getnstr(cfg, "lacks", i));
+	}
+	temper->lacks_count = size;
+	return 0;
+}
+
+/* What the documents of VSMD drives leave open. */
+static int load_temper(cfg_t *cfg, struct sim_vsmd_temper *temper)
+{
+	static const char *const handshakes[] = { "", "dev", "any", NULL };
+	static const char *const refusals[] = { "", "kept", "once", "cleared", NULL };
+	static const char *const texts[] = { "plain", "nul", "crlf", "quoted", NULL };
+	static const char *const numbers[] = { "plain", "exponent", "quoted", NULL };
+	int handshake = check_word(cfg, "handshake", handshakes);
+	int refusal = check_word(cfg, "refusal", refusals);
+	int text = check_word(cfg, "text", texts);
+	int number = check_word(cfg, "numbers", numbers);
+
+	if (handshake < 0 || refusal < 0 || text < 0 || number < 0 ||
+	    check_int(cfg, "handshake-lapses-ms", 0, SIM_REPORT_MAX_MS) != 0 ||
+	    check_int(cfg, "power-delay-ms", 0, SIM_REPORT_MAX_MS) != 0 ||
+	    check_int(cfg, "standing-delay-ms", 0, SIM_REPORT_MAX_MS) != 0 ||
+	    check_int(cfg, "motion-delay-ms", 0, SIM_REPORT_MAX_MS) != 0 ||
+	    check_int(cfg, "rests-off", -1000, 1000) != 0)
+		return -1;
+	*temper = (struct sim_vsmd_temper){
+		.handshake = (enum sim_handshake)handshake,
+		.keeps_handshake = cfg_getbool(cfg, "handshake-kept"),
+		.handshake_lapses = cfg_getint(cfg, "handshake-lapses-ms") * DB_NS_PER_MS,
+		.power_delay = cfg_getint(cfg, "power-delay-ms") * DB_NS_PER_MS,
+		.standing_delay = cfg_getint(cfg, "standing-delay-ms") * DB_NS_PER_MS,
+		.motion_delay = cfg_getint(cfg, "motion-delay-ms") * DB_NS_PER_MS,
+		.refusal = (enum sim_refusal)refusal,
+		.clamps = cfg_getbool(cfg, "clamps"),
+		.rests_off = (int32_t)cfg_getint(cfg, "rests-off"),
+		.hides_outputs = cfg_getbool(cfg, "hides-outputs"),
+		.text = (enum sim_text_ends)text,
+		.numbers = (enum sim_numbers)number,
+	};
+	return load_lacks(cfg, temper);
+}
+
 static int load_vsmd(cfg_t *cfg, const struct sim_bus_config *bus, struct sim_vsmd_config *vsmd)
 {
 	static const char *const models[] = { "010T", "025T", "045T", "080T", NULL };
@@ -344,6 +398,8 @@ static int load_vsmd(cfg_t *cfg, const struct sim_bus_config *bus, struct sim_vs
 	vsmd->travel_max = cfg_getfloat(cfg, "travel-max");
 	vsmd->start = cfg_getfloat(cfg, "start");
 	vsmd->defaults[VSMD_EMOD].u = vsmd->closed_loop;
+	if (load_temper(cfg, &vsmd->temper) != 0)
+		return -1;
 	if (strlen(vsmd->identity) >= SIM_VSMD_IDENTITY_MAX)
 		return wrong(cfg, "identity", "identity is longer than %d characters",
 		             SIM_VSMD_IDENTITY_MAX - 1);
@@ -357,8 +413,46 @@ static int load_vsmd(cfg_t *cfg, const struct sim_bus_config *bus, struct sim_vs
 	return load_sensors(cfg, vsmd) != 0 || load_settings(cfg, vsmd) != 0 ? -1 : 0;
 }
 
-static int load_servo(cfg_t *cfg, struct sim_servo_config *servo)
+/* What the servos' document leaves open of one drive. */
+static int load_servo_temper(cfg_t *cfg, struct sim_drive_config *drive)
 {
+	static const char *const powers[] = { "off", "kept", NULL };
+	static const char *const demands[] = { "position", "kept", NULL };
+	static const char *const reached[] = { "position", "profile", NULL };
+	static const char *const triggers[] = { "works", "ignored", NULL };
+	static const char *const setpoints[] = { "always", "in-mode", NULL };
+	static const char *const lengths[] = { "documented", "eight", "mixed", "short", NULL };
+	int power = check_word(cfg, "fault-power", powers);
+	int demand = check_word(cfg, "demand", demands);
+	int bit = check_word(cfg, "reached-bit", reached);
+	int trigger = check_word(cfg, "trigger", triggers);
+	int setpoint = check_word(cfg, "setpoints", setpoints);
+	int length = check_word(cfg, "answer-length", lengths);
+
+	if (power < 0 || demand < 0 || bit < 0 || trigger < 0 || setpoint < 0 || length < 0 ||
+	    check_int(cfg, "ack-latency-us", 0, TIME_MAX_US) != 0 ||
+	    check_int(cfg, "motion-delay-ms", 0, SIM_REPORT_MAX_MS) != 0 ||
+	    check_int(cfg, "power-ms", 0, SIM_REPORT_MAX_MS) != 0)
+		return -1;
+	drive->servo.temper = (struct sim_servo_temper){
+		.fault_keeps_power = power == 1,
+		.keeps_demand = demand == 1,
+		.reached_by_profile = bit == 1,
+		.ignores_trigger = trigger == 1,
+		.deaf_to_setpoints = setpoint == 1,
+		.zero_speed = cfg_getfloat(cfg, "zero-speed-rpm"),
+		.dither = cfg_getfloat(cfg, "dither"),
+		.motion_delay = cfg_getint(cfg, "motion-delay-ms") * DB_NS_PER_MS,
+	};
+	drive->servo.power_time = cfg_getint(cfg, "power-ms") * DB_NS_PER_MS;
+	drive->servo_lengths = (enum sim_servo_lengths)length;
+	drive->servo_ack_latency = cfg_getint(cfg, "ack-latency-us") * DB_NS_PER_US;
+	return 0;
+}
+
+static int load_servo(cfg_t *cfg, struct sim_drive_config *drive)
+{
+	struct sim_servo_config *servo = &drive->servo;
 	static const char *const modes[] = { "position", "speed", "current", NULL };
 	static const char *const intervals[SIM_SERVO_REPORTS] = {
 		[SIM_SERVO_REPORT_POSITION] = "report-position-ms",
@@ -382,7 +476,7 @@ static int load_servo(cfg_t *cfg, struct sim_servo_config *servo)
 	servo->inertia = cfg_getfloat(cfg, "inertia");
 	if (!(servo->inertia > 0.0))
 		return wrong(cfg, "inertia", "inertia must be above 0 (in kg m^2)");
-	return 0;
+	return load_servo_temper(cfg, drive);
 }
 
 /* "lead.y=2000" for one axis, "lead=2000" for all, "sound=1" for what they share. */
@@ -421,6 +515,56 @@ static bool parse_xyza_setting(const char *text, struct sim_xyza_config *xyza)
 	return true;
 }
 
+static int load_xyza_lists(cfg_t *cfg, struct sim_xyza_temper *temper)
+{
+	for (unsigned i = 0; i < cfg_size(cfg, "lacks"); i++) {
+		const char *text = cfg_getnstr(cfg, "lacks", i);
+		int param = xyza_param_find(text, strlen(text));
+
+		if (param < 0)
+			return wrong(cfg, "lacks", "lacks \"%s\" is no parameter", text);
+		temper->lacks |= 1u << xyza_param_item((enum xyza_param)param);
+	}
+	for (unsigned i = 0; i < cfg_size(cfg, "ignores"); i++) {
+		const char *text = cfg_getnstr(cfg, "ignores", i);
+		unsigned kind = 0;
+
+		while (sim_xyza_kinds[kind] && strcmp(text, sim_xyza_kinds[kind]) != 0)
+			kind++;
+		if (!sim_xyza_kinds[kind])
+			return wrong(cfg, "ignores",
+			             "ignores \"%s\" is unknown; one of these is right: position, "
+			             "sign, item, output, jog, program",
+			             text);
+		temper->ignores |= 1u << kind;
+	}
+	return 0;
+}
+
+static int load_xyza_temper(cfg_t *cfg, struct sim_xyza_temper *temper)
+{
+	static const char *const times[] = { "motion-delay-ms", "standing-delay-ms",
+		                             "power-delay-ms", "braking-ms" };
+
+	for (size_t i = 0; i < sizeof(times) / sizeof(times[0]); i++) {
+		if (check_int(cfg, times[i], 0, SIM_REPORT_MAX_MS) != 0)
+			return -1;
+	}
+	*temper = (struct sim_xyza_temper){
+		.no_negative_zero = !cfg_getbool(cfg, "negative-zero"),
+		.amount_clears_sign = cfg_getbool(cfg, "amount-clears-sign"),
+		.acknowledges_all = cfg_getbool(cfg, "acknowledges-all"),
+		.clamps = cfg_getbool(cfg, "clamps"),
+		.jogs_from_stand = cfg_getbool(cfg, "jogs-from-stand"),
+		.second_stop_ends = cfg_getbool(cfg, "second-stop-ends"),
+		.motion_delay = cfg_getint(cfg, "motion-delay-ms") * DB_NS_PER_MS,
+		.standing_delay = cfg_getint(cfg, "standing-delay-ms") * DB_NS_PER_MS,
+		.item_delay = cfg_getint(cfg, "power-delay-ms") * DB_NS_PER_MS,
+		.braking = cfg_getint(cfg, "braking-ms") * DB_NS_PER_MS,
+	};
+	return load_xyza_lists(cfg, temper);
+}
+
 static int load_xyza(cfg_t *cfg, struct sim_xyza_config *xyza)
 {
 	static const char *const marks[] = { "0c", "0a", NULL };
@@ -449,7 +593,7 @@ static int load_xyza(cfg_t *cfg, struct sim_xyza_config *xyza)
 			             "NAME=VALUE, or NAME.x=VALUE for one axis",
 			             cfg_getnstr(cfg, "set", i));
 	}
-	return 0;
+	return load_xyza_temper(cfg, &xyza->temper);
 }
 
 static int find_bus(const struct sim_config *config, const char *name, size_t *index)
@@ -490,7 +634,7 @@ static int load_model(cfg_t *cfg, const struct sim_bus_config *bus, struct sim_d
 {
 	if (bus->kind == SIM_BUS_XYZA)
 		return load_xyza(cfg, &drive->xyza);
-	return bus->kind == SIM_BUS_SERVO_CAN ? load_servo(cfg, &drive->servo) :
+	return bus->kind == SIM_BUS_SERVO_CAN ? load_servo(cfg, drive) :
 	                                        load_vsmd(cfg, bus, &drive->vsmd);
 }
 
@@ -562,6 +706,19 @@ static const cfg_opt_t drive_options[] = { CFG_STR("bus", NULL, CFGF_NODEFAULT),
 	                                   CFG_FLOAT("travel-min", -1e9, CFGF_NONE),
 	                                   CFG_FLOAT("travel-max", 1e9, CFGF_NONE),
 	                                   CFG_FLOAT("start", 0.0, CFGF_NONE),
+	                                   CFG_STR("handshake", "", CFGF_NONE),
+	                                   CFG_BOOL("handshake-kept", cfg_false, CFGF_NONE),
+	                                   CFG_INT("handshake-lapses-ms", 0, CFGF_NONE),
+	                                   CFG_INT("power-delay-ms", 0, CFGF_NONE),
+	                                   CFG_INT("standing-delay-ms", 0, CFGF_NONE),
+	                                   CFG_INT("motion-delay-ms", 0, CFGF_NONE),
+	                                   CFG_STR("refusal", "", CFGF_NONE),
+	                                   CFG_BOOL("clamps", cfg_false, CFGF_NONE),
+	                                   CFG_INT("rests-off", 0, CFGF_NONE),
+	                                   CFG_BOOL("hides-outputs", cfg_false, CFGF_NONE),
+	                                   CFG_STR("text", "plain", CFGF_NONE),
+	                                   CFG_STR("numbers", "plain", CFGF_NONE),
+	                                   CFG_STR_LIST("lacks", NULL, CFGF_NODEFAULT),
 	                                   CFG_STR("mode", "position", CFGF_NONE),
 	                                   CFG_BOOL("sync", cfg_false, CFGF_NONE),
 	                                   CFG_INT("report-position-ms", 100, CFGF_NONE),
@@ -569,6 +726,16 @@ static const cfg_opt_t drive_options[] = { CFG_STR("bus", NULL, CFGF_NODEFAULT),
 	                                   CFG_INT("report-health-ms", 1000, CFGF_NONE),
 	                                   CFG_FLOAT("load", 0.0, CFGF_NONE),
 	                                   CFG_FLOAT("inertia", 1e-4, CFGF_NONE),
+	                                   CFG_STR("fault-power", "off", CFGF_NONE),
+	                                   CFG_STR("demand", "position", CFGF_NONE),
+	                                   CFG_STR("reached-bit", "position", CFGF_NONE),
+	                                   CFG_STR("trigger", "works", CFGF_NONE),
+	                                   CFG_STR("setpoints", "always", CFGF_NONE),
+	                                   CFG_STR("answer-length", "documented", CFGF_NONE),
+	                                   CFG_FLOAT("zero-speed-rpm", 1.0, CFGF_NONE),
+	                                   CFG_FLOAT("dither", 0.0, CFGF_NONE),
+	                                   CFG_INT("ack-latency-us", 0, CFGF_NONE),
+	                                   CFG_INT("power-ms", 5, CFGF_NONE),
 	                                   CFG_INT("axes", XYZA_AXIS_COUNT, CFGF_NONE),
 	                                   CFG_INT("programs", 8, CFGF_NONE),
 	                                   CFG_INT("program-steps", 300, CFGF_NONE),
@@ -576,6 +743,13 @@ static const cfg_opt_t drive_options[] = { CFG_STR("bus", NULL, CFGF_NODEFAULT),
 	                                   CFG_STR("answer-mark", "0c", CFGF_NONE),
 	                                   CFG_STR("failure-code", "ab", CFGF_NONE),
 	                                   CFG_BOOL("echo-a4", cfg_false, CFGF_NONE),
+	                                   CFG_BOOL("negative-zero", cfg_true, CFGF_NONE),
+	                                   CFG_BOOL("amount-clears-sign", cfg_false, CFGF_NONE),
+	                                   CFG_BOOL("acknowledges-all", cfg_false, CFGF_NONE),
+	                                   CFG_BOOL("jogs-from-stand", cfg_false, CFGF_NONE),
+	                                   CFG_BOOL("second-stop-ends", cfg_false, CFGF_NONE),
+	                                   CFG_INT("braking-ms", 0, CFGF_NONE),
+	                                   CFG_STR_LIST("ignores", NULL, CFGF_NODEFAULT),
 	                                   CFG_STR_LIST("sensor", NULL, CFGF_NODEFAULT),
 	                                   CFG_STR_LIST("set", NULL, CFGF_NODEFAULT),
 	                                   CFG_STR_LIST("fault", NULL, CFGF_NODEFAULT),
@@ -603,6 +777,7 @@ int sim_config_load(const char *path, struct sim_config *config)
 		            CFG_INT("command-word-0-at", 0, CFGF_NONE),
 		            CFG_INT("command-word-1-at", -1, CFGF_NONE),
 		            CFG_INT("command-word-ack", 7, CFGF_NONE),
+		            CFG_INT("command-word-fixed", 0, CFGF_NONE),
 		            CFG_STR("flash", NULL, CFGF_NODEFAULT),
 		            CFG_STR_LIST("fault", NULL, CFGF_NODEFAULT),
 		            CFG_END() };

@@ -6,6 +6,7 @@
 #define DRIVEBRIDGE_SIM_CONFIG_H
 
 #include "sim/can_line.h"
+#include "sim/servo_can_node.h"
 #include "sim/servo_drive.h"
 #include "sim/vsmd_can_node.h"
 #include "sim/vsmd_drive.h"
@@ -36,7 +37,9 @@ struct sim_drive_config {
 	size_t bus; /* index */
 	unsigned address;
 	struct sim_vsmd_config vsmd;             /* flash_path is left null */
-	struct sim_servo_config servo;           /* on a bus of servos instead */
+	struct sim_servo_config servo;           /* on a bus of servos instead ... */
+	enum sim_servo_lengths servo_lengths;    /* ... of its frames ... */
+	db_time servo_ack_latency;               /* ... and beside the bus's latency */
 	struct sim_xyza_config xyza;             /* likewise; flash_path is left null */
 	const char *faults[SIM_FAULT_TEXTS_MAX]; /* as the control socket's `fault` takes them */
 	size_t fault_count;

@@ -77,7 +77,8 @@ static void read_status(struct sim_vsmd_can_node *node, uint16_t host, unsigned 
 	struct vsmd_status status;
 	char identity[VSMD_CAN_IDENTITY_MAX + 1];
 
-	sim_vsmd_status(drive, now, &status);
+	sim_vsmd_hear(drive, first >= VSMD_CAN_IDENTITY, now);
+	sim_vsmd_tell_status(drive, true, now, &status);
 	vsmd_can_put_status(&status, values);
 	(void)snprintf(identity, sizeof(identity), "%s", sim_vsmd_identity(drive));
 	(void)vsmd_can_put_identity(identity, &values[VSMD_CAN_IDENTITY]);
@@ -101,9 +102,10 @@ static uint32_t register_of(const struct sim_vsmd *drive, unsigned reg)
 static void read_data(struct sim_vsmd_can_node *node, uint16_t host, unsigned first, unsigned count,
                       db_time now)
 {
-	uint32_t values[VSMD_CAN_READ_MAX];
+	uint32_t values[VSMD_CAN_READ_MAX] = { 0 };
 
-	if (first > VSMD_CAN_DATA_LAST || count > VSMD_CAN_READ_MAX)
+	if (first > VSMD_CAN_DATA_LAST || count > VSMD_CAN_READ_MAX ||
+	    !sim_vsmd_has_registers(sim_vsmd_temper(node->node->drive), first, count))
 		return;
 	for (unsigned i = 0; i < count; i++)
 		values[i] = register_of(node->node->drive, first + i);
@@ -122,6 +124,8 @@ static void write_register(struct sim_vsmd_can_node *node, unsigned reg, uint32_
 	size_t count = vsmd_can_params_of(reg, params);
 	bool right = count > 0;
 
+	if (!sim_vsmd_has_registers(sim_vsmd_temper(drive), reg, 1))
+		return;
 	for (size_t i = 0; i < count; i++) {
 		union db_value value;
 
@@ -136,6 +140,13 @@ static void write_register(struct sim_vsmd_can_node *node, unsigned reg, uint32_
 		sim_vsmd_refuse(drive, now);
 	else if (command.setting_count > 0)
 		(void)sim_vsmd_execute(drive, &command, now);
+}
+
+static void write_registers(struct sim_vsmd_can_node *node, unsigned first,
+                            const struct vsmd_can_message *message, db_time now)
+{
+	for (unsigned i = 0; i < message->count; i++)
+		write_register(node, first + i, message->values[i], now);
 }
 
 static void set_report(struct sim_vsmd_can_node *node, uint16_t host,
@@ -229,6 +240,8 @@ static void act(struct sim_vsmd_can_node *node, const struct vsmd_can_command *c
 		.value = command->value,
 	};
 
+	if (said.verb == VSMD_STP && sim_faults_take(&node->node->faults, SIM_FAULT_RUNAWAY))
+		return;
 	(void)sim_vsmd_execute(node->node->drive, &said, now);
 }
 
@@ -257,6 +270,20 @@ static void obey(struct sim_vsmd_can_node *node, const struct vsmd_can_message *
 	}
 }
 
+static void testify(const struct sim_vsmd_can_node *node, uint32_t refusals, db_time now)
+{
+	const struct sim_node *sim = node->node;
+
+	sim_witness_tell(&sim->witness, now, sim->log[(sim->heard - 1) % SIM_LOG_LINES].line,
+	                 sim_vsmd_refusals(sim->drive) == refusals);
+}
+
+static bool asks(const struct vsmd_can_id *id, const struct vsmd_can_message *message)
+{
+	return id->control == VSMD_CAN_COMMAND && (message->command.code == VSMD_CAN_READ_STATUS ||
+	                                           message->command.code == VSMD_CAN_READ_DATA);
+}
+
 static bool is_for(const struct sim_vsmd_can_node *node, const struct vsmd_can_id *id)
 {
 	if (id->control != VSMD_CAN_COMMAND && id->control != VSMD_CAN_DATA_WRITE)
@@ -279,25 +306,24 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 	struct vsmd_can_message message;
 	struct vsmd_can_id id;
 	enum vsmd_error error;
+	uint32_t refusals;
 
 	follow_power(node);
 	if (!sim_vsmd_powered(drive) || vsmd_can_unpack_id(frame->id, &id) != VSMD_OK ||
 	    !is_for(node, &id))
 		return;
 	write_log(node->node, frame, now);
-	/* A host that says anything has shaken hands. */
-	sim_vsmd_greet(drive);
+	sim_vsmd_hear(drive, false, now);
+	refusals = sim_vsmd_refusals(drive);
 	error = vsmd_can_decode(&node->style, frame, &message);
-	if (error != VSMD_OK) {
+	if (error != VSMD_OK)
 		sim_vsmd_refuse(drive, now);
-		return;
-	}
-	if (id.control == VSMD_CAN_COMMAND) {
+	else if (id.control == VSMD_CAN_COMMAND)
 		obey(node, &message, now);
-		return;
-	}
-	for (unsigned i = 0; i < message.count; i++)
-		write_register(node, id.reg + i, message.values[i], now);
+	else
+		write_registers(node, id.reg, &message, now);
+	if (error != VSMD_OK || !asks(&id, &message))
+		testify(node, refusals, now);
 }
 
 /* --- sending --------------------------------------------------------------------------------------- */
@@ -336,7 +362,7 @@ static void queue_report(struct sim_vsmd_can_node *node)
 	struct vsmd_status status;
 	unsigned first = parts[node->report].first;
 
-	sim_vsmd_status(node->node->drive, node->report_at, &status);
+	sim_vsmd_tell_status(node->node->drive, false, node->report_at, &status);
 	vsmd_can_put_status(&status, values);
 	queue_answer(node, VSMD_CAN_STATUS_REPLY, node->reporting_to, first, &values[first],
 	             parts[node->report].count, node->report_at);

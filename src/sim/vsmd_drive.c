@@ -114,7 +114,9 @@ static void power_up(struct sim_vsmd *drive, db_time now)
 	memcpy(drive->params, drive->flash, sizeof(drive->params));
 	drive->powered = true;
 	drive->starts++;
-	drive->flags = unreadable ? VSMD_ST_FLASH_ERR : 0;
+	drive->flags = drive->config.temper.keeps_handshake ? drive->flags & VSMD_ST_HS : 0;
+	drive->flags |= unreadable ? VSMD_ST_FLASH_ERR : 0;
+	drive->waits = false;
 	drive->address = drive->params[VSMD_CID].u;
 	drive->baud = drive->params[VSMD_BDR].u;
 	drive->encoder_mode = drive->params[VSMD_EMOD].u;
@@ -131,6 +133,9 @@ static void power_up(struct sim_vsmd *drive, db_time now)
 		if (drive->params[VSMD_ZAR].u == 1)
 			(void)sim_mechanics_home(drive);
 	}
+	/* Nobody was told of before. */
+	(void)sim_late_bit_follow(&drive->power_bit, drive->flags & VSMD_ST_PWR, 0, now);
+	(void)sim_late_bit_follow(&drive->standing_bit, !sim_motion_moving(&drive->motion), 0, now);
 }
 
 struct sim_vsmd *sim_vsmd_new(const struct sim_vsmd_config *config, db_time now)
@@ -169,10 +174,18 @@ void sim_vsmd_free(struct sim_vsmd *drive)
 	free(drive);
 }
 
+static handler_fn *handler_of(enum vsmd_verb verb);
+
 void sim_vsmd_advance(struct sim_vsmd *drive, db_time now)
 {
-	if (drive->powered)
-		sim_mechanics_advance(drive, now);
+	if (!drive->powered)
+		return;
+	if (drive->waits && drive->begins_at <= now) {
+		drive->waits = false;
+		sim_mechanics_advance(drive, drive->begins_at);
+		(void)handler_of(drive->waiting.verb)(drive, &drive->waiting);
+	}
+	sim_mechanics_advance(drive, now);
 }
 
 void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now)
@@ -202,17 +215,17 @@ static bool accept(struct sim_vsmd *drive, const struct vsmd_command *command)
 	return true;
 }
 
-void sim_vsmd_greet(struct sim_vsmd *drive)
+void sim_vsmd_hear(struct sim_vsmd *drive, bool named, db_time now)
 {
-	drive->flags |= VSMD_ST_HS;
-	drive->offline_start = DB_TIME_NEVER;
-}
+	enum sim_handshake rule = drive->config.temper.handshake;
 
-static bool handshake(struct sim_vsmd *drive, const struct vsmd_command *command)
-{
-	(void)command;
-	sim_vsmd_greet(drive);
-	return true;
+	if (rule == SIM_HANDSHAKE_OF_BUS)
+		rule = drive->config.can ? SIM_HANDSHAKE_ANY : SIM_HANDSHAKE_DEV;
+	if (rule == SIM_HANDSHAKE_DEV && !named)
+		return;
+	drive->flags |= VSMD_ST_HS;
+	drive->greeted_at = now;
+	drive->offline_start = DB_TIME_NEVER;
 }
 
 static bool enable(struct sim_vsmd *drive, const struct vsmd_command *command)
@@ -354,16 +367,32 @@ static bool stop_shake(struct sim_vsmd *drive, const struct vsmd_command *comman
 	return true;
 }
 
+/* The nearest value that this drive takes, or the one it has. */
+static union db_value clamped(const struct sim_vsmd *drive, const struct vsmd_setting *setting)
+{
+	const struct db_param *row = &vsmd_params[setting->param];
+	double number = db_value_number(row->type, setting->value);
+	union db_value value = setting->value;
+	double max = row->max_is_model ? drive->config.max_current : row->max;
+
+	if (sim_vsmd_takes(&drive->config, setting->param, value))
+		return value;
+	if (!db_value_from_number(row->type, fmin(fmax(number, row->min), max), &value) ||
+	    !sim_vsmd_takes(&drive->config, setting->param, value))
+		return drive->params[setting->param];
+	return value;
+}
+
 static bool write_settings(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
-	for (size_t i = 0; i < command->setting_count; i++) {
+	for (size_t i = 0; i < command->setting_count && !drive->config.temper.clamps; i++) {
 		const struct vsmd_setting *setting = &command->settings[i];
 
 		if (!sim_vsmd_takes(&drive->config, setting->param, setting->value))
 			return false;
 	}
 	for (size_t i = 0; i < command->setting_count; i++)
-		drive->params[command->settings[i].param] = command->settings[i].value;
+		drive->params[command->settings[i].param] = clamped(drive, &command->settings[i]);
 	sim_mechanics_configure(drive);
 	return true;
 }
@@ -385,7 +414,7 @@ static bool save(struct sim_vsmd *drive, const struct vsmd_command *command)
 }
 
 static handler_fn *const handlers[VSMD_VERB_COUNT] = {
-	[VSMD_DEV] = handshake,
+	[VSMD_DEV] = accept,
 	[VSMD_STS] = accept,
 	[VSMD_ENA] = enable,
 	[VSMD_OFF] = disable,
@@ -408,16 +437,68 @@ static handler_fn *const handlers[VSMD_VERB_COUNT] = {
 	[VSMD_SAV] = save,
 };
 
+static handler_fn *handler_of(enum vsmd_verb verb)
+{
+	return handlers[verb];
+}
+
+static bool is_motion(enum vsmd_verb verb)
+{
+	return verb == VSMD_MOV || verb == VSMD_POS || verb == VSMD_RMV ||
+	       verb == VSMD_ZERO_START || verb == VSMD_SHAKE_CYCLES || verb == VSMD_SHAKE_TIME;
+}
+
+static bool is_read(enum vsmd_verb verb)
+{
+	return verb == VSMD_STS || verb == VSMD_DEV || verb == VSMD_CFG_READ;
+}
+
+/* Does it, or keeps it for later where this drive takes its time. */
+static bool obey(struct sim_vsmd *drive, const struct vsmd_command *command, db_time now)
+{
+	db_time delay = drive->config.temper.motion_delay;
+
+	/* Whatever else is said to the motor comes before a motion that has not begun. */
+	if (!is_read(command->verb) && command->verb != VSMD_ORG &&
+	    command->verb != VSMD_CFG_WRITE && command->verb != VSMD_SENSOR_OUT)
+		drive->waits = false;
+	if (delay == 0 || !is_motion(command->verb) || !enabled(drive))
+		return handlers[command->verb](drive, command);
+	drive->waits = true;
+	drive->waiting = *command;
+	drive->begins_at = now + delay;
+	return true;
+}
+
+static enum sim_refusal refusal_of(const struct sim_vsmd *drive)
+{
+	if (drive->config.temper.refusal != SIM_REFUSAL_OF_BUS)
+		return drive->config.temper.refusal;
+	return drive->config.can ? SIM_REFUSAL_KEPT : SIM_REFUSAL_CLEARED;
+}
+
+static void follow_late_bits(struct sim_vsmd *drive, db_time now)
+{
+	const struct sim_vsmd_temper *temper = &drive->config.temper;
+
+	(void)sim_late_bit_follow(&drive->power_bit, enabled(drive), temper->power_delay, now);
+	(void)sim_late_bit_follow(&drive->standing_bit, !sim_motion_moving(&drive->motion),
+	                          temper->standing_delay, now);
+}
+
 enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_command *command,
                                       db_time now)
 {
 	sim_vsmd_advance(drive, now);
-	if (!handlers[command->verb](drive, command)) {
+	sim_vsmd_hear(drive, command->verb == VSMD_DEV, now);
+	if (!obey(drive, command, now)) {
 		sim_vsmd_refuse(drive, now);
 		return VSMD_REPLY_STATUS;
 	}
 	drive->counts[command->verb]++;
-	drive->flags &= ~(uint32_t)VSMD_ST_CMD_WRG;
+	if (!is_read(command->verb) || refusal_of(drive) == SIM_REFUSAL_CLEARED)
+		drive->flags &= ~(uint32_t)VSMD_ST_CMD_WRG;
+	follow_late_bits(drive, now);
 	switch (command->verb) {
 	case VSMD_DEV:
 		return VSMD_REPLY_IDENTITY;
@@ -433,6 +514,7 @@ enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_
 void sim_vsmd_refuse(struct sim_vsmd *drive, db_time now)
 {
 	sim_vsmd_advance(drive, now);
+	sim_vsmd_hear(drive, false, now);
 	drive->flags |= VSMD_ST_CMD_WRG;
 	drive->refusals++;
 }
@@ -456,10 +538,55 @@ static uint32_t status_word(const struct sim_vsmd *drive)
 void sim_vsmd_status(struct sim_vsmd *drive, db_time now, struct vsmd_status *status)
 {
 	sim_vsmd_advance(drive, now);
+	if (drive->config.temper.handshake_lapses > 0 &&
+	    now - drive->greeted_at >= drive->config.temper.handshake_lapses)
+		drive->flags &= ~(uint32_t)VSMD_ST_HS;
 	/* The counter is 32 bits wide and wraps in endless running. */
 	status->position = (int32_t)(uint32_t)(int64_t)llround(drive->motion.position);
 	status->velocity = (float)drive->motion.velocity;
 	status->status = status_word(drive);
+}
+
+static uint32_t with_bit(uint32_t word, uint32_t bit, bool set)
+{
+	return set ? word | bit : word & ~bit;
+}
+
+/* Without the levels of the ports that are outputs. */
+static uint32_t without_outputs(const struct sim_vsmd *drive, uint32_t word)
+{
+	static const uint32_t bits[SIM_VSMD_SENSORS] = { VSMD_ST_S1, VSMD_ST_S2, VSMD_ST_S3,
+		                                         VSMD_ST_S4, VSMD_ST_S5, VSMD_ST_S6 };
+
+	for (unsigned i = 0; i < SIM_VSMD_SENSORS; i++) {
+		if (drive->params[(unsigned)VSMD_S1 + i].u == 1)
+			word &= ~bits[i];
+	}
+	return word;
+}
+
+void sim_vsmd_tell_status(struct sim_vsmd *drive, bool read, db_time now,
+                          struct vsmd_status *status)
+{
+	const struct sim_vsmd_temper *temper = &drive->config.temper;
+
+	if (read && refusal_of(drive) == SIM_REFUSAL_CLEARED)
+		drive->flags &= ~(uint32_t)VSMD_ST_CMD_WRG;
+	sim_vsmd_status(drive, now, status);
+	follow_late_bits(drive, now);
+	if (status->status & VSMD_ST_STP)
+		status->position += temper->rests_off;
+	status->status = with_bit(status->status, VSMD_ST_PWR, drive->power_bit.shown);
+	status->status = with_bit(status->status, VSMD_ST_STP, drive->standing_bit.shown);
+	if (temper->hides_outputs)
+		status->status = without_outputs(drive, status->status);
+	if (refusal_of(drive) == SIM_REFUSAL_ONCE)
+		drive->flags &= ~(uint32_t)VSMD_ST_CMD_WRG;
+}
+
+const struct sim_vsmd_temper *sim_vsmd_temper(const struct sim_vsmd *drive)
+{
+	return &drive->config.temper;
 }
 
 const char *sim_vsmd_identity(const struct sim_vsmd *drive)
@@ -518,6 +645,12 @@ void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity)
 
 	memcpy(drive->identity, identity, length);
 	drive->identity[length] = '\0';
+}
+
+void sim_vsmd_set_address(struct sim_vsmd *drive, unsigned address)
+{
+	drive->address = address;
+	drive->params[VSMD_CID].u = drive->flash[VSMD_CID].u = address;
 }
 
 void sim_vsmd_fail_flash(struct sim_vsmd *drive, bool fail)

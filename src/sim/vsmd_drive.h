@@ -14,6 +14,7 @@
 
 #include "codec/vsmd_serial.h"
 #include "drivebridge/time.h"
+#include "sim/vsmd_temper.h"
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -46,6 +47,7 @@ struct sim_vsmd_config {
 	double start;
 	struct sim_sensor sensors[SIM_VSMD_SENSORS];
 	union db_value defaults[VSMD_PARAM_COUNT]; /* factory parameters */
+	struct sim_vsmd_temper temper;
 };
 
 struct sim_vsmd;
@@ -77,13 +79,19 @@ void sim_vsmd_advance(struct sim_vsmd *drive, db_time now);
 enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_command *command,
                                       db_time now);
 
-/* The host has made itself known, as `dev` does. */
-void sim_vsmd_greet(struct sim_vsmd *drive);
+/* The host said something that the drive heard; `named`: it asked who the drive is. */
+void sim_vsmd_hear(struct sim_vsmd *drive, bool named, db_time now);
 
 /* A line that was no command: sets cmd_wrg. The reply is the status. */
 void sim_vsmd_refuse(struct sim_vsmd *drive, db_time now);
 
+/* As it is. */
 void sim_vsmd_status(struct sim_vsmd *drive, db_time now, struct vsmd_status *status);
+/* As the host is told: bits may follow late, and telling may clear some. `read`: it was asked for by
+ * a read that is no command (on CAN). */
+void sim_vsmd_tell_status(struct sim_vsmd *drive, bool read, db_time now,
+                          struct vsmd_status *status);
+const struct sim_vsmd_temper *sim_vsmd_temper(const struct sim_vsmd *drive);
 const char *sim_vsmd_identity(const struct sim_vsmd *drive);
 const union db_value *sim_vsmd_params(const struct sim_vsmd *drive);
 
@@ -104,6 +112,8 @@ uint32_t sim_vsmd_refusals(const struct sim_vsmd *drive);
 /* What happens to a drive from outside. */
 void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now);
 void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity); /* cut at the maximum */
+/* As a switch on the drive would, at once. */
+void sim_vsmd_set_address(struct sim_vsmd *drive, unsigned address);
 void sim_vsmd_fail_flash(struct sim_vsmd *drive, bool fail);
 void sim_vsmd_stall(struct sim_vsmd *drive, bool stalled, db_time now);
 /* number 1..6; level 0 or 1, or -1 to let the sensor work again. */

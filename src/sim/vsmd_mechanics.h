@@ -58,6 +58,13 @@ struct sim_vsmd {
 	bool stalled;
 	bool flash_fails;
 
+	db_time greeted_at; /* when the handshake was set last */
+	struct sim_late_bit power_bit;
+	struct sim_late_bit standing_bit;
+	bool waits; /* `waiting`, a motion, begins at `begins_at` */
+	struct vsmd_command waiting;
+	db_time begins_at;
+
 	uint32_t counts[VSMD_VERB_COUNT];
 	uint32_t refusals;
 	uint32_t starts; /* power-ups */

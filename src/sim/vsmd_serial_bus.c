@@ -16,6 +16,19 @@ static bool ends(uint8_t *bytes, size_t *length, uint8_t newest)
 	return newest == LINE_END;
 }
 
+static int encode_text(const struct sim_vsmd *drive, enum vsmd_reply_code code, uint8_t id,
+                       const char *text, size_t length, uint8_t *frame)
+{
+	char dressed[VSMD_SERIAL_FRAME_MAX];
+	int size = sim_vsmd_dress_text(sim_vsmd_temper(drive), text, length, dressed,
+	                               sizeof(dressed));
+
+	if (size < 0)
+		return size;
+	return vsmd_serial_encode_text(id, code, dressed, (size_t)size, frame,
+	                               SIM_SERIAL_REPLY_MAX);
+}
+
 static int encode(struct sim_vsmd *drive, enum vsmd_reply_code code, uint8_t id, db_time now,
                   uint8_t *frame)
 {
@@ -25,18 +38,16 @@ static int encode(struct sim_vsmd *drive, enum vsmd_reply_code code, uint8_t id,
 
 	switch (code) {
 	case VSMD_REPLY_IDENTITY:
-		return vsmd_serial_encode_text(id, code, sim_vsmd_identity(drive),
-		                               strlen(sim_vsmd_identity(drive)), frame,
-		                               SIM_SERIAL_REPLY_MAX);
+		return encode_text(drive, code, id, sim_vsmd_identity(drive),
+		                   strlen(sim_vsmd_identity(drive)), frame);
 	case VSMD_REPLY_PARAMS:
 		length = vsmd_serial_format_params(sim_vsmd_params(drive), text, sizeof(text));
 		if (length < 0)
 			return length;
-		return vsmd_serial_encode_text(id, code, text, (size_t)length, frame,
-		                               SIM_SERIAL_REPLY_MAX);
+		return encode_text(drive, code, id, text, (size_t)length, frame);
 	case VSMD_REPLY_STATUS:
 	default:
-		sim_vsmd_status(drive, now, &status);
+		sim_vsmd_tell_status(drive, false, now, &status);
 		return vsmd_serial_encode_status(id, &status, frame, SIM_SERIAL_REPLY_MAX);
 	}
 }
@@ -75,6 +86,19 @@ static bool hears(const struct sim_serial_bus *bus, const struct sim_node *node)
 	       sim_serial_bus_connects(bus, node);
 }
 
+static bool asks(const struct vsmd_command *command, enum vsmd_error error)
+{
+	return error == VSMD_OK && (command->verb == VSMD_DEV || command->verb == VSMD_STS ||
+	                            command->verb == VSMD_CFG_READ);
+}
+
+static void testify(const struct sim_node *node, const struct vsmd_command *command,
+                    enum vsmd_error error, uint32_t refusals)
+{
+	if (!asks(command, error))
+		sim_serial_bus_testify(node, sim_vsmd_refusals(node->drive) == refusals);
+}
+
 /* What one drive does about it. */
 static struct sim_burst *serve(struct sim_serial_bus *bus, struct sim_node *node,
                                const struct sim_serial_request *request,
@@ -82,16 +106,21 @@ static struct sim_burst *serve(struct sim_serial_bus *bus, struct sim_node *node
 {
 	bool broadcast = sim_serial_bus_config(bus)->rs485 && command->id == VSMD_SERIAL_BROADCAST;
 	enum vsmd_reply_code code = VSMD_REPLY_STATUS;
+	uint32_t refusals = sim_vsmd_refusals(node->drive);
 
 	if (!hears(bus, node) || sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
 		sim_serial_bus_count(bus)->unheard++;
 		return NULL;
 	}
 	sim_serial_bus_log(node, request, (const char *)request->bytes, request->length - 1);
+	if (error == VSMD_OK && command->verb == VSMD_STP &&
+	    sim_serial_bus_take(bus, node, SIM_FAULT_RUNAWAY))
+		return broadcast ? NULL : reply(bus, node, code, request->end);
 	if (error == VSMD_OK)
 		code = sim_vsmd_execute(node->drive, command, request->end);
 	else
 		sim_vsmd_refuse(node->drive, request->end);
+	testify(node, command, error, refusals);
 	return broadcast ? NULL : reply(bus, node, code, request->end);
 }
 

@@ -31,6 +31,83 @@ static void write_trace(void *context, db_time time, char direction, const uint8
 	(void)fputs("|\n", bus->trace);
 }
 
+/* --- what drives obey ------------------------------------------------------------------------------ */
+
+static void write_motion(FILE *trace, const struct sim_node *node, db_time now)
+{
+	struct vsmd_status status;
+
+	if (node->xyza) {
+		sim_xyza_advance(node->xyza, now);
+		for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++)
+			(void)fprintf(trace, " %c=%.0f %c_speed=%g", "xyza"[axis],
+			              sim_xyza_position(node->xyza, (enum xyza_axis)axis),
+			              "xyza"[axis],
+			              sim_xyza_speed(node->xyza, (enum xyza_axis)axis));
+	} else if (node->servo) {
+		sim_servo_advance(node->servo->drive, now);
+		(void)fprintf(trace, " position=%.0f velocity=%g",
+		              sim_servo_position(node->servo->drive),
+		              sim_servo_speed(node->servo->drive));
+	} else {
+		sim_vsmd_status(node->drive, now, &status);
+		(void)fprintf(trace, " position=%" PRId32 " velocity=%g", status.position,
+		              (double)status.velocity);
+	}
+}
+
+static unsigned moving_motors(const struct sim_node *node)
+{
+	unsigned moving = 0;
+
+	for (unsigned axis = 0; node->xyza && axis < XYZA_AXIS_COUNT; axis++)
+		moving |= (unsigned)!sim_xyza_standing(node->xyza, (enum xyza_axis)axis) << axis;
+	if (node->servo)
+		moving = sim_servo_moving(node->servo->drive);
+	else if (node->drive)
+		moving = sim_vsmd_moving(node->drive);
+	return moving;
+}
+
+static void observe(struct sim_observer *observer, const char *text, db_time now)
+{
+	(void)fprintf(observer->trace, "%" PRId64 " %s ! %s |", now / DB_NS_PER_US,
+	              observer->node->name, text);
+	write_motion(observer->trace, observer->node, now);
+	observer->moving = moving_motors(observer->node);
+	(void)fprintf(observer->trace, " moving=%u\n", observer->moving);
+}
+
+static void tell(void *context, db_time time, const char *request, bool obeyed)
+{
+	char text[SIM_LOG_LENGTH + 16];
+
+	(void)snprintf(text, sizeof(text), "%s %s", obeyed ? "obeyed" : "refused", request);
+	observe(context, text, time);
+}
+
+void sim_world_tell(struct sim_world *world, const struct sim_node *node, const char *text,
+                    db_time now)
+{
+	struct sim_observer *observer = &world->observers[node - world->nodes];
+
+	if (observer->trace)
+		observe(observer, text, now);
+}
+
+/* Motors that have come to a stand since they were looked at last. */
+static void observe_stands(struct sim_observer *observer, db_time now)
+{
+	unsigned moving;
+
+	if (!observer->trace)
+		return;
+	moving = moving_motors(observer->node);
+	if ((observer->moving & ~moving) != 0)
+		observe(observer, "stands", now);
+	observer->moving = moving;
+}
+
 /* The wire with nobody on it yet. */
 static int make_wire(struct sim_bus *bus)
 {
@@ -127,6 +204,8 @@ static int open_servo(struct sim_node *node, struct sim_servo_node *servo, struc
 		return no_room(node, bus);
 	sim_servo_node_init(servo, config->name, drive, (uint8_t)config->address,
 	                    &bus->config->layout, bus->config->can.latency);
+	servo->lengths = config->servo_lengths;
+	servo->ack_latency = config->servo_ack_latency;
 	node->servo = servo;
 	return attach_servo(bus, node) ? 0 : no_room(node, bus);
 }
@@ -173,9 +252,13 @@ static int open_node(struct sim_world *world, size_t place, struct sim_bus *bus,
                      const struct sim_drive_config *config, db_time now)
 {
 	struct sim_node *node = &world->nodes[place];
+	struct sim_observer *observer = &world->observers[place];
+	struct sim_witness witness = { .tell = bus->trace ? tell : NULL, .context = observer };
 	int result;
 
+	*observer = (struct sim_observer){ .node = node, .trace = bus->trace };
 	node->name = config->name;
+	node->witness = witness;
 	if (bus->config->kind == SIM_BUS_SERVO_CAN)
 		result = open_servo(node, &world->servos[place], bus, config, now);
 	else if (bus->config->kind == SIM_BUS_XYZA)
@@ -184,6 +267,8 @@ static int open_node(struct sim_world *world, size_t place, struct sim_bus *bus,
 		result = open_vsmd(node, &world->can_nodes[place], bus, config, now);
 	if (result != 0)
 		return -1;
+	if (node->servo)
+		node->servo->witness = witness;
 	for (size_t i = 0; i < config->fault_count; i++) {
 		if (sim_world_fault(node, bus, config->faults[i], now))
 			return -1;
@@ -199,7 +284,9 @@ int sim_world_open(struct sim_world *world, const struct sim_config *config, FIL
 	world->nodes = calloc(config->drive_count, sizeof(*world->nodes));
 	world->can_nodes = calloc(config->drive_count, sizeof(*world->can_nodes));
 	world->servos = calloc(config->drive_count, sizeof(*world->servos));
-	if (!world->buses || !world->nodes || !world->can_nodes || !world->servos) {
+	world->observers = calloc(config->drive_count, sizeof(*world->observers));
+	if (!world->buses || !world->nodes || !world->can_nodes || !world->servos ||
+	    !world->observers) {
 		world->bus_count = 0;
 		return -1;
 	}
@@ -238,6 +325,7 @@ void sim_world_close(struct sim_world *world)
 	free(world->nodes);
 	free(world->can_nodes);
 	free(world->servos);
+	free(world->observers);
 	*world = (struct sim_world){ .buses = NULL };
 }
 
@@ -288,14 +376,15 @@ void sim_world_run(struct sim_world *world, db_time now)
 	for (size_t i = 0; i < world->node_count; i++) {
 		const struct sim_node *node = &world->nodes[i];
 
-		if (!is_moving(node))
-			continue;
-		if (node->xyza)
-			sim_xyza_advance(node->xyza, now);
-		else if (node->servo)
-			sim_servo_advance(node->servo->drive, now);
-		else
-			sim_vsmd_advance(node->drive, now);
+		if (is_moving(node)) {
+			if (node->xyza)
+				sim_xyza_advance(node->xyza, now);
+			else if (node->servo)
+				sim_servo_advance(node->servo->drive, now);
+			else
+				sim_vsmd_advance(node->drive, now);
+		}
+		observe_stands(&world->observers[i], now);
 	}
 }
 

@@ -23,12 +23,20 @@ struct sim_bus {
 	FILE *trace;       /* not owned, may be null */
 };
 
+/* Who writes down what a drive obeyed, and when its motors came to a stand. */
+struct sim_observer {
+	const struct sim_node *node;
+	FILE *trace;     /* not owned, may be null */
+	unsigned moving; /* when it was looked at last: bit 0, of XYZA controllers a bit an axis */
+};
+
 struct sim_world {
 	struct sim_bus *buses;
 	size_t bus_count;
 	struct sim_node *nodes;
 	struct sim_vsmd_can_node *can_nodes; /* of those nodes that are on CAN, at the same place */
 	struct sim_servo_node *servos;       /* likewise of those that are servos */
+	struct sim_observer *observers;      /* likewise of all */
 	size_t node_count;
 };
 
@@ -48,6 +56,10 @@ void sim_world_run(struct sim_world *world, db_time now);
 
 /* When to run next; DB_TIME_NEVER when nothing moves. */
 db_time sim_world_next(const struct sim_world *world, db_time now);
+
+/* Writes into the trace what happened to a drive, and how it moves then. */
+void sim_world_tell(struct sim_world *world, const struct sim_node *node, const char *text,
+                    db_time now);
 
 /* Null when there is none of this name. */
 struct sim_bus *sim_world_bus(struct sim_world *world, const char *name);

@@ -53,6 +53,12 @@ static struct sim_burst *answer(struct sim_serial_bus *bus, struct sim_node *nod
 	return burst;
 }
 
+static bool asks(const struct xyza_request *request, enum xyza_error error)
+{
+	return error == XYZA_OK &&
+	       (request->verb <= XYZA_READ_ITEM || request->verb == XYZA_PROGRAM_STATE);
+}
+
 /* What one controller does about it. */
 static struct sim_burst *serve(struct sim_serial_bus *bus, struct sim_node *node,
                                const struct sim_serial_request *request,
@@ -68,6 +74,8 @@ static struct sim_burst *serve(struct sim_serial_bus *bus, struct sim_node *node
 	write_log(node, request);
 	if (!sim_xyza_execute(node->xyza, decoded, error, request->end, &reply))
 		return NULL;
+	if (!asks(decoded, error))
+		sim_serial_bus_testify(node, reply.kind != XYZA_REPLY_FAILED);
 	return answer(bus, node, &reply, request->end);
 }
 

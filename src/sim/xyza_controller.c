@@ -2,6 +2,7 @@
 #include "sim/xyza_controller.h"
 
 #include "sim/motion.h"
+#include "sim/vsmd_temper.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -15,12 +16,22 @@
 struct axis {
 	struct sim_motion motion;
 	bool negative_zero; /* the sign is kept apart, so that 0 has one, too */
+	db_time due;        /* a jog begins then; DB_TIME_NEVER: none is due */
+	double due_velocity;
+	struct sim_late_bit standing_bit;
+};
+
+/* What is read of an item that was written lately. */
+struct older {
+	uint32_t content;
+	db_time until;
 };
 
 struct sim_xyza {
 	struct sim_xyza_config config;
 	char *flash_path;
 	uint32_t items[XYZA_AXIS_COUNT][XYZA_ITEM_COUNT];
+	struct older older[XYZA_AXIS_COUNT][XYZA_ITEM_COUNT];
 	struct axis axes[XYZA_AXIS_COUNT];
 	db_time now;
 	bool powered;
@@ -39,6 +50,11 @@ struct sim_xyza {
 
 	uint32_t counts[XYZA_VERB_COUNT];
 	uint32_t failures;
+};
+
+const char *const sim_xyza_kinds[SIM_XYZA_KIND_COUNT + 1] = {
+	[SIM_XYZA_POSITION] = "position", [SIM_XYZA_SIGN] = "sign", [SIM_XYZA_ITEM] = "item",
+	[SIM_XYZA_OUTPUT] = "output",     [SIM_XYZA_JOG] = "jog",   [SIM_XYZA_PROGRAM] = "program",
 };
 
 /* A handler returns false when the request fails. */
@@ -158,13 +174,23 @@ static bool brakes(const struct sim_xyza *controller, enum xyza_axis axis)
 	return (controller->items[XYZA_X][XYZA_ITEM_BRAKE] >> axis & 1) != 0;
 }
 
+/* How fast it slows down, pulses/s^2; 0: at once. */
+static double braking(const struct sim_xyza *controller, enum xyza_axis axis)
+{
+	double time = (double)controller->config.temper.braking / (double)DB_NS_PER_S;
+
+	if (time > 0.0)
+		return content(controller, axis, XYZA_ITEM_MAX_SPEED) / time;
+	return brakes(controller, axis) ? ramp(controller, axis) : 0.0;
+}
+
 static void run_axis(struct sim_xyza *controller, enum xyza_axis axis, double velocity)
 {
 	struct sim_motion *motion = &controller->axes[axis].motion;
 	double min = fmin(content(controller, axis, XYZA_ITEM_MIN_SPEED), fabs(velocity));
 	double acceleration = ramp(controller, axis);
 
-	sim_motion_set_ramps(motion, acceleration, brakes(controller, axis) ? acceleration : 0.0);
+	sim_motion_set_ramps(motion, acceleration, braking(controller, axis));
 	/* From standing it starts with the lowest speed. */
 	if (!sim_motion_moving(motion) && acceleration > 0.0)
 		motion->velocity = copysign(min, velocity);
@@ -176,8 +202,8 @@ static void stop_axis(struct sim_xyza *controller, enum xyza_axis axis)
 {
 	struct sim_motion *motion = &controller->axes[axis].motion;
 
-	sim_motion_set_ramps(motion, motion->acc,
-	                     brakes(controller, axis) ? ramp(controller, axis) : 0.0);
+	controller->axes[axis].due = DB_TIME_NEVER;
+	sim_motion_set_ramps(motion, motion->acc, braking(controller, axis));
 	sim_motion_stop(motion);
 }
 
@@ -189,8 +215,10 @@ static void stop_axes(struct sim_xyza *controller)
 
 static void halt_axes(struct sim_xyza *controller)
 {
-	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++)
+	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
+		controller->axes[axis].due = DB_TIME_NEVER;
 		sim_motion_halt(&controller->axes[axis].motion);
+	}
 }
 
 /* Below its lowest speed a motor stands at once. */
@@ -211,17 +239,37 @@ static void advance_axis(struct sim_xyza *controller, enum xyza_axis axis, db_ti
 	sim_motion_advance(motion, now);
 }
 
+/* A jog that was told, and begins later. */
+static void begin_due(struct sim_xyza *controller, enum xyza_axis axis, db_time now)
+{
+	struct axis *due = &controller->axes[axis];
+
+	if (due->due > now)
+		return;
+	advance_axis(controller, axis, due->due);
+	due->due = DB_TIME_NEVER;
+	run_axis(controller, axis, due->due_velocity);
+}
+
 static void advance_axes(struct sim_xyza *controller, db_time now)
 {
-	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++)
+	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
+		struct axis *moving = &controller->axes[axis];
+
+		begin_due(controller, (enum xyza_axis)axis, now);
 		advance_axis(controller, (enum xyza_axis)axis, now);
+		(void)sim_late_bit_follow(&moving->standing_bit,
+		                          !sim_motion_moving(&moving->motion),
+		                          controller->config.temper.standing_delay, now);
+	}
 	controller->now = now;
 }
 
 static bool any_moves(const struct sim_xyza *controller)
 {
 	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
-		if (sim_motion_moving(&controller->axes[axis].motion))
+		if (sim_motion_moving(&controller->axes[axis].motion) ||
+		    controller->axes[axis].due != DB_TIME_NEVER)
 			return true;
 	}
 	return false;
@@ -344,6 +392,9 @@ static void power_up(struct sim_xyza *controller)
 	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
 		sim_motion_init(&controller->axes[axis].motion, controller->now);
 		controller->axes[axis].negative_zero = false;
+		controller->axes[axis].due = DB_TIME_NEVER;
+		controller->axes[axis].standing_bit = (struct sim_late_bit){ .shown = true,
+			                                                     .real = true };
 	}
 	if (controller->items[XYZA_X][XYZA_ITEM_START_UP] == 1)
 		(void)start(controller, 1);
@@ -407,10 +458,12 @@ static bool accept(struct sim_xyza *controller, const struct xyza_request *reque
 static bool write_magnitude(struct sim_xyza *controller, const struct xyza_request *request)
 {
 	struct axis *axis = &controller->axes[request->axis];
-	bool negative = axis->negative_zero || round(axis->motion.position) < 0.0;
+	const struct sim_xyza_temper *temper = &controller->config.temper;
+	bool negative = !temper->amount_clears_sign &&
+	                (axis->negative_zero || round(axis->motion.position) < 0.0);
 	double magnitude = (double)request->value;
 
-	axis->negative_zero = negative && request->value == 0;
+	axis->negative_zero = negative && request->value == 0 && !temper->no_negative_zero;
 	sim_motion_set_position(&axis->motion, negative ? -magnitude : magnitude);
 	return true;
 }
@@ -420,7 +473,8 @@ static bool write_sign(struct sim_xyza *controller, const struct xyza_request *r
 	struct axis *axis = &controller->axes[request->axis];
 	double magnitude = fabs(round(axis->motion.position));
 
-	axis->negative_zero = request->negative && magnitude == 0.0;
+	axis->negative_zero = request->negative && magnitude == 0.0 &&
+	                      !controller->config.temper.no_negative_zero;
 	sim_motion_set_position(&axis->motion, request->negative ? -magnitude : magnitude);
 	return true;
 }
@@ -435,6 +489,28 @@ static bool write_output(struct sim_xyza *controller, const struct xyza_request 
 	return true;
 }
 
+static bool is_speed(enum xyza_item item)
+{
+	return item == XYZA_ITEM_MIN_SPEED || item == XYZA_ITEM_MAX_SPEED ||
+	       item == XYZA_ITEM_MANUAL_SPEED;
+}
+
+static void set_content(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	const struct sim_xyza_temper *temper = &controller->config.temper;
+	uint32_t *content = content_of(controller, request->item, request->axis);
+	struct older *older =
+		&controller->older[xyza_item_of_axis(request->item) ? request->axis : XYZA_X]
+				  [request->item];
+
+	if (older->until <= controller->now)
+		older->content = *content;
+	older->until = controller->now + temper->item_delay;
+	*content = request->value;
+	if (temper->clamps && is_speed(request->item) && *content > SIM_XYZA_SPEED_MAX)
+		*content = SIM_XYZA_SPEED_MAX;
+}
+
 static bool write_item(struct sim_xyza *controller, const struct xyza_request *request)
 {
 	if (request->item == XYZA_ITEM_FACTORY_RESET) {
@@ -443,7 +519,7 @@ static bool write_item(struct sim_xyza *controller, const struct xyza_request *r
 		controller->reset_done = controller->now + SIM_XYZA_RESET_TIME;
 		return true;
 	}
-	*content_of(controller, request->item, request->axis) = request->value;
+	set_content(controller, request);
 	save(controller);
 	return true;
 }
@@ -458,7 +534,13 @@ static bool jog(struct sim_xyza *controller, const struct xyza_request *request)
 		if (axis != request->axis && sim_motion_moving(&controller->axes[axis].motion))
 			return false;
 	}
-	run_axis(controller, request->axis, request->negative ? -speed : speed);
+	if (controller->config.temper.jogs_from_stand &&
+	    sim_motion_moving(&controller->axes[request->axis].motion))
+		return false;
+	controller->axes[request->axis].due_velocity = request->negative ? -speed : speed;
+	controller->axes[request->axis].due = controller->now +
+	                                      controller->config.temper.motion_delay;
+	begin_due(controller, request->axis, controller->now);
 	return true;
 }
 
@@ -486,6 +568,11 @@ static bool program_stop(struct sim_xyza *controller, const struct xyza_request 
 
 	if (!program_active(controller))
 		return true;
+	if (controller->config.temper.second_stop_ends &&
+	    controller->state >= XYZA_PROGRAM_WAITING) {
+		end_program(controller);
+		return true;
+	}
 	pause_program(controller, quick ? XYZA_PROGRAM_INTERRUPTED : XYZA_PROGRAM_WAITING);
 	if (quick)
 		halt_axes(controller);
@@ -552,6 +639,17 @@ static handler_fn *const handlers[XYZA_VERB_COUNT] = {
 	[XYZA_PROGRAM_STATE] = accept,
 };
 
+static uint32_t shown_content(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	const struct older *older =
+		&controller->older[xyza_item_of_axis(request->item) ? request->axis : XYZA_X]
+				  [request->item];
+
+	return controller->now < older->until ?
+	               older->content :
+	               *content_of(controller, request->item, request->axis);
+}
+
 static uint32_t read_value(struct sim_xyza *controller, const struct xyza_request *request)
 {
 	const struct axis *axis = &controller->axes[request->axis];
@@ -564,12 +662,12 @@ static uint32_t read_value(struct sim_xyza *controller, const struct xyza_reques
 	case XYZA_READ_SIGN:
 		return position < 0.0 || axis->negative_zero;
 	case XYZA_READ_STANDING:
-		return !sim_motion_moving(&axis->motion);
+		return axis->standing_bit.shown;
 	case XYZA_READ_PORTS:
 		return (uint32_t)controller->outputs << 16 | controller->inputs;
 	case XYZA_READ_ITEM:
 	default:
-		return *content_of(controller, request->item, request->axis);
+		return shown_content(controller, request);
 	}
 }
 
@@ -597,21 +695,68 @@ static void fill_reply(struct sim_xyza *controller, const struct xyza_request *r
 	}
 }
 
+/* SIM_XYZA_KIND_COUNT: none that can be ignored. */
+static enum sim_xyza_kind kind_of(enum xyza_verb verb)
+{
+	switch (verb) {
+	case XYZA_WRITE_MAGNITUDE:
+	case XYZA_MANUAL_CLEAR:
+		return SIM_XYZA_POSITION;
+	case XYZA_WRITE_SIGN:
+		return SIM_XYZA_SIGN;
+	case XYZA_WRITE_ITEM:
+		return SIM_XYZA_ITEM;
+	case XYZA_WRITE_OUTPUT:
+	case XYZA_WRITE_OUTPUTS:
+		return SIM_XYZA_OUTPUT;
+	case XYZA_MANUAL_JOG:
+		return SIM_XYZA_JOG;
+	case XYZA_PROGRAM_START:
+	case XYZA_PROGRAM_CONTINUE:
+	case XYZA_PROGRAM_END:
+		return SIM_XYZA_PROGRAM;
+	default:
+		return SIM_XYZA_KIND_COUNT;
+	}
+}
+
+/* Whether it does what was asked. */
+static bool carry_out(struct sim_xyza *controller, const struct xyza_request *request,
+                      enum xyza_error error)
+{
+	/* All verbs about an axis name it; the others have x there. */
+	return error == XYZA_OK && (unsigned)request->axis < controller->config.axes &&
+	       !(controller->config.temper.ignores >> kind_of(request->verb) & 1) &&
+	       handlers[request->verb](controller, request);
+}
+
+/* Whether it acknowledges what it does not do. */
+static bool acknowledges(const struct sim_xyza *controller, const struct xyza_request *request,
+                         enum xyza_error error)
+{
+	const struct sim_xyza_temper *temper = &controller->config.temper;
+
+	return error == XYZA_OK && !xyza_is_read(request->verb) &&
+	       (temper->acknowledges_all || (temper->ignores >> kind_of(request->verb) & 1));
+}
+
 bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *request,
                       enum xyza_error error, db_time now, struct xyza_reply *reply)
 {
 	sim_xyza_advance(controller, now);
-	if (!controller->powered || controller->reset_done != DB_TIME_NEVER)
+	if (!controller->powered || controller->reset_done != DB_TIME_NEVER ||
+	    (request->verb == XYZA_READ_ITEM && error == XYZA_OK &&
+	     (controller->config.temper.lacks >> request->item & 1)))
 		return false;
 	*reply = (struct xyza_reply){
 		.kind = XYZA_REPLY_FAILED,
 		.object = request->object,
 		.order = request->order,
 	};
-	/* All verbs about an axis name it; the others have x there. */
-	if (error != XYZA_OK || (unsigned)request->axis >= controller->config.axes ||
-	    !handlers[request->verb](controller, request)) {
+	if (!carry_out(controller, request, error)) {
 		controller->failures++;
+		if (acknowledges(controller, request, error))
+			reply->kind = XYZA_REPLY_DONE;
 		return true;
 	}
 	controller->counts[request->verb]++;
@@ -657,9 +802,15 @@ void sim_xyza_set_input(struct sim_xyza *controller, unsigned number, bool level
 		press(controller, number);
 }
 
+void sim_xyza_set_number(struct sim_xyza *controller, unsigned number)
+{
+	controller->items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER] = number;
+}
+
 void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t position, db_time now)
 {
 	sim_xyza_advance(controller, now);
+	controller->axes[axis].due = DB_TIME_NEVER;
 	sim_motion_halt(&controller->axes[axis].motion);
 	controller->axes[axis].negative_zero = false;
 	sim_motion_set_position(&controller->axes[axis].motion, position);

@@ -22,6 +22,35 @@
 #define SIM_XYZA_INPUTS 16
 #define SIM_XYZA_RESET_TIME (10 * DB_NS_PER_S)
 
+/* Kinds of requests that a controller may acknowledge without doing anything. */
+enum sim_xyza_kind {
+	SIM_XYZA_POSITION, /* amount and sign */
+	SIM_XYZA_SIGN,
+	SIM_XYZA_ITEM,
+	SIM_XYZA_OUTPUT,
+	SIM_XYZA_JOG,
+	SIM_XYZA_PROGRAM, /* its commands, not its stops */
+	SIM_XYZA_KIND_COUNT
+};
+extern const char *const sim_xyza_kinds[SIM_XYZA_KIND_COUNT + 1]; /* their names; null at the end */
+
+/* What the document leaves open, one way or the other. All zeros is the controller above. */
+struct sim_xyza_temper {
+	bool no_negative_zero;   /* the sign of a position that is 0 is lost */
+	bool amount_clears_sign; /* a position whose amount is written is positive */
+	bool acknowledges_all;   /* what it does not do is acknowledged like what it does */
+	unsigned ignores;        /* bit of each enum sim_xyza_kind that it acknowledges only */
+	uint32_t lacks;          /* bit of each item that is never answered */
+	bool clamps;             /* speeds above SIM_XYZA_SPEED_MAX become that */
+	bool jogs_from_stand;    /* an axis that moves takes no jog */
+	bool second_stop_ends;   /* a program that waits is ended by another stop */
+	db_time motion_delay;    /* a jog begins so much later */
+	db_time standing_delay;  /* the state of the motors follows so much later */
+	db_time item_delay;      /* what is read of items follows so much later */
+	db_time braking;         /* from max_speed; 0 = as fast as it accelerates */
+};
+#define SIM_XYZA_SPEED_MAX 20000
+
 struct sim_xyza_config {
 	const char *flash_path; /* null: parameters live as long as the process */
 	unsigned number;        /* slave number as delivered, 1..255 */
@@ -30,6 +59,7 @@ struct sim_xyza_config {
 	unsigned steps;         /* of each program, 1..65535 */
 	db_time step_time;
 	struct xyza_style style;
+	struct sim_xyza_temper temper;
 	/* As delivered; of items that all axes share the first counts. */
 	uint32_t defaults[XYZA_AXIS_COUNT][XYZA_ITEM_COUNT];
 };
@@ -62,6 +92,7 @@ bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *re
 void sim_xyza_power(struct sim_xyza *controller, bool on, db_time now);
 /* number 1..16. The keys for start, stop and pause act when their input becomes 1. */
 void sim_xyza_set_input(struct sim_xyza *controller, unsigned number, bool level, db_time now);
+void sim_xyza_set_number(struct sim_xyza *controller, unsigned number);
 /* Puts an axis there, standing. */
 void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t position,
                     db_time now);

@@ -9,23 +9,41 @@
 #include <limits.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/ioctl.h>
 #include <termios.h>
 #include <unistd.h>
 
 struct db_serial {
 	int fd;
+	int guard;            /* carries the lock of a port that libserialport opens; -1 */
 	struct sp_port *port; /* null for a pty, whose descriptor is ours to close */
 	enum db_port_latency latency;
 };
 
+/*
+ * Two masters on one bus would answer each other's questions. TIOCEXCL keeps out programs of all kinds,
+ * but not those of root; the lock keeps out every program that asks for it, as this one and most terminal
+ * programs do. It comes before anything is set: that would be heard on the bus of whoever has the port.
+ */
+static int lock_port(int fd)
+{
+	if (flock(fd, LOCK_EX | LOCK_NB) == 0)
+		return 0;
+	return errno == EWOULDBLOCK ? -EBUSY : -errno;
+}
+
 static int open_pty(const char *path, struct db_serial *serial)
 {
 	struct termios settings;
+	int error;
 
 	serial->fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
 	if (serial->fd < 0)
 		return -errno;
+	error = lock_port(serial->fd);
+	if (error != 0)
+		return error;
 	if (tcgetattr(serial->fd, &settings) != 0)
 		return -errno;
 	cfmakeraw(&settings);
@@ -91,6 +109,12 @@ static int open_port(const char *path, const struct db_bus_config *config, struc
 	enum sp_return code;
 	int error;
 
+	serial->guard = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+	if (serial->guard < 0)
+		return -errno;
+	error = lock_port(serial->guard);
+	if (error != 0)
+		return error;
 	errno = 0;
 	code = sp_get_port_by_name(path, &serial->port);
 	if (code == SP_OK)
@@ -101,7 +125,6 @@ static int open_port(const char *path, const struct db_bus_config *config, struc
 		code = sp_get_port_handle(serial->port, &serial->fd);
 	if (code != SP_OK)
 		return sp_errno(code);
-	/* Two masters on one bus would answer each other's questions. */
 	if (ioctl(serial->fd, TIOCEXCL) != 0)
 		return -errno;
 	error = db_serial_set_direction(serial->fd, config, control);
@@ -125,6 +148,7 @@ int db_serial_open(const struct db_bus_config *config, struct db_serial **serial
 	if (!made)
 		return -ENOMEM;
 	made->fd = -1;
+	made->guard = -1;
 	if (strncmp(path, "/dev/pts/", 9) == 0)
 		error = open_pty(path, made);
 	else
@@ -150,6 +174,8 @@ void db_serial_close(struct db_serial *serial)
 	} else if (serial->fd >= 0) {
 		close(serial->fd);
 	}
+	if (serial->guard >= 0)
+		close(serial->guard);
 	free(serial);
 }
 

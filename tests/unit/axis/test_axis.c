@@ -115,7 +115,8 @@ static void names(void **state)
 	assert_string_equal(db_axis_state_name(DB_AXIS_STATE_COUNT), "unknown");
 	assert_string_equal(db_error_name(DB_ERROR_NONE), "none");
 	assert_string_equal(db_error_name(DB_ERROR_VOLTAGE), "voltage");
-	assert_string_equal(db_error_name(4), "unknown");
+	assert_string_equal(db_error_name(DB_ERROR_RUNS_ON), "runs_on");
+	assert_string_equal(db_error_name(5), "unknown");
 	assert_string_equal(db_error_name(UINT16_MAX), "unknown");
 	assert_string_equal(db_status_bit_name(0), "online");
 	assert_int_equal(DB_STATUS_ABORTED, 1u << (DB_STATUS_BIT_COUNT - 1));

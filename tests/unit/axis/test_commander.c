@@ -80,8 +80,15 @@ static enum db_result fake_check(const struct db_bus_config *bus,
 	return DB_RESULT_OK;
 }
 
+static db_time fake_command_time(const struct db_bus_config *bus)
+{
+	(void)bus;
+	return 10 * MS;
+}
+
 static const struct db_driver driver = {
 	.name = "fake",
+	.command_time = fake_command_time,
 	.commands = ~DB_COMMAND_BIT(DB_CMD_SET_SV),
 	.check = fake_check,
 	.acceleration_param = -1,
@@ -273,6 +280,23 @@ static void same_id_gets_the_stored_result(void **state)
 	drop(&fake);
 }
 
+/* Success to the writer, and a motion that is followed; whose end then is the proof. */
+static void unproven_is_a_success(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_VELOCITY, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_UNPROVEN);
+	assert_int_equal(fake.answered_with[0], 0);
+	assert_int_equal(look(&fake).result, DB_RESULT_UNPROVEN);
+	assert_int_equal(look(&fake).motion_id, 2);
+	assert_int_equal(look(&fake).motion_result, DB_RESULT_PENDING);
+	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_VELOCITY, 0), 0);
+	assert_int_equal(look(&fake).write_result, DB_RESULT_UNPROVEN);
+	assert_int_equal(fake.submitted, 1);
+	drop(&fake);
+}
+
 static void same_id_while_pending_waits_with_the_first(void **state)
 {
 	FAKE(false);
@@ -285,6 +309,33 @@ static void same_id_while_pending_waits_with_the_first(void **state)
 	assert_int_equal(fake.answered, DB_COMMANDER_WAITERS);
 	for (unsigned i = 0; i < DB_COMMANDER_WAITERS; i++)
 		assert_int_equal(fake.answered_with[i], 0);
+	drop(&fake);
+}
+
+/* A write of `command` alone that comes again, after the drive refused it: refused again, whatever an
+ * older id was answered. */
+static void a_bare_repeat_gets_its_own_result(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), DB_WRITE_LATER);
+	/* While it is under way, together with it. */
+	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_REFUSED);
+	assert_int_equal(fake.answered, 3);
+	assert_int_equal(fake.answered_with[2], FAILURE);
+	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), FAILURE);
+	assert_int_equal(look(&fake).write_result, DB_RESULT_REFUSED);
+	assert_int_equal(fake.submitted, 2);
+	/* The id's own result is still there. */
+	assert_int_equal(put(&fake, 2, DB_CMD_ENABLE, 0), 0);
+	/* Another one executes, and its outcome is the next repeat's. */
+	assert_int_equal(write_as(&fake, 0, DB_CMD_HOME, 0, false), DB_WRITE_LATER);
+	finish(&fake, 2, DB_RESULT_OK);
+	assert_int_equal(write_as(&fake, 0, DB_CMD_HOME, 0, false), 0);
+	assert_int_equal(fake.submitted, 3);
 	drop(&fake);
 }
 
@@ -608,18 +659,121 @@ static void old_completions_do_not_overwrite_newer_results(void **state)
 	drop(&fake);
 }
 
-static void the_queue_is_bounded_and_stops_have_their_own(void **state)
+static void the_queue_is_bounded(void **state)
 {
 	FAKE(false);
 	for (unsigned i = 0; i < DB_COMMANDER_PENDING; i++)
 		assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), DB_WRITE_LATER);
 	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), BUSY);
-	for (unsigned i = 0; i < DB_COMMANDER_STOPS; i++)
-		assert_int_equal(put(&fake, 0, i % 2 ? DB_CMD_STOP : DB_CMD_DISABLE, 1),
-		                 DB_WRITE_LATER);
-	assert_int_equal(put(&fake, 0, DB_CMD_DISABLE, 1), BUSY);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 1), DB_WRITE_LATER);
 	finish(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), DB_WRITE_LATER);
+	drop(&fake);
+}
+
+static unsigned pending_of(const struct fake *fake, unsigned ended, enum db_command command)
+{
+	unsigned count = 0;
+
+	for (unsigned i = ended; i < fake->submitted; i++)
+		count += fake->requests[i].command == command;
+	return count;
+}
+
+/* However many are asked for, in whatever turns, while the drive is silent. */
+static void a_stop_is_never_answered_busy(void **state)
+{
+	static const enum db_command stops[] = { DB_CMD_STOP, DB_CMD_DISABLE, DB_CMD_QUICK_STOP };
+
+	FAKE(false);
+	for (unsigned i = 0; i < 300; i++) {
+		int answer = put(&fake, 0, stops[i % 7 % 3], 0);
+
+		/* 05: it is on its way, though its writer does not wait. */
+		assert_true(answer == DB_WRITE_LATER || answer == LATER);
+	}
+	for (unsigned i = 0; i < 3; i++)
+		assert_in_range(pending_of(&fake, 0, stops[i]), 1, DB_COMMANDER_STOPS_OF_A_KIND);
+	for (unsigned i = 0; i < fake.submitted; i++)
+		finish(&fake, i, DB_RESULT_OK);
+	assert_int_equal(look(&fake).active_command, DB_CMD_NONE);
+	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	/* Every writer was answered, once. */
+	for (unsigned i = 0; i < fake.answered; i++) {
+		assert_int_equal(fake.answered_with[i], 0);
+		for (unsigned j = 0; j < i; j++)
+			assert_int_not_equal(fake.answered_token[i], fake.answered_token[j]);
+	}
+	drop(&fake);
+}
+
+/* What was asked for in between is behind the older stop, so it goes to the bus once more; who waits
+ * for the older one waits for the younger one. */
+static void a_younger_stop_takes_the_place_of_the_older_one(void **state)
+{
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 3);
+	finish(&fake, 0, DB_RESULT_CANCELLED);
+	assert_int_equal(fake.answered, 0);
+	assert_int_equal(look(&fake).result, DB_RESULT_PENDING);
+	finish(&fake, 2, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 2);
+	assert_int_equal(fake.answered_token[0], 1);
+	assert_int_equal(fake.answered_with[0], 0);
+	assert_int_equal(fake.answered_token[1], 3);
+	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	drop(&fake);
+}
+
+/* With two of its kind on their way a third one follows as soon as the second ended. */
+static void a_stop_without_a_place_is_said_again(void **state)
+{
+	FAKE(false);
+	for (unsigned i = 0; i < 2; i++) {
+		assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+		assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	}
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	/* What comes behind it would get before it. */
+	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), BUSY);
+	assert_int_equal(pending_of(&fake, 0, DB_CMD_STOP), 2);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 0);
+	finish(&fake, 2, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 0);
+	assert_int_equal(pending_of(&fake, 0, DB_CMD_STOP), 3);
+	assert_int_equal(fake.requests[fake.submitted - 1].command, DB_CMD_STOP);
+	/* One that comes now joins it: nothing is behind it. */
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(pending_of(&fake, 0, DB_CMD_STOP), 3);
+	finish(&fake, fake.submitted - 1, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 4);
+	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	drop(&fake);
+}
+
+/* ... and, should the bus not take it, until it does. */
+static void a_stop_said_again_is_not_lost(void **state)
+{
+	FAKE(false);
+	for (unsigned i = 0; i < 2; i++) {
+		assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+		assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	}
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	fake.full = true;
+	finish(&fake, 2, DB_RESULT_OK);
+	fake.now += 5 * MS;
+	db_commander_expire(fake.commander, fake.now);
+	assert_int_equal(pending_of(&fake, 0, DB_CMD_STOP), 2);
+	fake.full = false;
+	assert_true(db_commander_next_deadline(fake.commander) <= fake.now + 5 * MS);
+	fake.now += 5 * MS;
+	db_commander_expire(fake.commander, fake.now);
+	assert_int_equal(pending_of(&fake, 0, DB_CMD_STOP), 3);
 	drop(&fake);
 }
 
@@ -709,7 +863,8 @@ static void a_drive_found_moving_is_watched(void **state)
 	assert_int_equal(fake.submitted, 0);
 	assert_true(db_commander_next_deadline(fake.commander) == fake.now + 3000 * MS);
 	fake.now += 2000 * MS;
-	db_commander_feed(fake.commander, DB_FEED_REQUESTS, fake.now);
+	db_commander_feed(fake.commander, &(struct db_client){ .id = 1 }, DB_FEED_REQUESTS,
+	                  fake.now);
 	assert_true(db_commander_next_deadline(fake.commander) == fake.now + 3000 * MS);
 	wake(&fake);
 	assert_int_equal(fake.submitted, 1);
@@ -733,6 +888,105 @@ static void a_drive_found_standing_is_not(void **state)
 	drop(&fake);
 }
 
+/* Moves, and its clients fall silent. */
+static void trip(struct fake *fake)
+{
+	init_with(fake, false, 3000, false);
+	assert_int_equal(put(fake, 0, DB_CMD_MOVE_VELOCITY, 0), DB_WRITE_LATER);
+	finish(fake, 0, DB_RESULT_OK);
+	fake->now += 3000 * MS;
+	db_commander_expire(fake->commander, fake->now);
+	assert_int_equal(fake->submitted, 2);
+	assert_true(look(fake).latched);
+}
+
+static void set_error(struct fake *fake, uint32_t status, enum db_error error)
+{
+	struct db_snapshot snapshot = {
+		.feedback = { .status = status, .error = (uint16_t)error, .taken = 1 },
+	};
+
+	db_axis_publish(fake->axis, &snapshot);
+}
+
+static void a_drive_that_cannot_be_asked_stays_latched(void **state)
+{
+	struct fake fake;
+
+	(void)state;
+	trip(&fake);
+	set_error(&fake, DB_STATUS_BUS_UP, DB_ERROR_NO_ANSWER);
+	assert_int_equal(put(&fake, 0, DB_CMD_CLEAR_FAULT, 0), NO_ANSWER);
+	assert_true(look(&fake).latched);
+	/* Nor where it is the latch alone that could be cleared. */
+	set_error(&fake, DB_STATUS_BUS_UP, DB_ERROR_NONE);
+	assert_int_equal(put(&fake, 0, DB_CMD_CLEAR_FAULT, 0), NO_ANSWER);
+	assert_true(look(&fake).latched);
+	set_error(&fake, 0, DB_ERROR_BUS_DOWN);
+	assert_int_equal(put(&fake, 0, DB_CMD_CLEAR_FAULT, 0), NO_PATH);
+	assert_true(look(&fake).latched);
+	set_status(&fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE);
+	assert_int_equal(put(&fake, 0, DB_CMD_CLEAR_FAULT, 0), 0);
+	assert_false(look(&fake).latched);
+	drop(&fake);
+}
+
+/* Where the drive itself has a fault, too, the latch ends with that. */
+static void the_latch_ends_when_the_drive_has_confirmed(void **state)
+{
+	struct fake fake;
+
+	(void)state;
+	trip(&fake);
+	set_error(&fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE, DB_ERROR_HARDWARE);
+	assert_int_equal(put(&fake, 0, DB_CMD_CLEAR_FAULT, 0), DB_WRITE_LATER);
+	assert_true(look(&fake).latched);
+	finish(&fake, 2, DB_RESULT_TIMEOUT);
+	assert_true(look(&fake).latched);
+	assert_int_equal(put(&fake, 0, DB_CMD_CLEAR_FAULT, 0), DB_WRITE_LATER);
+	finish(&fake, 3, DB_RESULT_OK);
+	assert_false(look(&fake).latched);
+	drop(&fake);
+}
+
+/* One that was on its way before does not undo what came after. */
+static void an_older_clear_fault_ends_no_latch(void **state)
+{
+	struct fake fake;
+
+	(void)state;
+	init_with(&fake, false, 3000, false);
+	set_error(&fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE, DB_ERROR_HARDWARE);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_VELOCITY, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_CLEAR_FAULT, 0), DB_WRITE_LATER);
+	fake.now += 3000 * MS;
+	db_commander_expire(fake.commander, fake.now);
+	assert_true(look(&fake).latched);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_true(look(&fake).latched);
+	drop(&fake);
+}
+
+static void what_moves_behind_the_latch_is_watched_again(void **state)
+{
+	struct fake fake;
+
+	(void)state;
+	trip(&fake);
+	set_status(&fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE | DB_STATUS_MOVING);
+	assert_int_equal(put(&fake, 0, DB_CMD_CLEAR_FAULT, 0), 0);
+	assert_true(look(&fake).watchdog_remaining_ms > 0);
+	/* The watchdog's older stop is not confirmed yet: it is said again. */
+	fake.now += 3000 * MS;
+	db_commander_expire(fake.commander, fake.now);
+	assert_true(look(&fake).latched);
+	assert_int_equal(fake.submitted, 2);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(fake.submitted, 3);
+	assert_int_equal(fake.requests[2].command, DB_CMD_STOP);
+	drop(&fake);
+}
+
 /* --- motions to their end ------------------------------------------------------------------------------------- */
 
 static void set_axis(struct fake *fake, enum db_axis_state state, uint32_t status, int32_t position)
@@ -743,6 +997,7 @@ static void set_axis(struct fake *fake, enum db_axis_state state, uint32_t statu
 			.status = DB_STATUS_BUS_UP | DB_STATUS_ONLINE | status,
 			.taken = fake->now,
 			.position = position,
+			.velocity = status & DB_STATUS_MOVING ? 100.0f : 0.0f,
 			.has_target = true,
 			.target = 1000,
 		},
@@ -811,6 +1066,20 @@ static void a_move_that_stops_elsewhere_has_failed(void **state)
 	let_pass(&fake, 190 * MS);
 	assert_int_equal(look(&fake).result, DB_RESULT_OK);
 	let_pass(&fake, 60 * MS);
+	assert_int_equal(look(&fake).result, DB_RESULT_FAILED);
+	assert_false(look(&fake).done);
+	drop(&fake);
+}
+
+/* A bit that says "there" may be of the last target, or of the reference only. */
+static void no_bit_ends_a_move_elsewhere(void **state)
+{
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, DB_STATUS_AT_TARGET, 0);
+	let_pass(&fake, 250 * MS);
 	assert_int_equal(look(&fake).result, DB_RESULT_FAILED);
 	assert_false(look(&fake).done);
 	drop(&fake);
@@ -1047,6 +1316,72 @@ static void jogs_and_currents_go_no_further_out(void **state)
 	assert_int_equal(db_commander_execute(fake.commander, NULL, DB_CMD_MOVE_CURRENT, &push,
 	                                      token, fake.now),
 	                 DB_WRITE_LATER);
+	drop(&fake);
+}
+
+/* Ten counts a unit; 100 counts/s take it some 5 counts further before it hears a stop. */
+static void a_jog_is_held_back_before_a_limit(void **state)
+{
+	FAKE(false);
+	fake.drive.max_position = 100.0;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 900);
+	assert_int_equal(move(&fake, DB_CMD_MOVE_VELOCITY, 0, 100.0f), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_CONTINUOUS_MOTION, DB_STATUS_MOVING, 950);
+	let_pass(&fake, 50 * MS);
+	assert_int_equal(fake.submitted, 1);
+	set_axis(&fake, DB_AXIS_CONTINUOUS_MOTION, DB_STATUS_MOVING, 994);
+	let_pass(&fake, 50 * MS);
+	assert_int_equal(fake.submitted, 2);
+	assert_int_equal(fake.requests[1].command, DB_CMD_STOP);
+	assert_int_equal(look(&fake).result_limit, DB_LIMIT_MAX_POSITION);
+	finish(&fake, 1, DB_RESULT_OK);
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 998);
+	let_pass(&fake, 2 * DB_NS_PER_S);
+	assert_int_equal(fake.submitted, 2);
+	/* A move to a position has been checked, and is not watched. */
+	assert_int_equal(move(&fake, DB_CMD_MOVE_ABSOLUTE, 1000, 50.0f), DB_WRITE_LATER);
+	finish(&fake, 2, DB_RESULT_OK);
+	set_axis(&fake, DB_AXIS_DISCRETE_MOTION, DB_STATUS_MOVING, 999);
+	let_pass(&fake, 200 * MS);
+	assert_int_equal(fake.submitted, 3);
+	drop(&fake);
+}
+
+static struct db_driver telling; /* its drives know how many counts a millimetre has */
+
+/* What is shown in the drive's own units is limited in them. */
+static void limits_have_the_scale_that_is_shown(void **state)
+{
+	struct db_commander_config config;
+	struct db_snapshot snapshot = {
+		.feedback = { .status = DB_STATUS_BUS_UP | DB_STATUS_ONLINE, .taken = 1 },
+	};
+
+	FAKE(false);
+	db_commander_free(fake.commander);
+	telling = driver;
+	telling.scale_unit = "mm";
+	fake.drive.counts_per_unit = 1.0;
+	fake.drive.max_position = 300.0;
+	config = (struct db_commander_config){
+		.driver = &telling,
+		.bus_config = &fake.bus,
+		.drive_config = &fake.drive,
+		.commands = driver.commands,
+		.drive = 7,
+		.confirm_ms = 40,
+		.axis = fake.axis,
+	};
+	assert_int_equal(db_commander_new(&config, &ops, &fake, &fake.commander), 0);
+	/* It has not told yet. */
+	assert_int_equal(move(&fake, DB_CMD_MOVE_ABSOLUTE, 10, 50.0f), ILLEGAL_VALUE);
+	assert_int_equal(look(&fake).result_limit, DB_LIMIT_MAX_POSITION);
+	snapshot.feedback.counts_per_unit = 640.0f;
+	db_axis_publish(fake.axis, &snapshot);
+	assert_int_equal(move(&fake, DB_CMD_MOVE_ABSOLUTE, 300 * 640, 50.0f), DB_WRITE_LATER);
+	assert_int_equal(move(&fake, DB_CMD_MOVE_ABSOLUTE, 301 * 640, 50.0f), ILLEGAL_VALUE);
 	drop(&fake);
 }
 
@@ -1457,9 +1792,14 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(a_drive_found_moving_is_watched),
 		cmocka_unit_test(a_drive_found_standing_is_not),
+		cmocka_unit_test(a_drive_that_cannot_be_asked_stays_latched),
+		cmocka_unit_test(the_latch_ends_when_the_drive_has_confirmed),
+		cmocka_unit_test(an_older_clear_fault_ends_no_latch),
+		cmocka_unit_test(what_moves_behind_the_latch_is_watched_again),
 		cmocka_unit_test(result_follows_a_move_to_its_end),
 		cmocka_unit_test(old_data_ends_no_move),
 		cmocka_unit_test(a_move_that_stops_elsewhere_has_failed),
+		cmocka_unit_test(no_bit_ends_a_move_elsewhere),
 		cmocka_unit_test(a_new_command_aborts_the_motion),
 		cmocka_unit_test(a_refused_motion_leaves_the_one_before),
 		cmocka_unit_test(a_motion_is_aborted_when_the_drive_takes_the_next),
@@ -1469,6 +1809,8 @@ int main(void)
 		cmocka_unit_test(homing_ends_homed_or_failed),
 		cmocka_unit_test(limits_at_the_door),
 		cmocka_unit_test(jogs_and_currents_go_no_further_out),
+		cmocka_unit_test(a_jog_is_held_back_before_a_limit),
+		cmocka_unit_test(limits_have_the_scale_that_is_shown),
 		cmocka_unit_test(a_stop_beside_a_staged_command_is_a_stop),
 		cmocka_unit_test(a_stop_behind_parameters_joins_no_older_one),
 		cmocka_unit_test(outputs_in_between_make_no_new_command),
@@ -1482,7 +1824,9 @@ int main(void)
 		cmocka_unit_test(id_0_leaves_the_baseline_open),
 		cmocka_unit_test(stops_execute_before_the_baseline),
 		cmocka_unit_test(same_id_gets_the_stored_result),
+		cmocka_unit_test(unproven_is_a_success),
 		cmocka_unit_test(same_id_while_pending_waits_with_the_first),
+		cmocka_unit_test(a_bare_repeat_gets_its_own_result),
 		cmocka_unit_test(stored_result_survives_commands_without_id),
 		cmocka_unit_test(stops_execute_under_a_used_id),
 		cmocka_unit_test(repeated_stop_joins_the_pending_one),
@@ -1501,7 +1845,11 @@ int main(void)
 		cmocka_unit_test(late_confirmation_is_answered_05),
 		cmocka_unit_test(accepted_writes_do_not_wait),
 		cmocka_unit_test(old_completions_do_not_overwrite_newer_results),
-		cmocka_unit_test(the_queue_is_bounded_and_stops_have_their_own),
+		cmocka_unit_test(the_queue_is_bounded),
+		cmocka_unit_test(a_stop_is_never_answered_busy),
+		cmocka_unit_test(a_younger_stop_takes_the_place_of_the_older_one),
+		cmocka_unit_test(a_stop_without_a_place_is_said_again),
+		cmocka_unit_test(a_stop_said_again_is_not_lost),
 		cmocka_unit_test(parameters_are_one_request),
 		cmocka_unit_test(outside_commands_leave_the_block_alone),
 		cmocka_unit_test(each_client_numbers_its_own_commands),

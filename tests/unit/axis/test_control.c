@@ -58,15 +58,15 @@ static void silence_ends_it(void **state)
 	assert_true(db_control_take(&control, &plc, START));
 	assert_int_equal(db_control_remaining_ms(&control, START), 5000);
 	assert_int_equal(db_control_remaining_ms(&control, START + 1), 5000);
-	db_control_hear(&control, &plc, START + 4999 * MS);
+	db_control_hear(&control, &plc, START + 4999 * MS, START + 4999 * MS);
 	/* Somebody else's requests do not count. */
-	db_control_hear(&control, &hmi, START + 9000 * MS);
+	db_control_hear(&control, &hmi, START + 9000 * MS, START + 9000 * MS);
 	assert_int_equal(db_control_remaining_ms(&control, START + 9998 * MS), 1);
 	assert_true(db_control_holds(&control, &plc, START + 9998 * MS));
 	assert_false(db_control_holds(&control, &plc, START + 9999 * MS));
 	assert_int_equal(db_control_remaining_ms(&control, START + 9999 * MS), 0);
 	/* It does not come back by itself. */
-	db_control_hear(&control, &plc, START + 10000 * MS);
+	db_control_hear(&control, &plc, START + 10000 * MS, START + 10000 * MS);
 	assert_null(db_control_holder(&control, START + 10000 * MS));
 	assert_true(db_control_take(&control, &hmi, START + 10000 * MS));
 	assert_false(db_control_take(&control, &plc, START + 10000 * MS));

@@ -30,14 +30,14 @@ static void requests_keep_it_quiet_and_silence_trips_it_once(void **state)
 	(void)state;
 	db_watchdog_init(&watchdog, 500, DB_FEED_REQUESTS);
 	db_watchdog_arm(&watchdog, 0);
-	db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 400 * MS);
+	db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 1, 400 * MS);
 	assert_false(db_watchdog_trip(&watchdog, 899 * MS));
 	assert_true(db_watchdog_trip(&watchdog, 900 * MS));
 	assert_true(watchdog.latched);
 	assert_int_equal(watchdog.trips, 1);
 	assert_false(db_watchdog_trip(&watchdog, 5000 * MS));
 	/* Talking again does not end the latch. */
-	db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 5000 * MS);
+	db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 1, 5000 * MS);
 	assert_true(watchdog.latched);
 	db_watchdog_reset(&watchdog);
 	assert_false(watchdog.latched);
@@ -64,21 +64,71 @@ static void zero_turns_it_off(void **state)
 
 static void each_kind_of_feeding_includes_the_stricter_ones(void **state)
 {
-	static const enum db_watchdog_feed KINDS[] = { DB_FEED_REQUESTS, DB_FEED_WRITES,
-		                                       DB_FEED_HEARTBEAT };
+	static const enum db_watchdog_feed KINDS[] = { DB_FEED_REQUESTS, DB_FEED_COMMANDERS,
+		                                       DB_FEED_WRITES, DB_FEED_HEARTBEAT };
 
 	(void)state;
-	for (unsigned set = 0; set < 3; set++) {
-		for (unsigned by = 0; by < 3; by++) {
+	for (unsigned set = 0; set < 4; set++) {
+		for (unsigned by = 0; by < 4; by++) {
 			struct db_watchdog watchdog;
 
 			db_watchdog_init(&watchdog, 500, KINDS[set]);
 			db_watchdog_arm(&watchdog, 0);
-			db_watchdog_feed(&watchdog, KINDS[by], 100 * MS);
+			db_watchdog_feed(&watchdog, KINDS[by], 1, 100 * MS);
 			assert_int_equal(db_watchdog_deadline(&watchdog),
 			                 (by >= set ? 600 : 500) * MS);
 		}
 	}
+}
+
+/* Their reads count, from the first motion on, until their connection ends. */
+static void who_commands_feeds_by_reading(void **state)
+{
+	struct db_watchdog watchdog;
+
+	(void)state;
+	db_watchdog_init(&watchdog, 500, DB_FEED_COMMANDERS);
+	db_watchdog_commanded(&watchdog, 1);
+	db_watchdog_arm(&watchdog, 0);
+	/* That was before; and 0 is nobody. */
+	assert_false(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 1, 10 * MS));
+	db_watchdog_commanded(&watchdog, 0);
+	assert_false(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 0, 10 * MS));
+	db_watchdog_commanded(&watchdog, 1);
+	db_watchdog_commanded(&watchdog, 1);
+	assert_true(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 1, 100 * MS));
+	assert_false(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 2, 200 * MS));
+	assert_int_equal(db_watchdog_deadline(&watchdog), 600 * MS);
+	assert_true(db_watchdog_feed(&watchdog, DB_FEED_WRITES, 2, 200 * MS));
+	/* Another motion changes nothing of it. */
+	db_watchdog_arm(&watchdog, 300 * MS);
+	assert_true(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 1, 400 * MS));
+	for (uint32_t client = 2; client < 1 + DB_WATCHDOG_COMMANDERS; client++)
+		db_watchdog_commanded(&watchdog, client);
+	assert_true(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 1, 400 * MS));
+	db_watchdog_commanded(&watchdog, 99);
+	assert_false(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 1, 400 * MS));
+	assert_true(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 99, 400 * MS));
+	db_watchdog_forget(&watchdog, 99);
+	assert_false(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 99, 400 * MS));
+}
+
+/* A request that waited in a buffer tells of the time before. */
+static void an_older_sign_of_life_undoes_no_younger_one(void **state)
+{
+	struct db_watchdog watchdog;
+
+	(void)state;
+	db_watchdog_init(&watchdog, 500, DB_FEED_REQUESTS);
+	db_watchdog_arm(&watchdog, 1000 * MS);
+	db_watchdog_feed(&watchdog, DB_FEED_WRITES, 1, 700 * MS);
+	db_watchdog_arm(&watchdog, 700 * MS);
+	db_watchdog_set(&watchdog, 400, 700 * MS);
+	assert_int_equal(db_watchdog_deadline(&watchdog), 1400 * MS);
+	db_watchdog_reset(&watchdog);
+	/* Nobody has been heard since its motion was asked for. */
+	db_watchdog_arm(&watchdog, 600 * MS);
+	assert_int_equal(db_watchdog_deadline(&watchdog), 1000 * MS);
 }
 
 /* What an I/O scanner repeats by itself is no sign of life. */
@@ -92,7 +142,7 @@ static void only_the_heartbeat_feeds_when_it_is_asked_for(void **state)
 	db_watchdog_arm(&watchdog, 100 * MS);
 	db_watchdog_set(&watchdog, 500, 200 * MS);
 	assert_int_equal(db_watchdog_deadline(&watchdog), 500 * MS);
-	db_watchdog_feed(&watchdog, DB_FEED_HEARTBEAT, 300 * MS);
+	db_watchdog_feed(&watchdog, DB_FEED_HEARTBEAT, 1, 300 * MS);
 	assert_int_equal(db_watchdog_deadline(&watchdog), 800 * MS);
 	/* A new time counts from now. */
 	db_watchdog_set(&watchdog, 100, 400 * MS);
@@ -144,6 +194,8 @@ int main(void)
 		cmocka_unit_test(requests_keep_it_quiet_and_silence_trips_it_once),
 		cmocka_unit_test(zero_turns_it_off),
 		cmocka_unit_test(each_kind_of_feeding_includes_the_stricter_ones),
+		cmocka_unit_test(who_commands_feeds_by_reading),
+		cmocka_unit_test(an_older_sign_of_life_undoes_no_younger_one),
 		cmocka_unit_test(only_the_heartbeat_feeds_when_it_is_asked_for),
 		cmocka_unit_test(other_feeding_goes_by_every_motion_and_setting),
 		cmocka_unit_test(a_heart_beats_when_one_client_changes_its_value),

@@ -34,6 +34,8 @@ static const struct {
 	{ DB_RESULT_FAILED, 15, "failed", 0x04 },
 	{ DB_RESULT_RATE_LIMITED, 16, "rate_limited", 0x04 },
 	{ DB_RESULT_NOT_IN_CONTROL, 17, "not_in_control", 0x06 },
+	{ DB_RESULT_UNPROVEN, 18, "unproven", 0x00 },
+	{ DB_RESULT_RUNS_ON, 19, "runs_on", 0x04 },
 };
 
 static void every_code_is_listed(void **state)
@@ -50,6 +52,14 @@ static void numbers_names_exceptions(void **state)
 		assert_string_equal(db_result_name(rows[i].result), rows[i].name);
 		assert_int_equal(db_result_exception(rows[i].result), rows[i].exception);
 	}
+}
+
+static void success_is_proven_or_not(void **state)
+{
+	(void)state;
+	for (int i = 0; i < DB_RESULT_COUNT; i++)
+		assert_int_equal(db_result_is_success((enum db_result)i),
+		                 i == DB_RESULT_OK || i == DB_RESULT_UNPROVEN);
 }
 
 static void names_are_distinct(void **state)
@@ -77,6 +87,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(every_code_is_listed),
 		cmocka_unit_test(numbers_names_exceptions),
+		cmocka_unit_test(success_is_proven_or_not),
 		cmocka_unit_test(names_are_distinct),
 		cmocka_unit_test(outside_the_enum),
 	};

@@ -1090,10 +1090,11 @@ static void faults_behind_a_right_checksum(void **state)
 		  "\x00\x44\xFE",
 		  7, VSMD_ERR_SYNTAX },                                 /* code 4 */
 		{ "\xFF\x01\x01\x1F\x00\x1F\xFE", 7, VSMD_ERR_SYNTAX }, /* control characters */
-		{ "\xFF\x01\x01\x0A\x00\x0A\xFE", 7, VSMD_ERR_SYNTAX },
-		{ "\xFF\x01\x01\x00\x00\x00\xFE", 7, VSMD_ERR_SYNTAX },
+		{ "\xFF\x01\x01\x0A\x00\x0A\xFE", 7,
+		  VSMD_OK }, /* a line end and a NUL are blanks */
+		{ "\xFF\x01\x01\x00\x00\x00\xFE", 7, VSMD_OK },
 		{ "\xFF\x01\x01\x7F\x00\x7F\xFE", 7, VSMD_ERR_SYNTAX },
-		{ "\xFF\x01\x03\x09\x00\x0B\xFE", 7, VSMD_ERR_SYNTAX },
+		{ "\xFF\x01\x03\x08\x00\x0A\xFE", 7, VSMD_ERR_SYNTAX },
 		{ "\xFF\x01\x01\xFE", 4, VSMD_ERR_SYNTAX },
 		{ "\xFF\xFE", 2, VSMD_ERR_SYNTAX },
 		{ "\xFF", 1, VSMD_ERR_SYNTAX },
@@ -1148,7 +1149,7 @@ static void encoders_refuse(void **state)
 	                 VSMD_ERR_RANGE);
 	assert_int_equal(vsmd_serial_encode_text(1, VSMD_REPLY_PARAMS, "\x80", 1, frame, 9),
 	                 VSMD_ERR_RANGE);
-	assert_int_equal(vsmd_serial_encode_text(1, VSMD_REPLY_PARAMS, "\n", 1, frame, 9),
+	assert_int_equal(vsmd_serial_encode_text(1, VSMD_REPLY_PARAMS, "\x01", 1, frame, 9),
 	                 VSMD_ERR_RANGE);
 	/* What cut() would throw away is not built either. */
 	assert_int_equal(vsmd_serial_encode_text(1, VSMD_REPLY_PARAMS, many,
@@ -1225,7 +1226,7 @@ static void walks_parameters(void **state)
 	static const char text[] =
 		"  bdr=9600 cid=2.00 spd=12800.00 acc=12800 dmd=1 sds=0.5 zsp=-7.0 "
 		"crn=0.8 cra= garbage =5 dec=abc mcs=1.5 cid=70000 crh==1 BDR=1 "
-		"zsp=99999999999 spd=1e3 res=500 dar=10 ";
+		"zsp=99999999999 spd=1e3x res=500 dar=10 ";
 	static const struct {
 		int result;
 		enum vsmd_param param;
@@ -1268,6 +1269,63 @@ static void walks_parameters(void **state)
 	assert_int_equal(vsmd_serial_next_param(text, strlen(text), &cursor, &setting), 0);
 	cursor = 0;
 	assert_int_equal(vsmd_serial_next_param("   ", 3, &cursor, &setting), 0);
+}
+
+/* Drives print numbers, quotation marks and line ends as they like. */
+static void walks_parameters_of_other_habits(void **state)
+{
+	static const char text[] = "\"bdr=\"9600\"\r\nacc=1.92e+08 spd=-6.4E3\tcrn=8e-1 cid=2.0e0 "
+				   "mcs=1.5e0 zsp=1e99 zsd=1e crh=e5 pae=1\"\r\n";
+	static const struct {
+		int result;
+		enum vsmd_param param;
+		double number;
+	} rows[] = {
+		{ 1, VSMD_BDR, 9600 },
+		{ 1, VSMD_ACC, 192000000 },
+		{ 1, VSMD_SPD, -6400 },
+		{ 1, VSMD_CRN, 0.8 },
+		{ 1, VSMD_CID, 2 },
+		{ 2, 0, 0 },
+		{ 2, 0, 0 },
+		{ 2, 0, 0 },
+		{ 2, 0, 0 },
+		{ 1, VSMD_PAE, 1 },
+	};
+	struct vsmd_setting setting;
+	size_t cursor = 0;
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(rows); i++) {
+		int result = vsmd_serial_next_param(text, sizeof text, &cursor, &setting);
+
+		if (result != rows[i].result)
+			fail_msg("row %zu: %d", i, result);
+		if (result == 1)
+			assert_setting(&setting, rows[i].param, rows[i].number);
+	}
+	/* The NUL at the end is a blank, too. */
+	assert_int_equal(vsmd_serial_next_param(text, sizeof text, &cursor, &setting), 0);
+}
+
+static void a_text_ends_before_its_blanks(void **state)
+{
+	static const char *const ends[] = { "\0", "\r", "\n", "\t", " " };
+	uint8_t frame[32];
+	struct vsmd_reply reply;
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(ends); i++) {
+		char text[4] = "A B";
+		int length;
+
+		text[3] = ends[i][0];
+		length = vsmd_serial_encode_text(1, VSMD_REPLY_IDENTITY, text, 4, frame,
+		                                 sizeof frame);
+		assert_int_equal(length, 10);
+		assert_int_equal(vsmd_serial_decode_reply(frame, (size_t)length, &reply), VSMD_OK);
+		assert_int_equal(reply.text_length, 3);
+	}
 }
 
 static void formats_all_parameters(void **state)
@@ -1425,6 +1483,8 @@ int main(void)
 		cmocka_unit_test(every_split_of_a_frame),
 		cmocka_unit_test(over_long_frames),
 		cmocka_unit_test(walks_parameters),
+		cmocka_unit_test(walks_parameters_of_other_habits),
+		cmocka_unit_test(a_text_ends_before_its_blanks),
 		cmocka_unit_test(formats_all_parameters),
 		cmocka_unit_test(floats_are_short_and_plain),
 		cmocka_unit_test(floats_read_back_equal),

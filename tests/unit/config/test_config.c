@@ -127,6 +127,24 @@ static const struct wrong_case WRONG[] = {
 	{ "bus b {\n device = /dev//x\n}\n", 2, "quotes" },
 	{ "include(\"x\")\n", 1, "'(' cannot stand here" },
 	{ "bus b {\n bus c {\n}\n}\n", 2, "expected = after the key" },
+	/* Word processors, other languages, other countries. */
+	{ "modbus {\n allow-read = [\"::1\"]\n}\n", 2, "braces, not in brackets" },
+	{ "modbus {\n allow-read = [::1]\n}\n", 2, "braces, not in brackets" },
+	{ "modbus {\n allow-read = \"::1\", \"::2\"\n}\n", 2, "write them in braces" },
+	{ "drive d {\n counts-per-unit = 640,5\n}\n", 2, "write 640.5" },
+	{ "modbus {\n\xC2\xA0listen = 1\n}\n", 2, "non-breaking space" },
+	{ "modbus {\n confirm-ms\xC2\xA0= 40\n}\n", 2, "non-breaking space" },
+	{ "modbus {\n listen = \xE2\x80\x9C"
+	  "1.2.3.4:5\xE2\x80\x9D\n}\n",
+	  2, "plain quotes" },
+	{ "drive d {\n min-position = \xE2\x88\x92"
+	  "5\n}\n",
+	  2, "minus" },
+	{ "\xEF\xBB\xBFmodbus {\n}\n", 1, "UTF-8 without byte order mark" },
+	/* The end. */
+	{ "modbus {\n}\nend\nbus b {\n}\n", 3, "move it to the last line" },
+	{ "end {\n}\n", 1, "move it to the last line" },
+	{ "end = 1\n", 1, "outside of a section" },
 	/* Sections and names. */
 	{ "\n\nbuss b {\n}\n", 3, "unknown section 'buss'" },
 	{ "confirm-ms = 4\n", 1, "outside of a section" },
@@ -389,7 +407,7 @@ static void test_defaults_of_bus_and_drive(void **state)
 	assert_int_equal(bus->parity, DB_PARITY_NONE);
 	assert_int_equal(bus->stop_bits, 1);
 	assert_int_equal(bus->line, DB_LINE_RS485);
-	assert_int_equal(bus->cycle_ms, 20);
+	assert_int_equal(bus->cycle_ms, 50);
 	assert_int_equal(bus->drive_latency_ms, 30);
 	assert_int_equal(bus->retries, 2);
 	assert_int_equal(bus->queue, 32);
@@ -409,7 +427,7 @@ static void test_defaults_of_bus_and_drive(void **state)
 	assert_int_equal(drive->on_client_loss, DB_ON_LOSS_STOP);
 	assert_int_equal(drive->on_exit, DB_ON_LOSS_STOP);
 	assert_int_equal(drive->watchdog_ms, 3000);
-	assert_int_equal(drive->watchdog_feed, DB_FEED_REQUESTS);
+	assert_int_equal(drive->watchdog_feed, DB_FEED_COMMANDERS);
 	done(&loaded);
 }
 
@@ -728,8 +746,8 @@ static void test_describe(void **state)
 		"/dev/ttyX, serial, rs485, 115200 baud",
 		"20 ms; one status exchange ",
 		"2 drives",
-		"watchdog off, fed by requests\n",
-		"watchdog 3000 ms, fed by heartbeat\n",
+		"watchdog off, fed by commanders, reaction-ms 250 ms, ",
+		"watchdog 3000 ms, fed by heartbeat, reaction-ms 250 ms, ",
 		"drive d2: unit 2, address 2, 640 counts per mm, on-client-loss quick-stop, on-exit disable",
 	};
 	struct loaded loaded = load_good(
@@ -935,6 +953,92 @@ static void test_default_file_is_complete(void **state)
 	free(text);
 }
 
+/* ---- defaults, and all values as a file ---- */
+
+static void defaults_fit_the_usual_speed_of_every_family(void **state)
+{
+	(void)state;
+	for (size_t i = 0; db_drivers[i]; i++) {
+		bool can = db_drivers[i]->medium == DB_MEDIUM_CAN;
+		struct loaded loaded;
+		char text[256];
+
+		snprintf(text, sizeof(text),
+		         "bus b {\n protocol = %s\n %s\n}\n"
+		         "drive d {\n bus = b\n address = 1\n unit = 1\n}\n",
+		         db_drivers[i]->name, can ? "interface = can0" : "device = /dev/ttyX");
+		loaded = load_good(text);
+		if (strstr(loaded.messages, "cycle") || strstr(loaded.messages, "confirm-ms"))
+			fail_msg("%s: %s", db_drivers[i]->name, loaded.messages);
+		assert_in_range(loaded.config->buses[0].cycle_ms, 20, 500);
+		assert_int_equal(loaded.config->modbus.confirm_ms, 40);
+		done(&loaded);
+	}
+}
+
+static void expect_same(const struct db_config *a, const struct db_config *b)
+{
+	assert_true(db_config_same_modbus(a, b));
+	assert_int_equal(a->bus_count, b->bus_count);
+	assert_int_equal(a->drive_count, b->drive_count);
+	for (size_t i = 0; i < a->bus_count; i++)
+		assert_true(db_config_same_bus(&a->buses[i], &b->buses[i]));
+	for (size_t i = 0; i < a->drive_count; i++)
+		assert_true(db_config_same_drive(a, &a->drives[i], b, &b->drives[i]));
+}
+
+static void what_is_written_reads_the_same(void **state)
+{
+	static const char *const FILES[] = { "drivebridge.conf", "demo.conf",
+		                             "examples/vsmd-can.conf", "examples/xyza.conf",
+		                             "examples/servo-can.conf" };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(FILES) / sizeof(FILES[0]); i++) {
+		char *text = read_shipped(FILES[i]), *again = NULL;
+		struct loaded first, second;
+		size_t size;
+		FILE *out = open_memstream(&again, &size);
+
+		assert_non_null(out);
+		if (i == 0)
+			uncomment(text);
+		first = load_good(text);
+		db_config_write(first.config, out);
+		fclose(out);
+		second = load_good(again);
+		expect_same(first.config, second.config);
+		assert_true(second.config->sources[0].ended);
+		if (i == 0)
+			assert_non_null(strstr(again, "max-velocity = \"50\"\n"));
+		free(text);
+		free(again);
+		done(&first);
+		done(&second);
+	}
+}
+
+static void many_mistakes_are_counted(void **state)
+{
+	char *text = NULL;
+	size_t size;
+	FILE *out = open_memstream(&text, &size);
+	struct loaded loaded;
+
+	(void)state;
+	assert_non_null(out);
+	fputs(BUS, out);
+	for (unsigned i = 0; i < 400; i++)
+		fprintf(out, "drive d%u {\n bus = b\n address = 99\n unit = 1\n}\n", i);
+	fclose(out);
+	loaded = load(text);
+	assert_int_equal(loaded.result, -1);
+	assert_int_equal(count_lines(loaded.messages), 21);
+	assert_non_null(strstr(loaded.messages, " more errors; mend these first\n"));
+	free(text);
+	done(&loaded);
+}
+
 /* ---- values ---- */
 
 static void test_cpus(void **state)
@@ -1042,6 +1146,9 @@ int main(void)
 		cmocka_unit_test(test_describe),
 		cmocka_unit_test(test_shipped_files),
 		cmocka_unit_test(test_default_file_is_complete),
+		cmocka_unit_test(defaults_fit_the_usual_speed_of_every_family),
+		cmocka_unit_test(what_is_written_reads_the_same),
+		cmocka_unit_test(many_mistakes_are_counted),
 		cmocka_unit_test(test_cpus),
 		cmocka_unit_test(test_networks),
 	};

@@ -577,7 +577,7 @@ static void test_describe(void **state)
 	static const char *const EXPECTED[] = {
 		"  interface     can0, socketcan, 100000 bit/s\n",
 		"  options       frames standard, host-id 1, report-ms not set\n",
-		"watchdog 3000 ms, fed by requests, scale -2 V, base 0x580\n    refused with these settings: move_absolute, home\n",
+		"watchdog 3000 ms, fed by commanders, scale -2 V, base 0x580\n    refused with these settings: move_absolute, home\n",
 		"  drive e: unit 2, address 2, 1 counts per counts",
 		"scale 0.5 V, base 0x10\nbus s",
 		"  device        /dev/ttyB, slcan, 1000000 bit/s, adapter at 115200 baud\n",

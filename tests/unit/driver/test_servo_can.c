@@ -272,17 +272,59 @@ static struct db_args to(int32_t position)
 	return (struct db_args){ .target_position = position };
 }
 
-/* The speed mode is selected by a first move. */
-static void run(struct fixture *f, float rpm)
+/* The speed mode is selected by a first move, what may have been left in it is cleared. */
+static void select_speed(struct fixture *f, float rpm, int16_t now)
 {
 	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(rpm)), "145#00");
-	assert_string_equal(tell(f, 0, 0, ON | STILL), "045#0001000000");
+	assert_string_equal(tell(f, 0, now, ON | STILL), "065#010000");
+	assert_string_equal(answer(f, "006#040000"), "045#0001000000");
 	assert_string_equal(answer(f, "006#02"), f->said);
 	assert_memory_equal(f->said, "065#01", 6);
-	assert_string_equal(answer(f, "006#040000"), "=ok");
+}
+
+/* Behind the acknowledgement a read shows that it begins. */
+static void run(struct fixture *f, float rpm)
+{
+	select_speed(f, rpm, 0);
+	assert_string_equal(answer(f, "006#040000"), "145#00");
+	assert_string_equal(tell(f, 0, rpm > 0 ? 2 : -2, ON), "=ok");
+}
+
+static void select_current(struct fixture *f, float amperes)
+{
+	assert_string_equal(command(f, DB_CMD_MOVE_CURRENT, current(amperes)), "145#00");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "065#020000");
+	assert_string_equal(answer(f, "006#050000"), "045#0002000000");
+	assert_string_equal(answer(f, "006#02"), f->said);
+	assert_memory_equal(f->said, "065#02", 6);
+}
+
+/* All three parts of an answer, with a current in 0.1 A. */
+static const char *tell_current(struct fixture *f, int16_t steps)
+{
+	char text[32];
+
+	assert_string_equal(answer(f, "165#00000000"), "more");
+	snprintf(text, sizeof text, "185#0000%04X", (unsigned)(uint16_t)steps);
+	assert_string_equal(answer(f, text), "more");
+	return answer(f, "1A5#00050000");
 }
 
 /* --- power --------------------------------------------------------------------------------------- */
+
+/* What another program may have left in the drive is cleared before its motor gets power, and the
+ * demand is brought to where it stands. */
+static void say_enable(struct fixture *f, int32_t position)
+{
+	char text[32];
+
+	snprintf(text, sizeof text, "085#%08X", (unsigned)position);
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, position, 0, STILL), "065#010000");
+	assert_string_equal(answer(f, "006#040000"), "065#020000");
+	assert_string_equal(answer(f, "006#050000"), text);
+	assert_string_equal(answer(f, "006#06"), "025#000A");
+}
 
 static void enable_is_acknowledged_and_then_seen(void **unused)
 {
@@ -290,12 +332,28 @@ static void enable_is_acknowledged_and_then_seen(void **unused)
 
 	(void)unused;
 	assert_string_equal(state(f), "Disabled");
-	assert_string_equal(plain(f, DB_CMD_ENABLE), "025#000A");
+	say_enable(f, 700);
 	assert_string_equal(answer(f, "006#01"), "145#00");
-	assert_string_equal(tell(f, 0, 0, 0), "145#00");
-	assert_string_equal(tell(f, 0, 0, ON | STILL), "=ok");
+	assert_string_equal(tell(f, 700, 0, 0), "145#00");
+	assert_string_equal(tell(f, 700, 0, ON | STILL), "=ok");
 	assert_string_equal(state(f), "Standstill");
 	assert_true(feedback(f).status & DB_STATUS_ENABLED);
+	drop(f);
+}
+
+/* Some drives do not answer a speed or current that their mode has no use for. */
+static void enabling_does_not_need_an_answer_to_what_is_cleared(void **unused)
+{
+	struct fixture *f = make_on(0);
+
+	(void)unused;
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 5, 0, STILL), "065#010000");
+	assert_false(f->exchange.repeatable);
+	assert_string_equal(lost(f), "065#020000");
+	assert_string_equal(answer(f, "006#01"), "085#00000005");
+	/* But without the demand at the position the motor could jump. */
+	assert_string_equal(lost(f), "=timeout");
 	drop(f);
 }
 
@@ -304,7 +362,7 @@ static void power_that_does_not_follow_is_a_failure(void **unused)
 	struct fixture *f = make_on(0);
 
 	(void)unused;
-	assert_string_equal(plain(f, DB_CMD_ENABLE), "025#000A");
+	say_enable(f, 0);
 	assert_string_equal(answer(f, "006#01"), "145#00");
 	f->now += 201 * MS;
 	assert_string_equal(tell(f, 0, 0, 0), "=failed");
@@ -345,7 +403,7 @@ static void other_acknowledgements_are_refusals(void **unused)
 	for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
 		struct fixture *f = make_on(0);
 
-		assert_string_equal(plain(f, DB_CMD_ENABLE), "025#000A");
+		say_enable(f, 0);
 		assert_string_equal(answer(f, "165#00000000"), "ignored");
 		assert_string_equal(answer(f, "1C5#00000000"), "ignored");
 		assert_string_equal(answer(f, wrong[i]), "=refused");
@@ -359,7 +417,7 @@ static void a_lost_enable_is_indeterminate(void **unused)
 	struct fixture *f = make_on(0);
 
 	(void)unused;
-	assert_string_equal(plain(f, DB_CMD_ENABLE), "025#000A");
+	say_enable(f, 0);
 	assert_true(f->exchange.repeatable);
 	assert_string_equal(lost(f), "=indeterminate");
 	drop(f);
@@ -375,12 +433,14 @@ static void enabling_clears_an_old_speed(void **unused)
 	assert_string_equal(plain(f, DB_CMD_DISABLE), "025#0001");
 	assert_string_equal(answer(f, "006#01"), "145#00");
 	assert_string_equal(tell(f, 0, 0, 0), "=ok");
-	assert_string_equal(plain(f, DB_CMD_ENABLE), "065#010000");
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "065#010000");
 	assert_string_equal(answer(f, "006#040000"), "025#000A");
 	assert_string_equal(answer(f, "006#01"), "145#00");
 	assert_string_equal(tell(f, 0, 0, ON | STILL), "=ok");
-	/* Once is enough, and a drive that has power is left alone. */
-	assert_string_equal(plain(f, DB_CMD_ENABLE), "025#000A");
+	/* A drive that has power is left alone. */
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "025#000A");
 	drop(f);
 }
 
@@ -392,9 +452,26 @@ static void an_old_speed_outlives_the_mode(void **unused)
 	run(f, -3);
 	driver->gone(f->device);
 	poll(f, 0, 0, STILL);
-	assert_string_equal(plain(f, DB_CMD_ENABLE), "045#0001000000");
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "045#0001000000");
 	assert_string_equal(answer(f, "006#02"), "065#010000");
 	assert_string_equal(answer(f, "006#040000"), "025#000A");
+	drop(f);
+}
+
+/* The shaft may have been turned by hand, or its position set: it is held where it is. */
+static void enabling_in_position_mode_holds_the_place(void **unused)
+{
+	struct fixture *f = make();
+
+	(void)unused;
+	option(f, "allow-mode-change", 0);
+	option(f, "mode", 1);
+	switch_on(f);
+	poll(f, 900, 0, STILL);
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, -70000, 0, STILL), "085#FFFEEE90");
+	assert_string_equal(answer(f, "006#06"), "025#000A");
 	drop(f);
 }
 
@@ -405,19 +482,50 @@ static void first_speed_selects_the_mode(void **unused)
 	struct fixture *f = make_on(ON | STILL);
 
 	(void)unused;
-	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(-300)), "145#00");
-	assert_string_equal(tell(f, 0, 0, ON | STILL), "045#0001000000");
-	assert_string_equal(answer(f, "006#02"), "065#01FED4");
+	select_speed(f, -300, 0);
+	assert_string_equal(f->said, "065#01FED4");
 	/* The acknowledgement tells what is measured: not the same, and no reason to complain. */
-	assert_string_equal(answer(f, "006#040007"), "=ok");
+	assert_string_equal(answer(f, "006#040007"), "145#00");
+	assert_string_equal(tell(f, 0, -2, ON), "=ok");
 	assert_string_equal(state(f), "ContinuousMotion");
-	/* In the mode already: one frame. */
-	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(32767)), "065#017FFF");
+	/* In the mode already; is it allowed to go on? */
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(32767)), "145#00");
+	assert_string_equal(tell(f, 0, -300, ON), "065#017FFF");
 	assert_true(f->exchange.repeatable);
-	assert_string_equal(answer(f, "006#04FED4"), "=ok");
+	assert_string_equal(answer(f, "006#04FED4"), "145#00");
+	assert_string_equal(tell(f, 0, -200, ON), "=ok");
 	poll(f, -5, -300, ON);
 	assert_true(feedback(f).velocity == -300.0f);
 	assert_true(feedback(f).status & DB_STATUS_MOVING);
+	drop(f);
+}
+
+/* Nothing reads a setpoint back: where the motor does not show it, it is not claimed. */
+static void a_speed_that_does_not_show_is_unproven(void **unused)
+{
+	struct fixture *f = make_on(ON | STILL);
+
+	(void)unused;
+	select_speed(f, 300, 0);
+	assert_string_equal(answer(f, "006#040000"), "145#00");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "145#00");
+	/* Trembling is no motion. */
+	assert_string_equal(tell(f, 0, 1, ON | STILL), "145#00");
+	f->now += 201 * MS;
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "=unproven");
+	/* It is to run all the same. */
+	assert_string_equal(state(f), "ContinuousMotion");
+	drop(f);
+}
+
+static void a_motor_that_lost_its_power_does_not_run(void **unused)
+{
+	struct fixture *f = make_on(ON | STILL);
+
+	(void)unused;
+	select_speed(f, 300, 0);
+	assert_string_equal(answer(f, "006#040000"), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "=failed");
 	drop(f);
 }
 
@@ -426,11 +534,13 @@ static void current_has_its_own_mode(void **unused)
 	struct fixture *f = make_on(ON | STILL);
 
 	(void)unused;
-	assert_string_equal(command(f, DB_CMD_MOVE_CURRENT, current(-1.25f)), "145#00");
-	assert_string_equal(tell(f, 0, 0, ON | STILL), "045#0002000000");
-	assert_string_equal(answer(f, "006#02"), "065#02FFF4");
-	assert_string_equal(answer(f, "006#050000"), "=ok");
-	assert_string_equal(command(f, DB_CMD_MOVE_CURRENT, current(2)), "065#020014");
+	select_current(f, -1.25f);
+	assert_string_equal(f->said, "065#02FFF4");
+	assert_string_equal(answer(f, "006#050000"), "145#00");
+	assert_string_equal(tell_current(f, 0), "145#00");
+	assert_string_equal(tell_current(f, -11), "=ok");
+	assert_string_equal(command(f, DB_CMD_MOVE_CURRENT, current(2)), "145#00");
+	assert_string_equal(tell_current(f, -12), "065#020014");
 	/* The acknowledgement of a speed is not one of a current. */
 	assert_string_equal(answer(f, "006#040000"), "=refused");
 	drop(f);
@@ -445,7 +555,8 @@ static void torque_direction_goes_with_every_mode(void **unused)
 	switch_on(f);
 	poll(f, 0, 0, ON | STILL);
 	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(1)), "145#00");
-	assert_string_equal(tell(f, 0, 0, ON | STILL), "045#0011000000");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "065#010000");
+	assert_string_equal(answer(f, "006#040000"), "045#0011000000");
 	drop(f);
 }
 
@@ -464,7 +575,8 @@ static void modes_change_only_at_rest(void **unused)
 	assert_string_equal(plain(f, DB_CMD_STOP), "065#010000");
 	assert_string_equal(answer(f, "006#040000"), "=ok");
 	assert_string_equal(command(f, DB_CMD_MOVE_CURRENT, current(1)), "145#00");
-	assert_string_equal(tell(f, 0, 0, ON | STILL), "045#0002000000");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "065#020000");
+	assert_string_equal(answer(f, "006#050000"), "045#0002000000");
 	drop(f);
 }
 
@@ -474,7 +586,8 @@ static void the_mode_counts_when_acknowledged(void **unused)
 
 	(void)unused;
 	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(10)), "145#00");
-	assert_string_equal(tell(f, 0, 0, ON | STILL), "045#0001000000");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "065#010000");
+	assert_string_equal(answer(f, "006#040000"), "045#0001000000");
 	assert_string_equal(lost(f), "=timeout");
 	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(10)), "145#00");
 	assert_string_equal(tell(f, 0, 0, ON | STILL), "045#0001000000");
@@ -493,8 +606,11 @@ static void without_power_nothing_is_staged(void **unused)
 	(void)unused;
 	run(f, 10);
 	poll(f, 0, 0, STILL);
-	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(10)), "=refused");
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(10)), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "=refused");
 	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(0)), "065#010000");
+	assert_string_equal(answer(f, "006#040000"), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "=ok");
 	drop(f);
 }
 
@@ -513,11 +629,12 @@ static void a_bridge_that_may_not_change_modes(void **unused)
 	assert_int_equal(driver->check(&f->bus, &f->drive, DB_CMD_MOVE_CURRENT, &args),
 	                 DB_RESULT_UNSUPPORTED);
 	switch_on(f);
-	poll(f, 0, 0, ON | STILL);
-	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, args), "065#01000A");
-	driver->gone(f->device);
-	poll(f, 0, 0, ON | STILL);
-	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, args), "065#01000A");
+	for (int i = 0; i < 2; i++) {
+		poll(f, 0, 0, ON | STILL);
+		assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, args), "145#00");
+		assert_string_equal(tell(f, 0, 0, ON | STILL), "065#01000A");
+		driver->gone(f->device);
+	}
 	drop(f);
 }
 
@@ -543,10 +660,10 @@ static void stop_in_current_mode_is_current_0(void **unused)
 	struct fixture *f = make_on(ON | STILL);
 
 	(void)unused;
-	assert_string_equal(command(f, DB_CMD_MOVE_CURRENT, current(1)), "145#00");
-	assert_string_equal(tell(f, 0, 0, ON | STILL), "045#0002000000");
-	assert_string_equal(answer(f, "006#02"), "065#02000A");
-	assert_string_equal(answer(f, "006#050000"), "=ok");
+	select_current(f, 1);
+	assert_string_equal(f->said, "065#02000A");
+	assert_string_equal(answer(f, "006#050000"), "145#00");
+	assert_string_equal(tell_current(f, 10), "=ok");
 	assert_string_equal(plain(f, DB_CMD_QUICK_STOP), "065#020000");
 	assert_string_equal(answer(f, "006#050000"), "=ok");
 	drop(f);
@@ -577,22 +694,57 @@ static void stop_in_an_unknown_mode_takes_the_power(void **unused)
 	drop(f);
 }
 
+/* The zero speed bit of many drives has a threshold: 20 rpm is a motion. */
+static void a_slow_motor_moves(void **unused)
+{
+	struct fixture *f = make_on(ON | STILL);
+
+	(void)unused;
+	poll(f, 0, 20, ON | STILL);
+	assert_true(feedback(f).status & DB_STATUS_MOVING);
+	assert_string_equal(state(f), "ContinuousMotion");
+	/* One that trembles while it is held stands; but not when it is told to run so slowly. */
+	poll(f, 0, -1, ON | STILL);
+	assert_false(feedback(f).status & DB_STATUS_MOVING);
+	poll(f, 0, -1, ON);
+	assert_true(feedback(f).status & DB_STATUS_MOVING);
+	run(f, 3);
+	poll(f, 0, 1, ON | STILL);
+	assert_true(feedback(f).status & DB_STATUS_MOVING);
+	drop(f);
+}
+
 /* --- position moves -------------------------------------------------------------------------------- */
 
-/* From where a move begins to its end as a command: CTRG is up. */
-static void start_move(struct fixture *f, int32_t target)
+/* From where a move begins to the rise of CTRG. The mode is changed at the place where it stands. */
+static void raise_ctrg(struct fixture *f, int32_t target)
 {
 	char text[32];
 
 	snprintf(text, sizeof text, "085#%08X", (unsigned)target);
 	assert_string_equal(command(f, DB_CMD_MOVE_ABSOLUTE, to(target)), "145#00");
-	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "045#0000000000");
+	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "085#000003E8");
+	assert_string_equal(answer(f, "006#06"), "045#0000000000");
 	assert_string_equal(answer(f, "006#02"), "0A5#00000000");
 	assert_string_equal(answer(f, "006#07"), text);
 	assert_true(f->exchange.repeatable);
 	assert_string_equal(answer(f, "006#06"), "0A5#00080000");
 	assert_false(f->exchange.repeatable);
-	assert_string_equal(answer(f, "006#07"), "=ok");
+}
+
+/* To its end as a command: it is seen to get on. */
+static void start_move(struct fixture *f, int32_t target)
+{
+	raise_ctrg(f, target);
+	assert_string_equal(answer(f, "006#07"), "145#00");
+	assert_string_equal(tell(f,
+	                         1000 + (target > 1000 ? 2 :
+	                                 target < 1000 ? -2 :
+	                                                 0),
+	                         0, ON | STILL | THERE),
+	                    "=ok");
+	if (target == 1000)
+		return;
 	assert_string_equal(state(f), "DiscreteMotion");
 	assert_true(feedback(f).status & DB_STATUS_MOVING);
 	assert_true(feedback(f).has_target);
@@ -605,12 +757,14 @@ static void an_absolute_move(void **unused)
 
 	(void)unused;
 	start_move(f, -70000);
-	/* "Reached" is still of the last target. */
-	poll(f, 1000, 0, ON | STILL | THERE);
-	assert_string_equal(state(f), "DiscreteMotion");
 	poll(f, 0, -500, ON);
+	/* "Reached" may be of the last target, or of the reference's way: the motor is not there. */
+	poll(f, -60000, -500, ON | THERE);
+	assert_string_equal(state(f), "DiscreteMotion");
+	assert_false(feedback(f).status & DB_STATUS_AT_TARGET);
 	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
-	assert_string_equal(tell(f, -70000, 0, ON | STILL | THERE), "0A5#00000000");
+	/* And without it, it is. */
+	assert_string_equal(tell(f, -70000, 0, ON | STILL), "0A5#00000000");
 	assert_string_equal(answer(f, "006#07"), "=ok");
 	assert_string_equal(state(f), "Standstill");
 	assert_true(feedback(f).status & DB_STATUS_AT_TARGET);
@@ -621,15 +775,76 @@ static void an_absolute_move(void **unused)
 	drop(f);
 }
 
+/* Word 0 at the wrong byte, or a drive whose address 0x1070 is not 4: acknowledged, and nothing else. */
+static void a_move_without_motion_has_failed(void **unused)
+{
+	struct fixture *f = make_positioner();
+
+	(void)unused;
+	raise_ctrg(f, 5000);
+	assert_string_equal(answer(f, "006#07"), "145#00");
+	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "145#00");
+	assert_string_equal(tell(f, 1001, 0, ON | STILL | THERE), "145#00");
+	f->now += 201 * MS;
+	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "=failed");
+	assert_string_equal(state(f), "Standstill");
+	assert_false(feedback(f).status & DB_STATUS_AT_TARGET);
+	/* CTRG is dropped, so that the next one rises. */
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "0A5#00000000");
+	drop(f);
+}
+
+/* It got stuck on its way: it does not move any more, and is not there. */
+static void a_move_that_ends_elsewhere_is_not_there(void **unused)
+{
+	struct fixture *f = make_positioner();
+
+	(void)unused;
+	start_move(f, 5000);
+	poll(f, 3000, 0, ON | STILL | THERE);
+	assert_string_equal(state(f), "DiscreteMotion");
+	f->now += 200 * MS;
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 3000, 0, ON | STILL | THERE), "0A5#00000000");
+	assert_string_equal(state(f), "Standstill");
+	assert_true(feedback(f).has_target);
+	assert_false(feedback(f).status & DB_STATUS_AT_TARGET);
+	drop(f);
+}
+
+static void in_position_window_counts(void **unused)
+{
+	struct fixture *f = make();
+
+	(void)unused;
+	set_words(f);
+	f->drive.in_position_window = 0.5;
+	f->drive.counts_per_unit = 10;
+	switch_on(f);
+	poll(f, 1000, 0, ON | STILL);
+	raise_ctrg(f, 5000);
+	assert_string_equal(answer(f, "006#07"), "145#00");
+	/* As far off as counts as being there is no motion. */
+	assert_string_equal(tell(f, 1005, 0, ON | STILL | THERE), "145#00");
+	assert_string_equal(tell(f, 1006, 0, ON | STILL | THERE), "=ok");
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 4994, 0, ON | STILL), "=ok");
+	assert_string_equal(state(f), "DiscreteMotion");
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 4995, 0, ON | STILL), "0A5#00000000");
+	assert_true(feedback(f).status & DB_STATUS_AT_TARGET);
+	drop(f);
+}
+
 static void a_move_to_where_it_is_ends_too(void **unused)
 {
 	struct fixture *f = make_positioner();
 
 	(void)unused;
 	start_move(f, 1000);
-	poll(f, 1000, 0, ON | STILL | THERE);
-	assert_string_equal(state(f), "DiscreteMotion");
-	f->now += 200 * MS;
+	assert_string_equal(state(f), "Standstill");
+	assert_true(feedback(f).status & DB_STATUS_AT_TARGET);
 	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
 	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "0A5#00000000");
 	/* The drop was lost: the next poll drops it again. */
@@ -645,11 +860,13 @@ static void a_relative_move_counts_from_a_fresh_position(void **unused)
 
 	(void)unused;
 	assert_string_equal(command(f, DB_CMD_MOVE_RELATIVE, to(-20)), "145#00");
-	assert_string_equal(tell(f, 1010, 0, ON | STILL | THERE), "045#0000000000");
+	assert_string_equal(tell(f, 1010, 0, ON | STILL | THERE), "085#000003F2");
+	assert_string_equal(answer(f, "006#06"), "045#0000000000");
 	assert_string_equal(answer(f, "006#02"), "0A5#00000000");
 	assert_string_equal(answer(f, "006#07"), "085#000003DE"); /* 990 */
 	assert_string_equal(answer(f, "006#06"), "0A5#00080000");
-	assert_string_equal(answer(f, "006#07"), "=ok");
+	assert_string_equal(answer(f, "006#07"), "145#00");
+	assert_string_equal(tell(f, 1009, -9, ON), "=ok");
 	drop(f);
 }
 
@@ -658,11 +875,7 @@ static void a_lost_start_is_looked_up(void **unused)
 	struct fixture *f = make_positioner();
 
 	(void)unused;
-	assert_string_equal(command(f, DB_CMD_MOVE_RELATIVE, to(500)), "145#00");
-	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "045#0000000000");
-	assert_string_equal(answer(f, "006#02"), "0A5#00000000");
-	assert_string_equal(answer(f, "006#07"), "085#000005DC");
-	assert_string_equal(answer(f, "006#06"), "0A5#00080000");
+	raise_ctrg(f, 1500);
 	assert_string_equal(lost(f), "145#00");
 	assert_string_equal(tell(f, 1100, 300, ON), "=ok");
 	drop(f);
@@ -674,11 +887,7 @@ static void a_start_that_did_not_arrive_is_sent_again(void **unused)
 	struct fixture *f = make_positioner();
 
 	(void)unused;
-	assert_string_equal(command(f, DB_CMD_MOVE_RELATIVE, to(500)), "145#00");
-	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "045#0000000000");
-	assert_string_equal(answer(f, "006#02"), "0A5#00000000");
-	assert_string_equal(answer(f, "006#07"), "085#000005DC");
-	assert_string_equal(answer(f, "006#06"), "0A5#00080000");
+	raise_ctrg(f, 1500);
 	for (int i = 0; i < 2; i++) {
 		assert_string_equal(lost(f), "145#00");
 		assert_string_equal(tell(f, 1001, 0, ON | STILL | THERE), "0A5#00080000");
@@ -727,7 +936,8 @@ static void a_target_that_is_refused_moves_nothing(void **unused)
 
 	(void)unused;
 	assert_string_equal(command(f, DB_CMD_MOVE_ABSOLUTE, to(9)), "145#00");
-	assert_string_equal(tell(f, 1000, 0, ON | STILL), "045#0000000000");
+	assert_string_equal(tell(f, 1000, 0, ON | STILL), "085#000003E8");
+	assert_string_equal(answer(f, "006#06"), "045#0000000000");
 	assert_string_equal(answer(f, "006#02"), "0A5#00000000");
 	assert_string_equal(answer(f, "006#07"), "085#00000009");
 	assert_string_equal(answer(f, "006#03"), "=refused");
@@ -778,22 +988,65 @@ static void other_places_for_the_words(void **unused)
 	drop(f);
 }
 
+/* Eight bytes on the ids of speed and current, told apart by byte 0, and acknowledged by nothing. */
+static void words_that_nothing_acknowledges(void **unused)
+{
+	struct fixture *f = make();
+
+	(void)unused;
+	option(f, "command-word-base", 0x60);
+	option(f, "command-word-length", 8);
+	option(f, "command-word-0-at", 1);
+	option(f, "command-word-fixed", 0x030000000000 + 0xA1B2C3D4E5);
+	option(f, "command-word-ack", 0);
+	option(f, "allow-mode-change", 0);
+	option(f, "mode", 1);
+	switch_on(f);
+	poll(f, 0, 0, ON | STILL);
+	assert_string_equal(command(f, DB_CMD_MOVE_ABSOLUTE, to(9)), "145#00");
+	/* A read behind it shows that the drive was there. */
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "065#030000A1B2C3D4E5 145#00");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "085#00000009");
+	assert_string_equal(answer(f, "006#06"), "065#030008A1B2C3D4E5 145#00");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "145#00");
+	assert_string_equal(tell(f, 5, 10, ON), "=ok");
+	drop(f);
+}
+
 /* --- set_position -------------------------------------------------------------------------------- */
 
+/* Demand and position become the same, and a read shows it. */
 static void set_position(void **unused)
 {
 	struct fixture *f = make_on(STILL);
 
 	(void)unused;
 	assert_string_equal(command(f, DB_CMD_SET_POSITION, to(-2)), "145#00");
-	assert_string_equal(tell(f, 7, 0, STILL), "0E5#FFFFFFFE");
+	assert_string_equal(tell(f, 7, 0, STILL), "085#FFFFFFFE");
+	assert_string_equal(answer(f, "006#06"), "0E5#FFFFFFFE");
 	assert_false(f->exchange.repeatable);
-	assert_string_equal(answer(f, "006#09"), "=ok");
-	/* Held in an unknown mode, perhaps in position: it could jump. */
+	assert_string_equal(answer(f, "006#09"), "145#00");
+	assert_string_equal(tell(f, 7, 0, STILL), "145#00");
+	assert_string_equal(tell(f, -2, 0, STILL), "=ok");
+	/* Held in an unknown mode, perhaps in position: it could jump, and waiting does not help. */
 	assert_string_equal(command(f, DB_CMD_SET_POSITION, to(-2)), "145#00");
-	assert_string_equal(tell(f, 7, 0, ON | STILL), "=busy");
+	assert_string_equal(tell(f, 7, 0, ON | STILL), "=refused");
 	assert_string_equal(command(f, DB_CMD_SET_POSITION, to(-2)), "145#00");
 	assert_string_equal(tell(f, 7, 20, 0), "=busy");
+	drop(f);
+}
+
+static void a_position_that_is_not_taken_is_a_failure(void **unused)
+{
+	struct fixture *f = make_on(STILL);
+
+	(void)unused;
+	assert_string_equal(command(f, DB_CMD_SET_POSITION, to(100)), "145#00");
+	assert_string_equal(tell(f, 7, 0, STILL), "085#00000064");
+	assert_string_equal(answer(f, "006#06"), "0E5#00000064");
+	assert_string_equal(answer(f, "006#09"), "145#00");
+	f->now += 201 * MS;
+	assert_string_equal(tell(f, 7, 0, STILL), "=failed");
 	drop(f);
 }
 
@@ -803,11 +1056,13 @@ static void a_lost_set_position_is_looked_up(void **unused)
 
 	(void)unused;
 	assert_string_equal(command(f, DB_CMD_SET_POSITION, to(100)), "145#00");
-	assert_string_equal(tell(f, 7, 0, STILL), "0E5#00000064");
+	assert_string_equal(tell(f, 7, 0, STILL), "085#00000064");
+	assert_string_equal(answer(f, "006#06"), "0E5#00000064");
 	assert_string_equal(lost(f), "145#00");
 	assert_string_equal(tell(f, 100, 0, STILL), "=ok");
 	assert_string_equal(command(f, DB_CMD_SET_POSITION, to(0)), "145#00");
-	assert_string_equal(tell(f, 100, 0, STILL), "0E5#00000000");
+	assert_string_equal(tell(f, 100, 0, STILL), "085#00000000");
+	assert_string_equal(answer(f, "006#06"), "0E5#00000000");
 	assert_string_equal(lost(f), "145#00");
 	assert_string_equal(tell(f, 100, 0, STILL), "0E5#00000000");
 	assert_string_equal(lost(f), "145#00");
@@ -826,11 +1081,16 @@ static void staged_speeds_begin_together(void **unused)
 	set_words(f);
 	switch_on(f);
 	poll(f, 0, 0, ON | STILL);
-	run(f, 50);
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(50)), "145#00");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "045#0001000000");
+	assert_string_equal(answer(f, "006#02"), "065#010032");
+	/* Until the sync frame nothing shows it. */
+	assert_string_equal(answer(f, "006#040000"), "=unproven");
 	assert_string_equal(state(f), "Standstill");
 	assert_string_equal(plain(f, DB_CMD_SYNC_START), "01F# 145#00");
 	assert_false(f->exchange.repeatable);
-	assert_string_equal(tell(f, 0, 1, ON), "=ok");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "145#00");
+	assert_string_equal(tell(f, 0, 2, ON), "=ok");
 	assert_string_equal(state(f), "ContinuousMotion");
 	assert_string_equal(plain(f, DB_CMD_SYNC_START), "01F# 145#00");
 	assert_string_equal(lost(f), "=indeterminate");
@@ -838,12 +1098,14 @@ static void staged_speeds_begin_together(void **unused)
 	assert_string_equal(plain(f, DB_CMD_STOP), "025#0001");
 	assert_string_equal(answer(f, "006#01"), "145#00");
 	assert_string_equal(tell(f, 0, 0, 0), "=ok");
-	assert_string_equal(plain(f, DB_CMD_ENABLE), "=busy");
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "=busy");
 	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(0)), "065#010000");
-	assert_string_equal(answer(f, "006#040000"), "=ok");
+	assert_string_equal(answer(f, "006#040000"), "=unproven");
 	assert_string_equal(plain(f, DB_CMD_SYNC_START), "01F# 145#00");
 	assert_string_equal(tell(f, 0, 0, 0), "=ok");
-	assert_string_equal(plain(f, DB_CMD_ENABLE), "025#000A");
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "025#000A");
 	drop(f);
 }
 
@@ -891,14 +1153,15 @@ static void ramps_are_known_once_written(void **unused)
 	/* One alone would set the other to something nobody said. */
 	assert_string_equal(set(f, 1, one), "=out_of_range");
 	assert_string_equal(set(f, 2, both), "105#000003E800010000");
-	assert_string_equal(answer(f, "006#0A"), "=ok");
+	/* Nothing reads them back. */
+	assert_string_equal(answer(f, "006#0A"), "=unproven");
 	assert_int_equal(plate->valid, 3);
 	assert_true(plate->values[1].f == 65536.0f);
 	assert_string_equal(set(f, 1, one), "105#000003E800000002");
 	assert_string_equal(lost(f), "=timeout");
 	assert_int_equal(plate->valid, 0);
 	assert_string_equal(set(f, 2, both), "105#000003E800010000");
-	assert_string_equal(answer(f, "006#0A"), "=ok");
+	assert_string_equal(answer(f, "006#0A"), "=unproven");
 	driver->gone(f->device);
 	assert_int_equal(plate->valid, 0);
 	drop(f);
@@ -911,15 +1174,147 @@ static void max_speed_goes_with_the_mode(void **unused)
 	struct fixture *f = make_on(ON | STILL);
 
 	(void)unused;
-	assert_string_equal(set(f, 1, all), "=unsupported");
+	/* With power, in a mode nobody knows: held in position, perhaps. */
+	assert_string_equal(set(f, 1, all), "145#00");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "=refused");
 	run(f, 20);
-	assert_string_equal(set(f, 1, all), "=busy");
+	assert_string_equal(set(f, 1, all), "145#00");
+	assert_string_equal(tell(f, 0, 20, ON), "=busy");
 	assert_string_equal(plain(f, DB_CMD_STOP), "065#010000");
 	assert_string_equal(answer(f, "006#040000"), "=ok");
-	assert_string_equal(set(f, 3, all), "105#0000000100000002");
+	assert_string_equal(set(f, 3, all), "145#00");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "105#0000000100000002");
 	assert_string_equal(answer(f, "006#0A"), "045#0001010BB8");
-	assert_string_equal(answer(f, "006#02"), "=ok");
+	assert_string_equal(answer(f, "006#02"), "=unproven");
 	assert_int_equal(driver->nameplate(f->device)->values[2].u, 3000);
+	drop(f);
+}
+
+/* Before the first motion no mode is known: without power speed mode is as good as any. */
+static void max_speed_comes_before_the_first_motion(void **unused)
+{
+	static const struct db_setting speed[] = { MAX_SPEED(500) };
+	struct fixture *f = make_on(STILL);
+
+	(void)unused;
+	assert_string_equal(set(f, 1, speed), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "045#00010101F4");
+	assert_string_equal(answer(f, "006#02"), "=unproven");
+	assert_int_equal(driver->nameplate(f->device)->values[2].u, 500);
+	drop(f);
+}
+
+static void set_profile(struct fixture *f)
+{
+	option(f, "mode", 1);
+	option(f, "max-speed", 1500);
+	option(f, "ramp-acceleration", 1000);
+	option(f, "ramp-deceleration", 2000);
+}
+
+/* A drive that was switched off has forgotten what it was told. */
+static void a_profile_is_given_each_time_the_drive_comes(void **unused)
+{
+	struct fixture *f = make();
+	const struct db_nameplate *plate;
+
+	(void)unused;
+	set_profile(f);
+	switch_on(f);
+	plate = driver->nameplate(f->device);
+	for (int i = 0; i < 2; i++) {
+		assert_string_equal(begin(f, DB_JOB_IDENTIFY), "145#00");
+		assert_string_equal(tell(f, 0, 0, STILL), "105#000003E8000007D0");
+		assert_string_equal(answer(f, "006#0A"), "045#00000105DC");
+		assert_string_equal(answer(f, "006#02"), "=ok");
+		assert_int_equal(plate->valid, 7);
+		assert_true(plate->values[0].f == 1000.0f);
+		assert_int_equal(plate->values[2].u, 1500);
+		assert_false(plate->doubtful);
+		driver->gone(f->device);
+	}
+	drop(f);
+}
+
+/* A motor with power keeps its mode; a drive that refuses a part gets the rest, and is asked again. */
+static void what_a_profile_lacks_comes_later(void **unused)
+{
+	struct fixture *f = make();
+
+	(void)unused;
+	set_profile(f);
+	switch_on(f);
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "145#00");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "105#000003E8000007D0");
+	assert_string_equal(answer(f, "006#01"), "=ok");
+	assert_true(feedback(f).status & DB_STATUS_PARAMS_VALID);
+	assert_true(driver->nameplate(f->device)->doubtful);
+	/* The next change of the mode brings the speed limit along ... */
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(10)), "145#00");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "065#010000");
+	assert_string_equal(answer(f, "006#040000"), "045#00010105DC");
+	assert_string_equal(lost(f), "=timeout");
+	/* ... and no motor gets power before its drive has all of it. */
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "065#020000");
+	assert_string_equal(answer(f, "006#050000"), "105#000003E8000007D0");
+	assert_string_equal(answer(f, "006#0A"), "045#00000105DC");
+	assert_string_equal(answer(f, "006#02"), "085#00000000");
+	assert_string_equal(answer(f, "006#06"), "025#000A");
+	drop(f);
+}
+
+#define WORD_BIT(place, level)       \
+	{                            \
+		(place),             \
+		{                    \
+			.u = (level) \
+		}                    \
+	}
+
+/* Torque limit and speed limit, for instance, hold over every rise of CTRG. */
+static void command_words_are_held(void **unused)
+{
+	static const struct db_setting limits[] = { WORD_BIT(5, 1), WORD_BIT(6, 1),
+		                                    WORD_BIT(10, 0x8001) };
+	static const struct db_setting less[] = { WORD_BIT(6, 0) };
+	static const struct db_setting elsewhere[] = { WORD_BIT(7, 1) };
+	struct fixture *f = make_positioner();
+	const struct db_nameplate *plate = driver->nameplate(f->device);
+
+	(void)unused;
+	assert_string_equal(set(f, 3, limits), "0A5#00308001");
+	assert_string_equal(answer(f, "006#07"), "=unproven");
+	assert_int_equal(plate->valid, 0x7F8);
+	assert_int_equal(plate->values[5].u, 1);
+	assert_int_equal(plate->values[3].u, 0);
+	assert_int_equal(plate->values[10].u, 0x8001);
+	assert_string_equal(set(f, 1, less), "0A5#00108001");
+	assert_string_equal(answer(f, "006#07"), "=unproven");
+	assert_string_equal(command(f, DB_CMD_MOVE_ABSOLUTE, to(5000)), "145#00");
+	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "085#000003E8");
+	assert_string_equal(answer(f, "006#06"), "045#0000000000");
+	assert_string_equal(answer(f, "006#02"), "0A5#00108001");
+	assert_string_equal(answer(f, "006#07"), "085#00001388");
+	assert_string_equal(answer(f, "006#06"), "0A5#00188001");
+	assert_string_equal(answer(f, "006#07"), "145#00");
+	assert_string_equal(tell(f, 1100, 50, ON), "=ok");
+	/* Written while CTRG is up, it stays up. */
+	assert_string_equal(set(f, 1, elsewhere), "0A5#00588001");
+	assert_string_equal(answer(f, "006#07"), "=unproven");
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 5000, 0, ON | STILL), "0A5#00508001");
+	assert_string_equal(answer(f, "006#07"), "=ok");
+	/* With another internal position selected CTRG would go to where nobody knows. */
+	assert_string_equal(command(f, DB_CMD_MOVE_ABSOLUTE, to(7)), "145#00");
+	assert_string_equal(tell(f, 5000, 0, ON | STILL), "=refused");
+	/* They are given again when the drive comes back. */
+	driver->gone(f->device);
+	assert_int_equal(plate->valid, 0);
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "145#00");
+	assert_string_equal(tell(f, 5000, 0, STILL), "0A5#00508001");
+	assert_string_equal(answer(f, "006#07"), "=ok");
+	assert_int_equal(plate->valid, 0x7F8);
 	drop(f);
 }
 
@@ -933,7 +1328,24 @@ static void parameters_have_ranges(void **unused)
 	assert_int_equal(driver->check_param(NULL, 1, value), DB_RESULT_OUT_OF_RANGE);
 	value.f = 0;
 	assert_int_equal(driver->check_param(NULL, 1, value), DB_RESULT_OK);
-	assert_int_equal(driver->check_param(NULL, 3, value), DB_RESULT_UNSUPPORTED);
+	assert_int_equal(driver->check_param(NULL, 11, value), DB_RESULT_UNSUPPORTED);
+}
+
+static void command_words_need_their_settings(void **unused)
+{
+	struct fixture *f = make();
+	union db_value value = { .u = 1 };
+
+	(void)unused;
+	assert_int_equal(driver->check_param(&f->bus, 3, value), DB_RESULT_UNSUPPORTED);
+	set_words(f);
+	assert_int_equal(driver->check_param(&f->bus, 3, value), DB_RESULT_OK);
+	assert_int_equal(driver->check_param(&f->bus, 10, value), DB_RESULT_OK);
+	value.u = 2;
+	assert_int_equal(driver->check_param(&f->bus, 3, value), DB_RESULT_OUT_OF_RANGE);
+	option(f, "command-word-1-at", NAN);
+	assert_int_equal(driver->check_param(&f->bus, 10, value), DB_RESULT_UNSUPPORTED);
+	drop(f);
 }
 
 static void identifying_ends_without_parameters(void **unused)
@@ -965,7 +1377,7 @@ static void a_poll_shows_one_moment(void **unused)
 	assert_int_equal(feedback(f).taken, 0);
 	assert_string_equal(answer(f, "165#80000000"), "more");
 	moment = f->now;
-	assert_string_equal(answer(f, "165#80000000FF"), "ignored"); /* too long */
+	assert_string_equal(answer(f, "165#800000"), "ignored"); /* too short */
 	assert_string_equal(answer(f, "1A5#0105A55A"), "145#07");
 	assert_string_equal(answer(f, "1A5#0105A55A"), "ignored");
 	assert_string_equal(answer(f, "225#0FFF"), "=ok");
@@ -1106,6 +1518,98 @@ static void faults_have_names(void **unused)
 	drop(f);
 }
 
+#define UNDERVOLTAGE "205#01E000230001"
+#define HEALTHY "205#01E000230000"
+#define ALARM SERVO_CAN_ST_ERROR
+
+/* On a fault speed and current become 0, and the power is taken off: some drives keep both, and go on
+ * when the fault is gone. */
+static void a_fault_takes_the_speed_and_the_power(void **unused)
+{
+	struct fixture *f = make_on(ON | STILL);
+
+	(void)unused;
+	run(f, 800);
+	assert_true(report(f, UNDERVOLTAGE));
+	assert_true(driver->wants_poll(f->device, f->now));
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "065#010000");
+	/* Gone again already: what was begun is done all the same. */
+	assert_true(report(f, HEALTHY));
+	assert_string_equal(answer(f, "006#040000"), "025#0001");
+	assert_string_equal(answer(f, "006#01"), "145#00");
+	/* Not off yet: said again with the next poll. */
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "=ok");
+	assert_true(driver->wants_poll(f->device, f->now));
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "025#0001");
+	assert_string_equal(answer(f, "006#01"), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "=ok");
+	assert_string_equal(state(f), "Disabled");
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "=ok");
+	drop(f);
+}
+
+static void what_a_fault_does_is_a_setting(void **unused)
+{
+	static const double settings[] = { 0, 1 }; /* none, stop */
+
+	(void)unused;
+	for (size_t i = 0; i < 2; i++) {
+		struct fixture *f = make();
+
+		option(f, "on-fault", settings[i]);
+		set_words(f);
+		switch_on(f);
+		poll(f, 1000, 0, ON | STILL);
+		/* A stop in speed mode is speed 0. */
+		run(f, 800);
+		report(f, UNDERVOLTAGE);
+		assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+		assert_string_equal(tell(f, 1000, 0, ON | STILL), "065#010000");
+		assert_string_equal(answer(f, "006#040000"), "=ok");
+		report(f, HEALTHY);
+		/* In a position move it takes the power. */
+		assert_string_equal(command(f, DB_CMD_MOVE_ABSOLUTE, to(5000)), "145#00");
+		assert_string_equal(tell(f, 1000, 0, ON | STILL), "085#000003E8");
+		assert_string_equal(answer(f, "006#06"), "045#0000000000");
+		assert_string_equal(answer(f, "006#02"), "0A5#00000000");
+		assert_string_equal(answer(f, "006#07"), "085#00001388");
+		assert_string_equal(answer(f, "006#06"), "0A5#00080000");
+		assert_string_equal(answer(f, "006#07"), "145#00");
+		assert_string_equal(tell(f, 1100, 50, ON), "=ok");
+		report(f, UNDERVOLTAGE);
+		assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+		assert_string_equal(tell(f, 1100, 50, ON), i == 0 ? "=ok" : "025#0001");
+		drop(f);
+	}
+}
+
+/* Nothing begins while a fault is there, or may be: the error bit comes before its reason. */
+static void no_motion_with_a_fault(void **unused)
+{
+	struct fixture *f = make_positioner();
+
+	(void)unused;
+	report(f, UNDERVOLTAGE);
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(800)), "145#00");
+	assert_string_equal(tell(f, 1000, 0, ON | STILL), "=refused");
+	assert_string_equal(command(f, DB_CMD_MOVE_CURRENT, current(1)), "145#00");
+	assert_string_equal(tell(f, 1000, 0, ON | STILL), "=refused");
+	assert_string_equal(command(f, DB_CMD_MOVE_ABSOLUTE, to(1)), "145#00");
+	assert_string_equal(tell(f, 1000, 0, ON | STILL), "=refused");
+	report(f, HEALTHY);
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(800)), "145#00");
+	assert_string_equal(tell(f, 1000, 0, ON | STILL | ALARM), "=refused");
+	/* The report explains it: not a fault. */
+	f->now += MS;
+	report(f, HEALTHY);
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(800)), "145#00");
+	assert_string_equal(tell(f, 1000, 0, ON | STILL | ALARM), "065#010000");
+	drop(f);
+}
+
 static void warnings_are_no_faults(void **unused)
 {
 	struct fixture *f = make_on(ON | STILL | SERVO_CAN_ST_WARNING);
@@ -1125,9 +1629,12 @@ static void health_is_scaled(void **unused)
 	(void)unused;
 	option(f, "voltage-scale", 0.1);
 	option(f, "temperature-scale", 0.5);
+	option(f, "temperature-offset", -40);
 	switch_on(f);
 	poll(f, 0, 0, STILL);
-	report(f, "205#01E000500000");
+	report(f, "205#01E0FFEC0000");
+	assert_true(fabs((double)feedback(f).temperature + 50.0) < 1e-4);
+	report(f, "205#01E000A00000");
 	assert_true(fabs((double)feedback(f).supply_voltage - 48.0) < 1e-4);
 	assert_true(fabs((double)feedback(f).temperature - 40.0) < 1e-4);
 	assert_int_equal(feedback(f).supply_voltage_raw, 480);
@@ -1194,7 +1701,10 @@ static void padded_frames(void **unused)
 	option(f, "ack-base", 0x300);
 	switch_on(f);
 	assert_string_equal(begin(f, DB_JOB_PROBE), "145#0700000000000000");
-	assert_string_equal(answer(f, "225#0102"), "ignored");
+	assert_string_equal(answer(f, "225#01"), "ignored");
+	/* Whether the drive fills its own frames up does not matter. */
+	assert_string_equal(answer(f, "225#0102"), "=ok");
+	assert_string_equal(begin(f, DB_JOB_PROBE), "145#0700000000000000");
 	assert_string_equal(answer(f, "225#0102000000000000"), "=ok");
 	assert_string_equal(plain(f, DB_CMD_DISABLE), "025#0001000000000000");
 	assert_string_equal(answer(f, "006#0100000000000000"), "ignored");
@@ -1330,6 +1840,10 @@ static void what_the_check_tells(void **unused)
 	assert_int_equal(told.errors, 0);
 	assert_non_null(strstr(told.text, "position moves are refused"));
 	set_words(f);
+	told = check_config(f);
+	assert_int_equal(told.warnings, 1);
+	assert_memory_equal(told.text, "in-position-window is 0", 23);
+	f->drive.in_position_window = 1;
 	assert_int_equal(check_config(f).warnings, 0);
 	option(f, "command-word-length", NAN);
 	told = check_config(f);
@@ -1355,13 +1869,20 @@ static void what_the_check_tells(void **unused)
 	assert_int_equal(check_config(f).warnings, 1);
 	option(f, "mode", 3);
 	assert_int_equal(check_config(f).warnings, 0);
-	option(f, "allow-mode-change", 1);
+	option(f, "max-speed", 3000);
 	assert_int_equal(check_config(f).errors, 1);
-	option(f, "mode", 0);
+	option(f, "allow-mode-change", 1);
+	assert_int_equal(check_config(f).errors, 0);
+	option(f, "ramp-acceleration", 5);
+	assert_int_equal(check_config(f).errors, 1);
+	option(f, "ramp-deceleration", 5);
 	assert_int_equal(check_config(f).errors, 0);
 	f->drive.max_velocity = 10;
 	f->drive.max_acceleration = 10;
 	assert_int_equal(check_config(f).errors, 2);
+	option(f, "counts-per-turn", 10000);
+	assert_int_equal(check_config(f).errors, 0);
+	assert_true(fabs(driver->velocity_counts(&f->drive) * 60 - 10000) < 1e-9);
 	drop(f);
 }
 
@@ -1369,6 +1890,16 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(enable_is_acknowledged_and_then_seen),
+		cmocka_unit_test(enabling_does_not_need_an_answer_to_what_is_cleared),
+		cmocka_unit_test(enabling_in_position_mode_holds_the_place),
+		cmocka_unit_test(a_speed_that_does_not_show_is_unproven),
+		cmocka_unit_test(a_motor_that_lost_its_power_does_not_run),
+		cmocka_unit_test(a_slow_motor_moves),
+		cmocka_unit_test(a_move_without_motion_has_failed),
+		cmocka_unit_test(a_move_that_ends_elsewhere_is_not_there),
+		cmocka_unit_test(in_position_window_counts),
+		cmocka_unit_test(words_that_nothing_acknowledges),
+		cmocka_unit_test(a_position_that_is_not_taken_is_a_failure),
 		cmocka_unit_test(power_that_does_not_follow_is_a_failure),
 		cmocka_unit_test(disable),
 		cmocka_unit_test(which_bit_tells_of_power_is_a_setting),
@@ -1403,7 +1934,12 @@ int main(void)
 		cmocka_unit_test(staged_speeds_begin_together),
 		cmocka_unit_test(ramps_are_known_once_written),
 		cmocka_unit_test(max_speed_goes_with_the_mode),
+		cmocka_unit_test(command_words_are_held),
+		cmocka_unit_test(what_a_profile_lacks_comes_later),
+		cmocka_unit_test(a_profile_is_given_each_time_the_drive_comes),
+		cmocka_unit_test(max_speed_comes_before_the_first_motion),
 		cmocka_unit_test(parameters_have_ranges),
+		cmocka_unit_test(command_words_need_their_settings),
 		cmocka_unit_test(identifying_ends_without_parameters),
 		cmocka_unit_test(a_poll_shows_one_moment),
 		cmocka_unit_test(halves_of_two_answers_do_not_mix),
@@ -1412,6 +1948,9 @@ int main(void)
 		cmocka_unit_test(reports_can_be_ignored),
 		cmocka_unit_test(an_older_read_does_not_replace_a_report),
 		cmocka_unit_test(faults_have_names),
+		cmocka_unit_test(no_motion_with_a_fault),
+		cmocka_unit_test(what_a_fault_does_is_a_setting),
+		cmocka_unit_test(a_fault_takes_the_speed_and_the_power),
 		cmocka_unit_test(warnings_are_no_faults),
 		cmocka_unit_test(health_is_scaled),
 		cmocka_unit_test(frames_tell_their_node),

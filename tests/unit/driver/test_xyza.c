@@ -44,6 +44,13 @@ struct fixture {
 	enum db_result result;
 	db_time now;
 	char said[64];
+	/* The controller behind it, for those tests that do not answer each frame themselves. */
+	uint32_t memory[5][256]; /* by class and target */
+	unsigned program_state;
+	unsigned program_number;
+	unsigned program_step;
+	const char *ignores;   /* frames that begin so are acknowledged, and have no effect */
+	bool no_negative_zero; /* the sign of a zero is lost */
 };
 
 /* `axes` is a set: bit 0 = x. The first of them is the one that polls. */
@@ -69,6 +76,8 @@ static struct fixture *make(unsigned axes)
 			first = f->axes[i];
 	}
 	f->talking = first;
+	for (unsigned target = 0xA3; target <= 0xD3; target += 0x10)
+		f->memory[0][target] = 1; /* stands */
 	return f;
 }
 
@@ -417,7 +426,7 @@ static void frames_of_others_are_not_taken(void **state)
 	assert_string_equal(answer(f, "0CAA000400F3"), "ignored");
 	assert_string_equal(answer(f, "0BF10003E1A301000000"), "ignored");
 	/* Mark 0A is as good as 0C. */
-	assert_string_equal(answer(f, "0AAA000300F3"), "=ok");
+	assert_string_equal(answer(f, "0AAA000300F3"), "0AF10103E1A3");
 	drop(f);
 }
 
@@ -451,21 +460,89 @@ static void the_probe_has_an_order_of_its_own(void **state)
 
 /* --- commands ---------------------------------------------------------------------------------------- */
 
-/* Answers each frame as done or with 0 until the job ends; all frames, separated by spaces. */
+static uint32_t *memory(struct fixture *f, unsigned item_class, unsigned target)
+{
+	return &f->memory[item_class - 0xE1][target];
+}
+
+static void obey_write(struct fixture *f, unsigned item_class, unsigned target, uint32_t content)
+{
+	uint32_t *magnitude = memory(f, 0xE1, (target & 0xF0) + 1);
+	uint32_t *sign = memory(f, 0xE1, (target & 0xF0) + 2);
+	uint32_t *ports = memory(f, 0xE4, 0);
+	uint32_t bit = 1u << (15 + (content >> 4 & 0x0F));
+
+	if (item_class == 0xE4)
+		*ports = content & 0x0F ? *ports | bit : *ports & ~bit;
+	else
+		*memory(f, item_class, target) = content;
+	if (item_class == 0xE1 && f->no_negative_zero && *magnitude == 0)
+		*sign = 0;
+}
+
+static void obey_manual(struct fixture *f, unsigned verb, unsigned target)
+{
+	unsigned axis = (target - 0xA1) / 2;
+
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT && verb <= 2; i++)
+		*memory(f, 0xE1, 0xA3 + 0x10 * i) = 1;
+	if (verb == 3)
+		*memory(f, 0xE1, 0xA3 + 0x10 * axis) = 0;
+	if (verb == 4)
+		*memory(f, 0xE1, 0xA1 + 0x10 * axis) = *memory(f, 0xE1, 0xA2 + 0x10 * axis) = 0;
+}
+
+static void obey_program(struct fixture *f, unsigned verb, unsigned target)
+{
+	if (verb == 1 && f->program_state == 1)
+		f->program_state = 3;
+	else if (verb == 2 && f->program_state == 1)
+		f->program_state = 2;
+	else if (verb == 3)
+		f->program_number = target;
+	else if (verb == 7)
+		f->program_state = 0;
+	if (verb == 3 || verb == 6)
+		f->program_state = 1;
+}
+
+/* What a controller does about the frame that was said last, and its answer. */
+static const char *obey(struct fixture *f)
+{
+	unsigned order = f->bytes[3];
+	unsigned item_class = f->bytes[6];
+	unsigned target = f->bytes[7];
+	bool ignored = f->ignores && strncmp(f->said, f->ignores, strlen(f->ignores)) == 0;
+	char done[16];
+
+	snprintf(done, sizeof done, "0CAA000300%02X", order);
+	if (strcmp(f->said, ASK_PROGRAM) == 0)
+		return program(f, f->program_state, f->program_number, f->program_step);
+	if (f->bytes[2] == 0x0A && order == 0xF1)
+		return value(f, *memory(f, item_class, target));
+	if (!ignored && f->bytes[2] == 0x0B)
+		obey_write(f, item_class, target,
+		           (uint32_t)f->bytes[8] | (uint32_t)f->bytes[9] << 8 |
+		                   (uint32_t)f->bytes[10] << 16 | (uint32_t)f->bytes[11] << 24);
+	else if (!ignored && order == 0xF3)
+		obey_manual(f, item_class, target);
+	else if (!ignored && order == 0xF4)
+		obey_program(f, item_class, target);
+	return answer(f, done);
+}
+
+/* The controller obeys until the job ends; all frames, separated by spaces, and how it ended. */
 static const char *whole(struct fixture *f, const char *said)
 {
-	static char all[512];
+	static char all[2048];
 
 	all[0] = '\0';
 	while (said[0] != '=') {
-		char done[16];
-
-		snprintf(all + strlen(all), sizeof all - strlen(all), "%s%s", all[0] ? " " : "",
-		         said);
-		snprintf(done, sizeof done, "0CAA000300%02X", (unsigned)f->bytes[3]);
-		said = f->bytes[2] == 0x0A && f->bytes[3] == 0xF1 ? value(f, 0) : answer(f, done);
+		assert_true(strlen(all) < sizeof all - 64);
+		snprintf(all + strlen(all), sizeof all - strlen(all), "%s ", said);
+		said = obey(f);
 	}
-	assert_string_equal(said, "=ok");
+	strcat(all, said);
 	return all;
 }
 
@@ -475,41 +552,45 @@ static const struct {
 	struct db_args args;
 	const char *said;
 } every_command[] = {
-	{ 1, DB_CMD_ENABLE, { 0 }, "0AF10103E5C1 0BF10103E5C102000000" },
-	{ 2, DB_CMD_DISABLE, { 0 }, "0AF301030100 0AF401030200 0AF10103E5C1 0BF10103E5C100000000" },
-	{ 0, DB_CMD_STOP, { 0 }, "0AF301030200 0AF401030200" },
-	{ 3, DB_CMD_QUICK_STOP, { 0 }, "0AF301030100 0AF401030200" },
+	{ 1, DB_CMD_ENABLE, { 0 }, "0AF10103E5C1 0BF10103E5C102000000 0AF10103E5C1 =ok" },
+	{ 2, DB_CMD_DISABLE, { 0 }, "0AF10103E1C3 0AF10103E5C1 =ok" },
+	{ 0, DB_CMD_STOP, { 0 }, "0AF301030200 0AF401030200 =ok" },
+	{ 3, DB_CMD_QUICK_STOP, { 0 }, "0AF301030100 0AF401030200 =ok" },
 	{ 0,
 	  DB_CMD_MOVE_VELOCITY,
 	  { .target_velocity = 1600.4f },
-	  "0BF10103E2A440060000 0AF3010303A1" },
+	  "0AF10103E2A4 0BF10103E2A440060000 0AF10103E2A4 0AF3010303A1 0AF10103E1A3 =ok" },
 	{ 3,
 	  DB_CMD_MOVE_VELOCITY,
 	  { .target_velocity = -70000.0f },
-	  "0BF10103E2D470110100 0AF3010303A8" },
-	{ 0, DB_CMD_MOVE_VELOCITY, { 0 }, "0AF301030200" },
-	{ 1, DB_CMD_JOG_POSITIVE, { 0 }, "0AF3010303A3" },
-	{ 2, DB_CMD_JOG_NEGATIVE, { 0 }, "0AF3010303A6" },
-	{ 2, DB_CMD_SET_POSITION, { 0 }, "0AF3010304A5" },
+	  "0AF10103E2D4 0BF10103E2D470110100 0AF10103E2D4 0AF3010303A8 0AF10103E1D3 =ok" },
+	{ 0, DB_CMD_MOVE_VELOCITY, { 0 }, "0AF301030200 0AF10103E1A3 =ok" },
+	{ 1, DB_CMD_JOG_POSITIVE, { 0 }, "0AF3010303A3 0AF10103E1B3 =ok" },
+	{ 2, DB_CMD_JOG_NEGATIVE, { 0 }, "0AF3010303A6 0AF10103E1C3 =ok" },
+	{ 2, DB_CMD_SET_POSITION, { 0 }, "0AF10103E1C3 0AF3010304A5 0AF10103E1C1 =ok" },
 	{ 1,
 	  DB_CMD_SET_POSITION,
 	  { .target_position = -4108 },
-	  "0BF10103E1B201000000 0BF10103E1B10C100000" },
-	{ 0, DB_CMD_SET_OUTPUT, { .output_number = 2, .output_value = 1 }, "0BF10103E40022000000" },
-	{ 3, DB_CMD_SET_OUTPUT, { .output_number = 8 }, "0BF10103E40080000000" },
+	  "0AF10103E1B3 0BF10103E1B10C100000 0BF10103E1B201000000 0AF10103E1B2 0AF10103E1B1 =ok" },
+	{ 0,
+	  DB_CMD_SET_OUTPUT,
+	  { .output_number = 2, .output_value = 1 },
+	  "0BF10103E40022000000 0AF10103E400 =ok" },
+	{ 3, DB_CMD_SET_OUTPUT, { .output_number = 8 }, "0BF10103E40080000000 0AF10103E400 =ok" },
 	{ 0,
 	  DB_CMD_SET_OUTPUTS,
 	  { .output_mask = 0x0A, .output_levels = 0x08 },
-	  "0BF10103E40020000000 0BF10103E40044000000" },
+	  "0BF10103E40020000000 0BF10103E40044000000 0AF10103E400 =ok" },
 	{ 0,
 	  DB_CMD_START_PROGRAM,
-	  { .program_number = 2, .program_delay = 2 },
-	  "0AF401030502 0AF401030302" },
-	{ 0, DB_CMD_PAUSE_PROGRAM, { 0 }, "0AF401030200" },
-	{ 1, DB_CMD_CONTINUE_PROGRAM, { 0 }, "0AF401030600" },
-	{ 0, DB_CMD_END_PROGRAM, { 0 }, "0AF401030700" },
-	{ 0, DB_CMD_SINGLE_STEP, { .output_value = 1 }, "0AF401030800" },
-	{ 0, DB_CMD_SINGLE_STEP, { 0 }, "0AF401030900" },
+	  { .program_number = 2, .program_delay = 0 },
+	  "0AF401030A00 0AF401030500 0AF401030302 0AF401030A00 =ok" },
+	{ 0, DB_CMD_PAUSE_PROGRAM, { 0 }, "0AF401030A00 0AF401030200 0AF401030A00 =unproven" },
+	{ 1, DB_CMD_CONTINUE_PROGRAM, { 0 }, "0AF401030A00 =refused" },
+	{ 0, DB_CMD_END_PROGRAM, { 0 }, "0AF401030A00 0AF401030700 0AF401030A00 =unproven" },
+	{ 0, DB_CMD_SINGLE_STEP, { .output_value = 1 }, "0AF401030800 =unproven" },
+	{ 0, DB_CMD_SINGLE_STEP, { 0 }, "0AF401030900 =unproven" },
+	{ 2, DB_CMD_CLEAR_FAULT, { 0 }, "0AF401030A00 =ok" },
 };
 
 static void every_command_in_bytes(void **state)
@@ -537,9 +618,10 @@ static void every_command_in_bytes(void **state)
 static void what_the_family_does_not_have_is_refused(void **state)
 {
 	static const enum db_command others[] = {
-		DB_CMD_MOVE_ABSOLUTE, DB_CMD_MOVE_RELATIVE,    DB_CMD_MOVE_PRESET,
-		DB_CMD_HOME,          DB_CMD_SAVE_PARAMETERS,  DB_CMD_CLEAR_FAULT,
-		DB_CMD_SHAKE_START,   DB_CMD_SHAKE_START_TIME, DB_CMD_SYNC_START,
+		DB_CMD_MOVE_ABSOLUTE,    DB_CMD_MOVE_RELATIVE,
+		DB_CMD_MOVE_PRESET,      DB_CMD_HOME,
+		DB_CMD_SAVE_PARAMETERS,  DB_CMD_SHAKE_START,
+		DB_CMD_SHAKE_START_TIME, DB_CMD_SYNC_START,
 	};
 	static const struct {
 		enum db_command command;
@@ -570,6 +652,7 @@ static void what_the_family_does_not_have_is_refused(void **state)
 	drop(f);
 }
 
+/* Whether a controller that refuses has obeyed nevertheless is looked into before it is asked again. */
 static void a_refusal_is_told(void **state)
 {
 	struct fixture *f = make(1);
@@ -577,12 +660,17 @@ static void a_refusal_is_told(void **state)
 	(void)state;
 	poll_all(f, true, 0, 0);
 	jog(f, 0);
-	assert_string_equal(refuse(f, FAILED_MANUAL), "=refused");
+	assert_string_equal(answer(f, FAILED_MANUAL), "0AF10103E1A3");
+	assert_string_equal(value(f, 1), "0AF3010303A1");
+	assert_string_equal(answer(f, "0ABB000300F3"), "0AF10103E1A3");
+	assert_string_equal(value(f, 1), "=refused");
 	assert_true(feedback(f, 0).status & DB_STATUS_REFUSED);
 	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
-	/* The other way to say so. */
+	/* A stray refusal: it has obeyed. */
 	jog(f, 0);
-	assert_string_equal(refuse(f, "0ABB000300F3"), "=refused");
+	answer(f, FAILED_MANUAL);
+	assert_string_equal(value(f, 0), "=ok");
+	assert_false(feedback(f, 0).status & DB_STATUS_REFUSED);
 	drop(f);
 }
 
@@ -592,17 +680,16 @@ static void a_damaged_request_is_said_again(void **state)
 	struct fixture *f = make(1);
 
 	(void)state;
-	poll_all(f, true, 0, 0);
-	jog(f, 0);
-	assert_string_equal(answer(f, FAILED_MANUAL), "0AF3010303A1");
-	assert_string_equal(answer(f, OK_MANUAL), "=ok");
-	poll_all(f, true, 0, 0);
 	/* Each step has its own repeat. */
 	command(f, 0, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 5.0f });
+	assert_string_equal(answer(f, FAILED_DATA), "0AF10103E2A4");
+	assert_string_equal(value(f, 4), "0BF10103E2A405000000");
 	assert_string_equal(answer(f, FAILED_DATA), "0BF10103E2A405000000");
-	assert_string_equal(answer(f, OK_DATA), "0AF3010303A1");
-	assert_string_equal(answer(f, FAILED_MANUAL), "0AF3010303A1");
-	assert_string_equal(answer(f, OK_MANUAL), "=ok");
+	assert_string_equal(answer(f, OK_DATA), "0AF10103E2A4");
+	assert_string_equal(value(f, 5), "0AF3010303A1");
+	assert_string_equal(answer(f, OK_MANUAL), "0AF10103E1A3");
+	assert_string_equal(answer(f, FAILED_DATA), "0AF10103E1A3");
+	assert_string_equal(value(f, 0), "=ok");
 	begin(f, 0, DB_JOB_POLL);
 	assert_string_equal(answer(f, FAILED_DATA), "0AF10103E1A3");
 	assert_string_equal(value(f, 1), "0AF10103E1A2");
@@ -638,19 +725,32 @@ static void one_axis_at_a_time(void **state)
 
 	(void)state;
 	poll_all(f, true, 0, 0);
-	jog(f, 0);
-	assert_string_equal(answer(f, OK_MANUAL), "=ok");
+	whole(f, jog(f, 0));
 	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
-	assert_string_equal(jog(f, 1), "=refused");
+	/* It still does. */
+	assert_string_equal(whole(f, jog(f, 1)), "0AF10103E1A3 =refused");
 	assert_true(feedback(f, 1).status & DB_STATUS_REFUSED);
 	poll_all(f, false, 100, 0);
-	assert_string_equal(jog(f, 1), "=refused");
-	poll_all(f, true, 100, 0);
-	assert_string_equal(jog(f, 1), "0AF3010303A3");
+	assert_string_equal(jog(f, 1), "0AF10103E1A3");
+	/* It has come to a stand since it was seen. */
+	assert_string_equal(value(f, 1), "0AF3010303A3");
 	answer(f, OK_MANUAL);
-	/* And not while a program runs. */
+	assert_string_equal(value(f, 0), "=ok");
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	drop(f);
+}
+
+/* What was believed of the program is read again before anything is refused for it. */
+static void a_jog_right_behind_a_program(void **state)
+{
+	struct fixture *f = make(3);
+
+	(void)state;
 	poll_all(f, true, 100, 1);
-	assert_string_equal(jog(f, 0), "=refused");
+	assert_string_equal(jog(f, 0), ASK_PROGRAM);
+	assert_string_equal(program(f, 1, 2, 3), "=refused");
+	assert_string_equal(jog(f, 0), ASK_PROGRAM);
+	assert_string_equal(program(f, 0, 2, 3), "0AF3010303A1");
 	drop(f);
 }
 
@@ -666,12 +766,46 @@ static void what_was_seen_before_a_jog_does_not_end_it(void **state)
 	value(f, 1);
 	poll = f->job;
 	jog(f, 0);
-	assert_string_equal(answer(f, OK_MANUAL), "=ok");
+	answer(f, OK_MANUAL);
+	assert_string_equal(value(f, 0), "=ok");
 	f->job = poll;
 	compose("0AF10103E1A2", f->bytes);
 	f->exchange.request_length = 9;
 	assert_string_equal(value(f, 0), "0AF10103E1A1");
 	assert_string_equal(value(f, 3), "0AF10103E1A2");
+	value(f, 0);
+	assert_int_equal(feedback(f, 0).position, 3);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
+	drop(f);
+}
+
+/* Nor that it still stood when it was told: meanwhile it was seen to move. */
+static void what_was_seen_before_its_effect_does_not_end_a_jog(void **state)
+{
+	struct fixture *f = make(1);
+	struct db_job poll;
+	struct db_job told;
+
+	(void)state;
+	f->bus.options[1] = 100;
+	db_driver_xyza.init(f->axes[0], NULL, &f->bus, &f->drives[0]);
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	answer(f, OK_MANUAL);
+	told = f->job;
+	begin(f, 0, DB_JOB_POLL);
+	value(f, 1);
+	poll = f->job;
+	f->job = told;
+	f->request.command = DB_CMD_JOG_POSITIVE;
+	compose("0AF10103E1A3", f->bytes);
+	f->exchange.request_length = 9;
+	assert_string_equal(value(f, 0), "=ok");
+	f->job = poll;
+	compose("0AF10103E1A2", f->bytes);
+	f->exchange.request_length = 9;
+	value(f, 0);
+	value(f, 3);
 	value(f, 0);
 	assert_int_equal(feedback(f, 0).position, 3);
 	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
@@ -684,19 +818,80 @@ static void another_way_is_gone_only_from_a_stand(void **state)
 
 	(void)state;
 	poll_all(f, false, 0, 0);
+	poll_all(f, false, 5, 0);
 	assert_string_equal(
 		command(f, 0, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -5.0f }),
 		"0AF301030200");
 	assert_string_equal(answer(f, OK_MANUAL), "0AF10103E1A3");
 	assert_string_equal(value(f, 0), "0AF10103E1A3");
-	assert_string_equal(value(f, 1), "0BF10103E2A405000000");
-	assert_string_equal(answer(f, OK_DATA), "0AF3010303A2");
-	assert_string_equal(answer(f, OK_MANUAL), "=ok");
-	/* One that does not come to a stand. */
-	command(f, 0, DB_CMD_JOG_POSITIVE, (struct db_args){ 0 });
+	assert_string_equal(value(f, 1), "0AF10103E2A4");
+	assert_string_equal(value(f, 9), "0BF10103E2A405000000");
+	answer(f, OK_DATA);
+	assert_string_equal(value(f, 5), "0AF3010303A2");
 	answer(f, OK_MANUAL);
-	f->now += 3 * DB_NS_PER_S;
-	assert_string_equal(value(f, 0), "=failed");
+	assert_string_equal(value(f, 0), "=ok");
+	drop(f);
+}
+
+/* Brakes may take as long as they like, as long as the axis slows down. */
+static void slow_brakes_are_no_failure(void **state)
+{
+	struct fixture *f = make(1);
+	struct db_job job;
+	int32_t position = 1000;
+
+	(void)state;
+	poll_all(f, false, 0, 0);
+	f->now += 100 * MS;
+	poll_all(f, false, 1000, 0);
+	command(f, 0, DB_CMD_JOG_NEGATIVE, (struct db_args){ 0 });
+	answer(f, OK_MANUAL);
+	for (int32_t way = 900; way > 100; way -= 100) {
+		job = f->job;
+		f->now += 1500 * MS;
+		poll_all(f, false, position += way, 0);
+		f->job = job;
+		compose("0AF10103E1A3", f->bytes);
+		f->exchange.request_length = 9;
+		assert_string_equal(value(f, 0), "0AF10103E1A3");
+	}
+	/* It does not slow down any more. */
+	for (unsigned i = 0; i < 2; i++) {
+		assert_string_equal(f->said, "0AF10103E1A3");
+		f->now += 1500 * MS;
+		value(f, 0);
+	}
+	assert_string_equal(f->said, "=failed");
+	drop(f);
+}
+
+/* The same way at another speed: nothing stops, unless the drive needs that. */
+static void another_speed_is_taken_while_it_moves(void **state)
+{
+	struct fixture *f = make(1);
+	struct db_args fast = { .target_velocity = 900.0f };
+
+	(void)state;
+	assert_string_equal(
+		whole(f, command(f, 0, DB_CMD_MOVE_VELOCITY,
+	                         (struct db_args){ .target_velocity = 300.0f })),
+		"0AF10103E2A4 0BF10103E2A42C010000 0AF10103E2A4 0AF3010303A1 0AF10103E1A3 =ok");
+	/* That it goes at this speed nothing tells. */
+	assert_string_equal(
+		whole(f, command(f, 0, DB_CMD_MOVE_VELOCITY, fast)),
+		"0AF10103E2A4 0BF10103E2A484030000 0AF10103E2A4 0AF3010303A1 0AF10103E1A3 =unproven");
+	/* Nothing changes, and nothing is written. */
+	assert_string_equal(whole(f, command(f, 0, DB_CMD_MOVE_VELOCITY, fast)),
+	                    "0AF10103E2A4 0AF3010303A1 0AF10103E1A3 =ok");
+	drop(f);
+
+	f = make(1);
+	f->bus.options[2] = 1;
+	db_driver_xyza.init(f->axes[0], NULL, &f->bus, &f->drives[0]);
+	whole(f, jog(f, 0));
+	assert_string_equal(
+		whole(f, command(f, 0, DB_CMD_MOVE_VELOCITY, fast)),
+		"0AF301030200 0AF10103E1A3 0AF10103E2A4 0BF10103E2A484030000 0AF10103E2A4 0AF3010303A1 0AF10103E1A3 =ok");
 	drop(f);
 }
 
@@ -718,7 +913,17 @@ static void a_stop_stops_what_runs(void **state)
 	assert_string_equal(answer(f, FAILED_MANUAL), "=ok");
 	/* y stood when it was looked at, but the program may have moved it since. */
 	assert_int_equal(feedback(f, 1).state, DB_AXIS_STOPPING);
+	/* Said again until it stands: another stop would end the program, unless that runs after all. */
+	assert_string_equal(command(f, 0, DB_CMD_QUICK_STOP, (struct db_args){ 0 }),
+	                    "0AF301030100");
+	assert_string_equal(answer(f, OK_MANUAL), ASK_PROGRAM);
+	assert_string_equal(program(f, 3, 1, 7), "=ok");
+	command(f, 0, DB_CMD_QUICK_STOP, (struct db_args){ 0 });
+	answer(f, OK_MANUAL);
+	assert_string_equal(program(f, 1, 1, 7), "0AF401030100");
+	assert_string_equal(answer(f, OK_PROGRAM), "=ok");
 	/* What is to stop the motion must not be refused. */
+	poll_all(f, false, 0, 1);
 	assert_string_equal(command(f, 0, DB_CMD_STOP, (struct db_args){ 0 }), "0AF401030200");
 	assert_string_equal(refuse(f, FAILED_PROGRAM), "=refused");
 	/* An interrupted program is an error until it is ended. */
@@ -730,26 +935,95 @@ static void a_stop_stops_what_runs(void **state)
 	drop(f);
 }
 
-static void a_position_is_set_without_ever_having_the_wrong_sign(void **state)
+/* From anywhere to anywhere, whether or not a zero keeps a sign. */
+static void a_position_is_set(void **state)
+{
+	static const int32_t positions[] = { 0, -4108, 500, -700, 500, 0, -1, 1, -2, INT32_MAX };
+
+	(void)state;
+	for (unsigned forgets = 0; forgets < 2; forgets++) {
+		struct fixture *f = make(1);
+
+		f->no_negative_zero = forgets;
+		for (size_t i = 0; i < sizeof positions / sizeof positions[0]; i++) {
+			struct db_args args = { .target_position = positions[i] };
+			const char *said = whole(f, command(f, 0, DB_CMD_SET_POSITION, args));
+
+			assert_string_equal(strchr(said, '='), "=ok");
+			assert_int_equal(*memory(f, 0xE1, 0xA1), (uint32_t)labs(positions[i]));
+			if (positions[i] != 0)
+				assert_int_equal(*memory(f, 0xE1, 0xA2), positions[i] < 0);
+			assert_int_equal(feedback(f, 0).position, positions[i]);
+		}
+		drop(f);
+	}
+}
+
+static void a_position_that_is_not_taken_is_no_success(void **state)
 {
 	struct fixture *f = make(1);
 	struct db_args args = { .target_position = -50 };
 
 	(void)state;
-	poll_all(f, true, 100, 0);
-	assert_string_equal(command(f, 0, DB_CMD_SET_POSITION, args), "0BF10103E1A100000000");
-	assert_string_equal(answer(f, OK_DATA), "0BF10103E1A201000000");
-	assert_string_equal(answer(f, OK_DATA), "0BF10103E1A132000000");
-	assert_string_equal(answer(f, OK_DATA), "=ok");
-	assert_int_equal(feedback(f, 0).position, -50);
-	/* The same sign needs no way over 0. */
-	args.target_position = -7;
-	assert_string_equal(command(f, 0, DB_CMD_SET_POSITION, args), "0BF10103E1A201000000");
-	answer(f, OK_DATA);
-	answer(f, OK_DATA);
+	f->ignores = "0BF10103E1A2";
+	assert_string_equal(whole(f, command(f, 0, DB_CMD_SET_POSITION, args)),
+	                    "0AF10103E1A3"
+	                    " 0BF10103E1A132000000 0BF10103E1A201000000 0AF10103E1A2"
+	                    " 0BF10103E1A132000000 0BF10103E1A201000000 0AF10103E1A2"
+	                    " 0BF10103E1A132000000 0BF10103E1A201000000 0AF10103E1A2 =failed");
+	/* One that is taken the second time is mended. */
+	command(f, 0, DB_CMD_SET_POSITION, args);
+	obey(f);
+	obey(f);
+	obey(f);
+	obey(f);
+	f->ignores = NULL;
+	assert_string_equal(
+		whole(f, f->said),
+		"0BF10103E1A132000000 0BF10103E1A201000000 0AF10103E1A2 0AF10103E1A1 =ok");
 	/* Not while it moves. */
-	poll_all(f, false, 100, 0);
-	assert_string_equal(command(f, 0, DB_CMD_SET_POSITION, args), "=refused");
+	whole(f, jog(f, 0));
+	assert_string_equal(whole(f, command(f, 0, DB_CMD_SET_POSITION, args)),
+	                    "0AF10103E1A3 =refused");
+	drop(f);
+}
+
+/* Neither what is there between the two writes, nor what was read half before and half after them. */
+static void a_position_in_the_making_is_not_shown(void **state)
+{
+	struct fixture *f = make(1);
+	struct db_job poll;
+	struct db_job set;
+
+	(void)state;
+	poll_all(f, true, 100, 0);
+	begin(f, 0, DB_JOB_POLL);
+	value(f, 1);
+	value(f, 0);
+	poll = f->job;
+	command(f, 0, DB_CMD_SET_POSITION, (struct db_args){ .target_position = -7 });
+	value(f, 1);
+	answer(f, OK_DATA);
+	set = f->job;
+	f->job = poll;
+	compose("0AF10103E1A1", f->bytes);
+	f->exchange.request_length = 9;
+	value(f, 7);
+	value(f, 0);
+	assert_int_equal(feedback(f, 0).position, 100);
+	poll_all(f, true, 7, 0);
+	assert_int_equal(feedback(f, 0).position, 100);
+	f->job = set;
+	f->request.command = DB_CMD_SET_POSITION;
+	compose("0BF10103E1A201000000", f->bytes);
+	f->exchange.request_length = 13;
+	f->talking = f->axes[0];
+	assert_string_equal(answer(f, OK_DATA), "0AF10103E1A2");
+	value(f, 1);
+	assert_string_equal(value(f, 7), "=ok");
+	assert_int_equal(feedback(f, 0).position, -7);
+	poll_all(f, true, -7, 0);
+	assert_int_equal(feedback(f, 0).position, -7);
 	drop(f);
 }
 
@@ -761,18 +1035,164 @@ static void a_delay_does_not_outlive_its_start(void **state)
 
 	(void)state;
 	/* Nobody knows what was set before this program began. A controller may refuse 0. */
-	assert_string_equal(command(f, 0, DB_CMD_START_PROGRAM, now), "0AF401030500");
+	command(f, 0, DB_CMD_START_PROGRAM, now);
+	assert_string_equal(program(f, 0, 0, 0), "0AF401030500");
 	assert_string_equal(answer(f, FAILED_PROGRAM), "0AF401030304");
 	answer(f, OK_PROGRAM);
+	assert_string_equal(program(f, 1, 4, 1), "=ok");
 	assert_int_equal(feedback(f, 0).program, 4);
 	assert_int_equal(feedback(f, 0).program_state, XYZA_PROGRAM_RUNNING);
-	assert_string_equal(command(f, 0, DB_CMD_START_PROGRAM, now), "0AF401030304");
+	command(f, 0, DB_CMD_START_PROGRAM, now);
+	assert_string_equal(program(f, 0, 4, 1), "0AF401030304");
+	/* An idle program has no number. */
+	assert_int_equal(feedback(f, 0).program, 0);
 	answer(f, OK_PROGRAM);
-	assert_string_equal(command(f, 0, DB_CMD_START_PROGRAM, later), "0AF401030509");
+	program(f, 1, 4, 2);
+	command(f, 0, DB_CMD_START_PROGRAM, later);
+	assert_string_equal(program(f, 0, 4, 1), "0AF401030509");
 	assert_string_equal(answer(f, OK_PROGRAM), "0AF401030304");
 	answer(f, OK_PROGRAM);
-	assert_string_equal(command(f, 0, DB_CMD_START_PROGRAM, now), "0AF401030500");
+	/* Until its delay is over nothing shows that it has begun. */
+	assert_string_equal(program(f, 0, 4, 0), "=unproven");
+	command(f, 0, DB_CMD_START_PROGRAM, now);
+	assert_string_equal(program(f, 0, 4, 0), "0AF401030500");
 	assert_string_equal(answer(f, OK_PROGRAM), "0AF401030304");
+	drop(f);
+}
+
+/* --- acknowledged, and not done ---------------------------------------------------------------------- */
+
+static const struct {
+	enum db_command command;
+	struct db_args args;
+	unsigned program_state;
+	const char *ignores;
+	const char *ends;
+} without_effect[] = {
+	{ DB_CMD_ENABLE, { 0 }, 0, "0BF10103E5", "=failed" },
+	{ DB_CMD_JOG_POSITIVE, { 0 }, 0, "0AF3010303", "=failed" },
+	{ DB_CMD_MOVE_VELOCITY, { .target_velocity = 7.0f }, 0, "0AF3010303", "=failed" },
+	{ DB_CMD_MOVE_VELOCITY, { .target_velocity = 7.0f }, 0, "0BF10103E2", "=refused" },
+	{ DB_CMD_SET_OUTPUT,
+	  { .output_number = 3, .output_value = 1 },
+	  0,
+	  "0BF10103E4",
+	  "=failed" },
+	{ DB_CMD_SET_POSITION, { .target_position = 9 }, 0, "0BF10103E1A1", "=failed" },
+	{ DB_CMD_START_PROGRAM, { .program_number = 2 }, 0, "0AF4010303", "=indeterminate" },
+	{ DB_CMD_PAUSE_PROGRAM, { 0 }, 1, "0AF4010302", "=failed" },
+	{ DB_CMD_CONTINUE_PROGRAM, { 0 }, 2, "0AF4010306", "=failed" },
+	{ DB_CMD_END_PROGRAM, { 0 }, 2, "0AF4010307", "=failed" },
+	{ DB_CMD_CLEAR_FAULT, { 0 }, 3, "0AF4010307", "=failed" },
+};
+
+/* An acknowledgement proves that a frame arrived whole. */
+static void an_acknowledgement_is_no_proof(void **state)
+{
+	(void)state;
+	for (size_t i = 0; i < sizeof without_effect / sizeof without_effect[0]; i++) {
+		for (unsigned ignores = 0; ignores < 2; ignores++) {
+			struct fixture *f = make(1);
+			const char *said;
+
+			f->program_state = without_effect[i].program_state;
+			f->ignores = ignores ? without_effect[i].ignores : NULL;
+			said = whole(f, command(f, 0, without_effect[i].command,
+			                        without_effect[i].args));
+			assert_string_equal(strchr(said, '='),
+			                    ignores ? without_effect[i].ends : "=ok");
+			drop(f);
+		}
+	}
+}
+
+/* What takes its time to show is waited for, and not longer than configured. */
+static void an_effect_may_take_its_time(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	f->bus.options[1] = 100;
+	db_driver_xyza.init(f->axes[0], NULL, &f->bus, &f->drives[0]);
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	answer(f, OK_MANUAL);
+	for (unsigned i = 0; i < 3; i++) {
+		assert_string_equal(value(f, 1), "0AF10103E1A3");
+		assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
+		f->now += 30 * MS;
+	}
+	assert_string_equal(value(f, 0), "=ok");
+	/* One that never begins is ended, so that it does not begin later. */
+	f->now += 200 * MS;
+	poll_all(f, true, 0, 0);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	jog(f, 0);
+	answer(f, OK_MANUAL);
+	assert_string_equal(value(f, 1), "0AF10103E1A3");
+	f->now += 100 * MS;
+	assert_string_equal(value(f, 1), "0AF301030200");
+	assert_string_equal(answer(f, OK_MANUAL), "=failed");
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	drop(f);
+}
+
+/* Two cycles that find it at two places are as good a proof as its state. */
+static void another_position_shows_that_it_moves(void **state)
+{
+	struct fixture *f = make(1);
+	struct db_job job;
+
+	(void)state;
+	f->bus.options[1] = 100;
+	db_driver_xyza.init(f->axes[0], NULL, &f->bus, &f->drives[0]);
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	answer(f, OK_MANUAL);
+	assert_string_equal(value(f, 1), "0AF10103E1A3");
+	for (int32_t position = 5; position < 7; position++) {
+		job = f->job;
+		poll_all(f, true, position, 0);
+		f->job = job;
+		compose("0AF10103E1A3", f->bytes);
+		f->exchange.request_length = 9;
+		assert_string_equal(value(f, 1), position == 5 ? "0AF10103E1A3" : "=ok");
+	}
+	drop(f);
+}
+
+/* It is disabled, and nothing else happens to the controller. */
+static void disabling_one_axis_leaves_the_others(void **state)
+{
+	struct fixture *f = make(3);
+
+	(void)state;
+	*memory(f, 0xE5, 0xC1) = 3;
+	poll_all(f, true, 0, 0);
+	whole(f, jog(f, 1));
+	assert_string_equal(whole(f, command(f, 0, DB_CMD_DISABLE, (struct db_args){ 0 })),
+	                    "0AF10103E1A3 0AF10103E5C1 0BF10103E5C102000000 0AF10103E5C1 =ok");
+	assert_int_equal(*memory(f, 0xE1, 0xB3), 0);
+	assert_int_equal(feedback(f, 1).state, DB_AXIS_CONTINUOUS_MOTION);
+	/* The one that moves is stopped first. */
+	assert_string_equal(
+		whole(f, command(f, 1, DB_CMD_DISABLE, (struct db_args){ 0 })),
+		"0AF10103E1B3 0AF301030100 0AF10103E5C1 0BF10103E5C100000000 0AF10103E5C1 =ok");
+	drop(f);
+}
+
+/* An interrupted program is the one fault that there is to clear. */
+static void an_interruption_is_cleared(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	f->program_state = 3;
+	poll_all(f, true, 0, 3);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_ERROR_STOP);
+	assert_string_equal(whole(f, command(f, 0, DB_CMD_CLEAR_FAULT, (struct db_args){ 0 })),
+	                    ASK_PROGRAM " 0AF401030700 " ASK_PROGRAM " =ok");
+	assert_int_equal(feedback(f, 0).error, DB_ERROR_NONE);
 	drop(f);
 }
 
@@ -789,9 +1209,10 @@ static void a_jog_is_never_repeated_blindly(void **state)
 	assert_false(f->exchange.repeatable);
 	assert_string_equal(lost(f), "0AF10103E1A3");
 	assert_true(f->exchange.repeatable);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
 	assert_string_equal(value(f, 0), "=ok");
 	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
-	/* It stands: it was not; said again, but not for ever. */
+	/* It stands: it was not; said again, but not for ever, and then not left to begin. */
 	poll_all(f, true, 0, 0);
 	jog(f, 0);
 	for (unsigned i = 0; i < 2; i++) {
@@ -799,11 +1220,13 @@ static void a_jog_is_never_repeated_blindly(void **state)
 		assert_string_equal(value(f, 1), "0AF3010303A1");
 	}
 	lost(f);
-	assert_string_equal(value(f, 1), "=timeout");
+	assert_string_equal(value(f, 1), "0AF301030200");
+	assert_string_equal(answer(f, OK_MANUAL), "=timeout");
 	/* Nobody can tell. */
 	jog(f, 0);
 	lost(f);
 	assert_string_equal(lost(f), "=indeterminate");
+	poll_all(f, true, 0, 0);
 	jog(f, 0);
 	lost(f);
 	assert_string_equal(refuse(f, FAILED_DATA), "=indeterminate");
@@ -843,7 +1266,6 @@ static void program_commands_are_never_repeated_blindly(void **state)
 	} cases[] = {
 		{ DB_CMD_START_PROGRAM, 0, 1, "=ok" },
 		{ DB_CMD_START_PROGRAM, 0, 0, "=indeterminate" },
-		{ DB_CMD_START_PROGRAM, 1, 1, "=indeterminate" },
 		{ DB_CMD_PAUSE_PROGRAM, 1, 2, "=ok" },
 		{ DB_CMD_PAUSE_PROGRAM, 1, 1, "=indeterminate" },
 		{ DB_CMD_CONTINUE_PROGRAM, 2, 1, "=ok" },
@@ -857,8 +1279,8 @@ static void program_commands_are_never_repeated_blindly(void **state)
 		struct fixture *f = make(1);
 		bool start = cases[i].command == DB_CMD_START_PROGRAM;
 
-		poll_all(f, true, 0, cases[i].before);
 		command(f, 0, cases[i].command, (struct db_args){ .program_number = 6 });
+		program(f, cases[i].before, 6, 1);
 		if (start)
 			answer(f, OK_PROGRAM);
 		assert_false(f->exchange.repeatable);
@@ -867,6 +1289,7 @@ static void program_commands_are_never_repeated_blindly(void **state)
 		/* Another program is no proof. */
 		if (start) {
 			command(f, 0, cases[i].command, (struct db_args){ .program_number = 6 });
+			program(f, 0, 6, 1);
 			if (strcmp(f->said, "0AF401030500") == 0)
 				answer(f, OK_PROGRAM);
 			lost(f);
@@ -954,7 +1377,8 @@ static void one_key_is_changed_and_the_others_kept(void **state)
 	(void)state;
 	assert_string_equal(set(f, 0, XYZA_STOP_KEY, 5), "0AF10103E5C2");
 	assert_string_equal(value(f, 0x080706), "0BF10103E5C206050800");
-	assert_string_equal(answer(f, OK_DATA), "=ok");
+	assert_string_equal(answer(f, OK_DATA), "0AF10103E5C2");
+	assert_string_equal(value(f, 0x080506), "=ok");
 	assert_int_equal(plate(f, 1)->values[XYZA_STOP_KEY].u, 5);
 	assert_int_equal(plate(f, 1)->values[XYZA_START_KEY].u, 6);
 	/* Not written, not known. */
@@ -971,14 +1395,13 @@ static void enabling_an_axis_leaves_the_others(void **state)
 	struct fixture *f = make(0xF);
 
 	(void)state;
-	command(f, 1, DB_CMD_ENABLE, (struct db_args){ 0 });
-	assert_string_equal(value(f, 0x9), "0BF10103E5C10B000000");
-	assert_string_equal(answer(f, OK_DATA), "=ok");
+	*memory(f, 0xE5, 0xC1) = 0x9;
+	whole(f, command(f, 1, DB_CMD_ENABLE, (struct db_args){ 0 }));
+	assert_int_equal(*memory(f, 0xE5, 0xC1), 0xB);
 	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++)
 		assert_int_equal(plate(f, axis)->values[XYZA_ENABLE].u, 0xB);
 	command(f, 3, DB_CMD_DISABLE, (struct db_args){ 0 });
-	answer(f, OK_MANUAL);
-	assert_string_equal(answer(f, OK_PROGRAM), "0AF10103E5C1");
+	assert_string_equal(value(f, 1), "0AF10103E5C1");
 	assert_string_equal(value(f, 0xB), "0BF10103E5C103000000");
 	/* Refused: all is as it was. */
 	assert_string_equal(refuse(f, FAILED_DATA), "=refused");
@@ -993,14 +1416,102 @@ static void what_an_axis_has_alone_stays_its_own(void **state)
 	(void)state;
 	assert_string_equal(set(f, 1, XYZA_LEAD, 2000), "0AF10103E3B3");
 	assert_string_equal(value(f, 5000), "0BF10103E3B3D0070000");
-	assert_string_equal(answer(f, OK_DATA), "=ok");
+	assert_string_equal(answer(f, OK_DATA), "0AF10103E3B3");
+	assert_string_equal(value(f, 2000), "=ok");
 	assert_int_equal(plate(f, 1)->values[XYZA_LEAD].u, 2000);
 	assert_false(plate(f, 0)->valid >> XYZA_LEAD & 1);
 	/* A speed that was given with a motion is the parameter from now on. */
-	command(f, 1, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -70.0f });
-	answer(f, OK_DATA);
-	assert_string_equal(refuse(f, FAILED_MANUAL), "=refused");
+	whole(f,
+	      command(f, 1, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -70.0f }));
 	assert_int_equal(plate(f, 1)->values[XYZA_MANUAL_SPEED].u, 70);
+	drop(f);
+}
+
+/* What it has made of it instead is shown, and is no success. */
+static void what_is_read_back_counts(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	set(f, 0, XYZA_MANUAL_SPEED, 50000);
+	value(f, 900);
+	answer(f, OK_DATA);
+	assert_string_equal(value(f, 20000), "=refused");
+	assert_int_equal(plate(f, 0)->values[XYZA_MANUAL_SPEED].u, 20000);
+	drop(f);
+}
+
+static void what_is_so_already_is_not_written(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	set(f, 0, XYZA_BRAKE, 5);
+	assert_string_equal(value(f, 5), "=ok");
+	set(f, 0, XYZA_PAUSE_KEY, 8);
+	assert_string_equal(value(f, 0x080706), "=ok");
+	drop(f);
+}
+
+/* Several at once: one after the other. */
+static void several_parameters_are_written(void **state)
+{
+	struct fixture *f = make(1);
+	const struct db_setting settings[] = {
+		{ .param = XYZA_MIN_SPEED, .value.u = 1 },
+		{ .param = XYZA_MAX_SPEED, .value.u = 2 },
+		{ .param = XYZA_BRAKE, .value.u = 3 },
+	};
+
+	(void)state;
+	f->request = (struct db_request){ .setting_count = 3, .settings = settings };
+	assert_string_equal(whole(f, begin(f, 0, DB_JOB_SETTINGS)),
+	                    "0AF10103E2A1 0BF10103E2A101000000 0AF10103E2A1 "
+	                    "0AF10103E2A2 0BF10103E2A202000000 0AF10103E2A2 "
+	                    "0AF10103E5C3 0BF10103E5C303000000 0AF10103E5C3 =ok");
+	drop(f);
+}
+
+/* Nobody who may only read is to read them. */
+static void passwords_are_not_shown(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	set(f, 0, XYZA_PASSWORD, 1234);
+	value(f, 99);
+	answer(f, OK_DATA);
+	assert_string_equal(value(f, 1234), "=ok");
+	assert_true(plate(f, 0)->valid >> XYZA_PASSWORD & 1);
+	assert_int_equal(plate(f, 0)->values[XYZA_PASSWORD].u, 0);
+	drop(f);
+}
+
+/* Silence about one item hides no other; it can be written, but nothing shows that. */
+static void what_is_never_answered_is_left_out(void **state)
+{
+	struct fixture *f = make(1);
+	const char *said = begin(f, 0, DB_JOB_IDENTIFY);
+	unsigned asked = 0;
+
+	(void)state;
+	while (said[0] != '=') {
+		bool silent = strcmp(said, "0AF10103E5C5") == 0;
+
+		asked += silent;
+		said = silent ? lost(f) : value(f, 1);
+	}
+	assert_string_equal(said, "=ok");
+	assert_int_equal(asked, 2);
+	poll_all(f, true, 0, 0);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_STANDSTILL);
+	assert_true(feedback(f, 0).status & DB_STATUS_PARAMS_VALID);
+	assert_true(plate(f, 0)->missing == UINT64_C(1) << XYZA_READ_PASSWORD);
+	assert_string_equal(set(f, 0, XYZA_READ_PASSWORD, 5), "0BF10103E5C505000000");
+	assert_string_equal(answer(f, OK_DATA), "=unproven");
+	/* Another controller may come back. */
+	db_driver_xyza.gone(f->axes[0]);
+	assert_string_equal(set(f, 0, XYZA_READ_PASSWORD, 5), "0AF10103E5C5");
 	drop(f);
 }
 
@@ -1025,10 +1536,10 @@ static void dangerous_parameters_are_locked(void **state)
 	                 DB_RESULT_UNSUPPORTED);
 	/* They are not read before they are written. */
 	assert_string_equal(set(f, 0, XYZA_SLAVE_NUMBER, 6), "0BF10103E5CB06000000");
-	assert_string_equal(answer(f, OK_DATA), "=ok");
+	assert_string_equal(answer(f, OK_DATA), "=unproven");
 	assert_string_equal(set(f, 0, XYZA_FACTORY_RESET, 1), "0BF10103E5CA00000000");
 	assert_false(plate(f, 1)->doubtful);
-	assert_string_equal(answer(f, OK_DATA), "=ok");
+	assert_string_equal(answer(f, OK_DATA), "=unproven");
 	assert_true(plate(f, 0)->doubtful && plate(f, 1)->doubtful);
 	drop(f);
 }
@@ -1052,11 +1563,22 @@ int main(void)
 		cmocka_unit_test(a_damaged_request_is_said_again),
 		cmocka_unit_test(an_axis_that_is_not_there_leaves_the_others),
 		cmocka_unit_test(one_axis_at_a_time),
+		cmocka_unit_test(a_jog_right_behind_a_program),
 		cmocka_unit_test(what_was_seen_before_a_jog_does_not_end_it),
+		cmocka_unit_test(what_was_seen_before_its_effect_does_not_end_a_jog),
 		cmocka_unit_test(another_way_is_gone_only_from_a_stand),
+		cmocka_unit_test(slow_brakes_are_no_failure),
+		cmocka_unit_test(another_speed_is_taken_while_it_moves),
 		cmocka_unit_test(a_stop_stops_what_runs),
-		cmocka_unit_test(a_position_is_set_without_ever_having_the_wrong_sign),
+		cmocka_unit_test(a_position_is_set),
+		cmocka_unit_test(a_position_that_is_not_taken_is_no_success),
+		cmocka_unit_test(a_position_in_the_making_is_not_shown),
 		cmocka_unit_test(a_delay_does_not_outlive_its_start),
+		cmocka_unit_test(an_acknowledgement_is_no_proof),
+		cmocka_unit_test(an_effect_may_take_its_time),
+		cmocka_unit_test(another_position_shows_that_it_moves),
+		cmocka_unit_test(disabling_one_axis_leaves_the_others),
+		cmocka_unit_test(an_interruption_is_cleared),
 		cmocka_unit_test(a_jog_is_never_repeated_blindly),
 		cmocka_unit_test(a_jog_is_not_repeated_after_a_stop),
 		cmocka_unit_test(program_commands_are_never_repeated_blindly),
@@ -1065,6 +1587,11 @@ int main(void)
 		cmocka_unit_test(one_key_is_changed_and_the_others_kept),
 		cmocka_unit_test(enabling_an_axis_leaves_the_others),
 		cmocka_unit_test(what_an_axis_has_alone_stays_its_own),
+		cmocka_unit_test(what_is_read_back_counts),
+		cmocka_unit_test(what_is_so_already_is_not_written),
+		cmocka_unit_test(several_parameters_are_written),
+		cmocka_unit_test(passwords_are_not_shown),
+		cmocka_unit_test(what_is_never_answered_is_left_out),
 		cmocka_unit_test(dangerous_parameters_are_locked),
 	};
 

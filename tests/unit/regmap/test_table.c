@@ -161,7 +161,7 @@ static void command_block_fits_a_scanner(void **state)
 
 	(void)state;
 	assert_int_equal(db_index_init(&index, &scopes[0], DB_TABLE_HOLDING), 0);
-	while (index.lookup[end] != DB_NO_CELL)
+	while (index.lookup[end] < DB_GAP_CELL)
 		end++;
 	assert_true(end > 100 && end - 100 <= 100);
 	assert_int_equal(db_index_find(&index, 100, (uint16_t)(end - 100), &cells),
@@ -184,7 +184,7 @@ static void blocks_have_no_holes(void **state)
 		assert_int_equal(db_index_init(&index, &scope, DB_TABLE_HOLDING), 0);
 		assert_int_not_equal(db_index_find(&index, 0, 30, &cells), DB_NO_CELL);
 		end = (uint16_t)(DB_PARAM_BASE + DB_PARAM_PAGE * db_drivers[i]->param_page);
-		while (end < index.limit && index.lookup[end] != DB_NO_CELL)
+		while (end < index.limit && index.lookup[end] < DB_GAP_CELL)
 			end++;
 		assert_true(index.cells[index.lookup[end - 1]].param ==
 		            db_drivers[i]->param_count - 1);
@@ -211,7 +211,7 @@ static void parameters_stand_in_order_with_gaps(void **state)
 	/* `acceleration` is the second parameter under another name, `deceleration` does not exist. */
 	assert_int_equal(index.cells[index.lookup[32]].param, 1);
 	assert_int_equal(index.cells[index.lookup[32]].offset, index.cells[first + 2].offset);
-	assert_int_equal(index.lookup[34], DB_NO_CELL);
+	assert_int_equal(index.lookup[34], DB_GAP_CELL);
 	db_index_release(&index);
 }
 
@@ -233,6 +233,41 @@ static void finding_stops_at_holes_and_ends(void **state)
 	db_index_release(&index);
 }
 
+/* Reading goes across holes, where there is something, and an area. */
+static void touching_goes_across_holes_of_an_area(void **state)
+{
+	struct db_index index;
+	uint16_t cells;
+
+	(void)state;
+	assert_int_equal(db_index_init(&index, &scopes[0], DB_TABLE_HOLDING), 0);
+	assert_int_equal(db_index_touch(&index, 34, 1, &cells), DB_NO_CELL);
+	assert_int_equal(db_index_touch(&index, 32, 4, &cells), index.lookup[32]);
+	assert_int_equal(cells, 1);
+	assert_int_equal(db_index_touch(&index, 0, 100, &cells), 0);
+	assert_int_equal(cells, index.lookup[100]);
+	assert_int_equal(db_index_touch(&index, 90, 10, &cells), DB_NO_CELL);
+	assert_int_equal(db_index_touch(&index, 990, 20, &cells), DB_NO_CELL);
+	assert_int_equal(db_index_touch(&index, 0, 0, &cells), DB_NO_CELL);
+	assert_int_equal(db_index_touch(&index, UINT16_MAX, UINT16_MAX, &cells), DB_NO_CELL);
+	db_index_release(&index);
+}
+
+/* Ascending, apart from each other, and with every register of theirs inside. */
+static void areas_are_in_order(void **state)
+{
+	(void)state;
+	for (size_t i = 0; i < db_area_count; i++) {
+		const struct db_area *area = &db_areas[i];
+
+		assert_true(area->first <= area->last);
+		for (size_t j = 0; j < i; j++) {
+			if (db_areas[j].view == area->view && db_areas[j].table == area->table)
+				assert_true(db_areas[j].last < area->first);
+		}
+	}
+}
+
 static void only_what_exists_has_registers(void **state)
 {
 	struct db_index index;
@@ -244,7 +279,8 @@ static void only_what_exists_has_registers(void **state)
 	assert_int_not_equal(index.lookup[1015], DB_NO_CELL);
 	assert_int_equal(index.lookup[1016], DB_NO_CELL);
 	assert_int_not_equal(index.lookup[2023], DB_NO_CELL);
-	assert_int_equal(index.limit, 2024);
+	assert_int_equal(index.lookup[2024], DB_GAP_CELL);
+	assert_int_equal(index.limit, 2000 + 24 * 247);
 	db_index_release(&index);
 	assert_int_equal(db_index_init(&index, &scopes[0], DB_TABLE_COILS), 0);
 	assert_int_equal(index.count, 16);
@@ -354,6 +390,8 @@ int main(void)
 		cmocka_unit_test(blocks_have_no_holes),
 		cmocka_unit_test(parameters_stand_in_order_with_gaps),
 		cmocka_unit_test(finding_stops_at_holes_and_ends),
+		cmocka_unit_test(touching_goes_across_holes_of_an_area),
+		cmocka_unit_test(areas_are_in_order),
 		cmocka_unit_test(only_what_exists_has_registers),
 		cmocka_unit_test(names_that_others_rely_on),
 		cmocka_unit_test(every_command_has_one_row),

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include "codec/vsmd.h"
 #include "drivebridge/driver.h"
 #include "drivebridge/registers.h"
 #include "drivebridge/version.h"
@@ -37,6 +38,7 @@ struct fake {
 	struct db_setting settings[DB_SETTINGS_MAX];
 	size_t submitted_to;
 	unsigned submitted;
+	uint32_t cycle_us;
 	unsigned answered;
 	uint8_t answered_with;
 	unsigned clients;
@@ -91,6 +93,7 @@ static void fake_bus_stats(void *context, struct db_bus *bus, struct db_bus_stat
 	*stats = (struct db_bus_stats){
 		.up = true,
 		.period_us = 20000,
+		.cycle_us = ((const struct fake *)context)->cycle_us,
 		.cycles = (uint32_t)place + 70000,
 		.online = (uint32_t)place + 1,
 	};
@@ -433,14 +436,64 @@ static void registers_that_do_not_exist(void **state)
 {
 	FAKE();
 	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 36, 1), ILLEGAL_ADDRESS);
-	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 30, 10), ILLEGAL_ADDRESS);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 68, 20), ILLEGAL_ADDRESS);
 	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 65535, 125), ILLEGAL_ADDRESS);
-	assert_int_equal(try_get(&fake, DB_TABLE_DISCRETE, 16, 2), ILLEGAL_ADDRESS);
+	assert_int_equal(try_get(&fake, DB_TABLE_DISCRETE, 17, 2), ILLEGAL_ADDRESS);
 	assert_int_equal(try_get(&fake, DB_TABLE_COILS, 0, 7), ILLEGAL_ADDRESS);
 	/* Input registers: what can be written is none. */
 	assert_int_equal(try_get(&fake, DB_TABLE_INPUT, 0, 32), 0);
 	assert_int_equal(try_get(&fake, DB_TABLE_INPUT, 32, 2), ILLEGAL_ADDRESS);
 	assert_int_equal(try_get(&fake, DB_TABLE_INPUT, 100, 1), ILLEGAL_ADDRESS);
+	drop(&fake);
+}
+
+/* A PLC reads one block per drive, whatever the family lacks in between. */
+static void blocks_cross_what_the_drive_lacks(void **state)
+{
+	struct db_nameplate plate = { .valid = UINT64_MAX & ~(UINT64_C(1) << 2) };
+	uint16_t values[125];
+
+	FAKE();
+	memset(values, 0xFF, sizeof values);
+	assert_int_equal(get(&fake, 1, DB_TABLE_HOLDING, 0, 100, values), 0);
+	assert_int_equal(values[0], get1(&fake, 1, 0));
+	assert_int_equal(values[66], 0);
+	for (uint16_t address = 36; address < 46; address++)
+		assert_int_equal(values[address], 0);
+	for (uint16_t address = 67; address < 100; address++)
+		assert_int_equal(values[address], 0);
+	assert_int_equal(values[47], get1(&fake, 1, 47));
+	/* Half of a value at either end. */
+	memset(values, 0xFF, sizeof values);
+	assert_int_equal(get(&fake, 1, DB_TABLE_HOLDING, 33, 14, values), 0);
+	assert_int_equal(values[0], get1(&fake, 1, 33));
+	assert_int_equal(values[3], 0);
+	assert_int_equal(values[13], get1(&fake, 1, 46));
+	/* Input registers lack what can be written. */
+	memset(values, 0xFF, sizeof values);
+	assert_int_equal(get(&fake, 1, DB_TABLE_INPUT, 30, 8, values), 0);
+	assert_int_equal(values[0], get1(&fake, 1, 30));
+	assert_int_equal(values[2], 0);
+	/* Bits. */
+	memset(values, 0xFF, sizeof values);
+	assert_int_equal(get(&fake, 1, DB_TABLE_DISCRETE, 0, 48, values), 0);
+	assert_int_equal(values[0], 1);
+	assert_int_equal(values[20], 0);
+	assert_int_equal(values[32], 1);
+	/* Writing does not. */
+	assert_int_equal(put_words(&fake, 124, 2, 0, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(put_words(&fake, 36, 1, 0), ILLEGAL_ADDRESS);
+	/* A parameter that this model lacks, too, unless it is all there is. */
+	db_axis_publish_nameplate(fake.axes[0], &plate);
+	memset(values, 0xFF, sizeof values);
+	assert_int_equal(get(&fake, 1, DB_TABLE_HOLDING, 202, 2, values), 0);
+	assert_int_equal(values[1], 0);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 203, 1), ILLEGAL_ADDRESS);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 203, 1), ILLEGAL_ADDRESS);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 600, 10), ILLEGAL_ADDRESS);
+	/* What is old is not shown in a block either. */
+	publish_status(&fake, DB_STATUS_BUS_UP);
+	assert_int_equal(get(&fake, 1, DB_TABLE_HOLDING, 0, 100, values), NO_ANSWER);
 	drop(&fake);
 }
 
@@ -575,6 +628,30 @@ static void bits(void **state)
 
 /* --- writing a drive ------------------------------------------------------------------------------------- */
 
+/* The drive's own status word, bit by bit under the vendor's names. */
+static void bits_of_the_drives_own_status(void **state)
+{
+	struct db_snapshot snapshot;
+	uint16_t value = 9;
+
+	FAKE();
+	snapshot = usual(&fake);
+	snapshot.feedback.drive_status = 1u << 13 | 1u << 24;
+	db_axis_publish(fake.axes[0], &snapshot);
+	for (uint16_t bit = 0; bit < 32; bit++) {
+		bool named = bit != 15 && bit != 18 && bit != 19 && bit != 23 && bit != 25 &&
+		             bit != 26 && bit < 28;
+
+		assert_int_equal(get(&fake, 1, DB_TABLE_DISCRETE, (uint16_t)(64 + bit), 1, &value),
+		                 named ? 0 : ILLEGAL_ADDRESS);
+		if (named)
+			assert_int_equal(value, bit == 13 || bit == 24);
+	}
+	publish_status(&fake, DB_STATUS_BUS_UP);
+	assert_int_equal(get(&fake, 1, DB_TABLE_DISCRETE, 77, 1, &value), NO_ANSWER);
+	drop(&fake);
+}
+
 static void a_block_is_one_command(void **state)
 {
 	struct db_snapshot snapshot;
@@ -646,6 +723,22 @@ static void writes_that_are_refused(void **state)
 	drop(&fake);
 }
 
+/* Also where the write ends in the middle of an argument, or that is no number. */
+static void a_stop_is_a_stop_whatever_is_written_with_it(void **state)
+{
+	FAKE();
+	assert_int_equal(put_words(&fake, 100, 3, 0, DB_CMD_STOP, 7), DB_WRITE_LATER);
+	assert_int_equal(fake.request.command, DB_CMD_STOP);
+	finish(&fake, DB_RESULT_OK);
+	assert_int_equal(get1(&fake, 1, 101), 0);
+	assert_int_equal(put_words(&fake, 101, 5, DB_CMD_DISABLE, 0, 0, 0x7FC0, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.request.command, DB_CMD_DISABLE);
+	finish(&fake, DB_RESULT_OK);
+	assert_int_equal(put_words(&fake, 100, 3, 0, DB_CMD_ENABLE, 7), ILLEGAL_VALUE);
+	assert_int_equal(fake.submitted, 2);
+	drop(&fake);
+}
+
 static void parameter_writes(void **state)
 {
 	FAKE();
@@ -680,11 +773,38 @@ static void parameter_writes(void **state)
 	drop(&fake);
 }
 
+/* The first one is named until the next write; what the model lacks takes back the 0 that it reads as. */
+static void a_refused_parameter_is_named(void **state)
+{
+	struct db_nameplate plate = { .valid = UINT64_MAX & ~(UINT64_C(1) << 2) };
+
+	FAKE();
+	assert_int_equal(put_words(&fake, 202, 2, 5, 9), ILLEGAL_VALUE);
+	assert_int_equal(get1(&fake, 1, 67), 203);
+	assert_int_equal(put_words(&fake, 202, 2, 5, 8), DB_WRITE_LATER);
+	assert_int_equal(get1(&fake, 1, 67), 0);
+	finish(&fake, DB_RESULT_OK);
+	db_axis_publish_nameplate(fake.axes[0], &plate);
+	assert_int_equal(put_words(&fake, 202, 2, 5, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.request.setting_count, 1);
+	finish(&fake, DB_RESULT_OK);
+	/* By itself, or another value: that is for the drive to say. */
+	assert_int_equal(put_words(&fake, 202, 2, 5, 1), DB_WRITE_LATER);
+	assert_int_equal(fake.request.setting_count, 2);
+	assert_int_equal(put_words(&fake, 203, 1, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 4);
+	drop(&fake);
+}
+
 static void coils(void **state)
 {
 	const uint16_t levels[] = { 1, 0, 1, 1, 1, 1, 1 };
+	struct db_nameplate plate = { .valid = UINT64_MAX };
 
 	FAKE();
+	for (unsigned i = 0; i < 6; i++)
+		plate.values[VSMD_S1 + i].u = 1;
+	db_axis_publish_nameplate(fake.axes[0], &plate);
 	assert_int_equal(put(&fake, DB_TABLE_COILS, 1, 3, levels), DB_WRITE_LATER);
 	assert_int_equal(fake.request.command, DB_CMD_SET_OUTPUTS);
 	assert_int_equal(fake.request.args.output_mask, 0x0E);
@@ -693,6 +813,45 @@ static void coils(void **state)
 	assert_int_equal(fake.answered_with, 4);
 	assert_int_equal(put(&fake, DB_TABLE_COILS, 0, 7, levels), ILLEGAL_ADDRESS);
 	assert_int_equal(get1(&fake, 1, 108), 0);
+	drop(&fake);
+}
+
+/* Slow controllers with several axes: what is read every two seconds is two seconds old. */
+static void a_slow_round_is_no_silence(void **state)
+{
+	FAKE();
+	fake.now += 2000 * MS;
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 12, 2), NO_ANSWER);
+	fake.cycle_us = 1900 * 1000;
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 12, 2), 0);
+	fake.now += 4000 * MS;
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 12, 2), NO_ANSWER);
+	drop(&fake);
+}
+
+/* One port after the other is switched: none is, when one of them cannot be. */
+static void coils_with_an_input_among_them(void **state)
+{
+	const uint16_t levels[] = { 1, 0, 1 };
+	struct db_nameplate plate = { .valid = UINT64_MAX };
+
+	FAKE();
+	for (unsigned i = 0; i < 6; i++)
+		plate.values[VSMD_S1 + i].u = i != 2;
+	db_axis_publish_nameplate(fake.axes[0], &plate);
+	assert_int_equal(put(&fake, DB_TABLE_COILS, 0, 3, levels), 4);
+	assert_int_equal(fake.submitted, 0);
+	assert_int_equal(get1(&fake, 1, 24), DB_RESULT_REFUSED);
+	assert_int_equal(get1(&fake, 1, 67), 3);
+	/* A command with a mask is the same. */
+	assert_int_equal(put_words(&fake, 108, 2, 0x0C, 0x0C), 0);
+	assert_int_equal(put_words(&fake, 101, 1, DB_CMD_SET_OUTPUTS), 4);
+	assert_int_equal(fake.submitted, 0);
+	/* Whether it still is one is to be read again. */
+	plate.doubtful = true;
+	db_axis_publish_nameplate(fake.axes[0], &plate);
+	assert_int_equal(put(&fake, DB_TABLE_COILS, 0, 3, levels), DB_WRITE_LATER);
+	finish(&fake, DB_RESULT_REFUSED);
 	drop(&fake);
 }
 
@@ -1363,16 +1522,22 @@ int main(void)
 		cmocka_unit_test(word_order),
 		cmocka_unit_test(parts_of_wide_registers),
 		cmocka_unit_test(registers_that_do_not_exist),
+		cmocka_unit_test(blocks_cross_what_the_drive_lacks),
 		cmocka_unit_test(offline_drive),
 		cmocka_unit_test(stale_values),
 		cmocka_unit_test(quality_and_age),
 		cmocka_unit_test(parameters),
 		cmocka_unit_test(bits),
+		cmocka_unit_test(bits_of_the_drives_own_status),
 		cmocka_unit_test(a_block_is_one_command),
 		cmocka_unit_test(arguments_are_kept_for_a_single_register),
 		cmocka_unit_test(writes_that_are_refused),
+		cmocka_unit_test(a_stop_is_a_stop_whatever_is_written_with_it),
 		cmocka_unit_test(parameter_writes),
+		cmocka_unit_test(a_refused_parameter_is_named),
+		cmocka_unit_test(a_slow_round_is_no_silence),
 		cmocka_unit_test(coils),
+		cmocka_unit_test(coils_with_an_input_among_them),
 		cmocka_unit_test(without_control),
 		cmocka_unit_test(control_is_asked_for_and_let_go),
 		cmocka_unit_test(the_first_write_takes_control),

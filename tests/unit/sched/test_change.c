@@ -179,6 +179,7 @@ static const struct db_nameplate *fake_nameplate(const struct db_device *device)
 
 static const struct db_driver family = {
 	.name = "fake",
+	.acknowledges = true,
 	.medium = DB_MEDIUM_SERIAL,
 	.axes = DB_AXES_MAX,
 	.device_size = sizeof(struct db_device),
@@ -288,11 +289,12 @@ static struct world *make_with(size_t drives, size_t paired, unsigned parts)
 			.address = (unsigned)(i - (beyond + 1) / 2) + 1,
 			.axis = beyond % 2,
 			.on_exit = DB_ON_LOSS_STOP,
+			.stop_reaction_ms = 1000,
 		};
 		world->list[i] = (struct db_bus_drive){ (uint16_t)(10 + i), &world->drives[i],
 			                                db_axis_new() };
 	}
-	assert_int_equal(db_mailbox_new(8, 4 * DRIVES, &world->mailbox), 0);
+	assert_int_equal(db_mailbox_new(8, DRIVES, &world->mailbox), 0);
 	assert_int_equal(db_engine_new(&world->bus, world->list, drives, world->mailbox, &ops,
 	                               world, &world->engine),
 	                 0);

@@ -23,6 +23,9 @@ enum fault { FAULT_NONE, FAULT_LOSE_REQUEST, FAULT_LOSE_ANSWER, FAULT_LATE_ANSWE
 struct drive {
 	struct vsmd_status status;
 	bool dead;
+	db_time deaf; /* after each of its answers */
+	db_time deaf_until;
+	db_time latency;  /* 0: as all the others */
 	enum fault fault; /* of the next request that `fault_verb` matches */
 	enum vsmd_verb fault_verb;
 	unsigned executed[VSMD_VERB_COUNT];
@@ -42,7 +45,11 @@ struct world {
 	db_time answer_at;
 	uint8_t late[VSMD_SERIAL_FRAME_MAX];
 	size_t late_length;
-	char log[4096]; /* every line sent since it was cleared */
+	char log[4096];      /* every line sent since it was cleared */
+	db_time quiet_since; /* end of the last answer */
+	db_time least_gap;   /* between an answer and the next request */
+	unsigned told_timing[DB_EVENT_COUNT];
+	db_time timing; /* told last */
 	struct {
 		enum db_event event;
 		unsigned address;
@@ -116,8 +123,15 @@ static void on_send(void *context, const uint8_t *bytes, size_t length)
 	struct drive *drive;
 	enum fault fault = FAULT_NONE;
 
+	if (world->quiet_since != 0 && world->now - world->quiet_since < world->least_gap)
+		world->least_gap = world->now - world->quiet_since;
 	assert_true(strlen(world->log) + length < sizeof world->log);
 	strncat(world->log, (const char *)bytes, length);
+	/* A bare line end, in case that the line before had lost its own. */
+	if (bytes[0] == '\n') {
+		bytes++;
+		length--;
+	}
 	assert_int_equal(vsmd_serial_decode_command((const char *)bytes, length - 1, true, &command,
 	                                            settings, VSMD_PARAM_COUNT),
 	                 VSMD_OK);
@@ -131,7 +145,7 @@ static void on_send(void *context, const uint8_t *bytes, size_t length)
 		fault = drive->fault;
 		drive->fault = FAULT_NONE;
 	}
-	if (drive->dead || fault == FAULT_LOSE_REQUEST)
+	if (drive->dead || fault == FAULT_LOSE_REQUEST || world->now < drive->deaf_until)
 		return;
 	if (fault == FAULT_REFUSE)
 		drive->status.status |= VSMD_ST_CMD_WRG;
@@ -144,7 +158,8 @@ static void on_send(void *context, const uint8_t *bytes, size_t length)
 		return;
 	}
 	world->answer_length = reply(drive, (uint8_t)command.id, &command, world->answer);
-	world->answer_at = world->now + 2 * MS;
+	world->answer_at = world->now + (drive->latency > 0 ? drive->latency : 2 * MS);
+	drive->deaf_until = world->answer_at + drive->deaf;
 }
 
 static void on_tell(void *context, const struct db_drive_config *drive, enum db_event event,
@@ -158,7 +173,21 @@ static void on_tell(void *context, const struct db_drive_config *drive, enum db_
 	world->told[world->told_count++].feedback = *feedback;
 }
 
-static const struct db_engine_ops ops = { .send = on_send, .tell = on_tell };
+static void on_tell_timing(void *context, const struct db_drive_config *drive, enum db_event event,
+                           db_time time)
+{
+	struct world *world = context;
+
+	(void)drive;
+	world->told_timing[event]++;
+	world->timing = time;
+}
+
+static const struct db_engine_ops ops = {
+	.send = on_send,
+	.tell = on_tell,
+	.tell_timing = on_tell_timing,
+};
 
 static int setup(void **state)
 {
@@ -180,6 +209,7 @@ static int setup(void **state)
 			.name = (char *)"d",
 			.address = (unsigned)i + 1,
 			.on_exit = DB_ON_LOSS_STOP,
+			.stop_reaction_ms = 1000,
 			.counts_per_unit = 1.0,
 			.min_position = NAN,
 			.max_position = NAN,
@@ -190,7 +220,7 @@ static int setup(void **state)
 		world->sim[i].status.status = VSMD_ST_STP;
 	}
 	world->now = 1000 * MS;
-	assert_int_equal(db_mailbox_new(8, 4 * DRIVES, &world->mailbox), 0);
+	assert_int_equal(db_mailbox_new(8, DRIVES, &world->mailbox), 0);
 	assert_int_equal(db_engine_new(&world->bus, world->list, DRIVES, world->mailbox, &ops,
 	                               world, &world->engine),
 	                 0);
@@ -225,6 +255,7 @@ static void pass(struct world *world, db_time span)
 
 			world->now = world->answer_at;
 			world->answer_length = 0;
+			world->quiet_since = world->now;
 			db_engine_receive(world->engine, world->answer, length, world->now);
 		} else {
 			world->now = next;
@@ -575,6 +606,65 @@ static void a_drive_that_lost_power_is_read_again(void **state)
 	assert_true(status_of(world, 0) & DB_STATUS_ORIGIN_LOST);
 }
 
+/* The text of all parameters takes as long on the wire as many commands: a stop would wait behind it. */
+static void no_drive_tells_its_parameters_while_another_moves(void **state)
+{
+	struct world *world = *state;
+
+	world->bus.baud = 9600;
+	world->sim[2].dead = true;
+	db_engine_port(world->engine, true, 0, world->now);
+	pass(world, 2000 * MS);
+	world->sim[0].status.status &= ~(uint32_t)VSMD_ST_STP;
+	pass(world, 200 * MS);
+	assert_true(status_of(world, 0) & DB_STATUS_MOVING);
+	world->sim[2].dead = false;
+	world->log[0] = '\0';
+	pass(world, 4000 * MS);
+	assert_true(status_of(world, 2) & DB_STATUS_ONLINE);
+	assert_int_equal(count(world, " cfg\n"), 0);
+	/* All stand. */
+	world->sim[0].status.status |= VSMD_ST_STP;
+	pass(world, 500 * MS);
+	assert_int_equal(count(world, "3 cfg\n"), 1);
+	assert_true(status_of(world, 2) & DB_STATUS_PARAMS_VALID);
+}
+
+static void a_drive_that_moves_for_ever_does_not_hide_the_parameters_of_others(void **state)
+{
+	struct world *world = *state;
+
+	world->bus.baud = 9600;
+	world->sim[0].status.status &= ~(uint32_t)VSMD_ST_STP;
+	db_engine_port(world->engine, true, 0, world->now);
+	for (unsigned seconds = 0; seconds < 35; seconds++) {
+		world->log[0] = '\0';
+		pass(world, 1000 * MS);
+		assert_true(count(world, " cfg\n") <= 1);
+	}
+	for (size_t i = 0; i < DRIVES; i++)
+		assert_true(status_of(world, i) & DB_STATUS_PARAMS_VALID);
+	/* The time that one waited is not counted for another, much later. */
+	world->sim[2].dead = true;
+	for (unsigned seconds = 0; seconds < 15; seconds++) {
+		world->log[0] = '\0';
+		pass(world, 1000 * MS);
+	}
+	world->sim[2].dead = false;
+	for (unsigned seconds = 0; seconds < 4; seconds++) {
+		world->log[0] = '\0';
+		pass(world, 1000 * MS);
+		assert_int_equal(count(world, " cfg\n"), 0);
+	}
+	assert_true(status_of(world, 2) & DB_STATUS_ONLINE);
+	/* Who is asked to is not made to wait. */
+	world->log[0] = '\0';
+	post(world, 1, DB_CMD_READ_PARAMETERS, 0);
+	pass(world, 500 * MS);
+	assert_int_equal(count(world, "2 cfg\n"), 1);
+	assert_int_equal(result_of(world), DB_RESULT_OK);
+}
+
 static void the_end_stops_every_drive(void **state)
 {
 	struct world *world = *state;
@@ -586,6 +676,79 @@ static void the_end_stops_every_drive(void **state)
 	/* All at once by broadcast, then each one for its confirmation. */
 	assert_memory_equal(world->log, "0 stp\n1 stp\n", 12);
 	assert_int_equal(count(world, " stp\n"), 4);
+}
+
+/* --- drives that are slower than others --------------------------------------------------------------- */
+
+static void drives_get_time_to_turn_around(void **state)
+{
+	struct world *world = *state;
+
+	world->least_gap = 1000 * MS;
+	start(world);
+	assert_int_equal(world->least_gap, 0);
+	world->bus.turnaround_us = 1000;
+	for (size_t i = 0; i < DRIVES; i++)
+		world->sim[i].deaf = MS;
+	pass(world, 100 * MS); /* what was lost meanwhile is over */
+	world->least_gap = 1000 * MS;
+	post(world, 0, DB_CMD_ENABLE, 0);
+	post(world, 1, DB_CMD_STOP, 0);
+	pass(world, 400 * MS);
+	assert_int_equal(world->least_gap, MS);
+	assert_int_equal(result_of(world), DB_RESULT_OK);
+	assert_int_equal(result_of(world), DB_RESULT_OK);
+	for (size_t i = 0; i < DRIVES; i++)
+		assert_true(status_of(world, i) & DB_STATUS_ONLINE);
+	assert_int_equal(world->told_timing[DB_EVENT_DRIVE_DEAF], 0);
+}
+
+static void a_drive_that_is_deaf_for_longer_is_told_of(void **state)
+{
+	struct world *world = *state;
+
+	/* One on the line, so that every request follows its own answer. */
+	world->sim[1].dead = world->sim[2].dead = true;
+	world->bus.turnaround_us = 1000;
+	start(world);
+	world->sim[0].deaf = 4 * MS;
+	/* Its parameters are asked for right behind the answer who it is. */
+	for (unsigned i = 0; i < 3; i++) {
+		post(world, 0, DB_CMD_READ_PARAMETERS, 0);
+		pass(world, 1000 * MS);
+	}
+	assert_true(world->told_timing[DB_EVENT_DRIVE_DEAF] > 0);
+	assert_int_equal(world->told_timing[DB_EVENT_DRIVE_LATE], 0);
+	assert_int_equal(world->timing, MS);
+}
+
+static void a_drive_that_answers_late_is_told_of(void **state)
+{
+	struct world *world = *state;
+	unsigned missing = 0;
+
+	world->sim[0].latency = 14 * MS; /* 10 are waited for */
+	start(world);
+	pass(world, 3000 * MS);
+	assert_true(world->told_timing[DB_EVENT_DRIVE_LATE] > 0);
+	assert_in_range(world->timing, 10 * MS, 14 * MS);
+	for (size_t i = 0; i < world->told_count; i++)
+		missing += world->told[i].event == DB_EVENT_DRIVE_LOST;
+	assert_int_equal(missing, 0);
+}
+
+static void who_is_just_away_is_neither_late_nor_deaf(void **state)
+{
+	struct world *world = *state;
+
+	start(world);
+	for (unsigned i = 0; i < 20; i++) {
+		world->sim[0].dead = i % 2 == 0;
+		pass(world, 200 * MS);
+		world->told_count = 0;
+	}
+	assert_int_equal(world->told_timing[DB_EVENT_DRIVE_DEAF], 0);
+	assert_int_equal(world->told_timing[DB_EVENT_DRIVE_LATE], 0);
 }
 
 /* --- stops that must not be lost ----------------------------------------------------------------------- */
@@ -841,11 +1004,17 @@ int main(void)
 		TEST(a_lost_set_position_is_read_back),
 		TEST(a_lost_save_is_indeterminate_and_not_repeated),
 		TEST(a_late_answer_is_not_taken_for_the_next_ones),
+		TEST(drives_get_time_to_turn_around),
+		TEST(a_drive_that_is_deaf_for_longer_is_told_of),
+		TEST(a_drive_that_answers_late_is_told_of),
+		TEST(who_is_just_away_is_neither_late_nor_deaf),
 		TEST(a_stop_overtakes_and_cancels),
 		TEST(a_stop_is_repeated_until_confirmed),
 		TEST(commands_to_a_drive_that_is_gone_end),
 		TEST(a_lost_port_ends_everything_and_comes_back),
 		TEST(a_drive_that_lost_power_is_read_again),
+		TEST(no_drive_tells_its_parameters_while_another_moves),
+		TEST(a_drive_that_moves_for_ever_does_not_hide_the_parameters_of_others),
 		TEST(the_end_stops_every_drive),
 		TEST(a_stop_at_the_end_that_is_refused_is_said_again),
 		TEST(a_drive_that_does_not_confirm_its_end_is_told),

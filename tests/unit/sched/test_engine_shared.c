@@ -324,6 +324,7 @@ static struct world *make(size_t drives, unsigned axes)
 	world->now = 1000 * MS;
 	for (size_t i = 0; i < drives; i++) {
 		world->drives[i] = (struct db_drive_config){
+			.stop_reaction_ms = 1000,
 			.name = (char *)"d",
 			.address = (unsigned)(i / axes) + 1,
 			.axis = (unsigned)(i % axes),
@@ -332,7 +333,7 @@ static struct world *make(size_t drives, unsigned axes)
 		world->list[i] = (struct db_bus_drive){ (uint16_t)i, &world->drives[i],
 			                                world->axes[i] };
 	}
-	assert_int_equal(db_mailbox_new(8, 4 * drives, &world->mailbox), 0);
+	assert_int_equal(db_mailbox_new(8, drives, &world->mailbox), 0);
 	assert_int_equal(db_engine_new(&world->bus, world->list, drives, world->mailbox, &ops,
 	                               world, &world->engine),
 	                 0);
@@ -479,6 +480,28 @@ static void a_full_port_loses_and_doubles_nothing(void **state)
 	drop(world);
 }
 
+/* The bus's thread would run without a pause otherwise, perhaps at real-time priority. */
+static void a_full_port_lets_the_engine_sleep(void **state)
+{
+	struct world *world = make(DRIVES, 1);
+	unsigned turns = 0;
+	db_time end;
+
+	(void)state;
+	while (all_flying(world) == 0)
+		pass(world, 50 * US);
+	end = world->now + 300 * MS;
+	db_engine_hold(world->engine, true, world->now);
+	world->full = true;
+	while (world->now < end && turns < 1000) {
+		world->now = db_engine_run(world->engine, world->now);
+		turns++;
+	}
+	/* One for each cycle, and not for ever when the answers are overdue. */
+	assert_in_range(turns, 1, 100);
+	drop(world);
+}
+
 /* --- reports ------------------------------------------------------------------------------------------ */
 
 static void a_drive_that_reports_is_not_polled(void **state)
@@ -584,6 +607,7 @@ int main(void)
 		cmocka_unit_test(a_dead_drive_costs_the_others_nothing),
 		cmocka_unit_test(a_stop_does_not_wait_for_others),
 		cmocka_unit_test(a_full_port_loses_and_doubles_nothing),
+		cmocka_unit_test(a_full_port_lets_the_engine_sleep),
 		cmocka_unit_test(a_drive_that_reports_is_not_polled),
 		cmocka_unit_test(what_nobody_asked_for_is_counted),
 		cmocka_unit_test(a_controller_is_polled_once_for_all_its_axes),

@@ -56,13 +56,35 @@ static void a_full_box_still_takes_stops(void **state)
 	assert_true(db_mailbox_post(mailbox, &move));
 	assert_true(db_mailbox_post(mailbox, &move));
 	assert_false(db_mailbox_post(mailbox, &move));
-	assert_true(db_mailbox_post(mailbox, &stop));
+	for (unsigned i = 0; i < DB_MAILBOX_STOPS_EACH; i++)
+		assert_true(db_mailbox_post(mailbox, &stop));
 	assert_false(db_mailbox_post(mailbox, &stop));
 	/* A slot is free again only when its result was collected. */
 	db_letter_finish(db_mailbox_take(mailbox), DB_RESULT_OK, 1);
 	assert_false(db_mailbox_post(mailbox, &move));
 	assert_true(db_mailbox_collect(mailbox, &completion));
 	assert_true(db_mailbox_post(mailbox, &move));
+	db_mailbox_free(mailbox);
+}
+
+static void nobody_takes_the_room_for_anothers_stops(void **state)
+{
+	struct db_mailbox *mailbox = NULL;
+	struct db_request dead = request_of(1, DB_CMD_STOP);
+	struct db_request living = request_of(2, DB_CMD_DISABLE);
+	unsigned posted = 0;
+
+	(void)state;
+	dead.axis = 1;
+	living.axis = 2;
+	assert_int_equal(db_mailbox_new(2, 2, &mailbox), 0);
+	while (posted < 100 && db_mailbox_post(mailbox, &dead)) {
+		assert_non_null(db_mailbox_take(mailbox)); /* and never finished */
+		posted++;
+	}
+	assert_int_equal(posted, DB_MAILBOX_STOPS_EACH);
+	for (unsigned i = 0; i < DB_MAILBOX_STOPS_EACH; i++)
+		assert_true(db_mailbox_post(mailbox, &living));
 	db_mailbox_free(mailbox);
 }
 
@@ -120,7 +142,7 @@ static void it_grows_for_stops_and_never_shrinks(void **state)
 	struct db_mailbox *mailbox = NULL;
 	struct db_completion completion;
 	struct db_request move = request_of(1, DB_CMD_MOVE_ABSOLUTE);
-	struct db_request stop = request_of(9, DB_CMD_STOP);
+	unsigned letters = 1 + 3 * DB_MAILBOX_STOPS_EACH;
 
 	(void)state;
 	assert_int_equal(db_mailbox_new(1, 1, &mailbox), 0);
@@ -128,13 +150,18 @@ static void it_grows_for_stops_and_never_shrinks(void **state)
 	assert_int_equal(db_mailbox_grow(mailbox, 2), 0);
 	assert_true(db_mailbox_post(mailbox, &move));
 	assert_false(db_mailbox_post(mailbox, &move));
-	for (unsigned i = 0; i < 3; i++)
+	for (unsigned i = 0; i < 3 * DB_MAILBOX_STOPS_EACH; i++) {
+		struct db_request stop = request_of(9, DB_CMD_STOP);
+
+		stop.axis = (uint16_t)(i % 3);
 		assert_true(db_mailbox_post(mailbox, &stop));
-	assert_false(db_mailbox_post(mailbox, &stop));
-	for (unsigned i = 0; i < 4; i++)
+		if (i >= 3 * DB_MAILBOX_STOPS_EACH - 3)
+			assert_false(db_mailbox_post(mailbox, &stop));
+	}
+	for (unsigned i = 0; i < letters; i++)
 		db_letter_finish(db_mailbox_take(mailbox), DB_RESULT_OK, 1);
 	assert_null(db_mailbox_take(mailbox));
-	for (unsigned i = 0; i < 4; i++)
+	for (unsigned i = 0; i < letters; i++)
 		assert_true(db_mailbox_collect(mailbox, &completion));
 	assert_false(db_mailbox_collect(mailbox, &completion));
 	db_mailbox_free(mailbox);
@@ -145,6 +172,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(letters_are_taken_in_order_and_answered_once),
 		cmocka_unit_test(a_full_box_still_takes_stops),
+		cmocka_unit_test(nobody_takes_the_room_for_anothers_stops),
 		cmocka_unit_test(it_grows_for_stops_and_never_shrinks),
 		cmocka_unit_test(two_threads_lose_and_reorder_nothing),
 	};

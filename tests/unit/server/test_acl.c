@@ -139,12 +139,23 @@ static void addresses_as_text(void **state)
 	assert_int_equal(strlen(text), 39);
 }
 
+/* Round and round: those that mean nobody and a group are left out. */
+static void numbers_of_clients(void **state)
+{
+	(void)state;
+	assert_int_equal(db_client_number_after(DB_CLIENT_NOBODY), 1);
+	assert_int_equal(db_client_number_after(1), 2);
+	assert_int_equal(db_client_number_after(DB_CLIENT_GROUP - 2), DB_CLIENT_GROUP - 1);
+	assert_int_equal(db_client_number_after(DB_CLIENT_GROUP - 1), 1);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		cmocka_unit_test(matches_prefixes), cmocka_unit_test(empty_lists),
-		cmocka_unit_test(both_lists),       cmocka_unit_test(peers),
-		cmocka_unit_test(listen_addresses), cmocka_unit_test(addresses_as_text),
+		cmocka_unit_test(matches_prefixes),   cmocka_unit_test(empty_lists),
+		cmocka_unit_test(both_lists),         cmocka_unit_test(peers),
+		cmocka_unit_test(listen_addresses),   cmocka_unit_test(addresses_as_text),
+		cmocka_unit_test(numbers_of_clients),
 	};
 
 	return cmocka_run_group_tests_name("server/acl", tests, NULL, NULL);

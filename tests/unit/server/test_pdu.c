@@ -305,12 +305,12 @@ static void server_id(void **state)
 
 	(void)state;
 	assert_int_equal(PARSE(&r, adu, 17), 0);
-	CHECK(out, db_pdu_server_id(&r, "ab", 2, true, out), 17, 3, 'a', 'b', 0xFF);
-	CHECK(out, db_pdu_server_id(&r, NULL, 0, false, out), 17, 1, 0);
+	CHECK(out, db_pdu_server_id(&r, "ab", 2, true, out), 17, 4, 5, 0xFF, 'a', 'b');
+	CHECK(out, db_pdu_server_id(&r, NULL, 0, false, out), 17, 2, 5, 0);
 	memset(text, 'x', sizeof(text));
 	assert_int_equal(db_pdu_server_id(&r, text, sizeof(text), true, out), DB_ADU_MAX);
 	assert_int_equal(out[8], 251);
-	assert_int_equal(out[259], 0xFF);
+	assert_int_equal(out[10], 0xFF);
 }
 
 static const char *const OBJECTS[DB_DEVICE_ID_OBJECTS] = { "V", "PC", "1", NULL, "N", NULL, "app" };

@@ -373,6 +373,17 @@ static void garbage_comes_before_the_frame(void **state)
 	assert_int_equal(b->got[1].id, 0x100);
 }
 
+static void a_doubled_frame_comes_twice(void **state)
+{
+	struct bench *b = *state;
+
+	fault(&b->drives[0].faults, "double 1");
+	drive_says(b, 0, 0x100, START);
+	run(b);
+	assert_int_equal(b->got_count, 2);
+	assert_memory_equal(&b->got[0], &b->got[1], sizeof b->got[0]);
+}
+
 /* Drive 1 answers host 1 in the name of another drive. */
 static void a_wrong_id_names_another_drive(void **state)
 {
@@ -461,6 +472,7 @@ int main(void)
 		CASE(a_corrupted_frame_costs_time_only),
 		CASE(half_of_a_truncated_frame_is_missing),
 		CASE(garbage_comes_before_the_frame),
+		CASE(a_doubled_frame_comes_twice),
 		CASE(a_wrong_id_names_another_drive),
 		CASE(a_silent_drive_neither_hears_nor_speaks),
 		CASE(with_echo_the_host_hears_itself),

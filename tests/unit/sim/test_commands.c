@@ -147,6 +147,7 @@ static void errors_are_answered(void **state)
 		"power d",
 		"power b on",
 		"power d maybe",
+		"address d 0",
 		"identity d",
 		"flash d maybe",
 		"stall d maybe",
@@ -190,6 +191,10 @@ static void commands_reach_the_drive(void **state)
 	assert_string_equal(ask(b, "power d on"), "ok\n");
 	assert_string_equal(ask(b, "identity d VSMD999 new"), "ok\n");
 	assert_string_equal(sim_vsmd_identity(b->world.nodes[0].drive), "VSMD999 new");
+	assert_string_equal(ask(b, "address d 5"), "ok\n");
+	host_sends(b, "4 sts\n");
+	assert_non_null(strstr(ask(b, "get d"), "heard=2 replies=2"));
+	assert_string_equal(ask(b, "address d 4"), "ok\n");
 	assert_string_equal(ask(b, "fault d drop 1"), "ok\n");
 	host_sends(b, "4 sts\n");
 	assert_non_null(strstr(ask(b, "get d"), "heard=3 replies=2"));

@@ -8,6 +8,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -240,6 +241,69 @@ static void broken_replies(void **state)
 	assert_int_equal(reply.id, 1);
 }
 
+static void replies_damaged_at_a_place(void **state)
+{
+	struct bench *b = *state;
+	struct vsmd_reply reply;
+	uint8_t whole[VSMD_SERIAL_STATUS_FRAME];
+
+	talk(b, "1 sts\n");
+	memcpy(whole, b->bytes, sizeof(whole));
+	for (size_t place = 1; place <= sizeof(whole); place++) {
+		char text[32];
+
+		(void)snprintf(text, sizeof(text), "corrupt-at %zu 1", place);
+		set_fault(b, text);
+		talk(b, "1 sts\n");
+		assert_int_equal(b->length, sizeof(whole));
+		for (size_t i = 0; i < sizeof(whole); i++)
+			assert_int_equal(b->bytes[i] != whole[i], i == place - 1);
+	}
+	set_fault(b, "split 1");
+	talk(b, "1 sts\n");
+	assert_in_range(b->length, 22, 29);
+	assert_memory_equal(b->bytes, whole, 10);
+	assert_memory_equal(b->bytes + b->length - 11, whole + 10, 11);
+	set_fault(b, "double 1");
+	talk(b, "1 sts\n");
+	assert_int_equal(b->length, 42);
+	assert_int_equal(vsmd_serial_decode_reply(b->bytes, 21, &reply), VSMD_OK);
+	assert_memory_equal(b->bytes, b->bytes + 21, 21);
+}
+
+static char testimony[256];
+
+static void remember(void *context, db_time time, const char *request, bool obeyed)
+{
+	size_t length = strlen(testimony);
+
+	(void)context;
+	(void)time;
+	(void)snprintf(testimony + length, sizeof(testimony) - length, "%s%s;", request,
+	               obeyed ? "" : " (refused)");
+}
+
+/* Lost requests are not told, unanswered ones are, and questions are of no interest. */
+static void the_witness_hears_what_the_drive_obeys(void **state)
+{
+	struct bench *b = *state;
+
+	testimony[0] = '\0';
+	b->nodes[0].witness.tell = remember;
+	talk(b, "1 mov spd=10\n");
+	talk(b, "1 dev\n");
+	talk(b, "1 ena\n");
+	set_fault(b, "lose-request 1");
+	talk(b, "1 pos 5\n");
+	set_fault(b, "drop 1");
+	talk(b, "1 pos 6\n");
+	talk(b, "2 pos 7\n");
+	talk(b, "1 sts\n");
+	talk(b, "1 nonsense\n");
+	assert_string_equal(testimony,
+	                    "1 mov spd=10 (refused);1 ena;1 pos 6;1 nonsense (refused);");
+}
+
 static void a_late_reply_does_not_hold_up_others(void **state)
 {
 	struct bench *b = *state;
@@ -297,6 +361,7 @@ static void fault_texts(void **state)
 	assert_non_null(sim_faults_set(&faults, "drop x"));
 	assert_non_null(sim_faults_set(&faults, "drop 0"));
 	assert_non_null(sim_faults_set(&faults, "delay"));
+	assert_non_null(sim_faults_set(&faults, "corrupt-at"));
 	assert_non_null(sim_faults_set(&faults, "silence"));
 	assert_non_null(sim_faults_set(&faults, "drop 1 2 3 4"));
 	assert_false(sim_faults_take(&faults, SIM_FAULT_DROP));
@@ -323,6 +388,8 @@ int main(void)
 		BUS_TEST(an_overlong_line_is_not_heard),
 		BUS_TEST(lost_requests_and_replies),
 		BUS_TEST(broken_replies),
+		BUS_TEST(replies_damaged_at_a_place),
+		BUS_TEST(the_witness_hears_what_the_drive_obeys),
 		BUS_TEST(a_late_reply_does_not_hold_up_others),
 		BUS_TEST(echo_comes_before_the_reply),
 		BUS_TEST(new_id_and_rate_come_with_power),

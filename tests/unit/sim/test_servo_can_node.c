@@ -282,6 +282,7 @@ static void start(struct world *world, const struct sim_servo_config *config)
 
 		world->drives[i].name = (char *)"d";
 		world->drives[i].address = (unsigned)i + 1;
+		world->drives[i].stop_reaction_ms = 1000;
 		world->axes[i] = db_axis_new();
 		world->list[i] = (struct db_bus_drive){ (uint16_t)i, &world->drives[i],
 			                                world->axes[i] };
@@ -566,7 +567,9 @@ static void one_sync_frame_starts_all(void **state)
 	start(world, &config);
 	for (size_t i = 0; i < 8; i++) {
 		assert_string_equal(command(world, i, DB_CMD_ENABLE, PLAIN), "ok");
-		assert_string_equal(command(world, i, DB_CMD_MOVE_VELOCITY, VELOCITY(300)), "ok");
+		/* Staged: nothing shows it yet. */
+		assert_string_equal(command(world, i, DB_CMD_MOVE_VELOCITY, VELOCITY(300)),
+		                    "unproven");
 	}
 	pass(world, 200 * MS);
 	for (size_t i = 0; i < 8; i++)

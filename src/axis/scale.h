@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Drive units to the user's: one scale, for what is shown and for the limits. The configuration's
+ * counts-per-unit goes first; without it, what the drive itself knows of its mechanics. Pure.
+ */
+#ifndef DRIVEBRIDGE_AXIS_SCALE_H
+#define DRIVEBRIDGE_AXIS_SCALE_H
+
+#include "drivebridge/axis.h"
+#include "drivebridge/config.h"
+#include "drivebridge/driver.h"
+
+/* Counts in a unit; 1 as long as the drive has not told it. */
+double db_scale_counts(const struct db_drive_config *drive, const struct db_feedback *feedback);
+
+/* The drive is to tell it, and has not done so yet: nothing can be compared with a limit. */
+bool db_scale_is_open(const struct db_driver *driver, const struct db_drive_config *drive,
+                      const struct db_feedback *feedback);
+
+/* The name of the unit. */
+const char *db_scale_unit(const struct db_driver *driver, const struct db_drive_config *drive);
+
+#endif

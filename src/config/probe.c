@@ -1,0 +1,204 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What this machine has of a configuration. Nothing is opened: opening a serial port moves its control
+ * lines, which some adapters and drives notice.
+ */
+#include "drivebridge/config.h"
+#include "drivebridge/transport.h"
+
+#include <errno.h>
+#include <grp.h>
+#include <inttypes.h>
+#include <net/if.h>
+#include <net/if_arp.h>
+#include <pwd.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
+#include <unistd.h>
+
+#define SERVICE_USER "drivebridge"
+#define GROUPS_MAX 64
+
+struct probe {
+	FILE *out;
+	FILE *errors;
+	char user[64]; /* who is to open the ports */
+	uid_t uid;
+	gid_t groups[GROUPS_MAX];
+	int group_count;
+};
+
+static void warn(const struct probe *probe, const struct db_bus_config *bus, const char *place,
+                 const char *what)
+{
+	fprintf(probe->errors, "%s:%u: warning: bus %s: %s %s\n", bus->source_file,
+	        bus->source_line, bus->name, place, what);
+}
+
+/* --- who ------------------------------------------------------------------------------------------- */
+
+/* Root may open everything: then it is the service that is asked about, if there is one. */
+static void find_user(struct probe *probe)
+{
+	struct passwd *user = geteuid() == 0 ? getpwnam(SERVICE_USER) : NULL;
+
+	if (!user)
+		user = getpwuid(geteuid());
+	probe->uid = user ? user->pw_uid : geteuid();
+	snprintf(probe->user, sizeof(probe->user), "%s", user ? user->pw_name : "this user");
+	probe->group_count = GROUPS_MAX;
+	if (user && probe->uid != geteuid())
+		(void)getgrouplist(user->pw_name, user->pw_gid, probe->groups, &probe->group_count);
+	else
+		probe->group_count = getgroups(GROUPS_MAX, probe->groups);
+}
+
+static bool is_member(const struct probe *probe, gid_t group)
+{
+	for (int i = 0; i < probe->group_count && i < GROUPS_MAX; i++) {
+		if (probe->groups[i] == group)
+			return true;
+	}
+	return probe->uid == geteuid() && group == getegid();
+}
+
+static bool may_open(const struct probe *probe, const struct stat *about)
+{
+	const mode_t both = S_IROTH | S_IWOTH;
+	mode_t mode = about->st_mode;
+
+	if (probe->uid == 0)
+		return true;
+	if (about->st_uid == probe->uid)
+		mode >>= 6;
+	else if (is_member(probe, about->st_gid))
+		mode >>= 3;
+	return (mode & both) == both;
+}
+
+/* --- serial ports ---------------------------------------------------------------------------------- */
+
+/* Whether the kernel's list of terminal drivers says that it is one of `types`. True when there is no
+ * list, as in the sandbox of the service. */
+static bool is_terminal(dev_t device)
+{
+	FILE *list = fopen("/proc/tty/drivers", "re");
+	char line[256];
+	bool found = !list;
+
+	while (!found && fgets(line, sizeof(line), list)) {
+		unsigned number, first, last;
+		char range[64];
+		char type[64];
+
+		if (sscanf(line, "%*s %*s %u %63s %63s", &number, range, type) != 3 ||
+		    number != major(device))
+			continue;
+		if (sscanf(range, "%u-%u", &first, &last) != 2)
+			last = first = (unsigned)strtoul(range, NULL, 10);
+		found = minor(device) >= first && minor(device) <= last &&
+		        (strcmp(type, "serial") == 0 || strcmp(type, "pty:slave") == 0);
+	}
+	if (list)
+		fclose(list);
+	return found;
+}
+
+static void warn_closed(const struct probe *probe, const struct db_bus_config *bus,
+                        const struct stat *about)
+{
+	struct group *group = getgrgid(about->st_gid);
+	char text[400];
+
+	if (group && about->st_gid != 0)
+		snprintf(
+			text, sizeof(text),
+			"may not be opened by %s; add it to the group of the port: sudo adduser %s "
+			"%s, and log in again",
+			probe->user, probe->user, group->gr_name);
+	else
+		snprintf(text, sizeof(text),
+		         "may not be opened by %s; a udev rule can give it to the group dialout",
+		         probe->user);
+	warn(probe, bus, bus->device, text);
+}
+
+static void probe_port(const struct probe *probe, const struct db_bus_config *bus)
+{
+	struct stat about;
+
+	if (stat(bus->device, &about) != 0) {
+		char text[160];
+
+		snprintf(text, sizeof(text),
+		         "cannot be seen (%s); is it plugged in? ls /dev/serial/by-id "
+		         "shows the names of USB adapters",
+		         strerror(errno));
+		warn(probe, bus, bus->device, text);
+	} else if (!S_ISCHR(about.st_mode) || !is_terminal(about.st_rdev)) {
+		warn(probe, bus, bus->device,
+		     "is no serial port; ls /dev/serial/by-id shows the names of USB adapters");
+	} else if (!may_open(probe, &about)) {
+		warn_closed(probe, bus, &about);
+	} else {
+		fprintf(probe->out, "  bus %s: %s is a serial port, and %s may open it\n",
+		        bus->name, bus->device, probe->user);
+	}
+}
+
+/* --- CAN interfaces -------------------------------------------------------------------------------- */
+
+/* A number of the interface that the kernel shows; -1 when it does not. */
+static long interface_number(const char *interface, const char *what, int base)
+{
+	char path[128];
+	char text[32] = "";
+	long number = -1;
+	FILE *file;
+
+	snprintf(path, sizeof(path), "/sys/class/net/%s/%s", interface, what);
+	file = fopen(path, "re");
+	if (file && fgets(text, sizeof(text), file))
+		number = strtol(text, NULL, base);
+	if (file)
+		fclose(file);
+	return number;
+}
+
+static void probe_interface(const struct probe *probe, const struct db_bus_config *bus)
+{
+	long type = interface_number(bus->interface, "type", 10);
+	long flags = interface_number(bus->interface, "flags", 16);
+
+	if (if_nametoindex(bus->interface) == 0)
+		warn(probe, bus, bus->interface,
+		     "is no network interface of this machine; ip link shows them");
+	else if (type >= 0 && type != ARPHRD_CAN)
+		warn(probe, bus, bus->interface,
+		     "is no CAN interface; ip -details link shows them");
+	else if (flags >= 0 && !(flags & IFF_UP))
+		warn(probe, bus, bus->interface,
+		     "is down; systemd-networkd sets it up, see 80-drivebridge-can.network.example");
+	else
+		fprintf(probe->out, "  bus %s: %s is a CAN interface, and up\n", bus->name,
+		        bus->interface);
+}
+
+void db_config_probe(const struct db_config *config, FILE *out, FILE *errors)
+{
+	struct probe probe = { .out = out, .errors = errors };
+
+	find_user(&probe);
+	if (config->bus_count > 0)
+		fputs("on this machine\n", out);
+	for (size_t i = 0; i < config->bus_count; i++) {
+		const struct db_bus_config *bus = &config->buses[i];
+
+		if (bus->transport->uses_interface)
+			probe_interface(&probe, bus);
+		else
+			probe_port(&probe, bus);
+	}
+}

@@ -1,0 +1,292 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Parameters and the profile of the configuration. No frame reads them back: what was written and
+ * acknowledged is shown, and its result is that it is unproven. */
+#include "driver/servo_can.h"
+
+#include <math.h>
+#include <string.h>
+
+#define LEVEL_OF(bit, text)                                                                \
+	{                                                                                  \
+		.name = (bit), .type = DB_U16, .unit = "", .max = 1, .description = (text) \
+	}
+
+/* The drive's ramps are whole numbers; they are floats here to be the neutral registers' type. */
+const struct db_param servo_params[SERVO_PARAM_COUNT] = {
+	[PARAM_ACCELERATION] = {
+		.name = "ramp_acceleration",
+		.type = DB_F32,
+		.unit = "rpm/s",
+		.max = UINT32_MAX,
+		.description = "Acceleration; write only in the drive and readable once written, also "
+			       "by the configuration's ramp-acceleration; written together with "
+			       "ramp_deceleration the first time",
+	},
+	[PARAM_DECELERATION] = {
+		.name = "ramp_deceleration",
+		.type = DB_F32,
+		.unit = "rpm/s",
+		.max = UINT32_MAX,
+		.description = "Deceleration; as ramp_acceleration",
+	},
+	[PARAM_MAX_SPEED] = {
+		.name = "max_speed",
+		.type = DB_U16,
+		.unit = "rpm",
+		.max = UINT16_MAX,
+		.description = "Speed limit; write only in the drive and readable once written, also "
+			       "by the configuration's max-speed; goes with the mode, so while the "
+			       "motor stands; speed mode if the bridge knows none",
+	},
+	[PARAM_CCLR] = LEVEL_OF("cclr", "Bit 1 of command word 0: clear the position error; what it "
+	                                "does depends on the drive's address 0x10A7; held until "
+	                                "written again; needs the command-word keys"),
+	[PARAM_ZCLAMP] = LEVEL_OF("zclamp", "Bit 2 of command word 0: zero speed clamp; as cclr"),
+	[PARAM_TRQLM] = LEVEL_OF("trqlm", "Bit 4 of command word 0: torque limit; as cclr"),
+	[PARAM_SPDLM] = LEVEL_OF("spdlm", "Bit 5 of command word 0: speed limit; as cclr"),
+	[PARAM_POS0] = LEVEL_OF("pos0", "Bit 6 of command word 0: which internal position; as cclr; "
+	                                "move_absolute and move_relative need position 0"),
+	[PARAM_POS1] = LEVEL_OF("pos1", "Bit 7 of command word 0: as pos0"),
+	[PARAM_POS2] = LEVEL_OF("pos2", "Bit 8 of command word 0: as pos0"),
+	[PARAM_WORD_1] = {
+		.name = "command_word_1",
+		.type = DB_U16,
+		.unit = "",
+		.max = UINT16_MAX,
+		.description = "Command word 1, whose bits only the vendor's full manual explains; held "
+			       "until written again; needs command-word-1-at",
+	},
+};
+
+static const uint16_t word_bits[] = {
+	SERVO_CAN_CCLR, SERVO_CAN_ZCLAMP, SERVO_CAN_TRQLM, SERVO_CAN_SPDLM,
+	SERVO_CAN_POS0, SERVO_CAN_POS1,   SERVO_CAN_POS2,
+};
+
+enum db_result servo_check_param(const struct db_bus_config *bus, size_t param,
+                                 union db_value value)
+{
+	struct servo_can_words_layout words;
+	double number;
+
+	if (param >= SERVO_PARAM_COUNT)
+		return DB_RESULT_UNSUPPORTED;
+	if (param >= PARAM_CCLR) {
+		words = servo_layout(bus).words;
+		if (!words.set || (param == PARAM_WORD_1 && words.word1 == SERVO_CAN_NO_WORD))
+			return DB_RESULT_UNSUPPORTED;
+	}
+	number = db_value_number(servo_params[param].type, value);
+	return number >= servo_params[param].min && number <= servo_params[param].max ?
+	               DB_RESULT_OK :
+	               DB_RESULT_OUT_OF_RANGE;
+}
+
+/* --- what is known ------------------------------------------------------------------------------- */
+
+void servo_remember(struct db_device *device, enum servo_param param, double value)
+{
+	if (servo_params[param].type == DB_F32)
+		device->plate.values[param].f = (float)value;
+	else
+		device->plate.values[param].u = (uint32_t)value;
+	device->plate.valid |= PARAM_BIT(param);
+	device->plate.generation++;
+}
+
+void servo_remember_words(struct db_device *device)
+{
+	for (size_t i = 0; i < sizeof word_bits / sizeof word_bits[0]; i++)
+		servo_remember(device, (enum servo_param)(PARAM_CCLR + i),
+		               (device->words[0] & word_bits[i]) != 0);
+	if (device->layout.words.word1 != SERVO_CAN_NO_WORD)
+		servo_remember(device, PARAM_WORD_1, device->words[1]);
+}
+
+/* Parameters that share a frame are known or not known together. */
+static uint64_t with_neighbours(uint64_t wanted)
+{
+	if (wanted & RAMPS)
+		wanted |= RAMPS;
+	if (wanted & WORDS)
+		wanted |= WORDS;
+	return wanted;
+}
+
+static uint64_t settings_wanted(const struct db_request *request)
+{
+	uint64_t wanted = 0;
+
+	for (size_t i = 0; i < request->setting_count; i++)
+		wanted |= PARAM_BIT(request->settings[i].param);
+	return wanted;
+}
+
+void servo_forget_settings(struct db_device *device, const struct db_request *request)
+{
+	device->plate.valid &= ~with_neighbours(settings_wanted(request));
+	device->plate.generation++;
+}
+
+/* --- a parameter write --------------------------------------------------------------------------- */
+
+/* The last value the request has for it, else the one written before. */
+static double value_for(const struct servo_talk *talk, enum servo_param param)
+{
+	const struct db_request *request = talk->job->request;
+	union db_value value = talk->device->plate.values[param];
+
+	for (size_t i = 0; i < request->setting_count; i++) {
+		if (request->settings[i].param == param)
+			value = request->settings[i].value;
+	}
+	return db_value_number(servo_params[param].type, value);
+}
+
+static enum db_step say_ramps(const struct servo_talk *talk)
+{
+	return servo_say_ramps(talk, (uint32_t)llrint(value_for(talk, PARAM_ACCELERATION)),
+	                       (uint32_t)llrint(value_for(talk, PARAM_DECELERATION)));
+}
+
+static enum db_step say_words(const struct servo_talk *talk)
+{
+	uint64_t wanted = settings_wanted(talk->job->request);
+	uint16_t words[2] = { talk->device->words[0], talk->device->words[1] };
+
+	for (size_t i = 0; i < sizeof word_bits / sizeof word_bits[0]; i++) {
+		enum servo_param param = (enum servo_param)(PARAM_CCLR + i);
+
+		if (!(wanted & PARAM_BIT(param)))
+			continue;
+		words[0] = (uint16_t)(words[0] & ~word_bits[i]);
+		if (value_for(talk, param) != 0.0)
+			words[0] |= word_bits[i];
+	}
+	if (wanted & PARAM_BIT(PARAM_WORD_1))
+		words[1] = (uint16_t)value_for(talk, PARAM_WORD_1);
+	return servo_say_words(talk, words);
+}
+
+/* The frame of the maximum speed has a mode, too: the one the drive is in. One that the bridge does not
+ * know may only be changed without power. */
+static enum db_result choose_mode(const struct db_device *device, enum servo_can_mode *mode)
+{
+	int known = device->mode != SERVO_MODE_NOT_KNOWN ? device->mode : device->profile.mode;
+
+	*mode = known != SERVO_MODE_NOT_KNOWN ? (enum servo_can_mode)known : SERVO_CAN_MODE_SPEED;
+	if (!device->may_change_mode)
+		return DB_RESULT_UNSUPPORTED;
+	if (device->mode == SERVO_MODE_NOT_KNOWN && servo_is_powered(device))
+		return DB_RESULT_REFUSED;
+	return servo_is_at_rest(device) ? DB_RESULT_OK : DB_RESULT_BUSY;
+}
+
+static enum db_step say_max_speed(const struct servo_talk *talk)
+{
+	uint16_t max_speed = (uint16_t)value_for(talk, PARAM_MAX_SPEED);
+	enum servo_can_mode mode;
+	enum db_result result = choose_mode(talk->device, &mode);
+
+	/* Also when a stop has come between. */
+	if (result != DB_RESULT_OK)
+		return servo_done(talk, result);
+	return servo_say_mode(talk, mode, &max_speed);
+}
+
+/* Nothing is sent unless all of it can be. */
+static enum db_result check_settings(const struct servo_talk *talk, uint64_t wanted)
+{
+	enum servo_can_mode mode;
+
+	/* One frame has both, and the one that is not given and was never written is not known. */
+	if ((wanted & RAMPS) && (RAMPS & ~(wanted | talk->device->plate.valid)) != 0)
+		return DB_RESULT_OUT_OF_RANGE;
+	return wanted & PARAM_BIT(PARAM_MAX_SPEED) ? choose_mode(talk->device, &mode) :
+	                                             DB_RESULT_OK;
+}
+
+enum db_step servo_next_of_settings(const struct servo_talk *talk)
+{
+	uint64_t wanted = settings_wanted(talk->job->request);
+	enum db_result checked;
+
+	if ((wanted & PARAM_BIT(PARAM_MAX_SPEED)) && !servo_did(talk, DID_LOOK))
+		return servo_look(talk);
+	if (!servo_did(talk, DID_CHECK)) {
+		checked = check_settings(talk, wanted);
+		if (checked != DB_RESULT_OK)
+			return servo_done(talk, checked);
+		talk->progress->did |= DID_CHECK;
+	}
+	if ((wanted & RAMPS) && !servo_did(talk, DID_RAMPS))
+		return say_ramps(talk);
+	if ((wanted & WORDS) && !servo_did(talk, DID_WORDS))
+		return say_words(talk);
+	if ((wanted & PARAM_BIT(PARAM_MAX_SPEED)) && !servo_did(talk, DID_MODE))
+		return say_max_speed(talk);
+	return servo_done(talk, DB_RESULT_UNPROVEN);
+}
+
+/* --- the profile --------------------------------------------------------------------------------- */
+
+static bool lacks_ramps(const struct db_device *device)
+{
+	return !isnan(device->profile.acceleration) && (RAMPS & ~device->plate.valid) != 0;
+}
+
+/* Those that the PLC gave are held, also when the drive has forgotten them. */
+static bool lacks_words(const struct db_device *device)
+{
+	return device->words_given && !(device->plate.valid & PARAM_BIT(PARAM_CCLR));
+}
+
+static bool lacks_mode(const struct db_device *device)
+{
+	bool speed = !isnan(device->profile.max_speed) &&
+	             !(device->plate.valid & PARAM_BIT(PARAM_MAX_SPEED));
+	bool mode = device->profile.mode != SERVO_MODE_NOT_KNOWN &&
+	            device->mode == SERVO_MODE_NOT_KNOWN;
+
+	return device->may_change_mode && (speed || mode);
+}
+
+/* A motor with power keeps its mode: the next command that changes it brings the speed limit along. */
+bool servo_says_profile(const struct servo_talk *talk, enum db_step *step)
+{
+	struct db_device *device = talk->device;
+	enum servo_can_mode mode;
+
+	if (!servo_is_at_rest(device))
+		return false;
+	if (lacks_ramps(device) && !servo_did(talk, DID_RAMPS)) {
+		*step = servo_say_ramps(talk, (uint32_t)device->profile.acceleration,
+		                        (uint32_t)device->profile.deceleration);
+		return true;
+	}
+	if (lacks_words(device) && !servo_did(talk, DID_WORDS)) {
+		*step = servo_say_words(talk, device->words);
+		return true;
+	}
+	if (!lacks_mode(device) || servo_did(talk, DID_MODE) ||
+	    choose_mode(device, &mode) != DB_RESULT_OK)
+		return false;
+	*step = servo_say_mode(talk, mode, NULL);
+	return true;
+}
+
+enum db_step servo_next_of_identify(const struct servo_talk *talk)
+{
+	struct db_device *device = talk->device;
+	enum db_step step;
+
+	if (!servo_did(talk, DID_LOOK))
+		return servo_look(talk);
+	/* There is no identity and no parameter that could be read. */
+	device->params_valid = true;
+	if (servo_says_profile(talk, &step))
+		return step;
+	/* What is still missing is tried again. */
+	device->plate.doubtful = lacks_ramps(device) || lacks_words(device) || lacks_mode(device);
+	return servo_done(talk, DB_RESULT_OK);
+}

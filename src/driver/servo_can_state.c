@@ -1,0 +1,359 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the drive says: answers to reads, its own reports, and the feedback made of them. */
+#include "driver/servo_can.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Reports of position and of speed belong together when they come so close to each other. */
+#define PAIR_TIME (5 * DB_NS_PER_MS)
+
+/* Status bits and inputs do not come by themselves: how often a drive that reports is asked for them,
+ * while nothing is going on. */
+#define STATUS_INTERVAL (100 * DB_NS_PER_MS)
+
+bool servo_is_powered(const struct db_device *device)
+{
+	return device->has_status && (device->bits & device->enabled_bit) != 0;
+}
+
+/* The drive's own bit may have a threshold of its own, far above standing. */
+bool servo_stands(const struct db_device *device)
+{
+	bool told_to_run = servo_is_powered(device) && device->setpoint != 0 && !device->staged;
+
+	if (device->sample.speed == 0)
+		return true;
+	return (device->bits & SERVO_CAN_ST_ZERO_SPEED) != 0 && !told_to_run &&
+	       abs(device->sample.speed) <= device->standstill_speed;
+}
+
+bool servo_is_at_rest(const struct db_device *device)
+{
+	return servo_stands(device) && !device->going &&
+	       !(servo_is_powered(device) && device->setpoint != 0);
+}
+
+bool servo_is_at(const struct db_device *device, int32_t position)
+{
+	return fabs((double)device->sample.position - (double)position) <= device->window;
+}
+
+/* The error bit is there with the next status, its reason only with the next report. */
+bool servo_has_fault(const struct db_device *device)
+{
+	bool unexplained = device->error_since != 0 &&
+	                   (!device->has_health || device->health_at < device->error_since);
+
+	return device->faults != 0 || unexplained;
+}
+
+/* --- answers to reads ------------------------------------------------------------------------------ */
+
+static void show_sample(struct db_device *device, const struct servo_sample *sample)
+{
+	/* Reports come while a read is under way: time does not go back. */
+	if (device->has_sample && sample->taken < device->sample.taken)
+		return;
+	device->sample = *sample;
+	device->has_sample = true;
+}
+
+/*
+ * Whether a position move goes on: until the drive rests at its target, or elsewhere for as long as it
+ * may take to begin. No status bit is asked: "target reached" may tell of the reference's way only.
+ */
+static void follow_move(struct db_device *device, db_time now)
+{
+	if (!device->going)
+		return;
+	if (!servo_stands(device) || device->sample.position != device->seen_at) {
+		device->seen_at = device->sample.position;
+		device->seen_moving = now;
+	}
+	if (!servo_is_powered(device) ||
+	    (servo_stands(device) && servo_is_at(device, device->target)) ||
+	    now - device->seen_moving >= device->reaction)
+		device->going = false;
+}
+
+static void take_status(struct db_device *device, const struct servo_reading *reading, db_time now)
+{
+	device->bits = reading->bits;
+	device->inputs = reading->inputs;
+	device->outputs = reading->outputs;
+	device->status_at = now;
+	device->has_status = true;
+	if (!(reading->bits & SERVO_CAN_ST_ERROR))
+		device->error_since = 0;
+	else if (device->error_since == 0)
+		device->error_since = now;
+	follow_move(device, now);
+	if (!servo_is_powered(device) || servo_stands(device))
+		device->stopping = false;
+}
+
+static void take_reading(struct db_device *device, unsigned parts, db_time now)
+{
+	const struct servo_reading *reading = &device->reading;
+
+	if (parts & SERVO_CAN_GIVES_ANALOGUE) {
+		device->analogue = reading->analogue;
+		device->analogue_at = now;
+	}
+	if ((parts & SERVO_ALL_PARTS) == SERVO_ALL_PARTS)
+		show_sample(device, &(struct servo_sample){ .taken = reading->taken,
+		                                            .position = reading->position,
+		                                            .speed = reading->speed,
+		                                            .current = reading->current });
+	if (parts & SERVO_CAN_GIVES_STATUS)
+		take_status(device, reading, now);
+}
+
+static unsigned part_of(enum servo_can_kind kind)
+{
+	switch (kind) {
+	case SERVO_CAN_ANSWER_POSITION:
+		return SERVO_CAN_GIVES_POSITION;
+	case SERVO_CAN_ANSWER_MOTION:
+		return SERVO_CAN_GIVES_MOTION;
+	case SERVO_CAN_ANSWER_STATUS:
+		return SERVO_CAN_GIVES_STATUS;
+	case SERVO_CAN_ANSWER_ANALOGUE:
+		return SERVO_CAN_GIVES_ANALOGUE;
+	default:
+		return 0;
+	}
+}
+
+static void take_part(struct servo_reading *reading, unsigned part,
+                      const struct servo_can_message *message, db_time now)
+{
+	reading->have |= part;
+	switch (part) {
+	case SERVO_CAN_GIVES_POSITION:
+		reading->position = message->u.position;
+		reading->taken = now;
+		break;
+	case SERVO_CAN_GIVES_MOTION:
+		reading->speed = message->u.motion.speed;
+		reading->current = message->u.motion.current;
+		break;
+	case SERVO_CAN_GIVES_STATUS:
+		reading->bits = message->u.status.bits;
+		reading->inputs = message->u.status.inputs;
+		reading->outputs = message->u.status.outputs;
+		break;
+	default:
+		reading->analogue = message->u.analogue;
+		break;
+	}
+}
+
+bool servo_take_part(struct db_device *device, unsigned sending, unsigned parts,
+                     const struct servo_can_message *message, db_time now, bool *complete)
+{
+	struct servo_reading *reading = &device->reading;
+	unsigned part = part_of(message->kind);
+
+	*complete = false;
+	if (reading->sending != sending)
+		*reading = (struct servo_reading){ .sending = sending };
+	if (!(part & parts))
+		return false;
+	take_part(reading, part, message, now);
+	if ((reading->have & parts) != parts)
+		return true;
+	take_reading(device, parts, now);
+	/* The next read starts afresh, whatever its number. */
+	reading->have = 0;
+	*complete = true;
+	return true;
+}
+
+/* --- reports ------------------------------------------------------------------------------------- */
+
+/* Position and speed come in two reports, whose intervals are set separately. Only two that come
+ * together are shown, so that they belong to one moment. */
+static void pair_reports(struct db_device *device)
+{
+	db_time apart = device->position_at - device->motion_at;
+
+	if (!device->uses_reports || device->position_at == 0 || device->motion_at == 0 ||
+	    apart > PAIR_TIME || apart < -PAIR_TIME)
+		return;
+	device->reported.taken = device->position_at;
+	device->position_at = 0;
+	device->motion_at = 0;
+	show_sample(device, &device->reported);
+}
+
+/* What is to be done on a fault is done once, also when it is gone again by then. */
+static void take_faults(struct db_device *device, uint16_t faults)
+{
+	if (faults != 0 && device->faults == 0)
+		device->fault_open = true;
+	device->faults = faults;
+}
+
+bool servo_report(struct db_device *device, const uint8_t *bytes, size_t length, db_time now)
+{
+	struct servo_can_message message;
+	struct db_can_frame frame;
+
+	if (length != sizeof frame)
+		return false;
+	memcpy(&frame, bytes, sizeof frame);
+	if (servo_can_decode(&frame, &device->layout, SERVO_CAN_FROM_DRIVE, &message) !=
+	    SERVO_CAN_OK)
+		return false;
+	switch (message.kind) {
+	case SERVO_CAN_REPORT_POSITION:
+		device->reported.position = message.u.position;
+		device->position_at = now;
+		break;
+	case SERVO_CAN_REPORT_MOTION:
+		device->reported.speed = message.u.motion.speed;
+		device->reported.current = message.u.motion.current;
+		device->motion_at = now;
+		break;
+	case SERVO_CAN_REPORT_HEALTH:
+		device->voltage = message.u.health.voltage;
+		device->temperature = message.u.health.temperature;
+		take_faults(device, message.u.health.faults);
+		device->health_at = now;
+		device->has_health = true;
+		break;
+	default: /* an answer that is too late */
+		return false;
+	}
+	pair_reports(device);
+	return true;
+}
+
+/* Reports come as often as the bridge would ask; half a cycle more is no reason to ask. */
+bool servo_reports_come(const struct db_device *device, db_time now)
+{
+	return device->has_sample && device->reported.taken != 0 &&
+	       now - device->reported.taken <= device->cycle + device->cycle / 2;
+}
+
+bool servo_wants_poll(const struct db_device *device, db_time now)
+{
+	bool busy = device->going || device->stopping || device->trigger == LEVEL_HIGH ||
+	            device->fault_open;
+
+	return busy || !device->has_status || !servo_reports_come(device, now) ||
+	       now - device->status_at >= STATUS_INTERVAL;
+}
+
+/* --- state ------------------------------------------------------------------------------------- */
+
+static uint16_t error_of(const struct db_device *device)
+{
+	uint16_t bit = 0;
+
+	if (!device->has_health || device->faults == 0)
+		return DB_ERROR_NONE;
+	while (!(device->faults >> bit & 1))
+		bit++;
+	return (uint16_t)(DB_ERROR_DRIVE_FAULT + bit);
+}
+
+static enum db_axis_state state_of(const struct db_device *device, uint16_t error)
+{
+	if (error != DB_ERROR_NONE)
+		return DB_AXIS_ERROR_STOP;
+	if (!servo_is_powered(device))
+		return DB_AXIS_DISABLED;
+	if (device->stopping)
+		return DB_AXIS_STOPPING;
+	if (device->going)
+		return DB_AXIS_DISCRETE_MOTION;
+	/* Running blocked is running. */
+	if (!servo_stands(device) || (device->setpoint != 0 && !device->staged))
+		return DB_AXIS_CONTINUOUS_MOTION;
+	return DB_AXIS_STANDSTILL;
+}
+
+#define WARNINGS (SERVO_CAN_ST_WARNING | SERVO_CAN_ST_OVERLOAD | SERVO_CAN_ST_ERROR)
+
+static uint32_t status_of(const struct db_device *device, enum db_axis_state state)
+{
+	uint32_t status = 0;
+
+	if (servo_is_powered(device))
+		status |= DB_STATUS_ENABLED;
+	if (device->bits & SERVO_CAN_ST_HOMED)
+		status |= DB_STATUS_HOMED;
+	if (!servo_stands(device) || device->going)
+		status |= DB_STATUS_MOVING;
+	if (device->has_target && !device->going && servo_is_powered(device) &&
+	    servo_stands(device) && servo_is_at(device, device->target))
+		status |= DB_STATUS_AT_TARGET;
+	if (state == DB_AXIS_STOPPING)
+		status |= DB_STATUS_STOPPING;
+	if (state == DB_AXIS_ERROR_STOP)
+		status |= DB_STATUS_ERROR;
+	if (device->bits & WARNINGS)
+		status |= DB_STATUS_WARNING;
+	if (device->params_valid)
+		status |= DB_STATUS_PARAMS_VALID;
+	if (device->refused)
+		status |= DB_STATUS_REFUSED;
+	return status;
+}
+
+void servo_feedback(const struct db_device *device, struct db_feedback *feedback)
+{
+	bool known = device->has_sample && device->has_status;
+	enum db_axis_state state = DB_AXIS_OFFLINE;
+
+	feedback->taken = device->sample.taken;
+	feedback->position = device->sample.position;
+	feedback->velocity = (float)device->sample.speed;
+	feedback->has_target = device->has_target;
+	feedback->target = device->target;
+	feedback->current = (float)device->sample.current / SERVO_CURRENT_STEPS;
+	feedback->drive_status = device->bits;
+	feedback->inputs = device->inputs;
+	feedback->outputs = device->outputs;
+	feedback->analogue_1 = device->analogue;
+	feedback->fault_bits = device->faults;
+	feedback->supply_voltage_raw = device->voltage;
+	feedback->temperature_raw = device->temperature;
+	/* Reported once a second, unless that was turned off in the drive. */
+	feedback->supply_voltage = device->has_health ?
+	                                   (float)(device->voltage * device->voltage_scale) :
+	                                   NAN;
+	feedback->temperature = device->has_health ? (float)((int16_t)device->temperature *
+	                                                             device->temperature_scale +
+	                                                     device->temperature_offset) :
+	                                             NAN;
+	feedback->error = error_of(device);
+	if (known)
+		state = state_of(device, feedback->error);
+	feedback->state = (uint16_t)state;
+	feedback->status = status_of(device, state);
+}
+
+/* What it was told to do may still be going on: that is not forgotten. */
+void servo_gone(struct db_device *device)
+{
+	device->mode = device->fixed_mode;
+	device->has_sample = false;
+	device->has_status = false;
+	device->has_health = false;
+	device->faults = 0;
+	device->reported.taken = 0;
+	device->position_at = 0;
+	device->motion_at = 0;
+	device->analogue_at = 0;
+	device->error_since = 0;
+	device->params_valid = false;
+	if (device->plate.valid != 0) {
+		device->plate.valid = 0;
+		device->plate.generation++;
+	}
+}

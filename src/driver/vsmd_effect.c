@@ -1,0 +1,263 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Whether what a drive tells behind a command shows that the command had its effect. */
+#include "driver/vsmd.h"
+
+#include <math.h>
+
+/* Speeds that are meant to be equal differ by no more: absolute, and of the larger one. */
+#define SPEED_SLACK 1.0f
+#define SPEED_SHARE 0.01f
+/* Speeds are those of the drive's own profile: smaller changes than this are none. */
+#define CHANGE_SLACK 0.5f
+#define CHANGE_SHARE 0.001f
+
+static int sign_of(double number)
+{
+	return (number > 0.0) - (number < 0.0);
+}
+
+static float larger(float a, float b)
+{
+	return fmaxf(fabsf(a), fabsf(b));
+}
+
+static bool is_speed(float speed, float wanted)
+{
+	return fabsf(speed - wanted) <= SPEED_SLACK + SPEED_SHARE * larger(speed, wanted);
+}
+
+/* Whether the speed has changed from `base`, and not by rounding. */
+static bool has_changed(float base, float speed)
+{
+	return fabsf(speed - base) > CHANGE_SLACK + CHANGE_SHARE * larger(base, speed);
+}
+
+bool vsmd_is_at(const struct vsmd_axis *axis, int32_t position, int32_t place)
+{
+	return fabs((double)position - (double)place) <= axis->window;
+}
+
+float vsmd_preset_speed(const struct vsmd_axis *axis)
+{
+	if (!(axis->plate.valid >> VSMD_SPD & 1) || axis->plate.doubtful)
+		return NAN;
+	return axis->plate.values[VSMD_SPD].f;
+}
+
+static bool stands(const struct vsmd_axis *axis)
+{
+	return axis->last.status & VSMD_ST_STP;
+}
+
+/* The speed from which a change is one: that of a steady run, else the first one read. */
+static float base_of(const struct vsmd_watch *watch)
+{
+	const struct vsmd_goal *goal = &watch->before.goal;
+
+	if (goal->kind == VSMD_GOAL_VELOCITY && is_speed(watch->before.velocity, goal->velocity))
+		return goal->velocity;
+	return watch->first_speed;
+}
+
+/* On its way from `base` to rest. */
+static bool slows_down(float base, float speed)
+{
+	return has_changed(base, speed) && fabsf(speed) < fabsf(base) &&
+	       sign_of((double)speed) != -sign_of((double)base);
+}
+
+/* Whether a drive that was told `place` may move so: towards it, or away from it while the run that it
+ * had before is slowed down. */
+static bool is_of_position(const struct vsmd_axis *axis, int32_t place, float base, float speed)
+{
+	int heading = sign_of((double)speed);
+
+	if (heading == 0 || heading == sign_of((double)place - (double)axis->last.position))
+		return true;
+	return heading == sign_of((double)axis->watch.before.velocity) &&
+	       heading == sign_of((double)base) &&
+	       !(fabsf(speed) > fabsf(base) && has_changed(base, speed));
+}
+
+/* Whether what was commanded before can have brought the speed from `base` to what it is. */
+static bool is_explained(const struct vsmd_axis *axis, float base, float speed)
+{
+	const struct vsmd_goal *goal = &axis->watch.before.goal;
+	float slack = SPEED_SLACK + CHANGE_SHARE * larger(base, speed);
+	float end = goal->kind == VSMD_GOAL_VELOCITY ? goal->velocity : 0.0f;
+
+	switch (goal->kind) {
+	case VSMD_GOAL_REST:
+	case VSMD_GOAL_VELOCITY:
+		return speed >= fminf(base, end) - slack && speed <= fmaxf(base, end) + slack;
+	case VSMD_GOAL_POSITION:
+		return is_of_position(axis, goal->position, base, speed);
+	case VSMD_GOAL_UNKNOWN:
+	default:
+		return true;
+	}
+}
+
+static enum vsmd_effect shown_if(bool shown)
+{
+	return shown ? VSMD_EFFECT_SHOWN : VSMD_EFFECT_ABSENT;
+}
+
+static enum vsmd_effect effect_of_velocity(const struct vsmd_axis *axis, float wanted)
+{
+	const struct vsmd_watch *watch = &axis->watch;
+	bool to_rest = !(wanted > 0.0f || wanted < 0.0f);
+	float speed = axis->last.velocity;
+	float base = base_of(watch);
+
+	if (stands(axis))
+		return shown_if(to_rest);
+	if (!watch->before.moving)
+		return shown_if(!to_rest);
+	if (watch->before.goal.kind == VSMD_GOAL_VELOCITY &&
+	    is_speed(watch->before.goal.velocity, wanted))
+		return VSMD_EFFECT_SHOWN; /* what it was told before already */
+	if (!watch->has_speed)
+		return VSMD_EFFECT_ABSENT;
+	if (!is_speed(speed, wanted) &&
+	    !(has_changed(base, speed) &&
+	      sign_of((double)speed - (double)base) == sign_of((double)wanted - (double)base)))
+		return VSMD_EFFECT_ABSENT;
+	return is_explained(axis, base, speed) ? VSMD_EFFECT_OPEN : VSMD_EFFECT_SHOWN;
+}
+
+/* The drive was moving already, and does not stand. Before it can turn to a target behind it, it has to
+ * slow down; where it did so already, for a halt, that proves nothing. */
+static enum vsmd_effect effect_of_new_target(const struct vsmd_axis *axis, int32_t target)
+{
+	const struct vsmd_watch *watch = &axis->watch;
+	const struct vsmd_goal *goal = &watch->before.goal;
+	double way = (double)target - (double)axis->last.position;
+	float speed = axis->last.velocity;
+	float base = base_of(watch);
+	bool heads_there = sign_of((double)speed) == sign_of(way);
+
+	if (goal->kind == VSMD_GOAL_POSITION && goal->position == target)
+		return VSMD_EFFECT_SHOWN;
+	if (!watch->has_speed)
+		return VSMD_EFFECT_ABSENT;
+	if (!is_explained(axis, base, speed) && (heads_there || has_changed(base, speed)))
+		return VSMD_EFFECT_SHOWN;
+	return heads_there || slows_down(base, speed) ? VSMD_EFFECT_OPEN : VSMD_EFFECT_ABSENT;
+}
+
+static enum vsmd_effect effect_of_target(const struct vsmd_axis *axis, int32_t target)
+{
+	if (stands(axis))
+		return shown_if(vsmd_is_at(axis, axis->last.position, target));
+	return axis->watch.before.moving ? effect_of_new_target(axis, target) : VSMD_EFFECT_SHOWN;
+}
+
+/* Homing or shaking: how it moves is the drive's business. */
+static enum vsmd_effect effect_of_own_motion(const struct vsmd_axis *axis, uint32_t end_bit)
+{
+	const struct vsmd_watch *watch = &axis->watch;
+
+	if (axis->last.status & end_bit & ~watch->before.status)
+		return VSMD_EFFECT_SHOWN;
+	if (stands(axis))
+		return VSMD_EFFECT_ABSENT;
+	if (!watch->before.moving)
+		return VSMD_EFFECT_SHOWN;
+	if (!watch->has_speed)
+		return VSMD_EFFECT_ABSENT;
+	return is_explained(axis, base_of(watch), axis->last.velocity) ? VSMD_EFFECT_OPEN :
+	                                                                 VSMD_EFFECT_SHOWN;
+}
+
+/* How far it may have come since it was read before the command. */
+static double travel_of(const struct vsmd_axis *axis)
+{
+	const struct vsmd_before *before = &axis->watch.before;
+	double seconds = (double)(axis->heard_at - before->at) / (double)DB_NS_PER_S;
+	float speed = larger(before->velocity, axis->last.velocity);
+
+	if (before->goal.kind == VSMD_GOAL_VELOCITY)
+		speed = larger(speed, before->goal.velocity);
+	return 2.0 * (double)speed * seconds + axis->window + 1.0;
+}
+
+static enum vsmd_effect effect_of_place(const struct vsmd_axis *axis, int32_t place)
+{
+	const struct vsmd_before *before = &axis->watch.before;
+	double travel;
+
+	if (stands(axis) && !before->moving)
+		return shown_if(vsmd_is_at(axis, axis->last.position, place));
+	travel = travel_of(axis);
+	if (fabs((double)axis->last.position - (double)place) > travel)
+		return VSMD_EFFECT_ABSENT;
+	return fabs((double)axis->last.position - (double)before->position) > travel ?
+	               VSMD_EFFECT_SHOWN :
+	               VSMD_EFFECT_OPEN;
+}
+
+static enum vsmd_effect effect_of_output(const struct vsmd_axis *axis, unsigned port, bool high)
+{
+	static const uint32_t bits[] = { VSMD_ST_S1, VSMD_ST_S2, VSMD_ST_S3,
+		                         VSMD_ST_S4, VSMD_ST_S5, VSMD_ST_S6 };
+
+	return shown_if(((axis->last.status & bits[port - 1]) != 0) == high);
+}
+
+enum vsmd_effect vsmd_effect_of(const struct vsmd_axis *axis, const struct db_job *job)
+{
+	const struct db_args *args = &job->request->args;
+	uint32_t status = axis->last.status;
+
+	switch (job->request->command) {
+	case DB_CMD_ENABLE:
+		return shown_if(status & VSMD_ST_PWR);
+	case DB_CMD_MOVE_ABSOLUTE:
+	case DB_CMD_MOVE_RELATIVE:
+		return effect_of_target(axis, axis->wanted);
+	case DB_CMD_MOVE_VELOCITY:
+		return effect_of_velocity(axis, args->target_velocity);
+	case DB_CMD_MOVE_PRESET:
+		if (isnan(vsmd_preset_speed(axis)))
+			return stands(axis)              ? VSMD_EFFECT_ABSENT :
+			       axis->watch.before.moving ? VSMD_EFFECT_OPEN :
+			                                   VSMD_EFFECT_SHOWN;
+		return effect_of_velocity(axis, vsmd_preset_speed(axis));
+	case DB_CMD_HOME: /* first the old end is cleared, then homing begins */
+		if (job->step == VSMD_FIRST)
+			return shown_if(!(status & VSMD_ST_ZERO));
+		return effect_of_own_motion(axis, VSMD_ST_ZERO);
+	case DB_CMD_HOME_STOP:
+		return shown_if(!(status & VSMD_ST_ZERO));
+	case DB_CMD_SHAKE_START:
+	case DB_CMD_SHAKE_START_TIME:
+		return effect_of_own_motion(axis, VSMD_ST_ACT);
+	case DB_CMD_SET_POSITION:
+		return effect_of_place(axis, args->target_position);
+	case DB_CMD_CLEAR_FAULT:
+		return shown_if(!(status & VSMD_ST_ENC_ERR));
+	case DB_CMD_SET_OUTPUT:
+		return effect_of_output(axis, args->output_number, args->output_value);
+	case DB_CMD_SET_OUTPUTS:
+		return effect_of_output(axis, job->step,
+		                        args->output_levels >> (job->step - 1) & 1);
+	default: /* nothing of it can be read */
+		return VSMD_EFFECT_SHOWN;
+	}
+}
+
+bool vsmd_shows_its_effect(const struct vsmd_link *link, enum db_command command)
+{
+	switch (command) {
+	case DB_CMD_SET_SV:
+	case DB_CMD_SET_NMOS:
+		return false;
+	case DB_CMD_SHAKE_START:
+	case DB_CMD_SHAKE_START_TIME:
+		/* That it moves is seen; on CAN its ends and frequency came in frames of their own. */
+		return link->acknowledges;
+	default:
+		return true;
+	}
+}

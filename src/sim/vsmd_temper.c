@@ -1,0 +1,128 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/vsmd_temper.h"
+
+#include "codec/vsmd_can.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+bool sim_late_bit_follow(struct sim_late_bit *bit, bool real, db_time delay, db_time now)
+{
+	if (real != bit->real) {
+		bit->real = real;
+		bit->since = now;
+	}
+	if (now - bit->since >= delay)
+		bit->shown = real;
+	return bit->shown;
+}
+
+bool sim_vsmd_has_registers(const struct sim_vsmd_temper *temper, unsigned first, unsigned count)
+{
+	for (size_t i = 0; i < temper->lacks_count; i++) {
+		if (first <= temper->lacks[i].last && first + count > temper->lacks[i].first)
+			return false;
+	}
+	return true;
+}
+
+bool sim_registers_parse(const char *text, struct sim_registers *registers)
+{
+	char *end;
+	unsigned long first = strtoul(text, &end, 16);
+	unsigned long last = first;
+
+	if (end == text)
+		return false;
+	if (*end == '-') {
+		text = end + 1;
+		last = strtoul(text, &end, 16);
+		if (end == text)
+			return false;
+	}
+	if (*end != '\0' || first > last || last > VSMD_CAN_REG_MAX)
+		return false;
+	registers->first = (uint8_t)first;
+	registers->last = (uint8_t)last;
+	return true;
+}
+
+/* --- texts ----------------------------------------------------------------------------------------- */
+
+struct writer {
+	char *text;
+	size_t size;
+	size_t length;
+};
+
+static void put(struct writer *writer, const char *bytes, size_t length)
+{
+	if (writer->length + length <= writer->size)
+		memcpy(writer->text + writer->length, bytes, length);
+	writer->length += length;
+}
+
+static void put_number(struct writer *writer, enum sim_numbers style, const char *text,
+                       size_t length)
+{
+	char number[64];
+	int written;
+
+	switch (style) {
+	case SIM_NUMBERS_EXPONENT:
+		written = snprintf(number, sizeof number, "%.*s", (int)length, text);
+		if (written > 0 && (size_t)written < sizeof number)
+			written = snprintf(number, sizeof number, "%.9e", strtod(number, NULL));
+		put(writer, number, written > 0 ? (size_t)written : 0);
+		break;
+	case SIM_NUMBERS_QUOTED:
+		put(writer, "\"", 1);
+		put(writer, text, length);
+		put(writer, "\"", 1);
+		break;
+	case SIM_NUMBERS_PLAIN:
+	default:
+		put(writer, text, length);
+		break;
+	}
+}
+
+/* "name=number name=number", or a text without any. */
+static void put_pairs(struct writer *writer, enum sim_numbers style, const char *text,
+                      size_t length)
+{
+	const char *end = text + length;
+
+	while (text < end) {
+		const char *equals = memchr(text, '=', (size_t)(end - text));
+		const char *blank;
+
+		if (!equals) {
+			put(writer, text, (size_t)(end - text));
+			return;
+		}
+		put(writer, text, (size_t)(equals + 1 - text));
+		text = equals + 1;
+		blank = memchr(text, ' ', (size_t)(end - text));
+		put_number(writer, style, text, (size_t)((blank ? blank : end) - text));
+		text = blank ? blank : end;
+	}
+}
+
+int sim_vsmd_dress_text(const struct sim_vsmd_temper *temper, const char *text, size_t length,
+                        char *out, size_t size)
+{
+	struct writer writer = { .text = out, .size = size };
+
+	if (temper->text == SIM_TEXT_QUOTED)
+		put(&writer, "\"", 1);
+	put_pairs(&writer, temper->numbers, text, length);
+	if (temper->text == SIM_TEXT_QUOTED)
+		put(&writer, "\"", 1);
+	if (temper->text == SIM_TEXT_NUL)
+		put(&writer, "", 1);
+	if (temper->text == SIM_TEXT_CRLF)
+		put(&writer, "\r\n", 2);
+	return writer.length <= size ? (int)writer.length : -1;
+}

@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What a drive was really told to do: each request that is more than a question, at the moment the
+ * drive took it, and whether it obeyed. What was lost on the way is not told, what was carried out
+ * and not answered is: tests judge a host by it. One thread.
+ */
+#ifndef DRIVEBRIDGE_SIM_WITNESS_H
+#define DRIVEBRIDGE_SIM_WITNESS_H
+
+#include "drivebridge/time.h"
+
+#include <stdbool.h>
+
+struct sim_witness {
+	/* `request` as in the drive's log; null `tell`: nobody wants to know. */
+	void (*tell)(void *context, db_time time, const char *request, bool obeyed);
+	void *context;
+};
+
+static inline void sim_witness_tell(const struct sim_witness *witness, db_time time,
+                                    const char *request, bool obeyed)
+{
+	if (witness->tell)
+		witness->tell(witness->context, time, request, obeyed);
+}
+
+#endif

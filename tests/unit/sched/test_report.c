@@ -1,0 +1,150 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What people read of a bus and its drives: that every event has its words, and each cause its advice. */
+#include "log/log.h"
+#include "sched/report.h"
+
+#include <errno.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#define LINES 16
+
+struct reader {
+	size_t count;
+	struct db_log_record lines[LINES];
+};
+
+static void take(void *context, const struct db_log_record *record)
+{
+	struct reader *reader = context;
+
+	if (reader->count < LINES)
+		reader->lines[reader->count++] = *record;
+}
+
+/* One event of a drive at address 7, as the only line of a log. */
+static void tell(struct reader *reader, enum db_event event, const struct db_feedback *feedback)
+{
+	const struct db_drive_config drive = {
+		.name = (char *)"feeder",
+		.unit = 3,
+		.address = 7,
+		.counts_per_unit = 10.0,
+		.unit_name = (char *)"mm",
+	};
+	struct db_log_source source = { .bus = "press", .level = DB_LOG_INFO };
+
+	memset(reader, 0, sizeof *reader);
+	assert_int_equal(db_log_new_to(take, reader, &source.log), 0);
+	report_drive(&source, &drive, event, feedback, 1);
+	db_log_free(source.log);
+}
+
+static void assert_told(enum db_event event, const struct db_feedback *feedback, const char *words)
+{
+	static struct reader reader;
+
+	tell(&reader, event, feedback);
+	assert_int_equal(reader.count, 1);
+	assert_non_null(strstr(reader.lines[0].text, words));
+}
+
+static void a_drive_that_is_found_tells_what_it_does(void **state)
+{
+	struct db_feedback feedback = { .position = -250, .status = DB_STATUS_ENABLED };
+
+	(void)state;
+	assert_told(DB_EVENT_DRIVE_ONLINE, &feedback,
+	            "answers at address 7: enabled, standing, position -25 mm, error none");
+	feedback.status = DB_STATUS_MOVING;
+	feedback.velocity = 15.0f;
+	assert_told(DB_EVENT_DRIVE_ONLINE, &feedback,
+	            "disabled, moving at 1.5 mm/s, position -25 mm");
+}
+
+/* What the drive knows of its mechanics goes before a default. */
+static void a_drive_that_knows_its_units_is_told_in_them(void **state)
+{
+	const struct db_feedback feedback = { .position = 100, .counts_per_unit = 4.0f };
+
+	(void)state;
+	assert_told(DB_EVENT_DRIVE_ONLINE, &feedback, "position 25 mm");
+}
+
+static void a_fault_is_told_with_what_to_check(void **state)
+{
+	struct db_feedback feedback = { .error = DB_ERROR_DRIVE_FAULT + 8, .drive_status = 0xAB };
+
+	(void)state;
+	assert_told(DB_EVENT_DRIVE_FAULT, &feedback, "check the motor cable, then clear_fault");
+	assert_told(DB_EVENT_DRIVE_FAULT, &feedback, "status 000000AB");
+	feedback.error = UINT16_MAX;
+	assert_told(DB_EVENT_DRIVE_FAULT, &feedback, "see the drive's manual, then clear_fault");
+}
+
+static void every_event_of_a_drive_has_its_words(void **state)
+{
+	const struct db_feedback feedback = { .fault_bits = 0x12 };
+
+	(void)state;
+	assert_told(DB_EVENT_DRIVE_LOST, &feedback, "does not answer at address 7");
+	assert_told(DB_EVENT_DRIVE_FAULT_GONE, &feedback, "has no fault any more");
+	assert_told(DB_EVENT_DRIVE_WARNING, &feedback, "fault bits 0012");
+	assert_told(DB_EVENT_DRIVE_UNCONFIRMED, &feedback, "it may still move");
+	assert_told(DB_EVENT_DRIVE_RESTARTED, &feedback, "was restarted");
+}
+
+static void events_of_others_are_not_told_of_a_drive(void **state)
+{
+	const struct db_feedback feedback = { .taken = 1 };
+	struct reader reader;
+
+	(void)state;
+	tell(&reader, DB_EVENT_BUS_UP, &feedback);
+	assert_int_equal(reader.count, 0);
+}
+
+static void each_cause_of_a_lost_port_has_its_advice(void **state)
+{
+	static const struct {
+		int error;
+		const char *word;
+	} causes[] = {
+		{ ENOENT, "plugged in" },     { ENODEV, "plugged in" },
+		{ ENXIO, "plugged in" },      { EACCES, "dialout" },
+		{ EPERM, "dialout" },         { ENOTTY, "direction = adapter" },
+		{ EBUSY, "another program" }, { EAFNOSUPPORT, "no CAN" },
+		{ ETIMEDOUT, "speak SLCAN" }, { EPROTO, "refuses to open" },
+		{ ENETDOWN, "is down" },
+	};
+	const struct db_bus_config serial = { .driver = db_driver_find("vsmd-serial") };
+	const struct db_bus_config can = { .driver = db_driver_find("vsmd-can") };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof causes / sizeof causes[0]; i++)
+		assert_non_null(
+			strstr(report_advice_for_port(&serial, causes[i].error), causes[i].word));
+	/* The same error means another thing on another kind of bus. */
+	assert_non_null(strstr(report_advice_for_port(&serial, ENOBUFS), "flow control"));
+	assert_non_null(strstr(report_advice_for_port(&can, ENOBUFS), "termination"));
+	assert_string_equal(report_advice_for_port(&can, EIO), "");
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(a_drive_that_is_found_tells_what_it_does),
+		cmocka_unit_test(a_drive_that_knows_its_units_is_told_in_them),
+		cmocka_unit_test(a_fault_is_told_with_what_to_check),
+		cmocka_unit_test(every_event_of_a_drive_has_its_words),
+		cmocka_unit_test(events_of_others_are_not_told_of_a_drive),
+		cmocka_unit_test(each_cause_of_a_lost_port_has_its_advice),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}
