@@ -36,6 +36,8 @@ RESULT_CANCELLED = 8
 RESULT_UNSUPPORTED = 11
 RESULT_OFFLINE = 14
 RESULT_RATE_LIMITED = 16
+RESULT_UNPROVEN = 18
+RESULT_RUNS_ON = 19
 
 OFFLINE, DISABLED, STANDSTILL, DISCRETE, CONTINUOUS, HOMING, STOPPING, ERROR_STOP = range(8)
 
@@ -469,9 +471,11 @@ class Sim:
         return len(self.trace(">"))
 
     def sent(self, since=0, polls=False, bus="line"):
-        """The requests seen on the wire, without the cyclic ones."""
+        """The requests seen on the wire, without the cyclic ones, the reads behind a write and the bare
+        line ends behind a lost line."""
         lines = [text.rstrip(".") for text in self.trace(">", bus)[since:]]
-        return lines if polls else [line for line in lines if not line.endswith(" sts")]
+        return lines if polls else [line for line in lines
+                                    if line and not line.endswith((" sts", " cfg"))]
 
 
 class Bridge:

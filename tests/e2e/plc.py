@@ -9,6 +9,7 @@ import time
 from stlib import Library
 
 ANSWER_TIME = 4.0
+HEARTBEAT = 66  # its writes are signs of life: no command, and not what a test loses
 
 
 class ModbusBlock:
@@ -27,6 +28,7 @@ class ModbusBlock:
         self.exceptions = []
         self.tells_codes = True  # not all controllers' blocks say which exception it was
         self.lose = 0     # so many responses to writes: the connection is closed after the request
+        self.lose_reads = 0  # likewise
 
     def close(self):
         if self.socket:
@@ -53,7 +55,8 @@ class ModbusBlock:
         pdu = struct.pack(">BHH", 16 if client.WriteMultiple else 3, client.Address, client.Count)
         if client.WriteMultiple:
             pdu += bytes([2 * len(words)]) + b"".join(word.to_bytes(2, "big") for word in words)
-            self.writes.append((client.Address, *words))
+            if client.Address != HEARTBEAT:
+                self.writes.append((client.Address, *words))
         self.transaction = (self.transaction + 1) & 0xFFFF
         self.buffer = b""
         self.busy = True
@@ -69,8 +72,11 @@ class ModbusBlock:
         except OSError:
             self.fail()
             return
-        if client.WriteMultiple and self.lose:
+        if client.WriteMultiple and client.Address != HEARTBEAT and self.lose:
             self.lose -= 1
+            self.fail()
+        elif client.ReadHolding and self.lose_reads:
+            self.lose_reads -= 1
             self.fail()
 
     def look(self, client, mailbox):

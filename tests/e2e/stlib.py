@@ -2,7 +2,9 @@
 """Runs Structured Text: as much of IEC 61131-3 as docs/drivebridge.st uses, turned into Python.
 
 Stricter than most controllers, so that the library stays fit for all of them: a value outside its
-type's range, a number where BOOL is due, or an integer where REAL is due is an error."""
+type's range, a number where BOOL is due, an integer where REAL is due, a statement that is none, or
+something that is used before it is declared is an error. On request as strict as matiec about
+constants, too: none outside of the unit that uses them."""
 
 import re
 import struct
@@ -186,13 +188,15 @@ def tokens(text):
 class Library:
     """A text's constants, structures, functions, blocks and programs, by their names."""
 
-    def __init__(self, text):
+    def __init__(self, text, strict=False):
+        self.strict = strict
         self.tokens = tokens(text)
         self.at = 0
         self.constants = {}
         self.types = {"TON": Ton}
         self.functions = dict(FUNCTIONS)
         self.local = set()
+        self.fixed = set()
         while self.peek() is not None:
             self.declaration()
 
@@ -218,6 +222,8 @@ class Library:
     def declaration(self):
         what = self.next()
         if what == "VAR_GLOBAL":
+            if self.strict:
+                raise SyntaxError("VAR_GLOBAL outside of a configuration")
             self.next("CONSTANT")
             for name, (kind, make) in self.variables("END_VAR").items():
                 if name in self.constants:
@@ -243,8 +249,13 @@ class Library:
             declared[name] = (kind, lambda: DEFAULTS[kind])
         inputs = []
         references = set()
+        self.fixed = set()
         while section := self.takes("VAR_INPUT", "VAR_OUTPUT", "VAR_IN_OUT", "VAR"):
+            constant = section == "VAR" and self.takes("CONSTANT")
             new = self.variables("END_VAR", section == "VAR_IN_OUT")
+            self.fixed |= set(new) if constant else set()
+            if self.strict and not new:
+                raise SyntaxError(f"{name}: a section without variables")
             inputs += new if section == "VAR_INPUT" else []
             references |= set(new) if section == "VAR_IN_OUT" else set()
             declared.update(new)
@@ -301,7 +312,9 @@ class Library:
         pad = "    " * depth
         while self.peek() not in ends and not (ends == ("case",) and self.is_label()):
             lines += [pad + line for line in self.statement()]
-        return lines or [pad + "pass"]
+        if not lines:
+            raise SyntaxError(f"no statement: {self.tokens[self.at - 5:self.at + 3]}")
+        return lines
 
     def is_label(self):
         kind, value = self.tokens[self.at]
@@ -309,8 +322,10 @@ class Library:
 
     def statement(self):
         what = self.peek()
-        if self.takes(";"):
-            return []
+        if what == ";":
+            raise SyntaxError(f"an empty statement: {self.tokens[self.at - 5:self.at + 3]}")
+        if what in self.fixed:
+            raise SyntaxError(f"{what} is a constant")
         if self.takes("IF"):
             return self.branch()
         if self.takes("CASE"):

@@ -11,6 +11,7 @@ from bridgelib import (
     HOMED_BIT,
     ILLEGAL_ADDRESS,
     ILLEGAL_VALUE,
+    ORIGIN_LOST_BIT,
     RESULT_OK,
     RESULT_REFUSED,
     STANDSTILL,
@@ -22,9 +23,12 @@ from bridgelib import (
 CAN = {"protocol": "vsmd-can", "transport": "slcan", "bitrate": 1000000, "line": None}
 PASSIVE_RESULTS = (0x05, 0x0A, 0x0B, 0x04)
 
-# Cyclic reads and what belongs to looking for a drive and identifying it.
-BACKGROUND = ("9E#0003", "9E#0A01", "9E#0A07", "8F#00")
+# Cyclic reads, what belongs to looking for a drive and identifying it, and what is asked behind reads of
+# registers, to know that their answer is through.
+BACKGROUND = ("9E#0003", "9E#0A01", "9E#0A07", "8F#00", "9E#0B01")
 CONFIRMATION = "0008039E#0102"
+# The speed and the position alone: what a command changes, and where a relative move is counted from.
+LOOKS = (CONFIRMATION, "0008039E#0001", "0008039E#0101")
 
 
 @pytest.fixture(name="make_can")
@@ -52,7 +56,7 @@ def sends(bridge, name, *wanted, exception=0, **args):
     drive = bridge.drive()
     mark = bridge.sim.mark()
     assert drive.command(name, **args) == exception
-    sent = [line for line in frames(bridge, mark) if line != CONFIRMATION]
+    sent = [line for line in frames(bridge, mark) if line not in LOOKS]
     assert sent == list(wanted)
     assert CONFIRMATION in frames(bridge, mark)
 
@@ -115,8 +119,9 @@ def test_outputs_and_shake(make_can):
           output_levels=0b100000)
     sends(can, "set_sv", "0008038D#01FF", output_number=2, output_value=255)
     sends(can, "set_nmos", "0008038E#0200", output_number=3, output_value=0)
-    sends(can, "shake_start", "0008039B#1000000000", "0008039B#11000000C8", "0008039B#123F800000",
-          "0008039B#0100000003", shake_start_position=0, shake_end_position=200,
+    # What a shake is to be comes twice: nothing confirms these frames, and one that is lost must not matter.
+    settings = ["0008039B#1000000000", "0008039B#11000000C8", "0008039B#123F800000"]
+    sends(can, "shake_start", *settings, *settings, "0008039B#0100000003", shake_start_position=0, shake_end_position=200,
           shake_frequency=1, shake_cycles=3)
     sends(can, "shake_stop", "0008039B#00")
 
@@ -240,6 +245,53 @@ def test_relative_moves_on_a_bad_bus_move_once(can, fault):
                STANDSTILL)
     assert can.sim.get()["shaft"] == moved
     assert counts(can, "rmv") == 0
+
+
+def test_a_lost_reversal_is_no_success(can):
+    """That the drive moves proves nothing: it did before."""
+    drive = can.drive()
+    assert drive.command("move_velocity", target_velocity=3000) == 0
+    wanted = 3000
+    for number in range(20):
+        eventually(lambda: can.sim.get()["velocity"] == wanted, what="full speed")
+        can.sim.fault(f"lose-request {1 + number % 2}")
+        answer = drive.command("move_velocity", target_velocity=-wanted)
+        can.sim.fault("none")
+        if answer == 0:
+            wanted = -wanted
+        eventually(drive.online)
+        eventually(lambda: can.sim.get()["velocity"] == wanted, what="what was answered")
+
+
+def test_a_power_cut_loses_the_origin(make_can):
+    can = make_can(sim_drive={
+        "start": 300, "sensor": ["3:below:0"],
+        "set": ["zmd=1", "snr=2", "osv=0", "zsd=-6400", "acc=64000", "dec=64000", "pae=1"],
+    })
+    drive = can.drive()
+    assert drive.command("home") == 0
+    eventually(lambda: drive.read("status") & HOMED_BIT, what="the drive to be homed")
+    # With pae it has power again at once, and stands at 0 as before.
+    can.sim.control("power drive1 off")
+    eventually(lambda: not_online(drive), what="the drive to be offline")
+    can.sim.control("power drive1 on")
+    can.wait_ready(1)
+    assert drive.read("status") & (HOMED_BIT | ORIGIN_LOST_BIT) == ORIGIN_LOST_BIT
+    # A cable that was out is another thing: the drive still has its homing bit.
+    assert drive.command("home") == 0
+    eventually(lambda: drive.read("status") & HOMED_BIT, what="the drive to be homed")
+    can.sim.fault("silence on")
+    eventually(lambda: not_online(drive), what="the drive to be offline")
+    can.sim.fault("silence off")
+    can.wait_ready(1)
+    assert drive.read("status") & (HOMED_BIT | ORIGIN_LOST_BIT) == HOMED_BIT
+
+
+def not_online(drive):
+    try:
+        return not drive.online()
+    except Refused:
+        return True
 
 
 def test_a_lost_confirmation_is_resolved_by_reading_back(can):

@@ -155,7 +155,9 @@ def test_save_and_read_parameters(make_bridge):
     assert drive.command("save_parameters") == DEVICE_FAILURE
     assert drive.read("result") == RESULT_RATE_LIMITED
     before = drive.read("parameters_generation")
-    sends(bridge, "read_parameters", "1 dev", "1 cfg")
+    read = bridge.sim.get()["cfg_read"]
+    sends(bridge, "read_parameters", "1 dev")
+    assert bridge.sim.get()["cfg_read"] == read + 1
     eventually(lambda: drive.read("parameters_generation") != before)
     assert drive.read("acc") == 12345
 
@@ -196,6 +198,17 @@ def test_outputs_as_coils(make_bridge):
         lambda: unit.client.read_coils(0, count=6, device_id=1).bits[:6]
         == [False, False, True, True, False, False]
     )
+
+
+def test_coils_that_touch_an_input_switch_nothing(make_bridge):
+    bridge = make_bridge(sim_drive=dict(OUTPUTS, set=["s3=1", "s4=1", "s6=1"]))
+    unit = bridge.drive()
+    mark = bridge.sim.mark()
+    assert unit.client.write_coils(2, [True] * 4, device_id=1).exception_code == 4
+    assert (unit.read("write_result"), unit.read("write_result_register")) == (3, 5)
+    assert bridge.sim.sent(mark) == []
+    assert not unit.client.write_coils(2, [True] * 2, device_id=1).isError()
+    assert unit.read("write_result_register") == 0
 
 
 def test_pwm_ports(make_bridge):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """drivebridged --check, and what a wrong file is told."""
 
+import os
+import shutil
 import subprocess
 
 import pytest
@@ -153,3 +155,93 @@ def test_a_confirmation_that_cannot_come_in_time_is_warned(tmp_path):
     _, status, out, errors = checked(tmp_path, text)
     assert status == 0, errors
     assert "confirm-ms" in out + errors
+
+
+# --- what is no file, or no text
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.conf")
+    status, _, errors = check(tmp_path / "pipe.conf")
+    assert status == 1
+    assert errors == f"{tmp_path}/pipe.conf: it is a pipe, not a file; the path of a " \
+        "configuration file\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (GOOD.encode("utf-16"), ":1: it is UTF-16 text; save it as UTF-8"),
+        (GOOD.encode("utf-16-be"), ":1: there is a zero byte"),
+        (GOOD.encode("utf-8-sig"), ":1: it begins with an invisible byte order mark"),
+        (b"# comment\n" * 110000, ": it is longer than 1 MiB"),
+        (GOOD.encode()[:60] + b"\0" + GOOD.encode()[60:], "there is a zero byte"),
+    ],
+    ids=["utf-16", "utf-16 without mark", "utf-8 with mark", "too long", "zero"],
+)
+def test_what_is_no_text(tmp_path, content, words):
+    path = tmp_path / "test.conf"
+    path.write_bytes(content)
+    status, _, errors = check(path)
+    assert status == 1
+    assert f"{path}" in errors and words in errors
+    assert errors.count("\n") == 1, errors
+
+
+def test_a_folder_is_no_file(tmp_path):
+    status, _, errors = check(tmp_path)
+    assert status == 1 and "it is a folder, not a file" in errors
+
+
+def test_a_file_that_may_not_be_read(tmp_path):
+    path = tmp_path / "test.conf"
+    path.write_text(GOOD, encoding="utf-8")
+    path.chmod(0)
+    tmp_path.chmod(0o755)
+    for folder in [tmp_path, *tmp_path.parents]:
+        if folder.owner() == "root" and os.geteuid() == 0 and str(folder) != "/":
+            folder.chmod(folder.stat().st_mode | 0o055)
+    nobody = {"user": "nobody", "group": "nogroup", "extra_groups": []} \
+        if os.geteuid() == 0 else {}
+    program = tmp_path / "drivebridged"
+    shutil.copy(find_program("drivebridged"), program)
+    done = subprocess.run([program, "--check", "--config", path], **nobody,
+                          capture_output=True, text=True, timeout=20, check=False)
+    assert done.returncode == 1
+    assert "may not read it" in done.stderr and "chmod a+r" in done.stderr
+
+
+# --- --check looks at the machine
+
+def test_check_tells_every_value(tmp_path):
+    _, status, out, errors = checked(tmp_path, after(DRIVE, "    max-velocity = 12.5"))
+    assert status == 0, errors
+    written = out.split("every value, as a file would say it\n")[1]
+    for line in ("max-velocity = \"12.5\"", "watchdog-ms = 3000", "cycle-ms = 50", "end"):
+        assert line in written, line
+    # Which is one: it says the same once more.
+    _, status, again, errors = checked(tmp_path, written)
+    assert status == 0, errors
+    assert again.split("every value, as a file would say it\n")[1] == written
+
+
+def test_check_looks_for_ports_and_interfaces(tmp_path):
+    master, port = os.openpty()
+    name = os.ttyname(port)
+    device = '"/dev/null/none"'
+    path, status, out, errors = checked(tmp_path, instead(device, f'"{name}"'))
+    assert status == 0 and errors == ""
+    assert f"bus line: {name} is a serial port, and " in out
+    os.close(master)
+    os.close(port)
+    # What is missing is a warning: it may be plugged in later.
+    path, status, _, errors = checked(tmp_path, instead(device, '"/dev/drivebridge-none"'))
+    assert status == 0
+    assert f"{path}:4: warning: bus line: /dev/drivebridge-none cannot be seen" in errors
+    assert "ls /dev/serial/by-id" in errors
+    path, status, _, errors = checked(tmp_path, instead(device, '"/dev/null"'))
+    assert status == 0 and f"{path}:4: warning: bus line: /dev/null is no serial port" in errors
+    can = instead("vsmd-serial", "vsmd-can").replace("    device = " + device, "    interface = {}")
+    can = can.replace("    baud = 115200\n", "")
+    for name, words in (("lo", "is no CAN interface"), ("nowhere7", "is no network interface")):
+        path, status, _, errors = checked(tmp_path, can.replace("{}", name))
+        assert status == 0 and f"{path}:4: warning: bus line: {name} {words}" in errors

@@ -106,10 +106,18 @@ def test_a_plc_that_is_still_there_keeps_it_moving(make_bridge):
     bridge = make_bridge(drive={"watchdog-ms": 500})
     starts_moving(bridge)
     kill(bridge)
+    # Its parameters follow some seconds later, as it moves; its PLC does not wait for them.
+    bridge.wait_online = False
     bridge.start_bridge()
     drive = bridge.drive()
+    eventually(drive.online)
     start = drive.read("position")
-    eventually(lambda: drive.read("position") > start + 2 * 3200, what="two seconds of travel")
+
+    def has_gone_on():
+        drive.write("output_number", 1)  # as its scanner does; what only reads is a monitor
+        return drive.read("position") > start + 2 * 3200
+
+    eventually(has_gone_on, what="two seconds of travel")
     assert drive.read("watchdog_trips") == 0
     assert drive.read("watchdog_remaining_ms") > 0
     drive.close()

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """No command is executed twice, whatever is sent again or lost on the way."""
 
+import struct
+
 import pytest
 from bridgelib import (
     DEVICE_FAILURE,
@@ -175,6 +177,27 @@ def test_a_single_register_write_with_a_fresh_kept_id(bridge):
     # The same single write again is the same request sent again.
     assert drive.write_word(drive.row("command").address, code) == 0
     rests_at(bridge, 300)
+
+
+def test_a_mask_write_that_changes_nothing_runs_nothing(bridge):
+    drive = bridge.drive()
+    assert relative(drive, 0) == 0
+    rests_at(bridge, 300)
+    command = drive.row("command").address
+    with bridge.raw() as raw:
+        for mask in (struct.pack(">BHHH", 22, command, 0xFFFF, 0),
+                     struct.pack(">BHHH", 22, command, 0, drive.read("command"))):
+            assert raw.request(mask) == mask
+        rests_at(bridge, 300)
+        # A read-only register is none to write to, whatever would change.
+        status = struct.pack(">BHHH", 22, drive.row("status").address, 0xFFFF, 0)
+        assert raw.request(status) == bytes([0x96, 2])
+        # A stop is one, also where it stands there already.
+        stop = struct.pack(">BHHH", 22, command, 0, 3)
+        for _ in range(2):
+            mark = bridge.sim.mark()
+            assert raw.request(stop) == stop
+            assert bridge.sim.sent(mark) == ["1 stp"]
 
 
 @pytest.mark.parametrize("fault", ["drop", "lose-request", "corrupt", "truncate", "delay 300"])

@@ -35,7 +35,7 @@ FAMILIES = {
         ("jog_positive", {}), "x_speed", 2000,
         {"none": {}, "stop": {"manual_stop", "program_stop"},
          "quick-stop": {"manual_quick_stop", "program_stop"},
-         "disable": {"manual_quick_stop", "program_stop", "write_item"}}),
+         "disable": {"manual_quick_stop", "write_item"}}),
 }
 
 # The counters of commands that change something.
@@ -97,7 +97,8 @@ def test_a_quick_stop_is_a_quick_one(make_bridge, word, line):
     bridge, _ = moving(make_bridge, "vsmd-serial", **{"on-exit": word})
     mark = bridge.sim.mark()
     assert bridge.stop_bridge() == 0
-    assert [text for text in bridge.sim.sent(mark) if text.startswith("1 ")] == [line]
+    # Said again, as long as it is not seen to slow down.
+    assert {text for text in bridge.sim.sent(mark) if text.startswith("1 ")} == {line}
 
 
 def test_it_is_as_on_client_loss_when_not_given(make_bridge):

@@ -96,6 +96,17 @@ def test_commands_stay_right(bridge, fault, counter):
             assert drive.read("result") != RESULT_OK
 
 
+def test_lines_are_never_glued_together(bridge):
+    """The drive has lost a line's end: whatever comes next must not become a part of that line."""
+    drive = bridge.drive()
+    for step in range(1, 9):
+        bridge.sim.fault("lose-end 1", "line")
+        assert drive.command("move_absolute", target_position=step * 40, target_velocity=0) == 0
+        eventually(lambda step=step: bridge.sim.get()["position"] == step * 40)
+    # It was never told anything that it did not understand.
+    assert bridge.sim.get()["refused"] == 0
+
+
 @pytest.mark.parametrize(("fault", "counter"), FAULTS)
 def test_parameters_stay_right(bridge, fault, counter):
     drive = bridge.drive()

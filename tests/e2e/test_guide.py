@@ -7,6 +7,8 @@ import os
 import re
 import shlex
 import subprocess
+import sys
+import xml.etree.ElementTree
 from pathlib import Path
 
 import pytest
@@ -14,7 +16,8 @@ from bridgelib import DISCRETE, HOMING, ROOT, STOPPING, eventually, find_program
 
 GUIDE = ROOT / "docs" / "guide"
 PAGES = sorted(GUIDE.glob("*.md"))
-FENCES = {"sh", "conf", "ini", "udev", "log", "mermaid", "iecst", "scl", "exchange"}
+README = ROOT / "README.md"
+FENCES = {"sh", "conf", "ini", "yaml", "udev", "log", "mermaid", "iecst", "scl", "exchange"}
 
 # What mbpoll prints for an exception.
 EXCEPTIONS = {
@@ -35,6 +38,7 @@ FOREIGN = {
     "MB_Unit_ID", "REQ", "BUSY", "STATUS", "uiMaxRetries", "UNION", "WORD", "DINT", "REAL", "Int", "DInt", "Real", "TCON_IP_v4",
     "FB_MBReadRegs", "FB_MBWriteRegs", "nUnitID", "nQuantity", "nMBAddr", "tTimeout",
     "SamplePoint", "RestartSec", "DRIVEBRIDGE_DEMO_PORT", "ID_PATH",
+    "modbus_exporter", "decode", "HR1", "HRI13", "HRF15",
     # a column of the map
     "reference",
     # sections of the configuration
@@ -137,6 +141,14 @@ def structured_text(page):
     return {name for text in texts for name in re.findall(r"[A-Za-z_]\w*", text)}
 
 
+def simulator_words(page):
+    """The keys and values of the simulator's configuration, which one page is about."""
+    if page.stem != "temperaments":
+        return set()
+    texts = [path.read_text(encoding="utf-8") for path in sorted((ROOT / "src" / "sim").glob("*.c"))]
+    return {word for text in texts for word in re.findall(r'"([a-z0-9-]+)"', text)}
+
+
 def wrong_setting(key, value):
     fitting = [row for row in KEYS if row["name"] == key]
     if not fitting:
@@ -157,7 +169,7 @@ def wrong_setting(key, value):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_names_exist(page):
-    wrong, known = [], KNOWN | structured_text(page)
+    wrong, known = [], KNOWN | structured_text(page) | simulator_words(page)
     for place, span in spans(page):
         setting = SETTING.fullmatch(span)
         if setting and setting[1] in NUMBERS and setting[1] not in KEY_NAMES:
@@ -359,20 +371,28 @@ def type_in(bridge, line):
 
 
 def pages_to_type():
-    return [page for page in PAGES
+    return [page for page in [README, *PAGES]
             if any(mbpoll_lines(block) for block in parse(page)[0] if block.kind == "sh")]
 
 
-@pytest.mark.parametrize("page", pages_to_type(), ids=lambda page: page.stem)
+def name_of(page):
+    return "top" if page == README else page.stem
+
+
+@pytest.mark.parametrize("page", pages_to_type(), ids=name_of)
 def test_what_is_to_be_typed_works(page, make_bridge):
-    """Each line is typed at the bridge that the page configured last."""
-    text, bridge = demo(), None
+    """Each line is typed at the bridge that the page configured last. What the first pages show leaves
+    the drive as it was found: a move goes on to work."""
+    text, bridge, last = demo(), None, None
     for block in parse(page)[0]:
         if block.kind == "conf" and re.search(r"^drive ", block.text, re.MULTILINE):
             text, bridge = block.text, None
         for line in mbpoll_lines(block) if block.kind == "sh" else []:
-            bridge = bridge or start(make_bridge, text)
+            last = bridge = bridge or start(make_bridge, text)
             type_in(bridge, line)
+    if page.name == "README.md":
+        settle(last, 1)
+        assert last.drive().write_words(100, [0, 6, 0, 1000]) == 0
 
 
 def view_of(line):
@@ -400,12 +420,142 @@ def wrong_comment(line):
     return f"{first[0]} is not at {line.address}"
 
 
-@pytest.mark.parametrize("page", pages_to_type(), ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", pages_to_type(), ids=name_of)
 def test_comments_name_what_is_at_the_address(page):
     lines = [line for block in parse(page)[0] if block.kind == "sh"
              for line in mbpoll_lines(block)]
     wrong = [f"{line.text}: {wrong_comment(line)}" for line in lines if wrong_comment(line)]
     assert not wrong, "\n".join(wrong)
+
+
+# --- other lines of the shell --------------------------------------------------------------------
+
+
+# How a line begins that is not run here, and what it needs.
+NOT_HERE = {
+    "sudo apt install": "changes the machine; packaging/check installs the packages, tests/run the others",
+    "./demo": "builds all and runs until somebody ends it",
+    "./tests/run": "is what runs this",
+    "cmake --preset": "builds all, as each phase of tests/run does",
+    "packaging/build": "builds packages in containers; packaging/check does it",
+    "sudo adduser": "changes the machine",
+    # An installed service under systemd, which packaging/check has.
+    "sudo systemctl": "the installed service",
+    "systemctl": "the installed service",
+    "sudo journalctl": "the installed service",
+    "sudo ss": "the installed service",
+    # Hardware.
+    "ls -l /dev/serial": "an adapter",
+    "udevadm info": "an adapter",
+    "sudo udevadm": "an adapter",
+    "sudo fuser": "an adapter",
+    "sudo networkctl": "a CAN interface",
+    "ip ": "a CAN interface",
+    "sudo ip ": "a CAN interface",
+    "sudo tcpdump": "traffic of a PLC",
+}
+PROGRAMS = {"drivebridged", "drivebridge-sim", "drivebridgectl"}
+SHELL_WORDS = PROGRAMS | {"sudo", "mbpoll", "journalctl", "systemctl", "ip", "udevadm", "cmake"}
+
+
+def shell_lines(page):
+    """(place, line): the lines of blocks for the shell, and commands with arguments in the prose."""
+    for block in parse(page)[0]:
+        for at, line in enumerate(block.lines if block.kind == "sh" else [], 1):
+            if line.strip() and not line.strip().startswith("#"):
+                yield f"{page.name}:{block.line + at}", line.strip()
+    for place, span in spans(page):
+        first, _, rest = span.partition(" ")
+        if rest and (Path(first).name in SHELL_WORDS or first.startswith("./")):
+            yield place, span
+
+
+def is_run_here(line):
+    first = [word for word in line.split() if word != "sudo"][0]
+    return Path(first).name in PROGRAMS or first.startswith("tests/tools/")
+
+
+def lines_to_run(page):
+    return [line for _, line in shell_lines(page) if is_run_here(line) and " FILE" not in line]
+
+
+@pytest.mark.parametrize("page", [README, *PAGES], ids=name_of)
+def test_every_shell_line_is_run_or_says_what_it_needs(page):
+    blocks = {line.strip() for block in parse(page)[0] for line in block.lines}
+    wrong = []
+    for place, line in shell_lines(page):
+        if line.startswith("mbpoll "):
+            # Typed above, but only what stands in a block.
+            wrong += [] if line in blocks else [f"{place}: {line}: put it into a block"]
+        elif line.startswith("drivebridged "):
+            wrong.append(f"{place}: {line}: /usr/sbin is not in everybody's path")
+        elif not is_run_here(line) and not line.startswith(tuple(NOT_HERE)):
+            wrong.append(f"{place}: {line}")
+    assert not wrong, "\n".join(wrong)
+
+
+def own_text(page, word):
+    """The configuration of that name: the source tree's, or the page's own."""
+    path = ROOT / "conf" / Path(word).name
+    if path.exists():
+        return path.read_text(encoding="utf-8")
+    return [block.text for block in parse(page)[0] if block.kind == "conf"][-1]
+
+
+@pytest.mark.parametrize("page", [page for page in [README, *PAGES] if lines_to_run(page)],
+                         ids=name_of)
+def test_who_starts_the_bridge_may_have_its_port(page):
+    for line in lines_to_run(page):
+        if "drivebridged" not in line or "--check" in line:
+            continue
+        (word,) = [word for word in line.split() if word.endswith(".conf")]
+        (port,) = re.findall(r'listen\s*= "[^"]*:(\d+)"', own_text(page, word))
+        assert int(port) >= 1024 or line.startswith("sudo "), line
+
+
+def copy_configuration(page, word, place):
+    """The configuration with a port and with files of its own."""
+    text = re.sub(r'listen(\s*)= "[^"]*"', r'listen\1= "127.0.0.1:0"', own_text(page, word))
+    copy = place / Path(word).name
+    copy.write_text(text.replace("/tmp/", f"{place}/"), encoding="utf-8")
+    return str(copy)
+
+
+def command_of(page, line, place):
+    """The line with this build's programs and with files in a folder of its own."""
+    words = [word for word in shlex.split(line, comments=True) if word != "sudo"]
+    if Path(words[0]).name in PROGRAMS:
+        words[0] = str(find_program(Path(words[0]).name))
+    else:
+        words = [sys.executable, str(ROOT / words[0]), *words[1:]]
+    return words[:1] + [
+        copy_configuration(page, word, place) if word.endswith(".conf")
+        else str(ROOT / "docs") if word == "docs"
+        else word if word.startswith(str(ROOT)) else word.replace("/tmp/", f"{place}/")
+        for word in words[1:]]
+
+
+@pytest.mark.parametrize("page", [page for page in [README, *PAGES] if lines_to_run(page)],
+                         ids=name_of)
+def test_programs_start_as_the_page_says(page, tmp_path):
+    """In the page's order; what stays in the foreground goes on until all have started."""
+    running = []
+    try:
+        for at, line in enumerate(lines_to_run(page)):
+            command = command_of(page, line, tmp_path)
+            if "--check" in command or command[0] == sys.executable:
+                subprocess.run(command, check=True, timeout=60)
+                continue
+            log = tmp_path / f"{at}.log"
+            with open(log, "wb") as out:
+                running.append(subprocess.Popen(command, stdout=out, stderr=out))
+            eventually(lambda log=log: re.search("^ready|listening on", log.read_text(), re.M), 20,
+                       line)
+            assert running[-1].poll() is None
+    finally:
+        for process in reversed(running):
+            process.terminate()
+    assert [process.wait(20) for process in running] == [0] * len(running)
 
 
 # --- log lines -----------------------------------------------------------------------------------
@@ -526,6 +676,48 @@ def test_blocks_say_what_they_are(page):
     wrong = [f"{page.name}:{block.line}: {block.kind or 'nothing'}" for block in parse(page)[0]
              if block.kind not in FENCES]
     assert not wrong, "\n".join(wrong)
+
+
+PICTURES = sorted((GUIDE / "pictures").iterdir())
+
+
+@pytest.mark.parametrize("picture", PICTURES, ids=lambda picture: picture.name)
+def test_a_picture_can_be_read(picture):
+    """By a browser, by whoever cannot see it, and on a dark page; its words fit into it."""
+    root = xml.etree.ElementTree.parse(picture).getroot()
+    svg = "{http://www.w3.org/2000/svg}"
+    assert root.tag == svg + "svg" and root.find(svg + "title").text and root.find(svg + "desc").text
+    width, height = (float(value) for value in root.get("viewBox").split()[2:])
+    ground = root.find(svg + "rect")
+    assert (float(ground.get("width")), float(ground.get("height"))) == (width, height)
+    assert ground.get("fill") == "#ffffff" and root.get("fill")
+    for text in root.iter(svg + "text"):
+        x, y = float(text.get("x")), float(text.get("y"))
+        assert 0 <= x <= width and 0 < y <= height, text.text
+    # Nothing that is fetched or run.
+    assert not re.search(r"<script|<image|href=", picture.read_text(encoding="utf-8"))
+
+
+def test_every_picture_is_shown():
+    shown = {target for page in PAGES for target in re.findall(
+        r"!\[[^\]]+\]\(pictures/([^)]+)\)", page.read_text(encoding="utf-8"))}
+    assert shown == {picture.name for picture in PICTURES}
+
+
+PLATFORMS = ["codesys", "tia", "openplc", "rockwell", "omron", "hmi"]
+
+
+@pytest.mark.parametrize("name", PLATFORMS)
+def test_a_platforms_page_says_what_it_stands_on(name):
+    text = (GUIDE / f"{name}.md").read_text(encoding="utf-8")
+    assert re.search(r"^> Not tried with (the|a) real ", text, re.M)
+    for row in ("Addresses", "Word order", "Unit"):
+        assert re.search(rf"^\| {row} \|", text, re.M), row
+    # What tells the word orders apart.
+    for number in re.findall(r"`watchdog_ms` \(46\)[^.]* is (\d+)", text):
+        assert int(number) == 3000
+    for number in re.findall(r"(\d{7,}) means", text):
+        assert int(number) == 3000 << 16
 
 
 def test_the_package_has_the_guide():

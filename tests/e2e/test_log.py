@@ -64,6 +64,31 @@ def test_the_watchdog_names_who_fell_silent(make_bridge):
     eventually(lambda: bridge.sim.get()["velocity"] == 0)
 
 
+def test_a_refused_write_is_told_with_its_reason(make_bridge):
+    bridge = make_bridge(drive={"max-velocity": 10000})
+    drive = bridge.drive()
+    before = "bus line: drive drive1: client 127.0.0.1: "
+    for _ in range(20):
+        assert drive.command("move_velocity", target_velocity=20000) == 3
+    assert len(told(bridge, before, "command move_velocity is refused: limit (result 9)")) <= 4
+    assert bridge.stop_bridge() == 0
+    counted = lines(bridge, before, "command move_velocity is refused: limit", "times more in the last ")
+    assert len(counted) == 1
+
+
+def test_what_the_drive_refuses_is_told(bridge):
+    drive = bridge.drive()
+    assert drive.write("mcs", 9) == 3
+    told(bridge, "client 127.0.0.1: a write to register", "is refused: out_of_range (result 4)")
+    assert drive.command("move_absolute", command_id=7, target_position=5) == 4
+    assert drive.command("move_absolute", command_id=7, target_position=5) == 4  # from memory
+    bridge.sim.fault("silence on")
+    eventually(lambda: not drive.online())
+    assert drive.command("enable") == 0x0B
+    told(bridge, "client 127.0.0.1: command enable is refused: offline (result 14)")
+    assert len(lines(bridge, "command move_absolute is refused: restarted (result 7)")) == 1
+
+
 def test_a_thousand_times_are_a_few_lines_and_a_count(bridge):
     for _ in range(40):
         bridge.raw().close()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The function blocks of docs/drivebridge.st, run as a controller runs them, against the bridge."""
 
+import re
 import time
 
 import pytest
@@ -72,6 +73,32 @@ def test_move_absolute(bridge, plc, codes):
     assert [code for _, code in sent] == [codes["DB_CMD_MOVE_ABSOLUTE"]] * 2
     assert sent[0][0] != sent[1][0] and 0 not in (sent[0][0], sent[1][0])
     assert bridge.sim.get()["pos"] == 1
+
+
+@pytest.mark.parametrize(("variant", "prefix"), [("strict", ""), ("prefixed", "DB_")])
+def test_the_other_forms_do_the_same(bridge, library, variant, prefix):
+    text = (DOCS / f"drivebridge-{variant}.st").read_text(encoding="utf-8")
+    plc = Plc(Library(text, strict=variant == "strict"), bridge.port)
+    codes = library.constants
+    try:
+        plc.until(lambda: plc.axis.Valid, what="the first image")
+        power = plc.block(prefix + "MC_Power", Enable=True)
+        sees(plc, (power, "Status"))
+        move = plc.block(prefix + "MC_MoveRelative", Distance=300.0, Velocity=12800.0)
+        assert plc.run(move) == "Done"
+        plc.modbus.lose = 1
+        assert plc.run(move) == "Done"
+        assert bridge.sim.get()["position"] == 600
+        run = plc.block(prefix + "MC_MoveVelocity", Velocity=3000.0, Execute=True)
+        sees(plc, (run, "InVelocity"))
+        assert plc.run(plc.block(prefix + "MC_Stop")) == "Done"
+        assert run.CommandAborted
+        write = plc.block(prefix + "MC_WriteParameter", ParameterNumber=codes["DB_PAR_VSMD_ACC"])
+        assert plc.run(write, Value=32000.0) == "Done"
+        assert bridge.drive().read("acc") == 32000.0
+        assert plc.run(write, Value=-1.0) == codes["DB_RESULT_OUT_OF_RANGE"]
+    finally:
+        plc.modbus.close()
 
 
 def test_done_lasts_a_cycle_without_execute(bridge, plc):
@@ -350,6 +377,30 @@ def test_reset_clears_the_watchdogs_latch(make_bridge, make_plc, codes):
     assert plc.run(move) == "Done"
 
 
+def test_a_new_connection_keeps_the_drive_running(make_bridge, make_plc, codes):
+    """Reads over it do not count for the watchdog: it has brought no command yet."""
+    bridge = make_bridge(drive={"watchdog-ms": 700})
+    plc = make_plc(bridge)
+    run = plc.block("MC_MoveVelocity", Velocity=2000.0, Execute=True)
+    sees(plc, (run, "InVelocity"))
+    plc.modbus.close()
+    images = plc.axis.Images
+    until = time.monotonic() + 2.5
+    plc.until(lambda: time.monotonic() > until, what="some time")
+    assert run.InVelocity and plc.axis.Images > images + 10
+    assert bridge.drive().read("watchdog_trips") == 0
+
+
+def test_who_only_looks_keeps_no_drive_running(make_bridge, make_plc, codes):
+    """The controller that commands falls silent; another one with the library reads on."""
+    bridge = make_bridge(drive={"watchdog-ms": 700})
+    plc, other = make_plc(bridge), make_plc(bridge)
+    run = plc.block("MC_MoveVelocity", Velocity=2000.0, Execute=True)
+    sees(plc, (run, "InVelocity"))
+    other.until(lambda: other.axis.Status & codes["DB_STATUS_LATCHED"], what="the watchdog")
+    eventually(lambda: bridge.sim.get()["velocity"] == 0, what="a stand")
+
+
 @pytest.mark.parametrize("lost", [1, 2, 4])
 def test_lost_responses_move_once(bridge, plc, codes, lost):
     """The connection is closed after the request: the same id goes out again, and the drive moves
@@ -600,6 +651,77 @@ def test_power_off_overtakes_power_on(bridge, plc, codes):
     assert sent[-2:] == [codes["DB_CMD_ENABLE"], codes["DB_CMD_DISABLE"]]
 
 
+@pytest.mark.parametrize("ending", ["halted", "refused"])
+def test_power_survives_a_lost_read(bridge, plc, codes, ending):
+    """After a move that was halted or refused an image takes two reads: between them the drive is
+    measured, but what is known of it is not from now."""
+    power = plc.block("MC_Power", Enable=True)
+    sees(plc, (power, "Status"))
+    move = plc.block("MC_MoveAbsolute", Position=1e6, Velocity=3000.0)
+    if ending == "halted":
+        plc.set(move, Execute=True)
+        sees(plc, (move, "Active"))
+        assert plc.run(plc.block("MC_Halt")) == "Done"
+        assert plc.axis.Status & codes["DB_STATUS_ABORTED"]
+    else:
+        assert plc.run(move, Velocity=1e9) == codes["DB_RESULT_OUT_OF_RANGE"]
+    for _ in range(5):
+        plc.modbus.lose_reads = 1
+        plc.until(lambda: not plc.axis.Valid, what="a lost read")
+
+        def valid_again():
+            assert not power.Error, power.ErrorID
+            return plc.axis.Valid
+
+        plc.until(valid_again, what="Valid")
+        sees(plc, (power, "Status"))
+
+
+@pytest.mark.parametrize("cycles", [0, 1, 2, 3])
+def test_two_blocks_after_a_bridge_start(bridge, plc, codes, cycles):
+    """The first command is only the baseline; that is read before the second one is written."""
+    power = plc.block("MC_Power")
+    reset = plc.block("MC_Reset")
+    plc.set(power, Enable=True)
+    for _ in range(cycles):
+        plc.cycle()
+    plc.set(reset, Execute=True)
+
+    def both():
+        assert not power.Error and not reset.Error, (power.ErrorID, reset.ErrorID)
+        return power.Status and reset.Done
+
+    plc.until(both, what="power and reset")
+    # Each was executed, the first under a second id.
+    sent = [code for _, code in commands(plc, codes)]
+    assert sent.count(codes["DB_CMD_ENABLE"]) == 2
+    assert sent.count(codes["DB_CMD_CLEAR_FAULT"]) == 1
+
+
+def test_a_stop_does_not_wait_for_an_image(bridge, plc, codes):
+    """What keeps others from the connection until a result is read keeps no stop from it."""
+    power, stop = plc.block("MC_Power"), plc.block("MC_Stop")
+    requests = []
+    begin = plc.modbus.begin
+
+    def watch(client, mailbox):
+        command = client.WriteMultiple and client.Address == codes["DB_REG_COMMAND_ID"]
+        requests.append(mailbox.Data[1] if command else None)
+        begin(client, mailbox)
+
+    plc.modbus.begin = watch
+    plc.set(power, Enable=True)
+    plc.until(lambda: plc.axis.ImageDue, what="an image that is due")
+    # The bridge's answers are lost from now on, so that the image stays due.
+    plc.modbus.lose_reads = 1000
+    del requests[:]
+    plc.set(stop, Execute=True)
+    plc.until(lambda: codes["DB_CMD_QUICK_STOP"] in requests, 5, what="the stop")
+    assert requests.index(codes["DB_CMD_QUICK_STOP"]) <= 1
+    plc.modbus.lose_reads = 0
+    assert plc.ended(stop) == "Done"
+
+
 # --- what goes away, what is busy -----------------------------------------------------------------
 
 
@@ -737,7 +859,7 @@ def test_the_guides_program(make_bridge):
               if "PROGRAM Feeder" in text]
     feeder = Library((DOCS / "drivebridge.st").read_text(encoding="utf-8") + text) \
         .types["Feeder"]()
-    bridge = make_bridge(drive={"counts-per-unit": 640, "watchdog-ms": 1000},
+    bridge = make_bridge(drive={"counts-per-unit": 640, "watchdog-ms": 5000},
                          sim_drive={"set": ["spd=6400", "acc=640000", "dec=640000", "pae=1"]})
     block = ModbusBlock(bridge.port)
 
@@ -786,3 +908,45 @@ def test_the_guides_program(make_bridge):
     feeder.Run = False
     until(lambda: bridge.sim.get()["off"] == 1)
     block.close()
+
+
+def test_the_program_for_openplc(make_bridge):
+    """With the words that its runtime reads and writes for ever."""
+    bridge = make_bridge(sim_drive={"set": ["spd=64000", "acc=640000", "dec=640000", "pae=1"]})
+    [text] = examples(DOCS / "guide" / "openplc.md")
+    places = re.findall(r"(\w+) AT %([IQ])W(\d+)", text)
+    program, _, _ = text.partition("CONFIGURATION")
+    mover = Library(re.sub(r" AT %\w+", "", program), strict=True).types["Mover"]()
+    drive = bridge.drive()
+
+    def scan():
+        rx = drive.words(0, 32)
+        for name, direction, word in places:
+            if direction == "I":
+                setattr(mover, name, rx[int(word) - 100])
+        mover()
+        tx = {int(word) - 100: getattr(mover, name) for name, direction, word in places
+              if direction == "Q"}
+        drive.write_words(100, [tx[at] for at in range(6)])
+
+    def scan_until(check):
+        def once():
+            scan()
+            return check()
+
+        eventually(once, 30)
+
+    for _ in range(5):
+        scan()
+    assert mover.stage == 0 and bridge.sim.get()["pos"] == 0
+    mover.wanted = True
+    scan_until(lambda: bridge.sim.get()["position"] == 64000)
+    assert mover.stage == 3
+    for _ in range(20):
+        scan()
+    # However often the same block is written, the drive moves once for each edge.
+    assert bridge.sim.get()["pos"] == 1
+    mover.wanted = False
+    scan()
+    mover.wanted = True
+    scan_until(lambda: bridge.sim.get()["pos"] == 2)

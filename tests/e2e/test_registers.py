@@ -198,6 +198,21 @@ def test_unknown_addresses(bridge):
     assert refused(drive.words, 65535, 2) in (ILLEGAL_ADDRESS, ILLEGAL_VALUE)
 
 
+def test_one_block_for_a_whole_drive(bridge):
+    """What many drivers make of tags that lie close together: one read across what this family lacks."""
+    drive = bridge.drive()
+    known = {row.address + i for row in bridge.map.of_drive() for i in range(row.size)}
+    for read, count in ((drive.words, 67), (drive.input_words, 67), (drive.words, 100)):
+        words = read(0, count)
+        assert len(words) == count
+        for address in set(range(count)) - known:
+            assert words[address] == 0
+            assert refused(read, address, 1) == ILLEGAL_ADDRESS
+            assert drive.write_word(address, 0) == ILLEGAL_ADDRESS
+    bits = drive.client.read_discrete_inputs(0, count=96, device_id=1)
+    assert not bits.isError() and not bits.bits[20]
+
+
 def test_read_only_registers_cannot_be_written(bridge):
     drive = bridge.drive()
     for name in ("axis_state", "position", "result", "identity", "requests"):
@@ -270,6 +285,8 @@ def test_function_codes(make_bridge):
         server_id = raw.request(b"\x11")
         assert server_id[0] == 17
         assert server_id[1] == len(server_id) - 2
+        # The unit as the id, the run indicator, then the text.
+        assert server_id[2:4] == bytes([1, 0xFF])
         assert b"drivebridge" in server_id or b"VSMD" in server_id
         # Others do not exist here.
         for code in (7, 8, 11, 12, 20, 21, 24, 99):
@@ -412,6 +429,19 @@ def test_one_wrong_parameter_refuses_the_whole_write(bridge):
     words = [*encode("f32", 1000), *encode("f32", 2000), *encode("f32", -1)]
     assert drive.write_words(first.address, words) == ILLEGAL_VALUE
     assert bridge.sim.sent(mark) == []
+
+
+def test_all_that_was_read_can_be_written_back(bridge):
+    """The model lists parameters that it refuses to be told: what it holds is read again."""
+    drive = bridge.drive()
+    rows = bridge.map.parameters()
+    first, count = rows[0].address, rows[-1].address + rows[-1].size - rows[0].address
+    words = drive.words(first, count)
+    assert drive.write_words(first, words) == 0
+    assert drive.words(first, count) == words
+    different = drive.row("res").address - first
+    words[different : different + 2] = encode("u32", 2000)
+    assert drive.write_words(first, words) == DEVICE_FAILURE
 
 
 def test_neutral_names_write_the_parameter(bridge):

@@ -2,6 +2,7 @@
 """SIGHUP: what changed begins anew, and nothing else notices."""
 
 import itertools
+import os
 import re
 import socket
 import threading
@@ -25,6 +26,7 @@ from bridgelib import (
     encode,
     eventually,
     find_program,
+    section,
 )
 from pymodbus.client import ModbusTcpClient
 
@@ -280,16 +282,71 @@ def test_buses_come_and_go(make_bridge):
     witness.undisturbed()
 
 
-def test_all_goes_and_comes_back(make_bridge):
+def texts(bridge):
+    """The configuration as it is, and without its drives."""
+    whole = bridge.config_path.read_text(encoding="utf-8")
+    return whole, whole[:whole.index("drive drive1")]
+
+
+def test_all_drives_go_and_come_back(make_bridge):
     bridge = make_bridge(drives=1, bus=BUS)
     gateway = bridge.gateway()
-    full = dict(bridge.sections)
-    bridge.sections = {"modbus": full["modbus"]}
-    bridge.reload()
-    assert (gateway.read("bus_count"), gateway.read("drive_count")) == (0, 0)
-    bridge.sections = full
-    bridge.reload()
+    whole, empty = texts(bridge)
+    # Said on purpose: the file ends with the word for it.
+    bridge.reload(empty + "end\n")
+    assert (gateway.read("bus_count"), gateway.read("drive_count")) == (1, 0)
+    bridge.reload(whole + "end\n")
     eventually(lambda: is_ready(bridge.drive()), what="the drive to be back")
+
+
+def test_a_file_that_was_cut_off_drops_no_drive(make_bridge):
+    """A full disk, an editor that has just begun, an empty file: whatever the first bytes say."""
+    bridge = make_bridge(drives=2, bus=BUS)
+    starts_moving(bridge)
+    witness = Witness(bridge, 2)
+    whole, empty = texts(bridge)
+    wrong = ["\n", "# nothing\n", empty, empty[:empty.index("bus line")], "end\n",
+             whole[:whole.index("watchdog-ms")], whole[:-3]]
+    for text in wrong:
+        log = bridge.reload(text)
+        assert "nothing changes" in log and "reload: done" not in log, text
+    # Once the file says where it ends, it has to go on doing so.
+    bridge.reload(whole + "\nend  # of the file\n")
+    for cut in range(0, len(whole), 40):
+        log = bridge.reload(whole[:cut] or "\n")
+        assert "nothing changes" in log and "reload: done" not in log, whole[:cut]
+    assert "its last line was end and is not any more" in bridge.reload(whole)
+    witness.undisturbed()
+    assert len(bridge.gateway().words(0, 10)) == 10
+
+
+def test_a_folder_beside_the_file(make_bridge):
+    """conf.d: more of the configuration, which a reload reads too."""
+    bridge = make_bridge(drives=2, bus=BUS)
+    folder = bridge.place / "conf.d"
+    folder.mkdir()
+    second = bridge.sections.pop("drive drive2")
+    (folder / "20-second.conf").write_text(section("drive drive2", second), encoding="utf-8")
+    (folder / "10-network.conf").write_text(section("modbus", {"confirm-ms": 1234}))
+    (folder / "30-other.txt").write_text("nonsense")
+    witness = Witness(bridge)
+    # Set in two places.
+    log = bridge.reload()
+    assert f"{folder}/10-network.conf:2: confirm-ms was set on line 3 of {bridge.config_path}" in log
+    del bridge.sections["modbus"]["confirm-ms"]
+    log = bridge.reload()
+    assert "the section modbus is changed" in log and "2 drives go on undisturbed" in log
+    witness.undisturbed()
+    # What is wrong is told by its own file and line, and nothing changes.
+    (folder / "40-wrong.conf").write_text("# first line\ndrive third {\n  bus = nowhere\n")
+    log = bridge.reload()
+    assert f"{folder}/40-wrong.conf:4: the file ends too early" in log and "nothing changes" in log
+    (folder / "40-wrong.conf").write_text("drive drive2 {\n  unit = 9\n}\n")
+    assert f"40-wrong.conf:1: there is a drive 'drive2' on line 1 of {folder}/20-second.conf" \
+        in bridge.reload()
+    (folder / "40-wrong.conf").unlink()
+    (folder / "20-second.conf").unlink()
+    assert "drive drive2: reload: it is removed" in bridge.reload()
 
 
 # --- clients ----------------------------------------------------------------------------------------
@@ -310,13 +367,25 @@ def listening(log):
     return int(re.search(r"listening on .*:(\d+)\n", log).group(1))
 
 
+def free_everywhere():
+    """A port that is free at every address of the machine: below those that the kernel gives to every
+    program's connections, one of which may always be in the way."""
+    for port in itertools.count(10000 + os.getpid() % 20000):
+        try:
+            socket.create_server(("0.0.0.0", port)).close()
+            return port
+        except OSError:
+            assert port < 31000
+
+
 def test_listening_elsewhere(make_bridge):
     bridge = make_bridge(bus=BUS)
     starts_moving(bridge)
     witness = Witness(bridge)
     stays = bridge.drive()
-    bridge.sections["modbus"]["listen"] = "127.0.0.2:0"
-    port = listening(bridge.reload())
+    port = free_everywhere()
+    bridge.sections["modbus"]["listen"] = f"127.0.0.2:{port}"
+    assert listening(bridge.reload()) == port
     witness.undisturbed()
     assert stays.command("move_velocity", target_velocity=100) == 0
     with pytest.raises(ConnectionRefusedError):
@@ -336,10 +405,12 @@ def test_listening_elsewhere(make_bridge):
 def test_where_it_cannot_listen_nothing_changes(make_bridge):
     bridge = make_bridge(drives=2, bus=BUS)
     witness = Witness(bridge, 2)
-    bridge.sections["modbus"]["listen"] = "192.0.2.1:0"
-    del bridge.sections["drive drive2"]
-    log = bridge.reload()
-    assert "cannot listen on 192.0.2.1:0" in log and "nothing changes" in log
+    with socket.create_server(("127.0.0.3", 0)) as taken:
+        place = f"127.0.0.3:{taken.getsockname()[1]}"
+        bridge.sections["modbus"]["listen"] = place
+        del bridge.sections["drive drive2"]
+        log = bridge.reload()
+    assert f"cannot listen on {place}" in log and "nothing changes" in log
     witness.undisturbed()
     bridge.connect().close()
 
@@ -647,24 +718,64 @@ def test_a_register_that_only_another_family_has(make_bridge):
 # --- systemd --------------------------------------------------------------------------------------------
 
 
-def test_systemd_is_told(make_bridge, tmp_path, monkeypatch):
-    path = tmp_path / "notify"
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as link:
-        link.bind(str(path))
-        link.settimeout(10)
+class Notified:
+    """The other end of NOTIFY_SOCKET."""
+
+    def __init__(self, path, monkeypatch):
+        self.link = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.link.bind(str(path))
+        self.link.settimeout(20)
         monkeypatch.setenv("NOTIFY_SOCKET", str(path))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *unused):
+        self.link.close()
+
+    def told(self, wanted):
+        """The next message that is, or is not, about the status."""
+        while True:
+            text = self.link.recv(4096).decode()
+            if text.startswith("STATUS=") == wanted:
+                return text
+
+    def state(self):
+        return self.told(False)
+
+    def status(self, pattern):
+        """Until the status is like this."""
+        deadline = time.monotonic() + 20
+        while not re.fullmatch("STATUS=" + pattern, text := self.told(True)):
+            assert time.monotonic() < deadline, text
+
+
+def test_systemd_is_told(make_bridge, tmp_path, monkeypatch):
+    with Notified(tmp_path / "notify", monkeypatch) as link:
         bridge = make_bridge(drives=2, bus=BUS)
-        assert link.recv(4096) == b"READY=1"
+        assert link.state() == "READY=1"
         del bridge.sections["drive drive2"]
         before = time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000
         bridge.reload()
-        told = link.recv(4096).decode()
-        stamp = re.fullmatch(r"RELOADING=1\nMONOTONIC_USEC=(\d+)", told)
+        stamp = re.fullmatch(r"RELOADING=1\nMONOTONIC_USEC=(\d+)", link.state())
         assert before <= int(stamp.group(1)) <= time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000
-        assert link.recv(4096) == b"READY=1"
+        assert link.state() == "READY=1"
         # A file that is not taken ends the reload, too.
         bridge.reload("nonsense = 1\n")
-        assert link.recv(4096).startswith(b"RELOADING=1\n")
-        assert link.recv(4096) == b"READY=1"
+        assert link.state().startswith("RELOADING=1\n")
+        assert link.state() == "READY=1"
         assert bridge.stop_bridge() == 0
-        assert link.recv(4096) == b"STOPPING=1"
+        assert link.state() == "STOPPING=1"
+
+
+def test_systemctl_status_has_a_line_that_says_how_it_goes(make_bridge, tmp_path, monkeypatch):
+    with Notified(tmp_path / "notify", monkeypatch) as link:
+        bridge = make_bridge(drives=2, bus=BUS)
+        link.status(r"2 of 2 drives online, 2 clients; worst bus line: \d+ % busy")
+        bridge.sim.fault("silence on", "drive2")
+        link.status(r"1 of 2 drives online, 2 clients; worst bus line: 1 drive silent")
+        bridge.reload("nonsense = 1\n")
+        link.status(r".*; the last reload was refused, see the log")
+        bridge.sim.fault("silence off", "drive2")
+        bridge.reload()
+        link.status(r"2 of 2 drives online, 2 clients; worst bus line: \d+ % busy")

@@ -88,6 +88,23 @@ def test_faults_and_health(make_servo):
     eventually(lambda: drive.read("analogue_1") == 1234, what="the analogue input")
 
 
+def test_what_is_heard_of_a_silent_drive_is_told(make_servo):
+    """Its power and wiring are right, then: the log says what came."""
+    bridge = make_servo(sim_drive={"answer-length": "short"}, wait_online=False)
+
+    def told():
+        return "drive drive1: is heard at address 1 all the same" in bridge.log_since(0)
+
+    eventually(told, what="the line in the log")
+    line = next(line for line in bridge.log_since(0).splitlines() if "is heard" in line)
+    assert ", the last one " in line
+    # A frame of a base that drives have, with a byte too few.
+    identifier, data = line.split("the last one ")[1].split(";")[0].split("#")
+    assert int(identifier, 16) - 1 in (0x160, 0x180, 0x1A0, 0x1C0, 0x1E0, 0x200, 0x220)
+    assert len(data) in (2, 6, 10)
+    assert bridge.drive().read("status") & 1 == 0
+
+
 def test_one_sync_frame_starts_all(make_servo):
     bridge = make_servo(drives=4, drive={"sync": "yes"}, sim_drive={"sync": "true"})
     for number in range(1, 5):
@@ -113,3 +130,75 @@ def test_ramps(make_servo):
     assert drive.write_words(address, [0x447A, 0, 0x44FA, 0]) == 0
     assert drive.read("ramp_acceleration") == 1000.0
     assert drive.read("deceleration") == 2000.0
+
+
+def test_a_profile_comes_with_the_drive(make_servo):
+    """What the section says is given to the drive each time it comes back; limits are in user units."""
+    profile = {"max-speed": 1500, "ramp-acceleration": 4000, "ramp-deceleration": 2000,
+               "counts-per-unit": 500, "counts-per-turn": 10000, "max-velocity": 400}
+    bridge = make_servo(bus=WORDS, sim_bus=WORDS, drive={**profile, "in-position-window": 0.1})
+    drive = bridge.drive()
+
+    def given():
+        try:
+            return drive.read("max_speed") == 1500 and drive.read("acceleration") == 4000.0
+        except Refused:
+            return False
+
+    eventually(given, what="the profile")
+    assert drive.read("ramp_deceleration") == 2000.0
+    assert bridge.sim.get()["ramps"] == 1
+    bridge.sim.control("power drive1 off")
+    eventually(lambda: not drive.online(), what="the drive to be missed")
+    bridge.sim.control("power drive1 on")
+    eventually(lambda: bridge.sim.get()["ramps"] == 2, what="the profile again")
+    eventually(given, what="the profile, as read")
+    assert drive.command("enable") == 0
+    # 1200 rpm are 200000 counts a second, 400 units; beyond that nothing is sent.
+    assert drive.command("move_velocity", target_velocity=1201) == 3
+    assert drive.command("move_velocity", target_velocity=600) == 0
+    eventually(lambda: abs(drive.read("velocity_units") - 200) < 1, what="200 units a second")
+    assert drive.command("stop") == 0
+    state(bridge, STANDSTILL)
+    # A position move runs at max_speed, which is more than max-velocity allows ...
+    assert drive.command("move_relative", target_position=500, target_velocity=0) == 3
+    # ... until that is less, which a PLC may say at any time the motor stands.
+    assert drive.write("max_speed", 1000) == 0
+    assert drive.command("move_relative", target_position=500, target_velocity=0) == 0
+    state(bridge, STANDSTILL)
+
+
+def test_max_speed_before_the_first_motion(make_servo):
+    bridge = make_servo()
+    drive = bridge.drive()
+    state(bridge, DISABLED)
+    assert drive.write("max_speed", 200) == 0
+    assert drive.read("write_result") == 18
+    assert drive.read("max_speed") == 200
+    assert drive.command("enable") == 0
+    assert drive.command("move_velocity", target_velocity=600) == 0
+    eventually(lambda: abs(drive.read("velocity") - 200) < 3, what="the limit")
+
+
+def test_command_words_are_held_and_may_share_an_id(make_servo):
+    words = {"command-word-base": 0x60, "command-word-length": 8, "command-word-0-at": 1,
+             "command-word-1-at": 3, "command-word-fixed": 0x03AABBCC, "command-word-ack": 0}
+    bridge = make_servo(bus=words, sim_bus=words, drive={"in-position-window": 10})
+    drive = bridge.drive()
+    assert drive.command("enable") == 0
+    assert drive.write("trqlm", 1) == 0
+    assert drive.write("command_word_1", 0x8001) == 0
+    assert drive.read("trqlm") == 1
+    assert drive.read("spdlm") == 0
+    assert drive.command("move_velocity", target_velocity=60) == 0
+    assert drive.command("stop") == 0
+    state(bridge, STANDSTILL)
+    mark = bridge.sim.mark()
+    assert drive.command("move_absolute", target_position=3000, target_velocity=0) == 0
+    state(bridge, STANDSTILL)
+    eventually(lambda: bridge.sim.get()["moves"] == 1, what="the move")
+    # Byte 0 tells it from a speed; word 0 is the torque limit and CTRG.
+    assert "061#0300188001AABBCC" in bridge.sim.trace(">")[mark:]
+    assert bridge.sim.get()["unknown"] == 0
+    assert drive.write("pos1", 1) == 0
+    assert drive.command("move_absolute", target_position=0, target_velocity=0) == 4

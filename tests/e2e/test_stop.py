@@ -1,20 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stop comes first, and silence is safe when the bridge itself ends."""
 
+import contextlib
 import itertools
+import signal
+import socket
 import struct
+import threading
 import time
 
 import pytest
 from bridgelib import (
+    BUSY,
     CONTINUOUS,
     DEVICE_FAILURE,
     DISABLED,
     ILLEGAL_VALUE,
     RESULT_CANCELLED,
     RESULT_OK,
+    RESULT_RUNS_ON,
     STANDSTILL,
     Client,
+    Refused,
     encode,
     eventually,
 )
@@ -120,6 +127,51 @@ def test_a_stop_is_repeated_until_confirmed(bridge, fault):
     assert bridge.sim.get()["stp"] >= 1
 
 
+def test_a_dead_drive_takes_nobody_elses_stops(make_bridge):
+    """A PLC that says stop and disable, again and again, to a drive without power."""
+    bridge = make_bridge(drives=2, drive={"watchdog-ms": 20000})
+    starts_moving(bridge, 1)
+    bridge.sim.fault("silence on", "drive2")
+    eventually(lambda: bridge.drive(2).read("status") & 1 == 0, what="drive 2 to be offline")
+    living = bridge.drive(1)
+    with bridge.raw() as raw:
+        for number in range(24):
+            raw.send(raw.adu(number, 2, fc16(bridge, ("stop", "disable", "quick_stop")[number % 3])))
+        answers = {raw.receive()[2] for _ in range(24)}
+        assert bytes([0x90, BUSY]) not in answers
+        assert living.command("stop") == 0
+        eventually(lambda: living.read("axis_state") == STANDSTILL)
+        # And so do the watchdog and a stop of all.
+        starts_moving(bridge, 1)
+        assert living.write("watchdog_ms", 500) == 0
+        living.close()
+        eventually(lambda: bridge.sim.get()["velocity"] == 0, what="the watchdog")
+
+
+def test_a_drive_that_takes_a_stop_and_runs_on_is_told_of(make_bridge):
+    bridge = make_bridge(drive={"stop-reaction-ms": 300}, modbus={"confirm-ms": 2000})
+    starts_moving(bridge)
+    bridge.sim.fault("runaway on")
+    drive = bridge.drive()
+    assert drive.command("stop") == DEVICE_FAILURE
+    assert drive.read("result") == RESULT_RUNS_ON
+    assert drive.read("error") == 4
+    assert "is told on" in bridge.log_path.read_text()
+    assert bridge.sim.get()["velocity"] == 3200
+    bridge.sim.fault("runaway off")
+    eventually(lambda: bridge.sim.get()["velocity"] == 0)
+    eventually(lambda: drive.read("error") == 0)
+
+
+def test_the_last_resort_for_a_drive_that_runs_on(make_bridge):
+    bridge = make_bridge(drive={"stop-reaction-ms": 300, "on-stop-failure": "disable"})
+    starts_moving(bridge)
+    bridge.sim.fault("runaway on")
+    bridge.drive().command("stop")
+    eventually(lambda: bridge.drive().read("axis_state") == DISABLED)
+    assert "1 off" in bridge.sim.sent()
+
+
 def test_a_stop_waits_for_a_drive_that_is_away(bridge):
     starts_moving(bridge)
     bridge.sim.fault("silence on")
@@ -202,6 +254,86 @@ def test_a_talking_client_feeds_the_watchdog(make_bridge):
     assert drive.read("watchdog_trips") == 0
     assert drive.read("axis_state") == CONTINUOUS
     assert drive.command("stop") == 0
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1", "127.0.0.5"])
+def test_a_monitor_does_not_feed_the_watchdog(make_bridge, address):
+    """On the gateway itself or elsewhere: it may write, but it only reads."""
+    bridge = make_bridge(drive={"watchdog-ms": 500})
+    with Client(bridge, "127.0.0.1") as plc, Client(bridge, address) as monitor:
+        assert plc.command("enable") == 0
+        assert plc.command("move_velocity", target_velocity=3200) == 0
+        start = monitor.read("position")
+        # The PLC only reads meanwhile, over the connection that it commands with.
+        eventually(lambda: plc.read("position") > start + 3200, what="a second of travel")
+        assert plc.read("watchdog_trips") == 0
+        # It dies, connected as it is.
+        eventually(lambda: monitor.read("watchdog_trips") == 1, what="the watchdog")
+        eventually(lambda: bridge.sim.get()["velocity"] == 0)
+
+
+def test_who_only_stops_is_no_commander(make_bridge):
+    """A panel may stop a drive and go on showing it; the PLC that moves it next is missed all the same."""
+    bridge = make_bridge(drive={"watchdog-ms": 500})
+    with Client(bridge, "127.0.0.1") as plc, Client(bridge, "127.0.0.5") as panel:
+        assert plc.command("enable") == 0
+        assert plc.command("move_velocity", target_velocity=3200) == 0
+        assert panel.command("stop") == 0
+        assert plc.command("move_velocity", target_velocity=3200) == 0
+        eventually(lambda: panel.read("watchdog_trips") == 1, what="the watchdog")
+
+
+def test_monitors_feed_where_every_request_does(make_bridge):
+    bridge = make_bridge(drive={"watchdog-ms": 300, "watchdog-feed": "requests"})
+    starts_moving(bridge)
+    with Client(bridge, "127.0.0.5") as monitor:
+        start = monitor.read("position")
+        eventually(lambda: monitor.read("position") > start + 3200, what="a second of travel")
+        assert monitor.read("watchdog_trips") == 0
+
+
+def test_what_is_left_in_buffers_feeds_nothing(make_bridge):
+    """A PLC that asks for more than its pace allows, and is cut off: what it had sent is served for
+    many seconds more."""
+    bridge = make_bridge(modbus={"max-requests-per-second": 20}, drive={"watchdog-ms": 500})
+    with Client(bridge, "127.0.0.1") as plc, Client(bridge, "127.0.0.5") as witness:
+        assert plc.command("enable") == 0
+        assert plc.command("move_velocity", target_velocity=3200) == 0
+        flood = bridge.raw()
+        flood.send(flood.adu(1, 1, bytes.fromhex("0600680001")) * 400)
+        plc.close()
+        flood.socket.shutdown(socket.SHUT_WR)
+        began = time.monotonic()
+        eventually(lambda: bridge.sim.get()["velocity"] == 0, what="the watchdog")
+        assert time.monotonic() - began < 3
+        assert witness.read("watchdog_trips") == 1
+        flood.close()
+
+
+def test_a_plc_waits_through_a_pause_of_the_bridge(make_bridge):
+    """Its one request stands for all its drives: it could not ask for the next one."""
+    bridge = make_bridge(drives=2, drive={"watchdog-ms": 1000})
+    with Client(bridge, "127.0.0.1") as plc:
+        for unit in (1, 2):
+            plc.number = unit
+            assert plc.command("enable") == 0
+            assert plc.command("move_velocity", target_velocity=320) == 0
+        bridge.process.send_signal(signal.SIGSTOP)
+        plc.number = 1
+
+        def ask():
+            with contextlib.suppress(Refused):  # what is known of the drive is old by then
+                plc.read("position")
+
+        asked = threading.Thread(target=ask)
+        asked.start()
+        time.sleep(1.5)  # longer than both watchdogs: nothing else tells that the time is over
+        bridge.process.send_signal(signal.SIGCONT)
+        asked.join()
+        for unit in (1, 2):
+            plc.number = unit
+            assert plc.read("watchdog_trips") == 0, unit
+            assert plc.command("stop") == 0
 
 
 def keep_asking(drive, seconds, ask):

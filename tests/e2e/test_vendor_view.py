@@ -191,6 +191,27 @@ def test_speed_mode_runs_at_spd(make_plc):
     assert bridge.sim.sent()[-4:] == ["1 cfg spd=-3200", "1 mov", "1 stp 1", "1 org 0"]
 
 
+NAN = [0, 0x7FC0]
+
+
+@pytest.mark.parametrize("words", [
+    pytest.param([0x0400, 0, 0, *NAN], id="spd is no number"),
+    pytest.param([0x0400, 0, 0, 0, 0, 0, 0xBF80], id="acc is negative"),
+    pytest.param([0x0401, 0], id="half of pos"),
+    pytest.param([0x0100, 0, 0, 0, 0x4800, 0, 0xBF80, 0, 0xBF80], id="disable beside three wrong ones"),
+])
+def test_a_stop_goes_out_whatever_stands_beside_it(make_plc, words):
+    bridge, plc = make_plc()
+    assert plc.write(0x03, plc.wide("f", 3200)) == 0
+    assert plc.write_one(0x00, 0x0300) == 0
+    eventually(lambda: plc.speed() == 3200)
+    mark = bridge.sim.mark()
+    assert plc.write(0x00, words) == 0
+    eventually(lambda: bridge.sim.get()["velocity"] == 0)
+    assert plc.value("f", plc.holding(0x03, 2)) == 3200
+    assert not [line for line in bridge.sim.sent(mark) if " cfg" in line]
+
+
 def test_homing(make_plc):
     bridge, plc = make_plc(sim_drive={"set": ["zmd=1", "zsd=-32000", "acc=0", "pae=1", "s1=0"]})
     mark = bridge.sim.mark()

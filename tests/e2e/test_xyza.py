@@ -18,6 +18,7 @@ from bridgelib import (
     RESULT_INDETERMINATE,
     RESULT_OK,
     RESULT_REFUSED,
+    RESULT_UNPROVEN,
     STANDSTILL,
     Refused,
     eventually,
@@ -70,6 +71,10 @@ def sends(bridge, number, name, *wanted, exception=0, **args):
     mark = len(requests(bridge))
     assert bridge.drive(number).command(name, **args) == exception
     sent = [frame for frame in requests(bridge)[mark:] if not frame.startswith(POLLS)]
+    if name in ("stop", "quick_stop"):  # said again until the axis stands
+        assert sent[:len(wanted)] == list(wanted)
+        assert set(sent[len(wanted):]) <= set(wanted)
+        return
     assert sent == list(wanted)
 
 
@@ -93,6 +98,24 @@ def program_state(bridge, wanted):
 
 
 # --- reading -----------------------------------------------------------------------------------------
+
+
+def bit(drive, name):
+    rows = drive.map.of_drive("discrete", family="xyza")
+    row = next(row for row in rows if row.name == f"drive_{name}")
+    return drive.client.read_discrete_inputs(row.address, count=1, device_id=drive.number).bits[0]
+
+
+def test_bits_of_drive_status_are_discrete_inputs(xyza):
+    drive = xyza.drive(1)
+    for position in (-700, 700):
+        place(xyza, "x", position)
+        assert bit(drive, "negative") == (position < 0)
+    assert bit(drive, "stands")
+    assert drive.command("jog_positive") == 0
+    assert not bit(drive, "stands")
+    stand(xyza)
+    assert bit(drive, "stands")
 
 
 def test_axes_are_drives(xyza):
@@ -191,7 +214,8 @@ def test_a_position_is_set_without_showing_another(xyza):
 
 
 def test_commands_in_frames(xyza):
-    sends(xyza, 1, "move_velocity", "F10103E2A4D0070000", "F3010303A1", target_velocity=2000)
+    # The manual speed is that already: nothing is written.
+    sends(xyza, 1, "move_velocity", "F10103E2A4", "F3010303A1", target_velocity=2000)
     state(xyza, CONTINUOUS)
     eventually(lambda: xyza.drive().read("velocity") > 1000, what="speed")
     sends(xyza, 1, "stop", "F301030200", "F401030200")
@@ -204,11 +228,49 @@ def test_commands_in_frames(xyza):
     assert xyza.drive(4).read("position") == xyza.sim.get()["a"]
     sends(xyza, 4, "set_position", "F3010304A7", target_position=0)
     assert xyza.drive(4).read("position") == 0
-    sends(xyza, 2, "disable", "F301030100", "F401030200", "F10103E5C1", "F10103E5C10D000000")
+    sends(xyza, 2, "disable", "F10103E5C1", "F10103E5C10D000000", "F10103E5C1")
     state(xyza, DISABLED, 2)
     eventually(lambda: xyza.drive(1).read("enable") == 0x0D)
-    sends(xyza, 2, "enable", "F10103E5C1", "F10103E5C10F000000")
+    sends(xyza, 2, "enable", "F10103E5C1", "F10103E5C10F000000", "F10103E5C1")
+    sends(xyza, 2, "enable", "F10103E5C1")
     state(xyza, STANDSTILL, 2)
+
+
+def test_another_speed_the_same_way(make_xyza):
+    """Nothing stops. That the drive goes at the new speed nothing tells but its velocity."""
+    bridge = make_xyza(axes="x")
+    drive = bridge.drive()
+    assert drive.command("move_velocity", target_velocity=500) == 0
+    eventually(lambda: drive.read("position") > 50)
+    mark = len(requests(bridge))
+    assert drive.command("move_velocity", target_velocity=1500) == 0
+    assert drive.read("result") == RESULT_UNPROVEN
+    assert not [frame for frame in requests(bridge)[mark:] if frame.startswith("F3010302")]
+    eventually(lambda: drive.read("velocity") > 1200, what="speed")
+    stand(bridge)
+
+
+def test_another_speed_from_a_stand(make_xyza):
+    bridge = make_xyza(axes="x", bus={"jog-speed-change": "standing"})
+    drive = bridge.drive()
+    assert drive.command("move_velocity", target_velocity=500) == 0
+    eventually(lambda: drive.read("position") > 50)
+    mark = len(requests(bridge))
+    assert drive.settle("move_velocity", target_velocity=1500) == RESULT_OK
+    assert [frame for frame in requests(bridge)[mark:] if frame.startswith("F3010302")]
+    stand(bridge)
+
+
+def test_one_axis_is_disabled_while_another_moves(xyza):
+    assert xyza.drive(2).command("jog_positive") == 0
+    sends(xyza, 1, "disable", "F10103E5C1", "F10103E5C10E000000", "F10103E5C1")
+    state(xyza, DISABLED, 1)
+    assert xyza.sim.get()["y_speed"] > 0
+    assert xyza.drive(2).read("axis_state") == CONTINUOUS
+    # One that moves is stopped before.
+    assert xyza.drive(2).command("disable") == 0
+    state(xyza, DISABLED, 2)
+    assert xyza.sim.get()["y_speed"] == 0
 
 
 def test_the_other_way_is_gone_from_a_stand(xyza):
@@ -236,11 +298,35 @@ def test_one_axis_moves_at_a_time(xyza):
     assert xyza.sim.get()["y_speed"] == 0
 
 
+def test_a_jog_does_not_pass_a_limit(make_xyza):
+    """The limits are in mm, because the controller tells how many pulses one has: 640."""
+    bridge = make_xyza(axes="x", drive={"min-position": -1.0, "max-position": 4.0})
+    drive = bridge.drive()
+    assert bytes(drive.read("unit_name"), "ascii") == b"mm"
+    for name, limit, end in (("jog_positive", 2, 4.0), ("jog_negative", 1, -1.0)):
+        for _ in range(2):
+            assert drive.settle(name) == RESULT_OK
+            eventually(lambda limit=limit: drive.read("result_limit") == limit, what="a limit")
+            state(bridge, STANDSTILL)
+            eventually(lambda: drive.read("position") == bridge.sim.get()["x"])
+            assert abs(drive.read("position_units")) <= abs(end)
+            assert abs(drive.read("position_units") - end) < 1.0
+            # Its braking way is measured to where it is seen to stand, which is not where it is put.
+            stood = drive.read("timestamp_us")
+            eventually(lambda stood=stood: drive.read("timestamp_us") > stood + 300000)
+            place(bridge, "x", 1280)
+    # Beyond it there is only the way back.
+    place(bridge, "x", 3000)
+    assert drive.command("jog_positive") == ILLEGAL_VALUE
+    assert drive.settle("jog_negative") == RESULT_OK
+    stand(bridge)
+
+
 def test_what_the_family_does_not_have(xyza):
     drive = xyza.drive()
     for name, args in (("move_absolute", {"target_position": 5, "target_velocity": 0}),
                        ("move_relative", {"target_position": 5, "target_velocity": 0}),
-                       ("home", {}), ("save_parameters", {}), ("clear_fault", {})):
+                       ("home", {}), ("save_parameters", {})):
         assert drive.command(name, **args) == ILLEGAL_FUNCTION, name
     assert drive.read("capabilities") & 0b1110 == 0
     assert drive.read("capabilities") & 0b10001 == 0b10001
@@ -321,7 +407,14 @@ def test_an_emergency_stop_interrupts(xyza):
     assert xyza.sim.get()["x_speed"] == 0
     for number in range(1, 5):
         state(xyza, ERROR_STOP, number)
+    assert drive.command("jog_positive") == DEVICE_FAILURE
+    # Any of them gets out of it.
     assert drive.command("end_program") == 0
+    assert drive.command("start_program", program_number=1, program_delay=0) == 0
+    assert drive.command("quick_stop") == 0
+    for number in range(1, 5):
+        state(xyza, ERROR_STOP, number)
+    assert xyza.drive(3).command("clear_fault") == 0
     for number in range(1, 5):
         state(xyza, STANDSTILL, number)
 
@@ -350,10 +443,13 @@ def test_parameters_are_read_and_written(xyza):
         assert y.write(name, value) == 0
         assert y.read(name) == value
         assert x.read(name) != value, name
-    for name, value in (("brake", 3), ("sound", 1), ("start_up", 0), ("pulse_mode", 5),
-                        ("read_password", 4000000000), ("password", 1234)):
+    for name, value in (("brake", 3), ("sound", 1), ("start_up", 0), ("pulse_mode", 5)):
         assert x.write(name, value) == 0
         eventually(lambda name=name, value=value: y.read(name) == value)
+    for name, value in (("read_password", 4000000000), ("password", 1234)):
+        assert x.write(name, value) == 0
+        assert (x.read(name), y.read(name)) == (0, 0)
+        assert x.read("history1_value") == 0
     assert x.write("brake", 16) == ILLEGAL_VALUE
     assert x.write("pause_key", 3) == ILLEGAL_VALUE
 
@@ -365,7 +461,7 @@ def test_one_key_leaves_the_others(xyza):
     sends_before = len(requests(xyza))
     assert x.write("stop_key", 2) == 0
     sent = [frame for frame in requests(xyza)[sends_before:] if not frame.startswith(POLLS)]
-    assert sent == ["F10103E5C2", "F10103E5C206020800"]
+    assert sent == ["F10103E5C2", "F10103E5C206020800", "F10103E5C2"]
     assert [x.read(name) for name in keys] == [6, 2, 8]
     eventually(lambda: [y.read(name) for name in keys] == [6, 2, 8])
 
@@ -531,10 +627,9 @@ def test_a_controller_with_fewer_axes(make_xyza):
 
 
 def test_the_watchdogs_latch_can_be_cleared(make_xyza):
-    """The controller has no faults to clear, but the latch is the bridge's own."""
+    """The latch is the bridge's own: the controller is asked for nothing."""
     bridge = make_xyza(axes="x", drive={"watchdog-ms": 200})
     drive, gateway = bridge.drive(), bridge.gateway()
-    assert drive.command("clear_fault") == ILLEGAL_FUNCTION
     assert drive.command("jog_positive") == 0
     eventually(lambda: gateway.words(2004, 2)[1] & 1 << 10, what="the watchdog")
     assert drive.command("jog_positive") == DEVICE_FAILURE

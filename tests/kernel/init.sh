@@ -18,6 +18,10 @@ power_off() {
 }
 trap power_off EXIT
 
+# hostfs takes the host's folder as its options, as it stands. That is not "name" or "name=value", which is
+# all that mount(8) of Debian 13 hands over in its new way.
+export LIBMOUNT_FORCE_MOUNT2=always
+
 mount -t proc proc /proc
 mount -t sysfs sys /sys
 # The kernel has mounted its own /dev already, if it is made like Debian's.

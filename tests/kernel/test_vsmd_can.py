@@ -79,12 +79,18 @@ def from_host(frame):
     return not frame.error and bool(frame.id & (0x100 if frame.extended else 0x40))
 
 
+def is_beside(frame):
+    """Looks at the position alone, and the read behind a read of registers that tells silence."""
+    return frame.id & 0x1F == 0x1E and frame.data in (b"\x01\x01", b"\x0b\x01")
+
+
 def said(witness, since):
     """What the bridge said, without its cyclic frames."""
     witness.catch_up()
     return [
         text(frame) for frame in witness.frames(since=since)
         if from_host(frame) and (frame.id & 0x1F, frame.data) not in BACKGROUND
+        and not is_beside(frame)
     ]
 
 
@@ -174,9 +180,11 @@ COMMANDS = [
      ["00080388#0500", "00080388#0601"]),
     ("set_sv", {"output_number": 2, "output_value": 255}, ["0008038D#01FF"]),
     ("set_nmos", {"output_number": 3, "output_value": 0}, ["0008038E#0200"]),
-    ("shake_start", {**SWING, "shake_cycles": 3}, [*SWING_FRAMES, "0008039B#0100000003"]),
+    # Nothing shows what was set: it is said twice.
+    ("shake_start", {**SWING, "shake_cycles": 3}, [*SWING_FRAMES, *SWING_FRAMES, "0008039B#0100000003"]),
     ("shake_stop", {}, ["0008039B#00"]),
-    ("shake_start_time", {**SWING, "shake_time": 60}, [*SWING_FRAMES, "0008039B#020000003C"]),
+    ("shake_start_time", {**SWING, "shake_time": 60},
+     [*SWING_FRAMES, *SWING_FRAMES, "0008039B#020000003C"]),
     ("shake_stop", {}, ["0008039B#00"]),
     ("save_parameters", {}, ["00080387#"]),
 ]
@@ -571,11 +579,12 @@ def test_a_full_queue_neither_loses_nor_doubles_a_command(make_can, link, witnes
     link.unthrottle()
 
     def all_seen():
-        """Every exchange ends with one read, and was on the wire once."""
+        """Every exchange has one read beside what tells silence, and was on the wire once."""
         before = can.gateway().read("bus1_transactions")
         witness.catch_up()
         reads = [frame for frame in witness.frames()
-                 if from_host(frame) and frame.id & 0x1F in (0x1E, 0x1F)]
+                 if from_host(frame) and frame.id & 0x1F in (0x1E, 0x1F)
+                 and frame.data != b"\x0b\x01"]
         return before == len(reads) == can.gateway().read("bus1_transactions")
 
     eventually(all_seen, what="as many reads on the wire as the bridge has sent")
@@ -585,9 +594,10 @@ def test_a_full_queue_neither_loses_nor_doubles_a_command(make_can, link, witnes
         frames = witness.frames(number << 19 | 1 << 9 | 0x186, since=mark)
         got = [int.from_bytes(frame.data[:4], "big") for frame in frames]
         retries = can.drive(number).read("retries") - before[number]
-        # All of them, in this order; nothing twice without a reason.
+        # All of them, in this order; nothing more than twice without a reason (a place that the motion
+        # before explains as well is said a second time).
         assert [goal for goal, _ in itertools.groupby(got)] == wanted
-        assert len(got) <= len(wanted) + retries
+        assert all(len(list(same)) <= 2 + retries for _, same in itertools.groupby(got))
         reaches(can, wanted[-1], number)
     assert can.gateway().read("bus1_opens") == 1
 

@@ -23,6 +23,15 @@ as_root() {
 	fi
 }
 
+# Runs a command whose output matters only when it fails.
+in_silence() {
+	local output status=0
+
+	output=$("$@" 2>&1 </dev/null) || status=$?
+	[ $status -eq 0 ] || printf '%s\n' "$output" >&2
+	return $status
+}
+
 # need_packages PACKAGE...
 need_packages() {
 	local package missing=()
@@ -38,9 +47,11 @@ install the counterparts of these and leave out this step: $*"
 	done
 	[ ${#missing[@]} -gt 0 ] || return 0
 	say "installing Debian packages: ${missing[*]}"
-	as_root env DEBIAN_FRONTEND=noninteractive apt-get -q update
-	as_root env DEBIAN_FRONTEND=noninteractive apt-get -q install -y --no-install-recommends \
-		"${missing[@]}"
+	# One index that cannot be had, of another source than Debian, need not matter.
+	in_silence as_root env DEBIAN_FRONTEND=noninteractive apt-get -q update ||
+		say "not every package index could be fetched; going on with what there is"
+	in_silence as_root env DEBIAN_FRONTEND=noninteractive apt-get -q install -y \
+		--no-install-recommends "${missing[@]}"
 }
 
 # shellcheck disable=SC2034 # for the scripts that read this file

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""CAN servos with every temperament: whatever the document leaves open, a PLC's commands do what their
+results say, and nothing moves by itself."""
+
+import pytest
+import temperament
+from bridgelib import (
+    CONTINUOUS,
+    DEVICE_FAILURE,
+    DISABLED,
+    ENABLED_BIT,
+    ERROR_STOP,
+    RESULT_OK,
+    STANDSTILL,
+    eventually,
+)
+from temperament import Temperament
+
+FAMILY = "servo-can"
+CAN = {"protocol": FAMILY, "transport": "slcan", "bitrate": 1000000, "line": None}
+WORDS = {"command-word-base": 160, "command-word-length": 4, "command-word-0-at": 0,
+         "command-word-1-at": 2, "command-word-ack": 7}
+MOVING_BIT = 1 << 3
+AT_TARGET_BIT = 1 << 4
+# Counts that a drive may rest beside a target here, and that trembling makes.
+WINDOW = 6
+
+
+def one(key, value, sees, **more):
+    return Temperament(FAMILY, key, value, sees, **more)
+
+
+TEMPERAMENTS = [
+    one("answer-length", "eight", "Nothing."),
+    one("answer-length", "mixed", "Nothing."),
+    one("ack-latency-us", 20000, "Commands are answered later."),
+    one("fault-power", "kept",
+        "Nothing begins when the fault is gone: the bridge took the power off, see `on-fault`."),
+    one("demand", "kept", "Nothing."),
+    one("reached-bit", "profile", "Nothing: `at_target` and `done` come from the position."),
+    one("zero-speed-rpm", 30.0, "Nothing: `moving` comes from the speed."),
+    one("setpoints", "in-mode",
+        "The first `enable` after a start of the bridge takes longer, by some `drive-latency-ms`."),
+    one("dither", 2.0,
+        "`position` trembles while it is held; a move to the count is done only by chance.",
+        drive=(("in-position-window", WINDOW),)),
+    one("motion-delay-ms", 100, "Motions are answered later, or with 05."),
+    one("power-ms", 100, "`enable` and `disable` are answered later, or with 05."),
+    one("power-ms", 300, "`enable` and `disable` fail (04) though the drive obeys, without this.",
+        drive=(("reaction-ms", 500),)),
+    one("command-word-ack", 0, "Nothing.", section="bus", bus=(("command-word-ack", 0),)),
+    one("report-position-ms", 0, "Nothing: what is not reported is asked for."),
+    one("report-motion-ms", 10, "Nothing."),
+]
+
+# Reports of faults five times a second, so that nobody waits for them; 10 ms cycles.
+SIM_DRIVE = {"identity": None, "set": None, "report-health-ms": 100}
+
+
+@pytest.fixture(name="make_servo")
+def fixture_make_servo(make_bridge):
+    def make(chosen, **drive):
+        keys = {**WORDS, "cycle-ms": 10}
+        # Of two values of a key the larger one counts, and this one's is smaller.
+        if any(one.key == "command-word-ack" for one in chosen):
+            del keys["command-word-ack"]
+        return temperament.start(
+            make_bridge, chosen, bus={**CAN, **keys, "baud": 3000000},
+            sim_bus={**CAN, **WORDS, "baud": None}, drive={"in-position-window": 1, **drive},
+            sim_drive=SIM_DRIVE)
+
+    return make
+
+
+def sets():
+    return [(), *((single,) for single in TEMPERAMENTS), *temperament.combinations(TEMPERAMENTS)]
+
+
+CASES = [pytest.param(chosen, id=temperament.name(chosen)) for chosen in sets()]
+
+
+def motor(bridge):
+    return float(bridge.sim.get()["position"])
+
+
+def velocity(bridge):
+    return float(bridge.sim.get()["velocity"])
+
+
+def state(bridge, wanted):
+    eventually(lambda: bridge.drive().read("axis_state") == wanted, what=f"state {wanted}")
+
+
+def rests_at(bridge, position, off=WINDOW):
+    drive = bridge.drive()
+    eventually(lambda: drive.read("axis_state") == STANDSTILL and
+               drive.read("status") & AT_TARGET_BIT, what=f"rest at {position}")
+    assert abs(drive.read("position") - position) <= off
+    assert abs(motor(bridge) - position) <= off
+    eventually(lambda: drive.read("motion_result") == RESULT_OK, what="the motion's result")
+
+
+def power_and_speed(bridge):
+    drive = bridge.drive()
+    assert drive.command("enable") == 0
+    assert drive.read("status") & ENABLED_BIT
+    assert drive.command("move_velocity", target_velocity=-600) == 0
+    assert drive.read("result") == RESULT_OK
+    eventually(lambda: abs(velocity(bridge) + 600) < 5, what="full speed")
+    state(bridge, CONTINUOUS)
+    # Slow is a motion, too.
+    assert drive.command("move_velocity", target_velocity=20) == 0
+    eventually(lambda: abs(velocity(bridge) - 20) < 2, what="the slow speed")
+    eventually(lambda: abs(drive.read("velocity") - 20) < 2, what="the slow speed, as read")
+    assert drive.read("status") & MOVING_BIT
+    assert drive.command("stop") == 0
+    state(bridge, STANDSTILL)
+    eventually(lambda: velocity(bridge) == 0, what="the motor to stand")
+    assert drive.command("move_current", target_current=1.0) == 0
+    eventually(lambda: velocity(bridge) > 50, what="acceleration")
+    assert drive.command("disable") == 0
+    assert not drive.read("status") & ENABLED_BIT
+    eventually(lambda: velocity(bridge) == 0, what="the motor to run out", timeout=30)
+    eventually(lambda: drive.read("velocity") == 0, what="the speed to be read")
+
+
+def positions(bridge):
+    drive = bridge.drive()
+    assert drive.command("set_position", target_position=1000) == 0
+    assert drive.read("result") == RESULT_OK
+    assert drive.command("enable") == 0
+    assert drive.command("move_absolute", target_position=21000, target_velocity=0) == 0
+    assert drive.read("result") == RESULT_OK
+    rests_at(bridge, 21000)
+    assert drive.command("move_relative", target_position=-500, target_velocity=0) == 0
+    # Counted from where it rested, which may be beside the target already.
+    rests_at(bridge, 20500, 3 * WINDOW)
+    # The origin is set anew: nothing jumps when the motor has its power again.
+    assert drive.command("disable") == 0
+    assert drive.command("set_position", target_position=0) == 0
+    assert drive.command("enable") == 0
+    for _ in range(20):
+        assert abs(motor(bridge)) <= WINDOW
+    assert drive.command("move_absolute", target_position=900, target_velocity=0) == 0
+    rests_at(bridge, 900)
+
+
+def fault(bridge):
+    drive = bridge.drive()
+    assert drive.command("move_velocity", target_velocity=300) == 0
+    bridge.sim.control("faults drive1 0x1")
+    state(bridge, ERROR_STOP)
+    assert drive.command("move_velocity", target_velocity=800) == DEVICE_FAILURE
+    assert drive.command("move_absolute", target_position=0, target_velocity=0) == DEVICE_FAILURE
+    eventually(lambda: not bridge.sim.get()["enabled"], what="the power to be taken off")
+    bridge.sim.control("faults drive1 0")
+    state(bridge, DISABLED)
+    eventually(lambda: velocity(bridge) == 0, what="the motor to run out", timeout=30)
+    assert drive.command("enable") == 0
+    state(bridge, STANDSTILL)
+    assert velocity(bridge) == 0
+
+
+@pytest.mark.parametrize("chosen", CASES)
+def test_core_behaviour(make_servo, chosen):
+    bridge = make_servo(chosen)
+    power_and_speed(bridge)
+    positions(bridge)
+    fault(bridge)
+
+
+def test_ctrg_without_effect_is_no_success(make_servo):
+    ignored = one("trigger", "ignored", "")
+    bridge = make_servo((ignored,))
+    drive = bridge.drive()
+    assert drive.command("enable") == 0
+    assert drive.command("move_absolute", target_position=5000, target_velocity=0) == DEVICE_FAILURE
+    assert not drive.read("status") & AT_TARGET_BIT
+    assert motor(bridge) == 0
+    state(bridge, STANDSTILL)
+
+
+@pytest.mark.parametrize("reaction", ["none", "stop", "disable"])
+def test_nothing_goes_on_when_a_fault_is_gone(make_servo, reaction):
+    """A drive that keeps power and speed through a fault, and reports that only after a second."""
+    kept = one("fault-power", "kept", "")
+    bridge = make_servo((kept,), **{"on-fault": reaction})
+    drive = bridge.drive()
+    assert drive.command("enable") == 0
+    assert drive.command("move_velocity", target_velocity=800) == 0
+    bridge.sim.control("faults drive1 0x1")
+    state(bridge, ERROR_STOP)
+    eventually(lambda: velocity(bridge) == 0, what="the motor to stand")
+    bridge.sim.control("faults drive1 0")
+    state(bridge, DISABLED if reaction == "disable" else STANDSTILL)
+    assert velocity(bridge) == 0
+
+
+def test_a_bridge_that_comes_back_finds_an_old_speed(make_servo):
+    """What the bridge before it left in the drive does not run when the motor gets its power."""
+    bridge = make_servo((), **{"on-exit": "disable"})
+    assert bridge.drive().command("enable") == 0
+    assert bridge.drive().command("move_velocity", target_velocity=800) == 0
+    bridge.restart_bridge()
+    state(bridge, DISABLED)
+    eventually(lambda: velocity(bridge) == 0, what="the motor to run out", timeout=30)
+    assert bridge.drive().command("enable") == 0
+    state(bridge, STANDSTILL)
+    assert velocity(bridge) == 0

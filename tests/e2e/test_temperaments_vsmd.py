@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: Apache-2.0
+"""VSMD drives with every temperament: whatever the documents leave open, a PLC's commands do what
+their results say, on RS485 and on CAN."""
+
+import pytest
+import temperament
+from bridgelib import (
+    CONTINUOUS,
+    DEVICE_FAILURE,
+    DISABLED,
+    ENABLED_BIT,
+    HOMED_BIT,
+    ORIGIN_LOST_BIT,
+    STANDSTILL,
+    Refused,
+    eventually,
+    f32,
+)
+from temperament import Temperament
+
+# A busy machine lets the simulator wait: that is not what is tested here.
+LATENCY = {"drive-latency-ms": 200}
+SERIAL = {"bus": LATENCY, "sim_bus": {}}
+CAN = {
+    "bus": {**LATENCY, "protocol": "vsmd-can", "transport": "slcan", "bitrate": 1000000, "line": None,
+            "baud": 3000000},
+    "sim_bus": {"protocol": "vsmd-can", "transport": "slcan", "bitrate": 1000000, "line": None,
+                "baud": None},
+}
+BUSES = {"vsmd-serial": SERIAL, "vsmd-can": CAN}
+
+
+def both(key, value, sees, **more):
+    """A drive on either bus may be so."""
+    return [Temperament(family, key, value, sees, **more) for family in BUSES]
+
+
+def serial(key, value, sees, **more):
+    return [Temperament("vsmd-serial", key, value, sees, **more)]
+
+
+def can(key, value, sees, **more):
+    return [Temperament("vsmd-can", key, value, sees, **more)]
+
+
+WINDOW = (("in-position-window", 1),)
+PATIENT = (("drive-latency-ms", 600),)
+SLOW_TURN = (("turnaround-us", 6000),)
+
+TEMPERAMENTS = [
+    *both("latency-us", 1000, "Nothing.", section="bus"),
+    *both("latency-us", 20000, "Nothing but longer round trips.", section="bus"),
+    *both("latency-us", 300000, "With the default confirm-ms every command gives 05, and its result "
+          "follows.", section="bus", bus=PATIENT),
+    *serial("turnaround-us", 1000, "Nothing.", section="bus"),
+    *serial("turnaround-us", 5000, "Nothing but longer cycles, with the turnaround-us that the log asks "
+            "for without it.", section="bus", bus=SLOW_TURN),
+    *serial("handshake", "any", "Nothing."),
+    *can("handshake", "dev", "Nothing."),
+    *both("handshake-kept", True, "Nothing; a restart is known by power, position and homing bit."),
+    *both("handshake-lapses-ms", 300, "Nothing; a drive that was never homed or placed may be told "
+          "once as restarted."),
+    *both("power-delay-ms", 5, "enable and disable are answered that much later."),
+    *both("power-delay-ms", 100, "enable and disable are answered that much later."),
+    *both("standing-delay-ms", 20, "Motions and stops are answered that much later."),
+    *both("standing-delay-ms", 100, "Motions are answered that much later, and a drive that stopped "
+          "is shown as moving for so long."),
+    *both("motion-delay-ms", 20, "Motions are answered that much later."),
+    *both("motion-delay-ms", 100, "Motions are answered that much later."),
+    *both("refusal", "kept", "Nothing."),
+    *both("refusal", "once", "Nothing."),
+    *both("refusal", "cleared", "A refused command ends as failed, not as refused, where the drive "
+          "does not answer commands."),
+    *both("clamps", True, "A value that the drive changed is refused, and its register shows what "
+          "the drive holds."),
+    *both("rests-off", 1, "A position that is off by one, and at_target with a window of one.",
+          drive=WINDOW),
+    *both("hides-outputs", True, "set_output ends as unproven, and the register outputs stays 0."),
+    *serial("text", "nul", "Nothing."),
+    *serial("text", "crlf", "Nothing."),
+    *serial("text", "quoted", "Nothing."),
+    *serial("numbers", "exponent", "Nothing."),
+    *serial("numbers", "quoted", "Nothing."),
+    *can("lacks", ["0b"], "02 for the parameters of that register."),
+    *can("lacks", ["1c-2b"], "02 for the parameters of these registers."),
+]
+
+# The origin sensor is high below 0, and the drive stands above it.
+DRIVE = {
+    "start": 300, "sensor": ["3:below:0"],
+    "set": ["zmd=1", "snr=2", "osv=0", "zsd=-6400", "spd=6400", "acc=64000", "dec=64000", "s5=1",
+            "pae=0"],
+}
+
+
+def sets_of(family):
+    own = [one for one in TEMPERAMENTS if one.family == family]
+    return [(), *((one,) for one in own), *temperament.combinations(own, agree=in_time)]
+
+
+def in_time(chosen):
+    """Searching for what a model lacks takes many reads: not with a third of a second for each."""
+    return not {("latency-us", 300000), ("lacks", True)} <= {
+        (one.key, one.value if one.key != "lacks" else True) for one in chosen}
+
+
+CASES = [pytest.param(family, chosen, id=f"{family}-{temperament.name(chosen)}")
+         for family in BUSES for chosen in sets_of(family)]
+
+
+class Machine:
+    """A bridge with one drive whose temperament is known."""
+
+    def __init__(self, bridge, chosen):
+        self.bridge = bridge
+        self.drive = bridge.drive()
+        self.habits = {one.key: one.value for one in chosen}
+
+    def simulated(self):
+        return self.bridge.sim.get()
+
+    def stands_at(self, position):
+        """The PLC and the motor agree that it stands there."""
+        seen = position + self.habits.get("rests-off", 0)
+        eventually(lambda: self.drive.read("axis_state") == STANDSTILL and
+                   self.drive.read("position") == seen, what=f"the drive to stand at {seen}")
+        assert self.simulated()["velocity"] == 0
+
+    def lacks(self, register):
+        for text in self.habits.get("lacks", []):
+            first, _, last = text.partition("-")
+            if int(first, 16) <= register <= int(last or first, 16):
+                return True
+        return False
+
+
+def power_and_speed(machine):
+    drive = machine.drive
+    assert drive.command("enable") == 0
+    assert drive.read("status") & ENABLED_BIT
+    assert drive.command("move_velocity", target_velocity=3200) == 0
+    eventually(lambda: drive.read("velocity") == 3200, what="the speed")
+    eventually(lambda: drive.read("axis_state") == CONTINUOUS)
+    assert drive.command("move_velocity", target_velocity=-3200) == 0
+    eventually(lambda: machine.simulated()["velocity"] == -3200, what="the reversal")
+    assert drive.command("stop") == 0
+    eventually(lambda: drive.read("axis_state") == STANDSTILL, what="the drive to stand")
+    assert machine.simulated()["velocity"] == 0
+
+
+def positions(machine):
+    drive = machine.drive
+    off = machine.habits.get("rests-off", 0)
+    assert drive.command("set_position", target_position=1000) == 0
+    assert drive.read("position") == 1000 + off
+    assert drive.command("move_absolute", target_position=1500, target_velocity=0) == 0
+    machine.stands_at(1500)
+    assert drive.command("move_relative", target_position=-200, target_velocity=0) == 0
+    machine.stands_at(1300 + off)
+    # There already: nothing moves, and that is no failure.
+    assert drive.command("move_absolute", target_position=1300 + off, target_velocity=0) == 0
+    machine.stands_at(1300 + off)
+
+
+def homing(machine):
+    drive = machine.drive
+    assert drive.command("home") == 0
+    eventually(lambda: drive.read("status") & HOMED_BIT, what="the drive to be homed")
+    assert not drive.read("status") & ORIGIN_LOST_BIT
+    eventually(lambda: drive.read("axis_state") == STANDSTILL)
+
+
+def outputs_and_parameters(machine):
+    drive = machine.drive
+    assert drive.command("set_output", output_number=5, output_value=1) == 0
+    if "hides-outputs" not in machine.habits:
+        eventually(lambda: drive.read("outputs") & 1 << 4, what="the output to be on")
+    assert machine.simulated()["output"] >= 1
+    # More than this model takes: what it holds is what the register shows.
+    assert drive.write("crn", 9.0) == DEVICE_FAILURE
+    eventually(lambda: drive.read("crn") == f32(2.5 if "clamps" in machine.habits else 0.6))
+    assert drive.write("spd", 3000.5) == 0
+    assert drive.read("spd") == f32(3000.5)
+    if not machine.lacks(0x2A):
+        assert drive.write("sml", -5000000) == 0
+    for name, register in (("s5f", 0x0B), ("spl", 0x2B)):
+        if machine.lacks(register):
+            with pytest.raises(Refused):
+                drive.read(name)
+        else:
+            assert drive.read(name) == 0
+
+
+def power_off(machine):
+    drive = machine.drive
+    assert drive.command("disable") == 0
+    assert drive.read("axis_state") == DISABLED
+    assert not drive.read("status") & (ENABLED_BIT | HOMED_BIT)
+    moves = machine.simulated()["pos"]
+    assert drive.command("move_absolute", target_position=10, target_velocity=0) == DEVICE_FAILURE
+    assert machine.simulated()["pos"] == moves
+
+
+def power_cut(machine):
+    """Too short to be noticed as silence."""
+    drive = machine.drive
+    assert drive.command("enable") == 0
+    homing(machine)
+    machine.bridge.sim.control("power drive1 cycle")
+    eventually(lambda: drive.read("status") & (HOMED_BIT | ORIGIN_LOST_BIT) == ORIGIN_LOST_BIT,
+               what="the origin to be lost")
+
+
+@pytest.mark.parametrize("family, chosen", CASES)
+def test_core_behaviour(make_bridge, family, chosen):
+    bridge = temperament.start(make_bridge, chosen, sim_drive=DRIVE, modbus={"confirm-ms": 9000},
+                               wait_online=False, **BUSES[family])
+    # With so long for each answer, reading all parameters takes its time.
+    bridge.wait_ready(1, 40)
+    machine = Machine(bridge, chosen)
+    drive = machine.drive
+    assert drive.read("identity").startswith("VSMD113_025T-1.0.008.17042")
+    assert drive.read("spd") == f32(6400)
+    power_and_speed(machine)
+    positions(machine)
+    homing(machine)
+    outputs_and_parameters(machine)
+    power_off(machine)
+    power_cut(machine)

@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""XYZA controllers with every temperament: whatever the document leaves open, a PLC hears of success
+only when the controller has done it, and of failure only when it has not."""
+
+import pytest
+import temperament
+from bridgelib import (
+    RESULT_OK,
+    RESULT_REFUSED,
+    RESULT_UNPROVEN,
+    STANDSTILL,
+    eventually,
+)
+from temperament import Temperament
+
+IDLE, RUNNING, WAITING, INTERRUPTED = range(4)
+SUCCESS = (RESULT_OK, RESULT_UNPROVEN)
+
+
+def xyza(key, value, sees, **more):
+    return Temperament("xyza", key, value, sees, **more)
+
+
+TEMPERAMENTS = [
+    xyza("answer-mark", "0a", "Nothing."),
+    xyza("failure-code", "bb", "Nothing."),
+    xyza("echo-a4", True, "Nothing."),
+    xyza("negative-zero", False, "Nothing: a position is set right either way."),
+    xyza("amount-clears-sign", True, "Nothing: a position is set right either way."),
+    xyza("acknowledges-all", True, "What the controller does not do is failed or indeterminate "
+         "instead of refused."),
+    xyza("ignores", ["position"], "set_position is failed."),
+    xyza("ignores", ["sign"], "set_position to the other side of 0 is failed."),
+    xyza("ignores", ["item"], "Parameters are refused, enable and disable are failed."),
+    xyza("ignores", ["output"], "set_output is failed."),
+    xyza("ignores", ["jog"], "Jogs are failed, and are stopped in case that they begin later."),
+    xyza("ignores", ["program"], "start_program is indeterminate, other commands to the program "
+         "are failed."),
+    xyza("lacks", ["read_password"], "This register is unknown, and the log names it."),
+    xyza("lacks", ["manual_speed"], "This register is unknown, and moves at a speed are unproven."),
+    xyza("lacks", ["lead"], "Units cannot be taken from the controller; writing it is unproven."),
+    xyza("clamps", True, "A speed that the controller makes smaller is refused; its register shows "
+         "what it has become."),
+    xyza("jogs-from-stand", True, "An axis is stopped before it takes another speed.",
+         bus=(("jog-speed-change", "standing"),)),
+    xyza("second-stop-ends", True, "Nothing: a program that was stopped can go on."),
+    xyza("motion-delay-ms", 100, "Nothing but later answers to jogs."),
+    xyza("standing-delay-ms", 100, "Nothing but later answers to jogs and stops."),
+    xyza("power-delay-ms", 100, "Nothing but later answers to parameters, enable and disable."),
+    xyza("braking-ms", 10000, "Stopping for seconds; a jog the other way waits for it."),
+    xyza("latency-us", 1, "Nothing.", section="bus"),
+    xyza("latency-us", 20000, "Nothing but longer round trips.", section="bus",
+         bus=(("cycle-ms", 250),), drive=(("stop-reaction-ms", 2000),)),
+]
+
+
+def agree(chosen):
+    """Brakes of 10 s at ten times the latency would take minutes of tests."""
+    values = {one.key: one.value for one in chosen}
+    return not ("braking-ms" in values and values.get("latency-us", 0) > 1000)
+
+
+CASES = [pytest.param(chosen, id=temperament.name(chosen))
+         for chosen in ((), *((one,) for one in TEMPERAMENTS),
+                        *temperament.combinations(TEMPERAMENTS, agree=agree))]
+
+
+class Controller:
+    """The bridge in front of a controller of which it is known what it does not do or tell."""
+
+    def __init__(self, bridge, chosen):
+        values = {one.key: one.value for one in chosen}
+        self.bridge = bridge
+        self.x = bridge.drive(1)
+        self.y = bridge.drive(2)
+        self.ignored = values.get("ignores", [])
+        self.hidden = values.get("lacks", [])
+        self.clamps = values.get("clamps", False)
+
+    def sim(self, name):
+        return self.bridge.sim.get()[name]
+
+    def judge(self, result, kind, hidden=False):
+        """Whether it was done, after its result was compared with what must have become of it."""
+        if kind in self.ignored:
+            # What cannot be read cannot be found wrong, either.
+            assert result == RESULT_UNPROVEN if hidden else result not in SUCCESS
+            return False
+        assert result == (RESULT_UNPROVEN if hidden else RESULT_OK)
+        return True
+
+    def does(self, kind, name, drive=None, hidden=False, **args):
+        return self.judge((drive or self.x).settle(name, **args), kind, hidden)
+
+    def sets(self, name, value):
+        self.x.write(name, value)
+        done = eventually(lambda: self.x.read("write_result") != 2 and
+                          self.x.read("write_result"), what="the write")
+        return done
+
+
+def positions(controller):
+    for position in (-4108, 500, -700, 0, 7):
+        before = controller.sim("x")
+        result = controller.x.settle("set_position", target_position=position)
+        if result == RESULT_OK:
+            assert controller.sim("x") == position
+            assert controller.x.read("position") == position
+        else:
+            # What was ignored would have made a difference.
+            assert "position" in controller.ignored or "sign" in controller.ignored
+            assert before != position
+            eventually(lambda: controller.x.read("position") == controller.sim("x"),
+                       what="the truth")
+
+
+def power(controller):
+    controller.bridge.sim.control("place drive1 x 0")
+    assert controller.x.read("enable") == 15
+    if controller.does("item", "disable"):
+        assert controller.x.read("enable") == 14
+    # Where nothing was disabled it is enabled already.
+    assert controller.x.settle("enable") == RESULT_OK
+    assert controller.x.read("enable") == 15
+
+
+def jogs(controller):
+    x = controller.x
+    hidden = "manual_speed" in controller.hidden
+    moves = "jog" not in controller.ignored
+    speed = {"target_velocity": 1500} if "item" not in controller.ignored else \
+        {"target_velocity": 2000}
+    controller.does("jog", "move_velocity", hidden=hidden and moves, **speed)
+    if moves:
+        assert controller.sim("x_speed") > 0
+        eventually(lambda: x.read("position") > 100, what="motion")
+        assert controller.y.settle("jog_positive") == RESULT_REFUSED
+        assert controller.sim("y_speed") == 0
+        # The other way, as soon as it stands.
+        speed["target_velocity"] *= -1
+        assert x.settle("move_velocity", **speed) in (SUCCESS if hidden else (RESULT_OK,))
+        eventually(lambda: controller.sim("x_speed") == speed["target_velocity"], what="speed")
+    else:
+        assert controller.sim("x_speed") == 0
+    assert x.settle("stop") == RESULT_OK
+    eventually(lambda: x.read("axis_state") == STANDSTILL, timeout=20, what="a stand")
+    assert controller.sim("x_speed") == 0
+    eventually(lambda: x.read("position") == controller.sim("x"), what="the place")
+
+
+def outputs(controller):
+    if controller.does("output", "set_output", output_number=3, output_value=1):
+        assert controller.sim("outputs") == 4
+    if controller.does("output", "set_outputs", output_mask=0x82, output_levels=0x80):
+        assert controller.sim("outputs") == 0x84
+        eventually(lambda: controller.y.read("outputs") == 0x84, what="all axes to show it")
+
+
+def parameters(controller):
+    hidden = "lead" in controller.hidden
+    result = controller.sets("lead", 2000)
+    if controller.judge(result, "item", hidden) and not hidden:
+        assert controller.x.read("lead") == 2000
+    result = controller.sets("max_speed", 50000)
+    if controller.clamps and "item" not in controller.ignored:
+        assert result == RESULT_REFUSED
+        assert controller.x.read("max_speed") == 20000
+    elif controller.judge(result, "item"):
+        assert controller.x.read("max_speed") == 50000
+    assert controller.x.read("counts_per_unit") > 0
+
+
+def programs(controller):
+    x = controller.x
+    assert x.settle("start_program", program_number=99, program_delay=0) not in SUCCESS
+    if not controller.does("program", "start_program", program_number=2, program_delay=0):
+        assert controller.sim("program_start") == 0
+        return
+    eventually(lambda: x.read("program") == 2 and x.read("program_step") > 1, what="its steps")
+    assert controller.y.settle("jog_positive") == RESULT_REFUSED
+    # Stopped, it can go on.
+    assert x.settle("stop") == RESULT_OK
+    eventually(lambda: x.read("program_state") == WAITING, what="a pause")
+    assert controller.sim("program_state") == WAITING
+    assert x.settle("continue_program") == RESULT_OK
+    assert x.settle("pause_program") == RESULT_OK
+    assert controller.sim("program_state") == WAITING
+    assert x.settle("end_program") == RESULT_OK
+    eventually(lambda: x.read("program_state") == IDLE and x.read("program") == 0, what="its end")
+    eventually(lambda: x.read("axis_state") == STANDSTILL, timeout=20, what="a stand")
+    # An emergency stop, and the way out of it.
+    assert x.settle("start_program", program_number=3, program_delay=0) == RESULT_OK
+    assert controller.y.settle("quick_stop") == RESULT_OK
+    eventually(lambda: x.read("program_state") == INTERRUPTED, what="an interruption")
+    assert x.settle("clear_fault") == RESULT_OK
+    assert controller.sim("program_state") == IDLE
+    eventually(lambda: x.read("axis_state") == STANDSTILL, timeout=20, what="a stand")
+
+
+@pytest.mark.parametrize("chosen", CASES)
+def test_core_behaviour(make_bridge, chosen):
+    bridge = temperament.start(
+        make_bridge, chosen, drives=2, sim_drives=1,
+        bus={"protocol": "xyza"}, sim_bus={"protocol": "xyza"},
+        per_drive={1: {"address": 3, "axis": "x"}, 2: {"address": 3, "axis": "y"}},
+        sim_drive={"identity": None, "address": 3, "step-ms": 50,
+                   "set": ["manual_speed=2000", "brake=15", "enable=15"]})
+    controller = Controller(bridge, chosen)
+    for number in (1, 2):
+        bridge.wait_ready(number)
+    positions(controller)
+    power(controller)
+    jogs(controller)
+    outputs(controller)
+    parameters(controller)
+    programs(controller)
+
+
+def test_what_is_silent_hides_nothing_else(make_bridge):
+    """The log says what it is."""
+    chosen = [one for one in TEMPERAMENTS if one.value == ["read_password"]]
+    bridge = temperament.start(
+        make_bridge, chosen, drives=1, bus={"protocol": "xyza"}, sim_bus={"protocol": "xyza"},
+        per_drive={1: {"address": 3, "axis": "x"}},
+        sim_drive={"identity": None, "address": 3, "set": ["enable=1"]})
+    drive = bridge.drive()
+    eventually(lambda: drive.read("axis_state") == STANDSTILL, what="an enabled axis")
+    assert drive.read("lead") == 5000
+    eventually(lambda: "does not tell read_password;" in
+               bridge.log_path.read_text(encoding="utf-8"), what="the log")
