@@ -77,9 +77,14 @@ static void round_trip(const struct db_can_frame *frame, const struct servo_can_
 	struct db_can_frame again;
 
 	must(servo_can_encode(message, layout, &written) == SERVO_CAN_OK);
-	must(written.id == frame->id && written.length == frame->length);
+	must(written.id == frame->id);
+	/* A drive's frame may be longer than we would have written it, or not padded. */
+	if (from == SERVO_CAN_FROM_HOST)
+		must(written.length == frame->length);
+	else
+		must(layout->padded || written.length <= frame->length);
 	if (every_byte_counts(message, layout))
-		must(memcmp(written.data, frame->data, frame->length) == 0);
+		must(memcmp(written.data, frame->data, written.length) == 0);
 	must(servo_can_decode(&written, layout, from, &back) == SERVO_CAN_OK);
 	must(back.kind == message->kind && back.node == message->node);
 	must(servo_can_encode(&back, layout, &again) == SERVO_CAN_OK);

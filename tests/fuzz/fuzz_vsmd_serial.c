@@ -41,10 +41,11 @@ static void read_reply(const uint8_t *frame, size_t length)
 	if (reply.code == VSMD_REPLY_STATUS) {
 		written = vsmd_serial_encode_status(reply.id, &reply.status, again, sizeof again);
 	} else {
-		must((const uint8_t *)reply.text >= frame && reply.text_length <= length);
+		/* Blanks behind a text are no part of it. */
+		must(reply.text == (const char *)frame + 3 && reply.text_length <= length - 6);
 		walk_params(reply.text, reply.text_length);
-		written = vsmd_serial_encode_text(reply.id, reply.code, reply.text,
-		                                  reply.text_length, again, sizeof again);
+		written = vsmd_serial_encode_text(reply.id, reply.code, reply.text, length - 6,
+		                                  again, sizeof again);
 	}
 	must(written == (int)length && memcmp(again, frame, length) == 0);
 }

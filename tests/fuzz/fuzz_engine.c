@@ -1,0 +1,580 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The schedule of a bus with each family's driver against hostile drives, in made-up time: drives
+ * that are simulated, whose answers the input loses, delays, damages, doubles and invents, while
+ * commands, stops, changes of the bus and losses of the port come at any moment.
+ *
+ * What must hold: the engine always wants to be called later than now, and not for ever at once; on
+ * a serial line nothing is sent while an answer may come; nothing is sent into a port that is down or
+ * holds; what is sent is a request that the family's document knows; a stop is on the wire within
+ * STOP_BOUND and is never answered "busy"; every request ends exactly once; and when the drives behave
+ * again, everything that waits ends and every drive is online.
+ */
+#include "config/load.h"
+#include "line.h"
+#include "sched/change.h"
+#include "sched/engine.h"
+
+#define MS DB_NS_PER_MS
+#define S DB_NS_PER_S
+
+#define TICKETS 96
+#define STEPS_MAX 60
+#define COMMANDS 8 /* letters */
+
+/* A stop waits for at most the exchange on the wire; to a drive that is silent, for its share. */
+#define STOP_BOUND (6 * S)
+/* So long may drives that behave again need to be online, and requests to end. */
+#define PATIENCE (180 * S)
+/* Calls of the engine within a microsecond. */
+#define CALLS_MAX 1000
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+/* A section of the configuration, on the bus or not. */
+struct place {
+	const struct db_drive_config *config;
+	struct db_axis *axis;
+	uint16_t number;
+	bool there;
+	bool leaving;
+	db_time stop_since; /* when a stop began to wait for being sent; 0: none does */
+};
+
+struct ticket {
+	bool open;
+	bool stop;
+	size_t place;
+};
+
+struct world {
+	const struct db_config *config;
+	struct db_bus_config bus;
+	struct line line;
+	struct db_mailbox *mailbox;
+	struct db_engine *engine;
+	struct place places[LINE_DRIVES];
+	uint16_t last_number;
+	struct ticket tickets[TICKETS];
+	size_t ticket_count;
+	bool changing;
+	bool up;
+	bool held;
+	bool wrote_settings; /* a drive may have another address since */
+	bool ending;
+	db_time now;
+	db_time silent_until; /* serial: nothing may be sent unless something came */
+	unsigned calls;       /* of the engine in this microsecond */
+	db_time counted_from;
+	unsigned doubled;   /* so many chunks are to come twice */
+	unsigned swallowed; /* so many not at all */
+};
+
+/* Read once: what no input changes. */
+static const struct db_config *config_of(enum family family)
+{
+	static struct db_config *configs[FAMILIES];
+
+	if (!configs[family])
+		must(db_config_parse(line_configs[family], "f", stderr, &configs[family]) == 0);
+	return configs[family];
+}
+
+/* --- the engine's surroundings --------------------------------------------------------------------- */
+
+static void note_said(struct world *world, const struct said *said)
+{
+	for (size_t i = 0; i < LINE_DRIVES; i++) {
+		struct place *place = &world->places[i];
+
+		if (said->stop &&
+		    (said->address == LINE_ALL || said->address == place->config->address))
+			place->stop_since = 0;
+	}
+}
+
+static void on_send(void *context, const uint8_t *bytes, size_t length)
+{
+	struct world *world = context;
+	size_t step = world->line.can ? sizeof(struct db_can_frame) : length;
+	struct said said = { .address = LINE_ALL };
+
+	must(world->up && !world->held && length > 0);
+	must(world->line.can || world->now >= world->silent_until);
+	for (size_t at = 0; at < length; at += step) {
+		said = line_read(&world->line, bytes + at, step);
+		note_said(world, &said);
+	}
+	/* Nobody answers what everybody is told. */
+	world->silent_until = world->now +
+	                      world->bus.transport->wire_time(&world->bus, bytes, length, 0);
+	if (said.address != LINE_ALL)
+		world->silent_until += (db_time)world->bus.drive_latency_ms * MS;
+	line_hear(&world->line, bytes, length, world->now);
+}
+
+static void on_tell(void *context, const struct db_drive_config *drive, enum db_event event,
+                    const struct db_feedback *feedback)
+{
+	(void)context;
+	(void)event;
+	must(drive && feedback);
+}
+
+static const struct db_engine_ops ops = { .send = on_send, .tell = on_tell };
+
+static void collect(struct world *world)
+{
+	struct db_completion completion;
+
+	while (db_mailbox_collect(world->mailbox, &completion)) {
+		struct ticket *ticket = &world->tickets[completion.ticket - 1];
+
+		must(completion.ticket >= 1 && completion.ticket <= world->ticket_count);
+		must(ticket->open);
+		must(completion.result != DB_RESULT_NONE && completion.result != DB_RESULT_PENDING);
+		must(!ticket->stop || completion.result != DB_RESULT_BUSY);
+		ticket->open = false;
+		if (ticket->stop)
+			world->places[ticket->place].stop_since = 0;
+	}
+}
+
+static void take_changed(struct world *world)
+{
+	struct db_change *changed = db_engine_take_changed(world->engine);
+
+	if (!changed)
+		return;
+	must(world->changing);
+	world->changing = false;
+	change_free(changed);
+	for (size_t i = 0; i < LINE_DRIVES; i++) {
+		if (!world->places[i].leaving)
+			continue;
+		world->places[i].leaving = world->places[i].there = false;
+		world->places[i].stop_since = 0;
+	}
+}
+
+static void check_stops(const struct world *world)
+{
+	for (size_t i = 0; i < LINE_DRIVES; i++) {
+		const struct place *place = &world->places[i];
+
+		must(place->stop_since == 0 || !world->up || world->held ||
+		     world->now - place->stop_since < STOP_BOUND);
+	}
+}
+
+/* --- time ------------------------------------------------------------------------------------------ */
+
+static void hand_over(struct world *world, const uint8_t *bytes, size_t length)
+{
+	if (!world->up)
+		return;
+	world->silent_until = world->now;
+	db_engine_receive(world->engine, bytes, length, world->now);
+}
+
+static void deliver(struct world *world)
+{
+	uint8_t bytes[256];
+	size_t length;
+
+	while ((length = line_say(&world->line, world->now, bytes, sizeof bytes)) > 0) {
+		if (world->swallowed > 0) {
+			world->swallowed--;
+			continue;
+		}
+		hand_over(world, bytes, length);
+		if (world->doubled > 0) {
+			world->doubled--;
+			hand_over(world, bytes, length);
+		}
+	}
+}
+
+static db_time turn(struct world *world)
+{
+	db_time next = db_engine_run(world->engine, world->now);
+
+	must(next > world->now);
+	must(++world->calls < CALLS_MAX);
+	collect(world);
+	take_changed(world);
+	check_stops(world);
+	return next;
+}
+
+static void pass(struct world *world, db_time span)
+{
+	db_time end = world->now + span;
+
+	while (world->now < end) {
+		db_time next = turn(world);
+		db_time said = line_next(&world->line);
+
+		next = next < end ? next : end;
+		if (said < next)
+			next = said > world->now ? said : world->now;
+		world->now = next;
+		if (next - world->counted_from >= DB_NS_PER_US) {
+			world->counted_from = next;
+			world->calls = 0;
+		}
+		deliver(world);
+	}
+}
+
+/* --- what the input decides -------------------------------------------------------------------------- */
+
+static uint16_t new_number(struct world *world)
+{
+	return ++world->last_number;
+}
+
+static void set_port(struct world *world, bool up)
+{
+	/* It cannot be opened again before it was lost. */
+	if (up && world->up)
+		return;
+	world->up = up;
+	world->held = false;
+	world->silent_until = world->now;
+	for (size_t i = 0; i < LINE_DRIVES; i++) {
+		if (world->places[i].stop_since != 0)
+			world->places[i].stop_since = world->now;
+	}
+	db_engine_port(world->engine, up, up ? 0 : 5, world->now);
+}
+
+static void set_held(struct world *world, bool held)
+{
+	if (!world->up)
+		return;
+	world->held = held;
+	for (size_t i = 0; i < LINE_DRIVES; i++) {
+		if (world->places[i].stop_since != 0)
+			world->places[i].stop_since = world->now;
+	}
+	db_engine_hold(world->engine, held, world->now);
+}
+
+static struct db_args read_args(struct input *input)
+{
+	return (struct db_args){
+		.target_position = (int32_t)input_u32(input),
+		.target_velocity = (float)(int16_t)input_u16(input),
+		.output_number = (uint16_t)(1 + input_u8(input) % 8),
+		.output_value = input_u8(input) & 1,
+		.shake_end_position = 100,
+		.shake_frequency = 1.0f,
+		.shake_cycles = 2,
+		.target_current = 0.5f,
+		.program_number = 1,
+	};
+}
+
+static void post(struct world *world, struct db_request *request, size_t place)
+{
+	bool stop = request->setting_count == 0 && db_command_is_stop(request->command);
+
+	if (world->ticket_count == TICKETS)
+		return;
+	request->ticket = (uint32_t)world->ticket_count + 1;
+	request->axis = world->places[place].number;
+	request->submitted = world->now;
+	if (!db_mailbox_post(world->mailbox, request))
+		return;
+	world->tickets[world->ticket_count++] = (struct ticket){ true, stop, place };
+	if (stop && world->places[place].there && world->places[place].stop_since == 0)
+		world->places[place].stop_since = world->now;
+}
+
+/* As the commander does, only what the driver has found possible. */
+static void command(struct world *world, struct input *input)
+{
+	size_t place = input_below(input, LINE_DRIVES);
+	struct db_request request = { .command = input_u8(input) % DB_CMD_LIMIT,
+		                      .args = read_args(input) };
+	const struct place *drive = &world->places[place];
+
+	if (!(db_driver_commands(&world->bus, drive->config) & DB_COMMAND_BIT(request.command)) ||
+	    world->bus.driver->check(&world->bus, drive->config, request.command, &request.args) !=
+	            DB_RESULT_OK)
+		return;
+	post(world, &request, place);
+}
+
+static void stop(struct world *world, struct input *input)
+{
+	static const enum db_command stops[] = { DB_CMD_STOP, DB_CMD_QUICK_STOP, DB_CMD_DISABLE };
+	uint8_t which = input_u8(input);
+	struct db_request request = { .command = stops[which % 3] };
+
+	post(world, &request, which / 3 % LINE_DRIVES);
+}
+
+static void stop_all(struct world *world)
+{
+	for (size_t i = 0; i < LINE_DRIVES; i++) {
+		struct db_request request = { .command = DB_CMD_STOP };
+
+		post(world, &request, i);
+	}
+}
+
+static void write_settings(struct world *world, struct input *input)
+{
+	size_t place = input_below(input, LINE_DRIVES);
+	size_t wanted = 1 + input_below(input, 4);
+	struct db_setting settings[4];
+	struct db_request request = { .settings = settings };
+
+	for (size_t i = 0; i < wanted; i++) {
+		struct db_setting *setting = &settings[request.setting_count];
+
+		*setting = (struct db_setting){
+			.param = (uint16_t)input_below(input, world->bus.driver->param_count + 1),
+			.value = { .u = input_u32(input) },
+		};
+		if (setting->param < world->bus.driver->param_count &&
+		    world->bus.driver->check_param(&world->bus, setting->param, setting->value) ==
+		            DB_RESULT_OK)
+			request.setting_count++;
+	}
+	if (request.setting_count == 0)
+		return;
+	world->wrote_settings = true;
+	post(world, &request, place);
+}
+
+/* Some leave, and whoever is not there comes. */
+static void change(struct world *world, struct input *input)
+{
+	uint8_t choice = input_u8(input);
+	struct db_bus_drive coming[LINE_DRIVES];
+	uint16_t leaving[LINE_DRIVES];
+	size_t leaving_count = 0;
+	size_t coming_count = 0;
+	struct db_change *made;
+
+	if (world->changing || world->ending)
+		return;
+	for (size_t i = 0; i < LINE_DRIVES; i++) {
+		struct place *place = &world->places[i];
+
+		if (place->there && (choice >> i & 1)) {
+			leaving[leaving_count++] = place->number;
+			place->leaving = true;
+		} else if (!place->there && (choice >> (i + 4) & 1)) {
+			place->number = new_number(world);
+			place->there = true;
+			coming[coming_count++] =
+				(struct db_bus_drive){ place->number, place->config, place->axis };
+		}
+	}
+	made = change_new(&world->bus, LINE_DRIVES, leaving, leaving_count, coming, coming_count);
+	must(made);
+	world->changing = true;
+	db_engine_change(world->engine, made, world->now);
+}
+
+static void set_fault(struct world *world, struct input *input)
+{
+	uint8_t where = input_u8(input);
+	size_t fault = input_below(input, SIM_FAULT_BUS_OFF);
+	uint8_t times = input_u8(input);
+	struct sim_faults *faults = line_faults(&world->line);
+
+	if (where % 5 < LINE_DRIVES && fault != SIM_FAULT_ECHO)
+		faults = &world->line.nodes[where % 5].faults;
+	faults->left[fault] = times == 255 ? -1 : times % 8;
+	faults->delay_ms = where;
+}
+
+/* What a drive never said: any bytes, or a frame with the right form. */
+static void invent(struct world *world, struct input *input)
+{
+	const uint8_t *bytes;
+	size_t length = input_bytes(input, 1 + input_u8(input) % 64, &bytes);
+	struct db_can_frame frame = { .length = 8 };
+
+	if (world->line.serial) {
+		hand_over(world, bytes, length);
+		return;
+	}
+	for (size_t at = 0; at + 13 <= length; at += 13) {
+		memcpy(&frame.id, bytes + at, sizeof frame.id);
+		frame.id &= ~(uint32_t)DB_CAN_ERROR;
+		frame.length = bytes[at + 4] % 9;
+		memcpy(frame.data, bytes + at + 5, sizeof frame.data);
+		hand_over(world, (const uint8_t *)&frame, sizeof frame);
+	}
+}
+
+static void tamper(struct world *world, struct input *input)
+{
+	uint8_t choice = input_u8(input);
+
+	if (choice & 1)
+		world->doubled = choice >> 4;
+	else
+		world->swallowed = choice >> 4;
+}
+
+static void wait_a_while(struct world *world, struct input *input)
+{
+	static const db_time units[] = { 50 * DB_NS_PER_US, MS, 3 * MS, 12 * MS };
+	uint8_t choice = input_u8(input);
+
+	pass(world, (1 + (choice & 0x3F)) * units[choice >> 6]);
+}
+
+static void act(struct world *world, struct input *input)
+{
+	switch (input_u8(input) % 16) {
+	case 0:
+	case 1:
+	case 2:
+		command(world, input);
+		break;
+	case 3:
+		stop(world, input);
+		break;
+	case 4:
+		stop_all(world);
+		break;
+	case 5:
+		write_settings(world, input);
+		break;
+	case 6:
+		change(world, input);
+		break;
+	case 7:
+		set_port(world, input_u8(input) & 1);
+		break;
+	case 8:
+		set_held(world, input_u8(input) & 1);
+		break;
+	case 9:
+		line_power(&world->line, input_below(input, LINE_DRIVES), input_u8(input) & 1,
+		           world->now);
+		break;
+	case 10:
+	case 11:
+		set_fault(world, input);
+		break;
+	case 12:
+		invent(world, input);
+		break;
+	case 13:
+		tamper(world, input);
+		break;
+	default:
+		wait_a_while(world, input);
+		break;
+	}
+}
+
+/* --- a whole story ----------------------------------------------------------------------------------- */
+
+static void open_world(struct world *world, struct input *input)
+{
+	uint8_t choice = input_u8(input);
+	struct db_bus_drive drives[LINE_DRIVES];
+	size_t count = 1 + (choice >> 2) % LINE_DRIVES;
+
+	*world = (struct world){ .config = config_of(choice % FAMILIES), .now = 1000 * S };
+	world->bus = world->config->buses[0];
+	world->bus.queue = COMMANDS;
+	line_open(&world->line, choice % FAMILIES, &world->bus, world->now);
+	for (size_t i = 0; i < LINE_DRIVES; i++) {
+		struct place *place = &world->places[i];
+
+		place->config = &world->config->drives[i];
+		place->axis = db_axis_new();
+		must(place->axis);
+		place->number = new_number(world);
+		place->there = i < count;
+		drives[i] = (struct db_bus_drive){ place->number, place->config, place->axis };
+	}
+	must(db_mailbox_new(COMMANDS, LINE_DRIVES, &world->mailbox) == 0);
+	must(db_engine_new(&world->bus, drives, count, world->mailbox, &ops, world,
+	                   &world->engine) == 0);
+	set_port(world, true);
+}
+
+static void close_world(struct world *world)
+{
+	db_engine_free(world->engine);
+	db_mailbox_free(world->mailbox);
+	line_close(&world->line);
+	for (size_t i = 0; i < LINE_DRIVES; i++)
+		db_axis_free(world->places[i].axis);
+}
+
+static bool all_ended(const struct world *world)
+{
+	for (size_t i = 0; i < world->ticket_count; i++) {
+		if (world->tickets[i].open)
+			return false;
+	}
+	return !world->changing;
+}
+
+static bool all_online(const struct world *world)
+{
+	for (size_t i = 0; i < LINE_DRIVES; i++) {
+		struct db_snapshot snapshot;
+
+		db_axis_read(world->places[i].axis, &snapshot);
+		if (world->places[i].there && !(snapshot.feedback.status & DB_STATUS_ONLINE))
+			return false;
+	}
+	return true;
+}
+
+/* The drives behave, and nobody disturbs them. */
+static void recover(struct world *world)
+{
+	db_time end = world->now + PATIENCE;
+
+	world->doubled = world->swallowed = 0;
+	line_mend(&world->line, world->now);
+	if (!world->up)
+		set_port(world, true);
+	if (world->held)
+		set_held(world, false);
+	while (!all_ended(world) || !(world->wrote_settings || all_online(world))) {
+		must(world->now < end);
+		pass(world, 100 * MS);
+	}
+}
+
+/* Quiet in time, or given up as the bus's thread does. */
+static void shut_down(struct world *world)
+{
+	db_time end = world->now + DB_EXIT_TIME;
+
+	world->ending = true;
+	db_engine_shut_down(world->engine, world->now);
+	while (!db_engine_is_quiet(world->engine) && world->now < end)
+		pass(world, 20 * MS);
+	db_engine_tell_unconfirmed(world->engine);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+	struct input input = { data, size };
+	static struct world world;
+
+	open_world(&world, &input);
+	for (unsigned i = 0; i < STEPS_MAX && input.left > 0; i++)
+		act(&world, &input);
+	recover(&world);
+	shut_down(&world);
+	close_world(&world);
+	return 0;
+}
