@@ -8,9 +8,21 @@ source_time() {
 	git log -1 --format=%ct 2>/dev/null || date +%s
 }
 
+# Grows with every commit: apt takes a package for the same as the one that is there, and keeps that, when
+# the versions are equal. A commit with a tag of the version, v0.1.0, is that version.
 version_of_sources() {
-	awk '/#define DB_VERSION_(MAJOR|MINOR|PATCH) / { version = version sep $3; sep = "." }
-		END { print version }' include/drivebridge/version.h
+	local version
+
+	version=$(awk '/#define DB_VERSION_(MAJOR|MINOR|PATCH) / { version = version sep $3; sep = "." }
+		END { print version }' include/drivebridge/version.h)
+	if [ "$(git tag --points-at HEAD 2>/dev/null | grep -Fx "v$version")" ]; then
+		printf '%s\n' "$version"
+	elif git rev-parse HEAD >/dev/null 2>&1; then
+		printf '%s~git%s.%s\n' "$version" "$(git rev-list --count HEAD)" \
+			"$(git rev-parse --short=8 HEAD)"
+	else
+		printf '%s~git0.%s\n' "$version" "$(source_time)"
+	fi
 }
 
 # The files that belong to the sources, each ended by a null byte.
