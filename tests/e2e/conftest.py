@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from bridgelib import ROOT, Bridge, RegisterMap, load_commands
 
+pytest_plugins = ["stalls"]
+
 DOCS = Path(os.environ.get("DRIVEBRIDGE_DOCS", ROOT / "docs"))
 
 

@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from bridgelib import CONTINUOUS, eventually, find_program
+from bridgelib import CONTINUOUS, eventually, find_program, go_first
 
 OVER_CURRENT = 1 << 21  # in the status of a VSMD drive
 
@@ -144,7 +144,8 @@ def test_a_log_that_hangs_delays_nothing(bridge):
             os.write(writing, b"x" * 4096)
     os.set_blocking(writing, True)
     bridge.process = subprocess.Popen(
-        [find_program("drivebridged"), "--config", bridge.config_path], stderr=writing)
+        [find_program("drivebridged"), "--config", bridge.config_path],
+        stderr=writing, preexec_fn=go_first)
     os.close(writing)
     bridge.port = eventually(lambda: listening_port(bridge.process.pid))
     bridge.wait_ready()

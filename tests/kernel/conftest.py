@@ -31,6 +31,9 @@ _e2e.Bridge = lambda *args, **options: (
 _numbers = itertools.count(1)
 
 
+pytest_plugins = ["stalls"]
+
+
 def pytest_configure(config):
     del config
     if "DRIVEBRIDGE_UML" not in os.environ:

@@ -15,6 +15,7 @@ from bridgelib import (
     encode,
     eventually,
     find_program,
+    go_first,
     load_commands,
 )
 from model import modbus
@@ -415,7 +416,7 @@ class Player:
         with open("/dev/full", "ab") as log:
             self.bridge.process = subprocess.Popen(
                 [find_program("drivebridged"), "--config", self.bridge.config_path],
-                stdout=log, stderr=log)
+                stdout=log, stderr=log, preexec_fn=go_first)
         self.bridge.port = eventually(lambda: listening_port(self.bridge.process.pid),
                                       what="the bridge to listen")
 

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the machine stood still while a test ran.
+
+The programs promise times on a machine that runs them. A processor that a hypervisor or other work takes
+away for 60 ms makes a drive look silent and a cycle late, and shows nothing about the programs. So a
+watcher of its own, with the programs' own priority, notes when it was not run in time. A test that fails
+while that happened has shown nothing: it is repeated once the machine is calm, and the report names it. A
+test that fails on a machine that ran has failed.
+
+A pytest plugin, for the tests in tests/e2e and tests/kernel."""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+
+import pytest
+from _pytest.runner import runtestprotocol
+from bridgelib import go_first
+
+# Every test bears stalls up to this, s.
+BEARABLE = 0.015
+TRIES = 3
+# How long it may take until nothing stalls for a second, s.
+PATIENCE = 15.0
+
+WATCHER = """
+import os, sys, time
+with open(sys.argv[1], "a", buffering=1) as notes:
+    before = time.monotonic()
+    while os.getppid() == int(sys.argv[2]):
+        time.sleep(0.004)
+        now = time.monotonic()
+        if now - before > float(sys.argv[3]):
+            notes.write(f"{before} {now}\\n")
+        before = now
+"""
+
+
+class Watcher:
+    """The process that notes when it was not run in time."""
+
+    def __init__(self):
+        self.notes = tempfile.NamedTemporaryFile("r", prefix="drivebridge-stalls-")
+        self.process = subprocess.Popen(
+            [sys.executable, "-S", "-c", WATCHER, self.notes.name, str(os.getpid()), str(BEARABLE)],
+            preexec_fn=go_first)
+
+    def longest_since(self, moment):
+        """The longest stall that ended after `moment` of time.monotonic(), s."""
+        self.notes.seek(0)
+        longest = 0.0
+        for line in self.notes:
+            begin, end = map(float, line.split())
+            if end > moment:
+                longest = max(longest, end - begin)
+        return longest
+
+    def wait_for_calm(self):
+        deadline = time.monotonic() + PATIENCE
+        while time.monotonic() < deadline:
+            began = time.monotonic()
+            time.sleep(1.0)
+            if not self.longest_since(began):
+                return
+
+    def close(self):
+        self.process.terminate()
+        self.process.wait()
+        self.notes.close()
+
+
+def runs_tests(config):
+    """Not so for the process that hands tests to workers."""
+    return hasattr(config, "workerinput") or not getattr(config.option, "numprocesses", None)
+
+
+def pytest_configure(config):
+    config.stall_watcher = Watcher() if runs_tests(config) else None
+
+
+def pytest_unconfigure(config):
+    if getattr(config, "stall_watcher", None):
+        config.stall_watcher.close()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item, nextitem):
+    """The test, again if it fails while the machine stood still."""
+    watcher = item.config.stall_watcher
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    for attempt in range(1, TRIES + 1):
+        began = time.monotonic()
+        reports = runtestprotocol(item, nextitem=nextitem, log=False)
+        stall = watcher.longest_since(began)
+        if attempt == TRIES or not stall or not any(report.failed for report in reports):
+            break
+        item.user_properties.append(
+            ("repeated", f"the machine stood still for {stall * 1000:.0f} ms"))
+        watcher.wait_for_calm()
+    for report in reports:
+        item.ihook.pytest_runtest_logreport(report=report)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
+
+
+def pytest_terminal_summary(terminalreporter):
+    for reports in terminalreporter.stats.values():
+        for report in reports:
+            if getattr(report, "when", None) == "call":
+                for name, value in report.user_properties:
+                    if name == "repeated":
+                        terminalreporter.write_line(f"repeated: {report.nodeid}: {value}")
