@@ -65,8 +65,9 @@ static bool next_record(struct db_log *log, db_time now, struct db_log_record *r
 {
 	if (log->count > 0) {
 		*record = log->queue[log->first];
-		log->first = (log->first + 1) % DB_LOG_QUEUE;
 		log->count--;
+		/* An empty one begins anew, so that not all of it comes to be in memory. */
+		log->first = log->count == 0 ? 0 : (log->first + 1) % DB_LOG_QUEUE;
 		return true;
 	}
 	if (log->lost > 0) {

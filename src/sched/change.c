@@ -94,8 +94,7 @@ static void begin_to_leave(struct db_engine *engine, struct station *station, db
 	station_cancel_front(station, now);
 	if (!stop)
 		return;
-	station->exit_request.command = command;
-	station_add_stop(station, &station->exit_request, NULL, now);
+	station_add_stop(station, command, NULL, now);
 }
 
 void db_engine_change(struct db_engine *engine, struct db_change *change, db_time now)

@@ -147,6 +147,8 @@ static bool begin_letter(struct db_engine *engine, size_t index, db_time now)
 	memmove(&engine->waiting[index], &engine->waiting[index + 1],
 	        (engine->waiting_count - index) * sizeof engine->waiting[0]);
 	station->front_letter = letter;
+	station->lanes[LANE_FRONT].exchange.request = db_letter_bytes(letter);
+	station->lanes[LANE_FRONT].exchange.request_size = DB_REQUEST_MAX;
 	station->front_cancelled = false;
 	if (db_command_ends_motion(request->command))
 		engine_forget_stop(station);

@@ -234,7 +234,7 @@ void engine_finish_waiting(struct db_engine *engine, const struct station *stati
 	for (size_t i = 0; i < engine->waiting_count; i++) {
 		struct db_letter *letter = engine->waiting[i];
 
-		if (db_letter_request(letter)->axis == station->number)
+		if (db_letter_axis(letter) == station->number)
 			db_letter_finish(letter, result, now);
 		else
 			engine->waiting[kept++] = letter;
@@ -249,10 +249,10 @@ static void take_stop(struct db_engine *engine, struct station *station, struct 
 	/* Of its controller's other axes nothing half done may go on behind the stop. Disabling one
 	 * leaves the others as they are. */
 	for (struct station *s = station->node->first; s; s = s->next_axis) {
-		if (s == station || db_letter_request(letter)->command != DB_CMD_DISABLE)
+		if (s == station || db_letter_command(letter) != DB_CMD_DISABLE)
 			station_cancel_front(s, now);
 	}
-	station_add_stop(station, db_letter_request(letter), letter, now);
+	station_add_stop(station, db_letter_command(letter), letter, now);
 }
 
 static void take_letters(struct db_engine *engine, db_time now)
@@ -260,14 +260,13 @@ static void take_letters(struct db_engine *engine, db_time now)
 	struct db_letter *letter;
 
 	while ((letter = db_mailbox_take(engine->mailbox)) != NULL) {
-		const struct db_request *request = db_letter_request(letter);
-		struct station *station = engine_station(engine, request->axis);
+		struct station *station = engine_station(engine, db_letter_axis(letter));
 
 		if (!station)
 			db_letter_finish(letter, DB_RESULT_FAILED, now);
 		else if (engine->shutting_down)
 			db_letter_finish(letter, DB_RESULT_CANCELLED, now);
-		else if (request->setting_count == 0 && db_command_is_stop(request->command))
+		else if (db_command_is_stop(db_letter_command(letter)))
 			take_stop(engine, station, letter, now);
 		else if (station->leaving)
 			db_letter_finish(letter, DB_RESULT_CANCELLED, now);
@@ -432,8 +431,7 @@ void db_engine_shut_down(struct db_engine *engine, db_time now)
 		/* Who leaves was told already. */
 		if (command == DB_CMD_NONE || station->leaving)
 			continue;
-		station->exit_request.command = command;
-		station_add_stop(station, &station->exit_request, NULL, now);
+		station_add_stop(station, command, NULL, now);
 	}
 }
 

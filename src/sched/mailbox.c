@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <stdatomic.h>
 #include <stdlib.h>
+#include <sys/mman.h>
 
 enum letter_state {
 	LETTER_FREE,   /* network's */
@@ -12,16 +13,25 @@ enum letter_state {
 	LETTER_DONE,   /* network's, to be collected */
 };
 
+/* What comes with a command or a parameter write. */
+struct room {
+	struct db_request request;
+	struct db_setting settings[DB_SETTINGS_MAX];
+	uint8_t bytes[DB_REQUEST_MAX]; /* the bus's, for what it sends */
+};
+
+/* There are several of each drive for its stops: they hold no more than a stop needs. */
 struct db_letter {
 	atomic_uint state;
 	uint32_t order;
-	struct db_mailbox *mailbox;
+	uint32_t ticket;
+	uint16_t axis;
+	enum db_command command;
 	enum db_result result;
+	struct db_mailbox *mailbox;
 	db_time sent;
 	db_time finished;
-	struct db_request request;
-	struct db_setting
-		*settings; /* room for the request's; null: it is for stops, which have none */
+	struct room *room; /* null: it is for stops, which need none */
 };
 
 /* Slots that were allocated together. The first block has those for everything and some for stops,
@@ -30,7 +40,7 @@ struct block {
 	struct block *_Atomic next;
 	size_t commands; /* so many at the beginning are for everything */
 	size_t total;
-	struct db_setting (*settings)[DB_SETTINGS_MAX]; /* of those */
+	struct room *rooms; /* of those; null: there are none */
 	struct db_letter letters[];
 };
 
@@ -48,6 +58,15 @@ static struct block *next_of(struct block *block)
 	return atomic_load_explicit(&block->next, memory_order_acquire);
 }
 
+/* Mapped, because most of them are never used: then they are not in memory. Zeroed; null. */
+static struct room *new_rooms(size_t count)
+{
+	void *rooms = mmap(NULL, count * sizeof(struct room), PROT_READ | PROT_WRITE,
+	                   MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+
+	return rooms == MAP_FAILED ? NULL : rooms;
+}
+
 static struct block *new_block(struct db_mailbox *mailbox, size_t commands, size_t drives)
 {
 	size_t total = commands + drives * DB_MAILBOX_STOPS_EACH;
@@ -55,8 +74,9 @@ static struct block *new_block(struct db_mailbox *mailbox, size_t commands, size
 
 	if (!block)
 		return NULL;
-	block->settings = calloc(commands + 1, sizeof block->settings[0]);
-	if (!block->settings) {
+	if (commands > 0)
+		block->rooms = new_rooms(commands);
+	if (commands > 0 && !block->rooms) {
 		free(block);
 		return NULL;
 	}
@@ -64,7 +84,7 @@ static struct block *new_block(struct db_mailbox *mailbox, size_t commands, size
 	block->total = total;
 	for (size_t i = 0; i < total; i++) {
 		block->letters[i].mailbox = mailbox;
-		block->letters[i].settings = i < commands ? block->settings[i] : NULL;
+		block->letters[i].room = i < commands ? &block->rooms[i] : NULL;
 	}
 	return block;
 }
@@ -92,7 +112,8 @@ void db_mailbox_free(struct db_mailbox *mailbox)
 	while (block) {
 		struct block *next = next_of(block);
 
-		free(block->settings);
+		if (block->rooms)
+			munmap(block->rooms, block->commands * sizeof block->rooms[0]);
 		free(block);
 		block = next;
 	}
@@ -128,10 +149,18 @@ static void pass(struct db_letter *letter, enum letter_state state)
 
 static void fill(struct db_letter *letter, const struct db_request *request)
 {
-	letter->request = *request;
-	letter->request.settings = letter->settings;
+	struct room *room = letter->room;
+
+	letter->ticket = request->ticket;
+	letter->axis = request->axis;
+	letter->command = request->command;
+	letter->sent = 0;
+	if (!room)
+		return;
+	room->request = *request;
+	room->request.settings = room->settings;
 	for (size_t i = 0; i < request->setting_count && i < DB_SETTINGS_MAX; i++)
-		letter->settings[i] = request->settings[i];
+		room->settings[i] = request->settings[i];
 }
 
 static struct db_letter *free_letter(struct db_mailbox *mailbox)
@@ -157,7 +186,7 @@ static struct db_letter *free_stop(struct db_mailbox *mailbox, uint16_t drive)
 
 			if (state_of(letter) == LETTER_FREE)
 				found = found ? found : letter;
-			else if (letter->request.axis == drive)
+			else if (letter->axis == drive)
 				used++;
 		}
 	}
@@ -166,14 +195,13 @@ static struct db_letter *free_stop(struct db_mailbox *mailbox, uint16_t drive)
 
 bool db_mailbox_post(struct db_mailbox *mailbox, const struct db_request *request)
 {
-	bool stop = request->setting_count == 0 && db_command_is_stop(request->command);
+	bool stop = db_command_is_stop(request->command);
 	struct db_letter *letter = stop ? free_stop(mailbox, request->axis) : free_letter(mailbox);
 
 	if (!letter)
 		return false;
 	fill(letter, request);
 	letter->order = mailbox->next_order++;
-	letter->sent = 0;
 	pass(letter, LETTER_POSTED);
 	atomic_store_explicit(&mailbox->posted, mailbox->next_order, memory_order_release);
 	return true;
@@ -201,8 +229,8 @@ bool db_mailbox_collect(struct db_mailbox *mailbox, struct db_completion *comple
 	if (!letter)
 		return false;
 	*completion = (struct db_completion){
-		.ticket = letter->request.ticket,
-		.axis = letter->request.axis,
+		.ticket = letter->ticket,
+		.axis = letter->axis,
 		.result = letter->result,
 		.sent = letter->sent,
 		.finished = letter->finished,
@@ -229,9 +257,29 @@ struct db_letter *db_mailbox_take(struct db_mailbox *mailbox)
 	return letter;
 }
 
+uint32_t db_letter_ticket(const struct db_letter *letter)
+{
+	return letter->ticket;
+}
+
+uint16_t db_letter_axis(const struct db_letter *letter)
+{
+	return letter->axis;
+}
+
+enum db_command db_letter_command(const struct db_letter *letter)
+{
+	return letter->command;
+}
+
 const struct db_request *db_letter_request(const struct db_letter *letter)
 {
-	return &letter->request;
+	return letter->room ? &letter->room->request : NULL;
+}
+
+uint8_t *db_letter_bytes(struct db_letter *letter)
+{
+	return letter->room->bytes;
 }
 
 void db_letter_sent(struct db_letter *letter, db_time now)

@@ -9,6 +9,7 @@
 #define DRIVEBRIDGE_SCHED_MAILBOX_H
 
 #include "drivebridge/command.h"
+#include "drivebridge/driver.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -37,7 +38,15 @@ bool db_mailbox_collect(struct db_mailbox *mailbox, struct db_completion *comple
 
 /* Bus thread: the oldest letter not taken yet, or null. The letter stays the bus's until finished. */
 struct db_letter *db_mailbox_take(struct db_mailbox *mailbox);
+uint32_t db_letter_ticket(const struct db_letter *letter);
+uint16_t db_letter_axis(const struct db_letter *letter);
+/* NONE: parameters. */
+enum db_command db_letter_command(const struct db_letter *letter);
+/* All of it; null for a stop, which has no more than the above. */
 const struct db_request *db_letter_request(const struct db_letter *letter);
+/* Bus thread, not for a stop: room for DB_REQUEST_MAX bytes that it sends for this letter. They stay
+ * readable after the letter was finished, but may then be another's. */
+uint8_t *db_letter_bytes(struct db_letter *letter);
 /* Bus thread: the letter's command is on the wire (the first time counts). */
 void db_letter_sent(struct db_letter *letter, db_time now);
 /* Bus thread: ends a letter; it must not be used afterwards. */

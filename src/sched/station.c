@@ -139,14 +139,12 @@ struct station *station_new(const struct db_bus_config *bus, const struct db_bus
 		station_free(station);
 		return NULL;
 	}
-	for (size_t i = 0; i < LANE_COUNT; i++) {
+	for (size_t i = 0; i < LANE_FRONT; i++) {
 		struct db_exchange *exchange = &station->lanes[i].exchange;
 
-		exchange->request = station->short_requests[i];
-		exchange->request_size = sizeof station->short_requests[i];
+		exchange->request = station->requests[i];
+		exchange->request_size = sizeof station->requests[i];
 	}
-	station->lanes[LANE_FRONT].exchange.request = station->front_request;
-	station->lanes[LANE_FRONT].exchange.request_size = sizeof station->front_request;
 	return station;
 }
 
@@ -257,8 +255,8 @@ void station_count_answer(struct station *station, db_time round_trip)
 	stats->round_trip_mean_us = (uint32_t)(station->round_trip_sum_us / station->round_trips);
 }
 
-void station_add_stop(struct station *station, const struct db_request *request,
-                      struct db_letter *letter, db_time now)
+void station_add_stop(struct station *station, enum db_command command, struct db_letter *letter,
+                      db_time now)
 {
 	/* Room for letters is bounded where they are posted, and the end asks once. */
 	if (station->stop_count == STOPS_MAX) {
@@ -267,8 +265,8 @@ void station_add_stop(struct station *station, const struct db_request *request,
 		return;
 	}
 	station->stops[station->stop_count++] = (struct pending_stop){
-		.request = request,
 		.letter = letter,
+		.command = command,
 	};
 	station->stop_at = now;
 }
@@ -287,7 +285,7 @@ void station_note_stop_answered(struct station *station, enum db_command command
 	for (unsigned i = 0; i < station->stop_count; i++) {
 		struct pending_stop *stop = &station->stops[i];
 
-		if (stop->sent && stop->request->command == command)
+		if (stop->sent && stop->command == command)
 			stop->answered = true;
 	}
 }
@@ -301,8 +299,7 @@ bool station_finish_stops(struct station *station, enum db_command command, enum
 
 	for (unsigned i = 0; i < station->stop_count; i++) {
 		struct pending_stop *stop = &station->stops[i];
-		bool ends = stop->answered &&
-		            (command == STOP_ANY || stop->request->command == command);
+		bool ends = stop->answered && (command == STOP_ANY || stop->command == command);
 
 		/* The bridge's own stops have nobody else who would say them again. */
 		if (ends && !stop->letter && turned_down) {

@@ -15,7 +15,7 @@
 
 /* A conversation with a drive. Those of different lanes may interleave, exchange by exchange. Polls
  * and probes are the first station's of a node, for all of them. */
-enum lane_kind { LANE_STOP, LANE_FRONT, LANE_POLL, LANE_IDENTIFY, LANE_PROBE, LANE_COUNT };
+enum lane_kind { LANE_STOP, LANE_POLL, LANE_IDENTIFY, LANE_PROBE, LANE_FRONT, LANE_COUNT };
 
 struct lane {
 	bool active;    /* begun, not ended */
@@ -31,9 +31,9 @@ struct lane {
 
 /* Who waits for a stop. */
 struct pending_stop {
-	const struct db_request *request;
 	struct db_letter *letter; /* null for the bridge's own */
-	bool broadcast;           /* it went out for all drives at once; nobody answers that */
+	enum db_command command;
+	bool broadcast; /* it went out for all drives at once; nobody answers that */
 	bool sent;
 	bool answered; /* the drive did; now it is to be seen to stand */
 };
@@ -112,8 +112,7 @@ struct station {
 	struct db_snapshot snapshot;
 	struct told told;
 	struct lane lanes[LANE_COUNT];
-	uint8_t short_requests[LANE_COUNT][DB_SHORT_REQUEST];
-	uint8_t front_request[DB_REQUEST_MAX];
+	uint8_t requests[LANE_COUNT - 1][DB_SHORT_REQUEST]; /* LANE_FRONT has its letter's */
 
 	db_time identify_at; /* not before: the last attempt failed */
 	db_time identify_backoff;
@@ -128,11 +127,9 @@ struct station {
 	unsigned stop_count;
 	bool blind_stop_sent; /* a stop went out while out of step; its answer proves nothing */
 	db_time stop_at;      /* not before */
-	struct db_request stop_request;  /* the one that is said now */
 	enum db_command braking_command; /* what it was told last, while it is to be seen to stop */
 	struct braking braking;
 	db_time motion_sent; /* when it was last told to move */
-	struct db_request exit_request;
 
 	uint64_t round_trips;
 	uint64_t round_trip_sum_us; /* of those */
@@ -198,8 +195,8 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 void station_count_answer(struct station *station, db_time round_trip);
 
 /* Adds a stop; the letter may be null. What is queued or running for the drive is the caller's. */
-void station_add_stop(struct station *station, const struct db_request *request,
-                      struct db_letter *letter, db_time now);
+void station_add_stop(struct station *station, enum db_command command, struct db_letter *letter,
+                      db_time now);
 /* The first stop that the drive has not answered, or null. */
 const struct pending_stop *station_unanswered_stop(const struct station *station);
 /* The drive has answered the stop of this command that was on the wire: everyone who had asked for it

@@ -14,6 +14,13 @@
 /* How long a drive may take to begin a motion that it was told just before the stop. */
 #define DOUBT_TIME (100 * DB_NS_PER_MS)
 
+/* As drivers are handed them: all that there is to a stop. */
+static const struct db_request stop_requests[] = {
+	[DB_CMD_STOP] = { .command = DB_CMD_STOP },
+	[DB_CMD_QUICK_STOP] = { .command = DB_CMD_QUICK_STOP },
+	[DB_CMD_DISABLE] = { .command = DB_CMD_DISABLE },
+};
+
 /* --- saying it ------------------------------------------------------------------------------------- */
 
 void engine_note_stop_sent(struct station *station, enum db_command command, db_time now)
@@ -21,7 +28,7 @@ void engine_note_stop_sent(struct station *station, enum db_command command, db_
 	for (unsigned i = 0; i < station->stop_count; i++) {
 		struct pending_stop *stop = &station->stops[i];
 
-		if (stop->request->command != command)
+		if (stop->command != command)
 			continue;
 		stop->sent = true;
 		if (stop->letter)
@@ -43,6 +50,7 @@ static void send_stop(struct db_engine *engine, struct station *station, db_time
 	const struct pending_stop *asked = station_unanswered_stop(station);
 	struct lane *lane = &station->lanes[LANE_STOP];
 	bool in_step = station->node->in_step;
+	const struct db_request *request;
 	enum db_result result = DB_RESULT_FAILED;
 
 	if (!in_step && station->blind_stop_sent) {
@@ -54,12 +62,9 @@ static void send_stop(struct db_engine *engine, struct station *station, db_time
 		engine_send_lane(engine, station, LANE_STOP, now);
 		return;
 	}
-	station->stop_request = (struct db_request){
-		.axis = station->number,
-		.command = asked ? asked->request->command : command_for_runaway(station),
-	};
-	if (engine_begin_job(engine, station, LANE_STOP, DB_JOB_COMMAND, &station->stop_request,
-	                     now, &result) == DB_STEP_SEND)
+	request = &stop_requests[asked ? asked->command : command_for_runaway(station)];
+	if (engine_begin_job(engine, station, LANE_STOP, DB_JOB_COMMAND, request, now, &result) ==
+	    DB_STEP_SEND)
 		engine_send_lane(engine, station, LANE_STOP, now);
 	else
 		engine_stop_answered(engine, station, result, now);
@@ -71,7 +76,7 @@ static bool all_want(const struct db_engine *engine, enum db_command command)
 	for (size_t i = 0; i < engine->station_count; i++) {
 		const struct pending_stop *stop = station_unanswered_stop(engine->stations[i]);
 
-		if (!stop || stop->sent || stop->broadcast || stop->request->command != command)
+		if (!stop || stop->sent || stop->broadcast || stop->command != command)
 			return false;
 	}
 	return true;
@@ -88,7 +93,7 @@ static bool try_broadcast(struct db_engine *engine, db_time now)
 	if (engine->station_count < 2 || !engine->driver->broadcast)
 		return false;
 	first = station_unanswered_stop(engine->stations[0]);
-	command = first ? first->request->command : DB_CMD_NONE;
+	command = first ? first->command : DB_CMD_NONE;
 	if (!first || !all_want(engine, command) ||
 	    !engine->driver->broadcast(command, engine->bus, &exchange))
 		return false;
@@ -259,7 +264,7 @@ void engine_judge_stop(struct db_engine *engine, struct station *station, db_tim
 void engine_stop_answered(struct db_engine *engine, struct station *station, enum db_result result,
                           db_time now)
 {
-	enum db_command command = station->stop_request.command;
+	enum db_command command = station->lanes[LANE_STOP].job.request->command;
 	bool moves = station->snapshot.feedback.status & DB_STATUS_MOVING;
 	bool again = false;
 

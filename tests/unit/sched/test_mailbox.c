@@ -31,8 +31,8 @@ static void letters_are_taken_in_order_and_answered_once(void **state)
 	assert_false(db_mailbox_collect(mailbox, &completion));
 	first = db_mailbox_take(mailbox);
 	second = db_mailbox_take(mailbox);
-	assert_int_equal(db_letter_request(first)->ticket, 1);
-	assert_int_equal(db_letter_request(second)->ticket, 2);
+	assert_int_equal(db_letter_ticket(first), 1);
+	assert_int_equal(db_letter_ticket(second), 2);
 	assert_null(db_mailbox_take(mailbox));
 	assert_false(db_mailbox_take_finished(mailbox));
 	db_letter_finish(second, DB_RESULT_OK, 7);
@@ -100,7 +100,7 @@ static void *work(void *context)
 
 		if (!letter)
 			continue;
-		if (db_letter_request(letter)->ticket != expected)
+		if (db_letter_ticket(letter) != expected)
 			return (void *)1;
 		expected++;
 		db_letter_finish(letter, DB_RESULT_OK, 1);
