@@ -796,7 +796,7 @@ static enum db_result permit(struct db_commander *commander, struct db_writer *w
 		return result;
 	if (touches_input(commander, block))
 		return DB_RESULT_REFUSED;
-	if (id != 0 && writer->last.id == 0 && !db_command_is_stop(code))
+	if (id != 0 && writer && writer->last.id == 0 && !db_command_is_stop(code))
 		return DB_RESULT_RESTARTED;
 	if (commander->watchdog.latched && db_command_is_motion(code))
 		return DB_RESULT_LATCHED;
@@ -916,7 +916,7 @@ int db_commander_write(struct db_commander *commander, const struct db_client *c
 	if (answer > 0 && answer != MODBUS_EXCEPTION_ACKNOWLEDGE)
 		return answer;
 	commander->kept = write->block;
-	if (write->has_id)
+	if (write->has_id && by.writer)
 		by.writer->kept_id = write->block.command_id;
 	return answer;
 }

@@ -191,8 +191,8 @@ static void write_value(const struct written *written, const struct db_config_ke
 		break;
 	case DB_KEY_PROTOCOL:
 		put_key(written, key->name);
-		/* gcc's analyzer: only buses have this key, with their drivers. */
-		fprintf(written->out, "%s\n", written->driver->name);
+		/* Only buses have this key, with their drivers; analyzers do not know it. */
+		fprintf(written->out, "%s\n", written->driver ? written->driver->name : "");
 		break;
 	default:
 		write_number(written, key, member);

@@ -140,7 +140,7 @@ check_cppcheck() {
 check_clang_tidy() {
 	cmake --preset clang >/dev/null &&
 		find src -name '*.c' -print0 |
-		xargs -0 -P "$JOBS" -n 4 timeout 240 clang-tidy -p build/clang --quiet
+		xargs -0 -P "$JOBS" -n 1 timeout 600 clang-tidy -p build/clang --quiet
 }
 
 # Every script of the project: those that say so in their first line, and what they read.
