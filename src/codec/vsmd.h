@@ -96,10 +96,18 @@ enum vsmd_param {
 	VSMD_N2RATIO,
 	VSMD_N3RATIO,
 	VSMD_RES,
+	/* In no document, but seen in the field. What they hold is nowhere described. */
+	VSMD_DMD,
+	VSMD_SDS,
+	VSMD_SERIAL_PARAM_COUNT,
+	VSMD_CAF = VSMD_SERIAL_PARAM_COUNT, /* on CAN only */
 	VSMD_PARAM_COUNT
 };
 
+/* On RS485 and RS232 the first VSMD_SERIAL_PARAM_COUNT of these. */
 extern const struct db_param vsmd_params[VSMD_PARAM_COUNT];
+/* On CAN: of the same names and types, with the ranges of bdr and cid there. */
+extern const struct db_param vsmd_can_params[VSMD_PARAM_COUNT];
 
 /* True when the value is inside the documented range, also where that has holes (res: 0 or
  * 1000..100000; zmd: 0..7; dar 0..60; eratio > 0). */

@@ -759,6 +759,8 @@ const struct vsmd_can_field vsmd_can_fields[VSMD_PARAM_COUNT] = {
 	[VSMD_EZ] = { 0x25, 0, WHOLE },      [VSMD_EWR] = { 0x26, 0, WHOLE },
 	[VSMD_ERATIO] = { 0x27, 0, WHOLE },  [VSMD_ESDS] = { 0x28, 0, WHOLE },
 	[VSMD_SML] = { 0x2A, 0, WHOLE },     [VSMD_SPL] = { 0x2B, 0, WHOLE },
+	[VSMD_DMD] = { 0x13, 0, WHOLE },     [VSMD_SDS] = { 0x1B, 0, WHOLE },
+	[VSMD_CAF] = { 0x19, 0, WHOLE },
 };
 
 size_t vsmd_can_params_of(unsigned reg, enum vsmd_param params[VSMD_CAN_FIELDS_MAX])
@@ -785,8 +787,7 @@ bool vsmd_can_reg_known(unsigned reg)
 {
 	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
 
-	return reg == VSMD_CAN_DMD || reg == VSMD_CAN_CAF || reg == VSMD_CAN_SDS ||
-	       vsmd_can_params_of(reg, params) > 0;
+	return vsmd_can_params_of(reg, params) > 0;
 }
 
 bool vsmd_can_reg_packed(unsigned reg)

@@ -236,13 +236,6 @@ enum vsmd_error vsmd_can_put_identity(const char *text, uint32_t values[VSMD_CAN
 #define VSMD_CAN_DATA_LAST 0x2B
 #define VSMD_CAN_FIELDS_MAX 6 /* parameters in one register */
 
-/* Reserved in the document, known from the field. Raw only: what they hold is nowhere described. */
-enum vsmd_can_raw_reg {
-	VSMD_CAN_DMD = 0x13,
-	VSMD_CAN_CAF = 0x19, /* acknowledges commands on some firmware */
-	VSMD_CAN_SDS = 0x1B,
-};
-
 /* Where a parameter is, each in one register; a field of fewer than 32 bits shares it. */
 struct vsmd_can_field {
 	uint8_t reg;
@@ -252,10 +245,10 @@ struct vsmd_can_field {
 
 extern const struct vsmd_can_field vsmd_can_fields[VSMD_PARAM_COUNT];
 
-/* Parameters of a register, highest field first. Returns how many; none for reserved and raw. */
+/* Parameters of a register, highest field first. Returns how many; none for reserved ones. */
 size_t vsmd_can_params_of(unsigned reg, enum vsmd_param params[VSMD_CAN_FIELDS_MAX]);
 
-/* Whether the register is one that can be written: it has parameters, or is a raw one. */
+/* Whether the register is one that can be written: it has parameters. */
 bool vsmd_can_reg_known(unsigned reg);
 
 /* Whether the register holds several fields, so that writing one takes reading the others first. */

@@ -923,7 +923,7 @@ int vsmd_serial_format_params(const union db_value values[VSMD_PARAM_COUNT], cha
 {
 	struct writer writer = { .text = text, .size = size };
 
-	for (size_t i = 0; i < VSMD_PARAM_COUNT; i++) {
+	for (size_t i = 0; i < VSMD_SERIAL_PARAM_COUNT; i++) {
 		if (i > 0)
 			put(&writer, " ");
 		put(&writer, vsmd_params[i].name);

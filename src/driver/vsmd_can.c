@@ -6,7 +6,8 @@
  *
  * The read behind a command asks for the registers 1 and 2, the cyclic one for 0 to 2, a probe for
  * one register of the identity: the answers differ in their register or length, so that a late answer
- * or a drive's own report is never taken for a confirmation.
+ * or a drive's own report is never taken for a confirmation. Where drives report position and status
+ * alone, reports have the form of the first, so the two change places.
  *
  * Source: VSMD CAN 2.0 protocol, sections 1.2, 2, 3 and 4.
  */
@@ -14,6 +15,7 @@
 #include "driver/list.h"
 #include "driver/vsmd.h"
 
+#include <math.h>
 #include <string.h>
 
 /* What a drive usually needs before it answers; only for predictions, never a time-out. */
@@ -40,6 +42,7 @@ enum option {
 	OPTION_HOST_ID,
 	OPTION_OUTPUT_BASE,
 	OPTION_REPORT_MS,
+	OPTION_REPORT,
 	OPTION_OF_DRIVES, /* and those behind it */
 };
 
@@ -88,7 +91,24 @@ static const struct db_option options[] = {
 			       "instead of asking them; 0 asks. Drives whose reports do not come "
 			       "are asked",
 	},
+	[OPTION_REPORT] = {
+		.section = "bus",
+		.name = "report",
+		.words = "all position-status position",
+		.preset = "all",
+		.unit = "",
+		.description = "With report-ms, what drives report. Without the speed, velocity is computed "
+			       "from successive positions; without the status, it is still asked for "
+			       "every cycle",
+	},
 	VSMD_DRIVE_OPTIONS,
+};
+
+/* In the order of the option's words. */
+static const enum vsmd_can_report reports[] = {
+	VSMD_CAN_REPORT_ALL,
+	VSMD_CAN_REPORT_POSITION_STATUS,
+	VSMD_CAN_REPORT_POSITION,
 };
 
 struct db_device {
@@ -96,6 +116,7 @@ struct db_device {
 	struct vsmd_can_style style;
 	unsigned drive;
 	db_time report_interval; /* 0: drives are asked */
+	enum vsmd_can_report report;
 
 	struct vsmd_can_answer answer; /* of the exchange under way */
 	unsigned answer_to;            /* its number */
@@ -104,6 +125,11 @@ struct db_device {
 	uint32_t reported[VSMD_CAN_STATUS_REGS];
 	bool half_reported;
 	db_time reported_at;
+
+	/* Where no speed is read: the position from which one is computed. */
+	bool has_base;
+	int32_t base;
+	db_time base_at;
 
 	/* Registers: which ones this model has not, and what of a guarded read came. */
 	uint64_t lacks;
@@ -183,19 +209,39 @@ static enum db_step add_read(const struct db_device *device, enum vsmd_can_code 
 	return DB_STEP_SEND;
 }
 
+static enum db_step add_whole_status(const struct db_device *device, struct db_exchange *exchange,
+                                     enum db_result *result)
+{
+	return add_read(device, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED, VSMD_CAN_STATUS_REGS,
+	                exchange, result);
+}
+
+static enum db_step add_position_status(const struct db_device *device,
+                                        struct db_exchange *exchange, enum db_result *result)
+{
+	return add_read(device, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_POSITION, 2, exchange,
+	                result);
+}
+
+/* Whether what is read in cycles has no speed. */
+static bool lacks_speed(const struct db_device *device)
+{
+	return device->report == VSMD_CAN_REPORT_POSITION_STATUS;
+}
+
 static enum db_step read_status(const struct db_device *device, struct db_exchange *exchange,
                                 enum db_result *result)
 {
 	start_burst(exchange, true);
-	return add_read(device, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED, VSMD_CAN_STATUS_REGS,
-	                exchange, result);
+	return lacks_speed(device) ? add_position_status(device, exchange, result) :
+	                             add_whole_status(device, exchange, result);
 }
 
 static enum db_step add_confirmation(const struct db_device *device, struct db_exchange *exchange,
                                      enum db_result *result)
 {
-	return add_read(device, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_POSITION, 2, exchange,
-	                result);
+	return lacks_speed(device) ? add_whole_status(device, exchange, result) :
+	                             add_position_status(device, exchange, result);
 }
 
 /* Models differ in their registers, and a read that touches one that is not there is not answered at
@@ -307,10 +353,12 @@ static size_t frames_of(const struct vsmd_command *command, struct vsmd_can_comm
 static enum db_step link_ask(struct vsmd_axis *axis, const struct vsmd_command *command,
                              bool repeatable, struct db_exchange *exchange, enum db_result *result)
 {
-	const struct db_device *device = (const struct db_device *)axis;
+	struct db_device *device = (struct db_device *)axis;
 	struct vsmd_can_command frames[BURST_MAX - 1];
 	size_t count = frames_of(command, frames);
 
+	if (command->verb == VSMD_ORG || command->verb == VSMD_OFF)
+		device->has_base = false;
 	start_burst(exchange, repeatable);
 	for (size_t i = 0; i < count; i++) {
 		if (!add_command(&device->style, device->drive, &frames[i], exchange))
@@ -332,6 +380,10 @@ static enum db_step link_look(struct vsmd_axis *axis, enum vsmd_look look,
 		return add_read(device, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED, 1, exchange,
 		                result);
 	case VSMD_LOOK_POSITION:
+		/* A report of the position alone would look like its answer. */
+		if (device->report == VSMD_CAN_REPORT_POSITION)
+			return add_read(device, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED, 2,
+			                exchange, result);
 		return add_read(device, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_POSITION, 1, exchange,
 		                result);
 	case VSMD_LOOK_STATUS:
@@ -532,7 +584,7 @@ static enum db_step begin_identify(struct db_device *device, struct db_job *job,
 {
 	struct vsmd_can_command report = {
 		.code = VSMD_CAN_AUTO_RES_STS,
-		.report = device->report_interval > 0 ? VSMD_CAN_REPORT_ALL : VSMD_CAN_REPORT_NONE,
+		.report = device->report,
 		.has_interval = device->report_interval > 0,
 		.interval = (uint16_t)(device->report_interval / DB_NS_PER_MS),
 	};
@@ -679,16 +731,19 @@ static enum db_step answer_save(struct vsmd_axis *axis, enum db_result *result)
 static void take_look(struct db_device *device, db_time now)
 {
 	const struct vsmd_can_answer *answer = &device->answer;
-	uint32_t raw = answer->values[0];
+	unsigned first = answer->id.reg;
+	unsigned end = first + answer->count;
+	const uint32_t *position = &answer->values[VSMD_CAN_STATUS_POSITION - first];
 	float speed;
 
-	if (answer->id.reg == VSMD_CAN_STATUS_SPEED) {
-		memcpy(&speed, &raw, sizeof speed);
+	if (end > VSMD_CAN_STATUS_WORD)
+		vsmd_take_confirmation(&device->axis, (int32_t)position[0], position[1], now);
+	else if (end > VSMD_CAN_STATUS_POSITION)
+		vsmd_take_position(&device->axis, (int32_t)position[0], now);
+	/* With the position alone it would be of no use. */
+	if (first == VSMD_CAN_STATUS_SPEED && answer->count != 2) {
+		memcpy(&speed, &answer->values[0], sizeof speed);
 		vsmd_take_speed(&device->axis, speed);
-	} else if (answer->count == 1) {
-		vsmd_take_position(&device->axis, (int32_t)raw, now);
-	} else {
-		vsmd_take_confirmation(&device->axis, (int32_t)raw, answer->values[1], now);
 	}
 }
 
@@ -709,6 +764,54 @@ static void take_process(struct db_device *device, const uint32_t *values, db_ti
 
 	vsmd_can_get_status(values, &status);
 	vsmd_take_status(&device->axis, &status, now);
+	vsmd_follow_motion(&device->axis);
+}
+
+/*
+ * The velocity, from this position and the one before. Reports come at even times, whatever the line
+ * does to them on their way: `interval` is that of theirs, 0 of a position that was asked for.
+ */
+static float velocity_to(struct db_device *device, int32_t position, db_time interval, db_time now)
+{
+	db_time elapsed = now - device->base_at;
+	double velocity = 0.0;
+
+	if (interval > 0)
+		elapsed = (elapsed + interval / 2) / interval * interval;
+	if (elapsed < interval)
+		elapsed = interval;
+	if (device->has_base && elapsed > 0)
+		velocity = ((double)position - (double)device->base) /
+		           ((double)elapsed / (double)DB_NS_PER_S);
+	/* A position that was set, by a command under way or by hand, is no motion. */
+	device->has_base = device->axis.told_until <= now;
+	device->base = position;
+	device->base_at = now;
+	return fabs(velocity) > 2.0 * (double)VSMD_SPEED_MAX ? 0.0f : (float)velocity;
+}
+
+/* A position with the status that belongs to it, but no speed. */
+static void take_place(struct db_device *device, int32_t position, uint32_t word, db_time interval,
+                       db_time now)
+{
+	struct vsmd_status status = { .position = position, .status = word };
+	float velocity = velocity_to(device, position, interval, now);
+
+	/* A status of its own says that it stands. */
+	if (device->report == VSMD_CAN_REPORT_POSITION || !(word & VSMD_ST_STP))
+		status.velocity = velocity;
+	vsmd_take_status(&device->axis, &status, now);
+}
+
+static void take_poll(struct db_device *device, db_time now)
+{
+	const uint32_t *values = device->answer.values;
+
+	if (!lacks_speed(device)) {
+		take_process(device, values, now);
+		return;
+	}
+	take_place(device, (int32_t)values[0], values[1], 0, now);
 	vsmd_follow_motion(&device->axis);
 }
 
@@ -798,7 +901,7 @@ static enum db_step can_answer(struct db_device *device, struct db_job *job, con
 	case DB_JOB_IDENTIFY:
 		return answer_identify(device, job, exchange, result);
 	case DB_JOB_POLL:
-		take_process(device, device->answer.values, now);
+		take_poll(device, now);
 		return done(result, DB_RESULT_OK);
 	case DB_JOB_SETTINGS:
 		return answer_settings(device, job, exchange, result);
@@ -816,30 +919,72 @@ static enum db_step can_lost(struct db_device *device, struct db_job *job,
 
 /* --- reports ------------------------------------------------------------------------------------- */
 
-/* A report comes as the answer to a read of all three registers would: two frames, in this order. */
+/* All three registers come in two frames, in this order. */
+static bool report_of_all(struct db_device *device, const struct vsmd_can_message *message,
+                          db_time now)
+{
+	if (message->id.reg == VSMD_CAN_STATUS_SPEED && message->count == 2) {
+		memcpy(device->reported, message->values, 2 * sizeof message->values[0]);
+		device->half_reported = true;
+		return true;
+	}
+	if (message->id.reg != VSMD_CAN_STATUS_WORD || message->count != 1 ||
+	    !device->half_reported)
+		return false;
+	device->half_reported = false;
+	device->reported[VSMD_CAN_STATUS_WORD] = message->values[0];
+	device->reported_at = now;
+	take_process(device, device->reported, now);
+	return true;
+}
+
+static bool report_of_position_and_status(struct db_device *device,
+                                          const struct vsmd_can_message *message, db_time now)
+{
+	if (message->id.reg != VSMD_CAN_STATUS_POSITION || message->count != 2)
+		return false;
+	device->reported_at = now;
+	take_place(device, (int32_t)message->values[0], message->values[1], device->report_interval,
+	           now);
+	vsmd_follow_motion(&device->axis);
+	return true;
+}
+
+/* Its status is the one that was read last; what follows from that waits for the next. */
+static bool report_of_position(struct db_device *device, const struct vsmd_can_message *message,
+                               db_time now)
+{
+	if (message->id.reg != VSMD_CAN_STATUS_POSITION || message->count != 1)
+		return false;
+	if (device->axis.heard)
+		take_place(device, (int32_t)message->values[0], device->axis.last.status,
+		           device->report_interval, now);
+	return true;
+}
+
+/* A report comes as the answer to a read of what it holds would. */
 static bool can_report(struct db_device *device, const uint8_t *bytes, size_t length, db_time now)
 {
 	struct vsmd_can_message message;
 	struct db_can_frame frame;
 
-	if (device->report_interval == 0 || length != sizeof frame)
+	if (length != sizeof frame)
 		return false;
 	memcpy(&frame, bytes, sizeof frame);
 	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK ||
 	    message.id.control != VSMD_CAN_STATUS_REPLY)
 		return false;
-	if (message.id.reg == VSMD_CAN_STATUS_SPEED && message.count == 2) {
-		memcpy(device->reported, message.values, 2 * sizeof message.values[0]);
-		device->half_reported = true;
-		return true;
-	}
-	if (message.id.reg != VSMD_CAN_STATUS_WORD || message.count != 1 || !device->half_reported)
+	switch (device->report) {
+	case VSMD_CAN_REPORT_ALL:
+		return report_of_all(device, &message, now);
+	case VSMD_CAN_REPORT_POSITION_STATUS:
+		return report_of_position_and_status(device, &message, now);
+	case VSMD_CAN_REPORT_POSITION:
+		return report_of_position(device, &message, now);
+	case VSMD_CAN_REPORT_NONE:
+	default:
 		return false;
-	device->half_reported = false;
-	device->reported[VSMD_CAN_STATUS_WORD] = message.values[0];
-	device->reported_at = now;
-	take_process(device, device->reported, now);
-	return true;
+	}
 }
 
 static bool can_wants_poll(const struct db_device *device, db_time now)
@@ -860,6 +1005,7 @@ static void can_gone(struct db_device *device)
 	vsmd_axis_gone(&device->axis);
 	device->half_reported = false;
 	device->reported_at = 0;
+	device->has_base = false;
 }
 
 static const struct db_nameplate *can_nameplate(const struct db_device *device)
@@ -875,6 +1021,8 @@ static void can_init(struct db_device *device, struct db_device *first,
 	device->style = style_of(bus);
 	device->drive = drive->address;
 	device->report_interval = (db_time)bus->options[OPTION_REPORT_MS] * DB_NS_PER_MS;
+	if (device->report_interval > 0)
+		device->report = reports[(size_t)bus->options[OPTION_REPORT]];
 }
 
 /* --- the bus's side ---------------------------------------------------------------------------- */
@@ -983,7 +1131,7 @@ const struct db_driver db_driver_vsmd_can = {
 	.commands = VSMD_COMMANDS,
 	.measures = DB_MEASURE_INPUTS | DB_MEASURE_OUTPUTS,
 	.output_count = 6,
-	.params = vsmd_params,
+	.params = vsmd_can_params,
 	.param_count = VSMD_PARAM_COUNT,
 	.status_bits = vsmd_status_bits,
 	.status_bit_count = VSMD_STATUS_BITS,

@@ -105,7 +105,7 @@ static enum db_result serial_check_param(const struct db_bus_config *bus, size_t
                                          union db_value value)
 {
 	(void)bus;
-	if (param >= VSMD_PARAM_COUNT)
+	if (param >= VSMD_SERIAL_PARAM_COUNT)
 		return DB_RESULT_UNSUPPORTED;
 	return vsmd_param_in_range((enum vsmd_param)param, value) ? DB_RESULT_OK :
 	                                                            DB_RESULT_OUT_OF_RANGE;
@@ -492,7 +492,7 @@ const struct db_driver db_driver_vsmd_serial = {
 	.measures = DB_MEASURE_INPUTS | DB_MEASURE_OUTPUTS,
 	.output_count = 6,
 	.params = vsmd_params,
-	.param_count = VSMD_PARAM_COUNT,
+	.param_count = VSMD_SERIAL_PARAM_COUNT,
 	.status_bits = vsmd_status_bits,
 	.status_bit_count = VSMD_STATUS_BITS,
 	.param_page = 0,

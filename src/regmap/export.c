@@ -30,11 +30,21 @@ struct lines {
 	bool failed;
 };
 
+/* Of a parameter of the vendor's, what the map tells may differ from family to family. */
+static bool same_parameter(const struct db_entry *a, const struct db_entry *b)
+{
+	if (a->row || b->row || a->param == b->param)
+		return true;
+	return a->param->min == b->param->min && a->param->max == b->param->max &&
+	       strcmp(a->param->unit, b->param->unit) == 0 &&
+	       strcmp(a->param->description, b->param->description) == 0;
+}
+
 static bool same_line(const struct line *line, enum db_view view, const struct db_entry *entry)
 {
 	return line->view == view && line->entry.table == entry->table &&
 	       line->entry.cell.address == entry->cell.address &&
-	       strcmp(line->entry.name, entry->name) == 0;
+	       strcmp(line->entry.name, entry->name) == 0 && same_parameter(&line->entry, entry);
 }
 
 static bool make_room(struct lines *lines)
@@ -94,7 +104,9 @@ static int by_place(const void *a, const void *b)
 		return order[left->entry.table] - order[right->entry.table];
 	if (left->entry.cell.address != right->entry.cell.address)
 		return left->entry.cell.address < right->entry.cell.address ? -1 : 1;
-	return strcmp(left->entry.name, right->entry.name);
+	if (strcmp(left->entry.name, right->entry.name) != 0)
+		return strcmp(left->entry.name, right->entry.name);
+	return left->families < right->families ? -1 : 1;
 }
 
 static int collect(struct lines *lines)
@@ -118,7 +130,7 @@ static int collect(struct lines *lines)
 	for (unsigned i = 0; db_drivers[i]; i++) {
 		lines->family = i;
 		if (vsmd_layout_fits(db_drivers[i]))
-			vsmd_layout_each(add_line, lines);
+			vsmd_layout_each(db_drivers[i], add_line, lines);
 	}
 	if (lines->failed) {
 		free(lines->items);

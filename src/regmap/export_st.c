@@ -161,42 +161,42 @@ static void put_types(FILE *out)
 
 struct parameters {
 	FILE *out;
-	const struct db_driver *driver;
+	unsigned driver;
 };
+
+/* Families that share a page of registers share their name's first word. */
+static bool has_shown(unsigned driver, size_t param)
+{
+	for (unsigned i = 0; i < driver; i++) {
+		if (db_drivers[i]->param_page == db_drivers[driver]->param_page &&
+		    param < db_drivers[i]->param_count)
+			return true;
+	}
+	return false;
+}
 
 static void put_vendor_parameter(void *context, const struct db_entry *entry)
 {
 	const struct parameters *parameters = context;
+	const char *family = db_drivers[parameters->driver]->name;
 	char prefix[DB_ROW_NAME_MAX];
 
-	if (entry->row || !entry->param)
+	if (entry->row || !entry->param || has_shown(parameters->driver, entry->cell.param))
 		return;
-	snprintf(prefix, sizeof prefix, "DB_PAR_%.*s_", (int)strcspn(parameters->driver->name, "-"),
-	         parameters->driver->name);
+	snprintf(prefix, sizeof prefix, "DB_PAR_%.*s_", (int)strcspn(family, "-"), family);
 	for (char *at = prefix; *at; at++)
 		*at = (char)toupper((unsigned char)*at);
 	put_parameter(parameters->out, prefix, entry->name, (enum db_type)entry->cell.type,
 	              entry->cell.address);
 }
 
-/* Families that share their parameters share their name's first word. */
-static bool has_shown(unsigned driver)
-{
-	for (unsigned i = 0; i < driver; i++) {
-		if (db_drivers[i]->params == db_drivers[driver]->params)
-			return true;
-	}
-	return false;
-}
-
 static void put_vendor_parameters(FILE *out)
 {
 	for (unsigned i = 0; db_drivers[i]; i++) {
-		struct parameters parameters = { out, db_drivers[i] };
+		struct parameters parameters = { out, i };
 		struct db_scope scope = { .view = DB_VIEW_DRIVE, .driver = db_drivers[i] };
 
-		if (db_drivers[i]->param_count > 0 && !has_shown(i))
-			db_table_each(&scope, put_vendor_parameter, &parameters);
+		db_table_each(&scope, put_vendor_parameter, &parameters);
 	}
 }
 

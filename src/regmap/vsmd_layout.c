@@ -258,10 +258,11 @@ struct db_args vsmd_layout_args(const struct vsmd_code *entry, const struct vsmd
 
 bool vsmd_layout_fits(const struct db_driver *driver)
 {
-	return driver->params == vsmd_params;
+	return driver->params == vsmd_params || driver->params == vsmd_can_params;
 }
 
-static void visit_rows(enum db_table table, db_visit_fn *visit, void *context)
+static void visit_rows(const struct db_driver *driver, enum db_table table, db_visit_fn *visit,
+                       void *context)
 {
 	size_t count;
 	const struct vsmd_row *rows = vsmd_layout_rows(table, &count);
@@ -271,7 +272,7 @@ static void visit_rows(enum db_table table, db_visit_fn *visit, void *context)
 		struct db_entry entry = {
 			.cell = vsmd_layout_cell(&rows[i]),
 			.row = is_param ? NULL : &rows[i].row,
-			.param = is_param ? &vsmd_params[rows[i].param] : NULL,
+			.param = is_param ? &driver->params[rows[i].param] : NULL,
 			.table = table,
 		};
 
@@ -281,8 +282,8 @@ static void visit_rows(enum db_table table, db_visit_fn *visit, void *context)
 	}
 }
 
-void vsmd_layout_each(db_visit_fn *visit, void *context)
+void vsmd_layout_each(const struct db_driver *driver, db_visit_fn *visit, void *context)
 {
-	visit_rows(DB_TABLE_HOLDING, visit, context);
-	visit_rows(DB_TABLE_INPUT, visit, context);
+	visit_rows(driver, DB_TABLE_HOLDING, visit, context);
+	visit_rows(driver, DB_TABLE_INPUT, visit, context);
 }

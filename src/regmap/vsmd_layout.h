@@ -65,6 +65,6 @@ struct db_args vsmd_layout_args(const struct vsmd_code *entry, const struct vsmd
 bool vsmd_layout_fits(const struct db_driver *driver);
 
 /* For the documents: as db_table_each(). */
-void vsmd_layout_each(db_visit_fn *visit, void *context);
+void vsmd_layout_each(const struct db_driver *driver, db_visit_fn *visit, void *context);
 
 #endif

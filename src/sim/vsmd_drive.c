@@ -91,6 +91,8 @@ bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param,
 		return config->external;
 	case VSMD_RES:
 		return config->model == 80;
+	case VSMD_CAF:
+		return config->can;
 	default:
 		return true;
 	}

@@ -167,7 +167,7 @@ class RegisterMap:
 
     def parameters(self):
         """The vendor's parameters: the registers between the command block and the diagnostics."""
-        first, last = self.find("bdr").address, self.find("res").address
+        first, last = self.find("bdr").address, self.find("sds").address
         return [row for row in self.of_drive() if first <= row.address <= last]
 
 

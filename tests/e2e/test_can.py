@@ -170,6 +170,20 @@ def test_writing_mcs_never_disables(can):
     assert counts(can, "off") == 0
 
 
+def test_parameters_in_no_document(make_can):
+    can = make_can(drives=2, sim_per_drive={2: {"lacks": ["13", "19", "1b"]}})
+    can.wait_ready(1)
+    can.wait_ready(2)
+    drive = can.drive()
+    for number, name in enumerate(("dmd", "sds", "caf")):
+        assert drive.write(name, 0xFFFF0000 + number) == 0
+        assert drive.read(name) == 0xFFFF0000 + number
+        with pytest.raises(Refused) as refused:
+            can.drive(2).read(name)
+        assert refused.value.code == ILLEGAL_ADDRESS
+    assert can.drive(2).read("res") == 0
+
+
 def test_parameters_out_of_range(can):
     drive = can.drive()
     assert drive.write("bdr", 123456) == ILLEGAL_VALUE
@@ -332,6 +346,44 @@ def test_reports_take_the_place_of_polls(make_can):
     eventually(lambda: gateway.read("bus1_reports") > start + 50)
     polls = [line for line in can.sim.sent(mark, polls=True) if line.endswith("9E#0003")]
     assert len(polls) < 5
+
+
+def test_reports_without_speed(make_can):
+    """The velocity follows from the positions."""
+    can = make_can(bus={"report-ms": 10, "report": "position-status"})
+    drive = can.drive()
+    gateway = can.gateway()
+    eventually(lambda: gateway.read("bus1_reports") > 20)
+    assert drive.command("move_velocity", target_velocity=2000) == 0
+    eventually(lambda: abs(drive.read("velocity") - 2000) < 200, what="velocity")
+    assert drive.command("stop") == 0
+    state(can, STANDSTILL)
+    eventually(lambda: drive.read("velocity") == 0)
+    assert drive.command("set_position", target_position=0) == 0
+    assert drive.command("move_relative", target_position=500) == 0
+    eventually(lambda: drive.read("position") == 500)
+    mark = can.sim.mark()
+    start = gateway.read("bus1_reports")
+    eventually(lambda: gateway.read("bus1_reports") > start + 50)
+    assert len([line for line in can.sim.sent(mark, polls=True) if line.endswith("9E#0102")]) < 5
+
+
+def test_reports_of_the_position_alone(make_can):
+    """More often than drives are asked; what else there is to know comes with the cyclic reading."""
+    can = make_can(bus={"report-ms": 5, "report": "position", "cycle-ms": 100})
+    drive = can.drive()
+    gateway = can.gateway()
+    eventually(lambda: gateway.read("bus1_reports") > 20)
+    assert drive.command("move_velocity", target_velocity=2000) == 0
+    ages = []
+    eventually(lambda: ages.append(drive.read("age_ms")) or len(ages) > 100)
+    assert sorted(ages)[50] < 50
+    assert drive.command("stop") == 0
+    state(can, STANDSTILL)
+    goal = drive.read("position") - 300
+    assert drive.command("move_absolute", target_position=goal, target_velocity=0) == 0
+    eventually(lambda: drive.read("position") == goal)
+    state(can, STANDSTILL)
 
 
 # --- the adapter ------------------------------------------------------------------------------------------

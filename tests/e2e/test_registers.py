@@ -356,7 +356,7 @@ def test_parameters_are_what_the_drive_says(make_bridge):
     drive = bridge.drive()
     said = sim_parameters(bridge)
     rows = parameter_rows(bridge)
-    assert len(rows) == 56
+    assert len(rows) == 58
     for row in rows:
         assert drive.read(row.name) == pytest.approx(f32(number(said[row.name]))), row
 

@@ -82,6 +82,7 @@ TEMPERAMENTS = [
     *serial("numbers", "exponent", "Nothing."),
     *serial("numbers", "quoted", "Nothing."),
     *can("lacks", ["0b"], "02 for the parameters of that register."),
+    *can("lacks", ["13", "19", "1b"], "02 for `dmd`, `caf` and `sds`, which no document has."),
     *can("lacks", ["1c-2b"], "02 for the parameters of these registers."),
 ]
 

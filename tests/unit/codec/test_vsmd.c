@@ -102,7 +102,7 @@ static void table_is_the_documents(void **state)
 {
 	(void)state;
 	assert_int_equal(COUNT(rows), 56);
-	assert_int_equal(VSMD_PARAM_COUNT, 56);
+	assert_int_equal(VSMD_PARAM_COUNT, COUNT(rows) + 3); /* and those in no document */
 	for (size_t i = 0; i < COUNT(rows); i++) {
 		const struct db_param *param = &vsmd_params[i];
 
@@ -114,6 +114,25 @@ static void table_is_the_documents(void **state)
 		assert_true(param->max == rows[i].max);
 		assert_int_equal(param->max_is_model, rows[i].model);
 	}
+}
+
+/* Of the same names and types, so that registers are at the same addresses. */
+static void the_table_of_can_differs_in_two(void **state)
+{
+	(void)state;
+	for (size_t i = 0; i < VSMD_PARAM_COUNT; i++) {
+		const struct db_param *serial = &vsmd_params[i];
+		const struct db_param *can = &vsmd_can_params[i];
+		bool same = i != VSMD_BDR && i != VSMD_CID;
+
+		assert_string_equal(serial->name, can->name);
+		assert_int_equal((int)serial->type, (int)can->type);
+		assert_string_equal(serial->unit, can->unit);
+		assert_int_equal(strcmp(serial->description, can->description) == 0, same);
+		assert_int_equal(serial->min == can->min && serial->max == can->max, same);
+	}
+	assert_true(vsmd_can_params[VSMD_BDR].min == 20e3 && vsmd_can_params[VSMD_BDR].max == 1e6);
+	assert_true(vsmd_can_params[VSMD_CID].min == 1 && vsmd_can_params[VSMD_CID].max == 110);
 }
 
 static void descriptions_tell_the_point(void **state)
@@ -259,7 +278,7 @@ static void names_are_found(void **state)
 
 static void other_names_are_not(void **state)
 {
-	static const char *const others[] = { "",     "dmd",  "sds",  "BDR", "bd",
+	static const char *const others[] = { "",     "dmx",  "sd",   "BDR", "bd",
 		                              "bdrx", " bdr", "s7",   "s0",  "n4ratio",
 		                              "mbs",  "s",    "spd ", "ra",  "eratio\n" };
 
@@ -309,6 +328,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(table_is_the_documents),
+		cmocka_unit_test(the_table_of_can_differs_in_two),
 		cmocka_unit_test(descriptions_tell_the_point),
 		cmocka_unit_test(descriptions_warn_of_late_effect),
 		cmocka_unit_test(closed_loop_parameters_say_so),

@@ -1070,15 +1070,15 @@ static const struct {
 	{ 0x10, { "snr" } },
 	{ 0x11, { "zsd" } },
 	{ 0x12, { "zsp" } },
-	{ 0x13, { NULL } },
+	{ 0x13, { "dmd" } },
 	{ 0x14, { "dar" } },
 	{ 0x15, { "res" } },
 	{ 0x16, { NULL } },
 	{ 0x17, { "msr", "msv", "psr", "psv" } },
 	{ 0x18, { "pae" } },
-	{ 0x19, { NULL } },
+	{ 0x19, { "caf" } },
 	{ 0x1A, { "zar" } },
-	{ 0x1B, { NULL } },
+	{ 0x1B, { "sds" } },
 	{ 0x1C, { "zcr" } },
 	{ 0x1D, { "n1ratio" } },
 	{ 0x1E, { "n2ratio" } },
@@ -1108,7 +1108,6 @@ static void test_layout(void **state)
 		unsigned reg = layout[i].reg;
 		enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
 		size_t count = vsmd_can_params_of(reg, params);
-		bool raw = reg == 0x13 || reg == 0x19 || reg == 0x1B;
 		bool packed = (reg >= 0x09 && reg <= 0x0D) || reg == 0x17;
 
 		for (size_t j = 0; j < count; j++) {
@@ -1117,7 +1116,7 @@ static void test_layout(void **state)
 			assert_int_equal(vsmd_can_fields[params[j]].reg, reg);
 		}
 		assert_true(count == VSMD_CAN_FIELDS_MAX || layout[i].names[count] == NULL);
-		assert_int_equal(vsmd_can_reg_known(reg), count > 0 || raw);
+		assert_int_equal(vsmd_can_reg_known(reg), count > 0);
 		assert_int_equal(vsmd_can_reg_packed(reg), packed);
 		assert_true(vsmd_can_reg_reachable(reg, true));
 		assert_int_equal(vsmd_can_reg_reachable(reg, false), reg < 0x20);
@@ -1184,13 +1183,11 @@ static void test_every_parameter(void **state)
 	(void)state;
 	for (unsigned i = 0; i < VSMD_PARAM_COUNT; i++) {
 		enum vsmd_param param = (enum vsmd_param)i;
-		const struct db_param *row = &vsmd_params[i];
+		const struct db_param *row = &vsmd_can_params[i];
 		double ends[] = { row->min, row->max };
 
 		if (param == VSMD_BDR)
 			continue;
-		if (param == VSMD_CID)
-			ends[1] = VSMD_CAN_DRIVE_MAX;
 		if (param == VSMD_ERATIO)
 			ends[0] = 1;
 		for (size_t end = 0; end < COUNT(ends); end++) {
@@ -1203,7 +1200,7 @@ static void test_every_parameter(void **state)
 			assert_int_equal(vsmd_can_extract(param, raw, &back), VSMD_OK);
 			assert_int_equal(back.u, value.u);
 		}
-		if (row->type == DB_U16 || row->type == DB_U32) {
+		if ((row->type == DB_U16 || row->type == DB_U32) && row->max < UINT32_MAX) {
 			union db_value beyond = { .u = (uint32_t)ends[1] + 1 };
 			uint32_t raw = 0x12345678;
 

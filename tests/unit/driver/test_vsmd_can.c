@@ -50,7 +50,7 @@ static db_time wire_time(const struct db_bus_config *bus, const uint8_t *request
 
 static const struct db_transport wire = { .medium = DB_MEDIUM_CAN, .wire_time = wire_time };
 
-static struct fixture *make(double standard, double report_ms)
+static struct fixture *make_reporting(double standard, double report_ms, double report)
 {
 	struct fixture *f = calloc(1, sizeof *f);
 
@@ -62,9 +62,10 @@ static struct fixture *make(double standard, double report_ms)
 	f->bus.options[1] = 1; /* host-id */
 	f->bus.options[2] = 1; /* output-base */
 	f->bus.options[3] = report_ms;
-	f->drive.options[4] = REACTION_MS;
-	f->drive.options[5] = 500; /* save-ms */
-	f->drive.options[6] = 500; /* homing-pause-ms */
+	f->bus.options[4] = report;
+	f->drive.options[5] = REACTION_MS;
+	f->drive.options[6] = 500; /* save-ms */
+	f->drive.options[7] = 500; /* homing-pause-ms */
 	f->drive.address = 1;
 	f->drive.counts_per_unit = 1.0;
 	f->drive.min_position = f->drive.max_position = NAN;
@@ -75,6 +76,11 @@ static struct fixture *make(double standard, double report_ms)
 	assert_non_null(f->device);
 	db_driver_vsmd_can.init(f->device, NULL, &f->bus, &f->drive);
 	return f;
+}
+
+static struct fixture *make(double standard, double report_ms)
+{
+	return make_reporting(standard, report_ms, 0);
 }
 
 static void drop(struct fixture *f)
@@ -299,7 +305,7 @@ static void probe_and_identity(void **state)
 		blocks++;
 	}
 	assert_string_equal(f->said, "=ok");
-	assert_int_equal(blocks, 9);
+	assert_int_equal(blocks, 7);
 	assert_int_equal(db_driver_vsmd_can.nameplate(f->device)->values[VSMD_CID].u, 1);
 	assert_int_equal(db_driver_vsmd_can.nameplate(f->device)->values[VSMD_BDR].u, 100000);
 	drop(f);
@@ -1249,6 +1255,94 @@ static void reports_take_the_place_of_polls(void **state)
 	drop(f);
 }
 
+/* What is read in cycles and what confirms a command change places, so that no report confirms one. */
+static void reports_of_position_and_status(void **state)
+{
+	struct fixture *f = make_reporting(0, 50, 1);
+
+	(void)state;
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#020032 0008039E#0A07");
+	assert_string_equal(begin(f, DB_JOB_POLL), "0008039E#0102");
+	assert_string_equal(answer(f, frame_of(0x00080201, 0, STANDS, 8)), "=ok");
+	assert_true(db_driver_vsmd_can.wants_poll(f->device, f->now));
+	assert_true(report(f, frame_of(0x00080201, 100, RUNS, 8)));
+	assert_false(db_driver_vsmd_can.wants_poll(f->device, f->now));
+	/* A report that the line held up was sent in its time all the same. */
+	f->now += 62 * MS;
+	assert_true(report(f, frame_of(0x00080201, 200, RUNS, 8)));
+	assert_int_equal(feedback(f).position, 200);
+	assert_true(feedback(f).velocity == 2000.0f);
+	f->now += 50 * MS;
+	assert_true(report(f, frame_of(0x00080201, 250, STANDS, 8)));
+	assert_true(feedback(f).velocity == 0.0f);
+	assert_false(report(f, frame_of(0x00080200, 0, 77, 8)));
+	assert_false(report(f, frame_of(0x00080202, STANDS, 0, 4)));
+
+	f->request = (struct db_request){ .command = DB_CMD_ENABLE };
+	assert_string_equal(begin(f, DB_JOB_COMMAND), "00080381# 0008039E#0003");
+	assert_string_equal(answer(f, frame_of(0x00080201, 250, STANDS, 8)), "ignored");
+	assert_string_equal(answer(f, frame_of(0x00080200, 0, 250, 8)), "more");
+	assert_string_equal(answer(f, frame_of(0x00080202, STANDS, 0, 4)), "=ok");
+	drop(f);
+}
+
+static void a_position_that_was_set_is_no_motion(void **state)
+{
+	struct fixture *f = make_reporting(0, 50, 1);
+
+	(void)state;
+	assert_true(report(f, frame_of(0x00080201, 0, RUNS, 8)));
+	f->request = (struct db_request){ .command = DB_CMD_SET_POSITION,
+		                          .args.target_position = 5000 };
+	assert_string_equal(begin(f, DB_JOB_COMMAND), "00080383#00001388 0008039E#0003");
+	f->now += 50 * MS;
+	assert_true(report(f, frame_of(0x00080201, 10, RUNS, 8)));
+	f->now += 50 * MS;
+	assert_true(report(f, frame_of(0x00080201, 5020, RUNS, 8)));
+	assert_true(feedback(f).velocity == 0.0f);
+	drop(f);
+}
+
+/* The status is asked for as ever. */
+static void reports_of_the_position(void **state)
+{
+	struct fixture *f = make_reporting(0, 10, 2);
+
+	(void)state;
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#03000A 0008039E#0A07");
+	/* Nothing is shown of a drive whose status is not known. */
+	assert_true(report(f, frame_of(0x00080201, 100, 0, 4)));
+	assert_int_equal(feedback(f).state, DB_AXIS_OFFLINE);
+	assert_string_equal(begin(f, DB_JOB_POLL), "0008039E#0003");
+	assert_string_equal(answer(f, frame_of(0x00080200, 0, 100, 8)), "more");
+	assert_string_equal(answer(f, frame_of(0x00080202, RUNS, 0, 4)), "=ok");
+	assert_true(report(f, frame_of(0x00080201, 100, 0, 4)));
+	f->now += 10 * MS;
+	assert_true(report(f, frame_of(0x00080201, 90, 0, 4)));
+	assert_int_equal(feedback(f).position, 90);
+	assert_true(feedback(f).velocity == -1000.0f);
+	assert_int_equal(feedback(f).drive_status, RUNS);
+	assert_true(db_driver_vsmd_can.wants_poll(f->device, f->now));
+	assert_false(report(f, frame_of(0x00080201, 90, RUNS, 8)));
+	drop(f);
+}
+
+/* The readings that a relative move counts from do not look like reports. */
+static void a_relative_move_beside_reports_of_the_position(void **state)
+{
+	struct fixture *f = make_reporting(0, 10, 2);
+
+	(void)state;
+	f->request = (struct db_request){ .command = DB_CMD_MOVE_RELATIVE,
+		                          .args.target_position = 10 };
+	assert_string_equal(begin(f, DB_JOB_COMMAND), "0008039E#0102");
+	assert_string_equal(answer(f, frame_of(0x00080201, 100, STANDS, 8)), "0008039E#0002");
+	assert_string_equal(answer(f, frame_of(0x00080201, 99, 0, 4)), "ignored");
+	assert_string_equal(answer(f, frame_of(0x00080200, 0, 100, 8)),
+	                    "00080386#0000006E 0008039E#0102");
+	drop(f);
+}
+
 static void all_at_once(void **state)
 {
 	struct fixture *f = make(0, 0);
@@ -1306,6 +1400,10 @@ int main(void)
 		cmocka_unit_test(a_packed_register_keeps_its_other_parameters),
 		cmocka_unit_test(a_model_without_some_registers_is_identified_at_once),
 		cmocka_unit_test(reports_take_the_place_of_polls),
+		cmocka_unit_test(reports_of_position_and_status),
+		cmocka_unit_test(a_position_that_was_set_is_no_motion),
+		cmocka_unit_test(reports_of_the_position),
+		cmocka_unit_test(a_relative_move_beside_reports_of_the_position),
 		cmocka_unit_test(all_at_once),
 	};
 

@@ -98,6 +98,28 @@ static void registers_parse(void **state)
 	free(text);
 }
 
+/* A parameter that is another one on CAN has a row for each. */
+static void ranges_are_those_of_the_family(void **state)
+{
+	static const char *const rows[] = {
+		"\ndrive,holding,200,40201,bdr,u32,rw,bit/s,2400,921600,vsmd-serial,",
+		"\ndrive,holding,200,40201,bdr,u32,rw,bit/s,20000,1000000,vsmd-can,",
+		"\ndrive,holding,202,40203,cid,u16,rw,,1,32,vsmd-serial,",
+		"\ndrive,holding,202,40203,cid,u16,rw,,1,110,vsmd-can,",
+		"\nvsmd,holding,31,40032,cid,u16,rw,,1,32,vsmd-serial,",
+		"\nvsmd,holding,31,40032,cid,u16,rw,,1,110,vsmd-can,",
+		"\ndrive,holding,203,40204,mcs,u16,rw,,0,8,vsmd-serial vsmd-can,",
+	};
+	char *text = export(db_export_csv);
+
+	(void)state;
+	for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+		if (!strstr(text, rows[i]))
+			fail_msg("no row%s", rows[i]);
+	}
+	free(text);
+}
+
 static void result_lists_its_codes(void **state)
 {
 	char *text = export(db_export_csv);
@@ -226,6 +248,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(registers_parse),
+		cmocka_unit_test(ranges_are_those_of_the_family),
 		cmocka_unit_test(result_lists_its_codes),
 		cmocka_unit_test(status_lists_its_bits),
 		cmocka_unit_test(commands_parse),

@@ -272,7 +272,7 @@ static void the_map(void **state)
 	size_t seen = 0;
 
 	(void)state;
-	vsmd_layout_each(expect_row, &seen);
+	vsmd_layout_each(db_driver_find("vsmd-serial"), expect_row, &seen);
 	assert_int_equal(seen, MAP_ROWS);
 	for (unsigned i = 0; i < 2; i++) {
 		size_t count;
