@@ -3,7 +3,8 @@
  * The commander of one drive: decides which writes become requests to the bus, which are answered
  * from memory, and when their writers are answered. It is where "never executed twice" is kept.
  *
- * Network thread only. No clock, no I/O, no allocation after db_commander_new(); `now` is handed in.
+ * Network thread only. No clock, no I/O, no allocation but in db_commander_new() and db_commander_reserve();
+ * `now` is handed in.
  *
  * `client` is who asks; null: nobody in particular (the vendor's layout), who has no ids.
  *
@@ -73,7 +74,7 @@ struct db_commander_ops {
 	/* For the history: */
 	uint64_t (*wall_us)(void *context); /* since 1970-01-01 UTC */
 	/* For the log: each refusal once, not what is answered from memory. `client` is null for the
-	 * bridge's own. Not told are what was cancelled, what others tell of (a client that is not in
+	 * bridge's own; of others only address and port hold. Not told are what was cancelled, what others tell of (a client that is not in
 	 * control, a drive that runs on), and what is on its way. May be null. */
 	void (*refused)(void *context, const struct db_client *client,
 	                const struct db_refused_write *write);
@@ -83,7 +84,10 @@ struct db_commander_config {
 	const struct db_driver *driver;
 	const struct db_bus_config *bus_config;     /* for the driver's check() */
 	const struct db_drive_config *drive_config; /* likewise */
-	uint64_t commands;                          /* db_driver_commands() */
+	/* The commander of another drive of this bus, whose room for commands and parameter writes it
+	 * shares: as many as the bus takes. Null: there is none. */
+	const struct db_commander *neighbour;
+	uint64_t commands; /* db_driver_commands() */
 	const struct db_axis *axis;
 	uint16_t drive; /* its number, 0..65534; see struct db_bus_drive. Makes tickets unique */
 	bool ids_by_client; /* command-id-scope = client */
@@ -135,7 +139,7 @@ struct db_command_state {
 	uint32_t watchdog_trips;
 };
 
-/* Requests of one drive that may be pending. */
+/* Requests of one drive that may be pending, if its bus takes so many. */
 #define DB_COMMANDER_PENDING 16
 
 /* Stops have places of their own: two of each kind for clients, and the watchdog's. A bus has room for
@@ -153,8 +157,10 @@ void db_commander_free(struct db_commander *commander);
 
 /*
  * How writers are answered from now on; those that wait keep their time. When ids_by_client changes,
- * all ids are forgotten: the next of each is only a baseline.
+ * all ids are forgotten: the next of each is only a baseline. Memory for that is reserved before; it is
+ * given back when ids are the drive's again.
  */
+int db_commander_reserve(struct db_commander *commander, bool ids_by_client); /* 0 or -ENOMEM */
 void db_commander_set_writers(struct db_commander *commander, unsigned confirm_ms,
                               bool accept_writes, bool ids_by_client);
 
@@ -193,7 +199,7 @@ void db_commander_set_refused(struct db_commander *commander, const struct db_cl
 /* A command, or with NONE a parameter write, was refused before it came here: for the history, too. */
 void db_commander_refuse(struct db_commander *commander, const struct db_client *client,
                          const struct db_command_block *block, enum db_result result,
-                         uint16_t address, db_time now);
+                         uint16_t address);
 
 /* Ports of set_output that are known to be inputs, bit 0 = port 1: a set_outputs with one of them is
  * refused as a whole. */
@@ -221,9 +227,9 @@ db_time db_commander_next_deadline(const struct db_commander *commander);
  * that tripped now. */
 bool db_commander_expire(struct db_commander *commander, db_time now);
 
-/* age 0 is the newest; null: there are not so many. Valid until the next call. */
-const struct db_history_entry *db_commander_history(const struct db_commander *commander,
-                                                    size_t age);
+/* age 0 is the newest; false: there are not so many. */
+bool db_commander_history(const struct db_commander *commander, size_t age,
+                          struct db_history_entry *entry);
 
 /* The block as this client finds it: the arguments are everybody's, the id may be its own. */
 struct db_command_block db_commander_kept(struct db_commander *commander,

@@ -4,6 +4,7 @@
 #include "axis/follow.h"
 #include "axis/history.h"
 #include "axis/limits.h"
+#include "axis/pending.h"
 #include "axis/scale.h"
 #include "axis/supervise.h"
 #include "axis/watchdog.h"
@@ -15,8 +16,6 @@
 #include <modbus.h>
 #include <stdlib.h>
 #include <string.h>
-
-#define SLOTS (DB_COMMANDER_PENDING + DB_COMMANDER_STOPS)
 
 /* How often a motion under way is looked at, at most and at least. */
 #define LOOK_MIN (5 * DB_NS_PER_MS)
@@ -34,11 +33,6 @@
 /* How often a drive that was not there yet is looked for. */
 #define FIND_INTERVAL (100 * DB_NS_PER_MS)
 
-struct waiter {
-	struct db_write_token token;
-	db_time deadline;
-};
-
 /* Who asks for something. */
 struct origin {
 	const struct db_client *client; /* null: the bridge itself */
@@ -47,30 +41,14 @@ struct origin {
 	bool bare;                      /* ... without a command_id */
 };
 
-/* One request that the bus has. */
-struct slot {
-	uint32_t ticket; /* 0 = free */
-	uint32_t order;
-	enum db_command command; /* NONE: a parameter write */
-	uint16_t id;             /* command_id */
-	bool overtaken;          /* a stop was handed to the bus after it */
-	bool reaction;           /* the watchdog's stop */
-	bool again;         /* a stop that is to be handed to the bus once more when it ended */
-	bool over;          /* ... and has ended */
-	uint32_t ends_trip; /* the trip of the watchdog whose latch it ends; 0: none */
-	bool has_client;
-	struct db_client client; /* whose it is */
-	db_time arrived;
-	unsigned waiter_count;
-	struct waiter waiters[DB_COMMANDER_WAITERS];
-};
-
 struct db_commander {
 	struct db_commander_config config;
 	const struct db_commander_ops *ops;
 	void *context;
 
 	struct db_follow follow; /* the motion that the drive has begun last, if it has an end */
+	uint32_t follow_entry;   /* of that in the history */
+	db_time follow_arrived;
 	struct db_follow_config follow_config;
 	struct db_supervise supervise; /* the motion without one */
 	db_time look_at;               /* the next look at it */
@@ -88,7 +66,7 @@ struct db_commander {
 	uint32_t newest;         /* the command that was submitted last */
 	uint32_t submitted;      /* requests so far */
 	unsigned waiting;        /* waiters in all slots */
-	struct slot slots[SLOTS];
+	struct db_pending pending;
 	struct db_history history;
 };
 
@@ -112,16 +90,23 @@ static void init_follow(struct db_commander *commander)
 int db_commander_new(const struct db_commander_config *config, const struct db_commander_ops *ops,
                      void *context, struct db_commander **commander)
 {
+	const struct db_pending *neighbour = config->neighbour ? &config->neighbour->pending : NULL;
 	struct db_commander *made = calloc(1, sizeof *made);
 
 	if (!made)
 		return -ENOMEM;
+	if (db_pending_init(&made->pending, config->bus_config->queue, neighbour) != 0 ||
+	    (config->ids_by_client && db_writers_reserve(&made->writers) != 0)) {
+		db_commander_free(made);
+		return -ENOMEM;
+	}
 	made->config = *config;
+	made->config.neighbour = NULL;
 	made->ops = ops;
 	made->context = context;
 	made->react_at = DB_TIME_NEVER;
 	made->again_at = DB_TIME_NEVER;
-	made->writers.by_address = config->ids_by_client;
+	db_writers_set(&made->writers, config->ids_by_client);
 	init_follow(made);
 	db_watchdog_init(&made->watchdog,
 	                 config->on_client_loss == DB_CMD_NONE ? 0 : config->watchdog_ms,
@@ -133,6 +118,10 @@ int db_commander_new(const struct db_commander_config *config, const struct db_c
 
 void db_commander_free(struct db_commander *commander)
 {
+	if (!commander)
+		return;
+	db_pending_release(&commander->pending);
+	db_writers_release(&commander->writers);
 	free(commander);
 }
 
@@ -141,26 +130,20 @@ uint16_t db_ticket_drive(uint32_t ticket)
 	return (uint16_t)((ticket >> 16) - 1);
 }
 
-static struct slot *slot_of(struct db_commander *commander, uint32_t ticket)
+static struct db_slot *slot_of(struct db_commander *commander, uint32_t ticket)
 {
-	for (size_t i = 0; i < SLOTS && ticket != 0; i++) {
-		if (commander->slots[i].ticket == ticket)
-			return &commander->slots[i];
-	}
-	return NULL;
+	return db_pending_find(&commander->pending, ticket);
 }
 
 /* The clients' stops of one kind that are pending, and the youngest of them; null. */
-static struct slot *youngest_stop(struct db_commander *commander, enum db_command command,
-                                  unsigned *count)
+static struct db_slot *youngest_stop(struct db_commander *commander, enum db_command command,
+                                     unsigned *count)
 {
-	struct slot *youngest = NULL;
+	struct db_slot *youngest = NULL;
 
 	*count = 0;
-	for (size_t i = DB_COMMANDER_PENDING; i < SLOTS; i++) {
-		struct slot *slot = &commander->slots[i];
-
-		if (slot->ticket == 0 || slot->reaction || slot->command != command)
+	for (struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
+		if (!db_command_is_stop(command) || slot->reaction || slot->command != command)
 			continue;
 		(*count)++;
 		if (!youngest ||
@@ -170,29 +153,15 @@ static struct slot *youngest_stop(struct db_commander *commander, enum db_comman
 	return youngest;
 }
 
-/* Stops have theirs, which their number never exceeds. */
-static struct slot *free_slot(struct db_commander *commander, enum db_command command)
-{
-	bool stop = db_command_is_stop(command);
-	size_t first = stop ? DB_COMMANDER_PENDING : 0;
-	size_t end = stop ? SLOTS : DB_COMMANDER_PENDING;
-
-	for (size_t i = first; i < end; i++) {
-		if (commander->slots[i].ticket == 0)
-			return &commander->slots[i];
-	}
-	return NULL;
-}
-
 /* The writer waits for the slot's end, unless it is not to wait or there is no room. */
-static int wait_for(struct db_commander *commander, struct slot *slot, struct db_write_token token,
-                    db_time now)
+static int wait_for(struct db_commander *commander, struct db_slot *slot,
+                    struct db_write_token token, db_time now)
 {
 	if (commander->config.accept_writes)
 		return 0;
 	if (slot->waiter_count == DB_COMMANDER_WAITERS)
 		return MODBUS_EXCEPTION_ACKNOWLEDGE;
-	slot->waiters[slot->waiter_count++] = (struct waiter){
+	slot->waiters[slot->waiter_count++] = (struct db_waiter){
 		.token = token,
 		.deadline = now + (db_time)commander->config.confirm_ms * DB_NS_PER_MS,
 	};
@@ -268,8 +237,8 @@ static const struct db_used_id *repeated(const struct origin *by,
 /* What the drive's parameters will be is open. */
 static bool settings_are_pending(const struct db_commander *commander)
 {
-	for (size_t i = 0; i < SLOTS; i++) {
-		if (commander->slots[i].ticket != 0 && commander->slots[i].command == DB_CMD_NONE)
+	for (const struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
+		if (slot->command == DB_CMD_NONE)
 			return true;
 	}
 	return false;
@@ -392,10 +361,12 @@ static void stamp(const struct db_commander *commander, const struct db_client *
 	entry->port = client->port;
 }
 
+/* `slot` is null for what ends without the bus. */
 static void record(struct db_commander *commander, const struct db_client *client,
                    const struct db_command_block *block, uint16_t id, enum db_result result,
-                   uint32_t ticket, db_time now)
+                   struct db_slot *slot)
 {
+	uint32_t number;
 	struct db_history_entry entry = {
 		.command_id = id,
 		.command = block->command,
@@ -404,7 +375,9 @@ static void record(struct db_commander *commander, const struct db_client *clien
 
 	stamp(commander, client, &entry);
 	db_history_args(&entry, block->command, &block->args);
-	db_history_add(&commander->history, &entry, ticket, now);
+	number = db_history_add(&commander->history, &entry, slot != NULL);
+	if (slot)
+		slot->entry = number;
 }
 
 /* Everybody who may read reads the history. */
@@ -415,8 +388,9 @@ static bool is_secret(const struct db_commander *commander, unsigned param)
 
 static void record_settings(struct db_commander *commander, const struct db_client *client,
                             const struct db_setting *settings, enum db_result result,
-                            uint32_t ticket, db_time now)
+                            struct db_slot *slot)
 {
+	uint32_t number;
 	struct db_history_entry entry = {
 		.number = settings[0].param,
 		.value = is_secret(commander, settings[0].param) ? 0 : settings[0].value.u,
@@ -424,7 +398,9 @@ static void record_settings(struct db_commander *commander, const struct db_clie
 	};
 
 	stamp(commander, client, &entry);
-	db_history_add(&commander->history, &entry, ticket, now);
+	number = db_history_add(&commander->history, &entry, slot != NULL);
+	if (slot)
+		slot->entry = number;
 }
 
 static bool is_refusal(enum db_result result)
@@ -460,8 +436,7 @@ static bool sets_in_motion(enum db_command command)
 
 /* Ends a command without the bus. */
 static int refuse(struct db_commander *commander, const struct origin *by,
-                  const struct db_command_block *block, uint16_t id, enum db_result result,
-                  db_time now)
+                  const struct db_command_block *block, uint16_t id, enum db_result result)
 {
 	show(commander, by->writer, id, block->command, result, 0);
 	if (sets_in_motion((enum db_command)block->command)) {
@@ -469,7 +444,7 @@ static int refuse(struct db_commander *commander, const struct origin *by,
 		if (by->writer)
 			db_outcome_refuse_motion(&by->writer->shown);
 	}
-	record(commander, by->client, block, id, result, 0, now);
+	record(commander, by->client, block, id, result, NULL);
 	tell_refusal(commander, by->client,
 	             &(struct db_refused_write){
 			     .command = (enum db_command)block->command,
@@ -545,8 +520,8 @@ static void abort_motion(struct db_commander *commander, db_time now)
 	db_outcome_cancel_motion(&commander->shown);
 	db_writers_cancel_motion(&commander->writers);
 	if (commander->follow.active)
-		db_history_end(&commander->history, commander->follow.ticket, DB_RESULT_CANCELLED,
-		               now);
+		db_history_end(&commander->history, commander->follow_entry, DB_RESULT_CANCELLED,
+		               now - commander->follow_arrived);
 	commander->follow.active = false;
 }
 
@@ -566,9 +541,9 @@ static void note_submitted(struct db_commander *commander, struct db_writer *wri
 	if (!db_command_is_stop(command))
 		return;
 	abort_motion(commander, now);
-	for (size_t i = 0; i < SLOTS; i++) {
-		if (sets_in_motion(commander->slots[i].command))
-			commander->slots[i].overtaken = true;
+	for (struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
+		if (sets_in_motion(slot->command))
+			slot->overtaken = true;
 	}
 }
 
@@ -583,12 +558,12 @@ static uint32_t new_ticket(struct db_commander *commander)
 	while (slot_of(commander, ticket));
 	db_writers_retire(&commander->writers, ticket);
 	db_outcome_retire(&commander->shown, ticket);
-	db_history_retarget(&commander->history, ticket, 0);
 	return ticket;
 }
 
 /* Who waits for the older stop, or would be told of it, waits for the younger one. */
-static void take_place(struct db_commander *commander, struct slot *older, struct slot *younger)
+static void take_place(struct db_commander *commander, struct db_slot *older,
+                       struct db_slot *younger)
 {
 	memcpy(younger->waiters, older->waiters, sizeof younger->waiters);
 	younger->waiter_count = older->waiter_count;
@@ -599,25 +574,27 @@ static void take_place(struct db_commander *commander, struct slot *older, struc
 
 /* False when the drive's or the bus's queue is full. */
 static bool submit(struct db_commander *commander, const struct db_client *client,
-                   struct db_request *request, uint16_t id, struct slot **slot)
+                   struct db_request *request, uint16_t id, struct db_slot **slot)
 {
-	*slot = free_slot(commander, request->command);
+	struct db_slot taken = { .command = request->command };
+
+	*slot = db_pending_place(&commander->pending, request->command);
 	if (!*slot)
 		return false;
 	request->ticket = new_ticket(commander);
 	request->axis = commander->config.drive;
 	if (!commander->ops->submit(commander->context, request))
 		return false;
-	**slot = (struct slot){
-		.ticket = request->ticket,
-		.order = commander->submitted - 1,
-		.command = request->command,
-		.id = id,
-		.has_client = client != NULL,
-		.arrived = request->submitted,
-	};
-	if (client)
-		(*slot)->client = *client;
+	taken.ticket = request->ticket;
+	taken.order = commander->submitted - 1;
+	taken.id = id;
+	taken.arrived = request->submitted;
+	if (client) {
+		taken.has_client = true;
+		taken.port = client->port;
+		memcpy(taken.address, client->address, sizeof taken.address);
+	}
+	db_pending_add(&commander->pending, *slot, &taken);
 	return true;
 }
 
@@ -643,8 +620,8 @@ static bool clears_latch(const struct db_commander *commander, enum db_command c
 /* A stop is to be handed to the bus as soon as one before it ended. */
 static bool stop_is_due(const struct db_commander *commander)
 {
-	for (size_t i = DB_COMMANDER_PENDING; i < SLOTS; i++) {
-		if (commander->slots[i].ticket != 0 && commander->slots[i].again)
+	for (const struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
+		if (slot->again)
 			return true;
 	}
 	return false;
@@ -656,21 +633,21 @@ static int carry_out(struct db_commander *commander, const struct origin *by,
 {
 	struct db_request request = { 0 };
 	enum db_result result = reach(commander, (enum db_command)block->command);
-	struct slot *older;
-	struct slot *slot;
+	struct db_slot *older;
+	struct db_slot *slot;
 	unsigned count;
 
 	if (result != DB_RESULT_OK)
-		return refuse(commander, by, block, id, result, now);
+		return refuse(commander, by, block, id, result);
 	request.command = (enum db_command)block->command;
 	request.args = block->args;
 	request.submitted = now;
 	older = youngest_stop(commander, request.command, &count);
 	/* It would be sent before a stop that came before it. */
 	if (!db_command_is_stop(request.command) && stop_is_due(commander))
-		return refuse(commander, by, block, id, DB_RESULT_BUSY, now);
+		return refuse(commander, by, block, id, DB_RESULT_BUSY);
 	if (!submit(commander, by->client, &request, id, &slot))
-		return refuse(commander, by, block, id, DB_RESULT_BUSY, now);
+		return refuse(commander, by, block, id, DB_RESULT_BUSY);
 	if (older)
 		take_place(commander, older, slot);
 	if (clears_latch(commander, request.command))
@@ -678,7 +655,7 @@ static int carry_out(struct db_commander *commander, const struct origin *by,
 	if (db_command_is_motion(request.command))
 		db_watchdog_arm(&commander->watchdog, db_client_arrived(by->client, now));
 	note_submitted(commander, by->writer, request.command, now);
-	record(commander, by->client, block, id, DB_RESULT_PENDING, request.ticket, now);
+	record(commander, by->client, block, id, DB_RESULT_PENDING, slot);
 	commander->newest = request.ticket;
 	if (by->writer && by->block)
 		note_executed(by->writer, block, id, DB_RESULT_PENDING, request.ticket);
@@ -690,7 +667,7 @@ static int carry_out(struct db_commander *commander, const struct origin *by,
 static int repeat(struct db_commander *commander, struct db_writer *writer,
                   const struct db_used_id *first, struct db_write_token token, db_time now)
 {
-	struct slot *slot = slot_of(commander, first->ticket);
+	struct db_slot *slot = slot_of(commander, first->ticket);
 
 	show_write(commander, writer, first->result, slot ? slot->ticket : 0);
 	if (slot)
@@ -705,10 +682,10 @@ static int repeat(struct db_commander *commander, struct db_writer *writer,
  * the bus once more. An older one must not be joined as it is, because what was queued after it would
  * run after both: where there is no place for another of its kind, it will be said again.
  */
-static struct slot *joinable(struct db_commander *commander, enum db_command command)
+static struct db_slot *joinable(struct db_commander *commander, enum db_command command)
 {
-	struct slot *newest = slot_of(commander, commander->newest);
-	struct slot *youngest;
+	struct db_slot *newest = slot_of(commander, commander->newest);
+	struct db_slot *youngest;
 	unsigned count;
 
 	if (newest && newest->command == command)
@@ -721,7 +698,7 @@ static struct slot *joinable(struct db_commander *commander, enum db_command com
 	return youngest;
 }
 
-static int join(struct db_commander *commander, const struct origin *by, struct slot *slot,
+static int join(struct db_commander *commander, const struct origin *by, struct db_slot *slot,
                 const struct db_command_block *block, uint16_t id, struct db_write_token token,
                 db_time now)
 {
@@ -731,7 +708,7 @@ static int join(struct db_commander *commander, const struct origin *by, struct 
 		note_executed(by->writer, block, id, DB_RESULT_PENDING, slot->ticket);
 	if (slot->again)
 		note_submitted(commander, by->writer, slot->command, now);
-	db_history_repeat(&commander->history, slot->ticket);
+	db_history_repeat(&commander->history, slot->entry);
 	show(commander, by->writer, id, block->command, DB_RESULT_PENDING, slot->ticket);
 	return wait_for(commander, slot, token, now);
 }
@@ -811,11 +788,11 @@ static int end_latch(struct db_commander *commander, const struct origin *by,
 	enum db_result result = reach(commander, DB_CMD_CLEAR_FAULT);
 
 	if (result != DB_RESULT_OK)
-		return refuse(commander, by, block, id, result, now);
+		return refuse(commander, by, block, id, result);
 	unlatch(commander, now);
 	if (by->writer && by->block)
 		note_executed(by->writer, block, id, DB_RESULT_OK, 0);
-	return refuse(commander, by, block, id, DB_RESULT_OK, now);
+	return refuse(commander, by, block, id, DB_RESULT_OK);
 }
 
 /* Without a writer there is no id. */
@@ -827,13 +804,13 @@ static int decide(struct db_commander *commander, const struct origin *by,
 	bool stop = db_command_is_stop(code);
 	const struct db_used_id *first = stop || !by->writer ? NULL : repeated(by, block, id);
 	enum db_result result;
-	struct slot *slot;
+	struct db_slot *slot;
 
 	if (first)
 		return repeat(commander, by->writer, first, token, now);
 	result = permit(commander, by->writer, block, id);
 	if (result != DB_RESULT_OK)
-		return refuse(commander, by, block, id, result, now);
+		return refuse(commander, by, block, id, result);
 	if (clears_latch(commander, code) && is_only_latched(commander))
 		return end_latch(commander, by, block, id, now);
 	slot = stop ? joinable(commander, code) : NULL;
@@ -855,18 +832,18 @@ static int command(struct db_commander *commander, const struct origin *by,
 
 /* What is staged is checked now, so that the start of a group finds no surprises. */
 static int stage(struct db_commander *commander, const struct origin *by,
-                 const struct db_command_write *write, db_time now)
+                 const struct db_command_write *write)
 {
 	struct db_command_block block = write->block;
 	enum db_result result;
 
 	block.command = block.staged_command;
 	if (write->has_command && write->block.command != DB_CMD_NONE)
-		return refuse(commander, by, &block, 0, DB_RESULT_OUT_OF_RANGE, now);
+		return refuse(commander, by, &block, 0, DB_RESULT_OUT_OF_RANGE);
 	result = check(&commander->config, block.command, &block.args);
 	if (result == DB_RESULT_OK)
 		result = check_limits(commander, by->writer, &block);
-	return result == DB_RESULT_OK ? 0 : refuse(commander, by, &block, 0, result, now);
+	return result == DB_RESULT_OK ? 0 : refuse(commander, by, &block, 0, result);
 }
 
 enum db_command db_commander_staged(const struct db_commander *commander)
@@ -908,7 +885,7 @@ int db_commander_write(struct db_commander *commander, const struct db_client *c
 		by.writer = db_writers_claim(&commander->writers, client, now);
 	/* Whatever else stands in the block, a stop is a stop. */
 	if (stages && !(commands && db_command_is_stop((enum db_command)write->block.command)))
-		answer = stage(commander, &by, write, now);
+		answer = stage(commander, &by, write);
 	else if (commands)
 		answer = command(commander, &by, &write->block, id_of(by.writer, write), token,
 		                 now);
@@ -955,7 +932,7 @@ void db_commander_set_refused(struct db_commander *commander, const struct db_cl
 
 void db_commander_refuse(struct db_commander *commander, const struct db_client *client,
                          const struct db_command_block *block, enum db_result result,
-                         uint16_t address, db_time now)
+                         uint16_t address)
 {
 	const struct db_setting unknown = { .param = DB_HISTORY_UNKNOWN };
 
@@ -966,9 +943,9 @@ void db_commander_refuse(struct db_commander *commander, const struct db_client 
 			     .result = result,
 		     });
 	if (block->command == DB_CMD_NONE)
-		record_settings(commander, client, &unknown, result, 0, now);
+		record_settings(commander, client, &unknown, result, NULL);
 	else
-		record(commander, client, block, block->command_id, result, 0, now);
+		record(commander, client, block, block->command_id, result, NULL);
 }
 
 int db_commander_set(struct db_commander *commander, const struct db_client *client,
@@ -978,7 +955,7 @@ int db_commander_set(struct db_commander *commander, const struct db_client *cli
 	struct db_writer *writer = db_writers_find(&commander->writers, client);
 	struct db_request request = { 0 };
 	enum db_result result = check_acceleration(commander, writer, settings, count);
-	struct slot *slot = NULL;
+	struct db_slot *slot = NULL;
 
 	if (result == DB_RESULT_OK)
 		result = reach(commander, DB_CMD_NONE);
@@ -989,7 +966,7 @@ int db_commander_set(struct db_commander *commander, const struct db_client *cli
 		result = DB_RESULT_BUSY;
 	if (result != DB_RESULT_OK) {
 		show_write(commander, writer, result, 0);
-		record_settings(commander, client, settings, result, 0, now);
+		record_settings(commander, client, settings, result, NULL);
 		tell_refusal(
 			commander, client,
 			&(struct db_refused_write){
@@ -1000,18 +977,18 @@ int db_commander_set(struct db_commander *commander, const struct db_client *cli
 	}
 	/* A later stop is not to join one from before this, which would leave it standing. */
 	commander->newest = request.ticket;
-	record_settings(commander, client, settings, DB_RESULT_PENDING, request.ticket, now);
+	record_settings(commander, client, settings, DB_RESULT_PENDING, slot);
 	show_write(commander, writer, DB_RESULT_PENDING, request.ticket);
 	return wait_for(commander, slot, token, now);
 }
 
 /* --- how it ended ---------------------------------------------------------------------------------- */
 
-static void answer_waiters(struct db_commander *commander, struct slot *slot, uint8_t exception)
+static void answer_waiters(struct db_commander *commander, struct db_slot *slot, uint8_t exception)
 {
 	/* Taken out first: an answer may let the writer's next request in. */
 	unsigned count = slot->waiter_count;
-	struct waiter waiters[DB_COMMANDER_WAITERS];
+	struct db_waiter waiters[DB_COMMANDER_WAITERS];
 
 	memcpy(waiters, slot->waiters, sizeof waiters);
 	slot->waiter_count = 0;
@@ -1028,14 +1005,18 @@ void db_commander_set_writers(struct db_commander *commander, unsigned confirm_m
 	if (commander->writers.by_address == ids_by_client)
 		return;
 	/* Whose an id was cannot be said any more: each begins with a baseline again. */
-	commander->writers = (struct db_writers){ .by_address = ids_by_client };
+	db_writers_set(&commander->writers, ids_by_client);
+}
+
+int db_commander_reserve(struct db_commander *commander, bool ids_by_client)
+{
+	return ids_by_client ? db_writers_reserve(&commander->writers) : 0;
 }
 
 void db_commander_dismiss(struct db_commander *commander)
 {
-	for (size_t i = 0; i < SLOTS; i++)
-		answer_waiters(commander, &commander->slots[i],
-		               db_result_exception(DB_RESULT_CANCELLED));
+	for (struct db_slot *slot = commander->pending.first; slot; slot = slot->next)
+		answer_waiters(commander, slot, db_result_exception(DB_RESULT_CANCELLED));
 }
 
 /* The command did nothing: whatever moved before goes on. */
@@ -1051,11 +1032,17 @@ static bool never_began(enum db_result result)
 	}
 }
 
-/* The drive has taken it: its result stays ok, unless the motion ends badly. */
-static void note_begun(struct db_commander *commander, const struct slot *slot, db_time now)
+static struct db_writer *writer_of(struct db_commander *commander, const struct db_slot *slot)
 {
-	const struct db_client *client = slot->has_client ? &slot->client : NULL;
-	struct db_writer *writer = db_writers_find(&commander->writers, client);
+	struct db_client client;
+
+	return db_writers_find(&commander->writers, db_slot_client(slot, &client));
+}
+
+/* The drive has taken it: its result stays ok, unless the motion ends badly. */
+static void note_begun(struct db_commander *commander, const struct db_slot *slot, db_time now)
+{
+	struct db_writer *writer = writer_of(commander, slot);
 	bool ends = db_follow_applies(slot->command);
 
 	abort_motion(commander, now);
@@ -1069,24 +1056,25 @@ static void note_begun(struct db_commander *commander, const struct slot *slot, 
 	if (slot->overtaken || !ends)
 		return;
 	db_follow_begin(&commander->follow, slot->command, slot->ticket, now);
+	commander->follow_entry = slot->entry;
+	commander->follow_arrived = slot->arrived;
 	commander->look_at = now + LOOK_MIN;
 }
 
 /* The drive did not take it. */
-static void note_refused(struct db_commander *commander, const struct slot *slot)
+static void note_refused(struct db_commander *commander, const struct db_slot *slot)
 {
-	const struct db_client *client = slot->has_client ? &slot->client : NULL;
-	struct db_writer *writer = db_writers_find(&commander->writers, client);
+	struct db_writer *writer = writer_of(commander, slot);
 
 	db_outcome_refuse_motion(&commander->shown);
 	if (writer)
 		db_outcome_refuse_motion(&writer->shown);
 }
 
-static void note_ended(struct db_commander *commander, const struct slot *slot,
+static void note_ended(struct db_commander *commander, const struct db_slot *slot,
                        enum db_result result, db_time now)
 {
-	db_history_end(&commander->history, slot->ticket, result, now);
+	db_history_end(&commander->history, slot->entry, result, now - slot->arrived);
 	if (!sets_in_motion(slot->command))
 		return;
 	if (never_began(result)) {
@@ -1102,8 +1090,8 @@ static void note_ended(struct db_commander *commander, const struct slot *slot,
 /* A motion is on its way to the drive: whether the one before reaches its end is open. */
 static bool motion_is_pending(const struct db_commander *commander)
 {
-	for (size_t i = 0; i < SLOTS; i++) {
-		if (commander->slots[i].ticket != 0 && sets_in_motion(commander->slots[i].command))
+	for (const struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
+		if (sets_in_motion(slot->command))
 			return true;
 	}
 	return false;
@@ -1114,14 +1102,14 @@ static void hold_back(struct db_commander *commander, enum db_limit limit, db_ti
 {
 	struct db_command_block block = { .command = DB_CMD_STOP };
 	struct db_request request = { .command = DB_CMD_STOP, .submitted = now };
-	struct slot *slot;
+	struct db_slot *slot;
 
 	if (!submit(commander, NULL, &request, 0, &slot)) {
 		commander->supervise.stopped = false;
 		return;
 	}
 	note_submitted(commander, NULL, request.command, now);
-	record(commander, NULL, &block, 0, DB_RESULT_PENDING, request.ticket, now);
+	record(commander, NULL, &block, 0, DB_RESULT_PENDING, slot);
 	commander->newest = request.ticket;
 	show(commander, NULL, 0, block.command, DB_RESULT_PENDING, request.ticket);
 	(void)show_limit(commander, NULL, limit);
@@ -1157,7 +1145,8 @@ static void look_at_motion(struct db_commander *commander, db_time now)
 	                        now);
 	if (result == DB_RESULT_PENDING)
 		return;
-	db_history_end(&commander->history, commander->follow.ticket, result, now);
+	db_history_end(&commander->history, commander->follow_entry, result,
+	               now - commander->follow_arrived);
 	db_outcome_end_motion(&commander->shown, commander->follow.ticket, result);
 	db_writers_end_motion(&commander->writers, commander->follow.ticket, result);
 }
@@ -1176,7 +1165,7 @@ static void note_reaction(struct db_commander *commander, enum db_result result,
  * A stop that came behind something else while there was no place for another of its kind is handed
  * to the bus now, where the place of the one before has just become free.
  */
-static void say_again(struct db_commander *commander, struct slot *slot, db_time now)
+static void say_again(struct db_commander *commander, struct db_slot *slot, db_time now)
 {
 	struct db_request request = {
 		.ticket = new_ticket(commander),
@@ -1196,7 +1185,6 @@ static void say_again(struct db_commander *commander, struct slot *slot, db_time
 	slot->order = commander->submitted - 1;
 	db_writers_retarget(&commander->writers, before, slot->ticket);
 	db_outcome_retarget(&commander->shown, before, slot->ticket);
-	db_history_retarget(&commander->history, before, slot->ticket);
 	commander->newest = slot->ticket;
 	if (commander->react_ticket == before)
 		commander->react_ticket = slot->ticket;
@@ -1207,9 +1195,9 @@ static void say_all_again(struct db_commander *commander, db_time now)
 	if (commander->again_at > now)
 		return;
 	commander->again_at = DB_TIME_NEVER;
-	for (size_t i = DB_COMMANDER_PENDING; i < SLOTS; i++) {
-		if (commander->slots[i].ticket != 0 && commander->slots[i].over)
-			say_again(commander, &commander->slots[i], now);
+	for (struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
+		if (slot->over)
+			say_again(commander, slot, now);
 	}
 }
 
@@ -1223,11 +1211,12 @@ static uint32_t microseconds(db_time span)
 void db_commander_complete(struct db_commander *commander, const struct db_completion *completion,
                            db_time now)
 {
-	struct slot *slot = slot_of(commander, completion->ticket);
+	struct db_slot *slot = slot_of(commander, completion->ticket);
 	/* To the confirmation itself, not to when this thread came to hear of it. */
 	db_time end = completion->finished ? completion->finished : now;
 	uint32_t took_us;
-	struct slot ended;
+	struct db_client client;
+	struct db_slot ended;
 
 	if (!slot)
 		return;
@@ -1244,14 +1233,13 @@ void db_commander_complete(struct db_commander *commander, const struct db_compl
 		unlatch(commander, now);
 	if (commander->react_ticket == completion->ticket)
 		note_reaction(commander, completion->result, now);
-	tell_refusal(commander, slot->has_client ? &slot->client : NULL,
+	tell_refusal(commander, db_slot_client(slot, &client),
 	             &(struct db_refused_write){
 			     .command = slot->command,
 			     .result = completion->result,
 		     });
 	ended = *slot;
-	slot->ticket = 0;
-	slot->waiter_count = 0;
+	db_pending_remove(&commander->pending, slot);
 	answer_waiters(commander, &ended, db_result_exception(completion->result));
 }
 
@@ -1269,9 +1257,7 @@ db_time db_commander_next_deadline(const struct db_commander *commander)
 		next = commander->look_at;
 	if (commander->waiting == 0)
 		return next;
-	for (size_t i = 0; i < SLOTS; i++) {
-		const struct slot *slot = &commander->slots[i];
-
+	for (const struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
 		for (unsigned j = 0; j < slot->waiter_count; j++) {
 			if (slot->waiters[j].deadline < next)
 				next = slot->waiters[j].deadline;
@@ -1288,10 +1274,10 @@ static uint8_t late_answer(const struct db_commander *commander)
 	return result == DB_RESULT_OK ? MODBUS_EXCEPTION_ACKNOWLEDGE : db_result_exception(result);
 }
 
-static void expire_slot(struct db_commander *commander, struct slot *slot, db_time now)
+static void expire_slot(struct db_commander *commander, struct db_slot *slot, db_time now)
 {
-	struct slot due = { .waiter_count = 0 };
-	unsigned kept = 0;
+	struct db_slot due = { .waiter_count = 0 };
+	uint8_t kept = 0;
 
 	for (unsigned i = 0; i < slot->waiter_count; i++) {
 		if (slot->waiters[i].deadline <= now)
@@ -1305,23 +1291,23 @@ static void expire_slot(struct db_commander *commander, struct slot *slot, db_ti
 }
 
 /* The watchdog's stop that is still with the bus; null. */
-static struct slot *pending_reaction(struct db_commander *commander)
+static struct db_slot *pending_reaction(struct db_commander *commander)
 {
-	for (size_t i = DB_COMMANDER_PENDING; i < SLOTS; i++) {
-		if (commander->slots[i].ticket != 0 && commander->slots[i].reaction)
-			return &commander->slots[i];
+	for (struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
+		if (slot->reaction)
+			return slot;
 	}
 	return NULL;
 }
 
 /* One of an earlier time, with what came since behind it, is said again when it ends. */
-static struct slot *submit_reaction(struct db_commander *commander, db_time now)
+static struct db_slot *submit_reaction(struct db_commander *commander, db_time now)
 {
 	struct db_request request = {
 		.command = commander->config.on_client_loss,
 		.submitted = now,
 	};
-	struct slot *slot = pending_reaction(commander);
+	struct db_slot *slot = pending_reaction(commander);
 
 	if (slot) {
 		slot->again = true;
@@ -1333,11 +1319,21 @@ static struct slot *submit_reaction(struct db_commander *commander, db_time now)
 	return slot;
 }
 
+/* Of one that says again what is still with the bus there is an entry. */
+static void record_reaction(struct db_commander *commander, const struct db_command_block *block,
+                            struct db_slot *slot)
+{
+	if (slot->entry != 0)
+		db_history_repeat(&commander->history, slot->entry);
+	else
+		record(commander, NULL, block, 0, DB_RESULT_PENDING, slot);
+}
+
 /* Stops the drive because nobody talks to it. Tried again soon if there is no room for a request. */
 static void react(struct db_commander *commander, db_time now)
 {
 	struct db_command_block block = { .command = (uint16_t)commander->config.on_client_loss };
-	struct slot *slot = submit_reaction(commander, now);
+	struct db_slot *slot = submit_reaction(commander, now);
 
 	if (!slot) {
 		commander->react_at = now + REACT_AGAIN;
@@ -1346,7 +1342,7 @@ static void react(struct db_commander *commander, db_time now)
 	commander->react_at = DB_TIME_NEVER;
 	note_submitted(commander, NULL, slot->command, now);
 	if (commander->react_ticket == 0)
-		record(commander, NULL, &block, 0, DB_RESULT_PENDING, slot->ticket, now);
+		record_reaction(commander, &block, slot);
 	commander->react_ticket = slot->ticket;
 	commander->newest = slot->ticket;
 	show(commander, NULL, 0, block.command, DB_RESULT_PENDING, slot->ticket);
@@ -1408,15 +1404,15 @@ bool db_commander_expire(struct db_commander *commander, db_time now)
 	say_all_again(commander, now);
 	find(commander, now);
 	look_at_motion(commander, now);
-	for (size_t i = 0; i < SLOTS && commander->waiting > 0; i++)
-		expire_slot(commander, &commander->slots[i], now);
+	for (struct db_slot *slot = commander->pending.first; slot; slot = slot->next)
+		expire_slot(commander, slot, now);
 	return tripped;
 }
 
-const struct db_history_entry *db_commander_history(const struct db_commander *commander,
-                                                    size_t age)
+bool db_commander_history(const struct db_commander *commander, size_t age,
+                          struct db_history_entry *entry)
 {
-	return db_history_get(&commander->history, age);
+	return db_history_get(&commander->history, age, entry);
 }
 
 struct db_command_block db_commander_kept(struct db_commander *commander,
@@ -1465,12 +1461,9 @@ void db_commander_state(struct db_commander *commander, const struct db_client *
 	state->watchdog_remaining_ms = db_watchdog_remaining_ms(&commander->watchdog, now);
 	state->watchdog_trips = commander->watchdog.trips;
 	state->active_command = DB_CMD_NONE;
-	for (size_t i = 0; i < SLOTS; i++) {
-		const struct slot *slot = &commander->slots[i];
+	for (const struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
 		uint32_t age = commander->submitted - slot->order;
 
-		if (slot->ticket == 0)
-			continue;
 		state->busy = true;
 		if (slot->command != DB_CMD_NONE && age > oldest) {
 			oldest = age;

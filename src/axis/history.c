@@ -5,18 +5,23 @@
 
 #include <string.h>
 
-static size_t place_of(uint32_t sequence)
+/* Null when it was overwritten meanwhile, or is none. */
+static struct db_history_line *line_of(struct db_history *history, uint32_t number)
 {
-	return (sequence - 1) % DB_HISTORY_MAX;
+	uint32_t age = history->count - number;
+
+	/* From before the numbers began anew. */
+	if (number > history->count)
+		age -= DB_HISTORY_MAX;
+	if (number == 0 || age >= DB_HISTORY_MAX)
+		return NULL;
+	return &history->lines[number % DB_HISTORY_MAX];
 }
 
 /* The newest entry is the same refusal of the same request of the same client. */
-static bool is_again(const struct db_history *history, const struct db_history_entry *entry)
+static bool is_again(const struct db_history_line *last, const struct db_history_entry *entry)
 {
-	const struct db_history_entry *last = db_history_get(history, 0);
-
-	return last && history->parts[place_of(history->count)].ticket == 0 &&
-	       last->result == entry->result && last->command == entry->command &&
+	return !last->bus && last->result == entry->result && last->command == entry->command &&
 	       last->command_id == entry->command_id && last->number == entry->number &&
 	       last->position == entry->position && last->position_2 == entry->position_2 &&
 	       !(last->real < entry->real) && !(last->real > entry->real) &&
@@ -24,76 +29,89 @@ static bool is_again(const struct db_history *history, const struct db_history_e
 	       memcmp(last->address, entry->address, sizeof last->address) == 0;
 }
 
-static void count_repeat(struct db_history_entry *entry)
+static void count_repeat(struct db_history_line *line)
 {
-	if (entry->repeats < UINT16_MAX)
-		entry->repeats++;
+	if (line->repeats < UINT16_MAX)
+		line->repeats++;
 }
 
-void db_history_add(struct db_history *history, const struct db_history_entry *entry,
-                    uint32_t ticket, db_time now)
+static struct db_history_line line_from(const struct db_history_entry *entry, bool bus)
 {
-	size_t place;
+	struct db_history_line line = {
+		.timestamp_us = entry->timestamp_us,
+		.position = entry->position,
+		.position_2 = entry->position_2,
+		.real = entry->real,
+		.value = entry->value,
+		.port = entry->port,
+		.command_id = entry->command_id,
+		.command = entry->command,
+		.number = entry->number,
+		.result = (uint8_t)entry->result,
+		.bus = bus,
+	};
 
-	if (ticket == 0 && db_result_exception((enum db_result)entry->result) != 0 &&
-	    is_again(history, entry)) {
-		count_repeat(&history->entries[place_of(history->count)]);
-		return;
+	memcpy(line.address, entry->address, sizeof line.address);
+	return line;
+}
+
+uint32_t db_history_add(struct db_history *history, const struct db_history_entry *entry, bool bus)
+{
+	struct db_history_line *last = line_of(history, history->count);
+
+	if (last && !bus && db_result_exception((enum db_result)entry->result) != 0 &&
+	    is_again(last, entry)) {
+		count_repeat(last);
+		return history->count;
 	}
 	/* Never 0, which is no entry, even after 2^32 of them. */
 	if (++history->count == 0)
 		history->count = DB_HISTORY_MAX;
-	place = place_of(history->count);
-	history->entries[place] = *entry;
-	history->entries[place].sequence = history->count;
-	history->parts[place] = (struct db_history_part){ .ticket = ticket, .arrived = now };
+	history->lines[history->count % DB_HISTORY_MAX] = line_from(entry, bus);
+	return history->count;
 }
 
-/* Null when the entry was overwritten meanwhile. */
-static struct db_history_entry *find(struct db_history *history, uint32_t ticket, size_t *place)
+void db_history_repeat(struct db_history *history, uint32_t number)
 {
-	for (*place = 0; ticket != 0 && *place < DB_HISTORY_MAX; (*place)++) {
-		if (history->parts[*place].ticket == ticket)
-			return &history->entries[*place];
-	}
-	return NULL;
+	struct db_history_line *line = line_of(history, number);
+
+	if (line)
+		count_repeat(line);
 }
 
-void db_history_repeat(struct db_history *history, uint32_t ticket)
+void db_history_end(struct db_history *history, uint32_t number, enum db_result result,
+                    db_time took)
 {
-	size_t place;
-	struct db_history_entry *entry = find(history, ticket, &place);
+	struct db_history_line *line = line_of(history, number);
 
-	if (entry)
-		count_repeat(entry);
-}
-
-void db_history_retarget(struct db_history *history, uint32_t ticket, uint32_t to)
-{
-	size_t place;
-
-	if (find(history, ticket, &place))
-		history->parts[place].ticket = to;
-}
-
-void db_history_end(struct db_history *history, uint32_t ticket, enum db_result result, db_time end)
-{
-	size_t place;
-	struct db_history_entry *entry = find(history, ticket, &place);
-	db_time took;
-
-	if (!entry)
+	if (!line)
 		return;
-	took = (end - history->parts[place].arrived) / DB_NS_PER_US;
-	entry->result = (uint16_t)result;
-	entry->duration_us = took < 0 ? 0 : took > UINT32_MAX ? UINT32_MAX : (uint32_t)took;
+	line->result = (uint8_t)result;
+	line->duration_us = db_time_us32(took);
 }
 
-const struct db_history_entry *db_history_get(const struct db_history *history, size_t age)
+bool db_history_get(const struct db_history *history, size_t age, struct db_history_entry *entry)
 {
+	const struct db_history_line *line;
+
 	if (age >= DB_HISTORY_MAX || age >= history->count)
-		return NULL;
-	return &history->entries[place_of(history->count - (uint32_t)age)];
+		return false;
+	entry->sequence = history->count - (uint32_t)age;
+	line = &history->lines[entry->sequence % DB_HISTORY_MAX];
+	entry->timestamp_us = line->timestamp_us;
+	memcpy(entry->address, line->address, sizeof entry->address);
+	entry->port = line->port;
+	entry->command_id = line->command_id;
+	entry->command = line->command;
+	entry->result = line->result;
+	entry->duration_us = line->duration_us;
+	entry->repeats = line->repeats;
+	entry->number = line->number;
+	entry->position = line->position;
+	entry->position_2 = line->position_2;
+	entry->real = line->real;
+	entry->value = line->value;
+	return true;
 }
 
 void db_history_args(struct db_history_entry *entry, unsigned code, const struct db_args *args)

@@ -1,14 +1,49 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "axis/writers.h"
 
+#include <errno.h>
+#include <stdlib.h>
 #include <string.h>
+
+int db_writers_reserve(struct db_writers *writers)
+{
+	if (!writers->each)
+		writers->each = calloc(DB_WRITERS, sizeof writers->each[0]);
+	return writers->each ? 0 : -ENOMEM;
+}
+
+void db_writers_set(struct db_writers *writers, bool by_address)
+{
+	writers->by_address = by_address;
+	writers->all = (struct db_writer){ .taken = false };
+	if (!by_address)
+		db_writers_release(writers);
+	for (size_t i = 0; writers->each && i < DB_WRITERS; i++)
+		writers->each[i] = writers->all;
+}
+
+void db_writers_release(struct db_writers *writers)
+{
+	free(writers->each);
+	writers->each = NULL;
+}
+
+static struct db_writer *first_of(struct db_writers *writers)
+{
+	return writers->by_address ? writers->each : &writers->all;
+}
+
+static size_t count_of(const struct db_writers *writers)
+{
+	return writers->by_address ? DB_WRITERS : 1;
+}
 
 struct db_writer *db_writers_find(struct db_writers *writers, const struct db_client *client)
 {
 	if (!writers->by_address)
-		return &writers->list[0];
+		return &writers->all;
 	for (size_t i = 0; client && i < DB_WRITERS; i++) {
-		struct db_writer *writer = &writers->list[i];
+		struct db_writer *writer = &writers->each[i];
 
 		if (writer->taken &&
 		    memcmp(writer->address, client->address, sizeof writer->address) == 0)
@@ -20,10 +55,10 @@ struct db_writer *db_writers_find(struct db_writers *writers, const struct db_cl
 /* A free place, or that of the one that was silent longest. */
 static struct db_writer *place(struct db_writers *writers)
 {
-	struct db_writer *chosen = &writers->list[0];
+	struct db_writer *chosen = &writers->each[0];
 
 	for (size_t i = 0; i < DB_WRITERS; i++) {
-		struct db_writer *writer = &writers->list[i];
+		struct db_writer *writer = &writers->each[i];
 
 		if (!writer->taken)
 			return writer;
@@ -68,8 +103,8 @@ void db_outcome_retarget(struct db_outcome *outcome, uint32_t ticket, uint32_t t
 
 void db_writers_retarget(struct db_writers *writers, uint32_t ticket, uint32_t to)
 {
-	for (size_t i = 0; i < DB_WRITERS; i++) {
-		struct db_writer *writer = &writers->list[i];
+	for (size_t i = 0; i < count_of(writers); i++) {
+		struct db_writer *writer = first_of(writers) + i;
 
 		retarget(&writer->last.ticket, ticket, to);
 		retarget(&writer->previous.ticket, ticket, to);
@@ -130,8 +165,8 @@ static void complete_ids(struct db_writer *writer, uint32_t ticket, enum db_resu
 void db_writers_complete(struct db_writers *writers, uint32_t ticket, enum db_result result,
                          uint32_t took_us)
 {
-	for (size_t i = 0; i < DB_WRITERS; i++) {
-		struct db_writer *writer = &writers->list[i];
+	for (size_t i = 0; i < count_of(writers); i++) {
+		struct db_writer *writer = first_of(writers) + i;
 
 		db_outcome_complete(&writer->shown, ticket, result, took_us);
 		complete_ids(writer, ticket, result);
@@ -181,8 +216,8 @@ void db_outcome_cancel_motion(struct db_outcome *outcome)
 
 void db_writers_cancel_motion(struct db_writers *writers)
 {
-	for (size_t i = 0; i < DB_WRITERS; i++)
-		db_outcome_cancel_motion(&writers->list[i].shown);
+	for (size_t i = 0; i < count_of(writers); i++)
+		db_outcome_cancel_motion(&first_of(writers)[i].shown);
 }
 
 void db_outcome_end_motion(struct db_outcome *outcome, uint32_t ticket, enum db_result result)
@@ -197,6 +232,6 @@ void db_outcome_end_motion(struct db_outcome *outcome, uint32_t ticket, enum db_
 
 void db_writers_end_motion(struct db_writers *writers, uint32_t ticket, enum db_result result)
 {
-	for (size_t i = 0; i < DB_WRITERS; i++)
-		db_outcome_end_motion(&writers->list[i].shown, ticket, result);
+	for (size_t i = 0; i < count_of(writers); i++)
+		db_outcome_end_motion(&first_of(writers)[i].shown, ticket, result);
 }

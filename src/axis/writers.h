@@ -15,10 +15,10 @@
 
 /* A command id that was used, and what became of it. */
 struct db_used_id {
-	uint16_t id; /* 0: a command without */
-	enum db_result result;
-	bool sent; /* it went to the bus */
 	uint32_t ticket;
+	uint16_t id; /* 0: a command without */
+	enum db_result result : 8;
+	bool sent : 1; /* it went to the bus */
 };
 
 /* What the result registers tell; the members are those of struct db_command_state. */
@@ -42,10 +42,10 @@ struct db_outcome {
 };
 
 struct db_writer {
-	bool taken;
-	uint8_t address[16];
 	db_time heard;
-	uint16_t kept_id;           /* the command_id that it wrote last */
+	uint8_t address[16];
+	uint16_t kept_id; /* the command_id that it wrote last */
+	bool taken;
 	struct db_used_id last;     /* id 0: no id was seen yet */
 	struct db_used_id previous; /* to fall back to when the bus turns `last` away as busy */
 	bool has_executed;          /* the following hold something */
@@ -57,8 +57,16 @@ struct db_writer {
 
 struct db_writers {
 	bool by_address;
-	struct db_writer list[DB_WRITERS];
+	struct db_writer all; /* everybody's */
+	struct db_writer
+		*each; /* DB_WRITERS of them, while it is by address; null: no memory for that */
 };
+
+/* Zeroed memory is for everybody. 0 or -ENOMEM; it changes nothing that is remembered. */
+int db_writers_reserve(struct db_writers *writers);
+/* Forgets everything. What is by address is reserved before. */
+void db_writers_set(struct db_writers *writers, bool by_address);
+void db_writers_release(struct db_writers *writers);
 
 /* Null when this client has commanded nothing that is remembered. Without by_address there is one
  * for everybody, and for no client (null), too. */

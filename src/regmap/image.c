@@ -145,15 +145,14 @@ static uint16_t param_address(const struct view_drive *drive, uint16_t param)
 	return 0;
 }
 
-static void fill_history(struct db_drive_history *shown, const struct db_history_entry *entry,
-                         const struct view_drive *drive)
+static void fill_history(struct db_drive_history *shown, const struct view_drive *drive, size_t age)
 {
+	const struct db_history_entry *entry = &shown->entry;
 	char text[DB_CLIENT_ADDRESS_MAX];
 
 	memset(shown, 0, sizeof *shown);
-	if (!entry)
+	if (!db_commander_history(drive->commander, age, &shown->entry))
 		return;
-	shown->entry = *entry;
 	if (entry->command == DB_CMD_NONE)
 		shown->entry.number = param_address(drive, entry->number);
 	if (entry->port == 0)
@@ -183,7 +182,7 @@ void view_fill_drive(struct db_drive_image *image, const struct view_drive *driv
 	touched(offsetof(struct db_drive_image, history), sizeof image->history[0], low, high,
 	        DB_HISTORY_MAX, &from, &to);
 	for (size_t i = from; i < to; i++)
-		fill_history(&image->history[i], db_commander_history(drive->commander, i), drive);
+		fill_history(&image->history[i], drive, i);
 }
 
 static void fill_server(struct db_gateway_image *image, const struct db_registers *registers)

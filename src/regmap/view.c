@@ -589,12 +589,13 @@ static db_time useless_after(const struct db_roster *roster, size_t bus)
 	return age > DB_NS_PER_S ? age : DB_NS_PER_S;
 }
 
-static int make_parts(struct view_drive *drive)
+static int make_parts(struct view_drive *drive, const struct view_drive *neighbour)
 {
 	struct db_commander_config commander = {
 		.driver = drive->driver,
 		.bus_config = drive->bus,
 		.drive_config = drive->config,
+		.neighbour = neighbour ? neighbour->commander : NULL,
 		.commands = db_driver_commands(drive->bus, drive->config),
 		.axis = drive->axis,
 		.drive = drive->number,
@@ -623,10 +624,25 @@ static void free_drive(struct view_drive *drive)
 	free(drive);
 }
 
-/* Without what may change while it is there; see settle(). Null when out of memory. */
-static struct view_drive *new_drive(struct db_registers *registers, const struct db_roster *roster,
-                                    const struct db_roster_drive *member)
+/* Another drive on this bus; null: there is none yet. */
+static const struct view_drive *drive_on(const struct view_layout *layout,
+                                         const struct db_bus_config *bus)
 {
+	for (size_t i = 0; layout && i < layout->drive_count; i++) {
+		if (layout->drives[i]->bus == bus)
+			return layout->drives[i];
+	}
+	return NULL;
+}
+
+/* Without what may change while it is there; see settle(). `layout` has those that were made before.
+ * Null when out of memory. */
+static struct view_drive *new_drive(struct db_registers *registers, const struct db_roster *roster,
+                                    const struct db_roster_drive *member,
+                                    const struct view_layout *layout)
+{
+	const struct db_bus_config *bus = roster->buses[member->bus].config;
+	const struct view_drive *neighbour = drive_on(registers->layout, bus);
 	struct view_drive *drive = calloc(1, sizeof *drive);
 
 	if (!drive)
@@ -635,13 +651,15 @@ static struct view_drive *new_drive(struct db_registers *registers, const struct
 	drive->number = member->number;
 	drive->config = member->config;
 	drive->axis = member->axis;
-	drive->bus = roster->buses[member->bus].config;
+	drive->bus = bus;
 	drive->line = roster->buses[member->bus].bus;
 	drive->driver = drive->bus->driver;
 	drive->fresh_for = 3 * (db_time)drive->bus->cycle_ms * DB_NS_PER_MS;
 	if (drive->fresh_for < 100 * DB_NS_PER_MS)
 		drive->fresh_for = 100 * DB_NS_PER_MS;
-	if (make_parts(drive) == 0)
+	if (!neighbour)
+		neighbour = drive_on(layout, bus);
+	if (make_parts(drive, neighbour) == 0)
 		return drive;
 	free_drive(drive);
 	return NULL;
@@ -688,6 +706,18 @@ static void init_units(struct view_layout *layout)
 	layout->units[layout->modbus->gateway_unit & 0xFF] = VIEW_GATEWAY;
 }
 
+/* So that settle() need not ask for memory. */
+static int reserve_writers(const struct view_layout *layout)
+{
+	bool by_client = layout->modbus->command_id_scope == DB_IDS_OF_CLIENT;
+
+	for (size_t i = 0; i < layout->drive_count; i++) {
+		if (db_commander_reserve(layout->drives[i]->commander, by_client) != 0)
+			return -ENOMEM;
+	}
+	return 0;
+}
+
 static int fill_layout(struct db_registers *registers, const struct db_roster *roster,
                        struct db_registers_change *change)
 {
@@ -706,13 +736,13 @@ static int fill_layout(struct db_registers *registers, const struct db_roster *r
 			.useless_after = useless_after(roster, member->bus),
 		};
 		if (!drive)
-			drive = new_drive(registers, roster, member);
+			drive = new_drive(registers, roster, member, layout);
 		if (!drive)
 			return -ENOMEM;
 		layout->drives[i] = drive;
 	}
 	init_units(layout);
-	return 0;
+	return reserve_writers(layout);
 }
 
 int db_registers_prepare(struct db_registers *registers, const struct db_roster *roster,

@@ -448,8 +448,7 @@ static int refuse_plan(struct view_drive *drive, const struct plan *plan, enum d
 {
 	struct db_command_block block = { .command = (uint16_t)plan->command, .args = plan->args };
 
-	db_commander_refuse(drive->commander, plan->client, &block, result, 0,
-	                    drive->registers->ops->now(drive->registers->context));
+	db_commander_refuse(drive->commander, plan->client, &block, result, 0);
 	return db_result_exception(result);
 }
 

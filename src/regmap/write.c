@@ -71,8 +71,7 @@ static int refuse_command(struct view_drive *drive, const struct db_client *clie
 {
 	struct db_command_block block = { .command = (uint16_t)code, .args = *args };
 
-	db_commander_refuse(drive->commander, client, &block, DB_RESULT_NOT_IN_CONTROL, 0,
-	                    now_of(drive));
+	db_commander_refuse(drive->commander, client, &block, DB_RESULT_NOT_IN_CONTROL, 0);
 	return db_result_exception(DB_RESULT_NOT_IN_CONTROL);
 }
 
@@ -308,7 +307,7 @@ static int refuse_input(struct view_drive *drive, const struct db_client *client
 	struct db_command_block block = { .command = DB_CMD_SET_OUTPUTS, .args = *args };
 
 	db_commander_refuse(drive->commander, client, &block, DB_RESULT_REFUSED,
-	                    (uint16_t)(input->bit + 1), now_of(drive));
+	                    (uint16_t)(input->bit + 1));
 	return db_result_exception(DB_RESULT_REFUSED);
 }
 

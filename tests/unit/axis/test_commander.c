@@ -103,23 +103,35 @@ static void set_status(struct fake *fake, uint32_t status)
 	db_axis_publish(fake->axis, &snapshot);
 }
 
-static void init_with(struct fake *fake, bool accept, uint32_t watchdog_ms, bool ids_by_client)
+static struct db_commander_config config_of(struct fake *fake)
 {
-	struct db_commander_config config = {
-		.watchdog_ms = watchdog_ms,
+	return (struct db_commander_config){
 		.on_client_loss = DB_CMD_STOP,
 		.driver = &driver,
 		.bus_config = &fake->bus,
 		.drive_config = &fake->drive,
 		.commands = driver.commands,
+		.axis = fake->axis,
 		.drive = 7,
-		.ids_by_client = ids_by_client,
 		.confirm_ms = 40,
-		.accept_writes = accept,
 	};
+}
+
+static void swap(struct fake *fake, struct db_commander **other)
+{
+	struct db_commander *commander = fake->commander;
+
+	fake->commander = *other;
+	*other = commander;
+}
+
+static void init_with(struct fake *fake, bool accept, uint32_t watchdog_ms, bool ids_by_client)
+{
+	struct db_commander_config config;
 
 	memset(fake, 0, sizeof *fake);
 	fake->bus.cycle_ms = 20;
+	fake->bus.queue = 32;
 	fake->drive = (struct db_drive_config){
 		.counts_per_unit = 10.0,
 		.min_position = NAN,
@@ -129,9 +141,20 @@ static void init_with(struct fake *fake, bool accept, uint32_t watchdog_ms, bool
 	};
 	fake->now = 1000 * MS;
 	fake->axis = db_axis_new();
-	config.axis = fake->axis;
+	config = config_of(fake);
+	config.watchdog_ms = watchdog_ms;
+	config.ids_by_client = ids_by_client;
+	config.accept_writes = accept;
 	set_status(fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE);
 	assert_int_equal(db_commander_new(&config, &ops, fake, &fake->commander), 0);
+}
+
+static struct db_history_entry entry_of(const struct fake *fake, size_t age)
+{
+	struct db_history_entry entry = { .sequence = 0 };
+
+	assert_true(db_commander_history(fake->commander, age, &entry));
+	return entry;
 }
 
 static void init(struct fake *fake, bool accept)
@@ -666,6 +689,40 @@ static void the_queue_is_bounded(void **state)
 		assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), DB_WRITE_LATER);
 	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), BUSY);
 	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 1), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), DB_WRITE_LATER);
+	drop(&fake);
+}
+
+/* A bus takes so many requests, whoever's of its drives they are; room for a drive's stops is its own. */
+static void drives_of_a_bus_share_its_room(void **state)
+{
+	struct db_commander *first;
+	struct db_commander_config config;
+
+	FAKE(false);
+	db_commander_free(fake.commander);
+	fake.bus.queue = DB_COMMANDER_PENDING + 4;
+	config = config_of(&fake);
+	assert_int_equal(db_commander_new(&config, &ops, &fake, &first), 0);
+	config.neighbour = first;
+	config.drive = 8;
+	assert_int_equal(db_commander_new(&config, &ops, &fake, &fake.commander), 0);
+	for (unsigned i = 0; i < 4; i++)
+		assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), DB_WRITE_LATER);
+	swap(&fake, &first);
+	for (unsigned i = 0; i < DB_COMMANDER_PENDING; i++)
+		assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), BUSY);
+	swap(&fake, &first);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), BUSY);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(look(&fake).active_command, DB_CMD_MOVE_RELATIVE);
+	/* One that is not there any more leaves all of it to the other. */
+	db_commander_free(first);
+	for (unsigned i = 4; i < DB_COMMANDER_PENDING; i++)
+		assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), BUSY);
 	finish(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1), DB_WRITE_LATER);
 	drop(&fake);
@@ -1457,75 +1514,70 @@ static void a_refused_reaction_is_said_again(void **state)
 	let_pass(&fake, 1000 * MS);
 	assert_int_equal(fake.submitted, 6);
 	/* One entry, and the motion's. */
-	assert_int_equal(db_commander_history(fake.commander, 0)->sequence, 2);
+	assert_int_equal(entry_of(&fake, 0).sequence, 2);
 	drop(&fake);
 }
 
 /* --- the last commands ---------------------------------------------------------------------------------------- */
 
-static const struct db_history_entry *entry_of(const struct fake *fake, size_t age)
-{
-	const struct db_history_entry *entry = db_commander_history(fake->commander, age);
-
-	assert_non_null(entry);
-	return entry;
-}
-
 static void history_tells_who_moved_it(void **state)
 {
 	const struct db_client plc = { .id = 5, .address = { [15] = 7 }, .port = 4711 };
 	const struct db_setting setting = { .param = 3, .value.f = 1.5f };
+	struct db_history_entry none;
 
 	FAKE(false);
-	assert_null(db_commander_history(fake.commander, 0));
+	assert_false(db_commander_history(fake.commander, 0, &none));
 	fake.client = &plc;
 	pass_baseline(&fake, 1);
 	fake.now += 1000 * MS;
 	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_ABSOLUTE, -77), DB_WRITE_LATER);
-	assert_int_equal(entry_of(&fake, 0)->sequence, 2);
-	assert_int_equal(entry_of(&fake, 0)->timestamp_us, 1700000002000000u);
-	assert_int_equal(entry_of(&fake, 0)->address[15], 7);
-	assert_int_equal(entry_of(&fake, 0)->port, 4711);
-	assert_int_equal(entry_of(&fake, 0)->command_id, 2);
-	assert_int_equal(entry_of(&fake, 0)->command, DB_CMD_MOVE_ABSOLUTE);
-	assert_int_equal(entry_of(&fake, 0)->position, -77);
-	assert_int_equal(entry_of(&fake, 0)->result, DB_RESULT_PENDING);
+	assert_int_equal(entry_of(&fake, 0).sequence, 2);
+	assert_int_equal(entry_of(&fake, 0).timestamp_us, 1700000002000000u);
+	assert_int_equal(entry_of(&fake, 0).address[15], 7);
+	assert_int_equal(entry_of(&fake, 0).port, 4711);
+	assert_int_equal(entry_of(&fake, 0).command_id, 2);
+	assert_int_equal(entry_of(&fake, 0).command, DB_CMD_MOVE_ABSOLUTE);
+	assert_int_equal(entry_of(&fake, 0).position, -77);
+	assert_int_equal(entry_of(&fake, 0).result, DB_RESULT_PENDING);
 	fake.now += 3 * MS;
 	finish(&fake, 0, DB_RESULT_OK);
-	assert_int_equal(entry_of(&fake, 0)->result, DB_RESULT_OK);
-	assert_int_equal(entry_of(&fake, 0)->duration_us, 3000);
-	assert_int_equal(entry_of(&fake, 1)->result, DB_RESULT_RESTARTED);
+	assert_int_equal(entry_of(&fake, 0).result, DB_RESULT_OK);
+	assert_int_equal(entry_of(&fake, 0).duration_us, 3000);
+	assert_int_equal(entry_of(&fake, 1).result, DB_RESULT_RESTARTED);
 	/* A scanner writes it for ever. */
 	for (unsigned i = 0; i < 100; i++)
 		assert_int_equal(put(&fake, 2, DB_CMD_MOVE_ABSOLUTE, -77), 0);
-	assert_int_equal(entry_of(&fake, 0)->sequence, 2);
+	assert_int_equal(entry_of(&fake, 0).sequence, 2);
 	assert_int_equal(db_commander_set(fake.commander, fake.client, &setting, 1,
 	                                  (struct db_write_token){ 1, 1 }, fake.now),
 	                 DB_WRITE_LATER);
-	assert_int_equal(entry_of(&fake, 0)->command, DB_CMD_NONE);
-	assert_int_equal(entry_of(&fake, 0)->number, 3);
-	assert_int_equal(entry_of(&fake, 0)->value, 0x3FC00000);
+	assert_int_equal(entry_of(&fake, 0).command, DB_CMD_NONE);
+	assert_int_equal(entry_of(&fake, 0).number, 3);
+	assert_int_equal(entry_of(&fake, 0).value, 0x3FC00000);
 	finish(&fake, 1, DB_RESULT_REFUSED);
-	assert_int_equal(entry_of(&fake, 0)->result, DB_RESULT_REFUSED);
+	assert_int_equal(entry_of(&fake, 0).result, DB_RESULT_REFUSED);
 	drop(&fake);
 }
 
 static void history_keeps_the_last_32(void **state)
 {
+	struct db_history_entry none;
+
 	FAKE(true);
 	for (unsigned i = 0; i < 40; i++) {
 		assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, (int32_t)i), 0);
 		finish(&fake, i, DB_RESULT_OK);
 	}
 	for (unsigned i = 0; i < 32; i++) {
-		assert_int_equal(entry_of(&fake, i)->sequence, 40 - i);
-		assert_int_equal(entry_of(&fake, i)->position, 39 - i);
+		assert_int_equal(entry_of(&fake, i).sequence, 40 - i);
+		assert_int_equal(entry_of(&fake, i).position, 39 - i);
 	}
-	assert_null(db_commander_history(fake.commander, 32));
+	assert_false(db_commander_history(fake.commander, 32, &none));
 	/* A completion of what was overwritten meanwhile changes nothing. */
 	finish(&fake, 0, DB_RESULT_FAILED);
 	for (unsigned i = 1; i < 32; i++)
-		assert_int_equal(entry_of(&fake, i)->result, DB_RESULT_CANCELLED);
+		assert_int_equal(entry_of(&fake, i).result, DB_RESULT_CANCELLED);
 	drop(&fake);
 }
 
@@ -1538,18 +1590,18 @@ static void history_is_not_flooded_by_refusals(void **state)
 	fake.drive.max_position = 1.0;
 	for (unsigned i = 0; i < 1000; i++)
 		assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 11), ILLEGAL_VALUE);
-	assert_int_equal(entry_of(&fake, 0)->sequence, 1);
-	assert_int_equal(entry_of(&fake, 0)->repeats, 999);
+	assert_int_equal(entry_of(&fake, 0).sequence, 1);
+	assert_int_equal(entry_of(&fake, 0).repeats, 999);
 	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 12), ILLEGAL_VALUE);
-	assert_int_equal(entry_of(&fake, 0)->sequence, 2);
+	assert_int_equal(entry_of(&fake, 0).sequence, 2);
 	fake.client = &other;
 	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 12), ILLEGAL_VALUE);
-	assert_int_equal(entry_of(&fake, 0)->sequence, 3);
+	assert_int_equal(entry_of(&fake, 0).sequence, 3);
 	/* Stops that join one under way. */
 	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
 	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
-	assert_int_equal(entry_of(&fake, 0)->sequence, 4);
-	assert_int_equal(entry_of(&fake, 0)->repeats, 1);
+	assert_int_equal(entry_of(&fake, 0).sequence, 4);
+	assert_int_equal(entry_of(&fake, 0).repeats, 1);
 	drop(&fake);
 }
 
@@ -1560,15 +1612,15 @@ static void history_follows_a_motion_to_its_end(void **state)
 	finish(&fake, 0, DB_RESULT_OK);
 	fake.now += 700 * MS;
 	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
-	assert_int_equal(entry_of(&fake, 1)->result, DB_RESULT_CANCELLED);
-	assert_int_equal(entry_of(&fake, 1)->duration_us, 700000);
+	assert_int_equal(entry_of(&fake, 1).result, DB_RESULT_CANCELLED);
+	assert_int_equal(entry_of(&fake, 1).duration_us, 700000);
 	finish(&fake, 1, DB_RESULT_OK);
 	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
 	finish(&fake, 2, DB_RESULT_OK);
 	fake.now += MS;
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 900);
 	let_pass(&fake, 1000 * MS);
-	assert_int_equal(entry_of(&fake, 0)->result, DB_RESULT_FAILED);
+	assert_int_equal(entry_of(&fake, 0).result, DB_RESULT_FAILED);
 	drop(&fake);
 }
 
@@ -1846,6 +1898,7 @@ int main(void)
 		cmocka_unit_test(accepted_writes_do_not_wait),
 		cmocka_unit_test(old_completions_do_not_overwrite_newer_results),
 		cmocka_unit_test(the_queue_is_bounded),
+		cmocka_unit_test(drives_of_a_bus_share_its_room),
 		cmocka_unit_test(a_stop_is_never_answered_busy),
 		cmocka_unit_test(a_younger_stop_takes_the_place_of_the_older_one),
 		cmocka_unit_test(a_stop_without_a_place_is_said_again),

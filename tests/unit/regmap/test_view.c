@@ -221,7 +221,8 @@ static void make_with(struct fake *fake, const struct db_modbus_config *modbus)
 			                                 .transport = &db_transport_serial,
 			                                 .baud = 115200,
 			                                 .stop_bits = 1,
-			                                 .cycle_ms = 20 };
+			                                 .cycle_ms = 20,
+			                                 .queue = 32 };
 	for (unsigned i = 0; i < 3; i++) {
 		fake->drives[i] = (struct db_drive_config){
 			.name = name,

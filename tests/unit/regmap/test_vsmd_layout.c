@@ -134,6 +134,7 @@ static void make(struct fake *fake)
 	fake->now = 5000 * MS;
 	fake->bus = (struct db_bus_config){ .driver = db_driver_find("vsmd-serial"),
 		                            .transport = &db_transport_serial,
+		                            .queue = 32,
 		                            .baud = 115200,
 		                            .stop_bits = 1,
 		                            .cycle_ms = 20 };
