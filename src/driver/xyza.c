@@ -164,11 +164,11 @@ static enum db_step poll_ask(struct db_device *first, struct db_job *job, enum p
 	};
 	struct xyza_request request = {
 		.verb = verbs[phase],
-		/* Behind the last axis it is not used. */
-		.axis = (enum xyza_axis)first
-		                ->poll_axis, // NOLINT(clang-analyzer-optin.core.EnumCastOutOfRange)
 	};
 
+	/* Behind the last axis it is not used. */
+	// NOLINTNEXTLINE(clang-analyzer-optin.core.EnumCastOutOfRange)
+	request.axis = (enum xyza_axis)first->poll_axis;
 	job->step = phase;
 	return ask(first, request, true, exchange, result);
 }

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""./demo as somebody sees it who types it in a terminal."""
+
+import os
+import pty
+import re
+import select
+import signal
+import socket
+import subprocess
+import time
+
+import pytest
+from bridgelib import ROOT, STANDSTILL, Unit, build_directory, eventually, go_first
+
+# The cursor goes up by the lines of the table, which is then drawn over.
+REDRAWN = "\x1b[5A"
+
+
+class Demo:
+    """./demo on a terminal of its own."""
+
+    low_first = False
+    family = "vsmd-serial"
+
+    def __init__(self, register_map, commands):
+        self.map = register_map
+        self.commands = commands
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            self.port = free.getsockname()[1]
+        self.terminal, far = pty.openpty()
+        self.text = ""
+        environment = {**os.environ, "DRIVEBRIDGE_DEMO_PORT": str(self.port), "TERM": "xterm",
+                       "DRIVEBRIDGE_BUILD": str(build_directory())}
+        self.process = subprocess.Popen(
+            [ROOT / "demo"], stdin=far, stdout=far, stderr=far, env=environment,
+            start_new_session=True, preexec_fn=lambda: (go_first(), take_terminal(far)))
+        os.close(far)
+
+    def screen(self):
+        """All that was written until now."""
+        while select.select([self.terminal], [], [], 0)[0]:
+            try:
+                more = os.read(self.terminal, 65536)
+            except OSError:
+                break
+            if not more:
+                break
+            self.text += more.decode(errors="replace")
+        return self.text
+
+    def positions(self, name):
+        """What the table has shown of one drive, oldest first."""
+        shown = re.findall(rf"{name} +position +(-?\d+)", self.screen())
+        return [int(position) for position in shown]
+
+    def runs(self):
+        assert self.process.poll() is None, self.screen()
+        return "Ctrl-C ends the demo." in self.screen()
+
+    def press_ctrl_c(self):
+        os.write(self.terminal, b"\x03")
+
+    def close(self):
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGTERM)
+            self.process.wait(20)
+        os.close(self.terminal)
+
+
+def take_terminal(descriptor):
+    """In a new session: its terminal, so that Ctrl-C there reaches it."""
+    os.close(os.open(os.ttyname(descriptor), os.O_RDWR))
+
+
+@pytest.fixture
+def demo(register_map, command_table):
+    made = Demo(register_map, command_table)
+    try:
+        eventually(made.runs, 60, "the demo to run")
+        yield made
+    finally:
+        print(made.screen())
+        made.close()
+
+
+def test_drives_move_by_themselves_in_a_table_that_stays(demo):
+    eventually(lambda: demo.screen().count(REDRAWN) >= 2, 30, "the table to be drawn over")
+    for name in ("feeder", "gripper"):
+        eventually(lambda name=name: len(set(demo.positions(name))) > 1, 30, f"{name} to move")
+    demo.press_ctrl_c()
+    assert demo.process.wait(20) == 0
+    assert demo.screen().replace("\r", "").endswith("\nstopped\n")
+
+
+def test_who_commands_a_drive_has_it(demo):
+    """The demo's own moves end with the first command of somebody else."""
+    unit = Unit(demo, 1, "drive", port=demo.port)
+    try:
+        eventually(lambda: unit.read("axis_state") == STANDSTILL and unit.read("command_id") > 2,
+                   30, "the feeder to have been moved")
+        eventually(lambda: unit.command("stop", command_id=60500) == 0)
+        assert unit.read("command_id") == 60500
+        target = unit.read("position")
+        # As long as two of the demo's looks at the drive.
+        begin = time.monotonic()
+        while time.monotonic() - begin < 1.5:
+            assert unit.read("command_id") == 60500
+            time.sleep(0.1)
+        assert unit.read("position") == target
+    finally:
+        unit.close()
+    demo.press_ctrl_c()
+    assert demo.process.wait(20) == 0
