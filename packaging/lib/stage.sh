@@ -62,7 +62,8 @@ write_changelog() {
 	cat <<TEXT
 drivebridge ($2-$(revision "$1")) $dist; urgency=medium
 
-  * Version $2; what changed is in /usr/share/doc/drivebridge/changelog.gz.
+  * Version $2.
+    What changed is in /usr/share/doc/drivebridge/changelog.gz.
 
  -- $(sed -n 's/^Maintainer: //p' packaging/debian/control)  $(date -u -R -d "@$SOURCE_DATE_EPOCH")
 TEXT
