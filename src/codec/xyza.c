@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "codec/xyza.h"
 
+#include <float.h>
+#include <math.h>
 #include <string.h>
 
 #define HEADER_0 0x5A
@@ -80,7 +82,7 @@ static const struct {
 #define AXES_MAX 15 /* a bit for each axis */
 #define AXES "bit 0=x 1=y 2=z 3=a"
 
-const struct db_param xyza_params[XYZA_PARAM_COUNT] = {
+const struct db_param xyza_params[XYZA_SHOWN_COUNT] = {
 	[XYZA_MIN_SPEED] = { "min_speed", DB_U32, "Hz", 0, U32_MAX, true,
 	                     "Speed at which a motion starts and ends (最低速度)" },
 	[XYZA_MAX_SPEED] = { "max_speed", DB_U32, "Hz", 1, U32_MAX, true,
@@ -125,6 +127,12 @@ const struct db_param xyza_params[XYZA_PARAM_COUNT] = {
 	[XYZA_SLAVE_NUMBER] = { "slave_number", DB_U16, "", 1, XYZA_OBJECT_MAX, false,
 	                        "The controller's number on the bus (从机序号); cannot be read; to be "
 	                        "unlocked; effective at once" },
+	[XYZA_RAMP_ACCELERATION] = { "ramp_acceleration", DB_F32, "Hz/s", 0, FLT_MAX, false,
+	                             "Acceleration, from min_speed, max_speed and acceleration_time, which is what a "
+	                             "write changes; 0 = none: straight to the speed" },
+	[XYZA_RAMP_DECELERATION] = { "ramp_deceleration", DB_F32, "Hz/s", 0, FLT_MAX, false,
+	                             "Deceleration: the same ramp where the axis has brake, and a write changes both; "
+	                             "0 = none: every stop is immediate" },
 };
 
 #define READ_WRITE (XYZA_CAN_READ | XYZA_CAN_WRITE)
@@ -205,6 +213,23 @@ union db_value xyza_param_get(enum xyza_param param, uint32_t content)
 	if (param == XYZA_FACTORY_RESET)
 		return (union db_value){ .u = 1 };
 	return (union db_value){ .u = (content >> layout[param].shift) & field_mask(param) };
+}
+
+float xyza_ramp(uint32_t min_speed, uint32_t max_speed, uint32_t time)
+{
+	if (time == 0 || max_speed <= min_speed)
+		return 0.0f;
+	return (float)(10.0 * ((double)max_speed - (double)min_speed) / (double)time);
+}
+
+uint32_t xyza_ramp_time(uint32_t min_speed, uint32_t max_speed, float ramp)
+{
+	double time;
+
+	if (max_speed <= min_speed || !(ramp > 0.0f))
+		return 0;
+	time = round(10.0 * ((double)max_speed - (double)min_speed) / (double)ramp);
+	return time <= (double)UINT32_MAX ? (uint32_t)time : 0;
 }
 
 /* The bits of an item's content that belong to a parameter. */

@@ -102,10 +102,15 @@ enum xyza_param {
 	XYZA_PULSE_MODE,
 	XYZA_FACTORY_RESET,
 	XYZA_SLAVE_NUMBER,
-	XYZA_PARAM_COUNT
+	XYZA_PARAM_COUNT,
+
+	/* The controller holds none of these: they follow from what it holds. */
+	XYZA_RAMP_ACCELERATION = XYZA_PARAM_COUNT,
+	XYZA_RAMP_DECELERATION,
+	XYZA_SHOWN_COUNT
 };
 
-extern const struct db_param xyza_params[XYZA_PARAM_COUNT];
+extern const struct db_param xyza_params[XYZA_SHOWN_COUNT];
 
 enum xyza_access {
 	XYZA_CAN_READ = 1u << 0,
@@ -133,6 +138,13 @@ int xyza_param_find(const char *name, size_t length);
  */
 union db_value xyza_param_get(enum xyza_param param, uint32_t content);
 uint32_t xyza_param_put(enum xyza_param param, union db_value value, uint32_t content);
+
+/*
+ * A ramp, Hz/s: from min_speed to max_speed (Hz) in `time` (0.1 s); 0 when there is none. And the time of
+ * a ramp, rounded to what can be said; 0 when nothing that can be said is near it.
+ */
+float xyza_ramp(uint32_t min_speed, uint32_t max_speed, uint32_t time);
+uint32_t xyza_ramp_time(uint32_t min_speed, uint32_t max_speed, float ramp);
 
 /* --- requests --------------------------------------------------------------------------------------- */
 

@@ -325,6 +325,48 @@ static void learn(struct db_device *device, enum xyza_param param, union db_valu
 	}
 }
 
+/* --- ramps ------------------------------------------------------------------------------------------- */
+
+#define RAMP_PARAMS                                                      \
+	(UINT64_C(1) << XYZA_MIN_SPEED | UINT64_C(1) << XYZA_MAX_SPEED | \
+	 UINT64_C(1) << XYZA_ACCELERATION_TIME)
+
+static void show_ramp(struct db_nameplate *plate, enum xyza_param param, uint64_t needed,
+                      union db_value ramp)
+{
+	uint64_t bit = UINT64_C(1) << param;
+	bool known = (plate->valid & needed) == needed;
+
+	plate->missing = plate->missing & needed ? plate->missing | bit : plate->missing & ~bit;
+	if (known == ((plate->valid & bit) != 0) && (!known || plate->values[param].u == ramp.u))
+		return;
+	plate->valid ^= known == ((plate->valid & bit) != 0) ? 0 : bit;
+	plate->values[param] = ramp;
+	plate->generation++;
+}
+
+/* What follows from what is known of an axis. */
+static void show_ramps(struct db_device *device)
+{
+	struct db_nameplate *plate = &device->plate;
+	union db_value ramp = { .f = xyza_ramp(plate->values[XYZA_MIN_SPEED].u,
+		                               plate->values[XYZA_MAX_SPEED].u,
+		                               plate->values[XYZA_ACCELERATION_TIME].u) };
+
+	show_ramp(plate, XYZA_RAMP_ACCELERATION, RAMP_PARAMS, ramp);
+	if (!(plate->values[XYZA_BRAKE].u >> device->axis & 1))
+		ramp.f = 0.0f;
+	show_ramp(plate, XYZA_RAMP_DECELERATION, RAMP_PARAMS | UINT64_C(1) << XYZA_BRAKE, ramp);
+}
+
+static void show_all_ramps(struct db_device *first)
+{
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (first->axes[i])
+			show_ramps(first->axes[i]);
+	}
+}
+
 /* The bits of an item's parameters in a nameplate. */
 static uint64_t params_of(enum xyza_item item)
 {
@@ -348,6 +390,7 @@ static void learn_item(struct db_device *device, enum xyza_item item, uint32_t c
 		if (xyza_param_item(param) == item && (xyza_param_access(param) & XYZA_CAN_READ))
 			learn(device, param, xyza_param_get(param, content));
 	}
+	show_all_ramps(device->first);
 }
 
 /* A controller may not have it. */
@@ -356,6 +399,7 @@ static void forget_item(struct db_device *device, enum xyza_item item)
 	device->unread |= 1u << item;
 	device->plate.valid &= ~params_of(item);
 	device->plate.missing |= params_of(item);
+	show_ramps(device);
 }
 
 /* After a reset nothing that is known of any axis counts. */
@@ -550,6 +594,31 @@ static enum db_step changed_answered(struct db_device *device, struct db_job *jo
 	if (plan->runs_on)
 		plan->unproven = true;
 	step[1].request.value = xyza_param_put(step->param, value, reply->value);
+	return next_step(device, job, exchange, result);
+}
+
+/* When all was read from which the time of a ramp follows, it is what is to be changed. */
+static enum db_step learned_answered(struct db_device *device, struct db_job *job,
+                                     const struct xyza_reply *reply, struct db_exchange *exchange,
+                                     enum db_result *result)
+{
+	struct xyza_plan *plan = plan_of(device, job);
+	struct xyza_step *step = step_of(device, job);
+	const union db_value *values = device->plate.values;
+	uint32_t time;
+
+	learn_item(device, step->request.item, reply->value);
+	if (step->request.item == XYZA_ITEM_BRAKE && !(values[XYZA_BRAKE].u >> device->axis & 1))
+		return refuse(device, job, result);
+	if (step[1].kind == STEP_LEARN)
+		return next_step(device, job, exchange, result);
+	time = xyza_ramp_time(values[XYZA_MIN_SPEED].u, values[XYZA_MAX_SPEED].u, plan->ramp);
+	if (time == 0)
+		return done(result, DB_RESULT_OUT_OF_RANGE);
+	for (unsigned i = job->step + 1; i < plan->count; i++) {
+		plan->steps[i].value = time;
+		plan->steps[i].request.value = time;
+	}
 	return next_step(device, job, exchange, result);
 }
 
@@ -818,6 +887,8 @@ static enum db_step read_refused(struct db_device *device, struct db_job *job,
 		if (step->param == XYZA_ENABLE || step->request.item == XYZA_ITEM_KEYS)
 			return refuse(device, job, result);
 		return next_step(device, job, exchange, result);
+	case STEP_LEARN:
+		return refuse(device, job, result);
 	case STEP_UNTIL_STANDING:
 		return done(result, DB_RESULT_FAILED);
 	case STEP_GUARD:
@@ -910,6 +981,8 @@ static enum db_step step_answered(struct db_device *device, struct db_job *job,
 		return guard_answered(device, job, reply, exchange, result);
 	case STEP_BEFORE:
 		return before_answered(device, job, reply, exchange, result);
+	case STEP_LEARN:
+		return learned_answered(device, job, reply, exchange, result);
 	case STEP_CHANGE:
 		return changed_answered(device, job, reply, exchange, result);
 	case STEP_UNTIL_STANDING:
@@ -1195,17 +1268,13 @@ static float counts_per_unit(const struct db_nameplate *plate)
 static float deceleration(const struct db_device *device)
 {
 	const struct db_nameplate *plate = &device->plate;
-	uint64_t needed = UINT64_C(1) << XYZA_MIN_SPEED | UINT64_C(1) << XYZA_MAX_SPEED |
-	                  UINT64_C(1) << XYZA_ACCELERATION_TIME | UINT64_C(1) << XYZA_BRAKE;
-	double time = (double)plate->values[XYZA_ACCELERATION_TIME].u / 10.0;
-	double change = (double)plate->values[XYZA_MAX_SPEED].u -
-	                (double)plate->values[XYZA_MIN_SPEED].u;
 
-	if ((plate->valid & needed) != needed)
+	if (!(plate->valid >> XYZA_RAMP_DECELERATION & 1))
 		return 0.0f;
-	if (!(plate->values[XYZA_BRAKE].u >> device->axis & 1) || !(time > 0.0))
+	if (!(plate->values[XYZA_BRAKE].u >> device->axis & 1) ||
+	    plate->values[XYZA_ACCELERATION_TIME].u == 0)
 		return INFINITY;
-	return change > 0.0 ? (float)(change / time) : 0.0f;
+	return plate->values[XYZA_RAMP_DECELERATION].f;
 }
 
 static void xyza_feedback(const struct db_device *device, struct db_feedback *feedback)
@@ -1368,8 +1437,11 @@ static enum db_result xyza_check_param(const struct db_bus_config *bus, size_t p
 	bool unlocked = bus->options[OPTION_UNLOCK] > 0.0;
 	unsigned access;
 
-	if (param >= XYZA_PARAM_COUNT)
+	if (param >= XYZA_SHOWN_COUNT)
 		return DB_RESULT_UNSUPPORTED;
+	/* Whether the controller can be told so shows when its speeds were read. */
+	if (param >= XYZA_PARAM_COUNT)
+		return value.f > 0.0f && isfinite(value.f) ? DB_RESULT_OK : DB_RESULT_OUT_OF_RANGE;
 	access = xyza_param_access((enum xyza_param)param);
 	if (!(access & XYZA_CAN_WRITE) || ((access & XYZA_NEEDS_UNLOCK) && !unlocked))
 		return DB_RESULT_UNSUPPORTED;
@@ -1392,13 +1464,13 @@ const struct db_driver db_driver_xyza = {
 	.measures = DB_MEASURE_INPUTS | DB_MEASURE_OUTPUTS | DB_MEASURE_PROGRAM,
 	.output_count = XYZA_OUTPUTS,
 	.params = xyza_params,
-	.param_count = XYZA_PARAM_COUNT,
+	.param_count = XYZA_SHOWN_COUNT,
 	.secret_params = SECRET_PARAMS,
 	.status_bits = status_bits,
 	.status_bit_count = sizeof status_bits / sizeof status_bits[0],
 	.param_page = 1,
-	.acceleration_param = -1,
-	.deceleration_param = -1,
+	.acceleration_param = XYZA_RAMP_ACCELERATION,
+	.deceleration_param = XYZA_RAMP_DECELERATION,
 	.scale_unit = "mm",
 	.preset_velocity_param = XYZA_MANUAL_SPEED,
 	.check = xyza_check,

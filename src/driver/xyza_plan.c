@@ -90,13 +90,28 @@ static void add_change(struct xyza_plan *plan, const struct db_device *device,
 	add_item(plan, device, XYZA_READ_ITEM, STEP_EXPECT_PARAM, param, value, mask);
 }
 
+/* The time that makes this ramp: it is known once the speeds were read. */
+static void plan_ramp(struct xyza_plan *plan, const struct db_device *device, bool down, float ramp)
+{
+	static const enum xyza_param needed[] = { XYZA_MIN_SPEED, XYZA_MAX_SPEED, XYZA_BRAKE };
+
+	plan->ramp = ramp;
+	for (unsigned i = 0; i < (down ? 3u : 2u); i++)
+		add_item(plan, device, XYZA_READ_ITEM, STEP_LEARN, needed[i], 0, 0);
+	add_change(plan, device, XYZA_ACCELERATION_TIME, 0, UINT32_MAX);
+}
+
 void xyza_plan_setting(struct xyza_plan *plan, const struct db_device *device,
                        const struct db_setting *setting)
 {
 	bool unproven = plan->unproven;
 
 	*plan = (struct xyza_plan){ .unproven = unproven };
-	add_change(plan, device, (enum xyza_param)setting->param, setting->value.u, UINT32_MAX);
+	if (setting->param >= XYZA_PARAM_COUNT)
+		plan_ramp(plan, device, setting->param == XYZA_RAMP_DECELERATION, setting->value.f);
+	else
+		add_change(plan, device, (enum xyza_param)setting->param, setting->value.u,
+		           UINT32_MAX);
 }
 
 static void plan_enable(struct xyza_plan *plan, const struct db_device *device, bool on)

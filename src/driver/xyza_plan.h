@@ -16,6 +16,7 @@ enum xyza_step_kind {
 	STEP_IF,        /* read: the next one is left out unless this is what is wanted of it */
 	STEP_GUARD,     /* read: what is wanted of it stands in the way of the command */
 	STEP_BEFORE,    /* read: the program's state, before a command to it */
+	STEP_LEARN,     /* read: a ramp follows from it */
 	STEP_CHANGE,    /* read: with one parameter changed it is written next, and read back; both
 	                   are left out when it is so already */
 	STEP_UNTIL_STANDING, /* read: again until the axis stands */
@@ -48,6 +49,7 @@ struct xyza_plan {
 	bool lost;       /* the answer to the command itself was */
 	bool refused;    /* the controller said that it did not take it */
 	bool unproven;   /* nothing that can be read shows what it did */
+	float ramp;      /* LEARN: what the ramp is to be, Hz/s */
 	unsigned mends;
 	db_time entered;  /* since when the effect is looked for; 0: not yet */
 	uint32_t before;  /* the program, as xyza_content() has it */

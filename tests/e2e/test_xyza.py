@@ -466,6 +466,29 @@ def test_one_key_leaves_the_others(xyza):
     eventually(lambda: [y.read(name) for name in keys] == [6, 2, 8])
 
 
+def test_acceleration_under_its_neutral_name(make_xyza):
+    """The controller knows a time: from min_speed to max_speed, in tenths of a second."""
+    bridge = make_xyza(drive={"max-acceleration": 50000, "counts-per-unit": 1})
+    x, y = bridge.drive(1), bridge.drive(2)
+    for name, value in (("min_speed", 200), ("max_speed", 3200), ("acceleration_time", 5),
+                        ("brake", 1)):
+        assert x.write(name, value) == 0
+    assert x.read("acceleration") == x.read("deceleration") == 6000
+    eventually(lambda: y.read("deceleration") == 0)
+    assert x.write("acceleration", 1000) == 0
+    assert x.read("acceleration_time") == 30
+    assert x.read("deceleration") == 1000
+    assert x.write("deceleration", 8000) == 0
+    assert (x.read("acceleration_time"), x.read("acceleration")) == (4, 7500)
+    assert x.read("ramp_acceleration") == 7500
+    for value in (0, -1, 80000):
+        assert x.write("acceleration", value) == ILLEGAL_VALUE
+    assert y.write("deceleration", 1000) == DEVICE_FAILURE
+    assert y.read("write_result") == RESULT_REFUSED
+    assert y.write("acceleration", 50001) == ILLEGAL_VALUE
+    assert y.read("result_limit") == 4
+
+
 def test_dangerous_parameters_are_locked(xyza):
     drive = xyza.drive()
     mark = len(requests(xyza))

@@ -924,6 +924,26 @@ static void test_parameter_table(void **state)
 	assert_false(in_range(XYZA_PAUSE_KEY, 7));
 }
 
+/* min_speed, max_speed, acceleration_time. */
+static void test_ramps(void **state)
+{
+	(void)state;
+	assert_true(xyza_ramp(320, 3200, 5) == 5760.0f);
+	assert_true(xyza_ramp(320, 3200, 0) == 0.0f);
+	assert_true(xyza_ramp(3200, 3200, 5) == 0.0f);
+	assert_true(xyza_ramp(3200, 320, 5) == 0.0f);
+	assert_true(xyza_ramp(0, UINT32_MAX, 1) > 4.29e10f);
+	assert_int_equal(xyza_ramp_time(320, 3200, 5760.0f), 5);
+	assert_int_equal(xyza_ramp_time(320, 3200, 6000.0f), 5);
+	assert_int_equal(xyza_ramp_time(320, 3200, 6500.0f), 4);
+	assert_int_equal(xyza_ramp_time(320, 3200, 28800.0f), 1);
+	assert_int_equal(xyza_ramp_time(320, 3200, 60000.0f), 0);
+	assert_int_equal(xyza_ramp_time(3200, 320, 1.0f), 0);
+	assert_int_equal(xyza_ramp_time(0, UINT32_MAX, 1.0f), 0);
+	assert_int_equal(xyza_ramp_time(320, 3200, 0.0f), 0);
+	assert_int_equal(xyza_ramp_time(320, 3200, -1.0f), 0);
+}
+
 static void test_parameters_to_unlock(void **state)
 {
 	static const enum xyza_param locked[] = { XYZA_FACTORY_RESET, XYZA_SLAVE_NUMBER,
@@ -1061,6 +1081,7 @@ int main(void)
 		cmocka_unit_test(test_ports),
 		cmocka_unit_test(test_position),
 		cmocka_unit_test(test_parameter_table),
+		cmocka_unit_test(test_ramps),
 		cmocka_unit_test(test_parameters_to_unlock),
 		cmocka_unit_test(test_parameters_in_items),
 		cmocka_unit_test(test_parameters_beside_what_is_not_set),

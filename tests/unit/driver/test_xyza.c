@@ -1515,6 +1515,81 @@ static void what_is_never_answered_is_left_out(void **state)
 	drop(f);
 }
 
+static const char *set_ramp(struct fixture *f, unsigned axis, enum xyza_param param, float ramp)
+{
+	f->setting = (struct db_setting){ .param = (uint16_t)param, .value.f = ramp };
+	f->request = (struct db_request){ .setting_count = 1, .settings = &f->setting };
+	return begin(f, axis, DB_JOB_SETTINGS);
+}
+
+/* From 200 to 3200 Hz in half a second are 6000 Hz/s. */
+static void the_ramp_follows_from_speeds_and_time(void **state)
+{
+	struct fixture *f = make(3);
+	const struct db_nameplate *y = plate(f, 1);
+
+	(void)state;
+	*memory(f, 0xE2, 0xB1) = 200;
+	*memory(f, 0xE2, 0xB2) = 3200;
+	*memory(f, 0xE2, 0xB3) = 5;
+	*memory(f, 0xE5, 0xC3) = 1; /* X brakes, Y does not */
+	assert_false(y->valid >> XYZA_RAMP_ACCELERATION & 1);
+	whole(f, begin(f, 1, DB_JOB_IDENTIFY));
+	assert_true(y->valid >> XYZA_RAMP_ACCELERATION & 1);
+	assert_true(y->values[XYZA_RAMP_ACCELERATION].f == 6000.0f);
+	assert_true(y->valid >> XYZA_RAMP_DECELERATION & 1);
+	assert_true(y->values[XYZA_RAMP_DECELERATION].f == 0.0f);
+	assert_true(isinf(feedback(f, 1).deceleration));
+	assert_false(plate(f, 0)->valid >> XYZA_RAMP_DECELERATION & 1);
+	/* Whoever writes one of them changes it. */
+	whole(f, set(f, 0, XYZA_BRAKE, 3));
+	assert_true(y->values[XYZA_RAMP_DECELERATION].f == 6000.0f);
+	assert_true(feedback(f, 1).deceleration == 6000.0f);
+	whole(f, set(f, 1, XYZA_MAX_SPEED, 1200));
+	assert_true(y->values[XYZA_RAMP_ACCELERATION].f == 2000.0f);
+	whole(f, set(f, 1, XYZA_ACCELERATION_TIME, 0));
+	assert_true(y->values[XYZA_RAMP_ACCELERATION].f == 0.0f);
+	assert_true(isinf(feedback(f, 1).deceleration));
+	drop(f);
+}
+
+static void a_ramp_is_written_as_its_time(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	*memory(f, 0xE2, 0xA1) = 200;
+	*memory(f, 0xE2, 0xA2) = 3200;
+	*memory(f, 0xE2, 0xA3) = 5;
+	*memory(f, 0xE5, 0xC3) = 1;
+	assert_string_equal(whole(f, set_ramp(f, 0, XYZA_RAMP_ACCELERATION, 1000.0f)),
+	                    "0AF10103E2A1 0AF10103E2A2 "
+	                    "0AF10103E2A3 0BF10103E2A31E000000 0AF10103E2A3 =ok");
+	assert_true(plate(f, 0)->values[XYZA_RAMP_ACCELERATION].f == 1000.0f);
+	/* What can be said is a multiple of 0.1 s. */
+	whole(f, set_ramp(f, 0, XYZA_RAMP_DECELERATION, 8000.0f));
+	assert_int_equal(*memory(f, 0xE2, 0xA3), 4);
+	assert_true(plate(f, 0)->values[XYZA_RAMP_DECELERATION].f == 7500.0f);
+	assert_true(plate(f, 0)->values[XYZA_RAMP_ACCELERATION].f == 7500.0f);
+	whole(f, set_ramp(f, 0, XYZA_RAMP_ACCELERATION, 70000.0f));
+	assert_int_equal(f->result, DB_RESULT_OUT_OF_RANGE);
+	assert_int_equal(*memory(f, 0xE2, 0xA3), 4);
+	/* Without brakes there is nothing to slow down with. */
+	*memory(f, 0xE5, 0xC3) = 2;
+	assert_string_equal(whole(f, set_ramp(f, 0, XYZA_RAMP_DECELERATION, 1000.0f)),
+	                    "0AF10103E2A1 0AF10103E2A2 0AF10103E5C3 =refused");
+	*memory(f, 0xE2, 0xA2) = 100;
+	whole(f, set_ramp(f, 0, XYZA_RAMP_ACCELERATION, 1000.0f));
+	assert_int_equal(f->result, DB_RESULT_OUT_OF_RANGE);
+	/* From speeds that are not told no time follows. */
+	set_ramp(f, 0, XYZA_RAMP_ACCELERATION, 1000.0f);
+	assert_string_equal(refuse(f, FAILED_DATA), "=refused");
+	assert_int_equal(db_driver_xyza.check_param(&f->bus, XYZA_RAMP_ACCELERATION,
+	                                            (union db_value){ .f = 0.0f }),
+	                 DB_RESULT_OUT_OF_RANGE);
+	drop(f);
+}
+
 static void dangerous_parameters_are_locked(void **state)
 {
 	static const enum xyza_param locked[] = { XYZA_FACTORY_RESET, XYZA_SLAVE_NUMBER,
@@ -1532,7 +1607,7 @@ static void dangerous_parameters_are_locked(void **state)
 	}
 	assert_int_equal(db_driver_xyza.check_param(&f->bus, XYZA_BRAKE, (union db_value){ 16 }),
 	                 DB_RESULT_OUT_OF_RANGE);
-	assert_int_equal(db_driver_xyza.check_param(&f->bus, XYZA_PARAM_COUNT, one),
+	assert_int_equal(db_driver_xyza.check_param(&f->bus, XYZA_SHOWN_COUNT, one),
 	                 DB_RESULT_UNSUPPORTED);
 	/* They are not read before they are written. */
 	assert_string_equal(set(f, 0, XYZA_SLAVE_NUMBER, 6), "0BF10103E5CB06000000");
@@ -1592,6 +1667,8 @@ int main(void)
 		cmocka_unit_test(several_parameters_are_written),
 		cmocka_unit_test(passwords_are_not_shown),
 		cmocka_unit_test(what_is_never_answered_is_left_out),
+		cmocka_unit_test(the_ramp_follows_from_speeds_and_time),
+		cmocka_unit_test(a_ramp_is_written_as_its_time),
 		cmocka_unit_test(dangerous_parameters_are_locked),
 	};
 
