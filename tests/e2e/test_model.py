@@ -3,7 +3,6 @@
 held against what the drives really did. tests/model/run is the long one, and replays a failure."""
 
 import os
-import secrets
 import sys
 
 import pytest
@@ -15,7 +14,8 @@ from model.check import examine  # noqa: E402
 from model.families import FAMILIES  # noqa: E402
 
 COMMANDS = int(os.environ.get("MODEL_COMMANDS", "250"))
-SEEDS = ["1", "2", os.environ.get("MODEL_SEED", "fresh")]
+# The same for everybody: new ones are for tests/model/run.
+SEEDS = ["1", "2", "3"]
 
 
 # A history that fails is made short before it is shown.
@@ -23,7 +23,6 @@ SEEDS = ["1", "2", os.environ.get("MODEL_SEED", "fresh")]
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_what_was_answered_is_what_happened(family, seed):
-    seed = secrets.token_hex(4) if seed == "fresh" else seed
     print(f"tests/model/run --family {family} --episode {seed} --commands {COMMANDS}")
     broken = examine(family, seed, COMMANDS, shrink_seconds=60)
     assert broken is None, broken
