@@ -157,8 +157,9 @@ static const struct db_config_key KEYS[] = {
 	{ NUMBER("bus", "save-interval-s", "10", 0, 3600, "s",
 	         "Shortest time between two save_parameters of one drive, because they wear its memory"),
 	  AT(bus, save_interval_s) },
-	{ NUMBER("bus", "priority", "0", 0, 99, "",
-	         "Real-time priority (SCHED_FIFO) of the bus's thread; 0 means none"),
+	{ NUMBER("bus", "priority", "1", 0, 99, "",
+	         "Real-time priority (SCHED_FIFO) of the bus's thread, where the system allows it; 0 means "
+	         "none"),
 	  AT(bus, priority) },
 	{ OTHER(DB_KEY_CPUS, "bus", "cpus", "any", 1, 63,
 	        "Processors on which the bus's thread may run, such as 3 or 2-3,5, or any"),

@@ -45,7 +45,7 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 	[DB_EVENT_BUS_SLOW] =
 		KIND("bus-slow", "d843580b97d647409d50b6768c57e229", WARNING, SPEED, 1),
 	[DB_EVENT_PRIORITY_REFUSED] =
-		KIND("priority-refused", "2fd87d3fbe5e4def925c2bf0f8c92f05", WARNING, SERVICE, 0),
+		KIND("priority-refused", "2fd87d3fbe5e4def925c2bf0f8c92f05", NOTICE, SERVICE, 0),
 	[DB_EVENT_CPUS_REFUSED] =
 		KIND("cpus-refused", "2f4ee8b5f0654f178815d8d62d568f59", WARNING, SERVICE, 0),
 	[DB_EVENT_SERIAL_LATENCY] =

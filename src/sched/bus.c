@@ -9,6 +9,7 @@
 #include "codec/can.h"
 #include "sched/change.h"
 #include "sched/engine.h"
+#include "sched/priority.h"
 #include "sched/report.h"
 
 #include <errno.h>
@@ -29,6 +30,9 @@
 
 /* The thread turns at least so often, to show that it lives. */
 #define BEAT_TIME (500 * DB_NS_PER_MS)
+
+/* So often a port is read before the cycle and stops have their turn again. */
+#define READS_AT_ONCE 16
 
 /* A port that takes nothing for so long is as good as gone. */
 #define STUCK_TIME (1 * DB_NS_PER_S)
@@ -67,6 +71,7 @@ struct db_bus {
 	struct db_bus_stats judged; /* as they were at the last judgement of the cycle */
 	db_time judged_wait;        /* for a processor, until then */
 	db_time judge_at;           /* the next one; 0 before the first */
+	struct priority priority;
 
 	atomic_uint stats_sequence;
 	db_seqlock_word stats_words[DB_SEQLOCK_WORDS(struct db_bus_stats)];
@@ -272,22 +277,22 @@ static void follow_health(struct db_bus *bus, db_time now)
 	take_down(bus, health->error, now);
 }
 
-/* False when nothing was there. */
+/* False when nothing was there. What is left when it has said enough is told again by poll(). */
 static bool read_port(struct db_bus *bus)
 {
 	uint8_t bytes[512];
-	bool any = false;
-	ssize_t count;
+	ssize_t count = 0;
 
-	while ((count = bus->transport->read(bus->port, bytes, sizeof bytes, now_ns())) > 0) {
-		any = true;
-		db_engine_receive(bus->engine, bytes, (size_t)count, now_ns());
-		if ((size_t)count < sizeof bytes)
-			return true;
+	for (unsigned reads = 0; reads < READS_AT_ONCE; reads++) {
+		count = bus->transport->read(bus->port, bytes, sizeof bytes, now_ns());
+		if (count > 0)
+			db_engine_receive(bus->engine, bytes, (size_t)count, now_ns());
+		if (count < 0)
+			fail_port(bus, (int)-count);
+		if (count < (ssize_t)sizeof bytes)
+			return reads > 0 || count > 0;
 	}
-	if (count < 0)
-		fail_port(bus, (int)-count);
-	return any;
+	return true;
 }
 
 static void write_rest(struct db_bus *bus, db_time now)
@@ -485,18 +490,40 @@ static bool give_back(struct db_bus *bus)
 	return finished || changed;
 }
 
-static void set_priority(const struct db_bus *bus)
+static db_time used_ns(void)
 {
-	struct sched_param param = { .sched_priority = (int)bus->config->priority };
-	int error;
+	return clock_ns(CLOCK_THREAD_CPUTIME_ID);
+}
 
-	if (bus->config->priority == 0)
-		return;
-	error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &param);
+static void set_priority(struct db_bus *bus)
+{
+	unsigned wanted = bus->config->priority;
+	int error = priority_begin(&bus->priority, wanted, now_ns(), used_ns());
+
 	if (error != 0)
 		db_log(&bus->log, now_ns(), DB_EVENT_PRIORITY_REFUSED, NULL,
-		       "cannot run at real-time priority %u: %s; check LimitRTPRIO",
-		       bus->config->priority, strerror(error));
+		       "cannot run at real-time priority %u: %s; the bus runs without, and its cycles "
+		       "may be late when the computer is busy. LimitRTPRIO of the service allows it, "
+		       "and priority = 0 does not ask for it",
+		       wanted, strerror(error));
+}
+
+static void judge_priority(struct db_bus *bus)
+{
+	db_time now = now_ns();
+	enum priority_news news;
+
+	if (!priority_is_due(&bus->priority, now))
+		return;
+	news = priority_judge(&bus->priority, now, used_ns());
+	if (news == PRIORITY_LENT)
+		db_log(&bus->log, now, DB_EVENT_PRIORITY_REFUSED, NULL,
+		       "%s keeps a processor busy with what it sends; the bus goes on without its "
+		       "real-time priority until that is over",
+		       place_of(bus->config));
+	else if (news == PRIORITY_TAKEN_BACK)
+		db_log(&bus->log, now, DB_EVENT_PRIORITY_REFUSED, NULL,
+		       "real-time priority %u again", bus->config->priority);
 }
 
 static void set_cpus(const struct db_bus *bus)
@@ -544,7 +571,7 @@ static void *run(void *context)
 		take_change(bus);
 		next = turn(bus);
 		atomic_fetch_add_explicit(&bus->beats, 1, memory_order_relaxed);
-
+		judge_priority(bus);
 		if (give_back(bus))
 			tell_network(bus);
 		if (exit_by == DB_TIME_NEVER && atomic_load(&bus->ending)) {

@@ -499,12 +499,14 @@ class Bridge:
     faults   what the simulated drives have from the start: {number: [fault ...]}
     sim_drives
              number of simulated drives, where one of them is several of the bridge's
+    launcher a command that becomes the bridge, which is given to it as its arguments
     """
 
     def __init__(self, place, register_map, commands, *, drives=1, modbus=None, bus=None,
                  drive=None, per_drive=None, sim_bus=None, sim_drive=None, sim_per_drive=None,
                  faults=None, line="rs485", baud=115200, start_sim=True, wait_online=True,
-                 text=None, sim_drives=None):
+                 text=None, sim_drives=None, launcher=()):
+        self.launcher = list(launcher)
         self.place = place
         self.map = register_map
         self.commands = commands
@@ -562,7 +564,7 @@ class Bridge:
 
     def start_bridge(self):
         offset = self.log_path.stat().st_size if self.log_path.exists() else 0
-        command = [find_program("drivebridged"), "--config", self.config_path]
+        command = [*self.launcher, find_program("drivebridged"), "--config", self.config_path]
         with open(self.log_path, "ab") as log:
             self.process = subprocess.Popen(command, stdout=log, stderr=log,
                                             preexec_fn=go_first)

@@ -66,11 +66,40 @@ def test_processors_that_are_not_there(make_bridge):
     assert bridge.drive().online()
 
 
+def has_priority(bridge, wanted):
+    """Or has told why not."""
+    refused = f"cannot run at real-time priority {wanted}" in bridge.log_path.read_text()
+    assert policy(threads(bridge)["line"]) == ((0, 0) if refused else (SCHED_FIFO, wanted))
+    assert policy(threads(bridge)["drivebridged"])[0] == 0
+    assert policy(threads(bridge)["log"])[0] == 0
+    return not refused
+
+
 def test_priority(make_bridge):
     """Real-time where it is allowed, and a message where it is not."""
     bridge = make_bridge(bus={"priority": 7})
-    task = threads(bridge)["line"]
-    refused = "cannot run at real-time priority 7" in bridge.log_path.read_text()
-    assert policy(task) == ((0, 0) if refused else (SCHED_FIFO, 7))
-    assert policy(threads(bridge)["drivebridged"])[0] == 0
-    assert policy(threads(bridge)["log"])[0] == 0
+    has_priority(bridge, 7)
+
+
+def test_priority_by_default(bridge):
+    has_priority(bridge, 1)
+    assert "real-time priority 1" in check(bridge).stdout
+
+
+def test_no_priority(make_bridge):
+    bridge = make_bridge(bus={"priority": 0})
+    assert policy(threads(bridge)["line"]) == (0, 0)
+    assert "real-time" not in bridge.log_path.read_text()
+
+
+def test_priority_that_is_not_allowed(make_bridge):
+    """One line, and the bus runs."""
+    bridge = make_bridge(launcher=["prlimit", "--rtprio=0", *without_nice()])
+    assert not has_priority(bridge, 1)
+    assert bridge.log_path.read_text().count("real-time priority") == 1
+    assert bridge.drive().online()
+
+
+def without_nice():
+    """The capability is root's."""
+    return ["setpriv", "--bounding-set=-sys_nice", "--inh-caps=-sys_nice"] if os.geteuid() == 0 else []

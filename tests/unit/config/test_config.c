@@ -412,7 +412,7 @@ static void test_defaults_of_bus_and_drive(void **state)
 	assert_int_equal(bus->retries, 2);
 	assert_int_equal(bus->queue, 32);
 	assert_int_equal(bus->save_interval_s, 10);
-	assert_int_equal(bus->priority, 0);
+	assert_int_equal(bus->priority, 1);
 	assert_true(bus->cpus == 0);
 	assert_int_equal(bus->log, DB_LOG_INFO);
 	assert_string_equal(drive->name, "d");
