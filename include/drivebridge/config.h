@@ -140,8 +140,8 @@ struct db_drive_config {
 	/* VSMD families: the register map of the vendor's own Modbus models. */
 	bool vendor_layout;   /* layout = neutral (default) or vsmd: that of `unit` */
 	unsigned vendor_unit; /* vendor-unit, 1..247, 0 (default) = no second unit with that map */
-	bool vendor_high_first;         /* vendor-word-order = low-first (default) or high-first */
-	double options[DB_OPTIONS_MAX]; /* of the driver's list; those of buses are left NAN */
+	bool vendor_high_first; /* vendor-word-order = low-first (default) or high-first */
+	double *options;        /* as many as the driver's list has; those of buses are left NAN */
 };
 
 /* A file of a configuration: the one that was named, or one of the folder conf.d beside it. */

@@ -54,8 +54,8 @@ struct db_exchange {
 	unsigned
 		sending; /* set by the scheduler: another number each time anything is sent, so that
 	                     frames of an answer can be told from those of the one before */
+	bool repeatable; /* sending it again after a lost answer is harmless */
 	db_time extra_time; /* beyond the bus's drive latency: a flash write, for instance */
-	bool repeatable;    /* sending it again after a lost answer is harmless */
 };
 
 enum db_step {

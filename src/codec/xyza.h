@@ -184,14 +184,14 @@ enum xyza_verb {
 
 /* What a verb does not need is not looked at when encoding and 0 after decoding. */
 struct xyza_request {
-	enum xyza_verb verb;
-	uint8_t object;      /* slave number, 1..255 */
-	uint8_t order;       /* decoded only: enum xyza_order, or whatever was there */
-	enum xyza_axis axis; /* MAGNITUDE, SIGN, STANDING, JOG, CLEAR and items of axes */
-	enum xyza_item item; /* READ_ITEM, WRITE_ITEM */
-	bool negative;       /* WRITE_SIGN, JOG */
-	bool on;             /* WRITE_OUTPUT, WRITE_OUTPUTS */
-	uint8_t number;      /* WRITE_OUTPUT: port 1..8; START: program; DELAY: seconds */
+	enum xyza_verb verb : 8;
+	enum xyza_axis axis : 8; /* MAGNITUDE, SIGN, STANDING, JOG, CLEAR and items of axes */
+	enum xyza_item item : 8; /* READ_ITEM, WRITE_ITEM */
+	uint8_t object;          /* slave number, 1..255 */
+	uint8_t order;           /* decoded only: enum xyza_order, or whatever was there */
+	bool negative;           /* WRITE_SIGN, JOG */
+	bool on;                 /* WRITE_OUTPUT, WRITE_OUTPUTS */
+	uint8_t number;          /* WRITE_OUTPUT: port 1..8; START: program; DELAY: seconds */
 	uint32_t value; /* WRITE_MAGNITUDE: pulses; WRITE_ITEM: content, see xyza_param_put() */
 };
 

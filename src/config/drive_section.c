@@ -80,17 +80,32 @@ static unsigned read_axis(const struct db_section *section, const struct db_driv
 	return 0;
 }
 
+/* As many as the family has, to be freed; null when out of memory. */
+static double *read_options(const struct db_section *section, const struct db_driver *driver)
+{
+	double all[DB_OPTIONS_MAX];
+	size_t count = driver ? driver->option_count : 0;
+	/* One more than needed: calloc() of nothing may give null. */
+	double *options = calloc(count + 1, sizeof *options);
+
+	db_section_options(section, driver, all);
+	if (options && count > 0)
+		memcpy(options, all, count * sizeof *options);
+	return options;
+}
+
 /* What depends on the family. */
 static void read_place(const struct db_section *section, const struct db_bus_config *bus,
                        struct db_drive_config *drive)
 {
 	size_t errors = db_report_errors(&section->load->report);
+	const struct db_driver *driver = bus ? bus->driver : NULL;
 
 	drive->address = db_section_number(section, "address");
-	if (bus && bus->driver && db_report_errors(&section->load->report) == errors)
+	if (driver && db_report_errors(&section->load->report) == errors)
 		check_address(section, bus, drive->address);
-	drive->axis = read_axis(section, bus ? bus->driver : NULL);
-	db_section_options(section, bus ? bus->driver : NULL, drive->options);
+	drive->axis = read_axis(section, driver);
+	drive->options = read_options(section, driver);
 }
 
 static void read_limits(const struct db_section *section, struct db_drive_config *drive)

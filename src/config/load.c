@@ -211,6 +211,7 @@ void db_config_free(struct db_config *config)
 	for (size_t i = 0; config->drives && i < config->drive_count; i++) {
 		free(config->drives[i].name);
 		free(config->drives[i].unit_name);
+		free(config->drives[i].options);
 	}
 	free(config->buses);
 	free(config->drives);

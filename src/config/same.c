@@ -111,9 +111,9 @@ static bool same_section(const char *section, const struct pair *pair)
 }
 
 /* Those of other kinds of sections are NAN in both. */
-static bool same_options(const double a[DB_OPTIONS_MAX], const double b[DB_OPTIONS_MAX])
+static bool same_options(const double *a, const double *b, size_t count)
 {
-	for (size_t i = 0; i < DB_OPTIONS_MAX; i++) {
+	for (size_t i = 0; i < count; i++) {
 		if (!same_real(a[i], b[i]))
 			return false;
 	}
@@ -132,15 +132,17 @@ bool db_config_same_bus(const struct db_bus_config *a, const struct db_bus_confi
 	const struct pair pair = { .a = a, .b = b };
 
 	return same_text(a->name, b->name) && same_section("bus", &pair) &&
-	       same_options(a->options, b->options);
+	       same_options(a->options, b->options, DB_OPTIONS_MAX);
 }
 
 bool db_config_same_drive(const struct db_config *config_a, const struct db_drive_config *a,
                           const struct db_config *config_b, const struct db_drive_config *b)
 {
 	const struct pair pair = { config_a, config_b, a, b };
+	const struct db_driver *driver = config_a->buses[a->bus].driver;
 
 	/* Without counts-per-unit the drive's own knowledge counts, which no default can say. */
 	return same_text(a->name, b->name) && a->counts_given == b->counts_given &&
-	       same_section("drive", &pair) && same_options(a->options, b->options);
+	       same_section("drive", &pair) && config_b->buses[b->bus].driver == driver &&
+	       same_options(a->options, b->options, driver->option_count);
 }

@@ -83,7 +83,7 @@ bool db_load_sections(struct db_load *load)
 	config->drive_count = drives;
 	for (unsigned i = 0; i < drives; i++) {
 		db_load_drive(load, i, &config->drives[i]);
-		if (!config->drives[i].name)
+		if (!config->drives[i].name || !config->drives[i].options)
 			return false;
 	}
 	return true;

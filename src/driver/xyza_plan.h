@@ -28,12 +28,12 @@ enum xyza_step_kind {
 
 struct xyza_step {
 	struct xyza_request request;
-	enum xyza_step_kind kind;
-	enum xyza_param param; /* CHANGE, EXPECT_PARAM */
+	enum xyza_step_kind kind : 8;
+	enum xyza_param param : 8; /* CHANGE, EXPECT_PARAM */
+	uint8_t back;              /* EXPECT: so many steps back it is written again; 0: nowhere */
 	uint32_t value;
 	uint32_t mask;   /* bits of the value, or of what is read, that matter */
 	uint32_t wanted; /* GUARD, EXPECT: what they are; see xyza_content() */
-	unsigned back;   /* EXPECT: so many steps back it is written again; 0: nowhere */
 };
 
 #define XYZA_STEPS_MAX 16

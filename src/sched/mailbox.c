@@ -26,8 +26,8 @@ struct db_letter {
 	uint32_t order;
 	uint32_t ticket;
 	uint16_t axis;
-	enum db_command command;
-	enum db_result result;
+	enum db_command command : 8;
+	enum db_result result : 8;
 	struct db_mailbox *mailbox;
 	db_time sent;
 	db_time finished;

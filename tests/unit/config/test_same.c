@@ -2,6 +2,7 @@
 /* What a reload takes for unchanged: every key of the table is changed in turn. */
 #include "config/keys.h"
 #include "config/load.h"
+#include "drivebridge/driver.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -305,11 +306,14 @@ static void options_of_families_count(void **state)
 	b = parse(text);
 	for (size_t i = 0; i < DB_OPTIONS_MAX; i++) {
 		double bus = b->buses[0].options[i];
-		double drive = b->drives[0].options[i];
 
 		b->buses[0].options[i] = 77;
 		assert_false(same_section("bus", a, b));
 		b->buses[0].options[i] = bus;
+	}
+	for (size_t i = 0; i < b->buses[0].driver->option_count; i++) {
+		double drive = b->drives[0].options[i];
+
 		b->drives[0].options[i] = 77;
 		assert_false(same_section("drive", a, b));
 		b->drives[0].options[i] = drive;

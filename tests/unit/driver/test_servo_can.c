@@ -28,6 +28,7 @@ static const struct db_driver *const driver = &db_driver_servo_can;
 struct fixture {
 	struct db_bus_config bus;
 	struct db_drive_config drive;
+	double options[DB_OPTIONS_MAX]; /* the drive's */
 	struct db_device *device;
 	struct db_job job;
 	struct db_request request;
@@ -83,6 +84,7 @@ static struct fixture *make(void)
 	f->bus.cycle_ms = CYCLE_MS;
 	f->bus.bitrate = 1000000;
 	f->drive.address = NODE;
+	f->drive.options = f->options;
 	f->drive.max_velocity = NAN;
 	f->drive.max_acceleration = NAN;
 	for (size_t i = 0; i < DB_OPTIONS_MAX; i++)

@@ -29,6 +29,7 @@
 struct fixture {
 	struct db_bus_config bus;
 	struct db_drive_config drive;
+	double options[DB_OPTIONS_MAX]; /* the drive's */
 	struct db_device *device;
 	struct db_job job;
 	struct db_request request;
@@ -63,6 +64,7 @@ static struct fixture *make_reporting(double standard, double report_ms, double 
 	f->bus.options[2] = 1; /* output-base */
 	f->bus.options[3] = report_ms;
 	f->bus.options[4] = report;
+	f->drive.options = f->options;
 	f->drive.options[5] = REACTION_MS;
 	f->drive.options[6] = 500; /* save-ms */
 	f->drive.options[7] = 500; /* homing-pause-ms */

@@ -34,6 +34,7 @@ struct drive {
 struct world {
 	struct db_bus_config bus;
 	struct db_drive_config drives[DRIVES];
+	double options[DB_OPTIONS_MAX]; /* of each */
 	struct db_bus_drive list[DRIVES];
 	struct db_axis *axes[DRIVES];
 	struct db_mailbox *mailbox;
@@ -208,6 +209,7 @@ static int setup(void **state)
 		world->drives[i] = (struct db_drive_config){
 			.name = (char *)"d",
 			.address = (unsigned)i + 1,
+			.options = world->options,
 			.on_exit = DB_ON_LOSS_STOP,
 			.stop_reaction_ms = 1000,
 			.counts_per_unit = 1.0,

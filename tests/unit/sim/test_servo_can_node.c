@@ -146,6 +146,7 @@ static void a_node_reports(void **state)
 struct world {
 	struct db_bus_config bus;
 	struct db_drive_config drives[NODES];
+	double options[NODES][DB_OPTIONS_MAX]; /* theirs */
 	struct db_bus_drive list[NODES];
 	struct db_axis *axes[NODES];
 	struct db_mailbox *mailbox;
@@ -241,7 +242,7 @@ static void option(struct world *world, const char *name, double value)
 			continue;
 		world->bus.options[i] = value;
 		for (size_t j = 0; j < NODES; j++)
-			world->drives[j].options[i] = value;
+			world->options[j][i] = value;
 	}
 }
 
@@ -280,6 +281,7 @@ static void start(struct world *world, const struct sim_servo_config *config)
 	for (size_t i = 0; i < world->count; i++) {
 		struct sim_can_station station;
 
+		world->drives[i].options = world->options[i];
 		world->drives[i].name = (char *)"d";
 		world->drives[i].address = (unsigned)i + 1;
 		world->drives[i].stop_reaction_ms = 1000;
