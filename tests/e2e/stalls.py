@@ -88,6 +88,13 @@ def pytest_unconfigure(config):
         config.stall_watcher.close()
 
 
+def told(reports):
+    """The first line of what the first failure says."""
+    failure = next(report.longrepr for report in reports if report.failed)
+    crash = getattr(failure, "reprcrash", None)
+    return (crash.message if crash else str(failure)).splitlines()[0]
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item, nextitem):
     """The test, again if it fails while the machine stood still."""
@@ -100,7 +107,7 @@ def pytest_runtest_protocol(item, nextitem):
         if attempt == TRIES or not stall or not any(report.failed for report in reports):
             break
         item.user_properties.append(
-            ("repeated", f"the machine stood still for {stall * 1000:.0f} ms"))
+            ("repeated", f"the machine stood still for {stall * 1000:.0f} ms: {told(reports)}"))
         watcher.wait_for_calm()
     for report in reports:
         item.ihook.pytest_runtest_logreport(report=report)
