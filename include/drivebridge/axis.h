@@ -82,6 +82,7 @@ enum db_measure {
 	DB_MEASURE_TEMPERATURE = 1u << 6,
 	DB_MEASURE_ANALOGUE = 1u << 7,
 	DB_MEASURE_RAW_HEALTH = 1u << 8, /* voltage and temperature before scaling */
+	DB_MEASURE_RAW_ANSWER = 1u << 9,
 };
 
 /* One moment of a drive, as its driver understood it. */
@@ -137,13 +138,18 @@ struct db_snapshot {
 #define DB_IDENTITY_MAX 40
 
 /* Changes rarely: identity and parameters. */
+#define DB_RAW_ANSWER_WORDS 10
+
 struct db_nameplate {
 	uint64_t valid;   /* bit i: values[i] was read from the drive */
 	uint64_t missing; /* bit i: it was asked for values[i] and did not tell it; see the log */
 	union db_value values[DB_PARAMS_MAX];
 	char identity[DB_IDENTITY_MAX]; /* not terminated when full; "" = not read */
-	uint32_t generation;            /* grows with each change */
-	bool doubtful;                  /* some value may have changed: to be read again */
+	/* What answered the last raw frame, as DB_CMD_RAW_FRAME has it; length 0: nothing did. */
+	uint16_t raw_length;
+	uint16_t raw_answer[DB_RAW_ANSWER_WORDS];
+	uint32_t generation; /* grows with each change */
+	bool doubtful;       /* some value may have changed: to be read again */
 };
 
 struct db_axis;

@@ -47,6 +47,7 @@ enum db_command {
 	DB_CMD_END_PROGRAM = 33,
 	DB_CMD_SINGLE_STEP = 34, /* programs step by step: output_value 1 on, 0 off */
 	DB_CMD_SYNC_START = 40,  /* what was staged on drives in sync mode begins on all of them */
+	DB_CMD_RAW_FRAME = 41,   /* one frame as its writer has it; where raw-frames is on */
 	DB_CMD_LIMIT = 64        /* codes are below this, so that sets of them fit 64 bits */
 };
 
@@ -58,11 +59,16 @@ bool db_command_is_stop(enum db_command command);
 /* Sets the axis in motion (arms the watchdog, refused while latched). */
 bool db_command_is_motion(enum db_command command);
 
+/* It, or what nobody knows: likewise arms the watchdog and is refused while latched. */
+bool db_command_may_move(enum db_command command);
+
 /* Whatever motion there was is over once this command is on its way: another motion, or an end. */
 bool db_command_ends_motion(enum db_command command);
 
 /* The stop that a configured reaction stands for; NONE for DB_ON_LOSS_NONE. */
 enum db_command db_on_loss_command(enum db_on_loss reaction);
+
+#define DB_RAW_REQUEST_WORDS 8
 
 /* Arguments as the register table holds them; a command uses those its table row names. */
 struct db_args {
@@ -79,7 +85,9 @@ struct db_args {
 	uint32_t shake_time;   /* s, 0 = no limit */
 	float target_current;  /* A; its sign is the direction */
 	uint16_t program_number;
-	uint16_t program_delay; /* s, from the command to the program's begin */
+	uint16_t program_delay;                     /* s, from the command to the program's begin */
+	uint16_t raw_length;                        /* bytes of a raw frame */
+	uint16_t raw_request[DB_RAW_REQUEST_WORDS]; /* two bytes each, the first in the high one */
 };
 
 /* A parameter write: the index in the family's table and a value of its type, checked already. */

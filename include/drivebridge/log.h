@@ -60,6 +60,7 @@ enum db_event {
 	DB_EVENT_DRIVE_HEARD,          /* it does not answer, but something came from there */
 	DB_EVENT_DRIVE_LATE,           /* it answers later than drive-latency-ms */
 	DB_EVENT_COMMAND_REFUSED,
+	DB_EVENT_RAW_FRAME,  /* a client's own frame, and what answered it */
 	DB_EVENT_DRIVE_DEAF, /* it does not hear what follows its answers within turnaround-us */
 	DB_EVENT_COUNT
 };

@@ -652,7 +652,7 @@ static int carry_out(struct db_commander *commander, const struct origin *by,
 		take_place(commander, older, slot);
 	if (clears_latch(commander, request.command))
 		slot->ends_trip = commander->watchdog.trips;
-	if (db_command_is_motion(request.command))
+	if (db_command_may_move(request.command))
 		db_watchdog_arm(&commander->watchdog, db_client_arrived(by->client, now));
 	note_submitted(commander, by->writer, request.command, now);
 	record(commander, by->client, block, id, DB_RESULT_PENDING, slot);
@@ -775,7 +775,7 @@ static enum db_result permit(struct db_commander *commander, struct db_writer *w
 		return DB_RESULT_REFUSED;
 	if (id != 0 && writer && writer->last.id == 0 && !db_command_is_stop(code))
 		return DB_RESULT_RESTARTED;
-	if (commander->watchdog.latched && db_command_is_motion(code))
+	if (commander->watchdog.latched && db_command_may_move(code))
 		return DB_RESULT_LATCHED;
 	return DB_RESULT_OK;
 }

@@ -99,6 +99,11 @@ bool db_command_is_motion(enum db_command command)
 	}
 }
 
+bool db_command_may_move(enum db_command command)
+{
+	return db_command_is_motion(command) || command == DB_CMD_RAW_FRAME;
+}
+
 bool db_command_ends_motion(enum db_command command)
 {
 	return db_command_is_motion(command) || db_command_is_stop(command) ||

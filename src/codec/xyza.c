@@ -790,6 +790,15 @@ enum xyza_error xyza_decode_reply(const uint8_t *frame, size_t length, struct xy
 	}
 }
 
+uint8_t xyza_sender(const uint8_t *frame, size_t length)
+{
+	struct content content;
+
+	if (read_frame(frame, length, &content) != XYZA_OK || content.level != LEVEL_CONTROLLER)
+		return 0;
+	return content.object;
+}
+
 int xyza_encode_reply(const struct xyza_reply *reply, const struct xyza_style *style,
                       uint8_t *frame, size_t size)
 {
@@ -926,4 +935,55 @@ bool xyza_position(uint32_t magnitude, bool negative, int32_t *position)
 		return false;
 	*position = (int32_t)number;
 	return true;
+}
+
+/* --- what the document does not have --------------------------------------------------------------- */
+
+int xyza_encode_raw(const uint8_t *content, size_t length, uint8_t object, uint8_t *frame,
+                    size_t size)
+{
+	size_t whole = length > 0 ? frame_length(content[0]) : 0;
+	uint8_t *said = frame + AT_MARK;
+
+	if (whole == 0 || content[0] == MARK_ANSWER || length != whole - AT_MARK - 1)
+		return XYZA_ERR_FORM;
+	if (size < whole)
+		return XYZA_ERR_SPACE;
+	frame[0] = HEADER_0;
+	frame[1] = HEADER_1;
+	memcpy(said, content, length);
+	if (frame[AT_OBJECT] == 0)
+		frame[AT_OBJECT] = object;
+	if (frame[AT_OBJECT] != object || frame[AT_LEVEL] == LEVEL_CONTROLLER)
+		return XYZA_ERR_RANGE;
+	frame[whole - 1] = sum(frame + AT_ORDER, whole - AT_ORDER - 1);
+	return (int)whole;
+}
+
+static bool is_acknowledgement(const struct content *content)
+{
+	return content->order == XYZA_ORDER_OK || content->order == XYZA_ORDER_FAILED ||
+	       content->order == XYZA_ORDER_FAILED_BB;
+}
+
+/* Orders whose data the bridge itself asks for. */
+static bool is_own_order(uint8_t order)
+{
+	return order == XYZA_ORDER_DATA || order == XYZA_ORDER_PROGRAM;
+}
+
+bool xyza_raw_fits(const uint8_t *request, const uint8_t *frame, size_t length, bool *failed,
+                   bool *shows)
+{
+	uint8_t order = request[AT_ORDER];
+	struct content content;
+
+	if (xyza_sender(frame, length) != request[AT_OBJECT] ||
+	    read_frame(frame, length, &content) != XYZA_OK)
+		return false;
+	*shows = !is_acknowledgement(&content);
+	*failed = !*shows && content.order != XYZA_ORDER_OK;
+	if (!*shows)
+		return content.target == order;
+	return content.order == order || !is_own_order(content.order);
 }

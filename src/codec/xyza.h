@@ -209,6 +209,26 @@ int xyza_encode_request(const struct xyza_request *request, uint8_t *frame, size
 enum xyza_error xyza_decode_request(const uint8_t *frame, size_t length,
                                     struct xyza_request *request);
 
+/* --- what the document does not have ----------------------------------------------------------------- */
+
+#define XYZA_RAW_MAX (XYZA_FRAME_MAX - 3)
+
+/*
+ * Host to controller: a frame that is given from its mark to the byte before its sum. Header and sum are
+ * added, and an object of 0 becomes `object`. The frame's length, or FORM: no mark of a host's, or not
+ * its length; RANGE: for another object, or of a controller's level; SPACE.
+ */
+int xyza_encode_raw(const uint8_t *content, size_t length, uint8_t object, uint8_t *frame,
+                    size_t size);
+
+/*
+ * Whether this whole frame may answer that one: from its object, and no acknowledgement of another order
+ * nor data of one that is another's. *failed: it says that the controller did not take it; *shows: it is
+ * more than an acknowledgement.
+ */
+bool xyza_raw_fits(const uint8_t *request, const uint8_t *frame, size_t length, bool *failed,
+                   bool *shows);
+
 /* --- replies ---------------------------------------------------------------------------------------- */
 
 enum xyza_reply_kind {
@@ -244,6 +264,9 @@ struct xyza_style {
 	bool failure_bb;     /* BB instead of AB */
 	bool echo_a4; /* XYZA_READ_STANDING is answered with the target after the one asked */
 };
+
+/* A whole frame with a right sum from a controller, whatever it says: its object; else 0. */
+uint8_t xyza_sender(const uint8_t *frame, size_t length);
 
 /* Host's side: one whole frame. Answers with mark 0A or 0C, failure as AB or BB. */
 enum xyza_error xyza_decode_reply(const uint8_t *frame, size_t length, struct xyza_reply *reply);

@@ -50,7 +50,7 @@
 /* scratch[1] of a stop: one of its two modes was stopped, or none needs to. */
 #define STOP_TAKEN 1
 
-enum option { OPTION_UNLOCK, OPTION_REACTION, OPTION_SPEED_CHANGE };
+enum option { OPTION_UNLOCK, OPTION_REACTION, OPTION_SPEED_CHANGE, OPTION_RAW_FRAMES };
 
 static const struct db_option options[] = {
 	[OPTION_UNLOCK] = {
@@ -80,6 +80,15 @@ static const struct db_option options[] = {
 		.unit = "",
 		.description = "Whether a jog that goes on the same way takes another speed while it moves, "
 		               "or is stopped before",
+	},
+	[OPTION_RAW_FRAMES] = {
+		.section = "bus",
+		.name = "raw-frames",
+		.words = "off on",
+		.preset = "off",
+		.unit = "",
+		.description = "Lets clients send frames of their own with raw_frame, which the bridge "
+		               "cannot judge",
 	},
 };
 
@@ -1083,6 +1092,70 @@ static enum db_step item_lost(struct db_device *device, struct db_job *job,
 	return step;
 }
 
+/* --- raw frames -------------------------------------------------------------------------------------- */
+
+static int write_raw(const struct db_args *args, uint8_t object, uint8_t *frame, size_t size)
+{
+	uint8_t content[2 * DB_RAW_REQUEST_WORDS];
+
+	if (args->raw_length > sizeof content)
+		return XYZA_ERR_FORM;
+	for (size_t i = 0; i < sizeof content; i++)
+		content[i] = (uint8_t)(args->raw_request[i / 2] >> (i % 2 == 0 ? 8 : 0));
+	return xyza_encode_raw(content, args->raw_length, object, frame, size);
+}
+
+static void show_raw(struct db_device *device, const uint8_t *frame, size_t length)
+{
+	struct db_nameplate *plate = &device->plate;
+
+	memset(plate->raw_answer, 0, sizeof plate->raw_answer);
+	for (size_t i = 0; i < length; i++)
+		plate->raw_answer[i / 2] |= (uint16_t)(frame[i] << (i % 2 == 0 ? 8 : 0));
+	plate->raw_length = (uint16_t)length;
+	plate->generation++;
+}
+
+/* What it does nobody knows, so it is said once. */
+static enum db_step begin_raw(struct db_device *device, const struct db_job *job,
+                              struct db_exchange *exchange, enum db_result *result)
+{
+	int length = write_raw(&job->request->args, device->object, exchange->request,
+	                       exchange->request_size);
+
+	show_raw(device, NULL, 0);
+	if (length < 0)
+		return done(result, DB_RESULT_OUT_OF_RANGE);
+	exchange->request_length = (size_t)length;
+	exchange->answer_length = XYZA_FRAME_MAX;
+	exchange->extra_time = 0;
+	exchange->repeatable = false;
+	return DB_STEP_SEND;
+}
+
+/* It may have changed anything. An acknowledgement shows nothing of that. */
+static enum db_step raw_answered(struct db_device *device, const uint8_t *frame, size_t length,
+                                 const struct db_exchange *exchange, enum db_result *result)
+{
+	struct xyza_request said;
+	bool failed;
+	bool shows;
+
+	if (!xyza_raw_fits(exchange->request, frame, length, &failed, &shows))
+		return DB_STEP_IGNORE;
+	show_raw(device, frame, length);
+	if (xyza_decode_request(exchange->request, exchange->request_length, &said) != XYZA_OK ||
+	    !xyza_is_read(said.verb))
+		forget_all(device->first);
+	device->refused = failed;
+	return done(result, failed ? DB_RESULT_REFUSED : shows ? DB_RESULT_OK : DB_RESULT_UNPROVEN);
+}
+
+static bool is_raw(const struct db_job *job)
+{
+	return job->kind == DB_JOB_COMMAND && job->request->command == DB_CMD_RAW_FRAME;
+}
+
 /* --- jobs -------------------------------------------------------------------------------------------- */
 
 static enum db_step begin_command(struct db_device *device, struct db_job *job,
@@ -1093,6 +1166,8 @@ static enum db_step begin_command(struct db_device *device, struct db_job *job,
 
 	if (command == DB_CMD_READ_PARAMETERS)
 		return ask_item(device, job, 0, exchange, result);
+	if (command == DB_CMD_RAW_FRAME)
+		return begin_raw(device, job, exchange, result);
 	if (command == DB_CMD_STOP || command == DB_CMD_QUICK_STOP)
 		device->first->stops++;
 	else if (!db_command_is_stop(command))
@@ -1137,8 +1212,8 @@ static enum db_step xyza_begin(struct db_device *device, struct db_job *job,
 
 static bool has_plan(const struct db_job *job)
 {
-	return job->kind == DB_JOB_SETTINGS ||
-	       (job->kind == DB_JOB_COMMAND && job->request->command != DB_CMD_READ_PARAMETERS);
+	return job->kind == DB_JOB_SETTINGS || (job->kind == DB_JOB_COMMAND && !is_raw(job) &&
+	                                        job->request->command != DB_CMD_READ_PARAMETERS);
 }
 
 /* A refusal that is no failure, or one that is looked into first. */
@@ -1176,6 +1251,8 @@ static enum db_step xyza_answer(struct db_device *device, struct db_job *job, co
 	struct xyza_request request;
 	struct xyza_reply reply;
 
+	if (is_raw(job))
+		return raw_answered(device, frame, length, exchange, result);
 	if (xyza_decode_reply(frame, length, &reply) != XYZA_OK ||
 	    xyza_decode_request(exchange->request, exchange->request_length, &request) != XYZA_OK ||
 	    !xyza_fits(&request, &reply))
@@ -1202,6 +1279,10 @@ static enum db_step xyza_lost(struct db_device *device, struct db_job *job,
 {
 	if (job->kind == DB_JOB_SETTINGS)
 		device->plate.doubtful = true;
+	if (is_raw(job)) {
+		forget_all(device->first);
+		return done(result, DB_RESULT_INDETERMINATE);
+	}
 	if (has_plan(job))
 		return step_lost(device, job, exchange, result);
 	if (job->kind == DB_JOB_IDENTIFY || job->kind == DB_JOB_COMMAND)
@@ -1342,7 +1423,6 @@ static enum db_frame xyza_accept(const struct db_bus_config *bus, const uint8_t 
 {
 	struct xyza_reply reply;
 
-	(void)bus;
 	switch (xyza_decode_reply(frame, length, &reply)) {
 	case XYZA_OK:
 		*address = reply.object;
@@ -1350,8 +1430,13 @@ static enum db_frame xyza_accept(const struct db_bus_config *bus, const uint8_t 
 	case XYZA_ERR_SIDE: /* our own request, echoed by the line */
 		return DB_FRAME_FOREIGN;
 	default:
-		return DB_FRAME_BAD;
+		break;
 	}
+	/* A raw frame may be answered with what no document has. */
+	if (!(bus->options[OPTION_RAW_FRAMES] > 0.0) || xyza_sender(frame, length) == 0)
+		return DB_FRAME_BAD;
+	*address = xyza_sender(frame, length);
+	return DB_FRAME_GOOD;
 }
 
 static db_time time_of(const struct db_bus_config *bus, unsigned reads)
@@ -1392,18 +1477,36 @@ static bool in(double value, double min, double max)
 	 DB_COMMAND_BIT(DB_CMD_SET_OUTPUTS) | DB_COMMAND_BIT(DB_CMD_START_PROGRAM) |      \
 	 DB_COMMAND_BIT(DB_CMD_PAUSE_PROGRAM) | DB_COMMAND_BIT(DB_CMD_CONTINUE_PROGRAM) | \
 	 DB_COMMAND_BIT(DB_CMD_END_PROGRAM) | DB_COMMAND_BIT(DB_CMD_SINGLE_STEP) |        \
-	 DB_COMMAND_BIT(DB_CMD_CLEAR_FAULT))
+	 DB_COMMAND_BIT(DB_CMD_CLEAR_FAULT) | DB_COMMAND_BIT(DB_CMD_RAW_FRAME))
+
+static uint64_t xyza_forbidden(const struct db_bus_config *bus, const struct db_drive_config *drive)
+{
+	(void)drive;
+	return bus->options[OPTION_RAW_FRAMES] > 0.0 ? 0 : DB_COMMAND_BIT(DB_CMD_RAW_FRAME);
+}
+
+static void xyza_check_config(const struct db_bus_config *bus,
+                              const struct db_drive_config *const *drives, size_t drive_count,
+                              db_complain_fn *complain, void *context)
+{
+	(void)drives;
+	(void)drive_count;
+	if (bus->options[OPTION_RAW_FRAMES] > 0.0)
+		complain(
+			context, NULL, false,
+			"raw-frames is on: who may write may send frames that the bridge cannot judge, past "
+			"limits, locks and unlock-system; turn it off when it is not needed");
+}
 
 static enum db_result xyza_check(const struct db_bus_config *bus,
                                  const struct db_drive_config *drive, enum db_command command,
                                  const struct db_args *args)
 {
+	uint8_t frame[XYZA_FRAME_MAX];
 	bool right = true;
 
-	(void)bus;
-	(void)drive;
 	if (command <= DB_CMD_NONE || command >= DB_CMD_LIMIT ||
-	    !(COMMANDS & DB_COMMAND_BIT(command)))
+	    !(COMMANDS & ~xyza_forbidden(bus, drive) & DB_COMMAND_BIT(command)))
 		return DB_RESULT_UNSUPPORTED;
 	switch (command) {
 	case DB_CMD_MOVE_VELOCITY: /* whole Hz on the wire */
@@ -1424,6 +1527,9 @@ static enum db_result xyza_check(const struct db_bus_config *bus,
 		break;
 	case DB_CMD_SINGLE_STEP:
 		right = args->output_value <= 1;
+		break;
+	case DB_CMD_RAW_FRAME:
+		right = write_raw(args, (uint8_t)drive->address, frame, sizeof frame) > 0;
 		break;
 	default:
 		break;
@@ -1461,7 +1567,8 @@ const struct db_driver db_driver_xyza = {
 	.option_count = sizeof options / sizeof options[0],
 	.acknowledges = true,
 	.commands = COMMANDS,
-	.measures = DB_MEASURE_INPUTS | DB_MEASURE_OUTPUTS | DB_MEASURE_PROGRAM,
+	.measures = DB_MEASURE_INPUTS | DB_MEASURE_OUTPUTS | DB_MEASURE_PROGRAM |
+	            DB_MEASURE_RAW_ANSWER,
 	.output_count = XYZA_OUTPUTS,
 	.params = xyza_params,
 	.param_count = XYZA_SHOWN_COUNT,
@@ -1475,6 +1582,8 @@ const struct db_driver db_driver_xyza = {
 	.preset_velocity_param = XYZA_MANUAL_SPEED,
 	.check = xyza_check,
 	.check_param = xyza_check_param,
+	.forbidden = xyza_forbidden,
+	.check_config = xyza_check_config,
 	.poll_time = xyza_poll_time,
 	.axis_time = xyza_axis_time,
 	.command_time = xyza_command_time,

@@ -74,6 +74,8 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 		KIND("drive-late", "3f7c1be3a5b84d0c9d0d5c7f0f4ab1d2", WARNING, TIMING, 1),
 	[DB_EVENT_COMMAND_REFUSED] =
 		KIND("command-refused", "2a18493d36b646118fe43eab9c581209", WARNING, COMMAND, 4),
+	[DB_EVENT_RAW_FRAME] =
+		KIND("raw-frame", "cfda7d4890f24adb9c6e25745b56c39a", NOTICE, COMMAND, 0),
 	[DB_EVENT_DRIVE_DEAF] =
 		KIND("drive-deaf", "a9be1c0de6f54a09a8f3a1f7b3f0c6e5", WARNING, TIMING, 1),
 };

@@ -27,6 +27,8 @@ static const struct {
 	[DB_ARG_TARGET_CURRENT] = ARG(target_current),
 	[DB_ARG_PROGRAM_NUMBER] = ARG(program_number),
 	[DB_ARG_PROGRAM_DELAY] = ARG(program_delay),
+	[DB_ARG_RAW_LENGTH] = ARG(raw_length),
+	[DB_ARG_RAW_REQUEST] = ARG(raw_request),
 #undef ARG
 };
 
@@ -230,6 +232,15 @@ const struct db_command_row db_command_rows[] = {
 		.description = "One sync frame to the whole bus: what was staged on drives in sync "
 			       "mode begins on all of them at once",
 	},
+	{
+		.code = DB_CMD_RAW_FRAME,
+		.name = "raw_frame",
+		.args = { DB_ARG_RAW_LENGTH, DB_ARG_RAW_REQUEST },
+		.own = true,
+		.description =
+			"One frame of the drive's own protocol, never repeated by the bridge; "
+			"the answer is in raw_answer; only with raw-frames = on",
+	},
 };
 
 const size_t db_command_row_count = COUNT_OF(db_command_rows);
@@ -237,6 +248,11 @@ const size_t db_command_row_count = COUNT_OF(db_command_rows);
 size_t db_arg_offset(enum db_arg arg)
 {
 	return args[arg].offset;
+}
+
+size_t db_arg_bytes(enum db_arg arg)
+{
+	return args[arg].bytes;
 }
 
 const struct db_command_row *db_command_find(unsigned code)

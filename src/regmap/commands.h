@@ -8,7 +8,7 @@
 
 #include "drivebridge/command.h"
 
-#define DB_COMMAND_ARGS_MAX 4
+#define DB_COMMAND_ARGS_MAX 4 /* registers in a row are one */
 
 /* The members of struct db_args, in the order of their registers. */
 enum db_arg {
@@ -27,11 +27,14 @@ enum db_arg {
 	DB_ARG_TARGET_CURRENT,
 	DB_ARG_PROGRAM_NUMBER,
 	DB_ARG_PROGRAM_DELAY,
+	DB_ARG_RAW_LENGTH,
+	DB_ARG_RAW_REQUEST,
 	DB_ARG_COUNT
 };
 
 /* Where an argument lies in struct db_args. Its register row has the same offset. */
 size_t db_arg_offset(enum db_arg arg);
+size_t db_arg_bytes(enum db_arg arg);
 
 struct db_command_row {
 	enum db_command code;

@@ -408,8 +408,9 @@ static void put_command(FILE *out, const struct db_command_row *row, struct line
 		for (size_t j = 0; j < lines->count; j++) {
 			const struct line *line = &lines->items[j];
 
-			if (line->view != DB_VIEW_DRIVE || line->entry.cell.offset != offset ||
-			    line->entry.cell.part != DB_PART_BLOCK)
+			if (line->view != DB_VIEW_DRIVE || line->entry.cell.part != DB_PART_BLOCK ||
+			    line->entry.cell.offset < offset ||
+			    line->entry.cell.offset >= offset + db_arg_bytes(row->args[i]))
 				continue;
 			fprintf(out, "%s%s", before, line->entry.name);
 			before = " ";

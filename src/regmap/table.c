@@ -34,6 +34,7 @@ static const struct {
 	{ "measures_current", 0, DB_MEASURE_CURRENT },
 	{ "move_current", DB_COMMAND_BIT(DB_CMD_MOVE_CURRENT), 0 },
 	{ "sync_start", DB_COMMAND_BIT(DB_CMD_SYNC_START), 0 },
+	{ "raw_frame", DB_COMMAND_BIT(DB_CMD_RAW_FRAME), 0 },
 };
 
 uint32_t db_capabilities(uint64_t commands, unsigned measures)
@@ -570,6 +571,28 @@ const struct db_row db_rows[] = {
 			"was not refused or not for one register or the drive did not say "
 			"which",
 	},
+	{
+		.name = "raw_answer_length",
+		.address = 68,
+		.type = DB_U16,
+		DRIVE(DB_PART_PLATE, plate.raw_length),
+		.measure = DB_MEASURE_RAW_ANSWER,
+		.max = 2 * DB_RAW_ANSWER_WORDS,
+		.description = "Bytes of the frame that answered the last raw_frame; 0=none came",
+	},
+	{
+		.name = "raw_answer#",
+		.address = 69,
+		.type = DB_U16,
+		DRIVE(DB_PART_PLATE, plate.raw_answer),
+		.measure = DB_MEASURE_RAW_ANSWER,
+		.repeat = { .count = DB_RAW_ANSWER_WORDS,
+	                    .addresses = 1,
+	                    .bytes = sizeof(uint16_t) },
+		.max = 65535,
+		.description = "Word # of that frame as it came; two bytes each with the first in "
+			       "the high byte",
+	},
 
 	/* Drive view: the command block, at most 100 registers. */
 	{
@@ -744,6 +767,28 @@ const struct db_row db_rows[] = {
 		.codes = &command_codes,
 		.description = "A command that waits for group_start of the gateway and takes the "
 			       "arguments of then; writing it executes nothing; 0=none",
+	},
+	{
+		.name = "raw_length",
+		.address = 125,
+		.type = DB_U16,
+		BLOCK(args.raw_length),
+		.flags = DB_ROW_WRITABLE,
+		.max = 2 * DB_RAW_REQUEST_WORDS,
+		.description = "Bytes of a frame for raw_frame",
+	},
+	{
+		.name = "raw_request#",
+		.address = 126,
+		.type = DB_U16,
+		BLOCK(args.raw_request),
+		.flags = DB_ROW_WRITABLE,
+		.repeat = { .count = DB_RAW_REQUEST_WORDS,
+	                    .addresses = 1,
+	                    .bytes = sizeof(uint16_t) },
+		.max = 65535,
+		.description = "Word # of that frame; two bytes each with the first in the high "
+			       "byte; what of it the bridge adds is the family's",
 	},
 
 	/* Drive view: diagnostics. */

@@ -213,6 +213,8 @@ static void take_answer(struct db_engine *engine, struct node *node, const uint8
 		(void)note_late_answer(engine, node, now);
 		return;
 	}
+	if (kind == LANE_FRONT)
+		engine_tell_raw(engine, station, false, frame, length);
 	station_count_answer(station, now - node->flight.sent);
 	node->losses = 0;
 	node_note_answer(node, now);
@@ -327,6 +329,7 @@ static void front_lost(struct db_engine *engine, struct station *station, db_tim
 	struct lane *lane = &station->lanes[LANE_FRONT];
 	enum db_result result = DB_RESULT_TIMEOUT;
 
+	engine_tell_raw(engine, station, false, NULL, 0);
 	if (station->front_cancelled) {
 		station_finish_front(station, DB_RESULT_CANCELLED, now);
 		return;

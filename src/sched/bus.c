@@ -165,12 +165,21 @@ static void tell_timing(void *context, const struct db_drive_config *drive, enum
 	report_timing(&bus->log, bus->config, drive, event, time, now_ns());
 }
 
+static void tell_raw(void *context, const struct db_drive_config *drive, bool sent,
+                     const uint8_t *bytes, size_t length)
+{
+	const struct db_bus *bus = context;
+
+	report_raw(&bus->log, drive, bus->config->driver->medium, sent, bytes, length, now_ns());
+}
+
 static const struct db_engine_ops engine_ops = {
 	.send = send_bytes,
 	.tell = tell_drive,
 	.tell_missing = tell_missing,
 	.tell_heard = tell_heard,
 	.tell_timing = tell_timing,
+	.tell_raw = tell_raw,
 };
 
 /* --- the port ------------------------------------------------------------------------------------- */

@@ -103,6 +103,9 @@ void engine_send_lane(struct db_engine *engine, struct station *station, enum la
 	station->snapshot.stats.requests++;
 	engine->front_was_last = kind == LANE_FRONT;
 	note_sent(station, kind, now);
+	if (kind == LANE_FRONT)
+		engine_tell_raw(engine, station, true, lane->exchange.request,
+		                lane->exchange.request_length);
 	engine->ops->send(engine->context, lane->exchange.request, lane->exchange.request_length);
 }
 

@@ -95,6 +95,16 @@ void engine_tell_missing(struct db_engine *engine, struct station *station)
 		engine->ops->tell_heard(engine->context, station->config, &station->node->heard);
 }
 
+void engine_tell_raw(struct db_engine *engine, const struct station *station, bool sent,
+                     const uint8_t *bytes, size_t length)
+{
+	const struct lane *lane = &station->lanes[LANE_FRONT];
+
+	if (station->front_letter && lane->job.kind == DB_JOB_COMMAND &&
+	    lane->job.request->command == DB_CMD_RAW_FRAME && engine->ops->tell_raw)
+		engine->ops->tell_raw(engine->context, station->config, sent, bytes, length);
+}
+
 void engine_tell_unconfirmed(struct db_engine *engine, const struct station *station)
 {
 	/* One that was never heard was not set going from here. */

@@ -44,6 +44,10 @@ struct db_engine_ops {
 	 * does not hear what is asked so soon behind an answer (DRIVE_DEAF). May be null. */
 	void (*tell_timing)(void *context, const struct db_drive_config *drive, enum db_event event,
 	                    db_time time);
+	/* A client's own frame is on its way (sent), or was answered by this; of length 0: by nothing. May
+	 * be null. */
+	void (*tell_raw)(void *context, const struct db_drive_config *drive, bool sent,
+	                 const uint8_t *bytes, size_t length);
 };
 
 /* The bus's configuration and the mailbox must outlive the engine. 0 or -ENOMEM. */

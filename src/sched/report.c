@@ -216,6 +216,26 @@ static void write_frame(const struct db_heard *heard, enum db_medium medium, cha
 		*text = '\0';
 }
 
+void report_raw(const struct db_log_source *log, const struct db_drive_config *drive,
+                enum db_medium medium, bool sent, const uint8_t *bytes, size_t length, db_time now)
+{
+	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
+	struct db_heard frame = { .length = length };
+	char text[FRAME_TEXT_MAX];
+
+	if (frame.length > sizeof frame.bytes)
+		frame.length = sizeof frame.bytes;
+	if (length == 0) {
+		db_log(log, now, DB_EVENT_RAW_FRAME, &about,
+		       "does not answer that; whether it was carried out is not known");
+		return;
+	}
+	memcpy(frame.bytes, bytes, frame.length);
+	write_frame(&frame, medium, text);
+	db_log(log, now, DB_EVENT_RAW_FRAME, &about,
+	       sent ? "is sent a client's own frame, %s" : "answers that with %s", text);
+}
+
 void report_heard(const struct db_log_source *log, const struct db_drive_config *drive,
                   enum db_medium medium, const struct db_heard *heard, db_time now)
 {

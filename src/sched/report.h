@@ -28,4 +28,8 @@ void report_timing(const struct db_log_source *log, const struct db_bus_config *
 void report_missing_params(const struct db_log_source *log, const struct db_drive_config *drive,
                            const struct db_driver *driver, uint64_t params, db_time now);
 
+/* A client's own frame that is sent, or what answered it; of length 0: nothing did. */
+void report_raw(const struct db_log_source *log, const struct db_drive_config *drive,
+                enum db_medium medium, bool sent, const uint8_t *bytes, size_t length, db_time now);
+
 #endif

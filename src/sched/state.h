@@ -77,6 +77,9 @@ void engine_tell_timing(struct db_engine *engine, struct station *station, enum 
                         db_time time);
 /* Tells that a drive does not answer, unless that was told since it last did. */
 void engine_tell_missing(struct db_engine *engine, struct station *station);
+/* Tells of a raw frame, if the command under way is one; see tell_raw. */
+void engine_tell_raw(struct db_engine *engine, const struct station *station, bool sent,
+                     const uint8_t *bytes, size_t length);
 /* Ends what waits for a drive that cannot do it now. */
 void engine_finish_waiting(struct db_engine *engine, const struct station *station,
                            enum db_result result, db_time now);

@@ -210,6 +210,31 @@ def test_a_file_that_may_not_be_read(tmp_path):
     assert "may not read it" in done.stderr and "chmod a+r" in done.stderr
 
 
+RAW_FRAMES = """modbus {
+}
+bus table {
+    protocol = xyza
+    device = "/dev/null"
+    raw-frames = on
+}
+drive x {
+    bus = table
+    address = 3
+    axis = x
+    unit = 1
+}
+"""
+
+
+def test_raw_frames_are_warned_of(tmp_path):
+    _, status, said, errors = checked(tmp_path, RAW_FRAMES)
+    assert status == 0
+    assert "raw-frames = on" in said
+    assert "warning: raw-frames is on: " in errors
+    errors = checked(tmp_path, RAW_FRAMES.replace("= on", "= off"))[3]
+    assert "raw-frames is on" not in errors
+
+
 # --- --check looks at the machine
 
 def test_check_tells_every_value(tmp_path):

@@ -489,6 +489,57 @@ def test_acceleration_under_its_neutral_name(make_xyza):
     assert y.read("result_limit") == 4
 
 
+def raw_args(frame):
+    content = bytes.fromhex(frame)
+    padded = content.ljust(16, b"\0")
+    words = [int.from_bytes(padded[i:i + 2], "big") for i in range(0, 16, 2)]
+    return {"raw_length": len(content),
+            **{f"raw_request{i + 1}": word for i, word in enumerate(words)}}
+
+
+def raw_answer(drive):
+    words = [drive.read(f"raw_answer{i}") for i in range(1, 11)]
+    content = b"".join(word.to_bytes(2, "big") for word in words)
+    return content[:drive.read("raw_answer_length")].hex().upper()
+
+
+def test_a_raw_frame_and_its_answer(make_xyza):
+    bridge = make_xyza(bus={"raw-frames": "on"}, drive={"watchdog-ms": 60000})
+    drive = bridge.drive(2)
+    assert drive.read("capabilities") & 1 << 17
+    assert drive.command("raw_frame", **raw_args("0AF10100E2A4")) == 0
+    assert drive.read("result") == RESULT_OK
+    assert raw_answer(drive) == "5AA50BF10003E2A4D007000051"
+    # It may move something: the watchdog wants to be fed.
+    assert drive.read("watchdog_remaining_ms") > 0
+    assert bridge.drive(1).read("raw_answer_length") == 0
+    # Acknowledged; and what it changed is read again.
+    assert drive.command("raw_frame", **raw_args("0BF10103E2A484030000")) == 0
+    assert drive.read("result") == RESULT_UNPROVEN
+    assert raw_answer(drive) == "5AA50CAA000300F19E"
+    eventually(lambda: bridge.drive(1).read("manual_speed") == 900)
+    # Turned down, and not said again.
+    mark = len(requests(bridge))
+    assert drive.command("raw_frame", **raw_args("0AF301000101")) == DEVICE_FAILURE
+    assert drive.read("result") == RESULT_REFUSED
+    assert raw_answer(drive)[4:8] == "0CAB"
+    assert requests(bridge)[mark:].count("F301030101") == 1
+    # For itself only, and only what is a frame.
+    mark = len(requests(bridge))
+    for frame in ("0AF10104E2A4", "0AF10000E2A4", "0AF10100E2", "0CAA010000F1", ""):
+        assert drive.command("raw_frame", **raw_args(frame)) == ILLEGAL_VALUE
+    assert all(frame.startswith((*POLLS, "F10103E")) for frame in requests(bridge)[mark:])
+    log = bridge.log_path.read_text(encoding="utf-8")
+    assert "drive drive2: is sent a client's own frame, 5AA50AF10103E2A47B" in log
+    assert "drive drive2: answers that with 5AA50BF10003E2A4D007000051" in log
+
+
+def test_raw_frames_are_off_by_default(xyza):
+    drive = xyza.drive()
+    assert not drive.read("capabilities") & 1 << 17
+    assert drive.command("raw_frame", **raw_args("0AF10100E2A4")) == ILLEGAL_FUNCTION
+
+
 def test_dangerous_parameters_are_locked(xyza):
     drive = xyza.drive()
     mark = len(requests(xyza))

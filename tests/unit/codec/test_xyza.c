@@ -924,6 +924,32 @@ static void test_parameter_table(void **state)
 	assert_false(in_range(XYZA_PAUSE_KEY, 7));
 }
 
+static void test_raw_frames(void **state)
+{
+	static const uint8_t asked[] = { 0x0A, 0xF1, 0x01, 0x00, 0xE1, 0xA1 };
+	static const uint8_t action[16] = { 0x0F, 0x01, 0x02, 0x07, 0x00 };
+	uint8_t frame[XYZA_FRAME_MAX] = { 0 };
+
+	(void)state;
+	assert_int_equal(xyza_encode_raw(asked, sizeof asked, 3, frame, sizeof frame), 9);
+	assert_memory_equal(frame, "\x5A\xA5\x0A\xF1\x01\x03\xE1\xA1\x77", 9);
+	assert_int_equal(xyza_encode_raw(asked, sizeof asked, 3, frame, 8), XYZA_ERR_SPACE);
+	assert_int_equal(xyza_encode_raw(asked, sizeof asked - 1, 3, frame, sizeof frame),
+	                 XYZA_ERR_FORM);
+	assert_int_equal(xyza_encode_raw(asked, 0, 3, frame, sizeof frame), XYZA_ERR_FORM);
+	assert_int_equal(xyza_encode_raw(action, sizeof action, 7, frame, sizeof frame),
+	                 XYZA_FRAME_MAX);
+	assert_int_equal(frame[XYZA_FRAME_MAX - 1], 0x0A);
+	assert_int_equal(xyza_encode_raw(action, sizeof action, 6, frame, sizeof frame),
+	                 XYZA_ERR_RANGE);
+	/* Sent by the host, whatever is in it. */
+	assert_int_equal(xyza_sender(frame, 9), 0);
+	assert_int_equal(xyza_sender((const uint8_t *)"\x5A\xA5\x0C\xAA\x00\x03\x00\xAC\x59", 9),
+	                 3);
+	assert_int_equal(xyza_sender((const uint8_t *)"\x5A\xA5\x0C\xAA\x00\x03\x00\xAC\x58", 9),
+	                 0);
+}
+
 /* min_speed, max_speed, acceleration_time. */
 static void test_ramps(void **state)
 {
@@ -1081,6 +1107,7 @@ int main(void)
 		cmocka_unit_test(test_ports),
 		cmocka_unit_test(test_position),
 		cmocka_unit_test(test_parameter_table),
+		cmocka_unit_test(test_raw_frames),
 		cmocka_unit_test(test_ramps),
 		cmocka_unit_test(test_parameters_to_unlock),
 		cmocka_unit_test(test_parameters_in_items),

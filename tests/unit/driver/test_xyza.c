@@ -595,7 +595,8 @@ static const struct {
 
 static void every_command_in_bytes(void **state)
 {
-	uint64_t tried = DB_COMMAND_BIT(DB_CMD_READ_PARAMETERS); /* below */
+	uint64_t tried = DB_COMMAND_BIT(DB_CMD_READ_PARAMETERS) |
+	                 DB_COMMAND_BIT(DB_CMD_RAW_FRAME); /* below */
 
 	(void)state;
 	for (size_t i = 0; i < sizeof every_command / sizeof every_command[0]; i++) {
@@ -1314,6 +1315,134 @@ static void stops_and_writes_are_repeated(void **state)
 	drop(f);
 }
 
+/* --- raw frames ----------------------------------------------------------------------------------------- */
+
+#define RAW_FRAMES 3 /* the option's place */
+
+static struct db_args raw(const char *hex)
+{
+	struct db_args args = { .raw_length = (uint16_t)(strlen(hex) / 2) };
+
+	for (size_t i = 0; i < args.raw_length; i++) {
+		unsigned byte;
+
+		assert_int_equal(sscanf(hex + 2 * i, "%2x", &byte), 1);
+		args.raw_request[i / 2] |= (uint16_t)(byte << (i % 2 == 0 ? 8 : 0));
+	}
+	return args;
+}
+
+static enum db_result check_raw(struct fixture *f, const char *hex)
+{
+	struct db_args args = raw(hex);
+
+	return db_driver_xyza.check(&f->bus, &f->drives[0], DB_CMD_RAW_FRAME, &args);
+}
+
+static void a_raw_frame_is_refused_unless_it_is_allowed(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	assert_int_equal(check_raw(f, "0AF10100E1A1"), DB_RESULT_UNSUPPORTED);
+	assert_true(db_driver_xyza.forbidden(&f->bus, &f->drives[0]) ==
+	            DB_COMMAND_BIT(DB_CMD_RAW_FRAME));
+	f->bus.options[RAW_FRAMES] = 1;
+	assert_true(db_driver_xyza.forbidden(&f->bus, &f->drives[0]) == 0);
+	assert_int_equal(check_raw(f, "0AF10100E1A1"), DB_RESULT_OK);
+	drop(f);
+}
+
+/* Nobody but the drive itself can be meant, and nothing but a whole frame goes out. */
+static void a_raw_frame_is_checked(void **state)
+{
+	static const char *const wrong[] = {
+		"",
+		"0A",
+		"0AF10104E1A1",                     /* another controller */
+		"0AF10000E1A1",                     /* of a controller */
+		"0AF10100E1",                       /* too short */
+		"0AF10100E1A100",                   /* too long */
+		"0CAA010000F1",                     /* an answer */
+		"09F10100E1A1",                     /* no such mark */
+		"0BF10100E1A1",                     /* of data */
+		"0F010100000000000001020304050607", /* whole */
+	};
+	struct fixture *f = make(1);
+	struct db_args args = raw("0AF10100E1A1");
+
+	(void)state;
+	f->bus.options[RAW_FRAMES] = 1;
+	for (size_t i = 0; i < sizeof wrong / sizeof wrong[0] - 1; i++) {
+		if (check_raw(f, wrong[i]) != DB_RESULT_OUT_OF_RANGE)
+			fail_msg("%s", wrong[i]);
+	}
+	assert_int_equal(check_raw(f, wrong[sizeof wrong / sizeof wrong[0] - 1]), DB_RESULT_OK);
+	args.raw_length = 2 * DB_RAW_REQUEST_WORDS + 1;
+	assert_int_equal(db_driver_xyza.check(&f->bus, &f->drives[0], DB_CMD_RAW_FRAME, &args),
+	                 DB_RESULT_OUT_OF_RANGE);
+	drop(f);
+}
+
+static void the_answer_to_a_raw_frame_is_shown(void **state)
+{
+	struct fixture *f = make(3);
+	const struct db_nameplate *x = plate(f, 0);
+
+	(void)state;
+	f->bus.options[RAW_FRAMES] = 1;
+	/* The object may be given, or left to the bridge. */
+	assert_string_equal(command(f, 0, DB_CMD_RAW_FRAME, raw("0AF10103E1A1")), "0AF10103E1A1");
+	assert_false(f->exchange.repeatable);
+	assert_string_equal(answer(f, OK_MANUAL), "ignored");
+	assert_string_equal(answer(f, "0BF40003000001000000"), "ignored");
+	assert_string_equal(value(f, 257), "=ok");
+	assert_int_equal(x->raw_length, 13);
+	assert_int_equal(x->raw_answer[0], 0x5AA5);
+	assert_int_equal(x->raw_answer[4], 0x0101);
+	assert_int_equal(x->raw_answer[6] & 0xFF, 0);
+	assert_int_equal(plate(f, 1)->raw_length, 0);
+	assert_false(x->doubtful);
+	/* An acknowledgement proves nothing, and what was changed is unknown. */
+	assert_string_equal(command(f, 0, DB_CMD_RAW_FRAME, raw("0BF10100E2A464000000")),
+	                    "0BF10103E2A464000000");
+	assert_int_equal(x->raw_length, 0);
+	assert_string_equal(answer(f, OK_DATA), "=unproven");
+	assert_int_equal(x->raw_length, 9);
+	assert_true(x->doubtful && plate(f, 1)->doubtful);
+	/* Not said again, whatever becomes of it. */
+	command(f, 0, DB_CMD_RAW_FRAME, raw("0AF301000101"));
+	assert_string_equal(answer(f, FAILED_MANUAL), "=refused");
+	command(f, 0, DB_CMD_RAW_FRAME, raw("0AF301000101"));
+	assert_string_equal(lost(f), "=indeterminate");
+	assert_int_equal(x->raw_length, 0);
+	drop(f);
+}
+
+/* Orders and marks that no page has. */
+static void what_no_document_has_may_come_back(void **state)
+{
+	struct fixture *f = make(1);
+	uint8_t frame[XYZA_FRAME_MAX];
+	size_t length = compose("0BFC0003010203040506", frame);
+	int address = -1;
+
+	(void)state;
+	assert_int_equal(db_driver_xyza.accept(&f->bus, frame, length, &address), DB_FRAME_BAD);
+	f->bus.options[RAW_FRAMES] = 1;
+	assert_int_equal(db_driver_xyza.accept(&f->bus, frame, length, &address), DB_FRAME_GOOD);
+	assert_int_equal(address, OBJECT);
+	command(f, 0, DB_CMD_RAW_FRAME, raw("0AFB01000100"));
+	assert_string_equal(answer(f, "0BFC0004010203040506"), "ignored");
+	assert_string_equal(answer(f, "0BFC0003010203040506"), "=ok");
+	/* Nothing else takes it. */
+	command(f, 0, DB_CMD_JOG_POSITIVE, (struct db_args){ 0 });
+	assert_string_equal(answer(f, "0BFC0003010203040506"), "ignored");
+	frame[length - 1] ^= 1;
+	assert_int_equal(db_driver_xyza.accept(&f->bus, frame, length, &address), DB_FRAME_BAD);
+	drop(f);
+}
+
 /* --- parameters ---------------------------------------------------------------------------------------- */
 
 static const char *set(struct fixture *f, unsigned axis, enum xyza_param param, uint32_t number)
@@ -1667,6 +1796,10 @@ int main(void)
 		cmocka_unit_test(several_parameters_are_written),
 		cmocka_unit_test(passwords_are_not_shown),
 		cmocka_unit_test(what_is_never_answered_is_left_out),
+		cmocka_unit_test(a_raw_frame_is_refused_unless_it_is_allowed),
+		cmocka_unit_test(a_raw_frame_is_checked),
+		cmocka_unit_test(the_answer_to_a_raw_frame_is_shown),
+		cmocka_unit_test(what_no_document_has_may_come_back),
 		cmocka_unit_test(the_ramp_follows_from_speeds_and_time),
 		cmocka_unit_test(a_ramp_is_written_as_its_time),
 		cmocka_unit_test(dangerous_parameters_are_locked),

@@ -482,7 +482,7 @@ static void blocks_cross_what_the_drive_lacks(void **state)
 	assert_int_equal(values[20], 0);
 	assert_int_equal(values[32], 1);
 	/* Writing does not. */
-	assert_int_equal(put_words(&fake, 124, 2, 0, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(put_words(&fake, 133, 2, 0, 0), ILLEGAL_ADDRESS);
 	assert_int_equal(put_words(&fake, 36, 1, 0), ILLEGAL_ADDRESS);
 	/* A parameter that this model lacks, too, unless it is all there is. */
 	db_axis_publish_nameplate(fake.axes[0], &plate);
@@ -711,7 +711,7 @@ static void writes_that_are_refused(void **state)
 	/* Read-only, and nothing there */
 	assert_int_equal(put_words(&fake, 0, 1, 0), ILLEGAL_ADDRESS);
 	assert_int_equal(put_words(&fake, 31, 3, 0, 0, 0), ILLEGAL_ADDRESS);
-	assert_int_equal(put_words(&fake, 125, 2, 0, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(put_words(&fake, 134, 2, 0, 0), ILLEGAL_ADDRESS);
 	assert_int_equal(put_words(&fake, 1000, 1, 0), ILLEGAL_ADDRESS);
 	/* Commands */
 	assert_int_equal(put_words(&fake, 101, 1, 63), ILLEGAL_VALUE);
