@@ -13,12 +13,12 @@ static struct db_repeat *place_of(struct db_repeats *repeats, uint64_t subject)
 	for (size_t i = 0; i < DB_REPEATS_MAX; i++) {
 		struct db_repeat *entry = &repeats->entries[i];
 
-		if (entry->since != 0 && entry->newest.subject == subject)
+		if (entry->since != 0 && entry->subject == subject)
 			return entry;
 		if (entry->since < place->since)
 			place = entry;
 	}
-	*place = (struct db_repeat){ .newest.subject = subject };
+	*place = (struct db_repeat){ .subject = subject };
 	return place;
 }
 
@@ -39,7 +39,7 @@ bool db_repeats_pass(struct db_repeats *repeats, const struct db_log_record *rec
 		return true;
 	}
 	entry->untold++;
-	entry->newest = *record;
+	repeats->newest[entry - repeats->entries] = *record;
 	return false;
 }
 
@@ -67,7 +67,7 @@ bool db_repeats_due(struct db_repeats *repeats, db_time now, bool all, struct db
 			entry->since = 0; /* a quiet minute: the next one is news again */
 			continue;
 		}
-		*record = entry->newest;
+		*record = repeats->newest[i];
 		db_log_record_add_count(record, entry->untold,
 		                        (uint32_t)((now - entry->since) / DB_NS_PER_S));
 		entry->untold = 0;

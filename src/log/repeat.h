@@ -18,13 +18,15 @@
 
 struct db_repeat {
 	db_time since; /* when this minute began; 0 = a free place */
+	uint64_t subject;
 	unsigned told;
 	uint32_t untold;
-	struct db_log_record newest; /* of the untold ones; its subject always holds */
 };
 
 struct db_repeats {
 	struct db_repeat entries[DB_REPEATS_MAX];
+	/* Of each the newest of the untold ones. Apart, because most have none: then it is not touched. */
+	struct db_log_record newest[DB_REPEATS_MAX];
 };
 
 /* Whether the line is to be told; else it is counted. */

@@ -354,16 +354,17 @@ enum device_object {
 	OBJECT_USER_APPLICATION_NAME,
 };
 
-static const char *model_of(struct view_drive *drive)
+static const char *model_of(const struct view_drive *drive)
 {
+	char *model = drive->registers->model;
 	struct db_nameplate plate;
 
 	db_axis_read_nameplate(drive->axis, &plate);
 	if (plate.identity[0] == '\0')
 		return drive->driver->title;
-	memcpy(drive->model, plate.identity, sizeof plate.identity);
-	drive->model[sizeof plate.identity] = '\0';
-	return drive->model;
+	memcpy(model, plate.identity, sizeof plate.identity);
+	model[sizeof plate.identity] = '\0';
+	return model;
 }
 
 static const char *backend_device_id(void *context, uint8_t unit, uint8_t object)

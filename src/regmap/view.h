@@ -39,9 +39,8 @@ struct view_drive {
 	uint32_t group_ticket;                 /* its part of the group command under way; 0 */
 	struct vsmd_view *vendor;              /* null: it has no unit with the vendor's layout */
 	uint32_t capabilities;
-	db_time fresh_for;               /* older data is not `good` any more */
-	db_time useless_after;           /* older data is not shown at all */
-	char model[DB_IDENTITY_MAX + 1]; /* device_id's answer, valid until the next call */
+	db_time fresh_for;     /* older data is not `good` any more */
+	db_time useless_after; /* older data is not shown at all */
 };
 
 /* What follows from a roster. */
@@ -63,8 +62,9 @@ struct db_registers {
 	struct view_map *families; /* of every driver that was ever there */
 	struct view_layout *layout;
 	struct group group;
-	uint16_t heartbeat; /* of the gateway, written last */
-	db_time due;        /* when db_registers_expire() is to be called, as was told last */
+	uint16_t heartbeat;              /* of the gateway, written last */
+	char model[DB_IDENTITY_MAX + 1]; /* device_id's answer, valid until the next call */
+	db_time due; /* when db_registers_expire() is to be called, as was told last */
 };
 
 #define VIEW_GATEWAY UINT16_MAX

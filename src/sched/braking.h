@@ -19,12 +19,12 @@ struct braking {
 	bool active;        /* a drive that was told to stop was not seen to stand yet */
 	bool slows;         /* it was seen to slow down: who asked for the stop was answered */
 	bool overdue;       /* it was not, for longer than it may take */
+	bool looked;        /* the drive was read since the stop was said last */
 	db_time begun;      /* when the drive first answered a stop, or was found to ignore it */
 	db_time progress;   /* when it was last seen slower than ever before */
 	float top_speed;    /* fastest since then; drive units per second, without direction */
 	float least_speed;  /* slowest since it was fastest */
 	db_time still_from; /* when it was first seen standing, in a row; 0: it moves */
-	bool looked;        /* the drive was read since the stop was said last */
 	db_time again_at;   /* when the stop is said again, once it was */
 	db_time look_at;    /* when the drive is read again, beside the cycle */
 };

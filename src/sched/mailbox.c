@@ -28,16 +28,16 @@ struct db_letter {
 	uint16_t axis;
 	enum db_command command : 8;
 	enum db_result result : 8;
-	struct db_mailbox *mailbox;
+	struct block *block;
 	db_time sent;
 	db_time finished;
-	struct room *room; /* null: it is for stops, which need none */
 };
 
 /* Slots that were allocated together. The first block has those for everything and some for stops,
  * the later ones have more for stops. */
 struct block {
 	struct block *_Atomic next;
+	struct db_mailbox *mailbox;
 	size_t commands; /* so many at the beginning are for everything */
 	size_t total;
 	struct room *rooms; /* of those; null: there are none */
@@ -80,12 +80,11 @@ static struct block *new_block(struct db_mailbox *mailbox, size_t commands, size
 		free(block);
 		return NULL;
 	}
+	block->mailbox = mailbox;
 	block->commands = commands;
 	block->total = total;
-	for (size_t i = 0; i < total; i++) {
-		block->letters[i].mailbox = mailbox;
-		block->letters[i].room = i < commands ? &block->rooms[i] : NULL;
-	}
+	for (size_t i = 0; i < total; i++)
+		block->letters[i].block = block;
 	return block;
 }
 
@@ -137,6 +136,14 @@ int db_mailbox_grow(struct db_mailbox *mailbox, size_t drives)
 	return 0;
 }
 
+/* Null: it is for stops, which need none. */
+static struct room *room_of(const struct db_letter *letter)
+{
+	size_t place = (size_t)(letter - letter->block->letters);
+
+	return place < letter->block->commands ? &letter->block->rooms[place] : NULL;
+}
+
 static enum letter_state state_of(struct db_letter *letter)
 {
 	return (enum letter_state)atomic_load_explicit(&letter->state, memory_order_acquire);
@@ -149,7 +156,7 @@ static void pass(struct db_letter *letter, enum letter_state state)
 
 static void fill(struct db_letter *letter, const struct db_request *request)
 {
-	struct room *room = letter->room;
+	struct room *room = room_of(letter);
 
 	letter->ticket = request->ticket;
 	letter->axis = request->axis;
@@ -274,12 +281,14 @@ enum db_command db_letter_command(const struct db_letter *letter)
 
 const struct db_request *db_letter_request(const struct db_letter *letter)
 {
-	return letter->room ? &letter->room->request : NULL;
+	const struct room *room = room_of(letter);
+
+	return room ? &room->request : NULL;
 }
 
 uint8_t *db_letter_bytes(struct db_letter *letter)
 {
-	return letter->room->bytes;
+	return room_of(letter)->bytes;
 }
 
 void db_letter_sent(struct db_letter *letter, db_time now)
@@ -292,7 +301,7 @@ void db_letter_finish(struct db_letter *letter, enum db_result result, db_time n
 {
 	letter->result = result;
 	letter->finished = now;
-	letter->mailbox->finished = true;
+	letter->block->mailbox->finished = true;
 	pass(letter, LETTER_DONE);
 }
 

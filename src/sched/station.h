@@ -102,25 +102,25 @@ struct told {
 
 struct station {
 	uint16_t number; /* as requests name it */
+	bool leaving;    /* to be taken out as soon as it can be */
 	struct node *node;
 	struct node *spare;        /* in case that it is the first at its address; freed with it */
 	struct station *next_axis; /* at the same address */
 	const struct db_drive_config *config;
 	struct db_axis *axis;
 	struct db_device *device; /* null once its node keeps it as its head */
-	bool leaving;             /* to be taken out as soon as it can be */
 	struct db_snapshot snapshot;
 	struct told told;
 	struct lane lanes[LANE_COUNT];
 	uint8_t requests[LANE_COUNT - 1][DB_SHORT_REQUEST]; /* LANE_FRONT has its letter's */
 
-	db_time identify_at; /* not before: the last attempt failed */
-	db_time identify_backoff;
 	uint32_t generation; /* of the nameplate published last */
 	bool plate_published;
+	bool front_cancelled;
+	db_time identify_at; /* not before: the last attempt failed */
+	db_time identify_backoff;
 
 	struct db_letter *front_letter;
-	bool front_cancelled;
 	db_time front_ended; /* the last one */
 
 	struct pending_stop stops[STOPS_MAX];
