@@ -8,8 +8,11 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* So many connections may wait to be accepted. */
-#define DB_LISTENER_BACKLOG 128
+/*
+ * So many connections may wait to be accepted, those included that are over by then. One that finds no room
+ * is tried again by its system after one second, then after three.
+ */
+#define DB_LISTENER_BACKLOG 1024
 
 /*
  * Opens a non-blocking listening socket on "ADDRESS:PORT" or "[V6]:PORT" (numeric; port 0 is any
