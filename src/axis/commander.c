@@ -49,7 +49,6 @@ struct db_commander {
 	struct db_follow follow; /* the motion that the drive has begun last, if it has an end */
 	uint32_t follow_entry;   /* of that in the history */
 	db_time follow_arrived;
-	struct db_follow_config follow_config;
 	struct db_supervise supervise; /* the motion without one */
 	db_time look_at;               /* the next look at it */
 	db_time look_interval;
@@ -70,17 +69,21 @@ struct db_commander {
 	struct db_history history;
 };
 
-static void init_follow(struct db_commander *commander)
+static db_time look_interval(const struct db_bus_config *bus)
+{
+	db_time cycle = (db_time)bus->cycle_ms * DB_NS_PER_MS;
+
+	return cycle < LOOK_MIN ? LOOK_MIN : cycle > LOOK_MAX ? LOOK_MAX : cycle;
+}
+
+static struct db_follow_config follow_config(const struct db_commander *commander)
 {
 	const struct db_drive_config *drive = commander->config.drive_config;
 	const struct db_bus_config *bus = commander->config.bus_config;
 	db_time cycle = (db_time)bus->cycle_ms * DB_NS_PER_MS;
 	db_time patience = PATIENCE_CYCLES * cycle;
 
-	commander->look_interval = cycle < LOOK_MIN ? LOOK_MIN :
-	                           cycle > LOOK_MAX ? LOOK_MAX :
-	                                              cycle;
-	commander->follow_config = (struct db_follow_config){
+	return (struct db_follow_config){
 		.window = drive->in_position_window * drive->counts_per_unit,
 		.settling = (db_time)drive->settling_ms * DB_NS_PER_MS,
 		.patience = patience < PATIENCE_MIN ? PATIENCE_MIN : patience,
@@ -101,13 +104,13 @@ int db_commander_new(const struct db_commander_config *config, const struct db_c
 		return -ENOMEM;
 	}
 	made->config = *config;
-	made->config.neighbour = NULL;
+	made->config.neighbour = NULL; /* it may go first */
 	made->ops = ops;
 	made->context = context;
 	made->react_at = DB_TIME_NEVER;
 	made->again_at = DB_TIME_NEVER;
 	db_writers_set(&made->writers, config->ids_by_client);
-	init_follow(made);
+	made->look_interval = look_interval(config->bus_config);
 	db_watchdog_init(&made->watchdog,
 	                 config->on_client_loss == DB_CMD_NONE ? 0 : config->watchdog_ms,
 	                 config->drive_config->watchdog_feed);
@@ -1131,6 +1134,7 @@ static void supervise(struct db_commander *commander, const struct db_feedback *
 
 static void look_at_motion(struct db_commander *commander, db_time now)
 {
+	struct db_follow_config config;
 	struct db_snapshot snapshot;
 	enum db_result result;
 
@@ -1141,8 +1145,8 @@ static void look_at_motion(struct db_commander *commander, db_time now)
 	supervise(commander, &snapshot.feedback, now);
 	if (!commander->follow.active || motion_is_pending(commander))
 		return;
-	result = db_follow_look(&commander->follow, &commander->follow_config, &snapshot.feedback,
-	                        now);
+	config = follow_config(commander);
+	result = db_follow_look(&commander->follow, &config, &snapshot.feedback, now);
 	if (result == DB_RESULT_PENDING)
 		return;
 	db_history_end(&commander->history, commander->follow_entry, result,

@@ -1402,6 +1402,8 @@ static void xyza_init(struct db_device *device, struct db_device *first,
                       const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
 	device->first = first ? first : device;
+	device->front.steps = device->front_steps;
+	device->stop.steps = device->stop_steps;
 	device->reaction = (db_time)bus->options[OPTION_REACTION] * DB_NS_PER_MS;
 	device->stops_for_speed = bus->options[OPTION_SPEED_CHANGE] > 0.0;
 	device->object = (uint8_t)drive->address;

@@ -106,7 +106,7 @@ void xyza_plan_setting(struct xyza_plan *plan, const struct db_device *device,
 {
 	bool unproven = plan->unproven;
 
-	*plan = (struct xyza_plan){ .unproven = unproven };
+	*plan = (struct xyza_plan){ .steps = plan->steps, .unproven = unproven };
 	if (setting->param >= XYZA_PARAM_COUNT)
 		plan_ramp(plan, device, setting->param == XYZA_RAMP_DECELERATION, setting->value.f);
 	else
@@ -330,7 +330,7 @@ void xyza_plan_command(struct xyza_plan *plan, struct db_device *device,
 {
 	const struct db_args *args = &request->args;
 
-	*plan = (struct xyza_plan){ .count = 0 };
+	*plan = (struct xyza_plan){ .steps = plan->steps };
 	switch (request->command) {
 	case DB_CMD_STOP:
 	case DB_CMD_QUICK_STOP:

@@ -37,10 +37,12 @@ struct xyza_step {
 };
 
 #define XYZA_STEPS_MAX 16
+/* ... of a stop: disable looks, stops, and changes the power in three. */
+#define XYZA_STOP_STEPS_MAX 6
 
 /* What a command or one parameter write consists of, and where it is. */
 struct xyza_plan {
-	struct xyza_step steps[XYZA_STEPS_MAX];
+	struct xyza_step *steps;
 	unsigned count;
 	bool retreats;   /* steps[count] is a stop, for when the last of them fails */
 	bool retreating; /* it is under way */
@@ -68,6 +70,8 @@ struct db_device {
 	bool stops_for_speed; /* another speed only from a stand */
 	struct xyza_plan front;
 	struct xyza_plan stop;
+	struct xyza_step front_steps[XYZA_STEPS_MAX];
+	struct xyza_step stop_steps[XYZA_STOP_STEPS_MAX];
 
 	/* The axis. */
 	bool heard;

@@ -236,11 +236,12 @@ phase_fuzz() {
 	[ $ran -eq 1 ] || step targets false
 }
 
-# With valgrind: what is counted is instructions, not times, so that a machine that is busy or slow is no
-# reason to fail.
+# What is counted is instructions, with valgrind, and bytes, not times, so that a machine that is busy or slow
+# is no reason to fail.
 phase_bench() {
 	need_build gcc || return 0
 	step instructions tests/bench/instructions build/gcc
+	step memory build/gcc/bench/bench_drive_memory
 	step memcheck tests/memcheck build/gcc
 }
 
