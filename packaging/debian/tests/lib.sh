@@ -43,12 +43,20 @@ read_u16() {
 		sed -n 's/^\[[0-9]*\]:[[:space:]]*//p'
 }
 
-# command PORT UNIT NAME [ARGUMENT WORDS...]
+# command_drive PORT UNIT NAME [ARGUMENT WORDS...]: done, or accepted and confirmed later (05), as on a machine
+# that is busy; what it did is looked at afterwards.
 command_drive() {
 	port=$1 unit=$2 name=$3
 	shift 3
-	mbpoll -q -0 -1 -p "$port" -a "$unit" -r "$(address command_id)" 127.0.0.1 0 \
-		"$(code "$name")" "$@" >/dev/null
+	said=$(mbpoll -q -0 -1 -p "$port" -a "$unit" -r "$(address command_id)" 127.0.0.1 0 \
+		"$(code "$name")" "$@" 2>&1) && return 0
+	case $said in
+	*Acknowledge*) ;;
+	*)
+		echo "$name: $said"
+		return 1
+		;;
+	esac
 }
 
 is_at() {
