@@ -11,7 +11,6 @@ bytes of its wires, have a higher real-time priority meanwhile, so that it is no
 that takes root. Writes build/bench/timing.csv, and with --write docs/timing.md.
 """
 import argparse
-import contextlib
 import csv
 import json
 import multiprocessing
@@ -19,16 +18,15 @@ import os
 import signal
 import subprocess
 import tempfile
-import threading
 import time
 
 from attacks import ATTACKS, PROCESSES, burning
 from bus_cycle import Client, addresses, wait_line
+from wires import PRIORITY, Wires, real_time
 
 HERE = os.path.dirname(os.path.realpath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
 VALID = 1 << 12
-SIMULATOR_PRIORITY = 60
 # Family, cycle, drives, and what its section has besides in the simulator's file and in the bridge's.
 SERIAL = (' device = "pty"\n baud = 115200\n latency-us = 0', " baud = 115200")
 SLCAN = (" transport = slcan\n bitrate = 1000000\n latency-us = 100",
@@ -50,55 +48,6 @@ VARIANTS = {"priority = 1": ("", 1), "priority = 0": (" priority = 0", 0)}
 FIELDS = ("overruns", "part", "median", "p99", "max")
 
 
-def real_time(priority):
-    """To be called in a child before it runs; without the right to it goes on as it is."""
-    def set_it():
-        try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-        except PermissionError:
-            pass
-    return set_it
-
-
-class Wires:
-    """
-    The simulated wires are pseudo terminals, whose bytes the kernel's workers carry at the priority of any
-    program: they would be late, not the bridge. While this is entered they have that of the simulator.
-    """
-
-    def __init__(self):
-        self.raised = set()
-        self.ending = threading.Event()
-        self.thread = threading.Thread(target=self.follow)
-
-    @staticmethod
-    def workers():
-        for process in os.listdir("/proc"):
-            with contextlib.suppress(OSError, ValueError):
-                with open(f"/proc/{int(process)}/comm", encoding="utf-8", errors="replace") as name:
-                    if name.read().startswith("kworker/u"):
-                        yield int(process)
-
-    def follow(self):
-        """They come and go."""
-        while not self.ending.wait(0.05):
-            for worker in set(self.workers()) - self.raised:
-                with contextlib.suppress(OSError):
-                    if os.sched_getscheduler(worker) == os.SCHED_OTHER:
-                        os.sched_setscheduler(worker, os.SCHED_FIFO, os.sched_param(SIMULATOR_PRIORITY))
-                        self.raised.add(worker)
-
-    def __enter__(self):
-        self.thread.start()
-
-    def __exit__(self, *_):
-        self.ending.set()
-        self.thread.join()
-        for worker in self.raised:
-            with contextlib.suppress(OSError):
-                os.sched_setscheduler(worker, os.SCHED_OTHER, os.sched_param(0))
-
-
 class Plant:
     def __init__(self, build, folder, keys):
         sim, bridge = [], ['modbus { listen = "127.0.0.1:0"\n max-clients = 200 }']
@@ -116,7 +65,7 @@ class Plant:
             with open(f"{folder}/{name}", "w", encoding="utf-8") as file:
                 file.write("\n".join(lines) + "\n")
         self.sim = subprocess.Popen([f"{build}/drivebridge-sim", "--config", f"{folder}/sim.conf", *links],
-                                    stdout=subprocess.PIPE, text=True, preexec_fn=real_time(SIMULATOR_PRIORITY))
+                                    stdout=subprocess.PIPE, text=True, preexec_fn=real_time(PRIORITY))
         wait_line(self.sim, "ready")
         self.bridge = subprocess.Popen([f"{build}/drivebridged", "--config", f"{folder}/bridge.conf"],
                                        stderr=subprocess.PIPE, text=True)
@@ -218,11 +167,6 @@ def measure(build, attack, keys, priority, seconds):
 
 def measured(build, seconds, only=""):
     """(case, variant, bus or cyclictest, its figures), printed as they come."""
-    with Wires():
-        yield from cases(build, seconds, only)
-
-
-def cases(build, seconds, only):
     for case, attack in CASES.items():
         for variant, (keys, priority) in VARIANTS.items():
             if only not in f"{case}, {variant}":
@@ -299,7 +243,8 @@ def main():
     arguments.add_argument("--only", default="")
     arguments.add_argument("--write", action="store_true")
     options = arguments.parse_args()
-    rows = list(measured(os.path.realpath(options.build), options.seconds, options.only))
+    with Wires():
+        rows = list(measured(os.path.realpath(options.build), options.seconds, options.only))
     write_csv(rows)
     if options.write:
         write_page(rows, options.seconds)

@@ -27,7 +27,7 @@ def write_configs(folder, controllers, baud, cycle_ms):
     sim = [f'bus line {{ protocol = xyza\n device = "pty"\n baud = {baud}\n latency-us = 0 }}']
     bridge = ['modbus { listen = "127.0.0.1:0" }',
               f'bus line {{ protocol = xyza\n device = "{folder}/line"\n baud = {baud}\n'
-              f' cycle-ms = {cycle_ms} }}']
+              f' cycle-ms = {cycle_ms}\n turnaround-us = 0 }}']
     for i in range(1, controllers + 1):
         sim.append(f"drive c{i} {{ bus = line\n address = {i}\n axes = 4 }}")
         for j, axis in enumerate(AXES):
