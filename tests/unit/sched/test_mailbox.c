@@ -6,6 +6,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include <cmocka.h>
 
@@ -64,6 +65,46 @@ static void a_full_box_still_takes_stops(void **state)
 	assert_false(db_mailbox_post(mailbox, &move));
 	assert_true(db_mailbox_collect(mailbox, &completion));
 	assert_true(db_mailbox_post(mailbox, &move));
+	db_mailbox_free(mailbox);
+}
+
+/* A stop is nothing but its command; everything else has its values and bytes beside the others'. */
+static void every_command_has_room_of_its_own(void **state)
+{
+	struct db_mailbox *mailbox = NULL;
+	struct db_setting settings[DB_SETTINGS_MAX];
+	struct db_request write = { .setting_count = DB_SETTINGS_MAX, .settings = settings };
+	struct db_request stop = request_of(9, DB_CMD_QUICK_STOP);
+	struct db_letter *letters[3];
+
+	(void)state;
+	stop.axis = 5;
+	assert_int_equal(db_mailbox_new(2, 1, &mailbox), 0);
+	for (uint32_t i = 0; i < 2; i++) {
+		write.ticket = i + 1;
+		for (uint16_t j = 0; j < DB_SETTINGS_MAX; j++)
+			settings[j] = (struct db_setting){ .param = j, .value.u = i };
+		assert_true(db_mailbox_post(mailbox, &write));
+	}
+	assert_true(db_mailbox_post(mailbox, &stop));
+	for (size_t i = 0; i < 3; i++)
+		letters[i] = db_mailbox_take(mailbox);
+	for (uint8_t i = 0; i < 2; i++)
+		memset(db_letter_bytes(letters[i]), i + 1, DB_REQUEST_MAX);
+	for (uint32_t i = 0; i < 2; i++) {
+		const struct db_request *request = db_letter_request(letters[i]);
+
+		assert_int_equal(request->ticket, i + 1);
+		assert_int_equal(db_letter_command(letters[i]), DB_CMD_NONE);
+		assert_int_equal(request->settings[DB_SETTINGS_MAX - 1].param, DB_SETTINGS_MAX - 1);
+		assert_int_equal(request->settings[DB_SETTINGS_MAX - 1].value.u, i);
+		assert_int_equal(db_letter_bytes(letters[i])[0], i + 1);
+		assert_int_equal(db_letter_bytes(letters[i])[DB_REQUEST_MAX - 1], i + 1);
+	}
+	assert_null(db_letter_request(letters[2]));
+	assert_int_equal(db_letter_ticket(letters[2]), 9);
+	assert_int_equal(db_letter_axis(letters[2]), 5);
+	assert_int_equal(db_letter_command(letters[2]), DB_CMD_QUICK_STOP);
 	db_mailbox_free(mailbox);
 }
 
@@ -173,6 +214,7 @@ int main(void)
 		cmocka_unit_test(letters_are_taken_in_order_and_answered_once),
 		cmocka_unit_test(a_full_box_still_takes_stops),
 		cmocka_unit_test(nobody_takes_the_room_for_anothers_stops),
+		cmocka_unit_test(every_command_has_room_of_its_own),
 		cmocka_unit_test(it_grows_for_stops_and_never_shrinks),
 		cmocka_unit_test(two_threads_lose_and_reorder_nothing),
 	};
