@@ -1776,6 +1776,15 @@ static void another_scope_begins_with_baselines(void **state)
 	assert_int_equal(look_as(&fake, 2).result, DB_RESULT_RESTARTED);
 	assert_int_equal(put_as(&fake, 2, 8, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
 	assert_int_equal(fake.submitted, 2);
+	/* And back, whose memory is asked for before anything is given up. */
+	assert_int_equal(db_commander_reserve(fake.commander, true), 0);
+	assert_int_equal(put_as(&fake, 1, 8, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	db_commander_set_writers(fake.commander, 40, false, true);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(put_as(&fake, 1, 8, DB_CMD_ENABLE, 0), FAILURE);
+	assert_int_equal(put_as(&fake, 2, 8, DB_CMD_ENABLE, 0), FAILURE);
+	assert_int_equal(put_as(&fake, 1, 9, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 3);
 	drop(&fake);
 }
 
