@@ -19,7 +19,7 @@ SEEDS = ["1", "2", "3"]
 
 
 # A history that fails is made short before it is shown.
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_what_was_answered_is_what_happened(family, seed):

@@ -282,7 +282,7 @@ phase_e2e() {
 # That kernel has one processor, and more workers only cost their start.
 phase_kernel() {
 	need_build gcc || return 0
-	PYTEST_WORKERS=0 run_pytest gcc tests/kernel/run-in-uml -t 300 -w build/logs -- tests/kernel
+	PYTEST_WORKERS=0 run_pytest gcc tests/kernel/run-in-uml -t 1200 -w build/logs -- tests/kernel
 }
 
 run_phase() {
