@@ -350,10 +350,12 @@ static void report_slow(const struct db_bus *bus, const struct db_bus_stats *sta
 	if (computer)
 		db_log(&bus->log, now, DB_EVENT_BUS_SLOW, NULL,
 		       "%u times in %u s the drives could not all be read within cycle-ms = %u: this "
-		       "computer is busy, the bus waited %u ms for a processor; set priority for the "
-		       "bus, or look for what else runs",
+		       "computer is busy, the bus waited %u ms for a processor; %s",
 		       (unsigned)overruns, seconds, bus->config->cycle_ms,
-		       (unsigned)(waited / DB_NS_PER_MS));
+		       (unsigned)(waited / DB_NS_PER_MS),
+		       bus->priority.held ?
+		               "look for what else has a real-time priority" :
+		               "let it have a real-time priority, or look for what else runs");
 	else
 		db_log(&bus->log, now, DB_EVENT_BUS_SLOW, NULL,
 		       "%u times in %u s the drives could not all be read within cycle-ms = %u "
