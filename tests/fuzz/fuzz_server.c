@@ -696,11 +696,16 @@ static void use_bus(struct world *world, struct input *input)
 		DB_RESULT_FAILED,    DB_RESULT_BUSY,
 	};
 	uint8_t choice = input_u8(input);
+	enum db_result result = results[choice / 16 % (sizeof results / sizeof results[0])];
+	size_t index;
 
 	if (world->pending_count == 0)
 		return;
-	complete(world, choice % world->pending_count,
-	         results[choice / 16 % (sizeof results / sizeof results[0])]);
+	/* A bus has room for stops: fuzz_engine holds it to that. */
+	index = choice % world->pending_count;
+	if (world->pending[index].stop && result == DB_RESULT_BUSY)
+		result = DB_RESULT_FAILED;
+	complete(world, index, result);
 	run_loop(world);
 }
 
