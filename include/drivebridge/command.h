@@ -106,6 +106,7 @@ struct db_request {
 	enum db_command command;
 	struct db_args args;
 	db_time submitted;
+	uint32_t group; /* not 0: with others of the same number it is for every drive of the bus */
 	const struct db_setting *settings;
 };
 

@@ -175,9 +175,10 @@ int db_commander_write(struct db_commander *commander, const struct db_client *c
 
 /* The command that waits for the group's start; NONE. */
 enum db_command db_commander_staged(const struct db_commander *commander);
-/* Carries it out with the kept arguments, as db_commander_execute() does; there must be one. */
+/* Carries it out with the kept arguments, as db_commander_execute() does; there must be one. `group`: see
+ * struct db_request. */
 int db_commander_start_staged(struct db_commander *commander, const struct db_client *client,
-                              struct db_write_token token, db_time now);
+                              uint32_t group, struct db_write_token token, db_time now);
 
 /* Ticket of the request that the newest command became; 0: none yet. */
 uint32_t db_commander_newest(const struct db_commander *commander);

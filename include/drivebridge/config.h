@@ -107,6 +107,7 @@ struct db_bus_config {
 		save_interval_s; /* save-interval-s, 0..3600, default 10: shortest time between two save_parameters of a drive */
 	unsigned priority; /* priority, 0 (SCHED_OTHER) or 1..99 (SCHED_FIFO); default 1 */
 	uint64_t cpus;     /* cpus, bit n: its thread may run on processor n; 0 (default) = any */
+	bool starts_by_broadcast;       /* group-start = one-by-one (default) or broadcast */
 	enum db_log_level log;          /* default info */
 	double options[DB_OPTIONS_MAX]; /* of the driver's list; those of drives are left NAN */
 };

@@ -55,6 +55,8 @@ struct db_exchange {
 		sending; /* set by the scheduler: another number each time anything is sent, so that
 	                     frames of an answer can be told from those of the one before */
 	bool repeatable; /* sending it again after a lost answer is harmless */
+	bool begins; /* a command's: it begins the motion, and begin_all() may say it to all drives;
+	                false before each call of the driver */
 	db_time extra_time; /* beyond the bus's drive latency: a flash write, for instance */
 };
 
@@ -214,6 +216,19 @@ struct db_driver {
 	 * once and unconfirmed. False when the family has none. May be null. */
 	bool (*broadcast)(enum db_command command, const struct db_bus_config *bus,
 	                  struct db_exchange *exchange);
+
+	/*
+	 * A common start of all drives of a bus. begin_all() writes into `all` the frame that says to
+	 * every drive what the prepared exchange, which begins a motion, says to this one; false when
+	 * there is none. When it was sent instead of the prepared exchanges, begun_by_all() goes on with
+	 * each conversation where that looks for the effect: nobody acknowledges the frame, and what
+	 * begins a motion is not said again by this job. Both null where the family has no broadcast.
+	 */
+	bool (*begin_all)(const struct db_device *device, const struct db_exchange *prepared,
+	                  struct db_exchange *all);
+	enum db_step (*begun_by_all)(struct db_device *device, struct db_job *job,
+	                             struct db_exchange *exchange, db_time now,
+	                             enum db_result *result);
 };
 
 /* Every family, null-terminated: src/driver/list.c. */

@@ -39,6 +39,7 @@ struct origin {
 	struct db_writer *writer;       /* its memory; null: it has none, and no ids */
 	bool block;                     /* by the command block, where a write may be sent again */
 	bool bare;                      /* ... without a command_id */
+	uint32_t group;                 /* see struct db_request */
 };
 
 struct db_commander {
@@ -645,6 +646,7 @@ static int carry_out(struct db_commander *commander, const struct origin *by,
 	request.command = (enum db_command)block->command;
 	request.args = block->args;
 	request.submitted = now;
+	request.group = by->group;
 	older = youngest_stop(commander, request.command, &count);
 	/* It would be sent before a stop that came before it. */
 	if (!db_command_is_stop(request.command) && stop_is_due(commander))
@@ -860,11 +862,12 @@ uint32_t db_commander_newest(const struct db_commander *commander)
 }
 
 int db_commander_start_staged(struct db_commander *commander, const struct db_client *client,
-                              struct db_write_token token, db_time now)
+                              uint32_t group, struct db_write_token token, db_time now)
 {
 	struct origin by = {
 		.client = client,
 		.writer = db_writers_claim(&commander->writers, client, now),
+		.group = group,
 	};
 	struct db_command_block block = commander->kept;
 

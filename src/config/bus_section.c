@@ -257,6 +257,16 @@ static void read_line(const struct db_section *section, struct db_bus_config *bu
 	}
 }
 
+static void read_group_start(const struct db_section *section, struct db_bus_config *bus)
+{
+	bus->starts_by_broadcast = db_section_word(section, "group-start");
+	if (bus->starts_by_broadcast && (!bus->driver->begin_all || bus->line == DB_LINE_RS232))
+		db_report_error(
+			&section->load->report, db_section_line(section, "group-start"),
+			"group-start = broadcast, but bus '%s' has no frame for all drives; remove it",
+			section->title);
+}
+
 /* In half characters, and in microseconds. Drives are slower than the 3.5 characters of Modbus RTU. */
 #define TURNAROUND_HALF_CHARACTERS 7
 #define TURNAROUND_LEAST 1000
@@ -311,6 +321,7 @@ void db_load_bus(struct db_load *load, unsigned index, struct db_bus_config *bus
 	read_place(&section, bus);
 	read_speed(&section, bus);
 	read_line(&section, bus);
+	read_group_start(&section, bus);
 	bus->turnaround_us = read_turnaround(&section, bus);
 	bus->cycle_ms = db_section_number(&section, "cycle-ms");
 	bus->drive_latency_ms = db_section_number(&section, "drive-latency-ms");

@@ -145,6 +145,10 @@ static const struct db_config_key KEYS[] = {
 	         "Period in which every drive's status is read; 20 when not given, or the first of 50, "
 	         "100, 200, 500 ... that is enough for one drive at this speed"),
 	  AT(bus, cycle_ms) },
+	{ WORD("bus", "group-start", "one-by-one", "one-by-one broadcast",
+	       "How group_start begins the same staged command on all drives of the bus: one after the "
+	       "other, or with one frame, which drives obey that are not in this file, too"),
+	  AT(bus, starts_by_broadcast) },
 	{ NUMBER("bus", "drive-latency-ms", "30", 1, 1000, "ms",
 	         "Longest time a drive may take before it begins to answer"),
 	  AT(bus, drive_latency_ms) },

@@ -278,6 +278,37 @@ static bool servo_broadcast(enum db_command command, const struct db_bus_config 
 	return true;
 }
 
+static bool servo_begin_all(const struct db_device *device, const struct db_exchange *prepared,
+                            struct db_exchange *all)
+{
+	struct servo_can_message message;
+	struct db_can_frame frame;
+
+	memcpy(&frame, prepared->request, sizeof frame);
+	if (servo_can_decode(&frame, &device->layout, SERVO_CAN_FROM_HOST, &message) !=
+	    SERVO_CAN_OK)
+		return false;
+	message.node = SERVO_CAN_BROADCAST;
+	if (servo_can_encode(&message, &device->layout, &frame) != SERVO_CAN_OK ||
+	    all->request_size < sizeof frame)
+		return false;
+	memcpy(all->request, &frame, sizeof frame);
+	all->request_length = sizeof frame;
+	all->answer_length = 0;
+	return true;
+}
+
+static enum db_step servo_begun_by_all(struct db_device *device, struct db_job *job,
+                                       struct db_exchange *exchange, db_time now,
+                                       enum db_result *result)
+{
+	struct servo_talk talk = talk_of(device, job, now, exchange, result);
+
+	servo_note_acknowledged(&talk);
+	talk.progress->did |= DID_BY_ALL;
+	return say_next(&talk);
+}
+
 const struct db_driver db_driver_servo_can = {
 	.name = "servo-can",
 	.title = "servo drive on CAN; velocity in rpm",
@@ -321,4 +352,6 @@ const struct db_driver db_driver_servo_can = {
 	.feedback = servo_feedback,
 	.nameplate = servo_nameplate,
 	.broadcast = servo_broadcast,
+	.begin_all = servo_begin_all,
+	.begun_by_all = servo_begun_by_all,
 };

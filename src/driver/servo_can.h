@@ -157,6 +157,7 @@ enum servo_did {
 	DID_MODE = 1u << 12,
 	DID_WITHOUT_ANSWER = 1u << 13, /* what was said last was not acknowledged */
 	DID_DROP = 1u << 14,           /* CTRG, after the power went */
+	DID_BY_ALL = 1u << 15,         /* what begins the motion was said to all drives at once */
 };
 
 /* What a conversation remembers of itself. */

@@ -239,7 +239,11 @@ static enum db_step prove_setpoint(const struct servo_talk *talk)
 		return servo_done(talk, DB_RESULT_OK);
 	if (talk->progress->setpoint != 0 && !servo_is_powered(device))
 		return servo_done(talk, DB_RESULT_FAILED);
-	return took_too_long(talk) ? servo_done(talk, DB_RESULT_UNPROVEN) : servo_look(talk);
+	if (!took_too_long(talk))
+		return servo_look(talk);
+	/* Of a frame for all drives not even the arrival is known. */
+	return servo_done(talk,
+	                  servo_did(talk, DID_BY_ALL) ? DB_RESULT_FAILED : DB_RESULT_UNPROVEN);
 }
 
 /* What another program left must not count in the new mode, not even for one frame's time. */

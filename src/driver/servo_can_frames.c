@@ -151,6 +151,7 @@ enum db_step servo_say_setpoint(const struct servo_talk *talk, int16_t setpoint)
 		device->setpoint_mode = device->mode;
 		device->stopping = false;
 	}
+	talk->exchange->begins = setpoint != 0 && !device->synchronous;
 	return say(talk, STEP_SETPOINT, message, true);
 }
 
@@ -189,6 +190,7 @@ static enum db_step say_word_frame(const struct servo_talk *talk, enum servo_ste
 
 enum db_step servo_say_trigger(const struct servo_talk *talk, bool up)
 {
+	talk->exchange->begins = up;
 	/* A rise is not repeated blindly: between two it could have been dropped. */
 	return say_word_frame(talk, up ? STEP_TRIGGER_UP : STEP_TRIGGER_DOWN, talk->device->words,
 	                      up, !up);

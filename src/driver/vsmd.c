@@ -35,6 +35,8 @@ static enum db_step ask(struct vsmd_axis *axis, struct vsmd_command command, boo
 	if (command.verb == VSMD_ORG || command.verb == VSMD_OFF ||
 	    command.verb == VSMD_ZERO_START || command.verb == VSMD_ZERO_STOP)
 		axis->told_until = axis->heard_at + TOLD_TIME + axis->reaction;
+	exchange->begins = command.verb == VSMD_MOV || command.verb == VSMD_POS ||
+	                   command.verb == VSMD_ZERO_START;
 	return axis->link->ask(axis, &command, repeatable, exchange, result);
 }
 
@@ -809,7 +811,7 @@ static bool may_be_said_again(const struct vsmd_axis *axis, const struct db_job 
 {
 	enum db_command command = job->request->command;
 
-	return !has_restarted_since(axis) && !axis->link->acknowledges &&
+	return !has_restarted_since(axis) && !axis->link->acknowledges && !axis->watch.by_all &&
 	       command != DB_CMD_SHAKE_START && command != DB_CMD_SHAKE_START_TIME &&
 	       !(command == DB_CMD_HOME && job->step != VSMD_FIRST);
 }
@@ -876,7 +878,8 @@ static enum db_step resolve(struct vsmd_axis *axis, struct db_job *job,
 	bool stands = (now->status & VSMD_ST_STP) != 0;
 	bool unmoved = !before->moving && stands &&
 	               vsmd_is_at(axis, now->position, before->position);
-	bool again = axis->watch.said < RESENDS_MAX && !has_restarted_since(axis);
+	bool again = axis->watch.said < RESENDS_MAX && !axis->watch.by_all &&
+	             !has_restarted_since(axis);
 
 	if (positions && stands && vsmd_is_at(axis, now->position, axis->wanted))
 		return confirmed(axis, job, result);
@@ -973,9 +976,17 @@ enum db_step vsmd_answer_command(struct vsmd_axis *axis, struct db_job *job,
 	effect = vsmd_effect_of(axis, job);
 	/* That the drive acknowledged it and moves as it should is enough. */
 	if (effect != VSMD_EFFECT_SHOWN &&
-	    !(effect == VSMD_EFFECT_OPEN && axis->link->acknowledges))
+	    !(effect == VSMD_EFFECT_OPEN && axis->link->acknowledges && !axis->watch.by_all))
 		return look_again(axis, job, effect, exchange, result);
 	return go_on(axis, job, exchange, result);
+}
+
+/* Later than the others it is not to begin: what does not show within the reaction time has failed. */
+enum db_step vsmd_begun_by_all(struct vsmd_axis *axis, struct db_exchange *exchange,
+                               enum db_result *result)
+{
+	axis->watch.by_all = true;
+	return look(axis, VSMD_LOOK_STATUS, exchange, result);
 }
 
 enum db_step vsmd_lost(struct vsmd_axis *axis, struct db_job *job, struct db_exchange *exchange,

@@ -85,6 +85,7 @@ struct vsmd_watch {
 	db_time since;     /* the first look that did not show it; 0: none */
 	unsigned said;     /* how often it was said again */
 	bool unproven;     /* some part of it did not show */
+	bool by_all;       /* it was said to all drives at once: not acknowledged, not said again */
 	unsigned readings; /* of the position from which a relative move is counted */
 	unsigned restarts; /* the axis's, when it began */
 };
@@ -202,6 +203,9 @@ enum db_step vsmd_begin_command(struct vsmd_axis *axis, struct db_job *job,
 /* The status that the exchange brought was taken: go on. Not for save_parameters. */
 enum db_step vsmd_answer_command(struct vsmd_axis *axis, struct db_job *job,
                                  struct db_exchange *exchange, enum db_result *result);
+/* What the exchange was to begin was said to all drives at once: does it show? */
+enum db_step vsmd_begun_by_all(struct vsmd_axis *axis, struct db_exchange *exchange,
+                               enum db_result *result);
 /* Any job's answer was lost. */
 enum db_step vsmd_lost(struct vsmd_axis *axis, struct db_job *job, struct db_exchange *exchange,
                        enum db_result *result);

@@ -1103,6 +1103,31 @@ static bool can_broadcast(enum db_command command, const struct db_bus_config *b
 	return add_command(&style, VSMD_CAN_BROADCAST, &frames[0], exchange);
 }
 
+/* The same frame, for everybody, without the read behind it. */
+static bool can_begin_all(const struct db_device *device, const struct db_exchange *prepared,
+                          struct db_exchange *all)
+{
+	struct vsmd_can_message message;
+	struct db_can_frame frame;
+
+	if (prepared->request_length != 2 * sizeof frame)
+		return false;
+	memcpy(&frame, prepared->request, sizeof frame);
+	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK)
+		return false;
+	start_burst(all, false);
+	return add_command(&device->style, VSMD_CAN_BROADCAST, &message.command, all);
+}
+
+static enum db_step can_begun_by_all(struct db_device *device, struct db_job *job,
+                                     struct db_exchange *exchange, db_time now,
+                                     enum db_result *result)
+{
+	(void)job;
+	(void)now;
+	return vsmd_begun_by_all(&device->axis, exchange, result);
+}
+
 static void can_check_config(const struct db_bus_config *bus,
                              const struct db_drive_config *const *drives, size_t drive_count,
                              db_complain_fn *complain, void *context)
@@ -1159,4 +1184,6 @@ const struct db_driver db_driver_vsmd_can = {
 	.feedback = can_feedback,
 	.nameplate = can_nameplate,
 	.broadcast = can_broadcast,
+	.begin_all = can_begin_all,
+	.begun_by_all = can_begun_by_all,
 };

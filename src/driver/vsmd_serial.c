@@ -478,6 +478,36 @@ static bool serial_broadcast(enum db_command command, const struct db_bus_config
 	return true;
 }
 
+/* The same line, for everybody. */
+static bool serial_begin_all(const struct db_device *device, const struct db_exchange *prepared,
+                             struct db_exchange *all)
+{
+	const uint8_t *line = prepared->request;
+	const uint8_t *end = line + prepared->request_length;
+	const uint8_t *blank;
+
+	while (line < end && *line == '\n')
+		line++;
+	blank = memchr(line, ' ', (size_t)(end - line));
+	if (device->id == VSMD_SERIAL_NO_ID || !blank ||
+	    (size_t)(end - blank) + 1 > all->request_size)
+		return false;
+	all->request[0] = '0' + VSMD_SERIAL_BROADCAST;
+	memcpy(all->request + 1, blank, (size_t)(end - blank));
+	all->request_length = (size_t)(end - blank) + 1;
+	all->answer_length = 0;
+	return true;
+}
+
+static enum db_step serial_begun_by_all(struct db_device *device, struct db_job *job,
+                                        struct db_exchange *exchange, db_time now,
+                                        enum db_result *result)
+{
+	(void)job;
+	(void)now;
+	return vsmd_begun_by_all(&device->axis, exchange, result);
+}
+
 const struct db_driver db_driver_vsmd_serial = {
 	.name = "vsmd-serial",
 	.title = "VSMD stepper on RS485 or RS232",
@@ -515,4 +545,6 @@ const struct db_driver db_driver_vsmd_serial = {
 	.feedback = serial_feedback,
 	.nameplate = serial_nameplate,
 	.broadcast = serial_broadcast,
+	.begin_all = serial_begin_all,
+	.begun_by_all = serial_begun_by_all,
 };

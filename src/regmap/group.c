@@ -23,7 +23,8 @@ static void begin(struct db_registers *registers, struct db_write_token token)
 
 	answer_writer(registers, MODBUS_EXCEPTION_ACKNOWLEDGE);
 	group->writer = token;
-	group->generation++;
+	if (++group->generation == 0)
+		group->generation = 1;
 	group->pending = 0;
 	group->worst = 0;
 	group->drives = 0;
@@ -134,6 +135,30 @@ static bool is_staged(const struct view_drive *drive)
 	return !drive->leaving && db_commander_staged(drive->commander) != DB_CMD_NONE;
 }
 
+/* The number under which a bus may begin with one frame: that reaches all its drives. 0: it may not. */
+static uint32_t common_start(const struct db_registers *registers, const struct db_bus_config *bus)
+{
+	if (!bus->starts_by_broadcast)
+		return 0;
+	for (size_t i = 0; i < registers->layout->drive_count; i++) {
+		const struct view_drive *drive = registers->layout->drives[i];
+
+		if (drive->bus == bus && !is_staged(drive))
+			return 0;
+	}
+	return registers->group.generation;
+}
+
+/* Taken before the first of them is handed over, which ends its being staged. */
+static void number_starts(struct db_registers *registers)
+{
+	for (size_t i = 0; i < registers->layout->drive_count; i++) {
+		struct view_drive *drive = registers->layout->drives[i];
+
+		drive->group_start = is_staged(drive) ? common_start(registers, drive->bus) : 0;
+	}
+}
+
 int group_start(struct db_registers *registers, const struct db_client *client,
                 struct db_write_token token)
 {
@@ -152,12 +177,14 @@ int group_start(struct db_registers *registers, const struct db_client *client,
 	if (!any)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	begin(registers, token);
+	number_starts(registers);
 	for (size_t i = 0; i < registers->layout->drive_count; i++) {
 		struct view_drive *drive = registers->layout->drives[i];
 
 		if (is_staged(drive))
 			add_part(registers, drive,
 			         db_commander_start_staged(drive->commander, client,
+			                                   drive->group_start,
 			                                   part_token(registers), now));
 	}
 	return end(registers);

@@ -37,6 +37,7 @@ struct view_drive {
 	struct db_heartbeat heartbeat;
 	struct db_heartbeat gateway_heartbeat; /* as written by who may feed this drive */
 	uint32_t group_ticket;                 /* its part of the group command under way; 0 */
+	uint32_t group_start;                  /* how its part of a start is numbered */
 	struct vsmd_view *vendor;              /* null: it has no unit with the vendor's layout */
 	uint32_t capabilities;
 	db_time fresh_for;     /* older data is not `good` any more */

@@ -200,6 +200,7 @@ static void take_answer(struct db_engine *engine, struct node *node, const uint8
 
 	if (blind_stop_answered(engine, node, now))
 		return;
+	lane->exchange.begins = false;
 	step = engine->driver->answer(station_device(station, kind), &lane->job, frame, length, now,
 	                              &lane->exchange, &result);
 	if (step == DB_STEP_MORE)
@@ -341,6 +342,7 @@ static void front_lost(struct db_engine *engine, struct station *station, db_tim
 		station->snapshot.stats.retries++;
 		return;
 	}
+	lane->exchange.begins = false;
 	if (engine->driver->lost(station->device, &lane->job, &lane->exchange, &result) ==
 	    DB_STEP_SEND) {
 		lane->tries = 0;

@@ -44,6 +44,7 @@ enum db_step engine_begin_job(struct db_engine *engine, struct station *station,
 		                     .out_of_step = !station->node->in_step };
 	lane->tries = 0;
 	lane->sent = false;
+	lane->exchange.begins = false;
 	step = engine->driver->begin(station_device(station, kind), &lane->job, &lane->exchange,
 	                             result);
 	lane->active = lane->ready = step == DB_STEP_SEND;
@@ -65,7 +66,9 @@ static void note_sent(struct station *station, enum lane_kind kind, db_time now)
 		engine_note_stop_sent(station, request->command, now);
 	if (kind != LANE_FRONT || !station->front_letter)
 		return;
-	db_letter_sent(station->front_letter, now);
+	/* Of a common start what comes before the frame that begins the motion is only preparation. */
+	if (request->group == 0 || station->alone)
+		db_letter_sent(station->front_letter, now);
 	if (db_command_is_motion(request->command))
 		station->motion_sent = now;
 }
@@ -137,6 +140,180 @@ static bool is_free(const struct station *station, db_time now)
 	return !is_flying(station->node) && !node_is_haunted(station->node, now);
 }
 
+/* --- common starts --------------------------------------------------------------------------------- */
+
+/* The letters of one start come one after the other; who has none after this will get none. */
+#define GATHER_TIME (20 * DB_NS_PER_MS)
+
+static uint32_t group_of(const struct station *station)
+{
+	const struct lane *lane = &station->lanes[LANE_FRONT];
+
+	return lane->active && lane->job.kind == DB_JOB_COMMAND ? lane->job.request->group : 0;
+}
+
+/* Its next frame begins a motion, which may begin on all drives of the bus at once. */
+static bool waits_for_others(const struct station *station)
+{
+	const struct lane *lane = &station->lanes[LANE_FRONT];
+
+	return lane->ready && lane->exchange.begins && !station->alone && group_of(station) != 0;
+}
+
+static bool is_waiting(const struct db_engine *engine, const struct station *station,
+                       uint32_t group)
+{
+	for (size_t i = 0; i < engine->waiting_count; i++) {
+		const struct db_request *request = db_letter_request(engine->waiting[i]);
+
+		if (request->group == group && request->axis == station->number)
+			return true;
+	}
+	return false;
+}
+
+enum gathering {
+	GATHERING_NOTHING, /* nobody waits for others */
+	GATHERING_MORE,    /* some are still to come, which others need not wait for */
+	GATHERING_ANSWERS, /* all are ready, as soon as what is under way is answered */
+	GATHERING_ALL,
+	GATHERING_NEVER, /* they will not all be ready */
+};
+
+/* Whether this drive can be one of the common start `group`, asked for at `asked`. */
+static enum gathering readiness(const struct db_engine *engine, const struct station *station,
+                                uint32_t group, db_time asked, db_time now)
+{
+	if (group_of(station) == group && waits_for_others(station)) {
+		if (is_flying(station->node))
+			return GATHERING_ANSWERS;
+		return station->node->in_step && !station_awaits_stop(station) ? GATHERING_ALL :
+		                                                                 GATHERING_NEVER;
+	}
+	/* On its way there, or its letter is. */
+	if ((group_of(station) == group && !station->alone) || is_waiting(engine, station, group) ||
+	    now - asked < GATHER_TIME)
+		return GATHERING_MORE;
+	return GATHERING_NEVER;
+}
+
+/* A frame for all drives reaches every one: so none may lack, nor be asked for something else. */
+static enum gathering gather(const struct db_engine *engine, const struct station **first,
+                             db_time now)
+{
+	enum gathering all = GATHERING_ALL;
+	const struct db_request *request;
+
+	*first = NULL;
+	for (size_t i = 0; !*first && i < engine->station_count; i++) {
+		if (waits_for_others(engine->stations[i]))
+			*first = engine->stations[i];
+	}
+	if (!*first)
+		return GATHERING_NOTHING;
+	request = (*first)->lanes[LANE_FRONT].job.request;
+	if (engine->station_count < 2 || !engine->bus->starts_by_broadcast ||
+	    !engine->driver->begin_all)
+		return GATHERING_NEVER;
+	for (size_t i = 0; i < engine->station_count; i++) {
+		enum gathering one = readiness(engine, engine->stations[i], request->group,
+		                               request->submitted, now);
+
+		if (one == GATHERING_NEVER)
+			return one;
+		if (one < all)
+			all = one;
+	}
+	return all;
+}
+
+/* Each begins by itself. */
+static void part(struct db_engine *engine, uint32_t group)
+{
+	for (size_t i = 0; i < engine->station_count; i++) {
+		if (group_of(engine->stations[i]) == group)
+			engine->stations[i]->alone = true;
+	}
+}
+
+/* The one frame that says to all what is prepared for each. False: they are not to do the same. */
+static bool write_common(const struct db_engine *engine, struct db_exchange *all)
+{
+	uint8_t bytes[DB_SHORT_REQUEST];
+	struct db_exchange other = { .request = bytes, .request_size = sizeof bytes };
+
+	for (size_t i = 0; i < engine->station_count; i++) {
+		const struct station *station = engine->stations[i];
+
+		if (!engine->driver->begin_all(station->device,
+		                               &station->lanes[LANE_FRONT].exchange,
+		                               i == 0 ? all : &other))
+			return false;
+		if (i > 0 && (other.request_length != all->request_length ||
+		              memcmp(other.request, all->request, all->request_length) != 0))
+			return false;
+	}
+	return true;
+}
+
+static void go_on_behind_common(struct db_engine *engine, struct station *station, db_time now)
+{
+	struct lane *lane = &station->lanes[LANE_FRONT];
+	enum db_result result = DB_RESULT_FAILED;
+
+	lane->sent = true;
+	lane->tries = 0;
+	lane->exchange.begins = false;
+	db_letter_sent(station->front_letter, now);
+	station->motion_sent = now;
+	lane->ready = engine->driver->begun_by_all(station->device, &lane->job, &lane->exchange,
+	                                           now, &result) == DB_STEP_SEND;
+	if (!lane->ready)
+		station_finish_front(station, result, now);
+}
+
+/* All are ready, and nothing is under way. */
+static bool begin_all(struct db_engine *engine, uint32_t group, db_time now)
+{
+	uint8_t bytes[DB_SHORT_REQUEST];
+	struct db_exchange all = { .request = bytes, .request_size = sizeof bytes };
+
+	if (!write_common(engine, &all)) {
+		part(engine, group);
+		return false;
+	}
+	engine->ops->send(engine->context, all.request, all.request_length);
+	engine_after_broadcast(engine, &all, now);
+	for (size_t i = 0; i < engine->station_count; i++)
+		go_on_behind_common(engine, engine->stations[i], now);
+	return true;
+}
+
+/* *wait: nothing else is to be sent now. True: something was. */
+static bool try_common(struct db_engine *engine, bool *wait, db_time now)
+{
+	const struct station *first;
+	enum gathering gathering = gather(engine, &first, now);
+
+	*wait = gathering == GATHERING_ANSWERS;
+	if (gathering == GATHERING_NEVER)
+		part(engine, group_of(first));
+	return gathering == GATHERING_ALL && begin_all(engine, group_of(first), now);
+}
+
+db_time engine_common_wake(const struct db_engine *engine, db_time now)
+{
+	const struct station *first;
+
+	if (gather(engine, &first, now) != GATHERING_MORE)
+		return DB_TIME_NEVER;
+	if (now - first->lanes[LANE_FRONT].job.request->submitted >= GATHER_TIME)
+		return DB_TIME_NEVER;
+	return first->lanes[LANE_FRONT].job.request->submitted + GATHER_TIME;
+}
+
+/* --- commands, one by one -------------------------------------------------------------------------- */
+
 /* False when it ended without anything being sent. */
 static bool begin_letter(struct db_engine *engine, size_t index, db_time now)
 {
@@ -153,11 +330,13 @@ static bool begin_letter(struct db_engine *engine, size_t index, db_time now)
 	station->lanes[LANE_FRONT].exchange.request = db_letter_bytes(letter);
 	station->lanes[LANE_FRONT].exchange.request_size = DB_REQUEST_MAX;
 	station->front_cancelled = false;
+	station->alone = false;
 	if (db_command_ends_motion(request->command))
 		engine_forget_stop(station);
 	if (engine_begin_job(engine, station, LANE_FRONT, kind, request, now, &result) ==
 	    DB_STEP_SEND) {
-		send_in_step(engine, station, LANE_FRONT, now);
+		if (!waits_for_others(station))
+			send_in_step(engine, station, LANE_FRONT, now);
 		return is_flying(station->node);
 	}
 	station->lanes[LANE_FRONT].active = true;
@@ -171,8 +350,8 @@ static bool continue_front(struct db_engine *engine, db_time now)
 		size_t i = (engine->next_front + n) % engine->station_count;
 		struct station *station = engine->stations[i];
 
-		if (station->lanes[LANE_FRONT].ready && !station_awaits_stop(station) &&
-		    is_free(station, now)) {
+		if (station->lanes[LANE_FRONT].ready && !waits_for_others(station) &&
+		    !station_awaits_stop(station) && is_free(station, now)) {
 			engine->next_front = i + 1;
 			send_in_step(engine, station, LANE_FRONT, now);
 			return true;
@@ -361,10 +540,15 @@ static bool try_background(struct db_engine *engine, db_time now)
 bool engine_send_something(struct db_engine *engine, db_time now)
 {
 	struct node *poll;
+	bool wait;
 
 	if (engine_send_stop(engine, now))
 		return true;
 	if (engine->shutting_down || engine_may_send_at(engine, false, now) > now)
+		return false;
+	if (try_common(engine, &wait, now))
+		return true;
+	if (wait)
 		return false;
 	poll = due_poll(engine, now);
 	if (poll && engine->front_was_last && now - poll->polled > 2 * engine->period) {

@@ -382,6 +382,8 @@ static db_time next_wake(const struct db_engine *engine, bool more, db_time now)
 	db_time may_send = engine_may_send_at(engine, false, now);
 	db_time wake = earliest(engine->cycle_at, engine_change_deadline(engine, now));
 
+	wake = earliest(wake, engine_common_wake(engine, now));
+
 	/* There is more to be sent as soon as the wire has room. */
 	if (more || may_send > now)
 		wake = earliest(wake, may_send > now ? may_send : now + 1);

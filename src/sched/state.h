@@ -105,7 +105,13 @@ void engine_send_probe(struct db_engine *engine, struct node *node, db_time now)
 /* How long an exchange takes on the wire, without the drive's thinking. */
 db_time engine_wire_time(const struct db_engine *engine, const struct db_exchange *exchange);
 
+/* When somebody has waited long enough for others of a common start. */
+db_time engine_common_wake(const struct db_engine *engine, db_time now);
+
 /* stop.c */
+/* A frame for all drives goes out: they are given time to act on it before they are asked something. */
+void engine_after_broadcast(struct db_engine *engine, const struct db_exchange *exchange,
+                            db_time now);
 /* Sends the most urgent stop, or reads a drive that is to be seen to stop. False when there is none. */
 bool engine_send_stop(struct db_engine *engine, db_time now);
 /* When the station wants that, if nothing else is in its way. */

@@ -130,6 +130,7 @@ struct station {
 	enum db_command braking_command; /* what it was told last, while it is to be seen to stop */
 	struct braking braking;
 	db_time motion_sent; /* when it was last told to move */
+	bool alone;          /* its command waits for no others any more */
 
 	uint64_t round_trips;
 	uint64_t round_trip_sum_us; /* of those */

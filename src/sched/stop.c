@@ -70,6 +70,15 @@ static void send_stop(struct db_engine *engine, struct station *station, db_time
 		engine_stop_answered(engine, station, result, now);
 }
 
+void engine_after_broadcast(struct db_engine *engine, const struct db_exchange *exchange,
+                            db_time now)
+{
+	/* On CAN what follows waits for its turn on the wire by itself. */
+	if (!engine_is_shared(engine))
+		engine->quiet_until = now + BROADCAST_GAP + engine_wire_time(engine, exchange);
+	engine->stats.transactions++;
+}
+
 /* Does every drive of the bus wait for one and the same stop that was not sent to any of them yet? */
 static bool all_want(const struct db_engine *engine, enum db_command command)
 {
@@ -104,10 +113,7 @@ static bool try_broadcast(struct db_engine *engine, db_time now)
 			station->stops[j].broadcast = true;
 		engine_note_stop_sent(station, command, now);
 	}
-	/* On CAN what follows waits for its turn on the wire by itself. */
-	if (!engine_is_shared(engine))
-		engine->quiet_until = now + BROADCAST_GAP + engine_wire_time(engine, &exchange);
-	engine->stats.transactions++;
+	engine_after_broadcast(engine, &exchange, now);
 	engine->ops->send(engine->context, request, exchange.request_length);
 	return true;
 }

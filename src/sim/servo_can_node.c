@@ -53,6 +53,13 @@ static void tell_witness(const struct sim_servo_node *node, const struct db_can_
 	sim_witness_tell(&node->witness, now, text, known);
 }
 
+static bool is_for(const struct sim_servo_node *node, const struct servo_can_message *message)
+{
+	if (message->kind == SERVO_CAN_SYNC || message->node == node->address)
+		return true;
+	return message->node == SERVO_CAN_BROADCAST && !sim_servo_ignores_broadcast(node->drive);
+}
+
 void sim_servo_node_receive(struct sim_servo_node *node, const struct db_can_frame *frame,
                             db_time now)
 {
@@ -66,8 +73,7 @@ void sim_servo_node_receive(struct sim_servo_node *node, const struct db_can_fra
 	error = servo_can_decode(frame, &node->layout, SERVO_CAN_FROM_HOST, &message);
 	if (message.kind == SERVO_CAN_FOREIGN && error == SERVO_CAN_OK)
 		return;
-	if (message.kind != SERVO_CAN_SYNC && message.node != node->address &&
-	    message.node != SERVO_CAN_BROADCAST)
+	if (!is_for(node, &message))
 		return;
 	node->heard++;
 	/* What a drive answers to a frame it does not understand is not documented: nothing. */
@@ -131,8 +137,7 @@ static bool station_wants(void *self, const struct db_can_frame *frame)
 
 	if (message.kind == SERVO_CAN_FOREIGN && error == SERVO_CAN_OK)
 		return false;
-	return message.kind == SERVO_CAN_SYNC || message.node == node->address ||
-	       message.node == SERVO_CAN_BROADCAST;
+	return is_for(node, &message);
 }
 
 static db_time station_next(void *self)

@@ -662,6 +662,11 @@ bool sim_servo_moving(const struct sim_servo *drive)
 	return !settled(drive);
 }
 
+bool sim_servo_ignores_broadcast(const struct sim_servo *drive)
+{
+	return drive->config.temper.ignores_broadcast;
+}
+
 bool sim_servo_powered(const struct sim_servo *drive)
 {
 	return drive->powered;

@@ -38,6 +38,7 @@ struct sim_servo_temper {
 	bool keeps_demand;
 	/* "Target position reached" tells of the reference's way, wherever the motor is. */
 	bool reached_by_profile;
+	bool ignores_broadcast; /* what is said to all drives at once is not for it */
 	bool ignores_trigger; /* CTRG is acknowledged and does nothing (address 0x1070 is not 4) */
 	bool deaf_to_setpoints; /* no answer to a speed or current outside its mode */
 	double zero_speed;      /* rpm below which it says that it stands; 0: 1 rpm */
@@ -108,6 +109,7 @@ void sim_servo_set_inputs(struct sim_servo *drive, uint8_t inputs, uint16_t anal
 void sim_servo_block(struct sim_servo *drive, bool blocked, db_time now);
 
 /* What a test wants to see. Call sim_servo_advance() before. */
+bool sim_servo_ignores_broadcast(const struct sim_servo *drive);
 bool sim_servo_powered(const struct sim_servo *drive);
 bool sim_servo_moving(const struct sim_servo *drive); /* something changes as time passes */
 enum servo_can_mode sim_servo_mode(const struct sim_servo *drive);

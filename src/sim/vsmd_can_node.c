@@ -289,7 +289,8 @@ static bool is_for(const struct sim_vsmd_can_node *node, const struct vsmd_can_i
 	if (id->control != VSMD_CAN_COMMAND && id->control != VSMD_CAN_DATA_WRITE)
 		return false;
 	return id->extended == node->style.extended &&
-	       (id->broadcast || id->target == sim_vsmd_address(node->node->drive));
+	       ((id->broadcast && !sim_vsmd_temper(node->node->drive)->ignores_broadcast) ||
+	        id->target == sim_vsmd_address(node->node->drive));
 }
 
 static bool wants(void *self, const struct db_can_frame *frame)

@@ -124,6 +124,13 @@ static struct sim_burst *serve(struct sim_serial_bus *bus, struct sim_node *node
 	return broadcast ? NULL : reply(bus, node, code, request->end);
 }
 
+static bool is_for(const struct sim_node *node, int id)
+{
+	if (id == VSMD_SERIAL_BROADCAST)
+		return !sim_vsmd_temper(node->drive)->ignores_broadcast;
+	return id == (int)sim_vsmd_address(node->drive);
+}
+
 static void process(struct sim_serial_bus *bus, const struct sim_serial_request *request)
 {
 	bool rs485 = sim_serial_bus_config(bus)->rs485;
@@ -141,8 +148,7 @@ static void process(struct sim_serial_bus *bus, const struct sim_serial_request 
 		return;
 	}
 	for (size_t i = 0; (node = sim_serial_bus_node(bus, i)) != NULL; i++) {
-		if (rs485 && command.id != VSMD_SERIAL_BROADCAST &&
-		    command.id != (int)sim_vsmd_address(node->drive))
+		if (rs485 && !is_for(node, command.id))
 			continue;
 		known = true;
 		answer = sim_serial_bus_overlap(answer, serve(bus, node, request, &command, error));

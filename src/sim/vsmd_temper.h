@@ -48,6 +48,7 @@ struct sim_vsmd_temper {
 	enum sim_refusal refusal;
 	bool clamps;             /* values out of range become the nearest one, without a word */
 	int32_t rests_off;       /* the counter of a standing drive shows so much more */
+	bool ignores_broadcast;  /* what is said to all drives at once is not for it */
 	bool hides_outputs;      /* the status word does not show the levels of output ports */
 	enum sim_text_ends text; /* of identity and parameters on serial lines */
 	enum sim_numbers numbers;

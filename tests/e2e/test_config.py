@@ -235,6 +235,15 @@ def test_raw_frames_are_warned_of(tmp_path):
     assert "raw-frames is on" not in errors
 
 
+def test_a_bus_without_a_frame_for_all_starts_one_by_one(tmp_path):
+    for text in (RAW_FRAMES.replace("raw-frames = on", "group-start = broadcast"),
+                 after(BUS, "    line = rs232\n    group-start = broadcast")):
+        _, status, _, errors = checked(tmp_path, text)
+        assert status != 0
+        assert "has no frame for all drives; remove it" in errors
+    assert checked(tmp_path, after(BUS, "    group-start = broadcast"))[1] == 0
+
+
 # --- --check looks at the machine
 
 def test_check_tells_every_value(tmp_path):

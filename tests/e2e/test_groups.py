@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands to many drives in one write: staged moves that start together, and a stop of all."""
 
+import pytest
 from bridgelib import (
     CONTINUOUS,
     DEVICE_FAILURE,
@@ -155,3 +156,155 @@ def test_group_registers_take_one_command_at_a_time(bridge):
     assert gateway.write_words(row.address + 2, [1]) == SLAVE_ADDRESS_ERROR
     assert gateway.write("group_start", 2) == ILLEGAL_VALUE
     assert gateway.write("group_stop", 0) == 0
+
+
+# --- a common start -----------------------------------------------------------------------------------
+
+BROADCAST = {"group-start": "broadcast"}
+CAN = {"transport": "slcan", "bitrate": 1000000, "line": None}
+RESULT_FAILED = 15
+HOME = 8
+
+# What begins a motion: on the wire for all drives, for drive 1 alone, and the verb.
+FAMILIES = {
+    "vsmd-serial": {
+        "bus": BROADCAST, "sim_bus": {}, "command": (MOVE_ABSOLUTE, {"target_position": 300}),
+        "all": "0 pos 300", "one": "1 pos 300",
+    },
+    "vsmd-can": {
+        "bus": {"protocol": "vsmd-can", "baud": 3000000, **CAN, **BROADCAST},
+        "sim_bus": {"protocol": "vsmd-can", "baud": None, **CAN},
+        "command": (MOVE_ABSOLUTE, {"target_position": 300}),
+        "all": "00040386#0000012C", "one": "00080386#0000012C",
+    },
+    "servo-can": {
+        "bus": {"protocol": "servo-can", "baud": 3000000, **CAN, **BROADCAST},
+        "sim_bus": {"protocol": "servo-can", "baud": None, **CAN},
+        "sim_drive": {"identity": None, "set": None},
+        "command": (MOVE_VELOCITY, {"target_velocity": 300}),
+        "all": "060#01012C", "one": "061#01012C",
+    },
+}
+
+
+def make_group(make_bridge, family, drives=3, **options):
+    made = {key: dict(FAMILIES[family][key]) for key in ("bus", "sim_bus")}
+    made["bus"].update(options.pop("bus", {}))
+    bridge = make_bridge(drives=drives, sim_drive=FAMILIES[family].get("sim_drive"), **made,
+                         **options)
+    for number in range(1, drives + 1):
+        assert bridge.drive(number).command("enable") == 0
+    return bridge
+
+
+def stage_all(bridge, family, numbers):
+    code, args = FAMILIES[family]["command"]
+    for number in numbers:
+        assert stage(bridge.drive(number), code, target_velocity=0) == 0
+        assert stage(bridge.drive(number), code, **args) == 0
+
+
+def wire(bridge, mark):
+    return bridge.sim.sent(mark, polls=True)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_one_frame_begins_on_all(make_bridge, family):
+    bridge = make_group(make_bridge, family)
+    gateway = bridge.gateway()
+    stage_all(bridge, family, (1, 2, 3))
+    mark = bridge.sim.mark()
+    assert gateway.write("group_start", 1) == 0
+    sent = wire(bridge, mark)
+    assert sent.count(FAMILIES[family]["all"]) == 1
+    assert FAMILIES[family]["one"] not in sent
+    assert gateway.read("group_skew_us") == 0
+    for number in (1, 2, 3):
+        drive = bridge.drive(number)
+        assert drive.read("result") == RESULT_OK
+        eventually(lambda drive=drive: drive.read("position") >= 290, what="way")
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_drive_that_does_not_hear_it_has_failed(make_bridge, family):
+    """The others run. It is not told by itself, which would be later than them."""
+    bridge = make_group(make_bridge, family, sim_per_drive={2: {"ignores-broadcast": True}})
+    stage_all(bridge, family, (1, 2, 3))
+    mark = bridge.sim.mark()
+    bridge.gateway().write("group_start", 1)
+    eventually(lambda: bridge.gateway().read("group_busy") == 0)
+    assert bridge.gateway().read("group_result") == DEVICE_FAILURE
+    assert [bridge.drive(n).read("result") for n in (1, 2, 3)] == [
+        RESULT_OK, RESULT_FAILED, RESULT_OK]
+    assert bridge.drive(2).read("position") == 0
+    assert wire(bridge, mark).count(FAMILIES[family]["all"]) == 1
+    eventually(lambda: bridge.drive(1).read("position") >= 290)
+    if family != "servo-can":
+        assert bridge.drive(2).command("move_absolute", target_position=10) == 0
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_nobody_who_is_not_meant_is_reached(make_bridge, family):
+    bridge = make_group(make_bridge, family)
+    stage_all(bridge, family, (1, 3))
+    mark = bridge.sim.mark()
+    assert bridge.gateway().write("group_start", 1) == 0
+    sent = wire(bridge, mark)
+    assert FAMILIES[family]["all"] not in sent and FAMILIES[family]["one"] in sent
+    eventually(lambda: bridge.drive(3).read("position") >= 290)
+    assert bridge.drive(2).read("position") == 0
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_one_by_one_unless_told_otherwise(make_bridge, family):
+    bridge = make_group(make_bridge, family, bus={"group-start": "one-by-one"})
+    stage_all(bridge, family, (1, 2, 3))
+    mark = bridge.sim.mark()
+    assert bridge.gateway().write("group_start", 1) == 0
+    sent = wire(bridge, mark)
+    assert FAMILIES[family]["all"] not in sent and FAMILIES[family]["one"] in sent
+
+
+@pytest.mark.parametrize("family", ["vsmd-serial", "vsmd-can"])
+def test_different_moves_begin_one_by_one(make_bridge, family):
+    bridge = make_group(make_bridge, family, drives=2)
+    for number in (1, 2):
+        assert stage(bridge.drive(number), MOVE_ABSOLUTE, target_position=300 + number,
+                     target_velocity=0) == 0
+    mark = bridge.sim.mark()
+    assert bridge.gateway().write("group_start", 1) == 0
+    assert not [line for line in wire(bridge, mark) if line.startswith(("0 pos", "00040386"))]
+    for number in (1, 2):
+        eventually(lambda n=number: bridge.drive(n).read("position") == 300 + n)
+
+
+@pytest.mark.parametrize("family", ["vsmd-serial", "vsmd-can"])
+def test_homing_begins_on_all(make_bridge, family):
+    """What comes before the frame that begins it each drive is told by itself."""
+    home = {"sensor": ["3:below:0"], "start": 200,
+            "set": ["zmd=1", "snr=2", "osv=0", "zsd=-2000", "spd=6400", "acc=64000", "dec=64000",
+                    "pae=0"]}
+    bridge = make_group(make_bridge, family, sim_per_drive={n: home for n in (1, 2, 3)})
+    for number in (1, 2, 3):
+        assert stage(bridge.drive(number), HOME) == 0
+    mark = bridge.sim.mark()
+    assert bridge.gateway().write("group_start", 1) == 0
+    sent = wire(bridge, mark)
+    begins = "0 zero start" if family == "vsmd-serial" else "00040389#"
+    assert sent.count(begins) == 1
+    assert not [line for line in sent if line in ("1 zero start", "00080389#")]
+    for number in (1, 2, 3):
+        eventually(lambda n=number: bridge.drive(n).read("status") & 1 << 2, what="homed")
+
+
+def test_a_drive_that_is_away_keeps_the_others_apart(make_bridge):
+    bridge = make_group(make_bridge, "vsmd-serial")
+    stage_all(bridge, "vsmd-serial", (1, 2, 3))
+    bridge.sim.fault("silence on", "drive3")
+    eventually(lambda: not bridge.drive(3).online(), what="drive 3 offline")
+    mark = bridge.sim.mark()
+    assert bridge.gateway().write("group_start", 1) == 0x0B
+    sent = wire(bridge, mark)
+    assert "0 pos 300" not in sent and "1 pos 300" in sent
+    for number in (1, 2):
+        eventually(lambda n=number: bridge.drive(n).read("position") == 300)

@@ -49,6 +49,8 @@ TEMPERAMENTS = [
     one("power-ms", 300, "`enable` and `disable` fail (04) though the drive obeys, without this.",
         drive=(("reaction-ms", 500),)),
     one("command-word-ack", 0, "Nothing.", section="bus", bus=(("command-word-ack", 0),)),
+    one("ignores-broadcast", True,
+        "With `group-start = broadcast` it does not start, and its command has failed."),
     one("report-position-ms", 0, "Nothing: what is not reported is asked for."),
     one("report-motion-ms", 10, "Nothing."),
 ]

@@ -76,6 +76,8 @@ TEMPERAMENTS = [
     *both("rests-off", 1, "A position that is off by one, and at_target with a window of one.",
           drive=WINDOW),
     *both("hides-outputs", True, "set_output ends as unproven, and the register outputs stays 0."),
+    *both("ignores-broadcast", True, "Stops of all drives reach it one by one; with `group-start = "
+          "broadcast` it does not start, and its command has failed."),
     *serial("text", "nul", "Nothing."),
     *serial("text", "crlf", "Nothing."),
     *serial("text", "quoted", "Nothing."),

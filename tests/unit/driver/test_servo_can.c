@@ -1888,6 +1888,81 @@ static void what_the_check_tells(void **unused)
 	drop(f);
 }
 
+/* --- a common start ------------------------------------------------------------------------------ */
+
+static const char *for_all(struct fixture *f)
+{
+	uint8_t bytes[DB_SHORT_REQUEST];
+	struct db_exchange all = { .request = bytes, .request_size = sizeof bytes };
+	struct db_exchange prepared = f->exchange;
+
+	if (!f->exchange.begins || !driver->begin_all(f->device, &f->exchange, &all))
+		return "nothing";
+	f->exchange = all;
+	next(f, DB_STEP_SEND);
+	f->exchange = prepared;
+	return f->said;
+}
+
+static const char *begun_by_all(struct fixture *f)
+{
+	f->exchange.begins = false;
+	return next(f, driver->begun_by_all(f->device, &f->job, &f->exchange, f->now, &f->result));
+}
+
+static void a_speed_can_be_said_to_all(void **unused)
+{
+	struct fixture *f = make_on(ON | STILL);
+
+	(void)unused;
+	select_speed(f, 300.0f, 0);
+	assert_string_equal(for_all(f), "060#01012C");
+	assert_string_equal(begun_by_all(f), "145#00");
+	/* Nobody is waited for to acknowledge it. */
+	assert_string_equal(answer(f, "006#040000"), "ignored");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "145#00");
+	assert_string_equal(tell(f, 0, 20, ON), "=ok");
+	/* What stops is said to each. */
+	f->exchange.begins = false;
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(0.0f)), "065#010000");
+	assert_string_equal(for_all(f), "nothing");
+	drop(f);
+}
+
+static void a_speed_that_was_said_to_all_and_does_not_show_has_failed(void **unused)
+{
+	struct fixture *f = make_on(ON | STILL);
+
+	(void)unused;
+	select_speed(f, 300.0f, 0);
+	for (begun_by_all(f); f->said[0] != '='; tell(f, 0, 0, ON | STILL))
+		assert_string_equal(f->said, "145#00");
+	assert_string_equal(f->said, "=failed");
+	drop(f);
+}
+
+static void a_trigger_can_be_said_to_all(void **unused)
+{
+	struct fixture *f = make_positioner();
+
+	(void)unused;
+	command(f, DB_CMD_MOVE_ABSOLUTE, to(5000));
+	for (unsigned i = 0; i < 8 && strcmp(for_all(f), "nothing") == 0; i++) {
+		next(f, DB_STEP_SEND);
+		f->exchange.begins = false;
+		if (strcmp(f->said, "145#00") == 0)
+			tell(f, 1000, 0, ON | STILL | THERE);
+		else
+			answer(f, strncmp(f->said, "045", 3) == 0 ? "006#02" :
+			          strncmp(f->said, "085", 3) == 0 ? "006#06" :
+			                                            "006#07");
+	}
+	assert_string_equal(for_all(f), "0A0#00080000");
+	assert_string_equal(begun_by_all(f), "145#00");
+	assert_string_equal(tell(f, 1010, 20, ON), "=ok");
+	drop(f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -1963,6 +2038,9 @@ int main(void)
 		cmocka_unit_test(arguments_have_ranges),
 		cmocka_unit_test(position_moves_wait_for_their_settings),
 		cmocka_unit_test(what_the_check_tells),
+		cmocka_unit_test(a_speed_can_be_said_to_all),
+		cmocka_unit_test(a_speed_that_was_said_to_all_and_does_not_show_has_failed),
+		cmocka_unit_test(a_trigger_can_be_said_to_all),
 	};
 
 	return cmocka_run_group_tests_name("driver/servo_can", tests, NULL, NULL);

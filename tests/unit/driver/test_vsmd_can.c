@@ -1358,6 +1358,85 @@ static void all_at_once(void **state)
 	drop(f);
 }
 
+/* --- a common start ------------------------------------------------------------------------------------ */
+
+static const char *for_all(struct fixture *f)
+{
+	static struct db_exchange all;
+	static uint8_t bytes[DB_SHORT_REQUEST];
+	struct db_exchange prepared = f->exchange;
+
+	all = (struct db_exchange){ .request = bytes, .request_size = sizeof bytes };
+	if (!f->exchange.begins || !db_driver_vsmd_can.begin_all(f->device, &f->exchange, &all))
+		return "nothing";
+	f->exchange = all;
+	spell(f);
+	f->exchange = prepared;
+	return f->said;
+}
+
+static const char *begun_by_all(struct fixture *f)
+{
+	f->exchange.begins = false;
+	return next(f, db_driver_vsmd_can.begun_by_all(f->device, &f->job, &f->exchange, f->now,
+	                                               &f->result));
+}
+
+static void what_begins_a_motion_can_be_said_to_all(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 300 });
+	assert_string_equal(for_all(f), "00040386#0000012C");
+	assert_string_equal(begun_by_all(f), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "0008039E#0102");
+	assert_string_equal(confirm(f, 2, RUNS), "=ok");
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 1600.0f });
+	assert_string_equal(for_all(f), "00040385#44C80000");
+	/* First the old end of homing is cleared, which moves nothing. */
+	command(f, DB_CMD_HOME, (struct db_args){ 0 });
+	assert_string_equal(for_all(f), "nothing");
+	f->exchange.begins = false;
+	assert_string_equal(confirm(f, 0, STANDS), "00080389# 0008039E#0102");
+	assert_string_equal(for_all(f), "00040389#");
+	command(f, DB_CMD_ENABLE, (struct db_args){ 0 });
+	assert_string_equal(for_all(f), "nothing");
+	command(f, DB_CMD_SHAKE_START, (struct db_args){ .shake_frequency = 1.0f });
+	assert_string_equal(for_all(f), "nothing");
+	drop(f);
+}
+
+/* It would begin later than the others. */
+static void what_was_said_to_all_is_not_said_again(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned looks = 0;
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 300 });
+	for (begun_by_all(f); f->said[0] != '='; confirm(f, 0, STANDS)) {
+		assert_string_equal(f->said, "0008039E#0102");
+		looks++;
+	}
+	assert_string_equal(f->said, "=failed");
+	assert_true(looks > 10);
+	/* Nor when the answers are lost. */
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 300 });
+	begun_by_all(f);
+	assert_string_equal(
+		next(f, db_driver_vsmd_can.lost(f->device, &f->job, &f->exchange, &f->result)),
+		"0008039E#0102");
+	while (f->said[0] != '=') {
+		assert_string_equal(f->said, "0008039E#0102");
+		confirm(f, 0, STANDS);
+	}
+	assert_string_equal(f->said, "=timeout");
+	drop(f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -1407,6 +1486,8 @@ int main(void)
 		cmocka_unit_test(reports_of_the_position),
 		cmocka_unit_test(a_relative_move_beside_reports_of_the_position),
 		cmocka_unit_test(all_at_once),
+		cmocka_unit_test(what_begins_a_motion_can_be_said_to_all),
+		cmocka_unit_test(what_was_said_to_all_is_not_said_again),
 	};
 
 	return cmocka_run_group_tests_name("driver/vsmd_can", tests, NULL, NULL);
