@@ -19,6 +19,8 @@ import sys
 import tempfile
 import time
 
+from wires import start_simulator
+
 STATUS_FRAME = 21
 
 
@@ -102,8 +104,8 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         # A little more than fits, so that cycles begin on time and none overruns.
         write_configs(folder, drives, baud, int(wire_us * 1.12 / 1000) + 1)
-        sim = subprocess.Popen([f"{build}/drivebridge-sim", "--config", f"{folder}/sim.conf",
-                                "--link", f"line={folder}/line", "--busy"], stdout=subprocess.PIPE, text=True)
+        sim = start_simulator(f"{build}/drivebridge-sim", "--config", f"{folder}/sim.conf",
+                              "--link", f"line={folder}/line")
         wait_line(sim, "ready")
         bridge = subprocess.Popen([f"{build}/drivebridged", "--config", f"{folder}/bridge.conf"],
                                   stderr=subprocess.PIPE, text=True)

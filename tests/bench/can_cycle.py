@@ -20,6 +20,7 @@ import tempfile
 import time
 
 from bus_cycle import Client, addresses, cpu_seconds, resident_kib, wait_line
+from wires import start_simulator
 
 VALID = 1 << 12
 POLL_US = 420  # of one drive at 1 Mbit/s, roughly: for a cycle that just fits
@@ -64,9 +65,8 @@ def measure(build, drives, bitrate, seconds):
     with tempfile.TemporaryDirectory() as folder:
         write_configs(folder, drives, bitrate, int(fits * 1.1 / 1000) + 1)
         control = f"{folder}/control"
-        sim = subprocess.Popen([f"{build}/drivebridge-sim", "--config", f"{folder}/sim.conf",
-                                "--link", f"can={folder}/line", "--control", control, "--busy"],
-                               stdout=subprocess.PIPE, text=True)
+        sim = start_simulator(f"{build}/drivebridge-sim", "--config", f"{folder}/sim.conf",
+                              "--link", f"can={folder}/line", "--control", control)
         wait_line(sim, "ready")
         bridge = subprocess.Popen([f"{build}/drivebridged", "--config", f"{folder}/bridge.conf"],
                                   stderr=subprocess.PIPE, text=True)

@@ -22,7 +22,7 @@ import time
 
 from attacks import ATTACKS, PROCESSES, burning
 from bus_cycle import Client, addresses, wait_line
-from wires import PRIORITY, Wires, real_time
+from wires import Wires, start_simulator
 
 HERE = os.path.dirname(os.path.realpath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
@@ -64,8 +64,7 @@ class Plant:
         for name, lines in (("sim.conf", sim), ("bridge.conf", bridge)):
             with open(f"{folder}/{name}", "w", encoding="utf-8") as file:
                 file.write("\n".join(lines) + "\n")
-        self.sim = subprocess.Popen([f"{build}/drivebridge-sim", "--config", f"{folder}/sim.conf", *links],
-                                    stdout=subprocess.PIPE, text=True, preexec_fn=real_time(PRIORITY))
+        self.sim = start_simulator(f"{build}/drivebridge-sim", "--config", f"{folder}/sim.conf", *links)
         wait_line(self.sim, "ready")
         self.bridge = subprocess.Popen([f"{build}/drivebridged", "--config", f"{folder}/bridge.conf"],
                                        stderr=subprocess.PIPE, text=True)
@@ -220,7 +219,7 @@ without a client. *Late* is the start of a cycle behind its time, from the gatew
 percentile / most, in microseconds. *Overruns* are cycles whose drives had not all been read when the next
 was due. *cyclictest* (rt-tests) ran at the same time and with the same priority as the buses: a thread that
 does nothing but sleep and see how late it is woken. That is the machine's own part, and nobody can do
-better there.
+better there: where its *most* is tens of milliseconds, the machine stood still.
 
 The program under test, the attackers and the simulated drives share one machine: Linux {release}, {processors}
 processors, not a real-time kernel, and other programs ran beside. The simulator, and the kernel's threads that carry

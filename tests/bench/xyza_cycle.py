@@ -16,6 +16,7 @@ import tempfile
 import time
 
 from bus_cycle import Client, addresses, cpu_seconds, resident_kib, wait_line
+from wires import start_simulator
 
 AXES = "xyza"
 EXCHANGES = 3 * len(AXES) + 2
@@ -42,9 +43,8 @@ def measure(build, controllers, baud, seconds):
     wire_us = controllers * EXCHANGES * EXCHANGE_BYTES * 10e6 / baud
     with tempfile.TemporaryDirectory() as folder:
         write_configs(folder, controllers, baud, int(wire_us * 1.15 / 1000) + 1)
-        sim = subprocess.Popen([f"{build}/drivebridge-sim", "--config", f"{folder}/sim.conf",
-                                "--link", f"line={folder}/line", "--busy"],
-                               stdout=subprocess.PIPE, text=True)
+        sim = start_simulator(f"{build}/drivebridge-sim", "--config", f"{folder}/sim.conf",
+                              "--link", f"line={folder}/line")
         wait_line(sim, "ready")
         bridge = subprocess.Popen([f"{build}/drivebridged", "--config", f"{folder}/bridge.conf"],
                                   stderr=subprocess.PIPE, text=True)
