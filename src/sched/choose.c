@@ -205,6 +205,8 @@ static enum gathering gather(const struct db_engine *engine, const struct statio
 	const struct db_request *request;
 
 	*first = NULL;
+	if (!engine->bus->starts_by_broadcast)
+		return GATHERING_NOTHING;
 	for (size_t i = 0; !*first && i < engine->station_count; i++) {
 		if (waits_for_others(engine->stations[i]))
 			*first = engine->stations[i];
@@ -212,8 +214,7 @@ static enum gathering gather(const struct db_engine *engine, const struct statio
 	if (!*first)
 		return GATHERING_NOTHING;
 	request = (*first)->lanes[LANE_FRONT].job.request;
-	if (engine->station_count < 2 || !engine->bus->starts_by_broadcast ||
-	    !engine->driver->begin_all)
+	if (engine->station_count < 2 || !engine->driver->begin_all)
 		return GATHERING_NEVER;
 	for (size_t i = 0; i < engine->station_count; i++) {
 		enum gathering one = readiness(engine, engine->stations[i], request->group,
@@ -330,7 +331,7 @@ static bool begin_letter(struct db_engine *engine, size_t index, db_time now)
 	station->lanes[LANE_FRONT].exchange.request = db_letter_bytes(letter);
 	station->lanes[LANE_FRONT].exchange.request_size = DB_REQUEST_MAX;
 	station->front_cancelled = false;
-	station->alone = false;
+	station->alone = !engine->bus->starts_by_broadcast;
 	if (db_command_ends_motion(request->command))
 		engine_forget_stop(station);
 	if (engine_begin_job(engine, station, LANE_FRONT, kind, request, now, &result) ==
