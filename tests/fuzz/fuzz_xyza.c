@@ -72,6 +72,26 @@ static void read_reply(const uint8_t *frame, size_t length)
 	}
 }
 
+/* What a host may say by itself: only to the object, and cut out of a stream as a whole. */
+static void say_raw(const uint8_t *frame, size_t length)
+{
+	uint8_t said[XYZA_FRAME_MAX];
+	int written = xyza_encode_raw(frame + 2, length - 3, 7, said, sizeof said);
+	size_t skip;
+	size_t cut;
+	bool failed;
+	bool shows;
+
+	if (written < 0)
+		return;
+	must(written == (int)length && said[5] == 7 && said[4] != 0);
+	xyza_cut(said, (size_t)written, &skip, &cut);
+	must(skip == 0 && cut == (size_t)written);
+	must(xyza_sender(said, (size_t)written) == 0);
+	if (xyza_raw_fits(said, frame, length, &failed, &shows))
+		must(xyza_sender(frame, length) == 7 && !(failed && shows));
+}
+
 /* The whole input as a stream. */
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
@@ -86,6 +106,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 			must(data[skip] == 0x5A && data[skip + 1] == 0xA5);
 			read_request(data + skip, length);
 			read_reply(data + skip, length);
+			say_raw(data + skip, length);
 		} else {
 			must(size - skip < XYZA_FRAME_MAX);
 		}
