@@ -88,9 +88,10 @@ static double *read_options(const struct db_section *section, const struct db_dr
 	/* One more than needed: calloc() of nothing may give null. */
 	double *options = calloc(count + 1, sizeof *options);
 
+	if (!options)
+		return NULL;
 	db_section_options(section, driver, all);
-	if (options && count > 0)
-		memcpy(options, all, count * sizeof *options);
+	memcpy(options, all, count * sizeof *options);
 	return options;
 }
 
