@@ -12,8 +12,11 @@
 #include <net/if.h>
 #include <net/if_arp.h>
 #include <pwd.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 #include <unistd.h>
@@ -150,40 +153,31 @@ static void probe_port(const struct probe *probe, const struct db_bus_config *bu
 
 /* --- CAN interfaces -------------------------------------------------------------------------------- */
 
-/* A number of the interface that the kernel shows; -1 when it does not. */
-static long interface_number(const char *interface, const char *what, int base)
-{
-	char path[128];
-	char text[32] = "";
-	long number = -1;
-	FILE *file;
-
-	snprintf(path, sizeof(path), "/sys/class/net/%s/%s", interface, what);
-	file = fopen(path, "re");
-	if (file && fgets(text, sizeof(text), file))
-		number = strtol(text, NULL, base);
-	if (file)
-		fclose(file);
-	return number;
-}
-
 static void probe_interface(const struct probe *probe, const struct db_bus_config *bus)
 {
-	long type = interface_number(bus->interface, "type", 10);
-	long flags = interface_number(bus->interface, "flags", 16);
+	int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+	struct ifreq type = { 0 };
+	struct ifreq flags = { 0 };
 
+	snprintf(type.ifr_name, sizeof(type.ifr_name), "%s", bus->interface);
+	memcpy(flags.ifr_name, type.ifr_name, sizeof(flags.ifr_name));
 	if (if_nametoindex(bus->interface) == 0)
 		warn(probe, bus, bus->interface,
 		     "is no network interface of this machine; ip link shows them");
-	else if (type >= 0 && type != ARPHRD_CAN)
+	else if (fd < 0 || ioctl(fd, SIOCGIFHWADDR, &type) < 0 ||
+	         ioctl(fd, SIOCGIFFLAGS, &flags) < 0)
+		warn(probe, bus, bus->interface, strerror(errno));
+	else if (type.ifr_hwaddr.sa_family != ARPHRD_CAN)
 		warn(probe, bus, bus->interface,
 		     "is no CAN interface; ip -details link shows them");
-	else if (flags >= 0 && !(flags & IFF_UP))
+	else if (!(flags.ifr_flags & IFF_UP))
 		warn(probe, bus, bus->interface,
 		     "is down; systemd-networkd sets it up, see 80-drivebridge-can.network.example");
 	else
 		fprintf(probe->out, "  bus %s: %s is a CAN interface, and up\n", bus->name,
 		        bus->interface);
+	if (fd >= 0)
+		close(fd);
 }
 
 void db_config_probe(const struct db_config *config, FILE *out, FILE *errors)

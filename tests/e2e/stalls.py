@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 from _pytest.runner import runtestprotocol
-from bridgelib import go_first
+from bridgelib import NICENESS, go_first
 
 # Every test bears stalls up to this, s.
 BEARABLE = 0.015
@@ -80,7 +80,10 @@ def runs_tests(config):
 
 
 def pytest_configure(config):
-    config.stall_watcher = Watcher() if runs_tests(config) else None
+    config.stall_watcher = None
+    if runs_tests(config):
+        os.nice(NICENESS)
+        config.stall_watcher = Watcher()
 
 
 def pytest_unconfigure(config):

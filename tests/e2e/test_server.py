@@ -132,11 +132,11 @@ def flood(bridge, other):
 
 def test_a_flood_that_nobody_reads(bridge):
     """Back-pressure for the one, ordinary service for the others, and bounded memory: what the first
-    flood takes is also what a sanitizer and a compiler take for code that runs for the first time."""
+    floods take is also what a sanitizer and a compiler take for code that runs for the first time."""
     with bridge.raw() as other:
-        before = flood(bridge, other)
+        before = max(flood(bridge, other) for _ in range(2))
         for _ in range(3):
-            assert flood(bridge, other) < before + 512
+            assert flood(bridge, other) < before + 2048
         assert bridge.drive().read("age_ms") < 500
 
 
