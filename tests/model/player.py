@@ -533,9 +533,9 @@ class Player:
             link.close()
 
     def run(self):
-        self.bridge.start()
-        self.bridge.wait_online = False  # after a restart nobody waits for it
         try:
+            self.bridge.start()
+            self.bridge.wait_online = False  # after a restart nobody waits for it
             asyncio.run(self.play())
         except* (modbus.Lost, modbus.Silent, AssertionError, OSError) as errors:
             for error in errors.exceptions:
