@@ -15,7 +15,7 @@ static struct db_room *new_room(size_t count)
 {
 	struct db_room *room = calloc(1, sizeof *room + count * sizeof room->slots[0]);
 
-	for (size_t i = count; room && i-- > 0;) {
+	for (size_t i = 0; room && i < count; i++) {
 		room->slots[i].next = room->free;
 		room->free = &room->slots[i];
 	}
