@@ -261,7 +261,7 @@ run_pytest() {
 	log=build/logs/$PHASE-pytest.log
 	rm -f "$report"
 	DRIVEBRIDGE_BUILD=$PWD/build/$preset "${prefix[@]}" "$VENV/bin/python" -m pytest -q \
-		-n "${PYTEST_WORKERS:-3}" --junitxml="$report" "$@" >"$log" 2>&1 </dev/null || true
+		-n "${PYTEST_WORKERS:-4}" --junitxml="$report" "$@" >"$log" 2>&1 </dev/null || true
 	# Tests that failed while the machine stood still are run again: tests/e2e/stalls.py.
 	grep '^repeated: ' "$log" || true
 	numbers=$("$VENV/bin/python" tests/tools/count-junit "$report") || numbers='0 1'
