@@ -128,7 +128,7 @@ class Plc:
 
     def __init__(self, library: Library, port, unit=1, shared=None, **axis):
         """`shared`: another controller's axis whose connection this one uses, too."""
-        self.library = library
+        self.st_library = library
         self.axis = library.types["DB_AXIS_REF"]()
         self.axis.UnitId = unit
         for name, value in axis.items():
@@ -146,17 +146,17 @@ class Plc:
     def share(self):
         """From now on through a line."""
         if not self.line:
-            self.line = self.library.types["DB_LINE"]()
+            self.line = self.st_library.types["DB_LINE"]()
             self.sharing = [self]
-            self.turn = self.library.types["DB_Share"]()
+            self.turn = self.st_library.types["DB_Share"]()
 
     def join(self, other):
         self.line, self.sharing = other.line, other.sharing
         self.sharing.append(self)
-        self.turn = self.library.types["DB_Share"]()
+        self.turn = self.st_library.types["DB_Share"]()
 
     def block(self, name, **inputs):
-        made = self.library.types[name]()
+        made = self.st_library.types[name]()
         self.blocks.append(made)
         self.set(made, **inputs)
         return made

@@ -120,7 +120,7 @@ def test_user_units(make_bridge, make_plc):
         assert bridge.sim.get()["position"] == -250 * count
     assert plc.axis.Position == -5.0
     assert bridge.drive().read("target_velocity") == 6400.0
-    assert plc.run(move, Distance=1e9) == plc.library.constants["DB_FAIL_ARGUMENT"]
+    assert plc.run(move, Distance=1e9) == plc.st_library.constants["DB_FAIL_ARGUMENT"]
 
 
 def test_low_word_first(make_bridge, make_plc):
