@@ -5,9 +5,9 @@
  * and answers into feedback. It never sleeps, does no I/O, reads no clock and allocates nothing;
  * everything runs on the bus thread, except `check` and `check_param`, which are pure.
  *
- * A job is a little conversation: begin() writes its first exchange, then answer() or lost() is
- * called for each and either writes the next exchange or ends the job. Between two exchanges of a
- * job the scheduler may run other jobs, of the same drive too (a stop always may).
+ * A job is a conversation: begin() writes its first exchange, then answer() or lost() is called for
+ * each and either writes the next exchange or ends the job. Between two exchanges of a job the
+ * scheduler may run other jobs, of the same drive too (a stop always may).
  *
  * A stop's conversation (stop, quick_stop) ends when the drive has answered it or, where drives do not
  * answer, when its status was read behind it. Whether the drive then stops is for the scheduler to see
@@ -61,8 +61,8 @@ struct db_exchange {
 };
 
 enum db_step {
-	DB_STEP_SEND,   /* *exchange is to be sent next */
-	DB_STEP_DONE,   /* the job ended; *result says how */
+	DB_STEP_SEND,   /* the exchange is to be sent next */
+	DB_STEP_DONE,   /* the job ended; the conversation's result says how */
 	DB_STEP_MORE,   /* (answer only) a part of the answer; the rest is waited for */
 	DB_STEP_IGNORE, /* (answer only) not the answer waited for; keep waiting */
 };
@@ -72,6 +72,16 @@ typedef void db_cut_fn(const uint8_t *bytes, size_t available, size_t *skip, siz
 
 struct db_device; /* the driver's own state of one drive */
 struct db_can_filter;
+
+/* A job at the moment when the driver is to say what follows. The scheduler makes one for each call
+ * and keeps what it points to. */
+struct db_conversation {
+	struct db_device *device;
+	struct db_job *job;
+	struct db_exchange *exchange; /* what was said last; what follows is written into it */
+	db_time now;
+	enum db_result result; /* the driver's with DB_STEP_DONE: how the job ended */
+};
 
 /* What accept() says of a frame. */
 enum db_frame {
@@ -185,14 +195,10 @@ struct db_driver {
 	enum db_frame (*accept)(const struct db_bus_config *bus, const uint8_t *frame,
 	                        size_t length, int *address);
 
-	enum db_step (*begin)(struct db_device *device, struct db_job *job,
-	                      struct db_exchange *exchange, enum db_result *result);
-	enum db_step (*answer)(struct db_device *device, struct db_job *job, const uint8_t *frame,
-	                       size_t length, db_time now, struct db_exchange *exchange,
-	                       enum db_result *result);
+	enum db_step (*begin)(struct db_conversation *talk);
+	enum db_step (*answer)(struct db_conversation *talk, const uint8_t *frame, size_t length);
 	/* No answer in time, all harmless repeats used up. */
-	enum db_step (*lost)(struct db_device *device, struct db_job *job,
-	                     struct db_exchange *exchange, enum db_result *result);
+	enum db_step (*lost)(struct db_conversation *talk);
 
 	/* A good frame of this drive that no exchange took: the drive reports by itself. True when it
 	 * was used. May be null: never. */
@@ -226,9 +232,7 @@ struct db_driver {
 	 */
 	bool (*begin_all)(const struct db_device *device, const struct db_exchange *prepared,
 	                  struct db_exchange *all);
-	enum db_step (*begun_by_all)(struct db_device *device, struct db_job *job,
-	                             struct db_exchange *exchange, db_time now,
-	                             enum db_result *result);
+	enum db_step (*begun_by_all)(struct db_conversation *talk);
 };
 
 /* Every family, null-terminated: src/driver/list.c. */

@@ -78,9 +78,12 @@ static enum db_step say_next(const struct servo_talk *talk)
 	}
 }
 
-static enum db_step servo_begin(struct db_device *device, struct db_job *job,
-                                struct db_exchange *exchange, enum db_result *result)
+static enum db_step servo_begin(struct db_conversation *given)
 {
+	struct db_device *device = given->device;
+	struct db_job *job = given->job;
+	struct db_exchange *exchange = given->exchange;
+	enum db_result *result = &given->result;
 	struct servo_talk talk = talk_of(device, job, job->started, exchange, result);
 
 	*talk.progress = (struct servo_progress){ .since = job->started };
@@ -141,10 +144,13 @@ static enum db_step read_answered(const struct servo_talk *talk, uint8_t selecto
 	return say_next(talk);
 }
 
-static enum db_step servo_answer(struct db_device *device, struct db_job *job, const uint8_t *bytes,
-                                 size_t length, db_time now, struct db_exchange *exchange,
-                                 enum db_result *result)
+static enum db_step servo_answer(struct db_conversation *given, const uint8_t *bytes, size_t length)
 {
+	struct db_device *device = given->device;
+	struct db_job *job = given->job;
+	db_time now = given->now;
+	struct db_exchange *exchange = given->exchange;
+	enum db_result *result = &given->result;
 	struct servo_talk talk = talk_of(device, job, now, exchange, result);
 	struct servo_can_message message;
 	struct servo_can_message asked;
@@ -167,9 +173,12 @@ static enum db_step servo_answer(struct db_device *device, struct db_job *job, c
 	               misacknowledged(&talk);
 }
 
-static enum db_step servo_lost(struct db_device *device, struct db_job *job,
-                               struct db_exchange *exchange, enum db_result *result)
+static enum db_step servo_lost(struct db_conversation *given)
 {
+	struct db_device *device = given->device;
+	struct db_job *job = given->job;
+	struct db_exchange *exchange = given->exchange;
+	enum db_result *result = &given->result;
 	struct servo_talk talk = talk_of(device, job, device->status_at, exchange, result);
 
 	if (job->kind == DB_JOB_SETTINGS)
@@ -298,10 +307,13 @@ static bool servo_begin_all(const struct db_device *device, const struct db_exch
 	return true;
 }
 
-static enum db_step servo_begun_by_all(struct db_device *device, struct db_job *job,
-                                       struct db_exchange *exchange, db_time now,
-                                       enum db_result *result)
+static enum db_step servo_begun_by_all(struct db_conversation *given)
 {
+	struct db_device *device = given->device;
+	struct db_job *job = given->job;
+	db_time now = given->now;
+	struct db_exchange *exchange = given->exchange;
+	enum db_result *result = &given->result;
 	struct servo_talk talk = talk_of(device, job, now, exchange, result);
 
 	servo_note_acknowledged(&talk);

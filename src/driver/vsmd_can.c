@@ -695,9 +695,13 @@ static enum db_step answer_identify(struct db_device *device, struct db_job *job
 
 /* --- jobs -------------------------------------------------------------------------------------- */
 
-static enum db_step can_begin(struct db_device *device, struct db_job *job,
-                              struct db_exchange *exchange, enum db_result *result)
+static enum db_step can_begin(struct db_conversation *talk)
 {
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	struct db_exchange *exchange = talk->exchange;
+	enum db_result *result = &talk->result;
+
 	job->step = VSMD_FIRST;
 	switch (job->kind) {
 	case DB_JOB_PROBE:
@@ -878,10 +882,13 @@ static enum db_step collect(struct db_device *device, const struct vsmd_can_mess
 	}
 }
 
-static enum db_step can_answer(struct db_device *device, struct db_job *job, const uint8_t *bytes,
-                               size_t length, db_time now, struct db_exchange *exchange,
-                               enum db_result *result)
+static enum db_step can_answer(struct db_conversation *talk, const uint8_t *bytes, size_t length)
 {
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	db_time now = talk->now;
+	struct db_exchange *exchange = talk->exchange;
+	enum db_result *result = &talk->result;
 	struct vsmd_can_message message;
 	struct db_can_frame frame;
 	enum db_step step;
@@ -911,9 +918,13 @@ static enum db_step can_answer(struct db_device *device, struct db_job *job, con
 	}
 }
 
-static enum db_step can_lost(struct db_device *device, struct db_job *job,
-                             struct db_exchange *exchange, enum db_result *result)
+static enum db_step can_lost(struct db_conversation *talk)
 {
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	struct db_exchange *exchange = talk->exchange;
+	enum db_result *result = &talk->result;
+
 	return vsmd_lost(&device->axis, job, exchange, result);
 }
 
@@ -1119,12 +1130,12 @@ static bool can_begin_all(const struct db_device *device, const struct db_exchan
 	return add_command(&device->style, VSMD_CAN_BROADCAST, &message.command, all);
 }
 
-static enum db_step can_begun_by_all(struct db_device *device, struct db_job *job,
-                                     struct db_exchange *exchange, db_time now,
-                                     enum db_result *result)
+static enum db_step can_begun_by_all(struct db_conversation *talk)
 {
-	(void)job;
-	(void)now;
+	struct db_device *device = talk->device;
+	struct db_exchange *exchange = talk->exchange;
+	enum db_result *result = &talk->result;
+
 	return vsmd_begun_by_all(&device->axis, exchange, result);
 }
 

@@ -185,9 +185,12 @@ static enum db_step begin_job(struct db_device *device, struct db_job *job,
 	}
 }
 
-static enum db_step serial_begin(struct db_device *device, struct db_job *job,
-                                 struct db_exchange *exchange, enum db_result *result)
+static enum db_step serial_begin(struct db_conversation *talk)
 {
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	struct db_exchange *exchange = talk->exchange;
+	enum db_result *result = &talk->result;
 	enum db_step step;
 
 	job->step = VSMD_FIRST;
@@ -362,10 +365,13 @@ static bool expected(const struct db_job *job, enum vsmd_reply_code code)
 	}
 }
 
-static enum db_step serial_answer(struct db_device *device, struct db_job *job,
-                                  const uint8_t *frame, size_t length, db_time now,
-                                  struct db_exchange *exchange, enum db_result *result)
+static enum db_step serial_answer(struct db_conversation *talk, const uint8_t *frame, size_t length)
 {
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	db_time now = talk->now;
+	struct db_exchange *exchange = talk->exchange;
+	enum db_result *result = &talk->result;
 	struct vsmd_axis *axis = &device->axis;
 	struct vsmd_reply reply;
 
@@ -394,9 +400,13 @@ static enum db_step serial_answer(struct db_device *device, struct db_job *job,
 	}
 }
 
-static enum db_step serial_lost(struct db_device *device, struct db_job *job,
-                                struct db_exchange *exchange, enum db_result *result)
+static enum db_step serial_lost(struct db_conversation *talk)
 {
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	struct db_exchange *exchange = talk->exchange;
+	enum db_result *result = &talk->result;
+
 	return vsmd_lost(&device->axis, job, exchange, result);
 }
 
@@ -499,12 +509,12 @@ static bool serial_begin_all(const struct db_device *device, const struct db_exc
 	return true;
 }
 
-static enum db_step serial_begun_by_all(struct db_device *device, struct db_job *job,
-                                        struct db_exchange *exchange, db_time now,
-                                        enum db_result *result)
+static enum db_step serial_begun_by_all(struct db_conversation *talk)
 {
-	(void)job;
-	(void)now;
+	struct db_device *device = talk->device;
+	struct db_exchange *exchange = talk->exchange;
+	enum db_result *result = &talk->result;
+
 	return vsmd_begun_by_all(&device->axis, exchange, result);
 }
 

@@ -1190,9 +1190,13 @@ static enum db_step begin_settings(struct db_device *device, struct db_job *job,
 	return send_step(device, job, exchange, result);
 }
 
-static enum db_step xyza_begin(struct db_device *device, struct db_job *job,
-                               struct db_exchange *exchange, enum db_result *result)
+static enum db_step xyza_begin(struct db_conversation *talk)
 {
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	struct db_exchange *exchange = talk->exchange;
+	enum db_result *result = &talk->result;
+
 	job->step = 0;
 	device->refusals[job->kind] = 0;
 	switch (job->kind) {
@@ -1244,10 +1248,13 @@ static bool is_asked_again(struct db_device *device, const struct db_job *job,
 	return false;
 }
 
-static enum db_step xyza_answer(struct db_device *device, struct db_job *job, const uint8_t *frame,
-                                size_t length, db_time now, struct db_exchange *exchange,
-                                enum db_result *result)
+static enum db_step xyza_answer(struct db_conversation *talk, const uint8_t *frame, size_t length)
 {
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	db_time now = talk->now;
+	struct db_exchange *exchange = talk->exchange;
+	enum db_result *result = &talk->result;
 	struct xyza_request request;
 	struct xyza_reply reply;
 
@@ -1274,9 +1281,13 @@ static enum db_step xyza_answer(struct db_device *device, struct db_job *job, co
 	}
 }
 
-static enum db_step xyza_lost(struct db_device *device, struct db_job *job,
-                              struct db_exchange *exchange, enum db_result *result)
+static enum db_step xyza_lost(struct db_conversation *talk)
 {
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	struct db_exchange *exchange = talk->exchange;
+	enum db_result *result = &talk->result;
+
 	if (job->kind == DB_JOB_SETTINGS)
 		device->plate.doubtful = true;
 	if (is_raw(job)) {

@@ -195,14 +195,13 @@ static void take_answer(struct db_engine *engine, struct node *node, const uint8
 	struct station *station = node->flight.station;
 	enum lane_kind kind = node->flight.lane;
 	struct lane *lane = &station->lanes[kind];
-	enum db_result result = DB_RESULT_OK;
+	struct db_conversation talk = station_conversation(station, kind, now);
 	enum db_step step;
 
 	if (blind_stop_answered(engine, node, now))
 		return;
 	lane->exchange.begins = false;
-	step = engine->driver->answer(station_device(station, kind), &lane->job, frame, length, now,
-	                              &lane->exchange, &result);
+	step = engine->driver->answer(&talk, frame, length);
 	if (step == DB_STEP_MORE)
 		return;
 	if (step == DB_STEP_IGNORE) {
@@ -225,10 +224,10 @@ static void take_answer(struct db_engine *engine, struct node *node, const uint8
 	lane->ready = step == DB_STEP_SEND;
 	if (kind == LANE_FRONT && station->front_cancelled && step == DB_STEP_SEND) {
 		step = DB_STEP_DONE;
-		result = DB_RESULT_CANCELLED;
+		talk.result = DB_RESULT_CANCELLED;
 	}
 	if (step == DB_STEP_DONE)
-		lane_done(engine, station, kind, result, now);
+		lane_done(engine, station, kind, talk.result, now);
 	if (kind != LANE_POLL) {
 		engine_publish(engine, station);
 		return;
@@ -328,7 +327,7 @@ void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t le
 static void front_lost(struct db_engine *engine, struct station *station, db_time now)
 {
 	struct lane *lane = &station->lanes[LANE_FRONT];
-	enum db_result result = DB_RESULT_TIMEOUT;
+	struct db_conversation talk = station_conversation(station, LANE_FRONT, now);
 
 	engine_tell_raw(engine, station, false, NULL, 0);
 	if (station->front_cancelled) {
@@ -343,13 +342,12 @@ static void front_lost(struct db_engine *engine, struct station *station, db_tim
 		return;
 	}
 	lane->exchange.begins = false;
-	if (engine->driver->lost(station->device, &lane->job, &lane->exchange, &result) ==
-	    DB_STEP_SEND) {
+	if (engine->driver->lost(&talk) == DB_STEP_SEND) {
 		lane->tries = 0;
 		lane->ready = true;
 		return;
 	}
-	station_finish_front(station, result, now);
+	station_finish_front(station, talk.result, now);
 }
 
 static void probe_lost(struct db_engine *engine, struct node *node, db_time cost, db_time now)
@@ -377,13 +375,12 @@ static void identify_lost(struct station *station, db_time now)
 }
 
 /* The driver leaves out what the drive does not answer, and asks for the rest. */
-static bool goes_on_without(struct db_engine *engine, struct station *station)
+static bool goes_on_without(struct db_engine *engine, struct station *station, db_time now)
 {
+	struct db_conversation talk = station_conversation(station, LANE_IDENTIFY, now);
 	struct lane *lane = &station->lanes[LANE_IDENTIFY];
-	enum db_result result;
 
-	lane->ready = engine->driver->lost(station->device, &lane->job, &lane->exchange, &result) ==
-	              DB_STEP_SEND;
+	lane->ready = engine->driver->lost(&talk) == DB_STEP_SEND;
 	return lane->ready;
 }
 
@@ -398,7 +395,7 @@ static void lane_lost(struct db_engine *engine, struct station *station, enum la
 		front_lost(engine, station, now);
 		break;
 	case LANE_IDENTIFY:
-		if (goes_on_without(engine, station))
+		if (goes_on_without(engine, station, now))
 			break;
 		identify_lost(station, now);
 		/* fall through */

@@ -35,6 +35,7 @@ enum db_step engine_begin_job(struct db_engine *engine, struct station *station,
                               enum lane_kind kind, enum db_job_kind job,
                               const struct db_request *request, db_time now, enum db_result *result)
 {
+	struct db_conversation talk = station_conversation(station, kind, now);
 	struct lane *lane = &station->lanes[kind];
 	enum db_step step;
 
@@ -45,8 +46,8 @@ enum db_step engine_begin_job(struct db_engine *engine, struct station *station,
 	lane->tries = 0;
 	lane->sent = false;
 	lane->exchange.begins = false;
-	step = engine->driver->begin(station_device(station, kind), &lane->job, &lane->exchange,
-	                             result);
+	step = engine->driver->begin(&talk);
+	*result = talk.result;
 	lane->active = lane->ready = step == DB_STEP_SEND;
 	return step;
 }
@@ -260,17 +261,16 @@ static bool write_common(const struct db_engine *engine, struct db_exchange *all
 static void go_on_behind_common(struct db_engine *engine, struct station *station, db_time now)
 {
 	struct lane *lane = &station->lanes[LANE_FRONT];
-	enum db_result result = DB_RESULT_FAILED;
+	struct db_conversation talk = station_conversation(station, LANE_FRONT, now);
 
 	lane->sent = true;
 	lane->tries = 0;
 	lane->exchange.begins = false;
 	db_letter_sent(station->front_letter, now);
 	station->motion_sent = now;
-	lane->ready = engine->driver->begun_by_all(station->device, &lane->job, &lane->exchange,
-	                                           now, &result) == DB_STEP_SEND;
+	lane->ready = engine->driver->begun_by_all(&talk) == DB_STEP_SEND;
 	if (!lane->ready)
-		station_finish_front(station, result, now);
+		station_finish_front(station, talk.result, now);
 }
 
 /* All are ready, and nothing is under way. */

@@ -198,9 +198,18 @@ bool station_part(struct station *station, const struct db_driver *driver)
 	return !node->first;
 }
 
-struct db_device *station_device(const struct station *station, enum lane_kind kind)
+struct db_conversation station_conversation(struct station *station, enum lane_kind kind,
+                                            db_time now)
 {
-	return kind == LANE_POLL || kind == LANE_PROBE ? station->node->head : station->device;
+	bool of_node = kind == LANE_POLL || kind == LANE_PROBE;
+	struct lane *lane = &station->lanes[kind];
+
+	return (struct db_conversation){
+		.device = of_node ? station->node->head : station->device,
+		.job = &lane->job,
+		.exchange = &lane->exchange,
+		.now = now,
+	};
 }
 
 void station_publish(struct station *station, const struct db_driver *driver, bool bus_up,
@@ -370,7 +379,8 @@ void station_abandon_front(struct station *station, const struct db_driver *driv
                            enum db_result unless_known, db_time now)
 {
 	struct lane *lane = &station->lanes[LANE_FRONT];
-	enum db_result result = DB_RESULT_INDETERMINATE;
+	struct db_conversation talk = station_conversation(station, LANE_FRONT, now);
+	enum db_result result;
 
 	if (!lane->active)
 		return;
@@ -379,8 +389,7 @@ void station_abandon_front(struct station *station, const struct db_driver *driv
 		return;
 	}
 	/* The driver may want to read back; with the drive gone that is lost, too. */
-	if (driver->lost(station->device, &lane->job, &lane->exchange, &result) == DB_STEP_SEND)
-		result = DB_RESULT_INDETERMINATE;
+	result = driver->lost(&talk) == DB_STEP_SEND ? DB_RESULT_INDETERMINATE : talk.result;
 	if (result == DB_RESULT_TIMEOUT)
 		result = unless_known;
 	if (station->front_cancelled)

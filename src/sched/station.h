@@ -186,8 +186,9 @@ void station_join(struct station *station, struct node *node, const struct db_bu
 /* The opposite; a node without stations becomes its spare one. True then. */
 bool station_part(struct station *station, const struct db_driver *driver);
 
-/* The device that does this kind of job. */
-struct db_device *station_device(const struct station *station, enum lane_kind kind);
+/* The conversation of a lane's job, with the device that does this kind of job. */
+struct db_conversation station_conversation(struct station *station, enum lane_kind kind,
+                                            db_time now);
 
 /* Copies what the driver knows to the other threads. */
 void station_publish(struct station *station, const struct db_driver *driver, bool bus_up,

@@ -35,7 +35,7 @@ struct fixture {
 	struct db_setting settings[DB_SETTINGS_MAX];
 	struct db_exchange exchange;
 	uint8_t bytes[DB_REQUEST_MAX];
-	enum db_result result;
+	struct db_conversation talk;
 	db_time now;
 	char said[256]; /* the exchange, as "ID#DATA ID#DATA" */
 };
@@ -113,12 +113,21 @@ static void drop(struct fixture *f)
 
 /* --- frames as text ------------------------------------------------------------------------------ */
 
+/* The job as the scheduler hands it to the driver now. */
+static struct db_conversation *talk(struct fixture *f)
+{
+	f->talk = (struct db_conversation){
+		.device = f->device, .job = &f->job, .exchange = &f->exchange, .now = f->now
+	};
+	return &f->talk;
+}
+
 static const char *next(struct fixture *f, enum db_step step)
 {
 	char *at = f->said;
 
 	if (step == DB_STEP_DONE) {
-		snprintf(f->said, sizeof f->said, "=%s", db_result_name(f->result));
+		snprintf(f->said, sizeof f->said, "=%s", db_result_name(f->talk.result));
 		return f->said;
 	}
 	if (step != DB_STEP_SEND) {
@@ -152,9 +161,8 @@ static struct db_can_frame frame_of(const char *text)
 
 static const char *begin(struct fixture *f, enum db_job_kind kind)
 {
-	f->result = DB_RESULT_NONE;
 	f->job = (struct db_job){ .kind = kind, .request = &f->request, .started = f->now };
-	return next(f, driver->begin(f->device, &f->job, &f->exchange, &f->result));
+	return next(f, driver->begin(talk(f)));
 }
 
 static const char *command(struct fixture *f, enum db_command code, struct db_args args)
@@ -173,14 +181,13 @@ static const char *answer(struct fixture *f, const char *text)
 	struct db_can_frame frame = frame_of(text);
 
 	f->now += MS / 2;
-	return next(f, driver->answer(f->device, &f->job, (const uint8_t *)&frame, sizeof frame,
-	                              f->now, &f->exchange, &f->result));
+	return next(f, driver->answer(talk(f), (const uint8_t *)&frame, sizeof frame));
 }
 
 static const char *lost(struct fixture *f)
 {
 	f->now += 30 * MS;
-	return next(f, driver->lost(f->device, &f->job, &f->exchange, &f->result));
+	return next(f, driver->lost(talk(f)));
 }
 
 static bool report(struct fixture *f, const char *text)
@@ -1907,7 +1914,7 @@ static const char *for_all(struct fixture *f)
 static const char *begun_by_all(struct fixture *f)
 {
 	f->exchange.begins = false;
-	return next(f, driver->begun_by_all(f->device, &f->job, &f->exchange, f->now, &f->result));
+	return next(f, driver->begun_by_all(talk(f)));
 }
 
 static void a_speed_can_be_said_to_all(void **unused)

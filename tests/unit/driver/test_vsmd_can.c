@@ -36,7 +36,7 @@ struct fixture {
 	struct db_setting settings[DB_SETTINGS_MAX];
 	struct db_exchange exchange;
 	uint8_t bytes[DB_REQUEST_MAX];
-	enum db_result result;
+	struct db_conversation talk;
 	db_time now;
 	char said[1024]; /* the exchange, as "ID#DATA ID#DATA" */
 };
@@ -107,6 +107,15 @@ static void spell(struct fixture *f)
 	}
 }
 
+/* The job as the scheduler hands it to the driver now. */
+static struct db_conversation *talk(struct fixture *f)
+{
+	f->talk = (struct db_conversation){
+		.device = f->device, .job = &f->job, .exchange = &f->exchange, .now = f->now
+	};
+	return &f->talk;
+}
+
 /* What the driver wants next: the frames, or how the job ended as "=name". */
 static const char *next(struct fixture *f, enum db_step step)
 {
@@ -114,7 +123,7 @@ static const char *next(struct fixture *f, enum db_step step)
 		f->exchange.sending++;
 		spell(f);
 	} else if (step == DB_STEP_DONE) {
-		snprintf(f->said, sizeof f->said, "=%s", db_result_name(f->result));
+		snprintf(f->said, sizeof f->said, "=%s", db_result_name(f->talk.result));
 	} else {
 		snprintf(f->said, sizeof f->said, step == DB_STEP_MORE ? "more" : "ignored");
 	}
@@ -123,9 +132,8 @@ static const char *next(struct fixture *f, enum db_step step)
 
 static const char *begin(struct fixture *f, enum db_job_kind kind)
 {
-	f->result = DB_RESULT_NONE;
 	f->job = (struct db_job){ .kind = kind, .request = &f->request, .started = f->now };
-	return next(f, db_driver_vsmd_can.begin(f->device, &f->job, &f->exchange, &f->result));
+	return next(f, db_driver_vsmd_can.begin(talk(f)));
 }
 
 static const char *command(struct fixture *f, enum db_command code, struct db_args args)
@@ -148,8 +156,7 @@ static struct db_can_frame frame_of(uint32_t id, uint32_t first, uint32_t second
 static const char *answer(struct fixture *f, struct db_can_frame frame)
 {
 	f->now += MS / 2;
-	return next(f, db_driver_vsmd_can.answer(f->device, &f->job, (const uint8_t *)&frame,
-	                                         sizeof frame, f->now, &f->exchange, &f->result));
+	return next(f, db_driver_vsmd_can.answer(talk(f), (const uint8_t *)&frame, sizeof frame));
 }
 
 /* The answer to the read behind a command: position and status. */
@@ -186,7 +193,7 @@ static const char *data(struct fixture *f, unsigned reg, uint32_t value)
 
 static const char *lost(struct fixture *f)
 {
-	return next(f, db_driver_vsmd_can.lost(f->device, &f->job, &f->exchange, &f->result));
+	return next(f, db_driver_vsmd_can.lost(talk(f)));
 }
 
 /* A cyclic status. */
@@ -1378,8 +1385,7 @@ static const char *for_all(struct fixture *f)
 static const char *begun_by_all(struct fixture *f)
 {
 	f->exchange.begins = false;
-	return next(f, db_driver_vsmd_can.begun_by_all(f->device, &f->job, &f->exchange, f->now,
-	                                               &f->result));
+	return next(f, db_driver_vsmd_can.begun_by_all(talk(f)));
 }
 
 static void what_begins_a_motion_can_be_said_to_all(void **state)
@@ -1426,9 +1432,7 @@ static void what_was_said_to_all_is_not_said_again(void **state)
 	/* Nor when the answers are lost. */
 	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 300 });
 	begun_by_all(f);
-	assert_string_equal(
-		next(f, db_driver_vsmd_can.lost(f->device, &f->job, &f->exchange, &f->result)),
-		"0008039E#0102");
+	assert_string_equal(next(f, db_driver_vsmd_can.lost(talk(f))), "0008039E#0102");
 	while (f->said[0] != '=') {
 		assert_string_equal(f->said, "0008039E#0102");
 		confirm(f, 0, STANDS);

@@ -41,7 +41,7 @@ struct fixture {
 	struct db_setting setting;
 	struct db_exchange exchange;
 	uint8_t bytes[DB_REQUEST_MAX];
-	enum db_result result;
+	struct db_conversation talk;
 	db_time now;
 	char said[64];
 	/* The controller behind it, for those tests that do not answer each frame themselves. */
@@ -102,13 +102,22 @@ static void spell(struct fixture *f)
 	assert_int_equal(f->bytes[length - 1], sum);
 }
 
+/* The job as the scheduler hands it to the driver now. */
+static struct db_conversation *talk(struct fixture *f)
+{
+	f->talk = (struct db_conversation){
+		.device = f->talking, .job = &f->job, .exchange = &f->exchange, .now = f->now
+	};
+	return &f->talk;
+}
+
 /* What the driver wants next: the frame, or how the job ended as "=name". */
 static const char *next(struct fixture *f, enum db_step step)
 {
 	if (step == DB_STEP_SEND)
 		spell(f);
 	else if (step == DB_STEP_DONE)
-		snprintf(f->said, sizeof f->said, "=%s", db_result_name(f->result));
+		snprintf(f->said, sizeof f->said, "=%s", db_result_name(f->talk.result));
 	else
 		snprintf(f->said, sizeof f->said, "ignored");
 	return f->said;
@@ -116,10 +125,9 @@ static const char *next(struct fixture *f, enum db_step step)
 
 static const char *begin(struct fixture *f, unsigned axis, enum db_job_kind kind)
 {
-	f->result = DB_RESULT_NONE;
 	f->talking = f->axes[axis];
 	f->job = (struct db_job){ .kind = kind, .request = &f->request, .started = f->now };
-	return next(f, db_driver_xyza.begin(f->talking, &f->job, &f->exchange, &f->result));
+	return next(f, db_driver_xyza.begin(talk(f)));
 }
 
 static const char *command(struct fixture *f, unsigned axis, enum db_command code,
@@ -158,8 +166,7 @@ static const char *answer(struct fixture *f, const char *hex)
 	size_t length = compose(hex, frame);
 
 	f->now += MS;
-	return next(f, db_driver_xyza.answer(f->talking, &f->job, frame, length, f->now,
-	                                     &f->exchange, &f->result));
+	return next(f, db_driver_xyza.answer(talk(f), frame, length));
 }
 
 /* A refusal may be a damaged request: it is said once more, the same, and refused again. */
@@ -194,7 +201,7 @@ static const char *program(struct fixture *f, unsigned state, unsigned number, u
 
 static const char *lost(struct fixture *f)
 {
-	return next(f, db_driver_xyza.lost(f->talking, &f->job, &f->exchange, &f->result));
+	return next(f, db_driver_xyza.lost(talk(f)));
 }
 
 static struct db_feedback feedback(const struct fixture *f, unsigned axis)
@@ -1701,7 +1708,7 @@ static void a_ramp_is_written_as_its_time(void **state)
 	assert_true(plate(f, 0)->values[XYZA_RAMP_DECELERATION].f == 7500.0f);
 	assert_true(plate(f, 0)->values[XYZA_RAMP_ACCELERATION].f == 7500.0f);
 	whole(f, set_ramp(f, 0, XYZA_RAMP_ACCELERATION, 70000.0f));
-	assert_int_equal(f->result, DB_RESULT_OUT_OF_RANGE);
+	assert_int_equal(f->talk.result, DB_RESULT_OUT_OF_RANGE);
 	assert_int_equal(*memory(f, 0xE2, 0xA3), 4);
 	/* Without brakes there is nothing to slow down with. */
 	*memory(f, 0xE5, 0xC3) = 2;
@@ -1709,7 +1716,7 @@ static void a_ramp_is_written_as_its_time(void **state)
 	                    "0AF10103E2A1 0AF10103E2A2 0AF10103E5C3 =refused");
 	*memory(f, 0xE2, 0xA2) = 100;
 	whole(f, set_ramp(f, 0, XYZA_RAMP_ACCELERATION, 1000.0f));
-	assert_int_equal(f->result, DB_RESULT_OUT_OF_RANGE);
+	assert_int_equal(f->talk.result, DB_RESULT_OUT_OF_RANGE);
 	/* From speeds that are not told no time follows. */
 	set_ramp(f, 0, XYZA_RAMP_ACCELERATION, 1000.0f);
 	assert_string_equal(refuse(f, FAILED_DATA), "=refused");

@@ -84,10 +84,12 @@ static enum kind kind_of(const struct db_job *job)
 	}
 }
 
-static enum db_step fake_begin(struct db_device *device, struct db_job *job,
-                               struct db_exchange *exchange, enum db_result *result)
+static enum db_step fake_begin(struct db_conversation *talk)
 {
-	(void)result;
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	struct db_exchange *exchange = talk->exchange;
+
 	job->step = 0;
 	return ask(device, kind_of(job), exchange);
 }
@@ -102,10 +104,14 @@ static void end_poll(struct db_device *first, db_time now)
 	}
 }
 
-static enum db_step fake_answer(struct db_device *device, struct db_job *job, const uint8_t *frame,
-                                size_t length, db_time now, struct db_exchange *exchange,
-                                enum db_result *result)
+static enum db_step fake_answer(struct db_conversation *talk, const uint8_t *frame, size_t length)
 {
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	db_time now = talk->now;
+	struct db_exchange *exchange = talk->exchange;
+	enum db_result *result = &talk->result;
+
 	(void)length;
 	if (frame[1] != kind_of(job))
 		return DB_STEP_IGNORE;
@@ -131,12 +137,10 @@ static enum db_step fake_answer(struct db_device *device, struct db_job *job, co
 	return DB_STEP_DONE;
 }
 
-static enum db_step fake_lost(struct db_device *device, struct db_job *job,
-                              struct db_exchange *exchange, enum db_result *result)
+static enum db_step fake_lost(struct db_conversation *talk)
 {
-	(void)device;
-	(void)job;
-	(void)exchange;
+	enum db_result *result = &talk->result;
+
 	*result = DB_RESULT_TIMEOUT;
 	return DB_STEP_DONE;
 }

@@ -73,12 +73,13 @@ static enum db_step say(const struct db_device *device, const struct db_job *job
 	return DB_STEP_SEND;
 }
 
-static enum db_step fake_begin(struct db_device *device, struct db_job *job,
-                               struct db_exchange *exchange, enum db_result *result)
+static enum db_step fake_begin(struct db_conversation *talk)
 {
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	struct db_exchange *exchange = talk->exchange;
 	bool command = job->kind == DB_JOB_COMMAND;
 
-	(void)result;
 	return say(device, job,
 	           !command                                  ? KIND_OTHER :
 	           db_command_is_stop(job->request->command) ? KIND_STOP :
@@ -86,12 +87,14 @@ static enum db_step fake_begin(struct db_device *device, struct db_job *job,
 	           exchange);
 }
 
-static enum db_step fake_answer(struct db_device *device, struct db_job *job, const uint8_t *frame,
-                                size_t length, db_time now, struct db_exchange *exchange,
-                                enum db_result *result)
+static enum db_step fake_answer(struct db_conversation *talk, const uint8_t *frame, size_t length)
 {
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	struct db_exchange *exchange = talk->exchange;
+	enum db_result *result = &talk->result;
+
 	(void)length;
-	(void)now;
 	if (frame[1] != exchange->request[1])
 		return DB_STEP_IGNORE;
 	device->heard = true;
@@ -100,12 +103,10 @@ static enum db_step fake_answer(struct db_device *device, struct db_job *job, co
 	                                               DB_STEP_DONE;
 }
 
-static enum db_step fake_lost(struct db_device *device, struct db_job *job,
-                              struct db_exchange *exchange, enum db_result *result)
+static enum db_step fake_lost(struct db_conversation *talk)
 {
-	(void)device;
-	(void)job;
-	(void)exchange;
+	enum db_result *result = &talk->result;
+
 	*result = DB_RESULT_TIMEOUT;
 	return DB_STEP_DONE;
 }
@@ -120,12 +121,12 @@ static bool fake_begin_all(const struct db_device *device, const struct db_excha
 	return true;
 }
 
-static enum db_step fake_begun_by_all(struct db_device *device, struct db_job *job,
-                                      struct db_exchange *exchange, db_time now,
-                                      enum db_result *result)
+static enum db_step fake_begun_by_all(struct db_conversation *talk)
 {
-	(void)now;
-	(void)result;
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	struct db_exchange *exchange = talk->exchange;
+
 	return say(device, job, KIND_LOOK, exchange);
 }
 

@@ -77,22 +77,25 @@ static enum kind kind_of(const struct db_job *job)
 	}
 }
 
-static enum db_step fake_begin(struct db_device *device, struct db_job *job,
-                               struct db_exchange *exchange, enum db_result *result)
+static enum db_step fake_begin(struct db_conversation *talk)
 {
-	(void)result;
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	struct db_exchange *exchange = talk->exchange;
+
 	device->parts = 0;
 	return ask(device, kind_of(job), exchange);
 }
 
-static enum db_step fake_answer(struct db_device *device, struct db_job *job, const uint8_t *bytes,
-                                size_t length, db_time now, struct db_exchange *exchange,
-                                enum db_result *result)
+static enum db_step fake_answer(struct db_conversation *talk, const uint8_t *bytes, size_t length)
 {
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	db_time now = talk->now;
+	enum db_result *result = &talk->result;
 	struct db_can_frame frame;
 
 	(void)length;
-	(void)exchange;
 	memcpy(&frame, bytes, FRAME);
 	if (frame.data[0] != kind_of(job))
 		return DB_STEP_IGNORE;
@@ -108,12 +111,10 @@ static enum db_step fake_answer(struct db_device *device, struct db_job *job, co
 	return DB_STEP_DONE;
 }
 
-static enum db_step fake_lost(struct db_device *device, struct db_job *job,
-                              struct db_exchange *exchange, enum db_result *result)
+static enum db_step fake_lost(struct db_conversation *talk)
 {
-	(void)device;
-	(void)job;
-	(void)exchange;
+	enum db_result *result = &talk->result;
+
 	*result = DB_RESULT_TIMEOUT;
 	return DB_STEP_DONE;
 }

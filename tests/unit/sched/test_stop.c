@@ -85,10 +85,12 @@ static enum kind kind_of(const struct db_job *job)
 	}
 }
 
-static enum db_step fake_begin(struct db_device *device, struct db_job *job,
-                               struct db_exchange *exchange, enum db_result *result)
+static enum db_step fake_begin(struct db_conversation *talk)
 {
-	(void)result;
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	struct db_exchange *exchange = talk->exchange;
+
 	exchange->request[0] = (uint8_t)device->address;
 	exchange->request[1] = (uint8_t)kind_of(job);
 	exchange->request_length = exchange->answer_length = 8;
@@ -96,12 +98,14 @@ static enum db_step fake_begin(struct db_device *device, struct db_job *job,
 	return DB_STEP_SEND;
 }
 
-static enum db_step fake_answer(struct db_device *device, struct db_job *job, const uint8_t *frame,
-                                size_t length, db_time now, struct db_exchange *exchange,
-                                enum db_result *result)
+static enum db_step fake_answer(struct db_conversation *talk, const uint8_t *frame, size_t length)
 {
+	struct db_device *device = talk->device;
+	struct db_job *job = talk->job;
+	db_time now = talk->now;
+	enum db_result *result = &talk->result;
+
 	(void)length;
-	(void)exchange;
 	if (frame[1] != kind_of(job))
 		return DB_STEP_IGNORE;
 	memcpy(&device->speed, frame + 4, sizeof device->speed);
@@ -112,12 +116,10 @@ static enum db_step fake_answer(struct db_device *device, struct db_job *job, co
 	return DB_STEP_DONE;
 }
 
-static enum db_step fake_lost(struct db_device *device, struct db_job *job,
-                              struct db_exchange *exchange, enum db_result *result)
+static enum db_step fake_lost(struct db_conversation *talk)
 {
-	(void)device;
-	(void)job;
-	(void)exchange;
+	enum db_result *result = &talk->result;
+
 	*result = DB_RESULT_TIMEOUT;
 	return DB_STEP_DONE;
 }
