@@ -12,7 +12,7 @@
  *   0: the write executes, each time.
  *   Other: it executes when it differs from the drive's last id. The same id again is not executed
  *   and is answered as the first time; while that command is pending, together with it.
- *   The first id after the start is only remembered (04, restarted). Every outcome uses an id up,
+ *   The first id after the start is only remembered (restarted). Every outcome uses an id up,
  *   except busy: a writer that found the queue full may repeat its write as it is.
  *   stop, quick_stop and disable always execute. One that repeats the drive's newest command while
  *   that is still pending joins it. One that comes behind something else is handed to the bus anew,
@@ -34,7 +34,7 @@
  * the same request sent again: it is not executed and is answered as that execution was; otherwise
  * it executes as if its id were 0.
  *
- * A write answered with an exception at once stores nothing.
+ * A write that is refused at once stores nothing.
  *
  * A motion is aborted when the drive has taken another one, or a stop is on its way. One that the
  * drive refuses leaves the motion before as it is, and that is followed to its end: result_id and
@@ -44,16 +44,16 @@
  * seen (the program was killed and started again), and fed by what the drive's configuration says:
  * every request of a client that may write, only those of connections that command the drive, writes,
  * or changes of the heartbeat; as of when they arrived. When it expires, the configured stop goes to the bus ahead of everything and motion is
- * refused (04, latched) until clear_fault.
+ * refused (latched) until clear_fault.
  */
 #ifndef DRIVEBRIDGE_COMMANDER_H
 #define DRIVEBRIDGE_COMMANDER_H
 
 #include "drivebridge/axis.h"
+#include "drivebridge/client.h"
 #include "drivebridge/command.h"
 #include "drivebridge/driver.h"
 #include "drivebridge/history.h"
-#include "drivebridge/server.h"
 
 struct db_commander;
 
@@ -69,8 +69,8 @@ struct db_commander_ops {
 	/* Hands a request to the bus, which copies it. False when its queue is full; never for a
 	 * stop, see DB_COMMANDER_STOPS. */
 	bool (*submit)(void *context, const struct db_request *request);
-	/* Answers a write for which DB_WRITE_LATER was returned. Exactly once for each. */
-	void (*answer)(void *context, struct db_write_token token, uint8_t exception);
+	/* Answers a write that was to be answered later. Exactly once for each. */
+	void (*answer)(void *context, struct db_write_token token, enum db_result result);
 	/* For the history: */
 	uint64_t (*wall_us)(void *context); /* since 1970-01-01 UTC */
 	/* For the log: each refusal once, not what is answered from memory. `client` is null for the
@@ -147,7 +147,7 @@ struct db_command_state {
 #define DB_COMMANDER_STOPS_OF_A_KIND 2
 #define DB_COMMANDER_STOPS (3 * DB_COMMANDER_STOPS_OF_A_KIND + 1)
 
-/* Writers that may wait for one request; more are answered 05 at once. */
+/* Writers that may wait for one request; more are answered as pending at once. */
 #define DB_COMMANDER_WAITERS 4
 
 /* The driver, axis and context must outlive it. 0 or -ENOMEM. */
@@ -167,31 +167,35 @@ void db_commander_set_writers(struct db_commander *commander, unsigned confirm_m
 /* The drive is taken out: answers everybody who still waits, as cancelled. */
 void db_commander_dismiss(struct db_commander *commander);
 
-/* The following three return 0, an exception, or DB_WRITE_LATER, as db_backend.write does. */
+/* The following four carry out a write, or say why not. */
 
-int db_commander_write(struct db_commander *commander, const struct db_client *client,
-                       const struct db_command_write *write, struct db_write_token token,
-                       db_time now);
+struct db_write_answer db_commander_write(struct db_commander *commander,
+                                          const struct db_client *client,
+                                          const struct db_command_write *write,
+                                          struct db_write_token token, db_time now);
 
 /* The command that waits for the group's start; NONE. */
 enum db_command db_commander_staged(const struct db_commander *commander);
 /* Carries it out with the kept arguments, as db_commander_execute() does; there must be one. `group`: see
  * struct db_request. */
-int db_commander_start_staged(struct db_commander *commander, const struct db_client *client,
-                              uint32_t group, struct db_write_token token, db_time now);
+struct db_write_answer db_commander_start_staged(struct db_commander *commander,
+                                                 const struct db_client *client, uint32_t group,
+                                                 struct db_write_token token, db_time now);
 
 /* Ticket of the request that the newest command became; 0: none yet. */
 uint32_t db_commander_newest(const struct db_commander *commander);
 
 /* A command from outside the command block (coils): no id, the kept block stays as it is. */
-int db_commander_execute(struct db_commander *commander, const struct db_client *client,
-                         enum db_command code, const struct db_args *args,
-                         struct db_write_token token, db_time now);
+struct db_write_answer db_commander_execute(struct db_commander *commander,
+                                            const struct db_client *client, enum db_command code,
+                                            const struct db_args *args, struct db_write_token token,
+                                            db_time now);
 
 /* Values that were checked already; 1..DB_SETTINGS_MAX of them, carried out as one request. */
-int db_commander_set(struct db_commander *commander, const struct db_client *client,
-                     const struct db_setting *settings, size_t count, struct db_write_token token,
-                     db_time now);
+struct db_write_answer db_commander_set(struct db_commander *commander,
+                                        const struct db_client *client,
+                                        const struct db_setting *settings, size_t count,
+                                        struct db_write_token token, db_time now);
 
 /* A write was refused for its form before it came here: for write_result only. `address`: of the register
  * that it was refused for; 0: for none in particular. */

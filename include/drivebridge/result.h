@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * How a write ended: the number in the `result` registers, its name, and the Modbus exception that
- * tells the same to a client that waits for the response. The codes are part of the contract with
- * PLC programs: append, never renumber.
+ * How a write ended: the number in the `result` registers, and its name. The codes are part of the
+ * contract with PLC programs: append, never renumber. Pure; any thread.
  */
 #ifndef DRIVEBRIDGE_RESULT_H
 #define DRIVEBRIDGE_RESULT_H
@@ -37,9 +36,6 @@ enum db_result {
 
 /* "ok", "pending", "out_of_range" ...; never null, "unknown" outside the enum. */
 const char *db_result_name(enum db_result result);
-
-/* The Modbus exception that tells this result; 0 for NONE, OK and UNPROVEN. PENDING is 05. */
-unsigned char db_result_exception(enum db_result result);
 
 /* The drive has taken it: OK or UNPROVEN. */
 bool db_result_is_success(enum db_result result);

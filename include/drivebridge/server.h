@@ -6,6 +6,7 @@
 #ifndef DRIVEBRIDGE_SERVER_H
 #define DRIVEBRIDGE_SERVER_H
 
+#include "drivebridge/client.h"
 #include "drivebridge/config.h"
 #include "drivebridge/log.h"
 #include "drivebridge/time.h"
@@ -19,36 +20,6 @@ struct db_server;
 
 enum db_table { DB_TABLE_COILS, DB_TABLE_DISCRETE, DB_TABLE_HOLDING, DB_TABLE_INPUT };
 
-/* Numbers that no client has: nobody in particular, and the parts of a group command. */
-#define DB_CLIENT_NOBODY 0
-#define DB_CLIENT_GROUP UINT32_MAX
-
-/* The number that follows; skips those that no client has. */
-uint32_t db_client_number_after(uint32_t id);
-
-/* Who asks. Valid for the duration of the call. */
-struct db_client {
-	uint32_t
-		id; /* of this connection: no other one's while it lasts; never one of those above */
-	uint8_t address[16]; /* IPv6, or IPv4 v4-mapped */
-	uint16_t port;
-	bool may_write;
-	/* The request did not reach this machine before this time, and perhaps at this time: one that
-	 * waited in a buffer is no sign of life of now. 0: just now. */
-	db_time arrived;
-};
-
-/* When its request arrived, as far as is known. */
-static inline db_time db_client_arrived(const struct db_client *client, db_time now)
-{
-	return client && client->arrived != 0 ? client->arrived : now;
-}
-
-#define DB_CLIENT_ADDRESS_MAX 46
-
-/* The address as people write it: "192.168.10.5", "fd00::5". */
-void db_client_address(const uint8_t address[16], char text[DB_CLIENT_ADDRESS_MAX]);
-
 /* What is not done for a client because of who it is. Each kind is counted, and told once. */
 enum db_refusal {
 	DB_REFUSED_ADDRESS,     /* connection: in neither allow-read nor allow-write */
@@ -60,15 +31,6 @@ enum db_refusal {
 	DB_REFUSED_PACE,        /* request: more than max-requests-per-second, answered later */
 	DB_REFUSED_DESCRIPTORS, /* connection: the descriptors left are for buses and files */
 	DB_REFUSAL_COUNT
-};
-
-/*
- * Names one write that is to be answered later. Stays valid in the sense that answering it is
- * always allowed: when its connection has gone meanwhile, the answer is dropped.
- */
-struct db_write_token {
-	uint32_t client;
-	uint32_t sequence;
 };
 
 #define DB_WRITE_LATER (-1)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "drivebridge/axis.h"
 
-#include "axis/seqlock.h"
+#include "drivebridge/seqlock.h"
 
 #include <stdlib.h>
 

@@ -5,15 +5,14 @@
 #include "axis/history.h"
 #include "axis/limits.h"
 #include "axis/pending.h"
-#include "axis/scale.h"
 #include "axis/supervise.h"
 #include "axis/watchdog.h"
 #include "axis/writers.h"
-#include "regmap/commands.h"
+#include "drivebridge/command_table.h"
+#include "drivebridge/scale.h"
 
 #include <errno.h>
 #include <math.h>
-#include <modbus.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -157,20 +156,25 @@ static struct db_slot *youngest_stop(struct db_commander *commander, enum db_com
 	return youngest;
 }
 
+static struct db_write_answer answer_now(enum db_result result)
+{
+	return (struct db_write_answer){ .result = result };
+}
+
 /* The writer waits for the slot's end, unless it is not to wait or there is no room. */
-static int wait_for(struct db_commander *commander, struct db_slot *slot,
-                    struct db_write_token token, db_time now)
+static struct db_write_answer wait_for(struct db_commander *commander, struct db_slot *slot,
+                                       struct db_write_token token, db_time now)
 {
 	if (commander->config.accept_writes)
-		return 0;
+		return answer_now(DB_RESULT_OK);
 	if (slot->waiter_count == DB_COMMANDER_WAITERS)
-		return MODBUS_EXCEPTION_ACKNOWLEDGE;
+		return answer_now(DB_RESULT_PENDING);
 	slot->waiters[slot->waiter_count++] = (struct db_waiter){
 		.token = token,
 		.deadline = now + (db_time)commander->config.confirm_ms * DB_NS_PER_MS,
 	};
 	commander->waiting++;
-	return DB_WRITE_LATER;
+	return (struct db_write_answer){ .later = true };
 }
 
 /* --- what a write asks for -------------------------------------------------------------------- */
@@ -439,8 +443,9 @@ static bool sets_in_motion(enum db_command command)
 }
 
 /* Ends a command without the bus. */
-static int refuse(struct db_commander *commander, const struct origin *by,
-                  const struct db_command_block *block, uint16_t id, enum db_result result)
+static struct db_write_answer refuse(struct db_commander *commander, const struct origin *by,
+                                     const struct db_command_block *block, uint16_t id,
+                                     enum db_result result)
 {
 	show(commander, by->writer, id, block->command, result, 0);
 	if (sets_in_motion((enum db_command)block->command)) {
@@ -454,7 +459,7 @@ static int refuse(struct db_commander *commander, const struct origin *by,
 			     .command = (enum db_command)block->command,
 			     .result = result,
 		     });
-	return db_result_exception(result);
+	return answer_now(result);
 }
 
 /* --- motion without a target ----------------------------------------------------------------------- */
@@ -631,9 +636,9 @@ static bool stop_is_due(const struct db_commander *commander)
 	return false;
 }
 
-static int carry_out(struct db_commander *commander, const struct origin *by,
-                     const struct db_command_block *block, uint16_t id, struct db_write_token token,
-                     db_time now)
+static struct db_write_answer carry_out(struct db_commander *commander, const struct origin *by,
+                                        const struct db_command_block *block, uint16_t id,
+                                        struct db_write_token token, db_time now)
 {
 	struct db_request request = { 0 };
 	enum db_result result = reach(commander, (enum db_command)block->command);
@@ -669,17 +674,17 @@ static int carry_out(struct db_commander *commander, const struct origin *by,
 }
 
 /* The same came again: its answer is that of the first time. */
-static int repeat(struct db_commander *commander, struct db_writer *writer,
-                  const struct db_used_id *first, struct db_write_token token, db_time now)
+static struct db_write_answer repeat(struct db_commander *commander, struct db_writer *writer,
+                                     const struct db_used_id *first, struct db_write_token token,
+                                     db_time now)
 {
 	struct db_slot *slot = slot_of(commander, first->ticket);
 
 	show_write(commander, writer, first->result, slot ? slot->ticket : 0);
 	if (slot)
 		return wait_for(commander, slot, token, now);
-	if (commander->config.accept_writes && first->sent)
-		return 0;
-	return db_result_exception(first->result);
+	return answer_now(commander->config.accept_writes && first->sent ? DB_RESULT_OK :
+	                                                                   first->result);
 }
 
 /*
@@ -703,9 +708,9 @@ static struct db_slot *joinable(struct db_commander *commander, enum db_command 
 	return youngest;
 }
 
-static int join(struct db_commander *commander, const struct origin *by, struct db_slot *slot,
-                const struct db_command_block *block, uint16_t id, struct db_write_token token,
-                db_time now)
+static struct db_write_answer join(struct db_commander *commander, const struct origin *by,
+                                   struct db_slot *slot, const struct db_command_block *block,
+                                   uint16_t id, struct db_write_token token, db_time now)
 {
 	if (by->writer)
 		db_outcome_ask_motion(&by->writer->shown);
@@ -787,8 +792,9 @@ static enum db_result permit(struct db_commander *commander, struct db_writer *w
 
 /* The latch of a drive that has no fault itself. One that cannot be asked keeps it: what it does now
  * nobody knows. */
-static int end_latch(struct db_commander *commander, const struct origin *by,
-                     const struct db_command_block *block, uint16_t id, db_time now)
+static struct db_write_answer end_latch(struct db_commander *commander, const struct origin *by,
+                                        const struct db_command_block *block, uint16_t id,
+                                        db_time now)
 {
 	enum db_result result = reach(commander, DB_CMD_CLEAR_FAULT);
 
@@ -801,9 +807,9 @@ static int end_latch(struct db_commander *commander, const struct origin *by,
 }
 
 /* Without a writer there is no id. */
-static int decide(struct db_commander *commander, const struct origin *by,
-                  const struct db_command_block *block, uint16_t id, struct db_write_token token,
-                  db_time now)
+static struct db_write_answer decide(struct db_commander *commander, const struct origin *by,
+                                     const struct db_command_block *block, uint16_t id,
+                                     struct db_write_token token, db_time now)
 {
 	enum db_command code = (enum db_command)block->command;
 	bool stop = db_command_is_stop(code);
@@ -824,11 +830,11 @@ static int decide(struct db_commander *commander, const struct origin *by,
 }
 
 /* Who commands a drive is missed when it falls silent; who only stops it need not be. */
-static int command(struct db_commander *commander, const struct origin *by,
-                   const struct db_command_block *block, uint16_t id, struct db_write_token token,
-                   db_time now)
+static struct db_write_answer command(struct db_commander *commander, const struct origin *by,
+                                      const struct db_command_block *block, uint16_t id,
+                                      struct db_write_token token, db_time now)
 {
-	int answer = decide(commander, by, block, id, token, now);
+	struct db_write_answer answer = decide(commander, by, block, id, token, now);
 
 	if (by->client && !db_command_is_stop((enum db_command)block->command))
 		db_watchdog_commanded(&commander->watchdog, by->client->id);
@@ -836,8 +842,8 @@ static int command(struct db_commander *commander, const struct origin *by,
 }
 
 /* What is staged is checked now, so that the start of a group finds no surprises. */
-static int stage(struct db_commander *commander, const struct origin *by,
-                 const struct db_command_write *write)
+static struct db_write_answer stage(struct db_commander *commander, const struct origin *by,
+                                    const struct db_command_write *write)
 {
 	struct db_command_block block = write->block;
 	enum db_result result;
@@ -848,7 +854,8 @@ static int stage(struct db_commander *commander, const struct origin *by,
 	result = check(&commander->config, block.command, &block.args);
 	if (result == DB_RESULT_OK)
 		result = check_limits(commander, by->writer, &block);
-	return result == DB_RESULT_OK ? 0 : refuse(commander, by, &block, 0, result);
+	return result == DB_RESULT_OK ? answer_now(DB_RESULT_OK) :
+	                                refuse(commander, by, &block, 0, result);
 }
 
 enum db_command db_commander_staged(const struct db_commander *commander)
@@ -861,8 +868,9 @@ uint32_t db_commander_newest(const struct db_commander *commander)
 	return commander->newest;
 }
 
-int db_commander_start_staged(struct db_commander *commander, const struct db_client *client,
-                              uint32_t group, struct db_write_token token, db_time now)
+struct db_write_answer db_commander_start_staged(struct db_commander *commander,
+                                                 const struct db_client *client, uint32_t group,
+                                                 struct db_write_token token, db_time now)
 {
 	struct origin by = {
 		.client = client,
@@ -876,14 +884,15 @@ int db_commander_start_staged(struct db_commander *commander, const struct db_cl
 	return command(commander, &by, &block, 0, token, now);
 }
 
-int db_commander_write(struct db_commander *commander, const struct db_client *client,
-                       const struct db_command_write *write, struct db_write_token token,
-                       db_time now)
+struct db_write_answer db_commander_write(struct db_commander *commander,
+                                          const struct db_client *client,
+                                          const struct db_command_write *write,
+                                          struct db_write_token token, db_time now)
 {
 	bool stages = write->has_staged && write->block.staged_command != DB_CMD_NONE;
 	bool commands = write->has_command && write->block.command != DB_CMD_NONE;
 	struct origin by = { .client = client, .block = true };
-	int answer = 0;
+	struct db_write_answer answer = answer_now(DB_RESULT_OK);
 
 	by.bare = !write->has_id;
 	/* Who only writes arguments takes no place from those who number their commands. */
@@ -895,8 +904,7 @@ int db_commander_write(struct db_commander *commander, const struct db_client *c
 	else if (commands)
 		answer = command(commander, &by, &write->block, id_of(by.writer, write), token,
 		                 now);
-	/* 05: on its way, though its writer does not wait for it. */
-	if (answer > 0 && answer != MODBUS_EXCEPTION_ACKNOWLEDGE)
+	if (!db_write_is_taken(answer))
 		return answer;
 	commander->kept = write->block;
 	if (write->has_id && by.writer)
@@ -904,9 +912,10 @@ int db_commander_write(struct db_commander *commander, const struct db_client *c
 	return answer;
 }
 
-int db_commander_execute(struct db_commander *commander, const struct db_client *client,
-                         enum db_command code, const struct db_args *args,
-                         struct db_write_token token, db_time now)
+struct db_write_answer db_commander_execute(struct db_commander *commander,
+                                            const struct db_client *client, enum db_command code,
+                                            const struct db_args *args, struct db_write_token token,
+                                            db_time now)
 {
 	struct origin by = {
 		.client = client,
@@ -954,9 +963,10 @@ void db_commander_refuse(struct db_commander *commander, const struct db_client 
 		record(commander, client, block, block->command_id, result, NULL);
 }
 
-int db_commander_set(struct db_commander *commander, const struct db_client *client,
-                     const struct db_setting *settings, size_t count, struct db_write_token token,
-                     db_time now)
+struct db_write_answer db_commander_set(struct db_commander *commander,
+                                        const struct db_client *client,
+                                        const struct db_setting *settings, size_t count,
+                                        struct db_write_token token, db_time now)
 {
 	struct db_writer *writer = db_writers_find(&commander->writers, client);
 	struct db_request request = { 0 };
@@ -979,7 +989,7 @@ int db_commander_set(struct db_commander *commander, const struct db_client *cli
 				.param = param_name(commander->config.driver, settings[0].param),
 				.result = result,
 			});
-		return db_result_exception(result);
+		return answer_now(result);
 	}
 	/* A later stop is not to join one from before this, which would leave it standing. */
 	commander->newest = request.ticket;
@@ -990,7 +1000,8 @@ int db_commander_set(struct db_commander *commander, const struct db_client *cli
 
 /* --- how it ended ---------------------------------------------------------------------------------- */
 
-static void answer_waiters(struct db_commander *commander, struct db_slot *slot, uint8_t exception)
+static void answer_waiters(struct db_commander *commander, struct db_slot *slot,
+                           enum db_result result)
 {
 	/* Taken out first: an answer may let the writer's next request in. */
 	unsigned count = slot->waiter_count;
@@ -1000,7 +1011,7 @@ static void answer_waiters(struct db_commander *commander, struct db_slot *slot,
 	slot->waiter_count = 0;
 	commander->waiting -= count;
 	for (unsigned i = 0; i < count; i++)
-		commander->ops->answer(commander->context, waiters[i].token, exception);
+		commander->ops->answer(commander->context, waiters[i].token, result);
 }
 
 void db_commander_set_writers(struct db_commander *commander, unsigned confirm_ms,
@@ -1022,7 +1033,7 @@ int db_commander_reserve(struct db_commander *commander, bool ids_by_client)
 void db_commander_dismiss(struct db_commander *commander)
 {
 	for (struct db_slot *slot = commander->pending.first; slot; slot = slot->next)
-		answer_waiters(commander, slot, db_result_exception(DB_RESULT_CANCELLED));
+		answer_waiters(commander, slot, DB_RESULT_CANCELLED);
 }
 
 /* The command did nothing: whatever moved before goes on. */
@@ -1247,7 +1258,7 @@ void db_commander_complete(struct db_commander *commander, const struct db_compl
 		     });
 	ended = *slot;
 	db_pending_remove(&commander->pending, slot);
-	answer_waiters(commander, &ended, db_result_exception(completion->result));
+	answer_waiters(commander, &ended, completion->result);
 }
 
 db_time db_commander_next_deadline(const struct db_commander *commander)
@@ -1274,11 +1285,11 @@ db_time db_commander_next_deadline(const struct db_commander *commander)
 }
 
 /* What a writer whose time is up is told: that it takes longer, or why it surely will. */
-static uint8_t late_answer(const struct db_commander *commander)
+static enum db_result late_answer(const struct db_commander *commander)
 {
 	enum db_result result = reach(commander, DB_CMD_NONE);
 
-	return result == DB_RESULT_OK ? MODBUS_EXCEPTION_ACKNOWLEDGE : db_result_exception(result);
+	return result == DB_RESULT_OK ? DB_RESULT_PENDING : result;
 }
 
 static void expire_slot(struct db_commander *commander, struct db_slot *slot, db_time now)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "axis/history.h"
 
-#include "regmap/commands.h"
+#include "drivebridge/command_table.h"
 
 #include <string.h>
 
@@ -59,7 +59,7 @@ uint32_t db_history_add(struct db_history *history, const struct db_history_entr
 {
 	struct db_history_line *last = line_of(history, history->count);
 
-	if (last && !bus && db_result_exception((enum db_result)entry->result) != 0 &&
+	if (last && !bus && !db_result_is_success((enum db_result)entry->result) &&
 	    is_again(last, entry)) {
 		count_repeat(last);
 		return history->count;

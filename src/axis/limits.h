@@ -5,17 +5,7 @@
 
 #include "drivebridge/command.h"
 #include "drivebridge/config.h"
-
-/* Values of the `result_limit` register: part of the contract, append only. */
-enum db_limit {
-	DB_LIMIT_NONE = 0,
-	DB_LIMIT_MIN_POSITION = 1,
-	DB_LIMIT_MAX_POSITION = 2,
-	DB_LIMIT_MAX_VELOCITY = 3,
-	DB_LIMIT_MAX_ACCELERATION = 4,
-};
-#define DB_LIMIT_COUNT 5
-const char *db_limit_name(uint16_t limit); /* "none", "min_position" ...; "unknown" */
+#include "drivebridge/limit.h"
 
 /* What is known of the drive when a command comes. */
 struct db_limit_facts {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "axis/scale.h"
+#include "drivebridge/scale.h"
 
 double db_scale_counts(const struct db_drive_config *drive, const struct db_feedback *feedback)
 {

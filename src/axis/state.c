@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Names of the codes that the axis shows, and what kind of command is which. */
+/* Names of the codes that the axis shows. */
 #include "drivebridge/axis.h"
-#include "drivebridge/command.h"
 
 #define COUNT_OF(array) (sizeof(array) / sizeof((array)[0]))
 
@@ -70,57 +69,4 @@ const char *db_error_name(uint16_t error)
 const char *db_status_bit_name(unsigned bit)
 {
 	return bit < DB_STATUS_BIT_COUNT ? status_names[bit] : "unknown";
-}
-
-bool db_command_is_stop(enum db_command command)
-{
-	return command == DB_CMD_STOP || command == DB_CMD_QUICK_STOP || command == DB_CMD_DISABLE;
-}
-
-bool db_command_is_motion(enum db_command command)
-{
-	switch (command) {
-	case DB_CMD_MOVE_VELOCITY:
-	case DB_CMD_MOVE_ABSOLUTE:
-	case DB_CMD_MOVE_RELATIVE:
-	case DB_CMD_MOVE_PRESET:
-	case DB_CMD_MOVE_CURRENT:
-	case DB_CMD_JOG_POSITIVE:
-	case DB_CMD_JOG_NEGATIVE:
-	case DB_CMD_START_PROGRAM:
-	case DB_CMD_CONTINUE_PROGRAM:
-	case DB_CMD_SYNC_START:
-	case DB_CMD_HOME:
-	case DB_CMD_SHAKE_START:
-	case DB_CMD_SHAKE_START_TIME:
-		return true;
-	default:
-		return false;
-	}
-}
-
-bool db_command_may_move(enum db_command command)
-{
-	return db_command_is_motion(command) || command == DB_CMD_RAW_FRAME;
-}
-
-bool db_command_ends_motion(enum db_command command)
-{
-	return db_command_is_motion(command) || db_command_is_stop(command) ||
-	       command == DB_CMD_HOME_STOP || command == DB_CMD_SHAKE_STOP;
-}
-
-enum db_command db_on_loss_command(enum db_on_loss reaction)
-{
-	switch (reaction) {
-	case DB_ON_LOSS_STOP:
-		return DB_CMD_STOP;
-	case DB_ON_LOSS_QUICK_STOP:
-		return DB_CMD_QUICK_STOP;
-	case DB_ON_LOSS_DISABLE:
-		return DB_CMD_DISABLE;
-	case DB_ON_LOSS_NONE:
-	default:
-		return DB_CMD_NONE;
-	}
 }

@@ -69,16 +69,6 @@ bool db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, ui
 	return true;
 }
 
-bool db_heartbeat_write(struct db_heartbeat *heartbeat, const uint8_t writer[16], uint16_t value)
-{
-	bool same = memcmp(heartbeat->writer, writer, sizeof heartbeat->writer) == 0;
-	bool beats = same && value != heartbeat->value;
-
-	memcpy(heartbeat->writer, writer, sizeof heartbeat->writer);
-	heartbeat->value = value;
-	return beats;
-}
-
 db_time db_watchdog_deadline(const struct db_watchdog *watchdog)
 {
 	if (!watchdog->armed || watchdog->latched || watchdog->timeout_ms == 0)

@@ -37,18 +37,6 @@ struct db_watchdog {
 	unsigned next_commander;                     /* the place to be taken next */
 };
 
-/* A register that is the sign of life of a program. */
-struct db_heartbeat {
-	uint8_t writer[16]; /* address of the client, as in struct db_client; zero: none yet */
-	uint16_t value;
-};
-
-/*
- * A value was written. True when the same client had written another one before: of two that both
- * write it, one of them dead, the values alternate, too.
- */
-bool db_heartbeat_write(struct db_heartbeat *heartbeat, const uint8_t writer[16], uint16_t value);
-
 void db_watchdog_init(struct db_watchdog *watchdog, uint32_t timeout_ms,
                       enum db_watchdog_feed feed);
 

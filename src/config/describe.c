@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "axis/scale.h"
 #include "config/keys.h"
 #include "config/load.h"
 #include "config/text.h"
+#include "drivebridge/command_table.h"
 #include "drivebridge/driver.h"
+#include "drivebridge/scale.h"
 #include "drivebridge/transport.h"
-#include "regmap/commands.h"
 
 #include <math.h>
 #include <string.h>

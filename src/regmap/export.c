@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "regmap/export.h"
 
-#include "regmap/commands.h"
+#include "drivebridge/command_table.h"
 #include "regmap/image.h"
 #include "regmap/index.h"
 #include "regmap/vsmd_layout.h"

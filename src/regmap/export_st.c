@@ -2,7 +2,7 @@
 /* The Structured Text library: the tables' numbers as constants, put into the text of the blocks. */
 #include "regmap/export.h"
 
-#include "regmap/commands.h"
+#include "drivebridge/command_table.h"
 #include "regmap/index.h"
 
 #include <ctype.h>

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "regmap/group.h"
 
+#include "regmap/exception.h"
 #include "regmap/view.h"
 
 #include <modbus.h>
@@ -39,16 +40,18 @@ static struct db_write_token part_token(const struct db_registers *registers)
 		                        .sequence = registers->group.generation };
 }
 
-static void add_part(struct db_registers *registers, struct view_drive *drive, int answer)
+static void add_part(struct db_registers *registers, struct view_drive *drive,
+                     struct db_write_answer answer)
 {
 	struct group *group = &registers->group;
+	uint8_t exception = db_exception_of(answer.result);
 
 	group->drives++;
 	drive->group_ticket = db_commander_newest(drive->commander);
-	if (answer == DB_WRITE_LATER)
+	if (answer.later)
 		group->pending++;
-	else if (answer > group->worst)
-		group->worst = (uint8_t)answer;
+	else if (exception > group->worst)
+		group->worst = exception;
 }
 
 /* Everything is handed over; the writer waits if a drive has to confirm. */
@@ -190,9 +193,11 @@ int group_start(struct db_registers *registers, const struct db_client *client,
 	return end(registers);
 }
 
-bool group_answered(struct db_registers *registers, struct db_write_token token, uint8_t exception)
+bool group_answered(struct db_registers *registers, struct db_write_token token,
+                    enum db_result result)
 {
 	struct group *group = &registers->group;
+	uint8_t exception = db_exception_of(result);
 
 	if (token.client != DB_CLIENT_GROUP)
 		return false;

@@ -50,7 +50,8 @@ int group_start(struct db_registers *registers, const struct db_client *client,
                 struct db_write_token token);
 
 /* The answer to a part of a group command: taken, and not for a client. */
-bool group_answered(struct db_registers *registers, struct db_write_token token, uint8_t exception);
+bool group_answered(struct db_registers *registers, struct db_write_token token,
+                    enum db_result result);
 /* A drive's part ended; `sent` says when it went out, 0: it did not. */
 void group_completed(struct db_registers *registers, struct view_drive *drive, uint32_t ticket,
                      db_time sent);

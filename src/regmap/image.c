@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "regmap/image.h"
 
-#include "axis/scale.h"
+#include "drivebridge/scale.h"
 #include "drivebridge/version.h"
 #include "regmap/view.h"
 
@@ -157,7 +157,7 @@ static void fill_history(struct db_drive_history *shown, const struct view_drive
 		shown->entry.number = param_address(drive, entry->number);
 	if (entry->port == 0)
 		return; /* the bridge itself */
-	shown->ipv4 = view_ipv4(entry->address);
+	shown->ipv4 = db_client_ipv4(entry->address);
 	db_client_address(entry->address, text);
 	memcpy(shown->address, text, strnlen(text, sizeof shown->address));
 }
@@ -337,16 +337,6 @@ static void fill_window(struct db_gateway_window *window, const struct view_driv
 	};
 }
 
-uint32_t view_ipv4(const uint8_t address[16])
-{
-	static const uint8_t mapped[] = { 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xFF, 0xFF };
-
-	if (memcmp(address, mapped, sizeof mapped) != 0)
-		return VIEW_IPV6;
-	return (uint32_t)address[12] << 24 | (uint32_t)address[13] << 16 |
-	       (uint32_t)address[14] << 8 | address[15];
-}
-
 /* The drives that a client controls; those that have a bit. */
 static uint32_t controls_of(const struct db_registers *registers, uint32_t client, db_time now)
 {
@@ -376,7 +366,7 @@ static void fill_clients(struct db_gateway_image *image, const struct db_registe
 		struct db_gateway_client *shown = &image->connected[i];
 		char text[DB_CLIENT_ADDRESS_MAX];
 
-		shown->ipv4 = view_ipv4(clients[i].client.address);
+		shown->ipv4 = db_client_ipv4(clients[i].client.address);
 		shown->port = clients[i].client.port;
 		shown->may_write = clients[i].client.may_write;
 		shown->requests = (uint32_t)clients[i].requests;

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "regmap/table.h"
 
-#include "axis/limits.h"
-
-#include "regmap/commands.h"
+#include "drivebridge/command_table.h"
+#include "drivebridge/limit.h"
 #include "regmap/image.h"
 
 #define COUNT_OF(array) (sizeof(array) / sizeof((array)[0]))

@@ -2,6 +2,7 @@
 #include "regmap/view.h"
 
 #include "drivebridge/version.h"
+#include "regmap/exception.h"
 #include "regmap/vsmd_view.h"
 #include "regmap/words.h"
 
@@ -167,7 +168,7 @@ static void fill_control(struct db_drive_image *image, const struct view_drive *
 
 	image->control_request = holder && holder->id == client->id;
 	image->control_port = holder ? holder->port : 0;
-	image->control_holder = holder ? view_ipv4(holder->address) : 0;
+	image->control_holder = holder ? db_client_ipv4(holder->address) : 0;
 	image->control_remaining_ms = db_control_remaining_ms(&drive->control, now);
 }
 
@@ -537,15 +538,15 @@ static bool submit_to_bus(void *context, const struct db_request *request)
 	return registers->ops->submit(registers->context, drive->line, request);
 }
 
-static void answer_client(void *context, struct db_write_token token, uint8_t exception)
+static void answer_client(void *context, struct db_write_token token, enum db_result result)
 {
 	const struct view_drive *drive = context;
 	const struct db_registers *registers = drive->registers;
 
-	if (group_answered(drive->registers, token, exception))
+	if (group_answered(drive->registers, token, result))
 		return;
-	if (vsmd_view_answered(drive->vendor, token, &exception))
-		registers->ops->answer(registers->context, token, exception);
+	if (vsmd_view_answered(drive->vendor, token, &result))
+		registers->ops->answer(registers->context, token, db_exception_of(result));
 }
 
 static uint64_t wall_us_now(void *context)

@@ -3,9 +3,9 @@
 #ifndef DRIVEBRIDGE_REGMAP_VIEW_H
 #define DRIVEBRIDGE_REGMAP_VIEW_H
 
-#include "axis/control.h"
-#include "axis/watchdog.h"
 #include "drivebridge/commander.h"
+#include "drivebridge/control.h"
+#include "drivebridge/heartbeat.h"
 #include "drivebridge/registers.h"
 #include "regmap/group.h"
 #include "regmap/image.h"
@@ -78,10 +78,6 @@ void view_fill_drive(struct db_drive_image *image, const struct view_drive *driv
                      const struct db_client *client, unsigned parts, uint16_t low, uint16_t high);
 void view_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
                        const struct db_client *client, unsigned parts, uint16_t low, uint16_t high);
-
-/* An address in one number, the first byte highest; VIEW_IPV6 for what is no IPv4 address. */
-#define VIEW_IPV6 UINT32_MAX
-uint32_t view_ipv4(const uint8_t address[16]);
 
 /* The exception that says why a drive cannot be asked: 0B, or 0A when its bus is down. */
 uint8_t view_unreachable(const struct db_feedback *feedback);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "regmap/vsmd_view.h"
 
+#include "regmap/exception.h"
 #include "regmap/view.h"
 #include "regmap/vsmd_layout.h"
 #include "regmap/words.h"
@@ -403,34 +404,28 @@ static enum db_command stop_among(const struct span *span, uint16_t address, con
 
 /* --- carrying it out -------------------------------------------------------------------------------------- */
 
-/* The answer to a write that is on its way, whether or not its writer waits. */
-static bool is_accepted(int answer)
-{
-	return answer <= 0 || answer == MODBUS_EXCEPTION_ACKNOWLEDGE;
-}
-
-static int set(struct view_drive *drive, const struct plan *plan, struct db_write_token token,
-               db_time now)
+static struct db_write_answer set(struct view_drive *drive, const struct plan *plan,
+                                  struct db_write_token token, db_time now)
 {
 	return db_commander_set(drive->commander, plan->client, plan->settings, plan->setting_count,
 	                        token, now);
 }
 
 /* Both in one write: the parameters first, because the command is to run with them. */
-static int begin_chain(struct view_drive *drive, const struct plan *plan,
-                       struct db_write_token token, db_time now)
+static struct db_write_answer begin_chain(struct view_drive *drive, const struct plan *plan,
+                                          struct db_write_token token, db_time now)
 {
 	struct vsmd_view *view = drive->vendor;
-	int answer = set(drive, plan, token, now);
+	struct db_write_answer answer = set(drive, plan, token, now);
 
-	if (is_accepted(answer))
+	if (db_write_is_taken(answer))
 		view->chain = (struct chain){
 			.ticket = view->last_ticket,
 			.command = plan->command,
 			.args = plan->args,
 			.token = token,
 			.client = *plan->client,
-			.waits = answer == DB_WRITE_LATER,
+			.waits = answer.later,
 		};
 	return answer;
 }
@@ -440,34 +435,36 @@ static int refuse(struct view_drive *drive, const struct db_client *client, enum
                   uint16_t address)
 {
 	db_commander_set_refused(drive->commander, client, result, address);
-	return db_result_exception(result);
+	return db_exception_of(result);
 }
 
 /* What a technician may look for later: a plan that could have been carried out. */
-static int refuse_plan(struct view_drive *drive, const struct plan *plan, enum db_result result)
+static struct db_write_answer refuse_plan(struct view_drive *drive, const struct plan *plan,
+                                          enum db_result result)
 {
 	struct db_command_block block = { .command = (uint16_t)plan->command, .args = plan->args };
 
 	db_commander_refuse(drive->commander, plan->client, &block, result, 0);
-	return db_result_exception(result);
+	return (struct db_write_answer){ .result = result };
 }
 
-static int carry_out(struct view_drive *drive, const struct plan *plan, struct db_write_token token)
+static struct db_write_answer carry_out(struct view_drive *drive, const struct plan *plan,
+                                        struct db_write_token token)
 {
 	db_time now = drive->registers->ops->now(drive->registers->context);
-	int answer;
+	struct db_write_answer answer;
 
 	if (db_command_is_stop(plan->command)) {
 		answer = db_commander_execute(drive->commander, plan->client, plan->command,
 		                              &plan->args, plan->setting_count > 0 ? nobody : token,
 		                              now);
 		/* It is repeated until it works: the parameters' answer tells of both. */
-		return plan->setting_count > 0 && is_accepted(answer) ?
+		return plan->setting_count > 0 && db_write_is_taken(answer) ?
 		               set(drive, plan, token, now) :
 		               answer;
 	}
 	if (plan->command == DB_CMD_NONE && plan->setting_count == 0)
-		return 0;
+		return (struct db_write_answer){ .result = DB_RESULT_OK };
 	if (drive->vendor->chain.ticket != 0)
 		return refuse_plan(drive, plan, DB_RESULT_BUSY);
 	if (plan->command == DB_CMD_NONE)
@@ -485,7 +482,8 @@ static int stop_only(struct view_drive *drive, const struct db_client *client, e
 	const struct db_args none = { 0 };
 	db_time now = drive->registers->ops->now(drive->registers->context);
 
-	return db_commander_execute(drive->commander, client, stop, &none, token, now);
+	return db_exception_of_answer(
+		db_commander_execute(drive->commander, client, stop, &none, token, now));
 }
 
 int vsmd_view_write(struct view_drive *drive, const struct db_client *client, enum db_table table,
@@ -496,7 +494,7 @@ int vsmd_view_write(struct view_drive *drive, const struct db_client *client, en
 	struct span span;
 	enum db_command stop;
 	enum db_result result;
-	int answer;
+	struct db_write_answer answer;
 
 	if (table != DB_TABLE_HOLDING || find_span(table, address, count, &span) != 0)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
@@ -509,10 +507,11 @@ int vsmd_view_write(struct view_drive *drive, const struct db_client *client, en
 	if (result != DB_RESULT_OK && stop != DB_CMD_NONE)
 		return stop_only(drive, client, stop, token);
 	if (result != DB_RESULT_OK) {
-		answer = refuse(drive, client, result, plan.refused);
+		int exception = refuse(drive, client, result, plan.refused);
+
 		/* The vendor's models have this register, but the drive has nothing behind it. */
 		return result == DB_RESULT_UNSUPPORTED ? MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS :
-		                                         answer;
+		                                         exception;
 	}
 	result = plan_command(drive, &plan);
 	if (result != DB_RESULT_OK)
@@ -520,11 +519,12 @@ int vsmd_view_write(struct view_drive *drive, const struct db_client *client, en
 	if (!view_may_write(drive, client, db_command_is_stop(plan.command)))
 		return db_command_is_stop(plan.command) ?
 		               stop_only(drive, client, plan.command, token) :
-		               refuse_plan(drive, &plan, DB_RESULT_NOT_IN_CONTROL);
+		               db_exception_of_answer(
+				       refuse_plan(drive, &plan, DB_RESULT_NOT_IN_CONTROL));
 	answer = carry_out(drive, &plan, token);
-	if (is_accepted(answer))
+	if (db_write_is_taken(answer))
 		drive->vendor->kept = plan.kept;
-	return answer;
+	return db_exception_of_answer(answer);
 }
 
 int vsmd_view_write_same(struct view_drive *drive, const struct db_client *client, uint16_t address,
@@ -557,7 +557,7 @@ static bool same_token(struct db_write_token a, struct db_write_token b)
 	return a.client == b.client && a.sequence == b.sequence;
 }
 
-bool vsmd_view_answered(struct vsmd_view *view, struct db_write_token token, uint8_t *exception)
+bool vsmd_view_answered(struct vsmd_view *view, struct db_write_token token, enum db_result *result)
 {
 	struct chain *chain = view ? &view->chain : NULL;
 
@@ -565,13 +565,13 @@ bool vsmd_view_answered(struct vsmd_view *view, struct db_write_token token, uin
 		return false;
 	if (!chain || chain->ticket == 0 || !chain->waits || !same_token(token, chain->token))
 		return true;
-	if (*exception == 0 && !chain->dead)
+	if (db_result_is_success(*result) && !chain->dead)
 		return false; /* completed() goes on */
 	chain->waits = false;
-	if (*exception == 0)
-		*exception = db_result_exception(DB_RESULT_CANCELLED);
+	if (db_result_is_success(*result))
+		*result = DB_RESULT_CANCELLED;
 	/* A writer that was told of a failure must not see its command executed later. */
-	if (*exception != MODBUS_EXCEPTION_ACKNOWLEDGE)
+	if (*result != DB_RESULT_PENDING)
 		chain->dead = true;
 	return true;
 }
@@ -581,8 +581,8 @@ void vsmd_view_completed(struct view_drive *drive, const struct db_completion *c
 {
 	struct vsmd_view *view = drive->vendor;
 	struct db_registers *registers = drive->registers;
+	struct db_write_answer answer;
 	struct chain chain;
-	int answer;
 
 	if (!view || view->chain.ticket == 0 || view->chain.ticket != completion->ticket)
 		return;
@@ -592,6 +592,7 @@ void vsmd_view_completed(struct view_drive *drive, const struct db_completion *c
 		return;
 	answer = db_commander_execute(drive->commander, &chain.client, chain.command, &chain.args,
 	                              chain.waits ? chain.token : nobody, now);
-	if (chain.waits && answer != DB_WRITE_LATER)
-		registers->ops->answer(registers->context, chain.token, (uint8_t)answer);
+	if (chain.waits && !answer.later)
+		registers->ops->answer(registers->context, chain.token,
+		                       db_exception_of(answer.result));
 }

@@ -42,11 +42,12 @@ int vsmd_view_write_same(struct view_drive *drive, const struct db_client *clien
 /*
  * Where the drive's commander and the bus pass by; `view` may be null.
  *
- * submitted: a request goes to the bus. answered: a write is to be answered with *exception; false:
+ * submitted: a request goes to the bus. answered: a write is to be answered with *result; false:
  * not now. completed: the bus ended a request, and the commander knows.
  */
 void vsmd_view_submitted(struct vsmd_view *view, const struct db_request *request);
-bool vsmd_view_answered(struct vsmd_view *view, struct db_write_token token, uint8_t *exception);
+bool vsmd_view_answered(struct vsmd_view *view, struct db_write_token token,
+                        enum db_result *result);
 void vsmd_view_completed(struct view_drive *drive, const struct db_completion *completion,
                          db_time now);
 

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Writes to a drive's unit: address first (02), then form and range (03), then the commander. */
+#include "regmap/exception.h"
 #include "regmap/view.h"
 #include "regmap/words.h"
 
@@ -62,7 +63,7 @@ bool view_may_write(struct view_drive *drive, const struct db_client *client, bo
 static int refuse(struct view_drive *drive, const struct db_client *client, enum db_result result)
 {
 	db_commander_set_refused(drive->commander, client, result, 0);
-	return db_result_exception(result);
+	return db_exception_of(result);
 }
 
 /* Somebody else has control: who tried what is kept for the technician. NONE: parameters. */
@@ -72,7 +73,7 @@ static int refuse_command(struct view_drive *drive, const struct db_client *clie
 	struct db_command_block block = { .command = (uint16_t)code, .args = *args };
 
 	db_commander_refuse(drive->commander, client, &block, DB_RESULT_NOT_IN_CONTROL, 0);
-	return db_result_exception(DB_RESULT_NOT_IN_CONTROL);
+	return db_exception_of(DB_RESULT_NOT_IN_CONTROL);
 }
 
 /* --- the command block ----------------------------------------------------------------------------- */
@@ -131,7 +132,8 @@ static int stop_only(struct view_drive *drive, const struct db_client *client, e
 {
 	const struct db_args none = { 0 };
 
-	return db_commander_execute(drive->commander, client, stop, &none, token, now_of(drive));
+	return db_exception_of_answer(
+		db_commander_execute(drive->commander, client, stop, &none, token, now_of(drive)));
 }
 
 static int write_block(struct view_drive *drive, const struct db_client *client,
@@ -147,7 +149,8 @@ static int write_block(struct view_drive *drive, const struct db_client *client,
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	}
 	if (view_may_write(drive, client, stop))
-		return db_commander_write(drive->commander, client, &write, token, now_of(drive));
+		return db_exception_of_answer(
+			db_commander_write(drive->commander, client, &write, token, now_of(drive)));
 	if (!stop && write.has_command && write.block.command != DB_CMD_NONE)
 		return refuse_command(drive, client, write.block.command, &write.block.args);
 	if (!stop)
@@ -229,7 +232,8 @@ static int write_params(struct view_drive *drive, const struct db_client *client
 		                             span->cells[0].address);
 	if (!view_may_write(drive, client, false))
 		return refuse_command(drive, client, DB_CMD_NONE, &(struct db_args){ 0 });
-	return db_commander_set(drive->commander, client, settings, count, token, now_of(drive));
+	return db_exception_of_answer(
+		db_commander_set(drive->commander, client, settings, count, token, now_of(drive)));
 }
 
 /* --- the watchdog ------------------------------------------------------------------------------------ */
@@ -308,7 +312,7 @@ static int refuse_input(struct view_drive *drive, const struct db_client *client
 
 	db_commander_refuse(drive->commander, client, &block, DB_RESULT_REFUSED,
 	                    (uint16_t)(input->bit + 1));
-	return db_result_exception(DB_RESULT_REFUSED);
+	return db_exception_of(DB_RESULT_REFUSED);
 }
 
 static int write_coils(struct view_drive *drive, const struct db_client *client,
@@ -328,8 +332,8 @@ static int write_coils(struct view_drive *drive, const struct db_client *client,
 		return refuse_command(drive, client, DB_CMD_SET_OUTPUTS, &args);
 	if (input)
 		return refuse_input(drive, client, &args, input);
-	return db_commander_execute(drive->commander, client, DB_CMD_SET_OUTPUTS, &args, token,
-	                            now_of(drive));
+	return db_exception_of_answer(db_commander_execute(
+		drive->commander, client, DB_CMD_SET_OUTPUTS, &args, token, now_of(drive)));
 }
 
 uint8_t view_check_write(const struct view_map *map, uint16_t address)

@@ -5,8 +5,8 @@
  */
 #include "drivebridge/bus.h"
 
-#include "axis/seqlock.h"
 #include "codec/can.h"
+#include "drivebridge/seqlock.h"
 #include "sched/change.h"
 #include "sched/engine.h"
 #include "sched/priority.h"

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sched/report.h"
 
-#include "axis/scale.h"
 #include "codec/can.h"
 #include "drivebridge/driver.h"
+#include "drivebridge/scale.h"
 
 #include <errno.h>
 #include <stddef.h>

@@ -70,19 +70,3 @@ bool db_acl_peer(const struct sockaddr_storage *peer, uint8_t address[16], uint1
 		return false;
 	}
 }
-
-void db_client_address(const uint8_t address[16], char text[DB_CLIENT_ADDRESS_MAX])
-{
-	bool v4 = memcmp(address, V4_PREFIX, sizeof(V4_PREFIX)) == 0;
-
-	inet_ntop(v4 ? AF_INET : AF_INET6, v4 ? address + sizeof(V4_PREFIX) : address, text,
-	          DB_CLIENT_ADDRESS_MAX);
-}
-
-uint32_t db_client_number_after(uint32_t id)
-{
-	do
-		id++;
-	while (id == DB_CLIENT_NOBODY || id == DB_CLIENT_GROUP);
-	return id;
-}

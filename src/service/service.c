@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/service.h"
 
+#include "drivebridge/command_table.h"
 #include "drivebridge/log.h"
-#include "regmap/commands.h"
 #include "service/alone.h"
 #include "service/state.h"
 #include "service/status.h"

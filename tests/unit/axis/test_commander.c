@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "axis/limits.h"
 #include "drivebridge/commander.h"
+#include "drivebridge/limit.h"
+#include "drivebridge/server.h"
+#include "regmap/exception.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -13,7 +15,7 @@
 
 #define MS DB_NS_PER_MS
 
-/* Exceptions */
+/* Writes are judged by what their writer is told in the end. */
 #define ILLEGAL_FUNCTION 0x01
 #define ILLEGAL_VALUE 0x03
 #define FAILURE 0x04
@@ -50,12 +52,12 @@ static bool fake_submit(void *context, const struct db_request *request)
 	return true;
 }
 
-static void fake_answer(void *context, struct db_write_token token, uint8_t exception)
+static void fake_answer(void *context, struct db_write_token token, enum db_result result)
 {
 	struct fake *fake = context;
 
 	fake->answered_token[fake->answered] = token.sequence;
-	fake->answered_with[fake->answered++] = exception;
+	fake->answered_with[fake->answered++] = db_exception_of(result);
 }
 
 static uint64_t fake_wall(void *context)
@@ -185,8 +187,9 @@ static int write_as(struct fake *fake, uint16_t id, unsigned command, int32_t po
 		write.block.command_id = id;
 	write.block.command = (uint16_t)command;
 	write.block.args.target_position = position;
-	return db_commander_write(fake->commander, fake->client, &write,
-	                          (struct db_write_token){ 1, ++fake->next_token }, fake->now);
+	return db_exception_of_answer(
+		db_commander_write(fake->commander, fake->client, &write,
+	                           (struct db_write_token){ 1, ++fake->next_token }, fake->now));
 }
 
 /* One FC 16 over the whole block. */
@@ -424,13 +427,15 @@ static void arguments_alone_execute_nothing(void **state)
 	struct db_write_token token = { 1, 1 };
 
 	FAKE(false);
-	assert_int_equal(db_commander_write(fake.commander, fake.client, &write, token, fake.now),
+	assert_int_equal(db_exception_of_answer(db_commander_write(fake.commander, fake.client,
+	                                                           &write, token, fake.now)),
 	                 0);
 	assert_int_equal(db_commander_kept(fake.commander, fake.client).args.target_position, 3);
 	write.has_command = true;
 	write.has_id = true;
 	write.block.command = DB_CMD_NONE;
-	assert_int_equal(db_commander_write(fake.commander, fake.client, &write, token, fake.now),
+	assert_int_equal(db_exception_of_answer(db_commander_write(fake.commander, fake.client,
+	                                                           &write, token, fake.now)),
 	                 0);
 	assert_int_equal(fake.submitted, 0);
 	assert_int_equal(look(&fake).result, DB_RESULT_NONE);
@@ -444,7 +449,8 @@ static void command_alone_uses_an_unused_kept_id(void **state)
 
 	FAKE(false);
 	pass_baseline(&fake, 1);
-	assert_int_equal(db_commander_write(fake.commander, fake.client, &write, token, fake.now),
+	assert_int_equal(db_exception_of_answer(db_commander_write(fake.commander, fake.client,
+	                                                           &write, token, fake.now)),
 	                 0);
 	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), DB_WRITE_LATER);
 	assert_int_equal(look(&fake).result_id, 7);
@@ -485,11 +491,13 @@ static void arguments_a_command_does_not_use_make_no_difference(void **state)
 	finish(&fake, 0, DB_RESULT_OK);
 	write.block = db_commander_kept(fake.commander, fake.client);
 	write.block.args.shake_cycles = 99;
-	assert_int_equal(db_commander_write(fake.commander, fake.client, &write, token, fake.now),
+	assert_int_equal(db_exception_of_answer(db_commander_write(fake.commander, fake.client,
+	                                                           &write, token, fake.now)),
 	                 0);
 	assert_int_equal(fake.submitted, 1);
 	write.block.args.target_velocity = 99;
-	assert_int_equal(db_commander_write(fake.commander, fake.client, &write, token, fake.now),
+	assert_int_equal(db_exception_of_answer(db_commander_write(fake.commander, fake.client,
+	                                                           &write, token, fake.now)),
 	                 DB_WRITE_LATER);
 	drop(&fake);
 }
@@ -528,7 +536,8 @@ static void out_of_range_arguments(void **state)
 	struct db_write_token token = { 1, 1 };
 
 	FAKE(false);
-	assert_int_equal(db_commander_write(fake.commander, fake.client, &write, token, fake.now),
+	assert_int_equal(db_exception_of_answer(db_commander_write(fake.commander, fake.client,
+	                                                           &write, token, fake.now)),
 	                 ILLEGAL_VALUE);
 	assert_true(db_commander_kept(fake.commander, fake.client).args.target_velocity == 0.0f);
 	assert_int_equal(look(&fake).write_result, DB_RESULT_OUT_OF_RANGE);
@@ -844,9 +853,9 @@ static void parameters_are_one_request(void **state)
 	FAKE(false);
 	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
 	finish(&fake, 0, DB_RESULT_OK);
-	assert_int_equal(
-		db_commander_set(fake.commander, fake.client, settings, 2, token, fake.now),
-		DB_WRITE_LATER);
+	assert_int_equal(db_exception_of_answer(db_commander_set(fake.commander, fake.client,
+	                                                         settings, 2, token, fake.now)),
+	                 DB_WRITE_LATER);
 	assert_int_equal(fake.requests[1].command, DB_CMD_NONE);
 	assert_int_equal(fake.requests[1].setting_count, 2);
 	assert_int_equal(fake.requests[1].settings[1].param, 5);
@@ -859,17 +868,18 @@ static void parameters_are_one_request(void **state)
 	assert_int_equal(fake.answered_token[1], 77);
 	assert_int_equal(fake.answered_with[1], FAILURE);
 	set_status(&fake, DB_STATUS_BUS_UP);
-	assert_int_equal(
-		db_commander_set(fake.commander, fake.client, settings, 2, token, fake.now),
-		NO_ANSWER);
+	assert_int_equal(db_exception_of_answer(db_commander_set(fake.commander, fake.client,
+	                                                         settings, 2, token, fake.now)),
+	                 NO_ANSWER);
 	set_status(&fake, 0);
-	assert_int_equal(
-		db_commander_set(fake.commander, fake.client, settings, 2, token, fake.now),
-		NO_PATH);
+	assert_int_equal(db_exception_of_answer(db_commander_set(fake.commander, fake.client,
+	                                                         settings, 2, token, fake.now)),
+	                 NO_PATH);
 	set_status(&fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE);
 	fake.full = true;
-	assert_int_equal(
-		db_commander_set(fake.commander, fake.client, settings, 2, token, fake.now), BUSY);
+	assert_int_equal(db_exception_of_answer(db_commander_set(fake.commander, fake.client,
+	                                                         settings, 2, token, fake.now)),
+	                 BUSY);
 	assert_int_equal(look(&fake).write_result, DB_RESULT_BUSY);
 	drop(&fake);
 }
@@ -881,8 +891,9 @@ static void outside_commands_leave_the_block_alone(void **state)
 
 	FAKE(false);
 	for (unsigned i = 0; i < 2; i++) {
-		assert_int_equal(db_commander_execute(fake.commander, fake.client,
-		                                      DB_CMD_SET_OUTPUTS, &args, token, fake.now),
+		assert_int_equal(db_exception_of_answer(db_commander_execute(
+					 fake.commander, fake.client, DB_CMD_SET_OUTPUTS, &args,
+					 token, fake.now)),
 		                 DB_WRITE_LATER);
 		finish(&fake, i, DB_RESULT_OK);
 	}
@@ -1296,8 +1307,9 @@ static int move(struct fake *fake, enum db_command code, int32_t position, float
 {
 	struct db_args args = { .target_position = position, .target_velocity = velocity };
 
-	return db_commander_execute(fake->commander, fake->client, code, &args,
-	                            (struct db_write_token){ 0 }, fake->now);
+	return db_exception_of_answer(db_commander_execute(fake->commander, fake->client, code,
+	                                                   &args, (struct db_write_token){ 0 },
+	                                                   fake->now));
 }
 
 /* Ten counts a unit: -5..100 units, 20 units per second. The drive stands at 500 counts. */
@@ -1367,11 +1379,13 @@ static void jogs_and_currents_go_no_further_out(void **state)
 	assert_int_equal(move(&fake, DB_CMD_JOG_NEGATIVE, 0, 0.0f), ILLEGAL_VALUE);
 	assert_int_equal(look(&fake).result_limit, DB_LIMIT_MIN_POSITION);
 	assert_int_equal(move(&fake, DB_CMD_JOG_POSITIVE, 0, 0.0f), DB_WRITE_LATER);
-	assert_int_equal(db_commander_execute(fake.commander, NULL, DB_CMD_MOVE_CURRENT, &pull,
-	                                      token, fake.now),
+	assert_int_equal(db_exception_of_answer(db_commander_execute(fake.commander, NULL,
+	                                                             DB_CMD_MOVE_CURRENT, &pull,
+	                                                             token, fake.now)),
 	                 ILLEGAL_VALUE);
-	assert_int_equal(db_commander_execute(fake.commander, NULL, DB_CMD_MOVE_CURRENT, &push,
-	                                      token, fake.now),
+	assert_int_equal(db_exception_of_answer(db_commander_execute(fake.commander, NULL,
+	                                                             DB_CMD_MOVE_CURRENT, &push,
+	                                                             token, fake.now)),
 	                 DB_WRITE_LATER);
 	drop(&fake);
 }
@@ -1452,8 +1466,9 @@ static void a_stop_beside_a_staged_command_is_a_stop(void **state)
 	};
 
 	FAKE(false);
-	assert_int_equal(db_commander_write(fake.commander, NULL, &write,
-	                                    (struct db_write_token){ 1, 1 }, fake.now),
+	assert_int_equal(db_exception_of_answer(db_commander_write(fake.commander, NULL, &write,
+	                                                           (struct db_write_token){ 1, 1 },
+	                                                           fake.now)),
 	                 DB_WRITE_LATER);
 	assert_int_equal(fake.requests[0].command, DB_CMD_STOP);
 	drop(&fake);
@@ -1466,9 +1481,10 @@ static void a_stop_behind_parameters_joins_no_older_one(void **state)
 
 	FAKE(false);
 	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
-	assert_int_equal(db_commander_set(fake.commander, NULL, &setting, 1,
-	                                  (struct db_write_token){ 1, 1 }, fake.now),
-	                 DB_WRITE_LATER);
+	assert_int_equal(
+		db_exception_of_answer(db_commander_set(fake.commander, NULL, &setting, 1,
+	                                                (struct db_write_token){ 1, 1 }, fake.now)),
+		DB_WRITE_LATER);
 	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
 	assert_int_equal(fake.submitted, 3);
 	drop(&fake);
@@ -1484,8 +1500,9 @@ static void outputs_in_between_make_no_new_command(void **state)
 	assert_int_equal(put(&fake, 9, DB_CMD_NONE, 5), 0);
 	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), DB_WRITE_LATER);
 	finish(&fake, 0, DB_RESULT_OK);
-	assert_int_equal(db_commander_execute(fake.commander, NULL, DB_CMD_SET_OUTPUTS, &args,
-	                                      (struct db_write_token){ 1, 1 }, fake.now),
+	assert_int_equal(db_exception_of_answer(db_commander_execute(
+				 fake.commander, NULL, DB_CMD_SET_OUTPUTS, &args,
+				 (struct db_write_token){ 1, 1 }, fake.now)),
 	                 DB_WRITE_LATER);
 	finish(&fake, 1, DB_RESULT_OK);
 	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), 0);
@@ -1549,9 +1566,10 @@ static void history_tells_who_moved_it(void **state)
 	for (unsigned i = 0; i < 100; i++)
 		assert_int_equal(put(&fake, 2, DB_CMD_MOVE_ABSOLUTE, -77), 0);
 	assert_int_equal(entry_of(&fake, 0).sequence, 2);
-	assert_int_equal(db_commander_set(fake.commander, fake.client, &setting, 1,
-	                                  (struct db_write_token){ 1, 1 }, fake.now),
-	                 DB_WRITE_LATER);
+	assert_int_equal(
+		db_exception_of_answer(db_commander_set(fake.commander, fake.client, &setting, 1,
+	                                                (struct db_write_token){ 1, 1 }, fake.now)),
+		DB_WRITE_LATER);
 	assert_int_equal(entry_of(&fake, 0).command, DB_CMD_NONE);
 	assert_int_equal(entry_of(&fake, 0).number, 3);
 	assert_int_equal(entry_of(&fake, 0).value, 0x3FC00000);

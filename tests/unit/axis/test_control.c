@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "axis/control.h"
+#include "drivebridge/control.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "axis/watchdog.h"
+#include "drivebridge/heartbeat.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

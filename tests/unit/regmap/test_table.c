@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "regmap/commands.h"
+#include "drivebridge/command_table.h"
 #include "regmap/image.h"
 #include "regmap/index.h"
 

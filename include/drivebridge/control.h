@@ -9,10 +9,10 @@
  *
  * Pure: time is passed in, one thread.
  */
-#ifndef DRIVEBRIDGE_AXIS_CONTROL_H
-#define DRIVEBRIDGE_AXIS_CONTROL_H
+#ifndef DRIVEBRIDGE_CONTROL_H
+#define DRIVEBRIDGE_CONTROL_H
 
-#include "drivebridge/server.h"
+#include "drivebridge/client.h"
 #include "drivebridge/time.h"
 
 #include <stdbool.h>

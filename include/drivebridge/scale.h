@@ -3,8 +3,8 @@
  * Drive units to the user's: one scale, for what is shown and for the limits. The configuration's
  * counts-per-unit goes first; without it, what the drive itself knows of its mechanics. Pure.
  */
-#ifndef DRIVEBRIDGE_AXIS_SCALE_H
-#define DRIVEBRIDGE_AXIS_SCALE_H
+#ifndef DRIVEBRIDGE_SCALE_H
+#define DRIVEBRIDGE_SCALE_H
 
 #include "drivebridge/axis.h"
 #include "drivebridge/config.h"

@@ -3,8 +3,8 @@
  * The one command table: which codes there are, how they are called and which registers of the
  * command block are their arguments.
  */
-#ifndef DRIVEBRIDGE_REGMAP_COMMANDS_H
-#define DRIVEBRIDGE_REGMAP_COMMANDS_H
+#ifndef DRIVEBRIDGE_COMMAND_TABLE_H
+#define DRIVEBRIDGE_COMMAND_TABLE_H
 
 #include "drivebridge/command.h"
 

@@ -7,8 +7,8 @@
  *
  * The words array holds DB_SEQLOCK_WORDS(type) elements; everything starts as zero.
  */
-#ifndef DRIVEBRIDGE_AXIS_SEQLOCK_H
-#define DRIVEBRIDGE_AXIS_SEQLOCK_H
+#ifndef DRIVEBRIDGE_SEQLOCK_H
+#define DRIVEBRIDGE_SEQLOCK_H
 
 #include <sched.h>
 #include <stdatomic.h>

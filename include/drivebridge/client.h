@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A client as the rooms behind the server know it, and the write of one that is answered later. Pure;
+ * any thread.
+ */
+#ifndef DRIVEBRIDGE_CLIENT_H
+#define DRIVEBRIDGE_CLIENT_H
+
+#include "drivebridge/result.h"
+#include "drivebridge/time.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* Numbers that no client has: nobody in particular, and the parts of a group command. */
+#define DB_CLIENT_NOBODY 0
+#define DB_CLIENT_GROUP UINT32_MAX
+
+/* The number that follows; skips those that no client has. */
+uint32_t db_client_number_after(uint32_t id);
+
+/* Who asks. Valid for the duration of the call. */
+struct db_client {
+	uint32_t id; /* of this connection: no other one's while it lasts; none of those above */
+	uint8_t address[16]; /* IPv6, or IPv4 v4-mapped */
+	uint16_t port;
+	bool may_write;
+	/* The request did not reach this machine before this time, and perhaps at this time: one that
+	 * waited in a buffer is no sign of life of now. 0: just now. */
+	db_time arrived;
+};
+
+/* When its request arrived, as far as is known. */
+static inline db_time db_client_arrived(const struct db_client *client, db_time now)
+{
+	return client && client->arrived != 0 ? client->arrived : now;
+}
+
+#define DB_CLIENT_ADDRESS_MAX 46
+
+/* The address as people write it: "192.168.10.5", "fd00::5". */
+void db_client_address(const uint8_t address[16], char text[DB_CLIENT_ADDRESS_MAX]);
+
+/* An IPv4 address in one number, the first byte highest; DB_CLIENT_IPV6 for what is none. */
+#define DB_CLIENT_IPV6 UINT32_MAX
+uint32_t db_client_ipv4(const uint8_t address[16]);
+
+/*
+ * Names one write that is to be answered later. Stays valid in the sense that answering it is
+ * always allowed: when its connection has gone meanwhile, the answer is dropped.
+ */
+struct db_write_token {
+	uint32_t client;
+	uint32_t sequence;
+};
+
+/* What the writer is told of its write. */
+struct db_write_answer {
+	bool later; /* nothing yet: it waits for the end, and is told that by its token */
+	/* Else this. PENDING: it is on its way, and the writer is not told of its end. */
+	enum db_result result;
+};
+
+/* Whether the write was not refused: it was carried out, or is on its way. */
+static inline bool db_write_is_taken(struct db_write_answer answer)
+{
+	return answer.later || answer.result == DB_RESULT_PENDING ||
+	       db_result_is_success(answer.result);
+}
+
+#endif

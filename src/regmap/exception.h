@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Results as Modbus tells them: the one place where the one becomes the other. Pure. */
+#ifndef DRIVEBRIDGE_REGMAP_EXCEPTION_H
+#define DRIVEBRIDGE_REGMAP_EXCEPTION_H
+
+#include "drivebridge/client.h"
+#include "drivebridge/result.h"
+
+#include <stdint.h>
+
+/* The Modbus exception that tells this result; 0 for NONE, OK and UNPROVEN. PENDING is 05. */
+uint8_t db_exception_of(enum db_result result);
+
+/* What db_backend's write returns for it: 0, an exception, or DB_WRITE_LATER. */
+int db_exception_of_answer(struct db_write_answer answer);
+
+#endif
