@@ -15,7 +15,8 @@ struct db_bus;
 
 /* A drive as its bus knows it. Its configuration and axis must outlive its time on the bus. */
 struct db_bus_drive {
-	uint16_t number; /* names it in requests; never another one's as long as it is there */
+	uint16_t
+		drive; /* its number: names it in requests; no other one's as long as it is there */
 	const struct db_drive_config *config;
 	struct db_axis *axis;
 };

@@ -101,7 +101,7 @@ struct db_setting {
 /* What the network thread hands to a bus. The settings are the giver's; a mailbox copies them. */
 struct db_request {
 	uint32_t ticket;        /* comes back in the completion; never 0 */
-	uint16_t axis;          /* number of the drive; see struct db_bus_drive */
+	uint16_t drive;         /* see struct db_bus_drive */
 	uint16_t setting_count; /* > 0: a parameter write; command is NONE */
 	enum db_command command;
 	struct db_args args;
@@ -113,7 +113,7 @@ struct db_request {
 /* What comes back, exactly once for each request taken. */
 struct db_completion {
 	uint32_t ticket;
-	uint16_t axis;
+	uint16_t drive;
 	enum db_result result;
 	db_time sent; /* when the command itself was first put on the wire; 0: it was not */
 	db_time finished;

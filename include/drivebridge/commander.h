@@ -89,7 +89,7 @@ struct db_commander_config {
 	const struct db_commander *neighbour;
 	uint64_t commands; /* db_driver_commands() */
 	const struct db_axis *axis;
-	uint16_t drive; /* its number, 0..65534; see struct db_bus_drive. Makes tickets unique */
+	uint16_t drive;     /* 0..65534; see struct db_bus_drive. Makes tickets unique */
 	bool ids_by_client; /* command-id-scope = client */
 	unsigned confirm_ms;
 	bool accept_writes;   /* answer success at once; the result registers tell the end */

@@ -32,8 +32,8 @@ struct db_roster_bus {
 };
 
 struct db_roster_drive {
-	uint16_t number; /* see struct db_bus_drive; of no other drive, also not of one that left */
-	size_t bus;      /* place among the roster's */
+	uint16_t drive; /* see struct db_bus_drive; of no other drive, also not of one that left */
+	size_t bus;     /* place among the roster's */
 	const struct db_drive_config *config;
 	struct db_axis *axis;
 };
@@ -75,7 +75,7 @@ void db_registers_free(struct db_registers *registers);
  * will be needed; it is 0 or -ENOMEM. Retiring takes the drives that will not be there from their units
  * at once, which then answer 0A; in the gateway's registers they keep their places and are offline; what
  * their buses still complete is taken. The change then puts the new roster in the place of the old one:
- * drives of the same number keep all that is known of them; who still waits for one that left is
+ * drives that were there before keep all that is known of them; who still waits for one that left is
  * answered as cancelled. Instead, db_registers_change_free() forgets what was prepared.
  */
 struct db_registers_change;
@@ -83,7 +83,7 @@ struct db_registers_change;
 int db_registers_prepare(struct db_registers *registers, const struct db_roster *roster,
                          struct db_registers_change **change);
 void db_registers_retire(struct db_registers *registers, const struct db_registers_change *change);
-void db_registers_change(struct db_registers *registers, struct db_registers_change *change);
+void db_registers_apply(struct db_registers *registers, struct db_registers_change *change);
 void db_registers_change_free(struct db_registers_change *change);
 
 /* For db_server_new(); its context is the struct db_registers. */

@@ -118,7 +118,7 @@ void db_server_free(struct db_server *server);
 /*
  * Other settings, in two steps. Preparing does all that can fail, such as listening on another address
  * beside the old one; it changes nothing that a client could notice. 0 or a negative errno. Then
- * db_server_change() lets them take effect, or db_server_change_free() forgets them; no event is to be
+ * db_server_apply() lets them take effect, or db_server_change_free() forgets them; no event is to be
  * served in between. Connections stay, except those of clients that may not connect any more. The
  * former configuration is not used afterwards.
  */
@@ -126,7 +126,7 @@ struct db_server_change;
 
 int db_server_prepare(struct db_server *server, const struct db_modbus_config *config,
                       struct db_server_change **change);
-void db_server_change(struct db_server *server, struct db_server_change *change);
+void db_server_apply(struct db_server *server, struct db_server_change *change);
 void db_server_change_free(struct db_server_change *change);
 
 /* Serves every client once whose requests wait, as the loop does: for who acts on their silence and

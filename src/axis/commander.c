@@ -591,7 +591,7 @@ static bool submit(struct db_commander *commander, const struct db_client *clien
 	if (!*slot)
 		return false;
 	request->ticket = new_ticket(commander);
-	request->axis = commander->config.drive;
+	request->drive = commander->config.drive;
 	if (!commander->ops->submit(commander->context, request))
 		return false;
 	taken.ticket = request->ticket;
@@ -1187,7 +1187,7 @@ static void say_again(struct db_commander *commander, struct db_slot *slot, db_t
 {
 	struct db_request request = {
 		.ticket = new_ticket(commander),
-		.axis = commander->config.drive,
+		.drive = commander->config.drive,
 		.command = slot->command,
 		.submitted = now,
 	};

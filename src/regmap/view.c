@@ -433,12 +433,12 @@ const struct db_backend db_registers_backend = {
 /* --- what comes back from the buses ---------------------------------------------------------------- */
 
 /* Null: it has left. */
-static struct view_drive *drive_numbered(const struct db_registers *registers, uint16_t number)
+static struct view_drive *find_drive(const struct db_registers *registers, uint16_t drive)
 {
 	const struct view_layout *layout = registers->layout;
 
 	for (size_t i = 0; layout && i < layout->drive_count; i++) {
-		if (layout->drives[i]->number == number)
+		if (layout->drives[i]->drive == drive)
 			return layout->drives[i];
 	}
 	return NULL;
@@ -447,7 +447,7 @@ static struct view_drive *drive_numbered(const struct db_registers *registers, u
 void db_registers_complete(struct db_registers *registers, const struct db_completion *completion,
                            db_time now)
 {
-	struct view_drive *drive = drive_numbered(registers, db_ticket_drive(completion->ticket));
+	struct view_drive *drive = find_drive(registers, db_ticket_drive(completion->ticket));
 
 	if (!drive)
 		return;
@@ -600,7 +600,7 @@ static int make_parts(struct view_drive *drive, const struct view_drive *neighbo
 		.neighbour = neighbour ? neighbour->commander : NULL,
 		.commands = db_driver_commands(drive->bus, drive->config),
 		.axis = drive->axis,
-		.drive = drive->number,
+		.drive = drive->drive,
 		.watchdog_ms = drive->config->watchdog_ms,
 		.on_client_loss = db_on_loss_command(drive->config->on_client_loss),
 	};
@@ -650,7 +650,7 @@ static struct view_drive *new_drive(struct db_registers *registers, const struct
 	if (!drive)
 		return NULL;
 	drive->registers = registers;
-	drive->number = member->number;
+	drive->drive = member->drive;
 	drive->config = member->config;
 	drive->axis = member->axis;
 	drive->bus = bus;
@@ -730,7 +730,7 @@ static int fill_layout(struct db_registers *registers, const struct db_roster *r
 	for (; layout->drive_count < roster->drive_count; layout->drive_count++) {
 		size_t i = layout->drive_count;
 		const struct db_roster_drive *member = &roster->drives[i];
-		struct view_drive *drive = drive_numbered(registers, member->number);
+		struct view_drive *drive = find_drive(registers, member->drive);
 
 		change->places[i] = (struct place){
 			.made = !drive,
@@ -830,7 +830,7 @@ static void settle(struct view_drive *drive, const struct db_modbus_config *modb
 		db_control_change(&drive->control, control, modbus->control_timeout_ms);
 }
 
-void db_registers_change(struct db_registers *registers, struct db_registers_change *change)
+void db_registers_apply(struct db_registers *registers, struct db_registers_change *change)
 {
 	struct view_layout *old = registers->layout;
 	struct view_layout *layout = change->layout;
@@ -868,7 +868,7 @@ int db_registers_new(const struct db_roster *roster, const struct db_registers_o
 		db_registers_free(made);
 		return -ENOMEM;
 	}
-	db_registers_change(made, change);
+	db_registers_apply(made, change);
 	*registers = made;
 	return 0;
 }

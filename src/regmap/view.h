@@ -22,8 +22,8 @@ struct view_map {
 
 struct view_drive {
 	struct db_registers *registers;
-	uint16_t number;
-	bool leaving; /* nobody reaches it any more; its bus still has it */
+	uint16_t drive; /* see struct db_bus_drive */
+	bool leaving;   /* nobody reaches it any more; its bus still has it */
 	const struct db_drive_config *config;
 	const struct db_bus_config *bus;
 	struct db_bus *line; /* for the ops */

@@ -167,7 +167,7 @@ static bool is_waiting(const struct db_engine *engine, const struct station *sta
 	for (size_t i = 0; i < engine->waiting_count; i++) {
 		const struct db_request *request = db_letter_request(engine->waiting[i]);
 
-		if (request->group == group && request->axis == station->number)
+		if (request->group == group && request->drive == station->number)
 			return true;
 	}
 	return false;
@@ -320,7 +320,7 @@ static bool begin_letter(struct db_engine *engine, size_t index, db_time now)
 {
 	struct db_letter *letter = engine->waiting[index];
 	const struct db_request *request = db_letter_request(letter);
-	struct station *station = engine_station(engine, request->axis);
+	struct station *station = engine_station(engine, request->drive);
 	enum db_job_kind kind = request->setting_count > 0 ? DB_JOB_SETTINGS : DB_JOB_COMMAND;
 	enum db_result result = DB_RESULT_FAILED;
 
@@ -365,7 +365,7 @@ static bool begin_front(struct db_engine *engine, db_time now)
 {
 	for (size_t i = 0; i < engine->waiting_count;) {
 		const struct db_request *request = db_letter_request(engine->waiting[i]);
-		const struct station *station = engine_station(engine, request->axis);
+		const struct station *station = engine_station(engine, request->drive);
 		size_t before = engine->waiting_count;
 
 		/* A command given after a stop waits until the stop is confirmed. */

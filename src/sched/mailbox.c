@@ -159,7 +159,7 @@ static void fill(struct db_letter *letter, const struct db_request *request)
 	struct room *room = room_of(letter);
 
 	letter->ticket = request->ticket;
-	letter->axis = request->axis;
+	letter->axis = request->drive;
 	letter->command = request->command;
 	letter->sent = 0;
 	if (!room)
@@ -203,7 +203,7 @@ static struct db_letter *free_stop(struct db_mailbox *mailbox, uint16_t drive)
 bool db_mailbox_post(struct db_mailbox *mailbox, const struct db_request *request)
 {
 	bool stop = db_command_is_stop(request->command);
-	struct db_letter *letter = stop ? free_stop(mailbox, request->axis) : free_letter(mailbox);
+	struct db_letter *letter = stop ? free_stop(mailbox, request->drive) : free_letter(mailbox);
 
 	if (!letter)
 		return false;
@@ -237,7 +237,7 @@ bool db_mailbox_collect(struct db_mailbox *mailbox, struct db_completion *comple
 		return false;
 	*completion = (struct db_completion){
 		.ticket = letter->ticket,
-		.axis = letter->axis,
+		.drive = letter->axis,
 		.result = letter->result,
 		.sent = letter->sent,
 		.finished = letter->finished,

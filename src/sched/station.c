@@ -130,7 +130,7 @@ struct station *station_new(const struct db_bus_config *bus, const struct db_bus
 
 	if (!station)
 		return NULL;
-	station->number = drive->number;
+	station->number = drive->drive;
 	station->config = drive->config;
 	station->axis = drive->axis;
 	station->device = calloc(1, bus->driver->device_size);

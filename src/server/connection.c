@@ -14,9 +14,9 @@
 
 /* A request whose answer has to wait: it, or one before it, is a write that is not finished. */
 struct entry {
-	struct db_request request; /* data is void: a write has been handed over already */
-	bool unfinished;           /* the backend owes an answer */
-	uint8_t exception;         /* of a finished write, or of a request that was refused */
+	struct db_modbus_request request; /* data is void: a write has been handed over already */
+	bool unfinished;                  /* the backend owes an answer */
+	uint8_t exception; /* of a finished write, or of a request that was refused */
 };
 
 /* What is waited for while requests are taken. */
@@ -216,7 +216,8 @@ static bool flush_kept(struct db_connection *c, db_time now)
 /* Requests. */
 
 /* Puts the answer to a request that is done into the batch, which has room for it. */
-static void answer(struct db_connection *c, const struct db_request *request, uint8_t exception)
+static void answer(struct db_connection *c, const struct db_modbus_request *request,
+                   uint8_t exception)
 {
 	struct db_connection_group *group = c->group;
 	uint8_t *adu = group->batch + group->batch_used;
@@ -265,9 +266,10 @@ static bool ensure_queue(struct db_connection *c)
  * FC 22 computes from the register's value, which a write in flight may be about to change. It has
  * to wait for it, and what comes behind waits too, so that writes keep their order.
  */
-static bool depends_on_unfinished(const struct db_connection *c, const struct db_request *request)
+static bool depends_on_unfinished(const struct db_connection *c,
+                                  const struct db_modbus_request *request)
 {
-	const struct db_request *other;
+	const struct db_modbus_request *other;
 
 	if (request->function != MODBUS_FC_MASK_WRITE_REGISTER)
 		return false;
@@ -282,7 +284,8 @@ static bool depends_on_unfinished(const struct db_connection *c, const struct db
 }
 
 /* Refuses or dispatches a request: 0, an exception, or DB_WRITE_LATER. */
-static int start_request(struct db_connection *c, const struct db_request *request, db_time now)
+static int start_request(struct db_connection *c, const struct db_modbus_request *request,
+                         db_time now)
 {
 	struct db_connection_group *group = c->group;
 	const struct db_executor *executor = &group->executor;
@@ -302,7 +305,7 @@ static int start_request(struct db_connection *c, const struct db_request *reque
 }
 
 /* Answers a request at once or puts it behind those that are not finished. */
-static bool settle(struct db_connection *c, const struct db_request *request, int result)
+static bool settle(struct db_connection *c, const struct db_modbus_request *request, int result)
 {
 	struct entry *entry;
 
@@ -350,7 +353,7 @@ static bool may_go_on(struct db_connection *c, db_time now)
 /* Takes the request at `*offset` of the input buffer. */
 static enum taken take_request(struct db_connection *c, size_t *offset, db_time now)
 {
-	struct db_request request;
+	struct db_modbus_request request;
 	const uint8_t *adu = c->in + *offset;
 	int length = db_pdu_cut(adu, c->in_used - *offset);
 	int result;

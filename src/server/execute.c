@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "server/execute.h"
 
-static enum db_table write_table(const struct db_request *request)
+static enum db_table write_table(const struct db_modbus_request *request)
 {
 	return request->function == MODBUS_FC_WRITE_SINGLE_COIL ||
 	                       request->function == MODBUS_FC_WRITE_MULTIPLE_COILS ?
@@ -10,7 +10,7 @@ static enum db_table write_table(const struct db_request *request)
 }
 
 int db_execute_write(const struct db_executor *executor, const struct db_client *client,
-                     const struct db_request *request, struct db_write_token token)
+                     const struct db_modbus_request *request, struct db_write_token token)
 {
 	const struct db_backend *backend = executor->backend;
 	uint16_t values[MODBUS_MAX_WRITE_BITS];
@@ -44,7 +44,7 @@ int db_execute_write(const struct db_executor *executor, const struct db_client 
 }
 
 static size_t answer_read(const struct db_executor *executor, const struct db_client *client,
-                          const struct db_request *request, uint8_t *adu, uint8_t *exception)
+                          const struct db_modbus_request *request, uint8_t *adu, uint8_t *exception)
 {
 	uint16_t values[MODBUS_MAX_READ_BITS];
 	enum db_table table = DB_TABLE_HOLDING;
@@ -61,8 +61,8 @@ static size_t answer_read(const struct db_executor *executor, const struct db_cl
 	                    db_pdu_read(request, values, adu);
 }
 
-static size_t answer_server_id(const struct db_executor *executor, const struct db_request *request,
-                               uint8_t *adu)
+static size_t answer_server_id(const struct db_executor *executor,
+                               const struct db_modbus_request *request, uint8_t *adu)
 {
 	char text[MODBUS_MAX_PDU_LENGTH];
 	bool running = false;
@@ -72,8 +72,9 @@ static size_t answer_server_id(const struct db_executor *executor, const struct 
 	return db_pdu_server_id(request, text, length, running, adu);
 }
 
-static size_t answer_device_id(const struct db_executor *executor, const struct db_request *request,
-                               uint8_t *adu, uint8_t *exception)
+static size_t answer_device_id(const struct db_executor *executor,
+                               const struct db_modbus_request *request, uint8_t *adu,
+                               uint8_t *exception)
 {
 	const char *objects[DB_DEVICE_ID_OBJECTS];
 	size_t length;
@@ -86,7 +87,7 @@ static size_t answer_device_id(const struct db_executor *executor, const struct 
 }
 
 size_t db_execute_answer(const struct db_executor *executor, const struct db_client *client,
-                         const struct db_request *request, uint8_t *adu, uint8_t *exception)
+                         const struct db_modbus_request *request, uint8_t *adu, uint8_t *exception)
 {
 	*exception = 0;
 	switch (request->function) {

@@ -21,13 +21,13 @@ struct db_executor {
  * the registers to read do not exist, so that 02 always means that nothing happened.
  */
 int db_execute_write(const struct db_executor *executor, const struct db_client *client,
-                     const struct db_request *request, struct db_write_token token);
+                     const struct db_modbus_request *request, struct db_write_token token);
 
 /*
  * Makes the answer to a request that was not refused: reads what it asks for now. `adu` has room
  * for DB_ADU_MAX bytes. Returns the length; *exception tells what the answer says.
  */
 size_t db_execute_answer(const struct db_executor *executor, const struct db_client *client,
-                         const struct db_request *request, uint8_t *adu, uint8_t *exception);
+                         const struct db_modbus_request *request, uint8_t *adu, uint8_t *exception);
 
 #endif

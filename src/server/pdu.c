@@ -50,7 +50,8 @@ static bool range_fits(uint16_t address, uint16_t count)
 
 /* The parsers below get the PDU: pdu[0] is the function. */
 
-static uint8_t parse_read(const uint8_t *pdu, size_t length, uint16_t max, struct db_request *r)
+static uint8_t parse_read(const uint8_t *pdu, size_t length, uint16_t max,
+                          struct db_modbus_request *r)
 {
 	if (length != 5)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
@@ -62,7 +63,7 @@ static uint8_t parse_read(const uint8_t *pdu, size_t length, uint16_t max, struc
 	                                                    MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
 }
 
-static uint8_t parse_single(const uint8_t *pdu, size_t length, struct db_request *r)
+static uint8_t parse_single(const uint8_t *pdu, size_t length, struct db_modbus_request *r)
 {
 	if (length != 5)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
@@ -75,7 +76,7 @@ static uint8_t parse_single(const uint8_t *pdu, size_t length, struct db_request
 	return 0;
 }
 
-static uint8_t parse_multiple(const uint8_t *pdu, size_t length, struct db_request *r)
+static uint8_t parse_multiple(const uint8_t *pdu, size_t length, struct db_modbus_request *r)
 {
 	bool bits = r->function == MODBUS_FC_WRITE_MULTIPLE_COILS;
 	unsigned max = bits ? MODBUS_MAX_WRITE_BITS : MODBUS_MAX_WRITE_REGISTERS;
@@ -93,7 +94,7 @@ static uint8_t parse_multiple(const uint8_t *pdu, size_t length, struct db_reque
 	                                                      MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
 }
 
-static uint8_t parse_mask(const uint8_t *pdu, size_t length, struct db_request *r)
+static uint8_t parse_mask(const uint8_t *pdu, size_t length, struct db_modbus_request *r)
 {
 	if (length != 7)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
@@ -104,7 +105,7 @@ static uint8_t parse_mask(const uint8_t *pdu, size_t length, struct db_request *
 	return 0;
 }
 
-static uint8_t parse_write_read(const uint8_t *pdu, size_t length, struct db_request *r)
+static uint8_t parse_write_read(const uint8_t *pdu, size_t length, struct db_modbus_request *r)
 {
 	unsigned bytes;
 
@@ -127,7 +128,7 @@ static uint8_t parse_write_read(const uint8_t *pdu, size_t length, struct db_req
 	               MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
 }
 
-static uint8_t parse_device_id(const uint8_t *pdu, size_t length, struct db_request *r)
+static uint8_t parse_device_id(const uint8_t *pdu, size_t length, struct db_modbus_request *r)
 {
 	/* Other interface types count as other functions, whatever their length. */
 	if (length >= 2 && pdu[1] != MEI_DEVICE_ID)
@@ -139,12 +140,12 @@ static uint8_t parse_device_id(const uint8_t *pdu, size_t length, struct db_requ
 	return 0;
 }
 
-uint8_t db_pdu_parse(const uint8_t *adu, size_t length, struct db_request *request)
+uint8_t db_pdu_parse(const uint8_t *adu, size_t length, struct db_modbus_request *request)
 {
 	const uint8_t *pdu = adu + HEADER;
 	size_t size = length - HEADER;
 
-	*request = (struct db_request){
+	*request = (struct db_modbus_request){
 		.transaction = get16(adu),
 		.unit = adu[6],
 		.function = pdu[0],
@@ -175,7 +176,7 @@ uint8_t db_pdu_parse(const uint8_t *adu, size_t length, struct db_request *reque
 	}
 }
 
-void db_pdu_values(const struct db_request *request, uint16_t *values)
+void db_pdu_values(const struct db_modbus_request *request, uint16_t *values)
 {
 	unsigned i;
 
@@ -195,7 +196,7 @@ void db_pdu_values(const struct db_request *request, uint16_t *values)
 }
 
 /* Completes the header of a frame whose PDU of `length` bytes is in place. */
-static size_t finish(const struct db_request *request, size_t length, uint8_t *adu)
+static size_t finish(const struct db_modbus_request *request, size_t length, uint8_t *adu)
 {
 	put16(adu, request->transaction);
 	put16(adu + 2, 0);
@@ -204,14 +205,14 @@ static size_t finish(const struct db_request *request, size_t length, uint8_t *a
 	return HEADER + length;
 }
 
-size_t db_pdu_exception(const struct db_request *request, uint8_t exception, uint8_t *adu)
+size_t db_pdu_exception(const struct db_modbus_request *request, uint8_t exception, uint8_t *adu)
 {
 	adu[HEADER] = request->function | 0x80u;
 	adu[HEADER + 1] = exception;
 	return finish(request, 2, adu);
 }
 
-size_t db_pdu_read(const struct db_request *request, const uint16_t *values, uint8_t *adu)
+size_t db_pdu_read(const struct db_modbus_request *request, const uint16_t *values, uint8_t *adu)
 {
 	bool bits = request->function == MODBUS_FC_READ_COILS ||
 	            request->function == MODBUS_FC_READ_DISCRETE_INPUTS;
@@ -232,7 +233,7 @@ size_t db_pdu_read(const struct db_request *request, const uint16_t *values, uin
 	return finish(request, 2 + bytes, adu);
 }
 
-size_t db_pdu_written(const struct db_request *request, uint8_t *adu)
+size_t db_pdu_written(const struct db_modbus_request *request, uint8_t *adu)
 {
 	uint8_t *pdu = adu + HEADER;
 
@@ -253,7 +254,7 @@ size_t db_pdu_written(const struct db_request *request, uint8_t *adu)
 	}
 }
 
-size_t db_pdu_server_id(const struct db_request *request, const char *text, size_t length,
+size_t db_pdu_server_id(const struct db_modbus_request *request, const char *text, size_t length,
                         bool running, uint8_t *adu)
 {
 	uint8_t *pdu = adu + HEADER;
@@ -282,7 +283,7 @@ static size_t add_object(uint8_t *pdu, size_t used, uint8_t id, const char *text
 	return used + 2 + length;
 }
 
-size_t db_pdu_device_id(const struct db_request *request,
+size_t db_pdu_device_id(const struct db_modbus_request *request,
                         const char *const objects[DB_DEVICE_ID_OBJECTS], uint8_t *adu,
                         uint8_t *exception)
 {

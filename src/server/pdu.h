@@ -26,7 +26,7 @@
  * One request that passed db_pdu_parse(). Ranges are checked: at least one value, at most what the
  * function allows, and the end is within 65536.
  */
-struct db_request {
+struct db_modbus_request {
 	const uint8_t *data; /* FC 5, 6, 15, 16, 23: values, inside the caller's frame */
 	uint16_t transaction;
 	uint16_t read_address; /* FC 1..4, 23 */
@@ -52,25 +52,25 @@ int db_pdu_cut(const uint8_t *bytes, size_t length);
  * function, else 03 for a wrong length, quantity, byte count or value, else 02 for a range that
  * ends beyond 65536. Transaction, unit and function are always filled in.
  */
-uint8_t db_pdu_parse(const uint8_t *adu, size_t length, struct db_request *request);
+uint8_t db_pdu_parse(const uint8_t *adu, size_t length, struct db_modbus_request *request);
 
 /* The write_count values of FC 5, 6, 15, 16 and 23 in host order: registers, or 0 and 1. */
-void db_pdu_values(const struct db_request *request, uint16_t *values);
+void db_pdu_values(const struct db_modbus_request *request, uint16_t *values);
 
 /* Answers. `adu` has room for DB_ADU_MAX bytes; they return the length of the frame. */
-size_t db_pdu_exception(const struct db_request *request, uint8_t exception, uint8_t *adu);
+size_t db_pdu_exception(const struct db_modbus_request *request, uint8_t exception, uint8_t *adu);
 
 /* FC 1..4 and 23; read_count values in host order, bits as 0 and not 0. */
-size_t db_pdu_read(const struct db_request *request, const uint16_t *values, uint8_t *adu);
+size_t db_pdu_read(const struct db_modbus_request *request, const uint16_t *values, uint8_t *adu);
 
 /* FC 5, 6, 15, 16 and 22. */
-size_t db_pdu_written(const struct db_request *request, uint8_t *adu);
+size_t db_pdu_written(const struct db_modbus_request *request, uint8_t *adu);
 
 /*
  * FC 17: an id of one byte (the unit), the run indicator, the text. The standard leaves the layout to the
  * device; this is what clients take apart. Text beyond 249 bytes is cut off.
  */
-size_t db_pdu_server_id(const struct db_request *request, const char *text, size_t length,
+size_t db_pdu_server_id(const struct db_modbus_request *request, const char *text, size_t length,
                         bool running, uint8_t *adu);
 
 /*
@@ -78,7 +78,7 @@ size_t db_pdu_server_id(const struct db_request *request, const char *text, size
  * Returns 0 and sets *exception when there is nothing to tell: 02 for an unknown single object, 01
  * for a unit without any object.
  */
-size_t db_pdu_device_id(const struct db_request *request,
+size_t db_pdu_device_id(const struct db_modbus_request *request,
                         const char *const objects[DB_DEVICE_ID_OBJECTS], uint8_t *adu,
                         uint8_t *exception);
 

@@ -574,7 +574,7 @@ static void forget_pace(struct db_server *server, db_time now)
 		db_connection_take_turn(server->connections[i], now);
 }
 
-void db_server_change(struct db_server *server, struct db_server_change *change)
+void db_server_apply(struct db_server *server, struct db_server_change *change)
 {
 	unsigned pace = server->group.config->max_requests_per_second;
 	db_time now = loop_time(server);

@@ -91,7 +91,7 @@ struct db_bus_drive *plant_drives_on(const struct plant *plant, const struct pla
 		if (drive->bus != bus || plant_has_drive(except, drive))
 			continue;
 		drives[(*count)++] = (struct db_bus_drive){
-			.number = drive->number,
+			.drive = drive->number,
 			.config = drive->config,
 			.axis = drive->axis,
 		};
@@ -118,7 +118,7 @@ int plant_roster_init(struct plant_roster *roster, const struct plant *plant)
 		while (plant->buses[bus] != drive->bus)
 			bus++;
 		roster->drives[i] = (struct db_roster_drive){
-			.number = drive->number,
+			.drive = drive->number,
 			.bus = bus,
 			.config = drive->config,
 			.axis = drive->axis,

@@ -140,7 +140,7 @@ static int prepare_bus(struct plant_bus *bus, const struct plant *running, const
 	int error = leaving && coming && numbers ? 0 : -ENOMEM;
 
 	for (size_t i = 0; error == 0 && i < leaving_count; i++)
-		numbers[i] = leaving[i].number;
+		numbers[i] = leaving[i].drive;
 	if (error == 0 && leaving_count + coming_count > 0)
 		error = db_bus_change_new(bus->bus, numbers, leaving_count, coming, coming_count,
 		                          &bus->change);
@@ -217,7 +217,7 @@ static void retire(struct service *service, struct reload *reload)
 	                        reload->next->edition->config->modbus.listen) != 0;
 
 	db_registers_retire(service->registers, reload->registers);
-	db_server_change(service->server, reload->server);
+	db_server_apply(service->server, reload->server);
 	reload->server = NULL;
 	service->log.level = reload->next->edition->config->modbus.log;
 	if (elsewhere)
@@ -273,7 +273,7 @@ static int take_over(struct service *service, struct reload *reload)
 		if (before->buses[i]->leaving)
 			service_collect(before->buses[i]);
 	}
-	db_registers_change(service->registers, reload->registers);
+	db_registers_apply(service->registers, reload->registers);
 	service->plant = reload->next;
 	service_keep_descriptors(service);
 	for (size_t i = 0; error == 0 && i < service->plant->bus_count; i++) {

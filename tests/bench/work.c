@@ -143,7 +143,7 @@ void work_of_the_loop(sd_event *loop)
 static void complete(struct front *front)
 {
 	const struct db_completion completion = { .ticket = front->request.ticket,
-		                                  .axis = front->request.axis,
+		                                  .drive = front->request.drive,
 		                                  .result = DB_RESULT_OK };
 
 	db_registers_complete(front->registers, &completion, standing);

@@ -283,7 +283,7 @@ static void post(struct world *world, struct db_request *request, size_t place)
 	if (world->ticket_count == TICKETS)
 		return;
 	request->ticket = (uint32_t)world->ticket_count + 1;
-	request->axis = world->places[place].number;
+	request->drive = world->places[place].number;
 	request->submitted = world->now;
 	if (!db_mailbox_post(world->mailbox, request))
 		return;

@@ -17,14 +17,14 @@ static void require(bool condition)
 		abort();
 }
 
-static void check_answer(const struct db_request *request, const uint8_t *adu, size_t length)
+static void check_answer(const struct db_modbus_request *request, const uint8_t *adu, size_t length)
 {
 	require(length >= 9 && length <= DB_ADU_MAX);
 	require(db_pdu_cut(adu, length) == (int)length);
 	require((adu[7] & 0x7F) == (request->function & 0x7F));
 }
 
-static void answer(const struct db_request *request, const uint8_t *frame, size_t length)
+static void answer(const struct db_modbus_request *request, const uint8_t *frame, size_t length)
 {
 	static const uint16_t zeros[MODBUS_MAX_READ_BITS];
 	const char *objects[DB_DEVICE_ID_OBJECTS] = { 0 };
@@ -62,7 +62,7 @@ static void answer(const struct db_request *request, const uint8_t *frame, size_
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	uint8_t adu[DB_ADU_MAX], exception, *frame;
-	struct db_request request;
+	struct db_modbus_request request;
 	int length;
 
 	while ((length = db_pdu_cut(data, size)) > 0) {

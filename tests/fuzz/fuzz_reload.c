@@ -267,13 +267,13 @@ static void carry_out(const struct plant *from, const struct plant *to)
 	/* The first half of what was asked has its end before the drives are gone. */
 	for (unsigned i = 0; i < traffic.submitted / 2; i++) {
 		const struct db_completion completion = { .ticket = traffic.tickets[i],
-			                                  .axis = db_ticket_drive(
+			                                  .drive = db_ticket_drive(
 								  traffic.tickets[i]),
 			                                  .result = DB_RESULT_OK };
 
 		db_registers_complete(registers, &completion, DB_NS_PER_S);
 	}
-	db_registers_change(registers, change);
+	db_registers_apply(registers, change);
 	read_all(registers);
 	db_registers_expire(registers, 3600 * DB_NS_PER_S);
 	must(traffic.answered == traffic.later);
@@ -330,7 +330,7 @@ static void make_changes(const struct plant *running, const struct plant *next)
 		coming = plant_drives_on(next, bus, running, &coming_count);
 		must(leaving && coming);
 		for (size_t j = 0; j < leaving_count && j < UNITS * 64; j++)
-			numbers[j] = leaving[j].number;
+			numbers[j] = leaving[j].drive;
 		if (leaving_count <= UNITS * 64)
 			must(db_bus_change_new(bus->bus, numbers, leaving_count, coming,
 			                       coming_count, &change) == 0);

@@ -163,7 +163,7 @@ static bool submit(void *context, struct db_bus *bus, const struct db_request *r
 	size_t commands = 0;
 
 	(void)bus;
-	must(request->ticket != 0 && request->axis < DRIVES);
+	must(request->ticket != 0 && request->drive < DRIVES);
 	must(request->setting_count > 0 || request->command != DB_CMD_NONE);
 	for (size_t i = 0; i < world->pending_count; i++) {
 		must(world->pending[i].ticket != request->ticket);
@@ -172,7 +172,7 @@ static bool submit(void *context, struct db_bus *bus, const struct db_request *r
 	if (!stop && (world->full || commands >= QUEUE))
 		return false;
 	must(world->pending_count < REQUESTS_MAX);
-	world->pending[world->pending_count++] = (struct pending){ request->ticket, request->axis,
+	world->pending[world->pending_count++] = (struct pending){ request->ticket, request->drive,
 		                                                   stop };
 	world->submitted += !stop;
 	return true;
@@ -182,7 +182,7 @@ static void complete(struct world *world, size_t index, enum db_result result)
 {
 	struct pending pending = world->pending[index];
 	const struct db_completion completion = { .ticket = pending.ticket,
-		                                  .axis = pending.drive,
+		                                  .drive = pending.drive,
 		                                  .result = result,
 		                                  .sent = fake_now - MS,
 		                                  .finished = fake_now };
@@ -847,8 +847,8 @@ static void reload(struct world *world, struct input *input)
 	must(db_registers_prepare(world->registers, &sheet.roster, &registers) == 0);
 	must(db_server_prepare(world->server, &next->modbus, &server) == 0);
 	db_registers_retire(world->registers, registers);
-	db_server_change(world->server, server);
-	db_registers_change(world->registers, registers);
+	db_server_apply(world->server, server);
+	db_registers_apply(world->registers, registers);
 	world->modbus = next;
 	/* Another scope of numbers forgets them. */
 	memset(world->numbered, 0, sizeof world->numbered);

@@ -202,7 +202,7 @@ static void finish(struct fake *fake, unsigned request, enum db_result result)
 {
 	struct db_completion completion = {
 		.ticket = fake->requests[request].ticket,
-		.axis = 7,
+		.drive = 7,
 		.result = result,
 		.finished = fake->now,
 	};
@@ -236,7 +236,7 @@ static void id_0_executes_each_time(void **state)
 		assert_int_equal(fake.answered, i + 1);
 		assert_int_equal(fake.answered_with[i], 0);
 	}
-	assert_int_equal(fake.requests[0].axis, 7);
+	assert_int_equal(fake.requests[0].drive, 7);
 	assert_int_equal(fake.requests[0].command, DB_CMD_MOVE_RELATIVE);
 	assert_int_equal(fake.requests[0].args.target_position, 5);
 	assert_int_equal(fake.requests[0].setting_count, 0);

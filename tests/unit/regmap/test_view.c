@@ -354,7 +354,7 @@ static void requests_find_their_bus(void **state)
 	                                            100, 2, stop, (struct db_write_token){ 1, 42 }),
 	                 DB_WRITE_LATER);
 	assert_int_equal(fake.submitted_to, 1);
-	assert_int_equal(fake.request.axis, 2);
+	assert_int_equal(fake.request.drive, 2);
 	finish(&fake, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 1);
 	drop(&fake);
@@ -1346,7 +1346,7 @@ static void drives_that_stay_keep_everything(void **state)
 	change = prepare(&fake, &sheet);
 	db_registers_retire(fake.registers, change);
 	assert_int_equal(unit_of(&fake, 1), 0);
-	db_registers_change(fake.registers, change);
+	db_registers_apply(fake.registers, change);
 	assert_int_equal(fake.answered, 0);
 	/* The write that was pending ends, and its id is known. */
 	finish(&fake, DB_RESULT_OK);
@@ -1395,7 +1395,7 @@ static void a_drive_that_leaves_is_gone_at_once_and_still_answered(void **state)
 	finish(&fake, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 1);
 	assert_int_equal(fake.answered_with, 0);
-	db_registers_change(fake.registers, change);
+	db_registers_apply(fake.registers, change);
 	assert_int_equal(fake.answered, 1);
 	assert_int_equal(get1(&fake, 255, 1000), 2);
 	assert_int_equal(unit_of(&fake, 1), NO_PATH);
@@ -1418,7 +1418,7 @@ static void who_still_waits_is_told_that_it_was_cancelled(void **state)
 	strike_out(&sheet, 0);
 	change = prepare(&fake, &sheet);
 	db_registers_retire(fake.registers, change);
-	db_registers_change(fake.registers, change);
+	db_registers_apply(fake.registers, change);
 	assert_int_equal(fake.answered, 2);
 	assert_int_equal(fake.answered_with, 0x04);
 	assert_true(db_registers_next_deadline(fake.registers) == DB_TIME_NEVER);
@@ -1441,7 +1441,7 @@ static void a_group_does_not_wait_for_who_left(void **state)
 	strike_out(&sheet, 0);
 	change = prepare(&fake, &sheet);
 	db_registers_retire(fake.registers, change);
-	db_registers_change(fake.registers, change);
+	db_registers_apply(fake.registers, change);
 	assert_int_equal(fake.answered, 1);
 	drop(&fake);
 }
@@ -1462,12 +1462,12 @@ static void a_changed_drive_begins_anew(void **state)
 	changed = fake.drives[0];
 	changed.max_velocity = 1.0;
 	write_sheet(&fake, &sheet);
-	sheet.drives[0].number = 3;
+	sheet.drives[0].drive = 3;
 	sheet.drives[0].config = &changed;
 	change = prepare(&fake, &sheet);
 	db_registers_retire(fake.registers, change);
 	assert_int_equal(unit_of(&fake, 1), NO_PATH);
-	db_registers_change(fake.registers, change);
+	db_registers_apply(fake.registers, change);
 	assert_int_equal(fake.answered, 1);
 	assert_int_equal(get1(&fake, 1, 22), 0);
 	/* The same id is the first one again. */
@@ -1492,7 +1492,7 @@ static void what_was_prepared_can_be_forgotten(void **state)
 	FAKE();
 	write_sheet(&fake, &sheet);
 	sheet.roster.modbus = &modbus;
-	sheet.drives[1].number = 9;
+	sheet.drives[1].drive = 9;
 	strike_out(&sheet, 0);
 	db_registers_change_free(prepare(&fake, &sheet));
 	assert_int_equal(unit_of(&fake, 200), 0);

@@ -150,7 +150,7 @@ static db_time now_ns(void)
 /* Hands over as many as are taken; a drive that is not there is answered in the bus's next turn. */
 static uint32_t submit(struct db_bus *bus, uint32_t ticket)
 {
-	struct db_request request = { .axis = 99, .command = DB_CMD_ENABLE };
+	struct db_request request = { .drive = 99, .command = DB_CMD_ENABLE };
 
 	for (request.ticket = ticket; request.ticket <= LETTERS; request.ticket++) {
 		if (!db_bus_submit(bus, &request))

@@ -345,7 +345,7 @@ static void post(struct world *world, size_t drive, enum db_command command)
 {
 	struct db_request request = {
 		.ticket = 1000 + (uint32_t)(100 * drive) + (uint32_t)command,
-		.axis = (uint16_t)(10 + drive),
+		.drive = (uint16_t)(10 + drive),
 		.command = command,
 	};
 

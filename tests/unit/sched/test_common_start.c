@@ -230,8 +230,8 @@ static void collect(struct world *world)
 	struct db_completion completion;
 
 	while (db_mailbox_collect(world->mailbox, &completion)) {
-		world->results[completion.axis] = completion.result;
-		world->sent[completion.axis] = completion.sent;
+		world->results[completion.drive] = completion.result;
+		world->sent[completion.drive] = completion.sent;
 	}
 }
 
@@ -300,7 +300,7 @@ static void post(struct world *world, uint16_t axis, enum db_command command, in
 {
 	struct db_request request = {
 		.ticket = axis + 1u,
-		.axis = axis,
+		.drive = axis,
 		.command = command,
 		.args.target_position = target,
 		.submitted = world->now,

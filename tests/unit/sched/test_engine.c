@@ -284,7 +284,7 @@ static void post(struct world *world, uint16_t axis, enum db_command command, in
 {
 	struct db_request request = {
 		.ticket = (uint32_t)command + 100u * axis,
-		.axis = axis,
+		.drive = axis,
 		.command = command,
 		.args = { .target_position = position, .target_velocity = 100.0f },
 	};

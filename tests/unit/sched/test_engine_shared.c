@@ -364,7 +364,7 @@ static struct db_feedback feedback_of(const struct world *world, size_t axis)
 
 static void post(struct world *world, uint16_t axis, enum db_command command)
 {
-	struct db_request request = { .ticket = axis + 1u, .axis = axis, .command = command };
+	struct db_request request = { .ticket = axis + 1u, .drive = axis, .command = command };
 
 	assert_true(db_mailbox_post(world->mailbox, &request));
 }

@@ -78,7 +78,7 @@ static void every_command_has_room_of_its_own(void **state)
 	struct db_letter *letters[3];
 
 	(void)state;
-	stop.axis = 5;
+	stop.drive = 5;
 	assert_int_equal(db_mailbox_new(2, 1, &mailbox), 0);
 	for (uint32_t i = 0; i < 2; i++) {
 		write.ticket = i + 1;
@@ -116,8 +116,8 @@ static void nobody_takes_the_room_for_anothers_stops(void **state)
 	unsigned posted = 0;
 
 	(void)state;
-	dead.axis = 1;
-	living.axis = 2;
+	dead.drive = 1;
+	living.drive = 2;
 	assert_int_equal(db_mailbox_new(2, 2, &mailbox), 0);
 	while (posted < 100 && db_mailbox_post(mailbox, &dead)) {
 		assert_non_null(db_mailbox_take(mailbox)); /* and never finished */
@@ -194,7 +194,7 @@ static void it_grows_for_stops_and_never_shrinks(void **state)
 	for (unsigned i = 0; i < 3 * DB_MAILBOX_STOPS_EACH; i++) {
 		struct db_request stop = request_of(9, DB_CMD_STOP);
 
-		stop.axis = (uint16_t)(i % 3);
+		stop.drive = (uint16_t)(i % 3);
 		assert_true(db_mailbox_post(mailbox, &stop));
 		if (i >= 3 * DB_MAILBOX_STOPS_EACH - 3)
 			assert_false(db_mailbox_post(mailbox, &stop));

@@ -315,7 +315,7 @@ static void drop(struct world *world)
 
 static void post(struct world *world, uint16_t axis, enum db_command command)
 {
-	struct db_request request = { .ticket = command, .axis = axis, .command = command };
+	struct db_request request = { .ticket = command, .drive = axis, .command = command };
 
 	assert_true(db_mailbox_post(world->mailbox, &request));
 }

@@ -22,7 +22,8 @@ static size_t frame(uint8_t *adu, const uint8_t *pdu, size_t length)
 	return sizeof(header) + length;
 }
 
-static uint8_t parse(struct db_request *request, uint8_t *adu, const uint8_t *pdu, size_t length)
+static uint8_t parse(struct db_modbus_request *request, uint8_t *adu, const uint8_t *pdu,
+                     size_t length)
 {
 	size_t size = frame(adu, pdu, length);
 
@@ -78,7 +79,7 @@ static void reads(void **state)
 	static const uint16_t bits[] = { 1, 0, 1, 1, 0, 0, 0, 0, 0, 1 };
 	static const uint16_t registers[] = { 0x1122, 0xA5FE };
 	uint8_t adu[DB_ADU_MAX], out[DB_ADU_MAX];
-	struct db_request r;
+	struct db_modbus_request r;
 
 	(void)state;
 	assert_int_equal(PARSE(&r, adu, 1, 0x00, 0x13, 0x00, 0x0A), 0);
@@ -101,7 +102,7 @@ static void reads(void **state)
 static void read_limits(void **state)
 {
 	uint8_t adu[DB_ADU_MAX];
-	struct db_request r;
+	struct db_modbus_request r;
 
 	(void)state;
 	assert_int_equal(PARSE(&r, adu, 1, 0, 0, 0x07, 0xD0), 0);
@@ -121,7 +122,7 @@ static void read_limits(void **state)
 static void single_writes(void **state)
 {
 	uint8_t adu[DB_ADU_MAX], out[DB_ADU_MAX];
-	struct db_request r;
+	struct db_modbus_request r;
 	uint16_t value;
 
 	(void)state;
@@ -147,7 +148,7 @@ static void multiple_writes(void **state)
 	static const uint16_t bits[] = { 1, 0, 1, 1, 0, 0, 1, 1, 1, 0 };
 	uint8_t adu[DB_ADU_MAX], out[DB_ADU_MAX];
 	uint16_t values[MODBUS_MAX_WRITE_BITS];
-	struct db_request r;
+	struct db_modbus_request r;
 
 	(void)state;
 	assert_int_equal(PARSE(&r, adu, 15, 0, 0x13, 0, 10, 2, 0xCD, 0x01), 0);
@@ -183,7 +184,7 @@ static void write_limits(void **state)
 		{ 16, 0, 124, 248, 3 },
 	};
 	uint8_t adu[DB_ADU_MAX + 8], pdu[256] = { 0 };
-	struct db_request r;
+	struct db_modbus_request r;
 
 	(void)state;
 	for (size_t i = 0; i < SIZE(cases); i++) {
@@ -208,7 +209,7 @@ static void mask_and_write_read(void **state)
 {
 	static const uint16_t registers[] = { 0x00FE, 0x0ACD };
 	uint8_t adu[DB_ADU_MAX], out[DB_ADU_MAX];
-	struct db_request r;
+	struct db_modbus_request r;
 	uint16_t values[1];
 
 	(void)state;
@@ -255,7 +256,7 @@ static void wrong_lengths(void **state)
 	static const uint8_t hidden[] = { 3, 0, 0,  0, 1, 0, 2, 0, 0, 0,
 		                          9, 5, 16, 0, 0, 0, 1, 2, 0, 1 };
 	uint8_t adu[DB_ADU_MAX];
-	struct db_request r;
+	struct db_modbus_request r;
 
 	(void)state;
 	for (size_t i = 0; i < SIZE(good); i++) {
@@ -271,7 +272,7 @@ static void wrong_lengths(void **state)
 static void unknown_functions(void **state)
 {
 	uint8_t adu[DB_ADU_MAX], out[DB_ADU_MAX];
-	struct db_request r;
+	struct db_modbus_request r;
 
 	(void)state;
 	assert_int_equal(PARSE(&r, adu, 7), 1);
@@ -289,7 +290,7 @@ static void every_exception(void **state)
 {
 	static const uint8_t codes[] = { 1, 2, 3, 4, 5, 6, 0x0A, 0x0B };
 	uint8_t adu[DB_ADU_MAX], out[DB_ADU_MAX];
-	struct db_request r;
+	struct db_modbus_request r;
 
 	(void)state;
 	assert_int_equal(PARSE(&r, adu, 16, 0, 1, 0, 1, 2, 0, 1), 0);
@@ -301,7 +302,7 @@ static void server_id(void **state)
 {
 	char text[300];
 	uint8_t adu[DB_ADU_MAX], out[DB_ADU_MAX];
-	struct db_request r;
+	struct db_modbus_request r;
 
 	(void)state;
 	assert_int_equal(PARSE(&r, adu, 17), 0);
@@ -318,7 +319,7 @@ static const char *const OBJECTS[DB_DEVICE_ID_OBJECTS] = { "V", "PC", "1", NULL,
 static void device_id_streams(void **state)
 {
 	uint8_t adu[DB_ADU_MAX], out[DB_ADU_MAX], e;
-	struct db_request r;
+	struct db_modbus_request r;
 
 	(void)state;
 	assert_int_equal(PARSE(&r, adu, 43, 14, 1, 0), 0);
@@ -341,7 +342,7 @@ static void device_id_single(void **state)
 {
 	static const char *const nothing[DB_DEVICE_ID_OBJECTS] = { NULL };
 	uint8_t adu[DB_ADU_MAX], out[DB_ADU_MAX], e;
-	struct db_request r;
+	struct db_modbus_request r;
 
 	(void)state;
 	assert_int_equal(PARSE(&r, adu, 43, 14, 4, 6), 0);
@@ -363,7 +364,7 @@ static void device_id_more_follows(void **state)
 	char text[301] = { 0 };
 	const char *const objects[DB_DEVICE_ID_OBJECTS] = { "V", text, "1" };
 	uint8_t adu[DB_ADU_MAX], out[DB_ADU_MAX], e;
-	struct db_request r;
+	struct db_modbus_request r;
 
 	(void)state;
 	/* Cut to 244 bytes it fills an answer alone. */

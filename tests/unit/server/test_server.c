@@ -1232,7 +1232,7 @@ static int change(struct rig *rig, const struct db_modbus_config *config)
 	int error = db_server_prepare(rig->server, config, &made);
 
 	if (error == 0)
-		db_server_change(rig->server, made);
+		db_server_apply(rig->server, made);
 	else
 		assert_null(made);
 	return error;

@@ -342,7 +342,7 @@ static void post(struct world *world, size_t i, enum db_command command, struct 
 {
 	struct db_request request = {
 		.ticket = (uint32_t)i + 1,
-		.axis = (uint16_t)i,
+		.drive = (uint16_t)i,
 		.command = command,
 		.args = args,
 		.submitted = world->now,
