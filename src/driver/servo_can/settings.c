@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Parameters and the profile of the configuration. No frame reads them back: what was written and
  * acknowledged is shown, and its result is that it is unproven. */
-#include "driver/servo_can.h"
+#include "driver/servo_can/device.h"
 
 #include <math.h>
 #include <string.h>

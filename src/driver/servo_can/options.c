@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Keys of the configuration, which commands they allow, and what is wrong in them. */
-#include "driver/servo_can.h"
+#include "driver/servo_can/device.h"
 
 #include <math.h>
 

@@ -2,15 +2,15 @@
 /*
  * What the parts of the servo family's driver share. Internal to src/driver:
  *
- *   servo_can_config.c    keys of the configuration, which commands they allow, what is wrong in them
- *   servo_can_state.c     what the drive says: readings, reports, the feedback made of them
- *   servo_can_frames.c    frames to the drive, as exchanges, and what an acknowledgement changes
- *   servo_can_commands.c  commands and the reaction to a fault: which frame is next
- *   servo_can_settings.c  parameters and the profile of the configuration
- *   servo_can.c           jobs, the bus's side, the descriptor
+ *   options.c    keys of the configuration, which commands they allow, what is wrong in them
+ *   state.c      what the drive says: readings, reports, the feedback made of them
+ *   frames.c     frames to the drive, as exchanges, and what an acknowledgement changes
+ *   commands.c   commands and the reaction to a fault: which frame is next
+ *   settings.c   parameters and the profile of the configuration
+ *   driver.c     jobs, the bus's side, the descriptor
  */
-#ifndef DRIVEBRIDGE_DRIVER_SERVO_CAN_H
-#define DRIVEBRIDGE_DRIVER_SERVO_CAN_H
+#ifndef DRIVEBRIDGE_DRIVER_SERVO_CAN_DEVICE_H
+#define DRIVEBRIDGE_DRIVER_SERVO_CAN_DEVICE_H
 
 #include "codec/servo_can.h"
 #include "driver/list.h"
@@ -240,7 +240,7 @@ struct db_device {
 	struct db_nameplate plate;
 };
 
-/* --- what the drive says (servo_can_state.c) -------------------------------------------------------- */
+/* --- what the drive says (state.c) -------------------------------------------------------- */
 
 #define SERVO_ALL_PARTS (SERVO_CAN_GIVES_POSITION | SERVO_CAN_GIVES_MOTION | SERVO_CAN_GIVES_STATUS)
 
@@ -264,7 +264,7 @@ bool servo_wants_poll(const struct db_device *device, db_time now);
 void servo_gone(struct db_device *device);
 void servo_feedback(const struct db_device *device, struct db_feedback *feedback);
 
-/* --- frames to the drive (servo_can_frames.c) ------------------------------------------------------- */
+/* --- frames to the drive (frames.c) ------------------------------------------------------- */
 
 /* What was said last in a conversation. */
 enum servo_step {

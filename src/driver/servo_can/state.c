@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the drive says: answers to reads, its own reports, and the feedback made of them. */
-#include "driver/servo_can.h"
+#include "driver/servo_can/device.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -20,7 +20,7 @@
  * Acknowledgements tell the node and a code, and with speed and current what is measured (not what
  * was commanded). The scheduler has one exchange with a node under way at a time.
  */
-#include "driver/servo_can.h"
+#include "driver/servo_can/device.h"
 
 #include <string.h>
 

@@ -8,7 +8,7 @@
  * for as long as its reaction may take; a position move that does not show has failed, and a speed or
  * current that does not show (a blocked motor, a slow ramp) is unproven.
  */
-#include "driver/servo_can.h"
+#include "driver/servo_can/device.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Frames to the drive, as exchanges, and what an acknowledgement changes. */
-#include "driver/servo_can.h"
+#include "driver/servo_can/device.h"
 
 #include <math.h>
 #include <string.h>
