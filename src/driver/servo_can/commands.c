@@ -8,7 +8,12 @@
  * for as long as its reaction may take; a position move that does not show has failed, and a speed or
  * current that does not show (a blocked motor, a slow ramp) is unproven.
  */
-#include "driver/servo_can/device.h"
+#include "driver/servo_can/commands.h"
+
+#include "driver/servo_can/frames.h"
+#include "driver/servo_can/options.h"
+#include "driver/servo_can/settings.h"
+#include "driver/servo_can/state.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -18,86 +23,82 @@
 /* A speed or current this near to what was asked for, in parts of it, shows that it was obeyed. */
 #define NEAR 20
 
-static const struct db_request *request_of(const struct servo_talk *talk)
+static const struct db_request *request_of(const struct db_conversation *talk)
 {
 	return talk->job->request;
 }
 
-static bool is_stop(const struct servo_talk *talk)
+static bool took_too_long(const struct db_conversation *talk)
 {
-	return talk->job->kind == DB_JOB_COMMAND && db_command_is_stop(request_of(talk)->command);
-}
-
-static bool took_too_long(const struct servo_talk *talk)
-{
-	return talk->now - talk->progress->since > talk->device->reaction;
+	return talk->now - progress_of(talk)->since > talk->device->reaction;
 }
 
 /* May the frame that was not answered be sent again? As often as it makes sense. */
-static bool may_resend(const struct servo_talk *talk)
+static bool may_resend(struct db_conversation *talk)
 {
-	return talk->progress->resends++ < RESENDS_MAX;
+	return progress_of(talk)->resends++ < RESENDS_MAX;
 }
 
 /* --- power --------------------------------------------------------------------------------------- */
 
 /* Without power the trigger does nothing: it is dropped now, so that the next move can raise it. */
-static enum db_step drop_trigger(const struct servo_talk *talk)
+static enum db_step drop_trigger(struct db_conversation *talk)
 {
-	if (talk->device->trigger != LEVEL_HIGH || servo_did(talk, DID_DROP))
-		return servo_done(talk, DB_RESULT_OK);
+	if (talk->device->trigger != LEVEL_HIGH || progress_of(talk)->dropped)
+		return end_job(talk, DB_RESULT_OK);
 	/* Tried once: a stop does not depend on it, and every move makes sure that it is down. */
-	talk->progress->did |= DID_DROP;
+	progress_of(talk)->dropped = true;
 	talk->device->trigger = LEVEL_NOT_KNOWN;
-	return servo_say_trigger(talk, false);
+	return servo_can_say_trigger(talk, false);
 }
 
 /* Has the power stage followed? */
-static enum db_step confirm_power(const struct servo_talk *talk, bool wanted)
+static enum db_step confirm_power(struct db_conversation *talk, bool wanted)
 {
 	struct db_device *device = talk->device;
 
 	if (talk->job->step == STEP_POWER)
-		return servo_look(talk);
-	if (servo_is_powered(device) != wanted)
-		return took_too_long(talk) ? servo_done(talk, DB_RESULT_FAILED) : servo_look(talk);
+		return servo_can_read_all(talk);
+	if (servo_can_is_powered(device) != wanted)
+		return took_too_long(talk) ? end_job(talk, DB_RESULT_FAILED) :
+		                             servo_can_read_all(talk);
 	if (wanted)
-		return servo_done(talk, DB_RESULT_OK);
+		return end_job(talk, DB_RESULT_OK);
 	device->has_target = false;
 	return drop_trigger(talk);
 }
 
-static enum db_step next_of_disable(const struct servo_talk *talk)
+static enum db_step continue_disable(struct db_conversation *talk)
 {
-	return servo_did(talk, DID_POWER) ? confirm_power(talk, false) :
-	                                    servo_say_power(talk, false);
+	return is_done(talk, STEP_POWER) ? confirm_power(talk, false) :
+	                                   servo_can_say_power(talk, false);
 }
 
 /* Another program may have left a speed or a current: it is made 0, if the drive takes that now. */
-static bool says_clear(const struct servo_talk *talk, enum servo_can_mode mode, enum db_step *step)
+static bool says_clear(struct db_conversation *talk, enum servo_can_mode mode, enum db_step *step)
 {
 	bool current = mode == SERVO_CAN_MODE_CURRENT;
 
 	if (mode == SERVO_CAN_MODE_POSITION || talk->device->setpoint_known[mode] ||
-	    servo_did(talk, current ? DID_CLEAR_CURRENT : DID_CLEAR_SPEED))
+	    is_done(talk, current ? STEP_CLEAR_CURRENT : STEP_CLEAR_SPEED))
 		return false;
-	*step = servo_say_clear(talk, current ? SERVO_CAN_CURRENT : SERVO_CAN_SPEED);
+	*step = servo_can_say_clear(talk, current ? SERVO_CAN_CURRENT : SERVO_CAN_SPEED);
 	return true;
 }
 
 /* Likewise, whatever mode the drive is in. */
-static bool says_clears(const struct servo_talk *talk, enum db_step *step)
+static bool says_clears(struct db_conversation *talk, enum db_step *step)
 {
 	int mode = talk->device->mode;
 
-	if (mode != SERVO_MODE_NOT_KNOWN)
+	if (mode != SERVO_CAN_MODE_NOT_KNOWN)
 		return says_clear(talk, (enum servo_can_mode)mode, step);
 	return says_clear(talk, SERVO_CAN_MODE_SPEED, step) ||
 	       says_clear(talk, SERVO_CAN_MODE_CURRENT, step);
 }
 
 /* A motor that gets its power back must not go on with what it was told before. */
-static bool says_setpoint_0(const struct servo_talk *talk, enum db_step *step)
+static bool says_setpoint_0(struct db_conversation *talk, enum db_step *step)
 {
 	struct db_device *device = talk->device;
 
@@ -105,52 +106,52 @@ static bool says_setpoint_0(const struct servo_talk *talk, enum db_step *step)
 	if (device->synchronous) {
 		if (device->setpoint == 0 && !device->staged)
 			return false;
-		*step = servo_done(talk, DB_RESULT_BUSY);
+		*step = end_job(talk, DB_RESULT_BUSY);
 		return true;
 	}
 	if (device->setpoint == 0)
 		return says_clears(talk, step);
 	*step = device->mode == device->setpoint_mode ?
-	                servo_say_setpoint(talk, 0) :
-	                servo_say_mode(talk, (enum servo_can_mode)device->setpoint_mode, NULL);
+	                servo_can_say_setpoint(talk, 0) :
+	                servo_can_say_mode(talk, (enum servo_can_mode)device->setpoint_mode, NULL);
 	return true;
 }
 
 /* The position that is held is the one where the motor stands, whatever was commanded before. */
-static bool says_demand(const struct servo_talk *talk, enum db_step *step)
+static bool says_demand(struct db_conversation *talk, enum db_step *step)
 {
-	if (servo_did(talk, DID_DEMAND))
+	if (is_done(talk, STEP_DEMAND))
 		return false;
-	*step = servo_say_position(talk, STEP_DEMAND, talk->device->sample.position);
+	*step = servo_can_say_position(talk, STEP_DEMAND, talk->device->sample.position);
 	return true;
 }
 
-static bool says_before_power(const struct servo_talk *talk, enum db_step *step)
+static bool says_before_power(struct db_conversation *talk, enum db_step *step)
 {
 	struct db_device *device = talk->device;
 	bool by_position = device->mode == SERVO_CAN_MODE_POSITION ||
-	                   device->mode == SERVO_MODE_NOT_KNOWN;
+	                   device->mode == SERVO_CAN_MODE_NOT_KNOWN;
 
-	if (says_setpoint_0(talk, step) || servo_says_profile(talk, step))
+	if (says_setpoint_0(talk, step) || servo_can_says_profile(talk, step))
 		return true;
 	if (device->trigger == LEVEL_HIGH) {
-		*step = servo_say_trigger(talk, false);
+		*step = servo_can_say_trigger(talk, false);
 		return true;
 	}
 	return by_position && says_demand(talk, step);
 }
 
-static enum db_step next_of_enable(const struct servo_talk *talk)
+static enum db_step continue_enable(struct db_conversation *talk)
 {
 	enum db_step step;
 
-	if (!servo_did(talk, DID_LOOK))
-		return servo_look(talk);
-	if (servo_did(talk, DID_POWER))
+	if (!is_done(talk, STEP_LOOK))
+		return servo_can_read_all(talk);
+	if (is_done(talk, STEP_POWER))
 		return confirm_power(talk, true);
-	if (!servo_is_powered(talk->device) && says_before_power(talk, &step))
+	if (!servo_can_is_powered(talk->device) && says_before_power(talk, &step))
 		return step;
-	return servo_say_power(talk, true);
+	return servo_can_say_power(talk, true);
 }
 
 /* --- stops --------------------------------------------------------------------------------------- */
@@ -164,26 +165,26 @@ static bool stops_by_setpoint(const struct db_device *device)
 	return by_setpoint && !device->synchronous;
 }
 
-static enum db_step next_of_stop(const struct servo_talk *talk)
+static enum db_step continue_stop(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 
-	if (servo_did(talk, DID_POWER))
+	if (is_done(talk, STEP_POWER))
 		return confirm_power(talk, false);
-	if (servo_did(talk, DID_SETPOINT)) {
-		device->stopping = !servo_stands(device);
-		return servo_done(talk, DB_RESULT_OK);
+	if (is_done(talk, STEP_SETPOINT)) {
+		device->stopping = !servo_can_stands(device);
+		return end_job(talk, DB_RESULT_OK);
 	}
 	device->has_target = false;
-	if (stops_by_setpoint(device) && servo_is_powered(device))
-		return servo_say_setpoint(talk, 0);
+	if (stops_by_setpoint(device) && servo_can_is_powered(device))
+		return servo_can_say_setpoint(talk, 0);
 	if (device->mode != SERVO_CAN_MODE_POSITION || device->going)
-		return servo_say_power(talk, false);
-	if (!servo_did(talk, DID_LOOK))
-		return servo_look(talk);
-	return !servo_is_powered(device) || servo_is_at_rest(device) ?
-	               servo_done(talk, DB_RESULT_OK) :
-	               servo_say_power(talk, false);
+		return servo_can_say_power(talk, false);
+	if (!is_done(talk, STEP_LOOK))
+		return servo_can_read_all(talk);
+	return !servo_can_is_powered(device) || servo_can_is_at_rest(device) ?
+	               end_job(talk, DB_RESULT_OK) :
+	               servo_can_say_power(talk, false);
 }
 
 /* --- speed and current --------------------------------------------------------------------------- */
@@ -203,94 +204,94 @@ static enum servo_can_mode mode_of(enum db_command command)
 static int16_t setpoint_of(const struct db_request *request)
 {
 	float value = request->command == DB_CMD_MOVE_CURRENT ?
-	                      request->args.target_current * SERVO_CURRENT_STEPS :
+	                      request->args.target_current * SERVO_CAN_CURRENT_STEPS :
 	                      request->args.target_velocity;
 
 	return (int16_t)lrintf(value);
 }
 
 /* Does what is measured go where it was told to? */
-static bool follows_setpoint(const struct servo_talk *talk)
+static bool follows_setpoint(const struct db_conversation *talk)
 {
-	const struct servo_sample *sample = &talk->device->sample;
+	const struct servo_can_sample *sample = &talk->device->sample;
 	bool current = talk->device->mode == SERVO_CAN_MODE_CURRENT;
 	int noise = current ? 0 : talk->device->standstill_speed;
 	int is = current ? sample->current : sample->speed;
-	int was = talk->progress->before;
-	int wanted = talk->progress->setpoint;
+	int was = progress_of(talk)->before;
+	int wanted = progress_of(talk)->setpoint;
 
 	if (wanted == 0)
-		return abs(is) < abs(was) || is == 0 || (!current && servo_stands(talk->device));
+		return abs(is) < abs(was) || is == 0 ||
+		       (!current && servo_can_stands(talk->device));
 	if (is != 0 && abs(is - wanted) <= abs(wanted) / NEAR)
 		return true;
 	return wanted > was ? is > was + noise : is < was - noise;
 }
 
-static enum db_step prove_setpoint(const struct servo_talk *talk)
+static enum db_step prove_setpoint(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 
 	/* It waits for a sync frame, and nothing shows that. */
 	if (device->staged)
-		return servo_done(talk, DB_RESULT_UNPROVEN);
+		return end_job(talk, DB_RESULT_UNPROVEN);
 	if (talk->job->step == STEP_SETPOINT)
-		return servo_look(talk);
+		return servo_can_read_all(talk);
 	if (follows_setpoint(talk))
-		return servo_done(talk, DB_RESULT_OK);
-	if (talk->progress->setpoint != 0 && !servo_is_powered(device))
-		return servo_done(talk, DB_RESULT_FAILED);
+		return end_job(talk, DB_RESULT_OK);
+	if (progress_of(talk)->setpoint != 0 && !servo_can_is_powered(device))
+		return end_job(talk, DB_RESULT_FAILED);
 	if (!took_too_long(talk))
-		return servo_look(talk);
+		return servo_can_read_all(talk);
 	/* Of a frame for all drives not even the arrival is known. */
-	return servo_done(talk,
-	                  servo_did(talk, DID_BY_ALL) ? DB_RESULT_FAILED : DB_RESULT_UNPROVEN);
+	return end_job(talk, progress_of(talk)->by_all ? DB_RESULT_FAILED : DB_RESULT_UNPROVEN);
 }
 
 /* What another program left must not count in the new mode, not even for one frame's time. */
-static enum db_step change_mode(const struct servo_talk *talk, enum servo_can_mode mode)
+static enum db_step change_mode(struct db_conversation *talk, enum servo_can_mode mode)
 {
 	enum db_step step;
 
-	if (!servo_is_powered(talk->device))
-		return servo_done(talk, DB_RESULT_REFUSED);
-	if (!servo_is_at_rest(talk->device))
-		return servo_done(talk, DB_RESULT_BUSY);
+	if (!servo_can_is_powered(talk->device))
+		return end_job(talk, DB_RESULT_REFUSED);
+	if (!servo_can_is_at_rest(talk->device))
+		return end_job(talk, DB_RESULT_BUSY);
 	if (mode == SERVO_CAN_MODE_POSITION && says_demand(talk, &step))
 		return step;
 	if (!talk->device->synchronous && says_clear(talk, mode, &step))
 		return step;
-	return servo_say_mode(talk, mode, NULL);
+	return servo_can_say_mode(talk, mode, NULL);
 }
 
-static enum db_step next_of_setpoint(const struct servo_talk *talk)
+static enum db_step continue_setpoint(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 	enum servo_can_mode mode = mode_of(request_of(talk)->command);
 	int16_t setpoint = setpoint_of(request_of(talk));
 
-	if (servo_did(talk, DID_SETPOINT)) {
+	if (is_done(talk, STEP_SETPOINT)) {
 		device->has_target = false;
 		return prove_setpoint(talk);
 	}
 	/* 0 in the drive's mode is as good as a stop: it waits for nothing. */
 	if (device->mode == (int)mode && setpoint == 0)
-		return servo_say_setpoint(talk, 0);
-	if (!servo_did(talk, DID_LOOK))
-		return servo_look(talk);
+		return servo_can_say_setpoint(talk, 0);
+	if (!is_done(talk, STEP_LOOK))
+		return servo_can_read_all(talk);
 	/* Without power, or with a fault, it would begin when the one comes or the other goes. */
-	if (setpoint != 0 && (!servo_is_powered(device) || servo_has_fault(device)))
-		return servo_done(talk, DB_RESULT_REFUSED);
-	return device->mode == (int)mode ? servo_say_setpoint(talk, setpoint) :
+	if (setpoint != 0 && (!servo_can_is_powered(device) || servo_can_has_fault(device)))
+		return end_job(talk, DB_RESULT_REFUSED);
+	return device->mode == (int)mode ? servo_can_say_setpoint(talk, setpoint) :
 	                                   change_mode(talk, mode);
 }
 
-static enum db_step next_of_sync_start(const struct servo_talk *talk)
+static enum db_step continue_sync_start(struct db_conversation *talk)
 {
-	if (!servo_did(talk, DID_SETPOINT))
-		return servo_say_sync(talk);
+	if (!is_done(talk, STEP_SYNC))
+		return servo_can_say_sync(talk);
 	if (follows_setpoint(talk))
-		return servo_done(talk, DB_RESULT_OK);
-	return took_too_long(talk) ? servo_done(talk, DB_RESULT_UNPROVEN) : servo_look(talk);
+		return end_job(talk, DB_RESULT_OK);
+	return took_too_long(talk) ? end_job(talk, DB_RESULT_UNPROVEN) : servo_can_read_all(talk);
 }
 
 /* --- position ------------------------------------------------------------------------------------ */
@@ -298,49 +299,49 @@ static enum db_step next_of_sync_start(const struct servo_talk *talk)
 #define POSITIONS (SERVO_CAN_POS0 | SERVO_CAN_POS1 | SERVO_CAN_POS2)
 
 /* What the drive does now was read: may a position move begin? Its target is fixed here, once. */
-static enum db_result check_move(const struct servo_talk *talk)
+static enum db_result check_move(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 	int64_t target = request_of(talk)->args.target_position;
 
 	/* With another internal position selected CTRG would go to a place the bridge does not know. */
-	if (!servo_is_powered(device) || (device->words[0] & POSITIONS) != 0)
+	if (!servo_can_is_powered(device) || (device->words[0] & POSITIONS) != 0)
 		return DB_RESULT_REFUSED;
-	if (!servo_is_at_rest(device))
+	if (!servo_can_is_at_rest(device))
 		return DB_RESULT_BUSY;
 	if (request_of(talk)->command == DB_CMD_MOVE_RELATIVE)
 		target += device->sample.position;
 	if (target < INT32_MIN || target > INT32_MAX)
 		return DB_RESULT_OUT_OF_RANGE;
-	talk->progress->target = (int32_t)target;
-	talk->progress->from = device->sample.position;
-	talk->progress->did |= DID_CHECK;
+	progress_of(talk)->target = (int32_t)target;
+	progress_of(talk)->from = device->sample.position;
+	progress_of(talk)->checked = true;
 	return DB_RESULT_OK;
 }
 
 /* Has it arrived, or come nearer? */
-static bool follows_target(const struct servo_talk *talk)
+static bool follows_target(const struct db_conversation *talk)
 {
 	const struct db_device *device = talk->device;
 	double noise = fmax(device->window, 1.0);
-	double gone = (double)device->sample.position - (double)talk->progress->from;
-	double way = (double)talk->progress->target - (double)talk->progress->from;
+	double gone = (double)device->sample.position - (double)progress_of(talk)->from;
+	double way = (double)progress_of(talk)->target - (double)progress_of(talk)->from;
 
-	if (servo_is_at(device, talk->progress->target))
+	if (servo_can_is_at(device, progress_of(talk)->target))
 		return true;
-	if (!servo_stands(device))
+	if (!servo_can_stands(device))
 		return (device->sample.speed > 0) == (way > 0);
 	return way > 0 ? gone > noise : gone < -noise;
 }
 
-static enum db_step end_without_move(const struct servo_talk *talk, enum db_result result)
+static enum db_step end_without_move(struct db_conversation *talk, enum db_result result)
 {
 	talk->device->going = false;
 	talk->device->has_target = false;
-	return servo_done(talk, result);
+	return end_job(talk, result);
 }
 
-static enum db_step raise_trigger(const struct servo_talk *talk)
+static enum db_step raise_trigger(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 
@@ -351,187 +352,125 @@ static enum db_step raise_trigger(const struct servo_talk *talk)
 	device->seen_moving = talk->now;
 	device->stopping = false;
 	device->has_target = true;
-	device->target = talk->progress->target;
-	return servo_say_trigger(talk, true);
+	device->target = progress_of(talk)->target;
+	return servo_can_say_trigger(talk, true);
 }
 
-static enum db_step prove_move(const struct servo_talk *talk)
+static enum db_step prove_move(struct db_conversation *talk)
 {
 	if (talk->job->step == STEP_TRIGGER_UP)
-		return servo_look(talk);
+		return servo_can_read_all(talk);
 	if (follows_target(talk))
-		return servo_done(talk, DB_RESULT_OK);
-	if (!servo_is_powered(talk->device))
+		return end_job(talk, DB_RESULT_OK);
+	if (!servo_can_is_powered(talk->device))
 		return end_without_move(talk, DB_RESULT_FAILED);
 	/* CTRG that is up already does not rise again. */
-	if (servo_did(talk, DID_WITHOUT_ANSWER))
+	if (progress_of(talk)->unanswered)
 		return may_resend(talk) ? raise_trigger(talk) :
-		                          servo_done(talk, DB_RESULT_INDETERMINATE);
-	return took_too_long(talk) ? end_without_move(talk, DB_RESULT_FAILED) : servo_look(talk);
+		                          end_job(talk, DB_RESULT_INDETERMINATE);
+	return took_too_long(talk) ? end_without_move(talk, DB_RESULT_FAILED) :
+	                             servo_can_read_all(talk);
 }
 
 /* The next frame of a position move: whatever is still missing. */
-static enum db_step next_of_position(const struct servo_talk *talk)
+static enum db_step continue_position(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 	enum db_result checked;
 
-	if (servo_did(talk, DID_TRIGGER))
+	if (is_done(talk, STEP_TRIGGER_UP))
 		return prove_move(talk);
-	if (!servo_did(talk, DID_LOOK))
-		return servo_look(talk);
-	if (servo_has_fault(device))
-		return servo_done(talk, DB_RESULT_REFUSED);
-	if (!servo_did(talk, DID_CHECK)) {
+	if (!is_done(talk, STEP_LOOK))
+		return servo_can_read_all(talk);
+	if (servo_can_has_fault(device))
+		return end_job(talk, DB_RESULT_REFUSED);
+	if (!progress_of(talk)->checked) {
 		checked = check_move(talk);
 		if (checked != DB_RESULT_OK)
-			return servo_done(talk, checked);
+			return end_job(talk, checked);
 	}
 	if (device->mode != SERVO_CAN_MODE_POSITION)
 		return change_mode(talk, SERVO_CAN_MODE_POSITION);
-	if (device->trigger != LEVEL_LOW && !servo_did(talk, DID_TARGET))
-		return servo_say_trigger(talk, false);
-	if (!servo_did(talk, DID_TARGET))
-		return servo_say_position(talk, STEP_TARGET, talk->progress->target);
+	if (device->trigger != LEVEL_LOW && !is_done(talk, STEP_TARGET))
+		return servo_can_say_trigger(talk, false);
+	if (!is_done(talk, STEP_TARGET))
+		return servo_can_say_position(talk, STEP_TARGET, progress_of(talk)->target);
 	return raise_trigger(talk);
 }
 
 /* --- set_position -------------------------------------------------------------------------------- */
 
-static enum db_step prove_feedback(const struct servo_talk *talk)
+static enum db_step prove_feedback(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 	int32_t wanted = request_of(talk)->args.target_position;
 
 	if (talk->job->step == STEP_FEEDBACK)
-		return servo_look(talk);
-	if (servo_stands(device) && servo_is_at(device, wanted)) {
+		return servo_can_read_all(talk);
+	if (servo_can_stands(device) && servo_can_is_at(device, wanted)) {
 		device->has_target = false;
-		return servo_done(talk, DB_RESULT_OK);
+		return end_job(talk, DB_RESULT_OK);
 	}
-	if (!servo_did(talk, DID_WITHOUT_ANSWER))
-		return took_too_long(talk) ? servo_done(talk, DB_RESULT_FAILED) : servo_look(talk);
-	if (!servo_stands(device) || device->sample.position != talk->progress->from ||
+	if (!progress_of(talk)->unanswered)
+		return took_too_long(talk) ? end_job(talk, DB_RESULT_FAILED) :
+		                             servo_can_read_all(talk);
+	if (!servo_can_stands(device) || device->sample.position != progress_of(talk)->from ||
 	    !may_resend(talk))
-		return servo_done(talk, DB_RESULT_INDETERMINATE);
-	return servo_say_position(talk, STEP_FEEDBACK, wanted);
+		return end_job(talk, DB_RESULT_INDETERMINATE);
+	return servo_can_say_position(talk, STEP_FEEDBACK, wanted);
 }
 
 /* Demand and position become the same, so that nothing jumps when the position is held again. */
-static enum db_step next_of_set_position(const struct servo_talk *talk)
+static enum db_step continue_set_position(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 	int32_t wanted = request_of(talk)->args.target_position;
 	bool held = device->mode != SERVO_CAN_MODE_SPEED && device->mode != SERVO_CAN_MODE_CURRENT;
 
-	if (servo_did(talk, DID_FEEDBACK))
+	if (is_done(talk, STEP_FEEDBACK))
 		return prove_feedback(talk);
-	if (!servo_did(talk, DID_LOOK))
-		return servo_look(talk);
-	if (servo_is_powered(device) && held)
-		return servo_done(talk, DB_RESULT_REFUSED);
-	if (!servo_is_at_rest(device))
-		return servo_done(talk, DB_RESULT_BUSY);
-	if (!servo_did(talk, DID_DEMAND))
-		return servo_say_position(talk, STEP_DEMAND, wanted);
-	talk->progress->from = device->sample.position;
-	return servo_say_position(talk, STEP_FEEDBACK, wanted);
+	if (!is_done(talk, STEP_LOOK))
+		return servo_can_read_all(talk);
+	if (servo_can_is_powered(device) && held)
+		return end_job(talk, DB_RESULT_REFUSED);
+	if (!servo_can_is_at_rest(device))
+		return end_job(talk, DB_RESULT_BUSY);
+	if (!is_done(talk, STEP_DEMAND))
+		return servo_can_say_position(talk, STEP_DEMAND, wanted);
+	progress_of(talk)->from = device->sample.position;
+	return servo_can_say_position(talk, STEP_FEEDBACK, wanted);
 }
 
 /* --- commands ------------------------------------------------------------------------------------ */
 
-static enum db_step next_of_read_parameters(const struct servo_talk *talk)
-{
-	if (!servo_did(talk, DID_LOOK))
-		return servo_look(talk);
-	/* There are none to be read. */
-	talk->device->params_valid = true;
-	return servo_done(talk, DB_RESULT_OK);
-}
-
-enum db_step servo_next_of_command(const struct servo_talk *talk)
+enum db_step servo_can_continue_command(struct db_conversation *talk)
 {
 	switch (request_of(talk)->command) {
 	case DB_CMD_ENABLE:
-		return next_of_enable(talk);
+		return continue_enable(talk);
 	case DB_CMD_DISABLE:
-		return next_of_disable(talk);
+		return continue_disable(talk);
 	case DB_CMD_STOP:
 	case DB_CMD_QUICK_STOP:
-		return next_of_stop(talk);
+		return continue_stop(talk);
 	case DB_CMD_MOVE_VELOCITY:
 	case DB_CMD_MOVE_CURRENT:
-		return next_of_setpoint(talk);
+		return continue_setpoint(talk);
 	case DB_CMD_MOVE_ABSOLUTE:
 	case DB_CMD_MOVE_RELATIVE:
-		return next_of_position(talk);
+		return continue_position(talk);
 	case DB_CMD_SET_POSITION:
-		return next_of_set_position(talk);
+		return continue_set_position(talk);
 	case DB_CMD_SYNC_START:
-		return next_of_sync_start(talk);
+		return continue_sync_start(talk);
 	case DB_CMD_READ_PARAMETERS:
-		return next_of_read_parameters(talk);
+		if (!is_done(talk, STEP_LOOK))
+			return servo_can_read_all(talk);
+		/* There are none to be read. */
+		talk->device->params_valid = true;
+		return end_job(talk, DB_RESULT_OK);
 	default: /* clear_fault: the bridge's own latch is not the driver's */
-		return servo_done(talk, DB_RESULT_UNSUPPORTED);
-	}
-}
-
-/* The drive may have no use for it in its mode: what could be done was. */
-static enum db_step go_on_without_clear(const struct servo_talk *talk)
-{
-	servo_pass_over(talk);
-	return servo_next_of_command(talk);
-}
-
-static bool is_clear(const struct servo_talk *talk)
-{
-	return talk->job->step == STEP_CLEAR_SPEED || talk->job->step == STEP_CLEAR_CURRENT;
-}
-
-enum db_step servo_command_refused(const struct servo_talk *talk)
-{
-	if (is_clear(talk))
-		return go_on_without_clear(talk);
-	talk->device->refused = true;
-	if (talk->job->step == STEP_TRIGGER_UP)
-		return end_without_move(talk, DB_RESULT_REFUSED);
-	if (!is_stop(talk))
-		return servo_done(talk, DB_RESULT_REFUSED);
-	/* A stop does not end with that. */
-	if (talk->job->step == STEP_SETPOINT)
-		return servo_say_power(talk, false);
-	if (talk->job->step != STEP_POWER)
-		return servo_done(talk, DB_RESULT_OK);
-	talk->progress->did |= DID_POWER;
-	talk->progress->since = talk->now;
-	return servo_look(talk);
-}
-
-enum db_step servo_command_lost(const struct servo_talk *talk)
-{
-	enum db_command command = request_of(talk)->command;
-
-	switch ((enum servo_step)talk->job->step) {
-	case STEP_CLEAR_SPEED:
-	case STEP_CLEAR_CURRENT:
-		return go_on_without_clear(talk);
-	case STEP_TRIGGER_UP:
-	case STEP_FEEDBACK: /* what does the drive itself say? */
-		talk->progress->did |= DID_WITHOUT_ANSWER | DID_TRIGGER | DID_FEEDBACK;
-		return servo_look(talk);
-	case STEP_SETPOINT: /* before enabling it is 0 */
-		return servo_done(talk, command == DB_CMD_ENABLE ? DB_RESULT_TIMEOUT :
-		                                                   DB_RESULT_INDETERMINATE);
-	case STEP_POWER:
-	case STEP_SYNC:
-		return servo_done(talk, DB_RESULT_INDETERMINATE);
-	case STEP_LOOK: /* behind a frame that may have set something going? */
-		return servo_done(talk, servo_did(talk, DID_SETPOINT | DID_TRIGGER | DID_FEEDBACK |
-		                                                DID_POWER) ?
-		                                DB_RESULT_INDETERMINATE :
-		                                DB_RESULT_TIMEOUT);
-	default: /* nothing that moves anything was sent */
-		return servo_done(talk, DB_RESULT_TIMEOUT);
+		return end_job(talk, DB_RESULT_UNSUPPORTED);
 	}
 }
 
@@ -542,59 +481,59 @@ enum db_step servo_command_lost(const struct servo_talk *talk)
 /* Is the power to be taken off because of a fault? Where speed or current 0 stops, a stop needs not. */
 static bool fault_takes_power(const struct db_device *device)
 {
-	if (!servo_is_powered(device) || device->on_fault == SERVO_ON_FAULT_NONE)
+	if (!servo_can_is_powered(device) || device->on_fault == SERVO_CAN_ON_FAULT_NONE)
 		return false;
-	return device->on_fault == SERVO_ON_FAULT_DISABLE || !stops_by_setpoint(device);
+	return device->on_fault == SERVO_CAN_ON_FAULT_DISABLE || !stops_by_setpoint(device);
 }
 
 /* Nothing is to begin by itself when the fault is gone. Said again with each poll until it is so. */
-static bool says_because_of_fault(const struct servo_talk *talk, enum db_step *step)
+static bool says_because_of_fault(struct db_conversation *talk, enum db_step *step)
 {
 	struct db_device *device = talk->device;
 
 	if (!device->fault_open)
 		return false;
-	if (stops_by_setpoint(device) && !servo_did(talk, DID_SETPOINT) &&
+	if (stops_by_setpoint(device) && !is_done(talk, STEP_SETPOINT) &&
 	    (device->setpoint != 0 || !device->setpoint_known[device->mode])) {
-		*step = servo_say_setpoint(talk, 0);
+		*step = servo_can_say_setpoint(talk, 0);
 		return true;
 	}
-	if (fault_takes_power(device) && !servo_did(talk, DID_POWER)) {
-		*step = servo_say_power(talk, false);
+	if (fault_takes_power(device) && !is_done(talk, STEP_POWER)) {
+		*step = servo_can_say_power(talk, false);
 		return true;
 	}
-	if (servo_did(talk, DID_POWER) && talk->job->step == STEP_POWER) {
-		*step = servo_look(talk);
+	if (is_done(talk, STEP_POWER) && talk->job->step == STEP_POWER) {
+		*step = servo_can_read_all(talk);
 		return true;
 	}
 	device->fault_open = fault_takes_power(device);
-	if (!device->fault_open && !servo_is_powered(device))
+	if (!device->fault_open && !servo_can_is_powered(device))
 		device->has_target = false;
 	return false;
 }
 
-static enum db_step read_cyclically(const struct servo_talk *talk)
+static enum db_step read_cyclically(struct db_conversation *talk)
 {
-	unsigned parts = servo_reports_come(talk->device, talk->now) ? SERVO_CAN_GIVES_STATUS :
-	                                                               SERVO_ALL_PARTS;
+	unsigned parts = servo_can_reports_come(talk->device, talk->now) ? SERVO_CAN_GIVES_STATUS :
+	                                                                   SERVO_CAN_ALL_PARTS;
 
-	return servo_read(talk, STEP_LOOK, parts);
+	return servo_can_read_parts(talk, STEP_LOOK, parts);
 }
 
-enum db_step servo_next_of_poll(const struct servo_talk *talk)
+enum db_step servo_can_continue_poll(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 	enum db_step step;
 
-	if (!servo_did(talk, DID_LOOK))
+	if (!is_done(talk, STEP_LOOK))
 		return read_cyclically(talk);
 	if (talk->job->step == STEP_ANALOGUE)
-		return servo_done(talk, DB_RESULT_OK);
+		return end_job(talk, DB_RESULT_OK);
 	if (says_because_of_fault(talk, &step))
 		return step;
 	if (device->trigger == LEVEL_HIGH && !device->going && talk->job->step != STEP_TRIGGER_DOWN)
-		return servo_say_trigger(talk, false);
+		return servo_can_say_trigger(talk, false);
 	if (device->analogue_at == 0 || talk->now - device->analogue_at >= ANALOGUE_INTERVAL)
-		return servo_read(talk, STEP_ANALOGUE, SERVO_CAN_GIVES_ANALOGUE);
-	return servo_done(talk, DB_RESULT_OK);
+		return servo_can_read_parts(talk, STEP_ANALOGUE, SERVO_CAN_GIVES_ANALOGUE);
+	return end_job(talk, DB_RESULT_OK);
 }

@@ -20,7 +20,12 @@
  * Acknowledgements tell the node and a code, and with speed and current what is measured (not what
  * was commanded). The scheduler has one exchange with a node under way at a time.
  */
-#include "driver/servo_can/device.h"
+#include "driver/list.h"
+#include "driver/servo_can/frames.h"
+#include "driver/servo_can/options.h"
+#include "driver/servo_can/settings.h"
+#include "driver/servo_can/state.h"
+#include "driver/servo_can/steps.h"
 
 #include <string.h>
 
@@ -29,174 +34,18 @@
 
 #define ANSWER_DATA 4 /* data bytes of the longest answer */
 
-/* --- jobs ---------------------------------------------------------------------------------------- */
+/* --- a drive ------------------------------------------------------------------------------------- */
 
-static enum servo_lane lane_of(const struct db_job *job)
-{
-	switch (job->kind) {
-	case DB_JOB_COMMAND:
-		return db_command_is_stop(job->request->command) ? LANE_STOPS : LANE_REQUESTS;
-	case DB_JOB_SETTINGS:
-		return LANE_REQUESTS;
-	case DB_JOB_POLL:
-		return LANE_POLLS;
-	default:
-		return LANE_IDENTIFIES;
-	}
-}
-
-static struct servo_talk talk_of(struct db_device *device, struct db_job *job, db_time now,
-                                 struct db_exchange *exchange, enum db_result *result)
-{
-	return (struct servo_talk){
-		.device = device,
-		.job = job,
-		.progress = &device->progress[lane_of(job)],
-		.now = now,
-		.exchange = exchange,
-		.result = result,
-	};
-}
-
-static enum db_step say_next(const struct servo_talk *talk)
-{
-	switch (talk->job->kind) {
-	case DB_JOB_PROBE:
-		/* An answer that no other exchange has, so that a late one is not taken for it. */
-		return servo_did(talk, DID_LOOK) ?
-		               servo_done(talk, DB_RESULT_OK) :
-		               servo_read(talk, STEP_ANALOGUE, SERVO_CAN_GIVES_ANALOGUE);
-	case DB_JOB_IDENTIFY:
-		return servo_next_of_identify(talk);
-	case DB_JOB_POLL:
-		return servo_next_of_poll(talk);
-	case DB_JOB_SETTINGS:
-		return servo_next_of_settings(talk);
-	case DB_JOB_COMMAND:
-	default:
-		return servo_next_of_command(talk);
-	}
-}
-
-static enum db_step servo_begin(struct db_conversation *given)
-{
-	struct db_device *device = given->device;
-	struct db_job *job = given->job;
-	struct db_exchange *exchange = given->exchange;
-	enum db_result *result = &given->result;
-	struct servo_talk talk = talk_of(device, job, job->started, exchange, result);
-
-	*talk.progress = (struct servo_progress){ .since = job->started };
-	return say_next(&talk);
-}
-
-static enum db_step acknowledged(const struct servo_talk *talk)
-{
-	if (talk->job->kind == DB_JOB_COMMAND)
-		talk->device->refused = false;
-	servo_note_acknowledged(talk);
-	return say_next(talk);
-}
-
-/* An acknowledgement of something else: the drive did not take this. */
-static enum db_step misacknowledged(const struct servo_talk *talk)
-{
-	switch (talk->job->kind) {
-	case DB_JOB_COMMAND:
-		return servo_command_refused(talk);
-	case DB_JOB_SETTINGS:
-		talk->device->refused = true;
-		servo_forget_settings(talk->device, talk->job->request);
-		return servo_done(talk, DB_RESULT_REFUSED);
-	case DB_JOB_IDENTIFY: /* another part of the profile may be taken */
-		servo_pass_over(talk);
-		return say_next(talk);
-	default:
-		return servo_done(talk, DB_RESULT_REFUSED);
-	}
-}
-
-/* The last frame of the request is the one that is answered. */
-static bool asked_of(const struct db_device *device, const struct db_exchange *exchange,
-                     struct servo_can_message *asked)
-{
-	struct db_can_frame frame;
-
-	memcpy(&frame, exchange->request + exchange->request_length - sizeof frame, sizeof frame);
-	return servo_can_decode(&frame, &device->layout, SERVO_CAN_FROM_HOST, asked) ==
-	       SERVO_CAN_OK;
-}
-
-static enum db_step read_answered(const struct servo_talk *talk, uint8_t selector,
-                                  const struct servo_can_message *message)
-{
-	bool complete;
-
-	if (!servo_take_part(talk->device, talk->exchange->sending, servo_can_answers(selector),
-	                     message, talk->now, &complete))
-		return DB_STEP_IGNORE;
-	if (!complete)
-		return DB_STEP_MORE;
-	/* It may have stood behind a frame that nothing acknowledges. */
-	if (talk->job->step != STEP_LOOK && talk->job->step != STEP_ANALOGUE)
-		return acknowledged(talk);
-	talk->progress->did |= DID_LOOK;
-	return say_next(talk);
-}
-
-static enum db_step servo_answer(struct db_conversation *given, const uint8_t *bytes, size_t length)
-{
-	struct db_device *device = given->device;
-	struct db_job *job = given->job;
-	db_time now = given->now;
-	struct db_exchange *exchange = given->exchange;
-	enum db_result *result = &given->result;
-	struct servo_talk talk = talk_of(device, job, now, exchange, result);
-	struct servo_can_message message;
-	struct servo_can_message asked;
-	struct db_can_frame frame;
-	enum servo_can_error error;
-
-	if (length != sizeof frame || !asked_of(device, exchange, &asked))
-		return DB_STEP_IGNORE;
-	memcpy(&frame, bytes, sizeof frame);
-	error = servo_can_decode(&frame, &device->layout, SERVO_CAN_FROM_DRIVE, &message);
-	if (asked.kind == SERVO_CAN_READ)
-		return error == SERVO_CAN_OK ? read_answered(&talk, asked.u.selector, &message) :
-		                               DB_STEP_IGNORE;
-	/* A code that nobody documents acknowledges something all the same. */
-	if (message.kind != SERVO_CAN_ACK ||
-	    (error != SERVO_CAN_OK && error != SERVO_CAN_ERR_RANGE))
-		return DB_STEP_IGNORE;
-	return message.u.ack.code == servo_can_ack_expected(&asked, &device->layout) ?
-	               acknowledged(&talk) :
-	               misacknowledged(&talk);
-}
-
-static enum db_step servo_lost(struct db_conversation *given)
-{
-	struct db_device *device = given->device;
-	struct db_job *job = given->job;
-	struct db_exchange *exchange = given->exchange;
-	enum db_result *result = &given->result;
-	struct servo_talk talk = talk_of(device, job, device->status_at, exchange, result);
-
-	if (job->kind == DB_JOB_SETTINGS)
-		servo_forget_settings(device, job->request);
-	return job->kind == DB_JOB_COMMAND ? servo_command_lost(&talk) :
-	                                     servo_done(&talk, DB_RESULT_TIMEOUT);
-}
-
-static const struct db_nameplate *servo_nameplate(const struct db_device *device)
+static const struct db_nameplate *get_nameplate(const struct db_device *device)
 {
 	return &device->plate;
 }
 
-static void servo_init(struct db_device *device, struct db_device *first,
-                       const struct db_bus_config *bus, const struct db_drive_config *drive)
+static void init_device(struct db_device *device, struct db_device *first,
+                        const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
 	(void)first; /* one drive an address */
-	servo_configure(device, bus, drive);
+	servo_can_configure(device, bus, drive);
 }
 
 /* --- the bus's side ---------------------------------------------------------------------------- */
@@ -205,9 +54,9 @@ static void servo_init(struct db_device *device, struct db_device *first,
 #define BLOCK 0x20u
 #define BLOCK_MASK (DB_CAN_EXTENDED | DB_CAN_REMOTE | (DB_CAN_STANDARD_MASK & ~(BLOCK - 1)))
 
-static size_t servo_filters(const struct db_bus_config *bus, struct db_can_filter *filters)
+static size_t list_filters(const struct db_bus_config *bus, struct db_can_filter *filters)
 {
-	uint32_t ack_base = servo_layout(bus).ack_base;
+	uint32_t ack_base = servo_can_read_layout(bus).ack_base;
 	uint32_t first = (ack_base + 1) & ~(BLOCK - 1);
 	uint32_t last = (ack_base + SERVO_CAN_NODE_MAX) & ~(BLOCK - 1);
 	size_t count = 0;
@@ -221,10 +70,10 @@ static size_t servo_filters(const struct db_bus_config *bus, struct db_can_filte
 	return count;
 }
 
-static enum db_frame servo_accept(const struct db_bus_config *bus, const uint8_t *bytes,
+static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t *bytes,
                                   size_t length, int *address)
 {
-	struct servo_can_layout layout = servo_layout(bus);
+	struct servo_can_layout layout = servo_can_read_layout(bus);
 	struct servo_can_message message;
 	struct db_can_frame frame;
 	enum servo_can_error error;
@@ -245,32 +94,33 @@ static enum db_frame servo_accept(const struct db_bus_config *bus, const uint8_t
 
 static db_time wire_time(const struct db_bus_config *bus, unsigned frames, unsigned data)
 {
-	unsigned bytes = servo_layout(bus).padded ? DB_CAN_DATA_MAX : data;
+	unsigned bytes = servo_can_read_layout(bus).padded ? DB_CAN_DATA_MAX : data;
 	unsigned bits = frames * db_can_frame_bits_max(false, bytes);
 
 	return (db_time)bits * DB_NS_PER_S / (db_time)bus->bitrate;
 }
 
-static db_time servo_poll_time(const struct db_bus_config *bus)
+static db_time poll_time(const struct db_bus_config *bus)
 {
 	return wire_time(bus, 1, 1) +
-	       wire_time(bus, servo_count_bits(SERVO_ALL_PARTS), ANSWER_DATA) + TYPICAL_LATENCY;
+	       wire_time(bus, servo_can_count_bits(SERVO_CAN_ALL_PARTS), ANSWER_DATA) +
+	       TYPICAL_LATENCY;
 }
 
 /* A position move: a read, then the mode, both edges of CTRG and the target, each acknowledged. */
-static db_time servo_command_time(const struct db_bus_config *bus)
+static db_time command_time(const struct db_bus_config *bus)
 {
 	const unsigned frames = 4;
 
-	return servo_poll_time(bus) + wire_time(bus, frames, DB_CAN_DATA_MAX) +
+	return poll_time(bus) + wire_time(bus, frames, DB_CAN_DATA_MAX) +
 	       wire_time(bus, frames, 1) + frames * TYPICAL_LATENCY;
 }
 
 /* Speed 0 is not among them: which mode the drives are in would have to be the same. */
-static bool servo_broadcast(enum db_command command, const struct db_bus_config *bus,
+static bool write_broadcast(enum db_command command, const struct db_bus_config *bus,
                             struct db_exchange *exchange)
 {
-	struct servo_can_layout layout = servo_layout(bus);
+	struct servo_can_layout layout = servo_can_read_layout(bus);
 	struct servo_can_message message = { .kind = SERVO_CAN_ENABLE,
 		                             .node = SERVO_CAN_BROADCAST };
 	struct db_can_frame frame;
@@ -287,8 +137,8 @@ static bool servo_broadcast(enum db_command command, const struct db_bus_config 
 	return true;
 }
 
-static bool servo_begin_all(const struct db_device *device, const struct db_exchange *prepared,
-                            struct db_exchange *all)
+static bool begin_all(const struct db_device *device, const struct db_exchange *prepared,
+                      struct db_exchange *all)
 {
 	struct servo_can_message message;
 	struct db_can_frame frame;
@@ -307,20 +157,6 @@ static bool servo_begin_all(const struct db_device *device, const struct db_exch
 	return true;
 }
 
-static enum db_step servo_begun_by_all(struct db_conversation *given)
-{
-	struct db_device *device = given->device;
-	struct db_job *job = given->job;
-	db_time now = given->now;
-	struct db_exchange *exchange = given->exchange;
-	enum db_result *result = &given->result;
-	struct servo_talk talk = talk_of(device, job, now, exchange, result);
-
-	servo_note_acknowledged(&talk);
-	talk.progress->did |= DID_BY_ALL;
-	return say_next(&talk);
-}
-
 const struct db_driver db_driver_servo_can = {
 	.name = "servo-can",
 	.title = "servo drive on CAN; velocity in rpm",
@@ -328,42 +164,42 @@ const struct db_driver db_driver_servo_can = {
 	.address_min = 1,
 	.address_max = SERVO_CAN_NODE_MAX,
 	.default_baud = 1000000,
-	.options = servo_options,
-	.option_count = SERVO_OPTION_COUNT,
+	.options = servo_can_options,
+	.option_count = SERVO_CAN_OPTION_COUNT,
 	.acknowledges = true,
-	.commands = SERVO_COMMANDS,
+	.commands = SERVO_CAN_COMMANDS,
 	.measures = DB_MEASURE_INPUTS | DB_MEASURE_OUTPUTS | DB_MEASURE_CURRENT |
 	            DB_MEASURE_FAULT_BITS | DB_MEASURE_SUPPLY_VOLTAGE | DB_MEASURE_TEMPERATURE |
 	            DB_MEASURE_ANALOGUE | DB_MEASURE_RAW_HEALTH,
-	.params = servo_params,
-	.param_count = SERVO_PARAM_COUNT,
+	.params = servo_can_params,
+	.param_count = SERVO_CAN_PARAM_COUNT,
 	.status_bits = servo_can_status_bits,
 	.status_bit_count = SERVO_CAN_STATUS_BITS,
 	.param_page = 2,
 	.acceleration_param = PARAM_ACCELERATION,
 	.deceleration_param = PARAM_DECELERATION,
 	.preset_velocity_param = PARAM_MAX_SPEED,
-	.velocity_counts = servo_velocity_counts,
-	.check = servo_check,
-	.check_param = servo_check_param,
-	.forbidden = servo_forbidden,
-	.check_config = servo_check_config,
-	.poll_time = servo_poll_time,
-	.command_time = servo_command_time,
+	.velocity_counts = servo_can_velocity_counts,
+	.check = servo_can_check_command,
+	.check_param = servo_can_check_param,
+	.forbidden = servo_can_forbidden,
+	.check_config = servo_can_check_config,
+	.poll_time = poll_time,
+	.command_time = command_time,
 	.device_size = sizeof(struct db_device),
-	.init = servo_init,
-	.filters = servo_filters,
+	.init = init_device,
+	.filters = list_filters,
 	.cut = db_can_cut,
-	.accept = servo_accept,
-	.begin = servo_begin,
-	.answer = servo_answer,
-	.lost = servo_lost,
-	.report = servo_report,
-	.wants_poll = servo_wants_poll,
-	.gone = servo_gone,
-	.feedback = servo_feedback,
-	.nameplate = servo_nameplate,
-	.broadcast = servo_broadcast,
-	.begin_all = servo_begin_all,
-	.begun_by_all = servo_begun_by_all,
+	.accept = accept_frame,
+	.begin = servo_can_begin,
+	.answer = servo_can_answer,
+	.lost = servo_can_lose_answer,
+	.report = servo_can_take_report,
+	.wants_poll = servo_can_wants_poll,
+	.gone = servo_can_forget_state,
+	.feedback = servo_can_write_feedback,
+	.nameplate = get_nameplate,
+	.broadcast = write_broadcast,
+	.begin_all = begin_all,
+	.begun_by_all = servo_can_begun_by_all,
 };

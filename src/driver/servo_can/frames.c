@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Frames to the drive, as exchanges, and what an acknowledgement changes. */
-#include "driver/servo_can/device.h"
+/* Frames to the drive, as exchanges. */
+#include "driver/servo_can/frames.h"
+
+#include "driver/servo_can/state.h"
 
 #include <math.h>
 #include <string.h>
@@ -9,18 +11,12 @@
 #define ANSWER_DATA 4    /* of the longest answer */
 #define FRAME_OVERHEAD 8 /* as answer_length counts a frame */
 
-enum db_step servo_done(const struct servo_talk *talk, enum db_result result)
-{
-	*talk->result = result;
-	return DB_STEP_DONE;
-}
-
 static size_t answer_length(const struct db_device *device, unsigned frames, unsigned data)
 {
 	return frames * (FRAME_OVERHEAD + (device->layout.padded ? DB_CAN_DATA_MAX : data));
 }
 
-unsigned servo_count_bits(unsigned bits)
+unsigned servo_can_count_bits(unsigned bits)
 {
 	unsigned count = 0;
 
@@ -42,7 +38,7 @@ static bool add_frame(const struct db_device *device, const struct servo_can_mes
 	return true;
 }
 
-static enum db_step say(const struct servo_talk *talk, enum servo_step step,
+static enum db_step say(struct db_conversation *talk, enum servo_can_step step,
                         struct servo_can_message message, bool repeatable)
 {
 	struct db_exchange *exchange = talk->exchange;
@@ -53,14 +49,13 @@ static enum db_step say(const struct servo_talk *talk, enum servo_step step,
 	exchange->extra_time = 0;
 	exchange->repeatable = repeatable;
 	exchange->answer_length = answer_length(talk->device, 1, ACK_DATA);
-	return add_frame(talk->device, &message, exchange) ?
-	               DB_STEP_SEND :
-	               servo_done(talk, DB_RESULT_UNSUPPORTED);
+	return add_frame(talk->device, &message, exchange) ? DB_STEP_SEND :
+	                                                     end_job(talk, DB_RESULT_UNSUPPORTED);
 }
 
 /* Behind a frame that nothing acknowledges a read: its answer shows that the frame was on the wire,
  * and the drive there. */
-static enum db_step say_and_read(const struct servo_talk *talk, enum servo_step step,
+static enum db_step say_and_read(struct db_conversation *talk, enum servo_can_step step,
                                  struct servo_can_message message, bool repeatable)
 {
 	struct servo_can_message read = { .kind = SERVO_CAN_READ, .node = talk->device->node };
@@ -68,28 +63,29 @@ static enum db_step say_and_read(const struct servo_talk *talk, enum servo_step 
 
 	if (said != DB_STEP_SEND)
 		return said;
-	read.u.selector = (uint8_t)servo_can_selector(SERVO_ALL_PARTS);
+	read.u.selector = (uint8_t)servo_can_selector(SERVO_CAN_ALL_PARTS);
 	talk->exchange->answer_length = answer_length(
-		talk->device, servo_count_bits(SERVO_ALL_PARTS), ANSWER_DATA);
+		talk->device, servo_can_count_bits(SERVO_CAN_ALL_PARTS), ANSWER_DATA);
 	return add_frame(talk->device, &read, talk->exchange) ? DB_STEP_SEND :
-	                                                        servo_done(talk, DB_RESULT_FAILED);
+	                                                        end_job(talk, DB_RESULT_FAILED);
 }
 
-enum db_step servo_read(const struct servo_talk *talk, enum servo_step step, unsigned parts)
+enum db_step servo_can_read_parts(struct db_conversation *talk, enum servo_can_step step,
+                                  unsigned parts)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_READ };
 	enum db_step said;
 
 	message.u.selector = (uint8_t)servo_can_selector(parts);
 	said = say(talk, step, message, true);
-	talk->exchange->answer_length = answer_length(talk->device, servo_count_bits(parts),
+	talk->exchange->answer_length = answer_length(talk->device, servo_can_count_bits(parts),
 	                                              ANSWER_DATA);
 	return said;
 }
 
-enum db_step servo_look(const struct servo_talk *talk)
+enum db_step servo_can_read_all(struct db_conversation *talk)
 {
-	return servo_read(talk, STEP_LOOK, SERVO_ALL_PARTS);
+	return servo_can_read_parts(talk, STEP_LOOK, SERVO_CAN_ALL_PARTS);
 }
 
 /* --- mode, speed and current ----------------------------------------------------------------------- */
@@ -100,14 +96,14 @@ static bool lacks_max_speed(const struct db_device *device)
 	       !(device->plate.valid & PARAM_BIT(PARAM_MAX_SPEED));
 }
 
-enum db_step servo_say_mode(const struct servo_talk *talk, enum servo_can_mode mode,
-                            const uint16_t *max_speed)
+enum db_step servo_can_say_mode(struct db_conversation *talk, enum servo_can_mode mode,
+                                const uint16_t *max_speed)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_MODE };
 	struct db_device *device = talk->device;
 
 	if (!device->may_change_mode)
-		return servo_done(talk, DB_RESULT_UNSUPPORTED);
+		return end_job(talk, DB_RESULT_UNSUPPORTED);
 	message.u.mode.mode = mode;
 	message.u.mode.torque_clockwise = device->torque_clockwise;
 	message.u.mode.has_max_speed = max_speed || lacks_max_speed(device);
@@ -115,14 +111,13 @@ enum db_step servo_say_mode(const struct servo_talk *talk, enum servo_can_mode m
 		message.u.mode.max_speed = *max_speed;
 	else if (message.u.mode.has_max_speed)
 		message.u.mode.max_speed = (uint16_t)device->profile.max_speed;
-	talk->progress->mode = (int)mode;
 	/* Until it is acknowledged the drive may be in either. */
 	if (device->mode != (int)mode)
-		device->mode = SERVO_MODE_NOT_KNOWN;
+		device->mode = SERVO_CAN_MODE_NOT_KNOWN;
 	return say(talk, STEP_MODE, message, true);
 }
 
-enum db_step servo_say_clear(const struct servo_talk *talk, enum servo_can_kind kind)
+enum db_step servo_can_say_clear(struct db_conversation *talk, enum servo_can_kind kind)
 {
 	struct servo_can_message message = { .kind = kind };
 
@@ -131,7 +126,7 @@ enum db_step servo_say_clear(const struct servo_talk *talk, enum servo_can_kind 
 	           false);
 }
 
-enum db_step servo_say_setpoint(const struct servo_talk *talk, int16_t setpoint)
+enum db_step servo_can_say_setpoint(struct db_conversation *talk, int16_t setpoint)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_SPEED };
 	struct db_device *device = talk->device;
@@ -143,8 +138,8 @@ enum db_step servo_say_setpoint(const struct servo_talk *talk, int16_t setpoint)
 	} else {
 		message.u.speed = setpoint;
 	}
-	talk->progress->setpoint = setpoint;
-	talk->progress->before = current ? device->sample.current : device->sample.speed;
+	progress_of(talk)->setpoint = setpoint;
+	progress_of(talk)->before = current ? device->sample.current : device->sample.speed;
 	/* It may be in force even if the acknowledgement never comes. */
 	if (setpoint != 0) {
 		device->setpoint = setpoint;
@@ -155,19 +150,19 @@ enum db_step servo_say_setpoint(const struct servo_talk *talk, int16_t setpoint)
 	return say(talk, STEP_SETPOINT, message, true);
 }
 
-enum db_step servo_say_sync(const struct servo_talk *talk)
+enum db_step servo_can_say_sync(struct db_conversation *talk)
 {
-	talk->progress->setpoint = talk->device->setpoint;
-	talk->progress->before = talk->device->mode == SERVO_CAN_MODE_CURRENT ?
-	                                 talk->device->sample.current :
-	                                 talk->device->sample.speed;
+	progress_of(talk)->setpoint = talk->device->setpoint;
+	progress_of(talk)->before = talk->device->mode == SERVO_CAN_MODE_CURRENT ?
+	                                    talk->device->sample.current :
+	                                    talk->device->sample.speed;
 	return say_and_read(talk, STEP_SYNC, (struct servo_can_message){ .kind = SERVO_CAN_SYNC },
 	                    false);
 }
 
 /* --- power, position, command words ---------------------------------------------------------------- */
 
-enum db_step servo_say_power(const struct servo_talk *talk, bool on)
+enum db_step servo_can_say_power(struct db_conversation *talk, bool on)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_ENABLE };
 
@@ -175,12 +170,12 @@ enum db_step servo_say_power(const struct servo_talk *talk, bool on)
 	return say(talk, STEP_POWER, message, true);
 }
 
-static enum db_step say_word_frame(const struct servo_talk *talk, enum servo_step step,
+static enum db_step say_word_frame(struct db_conversation *talk, enum servo_can_step step,
                                    const uint16_t words[2], bool trigger, bool repeatable)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_WORDS };
 
-	memcpy(talk->progress->words, words, sizeof talk->progress->words);
+	memcpy(progress_of(talk)->words, words, sizeof progress_of(talk)->words);
 	message.u.words.word0 = trigger ? words[0] | SERVO_CAN_CTRG : words[0];
 	message.u.words.word1 = words[1];
 	return talk->device->layout.words.ack == SERVO_CAN_ACK_NONE ?
@@ -188,7 +183,7 @@ static enum db_step say_word_frame(const struct servo_talk *talk, enum servo_ste
 	               say(talk, step, message, repeatable);
 }
 
-enum db_step servo_say_trigger(const struct servo_talk *talk, bool up)
+enum db_step servo_can_say_trigger(struct db_conversation *talk, bool up)
 {
 	talk->exchange->begins = up;
 	/* A rise is not repeated blindly: between two it could have been dropped. */
@@ -196,13 +191,13 @@ enum db_step servo_say_trigger(const struct servo_talk *talk, bool up)
 	                      up, !up);
 }
 
-enum db_step servo_say_words(const struct servo_talk *talk, const uint16_t words[2])
+enum db_step servo_can_say_words(struct db_conversation *talk, const uint16_t words[2])
 {
 	return say_word_frame(talk, STEP_WORDS, words, talk->device->trigger == LEVEL_HIGH, true);
 }
 
-enum db_step servo_say_position(const struct servo_talk *talk, enum servo_step step,
-                                int32_t position)
+enum db_step servo_can_say_position(struct db_conversation *talk, enum servo_can_step step,
+                                    int32_t position)
 {
 	struct servo_can_message message = { .kind = step == STEP_FEEDBACK ?
 		                                             SERVO_CAN_SET_FEEDBACK :
@@ -212,109 +207,12 @@ enum db_step servo_say_position(const struct servo_talk *talk, enum servo_step s
 	return say(talk, step, message, step != STEP_FEEDBACK);
 }
 
-enum db_step servo_say_ramps(const struct servo_talk *talk, uint32_t acceleration,
-                             uint32_t deceleration)
+enum db_step servo_can_say_ramps(struct db_conversation *talk, uint32_t acceleration,
+                                 uint32_t deceleration)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_RAMPS };
 
 	message.u.ramps.acceleration = acceleration;
 	message.u.ramps.deceleration = deceleration;
 	return say(talk, STEP_RAMPS, message, true);
-}
-
-/* --- acknowledgements ------------------------------------------------------------------------------ */
-
-/* What was sent last, from the exchange itself: it is what the drive has now. */
-static struct servo_can_message sent(const struct servo_talk *talk)
-{
-	struct servo_can_message message;
-	struct db_can_frame frame;
-
-	memcpy(&frame, talk->exchange->request, sizeof frame);
-	(void)servo_can_decode(&frame, &talk->device->layout, SERVO_CAN_FROM_HOST, &message);
-	return message;
-}
-
-static void note_mode(struct db_device *device, const struct servo_can_message *message)
-{
-	device->mode = (int)message->u.mode.mode;
-	if (message->u.mode.has_max_speed)
-		servo_remember(device, PARAM_MAX_SPEED, message->u.mode.max_speed);
-}
-
-static void note_setpoint(struct db_device *device, const struct servo_progress *progress)
-{
-	device->setpoint = progress->setpoint;
-	device->setpoint_mode = device->mode;
-	if (device->mode != SERVO_MODE_NOT_KNOWN)
-		device->setpoint_known[device->mode] = true;
-	if (device->synchronous)
-		device->staged = true;
-}
-
-static void note_ramps(struct db_device *device, const struct servo_can_message *message)
-{
-	servo_remember(device, PARAM_ACCELERATION, message->u.ramps.acceleration);
-	servo_remember(device, PARAM_DECELERATION, message->u.ramps.deceleration);
-}
-
-/* Flags of what was done, by what was said. */
-static const unsigned done_by[] = {
-	[STEP_MODE] = DID_MODE,
-	[STEP_CLEAR_SPEED] = DID_CLEAR_SPEED,
-	[STEP_CLEAR_CURRENT] = DID_CLEAR_CURRENT,
-	[STEP_SETPOINT] = DID_SETPOINT,
-	[STEP_DEMAND] = DID_DEMAND,
-	[STEP_TARGET] = DID_TARGET,
-	[STEP_TRIGGER_UP] = DID_TRIGGER,
-	[STEP_WORDS] = DID_WORDS,
-	[STEP_POWER] = DID_POWER,
-	[STEP_FEEDBACK] = DID_FEEDBACK,
-	[STEP_SYNC] = DID_SETPOINT,
-	[STEP_RAMPS] = DID_RAMPS,
-};
-
-void servo_pass_over(const struct servo_talk *talk)
-{
-	talk->progress->did |= done_by[talk->job->step];
-}
-
-void servo_note_acknowledged(const struct servo_talk *talk)
-{
-	struct db_device *device = talk->device;
-	struct servo_can_message message = sent(talk);
-
-	servo_pass_over(talk);
-	talk->progress->did &= ~(unsigned)DID_WITHOUT_ANSWER;
-	talk->progress->since = talk->now;
-	switch ((enum servo_step)talk->job->step) {
-	case STEP_MODE:
-		note_mode(device, &message);
-		break;
-	case STEP_CLEAR_SPEED:
-		device->setpoint_known[SERVO_CAN_MODE_SPEED] = true;
-		break;
-	case STEP_CLEAR_CURRENT:
-		device->setpoint_known[SERVO_CAN_MODE_CURRENT] = true;
-		break;
-	case STEP_SETPOINT:
-		note_setpoint(device, talk->progress);
-		break;
-	case STEP_TRIGGER_DOWN:
-		device->trigger = LEVEL_LOW;
-		break;
-	case STEP_WORDS:
-		memcpy(device->words, talk->progress->words, sizeof device->words);
-		device->words_given = true;
-		servo_remember_words(device);
-		break;
-	case STEP_RAMPS:
-		note_ramps(device, &message);
-		break;
-	case STEP_SYNC:
-		device->staged = false;
-		break;
-	default:
-		break;
-	}
 }

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Keys of the configuration, which commands they allow, and what is wrong in them. */
-#include "driver/servo_can/device.h"
+#include "driver/servo_can/options.h"
+
+#include "driver/conversation.h"
 
 #include <math.h>
 
@@ -17,7 +19,7 @@
 #define NUMBER(low, high) NUMBER_OF(low, high, "")
 #define SCALE .words = "", .preset = "1", .min = -1000, .max = 1000
 
-const struct db_option servo_options[SERVO_OPTION_COUNT] = {
+const struct db_option servo_can_options[SERVO_CAN_OPTION_COUNT] = {
 	[OPTION_ACK_BASE] = {
 		.section = "bus",
 		.name = "ack-base",
@@ -219,21 +221,21 @@ const struct db_option servo_options[SERVO_OPTION_COUNT] = {
 	},
 };
 
-_Static_assert(SERVO_OPTION_COUNT <= DB_OPTIONS_MAX, "a configuration has room for so many");
+_Static_assert(SERVO_CAN_OPTION_COUNT <= DB_OPTIONS_MAX, "a configuration has room for so many");
 
-static bool word_is(const double *values, enum servo_option option, int place)
+static bool word_is(const double *values, enum servo_can_option option, int place)
 {
 	return (int)values[option] == place;
 }
 
-static bool is_set(const struct db_bus_config *bus, enum servo_option option)
+static bool is_set(const struct db_bus_config *bus, enum servo_can_option option)
 {
 	return !isnan(bus->options[option]);
 }
 
 /* Everything about the command words but what has a default. */
-static const enum servo_option words_needed[] = { OPTION_WORDS_BASE, OPTION_WORDS_LENGTH,
-	                                          OPTION_WORD_0_AT, OPTION_WORDS_ACK };
+static const enum servo_can_option words_needed[] = { OPTION_WORDS_BASE, OPTION_WORDS_LENGTH,
+	                                              OPTION_WORD_0_AT, OPTION_WORDS_ACK };
 #define WORDS_NEEDED (sizeof words_needed / sizeof words_needed[0])
 
 static size_t words_given(const struct db_bus_config *bus)
@@ -257,7 +259,7 @@ static void set_words(struct servo_can_words_layout *words, const struct db_bus_
 	servo_can_put_fixed(words, (uint64_t)bus->options[OPTION_WORDS_FIXED]);
 }
 
-struct servo_can_layout servo_layout(const struct db_bus_config *bus)
+struct servo_can_layout servo_can_read_layout(const struct db_bus_config *bus)
 {
 	struct servo_can_layout layout = {
 		.ack_base = (uint16_t)bus->options[OPTION_ACK_BASE],
@@ -271,12 +273,12 @@ struct servo_can_layout servo_layout(const struct db_bus_config *bus)
 
 /* --- which commands there are ---------------------------------------------------------------------- */
 
-/* The mode that a drive the bridge may not change is in; or SERVO_MODE_NOT_KNOWN. */
+/* The mode that a drive the bridge may not change is in; or SERVO_CAN_MODE_NOT_KNOWN. */
 static int fixed_mode(const struct db_drive_config *drive)
 {
 	if (!word_is(drive->options, OPTION_CHANGE_MODE, NO) ||
 	    word_is(drive->options, OPTION_MODE, MODE_UNKNOWN))
-		return SERVO_MODE_NOT_KNOWN;
+		return SERVO_CAN_MODE_NOT_KNOWN;
 	return (int)drive->options[OPTION_MODE] - 1;
 }
 
@@ -285,7 +287,7 @@ static uint64_t moves_of(int mode)
 {
 	switch (mode) {
 	case SERVO_CAN_MODE_POSITION:
-		return SERVO_POSITION_MOVES;
+		return SERVO_CAN_POSITION_MOVES;
 	case SERVO_CAN_MODE_SPEED:
 		return DB_COMMAND_BIT(DB_CMD_MOVE_VELOCITY);
 	case SERVO_CAN_MODE_CURRENT:
@@ -295,40 +297,38 @@ static uint64_t moves_of(int mode)
 	}
 }
 
-uint64_t servo_forbidden(const struct db_bus_config *bus, const struct db_drive_config *drive)
+uint64_t servo_can_forbidden(const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
 	uint64_t forbidden = 0;
 
 	if (words_given(bus) != WORDS_NEEDED)
-		forbidden |= SERVO_POSITION_MOVES;
+		forbidden |= SERVO_CAN_POSITION_MOVES;
 	if (word_is(drive->options, OPTION_CHANGE_MODE, NO))
-		forbidden |= SERVO_MOVES & ~moves_of(fixed_mode(drive));
+		forbidden |= SERVO_CAN_MOVES & ~moves_of(fixed_mode(drive));
 	/* What of a position move waits for a sync frame is not documented. */
 	forbidden |= word_is(drive->options, OPTION_SYNC, NO) ? DB_COMMAND_BIT(DB_CMD_SYNC_START) :
-	                                                        SERVO_POSITION_MOVES;
+	                                                        SERVO_CAN_POSITION_MOVES;
 	return forbidden;
 }
 
-static bool in(double value, double min, double max)
-{
-	return value >= min && value <= max;
-}
-
-enum db_result servo_check(const struct db_bus_config *bus, const struct db_drive_config *drive,
-                           enum db_command command, const struct db_args *args)
+enum db_result servo_can_check_command(const struct db_bus_config *bus,
+                                       const struct db_drive_config *drive, enum db_command command,
+                                       const struct db_args *args)
 {
 	bool right = true;
 
 	if (command <= DB_CMD_NONE || command >= DB_CMD_LIMIT ||
-	    !(SERVO_COMMANDS & ~servo_forbidden(bus, drive) & DB_COMMAND_BIT(command)))
+	    !(SERVO_CAN_COMMANDS & ~servo_can_forbidden(bus, drive) & DB_COMMAND_BIT(command)))
 		return DB_RESULT_UNSUPPORTED;
 	if (command == DB_CMD_MOVE_VELOCITY)
-		right = in((double)args->target_velocity, -SERVO_SPEED_MAX, SERVO_SPEED_MAX);
+		right = is_within((double)args->target_velocity, -SERVO_CAN_SPEED_MAX,
+		                  SERVO_CAN_SPEED_MAX);
 	else if (command == DB_CMD_MOVE_CURRENT)
-		right = in((double)args->target_current, -SERVO_CURRENT_MAX, SERVO_CURRENT_MAX);
-	else if (SERVO_POSITION_MOVES & DB_COMMAND_BIT(command))
+		right = is_within((double)args->target_current, -SERVO_CAN_CURRENT_MAX,
+		                  SERVO_CAN_CURRENT_MAX);
+	else if (SERVO_CAN_POSITION_MOVES & DB_COMMAND_BIT(command))
 		/* No frame gives the speed of a position move. */
-		right = in((double)args->target_velocity, 0.0, 0.0);
+		right = is_within((double)args->target_velocity, 0.0, 0.0);
 	return right ? DB_RESULT_OK : DB_RESULT_OUT_OF_RANGE;
 }
 
@@ -337,31 +337,31 @@ enum db_result servo_check(const struct db_bus_config *bus, const struct db_driv
 #define SECONDS_PER_MINUTE 60.0
 
 /* Position counts in a second, at one rpm; 0: not known. */
-double servo_velocity_counts(const struct db_drive_config *drive)
+double servo_can_velocity_counts(const struct db_drive_config *drive)
 {
 	double counts = drive->options[OPTION_COUNTS_PER_TURN];
 
 	return isnan(counts) ? 0.0 : counts / SECONDS_PER_MINUTE;
 }
 
-static struct servo_profile profile_of(const struct db_drive_config *drive)
+static struct servo_can_profile profile_of(const struct db_drive_config *drive)
 {
 	bool fixed = word_is(drive->options, OPTION_CHANGE_MODE, NO);
 
-	return (struct servo_profile){
-		.mode = fixed ? SERVO_MODE_NOT_KNOWN : (int)drive->options[OPTION_MODE] - 1,
+	return (struct servo_can_profile){
+		.mode = fixed ? SERVO_CAN_MODE_NOT_KNOWN : (int)drive->options[OPTION_MODE] - 1,
 		.max_speed = drive->options[OPTION_MAX_SPEED],
 		.acceleration = drive->options[OPTION_ACCELERATION],
 		.deceleration = drive->options[OPTION_DECELERATION],
 	};
 }
 
-void servo_configure(struct db_device *device, const struct db_bus_config *bus,
-                     const struct db_drive_config *drive)
+void servo_can_configure(struct db_device *device, const struct db_bus_config *bus,
+                         const struct db_drive_config *drive)
 {
 	const double *options = drive->options;
 
-	device->layout = servo_layout(bus);
+	device->layout = servo_can_read_layout(bus);
 	device->node = (uint8_t)drive->address;
 	device->may_change_mode = !word_is(options, OPTION_CHANGE_MODE, NO);
 	device->fixed_mode = fixed_mode(drive);
@@ -372,7 +372,7 @@ void servo_configure(struct db_device *device, const struct db_bus_config *bus,
 	device->voltage_scale = options[OPTION_VOLTAGE_SCALE];
 	device->temperature_scale = options[OPTION_TEMPERATURE_SCALE];
 	device->temperature_offset = options[OPTION_TEMPERATURE_OFFSET];
-	device->on_fault = (enum servo_on_fault)options[OPTION_ON_FAULT];
+	device->on_fault = (enum servo_can_on_fault)options[OPTION_ON_FAULT];
 	device->standstill_speed = (int)options[OPTION_STANDSTILL_SPEED];
 	device->reaction = (db_time)options[OPTION_REACTION] * DB_NS_PER_MS;
 	device->window = drive->in_position_window * drive->counts_per_unit;
@@ -401,13 +401,13 @@ static void check_words(const struct db_bus_config *bus, db_complain_fn *complai
 				context, NULL, true,
 				"%s is missing, but another setting of the command words is there; "
 				"set all or none",
-				servo_options[words_needed[i]].name);
+				servo_can_options[words_needed[i]].name);
 	}
 }
 
 static void check_layout(const struct db_bus_config *bus, db_complain_fn *complain, void *context)
 {
-	struct servo_can_layout layout = servo_layout(bus);
+	struct servo_can_layout layout = servo_can_read_layout(bus);
 	struct servo_can_layout without = layout;
 	const char *reason;
 
@@ -457,7 +457,7 @@ static void check_profile(const struct db_drive_config *drive, db_complain_fn *c
 static void check_window(const struct db_bus_config *bus, const struct db_drive_config *drive,
                          db_complain_fn *complain, void *context)
 {
-	if ((SERVO_POSITION_MOVES & ~servo_forbidden(bus, drive)) != 0 &&
+	if ((SERVO_CAN_POSITION_MOVES & ~servo_can_forbidden(bus, drive)) != 0 &&
 	    drive->in_position_window == 0.0)
 		complain(
 			context, drive, false,
@@ -488,11 +488,11 @@ static void check_drive(const struct servo_can_layout *layout, const struct db_d
 	check_profile(drive, complain, context);
 }
 
-void servo_check_config(const struct db_bus_config *bus,
-                        const struct db_drive_config *const *drives, size_t drive_count,
-                        db_complain_fn *complain, void *context)
+void servo_can_check_config(const struct db_bus_config *bus,
+                            const struct db_drive_config *const *drives, size_t drive_count,
+                            db_complain_fn *complain, void *context)
 {
-	struct servo_can_layout layout = servo_layout(bus);
+	struct servo_can_layout layout = servo_can_read_layout(bus);
 
 	check_words(bus, complain, context);
 	check_layout(bus, complain, context);

@@ -1,7 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Parameters and the profile of the configuration. No frame reads them back: what was written and
  * acknowledged is shown, and its result is that it is unproven. */
-#include "driver/servo_can/device.h"
+#include "driver/servo_can/settings.h"
+
+#include "driver/servo_can/frames.h"
+#include "driver/servo_can/options.h"
+#include "driver/servo_can/state.h"
 
 #include <math.h>
 #include <string.h>
@@ -12,7 +16,7 @@
 	}
 
 /* The drive's ramps are whole numbers; they are floats here to be the neutral registers' type. */
-const struct db_param servo_params[SERVO_PARAM_COUNT] = {
+const struct db_param servo_can_params[SERVO_CAN_PARAM_COUNT] = {
 	[PARAM_ACCELERATION] = {
 		.name = "ramp_acceleration",
 		.type = DB_F32,
@@ -63,30 +67,30 @@ static const uint16_t word_bits[] = {
 	SERVO_CAN_POS0, SERVO_CAN_POS1,   SERVO_CAN_POS2,
 };
 
-enum db_result servo_check_param(const struct db_bus_config *bus, size_t param,
-                                 union db_value value)
+enum db_result servo_can_check_param(const struct db_bus_config *bus, size_t param,
+                                     union db_value value)
 {
 	struct servo_can_words_layout words;
 	double number;
 
-	if (param >= SERVO_PARAM_COUNT)
+	if (param >= SERVO_CAN_PARAM_COUNT)
 		return DB_RESULT_UNSUPPORTED;
 	if (param >= PARAM_CCLR) {
-		words = servo_layout(bus).words;
+		words = servo_can_read_layout(bus).words;
 		if (!words.set || (param == PARAM_WORD_1 && words.word1 == SERVO_CAN_NO_WORD))
 			return DB_RESULT_UNSUPPORTED;
 	}
-	number = db_value_number(servo_params[param].type, value);
-	return number >= servo_params[param].min && number <= servo_params[param].max ?
+	number = db_value_number(servo_can_params[param].type, value);
+	return number >= servo_can_params[param].min && number <= servo_can_params[param].max ?
 	               DB_RESULT_OK :
 	               DB_RESULT_OUT_OF_RANGE;
 }
 
 /* --- what is known ------------------------------------------------------------------------------- */
 
-void servo_remember(struct db_device *device, enum servo_param param, double value)
+void servo_can_remember(struct db_device *device, enum servo_can_param param, double value)
 {
-	if (servo_params[param].type == DB_F32)
+	if (servo_can_params[param].type == DB_F32)
 		device->plate.values[param].f = (float)value;
 	else
 		device->plate.values[param].u = (uint32_t)value;
@@ -94,13 +98,13 @@ void servo_remember(struct db_device *device, enum servo_param param, double val
 	device->plate.generation++;
 }
 
-void servo_remember_words(struct db_device *device)
+void servo_can_remember_words(struct db_device *device)
 {
 	for (size_t i = 0; i < sizeof word_bits / sizeof word_bits[0]; i++)
-		servo_remember(device, (enum servo_param)(PARAM_CCLR + i),
-		               (device->words[0] & word_bits[i]) != 0);
+		servo_can_remember(device, (enum servo_can_param)(PARAM_CCLR + i),
+		                   (device->words[0] & word_bits[i]) != 0);
 	if (device->layout.words.word1 != SERVO_CAN_NO_WORD)
-		servo_remember(device, PARAM_WORD_1, device->words[1]);
+		servo_can_remember(device, PARAM_WORD_1, device->words[1]);
 }
 
 /* Parameters that share a frame are known or not known together. */
@@ -122,7 +126,7 @@ static uint64_t settings_wanted(const struct db_request *request)
 	return wanted;
 }
 
-void servo_forget_settings(struct db_device *device, const struct db_request *request)
+void servo_can_forget_settings(struct db_device *device, const struct db_request *request)
 {
 	device->plate.valid &= ~with_neighbours(settings_wanted(request));
 	device->plate.generation++;
@@ -131,7 +135,7 @@ void servo_forget_settings(struct db_device *device, const struct db_request *re
 /* --- a parameter write --------------------------------------------------------------------------- */
 
 /* The last value the request has for it, else the one written before. */
-static double value_for(const struct servo_talk *talk, enum servo_param param)
+static double value_for(struct db_conversation *talk, enum servo_can_param param)
 {
 	const struct db_request *request = talk->job->request;
 	union db_value value = talk->device->plate.values[param];
@@ -140,22 +144,22 @@ static double value_for(const struct servo_talk *talk, enum servo_param param)
 		if (request->settings[i].param == param)
 			value = request->settings[i].value;
 	}
-	return db_value_number(servo_params[param].type, value);
+	return db_value_number(servo_can_params[param].type, value);
 }
 
-static enum db_step say_ramps(const struct servo_talk *talk)
+static enum db_step say_ramps(struct db_conversation *talk)
 {
-	return servo_say_ramps(talk, (uint32_t)llrint(value_for(talk, PARAM_ACCELERATION)),
-	                       (uint32_t)llrint(value_for(talk, PARAM_DECELERATION)));
+	return servo_can_say_ramps(talk, (uint32_t)llrint(value_for(talk, PARAM_ACCELERATION)),
+	                           (uint32_t)llrint(value_for(talk, PARAM_DECELERATION)));
 }
 
-static enum db_step say_words(const struct servo_talk *talk)
+static enum db_step say_words(struct db_conversation *talk)
 {
 	uint64_t wanted = settings_wanted(talk->job->request);
 	uint16_t words[2] = { talk->device->words[0], talk->device->words[1] };
 
 	for (size_t i = 0; i < sizeof word_bits / sizeof word_bits[0]; i++) {
-		enum servo_param param = (enum servo_param)(PARAM_CCLR + i);
+		enum servo_can_param param = (enum servo_can_param)(PARAM_CCLR + i);
 
 		if (!(wanted & PARAM_BIT(param)))
 			continue;
@@ -165,24 +169,25 @@ static enum db_step say_words(const struct servo_talk *talk)
 	}
 	if (wanted & PARAM_BIT(PARAM_WORD_1))
 		words[1] = (uint16_t)value_for(talk, PARAM_WORD_1);
-	return servo_say_words(talk, words);
+	return servo_can_say_words(talk, words);
 }
 
 /* The frame of the maximum speed has a mode, too: the one the drive is in. One that the bridge does not
  * know may only be changed without power. */
 static enum db_result choose_mode(const struct db_device *device, enum servo_can_mode *mode)
 {
-	int known = device->mode != SERVO_MODE_NOT_KNOWN ? device->mode : device->profile.mode;
+	int known = device->mode != SERVO_CAN_MODE_NOT_KNOWN ? device->mode : device->profile.mode;
 
-	*mode = known != SERVO_MODE_NOT_KNOWN ? (enum servo_can_mode)known : SERVO_CAN_MODE_SPEED;
+	*mode = known != SERVO_CAN_MODE_NOT_KNOWN ? (enum servo_can_mode)known :
+	                                            SERVO_CAN_MODE_SPEED;
 	if (!device->may_change_mode)
 		return DB_RESULT_UNSUPPORTED;
-	if (device->mode == SERVO_MODE_NOT_KNOWN && servo_is_powered(device))
+	if (device->mode == SERVO_CAN_MODE_NOT_KNOWN && servo_can_is_powered(device))
 		return DB_RESULT_REFUSED;
-	return servo_is_at_rest(device) ? DB_RESULT_OK : DB_RESULT_BUSY;
+	return servo_can_is_at_rest(device) ? DB_RESULT_OK : DB_RESULT_BUSY;
 }
 
-static enum db_step say_max_speed(const struct servo_talk *talk)
+static enum db_step say_max_speed(struct db_conversation *talk)
 {
 	uint16_t max_speed = (uint16_t)value_for(talk, PARAM_MAX_SPEED);
 	enum servo_can_mode mode;
@@ -190,12 +195,12 @@ static enum db_step say_max_speed(const struct servo_talk *talk)
 
 	/* Also when a stop has come between. */
 	if (result != DB_RESULT_OK)
-		return servo_done(talk, result);
-	return servo_say_mode(talk, mode, &max_speed);
+		return end_job(talk, result);
+	return servo_can_say_mode(talk, mode, &max_speed);
 }
 
 /* Nothing is sent unless all of it can be. */
-static enum db_result check_settings(const struct servo_talk *talk, uint64_t wanted)
+static enum db_result check_settings(struct db_conversation *talk, uint64_t wanted)
 {
 	enum servo_can_mode mode;
 
@@ -206,26 +211,26 @@ static enum db_result check_settings(const struct servo_talk *talk, uint64_t wan
 	                                             DB_RESULT_OK;
 }
 
-enum db_step servo_next_of_settings(const struct servo_talk *talk)
+enum db_step servo_can_continue_settings(struct db_conversation *talk)
 {
 	uint64_t wanted = settings_wanted(talk->job->request);
 	enum db_result checked;
 
-	if ((wanted & PARAM_BIT(PARAM_MAX_SPEED)) && !servo_did(talk, DID_LOOK))
-		return servo_look(talk);
-	if (!servo_did(talk, DID_CHECK)) {
+	if ((wanted & PARAM_BIT(PARAM_MAX_SPEED)) && !is_done(talk, STEP_LOOK))
+		return servo_can_read_all(talk);
+	if (!progress_of(talk)->checked) {
 		checked = check_settings(talk, wanted);
 		if (checked != DB_RESULT_OK)
-			return servo_done(talk, checked);
-		talk->progress->did |= DID_CHECK;
+			return end_job(talk, checked);
+		progress_of(talk)->checked = true;
 	}
-	if ((wanted & RAMPS) && !servo_did(talk, DID_RAMPS))
+	if ((wanted & RAMPS) && !is_done(talk, STEP_RAMPS))
 		return say_ramps(talk);
-	if ((wanted & WORDS) && !servo_did(talk, DID_WORDS))
+	if ((wanted & WORDS) && !is_done(talk, STEP_WORDS))
 		return say_words(talk);
-	if ((wanted & PARAM_BIT(PARAM_MAX_SPEED)) && !servo_did(talk, DID_MODE))
+	if ((wanted & PARAM_BIT(PARAM_MAX_SPEED)) && !is_done(talk, STEP_MODE))
 		return say_max_speed(talk);
-	return servo_done(talk, DB_RESULT_UNPROVEN);
+	return end_job(talk, DB_RESULT_UNPROVEN);
 }
 
 /* --- the profile --------------------------------------------------------------------------------- */
@@ -245,48 +250,48 @@ static bool lacks_mode(const struct db_device *device)
 {
 	bool speed = !isnan(device->profile.max_speed) &&
 	             !(device->plate.valid & PARAM_BIT(PARAM_MAX_SPEED));
-	bool mode = device->profile.mode != SERVO_MODE_NOT_KNOWN &&
-	            device->mode == SERVO_MODE_NOT_KNOWN;
+	bool mode = device->profile.mode != SERVO_CAN_MODE_NOT_KNOWN &&
+	            device->mode == SERVO_CAN_MODE_NOT_KNOWN;
 
 	return device->may_change_mode && (speed || mode);
 }
 
 /* A motor with power keeps its mode: the next command that changes it brings the speed limit along. */
-bool servo_says_profile(const struct servo_talk *talk, enum db_step *step)
+bool servo_can_says_profile(struct db_conversation *talk, enum db_step *step)
 {
 	struct db_device *device = talk->device;
 	enum servo_can_mode mode;
 
-	if (!servo_is_at_rest(device))
+	if (!servo_can_is_at_rest(device))
 		return false;
-	if (lacks_ramps(device) && !servo_did(talk, DID_RAMPS)) {
-		*step = servo_say_ramps(talk, (uint32_t)device->profile.acceleration,
-		                        (uint32_t)device->profile.deceleration);
+	if (lacks_ramps(device) && !is_done(talk, STEP_RAMPS)) {
+		*step = servo_can_say_ramps(talk, (uint32_t)device->profile.acceleration,
+		                            (uint32_t)device->profile.deceleration);
 		return true;
 	}
-	if (lacks_words(device) && !servo_did(talk, DID_WORDS)) {
-		*step = servo_say_words(talk, device->words);
+	if (lacks_words(device) && !is_done(talk, STEP_WORDS)) {
+		*step = servo_can_say_words(talk, device->words);
 		return true;
 	}
-	if (!lacks_mode(device) || servo_did(talk, DID_MODE) ||
+	if (!lacks_mode(device) || is_done(talk, STEP_MODE) ||
 	    choose_mode(device, &mode) != DB_RESULT_OK)
 		return false;
-	*step = servo_say_mode(talk, mode, NULL);
+	*step = servo_can_say_mode(talk, mode, NULL);
 	return true;
 }
 
-enum db_step servo_next_of_identify(const struct servo_talk *talk)
+enum db_step servo_can_continue_identify(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 	enum db_step step;
 
-	if (!servo_did(talk, DID_LOOK))
-		return servo_look(talk);
+	if (!is_done(talk, STEP_LOOK))
+		return servo_can_read_all(talk);
 	/* There is no identity and no parameter that could be read. */
 	device->params_valid = true;
-	if (servo_says_profile(talk, &step))
+	if (servo_can_says_profile(talk, &step))
 		return step;
 	/* What is still missing is tried again. */
 	device->plate.doubtful = lacks_ramps(device) || lacks_words(device) || lacks_mode(device);
-	return servo_done(talk, DB_RESULT_OK);
+	return end_job(talk, DB_RESULT_OK);
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the drive says: answers to reads, its own reports, and the feedback made of them. */
-#include "driver/servo_can/device.h"
+#include "driver/servo_can/state.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -13,15 +13,15 @@
  * while nothing is going on. */
 #define STATUS_INTERVAL (100 * DB_NS_PER_MS)
 
-bool servo_is_powered(const struct db_device *device)
+bool servo_can_is_powered(const struct db_device *device)
 {
 	return device->has_status && (device->bits & device->enabled_bit) != 0;
 }
 
 /* The drive's own bit may have a threshold of its own, far above standing. */
-bool servo_stands(const struct db_device *device)
+bool servo_can_stands(const struct db_device *device)
 {
-	bool told_to_run = servo_is_powered(device) && device->setpoint != 0 && !device->staged;
+	bool told_to_run = servo_can_is_powered(device) && device->setpoint != 0 && !device->staged;
 
 	if (device->sample.speed == 0)
 		return true;
@@ -29,19 +29,19 @@ bool servo_stands(const struct db_device *device)
 	       abs(device->sample.speed) <= device->standstill_speed;
 }
 
-bool servo_is_at_rest(const struct db_device *device)
+bool servo_can_is_at_rest(const struct db_device *device)
 {
-	return servo_stands(device) && !device->going &&
-	       !(servo_is_powered(device) && device->setpoint != 0);
+	return servo_can_stands(device) && !device->going &&
+	       !(servo_can_is_powered(device) && device->setpoint != 0);
 }
 
-bool servo_is_at(const struct db_device *device, int32_t position)
+bool servo_can_is_at(const struct db_device *device, int32_t position)
 {
 	return fabs((double)device->sample.position - (double)position) <= device->window;
 }
 
 /* The error bit is there with the next status, its reason only with the next report. */
-bool servo_has_fault(const struct db_device *device)
+bool servo_can_has_fault(const struct db_device *device)
 {
 	bool unexplained = device->error_since != 0 &&
 	                   (!device->has_health || device->health_at < device->error_since);
@@ -51,7 +51,7 @@ bool servo_has_fault(const struct db_device *device)
 
 /* --- answers to reads ------------------------------------------------------------------------------ */
 
-static void show_sample(struct db_device *device, const struct servo_sample *sample)
+static void show_sample(struct db_device *device, const struct servo_can_sample *sample)
 {
 	/* Reports come while a read is under way: time does not go back. */
 	if (device->has_sample && sample->taken < device->sample.taken)
@@ -68,17 +68,18 @@ static void follow_move(struct db_device *device, db_time now)
 {
 	if (!device->going)
 		return;
-	if (!servo_stands(device) || device->sample.position != device->seen_at) {
+	if (!servo_can_stands(device) || device->sample.position != device->seen_at) {
 		device->seen_at = device->sample.position;
 		device->seen_moving = now;
 	}
-	if (!servo_is_powered(device) ||
-	    (servo_stands(device) && servo_is_at(device, device->target)) ||
+	if (!servo_can_is_powered(device) ||
+	    (servo_can_stands(device) && servo_can_is_at(device, device->target)) ||
 	    now - device->seen_moving >= device->reaction)
 		device->going = false;
 }
 
-static void take_status(struct db_device *device, const struct servo_reading *reading, db_time now)
+static void take_status(struct db_device *device, const struct servo_can_reading *reading,
+                        db_time now)
 {
 	device->bits = reading->bits;
 	device->inputs = reading->inputs;
@@ -90,23 +91,23 @@ static void take_status(struct db_device *device, const struct servo_reading *re
 	else if (device->error_since == 0)
 		device->error_since = now;
 	follow_move(device, now);
-	if (!servo_is_powered(device) || servo_stands(device))
+	if (!servo_can_is_powered(device) || servo_can_stands(device))
 		device->stopping = false;
 }
 
 static void take_reading(struct db_device *device, unsigned parts, db_time now)
 {
-	const struct servo_reading *reading = &device->reading;
+	const struct servo_can_reading *reading = &device->reading;
 
 	if (parts & SERVO_CAN_GIVES_ANALOGUE) {
 		device->analogue = reading->analogue;
 		device->analogue_at = now;
 	}
-	if ((parts & SERVO_ALL_PARTS) == SERVO_ALL_PARTS)
-		show_sample(device, &(struct servo_sample){ .taken = reading->taken,
-		                                            .position = reading->position,
-		                                            .speed = reading->speed,
-		                                            .current = reading->current });
+	if ((parts & SERVO_CAN_ALL_PARTS) == SERVO_CAN_ALL_PARTS)
+		show_sample(device, &(struct servo_can_sample){ .taken = reading->taken,
+		                                                .position = reading->position,
+		                                                .speed = reading->speed,
+		                                                .current = reading->current });
 	if (parts & SERVO_CAN_GIVES_STATUS)
 		take_status(device, reading, now);
 }
@@ -127,7 +128,7 @@ static unsigned part_of(enum servo_can_kind kind)
 	}
 }
 
-static void take_part(struct servo_reading *reading, unsigned part,
+static void take_part(struct servo_can_reading *reading, unsigned part,
                       const struct servo_can_message *message, db_time now)
 {
 	reading->have |= part;
@@ -151,15 +152,15 @@ static void take_part(struct servo_reading *reading, unsigned part,
 	}
 }
 
-bool servo_take_part(struct db_device *device, unsigned sending, unsigned parts,
-                     const struct servo_can_message *message, db_time now, bool *complete)
+bool servo_can_take_part(struct db_device *device, unsigned sending, unsigned parts,
+                         const struct servo_can_message *message, db_time now, bool *complete)
 {
-	struct servo_reading *reading = &device->reading;
+	struct servo_can_reading *reading = &device->reading;
 	unsigned part = part_of(message->kind);
 
 	*complete = false;
 	if (reading->sending != sending)
-		*reading = (struct servo_reading){ .sending = sending };
+		*reading = (struct servo_can_reading){ .sending = sending };
 	if (!(part & parts))
 		return false;
 	take_part(reading, part, message, now);
@@ -197,7 +198,8 @@ static void take_faults(struct db_device *device, uint16_t faults)
 	device->faults = faults;
 }
 
-bool servo_report(struct db_device *device, const uint8_t *bytes, size_t length, db_time now)
+bool servo_can_take_report(struct db_device *device, const uint8_t *bytes, size_t length,
+                           db_time now)
 {
 	struct servo_can_message message;
 	struct db_can_frame frame;
@@ -233,18 +235,18 @@ bool servo_report(struct db_device *device, const uint8_t *bytes, size_t length,
 }
 
 /* Reports come as often as the bridge would ask; half a cycle more is no reason to ask. */
-bool servo_reports_come(const struct db_device *device, db_time now)
+bool servo_can_reports_come(const struct db_device *device, db_time now)
 {
 	return device->has_sample && device->reported.taken != 0 &&
 	       now - device->reported.taken <= device->cycle + device->cycle / 2;
 }
 
-bool servo_wants_poll(const struct db_device *device, db_time now)
+bool servo_can_wants_poll(const struct db_device *device, db_time now)
 {
 	bool busy = device->going || device->stopping || device->trigger == LEVEL_HIGH ||
 	            device->fault_open;
 
-	return busy || !device->has_status || !servo_reports_come(device, now) ||
+	return busy || !device->has_status || !servo_can_reports_come(device, now) ||
 	       now - device->status_at >= STATUS_INTERVAL;
 }
 
@@ -265,14 +267,14 @@ static enum db_axis_state state_of(const struct db_device *device, uint16_t erro
 {
 	if (error != DB_ERROR_NONE)
 		return DB_AXIS_ERROR_STOP;
-	if (!servo_is_powered(device))
+	if (!servo_can_is_powered(device))
 		return DB_AXIS_DISABLED;
 	if (device->stopping)
 		return DB_AXIS_STOPPING;
 	if (device->going)
 		return DB_AXIS_DISCRETE_MOTION;
 	/* Running blocked is running. */
-	if (!servo_stands(device) || (device->setpoint != 0 && !device->staged))
+	if (!servo_can_stands(device) || (device->setpoint != 0 && !device->staged))
 		return DB_AXIS_CONTINUOUS_MOTION;
 	return DB_AXIS_STANDSTILL;
 }
@@ -283,14 +285,14 @@ static uint32_t status_of(const struct db_device *device, enum db_axis_state sta
 {
 	uint32_t status = 0;
 
-	if (servo_is_powered(device))
+	if (servo_can_is_powered(device))
 		status |= DB_STATUS_ENABLED;
 	if (device->bits & SERVO_CAN_ST_HOMED)
 		status |= DB_STATUS_HOMED;
-	if (!servo_stands(device) || device->going)
+	if (!servo_can_stands(device) || device->going)
 		status |= DB_STATUS_MOVING;
-	if (device->has_target && !device->going && servo_is_powered(device) &&
-	    servo_stands(device) && servo_is_at(device, device->target))
+	if (device->has_target && !device->going && servo_can_is_powered(device) &&
+	    servo_can_stands(device) && servo_can_is_at(device, device->target))
 		status |= DB_STATUS_AT_TARGET;
 	if (state == DB_AXIS_STOPPING)
 		status |= DB_STATUS_STOPPING;
@@ -305,7 +307,7 @@ static uint32_t status_of(const struct db_device *device, enum db_axis_state sta
 	return status;
 }
 
-void servo_feedback(const struct db_device *device, struct db_feedback *feedback)
+void servo_can_write_feedback(const struct db_device *device, struct db_feedback *feedback)
 {
 	bool known = device->has_sample && device->has_status;
 	enum db_axis_state state = DB_AXIS_OFFLINE;
@@ -315,7 +317,7 @@ void servo_feedback(const struct db_device *device, struct db_feedback *feedback
 	feedback->velocity = (float)device->sample.speed;
 	feedback->has_target = device->has_target;
 	feedback->target = device->target;
-	feedback->current = (float)device->sample.current / SERVO_CURRENT_STEPS;
+	feedback->current = (float)device->sample.current / SERVO_CAN_CURRENT_STEPS;
 	feedback->drive_status = device->bits;
 	feedback->inputs = device->inputs;
 	feedback->outputs = device->outputs;
@@ -339,7 +341,7 @@ void servo_feedback(const struct db_device *device, struct db_feedback *feedback
 }
 
 /* What it was told to do may still be going on: that is not forgotten. */
-void servo_gone(struct db_device *device)
+void servo_can_forget_state(struct db_device *device)
 {
 	device->mode = device->fixed_mode;
 	device->has_sample = false;

@@ -1,0 +1,304 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The steps of all conversations: what each frame's acknowledgement changes, what follows when a command
+ * is turned down or not answered. What comes next is asked again each time, from what the drive has and
+ * the conversation did (commands.c, settings.c).
+ */
+#include "driver/servo_can/steps.h"
+
+#include "driver/servo_can/commands.h"
+#include "driver/servo_can/frames.h"
+#include "driver/servo_can/settings.h"
+#include "driver/servo_can/state.h"
+
+#include <string.h>
+
+static enum db_step continue_job(struct db_conversation *talk)
+{
+	switch (talk->job->kind) {
+	case DB_JOB_PROBE:
+		return end_job(talk, DB_RESULT_OK);
+	case DB_JOB_IDENTIFY:
+		return servo_can_continue_identify(talk);
+	case DB_JOB_POLL:
+		return servo_can_continue_poll(talk);
+	case DB_JOB_SETTINGS:
+		return servo_can_continue_settings(talk);
+	case DB_JOB_COMMAND:
+	default:
+		return servo_can_continue_command(talk);
+	}
+}
+
+/* The step that was said last counts as taken, though the drive may not have it. */
+static enum db_step pass_over(struct db_conversation *talk)
+{
+	progress_of(talk)->done |= 1u << talk->job->step;
+	return continue_job(talk);
+}
+
+/* --- what was acknowledged ------------------------------------------------------------------------ */
+
+static enum db_step take_frame(struct db_conversation *talk)
+{
+	struct servo_can_progress *progress = progress_of(talk);
+
+	/* Nobody acknowledges what was said to all drives. */
+	if (talk->job->kind == DB_JOB_COMMAND && !progress->by_all)
+		talk->device->refused = false;
+	progress->unanswered = false;
+	progress->since = talk->now;
+	return pass_over(talk);
+}
+
+/* What was said last, from the exchange itself: it is what the drive has now. */
+static struct servo_can_message read_sent(const struct db_conversation *talk)
+{
+	struct servo_can_message message;
+	struct db_can_frame frame;
+
+	memcpy(&frame, talk->exchange->request, sizeof frame);
+	(void)servo_can_decode(&frame, &talk->device->layout, SERVO_CAN_FROM_HOST, &message);
+	return message;
+}
+
+static enum db_step take_mode(struct db_conversation *talk)
+{
+	struct servo_can_message message = read_sent(talk);
+
+	talk->device->mode = (int)message.u.mode.mode;
+	if (message.u.mode.has_max_speed)
+		servo_can_remember(talk->device, PARAM_MAX_SPEED, message.u.mode.max_speed);
+	return take_frame(talk);
+}
+
+static enum db_step take_clear(struct db_conversation *talk)
+{
+	bool current = talk->job->step == STEP_CLEAR_CURRENT;
+
+	talk->device->setpoint_known[current ? SERVO_CAN_MODE_CURRENT : SERVO_CAN_MODE_SPEED] =
+		true;
+	return take_frame(talk);
+}
+
+static enum db_step take_setpoint(struct db_conversation *talk)
+{
+	struct db_device *device = talk->device;
+
+	device->setpoint = progress_of(talk)->setpoint;
+	device->setpoint_mode = device->mode;
+	if (device->mode != SERVO_CAN_MODE_NOT_KNOWN)
+		device->setpoint_known[device->mode] = true;
+	if (device->synchronous)
+		device->staged = true;
+	return take_frame(talk);
+}
+
+static enum db_step take_low_trigger(struct db_conversation *talk)
+{
+	talk->device->trigger = LEVEL_LOW;
+	return take_frame(talk);
+}
+
+static enum db_step take_words(struct db_conversation *talk)
+{
+	struct db_device *device = talk->device;
+
+	memcpy(device->words, progress_of(talk)->words, sizeof device->words);
+	device->words_given = true;
+	servo_can_remember_words(device);
+	return take_frame(talk);
+}
+
+static enum db_step take_sync(struct db_conversation *talk)
+{
+	talk->device->staged = false;
+	return take_frame(talk);
+}
+
+static enum db_step take_ramps(struct db_conversation *talk)
+{
+	struct servo_can_message message = read_sent(talk);
+
+	servo_can_remember(talk->device, PARAM_ACCELERATION, message.u.ramps.acceleration);
+	servo_can_remember(talk->device, PARAM_DECELERATION, message.u.ramps.deceleration);
+	return take_frame(talk);
+}
+
+/* --- what was turned down -------------------------------------------------------------------------- */
+
+static bool is_stop(const struct db_conversation *talk)
+{
+	return talk->job->kind == DB_JOB_COMMAND && db_command_is_stop(talk->job->request->command);
+}
+
+/* A stop does not end with that. */
+static enum db_step refuse_frame(struct db_conversation *talk)
+{
+	talk->device->refused = true;
+	return end_job(talk, is_stop(talk) ? DB_RESULT_OK : DB_RESULT_REFUSED);
+}
+
+static enum db_step refuse_trigger(struct db_conversation *talk)
+{
+	talk->device->going = false;
+	talk->device->has_target = false;
+	return refuse_frame(talk);
+}
+
+static enum db_step refuse_setpoint(struct db_conversation *talk)
+{
+	if (!is_stop(talk))
+		return refuse_frame(talk);
+	talk->device->refused = true;
+	return servo_can_say_power(talk, false);
+}
+
+/* It may have lost its power all the same. */
+static enum db_step refuse_power(struct db_conversation *talk)
+{
+	if (!is_stop(talk))
+		return refuse_frame(talk);
+	talk->device->refused = true;
+	progress_of(talk)->done |= 1u << STEP_POWER;
+	progress_of(talk)->since = talk->now;
+	return servo_can_read_all(talk);
+}
+
+/* --- what was not answered ------------------------------------------------------------------------- */
+
+/* What does the drive itself say? */
+static enum db_step lose_motion(struct db_conversation *talk)
+{
+	progress_of(talk)->unanswered = true;
+	progress_of(talk)->done |= 1u << talk->job->step;
+	return servo_can_read_all(talk);
+}
+
+/* Before enabling it is 0. */
+static enum db_step lose_setpoint(struct db_conversation *talk)
+{
+	return end_job(talk, talk->job->request->command == DB_CMD_ENABLE ?
+	                             DB_RESULT_TIMEOUT :
+	                             DB_RESULT_INDETERMINATE);
+}
+
+static enum db_step leave_open(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_INDETERMINATE);
+}
+
+/* Behind a frame that may have set something going? */
+static enum db_step lose_look(struct db_conversation *talk)
+{
+	const unsigned going = 1u << STEP_SETPOINT | 1u << STEP_SYNC | 1u << STEP_TRIGGER_UP |
+	                       1u << STEP_FEEDBACK | 1u << STEP_POWER;
+
+	return end_job(talk, (progress_of(talk)->done & going) != 0 ? DB_RESULT_INDETERMINATE :
+	                                                              DB_RESULT_TIMEOUT);
+}
+
+/* --- the table -------------------------------------------------------------------------------------- */
+
+/* `refused` and `lost` are those of commands. Before a clear the drive may have no use for it in its
+ * mode: what could be done was. */
+static const struct conversation_step steps[] = {
+	[STEP_LOOK] = { .answered = pass_over, .refused = refuse_frame, .lost = lose_look },
+	[STEP_ANALOGUE] = { .answered = pass_over, .refused = refuse_frame },
+	[STEP_MODE] = { .answered = take_mode, .refused = refuse_frame },
+	[STEP_CLEAR_SPEED] = { .answered = take_clear, .refused = pass_over, .lost = pass_over },
+	[STEP_CLEAR_CURRENT] = { .answered = take_clear, .refused = pass_over, .lost = pass_over },
+	[STEP_SETPOINT] = { .answered = take_setpoint,
+	                    .refused = refuse_setpoint,
+	                    .lost = lose_setpoint },
+	[STEP_DEMAND] = { .answered = take_frame, .refused = refuse_frame },
+	[STEP_TARGET] = { .answered = take_frame, .refused = refuse_frame },
+	[STEP_TRIGGER_DOWN] = { .answered = take_low_trigger, .refused = refuse_frame },
+	[STEP_TRIGGER_UP] = { .answered = take_frame,
+	                      .refused = refuse_trigger,
+	                      .lost = lose_motion },
+	[STEP_WORDS] = { .answered = take_words, .refused = refuse_frame },
+	[STEP_POWER] = { .answered = take_frame, .refused = refuse_power, .lost = leave_open },
+	[STEP_FEEDBACK] = { .answered = take_frame, .refused = refuse_frame, .lost = lose_motion },
+	[STEP_SYNC] = { .answered = take_sync, .refused = refuse_frame, .lost = leave_open },
+	[STEP_RAMPS] = { .answered = take_ramps, .refused = refuse_frame },
+};
+
+/* --- jobs ------------------------------------------------------------------------------------------- */
+
+enum db_step servo_can_begin(struct db_conversation *talk)
+{
+	/* An answer that no other exchange has, so that a late one is not taken for it. */
+	if (talk->job->kind == DB_JOB_PROBE)
+		return servo_can_read_parts(talk, STEP_ANALOGUE, SERVO_CAN_GIVES_ANALOGUE);
+	*progress_of(talk) = (struct servo_can_progress){ .since = talk->job->started };
+	return continue_job(talk);
+}
+
+/* An acknowledgement of something else: the drive did not take this. */
+static enum db_step refuse_step(struct db_conversation *talk)
+{
+	switch (talk->job->kind) {
+	case DB_JOB_COMMAND:
+		return steps[talk->job->step].refused(talk);
+	case DB_JOB_SETTINGS:
+		talk->device->refused = true;
+		servo_can_forget_settings(talk->device, talk->job->request);
+		return end_job(talk, DB_RESULT_REFUSED);
+	case DB_JOB_IDENTIFY: /* another part of the profile may be taken */
+		return pass_over(talk);
+	default:
+		return end_job(talk, DB_RESULT_REFUSED);
+	}
+}
+
+enum db_step servo_can_answer(struct db_conversation *talk, const uint8_t *bytes, size_t length)
+{
+	const struct servo_can_layout *layout = &talk->device->layout;
+	const struct db_exchange *exchange = talk->exchange;
+	struct servo_can_message message;
+	struct servo_can_message asked;
+	struct db_can_frame frame;
+	enum servo_can_error error;
+	bool complete;
+
+	if (length != sizeof frame)
+		return DB_STEP_IGNORE;
+	/* The last frame of the request is the one that is answered. */
+	memcpy(&frame, exchange->request + exchange->request_length - sizeof frame, sizeof frame);
+	if (servo_can_decode(&frame, layout, SERVO_CAN_FROM_HOST, &asked) != SERVO_CAN_OK)
+		return DB_STEP_IGNORE;
+	memcpy(&frame, bytes, sizeof frame);
+	error = servo_can_decode(&frame, layout, SERVO_CAN_FROM_DRIVE, &message);
+	if (asked.kind == SERVO_CAN_READ) {
+		/* It may have stood behind a frame that nothing acknowledges. */
+		if (error != SERVO_CAN_OK ||
+		    !servo_can_take_part(talk->device, exchange->sending,
+		                         servo_can_answers(asked.u.selector), &message, talk->now,
+		                         &complete))
+			return DB_STEP_IGNORE;
+		return complete ? steps[talk->job->step].answered(talk) : DB_STEP_MORE;
+	}
+	/* A code that nobody documents acknowledges something all the same. */
+	if (message.kind != SERVO_CAN_ACK ||
+	    (error != SERVO_CAN_OK && error != SERVO_CAN_ERR_RANGE))
+		return DB_STEP_IGNORE;
+	return message.u.ack.code == servo_can_ack_expected(&asked, layout) ?
+	               steps[talk->job->step].answered(talk) :
+	               refuse_step(talk);
+}
+
+enum db_step servo_can_lose_answer(struct db_conversation *talk)
+{
+	if (talk->job->kind == DB_JOB_COMMAND)
+		return lose_step(talk, steps);
+	if (talk->job->kind == DB_JOB_SETTINGS)
+		servo_can_forget_settings(talk->device, talk->job->request);
+	return end_job(talk, DB_RESULT_TIMEOUT);
+}
+
+enum db_step servo_can_begun_by_all(struct db_conversation *talk)
+{
+	progress_of(talk)->by_all = true;
+	return steps[talk->job->step].answered(talk);
+}
