@@ -271,7 +271,7 @@ bool db_config_key_fits(const struct db_config_key *key, const struct db_driver 
 	case DB_KEY_FOR_AXES:
 		return driver->axes > 0;
 	case DB_KEY_FOR_VSMD:
-		return vsmd_layout_fits(driver);
+		return db_vsmd_layout_fits(driver);
 	case DB_KEY_FOR_ALL:
 		break;
 	}

@@ -39,3 +39,9 @@ int db_exception_of_answer(struct db_write_answer answer)
 {
 	return answer.later ? DB_WRITE_LATER : db_exception_of(answer.result);
 }
+
+uint8_t db_exception_unreachable(const struct db_feedback *feedback)
+{
+	return feedback->status & DB_STATUS_BUS_UP ? MODBUS_EXCEPTION_GATEWAY_TARGET :
+	                                             MODBUS_EXCEPTION_GATEWAY_PATH;
+}

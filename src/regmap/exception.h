@@ -3,6 +3,7 @@
 #ifndef DRIVEBRIDGE_REGMAP_EXCEPTION_H
 #define DRIVEBRIDGE_REGMAP_EXCEPTION_H
 
+#include "drivebridge/axis.h"
 #include "drivebridge/client.h"
 #include "drivebridge/result.h"
 
@@ -13,5 +14,8 @@ uint8_t db_exception_of(enum db_result result);
 
 /* What db_backend's write returns for it: 0, an exception, or DB_WRITE_LATER. */
 int db_exception_of_answer(struct db_write_answer answer);
+
+/* Why a drive cannot be asked: 0B, or 0A when its bus is down. */
+uint8_t db_exception_unreachable(const struct db_feedback *feedback);
 
 #endif

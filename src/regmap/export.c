@@ -129,8 +129,8 @@ static int collect(struct lines *lines)
 	lines->view = DB_VIEW_VSMD;
 	for (unsigned i = 0; db_drivers[i]; i++) {
 		lines->family = i;
-		if (vsmd_layout_fits(db_drivers[i]))
-			vsmd_layout_each(db_drivers[i], add_line, lines);
+		if (db_vsmd_layout_fits(db_drivers[i]))
+			db_vsmd_layout_each(db_drivers[i], add_line, lines);
 	}
 	if (lines->failed) {
 		free(lines->items);

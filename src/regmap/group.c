@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "regmap/group.h"
 
+#include "regmap/clients.h"
 #include "regmap/exception.h"
-#include "regmap/view.h"
+#include "regmap/state.h"
 
 #include <modbus.h>
 #include <string.h>
 
 static void answer_writer(struct db_registers *registers, uint8_t exception)
 {
-	struct group *group = &registers->group;
+	struct db_group *group = &registers->group;
 
 	if (!group->waits)
 		return;
@@ -20,7 +21,7 @@ static void answer_writer(struct db_registers *registers, uint8_t exception)
 /* A new one begins; who waits for an older one learns that it goes on without being watched. */
 static void begin(struct db_registers *registers, struct db_write_token token)
 {
-	struct group *group = &registers->group;
+	struct db_group *group = &registers->group;
 
 	answer_writer(registers, MODBUS_EXCEPTION_ACKNOWLEDGE);
 	group->writer = token;
@@ -40,10 +41,10 @@ static struct db_write_token part_token(const struct db_registers *registers)
 		                        .sequence = registers->group.generation };
 }
 
-static void add_part(struct db_registers *registers, struct view_drive *drive,
+static void add_part(struct db_registers *registers, struct db_view_drive *drive,
                      struct db_write_answer answer)
 {
-	struct group *group = &registers->group;
+	struct db_group *group = &registers->group;
 	uint8_t exception = db_exception_of(answer.result);
 
 	group->drives++;
@@ -57,7 +58,7 @@ static void add_part(struct db_registers *registers, struct view_drive *drive,
 /* Everything is handed over; the writer waits if a drive has to confirm. */
 static int end(struct db_registers *registers)
 {
-	struct group *group = &registers->group;
+	struct db_group *group = &registers->group;
 
 	group->result = group->worst;
 	if (group->pending == 0)
@@ -66,7 +67,7 @@ static int end(struct db_registers *registers)
 	return DB_WRITE_LATER;
 }
 
-static void stop_part(struct db_registers *registers, struct view_drive *drive,
+static void stop_part(struct db_registers *registers, struct db_view_drive *drive,
                       const struct db_client *client, enum db_command stop)
 {
 	const struct db_args none = { 0 };
@@ -77,19 +78,19 @@ static void stop_part(struct db_registers *registers, struct view_drive *drive,
 	                              now));
 }
 
-int group_stop(struct db_registers *registers, const struct db_client *client, enum db_command stop,
-               struct db_write_token token)
+int db_group_stop(struct db_registers *registers, const struct db_client *client,
+                  enum db_command stop, struct db_write_token token)
 {
 	begin(registers, token);
-	for (size_t i = 0; i < registers->layout->drive_count; i++) {
-		if (!registers->layout->drives[i]->leaving)
-			stop_part(registers, registers->layout->drives[i], client, stop);
+	for (size_t i = 0; i < registers->roster->drive_count; i++) {
+		if (!registers->roster->drives[i]->leaving)
+			stop_part(registers, registers->roster->drives[i], client, stop);
 	}
 	return end(registers);
 }
 
 /* Takes a unit out of a set. Whether it was in it. */
-static bool take_unit(uint16_t units[GROUP_WORDS], unsigned unit)
+static bool take_unit(uint16_t units[DB_GROUP_WORDS], unsigned unit)
 {
 	unsigned word = (unit - 1) / 16;
 	unsigned bit = 1u << (unit - 1) % 16;
@@ -99,26 +100,26 @@ static bool take_unit(uint16_t units[GROUP_WORDS], unsigned unit)
 	return was;
 }
 
-static bool is_empty(const uint16_t units[GROUP_WORDS])
+static bool is_empty(const uint16_t units[DB_GROUP_WORDS])
 {
-	for (size_t i = 0; i < GROUP_WORDS; i++) {
+	for (size_t i = 0; i < DB_GROUP_WORDS; i++) {
 		if (units[i] != 0)
 			return false;
 	}
 	return true;
 }
 
-int group_stop_listed(struct db_registers *registers, const struct db_client *client,
-                      enum db_command stop, struct db_write_token token)
+int db_group_stop_listed(struct db_registers *registers, const struct db_client *client,
+                         enum db_command stop, struct db_write_token token)
 {
-	uint16_t left[GROUP_WORDS];
+	uint16_t left[DB_GROUP_WORDS];
 
 	if (is_empty(registers->group.units))
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	memcpy(left, registers->group.units, sizeof left);
 	begin(registers, token);
-	for (size_t i = 0; i < registers->layout->drive_count; i++) {
-		struct view_drive *drive = registers->layout->drives[i];
+	for (size_t i = 0; i < registers->roster->drive_count; i++) {
+		struct db_view_drive *drive = registers->roster->drives[i];
 
 		bool named = take_unit(left, drive->config->unit);
 
@@ -133,7 +134,7 @@ int group_stop_listed(struct db_registers *registers, const struct db_client *cl
 	return end(registers);
 }
 
-static bool is_staged(const struct view_drive *drive)
+static bool is_staged(const struct db_view_drive *drive)
 {
 	return !drive->leaving && db_commander_staged(drive->commander) != DB_CMD_NONE;
 }
@@ -143,10 +144,10 @@ static uint32_t common_start(const struct db_registers *registers, const struct 
 {
 	if (!bus->starts_by_broadcast)
 		return 0;
-	for (size_t i = 0; i < registers->layout->drive_count; i++) {
-		const struct view_drive *drive = registers->layout->drives[i];
+	for (size_t i = 0; i < registers->roster->drive_count; i++) {
+		const struct db_view_drive *drive = registers->roster->drives[i];
 
-		if (drive->bus == bus && !is_staged(drive))
+		if (drive->bus_config == bus && !is_staged(drive))
 			return 0;
 	}
 	return registers->group.generation;
@@ -155,34 +156,35 @@ static uint32_t common_start(const struct db_registers *registers, const struct 
 /* Taken before the first of them is handed over, which ends its being staged. */
 static void number_starts(struct db_registers *registers)
 {
-	for (size_t i = 0; i < registers->layout->drive_count; i++) {
-		struct view_drive *drive = registers->layout->drives[i];
+	for (size_t i = 0; i < registers->roster->drive_count; i++) {
+		struct db_view_drive *drive = registers->roster->drives[i];
 
-		drive->group_start = is_staged(drive) ? common_start(registers, drive->bus) : 0;
+		drive->group_start = is_staged(drive) ? common_start(registers, drive->bus_config) :
+		                                        0;
 	}
 }
 
-int group_start(struct db_registers *registers, const struct db_client *client,
-                struct db_write_token token)
+int db_group_start(struct db_registers *registers, const struct db_client *client,
+                   struct db_write_token token)
 {
 	db_time now = registers->ops->now(registers->context);
 	bool any = false;
 
-	for (size_t i = 0; i < registers->layout->drive_count; i++) {
-		struct view_drive *drive = registers->layout->drives[i];
+	for (size_t i = 0; i < registers->roster->drive_count; i++) {
+		struct db_view_drive *drive = registers->roster->drives[i];
 
 		if (!is_staged(drive))
 			continue;
 		any = true;
-		if (!view_may_write(drive, client, false))
+		if (!db_clients_may_write(drive, client, false))
 			return MODBUS_EXCEPTION_SLAVE_OR_SERVER_BUSY;
 	}
 	if (!any)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	begin(registers, token);
 	number_starts(registers);
-	for (size_t i = 0; i < registers->layout->drive_count; i++) {
-		struct view_drive *drive = registers->layout->drives[i];
+	for (size_t i = 0; i < registers->roster->drive_count; i++) {
+		struct db_view_drive *drive = registers->roster->drives[i];
 
 		if (is_staged(drive))
 			add_part(registers, drive,
@@ -193,10 +195,10 @@ int group_start(struct db_registers *registers, const struct db_client *client,
 	return end(registers);
 }
 
-bool group_answered(struct db_registers *registers, struct db_write_token token,
-                    enum db_result result)
+bool db_group_answered(struct db_registers *registers, struct db_write_token token,
+                       enum db_result result)
 {
-	struct group *group = &registers->group;
+	struct db_group *group = &registers->group;
 	uint8_t exception = db_exception_of(result);
 
 	if (token.client != DB_CLIENT_GROUP)
@@ -211,10 +213,10 @@ bool group_answered(struct db_registers *registers, struct db_write_token token,
 	return true;
 }
 
-void group_completed(struct db_registers *registers, struct view_drive *drive, uint32_t ticket,
-                     db_time sent)
+void db_group_completed(struct db_registers *registers, struct db_view_drive *drive,
+                        uint32_t ticket, db_time sent)
 {
-	struct group *group = &registers->group;
+	struct db_group *group = &registers->group;
 
 	if (ticket == 0 || ticket != drive->group_ticket || sent == 0)
 		return;

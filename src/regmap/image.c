@@ -3,7 +3,7 @@
 
 #include "drivebridge/scale.h"
 #include "drivebridge/version.h"
-#include "regmap/view.h"
+#include "regmap/state.h"
 
 #include <errno.h>
 #include <string.h>
@@ -30,12 +30,12 @@ static uint32_t age_ms(const struct db_feedback *feedback, db_time now)
 
 /* As long as three rounds over the bus take just now: drives that think for long, each within
  * drive-latency-ms, make them longer than the wire does. Asked only of data that is old. */
-static bool is_of_slow_round(const struct view_drive *drive, db_time age)
+static bool is_of_slow_round(const struct db_view_drive *drive, db_time age)
 {
 	const struct db_registers *registers = drive->registers;
 	struct db_bus_stats stats;
 
-	registers->ops->bus_stats(registers->context, drive->line, &stats);
+	registers->ops->bus_stats(registers->context, drive->bus, &stats);
 	return age <= 3 * (db_time)stats.cycle_us * DB_NS_PER_US;
 }
 
@@ -43,7 +43,7 @@ static bool is_of_slow_round(const struct view_drive *drive, db_time age)
  * A drive that answers everything but its status in time, or a bus that does not get round to asking:
  * whatever the reason, data this old is as good as none. So is that of a drive that leaves.
  */
-static void drop_if_too_old(struct db_feedback *feedback, const struct view_drive *drive,
+static void drop_if_too_old(struct db_feedback *feedback, const struct db_view_drive *drive,
                             db_time now)
 {
 	db_time age = age_of(feedback, now);
@@ -56,18 +56,18 @@ static void drop_if_too_old(struct db_feedback *feedback, const struct view_driv
 	feedback->error = DB_ERROR_NO_ANSWER;
 }
 
-static uint16_t quality_of(const struct view_drive *drive, const struct db_feedback *feedback,
+static uint16_t quality_of(const struct db_view_drive *drive, const struct db_feedback *feedback,
                            db_time now)
 {
 	if (feedback->taken == 0)
 		return QUALITY_BAD;
 	if (!(feedback->status & DB_STATUS_ONLINE))
-		return drive->registers->layout->modbus->stale_values ? QUALITY_UNCERTAIN :
+		return drive->registers->roster->modbus->stale_values ? QUALITY_UNCERTAIN :
 		                                                        QUALITY_BAD;
 	return age_of(feedback, now) <= drive->fresh_for ? QUALITY_GOOD : QUALITY_UNCERTAIN;
 }
 
-static void fill_process(struct db_drive_image *image, const struct view_drive *drive,
+static void fill_process(struct db_drive_image *image, const struct db_view_drive *drive,
                          const struct db_client *client)
 {
 	const struct db_feedback *feedback = &image->feedback;
@@ -104,7 +104,7 @@ static void fill_process(struct db_drive_image *image, const struct view_drive *
 	image->heartbeat = drive->heartbeat.value;
 }
 
-static void fill_static(struct db_drive_image *image, const struct view_drive *drive)
+static void fill_static(struct db_drive_image *image, const struct db_view_drive *drive)
 {
 	const char *unit = db_scale_unit(drive->driver, drive->config);
 	size_t length = strlen(unit);
@@ -114,7 +114,7 @@ static void fill_static(struct db_drive_image *image, const struct view_drive *d
 		length = sizeof image->unit_name;
 	memset(image->unit_name, 0, sizeof image->unit_name);
 	memcpy(image->unit_name, unit, length);
-	image->bus = (uint16_t)(drive->bus_place + 1);
+	image->bus = (uint16_t)(drive->bus_index + 1);
 	image->address = (uint16_t)drive->config->address;
 	db_axis_read(drive->axis, &snapshot);
 	image->counts_per_unit = (float)db_scale_counts(drive->config, &snapshot.feedback);
@@ -131,7 +131,7 @@ static void touched(size_t array, size_t size, uint16_t low, uint16_t high, size
 }
 
 /* Where a parameter of the vendor's has its register; 0: unknown. */
-static uint16_t param_address(const struct view_drive *drive, uint16_t param)
+static uint16_t param_address(const struct db_view_drive *drive, uint16_t param)
 {
 	const struct db_index *index = &drive->map->holding;
 
@@ -145,7 +145,8 @@ static uint16_t param_address(const struct view_drive *drive, uint16_t param)
 	return 0;
 }
 
-static void fill_history(struct db_drive_history *shown, const struct view_drive *drive, size_t age)
+static void fill_history(struct db_drive_history *shown, const struct db_view_drive *drive,
+                         size_t age)
 {
 	const struct db_history_entry *entry = &shown->entry;
 	char text[DB_CLIENT_ADDRESS_MAX];
@@ -162,8 +163,9 @@ static void fill_history(struct db_drive_history *shown, const struct view_drive
 	memcpy(shown->address, text, strnlen(text, sizeof shown->address));
 }
 
-void view_fill_drive(struct db_drive_image *image, const struct view_drive *drive,
-                     const struct db_client *client, unsigned parts, uint16_t low, uint16_t high)
+void db_image_fill_drive(struct db_drive_image *image, const struct db_view_drive *drive,
+                         const struct db_client *client, unsigned parts, uint16_t low,
+                         uint16_t high)
 {
 	size_t from;
 	size_t to;
@@ -187,7 +189,7 @@ void view_fill_drive(struct db_drive_image *image, const struct view_drive *driv
 
 static void fill_server(struct db_gateway_image *image, const struct db_registers *registers)
 {
-	const struct view_layout *layout = registers->layout;
+	const struct db_view_roster *roster = registers->roster;
 	db_time up = registers->ops->now(registers->context) - registers->started;
 	struct db_server_stats stats;
 
@@ -195,13 +197,13 @@ static void fill_server(struct db_gateway_image *image, const struct db_register
 	image->version_major = DB_VERSION_MAJOR;
 	image->version_minor = DB_VERSION_MINOR;
 	image->version_patch = DB_VERSION_PATCH;
-	image->bus_count = (uint16_t)layout->bus_count;
-	image->drive_count = (uint16_t)layout->drive_count;
+	image->bus_count = (uint16_t)roster->bus_count;
+	image->drive_count = (uint16_t)roster->drive_count;
 	image->drives_online = 0;
-	for (size_t i = 0; i < layout->bus_count; i++) {
+	for (size_t i = 0; i < roster->bus_count; i++) {
 		struct db_bus_stats bus;
 
-		registers->ops->bus_stats(registers->context, layout->buses[i], &bus);
+		registers->ops->bus_stats(registers->context, roster->buses[i], &bus);
 		image->drives_online = (uint16_t)(image->drives_online + bus.online);
 	}
 	image->uptime_s = (uint32_t)(up / DB_NS_PER_S);
@@ -243,8 +245,8 @@ static void fill_group(struct db_gateway_image *image, const struct db_registers
 	image->group_stop = 0;
 	image->group_start = 0;
 	image->group_staged = 0;
-	for (size_t i = 0; i < registers->layout->drive_count; i++) {
-		const struct view_drive *drive = registers->layout->drives[i];
+	for (size_t i = 0; i < registers->roster->drive_count; i++) {
+		const struct db_view_drive *drive = registers->roster->drives[i];
 
 		if (!drive->leaving && db_commander_staged(drive->commander) != DB_CMD_NONE)
 			image->group_staged++;
@@ -292,7 +294,7 @@ static void fill_bus(struct db_gateway_bus *image, const struct db_bus_stats *st
 	};
 }
 
-static void fill_gateway_drive(struct db_gateway_drive *image, const struct view_drive *drive,
+static void fill_gateway_drive(struct db_gateway_drive *image, const struct db_view_drive *drive,
                                db_time now)
 {
 	struct db_snapshot snapshot;
@@ -309,7 +311,7 @@ static void fill_gateway_drive(struct db_gateway_drive *image, const struct view
 	};
 }
 
-static void fill_window(struct db_gateway_window *window, const struct view_drive *drive,
+static void fill_window(struct db_gateway_window *window, const struct db_view_drive *drive,
                         const struct db_client *client)
 {
 	struct db_drive_image image;
@@ -342,9 +344,9 @@ static uint32_t controls_of(const struct db_registers *registers, uint32_t clien
 {
 	uint32_t bits = 0;
 
-	for (size_t i = 0; i < registers->layout->drive_count && i < DB_GATEWAY_DRIVES; i++) {
+	for (size_t i = 0; i < registers->roster->drive_count && i < DB_GATEWAY_DRIVES; i++) {
 		const struct db_client *holder = db_control_holder(
-			&registers->layout->drives[i]->control, now);
+			&registers->roster->drives[i]->control, now);
 
 		if (holder && holder->id == client)
 			bits |= UINT32_C(1) << i;
@@ -378,8 +380,9 @@ static void fill_clients(struct db_gateway_image *image, const struct db_registe
 	}
 }
 
-void view_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
-                       const struct db_client *client, unsigned parts, uint16_t low, uint16_t high)
+void db_image_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
+                           const struct db_client *client, unsigned parts, uint16_t low,
+                           uint16_t high)
 {
 	size_t from;
 	size_t to;
@@ -392,11 +395,11 @@ void view_fill_gateway(struct db_gateway_image *image, const struct db_registers
 		fill_clients(image, registers);
 	if (parts & DB_PART_BUSES) {
 		touched(offsetof(struct db_gateway_image, buses), sizeof image->buses[0], low, high,
-		        registers->layout->bus_count, &from, &to);
+		        registers->roster->bus_count, &from, &to);
 		for (size_t i = from; i < to && i < DB_GATEWAY_BUSES; i++) {
 			struct db_bus_stats stats;
 
-			registers->ops->bus_stats(registers->context, registers->layout->buses[i],
+			registers->ops->bus_stats(registers->context, registers->roster->buses[i],
 			                          &stats);
 			fill_bus(&image->buses[i], &stats);
 		}
@@ -405,14 +408,14 @@ void view_fill_gateway(struct db_gateway_image *image, const struct db_registers
 		db_time now = registers->ops->now(registers->context);
 
 		touched(offsetof(struct db_gateway_image, drives), sizeof image->drives[0], low,
-		        high, registers->layout->drive_count, &from, &to);
+		        high, registers->roster->drive_count, &from, &to);
 		for (size_t i = from; i < to && i < DB_GATEWAY_DRIVES; i++)
-			fill_gateway_drive(&image->drives[i], registers->layout->drives[i], now);
+			fill_gateway_drive(&image->drives[i], registers->roster->drives[i], now);
 	}
 	if (parts & DB_PART_WINDOWS) {
 		touched(offsetof(struct db_gateway_image, windows), sizeof image->windows[0], low,
-		        high, registers->layout->drive_count, &from, &to);
+		        high, registers->roster->drive_count, &from, &to);
 		for (size_t i = from; i < to && i < DB_GATEWAY_WINDOWS; i++)
-			fill_window(&image->windows[i], registers->layout->drives[i], client);
+			fill_window(&image->windows[i], registers->roster->drives[i], client);
 	}
 }

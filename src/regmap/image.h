@@ -8,7 +8,6 @@
 
 #include "drivebridge/axis.h"
 #include "drivebridge/commander.h"
-#include "regmap/group.h"
 
 /* Parts of the images. */
 enum db_part {
@@ -28,6 +27,9 @@ enum db_part {
 #define DB_UNIT_NAME_REGISTERS 8
 #define DB_IDENTITY_REGISTERS (DB_IDENTITY_MAX / 2)
 #define DB_CLIENT_ADDRESS_REGISTERS 20 /* the longest address has 39 characters */
+
+/* A set of units: unit 1 is bit 0 of the first word. */
+#define DB_GROUP_WORDS 16
 
 struct db_drive_history {
 	struct db_history_entry entry; /* `number` of a parameter is its register */
@@ -190,7 +192,7 @@ struct db_gateway_image {
 	uint16_t group_result;
 	uint16_t group_busy;
 	uint32_t group_skew_us;
-	uint16_t group_units[GROUP_WORDS];
+	uint16_t group_units[DB_GROUP_WORDS];
 	uint16_t group_stop_units; /* reads as 0 */
 	/* DB_PART_BUSES, DB_PART_DRIVES, DB_PART_WINDOWS, DB_PART_CLIENTS */
 	struct db_gateway_bus buses[DB_GATEWAY_BUSES];
@@ -198,5 +200,20 @@ struct db_gateway_image {
 	struct db_gateway_window windows[DB_GATEWAY_WINDOWS];
 	struct db_gateway_client connected[DB_GATEWAY_CLIENTS];
 };
+
+struct db_view_drive;
+struct db_registers;
+
+/*
+ * Fill the parts of an image, as `client` is shown it; null: as any that never commanded. What a
+ * drive's registers show is from one snapshot. Of what repeats only those whose members lie between
+ * the offsets low and high. Network thread.
+ */
+void db_image_fill_drive(struct db_drive_image *image, const struct db_view_drive *drive,
+                         const struct db_client *client, unsigned parts, uint16_t low,
+                         uint16_t high);
+void db_image_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
+                           const struct db_client *client, unsigned parts, uint16_t low,
+                           uint16_t high);
 
 #endif

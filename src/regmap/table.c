@@ -1345,7 +1345,7 @@ const struct db_row db_rows[] = {
 		.type = DB_BITS16,
 		GATEWAY_GROUP(group_units),
 		.flags = DB_ROW_WRITABLE | DB_ROW_LIST,
-		.repeat = { .count = GROUP_WORDS, .addresses = 1, .bytes = sizeof(uint16_t) },
+		.repeat = { .count = DB_GROUP_WORDS, .addresses = 1, .bytes = sizeof(uint16_t) },
 		.description =
 			"Units that group_stop_units is for: bit 0 of group_units1 is unit 1 "
 			"and bit 15 of group_units16 would be unit 256; kept until they are "

@@ -145,7 +145,7 @@ static const struct vsmd_row input[] = {
 	},
 };
 
-const struct vsmd_row *vsmd_layout_rows(enum db_table table, size_t *count)
+const struct vsmd_row *db_vsmd_layout_rows(enum db_table table, size_t *count)
 {
 	switch (table) {
 	case DB_TABLE_HOLDING:
@@ -160,7 +160,7 @@ const struct vsmd_row *vsmd_layout_rows(enum db_table table, size_t *count)
 	}
 }
 
-struct db_cell vsmd_layout_cell(const struct vsmd_row *row)
+struct db_cell db_vsmd_layout_cell(const struct vsmd_row *row)
 {
 	enum db_type type = row->content == VSMD_PARAM ? vsmd_params[row->param].type :
 	                                                 row->row.type;
@@ -221,7 +221,7 @@ static const struct vsmd_code codes[] = {
 	DUTY(0x1900, DB_CMD_SET_SV, 3),
 };
 
-const struct vsmd_code *vsmd_layout_code(uint16_t code)
+const struct vsmd_code *db_vsmd_layout_code(uint16_t code)
 {
 	for (size_t i = 0; i < COUNT_OF(codes); i++) {
 		if (code >= codes[i].first && code <= codes[i].last)
@@ -230,7 +230,7 @@ const struct vsmd_code *vsmd_layout_code(uint16_t code)
 	return NULL;
 }
 
-struct db_args vsmd_layout_args(const struct vsmd_code *entry, const struct vsmd_kept *kept)
+struct db_args db_vsmd_layout_args(const struct vsmd_code *entry, const struct vsmd_kept *kept)
 {
 	struct db_args args = {
 		/* Velocity 0: moves run at spd, which is the drive's own preset in its parameters, as
@@ -256,7 +256,7 @@ struct db_args vsmd_layout_args(const struct vsmd_code *entry, const struct vsmd
 
 /* --- whose, and for the documents -------------------------------------------------------------------- */
 
-bool vsmd_layout_fits(const struct db_driver *driver)
+bool db_vsmd_layout_fits(const struct db_driver *driver)
 {
 	return driver->params == vsmd_params || driver->params == vsmd_can_params;
 }
@@ -265,12 +265,12 @@ static void visit_rows(const struct db_driver *driver, enum db_table table, db_v
                        void *context)
 {
 	size_t count;
-	const struct vsmd_row *rows = vsmd_layout_rows(table, &count);
+	const struct vsmd_row *rows = db_vsmd_layout_rows(table, &count);
 
 	for (size_t i = 0; i < count; i++) {
 		bool is_param = rows[i].content == VSMD_PARAM;
 		struct db_entry entry = {
-			.cell = vsmd_layout_cell(&rows[i]),
+			.cell = db_vsmd_layout_cell(&rows[i]),
 			.row = is_param ? NULL : &rows[i].row,
 			.param = is_param ? &driver->params[rows[i].param] : NULL,
 			.table = table,
@@ -282,7 +282,7 @@ static void visit_rows(const struct db_driver *driver, enum db_table table, db_v
 	}
 }
 
-void vsmd_layout_each(const struct db_driver *driver, db_visit_fn *visit, void *context)
+void db_vsmd_layout_each(const struct db_driver *driver, db_visit_fn *visit, void *context)
 {
 	visit_rows(driver, DB_TABLE_HOLDING, visit, context);
 	visit_rows(driver, DB_TABLE_INPUT, visit, context);

@@ -42,10 +42,10 @@ struct vsmd_row {
 };
 
 /* HOLDING and INPUT: ascending and without holes. Other tables have none. */
-const struct vsmd_row *vsmd_layout_rows(enum db_table table, size_t *count);
+const struct vsmd_row *db_vsmd_layout_rows(enum db_table table, size_t *count);
 
 /* The row's place, size and type. 16-bit members are as wide as their type. */
-struct db_cell vsmd_layout_cell(const struct vsmd_row *row);
+struct db_cell db_vsmd_layout_cell(const struct vsmd_row *row);
 
 /* Codes of the command register: first..last are the same command for another value. */
 struct vsmd_code {
@@ -56,15 +56,15 @@ struct vsmd_code {
 };
 
 /* Null when there is no such code. */
-const struct vsmd_code *vsmd_layout_code(uint16_t code);
+const struct vsmd_code *db_vsmd_layout_code(uint16_t code);
 
 /* The command that a code stands for, its arguments out of the registers and the code itself. */
-struct db_args vsmd_layout_args(const struct vsmd_code *entry, const struct vsmd_kept *kept);
+struct db_args db_vsmd_layout_args(const struct vsmd_code *entry, const struct vsmd_kept *kept);
 
 /* Only drives with these parameters can be seen this way. */
-bool vsmd_layout_fits(const struct db_driver *driver);
+bool db_vsmd_layout_fits(const struct db_driver *driver);
 
 /* For the documents: as db_table_each(). */
-void vsmd_layout_each(const struct db_driver *driver, db_visit_fn *visit, void *context);
+void db_vsmd_layout_each(const struct db_driver *driver, db_visit_fn *visit, void *context);
 
 #endif

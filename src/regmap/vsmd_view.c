@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "regmap/vsmd_view.h"
 
+#include "regmap/clients.h"
 #include "regmap/exception.h"
-#include "regmap/view.h"
+#include "regmap/state.h"
 #include "regmap/vsmd_layout.h"
 #include "regmap/words.h"
 
@@ -27,22 +28,22 @@ struct chain {
 	bool dead;  /* a stop came in between */
 };
 
-struct vsmd_view {
+struct db_vsmd_view {
 	struct vsmd_kept kept;
 	uint32_t last_ticket; /* of the drive's latest request, whoever made it */
 	struct chain chain;
 };
 
-struct vsmd_view *vsmd_view_new(const struct db_drive_config *config)
+struct db_vsmd_view *db_vsmd_view_new(const struct db_drive_config *config)
 {
-	struct vsmd_view *view = calloc(1, sizeof *view);
+	struct db_vsmd_view *view = calloc(1, sizeof *view);
 
 	if (view)
 		view->kept.mbs = config->vendor_high_first;
 	return view;
 }
 
-void vsmd_view_free(struct vsmd_view *view)
+void db_vsmd_view_free(struct db_vsmd_view *view)
 {
 	free(view);
 }
@@ -58,14 +59,14 @@ struct span {
 static uint8_t find_span(enum db_table table, uint16_t address, uint16_t count, struct span *span)
 {
 	size_t total;
-	const struct vsmd_row *rows = vsmd_layout_rows(table, &total);
+	const struct vsmd_row *rows = db_vsmd_layout_rows(table, &total);
 	size_t end = (size_t)address + count;
 	struct db_cell last;
 	size_t first = 0;
 
 	if (!rows || count == 0)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
-	last = vsmd_layout_cell(&rows[total - 1]);
+	last = db_vsmd_layout_cell(&rows[total - 1]);
 	if (end > (size_t)last.address + last.registers)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
 	while (first + 1 < total && rows[first + 1].row.address <= address)
@@ -80,7 +81,7 @@ static uint8_t find_span(enum db_table table, uint16_t address, uint16_t count, 
 /* Half of a 32-bit value cannot be written. */
 static bool is_whole(const struct span *span, uint16_t address, uint16_t count)
 {
-	struct db_cell last = vsmd_layout_cell(&span->rows[span->count - 1]);
+	struct db_cell last = db_vsmd_layout_cell(&span->rows[span->count - 1]);
 
 	return span->rows[0].row.address == address &&
 	       last.address + last.registers == address + count;
@@ -117,20 +118,20 @@ static bool is_known(const struct db_feedback *feedback)
 }
 
 /* Old data is never shown as fresh. */
-static uint8_t check_row(const struct view_drive *drive, const struct vsmd_row *row,
+static uint8_t check_row(const struct db_view_drive *drive, const struct vsmd_row *row,
                          const struct db_drive_image *image)
 {
-	bool stale_values = drive->registers->layout->modbus->stale_values;
+	bool stale_values = drive->registers->roster->modbus->stale_values;
 	const struct db_feedback *feedback = &image->feedback;
 	bool online = (feedback->status & DB_STATUS_ONLINE) && feedback->taken != 0;
 
 	if (row->content == VSMD_MEASURED)
-		return online || stale_values ? 0 : view_unreachable(feedback);
+		return online || stale_values ? 0 : db_exception_unreachable(feedback);
 	if (is_known(feedback))
 		return 0;
 	for (unsigned i = 0; i < params_of(row); i++) {
 		if (!stale_values || !has_param(&image->plate, row->param + i))
-			return view_unreachable(feedback);
+			return db_exception_unreachable(feedback);
 	}
 	return 0;
 }
@@ -157,10 +158,10 @@ static void encode_version(const struct db_nameplate *plate, uint16_t *words)
 	}
 }
 
-static void encode_row(const struct vsmd_view *view, const struct vsmd_row *row,
+static void encode_row(const struct db_vsmd_view *view, const struct vsmd_row *row,
                        const struct db_drive_image *image, uint16_t *words)
 {
-	struct db_cell cell = vsmd_layout_cell(row);
+	struct db_cell cell = db_vsmd_layout_cell(row);
 	bool low_first = view->kept.mbs == 0;
 	const struct db_nameplate *plate = &image->plate;
 	union db_value value;
@@ -207,8 +208,8 @@ static unsigned parts_of(const struct span *span)
 	return parts;
 }
 
-uint8_t vsmd_view_read(const struct view_drive *drive, enum db_table table, uint16_t address,
-                       uint16_t count, uint16_t *values)
+uint8_t db_vsmd_view_read(const struct db_view_drive *drive, enum db_table table, uint16_t address,
+                          uint16_t count, uint16_t *values)
 {
 	struct db_drive_image image;
 	struct span span;
@@ -217,16 +218,16 @@ uint8_t vsmd_view_read(const struct view_drive *drive, enum db_table table, uint
 
 	if (exception)
 		return exception;
-	view_fill_drive(&image, drive, NULL, parts_of(&span), 0, 0);
+	db_image_fill_drive(&image, drive, NULL, parts_of(&span), 0, 0);
 	for (size_t i = 0; i < span.count; i++) {
 		exception = check_row(drive, &span.rows[i], &image);
 		if (exception)
 			return exception;
 	}
 	for (size_t i = 0; i < span.count; i++) {
-		struct db_cell cell = vsmd_layout_cell(&span.rows[i]);
+		struct db_cell cell = db_vsmd_layout_cell(&span.rows[i]);
 
-		encode_row(drive->vendor, &span.rows[i], &image, words);
+		encode_row(drive->vsmd_view, &span.rows[i], &image, words);
 		for (unsigned j = 0; j < cell.registers; j++) {
 			unsigned at = cell.address + j;
 
@@ -257,7 +258,7 @@ struct possible {
 	bool known;
 };
 
-static void find_possible(const struct view_drive *drive, struct possible *possible)
+static void find_possible(const struct db_view_drive *drive, struct possible *possible)
 {
 	struct db_snapshot snapshot;
 
@@ -266,14 +267,15 @@ static void find_possible(const struct view_drive *drive, struct possible *possi
 	possible->known = is_known(&snapshot.feedback);
 }
 
-static enum db_result add_setting(const struct view_drive *drive, const struct possible *possible,
-                                  unsigned param, union db_value value, struct plan *plan)
+static enum db_result add_setting(const struct db_view_drive *drive,
+                                  const struct possible *possible, unsigned param,
+                                  union db_value value, struct plan *plan)
 {
 	enum db_result checked;
 
 	if (possible->known && !has_param(&possible->plate, param))
 		return value.u == 0 ? DB_RESULT_OK : DB_RESULT_UNSUPPORTED;
-	checked = drive->driver->check_param(drive->bus, param, value);
+	checked = drive->driver->check_param(drive->bus_config, param, value);
 	if (checked == DB_RESULT_OK)
 		plan->settings[plan->setting_count++] = (struct db_setting){
 			.param = (uint16_t)param,
@@ -284,7 +286,7 @@ static enum db_result add_setting(const struct view_drive *drive, const struct p
 
 static enum db_result plan_kept(const struct vsmd_row *row, union db_value value, struct plan *plan)
 {
-	struct db_cell cell = vsmd_layout_cell(row);
+	struct db_cell cell = db_vsmd_layout_cell(row);
 
 	if (cell.offset == offsetof(struct vsmd_kept, command))
 		plan->has_command = true;
@@ -294,7 +296,7 @@ static enum db_result plan_kept(const struct vsmd_row *row, union db_value value
 	return plan->kept.mbs <= 1 ? DB_RESULT_OK : DB_RESULT_OUT_OF_RANGE;
 }
 
-static enum db_result plan_modes(const struct view_drive *drive, const struct possible *possible,
+static enum db_result plan_modes(const struct db_view_drive *drive, const struct possible *possible,
                                  const struct vsmd_row *row, uint32_t bits, struct plan *plan)
 {
 	enum db_result result = bits >> PORTS ? DB_RESULT_OUT_OF_RANGE : DB_RESULT_OK;
@@ -305,8 +307,9 @@ static enum db_result plan_modes(const struct view_drive *drive, const struct po
 	return result;
 }
 
-static enum db_result plan_events(const struct view_drive *drive, const struct possible *possible,
-                                  const struct vsmd_row *row, uint32_t word, struct plan *plan)
+static enum db_result plan_events(const struct db_view_drive *drive,
+                                  const struct possible *possible, const struct vsmd_row *row,
+                                  uint32_t word, struct plan *plan)
 {
 	enum db_result result = add_setting(drive, possible, row->param,
 	                                    (union db_value){ .u = word >> 8 }, plan);
@@ -317,13 +320,13 @@ static enum db_result plan_events(const struct view_drive *drive, const struct p
 	                   plan);
 }
 
-static enum db_result plan_row(const struct view_drive *drive, const struct possible *possible,
+static enum db_result plan_row(const struct db_view_drive *drive, const struct possible *possible,
                                const struct vsmd_row *row, const uint16_t *words, struct plan *plan)
 {
-	struct db_cell cell = vsmd_layout_cell(row);
+	struct db_cell cell = db_vsmd_layout_cell(row);
 	union db_value value;
 
-	if (!db_words_decode(&cell, words, drive->vendor->kept.mbs == 0, &value))
+	if (!db_words_decode(&cell, words, drive->vsmd_view->kept.mbs == 0, &value))
 		return DB_RESULT_OUT_OF_RANGE;
 	switch (row->content) {
 	case VSMD_KEPT:
@@ -341,13 +344,13 @@ static enum db_result plan_row(const struct view_drive *drive, const struct poss
 
 static bool is_position_mode(uint16_t code)
 {
-	const struct vsmd_code *entry = vsmd_layout_code(code);
+	const struct vsmd_code *entry = db_vsmd_layout_code(code);
 
 	return entry &&
 	       (entry->command == DB_CMD_MOVE_ABSOLUTE || entry->command == DB_CMD_MOVE_RELATIVE);
 }
 
-static enum db_result plan_command(const struct view_drive *drive, struct plan *plan)
+static enum db_result plan_command(const struct db_view_drive *drive, struct plan *plan)
 {
 	bool moves = plan->has_pos && is_position_mode(plan->kept.command);
 	const struct vsmd_code *entry;
@@ -356,22 +359,22 @@ static enum db_result plan_command(const struct view_drive *drive, struct plan *
 	/* 0 is what the register holds before the first command: takes position mode off. */
 	if (!(plan->has_command || moves) || plan->kept.command == 0)
 		return DB_RESULT_OK;
-	entry = vsmd_layout_code(plan->kept.command);
+	entry = db_vsmd_layout_code(plan->kept.command);
 	if (!entry)
 		return DB_RESULT_OUT_OF_RANGE;
 	plan->command = entry->command;
-	plan->args = vsmd_layout_args(entry, &plan->kept);
+	plan->args = db_vsmd_layout_args(entry, &plan->kept);
 	/* The commander checks it too, but parameters would be written by then. */
-	return drive->driver->check(drive->bus, drive->config, plan->command, &plan->args);
+	return drive->driver->check(drive->bus_config, drive->config, plan->command, &plan->args);
 }
 
-static enum db_result plan_registers(const struct view_drive *drive, const struct span *span,
+static enum db_result plan_registers(const struct db_view_drive *drive, const struct span *span,
                                      const uint16_t *values, struct plan *plan)
 {
 	struct possible possible;
 
 	find_possible(drive, &possible);
-	plan->kept = drive->vendor->kept;
+	plan->kept = drive->vsmd_view->kept;
 	plan->has_command = false;
 	plan->has_pos = false;
 	plan->setting_count = 0;
@@ -381,7 +384,7 @@ static enum db_result plan_registers(const struct view_drive *drive, const struc
 		plan->refused = span->rows[i].row.address;
 		if (result != DB_RESULT_OK)
 			return result;
-		values += vsmd_layout_cell(&span->rows[i]).registers;
+		values += db_vsmd_layout_cell(&span->rows[i]).registers;
 	}
 	return DB_RESULT_OK;
 }
@@ -396,7 +399,7 @@ static enum db_command stop_among(const struct span *span, uint16_t address, con
 		if (row->content != VSMD_KEPT ||
 		    row->row.offset != offsetof(struct vsmd_kept, command))
 			continue;
-		entry = vsmd_layout_code(values[row->row.address - address]);
+		entry = db_vsmd_layout_code(values[row->row.address - address]);
 		return entry && db_command_is_stop(entry->command) ? entry->command : DB_CMD_NONE;
 	}
 	return DB_CMD_NONE;
@@ -404,7 +407,7 @@ static enum db_command stop_among(const struct span *span, uint16_t address, con
 
 /* --- carrying it out -------------------------------------------------------------------------------------- */
 
-static struct db_write_answer set(struct view_drive *drive, const struct plan *plan,
+static struct db_write_answer set(struct db_view_drive *drive, const struct plan *plan,
                                   struct db_write_token token, db_time now)
 {
 	return db_commander_set(drive->commander, plan->client, plan->settings, plan->setting_count,
@@ -412,10 +415,10 @@ static struct db_write_answer set(struct view_drive *drive, const struct plan *p
 }
 
 /* Both in one write: the parameters first, because the command is to run with them. */
-static struct db_write_answer begin_chain(struct view_drive *drive, const struct plan *plan,
+static struct db_write_answer begin_chain(struct db_view_drive *drive, const struct plan *plan,
                                           struct db_write_token token, db_time now)
 {
-	struct vsmd_view *view = drive->vendor;
+	struct db_vsmd_view *view = drive->vsmd_view;
 	struct db_write_answer answer = set(drive, plan, token, now);
 
 	if (db_write_is_taken(answer))
@@ -431,15 +434,15 @@ static struct db_write_answer begin_chain(struct view_drive *drive, const struct
 }
 
 /* `address`: of the register that it is refused for; 0: of the command, or of none in particular. */
-static int refuse(struct view_drive *drive, const struct db_client *client, enum db_result result,
-                  uint16_t address)
+static int refuse(struct db_view_drive *drive, const struct db_client *client,
+                  enum db_result result, uint16_t address)
 {
 	db_commander_set_refused(drive->commander, client, result, address);
 	return db_exception_of(result);
 }
 
 /* What a technician may look for later: a plan that could have been carried out. */
-static struct db_write_answer refuse_plan(struct view_drive *drive, const struct plan *plan,
+static struct db_write_answer refuse_plan(struct db_view_drive *drive, const struct plan *plan,
                                           enum db_result result)
 {
 	struct db_command_block block = { .command = (uint16_t)plan->command, .args = plan->args };
@@ -448,7 +451,7 @@ static struct db_write_answer refuse_plan(struct view_drive *drive, const struct
 	return (struct db_write_answer){ .result = result };
 }
 
-static struct db_write_answer carry_out(struct view_drive *drive, const struct plan *plan,
+static struct db_write_answer carry_out(struct db_view_drive *drive, const struct plan *plan,
                                         struct db_write_token token)
 {
 	db_time now = drive->registers->ops->now(drive->registers->context);
@@ -465,7 +468,7 @@ static struct db_write_answer carry_out(struct view_drive *drive, const struct p
 	}
 	if (plan->command == DB_CMD_NONE && plan->setting_count == 0)
 		return (struct db_write_answer){ .result = DB_RESULT_OK };
-	if (drive->vendor->chain.ticket != 0)
+	if (drive->vsmd_view->chain.ticket != 0)
 		return refuse_plan(drive, plan, DB_RESULT_BUSY);
 	if (plan->command == DB_CMD_NONE)
 		return set(drive, plan, token, now);
@@ -476,8 +479,8 @@ static struct db_write_answer carry_out(struct view_drive *drive, const struct p
 }
 
 /* Nothing else of the write is carried out or kept: it is wrong, or the client is not in control. */
-static int stop_only(struct view_drive *drive, const struct db_client *client, enum db_command stop,
-                     struct db_write_token token)
+static int stop_only(struct db_view_drive *drive, const struct db_client *client,
+                     enum db_command stop, struct db_write_token token)
 {
 	const struct db_args none = { 0 };
 	db_time now = drive->registers->ops->now(drive->registers->context);
@@ -486,9 +489,9 @@ static int stop_only(struct view_drive *drive, const struct db_client *client, e
 		db_commander_execute(drive->commander, client, stop, &none, token, now));
 }
 
-int vsmd_view_write(struct view_drive *drive, const struct db_client *client, enum db_table table,
-                    uint16_t address, uint16_t count, const uint16_t *values,
-                    struct db_write_token token)
+int db_vsmd_view_write(struct db_view_drive *drive, const struct db_client *client,
+                       enum db_table table, uint16_t address, uint16_t count,
+                       const uint16_t *values, struct db_write_token token)
 {
 	struct plan plan;
 	struct span span;
@@ -516,19 +519,19 @@ int vsmd_view_write(struct view_drive *drive, const struct db_client *client, en
 	result = plan_command(drive, &plan);
 	if (result != DB_RESULT_OK)
 		return refuse(drive, client, result, 0);
-	if (!view_may_write(drive, client, db_command_is_stop(plan.command)))
+	if (!db_clients_may_write(drive, client, db_command_is_stop(plan.command)))
 		return db_command_is_stop(plan.command) ?
 		               stop_only(drive, client, plan.command, token) :
 		               db_exception_of_answer(
 				       refuse_plan(drive, &plan, DB_RESULT_NOT_IN_CONTROL));
 	answer = carry_out(drive, &plan, token);
 	if (db_write_is_taken(answer))
-		drive->vendor->kept = plan.kept;
+		drive->vsmd_view->kept = plan.kept;
 	return db_exception_of_answer(answer);
 }
 
-int vsmd_view_write_same(struct view_drive *drive, const struct db_client *client, uint16_t address,
-                         uint16_t value, struct db_write_token token)
+int db_vsmd_view_write_same(struct db_view_drive *drive, const struct db_client *client,
+                            uint16_t address, uint16_t value, struct db_write_token token)
 {
 	struct span span;
 
@@ -538,12 +541,12 @@ int vsmd_view_write_same(struct view_drive *drive, const struct db_client *clien
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	if (stop_among(&span, address, &value) == DB_CMD_NONE)
 		return 0;
-	return vsmd_view_write(drive, client, DB_TABLE_HOLDING, address, 1, &value, token);
+	return db_vsmd_view_write(drive, client, DB_TABLE_HOLDING, address, 1, &value, token);
 }
 
 /* --- the second half of a chain ---------------------------------------------------------------------------- */
 
-void vsmd_view_submitted(struct vsmd_view *view, const struct db_request *request)
+void db_vsmd_view_submitted(struct db_vsmd_view *view, const struct db_request *request)
 {
 	if (!view)
 		return;
@@ -557,7 +560,8 @@ static bool same_token(struct db_write_token a, struct db_write_token b)
 	return a.client == b.client && a.sequence == b.sequence;
 }
 
-bool vsmd_view_answered(struct vsmd_view *view, struct db_write_token token, enum db_result *result)
+bool db_vsmd_view_answered(struct db_vsmd_view *view, struct db_write_token token,
+                           enum db_result *result)
 {
 	struct chain *chain = view ? &view->chain : NULL;
 
@@ -576,10 +580,10 @@ bool vsmd_view_answered(struct vsmd_view *view, struct db_write_token token, enu
 	return true;
 }
 
-void vsmd_view_completed(struct view_drive *drive, const struct db_completion *completion,
-                         db_time now)
+void db_vsmd_view_completed(struct db_view_drive *drive, const struct db_completion *completion,
+                            db_time now)
 {
-	struct vsmd_view *view = drive->vendor;
+	struct db_vsmd_view *view = drive->vsmd_view;
 	struct db_registers *registers = drive->registers;
 	struct db_write_answer answer;
 	struct chain chain;

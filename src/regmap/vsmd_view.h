@@ -21,23 +21,23 @@
 #include "drivebridge/command.h"
 #include "drivebridge/server.h"
 
-struct view_drive;
-struct vsmd_view;
+struct db_view_drive;
+struct db_vsmd_view;
 
 /* What the bridge keeps for one drive. Null when out of memory. */
-struct vsmd_view *vsmd_view_new(const struct db_drive_config *config);
-void vsmd_view_free(struct vsmd_view *view);
+struct db_vsmd_view *db_vsmd_view_new(const struct db_drive_config *config);
+void db_vsmd_view_free(struct db_vsmd_view *view);
 
 /* As db_backend's read and write, for a drive that has a vsmd_view. */
-uint8_t vsmd_view_read(const struct view_drive *drive, enum db_table table, uint16_t address,
-                       uint16_t count, uint16_t *values);
-int vsmd_view_write(struct view_drive *drive, const struct db_client *client, enum db_table table,
-                    uint16_t address, uint16_t count, const uint16_t *values,
-                    struct db_write_token token);
+uint8_t db_vsmd_view_read(const struct db_view_drive *drive, enum db_table table, uint16_t address,
+                          uint16_t count, uint16_t *values);
+int db_vsmd_view_write(struct db_view_drive *drive, const struct db_client *client,
+                       enum db_table table, uint16_t address, uint16_t count,
+                       const uint16_t *values, struct db_write_token token);
 
 /* As db_backend's write_same. */
-int vsmd_view_write_same(struct view_drive *drive, const struct db_client *client, uint16_t address,
-                         uint16_t value, struct db_write_token token);
+int db_vsmd_view_write_same(struct db_view_drive *drive, const struct db_client *client,
+                            uint16_t address, uint16_t value, struct db_write_token token);
 
 /*
  * Where the drive's commander and the bus pass by; `view` may be null.
@@ -45,10 +45,10 @@ int vsmd_view_write_same(struct view_drive *drive, const struct db_client *clien
  * submitted: a request goes to the bus. answered: a write is to be answered with *result; false:
  * not now. completed: the bus ended a request, and the commander knows.
  */
-void vsmd_view_submitted(struct vsmd_view *view, const struct db_request *request);
-bool vsmd_view_answered(struct vsmd_view *view, struct db_write_token token,
-                        enum db_result *result);
-void vsmd_view_completed(struct view_drive *drive, const struct db_completion *completion,
-                         db_time now);
+void db_vsmd_view_submitted(struct db_vsmd_view *view, const struct db_request *request);
+bool db_vsmd_view_answered(struct db_vsmd_view *view, struct db_write_token token,
+                           enum db_result *result);
+void db_vsmd_view_completed(struct db_view_drive *drive, const struct db_completion *completion,
+                            db_time now);
 
 #endif

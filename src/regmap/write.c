@@ -1,74 +1,29 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writes to a drive's unit: address first (02), then form and range (03), then the commander. */
+#include "regmap/write.h"
+
+#include "regmap/clients.h"
 #include "regmap/exception.h"
-#include "regmap/view.h"
+#include "regmap/span.h"
+#include "regmap/state.h"
 #include "regmap/words.h"
 
 #include <modbus.h>
 
-struct span {
-	const struct db_cell *cells;
-	uint16_t count;
-};
-
-static db_time now_of(const struct view_drive *drive)
+static db_time now_of(const struct db_view_drive *drive)
 {
 	return drive->registers->ops->now(drive->registers->context);
 }
 
-/* Every register exists, may be written, and belongs to the same block. */
-static uint8_t find_span(const struct db_index *index, uint16_t address, uint16_t count,
-                         struct span *span)
-{
-	uint16_t first = db_index_find(index, address, count, &span->count);
-	unsigned parts = 0;
-
-	if (first == DB_NO_CELL)
-		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
-	span->cells = &index->cells[first];
-	for (uint16_t i = 0; i < span->count; i++) {
-		if (!(span->cells[i].flags & DB_ROW_WRITABLE))
-			return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
-		parts |= span->cells[i].part;
-	}
-	return (parts & DB_PART_BLOCK) && (parts & ~(unsigned)DB_PART_BLOCK) ?
-	               MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS :
-	               0;
-}
-
-/* Half of a 32-bit value cannot be written. */
-static bool is_whole(const struct span *span, uint16_t address, uint16_t count)
-{
-	const struct db_cell *last = &span->cells[span->count - 1];
-
-	return span->cells[0].address == address &&
-	       last->address + last->registers == address + count;
-}
-
-bool view_may_write(struct view_drive *drive, const struct db_client *client, bool stop)
-{
-	const struct db_registers *registers = drive->registers;
-	db_time now = now_of(drive);
-
-	if (stop)
-		return !db_control_holder(&drive->control, now) ||
-		       db_control_holds(&drive->control, client, now);
-	if (db_control_take(&drive->control, client, now))
-		return true;
-	if (registers->ops->refused)
-		registers->ops->refused(registers->context, client, DB_REFUSED_CONTROL);
-	return false;
-}
-
-static int refuse(struct view_drive *drive, const struct db_client *client, enum db_result result)
+static int refuse(struct db_view_drive *drive, const struct db_client *client,
+                  enum db_result result)
 {
 	db_commander_set_refused(drive->commander, client, result, 0);
 	return db_exception_of(result);
 }
 
 /* Somebody else has control: who tried what is kept for the technician. NONE: parameters. */
-static int refuse_command(struct view_drive *drive, const struct db_client *client, unsigned code,
-                          const struct db_args *args)
+static int refuse_command(struct db_view_drive *drive, const struct db_client *client,
+                          unsigned code, const struct db_args *args)
 {
 	struct db_command_block block = { .command = (uint16_t)code, .args = *args };
 
@@ -79,11 +34,11 @@ static int refuse_command(struct view_drive *drive, const struct db_client *clie
 /* --- the command block ----------------------------------------------------------------------------- */
 
 /* False when a float is not a number; the others are in the block all the same. */
-static bool block_from(const struct view_drive *drive, const struct db_client *client,
-                       const struct span *span, const uint16_t *values,
+static bool block_from(const struct db_view_drive *drive, const struct db_client *client,
+                       const struct db_span *span, const uint16_t *values,
                        struct db_command_write *write)
 {
-	bool low_first = drive->registers->layout->modbus->low_word_first;
+	bool low_first = drive->registers->roster->modbus->low_word_first;
 	bool right = true;
 
 	*write = (struct db_command_write){ .block = db_commander_kept(drive->commander, client) };
@@ -111,7 +66,8 @@ static bool block_from(const struct view_drive *drive, const struct db_client *c
 }
 
 /* The stop among what is written, if there is one: it is carried out whatever stands beside it. */
-static enum db_command stop_among(const struct span *span, uint16_t address, const uint16_t *values)
+static enum db_command stop_among(const struct db_span *span, uint16_t address,
+                                  const uint16_t *values)
 {
 	for (uint16_t i = 0; i < span->count; i++) {
 		const struct db_cell *cell = &span->cells[i];
@@ -127,8 +83,8 @@ static enum db_command stop_among(const struct span *span, uint16_t address, con
 }
 
 /* Neither the id nor the arguments of its write count. */
-static int stop_only(struct view_drive *drive, const struct db_client *client, enum db_command stop,
-                     struct db_write_token token)
+static int stop_only(struct db_view_drive *drive, const struct db_client *client,
+                     enum db_command stop, struct db_write_token token)
 {
 	const struct db_args none = { 0 };
 
@@ -136,8 +92,9 @@ static int stop_only(struct view_drive *drive, const struct db_client *client, e
 		db_commander_execute(drive->commander, client, stop, &none, token, now_of(drive)));
 }
 
-static int write_block(struct view_drive *drive, const struct db_client *client,
-                       const struct span *span, const uint16_t *values, struct db_write_token token)
+static int write_block(struct db_view_drive *drive, const struct db_client *client,
+                       const struct db_span *span, const uint16_t *values,
+                       struct db_write_token token)
 {
 	struct db_command_write write;
 	bool right = block_from(drive, client, span, values, &write);
@@ -148,7 +105,7 @@ static int write_block(struct view_drive *drive, const struct db_client *client,
 		db_commander_set_refused(drive->commander, client, DB_RESULT_OUT_OF_RANGE, 0);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	}
-	if (view_may_write(drive, client, stop))
+	if (db_clients_may_write(drive, client, stop))
 		return db_exception_of_answer(
 			db_commander_write(drive->commander, client, &write, token, now_of(drive)));
 	if (!stop && write.has_command && write.block.command != DB_CMD_NONE)
@@ -162,7 +119,7 @@ static int write_block(struct view_drive *drive, const struct db_client *client,
 /* --- parameters -------------------------------------------------------------------------------------- */
 
 /* Everything was read since the drive came, and this was not among it: the model has no such parameter. */
-static bool is_lacking(const struct view_drive *drive, unsigned param)
+static bool is_lacking(const struct db_view_drive *drive, unsigned param)
 {
 	const uint32_t wanted = DB_STATUS_ONLINE | DB_STATUS_PARAMS_VALID;
 	struct db_nameplate plate;
@@ -175,11 +132,11 @@ static bool is_lacking(const struct view_drive *drive, unsigned param)
 
 /* One register of a write, perhaps beside others. What reads as 0 in a block takes 0 back there: registers
  * between parameters, and parameters that the model lacks. */
-static enum db_result take_setting(const struct view_drive *drive, const struct db_cell *cell,
+static enum db_result take_setting(const struct db_view_drive *drive, const struct db_cell *cell,
                                    bool beside, const uint16_t *words, struct db_setting *settings,
                                    size_t *count)
 {
-	bool low_first = drive->registers->layout->modbus->low_word_first;
+	bool low_first = drive->registers->roster->modbus->low_word_first;
 	union db_value value;
 	enum db_result checked;
 
@@ -190,7 +147,7 @@ static enum db_result take_setting(const struct view_drive *drive, const struct 
 	/* Other values are for the drive to judge: some can only be written, or were not read. */
 	if (value.u == 0 && beside && is_lacking(drive, cell->param))
 		return DB_RESULT_OK;
-	checked = drive->driver->check_param(drive->bus, cell->param, value);
+	checked = drive->driver->check_param(drive->bus_config, cell->param, value);
 	if (checked != DB_RESULT_OK)
 		return checked;
 	settings[*count].param = cell->param;
@@ -199,7 +156,7 @@ static enum db_result take_setting(const struct view_drive *drive, const struct 
 	return DB_RESULT_OK;
 }
 
-static int refuse_setting(struct view_drive *drive, const struct db_client *client,
+static int refuse_setting(struct db_view_drive *drive, const struct db_client *client,
                           enum db_result result, uint16_t address)
 {
 	db_commander_set_refused(drive->commander, client, result, address);
@@ -208,8 +165,8 @@ static int refuse_setting(struct view_drive *drive, const struct db_client *clie
 	                                         MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 }
 
-static int write_params(struct view_drive *drive, const struct db_client *client,
-                        const struct span *span, const uint16_t *values,
+static int write_params(struct db_view_drive *drive, const struct db_client *client,
+                        const struct db_span *span, const uint16_t *values,
                         struct db_write_token token)
 {
 	struct db_setting settings[DB_SETTINGS_MAX];
@@ -230,7 +187,7 @@ static int write_params(struct view_drive *drive, const struct db_client *client
 		return gaps ? 0 :
 		              refuse_setting(drive, client, DB_RESULT_UNSUPPORTED,
 		                             span->cells[0].address);
-	if (!view_may_write(drive, client, false))
+	if (!db_clients_may_write(drive, client, false))
 		return refuse_command(drive, client, DB_CMD_NONE, &(struct db_args){ 0 });
 	return db_exception_of_answer(
 		db_commander_set(drive->commander, client, settings, count, token, now_of(drive)));
@@ -238,19 +195,19 @@ static int write_params(struct view_drive *drive, const struct db_client *client
 
 /* --- the watchdog ------------------------------------------------------------------------------------ */
 
-static int write_watchdog(struct view_drive *drive, const struct db_client *client,
-                          const struct span *span, const uint16_t *values)
+static int write_watchdog(struct db_view_drive *drive, const struct db_client *client,
+                          const struct db_span *span, const uint16_t *values)
 {
 	union db_value value;
 
 	if (span->count != 1 ||
 	    !db_words_decode(&span->cells[0], values,
-	                     drive->registers->layout->modbus->low_word_first, &value) ||
+	                     drive->registers->roster->modbus->low_word_first, &value) ||
 	    value.u > DB_WATCHDOG_MAX_MS) {
 		db_commander_set_refused(drive->commander, client, DB_RESULT_OUT_OF_RANGE, 0);
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	}
-	if (!view_may_write(drive, client, false))
+	if (!db_clients_may_write(drive, client, false))
 		return refuse(drive, client, DB_RESULT_NOT_IN_CONTROL);
 	/* Without on-client-loss it would trip and stop nothing. */
 	if (value.u != 0 && drive->config->on_client_loss == DB_ON_LOSS_NONE)
@@ -260,18 +217,20 @@ static int write_watchdog(struct view_drive *drive, const struct db_client *clie
 	return 0;
 }
 
-static int write_heartbeat(struct view_drive *drive, const struct db_client *client, uint16_t value)
+static int write_heartbeat(struct db_view_drive *drive, const struct db_client *client,
+                           uint16_t value)
 {
-	if (!view_may_write(drive, client, false))
+	if (!db_clients_may_write(drive, client, false))
 		return refuse(drive, client, DB_RESULT_NOT_IN_CONTROL);
 	if (db_heartbeat_write(&drive->heartbeat, client->address, value))
-		view_feed(drive, client, DB_FEED_HEARTBEAT);
+		db_clients_feed(drive, client, DB_FEED_HEARTBEAT);
 	return 0;
 }
 
 /* --- control ----------------------------------------------------------------------------------------- */
 
-static int write_control(struct view_drive *drive, const struct db_client *client, uint16_t value)
+static int write_control(struct db_view_drive *drive, const struct db_client *client,
+                         uint16_t value)
 {
 	const struct db_registers *registers = drive->registers;
 
@@ -294,7 +253,8 @@ static int write_control(struct view_drive *drive, const struct db_client *clien
 /* --- coils ------------------------------------------------------------------------------------------- */
 
 /* The first coil that is an input of the drive, if there is one: nothing is switched then. */
-static const struct db_cell *input_among(const struct view_drive *drive, const struct span *span)
+static const struct db_cell *input_among(const struct db_view_drive *drive,
+                                         const struct db_span *span)
 {
 	unsigned inputs = db_commander_input_ports(drive->commander);
 
@@ -305,7 +265,7 @@ static const struct db_cell *input_among(const struct view_drive *drive, const s
 	return NULL;
 }
 
-static int refuse_input(struct view_drive *drive, const struct db_client *client,
+static int refuse_input(struct db_view_drive *drive, const struct db_client *client,
                         const struct db_args *args, const struct db_cell *input)
 {
 	struct db_command_block block = { .command = DB_CMD_SET_OUTPUTS, .args = *args };
@@ -315,8 +275,9 @@ static int refuse_input(struct view_drive *drive, const struct db_client *client
 	return db_exception_of(DB_RESULT_REFUSED);
 }
 
-static int write_coils(struct view_drive *drive, const struct db_client *client,
-                       const struct span *span, const uint16_t *values, struct db_write_token token)
+static int write_coils(struct db_view_drive *drive, const struct db_client *client,
+                       const struct db_span *span, const uint16_t *values,
+                       struct db_write_token token)
 {
 	const struct db_cell *input = input_among(drive, span);
 	struct db_args args = { 0 };
@@ -328,7 +289,7 @@ static int write_coils(struct view_drive *drive, const struct db_client *client,
 		if (values[i])
 			args.output_levels = (uint16_t)(args.output_levels | bit);
 	}
-	if (!view_may_write(drive, client, false))
+	if (!db_clients_may_write(drive, client, false))
 		return refuse_command(drive, client, DB_CMD_SET_OUTPUTS, &args);
 	if (input)
 		return refuse_input(drive, client, &args, input);
@@ -336,30 +297,20 @@ static int write_coils(struct view_drive *drive, const struct db_client *client,
 		drive->commander, client, DB_CMD_SET_OUTPUTS, &args, token, now_of(drive)));
 }
 
-uint8_t view_check_write(const struct view_map *map, uint16_t address)
-{
-	struct span span;
-	uint8_t exception = find_span(&map->holding, address, 1, &span);
-
-	if (exception)
-		return exception;
-	return is_whole(&span, address, 1) ? 0 : MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-}
-
-int view_write(struct view_drive *drive, const struct db_client *client, enum db_table table,
-               uint16_t address, uint16_t count, const uint16_t *values,
-               struct db_write_token token)
+int db_write_drive(struct db_view_drive *drive, const struct db_client *client, enum db_table table,
+                   uint16_t address, uint16_t count, const uint16_t *values,
+                   struct db_write_token token)
 {
 	const struct db_index *index = table == DB_TABLE_COILS ? &drive->map->coils :
 	                                                         &drive->map->holding;
-	struct span span;
-	uint8_t exception = find_span(index, address, count, &span);
+	struct db_span span;
+	uint8_t exception = db_span_find(index, address, count, &span);
 
 	if (exception)
 		return exception;
 	if (table == DB_TABLE_COILS)
 		return write_coils(drive, client, &span, values, token);
-	if (!is_whole(&span, address, count)) {
+	if (!db_span_is_whole(&span, address, count)) {
 		enum db_command stop = stop_among(&span, address, values);
 
 		if (stop != DB_CMD_NONE)
@@ -378,108 +329,15 @@ int view_write(struct view_drive *drive, const struct db_client *client, enum db
 	return write_params(drive, client, &span, values, token);
 }
 
-int view_write_same(struct view_drive *drive, const struct db_client *client, uint16_t address,
-                    uint16_t value, struct db_write_token token)
+int db_write_drive_same(struct db_view_drive *drive, const struct db_client *client,
+                        uint16_t address, uint16_t value, struct db_write_token token)
 {
-	uint8_t exception = view_check_write(drive->map, address);
-	struct span span;
+	struct db_span span;
+	uint8_t exception = db_span_find_single(&drive->map->holding, address, &span);
 
 	if (exception)
 		return exception;
-	(void)find_span(&drive->map->holding, address, 1, &span);
 	if (stop_among(&span, address, &value) == DB_CMD_NONE)
 		return 0;
-	return view_write(drive, client, DB_TABLE_HOLDING, address, 1, &value, token);
-}
-
-/* --- the gateway ------------------------------------------------------------------------------------- */
-
-/* By the value of group_stop and group_stop_units. */
-static const enum db_command group_stops[] = { DB_CMD_NONE, DB_CMD_STOP, DB_CMD_QUICK_STOP,
-	                                       DB_CMD_DISABLE };
-
-#define GROUP_STOPS (sizeof group_stops / sizeof group_stops[0])
-
-static int write_group(struct db_registers *registers, const struct db_client *client,
-                       const struct db_cell *cell, uint16_t value, struct db_write_token token)
-{
-	if (value == 0)
-		return 0;
-	if (cell->offset == offsetof(struct db_gateway_image, group_start)) {
-		if (value != 1)
-			return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-		return group_start(registers, client, token);
-	}
-	if (value >= GROUP_STOPS)
-		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-	return group_stop(registers, client, group_stops[value], token);
-}
-
-static bool is_list(const struct span *span)
-{
-	return (span->cells[0].flags & DB_ROW_LIST) &&
-	       (span->cells[span->count - 1].flags & DB_ROW_LIST);
-}
-
-/* Some or all of the list's words, and the stop that is for them. */
-static int write_list(struct db_registers *registers, const struct db_client *client,
-                      const struct span *span, const uint16_t *values, struct db_write_token token)
-{
-	size_t units = offsetof(struct db_gateway_image, group_units);
-	const struct db_cell *last = &span->cells[span->count - 1];
-	bool stops = last->offset == offsetof(struct db_gateway_image, group_stop_units);
-	uint16_t words = (uint16_t)(span->count - stops);
-	uint16_t stop = stops ? values[words] : 0;
-
-	if (stop >= GROUP_STOPS)
-		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-	for (uint16_t i = 0; i < words; i++)
-		registers->group.units[(span->cells[i].offset - units) / sizeof values[0]] =
-			values[i];
-	return stop == 0 ? 0 : group_stop_listed(registers, client, group_stops[stop], token);
-}
-
-/*
- * A PLC that has only this unit is alive to every drive that waits for a heartbeat, as if it had
- * written a new one there. Where somebody else has control it is nobody, which is no error.
- */
-static int write_gateway_heartbeat(struct db_registers *registers, const struct db_client *client,
-                                   uint16_t value)
-{
-	db_time now = registers->ops->now(registers->context);
-
-	registers->heartbeat = value;
-	for (size_t i = 0; i < registers->layout->drive_count; i++) {
-		struct view_drive *drive = registers->layout->drives[i];
-
-		if (drive->config->watchdog_feed != DB_FEED_HEARTBEAT ||
-		    !db_control_holds(&drive->control, client, now) ||
-		    !db_heartbeat_write(&drive->gateway_heartbeat, client->address, value))
-			continue;
-		db_control_hear(&drive->control, client, db_client_arrived(client, now), now);
-		view_feed(drive, client, DB_FEED_HEARTBEAT);
-	}
-	return 0;
-}
-
-int view_write_gateway(struct db_registers *registers, const struct db_client *client,
-                       enum db_table table, uint16_t address, uint16_t count,
-                       const uint16_t *values, struct db_write_token token)
-{
-	struct span span;
-	uint8_t exception;
-
-	if (table != DB_TABLE_HOLDING)
-		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
-	exception = find_span(&registers->layout->gateway.holding, address, count, &span);
-	if (exception)
-		return exception;
-	if (is_list(&span))
-		return write_list(registers, client, &span, values, token);
-	/* One of them in one write: of two group commands the order would be a guess. */
-	if (span.count != 1)
-		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-	if (span.cells[0].flags & DB_ROW_HEARTBEAT)
-		return write_gateway_heartbeat(registers, client, values[0]);
-	return write_group(registers, client, &span.cells[0], values[0], token);
+	return db_write_drive(drive, client, DB_TABLE_HOLDING, address, 1, &value, token);
 }

@@ -273,15 +273,15 @@ static void the_map(void **state)
 	size_t seen = 0;
 
 	(void)state;
-	vsmd_layout_each(db_driver_find("vsmd-serial"), expect_row, &seen);
+	db_vsmd_layout_each(db_driver_find("vsmd-serial"), expect_row, &seen);
 	assert_int_equal(seen, MAP_ROWS);
 	for (unsigned i = 0; i < 2; i++) {
 		size_t count;
-		const struct vsmd_row *rows = vsmd_layout_rows(tables[i], &count);
+		const struct vsmd_row *rows = db_vsmd_layout_rows(tables[i], &count);
 		unsigned next = 0;
 
 		for (size_t j = 0; j < count; j++) {
-			struct db_cell cell = vsmd_layout_cell(&rows[j]);
+			struct db_cell cell = db_vsmd_layout_cell(&rows[j]);
 
 			assert_int_equal(cell.address, next);
 			next += cell.registers;
@@ -292,9 +292,9 @@ static void the_map(void **state)
 static void families(void **state)
 {
 	(void)state;
-	assert_true(vsmd_layout_fits(db_driver_find("vsmd-serial")));
-	assert_true(vsmd_layout_fits(db_driver_find("vsmd-can")));
-	assert_false(vsmd_layout_fits(db_driver_find("servo-can")));
+	assert_true(db_vsmd_layout_fits(db_driver_find("vsmd-serial")));
+	assert_true(db_vsmd_layout_fits(db_driver_find("vsmd-can")));
+	assert_false(db_vsmd_layout_fits(db_driver_find("servo-can")));
 }
 
 /* --- reading ----------------------------------------------------------------------------------------- */

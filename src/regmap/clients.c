@@ -1,0 +1,78 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "regmap/clients.h"
+
+#include "regmap/state.h"
+
+/* Something due is late by so much only when this process was held, or its machine. */
+#define HELD_TIME (100 * DB_NS_PER_MS)
+
+bool db_clients_may_write(struct db_view_drive *drive, const struct db_client *client, bool stop)
+{
+	const struct db_registers *registers = drive->registers;
+	db_time now = registers->ops->now(registers->context);
+
+	if (stop)
+		return !db_control_holder(&drive->control, now) ||
+		       db_control_holds(&drive->control, client, now);
+	if (db_control_take(&drive->control, client, now))
+		return true;
+	if (registers->ops->refused)
+		registers->ops->refused(registers->context, client, DB_REFUSED_CONTROL);
+	return false;
+}
+
+void db_clients_feed(struct db_view_drive *drive, const struct db_client *client,
+                     enum db_watchdog_feed by)
+{
+	const struct db_registers *registers = drive->registers;
+	db_time arrived = db_client_arrived(client, registers->ops->now(registers->context));
+
+	if (db_commander_feed(drive->commander, client, by, arrived))
+		drive->fed_by = *client;
+}
+
+/*
+ * Something that was due long ago has not been done: this process was held. A client asks for one thing
+ * after the other and may have waited with its first one for all that time, so that one stands for
+ * every drive that it had kept going.
+ */
+static void feed_all_after_hold(const struct db_registers *registers,
+                                const struct db_client *client, db_time now)
+{
+	if (now - HELD_TIME < registers->due)
+		return;
+	for (size_t i = 0; i < registers->roster->drive_count; i++) {
+		struct db_view_drive *drive = registers->roster->drives[i];
+
+		if (drive->fed_by.id == client->id)
+			db_clients_feed(drive, client, DB_FEED_HEARTBEAT);
+	}
+}
+
+void db_clients_hear(struct db_view_drive *drive, const struct db_client *client,
+                     enum db_watchdog_feed by)
+{
+	const struct db_registers *registers = drive->registers;
+	db_time now = registers->ops->now(registers->context);
+
+	db_commander_hear(drive->commander, client, now);
+	feed_all_after_hold(registers, client, now);
+	if (!client->may_write || !db_control_holds(&drive->control, client, now))
+		return;
+	db_control_hear(&drive->control, client, db_client_arrived(client, now), now);
+	db_clients_feed(drive, client, by);
+}
+
+void db_clients_release_control(const struct db_registers *registers,
+                                const struct db_client *client)
+{
+	for (size_t i = 0; i < registers->roster->drive_count; i++)
+		db_control_release(&registers->roster->drives[i]->control, client);
+}
+
+void db_clients_forget(const struct db_registers *registers, const struct db_client *client)
+{
+	db_clients_release_control(registers, client);
+	for (size_t i = 0; i < registers->roster->drive_count; i++)
+		db_commander_forget(registers->roster->drives[i]->commander, client);
+}

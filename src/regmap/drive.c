@@ -1,0 +1,111 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "regmap/drive.h"
+
+#include "regmap/exception.h"
+#include "regmap/group.h"
+#include "regmap/state.h"
+#include "regmap/vsmd_view.h"
+
+#include <stdlib.h>
+
+static bool submit_to_bus(void *context, const struct db_request *request)
+{
+	const struct db_view_drive *drive = context;
+	const struct db_registers *registers = drive->registers;
+
+	db_vsmd_view_submitted(drive->vsmd_view, request);
+	return registers->ops->submit(registers->context, drive->bus, request);
+}
+
+static void answer_client(void *context, struct db_write_token token, enum db_result result)
+{
+	const struct db_view_drive *drive = context;
+	const struct db_registers *registers = drive->registers;
+
+	if (db_group_answered(drive->registers, token, result))
+		return;
+	if (db_vsmd_view_answered(drive->vsmd_view, token, &result))
+		registers->ops->answer(registers->context, token, db_exception_of(result));
+}
+
+static uint64_t read_wall_us(void *context)
+{
+	const struct db_registers *registers = ((const struct db_view_drive *)context)->registers;
+
+	return registers->ops->wall_us(registers->context);
+}
+
+static void report_refused_write(void *context, const struct db_client *client,
+                                 const struct db_refused_write *write)
+{
+	const struct db_view_drive *drive = context;
+	const struct db_registers *registers = drive->registers;
+
+	if (registers->ops->write_refused)
+		registers->ops->write_refused(registers->context, drive->bus_config, drive->config,
+		                              client, write);
+}
+
+static const struct db_commander_ops commander_ops = {
+	.submit = submit_to_bus,
+	.answer = answer_client,
+	.wall_us = read_wall_us,
+	.refused = report_refused_write,
+};
+
+struct db_view_drive *db_view_drive_new(struct db_registers *registers,
+                                        const struct db_roster *roster,
+                                        const struct db_roster_drive *member,
+                                        const struct db_view_drive *neighbour)
+{
+	const struct db_bus_config *bus = roster->buses[member->bus].config;
+	const struct db_drive_config *config = member->config;
+	struct db_commander_config commander = {
+		.driver = bus->driver,
+		.bus_config = bus,
+		.drive_config = config,
+		.neighbour = neighbour ? neighbour->commander : NULL,
+		.commands = db_driver_commands(bus, config),
+		.axis = member->axis,
+		.drive = member->drive,
+		.watchdog_ms = config->watchdog_ms,
+		.on_client_loss = db_on_loss_command(config->on_client_loss),
+	};
+	struct db_view_drive *drive = calloc(1, sizeof *drive);
+
+	if (!drive)
+		return NULL;
+	drive->registers = registers;
+	drive->drive = member->drive;
+	drive->config = config;
+	drive->axis = member->axis;
+	drive->bus_config = bus;
+	drive->bus = roster->buses[member->bus].bus;
+	drive->driver = bus->driver;
+	drive->capabilities = db_capabilities(commander.commands, bus->driver->measures);
+	drive->fresh_for = 3 * (db_time)bus->cycle_ms * DB_NS_PER_MS;
+	if (drive->fresh_for < 100 * DB_NS_PER_MS)
+		drive->fresh_for = 100 * DB_NS_PER_MS;
+	drive->map = db_map_of_family(&registers->families, bus->driver);
+	if (!drive->map)
+		goto failed;
+	if (config->vendor_layout || config->vendor_unit != 0) {
+		drive->vsmd_view = db_vsmd_view_new(config);
+		if (!drive->vsmd_view)
+			goto failed;
+	}
+	if (db_commander_new(&commander, &commander_ops, drive, &drive->commander) == 0)
+		return drive;
+failed:
+	db_view_drive_free(drive);
+	return NULL;
+}
+
+void db_view_drive_free(struct db_view_drive *drive)
+{
+	if (!drive)
+		return;
+	db_commander_free(drive->commander);
+	db_vsmd_view_free(drive->vsmd_view);
+	free(drive);
+}

@@ -1,0 +1,200 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "regmap/read.h"
+
+#include "regmap/exception.h"
+#include "regmap/state.h"
+#include "regmap/words.h"
+
+#include <modbus.h>
+#include <string.h>
+
+static const struct db_index *table_of(const struct db_map *map, enum db_table table)
+{
+	switch (table) {
+	case DB_TABLE_COILS:
+		return &map->coils;
+	case DB_TABLE_DISCRETE:
+		return &map->discrete;
+	default:
+		return &map->holding;
+	}
+}
+
+/* The cells of a read, and all that decides whether it is allowed. */
+struct span {
+	const struct db_cell *cells;
+	uint16_t count;
+	unsigned parts;
+	unsigned flags;
+	unsigned without; /* cells with these flags are not there for this table: 0 */
+	uint16_t low;     /* offsets of the first and the last member of the image that is read */
+	uint16_t high;
+};
+
+static uint8_t find_span(const struct db_index *index, enum db_table table, uint16_t address,
+                         uint16_t count, struct span *span)
+{
+	uint16_t first = db_index_touch(index, address, count, &span->count);
+
+	if (first == DB_NO_CELL)
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	span->cells = &index->cells[first];
+	span->without = table == DB_TABLE_INPUT ? DB_ROW_WRITABLE : 0;
+	span->parts = 0;
+	span->flags = 0;
+	span->low = UINT16_MAX;
+	span->high = 0;
+	for (uint16_t i = 0; i < span->count; i++) {
+		if (span->cells[i].flags & span->without)
+			continue;
+		span->parts |= span->cells[i].part;
+		span->flags |= span->cells[i].flags;
+		if (span->cells[i].offset < span->low)
+			span->low = span->cells[i].offset;
+		if (span->cells[i].offset > span->high)
+			span->high = span->cells[i].offset;
+	}
+	return span->low == UINT16_MAX ? MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS : 0;
+}
+
+/* What no cell covers is 0. */
+static void copy_registers(const struct span *span, const void *image, bool low_first,
+                           uint16_t address, uint16_t count, uint16_t *values)
+{
+	unsigned end = (unsigned)address + count;
+
+	memset(values, 0, count * sizeof values[0]);
+	for (uint16_t i = 0; i < span->count; i++) {
+		const struct db_cell *cell = &span->cells[i];
+		uint16_t words[DB_CELL_REGISTERS_MAX];
+
+		if (cell->flags & span->without)
+			continue;
+		/* Whole cells, nearly always, go straight to their place. */
+		if (cell->address >= address && (unsigned)cell->address + cell->registers <= end) {
+			db_words_encode(cell, image, low_first, &values[cell->address - address]);
+			continue;
+		}
+		db_words_encode(cell, image, low_first, words);
+		for (unsigned j = 0; j < cell->registers; j++) {
+			unsigned at = (unsigned)cell->address + j;
+
+			if (at >= address && at < end)
+				values[at - address] = words[j];
+		}
+	}
+}
+
+static void copy_bits(const struct span *span, const void *image, uint16_t address, uint16_t count,
+                      uint16_t *values)
+{
+	memset(values, 0, count * sizeof values[0]);
+	for (uint16_t i = 0; i < span->count; i++) {
+		const struct db_cell *cell = &span->cells[i];
+		const unsigned char *member = (const unsigned char *)image + cell->offset;
+		uint32_t wide;
+		uint16_t narrow;
+
+		if (db_type_registers((enum db_type)cell->type) > 1) {
+			memcpy(&wide, member, sizeof wide);
+		} else {
+			memcpy(&narrow, member, sizeof narrow);
+			wide = narrow;
+		}
+		values[cell->address - address] = (uint16_t)(wide >> cell->bit & 1);
+	}
+}
+
+/* Old data is never shown as fresh. */
+static uint8_t check_measured(const struct db_view_drive *drive, const struct db_feedback *feedback)
+{
+	if (drive->registers->roster->modbus->stale_values)
+		return 0;
+	if (!(feedback->status & DB_STATUS_ONLINE) || feedback->taken == 0)
+		return db_exception_unreachable(feedback);
+	return 0;
+}
+
+/*
+ * Parameters that are not known yet, or not any more, are not shown. When all were read and one was not
+ * among them, this model does not have it: it is 0, unless the read touches nothing else.
+ */
+static uint8_t check_params(const struct db_view_drive *drive, const struct span *span,
+                            struct db_drive_image *image)
+{
+	bool stale = drive->registers->roster->modbus->stale_values;
+	uint32_t wanted = DB_STATUS_ONLINE | DB_STATUS_PARAMS_VALID;
+	bool fresh = (image->feedback.status & wanted) == wanted;
+	bool any = false;
+
+	for (uint16_t i = 0; i < span->count; i++) {
+		const struct db_cell *cell = &span->cells[i];
+
+		if (!(cell->flags & DB_ROW_PARAM)) {
+			any = true;
+		} else if (image->plate.valid & (UINT64_C(1) << cell->param)) {
+			if (!fresh && !stale)
+				return db_exception_unreachable(&image->feedback);
+			any = true;
+		} else if (fresh) {
+			image->plate.values[cell->param].u = 0;
+		} else {
+			return db_exception_unreachable(&image->feedback);
+		}
+	}
+	return any ? 0 : MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+}
+
+static void fill_control(struct db_drive_image *image, const struct db_view_drive *drive,
+                         const struct db_client *client)
+{
+	db_time now = drive->registers->ops->now(drive->registers->context);
+	const struct db_client *holder = db_control_holder(&drive->control, now);
+
+	image->control_request = holder && holder->id == client->id;
+	image->control_port = holder ? holder->port : 0;
+	image->control_holder = holder ? db_client_ipv4(holder->address) : 0;
+	image->control_remaining_ms = db_control_remaining_ms(&drive->control, now);
+}
+
+uint8_t db_read_drive(const struct db_view_drive *drive, const struct db_client *client,
+                      enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
+{
+	struct db_drive_image image;
+	struct span span;
+	uint8_t exception = find_span(table_of(drive->map, table), table, address, count, &span);
+
+	if (exception)
+		return exception;
+	db_image_fill_drive(&image, drive, client, span.parts, span.low, span.high);
+	if (span.parts & DB_PART_PROCESS)
+		fill_control(&image, drive, client);
+	if (span.flags & DB_ROW_MEASURED)
+		exception = check_measured(drive, &image.feedback);
+	if (!exception && (span.flags & DB_ROW_PARAM))
+		exception = check_params(drive, &span, &image);
+	if (exception)
+		return exception;
+	if (table == DB_TABLE_HOLDING || table == DB_TABLE_INPUT)
+		copy_registers(&span, &image, drive->registers->roster->modbus->low_word_first,
+		               address, count, values);
+	else
+		copy_bits(&span, &image, address, count, values);
+	return 0;
+}
+
+uint8_t db_read_gateway(const struct db_registers *registers, const struct db_client *client,
+                        enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
+{
+	struct db_gateway_image image;
+	struct span span;
+	uint8_t exception = find_span(table_of(&registers->roster->gateway, table), table, address,
+	                              count, &span);
+
+	if (exception)
+		return exception;
+	db_image_fill_gateway(&image, registers, client, span.parts, span.low, span.high);
+	copy_registers(&span, &image, registers->roster->modbus->low_word_first, address, count,
+	               values);
+	return 0;
+}
