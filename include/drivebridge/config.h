@@ -15,6 +15,7 @@
 #include <stdio.h>
 
 struct db_driver;
+struct db_source;
 struct db_transport;
 
 /* Settings that only some families have: declared by the driver (struct db_option), kept by their
@@ -145,19 +146,8 @@ struct db_drive_config {
 	double *options;        /* as many as the driver's list has; those of buses are left NAN */
 };
 
-/* A file of a configuration: the one that was named, or one of the folder conf.d beside it. */
-struct db_config_source {
-	char *path;
-	char *text;            /* as it was read; null once that was done */
-	size_t begin;          /* of the texts of all, one behind the other */
-	size_t length;         /* of the text */
-	unsigned lines_before; /* in the files before it */
-	bool ended;            /* its last line is `end` */
-};
-
 struct db_config {
-	struct db_config_source
-		*sources; /* first the file that was named; place and text of each */
+	struct db_source *sources; /* first the file that was named, then those of conf.d */
 	size_t source_count;
 	struct db_modbus_config modbus;
 	struct db_bus_config *buses;

@@ -1,30 +1,26 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What only shows between sections: the same thing used twice. */
-#include "config/load.h"
+#include "config/check.h"
+
+#include "codec/can.h"
+#include "config/times.h"
 #include "drivebridge/driver.h"
 
+#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
-unsigned db_load_line(const struct db_load *load, const char *section, const char *title,
-                      unsigned head, const char *key)
-{
-	size_t place = db_outline_section_find(&load->outline, section, title);
-	unsigned line = db_outline_key_line(&load->outline, place, key);
-
-	return line > 0 ? line : head;
-}
+/* --- the same thing used twice ----------------------------------------------------------------- */
 
 static unsigned bus_line(const struct db_load *load, const struct db_bus_config *bus,
                          const char *key)
 {
-	return db_load_line(load, "bus", bus->name, bus->source_line, key);
+	return db_section_find_line(load, "bus", bus->name, bus->source_line, key);
 }
 
 static unsigned drive_line(const struct db_load *load, const struct db_drive_config *drive,
                            const char *key)
 {
-	return db_load_line(load, "drive", drive->name, drive->source_line, key);
+	return db_section_find_line(load, "drive", drive->name, drive->source_line, key);
 }
 
 /* Two names of one port (a link of /dev/serial/by-id and the node itself) are the same device. */
@@ -51,11 +47,11 @@ static void check_devices(struct db_load *load)
 
 			if (!other->device || !same_device(bus->device, other->device))
 				continue;
-			db_report_error(
-				&load->report, bus_line(load, bus, "device"),
+			db_messages_add_error(
+				&load->messages, bus_line(load, bus, "device"),
 				"device = %s is used by bus '%s' on %s already; another port, or one bus for all its drives",
 				bus->device, other->name,
-				db_report_place(&load->report, other->source_line).text);
+				db_messages_name_line(&load->messages, other->source_line).text);
 			break;
 		}
 	}
@@ -65,11 +61,11 @@ static void check_units(struct db_load *load, const struct db_drive_config *driv
                         const struct db_drive_config *other)
 {
 	if (drive->unit != 0 && drive->unit == other->unit)
-		db_report_error(
-			&load->report, drive_line(load, drive, "unit"),
+		db_messages_add_error(
+			&load->messages, drive_line(load, drive, "unit"),
 			"unit = %u belongs to drive '%s' on %s already; a unit of its own for each drive",
 			drive->unit, other->name,
-			db_report_place(&load->report, other->source_line).text);
+			db_messages_name_line(&load->messages, other->source_line).text);
 }
 
 /* The second unit of this drive, against all of the other one. */
@@ -81,18 +77,16 @@ static void check_vendor_unit(struct db_load *load, const struct db_drive_config
 	if (drive->vendor_unit == 0 || !(drive->vendor_unit == other->unit ||
 	                                 (!own && drive->vendor_unit == other->vendor_unit)))
 		return;
-	db_report_error(
-		&load->report, drive_line(load, drive, "vendor-unit"),
+	db_messages_add_error(
+		&load->messages, drive_line(load, drive, "vendor-unit"),
 		"vendor-unit = %u belongs to drive '%s' on %s already; a unit that nothing else has",
 		drive->vendor_unit, other->name,
-		db_report_place(&load->report, other->source_line).text);
+		db_messages_name_line(&load->messages, other->source_line).text);
 }
 
 static bool has_axis(const struct db_load *load, const struct db_drive_config *drive)
 {
-	size_t place = db_outline_section_find(&load->outline, "drive", drive->name);
-
-	return db_outline_key_line(&load->outline, place, "axis") > 0;
+	return db_section_find_line(load, "drive", drive->name, 0, "axis") > 0;
 }
 
 /* Two drives of one controller. */
@@ -101,11 +95,11 @@ static void check_axes(struct db_load *load, const struct db_drive_config *drive
 {
 	if (!has_axis(load, drive) || !has_axis(load, other) || drive->axis != other->axis)
 		return;
-	db_report_error(
-		&load->report, drive_line(load, drive, "axis"),
+	db_messages_add_error(
+		&load->messages, drive_line(load, drive, "axis"),
 		"this axis of address %u belongs to drive '%s' on %s already; an axis of its own for each drive of a controller",
 		drive->address, other->name,
-		db_report_place(&load->report, other->source_line).text);
+		db_messages_name_line(&load->messages, other->source_line).text);
 }
 
 /* Two drives of one bus. */
@@ -120,18 +114,18 @@ static void check_addresses(struct db_load *load, const struct db_drive_config *
 		return;
 	if (driver->medium == DB_MEDIUM_SERIAL && bus->line == DB_LINE_RS232 &&
 	    (driver->axes == 0 || !same))
-		db_report_error(
-			&load->report, drive_line(load, drive, "bus"),
+		db_messages_add_error(
+			&load->messages, drive_line(load, drive, "bus"),
 			"bus '%s' is an RS232 line and has drive '%s' already; one %s per RS232 line, or line = rs485",
 			bus->name, other->name, driver->axes > 0 ? "controller" : "drive");
 	else if (same && drive->address != 0 && driver->axes > 0)
 		check_axes(load, drive, other);
 	else if (same && drive->address != 0)
-		db_report_error(
-			&load->report, drive_line(load, drive, "address"),
+		db_messages_add_error(
+			&load->messages, drive_line(load, drive, "address"),
 			"address = %u on bus '%s' belongs to drive '%s' on %s already; an address of its own for each drive of a bus",
 			drive->address, bus->name, other->name,
-			db_report_place(&load->report, other->source_line).text);
+			db_messages_name_line(&load->messages, other->source_line).text);
 }
 
 /* A drive that does not say which axis it is, though others are behind the same address. */
@@ -148,8 +142,8 @@ static void check_axis_given(struct db_load *load, size_t index)
 
 		if (i == index || other->bus != drive->bus || other->address != drive->address)
 			continue;
-		db_report_error(
-			&load->report, drive->source_line,
+		db_messages_add_error(
+			&load->messages, drive->source_line,
 			"drive '%s' has no key 'axis', which must be given because drive '%s' is behind address %u of bus '%s' too; add axis = x, for instance",
 			drive->name, other->name, drive->address, bus->name);
 		return;
@@ -160,23 +154,23 @@ static void check_drive(struct db_load *load, size_t index)
 {
 	const struct db_config *config = load->config;
 	const struct db_drive_config *drive = &config->drives[index];
-	size_t errors = db_report_errors(&load->report);
+	size_t errors = load->messages.errors;
 
 	if (drive->unit != 0 && drive->unit == config->modbus.gateway_unit)
-		db_report_error(
-			&load->report, drive_line(load, drive, "unit"),
+		db_messages_add_error(
+			&load->messages, drive_line(load, drive, "unit"),
 			"unit = %u is the gateway's own unit (gateway-unit); another unit for one of them",
 			drive->unit);
 	if (drive->vendor_unit != 0 && drive->vendor_unit == config->modbus.gateway_unit)
-		db_report_error(
-			&load->report, drive_line(load, drive, "vendor-unit"),
+		db_messages_add_error(
+			&load->messages, drive_line(load, drive, "vendor-unit"),
 			"vendor-unit = %u is the gateway's own unit (gateway-unit); another unit for one of them",
 			drive->vendor_unit);
 	if (drive->bus < config->bus_count)
 		check_axis_given(load, index);
 	check_vendor_unit(load, drive, drive);
 	/* One complaint is enough: a drive that was copied a thousand times has as many others. */
-	for (size_t i = 0; i < index && db_report_errors(&load->report) == errors; i++) {
+	for (size_t i = 0; i < index && load->messages.errors == errors; i++) {
 		const struct db_drive_config *other = &config->drives[i];
 
 		check_units(load, drive, other);
@@ -189,18 +183,177 @@ static void check_drive(struct db_load *load, size_t index)
 	}
 }
 
-void db_load_check(struct db_load *load)
+/* --- interfaces that buses share --------------------------------------------------------------- */
+
+/*
+ * Several buses on one CAN interface: good when no frame can be meant for both, because then each
+ * of them sees only its own. Else one would take the other's frames for answers.
+ */
+struct filter_list {
+	struct db_can_filter filters[DB_FILTERS_MAX];
+	size_t count;
+};
+
+static struct filter_list filters_of(const struct db_bus_config *bus)
+{
+	struct filter_list list = { .count = 0 };
+
+	if (bus->driver->filters)
+		list.count = bus->driver->filters(bus, list.filters);
+	return list;
+}
+
+/* There is an id that both let pass. */
+static bool overlap(const struct db_can_filter *a, const struct db_can_filter *b)
+{
+	return ((a->id ^ b->id) & a->mask & b->mask) == 0;
+}
+
+/* A bus without filters sees every frame. */
+static bool collide(const struct filter_list *a, const struct filter_list *b)
+{
+	if (a->count == 0 || b->count == 0)
+		return true;
+	for (size_t i = 0; i < a->count; i++) {
+		for (size_t j = 0; j < b->count; j++) {
+			if (overlap(&a->filters[i], &b->filters[j]))
+				return true;
+		}
+	}
+	return false;
+}
+
+static void check_pair(struct db_load *load, const struct db_bus_config *bus,
+                       const struct db_bus_config *other)
+{
+	struct filter_list filters = filters_of(bus), others = filters_of(other);
+
+	if (collide(&filters, &others))
+		db_messages_add_error(
+			&load->messages,
+			db_section_find_line(load, "bus", bus->name, bus->source_line, "interface"),
+			"buses '%s' (%s) and '%s' (%s, %s) use the same ids on interface %s, so that one could take the other's frames for its own; another interface for one of them%s",
+			bus->name, bus->driver->name, other->name, other->driver->name,
+			db_messages_name_line(&load->messages, other->source_line).text,
+			bus->interface,
+			bus->driver == other->driver ? ", or one bus for all their drives" : "");
+	else if (bus->bitrate != other->bitrate)
+		db_messages_add_error(
+			&load->messages,
+			db_section_find_line(load, "bus", bus->name, bus->source_line, "bitrate"),
+			"bus '%s' has %u bit/s, but bus '%s' on %s has %u bit/s on the same interface %s; the same bitrate for both",
+			bus->name, bus->bitrate, other->name,
+			db_messages_name_line(&load->messages, other->source_line).text,
+			other->bitrate, bus->interface);
+}
+
+static void check_interfaces(struct db_load *load)
+{
+	const struct db_config *config = load->config;
+
+	for (size_t i = 0; i < config->bus_count; i++) {
+		const struct db_bus_config *bus = &config->buses[i];
+
+		for (size_t j = 0; j < i && bus->interface; j++) {
+			const struct db_bus_config *other = &config->buses[j];
+
+			if (other->interface && strcmp(bus->interface, other->interface) == 0)
+				check_pair(load, bus, other);
+		}
+	}
+}
+
+/* --- what only the families know --------------------------------------------------------------- */
+
+#define KEY_LENGTH_MAX 63
+
+/* Of the bus whose family is asked. */
+struct complaints {
+	struct db_load *load;
+	const struct db_bus_config *bus;
+};
+
+/* A message that begins with a key of the section is about that key's line. */
+static unsigned line_of(const struct complaints *complaints, const struct db_drive_config *drive,
+                        const char *text)
+{
+	const char *section = drive ? "drive" : "bus";
+	const char *title = drive ? drive->name : complaints->bus->name;
+	unsigned head = drive ? drive->source_line : complaints->bus->source_line;
+	size_t length = strcspn(text, " ");
+	char key[KEY_LENGTH_MAX + 1];
+
+	if (length > KEY_LENGTH_MAX)
+		return head;
+	memcpy(key, text, length);
+	key[length] = '\0';
+	return db_section_find_line(complaints->load, section, title, head, key);
+}
+
+static void complain(void *context, const struct db_drive_config *drive, bool error,
+                     const char *format, ...) __attribute__((format(printf, 4, 5)));
+
+static void complain(void *context, const struct db_drive_config *drive, bool error,
+                     const char *format, ...)
+{
+	struct complaints *complaints = context;
+	struct db_messages *messages = &complaints->load->messages;
+	va_list arguments;
+	char *text;
+	int length;
+
+	va_start(arguments, format);
+	length = vasprintf(&text, format, arguments);
+	va_end(arguments);
+	if (length < 0) {
+		db_messages_add_error(messages, 0, "out of memory; free some and try again");
+		return;
+	}
+	if (error)
+		db_messages_add_error(messages, line_of(complaints, drive, text), "%s", text);
+	else
+		db_messages_add_warning(messages, line_of(complaints, drive, text), "%s", text);
+	free(text);
+}
+
+static void check_families(struct db_load *load)
+{
+	const struct db_config *config = load->config;
+	/* One more than needed: calloc() of nothing may give null. */
+	const struct db_drive_config **drives = calloc(config->drive_count + 1, sizeof(*drives));
+
+	if (!drives) {
+		db_messages_add_error(&load->messages, 0, "out of memory; free some and try again");
+		return;
+	}
+	for (size_t i = 0; i < config->bus_count; i++) {
+		struct complaints complaints = { .load = load, .bus = &config->buses[i] };
+		size_t count = 0;
+
+		if (!complaints.bus->driver->check_config)
+			continue;
+		for (size_t j = 0; j < config->drive_count; j++) {
+			if (config->drives[j].bus == i)
+				drives[count++] = &config->drives[j];
+		}
+		complaints.bus->driver->check_config(complaints.bus, drives, count, complain,
+		                                     &complaints);
+	}
+	free(drives);
+}
+
+void db_check(struct db_load *load)
 {
 	check_devices(load);
 	for (size_t i = 0; i < load->config->drive_count; i++)
 		check_drive(load, i);
 	/* From here on everything has to be there. */
-	if (load->report.errors == 0)
-		db_load_check_interfaces(load);
-	if (load->report.errors == 0)
-		db_load_fill_times(load);
-	if (load->report.errors == 0)
-		db_load_check_families(load);
-	if (load->report.errors == 0)
-		db_load_check_times(load);
+	if (load->messages.errors == 0)
+		check_interfaces(load);
+	if (load->messages.errors == 0)
+		db_times_fill(load);
+	if (load->messages.errors == 0)
+		check_families(load);
+	if (load->messages.errors == 0)
+		db_times_check(load);
 }

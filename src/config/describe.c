@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "config/keys.h"
-#include "config/load.h"
 #include "config/text.h"
+#include "config/times.h"
 #include "drivebridge/command_table.h"
 #include "drivebridge/driver.h"
 #include "drivebridge/scale.h"
@@ -15,26 +15,23 @@ static double milliseconds(db_time time)
 	return (double)time / (double)DB_NS_PER_MS;
 }
 
-/* One word of a list of words separated by spaces. */
 static void put_nth(FILE *out, const char *words, unsigned position)
 {
-	while (position-- > 0) {
-		words += strcspn(words, " ");
-		words += *words == ' ';
-	}
-	fprintf(out, "%.*s", (int)strcspn(words, " "), words);
+	const char *word = db_text_nth_word(words, position);
+
+	fprintf(out, "%.*s", (int)strcspn(word, " "), word);
 }
 
 /* The word at a position of a key's list, as it is written in a file. */
 static void put_word(FILE *out, const char *section, const char *key, unsigned position)
 {
-	put_nth(out, db_config_key_find(section, key)->words, position);
+	put_nth(out, db_keys_find(section, key)->words, position);
 }
 
 static void put_log(FILE *out, const char *section, enum db_log_level level)
 {
 	fprintf(out, "  %-14s", "log");
-	put_word(out, section, "log", (unsigned)level - DB_LOG_ERROR);
+	put_word(out, section, "log", (unsigned)level - db_keys_find(section, "log")->first);
 	fprintf(out, "\n");
 }
 
@@ -51,7 +48,7 @@ static void put_networks(FILE *out, const char *what, const struct db_network *n
 		    memcmp(networks[i].address, nobody.address, sizeof(nobody.address)) == 0)
 			snprintf(text, sizeof(text), "nobody");
 		else
-			db_network_text(&networks[i], text);
+			db_text_of_network(&networks[i], text);
 		fprintf(out, "%s%s", i > 0 ? ", " : "", text);
 	}
 	fprintf(out, "\n");
@@ -148,19 +145,17 @@ static bool put_options(FILE *out, const char *section, const struct db_driver *
 static void describe_times(const struct db_config *config, size_t index, FILE *out)
 {
 	const struct db_bus_config *bus = &config->buses[index];
-	size_t stations = db_config_stations_on(config, index);
+	size_t nodes = db_times_nodes_on(config, index);
 	double all = milliseconds(
-		db_driver_round_time(bus, stations, db_config_drives_on(config, index)));
-	double one = stations > 0 ? all / (double)stations :
-	                            milliseconds(bus->driver->poll_time(bus));
+		db_driver_round_time(bus, nodes, db_times_drives_on(config, index)));
+	double one = nodes > 0 ? all / (double)nodes : milliseconds(bus->driver->poll_time(bus));
 
 	fprintf(out, "  %-14s%u ms; one status exchange %.2f ms, %zu %s%s %.2f ms (%.0f %%)\n",
-	        "cycle", bus->cycle_ms, one, stations,
-	        bus->driver->axes > 0 ? "controller" : "drive", stations == 1 ? "" : "s", all,
-	        100.0 * all / bus->cycle_ms);
+	        "cycle", bus->cycle_ms, one, nodes, bus->driver->axes > 0 ? "controller" : "drive",
+	        nodes == 1 ? "" : "s", all, 100.0 * all / bus->cycle_ms);
 	fprintf(out, "  %-14sconfirmed after %.2f ms, or %.2f ms when the wire is busy\n",
 	        "command", milliseconds(bus->driver->command_time(bus)),
-	        milliseconds(db_config_confirm_time(bus)));
+	        milliseconds(db_times_confirm(bus)));
 }
 
 /* What the family can do, but not with this configuration. */
@@ -261,7 +256,7 @@ static void put_cpus(FILE *out, uint64_t cpus)
 {
 	char text[DB_CPUS_TEXT_MAX];
 
-	db_cpus_text(cpus, text);
+	db_text_of_cpus(cpus, text);
 	if (cpus != 0)
 		fprintf(out, ", processors %s\n", text);
 	else

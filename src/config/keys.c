@@ -21,7 +21,6 @@
 	.section = "drive", .name = n, .kind = DB_KEY_REAL, .preset = "", .min = low, .max = 1e12, \
 	.unit = "", .words = "", .description = d
 
-/* From DB_LOG_ERROR on. */
 #define LOG_LEVELS "error warning notice info"
 
 /* Where the value is kept. */
@@ -95,14 +94,16 @@ static const struct db_config_key KEYS[] = {
 	  AT(modbus, control_timeout_ms) },
 	{ WORD("modbus", "log", "info", LOG_LEVELS,
 	       "What the log tells of clients and the network: that and all that is graver"),
-	  AT(modbus, log) },
+	  .first = DB_LOG_ERROR, AT(modbus, log) },
 
 	{ OTHER(DB_KEY_PROTOCOL, "bus", "protocol", NULL, 0, 0,
 	        "Family of the drives on this bus"),
 	  AT(bus, driver) },
-	{ WORD("bus", "transport", "", "serial socketcan slcan",
+	{ .section = "bus", .name = "transport", .kind = DB_KEY_TRANSPORT, .preset = "", .unit = "",
+	  .words = "serial socketcan slcan",
+	  .description =
 	       "Serial port, CAN interface of the machine, or CAN adapter on a serial port; "
-	       "serial for families on serial lines, else socketcan when not given"),
+	       "serial for families on serial lines, else socketcan when not given",
 	  AT(bus, transport) },
 	{ OTHER(DB_KEY_TEXT, "bus", "device", "", 1, 255,
 	        "Path of the serial port; must be given with transport serial and slcan"),
@@ -170,7 +171,7 @@ static const struct db_config_key KEYS[] = {
 	  AT(bus, cpus) },
 	{ WORD("bus", "log", "info", LOG_LEVELS,
 	       "What the log tells of this bus and its drives: that and all that is graver"),
-	  AT(bus, log) },
+	  .first = DB_LOG_ERROR, AT(bus, log) },
 
 	{ OTHER(DB_KEY_BUS, "drive", "bus", NULL, 0, 0,
 	        "Name of the bus the drive is connected to"),
@@ -246,13 +247,13 @@ static const struct db_config_key KEYS[] = {
 
 #define KEY_COUNT (sizeof(KEYS) / sizeof(KEYS[0]))
 
-const struct db_config_key *db_config_keys(size_t *count)
+const struct db_config_key *db_keys_all(size_t *count)
 {
 	*count = KEY_COUNT;
 	return KEYS;
 }
 
-const struct db_config_key *db_config_key_find(const char *section, const char *name)
+const struct db_config_key *db_keys_find(const char *section, const char *name)
 {
 	for (size_t i = 0; i < KEY_COUNT; i++) {
 		if (strcmp(KEYS[i].section, section) == 0 && strcmp(KEYS[i].name, name) == 0)
@@ -261,7 +262,7 @@ const struct db_config_key *db_config_key_find(const char *section, const char *
 	return NULL;
 }
 
-bool db_config_key_fits(const struct db_config_key *key, const struct db_driver *driver)
+bool db_keys_fit(const struct db_config_key *key, const struct db_driver *driver)
 {
 	switch (key->scope) {
 	case DB_KEY_FOR_SERIAL:
@@ -278,6 +279,33 @@ bool db_config_key_fits(const struct db_config_key *key, const struct db_driver 
 	return true;
 }
 
+bool db_keys_is_reference(const struct db_config_key *key)
+{
+	return key->kind == DB_KEY_PROTOCOL || key->kind == DB_KEY_TRANSPORT ||
+	       key->kind == DB_KEY_BUS;
+}
+
+void db_keys_put_word(const struct db_config_key *key, void *member, unsigned position)
+{
+	unsigned value = key->first + position;
+	bool flag = position != 0;
+
+	if (key->size == sizeof(flag))
+		memcpy(member, &flag, sizeof(flag));
+	else
+		memcpy(member, &value, sizeof(value));
+}
+
+unsigned db_keys_get_word(const struct db_config_key *key, const void *member)
+{
+	unsigned value;
+
+	if (key->size == sizeof(bool))
+		return *(const bool *)member;
+	memcpy(&value, member, sizeof(value));
+	return value - key->first;
+}
+
 static enum db_config_kind kind_of(const struct db_option *option)
 {
 	if (option->words[0] != '\0')
@@ -285,7 +313,7 @@ static enum db_config_kind kind_of(const struct db_option *option)
 	return option->whole ? DB_KEY_INTEGER : DB_KEY_REAL;
 }
 
-struct db_config_key db_config_option_key(const struct db_option *option)
+struct db_config_key db_keys_of_option(const struct db_option *option)
 {
 	return (struct db_config_key){
 		.section = option->section,
@@ -301,8 +329,8 @@ struct db_config_key db_config_option_key(const struct db_option *option)
 	};
 }
 
-const struct db_option *db_config_option_find(const struct db_driver *driver, const char *section,
-                                              const char *name)
+const struct db_option *db_keys_find_option(const struct db_driver *driver, const char *section,
+                                            const char *name)
 {
 	for (size_t i = 0; i < driver->option_count; i++) {
 		const struct db_option *option = &driver->options[i];

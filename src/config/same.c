@@ -101,7 +101,7 @@ static bool same_value(const struct pair *pair, const struct db_config_key *key)
 static bool same_section(const char *section, const struct pair *pair)
 {
 	size_t count;
-	const struct db_config_key *keys = db_config_keys(&count);
+	const struct db_config_key *keys = db_keys_all(&count);
 
 	for (size_t i = 0; i < count; i++) {
 		if (strcmp(keys[i].section, section) == 0 && !same_value(pair, &keys[i]))

@@ -91,6 +91,15 @@ bool db_text_word(const char *text, const char *words, unsigned *position)
 	return false;
 }
 
+const char *db_text_nth_word(const char *words, unsigned position)
+{
+	while (position-- > 0) {
+		words += strcspn(words, " ");
+		words += *words == ' ';
+	}
+	return words;
+}
+
 bool db_text_listen(const char *text)
 {
 	const char *colon = strrchr(text, ':');
@@ -160,7 +169,7 @@ enum db_network_error db_text_network(const char *text, struct db_network *netwo
 	return clear_host_bits(network) ? DB_NETWORK_HOST_BITS : DB_NETWORK_OK;
 }
 
-void db_network_text(const struct db_network *network, char text[DB_NETWORK_TEXT_MAX])
+void db_text_of_network(const struct db_network *network, char text[DB_NETWORK_TEXT_MAX])
 {
 	bool v4 = network->prefix >= 96 &&
 	          memcmp(network->address, V4_MAPPED, sizeof(V4_MAPPED)) == 0;
@@ -209,7 +218,7 @@ bool db_text_cpus(const char *text, uint64_t *cpus)
 	}
 }
 
-void db_cpus_text(uint64_t cpus, char text[DB_CPUS_TEXT_MAX])
+void db_text_of_cpus(uint64_t cpus, char text[DB_CPUS_TEXT_MAX])
 {
 	size_t used = 0;
 

@@ -24,6 +24,9 @@ bool db_text_real(const char *text, double *number);
 /* Position of the text in a list of words separated by spaces. */
 bool db_text_word(const char *text, const char *words, unsigned *position);
 
+/* The word at a position of such a list; it ends with a space or the list. */
+const char *db_text_nth_word(const char *words, unsigned position);
+
 /* "192.168.1.5:502" or "[::1]:502", numeric addresses only, port 0..65535. */
 bool db_text_listen(const char *text);
 
@@ -33,7 +36,7 @@ bool db_text_cpus(const char *text, uint64_t *cpus);
 #define DB_CPUS_TEXT_MAX 192
 
 /* As db_text_cpus() reads them. */
-void db_cpus_text(uint64_t cpus, char text[DB_CPUS_TEXT_MAX]);
+void db_text_of_cpus(uint64_t cpus, char text[DB_CPUS_TEXT_MAX]);
 
 enum db_network_error {
 	DB_NETWORK_OK,
@@ -48,6 +51,6 @@ enum db_network_error db_text_network(const char *text, struct db_network *netwo
 #define DB_NETWORK_TEXT_MAX 52
 
 /* As db_text_network() reads it. */
-void db_network_text(const struct db_network *network, char text[DB_NETWORK_TEXT_MAX]);
+void db_text_of_network(const struct db_network *network, char text[DB_NETWORK_TEXT_MAX]);
 
 #endif

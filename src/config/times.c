@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Times that cannot be met, told before anybody waits for them. */
-#include "config/load.h"
+#include "config/times.h"
+
 #include "drivebridge/driver.h"
 
 #include <stdio.h>
 
-size_t db_config_drives_on(const struct db_config *config, size_t bus)
+size_t db_times_drives_on(const struct db_config *config, size_t bus)
 {
 	size_t count = 0;
 
@@ -27,7 +27,7 @@ static bool polled_with_another(const struct db_config *config, size_t index)
 	return false;
 }
 
-size_t db_config_stations_on(const struct db_config *config, size_t bus)
+size_t db_times_nodes_on(const struct db_config *config, size_t bus)
 {
 	size_t count = 0;
 
@@ -36,7 +36,7 @@ size_t db_config_stations_on(const struct db_config *config, size_t bus)
 	return count;
 }
 
-int64_t db_config_confirm_time(const struct db_bus_config *bus)
+int64_t db_times_confirm(const struct db_bus_config *bus)
 {
 	db_time own = bus->driver->command_time(bus);
 	db_time poll = bus->driver->poll_time(bus);
@@ -44,7 +44,7 @@ int64_t db_config_confirm_time(const struct db_bus_config *bus)
 	return own + (poll > own ? poll : own);
 }
 
-void db_config_speed(const struct db_bus_config *bus, char text[DB_SPEED_TEXT_MAX])
+void db_times_speed(const struct db_bus_config *bus, char text[DB_SPEED_TEXT_MAX])
 {
 	bool can = bus->driver->medium == DB_MEDIUM_CAN;
 
@@ -70,19 +70,20 @@ static const char *speed_up(const struct db_bus_config *bus)
 static void warn_cycle(struct db_load *load, size_t index)
 {
 	const struct db_bus_config *bus = &load->config->buses[index];
-	size_t stations = db_config_stations_on(load->config, index);
-	db_time all = db_driver_round_time(bus, stations, db_config_drives_on(load->config, index));
-	db_time one = stations > 0 ? all / (db_time)stations : 0;
+	size_t nodes = db_times_nodes_on(load->config, index);
+	db_time all = db_driver_round_time(bus, nodes, db_times_drives_on(load->config, index));
+	db_time one = nodes > 0 ? all / (db_time)nodes : 0;
 	char speed[DB_SPEED_TEXT_MAX];
 
 	if (all <= (db_time)bus->cycle_ms * DB_NS_PER_MS)
 		return;
-	db_config_speed(bus, speed);
-	db_report_warning(
-		&load->report, db_load_line(load, "bus", bus->name, bus->source_line, "cycle-ms"),
+	db_times_speed(bus, speed);
+	db_messages_add_warning(
+		&load->messages,
+		db_section_find_line(load, "bus", bus->name, bus->source_line, "cycle-ms"),
 		"cycle of %u ms cannot fit %zu %s%s: one status exchange takes %.2f ms at %s, all of them %.2f ms; set cycle-ms = %u or %s",
-		bus->cycle_ms, stations, bus->driver->axes > 0 ? "controller" : "drive",
-		stations == 1 ? "" : "s", milliseconds(one), speed, milliseconds(all),
+		bus->cycle_ms, nodes, bus->driver->axes > 0 ? "controller" : "drive",
+		nodes == 1 ? "" : "s", milliseconds(one), speed, milliseconds(all),
 		whole_milliseconds(all), speed_up(bus));
 }
 
@@ -90,18 +91,19 @@ static void warn_confirm(struct db_load *load, size_t index)
 {
 	const struct db_bus_config *bus = &load->config->buses[index];
 	unsigned confirm_ms = load->config->modbus.confirm_ms;
-	db_time needed = db_config_confirm_time(bus);
+	db_time needed = db_times_confirm(bus);
 	char speed[DB_SPEED_TEXT_MAX];
 
 	/* The usual one is what PLCs wait for, and 05 is then the right answer: nothing is wrong. */
-	if (db_load_line(load, "modbus", "", 0, "confirm-ms") == 0)
+	if (db_section_find_line(load, "modbus", "", 0, "confirm-ms") == 0)
 		return;
-	if (load->config->modbus.accept_writes || db_config_drives_on(load->config, index) == 0 ||
+	if (load->config->modbus.accept_writes || db_times_drives_on(load->config, index) == 0 ||
 	    needed <= (db_time)confirm_ms * DB_NS_PER_MS)
 		return;
-	db_config_speed(bus, speed);
-	db_report_warning(
-		&load->report, db_load_line(load, "modbus", "", bus->source_line, "confirm-ms"),
+	db_times_speed(bus, speed);
+	db_messages_add_warning(
+		&load->messages,
+		db_section_find_line(load, "modbus", "", bus->source_line, "confirm-ms"),
 		"confirm-ms = %u cannot be met on bus '%s': at %s a command takes %.2f ms, and %.2f ms when it has to wait for the exchange on the wire; set confirm-ms = %u in section modbus or %s",
 		confirm_ms, bus->name, speed, milliseconds(bus->driver->command_time(bus)),
 		milliseconds(needed), whole_milliseconds(needed), speed_up(bus));
@@ -120,7 +122,7 @@ static unsigned usual_cycle(const struct db_bus_config *bus)
 	return 10000;
 }
 
-void db_load_fill_times(struct db_load *load)
+void db_times_fill(struct db_load *load)
 {
 	for (size_t i = 0; i < load->config->bus_count; i++) {
 		struct db_bus_config *bus = &load->config->buses[i];
@@ -130,7 +132,7 @@ void db_load_fill_times(struct db_load *load)
 	}
 }
 
-void db_load_check_times(struct db_load *load)
+void db_times_check(struct db_load *load)
 {
 	for (size_t i = 0; i < load->config->bus_count; i++) {
 		warn_cycle(load, i);

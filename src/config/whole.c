@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Whether a file has arrived as a whole: what drives do must not hang on a disk that was full. */
 #include "drivebridge/config.h"
+#include "reader/source.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-static struct db_config_source *source_named(const struct db_config *config, const char *path)
+static struct db_source *source_named(const struct db_config *config, const char *path)
 {
 	for (size_t i = 0; i < config->source_count; i++) {
 		if (strcmp(config->sources[i].path, path) == 0)
@@ -37,8 +38,8 @@ bool db_config_is_cut(const struct db_config *running, const struct db_config *n
 			"put a line with the word end last",
 			why);
 	for (size_t i = 0; i < next->source_count; i++) {
-		const struct db_config_source *source = &next->sources[i];
-		const struct db_config_source *before = source_named(running, source->path);
+		const struct db_source *source = &next->sources[i];
+		const struct db_source *before = source_named(running, source->path);
 
 		if (before && before->ended && !source->ended)
 			return tell(
@@ -53,7 +54,7 @@ bool db_config_is_cut(const struct db_config *running, const struct db_config *n
 void db_config_keep_ends(struct db_config *running, const struct db_config *next)
 {
 	for (size_t i = 0; i < next->source_count; i++) {
-		struct db_config_source *before = source_named(running, next->sources[i].path);
+		struct db_source *before = source_named(running, next->sources[i].path);
 
 		if (before)
 			before->ended = next->sources[i].ended;

@@ -46,15 +46,12 @@ static void put_real(FILE *out, double value)
 
 static void put_word(FILE *out, const char *words, unsigned position)
 {
-	while (position-- > 0) {
-		words += strcspn(words, " ");
-		words += *words == ' ';
-	}
-	fprintf(out, "%.*s", (int)strcspn(words, " "), words);
+	const char *word = db_text_nth_word(words, position);
+
+	fprintf(out, "%.*s", (int)strcspn(word, " "), word);
 }
 
-static void put_networks(const struct written *written, const struct db_config_key *key,
-                         const void *member)
+static void put_networks(FILE *out, const void *member)
 {
 	static const struct db_network nobody = { .prefix = 128 };
 	const struct db_network *networks;
@@ -63,141 +60,98 @@ static void put_networks(const struct written *written, const struct db_config_k
 
 	memcpy(&networks, member, sizeof(networks));
 	memcpy(&count, (const char *)member + sizeof(networks), sizeof(count));
-	put_key(written, key->name);
-	fputc('{', written->out);
+	fputc('{', out);
 	for (size_t i = 0; i < count; i++) {
 		char text[DB_NETWORK_TEXT_MAX];
 
 		if (memcmp(&networks[i], &nobody, sizeof(nobody)) == 0)
 			continue;
-		db_network_text(&networks[i], text);
-		fprintf(written->out, "%s\"%s\"", before, text);
+		db_text_of_network(&networks[i], text);
+		fprintf(out, "%s\"%s\"", before, text);
 		before = ", ";
 	}
-	fputs("}\n", written->out);
+	fputc('}', out);
 }
 
-/* A word's position, however its member is kept. */
-static unsigned position_of(const struct db_config_key *key, const void *member)
-{
-	unsigned position = 0;
-
-	if (key->size == sizeof(bool))
-		return *(const bool *)member;
-	memcpy(&position, member, sizeof(position));
-	/* Levels are syslog's numbers. */
-	return strcmp(key->name, "log") == 0 ? position - DB_LOG_ERROR : position;
-}
-
-static void write_number(const struct written *written, const struct db_config_key *key,
-                         const void *member)
-{
-	unsigned number;
-
-	memcpy(&number, member, sizeof(number));
-	/* What does not apply, such as the baud rate of a CAN interface. */
-	if (number == 0 && key->min > 0 && key->preset && key->preset[0] == '\0')
-		return;
-	put_key(written, key->name);
-	fprintf(written->out, "%u\n", number);
-}
-
-static void write_text(const struct written *written, const struct db_config_key *key,
-                       const void *member)
+/* Whether there is nothing to write: what was not given, or does not apply, such as the baud rate of a CAN
+ * interface. */
+static bool is_unset(const struct db_config_key *key, const void *member)
 {
 	const char *text;
+	unsigned number;
+	double real;
 
-	memcpy(&text, member, sizeof(text));
-	if (!text)
-		return;
-	put_key(written, key->name);
-	put_quoted(written->out, text);
-	fputc('\n', written->out);
-}
-
-static void write_real(const struct written *written, const struct db_config_key *key,
-                       const void *member)
-{
-	double value;
-
-	memcpy(&value, member, sizeof(value));
-	if (isnan(value))
-		return;
-	put_key(written, key->name);
-	put_real(written->out, value);
-	fputc('\n', written->out);
-}
-
-static void write_word(const struct written *written, const struct db_config_key *key,
-                       const void *member)
-{
-	const struct db_transport *transport;
-
-	put_key(written, key->name);
-	if (strcmp(key->name, "transport") == 0) {
-		memcpy(&transport, member, sizeof(transport));
-		fputs(transport->name, written->out);
-	} else {
-		put_word(written->out, key->words, position_of(key, member));
+	switch (key->kind) {
+	case DB_KEY_TEXT:
+	case DB_KEY_LISTEN:
+		memcpy(&text, member, sizeof(text));
+		return !text;
+	case DB_KEY_REAL:
+		memcpy(&real, member, sizeof(real));
+		return isnan(real);
+	case DB_KEY_NUMBER:
+		memcpy(&number, member, sizeof(number));
+		return number == 0 && key->min > 0 && key->preset && key->preset[0] == '\0';
+	default:
+		return false;
 	}
-	fputc('\n', written->out);
-}
-
-static void write_cpus(const struct written *written, const struct db_config_key *key,
-                       const void *member)
-{
-	char text[DB_CPUS_TEXT_MAX];
-	uint64_t cpus;
-
-	memcpy(&cpus, member, sizeof(cpus));
-	db_cpus_text(cpus, text);
-	put_key(written, key->name);
-	fprintf(written->out, "\"%s\"\n", cpus != 0 ? text : "any");
-}
-
-static void write_bus_name(const struct written *written, const struct db_config_key *key,
-                           const void *member)
-{
-	size_t bus;
-
-	memcpy(&bus, member, sizeof(bus));
-	put_key(written, key->name);
-	fprintf(written->out, "%s\n", written->config->buses[bus].name);
 }
 
 static void write_value(const struct written *written, const struct db_config_key *key)
 {
 	const void *member = (const char *)written->section + key->offset;
+	const struct db_transport *transport;
+	FILE *out = written->out;
+	char cpus_text[DB_CPUS_TEXT_MAX];
+	const char *text;
+	unsigned number;
+	uint64_t cpus;
+	double real;
+	size_t bus;
 
+	if (is_unset(key, member))
+		return;
+	put_key(written, key->name);
 	switch (key->kind) {
-	case DB_KEY_TEXT:
-	case DB_KEY_LISTEN:
-		write_text(written, key, member);
+	case DB_KEY_NUMBER:
+	case DB_KEY_INTEGER:
+		memcpy(&number, member, sizeof(number));
+		fprintf(out, "%u", number);
 		break;
 	case DB_KEY_REAL:
-		write_real(written, key, member);
+		memcpy(&real, member, sizeof(real));
+		put_real(out, real);
 		break;
 	case DB_KEY_WORD:
-		write_word(written, key, member);
+		put_word(out, key->words, db_keys_get_word(key, member));
 		break;
-	case DB_KEY_NETWORKS:
-		put_networks(written, key, member);
+	case DB_KEY_TEXT:
+	case DB_KEY_LISTEN:
+		memcpy(&text, member, sizeof(text));
+		put_quoted(out, text);
 		break;
 	case DB_KEY_CPUS:
-		write_cpus(written, key, member);
+		memcpy(&cpus, member, sizeof(cpus));
+		db_text_of_cpus(cpus, cpus_text);
+		put_quoted(out, cpus != 0 ? cpus_text : "any");
 		break;
-	case DB_KEY_BUS:
-		write_bus_name(written, key, member);
+	case DB_KEY_NETWORKS:
+		put_networks(out, member);
 		break;
 	case DB_KEY_PROTOCOL:
-		put_key(written, key->name);
 		/* Only buses have this key, with their drivers; analyzers do not know it. */
-		fprintf(written->out, "%s\n", written->driver ? written->driver->name : "");
+		fputs(written->driver ? written->driver->name : "", out);
 		break;
-	default:
-		write_number(written, key, member);
+	case DB_KEY_TRANSPORT:
+		memcpy(&transport, member, sizeof(transport));
+		fputs(transport->name, out);
+		break;
+	case DB_KEY_BUS:
+		memcpy(&bus, member, sizeof(bus));
+		fputs(written->config->buses[bus].name, out);
 		break;
 	}
+	fputc('\n', out);
 }
 
 static void write_option(const struct written *written, const struct db_option *option,
@@ -222,12 +176,12 @@ static void write_section(const struct written *written, const char *name, const
                           const double *options, const char *without)
 {
 	size_t count;
-	const struct db_config_key *keys = db_config_keys(&count);
+	const struct db_config_key *keys = db_keys_all(&count);
 
 	fprintf(written->out, "%s%s%s {\n", name, title[0] ? " " : "", title);
 	for (size_t i = 0; i < count; i++) {
 		if (strcmp(keys[i].section, name) != 0 || strcmp(keys[i].name, without) == 0 ||
-		    (written->driver && !db_config_key_fits(&keys[i], written->driver)))
+		    (written->driver && !db_keys_fit(&keys[i], written->driver)))
 			continue;
 		write_value(written, &keys[i]);
 	}

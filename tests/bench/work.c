@@ -90,7 +90,7 @@ static const struct db_config *read_config(enum family family)
 
 	(void)snprintf(text, sizeof text, "modbus { listen = \"127.0.0.1:0\" }\n%s",
 	               line_configs[family]);
-	must(db_config_parse(text, "work", stderr, &config) == 0);
+	must(db_load_text(text, "work", stderr, &config) == 0);
 	return config;
 }
 

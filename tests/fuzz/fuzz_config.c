@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * Any text: the reader must not crash or leak, a refused text has a message with a reason, and what
- * the outline lets pass, libconfuse must be able to read.
- */
+/* Any text: the reader must not crash or leak, and a refused text has a message with a line and a reason. */
 #include "config/load.h"
 
 #include <stdint.h>
@@ -24,12 +21,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	errors = open_memstream(&messages, &length);
 	if (!text || !errors)
 		abort();
-	if (db_config_parse(text, "f", errors, &config) == 0) {
+	if (db_load_text(text, "f", errors, &config) == 0) {
 		db_config_describe(config, errors);
 		db_config_free(config);
 	} else {
 		fflush(errors);
-		/* Without a line: libconfuse failed, and there was memory enough. Comes first. */
+		/* Without a line: out of memory, and there was enough. Comes first. */
 		if (strncmp(messages, "f:", 2) != 0 || strncmp(messages, "f: ", 3) == 0)
 			abort();
 	}

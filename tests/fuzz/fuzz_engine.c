@@ -76,7 +76,7 @@ static const struct db_config *config_of(enum family family)
 	static struct db_config *configs[FAMILIES];
 
 	if (!configs[family])
-		must(db_config_parse(line_configs[family], "f", stderr, &configs[family]) == 0);
+		must(db_load_text(line_configs[family], "f", stderr, &configs[family]) == 0);
 	return configs[family];
 }
 

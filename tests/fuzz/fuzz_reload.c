@@ -123,7 +123,7 @@ static struct db_config *read_text(const char *text)
 	if (!nowhere)
 		nowhere = fopen("/dev/null", "w");
 	must(nowhere);
-	return db_config_parse(text, "f", nowhere, &config) == 0 ? config : NULL;
+	return db_load_text(text, "f", nowhere, &config) == 0 ? config : NULL;
 }
 
 /* --- comparing --------------------------------------------------------------------------------------- */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* config-export: writes docs/config-keys.csv, every key that a configuration file may have. */
 #include "config/keys.h"
+#include "config/names.h"
 #include "drivebridge/driver.h"
 
 #include <stdio.h>
@@ -33,6 +34,7 @@ static const char *type_of(const struct db_config_key *key)
 	case DB_KEY_REAL:
 		return "number";
 	case DB_KEY_WORD:
+	case DB_KEY_TRANSPORT:
 		return "word";
 	case DB_KEY_TEXT:
 		return "text";
@@ -78,6 +80,6 @@ static void put_key(void *context, const struct db_config_key *key, const char *
 int main(void)
 {
 	puts("section,name,type,required,default,min,max,unit,words,families,description");
-	db_config_each_key(db_drivers, put_key, NULL);
+	db_names_each_key(db_drivers, put_key, NULL);
 	return fflush(stdout) == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
 }

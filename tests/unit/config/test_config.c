@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "config/keys.h"
 #include "config/load.h"
+#include "config/names.h"
 #include "config/text.h"
+#include "config/times.h"
 #include "drivebridge/driver.h"
 
 #include <math.h>
@@ -195,6 +197,9 @@ static const struct wrong_case WRONG[] = {
 	{ BUS_HEAD " bitrate = 500000\n}\n", 4, "bitrate is for CAN families" },
 	{ BUS_HEAD " priority = 100\n}\n", 4, "from 0 to 99" },
 	{ BUS_HEAD " line = rs232\n direction = rts\n}\n", 5, "direction is for RS485" },
+	{ BUS_HEAD " rts-before-ms = x\n}\n", 4, "is no whole number" },
+	{ "bus b {\n protocol = vsmd\n device = \"/dev/x\"\n group-start = broadcast\n}\n", 2,
+	  "unknown protocol 'vsmd'" },
 	{ BUS_HEAD " direction = cts\n}\n", 4, "one of: adapter rts rts-inverted" },
 	{ BUS_HEAD " cpus = 64\n}\n", 4, "cpus = 64 is no list of processors" },
 	{ BUS_HEAD " cpus = \"3-1\"\n}\n", 4, "is no list of processors" },
@@ -344,13 +349,13 @@ static void test_defaults_of_modbus(void **state)
 	assert_string_equal(modbus->listen, "127.0.0.1:502");
 	assert_int_equal(modbus->allow_read_count, 2);
 	assert_int_equal(modbus->allow_write_count, 2);
-	db_network_text(&modbus->allow_read[0], text);
+	db_text_of_network(&modbus->allow_read[0], text);
 	assert_string_equal(text, "0.0.0.0/0");
-	db_network_text(&modbus->allow_read[1], text);
+	db_text_of_network(&modbus->allow_read[1], text);
 	assert_string_equal(text, "::/0");
-	db_network_text(&modbus->allow_write[0], text);
+	db_text_of_network(&modbus->allow_write[0], text);
 	assert_string_equal(text, "127.0.0.0/8");
-	db_network_text(&modbus->allow_write[1], text);
+	db_text_of_network(&modbus->allow_write[1], text);
 	assert_string_equal(text, "::1/128");
 	assert_false(modbus->low_word_first);
 	assert_int_equal(modbus->confirm_ms, 40);
@@ -464,12 +469,12 @@ static void test_everything_set(void **state)
 	assert_int_equal(config->drives[1].on_exit, DB_ON_LOSS_QUICK_STOP);
 	assert_string_equal(config->modbus.listen, "[::]:0");
 	assert_int_equal(config->modbus.allow_read_count, 1); /* nobody */
-	db_network_text(&config->modbus.allow_read[0], text);
+	db_text_of_network(&config->modbus.allow_read[0], text);
 	assert_string_equal(text, "::/128");
 	assert_int_equal(config->modbus.allow_write_count, 2);
-	db_network_text(&config->modbus.allow_write[0], text);
+	db_text_of_network(&config->modbus.allow_write[0], text);
 	assert_string_equal(text, "10.1.2.3/32");
-	db_network_text(&config->modbus.allow_write[1], text);
+	db_text_of_network(&config->modbus.allow_write[1], text);
 	assert_string_equal(text, "fd00::/8");
 	assert_true(config->modbus.low_word_first);
 	assert_true(config->modbus.accept_writes);
@@ -579,18 +584,18 @@ static void test_every_key(void **state)
 {
 	const struct db_driver *driver = db_driver_find("vsmd-serial");
 	size_t count, ranges = 0, words = 0;
-	const struct db_config_key *keys = db_config_keys(&count);
+	const struct db_config_key *keys = db_keys_all(&count);
 
 	(void)state;
 	for (size_t i = 0; i < count; i++) {
-		assert_ptr_equal(db_config_key_find(keys[i].section, keys[i].name), &keys[i]);
+		assert_ptr_equal(db_keys_find(keys[i].section, keys[i].name), &keys[i]);
 		assert_string_equal(
-			db_config_name_nearest(db_drivers, keys[i].section, keys[i].name),
+			db_names_find_nearest(db_drivers, keys[i].section, keys[i].name),
 			keys[i].name);
 		assert_true(strlen(keys[i].description) > 0);
 		assert_non_null(keys[i].unit);
 		assert_non_null(keys[i].words);
-		if (!db_config_key_fits(&keys[i], driver) || strcmp(keys[i].name, "transport") == 0)
+		if (!db_keys_fit(&keys[i], driver) || keys[i].kind == DB_KEY_TRANSPORT)
 			continue; /* see test_families.c */
 		if (keys[i].kind == DB_KEY_NUMBER || keys[i].kind == DB_KEY_REAL) {
 			expect_range(&keys[i]);
@@ -605,8 +610,8 @@ static void test_every_key(void **state)
 			expect_key(&keys[i], keys[i].preset, true);
 	}
 	assert_true(ranges >= 15 && words >= 7);
-	assert_null(db_config_key_find("modbus", "baud"));
-	assert_null(db_config_name_nearest(db_drivers, "nothing", "baud"));
+	assert_null(db_keys_find("modbus", "baud"));
+	assert_null(db_names_find_nearest(db_drivers, "nothing", "baud"));
 }
 
 /* ---- times ---- */
@@ -661,7 +666,7 @@ static void test_confirm_warning(void **state)
 {
 	struct loaded loaded = load_drives("modbus { confirm-ms = 5 }",
 	                                   "baud = 9600\ncycle-ms = 1000", 1);
-	int64_t needed = db_config_confirm_time(&loaded.config->buses[0]);
+	int64_t needed = db_times_confirm(&loaded.config->buses[0]);
 	unsigned enough = (unsigned)((needed + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
 	char modbus[64], advice[64];
 
@@ -898,11 +903,13 @@ static void expect_all_keys(char *text)
 {
 	const struct db_driver *driver = db_driver_find("vsmd-serial"); /* the example's */
 	size_t count;
-	const struct db_config_key *keys = db_config_keys(&count);
-	struct db_report report = { 0 };
-	struct db_outline outline;
+	const struct db_config_key *keys = db_keys_all(&count);
+	static const struct db_reader_rules rules = { .sections = "" };
+	struct db_source *source = db_sources_of_text("f", text);
+	struct db_messages messages = { .sources = source, .source_count = 1 };
+	struct db_reader reader;
 
-	db_config_each_key(db_drivers, expect_shown, text);
+	db_names_each_key(db_drivers, expect_shown, text);
 	for (size_t i = 0; i < count; i++) {
 		char shown[96];
 
@@ -910,23 +917,26 @@ static void expect_all_keys(char *text)
 			continue;
 		snprintf(shown, sizeof(shown), "%s = %s", keys[i].name,
 		         keys[i].preset ? keys[i].preset : "");
-		if (db_config_key_fits(&keys[i], driver) && !strstr(text, shown))
+		if (db_keys_fit(&keys[i], driver) && !strstr(text, shown))
 			fail_msg("drivebridge.conf does not show %s", shown);
 	}
-	assert_true(db_outline_read(db_drivers, text, &outline, &report));
+	assert_non_null(source);
+	assert_true(db_reader_read(&reader, &rules, &messages));
+	db_names_check(db_drivers, &reader, &messages);
 	for (size_t i = 0; i < count; i++) {
-		size_t section = db_outline_section_find(
-			&outline, keys[i].section,
+		size_t section = db_reader_find_section(
+			&reader, keys[i].section,
 			strcmp(keys[i].section, "bus") == 0   ? "press" :
 			strcmp(keys[i].section, "drive") == 0 ? "feeder" :
 								"");
 
-		if (db_config_key_fits(&keys[i], driver) &&
-		    db_outline_key_line(&outline, section, keys[i].name) == 0)
+		if (db_keys_fit(&keys[i], driver) &&
+		    !db_reader_find_key(&reader, section, keys[i].name))
 			fail_msg("drivebridge.conf does not show %s", keys[i].name);
 	}
-	db_outline_clear(&outline);
-	db_report_clear(&report);
+	db_reader_clear(&reader);
+	db_messages_clear(&messages);
+	db_sources_free(source, 1);
 }
 
 /* The default file shows every key, and what it shows is right and the same as saying nothing. */
@@ -1076,13 +1086,13 @@ static void test_cpus(void **state)
 	for (size_t i = 0; i < sizeof(CASES) / sizeof(CASES[0]); i++) {
 		assert_true(db_text_cpus(CASES[i].text, &cpus));
 		assert_true(cpus == CASES[i].cpus);
-		db_cpus_text(cpus, text);
+		db_text_of_cpus(cpus, text);
 		assert_string_equal(text, CASES[i].back);
 	}
 	for (size_t i = 0; i < sizeof(REFUSED) / sizeof(REFUSED[0]); i++)
 		assert_false(db_text_cpus(REFUSED[i], &cpus));
 	/* As much text as there can be. */
-	db_cpus_text(UINT64_C(0x5555555555555555), text);
+	db_text_of_cpus(UINT64_C(0x5555555555555555), text);
 	assert_int_equal(strlen(text), 5 * 2 + 27 * 3 - 1);
 }
 
@@ -1122,7 +1132,7 @@ static void test_networks(void **state)
 			fail_msg("%s", CASES[i].text);
 		if (!CASES[i].back)
 			continue;
-		db_network_text(&network, text);
+		db_text_of_network(&network, text);
 		assert_string_equal(text, CASES[i].back);
 	}
 }

@@ -6,6 +6,7 @@
 #include "codec/can.h"
 #include "config/keys.h"
 #include "config/load.h"
+#include "config/names.h"
 #include "drivebridge/driver.h"
 #include "drivebridge/transport.h"
 
@@ -173,7 +174,7 @@ static struct loaded load_with(const struct db_transport *const *transports, con
 	FILE *errors = open_memstream(&loaded.messages, &size);
 
 	assert_non_null(errors);
-	loaded.result = db_config_parse_with(&built_in, text, "f", errors, &loaded.config);
+	loaded.result = db_load_text_with(&built_in, text, "f", errors, &loaded.config);
 	fclose(errors);
 	return loaded;
 }
@@ -640,7 +641,7 @@ static void test_each_key(void **state)
 
 	(void)state;
 	assert_non_null(out);
-	db_config_each_key(DRIVERS, note_key, out);
+	db_names_each_key(DRIVERS, note_key, out);
 	fclose(out);
 	assert_true(line_of(text, "modbus listen [all]") == 1);
 	assert_true(line_of(text, "bus parity [three-axes]") > 0);
@@ -667,9 +668,9 @@ static void expect_option(const struct db_driver *driver, const struct db_option
 
 	if (!bus && strcmp(option->section, "drive") != 0)
 		fail_msg("%s: %s is in no section", driver->name, option->name);
-	if (db_config_key_find(option->section, option->name))
+	if (db_keys_find(option->section, option->name))
 		fail_msg("%s: %s is everybody's key", driver->name, option->name);
-	if (db_config_option_find(driver, option->section, option->name) != option)
+	if (db_keys_find_option(driver, option->section, option->name) != option)
 		fail_msg("%s: %s is there twice", driver->name, option->name);
 	if (option->words[0] == '\0' && !(option->min <= option->max))
 		fail_msg("%s: %s has no range", driver->name, option->name);
@@ -714,7 +715,7 @@ static void test_built_in_options(void **state)
 			if (option->preset[0] == '\0')
 				continue;
 			text = text_with(driver, option);
-			if (db_config_parse_with(&built_in, text, "f", stderr, &config) != 0)
+			if (db_load_text_with(&built_in, text, "f", stderr, &config) != 0)
 				fail_msg("refused:\n%s", text);
 			db_config_free(config);
 			free(text);

@@ -143,7 +143,7 @@ static struct db_config *try_parse(const char *text)
 	int result;
 
 	assert_non_null(errors);
-	result = db_config_parse(text, "test.conf", errors, &config);
+	result = db_load_text(text, "test.conf", errors, &config);
 	fclose(errors);
 	free(messages);
 	return result == 0 ? config : NULL;
@@ -199,7 +199,7 @@ static const struct other *find_other(const struct db_config_key *key)
 static void every_key_counts(void **state)
 {
 	size_t count;
-	const struct db_config_key *keys = db_config_keys(&count);
+	const struct db_config_key *keys = db_keys_all(&count);
 
 	(void)state;
 	for (size_t i = 0; i < count; i++) {
@@ -232,7 +232,7 @@ static void every_key_counts(void **state)
 static void defaults_that_are_spelled_out_change_nothing(void **state)
 {
 	size_t count;
-	const struct db_config_key *keys = db_config_keys(&count);
+	const struct db_config_key *keys = db_keys_all(&count);
 	char text[TEXT_MAX];
 	struct db_config *a;
 

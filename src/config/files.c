@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "config/sources.h"
+#include "config/files.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -13,62 +13,9 @@
 #define FOLDER "conf.d"
 #define SUFFIX ".conf"
 
-void db_sources_free(struct db_config_source *sources, size_t count)
-{
-	for (size_t i = 0; sources && i < count; i++) {
-		free(sources[i].path);
-		free(sources[i].text);
-	}
-	free(sources);
-}
-
-struct db_config_source *db_sources_of_text(const char *path, const char *text)
-{
-	struct db_config_source *source = calloc(1, sizeof(*source));
-
-	if (!source)
-		return NULL;
-	source->path = strdup(path);
-	source->text = strdup(text);
-	if (!source->path || !source->text) {
-		db_sources_free(source, 1);
-		return NULL;
-	}
-	return source;
-}
-
-char *db_sources_join(struct db_config_source *sources, size_t count)
-{
-	size_t size = 1;
-	unsigned lines = 0;
-	char *text;
-	char *end;
-
-	for (size_t i = 0; i < count; i++) {
-		sources[i].begin = size - 1;
-		sources[i].length = strlen(sources[i].text);
-		size += sources[i].length + 1;
-	}
-	text = malloc(size);
-	if (!text)
-		return NULL;
-	end = text;
-	for (size_t i = 0; i < count; i++) {
-		sources[i].lines_before = lines;
-		memcpy(end, sources[i].text, sources[i].length);
-		for (size_t at = 0; at < sources[i].length; at++)
-			lines += end[at] == '\n';
-		end += sources[i].length;
-		*end++ = '\n';
-		lines++;
-	}
-	*end = '\0';
-	return text;
-}
-
 /* --- one file -------------------------------------------------------------------------------------- */
 
-static void tell_open(const char *path, int error, FILE *errors)
+static void explain_open(const char *path, int error, FILE *errors)
 {
 	if (error == ENOENT)
 		fprintf(errors,
@@ -153,7 +100,7 @@ static char *read_text(const char *path, int fd, const struct stat *before, FILE
 		length += got > 0 ? (size_t)got : 0;
 	}
 	if (!text || got < 0) {
-		tell_open(path, errno, errors);
+		explain_open(path, errno, errors);
 		free(text);
 		return NULL;
 	}
@@ -173,13 +120,13 @@ static char *read_text(const char *path, int fd, const struct stat *before, FILE
 }
 
 /* False after a message. O_NONBLOCK: a pipe without a writer would be waited for. */
-static bool read_source(const char *path, FILE *errors, struct db_config_source *source)
+static bool read_source(const char *path, FILE *errors, struct db_source *source)
 {
 	int fd = open(path, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
 	struct stat about;
 
 	if (fd < 0 || fstat(fd, &about) != 0)
-		tell_open(path, errno, errors);
+		explain_open(path, errno, errors);
 	else if (is_file(path, &about, errors))
 		source->text = read_text(path, fd, &about, errors);
 	if (fd >= 0)
@@ -190,7 +137,7 @@ static bool read_source(const char *path, FILE *errors, struct db_config_source 
 	/* gcc's analyzer takes it for lost: it is the list's, which is freed as a whole. */
 	if (source->path)
 		return true;
-	tell_open(path, ENOMEM, errors);
+	explain_open(path, ENOMEM, errors);
 	return false;
 }
 
@@ -221,8 +168,7 @@ static char *folder_beside(const char *path)
 	               folder;
 }
 
-static bool read_entry(const char *folder, const char *name, FILE *errors,
-                       struct db_config_source *source)
+static bool read_entry(const char *folder, const char *name, FILE *errors, struct db_source *source)
 {
 	char *path;
 	bool good;
@@ -235,17 +181,16 @@ static bool read_entry(const char *folder, const char *name, FILE *errors,
 }
 
 /* Appends to the one source that is there. */
-static bool read_folder(const char *path, FILE *errors, struct db_config_source **sources,
-                        size_t *count)
+static bool read_folder(const char *path, FILE *errors, struct db_source **sources, size_t *count)
 {
 	char *folder = folder_beside(path);
 	struct dirent **entries = NULL;
-	struct db_config_source *more = NULL;
+	struct db_source *more = NULL;
 	int found = folder ? scandir(folder, &entries, is_ours, by_name) : -1;
 	bool good = folder && (found >= 0 || errno == ENOENT || errno == ENOTDIR);
 
 	if (!good)
-		tell_open(folder ? folder : path, errno, errors);
+		explain_open(folder ? folder : path, errno, errors);
 	if (found > 0)
 		more = realloc(*sources, ((size_t)found + 1) * sizeof(**sources));
 	if (more)
@@ -254,7 +199,7 @@ static bool read_folder(const char *path, FILE *errors, struct db_config_source 
 		good = false;
 	for (int i = 0; i < found; i++) {
 		if (more) {
-			more[*count] = (struct db_config_source){ 0 };
+			more[*count] = (struct db_source){ 0 };
 			if (!read_entry(folder, entries[i]->d_name, errors, &more[(*count)++]))
 				good = false;
 		}
@@ -265,8 +210,7 @@ static bool read_folder(const char *path, FILE *errors, struct db_config_source 
 	return good;
 }
 
-int db_sources_read(const char *path, FILE *errors, struct db_config_source **sources,
-                    size_t *count)
+int db_files_read(const char *path, FILE *errors, struct db_source **sources, size_t *count)
 {
 	bool good;
 
@@ -274,7 +218,7 @@ int db_sources_read(const char *path, FILE *errors, struct db_config_source **so
 	*sources = calloc(1, sizeof(**sources));
 	if (!*sources) {
 		*count = 0;
-		tell_open(path, ENOMEM, errors);
+		explain_open(path, ENOMEM, errors);
 		return -1;
 	}
 	good = read_source(path, errors, *sources);

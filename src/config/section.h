@@ -1,0 +1,67 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * One section: from the texts of its keys to the values of its struct, as the table of keys says, or to
+ * messages with what would be right.
+ */
+#ifndef DRIVEBRIDGE_CONFIG_SECTION_H
+#define DRIVEBRIDGE_CONFIG_SECTION_H
+
+#include "drivebridge/config.h"
+#include "reader/reader.h"
+
+/* The families and transports that a file may name: null-terminated lists. */
+struct db_built_in {
+	const struct db_driver *const *drivers;
+	const struct db_transport *const *transports;
+};
+
+/* A configuration while it is read. */
+struct db_load {
+	const struct db_built_in *built_in;
+	struct db_messages messages;
+	struct db_reader reader;
+	struct db_config *config;
+};
+
+struct db_section {
+	struct db_load *load;
+	const char *name;  /* "modbus", "bus" or "drive" */
+	const char *title; /* "" for modbus */
+	size_t index;      /* in the reader, or DB_READER_NO_SECTION */
+	unsigned line;     /* of its head; 0 when the file has none */
+	const struct db_driver
+		*driver; /* the family of a bus or drive; null while it is not known */
+};
+
+/* The section of this index; without one that of modbus, which nobody has to write. */
+struct db_section db_section_open(struct db_load *load, size_t index);
+
+/* Whether the file sets the key, and whether that was no value for it (known behind its reading). */
+bool db_section_has(const struct db_section *section, const char *name);
+bool db_section_misread(const struct db_section *section, const char *name);
+
+/* Line of a key, or of the section's head when the key was not given. */
+unsigned db_section_line(const struct db_section *section, const char *name);
+
+/* The same for a section that was read before; `head` when the key was not given. */
+unsigned db_section_find_line(const struct db_load *load, const char *section, const char *title,
+                              unsigned head, const char *name);
+
+/* A key's text as the file has it, else its preset. Null when it had to be given, which is an error. */
+const char *db_section_text(const struct db_section *section, const char *name);
+
+/* The place of a key's word among those that the table has. False when it is none of them: an error. */
+bool db_section_word(const struct db_section *section, const char *name, unsigned *position);
+
+/*
+ * Reads all keys into the section's struct (db_modbus_config, db_bus_config or db_drive_config), but for
+ * those that name something else (db_keys_is_reference()). What is not in the file, or is for families of
+ * another kind, has its preset, without one 0, null or NAN. What is wrong is an error, and 0 or null.
+ */
+void db_section_read(const struct db_section *section, void *values);
+
+/* The family's options for this kind of section, in the order of its list; the others become NAN. Keys of
+ * other families are errors. Without a family nothing can be said. */
+void db_section_read_options(const struct db_section *section, double options[DB_OPTIONS_MAX]);
+
+#endif
