@@ -202,6 +202,8 @@ static void take_standing(struct db_device *device, const struct db_device *firs
 	device->fresh = false;
 	if (standing)
 		device->jogging = device->stopping = false;
+	else
+		device->expected_by = 0;
 }
 
 /* The sign was the same before and after: this is where the axis is. */
@@ -215,7 +217,8 @@ static void take_position(struct db_device *device, const struct db_device *firs
 	    !xyza_position(first->poll_magnitude, first->poll_negative, &position))
 		return;
 	if (device->heard && first->poll_taken > device->taken)
-		device->velocity = first->poll_standing ?
+		device->velocity = first->poll_standing &&
+		                                   first->poll_taken >= device->expected_by ?
 		                           0.0f :
 		                           (float)((double)position - (double)device->position) *
 		                                   (float)DB_NS_PER_S /
@@ -441,6 +444,20 @@ static void note_standing(struct db_device *device)
 	device->velocity = 0.0f;
 }
 
+/* Any axis may have been set in motion so lately by the program that it still says that it stands. */
+static void doubt_standing(struct db_device *first, db_time now)
+{
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		struct db_device *device = first->axes[i];
+
+		if (!device)
+			continue;
+		device->told++;
+		device->fresh = true;
+		device->expected_by = now + device->reaction;
+	}
+}
+
 static void note_stopped(struct db_device *first)
 {
 	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
@@ -448,7 +465,6 @@ static void note_stopped(struct db_device *first)
 
 		if (!device)
 			continue;
-		device->expected_by = 0;
 		device->held_until = 0;
 		/* A program may have set it in motion since. */
 		if (device->standing && first->program_state != XYZA_PROGRAM_RUNNING)
@@ -716,7 +732,9 @@ static enum db_step jog_answered(struct db_device *device, struct db_job *job,
 		if (plan->lost && plan->runs_on)
 			plan->unproven = true;
 		device->fresh = false;
-		device->expected_by = 0;
+		/* Where only its place shows that it moves, what it says of standing is still to come. */
+		if (reply->value == 0)
+			device->expected_by = 0;
 		return next_step(device, job, exchange, result);
 	}
 	/* It may stand because it was stopped: the operator of another axis stops all of them. */
@@ -820,7 +838,8 @@ static enum db_step before_answered(struct db_device *device, struct db_job *job
 	return next_step(device, job, exchange, result);
 }
 
-/* However long the brakes take, it is no failure as long as the axis slows down. */
+/* However long the brakes take, it is no failure as long as the axis slows down. One that says that it stands
+ * may not say yet that it moved. */
 static enum db_step standing_answered(struct db_device *device, struct db_job *job,
                                       const struct xyza_reply *reply, db_time now,
                                       struct db_exchange *exchange, enum db_result *result)
@@ -829,10 +848,18 @@ static enum db_step standing_answered(struct db_device *device, struct db_job *j
 	float speed = fabsf(device->velocity);
 
 	if (reply->value == 1) {
+		if (now < device->expected_by)
+			return send_step(device, job, exchange, result);
 		note_standing(device);
 		return next_step(device, job, exchange, result);
 	}
-	if (plan->progress == 0 || speed < plan->least_speed) {
+	device->expected_by = 0;
+	if (plan->entered == 0) {
+		plan->entered = plan->progress = now;
+		plan->least_speed = INFINITY;
+	}
+	/* How fast it was before it was stopped says nothing of its slowing down. */
+	if (device->taken > plan->entered && speed < plan->least_speed) {
 		plan->progress = now;
 		plan->least_speed = speed;
 	}
@@ -842,8 +869,8 @@ static enum db_step standing_answered(struct db_device *device, struct db_job *j
 }
 
 static enum db_step guard_answered(struct db_device *device, struct db_job *job,
-                                   const struct xyza_reply *reply, struct db_exchange *exchange,
-                                   enum db_result *result)
+                                   const struct xyza_reply *reply, db_time now,
+                                   struct db_exchange *exchange, enum db_result *result)
 {
 	const struct xyza_step *step = step_of(device, job);
 	struct db_device *other = device->first->axes[step->request.axis];
@@ -852,8 +879,11 @@ static enum db_step guard_answered(struct db_device *device, struct db_job *job,
 		take_program(device->first, reply);
 	if (((xyza_content(reply) ^ step->wanted) & step->mask) == 0)
 		return refuse(device, job, result);
-	if (step->request.verb == XYZA_READ_STANDING && other)
+	if (step->request.verb == XYZA_READ_STANDING && other) {
+		if (now < other->expected_by)
+			return send_step(device, job, exchange, result);
 		note_standing(other);
+	}
 	return next_step(device, job, exchange, result);
 }
 
@@ -954,6 +984,12 @@ static enum db_step act_answered(struct db_device *device, struct db_job *job, d
 	case XYZA_PROGRAM_STOP:
 	case XYZA_PROGRAM_QUICK_STOP:
 		device->first->paused = device->first->program_state == XYZA_PROGRAM_RUNNING;
+		if (device->first->paused)
+			doubt_standing(device->first, now);
+		break;
+	case XYZA_PROGRAM_END:
+		if (device->first->program_state == XYZA_PROGRAM_RUNNING)
+			doubt_standing(device->first, now);
 		break;
 	case XYZA_WRITE_ITEM:
 		if (step->request.item == XYZA_ITEM_FACTORY_RESET)
@@ -987,7 +1023,7 @@ static enum db_step step_answered(struct db_device *device, struct db_job *job,
 	case STEP_IF:
 		return condition_answered(device, job, reply, now, exchange, result);
 	case STEP_GUARD:
-		return guard_answered(device, job, reply, exchange, result);
+		return guard_answered(device, job, reply, now, exchange, result);
 	case STEP_BEFORE:
 		return before_answered(device, job, reply, exchange, result);
 	case STEP_LEARN:
