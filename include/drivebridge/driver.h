@@ -57,6 +57,8 @@ struct db_exchange {
 	bool repeatable; /* sending it again after a lost answer is harmless */
 	bool begins; /* a command's: it begins the motion, and begin_all() may say it to all drives;
 	                false before each call of the driver */
+	bool again; /* a command's: asks once more for what did not show yet, which may go on for seconds,
+	               so cyclic status goes before it; false before each call of the driver */
 	db_time extra_time; /* beyond the bus's drive latency: a flash write, for instance */
 };
 

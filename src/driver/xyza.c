@@ -186,6 +186,7 @@ static enum db_step poll_begin(struct db_device *first, struct db_job *job,
                                struct db_exchange *exchange, enum db_result *result)
 {
 	first->poll_axis = next_axis(first, 0);
+	first->poll_asked = job->started;
 	first->sign_tries = 0;
 	return poll_ask(first, job, POLL_STANDING, exchange, result);
 }
@@ -196,7 +197,7 @@ static void take_standing(struct db_device *device, const struct db_device *firs
 
 	/* What was seen before it was told something says nothing about what it does now. */
 	if (first->poll_told != device->told ||
-	    (standing && first->poll_taken < device->expected_by))
+	    (standing && first->poll_asked < device->expected_by))
 		return;
 	device->standing = standing;
 	device->fresh = false;
@@ -218,7 +219,7 @@ static void take_position(struct db_device *device, const struct db_device *firs
 		return;
 	if (device->heard && first->poll_taken > device->taken)
 		device->velocity = first->poll_standing &&
-		                                   first->poll_taken >= device->expected_by ?
+		                                   first->poll_asked >= device->expected_by ?
 		                           0.0f :
 		                           (float)((double)position - (double)device->position) *
 		                                   (float)DB_NS_PER_S /
@@ -229,10 +230,11 @@ static void take_position(struct db_device *device, const struct db_device *firs
 	device->heard = true;
 }
 
-static enum db_step poll_next_axis(struct db_device *first, struct db_job *job,
+static enum db_step poll_next_axis(struct db_device *first, struct db_job *job, db_time now,
                                    struct db_exchange *exchange, enum db_result *result)
 {
 	first->poll_axis = next_axis(first, first->poll_axis + 1);
+	first->poll_asked = now;
 	first->sign_tries = 0;
 	return poll_ask(first, job, first->poll_axis < XYZA_AXIS_COUNT ? POLL_STANDING : POLL_PORTS,
 	                exchange, result);
@@ -275,7 +277,7 @@ static enum db_step poll_answer(struct db_device *first, struct db_job *job,
 		if (!is_settled(first, device))
 			return poll_ask(first, job, POLL_SIGN_AGAIN, exchange, result);
 		take_position(device, first);
-		return poll_next_axis(first, job, exchange, result);
+		return poll_next_axis(first, job, now, exchange, result);
 	case POLL_SIGN_AGAIN:
 		if (first->poll_negative == (reply->value == 1)) {
 			take_position(device, first);
@@ -283,7 +285,7 @@ static enum db_step poll_answer(struct db_device *first, struct db_job *job,
 			first->poll_negative = reply->value == 1;
 			return poll_ask(first, job, POLL_MAGNITUDE, exchange, result);
 		}
-		return poll_next_axis(first, job, exchange, result);
+		return poll_next_axis(first, job, now, exchange, result);
 	case POLL_PORTS:
 		first->ports = reply->value;
 		return poll_ask(first, job, POLL_PROGRAM, exchange, result);
@@ -295,14 +297,14 @@ static enum db_step poll_answer(struct db_device *first, struct db_job *job,
 }
 
 /* An axis that the controller does not have is not shown; the others are. */
-static enum db_step poll_refused(struct db_device *first, struct db_job *job,
+static enum db_step poll_refused(struct db_device *first, struct db_job *job, db_time now,
                                  struct db_exchange *exchange, enum db_result *result)
 {
 	if (job->step == POLL_PROGRAM)
 		return done(result, DB_RESULT_OK);
 	if (job->step == POLL_PORTS)
 		return poll_ask(first, job, POLL_PROGRAM, exchange, result);
-	return poll_next_axis(first, job, exchange, result);
+	return poll_next_axis(first, job, now, exchange, result);
 }
 
 /* --- what is believed of it ------------------------------------------------------------------------ */
@@ -519,6 +521,14 @@ static enum db_step send_step(struct db_device *device, struct db_job *job,
 	return ask(device, *request, is_repeatable(job, request->verb), exchange, result);
 }
 
+/* What it is to show it does not show yet. */
+static enum db_step ask_again(struct db_device *device, struct db_job *job,
+                              struct db_exchange *exchange, enum db_result *result)
+{
+	exchange->again = true;
+	return send_step(device, job, exchange, result);
+}
+
 static enum db_step refuse(struct db_device *device, const struct db_job *job,
                            enum db_result *result)
 {
@@ -660,7 +670,7 @@ static enum db_step param_answered(struct db_device *device, struct db_job *job,
 		return next_step(device, job, exchange, result);
 	}
 	if (may_still_show(device, job, now))
-		return send_step(device, job, exchange, result);
+		return ask_again(device, job, exchange, result);
 	/* What it has made of it instead is what counts. */
 	learn_item(device, step->request.item, reply->value);
 	if (job->kind == DB_JOB_COMMAND && enabled)
@@ -685,7 +695,7 @@ static enum db_step expected_answered(struct db_device *device, struct db_job *j
 	/* Whatever it has become of the position, that is where the controller sees it. */
 	device->held_until = 0;
 	if (may_still_show(device, job, now))
-		return send_step(device, job, exchange, result);
+		return ask_again(device, job, exchange, result);
 	if (step->back == 0 || plan->mends == MENDS_MAX)
 		return done(result, DB_RESULT_FAILED);
 	plan->mends++;
@@ -742,7 +752,7 @@ static enum db_step jog_answered(struct db_device *device, struct db_job *job,
 		return done(result, DB_RESULT_CANCELLED);
 	if (!plan->refused && may_still_show(device, job, now)) {
 		device->expected_by = plan->entered + device->reaction;
-		return send_step(device, job, exchange, result);
+		return ask_again(device, job, exchange, result);
 	}
 	if ((plan->lost && device->resends < RESENDS_MAX) ||
 	    (plan->refused && device->resends < REFUSALS_MAX)) {
@@ -794,7 +804,7 @@ static enum db_step program_answered(struct db_device *device, struct db_job *jo
 		if (!(plan->lost && plan->unproven))
 			return next_step(device, job, exchange, result);
 	} else if (!plan->refused && !plan->unproven && may_still_show(device, job, now)) {
-		return send_step(device, job, exchange, result);
+		return ask_again(device, job, exchange, result);
 	}
 	if (plan->refused && device->resends < REFUSALS_MAX) {
 		device->resends++;
@@ -848,8 +858,8 @@ static enum db_step standing_answered(struct db_device *device, struct db_job *j
 	float speed = fabsf(device->velocity);
 
 	if (reply->value == 1) {
-		if (now < device->expected_by)
-			return send_step(device, job, exchange, result);
+		if (plan->asked < device->expected_by)
+			return ask_again(device, job, exchange, result);
 		note_standing(device);
 		return next_step(device, job, exchange, result);
 	}
@@ -864,13 +874,13 @@ static enum db_step standing_answered(struct db_device *device, struct db_job *j
 		plan->least_speed = speed;
 	}
 	if (now - plan->progress <= STOP_TIME)
-		return send_step(device, job, exchange, result);
+		return ask_again(device, job, exchange, result);
 	return done(result, DB_RESULT_FAILED);
 }
 
 static enum db_step guard_answered(struct db_device *device, struct db_job *job,
-                                   const struct xyza_reply *reply, db_time now,
-                                   struct db_exchange *exchange, enum db_result *result)
+                                   const struct xyza_reply *reply, struct db_exchange *exchange,
+                                   enum db_result *result)
 {
 	const struct xyza_step *step = step_of(device, job);
 	struct db_device *other = device->first->axes[step->request.axis];
@@ -880,8 +890,8 @@ static enum db_step guard_answered(struct db_device *device, struct db_job *job,
 	if (((xyza_content(reply) ^ step->wanted) & step->mask) == 0)
 		return refuse(device, job, result);
 	if (step->request.verb == XYZA_READ_STANDING && other) {
-		if (now < other->expected_by)
-			return send_step(device, job, exchange, result);
+		if (plan_of(device, job)->asked < other->expected_by)
+			return ask_again(device, job, exchange, result);
 		note_standing(other);
 	}
 	return next_step(device, job, exchange, result);
@@ -889,8 +899,8 @@ static enum db_step guard_answered(struct db_device *device, struct db_job *job,
 
 /* One that was told to move may only not show it yet. */
 static enum db_step condition_answered(struct db_device *device, struct db_job *job,
-                                       const struct xyza_reply *reply, db_time now,
-                                       struct db_exchange *exchange, enum db_result *result)
+                                       const struct xyza_reply *reply, struct db_exchange *exchange,
+                                       enum db_result *result)
 {
 	const struct xyza_step *step = step_of(device, job);
 	bool wanted = ((xyza_content(reply) ^ step->wanted) & step->mask) == 0;
@@ -898,7 +908,7 @@ static enum db_step condition_answered(struct db_device *device, struct db_job *
 	if (reply->kind == XYZA_REPLY_PROGRAM_STATE)
 		take_program(device->first, reply);
 	else
-		wanted = wanted || now < device->expected_by;
+		wanted = wanted || plan_of(device, job)->asked < device->expected_by;
 	if (!wanted)
 		job->step++;
 	return next_step(device, job, exchange, result);
@@ -1015,15 +1025,17 @@ static enum db_step step_answered(struct db_device *device, struct db_job *job,
 	struct xyza_plan *plan = plan_of(device, job);
 	const struct xyza_step *step = step_of(device, job);
 
+	plan->asked = plan->answered;
+	plan->answered = now;
 	if (plan->retreating)
 		return done(result, plan->lost ? DB_RESULT_TIMEOUT : DB_RESULT_FAILED);
 	if (reply->kind == XYZA_REPLY_FAILED)
 		return step_refused(device, job, exchange, result);
 	switch (step->kind) {
 	case STEP_IF:
-		return condition_answered(device, job, reply, now, exchange, result);
+		return condition_answered(device, job, reply, exchange, result);
 	case STEP_GUARD:
-		return guard_answered(device, job, reply, now, exchange, result);
+		return guard_answered(device, job, reply, exchange, result);
 	case STEP_BEFORE:
 		return before_answered(device, job, reply, exchange, result);
 	case STEP_LEARN:
@@ -1215,6 +1227,7 @@ static enum db_step begin_command(struct db_device *device, struct db_job *job,
 		                          STOP_TAKEN :
 		                          0;
 	xyza_plan_command(plan, device, job->request);
+	plan->answered = job->started;
 	return send_step(device, job, exchange, result);
 }
 
@@ -1309,7 +1322,7 @@ static enum db_step xyza_answer(struct db_conversation *talk, const uint8_t *fra
 		return done(result, DB_RESULT_OK);
 	case DB_JOB_POLL:
 		if (reply.kind == XYZA_REPLY_FAILED)
-			return poll_refused(device, job, exchange, result);
+			return poll_refused(device, job, now, exchange, result);
 		return poll_answer(device, job, &reply, now, exchange, result);
 	case DB_JOB_IDENTIFY:
 	default:

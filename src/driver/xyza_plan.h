@@ -53,6 +53,8 @@ struct xyza_plan {
 	bool unproven;   /* nothing that can be read shows what it did */
 	float ramp;      /* LEARN: what the ramp is to be, Hz/s */
 	unsigned mends;
+	db_time answered; /* when the last answer came; the next is not older */
+	db_time asked;    /* what came last was read after this */
 	db_time entered;  /* since when the effect is looked for; 0: not yet */
 	uint32_t before;  /* the program, as xyza_content() has it */
 	bool before_read; /* it could be read */
@@ -109,6 +111,7 @@ struct db_device {
 	unsigned poll_axis;
 	unsigned sign_tries;
 	bool poll_standing;
+	db_time poll_asked; /* that was read after this */
 	unsigned poll_told; /* when it was seen to stand or to move */
 	unsigned poll_placed;
 	bool poll_negative;

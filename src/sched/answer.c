@@ -200,7 +200,7 @@ static void take_answer(struct db_engine *engine, struct node *node, const uint8
 
 	if (blind_stop_answered(engine, node, now))
 		return;
-	lane->exchange.begins = false;
+	lane->exchange.begins = lane->exchange.again = false;
 	step = engine->driver->answer(&talk, frame, length);
 	if (step == DB_STEP_MORE)
 		return;
@@ -341,7 +341,7 @@ static void front_lost(struct db_engine *engine, struct station *station, db_tim
 		station->snapshot.stats.retries++;
 		return;
 	}
-	lane->exchange.begins = false;
+	lane->exchange.begins = lane->exchange.again = false;
 	if (engine->driver->lost(&talk) == DB_STEP_SEND) {
 		lane->tries = 0;
 		lane->ready = true;

@@ -45,7 +45,7 @@ enum db_step engine_begin_job(struct db_engine *engine, struct station *station,
 		                     .out_of_step = !station->node->in_step };
 	lane->tries = 0;
 	lane->sent = false;
-	lane->exchange.begins = false;
+	lane->exchange.begins = lane->exchange.again = false;
 	step = engine->driver->begin(&talk);
 	*result = talk.result;
 	lane->active = lane->ready = step == DB_STEP_SEND;
@@ -265,7 +265,7 @@ static void go_on_behind_common(struct db_engine *engine, struct station *statio
 
 	lane->sent = true;
 	lane->tries = 0;
-	lane->exchange.begins = false;
+	lane->exchange.begins = lane->exchange.again = false;
 	db_letter_sent(station->front_letter, now);
 	station->motion_sent = now;
 	lane->ready = engine->driver->begun_by_all(&talk) == DB_STEP_SEND;
@@ -345,15 +345,20 @@ static bool begin_letter(struct db_engine *engine, size_t index, db_time now)
 	return false;
 }
 
-static bool continue_front(struct db_engine *engine, db_time now)
+/* `again`: one that asks once more for what it has asked before, or one that does not. */
+static bool continue_front(struct db_engine *engine, bool again, db_time now)
 {
 	for (size_t n = 0; n < engine->station_count; n++) {
 		size_t i = (engine->next_front + n) % engine->station_count;
 		struct station *station = engine->stations[i];
 
-		if (station->lanes[LANE_FRONT].ready && !waits_for_others(station) &&
-		    !station_awaits_stop(station) && is_free(station, now)) {
+		if (station->lanes[LANE_FRONT].ready &&
+		    station->lanes[LANE_FRONT].exchange.again == again &&
+		    !waits_for_others(station) && !station_awaits_stop(station) &&
+		    is_free(station, now)) {
 			engine->next_front = i + 1;
+			if (again)
+				engine->again_sent = now;
 			send_in_step(engine, station, LANE_FRONT, now);
 			return true;
 		}
@@ -387,7 +392,7 @@ static bool try_fronts(struct db_engine *engine, db_time now)
 		engine->continued = false;
 		return true;
 	}
-	engine->continued = continue_front(engine, now);
+	engine->continued = continue_front(engine, false, now);
 	return engine->continued || begin_front(engine, now);
 }
 
@@ -535,8 +540,8 @@ static bool try_background(struct db_engine *engine, db_time now)
 
 /*
  * Commands go before status, but cannot starve it: when a drive's status is two cycles old, they
- * take turns. Likewise status cannot starve what comes after it: once in a round of polls one
- * exchange of those classes is let through.
+ * take turns. What only asks again goes behind status, but once in two cycles before it. Likewise status cannot
+ * starve what comes after it: once in a round of polls one exchange of those classes is let through.
  */
 bool engine_send_something(struct db_engine *engine, db_time now)
 {
@@ -557,6 +562,9 @@ bool engine_send_something(struct db_engine *engine, db_time now)
 		return true;
 	}
 	if (try_fronts(engine, now))
+		return true;
+	if ((!poll || now - engine->again_sent > 2 * engine->period) &&
+	    continue_front(engine, true, now))
 		return true;
 	if (poll && engine->polls_in_a_row > engine->node_count && try_background(engine, now))
 		return true;

@@ -37,7 +37,8 @@ struct db_engine {
 	bool polling; /* this cycle's polls are not all answered */
 	unsigned polls_in_a_row;
 	bool front_was_last;
-	bool continued; /* the last of the commands' exchanges was not the first of one */
+	db_time again_sent; /* when a command last asked again for what did not show yet */
+	bool continued;     /* the last of the commands' exchanges was not the first of one */
 
 	db_time probes_from;      /* the share for offline drives is used up until then */
 	db_time dumps_held_since; /* long readings wait until all drives stand */

@@ -6,6 +6,7 @@ import time
 
 import pytest
 from bridgelib import (
+    ACKNOWLEDGE,
     CONTINUOUS,
     DEVICE_FAILURE,
     DISABLED,
@@ -282,6 +283,22 @@ def test_the_other_way_is_gone_from_a_stand(xyza):
     assert drive.read("manual_speed") == 1500
     assert xyza.sim.get()["failed"] == 0
     stand(xyza)
+
+
+def test_who_waits_for_a_stand_leaves_the_bus_to_others(make_xyza):
+    """Brakes may take seconds, in which the status of all axes is read as ever."""
+    bridge = make_xyza(axes="xy", bus={"cycle-ms": 40}, sim_drive={"braking-ms": 6000},
+                       modbus={"confirm-ms": 40})
+    drive, other = bridge.drive(1), bridge.drive(2)
+    assert drive.command("move_velocity", target_velocity=6000) == 0
+    eventually(lambda: bridge.sim.get()["x_speed"] == 6000)
+    assert drive.command("move_velocity", target_velocity=0) == ACKNOWLEDGE
+    ages = []
+    eventually(lambda: ages.append(other.read("age_ms")) or drive.read("velocity") < 3000,
+               what="slower", timeout=20)
+    # Behind the questions of who waits, of which a cycle holds ten, a round took more than 400 ms.
+    assert len(ages) > 10
+    assert max(ages) < 200
 
 
 def test_one_axis_moves_at_a_time(xyza):

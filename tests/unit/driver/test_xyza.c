@@ -105,6 +105,7 @@ static void spell(struct fixture *f)
 /* The job as the scheduler hands it to the driver now. */
 static struct db_conversation *talk(struct fixture *f)
 {
+	f->exchange.again = false;
 	f->talk = (struct db_conversation){
 		.device = f->talking, .job = &f->job, .exchange = &f->exchange, .now = f->now
 	};
@@ -838,6 +839,68 @@ static void another_way_is_gone_only_from_a_stand(void **state)
 	assert_string_equal(value(f, 5), "0AF3010303A2");
 	answer(f, OK_MANUAL);
 	assert_string_equal(value(f, 0), "=ok");
+	drop(f);
+}
+
+/* What says that it stands may say it late: a jog seen by its place is under way, and stopped right behind that
+ * the axis does not stand because it still says so. */
+static void a_stand_from_before_a_motion_is_none(void **state)
+{
+	struct fixture *f = make(1);
+	struct db_job told;
+
+	(void)state;
+	f->bus.options[1] = 100;
+	db_driver_xyza.init(f->axes[0], NULL, &f->bus, &f->drives[0]);
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	answer(f, OK_MANUAL);
+	assert_string_equal(value(f, 1), "0AF10103E1A3");
+	assert_true(f->exchange.again);
+	for (int32_t place = 1; place < 3; place++) {
+		told = f->job;
+		poll_all(f, true, place, 0);
+		assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
+		f->job = told;
+		compose("0AF10103E1A3", f->bytes);
+		f->exchange.request_length = 9;
+		value(f, 1);
+	}
+	assert_string_equal(f->said, "=ok");
+	/* It is slowing down, and nothing says so. */
+	poll_all(f, true, 40, 0);
+	assert_true(feedback(f, 0).velocity > 0.0f);
+	assert_string_equal(command(f, 0, DB_CMD_JOG_NEGATIVE, (struct db_args){ 0 }),
+	                    "0AF301030200");
+	assert_string_equal(answer(f, OK_MANUAL), "0AF10103E1A3");
+	assert_string_equal(value(f, 1), "0AF10103E1A3");
+	assert_true(f->exchange.again);
+	/* Now it does, and is believed when it stands. */
+	assert_string_equal(value(f, 0), "0AF10103E1A3");
+	assert_string_equal(value(f, 1), "0AF3010303A2");
+	drop(f);
+}
+
+/* Likewise an axis of a program that was stopped: any of them may have begun to move. */
+static void a_stand_from_before_a_programs_motion_is_none(void **state)
+{
+	struct fixture *f = make(3);
+
+	(void)state;
+	f->bus.options[1] = 100;
+	db_driver_xyza.init(f->axes[0], NULL, &f->bus, &f->drives[0]);
+	db_driver_xyza.init(f->axes[1], f->axes[0], &f->bus, &f->drives[1]);
+	poll_all(f, true, 0, 1);
+	command(f, 0, DB_CMD_STOP, (struct db_args){ 0 });
+	answer(f, OK_PROGRAM);
+	assert_string_equal(answer(f, OK_MANUAL), "=ok");
+	poll_all(f, true, 0, 2);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_STOPPING);
+	assert_int_equal(feedback(f, 1).state, DB_AXIS_STOPPING);
+	f->now += 100 * MS;
+	poll_all(f, true, 0, 2);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	assert_int_equal(feedback(f, 1).state, DB_AXIS_DISABLED);
 	drop(f);
 }
 
@@ -1778,6 +1841,8 @@ int main(void)
 		cmocka_unit_test(what_was_seen_before_a_jog_does_not_end_it),
 		cmocka_unit_test(what_was_seen_before_its_effect_does_not_end_a_jog),
 		cmocka_unit_test(another_way_is_gone_only_from_a_stand),
+		cmocka_unit_test(a_stand_from_before_a_motion_is_none),
+		cmocka_unit_test(a_stand_from_before_a_programs_motion_is_none),
 		cmocka_unit_test(slow_brakes_are_no_failure),
 		cmocka_unit_test(another_speed_is_taken_while_it_moves),
 		cmocka_unit_test(a_stop_stops_what_runs),
