@@ -39,8 +39,8 @@ size_t db_arg_bytes(enum db_arg arg);
 struct db_command_row {
 	enum db_command code;
 	const char *name;
-	enum db_arg args[DB_COMMAND_ARGS_MAX]; /* up to the first NONE */
 	bool own;                              /* of some families only, by its nature */
+	enum db_arg args[DB_COMMAND_ARGS_MAX]; /* up to the first NONE */
 	const char *description;               /* one line */
 };
 

@@ -77,21 +77,22 @@ struct db_backend {
 	void (*restricted)(void *context, const struct db_client *client);
 };
 
+/* Since the server began; counters go on from 0 when they are full. */
 struct db_server_stats {
 	uint32_t clients; /* now */
 	uint32_t clients_peak;
-	uint64_t accepted;
-	uint64_t refused_full;     /* connections refused: max-clients reached, or no descriptors */
-	uint64_t refused_address;  /* connections refused: not in allow-read or allow-write */
-	uint64_t refused_writes;   /* writes refused: client may only read */
-	uint64_t refused_reserved; /* connections refused: may only read, the rest is reserved */
-	uint64_t refused_per_address; /* connections refused: too many of one address */
-	uint64_t refused_control;     /* writes refused: another client has control of the drive */
-	uint64_t held_back;           /* requests that had to wait: too many of one address */
-	uint64_t requests;
-	uint64_t exceptions;
-	uint64_t bad_frames; /* connections closed for a frame that cannot be Modbus */
-	uint64_t timeouts;   /* connections closed for an unfinished frame, or idle */
+	uint32_t accepted;
+	uint32_t refused_full;     /* connections refused: max-clients reached, or no descriptors */
+	uint32_t refused_address;  /* connections refused: not in allow-read or allow-write */
+	uint32_t refused_writes;   /* writes refused: client may only read */
+	uint32_t refused_reserved; /* connections refused: may only read, the rest is reserved */
+	uint32_t refused_per_address; /* connections refused: too many of one address */
+	uint32_t refused_control;     /* writes refused: another client has control of the drive */
+	uint32_t held_back;           /* requests that had to wait: too many of one address */
+	uint32_t requests;
+	uint32_t exceptions;
+	uint32_t bad_frames; /* connections closed for a frame that cannot be Modbus */
+	uint32_t timeouts;   /* connections closed for an unfinished frame, or idle */
 };
 
 /* One connection as it is now. */

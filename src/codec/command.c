@@ -32,216 +32,88 @@ static const struct {
 #undef ARG
 };
 
+// clang-format off
+/* Those that every family could have, and those of some families by their nature. */
+#define ALL false
+#define OWN true
+#define NO_ARGS { DB_ARG_NONE }
+#define ARGS1(a) { DB_ARG_##a }
+#define ARGS2(a, b) { DB_ARG_##a, DB_ARG_##b }
+#define ARGS4(a, b, c, d) { DB_ARG_##a, DB_ARG_##b, DB_ARG_##c, DB_ARG_##d }
+
 const struct db_command_row db_command_rows[] = {
-	{
-		.code = DB_CMD_ENABLE,
-		.name = "enable",
-		.description = "Power the motor",
-	},
-	{
-		.code = DB_CMD_DISABLE,
-		.name = "disable",
-		.description = "Take the power off the motor; some drives lose their origin by it; "
-			       "always executes",
-	},
-	{
-		.code = DB_CMD_STOP,
-		.name = "stop",
-		.description = "Decelerate to standstill; overtakes everything and cancels what is "
-			       "queued for the drive; always executes",
-	},
-	{
-		.code = DB_CMD_QUICK_STOP,
-		.name = "quick_stop",
-		.description = "The fastest stop the drive has; otherwise like stop",
-	},
-	{
-		.code = DB_CMD_MOVE_VELOCITY,
-		.name = "move_velocity",
-		.args = { DB_ARG_TARGET_VELOCITY },
-		.description = "Run at target_velocity; its sign is the direction",
-	},
-	{
-		.code = DB_CMD_MOVE_ABSOLUTE,
-		.name = "move_absolute",
-		.args = { DB_ARG_TARGET_POSITION, DB_ARG_TARGET_VELOCITY },
-		.description =
-			"Go to target_position; target_velocity 0 = at the drive's preset speed",
-	},
-	{
-		.code = DB_CMD_MOVE_RELATIVE,
-		.name = "move_relative",
-		.args = { DB_ARG_TARGET_POSITION, DB_ARG_TARGET_VELOCITY },
-		.description = "Go the distance target_position from where the drive is; "
-			       "target_velocity 0 = at the drive's preset speed",
-	},
-	{
-		.code = DB_CMD_HOME,
-		.name = "home",
-		.description = "Find the origin the way the drive's parameters say",
-	},
-	{
-		.code = DB_CMD_HOME_STOP,
-		.name = "home_stop",
-		.description = "End a homing",
-	},
-	{
-		.code = DB_CMD_SET_POSITION,
-		.name = "set_position",
-		.args = { DB_ARG_TARGET_POSITION },
-		.description = "Make the present position count as target_position; nothing moves",
-	},
-	{
-		.code = DB_CMD_CLEAR_FAULT,
-		.name = "clear_fault",
-		.description =
-			"Clear the drive's faults; and in every family the latch of the watchdog",
-	},
-	{
-		.code = DB_CMD_SAVE_PARAMETERS,
-		.name = "save_parameters",
-		.description =
-			"Write the parameters into the drive's flash memory; wears it and is "
-			"limited in rate",
-	},
-	{
-		.code = DB_CMD_READ_PARAMETERS,
-		.name = "read_parameters",
-		.description = "Read identity and all parameters from the drive again",
-	},
-	{
-		.code = DB_CMD_MOVE_PRESET,
-		.name = "move_preset",
-		.own = true,
-		.description = "Run at the preset speed that is a parameter of the drive",
-	},
-	{
-		.code = DB_CMD_SET_OUTPUT,
-		.name = "set_output",
-		.args = { DB_ARG_OUTPUT_NUMBER, DB_ARG_OUTPUT_VALUE },
-		.own = true,
-		.description = "Set output port output_number (from 1) to output_value 0 or 1",
-	},
-	{
-		.code = DB_CMD_SET_OUTPUTS,
-		.name = "set_outputs",
-		.args = { DB_ARG_OUTPUT_MASK, DB_ARG_OUTPUT_LEVELS },
-		.own = true,
-		.description = "Set the output ports chosen by output_mask to output_levels; "
-			       "bit 0 = port 1",
-	},
-	{
-		.code = DB_CMD_SET_SV,
-		.name = "set_sv",
-		.args = { DB_ARG_OUTPUT_NUMBER, DB_ARG_OUTPUT_VALUE },
-		.own = true,
-		.description = "Drive port output_number (1..3) for an inductive load with duty "
-			       "output_value (0..255)",
-	},
-	{
-		.code = DB_CMD_SET_NMOS,
-		.name = "set_nmos",
-		.args = { DB_ARG_OUTPUT_NUMBER, DB_ARG_OUTPUT_VALUE },
-		.own = true,
-		.description = "Drive port output_number (1..3) for a resistive load with duty "
-			       "output_value (0..255)",
-	},
-	{
-		.code = DB_CMD_SHAKE_START,
-		.name = "shake_start",
-		.args = { DB_ARG_SHAKE_START_POSITION, DB_ARG_SHAKE_END_POSITION,
-	                  DB_ARG_SHAKE_FREQUENCY, DB_ARG_SHAKE_CYCLES },
-		.own = true,
-		.description =
-			"Swing between two positions for shake_cycles cycles; 0 = until stopped",
-	},
-	{
-		.code = DB_CMD_SHAKE_START_TIME,
-		.name = "shake_start_time",
-		.args = { DB_ARG_SHAKE_START_POSITION, DB_ARG_SHAKE_END_POSITION,
-	                  DB_ARG_SHAKE_FREQUENCY, DB_ARG_SHAKE_TIME },
-		.own = true,
-		.description =
-			"Swing between two positions for shake_time seconds; 0 = until stopped",
-	},
-	{
-		.code = DB_CMD_SHAKE_STOP,
-		.name = "shake_stop",
-		.own = true,
-		.description = "End the swinging",
-	},
-	{
-		.code = DB_CMD_MOVE_CURRENT,
-		.name = "move_current",
-		.args = { DB_ARG_TARGET_CURRENT },
-		.own = true,
-		.description = "Drive the motor with target_current; its sign is the direction of "
-			       "the torque",
-	},
-	{
-		.code = DB_CMD_JOG_POSITIVE,
-		.name = "jog_positive",
-		.own = true,
-		.description =
-			"Run in positive direction at the drive's manual speed until stopped",
-	},
-	{
-		.code = DB_CMD_JOG_NEGATIVE,
-		.name = "jog_negative",
-		.own = true,
-		.description =
-			"Run in negative direction at the drive's manual speed until stopped",
-	},
-	{
-		.code = DB_CMD_START_PROGRAM,
-		.name = "start_program",
-		.args = { DB_ARG_PROGRAM_NUMBER, DB_ARG_PROGRAM_DELAY },
-		.own = true,
-		.description =
-			"Start a program that is stored in the controller after program_delay",
-	},
-	{
-		.code = DB_CMD_PAUSE_PROGRAM,
-		.name = "pause_program",
-		.own = true,
-		.description = "Stop the running program so that it can go on",
-	},
-	{
-		.code = DB_CMD_CONTINUE_PROGRAM,
-		.name = "continue_program",
-		.own = true,
-		.description = "Go on with a stopped program",
-	},
-	{
-		.code = DB_CMD_END_PROGRAM,
-		.name = "end_program",
-		.own = true,
-		.description = "End a stopped program",
-	},
-	{
-		.code = DB_CMD_SINGLE_STEP,
-		.name = "single_step",
-		.args = { DB_ARG_OUTPUT_VALUE },
-		.own = true,
-		.description = "Run programs step by step: output_value 1=on 0=off",
-	},
-	{
-		.code = DB_CMD_SYNC_START,
-		.name = "sync_start",
-		.own = true,
-		.description = "One sync frame to the whole bus: what was staged on drives in sync "
-			       "mode begins on all of them at once",
-	},
-	{
-		.code = DB_CMD_RAW_FRAME,
-		.name = "raw_frame",
-		.args = { DB_ARG_RAW_LENGTH, DB_ARG_RAW_REQUEST },
-		.own = true,
-		.description =
-			"One frame of the drive's own protocol, never repeated by the bridge; "
-			"the answer is in raw_answer; only with raw-frames = on",
-	},
+	{ DB_CMD_ENABLE,            "enable",           ALL, NO_ARGS,
+	  "Power the motor" },
+	{ DB_CMD_DISABLE,           "disable",          ALL, NO_ARGS,
+	  "Take the power off the motor; some drives lose their origin by it; always executes" },
+	{ DB_CMD_STOP,              "stop",             ALL, NO_ARGS,
+	  "Decelerate to standstill; overtakes everything and cancels what is queued for the "
+	  "drive; always executes" },
+	{ DB_CMD_QUICK_STOP,        "quick_stop",       ALL, NO_ARGS,
+	  "The fastest stop the drive has; otherwise like stop" },
+	{ DB_CMD_MOVE_VELOCITY,     "move_velocity",    ALL, ARGS1(TARGET_VELOCITY),
+	  "Run at target_velocity; its sign is the direction" },
+	{ DB_CMD_MOVE_ABSOLUTE,     "move_absolute",    ALL,
+	  ARGS2(TARGET_POSITION, TARGET_VELOCITY),
+	  "Go to target_position; target_velocity 0 = at the drive's preset speed" },
+	{ DB_CMD_MOVE_RELATIVE,     "move_relative",    ALL,
+	  ARGS2(TARGET_POSITION, TARGET_VELOCITY),
+	  "Go the distance target_position from where the drive is; target_velocity 0 = at the "
+	  "drive's preset speed" },
+	{ DB_CMD_HOME,              "home",             ALL, NO_ARGS,
+	  "Find the origin the way the drive's parameters say" },
+	{ DB_CMD_HOME_STOP,         "home_stop",        ALL, NO_ARGS,
+	  "End a homing" },
+	{ DB_CMD_SET_POSITION,      "set_position",     ALL, ARGS1(TARGET_POSITION),
+	  "Make the present position count as target_position; nothing moves" },
+	{ DB_CMD_CLEAR_FAULT,       "clear_fault",      ALL, NO_ARGS,
+	  "Clear the drive's faults; and in every family the latch of the watchdog" },
+	{ DB_CMD_SAVE_PARAMETERS,   "save_parameters",  ALL, NO_ARGS,
+	  "Write the parameters into the drive's flash memory; wears it and is limited in rate" },
+	{ DB_CMD_READ_PARAMETERS,   "read_parameters",  ALL, NO_ARGS,
+	  "Read identity and all parameters from the drive again" },
+	{ DB_CMD_MOVE_PRESET,       "move_preset",      OWN, NO_ARGS,
+	  "Run at the preset speed that is a parameter of the drive" },
+	{ DB_CMD_SET_OUTPUT,        "set_output",       OWN, ARGS2(OUTPUT_NUMBER, OUTPUT_VALUE),
+	  "Set output port output_number (from 1) to output_value 0 or 1" },
+	{ DB_CMD_SET_OUTPUTS,       "set_outputs",      OWN, ARGS2(OUTPUT_MASK, OUTPUT_LEVELS),
+	  "Set the output ports chosen by output_mask to output_levels; bit 0 = port 1" },
+	{ DB_CMD_SET_SV,            "set_sv",           OWN, ARGS2(OUTPUT_NUMBER, OUTPUT_VALUE),
+	  "Drive port output_number (1..3) for an inductive load with duty output_value (0..255)" },
+	{ DB_CMD_SET_NMOS,          "set_nmos",         OWN, ARGS2(OUTPUT_NUMBER, OUTPUT_VALUE),
+	  "Drive port output_number (1..3) for a resistive load with duty output_value (0..255)" },
+	{ DB_CMD_SHAKE_START,       "shake_start",      OWN,
+	  ARGS4(SHAKE_START_POSITION, SHAKE_END_POSITION, SHAKE_FREQUENCY, SHAKE_CYCLES),
+	  "Swing between two positions for shake_cycles cycles; 0 = until stopped" },
+	{ DB_CMD_SHAKE_START_TIME,  "shake_start_time", OWN,
+	  ARGS4(SHAKE_START_POSITION, SHAKE_END_POSITION, SHAKE_FREQUENCY, SHAKE_TIME),
+	  "Swing between two positions for shake_time seconds; 0 = until stopped" },
+	{ DB_CMD_SHAKE_STOP,        "shake_stop",       OWN, NO_ARGS,
+	  "End the swinging" },
+	{ DB_CMD_MOVE_CURRENT,      "move_current",     OWN, ARGS1(TARGET_CURRENT),
+	  "Drive the motor with target_current; its sign is the direction of the torque" },
+	{ DB_CMD_JOG_POSITIVE,      "jog_positive",     OWN, NO_ARGS,
+	  "Run in positive direction at the drive's manual speed until stopped" },
+	{ DB_CMD_JOG_NEGATIVE,      "jog_negative",     OWN, NO_ARGS,
+	  "Run in negative direction at the drive's manual speed until stopped" },
+	{ DB_CMD_START_PROGRAM,     "start_program",    OWN, ARGS2(PROGRAM_NUMBER, PROGRAM_DELAY),
+	  "Start a program that is stored in the controller after program_delay" },
+	{ DB_CMD_PAUSE_PROGRAM,     "pause_program",    OWN, NO_ARGS,
+	  "Stop the running program so that it can go on" },
+	{ DB_CMD_CONTINUE_PROGRAM,  "continue_program", OWN, NO_ARGS,
+	  "Go on with a stopped program" },
+	{ DB_CMD_END_PROGRAM,       "end_program",      OWN, NO_ARGS,
+	  "End a stopped program" },
+	{ DB_CMD_SINGLE_STEP,       "single_step",      OWN, ARGS1(OUTPUT_VALUE),
+	  "Run programs step by step: output_value 1=on 0=off" },
+	{ DB_CMD_SYNC_START,        "sync_start",       OWN, NO_ARGS,
+	  "One sync frame to the whole bus: what was staged on drives in sync mode begins on all "
+	  "of them at once" },
+	{ DB_CMD_RAW_FRAME,         "raw_frame",        OWN, ARGS2(RAW_LENGTH, RAW_REQUEST),
+	  "One frame of the drive's own protocol, never repeated by the bridge; the answer is in "
+	  "raw_answer; only with raw-frames = on" },
 };
+// clang-format on
 
 const size_t db_command_row_count = COUNT_OF(db_command_rows);
 

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "regmap/drive.h"
 
+#include "regmap/capabilities.h"
 #include "regmap/exception.h"
 #include "regmap/group.h"
 #include "regmap/state.h"

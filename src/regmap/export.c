@@ -63,6 +63,13 @@ static bool make_room(struct lines *lines)
 	return true;
 }
 
+/* How many there are is the family's. */
+static bool is_of_family(const struct db_row *row)
+{
+	return row->repeat &&
+	       (row->repeat->of == DB_REPEAT_OUTPUTS || row->repeat->of == DB_REPEAT_STATUS_BITS);
+}
+
 static void add_line(void *context, const struct db_entry *entry)
 {
 	struct lines *lines = context;
@@ -82,8 +89,8 @@ static void add_line(void *context, const struct db_entry *entry)
 		.entry = *entry,
 		.view = lines->view,
 		.families = UINT32_C(1) << lines->family,
-		.conditional = !row || row->measure || row->param_alias || row->outputs ||
-		               row->named_bits || lines->view == DB_VIEW_VSMD,
+		.conditional = !row || row->measure || row->alias || is_of_family(row) ||
+		               lines->view == DB_VIEW_VSMD,
 	};
 }
 
@@ -221,7 +228,7 @@ static bool is_other(const struct db_param *param, const struct db_param *than)
 
 static bool has_others(const struct line *line)
 {
-	if (!line->entry.row || !line->entry.row->param_alias)
+	if (!line->entry.row || !line->entry.row->alias)
 		return false;
 	for (unsigned i = 0; db_drivers[i]; i++) {
 		if (is_other(param_in(line, i), line->entry.param))
@@ -543,12 +550,12 @@ static bool is_repeated(const struct line *line)
 {
 	const struct db_row *row = line->entry.row;
 
-	return row && row->table == DB_TABLE_HOLDING && row->repeat.count > 1 && !row->repeat.name;
+	return row && line->entry.table == DB_TABLE_HOLDING && row->repeat;
 }
 
 static void add_repetition(const struct line *line, struct text *text)
 {
-	const struct db_repeat *repeat = &line->entry.row->repeat;
+	const struct db_repeat *repeat = line->entry.row->repeat;
 
 	add(text, "; likewise 2 to %u, each %u register%s further", repeat->count,
 	    repeat->addresses, repeat->addresses == 1 ? "" : "s");

@@ -46,16 +46,24 @@ static void end(FILE *out)
 
 /* --- the table's rows ---------------------------------------------------------------------------- */
 
-static bool is_single(const struct db_row *row, enum db_view view)
+/* The holding registers of a view. */
+static const struct db_row_set *registers_of(enum db_view view)
 {
-	return row->view == view && row->table == DB_TABLE_HOLDING && row->repeat.count == 0;
+	size_t i = 0;
+
+	while (db_row_sets[i]->view != view || db_row_sets[i]->table != DB_TABLE_HOLDING)
+		i++;
+	return db_row_sets[i];
 }
 
+/* A drive's register that is there once; null: there is none of this name. */
 static const struct db_row *row_of(const char *name)
 {
-	for (size_t i = 0; i < db_row_count; i++) {
-		if (is_single(&db_rows[i], DB_VIEW_DRIVE) && strcmp(db_rows[i].name, name) == 0)
-			return &db_rows[i];
+	const struct db_row_set *set = registers_of(DB_VIEW_DRIVE);
+
+	for (size_t i = 0; i < set->count; i++) {
+		if (!set->rows[i].repeat && strcmp(set->rows[i].name, name) == 0)
+			return &set->rows[i];
 	}
 	return NULL;
 }
@@ -107,9 +115,11 @@ static int put_coded(FILE *out, size_t which)
 
 static void put_registers(FILE *out, enum db_view view, const char *prefix)
 {
-	for (size_t i = 0; i < db_row_count; i++) {
-		if (is_single(&db_rows[i], view))
-			put_uint(out, prefix, db_rows[i].name, db_rows[i].address);
+	const struct db_row_set *set = registers_of(view);
+
+	for (size_t i = 0; i < set->count; i++) {
+		if (!set->rows[i].repeat)
+			put_uint(out, prefix, set->rows[i].name, set->rows[i].address);
 	}
 }
 
@@ -202,10 +212,12 @@ static void put_vendor_parameters(FILE *out)
 
 static void put_own_parameters(FILE *out)
 {
-	for (size_t i = 0; i < db_row_count; i++) {
-		const struct db_row *row = &db_rows[i];
+	const struct db_row_set *set = registers_of(DB_VIEW_DRIVE);
 
-		if (is_single(row, DB_VIEW_DRIVE) && row->type != DB_U64 && row->type != DB_TEXT)
+	for (size_t i = 0; i < set->count; i++) {
+		const struct db_row *row = &set->rows[i];
+
+		if (!row->repeat && row->type != DB_U64 && row->type != DB_TEXT)
 			put_parameter(out, "DB_PAR_", row->name, row->type, row->address);
 	}
 }

@@ -191,9 +191,8 @@ static void fill_server(struct db_gateway_image *image, const struct db_register
 {
 	const struct db_view_roster *roster = registers->roster;
 	db_time up = registers->ops->now(registers->context) - registers->started;
-	struct db_server_stats stats;
 
-	registers->ops->server_stats(registers->context, &stats);
+	registers->ops->server_stats(registers->context, &image->server);
 	image->version_major = DB_VERSION_MAJOR;
 	image->version_minor = DB_VERSION_MINOR;
 	image->version_patch = DB_VERSION_PATCH;
@@ -207,20 +206,6 @@ static void fill_server(struct db_gateway_image *image, const struct db_register
 		image->drives_online = (uint16_t)(image->drives_online + bus.online);
 	}
 	image->uptime_s = (uint32_t)(up / DB_NS_PER_S);
-	image->clients = stats.clients;
-	image->clients_peak = stats.clients_peak;
-	image->accepted = (uint32_t)stats.accepted;
-	image->refused_full = (uint32_t)stats.refused_full;
-	image->refused_address = (uint32_t)stats.refused_address;
-	image->refused_writes = (uint32_t)stats.refused_writes;
-	image->requests = (uint32_t)stats.requests;
-	image->exceptions = (uint32_t)stats.exceptions;
-	image->bad_frames = (uint32_t)stats.bad_frames;
-	image->timeouts = (uint32_t)stats.timeouts;
-	image->refused_reserved = (uint32_t)stats.refused_reserved;
-	image->refused_per_address = (uint32_t)stats.refused_per_address;
-	image->refused_control = (uint32_t)stats.refused_control;
-	image->held_back = (uint32_t)stats.held_back;
 }
 
 static uint16_t line_state(const struct db_bus_stats *stats)
@@ -257,41 +242,6 @@ static void fill_group(struct db_gateway_image *image, const struct db_registers
 	image->group_skew_us = registers->group.skew_us;
 	memcpy(image->group_units, registers->group.units, sizeof image->group_units);
 	image->group_stop_units = 0;
-}
-
-static void fill_bus(struct db_gateway_bus *image, const struct db_bus_stats *stats)
-{
-	*image = (struct db_gateway_bus){
-		.up = stats->up,
-		.last_error = (uint16_t)stats->last_error,
-		.period_us = stats->period_us,
-		.cycle_us = stats->cycle_us,
-		.cycle_max_us = stats->cycle_max_us,
-		.jitter_us = stats->jitter_us,
-		.jitter_max_us = stats->jitter_max_us,
-		.utilisation = stats->utilisation,
-		.cycles = stats->cycles,
-		.overruns = stats->overruns,
-		.transactions = stats->transactions,
-		.retries = stats->retries,
-		.timeouts = stats->timeouts,
-		.bad_frames = stats->bad_frames,
-		.stray_frames = stats->stray_frames,
-		.garbage_bytes = stats->garbage_bytes,
-		.opens = stats->opens,
-		.queued = stats->queued,
-		.online = stats->online,
-		.reports = stats->reports,
-		.line_state = line_state(stats),
-		.line_error = (uint16_t)stats->port.error,
-		.bus_offs = stats->port.bus_offs,
-		.error_passives = stats->port.error_passives,
-		.arbitration_lost = stats->port.arbitration_lost,
-		.line_errors = stats->port.line_errors,
-		.overflows = stats->port.overflows,
-		.refused = stats->port.refused,
-		.bitrate = stats->port.bitrate,
-	};
 }
 
 static void fill_gateway_drive(struct db_gateway_drive *image, const struct db_view_drive *drive,
@@ -397,11 +347,14 @@ void db_image_fill_gateway(struct db_gateway_image *image, const struct db_regis
 		touched(offsetof(struct db_gateway_image, buses), sizeof image->buses[0], low, high,
 		        registers->roster->bus_count, &from, &to);
 		for (size_t i = from; i < to && i < DB_GATEWAY_BUSES; i++) {
-			struct db_bus_stats stats;
+			struct db_gateway_bus *bus = &image->buses[i];
 
 			registers->ops->bus_stats(registers->context, registers->roster->buses[i],
-			                          &stats);
-			fill_bus(&image->buses[i], &stats);
+			                          &bus->stats);
+			bus->up = bus->stats.up;
+			bus->last_error = (uint16_t)bus->stats.last_error;
+			bus->line_state = line_state(&bus->stats);
+			bus->line_error = (uint16_t)bus->stats.port.error;
 		}
 	}
 	if (parts & DB_PART_DRIVES) {

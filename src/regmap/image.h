@@ -7,7 +7,9 @@
 #define DRIVEBRIDGE_REGMAP_IMAGE_H
 
 #include "drivebridge/axis.h"
+#include "drivebridge/bus.h"
 #include "drivebridge/commander.h"
+#include "drivebridge/server.h"
 
 /* Parts of the images. */
 enum db_part {
@@ -89,33 +91,9 @@ enum db_line_bit {
 struct db_gateway_bus {
 	uint16_t up;
 	uint16_t last_error;
-	uint32_t period_us;
-	uint32_t cycle_us;
-	uint32_t cycle_max_us;
-	uint32_t jitter_us;
-	uint32_t jitter_max_us;
-	uint32_t utilisation;
-	uint32_t cycles;
-	uint32_t overruns;
-	uint32_t transactions;
-	uint32_t retries;
-	uint32_t timeouts;
-	uint32_t bad_frames;
-	uint32_t stray_frames;
-	uint32_t garbage_bytes;
-	uint32_t opens;
-	uint32_t queued;
-	uint32_t online;
-	uint32_t reports;
 	uint16_t line_state; /* enum db_line_bit */
 	uint16_t line_error;
-	uint32_t bus_offs;
-	uint32_t error_passives;
-	uint32_t arbitration_lost;
-	uint32_t line_errors;
-	uint32_t overflows;
-	uint32_t refused;
-	uint32_t bitrate;
+	struct db_bus_stats stats;
 };
 
 struct db_gateway_drive {
@@ -159,7 +137,7 @@ struct db_gateway_client {
 	char address[2 * DB_CLIENT_ADDRESS_REGISTERS];
 };
 
-/* Units 0, 255 and the configured one. 64-bit counters are shown by their low half. */
+/* Units 0, 255 and the configured one. */
 struct db_gateway_image {
 	/* DB_PART_SERVER */
 	uint16_t version_major;
@@ -169,20 +147,7 @@ struct db_gateway_image {
 	uint16_t drive_count;
 	uint16_t drives_online;
 	uint32_t uptime_s;
-	uint32_t clients;
-	uint32_t clients_peak;
-	uint32_t accepted;
-	uint32_t refused_full;
-	uint32_t refused_address;
-	uint32_t refused_writes;
-	uint32_t requests;
-	uint32_t exceptions;
-	uint32_t bad_frames;
-	uint32_t timeouts;
-	uint32_t refused_reserved;
-	uint32_t refused_per_address;
-	uint32_t refused_control;
-	uint32_t held_back;
+	struct db_server_stats server;
 	/* DB_PART_GROUP: what is written to the gateway, and what came of it */
 	uint16_t heartbeat;
 	uint16_t group_stop; /* these two read as 0 */

@@ -13,7 +13,7 @@
 /* Writes `name` with '#' replaced by the number. */
 static void name_of(char *to, const struct db_row *row, unsigned index)
 {
-	const char *name = row->repeat.name ? row->repeat.name(index) : row->name;
+	const char *name = row->repeat && row->repeat->name ? row->repeat->name(index) : row->name;
 	const char *mark = strchr(name, '#');
 
 	if (mark)
@@ -25,36 +25,46 @@ static void name_of(char *to, const struct db_row *row, unsigned index)
 
 int db_row_param(const struct db_row *row, const struct db_driver *driver)
 {
-	int param;
-
-	memcpy(&param, (const char *)driver + row->param_alias - 1, sizeof param);
-	return param;
+	switch (row->alias) {
+	case DB_ALIAS_ACCELERATION:
+		return driver->acceleration_param;
+	case DB_ALIAS_DECELERATION:
+		return driver->deceleration_param;
+	default:
+		return -1;
+	}
 }
 
 static bool exists(const struct db_row *row, const struct db_scope *scope)
 {
-	if (row->view != scope->view)
-		return false;
 	if (row->measure && !(scope->driver->measures & row->measure))
 		return false;
-	if (row->param_alias && db_row_param(row, scope->driver) < 0)
+	if (row->alias && db_row_param(row, scope->driver) < 0)
 		return false;
 	return true;
 }
 
 static unsigned count_of(const struct db_row *row, const struct db_scope *scope)
 {
-	unsigned count = row->repeat.count;
+	unsigned count = row->repeat ? row->repeat->count : 1;
 	size_t most = count;
 
-	if (row->outputs)
+	switch (row->repeat ? row->repeat->of : DB_REPEAT_FIXED) {
+	case DB_REPEAT_FIXED:
+		break;
+	case DB_REPEAT_OUTPUTS:
 		most = scope->driver->output_count;
-	else if (row->named_bits)
+		break;
+	case DB_REPEAT_STATUS_BITS:
 		most = scope->driver->status_bit_count;
-	else if (row->part == DB_PART_BUSES)
+		break;
+	case DB_REPEAT_BUSES:
 		most = scope->buses;
-	else if (row->part == DB_PART_DRIVES || row->part == DB_PART_WINDOWS)
+		break;
+	case DB_REPEAT_DRIVES:
 		most = scope->drives;
+		break;
+	}
 	return most < count ? (unsigned)most : count;
 }
 
@@ -77,23 +87,24 @@ static void name_bit(struct db_entry *entry, const struct db_drive_bit *bit)
 	         bit->name);
 }
 
-static struct db_entry entry_of(const struct db_row *row, const struct db_scope *scope,
-                                unsigned index)
+static struct db_entry entry_of(const struct db_row *row, enum db_table table,
+                                const struct db_scope *scope, unsigned index)
 {
+	const struct db_repeat *repeat = row->repeat;
 	struct db_entry entry = {
 		.cell = {
-			.address = (uint16_t)(row->address + index * row->repeat.addresses),
-			.offset = (uint16_t)(row->offset + index * row->repeat.bytes),
+			.address = (uint16_t)(row->address + (repeat ? index * repeat->addresses : 0)),
+			.offset = (uint16_t)(row->offset + (repeat ? index * repeat->bytes : 0)),
 			.type = (uint8_t)row->type,
 			.flags = row->flags,
 			.part = row->part,
 		},
 		.row = row,
-		.table = row->table,
-		.number = row->repeat.count ? index + 1 : 0,
+		.table = table,
+		.number = repeat ? index + 1 : 0,
 	};
 
-	if (row->table != DB_TABLE_HOLDING) {
+	if (table != DB_TABLE_HOLDING) {
 		entry.cell.registers = 1;
 		entry.cell.bit = (uint8_t)index;
 	} else if (row->type == DB_TEXT) {
@@ -101,7 +112,7 @@ static struct db_entry entry_of(const struct db_row *row, const struct db_scope 
 	} else {
 		entry.cell.registers = (uint8_t)db_type_registers(row->type);
 	}
-	if (row->param_alias) {
+	if (row->alias) {
 		size_t param = (size_t)db_row_param(row, scope->driver);
 
 		entry.cell.param = (uint8_t)param;
@@ -109,7 +120,7 @@ static struct db_entry entry_of(const struct db_row *row, const struct db_scope 
 		entry.param = &scope->driver->params[param];
 	}
 	name_of(entry.name, row, index);
-	if (row->named_bits)
+	if (repeat && repeat->of == DB_REPEAT_STATUS_BITS)
 		name_bit(&entry, &scope->driver->status_bits[index]);
 	return entry;
 }
@@ -147,20 +158,25 @@ static void each_param(const struct db_scope *scope, db_visit_fn *visit, void *c
 	}
 }
 
+static void each_of_row(const struct db_row *row, enum db_table table, const struct db_scope *scope,
+                        db_visit_fn *visit, void *context)
+{
+	unsigned count = exists(row, scope) ? count_of(row, scope) : 0;
+
+	for (unsigned index = 0; index < count; index++) {
+		struct db_entry entry = entry_of(row, table, scope, index);
+
+		visit(context, &entry);
+	}
+}
+
 void db_table_each(const struct db_scope *scope, db_visit_fn *visit, void *context)
 {
-	for (size_t i = 0; i < db_row_count; i++) {
-		const struct db_row *row = &db_rows[i];
-		unsigned count;
+	for (size_t i = 0; db_row_sets[i]; i++) {
+		const struct db_row_set *set = db_row_sets[i];
 
-		if (!exists(row, scope))
-			continue;
-		count = row->repeat.count ? count_of(row, scope) : 1;
-		for (unsigned index = 0; index < count; index++) {
-			struct db_entry entry = entry_of(row, scope, index);
-
-			visit(context, &entry);
-		}
+		for (size_t j = 0; set->view == scope->view && j < set->count; j++)
+			each_of_row(&set->rows[j], set->table, scope, visit, context);
 	}
 	if (scope->view == DB_VIEW_DRIVE)
 		each_param(scope, visit, context);

@@ -48,7 +48,7 @@ struct db_scope {
 typedef void db_visit_fn(void *context, const struct db_entry *entry);
 void db_table_each(const struct db_scope *scope, db_visit_fn *visit, void *context);
 
-/* Of a row with a param_alias: the index of its parameter in this family; -1: it has none. */
+/* Of a row with an alias: the index of its parameter in this family; -1: it has none. */
 int db_row_param(const struct db_row *row, const struct db_driver *driver);
 
 #define DB_NO_CELL UINT16_MAX

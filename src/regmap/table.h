@@ -29,29 +29,38 @@ struct db_codes {
 	bool bits;
 };
 
-/* Rows that stand for several: '#' in name and description becomes 1, 2 ... */
+/* What there are as many of as it repeats; at most `count`. */
+enum db_repeat_of {
+	DB_REPEAT_FIXED,       /* always `count` */
+	DB_REPEAT_OUTPUTS,     /* ports of the family */
+	DB_REPEAT_STATUS_BITS, /* bits of its status word that the family names */
+	DB_REPEAT_BUSES,
+	DB_REPEAT_DRIVES,
+};
+
+/* A row that stands for several: '#' in name and description becomes 1, 2 ... */
 struct db_repeat {
+	enum db_repeat_of of;
 	unsigned count;
 	unsigned addresses;                  /* from one to the next */
 	size_t bytes;                        /* of their members */
 	const char *(*name)(unsigned index); /* instead of the row's name; may be null */
 };
 
+/* Parameters of a drive that have a neutral name, too: which of the vendor's, its driver says. */
+enum db_alias { DB_ALIAS_NONE, DB_ALIAS_ACCELERATION, DB_ALIAS_DECELERATION };
+
 struct db_row {
-	const char *name;
-	enum db_view view;
-	enum db_table table; /* HOLDING (also INPUT when not writable), DISCRETE or COILS */
 	uint16_t address;
-	enum db_type type;
 	uint16_t registers; /* TEXT only */
-	size_t offset;      /* of the member in its image; bit tables: of the word */
-	uint8_t flags;      /* enum db_row_flag */
-	uint16_t part;      /* enum db_part it needs */
-	uint16_t measure;   /* exists only when the family measures this */
-	bool outputs;       /* repeats as often as the family has outputs */
-	bool named_bits;    /* one for each status bit that the family names */
-	size_t param_alias; /* offset in struct db_driver of a parameter's index + 1; 0 = none */
-	struct db_repeat repeat;
+	const char *name;
+	enum db_type type;
+	uint16_t part;    /* enum db_part it needs */
+	uint8_t flags;    /* enum db_row_flag */
+	size_t offset;    /* of the member in its image; bit tables: of the word */
+	unsigned measure; /* exists only when the family measures this */
+	enum db_alias alias;
+	const struct db_repeat *repeat; /* null: it is there once */
 	const char *unit;
 	double min; /* both 0: not limited here */
 	double max;
@@ -59,8 +68,16 @@ struct db_row {
 	const char *description;
 };
 
-extern const struct db_row db_rows[];
-extern const size_t db_row_count;
+/* Rows of one view and table. HOLDING is also INPUT where a row cannot be written. */
+struct db_row_set {
+	enum db_view view;
+	enum db_table table;
+	const struct db_row *rows;
+	size_t count;
+};
+
+/* Every one, null-terminated. */
+extern const struct db_row_set *const db_row_sets[];
 
 /*
  * Registers that are read together. A read may cross what a drive lacks of one, and gets 0 there, when it
@@ -84,11 +101,10 @@ extern const size_t db_area_count;
 #define DB_PARAM_BASE 200
 #define DB_PARAM_PAGE 200
 
+/* From one drive of the flat window to the next. */
+#define DB_WINDOW_REGISTERS 24
+
 /* Every address is below. */
 #define DB_ADDRESS_LIMIT 8192
-
-/* What a drive can do, as the capabilities register shows it. */
-uint32_t db_capabilities(uint64_t commands, unsigned measures);
-const char *db_capability_name(unsigned bit);
 
 #endif

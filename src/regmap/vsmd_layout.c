@@ -10,9 +10,8 @@
 
 /* --- registers ----------------------------------------------------------------------------------- */
 
-#define HOLDING(at) \
-	.view = DB_VIEW_VSMD, .table = DB_TABLE_HOLDING, .address = (at), .flags = DB_ROW_WRITABLE
-#define INPUT(at) .view = DB_VIEW_VSMD, .table = DB_TABLE_INPUT, .address = (at)
+#define HOLDING(at) .address = (at), .flags = DB_ROW_WRITABLE
+#define INPUT(at) .address = (at)
 
 #define KEPT(at, kind, member, text, ...)                              \
 	{                                                              \

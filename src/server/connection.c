@@ -62,7 +62,7 @@ struct db_connection {
 void db_group_refused(struct db_connection_group *group, struct db_peer *peer, enum db_refusal kind,
                       db_time now)
 {
-	uint64_t *const counters[DB_REFUSAL_COUNT] = {
+	uint32_t *const counters[DB_REFUSAL_COUNT] = {
 		[DB_REFUSED_ADDRESS] = &group->stats.refused_address,
 		[DB_REFUSED_FULL] = &group->stats.refused_full,
 		[DB_REFUSED_RESERVED] = &group->stats.refused_reserved,

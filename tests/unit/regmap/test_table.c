@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "drivebridge/command_table.h"
+#include "regmap/capabilities.h"
 #include "regmap/image.h"
 #include "regmap/index.h"
 
@@ -142,14 +143,16 @@ static void names_are_unique(void **state)
 static void rows_are_in_order_and_described(void **state)
 {
 	(void)state;
-	for (size_t i = 0; i < db_row_count; i++) {
-		const struct db_row *row = &db_rows[i];
+	for (size_t i = 0; db_row_sets[i]; i++) {
+		for (size_t j = 0; j < db_row_sets[i]->count; j++) {
+			const struct db_row *row = &db_row_sets[i]->rows[j];
 
-		assert_true(strlen(row->description) > 0);
-		assert_null(strpbrk(row->description, ",\"\n|"));
-		assert_true(row->part != 0);
-		if (i > 0 && row->view == db_rows[i - 1].view && row->table == db_rows[i - 1].table)
-			assert_true(row->address > db_rows[i - 1].address);
+			assert_true(strlen(row->description) > 0);
+			assert_null(strpbrk(row->description, ",\"\n|"));
+			assert_true(row->part != 0);
+			if (j > 0)
+				assert_true(row->address > row[-1].address);
+		}
 	}
 }
 
@@ -343,8 +346,13 @@ static void arguments_are_registers(void **state)
 		                db_arg_offset((enum db_arg)arg);
 		unsigned rows = 0;
 
-		for (size_t i = 0; i < db_row_count; i++)
-			rows += db_rows[i].part == DB_PART_BLOCK && db_rows[i].offset == offset;
+		for (size_t i = 0; db_row_sets[i]; i++) {
+			const struct db_row_set *set = db_row_sets[i];
+
+			for (size_t j = 0; j < set->count; j++)
+				rows += set->rows[j].part == DB_PART_BLOCK &&
+				        set->rows[j].offset == offset;
+		}
 		assert_int_equal(rows, 1);
 	}
 }

@@ -102,7 +102,7 @@ static void fake_bus_stats(void *context, struct db_bus *bus, struct db_bus_stat
 static void fake_server_stats(void *context, struct db_server_stats *stats)
 {
 	(void)context;
-	*stats = (struct db_server_stats){ .clients = 3, .requests = 0x500000007 };
+	*stats = (struct db_server_stats){ .clients = 3, .requests = 0xFFFF0007 };
 }
 
 static void fake_client(void *context, const struct db_client *who, bool connected)
@@ -1242,7 +1242,7 @@ static void gateway(void **state)
 	assert_int_equal(values[5], 3);
 	assert_int_equal(get2(&fake, 0, 6), 7);
 	assert_int_equal(get2(&fake, 200, 8), 3);
-	assert_int_equal(get2(&fake, 0, 20), 7);
+	assert_int_equal(get2(&fake, 0, 20), 0xFFFF0007);
 	assert_int_equal(get1(&fake, 0, 100), 1);
 	assert_int_equal(get2(&fake, 0, 102), 20000);
 	assert_int_equal(get2(&fake, 0, 140 + 14), 70001);
