@@ -13,7 +13,7 @@
  */
 #include "codec/vsmd_can.h"
 #include "driver/list.h"
-#include "driver/vsmd.h"
+#include "driver/vsmd/axis.h"
 
 #include <math.h>
 #include <string.h>

@@ -6,7 +6,7 @@
  * Source: VSMD custom protocol for RS232 & RS485, sections 2 and 3.
  */
 #include "driver/list.h"
-#include "driver/vsmd.h"
+#include "driver/vsmd/axis.h"
 #include "transport/serial.h"
 
 #include <math.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/vsmd.h"
+#include "driver/vsmd/axis.h"
 
 #include <math.h>
 #include <string.h>

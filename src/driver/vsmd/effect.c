@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Whether what a drive tells behind a command shows that the command had its effect. */
-#include "driver/vsmd.h"
+#include "driver/vsmd/axis.h"
 
 #include <math.h>
 

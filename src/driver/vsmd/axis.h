@@ -13,8 +13,8 @@
  * is read behind it shows its effect, and no older motion explains that (vsmd_effect.c). The effect
  * is waited for as long as the drive's reaction time. What a drive does not show ends as unproven.
  */
-#ifndef DRIVEBRIDGE_DRIVER_VSMD_H
-#define DRIVEBRIDGE_DRIVER_VSMD_H
+#ifndef DRIVEBRIDGE_DRIVER_VSMD_AXIS_H
+#define DRIVEBRIDGE_DRIVER_VSMD_AXIS_H
 
 #include "codec/vsmd_serial.h"
 #include "drivebridge/driver.h"
