@@ -81,6 +81,7 @@ struct db_conversation {
 	struct db_device *device;
 	struct db_job *job;
 	struct db_exchange *exchange; /* what was said last; what follows is written into it */
+	const void *reply;            /* the driver's own: what the frame says that has come */
 	db_time now;
 	enum db_result result; /* the driver's with DB_STEP_DONE: how the job ended */
 };

@@ -1,23 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What VSMD drives have in common on every bus: what neutral commands mean to them, how a lost
- * answer is resolved, and what their status says of the axis. How a command travels is the link's
- * part. Internal to src/driver; bus thread only, except vsmd_check(), which is pure.
- *
- * A relative move is turned into an absolute one from a freshly read position, so that a lost answer
- * can never make the drive move twice. Commands that start a motion are not repeated blindly
- * either: after a lost answer the drive is read back, and only when it demonstrably did not react
- * (it stood and still stands where it was) is the command sent again.
- *
- * An answer proves that a command arrived, not that something came of it: a command is done when what
- * is read behind it shows its effect, and no older motion explains that (vsmd_effect.c). The effect
- * is waited for as long as the drive's reaction time. What a drive does not show ends as unproven.
+ * What is believed of a VSMD drive's axis, on every bus: what its answers teach, restarts and the origin,
+ * and the feedback made of that. How a command travels is the link's part. Internal to the driver; bus
+ * thread only.
  */
 #ifndef DRIVEBRIDGE_DRIVER_VSMD_AXIS_H
 #define DRIVEBRIDGE_DRIVER_VSMD_AXIS_H
 
 #include "codec/vsmd_serial.h"
-#include "drivebridge/driver.h"
+#include "driver/conversation.h"
 
 struct vsmd_axis;
 
@@ -46,10 +37,11 @@ struct vsmd_link {
 	unsigned first_option;     /* where VSMD_DRIVE_OPTIONS stand among the driver's options */
 	/* Writes the exchange of one command (its id is the link's part). SEND; DONE with
 	 * OUT_OF_RANGE when it cannot be said. */
-	enum db_step (*ask)(struct vsmd_axis *axis, const struct vsmd_command *command,
-	                    bool repeatable, struct db_exchange *exchange, enum db_result *result);
-	enum db_step (*look)(struct vsmd_axis *axis, enum vsmd_look look,
-	                     struct db_exchange *exchange, enum db_result *result);
+	enum db_step (*say)(struct db_conversation *talk, const struct vsmd_command *command,
+	                    bool repeatable);
+	enum db_step (*look)(struct db_conversation *talk, enum vsmd_look look);
+	/* The answer to save_parameters came. */
+	conversation_fn *saved;
 };
 
 /* What the drive was told last that its motion is to become, as far as that is known. */
@@ -86,14 +78,11 @@ struct vsmd_watch {
 	unsigned said;     /* how often it was said again */
 	bool unproven;     /* some part of it did not show */
 	bool by_all;       /* it was said to all drives at once: not acknowledged, not said again */
-	unsigned readings; /* of the position from which a relative move is counted */
-	unsigned restarts; /* the axis's, when it began */
-};
-
-enum vsmd_effect {
-	VSMD_EFFECT_SHOWN,  /* something that this command explains, and nothing before it */
-	VSMD_EFFECT_OPEN,   /* it moves as it should, but an older motion may be the cause */
-	VSMD_EFFECT_ABSENT, /* nothing (yet) */
+	unsigned output;   /* set_outputs: the port that it is at */
+	unsigned readings; /* of the position from which a relative move is counted ... */
+	int32_t counted_from; /* ... the last of them ... */
+	db_time counted_at;   /* ... and when it came */
+	unsigned restarts;    /* the axis's, when it began */
 };
 
 struct vsmd_axis {
@@ -122,6 +111,8 @@ struct vsmd_axis {
 	unsigned restarts;  /* times it was found to count anew */
 	struct vsmd_goal goal;
 	struct vsmd_watch watch;
+	db_time power_asked; /* disable: when it was first asked whether the power is off ... */
+	db_time off_said;    /* ... and when that was said last */
 	enum vsmd_motion motion;
 	enum vsmd_motion begun; /* homing or shaking was asked for, and not heard of since */
 	bool fresh;             /* motion accepted, no status read after it yet */
@@ -172,48 +163,15 @@ struct vsmd_axis {
 	}
 #define VSMD_DRIVE_OPTION_COUNT 3
 
-/* Where a command's conversation is. FIRST is the command itself (or its preparation). */
-enum vsmd_step { VSMD_FIRST, VSMD_SECOND, VSMD_THIRD, VSMD_READ_BACK };
-
-#define VSMD_COMMANDS                                                                   \
-	(DB_COMMAND_BIT(DB_CMD_ENABLE) | DB_COMMAND_BIT(DB_CMD_DISABLE) |               \
-	 DB_COMMAND_BIT(DB_CMD_STOP) | DB_COMMAND_BIT(DB_CMD_QUICK_STOP) |              \
-	 DB_COMMAND_BIT(DB_CMD_MOVE_VELOCITY) | DB_COMMAND_BIT(DB_CMD_MOVE_ABSOLUTE) |  \
-	 DB_COMMAND_BIT(DB_CMD_MOVE_RELATIVE) | DB_COMMAND_BIT(DB_CMD_HOME) |           \
-	 DB_COMMAND_BIT(DB_CMD_HOME_STOP) | DB_COMMAND_BIT(DB_CMD_SET_POSITION) |       \
-	 DB_COMMAND_BIT(DB_CMD_CLEAR_FAULT) | DB_COMMAND_BIT(DB_CMD_SAVE_PARAMETERS) |  \
-	 DB_COMMAND_BIT(DB_CMD_READ_PARAMETERS) | DB_COMMAND_BIT(DB_CMD_MOVE_PRESET) |  \
-	 DB_COMMAND_BIT(DB_CMD_SET_OUTPUT) | DB_COMMAND_BIT(DB_CMD_SET_OUTPUTS) |       \
-	 DB_COMMAND_BIT(DB_CMD_SET_SV) | DB_COMMAND_BIT(DB_CMD_SET_NMOS) |              \
-	 DB_COMMAND_BIT(DB_CMD_SHAKE_START) | DB_COMMAND_BIT(DB_CMD_SHAKE_START_TIME) | \
-	 DB_COMMAND_BIT(DB_CMD_SHAKE_STOP))
-
-enum db_result vsmd_check(const struct vsmd_link *link, enum db_command command,
-                          const struct db_args *args);
-
-/* The one command that carries out a neutral one; a status request where it takes several. */
-struct vsmd_command vsmd_command_of(enum db_command command, const struct db_args *args);
+/* Both families' devices begin with their axis. */
+static inline struct vsmd_axis *axis_of(const struct db_conversation *talk)
+{
+	return (struct vsmd_axis *)talk->device;
+}
 
 void vsmd_axis_init(struct vsmd_axis *axis, const struct vsmd_link *link,
                     const struct db_bus_config *bus, const struct db_drive_config *drive);
 
-/* A job of the kind COMMAND begins; not for read_parameters, which is the link's. */
-enum db_step vsmd_begin_command(struct vsmd_axis *axis, struct db_job *job,
-                                struct db_exchange *exchange, enum db_result *result);
-/* The status that the exchange brought was taken: go on. Not for save_parameters. */
-enum db_step vsmd_answer_command(struct vsmd_axis *axis, struct db_job *job,
-                                 struct db_exchange *exchange, enum db_result *result);
-/* What the exchange was to begin was said to all drives at once: does it show? */
-enum db_step vsmd_begun_by_all(struct vsmd_axis *axis, struct db_exchange *exchange,
-                               enum db_result *result);
-/* Any job's answer was lost. */
-enum db_step vsmd_lost(struct vsmd_axis *axis, struct db_job *job, struct db_exchange *exchange,
-                       enum db_result *result);
-
-/* Pure: what `last` and what is known of the time before say about the command's effect. */
-enum vsmd_effect vsmd_effect_of(const struct vsmd_axis *axis, const struct db_job *job);
-/* Whether its effect, once seen, is all of it. */
-bool vsmd_shows_its_effect(const struct vsmd_link *link, enum db_command command);
 /* The same place, as far as in-position-window goes. */
 bool vsmd_is_at(const struct vsmd_axis *axis, int32_t position, int32_t place);
 /* Of moves without a velocity; NAN: not known. */
@@ -229,6 +187,14 @@ void vsmd_follow_motion(struct vsmd_axis *axis);
 void vsmd_take_identity(struct vsmd_axis *axis, const char *text, size_t length);
 /* The settings of a job are in force now. */
 void vsmd_take_settings(struct vsmd_axis *axis, const struct db_request *request);
+/* The drive confirmed a command. */
+void vsmd_carry_out(struct vsmd_axis *axis, const struct db_request *request);
+/* The drive was told something that may have come to it, or not. */
+void vsmd_doubt_motion(struct vsmd_axis *axis, enum db_command command);
+/* The position move that was asked for may have been taken. */
+void vsmd_take_target(struct vsmd_axis *axis);
+/* What a stop has to end: also what the drive may have begun without its answer coming back. */
+enum vsmd_motion vsmd_motion_to_end(const struct vsmd_axis *axis);
 /* input_ports of the drivers: those whose mode was read as input. */
 unsigned vsmd_input_ports(const struct db_nameplate *plate);
 

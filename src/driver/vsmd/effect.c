@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Whether what a drive tells behind a command shows that the command had its effect. */
-#include "driver/vsmd/axis.h"
+#include "driver/vsmd/effect.h"
+
+#include "driver/vsmd/commands.h"
 
 #include <math.h>
 
@@ -30,18 +32,6 @@ static bool is_speed(float speed, float wanted)
 static bool has_changed(float base, float speed)
 {
 	return fabsf(speed - base) > CHANGE_SLACK + CHANGE_SHARE * larger(base, speed);
-}
-
-bool vsmd_is_at(const struct vsmd_axis *axis, int32_t position, int32_t place)
-{
-	return fabs((double)position - (double)place) <= axis->window;
-}
-
-float vsmd_preset_speed(const struct vsmd_axis *axis)
-{
-	if (!(axis->plate.valid >> VSMD_SPD & 1) || axis->plate.doubtful)
-		return NAN;
-	return axis->plate.values[VSMD_SPD].f;
 }
 
 static bool stands(const struct vsmd_axis *axis)
@@ -225,7 +215,7 @@ enum vsmd_effect vsmd_effect_of(const struct vsmd_axis *axis, const struct db_jo
 			                                   VSMD_EFFECT_SHOWN;
 		return effect_of_velocity(axis, vsmd_preset_speed(axis));
 	case DB_CMD_HOME: /* first the old end is cleared, then homing begins */
-		if (job->step == VSMD_FIRST)
+		if (job->step == VSMD_STEP_CLEAR_HOMED)
 			return shown_if(!(status & VSMD_ST_ZERO));
 		return effect_of_own_motion(axis, VSMD_ST_ZERO);
 	case DB_CMD_HOME_STOP:
@@ -240,8 +230,8 @@ enum vsmd_effect vsmd_effect_of(const struct vsmd_axis *axis, const struct db_jo
 	case DB_CMD_SET_OUTPUT:
 		return effect_of_output(axis, args->output_number, args->output_value);
 	case DB_CMD_SET_OUTPUTS:
-		return effect_of_output(axis, job->step,
-		                        args->output_levels >> (job->step - 1) & 1);
+		return effect_of_output(axis, axis->watch.output,
+		                        args->output_levels >> (axis->watch.output - 1) & 1);
 	default: /* nothing of it can be read */
 		return VSMD_EFFECT_SHOWN;
 	}

@@ -5,9 +5,9 @@
  *
  * Source: VSMD custom protocol for RS232 & RS485, sections 2 and 3.
  */
-#include "driver/list.h"
-#include "driver/vsmd/axis.h"
 #include "transport/serial.h"
+#include "driver/list.h"
+#include "driver/vsmd/commands.h"
 
 #include <math.h>
 #include <string.h>
@@ -26,14 +26,15 @@
 static const struct db_option options[] = { VSMD_DRIVE_OPTIONS };
 
 struct db_device {
-	struct vsmd_axis axis; /* first: the link is given this */
+	struct vsmd_axis axis; /* first: see axis_of() */
 	int id;
+	bool refused_line; /* it refused the settings that were written last */
 };
 
 /* --- exchanges ------------------------------------------------------------------------------- */
 
-static enum db_step ask(int id, const struct vsmd_command *command, bool repeatable,
-                        struct db_exchange *exchange, enum db_result *result)
+static bool write_line(int id, const struct vsmd_command *command, bool repeatable,
+                       struct db_exchange *exchange)
 {
 	struct vsmd_command addressed = *command;
 	int length;
@@ -41,10 +42,8 @@ static enum db_step ask(int id, const struct vsmd_command *command, bool repeata
 	addressed.id = id;
 	length = vsmd_serial_encode_command(&addressed, (char *)exchange->request,
 	                                    exchange->request_size);
-	if (length < 0) {
-		*result = DB_RESULT_OUT_OF_RANGE;
-		return DB_STEP_DONE;
-	}
+	if (length < 0)
+		return false;
 	exchange->request_length = (size_t)length;
 	exchange->extra_time = 0;
 	exchange->repeatable = repeatable;
@@ -60,96 +59,66 @@ static enum db_step ask(int id, const struct vsmd_command *command, bool repeata
 		exchange->answer_length = VSMD_SERIAL_STATUS_FRAME;
 		break;
 	}
+	return true;
+}
+
+static enum db_step say_line(struct db_conversation *talk, const struct vsmd_command *command,
+                             bool repeatable)
+{
+	if (!write_line(talk->device->id, command, repeatable, talk->exchange))
+		return end_job(talk, DB_RESULT_OUT_OF_RANGE);
+	if (command->verb == VSMD_SAV)
+		talk->exchange->extra_time = talk->device->axis.save_time;
 	return DB_STEP_SEND;
 }
 
-static enum db_step link_look(struct vsmd_axis *axis, enum vsmd_look look,
-                              struct db_exchange *exchange, enum db_result *result)
+static enum db_step say_identity(struct db_conversation *talk)
 {
-	const struct db_device *device = (const struct db_device *)axis;
-
-	(void)look; /* every answer has all of it */
-	return ask(device->id, &(struct vsmd_command){ .verb = VSMD_STS }, true, exchange, result);
+	return say_line(talk, &(struct vsmd_command){ .verb = VSMD_DEV }, true);
 }
 
-static enum db_step link_ask(struct vsmd_axis *axis, const struct vsmd_command *command,
-                             bool repeatable, struct db_exchange *exchange, enum db_result *result)
+static enum db_step say_status(struct db_conversation *talk)
 {
-	const struct db_device *device = (const struct db_device *)axis;
-
-	enum db_step step = ask(device->id, command, repeatable, exchange, result);
-
-	if (command->verb == VSMD_SAV)
-		exchange->extra_time = axis->save_time;
-	return step;
+	return say_line(talk, &(struct vsmd_command){ .verb = VSMD_STS }, true);
 }
 
-static const struct vsmd_link serial_link = {
-	.acknowledges = true,
-	.shake_frequency_min = VSMD_SHAKE_FREQ_MIN,
-	.first_option = 0,
-	.ask = link_ask,
-	.look = link_look,
-};
-
-static enum db_result serial_check(const struct db_bus_config *bus,
-                                   const struct db_drive_config *drive, enum db_command command,
-                                   const struct db_args *args)
+static enum db_step say_parameters(struct db_conversation *talk)
 {
-	(void)bus;
-	(void)drive;
-	return vsmd_check(&serial_link, command, args);
+	return say_line(talk, &(struct vsmd_command){ .verb = VSMD_CFG_READ }, true);
 }
 
-static enum db_result serial_check_param(const struct db_bus_config *bus, size_t param,
-                                         union db_value value)
+static enum db_step say_settings(struct db_conversation *talk)
 {
-	(void)bus;
-	if (param >= VSMD_SERIAL_PARAM_COUNT)
-		return DB_RESULT_UNSUPPORTED;
-	return vsmd_param_in_range((enum vsmd_param)param, value) ? DB_RESULT_OK :
-	                                                            DB_RESULT_OUT_OF_RANGE;
-}
-
-static enum db_step ask_verb(const struct db_device *device, enum vsmd_verb verb,
-                             struct db_exchange *exchange, enum db_result *result)
-{
-	return ask(device->id, &(struct vsmd_command){ .verb = verb }, true, exchange, result);
-}
-
-static enum db_step done(enum db_result *result, enum db_result value)
-{
-	*result = value;
-	return DB_STEP_DONE;
-}
-
-/* The line before may have lost its end: a bare one keeps this line from being glued to it. */
-static void end_line_before(struct db_exchange *exchange)
-{
-	if (exchange->request_length + 1 > exchange->request_size)
-		return;
-	memmove(exchange->request + 1, exchange->request, exchange->request_length);
-	exchange->request[0] = '\n';
-	exchange->request_length++;
-}
-
-/* --- beginning a job --------------------------------------------------------------------------- */
-
-static enum db_step begin_settings(struct db_device *device, const struct db_job *job,
-                                   struct db_exchange *exchange, enum db_result *result)
-{
+	const struct db_request *request = talk->job->request;
 	struct vsmd_setting settings[DB_SETTINGS_MAX];
 
-	for (size_t i = 0; i < job->request->setting_count; i++) {
-		settings[i].param = (enum vsmd_param)job->request->settings[i].param;
-		settings[i].value = job->request->settings[i].value;
+	for (size_t i = 0; i < request->setting_count; i++) {
+		settings[i].param = (enum vsmd_param)request->settings[i].param;
+		settings[i].value = request->settings[i].value;
 	}
-	return ask(device->id,
-	           &(struct vsmd_command){ .verb = VSMD_CFG_WRITE,
-	                                   .settings = settings,
-	                                   .setting_count = job->request->setting_count },
-	           true, exchange, result);
+	return say_line(talk,
+	                &(struct vsmd_command){ .verb = VSMD_CFG_WRITE,
+	                                        .settings = settings,
+	                                        .setting_count = request->setting_count },
+	                true);
 }
+
+/* --- the steps --------------------------------------------------------------------------------- */
+
+/* Of all jobs but the commands in commands.h. */
+enum step {
+	STEP_PROBE,
+	STEP_POLL,
+	STEP_IDENTITY,
+	STEP_PARAMETERS,
+	STEP_WRITE,
+	STEP_COMPARE,     /* what does the drive hold now? */
+	STEP_WRITE_AGAIN, /* requests carry no checksum: a line may have come damaged */
+	STEP_COMPARE_AGAIN,
+	STEPS
+};
+
+static const struct conversation_step steps[STEPS]; /* below */
 
 /* The text of all parameters cannot be cut short, and a stop would wait behind it. */
 static bool may_read_parameters(const struct vsmd_axis *axis)
@@ -162,45 +131,6 @@ static bool may_identify(const struct vsmd_axis *axis)
 {
 	return may_read_parameters(axis) || axis->plate.valid == 0;
 }
-
-static enum db_step begin_job(struct db_device *device, struct db_job *job,
-                              struct db_exchange *exchange, enum db_result *result)
-{
-	switch (job->kind) {
-	case DB_JOB_PROBE:
-		return ask_verb(device, VSMD_DEV, exchange, result);
-	case DB_JOB_IDENTIFY:
-		if (device->axis.heard && !may_identify(&device->axis))
-			return done(result, DB_RESULT_BUSY);
-		return ask_verb(device, VSMD_DEV, exchange, result);
-	case DB_JOB_POLL:
-		return ask_verb(device, VSMD_STS, exchange, result);
-	case DB_JOB_SETTINGS:
-		return begin_settings(device, job, exchange, result);
-	case DB_JOB_COMMAND:
-	default:
-		if (job->request->command == DB_CMD_READ_PARAMETERS)
-			return ask_verb(device, VSMD_DEV, exchange, result);
-		return vsmd_begin_command(&device->axis, job, exchange, result);
-	}
-}
-
-static enum db_step serial_begin(struct db_conversation *talk)
-{
-	struct db_device *device = talk->device;
-	struct db_job *job = talk->job;
-	struct db_exchange *exchange = talk->exchange;
-	enum db_result *result = &talk->result;
-	enum db_step step;
-
-	job->step = VSMD_FIRST;
-	step = begin_job(device, job, exchange, result);
-	if (step == DB_STEP_SEND && job->out_of_step)
-		end_line_before(exchange);
-	return step;
-}
-
-/* --- answers ----------------------------------------------------------------------------------- */
 
 static void take_params(struct vsmd_axis *axis, const struct vsmd_reply *reply)
 {
@@ -248,186 +178,216 @@ static enum db_result compare_settings(const struct vsmd_axis *axis,
 	return result;
 }
 
-/*
- * What does the drive hold now? While it moves that is not asked. Of a line that it refused, too: it may
- * have taken a part of it, or refuse to be told what it holds already.
- *
- * scratch[0]: it refused the line.
- */
-static enum db_step settings_taken(struct db_device *device, struct db_job *job,
-                                   struct db_exchange *exchange, enum db_result *result)
+static enum db_step answer_probe(struct db_conversation *talk)
 {
-	struct vsmd_axis *axis = &device->axis;
+	const struct vsmd_reply *reply = talk->reply;
+
+	vsmd_take_identity(axis_of(talk), reply->text, reply->text_length);
+	return end_job(talk, DB_RESULT_OK);
+}
+
+static enum db_step answer_poll(struct db_conversation *talk)
+{
+	vsmd_follow_motion(axis_of(talk));
+	return end_job(talk, DB_RESULT_OK);
+}
+
+static enum db_step answer_identity(struct db_conversation *talk)
+{
+	const struct vsmd_reply *reply = talk->reply;
+
+	vsmd_take_identity(axis_of(talk), reply->text, reply->text_length);
+	if (talk->job->kind == DB_JOB_IDENTIFY && !may_identify(axis_of(talk)))
+		return end_job(talk, DB_RESULT_BUSY);
+	return say_step(talk, steps, STEP_PARAMETERS);
+}
+
+static enum db_step answer_parameters(struct db_conversation *talk)
+{
+	take_params(axis_of(talk), talk->reply);
+	return end_job(talk, DB_RESULT_OK);
+}
+
+/* While it moves what it holds is not asked. Of a line that it refused it is, too: it may have taken a part
+ * of it, or refuse to be told what it holds already. */
+static enum db_step answer_write(struct db_conversation *talk)
+{
+	struct vsmd_axis *axis = axis_of(talk);
 
 	axis->refused = (axis->last.status & VSMD_ST_CMD_WRG) != 0;
-	job->scratch[0] = axis->refused;
-	if (axis->refused && !may_read_parameters(axis)) {
+	talk->device->refused_line = axis->refused;
+	if (may_read_parameters(axis))
+		return say_step(talk, steps,
+		                talk->job->step == STEP_WRITE ? STEP_COMPARE : STEP_COMPARE_AGAIN);
+	if (axis->refused) {
 		/* Which of several settings it took is unknown: read all of them again. */
-		axis->plate.doubtful |= job->request->setting_count > 1;
-		return done(result, DB_RESULT_REFUSED);
+		axis->plate.doubtful |= talk->job->request->setting_count > 1;
+		return end_job(talk, DB_RESULT_REFUSED);
 	}
-	if (!may_read_parameters(axis)) {
-		vsmd_take_settings(axis, job->request);
-		axis->plate.doubtful = true;
-		return done(result, DB_RESULT_UNPROVEN);
-	}
-	job->step++;
-	return ask_verb(device, VSMD_CFG_READ, exchange, result);
+	vsmd_take_settings(axis, talk->job->request);
+	axis->plate.doubtful = true;
+	return end_job(talk, DB_RESULT_UNPROVEN);
 }
 
-/* FIRST: written, SECOND: read back. THIRD and READ_BACK: the same again, as requests carry no checksum
- * and a line may have come damaged. */
-static enum db_step answer_settings(struct db_device *device, struct db_job *job,
-                                    const struct vsmd_reply *reply, struct db_exchange *exchange,
-                                    enum db_result *result)
+static enum db_step answer_compare(struct db_conversation *talk)
 {
-	struct vsmd_axis *axis = &device->axis;
+	struct vsmd_axis *axis = axis_of(talk);
 	enum db_result compared;
 
-	if (job->step == VSMD_FIRST || job->step == VSMD_THIRD)
-		return settings_taken(device, job, exchange, result);
-	take_params(axis, reply);
-	compared = compare_settings(axis, job->request);
-	if (job->scratch[0]) {
-		axis->refused = compared != DB_RESULT_OK;
-		return done(result, axis->refused ? DB_RESULT_REFUSED : DB_RESULT_OK);
-	}
-	if (compared == DB_RESULT_REFUSED && job->step == VSMD_SECOND) {
-		job->step = VSMD_THIRD;
-		return begin_settings(device, job, exchange, result);
-	}
+	take_params(axis, talk->reply);
+	compared = compare_settings(axis, talk->job->request);
+	if (talk->device->refused_line && compared != DB_RESULT_OK)
+		compared = DB_RESULT_REFUSED;
+	else if (compared == DB_RESULT_REFUSED && talk->job->step == STEP_COMPARE)
+		return say_step(talk, steps, STEP_WRITE_AGAIN);
 	axis->refused = compared == DB_RESULT_REFUSED;
-	return done(result, compared);
+	return end_job(talk, compared);
 }
 
-static enum db_step answer_identify(struct db_device *device, struct db_job *job,
-                                    const struct vsmd_reply *reply, struct db_exchange *exchange,
-                                    enum db_result *result)
+static enum db_step answer_save(struct db_conversation *talk)
 {
-	if (job->step == VSMD_FIRST) {
-		vsmd_take_identity(&device->axis, reply->text, reply->text_length);
-		job->step = VSMD_SECOND;
-		if (job->kind == DB_JOB_IDENTIFY && !may_identify(&device->axis))
-			return done(result, DB_RESULT_BUSY);
-		return ask_verb(device, VSMD_CFG_READ, exchange, result);
-	}
-	take_params(&device->axis, reply);
-	return done(result, DB_RESULT_OK);
+	const struct vsmd_reply *reply = talk->reply;
+
+	if (reply->code == VSMD_REPLY_PARAMS)
+		return answer_parameters(talk);
+	return end_job(talk, reply->status.status & VSMD_ST_FLASH_ERR ? DB_RESULT_FAILED :
+	                                                                DB_RESULT_REFUSED);
 }
 
-static enum db_step answer_save(struct vsmd_axis *axis, const struct vsmd_reply *reply,
-                                enum db_result *result)
+static const struct conversation_step steps[STEPS] = {
+	[STEP_PROBE] = { say_identity, VSMD_REPLY_IDENTITY, .answered = answer_probe },
+	[STEP_POLL] = { say_status, VSMD_REPLY_STATUS, .answered = answer_poll },
+	[STEP_IDENTITY] = { say_identity, VSMD_REPLY_IDENTITY, .answered = answer_identity },
+	[STEP_PARAMETERS] = { say_parameters, VSMD_REPLY_PARAMS, .answered = answer_parameters },
+	[STEP_WRITE] = { say_settings, VSMD_REPLY_STATUS, .answered = answer_write },
+	[STEP_COMPARE] = { say_parameters, VSMD_REPLY_PARAMS, .answered = answer_compare },
+	[STEP_WRITE_AGAIN] = { say_settings, VSMD_REPLY_STATUS, .answered = answer_write },
+	[STEP_COMPARE_AGAIN] = { say_parameters, VSMD_REPLY_PARAMS, .answered = answer_compare },
+};
+
+/* --- jobs -------------------------------------------------------------------------------------- */
+
+static enum db_step look(struct db_conversation *talk, enum vsmd_look what)
 {
-	if (reply->code == VSMD_REPLY_PARAMS) {
-		take_params(axis, reply);
-		return done(result, DB_RESULT_OK);
-	}
-	return done(result, reply->status.status & VSMD_ST_FLASH_ERR ? DB_RESULT_FAILED :
-	                                                               DB_RESULT_REFUSED);
+	(void)what; /* every answer has all of it */
+	return say_status(talk);
 }
 
-static enum db_step answer_command(struct db_device *device, struct db_job *job,
-                                   const struct vsmd_reply *reply, struct db_exchange *exchange,
-                                   enum db_result *result)
-{
-	switch (job->request->command) {
-	case DB_CMD_READ_PARAMETERS:
-		return answer_identify(device, job, reply, exchange, result);
-	case DB_CMD_SAVE_PARAMETERS:
-		return answer_save(&device->axis, reply, result);
-	default:
-		return vsmd_answer_command(&device->axis, job, exchange, result);
-	}
-}
+static const struct vsmd_link serial_link = {
+	.acknowledges = true,
+	.shake_frequency_min = VSMD_SHAKE_FREQ_MIN,
+	.first_option = 0,
+	.say = say_line,
+	.look = look,
+	.saved = answer_save,
+};
 
-/* Which reply code the exchange on the wire must bring. */
-static bool expected(const struct db_job *job, enum vsmd_reply_code code)
+static enum db_step begin_job(struct db_conversation *talk)
 {
-	enum db_command command = job->request ? job->request->command : DB_CMD_NONE;
+	const struct vsmd_axis *axis = axis_of(talk);
 
-	switch (job->kind) {
+	if (vsmd_is_command(talk->job))
+		return vsmd_begin_command(talk);
+	switch (talk->job->kind) {
 	case DB_JOB_PROBE:
-		return code == VSMD_REPLY_IDENTITY;
-	case DB_JOB_COMMAND:
-		if (command == DB_CMD_SAVE_PARAMETERS)
-			return code == VSMD_REPLY_PARAMS || code == VSMD_REPLY_STATUS;
-		if (command != DB_CMD_READ_PARAMETERS)
-			return code == VSMD_REPLY_STATUS;
-		/* fall through */
-	case DB_JOB_IDENTIFY:
-		return code == (job->step == VSMD_FIRST ? VSMD_REPLY_IDENTITY : VSMD_REPLY_PARAMS);
+		return say_step(talk, steps, STEP_PROBE);
+	case DB_JOB_POLL:
+		return say_step(talk, steps, STEP_POLL);
 	case DB_JOB_SETTINGS:
-		return code == (job->step == VSMD_SECOND || job->step == VSMD_READ_BACK ?
-		                        VSMD_REPLY_PARAMS :
-		                        VSMD_REPLY_STATUS);
-	default:
-		return code == VSMD_REPLY_STATUS;
+		return say_step(talk, steps, STEP_WRITE);
+	case DB_JOB_IDENTIFY:
+		if (axis->heard && !may_identify(axis))
+			return end_job(talk, DB_RESULT_BUSY);
+		/* fall through */
+	default: /* read_parameters */
+		return say_step(talk, steps, STEP_IDENTITY);
 	}
 }
 
-static enum db_step serial_answer(struct db_conversation *talk, const uint8_t *frame, size_t length)
+static enum db_step begin(struct db_conversation *talk)
 {
-	struct db_device *device = talk->device;
-	struct db_job *job = talk->job;
-	db_time now = talk->now;
 	struct db_exchange *exchange = talk->exchange;
-	enum db_result *result = &talk->result;
-	struct vsmd_axis *axis = &device->axis;
+	enum db_step step = begin_job(talk);
+
+	/* The line before may have lost its end: a bare one keeps this line from being glued to it. */
+	if (step == DB_STEP_SEND && talk->job->out_of_step &&
+	    exchange->request_length + 1 <= exchange->request_size) {
+		memmove(exchange->request + 1, exchange->request, exchange->request_length);
+		exchange->request[0] = '\n';
+		exchange->request_length++;
+	}
+	return step;
+}
+
+static bool is_expected(const struct db_job *job, enum vsmd_reply_code code)
+{
+	if (!vsmd_is_command(job))
+		return code == steps[job->step].expects;
+	return code == VSMD_REPLY_STATUS ||
+	       (code == VSMD_REPLY_PARAMS && job->step == VSMD_STEP_SAVE);
+}
+
+static enum db_step answer(struct db_conversation *talk, const uint8_t *frame, size_t length)
+{
+	const struct db_job *job = talk->job;
 	struct vsmd_reply reply;
 
 	if (vsmd_serial_decode_reply(frame, length, &reply) != VSMD_OK ||
-	    !expected(job, reply.code))
+	    !is_expected(job, reply.code))
 		return DB_STEP_IGNORE;
+	talk->reply = &reply;
 	if (reply.code == VSMD_REPLY_STATUS) {
-		vsmd_take_status(axis, &reply.status, now);
+		vsmd_take_status(axis_of(talk), &reply.status, talk->now);
 		if (job->kind == DB_JOB_COMMAND && !db_command_is_stop(job->request->command))
-			vsmd_take_speed(axis, reply.status.velocity);
+			vsmd_take_speed(axis_of(talk), reply.status.velocity);
 	}
-	switch (job->kind) {
-	case DB_JOB_PROBE:
-		vsmd_take_identity(axis, reply.text, reply.text_length);
-		return done(result, DB_RESULT_OK);
-	case DB_JOB_IDENTIFY:
-		return answer_identify(device, job, &reply, exchange, result);
-	case DB_JOB_POLL:
-		vsmd_follow_motion(axis);
-		return done(result, DB_RESULT_OK);
-	case DB_JOB_SETTINGS:
-		return answer_settings(device, job, &reply, exchange, result);
-	case DB_JOB_COMMAND:
-	default:
-		return answer_command(device, job, &reply, exchange, result);
-	}
+	return vsmd_is_command(job) ? vsmd_answer_command(talk) : steps[job->step].answered(talk);
 }
 
-static enum db_step serial_lost(struct db_conversation *talk)
+static enum db_step lose_answer(struct db_conversation *talk)
 {
-	struct db_device *device = talk->device;
-	struct db_job *job = talk->job;
-	struct db_exchange *exchange = talk->exchange;
-	enum db_result *result = &talk->result;
+	if (talk->job->kind == DB_JOB_SETTINGS)
+		axis_of(talk)->plate.doubtful = true;
+	return vsmd_is_command(talk->job) ? vsmd_lose_command(talk) : lose_step(talk, steps);
+}
 
-	return vsmd_lost(&device->axis, job, exchange, result);
+static enum db_result check_command(const struct db_bus_config *bus,
+                                    const struct db_drive_config *drive, enum db_command command,
+                                    const struct db_args *args)
+{
+	(void)bus;
+	(void)drive;
+	return vsmd_check_command(&serial_link, command, args);
+}
+
+static enum db_result check_param(const struct db_bus_config *bus, size_t param,
+                                  union db_value value)
+{
+	(void)bus;
+	if (param >= VSMD_SERIAL_PARAM_COUNT)
+		return DB_RESULT_UNSUPPORTED;
+	return vsmd_param_in_range((enum vsmd_param)param, value) ? DB_RESULT_OK :
+	                                                            DB_RESULT_OUT_OF_RANGE;
 }
 
 /* --- state ------------------------------------------------------------------------------------- */
 
-static void serial_feedback(const struct db_device *device, struct db_feedback *feedback)
+static void write_feedback(const struct db_device *device, struct db_feedback *feedback)
 {
 	vsmd_axis_feedback(&device->axis, feedback);
 }
 
-static void serial_gone(struct db_device *device)
+static void forget_state(struct db_device *device)
 {
 	vsmd_axis_gone(&device->axis);
 }
 
-static const struct db_nameplate *serial_nameplate(const struct db_device *device)
+static const struct db_nameplate *get_nameplate(const struct db_device *device)
 {
 	return &device->axis.plate;
 }
 
-static void serial_init(struct db_device *device, struct db_device *first,
+static void init_device(struct db_device *device, struct db_device *first,
                         const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
 	(void)first; /* one drive an address */
@@ -437,15 +397,15 @@ static void serial_init(struct db_device *device, struct db_device *first,
 
 /* --- the bus's side ---------------------------------------------------------------------------- */
 
-static void serial_cut(const uint8_t *bytes, size_t available, size_t *skip, size_t *length)
+static void cut_frame(const uint8_t *bytes, size_t available, size_t *skip, size_t *length)
 {
 	*length = 0;
 	if (vsmd_serial_cut(bytes, available, skip, length) != VSMD_CUT_FRAME)
 		*length = 0;
 }
 
-static enum db_frame serial_accept(const struct db_bus_config *bus, const uint8_t *frame,
-                                   size_t length, int *address)
+static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t *frame,
+                                  size_t length, int *address)
 {
 	struct vsmd_reply reply;
 
@@ -456,41 +416,41 @@ static enum db_frame serial_accept(const struct db_bus_config *bus, const uint8_
 	return DB_FRAME_GOOD;
 }
 
-static db_time time_of(const struct db_bus_config *bus, size_t request, size_t answer)
+static db_time exchange_time(const struct db_bus_config *bus, size_t request, size_t answer)
 {
 	return db_serial_wire_time(bus, request + answer) + TYPICAL_LATENCY +
 	       (db_time)bus->turnaround_us * DB_NS_PER_US;
 }
 
-static db_time serial_poll_time(const struct db_bus_config *bus)
+static db_time poll_time(const struct db_bus_config *bus)
 {
-	return time_of(bus, strlen("32 sts\n"), VSMD_SERIAL_STATUS_FRAME);
+	return exchange_time(bus, strlen("32 sts\n"), VSMD_SERIAL_STATUS_FRAME);
 }
 
-static db_time serial_command_time(const struct db_bus_config *bus)
+static db_time command_time(const struct db_bus_config *bus)
 {
-	return time_of(bus, strlen("32 pos -2147483648 spd=192000.5\n"), VSMD_SERIAL_STATUS_FRAME);
+	return exchange_time(bus, strlen("32 pos -2147483648 spd=192000.5\n"),
+	                     VSMD_SERIAL_STATUS_FRAME);
 }
 
-static bool serial_broadcast(enum db_command command, const struct db_bus_config *bus,
-                             struct db_exchange *exchange)
+static bool write_broadcast(enum db_command command, const struct db_bus_config *bus,
+                            struct db_exchange *exchange)
 {
 	const struct db_args none = { 0 };
 	struct vsmd_command said = vsmd_command_of(command, &none);
-	enum db_result result;
 
 	if (bus->line != DB_LINE_RS485 ||
 	    !(db_command_is_stop(command) || command == DB_CMD_ENABLE))
 		return false;
-	if (ask(VSMD_SERIAL_BROADCAST, &said, false, exchange, &result) != DB_STEP_SEND)
+	if (!write_line(VSMD_SERIAL_BROADCAST, &said, false, exchange))
 		return false;
 	exchange->answer_length = 0;
 	return true;
 }
 
 /* The same line, for everybody. */
-static bool serial_begin_all(const struct db_device *device, const struct db_exchange *prepared,
-                             struct db_exchange *all)
+static bool begin_all(const struct db_device *device, const struct db_exchange *prepared,
+                      struct db_exchange *all)
 {
 	const uint8_t *line = prepared->request;
 	const uint8_t *end = line + prepared->request_length;
@@ -507,15 +467,6 @@ static bool serial_begin_all(const struct db_device *device, const struct db_exc
 	all->request_length = (size_t)(end - blank) + 1;
 	all->answer_length = 0;
 	return true;
-}
-
-static enum db_step serial_begun_by_all(struct db_conversation *talk)
-{
-	struct db_device *device = talk->device;
-	struct db_exchange *exchange = talk->exchange;
-	enum db_result *result = &talk->result;
-
-	return vsmd_begun_by_all(&device->axis, exchange, result);
 }
 
 const struct db_driver db_driver_vsmd_serial = {
@@ -539,22 +490,22 @@ const struct db_driver db_driver_vsmd_serial = {
 	.acceleration_param = VSMD_ACC,
 	.deceleration_param = VSMD_DEC,
 	.preset_velocity_param = VSMD_SPD,
-	.check = serial_check,
-	.check_param = serial_check_param,
+	.check = check_command,
+	.check_param = check_param,
 	.input_ports = vsmd_input_ports,
-	.poll_time = serial_poll_time,
-	.command_time = serial_command_time,
+	.poll_time = poll_time,
+	.command_time = command_time,
 	.device_size = sizeof(struct db_device),
-	.init = serial_init,
-	.cut = serial_cut,
-	.accept = serial_accept,
-	.begin = serial_begin,
-	.answer = serial_answer,
-	.lost = serial_lost,
-	.gone = serial_gone,
-	.feedback = serial_feedback,
-	.nameplate = serial_nameplate,
-	.broadcast = serial_broadcast,
-	.begin_all = serial_begin_all,
-	.begun_by_all = serial_begun_by_all,
+	.init = init_device,
+	.cut = cut_frame,
+	.accept = accept_frame,
+	.begin = begin,
+	.answer = answer,
+	.lost = lose_answer,
+	.gone = forget_state,
+	.feedback = write_feedback,
+	.nameplate = get_nameplate,
+	.broadcast = write_broadcast,
+	.begin_all = begin_all,
+	.begun_by_all = vsmd_begun_by_all,
 };

@@ -1,0 +1,373 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Writing and reading parameters, and the jobs of a drive. */
+#include "driver/vsmd/can_steps.h"
+
+#include "driver/vsmd/can_frames.h"
+#include "driver/vsmd/can_state.h"
+#include "driver/vsmd/commands.h"
+
+#include <string.h>
+
+/* A register that goes unanswered so often, while what was asked behind it is answered, is one that
+ * this model has not. */
+#define REGISTER_TRIES 2
+
+/* Registers that are asked for at once. */
+#define RUN_MAX 8
+
+/* Of all jobs but the commands in commands.h. */
+enum step {
+	STEP_PROBE,
+	STEP_POLL,
+	STEP_IDENTITY,
+	STEP_REGISTERS,
+	STEP_FETCH, /* before it is written: a register that holds several parameters */
+	STEP_FETCH_AGAIN,
+	STEP_WRITE, /* and its read behind that */
+	STEP_CONFIRM_AGAIN,
+	STEPS
+};
+
+static const struct conversation_step steps[STEPS]; /* below */
+
+/* --- writing parameters ------------------------------------------------------------------------ */
+
+static unsigned reg_of(const struct db_request *request, size_t i)
+{
+	return vsmd_can_fields[request->settings[i].param].reg;
+}
+
+/* The first setting from `i` on whose register was not written for an earlier one. */
+static size_t next_setting(const struct db_request *request, size_t i)
+{
+	for (; i < request->setting_count; i++) {
+		size_t j = 0;
+
+		while (j < i && reg_of(request, j) != reg_of(request, i))
+			j++;
+		if (j == i)
+			break;
+	}
+	return i;
+}
+
+/* Puts every setting of this register into its raw value. */
+static bool insert_settings(const struct db_request *request, unsigned reg, uint32_t *raw)
+{
+	for (size_t i = 0; i < request->setting_count; i++) {
+		const struct db_setting *setting = &request->settings[i];
+
+		if (reg_of(request, i) == reg && vsmd_can_insert((enum vsmd_param)setting->param,
+		                                                 setting->value, raw) != VSMD_OK)
+			return false;
+	}
+	return true;
+}
+
+static unsigned current_register(const struct db_conversation *talk)
+{
+	return reg_of(talk->job->request, talk->device->setting);
+}
+
+static enum db_step read_register(struct db_conversation *talk)
+{
+	vsmd_can_start_burst(talk->exchange, true);
+	return vsmd_can_add_registers(talk, current_register(talk), 1);
+}
+
+/* The register with its new content, and the read that shows whether it has it. */
+static enum db_step write_register(struct db_conversation *talk)
+{
+	struct db_device *device = talk->device;
+	unsigned reg = current_register(talk);
+	uint32_t raw = vsmd_can_reg_packed(reg) ? device->answer.values[0] : 0;
+	struct db_can_frame frame;
+
+	if (!insert_settings(talk->job->request, reg, &raw) ||
+	    vsmd_can_encode_write(&device->style, device->drive, reg, &raw, 1, &frame) != VSMD_OK)
+		return end_job(talk, DB_RESULT_OUT_OF_RANGE);
+	device->written = raw;
+	vsmd_can_start_burst(talk->exchange, true);
+	if (!vsmd_can_add_frame(talk->exchange, &frame))
+		return end_job(talk, DB_RESULT_FAILED);
+	return vsmd_can_add_registers(talk, reg, 1);
+}
+
+/* A register that holds several parameters is read first, so that the others stay as they are. */
+static enum db_step write_next(struct db_conversation *talk, size_t from)
+{
+	const struct db_request *request = talk->job->request;
+	struct db_device *device = talk->device;
+
+	device->setting = next_setting(request, from);
+	if (device->setting == request->setting_count) {
+		vsmd_take_settings(&device->axis, request);
+		return end_job(talk, DB_RESULT_OK);
+	}
+	return say_step(talk, steps,
+	                vsmd_can_reg_packed(current_register(talk)) ? STEP_FETCH : STEP_WRITE);
+}
+
+/* What a register holds, for the parameters in it; their bits. */
+static uint64_t take_register(struct db_device *device, unsigned reg, uint32_t raw)
+{
+	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+	size_t count = vsmd_can_params_of(reg, params);
+	uint64_t taken = 0;
+
+	for (size_t i = 0; i < count; i++) {
+		if (vsmd_can_extract(params[i], raw, &device->axis.plate.values[params[i]]) ==
+		    VSMD_OK)
+			taken |= UINT64_C(1) << params[i];
+	}
+	return taken;
+}
+
+/* It was asked for twice: that was no lost frame. */
+static enum db_step give_up_register(struct db_conversation *talk)
+{
+	talk->device->axis.plate.doubtful = true;
+	return end_job(talk, DB_RESULT_UNSUPPORTED);
+}
+
+static enum db_step answer_fetch(struct db_conversation *talk)
+{
+	if (talk->device->whole)
+		return say_step(talk, steps, STEP_WRITE);
+	return talk->job->step == STEP_FETCH ? say_step(talk, steps, STEP_FETCH_AGAIN) :
+	                                       give_up_register(talk);
+}
+
+static enum db_step answer_write(struct db_conversation *talk)
+{
+	struct db_device *device = talk->device;
+	struct vsmd_axis *axis = &device->axis;
+	uint32_t held = device->answer.values[0];
+
+	if (!device->whole)
+		return talk->job->step == STEP_WRITE ? say_step(talk, steps, STEP_CONFIRM_AGAIN) :
+		                                       give_up_register(talk);
+	if (held == device->written)
+		return write_next(talk, device->setting + 1);
+	/* What it holds instead is shown. */
+	axis->plate.valid |= take_register(device, device->answer.id.reg, held);
+	axis->plate.generation++;
+	axis->plate.doubtful |= talk->job->request->setting_count > 1;
+	axis->refused = true;
+	return end_job(talk, DB_RESULT_REFUSED);
+}
+
+/* --- identity and parameters ------------------------------------------------------------------- */
+
+static struct vsmd_can_search *search_of(const struct db_conversation *talk)
+{
+	return &talk->device->searches[talk->job->kind == DB_JOB_IDENTIFY];
+}
+
+/* Reporting is set anew each time a drive is identified: it may have restarted, or another master
+ * have set it otherwise. */
+static enum db_step say_identity(struct db_conversation *talk)
+{
+	const struct db_device *device = talk->device;
+	struct vsmd_can_command report = {
+		.code = VSMD_CAN_AUTO_RES_STS,
+		.report = device->report,
+		.has_interval = device->report_interval > 0,
+		.interval = (uint16_t)(device->report_interval / DB_NS_PER_MS),
+	};
+
+	vsmd_can_start_burst(talk->exchange, true);
+	if (!vsmd_can_add_command(&device->style, device->drive, &report, talk->exchange))
+		return end_job(talk, DB_RESULT_FAILED);
+	return vsmd_can_read_identity(talk);
+}
+
+static void take_identity(struct db_device *device)
+{
+	uint32_t generation = device->axis.plate.generation;
+	char text[VSMD_CAN_IDENTITY_MAX + 1];
+	int length = vsmd_can_get_identity(device->answer.values, text);
+
+	if (length > 0)
+		vsmd_take_identity(&device->axis, text, (size_t)length);
+	/* Another model. */
+	if (device->axis.plate.generation != generation)
+		device->lacks = 0;
+}
+
+static bool is_parameter(const struct db_device *device, unsigned reg)
+{
+	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+
+	return vsmd_can_params_of(reg, params) > 0 && !(device->lacks >> reg & 1) &&
+	       vsmd_can_reg_reachable(reg, device->style.extended);
+}
+
+/* The next run of registers with parameters, from search->first on. False at the end. */
+static bool next_run(const struct db_device *device, struct vsmd_can_search *search)
+{
+	unsigned run;
+
+	while (search->first <= VSMD_CAN_DATA_LAST && !is_parameter(device, search->first))
+		search->first++;
+	run = search->first < search->suspect_end ? search->run : RUN_MAX;
+	search->count = 0;
+	while (search->count < run && search->first + search->count <= VSMD_CAN_DATA_LAST &&
+	       is_parameter(device, search->first + search->count))
+		search->count++;
+	return search->count > 0;
+}
+
+/* Whether the run is to be asked for again, or less of it. */
+static bool narrow(struct db_device *device, struct vsmd_can_search *search)
+{
+	if (search->count > 1) {
+		search->suspect_end = search->first + search->count;
+		search->run = search->count / 2;
+		search->tries = 0;
+		return true;
+	}
+	if (++search->tries < REGISTER_TRIES)
+		return true;
+	device->lacks |= UINT64_C(1) << search->first;
+	search->tries = 0;
+	return false;
+}
+
+static enum db_step say_registers(struct db_conversation *talk)
+{
+	struct vsmd_can_search *search = search_of(talk);
+	struct vsmd_axis *axis = axis_of(talk);
+
+	if (next_run(talk->device, search)) {
+		vsmd_can_start_burst(talk->exchange, true);
+		return vsmd_can_add_registers(talk, search->first, search->count);
+	}
+	axis->plate.valid = search->found;
+	axis->plate.generation++;
+	axis->plate.doubtful = false;
+	axis->params_valid = true;
+	return end_job(talk, DB_RESULT_OK);
+}
+
+static enum db_step answer_identity(struct db_conversation *talk)
+{
+	take_identity(talk->device);
+	*search_of(talk) = (struct vsmd_can_search){ .first = VSMD_CAN_DATA_FIRST };
+	return say_step(talk, steps, STEP_REGISTERS);
+}
+
+static enum db_step answer_registers(struct db_conversation *talk)
+{
+	struct vsmd_can_search *search = search_of(talk);
+	struct db_device *device = talk->device;
+
+	if (device->whole) {
+		for (unsigned i = 0; i < search->count; i++)
+			search->found |= take_register(device, search->first + i,
+			                               device->answer.values[i]);
+		/* What is known is shown at once. */
+		device->axis.plate.valid |= search->found;
+		device->axis.plate.generation++;
+		search->first += search->count;
+		search->tries = 0;
+	} else if (!narrow(device, search)) {
+		search->first += search->count;
+	}
+	return say_step(talk, steps, STEP_REGISTERS);
+}
+
+/* --- the table --------------------------------------------------------------------------------- */
+
+static enum db_step answer_probe(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_OK);
+}
+
+static enum db_step answer_poll(struct db_conversation *talk)
+{
+	vsmd_can_take_poll(talk->device, talk->now);
+	return end_job(talk, DB_RESULT_OK);
+}
+
+static const struct conversation_step steps[STEPS] = {
+	[STEP_PROBE] = { .say = vsmd_can_read_probe, .answered = answer_probe },
+	[STEP_POLL] = { .say = vsmd_can_read_status, .answered = answer_poll },
+	[STEP_IDENTITY] = { .say = say_identity, .answered = answer_identity },
+	[STEP_REGISTERS] = { .say = say_registers, .answered = answer_registers },
+	[STEP_FETCH] = { .say = read_register, .answered = answer_fetch },
+	[STEP_FETCH_AGAIN] = { .say = read_register, .answered = answer_fetch },
+	[STEP_WRITE] = { .say = write_register, .answered = answer_write },
+	[STEP_CONFIRM_AGAIN] = { .say = read_register, .answered = answer_write },
+};
+
+static enum db_step answer_save(struct db_conversation *talk)
+{
+	struct vsmd_axis *axis = axis_of(talk);
+
+	if (axis->last.status & VSMD_ST_FLASH_ERR)
+		return end_job(talk, DB_RESULT_FAILED);
+	axis->refused = (axis->last.status & VSMD_ST_CMD_WRG) != 0;
+	/* That something was written shows nowhere. */
+	return end_job(talk, axis->refused ? DB_RESULT_REFUSED : DB_RESULT_UNPROVEN);
+}
+
+const struct vsmd_link vsmd_can_link = {
+	.acknowledges = false,
+	.shake_frequency_min = VSMD_SHAKE_FREQ_MIN_CAN,
+	.first_option = VSMD_CAN_DRIVE_OPTIONS_AT,
+	.say = vsmd_can_say_command,
+	.look = vsmd_can_look,
+	.saved = answer_save,
+};
+
+/* --- jobs -------------------------------------------------------------------------------------- */
+
+enum db_step vsmd_can_begin(struct db_conversation *talk)
+{
+	if (vsmd_is_command(talk->job))
+		return vsmd_begin_command(talk);
+	switch (talk->job->kind) {
+	case DB_JOB_PROBE:
+		return say_step(talk, steps, STEP_PROBE);
+	case DB_JOB_POLL:
+		return say_step(talk, steps, STEP_POLL);
+	case DB_JOB_SETTINGS:
+		return write_next(talk, 0);
+	case DB_JOB_IDENTIFY:
+		return say_step(talk, steps, STEP_IDENTITY);
+	case DB_JOB_COMMAND: /* read_parameters */
+	default:
+		talk->device->lacks = 0;
+		return say_step(talk, steps, STEP_IDENTITY);
+	}
+}
+
+enum db_step vsmd_can_answer(struct db_conversation *talk, const uint8_t *bytes, size_t length)
+{
+	struct db_device *device = talk->device;
+	struct vsmd_can_message message;
+	struct db_can_frame frame;
+	enum db_step step;
+
+	if (length != sizeof frame)
+		return DB_STEP_IGNORE;
+	memcpy(&frame, bytes, sizeof frame);
+	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK ||
+	    !vsmd_can_expect_answer(device, talk->exchange))
+		return DB_STEP_IGNORE;
+	step = vsmd_can_collect_answer(device, &message);
+	if (step != DB_STEP_DONE)
+		return step;
+	if (!vsmd_is_command(talk->job))
+		return steps[talk->job->step].answered(talk);
+	vsmd_can_take_look(device, talk->now);
+	return vsmd_answer_command(talk);
+}
+
+enum db_step vsmd_can_lose_answer(struct db_conversation *talk)
+{
+	if (talk->job->kind == DB_JOB_SETTINGS)
+		axis_of(talk)->plate.doubtful = true;
+	return vsmd_is_command(talk->job) ? vsmd_lose_command(talk) : lose_step(talk, steps);
+}
