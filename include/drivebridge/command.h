@@ -98,7 +98,7 @@ struct db_setting {
 
 #define DB_SETTINGS_MAX 64 /* more than one Modbus write can carry */
 
-/* What the network thread hands to a bus. The settings are the giver's; a mailbox copies them. */
+/* What the network thread hands to a bus. The settings are the giver's; a queue copies them. */
 struct db_request {
 	uint32_t ticket;        /* comes back in the completion; never 0 */
 	uint16_t drive;         /* see struct db_bus_drive */

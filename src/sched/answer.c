@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Frames from the wire, answers that do not come, drives that come and go. */
-#include "sched/state.h"
+#include "sched/answer.h"
+
+#include "sched/exchange.h"
+#include "sched/stop.h"
 
 #include <string.h>
 
@@ -9,73 +11,7 @@
 /* Repeating a stop to a drive that does not answer: one part in this many. */
 #define STOP_SHARE 5
 
-/* --- drives coming and going ----------------------------------------------------------------------- */
-
-void engine_come_online(struct db_engine *engine, struct station *station, db_time now)
-{
-	if (station->braking.active)
-		braking_resume(&station->braking, now);
-	station->identify_at = 0;
-	station->identify_backoff = IDENTIFY_BACKOFF_MIN;
-	station->snapshot.stats.came_online++;
-	engine->stats.online++;
-}
-
-static void come_online(struct db_engine *engine, struct node *node, db_time now)
-{
-	node->in_step = true;
-	node->losses = 0;
-	node->probe_backoff = PROBE_BACKOFF_MIN;
-	if (node->online)
-		return;
-	node->online = true;
-	node->poll_due = true;
-	node->heard.count = 0;
-	for (struct station *s = node->first; s; s = s->next_axis)
-		engine_come_online(engine, s, now);
-}
-
-static void lose_station(struct db_engine *engine, struct station *station, enum db_result result,
-                         db_time now)
-{
-	station_abandon_front(station, engine->driver,
-	                      result == DB_RESULT_OFFLINE ? DB_RESULT_TIMEOUT : result, now);
-	engine_finish_waiting(engine, station, result, now);
-	for (size_t i = 0; i < LANE_COUNT; i++)
-		station->lanes[i].active = station->lanes[i].ready = false;
-	if (!station->node->online)
-		return;
-	engine->stats.online--;
-	engine->driver->gone(station->device);
-}
-
-void engine_go_offline(struct db_engine *engine, struct node *node, enum db_result result,
-                       db_time now)
-{
-	bool was_online = node->online;
-
-	node->in_step = false;
-	for (struct station *s = node->first; s; s = s->next_axis)
-		lose_station(engine, s, result, now);
-	node->online = false;
-	node->poll_due = false;
-	if (!was_online)
-		return;
-	node->probe_at = now + node->probe_backoff;
-	for (struct station *s = node->first; s; s = s->next_axis)
-		engine_publish(engine, s);
-}
-
 /* --- answers --------------------------------------------------------------------------------------- */
-
-void engine_end_flight(struct db_engine *engine, struct node *node, db_time now)
-{
-	/* Where exchanges overlap, the time they wait side by side is not the wire's. */
-	engine->busy += engine->driver->medium == DB_MEDIUM_CAN ? node->flight.wire :
-	                                                          now - node->flight.sent;
-	node->flight.station = NULL;
-	engine->flights--;
-}
 
 static void lane_done(struct db_engine *engine, struct station *station, enum lane_kind kind,
                       enum db_result result, db_time now)
@@ -83,21 +19,21 @@ static void lane_done(struct db_engine *engine, struct station *station, enum la
 	station->lanes[kind].active = false;
 	switch (kind) {
 	case LANE_PROBE:
-		come_online(engine, station->node, now);
+		engine_bring_online(engine, station->node, now);
 		break;
 	case LANE_POLL:
 		station->node->poll_due = false;
-		engine_end_of_polls(engine, now);
+		engine_end_cycle(engine, now);
 		break;
 	case LANE_STOP:
 		engine_publish(engine, station);
-		engine_stop_answered(engine, station, result, now);
+		stop_note_answered(engine, station, result, now);
 		break;
-	case LANE_FRONT:
+	case LANE_COMMAND:
 		/* The PLC must find the command's effect when it reads right behind the response. */
 		engine_publish(engine, station);
 		station->lanes[kind].active = true;
-		station_finish_front(station, result, now);
+		station_finish_command(station, result, now);
 		break;
 	case LANE_IDENTIFY:
 		/* What is still missing then may stay so: others want the bus, too. */
@@ -120,8 +56,8 @@ static bool blind_stop_answered(struct db_engine *engine, struct node *node, db_
 	if (node->flight.lane != LANE_STOP || node->flight.trusted)
 		return false;
 	node->flight.station->lanes[LANE_STOP].active = false;
-	node_note_ghost(node, false, now);
-	engine_end_flight(engine, node, now);
+	node_expect_late_answer(node, false, now);
+	exchange_end(engine, node, now);
 	keep_quiet(engine, now);
 	return true;
 }
@@ -140,7 +76,7 @@ static void judge_stops(struct db_engine *engine, const struct node *node, db_ti
 		if (from < s->braking.begun)
 			continue;
 		s->braking.looked = true;
-		engine_judge_stop(engine, s, now);
+		stop_judge(engine, s, now);
 	}
 }
 
@@ -208,21 +144,21 @@ static void take_answer(struct db_engine *engine, struct node *node, const uint8
 		unsolicited(engine, node, frame, length, now);
 		return;
 	}
-	if (kind == LANE_PROBE && node_is_ghost(node, now)) {
+	if (kind == LANE_PROBE && node_is_late_answer(node, now)) {
 		engine->stats.stray_frames++;
 		(void)note_late_answer(engine, node, now);
 		return;
 	}
-	if (kind == LANE_FRONT)
+	if (kind == LANE_COMMAND)
 		engine_tell_raw(engine, station, false, frame, length);
 	station_count_answer(station, now - node->flight.sent);
 	node->losses = 0;
 	node_note_answer(node, now);
-	engine_end_flight(engine, node, now);
+	exchange_end(engine, node, now);
 	keep_quiet(engine, now);
 	lane->tries = 0;
 	lane->ready = step == DB_STEP_SEND;
-	if (kind == LANE_FRONT && station->front_cancelled && step == DB_STEP_SEND) {
+	if (kind == LANE_COMMAND && station->command_cancelled && step == DB_STEP_SEND) {
 		step = DB_STEP_DONE;
 		talk.result = DB_RESULT_CANCELLED;
 	}
@@ -269,7 +205,7 @@ static void take_bad_frame(struct db_engine *engine, const uint8_t *frame, size_
 	note_heard(node, frame, length);
 }
 
-static void take_frame(struct db_engine *engine, const uint8_t *frame, size_t length, db_time now)
+void answer_take_frame(struct db_engine *engine, const uint8_t *frame, size_t length, db_time now)
 {
 	struct node *node;
 	int address = -1;
@@ -290,48 +226,16 @@ static void take_frame(struct db_engine *engine, const uint8_t *frame, size_t le
 		unsolicited(engine, node, frame, length, now);
 }
 
-void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now)
-{
-	while (length > 0) {
-		size_t room = sizeof engine->received - engine->received_length;
-		size_t take = length < room ? length : room;
-		size_t start = 0;
-		size_t skip = 0;
-		size_t frame = 0;
-
-		memcpy(engine->received + engine->received_length, bytes, take);
-		engine->received_length += take;
-		bytes += take;
-		length -= take;
-		do {
-			engine->driver->cut(engine->received + start,
-			                    engine->received_length - start, &skip, &frame);
-			engine->stats.garbage_bytes += (uint32_t)skip;
-			start += skip;
-			if (frame > 0)
-				take_frame(engine, engine->received + start, frame, now);
-			start += frame;
-		} while (frame > 0);
-		/* take_frame() never sends, so the buffer is still the one that was cut. */
-		engine->received_length -= start;
-		memmove(engine->received, engine->received + start, engine->received_length);
-		if (engine->received_length == sizeof engine->received) {
-			engine->stats.garbage_bytes += (uint32_t)engine->received_length;
-			engine->received_length = 0;
-		}
-	}
-}
-
 /* --- losses ---------------------------------------------------------------------------------------- */
 
-static void front_lost(struct db_engine *engine, struct station *station, db_time now)
+static void command_lost(struct db_engine *engine, struct station *station, db_time now)
 {
-	struct lane *lane = &station->lanes[LANE_FRONT];
-	struct db_conversation talk = station_conversation(station, LANE_FRONT, now);
+	struct lane *lane = &station->lanes[LANE_COMMAND];
+	struct db_conversation talk = station_conversation(station, LANE_COMMAND, now);
 
 	engine_tell_raw(engine, station, false, NULL, 0);
-	if (station->front_cancelled) {
-		station_finish_front(station, DB_RESULT_CANCELLED, now);
+	if (station->command_cancelled) {
+		station_finish_command(station, DB_RESULT_CANCELLED, now);
 		return;
 	}
 	if (lane->exchange.repeatable && lane->tries < engine->bus->retries) {
@@ -347,7 +251,7 @@ static void front_lost(struct db_engine *engine, struct station *station, db_tim
 		lane->ready = true;
 		return;
 	}
-	station_finish_front(station, talk.result, now);
+	station_finish_command(station, talk.result, now);
 }
 
 static void probe_lost(struct db_engine *engine, struct node *node, db_time cost, db_time now)
@@ -391,8 +295,8 @@ static void lane_lost(struct db_engine *engine, struct station *station, enum la
 	case LANE_PROBE:
 		probe_lost(engine, station->node, cost, now);
 		break;
-	case LANE_FRONT:
-		front_lost(engine, station, now);
+	case LANE_COMMAND:
+		command_lost(engine, station, now);
 		break;
 	case LANE_IDENTIFY:
 		if (goes_on_without(engine, station, now))
@@ -420,7 +324,7 @@ static void repeat_stops(struct db_engine *engine, struct node *node, db_time co
 	}
 }
 
-void engine_answer_lost(struct db_engine *engine, struct node *node, db_time now)
+void answer_lost(struct db_engine *engine, struct node *node, db_time now)
 {
 	struct station *station = node->flight.station;
 	enum lane_kind kind = node->flight.lane;
@@ -428,7 +332,7 @@ void engine_answer_lost(struct db_engine *engine, struct node *node, db_time now
 	db_time cost = engine->driver->medium == DB_MEDIUM_CAN ? node->flight.wire :
 	                                                         now - node->flight.sent;
 
-	engine_end_flight(engine, node, now);
+	exchange_end(engine, node, now);
 	engine->stats.timeouts++;
 	station->snapshot.stats.timeouts++;
 	node->in_step = false;
@@ -437,11 +341,11 @@ void engine_answer_lost(struct db_engine *engine, struct node *node, db_time now
 	if (node_is_deaf(node))
 		engine_tell_timing(engine, station, DB_EVENT_DRIVE_DEAF,
 		                   (db_time)engine->bus->turnaround_us * DB_NS_PER_US);
-	node_note_ghost(node, kind == LANE_PROBE, now);
+	node_expect_late_answer(node, kind == LANE_PROBE, now);
 	lane_lost(engine, station, kind, cost, now);
 	repeat_stops(engine, node, cost, now);
 	if (node->losses > engine->bus->retries)
-		engine_go_offline(engine, node, DB_RESULT_OFFLINE, now);
-	engine_end_of_polls(engine, now);
+		engine_take_offline(engine, node, DB_RESULT_OFFLINE, now);
+	engine_end_cycle(engine, now);
 	engine_publish(engine, station);
 }

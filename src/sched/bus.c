@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The bus thread: an engine, a port and a clock. Sleeps in ppoll() until bytes come, the network
- * thread posts a letter, or the engine wants to be called.
+ * thread posts a request, or the engine wants to be called.
  */
 #include "drivebridge/bus.h"
 
 #include "codec/can.h"
 #include "drivebridge/seqlock.h"
+#include "sched/bus_log.h"
 #include "sched/change.h"
 #include "sched/engine.h"
 #include "sched/priority.h"
-#include "sched/report.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -45,8 +45,8 @@ struct db_bus {
 	const struct db_bus_config *config;
 	struct db_log_source log;
 	struct db_engine *engine;
-	struct db_mailbox *mailbox;
-	int wake_fd;       /* network to bus: letters, or the end */
+	struct db_queue *queue;
+	int wake_fd;       /* network to bus: requests, or the end */
 	int completion_fd; /* bus to network */
 	pthread_t thread;
 	bool running;
@@ -139,14 +139,14 @@ static void tell_drive(void *context, const struct db_drive_config *drive, enum 
 {
 	const struct db_bus *bus = context;
 
-	report_drive(&bus->log, drive, event, feedback, now_ns());
+	bus_log_event(&bus->log, drive, event, feedback, now_ns());
 }
 
 static void tell_missing(void *context, const struct db_drive_config *drive, uint64_t params)
 {
 	const struct db_bus *bus = context;
 
-	report_missing_params(&bus->log, drive, bus->config->driver, params, now_ns());
+	bus_log_missing_params(&bus->log, drive, bus->config->driver, params, now_ns());
 }
 
 static void tell_heard(void *context, const struct db_drive_config *drive,
@@ -154,7 +154,7 @@ static void tell_heard(void *context, const struct db_drive_config *drive,
 {
 	const struct db_bus *bus = context;
 
-	report_heard(&bus->log, drive, bus->config->driver->medium, heard, now_ns());
+	bus_log_heard(&bus->log, drive, bus->config->driver->medium, heard, now_ns());
 }
 
 static void tell_timing(void *context, const struct db_drive_config *drive, enum db_event event,
@@ -162,7 +162,7 @@ static void tell_timing(void *context, const struct db_drive_config *drive, enum
 {
 	const struct db_bus *bus = context;
 
-	report_timing(&bus->log, bus->config, drive, event, time, now_ns());
+	bus_log_timing(&bus->log, bus->config, drive, event, time, now_ns());
 }
 
 static void tell_raw(void *context, const struct db_drive_config *drive, bool sent,
@@ -170,7 +170,7 @@ static void tell_raw(void *context, const struct db_drive_config *drive, bool se
 {
 	const struct db_bus *bus = context;
 
-	report_raw(&bus->log, drive, bus->config->driver->medium, sent, bytes, length, now_ns());
+	bus_log_raw(&bus->log, drive, bus->config->driver->medium, sent, bytes, length, now_ns());
 }
 
 static const struct db_engine_ops engine_ops = {
@@ -196,7 +196,7 @@ static const struct db_port_health *health_of(const struct db_bus *bus)
 	return bus->port && bus->transport->health ? bus->transport->health(bus->port) : &fine;
 }
 
-static void report_latency(const struct db_bus *bus, db_time now)
+static void log_latency(const struct db_bus *bus, db_time now)
 {
 	enum db_port_latency latency = health_of(bus)->latency;
 
@@ -221,7 +221,7 @@ static void bring_up(struct db_bus *bus, db_time now)
 		       "%s runs at %u bit/s, but the configuration says bitrate = %u; set both to "
 		       "that of the drives",
 		       place_of(bus->config), bitrate, bus->config->bitrate);
-	report_latency(bus, now);
+	log_latency(bus, now);
 	bus->open_error = 0;
 	db_engine_port(bus->engine, true, 0, now);
 }
@@ -248,7 +248,7 @@ static void open_port(struct db_bus *bus, db_time now)
 	if (-error != bus->open_error)
 		db_log(&bus->log, now, DB_EVENT_BUS_LOST, NULL,
 		       "cannot open %s: %s%s; trying again", place_of(bus->config),
-		       strerror(-error), report_advice_for_port(bus->config, -error));
+		       strerror(-error), bus_log_port_advice(bus->config, -error));
 	bus->open_error = -error;
 }
 
@@ -259,7 +259,7 @@ static void lose_port(struct db_bus *bus, db_time now)
 	if (error != bus->open_error)
 		db_log(&bus->log, now, DB_EVENT_BUS_LOST, NULL,
 		       "lost %s: %s%s; waiting for it to come back", place_of(bus->config),
-		       strerror(error), report_advice_for_port(bus->config, error));
+		       strerror(error), bus_log_port_advice(bus->config, error));
 	bus->transport->close(bus->port);
 	bus->port = NULL;
 	bus->port_error = 0;
@@ -340,8 +340,8 @@ static db_time waited_for_processor(void)
 	return (db_time)waited;
 }
 
-static void report_slow(const struct db_bus *bus, const struct db_bus_stats *stats,
-                        uint32_t overruns, db_time waited, db_time now)
+static void log_slow(const struct db_bus *bus, const struct db_bus_stats *stats, uint32_t overruns,
+                     db_time waited, db_time now)
 {
 	unsigned seconds = (unsigned)(JUDGE_INTERVAL / DB_NS_PER_S);
 	/* A quarter of a cycle of waiting for each one that overran. */
@@ -377,7 +377,7 @@ static void watch_cycle(struct db_bus *bus, const struct db_bus_stats *stats, db
 		return;
 	waited = waited_for_processor();
 	if (bus->judge_at != 0 && overruns > cycles / OVERRUN_SHARE)
-		report_slow(bus, stats, overruns, waited - bus->judged_wait, now);
+		log_slow(bus, stats, overruns, waited - bus->judged_wait, now);
 	bus->judged = *stats;
 	bus->judged_wait = waited;
 	bus->judge_at = now + JUDGE_INTERVAL;
@@ -486,14 +486,14 @@ static void take_change(struct db_bus *bus)
 	struct db_change *change = atomic_exchange(&bus->change, NULL);
 
 	if (change)
-		db_engine_change(bus->engine, change, now_ns());
+		change_begin(bus->engine, change, now_ns());
 }
 
 /* After a turn; true when the network is to be told of something. */
 static bool give_back(struct db_bus *bus)
 {
-	bool finished = db_mailbox_take_finished(bus->mailbox);
-	struct db_change *changed = db_engine_take_changed(bus->engine);
+	bool finished = db_queue_take_finished(bus->queue);
+	struct db_change *changed = change_fetch(bus->engine);
 
 	/* Last, so that who sees it finds every completion. */
 	if (changed)
@@ -626,9 +626,9 @@ int db_bus_new(const struct db_bus_config *config, const struct db_bus_drive *dr
 	made->completion_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
 	error = made->wake_fd < 0 || made->completion_fd < 0 ? -errno : 0;
 	if (error == 0)
-		error = db_mailbox_new(config->queue, drive_count, &made->mailbox);
+		error = db_queue_new(config->queue, drive_count, &made->queue);
 	if (error == 0)
-		error = db_engine_new(config, drives, drive_count, made->mailbox, &engine_ops, made,
+		error = db_engine_new(config, drives, drive_count, made->queue, &engine_ops, made,
 		                      &made->engine);
 	if (error != 0) {
 		db_bus_free(made);
@@ -682,7 +682,7 @@ void db_bus_free(struct db_bus *bus)
 	change_free(atomic_load(&bus->change));
 	change_free(atomic_load(&bus->changed));
 	db_engine_free(bus->engine);
-	db_mailbox_free(bus->mailbox);
+	db_queue_free(bus->queue);
 	if (bus->wake_fd >= 0)
 		close(bus->wake_fd);
 	if (bus->completion_fd >= 0)
@@ -696,7 +696,7 @@ int db_bus_change_new(struct db_bus *bus, const uint16_t *leaving, size_t leavin
 {
 	size_t drives = bus->drives - leaving_count + coming_count;
 
-	if (db_mailbox_grow(bus->mailbox, drives) != 0)
+	if (db_queue_grow(bus->queue, drives) != 0)
 		return -ENOMEM;
 	*change = change_new(bus->config, bus->drives, leaving, leaving_count, coming,
 	                     coming_count);
@@ -722,7 +722,7 @@ void db_bus_change_free(struct db_change *change)
 
 bool db_bus_submit(struct db_bus *bus, const struct db_request *request)
 {
-	if (!db_mailbox_post(bus->mailbox, request))
+	if (!db_queue_post(bus->queue, request))
 		return false;
 	wake(bus);
 	return true;
@@ -737,11 +737,11 @@ bool db_bus_completion(struct db_bus *bus, struct db_completion *completion)
 {
 	uint64_t count;
 
-	if (db_mailbox_collect(bus->mailbox, completion))
+	if (db_queue_collect(bus->queue, completion))
 		return true;
-	/* Only now, and then look once more: a letter finished in between rings again or is found. */
+	/* Only now, and then look once more: a request finished in between rings again or is found. */
 	(void)!read(bus->completion_fd, &count, sizeof count);
-	return db_mailbox_collect(bus->mailbox, completion);
+	return db_queue_collect(bus->queue, completion);
 }
 
 uint32_t db_bus_heartbeat(const struct db_bus *bus)

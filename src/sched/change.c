@@ -76,8 +76,8 @@ static bool needs_stop(const struct station *station, enum db_command command)
 	bool alone = !station->node->first->next_axis;
 	bool stands = (feedback->state == DB_AXIS_STANDSTILL ||
 	               feedback->state == DB_AXIS_DISABLED) &&
-	              station->node->online && !station->lanes[LANE_FRONT].active &&
-	              feedback->taken > station->front_ended;
+	              station->node->online && !station->lanes[LANE_COMMAND].active &&
+	              feedback->taken > station->command_ended;
 
 	if (command == DB_CMD_NONE)
 		return false;
@@ -91,25 +91,25 @@ static void begin_to_leave(struct db_engine *engine, struct station *station, db
 
 	station->leaving = true;
 	engine_finish_waiting(engine, station, DB_RESULT_CANCELLED, now);
-	station_cancel_front(station, now);
+	station_cancel_command(station, now);
 	if (!stop)
 		return;
 	station_add_stop(station, command, NULL, now);
 }
 
-void db_engine_change(struct db_engine *engine, struct db_change *change, db_time now)
+void change_begin(struct db_engine *engine, struct db_change *change, db_time now)
 {
 	engine->change = change;
 	change->leave_by = now + DB_EXIT_TIME;
 	for (size_t i = 0; i < change->leaving_count && !engine->shutting_down; i++) {
-		struct station *station = engine_station(engine, change->leaving[i]);
+		struct station *station = engine_find_station(engine, change->leaving[i]);
 
 		if (station)
 			begin_to_leave(engine, station, now);
 	}
 }
 
-struct db_change *db_engine_take_changed(struct db_engine *engine)
+struct db_change *change_fetch(struct db_engine *engine)
 {
 	struct db_change *changed = engine->changed;
 
@@ -117,7 +117,7 @@ struct db_change *db_engine_take_changed(struct db_engine *engine)
 	return changed;
 }
 
-db_time engine_change_deadline(const struct db_engine *engine, db_time now)
+db_time change_deadline(const struct db_engine *engine, db_time now)
 {
 	/* After it only the end of what is on the wire is waited for. */
 	return engine->change && engine->change->leave_by > now ? engine->change->leave_by :
@@ -153,7 +153,7 @@ static void take_out_node(struct db_engine *engine, const struct node *node)
 
 	for (size_t i = 0; i < change->coming_count; i++) {
 		if (change->coming[i]->spare->address == node->address)
-			node_inherit_ghosts(change->coming[i]->spare, node);
+			node_inherit_late_answers(change->coming[i]->spare, node);
 	}
 
 	while (engine->nodes[index] != node)
@@ -171,21 +171,21 @@ static void take_out(struct db_engine *engine, size_t index, db_time now)
 	struct node *node = station->node;
 
 	engine_finish_waiting(engine, station, DB_RESULT_CANCELLED, now);
-	station_finish_front(station, DB_RESULT_CANCELLED, now);
+	station_finish_command(station, DB_RESULT_CANCELLED, now);
 	engine_tell_unconfirmed(engine, station);
 	station_drop_stops(station, now);
 	if (node->online)
 		engine->stats.online--;
 	if (station_part(station, engine->driver))
 		take_out_node(engine, node);
-	close_gap(&engine->next_front, index, engine->station_count);
+	close_gap(&engine->next_command, index, engine->station_count);
 	close_gap(&engine->next_stop, index, engine->station_count);
 	close_gap(&engine->next_identify, index, engine->station_count);
 	engine->station_count--;
 	memmove(&engine->stations[index], &engine->stations[index + 1],
 	        (engine->station_count - index) * sizeof(struct station *));
 	engine->change->left[engine->change->left_count++] = station;
-	engine_end_of_polls(engine, now);
+	engine_end_cycle(engine, now);
 }
 
 /* --- coming -------------------------------------------------------------------------------------- */
@@ -231,7 +231,7 @@ static void take_in(struct db_engine *engine, struct db_change *change, db_time 
 	swap_room(engine, change);
 	wrap(&engine->next_poll, engine->node_count);
 	wrap(&engine->next_probe, engine->node_count);
-	wrap(&engine->next_front, engine->station_count);
+	wrap(&engine->next_command, engine->station_count);
 	wrap(&engine->next_stop, engine->station_count);
 	wrap(&engine->next_identify, engine->station_count);
 	for (size_t i = 0; i < change->coming_count; i++) {
@@ -241,12 +241,12 @@ static void take_in(struct db_engine *engine, struct db_change *change, db_time 
 		engine->stations[engine->station_count++] = station;
 		station_join(station, node_for(engine, station), engine->bus);
 		if (station->node->online)
-			engine_come_online(engine, station, now);
+			engine_count_online(engine, station, now);
 		engine_publish(engine, station);
 	}
 }
 
-void engine_carry_change(struct db_engine *engine, db_time now)
+void change_carry_out(struct db_engine *engine, db_time now)
 {
 	struct db_change *change = engine->change;
 	bool waits = false;

@@ -32,4 +32,14 @@ struct db_change *change_new(const struct db_bus_config *bus, size_t present,
                              const struct db_bus_drive *coming, size_t coming_count);
 void change_free(struct db_change *change);
 
+/* Bus thread: who leaves is told to stop. The change is the engine's until it was carried out and fetched;
+ * before the next one it must be. */
+void change_begin(struct db_engine *engine, struct db_change *change, db_time now);
+/* Takes out who can leave now; when nobody leaves any more, takes in who comes. */
+void change_carry_out(struct db_engine *engine, db_time now);
+/* When it is to be looked at again at the latest; DB_TIME_NEVER. */
+db_time change_deadline(const struct db_engine *engine, db_time now);
+/* One that was carried out, or null. */
+struct db_change *change_fetch(struct db_engine *engine);
+
 #endif

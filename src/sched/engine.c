@@ -1,5 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include "sched/engine.h"
+
+#include "sched/answer.h"
+#include "sched/change.h"
+#include "sched/common_start.h"
+#include "sched/exchange.h"
+#include "sched/schedule.h"
 #include "sched/state.h"
+#include "sched/stop.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -8,7 +16,7 @@
 /* --- making -------------------------------------------------------------------------------------- */
 
 int db_engine_new(const struct db_bus_config *bus, const struct db_bus_drive *drives,
-                  size_t drive_count, struct db_mailbox *mailbox, const struct db_engine_ops *ops,
+                  size_t drive_count, struct db_queue *queue, const struct db_engine_ops *ops,
                   void *context, struct db_engine **engine)
 {
 	struct db_engine *made = calloc(1, sizeof *made);
@@ -17,7 +25,7 @@ int db_engine_new(const struct db_bus_config *bus, const struct db_bus_drive *dr
 		return -ENOMEM;
 	made->bus = bus;
 	made->driver = bus->driver;
-	made->mailbox = mailbox;
+	made->queue = queue;
 	made->ops = ops;
 	made->context = context;
 	made->period = (db_time)bus->cycle_ms * DB_NS_PER_MS;
@@ -30,8 +38,8 @@ int db_engine_new(const struct db_bus_config *bus, const struct db_bus_drive *dr
 		db_engine_free(made);
 		return -ENOMEM;
 	}
-	engine_carry_change(made, 0);
-	change_free(db_engine_take_changed(made));
+	change_carry_out(made, 0);
+	change_free(change_fetch(made));
 	*engine = made;
 	return 0;
 }
@@ -52,138 +60,15 @@ void db_engine_free(struct db_engine *engine)
 	free(engine);
 }
 
-struct station *engine_station(const struct db_engine *engine, uint16_t number)
-{
-	for (size_t i = 0; i < engine->station_count; i++) {
-		if (engine->stations[i]->number == number)
-			return engine->stations[i];
-	}
-	return NULL;
-}
-
 void db_engine_set_wall_offset(struct db_engine *engine, int64_t wall_offset_us)
 {
 	engine->wall_offset_us = wall_offset_us;
-}
-
-/* --- what is told of drives ------------------------------------------------------------------------ */
-
-static void tell(struct db_engine *engine, const struct station *station, enum db_event event)
-{
-	if (engine->ops->tell)
-		engine->ops->tell(engine->context, station->config, event,
-		                  &station->snapshot.feedback);
-}
-
-void engine_tell_timing(struct db_engine *engine, struct station *station, enum db_event event,
-                        db_time time)
-{
-	/* That it does not answer in time is no news any more. */
-	if (event == DB_EVENT_DRIVE_LATE)
-		station->told.missing = true;
-	if (engine->ops->tell_timing)
-		engine->ops->tell_timing(engine->context, station->config, event, time);
-}
-
-void engine_tell_missing(struct db_engine *engine, struct station *station)
-{
-	if (station->told.missing)
-		return;
-	station->told.missing = true;
-	tell(engine, station, DB_EVENT_DRIVE_LOST);
-	if (station->node->heard.count > 0 && engine->ops->tell_heard)
-		engine->ops->tell_heard(engine->context, station->config, &station->node->heard);
-}
-
-void engine_tell_raw(struct db_engine *engine, const struct station *station, bool sent,
-                     const uint8_t *bytes, size_t length)
-{
-	const struct lane *lane = &station->lanes[LANE_FRONT];
-
-	if (station->front_letter && lane->job.kind == DB_JOB_COMMAND &&
-	    lane->job.request->command == DB_CMD_RAW_FRAME && engine->ops->tell_raw)
-		engine->ops->tell_raw(engine->context, station->config, sent, bytes, length);
-}
-
-void engine_tell_unconfirmed(struct db_engine *engine, const struct station *station)
-{
-	/* One that was never heard was not set going from here. */
-	if (station->snapshot.feedback.taken == 0)
-		return;
-	for (unsigned i = 0; i < station->stop_count; i++) {
-		if (station->stops[i].letter)
-			continue;
-		tell(engine, station, DB_EVENT_DRIVE_UNCONFIRMED);
-		return;
-	}
 }
 
 void db_engine_tell_unconfirmed(struct db_engine *engine)
 {
 	for (size_t i = 0; i < engine->station_count; i++)
 		engine_tell_unconfirmed(engine, engine->stations[i]);
-}
-
-static void tell_presence(struct db_engine *engine, struct station *station, bool online)
-{
-	station->told.online = online;
-	station->told.error = DB_ERROR_NONE;
-	station->told.missing_params = 0;
-	if (online) {
-		station->told.missing = false;
-		tell(engine, station, DB_EVENT_DRIVE_ONLINE);
-	} else if (engine->stats.up) {
-		/* Without a bus no drive answers: that was told of the bus. */
-		engine_tell_missing(engine, station);
-	}
-}
-
-/* Bits that were not set when the drive was last spoken of. */
-static bool rose(const struct station *station, uint32_t bit)
-{
-	return station->snapshot.feedback.status & ~station->told.status & bit;
-}
-
-static void tell_changes(struct db_engine *engine, struct station *station)
-{
-	const struct db_feedback *feedback = &station->snapshot.feedback;
-	bool online = feedback->status & DB_STATUS_ONLINE;
-
-	if (online != station->told.online)
-		tell_presence(engine, station, online);
-	if (!online)
-		return;
-	if (feedback->error != station->told.error)
-		tell(engine, station,
-		     feedback->error == DB_ERROR_RUNS_ON ? DB_EVENT_DRIVE_RUNS_ON :
-		     feedback->error != DB_ERROR_NONE    ? DB_EVENT_DRIVE_FAULT :
-		                                           DB_EVENT_DRIVE_FAULT_GONE);
-	if (rose(station, DB_STATUS_WARNING) && feedback->error == DB_ERROR_NONE)
-		tell(engine, station, DB_EVENT_DRIVE_WARNING);
-	/* Disabling some drives loses the origin as well, but not what was read of their parameters. */
-	if (rose(station, DB_STATUS_ORIGIN_LOST) && !(feedback->status & DB_STATUS_PARAMS_VALID))
-		tell(engine, station, DB_EVENT_DRIVE_RESTARTED);
-	station->told.error = feedback->error;
-	station->told.status = feedback->status;
-}
-
-static void tell_missing_params(struct db_engine *engine, struct station *station)
-{
-	uint64_t missing = engine->driver->nameplate(station->device)->missing;
-
-	/* One after the other is found missing: they are told together when all were asked for. */
-	if (!(station->snapshot.feedback.status & DB_STATUS_PARAMS_VALID))
-		return;
-	if ((missing & ~station->told.missing_params) && engine->ops->tell_missing)
-		engine->ops->tell_missing(engine->context, station->config, missing);
-	station->told.missing_params = missing;
-}
-
-void engine_publish(struct db_engine *engine, struct station *station)
-{
-	station_publish(station, engine->driver, engine->stats.up, engine->wall_offset_us);
-	tell_changes(engine, station);
-	tell_missing_params(engine, station);
 }
 
 /* --- the port -------------------------------------------------------------------------------------- */
@@ -206,7 +91,7 @@ void db_engine_port(struct db_engine *engine, bool up, int error, db_time now)
 
 		node->flight.station = NULL;
 		if (!up)
-			engine_go_offline(engine, node, DB_RESULT_BUS_DOWN, now);
+			engine_take_offline(engine, node, DB_RESULT_BUS_DOWN, now);
 		node->probe_at = now;
 		node->probe_backoff = PROBE_BACKOFF_MIN;
 		node->ever_probed = false;
@@ -234,60 +119,76 @@ void db_engine_hold(struct db_engine *engine, bool hold, db_time now)
 		engine->nodes[i]->flight.deadline += late;
 }
 
-/* --- letters --------------------------------------------------------------------------------------- */
-
-void engine_finish_waiting(struct db_engine *engine, const struct station *station,
-                           enum db_result result, db_time now)
+void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now)
 {
-	size_t kept = 0;
+	while (length > 0) {
+		size_t room = sizeof engine->received - engine->received_length;
+		size_t take = length < room ? length : room;
+		size_t start = 0;
+		size_t skip = 0;
+		size_t frame = 0;
 
-	for (size_t i = 0; i < engine->waiting_count; i++) {
-		struct db_letter *letter = engine->waiting[i];
-
-		if (db_letter_axis(letter) == station->number)
-			db_letter_finish(letter, result, now);
-		else
-			engine->waiting[kept++] = letter;
+		memcpy(engine->received + engine->received_length, bytes, take);
+		engine->received_length += take;
+		bytes += take;
+		length -= take;
+		do {
+			engine->driver->cut(engine->received + start,
+			                    engine->received_length - start, &skip, &frame);
+			engine->stats.garbage_bytes += (uint32_t)skip;
+			start += skip;
+			if (frame > 0)
+				answer_take_frame(engine, engine->received + start, frame, now);
+			start += frame;
+		} while (frame > 0);
+		/* answer_take_frame() never sends, so the buffer is still the one that was cut. */
+		engine->received_length -= start;
+		memmove(engine->received, engine->received + start, engine->received_length);
+		if (engine->received_length == sizeof engine->received) {
+			engine->stats.garbage_bytes += (uint32_t)engine->received_length;
+			engine->received_length = 0;
+		}
 	}
-	engine->waiting_count = kept;
 }
 
-static void take_stop(struct db_engine *engine, struct station *station, struct db_letter *letter,
+/* --- requests --------------------------------------------------------------------------------------- */
+
+static void take_stop(struct db_engine *engine, struct station *station, struct db_queued *queued,
                       db_time now)
 {
 	engine_finish_waiting(engine, station, DB_RESULT_CANCELLED, now);
 	/* Of its controller's other axes nothing half done may go on behind the stop. Disabling one
 	 * leaves the others as they are. */
 	for (struct station *s = station->node->first; s; s = s->next_axis) {
-		if (s == station || db_letter_command(letter) != DB_CMD_DISABLE)
-			station_cancel_front(s, now);
+		if (s == station || db_queued_command(queued) != DB_CMD_DISABLE)
+			station_cancel_command(s, now);
 	}
-	station_add_stop(station, db_letter_command(letter), letter, now);
+	station_add_stop(station, db_queued_command(queued), queued, now);
 }
 
-static void take_letters(struct db_engine *engine, db_time now)
+static void take_queued(struct db_engine *engine, db_time now)
 {
-	struct db_letter *letter;
+	struct db_queued *queued;
 
-	while ((letter = db_mailbox_take(engine->mailbox)) != NULL) {
-		struct station *station = engine_station(engine, db_letter_axis(letter));
+	while ((queued = db_queue_take(engine->queue)) != NULL) {
+		struct station *station = engine_find_station(engine, db_queued_drive(queued));
 
 		if (!station)
-			db_letter_finish(letter, DB_RESULT_FAILED, now);
+			db_queued_finish(queued, DB_RESULT_FAILED, now);
 		else if (engine->shutting_down)
-			db_letter_finish(letter, DB_RESULT_CANCELLED, now);
-		else if (db_command_is_stop(db_letter_command(letter)))
-			take_stop(engine, station, letter, now);
+			db_queued_finish(queued, DB_RESULT_CANCELLED, now);
+		else if (db_command_is_stop(db_queued_command(queued)))
+			take_stop(engine, station, queued, now);
 		else if (station->leaving)
-			db_letter_finish(letter, DB_RESULT_CANCELLED, now);
+			db_queued_finish(queued, DB_RESULT_CANCELLED, now);
 		else if (!engine->stats.up)
-			db_letter_finish(letter, DB_RESULT_BUS_DOWN, now);
+			db_queued_finish(queued, DB_RESULT_BUS_DOWN, now);
 		else if (!station->node->online)
-			db_letter_finish(letter, DB_RESULT_OFFLINE, now);
+			db_queued_finish(queued, DB_RESULT_OFFLINE, now);
 		else if (engine->waiting_count == engine->waiting_max)
-			db_letter_finish(letter, DB_RESULT_BUSY, now);
+			db_queued_finish(queued, DB_RESULT_BUSY, now);
 		else
-			engine->waiting[engine->waiting_count++] = letter;
+			engine->waiting[engine->waiting_count++] = queued;
 	}
 	engine->stats.queued = (uint32_t)engine->waiting_count;
 }
@@ -327,23 +228,6 @@ static void start_cycle(struct db_engine *engine, db_time now)
 	}
 }
 
-void engine_end_of_polls(struct db_engine *engine, db_time now)
-{
-	uint32_t us;
-
-	if (!engine->polling)
-		return;
-	for (size_t i = 0; i < engine->node_count; i++) {
-		if (engine->nodes[i]->poll_due)
-			return;
-	}
-	engine->polling = false;
-	us = db_time_us32(now - engine->cycle_started);
-	engine->stats.cycle_us = us;
-	if (us > engine->stats.cycle_max_us)
-		engine->stats.cycle_max_us = us;
-}
-
 static void measure_utilisation(struct db_engine *engine, db_time now)
 {
 	if (engine->second_at == 0)
@@ -364,14 +248,14 @@ static db_time earliest(db_time a, db_time b)
 /* When a node that is not waiting for an answer wants something at the latest. */
 static db_time node_wake(const struct db_engine *engine, const struct node *node, db_time now)
 {
-	bool haunted = node_is_haunted(node, now);
+	bool waits_out = node_waits_out_late_answers(node, now);
 	db_time wake = DB_TIME_NEVER;
 	db_time probe = node->probe_at;
 
 	for (const struct station *s = node->first; s; s = s->next_axis)
-		wake = earliest(wake, engine_stop_wake(engine, s, now));
-	if (haunted)
-		return earliest(wake, node_haunted_until(node, now));
+		wake = earliest(wake, stop_wake(engine, s, now));
+	if (waits_out)
+		return earliest(wake, node_late_answers_until(node, now));
 	if (node->ever_probed && probe < engine->probes_from)
 		probe = engine->probes_from;
 	return !node->online && !engine->shutting_down ? earliest(wake, probe) : wake;
@@ -379,10 +263,10 @@ static db_time node_wake(const struct db_engine *engine, const struct node *node
 
 static db_time next_wake(const struct db_engine *engine, bool more, db_time now)
 {
-	db_time may_send = engine_may_send_at(engine, false, now);
-	db_time wake = earliest(engine->cycle_at, engine_change_deadline(engine, now));
+	db_time may_send = exchange_may_begin_at(engine, false, now);
+	db_time wake = earliest(engine->cycle_at, change_deadline(engine, now));
 
-	wake = earliest(wake, engine_common_wake(engine, now));
+	wake = earliest(wake, common_start_wake(engine, now));
 
 	/* There is more to be sent as soon as the wire has room. */
 	if (more || may_send > now)
@@ -408,7 +292,7 @@ static void lose_overdue(struct db_engine *engine, db_time now)
 		struct node *node = engine->nodes[i];
 
 		if (is_flying(node) && now >= node->flight.deadline)
-			engine_answer_lost(engine, node, now);
+			answer_lost(engine, node, now);
 	}
 }
 
@@ -417,14 +301,14 @@ db_time db_engine_run(struct db_engine *engine, db_time now)
 	/* Every node may be given something; that some jobs end without sending makes no endless loop. */
 	size_t turns = 2 * engine->node_count + 1;
 
-	take_letters(engine, now);
-	engine_carry_change(engine, now);
+	take_queued(engine, now);
+	change_carry_out(engine, now);
 	measure_utilisation(engine, now);
 	if (!engine->stats.up)
 		return DB_TIME_NEVER;
 	lose_overdue(engine, now);
 	start_cycle(engine, now);
-	while (turns > 0 && engine_send_something(engine, now))
+	while (turns > 0 && schedule_send_next(engine, now))
 		turns--;
 	return next_wake(engine, turns == 0, now);
 }
@@ -439,7 +323,7 @@ void db_engine_shut_down(struct db_engine *engine, db_time now)
 		enum db_command command = db_on_loss_command(station->config->on_exit);
 
 		engine_finish_waiting(engine, station, DB_RESULT_CANCELLED, now);
-		station_cancel_front(station, now);
+		station_cancel_command(station, now);
 		/* Who leaves was told already. */
 		if (command == DB_CMD_NONE || station->leaving)
 			continue;

@@ -16,7 +16,7 @@
 #include "drivebridge/bus.h"
 #include "drivebridge/driver.h"
 #include "drivebridge/log.h"
-#include "sched/mailbox.h"
+#include "sched/queue.h"
 
 struct db_engine;
 
@@ -50,18 +50,11 @@ struct db_engine_ops {
 	                 const uint8_t *bytes, size_t length);
 };
 
-/* The bus's configuration and the mailbox must outlive the engine. 0 or -ENOMEM. */
+/* The bus's configuration and the queue must outlive the engine. 0 or -ENOMEM. */
 int db_engine_new(const struct db_bus_config *bus, const struct db_bus_drive *drives,
-                  size_t drive_count, struct db_mailbox *mailbox, const struct db_engine_ops *ops,
+                  size_t drive_count, struct db_queue *queue, const struct db_engine_ops *ops,
                   void *context, struct db_engine **engine);
 void db_engine_free(struct db_engine *engine);
-
-/*
- * Drives leave and come, see db_bus_change() and sched/change.h. The change is the engine's until it
- * was carried out and fetched; before the next one it must be. Null: there is none.
- */
-void db_engine_change(struct db_engine *engine, struct db_change *change, db_time now);
-struct db_change *db_engine_take_changed(struct db_engine *engine);
 
 /* The port was opened (error 0) or lost. `wall_offset_us` turns monotonic into wall time. */
 void db_engine_port(struct db_engine *engine, bool up, int error, db_time now);

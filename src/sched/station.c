@@ -14,64 +14,65 @@ struct node *node_new(const struct db_bus_config *bus, unsigned address)
 		return NULL;
 	node->address = address;
 	node->probe_backoff = PROBE_BACKOFF_MIN;
-	node->ghost_time = GHOST_LATENCIES * (db_time)bus->drive_latency_ms * DB_NS_PER_MS;
+	node->late_answer_time = LATE_ANSWER_LATENCIES * (db_time)bus->drive_latency_ms *
+	                         DB_NS_PER_MS;
 	return node;
 }
 
 void node_free(struct node *node)
 {
 	while (node) {
-		struct node *also = node->also;
+		struct node *next_spare = node->next_spare;
 
 		free(node->head);
 		free(node);
-		node = also;
+		node = next_spare;
 	}
 }
 
-void node_note_ghost(struct node *node, bool probe, db_time now)
+void node_expect_late_answer(struct node *node, bool probe, db_time now)
 {
 	if (!probe) {
-		node->risky_until = now + node->ghost_time;
+		node->risky_until = now + node->late_answer_time;
 		return;
 	}
-	if (now >= node->ghosts_until)
-		node->ghosts = 0;
-	node->ghosts++;
-	node->ghosts_until = now + node->ghost_time;
+	if (now >= node->late_probes_until)
+		node->late_probes = 0;
+	node->late_probes++;
+	node->late_probes_until = now + node->late_answer_time;
 }
 
-void node_inherit_ghosts(struct node *node, const struct node *from)
+void node_inherit_late_answers(struct node *node, const struct node *from)
 {
 	node->risky_until = from->risky_until;
-	node->ghosts = from->ghosts;
-	node->ghosts_until = from->ghosts_until;
+	node->late_probes = from->late_probes;
+	node->late_probes_until = from->late_probes_until;
 }
 
-db_time node_haunted_until(const struct node *node, db_time now)
+db_time node_late_answers_until(const struct node *node, db_time now)
 {
-	if (node->ghosts == 0 || now >= node->risky_until)
+	if (node->late_probes == 0 || now >= node->risky_until)
 		return now;
-	return node->ghosts_until;
+	return node->late_probes_until;
 }
 
-bool node_is_haunted(const struct node *node, db_time now)
+bool node_waits_out_late_answers(const struct node *node, db_time now)
 {
-	return !node->in_step && node_haunted_until(node, now) > now;
+	return !node->in_step && node_late_answers_until(node, now) > now;
 }
 
-bool node_is_ghost(struct node *node, db_time now)
+bool node_is_late_answer(struct node *node, db_time now)
 {
-	if (now >= node->ghosts_until)
-		node->ghosts = 0;
-	if (node->ghosts == 0)
+	if (now >= node->late_probes_until)
+		node->late_probes = 0;
+	if (node->late_probes == 0)
 		return false;
 	if (now < node->risky_until) {
-		node->ghosts--;
+		node->late_probes--;
 		return true;
 	}
 	/* Whichever probe it answers, as many others may still be. */
-	node->ghosts_until = now + node->ghost_time;
+	node->late_probes_until = now + node->late_answer_time;
 	return false;
 }
 
@@ -108,7 +109,7 @@ db_time node_late_by(const struct node *node, db_time now)
 {
 	db_time latency = now - node->lost_sent - node->lost_wire;
 
-	return node->lost_sent == 0 || latency > node->ghost_time ? 0 : latency;
+	return node->lost_sent == 0 || latency > node->late_answer_time ? 0 : latency;
 }
 
 bool node_is_deaf(struct node *node)
@@ -139,7 +140,7 @@ struct station *station_new(const struct db_bus_config *bus, const struct db_bus
 		station_free(station);
 		return NULL;
 	}
-	for (size_t i = 0; i < LANE_FRONT; i++) {
+	for (size_t i = 0; i < LANE_COMMAND; i++) {
 		struct db_exchange *exchange = &station->lanes[i].exchange;
 
 		exchange->request = station->requests[i];
@@ -159,18 +160,18 @@ void station_free(struct station *station)
 	free(station);
 }
 
-static struct station **last_place(struct node *node)
+static struct station **find_end(struct node *node)
 {
-	struct station **place = &node->first;
+	struct station **link = &node->first;
 
-	while (*place)
-		place = &(*place)->next_axis;
-	return place;
+	while (*link)
+		link = &(*link)->next_axis;
+	return link;
 }
 
 void station_join(struct station *station, struct node *node, const struct db_bus_config *bus)
 {
-	*last_place(node) = station;
+	*find_end(node) = station;
 	station->node = node;
 	bus->driver->init(station->device, node->head, bus, station->config);
 	if (!node->head)
@@ -180,17 +181,17 @@ void station_join(struct station *station, struct node *node, const struct db_bu
 bool station_part(struct station *station, const struct db_driver *driver)
 {
 	struct node *node = station->node;
-	struct station **place = &node->first;
+	struct station **link = &node->first;
 
-	while (*place != station)
-		place = &(*place)->next_axis;
-	*place = station->next_axis;
+	while (*link != station)
+		link = &(*link)->next_axis;
+	*link = station->next_axis;
 	station->next_axis = NULL;
 	station->node = NULL;
 	if (node->first) {
 		driver->leave(station->device);
 	} else {
-		node->also = station->spare;
+		node->next_spare = station->spare;
 		station->spare = node;
 	}
 	if (station->device == node->head)
@@ -264,17 +265,17 @@ void station_count_answer(struct station *station, db_time round_trip)
 	stats->round_trip_mean_us = (uint32_t)(station->round_trip_sum_us / station->round_trips);
 }
 
-void station_add_stop(struct station *station, enum db_command command, struct db_letter *letter,
+void station_add_stop(struct station *station, enum db_command command, struct db_queued *queued,
                       db_time now)
 {
-	/* Room for letters is bounded where they are posted, and the end asks once. */
+	/* Room for requests is bounded where they are posted, and the end asks once. */
 	if (station->stop_count == STOPS_MAX) {
-		if (letter)
-			db_letter_finish(letter, DB_RESULT_FAILED, now);
+		if (queued)
+			db_queued_finish(queued, DB_RESULT_FAILED, now);
 		return;
 	}
 	station->stops[station->stop_count++] = (struct pending_stop){
-		.letter = letter,
+		.queued = queued,
 		.command = command,
 	};
 	station->stop_at = now;
@@ -287,6 +288,19 @@ const struct pending_stop *station_unanswered_stop(const struct station *station
 			return &station->stops[i];
 	}
 	return NULL;
+}
+
+void station_note_stop_sent(struct station *station, enum db_command command, db_time now)
+{
+	for (unsigned i = 0; i < station->stop_count; i++) {
+		struct pending_stop *stop = &station->stops[i];
+
+		if (stop->command != command)
+			continue;
+		stop->sent = true;
+		if (stop->queued)
+			db_queued_sent(stop->queued, now);
+	}
 }
 
 void station_note_stop_answered(struct station *station, enum db_command command)
@@ -311,11 +325,11 @@ bool station_finish_stops(struct station *station, enum db_command command, enum
 		bool ends = stop->answered && (command == STOP_ANY || stop->command == command);
 
 		/* The bridge's own stops have nobody else who would say them again. */
-		if (ends && !stop->letter && turned_down) {
+		if (ends && !stop->queued && turned_down) {
 			stop->sent = stop->answered = false;
 			again = true;
-		} else if (ends && stop->letter) {
-			db_letter_finish(stop->letter, result, now);
+		} else if (ends && stop->queued) {
+			db_queued_finish(stop->queued, result, now);
 			continue;
 		} else if (ends && result == DB_RESULT_OK) {
 			continue;
@@ -336,63 +350,63 @@ void station_drop_stops(struct station *station, db_time now)
 	for (unsigned i = 0; i < station->stop_count; i++) {
 		struct pending_stop *stop = &station->stops[i];
 
-		if (stop->letter)
-			db_letter_finish(stop->letter,
+		if (stop->queued)
+			db_queued_finish(stop->queued,
 			                 stop->sent ? DB_RESULT_INDETERMINATE : DB_RESULT_CANCELLED,
 			                 now);
 	}
 	station->stop_count = 0;
 }
 
-bool station_front_flies(const struct station *station)
+bool station_command_flies(const struct station *station)
 {
 	const struct flight *flight = &station->node->flight;
 
-	return flight->station == station && flight->lane == LANE_FRONT;
+	return flight->station == station && flight->lane == LANE_COMMAND;
 }
 
-void station_cancel_front(struct station *station, db_time now)
+void station_cancel_command(struct station *station, db_time now)
 {
-	if (station_front_flies(station))
-		station->front_cancelled = true;
+	if (station_command_flies(station))
+		station->command_cancelled = true;
 	else
-		station_finish_front(station, DB_RESULT_CANCELLED, now);
+		station_finish_command(station, DB_RESULT_CANCELLED, now);
 }
 
-void station_finish_front(struct station *station, enum db_result result, db_time now)
+void station_finish_command(struct station *station, enum db_result result, db_time now)
 {
-	struct lane *lane = &station->lanes[LANE_FRONT];
+	struct lane *lane = &station->lanes[LANE_COMMAND];
 
 	if (!lane->active)
 		return;
 	if (result == DB_RESULT_REFUSED)
 		station->snapshot.stats.refusals++;
-	db_letter_finish(station->front_letter, result, now);
-	station->front_letter = NULL;
-	station->front_cancelled = false;
-	station->front_ended = now;
+	db_queued_finish(station->queued, result, now);
+	station->queued = NULL;
+	station->command_cancelled = false;
+	station->command_ended = now;
 	lane->active = false;
 	lane->ready = false;
 }
 
-void station_abandon_front(struct station *station, const struct db_driver *driver,
-                           enum db_result unless_known, db_time now)
+void station_abandon_command(struct station *station, const struct db_driver *driver,
+                             enum db_result unless_known, db_time now)
 {
-	struct lane *lane = &station->lanes[LANE_FRONT];
-	struct db_conversation talk = station_conversation(station, LANE_FRONT, now);
+	struct lane *lane = &station->lanes[LANE_COMMAND];
+	struct db_conversation talk = station_conversation(station, LANE_COMMAND, now);
 	enum db_result result;
 
 	if (!lane->active)
 		return;
 	if (!lane->sent) {
-		station_finish_front(station, unless_known, now);
+		station_finish_command(station, unless_known, now);
 		return;
 	}
 	/* The driver may want to read back; with the drive gone that is lost, too. */
 	result = driver->lost(&talk) == DB_STEP_SEND ? DB_RESULT_INDETERMINATE : talk.result;
 	if (result == DB_RESULT_TIMEOUT)
 		result = unless_known;
-	if (station->front_cancelled)
+	if (station->command_cancelled)
 		result = DB_RESULT_CANCELLED;
-	station_finish_front(station, result, now);
+	station_finish_command(station, result, now);
 }

@@ -11,11 +11,11 @@
 #include "drivebridge/driver.h"
 #include "sched/braking.h"
 #include "sched/engine.h"
-#include "sched/mailbox.h"
+#include "sched/queue.h"
 
 /* A conversation with a drive. Those of different lanes may interleave, exchange by exchange. Polls
  * and probes are the first station's of a node, for all of them. */
-enum lane_kind { LANE_STOP, LANE_POLL, LANE_IDENTIFY, LANE_PROBE, LANE_FRONT, LANE_COUNT };
+enum lane_kind { LANE_STOP, LANE_POLL, LANE_IDENTIFY, LANE_PROBE, LANE_COMMAND, LANE_COUNT };
 
 struct lane {
 	bool active;    /* begun, not ended */
@@ -26,12 +26,12 @@ struct lane {
 	struct db_exchange exchange;
 };
 
-/* Those of letters, and the end's. */
-#define STOPS_MAX (DB_MAILBOX_STOPS_EACH + 1)
+/* Those of requests, and the end's. */
+#define STOPS_MAX (DB_QUEUE_STOPS_EACH + 1)
 
 /* Who waits for a stop. */
 struct pending_stop {
-	struct db_letter *letter; /* null for the bridge's own */
+	struct db_queued *queued; /* null for the bridge's own */
 	enum db_command command;
 	bool broadcast; /* it went out for all drives at once; nobody answers that */
 	bool sent;
@@ -52,8 +52,8 @@ struct flight {
 
 struct node {
 	unsigned address;
-	struct node *also;     /* another spare one, freed with it */
-	struct station *first; /* the others follow, linked by next_axis */
+	struct node *next_spare; /* another spare one, freed with it */
+	struct station *first;   /* the others follow, linked by next_axis */
 	struct db_device
 		*head;        /* the first drive's; polls for all, and stays when that drive goes */
 	struct flight flight; /* one exchange at a time */
@@ -69,10 +69,10 @@ struct node {
 	 * a lost status or command may be answered, an answer is first taken for that of an earlier
 	 * lost probe.
 	 */
-	db_time ghost_time;   /* how late an answer can be */
+	db_time late_answer_time; /* how late an answer can be */
 	db_time risky_until;  /* a lost exchange other than a probe may be answered until then */
-	unsigned ghosts;      /* lost probes that may be answered */
-	db_time ghosts_until; /* after that, none will be */
+	unsigned late_probes; /* lost probes that may be answered */
+	db_time late_probes_until; /* after that, none will be */
 
 	/* For advice: the exchange lost last, and how requests fared that followed an answer at once. */
 	db_time lost_sent; /* 0: none */
@@ -92,7 +92,7 @@ struct node {
 };
 
 /* What was said of a drive last, so that only changes are. */
-struct told {
+struct last_logged {
 	bool online;
 	bool missing; /* it was told that it does not answer */
 	uint16_t error;
@@ -110,18 +110,18 @@ struct station {
 	struct db_axis *axis;
 	struct db_device *device; /* null once its node keeps it as its head */
 	struct db_snapshot snapshot;
-	struct told told;
+	struct last_logged last_logged;
 	struct lane lanes[LANE_COUNT];
-	uint8_t requests[LANE_COUNT - 1][DB_SHORT_REQUEST]; /* LANE_FRONT has its letter's */
+	uint8_t requests[LANE_COUNT - 1][DB_SHORT_REQUEST]; /* LANE_COMMAND has its request's */
 
 	uint32_t generation; /* of the nameplate published last */
 	bool plate_published;
-	bool front_cancelled;
+	bool command_cancelled;
 	db_time identify_at; /* not before: the last attempt failed */
 	db_time identify_backoff;
 
-	struct db_letter *front_letter;
-	db_time front_ended; /* the last one */
+	struct db_queued *queued;
+	db_time command_ended; /* the last one */
 
 	struct pending_stop stops[STOPS_MAX];
 	unsigned stop_count;
@@ -138,7 +138,7 @@ struct station {
 
 /* No drive is later than so many times the configured latency: what was not answered by then never
  * will be. */
-#define GHOST_LATENCIES 4
+#define LATE_ANSWER_LATENCIES 4
 
 /* How often an offline drive is looked for: at first, and at most. */
 #define PROBE_BACKOFF_MIN (100 * DB_NS_PER_MS)
@@ -156,15 +156,15 @@ struct node *node_new(const struct db_bus_config *bus, unsigned address);
 void node_free(struct node *node);
 
 /* An exchange went without its answer; `probe` tells which kind it was. */
-void node_note_ghost(struct node *node, bool probe, db_time now);
+void node_expect_late_answer(struct node *node, bool probe, db_time now);
 /* Another node takes its place at its address: answers to the old one may still come. */
-void node_inherit_ghosts(struct node *node, const struct node *from);
-/* Until when it is no use to send a probe, because its answer could not be told from a ghost. */
-db_time node_haunted_until(const struct node *node, db_time now);
+void node_inherit_late_answers(struct node *node, const struct node *from);
+/* Until when it is no use to send a probe, because its answer could not be told from a late answer. */
+db_time node_late_answers_until(const struct node *node, db_time now);
 /* It must be asked a probe first, and the answer could not be told from an earlier one's yet. */
-bool node_is_haunted(const struct node *node, db_time now);
+bool node_waits_out_late_answers(const struct node *node, db_time now);
 /* Whether the answer that just came to a probe may be an earlier probe's. */
-bool node_is_ghost(struct node *node, db_time now);
+bool node_is_late_answer(struct node *node, db_time now);
 
 /* The exchange that just ended was answered, or lost. */
 void node_note_answer(struct node *node, db_time now);
@@ -196,11 +196,13 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 
 void station_count_answer(struct station *station, db_time round_trip);
 
-/* Adds a stop; the letter may be null. What is queued or running for the drive is the caller's. */
-void station_add_stop(struct station *station, enum db_command command, struct db_letter *letter,
+/* Adds a stop; the request may be null. What is queued or running for the drive is the caller's. */
+void station_add_stop(struct station *station, enum db_command command, struct db_queued *queued,
                       db_time now);
 /* The first stop that the drive has not answered, or null. */
 const struct pending_stop *station_unanswered_stop(const struct station *station);
+/* Who asked for it learns that the stop of this command is on the wire. */
+void station_note_stop_sent(struct station *station, enum db_command command, db_time now);
 /* The drive has answered the stop of this command that was on the wire: everyone who had asked for it
  * by then may wait for its effect. */
 void station_note_stop_answered(struct station *station, enum db_command command);
@@ -216,14 +218,14 @@ bool station_awaits_stop(const struct station *station);
 void station_drop_stops(struct station *station, db_time now);
 
 /* The running command or parameter write is on the wire now. */
-bool station_front_flies(const struct station *station);
+bool station_command_flies(const struct station *station);
 /* Ends the running command or parameter write, if there is one. */
-void station_finish_front(struct station *station, enum db_result result, db_time now);
+void station_finish_command(struct station *station, enum db_result result, db_time now);
 /* A stop or the end overtakes it: ends it, or lets it end as cancelled when it is on the wire. */
-void station_cancel_front(struct station *station, db_time now);
+void station_cancel_command(struct station *station, db_time now);
 
 /* Ends a running command whose drive is lost: the driver says what is known of its fate. */
-void station_abandon_front(struct station *station, const struct db_driver *driver,
-                           enum db_result unless_known, db_time now);
+void station_abandon_command(struct station *station, const struct db_driver *driver,
+                             enum db_result unless_known, db_time now);
 
 #endif

@@ -1,12 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * Stops: said ahead of everything, said again until the drive answers, and then until it is seen to
- * stop. What a drive that stops looks like is in braking.h.
- */
-#include "sched/state.h"
+#include "sched/stop.h"
 
-/* What drives are given to act on a broadcast before they are asked something. */
-#define BROADCAST_GAP (2 * DB_NS_PER_MS)
+#include "sched/exchange.h"
 
 /* How soon a stop that the drive turned down is said again. */
 #define STOP_AGAIN (20 * DB_NS_PER_MS)
@@ -22,19 +17,6 @@ static const struct db_request stop_requests[] = {
 };
 
 /* --- saying it ------------------------------------------------------------------------------------- */
-
-void engine_note_stop_sent(struct station *station, enum db_command command, db_time now)
-{
-	for (unsigned i = 0; i < station->stop_count; i++) {
-		struct pending_stop *stop = &station->stops[i];
-
-		if (stop->command != command)
-			continue;
-		stop->sent = true;
-		if (stop->letter)
-			db_letter_sent(stop->letter, now);
-	}
-}
 
 /* A drive that goes on is told to stop, or as a last resort, where that is configured, let go. */
 static enum db_command command_for_runaway(const struct station *station)
@@ -54,29 +36,20 @@ static void send_stop(struct db_engine *engine, struct station *station, db_time
 	enum db_result result = DB_RESULT_FAILED;
 
 	if (!in_step && station->blind_stop_sent) {
-		engine_send_probe(engine, station->node, now);
+		exchange_send_probe(engine, station->node, now);
 		return;
 	}
 	station->blind_stop_sent = !in_step;
 	if (lane->active && lane->ready && in_step) {
-		engine_send_lane(engine, station, LANE_STOP, now);
+		exchange_send(engine, station, LANE_STOP, now);
 		return;
 	}
 	request = &stop_requests[asked ? asked->command : command_for_runaway(station)];
-	if (engine_begin_job(engine, station, LANE_STOP, DB_JOB_COMMAND, request, now, &result) ==
+	if (exchange_begin_job(engine, station, LANE_STOP, DB_JOB_COMMAND, request, now, &result) ==
 	    DB_STEP_SEND)
-		engine_send_lane(engine, station, LANE_STOP, now);
+		exchange_send(engine, station, LANE_STOP, now);
 	else
-		engine_stop_answered(engine, station, result, now);
-}
-
-void engine_after_broadcast(struct db_engine *engine, const struct db_exchange *exchange,
-                            db_time now)
-{
-	/* On CAN what follows waits for its turn on the wire by itself. */
-	if (!engine_is_shared(engine))
-		engine->quiet_until = now + BROADCAST_GAP + engine_wire_time(engine, exchange);
-	engine->stats.transactions++;
+		stop_note_answered(engine, station, result, now);
 }
 
 /* Does every drive of the bus wait for one and the same stop that was not sent to any of them yet? */
@@ -111,9 +84,9 @@ static bool try_broadcast(struct db_engine *engine, db_time now)
 
 		for (unsigned j = 0; j < station->stop_count; j++)
 			station->stops[j].broadcast = true;
-		engine_note_stop_sent(station, command, now);
+		station_note_stop_sent(station, command, now);
 	}
-	engine_after_broadcast(engine, &exchange, now);
+	exchange_note_broadcast(engine, &exchange, now);
 	engine->ops->send(engine->context, request, exchange.request_length);
 	return true;
 }
@@ -161,13 +134,13 @@ static db_time look_at(const struct station *station)
 	return poll->active && poll->ready ? braking->begun : braking->look_at;
 }
 
-db_time engine_stop_wake(const struct db_engine *engine, const struct station *station, db_time now)
+db_time stop_wake(const struct db_engine *engine, const struct station *station, db_time now)
 {
 	db_time stop = stop_at(engine, station);
 	db_time look = look_at(station);
 
 	/* A stop itself is never held back, only the question whether it was obeyed. */
-	if (station->blind_stop_sent && node_is_haunted(station->node, now))
+	if (station->blind_stop_sent && node_waits_out_late_answers(station->node, now))
 		return DB_TIME_NEVER;
 	return look < stop ? look : stop;
 }
@@ -182,19 +155,19 @@ static bool look_at_drive(struct db_engine *engine, struct station *station, db_
 	station->braking.look_at = DB_TIME_NEVER;
 	station->node->polled = now;
 	if (!(lane->active && lane->ready) &&
-	    engine_begin_job(engine, first, LANE_POLL, DB_JOB_POLL, NULL, now, &result) !=
+	    exchange_begin_job(engine, first, LANE_POLL, DB_JOB_POLL, NULL, now, &result) !=
 	            DB_STEP_SEND) {
 		/* A drive that tells by itself what it does. */
 		station->braking.looked = true;
 		return false;
 	}
-	engine_send_lane(engine, first, LANE_POLL, now);
+	exchange_send(engine, first, LANE_POLL, now);
 	return true;
 }
 
-bool engine_send_stop(struct db_engine *engine, db_time now)
+bool stop_send_next(struct db_engine *engine, db_time now)
 {
-	if (engine_may_send_at(engine, true, now) > now)
+	if (exchange_may_begin_at(engine, true, now) > now)
 		return false;
 	if (try_broadcast(engine, now))
 		return true;
@@ -204,7 +177,7 @@ bool engine_send_stop(struct db_engine *engine, db_time now)
 		struct station *station = engine->stations[i];
 
 		if (station->node->online != (n < engine->station_count) ||
-		    is_flying(station->node) || engine_stop_wake(engine, station, now) > now)
+		    is_flying(station->node) || stop_wake(engine, station, now) > now)
 			continue;
 		if (n >= engine->station_count)
 			engine->next_stop = i + 1;
@@ -241,7 +214,7 @@ static void end_braking(struct db_engine *engine, struct station *station)
 		engine_publish(engine, station);
 }
 
-void engine_judge_stop(struct db_engine *engine, struct station *station, db_time now)
+void stop_judge(struct db_engine *engine, struct station *station, db_time now)
 {
 	const struct db_feedback *feedback = &station->snapshot.feedback;
 	bool doubtful = !engine->driver->acknowledges && (now - station->motion_sent < DOUBT_TIME ||
@@ -267,8 +240,8 @@ void engine_judge_stop(struct db_engine *engine, struct station *station, db_tim
 	}
 }
 
-void engine_stop_answered(struct db_engine *engine, struct station *station, enum db_result result,
-                          db_time now)
+void stop_note_answered(struct db_engine *engine, struct station *station, enum db_result result,
+                        db_time now)
 {
 	enum db_command command = station->lanes[LANE_STOP].job.request->command;
 	bool moves = station->snapshot.feedback.status & DB_STATUS_MOVING;
@@ -286,11 +259,11 @@ void engine_stop_answered(struct db_engine *engine, struct station *station, enu
 			braking_begin(&station->braking, &station->snapshot.feedback, now);
 	}
 	braking_said(&station->braking, now);
-	engine_judge_stop(engine, station, now);
+	stop_judge(engine, station, now);
 	station->stop_at = now + (again ? STOP_AGAIN : 0);
 }
 
-void engine_forget_stop(struct station *station)
+void stop_forget(struct station *station)
 {
 	station->braking.active = station->braking.overdue = false;
 	station->lanes[LANE_STOP].active = station->lanes[LANE_STOP].ready = false;

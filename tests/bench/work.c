@@ -224,7 +224,7 @@ static void run_cycles(enum family family, unsigned times)
 	struct db_bus_drive drives[LINE_DRIVES];
 	struct db_bus_stats stats = { .cycles = 0 };
 	struct db_bus_config bus = config->buses[0];
-	struct db_mailbox *mailbox;
+	struct db_queue *queue;
 	static struct back back;
 
 	/* So that a cycle fits. */
@@ -235,8 +235,8 @@ static void run_cycles(enum family family, unsigned times)
 		drives[i] = (struct db_bus_drive){ (uint16_t)i, &config->drives[i], db_axis_new() };
 		must(drives[i].axis);
 	}
-	must(db_mailbox_new(8, LINE_DRIVES, &mailbox) == 0);
-	must(db_engine_new(&bus, drives, LINE_DRIVES, mailbox, &engine_ops, &back, &back.engine) ==
+	must(db_queue_new(8, LINE_DRIVES, &queue) == 0);
+	must(db_engine_new(&bus, drives, LINE_DRIVES, queue, &engine_ops, &back, &back.engine) ==
 	     0);
 	db_engine_port(back.engine, true, 0, back.now);
 	while (stats.cycles < times) {
@@ -250,7 +250,7 @@ static void run_cycles(enum family family, unsigned times)
 	}
 	must(stats.online == LINE_DRIVES);
 	db_engine_free(back.engine);
-	db_mailbox_free(mailbox);
+	db_queue_free(queue);
 	line_close(&back.line);
 	for (size_t i = 0; i < LINE_DRIVES; i++)
 		db_axis_free(drives[i].axis);

@@ -20,7 +20,7 @@
 
 #define TICKETS 96
 #define STEPS_MAX 60
-#define COMMANDS 8 /* letters */
+#define COMMANDS 8 /* requests */
 
 /* A stop waits for at most the exchange on the wire; to a drive that is silent, for its share. */
 #define STOP_BOUND (6 * S)
@@ -51,7 +51,7 @@ struct world {
 	const struct db_config *config;
 	struct db_bus_config bus;
 	struct line line;
-	struct db_mailbox *mailbox;
+	struct db_queue *queue;
 	struct db_engine *engine;
 	struct place places[LINE_DRIVES];
 	uint16_t last_number;
@@ -127,7 +127,7 @@ static void collect(struct world *world)
 {
 	struct db_completion completion;
 
-	while (db_mailbox_collect(world->mailbox, &completion)) {
+	while (db_queue_collect(world->queue, &completion)) {
 		struct ticket *ticket = &world->tickets[completion.ticket - 1];
 
 		must(completion.ticket >= 1 && completion.ticket <= world->ticket_count);
@@ -142,7 +142,7 @@ static void collect(struct world *world)
 
 static void take_changed(struct world *world)
 {
-	struct db_change *changed = db_engine_take_changed(world->engine);
+	struct db_change *changed = change_fetch(world->engine);
 
 	if (!changed)
 		return;
@@ -285,7 +285,7 @@ static void post(struct world *world, struct db_request *request, size_t place)
 	request->ticket = (uint32_t)world->ticket_count + 1;
 	request->drive = world->places[place].number;
 	request->submitted = world->now;
-	if (!db_mailbox_post(world->mailbox, request))
+	if (!db_queue_post(world->queue, request))
 		return;
 	world->tickets[world->ticket_count++] = (struct ticket){ true, stop, place };
 	if (stop && world->places[place].there && world->places[place].stop_since == 0)
@@ -378,7 +378,7 @@ static void change(struct world *world, struct input *input)
 	made = change_new(&world->bus, LINE_DRIVES, leaving, leaving_count, coming, coming_count);
 	must(made);
 	world->changing = true;
-	db_engine_change(world->engine, made, world->now);
+	change_begin(world->engine, made, world->now);
 }
 
 static void set_fault(struct world *world, struct input *input)
@@ -500,16 +500,16 @@ static void open_world(struct world *world, struct input *input)
 		place->there = i < count;
 		drives[i] = (struct db_bus_drive){ place->number, place->config, place->axis };
 	}
-	must(db_mailbox_new(COMMANDS, LINE_DRIVES, &world->mailbox) == 0);
-	must(db_engine_new(&world->bus, drives, count, world->mailbox, &ops, world,
-	                   &world->engine) == 0);
+	must(db_queue_new(COMMANDS, LINE_DRIVES, &world->queue) == 0);
+	must(db_engine_new(&world->bus, drives, count, world->queue, &ops, world, &world->engine) ==
+	     0);
 	set_port(world, true);
 }
 
 static void close_world(struct world *world)
 {
 	db_engine_free(world->engine);
-	db_mailbox_free(world->mailbox);
+	db_queue_free(world->queue);
 	line_close(&world->line);
 	for (size_t i = 0; i < LINE_DRIVES; i++)
 		db_axis_free(world->places[i].axis);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The thread of a bus: whose port never falls silent, and whose letters come and go. */
+/* The thread of a bus: whose port never falls silent, and whose requests come and go. */
 #include "drivebridge/bus.h"
 #include "drivebridge/driver.h"
 #include "log/log.h"
@@ -160,7 +160,7 @@ static uint32_t submit(struct db_bus *bus, uint32_t ticket)
 }
 
 /*
- * Every letter comes back, once, and both sides are woken for it. A wake-up that gets lost on its way back
+ * Every request comes back, once, and both sides are woken for it. A wake-up that gets lost on its way back
  * would never be made up for; one on its way there only by the thread's next beat, after half a second.
  */
 static void test_wake_ups(void **state)

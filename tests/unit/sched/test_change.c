@@ -222,7 +222,7 @@ struct world {
 	struct db_bus_config bus;
 	struct db_drive_config drives[DRIVES];
 	struct db_bus_drive list[DRIVES];
-	struct db_mailbox *mailbox;
+	struct db_queue *queue;
 	struct db_engine *engine;
 	bool dead[DRIVES + 1]; /* by address */
 	db_time now;
@@ -298,9 +298,9 @@ static struct world *make_with(size_t drives, size_t paired, unsigned parts)
 		world->list[i] = (struct db_bus_drive){ (uint16_t)(10 + i), &world->drives[i],
 			                                db_axis_new() };
 	}
-	assert_int_equal(db_mailbox_new(8, DRIVES, &world->mailbox), 0);
-	assert_int_equal(db_engine_new(&world->bus, world->list, drives, world->mailbox, &ops,
-	                               world, &world->engine),
+	assert_int_equal(db_queue_new(8, DRIVES, &world->queue), 0);
+	assert_int_equal(db_engine_new(&world->bus, world->list, drives, world->queue, &ops, world,
+	                               &world->engine),
 	                 0);
 	db_engine_port(world->engine, true, 0, world->now);
 	pass(world, 505 * MS); /* to between two cycles */
@@ -316,7 +316,7 @@ static struct world *make(size_t drives, size_t paired)
 static void drop(struct world *world)
 {
 	db_engine_free(world->engine);
-	db_mailbox_free(world->mailbox);
+	db_queue_free(world->queue);
 	for (size_t i = 0; i < DRIVES; i++)
 		db_axis_free(world->list[i].axis);
 	free(world);
@@ -330,12 +330,12 @@ static void change(struct world *world, size_t present, int leaves, int comes)
 	                                    comes >= 0 ? &world->list[comes] : NULL, comes >= 0);
 
 	assert_non_null(made);
-	db_engine_change(world->engine, made, world->now);
+	change_begin(world->engine, made, world->now);
 }
 
 static bool fetch(struct world *world)
 {
-	struct db_change *changed = db_engine_take_changed(world->engine);
+	struct db_change *changed = change_fetch(world->engine);
 
 	change_free(changed);
 	return changed != NULL;
@@ -349,14 +349,14 @@ static void post(struct world *world, size_t drive, enum db_command command)
 		.command = command,
 	};
 
-	assert_true(db_mailbox_post(world->mailbox, &request));
+	assert_true(db_queue_post(world->queue, &request));
 }
 
 static enum db_result result_of(struct world *world, size_t drive, enum db_command command)
 {
 	struct db_completion completion;
 
-	assert_true(db_mailbox_collect(world->mailbox, &completion));
+	assert_true(db_queue_collect(world->queue, &completion));
 	assert_int_equal(completion.ticket, 1000 + 100 * drive + (size_t)command);
 	return completion.result;
 }
@@ -365,7 +365,7 @@ static bool nothing_finished(struct world *world)
 {
 	struct db_completion completion;
 
-	return !db_mailbox_collect(world->mailbox, &completion);
+	return !db_queue_collect(world->queue, &completion);
 }
 
 static size_t count(const struct world *world, unsigned address, enum kind kind)

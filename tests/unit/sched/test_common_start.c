@@ -32,7 +32,7 @@ struct world {
 	struct db_drive_config drives[DRIVES];
 	struct db_bus_drive list[DRIVES];
 	struct db_axis *axes[DRIVES];
-	struct db_mailbox *mailbox;
+	struct db_queue *queue;
 	struct db_engine *engine;
 	db_time now;
 	uint8_t answers[DRIVES][4];
@@ -229,7 +229,7 @@ static void collect(struct world *world)
 {
 	struct db_completion completion;
 
-	while (db_mailbox_collect(world->mailbox, &completion)) {
+	while (db_queue_collect(world->queue, &completion)) {
 		world->results[completion.drive] = completion.result;
 		world->sent[completion.drive] = completion.sent;
 	}
@@ -272,9 +272,9 @@ static struct world *make_with_cycle(const struct db_driver *driver, unsigned cy
 		world->list[i] = (struct db_bus_drive){ (uint16_t)i, &world->drives[i],
 			                                world->axes[i] };
 	}
-	assert_int_equal(db_mailbox_new(8, DRIVES, &world->mailbox), 0);
-	assert_int_equal(db_engine_new(&world->bus, world->list, DRIVES, world->mailbox, &ops,
-	                               world, &world->engine),
+	assert_int_equal(db_queue_new(8, DRIVES, &world->queue), 0);
+	assert_int_equal(db_engine_new(&world->bus, world->list, DRIVES, world->queue, &ops, world,
+	                               &world->engine),
 	                 0);
 	db_engine_port(world->engine, true, 0, world->now);
 	pass(world, 300 * MS);
@@ -290,7 +290,7 @@ static struct world *make(const struct db_driver *driver)
 static void drop(struct world *world)
 {
 	db_engine_free(world->engine);
-	db_mailbox_free(world->mailbox);
+	db_queue_free(world->queue);
 	for (size_t i = 0; i < DRIVES; i++)
 		db_axis_free(world->axes[i]);
 	free(world);
@@ -308,7 +308,7 @@ static void post(struct world *world, uint16_t axis, enum db_command command, in
 	};
 
 	world->results[axis] = DB_RESULT_NONE;
-	assert_true(db_mailbox_post(world->mailbox, &request));
+	assert_true(db_queue_post(world->queue, &request));
 }
 
 static void post_all(struct world *world)
@@ -350,7 +350,7 @@ static void one_frame_when_all_are_ready(void **state)
 	drop(world);
 }
 
-/* The bus may be quicker than the one who hands the letters over. */
+/* The bus may be quicker than the one who hands the requests over. */
 static void letters_that_come_later_are_waited_for(void **state)
 {
 	struct world *world = make(&serial_family);

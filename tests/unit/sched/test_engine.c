@@ -37,7 +37,7 @@ struct world {
 	double options[DB_OPTIONS_MAX]; /* of each */
 	struct db_bus_drive list[DRIVES];
 	struct db_axis *axes[DRIVES];
-	struct db_mailbox *mailbox;
+	struct db_queue *queue;
 	struct db_engine *engine;
 	struct drive sim[DRIVES];
 	db_time now;
@@ -222,9 +222,9 @@ static int setup(void **state)
 		world->sim[i].status.status = VSMD_ST_STP;
 	}
 	world->now = 1000 * MS;
-	assert_int_equal(db_mailbox_new(8, DRIVES, &world->mailbox), 0);
-	assert_int_equal(db_engine_new(&world->bus, world->list, DRIVES, world->mailbox, &ops,
-	                               world, &world->engine),
+	assert_int_equal(db_queue_new(8, DRIVES, &world->queue), 0);
+	assert_int_equal(db_engine_new(&world->bus, world->list, DRIVES, world->queue, &ops, world,
+	                               &world->engine),
 	                 0);
 	*state = world;
 	return 0;
@@ -235,7 +235,7 @@ static int teardown(void **state)
 	struct world *world = *state;
 
 	db_engine_free(world->engine);
-	db_mailbox_free(world->mailbox);
+	db_queue_free(world->queue);
 	for (size_t i = 0; i < DRIVES; i++)
 		db_axis_free(world->axes[i]);
 	free(world);
@@ -289,14 +289,14 @@ static void post(struct world *world, uint16_t axis, enum db_command command, in
 		.args = { .target_position = position, .target_velocity = 100.0f },
 	};
 
-	assert_true(db_mailbox_post(world->mailbox, &request));
+	assert_true(db_queue_post(world->queue, &request));
 }
 
 static enum db_result result_of(struct world *world)
 {
 	struct db_completion completion;
 
-	assert_true(db_mailbox_collect(world->mailbox, &completion));
+	assert_true(db_queue_collect(world->queue, &completion));
 	return completion.result;
 }
 
@@ -304,7 +304,7 @@ static bool nothing_finished(struct world *world)
 {
 	struct db_completion completion;
 
-	return !db_mailbox_collect(world->mailbox, &completion);
+	return !db_queue_collect(world->queue, &completion);
 }
 
 static size_t count(const struct world *world, const char *text)
@@ -359,8 +359,8 @@ static void a_cycle_that_does_not_fit_overruns_and_stays_fair(void **state)
 
 	world->bus.cycle_ms = 4;
 	db_engine_free(world->engine);
-	assert_int_equal(db_engine_new(&world->bus, world->list, DRIVES, world->mailbox, &ops,
-	                               world, &world->engine),
+	assert_int_equal(db_engine_new(&world->bus, world->list, DRIVES, world->queue, &ops, world,
+	                               &world->engine),
 	                 0);
 	start(world);
 	for (size_t i = 0; i < DRIVES; i++)
@@ -535,7 +535,7 @@ static void a_stop_overtakes_and_cancels(void **state)
 	assert_true(strncmp(world->log, "1 stp\n", 6) == 0 ||
 	            strncmp(strchr(world->log, '\n') + 1, "1 stp\n", 6) == 0);
 	assert_int_equal(count(world, "1 pos"), 0);
-	while (db_mailbox_collect(world->mailbox, &completion)) {
+	while (db_queue_collect(world->queue, &completion)) {
 		if (completion.result == DB_RESULT_CANCELLED)
 			cancelled++;
 		else
@@ -824,7 +824,7 @@ static void a_shake_whose_answer_is_lost_is_not_begun_again(void **state)
 	pass(world, 50 * MS);
 	world->sim[0].fault = FAULT_LOSE_ANSWER;
 	world->sim[0].fault_verb = VSMD_SHAKE_CYCLES;
-	assert_true(db_mailbox_post(world->mailbox, &request));
+	assert_true(db_queue_post(world->queue, &request));
 	pass(world, 200 * MS);
 	/* It is over by now, back where it began. */
 	assert_int_equal(result_of(world), DB_RESULT_INDETERMINATE);

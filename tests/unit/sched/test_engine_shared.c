@@ -210,7 +210,7 @@ struct world {
 	struct db_drive_config drives[DRIVES];
 	struct db_bus_drive list[DRIVES];
 	struct db_axis *axes[DRIVES];
-	struct db_mailbox *mailbox;
+	struct db_queue *queue;
 	struct db_engine *engine;
 	db_time now;
 	db_time latency; /* of every drive */
@@ -334,9 +334,9 @@ static struct world *make(size_t drives, unsigned axes)
 		world->list[i] = (struct db_bus_drive){ (uint16_t)i, &world->drives[i],
 			                                world->axes[i] };
 	}
-	assert_int_equal(db_mailbox_new(8, drives, &world->mailbox), 0);
-	assert_int_equal(db_engine_new(&world->bus, world->list, drives, world->mailbox, &ops,
-	                               world, &world->engine),
+	assert_int_equal(db_queue_new(8, drives, &world->queue), 0);
+	assert_int_equal(db_engine_new(&world->bus, world->list, drives, world->queue, &ops, world,
+	                               &world->engine),
 	                 0);
 	db_engine_port(world->engine, true, 0, world->now);
 	pass(world, 500 * MS);
@@ -348,7 +348,7 @@ static struct world *make(size_t drives, unsigned axes)
 static void drop(struct world *world)
 {
 	db_engine_free(world->engine);
-	db_mailbox_free(world->mailbox);
+	db_queue_free(world->queue);
 	for (size_t i = 0; i < DRIVES && world->axes[i]; i++)
 		db_axis_free(world->axes[i]);
 	free(world);
@@ -366,14 +366,14 @@ static void post(struct world *world, uint16_t axis, enum db_command command)
 {
 	struct db_request request = { .ticket = axis + 1u, .drive = axis, .command = command };
 
-	assert_true(db_mailbox_post(world->mailbox, &request));
+	assert_true(db_queue_post(world->queue, &request));
 }
 
 static enum db_result result_of(struct world *world)
 {
 	struct db_completion completion;
 
-	assert_true(db_mailbox_collect(world->mailbox, &completion));
+	assert_true(db_queue_collect(world->queue, &completion));
 	return completion.result;
 }
 

@@ -41,7 +41,7 @@ struct world {
 	struct db_drive_config drives[DRIVES];
 	struct db_bus_drive list[DRIVES];
 	struct db_axis *axes[DRIVES];
-	struct db_mailbox *mailbox;
+	struct db_queue *queue;
 	struct db_engine *engine;
 	struct drive sim[DRIVES];
 	db_time now;
@@ -295,9 +295,9 @@ static struct world *make(bool acknowledges)
 		world->list[i] = (struct db_bus_drive){ (uint16_t)i, &world->drives[i],
 			                                world->axes[i] };
 	}
-	assert_int_equal(db_mailbox_new(8, DRIVES, &world->mailbox), 0);
-	assert_int_equal(db_engine_new(&world->bus, world->list, DRIVES, world->mailbox, &ops,
-	                               world, &world->engine),
+	assert_int_equal(db_queue_new(8, DRIVES, &world->queue), 0);
+	assert_int_equal(db_engine_new(&world->bus, world->list, DRIVES, world->queue, &ops, world,
+	                               &world->engine),
 	                 0);
 	db_engine_port(world->engine, true, 0, world->now);
 	pass(world, 300 * MS);
@@ -307,7 +307,7 @@ static struct world *make(bool acknowledges)
 static void drop(struct world *world)
 {
 	db_engine_free(world->engine);
-	db_mailbox_free(world->mailbox);
+	db_queue_free(world->queue);
 	for (size_t i = 0; i < DRIVES; i++)
 		db_axis_free(world->axes[i]);
 	free(world);
@@ -317,7 +317,7 @@ static void post(struct world *world, uint16_t axis, enum db_command command)
 {
 	struct db_request request = { .ticket = command, .drive = axis, .command = command };
 
-	assert_true(db_mailbox_post(world->mailbox, &request));
+	assert_true(db_queue_post(world->queue, &request));
 }
 
 /* NONE: nothing ended. */
@@ -325,7 +325,7 @@ static enum db_result result_of(struct world *world)
 {
 	struct db_completion completion;
 
-	return db_mailbox_collect(world->mailbox, &completion) ? completion.result : DB_RESULT_NONE;
+	return db_queue_collect(world->queue, &completion) ? completion.result : DB_RESULT_NONE;
 }
 
 static struct db_feedback feedback_of(const struct world *world, size_t axis)

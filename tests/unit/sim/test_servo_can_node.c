@@ -149,7 +149,7 @@ struct world {
 	double options[NODES][DB_OPTIONS_MAX]; /* theirs */
 	struct db_bus_drive list[NODES];
 	struct db_axis *axes[NODES];
-	struct db_mailbox *mailbox;
+	struct db_queue *queue;
 	struct db_engine *engine;
 	struct sim_servo *servos[NODES];
 	struct sim_servo_node nodes[NODES];
@@ -295,8 +295,8 @@ static void start(struct world *world, const struct sim_servo_config *config)
 		station = sim_servo_node_station(&world->nodes[i]);
 		assert_true(sim_can_bus_attach(world->wire, &station));
 	}
-	assert_int_equal(db_mailbox_new(32, 8, &world->mailbox), 0);
-	assert_int_equal(db_engine_new(&world->bus, world->list, world->count, world->mailbox, &ops,
+	assert_int_equal(db_queue_new(32, 8, &world->queue), 0);
+	assert_int_equal(db_engine_new(&world->bus, world->list, world->count, world->queue, &ops,
 	                               world, &world->engine),
 	                 0);
 	db_engine_port(world->engine, true, 0, world->now);
@@ -306,7 +306,7 @@ static void start(struct world *world, const struct sim_servo_config *config)
 static void drop(struct world *world)
 {
 	db_engine_free(world->engine);
-	db_mailbox_free(world->mailbox);
+	db_queue_free(world->queue);
 	sim_can_bus_free(world->wire);
 	for (size_t i = 0; i < world->count; i++) {
 		db_axis_free(world->axes[i]);
@@ -348,7 +348,7 @@ static void post(struct world *world, size_t i, enum db_command command, struct 
 		.submitted = world->now,
 	};
 
-	assert_true(db_mailbox_post(world->mailbox, &request));
+	assert_true(db_queue_post(world->queue, &request));
 }
 
 static const char *collect(struct world *world, db_time patience)
@@ -356,7 +356,7 @@ static const char *collect(struct world *world, db_time patience)
 	struct db_completion completion;
 	db_time until = world->now + patience;
 
-	while (!db_mailbox_collect(world->mailbox, &completion)) {
+	while (!db_queue_collect(world->queue, &completion)) {
 		if (world->now >= until)
 			return "nothing";
 		pass(world, MS);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "sched/report.h"
+#include "sched/bus_log.h"
 
 #include "codec/can.h"
 #include "drivebridge/driver.h"
@@ -45,9 +45,9 @@ static const char *advice_for_drive(uint16_t error)
 	                                                               "see the drive's manual";
 }
 
-void report_timing(const struct db_log_source *log, const struct db_bus_config *bus,
-                   const struct db_drive_config *drive, enum db_event event, db_time time,
-                   db_time now)
+void bus_log_timing(const struct db_log_source *log, const struct db_bus_config *bus,
+                    const struct db_drive_config *drive, enum db_event event, db_time time,
+                    db_time now)
 {
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
 	unsigned ms = (unsigned)((time + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
@@ -64,7 +64,7 @@ void report_timing(const struct db_log_source *log, const struct db_bus_config *
 		       bus->turnaround_us);
 }
 
-const char *report_advice_for_port(const struct db_bus_config *bus, int error)
+const char *bus_log_port_advice(const struct db_bus_config *bus, int error)
 {
 	switch (error) {
 	case ENOENT:
@@ -102,9 +102,9 @@ static const char *mood(const struct db_feedback *feedback)
 }
 
 /* What the bridge has found, and done nothing about: also what went on while it was not there. */
-static void report_found(const struct db_log_source *log, const struct db_drive_config *drive,
-                         const struct db_log_about *about, const struct db_feedback *feedback,
-                         db_time now)
+static void log_found(const struct db_log_source *log, const struct db_drive_config *drive,
+                      const struct db_log_about *about, const struct db_feedback *feedback,
+                      db_time now)
 {
 	double counts = db_scale_counts(drive, feedback);
 	double position = feedback->position / counts;
@@ -122,14 +122,14 @@ static void report_found(const struct db_log_source *log, const struct db_drive_
 		       db_error_name(feedback->error));
 }
 
-void report_drive(const struct db_log_source *log, const struct db_drive_config *drive,
-                  enum db_event event, const struct db_feedback *feedback, db_time now)
+void bus_log_event(const struct db_log_source *log, const struct db_drive_config *drive,
+                   enum db_event event, const struct db_feedback *feedback, db_time now)
 {
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
 
 	switch (event) {
 	case DB_EVENT_DRIVE_ONLINE:
-		report_found(log, drive, &about, feedback, now);
+		log_found(log, drive, &about, feedback, now);
 		break;
 	case DB_EVENT_DRIVE_LOST:
 		db_log(log, now, event, &about,
@@ -174,8 +174,8 @@ void report_drive(const struct db_log_source *log, const struct db_drive_config 
 	}
 }
 
-void report_missing_params(const struct db_log_source *log, const struct db_drive_config *drive,
-                           const struct db_driver *driver, uint64_t params, db_time now)
+void bus_log_missing_params(const struct db_log_source *log, const struct db_drive_config *drive,
+                            const struct db_driver *driver, uint64_t params, db_time now)
 {
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
 	char names[256] = "";
@@ -216,8 +216,8 @@ static void write_frame(const struct db_heard *heard, enum db_medium medium, cha
 		*text = '\0';
 }
 
-void report_raw(const struct db_log_source *log, const struct db_drive_config *drive,
-                enum db_medium medium, bool sent, const uint8_t *bytes, size_t length, db_time now)
+void bus_log_raw(const struct db_log_source *log, const struct db_drive_config *drive,
+                 enum db_medium medium, bool sent, const uint8_t *bytes, size_t length, db_time now)
 {
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
 	struct db_heard frame = { .length = length };
@@ -236,8 +236,8 @@ void report_raw(const struct db_log_source *log, const struct db_drive_config *d
 	       sent ? "is sent a client's own frame, %s" : "answers that with %s", text);
 }
 
-void report_heard(const struct db_log_source *log, const struct db_drive_config *drive,
-                  enum db_medium medium, const struct db_heard *heard, db_time now)
+void bus_log_heard(const struct db_log_source *log, const struct db_drive_config *drive,
+                   enum db_medium medium, const struct db_heard *heard, db_time now)
 {
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
 	char text[FRAME_TEXT_MAX];

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What people read of a bus and its drives: that every event has its words, and each cause its advice. */
 #include "log/log.h"
-#include "sched/report.h"
+#include "sched/bus_log.h"
 
 #include <errno.h>
 #include <setjmp.h>
@@ -28,7 +28,8 @@ static void take(void *context, const struct db_log_record *record)
 }
 
 /* One event of a drive at address 7, as the only line of a log. */
-static void tell(struct reader *reader, enum db_event event, const struct db_feedback *feedback)
+static void tell_event(struct reader *reader, enum db_event event,
+                       const struct db_feedback *feedback)
 {
 	const struct db_drive_config drive = {
 		.name = (char *)"feeder",
@@ -41,7 +42,7 @@ static void tell(struct reader *reader, enum db_event event, const struct db_fee
 
 	memset(reader, 0, sizeof *reader);
 	assert_int_equal(db_log_new_to(take, reader, &source.log), 0);
-	report_drive(&source, &drive, event, feedback, 1);
+	bus_log_event(&source, &drive, event, feedback, 1);
 	db_log_free(source.log);
 }
 
@@ -49,7 +50,7 @@ static void assert_told(enum db_event event, const struct db_feedback *feedback,
 {
 	static struct reader reader;
 
-	tell(&reader, event, feedback);
+	tell_event(&reader, event, feedback);
 	assert_int_equal(reader.count, 1);
 	assert_non_null(strstr(reader.lines[0].text, words));
 }
@@ -105,7 +106,7 @@ static void events_of_others_are_not_told_of_a_drive(void **state)
 	struct reader reader;
 
 	(void)state;
-	tell(&reader, DB_EVENT_BUS_UP, &feedback);
+	tell_event(&reader, DB_EVENT_BUS_UP, &feedback);
 	assert_int_equal(reader.count, 0);
 }
 
@@ -128,11 +129,11 @@ static void each_cause_of_a_lost_port_has_its_advice(void **state)
 	(void)state;
 	for (size_t i = 0; i < sizeof causes / sizeof causes[0]; i++)
 		assert_non_null(
-			strstr(report_advice_for_port(&serial, causes[i].error), causes[i].word));
+			strstr(bus_log_port_advice(&serial, causes[i].error), causes[i].word));
 	/* The same error means another thing on another kind of bus. */
-	assert_non_null(strstr(report_advice_for_port(&serial, ENOBUFS), "flow control"));
-	assert_non_null(strstr(report_advice_for_port(&can, ENOBUFS), "termination"));
-	assert_string_equal(report_advice_for_port(&can, EIO), "");
+	assert_non_null(strstr(bus_log_port_advice(&serial, ENOBUFS), "flow control"));
+	assert_non_null(strstr(bus_log_port_advice(&can, ENOBUFS), "termination"));
+	assert_string_equal(bus_log_port_advice(&can, EIO), "");
 }
 
 int main(void)

@@ -1,0 +1,176 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sched/common_start.h"
+
+#include "sched/exchange.h"
+
+#include <string.h>
+
+/* The requests of one start come one after the other; who has none after this will get none. */
+#define GATHER_TIME (20 * DB_NS_PER_MS)
+
+static uint32_t group_of(const struct station *station)
+{
+	const struct lane *lane = &station->lanes[LANE_COMMAND];
+
+	return lane->active && lane->job.kind == DB_JOB_COMMAND ? lane->job.request->group : 0;
+}
+
+/* Its next frame begins a motion, which may begin on all drives of the bus at once. */
+bool common_start_holds(const struct station *station)
+{
+	const struct lane *lane = &station->lanes[LANE_COMMAND];
+
+	return lane->ready && lane->exchange.begins && !station->alone && group_of(station) != 0;
+}
+
+static bool is_waiting(const struct db_engine *engine, const struct station *station,
+                       uint32_t group)
+{
+	for (size_t i = 0; i < engine->waiting_count; i++) {
+		const struct db_request *request = db_queued_request(engine->waiting[i]);
+
+		if (request->group == group && request->drive == station->number)
+			return true;
+	}
+	return false;
+}
+
+enum gathering {
+	GATHERING_NOTHING, /* nobody waits for others */
+	GATHERING_MORE,    /* some are still to come, which others need not wait for */
+	GATHERING_ANSWERS, /* all are ready, as soon as what is under way is answered */
+	GATHERING_ALL,
+	GATHERING_NEVER, /* they will not all be ready */
+};
+
+/* Whether this drive can be one of the common start `group`, asked for at `asked`. */
+static enum gathering readiness(const struct db_engine *engine, const struct station *station,
+                                uint32_t group, db_time asked, db_time now)
+{
+	if (group_of(station) == group && common_start_holds(station)) {
+		if (is_flying(station->node))
+			return GATHERING_ANSWERS;
+		return station->node->in_step && !station_awaits_stop(station) ? GATHERING_ALL :
+		                                                                 GATHERING_NEVER;
+	}
+	/* On its way there, or its request is. */
+	if ((group_of(station) == group && !station->alone) || is_waiting(engine, station, group) ||
+	    now - asked < GATHER_TIME)
+		return GATHERING_MORE;
+	return GATHERING_NEVER;
+}
+
+/* A frame for all drives reaches every one: so none may lack, nor be asked for something else. */
+static enum gathering gather(const struct db_engine *engine, const struct station **first,
+                             db_time now)
+{
+	enum gathering all = GATHERING_ALL;
+	const struct db_request *request;
+
+	*first = NULL;
+	if (!engine->bus->starts_by_broadcast)
+		return GATHERING_NOTHING;
+	for (size_t i = 0; !*first && i < engine->station_count; i++) {
+		if (common_start_holds(engine->stations[i]))
+			*first = engine->stations[i];
+	}
+	if (!*first)
+		return GATHERING_NOTHING;
+	request = (*first)->lanes[LANE_COMMAND].job.request;
+	if (engine->station_count < 2 || !engine->driver->begin_all)
+		return GATHERING_NEVER;
+	for (size_t i = 0; i < engine->station_count; i++) {
+		enum gathering one = readiness(engine, engine->stations[i], request->group,
+		                               request->submitted, now);
+
+		if (one == GATHERING_NEVER)
+			return one;
+		if (one < all)
+			all = one;
+	}
+	return all;
+}
+
+/* Each begins by itself. */
+static void begin_each_alone(struct db_engine *engine, uint32_t group)
+{
+	for (size_t i = 0; i < engine->station_count; i++) {
+		if (group_of(engine->stations[i]) == group)
+			engine->stations[i]->alone = true;
+	}
+}
+
+/* The one frame that says to all what is prepared for each. False: they are not to do the same. */
+static bool write_common(const struct db_engine *engine, struct db_exchange *all)
+{
+	uint8_t bytes[DB_SHORT_REQUEST];
+	struct db_exchange other = { .request = bytes, .request_size = sizeof bytes };
+
+	for (size_t i = 0; i < engine->station_count; i++) {
+		const struct station *station = engine->stations[i];
+
+		if (!engine->driver->begin_all(station->device,
+		                               &station->lanes[LANE_COMMAND].exchange,
+		                               i == 0 ? all : &other))
+			return false;
+		if (i > 0 && (other.request_length != all->request_length ||
+		              memcmp(other.request, all->request, all->request_length) != 0))
+			return false;
+	}
+	return true;
+}
+
+static void go_on_behind_common(struct db_engine *engine, struct station *station, db_time now)
+{
+	struct lane *lane = &station->lanes[LANE_COMMAND];
+	struct db_conversation talk = station_conversation(station, LANE_COMMAND, now);
+
+	lane->sent = true;
+	lane->tries = 0;
+	lane->exchange.begins = lane->exchange.again = false;
+	db_queued_sent(station->queued, now);
+	station->motion_sent = now;
+	lane->ready = engine->driver->begun_by_all(&talk) == DB_STEP_SEND;
+	if (!lane->ready)
+		station_finish_command(station, talk.result, now);
+}
+
+/* All are ready, and nothing is under way. */
+static bool begin_all(struct db_engine *engine, uint32_t group, db_time now)
+{
+	uint8_t bytes[DB_SHORT_REQUEST];
+	struct db_exchange all = { .request = bytes, .request_size = sizeof bytes };
+
+	if (!write_common(engine, &all)) {
+		begin_each_alone(engine, group);
+		return false;
+	}
+	engine->ops->send(engine->context, all.request, all.request_length);
+	exchange_note_broadcast(engine, &all, now);
+	for (size_t i = 0; i < engine->station_count; i++)
+		go_on_behind_common(engine, engine->stations[i], now);
+	return true;
+}
+
+/* *wait: nothing else is to be sent now. True: something was. */
+bool common_start_try(struct db_engine *engine, bool *wait, db_time now)
+{
+	const struct station *first;
+	enum gathering gathering = gather(engine, &first, now);
+
+	*wait = gathering == GATHERING_ANSWERS;
+	if (gathering == GATHERING_NEVER)
+		begin_each_alone(engine, group_of(first));
+	return gathering == GATHERING_ALL && begin_all(engine, group_of(first), now);
+}
+
+db_time common_start_wake(const struct db_engine *engine, db_time now)
+{
+	const struct station *first;
+
+	if (gather(engine, &first, now) != GATHERING_MORE)
+		return DB_TIME_NEVER;
+	if (now - first->lanes[LANE_COMMAND].job.request->submitted >= GATHER_TIME)
+		return DB_TIME_NEVER;
+	return first->lanes[LANE_COMMAND].job.request->submitted + GATHER_TIME;
+}
