@@ -139,6 +139,8 @@ struct db_driver {
 	const struct db_drive_bit
 		*status_bits; /* of drive_status, ascending; null: none are named */
 	size_t status_bit_count;
+	const struct db_drive_fault *faults; /* by bit of fault_bits; null: none are named */
+	size_t fault_count;
 	unsigned param_page;    /* families with the same page share their table and registers */
 	int acceleration_param; /* index of the parameter behind `acceleration`, -1 = none */
 	int deceleration_param;
@@ -240,6 +242,10 @@ struct db_driver {
 
 /* Every family, null-terminated: src/driver/list.c. */
 extern const struct db_driver *const db_drivers[];
+
+/* What an error from DB_ERROR_DRIVE_FAULT on means: the codes are the same in all families. Null: none
+ * has it. */
+const struct db_drive_fault *db_driver_fault(uint16_t error);
 
 /* By name, or null. */
 const struct db_driver *db_driver_find(const char *name);

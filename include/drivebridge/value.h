@@ -65,4 +65,10 @@ struct db_drive_bit {
 	const char *description;
 };
 
+/* A fault of a drive's own fault word, by its bit. */
+struct db_drive_fault {
+	const char *name;
+	const char *check; /* what a person should look at */
+};
+
 #endif

@@ -2,6 +2,8 @@
 /* Names of the codes that the axis shows. */
 #include "drivebridge/axis.h"
 
+#include "drivebridge/driver.h"
+
 #define COUNT_OF(array) (sizeof(array) / sizeof((array)[0]))
 
 static const char *const state_names[DB_AXIS_STATE_COUNT] = {
@@ -28,22 +30,6 @@ static const char *const error_names[] = {
 	[DB_ERROR_OVER_CURRENT] = "over_current",
 	[DB_ERROR_VOLTAGE] = "voltage",
 	[DB_ERROR_INTERRUPTED] = "interrupted",
-	[DB_ERROR_DRIVE_FAULT + 0] = "undervoltage",
-	[DB_ERROR_DRIVE_FAULT + 1] = "position_error",
-	[DB_ERROR_DRIVE_FAULT + 2] = "hall_error",
-	[DB_ERROR_DRIVE_FAULT + 3] = "overcurrent",
-	[DB_ERROR_DRIVE_FAULT + 4] = "overload",
-	[DB_ERROR_DRIVE_FAULT + 5] = "eeprom_fault",
-	[DB_ERROR_DRIVE_FAULT + 6] = "igbt_fault",
-	[DB_ERROR_DRIVE_FAULT + 7] = "drive_overtemperature",
-	[DB_ERROR_DRIVE_FAULT + 8] = "phase_loss",
-	[DB_ERROR_DRIVE_FAULT + 9] = "current_deviation",
-	[DB_ERROR_DRIVE_FAULT + 10] = "speed_deviation",
-	[DB_ERROR_DRIVE_FAULT + 11] = "motor_overtemperature",
-	[DB_ERROR_DRIVE_FAULT + 12] = "overvoltage",
-	[DB_ERROR_DRIVE_FAULT + 13] = "absolute_encoder_fault",
-	[DB_ERROR_DRIVE_FAULT + 14] = "undocumented_fault_14",
-	[DB_ERROR_DRIVE_FAULT + 15] = "locked",
 };
 
 /*
@@ -63,6 +49,10 @@ const char *db_axis_state_name(enum db_axis_state state)
 
 const char *db_error_name(uint16_t error)
 {
+	const struct db_drive_fault *fault = db_driver_fault(error);
+
+	if (fault)
+		return fault->name;
 	return error < COUNT_OF(error_names) && error_names[error] ? error_names[error] : "unknown";
 }
 

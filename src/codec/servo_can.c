@@ -625,23 +625,23 @@ const struct db_drive_bit servo_can_status_bits[SERVO_CAN_STATUS_BITS] = {
 	{ 15, "forward_output", "Turning forward" },
 };
 
-static const char *const fault_names[BITS] = {
-	"undervoltage",
-	"position_error",
-	"hall_error",
-	"overcurrent",
-	"overload",
-	"eeprom_fault",
-	"igbt_fault",
-	"drive_overtemperature",
-	"phase_loss",
-	"current_deviation",
-	"speed_deviation",
-	"motor_overtemperature",
-	"overvoltage",
-	"absolute_encoder_fault",
-	NULL,
-	"locked",
+const struct db_drive_fault servo_can_faults[SERVO_CAN_FAULTS] = {
+	{ "undervoltage", "check the drive's power supply" },
+	{ "position_error", "following error: check for a blocked axis, and the load" },
+	{ "hall_error", "check the encoder cable" },
+	{ "overcurrent", "check the motor cable for a short circuit, and the load" },
+	{ "overload", "check for a blocked axis, the brake and the load" },
+	{ "eeprom_fault", "do not trust its saved parameters; write and save them again" },
+	{ "igbt_fault", "switch it off and on; check the motor cable; else replace it" },
+	{ "drive_overtemperature", "let it cool; check ventilation and the load" },
+	{ "phase_loss", "check the motor cable" },
+	{ "current_deviation", "check the motor cable and the load" },
+	{ "speed_deviation", "check for a blocked axis and the load" },
+	{ "motor_overtemperature", "let the motor cool; check the load" },
+	{ "overvoltage", "check the power supply and the braking resistor" },
+	{ "absolute_encoder_fault", "check the encoder cable and battery" },
+	{ "undocumented_fault_14", "see the drive's manual" },
+	{ "locked", "see the drive's manual for how it is unlocked" },
 };
 
 static const char *const word0_names[BITS] = {
@@ -651,11 +651,6 @@ static const char *const word0_names[BITS] = {
 const char *servo_can_status_name(unsigned bit)
 {
 	return bit < BITS ? servo_can_status_bits[bit].name : NULL;
-}
-
-const char *servo_can_fault_name(unsigned bit)
-{
-	return bit < BITS ? fault_names[bit] : NULL;
 }
 
 const char *servo_can_word0_name(unsigned bit)

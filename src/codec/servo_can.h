@@ -135,6 +135,9 @@ enum servo_can_status_bit {
 #define SERVO_CAN_STATUS_BITS 16
 extern const struct db_drive_bit servo_can_status_bits[SERVO_CAN_STATUS_BITS];
 
+#define SERVO_CAN_FAULTS 16
+extern const struct db_drive_fault servo_can_faults[SERVO_CAN_FAULTS];
+
 enum servo_can_fault_bit {
 	SERVO_CAN_FAULT_UNDERVOLTAGE = 1u << 0,
 	SERVO_CAN_FAULT_POSITION = 1u << 1,
@@ -301,7 +304,6 @@ int servo_can_selector(unsigned answers);
 
 /* Short lower-case names of a bit 0..15; NULL when it is not documented. */
 const char *servo_can_status_name(unsigned bit);
-const char *servo_can_fault_name(unsigned bit);
 const char *servo_can_word0_name(unsigned bit);
 const char *servo_can_word1_name(unsigned bit);
 

@@ -16,6 +16,15 @@ const struct db_driver *db_driver_find(const char *name)
 	return NULL;
 }
 
+const struct db_drive_fault *db_driver_fault(uint16_t error)
+{
+	for (size_t i = 0; db_drivers[i] && error >= DB_ERROR_DRIVE_FAULT; i++) {
+		if ((size_t)(error - DB_ERROR_DRIVE_FAULT) < db_drivers[i]->fault_count)
+			return &db_drivers[i]->faults[error - DB_ERROR_DRIVE_FAULT];
+	}
+	return NULL;
+}
+
 uint64_t db_driver_commands(const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
 	const struct db_driver *driver = bus->driver;

@@ -21,26 +21,14 @@ static const char *const drive_advice[] = {
 	[DB_ERROR_OVER_CURRENT] = "check the motor cable for a short circuit, and the load",
 	[DB_ERROR_VOLTAGE] = "check the drive's power supply",
 	[DB_ERROR_INTERRUPTED] = "its emergency stop ended its program; check why",
-	[DB_ERROR_DRIVE_FAULT + 0] = "check the drive's power supply",
-	[DB_ERROR_DRIVE_FAULT + 1] = "following error: check for a blocked axis, and the load",
-	[DB_ERROR_DRIVE_FAULT + 2] = "check the encoder cable",
-	[DB_ERROR_DRIVE_FAULT + 3] = "check the motor cable for a short circuit, and the load",
-	[DB_ERROR_DRIVE_FAULT + 4] = "check for a blocked axis, the brake and the load",
-	[DB_ERROR_DRIVE_FAULT + 5] = "do not trust its saved parameters; write and save them again",
-	[DB_ERROR_DRIVE_FAULT + 6] = "switch it off and on; check the motor cable; else replace it",
-	[DB_ERROR_DRIVE_FAULT + 7] = "let it cool; check ventilation and the load",
-	[DB_ERROR_DRIVE_FAULT + 8] = "check the motor cable",
-	[DB_ERROR_DRIVE_FAULT + 9] = "check the motor cable and the load",
-	[DB_ERROR_DRIVE_FAULT + 10] = "check for a blocked axis and the load",
-	[DB_ERROR_DRIVE_FAULT + 11] = "let the motor cool; check the load",
-	[DB_ERROR_DRIVE_FAULT + 12] = "check the power supply and the braking resistor",
-	[DB_ERROR_DRIVE_FAULT + 13] = "check the encoder cable and battery",
-	[DB_ERROR_DRIVE_FAULT + 14] = "see the drive's manual",
-	[DB_ERROR_DRIVE_FAULT + 15] = "see the drive's manual for how it is unlocked",
 };
 
 static const char *advice_for_drive(uint16_t error)
 {
+	const struct db_drive_fault *fault = db_driver_fault(error);
+
+	if (fault)
+		return fault->check;
 	return error < COUNT_OF(drive_advice) && drive_advice[error] ? drive_advice[error] :
 	                                                               "see the drive's manual";
 }

@@ -762,7 +762,6 @@ static void names(void **state)
 	(void)state;
 	for (unsigned bit = 0; bit < 40; bit++) {
 		assert_int_equal(servo_can_status_name(bit) != NULL, bit < 16);
-		assert_int_equal(servo_can_fault_name(bit) != NULL, bit < 16 && bit != 14);
 		assert_null(servo_can_word1_name(bit));
 		if (servo_can_word0_name(bit))
 			word0 |= 1u << bit;
@@ -775,10 +774,15 @@ static void names(void **state)
 	assert_string_equal(servo_can_status_name(6), "warning");
 	assert_string_equal(servo_can_status_name(11), "command_done");
 	assert_string_equal(servo_can_status_name(15), "forward_output");
-	assert_string_equal(servo_can_fault_name(0), "undervoltage");
-	assert_string_equal(servo_can_fault_name(7), "drive_overtemperature");
-	assert_string_equal(servo_can_fault_name(13), "absolute_encoder_fault");
-	assert_string_equal(servo_can_fault_name(15), "locked");
+	assert_string_equal(servo_can_faults[0].name, "undervoltage");
+	assert_string_equal(servo_can_faults[7].name, "drive_overtemperature");
+	assert_string_equal(servo_can_faults[13].name, "absolute_encoder_fault");
+	assert_string_equal(servo_can_faults[14].name, "undocumented_fault_14");
+	assert_string_equal(servo_can_faults[15].name, "locked");
+	for (unsigned bit = 0; bit < SERVO_CAN_FAULTS; bit++) {
+		assert_non_null(servo_can_faults[bit].name);
+		assert_non_null(servo_can_faults[bit].check);
+	}
 	assert_string_equal(servo_can_mode_name(0), "position");
 	assert_string_equal(servo_can_mode_name(1), "speed");
 	assert_string_equal(servo_can_mode_name(2), "current");

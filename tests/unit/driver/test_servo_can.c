@@ -1511,13 +1511,11 @@ static void faults_have_names(void **unused)
 	assert_true(isnan((double)feedback(f).supply_voltage));
 	for (unsigned bit = 0; bit < 16; bit++) {
 		char text[32];
-		const char *name = servo_can_fault_name(bit);
 
 		snprintf(text, sizeof text, "205#01E0FFF0%04X", 1u << bit);
 		assert_true(report(f, text));
 		assert_string_equal(state(f), "ErrorStop");
-		assert_string_equal(db_error_name(feedback(f).error),
-		                    name ? name : "undocumented_fault_14");
+		assert_string_equal(db_error_name(feedback(f).error), servo_can_faults[bit].name);
 		assert_int_equal(feedback(f).fault_bits, 1u << bit);
 	}
 	assert_int_equal(feedback(f).supply_voltage_raw, 0x01E0);
