@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The simulator's configuration file (libconfuse syntax), checked and as plain structs.
+ * The simulator's configuration file, checked and as plain structs.
  */
 #ifndef DRIVEBRIDGE_SIM_CONFIG_H
 #define DRIVEBRIDGE_SIM_CONFIG_H
 
+#include "reader/reader.h"
 #include "sim/can_line.h"
 #include "sim/servo_can_node.h"
 #include "sim/servo_drive.h"
@@ -12,6 +13,8 @@
 #include "sim/vsmd_drive.h"
 #include "sim/vsmd_serial_bus.h"
 #include "sim/xyza_controller.h"
+
+#include <stdio.h>
 
 #define SIM_FAULT_TEXTS_MAX 16
 
@@ -50,14 +53,18 @@ struct sim_config {
 	size_t bus_count;
 	struct sim_drive_config *drives;
 	size_t drive_count;
-	void *source; /* owns the strings */
+	struct db_reader reader; /* owns the texts */
 };
 
 /*
- * On success 0, and the configuration is to be freed. Otherwise -1, and everything wrong was
- * reported to standard error as "file:line: what is wrong; what would be right".
+ * On success 0, and the configuration is to be freed. Otherwise -1, and everything wrong was written to
+ * standard error as "file:line: what is wrong; what would be right".
  */
 int sim_config_load(const char *path, struct sim_config *config);
+
+/* The same, from a text that messages to `errors` name `file`. */
+int sim_config_parse(const char *text, const char *file, FILE *errors, struct sim_config *config);
+
 void sim_config_free(struct sim_config *config);
 
 #endif

@@ -287,6 +287,18 @@ static void what_is_not_said_has_its_preset(void **state)
 	assert_true(vsmd->max_current >= 2.5 && vsmd->max_current <= 2.5);
 	assert_true(vsmd->travel_min <= -1e9 && vsmd->travel_max >= 1e9);
 	sim_config_free(&config);
+	load_good("bus b { protocol = xyza }\ndrive d { bus = b }\n", &config);
+	assert_int_equal(config.drives[0].xyza.axes, XYZA_AXIS_COUNT);
+	assert_int_equal(config.drives[0].xyza.step_time, 500 * DB_NS_PER_MS);
+	assert_false(config.drives[0].xyza.temper.no_negative_zero);
+	sim_config_free(&config);
+	load_good("bus b { protocol = servo-can }\ndrive d { bus = b }\n", &config);
+	assert_true(config.buses[0].can.adapter);
+	assert_int_equal(config.buses[0].can.bitrate, 100000);
+	assert_int_equal(config.buses[0].layout.ack_base, 1);
+	assert_false(config.buses[0].layout.words.set);
+	assert_int_equal(config.drives[0].servo.reports[SIM_SERVO_REPORT_HEALTH], DB_NS_PER_S);
+	sim_config_free(&config);
 }
 
 static const struct {
@@ -343,6 +355,15 @@ static void wrong_files_are_refused(void **state)
 		expect_refused(WRONG[i].text, WRONG[i].message);
 }
 
+static void unreadable_files_are_refused(void **state)
+{
+	struct sim_config config;
+
+	(void)state;
+	assert_int_equal(sim_config_load("/nonexistent/file", &config), -1);
+	assert_int_equal(sim_config_load("/", &config), -1);
+}
+
 static void every_drive_is_looked_at(void **state)
 {
 	struct sim_config config;
@@ -367,6 +388,7 @@ int main(void)
 		cmocka_unit_test(files_say_the_same_in_every_spelling),
 		cmocka_unit_test(what_is_not_said_has_its_preset),
 		cmocka_unit_test(wrong_files_are_refused),
+		cmocka_unit_test(unreadable_files_are_refused),
 		cmocka_unit_test(every_drive_is_looked_at),
 	};
 

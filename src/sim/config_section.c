@@ -1,0 +1,417 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/config_section.h"
+
+#include "codec/can.h"
+#include "codec/vsmd_serial.h"
+#include "codec/xyza.h"
+
+#include <errno.h>
+#include <limits.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#define TIME_MAX_US 10000000
+#define TIME_MAX_MS 60000
+
+enum key_type { KEY_TEXT, KEY_WORD, KEY_LIST, KEY_WHOLE, KEY_REAL, KEY_FLAG };
+
+struct sim_key {
+	const char *name;
+	enum key_type type;
+	const char *preset; /* null: no text, an empty list */
+	const char *words;  /* WORD: with | between them */
+	long min;           /* WHOLE */
+	long max;
+};
+
+#define TEXT(n, p)                         \
+	{                                  \
+		n, KEY_TEXT, p, NULL, 0, 0 \
+	}
+#define WORD(n, p, w)                   \
+	{                               \
+		n, KEY_WORD, p, w, 0, 0 \
+	}
+#define LIST(n)                               \
+	{                                     \
+		n, KEY_LIST, NULL, NULL, 0, 0 \
+	}
+#define WHOLE(n, p, low, high)                   \
+	{                                        \
+		n, KEY_WHOLE, p, NULL, low, high \
+	}
+#define REAL(n, p)                         \
+	{                                  \
+		n, KEY_REAL, p, NULL, 0, 0 \
+	}
+#define FLAG(n, p)                         \
+	{                                  \
+		n, KEY_FLAG, p, NULL, 0, 0 \
+	}
+#define END                                      \
+	{                                        \
+		NULL, KEY_TEXT, NULL, NULL, 0, 0 \
+	}
+
+/* clang-format off */
+static const struct sim_key BUS_KEYS[] = {
+	WORD ("protocol",            "vsmd-serial", "vsmd-serial|vsmd-can|servo-can|xyza"),
+	TEXT ("device",              "pty"),
+	TEXT ("link",                NULL),
+	WHOLE("baud",                "115200", 2400, 921600),
+	WORD ("line",                "rs485", "rs485|rs232"),
+	WHOLE("latency-us",          "800", 0, TIME_MAX_US),
+	WHOLE("turnaround-us",       "0", 0, TIME_MAX_US),
+	WHOLE("reply-id",            "1", 0, VSMD_SERIAL_ID_MAX),
+	/* CAN. */
+	WORD ("transport",           "slcan", "slcan|socketcan"),
+	TEXT ("interface",           NULL),
+	WHOLE("bitrate",             "100000", 10000, 1000000),
+	WORD ("frames",              "extended", "extended|standard"),
+	WHOLE("output-base",         "1", 0, 1),
+	/* What the servos' document leaves open. */
+	WHOLE("ack-base",            "1", 0, DB_CAN_STANDARD_MASK),
+	FLAG ("padded",              "false"),
+	WHOLE("command-word-base",   "0", 0, DB_CAN_STANDARD_MASK),
+	WHOLE("command-word-length", "4", 2, DB_CAN_DATA_MAX),
+	WHOLE("command-word-0-at",   "0", 0, DB_CAN_DATA_MAX - 2),
+	WHOLE("command-word-1-at",   "-1", -1, DB_CAN_DATA_MAX - 2),
+	WHOLE("command-word-ack",    "7", 0, UINT8_MAX),
+	WHOLE("command-word-fixed",  "0", LONG_MIN, LONG_MAX),
+	TEXT ("flash",               NULL),
+	LIST ("fault"),
+	END
+};
+
+/* Of the drives of all families. */
+static const struct sim_key DRIVE_KEYS[] = {
+	TEXT ("bus",                 NULL),
+	WHOLE("address",             "1", LONG_MIN, LONG_MAX),
+	/* VSMD. */
+	TEXT ("identity",            "VSMD113_025T-1.0.008.170428"),
+	WORD ("model",               "025T", "010T|025T|045T|080T"),
+	FLAG ("closed-loop",         "false"),
+	FLAG ("external",            "false"),
+	REAL ("max-current",         "2.5"),
+	REAL ("travel-min",          "-1e9"),
+	REAL ("travel-max",          "1e9"),
+	REAL ("start",               "0.0"),
+	WORD ("handshake",           "", "|dev|any"),
+	FLAG ("handshake-kept",      "false"),
+	WHOLE("handshake-lapses-ms", "0", 0, TIME_MAX_MS),
+	WHOLE("power-delay-ms",      "0", 0, TIME_MAX_MS),
+	WHOLE("standing-delay-ms",   "0", 0, TIME_MAX_MS),
+	WHOLE("motion-delay-ms",     "0", 0, TIME_MAX_MS),
+	WORD ("refusal",             "", "|kept|once|cleared"),
+	FLAG ("clamps",              "false"),
+	WHOLE("rests-off",           "0", -1000, 1000),
+	FLAG ("hides-outputs",       "false"),
+	FLAG ("ignores-broadcast",   "false"),
+	WORD ("text",                "plain", "plain|nul|crlf|quoted"),
+	WORD ("numbers",             "plain", "plain|exponent|quoted"),
+	LIST ("lacks"),
+	/* Servos. */
+	WORD ("mode",                "position", "position|speed|current"),
+	FLAG ("sync",                "false"),
+	WHOLE("report-position-ms",  "100", 0, TIME_MAX_MS),
+	WHOLE("report-motion-ms",    "100", 0, TIME_MAX_MS),
+	WHOLE("report-health-ms",    "1000", 0, TIME_MAX_MS),
+	REAL ("load",                "0.0"),
+	REAL ("inertia",             "1e-4"),
+	WORD ("fault-power",         "off", "off|kept"),
+	WORD ("demand",              "position", "position|kept"),
+	WORD ("reached-bit",         "position", "position|profile"),
+	WORD ("trigger",             "works", "works|ignored"),
+	WORD ("setpoints",           "always", "always|in-mode"),
+	WORD ("answer-length",       "documented", "documented|eight|mixed|short"),
+	REAL ("zero-speed-rpm",      "1.0"),
+	REAL ("dither",              "0.0"),
+	WHOLE("ack-latency-us",      "0", 0, TIME_MAX_US),
+	WHOLE("power-ms",            "5", 0, TIME_MAX_MS),
+	/* XYZA. */
+	WHOLE("axes",                "4", 1, XYZA_AXIS_COUNT),
+	WHOLE("programs",            "8", 1, UINT8_MAX),
+	WHOLE("program-steps",       "300", 1, XYZA_PROGRAM_STEP_MAX),
+	WHOLE("step-ms",             "500", 1, TIME_MAX_MS),
+	WORD ("answer-mark",         "0c", "0c|0a"),
+	WORD ("failure-code",        "ab", "ab|bb"),
+	FLAG ("echo-a4",             "false"),
+	FLAG ("negative-zero",       "true"),
+	FLAG ("amount-clears-sign",  "false"),
+	FLAG ("acknowledges-all",    "false"),
+	FLAG ("jogs-from-stand",     "false"),
+	FLAG ("second-stop-ends",    "false"),
+	WHOLE("braking-ms",          "0", 0, TIME_MAX_MS),
+	LIST ("ignores"),
+	LIST ("sensor"),
+	LIST ("set"),
+	LIST ("fault"),
+	END
+};
+/* clang-format on */
+
+/* Null for a section that there is not. */
+static const struct sim_key *find_keys(const char *section)
+{
+	if (strcmp(section, "bus") == 0)
+		return BUS_KEYS;
+	return strcmp(section, "drive") == 0 ? DRIVE_KEYS : NULL;
+}
+
+/* Null when there is none of this name. */
+static const struct sim_key *find_key(const struct sim_key *keys, const char *name)
+{
+	for (; keys->name; keys++) {
+		if (strcmp(keys->name, name) == 0)
+			return keys;
+	}
+	return NULL;
+}
+
+/* --- the whole text ---------------------------------------------------------------------------- */
+
+/* False when it is none. */
+static bool parse_flag(const char *text, bool *flag)
+{
+	static const char *const words[] = { "false", "true", "no", "yes", "off", "on" };
+
+	for (size_t i = 0; i < sizeof(words) / sizeof(words[0]); i++) {
+		if (strcasecmp(text, words[i]) != 0)
+			continue;
+		*flag = i % 2 == 1;
+		return true;
+	}
+	return false;
+}
+
+static void check_section(const struct db_reader *reader, size_t index,
+                          struct db_messages *messages)
+{
+	const struct db_reader_section *section = &reader->sections[index];
+
+	if (!find_keys(section->name))
+		db_messages_add_error(messages, section->line,
+		                      "no such option '%s'; known here: bus drive", section->name);
+	else if (section->title[0] == '\0')
+		db_messages_add_error(
+			messages, section->line,
+			"missing title for section '%s'; SECTION NAME { ... } is right",
+			section->name);
+	else if (db_reader_find_section(reader, section->name, section->title) != index)
+		db_messages_add_error(
+			messages, section->line,
+			"found duplicate title '%s'; every bus and drive needs a name of its own",
+			section->title);
+}
+
+static void check_type(const struct db_reader_key *given, const struct sim_key *key,
+                       struct db_messages *messages)
+{
+	const char *what = NULL, *right = NULL;
+	char *end;
+	bool flag;
+
+	if (key->type == KEY_LIST)
+		return;
+	errno = 0;
+	if (given->list) {
+		what = "more than one";
+		right = "; KEY = VALUE is right";
+	} else if (key->type == KEY_WHOLE) {
+		(void)strtol(given->values, &end, 0);
+		what = *end != '\0' ? "invalid integer" : errno != 0 ? "integer" : NULL;
+		right = *end != '\0' ? "; a whole number is right" :
+		                       " is out of range; a smaller one is right";
+	} else if (key->type == KEY_REAL) {
+		(void)strtod(given->values, &end);
+		what = *end != '\0' || errno != 0 ? "invalid floating point" : NULL;
+		right = "; a number is right";
+	} else if (key->type == KEY_FLAG && !parse_flag(given->values, &flag)) {
+		what = "invalid boolean";
+		right = "; true or false is right";
+	}
+	if (what)
+		db_messages_add_error(messages, given->line, "%s value for option '%s'%s", what,
+		                      key->name, right);
+}
+
+void sim_section_check_all(const struct db_reader *reader, struct db_messages *messages)
+{
+	for (size_t i = 0; i < reader->section_count; i++)
+		check_section(reader, i, messages);
+	for (size_t i = 0; i < reader->key_count; i++) {
+		const struct db_reader_key *given = &reader->keys[i];
+		const struct sim_key *keys, *key;
+		char known[1024] = " bus drive";
+		size_t used = 0;
+
+		keys = given->section == DB_READER_NO_SECTION ?
+		               NULL :
+		               find_keys(reader->sections[given->section].name);
+		key = keys ? find_key(keys, given->name) : NULL;
+		if (key)
+			check_type(given, key, messages);
+		/* Keys of an unknown section are not looked at. */
+		if (key || (!keys && given->section != DB_READER_NO_SECTION))
+			continue;
+		for (; keys && keys->name; keys++)
+			used += (size_t)snprintf(known + used, sizeof(known) - used, " %s",
+			                         keys->name);
+		db_messages_add_error(messages, given->line, "no such option '%s'; known here:%s",
+		                      given->name, known);
+	}
+}
+
+size_t sim_section_count(const struct db_reader *reader, const char *name)
+{
+	size_t count = 0;
+
+	for (size_t i = 0; i < reader->section_count; i++)
+		count += strcmp(reader->sections[i].name, name) == 0;
+	return count;
+}
+
+struct sim_section sim_section_open(const struct db_reader *reader, struct db_messages *messages,
+                                    const char *name, size_t number)
+{
+	size_t index = 0;
+
+	while (strcmp(reader->sections[index].name, name) != 0 || number-- > 0)
+		index++;
+	return (struct sim_section){
+		.reader = reader,
+		.messages = messages,
+		.keys = find_keys(name),
+		.index = index,
+		.title = reader->sections[index].title,
+	};
+}
+
+/* --- one value --------------------------------------------------------------------------------- */
+
+static const struct db_reader_key *find_given(const struct sim_section *section, const char *name)
+{
+	return db_reader_find_key(section->reader, section->index, name);
+}
+
+void sim_section_refuse(const struct sim_section *section, const char *name, const char *format,
+                        ...)
+{
+	const struct db_reader_key *given = name ? find_given(section, name) : NULL;
+	unsigned line = given ? given->line : section->reader->sections[section->index].line;
+	va_list arguments;
+	char *text;
+
+	va_start(arguments, format);
+	if (vasprintf(&text, format, arguments) < 0)
+		text = NULL;
+	va_end(arguments);
+	db_messages_add_error(section->messages, line, "%s", text ? text : "out of memory");
+	free(text);
+}
+
+const char *sim_section_text(const struct sim_section *section, const char *name)
+{
+	const struct db_reader_key *given = find_given(section, name);
+
+	return given ? given->values : find_key(section->keys, name)->preset;
+}
+
+static void refuse_range(const struct sim_section *section, const char *name, long value, long min,
+                         long max)
+{
+	sim_section_refuse(section, name, "%s = %ld is out of range; %ld to %ld is right", name,
+	                   value, min, max);
+}
+
+long sim_section_whole(const struct sim_section *section, const char *name)
+{
+	const struct sim_key *key = find_key(section->keys, name);
+	long value = strtol(sim_section_text(section, name), NULL, 0);
+
+	if (value >= key->min && value <= key->max)
+		return value;
+	refuse_range(section, name, value, key->min, key->max);
+	return strtol(key->preset, NULL, 0);
+}
+
+bool sim_section_check_range(const struct sim_section *section, const char *name, long min,
+                             long max)
+{
+	long value = sim_section_whole(section, name);
+
+	if (value >= min && value <= max)
+		return true;
+	refuse_range(section, name, value, min, max);
+	return false;
+}
+
+double sim_section_real(const struct sim_section *section, const char *name)
+{
+	return strtod(sim_section_text(section, name), NULL);
+}
+
+bool sim_section_flag(const struct sim_section *section, const char *name)
+{
+	bool flag = false;
+
+	(void)parse_flag(sim_section_text(section, name), &flag);
+	return flag;
+}
+
+/* Whether it is among the key's words, and which of them. */
+static bool find_word(const struct sim_key *key, const char *text, unsigned *place)
+{
+	const char *word = key->words;
+
+	for (*place = 0;; (*place)++) {
+		size_t length = strcspn(word, "|");
+
+		if (strlen(text) == length && memcmp(word, text, length) == 0)
+			return true;
+		if (word[length] == '\0')
+			return false;
+		word += length + 1;
+	}
+}
+
+unsigned sim_section_word(const struct sim_section *section, const char *name)
+{
+	const struct sim_key *key = find_key(section->keys, name);
+	const char *text = sim_section_text(section, name);
+	char known[128] = "";
+	unsigned place;
+
+	if (find_word(key, text, &place))
+		return place;
+	for (const char *at = key->words; *at; at++) {
+		size_t used = strlen(known);
+
+		snprintf(known + used, sizeof(known) - used, *at == '|' ? ", " : "%c", *at);
+	}
+	sim_section_refuse(section, name, "%s = \"%s\" is unknown; one of these is right: %s", name,
+	                   text, known);
+	(void)find_word(key, key->preset, &place);
+	return place;
+}
+
+const char *sim_section_next(const struct sim_section *section, const char *name, const char *text)
+{
+	const struct db_reader_key *given = find_given(section, name);
+	const char *next;
+
+	if (!given || given->count == 0)
+		return NULL;
+	next = text ? text + strlen(text) + 1 : given->values;
+	return next < given->values + given->size ? next : NULL;
+}
+
+size_t sim_section_length(const struct sim_section *section, const char *name)
+{
+	const struct db_reader_key *given = find_given(section, name);
+
+	return given ? given->count : 0;
+}

@@ -1,0 +1,52 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Sections of the simulator's configuration: which keys they have, what each may say, and what holds when it
+ * says nothing. A value that is wrong is an error, and its preset is returned. Pure.
+ */
+#ifndef DRIVEBRIDGE_SIM_CONFIG_SECTION_H
+#define DRIVEBRIDGE_SIM_CONFIG_SECTION_H
+
+#include "reader/reader.h"
+
+struct sim_key;
+
+struct sim_section {
+	const struct db_reader *reader;
+	struct db_messages *messages;
+	const struct sim_key *keys;
+	size_t index; /* in the reader */
+	const char *title;
+};
+
+/* Every section and key that is unknown, doubled or not of its type is an error. */
+void sim_section_check_all(const struct db_reader *reader, struct db_messages *messages);
+
+/* Of what sim_section_check_all() found good: how many sections have this name ("bus" or "drive"), and one
+ * of them. */
+size_t sim_section_count(const struct db_reader *reader, const char *name);
+struct sim_section sim_section_open(const struct db_reader *reader, struct db_messages *messages,
+                                    const char *name, size_t number);
+
+/* Values of keys that the section has, of their types. Texts live as long as the reader; null when it was not
+ * given and has no preset. */
+const char *sim_section_text(const struct sim_section *section, const char *name);
+long sim_section_whole(const struct sim_section *section, const char *name);
+double sim_section_real(const struct sim_section *section, const char *name);
+bool sim_section_flag(const struct sim_section *section, const char *name);
+
+/* The place of the word in the list that the table has. */
+unsigned sim_section_word(const struct sim_section *section, const char *name);
+
+/* The next text of a list: the first behind null, null behind the last. */
+const char *sim_section_next(const struct sim_section *section, const char *name, const char *text);
+size_t sim_section_length(const struct sim_section *section, const char *name);
+
+/* An error about a key, or about the section as a whole where `name` is null. */
+void sim_section_refuse(const struct sim_section *section, const char *name, const char *format,
+                        ...) __attribute__((format(printf, 3, 4)));
+
+/* False, and an error, when the value is in the table's range but not in this one. */
+bool sim_section_check_range(const struct sim_section *section, const char *name, long min,
+                             long max);
+
+#endif
