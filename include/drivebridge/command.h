@@ -65,6 +65,9 @@ bool db_command_may_move(enum db_command command);
 /* Whatever motion there was is over once this command is on its way: another motion, or an end. */
 bool db_command_ends_motion(enum db_command command);
 
+/* The same but for stops: the motion is over when the drive takes the command, and not before. */
+bool db_command_replaces_motion(enum db_command command);
+
 /* The stop that a configured reaction stands for; NONE for DB_ON_LOSS_NONE. */
 enum db_command db_on_loss_command(enum db_on_loss reaction);
 

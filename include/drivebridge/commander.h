@@ -114,24 +114,29 @@ struct db_command_write {
 	bool has_staged;  /* `staged_command` was */
 };
 
-/* What the result registers show. */
-struct db_command_state {
+/* What became of somebody's commands, as the result registers show it. */
+struct db_command_results {
+	uint32_t result_time_us; /* from the arrival of the last ended command to its end */
 	uint16_t result_id;
 	/* enum db_result of the latest command. OK says that the drive has begun it. A motion with an
 	 * end (a position move, homing, shaking) is followed to that: `done` when it came there,
 	 * FAILED, CANCELLED or INDETERMINATE here when it did not. */
 	uint16_t result;
 	uint16_t result_command;
+	uint16_t result_limit;   /* enum db_limit, when result is `limit` */
 	uint16_t write_result;   /* enum db_result of the latest command or parameter write */
 	uint16_t write_register; /* the first register that it was refused for; 0: not known */
-	uint32_t result_time_us; /* from the arrival of the last ended command to its end */
-	uint16_t active_command; /* oldest command pending, 0 = none */
-	uint16_t result_limit;   /* enum db_limit, when result is `limit` */
 	uint16_t aborted_id;     /* of the motion that `aborted` is about */
 	uint16_t motion_id;      /* of the motion that the drive has begun last */
 	uint16_t motion_result;  /* enum db_result: PENDING while it goes on, OK: at its end */
 	bool done;               /* the newest motion that was asked for came to its end */
 	bool aborted;            /* a motion was ended by the latest command before its end */
+};
+
+/* What a client is shown of a drive's commands. */
+struct db_command_state {
+	struct db_command_results results;
+	uint16_t active_command; /* oldest command pending, 0 = none */
 	bool busy;               /* a command or parameter write is pending */
 	bool latched;            /* the watchdog tripped; motion is refused until clear_fault */
 	uint32_t watchdog_ms;

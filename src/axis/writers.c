@@ -53,7 +53,7 @@ struct db_writer *db_writers_find(struct db_writers *writers, const struct db_cl
 }
 
 /* A free place, or that of the one that was silent longest. */
-static struct db_writer *place(struct db_writers *writers)
+static struct db_writer *find_place(struct db_writers *writers)
 {
 	struct db_writer *chosen = &writers->each[0];
 
@@ -75,7 +75,7 @@ struct db_writer *db_writers_claim(struct db_writers *writers, const struct db_c
 
 	if (writer || !client)
 		return writer;
-	writer = place(writers);
+	writer = find_place(writers);
 	*writer = (struct db_writer){ .taken = true, .heard = now };
 	memcpy(writer->address, client->address, sizeof writer->address);
 	return writer;
@@ -89,33 +89,36 @@ void db_writers_hear(struct db_writers *writers, const struct db_client *client,
 		writer->heard = now;
 }
 
+const struct db_command_results *db_writers_results(struct db_writers *writers,
+                                                    const struct db_client *client)
+{
+	const struct db_writer *writer = db_writers_find(writers, client);
+
+	return writers->by_address && writer && writer->commanded ? &writer->own.results :
+	                                                            &writers->latest.results;
+}
+
+/* --- tickets --------------------------------------------------------------------------------------- */
+
 static void retarget(uint32_t *kept, uint32_t ticket, uint32_t to)
 {
 	if (*kept == ticket)
 		*kept = to;
 }
 
-void db_outcome_retarget(struct db_outcome *outcome, uint32_t ticket, uint32_t to)
-{
-	retarget(&outcome->ticket, ticket, to);
-	retarget(&outcome->write_ticket, ticket, to);
-}
-
 void db_writers_retarget(struct db_writers *writers, uint32_t ticket, uint32_t to)
 {
+	retarget(&writers->latest.ticket, ticket, to);
+	retarget(&writers->latest.write_ticket, ticket, to);
 	for (size_t i = 0; i < count_of(writers); i++) {
 		struct db_writer *writer = first_of(writers) + i;
 
 		retarget(&writer->last.ticket, ticket, to);
 		retarget(&writer->previous.ticket, ticket, to);
 		retarget(&writer->execution.ticket, ticket, to);
-		db_outcome_retarget(&writer->shown, ticket, to);
+		retarget(&writer->own.ticket, ticket, to);
+		retarget(&writer->own.write_ticket, ticket, to);
 	}
-}
-
-void db_outcome_retire(struct db_outcome *outcome, uint32_t ticket)
-{
-	db_outcome_retarget(outcome, ticket, 0);
 }
 
 void db_writers_retire(struct db_writers *writers, uint32_t ticket)
@@ -123,9 +126,44 @@ void db_writers_retire(struct db_writers *writers, uint32_t ticket)
 	db_writers_retarget(writers, ticket, 0);
 }
 
-void db_writer_remember(struct db_writer *writer, uint16_t id, enum db_result result,
-                        uint32_t ticket)
+/* --- commands and writes ----------------------------------------------------------------------------- */
+
+static void set_write(struct db_outcome *outcome, enum db_result result, uint16_t refused_register,
+                      uint32_t ticket)
 {
+	outcome->results.write_result = (uint16_t)result;
+	outcome->results.write_register = refused_register;
+	outcome->write_ticket = ticket;
+}
+
+void db_writers_set_write(struct db_writers *writers, struct db_writer *writer,
+                          enum db_result result, uint16_t refused_register, uint32_t ticket)
+{
+	set_write(&writers->latest, result, refused_register, ticket);
+	if (writer)
+		set_write(&writer->own, result, refused_register, ticket);
+}
+
+static void set_command(struct db_outcome *outcome, uint16_t id, uint16_t command,
+                        enum db_result result, uint32_t ticket)
+{
+	outcome->results.result_id = id;
+	outcome->results.result_command = command;
+	outcome->results.result = (uint16_t)result;
+	outcome->ticket = ticket;
+	set_write(outcome, result, 0, ticket);
+}
+
+void db_writers_set_command(struct db_writers *writers, struct db_writer *writer, uint16_t id,
+                            uint16_t command, enum db_result result, uint32_t ticket)
+{
+	set_command(&writers->latest, id, command, result, ticket);
+	if (!writer)
+		return;
+	set_command(&writer->own, id, command, result, ticket);
+	writer->commanded = true;
+	if (id == 0 || result == DB_RESULT_BUSY)
+		return;
 	/* A stop repeated under its own id does not make an older id new again. */
 	if (id != writer->last.id)
 		writer->previous = writer->last;
@@ -137,101 +175,144 @@ void db_writer_remember(struct db_writer *writer, uint16_t id, enum db_result re
 	};
 }
 
-void db_outcome_complete(struct db_outcome *outcome, uint32_t ticket, enum db_result result,
-                         uint32_t took_us)
+void db_writers_set_limit(struct db_writers *writers, struct db_writer *writer, enum db_limit limit)
 {
-	if (outcome->ticket == ticket) {
-		outcome->result = (uint16_t)result;
-		outcome->result_time_us = took_us;
-	}
-	if (outcome->write_ticket == ticket)
-		outcome->write_result = (uint16_t)result;
+	writers->latest.results.result_limit = (uint16_t)limit;
+	if (writer)
+		writer->own.results.result_limit = (uint16_t)limit;
 }
 
-static void complete_ids(struct db_writer *writer, uint32_t ticket, enum db_result result)
+void db_writer_set_executed(struct db_writer *writer, const struct db_command_block *block,
+                            uint16_t id, enum db_result result, uint32_t ticket)
 {
-	if (writer->previous.ticket == ticket)
-		writer->previous.result = result;
-	if (writer->last.ticket != ticket)
-		return;
-	writer->last.result = result;
-	if (result != DB_RESULT_BUSY)
-		return;
-	/* The bus turned it away after all: the id is as good as never seen. */
-	writer->last = writer->previous;
-	writer->previous = (struct db_used_id){ 0 };
+	writer->has_executed = true;
+	writer->executed = *block;
+	writer->execution = (struct db_used_id){
+		.id = id,
+		.result = result,
+		.sent = ticket != 0,
+		.ticket = ticket,
+	};
+}
+
+static void complete(struct db_outcome *outcome, uint32_t ticket, enum db_result result,
+                     uint32_t took_us)
+{
+	if (outcome->ticket == ticket) {
+		outcome->results.result = (uint16_t)result;
+		outcome->results.result_time_us = took_us;
+	}
+	if (outcome->write_ticket == ticket)
+		outcome->results.write_result = (uint16_t)result;
 }
 
 void db_writers_complete(struct db_writers *writers, uint32_t ticket, enum db_result result,
                          uint32_t took_us)
 {
+	complete(&writers->latest, ticket, result, took_us);
 	for (size_t i = 0; i < count_of(writers); i++) {
 		struct db_writer *writer = first_of(writers) + i;
 
-		db_outcome_complete(&writer->shown, ticket, result, took_us);
-		complete_ids(writer, ticket, result);
-		if (writer->execution.ticket != ticket)
-			continue;
-		writer->execution.result = result;
-		writer->has_executed = result != DB_RESULT_BUSY;
+		complete(&writer->own, ticket, result, took_us);
+		if (writer->previous.ticket == ticket)
+			writer->previous.result = result;
+		if (writer->last.ticket == ticket) {
+			writer->last.result = result;
+			/* The bus turned it away after all: the id is as good as never seen. */
+			if (result == DB_RESULT_BUSY) {
+				writer->last = writer->previous;
+				writer->previous = (struct db_used_id){ 0 };
+			}
+		}
+		if (writer->execution.ticket == ticket) {
+			writer->execution.result = result;
+			writer->has_executed = result != DB_RESULT_BUSY;
+		}
 	}
+}
+
+/* --- motions ----------------------------------------------------------------------------------------- */
+
+static void ask_motion(struct db_outcome *outcome, bool refused)
+{
+	outcome->results.done = outcome->results.aborted = false;
+	outcome->motion_refused = refused;
+}
+
+void db_writers_ask_motion(struct db_writers *writers, struct db_writer *writer)
+{
+	ask_motion(&writers->latest, false);
+	if (writer)
+		ask_motion(&writer->own, false);
+}
+
+void db_writer_ask_motion(struct db_writer *writer)
+{
+	ask_motion(&writer->own, false);
+}
+
+void db_writers_refuse_motion(struct db_writers *writers, struct db_writer *writer)
+{
+	ask_motion(&writers->latest, true);
+	if (writer)
+		ask_motion(&writer->own, true);
 }
 
 static void abort_motion(struct db_outcome *outcome)
 {
-	outcome->motion_result = DB_RESULT_CANCELLED;
+	outcome->results.motion_result = DB_RESULT_CANCELLED;
 	if (!outcome->motion_ends)
 		return;
-	outcome->aborted = true;
-	outcome->aborted_id = outcome->motion_id;
+	outcome->results.aborted = true;
+	outcome->results.aborted_id = outcome->results.motion_id;
 }
 
-void db_outcome_ask_motion(struct db_outcome *outcome)
+static void begin_motion(struct db_outcome *outcome, uint16_t id, bool ends, bool cancelled)
 {
-	outcome->done = outcome->aborted = false;
-	outcome->motion_refused = false;
-}
-
-void db_outcome_refuse_motion(struct db_outcome *outcome)
-{
-	outcome->done = outcome->aborted = false;
-	outcome->motion_refused = true;
-}
-
-void db_outcome_begin_motion(struct db_outcome *outcome, uint16_t id, bool ends, bool cancelled)
-{
-	outcome->motion_id = id;
+	outcome->results.motion_id = id;
+	outcome->results.motion_result = DB_RESULT_PENDING;
 	outcome->motion_ends = ends;
-	outcome->motion_result = DB_RESULT_PENDING;
 	outcome->motion_refused = false;
 	if (cancelled)
 		abort_motion(outcome);
 }
 
-void db_outcome_cancel_motion(struct db_outcome *outcome)
+void db_writers_begin_motion(struct db_writers *writers, struct db_writer *writer, uint16_t id,
+                             bool ends, bool cancelled)
 {
-	if (outcome->motion_result == DB_RESULT_PENDING)
-		abort_motion(outcome);
+	begin_motion(&writers->latest, id, ends, cancelled);
+	if (writer)
+		begin_motion(&writer->own, id, ends, cancelled);
 }
 
 void db_writers_cancel_motion(struct db_writers *writers)
 {
-	for (size_t i = 0; i < count_of(writers); i++)
-		db_outcome_cancel_motion(&first_of(writers)[i].shown);
+	struct db_outcome *latest = &writers->latest;
+
+	latest->results.done = latest->results.aborted = false;
+	if (latest->results.motion_result == DB_RESULT_PENDING)
+		abort_motion(latest);
+	for (size_t i = 0; i < count_of(writers); i++) {
+		struct db_outcome *own = &first_of(writers)[i].own;
+
+		if (own->results.motion_result == DB_RESULT_PENDING)
+			abort_motion(own);
+	}
 }
 
-void db_outcome_end_motion(struct db_outcome *outcome, uint32_t ticket, enum db_result result)
+static void end_motion(struct db_outcome *outcome, uint32_t ticket, enum db_result result)
 {
-	if (outcome->motion_result != DB_RESULT_PENDING)
+	if (outcome->results.motion_result != DB_RESULT_PENDING)
 		return;
-	outcome->motion_result = (uint16_t)result;
-	outcome->done = result == DB_RESULT_OK && !outcome->motion_refused;
+	outcome->results.motion_result = (uint16_t)result;
+	outcome->results.done = result == DB_RESULT_OK && !outcome->motion_refused;
 	if (outcome->ticket == ticket)
-		outcome->result = (uint16_t)result;
+		outcome->results.result = (uint16_t)result;
 }
 
 void db_writers_end_motion(struct db_writers *writers, uint32_t ticket, enum db_result result)
 {
+	end_motion(&writers->latest, ticket, result);
 	for (size_t i = 0; i < count_of(writers); i++)
-		db_outcome_end_motion(&first_of(writers)[i].shown, ticket, result);
+		end_motion(&first_of(writers)[i].own, ticket, result);
 }

@@ -199,6 +199,11 @@ bool db_command_ends_motion(enum db_command command)
 	       command == DB_CMD_HOME_STOP || command == DB_CMD_SHAKE_STOP;
 }
 
+bool db_command_replaces_motion(enum db_command command)
+{
+	return db_command_ends_motion(command) && !db_command_is_stop(command);
+}
+
 enum db_command db_on_loss_command(enum db_on_loss reaction)
 {
 	switch (reaction) {

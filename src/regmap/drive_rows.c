@@ -134,6 +134,8 @@ static const char about_command[] =
 	.part = DB_PART_##needs, .offset = offsetof(struct db_drive_image, member)
 #define PROCESS(at, title, kind, member, more, text) \
 	{ ROW(at, title, kind), FROM(PROCESS, member), more.description = (text) }
+#define RESULT(at, title, kind, member, more, text) \
+	{ ROW(at, title, kind), FROM(PROCESS, state.results.member), more.description = (text) }
 #define BLOCK(at, title, kind, member, more, text) \
 	{ ROW(at, title, kind), FROM(BLOCK, block.member), more.description = (text) }
 #define PLATE(at, title, kind, member, more, text) \
@@ -181,18 +183,18 @@ static const struct db_row registers[] = {
 	PROCESS(20, "drive_status",      BITS32, feedback.drive_status,   MEASURED,
 	        "The drive's own status word as its vendor documents it; its bits are the "
 	        "discrete inputs drive_ from 64 on"),
-	PROCESS(22, "result_id",         U16,    state.result_id,         READ,
+	RESULT( 22, "result_id",         U16,    result_id,               READ,
 	        about_result_id),
-	PROCESS(23, "result",            U16,    state.result,            READ
+	RESULT( 23, "result",            U16,    result,                  READ
 	        UPTO(DB_RESULT_COUNT - 1) CODES(results),
 	        "How the latest command ended; of a motion: ok when the drive has begun it and "
 	        "until it ends badly (see status bit done)"),
-	PROCESS(24, "write_result",      U16,    state.write_result,      READ
+	RESULT( 24, "write_result",      U16,    write_result,            READ
 	        UPTO(DB_RESULT_COUNT - 1),
 	        "How the latest command or parameter write ended; codes as in result"),
-	PROCESS(25, "result_command",    U16,    state.result_command,    READ,
+	RESULT( 25, "result_command",    U16,    result_command,          READ,
 	        "The latest command; codes as in command"),
-	PROCESS(26, "result_time_us",    U32,    state.result_time_us,    READ UNIT("us"),
+	RESULT( 26, "result_time_us",    U32,    result_time_us,          READ UNIT("us"),
 	        "Time from the arrival of the last ended command to its end"),
 	PROCESS(28, "capabilities",      BITS32, capabilities,            READ
 	        CODES(capability_bits),
@@ -245,24 +247,24 @@ static const struct db_row registers[] = {
 	        "4294967295=an IPv6 address: see the clients in the gateway unit"),
 	PROCESS(60, "control_remaining_ms", U32, control_remaining_ms,    READ UNIT("ms"),
 	        about_control_remaining_ms),
-	PROCESS(62, "result_limit",      U16,    state.result_limit,      READ
+	RESULT( 62, "result_limit",      U16,    result_limit,            READ
 	        UPTO(DB_LIMIT_COUNT - 1) CODES(limits),
 	        "Which limit of the configuration a command would have broken when result is "
 	        "limit"),
-	PROCESS(63, "aborted_id",        U16,    state.aborted_id,        READ ANY_U16,
+	RESULT( 63, "aborted_id",        U16,    aborted_id,              READ ANY_U16,
 	        "command_id of the motion that was aborted when the status bit aborted is set; "
 	        "with command-id-scope = client a motion of the client that reads; whoever "
 	        "aborted it"),
-	PROCESS(64, "motion_id",         U16,    state.motion_id,         READ ANY_U16,
+	RESULT( 64, "motion_id",         U16,    motion_id,               READ ANY_U16,
 	        "command_id of the motion that the drive has begun last; with command-id-scope = "
 	        "client of the client that reads; a motion that is refused leaves it as it is"),
-	PROCESS(65, "motion_result",     U16,    state.motion_result,     READ
+	RESULT( 65, "motion_result",     U16,    motion_result,           READ
 	        UPTO(DB_RESULT_COUNT - 1) CODES(results),
 	        "What became of the motion of motion_id: pending while it goes on and ok when it "
 	        "came to its end; cancelled when another command ended it"),
 	PROCESS(66, "heartbeat",         U16,    heartbeat,               HEARTBEAT ANY_U16,
 	        about_heartbeat),
-	PROCESS(67, "write_result_register", U16, state.write_register,   READ ANY_U16,
+	RESULT( 67, "write_result_register", U16, write_register,         READ ANY_U16,
 	        about_write_result_register),
 	PLATE(  68, "raw_answer_length", U16,    raw_length,              READ
 	        UPTO(2 * DB_RAW_ANSWER_WORDS) IF(RAW_ANSWER),

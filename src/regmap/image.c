@@ -92,9 +92,9 @@ static void fill_process(struct db_drive_image *image, const struct db_view_driv
 	}
 	if (image->state.busy)
 		image->status |= DB_STATUS_BUSY;
-	if (image->state.done)
+	if (image->state.results.done)
 		image->status |= DB_STATUS_DONE;
-	if (image->state.aborted)
+	if (image->state.results.aborted)
 		image->status |= DB_STATUS_ABORTED;
 	image->position_units = (float)((double)feedback->position / counts_per_unit);
 	image->velocity_units = (float)((double)feedback->velocity *
@@ -282,8 +282,8 @@ static void fill_window(struct db_gateway_window *window, const struct db_view_d
 		.position_units = image.position_units,
 		.velocity_units = image.velocity_units,
 		.drive_status = feedback->drive_status,
-		.result_id = image.state.result_id,
-		.result = image.state.result,
+		.result_id = image.state.results.result_id,
+		.result = image.state.results.result,
 		.inputs = feedback->inputs,
 		.outputs = feedback->outputs,
 	};

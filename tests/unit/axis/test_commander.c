@@ -251,9 +251,9 @@ static void first_id_is_only_the_baseline(void **state)
 	FAKE(false);
 	assert_int_equal(put(&fake, 9, DB_CMD_MOVE_RELATIVE, 5), FAILURE);
 	assert_int_equal(fake.submitted, 0);
-	assert_int_equal(look(&fake).result, DB_RESULT_RESTARTED);
-	assert_int_equal(look(&fake).result_id, 9);
-	assert_int_equal(look(&fake).result_command, DB_CMD_MOVE_RELATIVE);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_RESTARTED);
+	assert_int_equal(look(&fake).results.result_id, 9);
+	assert_int_equal(look(&fake).results.result_command, DB_CMD_MOVE_RELATIVE);
 	/* The scanner goes on writing it. */
 	assert_int_equal(put(&fake, 9, DB_CMD_MOVE_RELATIVE, 5), FAILURE);
 	assert_int_equal(fake.submitted, 0);
@@ -314,11 +314,11 @@ static void unproven_is_a_success(void **state)
 	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_VELOCITY, 0), DB_WRITE_LATER);
 	finish(&fake, 0, DB_RESULT_UNPROVEN);
 	assert_int_equal(fake.answered_with[0], 0);
-	assert_int_equal(look(&fake).result, DB_RESULT_UNPROVEN);
-	assert_int_equal(look(&fake).motion_id, 2);
-	assert_int_equal(look(&fake).motion_result, DB_RESULT_PENDING);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_UNPROVEN);
+	assert_int_equal(look(&fake).results.motion_id, 2);
+	assert_int_equal(look(&fake).results.motion_result, DB_RESULT_PENDING);
 	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_VELOCITY, 0), 0);
-	assert_int_equal(look(&fake).write_result, DB_RESULT_UNPROVEN);
+	assert_int_equal(look(&fake).results.write_result, DB_RESULT_UNPROVEN);
 	assert_int_equal(fake.submitted, 1);
 	drop(&fake);
 }
@@ -353,7 +353,7 @@ static void a_bare_repeat_gets_its_own_result(void **state)
 	assert_int_equal(fake.answered, 3);
 	assert_int_equal(fake.answered_with[2], FAILURE);
 	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), FAILURE);
-	assert_int_equal(look(&fake).write_result, DB_RESULT_REFUSED);
+	assert_int_equal(look(&fake).results.write_result, DB_RESULT_REFUSED);
 	assert_int_equal(fake.submitted, 2);
 	/* The id's own result is still there. */
 	assert_int_equal(put(&fake, 2, DB_CMD_ENABLE, 0), 0);
@@ -400,8 +400,8 @@ static void repeated_stop_joins_the_pending_one(void **state)
 	assert_int_equal(fake.submitted, 1);
 	finish(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 3);
-	assert_int_equal(look(&fake).result_id, 6);
-	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_int_equal(look(&fake).results.result_id, 6);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OK);
 	drop(&fake);
 }
 
@@ -438,7 +438,7 @@ static void arguments_alone_execute_nothing(void **state)
 	                                                           &write, token, fake.now)),
 	                 0);
 	assert_int_equal(fake.submitted, 0);
-	assert_int_equal(look(&fake).result, DB_RESULT_NONE);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_NONE);
 	drop(&fake);
 }
 
@@ -453,7 +453,7 @@ static void command_alone_uses_an_unused_kept_id(void **state)
 	                                                           &write, token, fake.now)),
 	                 0);
 	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), DB_WRITE_LATER);
-	assert_int_equal(look(&fake).result_id, 7);
+	assert_int_equal(look(&fake).results.result_id, 7);
 	finish(&fake, 0, DB_RESULT_OK);
 	/* The same again is the same request sent again ... */
 	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), 0);
@@ -461,7 +461,7 @@ static void command_alone_uses_an_unused_kept_id(void **state)
 	/* ... and another one is a command without id. */
 	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 6, false), DB_WRITE_LATER);
 	assert_int_equal(fake.submitted, 2);
-	assert_int_equal(look(&fake).result_id, 0);
+	assert_int_equal(look(&fake).results.result_id, 0);
 	finish(&fake, 1, DB_RESULT_OK);
 	assert_int_equal(write_as(&fake, 0, DB_CMD_HOME, 6, false), DB_WRITE_LATER);
 	assert_int_equal(fake.submitted, 3);
@@ -512,11 +512,11 @@ static void refused_writes_store_nothing(void **state)
 	FAKE(false);
 	kept = db_commander_kept(fake.commander, fake.client);
 	assert_int_equal(put(&fake, 0, 63, 5), ILLEGAL_VALUE);
-	assert_int_equal(look(&fake).result, DB_RESULT_OUT_OF_RANGE);
-	assert_int_equal(look(&fake).result_command, 63);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OUT_OF_RANGE);
+	assert_int_equal(look(&fake).results.result_command, 63);
 	assert_int_equal(put(&fake, 0, 40000, 5), ILLEGAL_VALUE);
 	assert_int_equal(put(&fake, 0, DB_CMD_SET_SV, 5), ILLEGAL_FUNCTION);
-	assert_int_equal(look(&fake).result, DB_RESULT_UNSUPPORTED);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_UNSUPPORTED);
 	pass_baseline(&fake, 4);
 	fake.full = true;
 	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 5), BUSY);
@@ -540,7 +540,7 @@ static void out_of_range_arguments(void **state)
 	                                                           &write, token, fake.now)),
 	                 ILLEGAL_VALUE);
 	assert_true(db_commander_kept(fake.commander, fake.client).args.target_velocity == 0.0f);
-	assert_int_equal(look(&fake).write_result, DB_RESULT_OUT_OF_RANGE);
+	assert_int_equal(look(&fake).results.write_result, DB_RESULT_OUT_OF_RANGE);
 	drop(&fake);
 }
 
@@ -552,7 +552,7 @@ static void busy_does_not_use_the_id_up(void **state)
 	finish(&fake, 0, DB_RESULT_OK);
 	fake.full = true;
 	assert_int_equal(put(&fake, 3, DB_CMD_MOVE_RELATIVE, 5), BUSY);
-	assert_int_equal(look(&fake).result, DB_RESULT_BUSY);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_BUSY);
 	fake.full = false;
 	/* Nor does it make the one before new again. */
 	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), 0);
@@ -595,10 +595,10 @@ static void offline_and_bus_down(void **state)
 	pass_baseline(&fake, 1);
 	set_status(&fake, DB_STATUS_BUS_UP);
 	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), NO_ANSWER);
-	assert_int_equal(look(&fake).result, DB_RESULT_OFFLINE);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OFFLINE);
 	set_status(&fake, 0);
 	assert_int_equal(put(&fake, 3, DB_CMD_HOME, 0), NO_PATH);
-	assert_int_equal(look(&fake).result, DB_RESULT_BUS_DOWN);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_BUS_DOWN);
 	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), NO_PATH);
 	assert_int_equal(fake.submitted, 0);
 	/* The id is used up: a client that sends again does not start a move much later. */
@@ -618,7 +618,7 @@ static void stop_of_an_offline_drive_is_queued(void **state)
 	db_commander_expire(fake.commander, fake.now);
 	assert_int_equal(fake.answered, 1);
 	assert_int_equal(fake.answered_with[0], NO_ANSWER);
-	assert_int_equal(look(&fake).result, DB_RESULT_PENDING);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_PENDING);
 	drop(&fake);
 }
 
@@ -638,14 +638,14 @@ static void late_confirmation_is_answered_05(void **state)
 	assert_int_equal(fake.answered, 1);
 	assert_int_equal(fake.answered_with[0], LATER);
 	assert_true(db_commander_next_deadline(fake.commander) == DB_TIME_NEVER);
-	assert_int_equal(look(&fake).result, DB_RESULT_PENDING);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_PENDING);
 	assert_true(look(&fake).busy);
 	assert_int_equal(look(&fake).active_command, DB_CMD_HOME_STOP);
 	fake.now += 20 * MS;
 	finish(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 1);
-	assert_int_equal(look(&fake).result, DB_RESULT_OK);
-	assert_int_equal(look(&fake).result_time_us, 60000);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OK);
+	assert_int_equal(look(&fake).results.result_time_us, 60000);
 	assert_false(look(&fake).busy);
 	assert_int_equal(look(&fake).active_command, DB_CMD_NONE);
 	drop(&fake);
@@ -656,10 +656,10 @@ static void accepted_writes_do_not_wait(void **state)
 	FAKE(true);
 	pass_baseline(&fake, 1);
 	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), 0);
-	assert_int_equal(look(&fake).result, DB_RESULT_PENDING);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_PENDING);
 	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), 0);
 	finish(&fake, 0, DB_RESULT_REFUSED);
-	assert_int_equal(look(&fake).result, DB_RESULT_REFUSED);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_REFUSED);
 	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), 0);
 	assert_int_equal(fake.submitted, 1);
 	assert_int_equal(fake.answered, 0);
@@ -677,16 +677,16 @@ static void old_completions_do_not_overwrite_newer_results(void **state)
 	assert_int_equal(put(&fake, 3, DB_CMD_SET_POSITION, 5), DB_WRITE_LATER);
 	assert_int_equal(look(&fake).active_command, DB_CMD_HOME);
 	finish(&fake, 0, DB_RESULT_CANCELLED);
-	assert_int_equal(look(&fake).result, DB_RESULT_PENDING);
-	assert_int_equal(look(&fake).result_id, 3);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_PENDING);
+	assert_int_equal(look(&fake).results.result_id, 3);
 	assert_int_equal(look(&fake).active_command, DB_CMD_SET_POSITION);
 	assert_int_equal(fake.answered_token[0], 2);
 	assert_int_equal(fake.answered_with[0], FAILURE);
 	finish(&fake, 1, DB_RESULT_OK);
-	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OK);
 	/* Once more the same completion: no one is there any more. */
 	finish(&fake, 1, DB_RESULT_FAILED);
-	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 2);
 	drop(&fake);
 }
@@ -763,7 +763,7 @@ static void a_stop_is_never_answered_busy(void **state)
 	for (unsigned i = 0; i < fake.submitted; i++)
 		finish(&fake, i, DB_RESULT_OK);
 	assert_int_equal(look(&fake).active_command, DB_CMD_NONE);
-	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OK);
 	/* Every writer was answered, once. */
 	for (unsigned i = 0; i < fake.answered; i++) {
 		assert_int_equal(fake.answered_with[i], 0);
@@ -784,13 +784,13 @@ static void a_younger_stop_takes_the_place_of_the_older_one(void **state)
 	assert_int_equal(fake.submitted, 3);
 	finish(&fake, 0, DB_RESULT_CANCELLED);
 	assert_int_equal(fake.answered, 0);
-	assert_int_equal(look(&fake).result, DB_RESULT_PENDING);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_PENDING);
 	finish(&fake, 2, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 2);
 	assert_int_equal(fake.answered_token[0], 1);
 	assert_int_equal(fake.answered_with[0], 0);
 	assert_int_equal(fake.answered_token[1], 3);
-	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OK);
 	drop(&fake);
 }
 
@@ -817,7 +817,7 @@ static void a_stop_without_a_place_is_said_again(void **state)
 	assert_int_equal(pending_of(&fake, 0, DB_CMD_STOP), 3);
 	finish(&fake, fake.submitted - 1, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 4);
-	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OK);
 	drop(&fake);
 }
 
@@ -860,11 +860,11 @@ static void parameters_are_one_request(void **state)
 	assert_int_equal(fake.requests[1].setting_count, 2);
 	assert_int_equal(fake.requests[1].settings[1].param, 5);
 	assert_int_equal(fake.requests[1].settings[1].value.u, 7);
-	assert_int_equal(look(&fake).write_result, DB_RESULT_PENDING);
+	assert_int_equal(look(&fake).results.write_result, DB_RESULT_PENDING);
 	assert_int_equal(look(&fake).active_command, DB_CMD_NONE);
 	finish(&fake, 1, DB_RESULT_REFUSED);
-	assert_int_equal(look(&fake).write_result, DB_RESULT_REFUSED);
-	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_int_equal(look(&fake).results.write_result, DB_RESULT_REFUSED);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OK);
 	assert_int_equal(fake.answered_token[1], 77);
 	assert_int_equal(fake.answered_with[1], FAILURE);
 	set_status(&fake, DB_STATUS_BUS_UP);
@@ -880,7 +880,7 @@ static void parameters_are_one_request(void **state)
 	assert_int_equal(db_exception_of_answer(db_commander_set(fake.commander, fake.client,
 	                                                         settings, 2, token, fake.now)),
 	                 BUSY);
-	assert_int_equal(look(&fake).write_result, DB_RESULT_BUSY);
+	assert_int_equal(look(&fake).results.write_result, DB_RESULT_BUSY);
 	drop(&fake);
 }
 
@@ -1093,20 +1093,20 @@ static void result_follows_a_move_to_its_end(void **state)
 	finish(&fake, 0, DB_RESULT_OK);
 	/* Its writer has his answer; the motion goes on. */
 	assert_int_equal(fake.answered_with[0], 0);
-	assert_int_equal(look(&fake).result, DB_RESULT_OK);
-	assert_false(look(&fake).done);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OK);
+	assert_false(look(&fake).results.done);
 	fake.now += MS;
 	set_axis(&fake, DB_AXIS_DISCRETE_MOTION, DB_STATUS_MOVING, 500);
 	let_pass(&fake, 500 * MS);
-	assert_false(look(&fake).done);
+	assert_false(look(&fake).results.done);
 	/* The same id again: it was accepted, and nothing is sent. */
 	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_ABSOLUTE, 1000), 0);
 	assert_int_equal(fake.submitted, 1);
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
 	let_pass(&fake, 50 * MS);
-	assert_int_equal(look(&fake).result, DB_RESULT_OK);
-	assert_true(look(&fake).done);
-	assert_false(look(&fake).aborted);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OK);
+	assert_true(look(&fake).results.done);
+	assert_false(look(&fake).results.aborted);
 	assert_false(look(&fake).busy);
 	assert_true(db_commander_next_deadline(fake.commander) == DB_TIME_NEVER);
 	drop(&fake);
@@ -1120,7 +1120,7 @@ static void old_data_ends_no_move(void **state)
 	fake.now += MS;
 	finish(&fake, 0, DB_RESULT_OK);
 	let_pass(&fake, 1000 * MS);
-	assert_false(look(&fake).done);
+	assert_false(look(&fake).results.done);
 	drop(&fake);
 }
 
@@ -1132,10 +1132,10 @@ static void a_move_that_stops_elsewhere_has_failed(void **state)
 	fake.now += MS;
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 900);
 	let_pass(&fake, 190 * MS);
-	assert_int_equal(look(&fake).result, DB_RESULT_OK);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OK);
 	let_pass(&fake, 60 * MS);
-	assert_int_equal(look(&fake).result, DB_RESULT_FAILED);
-	assert_false(look(&fake).done);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_FAILED);
+	assert_false(look(&fake).results.done);
 	drop(&fake);
 }
 
@@ -1148,8 +1148,8 @@ static void no_bit_ends_a_move_elsewhere(void **state)
 	fake.now += MS;
 	set_axis(&fake, DB_AXIS_STANDSTILL, DB_STATUS_AT_TARGET, 0);
 	let_pass(&fake, 250 * MS);
-	assert_int_equal(look(&fake).result, DB_RESULT_FAILED);
-	assert_false(look(&fake).done);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_FAILED);
+	assert_false(look(&fake).results.done);
 	drop(&fake);
 }
 
@@ -1160,18 +1160,18 @@ static void a_new_command_aborts_the_motion(void **state)
 	assert_int_equal(put(&fake, 7, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
 	finish(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(put(&fake, 8, DB_CMD_STOP, 0), DB_WRITE_LATER);
-	assert_true(look(&fake).aborted);
-	assert_int_equal(look(&fake).aborted_id, 7);
+	assert_true(look(&fake).results.aborted);
+	assert_int_equal(look(&fake).results.aborted_id, 7);
 	finish(&fake, 1, DB_RESULT_OK);
-	assert_int_equal(look(&fake).result, DB_RESULT_OK);
-	assert_int_equal(look(&fake).result_id, 8);
-	assert_false(look(&fake).done);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OK);
+	assert_int_equal(look(&fake).results.result_id, 8);
+	assert_false(look(&fake).results.done);
 	/* What moves nothing aborts nothing. */
 	assert_int_equal(put(&fake, 9, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
-	assert_false(look(&fake).aborted);
+	assert_false(look(&fake).results.aborted);
 	finish(&fake, 2, DB_RESULT_OK);
 	assert_int_equal(put(&fake, 10, DB_CMD_READ_PARAMETERS, 0), DB_WRITE_LATER);
-	assert_false(look(&fake).aborted);
+	assert_false(look(&fake).results.aborted);
 	drop(&fake);
 }
 
@@ -1184,22 +1184,22 @@ static void a_refused_motion_leaves_the_one_before(void **state)
 	finish(&fake, 0, DB_RESULT_OK);
 	fake.now += MS;
 	set_axis(&fake, DB_AXIS_DISCRETE_MOTION, DB_STATUS_MOVING, 500);
-	assert_int_equal(look(&fake).motion_id, 7);
-	assert_int_equal(look(&fake).motion_result, DB_RESULT_PENDING);
+	assert_int_equal(look(&fake).results.motion_id, 7);
+	assert_int_equal(look(&fake).results.motion_result, DB_RESULT_PENDING);
 	assert_int_equal(put(&fake, 8, DB_CMD_MOVE_ABSOLUTE, 2000), DB_WRITE_LATER);
 	finish(&fake, 1, DB_RESULT_REFUSED);
-	assert_int_equal(look(&fake).result_id, 8);
-	assert_int_equal(look(&fake).result, DB_RESULT_REFUSED);
-	assert_false(look(&fake).aborted);
-	assert_int_equal(look(&fake).motion_id, 7);
-	assert_int_equal(look(&fake).motion_result, DB_RESULT_PENDING);
+	assert_int_equal(look(&fake).results.result_id, 8);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_REFUSED);
+	assert_false(look(&fake).results.aborted);
+	assert_int_equal(look(&fake).results.motion_id, 7);
+	assert_int_equal(look(&fake).results.motion_result, DB_RESULT_PENDING);
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
 	let_pass(&fake, 100 * MS);
 	/* `done` is about what was asked for last: who waits for id 8 must not take it for its own. */
-	assert_false(look(&fake).done);
-	assert_int_equal(look(&fake).motion_id, 7);
-	assert_int_equal(look(&fake).motion_result, DB_RESULT_OK);
-	assert_int_equal(look(&fake).result, DB_RESULT_REFUSED);
+	assert_false(look(&fake).results.done);
+	assert_int_equal(look(&fake).results.motion_id, 7);
+	assert_int_equal(look(&fake).results.motion_result, DB_RESULT_OK);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_REFUSED);
 	drop(&fake);
 }
 
@@ -1214,18 +1214,18 @@ static void a_motion_is_aborted_when_the_drive_takes_the_next(void **state)
 	/* It would be there, but whether the next one has begun is open: nothing is said yet. */
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
 	let_pass(&fake, 300 * MS);
-	assert_false(look(&fake).done);
-	assert_int_equal(look(&fake).motion_id, 7);
+	assert_false(look(&fake).results.done);
+	assert_int_equal(look(&fake).results.motion_id, 7);
 	finish(&fake, 1, DB_RESULT_OK);
-	assert_true(look(&fake).aborted);
-	assert_int_equal(look(&fake).aborted_id, 7);
-	assert_int_equal(look(&fake).motion_id, 8);
-	assert_int_equal(look(&fake).motion_result, DB_RESULT_PENDING);
+	assert_true(look(&fake).results.aborted);
+	assert_int_equal(look(&fake).results.aborted_id, 7);
+	assert_int_equal(look(&fake).results.motion_id, 8);
+	assert_int_equal(look(&fake).results.motion_result, DB_RESULT_PENDING);
 	/* Nobody knows whether this one moves it: then the one before is over. */
 	assert_int_equal(put(&fake, 9, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
 	finish(&fake, 2, DB_RESULT_INDETERMINATE);
-	assert_int_equal(look(&fake).motion_id, 8);
-	assert_int_equal(look(&fake).motion_result, DB_RESULT_CANCELLED);
+	assert_int_equal(look(&fake).results.motion_id, 8);
+	assert_int_equal(look(&fake).results.motion_result, DB_RESULT_CANCELLED);
 	drop(&fake);
 }
 
@@ -1237,14 +1237,14 @@ static void a_motion_that_a_stop_overtook_is_over(void **state)
 	assert_int_equal(put(&fake, 7, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
 	assert_int_equal(put(&fake, 8, DB_CMD_STOP, 0), DB_WRITE_LATER);
 	finish(&fake, 0, DB_RESULT_OK);
-	assert_int_equal(look(&fake).motion_id, 7);
-	assert_int_equal(look(&fake).motion_result, DB_RESULT_CANCELLED);
+	assert_int_equal(look(&fake).results.motion_id, 7);
+	assert_int_equal(look(&fake).results.motion_result, DB_RESULT_CANCELLED);
 	finish(&fake, 1, DB_RESULT_OK);
 	fake.now += MS;
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
 	let_pass(&fake, 100 * MS);
-	assert_false(look(&fake).done);
-	assert_int_equal(look(&fake).motion_result, DB_RESULT_CANCELLED);
+	assert_false(look(&fake).results.done);
+	assert_int_equal(look(&fake).results.motion_result, DB_RESULT_CANCELLED);
 	drop(&fake);
 }
 
@@ -1258,7 +1258,7 @@ static void another_command_does_not_hide_the_end(void **state)
 	fake.now += MS;
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
 	let_pass(&fake, 100 * MS);
-	assert_true(look(&fake).done);
+	assert_true(look(&fake).results.done);
 	drop(&fake);
 }
 
@@ -1270,12 +1270,12 @@ static void a_shake_is_done_when_it_has_moved(void **state)
 	fake.now += MS;
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 0);
 	let_pass(&fake, 50 * MS);
-	assert_false(look(&fake).done);
+	assert_false(look(&fake).results.done);
 	set_axis(&fake, DB_AXIS_CONTINUOUS_MOTION, DB_STATUS_MOVING, 5);
 	let_pass(&fake, 50 * MS);
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 0);
 	let_pass(&fake, 50 * MS);
-	assert_true(look(&fake).done);
+	assert_true(look(&fake).results.done);
 	drop(&fake);
 }
 
@@ -1287,17 +1287,17 @@ static void homing_ends_homed_or_failed(void **state)
 	fake.now += MS;
 	set_axis(&fake, DB_AXIS_HOMING, 0, 5);
 	let_pass(&fake, 100 * MS);
-	assert_false(look(&fake).done);
+	assert_false(look(&fake).results.done);
 	set_axis(&fake, DB_AXIS_STANDSTILL, DB_STATUS_HOMED, 0);
 	let_pass(&fake, 100 * MS);
-	assert_int_equal(look(&fake).result, DB_RESULT_OK);
-	assert_true(look(&fake).done);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_OK);
+	assert_true(look(&fake).results.done);
 	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
 	finish(&fake, 1, DB_RESULT_OK);
 	fake.now += MS;
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 3);
 	let_pass(&fake, 100 * MS);
-	assert_int_equal(look(&fake).result, DB_RESULT_FAILED);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_FAILED);
 	drop(&fake);
 }
 
@@ -1348,20 +1348,20 @@ static void limits_at_the_door(void **state)
 	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
 		int answer = move(&fake, cases[i].command, cases[i].position, cases[i].velocity);
 
-		assert_int_equal(look(&fake).result_limit, cases[i].limit);
+		assert_int_equal(look(&fake).results.result_limit, cases[i].limit);
 		if (cases[i].limit == DB_LIMIT_NONE) {
 			assert_int_equal(answer, DB_WRITE_LATER);
 			finish(&fake, submitted++, DB_RESULT_REFUSED);
 		} else {
 			assert_int_equal(answer, ILLEGAL_VALUE);
-			assert_int_equal(look(&fake).result, DB_RESULT_LIMIT);
+			assert_int_equal(look(&fake).results.result, DB_RESULT_LIMIT);
 		}
 		assert_int_equal(fake.submitted, submitted);
 	}
 	/* Beyond a limit already: back, but not further out. */
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1200);
 	assert_int_equal(move(&fake, DB_CMD_MOVE_VELOCITY, 0, 10.0f), ILLEGAL_VALUE);
-	assert_int_equal(look(&fake).result_limit, DB_LIMIT_MAX_POSITION);
+	assert_int_equal(look(&fake).results.result_limit, DB_LIMIT_MAX_POSITION);
 	assert_int_equal(move(&fake, DB_CMD_MOVE_VELOCITY, 0, -10.0f), DB_WRITE_LATER);
 	drop(&fake);
 }
@@ -1377,7 +1377,7 @@ static void jogs_and_currents_go_no_further_out(void **state)
 	fake.drive.max_position = 100.0;
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, -60);
 	assert_int_equal(move(&fake, DB_CMD_JOG_NEGATIVE, 0, 0.0f), ILLEGAL_VALUE);
-	assert_int_equal(look(&fake).result_limit, DB_LIMIT_MIN_POSITION);
+	assert_int_equal(look(&fake).results.result_limit, DB_LIMIT_MIN_POSITION);
 	assert_int_equal(move(&fake, DB_CMD_JOG_POSITIVE, 0, 0.0f), DB_WRITE_LATER);
 	assert_int_equal(db_exception_of_answer(db_commander_execute(fake.commander, NULL,
 	                                                             DB_CMD_MOVE_CURRENT, &pull,
@@ -1406,7 +1406,7 @@ static void a_jog_is_held_back_before_a_limit(void **state)
 	let_pass(&fake, 50 * MS);
 	assert_int_equal(fake.submitted, 2);
 	assert_int_equal(fake.requests[1].command, DB_CMD_STOP);
-	assert_int_equal(look(&fake).result_limit, DB_LIMIT_MAX_POSITION);
+	assert_int_equal(look(&fake).results.result_limit, DB_LIMIT_MAX_POSITION);
 	finish(&fake, 1, DB_RESULT_OK);
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 998);
 	let_pass(&fake, 2 * DB_NS_PER_S);
@@ -1448,7 +1448,7 @@ static void limits_have_the_scale_that_is_shown(void **state)
 	assert_int_equal(db_commander_new(&config, &ops, &fake, &fake.commander), 0);
 	/* It has not told yet. */
 	assert_int_equal(move(&fake, DB_CMD_MOVE_ABSOLUTE, 10, 50.0f), ILLEGAL_VALUE);
-	assert_int_equal(look(&fake).result_limit, DB_LIMIT_MAX_POSITION);
+	assert_int_equal(look(&fake).results.result_limit, DB_LIMIT_MAX_POSITION);
 	snapshot.feedback.counts_per_unit = 640.0f;
 	db_axis_publish(fake.axis, &snapshot);
 	assert_int_equal(move(&fake, DB_CMD_MOVE_ABSOLUTE, 300 * 640, 50.0f), DB_WRITE_LATER);
@@ -1681,7 +1681,7 @@ static void each_client_numbers_its_own_commands(void **state)
 	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
 	finish(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(put_as(&fake, 2, 6, DB_CMD_ENABLE, 0), FAILURE);
-	assert_int_equal(look_as(&fake, 2).result, DB_RESULT_RESTARTED);
+	assert_int_equal(look_as(&fake, 2).results.result, DB_RESULT_RESTARTED);
 	assert_int_equal(put_as(&fake, 2, 7, DB_CMD_DISABLE, 0), DB_WRITE_LATER);
 	finish(&fake, 1, DB_RESULT_REFUSED);
 	assert_int_equal(fake.submitted, 2);
@@ -1706,24 +1706,24 @@ static void each_client_sees_its_own_result(void **state)
 
 	CLIENT_FAKE();
 	assert_int_equal(put_as(&fake, 1, 0, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
-	assert_int_equal(look_as(&fake, 1).result, DB_RESULT_PENDING);
+	assert_int_equal(look_as(&fake, 1).results.result, DB_RESULT_PENDING);
 	assert_int_equal(put_as(&fake, 2, 0, DB_CMD_SET_POSITION, 0), DB_WRITE_LATER);
 	finish(&fake, 1, DB_RESULT_REFUSED);
 	finish(&fake, 0, DB_RESULT_OK);
 	seen = look_as(&fake, 1);
-	assert_int_equal(seen.result, DB_RESULT_OK);
-	assert_int_equal(seen.result_command, DB_CMD_ENABLE);
-	assert_int_equal(seen.write_result, DB_RESULT_OK);
+	assert_int_equal(seen.results.result, DB_RESULT_OK);
+	assert_int_equal(seen.results.result_command, DB_CMD_ENABLE);
+	assert_int_equal(seen.results.write_result, DB_RESULT_OK);
 	seen = look_as(&fake, 2);
-	assert_int_equal(seen.result, DB_RESULT_REFUSED);
-	assert_int_equal(seen.result_command, DB_CMD_SET_POSITION);
+	assert_int_equal(seen.results.result, DB_RESULT_REFUSED);
+	assert_int_equal(seen.results.result_command, DB_CMD_SET_POSITION);
 	/* Who has commanded nothing sees the drive's latest. */
-	assert_int_equal(look_as(&fake, 3).result_command, DB_CMD_SET_POSITION);
+	assert_int_equal(look_as(&fake, 3).results.result_command, DB_CMD_SET_POSITION);
 	fake.drive.max_position = 1.0;
 	assert_int_equal(put_as(&fake, 1, 0, DB_CMD_MOVE_ABSOLUTE, 11), ILLEGAL_VALUE);
-	assert_int_equal(look_as(&fake, 1).result, DB_RESULT_LIMIT);
-	assert_int_equal(look_as(&fake, 1).result_limit, DB_LIMIT_MAX_POSITION);
-	assert_int_equal(look_as(&fake, 2).result_limit, DB_LIMIT_NONE);
+	assert_int_equal(look_as(&fake, 1).results.result, DB_RESULT_LIMIT);
+	assert_int_equal(look_as(&fake, 1).results.result_limit, DB_LIMIT_MAX_POSITION);
+	assert_int_equal(look_as(&fake, 2).results.result_limit, DB_LIMIT_NONE);
 	drop(&fake);
 }
 
@@ -1734,31 +1734,31 @@ static void a_motion_aborted_by_another_client_is_told_to_its_own(void **state)
 	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_MOVE_ABSOLUTE, 10), DB_WRITE_LATER);
 	finish(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(put_as(&fake, 2, 0, DB_CMD_MOVE_ABSOLUTE, 20), DB_WRITE_LATER);
-	assert_false(look_as(&fake, 1).aborted);
+	assert_false(look_as(&fake, 1).results.aborted);
 	finish(&fake, 1, DB_RESULT_OK);
-	assert_true(look_as(&fake, 1).aborted);
-	assert_int_equal(look_as(&fake, 1).aborted_id, 6);
-	assert_false(look_as(&fake, 1).done);
-	assert_int_equal(look_as(&fake, 1).result, DB_RESULT_OK);
-	assert_int_equal(look_as(&fake, 1).motion_id, 6);
-	assert_int_equal(look_as(&fake, 1).motion_result, DB_RESULT_CANCELLED);
+	assert_true(look_as(&fake, 1).results.aborted);
+	assert_int_equal(look_as(&fake, 1).results.aborted_id, 6);
+	assert_false(look_as(&fake, 1).results.done);
+	assert_int_equal(look_as(&fake, 1).results.result, DB_RESULT_OK);
+	assert_int_equal(look_as(&fake, 1).results.motion_id, 6);
+	assert_int_equal(look_as(&fake, 1).results.motion_result, DB_RESULT_CANCELLED);
 	/* Not to who did it: the id is none of its own. */
-	assert_false(look_as(&fake, 2).aborted);
-	assert_int_equal(look_as(&fake, 2).motion_id, 0);
-	assert_int_equal(look_as(&fake, 2).motion_result, DB_RESULT_PENDING);
+	assert_false(look_as(&fake, 2).results.aborted);
+	assert_int_equal(look_as(&fake, 2).results.motion_id, 0);
+	assert_int_equal(look_as(&fake, 2).results.motion_result, DB_RESULT_PENDING);
 	assert_int_equal(put_as(&fake, 1, 7, DB_CMD_MOVE_ABSOLUTE, 30), DB_WRITE_LATER);
-	assert_false(look_as(&fake, 1).aborted);
+	assert_false(look_as(&fake, 1).results.aborted);
 	/* Who looks on sees the drive's. */
-	assert_int_equal(look_as(&fake, 3).motion_result, DB_RESULT_PENDING);
+	assert_int_equal(look_as(&fake, 3).results.motion_result, DB_RESULT_PENDING);
 	finish(&fake, 2, DB_RESULT_OK);
-	assert_true(look_as(&fake, 2).aborted);
-	assert_false(look_as(&fake, 1).aborted);
-	assert_int_equal(look_as(&fake, 1).motion_id, 7);
-	assert_int_equal(look_as(&fake, 3).motion_id, 7);
+	assert_true(look_as(&fake, 2).results.aborted);
+	assert_false(look_as(&fake, 1).results.aborted);
+	assert_int_equal(look_as(&fake, 1).results.motion_id, 7);
+	assert_int_equal(look_as(&fake, 3).results.motion_id, 7);
 	/* Its own stop ends its own motion. */
 	assert_int_equal(put_as(&fake, 1, 8, DB_CMD_STOP, 0), DB_WRITE_LATER);
-	assert_true(look_as(&fake, 1).aborted);
-	assert_int_equal(look_as(&fake, 1).aborted_id, 7);
+	assert_true(look_as(&fake, 1).results.aborted);
+	assert_int_equal(look_as(&fake, 1).results.aborted_id, 7);
 	drop(&fake);
 }
 
@@ -1773,7 +1773,7 @@ static void the_client_that_was_silent_longest_is_forgotten(void **state)
 	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
 	/* Forgotten: a baseline again, never an execution. */
 	assert_int_equal(put_as(&fake, 2, 6, DB_CMD_ENABLE, 0), FAILURE);
-	assert_int_equal(look_as(&fake, 2).result, DB_RESULT_RESTARTED);
+	assert_int_equal(look_as(&fake, 2).results.result, DB_RESULT_RESTARTED);
 	assert_int_equal(fake.submitted, 1);
 	assert_int_equal(put_as(&fake, 4, 6, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
 	assert_int_equal(fake.submitted, 2);
@@ -1791,7 +1791,7 @@ static void another_scope_begins_with_baselines(void **state)
 	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_ENABLE, 0), 0);
 	db_commander_set_writers(fake.commander, 40, false, false);
 	assert_int_equal(put_as(&fake, 1, 7, DB_CMD_ENABLE, 0), FAILURE);
-	assert_int_equal(look_as(&fake, 2).result, DB_RESULT_RESTARTED);
+	assert_int_equal(look_as(&fake, 2).results.result, DB_RESULT_RESTARTED);
 	assert_int_equal(put_as(&fake, 2, 8, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
 	assert_int_equal(fake.submitted, 2);
 	/* And back, whose memory is asked for before anything is given up. */
@@ -1860,8 +1860,8 @@ static void a_memory_outlives_its_ticket(void **state)
 	/* Answered at once, not together with the other's. */
 	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_ENABLE, 0), 0);
 	finish(&fake, 0, DB_RESULT_REFUSED);
-	assert_int_equal(look_as(&fake, 1).result, DB_RESULT_OK);
-	assert_int_equal(look_as(&fake, 1).write_result, DB_RESULT_OK);
+	assert_int_equal(look_as(&fake, 1).results.result, DB_RESULT_OK);
+	assert_int_equal(look_as(&fake, 1).results.write_result, DB_RESULT_OK);
 	assert_int_equal(put_as(&fake, 1, 6, DB_CMD_ENABLE, 0), 0);
 	drop(&fake);
 }

@@ -1,0 +1,126 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "axis/reaction.h"
+
+#include "axis/account.h"
+#include "axis/motion.h"
+#include "axis/requests.h"
+#include "axis/state.h"
+
+/* How soon a stop that the drive did not take is repeated. */
+#define REFUSED_AGAIN (100 * DB_NS_PER_MS)
+
+/* How often a drive that was not there yet is looked for. */
+#define FIND_INTERVAL (100 * DB_NS_PER_MS)
+
+/* The watchdog's stop that is still with the bus; null. */
+static struct db_slot *find_reaction(struct db_commander *commander)
+{
+	for (struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
+		if (slot->reaction)
+			return slot;
+	}
+	return NULL;
+}
+
+/* Stops the drive because nobody talks to it. Tried again soon if there is no room for a request. */
+static void stop_drive(struct db_commander *commander, db_time now)
+{
+	struct db_command_block block = { .command = (uint16_t)commander->config.on_client_loss };
+	struct db_request request = {
+		.command = commander->config.on_client_loss,
+		.submitted = now,
+	};
+	struct db_slot *slot = find_reaction(commander);
+
+	if (slot) {
+		/* One of an earlier time, with what came since behind it, is repeated when it ends. */
+		slot->again = true;
+	} else {
+		slot = db_requests_submit(commander, NULL, &request, 0);
+		if (!slot) {
+			commander->reaction_again_at = now + DB_STOP_RETRY;
+			return;
+		}
+		slot->reaction = true;
+	}
+	commander->reaction_again_at = DB_TIME_NEVER;
+	db_motion_note_submitted(commander, NULL, slot->command, now);
+	if (commander->reaction_ticket == 0) {
+		/* Of one that repeats what is still with the bus there is an entry. */
+		if (slot->entry != 0)
+			db_history_repeat(&commander->history, slot->entry);
+		else
+			db_account_add_command(commander, NULL, &block, 0, DB_RESULT_PENDING, slot);
+	}
+	commander->reaction_ticket = slot->ticket;
+	commander->newest = slot->ticket;
+	db_writers_set_command(&commander->writers, NULL, 0, block.command, DB_RESULT_PENDING,
+	                       slot->ticket);
+}
+
+/*
+ * A drive that moves when it is first seen was set going before this program ran. Its PLC is watched
+ * from now on as if it had commanded the motion here: should it have gone meanwhile, the drive stops.
+ */
+static void find_drive(struct db_commander *commander, db_time now)
+{
+	struct db_snapshot snapshot;
+
+	if (commander->find_at > now)
+		return;
+	db_axis_read(commander->config.axis, &snapshot);
+	if (!(snapshot.feedback.status & DB_STATUS_ONLINE)) {
+		commander->find_at = now + FIND_INTERVAL;
+		return;
+	}
+	commander->find_at = DB_TIME_NEVER;
+	if (!(snapshot.feedback.status & DB_STATUS_MOVING))
+		return;
+	if (!commander->watchdog.armed)
+		db_watchdog_arm(&commander->watchdog, now);
+	/* A running program of the controller's has its own way. */
+	if (snapshot.feedback.state == DB_AXIS_CONTINUOUS_MOTION &&
+	    snapshot.feedback.program_state == 0)
+		db_motion_supervise(commander, DB_CMD_MOVE_VELOCITY, now);
+}
+
+bool db_reaction_run(struct db_commander *commander, db_time now)
+{
+	bool tripped = db_watchdog_trip(&commander->watchdog, now);
+
+	if (tripped || commander->reaction_again_at <= now)
+		stop_drive(commander, now);
+	db_requests_repeat_stops(commander, now);
+	find_drive(commander, now);
+	return tripped;
+}
+
+db_time db_reaction_deadline(const struct db_commander *commander)
+{
+	db_time next = db_watchdog_deadline(&commander->watchdog);
+
+	if (commander->reaction_again_at < next)
+		next = commander->reaction_again_at;
+	return commander->find_at < next ? commander->find_at : next;
+}
+
+void db_reaction_note_ended(struct db_commander *commander, enum db_result result, db_time now)
+{
+	if (result == DB_RESULT_REFUSED || result == DB_RESULT_FAILED ||
+	    result == DB_RESULT_RUNS_ON)
+		commander->reaction_again_at = now + REFUSED_AGAIN;
+	else
+		commander->reaction_ticket = 0;
+}
+
+void db_reaction_unlatch(struct db_commander *commander, db_time now)
+{
+	struct db_snapshot snapshot;
+
+	db_watchdog_reset(&commander->watchdog);
+	commander->reaction_ticket = 0;
+	commander->reaction_again_at = DB_TIME_NEVER;
+	db_axis_read(commander->config.axis, &snapshot);
+	if (snapshot.feedback.status & DB_STATUS_MOVING)
+		db_watchdog_arm(&commander->watchdog, now);
+}
