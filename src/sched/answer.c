@@ -270,27 +270,11 @@ static void probe_lost(struct db_engine *engine, struct node *node, db_time cost
 		engine_tell_missing(engine, s);
 }
 
-static void identify_lost(struct station *station, db_time now)
-{
-	station->identify_at = now + station->identify_backoff;
-	station->identify_backoff *= 2;
-	if (station->identify_backoff > IDENTIFY_BACKOFF_MAX)
-		station->identify_backoff = IDENTIFY_BACKOFF_MAX;
-}
-
-/* The driver leaves out what the drive does not answer, and asks for the rest. */
-static bool goes_on_without(struct db_engine *engine, struct station *station, db_time now)
-{
-	struct db_conversation talk = station_conversation(station, LANE_IDENTIFY, now);
-	struct lane *lane = &station->lanes[LANE_IDENTIFY];
-
-	lane->ready = engine->driver->lost(&talk) == DB_STEP_SEND;
-	return lane->ready;
-}
-
 static void lane_lost(struct db_engine *engine, struct station *station, enum lane_kind kind,
                       db_time cost, db_time now)
 {
+	struct db_conversation talk = station_conversation(station, kind, now);
+
 	switch (kind) {
 	case LANE_PROBE:
 		probe_lost(engine, station->node, cost, now);
@@ -299,9 +283,14 @@ static void lane_lost(struct db_engine *engine, struct station *station, enum la
 		command_lost(engine, station, now);
 		break;
 	case LANE_IDENTIFY:
-		if (goes_on_without(engine, station, now))
+		/* The driver leaves out what the drive does not answer, and asks for the rest. */
+		station->lanes[kind].ready = engine->driver->lost(&talk) == DB_STEP_SEND;
+		if (station->lanes[kind].ready)
 			break;
-		identify_lost(station, now);
+		station->identify_at = now + station->identify_backoff;
+		station->identify_backoff *= 2;
+		if (station->identify_backoff > IDENTIFY_BACKOFF_MAX)
+			station->identify_backoff = IDENTIFY_BACKOFF_MAX;
 		/* fall through */
 	default: /* begun anew, after getting back in step */
 		station->lanes[kind].active = false;

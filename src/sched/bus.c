@@ -90,16 +90,6 @@ static db_time now_ns(void)
 	return clock_ns(CLOCK_MONOTONIC);
 }
 
-/* A gateway boots in 1970 and learns the time later: the offset is taken again and again. */
-static void follow_wall_clock(struct db_bus *bus, db_time now)
-{
-	if (now < bus->wall_at)
-		return;
-	bus->wall_at = now + BEAT_TIME;
-	db_engine_set_wall_offset(bus->engine,
-	                          (clock_ns(CLOCK_REALTIME) - now_ns()) / DB_NS_PER_US);
-}
-
 /* --- engine's callbacks ------------------------------------------------------------------------- */
 
 /* The first error counts; the port is closed when the turn is over. */
@@ -196,23 +186,10 @@ static const struct db_port_health *health_of(const struct db_bus *bus)
 	return bus->port && bus->transport->health ? bus->transport->health(bus->port) : &fine;
 }
 
-static void log_latency(const struct db_bus *bus, db_time now)
-{
-	enum db_port_latency latency = health_of(bus)->latency;
-
-	if (latency == DB_PORT_LATENCY_LOW)
-		db_log(&bus->log, now, DB_EVENT_SERIAL_LATENCY, NULL,
-		       "%s passes received bytes on at once", place_of(bus->config));
-	else if (latency == DB_PORT_LATENCY_REFUSED)
-		db_log(&bus->log, now, DB_EVENT_SERIAL_LATENCY, NULL,
-		       "the driver of %s has no low latency setting; should answers be late by 16 ms "
-		       "or so, see latency_timer in the udev example",
-		       place_of(bus->config));
-}
-
 static void bring_up(struct db_bus *bus, db_time now)
 {
 	unsigned bitrate = health_of(bus)->bitrate;
+	enum db_port_latency latency = health_of(bus)->latency;
 
 	bus->line_up = true;
 	db_log(&bus->log, now, DB_EVENT_BUS_UP, NULL, "%s is up", place_of(bus->config));
@@ -221,7 +198,14 @@ static void bring_up(struct db_bus *bus, db_time now)
 		       "%s runs at %u bit/s, but the configuration says bitrate = %u; set both to "
 		       "that of the drives",
 		       place_of(bus->config), bitrate, bus->config->bitrate);
-	log_latency(bus, now);
+	if (latency == DB_PORT_LATENCY_LOW)
+		db_log(&bus->log, now, DB_EVENT_SERIAL_LATENCY, NULL,
+		       "%s passes received bytes on at once", place_of(bus->config));
+	else if (latency == DB_PORT_LATENCY_REFUSED)
+		db_log(&bus->log, now, DB_EVENT_SERIAL_LATENCY, NULL,
+		       "the driver of %s has no low latency setting; should answers be late by 16 ms "
+		       "or so, see latency_timer in the udev example",
+		       place_of(bus->config));
 	bus->open_error = 0;
 	db_engine_port(bus->engine, true, 0, now);
 }
@@ -393,18 +377,6 @@ static void publish_stats(struct db_bus *bus, db_time now)
 	watch_cycle(bus, &stats, now);
 }
 
-/* What poll() said about the port. */
-static void serve_port(struct db_bus *bus, short events)
-{
-	if (events & POLLOUT)
-		write_rest(bus, now_ns());
-	/* A hung-up port that has nothing more to say would wake us for ever. (A socket with an error
-	 * pending tells it by read(), and is fine afterwards.) */
-	if ((events & (POLLIN | POLLHUP | POLLERR | POLLNVAL)) && !read_port(bus) &&
-	    (events & (POLLHUP | POLLNVAL)))
-		fail_port(bus, ENODEV);
-}
-
 static void wait_for_work(struct db_bus *bus, db_time until)
 {
 	struct pollfd fds[2] = {
@@ -425,8 +397,13 @@ static void wait_for_work(struct db_bus *bus, db_time until)
 
 		(void)!read(bus->wake_fd, &count, sizeof count);
 	}
-	if (fds[1].revents)
-		serve_port(bus, fds[1].revents);
+	if (fds[1].revents & POLLOUT)
+		write_rest(bus, now_ns());
+	/* A hung-up port that has nothing more to say would wake us for ever. (A socket with an error
+	 * pending tells it by read(), and is fine afterwards.) */
+	if ((fds[1].revents & (POLLIN | POLLHUP | POLLERR | POLLNVAL)) && !read_port(bus) &&
+	    (fds[1].revents & (POLLHUP | POLLNVAL)))
+		fail_port(bus, ENODEV);
 }
 
 /* The transport's own part of a turn. Returns when it wants the next one. */
@@ -456,13 +433,18 @@ static db_time run_port(struct db_bus *bus, db_time now)
 }
 
 /* One turn. Returns when the next one is due at the latest. */
-static db_time turn(struct db_bus *bus)
+static db_time take_turn(struct db_bus *bus)
 {
 	db_time now = now_ns();
 	db_time port_next;
 	db_time next;
 
-	follow_wall_clock(bus, now);
+	/* A gateway boots in 1970 and learns the time later: the offset is taken again and again. */
+	if (now >= bus->wall_at) {
+		bus->wall_at = now + BEAT_TIME;
+		db_engine_set_wall_offset(bus->engine,
+		                          (clock_ns(CLOCK_REALTIME) - now_ns()) / DB_NS_PER_US);
+	}
 	port_next = run_port(bus, now);
 	next = db_engine_run(bus->engine, now);
 	if (bus->port && bus->port_error != 0) {
@@ -478,15 +460,6 @@ static void tell_network(struct db_bus *bus)
 	uint64_t one = 1;
 
 	(void)!write(bus->completion_fd, &one, sizeof one);
-}
-
-/* Before a turn: requests that were handed over before a change are all there by now. */
-static void take_change(struct db_bus *bus)
-{
-	struct db_change *change = atomic_exchange(&bus->change, NULL);
-
-	if (change)
-		change_begin(bus->engine, change, now_ns());
 }
 
 /* After a turn; true when the network is to be told of something. */
@@ -557,30 +530,26 @@ static void set_cpus(const struct db_bus *bus)
 		       strerror(error));
 }
 
-/* What top -H and ps show; the kernel keeps 15 characters. */
-static void set_name(const struct db_bus *bus)
-{
-	char name[16];
-
-	snprintf(name, sizeof name, "%s", bus->config->name);
-	pthread_setname_np(pthread_self(), name);
-}
-
-static void *run(void *context)
+static void *run_thread(void *context)
 {
 	struct db_bus *bus = context;
 	db_time exit_by = DB_TIME_NEVER;
+	char name[16]; /* what top -H and ps show; the kernel keeps 15 characters */
 
-	set_name(bus);
+	snprintf(name, sizeof name, "%s", bus->config->name);
+	pthread_setname_np(pthread_self(), name);
 	set_cpus(bus);
 	set_priority(bus);
 	/* The default slack of 50 us is a good part of an exchange at high baud rates. */
 	prctl(PR_SET_TIMERSLACK, 1000UL, 0UL, 0UL, 0UL);
 	while (now_ns() < exit_by) {
+		struct db_change *change = atomic_exchange(&bus->change, NULL);
 		db_time next;
 
-		take_change(bus);
-		next = turn(bus);
+		/* Requests that were handed over before a change are all there by now. */
+		if (change)
+			change_begin(bus->engine, change, now_ns());
+		next = take_turn(bus);
 		atomic_fetch_add_explicit(&bus->beats, 1, memory_order_relaxed);
 		judge_priority(bus);
 		if (give_back(bus))
@@ -641,13 +610,13 @@ int db_bus_new(const struct db_bus_config *config, const struct db_bus_drive *dr
 
 int db_bus_start(struct db_bus *bus)
 {
-	int error = pthread_create(&bus->thread, NULL, run, bus);
+	int error = pthread_create(&bus->thread, NULL, run_thread, bus);
 
 	bus->running = error == 0;
 	return -error;
 }
 
-static void wake(struct db_bus *bus)
+static void wake_bus(struct db_bus *bus)
 {
 	uint64_t one = 1;
 
@@ -657,7 +626,7 @@ static void wake(struct db_bus *bus)
 void db_bus_ask_end(struct db_bus *bus)
 {
 	atomic_store(&bus->ending, true);
-	wake(bus);
+	wake_bus(bus);
 }
 
 void db_bus_stop(struct db_bus *bus)
@@ -707,7 +676,7 @@ void db_bus_change(struct db_bus *bus, struct db_change *change)
 {
 	bus->drives = bus->drives - change->leaving_count + change->coming_count;
 	atomic_store(&bus->change, change);
-	wake(bus);
+	wake_bus(bus);
 }
 
 struct db_change *db_bus_take_changed(struct db_bus *bus)
@@ -724,7 +693,7 @@ bool db_bus_submit(struct db_bus *bus, const struct db_request *request)
 {
 	if (!db_queue_post(bus->queue, request))
 		return false;
-	wake(bus);
+	wake_bus(bus);
 	return true;
 }
 

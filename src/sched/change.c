@@ -8,8 +8,8 @@
 
 /* --- making -------------------------------------------------------------------------------------- */
 
-static bool fill(struct db_change *change, const struct db_bus_config *bus, size_t present,
-                 const uint16_t *leaving, const struct db_bus_drive *coming)
+static bool make_room(struct db_change *change, const struct db_bus_config *bus, size_t present,
+                      const uint16_t *leaving, const struct db_bus_drive *coming)
 {
 	size_t room = present + change->coming_count;
 
@@ -42,7 +42,7 @@ struct db_change *change_new(const struct db_bus_config *bus, size_t present,
 		return NULL;
 	change->leaving_count = leaving_count;
 	change->coming_count = coming_count;
-	if (fill(change, bus, present, leaving, coming))
+	if (make_room(change, bus, present, leaving, coming))
 		return change;
 	change_free(change);
 	return NULL;
@@ -204,21 +204,6 @@ static struct node *node_for(struct db_engine *engine, struct station *station)
 	return node;
 }
 
-static void swap_room(struct db_engine *engine, struct db_change *change)
-{
-	struct station **stations = engine->stations;
-	struct node **nodes = engine->nodes;
-
-	if (engine->station_count > 0)
-		memcpy(change->stations, stations, engine->station_count * sizeof stations[0]);
-	if (engine->node_count > 0)
-		memcpy(change->nodes, nodes, engine->node_count * sizeof nodes[0]);
-	engine->stations = change->stations;
-	engine->nodes = change->nodes;
-	change->stations = stations;
-	change->nodes = nodes;
-}
-
 /* What is counted modulo the number of drives begins at the first one's, not at the newcomer's. */
 static void wrap(size_t *next, size_t count)
 {
@@ -228,7 +213,18 @@ static void wrap(size_t *next, size_t count)
 
 static void take_in(struct db_engine *engine, struct db_change *change, db_time now)
 {
-	swap_room(engine, change);
+	struct station **stations = engine->stations;
+	struct node **nodes = engine->nodes;
+
+	/* The room that is large enough is the engine's now, its former one is freed with the change. */
+	if (engine->station_count > 0)
+		memcpy(change->stations, stations, engine->station_count * sizeof stations[0]);
+	if (engine->node_count > 0)
+		memcpy(change->nodes, nodes, engine->node_count * sizeof nodes[0]);
+	engine->stations = change->stations;
+	engine->nodes = change->nodes;
+	change->stations = stations;
+	change->nodes = nodes;
 	wrap(&engine->next_poll, engine->node_count);
 	wrap(&engine->next_probe, engine->node_count);
 	wrap(&engine->next_command, engine->station_count);

@@ -228,18 +228,6 @@ static void start_cycle(struct db_engine *engine, db_time now)
 	}
 }
 
-static void measure_utilisation(struct db_engine *engine, db_time now)
-{
-	if (engine->second_at == 0)
-		engine->second_at = now + DB_NS_PER_S;
-	if (now < engine->second_at)
-		return;
-	engine->stats.utilisation = (uint32_t)(engine->busy * 1000 /
-	                                       (now - engine->second_at + DB_NS_PER_S));
-	engine->busy = 0;
-	engine->second_at = now + DB_NS_PER_S;
-}
-
 static db_time earliest(db_time a, db_time b)
 {
 	return a < b ? a : b;
@@ -284,18 +272,6 @@ static db_time next_wake(const struct db_engine *engine, bool more, db_time now)
 	return wake > now ? wake : now + 1;
 }
 
-static void lose_overdue(struct db_engine *engine, db_time now)
-{
-	if (engine->held_since != 0)
-		return;
-	for (size_t i = 0; engine->flights > 0 && i < engine->node_count; i++) {
-		struct node *node = engine->nodes[i];
-
-		if (is_flying(node) && now >= node->flight.deadline)
-			answer_lost(engine, node, now);
-	}
-}
-
 db_time db_engine_run(struct db_engine *engine, db_time now)
 {
 	/* Every node may be given something; that some jobs end without sending makes no endless loop. */
@@ -303,10 +279,24 @@ db_time db_engine_run(struct db_engine *engine, db_time now)
 
 	take_queued(engine, now);
 	change_carry_out(engine, now);
-	measure_utilisation(engine, now);
+	if (engine->second_at == 0)
+		engine->second_at = now + DB_NS_PER_S;
+	if (now >= engine->second_at) {
+		engine->stats.utilisation = (uint32_t)(engine->busy * 1000 /
+		                                       (now - engine->second_at + DB_NS_PER_S));
+		engine->busy = 0;
+		engine->second_at = now + DB_NS_PER_S;
+	}
 	if (!engine->stats.up)
 		return DB_TIME_NEVER;
-	lose_overdue(engine, now);
+	/* While the port takes nothing, no answer is overdue. */
+	for (size_t i = 0; engine->held_since == 0 && engine->flights > 0 && i < engine->node_count;
+	     i++) {
+		struct node *node = engine->nodes[i];
+
+		if (is_flying(node) && now >= node->flight.deadline)
+			answer_lost(engine, node, now);
+	}
 	start_cycle(engine, now);
 	while (turns > 0 && schedule_send_next(engine, now))
 		turns--;

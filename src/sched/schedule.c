@@ -145,13 +145,6 @@ static void send_poll(struct db_engine *engine, struct node *node, db_time now)
 /* One that is held up is tried in every cycle: what was not for so long is over. */
 #define DUMP_FORGOTTEN (1 * DB_NS_PER_S)
 
-static bool is_dump(const struct db_engine *engine, const struct db_exchange *exchange)
-{
-	db_time wire = exchange_wire_time(engine, exchange);
-
-	return wire > DUMP_SHORT && wire > 2 * engine->driver->command_time(engine->bus);
-}
-
 static bool any_drive_moves(const struct db_engine *engine)
 {
 	for (size_t i = 0; i < engine->station_count; i++) {
@@ -166,9 +159,10 @@ static bool any_drive_moves(const struct db_engine *engine)
 /* The exchange is prepared. The pause counts from where motion began to hold dumps up. */
 static bool may_send_now(struct db_engine *engine, const struct db_exchange *exchange, db_time now)
 {
-	if (!is_dump(engine, exchange))
-		return true;
-	if (!any_drive_moves(engine))
+	db_time wire = exchange_wire_time(engine, exchange);
+	bool dump = wire > DUMP_SHORT && wire > 2 * engine->driver->command_time(engine->bus);
+
+	if (!dump || !any_drive_moves(engine))
 		return true;
 	if (engine->dump_tried == 0 || now - engine->dump_tried > DUMP_FORGOTTEN)
 		engine->dumps_held_since = now;

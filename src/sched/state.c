@@ -106,23 +106,18 @@ static void tell_changes(struct db_engine *engine, struct station *station)
 	station->last_logged.status = feedback->status;
 }
 
-static void tell_missing_params(struct db_engine *engine, struct station *station)
+void engine_publish(struct db_engine *engine, struct station *station)
 {
 	uint64_t missing = engine->driver->nameplate(station->device)->missing;
 
+	station_publish(station, engine->driver, engine->stats.up, engine->wall_offset_us);
+	tell_changes(engine, station);
 	/* One after the other is found missing: they are told together when all were asked for. */
 	if (!(station->snapshot.feedback.status & DB_STATUS_PARAMS_VALID))
 		return;
 	if ((missing & ~station->last_logged.missing_params) && engine->ops->tell_missing)
 		engine->ops->tell_missing(engine->context, station->config, missing);
 	station->last_logged.missing_params = missing;
-}
-
-void engine_publish(struct db_engine *engine, struct station *station)
-{
-	station_publish(station, engine->driver, engine->stats.up, engine->wall_offset_us);
-	tell_changes(engine, station);
-	tell_missing_params(engine, station);
 }
 
 /* --- drives coming and going ---------------------------------------------------------------------- */

@@ -160,18 +160,13 @@ void station_free(struct station *station)
 	free(station);
 }
 
-static struct station **find_end(struct node *node)
-{
-	struct station **link = &node->first;
-
-	while (*link)
-		link = &(*link)->next_axis;
-	return link;
-}
-
 void station_join(struct station *station, struct node *node, const struct db_bus_config *bus)
 {
-	*find_end(node) = station;
+	struct station **end = &node->first;
+
+	while (*end)
+		end = &(*end)->next_axis;
+	*end = station;
 	station->node = node;
 	bus->driver->init(station->device, node->head, bus, station->config);
 	if (!node->head)

@@ -18,21 +18,14 @@ static const struct db_request stop_requests[] = {
 
 /* --- saying it ------------------------------------------------------------------------------------- */
 
-/* A drive that goes on is told to stop, or as a last resort, where that is configured, let go. */
-static enum db_command command_for_runaway(const struct station *station)
-{
-	bool last_resort = station->braking.overdue &&
-	                   station->config->on_stop_failure == DB_ON_STOP_FAILURE_DISABLE;
-
-	return last_resort ? DB_CMD_DISABLE : station->braking_command;
-}
-
 static void send_stop(struct db_engine *engine, struct station *station, db_time now)
 {
 	const struct pending_stop *asked = station_unanswered_stop(station);
 	struct lane *lane = &station->lanes[LANE_STOP];
 	bool in_step = station->node->in_step;
-	const struct db_request *request;
+	bool last_resort = station->braking.overdue &&
+	                   station->config->on_stop_failure == DB_ON_STOP_FAILURE_DISABLE;
+	enum db_command command;
 	enum db_result result = DB_RESULT_FAILED;
 
 	if (!in_step && station->blind_stop_sent) {
@@ -44,9 +37,10 @@ static void send_stop(struct db_engine *engine, struct station *station, db_time
 		exchange_send(engine, station, LANE_STOP, now);
 		return;
 	}
-	request = &stop_requests[asked ? asked->command : command_for_runaway(station)];
-	if (exchange_begin_job(engine, station, LANE_STOP, DB_JOB_COMMAND, request, now, &result) ==
-	    DB_STEP_SEND)
+	/* A drive that goes on is told to stop, or as a last resort, where that is configured, let go. */
+	command = asked ? asked->command : last_resort ? DB_CMD_DISABLE : station->braking_command;
+	if (exchange_begin_job(engine, station, LANE_STOP, DB_JOB_COMMAND, &stop_requests[command],
+	                       now, &result) == DB_STEP_SEND)
 		exchange_send(engine, station, LANE_STOP, now);
 	else
 		stop_note_answered(engine, station, result, now);
