@@ -124,6 +124,7 @@ struct db_driver {
 	unsigned
 		axes; /* of one controller: so many drives may share an address, `axis = x` telling them
 	                  apart (x, y, z, a); 0 = one drive an address */
+	bool vendor_layout; /* may be seen with the register map of the vendor's own Modbus models */
 	const struct db_option *options; /* at most DB_OPTIONS_MAX */
 	size_t option_count;
 	uint64_t commands; /* DB_COMMAND_BIT() of all it can do */

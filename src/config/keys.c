@@ -2,7 +2,6 @@
 #include "config/keys.h"
 
 #include "drivebridge/driver.h"
-#include "regmap/vsmd_layout.h"
 
 #include <string.h>
 
@@ -272,7 +271,7 @@ bool db_keys_fit(const struct db_config_key *key, const struct db_driver *driver
 	case DB_KEY_FOR_AXES:
 		return driver->axes > 0;
 	case DB_KEY_FOR_VSMD:
-		return db_vsmd_layout_fits(driver);
+		return driver->vendor_layout;
 	case DB_KEY_FOR_ALL:
 		break;
 	}

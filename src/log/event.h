@@ -5,7 +5,7 @@
 
 #include "drivebridge/log.h"
 
-/* Events of one topic are told together when they repeat, by the newest of them: the last line about
+/* Events of one topic are counted together when they repeat, with the text of the newest of them: the last line about
  * a drive is then always what holds. */
 enum db_topic {
 	DB_TOPIC_SERVICE,
@@ -31,7 +31,7 @@ struct db_event_kind {
 	const char *message_id; /* of the journal: 32 hexadecimal digits, never changed */
 	enum db_log_level level;
 	enum db_topic topic;
-	unsigned most; /* told in a minute before only their count is; 0: as often as it comes */
+	unsigned most; /* lines in a minute before they are only counted; 0: as often as it comes */
 };
 
 const struct db_event_kind *db_event_kind(enum db_event event);

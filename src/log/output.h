@@ -14,7 +14,7 @@ typedef void db_log_write_fn(void *context, const struct db_log_record *record);
 bool db_log_is_journal(int fd, const char *journal_stream);
 
 /* The context is an int: the descriptor of the text, and of what the journal did not take. */
-db_log_write_fn db_log_write_text;
-db_log_write_fn db_log_write_journal;
+void db_log_write_text(void *context, const struct db_log_record *record);
+void db_log_write_journal(void *context, const struct db_log_record *record);
 
 #endif

@@ -5,21 +5,21 @@
 
 #define PERIOD (DB_REPEAT_PERIOD_S * DB_NS_PER_S)
 
-/* The subject's place, else a free one, else the oldest. */
-static struct db_repeat *place_of(struct db_repeats *repeats, uint64_t subject)
+/* The subject's, else a free one, else the oldest. */
+static struct db_repeat *find_entry(struct db_repeats *repeats, uint64_t subject)
 {
-	struct db_repeat *place = &repeats->entries[0];
+	struct db_repeat *oldest = &repeats->entries[0];
 
 	for (size_t i = 0; i < DB_REPEATS_MAX; i++) {
 		struct db_repeat *entry = &repeats->entries[i];
 
 		if (entry->since != 0 && entry->subject == subject)
 			return entry;
-		if (entry->since < place->since)
-			place = entry;
+		if (entry->since < oldest->since)
+			oldest = entry;
 	}
-	*place = (struct db_repeat){ .subject = subject };
-	return place;
+	*oldest = (struct db_repeat){ .subject = subject };
+	return oldest;
 }
 
 bool db_repeats_pass(struct db_repeats *repeats, const struct db_log_record *record, db_time now)
@@ -29,16 +29,16 @@ bool db_repeats_pass(struct db_repeats *repeats, const struct db_log_record *rec
 
 	if (most == 0)
 		return true;
-	entry = place_of(repeats, record->subject);
-	if (entry->since == 0 || (now >= entry->since + PERIOD && entry->untold == 0)) {
+	entry = find_entry(repeats, record->subject);
+	if (entry->since == 0 || (now >= entry->since + PERIOD && entry->withheld == 0)) {
 		entry->since = now;
-		entry->told = 0;
+		entry->logged = 0;
 	}
-	if (entry->told < most) {
-		entry->told++;
+	if (entry->logged < most) {
+		entry->logged++;
 		return true;
 	}
-	entry->untold++;
+	entry->withheld++;
 	repeats->newest[entry - repeats->entries] = *record;
 	return false;
 }
@@ -63,14 +63,14 @@ bool db_repeats_due(struct db_repeats *repeats, db_time now, bool all, struct db
 
 		if (entry->since == 0 || (now < entry->since + PERIOD && !all))
 			continue;
-		if (entry->untold == 0) {
+		if (entry->withheld == 0) {
 			entry->since = 0; /* a quiet minute: the next one is news again */
 			continue;
 		}
 		*record = repeats->newest[i];
-		db_log_record_add_count(record, entry->untold,
+		db_log_record_add_count(record, entry->withheld,
 		                        (uint32_t)((now - entry->since) / DB_NS_PER_S));
-		entry->untold = 0;
+		entry->withheld = 0;
 		entry->since = now;
 		return true;
 	}

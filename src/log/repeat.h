@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What happened just now and happens again: told a few times (struct db_event_kind), and then by its
+ * What happened just now and happens again: logged a few times (struct db_event_kind), and then as a
  * count, once a minute and with the newest text. Pure: no clock, no allocation. Internal to src/log.
  */
 #ifndef DRIVEBRIDGE_LOG_REPEAT_H
@@ -13,23 +13,23 @@
 #define DB_REPEAT_PERIOD_S 60
 
 /* Subjects of which something happened in the last minute. With more, the one that is remembered
- * longest is forgotten, and may be told once more than it should. */
+ * longest is forgotten, and may be logged once more than it should. */
 #define DB_REPEATS_MAX 64
 
 struct db_repeat {
 	db_time since; /* when this minute began; 0 = a free place */
 	uint64_t subject;
-	unsigned told;
-	uint32_t untold;
+	unsigned logged;
+	uint32_t withheld;
 };
 
 struct db_repeats {
 	struct db_repeat entries[DB_REPEATS_MAX];
-	/* Of each the newest of the untold ones. Apart, because most have none: then it is not touched. */
+	/* Of each the newest of the withheld ones. Apart, because most have none: then it is not touched. */
 	struct db_log_record newest[DB_REPEATS_MAX];
 };
 
-/* Whether the line is to be told; else it is counted. */
+/* Whether the line is to be logged; else it is counted. */
 bool db_repeats_pass(struct db_repeats *repeats, const struct db_log_record *record, db_time now);
 
 /* When db_repeats_due() has something to do; DB_TIME_NEVER. */

@@ -136,7 +136,7 @@ static int collect(struct lines *lines)
 	lines->view = DB_VIEW_VSMD;
 	for (unsigned i = 0; db_drivers[i]; i++) {
 		lines->family = i;
-		if (db_vsmd_layout_fits(db_drivers[i]))
+		if (db_drivers[i]->vendor_layout)
 			db_vsmd_layout_each(db_drivers[i], add_line, lines);
 	}
 	if (lines->failed) {

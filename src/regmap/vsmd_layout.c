@@ -253,12 +253,7 @@ struct db_args db_vsmd_layout_args(const struct vsmd_code *entry, const struct v
 	return args;
 }
 
-/* --- whose, and for the documents -------------------------------------------------------------------- */
-
-bool db_vsmd_layout_fits(const struct db_driver *driver)
-{
-	return driver->params == vsmd_params || driver->params == vsmd_can_params;
-}
+/* --- for the documents -------------------------------------------------------------------------------- */
 
 static void visit_rows(const struct db_driver *driver, enum db_table table, db_visit_fn *visit,
                        void *context)

@@ -61,10 +61,7 @@ const struct vsmd_code *db_vsmd_layout_code(uint16_t code);
 /* The command that a code stands for, its arguments out of the registers and the code itself. */
 struct db_args db_vsmd_layout_args(const struct vsmd_code *entry, const struct vsmd_kept *kept);
 
-/* Only drives with these parameters can be seen this way. */
-bool db_vsmd_layout_fits(const struct db_driver *driver);
-
-/* For the documents: as db_table_each(). */
+/* For the documents, of a family with vendor_layout: as db_table_each(). */
 void db_vsmd_layout_each(const struct db_driver *driver, db_visit_fn *visit, void *context);
 
 #endif

@@ -9,13 +9,13 @@
 
 /* --- editions ------------------------------------------------------------------------------------ */
 
-static struct edition *hold(struct edition *edition)
+static struct edition *hold_edition(struct edition *edition)
 {
 	edition->users++;
 	return edition;
 }
 
-static void release(struct edition *edition)
+static void release_edition(struct edition *edition)
 {
 	if (!edition || --edition->users > 0)
 		return;
@@ -147,18 +147,18 @@ static void free_bus(struct plant_bus *bus)
 	sd_event_source_disable_unref(bus->completions);
 	db_bus_change_free(bus->change);
 	db_bus_free(bus->bus);
-	release(bus->edition);
+	release_edition(bus->edition);
 	free(bus);
 }
 
 static void free_drive(struct plant_drive *drive)
 {
 	db_axis_free(drive->axis);
-	release(drive->edition);
+	release_edition(drive->edition);
 	free(drive);
 }
 
-static bool is_taken(const struct plant *plant, uint16_t number)
+static bool is_number_taken(const struct plant *plant, uint16_t number)
 {
 	for (size_t i = 0; plant && i < plant->drive_count; i++) {
 		if (plant->drives[i]->number == number)
@@ -167,16 +167,18 @@ static bool is_taken(const struct plant *plant, uint16_t number)
 	return false;
 }
 
-static uint16_t new_number(const struct plant *plant, const struct plant *running, uint16_t *last)
+static uint16_t choose_number(const struct plant *plant, const struct plant *running,
+                              uint16_t *last)
 {
 	do
 		*last = (uint16_t)((*last + 1) % NUMBER_LIMIT);
-	while (is_taken(plant, *last) || is_taken(running, *last));
+	while (is_number_taken(plant, *last) || is_number_taken(running, *last));
 	return *last;
 }
 
 /* The running one that is the same; null. */
-static struct plant_bus *same_bus(const struct plant *running, const struct db_bus_config *config)
+static struct plant_bus *find_same_bus(const struct plant *running,
+                                       const struct db_bus_config *config)
 {
 	for (size_t i = 0; running && i < running->bus_count; i++) {
 		if (db_config_same_bus(running->buses[i]->config, config))
@@ -185,9 +187,9 @@ static struct plant_bus *same_bus(const struct plant *running, const struct db_b
 	return NULL;
 }
 
-static struct plant_drive *same_drive(const struct plant *running, const struct plant_bus *bus,
-                                      const struct db_config *config,
-                                      const struct db_drive_config *drive)
+static struct plant_drive *find_same_drive(const struct plant *running, const struct plant_bus *bus,
+                                           const struct db_config *config,
+                                           const struct db_drive_config *drive)
 {
 	for (size_t i = 0; running && i < running->drive_count; i++) {
 		struct plant_drive *other = running->drives[i];
@@ -205,14 +207,14 @@ static int add_buses(struct plant *plant, struct service *service, const struct 
 
 	for (; plant->bus_count < config->bus_count; plant->bus_count++) {
 		const struct db_bus_config *section = &config->buses[plant->bus_count];
-		struct plant_bus *bus = same_bus(running, section);
+		struct plant_bus *bus = find_same_bus(running, section);
 
 		if (!bus) {
 			bus = calloc(1, sizeof *bus);
 			if (!bus)
 				return -ENOMEM;
 			bus->service = service;
-			bus->edition = hold(plant->edition);
+			bus->edition = hold_edition(plant->edition);
 			bus->config = section;
 		}
 		plant->buses[plant->bus_count] = bus;
@@ -227,7 +229,7 @@ static int add_drives(struct plant *plant, const struct plant *running, uint16_t
 	for (; plant->drive_count < config->drive_count; plant->drive_count++) {
 		const struct db_drive_config *section = &config->drives[plant->drive_count];
 		struct plant_bus *bus = plant->buses[section->bus];
-		struct plant_drive *drive = same_drive(running, bus, config, section);
+		struct plant_drive *drive = find_same_drive(running, bus, config, section);
 
 		if (!drive) {
 			drive = calloc(1, sizeof *drive);
@@ -238,10 +240,10 @@ static int add_drives(struct plant *plant, const struct plant *running, uint16_t
 				free(drive);
 				return -ENOMEM;
 			}
-			drive->edition = hold(plant->edition);
+			drive->edition = hold_edition(plant->edition);
 			drive->config = section;
 			drive->bus = bus;
-			drive->number = new_number(plant, running, last_number);
+			drive->number = choose_number(plant, running, last_number);
 		}
 		plant->drives[plant->drive_count] = drive;
 	}
@@ -260,8 +262,8 @@ static int make_bus(const struct plant *plant, struct plant_bus *bus)
 	return error;
 }
 
-static int fill(struct plant *plant, struct service *service, const struct plant *running,
-                uint16_t *last_number)
+static int make_parts(struct plant *plant, struct service *service, const struct plant *running,
+                      uint16_t *last_number)
 {
 	int error = add_buses(plant, service, running);
 
@@ -288,12 +290,12 @@ int plant_new(struct service *service, struct db_config *config, const struct pl
 		return -ENOMEM;
 	}
 	edition->config = config;
-	made->edition = hold(edition);
+	made->edition = hold_edition(edition);
 	/* One more of each than needed, so that none is ever an allocation of nothing. */
 	made->buses = calloc(config->bus_count + 1, sizeof(struct plant_bus *));
 	made->drives = calloc(config->drive_count + 1, sizeof(struct plant_drive *));
 	if (made->buses && made->drives)
-		error = fill(made, service, running, last_number);
+		error = make_parts(made, service, running, last_number);
 	if (error != 0) {
 		plant_free(made, running);
 		return error;
@@ -331,6 +333,6 @@ void plant_free(struct plant *plant, const struct plant *other)
 	}
 	free(plant->buses);
 	free(plant->drives);
-	release(plant->edition);
+	release_edition(plant->edition);
 	free(plant);
 }

@@ -1,12 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * A reload: from the plant that runs to that of the new file, while what is the same in both goes on.
- *
- * First everything is made that will be needed; if anything fails, nothing has changed. Then what goes
- * is retired: buses end, and drives leave theirs, as their on-exit says. That takes its time, in which
- * the network thread does everything else. When all of it is gone, so that its ports and addresses are
- * free, the new plant takes its place.
- */
+#include "service/reload.h"
+
 #include "drivebridge/log.h"
 #include "service/state.h"
 #include "service/status.h"
@@ -41,8 +35,8 @@ static void notify_end(void)
 /* --- in words -------------------------------------------------------------------------------------- */
 
 /* About a bus, or when that is null about the service. */
-static void tell(const struct service *service, const struct db_bus_config *bus, const char *drive,
-                 const char *text)
+static void log_about(const struct service *service, const struct db_bus_config *bus,
+                      const char *drive, const char *text)
 {
 	struct db_log_source log = service->log;
 	struct db_log_about about = { .drive = drive };
@@ -51,7 +45,7 @@ static void tell(const struct service *service, const struct db_bus_config *bus,
 	db_log(&log, service_now(service), DB_EVENT_RELOAD, &about, "reload: %s", text);
 }
 
-static void tell_buses(const struct service *service, const struct plant *next)
+static void log_buses(const struct service *service, const struct plant *next)
 {
 	const struct plant *running = service->plant;
 
@@ -60,20 +54,20 @@ static void tell_buses(const struct service *service, const struct plant *next)
 
 		if (plant_has_bus(next, running->buses[i]))
 			continue;
-		tell(service, bus, NULL,
-		     plant_bus_named(next, bus->name) ? "it is changed and begins anew" :
-		                                        "it is removed");
+		log_about(service, bus, NULL,
+		          plant_bus_named(next, bus->name) ? "it is changed and begins anew" :
+		                                             "it is removed");
 	}
 	for (size_t i = 0; i < next->bus_count; i++) {
 		const struct db_bus_config *bus = next->buses[i]->config;
 
 		if (!plant_bus_named(running, bus->name))
-			tell(service, bus, NULL, "it is added");
+			log_about(service, bus, NULL, "it is added");
 	}
 }
 
 /* What becomes of a drive that does not go on; `after` is null when it is removed. */
-static const char *fate_of(const struct plant_drive *drive, const struct plant_drive *after)
+static const char *describe_fate(const struct plant_drive *drive, const struct plant_drive *after)
 {
 	if (!after)
 		return "it is removed, and left as on-exit says";
@@ -84,7 +78,7 @@ static const char *fate_of(const struct plant_drive *drive, const struct plant_d
 }
 
 /* How many go on undisturbed. */
-static size_t tell_drives(const struct service *service, const struct plant *next)
+static size_t log_drives(const struct service *service, const struct plant *next)
 {
 	const struct plant *running = service->plant;
 	size_t kept = 0;
@@ -96,32 +90,32 @@ static size_t tell_drives(const struct service *service, const struct plant *nex
 		if (after == drive)
 			kept++;
 		else
-			tell(service, drive->bus->config, drive->config->name,
-			     fate_of(drive, after));
+			log_about(service, drive->bus->config, drive->config->name,
+			          describe_fate(drive, after));
 	}
 	for (size_t i = 0; i < next->drive_count; i++) {
 		const struct plant_drive *drive = next->drives[i];
 
 		if (!plant_drive_named(running, drive->config->name))
-			tell(service, drive->bus->config, drive->config->name, "it is added");
+			log_about(service, drive->bus->config, drive->config->name, "it is added");
 	}
 	return kept;
 }
 
-static void tell_changes(const struct service *service, const struct plant *next)
+static void log_changes(const struct service *service, const struct plant *next)
 {
 	size_t kept;
 
-	tell_buses(service, next);
-	kept = tell_drives(service, next);
+	log_buses(service, next);
+	kept = log_drives(service, next);
 	if (!db_config_same_modbus(service->plant->edition->config, next->edition->config))
-		tell(service, NULL, NULL, "the section modbus is changed");
+		log_about(service, NULL, NULL, "the section modbus is changed");
 	db_log(&service->log, service_now(service), DB_EVENT_RELOAD, NULL,
 	       "reload: %zu drive%s undisturbed", kept, kept == 1 ? " goes on" : "s go on");
 }
 
 /* Why nothing becomes of it. */
-static void tell_failure(const struct service *service, int error)
+static void log_failure(const struct service *service, int error)
 {
 	db_log(&service->log, service_now(service), DB_EVENT_RELOAD_FAILED, NULL,
 	       "reload: %s; nothing changes", strerror(-error));
@@ -160,7 +154,7 @@ static int prepare_buses(struct service *service, const struct plant *next)
 		if (plant_has_bus(service->plant, bus))
 			error = prepare_bus(bus, service->plant, next);
 		else
-			error = service_watch(service, bus);
+			error = service_watch_bus(service, bus);
 	}
 	return error;
 }
@@ -185,7 +179,7 @@ static int prepare(struct service *service, struct reload *reload)
 	if (error >= 0)
 		error = prepare_registers(service, reload);
 	if (error < 0) {
-		tell_failure(service, error);
+		log_failure(service, error);
 		return error;
 	}
 	error = db_server_prepare(service->server, modbus, &reload->server);
@@ -196,7 +190,7 @@ static int prepare(struct service *service, struct reload *reload)
 	return error;
 }
 
-static void forget(struct reload *reload, const struct plant *running)
+static void free_reload(struct reload *reload, const struct plant *running)
 {
 	for (size_t i = 0; running && i < running->bus_count; i++) {
 		db_bus_change_free(running->buses[i]->change);
@@ -238,7 +232,7 @@ static void retire(struct service *service, struct reload *reload)
 
 /* The bus's ring may have been heard together with that of a completion: so it is looked for
  * whenever the loop is about to sleep. */
-static void look_for_changed(struct plant_bus *bus)
+static void take_changed(struct plant_bus *bus)
 {
 	struct db_change *changed = bus->changing ? db_bus_take_changed(bus->bus) : NULL;
 
@@ -250,12 +244,12 @@ static void look_for_changed(struct plant_bus *bus)
 	db_bus_change_free(changed);
 }
 
-static bool all_gone(const struct plant *running)
+static bool is_all_gone(const struct plant *running)
 {
 	for (size_t i = 0; i < running->bus_count; i++) {
 		struct plant_bus *bus = running->buses[i];
 
-		look_for_changed(bus);
+		take_changed(bus);
 		if (bus->changing || (bus->leaving && !db_bus_has_ended(bus->bus)))
 			return false;
 	}
@@ -264,7 +258,7 @@ static bool all_gone(const struct plant *running)
 
 /* --- what comes ------------------------------------------------------------------------------------ */
 
-static int take_over(struct service *service, struct reload *reload)
+static int begin_next(struct service *service, struct reload *reload)
 {
 	struct plant *before = service->plant;
 	int error = 0;
@@ -287,7 +281,7 @@ static int take_over(struct service *service, struct reload *reload)
 }
 
 /* False when nothing can come of it. */
-static bool begin(struct service *service, struct db_config *config)
+static bool begin_reload(struct service *service, struct db_config *config)
 {
 	struct reload *reload = calloc(1, sizeof *reload);
 	int error = reload ? plant_new(service, config, service->plant, &service->last_number,
@@ -297,7 +291,7 @@ static bool begin(struct service *service, struct db_config *config)
 	if (!reload)
 		db_config_free(config);
 	if (error != 0) {
-		tell_failure(service, error);
+		log_failure(service, error);
 		free(reload);
 		return false;
 	}
@@ -305,14 +299,14 @@ static bool begin(struct service *service, struct db_config *config)
 		db_log(&service->log, service_now(service), DB_EVENT_RELOAD, NULL,
 		       "reload: %s says what runs already; nothing changes", service->path);
 		db_config_keep_ends(service->plant->edition->config, reload->next->edition->config);
-		forget(reload, service->plant);
+		free_reload(reload, service->plant);
 		return true;
 	}
 	if (prepare(service, reload) < 0) {
-		forget(reload, service->plant);
+		free_reload(reload, service->plant);
 		return false;
 	}
-	tell_changes(service, reload->next);
+	log_changes(service, reload->next);
 	service->reload = reload;
 	retire(service, reload);
 	return true;
@@ -333,7 +327,7 @@ static bool is_whole(const struct service *service, struct db_config **config, F
 }
 
 /* What is said of the file goes the way of the log, which never waits for whoever reads it. */
-static bool load(struct service *service, struct db_config **config)
+static bool load_config(struct service *service, struct db_config **config)
 {
 	char *messages = NULL;
 	char *rest = NULL;
@@ -363,8 +357,8 @@ void reload_ask(struct service *service)
 		return;
 	}
 	notify_begin();
-	if (load(service, &config))
-		taken = begin(service, config);
+	if (load_config(service, &config))
+		taken = begin_reload(service, config);
 	else
 		db_log(&service->log, service_now(service), DB_EVENT_CONFIG_WRONG, NULL,
 		       "reload: %s is wrong and not taken, drivebridged --config %s --check tells "
@@ -377,15 +371,15 @@ void reload_ask(struct service *service)
 
 void reload_step(struct service *service)
 {
-	while (service->reload && all_gone(service->plant)) {
-		int error = take_over(service, service->reload);
+	while (service->reload && is_all_gone(service->plant)) {
+		int error = begin_next(service, service->reload);
 
 		if (error != 0) {
 			/* Half a plant is worse than none: an end in order, and systemd starts anew. */
 			sd_event_exit(service->loop, error);
 			return;
 		}
-		tell(service, NULL, NULL, "done");
+		log_about(service, NULL, NULL, "done");
 		notify_end();
 		if (!service->reload_again)
 			return;
@@ -398,6 +392,6 @@ void reload_abandon(struct service *service)
 {
 	if (!service->reload)
 		return;
-	forget(service->reload, service->plant);
+	free_reload(service->reload, service->plant);
 	service->reload = NULL;
 }

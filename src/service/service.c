@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/service.h"
 
-#include "drivebridge/command_table.h"
 #include "drivebridge/log.h"
 #include "service/alone.h"
+#include "service/loop.h"
+#include "service/registers.h"
+#include "service/reload.h"
 #include "service/state.h"
 #include "service/status.h"
 
@@ -12,282 +14,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/epoll.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
 #include <systemd/sd-daemon.h>
 #include <time.h>
 #include <unistd.h>
 
-db_time service_now(const struct service *service)
-{
-	uint64_t us = 0;
-
-	sd_event_now(service->loop, CLOCK_MONOTONIC, &us);
-	return (db_time)us * DB_NS_PER_US;
-}
-
-/* Where there is no loop yet, or no more. */
-static db_time monotonic_now(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_MONOTONIC, &now);
-	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
-}
-
-/* A deadline that is met later than this was kept waiting: by other clients, or by a stop of the whole
- * process. */
-#define LATE (2 * DB_NS_PER_MS)
-
-/* --- what the registers ask for ------------------------------------------------------------------- */
-
-static db_time now_of(void *context)
-{
-	return service_now(context);
-}
-
-static uint64_t wall_us(void *context)
-{
-	struct timespec now;
-
-	(void)context;
-	clock_gettime(CLOCK_REALTIME, &now);
-	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
-}
-
-static bool submit(void *context, struct db_bus *bus, const struct db_request *request)
-{
-	(void)context;
-	return db_bus_submit(bus, request);
-}
-
-static void answer(void *context, struct db_write_token token, uint8_t exception)
-{
-	const struct service *service = context;
-
-	db_server_answer(service->server, token, exception);
-}
-
-static void bus_stats(void *context, struct db_bus *bus, struct db_bus_stats *stats)
-{
-	(void)context;
-	db_bus_read_stats(bus, stats);
-}
-
-static void server_stats(void *context, struct db_server_stats *stats)
-{
-	const struct service *service = context;
-
-	db_server_stats(service->server, stats);
-}
-
-static size_t server_clients(void *context, struct db_server_client *clients, size_t max)
-{
-	const struct service *service = context;
-
-	return db_server_clients(service->server, clients, max);
-}
-
-static void refused(void *context, const struct db_client *client, enum db_refusal kind)
-{
-	const struct service *service = context;
-
-	db_server_refused(service->server, client, kind);
-}
-
-/* The network side speaking of a bus. */
-static struct db_log_source log_of(const struct service *service, const struct db_bus_config *bus)
-{
-	return (struct db_log_source){
-		.log = service->log.log,
-		.bus = bus->name,
-		.level = bus->log,
-	};
-}
-
-static void tripped(void *context, const struct db_bus_config *bus,
-                    const struct db_drive_config *drive, const struct db_client *last)
-{
-	const struct service *service = context;
-	struct db_log_source log = log_of(service, bus);
-	char text[DB_CLIENT_ADDRESS_MAX];
-	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
-
-	if (last->id != 0) {
-		db_client_address(last->address, text);
-		about.client = text;
-	}
-	db_log(&log, service_now(service), DB_EVENT_WATCHDOG_TRIPPED, &about,
-	       "silent too long, so the watchdog stops the drive, and nothing moves it before "
-	       "clear_fault; check the PLC, its program and the network");
-}
-
-/* What the client wrote, in words. */
-static void describe_write(const struct db_refused_write *write, char *text, size_t size)
-{
-	if (write->command != DB_CMD_NONE)
-		snprintf(text, size, "command %s", db_command_name(write->command));
-	else if (write->address != 0)
-		snprintf(text, size, "a write to register %u", write->address);
-	else if (write->param)
-		snprintf(text, size, "a write of parameter %s", write->param);
-	else
-		snprintf(text, size, "a write");
-}
-
-static void write_refused(void *context, const struct db_bus_config *bus,
-                          const struct db_drive_config *drive, const struct db_client *client,
-                          const struct db_refused_write *write)
-{
-	const struct service *service = context;
-	struct db_log_source log = log_of(service, bus);
-	bool open = write->result == DB_RESULT_TIMEOUT || write->result == DB_RESULT_INDETERMINATE;
-	char address[DB_CLIENT_ADDRESS_MAX];
-	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
-	char what[96];
-
-	if (client) {
-		db_client_address(client->address, address);
-		about.client = address;
-	}
-	describe_write(write, what, sizeof what);
-	db_log(&log, service_now(service), DB_EVENT_COMMAND_REFUSED, &about,
-	       "%s %s: %s (result %u)", what, open ? "is not confirmed" : "is refused",
-	       db_result_name(write->result), (unsigned)write->result);
-}
-
-static const struct db_registers_ops registers_ops = {
-	.now = now_of,
-	.wall_us = wall_us,
-	.submit = submit,
-	.answer = answer,
-	.bus_stats = bus_stats,
-	.server_stats = server_stats,
-	.server_clients = server_clients,
-	.refused = refused,
-	.write_refused = write_refused,
-	.tripped = tripped,
-};
-
-/* --- the loop's events ---------------------------------------------------------------------------- */
-
-/* Sets the timer to the first client that will not wait any longer. */
-static void arm_deadline(struct service *service)
-{
-	db_time first = db_registers_next_deadline(service->registers);
-
-	if (first == service->armed)
-		return;
-	service->armed = first;
-	if (first == DB_TIME_NEVER) {
-		sd_event_source_set_enabled(service->deadline, SD_EVENT_OFF);
-		return;
-	}
-	sd_event_source_set_time(service->deadline, (uint64_t)(first / DB_NS_PER_US));
-	sd_event_source_set_enabled(service->deadline, SD_EVENT_ONESHOT);
-}
-
-static int on_signal(sd_event_source *source, const struct signalfd_siginfo *info, void *context)
-{
-	struct service *service = context;
-
-	(void)source;
-	(void)info;
-	return sd_event_exit(service->loop, EXIT_SUCCESS);
-}
-
-static int on_hangup(sd_event_source *source, const struct signalfd_siginfo *info, void *context)
-{
-	(void)source;
-	(void)info;
-	reload_ask(context);
-	return 0;
-}
-
-/* Whether every bus's thread has turned within half of systemd's patience. */
-static bool all_alive(struct service *service, db_time now)
-{
-	bool alive = true;
-
-	for (size_t b = 0; b < service->plant->bus_count; b++) {
-		struct plant_bus *bus = service->plant->buses[b];
-		uint32_t beats = db_bus_heartbeat(bus->bus);
-		struct db_log_source log;
-
-		if (beats != bus->beats || bus->beaten == 0 || db_bus_has_ended(bus->bus)) {
-			bus->beats = beats;
-			bus->beaten = now;
-		}
-		if (now - bus->beaten <= service->watchdog / 2)
-			continue;
-		log = log_of(service, bus->config);
-		db_log(&log, now, DB_EVENT_THREAD_HANGS, NULL,
-		       "its thread hangs; systemd will start the service again");
-		alive = false;
-	}
-	return alive;
-}
-
-static int on_pulse(sd_event_source *source, uint64_t us, void *context)
-{
-	struct service *service = context;
-
-	(void)us;
-	if (all_alive(service, service_now(service)))
-		sd_notify(0, "WATCHDOG=1");
-	sd_event_source_set_time_relative(source, (uint64_t)(service->watchdog / DB_NS_PER_US / 4));
-	return sd_event_source_set_enabled(source, SD_EVENT_ONESHOT);
-}
-
-static int on_deadline(sd_event_source *source, uint64_t us, void *context)
-{
-	struct service *service = context;
-
-	(void)source;
-	(void)us;
-	/* Who is late itself first hears those whom it may find silent. */
-	if (service_now(service) - service->armed > LATE)
-		db_server_catch_up(service->server);
-	service->armed = DB_TIME_NEVER;
-	db_registers_expire(service->registers, service_now(service));
-	return 0;
-}
-
-void service_collect(struct plant_bus *bus)
-{
-	struct service *service = bus->service;
-	struct db_completion completion;
-
-	while (db_bus_completion(bus->bus, &completion))
-		db_registers_complete(service->registers, &completion, service_now(service));
-}
-
-static int on_completion(sd_event_source *source, int fd, uint32_t events, void *context)
-{
-	(void)source;
-	(void)fd;
-	(void)events;
-	service_collect(context);
-	return 0;
-}
-
-/* Writes come and go inside every turn of the loop; the timer follows once, before it sleeps. */
-static int on_prepare(sd_event_source *source, void *context)
-{
-	(void)source;
-	reload_step(context);
-	arm_deadline(context);
-	return 0;
-}
-
-/* --- putting together ----------------------------------------------------------------------------- */
-
-int service_watch(struct service *service, struct plant_bus *bus)
-{
-	return sd_event_add_io(service->loop, &bus->completions, db_bus_completion_fd(bus->bus),
-	                       EPOLLIN, on_completion, bus);
-}
+/* --- putting together ------------------------------------------------------------------------------ */
 
 static int make_registers(struct service *service)
 {
@@ -296,61 +29,10 @@ static int make_registers(struct service *service)
 
 	if (error != 0)
 		return error;
-	error = db_registers_new(&roster.roster, &registers_ops, service, &service->registers);
+	error = db_registers_new(&roster.roster, &service_registers_ops, service,
+	                         &service->registers);
 	plant_roster_release(&roster);
 	return error;
-}
-
-static int make_loop(struct service *service)
-{
-	int error = sd_event_default(&service->loop);
-
-	if (error < 0)
-		return error;
-	/* Without a handler of their own they would end the loop with the context as its result. */
-	error = sd_event_add_signal(service->loop, &service->term, SIGTERM, on_signal, service);
-	if (error >= 0)
-		error = sd_event_add_signal(service->loop, NULL, SIGINT, on_signal, service);
-	if (error >= 0)
-		error = sd_event_add_signal(service->loop, NULL, SIGHUP, on_hangup, service);
-	if (error >= 0)
-		error = sd_event_add_time(service->loop, &service->deadline, CLOCK_MONOTONIC,
-		                          UINT64_MAX, 500, on_deadline, service);
-	if (error >= 0)
-		error = sd_event_source_set_enabled(service->deadline, SD_EVENT_OFF);
-	/* Prepare callbacks run whenever the loop is about to sleep, whatever their source. */
-	if (error >= 0)
-		error = sd_event_source_set_prepare(service->term, on_prepare);
-	service->armed = DB_TIME_NEVER;
-	for (size_t b = 0; error >= 0 && b < service->plant->bus_count; b++)
-		error = service_watch(service, service->plant->buses[b]);
-	return error;
-}
-
-/* A hung bus thread is as bad as a hung network: both must turn for systemd to be content. */
-static int make_watchdog(struct service *service)
-{
-	uint64_t us = 0;
-
-	if (sd_watchdog_enabled(0, &us) <= 0)
-		return 0;
-	service->watchdog = (db_time)us * DB_NS_PER_US;
-	return sd_event_add_time_relative(service->loop, &service->pulse, CLOCK_MONOTONIC, us / 4,
-	                                  0, on_pulse, service);
-}
-
-void service_log_listening(const struct service *service, const struct db_modbus_config *modbus)
-{
-	int host = (int)(strrchr(modbus->listen, ':') - modbus->listen);
-
-	if (db_server_is_early(service->server))
-		db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
-		       "this machine does not have the address %.*s yet; clients are served as soon as "
-		       "it does. If it never should: correct listen, or see ip address",
-		       host, modbus->listen);
-	db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
-	       "listening on %.*s:%u", host, modbus->listen,
-	       (unsigned)db_server_port(service->server));
 }
 
 static const char *advice_for_listening(int error)
@@ -386,7 +68,7 @@ static int wait_after(int error)
 static int listen_for_clients(struct service *service)
 {
 	const struct db_modbus_config *modbus = &service->plant->edition->config->modbus;
-	bool told = false;
+	bool logged = false;
 	int error;
 
 	do {
@@ -394,11 +76,11 @@ static int listen_for_clients(struct service *service)
 		                      service->registers, &service->log, &service->server);
 		if (error == 0)
 			break;
-		if (!told)
+		if (!logged)
 			db_log(&service->log, service_now(service), DB_EVENT_FAILED, NULL,
 			       "cannot listen on %s: %s%s", modbus->listen, strerror(-error),
 			       advice_for_listening(-error));
-		told = true;
+		logged = true;
 		if (error == -EADDRINUSE)
 			error = wait_after(error);
 	} while (error == 0);
@@ -415,11 +97,11 @@ static int set_up(struct service *service, struct db_config *config)
 
 	/* The loop first: the registers ask it for the time. */
 	if (error == 0)
-		error = make_loop(service);
+		error = loop_new(service);
 	if (error >= 0)
 		error = make_registers(service);
 	if (error >= 0)
-		error = make_watchdog(service);
+		error = loop_feed_watchdog(service);
 	if (error < 0)
 		return error;
 	error = listen_for_clients(service);
@@ -443,26 +125,20 @@ static void tear_down(struct service *service)
 	reload_abandon(service);
 	db_registers_free(service->registers);
 	plant_free(service->plant, NULL);
-	sd_event_source_unref(service->pulse);
-	sd_event_source_unref(service->deadline);
-	sd_event_source_unref(service->term);
-	sd_event_unref(service->loop);
+	loop_free(service);
 	if (service->lock >= 0)
 		close(service->lock);
 }
 
 /* --- what it needs of the machine ------------------------------------------------------------------- */
 
-/* A bus has two descriptors, its port and the lock of that; a reload may replace each of them before the old one ends. */
-#define DESCRIPTORS_PER_BUS 8
-/* The log, the loop, the server, and the files that a reload reads. */
-#define DESCRIPTORS_BESIDE 24
-
-void service_keep_descriptors(struct service *service)
+/* Where there is no loop yet, or no more. */
+static db_time monotonic_now(void)
 {
-	db_server_keep_descriptors(
-		service->server,
-		DESCRIPTORS_BESIDE + DESCRIPTORS_PER_BUS * (unsigned)service->plant->bus_count);
+	struct timespec now;
+
+	clock_gettime(CLOCK_MONOTONIC, &now);
+	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
 }
 
 /* The soft limit is there for programs that use select(). */
@@ -480,7 +156,7 @@ static void raise_descriptors(void)
 /* Another process that runs the same configuration would be a second master on each of its buses. */
 static int take_configuration(struct service *service)
 {
-	bool told = false;
+	bool logged = false;
 	pid_t holder = 0;
 	int error = 0;
 
@@ -489,13 +165,13 @@ static int take_configuration(struct service *service)
 		/* Where there are no such sockets, ports and the address to listen on keep others out. */
 		if (service->lock != -EBUSY)
 			return 0;
-		if (!told)
+		if (!logged)
 			db_log(&service->log, monotonic_now(), DB_EVENT_FAILED, NULL,
 			       "%s is run by another process already (%d): two masters on one bus would "
 			       "answer each other's questions; systemctl stop drivebridge ends the "
 			       "service, systemctl reload drivebridge has it read a changed file",
 			       service->path, (int)holder);
-		told = true;
+		logged = true;
 		error = wait_after(-EBUSY);
 	}
 	return error;

@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The service's inside, shared by service.c and reload.c. Internal to src/service. */
+/*
+ * The service's inside and what all of its parts use. Internal to src/service; network thread.
+ */
 #ifndef DRIVEBRIDGE_SERVICE_STATE_H
 #define DRIVEBRIDGE_SERVICE_STATE_H
 
@@ -32,23 +34,22 @@ struct service {
 	int lock;              /* of the configuration, see alone.h; -1: none */
 };
 
-/* service.c */
+/* The loop's time: of when this turn of it began. */
 db_time service_now(const struct service *service);
+
+/* The network side speaking of a bus. */
+struct db_log_source service_log_of(const struct service *service, const struct db_bus_config *bus);
+
 /* Has the completions of a new bus fetched. 0 or a negative errno. */
-int service_watch(struct service *service, struct plant_bus *bus);
+int service_watch_bus(struct service *service, struct plant_bus *bus);
+
 /* Fetches what the bus has ended. */
 void service_collect(struct plant_bus *bus);
+
 /* Where clients are waited for. */
 void service_log_listening(const struct service *service, const struct db_modbus_config *modbus);
+
 /* Leaves descriptors to the buses of the plant and to reloads, whatever clients take. */
 void service_keep_descriptors(struct service *service);
-
-/* reload.c */
-/* SIGHUP: begins a reload, or remembers that another one is wanted. */
-void reload_ask(struct service *service);
-/* Goes on with the one under way as far as it can. Called in every turn of the loop. */
-void reload_step(struct service *service);
-/* The service ends, its buses have ended: frees what the one under way has prepared. */
-void reload_abandon(struct service *service);
 
 #endif

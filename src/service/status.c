@@ -20,16 +20,7 @@ struct status {
 	char line[LINE_MAX_BYTES];
 };
 
-/* One bus beside the others: what is wrong with it, the worst first, and then how busy it is. */
-struct judgement {
-	const char *name;
-	bool down;
-	size_t missing; /* drives */
-	uint32_t utilisation;
-	uint32_t last_error;
-};
-
-static bool is_worse(const struct judgement *a, const struct judgement *b)
+static bool is_worse(const struct status_bus *a, const struct status_bus *b)
 {
 	if (a->down != b->down)
 		return a->down;
@@ -38,68 +29,74 @@ static bool is_worse(const struct judgement *a, const struct judgement *b)
 	return a->utilisation > b->utilisation;
 }
 
-static struct judgement judge(const struct plant *plant, const struct plant_bus *bus,
-                              size_t *online)
+void status_add_bus(struct status_figures *figures, const char *name, size_t drives,
+                    const struct db_bus_stats *stats)
 {
-	struct db_bus_stats stats;
-	size_t drives = 0;
-
-	db_bus_read_stats(bus->bus, &stats);
-	for (size_t i = 0; i < plant->drive_count; i++)
-		drives += plant->drives[i]->bus == bus;
-	*online += stats.online;
-	return (struct judgement){
-		.name = bus->config->name,
-		.down = !stats.up || !stats.port.up,
-		.missing = drives > stats.online ? drives - stats.online : 0,
-		.utilisation = stats.utilisation,
-		.last_error = stats.last_error,
+	struct status_bus bus = {
+		.name = name,
+		.down = !stats->up || !stats->port.up,
+		.missing = drives > stats->online ? drives - stats->online : 0,
+		.utilisation = stats->utilisation,
+		.last_error = stats->last_error,
 	};
+
+	figures->drives += drives;
+	figures->online += stats->online;
+	if (!figures->worst.name || is_worse(&bus, &figures->worst))
+		figures->worst = bus;
 }
 
-static void put_worst(FILE *out, const struct judgement *worst)
+void status_write(const struct status_figures *figures, FILE *out)
 {
-	fprintf(out, "; worst bus %s: ", worst->name);
+	const struct status_bus *worst = &figures->worst;
+
+	fprintf(out, "%zu of %zu drives online, %" PRIu32 " client%s", figures->online,
+	        figures->drives, figures->clients, figures->clients == 1 ? "" : "s");
+	if (worst->name)
+		fprintf(out, "; worst bus %s: ", worst->name);
 	if (worst->down && worst->last_error != 0)
 		fprintf(out, "down (%s)", strerror((int)worst->last_error));
 	else if (worst->down)
 		fprintf(out, "down");
 	else if (worst->missing > 0)
 		fprintf(out, "%zu drive%s silent", worst->missing, worst->missing == 1 ? "" : "s");
-	else
+	else if (worst->name)
 		fprintf(out, "%" PRIu32 " %% busy", worst->utilisation / 10);
-}
-
-static void write_line(const struct service *service, FILE *out)
-{
-	const struct plant *plant = service->plant;
-	struct judgement worst = { 0 };
-	struct db_server_stats clients;
-	size_t online = 0;
-
-	for (size_t b = 0; b < plant->bus_count; b++) {
-		struct judgement one = judge(plant, plant->buses[b], &online);
-
-		if (!worst.name || is_worse(&one, &worst))
-			worst = one;
-	}
-	db_server_stats(service->server, &clients);
-	fprintf(out, "%zu of %zu drives online, %" PRIu32 " client%s", online, plant->drive_count,
-	        clients.clients, clients.clients == 1 ? "" : "s");
-	if (worst.name)
-		put_worst(out, &worst);
-	if (service->status->reload_refused)
+	if (figures->reload_refused)
 		fputs("; the last reload was refused, see the log", out);
 }
 
-static void tell(struct service *service)
+/* Of all of the service. */
+static struct status_figures read_figures(const struct service *service)
 {
+	const struct plant *plant = service->plant;
+	struct status_figures figures = { .reload_refused = service->status->reload_refused };
+	struct db_server_stats clients;
+
+	for (size_t b = 0; b < plant->bus_count; b++) {
+		const struct plant_bus *bus = plant->buses[b];
+		struct db_bus_stats stats;
+		size_t drives = 0;
+
+		db_bus_read_stats(bus->bus, &stats);
+		for (size_t i = 0; i < plant->drive_count; i++)
+			drives += plant->drives[i]->bus == bus;
+		status_add_bus(&figures, bus->config->name, drives, &stats);
+	}
+	db_server_stats(service->server, &clients);
+	figures.clients = clients.clients;
+	return figures;
+}
+
+static void notify_systemd(struct service *service)
+{
+	struct status_figures figures = read_figures(service);
 	char line[LINE_MAX_BYTES] = "";
 	FILE *out = fmemopen(line, sizeof(line), "w");
 
 	if (!out)
 		return;
-	write_line(service, out);
+	status_write(&figures, out);
 	fclose(out);
 	line[sizeof(line) - 1] = '\0';
 	if (strcmp(line, service->status->line) == 0)
@@ -111,7 +108,7 @@ static void tell(struct service *service)
 static int on_timer(sd_event_source *source, uint64_t us, void *context)
 {
 	(void)us;
-	tell(context);
+	notify_systemd(context);
 	sd_event_source_set_time_relative(source, PERIOD_US);
 	return sd_event_source_set_enabled(source, SD_EVENT_ONESHOT);
 }

@@ -5,9 +5,36 @@
 #ifndef DRIVEBRIDGE_SERVICE_STATUS_H
 #define DRIVEBRIDGE_SERVICE_STATUS_H
 
+#include "drivebridge/bus.h"
+
 #include <stdbool.h>
+#include <stdio.h>
 
 struct service;
+
+/* One bus beside the others: what is wrong with it, the worst first, and then how busy it is. */
+struct status_bus {
+	const char *name; /* null: there is none */
+	bool down;
+	size_t missing;       /* drives */
+	uint32_t utilisation; /* in thousandths */
+	uint32_t last_error;  /* errno; 0: none */
+};
+
+struct status_figures {
+	size_t drives;
+	size_t online;
+	struct status_bus worst;
+	uint32_t clients;
+	bool reload_refused;
+};
+
+/* Counts a bus with so many drives. Pure; the name is kept. */
+void status_add_bus(struct status_figures *figures, const char *name, size_t drives,
+                    const struct db_bus_stats *stats);
+
+/* The line. Pure. */
+void status_write(const struct status_figures *figures, FILE *out);
 
 /* From now on systemd is told whenever the line changes, about a second later. Does nothing where nobody
  * listens. 0 or a negative errno. */

@@ -258,6 +258,7 @@ const struct db_driver db_driver_vsmd_can = {
 	.address_min = 1,
 	.address_max = VSMD_CAN_DRIVE_MAX,
 	.default_baud = 100000,
+	.vendor_layout = true,
 	.options = options,
 	.option_count = sizeof options / sizeof options[0],
 	.commands = VSMD_COMMANDS,

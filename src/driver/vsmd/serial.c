@@ -477,6 +477,7 @@ const struct db_driver db_driver_vsmd_serial = {
 	.address_max = VSMD_SERIAL_ID_MAX,
 	.default_baud = 9600,
 	.acknowledges = true,
+	.vendor_layout = true,
 	.options = options,
 	.option_count = sizeof options / sizeof options[0],
 	.commands = VSMD_COMMANDS,

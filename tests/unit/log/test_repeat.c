@@ -56,12 +56,13 @@ static void what_happens_once_is_told_once(void **state)
 
 static void a_thousand_times_are_a_count(void **state)
 {
-	unsigned told = 0;
+	unsigned logged = 0;
 
 	(void)state;
 	for (int i = 0; i < 1000; i++)
-		told += pass(DB_EVENT_DRIVE_FAULT, "feeder", START + i * (S / 100), "fault %d", i);
-	assert_int_equal(told, db_event_kind(DB_EVENT_DRIVE_FAULT)->most);
+		logged += pass(DB_EVENT_DRIVE_FAULT, "feeder", START + i * (S / 100), "fault %d",
+		               i);
+	assert_int_equal(logged, db_event_kind(DB_EVENT_DRIVE_FAULT)->most);
 	assert_true(db_repeats_next(repeats) == START + 60 * S);
 	assert_false(db_repeats_due(repeats, START + 60 * S - 1, false, &record));
 	assert_true(db_repeats_due(repeats, START + 60 * S, false, &record));
@@ -74,14 +75,14 @@ static void a_thousand_times_are_a_count(void **state)
 static void as_long_as_it_goes_on_only_counts_are_told(void **state)
 {
 	unsigned lines = 0;
-	unsigned told = 0;
+	unsigned logged = 0;
 
 	(void)state;
 	for (db_time now = START; now < START + 600 * S; now += S / 10) {
-		told += pass(DB_EVENT_DRIVE_LOST, "feeder", now, "gone");
+		logged += pass(DB_EVENT_DRIVE_LOST, "feeder", now, "gone");
 		lines += db_repeats_due(repeats, now, false, &record);
 	}
-	assert_int_equal(told, db_event_kind(DB_EVENT_DRIVE_LOST)->most);
+	assert_int_equal(logged, db_event_kind(DB_EVENT_DRIVE_LOST)->most);
 	assert_int_equal(lines, 9);
 }
 

@@ -292,9 +292,9 @@ static void the_map(void **state)
 static void families(void **state)
 {
 	(void)state;
-	assert_true(db_vsmd_layout_fits(db_driver_find("vsmd-serial")));
-	assert_true(db_vsmd_layout_fits(db_driver_find("vsmd-can")));
-	assert_false(db_vsmd_layout_fits(db_driver_find("servo-can")));
+	assert_true(db_driver_find("vsmd-serial")->vendor_layout);
+	assert_true(db_driver_find("vsmd-can")->vendor_layout);
+	assert_false(db_driver_find("servo-can")->vendor_layout);
 }
 
 /* --- reading ----------------------------------------------------------------------------------------- */

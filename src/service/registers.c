@@ -1,0 +1,126 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "service/registers.h"
+
+#include "drivebridge/command_table.h"
+#include "service/state.h"
+
+#include <stdio.h>
+#include <time.h>
+
+static db_time read_now(void *context)
+{
+	return service_now(context);
+}
+
+static uint64_t read_wall_us(void *context)
+{
+	struct timespec now;
+
+	(void)context;
+	clock_gettime(CLOCK_REALTIME, &now);
+	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
+}
+
+static bool submit_request(void *context, struct db_bus *bus, const struct db_request *request)
+{
+	(void)context;
+	return db_bus_submit(bus, request);
+}
+
+static void answer_write(void *context, struct db_write_token token, uint8_t exception)
+{
+	const struct service *service = context;
+
+	db_server_answer(service->server, token, exception);
+}
+
+static void read_bus_stats(void *context, struct db_bus *bus, struct db_bus_stats *stats)
+{
+	(void)context;
+	db_bus_read_stats(bus, stats);
+}
+
+static void read_server_stats(void *context, struct db_server_stats *stats)
+{
+	const struct service *service = context;
+
+	db_server_stats(service->server, stats);
+}
+
+static size_t list_clients(void *context, struct db_server_client *clients, size_t max)
+{
+	const struct service *service = context;
+
+	return db_server_clients(service->server, clients, max);
+}
+
+static void count_refusal(void *context, const struct db_client *client, enum db_refusal kind)
+{
+	const struct service *service = context;
+
+	db_server_refused(service->server, client, kind);
+}
+
+static void log_tripped(void *context, const struct db_bus_config *bus,
+                        const struct db_drive_config *drive, const struct db_client *last)
+{
+	const struct service *service = context;
+	struct db_log_source log = service_log_of(service, bus);
+	char text[DB_CLIENT_ADDRESS_MAX];
+	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
+
+	if (last->id != 0) {
+		db_client_address(last->address, text);
+		about.client = text;
+	}
+	db_log(&log, service_now(service), DB_EVENT_WATCHDOG_TRIPPED, &about,
+	       "silent too long, so the watchdog stops the drive, and nothing moves it before "
+	       "clear_fault; check the PLC, its program and the network");
+}
+
+/* What the client wrote, in words. */
+static void describe_write(const struct db_refused_write *write, char *text, size_t size)
+{
+	if (write->command != DB_CMD_NONE)
+		snprintf(text, size, "command %s", db_command_name(write->command));
+	else if (write->address != 0)
+		snprintf(text, size, "a write to register %u", write->address);
+	else if (write->param)
+		snprintf(text, size, "a write of parameter %s", write->param);
+	else
+		snprintf(text, size, "a write");
+}
+
+static void log_refused_write(void *context, const struct db_bus_config *bus,
+                              const struct db_drive_config *drive, const struct db_client *client,
+                              const struct db_refused_write *write)
+{
+	const struct service *service = context;
+	struct db_log_source log = service_log_of(service, bus);
+	bool open = write->result == DB_RESULT_TIMEOUT || write->result == DB_RESULT_INDETERMINATE;
+	char address[DB_CLIENT_ADDRESS_MAX];
+	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
+	char what[96];
+
+	if (client) {
+		db_client_address(client->address, address);
+		about.client = address;
+	}
+	describe_write(write, what, sizeof what);
+	db_log(&log, service_now(service), DB_EVENT_COMMAND_REFUSED, &about,
+	       "%s %s: %s (result %u)", what, open ? "is not confirmed" : "is refused",
+	       db_result_name(write->result), (unsigned)write->result);
+}
+
+const struct db_registers_ops service_registers_ops = {
+	.now = read_now,
+	.wall_us = read_wall_us,
+	.submit = submit_request,
+	.answer = answer_write,
+	.bus_stats = read_bus_stats,
+	.server_stats = read_server_stats,
+	.server_clients = list_clients,
+	.refused = count_refusal,
+	.write_refused = log_refused_write,
+	.tripped = log_tripped,
+};

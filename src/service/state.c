@@ -1,0 +1,72 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "service/state.h"
+
+#include <string.h>
+#include <sys/epoll.h>
+
+/* A bus has two descriptors, its port and the lock of that; a reload may replace each of them before the old one ends. */
+#define DESCRIPTORS_PER_BUS 8
+/* The log, the loop, the server, and the files that a reload reads. */
+#define DESCRIPTORS_BESIDE 24
+
+db_time service_now(const struct service *service)
+{
+	uint64_t us = 0;
+
+	sd_event_now(service->loop, CLOCK_MONOTONIC, &us);
+	return (db_time)us * DB_NS_PER_US;
+}
+
+struct db_log_source service_log_of(const struct service *service, const struct db_bus_config *bus)
+{
+	return (struct db_log_source){
+		.log = service->log.log,
+		.bus = bus->name,
+		.level = bus->log,
+	};
+}
+
+void service_collect(struct plant_bus *bus)
+{
+	struct service *service = bus->service;
+	struct db_completion completion;
+
+	while (db_bus_completion(bus->bus, &completion))
+		db_registers_complete(service->registers, &completion, service_now(service));
+}
+
+static int on_completion(sd_event_source *source, int fd, uint32_t events, void *context)
+{
+	(void)source;
+	(void)fd;
+	(void)events;
+	service_collect(context);
+	return 0;
+}
+
+int service_watch_bus(struct service *service, struct plant_bus *bus)
+{
+	return sd_event_add_io(service->loop, &bus->completions, db_bus_completion_fd(bus->bus),
+	                       EPOLLIN, on_completion, bus);
+}
+
+void service_keep_descriptors(struct service *service)
+{
+	db_server_keep_descriptors(
+		service->server,
+		DESCRIPTORS_BESIDE + DESCRIPTORS_PER_BUS * (unsigned)service->plant->bus_count);
+}
+
+void service_log_listening(const struct service *service, const struct db_modbus_config *modbus)
+{
+	int host = (int)(strrchr(modbus->listen, ':') - modbus->listen);
+
+	if (db_server_is_early(service->server))
+		db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
+		       "this machine does not have the address %.*s yet; clients are served as soon as "
+		       "it does. If it never should: correct listen, or see ip address",
+		       host, modbus->listen);
+	db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
+	       "listening on %.*s:%u", host, modbus->listen,
+	       (unsigned)db_server_port(service->server));
+}
