@@ -172,6 +172,8 @@ check_text() {
 phase_style() {
 	step format check_format
 	step text check_text
+	step rooms tests/tools/rooms
+	step spelling tests/tools/spelling
 	step shellcheck check_shell
 	step cppcheck check_cppcheck
 	step clang-tidy check_clang_tidy
