@@ -55,5 +55,5 @@ install the counterparts of these and leave out this step: $*"
 }
 
 # shellcheck disable=SC2034 # for the scripts that read this file
-BUILD_PACKAGES=(gcc libc6-dev cmake ninja-build pkg-config libmodbus-dev libserialport-dev
-	libsystemd-dev)
+BUILD_PACKAGES=(gcc libc6-dev cmake ninja-build pkg-config libjansson-dev libmodbus-dev
+	libserialport-dev libsystemd-dev)
