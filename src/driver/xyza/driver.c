@@ -18,7 +18,7 @@
  * Source: the vendor's protocol V1.00 of 2016-10-20, sections 2 to 6.
  */
 #include "driver/list.h"
-#include "driver/xyza_plan.h"
+#include "driver/xyza/plan.h"
 #include "transport/serial.h"
 
 #include <math.h>

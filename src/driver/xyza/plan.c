@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/xyza_plan.h"
+#include "driver/xyza/plan.h"
 
 #include <math.h>
 
