@@ -36,12 +36,12 @@ enum db_job_kind {
 
 struct db_job {
 	enum db_job_kind kind;
-	unsigned step; /* the driver's own: where the conversation is, 0 at begin */
+	unsigned
+		step; /* the driver's own: what was said last, a row of its table of steps; 0 at begin */
 	/* COMMAND and SETTINGS: what was asked. Of a stop only the command holds. */
 	const struct db_request *request;
-	int64_t scratch[2]; /* the driver's own */
-	db_time started;    /* when begin() was called */
-	bool out_of_step;   /* what was said to the drive last was not answered, or is a probe */
+	db_time started;  /* when begin() was called */
+	bool out_of_step; /* what was said to the drive last was not answered, or is a probe */
 };
 
 /* One request on the wire and what is expected back. */

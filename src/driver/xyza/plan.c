@@ -31,7 +31,7 @@ static struct xyza_step *add_verb(struct xyza_plan *plan, const struct db_device
 }
 
 static struct xyza_step *add_kind(struct xyza_plan *plan, const struct db_device *device,
-                                  enum xyza_verb verb, enum xyza_step_kind kind)
+                                  enum xyza_verb verb, enum xyza_plan_kind kind)
 {
 	struct xyza_step *step = add_verb(plan, device, verb);
 
@@ -41,7 +41,7 @@ static struct xyza_step *add_kind(struct xyza_plan *plan, const struct db_device
 
 /* A read whose bits `mask` are to be `wanted`. */
 static struct xyza_step *add_read(struct xyza_plan *plan, const struct db_device *device,
-                                  enum xyza_verb verb, enum xyza_step_kind kind, uint32_t mask,
+                                  enum xyza_verb verb, enum xyza_plan_kind kind, uint32_t mask,
                                   uint32_t wanted)
 {
 	struct xyza_step *step = add_kind(plan, device, verb, kind);
@@ -54,7 +54,7 @@ static struct xyza_step *add_read(struct xyza_plan *plan, const struct db_device
 /* --- parameters ------------------------------------------------------------------------------------ */
 
 static void add_item(struct xyza_plan *plan, const struct db_device *device, enum xyza_verb verb,
-                     enum xyza_step_kind kind, enum xyza_param param, uint32_t value, uint32_t mask)
+                     enum xyza_plan_kind kind, enum xyza_param param, uint32_t value, uint32_t mask)
 {
 	struct xyza_step *step = add_kind(plan, device, verb, kind);
 
@@ -104,9 +104,9 @@ static void plan_ramp(struct xyza_plan *plan, const struct db_device *device, bo
 void xyza_plan_setting(struct xyza_plan *plan, const struct db_device *device,
                        const struct db_setting *setting)
 {
-	bool unproven = plan->unproven;
-
-	*plan = (struct xyza_plan){ .steps = plan->steps, .unproven = unproven };
+	*plan = (struct xyza_plan){ .steps = plan->steps,
+		                    .setting = plan->setting,
+		                    .unproven = plan->unproven };
 	if (setting->param >= XYZA_PARAM_COUNT)
 		plan_ramp(plan, device, setting->param == XYZA_RAMP_DECELERATION, setting->value.f);
 	else
@@ -212,9 +212,8 @@ static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool nega
 	add_verb(plan, device, XYZA_MANUAL_JOG)->request.negative = negative;
 	add_kind(plan, device, XYZA_READ_STANDING, STEP_EXPECT_MOVING);
 	/* It must not begin when its writer has heard that it did not. */
-	add_verb(plan, device, XYZA_MANUAL_STOP);
+	add_kind(plan, device, XYZA_MANUAL_STOP, STEP_RETREAT);
 	plan->count--;
-	plan->retreats = true;
 }
 
 /* The amount first: a zero need not keep a sign. Then both are read, and written again where they are

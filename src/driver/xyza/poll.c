@@ -1,0 +1,239 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A position is two reads, magnitude and sign. It may cross zero in between, so the sign is read
+ * before and after, and again with the magnitude when it changed; a value whose sign is in doubt is
+ * not shown.
+ */
+#include "driver/xyza/poll.h"
+
+#include "driver/xyza/frames.h"
+#include "driver/xyza/state.h"
+
+/* How often the sign is read again when it changes under the reading. */
+#define SIGN_TRIES 3
+
+/* Of each axis the first four, then those of the controller. */
+enum step {
+	STEP_STANDING,
+	STEP_SIGN,
+	STEP_MAGNITUDE,
+	STEP_SIGN_AGAIN,
+	STEP_PORTS,
+	STEP_PROGRAM,
+};
+
+/* The next configured axis from `axis` on, or XYZA_AXIS_COUNT. */
+static unsigned next_axis(const struct db_device *first, unsigned axis)
+{
+	while (axis < XYZA_AXIS_COUNT && !first->axes[axis])
+		axis++;
+	return axis;
+}
+
+static enum db_step ask(struct db_conversation *talk, enum xyza_verb verb)
+{
+	struct xyza_request request = { .verb = verb };
+
+	/* Behind the last axis it is not used. */
+	// NOLINTNEXTLINE(clang-analyzer-optin.core.EnumCastOutOfRange)
+	request.axis = (enum xyza_axis)talk->device->poll_axis;
+	return xyza_say(talk, request, true);
+}
+
+static enum db_step say_standing(struct db_conversation *talk)
+{
+	return ask(talk, XYZA_READ_STANDING);
+}
+
+static enum db_step say_sign(struct db_conversation *talk)
+{
+	return ask(talk, XYZA_READ_SIGN);
+}
+
+static enum db_step say_magnitude(struct db_conversation *talk)
+{
+	return ask(talk, XYZA_READ_MAGNITUDE);
+}
+
+static enum db_step say_ports(struct db_conversation *talk)
+{
+	return ask(talk, XYZA_READ_PORTS);
+}
+
+static enum db_step say_program(struct db_conversation *talk)
+{
+	return ask(talk, XYZA_PROGRAM_STATE);
+}
+
+/* From this axis on, or what the controller has behind the last one. */
+static enum db_step read_axis(struct db_conversation *talk, unsigned axis)
+{
+	struct db_device *first = talk->device;
+
+	first->poll_axis = next_axis(first, axis);
+	first->poll_asked = talk->now;
+	first->sign_tries = 0;
+	return say_step(talk, xyza_poll_steps,
+	                first->poll_axis < XYZA_AXIS_COUNT ? STEP_STANDING : STEP_PORTS);
+}
+
+/* --- what was read --------------------------------------------------------------------------------- */
+
+static void take_standing(struct db_device *device, const struct db_device *first)
+{
+	bool standing = first->poll_standing;
+
+	/* What was seen before it was told something says nothing about what it does now. */
+	if (first->poll_told != device->told ||
+	    (standing && first->poll_asked < device->expected_by))
+		return;
+	device->standing = standing;
+	device->fresh = false;
+	if (standing)
+		device->jogging = device->stopping = false;
+	else
+		device->expected_by = 0;
+}
+
+/* The sign was the same before and after: this is where the axis is. */
+static void take_position(struct db_device *device, const struct db_device *first)
+{
+	bool stands = first->poll_standing && first->poll_asked >= device->expected_by;
+	int32_t position;
+
+	take_standing(device, first);
+	/* Half of it may be from before it was written. */
+	if (first->poll_placed != device->placed || first->poll_taken < device->held_until ||
+	    !xyza_position(first->poll_magnitude, first->poll_negative, &position))
+		return;
+	if (device->heard && first->poll_taken > device->taken)
+		device->velocity = stands ? 0.0f :
+		                            (float)((double)position - (double)device->position) *
+		                                    (float)DB_NS_PER_S /
+		                                    (float)(first->poll_taken - device->taken);
+	device->position = position;
+	device->negative = first->poll_negative;
+	device->taken = first->poll_taken;
+	device->heard = true;
+}
+
+/* Nothing changed since the last time and nothing moves: the second look at the sign is not needed. */
+static bool is_settled(const struct db_device *first, const struct db_device *device)
+{
+	int32_t position;
+
+	return device->heard && first->poll_standing && device->standing &&
+	       first->poll_told == device->told &&
+	       xyza_position(first->poll_magnitude, first->poll_negative, &position) &&
+	       position == device->position;
+}
+
+static enum db_step answer_standing(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+	struct db_device *first = talk->device;
+	const struct db_device *device = first->axes[first->poll_axis];
+
+	if (!device)
+		return end_job(talk, DB_RESULT_FAILED);
+	first->poll_standing = reply->value == 1;
+	first->poll_told = device->told;
+	first->poll_placed = device->placed;
+	return say_step(talk, xyza_poll_steps, STEP_SIGN);
+}
+
+static enum db_step answer_sign(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+
+	talk->device->poll_negative = reply->value == 1;
+	return say_step(talk, xyza_poll_steps, STEP_MAGNITUDE);
+}
+
+static enum db_step answer_magnitude(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+	struct db_device *first = talk->device;
+	struct db_device *device = first->axes[first->poll_axis];
+
+	if (!device)
+		return end_job(talk, DB_RESULT_FAILED);
+	first->poll_magnitude = reply->value;
+	first->poll_taken = talk->now;
+	if (!is_settled(first, device))
+		return say_step(talk, xyza_poll_steps, STEP_SIGN_AGAIN);
+	take_position(device, first);
+	return read_axis(talk, first->poll_axis + 1);
+}
+
+static enum db_step answer_sign_again(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+	struct db_device *first = talk->device;
+	struct db_device *device = first->axes[first->poll_axis];
+	bool negative = reply->value == 1;
+
+	if (!device)
+		return end_job(talk, DB_RESULT_FAILED);
+	if (first->poll_negative == negative) {
+		take_position(device, first);
+	} else if (++first->sign_tries < SIGN_TRIES) {
+		first->poll_negative = negative;
+		return say_step(talk, xyza_poll_steps, STEP_MAGNITUDE);
+	}
+	return read_axis(talk, first->poll_axis + 1);
+}
+
+static enum db_step answer_ports(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+
+	talk->device->ports = reply->value;
+	return say_step(talk, xyza_poll_steps, STEP_PROGRAM);
+}
+
+static enum db_step answer_program(struct db_conversation *talk)
+{
+	xyza_take_program(talk->device, talk->reply);
+	return end_job(talk, DB_RESULT_OK);
+}
+
+/* --- what the controller does not have ------------------------------------------------------------- */
+
+/* An axis that it does not have is not shown; the others are. */
+static enum db_step refuse_axis(struct db_conversation *talk)
+{
+	return read_axis(talk, talk->device->poll_axis + 1);
+}
+
+static enum db_step refuse_ports(struct db_conversation *talk)
+{
+	return say_step(talk, xyza_poll_steps, STEP_PROGRAM);
+}
+
+static enum db_step refuse_program(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_OK);
+}
+
+const struct conversation_step xyza_poll_steps[] = {
+	[STEP_STANDING] = { .say = say_standing,
+	                    .answered = answer_standing,
+	                    .refused = refuse_axis },
+	[STEP_SIGN] = { .say = say_sign, .answered = answer_sign, .refused = refuse_axis },
+	[STEP_MAGNITUDE] = { .say = say_magnitude,
+	                     .answered = answer_magnitude,
+	                     .refused = refuse_axis },
+	[STEP_SIGN_AGAIN] = { .say = say_sign,
+	                      .answered = answer_sign_again,
+	                      .refused = refuse_axis },
+	[STEP_PORTS] = { .say = say_ports, .answered = answer_ports, .refused = refuse_ports },
+	[STEP_PROGRAM] = { .say = say_program,
+	                   .answered = answer_program,
+	                   .refused = refuse_program },
+};
+
+enum db_step xyza_begin_poll(struct db_conversation *talk)
+{
+	return read_axis(talk, 0);
+}

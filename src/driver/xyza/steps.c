@@ -1,0 +1,125 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Which table of steps a job goes through. An answer names only the order it answers, and one that
+ * comes late fits any later request of that order: so one request is under way at a time, and after a lost
+ * answer the controller is first asked whether it is there, which is the only question with that order.
+ */
+#include "driver/xyza/steps.h"
+
+#include "driver/xyza/commands.h"
+#include "driver/xyza/frames.h"
+#include "driver/xyza/items.h"
+#include "driver/xyza/poll.h"
+
+/* A controller also refuses what arrived with a wrong sum: it is asked again so often. */
+#define REFUSALS_MAX 1
+
+static enum db_step say_online(struct db_conversation *talk)
+{
+	return xyza_say_verb(talk, XYZA_VERB_ONLINE);
+}
+
+static enum db_step answer_online(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_OK);
+}
+
+static const struct conversation_step probe_steps[] = {
+	{ .say = say_online, .answered = answer_online },
+};
+
+static bool is_raw(const struct db_job *job)
+{
+	return job->kind == DB_JOB_COMMAND && job->request->command == DB_CMD_RAW_FRAME;
+}
+
+/* Not of raw frames, which are one question and its answer. */
+static const struct conversation_step *steps_of(const struct db_job *job)
+{
+	switch (job->kind) {
+	case DB_JOB_PROBE:
+		return probe_steps;
+	case DB_JOB_POLL:
+		return xyza_poll_steps;
+	case DB_JOB_IDENTIFY:
+		return xyza_item_steps;
+	case DB_JOB_COMMAND:
+		if (job->request->command == DB_CMD_READ_PARAMETERS)
+			return xyza_item_steps;
+		/* fall through */
+	case DB_JOB_SETTINGS:
+	default:
+		return xyza_plan_steps;
+	}
+}
+
+enum db_step xyza_begin(struct db_conversation *talk)
+{
+	talk->device->refusals[talk->job->kind] = 0;
+	switch (talk->job->kind) {
+	case DB_JOB_PROBE:
+		return say_step(talk, probe_steps, 0);
+	case DB_JOB_IDENTIFY:
+		return xyza_begin_items(talk);
+	case DB_JOB_POLL:
+		return xyza_begin_poll(talk);
+	case DB_JOB_SETTINGS:
+		return xyza_begin_settings(talk);
+	case DB_JOB_COMMAND:
+	default:
+		break;
+	}
+	switch (talk->job->request->command) {
+	case DB_CMD_READ_PARAMETERS:
+		return xyza_begin_items(talk);
+	case DB_CMD_RAW_FRAME:
+		return xyza_begin_raw(talk);
+	default:
+		return xyza_begin_command(talk);
+	}
+}
+
+/* A refused request was not carried out, so saying it again is harmless whatever it is. */
+static bool is_asked_again(struct db_conversation *talk, const struct xyza_reply *reply,
+                           bool planned)
+{
+	unsigned *refusals = &talk->device->refusals[talk->job->kind];
+
+	if (reply->kind == XYZA_REPLY_FAILED && *refusals < REFUSALS_MAX &&
+	    !(planned && xyza_is_refusal_final(talk))) {
+		(*refusals)++;
+		return true;
+	}
+	*refusals = 0;
+	return false;
+}
+
+enum db_step xyza_answer(struct db_conversation *talk, const uint8_t *frame, size_t length)
+{
+	const struct db_exchange *exchange = talk->exchange;
+	const struct conversation_step *steps = steps_of(talk->job);
+	const struct conversation_step *step = &steps[talk->job->step];
+	struct xyza_request request;
+	struct xyza_reply reply;
+
+	if (is_raw(talk->job))
+		return xyza_answer_raw(talk, frame, length);
+	if (xyza_decode_reply(frame, length, &reply) != XYZA_OK ||
+	    xyza_decode_request(exchange->request, exchange->request_length, &request) != XYZA_OK ||
+	    !xyza_fits(&request, &reply))
+		return DB_STEP_IGNORE;
+	talk->reply = &reply;
+	if (is_asked_again(talk, &reply, steps == xyza_plan_steps))
+		return DB_STEP_SEND; /* the exchange is as it was */
+	if (steps == xyza_plan_steps)
+		xyza_note_answer(talk);
+	return reply.kind == XYZA_REPLY_FAILED && step->refused ? step->refused(talk) :
+	                                                          step->answered(talk);
+}
+
+enum db_step xyza_lose_answer(struct db_conversation *talk)
+{
+	if (talk->job->kind == DB_JOB_SETTINGS)
+		talk->device->plate.doubtful = true;
+	return is_raw(talk->job) ? xyza_lose_raw(talk) : lose_step(talk, steps_of(talk->job));
+}
