@@ -4,9 +4,8 @@
  * wire, in which order, and what becomes of a command whose request or answer is lost.
  */
 #include "codec/vsmd_serial.h"
-#include "sched/engine.h"
+#include "fakes/bus.h"
 
-#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -32,18 +31,8 @@ struct drive {
 };
 
 struct world {
-	struct db_bus_config bus;
-	struct db_drive_config drives[DRIVES];
-	double options[DB_OPTIONS_MAX]; /* of each */
-	struct db_bus_drive list[DRIVES];
-	struct db_axis *axes[DRIVES];
-	struct db_queue *queue;
-	struct db_engine *engine;
+	struct fake_bus *bus;
 	struct drive sim[DRIVES];
-	db_time now;
-	uint8_t answer[VSMD_SERIAL_FRAME_MAX];
-	size_t answer_length;
-	db_time answer_at;
 	uint8_t late[VSMD_SERIAL_FRAME_MAX];
 	size_t late_length;
 	char log[4096];      /* every line sent since it was cleared */
@@ -120,12 +109,15 @@ static void on_send(void *context, const uint8_t *bytes, size_t length)
 {
 	struct world *world = context;
 	struct vsmd_setting settings[VSMD_PARAM_COUNT];
+	uint8_t answer[VSMD_SERIAL_FRAME_MAX];
 	struct vsmd_command command;
 	struct drive *drive;
 	enum fault fault = FAULT_NONE;
+	db_time now = world->bus->now;
+	db_time latency;
 
-	if (world->quiet_since != 0 && world->now - world->quiet_since < world->least_gap)
-		world->least_gap = world->now - world->quiet_since;
+	if (world->quiet_since != 0 && now - world->quiet_since < world->least_gap)
+		world->least_gap = now - world->quiet_since;
 	assert_true(strlen(world->log) + length < sizeof world->log);
 	strncat(world->log, (const char *)bytes, length);
 	/* A bare line end, in case that the line before had lost its own. */
@@ -146,7 +138,7 @@ static void on_send(void *context, const uint8_t *bytes, size_t length)
 		fault = drive->fault;
 		drive->fault = FAULT_NONE;
 	}
-	if (drive->dead || fault == FAULT_LOSE_REQUEST || world->now < drive->deaf_until)
+	if (drive->dead || fault == FAULT_LOSE_REQUEST || now < drive->deaf_until)
 		return;
 	if (fault == FAULT_REFUSE)
 		drive->status.status |= VSMD_ST_CMD_WRG;
@@ -158,9 +150,11 @@ static void on_send(void *context, const uint8_t *bytes, size_t length)
 		world->late_length = reply(drive, (uint8_t)command.id, &command, world->late);
 		return;
 	}
-	world->answer_length = reply(drive, (uint8_t)command.id, &command, world->answer);
-	world->answer_at = world->now + (drive->latency > 0 ? drive->latency : 2 * MS);
-	drive->deaf_until = world->answer_at + drive->deaf;
+	latency = drive->latency > 0 ? drive->latency : 2 * MS;
+	fake_answer_after(world->bus, latency, answer,
+	                  reply(drive, (uint8_t)command.id, &command, answer));
+	world->quiet_since = now + latency;
+	drive->deaf_until = now + latency + drive->deaf;
 }
 
 static void on_tell(void *context, const struct db_drive_config *drive, enum db_event event,
@@ -190,124 +184,55 @@ static const struct db_engine_ops ops = {
 	.tell_timing = on_tell_timing,
 };
 
-static int setup(void **state)
+static int open_world(void **state)
 {
 	struct world *world = calloc(1, sizeof *world);
 
-	world->bus = (struct db_bus_config){
-		.name = (char *)"test",
-		.driver = db_driver_find("vsmd-serial"),
-		.transport = &db_transport_serial,
-		.baud = 115200,
-		.stop_bits = 1,
-		.cycle_ms = 20,
-		.drive_latency_ms = 10,
-		.retries = 2,
-		.queue = 8,
-	};
-	for (size_t i = 0; i < DRIVES; i++) {
-		world->drives[i] = (struct db_drive_config){
-			.name = (char *)"d",
-			.address = (unsigned)i + 1,
-			.options = world->options,
-			.on_exit = DB_ON_LOSS_STOP,
-			.stop_reaction_ms = 1000,
-			.counts_per_unit = 1.0,
-			.min_position = NAN,
-			.max_position = NAN,
-		};
-		world->axes[i] = db_axis_new();
-		world->list[i] = (struct db_bus_drive){ (uint16_t)i, &world->drives[i],
-			                                world->axes[i] };
+	assert_non_null(world);
+	world->bus = fake_bus_new(db_driver_find("vsmd-serial"), DRIVES);
+	world->bus->context = world;
+	world->bus->config.transport = &db_transport_serial;
+	world->bus->config.baud = 115200;
+	world->bus->config.stop_bits = 1;
+	for (size_t i = 0; i < DRIVES; i++)
 		world->sim[i].status.status = VSMD_ST_STP;
-	}
-	world->now = 1000 * MS;
-	assert_int_equal(db_queue_new(8, DRIVES, &world->queue), 0);
-	assert_int_equal(db_engine_new(&world->bus, world->list, DRIVES, world->queue, &ops, world,
-	                               &world->engine),
-	                 0);
+	fake_bus_open(world->bus, DRIVES, &ops);
 	*state = world;
 	return 0;
 }
 
-static int teardown(void **state)
+static int close_world(void **state)
 {
 	struct world *world = *state;
 
-	db_engine_free(world->engine);
-	db_queue_free(world->queue);
-	for (size_t i = 0; i < DRIVES; i++)
-		db_axis_free(world->axes[i]);
+	fake_bus_free(world->bus);
 	free(world);
 	return 0;
 }
 
-/* Lets the time pass, with the engine called when it wants to be and answers delivered on time. */
-static void pass(struct world *world, db_time span)
+static void start_bus(struct world *world)
 {
-	db_time end = world->now + span;
-
-	while (world->now < end) {
-		db_time next = db_engine_run(world->engine, world->now);
-
-		if (next > end)
-			next = end;
-		if (world->answer_length > 0 && world->answer_at <= next) {
-			size_t length = world->answer_length;
-
-			world->now = world->answer_at;
-			world->answer_length = 0;
-			world->quiet_since = world->now;
-			db_engine_receive(world->engine, world->answer, length, world->now);
-		} else {
-			world->now = next;
-		}
-	}
-}
-
-static void start(struct world *world)
-{
-	db_engine_port(world->engine, true, 0, world->now);
-	pass(world, 500 * MS);
+	fake_port(world->bus, 0);
+	fake_pass(world->bus, 500 * MS);
 	world->log[0] = '\0';
 }
 
-static uint32_t status_of(const struct world *world, size_t axis)
+static uint32_t status_of(const struct world *world, size_t drive)
 {
-	struct db_snapshot snapshot;
-
-	db_axis_read(world->axes[axis], &snapshot);
-	return snapshot.feedback.status;
+	return fake_feedback(world->bus, drive).status;
 }
 
-static void post(struct world *world, uint16_t axis, enum db_command command, int32_t position)
+static void post_motion(struct world *world, uint16_t drive, enum db_command command,
+                        int32_t position)
 {
-	struct db_request request = {
-		.ticket = (uint32_t)command + 100u * axis,
-		.drive = axis,
-		.command = command,
-		.args = { .target_position = position, .target_velocity = 100.0f },
-	};
-
-	assert_true(db_queue_post(world->queue, &request));
+	fake_request(world->bus, drive,
+	             (struct db_request){
+			     .command = command,
+			     .args = { .target_position = position, .target_velocity = 100.0f },
+		     });
 }
 
-static enum db_result result_of(struct world *world)
-{
-	struct db_completion completion;
-
-	assert_true(db_queue_collect(world->queue, &completion));
-	return completion.result;
-}
-
-static bool nothing_finished(struct world *world)
-{
-	struct db_completion completion;
-
-	return !db_queue_collect(world->queue, &completion);
-}
-
-static size_t count(const struct world *world, const char *text)
+static size_t count_sent(const struct world *world, const char *text)
 {
 	size_t found = 0;
 
@@ -322,12 +247,12 @@ static void drives_come_online_and_tell_their_parameters(void **state)
 	struct db_nameplate plate;
 
 	assert_int_equal(status_of(world, 0), 0);
-	start(world);
+	start_bus(world);
 	for (size_t i = 0; i < DRIVES; i++) {
 		assert_true(status_of(world, i) & DB_STATUS_ONLINE);
 		assert_true(status_of(world, i) & DB_STATUS_PARAMS_VALID);
 	}
-	db_axis_read_nameplate(world->axes[2], &plate);
+	db_axis_read_nameplate(world->bus->list[2].axis, &plate);
 	assert_string_equal(plate.identity, "VSMD113_025T-1.0.008.170428");
 	assert_true(plate.values[VSMD_SPD].f == 6400.0f);
 	assert_true(plate.values[VSMD_ACC].f == 24000.0f);
@@ -340,13 +265,13 @@ static void every_drive_is_polled_once_a_cycle(void **state)
 	struct world *world = *state;
 	struct db_bus_stats stats;
 
-	start(world);
-	pass(world, 200 * MS);
-	assert_in_range(count(world, "1 sts\n"), 9, 11);
-	assert_in_range(count(world, "2 sts\n"), 9, 11);
-	assert_in_range(count(world, "3 sts\n"), 9, 11);
-	assert_int_equal(count(world, "dev"), 0);
-	db_engine_stats(world->engine, &stats);
+	start_bus(world);
+	fake_pass(world->bus, 200 * MS);
+	assert_in_range(count_sent(world, "1 sts\n"), 9, 11);
+	assert_in_range(count_sent(world, "2 sts\n"), 9, 11);
+	assert_in_range(count_sent(world, "3 sts\n"), 9, 11);
+	assert_int_equal(count_sent(world, "dev"), 0);
+	stats = fake_stats(world->bus);
 	assert_int_equal(stats.overruns, 0);
 	assert_int_equal(stats.online, 3);
 	assert_in_range(stats.cycle_us, 6000, 6500);
@@ -357,19 +282,18 @@ static void a_cycle_that_does_not_fit_overruns_and_stays_fair(void **state)
 	struct world *world = *state;
 	struct db_bus_stats stats;
 
-	world->bus.cycle_ms = 4;
-	db_engine_free(world->engine);
-	assert_int_equal(db_engine_new(&world->bus, world->list, DRIVES, world->queue, &ops, world,
-	                               &world->engine),
-	                 0);
-	start(world);
+	db_engine_free(world->bus->engine);
+	db_queue_free(world->bus->queue);
+	world->bus->config.cycle_ms = 4;
+	fake_bus_open(world->bus, DRIVES, &ops);
+	start_bus(world);
 	for (size_t i = 0; i < DRIVES; i++)
 		assert_true(status_of(world, i) & DB_STATUS_PARAMS_VALID);
-	pass(world, 120 * MS);
-	assert_in_range(count(world, "1 sts\n"), 19, 21);
-	assert_in_range(count(world, "2 sts\n"), 19, 21);
-	assert_in_range(count(world, "3 sts\n"), 19, 21);
-	db_engine_stats(world->engine, &stats);
+	fake_pass(world->bus, 120 * MS);
+	assert_in_range(count_sent(world, "1 sts\n"), 19, 21);
+	assert_in_range(count_sent(world, "2 sts\n"), 19, 21);
+	assert_in_range(count_sent(world, "3 sts\n"), 19, 21);
+	stats = fake_stats(world->bus);
 	assert_true(stats.overruns > 20);
 }
 
@@ -378,16 +302,16 @@ static void a_dead_drive_costs_little(void **state)
 	struct world *world = *state;
 
 	world->sim[1].dead = true;
-	start(world);
-	pass(world, 5000 * MS); /* the backoff has grown */
+	start_bus(world);
+	fake_pass(world->bus, 5000 * MS); /* the backoff has grown */
 	world->log[0] = '\0';
 	assert_false(status_of(world, 1) & DB_STATUS_ONLINE);
 	assert_true(status_of(world, 0) & DB_STATUS_ONLINE);
-	pass(world, 2000 * MS);
-	assert_in_range(count(world, "1 sts\n"), 99, 101);
-	assert_in_range(count(world, "2 dev\n"), 1, 3);
+	fake_pass(world->bus, 2000 * MS);
+	assert_in_range(count_sent(world, "1 sts\n"), 99, 101);
+	assert_in_range(count_sent(world, "2 dev\n"), 1, 3);
 	world->sim[1].dead = false;
-	pass(world, 2500 * MS);
+	fake_pass(world->bus, 2500 * MS);
 	assert_true(status_of(world, 1) & DB_STATUS_ONLINE);
 	assert_true(status_of(world, 1) & DB_STATUS_PARAMS_VALID);
 }
@@ -397,17 +321,17 @@ static void a_command_is_sent_once_and_confirmed(void **state)
 	struct world *world = *state;
 	struct db_snapshot snapshot;
 
-	start(world);
-	post(world, 0, DB_CMD_ENABLE, 0);
-	post(world, 0, DB_CMD_MOVE_ABSOLUTE, 25000);
-	pass(world, 10 * MS);
-	assert_int_equal(result_of(world), DB_RESULT_OK);
-	assert_int_equal(result_of(world), DB_RESULT_OK);
-	assert_int_equal(count(world, "1 ena\n"), 1);
-	assert_int_equal(count(world, "1 pos 25000 spd=100\n"), 1);
+	start_bus(world);
+	fake_post(world->bus, 0, DB_CMD_ENABLE);
+	post_motion(world, 0, DB_CMD_MOVE_ABSOLUTE, 25000);
+	fake_pass(world->bus, 10 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	assert_int_equal(count_sent(world, "1 ena\n"), 1);
+	assert_int_equal(count_sent(world, "1 pos 25000 spd=100\n"), 1);
 	assert_true(strstr(world->log, "ena") < strstr(world->log, "pos"));
-	pass(world, 40 * MS);
-	db_axis_read(world->axes[0], &snapshot);
+	fake_pass(world->bus, 40 * MS);
+	snapshot = fake_snapshot(world->bus, 0);
 	assert_int_equal(snapshot.feedback.position, 25000);
 	assert_int_equal(snapshot.feedback.state, DB_AXIS_STANDSTILL);
 	assert_true(snapshot.feedback.status & DB_STATUS_AT_TARGET);
@@ -417,20 +341,20 @@ static void a_refused_command_says_so(void **state)
 {
 	struct world *world = *state;
 
-	start(world);
-	post(world, 0, DB_CMD_MOVE_ABSOLUTE, 1); /* not enabled */
-	pass(world, 20 * MS);
-	assert_int_equal(result_of(world), DB_RESULT_REFUSED);
+	start_bus(world);
+	post_motion(world, 0, DB_CMD_MOVE_ABSOLUTE, 1); /* not enabled */
+	fake_pass(world->bus, 20 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_REFUSED);
 	assert_int_equal(world->sim[0].executed[VSMD_POS], 1);
 	assert_true(status_of(world, 0) & DB_STATUS_REFUSED);
 }
 
-static void enabled(struct world *world)
+static void enable_first(struct world *world)
 {
-	start(world);
-	post(world, 0, DB_CMD_ENABLE, 0);
-	pass(world, 30 * MS);
-	assert_int_equal(result_of(world), DB_RESULT_OK);
+	start_bus(world);
+	fake_post(world->bus, 0, DB_CMD_ENABLE);
+	fake_pass(world->bus, 30 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
 	world->log[0] = '\0';
 }
 
@@ -444,11 +368,11 @@ static void a_relative_move_whose_answer_is_lost_moves_once(void **state)
 {
 	struct world *world = *state;
 
-	enabled(world);
+	enable_first(world);
 	fail_next(world, 0, VSMD_POS, FAULT_LOSE_ANSWER);
-	post(world, 0, DB_CMD_MOVE_RELATIVE, 500);
-	pass(world, 200 * MS);
-	assert_int_equal(result_of(world), DB_RESULT_OK);
+	post_motion(world, 0, DB_CMD_MOVE_RELATIVE, 500);
+	fake_pass(world->bus, 200 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
 	assert_int_equal(world->sim[0].executed[VSMD_POS], 1);
 	assert_int_equal(world->sim[0].executed[VSMD_RMV], 0);
 	assert_int_equal(world->sim[0].status.position, 500);
@@ -458,12 +382,12 @@ static void a_relative_move_whose_request_is_lost_is_sent_again(void **state)
 {
 	struct world *world = *state;
 
-	enabled(world);
+	enable_first(world);
 	world->sim[0].status.position = 70;
 	fail_next(world, 0, VSMD_POS, FAULT_LOSE_REQUEST);
-	post(world, 0, DB_CMD_MOVE_RELATIVE, 500);
-	pass(world, 200 * MS);
-	assert_int_equal(result_of(world), DB_RESULT_OK);
+	post_motion(world, 0, DB_CMD_MOVE_RELATIVE, 500);
+	fake_pass(world->bus, 200 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
 	assert_int_equal(world->sim[0].executed[VSMD_POS], 1);
 	assert_int_equal(world->sim[0].status.position, 570);
 }
@@ -472,11 +396,11 @@ static void a_lost_set_position_is_read_back(void **state)
 {
 	struct world *world = *state;
 
-	enabled(world);
+	enable_first(world);
 	fail_next(world, 0, VSMD_ORG, FAULT_LOSE_ANSWER);
-	post(world, 0, DB_CMD_SET_POSITION, 1234);
-	pass(world, 200 * MS);
-	assert_int_equal(result_of(world), DB_RESULT_OK);
+	post_motion(world, 0, DB_CMD_SET_POSITION, 1234);
+	fake_pass(world->bus, 200 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
 	assert_int_equal(world->sim[0].executed[VSMD_ORG], 1);
 }
 
@@ -484,11 +408,11 @@ static void a_lost_save_is_indeterminate_and_not_repeated(void **state)
 {
 	struct world *world = *state;
 
-	enabled(world);
+	enable_first(world);
 	fail_next(world, 0, VSMD_SAV, FAULT_LOSE_ANSWER);
-	post(world, 0, DB_CMD_SAVE_PARAMETERS, 0);
-	pass(world, 1500 * MS);
-	assert_int_equal(result_of(world), DB_RESULT_INDETERMINATE);
+	fake_post(world->bus, 0, DB_CMD_SAVE_PARAMETERS);
+	fake_pass(world->bus, 1500 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_INDETERMINATE);
 	assert_int_equal(world->sim[0].executed[VSMD_SAV], 1);
 }
 
@@ -497,27 +421,26 @@ static void a_late_answer_is_not_taken_for_the_next_ones(void **state)
 {
 	struct world *world = *state;
 
-	enabled(world);
+	enable_first(world);
 	fail_next(world, 0, VSMD_STS, FAULT_LATE_ANSWER);
 	while (world->late_length == 0)
-		pass(world, MS);
+		fake_pass(world->bus, MS);
 	fail_next(world, 0, VSMD_MOV, FAULT_LOSE_REQUEST);
-	post(world, 0, DB_CMD_MOVE_VELOCITY, 0);
+	post_motion(world, 0, DB_CMD_MOVE_VELOCITY, 0);
 	for (int i = 0; i < 40; i++) {
-		pass(world, MS);
-		if (world->late_length > 0 && count(world, "1 dev\n") > 0) {
-			db_engine_receive(world->engine, world->late, world->late_length,
-			                  world->now);
+		fake_pass(world->bus, MS);
+		if (world->late_length > 0 && count_sent(world, "1 dev\n") > 0) {
+			fake_receive(world->bus, world->late, world->late_length);
 			world->late_length = 0;
 		}
 		/* Never confirmed before the drive has really done it. */
 		if (world->sim[0].executed[VSMD_MOV] == 0)
-			assert_true(nothing_finished(world));
+			assert_int_equal(fake_result(world->bus), DB_RESULT_NONE);
 	}
 	assert_int_equal(world->late_length, 0);
-	pass(world, 200 * MS);
+	fake_pass(world->bus, 200 * MS);
 	assert_int_equal(world->sim[0].executed[VSMD_MOV], 1);
-	assert_int_equal(result_of(world), DB_RESULT_OK);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
 }
 
 static void a_stop_overtakes_and_cancels(void **state)
@@ -526,16 +449,16 @@ static void a_stop_overtakes_and_cancels(void **state)
 	struct db_completion completion;
 	unsigned cancelled = 0;
 
-	enabled(world);
+	enable_first(world);
 	for (int i = 0; i < 4; i++)
-		post(world, 0, DB_CMD_MOVE_ABSOLUTE, 1000 + i);
-	post(world, 1, DB_CMD_ENABLE, 0);
-	post(world, 0, DB_CMD_STOP, 0);
-	pass(world, 30 * MS);
+		post_motion(world, 0, DB_CMD_MOVE_ABSOLUTE, 1000 + i);
+	fake_post(world->bus, 1, DB_CMD_ENABLE);
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, 30 * MS);
 	assert_true(strncmp(world->log, "1 stp\n", 6) == 0 ||
 	            strncmp(strchr(world->log, '\n') + 1, "1 stp\n", 6) == 0);
-	assert_int_equal(count(world, "1 pos"), 0);
-	while (db_queue_collect(world->queue, &completion)) {
+	assert_int_equal(count_sent(world, "1 pos"), 0);
+	while (db_queue_collect(world->bus->queue, &completion)) {
 		if (completion.result == DB_RESULT_CANCELLED)
 			cancelled++;
 		else
@@ -549,17 +472,17 @@ static void a_stop_is_repeated_until_confirmed(void **state)
 {
 	struct world *world = *state;
 
-	enabled(world);
+	enable_first(world);
 	world->sim[0].dead = true;
-	post(world, 0, DB_CMD_STOP, 0);
-	pass(world, 2000 * MS);
-	assert_true(nothing_finished(world));
-	assert_true(count(world, "1 stp\n") > 5);
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, 2000 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_NONE);
+	assert_true(count_sent(world, "1 stp\n") > 5);
 	/* And the others are not starved by it. */
-	assert_in_range(count(world, "2 sts\n"), 80, 101);
+	assert_in_range(count_sent(world, "2 sts\n"), 80, 101);
 	world->sim[0].dead = false;
-	pass(world, 500 * MS);
-	assert_int_equal(result_of(world), DB_RESULT_OK);
+	fake_pass(world->bus, 500 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
 	assert_true(world->sim[0].executed[VSMD_STP] >= 1);
 }
 
@@ -567,33 +490,33 @@ static void commands_to_a_drive_that_is_gone_end(void **state)
 {
 	struct world *world = *state;
 
-	enabled(world);
+	enable_first(world);
 	world->sim[0].dead = true;
-	post(world, 0, DB_CMD_MOVE_VELOCITY, 0);
-	post(world, 0, DB_CMD_ENABLE, 0);
-	pass(world, 300 * MS);
-	assert_int_equal(result_of(world), DB_RESULT_INDETERMINATE);
-	assert_int_equal(result_of(world), DB_RESULT_OFFLINE);
+	post_motion(world, 0, DB_CMD_MOVE_VELOCITY, 0);
+	fake_post(world->bus, 0, DB_CMD_ENABLE);
+	fake_pass(world->bus, 300 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_INDETERMINATE);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OFFLINE);
 	assert_false(status_of(world, 0) & DB_STATUS_ONLINE);
-	post(world, 0, DB_CMD_ENABLE, 0);
-	pass(world, 1 * MS);
-	assert_int_equal(result_of(world), DB_RESULT_OFFLINE);
+	fake_post(world->bus, 0, DB_CMD_ENABLE);
+	fake_pass(world->bus, 1 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OFFLINE);
 }
 
 static void a_lost_port_ends_everything_and_comes_back(void **state)
 {
 	struct world *world = *state;
 
-	enabled(world);
-	world->answer_length = 0;
-	db_engine_port(world->engine, false, 5, world->now);
-	world->answer_length = 0;
-	post(world, 0, DB_CMD_ENABLE, 0);
-	pass(world, 10 * MS);
-	assert_int_equal(result_of(world), DB_RESULT_BUS_DOWN);
+	enable_first(world);
+	world->bus->answer_count = 0;
+	fake_port(world->bus, 5);
+	world->bus->answer_count = 0;
+	fake_post(world->bus, 0, DB_CMD_ENABLE);
+	fake_pass(world->bus, 10 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_BUS_DOWN);
 	assert_false(status_of(world, 0) & DB_STATUS_BUS_UP);
 	assert_false(status_of(world, 0) & DB_STATUS_ONLINE);
-	start(world);
+	start_bus(world);
 	assert_true(status_of(world, 0) & DB_STATUS_ONLINE);
 }
 
@@ -601,10 +524,10 @@ static void a_drive_that_lost_power_is_read_again(void **state)
 {
 	struct world *world = *state;
 
-	enabled(world);
+	enable_first(world);
 	world->sim[0].status = (struct vsmd_status){ .status = VSMD_ST_STP };
-	pass(world, 300 * MS);
-	assert_true(count(world, "1 cfg\n") >= 1);
+	fake_pass(world->bus, 300 * MS);
+	assert_true(count_sent(world, "1 cfg\n") >= 1);
 	assert_true(status_of(world, 0) & DB_STATUS_ORIGIN_LOST);
 }
 
@@ -613,22 +536,22 @@ static void no_drive_tells_its_parameters_while_another_moves(void **state)
 {
 	struct world *world = *state;
 
-	world->bus.baud = 9600;
+	world->bus->config.baud = 9600;
 	world->sim[2].dead = true;
-	db_engine_port(world->engine, true, 0, world->now);
-	pass(world, 2000 * MS);
+	fake_port(world->bus, 0);
+	fake_pass(world->bus, 2000 * MS);
 	world->sim[0].status.status &= ~(uint32_t)VSMD_ST_STP;
-	pass(world, 200 * MS);
+	fake_pass(world->bus, 200 * MS);
 	assert_true(status_of(world, 0) & DB_STATUS_MOVING);
 	world->sim[2].dead = false;
 	world->log[0] = '\0';
-	pass(world, 4000 * MS);
+	fake_pass(world->bus, 4000 * MS);
 	assert_true(status_of(world, 2) & DB_STATUS_ONLINE);
-	assert_int_equal(count(world, " cfg\n"), 0);
+	assert_int_equal(count_sent(world, " cfg\n"), 0);
 	/* All stand. */
 	world->sim[0].status.status |= VSMD_ST_STP;
-	pass(world, 500 * MS);
-	assert_int_equal(count(world, "3 cfg\n"), 1);
+	fake_pass(world->bus, 500 * MS);
+	assert_int_equal(count_sent(world, "3 cfg\n"), 1);
 	assert_true(status_of(world, 2) & DB_STATUS_PARAMS_VALID);
 }
 
@@ -636,13 +559,13 @@ static void a_drive_that_moves_for_ever_does_not_hide_the_parameters_of_others(v
 {
 	struct world *world = *state;
 
-	world->bus.baud = 9600;
+	world->bus->config.baud = 9600;
 	world->sim[0].status.status &= ~(uint32_t)VSMD_ST_STP;
-	db_engine_port(world->engine, true, 0, world->now);
+	fake_port(world->bus, 0);
 	for (unsigned seconds = 0; seconds < 35; seconds++) {
 		world->log[0] = '\0';
-		pass(world, 1000 * MS);
-		assert_true(count(world, " cfg\n") <= 1);
+		fake_pass(world->bus, 1000 * MS);
+		assert_true(count_sent(world, " cfg\n") <= 1);
 	}
 	for (size_t i = 0; i < DRIVES; i++)
 		assert_true(status_of(world, i) & DB_STATUS_PARAMS_VALID);
@@ -650,34 +573,34 @@ static void a_drive_that_moves_for_ever_does_not_hide_the_parameters_of_others(v
 	world->sim[2].dead = true;
 	for (unsigned seconds = 0; seconds < 15; seconds++) {
 		world->log[0] = '\0';
-		pass(world, 1000 * MS);
+		fake_pass(world->bus, 1000 * MS);
 	}
 	world->sim[2].dead = false;
 	for (unsigned seconds = 0; seconds < 4; seconds++) {
 		world->log[0] = '\0';
-		pass(world, 1000 * MS);
-		assert_int_equal(count(world, " cfg\n"), 0);
+		fake_pass(world->bus, 1000 * MS);
+		assert_int_equal(count_sent(world, " cfg\n"), 0);
 	}
 	assert_true(status_of(world, 2) & DB_STATUS_ONLINE);
 	/* Who is asked to is not made to wait. */
 	world->log[0] = '\0';
-	post(world, 1, DB_CMD_READ_PARAMETERS, 0);
-	pass(world, 500 * MS);
-	assert_int_equal(count(world, "2 cfg\n"), 1);
-	assert_int_equal(result_of(world), DB_RESULT_OK);
+	fake_post(world->bus, 1, DB_CMD_READ_PARAMETERS);
+	fake_pass(world->bus, 500 * MS);
+	assert_int_equal(count_sent(world, "2 cfg\n"), 1);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
 }
 
 static void the_end_stops_every_drive(void **state)
 {
 	struct world *world = *state;
 
-	enabled(world);
-	db_engine_shut_down(world->engine, world->now);
-	pass(world, 50 * MS);
-	assert_true(db_engine_is_quiet(world->engine));
+	enable_first(world);
+	db_engine_shut_down(world->bus->engine, world->bus->now);
+	fake_pass(world->bus, 50 * MS);
+	assert_true(db_engine_is_quiet(world->bus->engine));
 	/* All at once by broadcast, then each one for its confirmation. */
 	assert_memory_equal(world->log, "0 stp\n1 stp\n", 12);
-	assert_int_equal(count(world, " stp\n"), 4);
+	assert_int_equal(count_sent(world, " stp\n"), 4);
 }
 
 /* --- drives that are slower than others --------------------------------------------------------------- */
@@ -687,19 +610,19 @@ static void drives_get_time_to_turn_around(void **state)
 	struct world *world = *state;
 
 	world->least_gap = 1000 * MS;
-	start(world);
+	start_bus(world);
 	assert_int_equal(world->least_gap, 0);
-	world->bus.turnaround_us = 1000;
+	world->bus->config.turnaround_us = 1000;
 	for (size_t i = 0; i < DRIVES; i++)
 		world->sim[i].deaf = MS;
-	pass(world, 100 * MS); /* what was lost meanwhile is over */
+	fake_pass(world->bus, 100 * MS); /* what was lost meanwhile is over */
 	world->least_gap = 1000 * MS;
-	post(world, 0, DB_CMD_ENABLE, 0);
-	post(world, 1, DB_CMD_STOP, 0);
-	pass(world, 400 * MS);
+	fake_post(world->bus, 0, DB_CMD_ENABLE);
+	fake_post(world->bus, 1, DB_CMD_STOP);
+	fake_pass(world->bus, 400 * MS);
 	assert_int_equal(world->least_gap, MS);
-	assert_int_equal(result_of(world), DB_RESULT_OK);
-	assert_int_equal(result_of(world), DB_RESULT_OK);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
 	for (size_t i = 0; i < DRIVES; i++)
 		assert_true(status_of(world, i) & DB_STATUS_ONLINE);
 	assert_int_equal(world->told_timing[DB_EVENT_DRIVE_DEAF], 0);
@@ -711,13 +634,13 @@ static void a_drive_that_is_deaf_for_longer_is_told_of(void **state)
 
 	/* One on the line, so that every request follows its own answer. */
 	world->sim[1].dead = world->sim[2].dead = true;
-	world->bus.turnaround_us = 1000;
-	start(world);
+	world->bus->config.turnaround_us = 1000;
+	start_bus(world);
 	world->sim[0].deaf = 4 * MS;
 	/* Its parameters are asked for right behind the answer who it is. */
 	for (unsigned i = 0; i < 3; i++) {
-		post(world, 0, DB_CMD_READ_PARAMETERS, 0);
-		pass(world, 1000 * MS);
+		fake_post(world->bus, 0, DB_CMD_READ_PARAMETERS);
+		fake_pass(world->bus, 1000 * MS);
 	}
 	assert_true(world->told_timing[DB_EVENT_DRIVE_DEAF] > 0);
 	assert_int_equal(world->told_timing[DB_EVENT_DRIVE_LATE], 0);
@@ -730,8 +653,8 @@ static void a_drive_that_answers_late_is_told_of(void **state)
 	unsigned missing = 0;
 
 	world->sim[0].latency = 14 * MS; /* 10 are waited for */
-	start(world);
-	pass(world, 3000 * MS);
+	start_bus(world);
+	fake_pass(world->bus, 3000 * MS);
 	assert_true(world->told_timing[DB_EVENT_DRIVE_LATE] > 0);
 	assert_in_range(world->timing, 10 * MS, 14 * MS);
 	for (size_t i = 0; i < world->told_count; i++)
@@ -743,10 +666,10 @@ static void who_is_just_away_is_neither_late_nor_deaf(void **state)
 {
 	struct world *world = *state;
 
-	start(world);
+	start_bus(world);
 	for (unsigned i = 0; i < 20; i++) {
 		world->sim[0].dead = i % 2 == 0;
-		pass(world, 200 * MS);
+		fake_pass(world->bus, 200 * MS);
 		world->told_count = 0;
 	}
 	assert_int_equal(world->told_timing[DB_EVENT_DRIVE_DEAF], 0);
@@ -760,30 +683,30 @@ static void a_stop_at_the_end_that_is_refused_is_said_again(void **state)
 {
 	struct world *world = *state;
 
-	enabled(world);
+	enable_first(world);
 	fail_next(world, 0, VSMD_STP, FAULT_REFUSE);
-	db_engine_shut_down(world->engine, world->now);
-	for (unsigned i = 0; i < 200 && !db_engine_is_quiet(world->engine); i++)
-		pass(world, 1 * MS);
-	assert_true(db_engine_is_quiet(world->engine));
-	assert_int_equal(count(world, "1 stp\n"), 2);
-	assert_int_equal(count(world, "2 stp\n"), 1);
+	db_engine_shut_down(world->bus->engine, world->bus->now);
+	for (unsigned i = 0; i < 200 && !db_engine_is_quiet(world->bus->engine); i++)
+		fake_pass(world->bus, 1 * MS);
+	assert_true(db_engine_is_quiet(world->bus->engine));
+	assert_int_equal(count_sent(world, "1 stp\n"), 2);
+	assert_int_equal(count_sent(world, "2 stp\n"), 1);
 }
 
 static void a_drive_that_is_offline_at_the_end_is_stopped_when_it_answers(void **state)
 {
 	struct world *world = *state;
 
-	start(world);
+	start_bus(world);
 	world->sim[1].status.status = VSMD_ST_HS | VSMD_ST_PWR; /* runs */
 	world->sim[1].dead = true;
-	pass(world, 200 * MS);
+	fake_pass(world->bus, 200 * MS);
 	assert_false(status_of(world, 1) & DB_STATUS_ONLINE);
 	/* The line is whole again, and nobody has noticed. */
 	world->sim[1].dead = false;
-	db_engine_shut_down(world->engine, world->now);
-	for (unsigned i = 0; i < 1500 && !db_engine_is_quiet(world->engine); i++)
-		pass(world, 1 * MS);
+	db_engine_shut_down(world->bus->engine, world->bus->now);
+	for (unsigned i = 0; i < 1500 && !db_engine_is_quiet(world->bus->engine); i++)
+		fake_pass(world->bus, 1 * MS);
 	assert_true(world->sim[1].status.status & VSMD_ST_STP);
 }
 
@@ -792,19 +715,19 @@ static void a_homing_run_that_began_unheard_is_ended_by_a_stop(void **state)
 	struct world *world = *state;
 	char *stop;
 
-	start(world);
+	start_bus(world);
 	world->sim[0].status.status |= VSMD_ST_HS | VSMD_ST_PWR;
-	pass(world, 50 * MS);
+	fake_pass(world->bus, 50 * MS);
 	world->sim[0].fault = FAULT_LOSE_ANSWER;
 	world->sim[0].fault_verb = VSMD_ZERO_START;
-	post(world, 0, DB_CMD_HOME, 0);
+	post_motion(world, 0, DB_CMD_HOME, 0);
 	while (!strstr(world->log, "zero start"))
-		pass(world, MS / 8);
-	pass(world, 2 * MS);
+		fake_pass(world->bus, MS / 8);
+	fake_pass(world->bus, 2 * MS);
 	world->sim[0].status.status &= ~(uint32_t)VSMD_ST_STP;
 	world->log[0] = '\0';
-	post(world, 0, DB_CMD_STOP, 0);
-	pass(world, 200 * MS);
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, 200 * MS);
 	stop = strstr(world->log, "1 stp");
 	assert_non_null(stop);
 	assert_non_null(strstr(stop, "1 zero stop"));
@@ -813,21 +736,20 @@ static void a_homing_run_that_began_unheard_is_ended_by_a_stop(void **state)
 static void a_shake_whose_answer_is_lost_is_not_begun_again(void **state)
 {
 	struct world *world = *state;
-	struct db_request request = {
-		.ticket = 9,
+	const struct db_request request = {
 		.command = DB_CMD_SHAKE_START,
 		.args = { .shake_end_position = 100, .shake_frequency = 20.0f, .shake_cycles = 1 },
 	};
 
-	start(world);
+	start_bus(world);
 	world->sim[0].status.status |= VSMD_ST_HS | VSMD_ST_PWR;
-	pass(world, 50 * MS);
+	fake_pass(world->bus, 50 * MS);
 	world->sim[0].fault = FAULT_LOSE_ANSWER;
 	world->sim[0].fault_verb = VSMD_SHAKE_CYCLES;
-	assert_true(db_queue_post(world->queue, &request));
-	pass(world, 200 * MS);
+	fake_request(world->bus, 0, request);
+	fake_pass(world->bus, 200 * MS);
 	/* It is over by now, back where it began. */
-	assert_int_equal(result_of(world), DB_RESULT_INDETERMINATE);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_INDETERMINATE);
 	assert_int_equal(world->sim[0].executed[VSMD_SHAKE_CYCLES], 1);
 }
 
@@ -836,24 +758,24 @@ static void silent_drives_do_not_keep_a_stop_from_one_that_answers(void **state)
 	struct world *world = *state;
 
 	world->sim[0].dead = world->sim[1].dead = true;
-	start(world);
-	pass(world, 1000 * MS);
+	start_bus(world);
+	fake_pass(world->bus, 1000 * MS);
 	for (unsigned i = 0; i < 4; i++) {
-		post(world, 0, DB_CMD_STOP, 0);
-		post(world, 1, DB_CMD_QUICK_STOP, 0);
+		fake_post(world->bus, 0, DB_CMD_STOP);
+		fake_post(world->bus, 1, DB_CMD_QUICK_STOP);
 	}
-	pass(world, 1000 * MS);
+	fake_pass(world->bus, 1000 * MS);
 	world->log[0] = '\0';
 	world->sim[2].status.status = VSMD_ST_HS | VSMD_ST_PWR; /* runs */
-	post(world, 2, DB_CMD_STOP, 0);
+	fake_post(world->bus, 2, DB_CMD_STOP);
 	/* At most the one transaction that is on the wire. */
-	pass(world, 25 * MS);
+	fake_pass(world->bus, 25 * MS);
 	assert_true(world->sim[2].status.status & VSMD_ST_STP);
 	/* Both silent ones share one part of the bus. */
 	world->log[0] = '\0';
-	pass(world, 1000 * MS);
-	assert_true(count(world, "3 sts\n") > 40);
-	assert_true(count(world, "1 stp") > 3 && count(world, "2 stp") > 3);
+	fake_pass(world->bus, 1000 * MS);
+	assert_true(count_sent(world, "3 sts\n") > 40);
+	assert_true(count_sent(world, "1 stp") > 3 && count_sent(world, "2 stp") > 3);
 }
 
 /* --- what is told for the log ----------------------------------------------------------------------- */
@@ -870,21 +792,21 @@ static void a_drive_that_does_not_confirm_its_end_is_told(void **state)
 {
 	struct world *world = *state;
 
-	enabled(world);
+	enable_first(world);
 	world->sim[1].dead = true;
 	world->told_count = 0;
-	db_engine_shut_down(world->engine, world->now);
+	db_engine_shut_down(world->bus->engine, world->bus->now);
 	for (unsigned i = 0; i < 1500; i++)
-		pass(world, 1 * MS);
+		fake_pass(world->bus, 1 * MS);
 	world->told_count = 0;
-	db_engine_tell_unconfirmed(world->engine);
+	db_engine_tell_unconfirmed(world->bus->engine);
 	assert_told(world, DB_EVENT_DRIVE_UNCONFIRMED, 2);
 }
 
 static void pass_seconds(struct world *world, unsigned seconds)
 {
 	for (unsigned i = 0; i < 4 * seconds; i++) {
-		pass(world, 250 * MS);
+		fake_pass(world->bus, 250 * MS);
 		world->log[0] = '\0';
 	}
 }
@@ -896,8 +818,8 @@ static void what_is_found_is_told_once(void **state)
 	world->sim[1].status.status = VSMD_ST_PWR; /* somebody else has set it going */
 	world->sim[1].status.velocity = 1200;
 	world->sim[1].status.position = 77;
-	start(world);
-	pass(world, 500 * MS);
+	start_bus(world);
+	fake_pass(world->bus, 500 * MS);
 	assert_int_equal(world->told_count, DRIVES);
 	for (size_t i = 0; i < DRIVES; i++) {
 		assert_int_equal(world->told[i].event, DB_EVENT_DRIVE_ONLINE);
@@ -914,7 +836,7 @@ static void drives_that_go_and_come_are_told(void **state)
 {
 	struct world *world = *state;
 
-	start(world);
+	start_bus(world);
 	world->told_count = 0;
 	world->sim[0].dead = true;
 	pass_seconds(world, 20);
@@ -929,8 +851,8 @@ static void a_drive_that_was_never_there_is_told_once(void **state)
 	struct world *world = *state;
 
 	world->sim[2].dead = true;
-	db_engine_port(world->engine, true, 0, world->now);
-	pass(world, 500 * MS);
+	fake_port(world->bus, 0);
+	fake_pass(world->bus, 500 * MS);
 	assert_int_equal(world->told_count, 2);
 	world->told_count = 0;
 	pass_seconds(world, 60);
@@ -942,13 +864,13 @@ static void a_lost_port_is_not_told_of_each_drive(void **state)
 {
 	struct world *world = *state;
 
-	start(world);
+	start_bus(world);
 	world->told_count = 0;
-	db_engine_port(world->engine, false, 5, world->now);
-	pass(world, 1000 * MS);
+	fake_port(world->bus, 5);
+	fake_pass(world->bus, 1000 * MS);
 	assert_int_equal(world->told_count, 0);
-	db_engine_port(world->engine, true, 0, world->now);
-	pass(world, 1000 * MS);
+	fake_port(world->bus, 0);
+	fake_pass(world->bus, 1000 * MS);
 	assert_int_equal(world->told_count, DRIVES);
 }
 
@@ -956,14 +878,14 @@ static void faults_are_told_when_they_come_and_go(void **state)
 {
 	struct world *world = *state;
 
-	start(world);
+	start_bus(world);
 	world->told_count = 0;
 	world->sim[1].status.status |= VSMD_ST_OVER_CURRENT;
-	pass(world, 1000 * MS);
+	fake_pass(world->bus, 1000 * MS);
 	assert_int_equal(world->told[0].feedback.error, DB_ERROR_OVER_CURRENT);
 	assert_told(world, DB_EVENT_DRIVE_FAULT, 2);
 	world->sim[1].status.status &= ~(uint32_t)VSMD_ST_OVER_CURRENT;
-	pass(world, 1000 * MS);
+	fake_pass(world->bus, 1000 * MS);
 	assert_told(world, DB_EVENT_DRIVE_FAULT_GONE, 2);
 }
 
@@ -971,14 +893,14 @@ static void a_drive_that_lost_power_is_told(void **state)
 {
 	struct world *world = *state;
 
-	start(world);
+	start_bus(world);
 	world->told_count = 0;
 	world->sim[0].status.status = VSMD_ST_STP; /* no handshake any more */
-	pass(world, 1000 * MS);
+	fake_pass(world->bus, 1000 * MS);
 	assert_told(world, DB_EVENT_DRIVE_RESTARTED, 1);
 	/* That a disabled drive loses its origin as well is what was asked for. */
-	post(world, 1, DB_CMD_DISABLE, 0);
-	pass(world, 500 * MS);
+	fake_post(world->bus, 1, DB_CMD_DISABLE);
+	fake_pass(world->bus, 500 * MS);
 	assert_int_equal(world->told_count, 0);
 }
 
@@ -986,15 +908,16 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test_setup_teardown(
-			a_drive_that_is_offline_at_the_end_is_stopped_when_it_answers, setup,
-			teardown),
+			a_drive_that_is_offline_at_the_end_is_stopped_when_it_answers, open_world,
+			close_world),
 		cmocka_unit_test_setup_teardown(a_homing_run_that_began_unheard_is_ended_by_a_stop,
-		                                setup, teardown),
+		                                open_world, close_world),
 		cmocka_unit_test_setup_teardown(a_shake_whose_answer_is_lost_is_not_begun_again,
-		                                setup, teardown),
+		                                open_world, close_world),
 		cmocka_unit_test_setup_teardown(
-			silent_drives_do_not_keep_a_stop_from_one_that_answers, setup, teardown),
-#define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
+			silent_drives_do_not_keep_a_stop_from_one_that_answers, open_world,
+			close_world),
+#define TEST(name) cmocka_unit_test_setup_teardown(name, open_world, close_world)
 		TEST(drives_come_online_and_tell_their_parameters),
 		TEST(every_drive_is_polled_once_a_cycle),
 		TEST(a_cycle_that_does_not_fit_overruns_and_stays_fair),
