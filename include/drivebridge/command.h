@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Drive-neutral commands: their codes, arguments and how they travel from a PLC's write to a bus and
- * back. The codes are part of the contract with PLC programs: append, never renumber.
+ * back. The codes are part of the contract with PLC programs: append, never renumber. Functions are pure.
  */
 #ifndef DRIVEBRIDGE_COMMAND_H
 #define DRIVEBRIDGE_COMMAND_H

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The one command table: which codes there are, how they are called and which registers of the
- * command block are their arguments.
+ * command block are their arguments. Constant data and pure functions; any thread.
  */
 #ifndef DRIVEBRIDGE_COMMAND_TABLE_H
 #define DRIVEBRIDGE_COMMAND_TABLE_H

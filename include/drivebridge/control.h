@@ -21,7 +21,7 @@
 struct db_control {
 	bool enabled;
 	db_time timeout;
-	struct db_client holder; /* id 0: nobody; see db_control_holder() */
+	struct db_client holder; /* DB_CLIENT_NOBODY: nobody; see db_control_holder() */
 	db_time heard;           /* the holder's last request to the drive */
 };
 

@@ -58,8 +58,8 @@ struct db_registers_ops {
 	                      const struct db_refused_write *write);
 	/* A client came or went. May be null. */
 	void (*client)(void *context, const struct db_client *client, bool connected);
-	/* The watchdog stops a drive. `last` had fed it last, and may have gone since; its id is 0
-	 * when nobody had. May be null. */
+	/* The watchdog stops a drive. `last` had fed it last, and may have gone since; it is
+	 * DB_CLIENT_NOBODY when nobody had. May be null. */
 	void (*tripped)(void *context, const struct db_bus_config *bus,
 	                const struct db_drive_config *drive, const struct db_client *last);
 };

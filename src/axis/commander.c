@@ -46,7 +46,7 @@ int db_commander_new(const struct db_commander_config *config, const struct db_c
 	made->stop_repeat_at = DB_TIME_NEVER;
 	made->reaction_again_at = DB_TIME_NEVER;
 	db_writers_set(&made->writers, config->ids_by_client);
-	made->look_interval = db_motion_look_interval(config->bus_config);
+	made->check_interval = db_motion_check_interval(config->bus_config);
 	db_watchdog_init(&made->watchdog,
 	                 config->on_client_loss == DB_CMD_NONE ? 0 : config->watchdog_ms,
 	                 config->drive_config->watchdog_feed);
@@ -471,7 +471,7 @@ bool db_commander_expire(struct db_commander *commander, db_time now)
 {
 	bool tripped = db_reaction_run(commander, now);
 
-	db_motion_look(commander, now);
+	db_motion_check(commander, now);
 	db_requests_expire(commander, now);
 	return tripped;
 }

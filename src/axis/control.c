@@ -22,7 +22,7 @@ void db_control_change(struct db_control *control, bool enabled, uint32_t timeou
 
 const struct db_client *db_control_holder(const struct db_control *control, db_time now)
 {
-	if (control->holder.id == 0 || now >= control->heard + control->timeout)
+	if (control->holder.id == DB_CLIENT_NOBODY || now >= control->heard + control->timeout)
 		return NULL;
 	return &control->holder;
 }
@@ -34,7 +34,7 @@ bool db_control_holds(const struct db_control *control, const struct db_client *
 	return !control->enabled || (holder && holder->id == client->id);
 }
 
-static void give(struct db_control *control, const struct db_client *client, db_time now)
+static void give_control(struct db_control *control, const struct db_client *client, db_time now)
 {
 	control->holder = *client;
 	control->heard = now;
@@ -43,7 +43,7 @@ static void give(struct db_control *control, const struct db_client *client, db_
 bool db_control_take(struct db_control *control, const struct db_client *client, db_time now)
 {
 	if (control->enabled && !db_control_holder(control, now))
-		give(control, client, now);
+		give_control(control, client, now);
 	return db_control_holds(control, client, now);
 }
 
@@ -51,15 +51,15 @@ bool db_control_request(struct db_control *control, const struct db_client *clie
 {
 	const struct db_client *holder = db_control_holder(control, now);
 
-	if (holder && memcmp(holder->address, client->address, sizeof(holder->address)) == 0)
-		give(control, client, now);
+	if (holder && memcmp(holder->address, client->address, sizeof holder->address) == 0)
+		give_control(control, client, now);
 	return db_control_take(control, client, now);
 }
 
 void db_control_release(struct db_control *control, const struct db_client *client)
 {
 	if (control->holder.id == client->id)
-		control->holder.id = 0;
+		control->holder.id = DB_CLIENT_NOBODY;
 }
 
 void db_control_hear(struct db_control *control, const struct db_client *client, db_time arrived,

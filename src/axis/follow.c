@@ -28,31 +28,28 @@ void db_follow_begin(struct db_follow *follow, enum db_command command, uint32_t
 	};
 }
 
-static enum db_result look_at_homing(const struct db_feedback *feedback)
+static enum db_result check_homing(const struct db_feedback *feedback)
 {
 	if (feedback->state == DB_AXIS_HOMING || (feedback->status & DB_STATUS_MOVING))
 		return DB_RESULT_PENDING;
 	return feedback->status & DB_STATUS_HOMED ? DB_RESULT_OK : DB_RESULT_FAILED;
 }
 
-/* Where the target is known, the position decides, whatever a bit of the drive's says. */
-static bool is_there(const struct db_feedback *feedback, double window)
+static enum db_result check_move(struct db_follow *follow, const struct db_follow_config *config,
+                                 const struct db_feedback *feedback, db_time now)
 {
-	if (!feedback->has_target)
-		return (feedback->status & DB_STATUS_AT_TARGET) != 0;
-	return fabs((double)feedback->position - (double)feedback->target) <= window;
-}
+	double distance = fabs((double)feedback->position - (double)feedback->target);
+	/* Where the target is known, the position decides, whatever a bit of the drive's says. */
+	bool there = feedback->has_target ? distance <= config->window :
+	                                    (feedback->status & DB_STATUS_AT_TARGET) != 0;
 
-static enum db_result look_at_move(struct db_follow *follow, const struct db_follow_config *config,
-                                   const struct db_feedback *feedback, db_time now)
-{
 	if (feedback->status & DB_STATUS_MOVING) {
 		follow->standing_since = follow->there_since = 0;
 		return DB_RESULT_PENDING;
 	}
 	if (follow->standing_since == 0)
 		follow->standing_since = now;
-	if (!is_there(feedback, config->window)) {
+	if (!there) {
 		follow->there_since = 0;
 		return now - follow->standing_since >= config->patience ? DB_RESULT_FAILED :
 		                                                          DB_RESULT_PENDING;
@@ -63,8 +60,8 @@ static enum db_result look_at_move(struct db_follow *follow, const struct db_fol
 }
 
 /* The first status may still stand; a short shake may be over before it was seen to move. */
-static enum db_result look_at_shake(struct db_follow *follow, const struct db_follow_config *config,
-                                    const struct db_feedback *feedback, db_time now)
+static enum db_result check_shake(struct db_follow *follow, const struct db_follow_config *config,
+                                  const struct db_feedback *feedback, db_time now)
 {
 	if (feedback->status & DB_STATUS_MOVING) {
 		follow->moved = true;
@@ -74,33 +71,26 @@ static enum db_result look_at_shake(struct db_follow *follow, const struct db_fo
 	                                                                  DB_RESULT_PENDING;
 }
 
-static enum db_result look(struct db_follow *follow, const struct db_follow_config *config,
-                           const struct db_feedback *feedback, db_time now)
+enum db_result db_follow_check(struct db_follow *follow, const struct db_follow_config *config,
+                               const struct db_feedback *feedback, db_time now)
 {
+	enum db_result result;
+
 	if (!(feedback->status & DB_STATUS_ONLINE))
-		return DB_RESULT_INDETERMINATE;
-	if (feedback->taken <= follow->since)
-		return DB_RESULT_PENDING;
-	if (feedback->state == DB_AXIS_ERROR_STOP)
-		return DB_RESULT_FAILED;
-	if (feedback->state == DB_AXIS_DISABLED)
-		return DB_RESULT_CANCELLED;
-	switch (follow->command) {
-	case DB_CMD_HOME:
-		return look_at_homing(feedback);
-	case DB_CMD_SHAKE_START:
-	case DB_CMD_SHAKE_START_TIME:
-		return look_at_shake(follow, config, feedback, now);
-	default:
-		return look_at_move(follow, config, feedback, now);
-	}
-}
-
-enum db_result db_follow_look(struct db_follow *follow, const struct db_follow_config *config,
-                              const struct db_feedback *feedback, db_time now)
-{
-	enum db_result result = look(follow, config, feedback, now);
-
+		result = DB_RESULT_INDETERMINATE;
+	else if (feedback->taken <= follow->since)
+		result = DB_RESULT_PENDING;
+	else if (feedback->state == DB_AXIS_ERROR_STOP)
+		result = DB_RESULT_FAILED;
+	else if (feedback->state == DB_AXIS_DISABLED)
+		result = DB_RESULT_CANCELLED;
+	else if (follow->command == DB_CMD_HOME)
+		result = check_homing(feedback);
+	else if (follow->command == DB_CMD_SHAKE_START ||
+	         follow->command == DB_CMD_SHAKE_START_TIME)
+		result = check_shake(follow, config, feedback, now);
+	else
+		result = check_move(follow, config, feedback, now);
 	if (result != DB_RESULT_PENDING)
 		follow->active = false;
 	return result;

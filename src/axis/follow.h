@@ -33,7 +33,7 @@ void db_follow_begin(struct db_follow *follow, enum db_command command, uint32_t
                      db_time now);
 
 /* PENDING while it goes on; else how it ended, and it is not followed any more. */
-enum db_result db_follow_look(struct db_follow *follow, const struct db_follow_config *config,
-                              const struct db_feedback *feedback, db_time now);
+enum db_result db_follow_check(struct db_follow *follow, const struct db_follow_config *config,
+                               const struct db_feedback *feedback, db_time now);
 
 #endif

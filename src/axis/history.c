@@ -6,7 +6,7 @@
 #include <string.h>
 
 /* Null when it was overwritten meanwhile, or is none. */
-static struct db_history_line *line_of(struct db_history *history, uint32_t number)
+static struct db_history_kept *find_kept(struct db_history *history, uint32_t number)
 {
 	uint32_t age = history->count - number;
 
@@ -15,11 +15,12 @@ static struct db_history_line *line_of(struct db_history *history, uint32_t numb
 		age -= DB_HISTORY_MAX;
 	if (number == 0 || age >= DB_HISTORY_MAX)
 		return NULL;
-	return &history->lines[number % DB_HISTORY_MAX];
+	return &history->entries[number % DB_HISTORY_MAX];
 }
 
 /* The newest entry is the same refusal of the same request of the same client. */
-static bool is_again(const struct db_history_line *last, const struct db_history_entry *entry)
+static bool is_same_refusal(const struct db_history_kept *last,
+                            const struct db_history_entry *entry)
 {
 	return !last->bus && last->result == entry->result && last->command == entry->command &&
 	       last->command_id == entry->command_id && last->number == entry->number &&
@@ -29,15 +30,15 @@ static bool is_again(const struct db_history_line *last, const struct db_history
 	       memcmp(last->address, entry->address, sizeof last->address) == 0;
 }
 
-static void count_repeat(struct db_history_line *line)
+static void count_repeat(struct db_history_kept *kept)
 {
-	if (line->repeats < UINT16_MAX)
-		line->repeats++;
+	if (kept->repeats < UINT16_MAX)
+		kept->repeats++;
 }
 
-static struct db_history_line line_from(const struct db_history_entry *entry, bool bus)
+static struct db_history_kept keep(const struct db_history_entry *entry, bool bus)
 {
-	struct db_history_line line = {
+	struct db_history_kept kept = {
 		.timestamp_us = entry->timestamp_us,
 		.position = entry->position,
 		.position_2 = entry->position_2,
@@ -51,66 +52,66 @@ static struct db_history_line line_from(const struct db_history_entry *entry, bo
 		.bus = bus,
 	};
 
-	memcpy(line.address, entry->address, sizeof line.address);
-	return line;
+	memcpy(kept.address, entry->address, sizeof kept.address);
+	return kept;
 }
 
 uint32_t db_history_add(struct db_history *history, const struct db_history_entry *entry, bool bus)
 {
-	struct db_history_line *last = line_of(history, history->count);
+	struct db_history_kept *last = find_kept(history, history->count);
 
 	if (last && !bus && !db_result_is_success((enum db_result)entry->result) &&
-	    is_again(last, entry)) {
+	    is_same_refusal(last, entry)) {
 		count_repeat(last);
 		return history->count;
 	}
 	/* Never 0, which is no entry, even after 2^32 of them. */
 	if (++history->count == 0)
 		history->count = DB_HISTORY_MAX;
-	history->lines[history->count % DB_HISTORY_MAX] = line_from(entry, bus);
+	history->entries[history->count % DB_HISTORY_MAX] = keep(entry, bus);
 	return history->count;
 }
 
 void db_history_repeat(struct db_history *history, uint32_t number)
 {
-	struct db_history_line *line = line_of(history, number);
+	struct db_history_kept *kept = find_kept(history, number);
 
-	if (line)
-		count_repeat(line);
+	if (kept)
+		count_repeat(kept);
 }
 
 void db_history_end(struct db_history *history, uint32_t number, enum db_result result,
                     db_time took)
 {
-	struct db_history_line *line = line_of(history, number);
+	struct db_history_kept *kept = find_kept(history, number);
 
-	if (!line)
+	if (!kept)
 		return;
-	line->result = (uint8_t)result;
-	line->duration_us = db_time_us32(took);
+	kept->result = (uint8_t)result;
+	kept->duration_us = db_time_us32(took);
 }
 
 bool db_history_get(const struct db_history *history, size_t age, struct db_history_entry *entry)
 {
-	const struct db_history_line *line;
+	const struct db_history_kept *kept;
 
 	if (age >= DB_HISTORY_MAX || age >= history->count)
 		return false;
 	entry->sequence = history->count - (uint32_t)age;
-	line = &history->lines[entry->sequence % DB_HISTORY_MAX];
-	entry->timestamp_us = line->timestamp_us;
-	memcpy(entry->address, line->address, sizeof entry->address);
-	entry->port = line->port;
-	entry->command_id = line->command_id;
-	entry->command = line->command;
-	entry->result = line->result;
-	entry->duration_us = line->duration_us;
-	entry->repeats = line->repeats;
-	entry->number = line->number;
-	entry->position = line->position;
-	entry->position_2 = line->position_2;
-	entry->real = line->real;
-	entry->value = line->value;
+	kept = &history->entries[entry->sequence % DB_HISTORY_MAX];
+	entry->timestamp_us = kept->timestamp_us;
+	memcpy(entry->address, kept->address, sizeof entry->address);
+	entry->port = kept->port;
+	entry->command_id = kept->command_id;
+	entry->command = kept->command;
+	entry->result = kept->result;
+	entry->duration_us = kept->duration_us;
+	entry->repeats = kept->repeats;
+	entry->number = kept->number;
+	entry->position = kept->position;
+	entry->position_2 = kept->position_2;
+	entry->real = kept->real;
+	entry->value = kept->value;
 	return true;
 }
 

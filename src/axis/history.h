@@ -10,7 +10,7 @@
 #include "drivebridge/time.h"
 
 /* A struct db_history_entry as it is kept, where its number is known by its place. */
-struct db_history_line {
+struct db_history_kept {
 	uint64_t timestamp_us;
 	uint8_t address[16];
 	uint32_t duration_us;
@@ -29,7 +29,7 @@ struct db_history_line {
 
 struct db_history {
 	uint32_t count; /* entries so far; the newest is number `count` */
-	struct db_history_line lines[DB_HISTORY_MAX];
+	struct db_history_kept entries[DB_HISTORY_MAX];
 };
 
 /*

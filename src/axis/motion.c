@@ -9,18 +9,18 @@
 #include <math.h>
 
 /* How often a motion under way is looked at, at most and at least. */
-#define LOOK_MIN (5 * DB_NS_PER_MS)
-#define LOOK_MAX (50 * DB_NS_PER_MS)
+#define CHECK_MIN (5 * DB_NS_PER_MS)
+#define CHECK_MAX (50 * DB_NS_PER_MS)
 
 /* A drive that stands elsewhere for so many cycles, and so long, does not arrive any more. */
 #define PATIENCE_CYCLES 5
 #define PATIENCE_MIN (200 * DB_NS_PER_MS)
 
-db_time db_motion_look_interval(const struct db_bus_config *bus)
+db_time db_motion_check_interval(const struct db_bus_config *bus)
 {
 	db_time cycle = (db_time)bus->cycle_ms * DB_NS_PER_MS;
 
-	return cycle < LOOK_MIN ? LOOK_MIN : cycle > LOOK_MAX ? LOOK_MAX : cycle;
+	return cycle < CHECK_MIN ? CHECK_MIN : cycle > CHECK_MAX ? CHECK_MAX : cycle;
 }
 
 /* --- without an end ------------------------------------------------------------------------------------ */
@@ -38,7 +38,7 @@ static struct db_supervise_config supervise_config(const struct db_commander *co
 		.max = drive->max_position * counts,
 		.velocity_counts = velocity_counts,
 		.deceleration = (double)feedback->deceleration,
-		.delay = 2 * commander->look_interval +
+		.delay = 2 * commander->check_interval +
 		         driver->command_time(commander->config.bus_config),
 	};
 	int param = driver->deceleration_param;
@@ -64,7 +64,7 @@ void db_motion_supervise(struct db_commander *commander, enum db_command command
 		return;
 	if (db_supervise_applies(command)) {
 		db_supervise_begin(&commander->supervise, now);
-		commander->look_at = now + LOOK_MIN;
+		commander->check_at = now + CHECK_MIN;
 	} else if (db_command_is_stop(command)) {
 		db_axis_read(commander->config.axis, &snapshot);
 		config = supervise_config(commander, &snapshot.feedback);
@@ -138,7 +138,7 @@ static void begin_motion(struct db_commander *commander, struct db_writer *write
 	db_follow_begin(&commander->follow, slot->command, slot->ticket, now);
 	commander->follow_entry = slot->entry;
 	commander->follow_arrived = slot->arrived;
-	commander->look_at = now + LOOK_MIN;
+	commander->check_at = now + CHECK_MIN;
 }
 
 void db_motion_note_ended(struct db_commander *commander, const struct db_slot *slot,
@@ -189,7 +189,7 @@ static void keep_within_limits(struct db_commander *commander, const struct db_f
 	if (!commander->supervise.active || !(feedback->status & DB_STATUS_ONLINE))
 		return;
 	config = supervise_config(commander, feedback);
-	limit = db_supervise_look(&commander->supervise, &config, feedback, now);
+	limit = db_supervise_check(&commander->supervise, &config, feedback, now);
 	if (limit != DB_LIMIT_NONE)
 		stop_before_limit(commander, limit, now);
 }
@@ -209,7 +209,7 @@ static void follow_to_end(struct db_commander *commander, const struct db_feedba
 
 	if (!commander->follow.active || motion_is_pending(commander))
 		return;
-	result = db_follow_look(&commander->follow, &config, feedback, now);
+	result = db_follow_check(&commander->follow, &config, feedback, now);
 	if (result == DB_RESULT_PENDING)
 		return;
 	db_history_end(&commander->history, commander->follow_entry, result,
@@ -217,13 +217,13 @@ static void follow_to_end(struct db_commander *commander, const struct db_feedba
 	db_writers_end_motion(&commander->writers, commander->follow.ticket, result);
 }
 
-void db_motion_look(struct db_commander *commander, db_time now)
+void db_motion_check(struct db_commander *commander, db_time now)
 {
 	struct db_snapshot snapshot;
 
 	if (db_motion_deadline(commander) > now)
 		return;
-	commander->look_at = now + commander->look_interval;
+	commander->check_at = now + commander->check_interval;
 	db_axis_read(commander->config.axis, &snapshot);
 	keep_within_limits(commander, &snapshot.feedback, now);
 	follow_to_end(commander, &snapshot.feedback, now);
@@ -231,6 +231,6 @@ void db_motion_look(struct db_commander *commander, db_time now)
 
 db_time db_motion_deadline(const struct db_commander *commander)
 {
-	return commander->follow.active || commander->supervise.active ? commander->look_at :
+	return commander->follow.active || commander->supervise.active ? commander->check_at :
 	                                                                 DB_TIME_NEVER;
 }

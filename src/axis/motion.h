@@ -26,11 +26,11 @@ void db_motion_note_ended(struct db_commander *commander, const struct db_slot *
 void db_motion_supervise(struct db_commander *commander, enum db_command command, db_time now);
 
 /* Looks at what goes on, if it is time. */
-void db_motion_look(struct db_commander *commander, db_time now);
+void db_motion_check(struct db_commander *commander, db_time now);
 /* When that is due; DB_TIME_NEVER. */
 db_time db_motion_deadline(const struct db_commander *commander);
 
 /* How often a motion on this bus is looked at. */
-db_time db_motion_look_interval(const struct db_bus_config *bus);
+db_time db_motion_check_interval(const struct db_bus_config *bus);
 
 #endif

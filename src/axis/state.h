@@ -38,8 +38,8 @@ struct db_commander {
 	uint32_t follow_entry;   /* of that in the history */
 	db_time follow_arrived;
 	struct db_supervise supervise; /* the one without an end */
-	db_time look_at;               /* the next look at it */
-	db_time look_interval;
+	db_time check_at;              /* the next look at it */
+	db_time check_interval;
 
 	/* Silence of the clients, see reaction.h. */
 	struct db_watchdog watchdog;

@@ -38,28 +38,22 @@ static double velocity_of(const struct db_supervise_config *config,
 	return (double)feedback->velocity * config->velocity_counts;
 }
 
-/* Where it is by now, if it went on as it did. */
-static double position_at(const struct db_supervise_config *config,
-                          const struct db_feedback *feedback, db_time now)
-{
-	return (double)feedback->position +
-	       velocity_of(config, feedback) * seconds(now - feedback->taken);
-}
-
 void db_supervise_stop(struct db_supervise *supervise, const struct db_supervise_config *config,
                        const struct db_feedback *feedback, db_time now)
 {
-	double speed = fabs(velocity_of(config, feedback));
+	double velocity = velocity_of(config, feedback);
 
-	if (!supervise->active || supervise->measuring || !(speed > 0.0))
+	if (!supervise->active || supervise->measuring || !(fabs(velocity) > 0.0))
 		return;
 	supervise->measuring = true;
-	supervise->from = position_at(config, feedback, now);
-	supervise->from_speed = speed;
+	/* Where it is by now, if it went on as it did. */
+	supervise->from = (double)feedback->position + velocity * seconds(now - feedback->taken);
+	supervise->from_speed = fabs(velocity);
 }
 
-/* The fastest counts: in slow ones what passes until the drive hears is most of the way. */
-static void measure(struct db_supervise *supervise, const struct db_feedback *feedback)
+/* It stands after a stop. The fastest counts: in slow ones what passes until the drive hears is most of
+ * the way. */
+static void measure_braking(struct db_supervise *supervise, const struct db_feedback *feedback)
 {
 	double speed = supervise->from_speed;
 	double measured = fabs((double)feedback->position - supervise->from) / (speed * speed);
@@ -71,36 +65,25 @@ static void measure(struct db_supervise *supervise, const struct db_feedback *fe
 	supervise->measured_speed = speed;
 }
 
-static double braking_way(const struct db_supervise *supervise,
-                          const struct db_supervise_config *config, double speed)
+/* The limit that it would pass if it were told to stop one look later. */
+static enum db_limit find_limit_ahead(struct db_supervise *supervise,
+                                      const struct db_supervise_config *config,
+                                      const struct db_feedback *feedback, db_time now)
 {
 	double computed = config->deceleration > 0.0 ? 0.5 / config->deceleration : 0.0;
-
-	return speed * speed * fmax(computed, supervise->measured);
-}
-
-/* Positive: it gets faster; in speed from one look to the next. */
-static double growth(struct db_supervise *supervise, const struct db_feedback *feedback,
-                     double speed)
-{
-	double grown = feedback->taken > supervise->last_taken ? speed - supervise->last_speed :
-	                                                         0.0;
-
-	supervise->last_speed = speed;
-	supervise->last_taken = feedback->taken;
-	return fmax(0.0, grown);
-}
-
-static enum db_limit look(struct db_supervise *supervise, const struct db_supervise_config *config,
-                          const struct db_feedback *feedback, db_time now)
-{
 	double velocity = velocity_of(config, feedback);
 	double speed = fabs(velocity);
+	double growth = 0.0;
 	double ahead;
 
-	speed += growth(supervise, feedback, speed);
+	/* From one look to the next; positive: it gets faster. */
+	if (feedback->taken > supervise->last_taken)
+		growth = fmax(0.0, speed - supervise->last_speed);
+	supervise->last_speed = speed;
+	supervise->last_taken = feedback->taken;
+	speed += growth;
 	ahead = speed * (seconds(now - feedback->taken) + seconds(config->delay)) +
-	        braking_way(supervise, config, speed);
+	        speed * speed * fmax(computed, supervise->measured);
 	/* Comparisons with a limit that is not set are never true. */
 	if (velocity > 0.0 && (double)feedback->position + ahead >= config->max)
 		return DB_LIMIT_MAX_POSITION;
@@ -109,24 +92,23 @@ static enum db_limit look(struct db_supervise *supervise, const struct db_superv
 	return DB_LIMIT_NONE;
 }
 
-enum db_limit db_supervise_look(struct db_supervise *supervise,
-                                const struct db_supervise_config *config,
-                                const struct db_feedback *feedback, db_time now)
+enum db_limit db_supervise_check(struct db_supervise *supervise,
+                                 const struct db_supervise_config *config,
+                                 const struct db_feedback *feedback, db_time now)
 {
 	enum db_limit limit;
 
 	if (!supervise->active || feedback->taken <= supervise->begun)
 		return DB_LIMIT_NONE;
-	if (feedback->status & DB_STATUS_MOVING) {
-		supervise->since = now;
-	} else {
+	if (!(feedback->status & DB_STATUS_MOVING)) {
 		if (supervise->measuring && feedback->taken > supervise->since)
-			measure(supervise, feedback);
+			measure_braking(supervise, feedback);
 		supervise->stopped = false;
 		supervise->active = now - supervise->since < IDLE_TIME;
 		return DB_LIMIT_NONE;
 	}
-	limit = look(supervise, config, feedback, now);
+	supervise->since = now;
+	limit = find_limit_ahead(supervise, config, feedback, now);
 	if (limit == DB_LIMIT_NONE || supervise->stopped)
 		return DB_LIMIT_NONE;
 	supervise->stopped = true;

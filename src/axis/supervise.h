@@ -49,8 +49,8 @@ void db_supervise_stop(struct db_supervise *supervise, const struct db_supervise
                        const struct db_feedback *feedback, db_time now);
 
 /* The limit that it would pass if it were not told to stop now, once for each time; or NONE. */
-enum db_limit db_supervise_look(struct db_supervise *supervise,
-                                const struct db_supervise_config *config,
-                                const struct db_feedback *feedback, db_time now);
+enum db_limit db_supervise_check(struct db_supervise *supervise,
+                                 const struct db_supervise_config *config,
+                                 const struct db_feedback *feedback, db_time now);
 
 #endif

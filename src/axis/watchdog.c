@@ -35,7 +35,7 @@ void db_watchdog_arm(struct db_watchdog *watchdog, db_time now)
 
 static bool is_commander(const struct db_watchdog *watchdog, uint32_t client)
 {
-	for (size_t i = 0; client != 0 && i < DB_WATCHDOG_COMMANDERS; i++) {
+	for (size_t i = 0; client != DB_CLIENT_NOBODY && i < DB_WATCHDOG_COMMANDERS; i++) {
 		if (watchdog->commanders[i] == client)
 			return true;
 	}
@@ -44,7 +44,7 @@ static bool is_commander(const struct db_watchdog *watchdog, uint32_t client)
 
 void db_watchdog_commanded(struct db_watchdog *watchdog, uint32_t client)
 {
-	if (client == 0 || is_commander(watchdog, client))
+	if (client == DB_CLIENT_NOBODY || is_commander(watchdog, client))
 		return;
 	watchdog->commanders[watchdog->next_commander] = client;
 	watchdog->next_commander = (watchdog->next_commander + 1) % DB_WATCHDOG_COMMANDERS;
@@ -54,7 +54,7 @@ void db_watchdog_forget(struct db_watchdog *watchdog, uint32_t client)
 {
 	for (size_t i = 0; i < DB_WATCHDOG_COMMANDERS; i++) {
 		if (watchdog->commanders[i] == client)
-			watchdog->commanders[i] = 0;
+			watchdog->commanders[i] = DB_CLIENT_NOBODY;
 	}
 }
 

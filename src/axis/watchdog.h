@@ -17,6 +17,7 @@
 #ifndef DRIVEBRIDGE_AXIS_WATCHDOG_H
 #define DRIVEBRIDGE_AXIS_WATCHDOG_H
 
+#include "drivebridge/client.h"
 #include "drivebridge/config.h"
 #include "drivebridge/time.h"
 
@@ -33,7 +34,7 @@ struct db_watchdog {
 	bool latched;
 	db_time fed;
 	uint32_t trips;                              /* since the start */
-	uint32_t commanders[DB_WATCHDOG_COMMANDERS]; /* numbers of clients; 0: none */
+	uint32_t commanders[DB_WATCHDOG_COMMANDERS]; /* numbers of clients, or DB_CLIENT_NOBODY */
 	unsigned next_commander;                     /* the place to be taken next */
 };
 
@@ -46,7 +47,7 @@ void db_watchdog_set(struct db_watchdog *watchdog, uint32_t timeout_ms, db_time 
 /* A motion command was taken. */
 void db_watchdog_arm(struct db_watchdog *watchdog, db_time now);
 
-/* This client has commanded the drive, otherwise than by a stop. 0: nobody in particular. */
+/* This client has commanded the drive, otherwise than by a stop. May be DB_CLIENT_NOBODY. */
 void db_watchdog_commanded(struct db_watchdog *watchdog, uint32_t client);
 /* Its connection has ended. */
 void db_watchdog_forget(struct db_watchdog *watchdog, uint32_t client);

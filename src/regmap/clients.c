@@ -6,6 +6,14 @@
 /* Something due is late by so much only when this process was held, or its machine. */
 #define HELD_TIME (100 * DB_NS_PER_MS)
 
+void db_clients_count_refusal(const struct db_view_drive *drive, const struct db_client *client)
+{
+	const struct db_registers *registers = drive->registers;
+
+	if (registers->ops->refused)
+		registers->ops->refused(registers->context, client, DB_REFUSED_CONTROL);
+}
+
 bool db_clients_may_write(struct db_view_drive *drive, const struct db_client *client, bool stop)
 {
 	const struct db_registers *registers = drive->registers;
@@ -16,8 +24,7 @@ bool db_clients_may_write(struct db_view_drive *drive, const struct db_client *c
 		       db_control_holds(&drive->control, client, now);
 	if (db_control_take(&drive->control, client, now))
 		return true;
-	if (registers->ops->refused)
-		registers->ops->refused(registers->context, client, DB_REFUSED_CONTROL);
+	db_clients_count_refusal(drive, client);
 	return false;
 }
 
@@ -31,32 +38,23 @@ void db_clients_feed(struct db_view_drive *drive, const struct db_client *client
 		drive->fed_by = *client;
 }
 
-/*
- * Something that was due long ago has not been done: this process was held. A client asks for one thing
- * after the other and may have waited with its first one for all that time, so that one stands for
- * every drive that it had kept going.
- */
-static void feed_all_after_hold(const struct db_registers *registers,
-                                const struct db_client *client, db_time now)
-{
-	if (now - HELD_TIME < registers->due)
-		return;
-	for (size_t i = 0; i < registers->roster->drive_count; i++) {
-		struct db_view_drive *drive = registers->roster->drives[i];
-
-		if (drive->fed_by.id == client->id)
-			db_clients_feed(drive, client, DB_FEED_HEARTBEAT);
-	}
-}
-
 void db_clients_hear(struct db_view_drive *drive, const struct db_client *client,
                      enum db_watchdog_feed by)
 {
 	const struct db_registers *registers = drive->registers;
+	const struct db_view_roster *roster = registers->roster;
 	db_time now = registers->ops->now(registers->context);
 
 	db_commander_hear(drive->commander, client, now);
-	feed_all_after_hold(registers, client, now);
+	/*
+	 * Something that was due long ago has not been done: this process was held. A client asks
+	 * for one thing after the other and may have waited with its first one for all that time,
+	 * so that one stands for every drive that it had kept going.
+	 */
+	for (size_t i = 0; now - HELD_TIME >= registers->due && i < roster->drive_count; i++) {
+		if (roster->drives[i]->fed_by.id == client->id)
+			db_clients_feed(roster->drives[i], client, DB_FEED_HEARTBEAT);
+	}
 	if (!client->may_write || !db_control_holds(&drive->control, client, now))
 		return;
 	db_control_hear(&drive->control, client, db_client_arrived(client, now), now);

@@ -19,6 +19,9 @@ struct db_view_drive;
  */
 bool db_clients_may_write(struct db_view_drive *drive, const struct db_client *client, bool stop);
 
+/* Another one has control: the server counts what it refuses for that. */
+void db_clients_count_refusal(const struct db_view_drive *drive, const struct db_client *client);
+
 /*
  * A client addressed a drive, `by` a request of any kind or a write. Who may only look does not keep a
  * machine running, nor who does not control it.

@@ -14,7 +14,7 @@ static bool submit_to_bus(void *context, const struct db_request *request)
 	const struct db_view_drive *drive = context;
 	const struct db_registers *registers = drive->registers;
 
-	db_vsmd_view_submitted(drive->vsmd_view, request);
+	db_vsmd_view_note_request(drive->vsmd_view, request);
 	return registers->ops->submit(registers->context, drive->bus, request);
 }
 
@@ -23,9 +23,9 @@ static void answer_client(void *context, struct db_write_token token, enum db_re
 	const struct db_view_drive *drive = context;
 	const struct db_registers *registers = drive->registers;
 
-	if (db_group_answered(drive->registers, token, result))
+	if (db_group_take_answer(drive->registers, token, result))
 		return;
-	if (db_vsmd_view_answered(drive->vsmd_view, token, &result))
+	if (db_vsmd_view_take_answer(drive->vsmd_view, token, &result))
 		registers->ops->answer(registers->context, token, db_exception_of(result));
 }
 

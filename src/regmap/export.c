@@ -13,16 +13,16 @@
 
 /* --- collecting ------------------------------------------------------------------------------------ */
 
-/* One line of the map: a register and the families that have it (bits by place in db_drivers). */
-struct line {
+/* A register of the map, and the families that have it (bits by place in db_drivers). */
+struct listed {
 	struct db_entry entry;
 	enum db_view view;
 	uint32_t families;
 	bool conditional; /* some families may lack it */
 };
 
-struct lines {
-	struct line *items;
+struct list {
+	struct listed *items;
 	size_t count;
 	size_t room;
 	enum db_view view; /* of what is being added */
@@ -40,26 +40,27 @@ static bool same_parameter(const struct db_entry *a, const struct db_entry *b)
 	       strcmp(a->param->description, b->param->description) == 0;
 }
 
-static bool same_line(const struct line *line, enum db_view view, const struct db_entry *entry)
+static bool is_listed(const struct listed *listed, enum db_view view, const struct db_entry *entry)
 {
-	return line->view == view && line->entry.table == entry->table &&
-	       line->entry.cell.address == entry->cell.address &&
-	       strcmp(line->entry.name, entry->name) == 0 && same_parameter(&line->entry, entry);
+	return listed->view == view && listed->entry.table == entry->table &&
+	       listed->entry.cell.address == entry->cell.address &&
+	       strcmp(listed->entry.name, entry->name) == 0 &&
+	       same_parameter(&listed->entry, entry);
 }
 
-static bool make_room(struct lines *lines)
+static bool make_room(struct list *list)
 {
-	struct line *items;
+	struct listed *items;
 
-	if (lines->count < lines->room)
+	if (list->count < list->room)
 		return true;
-	items = realloc(lines->items, (lines->room + 256) * sizeof items[0]);
+	items = realloc(list->items, (list->room + 256) * sizeof items[0]);
 	if (!items) {
-		lines->failed = true;
+		list->failed = true;
 		return false;
 	}
-	lines->items = items;
-	lines->room += 256;
+	list->items = items;
+	list->room += 256;
 	return true;
 }
 
@@ -70,31 +71,31 @@ static bool is_of_family(const struct db_row *row)
 	       (row->repeat->of == DB_REPEAT_OUTPUTS || row->repeat->of == DB_REPEAT_STATUS_BITS);
 }
 
-static void add_line(void *context, const struct db_entry *entry)
+static void add_entry(void *context, const struct db_entry *entry)
 {
-	struct lines *lines = context;
+	struct list *list = context;
 	const struct db_row *row = entry->row;
 
 	if (entry->name[0] == '\0')
 		return;
-	for (size_t i = 0; i < lines->count; i++) {
-		if (same_line(&lines->items[i], lines->view, entry)) {
-			lines->items[i].families |= UINT32_C(1) << lines->family;
+	for (size_t i = 0; i < list->count; i++) {
+		if (is_listed(&list->items[i], list->view, entry)) {
+			list->items[i].families |= UINT32_C(1) << list->family;
 			return;
 		}
 	}
-	if (!make_room(lines))
+	if (!make_room(list))
 		return;
-	lines->items[lines->count++] = (struct line){
+	list->items[list->count++] = (struct listed){
 		.entry = *entry,
-		.view = lines->view,
-		.families = UINT32_C(1) << lines->family,
+		.view = list->view,
+		.families = UINT32_C(1) << list->family,
 		.conditional = !row || row->measure || row->alias || is_of_family(row) ||
-		               lines->view == DB_VIEW_VSMD,
+		               list->view == DB_VIEW_VSMD,
 	};
 }
 
-static int by_place(const void *a, const void *b)
+static int compare_places(const void *a, const void *b)
 {
 	static const int order[] = {
 		[DB_TABLE_HOLDING] = 0,
@@ -102,8 +103,8 @@ static int by_place(const void *a, const void *b)
 		[DB_TABLE_DISCRETE] = 2,
 		[DB_TABLE_COILS] = 3,
 	};
-	const struct line *left = a;
-	const struct line *right = b;
+	const struct listed *left = a;
+	const struct listed *right = b;
 
 	if (left->view != right->view)
 		return left->view < right->view ? -1 : 1;
@@ -116,34 +117,34 @@ static int by_place(const void *a, const void *b)
 	return left->families < right->families ? -1 : 1;
 }
 
-static int collect(struct lines *lines)
+static int collect(struct list *list)
 {
 	struct db_scope scope = { .view = DB_VIEW_DRIVE };
 
-	*lines = (struct lines){ .view = DB_VIEW_DRIVE };
+	*list = (struct list){ .view = DB_VIEW_DRIVE };
 	for (unsigned i = 0; db_drivers[i]; i++) {
 		scope.driver = db_drivers[i];
-		lines->family = i;
-		db_table_each(&scope, add_line, lines);
+		list->family = i;
+		db_table_each(&scope, add_entry, list);
 	}
 	scope = (struct db_scope){
 		.view = DB_VIEW_GATEWAY,
 		.buses = DB_GATEWAY_BUSES,
 		.drives = DB_GATEWAY_WINDOWS,
 	};
-	lines->view = DB_VIEW_GATEWAY;
-	db_table_each(&scope, add_line, lines);
-	lines->view = DB_VIEW_VSMD;
+	list->view = DB_VIEW_GATEWAY;
+	db_table_each(&scope, add_entry, list);
+	list->view = DB_VIEW_VSMD;
 	for (unsigned i = 0; db_drivers[i]; i++) {
-		lines->family = i;
+		list->family = i;
 		if (db_drivers[i]->vendor_layout)
-			db_vsmd_layout_each(db_drivers[i], add_line, lines);
+			db_vsmd_layout_each(db_drivers[i], add_entry, list);
 	}
-	if (lines->failed) {
-		free(lines->items);
+	if (list->failed) {
+		free(list->items);
 		return -ENOMEM;
 	}
-	qsort(lines->items, lines->count, sizeof lines->items[0], by_place);
+	qsort(list->items, list->count, sizeof list->items[0], compare_places);
 	return 0;
 }
 
@@ -192,21 +193,21 @@ static const struct {
 	[DB_TABLE_INPUT] = { "input", "input registers", 30001 },
 };
 
-static const char *type_of(const struct line *line)
+static const char *type_of(const struct listed *listed)
 {
-	if (line->entry.table == DB_TABLE_HOLDING || line->entry.table == DB_TABLE_INPUT)
-		return db_type_name((enum db_type)line->entry.cell.type);
+	if (listed->entry.table == DB_TABLE_HOLDING || listed->entry.table == DB_TABLE_INPUT)
+		return db_type_name((enum db_type)listed->entry.cell.type);
 	return "u16";
 }
 
-static const char *access_of(const struct line *line)
+static const char *access_of(const struct listed *listed)
 {
-	return line->entry.cell.flags & DB_ROW_WRITABLE ? "rw" : "r";
+	return listed->entry.cell.flags & DB_ROW_WRITABLE ? "rw" : "r";
 }
 
-static const char *unit_of(const struct line *line)
+static const char *unit_of(const struct listed *listed)
 {
-	const struct db_entry *entry = &line->entry;
+	const struct db_entry *entry = &listed->entry;
 
 	if (entry->param)
 		return entry->param->unit;
@@ -214,9 +215,9 @@ static const char *unit_of(const struct line *line)
 }
 
 /* A parameter under a neutral name is not the same one in every family. */
-static const struct db_param *param_in(const struct line *line, unsigned family)
+static const struct db_param *param_in(const struct listed *listed, unsigned family)
 {
-	int param = db_row_param(line->entry.row, db_drivers[family]);
+	int param = db_row_param(listed->entry.row, db_drivers[family]);
 
 	return param < 0 ? NULL : &db_drivers[family]->params[param];
 }
@@ -226,35 +227,35 @@ static bool is_other(const struct db_param *param, const struct db_param *than)
 	return param && than && strcmp(param->name, than->name) != 0;
 }
 
-static bool has_others(const struct line *line)
+static bool has_others(const struct listed *listed)
 {
-	if (!line->entry.row || !line->entry.row->alias)
+	if (!listed->entry.row || !listed->entry.row->alias)
 		return false;
 	for (unsigned i = 0; db_drivers[i]; i++) {
-		if (is_other(param_in(line, i), line->entry.param))
+		if (is_other(param_in(listed, i), listed->entry.param))
 			return true;
 	}
 	return false;
 }
 
-static void add_others(const struct line *line, struct text *text)
+static void add_others(const struct listed *listed, struct text *text)
 {
 	for (unsigned i = 0; db_drivers[i]; i++) {
-		const struct db_param *param = param_in(line, i);
+		const struct db_param *param = param_in(listed, i);
 
-		if (is_other(param, line->entry.param))
+		if (is_other(param, listed->entry.param))
 			add(text, "; %s in %s on %s", param->name, param->unit,
 			    db_drivers[i]->name);
 	}
 }
 
-static void add_limits(const struct line *line, struct text *min, struct text *max)
+static void add_limits(const struct listed *listed, struct text *min, struct text *max)
 {
-	const struct db_entry *entry = &line->entry;
+	const struct db_entry *entry = &listed->entry;
 	double low = entry->param ? entry->param->min : entry->row->min;
 	double high = entry->param ? entry->param->max : entry->row->max;
 
-	if ((low == 0 && high == 0) || has_others(line))
+	if ((low == 0 && high == 0) || has_others(listed))
 		return;
 	add(min, "%.10g", low);
 	add(max, "%.10g", high);
@@ -301,9 +302,9 @@ static void add_codes(const struct db_codes *codes, struct text *text)
 	}
 }
 
-static void add_description(const struct line *line, struct text *text)
+static void add_description(const struct listed *listed, struct text *text)
 {
-	const struct db_entry *entry = &line->entry;
+	const struct db_entry *entry = &listed->entry;
 	const char *from;
 
 	if (!entry->row) {
@@ -325,8 +326,8 @@ static void add_description(const struct line *line, struct text *text)
 		add_codes(entry->row->codes, text);
 	if (entry->param)
 		add(text, " (%s)", entry->param->name);
-	if (has_others(line))
-		add_others(line, text);
+	if (has_others(listed))
+		add_others(listed, text);
 	if (entry->cell.type == DB_TEXT)
 		add(text, "; %u registers", (unsigned)entry->cell.registers);
 }
@@ -349,22 +350,22 @@ static void put_field(FILE *out, const char *field)
 	putc('"', out);
 }
 
-static void put_line(FILE *out, const struct line *line)
+static void put_csv(FILE *out, const struct listed *listed)
 {
 	struct text min = { .length = 0 };
 	struct text max = { .length = 0 };
 	struct text families = { .length = 0 };
 	struct text description = { .length = 0 };
-	unsigned address = line->entry.cell.address;
+	unsigned address = listed->entry.cell.address;
 
-	add_limits(line, &min, &max);
-	add_families(line->families, line->conditional, &families);
-	add_description(line, &description);
-	fprintf(out, "%s,%s,%u,%05u,%s,%s,%s,", view_name(line->view),
-	        tables[line->entry.table].name, address,
-	        tables[line->entry.table].reference + address, line->entry.name, type_of(line),
-	        access_of(line));
-	put_field(out, unit_of(line));
+	add_limits(listed, &min, &max);
+	add_families(listed->families, listed->conditional, &families);
+	add_description(listed, &description);
+	fprintf(out, "%s,%s,%u,%05u,%s,%s,%s,", view_name(listed->view),
+	        tables[listed->entry.table].name, address,
+	        tables[listed->entry.table].reference + address, listed->entry.name,
+	        type_of(listed), access_of(listed));
+	put_field(out, unit_of(listed));
 	fprintf(out, ",%s,%s,%s,", min.bytes, max.bytes, families.bytes);
 	put_field(out, description.bytes);
 	putc('\n', out);
@@ -372,15 +373,15 @@ static void put_line(FILE *out, const struct line *line)
 
 int db_export_csv(FILE *out)
 {
-	struct lines lines;
+	struct list list;
 
-	if (collect(&lines) != 0)
+	if (collect(&list) != 0)
 		return -ENOMEM;
 	fputs("view,table,address,reference,name,type,access,unit,min,max,families,description\n",
 	      out);
-	for (size_t i = 0; i < lines.count; i++)
-		put_line(out, &lines.items[i]);
-	free(lines.items);
+	for (size_t i = 0; i < list.count; i++)
+		put_csv(out, &list.items[i]);
+	free(list.items);
 	return 0;
 }
 
@@ -398,7 +399,7 @@ static uint32_t families_with(unsigned code, bool *all)
 	return families;
 }
 
-static void put_command(FILE *out, const struct db_command_row *row, struct lines *lines)
+static void put_command(FILE *out, const struct db_command_row *row, struct list *list)
 {
 	struct text families = { .length = 0 };
 	bool all;
@@ -412,14 +413,15 @@ static void put_command(FILE *out, const struct db_command_row *row, struct line
 		size_t offset = offsetof(struct db_drive_image, block.args) +
 		                db_arg_offset(row->args[i]);
 
-		for (size_t j = 0; j < lines->count; j++) {
-			const struct line *line = &lines->items[j];
+		for (size_t j = 0; j < list->count; j++) {
+			const struct listed *listed = &list->items[j];
 
-			if (line->view != DB_VIEW_DRIVE || line->entry.cell.part != DB_PART_BLOCK ||
-			    line->entry.cell.offset < offset ||
-			    line->entry.cell.offset >= offset + db_arg_bytes(row->args[i]))
+			if (listed->view != DB_VIEW_DRIVE ||
+			    listed->entry.cell.part != DB_PART_BLOCK ||
+			    listed->entry.cell.offset < offset ||
+			    listed->entry.cell.offset >= offset + db_arg_bytes(row->args[i]))
 				continue;
-			fprintf(out, "%s%s", before, line->entry.name);
+			fprintf(out, "%s%s", before, listed->entry.name);
 			before = " ";
 		}
 	}
@@ -431,14 +433,14 @@ static void put_command(FILE *out, const struct db_command_row *row, struct line
 
 int db_export_commands(FILE *out)
 {
-	struct lines lines;
+	struct list list;
 
-	if (collect(&lines) != 0)
+	if (collect(&list) != 0)
 		return -ENOMEM;
 	fputs("code,name,arguments,families,description\n", out);
 	for (size_t i = 0; i < db_command_row_count; i++)
-		put_command(out, &db_command_rows[i], &lines);
-	free(lines.items);
+		put_command(out, &db_command_rows[i], &list);
+	free(list.items);
 	return 0;
 }
 
@@ -495,7 +497,7 @@ static const char vendor_introduction[] =
 	"Watchdog and latch are the drive's: after the watchdog has stopped it, 0x1000 (clear encoder\n"
 	"error) allows motion again.\n";
 
-static void put_heading(FILE *out, const struct line *line)
+static void put_heading(FILE *out, const struct listed *listed)
 {
 	static const char *const headings[] = {
 		[DB_VIEW_DRIVE] = "Drive units",
@@ -503,20 +505,20 @@ static void put_heading(FILE *out, const struct line *line)
 		[DB_VIEW_VSMD] = "The vendor's own layout (`layout = vsmd` and `vendor-unit`)",
 	};
 
-	fprintf(out, "\n## %s\n", headings[line->view]);
-	if (line->view == DB_VIEW_VSMD)
+	fprintf(out, "\n## %s\n", headings[listed->view]);
+	if (listed->view == DB_VIEW_VSMD)
 		fputs(vendor_introduction, out);
 }
 
 /* What may be read across in a table. */
-static void put_areas(FILE *out, const struct line *line)
+static void put_areas(FILE *out, const struct listed *listed)
 {
 	const char *before = "\nAreas: ";
 
 	for (size_t i = 0; i < db_area_count; i++) {
 		const struct db_area *area = &db_areas[i];
 
-		if (area->view != line->view || area->table != line->entry.table)
+		if (area->view != listed->view || area->table != listed->entry.table)
 			continue;
 		fprintf(out, "%s%s %u to %u", before, area->name, (unsigned)area->first,
 		        (unsigned)area->last);
@@ -526,10 +528,10 @@ static void put_areas(FILE *out, const struct line *line)
 		fputs(".\n", out);
 }
 
-static void put_table_heading(FILE *out, const struct line *line)
+static void put_table_heading(FILE *out, const struct listed *listed)
 {
-	fprintf(out, "\n### %s: %s\n", view_name(line->view), tables[line->entry.table].title);
-	put_areas(out, line);
+	fprintf(out, "\n### %s: %s\n", view_name(listed->view), tables[listed->entry.table].title);
+	put_areas(out, listed);
 	fputs("\n| address | reference | name | type | access | unit | range | families | description |\n"
 	      "|---|---|---|---|---|---|---|---|---|\n",
 	      out);
@@ -546,61 +548,61 @@ static void put_cell(FILE *out, const char *text)
 }
 
 /* Blocks of registers that repeat: the first is shown, with where the others are. */
-static bool is_repeated(const struct line *line)
+static bool is_repeated(const struct listed *listed)
 {
-	const struct db_row *row = line->entry.row;
+	const struct db_row *row = listed->entry.row;
 
-	return row && line->entry.table == DB_TABLE_HOLDING && row->repeat;
+	return row && listed->entry.table == DB_TABLE_HOLDING && row->repeat;
 }
 
-static void add_repetition(const struct line *line, struct text *text)
+static void add_repetition(const struct listed *listed, struct text *text)
 {
-	const struct db_repeat *repeat = line->entry.row->repeat;
+	const struct db_repeat *repeat = listed->entry.row->repeat;
 
 	add(text, "; likewise 2 to %u, each %u register%s further", repeat->count,
 	    repeat->addresses, repeat->addresses == 1 ? "" : "s");
 }
 
-static void put_row(FILE *out, const struct line *line)
+static void put_markdown(FILE *out, const struct listed *listed)
 {
 	struct text min = { .length = 0 };
 	struct text max = { .length = 0 };
 	struct text families = { .length = 0 };
 	struct text description = { .length = 0 };
-	unsigned address = line->entry.cell.address;
+	unsigned address = listed->entry.cell.address;
 
-	add_limits(line, &min, &max);
-	add_families(line->families, line->conditional, &families);
-	add_description(line, &description);
-	if (is_repeated(line))
-		add_repetition(line, &description);
+	add_limits(listed, &min, &max);
+	add_families(listed->families, listed->conditional, &families);
+	add_description(listed, &description);
+	if (is_repeated(listed))
+		add_repetition(listed, &description);
 	fprintf(out, "| %u | %05u | `%s` | %s | %s | %s | %s%s%s | %s | ", address,
-	        tables[line->entry.table].reference + address, line->entry.name, type_of(line),
-	        access_of(line), unit_of(line), min.bytes, min.length ? " .. " : "", max.bytes,
-	        families.bytes);
+	        tables[listed->entry.table].reference + address, listed->entry.name,
+	        type_of(listed), access_of(listed), unit_of(listed), min.bytes,
+	        min.length ? " .. " : "", max.bytes, families.bytes);
 	put_cell(out, description.bytes);
 	fputs(" |\n", out);
 }
 
 int db_export_markdown(FILE *out)
 {
-	struct lines lines;
+	struct list list;
 
-	if (collect(&lines) != 0)
+	if (collect(&list) != 0)
 		return -ENOMEM;
 	fputs(introduction, out);
-	for (size_t i = 0; i < lines.count; i++) {
-		const struct line *line = &lines.items[i];
-		const struct line *before = i > 0 ? line - 1 : NULL;
+	for (size_t i = 0; i < list.count; i++) {
+		const struct listed *listed = &list.items[i];
+		const struct listed *before = i > 0 ? listed - 1 : NULL;
 
-		if (!before || before->view != line->view)
-			put_heading(out, line);
-		if (!before || before->view != line->view ||
-		    before->entry.table != line->entry.table)
-			put_table_heading(out, line);
-		if (!is_repeated(line) || line->entry.number == 1)
-			put_row(out, line);
+		if (!before || before->view != listed->view)
+			put_heading(out, listed);
+		if (!before || before->view != listed->view ||
+		    before->entry.table != listed->entry.table)
+			put_table_heading(out, listed);
+		if (!is_repeated(listed) || listed->entry.number == 1)
+			put_markdown(out, listed);
 	}
-	free(lines.items);
+	free(list.items);
 	return 0;
 }

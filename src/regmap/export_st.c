@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The Structured Text library: the tables' numbers as constants, put into the text of the blocks. */
-#include "regmap/export.h"
+#include "regmap/export_st.h"
 
 #include "drivebridge/command_table.h"
 #include "regmap/index.h"

@@ -19,7 +19,7 @@ static void answer_writer(struct db_registers *registers, uint8_t exception)
 }
 
 /* A new one begins; who waits for an older one learns that it goes on without being watched. */
-static void begin(struct db_registers *registers, struct db_write_token token)
+static void begin_command(struct db_registers *registers, struct db_write_token token)
 {
 	struct db_group *group = &registers->group;
 
@@ -56,7 +56,7 @@ static void add_part(struct db_registers *registers, struct db_view_drive *drive
 }
 
 /* Everything is handed over; the writer waits if a drive has to confirm. */
-static int end(struct db_registers *registers)
+static int finish_handover(struct db_registers *registers)
 {
 	struct db_group *group = &registers->group;
 
@@ -81,12 +81,12 @@ static void stop_part(struct db_registers *registers, struct db_view_drive *driv
 int db_group_stop(struct db_registers *registers, const struct db_client *client,
                   enum db_command stop, struct db_write_token token)
 {
-	begin(registers, token);
+	begin_command(registers, token);
 	for (size_t i = 0; i < registers->roster->drive_count; i++) {
 		if (!registers->roster->drives[i]->leaving)
 			stop_part(registers, registers->roster->drives[i], client, stop);
 	}
-	return end(registers);
+	return finish_handover(registers);
 }
 
 /* Takes a unit out of a set. Whether it was in it. */
@@ -117,7 +117,7 @@ int db_group_stop_listed(struct db_registers *registers, const struct db_client 
 	if (is_empty(registers->group.units))
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	memcpy(left, registers->group.units, sizeof left);
-	begin(registers, token);
+	begin_command(registers, token);
 	for (size_t i = 0; i < registers->roster->drive_count; i++) {
 		struct db_view_drive *drive = registers->roster->drives[i];
 
@@ -131,7 +131,7 @@ int db_group_stop_listed(struct db_registers *registers, const struct db_client 
 	/* A stop is not refused for a wrong unit, but its writer is to know. */
 	if (!is_empty(left) && registers->group.worst < MODBUS_EXCEPTION_GATEWAY_PATH)
 		registers->group.worst = MODBUS_EXCEPTION_GATEWAY_PATH;
-	return end(registers);
+	return finish_handover(registers);
 }
 
 static bool is_staged(const struct db_view_drive *drive)
@@ -153,17 +153,6 @@ static uint32_t common_start(const struct db_registers *registers, const struct 
 	return registers->group.generation;
 }
 
-/* Taken before the first of them is handed over, which ends its being staged. */
-static void number_starts(struct db_registers *registers)
-{
-	for (size_t i = 0; i < registers->roster->drive_count; i++) {
-		struct db_view_drive *drive = registers->roster->drives[i];
-
-		drive->group_start = is_staged(drive) ? common_start(registers, drive->bus_config) :
-		                                        0;
-	}
-}
-
 int db_group_start(struct db_registers *registers, const struct db_client *client,
                    struct db_write_token token)
 {
@@ -181,8 +170,14 @@ int db_group_start(struct db_registers *registers, const struct db_client *clien
 	}
 	if (!any)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-	begin(registers, token);
-	number_starts(registers);
+	begin_command(registers, token);
+	/* Before the first of them is handed over, which ends its being staged. */
+	for (size_t i = 0; i < registers->roster->drive_count; i++) {
+		struct db_view_drive *drive = registers->roster->drives[i];
+
+		drive->group_start = is_staged(drive) ? common_start(registers, drive->bus_config) :
+		                                        0;
+	}
 	for (size_t i = 0; i < registers->roster->drive_count; i++) {
 		struct db_view_drive *drive = registers->roster->drives[i];
 
@@ -192,11 +187,11 @@ int db_group_start(struct db_registers *registers, const struct db_client *clien
 			                                   drive->group_start,
 			                                   part_token(registers), now));
 	}
-	return end(registers);
+	return finish_handover(registers);
 }
 
-bool db_group_answered(struct db_registers *registers, struct db_write_token token,
-                       enum db_result result)
+bool db_group_take_answer(struct db_registers *registers, struct db_write_token token,
+                          enum db_result result)
 {
 	struct db_group *group = &registers->group;
 	uint8_t exception = db_exception_of(result);
@@ -213,7 +208,7 @@ bool db_group_answered(struct db_registers *registers, struct db_write_token tok
 	return true;
 }
 
-void db_group_completed(struct db_registers *registers, struct db_view_drive *drive,
+void db_group_note_sent(struct db_registers *registers, struct db_view_drive *drive,
                         uint32_t ticket, db_time sent)
 {
 	struct db_group *group = &registers->group;

@@ -30,10 +30,10 @@ int db_group_start(struct db_registers *registers, const struct db_client *clien
                    struct db_write_token token);
 
 /* The answer to a part of a group command: taken, and not for a client. */
-bool db_group_answered(struct db_registers *registers, struct db_write_token token,
-                       enum db_result result);
+bool db_group_take_answer(struct db_registers *registers, struct db_write_token token,
+                          enum db_result result);
 /* A drive's part ended; `sent` says when it went out, 0: it did not. */
-void db_group_completed(struct db_registers *registers, struct db_view_drive *drive,
+void db_group_note_sent(struct db_registers *registers, struct db_view_drive *drive,
                         uint32_t ticket, db_time sent);
 
 #endif

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The table expanded for one drive family or one gateway: repeats unrolled, vendor parameters given
- * their addresses, and a lookup from address to register in constant time.
+ * their addresses, and a lookup from address to register in constant time. Only db_index_init()
+ * allocates; an index does not change afterwards. One thread.
  */
 #ifndef DRIVEBRIDGE_REGMAP_INDEX_H
 #define DRIVEBRIDGE_REGMAP_INDEX_H

@@ -21,7 +21,7 @@ static const struct db_index *table_of(const struct db_map *map, enum db_table t
 }
 
 /* The cells of a read, and all that decides whether it is allowed. */
-struct span {
+struct selection {
 	const struct db_cell *cells;
 	uint16_t count;
 	unsigned parts;
@@ -31,44 +31,44 @@ struct span {
 	uint16_t high;
 };
 
-static uint8_t find_span(const struct db_index *index, enum db_table table, uint16_t address,
-                         uint16_t count, struct span *span)
+static uint8_t select_cells(const struct db_index *index, enum db_table table, uint16_t address,
+                            uint16_t count, struct selection *selected)
 {
-	uint16_t first = db_index_touch(index, address, count, &span->count);
+	uint16_t first = db_index_touch(index, address, count, &selected->count);
 
 	if (first == DB_NO_CELL)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
-	span->cells = &index->cells[first];
-	span->without = table == DB_TABLE_INPUT ? DB_ROW_WRITABLE : 0;
-	span->parts = 0;
-	span->flags = 0;
-	span->low = UINT16_MAX;
-	span->high = 0;
-	for (uint16_t i = 0; i < span->count; i++) {
-		if (span->cells[i].flags & span->without)
+	selected->cells = &index->cells[first];
+	selected->without = table == DB_TABLE_INPUT ? DB_ROW_WRITABLE : 0;
+	selected->parts = 0;
+	selected->flags = 0;
+	selected->low = UINT16_MAX;
+	selected->high = 0;
+	for (uint16_t i = 0; i < selected->count; i++) {
+		if (selected->cells[i].flags & selected->without)
 			continue;
-		span->parts |= span->cells[i].part;
-		span->flags |= span->cells[i].flags;
-		if (span->cells[i].offset < span->low)
-			span->low = span->cells[i].offset;
-		if (span->cells[i].offset > span->high)
-			span->high = span->cells[i].offset;
+		selected->parts |= selected->cells[i].part;
+		selected->flags |= selected->cells[i].flags;
+		if (selected->cells[i].offset < selected->low)
+			selected->low = selected->cells[i].offset;
+		if (selected->cells[i].offset > selected->high)
+			selected->high = selected->cells[i].offset;
 	}
-	return span->low == UINT16_MAX ? MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS : 0;
+	return selected->low == UINT16_MAX ? MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS : 0;
 }
 
 /* What no cell covers is 0. */
-static void copy_registers(const struct span *span, const void *image, bool low_first,
+static void copy_registers(const struct selection *selected, const void *image, bool low_first,
                            uint16_t address, uint16_t count, uint16_t *values)
 {
 	unsigned end = (unsigned)address + count;
 
 	memset(values, 0, count * sizeof values[0]);
-	for (uint16_t i = 0; i < span->count; i++) {
-		const struct db_cell *cell = &span->cells[i];
+	for (uint16_t i = 0; i < selected->count; i++) {
+		const struct db_cell *cell = &selected->cells[i];
 		uint16_t words[DB_CELL_REGISTERS_MAX];
 
-		if (cell->flags & span->without)
+		if (cell->flags & selected->without)
 			continue;
 		/* Whole cells, nearly always, go straight to their place. */
 		if (cell->address >= address && (unsigned)cell->address + cell->registers <= end) {
@@ -85,12 +85,12 @@ static void copy_registers(const struct span *span, const void *image, bool low_
 	}
 }
 
-static void copy_bits(const struct span *span, const void *image, uint16_t address, uint16_t count,
-                      uint16_t *values)
+static void copy_bits(const struct selection *selected, const void *image, uint16_t address,
+                      uint16_t count, uint16_t *values)
 {
 	memset(values, 0, count * sizeof values[0]);
-	for (uint16_t i = 0; i < span->count; i++) {
-		const struct db_cell *cell = &span->cells[i];
+	for (uint16_t i = 0; i < selected->count; i++) {
+		const struct db_cell *cell = &selected->cells[i];
 		const unsigned char *member = (const unsigned char *)image + cell->offset;
 		uint32_t wide;
 		uint16_t narrow;
@@ -105,21 +105,11 @@ static void copy_bits(const struct span *span, const void *image, uint16_t addre
 	}
 }
 
-/* Old data is never shown as fresh. */
-static uint8_t check_measured(const struct db_view_drive *drive, const struct db_feedback *feedback)
-{
-	if (drive->registers->roster->modbus->stale_values)
-		return 0;
-	if (!(feedback->status & DB_STATUS_ONLINE) || feedback->taken == 0)
-		return db_exception_unreachable(feedback);
-	return 0;
-}
-
 /*
  * Parameters that are not known yet, or not any more, are not shown. When all were read and one was not
  * among them, this model does not have it: it is 0, unless the read touches nothing else.
  */
-static uint8_t check_params(const struct db_view_drive *drive, const struct span *span,
+static uint8_t check_params(const struct db_view_drive *drive, const struct selection *selected,
                             struct db_drive_image *image)
 {
 	bool stale = drive->registers->roster->modbus->stale_values;
@@ -127,8 +117,8 @@ static uint8_t check_params(const struct db_view_drive *drive, const struct span
 	bool fresh = (image->feedback.status & wanted) == wanted;
 	bool any = false;
 
-	for (uint16_t i = 0; i < span->count; i++) {
-		const struct db_cell *cell = &span->cells[i];
+	for (uint16_t i = 0; i < selected->count; i++) {
+		const struct db_cell *cell = &selected->cells[i];
 
 		if (!(cell->flags & DB_ROW_PARAM)) {
 			any = true;
@@ -160,26 +150,30 @@ static void fill_control(struct db_drive_image *image, const struct db_view_driv
 uint8_t db_read_drive(const struct db_view_drive *drive, const struct db_client *client,
                       enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
 {
+	const struct db_modbus_config *modbus = drive->registers->roster->modbus;
 	struct db_drive_image image;
-	struct span span;
-	uint8_t exception = find_span(table_of(drive->map, table), table, address, count, &span);
+	const struct db_feedback *feedback = &image.feedback;
+	struct selection selected;
+	uint8_t exception = select_cells(table_of(drive->map, table), table, address, count,
+	                                 &selected);
 
 	if (exception)
 		return exception;
-	db_image_fill_drive(&image, drive, client, span.parts, span.low, span.high);
-	if (span.parts & DB_PART_PROCESS)
+	db_image_fill_drive(&image, drive, client, selected.parts, selected.low, selected.high);
+	if (selected.parts & DB_PART_PROCESS)
 		fill_control(&image, drive, client);
-	if (span.flags & DB_ROW_MEASURED)
-		exception = check_measured(drive, &image.feedback);
-	if (!exception && (span.flags & DB_ROW_PARAM))
-		exception = check_params(drive, &span, &image);
+	/* Old data is never shown as fresh. */
+	if ((selected.flags & DB_ROW_MEASURED) && !modbus->stale_values &&
+	    (!(feedback->status & DB_STATUS_ONLINE) || feedback->taken == 0))
+		exception = db_exception_unreachable(feedback);
+	if (!exception && (selected.flags & DB_ROW_PARAM))
+		exception = check_params(drive, &selected, &image);
 	if (exception)
 		return exception;
 	if (table == DB_TABLE_HOLDING || table == DB_TABLE_INPUT)
-		copy_registers(&span, &image, drive->registers->roster->modbus->low_word_first,
-		               address, count, values);
+		copy_registers(&selected, &image, modbus->low_word_first, address, count, values);
 	else
-		copy_bits(&span, &image, address, count, values);
+		copy_bits(&selected, &image, address, count, values);
 	return 0;
 }
 
@@ -187,14 +181,15 @@ uint8_t db_read_gateway(const struct db_registers *registers, const struct db_cl
                         enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
 {
 	struct db_gateway_image image;
-	struct span span;
-	uint8_t exception = find_span(table_of(&registers->roster->gateway, table), table, address,
-	                              count, &span);
+	struct selection selected;
+	uint8_t exception = select_cells(table_of(&registers->roster->gateway, table), table,
+	                                 address, count, &selected);
 
 	if (exception)
 		return exception;
-	db_image_fill_gateway(&image, registers, client, span.parts, span.low, span.high);
-	copy_registers(&span, &image, registers->roster->modbus->low_word_first, address, count,
+	db_image_fill_gateway(&image, registers, client, selected.parts, selected.low,
+	                      selected.high);
+	copy_registers(&selected, &image, registers->roster->modbus->low_word_first, address, count,
 	               values);
 	return 0;
 }

@@ -48,9 +48,9 @@ void db_registers_complete(struct db_registers *registers, const struct db_compl
 	if (!drive)
 		return;
 	/* First what the group's figures need: the commander may answer its writer. */
-	db_group_completed(registers, drive, completion->ticket, completion->sent);
+	db_group_note_sent(registers, drive, completion->ticket, completion->sent);
 	db_commander_complete(drive->commander, completion, now);
-	db_vsmd_view_completed(drive, completion, now);
+	db_vsmd_view_send_command(drive, completion, now);
 }
 
 db_time db_registers_next_deadline(struct db_registers *registers)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The register table: the only place that knows an address. Rows are constant data; what a certain
- * drive has is found by expanding them (index.h).
+ * drive has is found by expanding them (index.h). Any thread.
  */
 #ifndef DRIVEBRIDGE_REGMAP_TABLE_H
 #define DRIVEBRIDGE_REGMAP_TABLE_H

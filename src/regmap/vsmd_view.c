@@ -18,20 +18,20 @@
 static const struct db_write_token nobody = { .client = DB_CLIENT_NOBODY };
 
 /* A command that waits for the parameters of the same write. */
-struct chain {
+struct follow_up {
 	uint32_t ticket; /* of the parameters; 0 = there is none */
 	enum db_command command;
 	struct db_args args;
 	struct db_write_token token;
 	struct db_client client;
-	bool waits; /* the writer was not answered yet */
-	bool dead;  /* a stop came in between */
+	bool waits;     /* the writer was not answered yet */
+	bool cancelled; /* a stop came in between */
 };
 
 struct db_vsmd_view {
 	struct vsmd_kept kept;
 	uint32_t last_ticket; /* of the drive's latest request, whoever made it */
-	struct chain chain;
+	struct follow_up follow_up;
 };
 
 struct db_vsmd_view *db_vsmd_view_new(const struct db_drive_config *config)
@@ -50,13 +50,14 @@ void db_vsmd_view_free(struct db_vsmd_view *view)
 
 /* --- the rows of a request --------------------------------------------------------------------------- */
 
-struct span {
+struct rows {
 	const struct vsmd_row *rows;
 	size_t count;
 };
 
 /* The rows that cover the addresses. Rows have no holes, so only the ends decide. */
-static uint8_t find_span(enum db_table table, uint16_t address, uint16_t count, struct span *span)
+static uint8_t find_rows(enum db_table table, uint16_t address, uint16_t count,
+                         struct rows *touched)
 {
 	size_t total;
 	const struct vsmd_row *rows = db_vsmd_layout_rows(table, &total);
@@ -71,19 +72,19 @@ static uint8_t find_span(enum db_table table, uint16_t address, uint16_t count, 
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
 	while (first + 1 < total && rows[first + 1].row.address <= address)
 		first++;
-	span->rows = &rows[first];
-	span->count = 1;
-	while (first + span->count < total && rows[first + span->count].row.address < end)
-		span->count++;
+	touched->rows = &rows[first];
+	touched->count = 1;
+	while (first + touched->count < total && rows[first + touched->count].row.address < end)
+		touched->count++;
 	return 0;
 }
 
 /* Half of a 32-bit value cannot be written. */
-static bool is_whole(const struct span *span, uint16_t address, uint16_t count)
+static bool is_whole(const struct rows *touched, uint16_t address, uint16_t count)
 {
-	struct db_cell last = db_vsmd_layout_cell(&span->rows[span->count - 1]);
+	struct db_cell last = db_vsmd_layout_cell(&touched->rows[touched->count - 1]);
 
-	return span->rows[0].row.address == address &&
+	return touched->rows[0].row.address == address &&
 	       last.address + last.registers == address + count;
 }
 
@@ -197,37 +198,31 @@ static void encode_row(const struct db_vsmd_view *view, const struct vsmd_row *r
 	}
 }
 
-static unsigned parts_of(const struct span *span)
-{
-	unsigned parts = DB_PART_PROCESS;
-
-	for (size_t i = 0; i < span->count; i++) {
-		if (params_of(&span->rows[i]) > 0 || span->rows[i].content == VSMD_VERSION)
-			parts |= DB_PART_PLATE;
-	}
-	return parts;
-}
-
 uint8_t db_vsmd_view_read(const struct db_view_drive *drive, enum db_table table, uint16_t address,
                           uint16_t count, uint16_t *values)
 {
 	struct db_drive_image image;
-	struct span span;
-	uint8_t exception = find_span(table, address, count, &span);
+	struct rows touched;
+	uint8_t exception = find_rows(table, address, count, &touched);
 	uint16_t words[DB_CELL_REGISTERS_MAX] = { 0 };
+	unsigned parts = DB_PART_PROCESS;
 
 	if (exception)
 		return exception;
-	db_image_fill_drive(&image, drive, NULL, parts_of(&span), 0, 0);
-	for (size_t i = 0; i < span.count; i++) {
-		exception = check_row(drive, &span.rows[i], &image);
+	for (size_t i = 0; i < touched.count; i++) {
+		if (params_of(&touched.rows[i]) > 0 || touched.rows[i].content == VSMD_VERSION)
+			parts |= DB_PART_PLATE;
+	}
+	db_image_fill_drive(&image, drive, NULL, parts, 0, 0);
+	for (size_t i = 0; i < touched.count; i++) {
+		exception = check_row(drive, &touched.rows[i], &image);
 		if (exception)
 			return exception;
 	}
-	for (size_t i = 0; i < span.count; i++) {
-		struct db_cell cell = db_vsmd_layout_cell(&span.rows[i]);
+	for (size_t i = 0; i < touched.count; i++) {
+		struct db_cell cell = db_vsmd_layout_cell(&touched.rows[i]);
 
-		encode_row(drive->vsmd_view, &span.rows[i], &image, words);
+		encode_row(drive->vsmd_view, &touched.rows[i], &image, words);
 		for (unsigned j = 0; j < cell.registers; j++) {
 			unsigned at = cell.address + j;
 
@@ -241,10 +236,13 @@ uint8_t db_vsmd_view_read(const struct db_view_drive *drive, enum db_table table
 /* --- what a write asks for ------------------------------------------------------------------------------ */
 
 struct plan {
+	const struct db_view_drive *drive;
 	const struct db_client *client;
-	struct vsmd_kept kept; /* with the written registers put over it */
-	uint16_t refused;      /* the register that was planned last */
-	bool has_command;      /* these were among them */
+	struct db_nameplate plate; /* what the drive is known to have, */
+	bool plate_is_known;       /* if it is */
+	struct vsmd_kept kept;     /* with the written registers put over it */
+	uint16_t refused;          /* the register that was planned last */
+	bool has_command;          /* these were among them */
 	bool has_pos;
 	enum db_command command; /* NONE: nothing is to be executed */
 	struct db_args args;
@@ -252,28 +250,12 @@ struct plan {
 	struct db_setting settings[DB_SETTINGS_MAX];
 };
 
-/* What the drive is known to have. */
-struct possible {
-	struct db_nameplate plate;
-	bool known;
-};
-
-static void find_possible(const struct db_view_drive *drive, struct possible *possible)
+static enum db_result plan_setting(struct plan *plan, unsigned param, union db_value value)
 {
-	struct db_snapshot snapshot;
-
-	db_axis_read(drive->axis, &snapshot);
-	db_axis_read_nameplate(drive->axis, &possible->plate);
-	possible->known = is_known(&snapshot.feedback);
-}
-
-static enum db_result add_setting(const struct db_view_drive *drive,
-                                  const struct possible *possible, unsigned param,
-                                  union db_value value, struct plan *plan)
-{
+	const struct db_view_drive *drive = plan->drive;
 	enum db_result checked;
 
-	if (possible->known && !has_param(&possible->plate, param))
+	if (plan->plate_is_known && !has_param(&plan->plate, param))
 		return value.u == 0 ? DB_RESULT_OK : DB_RESULT_UNSUPPORTED;
 	checked = drive->driver->check_param(drive->bus_config, param, value);
 	if (checked == DB_RESULT_OK)
@@ -284,82 +266,54 @@ static enum db_result add_setting(const struct db_view_drive *drive,
 	return checked;
 }
 
-static enum db_result plan_kept(const struct vsmd_row *row, union db_value value, struct plan *plan)
+static enum db_result plan_row(struct plan *plan, const struct vsmd_row *row, const uint16_t *words)
 {
 	struct db_cell cell = db_vsmd_layout_cell(row);
-
-	if (cell.offset == offsetof(struct vsmd_kept, command))
-		plan->has_command = true;
-	if (cell.offset == offsetof(struct vsmd_kept, pos))
-		plan->has_pos = true;
-	db_words_store(&cell, value, &plan->kept);
-	return plan->kept.mbs <= 1 ? DB_RESULT_OK : DB_RESULT_OUT_OF_RANGE;
-}
-
-static enum db_result plan_modes(const struct db_view_drive *drive, const struct possible *possible,
-                                 const struct vsmd_row *row, uint32_t bits, struct plan *plan)
-{
-	enum db_result result = bits >> PORTS ? DB_RESULT_OUT_OF_RANGE : DB_RESULT_OK;
-
-	for (unsigned i = 0; i < PORTS && result == DB_RESULT_OK; i++)
-		result = add_setting(drive, possible, row->param + i,
-		                     (union db_value){ .u = bits >> i & 1 }, plan);
-	return result;
-}
-
-static enum db_result plan_events(const struct db_view_drive *drive,
-                                  const struct possible *possible, const struct vsmd_row *row,
-                                  uint32_t word, struct plan *plan)
-{
-	enum db_result result = add_setting(drive, possible, row->param,
-	                                    (union db_value){ .u = word >> 8 }, plan);
-
-	if (result != DB_RESULT_OK)
-		return result;
-	return add_setting(drive, possible, row->param + 1u, (union db_value){ .u = word & 0xFF },
-	                   plan);
-}
-
-static enum db_result plan_row(const struct db_view_drive *drive, const struct possible *possible,
-                               const struct vsmd_row *row, const uint16_t *words, struct plan *plan)
-{
-	struct db_cell cell = db_vsmd_layout_cell(row);
+	enum db_result result = DB_RESULT_OK;
 	union db_value value;
 
-	if (!db_words_decode(&cell, words, drive->vsmd_view->kept.mbs == 0, &value))
+	if (!db_words_decode(&cell, words, plan->drive->vsmd_view->kept.mbs == 0, &value))
 		return DB_RESULT_OUT_OF_RANGE;
 	switch (row->content) {
 	case VSMD_KEPT:
-		return plan_kept(row, value, plan);
+		if (cell.offset == offsetof(struct vsmd_kept, command))
+			plan->has_command = true;
+		if (cell.offset == offsetof(struct vsmd_kept, pos))
+			plan->has_pos = true;
+		db_words_store(&cell, value, &plan->kept);
+		return plan->kept.mbs <= 1 ? DB_RESULT_OK : DB_RESULT_OUT_OF_RANGE;
 	case VSMD_PARAM:
-		return add_setting(drive, possible, row->param, value, plan);
+		return plan_setting(plan, row->param, value);
 	case VSMD_MODES:
-		return plan_modes(drive, possible, row, value.u, plan);
+		if (value.u >> PORTS)
+			return DB_RESULT_OUT_OF_RANGE;
+		for (unsigned i = 0; i < PORTS && result == DB_RESULT_OK; i++)
+			result = plan_setting(plan, row->param + i,
+			                      (union db_value){ .u = value.u >> i & 1 });
+		return result;
 	case VSMD_EVENTS:
-		return plan_events(drive, possible, row, value.u, plan);
+		result = plan_setting(plan, row->param, (union db_value){ .u = value.u >> 8 });
+		if (result != DB_RESULT_OK)
+			return result;
+		return plan_setting(plan, row->param + 1u, (union db_value){ .u = value.u & 0xFF });
 	default:
 		return value.u == 0 ? DB_RESULT_OK : DB_RESULT_OUT_OF_RANGE;
 	}
 }
 
-static bool is_position_mode(uint16_t code)
+static enum db_result plan_command(struct plan *plan)
 {
-	const struct vsmd_code *entry = db_vsmd_layout_code(code);
-
-	return entry &&
-	       (entry->command == DB_CMD_MOVE_ABSOLUTE || entry->command == DB_CMD_MOVE_RELATIVE);
-}
-
-static enum db_result plan_command(const struct db_view_drive *drive, struct plan *plan)
-{
-	bool moves = plan->has_pos && is_position_mode(plan->kept.command);
-	const struct vsmd_code *entry;
+	const struct db_view_drive *drive = plan->drive;
+	const struct vsmd_code *entry = db_vsmd_layout_code(plan->kept.command);
+	/* In position mode the position alone starts a move. */
+	bool moves = plan->has_pos && entry &&
+	             (entry->command == DB_CMD_MOVE_ABSOLUTE ||
+	              entry->command == DB_CMD_MOVE_RELATIVE);
 
 	plan->command = DB_CMD_NONE;
 	/* 0 is what the register holds before the first command: takes position mode off. */
 	if (!(plan->has_command || moves) || plan->kept.command == 0)
 		return DB_RESULT_OK;
-	entry = db_vsmd_layout_code(plan->kept.command);
 	if (!entry)
 		return DB_RESULT_OUT_OF_RANGE;
 	plan->command = entry->command;
@@ -368,32 +322,36 @@ static enum db_result plan_command(const struct db_view_drive *drive, struct pla
 	return drive->driver->check(drive->bus_config, drive->config, plan->command, &plan->args);
 }
 
-static enum db_result plan_registers(const struct db_view_drive *drive, const struct span *span,
-                                     const uint16_t *values, struct plan *plan)
+static enum db_result plan_registers(struct plan *plan, const struct rows *touched,
+                                     const uint16_t *values)
 {
-	struct possible possible;
+	const struct db_view_drive *drive = plan->drive;
+	struct db_snapshot snapshot;
 
-	find_possible(drive, &possible);
+	db_axis_read(drive->axis, &snapshot);
+	db_axis_read_nameplate(drive->axis, &plan->plate);
+	plan->plate_is_known = is_known(&snapshot.feedback);
 	plan->kept = drive->vsmd_view->kept;
 	plan->has_command = false;
 	plan->has_pos = false;
 	plan->setting_count = 0;
-	for (size_t i = 0; i < span->count; i++) {
-		enum db_result result = plan_row(drive, &possible, &span->rows[i], values, plan);
+	for (size_t i = 0; i < touched->count; i++) {
+		enum db_result result = plan_row(plan, &touched->rows[i], values);
 
-		plan->refused = span->rows[i].row.address;
+		plan->refused = touched->rows[i].row.address;
 		if (result != DB_RESULT_OK)
 			return result;
-		values += db_vsmd_layout_cell(&span->rows[i]).registers;
+		values += db_vsmd_layout_cell(&touched->rows[i]).registers;
 	}
 	return DB_RESULT_OK;
 }
 
-/* The stop among what is written, if there is one: it is carried out whatever stands beside it. */
-static enum db_command stop_among(const struct span *span, uint16_t address, const uint16_t *values)
+/* The stop among what is written; NONE. It is carried out whatever stands beside it. */
+static enum db_command find_stop(const struct rows *touched, uint16_t address,
+                                 const uint16_t *values)
 {
-	for (size_t i = 0; i < span->count; i++) {
-		const struct vsmd_row *row = &span->rows[i];
+	for (size_t i = 0; i < touched->count; i++) {
+		const struct vsmd_row *row = &touched->rows[i];
 		const struct vsmd_code *entry;
 
 		if (row->content != VSMD_KEPT ||
@@ -407,22 +365,22 @@ static enum db_command stop_among(const struct span *span, uint16_t address, con
 
 /* --- carrying it out -------------------------------------------------------------------------------------- */
 
-static struct db_write_answer set(struct db_view_drive *drive, const struct plan *plan,
-                                  struct db_write_token token, db_time now)
+static struct db_write_answer write_params(struct db_view_drive *drive, const struct plan *plan,
+                                           struct db_write_token token, db_time now)
 {
 	return db_commander_set(drive->commander, plan->client, plan->settings, plan->setting_count,
 	                        token, now);
 }
 
 /* Both in one write: the parameters first, because the command is to run with them. */
-static struct db_write_answer begin_chain(struct db_view_drive *drive, const struct plan *plan,
-                                          struct db_write_token token, db_time now)
+static struct db_write_answer begin_both(struct db_view_drive *drive, const struct plan *plan,
+                                         struct db_write_token token, db_time now)
 {
 	struct db_vsmd_view *view = drive->vsmd_view;
-	struct db_write_answer answer = set(drive, plan, token, now);
+	struct db_write_answer answer = write_params(drive, plan, token, now);
 
 	if (db_write_is_taken(answer))
-		view->chain = (struct chain){
+		view->follow_up = (struct follow_up){
 			.ticket = view->last_ticket,
 			.command = plan->command,
 			.args = plan->args,
@@ -463,17 +421,17 @@ static struct db_write_answer carry_out(struct db_view_drive *drive, const struc
 		                              now);
 		/* It is repeated until it works: the parameters' answer tells of both. */
 		return plan->setting_count > 0 && db_write_is_taken(answer) ?
-		               set(drive, plan, token, now) :
+		               write_params(drive, plan, token, now) :
 		               answer;
 	}
 	if (plan->command == DB_CMD_NONE && plan->setting_count == 0)
 		return (struct db_write_answer){ .result = DB_RESULT_OK };
-	if (drive->vsmd_view->chain.ticket != 0)
+	if (drive->vsmd_view->follow_up.ticket != 0)
 		return refuse_plan(drive, plan, DB_RESULT_BUSY);
 	if (plan->command == DB_CMD_NONE)
-		return set(drive, plan, token, now);
+		return write_params(drive, plan, token, now);
 	if (plan->setting_count > 0)
-		return begin_chain(drive, plan, token, now);
+		return begin_both(drive, plan, token, now);
 	return db_commander_execute(drive->commander, plan->client, plan->command, &plan->args,
 	                            token, now);
 }
@@ -494,19 +452,20 @@ int db_vsmd_view_write(struct db_view_drive *drive, const struct db_client *clie
                        const uint16_t *values, struct db_write_token token)
 {
 	struct plan plan;
-	struct span span;
+	struct rows touched;
 	enum db_command stop;
 	enum db_result result;
 	struct db_write_answer answer;
 
-	if (table != DB_TABLE_HOLDING || find_span(table, address, count, &span) != 0)
+	if (table != DB_TABLE_HOLDING || find_rows(table, address, count, &touched) != 0)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
-	stop = stop_among(&span, address, values);
-	if (!is_whole(&span, address, count))
+	stop = find_stop(&touched, address, values);
+	if (!is_whole(&touched, address, count))
 		return stop != DB_CMD_NONE ? stop_only(drive, client, stop, token) :
 		                             refuse(drive, client, DB_RESULT_OUT_OF_RANGE, 0);
-	result = plan_registers(drive, &span, values, &plan);
+	plan.drive = drive;
 	plan.client = client;
+	result = plan_registers(&plan, &touched, values);
 	if (result != DB_RESULT_OK && stop != DB_CMD_NONE)
 		return stop_only(drive, client, stop, token);
 	if (result != DB_RESULT_OK) {
@@ -516,7 +475,7 @@ int db_vsmd_view_write(struct db_view_drive *drive, const struct db_client *clie
 		return result == DB_RESULT_UNSUPPORTED ? MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS :
 		                                         exception;
 	}
-	result = plan_command(drive, &plan);
+	result = plan_command(&plan);
 	if (result != DB_RESULT_OK)
 		return refuse(drive, client, result, 0);
 	if (!db_clients_may_write(drive, client, db_command_is_stop(plan.command)))
@@ -533,26 +492,26 @@ int db_vsmd_view_write(struct db_view_drive *drive, const struct db_client *clie
 int db_vsmd_view_write_same(struct db_view_drive *drive, const struct db_client *client,
                             uint16_t address, uint16_t value, struct db_write_token token)
 {
-	struct span span;
+	struct rows touched;
 
-	if (find_span(DB_TABLE_HOLDING, address, 1, &span) != 0)
+	if (find_rows(DB_TABLE_HOLDING, address, 1, &touched) != 0)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
-	if (!is_whole(&span, address, 1))
+	if (!is_whole(&touched, address, 1))
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-	if (stop_among(&span, address, &value) == DB_CMD_NONE)
+	if (find_stop(&touched, address, &value) == DB_CMD_NONE)
 		return 0;
 	return db_vsmd_view_write(drive, client, DB_TABLE_HOLDING, address, 1, &value, token);
 }
 
-/* --- the second half of a chain ---------------------------------------------------------------------------- */
+/* --- the command behind the parameters ---------------------------------------------------------------------------- */
 
-void db_vsmd_view_submitted(struct db_vsmd_view *view, const struct db_request *request)
+void db_vsmd_view_note_request(struct db_vsmd_view *view, const struct db_request *request)
 {
 	if (!view)
 		return;
 	view->last_ticket = request->ticket;
 	if (db_command_is_stop(request->command))
-		view->chain.dead = true;
+		view->follow_up.cancelled = true;
 }
 
 static bool same_token(struct db_write_token a, struct db_write_token b)
@@ -560,43 +519,45 @@ static bool same_token(struct db_write_token a, struct db_write_token b)
 	return a.client == b.client && a.sequence == b.sequence;
 }
 
-bool db_vsmd_view_answered(struct db_vsmd_view *view, struct db_write_token token,
-                           enum db_result *result)
+bool db_vsmd_view_take_answer(struct db_vsmd_view *view, struct db_write_token token,
+                              enum db_result *result)
 {
-	struct chain *chain = view ? &view->chain : NULL;
+	struct follow_up *follow_up = view ? &view->follow_up : NULL;
 
 	if (same_token(token, nobody))
 		return false;
-	if (!chain || chain->ticket == 0 || !chain->waits || !same_token(token, chain->token))
+	if (!follow_up || follow_up->ticket == 0 || !follow_up->waits ||
+	    !same_token(token, follow_up->token))
 		return true;
-	if (db_result_is_success(*result) && !chain->dead)
+	if (db_result_is_success(*result) && !follow_up->cancelled)
 		return false; /* completed() goes on */
-	chain->waits = false;
+	follow_up->waits = false;
 	if (db_result_is_success(*result))
 		*result = DB_RESULT_CANCELLED;
 	/* A writer that was told of a failure must not see its command executed later. */
 	if (*result != DB_RESULT_PENDING)
-		chain->dead = true;
+		follow_up->cancelled = true;
 	return true;
 }
 
-void db_vsmd_view_completed(struct db_view_drive *drive, const struct db_completion *completion,
-                            db_time now)
+void db_vsmd_view_send_command(struct db_view_drive *drive, const struct db_completion *completion,
+                               db_time now)
 {
 	struct db_vsmd_view *view = drive->vsmd_view;
 	struct db_registers *registers = drive->registers;
 	struct db_write_answer answer;
-	struct chain chain;
+	struct follow_up follow_up;
 
-	if (!view || view->chain.ticket == 0 || view->chain.ticket != completion->ticket)
+	if (!view || view->follow_up.ticket == 0 || view->follow_up.ticket != completion->ticket)
 		return;
-	chain = view->chain;
-	view->chain.ticket = 0;
-	if (!db_result_is_success(completion->result) || chain.dead)
+	follow_up = view->follow_up;
+	view->follow_up.ticket = 0;
+	if (!db_result_is_success(completion->result) || follow_up.cancelled)
 		return;
-	answer = db_commander_execute(drive->commander, &chain.client, chain.command, &chain.args,
-	                              chain.waits ? chain.token : nobody, now);
-	if (chain.waits && !answer.later)
-		registers->ops->answer(registers->context, chain.token,
+	answer = db_commander_execute(drive->commander, &follow_up.client, follow_up.command,
+	                              &follow_up.args, follow_up.waits ? follow_up.token : nobody,
+	                              now);
+	if (follow_up.waits && !answer.later)
+		registers->ops->answer(registers->context, follow_up.token,
 		                       db_exception_of(answer.result));
 }

@@ -56,13 +56,13 @@ bool db_acl_peer(const struct sockaddr_storage *peer, uint8_t address[16], uint1
 
 	switch (peer->ss_family) {
 	case AF_INET:
-		memcpy(&v4, peer, sizeof(v4));
+		memcpy(&v4, peer, sizeof v4);
 		memcpy(address, V4_PREFIX, sizeof(V4_PREFIX));
 		memcpy(address + sizeof(V4_PREFIX), &v4.sin_addr, 4);
 		*port = ntohs(v4.sin_port);
 		return true;
 	case AF_INET6:
-		memcpy(&v6, peer, sizeof(v6));
+		memcpy(&v6, peer, sizeof v6);
 		memcpy(address, &v6.sin6_addr, 16);
 		*port = ntohs(v6.sin6_port);
 		return true;

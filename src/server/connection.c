@@ -26,7 +26,7 @@ struct entry {
 enum taken { TAKEN, NOTHING_TO_TAKE, MUST_WAIT, BROKEN };
 
 struct db_connection {
-	struct db_connection_group *group;
+	struct db_connection_shared *shared;
 	struct db_client client;
 	struct db_peer *peer;
 	uint64_t requests;
@@ -59,37 +59,37 @@ struct db_connection {
 	uint8_t in[DB_ADU_MAX];
 };
 
-void db_group_refused(struct db_connection_group *group, struct db_peer *peer, enum db_refusal kind,
-                      db_time now)
+void db_connection_count_refusal(struct db_connection_shared *shared, struct db_peer *peer,
+                                 enum db_refusal kind, db_time now)
 {
 	uint32_t *const counters[DB_REFUSAL_COUNT] = {
-		[DB_REFUSED_ADDRESS] = &group->stats.refused_address,
-		[DB_REFUSED_FULL] = &group->stats.refused_full,
-		[DB_REFUSED_RESERVED] = &group->stats.refused_reserved,
-		[DB_REFUSED_PER_ADDRESS] = &group->stats.refused_per_address,
-		[DB_REFUSED_WRITE] = &group->stats.refused_writes,
-		[DB_REFUSED_CONTROL] = &group->stats.refused_control,
-		[DB_REFUSED_DESCRIPTORS] = &group->stats.refused_full,
-		[DB_REFUSED_PACE] = &group->stats.held_back,
+		[DB_REFUSED_ADDRESS] = &shared->stats.refused_address,
+		[DB_REFUSED_FULL] = &shared->stats.refused_full,
+		[DB_REFUSED_RESERVED] = &shared->stats.refused_reserved,
+		[DB_REFUSED_PER_ADDRESS] = &shared->stats.refused_per_address,
+		[DB_REFUSED_WRITE] = &shared->stats.refused_writes,
+		[DB_REFUSED_CONTROL] = &shared->stats.refused_control,
+		[DB_REFUSED_DESCRIPTORS] = &shared->stats.refused_full,
+		[DB_REFUSED_PACE] = &shared->stats.held_back,
 	};
 
 	(*counters[kind])++;
-	db_peers_refused(group->peers, peer, kind, now);
+	db_peers_refused(shared->peers, peer, kind, now);
 }
 
-struct db_connection *db_connection_new(struct db_connection_group *group, int fd,
+struct db_connection *db_connection_new(struct db_connection_shared *shared, int fd,
                                         const struct db_client *client, struct db_peer *peer,
                                         db_time now)
 {
-	struct db_connection *c = calloc(1, sizeof(*c));
+	struct db_connection *c = calloc(1, sizeof *c);
 	struct epoll_event event = { .events = READING, .data.ptr = c };
 
-	if (!c || epoll_ctl(group->epoll, EPOLL_CTL_ADD, fd, &event) < 0) {
+	if (!c || epoll_ctl(shared->epoll, EPOLL_CTL_ADD, fd, &event) < 0) {
 		free(c);
 		close(fd);
 		return NULL;
 	}
-	c->group = group;
+	c->shared = shared;
 	c->client = *client;
 	c->peer = peer;
 	c->peer->connections++;
@@ -136,7 +136,7 @@ void db_connection_rehome(struct db_connection *c, struct db_peer *peer)
 void db_connection_adapt(struct db_connection *c, bool may_write)
 {
 	c->client.may_write = may_write;
-	db_listener_tune(c->fd, c->group->config->keepalive_s);
+	db_listener_tune(c->fd, c->shared->config->keepalive_s);
 }
 
 void db_connection_take_turn(struct db_connection *c, db_time now)
@@ -149,13 +149,13 @@ void db_connection_take_turn(struct db_connection *c, db_time now)
 
 void db_connection_refused(struct db_connection *c, enum db_refusal kind, db_time now)
 {
-	db_group_refused(c->group, c->peer, kind, now);
+	db_connection_count_refusal(c->shared, c->peer, kind, now);
 }
 
 /* Output. */
 
 /* Sends bytes; returns how many the socket took, or -1 when the connection is broken. */
-static ssize_t transmit(struct db_connection *c, const uint8_t *bytes, size_t length)
+static ssize_t send_bytes(struct db_connection *c, const uint8_t *bytes, size_t length)
 {
 	ssize_t sent;
 
@@ -170,14 +170,14 @@ static ssize_t transmit(struct db_connection *c, const uint8_t *bytes, size_t le
 /* Sends the batch, and keeps what the socket does not take. */
 static bool flush_batch(struct db_connection *c, db_time now)
 {
-	struct db_connection_group *group = c->group;
-	size_t length = group->batch_used;
+	struct db_connection_shared *shared = c->shared;
+	size_t length = shared->batch_used;
 	ssize_t sent;
 
-	group->batch_used = 0;
+	shared->batch_used = 0;
 	if (length == 0)
 		return true;
-	sent = transmit(c, group->batch, length);
+	sent = send_bytes(c, shared->batch, length);
 	if (sent < 0)
 		return false;
 	if (sent > 0)
@@ -189,7 +189,7 @@ static bool flush_batch(struct db_connection *c, db_time now)
 	c->out = malloc(c->out_used);
 	if (!c->out)
 		return false;
-	memcpy(c->out, group->batch + sent, c->out_used);
+	memcpy(c->out, shared->batch + sent, c->out_used);
 	return true;
 }
 
@@ -200,7 +200,7 @@ static bool flush_kept(struct db_connection *c, db_time now)
 
 	if (!c->out)
 		return true;
-	sent = transmit(c, c->out + c->out_sent, c->out_used - c->out_sent);
+	sent = send_bytes(c, c->out + c->out_sent, c->out_used - c->out_sent);
 	if (sent < 0)
 		return false;
 	if (sent > 0)
@@ -216,18 +216,18 @@ static bool flush_kept(struct db_connection *c, db_time now)
 /* Requests. */
 
 /* Puts the answer to a request that is done into the batch, which has room for it. */
-static void answer(struct db_connection *c, const struct db_modbus_request *request,
-                   uint8_t exception)
+static void add_answer(struct db_connection *c, const struct db_modbus_request *request,
+                       uint8_t exception)
 {
-	struct db_connection_group *group = c->group;
-	uint8_t *adu = group->batch + group->batch_used;
+	struct db_connection_shared *shared = c->shared;
+	uint8_t *adu = shared->batch + shared->batch_used;
 
 	if (exception)
-		group->batch_used += db_pdu_exception(request, exception, adu);
+		shared->batch_used += db_pdu_exception(request, exception, adu);
 	else
-		group->batch_used += db_execute_answer(&group->executor, &c->client, request, adu,
-		                                       &exception);
-	group->stats.exceptions += exception != 0;
+		shared->batch_used += db_execute_answer(&shared->executor, &c->client, request, adu,
+		                                        &exception);
+	shared->stats.exceptions += exception != 0;
 }
 
 static struct entry *entry_at(const struct db_connection *c, unsigned index)
@@ -242,7 +242,7 @@ static bool answer_queued(struct db_connection *c)
 
 	if (!entry || entry->unfinished)
 		return false;
-	answer(c, &entry->request, entry->exception);
+	add_answer(c, &entry->request, entry->exception);
 	c->first = (c->first + 1) % c->room;
 	c->sequence++;
 	if (--c->queued == 0) {
@@ -257,8 +257,8 @@ static bool ensure_queue(struct db_connection *c)
 	if (c->queue)
 		return true;
 	c->first = 0;
-	c->room = c->group->config->max_pipelined;
-	c->queue = malloc(c->room * sizeof(*c->queue));
+	c->room = c->shared->config->max_pipelined;
+	c->queue = malloc(c->room * sizeof *c->queue);
 	return c->queue;
 }
 
@@ -287,8 +287,8 @@ static bool depends_on_unfinished(const struct db_connection *c,
 static int start_request(struct db_connection *c, const struct db_modbus_request *request,
                          db_time now)
 {
-	struct db_connection_group *group = c->group;
-	const struct db_executor *executor = &group->executor;
+	struct db_connection_shared *shared = c->shared;
+	const struct db_executor *executor = &shared->executor;
 	struct db_write_token token = { c->client.id, c->sequence + c->queued };
 	uint8_t exception = executor->backend->unit(executor->context, request->unit);
 
@@ -305,7 +305,8 @@ static int start_request(struct db_connection *c, const struct db_modbus_request
 }
 
 /* Answers a request at once or puts it behind those that are not finished. */
-static bool settle(struct db_connection *c, const struct db_modbus_request *request, int result)
+static bool queue_or_answer(struct db_connection *c, const struct db_modbus_request *request,
+                            int result)
 {
 	struct entry *entry;
 
@@ -320,7 +321,7 @@ static bool settle(struct db_connection *c, const struct db_modbus_request *requ
 		c->unfinished += entry->unfinished;
 		return true;
 	}
-	answer(c, request, (uint8_t)result);
+	add_answer(c, request, (uint8_t)result);
 	c->sequence++;
 	free(c->queue);
 	c->queue = NULL;
@@ -331,9 +332,9 @@ static bool settle(struct db_connection *c, const struct db_modbus_request *requ
  * Whether the next request may be taken now: its address does not ask too often. When it does, the
  * request waits here, and what comes behind it in the kernel and then at the client.
  */
-static bool may_go_on(struct db_connection *c, db_time now)
+static bool take_turn(struct db_connection *c, db_time now)
 {
-	unsigned per_second = c->group->config->max_requests_per_second;
+	unsigned per_second = c->shared->config->max_requests_per_second;
 
 	if (per_second == 0)
 		return true;
@@ -359,33 +360,33 @@ static enum taken take_request(struct db_connection *c, size_t *offset, db_time 
 	int result;
 
 	if (length < 0) {
-		c->group->stats.bad_frames++;
+		c->shared->stats.bad_frames++;
 		return BROKEN;
 	}
 	if (length == 0)
 		return NOTHING_TO_TAKE;
-	if (c->queue && (c->queued == c->room || c->queued >= c->group->config->max_pipelined))
+	if (c->queue && (c->queued == c->room || c->queued >= c->shared->config->max_pipelined))
 		return MUST_WAIT;
 	result = db_pdu_parse(adu, (size_t)length, &request);
 	if (result == 0 && depends_on_unfinished(c, &request))
 		return MUST_WAIT;
-	if (!may_go_on(c, now))
+	if (!take_turn(c, now))
 		return MUST_WAIT;
 	*offset += (size_t)length;
-	c->group->stats.requests++;
+	c->shared->stats.requests++;
 	c->requests++;
 	if (result == 0)
 		result = start_request(c, &request, now);
-	return settle(c, &request, result) ? TAKEN : BROKEN;
+	return queue_or_answer(c, &request, result) ? TAKEN : BROKEN;
 }
 
 /* Answers and takes requests until there is nothing more to do or the socket is full. */
-static bool work(struct db_connection *c, size_t *offset, db_time now)
+static bool handle_requests(struct db_connection *c, size_t *offset, db_time now)
 {
 	enum taken taken = TAKEN;
 
 	while (!c->out && taken == TAKEN) {
-		if (c->group->batch_used + DB_ADU_MAX > DB_BATCH_SIZE) {
+		if (c->shared->batch_used + DB_ADU_MAX > DB_BATCH_SIZE) {
 			if (!flush_batch(c, now))
 				return false;
 			continue;
@@ -406,7 +407,7 @@ static bool work(struct db_connection *c, size_t *offset, db_time now)
 /* --- when requests arrived ------------------------------------------------------------------------ */
 
 /* Bytes in the socket. */
-static size_t unread(const struct db_connection *c)
+static size_t count_unread(const struct db_connection *c)
 {
 	int count = 0;
 
@@ -414,9 +415,9 @@ static size_t unread(const struct db_connection *c)
 }
 
 /* All that is in the socket has arrived by now. */
-static void mark(struct db_connection *c, db_time now)
+static void mark_arrived(struct db_connection *c, db_time now)
 {
-	c->marked = unread(c);
+	c->marked = count_unread(c);
 	c->mark_time = now;
 }
 
@@ -439,7 +440,7 @@ static void note_arrival(struct db_connection *c, size_t got, bool all, db_time 
 	} else {
 		c->client.arrived = c->mark_time;
 	}
-	mark(c, now);
+	mark_arrived(c, now);
 	c->behind = c->marked > 0;
 }
 
@@ -447,10 +448,10 @@ static void note_arrival(struct db_connection *c, size_t got, bool all, db_time 
 static void note_pause(struct db_connection *c, bool reading, db_time now)
 {
 	if (!reading && !c->behind) {
-		mark(c, now);
+		mark_arrived(c, now);
 		c->behind = true;
 	} else if (reading && c->behind && c->marked == 0) {
-		c->behind = unread(c) > 0;
+		c->behind = count_unread(c) > 0;
 	}
 }
 
@@ -468,7 +469,7 @@ static bool update_events(struct db_connection *c, db_time now)
 	if ((event.events ^ c->events) & EPOLLIN)
 		note_pause(c, event.events & EPOLLIN, now);
 	c->events = event.events;
-	return epoll_ctl(c->group->epoll, EPOLL_CTL_MOD, c->fd, &event) == 0;
+	return epoll_ctl(c->shared->epoll, EPOLL_CTL_MOD, c->fd, &event) == 0;
 }
 
 bool db_connection_advance(struct db_connection *c, db_time now)
@@ -478,7 +479,7 @@ bool db_connection_advance(struct db_connection *c, db_time now)
 
 	if (!flush_kept(c, now))
 		return false;
-	if (!c->out && !work(c, &offset, now))
+	if (!c->out && !handle_requests(c, &offset, now))
 		return false;
 	if (offset > 0) {
 		c->in_used = (uint16_t)(c->in_used - offset);
@@ -493,9 +494,9 @@ bool db_connection_advance(struct db_connection *c, db_time now)
 }
 
 /* Reads once. False when the connection is broken. */
-static bool receive(struct db_connection *c, db_time now)
+static bool receive_bytes(struct db_connection *c, db_time now)
 {
-	size_t room = sizeof(c->in) - c->in_used;
+	size_t room = sizeof c->in - c->in_used;
 	ssize_t got = recv(c->fd, c->in + c->in_used, room, MSG_DONTWAIT);
 
 	if (got < 0)
@@ -518,7 +519,7 @@ bool db_connection_ready(struct db_connection *c, uint32_t events, db_time now)
 	if (events & (EPOLLERR | EPOLLHUP))
 		return false;
 	c->closing = events & EPOLLRDHUP;
-	if ((events & EPOLLIN) && !receive(c, now))
+	if ((events & EPOLLIN) && !receive_bytes(c, now))
 		return false;
 	return db_connection_advance(c, now);
 }
@@ -530,9 +531,9 @@ static bool is_held_back(const struct db_connection *c)
 }
 
 /* When it is closed for what its client leaves undone. */
-static db_time time_limit(const struct db_connection *c)
+static db_time find_time_limit(const struct db_connection *c)
 {
-	const struct db_modbus_config *config = c->group->config;
+	const struct db_modbus_config *config = c->shared->config;
 	db_time limit = DB_TIME_NEVER, idle;
 
 	if (c->in_used > 0 && !c->waiting && !c->out && !c->ended)
@@ -547,7 +548,7 @@ static db_time time_limit(const struct db_connection *c)
 
 bool db_connection_in_time(const struct db_connection *c, db_time now)
 {
-	return now < time_limit(c);
+	return now < find_time_limit(c);
 }
 
 bool db_connection_has_turn(const struct db_connection *c, db_time now)
@@ -557,7 +558,7 @@ bool db_connection_has_turn(const struct db_connection *c, db_time now)
 
 db_time db_connection_deadline(const struct db_connection *c)
 {
-	db_time limit = time_limit(c);
+	db_time limit = find_time_limit(c);
 
 	return is_held_back(c) && c->turn < limit ? c->turn : limit;
 }

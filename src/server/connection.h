@@ -20,7 +20,7 @@
 struct db_connection;
 
 /* What all connections of a server share. */
-struct db_connection_group {
+struct db_connection_shared {
 	const struct db_modbus_config *config; /* may be another one between two calls */
 	struct db_executor executor;
 	struct db_server_stats stats;
@@ -31,13 +31,13 @@ struct db_connection_group {
 	uint8_t batch[DB_BATCH_SIZE];
 };
 
-/* Counts that something was refused to an address, and has it told. */
-void db_group_refused(struct db_connection_group *group, struct db_peer *peer, enum db_refusal kind,
-                      db_time now);
+/* Counts that something was refused to an address, and has it logged. */
+void db_connection_count_refusal(struct db_connection_shared *shared, struct db_peer *peer,
+                                 enum db_refusal kind, db_time now);
 
 /* Takes over the descriptor (also on failure) and waits for input. Counts among its peer's until it
  * is freed. Null when out of memory. */
-struct db_connection *db_connection_new(struct db_connection_group *group, int fd,
+struct db_connection *db_connection_new(struct db_connection_shared *shared, int fd,
                                         const struct db_client *client, struct db_peer *peer,
                                         db_time now);
 
@@ -51,14 +51,14 @@ void db_connection_describe(const struct db_connection *connection,
 /* What is remembered of its address is elsewhere now, and counts it there already. */
 void db_connection_rehome(struct db_connection *connection, struct db_peer *peer);
 
-/* The group's configuration is another one now: what its client may do. It goes on with
+/* The shared configuration is another one now: what its client may do. It goes on with
  * db_connection_advance(). */
 void db_connection_adapt(struct db_connection *connection, bool may_write);
 
 /* A request that waits for its turn need not wait any longer. */
 void db_connection_take_turn(struct db_connection *connection, db_time now);
 
-/* Counts that something was refused to its client, and has it told. */
+/* Counts that something was refused to its client, and has it logged. */
 void db_connection_refused(struct db_connection *connection, enum db_refusal kind, db_time now);
 
 /* The next three return false when the connection is over and to be freed. */

@@ -67,7 +67,7 @@ static size_t answer_server_id(const struct db_executor *executor,
 	char text[MODBUS_MAX_PDU_LENGTH];
 	bool running = false;
 	size_t length = executor->backend->server_id(executor->context, request->unit, text,
-	                                             sizeof(text), &running);
+	                                             sizeof text, &running);
 
 	return db_pdu_server_id(request, text, length, running, adu);
 }

@@ -22,7 +22,7 @@
 static void set_option(int fd, int level, int name, int value)
 {
 	/* All of these are improvements only; the service works without them. */
-	(void)setsockopt(fd, level, name, &value, sizeof(value));
+	(void)setsockopt(fd, level, name, &value, sizeof value);
 }
 
 /* Splits "host:port" or "[host]:port" and reads both as numbers. */
@@ -49,7 +49,7 @@ static int resolve(const char *text, struct addrinfo **found)
 		/* An IPv6 address without brackets: its last group would pass for the port. */
 		return -EINVAL;
 	}
-	if (length >= sizeof(host) || strspn(colon + 1, "0123456789") != strlen(colon + 1) ||
+	if (length >= sizeof host || strspn(colon + 1, "0123456789") != strlen(colon + 1) ||
 	    strlen(colon + 1) > 5)
 		return -EINVAL;
 	memcpy(host, start, length);
@@ -124,7 +124,7 @@ uint16_t db_listener_port(int fd)
 		struct sockaddr_in v4;
 		struct sockaddr_in6 v6;
 	} address = { .any = { .sa_family = AF_UNSPEC } };
-	socklen_t length = sizeof(address);
+	socklen_t length = sizeof address;
 
 	if (getsockname(fd, &address.any, &length) < 0)
 		return 0;

@@ -1,7 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * The listening socket.
- */
+/* The listening socket, and accepted ones as they begin. Network thread only. */
 #ifndef DRIVEBRIDGE_SERVER_LISTENER_H
 #define DRIVEBRIDGE_SERVER_LISTENER_H
 

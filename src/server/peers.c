@@ -7,26 +7,26 @@
 #define SILENT_MIN_S 60
 #define SILENT_MAX_S 3600
 
-#define LINES_PERIOD (60 * DB_NS_PER_S)
+#define MESSAGES_PERIOD (60 * DB_NS_PER_S)
 
 struct db_peers {
-	db_peers_tell_fn *tell;
+	db_peers_log_fn *log;
 	void *context;
 	db_time deadline;
-	db_time period; /* when the period began in which `lines` were told */
-	unsigned lines;
+	db_time period; /* when the period began in which `messages` were logged */
+	unsigned messages;
 	size_t count;
 	struct db_peer peers[];
 };
 
-struct db_peers *db_peers_new(size_t connections, db_peers_tell_fn *tell, void *context)
+struct db_peers *db_peers_new(size_t connections, db_peers_log_fn *log, void *context)
 {
 	size_t count = connections + DB_PEERS_SPARE;
-	struct db_peers *peers = calloc(1, sizeof(*peers) + count * sizeof(peers->peers[0]));
+	struct db_peers *peers = calloc(1, sizeof *peers + count * sizeof peers->peers[0]);
 
 	if (!peers)
 		return NULL;
-	peers->tell = tell;
+	peers->log = log;
 	peers->context = context;
 	peers->deadline = DB_TIME_NEVER;
 	peers->count = count;
@@ -57,7 +57,7 @@ void db_peers_copy(struct db_peers *peers, const struct db_peers *from)
 	copy_some(peers, from, false, &used);
 	peers->deadline = from->deadline;
 	peers->period = from->period;
-	peers->lines = from->lines;
+	peers->messages = from->messages;
 }
 
 void db_peers_reset_rates(struct db_peers *peers)
@@ -74,7 +74,7 @@ struct db_peer *db_peers_find(struct db_peers *peers, const uint8_t address[16],
 	for (size_t i = 0; i < peers->count; i++) {
 		struct db_peer *peer = &peers->peers[i];
 
-		if (peer->seen != 0 && memcmp(peer->address, address, sizeof(peer->address)) == 0) {
+		if (peer->seen != 0 && memcmp(peer->address, address, sizeof peer->address) == 0) {
 			peer->seen = now;
 			return peer;
 		}
@@ -83,42 +83,39 @@ struct db_peer *db_peers_find(struct db_peers *peers, const uint8_t address[16],
 			oldest = peer;
 	}
 	*oldest = (struct db_peer){ .seen = now };
-	memcpy(oldest->address, address, sizeof(oldest->address));
+	memcpy(oldest->address, address, sizeof oldest->address);
 	return oldest;
 }
 
-/* --- telling ------------------------------------------------------------------------------------ */
+/* --- logging ------------------------------------------------------------------------------------ */
 
-static db_time due_at(const struct db_peer_refusals *refusals)
+/* False when enough was logged for now. */
+static bool take_message(struct db_peers *peers, db_time now)
 {
-	return refusals->told_at == 0 ? 0 : refusals->told_at + refusals->silent_s * DB_NS_PER_S;
-}
-
-/* False when enough was told for now. */
-static bool has_line(struct db_peers *peers, db_time now)
-{
-	if (peers->lines == 0 || now >= peers->period + LINES_PERIOD) {
+	if (peers->messages == 0 || now >= peers->period + MESSAGES_PERIOD) {
 		peers->period = now;
-		peers->lines = 0;
+		peers->messages = 0;
 	}
-	if (peers->lines == DB_PEERS_LINES)
+	if (peers->messages == DB_PEERS_MESSAGES)
 		return false;
-	peers->lines++;
+	peers->messages++;
 	return true;
 }
 
-/* Tells it if it is time; else sees to it that it will be told. */
-static void consider(struct db_peers *peers, struct db_peer *peer, enum db_refusal kind,
-                     db_time now)
+/* Logs it if it is time; else sees to it that it will be logged. */
+static void log_or_defer(struct db_peers *peers, struct db_peer *peer, enum db_refusal kind,
+                         db_time now)
 {
 	struct db_peer_refusals *refusals = &peer->refusals[kind];
-	db_time due = due_at(refusals);
+	db_time due = 0;
 
-	if (due <= now && has_line(peers, now)) {
-		peers->tell(peers->context, peer->address, kind, refusals->untold,
-		            refusals->told_at == 0);
-		refusals->told_at = now;
-		refusals->untold = 0;
+	if (refusals->logged_at != 0)
+		due = refusals->logged_at + refusals->silent_s * DB_NS_PER_S;
+	if (due <= now && take_message(peers, now)) {
+		peers->log(peers->context, peer->address, kind, refusals->unlogged,
+		           refusals->logged_at == 0);
+		refusals->logged_at = now;
+		refusals->unlogged = 0;
 		refusals->silent_s = refusals->silent_s == 0 ? SILENT_MIN_S :
 		                                               2 * refusals->silent_s;
 		if (refusals->silent_s > SILENT_MAX_S)
@@ -126,7 +123,7 @@ static void consider(struct db_peers *peers, struct db_peer *peer, enum db_refus
 		return;
 	}
 	if (due <= now)
-		due = peers->period + LINES_PERIOD;
+		due = peers->period + MESSAGES_PERIOD;
 	if (due < peers->deadline)
 		peers->deadline = due;
 }
@@ -135,8 +132,8 @@ void db_peers_refused(struct db_peers *peers, struct db_peer *peer, enum db_refu
                       db_time now)
 {
 	peer->seen = now;
-	peer->refusals[kind].untold++;
-	consider(peers, peer, kind, now);
+	peer->refusals[kind].unlogged++;
+	log_or_defer(peers, peer, kind, now);
 }
 
 db_time db_peers_deadline(const struct db_peers *peers)
@@ -144,15 +141,15 @@ db_time db_peers_deadline(const struct db_peers *peers)
 	return peers->deadline;
 }
 
-void db_peers_tell(struct db_peers *peers, db_time now)
+void db_peers_log(struct db_peers *peers, db_time now)
 {
 	if (now < peers->deadline)
 		return;
 	peers->deadline = DB_TIME_NEVER;
 	for (size_t i = 0; i < peers->count; i++) {
 		for (unsigned kind = 0; kind < DB_REFUSAL_COUNT; kind++) {
-			if (peers->peers[i].refusals[kind].untold > 0)
-				consider(peers, &peers->peers[i], (enum db_refusal)kind, now);
+			if (peers->peers[i].refusals[kind].unlogged > 0)
+				log_or_defer(peers, &peers->peers[i], (enum db_refusal)kind, now);
 		}
 	}
 }

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What the server remembers of each address: its connections, how fast it may ask, and what was
- * refused to it, so that people are told of that once and not with every request.
+ * refused to it, so that it is logged once and not with every request.
  *
- * The first refusal of a kind is told at once, those that follow by their count: after a minute,
+ * The first refusal of a kind is logged at once, those that follow by their count: after a minute,
  * then after twice as long each time, up to an hour. However many addresses knock, no more than
- * DB_PEERS_LINES a minute are told; the counters of the server miss nothing.
+ * DB_PEERS_MESSAGES a minute are logged; the counters of the server miss nothing.
  *
  * Pure: no clock, no I/O, no allocation after db_peers_new(). Network thread only.
  */
@@ -15,15 +15,15 @@
 #include "drivebridge/server.h"
 #include "server/rate.h"
 
-#define DB_PEERS_LINES 30
+#define DB_PEERS_MESSAGES 30
 
 /* Addresses without a connection that are remembered, at least. */
 #define DB_PEERS_SPARE 64
 
 struct db_peer_refusals {
-	db_time told_at;   /* 0: never */
-	uint32_t untold;   /* since then */
-	uint32_t silent_s; /* not told again before this time is over */
+	db_time logged_at; /* 0: never */
+	uint32_t unlogged; /* since then */
+	uint32_t silent_s; /* not logged again before this time is over */
 };
 
 struct db_peer {
@@ -34,14 +34,14 @@ struct db_peer {
 	struct db_peer_refusals refusals[DB_REFUSAL_COUNT];
 };
 
-/* To be told: `count` refusals of a kind since the last time; first: there was none before. */
-typedef void db_peers_tell_fn(void *context, const uint8_t address[16], enum db_refusal kind,
-                              uint32_t count, bool first);
+/* To be logged: `count` refusals of a kind since the last time; first: there was none before. */
+typedef void db_peers_log_fn(void *context, const uint8_t address[16], enum db_refusal kind,
+                             uint32_t count, bool first);
 
 struct db_peers;
 
 /* `connections`: how many there may be at most. Null when out of memory. */
-struct db_peers *db_peers_new(size_t connections, db_peers_tell_fn *tell, void *context);
+struct db_peers *db_peers_new(size_t connections, db_peers_log_fn *log, void *context);
 void db_peers_free(struct db_peers *peers);
 
 /* Copies what another one knows, as far as there is room: those with connections first, for which there
@@ -58,8 +58,8 @@ struct db_peer *db_peers_find(struct db_peers *peers, const uint8_t address[16],
 void db_peers_refused(struct db_peers *peers, struct db_peer *peer, enum db_refusal kind,
                       db_time now);
 
-/* When db_peers_tell() is due; DB_TIME_NEVER while there is nothing to tell. */
+/* When db_peers_log() is due; DB_TIME_NEVER while there is nothing to log. */
 db_time db_peers_deadline(const struct db_peers *peers);
-void db_peers_tell(struct db_peers *peers, db_time now);
+void db_peers_log(struct db_peers *peers, db_time now);
 
 #endif

@@ -28,7 +28,7 @@
 #define TIMER_ACCURACY_US 5000
 
 struct db_server {
-	struct db_connection_group group;
+	struct db_connection_shared shared;
 	sd_event *loop;
 	struct db_log_source log;
 	sd_event_source *io, *timer;
@@ -55,7 +55,7 @@ static db_time loop_time(const struct db_server *server)
 
 /* Time limits. One timer; it may fire early, never late, so requests need not move it. */
 
-static void arm(struct db_server *server, db_time deadline)
+static void arm_timer(struct db_server *server, db_time deadline)
 {
 	if (deadline >= server->armed)
 		return;
@@ -69,17 +69,17 @@ static void set_accepting(struct db_server *server, bool accepting)
 {
 	struct epoll_event event = { .events = accepting ? EPOLLIN : 0 };
 
-	(void)epoll_ctl(server->group.epoll, EPOLL_CTL_MOD, server->listener, &event);
+	(void)epoll_ctl(server->shared.epoll, EPOLL_CTL_MOD, server->listener, &event);
 	server->accept_again = accepting ? DB_TIME_NEVER : loop_time(server) + ACCEPT_PAUSE;
-	arm(server, server->accept_again);
+	arm_timer(server, server->accept_again);
 }
 
 /* Connections. */
 
-static void announce(const struct db_server *server, const struct db_connection *connection,
-                     bool connected)
+static void announce_client(const struct db_server *server, const struct db_connection *connection,
+                            bool connected)
 {
-	const struct db_executor *executor = &server->group.executor;
+	const struct db_executor *executor = &server->shared.executor;
 	const struct db_client *client = db_connection_client(connection);
 	char text[DB_CLIENT_ADDRESS_MAX];
 	struct db_log_about about = { .client = text };
@@ -93,34 +93,34 @@ static void announce(const struct db_server *server, const struct db_connection 
 		executor->backend->client(executor->context, client, connected);
 }
 
-static void drop(struct db_server *server, size_t index)
+static void drop_connection(struct db_server *server, size_t index)
 {
 	struct db_connection **place = &server->connections[index];
 	struct db_connection *connection = *place;
 
 	server->count--;
-	memmove(place, place + 1, (server->count - index) * sizeof(*place));
+	memmove(place, place + 1, (server->count - index) * sizeof *place);
 	server->readers -= !db_connection_client(connection)->may_write;
-	server->group.stats.clients = (uint32_t)server->count;
-	announce(server, connection, false);
+	server->shared.stats.clients = (uint32_t)server->count;
+	announce_client(server, connection, false);
 	db_connection_free(connection);
 }
 
 /* After a connection was served: it is over, or its next deadline counts. */
-static void conclude(struct db_server *server, struct db_connection *connection, bool alive)
+static void keep_or_drop(struct db_server *server, struct db_connection *connection, bool alive)
 {
 	size_t index = 0;
 
 	if (alive) {
-		arm(server, db_connection_deadline(connection));
+		arm_timer(server, db_connection_deadline(connection));
 		return;
 	}
 	while (server->connections[index] != connection)
 		index++;
-	drop(server, index);
+	drop_connection(server, index);
 }
 
-static struct db_connection *find(const struct db_server *server, uint32_t id)
+static struct db_connection *find_connection(const struct db_server *server, uint32_t id)
 {
 	for (size_t i = 0; i < server->count; i++)
 		if (db_connection_client(server->connections[i])->id == id)
@@ -132,7 +132,7 @@ static struct db_connection *find(const struct db_server *server, uint32_t id)
  * A backend may answer one write from inside a call for another request (a stop cancels a move).
  * Such answers are only noted, since the batch is in use, and go out here.
  */
-static void leave(struct db_server *server)
+static void send_late_answers(struct db_server *server)
 {
 	struct db_connection *connection;
 
@@ -140,28 +140,20 @@ static void leave(struct db_server *server)
 		server->late_answers = false;
 		for (size_t i = server->count; i-- > 0;) {
 			connection = server->connections[i];
-			conclude(server, connection,
-			         db_connection_advance(connection, loop_time(server)));
+			keep_or_drop(server, connection,
+			             db_connection_advance(connection, loop_time(server)));
 		}
 	}
-	arm(server, db_peers_deadline(server->group.peers));
+	arm_timer(server, db_peers_deadline(server->shared.peers));
 	server->busy = false;
 }
 
-/* Every new descriptor is the lowest free one: how many are left above it tells how many there are. */
-static bool is_kept(const struct db_server *server, int fd)
-{
-	struct rlimit limit;
-
-	return server->kept > 0 && getrlimit(RLIMIT_NOFILE, &limit) == 0 &&
-	       (rlim_t)fd + server->kept >= limit.rlim_cur;
-}
-
 /* What keeps a client out: DB_REFUSAL_COUNT when nothing does. */
-static enum db_refusal refusal_of(const struct db_server *server, enum db_access access,
-                                  const struct db_peer *peer, int fd)
+static enum db_refusal find_refusal(const struct db_server *server, enum db_access access,
+                                    const struct db_peer *peer, int fd)
 {
-	const struct db_modbus_config *config = server->group.config;
+	const struct db_modbus_config *config = server->shared.config;
+	struct rlimit limit;
 
 	if (access == DB_ACCESS_NONE)
 		return DB_REFUSED_ADDRESS;
@@ -173,27 +165,26 @@ static enum db_refusal refusal_of(const struct db_server *server, enum db_access
 	if (access == DB_ACCESS_READ &&
 	    server->readers + config->reserved_writers >= config->max_clients)
 		return DB_REFUSED_RESERVED;
-	if (is_kept(server, fd))
+	/* Every new descriptor is the lowest free one: how many are left above it tells how many
+	 * there are. */
+	if (server->kept > 0 && getrlimit(RLIMIT_NOFILE, &limit) == 0 &&
+	    (rlim_t)fd + server->kept >= limit.rlim_cur)
 		return DB_REFUSED_DESCRIPTORS;
 	return DB_REFUSAL_COUNT;
 }
 
-static uint32_t unused_id(struct db_server *server)
+static void admit_client(struct db_server *server, int fd, struct db_client *client,
+                         struct db_peer *peer)
 {
-	do
-		server->last_id = db_client_number_after(server->last_id);
-	while (find(server, server->last_id));
-	return server->last_id;
-}
-
-static void admit(struct db_server *server, int fd, struct db_client *client, struct db_peer *peer)
-{
-	struct db_server_stats *stats = &server->group.stats;
+	struct db_server_stats *stats = &server->shared.stats;
 	struct db_connection *connection;
 
-	db_listener_tune(fd, server->group.config->keepalive_s);
-	client->id = unused_id(server);
-	connection = db_connection_new(&server->group, fd, client, peer, loop_time(server));
+	db_listener_tune(fd, server->shared.config->keepalive_s);
+	do
+		server->last_id = db_client_number_after(server->last_id);
+	while (find_connection(server, server->last_id));
+	client->id = server->last_id;
+	connection = db_connection_new(&server->shared, fd, client, peer, loop_time(server));
 	if (!connection)
 		return;
 	server->connections[server->count++] = connection;
@@ -202,8 +193,8 @@ static void admit(struct db_server *server, int fd, struct db_client *client, st
 	stats->clients = (uint32_t)server->count;
 	if (stats->clients > stats->clients_peak)
 		stats->clients_peak = stats->clients;
-	announce(server, connection, true);
-	arm(server, db_connection_deadline(connection));
+	announce_client(server, connection, true);
+	arm_timer(server, db_connection_deadline(connection));
 }
 
 static void add_client(struct db_server *server, int fd, const struct sockaddr_storage *address)
@@ -215,16 +206,16 @@ static void add_client(struct db_server *server, int fd, const struct sockaddr_s
 	struct db_peer *peer;
 
 	if (db_acl_peer(address, client.address, &client.port))
-		access = db_acl_access(server->group.config, client.address);
+		access = db_acl_access(server->shared.config, client.address);
 	client.may_write = access == DB_ACCESS_WRITE;
-	peer = db_peers_find(server->group.peers, client.address, now);
-	refusal = refusal_of(server, access, peer, fd);
+	peer = db_peers_find(server->shared.peers, client.address, now);
+	refusal = find_refusal(server, access, peer, fd);
 	if (refusal == DB_REFUSAL_COUNT) {
-		admit(server, fd, &client, peer);
+		admit_client(server, fd, &client, peer);
 		return;
 	}
 	close(fd);
-	db_group_refused(&server->group, peer, refusal, now);
+	db_connection_count_refusal(&server->shared, peer, refusal, now);
 }
 
 static void accept_clients(struct db_server *server, int most)
@@ -234,7 +225,7 @@ static void accept_clients(struct db_server *server, int most)
 	int fd;
 
 	for (int i = 0; i < most; i++) {
-		length = sizeof(peer);
+		length = sizeof peer;
 		fd = accept4(server->listener, (struct sockaddr *)&peer, &length,
 		             SOCK_NONBLOCK | SOCK_CLOEXEC);
 		if (fd >= 0) {
@@ -252,22 +243,23 @@ static void accept_clients(struct db_server *server, int most)
 }
 
 /* Returns how many sockets were ready. */
-static int serve(struct db_server *server)
+static int serve_ready(struct db_server *server)
 {
 	struct epoll_event events[EVENTS_AT_ONCE];
 	db_time now = loop_time(server);
-	int count = epoll_wait(server->group.epoll, events, EVENTS_AT_ONCE, 0);
+	int count = epoll_wait(server->shared.epoll, events, EVENTS_AT_ONCE, 0);
 
 	server->busy = true;
 	/* A connection appears once per round and only ever ends itself: no event outlives it. */
 	for (int i = 0; i < count; i++) {
 		if (events[i].data.ptr)
-			conclude(server, events[i].data.ptr,
-			         db_connection_ready(events[i].data.ptr, events[i].events, now));
+			keep_or_drop(
+				server, events[i].data.ptr,
+				db_connection_ready(events[i].data.ptr, events[i].events, now));
 		else
 			accept_clients(server, ACCEPTS_AT_ONCE);
 	}
-	leave(server);
+	send_late_answers(server);
 	return count;
 }
 
@@ -276,7 +268,7 @@ static int on_ready(sd_event_source *source, int fd, uint32_t revents, void *use
 	(void)source;
 	(void)fd;
 	(void)revents;
-	(void)serve(userdata);
+	(void)serve_ready(userdata);
 	return 0;
 }
 
@@ -284,7 +276,7 @@ void db_server_catch_up(struct db_server *server)
 {
 	/* The kernel hands out ready sockets in turn: so often, and each had one. */
 	for (size_t served = 0; served <= server->count; served += EVENTS_AT_ONCE) {
-		if (serve(server) < EVENTS_AT_ONCE)
+		if (serve_ready(server) < EVENTS_AT_ONCE)
 			return;
 	}
 }
@@ -302,27 +294,27 @@ static int on_timer(sd_event_source *source, uint64_t usec, void *userdata)
 		struct db_connection *connection = server->connections[i];
 
 		if (!db_connection_in_time(connection, now)) {
-			server->group.stats.timeouts++;
-			drop(server, i);
+			server->shared.stats.timeouts++;
+			drop_connection(server, i);
 			continue;
 		}
-		conclude(server, connection,
-		         !db_connection_has_turn(connection, now) ||
-		                 db_connection_advance(connection, now));
+		keep_or_drop(server, connection,
+		             !db_connection_has_turn(connection, now) ||
+		                     db_connection_advance(connection, now));
 	}
-	db_peers_tell(server->group.peers, now);
+	db_peers_log(server->shared.peers, now);
 	if (server->accept_again <= now)
 		set_accepting(server, true);
 	else
-		arm(server, server->accept_again);
-	leave(server);
+		arm_timer(server, server->accept_again);
+	send_late_answers(server);
 	return 0;
 }
 
 /* --- telling people what was refused ---------------------------------------------------------------- */
 
-static void tell_refusal(void *context, const uint8_t address[16], enum db_refusal kind,
-                         uint32_t count, bool first)
+static void log_refusal(void *context, const uint8_t address[16], enum db_refusal kind,
+                        uint32_t count, bool first)
 {
 	static const char *const what[DB_REFUSAL_COUNT] = {
 		[DB_REFUSED_ADDRESS] =
@@ -357,12 +349,12 @@ static int open_sockets(struct db_server *server)
 {
 	struct epoll_event event = { .events = EPOLLIN };
 
-	server->listener = db_listener_open(server->group.config->listen);
+	server->listener = db_listener_open(server->shared.config->listen);
 	if (server->listener < 0)
 		return server->listener;
-	server->group.epoll = epoll_create1(EPOLL_CLOEXEC);
-	if (server->group.epoll < 0 ||
-	    epoll_ctl(server->group.epoll, EPOLL_CTL_ADD, server->listener, &event) < 0)
+	server->shared.epoll = epoll_create1(EPOLL_CLOEXEC);
+	if (server->shared.epoll < 0 ||
+	    epoll_ctl(server->shared.epoll, EPOLL_CTL_ADD, server->listener, &event) < 0)
 		return -errno;
 	return 0;
 }
@@ -376,27 +368,27 @@ int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
 
 	if (config->max_clients == 0 || config->max_pipelined == 0)
 		return -EINVAL;
-	server = calloc(1, sizeof(*server));
+	server = calloc(1, sizeof *server);
 	if (!server)
 		return -ENOMEM;
 	server->room = config->max_clients;
-	server->connections = calloc(server->room, sizeof(server->connections[0]));
+	server->connections = calloc(server->room, sizeof server->connections[0]);
 	if (!server->connections) {
 		free(server);
 		return -ENOMEM;
 	}
-	server->group.config = config;
-	server->group.executor = (struct db_executor){ backend, context };
+	server->shared.config = config;
+	server->shared.executor = (struct db_executor){ backend, context };
 	server->loop = sd_event_ref(loop);
 	server->log = *log;
 	server->listener = -1;
-	server->group.epoll = -1;
+	server->shared.epoll = -1;
 	server->armed = DB_TIME_NEVER;
 	server->accept_again = DB_TIME_NEVER;
-	server->group.peers = db_peers_new(config->max_clients, tell_refusal, server);
-	error = server->group.peers ? open_sockets(server) : -ENOMEM;
+	server->shared.peers = db_peers_new(config->max_clients, log_refusal, server);
+	error = server->shared.peers ? open_sockets(server) : -ENOMEM;
 	if (error == 0)
-		error = sd_event_add_io(loop, &server->io, server->group.epoll, EPOLLIN, on_ready,
+		error = sd_event_add_io(loop, &server->io, server->shared.epoll, EPOLLIN, on_ready,
 		                        server);
 	if (error >= 0)
 		error = sd_event_add_time(loop, &server->timer, CLOCK_MONOTONIC, UINT64_MAX,
@@ -418,14 +410,14 @@ void db_server_free(struct db_server *server)
 	/* The backend may still answer while it learns that its clients go. */
 	server->busy = true;
 	while (server->count > 0)
-		drop(server, server->count - 1);
+		drop_connection(server, server->count - 1);
 	sd_event_source_disable_unref(server->timer);
 	sd_event_source_disable_unref(server->io);
 	if (server->listener >= 0)
 		close(server->listener);
-	if (server->group.epoll >= 0)
-		close(server->group.epoll);
-	db_peers_free(server->group.peers);
+	if (server->shared.epoll >= 0)
+		close(server->shared.epoll);
+	db_peers_free(server->shared.peers);
 	sd_event_unref(server->loop);
 	free(server->connections);
 	free(server);
@@ -445,38 +437,32 @@ static int prepare_listener(const struct db_server *server, struct db_server_cha
 {
 	struct epoll_event event = { .events = 0 };
 
-	if (strcmp(change->config->listen, server->group.config->listen) == 0)
+	if (strcmp(change->config->listen, server->shared.config->listen) == 0)
 		return 0;
 	change->listener = db_listener_open_beside(server->listener, change->config->listen);
 	if (change->listener < 0)
 		return change->listener;
-	if (epoll_ctl(server->group.epoll, EPOLL_CTL_ADD, change->listener, &event) < 0)
+	if (epoll_ctl(server->shared.epoll, EPOLL_CTL_ADD, change->listener, &event) < 0)
 		return -errno;
 	return 0;
-}
-
-static int prepare_room(struct db_server *server, struct db_server_change *change)
-{
-	size_t room = change->config->max_clients;
-
-	if (room <= server->room)
-		return 0;
-	change->connections = calloc(room, sizeof(change->connections[0]));
-	change->peers = db_peers_new(room, tell_refusal, server);
-	return change->connections && change->peers ? 0 : -ENOMEM;
 }
 
 int db_server_prepare(struct db_server *server, const struct db_modbus_config *config,
                       struct db_server_change **change)
 {
-	struct db_server_change *made = calloc(1, sizeof(*made));
-	int error;
+	struct db_server_change *made = calloc(1, sizeof *made);
+	int error = 0;
 
 	if (!made)
 		return -ENOMEM;
 	made->config = config;
 	made->listener = -1;
-	error = prepare_room(server, made);
+	if (config->max_clients > server->room) {
+		made->connections = calloc(config->max_clients, sizeof made->connections[0]);
+		made->peers = db_peers_new(config->max_clients, log_refusal, server);
+		if (!made->connections || !made->peers)
+			error = -ENOMEM;
+	}
 	if (error == 0)
 		error = prepare_listener(server, made);
 	if (error < 0) {
@@ -503,15 +489,15 @@ void db_server_change_free(struct db_server_change *change)
 static void take_room(struct db_server *server, struct db_server_change *change, db_time now)
 {
 	struct db_connection **connections = server->connections;
-	struct db_peers *peers = server->group.peers;
+	struct db_peers *peers = server->shared.peers;
 
 	if (!change->connections)
 		return;
-	memcpy(change->connections, connections, server->count * sizeof(connections[0]));
+	memcpy(change->connections, connections, server->count * sizeof connections[0]);
 	db_peers_copy(change->peers, peers);
 	server->connections = change->connections;
-	server->group.peers = change->peers;
-	server->room = server->group.config->max_clients;
+	server->shared.peers = change->peers;
+	server->room = server->shared.config->max_clients;
 	change->connections = connections;
 	change->peers = peers;
 	for (size_t i = 0; i < server->count; i++) {
@@ -519,44 +505,26 @@ static void take_room(struct db_server *server, struct db_server_change *change,
 		const struct db_client *client = db_connection_client(connection);
 
 		db_connection_rehome(connection,
-		                     db_peers_find(server->group.peers, client->address, now));
+		                     db_peers_find(server->shared.peers, client->address, now));
 	}
 }
 
-/* Who knocked at the old address in time is let in. */
-static void take_listener(struct db_server *server, struct db_server_change *change)
-{
-	int old = server->listener;
-
-	if (change->listener < 0)
-		return;
-	accept_clients(server, DB_LISTENER_BACKLOG + 1);
-	server->listener = change->listener;
-	change->listener = old;
-	set_accepting(server, true);
-}
-
-static void close_out(struct db_server *server, size_t index)
-{
-	char text[DB_CLIENT_ADDRESS_MAX];
-	struct db_log_about about = { .client = text };
-
-	db_client_address(db_connection_client(server->connections[index])->address, text);
-	db_log(&server->log, loop_time(server), DB_EVENT_CLIENT_REFUSED, &about,
-	       "connection closed: it is in neither allow-read nor allow-write any more");
-	drop(server, index);
-}
-
-static void adapt(struct db_server *server, size_t index)
+static void adapt_connection(struct db_server *server, size_t index)
 {
 	struct db_connection *connection = server->connections[index];
 	const struct db_client *client = db_connection_client(connection);
-	const struct db_executor *executor = &server->group.executor;
-	enum db_access access = db_acl_access(server->group.config, client->address);
+	const struct db_executor *executor = &server->shared.executor;
+	enum db_access access = db_acl_access(server->shared.config, client->address);
 	bool could_write = client->may_write;
 
 	if (access == DB_ACCESS_NONE) {
-		close_out(server, index);
+		char text[DB_CLIENT_ADDRESS_MAX];
+		struct db_log_about about = { .client = text };
+
+		db_client_address(client->address, text);
+		db_log(&server->log, loop_time(server), DB_EVENT_CLIENT_REFUSED, &about,
+		       "connection closed: it is in neither allow-read nor allow-write any more");
+		drop_connection(server, index);
 		return;
 	}
 	server->readers -= !could_write;
@@ -566,37 +534,41 @@ static void adapt(struct db_server *server, size_t index)
 		executor->backend->restricted(executor->context, client);
 }
 
-/* What an address has used up was of another share. */
-static void forget_pace(struct db_server *server, db_time now)
-{
-	db_peers_reset_rates(server->group.peers);
-	for (size_t i = 0; i < server->count; i++)
-		db_connection_take_turn(server->connections[i], now);
-}
-
 void db_server_apply(struct db_server *server, struct db_server_change *change)
 {
-	unsigned pace = server->group.config->max_requests_per_second;
+	unsigned pace = server->shared.config->max_requests_per_second;
 	db_time now = loop_time(server);
 
 	server->busy = true;
-	server->group.config = change->config;
+	server->shared.config = change->config;
 	server->log.level = change->config->log;
 	take_room(server, change, now);
 	for (size_t i = server->count; i-- > 0;)
-		adapt(server, i);
-	if (change->config->max_requests_per_second != pace)
-		forget_pace(server, now);
-	take_listener(server, change);
+		adapt_connection(server, i);
+	/* What an address has used up was of another share. */
+	if (change->config->max_requests_per_second != pace) {
+		db_peers_reset_rates(server->shared.peers);
+		for (size_t i = 0; i < server->count; i++)
+			db_connection_take_turn(server->connections[i], now);
+	}
+	if (change->listener >= 0) {
+		int old = server->listener;
+
+		/* Who knocked at the old address in time is let in. */
+		accept_clients(server, DB_LISTENER_BACKLOG + 1);
+		server->listener = change->listener;
+		change->listener = old;
+		set_accepting(server, true);
+	}
 	/* What waited for its turn goes on, and time limits may be nearer now. */
 	server->late_answers = true;
-	leave(server);
+	send_late_answers(server);
 	db_server_change_free(change);
 }
 
 void db_server_answer(struct db_server *server, struct db_write_token token, uint8_t exception)
 {
-	struct db_connection *connection = find(server, token.client);
+	struct db_connection *connection = find_connection(server, token.client);
 
 	if (!connection || !db_connection_answer(connection, token.sequence, exception))
 		return;
@@ -605,8 +577,8 @@ void db_server_answer(struct db_server *server, struct db_write_token token, uin
 		return;
 	}
 	server->busy = true;
-	conclude(server, connection, db_connection_advance(connection, loop_time(server)));
-	leave(server);
+	keep_or_drop(server, connection, db_connection_advance(connection, loop_time(server)));
+	send_late_answers(server);
 }
 
 void db_server_keep_descriptors(struct db_server *server, unsigned count)
@@ -626,7 +598,7 @@ uint16_t db_server_port(const struct db_server *server)
 
 void db_server_stats(const struct db_server *server, struct db_server_stats *stats)
 {
-	*stats = server->group.stats;
+	*stats = server->shared.stats;
 }
 
 size_t db_server_clients(const struct db_server *server, struct db_server_client *clients,
@@ -643,7 +615,7 @@ size_t db_server_clients(const struct db_server *server, struct db_server_client
 void db_server_refused(struct db_server *server, const struct db_client *client,
                        enum db_refusal kind)
 {
-	struct db_connection *connection = find(server, client->id);
+	struct db_connection *connection = find_connection(server, client->id);
 
 	if (connection)
 		db_connection_refused(connection, kind, loop_time(server));

@@ -69,7 +69,7 @@ static void log_tripped(void *context, const struct db_bus_config *bus,
 	char text[DB_CLIENT_ADDRESS_MAX];
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
 
-	if (last->id != 0) {
+	if (last->id != DB_CLIENT_NOBODY) {
 		db_client_address(last->address, text);
 		about.client = text;
 	}

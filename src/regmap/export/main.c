@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* regmap-export: writes the generated documents to standard output. */
 #include "regmap/export.h"
+#include "regmap/export_st.h"
 
 #include <errno.h>
 #include <stdlib.h>

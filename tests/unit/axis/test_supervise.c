@@ -66,7 +66,7 @@ static enum db_limit jog(struct db_supervise *supervise, const struct db_supervi
 		advance(axis);
 		if (axis->now % (5 * MS) != 0)
 			continue;
-		limit = db_supervise_look(supervise, config, &axis->feedback, axis->now);
+		limit = db_supervise_check(supervise, config, &axis->feedback, axis->now);
 		if (limit == DB_LIMIT_NONE)
 			continue;
 		assert_int_equal(found, DB_LIMIT_NONE); /* said once */
@@ -135,7 +135,7 @@ static void the_way_back_is_free(void **state)
 	db_supervise_begin(&supervise, axis.now);
 	for (unsigned i = 0; i < 30000; i++) {
 		advance(&axis);
-		assert_int_equal(db_supervise_look(&supervise, &none, &axis.feedback, axis.now),
+		assert_int_equal(db_supervise_check(&supervise, &none, &axis.feedback, axis.now),
 		                 DB_LIMIT_NONE);
 	}
 	assert_true(axis.position > 2000.0);

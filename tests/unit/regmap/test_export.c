@@ -2,6 +2,7 @@
 #include "drivebridge/axis.h"
 #include "drivebridge/result.h"
 #include "regmap/export.h"
+#include "regmap/export_st.h"
 
 #include <errno.h>
 #include <setjmp.h>

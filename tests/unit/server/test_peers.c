@@ -78,9 +78,9 @@ static void the_rest_is_told_by_its_count(void **state)
 	refuse(peers, 7, DB_REFUSED_ADDRESS, START + 2 * S);
 	assert_int_equal(told.lines, 1);
 	assert_true(db_peers_deadline(peers) == START + 60 * S);
-	db_peers_tell(peers, START + 60 * S - 1);
+	db_peers_log(peers, START + 60 * S - 1);
 	assert_int_equal(told.lines, 1);
-	db_peers_tell(peers, START + 60 * S);
+	db_peers_log(peers, START + 60 * S);
 	assert_int_equal(told.lines, 2);
 	assert_int_equal(told.last, 7);
 	assert_int_equal(told.kind, DB_REFUSED_ADDRESS);
@@ -88,7 +88,7 @@ static void the_rest_is_told_by_its_count(void **state)
 	assert_false(told.first);
 	/* Nothing happened since: nothing to tell. */
 	assert_true(db_peers_deadline(peers) == DB_TIME_NEVER);
-	db_peers_tell(peers, START + 600 * S);
+	db_peers_log(peers, START + 600 * S);
 	assert_int_equal(told.lines, 2);
 	db_peers_free(peers);
 }
@@ -101,7 +101,7 @@ static void patience_grows(void **state)
 
 	PEERS();
 	for (db_time now = START; now < START + 86400 * S; now += S) {
-		db_peers_tell(peers, now);
+		db_peers_log(peers, now);
 		refuse(peers, 7, DB_REFUSED_FULL, now);
 		if (told.lines > lines)
 			sum += told.count;
@@ -117,11 +117,11 @@ static void many_addresses_do_not_flood_the_log(void **state)
 	PEERS();
 	for (uint32_t i = 0; i < 5000; i++)
 		refuse(peers, i, DB_REFUSED_ADDRESS, START + i * (S / 1000));
-	assert_int_equal(told.lines, DB_PEERS_LINES);
+	assert_int_equal(told.lines, DB_PEERS_MESSAGES);
 	/* Those that are still remembered come when there is room again. */
 	assert_true(db_peers_deadline(peers) == START + 60 * S);
-	db_peers_tell(peers, START + 60 * S);
-	assert_int_equal(told.lines, 2 * DB_PEERS_LINES);
+	db_peers_log(peers, START + 60 * S);
+	assert_int_equal(told.lines, 2 * DB_PEERS_MESSAGES);
 	assert_true(told.first);
 	db_peers_free(peers);
 }
@@ -142,11 +142,11 @@ static void connected_peers_stay(void **state)
 		assert_int_equal(db_peers_find(peers, address(i), START)->connections, i + 1);
 	/* The newest strangers are remembered, too. */
 	peer = db_peers_find(peers, address(1000 + 10 * DB_PEERS_SPARE - 1), START + 2000);
-	peer->refusals[0].untold = 9;
+	peer->refusals[0].unlogged = 9;
 	db_peers_find(peers, address(1), START + 3000);
 	assert_int_equal(db_peers_find(peers, address(1000 + 10 * DB_PEERS_SPARE - 1), START + 4000)
 	                         ->refusals[0]
-	                         .untold,
+	                         .unlogged,
 	                 9);
 	db_peers_free(peers);
 }
