@@ -3,7 +3,10 @@
 #include "regmap/export.h"
 #include "regmap/export_st.h"
 
+#include <dirent.h>
 #include <errno.h>
+#include <limits.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -18,22 +21,97 @@ static const struct {
 
 #define DOCUMENTS (sizeof documents / sizeof documents[0])
 
-/* The text of the function blocks is kept beside this file, in drivebridge.st.in. */
-static int write_st(const char *path)
+/* The library's text in its order: a file of the folder drivebridge.st.in for each block, and what all of them
+ * use before them. */
+static const char *const blocks[] = {
+	"head",
+	"types",
+	"values",
+	"DB_ModbusClient",
+	"DB_Share",
+	"DB_Exchange",
+	"DB_Axis",
+	"DB_Command",
+	"DB_Motion",
+	"DB_Counts",
+	"MC_Power",
+	"MC_Stop",
+	"MC_Halt",
+	"MC_MoveAbsolute",
+	"MC_MoveRelative",
+	"MC_MoveVelocity",
+	"MC_Home",
+	"MC_SetPosition",
+	"MC_Reset",
+	"MC_ReadStatus",
+	"MC_ReadParameter",
+	"MC_WriteParameter",
+};
+
+#define BLOCKS (sizeof blocks / sizeof blocks[0])
+
+static int fail(const char *path, int error)
 {
-	FILE *blocks = fopen(path, "r");
+	fprintf(stderr, "regmap-export: %s: %s\n", path, strerror(error));
+	return EXIT_FAILURE;
+}
+
+static int is_block(const struct dirent *entry)
+{
+	const char *dot = strrchr(entry->d_name, '.');
+
+	return dot && strcmp(dot, ".st") == 0;
+}
+
+/* A file that is not in the list would be left out without a word. */
+static bool is_complete(const char *folder)
+{
+	struct dirent **entries = NULL;
+	int found = scandir(folder, &entries, is_block, NULL);
+
+	for (int i = 0; i < found; i++)
+		free(entries[i]);
+	free(entries);
+	return found == (int)BLOCKS;
+}
+
+/* One behind the other, with an empty line between. */
+static int write_st(const char *folder)
+{
+	FILE *all = tmpfile();
 	int error;
 
-	if (!blocks) {
-		perror(path);
+	if (!all)
+		return fail("a temporary file", errno);
+	if (!is_complete(folder)) {
+		fprintf(stderr, "regmap-export: %s: not just the %zu blocks of the list\n", folder,
+		        BLOCKS);
+		fclose(all);
 		return EXIT_FAILURE;
 	}
-	error = db_export_st(stdout, blocks);
-	fclose(blocks);
-	if (error != 0 || fflush(stdout) != 0) {
-		fprintf(stderr, "regmap-export: %s: %s\n", path, strerror(error ? -error : errno));
-		return EXIT_FAILURE;
+	for (size_t i = 0; i < BLOCKS; i++) {
+		char path[PATH_MAX];
+		FILE *block;
+		int byte;
+
+		snprintf(path, sizeof path, "%s/%s.st", folder, blocks[i]);
+		block = fopen(path, "r");
+		if (!block) {
+			error = errno;
+			fclose(all);
+			return fail(path, error);
+		}
+		if (i > 0)
+			putc('\n', all);
+		while ((byte = getc(block)) != EOF)
+			putc(byte, all);
+		fclose(block);
 	}
+	rewind(all);
+	error = db_export_st(stdout, all);
+	fclose(all);
+	if (error != 0 || fflush(stdout) != 0)
+		return fail(folder, error ? -error : errno);
 	return EXIT_SUCCESS;
 }
 
@@ -50,6 +128,6 @@ int main(int argc, char **argv)
 		}
 		return EXIT_SUCCESS;
 	}
-	fprintf(stderr, "usage: regmap-export csv|md|commands|st TEMPLATE\n");
+	fprintf(stderr, "usage: regmap-export csv|md|commands|st FOLDER\n");
 	return 2;
 }
