@@ -129,7 +129,7 @@ static void tell_drive(void *context, const struct db_drive_config *drive, enum 
 {
 	const struct db_bus *bus = context;
 
-	bus_log_event(&bus->log, drive, event, feedback, now_ns());
+	bus_log_event(&bus->log, bus->config->driver, drive, event, feedback, now_ns());
 }
 
 static void tell_missing(void *context, const struct db_drive_config *drive, uint64_t params)

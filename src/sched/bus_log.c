@@ -23,12 +23,11 @@ static const char *const drive_advice[] = {
 	[DB_ERROR_INTERRUPTED] = "its emergency stop ended its program; check why",
 };
 
-static const char *advice_for_drive(uint16_t error)
+static const char *advice_for_drive(const struct db_driver *driver, uint16_t error)
 {
-	const struct db_drive_fault *fault = db_driver_fault(error);
-
-	if (fault)
-		return fault->check;
+	if (error >= DB_ERROR_DRIVE_FAULT &&
+	    (size_t)(error - DB_ERROR_DRIVE_FAULT) < driver->fault_count)
+		return driver->faults[error - DB_ERROR_DRIVE_FAULT].check;
 	return error < COUNT_OF(drive_advice) && drive_advice[error] ? drive_advice[error] :
 	                                                               "see the drive's manual";
 }
@@ -110,8 +109,9 @@ static void log_found(const struct db_log_source *log, const struct db_drive_con
 		       db_error_name(feedback->error));
 }
 
-void bus_log_event(const struct db_log_source *log, const struct db_drive_config *drive,
-                   enum db_event event, const struct db_feedback *feedback, db_time now)
+void bus_log_event(const struct db_log_source *log, const struct db_driver *driver,
+                   const struct db_drive_config *drive, enum db_event event,
+                   const struct db_feedback *feedback, db_time now)
 {
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
 
@@ -138,7 +138,7 @@ void bus_log_event(const struct db_log_source *log, const struct db_drive_config
 		db_log(log, now, event, &about,
 		       "reports the fault %s (status %08X, fault bits %04X); %s, then clear_fault",
 		       db_error_name(feedback->error), (unsigned)feedback->drive_status,
-		       (unsigned)feedback->fault_bits, advice_for_drive(feedback->error));
+		       (unsigned)feedback->fault_bits, advice_for_drive(driver, feedback->error));
 		break;
 	case DB_EVENT_DRIVE_FAULT_GONE:
 		db_log(log, now, event, &about, "has no fault any more");

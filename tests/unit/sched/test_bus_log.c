@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What people read of a bus and its drives: that every event has its words, and each cause its advice. */
+#include "driver/list.h"
 #include "log/log.h"
 #include "sched/bus_log.h"
 
@@ -42,7 +43,7 @@ static void tell_event(struct reader *reader, enum db_event event,
 
 	memset(reader, 0, sizeof *reader);
 	assert_int_equal(db_log_new_to(take, reader, &source.log), 0);
-	bus_log_event(&source, &drive, event, feedback, 1);
+	bus_log_event(&source, &db_driver_servo_can, &drive, event, feedback, 1);
 	db_log_free(source.log);
 }
 
