@@ -20,11 +20,17 @@ struct sim_log_entry {
 	char line[SIM_LOG_LENGTH]; /* printable */
 };
 
+struct sim_family;
+struct sim_vsmd_can_node;
+
 struct sim_node {
-	const char *name;             /* not owned */
-	struct sim_vsmd *drive;       /* not owned; null: it is of another family */
-	struct sim_servo_node *servo; /* not owned; else null */
-	struct sim_xyza *xyza;        /* likewise: it is an XYZA controller */
+	const char *name;                /* not owned */
+	const struct sim_family *family; /* of those in a world; else null */
+	/* Of these that of its family, which makes and frees it in a world; the others are null. */
+	struct sim_vsmd *drive;
+	struct sim_vsmd_can_node *vsmd_can; /* beside `drive`, on CAN */
+	struct sim_servo_node *servo;
+	struct sim_xyza *xyza;
 	struct sim_faults faults;
 	struct sim_log_entry log[SIM_LOG_LINES]; /* a ring; entry heard % SIM_LOG_LINES is next */
 	uint32_t heard;                          /* lines, broadcasts included */

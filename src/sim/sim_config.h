@@ -18,7 +18,13 @@
 
 #define SIM_FAULT_TEXTS_MAX 16
 
-enum sim_bus_kind { SIM_BUS_VSMD_SERIAL, SIM_BUS_VSMD_CAN, SIM_BUS_SERVO_CAN, SIM_BUS_XYZA };
+enum sim_bus_kind {
+	SIM_BUS_VSMD_SERIAL,
+	SIM_BUS_VSMD_CAN,
+	SIM_BUS_SERVO_CAN,
+	SIM_BUS_XYZA,
+	SIM_BUS_KINDS
+};
 
 struct sim_bus_config {
 	const char *name;

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/world.h"
 
-#include "sim/xyza_bus.h"
+#include "sim/can_line.h"
+#include "sim/family.h"
 
 #include <ctype.h>
 #include <errno.h>
@@ -33,48 +34,12 @@ static void write_trace(void *context, db_time time, char direction, const uint8
 
 /* --- what drives obey ------------------------------------------------------------------------------ */
 
-static void write_motion(FILE *trace, const struct sim_node *node, db_time now)
-{
-	struct vsmd_status status;
-
-	if (node->xyza) {
-		sim_xyza_advance(node->xyza, now);
-		for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++)
-			(void)fprintf(trace, " %c=%.0f %c_speed=%g", "xyza"[axis],
-			              sim_xyza_position(node->xyza, (enum xyza_axis)axis),
-			              "xyza"[axis],
-			              sim_xyza_speed(node->xyza, (enum xyza_axis)axis));
-	} else if (node->servo) {
-		sim_servo_advance(node->servo->drive, now);
-		(void)fprintf(trace, " position=%.0f velocity=%g",
-		              sim_servo_position(node->servo->drive),
-		              sim_servo_speed(node->servo->drive));
-	} else {
-		sim_vsmd_status(node->drive, now, &status);
-		(void)fprintf(trace, " position=%" PRId32 " velocity=%g", status.position,
-		              (double)status.velocity);
-	}
-}
-
-static unsigned moving_motors(const struct sim_node *node)
-{
-	unsigned moving = 0;
-
-	for (unsigned axis = 0; node->xyza && axis < XYZA_AXIS_COUNT; axis++)
-		moving |= (unsigned)!sim_xyza_standing(node->xyza, (enum xyza_axis)axis) << axis;
-	if (node->servo)
-		moving = sim_servo_moving(node->servo->drive);
-	else if (node->drive)
-		moving = sim_vsmd_moving(node->drive);
-	return moving;
-}
-
 static void observe(struct sim_observer *observer, const char *text, db_time now)
 {
 	(void)fprintf(observer->trace, "%" PRId64 " %s ! %s |", now / DB_NS_PER_US,
 	              observer->node->name, text);
-	write_motion(observer->trace, observer->node, now);
-	observer->moving = moving_motors(observer->node);
+	observer->node->family->write_motion(observer->node, now, observer->trace);
+	observer->moving = observer->node->family->moving_motors(observer->node);
 	(void)fprintf(observer->trace, " moving=%u\n", observer->moving);
 }
 
@@ -102,7 +67,7 @@ static void observe_stands(struct sim_observer *observer, db_time now)
 
 	if (!observer->trace)
 		return;
-	moving = moving_motors(observer->node);
+	moving = observer->node->family->moving_motors(observer->node);
 	if ((observer->moving & ~moving) != 0)
 		observe(observer, "stands", now);
 	observer->moving = moving;
@@ -112,15 +77,11 @@ static void observe_stands(struct sim_observer *observer, db_time now)
 static int make_wire(struct sim_bus *bus)
 {
 	const struct sim_bus_config *config = bus->config;
+	const struct sim_serial_protocol *protocol = sim_families[config->kind]->protocol;
 
-	if (config->kind == SIM_BUS_XYZA) {
+	if (protocol) {
 		bus->ops = &sim_serial_bus_ops;
-		bus->wire = sim_serial_bus_new(&sim_xyza_protocol, &config->serial, write_trace,
-		                               bus);
-	} else if (config->kind == SIM_BUS_VSMD_SERIAL) {
-		bus->ops = &sim_serial_bus_ops;
-		bus->wire = sim_serial_bus_new(&sim_vsmd_serial_protocol, &config->serial,
-		                               write_trace, bus);
+		bus->wire = sim_serial_bus_new(protocol, &config->serial, write_trace, bus);
 	} else {
 		bus->ops = &sim_can_line_ops;
 		bus->wire = sim_can_line_new(&config->can, write_trace, bus);
@@ -169,106 +130,27 @@ static int open_bus(struct sim_bus *bus)
 	return 0;
 }
 
-static bool attach_servo(struct sim_bus *bus, struct sim_node *node)
-{
-	struct sim_can_station station = sim_servo_node_station(node->servo);
-
-	station.faults = &node->faults;
-	return sim_can_bus_attach(sim_can_line_bus(bus->wire), &station);
-}
-
-static bool attach(struct sim_bus *bus, struct sim_node *node, struct sim_vsmd_can_node *can_node)
-{
-	const struct sim_bus_config *config = bus->config;
-	struct sim_can_station station;
-
-	if (config->kind == SIM_BUS_VSMD_SERIAL)
-		return sim_serial_bus_attach(bus->wire, node);
-	sim_vsmd_can_node_init(can_node, node, &config->style, config->can.latency);
-	station = sim_vsmd_can_node_station(can_node);
-	return sim_can_bus_attach(sim_can_line_bus(bus->wire), &station);
-}
-
-static int no_room(const struct sim_node *node, const struct sim_bus *bus)
-{
-	(void)fprintf(stderr, "drive %s: no room on bus %s\n", node->name, bus->config->name);
-	return -1;
-}
-
-static int open_servo(struct sim_node *node, struct sim_servo_node *servo, struct sim_bus *bus,
-                      const struct sim_drive_config *config, db_time now)
-{
-	struct sim_servo *drive = sim_servo_new(&config->servo, now);
-
-	if (!drive)
-		return no_room(node, bus);
-	sim_servo_node_init(servo, config->name, drive, (uint8_t)config->address,
-	                    &bus->config->layout, bus->config->can.latency);
-	servo->lengths = config->servo_lengths;
-	servo->ack_latency = config->servo_ack_latency;
-	node->servo = servo;
-	return attach_servo(bus, node) ? 0 : no_room(node, bus);
-}
-
-/* Where the drive's memory is, in path; null when it has no file. False when that is too long. */
-static bool flash_path(const struct sim_bus *bus, const struct sim_node *node, char path[PATH_MAX],
-                       const char **flash)
-{
-	int length;
-
-	*flash = NULL;
-	if (!bus->config->flash)
-		return true;
-	length = snprintf(path, PATH_MAX, "%s/%s.flash", bus->config->flash, node->name);
-	*flash = path;
-	return length >= 0 && length < PATH_MAX;
-}
-
-static int open_xyza(struct sim_node *node, struct sim_bus *bus,
-                     const struct sim_drive_config *config, db_time now)
-{
-	struct sim_xyza_config xyza = config->xyza;
-	char path[PATH_MAX];
-
-	if (!flash_path(bus, node, path, &xyza.flash_path))
-		return -1;
-	node->xyza = sim_xyza_new(&xyza, now);
-	return node->xyza && sim_serial_bus_attach(bus->wire, node) ? 0 : no_room(node, bus);
-}
-
-static int open_vsmd(struct sim_node *node, struct sim_vsmd_can_node *can_node, struct sim_bus *bus,
-                     const struct sim_drive_config *config, db_time now)
-{
-	struct sim_vsmd_config vsmd = config->vsmd;
-	char path[PATH_MAX];
-
-	if (!flash_path(bus, node, path, &vsmd.flash_path))
-		return -1;
-	node->drive = sim_vsmd_new(&vsmd, now);
-	return node->drive && attach(bus, node, can_node) ? 0 : no_room(node, bus);
-}
-
 static int open_node(struct sim_world *world, size_t place, struct sim_bus *bus,
                      const struct sim_drive_config *config, db_time now)
 {
 	struct sim_node *node = &world->nodes[place];
 	struct sim_observer *observer = &world->observers[place];
-	struct sim_witness witness = { .tell = bus->trace ? tell : NULL, .context = observer };
-	int result;
+	char path[PATH_MAX];
 
 	*observer = (struct sim_observer){ .node = node, .trace = bus->trace };
 	node->name = config->name;
-	node->witness = witness;
-	if (bus->config->kind == SIM_BUS_SERVO_CAN)
-		result = open_servo(node, &world->servos[place], bus, config, now);
-	else if (bus->config->kind == SIM_BUS_XYZA)
-		result = open_xyza(node, bus, config, now);
-	else
-		result = open_vsmd(node, &world->can_nodes[place], bus, config, now);
-	if (result != 0)
+	node->family = sim_families[bus->config->kind];
+	node->witness = (struct sim_witness){ .tell = bus->trace ? tell : NULL,
+		                              .context = observer };
+	if (bus->config->flash && snprintf(path, sizeof(path), "%s/%s.flash", bus->config->flash,
+	                                   node->name) >= (int)sizeof(path))
 		return -1;
-	if (node->servo)
-		node->servo->witness = witness;
+	if (!node->family->open(node, bus->wire, bus->config, config,
+	                        bus->config->flash ? path : NULL, now)) {
+		(void)fprintf(stderr, "drive %s: no room on bus %s\n", node->name,
+		              bus->config->name);
+		return -1;
+	}
 	for (size_t i = 0; i < config->fault_count; i++) {
 		if (sim_world_fault(node, bus, config->faults[i], now))
 			return -1;
@@ -282,11 +164,8 @@ int sim_world_open(struct sim_world *world, const struct sim_config *config, FIL
 	*world = (struct sim_world){ .bus_count = config->bus_count };
 	world->buses = calloc(config->bus_count, sizeof(*world->buses));
 	world->nodes = calloc(config->drive_count, sizeof(*world->nodes));
-	world->can_nodes = calloc(config->drive_count, sizeof(*world->can_nodes));
-	world->servos = calloc(config->drive_count, sizeof(*world->servos));
 	world->observers = calloc(config->drive_count, sizeof(*world->observers));
-	if (!world->buses || !world->nodes || !world->can_nodes || !world->servos ||
-	    !world->observers) {
+	if (!world->buses || !world->nodes || !world->observers) {
 		world->bus_count = 0;
 		return -1;
 	}
@@ -316,15 +195,10 @@ void sim_world_close(struct sim_world *world)
 		if (world->buses[i].wire)
 			world->buses[i].ops->free(world->buses[i].wire);
 	}
-	for (size_t i = 0; i < world->node_count; i++) {
-		sim_vsmd_free(world->nodes[i].drive);
-		sim_servo_free(world->servos[i].drive);
-		sim_xyza_free(world->nodes[i].xyza);
-	}
+	for (size_t i = 0; i < world->node_count; i++)
+		world->nodes[i].family->close(&world->nodes[i]);
 	free(world->buses);
 	free(world->nodes);
-	free(world->can_nodes);
-	free(world->servos);
 	free(world->observers);
 	*world = (struct sim_world){ .buses = NULL };
 }
@@ -355,13 +229,6 @@ static void write_out(struct sim_bus *bus, const uint8_t *bytes, size_t length)
 	}
 }
 
-static bool is_moving(const struct sim_node *node)
-{
-	if (node->xyza)
-		return sim_xyza_busy(node->xyza);
-	return node->servo ? sim_servo_moving(node->servo->drive) : sim_vsmd_moving(node->drive);
-}
-
 void sim_world_run(struct sim_world *world, db_time now)
 {
 	uint8_t bytes[4096];
@@ -374,16 +241,10 @@ void sim_world_run(struct sim_world *world, db_time now)
 			write_out(bus, bytes, count);
 	}
 	for (size_t i = 0; i < world->node_count; i++) {
-		const struct sim_node *node = &world->nodes[i];
+		struct sim_node *node = &world->nodes[i];
 
-		if (is_moving(node)) {
-			if (node->xyza)
-				sim_xyza_advance(node->xyza, now);
-			else if (node->servo)
-				sim_servo_advance(node->servo->drive, now);
-			else
-				sim_vsmd_advance(node->drive, now);
-		}
+		if (node->family->is_busy(node))
+			node->family->advance(node, now);
 		observe_stands(&world->observers[i], now);
 	}
 }
@@ -399,7 +260,9 @@ db_time sim_world_next(const struct sim_world *world, db_time now)
 			next = due;
 	}
 	for (size_t i = 0; i < world->node_count; i++) {
-		if (is_moving(&world->nodes[i]) && now + TICK_NS < next)
+		const struct sim_node *node = &world->nodes[i];
+
+		if (node->family->is_busy(node) && now + TICK_NS < next)
 			next = now + TICK_NS;
 	}
 	return next;
@@ -423,14 +286,6 @@ struct sim_node *sim_world_node(struct sim_world *world, const char *name)
 	return NULL;
 }
 
-void sim_node_stall(struct sim_node *node, bool stalled, db_time now)
-{
-	if (node->servo)
-		sim_servo_block(node->servo->drive, stalled, now);
-	else
-		sim_vsmd_stall(node->drive, stalled, now);
-}
-
 const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const char *text,
                             db_time now)
 {
@@ -438,15 +293,13 @@ const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const ch
 		return sim_faults_set(bus->ops->faults(bus->wire), text);
 	if (strncmp(text, "echo", 4) == 0 || strncmp(text, "bus-off", 7) == 0)
 		return "that is a fault of a bus, not of a drive";
-	/* A controller does not see its motors: to it they never stall. */
-	if (node->xyza)
-		return sim_faults_set(&node->faults, text);
-	if (strcmp(text, "stall") == 0 || strcmp(text, "stall on") == 0)
-		sim_node_stall(node, true, now);
-	else if (strcmp(text, "stall off") == 0)
-		sim_node_stall(node, false, now);
-	else if (node->drive && (strcmp(text, "flash fail") == 0 || strcmp(text, "flash ok") == 0))
-		sim_vsmd_fail_flash(node->drive, text[6] == 'f');
+	if (node->family->stall && (strcmp(text, "stall") == 0 || strcmp(text, "stall on") == 0))
+		node->family->stall(node, true, now);
+	else if (node->family->stall && strcmp(text, "stall off") == 0)
+		node->family->stall(node, false, now);
+	else if (node->family->fail_flash &&
+	         (strcmp(text, "flash fail") == 0 || strcmp(text, "flash ok") == 0))
+		node->family->fail_flash(node, text[6] == 'f');
 	else
 		return sim_faults_set(&node->faults, text);
 	return NULL;

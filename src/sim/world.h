@@ -7,9 +7,7 @@
 
 #include "sim/node.h"
 #include "sim/port.h"
-#include "sim/servo_can_node.h"
 #include "sim/sim_config.h"
-#include "sim/vsmd_can_node.h"
 #include "sim/wire.h"
 
 #include <stdio.h>
@@ -34,9 +32,7 @@ struct sim_world {
 	struct sim_bus *buses;
 	size_t bus_count;
 	struct sim_node *nodes;
-	struct sim_vsmd_can_node *can_nodes; /* of those nodes that are on CAN, at the same place */
-	struct sim_servo_node *servos;       /* likewise of those that are servos */
-	struct sim_observer *observers;      /* likewise of all */
+	struct sim_observer *observers; /* of each node, at the same place */
 	size_t node_count;
 };
 
@@ -64,9 +60,6 @@ void sim_world_tell(struct sim_world *world, const struct sim_node *node, const 
 /* Null when there is none of this name. */
 struct sim_bus *sim_world_bus(struct sim_world *world, const char *name);
 struct sim_node *sim_world_node(struct sim_world *world, const char *name);
-
-/* Holds the shaft of a drive (no XYZA controller), or lets it go. */
-void sim_node_stall(struct sim_node *node, bool stalled, db_time now);
 
 /* A fault as text, for a drive or (node null) for a bus: those of faults.h, for drives also
  * "stall [on|off]", and for those with a flash "flash fail|ok". Null or what is wrong. */

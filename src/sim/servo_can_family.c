@@ -1,0 +1,192 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/servo_can_family.h"
+
+#include "sim/can_line.h"
+#include "sim/numbers.h"
+
+#include <inttypes.h>
+#include <stdlib.h>
+
+/* --- coming and going ------------------------------------------------------------------------------ */
+
+static bool open_drive(struct sim_node *node, void *wire, const struct sim_bus_config *bus,
+                       const struct sim_drive_config *config, const char *flash, db_time now)
+{
+	struct sim_servo *drive = sim_servo_new(&config->servo, now);
+	struct sim_can_station station;
+
+	(void)flash; /* it has none */
+	node->servo = calloc(1, sizeof(*node->servo));
+	if (!drive || !node->servo) {
+		sim_servo_free(drive);
+		return false;
+	}
+	sim_servo_node_init(node->servo, config->name, drive, (uint8_t)config->address,
+	                    &bus->layout, bus->can.latency);
+	node->servo->lengths = config->servo_lengths;
+	node->servo->ack_latency = config->servo_ack_latency;
+	node->servo->witness = node->witness;
+	station = sim_servo_node_station(node->servo);
+	station.faults = &node->faults;
+	return sim_can_bus_attach(sim_can_line_bus(wire), &station);
+}
+
+static void close_drive(struct sim_node *node)
+{
+	if (!node->servo)
+		return;
+	sim_servo_free(node->servo->drive);
+	free(node->servo);
+}
+
+/* --- what is seen of it ---------------------------------------------------------------------------- */
+
+static bool is_busy(const struct sim_node *node)
+{
+	return sim_servo_moving(node->servo->drive);
+}
+
+static void advance(struct sim_node *node, db_time now)
+{
+	sim_servo_advance(node->servo->drive, now);
+}
+
+static unsigned moving_motors(const struct sim_node *node)
+{
+	return sim_servo_moving(node->servo->drive);
+}
+
+static void write_motion(const struct sim_node *node, db_time now, FILE *out)
+{
+	sim_servo_advance(node->servo->drive, now);
+	(void)fprintf(out, " position=%.0f velocity=%g", sim_servo_position(node->servo->drive),
+	              sim_servo_speed(node->servo->drive));
+}
+
+static void write_state(struct sim_node *node, db_time now, FILE *out)
+{
+	static const struct {
+		enum servo_can_kind kind;
+		const char *name;
+	} counted[] = {
+		{ SERVO_CAN_SYNC, "sync" },
+		{ SERVO_CAN_ENABLE, "enable" },
+		{ SERVO_CAN_MODE, "mode_frames" },
+		{ SERVO_CAN_SPEED, "speed_frames" },
+		{ SERVO_CAN_CURRENT, "current_frames" },
+		{ SERVO_CAN_POSITION, "position_frames" },
+		{ SERVO_CAN_SET_FEEDBACK, "set_feedback" },
+		{ SERVO_CAN_RAMPS, "ramps" },
+		{ SERVO_CAN_READ, "read" },
+		{ SERVO_CAN_WORDS, "words" },
+	};
+	const struct sim_servo_node *servo = node->servo;
+	const struct sim_servo *drive = servo->drive;
+
+	sim_servo_advance(servo->drive, now);
+	(void)fprintf(out,
+	              " position=%.0f velocity=%g current=%g mode=%s enabled=%d power=%d"
+	              " address=%u heard=%" PRIu32 " unknown=%" PRIu32 " moves=%" PRIu32
+	              " setpoint_us=%" PRId64,
+	              sim_servo_position(drive), sim_servo_speed(drive), sim_servo_current(drive),
+	              servo_can_mode_name((unsigned)sim_servo_mode(drive)),
+	              sim_servo_enabled(drive), sim_servo_powered(drive), servo->address,
+	              servo->heard, servo->unknown, sim_servo_moves(drive),
+	              sim_servo_setpoint_at(drive) / DB_NS_PER_US);
+	for (size_t i = 0; i < sizeof(counted) / sizeof(counted[0]); i++)
+		(void)fprintf(out, " %s=%" PRIu32, counted[i].name,
+		              sim_servo_count(drive, counted[i].kind));
+}
+
+static unsigned get_address(const struct sim_node *node)
+{
+	return node->servo->address;
+}
+
+/* --- what happens to it ---------------------------------------------------------------------------- */
+
+static void set_address(struct sim_node *node, unsigned address)
+{
+	node->servo->address = (uint8_t)address;
+}
+
+static void power(struct sim_node *node, bool on, db_time now)
+{
+	sim_servo_power(node->servo->drive, on, now);
+}
+
+static void stall(struct sim_node *node, bool stalled, db_time now)
+{
+	sim_servo_block(node->servo->drive, stalled, now);
+}
+
+static void force_status(struct sim_node *node, uint32_t bits)
+{
+	sim_servo_force_status(node->servo->drive, (uint16_t)bits);
+}
+
+static const char *set_faults(struct sim_node *node, const char *rest, db_time now)
+{
+	long faults;
+
+	if (!sim_read_numbers(rest, &faults, 1, UINT16_MAX))
+		return "faults needs the fault word, 0x40 for instance";
+	sim_servo_set_faults(node->servo->drive, (uint16_t)faults, now);
+	return NULL;
+}
+
+static const char *set_health(struct sim_node *node, const char *rest, db_time now)
+{
+	long raw[2];
+
+	(void)now;
+	if (!sim_read_numbers(rest, raw, 2, UINT16_MAX))
+		return "health needs voltage and temperature as they are reported";
+	sim_servo_set_health(node->servo->drive, (uint16_t)raw[0], (uint16_t)raw[1]);
+	return NULL;
+}
+
+static const char *set_inputs(struct sim_node *node, const char *rest, db_time now)
+{
+	long raw[2];
+
+	(void)now;
+	if (!sim_read_numbers(rest, raw, 2, UINT16_MAX) || raw[0] > UINT8_MAX)
+		return "inputs needs the levels of 8 inputs and the analogue input's value";
+	sim_servo_set_inputs(node->servo->drive, (uint8_t)raw[0], (uint16_t)raw[1]);
+	return NULL;
+}
+
+static const char *set_reports(struct sim_node *node, const char *rest, db_time now)
+{
+	const long max = 60000;
+	long ms[SIM_SERVO_REPORTS];
+
+	if (!sim_read_numbers(rest, ms, SIM_SERVO_REPORTS, max))
+		return "reports needs three intervals in ms, 0 = off: position, motion, health";
+	for (int i = 0; i < SIM_SERVO_REPORTS; i++)
+		sim_servo_set_reports(node->servo->drive, (enum sim_servo_report)i,
+		                      ms[i] * DB_NS_PER_MS, now);
+	return NULL;
+}
+
+static const struct sim_family_command commands[] = {
+	{ "faults", set_faults },   { "health", set_health }, { "inputs", set_inputs },
+	{ "reports", set_reports }, { NULL, NULL },
+};
+
+const struct sim_family sim_servo_can_family = {
+	.open = open_drive,
+	.close = close_drive,
+	.is_busy = is_busy,
+	.advance = advance,
+	.moving_motors = moving_motors,
+	.write_motion = write_motion,
+	.write_state = write_state,
+	.get_address = get_address,
+	.set_address = set_address,
+	.power = power,
+	.stall = stall,
+	.force_status = force_status,
+	.commands = commands,
+};

@@ -1,0 +1,196 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/vsmd_family.h"
+
+#include "sim/can_line.h"
+#include "sim/vsmd_can_node.h"
+#include "sim/vsmd_serial_bus.h"
+
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* --- coming and going ------------------------------------------------------------------------------ */
+
+static bool make_drive(struct sim_node *node, const struct sim_drive_config *config,
+                       const char *flash, db_time now)
+{
+	struct sim_vsmd_config vsmd = config->vsmd;
+
+	vsmd.flash_path = flash;
+	node->drive = sim_vsmd_new(&vsmd, now);
+	return node->drive != NULL;
+}
+
+static bool open_serial(struct sim_node *node, void *wire, const struct sim_bus_config *bus,
+                        const struct sim_drive_config *config, const char *flash, db_time now)
+{
+	(void)bus;
+	return make_drive(node, config, flash, now) && sim_serial_bus_attach(wire, node);
+}
+
+static bool open_can(struct sim_node *node, void *wire, const struct sim_bus_config *bus,
+                     const struct sim_drive_config *config, const char *flash, db_time now)
+{
+	struct sim_can_station station;
+
+	node->vsmd_can = calloc(1, sizeof(*node->vsmd_can));
+	if (!node->vsmd_can || !make_drive(node, config, flash, now))
+		return false;
+	sim_vsmd_can_node_init(node->vsmd_can, node, &bus->style, bus->can.latency);
+	station = sim_vsmd_can_node_station(node->vsmd_can);
+	return sim_can_bus_attach(sim_can_line_bus(wire), &station);
+}
+
+static void close_drive(struct sim_node *node)
+{
+	sim_vsmd_free(node->drive);
+	free(node->vsmd_can);
+}
+
+/* --- what is seen of it ---------------------------------------------------------------------------- */
+
+static bool is_busy(const struct sim_node *node)
+{
+	return sim_vsmd_moving(node->drive);
+}
+
+static void advance(struct sim_node *node, db_time now)
+{
+	sim_vsmd_advance(node->drive, now);
+}
+
+static unsigned moving_motors(const struct sim_node *node)
+{
+	return sim_vsmd_moving(node->drive);
+}
+
+static void write_motion(const struct sim_node *node, db_time now, FILE *out)
+{
+	struct vsmd_status status;
+
+	sim_vsmd_status(node->drive, now, &status);
+	(void)fprintf(out, " position=%" PRId32 " velocity=%g", status.position,
+	              (double)status.velocity);
+}
+
+static const char *const verb_names[VSMD_VERB_COUNT] = {
+	[VSMD_DEV] = "dev",
+	[VSMD_STS] = "sts",
+	[VSMD_ENA] = "ena",
+	[VSMD_OFF] = "off",
+	[VSMD_MOV] = "mov",
+	[VSMD_POS] = "pos",
+	[VSMD_RMV] = "rmv",
+	[VSMD_STP] = "stp",
+	[VSMD_ORG] = "org",
+	[VSMD_ECLR] = "eclr",
+	[VSMD_SENSOR_OUT] = "output",
+	[VSMD_SV] = "sv",
+	[VSMD_NMOS] = "nmos",
+	[VSMD_ZERO_START] = "zero_start",
+	[VSMD_ZERO_STOP] = "zero_stop",
+	[VSMD_SHAKE_CYCLES] = "shake_cycles",
+	[VSMD_SHAKE_TIME] = "shake_time",
+	[VSMD_SHAKE_STOP] = "shake_stop",
+	[VSMD_CFG_READ] = "cfg_read",
+	[VSMD_CFG_WRITE] = "cfg_write",
+	[VSMD_SAV] = "sav",
+};
+
+static void write_state(struct sim_node *node, db_time now, FILE *out)
+{
+	struct vsmd_status status;
+
+	sim_vsmd_status(node->drive, now, &status);
+	(void)fprintf(out,
+	              " position=%" PRId32 " velocity=%g status=0x%08" PRIx32 " shaft=%.0f power=%d"
+	              " address=%u heard=%" PRIu32 " replies=%" PRIu32 " refused=%" PRIu32,
+	              status.position, (double)status.velocity, status.status,
+	              sim_vsmd_shaft(node->drive), sim_vsmd_powered(node->drive),
+	              sim_vsmd_address(node->drive), node->heard, node->replies,
+	              sim_vsmd_refusals(node->drive));
+	for (int verb = 0; verb < VSMD_VERB_COUNT; verb++)
+		(void)fprintf(out, " %s=%" PRIu32, verb_names[verb],
+		              sim_vsmd_count(node->drive, (enum vsmd_verb)verb));
+}
+
+static unsigned get_address(const struct sim_node *node)
+{
+	return sim_vsmd_address(node->drive);
+}
+
+/* --- what happens to it ---------------------------------------------------------------------------- */
+
+static void set_address(struct sim_node *node, unsigned address)
+{
+	sim_vsmd_set_address(node->drive, address);
+}
+
+static void power(struct sim_node *node, bool on, db_time now)
+{
+	sim_vsmd_power(node->drive, on, now);
+}
+
+static void stall(struct sim_node *node, bool stalled, db_time now)
+{
+	sim_vsmd_stall(node->drive, stalled, now);
+}
+
+static void force_status(struct sim_node *node, uint32_t bits)
+{
+	sim_vsmd_force_status(node->drive, bits);
+}
+
+static void fail_flash(struct sim_node *node, bool fail)
+{
+	sim_vsmd_fail_flash(node->drive, fail);
+}
+
+static const char *set_identity(struct sim_node *node, const char *rest, db_time now)
+{
+	size_t length = strlen(rest);
+
+	(void)now;
+	if (length == 0 || length >= SIM_VSMD_IDENTITY_MAX)
+		return "identity needs a text of 1 to 63 characters";
+	sim_vsmd_set_identity(node->drive, rest);
+	return NULL;
+}
+
+static const char *force_sensor(struct sim_node *node, const char *rest, db_time now)
+{
+	unsigned number = (unsigned)(rest[0] - '0');
+	const char *level;
+
+	if (number < 1 || number > SIM_VSMD_SENSORS || rest[1] != ' ')
+		return "sensor needs a number 1 to 6 and 0, 1 or auto";
+	level = rest + 2;
+	if (strcmp(level, "0") != 0 && strcmp(level, "1") != 0 && strcmp(level, "auto") != 0)
+		return "sensor needs a number 1 to 6 and 0, 1 or auto";
+	sim_vsmd_force_sensor(node->drive, number, level[0] == 'a' ? -1 : level[0] - '0', now);
+	return NULL;
+}
+
+static const struct sim_family_command commands[] = {
+	{ "identity", set_identity },
+	{ "sensor", force_sensor },
+	{ NULL, NULL },
+};
+
+/* All but how it is on its bus. */
+#define OPERATIONS                                                                                \
+	.close = close_drive, .is_busy = is_busy, .advance = advance,                             \
+	.moving_motors = moving_motors, .write_motion = write_motion, .write_state = write_state, \
+	.get_address = get_address, .set_address = set_address, .power = power, .stall = stall,   \
+	.force_status = force_status, .fail_flash = fail_flash, .commands = commands
+
+const struct sim_family sim_vsmd_serial_family = {
+	.protocol = &sim_vsmd_serial_protocol,
+	.open = open_serial,
+	OPERATIONS,
+};
+
+const struct sim_family sim_vsmd_can_family = {
+	.open = open_can,
+	OPERATIONS,
+};
