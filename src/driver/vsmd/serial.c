@@ -331,17 +331,21 @@ static enum db_step answer(struct db_conversation *talk, const uint8_t *frame, s
 {
 	const struct db_job *job = talk->job;
 	struct vsmd_reply reply;
+	enum db_step step;
 
 	if (vsmd_serial_decode_reply(frame, length, &reply) != VSMD_OK ||
 	    !is_expected(job, reply.code))
 		return DB_STEP_IGNORE;
+	// cppcheck-suppress autoVariables ; it is taken away below
 	talk->reply = &reply;
 	if (reply.code == VSMD_REPLY_STATUS) {
 		vsmd_take_status(axis_of(talk), &reply.status, talk->now);
 		if (job->kind == DB_JOB_COMMAND && !db_command_is_stop(job->request->command))
 			vsmd_take_speed(axis_of(talk), reply.status.velocity);
 	}
-	return vsmd_is_command(job) ? vsmd_answer_command(talk) : steps[job->step].answered(talk);
+	step = vsmd_is_command(job) ? vsmd_answer_command(talk) : steps[job->step].answered(talk);
+	talk->reply = NULL;
+	return step;
 }
 
 static enum db_step lose_answer(struct db_conversation *talk)

@@ -101,6 +101,7 @@ enum db_step xyza_answer(struct db_conversation *talk, const uint8_t *frame, siz
 	const struct conversation_step *step = &steps[talk->job->step];
 	struct xyza_request request;
 	struct xyza_reply reply;
+	enum db_step next;
 
 	if (is_raw(talk->job))
 		return xyza_answer_raw(talk, frame, length);
@@ -108,13 +109,17 @@ enum db_step xyza_answer(struct db_conversation *talk, const uint8_t *frame, siz
 	    xyza_decode_request(exchange->request, exchange->request_length, &request) != XYZA_OK ||
 	    !xyza_fits(&request, &reply))
 		return DB_STEP_IGNORE;
-	talk->reply = &reply;
+	/* The exchange is as it was. */
 	if (is_asked_again(talk, &reply, steps == xyza_plan_steps))
-		return DB_STEP_SEND; /* the exchange is as it was */
+		return DB_STEP_SEND;
+	// cppcheck-suppress autoVariables ; it is taken away below
+	talk->reply = &reply;
 	if (steps == xyza_plan_steps)
 		xyza_note_answer(talk);
-	return reply.kind == XYZA_REPLY_FAILED && step->refused ? step->refused(talk) :
+	next = reply.kind == XYZA_REPLY_FAILED && step->refused ? step->refused(talk) :
 	                                                          step->answered(talk);
+	talk->reply = NULL;
+	return next;
 }
 
 enum db_step xyza_lose_answer(struct db_conversation *talk)
