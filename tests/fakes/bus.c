@@ -128,8 +128,11 @@ void fake_receive(struct fake_bus *bus, const void *bytes, size_t length)
 
 void fake_answer_after(struct fake_bus *bus, db_time after, const void *bytes, size_t length)
 {
-	struct fake_answer *answer = &bus->answers[bus->answer_count++];
+	struct fake_answer *answer;
 
+	if (bus->config.driver->medium == DB_MEDIUM_SERIAL)
+		bus->answer_count = 0;
+	answer = &bus->answers[bus->answer_count++];
 	must(bus->answer_count <= FAKE_ANSWERS && length <= sizeof answer->bytes);
 	answer->at = bus->now + after;
 	answer->length = length;

@@ -85,7 +85,8 @@ void fake_bus_free(struct fake_bus *bus);
 void fake_port(struct fake_bus *bus, int error);
 /* Lets the time pass: the engine is called when it wants to be, and must want to be called later. */
 void fake_pass(struct fake_bus *bus, db_time span);
-/* These bytes come after so much time. */
+/* These bytes come after so much time. On a serial line in the place of those that have not come yet: one
+ * conversation at a time. */
 void fake_answer_after(struct fake_bus *bus, db_time after, const void *bytes, size_t length);
 /* These bytes come now. */
 void fake_receive(struct fake_bus *bus, const void *bytes, size_t length);
