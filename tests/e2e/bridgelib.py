@@ -3,6 +3,7 @@
 
 import csv
 import os
+import re
 import signal
 import socket
 import struct
@@ -13,6 +14,7 @@ from pathlib import Path
 from pymodbus.client import ModbusTcpClient
 
 ROOT = Path(__file__).resolve().parents[2]
+DOCS = Path(os.environ.get("DRIVEBRIDGE_DOCS", ROOT / "docs"))
 
 # Modbus exceptions, by what the register map's users know them as.
 ILLEGAL_FUNCTION = 1
@@ -23,33 +25,6 @@ ACKNOWLEDGE = 5
 BUSY = 6
 NO_PATH = 0x0A
 NO_ANSWER = 0x0B
-
-# The result codes, as the description of `result` lists them.
-RESULT_OK = 1
-RESULT_PENDING = 2
-RESULT_REFUSED = 3
-RESULT_OUT_OF_RANGE = 4
-RESULT_TIMEOUT = 5
-RESULT_INDETERMINATE = 6
-RESULT_RESTARTED = 7
-RESULT_CANCELLED = 8
-RESULT_UNSUPPORTED = 11
-RESULT_OFFLINE = 14
-RESULT_RATE_LIMITED = 16
-RESULT_UNPROVEN = 18
-RESULT_RUNS_ON = 19
-
-OFFLINE, DISABLED, STANDSTILL, DISCRETE, CONTINUOUS, HOMING, STOPPING, ERROR_STOP = range(8)
-
-# Values of `error`.
-NO_ANSWER_ERROR = 1
-BUS_DOWN_ERROR = 2
-
-ONLINE_BIT = 1 << 0
-ENABLED_BIT = 1 << 1
-HOMED_BIT = 1 << 2
-ORIGIN_LOST_BIT = 1 << 11
-PARAMS_VALID_BIT = 1 << 12
 
 # How the last line about a reload ends.
 RELOAD_ENDS = ("reload: done\n", "nothing changes\n")
@@ -124,6 +99,9 @@ class Register:
         self.families = row["families"].split()
         self.description = row["description"]
         self.size = WIDTHS.get(self.type, 0)
+        # What the description calls its values, or its bits.
+        self.codes = {name: int(code)
+                      for code, name in re.findall(r"\b(\d+)=(\w+)", self.description)}
 
     @property
     def writable(self):
@@ -173,6 +151,67 @@ class RegisterMap:
         """The vendor's parameters: the registers between the command block and the diagnostics."""
         first, last = self.find("bdr").address, self.find("sds").address
         return [row for row in self.of_drive() if first <= row.address <= last]
+
+
+MAP = RegisterMap(DOCS / "register-map.csv")
+
+
+def code(register, name):
+    """The value of a drive's register that the register map gives this name."""
+    return MAP.find(register).codes[name]
+
+
+def bit(register, name):
+    """The mask of a bit that the register map gives this name."""
+    return 1 << code(register, name)
+
+
+RESULT_NONE = code("result", "none")
+RESULT_OK = code("result", "ok")
+RESULT_PENDING = code("result", "pending")
+RESULT_REFUSED = code("result", "refused")
+RESULT_OUT_OF_RANGE = code("result", "out_of_range")
+RESULT_TIMEOUT = code("result", "timeout")
+RESULT_INDETERMINATE = code("result", "indeterminate")
+RESULT_RESTARTED = code("result", "restarted")
+RESULT_CANCELLED = code("result", "cancelled")
+RESULT_LIMIT = code("result", "limit")
+RESULT_LATCHED = code("result", "latched")
+RESULT_UNSUPPORTED = code("result", "unsupported")
+RESULT_BUSY = code("result", "busy")
+RESULT_OFFLINE = code("result", "offline")
+RESULT_FAILED = code("result", "failed")
+RESULT_RATE_LIMITED = code("result", "rate_limited")
+RESULT_NOT_IN_CONTROL = code("result", "not_in_control")
+RESULT_UNPROVEN = code("result", "unproven")
+RESULT_RUNS_ON = code("result", "runs_on")
+
+OFFLINE = code("axis_state", "Offline")
+DISABLED = code("axis_state", "Disabled")
+STANDSTILL = code("axis_state", "Standstill")
+DISCRETE = code("axis_state", "DiscreteMotion")
+CONTINUOUS = code("axis_state", "ContinuousMotion")
+HOMING = code("axis_state", "Homing")
+STOPPING = code("axis_state", "Stopping")
+ERROR_STOP = code("axis_state", "ErrorStop")
+
+NO_ERROR = code("error", "none")
+NO_ANSWER_ERROR = code("error", "no_answer")
+BUS_DOWN_ERROR = code("error", "bus_down")
+RUNS_ON_ERROR = code("error", "runs_on")
+
+QUALITY_BAD = code("quality", "bad")
+QUALITY_GOOD = code("quality", "good")
+
+ONLINE_BIT = bit("status", "online")
+ENABLED_BIT = bit("status", "enabled")
+HOMED_BIT = bit("status", "homed")
+MOVING_BIT = bit("status", "moving")
+AT_TARGET_BIT = bit("status", "at_target")
+LATCHED_BIT = bit("status", "latched")
+ORIGIN_LOST_BIT = bit("status", "origin_lost")
+PARAMS_VALID_BIT = bit("status", "params_valid")
+ABORTED_BIT = bit("status", "aborted")
 
 
 def load_commands(path):

@@ -2,21 +2,18 @@
 """What the end-to-end tests stand on: the register map, a Modbus client that knows its names, and
 fixtures that run the simulator and the bridge. Nothing here uses a fixed port or path."""
 
-import os
 import tempfile
 from pathlib import Path
 
 import pytest
-from bridgelib import ROOT, Bridge, RegisterMap, load_commands
+from bridgelib import DOCS, MAP, Bridge, load_commands
 
 pytest_plugins = ["stalls"]
-
-DOCS = Path(os.environ.get("DRIVEBRIDGE_DOCS", ROOT / "docs"))
 
 
 @pytest.fixture(scope="session")
 def register_map():
-    return RegisterMap(DOCS / "register-map.csv")
+    return MAP
 
 
 @pytest.fixture(scope="session")

@@ -10,15 +10,15 @@ from bridgelib import (
     BUSY,
     ILLEGAL_FUNCTION,
     ILLEGAL_VALUE,
+    RESULT_NOT_IN_CONTROL,
     RESULT_OK,
+    RESULT_UNSUPPORTED,
     Client,
     eventually,
 )
 
 PLC, SECOND_PLC, HMI, OTHER_HMI = "127.0.0.2", "127.0.0.3", "127.0.0.4", "127.0.0.5"
 
-NOT_IN_CONTROL = 17
-UNSUPPORTED = 11
 
 READ = struct.pack(">BHH", 3, 0, 10)
 
@@ -179,7 +179,7 @@ def test_without_control_everybody_commands(bridge):
         assert plc.command("enable") == 0
         assert second.command("disable") == 0
         assert plc.write("control_request", 1) == ILLEGAL_FUNCTION
-        assert plc.read("write_result") == UNSUPPORTED
+        assert plc.read("write_result") == RESULT_UNSUPPORTED
         assert plc.read("control_holder") == 0
 
 
@@ -202,7 +202,7 @@ def test_the_first_writer_has_control(controlled):
         assert second.write("watchdog_ms", 0) == BUSY
         assert second.write("acceleration", 1000) == BUSY
         assert second.write("control_request", 1) == BUSY
-        assert second.read("write_result") == NOT_IN_CONTROL
+        assert second.read("write_result") == RESULT_NOT_IN_CONTROL
         assert bridge.sim.sent(mark) == ["1 off", "1 ena"]
         assert bridge.gateway().read("refused_control") == 5
         assert len(log_lines(bridge, f"client {SECOND_PLC}: write refused")) == 1

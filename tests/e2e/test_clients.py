@@ -12,8 +12,7 @@ import uuid
 
 import pytest
 import yaml
-from bridgelib import RESULT_OK, ROOT, decode, eventually
-from conftest import DOCS
+from bridgelib import DOCS, RESULT_OK, ROOT, decode, eventually
 
 CLIENTS = DOCS / "clients"
 EXPORTER = ROOT / "tests" / "tools" / "export-clients"

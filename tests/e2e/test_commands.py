@@ -11,6 +11,7 @@ from bridgelib import (
     HOMED_BIT,
     ILLEGAL_FUNCTION,
     ILLEGAL_VALUE,
+    NO_ERROR,
     ORIGIN_LOST_BIT,
     RESULT_OK,
     RESULT_OUT_OF_RANGE,
@@ -143,7 +144,7 @@ def test_clear_fault_of_a_closed_loop_drive(make_bridge):
     eventually(lambda: drive.read("error"), what="the stall to be seen")
     bridge.sim.control("stall drive1 off")
     sends(bridge, "clear_fault", "1 eclr")
-    eventually(lambda: drive.read("error") == 0, what="the error to be gone")
+    eventually(lambda: drive.read("error") == NO_ERROR, what="the error to be gone")
     assert drive.command("move_absolute", target_position=100) == 0
 
 
@@ -205,7 +206,8 @@ def test_coils_that_touch_an_input_switch_nothing(make_bridge):
     unit = bridge.drive()
     mark = bridge.sim.mark()
     assert unit.client.write_coils(2, [True] * 4, device_id=1).exception_code == 4
-    assert (unit.read("write_result"), unit.read("write_result_register")) == (3, 5)
+    assert (unit.read("write_result"), unit.read("write_result_register")) == (
+        RESULT_REFUSED, 5)
     assert bridge.sim.sent(mark) == []
     assert not unit.client.write_coils(2, [True] * 2, device_id=1).isError()
     assert unit.read("write_result_register") == 0

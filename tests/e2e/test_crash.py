@@ -9,6 +9,7 @@ import pytest
 from bridgelib import (
     CONTINUOUS,
     DEVICE_FAILURE,
+    RESULT_NONE,
     RESULT_RESTARTED,
     STANDSTILL,
     eventually,
@@ -53,7 +54,7 @@ def test_it_says_what_it_finds_and_sends_nothing(bridge):
     assert served < 0.8
     assert drive.read("axis_state") == CONTINUOUS
     assert drive.read("velocity") == 3200
-    assert drive.read("result") == 0
+    assert drive.read("result") == RESULT_NONE
     found = eventually(lambda: lines(bridge, offset, "bus line: drive drive1: answers"))
     assert "enabled, moving at 3200 counts/s, position " in found[0]
     bridge.wait_ready()

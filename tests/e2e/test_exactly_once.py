@@ -5,6 +5,7 @@ import struct
 
 import pytest
 from bridgelib import (
+    ABORTED_BIT,
     DEVICE_FAILURE,
     ILLEGAL_VALUE,
     NO_ANSWER,
@@ -20,7 +21,6 @@ from bridgelib import (
     eventually,
 )
 
-ABORTED = 1 << 16
 
 STEP = {"target_position": 300, "target_velocity": 12800}
 
@@ -315,9 +315,9 @@ def test_a_client_reads_what_it_commanded(scoped):
         assert hmi.read("result_id") == 101
         assert hmi.read("result") != RESULT_OK
         assert hmi.command("stop", 102) == 0
-        assert plc.read("status") & ABORTED
+        assert plc.read("status") & ABORTED_BIT
         assert (plc.read("aborted_id"), plc.read("result_id")) == (2, 2)
-        assert hmi.read("status") & ABORTED == 0
+        assert hmi.read("status") & ABORTED_BIT == 0
         assert (hmi.read("result_id"), hmi.read("result")) == (102, RESULT_OK)
         # Who has commanded nothing, and the gateway's window, show what is to be shown to them.
         assert bridge.drive().read("result_id") == 102

@@ -2,12 +2,7 @@
 """What goes wrong on a line: values stay right, commands stay right, and it is counted."""
 
 import pytest
-from bridgelib import (
-    OFFLINE,
-    RESULT_OK,
-    Refused,
-    eventually,
-)
+from bridgelib import OFFLINE, QUALITY_GOOD, RESULT_OK, Refused, eventually
 
 # fault, and the drive's counter that must show it
 FAULTS = [
@@ -76,7 +71,7 @@ def test_values_stay_true_on_a_line_that_is_always_bad(make_bridge, fault, count
     assert seen <= {123456}
     bridge.sim.fault("none")
     eventually(drive.online, timeout=15)
-    eventually(lambda: drive.read("quality") == 192)
+    eventually(lambda: drive.read("quality") == QUALITY_GOOD)
     assert drive.read("position") == 123456
     assert drive.read("identity") == "VSMD113_025T-1.0.008.170428"
 

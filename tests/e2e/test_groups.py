@@ -6,10 +6,13 @@ from bridgelib import (
     CONTINUOUS,
     DEVICE_FAILURE,
     DISABLED,
+    HOMED_BIT,
     ILLEGAL_VALUE,
     NO_PATH,
+    RESULT_FAILED,
     RESULT_OK,
     STANDSTILL,
+    code,
     eventually,
 )
 
@@ -162,8 +165,6 @@ def test_group_registers_take_one_command_at_a_time(bridge):
 
 BROADCAST = {"group-start": "broadcast"}
 CAN = {"transport": "slcan", "bitrate": 1000000, "line": None}
-RESULT_FAILED = 15
-HOME = 8
 
 # What begins a motion: on the wire for all drives, for drive 1 alone, and the verb.
 FAMILIES = {
@@ -286,7 +287,7 @@ def test_homing_begins_on_all(make_bridge, family):
                     "pae=0"]}
     bridge = make_group(make_bridge, family, sim_per_drive={n: home for n in (1, 2, 3)})
     for number in (1, 2, 3):
-        assert stage(bridge.drive(number), HOME) == 0
+        assert stage(bridge.drive(number), code("command", "home")) == 0
     mark = bridge.sim.mark()
     assert bridge.gateway().write("group_start", 1) == 0
     sent = wire(bridge, mark)
@@ -294,7 +295,7 @@ def test_homing_begins_on_all(make_bridge, family):
     assert sent.count(begins) == 1
     assert not [line for line in sent if line in ("1 zero start", "00080389#")]
     for number in (1, 2, 3):
-        eventually(lambda n=number: bridge.drive(n).read("status") & 1 << 2, what="homed")
+        eventually(lambda n=number: bridge.drive(n).read("status") & HOMED_BIT, what="homed")
 
 
 def test_a_drive_that_is_away_keeps_the_others_apart(make_bridge):

@@ -5,8 +5,12 @@ import time
 
 from bridgelib import (
     RESULT_CANCELLED,
+    RESULT_LATCHED,
+    RESULT_LIMIT,
+    RESULT_NOT_IN_CONTROL,
     RESULT_OK,
     RESULT_OUT_OF_RANGE,
+    RESULT_PENDING,
     RESULT_REFUSED,
     RESULT_RESTARTED,
     Unit,
@@ -17,9 +21,6 @@ from pymodbus.client import ModbusTcpClient
 
 FIRST, STRIDE, MOST = 3000, 24, 32
 TEXTS, TEXT_STRIDE = 4000, 20
-PENDING = 2
-LIMIT = 9
-NOT_IN_CONTROL = 17
 BRIDGE_ITSELF = 0
 
 
@@ -106,7 +107,7 @@ def test_what_the_bridge_does_itself(make_bridge):
     assert (stop["ipv4"], stop["port"], address_of(looker)) == (BRIDGE_ITSELF, 0, "")
     eventually(lambda: entry(looker)["result"] == RESULT_OK, what="the drive to confirm")
     assert bridge.drive().command("move_velocity", target_velocity=800.0) == 4
-    assert entry(looker)["result"] == 10  # latched
+    assert entry(looker)["result"] == RESULT_LATCHED
     assert address_of(looker) == "127.0.0.1"
 
 
@@ -114,16 +115,16 @@ def test_what_was_refused(make_bridge):
     bridge = make_bridge(drive={"max-position": 100.0}, modbus={"control": "drive"})
     plc, other = from_address(bridge, "127.0.0.2"), from_address(bridge, "127.0.0.3")
     assert plc.command("move_absolute", target_position=101, target_velocity=0) == 3
-    assert entry(plc)["result"] == LIMIT
+    assert entry(plc)["result"] == RESULT_LIMIT
     assert plc.command("move_velocity", target_velocity=1e9) == 3
     assert entry(plc)["result"] == RESULT_OUT_OF_RANGE
     for _ in range(50):
         assert other.command("move_absolute", target_position=5, target_velocity=0) == 6
     refused = entry(plc)
-    assert (refused["command"], refused["result"], refused["repeats"]) == (6, NOT_IN_CONTROL, 49)
+    assert (refused["command"], refused["result"], refused["repeats"]) == (6, RESULT_NOT_IN_CONTROL, 49)
     assert (refused["position"], address_of(plc)) == (5, "127.0.0.3")
     assert other.write("acc", 1.0) == 6
-    assert (entry(plc)["command"], entry(plc)["result"]) == (0, NOT_IN_CONTROL)
+    assert (entry(plc)["command"], entry(plc)["result"]) == (0, RESULT_NOT_IN_CONTROL)
 
 
 def test_a_scanner_fills_nothing(bridge):
@@ -166,7 +167,7 @@ def test_a_refused_motion_leaves_the_one_before(make_bridge):
     assert drive.command("move_absolute", 2, target_position=3200, target_velocity=0) == 0
     assert drive.command("home", 3) == 4
     assert (drive.read("result_id"), drive.read("result")) == (3, RESULT_REFUSED)
-    assert (drive.read("motion_id"), drive.read("motion_result")) == (2, PENDING)
+    assert (drive.read("motion_id"), drive.read("motion_result")) == (2, RESULT_PENDING)
     assert entry(drive)["result"] == RESULT_REFUSED
     eventually(lambda: drive.read("motion_result") == RESULT_OK, what="the first move's end")
     assert drive.read("position") == 3200 and drive.read("motion_id") == 2

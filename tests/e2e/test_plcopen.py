@@ -5,8 +5,7 @@ import re
 import time
 
 import pytest
-from bridgelib import eventually
-from conftest import DOCS
+from bridgelib import DOCS, eventually
 from plc import ModbusBlock, Plc
 from stlib import Library, examples
 

@@ -7,15 +7,17 @@ from bridgelib import (
     CONTINUOUS,
     DISABLED,
     DISCRETE,
+    ERROR_STOP,
+    RESULT_UNPROVEN,
     STANDSTILL,
     Refused,
+    code,
     eventually,
 )
 
 CAN = {"protocol": "servo-can", "transport": "slcan", "bitrate": 1000000, "line": None}
 WORDS = {"command-word-base": 160, "command-word-length": 4, "command-word-0-at": 0,
          "command-word-1-at": 2, "command-word-ack": 7}
-ERROR_STOP = 7
 
 
 @pytest.fixture(name="make_servo")
@@ -78,7 +80,7 @@ def test_faults_and_health(make_servo):
     assert drive.read("supply_voltage_raw") == 480
     bridge.sim.control("faults drive1 0x100")
     state(bridge, ERROR_STOP)
-    assert drive.read("error") == 32 + 8
+    assert drive.read("error") == code("error", "phase_loss")
     assert drive.read("fault_bits") == 0x100
     assert drive.command("clear_fault") == 1
     bridge.sim.control("faults drive1 0")
@@ -102,7 +104,7 @@ def test_what_is_heard_of_a_silent_drive_is_told(make_servo):
     identifier, data = line.split("the last one ")[1].split(";")[0].split("#")
     assert int(identifier, 16) - 1 in (0x160, 0x180, 0x1A0, 0x1C0, 0x1E0, 0x200, 0x220)
     assert len(data) in (2, 6, 10)
-    assert bridge.drive().read("status") & 1 == 0
+    assert not bridge.drive().online()
 
 
 def test_one_sync_frame_starts_all(make_servo):
@@ -173,7 +175,7 @@ def test_max_speed_before_the_first_motion(make_servo):
     drive = bridge.drive()
     state(bridge, DISABLED)
     assert drive.write("max_speed", 200) == 0
-    assert drive.read("write_result") == 18
+    assert drive.read("write_result") == RESULT_UNPROVEN
     assert drive.read("max_speed") == 200
     assert drive.command("enable") == 0
     assert drive.command("move_velocity", target_velocity=600) == 0

@@ -11,8 +11,7 @@ import pytest
 import tree_sitter
 import tree_sitter_iec61131_3_st
 from blark.parse import parse_source_code
-from bridgelib import ROOT
-from conftest import DOCS
+from bridgelib import DOCS, ROOT
 from stlib import Library, examples
 
 BLOCKS = ["MC_Power", "MC_Stop", "MC_Halt", "MC_MoveAbsolute", "MC_MoveRelative",

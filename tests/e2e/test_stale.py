@@ -6,11 +6,14 @@ from bridgelib import (
     BUS_DOWN_ERROR,
     NO_ANSWER,
     NO_ANSWER_ERROR,
+    NO_ERROR,
     NO_PATH,
     OFFLINE,
     ONLINE_BIT,
     ORIGIN_LOST_BIT,
     PARAMS_VALID_BIT,
+    QUALITY_BAD,
+    QUALITY_GOOD,
     Refused,
     eventually,
 )
@@ -44,14 +47,14 @@ def test_a_silent_drive_is_offline(bridge):
     for name in ALWAYS:
         assert exception(drive, name) == 0, name
     assert drive.read("error") == NO_ANSWER_ERROR
-    assert drive.read("quality") == 0
+    assert drive.read("quality") == QUALITY_BAD
     assert not drive.read("status") & ONLINE_BIT
     assert drive.command("move_absolute", target_position=1, target_velocity=0) == NO_ANSWER
     age = drive.read("age_ms")
     eventually(lambda: drive.read("age_ms") > age + 50, what="the age to grow")
     bridge.sim.fault("silence off")
     eventually(drive.online, what="the drive to be back")
-    eventually(lambda: drive.read("quality") == 192)
+    eventually(lambda: drive.read("quality") == QUALITY_GOOD)
     assert drive.read("position") == 50
     assert drive.read("came_online") == 2
 
@@ -77,7 +80,7 @@ def test_old_values_on_request(make_bridge):
     values = drive.read_many("axis_state", "drive_status")
     assert values["position"] == 64
     assert values["axis_state"] == OFFLINE
-    assert values["quality"] != 192
+    assert values["quality"] != QUALITY_GOOD
     assert not values["status"] & ONLINE_BIT
     eventually(lambda: drive.read("age_ms") > 200)
 
@@ -146,7 +149,7 @@ def test_port_removed_and_back(bridge):
     assert gateway.read("bus1_up") == 0
     bridge.sim.start()
     bridge.wait_ready()
-    assert drive.read("error") == 0
+    assert drive.read("error") == NO_ERROR
     assert gateway.read("bus1_up") == 1
     assert gateway.read("bus1_opens") == 2
     assert drive.command("move_absolute", target_position=30, target_velocity=0) == 0

@@ -16,9 +16,12 @@ from bridgelib import (
     DEVICE_FAILURE,
     DISABLED,
     ILLEGAL_VALUE,
+    LATCHED_BIT,
+    NO_ERROR,
     RESULT_CANCELLED,
     RESULT_OK,
     RESULT_RUNS_ON,
+    RUNS_ON_ERROR,
     STANDSTILL,
     Client,
     Refused,
@@ -132,7 +135,7 @@ def test_a_dead_drive_takes_nobody_elses_stops(make_bridge):
     bridge = make_bridge(drives=2, drive={"watchdog-ms": 20000})
     starts_moving(bridge, 1)
     bridge.sim.fault("silence on", "drive2")
-    eventually(lambda: bridge.drive(2).read("status") & 1 == 0, what="drive 2 to be offline")
+    eventually(lambda: not bridge.drive(2).online(), what="drive 2 to be offline")
     living = bridge.drive(1)
     with bridge.raw() as raw:
         for number in range(24):
@@ -155,12 +158,12 @@ def test_a_drive_that_takes_a_stop_and_runs_on_is_told_of(make_bridge):
     drive = bridge.drive()
     assert drive.command("stop") == DEVICE_FAILURE
     assert drive.read("result") == RESULT_RUNS_ON
-    assert drive.read("error") == 4
+    assert drive.read("error") == RUNS_ON_ERROR
     assert "is told on" in bridge.log_path.read_text()
     assert bridge.sim.get()["velocity"] == 3200
     bridge.sim.fault("runaway off")
     eventually(lambda: bridge.sim.get()["velocity"] == 0)
-    eventually(lambda: drive.read("error") == 0)
+    eventually(lambda: drive.read("error") == NO_ERROR)
 
 
 def test_the_last_resort_for_a_drive_that_runs_on(make_bridge):
@@ -178,7 +181,7 @@ def test_a_stop_waits_for_a_drive_that_is_away(bridge):
     drive = bridge.drive()
     with bridge.raw() as raw:
         raw.send(raw.adu(1, 1, fc16(bridge, "stop")))
-        eventually(lambda: drive.read("status") & 1 == 0, what="the drive to be offline")
+        eventually(lambda: not drive.online(), what="the drive to be offline")
         assert bridge.sim.get()["velocity"] == 3200
         bridge.sim.fault("silence off")
         eventually(lambda: bridge.sim.get()["velocity"] == 0, what="the stop to reach the drive")
@@ -239,7 +242,7 @@ def test_watchdog_stops_when_the_plc_falls_silent(make_bridge):
     bridge.units.clear()
     drive = bridge.drive()
     assert drive.read("watchdog_trips") == 1
-    assert drive.read("status") & 1 << 10
+    assert drive.read("status") & LATCHED_BIT
     # Latched: an explicit reset is needed before it moves again.
     assert drive.command("move_velocity", target_velocity=100) == DEVICE_FAILURE
     eventually(lambda: drive.read("axis_state") not in (CONTINUOUS, DISABLED))

@@ -5,11 +5,13 @@ results say, and nothing moves by itself."""
 import pytest
 import temperament
 from bridgelib import (
+    AT_TARGET_BIT,
     CONTINUOUS,
     DEVICE_FAILURE,
     DISABLED,
     ENABLED_BIT,
     ERROR_STOP,
+    MOVING_BIT,
     RESULT_OK,
     STANDSTILL,
     eventually,
@@ -20,8 +22,6 @@ FAMILY = "servo-can"
 CAN = {"protocol": FAMILY, "transport": "slcan", "bitrate": 1000000, "line": None}
 WORDS = {"command-word-base": 160, "command-word-length": 4, "command-word-0-at": 0,
          "command-word-1-at": 2, "command-word-ack": 7}
-MOVING_BIT = 1 << 3
-AT_TARGET_BIT = 1 << 4
 # Counts that a drive may rest beside a target here, and that trembling makes.
 WINDOW = 6
 

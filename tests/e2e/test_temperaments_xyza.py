@@ -6,6 +6,7 @@ import pytest
 import temperament
 from bridgelib import (
     RESULT_OK,
+    RESULT_PENDING,
     RESULT_REFUSED,
     RESULT_UNPROVEN,
     STANDSTILL,
@@ -94,7 +95,7 @@ class Controller:
 
     def sets(self, name, value):
         self.x.write(name, value)
-        done = eventually(lambda: self.x.read("write_result") != 2 and
+        done = eventually(lambda: self.x.read("write_result") != RESULT_PENDING and
                           self.x.read("write_result"), what="the write")
         return done
 

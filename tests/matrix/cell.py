@@ -6,10 +6,11 @@ import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from bridgelib import DEVICE_FAILURE, QUALITY_GOOD, RESULT_INDETERMINATE
 from matrix.faults import TARGET
 from model.families import FAMILIES
 from model.history import WORLD, History, Step
-from model.judge import GOOD, INDETERMINATE, judge
+from model.judge import judge
 from model.player import Player
 
 OTHER = {"vsmd-serial": 2, "vsmd-can": 2, "servo-can": 2, "xyza": 3}
@@ -145,14 +146,14 @@ def history_of(family, fault, rounds, interface=None):
 
 def told_read(done):
     if done.process:
-        return "good" if done.process["quality"] == GOOD else "old and marked so"
+        return "good" if done.process["quality"] == QUALITY_GOOD else "old and marked so"
     code = done.attempts[-1].code
     return "no connection" if code is None else EXCEPTIONS[code]
 
 
 def told_command(done):
     code = done.attempts[-1].code
-    if code == 4 and done.result and done.result.code == INDETERMINATE:
+    if code == DEVICE_FAILURE and done.result and done.result.code == RESULT_INDETERMINATE:
         return "04 indeterminate"
     return "done" if code == 0 else "no connection" if code is None else EXCEPTIONS[code]
 

@@ -7,20 +7,35 @@ against it: a step is before another when it was answered before the other was s
 
 from dataclasses import dataclass, field
 
-from model.families import MOTIONS, MOVE, OFF, OTHER, PARAMETER, POWER, RUN, SET, STANDS, STOP
+from bridgelib import (
+    ACKNOWLEDGE,
+    BUSY,
+    ILLEGAL_ADDRESS,
+    ILLEGAL_FUNCTION,
+    ILLEGAL_VALUE,
+    NO_PATH,
+    ONLINE_BIT,
+    QUALITY_GOOD,
+    RESULT_BUSY,
+    RESULT_LATCHED,
+    RESULT_LIMIT,
+    RESULT_NOT_IN_CONTROL,
+    RESULT_OK,
+    RESULT_OUT_OF_RANGE,
+    RESULT_RATE_LIMITED,
+    RESULT_REFUSED,
+    RESULT_RESTARTED,
+    RESULT_UNPROVEN,
+    RESULT_UNSUPPORTED,
+)
+from model.families import MOTIONS, MOVE, OFF, OTHER, POWER, RUN, SET, STOP
 from model.history import STOPS
 
-OK, REFUSED, OUT_OF_RANGE, TIMEOUT, INDETERMINATE, RESTARTED, CANCELLED = 1, 3, 4, 5, 6, 7, 8
-LIMIT, LATCHED, UNSUPPORTED, BUSY_RESULT, UNPROVEN = 9, 10, 11, 12, 18
-RATE_LIMITED, NOT_IN_CONTROL = 16, 17
 # Results that say: it did not happen.
-NEVER = (REFUSED, OUT_OF_RANGE, RESTARTED, LIMIT, LATCHED, UNSUPPORTED, BUSY_RESULT, RATE_LIMITED,
-         NOT_IN_CONTROL)
+NEVER = (RESULT_REFUSED, RESULT_OUT_OF_RANGE, RESULT_RESTARTED, RESULT_LIMIT, RESULT_LATCHED,
+         RESULT_UNSUPPORTED, RESULT_BUSY, RESULT_RATE_LIMITED, RESULT_NOT_IN_CONTROL)
 # Exceptions that say so.
-NOTHING_DONE = (1, 2, 3, 6, 0x0A)
-BUSY, DEVICE_FAILURE, ACKNOWLEDGED, NO_ANSWER = 6, 4, 5, 0x0B
-GOOD = 192
-ONLINE = 1
+NOTHING_DONE = (ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, BUSY, NO_PATH)
 
 EPSILON = 0.002      # s, of the witness's clock
 LATE = 1.0           # s, in which a simulator that waits for a processor hears what was sent
@@ -179,7 +194,7 @@ class Case:
         for order in self.orders:
             good = order.first(0)
             if not good or order.step.do == "stage" or (order.done.result and
-                                                        order.done.result.code == UNPROVEN):
+                                                        order.done.result.code == RESULT_UNPROVEN):
                 continue
             begin = min(attempt.sent for attempt in order.done.attempts)
             if not any(begin - EPSILON <= event.time <= good.answered + EPSILON
@@ -226,7 +241,7 @@ class Case:
                 yield Fault("denied", f"{order}, and the drive did it: {own[0].text}", order.step,
                             order.drive, own[0].time)
             end = order.answered
-            if end is None or ACKNOWLEDGED in codes:
+            if end is None or ACKNOWLEDGE in codes:
                 continue
             slack = EPSILON if set(codes) == {0} else LATE
             late = [event for event in own if event.time > end + slack]
@@ -352,10 +367,10 @@ class Case:
                 continue
             own = self.own(order)
             done = [event for event in order.events if event.time <= result.sent + LATE]
-            if result.code == OK and not done:
+            if result.code == RESULT_OK and not done:
                 yield Fault("result", f"{order}, and the drive never did it", order.step,
                             order.drive, result.sent)
-            if result.code == RESTARTED:
+            if result.code == RESULT_RESTARTED:
                 # The bridge from before may have done it; nobody remembers.
                 begun = max(end for begin, end in self.epochs(order.drive) if begin <= result.sent)
                 own = [event for event in own if event.time > begun]
@@ -374,7 +389,7 @@ class Case:
         """While a drive is away its data grow old."""
         for done, attempt, values in self.reads():
             age = values["age_ms"] / 1000
-            if values["quality"] == GOOD and age > 0.101:
+            if values["quality"] == QUALITY_GOOD and age > 0.101:
                 yield Fault("quality", f"step {done.step.place}: good and {age} s old", done.step)
             for deed in self.record.deeds:
                 if deed.step.do not in ("power", "silence") or not self._same(deed, done):
@@ -396,7 +411,7 @@ class Case:
             events = self.events[done.step.drive]
             before = [event for event in events if event.time < taken]
             during = [event for event in events if taken <= event.time <= attempt.answered]
-            if not before or during or before[-1].moving or not values["status"] & ONLINE:
+            if not before or during or before[-1].moving or not values["status"] & ONLINE_BIT:
                 continue
             last = before[-1]
             if abs(values["velocity"]) > 1:

@@ -9,9 +9,11 @@ import time
 from dataclasses import dataclass, field
 
 from bridgelib import (
-    ROOT,
+    DOCS,
+    MAP,
+    MOVING_BIT,
+    QUALITY_GOOD,
     Bridge,
-    RegisterMap,
     encode,
     eventually,
     find_program,
@@ -26,8 +28,6 @@ from model.history import CLIENTS, WINDOW, WORLD, Step
 RECOVERY = 30.0
 # Longer than any answer may take; the bridge alone needs no second for any of them.
 PATIENCE = 20.0
-GOOD = 192
-MOVING = 1 << 3
 FLOOD = 60  # commands
 SOURCES = [f"127.0.0.{11 + client}" for client in range(CLIENTS)]
 VENDOR_UNIT = 100
@@ -143,10 +143,9 @@ class Player:
         self.history = history
         self.family = FAMILIES[history.family]()
         self.record = Record(history, self.family)
-        commands = load_commands(ROOT / "docs" / "commands.csv")
-        register_map = RegisterMap(ROOT / "docs" / "register-map.csv")
-        self.layout = Layout(register_map, commands)
-        self.bridge = self._make_bridge(place, register_map, commands)
+        commands = load_commands(DOCS / "commands.csv")
+        self.layout = Layout(MAP, commands)
+        self.bridge = self._make_bridge(place, MAP, commands)
         self.links = [modbus.Link(self._port, source) for source in SOURCES]
         self.running = asyncio.Event()
         self.open_steps = {}
@@ -311,7 +310,7 @@ class Player:
         while time.monotonic() < begun + RECOVERY:
             look = Done(Step(done.step.who, "read", done.step.drive))
             await self.read(look)
-            if look.process and not look.process["status"] & MOVING and \
+            if look.process and not look.process["status"] & MOVING_BIT and \
                     look.process["velocity"] == 0:
                 return
             await asyncio.sleep(0.005)
@@ -323,7 +322,7 @@ class Player:
         while time.monotonic() < begun + RECOVERY:
             look = Done(Step(done.step.who, "read", done.step.drive, place=done.step.place))
             await self.read(look)
-            if look.process and look.process["quality"] == GOOD:
+            if look.process and look.process["quality"] == QUALITY_GOOD:
                 last = Done(stop)
                 await self.attempt(last, *self.request_of(stop))
                 if last.attempts[-1].code == 0:
