@@ -4,16 +4,16 @@
  * that are simulated, whose answers the input loses, delays, damages, doubles and invents, while
  * commands, stops, changes of the bus and losses of the port come at any moment.
  *
- * What must hold: the engine always wants to be called later than now, and not for ever at once; on
- * a serial line nothing is sent while an answer may come; nothing is sent into a port that is down or
+ * What must hold: the engine always wants to be called later than now, and not for ever at once, which
+ * fake_pass() sees to; on a serial line nothing is sent while an answer may come; nothing is sent into a port that is down or
  * holds; what is sent is a request that the family's document knows; a stop is on the wire within
  * STOP_BOUND and is never answered "busy"; every request ends exactly once; and when the drives behave
  * again, everything that waits ends and every drive is online.
  */
 #include "config/load.h"
+#include "fakes/bus.h"
 #include "line.h"
 #include "sched/change.h"
-#include "sched/engine.h"
 
 #define MS DB_NS_PER_MS
 #define S DB_NS_PER_S
@@ -26,16 +26,11 @@
 #define STOP_BOUND (6 * S)
 /* So long may drives that behave again need to be online, and requests to end. */
 #define PATIENCE (180 * S)
-/* Calls of the engine within a microsecond. */
-#define CALLS_MAX 1000
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-/* A section of the configuration, on the bus or not. */
+/* One of the bus's drives, on it or not. */
 struct place {
-	const struct db_drive_config *config;
-	struct db_axis *axis;
-	uint16_t number;
 	bool there;
 	bool leaving;
 	db_time stop_since; /* when a stop began to wait for being sent; 0: none does */
@@ -48,11 +43,8 @@ struct ticket {
 };
 
 struct world {
-	const struct db_config *config;
-	struct db_bus_config bus;
+	struct fake_bus *bus;
 	struct line line;
-	struct db_queue *queue;
-	struct db_engine *engine;
 	struct place places[LINE_DRIVES];
 	uint16_t last_number;
 	struct ticket tickets[TICKETS];
@@ -62,12 +54,9 @@ struct world {
 	bool held;
 	bool wrote_settings; /* a drive may have another address since */
 	bool ending;
-	db_time now;
 	db_time silent_until; /* serial: nothing may be sent unless something came */
-	unsigned calls;       /* of the engine in this microsecond */
-	db_time counted_from;
-	unsigned doubled;   /* so many chunks are to come twice */
-	unsigned swallowed; /* so many not at all */
+	unsigned doubled;     /* so many chunks are to come twice */
+	unsigned swallowed;   /* so many not at all */
 };
 
 /* Read once: what no input changes. */
@@ -85,32 +74,31 @@ static const struct db_config *config_of(enum family family)
 static void note_said(struct world *world, const struct said *said)
 {
 	for (size_t i = 0; i < LINE_DRIVES; i++) {
-		struct place *place = &world->places[i];
-
-		if (said->stop &&
-		    (said->address == LINE_ALL || said->address == place->config->address))
-			place->stop_since = 0;
+		if (said->stop && (said->address == LINE_ALL ||
+		                   said->address == world->bus->list[i].config->address))
+			world->places[i].stop_since = 0;
 	}
 }
 
 static void on_send(void *context, const uint8_t *bytes, size_t length)
 {
 	struct world *world = context;
+	const struct db_bus_config *config = &world->bus->config;
 	size_t step = world->line.can ? sizeof(struct db_can_frame) : length;
 	struct said said = { .address = LINE_ALL };
 
 	must(world->up && !world->held && length > 0);
-	must(world->line.can || world->now >= world->silent_until);
+	must(world->line.can || world->bus->now >= world->silent_until);
 	for (size_t at = 0; at < length; at += step) {
 		said = line_read(&world->line, bytes + at, step);
 		note_said(world, &said);
 	}
 	/* Nobody answers what everybody is told. */
-	world->silent_until = world->now +
-	                      world->bus.transport->wire_time(&world->bus, bytes, length, 0);
+	world->silent_until = world->bus->now +
+	                      config->transport->wire_time(config, bytes, length, 0);
 	if (said.address != LINE_ALL)
-		world->silent_until += (db_time)world->bus.drive_latency_ms * MS;
-	line_hear(&world->line, bytes, length, world->now);
+		world->silent_until += (db_time)config->drive_latency_ms * MS;
+	line_hear(&world->line, bytes, length, world->bus->now);
 }
 
 static void on_tell(void *context, const struct db_drive_config *drive, enum db_event event,
@@ -127,7 +115,7 @@ static void collect(struct world *world)
 {
 	struct db_completion completion;
 
-	while (db_queue_collect(world->queue, &completion)) {
+	while (db_queue_collect(world->bus->queue, &completion)) {
 		struct ticket *ticket = &world->tickets[completion.ticket - 1];
 
 		must(completion.ticket >= 1 && completion.ticket <= world->ticket_count);
@@ -142,7 +130,7 @@ static void collect(struct world *world)
 
 static void take_changed(struct world *world)
 {
-	struct db_change *changed = change_fetch(world->engine);
+	struct db_change *changed = change_fetch(world->bus->engine);
 
 	if (!changed)
 		return;
@@ -163,26 +151,25 @@ static void check_stops(const struct world *world)
 		const struct place *place = &world->places[i];
 
 		must(place->stop_since == 0 || !world->up || world->held ||
-		     world->now - place->stop_since < STOP_BOUND);
+		     world->bus->now - place->stop_since < STOP_BOUND);
 	}
 }
-
-/* --- time ------------------------------------------------------------------------------------------ */
 
 static void hand_over(struct world *world, const uint8_t *bytes, size_t length)
 {
 	if (!world->up)
 		return;
-	world->silent_until = world->now;
-	db_engine_receive(world->engine, bytes, length, world->now);
+	world->silent_until = world->bus->now;
+	fake_receive(world->bus, bytes, length);
 }
 
-static void deliver(struct world *world)
+static void deliver(void *context)
 {
+	struct world *world = context;
 	uint8_t bytes[256];
 	size_t length;
 
-	while ((length = line_say(&world->line, world->now, bytes, sizeof bytes)) > 0) {
+	while ((length = line_say(&world->line, world->bus->now, bytes, sizeof bytes)) > 0) {
 		if (world->swallowed > 0) {
 			world->swallowed--;
 			continue;
@@ -195,36 +182,18 @@ static void deliver(struct world *world)
 	}
 }
 
-static db_time turn(struct world *world)
+static void check_turn(void *context)
 {
-	db_time next = db_engine_run(world->engine, world->now);
+	struct world *world = context;
 
-	must(next > world->now);
-	must(++world->calls < CALLS_MAX);
 	collect(world);
 	take_changed(world);
 	check_stops(world);
-	return next;
 }
 
-static void pass(struct world *world, db_time span)
+static db_time line_speaks_at(void *context)
 {
-	db_time end = world->now + span;
-
-	while (world->now < end) {
-		db_time next = turn(world);
-		db_time said = line_next(&world->line);
-
-		next = next < end ? next : end;
-		if (said < next)
-			next = said > world->now ? said : world->now;
-		world->now = next;
-		if (next - world->counted_from >= DB_NS_PER_US) {
-			world->counted_from = next;
-			world->calls = 0;
-		}
-		deliver(world);
-	}
+	return line_next(&((struct world *)context)->line);
 }
 
 /* --- what the input decides -------------------------------------------------------------------------- */
@@ -241,12 +210,12 @@ static void set_port(struct world *world, bool up)
 		return;
 	world->up = up;
 	world->held = false;
-	world->silent_until = world->now;
+	world->silent_until = world->bus->now;
 	for (size_t i = 0; i < LINE_DRIVES; i++) {
 		if (world->places[i].stop_since != 0)
-			world->places[i].stop_since = world->now;
+			world->places[i].stop_since = world->bus->now;
 	}
-	db_engine_port(world->engine, up, up ? 0 : 5, world->now);
+	fake_port(world->bus, up ? 0 : 5);
 }
 
 static void set_held(struct world *world, bool held)
@@ -256,9 +225,9 @@ static void set_held(struct world *world, bool held)
 	world->held = held;
 	for (size_t i = 0; i < LINE_DRIVES; i++) {
 		if (world->places[i].stop_since != 0)
-			world->places[i].stop_since = world->now;
+			world->places[i].stop_since = world->bus->now;
 	}
-	db_engine_hold(world->engine, held, world->now);
+	db_engine_hold(world->bus->engine, held, world->bus->now);
 }
 
 static struct db_args read_args(struct input *input)
@@ -276,20 +245,20 @@ static struct db_args read_args(struct input *input)
 	};
 }
 
-static void post(struct world *world, struct db_request *request, size_t place)
+static void post_ticket(struct world *world, struct db_request *request, size_t place)
 {
 	bool stop = request->setting_count == 0 && db_command_is_stop(request->command);
 
 	if (world->ticket_count == TICKETS)
 		return;
 	request->ticket = (uint32_t)world->ticket_count + 1;
-	request->drive = world->places[place].number;
-	request->submitted = world->now;
-	if (!db_queue_post(world->queue, request))
+	request->drive = world->bus->list[place].drive;
+	request->submitted = world->bus->now;
+	if (!db_queue_post(world->bus->queue, request))
 		return;
 	world->tickets[world->ticket_count++] = (struct ticket){ true, stop, place };
 	if (stop && world->places[place].there && world->places[place].stop_since == 0)
-		world->places[place].stop_since = world->now;
+		world->places[place].stop_since = world->bus->now;
 }
 
 /* As the commander does, only what the driver has found possible. */
@@ -298,13 +267,13 @@ static void command(struct world *world, struct input *input)
 	size_t place = input_below(input, LINE_DRIVES);
 	struct db_request request = { .command = input_u8(input) % DB_CMD_LIMIT,
 		                      .args = read_args(input) };
-	const struct place *drive = &world->places[place];
+	const struct db_bus_config *bus = &world->bus->config;
+	const struct db_drive_config *drive = world->bus->list[place].config;
 
-	if (!(db_driver_commands(&world->bus, drive->config) & DB_COMMAND_BIT(request.command)) ||
-	    world->bus.driver->check(&world->bus, drive->config, request.command, &request.args) !=
-	            DB_RESULT_OK)
+	if (!(db_driver_commands(bus, drive) & DB_COMMAND_BIT(request.command)) ||
+	    bus->driver->check(bus, drive, request.command, &request.args) != DB_RESULT_OK)
 		return;
-	post(world, &request, place);
+	post_ticket(world, &request, place);
 }
 
 static void stop(struct world *world, struct input *input)
@@ -313,7 +282,7 @@ static void stop(struct world *world, struct input *input)
 	uint8_t which = input_u8(input);
 	struct db_request request = { .command = stops[which % 3] };
 
-	post(world, &request, which / 3 % LINE_DRIVES);
+	post_ticket(world, &request, which / 3 % LINE_DRIVES);
 }
 
 static void stop_all(struct world *world)
@@ -321,7 +290,7 @@ static void stop_all(struct world *world)
 	for (size_t i = 0; i < LINE_DRIVES; i++) {
 		struct db_request request = { .command = DB_CMD_STOP };
 
-		post(world, &request, i);
+		post_ticket(world, &request, i);
 	}
 }
 
@@ -331,23 +300,23 @@ static void write_settings(struct world *world, struct input *input)
 	size_t wanted = 1 + input_below(input, 4);
 	struct db_setting settings[4];
 	struct db_request request = { .settings = settings };
+	const struct db_bus_config *bus = &world->bus->config;
 
 	for (size_t i = 0; i < wanted; i++) {
 		struct db_setting *setting = &settings[request.setting_count];
 
 		*setting = (struct db_setting){
-			.param = (uint16_t)input_below(input, world->bus.driver->param_count + 1),
+			.param = (uint16_t)input_below(input, bus->driver->param_count + 1),
 			.value = { .u = input_u32(input) },
 		};
-		if (setting->param < world->bus.driver->param_count &&
-		    world->bus.driver->check_param(&world->bus, setting->param, setting->value) ==
-		            DB_RESULT_OK)
+		if (setting->param < bus->driver->param_count &&
+		    bus->driver->check_param(bus, setting->param, setting->value) == DB_RESULT_OK)
 			request.setting_count++;
 	}
 	if (request.setting_count == 0)
 		return;
 	world->wrote_settings = true;
-	post(world, &request, place);
+	post_ticket(world, &request, place);
 }
 
 /* Some leave, and whoever is not there comes. */
@@ -364,21 +333,22 @@ static void change(struct world *world, struct input *input)
 		return;
 	for (size_t i = 0; i < LINE_DRIVES; i++) {
 		struct place *place = &world->places[i];
+		struct db_bus_drive *drive = &world->bus->list[i];
 
 		if (place->there && (choice >> i & 1)) {
-			leaving[leaving_count++] = place->number;
+			leaving[leaving_count++] = drive->drive;
 			place->leaving = true;
 		} else if (!place->there && (choice >> (i + 4) & 1)) {
-			place->number = new_number(world);
+			drive->drive = new_number(world);
 			place->there = true;
-			coming[coming_count++] =
-				(struct db_bus_drive){ place->number, place->config, place->axis };
+			coming[coming_count++] = *drive;
 		}
 	}
-	made = change_new(&world->bus, LINE_DRIVES, leaving, leaving_count, coming, coming_count);
+	made = change_new(&world->bus->config, LINE_DRIVES, leaving, leaving_count, coming,
+	                  coming_count);
 	must(made);
 	world->changing = true;
-	change_begin(world->engine, made, world->now);
+	change_begin(world->bus->engine, made, world->bus->now);
 }
 
 static void set_fault(struct world *world, struct input *input)
@@ -429,7 +399,7 @@ static void wait_a_while(struct world *world, struct input *input)
 	static const db_time units[] = { 50 * DB_NS_PER_US, MS, 3 * MS, 12 * MS };
 	uint8_t choice = input_u8(input);
 
-	pass(world, (1 + (choice & 0x3F)) * units[choice >> 6]);
+	fake_pass(world->bus, (1 + (choice & 0x3F)) * units[choice >> 6]);
 }
 
 static void act(struct world *world, struct input *input)
@@ -460,7 +430,7 @@ static void act(struct world *world, struct input *input)
 		break;
 	case 9:
 		line_power(&world->line, input_below(input, LINE_DRIVES), input_u8(input) & 1,
-		           world->now);
+		           world->bus->now);
 		break;
 	case 10:
 	case 11:
@@ -483,36 +453,31 @@ static void act(struct world *world, struct input *input)
 static void open_world(struct world *world, struct input *input)
 {
 	uint8_t choice = input_u8(input);
-	struct db_bus_drive drives[LINE_DRIVES];
 	size_t count = 1 + (choice >> 2) % LINE_DRIVES;
+	const struct db_config *config = config_of(choice % FAMILIES);
+	struct fake_bus *bus = fake_bus_new(config->buses[0].driver, LINE_DRIVES);
 
-	*world = (struct world){ .config = config_of(choice % FAMILIES), .now = 1000 * S };
-	world->bus = world->config->buses[0];
-	world->bus.queue = COMMANDS;
-	line_open(&world->line, choice % FAMILIES, &world->bus, world->now);
+	*world = (struct world){ .bus = bus };
+	bus->config = config->buses[0];
+	bus->config.queue = COMMANDS;
+	bus->context = world;
+	bus->next = line_speaks_at;
+	bus->happen = deliver;
+	bus->turned = check_turn;
+	line_open(&world->line, choice % FAMILIES, &bus->config, bus->now);
 	for (size_t i = 0; i < LINE_DRIVES; i++) {
-		struct place *place = &world->places[i];
-
-		place->config = &world->config->drives[i];
-		place->axis = db_axis_new();
-		must(place->axis);
-		place->number = new_number(world);
-		place->there = i < count;
-		drives[i] = (struct db_bus_drive){ place->number, place->config, place->axis };
+		bus->list[i].drive = new_number(world);
+		bus->list[i].config = &config->drives[i];
+		world->places[i].there = i < count;
 	}
-	must(db_queue_new(COMMANDS, LINE_DRIVES, &world->queue) == 0);
-	must(db_engine_new(&world->bus, drives, count, world->queue, &ops, world, &world->engine) ==
-	     0);
+	fake_bus_open(bus, count, &ops);
 	set_port(world, true);
 }
 
 static void close_world(struct world *world)
 {
-	db_engine_free(world->engine);
-	db_queue_free(world->queue);
+	fake_bus_free(world->bus);
 	line_close(&world->line);
-	for (size_t i = 0; i < LINE_DRIVES; i++)
-		db_axis_free(world->places[i].axis);
 }
 
 static bool all_ended(const struct world *world)
@@ -527,10 +492,7 @@ static bool all_ended(const struct world *world)
 static bool all_online(const struct world *world)
 {
 	for (size_t i = 0; i < LINE_DRIVES; i++) {
-		struct db_snapshot snapshot;
-
-		db_axis_read(world->places[i].axis, &snapshot);
-		if (world->places[i].there && !(snapshot.feedback.status & DB_STATUS_ONLINE))
+		if (world->places[i].there && !fake_is_online(world->bus, i))
 			return false;
 	}
 	return true;
@@ -539,30 +501,30 @@ static bool all_online(const struct world *world)
 /* The drives behave, and nobody disturbs them. */
 static void recover(struct world *world)
 {
-	db_time end = world->now + PATIENCE;
+	db_time end = world->bus->now + PATIENCE;
 
 	world->doubled = world->swallowed = 0;
-	line_mend(&world->line, world->now);
+	line_mend(&world->line, world->bus->now);
 	if (!world->up)
 		set_port(world, true);
 	if (world->held)
 		set_held(world, false);
 	while (!all_ended(world) || !(world->wrote_settings || all_online(world))) {
-		must(world->now < end);
-		pass(world, 100 * MS);
+		must(world->bus->now < end);
+		fake_pass(world->bus, 100 * MS);
 	}
 }
 
 /* Quiet in time, or given up as the bus's thread does. */
 static void shut_down(struct world *world)
 {
-	db_time end = world->now + DB_EXIT_TIME;
+	db_time end = world->bus->now + DB_EXIT_TIME;
 
 	world->ending = true;
-	db_engine_shut_down(world->engine, world->now);
-	while (!db_engine_is_quiet(world->engine) && world->now < end)
-		pass(world, 20 * MS);
-	db_engine_tell_unconfirmed(world->engine);
+	db_engine_shut_down(world->bus->engine, world->bus->now);
+	while (!db_engine_is_quiet(world->bus->engine) && world->bus->now < end)
+		fake_pass(world->bus, 20 * MS);
+	db_engine_tell_unconfirmed(world->bus->engine);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)

@@ -6,6 +6,8 @@
 #ifndef DRIVEBRIDGE_FUZZ_INPUT_H
 #define DRIVEBRIDGE_FUZZ_INPUT_H
 
+#include "fakes/must.h"
+
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -17,15 +19,6 @@ struct input {
 	const uint8_t *bytes;
 	size_t left;
 };
-
-/* What must always hold. */
-#define must(condition) ((condition) ? (void)0 : must_fail(#condition, __FILE__, __LINE__))
-
-static inline _Noreturn void must_fail(const char *condition, const char *file, int line)
-{
-	(void)fprintf(stderr, "%s:%d: does not hold: %s\n", file, line, condition);
-	abort();
-}
 
 static inline uint8_t input_u8(struct input *input)
 {
