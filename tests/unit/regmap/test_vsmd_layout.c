@@ -1,10 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "regmap/vsmd_layout.h"
 
-#include "drivebridge/driver.h"
-#include "drivebridge/registers.h"
+#include "fakes/registers.h"
 
-#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -25,82 +23,10 @@
 #define ONLINE (DB_STATUS_BUS_UP | DB_STATUS_ONLINE | DB_STATUS_PARAMS_VALID)
 #define NEUTRAL 1
 #define VENDOR 9
-#define REQUESTS_MAX 8
 
 /* Addresses and codes are literals here: they are the vendor's map. */
 
-struct fake {
-	struct db_bus_config bus;
-	struct db_drive_config drive;
-	struct db_config config;
-	struct db_axis *axis;
-	struct db_registers *registers;
-	struct db_nameplate plate;
-	db_time now;
-	struct db_request requests[REQUESTS_MAX];
-	struct db_setting settings[REQUESTS_MAX][DB_SETTINGS_MAX];
-	unsigned submitted;
-	unsigned answered;
-	uint8_t answered_with;
-};
-
-static db_time fake_now(void *context)
-{
-	return ((struct fake *)context)->now;
-}
-
-static bool fake_submit(void *context, struct db_bus *bus, const struct db_request *request)
-{
-	struct fake *fake = context;
-
-	assert_null(bus);
-	assert_true(fake->submitted < REQUESTS_MAX);
-	fake->requests[fake->submitted] = *request;
-	fake->requests[fake->submitted].settings = fake->settings[fake->submitted];
-	for (size_t i = 0; i < request->setting_count; i++)
-		fake->settings[fake->submitted][i] = request->settings[i];
-	fake->submitted++;
-	return true;
-}
-
-static void fake_answer(void *context, struct db_write_token token, uint8_t exception)
-{
-	struct fake *fake = context;
-
-	assert_int_equal(token.client, 1);
-	assert_int_equal(token.sequence, 42);
-	fake->answered++;
-	fake->answered_with = exception;
-}
-
-static void fake_bus_stats(void *context, struct db_bus *bus, struct db_bus_stats *stats)
-{
-	(void)context;
-	(void)bus;
-	*stats = (struct db_bus_stats){ .up = true };
-}
-
-static void fake_server_stats(void *context, struct db_server_stats *stats)
-{
-	(void)context;
-	*stats = (struct db_server_stats){ 0 };
-}
-
-static uint64_t fake_wall(void *context)
-{
-	return 1700000000000000u + (uint64_t)((struct fake *)context)->now / 1000;
-}
-
-static const struct db_registers_ops ops = {
-	.wall_us = fake_wall,
-	.now = fake_now,
-	.submit = fake_submit,
-	.answer = fake_answer,
-	.bus_stats = fake_bus_stats,
-	.server_stats = fake_server_stats,
-};
-
-static void publish(struct fake *fake, uint32_t status)
+static void publish(struct fake_registers *fake, uint32_t status)
 {
 	struct db_snapshot snapshot = {
 		.feedback = {
@@ -113,116 +39,37 @@ static void publish(struct fake *fake, uint32_t status)
 		},
 	};
 
-	db_axis_publish(fake->axis, &snapshot);
+	db_axis_publish(fake->axes[0], &snapshot);
 }
 
-static void make_registers(struct fake *fake)
+static struct db_nameplate usual_plate(void)
 {
-	const struct db_roster_bus bus = { .config = &fake->bus };
-	const struct db_roster_drive drive = { .config = &fake->drive, .axis = fake->axis };
-	const struct db_roster roster = { &fake->config.modbus, &bus, 1, &drive, 1 };
+	struct db_nameplate plate = { .valid = UINT64_MAX,
+		                      .identity = "VSMD113_025T-1.0.008.170428" };
 
-	assert_int_equal(db_registers_new(&roster, &ops, fake, &fake->registers), 0);
+	plate.values[VSMD_SPD].f = 6400.0f;
+	plate.values[VSMD_BDR].u = 115200;
+	plate.values[VSMD_CID].u = 5;
+	plate.values[VSMD_ZSP].i = -2;
+	return plate;
 }
 
-static void make(struct fake *fake)
+static void make(struct fake_registers *fake)
 {
-	static char name[] = "feeder";
-	static char unit_name[] = "counts";
+	struct db_nameplate plate = usual_plate();
 
-	memset(fake, 0, sizeof *fake);
-	fake->now = 5000 * MS;
-	fake->bus = (struct db_bus_config){ .driver = db_driver_find("vsmd-serial"),
-		                            .transport = &db_transport_serial,
-		                            .queue = 32,
-		                            .baud = 115200,
-		                            .stop_bits = 1,
-		                            .cycle_ms = 20 };
-	fake->drive = (struct db_drive_config){ .name = name,
-		                                .address = 5,
-		                                .unit = NEUTRAL,
-		                                .vendor_unit = VENDOR,
-		                                .counts_per_unit = 1.0,
-		                                .unit_name = unit_name,
-		                                .on_client_loss = DB_ON_LOSS_STOP,
-		                                .watchdog_ms = 500,
-		                                .min_position = (double)NAN,
-		                                .max_position = (double)NAN,
-		                                .max_velocity = (double)NAN,
-		                                .max_acceleration = (double)NAN };
-	fake->config = (struct db_config){
-		.modbus = { .confirm_ms = 40 },
-		.buses = &fake->bus,
-		.bus_count = 1,
-		.drives = &fake->drive,
-		.drive_count = 1,
-	};
-	fake->axis = db_axis_new();
+	fake_registers_init(fake, 1, 1);
+	fake->drives[0].vendor_unit = VENDOR;
+	fake->drives[0].watchdog_ms = 500;
 	publish(fake, ONLINE);
-	fake->plate = (struct db_nameplate){ .valid = UINT64_MAX,
-		                             .identity = "VSMD113_025T-1.0.008.170428" };
-	fake->plate.values[VSMD_SPD].f = 6400.0f;
-	fake->plate.values[VSMD_BDR].u = 115200;
-	fake->plate.values[VSMD_CID].u = 5;
-	fake->plate.values[VSMD_ZSP].i = -2;
-	db_axis_publish_nameplate(fake->axis, &fake->plate);
-	make_registers(fake);
+	db_axis_publish_nameplate(fake->axes[0], &plate);
+	fake_registers_open(fake);
 }
 
-#define FAKE()            \
-	struct fake fake; \
-	(void)state;      \
+#define FAKE()                      \
+	struct fake_registers fake; \
+	(void)state;                \
 	make(&fake)
-
-static void drop(struct fake *fake)
-{
-	db_registers_free(fake->registers);
-	db_axis_free(fake->axis);
-}
-
-static const struct db_client client = { .id = 1, .may_write = true };
-
-static int get(struct fake *fake, enum db_table table, uint16_t address, uint16_t count,
-               uint16_t *values)
-{
-	return db_registers_backend.read(fake->registers, &client, VENDOR, table, address, count,
-	                                 values);
-}
-
-static uint16_t get1(struct fake *fake, uint16_t address)
-{
-	uint16_t value = 0xDEAD;
-
-	assert_int_equal(get(fake, DB_TABLE_HOLDING, address, 1, &value), 0);
-	return value;
-}
-
-static int put(struct fake *fake, uint16_t address, unsigned count, ...)
-{
-	uint16_t values[128];
-	va_list words;
-
-	va_start(words, count);
-	for (unsigned i = 0; i < count; i++)
-		values[i] = (uint16_t)va_arg(words, int);
-	va_end(words);
-	return db_registers_backend.write(fake->registers, &client, VENDOR, DB_TABLE_HOLDING,
-	                                  address, (uint16_t)count, values,
-	                                  (struct db_write_token){ 1, 42 });
-}
-
-/* The bus ends its request of this number, from 0. */
-static void finish(struct fake *fake, unsigned number, enum db_result result)
-{
-	struct db_completion completion = {
-		.ticket = fake->requests[number].ticket,
-		.result = result,
-		.finished = fake->now,
-	};
-
-	assert_true(number < fake->submitted);
-	db_registers_complete(fake->registers, &completion, fake->now);
-}
 
 /* --- the table --------------------------------------------------------------------------------------- */
 
@@ -305,7 +152,7 @@ static void input_registers(void **state)
 	uint16_t values[20];
 
 	FAKE();
-	assert_int_equal(get(&fake, DB_TABLE_INPUT, 0, 20, values), 0);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_INPUT, 0, 20, values), 0);
 	assert_int_equal(values[0], 0x0000);
 	assert_int_equal(values[1], 0x3FC0); /* 1.5 */
 	assert_int_equal(values[2], 0x7960); /* -100000 = FFFE7960 */
@@ -315,17 +162,17 @@ static void input_registers(void **state)
 	for (unsigned i = 0; i < sizeof text; i++)
 		assert_int_equal(values[6 + i / 2] >> 8 * (i % 2) & 0xFF, text[i]);
 	/* The other word order; text is not a number. */
-	assert_int_equal(put(&fake, 0x29, 1, 1), 0);
-	assert_int_equal(get(&fake, DB_TABLE_INPUT, 0, 20, values), 0);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x29, 1, 1), 0);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_INPUT, 0, 20, values), 0);
 	assert_int_equal(values[0], 0x3FC0);
 	assert_int_equal(values[3], 0x7960);
 	assert_int_equal(values[5], 0xC3D4);
 	assert_int_equal(values[6], 'S' << 8 | 'V');
 	/* From the middle of a value. */
-	assert_int_equal(get(&fake, DB_TABLE_INPUT, 3, 2, values), 0);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_INPUT, 3, 2, values), 0);
 	assert_int_equal(values[0], 0x7960);
 	assert_int_equal(values[1], 0xA1B2);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 static void what_does_not_exist(void **state)
@@ -333,52 +180,56 @@ static void what_does_not_exist(void **state)
 	uint16_t values[80];
 
 	FAKE();
-	assert_int_equal(get(&fake, DB_TABLE_INPUT, 20, 1, values), ILLEGAL_ADDRESS);
-	assert_int_equal(get(&fake, DB_TABLE_INPUT, 0, 21, values), ILLEGAL_ADDRESS);
-	assert_int_equal(get(&fake, DB_TABLE_HOLDING, 0, 0x47, values), 0);
-	assert_int_equal(get(&fake, DB_TABLE_HOLDING, 0, 0x48, values), ILLEGAL_ADDRESS);
-	assert_int_equal(get(&fake, DB_TABLE_HOLDING, 0x47, 1, values), ILLEGAL_ADDRESS);
-	assert_int_equal(get(&fake, DB_TABLE_HOLDING, 65535, 2, values), ILLEGAL_ADDRESS);
-	assert_int_equal(get(&fake, DB_TABLE_COILS, 0, 1, values), ILLEGAL_ADDRESS);
-	assert_int_equal(get(&fake, DB_TABLE_DISCRETE, 0, 1, values), ILLEGAL_ADDRESS);
-	assert_int_equal(put(&fake, 0x47, 1, 0), ILLEGAL_ADDRESS);
-	assert_int_equal(put(&fake, 0x46, 2, 0, 0), ILLEGAL_ADDRESS);
-	assert_int_equal(put(&fake, 101, 1, DB_CMD_ENABLE), ILLEGAL_ADDRESS);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_INPUT, 20, 1, values), ILLEGAL_ADDRESS);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_INPUT, 0, 21, values), ILLEGAL_ADDRESS);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_HOLDING, 0, 0x47, values), 0);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_HOLDING, 0, 0x48, values),
+	                 ILLEGAL_ADDRESS);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_HOLDING, 0x47, 1, values),
+	                 ILLEGAL_ADDRESS);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_HOLDING, 65535, 2, values),
+	                 ILLEGAL_ADDRESS);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_COILS, 0, 1, values), ILLEGAL_ADDRESS);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_DISCRETE, 0, 1, values), ILLEGAL_ADDRESS);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x47, 1, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x46, 2, 0, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(fake_put(&fake, VENDOR, 101, 1, DB_CMD_ENABLE), ILLEGAL_ADDRESS);
 	/* The places between the registers. */
 	for (unsigned i = 0; i < 4; i++) {
 		static const uint16_t between[] = { 0x16, 0x17, 0x32, 0x3B };
 
-		assert_int_equal(get1(&fake, between[i]), 0);
-		assert_int_equal(put(&fake, between[i], 1, 0), 0);
-		assert_int_equal(put(&fake, between[i], 1, 1), ILLEGAL_VALUE);
+		assert_int_equal(fake_get1(&fake, VENDOR, between[i]), 0);
+		assert_int_equal(fake_put(&fake, VENDOR, between[i], 1, 0), 0);
+		assert_int_equal(fake_put(&fake, VENDOR, between[i], 1, 1), ILLEGAL_VALUE);
 	}
 	assert_int_equal(fake.submitted, 0);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 static void parameters_are_read(void **state)
 {
+	struct db_nameplate plate = usual_plate();
 	uint16_t values[2];
 
 	FAKE();
-	fake.plate.values[VSMD_S1].u = 1;
-	fake.plate.values[VSMD_S6].u = 1;
-	fake.plate.values[VSMD_S3F].u = 6;
-	fake.plate.values[VSMD_S3R].u = 9;
-	db_axis_publish_nameplate(fake.axis, &fake.plate);
-	assert_int_equal(get1(&fake, 0x0F), 0x21);
-	assert_int_equal(get1(&fake, 0x12), 0x0609);
-	assert_int_equal(get1(&fake, 0x1F), 5);
-	assert_int_equal(get(&fake, DB_TABLE_HOLDING, 0x20, 2, values), 0);
+	plate.values[VSMD_S1].u = 1;
+	plate.values[VSMD_S6].u = 1;
+	plate.values[VSMD_S3F].u = 6;
+	plate.values[VSMD_S3R].u = 9;
+	db_axis_publish_nameplate(fake.axes[0], &plate);
+	assert_int_equal(fake_get1(&fake, VENDOR, 0x0F), 0x21);
+	assert_int_equal(fake_get1(&fake, VENDOR, 0x12), 0x0609);
+	assert_int_equal(fake_get1(&fake, VENDOR, 0x1F), 5);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_HOLDING, 0x20, 2, values), 0);
 	assert_int_equal(values[0], 115200 & 0xFFFF);
 	assert_int_equal(values[1], 115200 >> 16);
-	assert_int_equal(get(&fake, DB_TABLE_HOLDING, 0x03, 2, values), 0);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_HOLDING, 0x03, 2, values), 0);
 	assert_int_equal(values[1], 0x45C8); /* 6400 = 45C80000 */
-	assert_int_equal(put(&fake, 0x29, 1, 1), 0);
-	assert_int_equal(get(&fake, DB_TABLE_HOLDING, 0x1D, 2, values), 0);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x29, 1, 1), 0);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_HOLDING, 0x1D, 2, values), 0);
 	assert_int_equal(values[0], 0xFFFF);
 	assert_int_equal(values[1], 0xFFFE);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 static void a_drive_that_does_not_answer(void **state)
@@ -388,32 +239,33 @@ static void a_drive_that_does_not_answer(void **state)
 	FAKE();
 	/* Online, but nothing is known of its parameters yet. */
 	publish(&fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE);
-	assert_int_equal(get(&fake, DB_TABLE_INPUT, 0, 6, values), 0);
-	assert_int_equal(get(&fake, DB_TABLE_HOLDING, 3, 2, values), NO_ANSWER);
-	assert_int_equal(get(&fake, DB_TABLE_HOLDING, 0, 0x47, values), NO_ANSWER);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_INPUT, 0, 6, values), 0);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_HOLDING, 3, 2, values), NO_ANSWER);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_HOLDING, 0, 0x47, values), NO_ANSWER);
 	publish(&fake, DB_STATUS_BUS_UP);
-	assert_int_equal(get(&fake, DB_TABLE_INPUT, 0, 2, values), NO_ANSWER);
-	assert_int_equal(get(&fake, DB_TABLE_HOLDING, 0x0F, 1, values), NO_ANSWER);
-	assert_int_equal(get(&fake, DB_TABLE_HOLDING, 0, 3, values), 0);
-	assert_int_equal(put(&fake, 0, 1, 0x0101), NO_ANSWER);
-	assert_int_equal(get1(&fake, 0), 0);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_INPUT, 0, 2, values), NO_ANSWER);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_HOLDING, 0x0F, 1, values), NO_ANSWER);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_HOLDING, 0, 3, values), 0);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 1, 0x0101), NO_ANSWER);
+	assert_int_equal(fake_get1(&fake, VENDOR, 0), 0);
 	fake.config.modbus.stale_values = true;
-	assert_int_equal(get(&fake, DB_TABLE_INPUT, 0, 6, values), 0);
-	assert_int_equal(get1(&fake, 0x1F), 5);
-	drop(&fake);
+	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_INPUT, 0, 6, values), 0);
+	assert_int_equal(fake_get1(&fake, VENDOR, 0x1F), 5);
+	fake_registers_close(&fake);
 }
 
 static void parameters_a_model_does_not_have(void **state)
 {
+	struct db_nameplate plate = usual_plate();
 	FAKE();
-	fake.plate.valid &= ~(UINT64_C(1) << VSMD_ELNS);
-	fake.plate.values[VSMD_ELNS].u = 77;
-	db_axis_publish_nameplate(fake.axis, &fake.plate);
-	assert_int_equal(get1(&fake, 0x2C), 0);
-	assert_int_equal(put(&fake, 0x2C, 1, 0), 0);
-	assert_int_equal(put(&fake, 0x2C, 1, 1000), ILLEGAL_ADDRESS);
+	plate.valid &= ~(UINT64_C(1) << VSMD_ELNS);
+	plate.values[VSMD_ELNS].u = 77;
+	db_axis_publish_nameplate(fake.axes[0], &plate);
+	assert_int_equal(fake_get1(&fake, VENDOR, 0x2C), 0);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x2C, 1, 0), 0);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x2C, 1, 1000), ILLEGAL_ADDRESS);
 	assert_int_equal(fake.submitted, 0);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 /* --- commands ---------------------------------------------------------------------------------------- */
@@ -459,13 +311,13 @@ static void command_codes(void **state)
 {
 	FAKE();
 	/* 1 Hz, from 100 to -1, 7 cycles */
-	assert_int_equal(put(&fake, 0x3C, 7, 100, 0, 0xFFFF, 0xFFFF, 0, 0x3F80, 7), 0);
-	assert_int_equal(put(&fake, 0x01, 2, 0x7960, 0xFFFE), 0);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x3C, 7, 100, 0, 0xFFFF, 0xFFFF, 0, 0x3F80, 7), 0);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x01, 2, 0x7960, 0xFFFE), 0);
 	for (size_t i = 0; i < sizeof(CODES) / sizeof(CODES[0]); i++) {
 		const struct db_request *request = &fake.requests[0];
 
 		fake.submitted = 0;
-		assert_int_equal(put(&fake, 0, 1, CODES[i].code), DB_WRITE_LATER);
+		assert_int_equal(fake_put(&fake, VENDOR, 0, 1, CODES[i].code), DB_WRITE_LATER);
 		assert_int_equal(fake.submitted, 1);
 		assert_int_equal(request->command, CODES[i].command);
 		assert_int_equal(request->args.output_number, CODES[i].port);
@@ -481,12 +333,12 @@ static void command_codes(void **state)
 		assert_true(request->args.shake_frequency == 1.0f);
 		assert_int_equal(request->args.shake_cycles, 7);
 		assert_int_equal(request->args.shake_time, 7);
-		finish(&fake, 0, DB_RESULT_OK);
+		fake_complete(&fake, 0, DB_RESULT_OK);
 		assert_int_equal(fake.answered, i + 1);
 		assert_int_equal(fake.answered_with, 0);
-		assert_int_equal(get1(&fake, 0), CODES[i].code);
+		assert_int_equal(fake_get1(&fake, VENDOR, 0), CODES[i].code);
 	}
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 static void codes_that_do_not_exist(void **state)
@@ -496,91 +348,90 @@ static void codes_that_do_not_exist(void **state)
 		                          0x1001, 0x1303, 0x13FF, 0x1A00, 0xFFFF };
 
 	FAKE();
-	assert_int_equal(put(&fake, 0, 1, 0x0101), DB_WRITE_LATER);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 1, 0x0101), DB_WRITE_LATER);
 	for (size_t i = 0; i < sizeof(wrong) / sizeof(wrong[0]); i++) {
-		assert_int_equal(put(&fake, 0, 3, wrong[i], 5, 0), ILLEGAL_VALUE);
-		assert_int_equal(get1(&fake, 0), 0x0101);
-		assert_int_equal(get1(&fake, 1), 0);
+		assert_int_equal(fake_put(&fake, VENDOR, 0, 3, wrong[i], 5, 0), ILLEGAL_VALUE);
+		assert_int_equal(fake_get1(&fake, VENDOR, 0), 0x0101);
+		assert_int_equal(fake_get1(&fake, VENDOR, 1), 0);
 	}
 	/* Shaking without a frequency. */
-	assert_int_equal(put(&fake, 0, 1, 0x1301), ILLEGAL_VALUE);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 1, 0x1301), ILLEGAL_VALUE);
 	assert_int_equal(fake.submitted, 1);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 static void writing_pos_starts_a_move(void **state)
 {
 	FAKE();
 	/* Not before position mode. */
-	assert_int_equal(put(&fake, 1, 2, 11, 0), 0);
-	assert_int_equal(put(&fake, 0, 1, 0x0301), DB_WRITE_LATER);
+	assert_int_equal(fake_put(&fake, VENDOR, 1, 2, 11, 0), 0);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 1, 0x0301), DB_WRITE_LATER);
 	assert_int_equal(fake.requests[0].args.target_position, 11);
-	assert_int_equal(put(&fake, 1, 2, 12, 0), DB_WRITE_LATER);
+	assert_int_equal(fake_put(&fake, VENDOR, 1, 2, 12, 0), DB_WRITE_LATER);
 	assert_int_equal(fake.requests[1].command, DB_CMD_MOVE_ABSOLUTE);
 	assert_int_equal(fake.requests[1].args.target_position, 12);
 	/* Both at once are one move. */
-	assert_int_equal(put(&fake, 0, 3, 0x0302, 13, 0), DB_WRITE_LATER);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 3, 0x0302, 13, 0), DB_WRITE_LATER);
 	assert_int_equal(fake.submitted, 3);
 	assert_int_equal(fake.requests[2].command, DB_CMD_MOVE_RELATIVE);
 	assert_int_equal(fake.requests[2].args.target_position, 13);
-	assert_int_equal(put(&fake, 1, 2, 14, 0), DB_WRITE_LATER);
+	assert_int_equal(fake_put(&fake, VENDOR, 1, 2, 14, 0), DB_WRITE_LATER);
 	assert_int_equal(fake.requests[3].command, DB_CMD_MOVE_RELATIVE);
 	/* Half a position is none. */
-	assert_int_equal(put(&fake, 1, 1, 15), ILLEGAL_VALUE);
-	assert_int_equal(put(&fake, 2, 1, 15), ILLEGAL_VALUE);
-	assert_int_equal(put(&fake, 0, 2, 0x0301, 15), ILLEGAL_VALUE);
-	assert_int_equal(get1(&fake, 1), 14);
+	assert_int_equal(fake_put(&fake, VENDOR, 1, 1, 15), ILLEGAL_VALUE);
+	assert_int_equal(fake_put(&fake, VENDOR, 2, 1, 15), ILLEGAL_VALUE);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 2, 0x0301, 15), ILLEGAL_VALUE);
+	assert_int_equal(fake_get1(&fake, VENDOR, 1), 14);
 	/* Other commands end the mode. */
-	assert_int_equal(put(&fake, 0, 1, 0x0400), DB_WRITE_LATER);
-	assert_int_equal(put(&fake, 1, 2, 16, 0), 0);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 1, 0x0400), DB_WRITE_LATER);
+	assert_int_equal(fake_put(&fake, VENDOR, 1, 2, 16, 0), 0);
 	assert_int_equal(fake.submitted, 5);
-	assert_int_equal(get1(&fake, 1), 16);
-	drop(&fake);
+	assert_int_equal(fake_get1(&fake, VENDOR, 1), 16);
+	fake_registers_close(&fake);
 }
 
 static void no_command_ends_position_mode(void **state)
 {
 	FAKE();
-	assert_int_equal(put(&fake, 0, 1, 0x0301), DB_WRITE_LATER);
-	assert_int_equal(put(&fake, 0, 3, 0, 5, 0), 0);
-	assert_int_equal(put(&fake, 1, 2, 6, 0), 0);
-	assert_int_equal(get1(&fake, 1), 6);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 1, 0x0301), DB_WRITE_LATER);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 3, 0, 5, 0), 0);
+	assert_int_equal(fake_put(&fake, VENDOR, 1, 2, 6, 0), 0);
+	assert_int_equal(fake_get1(&fake, VENDOR, 1), 6);
 	assert_int_equal(fake.submitted, 1);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 static void each_write_executes(void **state)
 {
 	FAKE();
 	for (unsigned i = 0; i < 3; i++)
-		assert_int_equal(put(&fake, 0, 3, 0x0302, 5, 0), DB_WRITE_LATER);
+		assert_int_equal(fake_put(&fake, VENDOR, 0, 3, 0x0302, 5, 0), DB_WRITE_LATER);
 	assert_int_equal(fake.submitted, 3);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 static void word_order_of_writes(void **state)
 {
 	FAKE();
-	assert_int_equal(put(&fake, 0, 3, 0x0301, 2, 1), DB_WRITE_LATER);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 3, 0x0301, 2, 1), DB_WRITE_LATER);
 	assert_int_equal(fake.requests[0].args.target_position, 0x10002);
-	assert_int_equal(put(&fake, 0x29, 1, 2), ILLEGAL_VALUE);
-	assert_int_equal(get1(&fake, 0x29), 0);
-	assert_int_equal(put(&fake, 0x29, 1, 1), 0);
-	assert_int_equal(get1(&fake, 0x29), 1);
-	assert_int_equal(put(&fake, 0, 3, 0x0301, 2, 1), DB_WRITE_LATER);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x29, 1, 2), ILLEGAL_VALUE);
+	assert_int_equal(fake_get1(&fake, VENDOR, 0x29), 0);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x29, 1, 1), 0);
+	assert_int_equal(fake_get1(&fake, VENDOR, 0x29), 1);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 3, 0x0301, 2, 1), DB_WRITE_LATER);
 	assert_int_equal(fake.requests[1].args.target_position, 0x20001);
-	assert_int_equal(get1(&fake, 1), 2);
-	drop(&fake);
+	assert_int_equal(fake_get1(&fake, VENDOR, 1), 2);
+	fake_registers_close(&fake);
 }
 
 static void first_word_order(void **state)
 {
 	FAKE();
-	db_registers_free(fake.registers);
-	fake.drive.vendor_high_first = true;
-	make_registers(&fake);
-	assert_int_equal(get1(&fake, 0x29), 1);
-	drop(&fake);
+	fake.drives[0].vendor_high_first = true;
+	fake_registers_open(&fake);
+	assert_int_equal(fake_get1(&fake, VENDOR, 0x29), 1);
+	fake_registers_close(&fake);
 }
 
 /* --- parameters -------------------------------------------------------------------------------------- */
@@ -592,18 +443,19 @@ static void parameter_writes(void **state)
 	FAKE();
 	request = &fake.requests[0];
 	/* spd 1000, acc 2000, dec 3000 */
-	assert_int_equal(put(&fake, 3, 6, 0, 0x447A, 0, 0x44FA, 0x8000, 0x453B), DB_WRITE_LATER);
+	assert_int_equal(fake_put(&fake, VENDOR, 3, 6, 0, 0x447A, 0, 0x44FA, 0x8000, 0x453B),
+	                 DB_WRITE_LATER);
 	assert_int_equal(request->command, DB_CMD_NONE);
 	assert_int_equal(request->setting_count, 3);
 	assert_int_equal(request->settings[0].param, VSMD_SPD);
 	assert_true(request->settings[0].value.f == 1000.0f);
 	assert_int_equal(request->settings[2].param, VSMD_DEC);
 	assert_true(request->settings[2].value.f == 3000.0f);
-	finish(&fake, 0, DB_RESULT_OK);
+	fake_complete(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(fake.answered_with, 0);
 
 	fake.submitted = 0;
-	assert_int_equal(put(&fake, 0x0F, 2, 0x21, 0x0903), DB_WRITE_LATER);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x0F, 2, 0x21, 0x0903), DB_WRITE_LATER);
 	assert_int_equal(request->setting_count, 8);
 	for (unsigned i = 0; i < 6; i++) {
 		assert_int_equal(request->settings[i].param, VSMD_S1 + i);
@@ -613,35 +465,36 @@ static void parameter_writes(void **state)
 	assert_int_equal(request->settings[6].value.u, 9);
 	assert_int_equal(request->settings[7].param, VSMD_S1R);
 	assert_int_equal(request->settings[7].value.u, 3);
-	finish(&fake, 0, DB_RESULT_REFUSED);
+	fake_complete(&fake, 0, DB_RESULT_REFUSED);
 	assert_int_equal(fake.answered_with, FAILURE);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 static void parameters_out_of_range(void **state)
 {
 	FAKE();
-	assert_int_equal(put(&fake, 0x0F, 1, 0x40), ILLEGAL_VALUE);
-	assert_int_equal(put(&fake, 0x10, 1, 0x0A00), ILLEGAL_VALUE);
-	assert_int_equal(put(&fake, 0x10, 1, 0x000A), ILLEGAL_VALUE);
-	assert_int_equal(put(&fake, 0x22, 1, 9), ILLEGAL_VALUE);
-	assert_int_equal(put(&fake, 0x2A, 1, 64), ILLEGAL_VALUE);
-	assert_int_equal(put(&fake, 0x05, 2, 0, 0xBF80), ILLEGAL_VALUE); /* -1 */
-	assert_int_equal(put(&fake, 0x05, 2, 0, 0x7FC0), ILLEGAL_VALUE); /* not a number */
-	assert_int_equal(put(&fake, 0x05, 1, 0), ILLEGAL_VALUE);         /* half */
-	assert_int_equal(put(&fake, 0x39, 2, 999, 0), ILLEGAL_VALUE);    /* res */
-	assert_int_equal(put(&fake, 0x40, 2, 0, 0x7F80), ILLEGAL_VALUE); /* infinite */
-	assert_int_equal(put(&fake, 0, 3, 0x0301, 0, 0x7F80), DB_WRITE_LATER);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x0F, 1, 0x40), ILLEGAL_VALUE);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x10, 1, 0x0A00), ILLEGAL_VALUE);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x10, 1, 0x000A), ILLEGAL_VALUE);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x22, 1, 9), ILLEGAL_VALUE);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x2A, 1, 64), ILLEGAL_VALUE);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x05, 2, 0, 0xBF80), ILLEGAL_VALUE); /* -1 */
+	assert_int_equal(fake_put(&fake, VENDOR, 0x05, 2, 0, 0x7FC0),
+	                 ILLEGAL_VALUE);                                      /* not a number */
+	assert_int_equal(fake_put(&fake, VENDOR, 0x05, 1, 0), ILLEGAL_VALUE); /* half */
+	assert_int_equal(fake_put(&fake, VENDOR, 0x39, 2, 999, 0), ILLEGAL_VALUE);    /* res */
+	assert_int_equal(fake_put(&fake, VENDOR, 0x40, 2, 0, 0x7F80), ILLEGAL_VALUE); /* infinite */
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 3, 0x0301, 0, 0x7F80), DB_WRITE_LATER);
 	assert_int_equal(fake.submitted, 1);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 /* --- parameters and a command in one write --------------------------------------------------------------- */
 
 /* Command, pos 5, spd 1000. */
-static int put_both(struct fake *fake, uint16_t code)
+static int put_both(struct fake_registers *fake, uint16_t code)
 {
-	return put(fake, 0, 5, code, 5, 0, 0, 0x447A);
+	return fake_put(fake, VENDOR, 0, 5, code, 5, 0, 0, 0x447A);
 }
 
 static void the_command_follows_its_parameters(void **state)
@@ -651,34 +504,35 @@ static void the_command_follows_its_parameters(void **state)
 	assert_int_equal(fake.submitted, 1);
 	assert_int_equal(fake.requests[0].setting_count, 1);
 	/* Nothing may get in between. */
-	assert_int_equal(put(&fake, 0, 1, 0x0300), BUSY);
-	assert_int_equal(put(&fake, 1, 2, 6, 0), BUSY);
-	assert_int_equal(put(&fake, 0x28, 1, 1), BUSY);
-	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 1, 0x0300), BUSY);
+	assert_int_equal(fake_put(&fake, VENDOR, 1, 2, 6, 0), BUSY);
+	assert_int_equal(fake_put(&fake, VENDOR, 0x28, 1, 1), BUSY);
+	fake_complete(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 0);
 	assert_int_equal(fake.submitted, 2);
 	assert_int_equal(fake.requests[1].command, DB_CMD_MOVE_ABSOLUTE);
 	assert_int_equal(fake.requests[1].args.target_position, 5);
-	finish(&fake, 1, DB_RESULT_REFUSED);
+	fake_complete(&fake, 1, DB_RESULT_REFUSED);
 	assert_int_equal(fake.answered, 1);
+	assert_int_equal(fake.answered_to.client, fake_client.id);
 	assert_int_equal(fake.answered_with, FAILURE);
-	assert_int_equal(put(&fake, 0, 1, 0x0300), DB_WRITE_LATER);
-	drop(&fake);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 1, 0x0300), DB_WRITE_LATER);
+	fake_registers_close(&fake);
 }
 
 static void refused_parameters_hold_the_command_back(void **state)
 {
 	FAKE();
 	assert_int_equal(put_both(&fake, 0x0301), DB_WRITE_LATER);
-	finish(&fake, 0, DB_RESULT_REFUSED);
+	fake_complete(&fake, 0, DB_RESULT_REFUSED);
 	assert_int_equal(fake.answered, 1);
 	assert_int_equal(fake.answered_with, FAILURE);
 	assert_int_equal(fake.submitted, 1);
 	/* Wrong ones, and those of a wrong command, are not even asked for. */
 	assert_int_equal(put_both(&fake, 0x0303), ILLEGAL_VALUE);
-	assert_int_equal(put(&fake, 0, 5, 0x0301, 5, 0, 0, 0x7FC0), ILLEGAL_VALUE);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 5, 0x0301, 5, 0, 0, 0x7FC0), ILLEGAL_VALUE);
 	assert_int_equal(fake.submitted, 1);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 static void a_stop_in_between_ends_the_chain(void **state)
@@ -688,17 +542,16 @@ static void a_stop_in_between_ends_the_chain(void **state)
 	FAKE();
 	assert_int_equal(put_both(&fake, 0x0301), DB_WRITE_LATER);
 	/* From the neutral unit, for instance. */
-	assert_int_equal(db_registers_backend.write(fake.registers, &client, NEUTRAL,
-	                                            DB_TABLE_HOLDING, 100, 2, stop,
-	                                            (struct db_write_token){ 1, 42 }),
+	assert_int_equal(db_registers_backend.write(fake.registers, &fake_client, NEUTRAL,
+	                                            DB_TABLE_HOLDING, 100, 2, stop, FAKE_TOKEN),
 	                 DB_WRITE_LATER);
-	finish(&fake, 0, DB_RESULT_OK);
+	fake_complete(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 1);
 	assert_int_equal(fake.answered_with, FAILURE);
-	finish(&fake, 1, DB_RESULT_OK);
+	fake_complete(&fake, 1, DB_RESULT_OK);
 	assert_int_equal(fake.answered_with, 0);
 	assert_int_equal(fake.submitted, 2);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 static void a_stop_goes_first(void **state)
@@ -708,12 +561,12 @@ static void a_stop_goes_first(void **state)
 	assert_int_equal(fake.submitted, 2);
 	assert_int_equal(fake.requests[0].command, DB_CMD_STOP);
 	assert_int_equal(fake.requests[1].setting_count, 1);
-	finish(&fake, 0, DB_RESULT_OK);
+	fake_complete(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 0);
-	finish(&fake, 1, DB_RESULT_OK);
+	fake_complete(&fake, 1, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 1);
 	assert_int_equal(fake.answered_with, 0);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 static void a_slow_chain_goes_on_unattended(void **state)
@@ -725,12 +578,12 @@ static void a_slow_chain_goes_on_unattended(void **state)
 	db_registers_expire(fake.registers, fake.now);
 	assert_int_equal(fake.answered, 1);
 	assert_int_equal(fake.answered_with, 0x05);
-	finish(&fake, 0, DB_RESULT_OK);
+	fake_complete(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(fake.submitted, 2);
 	assert_int_equal(fake.requests[1].command, DB_CMD_MOVE_ABSOLUTE);
-	finish(&fake, 1, DB_RESULT_OK);
+	fake_complete(&fake, 1, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 1);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 static void a_failed_writers_command_is_dropped(void **state)
@@ -742,25 +595,24 @@ static void a_failed_writers_command_is_dropped(void **state)
 	db_registers_expire(fake.registers, fake.now);
 	assert_int_equal(fake.answered_with, NO_ANSWER);
 	publish(&fake, ONLINE);
-	finish(&fake, 0, DB_RESULT_OK);
+	fake_complete(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(fake.submitted, 1);
-	assert_int_equal(put(&fake, 0, 1, 0x0300), DB_WRITE_LATER);
-	drop(&fake);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 1, 0x0300), DB_WRITE_LATER);
+	fake_registers_close(&fake);
 }
 
 static void accepted_writes_are_chained_too(void **state)
 {
 	FAKE();
-	db_registers_free(fake.registers);
 	fake.config.modbus.accept_writes = true;
-	make_registers(&fake);
+	fake_registers_open(&fake);
 	assert_int_equal(put_both(&fake, 0x0301), 0);
 	assert_int_equal(fake.submitted, 1);
-	finish(&fake, 0, DB_RESULT_OK);
+	fake_complete(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(fake.submitted, 2);
-	finish(&fake, 1, DB_RESULT_OK);
+	fake_complete(&fake, 1, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 0);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 /* --- one drive, two units ------------------------------------------------------------------------------------ */
@@ -772,19 +624,19 @@ static void units(void **state)
 	FAKE();
 	assert_int_equal(db_registers_backend.unit(fake.registers, VENDOR), 0);
 	assert_int_equal(db_registers_backend.unit(fake.registers, VENDOR + 1), 0x0A);
-	assert_int_equal(db_registers_backend.read(fake.registers, &client, NEUTRAL, DB_TABLE_INPUT,
-	                                           12, 2, values),
+	assert_int_equal(db_registers_backend.read(fake.registers, &fake_client, NEUTRAL,
+	                                           DB_TABLE_INPUT, 12, 2, values),
 	                 0);
 	assert_int_equal(values[0], 0xFFFE);
 	assert_int_equal(values[1], 0x7960);
 	/* The result registers tell of commands of both. */
-	assert_int_equal(put(&fake, 0, 1, 0x0101), DB_WRITE_LATER);
-	finish(&fake, 0, DB_RESULT_REFUSED);
-	assert_int_equal(db_registers_backend.read(fake.registers, &client, NEUTRAL,
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 1, 0x0101), DB_WRITE_LATER);
+	fake_complete(&fake, 0, DB_RESULT_REFUSED);
+	assert_int_equal(db_registers_backend.read(fake.registers, &fake_client, NEUTRAL,
 	                                           DB_TABLE_HOLDING, 23, 1, values),
 	                 0);
 	assert_int_equal(values[0], DB_RESULT_REFUSED);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 static void layout_of_the_only_unit(void **state)
@@ -792,34 +644,33 @@ static void layout_of_the_only_unit(void **state)
 	uint16_t values[2];
 
 	FAKE();
-	db_registers_free(fake.registers);
-	fake.drive.vendor_unit = 0;
-	fake.drive.vendor_layout = true;
-	make_registers(&fake);
+	fake.drives[0].vendor_unit = 0;
+	fake.drives[0].vendor_layout = true;
+	fake_registers_open(&fake);
 	assert_int_equal(db_registers_backend.unit(fake.registers, VENDOR), 0x0A);
-	assert_int_equal(db_registers_backend.read(fake.registers, &client, NEUTRAL, DB_TABLE_INPUT,
-	                                           2, 2, values),
+	assert_int_equal(db_registers_backend.read(fake.registers, &fake_client, NEUTRAL,
+	                                           DB_TABLE_INPUT, 2, 2, values),
 	                 0);
 	assert_int_equal(values[0], 0x7960);
-	drop(&fake);
+	fake_registers_close(&fake);
 }
 
 static void the_watchdog_stops_and_latches(void **state)
 {
 	FAKE();
-	assert_int_equal(put(&fake, 0, 1, 0x0300), DB_WRITE_LATER);
-	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 1, 0x0300), DB_WRITE_LATER);
+	fake_complete(&fake, 0, DB_RESULT_OK);
 	fake.now += 501 * MS;
 	publish(&fake, ONLINE);
 	db_registers_expire(fake.registers, fake.now);
 	assert_int_equal(fake.submitted, 2);
 	assert_int_equal(fake.requests[1].command, DB_CMD_STOP);
-	finish(&fake, 1, DB_RESULT_OK);
-	assert_int_equal(put(&fake, 0, 3, 0x0301, 5, 0), FAILURE);
-	assert_int_equal(get1(&fake, 0), 0x0300);
-	assert_int_equal(put(&fake, 0, 1, 0x1000), 0);
-	assert_int_equal(put(&fake, 0, 3, 0x0301, 5, 0), DB_WRITE_LATER);
-	drop(&fake);
+	fake_complete(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 3, 0x0301, 5, 0), FAILURE);
+	assert_int_equal(fake_get1(&fake, VENDOR, 0), 0x0300);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 1, 0x1000), 0);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 3, 0x0301, 5, 0), DB_WRITE_LATER);
+	fake_registers_close(&fake);
 }
 
 int main(void)
