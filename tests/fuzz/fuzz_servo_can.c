@@ -2,8 +2,8 @@
 /* Servo on CAN: any frame from either side, read with any layout, stays inside its bytes, and what
  * was understood is written as it was read. */
 #include "codec/servo_can.h"
+#include "fakes/must.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -23,12 +23,6 @@ enum {
 	OPTION_PADDED = 2,
 	OPTION_WORDS = 4,
 };
-
-static void must(bool condition)
-{
-	if (!condition)
-		abort();
-}
 
 static uint16_t take16(const uint8_t *bytes)
 {

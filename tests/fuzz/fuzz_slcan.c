@@ -2,17 +2,11 @@
 /* SLCAN: whatever comes down the serial line, from either side, stays inside its buffer, and what
  * is understood is written again in a form that says the same. */
 #include "codec/slcan.h"
+#include "fakes/must.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void must(bool condition)
-{
-	if (!condition)
-		abort();
-}
 
 static bool same_frame(const struct db_can_frame *a, const struct db_can_frame *b)
 {

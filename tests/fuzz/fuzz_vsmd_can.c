@@ -2,19 +2,13 @@
 /* VSMD on CAN: whatever frames come, from either side, what is understood is written again as the
  * same frame, and what is collected or changed is nothing but what was sent or meant. */
 #include "codec/vsmd_can.h"
+#include "fakes/must.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #define FRAME_BYTES 13 /* id, high byte first, length and data */
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void must(bool condition)
-{
-	if (!condition)
-		abort();
-}
 
 static uint32_t get_u32(const uint8_t *data)
 {

@@ -1,17 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* XYZA: whatever comes down the line, from either side, stays inside its buffer. */
 #include "codec/xyza.h"
+#include "fakes/must.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void must(bool condition)
-{
-	if (!condition)
-		abort();
-}
 
 static bool same_request(const struct xyza_request *a, const struct xyza_request *b)
 {
