@@ -45,11 +45,11 @@ static bool is_file(const char *path, const struct stat *about, FILE *errors)
 	return false;
 }
 
-static unsigned line_at(const char *text, size_t place)
+static unsigned line_at(const char *text, size_t offset)
 {
 	unsigned line = 1;
 
-	for (size_t i = 0; i < place; i++)
+	for (size_t i = 0; i < offset; i++)
 		line += text[i] == '\n';
 	return line;
 }

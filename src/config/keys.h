@@ -24,7 +24,7 @@ enum db_config_kind {
 	DB_KEY_NETWORKS,  /* list of ADDRESS or ADDRESS/PREFIX */
 	DB_KEY_PROTOCOL,  /* name of a family of the driver list, kept as its driver */
 	DB_KEY_TRANSPORT, /* one of `words`, kept as the transport of this name */
-	DB_KEY_BUS,       /* name of a bus section, kept as its place in the list of buses */
+	DB_KEY_BUS,       /* name of a bus section, kept as its index among the buses */
 };
 
 /* Which families a key of the table is for. */

@@ -66,8 +66,8 @@ static bool declares(const struct db_driver *driver, const struct db_option *opt
 	return own && same_option(own, option);
 }
 
-/* The option of the driver at this place of the list, unless an earlier one has it just so. */
-static void visit_option(const struct db_driver *const *drivers, size_t place,
+/* The option of the driver at this index of the list, unless an earlier one has it just so. */
+static void visit_option(const struct db_driver *const *drivers, size_t index,
                          const struct db_option *option, db_names_visit_fn *visit, void *context)
 {
 	struct db_config_key key = db_keys_of_option(option);
@@ -76,7 +76,7 @@ static void visit_option(const struct db_driver *const *drivers, size_t place,
 	for (size_t i = 0; drivers[i]; i++) {
 		if (!declares(drivers[i], option))
 			continue;
-		if (i < place)
+		if (i < index)
 			return;
 		add_family(families, drivers[i]);
 	}

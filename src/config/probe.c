@@ -33,11 +33,11 @@ struct probe {
 	int group_count;
 };
 
-static void warn(const struct probe *probe, const struct db_bus_config *bus, const char *place,
+static void warn(const struct probe *probe, const struct db_bus_config *bus, const char *port,
                  const char *what)
 {
 	fprintf(probe->errors, "%s:%u: warning: bus %s: %s %s\n", bus->source_file,
-	        bus->source_line, bus->name, place, what);
+	        bus->source_line, bus->name, port, what);
 }
 
 /* --- who ------------------------------------------------------------------------------------------- */

@@ -255,7 +255,7 @@ static struct db_network *parse_networks(const struct db_section *section,
 {
 	const struct db_reader_key *given = find_key(section, key->name);
 	size_t size = given ? given->count : 0;
-	/* At least two: so many a preset has. */
+	/* A preset has two at most. */
 	struct db_network *networks = calloc(size + 2, sizeof(*networks));
 
 	*count = 0;
@@ -304,7 +304,7 @@ static void read_networks(const struct db_section *section, const struct db_conf
 static void read_value(const struct db_section *section, const struct db_config_key *key,
                        const char *text, void *member)
 {
-	unsigned position = 0;
+	unsigned number = 0, position = 0;
 	double real = 0;
 	uint64_t cpus;
 	char *copy;
@@ -313,8 +313,8 @@ static void read_value(const struct db_section *section, const struct db_config_
 	case DB_KEY_NUMBER:
 	case DB_KEY_INTEGER:
 		if (parse_number(section, key, text, &real))
-			position = (unsigned)real;
-		memcpy(member, &position, sizeof(position));
+			number = (unsigned)real;
+		memcpy(member, &number, sizeof(number));
 		break;
 	case DB_KEY_REAL:
 		if (!parse_number(section, key, text, &real))
@@ -417,12 +417,12 @@ static void check_family(const struct db_section *section, const struct db_reade
 	                      section->driver->name);
 }
 
-/* Number, or place of the word; NAN when it is wrong, or neither given nor preset. */
+/* Number, or position of the word; NAN when it is wrong, or neither given nor preset. */
 static double read_option(const struct db_section *section, const struct db_option *option)
 {
 	struct db_config_key key = db_keys_of_option(option);
 	const char *text = text_of(section, &key);
-	unsigned position;
+	unsigned position = 0;
 	double number;
 
 	if (!text || (text[0] == '\0' && !db_section_has(section, key.name)))

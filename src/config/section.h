@@ -50,7 +50,7 @@ unsigned db_section_find_line(const struct db_load *load, const char *section, c
 /* A key's text as the file has it, else its preset. Null when it had to be given, which is an error. */
 const char *db_section_text(const struct db_section *section, const char *name);
 
-/* The place of a key's word among those that the table has. False when it is none of them: an error. */
+/* The position of a key's word among those that the table has. False when it is none of them: an error. */
 bool db_section_word(const struct db_section *section, const char *name, unsigned *position);
 
 /*

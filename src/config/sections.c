@@ -261,6 +261,7 @@ static bool read_bus(struct db_load *load, size_t index, struct db_bus_config *b
 {
 	struct db_section section = db_section_open(load, index);
 
+	/* gcc's analyzer takes it for lost: db_config_free() frees it. */
 	bus->name = strdup(section.title);
 	bus->source_line = section.line;
 	bus->driver = read_protocol(&section);
@@ -360,7 +361,7 @@ static bool read_drive(struct db_load *load, size_t index, struct db_drive_confi
 	section.driver = bus ? bus->driver : NULL;
 	db_section_read(&section, drive);
 	drive->options = read_options(&section);
-	if (section.driver && !db_section_misread(&section, "address"))
+	if (bus && section.driver && !db_section_misread(&section, "address"))
 		check_address(&section, bus, drive->address);
 	if (section.driver && drive->axis >= section.driver->axes && drive->axis > 0) {
 		/* Each name is one letter, with a space behind it. */
@@ -409,8 +410,7 @@ bool db_sections_read(struct db_load *load)
 		buses += is_section(load, i, "bus");
 		drives += is_section(load, i, "drive");
 	}
-	/* One more than needed: calloc() of nothing may give null. What is missing here to gcc's analyzer
-	 * is freed by db_config_free(). */
+	/* One more than needed: calloc() of nothing may give null. */
 	config->buses = calloc(buses + 1, sizeof(*config->buses));
 	config->drives = calloc(drives + 1, sizeof(*config->drives));
 	if (!config->buses || !config->drives)

@@ -122,12 +122,13 @@ static bool put_variable(struct scan *scan)
 {
 	const char *name = scan->at + 2;
 	const char *end = strchr(name, '}');
-	char *whole = end ? strndup(name, (size_t)(end - name)) : NULL;
-	char *otherwise = whole ? strstr(whole, ":-") : NULL;
+	char *whole, *otherwise;
 	const char *value;
 
 	if (!end)
 		return false;
+	whole = strndup(name, (size_t)(end - name));
+	otherwise = whole ? strstr(whole, ":-") : NULL;
 	if (otherwise) {
 		*otherwise = '\0';
 		otherwise += 2;
@@ -432,7 +433,7 @@ static bool read_value(struct scan *scan, struct db_reader_key *key)
 	return true;
 }
 
-/* A place for one more; null when out of memory. */
+/* One more, empty; null when out of memory. */
 static struct db_reader_key *add_key(struct db_reader *reader)
 {
 	struct db_reader_key *keys;

@@ -79,12 +79,12 @@ const struct plant_drive *plant_drive_named(const struct plant *plant, const cha
 /* Whether both have the same parts in the same order, and say the same about clients. */
 bool plant_same(const struct plant *a, const struct plant *b);
 
-/* How the drives of a bus are told to db_bus_new(), and those that come to it or leave it to
- * db_bus_change_new(): those on this bus that only `plant` has. To be freed; null when out of memory. */
+/* The drives of a bus as db_bus_new() takes them, and those that come to it or leave it as
+ * db_bus_change_new() does: those on this bus that only `plant` has. To be freed; null when out of memory. */
 struct db_bus_drive *plant_drives_on(const struct plant *plant, const struct plant_bus *bus,
                                      const struct plant *except, size_t *count);
 
-/* What of the plant is told to the registers. */
+/* The plant as the registers take it. */
 struct plant_roster {
 	struct db_roster roster;
 	struct db_roster_bus *buses;

@@ -61,11 +61,11 @@ static void count_refusal(void *context, const struct db_client *client, enum db
 	db_server_refused(service->server, client, kind);
 }
 
-static void log_tripped(void *context, const struct db_bus_config *bus,
+static void log_tripped(void *context, const struct db_bus_config *bus_config,
                         const struct db_drive_config *drive, const struct db_client *last)
 {
 	const struct service *service = context;
-	struct db_log_source log = service_log_of(service, bus);
+	struct db_log_source log = service_log_of(service, bus_config);
 	char text[DB_CLIENT_ADDRESS_MAX];
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
 
@@ -91,12 +91,12 @@ static void describe_write(const struct db_refused_write *write, char *text, siz
 		snprintf(text, size, "a write");
 }
 
-static void log_refused_write(void *context, const struct db_bus_config *bus,
+static void log_refused_write(void *context, const struct db_bus_config *bus_config,
                               const struct db_drive_config *drive, const struct db_client *client,
                               const struct db_refused_write *write)
 {
 	const struct service *service = context;
-	struct db_log_source log = service_log_of(service, bus);
+	struct db_log_source log = service_log_of(service, bus_config);
 	bool open = write->result == DB_RESULT_TIMEOUT || write->result == DB_RESULT_INDETERMINATE;
 	char address[DB_CLIENT_ADDRESS_MAX];
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };

@@ -35,13 +35,13 @@ static void notify_end(void)
 /* --- in words -------------------------------------------------------------------------------------- */
 
 /* About a bus, or when that is null about the service. */
-static void log_about(const struct service *service, const struct db_bus_config *bus,
+static void log_about(const struct service *service, const struct db_bus_config *bus_config,
                       const char *drive, const char *text)
 {
 	struct db_log_source log = service->log;
 	struct db_log_about about = { .drive = drive };
 
-	log.bus = bus ? bus->name : NULL;
+	log.bus = bus_config ? bus_config->name : NULL;
 	db_log(&log, service_now(service), DB_EVENT_RELOAD, &about, "reload: %s", text);
 }
 
@@ -50,19 +50,20 @@ static void log_buses(const struct service *service, const struct plant *next)
 	const struct plant *running = service->plant;
 
 	for (size_t i = 0; i < running->bus_count; i++) {
-		const struct db_bus_config *bus = running->buses[i]->config;
+		const struct db_bus_config *bus_config = running->buses[i]->config;
 
 		if (plant_has_bus(next, running->buses[i]))
 			continue;
-		log_about(service, bus, NULL,
-		          plant_bus_named(next, bus->name) ? "it is changed and begins anew" :
-		                                             "it is removed");
+		log_about(service, bus_config, NULL,
+		          plant_bus_named(next, bus_config->name) ?
+		                  "it is changed and begins anew" :
+		                  "it is removed");
 	}
 	for (size_t i = 0; i < next->bus_count; i++) {
-		const struct db_bus_config *bus = next->buses[i]->config;
+		const struct db_bus_config *bus_config = next->buses[i]->config;
 
-		if (!plant_bus_named(running, bus->name))
-			log_about(service, bus, NULL, "it is added");
+		if (!plant_bus_named(running, bus_config->name))
+			log_about(service, bus_config, NULL, "it is added");
 	}
 }
 

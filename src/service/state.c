@@ -17,12 +17,13 @@ db_time service_now(const struct service *service)
 	return (db_time)us * DB_NS_PER_US;
 }
 
-struct db_log_source service_log_of(const struct service *service, const struct db_bus_config *bus)
+struct db_log_source service_log_of(const struct service *service,
+                                    const struct db_bus_config *bus_config)
 {
 	return (struct db_log_source){
 		.log = service->log.log,
-		.bus = bus->name,
-		.level = bus->log,
+		.bus = bus_config->name,
+		.level = bus_config->log,
 	};
 }
 

@@ -30,7 +30,7 @@ struct service {
 	struct db_server *server;
 	struct reload *reload; /* under way; null */
 	bool reload_again;     /* asked for meanwhile */
-	struct status *status; /* what systemd is told; null: nobody listens */
+	struct status *status; /* what systemd shows; null: nobody listens */
 	int lock;              /* of the configuration, see alone.h; -1: none */
 };
 
@@ -38,7 +38,8 @@ struct service {
 db_time service_now(const struct service *service);
 
 /* The network side speaking of a bus. */
-struct db_log_source service_log_of(const struct service *service, const struct db_bus_config *bus);
+struct db_log_source service_log_of(const struct service *service,
+                                    const struct db_bus_config *bus_config);
 
 /* Has the completions of a new bus fetched. 0 or a negative errno. */
 int service_watch_bus(struct service *service, struct plant_bus *bus);

@@ -363,11 +363,11 @@ bool sim_section_flag(const struct sim_section *section, const char *name)
 }
 
 /* Whether it is among the key's words, and which of them. */
-static bool find_word(const struct sim_key *key, const char *text, unsigned *place)
+static bool find_word(const struct sim_key *key, const char *text, unsigned *position)
 {
 	const char *word = key->words;
 
-	for (*place = 0;; (*place)++) {
+	for (*position = 0;; (*position)++) {
 		size_t length = strcspn(word, "|");
 
 		if (strlen(text) == length && memcmp(word, text, length) == 0)
@@ -383,10 +383,10 @@ unsigned sim_section_word(const struct sim_section *section, const char *name)
 	const struct sim_key *key = find_key(section->keys, name);
 	const char *text = sim_section_text(section, name);
 	char known[128] = "";
-	unsigned place;
+	unsigned position;
 
-	if (find_word(key, text, &place))
-		return place;
+	if (find_word(key, text, &position))
+		return position;
 	for (const char *at = key->words; *at; at++) {
 		size_t used = strlen(known);
 
@@ -394,8 +394,8 @@ unsigned sim_section_word(const struct sim_section *section, const char *name)
 	}
 	sim_section_refuse(section, name, "%s = \"%s\" is unknown; one of these is right: %s", name,
 	                   text, known);
-	(void)find_word(key, key->preset, &place);
-	return place;
+	(void)find_word(key, key->preset, &position);
+	return position;
 }
 
 const char *sim_section_next(const struct sim_section *section, const char *name, const char *text)

@@ -34,7 +34,7 @@ long sim_section_whole(const struct sim_section *section, const char *name);
 double sim_section_real(const struct sim_section *section, const char *name);
 bool sim_section_flag(const struct sim_section *section, const char *name);
 
-/* The place of the word in the list that the table has. */
+/* The position of the word in the list that the table has. */
 unsigned sim_section_word(const struct sim_section *section, const char *name);
 
 /* The next text of a list: the first behind null, null behind the last. */
