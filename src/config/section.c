@@ -249,56 +249,41 @@ static void parse_network(const struct db_section *section, const char *name, co
 	}
 }
 
-/* To be freed; null when out of memory, which is reported. */
-static struct db_network *parse_networks(const struct db_section *section,
-                                         const struct db_config_key *key, size_t *count)
-{
-	const struct db_reader_key *given = find_key(section, key->name);
-	size_t size = given ? given->count : 0;
-	/* A preset has two at most. */
-	struct db_network *networks = calloc(size + 2, sizeof(*networks));
-
-	*count = 0;
-	if (!networks) {
-		db_messages_add_error(&section->load->messages, 0, OUT_OF_MEMORY);
-		return NULL;
-	}
-	if (given) {
-		const char *text = given->values;
-
-		for (; *count < size; text += strlen(text) + 1)
-			parse_network(section, key->name, text, &networks[(*count)++]);
-		if (size > 0)
-			return networks;
-		/* Nobody: the unspecified address, which no client can have. An empty array would
-		 * mean that nothing was configured. */
-		networks[0].prefix = 128;
-		*count = 1;
-		return networks;
-	}
-	for (const char *rest = key->preset; *rest && *count < 2; rest += *rest == ' ') {
-		char text[DB_NETWORK_TEXT_MAX];
-		size_t length = strcspn(rest, " ");
-
-		snprintf(text, sizeof(text), "%.*s", (int)length, rest);
-		parse_network(section, key->name, text, &networks[(*count)++]);
-		rest += length;
-	}
-	return networks;
-}
-
-/* --- all of them ------------------------------------------------------------------------------- */
-
+/* A list to be freed, and its count right behind it; both stay 0 when out of memory, which is reported. */
 static void read_networks(const struct db_section *section, const struct db_config_key *key,
                           void *member)
 {
-	size_t count;
-	struct db_network *networks = parse_networks(section, key, &count);
+	const struct db_reader_key *given = find_key(section, key->name);
+	const char *text = given ? given->values : key->preset;
+	size_t size = given ? given->count : 2; /* so many a preset has at most */
+	struct db_network *networks = calloc(size + 1, sizeof(*networks));
+	size_t count = 0;
 
+	if (!networks) {
+		db_messages_add_error(&section->load->messages, 0, OUT_OF_MEMORY);
+		return;
+	}
+	while (given && count < size) {
+		parse_network(section, key->name, text, &networks[count++]);
+		text += strlen(text) + 1;
+	}
+	while (!given && *text && count < size) {
+		char one[DB_NETWORK_TEXT_MAX];
+		size_t length = strcspn(text, " ");
+
+		snprintf(one, sizeof(one), "%.*s", (int)length, text);
+		parse_network(section, key->name, one, &networks[count++]);
+		text += length + (text[length] == ' ');
+	}
+	/* Nobody: the unspecified address, which no client can have. An empty array would mean that
+	 * nothing was configured. */
+	if (given && size == 0)
+		networks[count++].prefix = 128;
 	memcpy(member, &networks, sizeof(networks));
-	/* A list's count stands right behind it. */
 	memcpy((char *)member + sizeof(networks), &count, sizeof(count));
 }
+
+/* --- all of them ------------------------------------------------------------------------------- */
 
 /* From its text to the member of the section's struct, which is zero. */
 static void read_value(const struct db_section *section, const struct db_config_key *key,

@@ -145,40 +145,28 @@ static int prepare_bus(struct plant_bus *bus, const struct plant *running, const
 	return error;
 }
 
-static int prepare_buses(struct service *service, const struct plant *next)
-{
-	int error = 0;
-
-	for (size_t i = 0; error >= 0 && i < next->bus_count; i++) {
-		struct plant_bus *bus = next->buses[i];
-
-		if (plant_has_bus(service->plant, bus))
-			error = prepare_bus(bus, service->plant, next);
-		else
-			error = service_watch_bus(service, bus);
-	}
-	return error;
-}
-
-static int prepare_registers(struct service *service, struct reload *reload)
-{
-	struct plant_roster roster;
-	int error = plant_roster_init(&roster, reload->next);
-
-	if (error != 0)
-		return error;
-	error = db_registers_prepare(service->registers, &roster.roster, &reload->registers);
-	plant_roster_release(&roster);
-	return error;
-}
-
+/* All that can fail. What is prepared is freed by free_reload(), whatever becomes of it. */
 static int prepare(struct service *service, struct reload *reload)
 {
 	const struct db_modbus_config *modbus = &reload->next->edition->config->modbus;
-	int error = prepare_buses(service, reload->next);
+	struct plant_roster roster;
+	int error = 0;
 
+	for (size_t i = 0; error >= 0 && i < reload->next->bus_count; i++) {
+		struct plant_bus *bus = reload->next->buses[i];
+
+		if (plant_has_bus(service->plant, bus))
+			error = prepare_bus(bus, service->plant, reload->next);
+		else
+			error = service_watch_bus(service, bus);
+	}
 	if (error >= 0)
-		error = prepare_registers(service, reload);
+		error = plant_roster_init(&roster, reload->next);
+	if (error >= 0) {
+		error = db_registers_prepare(service->registers, &roster.roster,
+		                             &reload->registers);
+		plant_roster_release(&roster);
+	}
 	if (error < 0) {
 		log_failure(service, error);
 		return error;
