@@ -15,7 +15,7 @@
 #ifndef DRIVEBRIDGE_CODEC_XYZA_H
 #define DRIVEBRIDGE_CODEC_XYZA_H
 
-#include "drivebridge/value.h"
+#include "codec/xyza_params.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -24,7 +24,6 @@
 #define XYZA_COMMAND_FRAME 9  /* bytes of a read, a manual or program command, and of an answer */
 #define XYZA_DATA_FRAME 13    /* bytes of a write, and of what a read is answered with */
 #define XYZA_FRAME_MAX 19     /* bytes of the longest frame that is cut */
-#define XYZA_OBJECT_MAX 255   /* slave numbers are 1..255; there is no broadcast */
 #define XYZA_OUTPUTS 8        /* P1..P8 can be switched; inputs and outputs 1..16 are read */
 #define XYZA_OUTPUTS_SHIFT 16 /* where the outputs begin in the value of a read of the ports */
 #define XYZA_PROGRAM_STEP_MAX 65535
@@ -51,100 +50,6 @@ enum xyza_order {
 	XYZA_ORDER_MANUAL = 0xF3,
 	XYZA_ORDER_PROGRAM = 0xF4,
 };
-
-/* --- parameters ------------------------------------------------------------------------------------- */
-
-/* What is read and written as a whole: four bytes. Those before XYZA_ITEM_ENABLE are an axis's own. */
-enum xyza_item {
-	XYZA_ITEM_MIN_SPEED,
-	XYZA_ITEM_MAX_SPEED,
-	XYZA_ITEM_ACCELERATION_TIME,
-	XYZA_ITEM_MANUAL_SPEED,
-	XYZA_ITEM_STEP_ANGLE,
-	XYZA_ITEM_MICROSTEP,
-	XYZA_ITEM_LEAD,
-	XYZA_ITEM_ENABLE,
-	XYZA_ITEM_KEYS, /* three parameters in one: write all that was read, with one changed */
-	XYZA_ITEM_BRAKE,
-	XYZA_ITEM_SOUND,
-	XYZA_ITEM_READ_PASSWORD,
-	XYZA_ITEM_PASSWORD,
-	XYZA_ITEM_START_UP,
-	XYZA_ITEM_SYSTEM_INFO,
-	XYZA_ITEM_PULSE_MODE,
-	XYZA_ITEM_FACTORY_RESET,
-	XYZA_ITEM_SLAVE_NUMBER,
-	XYZA_ITEM_COUNT
-};
-
-/* False for what all axes of a controller have in common. */
-bool xyza_item_of_axis(enum xyza_item item);
-
-/* The index is part of nothing but this program. */
-enum xyza_param {
-	XYZA_MIN_SPEED,
-	XYZA_MAX_SPEED,
-	XYZA_ACCELERATION_TIME,
-	XYZA_MANUAL_SPEED,
-	XYZA_STEP_ANGLE,
-	XYZA_MICROSTEP,
-	XYZA_LEAD,
-	XYZA_ENABLE,
-	XYZA_START_KEY,
-	XYZA_STOP_KEY,
-	XYZA_PAUSE_KEY,
-	XYZA_BRAKE,
-	XYZA_SOUND,
-	XYZA_READ_PASSWORD,
-	XYZA_PASSWORD,
-	XYZA_START_UP,
-	XYZA_SYSTEM_INFO,
-	XYZA_PULSE_MODE,
-	XYZA_FACTORY_RESET,
-	XYZA_SLAVE_NUMBER,
-	XYZA_PARAM_COUNT,
-
-	/* The controller holds none of these: they follow from what it holds. */
-	XYZA_RAMP_ACCELERATION = XYZA_PARAM_COUNT,
-	XYZA_RAMP_DECELERATION,
-	XYZA_SHOWN_COUNT
-};
-
-extern const struct db_param xyza_params[XYZA_SHOWN_COUNT];
-
-enum xyza_access {
-	XYZA_CAN_READ = 1u << 0,
-	XYZA_CAN_WRITE = 1u << 1,
-	XYZA_NEEDS_UNLOCK =
-		1u << 2, /* to be written only when the user has explicitly allowed it */
-};
-
-/* A set of enum xyza_access. */
-unsigned xyza_param_access(enum xyza_param param);
-
-enum xyza_item xyza_param_item(enum xyza_param param);
-
-/* True when the value is inside the documented range, also where that has holes (pause_key: 0 or 8). */
-bool xyza_param_in_range(enum xyza_param param, union db_value value);
-
-/* Index of a parameter's name, or -1. The name need not be terminated. */
-int xyza_param_find(const char *name, size_t length);
-
-/*
- * A parameter out of its item's four bytes, and into them: the item's other parameters stay as they
- * are, what belongs to none becomes 0. A factory_reset is 1 here and travels as 0. A start_key or
- * stop_key that a controller never had assigned is 0: outside its range, but written back beside
- * another key.
- */
-union db_value xyza_param_get(enum xyza_param param, uint32_t content);
-uint32_t xyza_param_put(enum xyza_param param, union db_value value, uint32_t content);
-
-/*
- * A ramp, Hz/s: from min_speed to max_speed (Hz) in `time` (0.1 s); 0 when there is none. And the time of
- * a ramp, rounded to what can be said; 0 when nothing that can be said is near it.
- */
-float xyza_ramp(uint32_t min_speed, uint32_t max_speed, uint32_t time);
-uint32_t xyza_ramp_time(uint32_t min_speed, uint32_t max_speed, float ramp);
 
 /* --- requests --------------------------------------------------------------------------------------- */
 
