@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "codec/vsmd_can.h"
 
+#include "codec/big_endian.h"
+
 #include <string.h>
 
 /* Extended ids: 0 | target (9) | broadcast (1) | source (9) | control (2) | register (7). */
@@ -20,52 +22,6 @@
 #define REG_BYTES 4
 #define SENSOR_PORTS 6
 #define OUTPUT_PORTS 3
-
-/* --- bytes ---------------------------------------------------------------------------------------- */
-
-static void put_u32(uint32_t value, uint8_t *data)
-{
-	for (size_t i = 0; i < REG_BYTES; i++)
-		data[i] = (uint8_t)(value >> (24 - 8 * i));
-}
-
-static uint32_t get_u32(const uint8_t *data)
-{
-	uint32_t value = 0;
-
-	for (size_t i = 0; i < REG_BYTES; i++)
-		value = value << 8 | data[i];
-	return value;
-}
-
-static uint32_t bits_of_int(int32_t number)
-{
-	return (uint32_t)number;
-}
-
-static int32_t int_of_bits(uint32_t bits)
-{
-	int32_t number;
-
-	memcpy(&number, &bits, sizeof number);
-	return number;
-}
-
-static uint32_t bits_of_float(float number)
-{
-	uint32_t bits;
-
-	memcpy(&bits, &number, sizeof bits);
-	return bits;
-}
-
-static float float_of_bits(uint32_t bits)
-{
-	float number;
-
-	memcpy(&number, &bits, sizeof number);
-	return number;
-}
 
 /* --- ids ------------------------------------------------------------------------------------------ */
 
@@ -303,10 +259,10 @@ static bool command_possible(const struct vsmd_can_command *command, bool extend
 
 static uint8_t put_move(const struct vsmd_can_command *command, uint8_t *data)
 {
-	put_u32(bits_of_int(command->position), data);
+	put_be32(bits_of_int(command->position), data);
 	if (!command->has_velocity)
 		return 4;
-	put_u32(bits_of_float(command->velocity), data + 4);
+	put_be32(bits_of_float(command->velocity), data + 4);
 	return 8;
 }
 
@@ -318,14 +274,14 @@ static uint8_t put_shake(const struct vsmd_can_command *command, uint8_t *data)
 		return 1;
 	case VSMD_CAN_SHAKE_CYCLES:
 	case VSMD_CAN_SHAKE_TIME:
-		put_u32(command->shake_count, data + 1);
+		put_be32(command->shake_count, data + 1);
 		break;
 	case VSMD_CAN_SHAKE_START_AT:
 	case VSMD_CAN_SHAKE_END_AT:
-		put_u32(bits_of_int(command->position), data + 1);
+		put_be32(bits_of_int(command->position), data + 1);
 		break;
 	case VSMD_CAN_SHAKE_FREQUENCY:
-		put_u32(bits_of_float(command->shake_frequency), data + 1);
+		put_be32(bits_of_float(command->shake_frequency), data + 1);
 		break;
 	}
 	return 5;
@@ -356,7 +312,7 @@ static uint8_t put_arguments(const struct vsmd_can_command *command, uint8_t out
 	case VSMD_CAN_ORG:
 		if (!command->has_position)
 			return 0;
-		put_u32(bits_of_int(command->position), data);
+		put_be32(bits_of_int(command->position), data);
 		return 4;
 	case VSMD_CAN_STP:
 		data[0] = command->value;
@@ -364,7 +320,7 @@ static uint8_t put_arguments(const struct vsmd_can_command *command, uint8_t out
 	case VSMD_CAN_MOV:
 		if (!command->has_velocity)
 			return 0;
-		put_u32(bits_of_float(command->velocity), data);
+		put_be32(bits_of_float(command->velocity), data);
 		return 4;
 	case VSMD_CAN_POS:
 	case VSMD_CAN_RMV:
@@ -417,7 +373,7 @@ static enum vsmd_error get_shake(const uint8_t *data, unsigned length,
 		return VSMD_ERR_SYNTAX;
 	if (length == 1)
 		return VSMD_OK;
-	bits = get_u32(data + 1);
+	bits = get_be32(data + 1);
 	switch (command->shake) {
 	case VSMD_CAN_SHAKE_CYCLES:
 	case VSMD_CAN_SHAKE_TIME:
@@ -463,7 +419,7 @@ static enum vsmd_error get_arguments(const uint8_t *data, unsigned length, uint8
 	case VSMD_CAN_ORG:
 		command->has_position = length > 0;
 		if (command->has_position)
-			command->position = int_of_bits(get_u32(data));
+			command->position = int_of_bits(get_be32(data));
 		return VSMD_OK;
 	case VSMD_CAN_STP:
 		command->value = data[0];
@@ -471,14 +427,14 @@ static enum vsmd_error get_arguments(const uint8_t *data, unsigned length, uint8
 	case VSMD_CAN_MOV:
 		command->has_velocity = length > 0;
 		if (command->has_velocity)
-			command->velocity = float_of_bits(get_u32(data));
+			command->velocity = float_of_bits(get_be32(data));
 		return VSMD_OK;
 	case VSMD_CAN_POS:
 	case VSMD_CAN_RMV:
-		command->position = int_of_bits(get_u32(data));
+		command->position = int_of_bits(get_be32(data));
 		command->has_velocity = length > 4;
 		if (command->has_velocity)
-			command->velocity = float_of_bits(get_u32(data + 4));
+			command->velocity = float_of_bits(get_be32(data + 4));
 		return VSMD_OK;
 	case VSMD_CAN_OUTPUT:
 		get_pair(data, output_base, command);
@@ -532,7 +488,7 @@ static void put_registers(const uint32_t *values, unsigned count, struct db_can_
 {
 	frame->length = (uint8_t)(count * REG_BYTES);
 	for (unsigned i = 0; i < count; i++)
-		put_u32(values[i], frame->data + (size_t)i * REG_BYTES);
+		put_be32(values[i], frame->data + (size_t)i * REG_BYTES);
 }
 
 static enum vsmd_error decode_registers(const struct db_can_frame *frame,
@@ -546,7 +502,7 @@ static enum vsmd_error decode_registers(const struct db_can_frame *frame,
 		return VSMD_ERR_RANGE;
 	message->count = count;
 	for (unsigned i = 0; i < count; i++)
-		message->values[i] = get_u32(frame->data + (size_t)i * REG_BYTES);
+		message->values[i] = get_be32(frame->data + (size_t)i * REG_BYTES);
 	return VSMD_OK;
 }
 
@@ -663,232 +619,4 @@ enum vsmd_can_took vsmd_can_take(struct vsmd_can_answer *answer,
 	answer->seen |= 1u << (at / VSMD_CAN_FRAME_REGS);
 	memcpy(answer->values + at, message->values, message->count * sizeof message->values[0]);
 	return answer->seen == UINT32_MAX >> (32 - frames) ? VSMD_CAN_WHOLE : VSMD_CAN_PART;
-}
-
-/* --- status registers ----------------------------------------------------------------------------- */
-
-void vsmd_can_get_status(const uint32_t values[VSMD_CAN_STATUS_REGS], struct vsmd_status *status)
-{
-	status->velocity = float_of_bits(values[VSMD_CAN_STATUS_SPEED]);
-	status->position = int_of_bits(values[VSMD_CAN_STATUS_POSITION]);
-	status->status = values[VSMD_CAN_STATUS_WORD];
-}
-
-void vsmd_can_put_status(const struct vsmd_status *status, uint32_t values[VSMD_CAN_STATUS_REGS])
-{
-	values[VSMD_CAN_STATUS_SPEED] = bits_of_float(status->velocity);
-	values[VSMD_CAN_STATUS_POSITION] = bits_of_int(status->position);
-	values[VSMD_CAN_STATUS_WORD] = status->status;
-}
-
-static bool is_printable(uint8_t character)
-{
-	return character >= 0x20 && character <= 0x7E;
-}
-
-int vsmd_can_get_identity(const uint32_t values[VSMD_CAN_IDENTITY_REGS],
-                          char text[VSMD_CAN_IDENTITY_MAX + 1])
-{
-	uint8_t bytes[VSMD_CAN_IDENTITY_MAX];
-	const uint8_t *nul;
-	size_t length;
-
-	for (size_t i = 0; i < VSMD_CAN_IDENTITY_REGS; i++)
-		put_u32(values[i], bytes + i * REG_BYTES);
-	nul = memchr(bytes, 0, sizeof bytes);
-	length = nul ? (size_t)(nul - bytes) : sizeof bytes;
-	while (length > 0 && (bytes[length - 1] == ' ' || bytes[length - 1] == UINT8_MAX))
-		length--;
-	for (size_t i = 0; i < length; i++) {
-		if (!is_printable(bytes[i]))
-			return VSMD_ERR_SYNTAX;
-	}
-	memcpy(text, bytes, length);
-	text[length] = '\0';
-	return (int)length;
-}
-
-enum vsmd_error vsmd_can_put_identity(const char *text, uint32_t values[VSMD_CAN_IDENTITY_REGS])
-{
-	uint8_t bytes[VSMD_CAN_IDENTITY_MAX];
-	size_t length = strlen(text);
-
-	if (length > sizeof bytes)
-		return VSMD_ERR_SPACE;
-	memset(bytes, ' ', sizeof bytes);
-	for (size_t i = 0; i < length; i++) {
-		bytes[i] = (uint8_t)text[i];
-		if (!is_printable(bytes[i]))
-			return VSMD_ERR_RANGE;
-	}
-	for (size_t i = 0; i < VSMD_CAN_IDENTITY_REGS; i++)
-		values[i] = get_u32(bytes + i * REG_BYTES);
-	return VSMD_OK;
-}
-
-/* --- data registers ------------------------------------------------------------------------------- */
-
-#define WHOLE 32
-
-const struct vsmd_can_field vsmd_can_fields[VSMD_PARAM_COUNT] = {
-	[VSMD_CID] = { 0x00, 0, WHOLE },     [VSMD_BDR] = { 0x01, 0, WHOLE },
-	[VSMD_MCS] = { 0x02, 0, WHOLE },     [VSMD_SPD] = { 0x03, 0, WHOLE },
-	[VSMD_ACC] = { 0x04, 0, WHOLE },     [VSMD_DEC] = { 0x05, 0, WHOLE },
-	[VSMD_CRA] = { 0x06, 0, WHOLE },     [VSMD_CRN] = { 0x07, 0, WHOLE },
-	[VSMD_CRH] = { 0x08, 0, WHOLE },     [VSMD_S1F] = { 0x09, 24, 8 },
-	[VSMD_S1R] = { 0x09, 16, 8 },        [VSMD_S2F] = { 0x09, 8, 8 },
-	[VSMD_S2R] = { 0x09, 0, 8 },         [VSMD_S3F] = { 0x0A, 24, 8 },
-	[VSMD_S3R] = { 0x0A, 16, 8 },        [VSMD_S4F] = { 0x0A, 8, 8 },
-	[VSMD_S4R] = { 0x0A, 0, 8 },         [VSMD_S5F] = { 0x0B, 24, 8 },
-	[VSMD_S5R] = { 0x0B, 16, 8 },        [VSMD_S6F] = { 0x0B, 8, 8 },
-	[VSMD_S6R] = { 0x0B, 0, 8 },         [VSMD_PUD] = { 0x0C, 0, 6 },
-	[VSMD_S1] = { 0x0D, 0, 1 },          [VSMD_S2] = { 0x0D, 1, 1 },
-	[VSMD_S3] = { 0x0D, 2, 1 },          [VSMD_S4] = { 0x0D, 3, 1 },
-	[VSMD_S5] = { 0x0D, 4, 1 },          [VSMD_S6] = { 0x0D, 5, 1 },
-	[VSMD_ZMD] = { 0x0E, 0, WHOLE },     [VSMD_OSV] = { 0x0F, 0, WHOLE },
-	[VSMD_SNR] = { 0x10, 0, WHOLE },     [VSMD_ZSD] = { 0x11, 0, WHOLE },
-	[VSMD_ZSP] = { 0x12, 0, WHOLE },     [VSMD_DAR] = { 0x14, 0, WHOLE },
-	[VSMD_RES] = { 0x15, 0, WHOLE },     [VSMD_MSR] = { 0x17, 24, 8 },
-	[VSMD_MSV] = { 0x17, 16, 8 },        [VSMD_PSR] = { 0x17, 8, 8 },
-	[VSMD_PSV] = { 0x17, 0, 8 },         [VSMD_PAE] = { 0x18, 0, WHOLE },
-	[VSMD_ZAR] = { 0x1A, 0, WHOLE },     [VSMD_ZCR] = { 0x1C, 0, WHOLE },
-	[VSMD_N1RATIO] = { 0x1D, 0, WHOLE }, [VSMD_N2RATIO] = { 0x1E, 0, WHOLE },
-	[VSMD_N3RATIO] = { 0x1F, 0, WHOLE }, [VSMD_EMOD] = { 0x20, 0, WHOLE },
-	[VSMD_ELNS] = { 0x21, 0, WHOLE },    [VSMD_ESTP] = { 0x22, 0, WHOLE },
-	[VSMD_ERTY] = { 0x23, 0, WHOLE },    [VSMD_EDIR] = { 0x24, 0, WHOLE },
-	[VSMD_EZ] = { 0x25, 0, WHOLE },      [VSMD_EWR] = { 0x26, 0, WHOLE },
-	[VSMD_ERATIO] = { 0x27, 0, WHOLE },  [VSMD_ESDS] = { 0x28, 0, WHOLE },
-	[VSMD_SML] = { 0x2A, 0, WHOLE },     [VSMD_SPL] = { 0x2B, 0, WHOLE },
-	[VSMD_DMD] = { 0x13, 0, WHOLE },     [VSMD_SDS] = { 0x1B, 0, WHOLE },
-	[VSMD_CAF] = { 0x19, 0, WHOLE },
-};
-
-size_t vsmd_can_params_of(unsigned reg, enum vsmd_param params[VSMD_CAN_FIELDS_MAX])
-{
-	size_t count = 0;
-
-	for (unsigned i = 0; i < VSMD_PARAM_COUNT; i++) {
-		size_t at;
-
-		if (vsmd_can_fields[i].reg != reg || count == VSMD_CAN_FIELDS_MAX)
-			continue;
-		for (at = count; at > 0; at--) {
-			if (vsmd_can_fields[params[at - 1]].shift > vsmd_can_fields[i].shift)
-				break;
-			params[at] = params[at - 1];
-		}
-		params[at] = (enum vsmd_param)i;
-		count++;
-	}
-	return count;
-}
-
-bool vsmd_can_reg_known(unsigned reg)
-{
-	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
-
-	return vsmd_can_params_of(reg, params) > 0;
-}
-
-bool vsmd_can_reg_packed(unsigned reg)
-{
-	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
-
-	return vsmd_can_params_of(reg, params) > 0 && vsmd_can_fields[params[0]].width < WHOLE;
-}
-
-bool vsmd_can_reg_reachable(unsigned reg, bool extended)
-{
-	return reg <= reg_max(extended);
-}
-
-bool vsmd_can_param_in_range(enum vsmd_param param, union db_value value)
-{
-	switch (param) {
-	case VSMD_CID:
-		return is_drive(value.u, true);
-	case VSMD_BDR:
-		return vsmd_can_rate_code(value.u) != 0;
-	default:
-		return vsmd_param_in_range(param, value);
-	}
-}
-
-/* The bits of a field, not yet shifted to their place. */
-static uint32_t field_mask(const struct vsmd_can_field *field)
-{
-	return UINT32_MAX >> (WHOLE - field->width);
-}
-
-enum vsmd_error vsmd_can_extract(enum vsmd_param param, uint32_t raw, union db_value *value)
-{
-	const struct vsmd_can_field *field = &vsmd_can_fields[param];
-	uint32_t bits = raw >> field->shift & field_mask(field);
-
-	if (param == VSMD_BDR) {
-		bits = vsmd_can_code_rate(raw);
-		if (bits == 0)
-			return VSMD_ERR_RANGE;
-	}
-	if (vsmd_params[param].type == DB_U16 && bits > UINT16_MAX)
-		return VSMD_ERR_RANGE;
-	/* Signed and floating registers are whole ones: their bits are the value's. */
-	value->u = bits;
-	return VSMD_OK;
-}
-
-enum vsmd_error vsmd_can_insert(enum vsmd_param param, union db_value value, uint32_t *raw)
-{
-	const struct vsmd_can_field *field = &vsmd_can_fields[param];
-	uint32_t mask = field_mask(field) << field->shift;
-
-	if (!vsmd_can_param_in_range(param, value))
-		return VSMD_ERR_RANGE;
-	if (param == VSMD_BDR)
-		value.u = vsmd_can_rate_code(value.u);
-	*raw = (*raw & ~mask) | (value.u << field->shift & mask);
-	return VSMD_OK;
-}
-
-/* --- bit rates ------------------------------------------------------------------------------------ */
-
-#define CAN_CLOCK 54000000u /* Hz */
-
-struct rate {
-	uint32_t rate;
-	uint32_t code;
-};
-
-static const struct rate rates[] = {
-	{ 20000, 0x1C2132 }, { 25000, 0x168132 }, { 30000, 0x12C132 }, { 40000, 0xE1132 },
-	{ 50000, 0xB4132 },  { 60000, 0x5A163 },  { 75000, 0x78132 },  { 80000, 0x4B153 },
-	{ 90000, 0x4B143 },  { 100000, 0x5A132 }, { 125000, 0x48132 }, { 150000, 0x3C132 },
-	{ 200000, 0x2D132 }, { 250000, 0x24132 }, { 300000, 0x1E132 }, { 400000, 0xF153 },
-	{ 500000, 0x12132 }, { 600000, 0x9163 },  { 750000, 0x8153 },  { 900000, 0x6163 },
-	{ 1000000, 0x9132 },
-};
-
-#define RATES (sizeof rates / sizeof rates[0])
-
-/* Divider above bit 12, then jump width and the two segments of a bit, four bits each. */
-uint32_t vsmd_can_code_rate(uint32_t code)
-{
-	uint32_t quanta = 1 + (code >> 4 & 0xF) + (code & 0xF);
-	uint32_t divider = (code >> 12) * quanta;
-
-	return divider == 0 ? 0 : (CAN_CLOCK + divider / 2) / divider;
-}
-
-uint32_t vsmd_can_rate_code(uint32_t rate)
-{
-	for (size_t i = 0; i < RATES; i++) {
-		if (rates[i].rate == rate)
-			return rates[i].code;
-	}
-	return 0;
-}
-
-uint32_t vsmd_can_rate_at(size_t index)
-{
-	return index < RATES ? rates[index].rate : 0;
 }
