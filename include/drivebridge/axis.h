@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The axis: one drive as the PLC sees it. The bus thread publishes, every other thread reads copies;
- * a copy is always from one moment (seqlock), never torn.
+ * The axis: one drive as the PLC sees it. The bus thread publishes, every other thread reads
+ * copies; a copy is always from one moment (seqlock), never torn.
  */
 #ifndef DRIVEBRIDGE_AXIS_H
 #define DRIVEBRIDGE_AXIS_H
@@ -114,7 +114,8 @@ struct db_feedback {
 	uint32_t status; /* enum db_status_bit */
 };
 
-/* Counters since the bridge started; round trips in microseconds from first byte out to last byte in. */
+/* Counters since the bridge started; round trips in microseconds from first byte out to last byte
+ * in. */
 struct db_axis_stats {
 	uint32_t requests;
 	uint32_t answers;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A client as the rooms behind the server know it, and the write of one that is answered later. Pure;
- * any thread.
+ * A client as the rooms behind the server know it, and the write of one that is answered later.
+ * Pure; any thread.
  */
 #ifndef DRIVEBRIDGE_CLIENT_H
 #define DRIVEBRIDGE_CLIENT_H
@@ -25,8 +25,8 @@ struct db_client {
 	uint8_t address[16]; /* IPv6, or IPv4 v4-mapped */
 	uint16_t port;
 	bool may_write;
-	/* The request did not reach this machine before this time, and perhaps at this time: one that
-	 * waited in a buffer is no sign of life of now. 0: just now. */
+	/* The request did not reach this machine before this time, and perhaps at this time: one
+	 * that waited in a buffer is no sign of life of now. 0: just now. */
 	db_time arrived;
 };
 

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Drive-neutral commands: their codes, arguments and how they travel from a PLC's write to a bus and
- * back. The codes are part of the contract with PLC programs: append, never renumber. Functions are pure.
+ * Drive-neutral commands: their codes, arguments and how they travel from a PLC's write to a bus
+ * and back. The codes are part of the contract with PLC programs: append, never renumber. Functions
+ * are pure.
  */
 #ifndef DRIVEBRIDGE_COMMAND_H
 #define DRIVEBRIDGE_COMMAND_H
@@ -53,7 +54,8 @@ enum db_command {
 
 #define DB_COMMAND_BIT(command) (UINT64_C(1) << (command))
 
-/* stop, quick_stop and disable: overtake everything, always execute, are repeated until confirmed. */
+/* stop, quick_stop and disable: overtake everything, always execute, are repeated until
+ * confirmed. */
 bool db_command_is_stop(enum db_command command);
 
 /* Sets the axis in motion (arms the watchdog, refused while latched). */
@@ -76,7 +78,7 @@ enum db_command db_on_loss_command(enum db_on_loss reaction);
 /* Arguments as the register table holds them; a command uses those its table row names. */
 struct db_args {
 	int32_t target_position; /* drive units; the distance for move_relative */
-	float target_velocity; /* drive units per second; 0 in a position move = the drive's preset */
+	float target_velocity; /* drive units per second; 0 in a position move: the drive's preset */
 	uint16_t output_number; /* from 1 */
 	uint16_t output_value;
 	uint16_t output_mask; /* bit 0 = port 1 */

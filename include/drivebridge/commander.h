@@ -3,31 +3,32 @@
  * The commander of one drive: decides which writes become requests to the bus, which are answered
  * from memory, and when their writers are answered. It is where "never executed twice" is kept.
  *
- * Network thread only. No clock, no I/O, no allocation but in db_commander_new() and db_commander_reserve();
- * `now` is handed in.
+ * Network thread only. No clock, no I/O, no allocation but in db_commander_new() and
+ * db_commander_reserve(); `now` is handed in.
  *
  * `client` is who asks; null: nobody in particular (the vendor's layout), who has no ids.
  *
  * command_id
- *   0: the write executes, each time.
- *   Other: it executes when it differs from the drive's last id. The same id again is not executed
- *   and is answered as the first time; while that command is pending, together with it.
- *   The first id after the start is only remembered (restarted). Every outcome uses an id up,
- *   except busy: a writer that found the queue full may repeat its write as it is.
- *   stop, quick_stop and disable always execute. One that repeats the drive's newest command while
- *   that is still pending joins it. One that comes behind something else is handed to the bus anew,
- *   and who waits for the older one of its kind waits for this one. So a drive never has more
- *   than two of a kind with its bus, and there is always room for a stop: a third one is handed over
- *   when the second ended, and until then other commands are answered as busy.
+ *   - 0: the write executes, each time.
+ *   - Other: it executes when it differs from the drive's last id. The same id again is not
+ *     executed and is answered as the first time; while that command is pending, together with it.
+ *   - The first id after the start is only remembered (restarted).
+ *   - Every outcome uses an id up, except busy: a writer that found the queue full may repeat its
+ *     write as it is.
+ *   - stop, quick_stop and disable always execute. One that repeats the drive's newest command while
+ *     that is still pending joins it. One that comes behind something else is handed to the bus
+ *     anew, and who waits for the older one of its kind waits for this one. So a drive never has
+ *     more than two of a kind with its bus, and there is always room for a stop: a third one is
+ *     handed over when the second ended, and until then other commands are answered as busy.
  *
  *   With ids_by_client "last id" is that of the client's address: each numbers its own commands,
- *   and the first of each is only remembered. The last 8 addresses that command the drive are known;
- *   one that is forgotten begins anew. Without, there is one memory for all clients.
+ *   and the first of each is only remembered. The last 8 addresses that command the drive are
+ *   known; one that is forgotten begins anew. Without, there is one memory for all clients.
  *
  * Results
- *   With ids_by_client a client whose address has commanded the drive is shown the result of its own
- *   latest command and write, and whether its own motion is done or was aborted, by whomever. Others,
- *   and without ids_by_client everybody, are shown the latest of all.
+ *   With ids_by_client a client whose address has commanded the drive is shown the result of its
+ *   own latest command and write, and whether its own motion is done or was aborted, by whomever.
+ *   Others, and without ids_by_client everybody, are shown the latest of all.
  *
  * A write of `command` without `command_id` (one register, FC 6) uses the kept id when that was not
  * used yet. When it was, and command and arguments are those that were executed last, the write is
@@ -42,9 +43,9 @@
  *
  * The watchdog is armed by the first motion command, or when the drive already moves as it is first
  * seen (the program was killed and started again), and fed by what the drive's configuration says:
- * every request of a client that may write, only those of connections that command the drive, writes,
- * or changes of the heartbeat; as of when they arrived. When it expires, the configured stop goes to the bus ahead of everything and motion is
- * refused (latched) until clear_fault.
+ * every request of a client that may write, only those of connections that command the drive,
+ * writes, or changes of the heartbeat; as of when they arrived. When it expires, the configured
+ * stop goes to the bus ahead of everything and motion is refused (latched) until clear_fault.
  */
 #ifndef DRIVEBRIDGE_COMMANDER_H
 #define DRIVEBRIDGE_COMMANDER_H
@@ -73,9 +74,10 @@ struct db_commander_ops {
 	void (*answer)(void *context, struct db_write_token token, enum db_result result);
 	/* For the history: */
 	uint64_t (*wall_us)(void *context); /* since 1970-01-01 UTC */
-	/* For the log: each refusal once, not what is answered from memory. `client` is null for the
-	 * bridge's own; of others only address and port hold. Not told are what was cancelled, what others tell of (a client that is not in
-	 * control, a drive that runs on), and what is on its way. May be null. */
+	/* For the log: each refusal once, not what is answered from memory. `client` is null for
+	 * the bridge's own; of others only address and port hold. Not logged are what was cancelled,
+	 * what others tell of (a client that is not in control, a drive that runs on), and what is
+	 * on its way. May be null. */
 	void (*refused)(void *context, const struct db_client *client,
 	                const struct db_refused_write *write);
 };
@@ -84,8 +86,8 @@ struct db_commander_config {
 	const struct db_driver *driver;
 	const struct db_bus_config *bus_config;     /* for the driver's check() */
 	const struct db_drive_config *drive_config; /* likewise */
-	/* The commander of another drive of this bus, whose room for commands and parameter writes it
-	 * shares: as many as the bus takes. Null: there is none. */
+	/* The commander of another drive of this bus, whose room for commands and parameter writes
+	 * it shares: as many as the bus takes. Null: there is none. */
 	const struct db_commander *neighbour;
 	uint64_t commands; /* db_driver_commands() */
 	const struct db_axis *axis;
@@ -118,8 +120,8 @@ struct db_command_write {
 struct db_command_results {
 	uint32_t result_time_us; /* from the arrival of the last ended command to its end */
 	uint16_t result_id;
-	/* enum db_result of the latest command. OK says that the drive has begun it. A motion with an
-	 * end (a position move, homing, shaking) is followed to that: `done` when it came there,
+	/* enum db_result of the latest command. OK says that the drive has begun it. A motion with
+	 * an end (a position move, homing, shaking) is followed to that: `done` when it came there,
 	 * FAILED, CANCELLED or INDETERMINATE here when it did not. */
 	uint16_t result;
 	uint16_t result_command;
@@ -147,8 +149,8 @@ struct db_command_state {
 /* Requests of one drive that may be pending, if its bus takes so many. */
 #define DB_COMMANDER_PENDING 16
 
-/* Stops have places of their own: two of each kind for clients, and the watchdog's. A bus has room for
- * as many of each of its drives, so that it takes every stop. */
+/* Stops have places of their own: two of each kind for clients, and the watchdog's. A bus has room
+ * for as many of each of its drives, so that it takes every stop. */
 #define DB_COMMANDER_STOPS_OF_A_KIND 2
 #define DB_COMMANDER_STOPS (3 * DB_COMMANDER_STOPS_OF_A_KIND + 1)
 
@@ -161,9 +163,9 @@ int db_commander_new(const struct db_commander_config *config, const struct db_c
 void db_commander_free(struct db_commander *commander);
 
 /*
- * How writers are answered from now on; those that wait keep their time. When ids_by_client changes,
- * all ids are forgotten: the next of each is only a baseline. Memory for that is reserved before; it is
- * given back when ids are the drive's again.
+ * How writers are answered from now on; those that wait keep their time. When ids_by_client
+ * changes, all ids are forgotten: the next of each is only a baseline. Memory for that is reserved
+ * before; it is given back when ids are the drive's again.
  */
 int db_commander_reserve(struct db_commander *commander, bool ids_by_client); /* 0 or -ENOMEM */
 void db_commander_set_writers(struct db_commander *commander, unsigned confirm_ms,
@@ -181,8 +183,8 @@ struct db_write_answer db_commander_write(struct db_commander *commander,
 
 /* The command that waits for the group's start; NONE. */
 enum db_command db_commander_staged(const struct db_commander *commander);
-/* Carries it out with the kept arguments, as db_commander_execute() does; there must be one. `group`: see
- * struct db_request. */
+/* Carries it out with the kept arguments, as db_commander_execute() does; there must be one.
+ * `group`: see struct db_request. */
 struct db_write_answer db_commander_start_staged(struct db_commander *commander,
                                                  const struct db_client *client, uint32_t group,
                                                  struct db_write_token token, db_time now);
@@ -202,17 +204,18 @@ struct db_write_answer db_commander_set(struct db_commander *commander,
                                         const struct db_setting *settings, size_t count,
                                         struct db_write_token token, db_time now);
 
-/* A write was refused for its form before it came here: for write_result only. `address`: of the register
- * that it was refused for; 0: for none in particular. */
+/* A write was refused for its form before it came here: for write_result only. `address`: of the
+ * register that it was refused for; 0: for none in particular. */
 void db_commander_set_refused(struct db_commander *commander, const struct db_client *client,
                               enum db_result result, uint16_t address);
-/* A command, or with NONE a parameter write, was refused before it came here: for the history, too. */
+/* A command, or with NONE a parameter write, was refused before it came here: for the history,
+ * too. */
 void db_commander_refuse(struct db_commander *commander, const struct db_client *client,
                          const struct db_command_block *block, enum db_result result,
                          uint16_t address);
 
-/* Ports of set_output that are known to be inputs, bit 0 = port 1: a set_outputs with one of them is
- * refused as a whole. */
+/* Ports of set_output that are known to be inputs, bit 0 = port 1: a set_outputs with one of them
+ * is refused as a whole. */
 unsigned db_commander_input_ports(const struct db_commander *commander);
 
 /* It addressed this drive: of those with a memory of their own the silent are forgotten first. */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The register view: what Modbus clients see and what their writes mean. It is the server's backend
- * and owns the commander of each drive. Network thread only; allocates only in db_registers_new() and
- * db_registers_prepare().
+ * and owns the commander of each drive. Network thread only; allocates only in db_registers_new()
+ * and db_registers_prepare().
  */
 #ifndef DRIVEBRIDGE_REGISTERS_H
 #define DRIVEBRIDGE_REGISTERS_H
@@ -51,8 +51,8 @@ struct db_registers_ops {
 	size_t (*server_clients)(void *context, struct db_server_client *clients, size_t max);
 	/* Something was refused to a client for who it is. May be null. */
 	void (*refused)(void *context, const struct db_client *client, enum db_refusal kind);
-	/* A write to a drive did not bring about what its writer wanted; see struct db_commander_ops.
-	 * `client`: null for the bridge's own. May be null. */
+	/* A write to a drive did not bring about what its writer wanted; see struct
+	 * db_commander_ops. `client`: null for the bridge's own. May be null. */
 	void (*write_refused)(void *context, const struct db_bus_config *bus,
 	                      const struct db_drive_config *drive, const struct db_client *client,
 	                      const struct db_refused_write *write);
@@ -71,12 +71,13 @@ int db_registers_new(const struct db_roster *roster, const struct db_registers_o
 void db_registers_free(struct db_registers *registers);
 
 /*
- * Another roster, in three steps that are done between events of the loop. Preparing allocates all that
- * will be needed; it is 0 or -ENOMEM. Retiring takes the drives that will not be there from their units
- * at once, which then answer 0A; in the gateway's registers they keep their places and are offline; what
- * their buses still complete is taken. The change then puts the new roster in the place of the old one:
- * drives that were there before keep all that is known of them; who still waits for one that left is
- * answered as cancelled. Instead, db_registers_change_free() forgets what was prepared.
+ * Another roster, in three steps that are done between events of the loop. Preparing allocates all
+ * that will be needed; it is 0 or -ENOMEM. Retiring takes the drives that will not be there from
+ * their units at once, which then answer 0A; in the gateway's registers they keep their places and
+ * are offline; what their buses still complete is taken. The change then puts the new roster in the
+ * place of the old one: drives that were there before keep all that is known of them; who still
+ * waits for one that left is answered as cancelled. Instead, db_registers_change_free() forgets
+ * what was prepared.
  */
 struct db_registers_change;
 

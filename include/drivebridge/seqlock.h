@@ -2,8 +2,8 @@
 /*
  * One writer hands a struct to any number of readers, who get it whole or try again. The struct
  * travels as atomic words: a release store of each word and an acquire load of each are enough for
- * a reader that saw any word of a new publication to see the odd sequence too, so no fence is needed
- * (ThreadSanitizer does not understand fences).
+ * a reader that saw any word of a new publication to see the odd sequence too, so no fence is
+ * needed (ThreadSanitizer does not understand fences).
  *
  * The words array holds DB_SEQLOCK_WORDS(type) elements; everything starts as zero.
  */

@@ -20,7 +20,7 @@ struct db_server;
 
 enum db_table { DB_TABLE_COILS, DB_TABLE_DISCRETE, DB_TABLE_HOLDING, DB_TABLE_INPUT };
 
-/* What is not done for a client because of who it is. Each kind is counted, and told once. */
+/* What is not done for a client because of who it is. Each kind is counted, and logged once. */
 enum db_refusal {
 	DB_REFUSED_ADDRESS,     /* connection: in neither allow-read nor allow-write */
 	DB_REFUSED_FULL,        /* connection: max-clients reached */
@@ -38,8 +38,8 @@ enum db_refusal {
 /* Answers are Modbus exception codes; 0 is success. Addresses are 0-based. */
 struct db_backend {
 	/*
-	 * Whether there is anything behind this unit id: 0, or exception 0A. Asked before everything
-	 * but the form of a request.
+	 * Whether there is anything behind this unit id: 0, or exception 0A. Asked before
+	 * everything but the form of a request.
 	 */
 	uint8_t (*unit)(void *context, uint8_t unit);
 
@@ -49,10 +49,10 @@ struct db_backend {
 	                enum db_table table, uint16_t address, uint16_t count, uint16_t *values);
 
 	/*
-	 * HOLDING or COILS, values as above. Called once per request with the whole write. Returns 0
-	 * or an exception to be answered at once, or DB_WRITE_LATER: then db_server_answer() must be
-	 * called exactly once with this token (never from inside this call).
-	 * Only called for clients that may write.
+	 * HOLDING or COILS, values as above. Called once per request with the whole write. Returns
+	 * 0 or an exception to be answered at once, or DB_WRITE_LATER: then db_server_answer() must
+	 * be called exactly once with this token (never from inside this call). Only called for
+	 * clients that may write.
 	 */
 	int (*write)(void *context, const struct db_client *client, uint8_t unit,
 	             enum db_table table, uint16_t address, uint16_t count, const uint16_t *values,
@@ -63,11 +63,13 @@ struct db_backend {
 	int (*write_same)(void *context, const struct db_client *client, uint8_t unit,
 	                  uint16_t address, uint16_t value, struct db_write_token token);
 
-	/* FC 17: server id text and run indicator of a unit. Returns the text's length (<= size). */
+	/* FC 17: server id text and run indicator of a unit. Returns the text's length (<=
+	 * size). */
 	size_t (*server_id)(void *context, uint8_t unit, char *text, size_t size, bool *running);
 
-	/* FC 43/14 objects 0..6 (vendor name, product code, revision, vendor URL, product name, model
-	 * name, user application name): static text, or null when the unit has no such object. */
+	/* FC 43/14 objects 0..6 (vendor name, product code, revision, vendor URL, product name,
+	 * model name, user application name): static text, or null when the unit has no such
+	 * object. */
 	const char *(*device_id)(void *context, uint8_t unit, uint8_t object);
 
 	/* A client came (connected = true) or went. For logs and counters. May be null. */
@@ -104,10 +106,10 @@ struct db_server_client {
 };
 
 /*
- * Listens and serves on the loop's thread. The backend must outlive the server, as must the log behind
- * the source, which is copied; so must the configuration, or the time until another one takes its
- * place.
- * 0, or a negative errno (EADDRINUSE, EACCES, EINVAL for an address that cannot be read ...).
+ * Listens and serves on the loop's thread. The backend must outlive the server, as must the log
+ * behind the source, which is copied; so must the configuration, or the time until another one
+ * takes its place. 0, or a negative errno (EADDRINUSE, EACCES, EINVAL for an address that cannot be
+ * read ...).
  */
 int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
                   const struct db_backend *backend, void *context, const struct db_log_source *log,
@@ -117,11 +119,11 @@ int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
 void db_server_free(struct db_server *server);
 
 /*
- * Other settings, in two steps. Preparing does all that can fail, such as listening on another address
- * beside the old one; it changes nothing that a client could notice. 0 or a negative errno. Then
- * db_server_apply() lets them take effect, or db_server_change_free() forgets them; no event is to be
- * served in between. Connections stay, except those of clients that may not connect any more. The
- * former configuration is not used afterwards.
+ * Other settings, in two steps. Preparing does all that can fail, such as listening on another
+ * address beside the old one; it changes nothing that a client could notice. 0 or a negative errno.
+ * Then db_server_apply() lets them take effect, or db_server_change_free() forgets them; no event
+ * is to be served in between. Connections stay, except those of clients that may not connect any
+ * more. The former configuration is not used afterwards.
  */
 struct db_server_change;
 
@@ -138,7 +140,8 @@ void db_server_catch_up(struct db_server *server);
 void db_server_answer(struct db_server *server, struct db_write_token token, uint8_t exception);
 
 /* Refuses connections that would leave the process fewer than so many file descriptors: what else
- * needs some, such as a bus that opens its port again, always finds them. 0, the default, keeps none. */
+ * needs some, such as a bus that opens its port again, always finds them. 0, the default, keeps
+ * none. */
 void db_server_keep_descriptors(struct db_server *server, unsigned count);
 
 /* Whether it listens on an address that the machine did not have when it began to. */

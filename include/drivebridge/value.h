@@ -45,8 +45,8 @@ double db_value_number(enum db_type type, union db_value value);
 bool db_value_from_number(enum db_type type, double number, union db_value *value);
 
 /*
- * A parameter of a drive as its vendor documents it. min <= value <= max, both inclusive, in `unit`.
- * Tables of these are const and live as long as the program.
+ * A parameter of a drive as its vendor documents it. min <= value <= max, both inclusive, in
+ * `unit`. Tables of these are const and live as long as the program.
  */
 struct db_param {
 	const char *name;  /* the vendor's name */

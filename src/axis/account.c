@@ -51,8 +51,8 @@ void db_account_add_settings(struct db_commander *commander, const struct db_cli
 	add_entry(commander, client, &entry, slot);
 }
 
-void db_account_report_refusal(const struct db_commander *commander, const struct db_client *client,
-                               const struct db_refused_write *write)
+void db_account_log_refusal(const struct db_commander *commander, const struct db_client *client,
+                            const struct db_refused_write *write)
 {
 	switch (write->result) {
 	case DB_RESULT_NONE:

@@ -18,19 +18,20 @@ uint16_t db_admission_id(const struct db_writer *writer, const struct db_command
 
 /*
  * The execution that a write repeats: of the id that was used last, or for one of `command` alone
- * (`bare`) whose kept id was used, of what was executed last, if it asks for the same. Null: it repeats
- * nothing.
+ * (`bare`) whose kept id was used, of what was executed last, if it asks for the same. Null: it
+ * repeats nothing.
  */
 const struct db_used_id *db_admission_find_repeated(const struct db_writer *writer,
                                                     const struct db_command_block *block,
                                                     uint16_t id, bool bare);
 
-/* What may be said before the drive is asked; OK: it is to be asked. Without a writer there is no id. */
+/* What may be said before the drive is asked; OK: it is to be asked. Without a writer there is no
+ * id. */
 enum db_result db_admission_permit(struct db_commander *commander, struct db_writer *writer,
                                    const struct db_command_block *block, uint16_t id);
 
-/* The same of a command that is to wait, and of values for parameters. Which limit would be broken is
- * then shown. */
+/* The same of a command that is to wait, and of values for parameters. Which limit would be broken
+ * is then shown. */
 enum db_result db_admission_permit_staged(struct db_commander *commander, struct db_writer *writer,
                                           const struct db_command_block *block);
 enum db_result db_admission_permit_settings(struct db_commander *commander,

@@ -103,11 +103,11 @@ static struct db_write_answer end_order(struct db_commander *commander, const st
 	if (db_command_replaces_motion(command))
 		db_writers_refuse_motion(&commander->writers, order->writer);
 	db_account_add_command(commander, order->client, &order->block, order->id, result, NULL);
-	db_account_report_refusal(commander, order->client,
-	                          &(struct db_refused_write){
-					  .command = command,
-					  .result = result,
-				  });
+	db_account_log_refusal(commander, order->client,
+	                       &(struct db_refused_write){
+				       .command = command,
+				       .result = result,
+			       });
 	return answer_now(result);
 }
 
@@ -155,8 +155,8 @@ static bool is_only_latched(const struct db_commander *commander)
 	return snapshot.feedback.error == DB_ERROR_NONE;
 }
 
-/* The latch of a drive that has no fault itself. One that cannot be asked keeps it: what it does now
- * nobody knows. */
+/* The latch of a drive that has no fault itself. One that cannot be asked keeps it: what it does
+ * now nobody knows. */
 static struct db_write_answer end_latch(struct db_commander *commander, const struct order *order)
 {
 	enum db_result result = db_requests_reach(commander, DB_CMD_CLEAR_FAULT);
@@ -358,11 +358,12 @@ struct db_write_answer db_commander_set(struct db_commander *commander,
 	db_account_add_settings(commander, client, settings, result, slot);
 	db_writers_set_write(&commander->writers, writer, result, 0, slot ? slot->ticket : 0);
 	if (slot) {
-		/* A later stop is not to join one from before this, which would leave it standing. */
+		/* A later stop is not to join one from before this, which would leave it
+		 * standing. */
 		commander->newest = slot->ticket;
 		return db_requests_wait(commander, slot, token, now);
 	}
-	db_account_report_refusal(
+	db_account_log_refusal(
 		commander, client,
 		&(struct db_refused_write){
 			.param = first < driver->param_count ? driver->params[first].name : NULL,
@@ -376,11 +377,11 @@ void db_commander_set_refused(struct db_commander *commander, const struct db_cl
 {
 	db_writers_set_write(&commander->writers, db_writers_find(&commander->writers, client),
 	                     result, address, 0);
-	db_account_report_refusal(commander, client,
-	                          &(struct db_refused_write){
-					  .address = address,
-					  .result = result,
-				  });
+	db_account_log_refusal(commander, client,
+	                       &(struct db_refused_write){
+				       .address = address,
+				       .result = result,
+			       });
 }
 
 void db_commander_refuse(struct db_commander *commander, const struct db_client *client,
@@ -391,11 +392,11 @@ void db_commander_refuse(struct db_commander *commander, const struct db_client 
 
 	db_writers_set_write(&commander->writers, db_writers_find(&commander->writers, client),
 	                     result, address, 0);
-	db_account_report_refusal(commander, client,
-	                          &(struct db_refused_write){
-					  .command = (enum db_command)block->command,
-					  .result = result,
-				  });
+	db_account_log_refusal(commander, client,
+	                       &(struct db_refused_write){
+				       .command = (enum db_command)block->command,
+				       .result = result,
+			       });
 	if (block->command == DB_CMD_NONE)
 		db_account_add_settings(commander, client, &unknown, result, NULL);
 	else
@@ -449,11 +450,11 @@ void db_commander_complete(struct db_commander *commander, const struct db_compl
 		db_reaction_unlatch(commander, now);
 	if (commander->reaction_ticket == completion->ticket)
 		db_reaction_note_ended(commander, completion->result, now);
-	db_account_report_refusal(commander, db_slot_client(slot, &client),
-	                          &(struct db_refused_write){
-					  .command = slot->command,
-					  .result = completion->result,
-				  });
+	db_account_log_refusal(commander, db_slot_client(slot, &client),
+	                       &(struct db_refused_write){
+				       .command = slot->command,
+				       .result = completion->result,
+			       });
 	db_requests_end(commander, slot, completion->result);
 }
 

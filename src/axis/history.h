@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The last commands and parameter writes of one drive, for whoever asks later what moved it. Pure; in
- * memory only, no allocation.
+ * The last commands and parameter writes of one drive, for whoever asks later what moved it. Pure;
+ * in memory only, no allocation.
  */
 #ifndef DRIVEBRIDGE_AXIS_HISTORY_H
 #define DRIVEBRIDGE_AXIS_HISTORY_H
@@ -33,9 +33,9 @@ struct db_history {
 };
 
 /*
- * Adds an entry and returns its number, which is given here; `bus`: it goes to the bus, and is to be
- * ended. What is refused without the bus exactly as the entry before, and to the same client, only
- * counts there: a scanner that writes for ever does not wipe out what happened before.
+ * Adds an entry and returns its number, which is given here; `bus`: it goes to the bus, and is to
+ * be ended. What is refused without the bus exactly as the entry before, and to the same client,
+ * only counts there: a scanner that writes for ever does not wipe out what happened before.
  */
 uint32_t db_history_add(struct db_history *history, const struct db_history_entry *entry, bool bus);
 
@@ -45,8 +45,8 @@ uint32_t db_history_add(struct db_history *history, const struct db_history_entr
 void db_history_repeat(struct db_history *history, uint32_t number);
 
 /*
- * What became of a request after so long: called when the bus ended it, and again when the motion that
- * it began ended.
+ * What became of a request after so long: called when the bus ended it, and again when the motion
+ * that it began ended.
  */
 void db_history_end(struct db_history *history, uint32_t number, enum db_result result,
                     db_time took);

@@ -18,10 +18,11 @@ struct db_limit_facts {
 };
 
 /*
- * The limit that the command would break, or NONE. A move or jog at a preset that is not known breaks
- * a limit of the velocity; while the scale is not known, whatever is limited breaks its limit. A motion without a target (velocity, jog, current) breaks a limit of the
- * position when the drive is beyond it already and would go further; after its beginning
- * db_supervise watches it. What speed a current leads to nobody knows.
+ * The limit that the command would break, or NONE. A move or jog at a preset that is not known
+ * breaks a limit of the velocity; while the scale is not known, whatever is limited breaks its
+ * limit. A motion without a target (velocity, jog, current) breaks a limit of the position when the
+ * drive is beyond it already and would go further; after its beginning db_supervise watches it.
+ * What speed a current leads to nobody knows.
  */
 enum db_limit db_limits_command(const struct db_drive_config *drive, enum db_command command,
                                 const struct db_args *args, const struct db_limit_facts *facts);

@@ -11,9 +11,9 @@
 #include "axis/writers.h"
 
 /*
- * What was just handed to the bus, by this writer or (null) none: a stop ends what moves, and what is
- * still to begin, in any case. Another motion does so only when the drive takes it: until then nobody
- * knows.
+ * What was just handed to the bus, by this writer or (null) none: a stop ends what moves, and what
+ * is still to begin, in any case. Another motion does so only when the drive takes it: until then
+ * nobody knows.
  */
 void db_motion_note_submitted(struct db_commander *commander, struct db_writer *writer,
                               enum db_command command, db_time now);

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The requests of one drive that its bus has. A bus takes a certain number of commands and parameter
- * writes, whoever's they are: so its drives share the room for them. Room for stops is each drive's
- * own, and no other request can take it. Network thread only; allocates only where a drive is made.
+ * The requests of one drive that its bus has. A bus takes a certain number of commands and
+ * parameter writes, whoever's they are: so its drives share the room for them. Room for stops is
+ * each drive's own, and no other request can take it. Network thread only; allocates only where a
+ * drive is made.
  */
 #ifndef DRIVEBRIDGE_AXIS_PENDING_H
 #define DRIVEBRIDGE_AXIS_PENDING_H
@@ -45,7 +46,8 @@ struct db_pending {
 	struct db_slot stops[DB_COMMANDER_STOPS];
 };
 
-/* Room of its own for so many requests, or the neighbour's, a drive's on the same bus. 0 or -ENOMEM. */
+/* Room of its own for so many requests, or the neighbour's, a drive's on the same bus. 0 or
+ * -ENOMEM. */
 int db_pending_init(struct db_pending *pending, size_t commands,
                     const struct db_pending *neighbour);
 /* What the drive has of the room is the others' again. */

@@ -22,7 +22,8 @@ static struct db_slot *find_reaction(struct db_commander *commander)
 	return NULL;
 }
 
-/* Stops the drive because nobody talks to it. Tried again soon if there is no room for a request. */
+/* Stops the drive because nobody talks to it. Tried again soon if there is no room for a
+ * request. */
 static void stop_drive(struct db_commander *commander, db_time now)
 {
 	struct db_command_block block = { .command = (uint16_t)commander->config.on_client_loss };
@@ -33,7 +34,8 @@ static void stop_drive(struct db_commander *commander, db_time now)
 	struct db_slot *slot = find_reaction(commander);
 
 	if (slot) {
-		/* One of an earlier time, with what came since behind it, is repeated when it ends. */
+		/* One of an earlier time, with what came since behind it, is repeated when it
+		 * ends. */
 		slot->again = true;
 	} else {
 		slot = db_requests_submit(commander, NULL, &request, 0);
@@ -59,8 +61,9 @@ static void stop_drive(struct db_commander *commander, db_time now)
 }
 
 /*
- * A drive that moves when it is first seen was set going before this program ran. Its PLC is watched
- * from now on as if it had commanded the motion here: should it have gone meanwhile, the drive stops.
+ * A drive that moves when it is first seen was set going before this program ran. Its PLC is
+ * watched from now on as if it had commanded the motion here: should it have gone meanwhile, the
+ * drive stops.
  */
 static void find_drive(struct db_commander *commander, db_time now)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a drive does when its clients fall silent: the watchdog's stop, until the drive has confirmed it,
- * and the latch behind it. Network thread only.
+ * What a drive does when its clients fall silent: the watchdog's stop, until the drive has
+ * confirmed it, and the latch behind it. Network thread only.
  */
 #ifndef DRIVEBRIDGE_AXIS_REACTION_H
 #define DRIVEBRIDGE_AXIS_REACTION_H

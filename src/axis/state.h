@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The insides of struct db_commander: what its files work on. They call each other in one direction
- * only, from the top: commander, reaction, motion, admission, requests and account. Network thread only.
+ * only, from the top: commander, reaction, motion, admission, requests and account. Network thread
+ * only.
  */
 #ifndef DRIVEBRIDGE_AXIS_STATE_H
 #define DRIVEBRIDGE_AXIS_STATE_H
@@ -45,7 +46,7 @@ struct db_commander {
 	struct db_watchdog watchdog;
 	uint32_t reaction_ticket;  /* the watchdog's stop, until the drive has confirmed it; 0 */
 	db_time reaction_again_at; /* it is to be handed over again then; or NEVER */
-	db_time find_at; /* the next look whether the drive is there and moves; NEVER: it was seen */
+	db_time find_at; /* the next look whether the drive is there and moves; NEVER: it was */
 };
 
 #endif

@@ -51,8 +51,8 @@ void db_supervise_stop(struct db_supervise *supervise, const struct db_supervise
 	supervise->from_speed = fabs(velocity);
 }
 
-/* It stands after a stop. The fastest counts: in slow ones what passes until the drive hears is most of
- * the way. */
+/* It stands after a stop. The fastest counts: in slow ones what passes until the drive hears is
+ * most of the way. */
 static void measure_braking(struct db_supervise *supervise, const struct db_feedback *feedback)
 {
 	double speed = supervise->from_speed;

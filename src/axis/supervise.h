@@ -6,8 +6,8 @@
  *
  * The way that a stop takes is what passes until the drive hears it, then its braking. That is
  * computed where the drive's deceleration is known, and measured whenever it is stopped; the longer
- * of both counts. Where nothing is known yet, and where a drive gets faster between two looks by more
- * than it did between the two before, it may pass a limit by so much.
+ * of both counts. Where nothing is known yet, and where a drive gets faster between two looks by
+ * more than it did between the two before, it may pass a limit by so much.
  */
 #ifndef DRIVEBRIDGE_AXIS_SUPERVISE_H
 #define DRIVEBRIDGE_AXIS_SUPERVISE_H
@@ -21,7 +21,7 @@ struct db_supervise_config {
 	double max;
 	double velocity_counts; /* position units a second that a velocity of 1 is */
 	double deceleration;    /* position units/s^2; 0: not known, INFINITY: it stands at once */
-	db_time delay; /* from the moment of the data to that when the drive hears a stop, at most */
+	db_time delay; /* at most, from the moment of the data to when the drive hears a stop */
 };
 
 struct db_supervise {

@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Silence is safe: notices that nobody who may command a drive talks to it any more. Armed by the
- * first motion command, fed by requests, by writes or by a heartbeat; when it expires it latches until
- * it is reset. Pure: time is passed in, one thread.
+ * first motion command, fed by requests, by writes or by a heartbeat; when it expires it latches
+ * until it is reset. Pure: time is passed in, one thread.
  *
  * Times that it is told of are those at which a request arrived, which may be long before it is
  * served: what was asked before shows nothing about now, and never undoes what came later.
  *
- * With DB_FEED_COMMANDERS a read counts when its connection has commanded the drive since the watchdog
- * was armed. A connection, not an address: a monitor may run on the same machine as the PLC, and a new
- * connection of the PLC is known by its next write.
+ * With DB_FEED_COMMANDERS a read counts when its connection has commanded the drive since the
+ * watchdog was armed. A connection, not an address: a monitor may run on the same machine as the
+ * PLC, and a new connection of the PLC is known by its next write.
  *
- * With DB_FEED_HEARTBEAT nothing that an I/O scanner repeats by itself keeps a drive moving after the
- * program of its PLC has died: neither the same motion command again nor the same settings.
+ * With DB_FEED_HEARTBEAT nothing that an I/O scanner repeats by itself keeps a drive moving after
+ * the program of its PLC has died: neither the same motion command again nor the same settings.
  */
 #ifndef DRIVEBRIDGE_AXIS_WATCHDOG_H
 #define DRIVEBRIDGE_AXIS_WATCHDOG_H
@@ -24,7 +24,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Connections that are remembered as those that command the drive; the one that did so first gives way. */
+/* Connections that are remembered as those that command the drive; the one that did so first gives
+ * way. */
 #define DB_WATCHDOG_COMMANDERS 4
 
 struct db_watchdog {

@@ -27,7 +27,7 @@ struct db_used_id {
 struct db_outcome {
 	struct db_command_results results;
 	bool motion_ends;    /* the motion has an end of its own */
-	bool motion_refused; /* another one was asked for since, not begun: `done` is not about it */
+	bool motion_refused; /* another one was asked for since, and not begun: `done` is not its */
 	uint32_t ticket;     /* the command that `result` is about */
 	uint32_t write_ticket; /* the request that `write_result` is about */
 };
@@ -68,19 +68,20 @@ struct db_writer *db_writers_claim(struct db_writers *writers, const struct db_c
                                    db_time now);
 void db_writers_hear(struct db_writers *writers, const struct db_client *client, db_time now);
 
-/* What this client is shown: of its own latest command if it has one that is remembered, else of the
- * latest of all. */
+/* What this client is shown: of its own latest command if it has one that is remembered, else of
+ * the latest of all. */
 const struct db_command_results *db_writers_results(struct db_writers *writers,
                                                     const struct db_client *client);
 
 /* A ticket is given out anew: whatever it meant before is over. */
 void db_writers_retire(struct db_writers *writers, uint32_t ticket);
-/* Another request took the place of this one: what was remembered of it is about that from now on. */
+/* Another request took the place of this one: what was remembered of it is about that from now
+ * on. */
 void db_writers_retarget(struct db_writers *writers, uint32_t ticket, uint32_t to);
 
 /*
- * The following are about the latest command of all and, where `writer` is not null, its own. `ticket`
- * is the request that it became; 0: none.
+ * The following are about the latest command of all and, where `writer` is not null, its own.
+ * `ticket` is the request that it became; 0: none.
  */
 
 /* How a write stands, refused for this register; 0: for none. */

@@ -4,7 +4,8 @@
 #include "drivebridge/axis.h"
 #include "drivebridge/command.h"
 
-/* A capability is there when the family has one of the commands or measures. Append, never renumber. */
+/* A capability is there when the family has one of the commands or measures. Append, never
+ * renumber. */
 static const struct {
 	const char *name;
 	uint64_t commands;

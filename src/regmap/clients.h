@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a client's requests mean beside their contents: who has control of a drive, and who keeps its
- * watchdog from stopping it. Network thread only.
+ * What a client's requests mean beside their contents: who has control of a drive, and who keeps
+ * its watchdog from stopping it. Network thread only.
  */
 #ifndef DRIVEBRIDGE_REGMAP_CLIENTS_H
 #define DRIVEBRIDGE_REGMAP_CLIENTS_H
@@ -23,8 +23,8 @@ bool db_clients_may_write(struct db_view_drive *drive, const struct db_client *c
 void db_clients_count_refusal(const struct db_view_drive *drive, const struct db_client *client);
 
 /*
- * A client addressed a drive, `by` a request of any kind or a write. Who may only look does not keep a
- * machine running, nor who does not control it.
+ * A client addressed a drive, `by` a request of any kind or a write. Who may only look does not
+ * keep a machine running, nor who does not control it.
  */
 void db_clients_hear(struct db_view_drive *drive, const struct db_client *client,
                      enum db_watchdog_feed by);

@@ -36,8 +36,8 @@ static uint64_t read_wall_us(void *context)
 	return registers->ops->wall_us(registers->context);
 }
 
-static void report_refused_write(void *context, const struct db_client *client,
-                                 const struct db_refused_write *write)
+static void pass_on_refusal(void *context, const struct db_client *client,
+                            const struct db_refused_write *write)
 {
 	const struct db_view_drive *drive = context;
 	const struct db_registers *registers = drive->registers;
@@ -51,7 +51,7 @@ static const struct db_commander_ops commander_ops = {
 	.submit = submit_to_bus,
 	.answer = answer_client,
 	.wall_us = read_wall_us,
-	.refused = report_refused_write,
+	.refused = pass_on_refusal,
 };
 
 struct db_view_drive *db_view_drive_new(struct db_registers *registers,

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * One drive in the registers, with its commander and what that calls: the bus takes the requests, and
- * a write's answer goes to the group, the vendor's layout or the client that wait for it. Network
- * thread only.
+ * One drive in the registers, with its commander and what that calls: the bus takes the requests,
+ * and a write's answer goes to the group, the vendor's layout or the client that wait for it.
+ * Network thread only.
  */
 #ifndef DRIVEBRIDGE_REGMAP_DRIVE_H
 #define DRIVEBRIDGE_REGMAP_DRIVE_H
@@ -12,8 +12,8 @@
 struct db_view_drive;
 
 /*
- * `member` of the roster, without what may change while it is there. `neighbour` is another drive on its
- * bus; null: there is none. Null when out of memory.
+ * `member` of the roster, without what may change while it is there. `neighbour` is another drive
+ * on its bus; null: there is none. Null when out of memory.
  */
 struct db_view_drive *db_view_drive_new(struct db_registers *registers,
                                         const struct db_roster *roster,

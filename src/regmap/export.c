@@ -125,7 +125,7 @@ static int collect(struct list *list)
 	for (unsigned i = 0; db_drivers[i]; i++) {
 		scope.driver = db_drivers[i];
 		list->family = i;
-		db_table_each(&scope, add_entry, list);
+		db_table_visit(&scope, add_entry, list);
 	}
 	scope = (struct db_scope){
 		.view = DB_VIEW_GATEWAY,
@@ -133,12 +133,12 @@ static int collect(struct list *list)
 		.drives = DB_GATEWAY_WINDOWS,
 	};
 	list->view = DB_VIEW_GATEWAY;
-	db_table_each(&scope, add_entry, list);
+	db_table_visit(&scope, add_entry, list);
 	list->view = DB_VIEW_VSMD;
 	for (unsigned i = 0; db_drivers[i]; i++) {
 		list->family = i;
 		if (db_drivers[i]->vendor_layout)
-			db_vsmd_layout_each(db_drivers[i], add_entry, list);
+			db_vsmd_layout_visit(db_drivers[i], add_entry, list);
 	}
 	if (list->failed) {
 		free(list->items);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The register and command tables as documents. All families of db_drivers are in them. For a program
- * of its own: it allocates, and writes to a stream.
+ * The register and command tables as documents. All families of db_drivers are in them. For a
+ * program of its own: it allocates, and writes to a stream.
  */
 #ifndef DRIVEBRIDGE_REGMAP_EXPORT_H
 #define DRIVEBRIDGE_REGMAP_EXPORT_H

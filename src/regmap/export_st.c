@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The Structured Text library: the tables' numbers as constants, put into the text of the blocks. */
+/* The Structured Text library: the tables' numbers as constants, put into the text of the
+ * blocks. */
 #include "regmap/export_st.h"
 
 #include "drivebridge/command_table.h"
@@ -206,7 +207,7 @@ static void put_vendor_parameters(FILE *out)
 		struct parameters parameters = { out, i };
 		struct db_scope scope = { .view = DB_VIEW_DRIVE, .driver = db_drivers[i] };
 
-		db_table_each(&scope, put_vendor_parameter, &parameters);
+		db_table_visit(&scope, put_vendor_parameter, &parameters);
 	}
 }
 

@@ -139,7 +139,8 @@ static bool is_staged(const struct db_view_drive *drive)
 	return !drive->leaving && db_commander_staged(drive->commander) != DB_CMD_NONE;
 }
 
-/* The number under which a bus may begin with one frame: that reaches all its drives. 0: it may not. */
+/* The number under which a bus may begin with one frame: that reaches all its drives. 0: it may
+ * not. */
 static uint32_t common_start(const struct db_registers *registers, const struct db_bus_config *bus)
 {
 	if (!bus->starts_by_broadcast)

@@ -17,15 +17,16 @@ struct db_view_drive;
 
 /* The following return 0, an exception, or DB_WRITE_LATER, as db_backend.write does. */
 
-/* Stops, quick-stops or disables every drive; those that are offline are stopped when they answer. */
+/* Stops, quick-stops or disables every drive; those that are offline are stopped when they
+ * answer. */
 int db_group_stop(struct db_registers *registers, const struct db_client *client,
                   enum db_command stop, struct db_write_token token);
-/* Likewise the drives of group.units. 03 when there are none; when some have no drive, the others are
- * stopped all the same, and the answer is 0A. */
+/* Likewise the drives of group.units. 03 when there are none; when some have no drive, the others
+ * are stopped all the same, and the answer is 0A. */
 int db_group_stop_listed(struct db_registers *registers, const struct db_client *client,
                          enum db_command stop, struct db_write_token token);
-/* Starts what is staged, everywhere at once. 03 when nothing is; 06 when another client has control of
- * one of the drives. */
+/* Starts what is staged, everywhere at once. 03 when nothing is; 06 when another client has control
+ * of one of the drives. */
 int db_group_start(struct db_registers *registers, const struct db_client *client,
                    struct db_write_token token);
 

@@ -15,7 +15,8 @@
 /* Bits of the status that are not the bus's. */
 #define NET_BITS (DB_STATUS_BUSY | DB_STATUS_LATCHED | DB_STATUS_DONE | DB_STATUS_ABORTED)
 
-/* The bus thread may publish between our look at the clock and at the data: not younger than now. */
+/* The bus thread may publish between our look at the clock and at the data: not younger than
+ * now. */
 static db_time age_of(const struct db_feedback *feedback, db_time now)
 {
 	return now > feedback->taken ? now - feedback->taken : 0;
@@ -28,29 +29,26 @@ static uint32_t age_ms(const struct db_feedback *feedback, db_time now)
 	return feedback->taken == 0 || age > UINT32_MAX ? UINT32_MAX : (uint32_t)age;
 }
 
-/* As long as three rounds over the bus take just now: drives that think for long, each within
- * drive-latency-ms, make them longer than the wire does. Asked only of data that is old. */
-static bool is_of_slow_round(const struct db_view_drive *drive, db_time age)
-{
-	const struct db_registers *registers = drive->registers;
-	struct db_bus_stats stats;
-
-	registers->ops->bus_stats(registers->context, drive->bus, &stats);
-	return age <= 3 * (db_time)stats.cycle_us * DB_NS_PER_US;
-}
-
 /*
- * A drive that answers everything but its status in time, or a bus that does not get round to asking:
- * whatever the reason, data this old is as good as none. So is that of a drive that leaves.
+ * A drive that answers everything but its status in time, or a bus that does not get round to
+ * asking: whatever the reason, data this old is as good as none. So is that of a drive that leaves.
  */
 static void drop_if_too_old(struct db_feedback *feedback, const struct db_view_drive *drive,
                             db_time now)
 {
+	const struct db_registers *registers = drive->registers;
 	db_time age = age_of(feedback, now);
+	struct db_bus_stats stats;
 
-	if (!drive->leaving && (!(feedback->status & DB_STATUS_ONLINE) ||
-	                        age <= drive->useless_after || is_of_slow_round(drive, age)))
-		return;
+	if (!drive->leaving) {
+		if (!(feedback->status & DB_STATUS_ONLINE) || age <= drive->useless_after)
+			return;
+		/* As long as three rounds over the bus take just now: drives that think for long,
+		 * each within drive-latency-ms, make them longer than the wire does. */
+		registers->ops->bus_stats(registers->context, drive->bus, &stats);
+		if (age <= 3 * (db_time)stats.cycle_us * DB_NS_PER_US)
+			return;
+	}
 	feedback->status &= DB_STATUS_BUS_UP;
 	feedback->state = DB_AXIS_OFFLINE;
 	feedback->error = DB_ERROR_NO_ANSWER;
@@ -120,9 +118,10 @@ static void fill_static(struct db_drive_image *image, const struct db_view_drive
 	image->counts_per_unit = (float)db_scale_counts(drive->config, &snapshot.feedback);
 }
 
-/* The elements of an array in the image, `size` each, that lie between two offsets: *from <= i < *to. */
-static void touched(size_t array, size_t size, uint16_t low, uint16_t high, size_t count,
-                    size_t *from, size_t *to)
+/* The elements of an array in the image, `size` each, that lie between two offsets: *from <= i <
+ * *to. */
+static void find_touched(size_t array, size_t size, uint16_t low, uint16_t high, size_t count,
+                         size_t *from, size_t *to)
 {
 	*from = low > array ? (low - array) / size : 0;
 	*to = high < array ? 0 : (high - array) / size + 1;
@@ -181,8 +180,8 @@ void db_image_fill_drive(struct db_drive_image *image, const struct db_view_driv
 		fill_static(image, drive);
 	if (!(parts & DB_PART_HISTORY))
 		return;
-	touched(offsetof(struct db_drive_image, history), sizeof image->history[0], low, high,
-	        DB_HISTORY_MAX, &from, &to);
+	find_touched(offsetof(struct db_drive_image, history), sizeof image->history[0], low, high,
+	             DB_HISTORY_MAX, &from, &to);
 	for (size_t i = from; i < to; i++)
 		fill_history(&image->history[i], drive, i);
 }
@@ -344,8 +343,8 @@ void db_image_fill_gateway(struct db_gateway_image *image, const struct db_regis
 	if (parts & DB_PART_CLIENTS)
 		fill_clients(image, registers);
 	if (parts & DB_PART_BUSES) {
-		touched(offsetof(struct db_gateway_image, buses), sizeof image->buses[0], low, high,
-		        registers->roster->bus_count, &from, &to);
+		find_touched(offsetof(struct db_gateway_image, buses), sizeof image->buses[0], low,
+		             high, registers->roster->bus_count, &from, &to);
 		for (size_t i = from; i < to && i < DB_GATEWAY_BUSES; i++) {
 			struct db_gateway_bus *bus = &image->buses[i];
 
@@ -360,14 +359,14 @@ void db_image_fill_gateway(struct db_gateway_image *image, const struct db_regis
 	if (parts & DB_PART_DRIVES) {
 		db_time now = registers->ops->now(registers->context);
 
-		touched(offsetof(struct db_gateway_image, drives), sizeof image->drives[0], low,
-		        high, registers->roster->drive_count, &from, &to);
+		find_touched(offsetof(struct db_gateway_image, drives), sizeof image->drives[0],
+		             low, high, registers->roster->drive_count, &from, &to);
 		for (size_t i = from; i < to && i < DB_GATEWAY_DRIVES; i++)
 			fill_gateway_drive(&image->drives[i], registers->roster->drives[i], now);
 	}
 	if (parts & DB_PART_WINDOWS) {
-		touched(offsetof(struct db_gateway_image, windows), sizeof image->windows[0], low,
-		        high, registers->roster->drive_count, &from, &to);
+		find_touched(offsetof(struct db_gateway_image, windows), sizeof image->windows[0],
+		             low, high, registers->roster->drive_count, &from, &to);
 		for (size_t i = from; i < to && i < DB_GATEWAY_WINDOWS; i++)
 			fill_window(&image->windows[i], registers->roster->drives[i], client);
 	}

@@ -11,7 +11,7 @@
 /* --- expanding ------------------------------------------------------------------------------------ */
 
 /* Writes `name` with '#' replaced by the number. */
-static void name_of(char *to, const struct db_row *row, unsigned index)
+static void write_name(char *to, const struct db_row *row, unsigned index)
 {
 	const char *name = row->repeat && row->repeat->name ? row->repeat->name(index) : row->name;
 	const char *mark = strchr(name, '#');
@@ -35,7 +35,7 @@ int db_row_param(const struct db_row *row, const struct db_driver *driver)
 	}
 }
 
-static bool exists(const struct db_row *row, const struct db_scope *scope)
+static bool is_in_scope(const struct db_row *row, const struct db_scope *scope)
 {
 	if (row->measure && !(scope->driver->measures & row->measure))
 		return false;
@@ -44,7 +44,7 @@ static bool exists(const struct db_row *row, const struct db_scope *scope)
 	return true;
 }
 
-static unsigned count_of(const struct db_row *row, const struct db_scope *scope)
+static unsigned count_repeats(const struct db_row *row, const struct db_scope *scope)
 {
 	unsigned count = row->repeat ? row->repeat->count : 1;
 	size_t most = count;
@@ -87,8 +87,8 @@ static void name_bit(struct db_entry *entry, const struct db_drive_bit *bit)
 	         bit->name);
 }
 
-static struct db_entry entry_of(const struct db_row *row, enum db_table table,
-                                const struct db_scope *scope, unsigned index)
+static struct db_entry make_entry(const struct db_row *row, enum db_table table,
+                                  const struct db_scope *scope, unsigned index)
 {
 	const struct db_repeat *repeat = row->repeat;
 	struct db_entry entry = {
@@ -119,13 +119,13 @@ static struct db_entry entry_of(const struct db_row *row, enum db_table table,
 		entry.cell.offset = param_offset(param);
 		entry.param = &scope->driver->params[param];
 	}
-	name_of(entry.name, row, index);
+	write_name(entry.name, row, index);
 	if (repeat && repeat->of == DB_REPEAT_STATUS_BITS)
 		name_bit(&entry, &scope->driver->status_bits[index]);
 	return entry;
 }
 
-static void each_param(const struct db_scope *scope, db_visit_fn *visit, void *context)
+static void visit_params(const struct db_scope *scope, db_visit_fn *visit, void *context)
 {
 	const struct db_driver *driver = scope->driver;
 	unsigned address = DB_PARAM_BASE + DB_PARAM_PAGE * driver->param_page;
@@ -158,28 +158,28 @@ static void each_param(const struct db_scope *scope, db_visit_fn *visit, void *c
 	}
 }
 
-static void each_of_row(const struct db_row *row, enum db_table table, const struct db_scope *scope,
-                        db_visit_fn *visit, void *context)
+static void visit_row(const struct db_row *row, enum db_table table, const struct db_scope *scope,
+                      db_visit_fn *visit, void *context)
 {
-	unsigned count = exists(row, scope) ? count_of(row, scope) : 0;
+	unsigned count = is_in_scope(row, scope) ? count_repeats(row, scope) : 0;
 
 	for (unsigned index = 0; index < count; index++) {
-		struct db_entry entry = entry_of(row, table, scope, index);
+		struct db_entry entry = make_entry(row, table, scope, index);
 
 		visit(context, &entry);
 	}
 }
 
-void db_table_each(const struct db_scope *scope, db_visit_fn *visit, void *context)
+void db_table_visit(const struct db_scope *scope, db_visit_fn *visit, void *context)
 {
 	for (size_t i = 0; db_row_sets[i]; i++) {
 		const struct db_row_set *set = db_row_sets[i];
 
 		for (size_t j = 0; set->view == scope->view && j < set->count; j++)
-			each_of_row(&set->rows[j], set->table, scope, visit, context);
+			visit_row(&set->rows[j], set->table, scope, visit, context);
 	}
 	if (scope->view == DB_VIEW_DRIVE)
-		each_param(scope, visit, context);
+		visit_params(scope, visit, context);
 }
 
 /* --- looking up ------------------------------------------------------------------------------------- */
@@ -210,8 +210,8 @@ static void add_cell(void *context, const struct db_entry *entry)
 }
 
 /* The next area of the scope; null. */
-static const struct db_area *area_of(const struct db_scope *scope, enum db_table table,
-                                     size_t *place)
+static const struct db_area *find_next_area(const struct db_scope *scope, enum db_table table,
+                                            size_t *place)
 {
 	while (*place < db_area_count) {
 		const struct db_area *area = &db_areas[(*place)++];
@@ -222,7 +222,7 @@ static const struct db_area *area_of(const struct db_scope *scope, enum db_table
 	return NULL;
 }
 
-static int by_address(const void *a, const void *b)
+static int compare_addresses(const void *a, const void *b)
 {
 	const struct db_cell *left = a;
 	const struct db_cell *right = b;
@@ -236,8 +236,8 @@ int db_index_init(struct db_index *index, const struct db_scope *scope, enum db_
 	const struct db_area *area;
 
 	*index = (struct db_index){ 0 };
-	db_table_each(scope, count_cell, &filling);
-	for (size_t place = 0; (area = area_of(scope, table, &place)) != NULL;) {
+	db_table_visit(scope, count_cell, &filling);
+	for (size_t place = 0; (area = find_next_area(scope, table, &place)) != NULL;) {
 		if (area->first < index->limit && area->last >= index->limit)
 			index->limit = area->last + (size_t)1;
 	}
@@ -248,11 +248,11 @@ int db_index_init(struct db_index *index, const struct db_scope *scope, enum db_
 		return -ENOMEM;
 	}
 	index->count = 0;
-	db_table_each(scope, add_cell, &filling);
-	qsort(index->cells, index->count, sizeof index->cells[0], by_address);
+	db_table_visit(scope, add_cell, &filling);
+	qsort(index->cells, index->count, sizeof index->cells[0], compare_addresses);
 	for (size_t i = 0; i < index->limit; i++)
 		index->lookup[i] = DB_NO_CELL;
-	for (size_t place = 0; (area = area_of(scope, table, &place)) != NULL;) {
+	for (size_t place = 0; (area = find_next_area(scope, table, &place)) != NULL;) {
 		for (size_t i = area->first; i <= area->last && i < index->limit; i++)
 			index->lookup[i] = DB_GAP_CELL;
 	}

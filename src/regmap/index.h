@@ -47,7 +47,7 @@ struct db_scope {
 
 /* Calls visit() for every register of the scope, in the table's order. */
 typedef void db_visit_fn(void *context, const struct db_entry *entry);
-void db_table_each(const struct db_scope *scope, db_visit_fn *visit, void *context);
+void db_table_visit(const struct db_scope *scope, db_visit_fn *visit, void *context);
 
 /* Of a row with an alias: the index of its parameter in this family; -1: it has none. */
 int db_row_param(const struct db_row *row, const struct db_driver *driver);
@@ -68,14 +68,14 @@ int db_index_init(struct db_index *index, const struct db_scope *scope, enum db_
 void db_index_release(struct db_index *index);
 
 /*
- * The cells that cover `count` addresses: the number of the first, their count in *cells. DB_NO_CELL
- * when some address has none.
+ * The cells that cover `count` addresses: the number of the first, their count in *cells.
+ * DB_NO_CELL when some address has none.
  */
 uint16_t db_index_find(const struct db_index *index, uint16_t address, uint16_t count,
                        uint16_t *cells);
 
-/* The same for reading: those that there are, where the others belong to an area. DB_NO_CELL when there
- * are none. */
+/* The same for reading: those that there are, where the others belong to an area. DB_NO_CELL when
+ * there are none. */
 uint16_t db_index_touch(const struct db_index *index, uint16_t address, uint16_t count,
                         uint16_t *cells);
 

@@ -106,8 +106,8 @@ static void copy_bits(const struct selection *selected, const void *image, uint1
 }
 
 /*
- * Parameters that are not known yet, or not any more, are not shown. When all were read and one was not
- * among them, this model does not have it: it is 0, unless the read touches nothing else.
+ * Parameters that are not known yet, or not any more, are not shown. When all were read and one was
+ * not among them, this model does not have it: it is 0, unless the read touches nothing else.
  */
 static uint8_t check_params(const struct db_view_drive *drive, const struct selection *selected,
                             struct db_drive_image *image)

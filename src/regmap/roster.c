@@ -98,71 +98,70 @@ static void assign_units(struct db_view_roster *roster)
 	roster->units[roster->modbus->gateway_unit & 0xFF] = DB_UNIT_GATEWAY;
 }
 
-static int fill_roster(struct db_registers *registers, const struct db_roster *given,
+static int fill_roster(struct db_registers *registers, const struct db_roster *roster,
                        struct db_registers_change *change)
 {
-	struct db_view_roster *roster = change->roster;
-	bool ids_by_client = given->modbus->command_id_scope == DB_IDS_OF_CLIENT;
+	struct db_view_roster *next = change->roster;
+	bool ids_by_client = roster->modbus->command_id_scope == DB_IDS_OF_CLIENT;
 
-	for (; roster->bus_count < given->bus_count; roster->bus_count++)
-		roster->buses[roster->bus_count] = given->buses[roster->bus_count].bus;
-	for (; roster->drive_count < given->drive_count; roster->drive_count++) {
-		size_t i = roster->drive_count;
-		const struct db_roster_drive *member = &given->drives[i];
-		const struct db_bus_config *bus = given->buses[member->bus].config;
+	for (; next->bus_count < roster->bus_count; next->bus_count++)
+		next->buses[next->bus_count] = roster->buses[next->bus_count].bus;
+	for (; next->drive_count < roster->drive_count; next->drive_count++) {
+		size_t i = next->drive_count;
+		const struct db_roster_drive *member = &roster->drives[i];
+		const struct db_bus_config *bus = roster->buses[member->bus].config;
 		struct db_view_drive *drive = db_view_roster_find(registers->roster, member->drive);
 
 		change->assignments[i] = (struct assignment){
 			.made = !drive,
 			.bus_index = member->bus,
-			.useless_after = useless_after(given, member->bus),
+			.useless_after = useless_after(roster, member->bus),
 		};
 		if (!drive) {
 			const struct db_view_drive *neighbour = find_drive_on(registers->roster,
 			                                                      bus);
 
 			if (!neighbour)
-				neighbour = find_drive_on(roster, bus);
-			drive = db_view_drive_new(registers, given, member, neighbour);
+				neighbour = find_drive_on(next, bus);
+			drive = db_view_drive_new(registers, roster, member, neighbour);
 		}
 		if (!drive)
 			return -ENOMEM;
-		roster->drives[i] = drive;
+		next->drives[i] = drive;
 	}
-	assign_units(roster);
+	assign_units(next);
 	/* So that applying it need not ask for memory. */
-	for (size_t i = 0; i < roster->drive_count; i++) {
-		if (db_commander_reserve(roster->drives[i]->commander, ids_by_client) != 0)
+	for (size_t i = 0; i < next->drive_count; i++) {
+		if (db_commander_reserve(next->drives[i]->commander, ids_by_client) != 0)
 			return -ENOMEM;
 	}
 	return 0;
 }
 
-int db_registers_prepare(struct db_registers *registers, const struct db_roster *given,
+int db_registers_prepare(struct db_registers *registers, const struct db_roster *roster,
                          struct db_registers_change **change)
 {
 	struct db_scope scope = {
 		.view = DB_VIEW_GATEWAY,
-		.buses = given->bus_count,
-		.drives = given->drive_count,
+		.buses = roster->bus_count,
+		.drives = roster->drive_count,
 	};
 	struct db_registers_change *made = calloc(1, sizeof *made);
-	struct db_view_roster *roster = calloc(1, sizeof *roster);
+	struct db_view_roster *next = calloc(1, sizeof *next);
 
-	if (!made || !roster) {
+	if (!made || !next) {
 		free(made);
-		free(roster);
+		free(next);
 		return -ENOMEM;
 	}
 	/* One more of each than needed, so that none is ever an allocation of nothing. */
-	made->roster = roster;
-	made->assignments = calloc(given->drive_count + 1, sizeof made->assignments[0]);
-	roster->modbus = given->modbus;
-	roster->buses = calloc(given->bus_count + 1, sizeof(struct db_bus *));
-	roster->drives = calloc(given->drive_count + 1, sizeof(struct db_view_drive *));
-	if (!made->assignments || !roster->buses || !roster->drives ||
-	    db_map_init(&roster->gateway, &scope) != 0 ||
-	    fill_roster(registers, given, made) != 0) {
+	made->roster = next;
+	made->assignments = calloc(roster->drive_count + 1, sizeof made->assignments[0]);
+	next->modbus = roster->modbus;
+	next->buses = calloc(roster->bus_count + 1, sizeof(struct db_bus *));
+	next->drives = calloc(roster->drive_count + 1, sizeof(struct db_view_drive *));
+	if (!made->assignments || !next->buses || !next->drives ||
+	    db_map_init(&next->gateway, &scope) != 0 || fill_roster(registers, roster, made) != 0) {
 		db_registers_change_free(made);
 		return -ENOMEM;
 	}

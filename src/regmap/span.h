@@ -13,7 +13,8 @@ struct db_span {
 	uint16_t count;
 };
 
-/* 0 when every register exists, may be written, and belongs to the same block as the others; else 02. */
+/* 0 when every register exists, may be written, and belongs to the same block as the others; else
+ * 02. */
 uint8_t db_span_find(const struct db_index *index, uint16_t address, uint16_t count,
                      struct db_span *span);
 

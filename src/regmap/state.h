@@ -78,7 +78,7 @@ struct db_registers {
 	struct db_group group;
 	uint16_t heartbeat;              /* of the gateway, written last */
 	char model[DB_IDENTITY_MAX + 1]; /* device_id's answer, valid until the next call */
-	db_time due; /* when db_registers_expire() is to be called, as was told last */
+	db_time due; /* when db_registers_expire() is to be called, as returned last */
 };
 
 #endif

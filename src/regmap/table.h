@@ -80,8 +80,8 @@ struct db_row_set {
 extern const struct db_row_set *const db_row_sets[];
 
 /*
- * Registers that are read together. A read may cross what a drive lacks of one, and gets 0 there, when it
- * touches anything that the drive has. Ascending in each view and table.
+ * Registers that are read together. A read may cross what a drive lacks of one, and gets 0 there,
+ * when it touches anything that the drive has. Ascending in each view and table.
  */
 struct db_area {
 	const char *name;

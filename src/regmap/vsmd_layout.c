@@ -232,8 +232,8 @@ const struct vsmd_code *db_vsmd_layout_code(uint16_t code)
 struct db_args db_vsmd_layout_args(const struct vsmd_code *entry, const struct vsmd_kept *kept)
 {
 	struct db_args args = {
-		/* Velocity 0: moves run at spd, which is the drive's own preset in its parameters, as
-		 * on the vendor's models. */
+		/* Velocity 0: moves run at spd, which is the drive's own preset in its parameters,
+		 * as on the vendor's models. */
 		.target_velocity = 0.0f,
 		.target_position = kept->pos,
 		.output_number = entry->port,
@@ -276,7 +276,7 @@ static void visit_rows(const struct db_driver *driver, enum db_table table, db_v
 	}
 }
 
-void db_vsmd_layout_each(const struct db_driver *driver, db_visit_fn *visit, void *context)
+void db_vsmd_layout_visit(const struct db_driver *driver, db_visit_fn *visit, void *context)
 {
 	visit_rows(driver, DB_TABLE_HOLDING, visit, context);
 	visit_rows(driver, DB_TABLE_INPUT, visit, context);

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The register map of the vendor's own Modbus models (VSMD1X4, VSMD1X5) as a table, so that programs
- * written for them run against the other models behind the bridge. This is the only place that
- * knows its addresses and command codes; what reads and writes do is in vsmd_view.h. Pure data.
+ * The register map of the vendor's own Modbus models (VSMD1X4, VSMD1X5) as a table, so that
+ * programs written for them run against the other models behind the bridge. This is the only place
+ * that knows its addresses and command codes; what reads and writes do is in vsmd_view.h. Pure
+ * data.
  */
 #ifndef DRIVEBRIDGE_REGMAP_VSMD_LAYOUT_H
 #define DRIVEBRIDGE_REGMAP_VSMD_LAYOUT_H
@@ -61,7 +62,7 @@ const struct vsmd_code *db_vsmd_layout_code(uint16_t code);
 /* The command that a code stands for, its arguments out of the registers and the code itself. */
 struct db_args db_vsmd_layout_args(const struct vsmd_code *entry, const struct vsmd_kept *kept);
 
-/* For the documents, of a family with vendor_layout: as db_table_each(). */
-void db_vsmd_layout_each(const struct db_driver *driver, db_visit_fn *visit, void *context);
+/* For the documents, of a family with vendor_layout: as db_table_visit(). */
+void db_vsmd_layout_visit(const struct db_driver *driver, db_visit_fn *visit, void *context);
 
 #endif

@@ -391,7 +391,8 @@ static struct db_write_answer begin_both(struct db_view_drive *drive, const stru
 	return answer;
 }
 
-/* `address`: of the register that it is refused for; 0: of the command, or of none in particular. */
+/* `address`: of the register that it is refused for; 0: of the command, or of none in
+ * particular. */
 static int refuse(struct db_view_drive *drive, const struct db_client *client,
                   enum db_result result, uint16_t address)
 {
@@ -436,7 +437,8 @@ static struct db_write_answer carry_out(struct db_view_drive *drive, const struc
 	                            token, now);
 }
 
-/* Nothing else of the write is carried out or kept: it is wrong, or the client is not in control. */
+/* Nothing else of the write is carried out or kept: it is wrong, or the client is not in
+ * control. */
 static int stop_only(struct db_view_drive *drive, const struct db_client *client,
                      enum db_command stop, struct db_write_token token)
 {

@@ -40,9 +40,9 @@ int db_vsmd_view_write_same(struct db_view_drive *drive, const struct db_client 
                             uint16_t address, uint16_t value, struct db_write_token token);
 
 /*
- * Where the drive's commander and the bus pass by: a request goes to the bus; a write is to be answered
- * with *result (false: not now); the bus ended a request, and the commander knows, so that a command
- * which waited for it is sent. `view` may be null.
+ * Where the drive's commander and the bus pass by: a request goes to the bus; a write is to be
+ * answered with *result (false: not now); the bus ended a request, and the commander knows, so that
+ * a command which waited for it is sent. `view` may be null.
  */
 void db_vsmd_view_note_request(struct db_vsmd_view *view, const struct db_request *request);
 bool db_vsmd_view_take_answer(struct db_vsmd_view *view, struct db_write_token token,

@@ -28,8 +28,8 @@ static int refuse(const struct write *write, enum db_result result, uint16_t add
 	return db_exception_of(result);
 }
 
-/* A command, or with NONE a parameter write, that could have been carried out: who tried what is kept
- * for the technician. */
+/* A command, or with NONE a parameter write, that could have been carried out: who tried what is
+ * kept for the technician. */
 static int refuse_command(const struct write *write, unsigned command, const struct db_args *args,
                           enum db_result result, uint16_t address)
 {
@@ -71,8 +71,8 @@ static int execute_stop(const struct write *write, enum db_command stop)
 	return execute(write, stop, &none);
 }
 
-/* Puts what is written over the kept block. False when a float is not a number; the others are in the
- * block all the same. */
+/* Puts what is written over the kept block. False when a float is not a number; the others are in
+ * the block all the same. */
 static bool decode_block(const struct write *write, struct db_command_write *to)
 {
 	const uint16_t *words = write->values;
@@ -148,8 +148,8 @@ static int refuse_setting(const struct write *write, enum db_result result, uint
 	                                         MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 }
 
-/* What reads as 0 in a block takes 0 back there: registers between parameters, and parameters that the
- * model lacks. */
+/* What reads as 0 in a block takes 0 back there: registers between parameters, and parameters that
+ * the model lacks. */
 static int write_params(const struct write *write)
 {
 	struct db_view_drive *drive = write->drive;

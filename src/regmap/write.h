@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Writes to a drive's unit: address first (02), then form and range (03), then the commander. Network
- * thread only.
+ * Writes to a drive's unit: address first (02), then form and range (03), then the commander.
+ * Network thread only.
  */
 #ifndef DRIVEBRIDGE_REGMAP_WRITE_H
 #define DRIVEBRIDGE_REGMAP_WRITE_H

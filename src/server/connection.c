@@ -47,7 +47,8 @@ struct db_connection {
 	uint8_t *out;
 	size_t out_sent, out_used;
 
-	/* When what is read arrived, see note_arrival(); client.arrived is about what is in `in`. */
+	/* When what is read arrived, see note_arrival(); client.arrived is about what is in
+	 * `in`. */
 	bool behind;       /* there is, or may be, something older than now in the socket */
 	size_t marked;     /* bytes that were there at mark_time and are not read yet */
 	db_time mark_time; /* what comes behind them came later than this */
@@ -422,9 +423,10 @@ static void mark_arrived(struct db_connection *c, db_time now)
 }
 
 /*
- * Bytes were read. As a rule they were read as they came. After a time in which nothing was read, or
- * while more comes than is read, the socket has older ones: of those it is known only before which mark
- * they came and behind which. The earlier one counts, for a request that waited shows no sign of life.
+ * Bytes were read. As a rule they were read as they came. After a time in which nothing was read,
+ * or while more comes than is read, the socket has older ones: of those it is known only before
+ * which mark they came and behind which. The earlier one counts, for a request that waited shows no
+ * sign of life.
  */
 static void note_arrival(struct db_connection *c, size_t got, bool all, db_time now)
 {

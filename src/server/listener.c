@@ -11,7 +11,8 @@
 #include <unistd.h>
 
 #define KEEPALIVE_PROBES 3
-/* For a peer that is alive but takes no answers, or it keeps its place for ever; without keepalive. */
+/* For a peer that is alive but takes no answers, or it keeps its place for ever; without
+ * keepalive. */
 #define UNSENT_TIMEOUT_S 60
 /*
  * Without a limit the kernel grows both to megabytes for every client that floods us. 32 KiB hold
@@ -57,8 +58,8 @@ static int resolve(const char *text, struct addrinfo **found)
 	return getaddrinfo(host, colon + 1, &hints, found) == 0 ? 0 : -EINVAL;
 }
 
-/* Also to an address that the machine does not have yet: the switch or the DHCP server may start later
- * than this machine, and clients reach the socket as soon as the address comes. */
+/* Also to an address that the machine does not have yet: the switch or the DHCP server may start
+ * later than this machine, and clients reach the socket as soon as the address comes. */
 static int bind_socket(int fd, const struct addrinfo *info)
 {
 	bool v6 = info->ai_family == AF_INET6;

@@ -7,8 +7,8 @@
 #include <stdint.h>
 
 /*
- * So many connections may wait to be accepted, those included that are over by then. One that finds no room
- * is tried again by its system after one second, then after three.
+ * So many connections may wait to be accepted, those included that are over by then. One that finds
+ * no room is tried again by its system after one second, then after three.
  */
 #define DB_LISTENER_BACKLOG 1024
 
@@ -21,9 +21,9 @@
 int db_listener_open(const char *address);
 
 /*
- * The same beside a socket that is listening already, and that may have the same port at another, or
- * at every, address of the machine. The kernel lets two sockets of one user do that only if both agree,
- * which they do during this call: afterwards each of them keeps others out as before.
+ * The same beside a socket that is listening already, and that may have the same port at another,
+ * or at every, address of the machine. The kernel lets two sockets of one user do that only if both
+ * agree, which they do during this call: afterwards each of them keeps others out as before.
  */
 int db_listener_open_beside(int other, const char *address);
 

@@ -67,8 +67,8 @@ size_t db_pdu_read(const struct db_modbus_request *request, const uint16_t *valu
 size_t db_pdu_written(const struct db_modbus_request *request, uint8_t *adu);
 
 /*
- * FC 17: an id of one byte (the unit), the run indicator, the text. The standard leaves the layout to the
- * device; this is what clients take apart. Text beyond 249 bytes is cut off.
+ * FC 17: an id of one byte (the unit), the run indicator, the text. The standard leaves the layout
+ * to the device; this is what clients take apart. Text beyond 249 bytes is cut off.
  */
 size_t db_pdu_server_id(const struct db_modbus_request *request, const char *text, size_t length,
                         bool running, uint8_t *adu);

@@ -44,8 +44,8 @@ struct db_peers;
 struct db_peers *db_peers_new(size_t connections, db_peers_log_fn *log, void *context);
 void db_peers_free(struct db_peers *peers);
 
-/* Copies what another one knows, as far as there is room: those with connections first, for which there
- * must be. What connections point to is then to be found anew. */
+/* Copies what another one knows, as far as there is room: those with connections first, for which
+ * there must be. What connections point to is then to be found anew. */
 void db_peers_copy(struct db_peers *peers, const struct db_peers *from);
 
 /* Every address may ask at once again. */

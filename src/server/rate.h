@@ -14,8 +14,8 @@ struct db_rate {
 };
 
 /*
- * Takes a token; returns when it is there: `now`, or the later time at which the asker's turn comes,
- * which is then its own whether or not it uses it. per_second > 0.
+ * Takes a token; returns when it is there: `now`, or the later time at which the asker's turn
+ * comes, which is then its own whether or not it uses it. per_second > 0.
  */
 db_time db_rate_take(struct db_rate *rate, unsigned per_second, db_time now);
 

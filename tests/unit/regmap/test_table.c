@@ -72,7 +72,7 @@ static void check_overlaps(const struct db_scope *scope)
 
 	memset(taken, 0, sizeof taken);
 	list.count = 0;
-	db_table_each(scope, append, &list);
+	db_table_visit(scope, append, &list);
 	for (size_t i = 0; i < list.count; i++) {
 		const struct db_cell *cell = &list.entries[i].cell;
 
@@ -96,7 +96,7 @@ static void check_alignment(const struct db_scope *scope)
 	static struct list list;
 
 	list.count = 0;
-	db_table_each(scope, append, &list);
+	db_table_visit(scope, append, &list);
 	for (size_t i = 0; i < list.count; i++) {
 		const struct db_cell *cell = &list.entries[i].cell;
 
@@ -118,7 +118,7 @@ static void check_names(const struct db_scope *scope)
 	static struct list list;
 
 	list.count = 0;
-	db_table_each(scope, append, &list);
+	db_table_visit(scope, append, &list);
 	for (size_t i = 0; i < list.count; i++) {
 		const char *name = list.entries[i].name;
 
@@ -305,7 +305,7 @@ static void names_that_others_rely_on(void **state)
 
 	(void)state;
 	list.count = 0;
-	db_table_each(&scopes[0], append, &list);
+	db_table_visit(&scopes[0], append, &list);
 	for (size_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++) {
 		size_t j = 0;
 

@@ -120,7 +120,7 @@ static void the_map(void **state)
 	size_t seen = 0;
 
 	(void)state;
-	db_vsmd_layout_each(db_driver_find("vsmd-serial"), expect_row, &seen);
+	db_vsmd_layout_visit(db_driver_find("vsmd-serial"), expect_row, &seen);
 	assert_int_equal(seen, MAP_ROWS);
 	for (unsigned i = 0; i < 2; i++) {
 		size_t count;
