@@ -207,7 +207,8 @@ static struct db_write_answer submit_order(struct db_commander *commander,
 	return db_requests_wait(commander, slot, order->token, order->now);
 }
 
-static struct db_write_answer decide(struct db_commander *commander, const struct order *order)
+static struct db_write_answer decide_order(struct db_commander *commander,
+                                           const struct order *order)
 {
 	enum db_command command = (enum db_command)order->block.command;
 	bool stop = db_command_is_stop(command);
@@ -233,7 +234,7 @@ static struct db_write_answer decide(struct db_commander *commander, const struc
 
 static struct db_write_answer carry_out(struct db_commander *commander, const struct order *order)
 {
-	struct db_write_answer answer = decide(commander, order);
+	struct db_write_answer answer = decide_order(commander, order);
 
 	/* Who commands a drive is missed when it falls silent; who only stops it need not be. */
 	if (order->client && !db_command_is_stop((enum db_command)order->block.command))
@@ -244,8 +245,8 @@ static struct db_write_answer carry_out(struct db_commander *commander, const st
 /* --- writes ------------------------------------------------------------------------------------------ */
 
 /* What is staged is checked now, so that the start of a group finds no surprises. */
-static struct db_write_answer stage(struct db_commander *commander, const struct order *order,
-                                    bool beside_command)
+static struct db_write_answer stage_order(struct db_commander *commander, const struct order *order,
+                                          bool beside_command)
 {
 	struct order staged = *order;
 	enum db_result result = DB_RESULT_OUT_OF_RANGE;
@@ -280,7 +281,7 @@ struct db_write_answer db_commander_write(struct db_commander *commander,
 	if (stages || commands || write->has_id)
 		order.writer = db_writers_claim(&commander->writers, client, now);
 	if (stages && !stops) {
-		answer = stage(commander, &order, commands);
+		answer = stage_order(commander, &order, commands);
 	} else if (commands) {
 		/* Whatever else stands in the block, a stop is a stop. */
 		order.id = db_admission_id(order.writer, write);

@@ -36,8 +36,9 @@ static void count_repeat(struct db_history_kept *kept)
 		kept->repeats++;
 }
 
-static struct db_history_kept keep(const struct db_history_entry *entry, bool bus)
+uint32_t db_history_add(struct db_history *history, const struct db_history_entry *entry, bool bus)
 {
+	struct db_history_kept *last = find_kept(history, history->count);
 	struct db_history_kept kept = {
 		.timestamp_us = entry->timestamp_us,
 		.position = entry->position,
@@ -53,13 +54,6 @@ static struct db_history_kept keep(const struct db_history_entry *entry, bool bu
 	};
 
 	memcpy(kept.address, entry->address, sizeof kept.address);
-	return kept;
-}
-
-uint32_t db_history_add(struct db_history *history, const struct db_history_entry *entry, bool bus)
-{
-	struct db_history_kept *last = find_kept(history, history->count);
-
 	if (last && !bus && !db_result_is_success((enum db_result)entry->result) &&
 	    is_same_refusal(last, entry)) {
 		count_repeat(last);
@@ -68,7 +62,7 @@ uint32_t db_history_add(struct db_history *history, const struct db_history_entr
 	/* Never 0, which is no entry, even after 2^32 of them. */
 	if (++history->count == 0)
 		history->count = DB_HISTORY_MAX;
-	history->entries[history->count % DB_HISTORY_MAX] = keep(entry, bus);
+	history->entries[history->count % DB_HISTORY_MAX] = kept;
 	return history->count;
 }
 

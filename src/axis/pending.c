@@ -40,21 +40,16 @@ void db_pending_release(struct db_pending *pending)
 	pending->room = NULL;
 }
 
-/* As many as there may be of a drive at its bus: there is always one. */
-static struct db_slot *place_for_stop(struct db_pending *pending)
+struct db_slot *db_pending_place(struct db_pending *pending, enum db_command command)
 {
+	if (!db_command_is_stop(command))
+		return pending->commands < DB_COMMANDER_PENDING ? pending->room->free : NULL;
+	/* As many as there may be of a drive at its bus: there is always one. */
 	for (size_t i = 0; i < DB_COMMANDER_STOPS; i++) {
 		if (pending->stops[i].ticket == 0)
 			return &pending->stops[i];
 	}
 	return NULL;
-}
-
-struct db_slot *db_pending_place(struct db_pending *pending, enum db_command command)
-{
-	if (db_command_is_stop(command))
-		return place_for_stop(pending);
-	return pending->commands < DB_COMMANDER_PENDING ? pending->room->free : NULL;
 }
 
 void db_pending_add(struct db_pending *pending, struct db_slot *place,

@@ -12,16 +12,6 @@
 /* How often a drive that was not there yet is looked for. */
 #define FIND_INTERVAL (100 * DB_NS_PER_MS)
 
-/* The watchdog's stop that is still with the bus; null. */
-static struct db_slot *find_reaction(struct db_commander *commander)
-{
-	for (struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
-		if (slot->reaction)
-			return slot;
-	}
-	return NULL;
-}
-
 /* Stops the drive because nobody talks to it. Tried again soon if there is no room for a
  * request. */
 static void stop_drive(struct db_commander *commander, db_time now)
@@ -31,8 +21,10 @@ static void stop_drive(struct db_commander *commander, db_time now)
 		.command = commander->config.on_client_loss,
 		.submitted = now,
 	};
-	struct db_slot *slot = find_reaction(commander);
+	struct db_slot *slot = commander->pending.first;
 
+	while (slot && !slot->reaction)
+		slot = slot->next;
 	if (slot) {
 		/* One of an earlier time, with what came since behind it, is repeated when it
 		 * ends. */

@@ -27,7 +27,7 @@ void db_supervise_begin(struct db_supervise *supervise, db_time now)
 	supervise->begun = supervise->since = now;
 }
 
-static double seconds(db_time span)
+static double to_seconds(db_time span)
 {
 	return (double)span / (double)DB_NS_PER_S;
 }
@@ -47,7 +47,7 @@ void db_supervise_stop(struct db_supervise *supervise, const struct db_supervise
 		return;
 	supervise->measuring = true;
 	/* Where it is by now, if it went on as it did. */
-	supervise->from = (double)feedback->position + velocity * seconds(now - feedback->taken);
+	supervise->from = (double)feedback->position + velocity * to_seconds(now - feedback->taken);
 	supervise->from_speed = fabs(velocity);
 }
 
@@ -82,7 +82,7 @@ static enum db_limit find_limit_ahead(struct db_supervise *supervise,
 	supervise->last_speed = speed;
 	supervise->last_taken = feedback->taken;
 	speed += growth;
-	ahead = speed * (seconds(now - feedback->taken) + seconds(config->delay)) +
+	ahead = speed * (to_seconds(now - feedback->taken) + to_seconds(config->delay)) +
 	        speed * speed * fmax(computed, supervise->measured);
 	/* Comparisons with a limit that is not set are never true. */
 	if (velocity > 0.0 && (double)feedback->position + ahead >= config->max)

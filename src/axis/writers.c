@@ -100,7 +100,7 @@ const struct db_command_results *db_writers_results(struct db_writers *writers,
 
 /* --- tickets --------------------------------------------------------------------------------------- */
 
-static void retarget(uint32_t *kept, uint32_t ticket, uint32_t to)
+static void replace_ticket(uint32_t *kept, uint32_t ticket, uint32_t to)
 {
 	if (*kept == ticket)
 		*kept = to;
@@ -108,16 +108,16 @@ static void retarget(uint32_t *kept, uint32_t ticket, uint32_t to)
 
 void db_writers_retarget(struct db_writers *writers, uint32_t ticket, uint32_t to)
 {
-	retarget(&writers->latest.ticket, ticket, to);
-	retarget(&writers->latest.write_ticket, ticket, to);
+	replace_ticket(&writers->latest.ticket, ticket, to);
+	replace_ticket(&writers->latest.write_ticket, ticket, to);
 	for (size_t i = 0; i < count_of(writers); i++) {
 		struct db_writer *writer = first_of(writers) + i;
 
-		retarget(&writer->last.ticket, ticket, to);
-		retarget(&writer->previous.ticket, ticket, to);
-		retarget(&writer->execution.ticket, ticket, to);
-		retarget(&writer->own.ticket, ticket, to);
-		retarget(&writer->own.write_ticket, ticket, to);
+		replace_ticket(&writer->last.ticket, ticket, to);
+		replace_ticket(&writer->previous.ticket, ticket, to);
+		replace_ticket(&writer->execution.ticket, ticket, to);
+		replace_ticket(&writer->own.ticket, ticket, to);
+		replace_ticket(&writer->own.write_ticket, ticket, to);
 	}
 }
 
@@ -195,8 +195,8 @@ void db_writer_set_executed(struct db_writer *writer, const struct db_command_bl
 	};
 }
 
-static void complete(struct db_outcome *outcome, uint32_t ticket, enum db_result result,
-                     uint32_t took_us)
+static void complete_outcome(struct db_outcome *outcome, uint32_t ticket, enum db_result result,
+                             uint32_t took_us)
 {
 	if (outcome->ticket == ticket) {
 		outcome->results.result = (uint16_t)result;
@@ -209,11 +209,11 @@ static void complete(struct db_outcome *outcome, uint32_t ticket, enum db_result
 void db_writers_complete(struct db_writers *writers, uint32_t ticket, enum db_result result,
                          uint32_t took_us)
 {
-	complete(&writers->latest, ticket, result, took_us);
+	complete_outcome(&writers->latest, ticket, result, took_us);
 	for (size_t i = 0; i < count_of(writers); i++) {
 		struct db_writer *writer = first_of(writers) + i;
 
-		complete(&writer->own, ticket, result, took_us);
+		complete_outcome(&writer->own, ticket, result, took_us);
 		if (writer->previous.ticket == ticket)
 			writer->previous.result = result;
 		if (writer->last.ticket == ticket) {

@@ -117,7 +117,7 @@ static int compare_places(const void *a, const void *b)
 	return left->families < right->families ? -1 : 1;
 }
 
-static int collect(struct list *list)
+static int collect_registers(struct list *list)
 {
 	struct db_scope scope = { .view = DB_VIEW_DRIVE };
 
@@ -158,7 +158,8 @@ struct text {
 	size_t length;
 };
 
-__attribute__((format(printf, 2, 3))) static void add(struct text *text, const char *format, ...)
+__attribute__((format(printf, 2, 3))) static void append_text(struct text *text, const char *format,
+                                                              ...)
 {
 	size_t room = TEXT_MAX - text->length;
 	va_list arguments;
@@ -244,8 +245,8 @@ static void add_others(const struct listed *listed, struct text *text)
 		const struct db_param *param = param_in(listed, i);
 
 		if (is_other(param, listed->entry.param))
-			add(text, "; %s in %s on %s", param->name, param->unit,
-			    db_drivers[i]->name);
+			append_text(text, "; %s in %s on %s", param->name, param->unit,
+			            db_drivers[i]->name);
 	}
 }
 
@@ -257,8 +258,8 @@ static void add_limits(const struct listed *listed, struct text *min, struct tex
 
 	if ((low == 0 && high == 0) || has_others(listed))
 		return;
-	add(min, "%.10g", low);
-	add(max, "%.10g", high);
+	append_text(min, "%.10g", low);
+	append_text(max, "%.10g", high);
 }
 
 static void add_families(uint32_t families, bool conditional, struct text *text)
@@ -268,12 +269,12 @@ static void add_families(uint32_t families, bool conditional, struct text *text)
 	for (unsigned i = 0; db_drivers[i]; i++)
 		all |= UINT32_C(1) << i;
 	if (!conditional) {
-		add(text, "all");
+		append_text(text, "all");
 		return;
 	}
 	for (unsigned i = 0; db_drivers[i]; i++) {
 		if (families & all & (UINT32_C(1) << i))
-			add(text, "%s%s", text->length ? " " : "", db_drivers[i]->name);
+			append_text(text, "%s%s", text->length ? " " : "", db_drivers[i]->name);
 	}
 }
 
@@ -297,7 +298,7 @@ static void add_codes(const struct db_codes *codes, struct text *text)
 			continue;
 		if (codes->name == db_command_name && code != 0 && !is_offered(code))
 			continue;
-		add(text, "%s %u=%s", before, code, name);
+		append_text(text, "%s %u=%s", before, code, name);
 		before = "";
 	}
 }
@@ -308,28 +309,28 @@ static void add_description(const struct listed *listed, struct text *text)
 	const char *from;
 
 	if (!entry->row) {
-		add(text, "%s", entry->param->description);
+		append_text(text, "%s", entry->param->description);
 		return;
 	}
 	if (entry->bit) {
-		add(text, "%s: bit %u of drive_status", entry->bit->description,
-		    (unsigned)entry->bit->bit);
+		append_text(text, "%s: bit %u of drive_status", entry->bit->description,
+		            (unsigned)entry->bit->bit);
 		return;
 	}
 	for (from = entry->row->description; *from; from++) {
 		if (*from == '#')
-			add(text, "%u", entry->number);
+			append_text(text, "%u", entry->number);
 		else
-			add(text, "%c", *from);
+			append_text(text, "%c", *from);
 	}
 	if (entry->row->codes)
 		add_codes(entry->row->codes, text);
 	if (entry->param)
-		add(text, " (%s)", entry->param->name);
+		append_text(text, " (%s)", entry->param->name);
 	if (has_others(listed))
 		add_others(listed, text);
 	if (entry->cell.type == DB_TEXT)
-		add(text, "; %u registers", (unsigned)entry->cell.registers);
+		append_text(text, "; %u registers", (unsigned)entry->cell.registers);
 }
 
 /* --- CSV ---------------------------------------------------------------------------------------------- */
@@ -375,7 +376,7 @@ int db_export_csv(FILE *out)
 {
 	struct list list;
 
-	if (collect(&list) != 0)
+	if (collect_registers(&list) != 0)
 		return -ENOMEM;
 	fputs("view,table,address,reference,name,type,access,unit,min,max,families,description\n",
 	      out);
@@ -435,7 +436,7 @@ int db_export_commands(FILE *out)
 {
 	struct list list;
 
-	if (collect(&list) != 0)
+	if (collect_registers(&list) != 0)
 		return -ENOMEM;
 	fputs("code,name,arguments,families,description\n", out);
 	for (size_t i = 0; i < db_command_row_count; i++)
@@ -559,8 +560,8 @@ static void add_repetition(const struct listed *listed, struct text *text)
 {
 	const struct db_repeat *repeat = listed->entry.row->repeat;
 
-	add(text, "; likewise 2 to %u, each %u register%s further", repeat->count,
-	    repeat->addresses, repeat->addresses == 1 ? "" : "s");
+	append_text(text, "; likewise 2 to %u, each %u register%s further", repeat->count,
+	            repeat->addresses, repeat->addresses == 1 ? "" : "s");
 }
 
 static void put_markdown(FILE *out, const struct listed *listed)
@@ -588,7 +589,7 @@ int db_export_markdown(FILE *out)
 {
 	struct list list;
 
-	if (collect(&list) != 0)
+	if (collect_registers(&list) != 0)
 		return -ENOMEM;
 	fputs(introduction, out);
 	for (size_t i = 0; i < list.count; i++) {

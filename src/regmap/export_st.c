@@ -35,12 +35,12 @@ static void put_uint(FILE *out, const char *prefix, const char *name, unsigned v
 	fprintf(out, " : UINT := %u;\n", value);
 }
 
-static void begin(FILE *out, const char *comment)
+static void begin_constants(FILE *out, const char *comment)
 {
 	fprintf(out, "\n(* %s *)\nVAR_GLOBAL CONSTANT\n", comment);
 }
 
-static void end(FILE *out)
+static void end_constants(FILE *out)
 {
 	fputs("END_VAR\n", out);
 }
@@ -106,9 +106,9 @@ static int put_coded(FILE *out, size_t which)
 		return -ENOENT;
 	snprintf(comment, sizeof comment, "%s of %s", row->codes->bits ? "Bits" : "Values",
 	         row->name);
-	begin(out, comment);
+	begin_constants(out, comment);
 	put_codes(out, row->codes, coded[which].prefix);
-	end(out);
+	end_constants(out);
 	return 0;
 }
 
@@ -285,27 +285,28 @@ static int put_constants(FILE *out)
 {
 	int error;
 
-	begin(out, "Holding registers of a drive's unit: addresses on the wire, from 0");
+	begin_constants(out, "Holding registers of a drive's unit: addresses on the wire, from 0");
 	put_registers(out, DB_VIEW_DRIVE, "DB_REG_");
-	end(out);
-	begin(out, "Holding registers of the gateway's unit that are there once");
+	end_constants(out);
+	begin_constants(out, "Holding registers of the gateway's unit that are there once");
 	put_registers(out, DB_VIEW_GATEWAY, "DB_GATEWAY_");
-	end(out);
-	begin(out, "Lengths of what is read or written in one request");
+	end_constants(out);
+	begin_constants(out, "Lengths of what is read or written in one request");
 	error = put_spans(out);
-	end(out);
+	end_constants(out);
 	for (size_t i = 0; error == 0 && i < sizeof coded / sizeof coded[0]; i++)
 		error = put_coded(out, i);
-	begin(out, "Types of registers, as they stand above 16#FFFF in ParameterNumber");
+	begin_constants(out, "Types of registers, as they stand above 16#FFFF in ParameterNumber");
 	put_types(out);
-	end(out);
-	begin(out,
-	      "ParameterNumber of MC_ReadParameter and MC_WriteParameter: the bridge's registers");
+	end_constants(out);
+	begin_constants(
+		out,
+		"ParameterNumber of MC_ReadParameter and MC_WriteParameter: the bridge's registers");
 	put_own_parameters(out);
-	end(out);
-	begin(out, "The vendors' parameters by family");
+	end_constants(out);
+	begin_constants(out, "The vendors' parameters by family");
 	put_vendor_parameters(out);
-	end(out);
+	end_constants(out);
 	for (size_t i = 0; i < sizeof questions / sizeof questions[0]; i++)
 		put_question(out, i);
 	return error;

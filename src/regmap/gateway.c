@@ -29,12 +29,6 @@ static int write_group(struct db_registers *registers, const struct db_client *c
 	return db_group_stop(registers, client, group_stops[value], token);
 }
 
-static bool is_list(const struct db_span *span)
-{
-	return (span->cells[0].flags & DB_ROW_LIST) &&
-	       (span->cells[span->count - 1].flags & DB_ROW_LIST);
-}
-
 /* Some or all of the list's words, and the stop that is for them. */
 static int write_list(struct db_registers *registers, const struct db_client *client,
                       const struct db_span *span, const uint16_t *values,
@@ -89,7 +83,7 @@ int db_gateway_write(struct db_registers *registers, const struct db_client *cli
 	exception = db_span_find(&registers->roster->gateway.holding, address, count, &span);
 	if (exception)
 		return exception;
-	if (is_list(&span))
+	if ((span.cells[0].flags & DB_ROW_LIST) && (span.cells[span.count - 1].flags & DB_ROW_LIST))
 		return write_list(registers, client, &span, values, token);
 	/* One of them in one write: of two group commands the order would be a guess. */
 	if (span.count != 1)

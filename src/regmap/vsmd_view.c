@@ -393,8 +393,8 @@ static struct db_write_answer begin_both(struct db_view_drive *drive, const stru
 
 /* `address`: of the register that it is refused for; 0: of the command, or of none in
  * particular. */
-static int refuse(struct db_view_drive *drive, const struct db_client *client,
-                  enum db_result result, uint16_t address)
+static int refuse_write(struct db_view_drive *drive, const struct db_client *client,
+                        enum db_result result, uint16_t address)
 {
 	db_commander_set_refused(drive->commander, client, result, address);
 	return db_exception_of(result);
@@ -464,14 +464,14 @@ int db_vsmd_view_write(struct db_view_drive *drive, const struct db_client *clie
 	stop = find_stop(&touched, address, values);
 	if (!is_whole(&touched, address, count))
 		return stop != DB_CMD_NONE ? stop_only(drive, client, stop, token) :
-		                             refuse(drive, client, DB_RESULT_OUT_OF_RANGE, 0);
+		                             refuse_write(drive, client, DB_RESULT_OUT_OF_RANGE, 0);
 	plan.drive = drive;
 	plan.client = client;
 	result = plan_registers(&plan, &touched, values);
 	if (result != DB_RESULT_OK && stop != DB_CMD_NONE)
 		return stop_only(drive, client, stop, token);
 	if (result != DB_RESULT_OK) {
-		int exception = refuse(drive, client, result, plan.refused);
+		int exception = refuse_write(drive, client, result, plan.refused);
 
 		/* The vendor's models have this register, but the drive has nothing behind it. */
 		return result == DB_RESULT_UNSUPPORTED ? MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS :
@@ -479,7 +479,7 @@ int db_vsmd_view_write(struct db_view_drive *drive, const struct db_client *clie
 	}
 	result = plan_command(&plan);
 	if (result != DB_RESULT_OK)
-		return refuse(drive, client, result, 0);
+		return refuse_write(drive, client, result, 0);
 	if (!db_clients_may_write(drive, client, db_command_is_stop(plan.command)))
 		return db_command_is_stop(plan.command) ?
 		               stop_only(drive, client, plan.command, token) :

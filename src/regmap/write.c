@@ -22,7 +22,7 @@ struct write {
 };
 
 /* It is refused for its form, or for this register; 0: for none in particular. */
-static int refuse(const struct write *write, enum db_result result, uint16_t address)
+static int refuse_write(const struct write *write, enum db_result result, uint16_t address)
 {
 	db_commander_set_refused(write->drive->commander, write->client, result, address);
 	return db_exception_of(result);
@@ -39,7 +39,8 @@ static int refuse_command(const struct write *write, unsigned command, const str
 	return db_exception_of(result);
 }
 
-static int execute(const struct write *write, enum db_command command, const struct db_args *args)
+static int execute_command(const struct write *write, enum db_command command,
+                           const struct db_args *args)
 {
 	return db_exception_of_answer(db_commander_execute(
 		write->drive->commander, write->client, command, args, write->token, write->now));
@@ -68,7 +69,7 @@ static int execute_stop(const struct write *write, enum db_command stop)
 {
 	const struct db_args none = { 0 };
 
-	return execute(write, stop, &none);
+	return execute_command(write, stop, &none);
 }
 
 /* Puts what is written over the kept block. False when a float is not a number; the others are in
@@ -112,7 +113,7 @@ static int write_block(const struct write *write)
 
 	/* A stop needs no arguments: wrong ones do not keep it from the drive. */
 	if (!right && !stop)
-		return refuse(write, DB_RESULT_OUT_OF_RANGE, 0);
+		return refuse_write(write, DB_RESULT_OUT_OF_RANGE, 0);
 	if (db_clients_may_write(write->drive, write->client, stop))
 		return db_exception_of_answer(db_commander_write(
 			write->drive->commander, write->client, &to, write->token, write->now));
@@ -122,7 +123,7 @@ static int write_block(const struct write *write)
 	if (to.has_command && to.block.command != DB_CMD_NONE)
 		return refuse_command(write, to.block.command, &to.block.args,
 		                      DB_RESULT_NOT_IN_CONTROL, 0);
-	return refuse(write, DB_RESULT_NOT_IN_CONTROL, 0);
+	return refuse_write(write, DB_RESULT_NOT_IN_CONTROL, 0);
 }
 
 /* --- parameters -------------------------------------------------------------------------------------- */
@@ -142,7 +143,7 @@ static bool is_lacking(const struct db_view_drive *drive, unsigned param)
 
 static int refuse_setting(const struct write *write, enum db_result result, uint16_t address)
 {
-	(void)refuse(write, result, address);
+	(void)refuse_write(write, result, address);
 	/* The family has this register, but the drive has nothing behind it. */
 	return result == DB_RESULT_UNSUPPORTED ? MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS :
 	                                         MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
@@ -201,12 +202,12 @@ static int write_watchdog(const struct write *write)
 	if (write->span.count != 1 ||
 	    !db_words_decode(&write->span.cells[0], write->values, write->low_first, &value) ||
 	    value.u > DB_WATCHDOG_MAX_MS)
-		return refuse(write, DB_RESULT_OUT_OF_RANGE, 0);
+		return refuse_write(write, DB_RESULT_OUT_OF_RANGE, 0);
 	if (!db_clients_may_write(drive, write->client, false))
-		return refuse(write, DB_RESULT_NOT_IN_CONTROL, 0);
+		return refuse_write(write, DB_RESULT_NOT_IN_CONTROL, 0);
 	/* Without on-client-loss it would trip and stop nothing. */
 	if (value.u != 0 && drive->config->on_client_loss == DB_ON_LOSS_NONE)
-		return refuse(write, DB_RESULT_UNSUPPORTED, 0);
+		return refuse_write(write, DB_RESULT_UNSUPPORTED, 0);
 	db_commander_set_watchdog(drive->commander, value.u,
 	                          db_client_arrived(write->client, write->now));
 	return 0;
@@ -217,7 +218,7 @@ static int write_heartbeat(const struct write *write)
 	struct db_view_drive *drive = write->drive;
 
 	if (!db_clients_may_write(drive, write->client, false))
-		return refuse(write, DB_RESULT_NOT_IN_CONTROL, 0);
+		return refuse_write(write, DB_RESULT_NOT_IN_CONTROL, 0);
 	if (db_heartbeat_write(&drive->heartbeat, write->client->address, write->values[0]))
 		db_clients_feed(drive, write->client, DB_FEED_HEARTBEAT);
 	return 0;
@@ -228,18 +229,18 @@ static int write_control(const struct write *write)
 	struct db_control *control = &write->drive->control;
 
 	if (write->values[0] > 1)
-		return refuse(write, DB_RESULT_OUT_OF_RANGE, 0);
+		return refuse_write(write, DB_RESULT_OUT_OF_RANGE, 0);
 	if (write->values[0] == 0) {
 		db_control_release(control, write->client);
 		return 0;
 	}
 	/* Without it everybody may command: nobody is to believe otherwise. */
 	if (!control->enabled)
-		return refuse(write, DB_RESULT_UNSUPPORTED, 0);
+		return refuse_write(write, DB_RESULT_UNSUPPORTED, 0);
 	if (db_control_request(control, write->client, write->now))
 		return 0;
 	db_clients_count_refusal(write->drive, write->client);
-	return refuse(write, DB_RESULT_NOT_IN_CONTROL, 0);
+	return refuse_write(write, DB_RESULT_NOT_IN_CONTROL, 0);
 }
 
 /* --- coils ------------------------------------------------------------------------------------------- */
@@ -267,7 +268,7 @@ static int write_coils(const struct write *write)
 	if (input)
 		return refuse_command(write, DB_CMD_SET_OUTPUTS, &args, DB_RESULT_REFUSED,
 		                      (uint16_t)(input->bit + 1));
-	return execute(write, DB_CMD_SET_OUTPUTS, &args);
+	return execute_command(write, DB_CMD_SET_OUTPUTS, &args);
 }
 
 /* --- which of them ------------------------------------------------------------------------------------- */
@@ -300,7 +301,7 @@ int db_write_drive(struct db_view_drive *drive, const struct db_client *client, 
 		enum db_command stop = find_stop(&write);
 
 		return stop != DB_CMD_NONE ? execute_stop(&write, stop) :
-		                             refuse(&write, DB_RESULT_OUT_OF_RANGE, 0);
+		                             refuse_write(&write, DB_RESULT_OUT_OF_RANGE, 0);
 	}
 	if (first->flags & DB_ROW_WATCHDOG)
 		return write_watchdog(&write);

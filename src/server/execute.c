@@ -1,18 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "server/execute.h"
 
-static enum db_table write_table(const struct db_modbus_request *request)
-{
-	return request->function == MODBUS_FC_WRITE_SINGLE_COIL ||
-	                       request->function == MODBUS_FC_WRITE_MULTIPLE_COILS ?
-	               DB_TABLE_COILS :
-	               DB_TABLE_HOLDING;
-}
-
 int db_execute_write(const struct db_executor *executor, const struct db_client *client,
                      const struct db_modbus_request *request, struct db_write_token token)
 {
 	const struct db_backend *backend = executor->backend;
+	bool coils = request->function == MODBUS_FC_WRITE_SINGLE_COIL ||
+	             request->function == MODBUS_FC_WRITE_MULTIPLE_COILS;
 	uint16_t values[MODBUS_MAX_WRITE_BITS];
 	uint16_t masked;
 	uint8_t exception;
@@ -39,8 +33,9 @@ int db_execute_write(const struct db_executor *executor, const struct db_client 
 		}
 		db_pdu_values(request, values);
 	}
-	return backend->write(executor->context, client, request->unit, write_table(request),
-	                      request->write_address, request->write_count, values, token);
+	return backend->write(executor->context, client, request->unit,
+	                      coils ? DB_TABLE_COILS : DB_TABLE_HOLDING, request->write_address,
+	                      request->write_count, values, token);
 }
 
 static size_t answer_read(const struct db_executor *executor, const struct db_client *client,

@@ -27,7 +27,7 @@ static void set_option(int fd, int level, int name, int value)
 }
 
 /* Splits "host:port" or "[host]:port" and reads both as numbers. */
-static int resolve(const char *text, struct addrinfo **found)
+static int resolve_address(const char *text, struct addrinfo **found)
 {
 	const struct addrinfo hints = {
 		.ai_socktype = SOCK_STREAM,
@@ -100,7 +100,7 @@ static int open_socket(const struct addrinfo *info, bool shared)
 int db_listener_open_beside(int other, const char *address)
 {
 	struct addrinfo *info;
-	int fd = resolve(address, &info);
+	int fd = resolve_address(address, &info);
 
 	if (fd < 0)
 		return fd;

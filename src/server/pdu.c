@@ -196,7 +196,7 @@ void db_pdu_values(const struct db_modbus_request *request, uint16_t *values)
 }
 
 /* Completes the header of a frame whose PDU of `length` bytes is in place. */
-static size_t finish(const struct db_modbus_request *request, size_t length, uint8_t *adu)
+static size_t finish_frame(const struct db_modbus_request *request, size_t length, uint8_t *adu)
 {
 	put16(adu, request->transaction);
 	put16(adu + 2, 0);
@@ -209,7 +209,7 @@ size_t db_pdu_exception(const struct db_modbus_request *request, uint8_t excepti
 {
 	adu[HEADER] = request->function | 0x80u;
 	adu[HEADER + 1] = exception;
-	return finish(request, 2, adu);
+	return finish_frame(request, 2, adu);
 }
 
 size_t db_pdu_read(const struct db_modbus_request *request, const uint16_t *values, uint8_t *adu)
@@ -230,7 +230,7 @@ size_t db_pdu_read(const struct db_modbus_request *request, const uint16_t *valu
 		for (size_t i = 0; i < count; i++)
 			put16(pdu + 2 + 2 * i, values[i]);
 	}
-	return finish(request, 2 + bytes, adu);
+	return finish_frame(request, 2 + bytes, adu);
 }
 
 size_t db_pdu_written(const struct db_modbus_request *request, uint8_t *adu)
@@ -243,14 +243,14 @@ size_t db_pdu_written(const struct db_modbus_request *request, uint8_t *adu)
 	case MODBUS_FC_WRITE_SINGLE_COIL:
 	case MODBUS_FC_WRITE_SINGLE_REGISTER:
 		put16(pdu + 3, request->value);
-		return finish(request, 5, adu);
+		return finish_frame(request, 5, adu);
 	case MODBUS_FC_MASK_WRITE_REGISTER:
 		put16(pdu + 3, request->value);
 		put16(pdu + 5, request->or_mask);
-		return finish(request, 7, adu);
+		return finish_frame(request, 7, adu);
 	default:
 		put16(pdu + 3, request->write_count);
-		return finish(request, 5, adu);
+		return finish_frame(request, 5, adu);
 	}
 }
 
@@ -267,7 +267,7 @@ size_t db_pdu_server_id(const struct db_modbus_request *request, const char *tex
 	pdu[3] = running ? 0xFF : 0x00;
 	if (length > 0)
 		memcpy(pdu + 4, text, length);
-	return finish(request, 4 + length, adu);
+	return finish_frame(request, 4 + length, adu);
 }
 
 /* Appends one object if it fits; returns the new length of the PDU, or 0. */
@@ -325,5 +325,5 @@ size_t db_pdu_device_id(const struct db_modbus_request *request,
 		*exception = MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 		return 0;
 	}
-	return finish(request, used, adu);
+	return finish_frame(request, used, adu);
 }
