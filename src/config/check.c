@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* --- the same thing used twice ----------------------------------------------------------------- */
+/* --- the same thing used twice ---------------------------------------------------------------- */
 
 static unsigned bus_line(const struct db_load *load, const struct db_bus_config *bus,
                          const char *key)
@@ -183,7 +183,7 @@ static void check_drive(struct db_load *load, size_t index)
 	}
 }
 
-/* --- interfaces that buses share --------------------------------------------------------------- */
+/* --- interfaces that buses share -------------------------------------------------------------- */
 
 /*
  * Several buses on one CAN interface: good when no frame can be meant for both, because then each
@@ -204,19 +204,19 @@ static struct filter_list filters_of(const struct db_bus_config *bus)
 }
 
 /* There is an id that both let pass. */
-static bool overlap(const struct db_can_filter *a, const struct db_can_filter *b)
+static bool filters_overlap(const struct db_can_filter *a, const struct db_can_filter *b)
 {
 	return ((a->id ^ b->id) & a->mask & b->mask) == 0;
 }
 
 /* A bus without filters sees every frame. */
-static bool collide(const struct filter_list *a, const struct filter_list *b)
+static bool filters_collide(const struct filter_list *a, const struct filter_list *b)
 {
 	if (a->count == 0 || b->count == 0)
 		return true;
 	for (size_t i = 0; i < a->count; i++) {
 		for (size_t j = 0; j < b->count; j++) {
-			if (overlap(&a->filters[i], &b->filters[j]))
+			if (filters_overlap(&a->filters[i], &b->filters[j]))
 				return true;
 		}
 	}
@@ -228,7 +228,7 @@ static void check_pair(struct db_load *load, const struct db_bus_config *bus,
 {
 	struct filter_list filters = filters_of(bus), others = filters_of(other);
 
-	if (collide(&filters, &others))
+	if (filters_collide(&filters, &others))
 		db_messages_add_error(
 			&load->messages,
 			db_section_find_line(load, "bus", bus->name, bus->source_line, "interface"),
@@ -263,7 +263,7 @@ static void check_interfaces(struct db_load *load)
 	}
 }
 
-/* --- what only the families know --------------------------------------------------------------- */
+/* --- what only the families know -------------------------------------------------------------- */
 
 #define KEY_LENGTH_MAX 63
 
@@ -290,11 +290,11 @@ static unsigned line_of(const struct complaints *complaints, const struct db_dri
 	return db_section_find_line(complaints->load, section, title, head, key);
 }
 
-static void complain(void *context, const struct db_drive_config *drive, bool error,
-                     const char *format, ...) __attribute__((format(printf, 4, 5)));
+static void add_complaint(void *context, const struct db_drive_config *drive, bool error,
+                          const char *format, ...) __attribute__((format(printf, 4, 5)));
 
-static void complain(void *context, const struct db_drive_config *drive, bool error,
-                     const char *format, ...)
+static void add_complaint(void *context, const struct db_drive_config *drive, bool error,
+                          const char *format, ...)
 {
 	struct complaints *complaints = context;
 	struct db_messages *messages = &complaints->load->messages;
@@ -336,7 +336,7 @@ static void check_families(struct db_load *load)
 			if (config->drives[j].bus == i)
 				drives[count++] = &config->drives[j];
 		}
-		complaints.bus->driver->check_config(complaints.bus, drives, count, complain,
+		complaints.bus->driver->check_config(complaints.bus, drives, count, add_complaint,
 		                                     &complaints);
 	}
 	free(drives);

@@ -10,11 +10,6 @@
 #include <math.h>
 #include <string.h>
 
-static double milliseconds(db_time time)
-{
-	return (double)time / (double)DB_NS_PER_MS;
-}
-
 static void put_nth(FILE *out, const char *words, unsigned position)
 {
 	const char *word = db_text_nth_word(words, position);
@@ -146,16 +141,16 @@ static void describe_times(const struct db_config *config, size_t index, FILE *o
 {
 	const struct db_bus_config *bus = &config->buses[index];
 	size_t nodes = db_times_nodes_on(config, index);
-	double all = milliseconds(
+	double all = db_times_in_ms(
 		db_driver_round_time(bus, nodes, db_times_drives_on(config, index)));
-	double one = nodes > 0 ? all / (double)nodes : milliseconds(bus->driver->poll_time(bus));
+	double one = nodes > 0 ? all / (double)nodes : db_times_in_ms(bus->driver->poll_time(bus));
 
 	fprintf(out, "  %-14s%u ms; one status exchange %.2f ms, %zu %s%s %.2f ms (%.0f %%)\n",
 	        "cycle", bus->cycle_ms, one, nodes, bus->driver->axes > 0 ? "controller" : "drive",
 	        nodes == 1 ? "" : "s", all, 100.0 * all / bus->cycle_ms);
 	fprintf(out, "  %-14sconfirmed after %.2f ms, or %.2f ms when the wire is busy\n",
-	        "command", milliseconds(bus->driver->command_time(bus)),
-	        milliseconds(db_times_confirm(bus)));
+	        "command", db_times_in_ms(bus->driver->command_time(bus)),
+	        db_times_in_ms(db_times_confirm(bus)));
 }
 
 /* What the family can do, but not with this configuration. */

@@ -13,7 +13,7 @@
 #define FOLDER "conf.d"
 #define SUFFIX ".conf"
 
-/* --- one file -------------------------------------------------------------------------------------- */
+/* --- one file --------------------------------------------------------------------------------- */
 
 static void explain_open(const char *path, int error, FILE *errors)
 {
@@ -141,7 +141,7 @@ static bool read_source(const char *path, FILE *errors, struct db_source *source
 	return false;
 }
 
-/* --- the folder ------------------------------------------------------------------------------------ */
+/* --- the folder ------------------------------------------------------------------------------- */
 
 static int is_ours(const struct dirent *entry)
 {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The one table of configuration keys that are not a family's own: what each may say, and where its value
- * is kept. Reading, comparing and writing a configuration go through it row by row; messages, the manual
- * page and docs/config-keys.csv come from it. Pure.
+ * The one table of configuration keys that are not a family's own: what each may say, and where its
+ * value is kept. Reading, comparing and writing a configuration go through it row by row; messages,
+ * the manual page and docs/config-keys.csv come from it. Pure.
  */
 #ifndef DRIVEBRIDGE_CONFIG_KEYS_H
 #define DRIVEBRIDGE_CONFIG_KEYS_H

@@ -52,8 +52,8 @@ static void name_places(struct db_config *config, const struct db_messages *mess
 }
 
 /* Takes the sources over. */
-static int load(const struct db_built_in *built_in, struct db_source *sources, size_t count,
-                FILE *errors, struct db_config **config)
+static int load_sources(const struct db_built_in *built_in, struct db_source *sources, size_t count,
+                        FILE *errors, struct db_config **config)
 {
 	struct db_config *made = calloc(1, sizeof(*made));
 	struct db_load load = {
@@ -95,7 +95,7 @@ int db_load_text_with(const struct db_built_in *built_in, const char *text, cons
 		fprintf(errors, "%s: out of memory; free some and try again\n", file);
 		return -1;
 	}
-	return load(built_in, source, 1, errors, config);
+	return load_sources(built_in, source, 1, errors, config);
 }
 
 int db_load_text(const char *text, const char *file, FILE *errors, struct db_config **config)
@@ -112,10 +112,10 @@ int db_config_load(const char *path, FILE *errors, struct db_config **config)
 		db_sources_free(sources, count);
 		return -1;
 	}
-	if (load(&db_load_built_in, sources, count, errors, config) != 0)
+	if (load_sources(&db_load_built_in, sources, count, errors, config) != 0)
 		return -1;
-	/* The texts and what was read of them lie below what stays: once memory is locked they would
-	 * stay, too. */
+	/* The texts and what was read of them lie below what stays: once memory is locked they
+	 * would stay, too. */
 	malloc_trim(0);
 	return 0;
 }

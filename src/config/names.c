@@ -59,7 +59,7 @@ static bool same_option(const struct db_option *a, const struct db_option *b)
 }
 
 /* Whether a driver has an option just like this one. */
-static bool declares(const struct db_driver *driver, const struct db_option *option)
+static bool declares_option(const struct db_driver *driver, const struct db_option *option)
 {
 	const struct db_option *own = db_keys_find_option(driver, option->section, option->name);
 
@@ -74,7 +74,7 @@ static void visit_option(const struct db_driver *const *drivers, size_t index,
 	char families[DB_FAMILIES_TEXT_MAX] = "";
 
 	for (size_t i = 0; drivers[i]; i++) {
-		if (!declares(drivers[i], option))
+		if (!declares_option(drivers[i], option))
 			continue;
 		if (i < index)
 			return;
@@ -147,7 +147,7 @@ static unsigned least(unsigned a, unsigned b, unsigned c)
 }
 
 /* Levenshtein's distance: letters to insert, delete or replace. */
-static unsigned distance(const char *a, const char *b)
+static unsigned edit_distance(const char *a, const char *b)
 {
 	unsigned row[NAME_MAX_COMPARED + 1];
 	size_t length = strnlen(b, NAME_MAX_COMPARED);
@@ -183,7 +183,7 @@ static void visit_near(void *context, const struct db_config_key *key, const cha
 	(void)families;
 	if (strcmp(key->section, search->section) != 0)
 		return;
-	far = distance(search->name, key->name);
+	far = edit_distance(search->name, key->name);
 	if (!search->found || far < search->best) {
 		search->found = key->name;
 		search->best = far;
@@ -329,7 +329,8 @@ static bool check_key(const struct db_driver *const *drivers, const struct db_re
 	for (size_t i = index; i > 0; i--) {
 		const struct db_reader_key *other = &reader->keys[i - 1];
 
-		/* All keys of a section stand together, but those of modbus may be in several files. */
+		/* All keys of a section stand together, but those of modbus may be in several
+		 * files. */
 		if (other->section != key->section && strcmp(section, "modbus") != 0)
 			break;
 		if (other->section != key->section || strcmp(other->name, key->name) != 0)
@@ -351,8 +352,8 @@ void db_names_check(const struct db_driver *const *drivers, struct db_reader *re
 	for (size_t i = 0; i < reader->key_count; i++) {
 		struct db_reader_key *key = &reader->keys[i];
 
-		/* Keys of a section refused only for its title are checked too, so that one run finds
-		 * all. */
+		/* Keys of a section refused only for its title are checked too, so that one run
+		 * finds all. */
 		if (key->section == DB_READER_NO_SECTION ||
 		    is_known_section(reader->sections[key->section].name))
 			key->refused = !check_key(drivers, reader, i, messages);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Which sections and keys a file may have, those of the families included, and what is said of others.
- * Pure.
+ * Which sections and keys a file may have, those of the families included, and what is said of
+ * others. Pure.
  */
 #ifndef DRIVEBRIDGE_CONFIG_NAMES_H
 #define DRIVEBRIDGE_CONFIG_NAMES_H
@@ -11,8 +11,8 @@
 struct db_config_key;
 struct db_driver;
 
-/* Refuses sections and keys that there are not with these drivers (a null-terminated list), or twice; the
- * section modbus of several files becomes one. */
+/* Refuses sections and keys that there are not with these drivers (a null-terminated list), or
+ * twice; the section modbus of several files becomes one. */
 void db_names_check(const struct db_driver *const *drivers, struct db_reader *reader,
                     struct db_messages *messages);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What this machine has of a configuration. Nothing is opened: opening a serial port moves its control
- * lines, which some adapters and drives notice.
+ * What this machine has of a configuration. Nothing is opened: opening a serial port moves its
+ * control lines, which some adapters and drives notice.
  */
 #include "drivebridge/config.h"
 #include "drivebridge/transport.h"
@@ -33,14 +33,14 @@ struct probe {
 	int group_count;
 };
 
-static void warn(const struct probe *probe, const struct db_bus_config *bus, const char *port,
-                 const char *what)
+static void add_warning(const struct probe *probe, const struct db_bus_config *bus,
+                        const char *port, const char *what)
 {
 	fprintf(probe->errors, "%s:%u: warning: bus %s: %s %s\n", bus->source_file,
 	        bus->source_line, bus->name, port, what);
 }
 
-/* --- who ------------------------------------------------------------------------------------------- */
+/* --- who -------------------------------------------------------------------------------------- */
 
 /* Root may open everything: then it is the service that is asked about, if there is one. */
 static void find_user(struct probe *probe)
@@ -81,10 +81,10 @@ static bool may_open(const struct probe *probe, const struct stat *about)
 	return (mode & both) == both;
 }
 
-/* --- serial ports ---------------------------------------------------------------------------------- */
+/* --- serial ports ----------------------------------------------------------------------------- */
 
-/* Whether the kernel's list of terminal drivers says that it is one of `types`. True when there is no
- * list, as in the sandbox of the service. */
+/* Whether the kernel's list of terminal drivers says that it is one of `types`. True when there is
+ * no list, as in the sandbox of the service. */
 static bool is_terminal(dev_t device)
 {
 	FILE *list = fopen("/proc/tty/drivers", "re");
@@ -125,7 +125,7 @@ static void warn_closed(const struct probe *probe, const struct db_bus_config *b
 		snprintf(text, sizeof(text),
 		         "may not be opened by %s; a udev rule can give it to the group dialout",
 		         probe->user);
-	warn(probe, bus, bus->device, text);
+	add_warning(probe, bus, bus->device, text);
 }
 
 static void probe_port(const struct probe *probe, const struct db_bus_config *bus)
@@ -139,10 +139,11 @@ static void probe_port(const struct probe *probe, const struct db_bus_config *bu
 		         "cannot be seen (%s); is it plugged in? ls /dev/serial/by-id "
 		         "shows the names of USB adapters",
 		         strerror(errno));
-		warn(probe, bus, bus->device, text);
+		add_warning(probe, bus, bus->device, text);
 	} else if (!S_ISCHR(about.st_mode) || !is_terminal(about.st_rdev)) {
-		warn(probe, bus, bus->device,
-		     "is no serial port; ls /dev/serial/by-id shows the names of USB adapters");
+		add_warning(
+			probe, bus, bus->device,
+			"is no serial port; ls /dev/serial/by-id shows the names of USB adapters");
 	} else if (!may_open(probe, &about)) {
 		warn_closed(probe, bus, &about);
 	} else {
@@ -151,7 +152,7 @@ static void probe_port(const struct probe *probe, const struct db_bus_config *bu
 	}
 }
 
-/* --- CAN interfaces -------------------------------------------------------------------------------- */
+/* --- CAN interfaces --------------------------------------------------------------------------- */
 
 static void probe_interface(const struct probe *probe, const struct db_bus_config *bus)
 {
@@ -162,17 +163,18 @@ static void probe_interface(const struct probe *probe, const struct db_bus_confi
 	snprintf(type.ifr_name, sizeof(type.ifr_name), "%s", bus->interface);
 	memcpy(flags.ifr_name, type.ifr_name, sizeof(flags.ifr_name));
 	if (if_nametoindex(bus->interface) == 0)
-		warn(probe, bus, bus->interface,
-		     "is no network interface of this machine; ip link shows them");
+		add_warning(probe, bus, bus->interface,
+		            "is no network interface of this machine; ip link shows them");
 	else if (fd < 0 || ioctl(fd, SIOCGIFHWADDR, &type) < 0 ||
 	         ioctl(fd, SIOCGIFFLAGS, &flags) < 0)
-		warn(probe, bus, bus->interface, strerror(errno));
+		add_warning(probe, bus, bus->interface, strerror(errno));
 	else if (type.ifr_hwaddr.sa_family != ARPHRD_CAN)
-		warn(probe, bus, bus->interface,
-		     "is no CAN interface; ip -details link shows them");
+		add_warning(probe, bus, bus->interface,
+		            "is no CAN interface; ip -details link shows them");
 	else if (!(flags.ifr_flags & IFF_UP))
-		warn(probe, bus, bus->interface,
-		     "is down; systemd-networkd sets it up, see 80-drivebridge-can.network.example");
+		add_warning(
+			probe, bus, bus->interface,
+			"is down; systemd-networkd sets it up, see 80-drivebridge-can.network.example");
 	else
 		fprintf(probe->out, "  bus %s: %s is a CAN interface, and up\n", bus->name,
 		        bus->interface);

@@ -18,7 +18,7 @@ struct pair {
 	const void *b;
 };
 
-static const void *member(const void *section, const struct db_config_key *key)
+static const void *find_member(const void *section, const struct db_config_key *key)
 {
 	return (const char *)section + key->offset;
 }
@@ -56,17 +56,17 @@ static bool same_networks_of(const struct pair *pair, const struct db_config_key
 	size_t count_a;
 	size_t count_b;
 
-	memcpy(&a, member(pair->a, key), sizeof a);
-	memcpy(&b, member(pair->b, key), sizeof b);
-	memcpy(&count_a, (const char *)member(pair->a, key) + sizeof a, sizeof count_a);
-	memcpy(&count_b, (const char *)member(pair->b, key) + sizeof b, sizeof count_b);
+	memcpy(&a, find_member(pair->a, key), sizeof a);
+	memcpy(&b, find_member(pair->b, key), sizeof b);
+	memcpy(&count_a, (const char *)find_member(pair->a, key) + sizeof a, sizeof count_a);
+	memcpy(&count_b, (const char *)find_member(pair->b, key) + sizeof b, sizeof count_b);
 	return has_networks(a, count_a, b, count_b) && has_networks(b, count_b, a, count_a);
 }
 
 static bool same_value(const struct pair *pair, const struct db_config_key *key)
 {
-	const void *a = member(pair->a, key);
-	const void *b = member(pair->b, key);
+	const void *a = find_member(pair->a, key);
+	const void *b = find_member(pair->b, key);
 	const char *text_a;
 	const char *text_b;
 	double real_a;

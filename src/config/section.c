@@ -58,7 +58,7 @@ unsigned db_section_find_line(const struct db_load *load, const char *section, c
 	return key ? key->line : head;
 }
 
-/* --- one value --------------------------------------------------------------------------------- */
+/* --- one value -------------------------------------------------------------------------------- */
 
 static void describe_range(const struct db_config_key *key, char *text, size_t size)
 {
@@ -215,7 +215,7 @@ static uint64_t parse_cpus(const struct db_section *section, const struct db_con
 	return cpus;
 }
 
-/* --- networks ---------------------------------------------------------------------------------- */
+/* --- networks --------------------------------------------------------------------------------- */
 
 static void parse_network(const struct db_section *section, const char *name, const char *text,
                           struct db_network *network)
@@ -249,7 +249,8 @@ static void parse_network(const struct db_section *section, const char *name, co
 	}
 }
 
-/* A list to be freed, and its count right behind it; both stay 0 when out of memory, which is reported. */
+/* A list to be freed, and its count right behind it; both stay 0 when out of memory, which is
+ * reported. */
 static void read_networks(const struct db_section *section, const struct db_config_key *key,
                           void *member)
 {
@@ -283,7 +284,7 @@ static void read_networks(const struct db_section *section, const struct db_conf
 	memcpy((char *)member + sizeof(networks), &count, sizeof(count));
 }
 
-/* --- all of them ------------------------------------------------------------------------------- */
+/* --- all of them ------------------------------------------------------------------------------ */
 
 /* From its text to the member of the section's struct, which is zero. */
 static void read_value(const struct db_section *section, const struct db_config_key *key,
@@ -354,7 +355,7 @@ void db_section_read(const struct db_section *section, void *values)
 	}
 }
 
-/* --- families ---------------------------------------------------------------------------------- */
+/* --- families --------------------------------------------------------------------------------- */
 
 /* A key of the table that is not for this family, and what to do with it. */
 static void refuse_key(const struct db_section *section, const struct db_reader_key *key,

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * One section: from the texts of its keys to the values of its struct, as the table of keys says, or to
- * messages with what would be right.
+ * One section: from the texts of its keys to the values of its struct, as the table of keys says,
+ * or to messages with what would be right.
  */
 #ifndef DRIVEBRIDGE_CONFIG_SECTION_H
 #define DRIVEBRIDGE_CONFIG_SECTION_H
@@ -36,7 +36,8 @@ struct db_section {
 /* The section of this index; without one that of modbus, which nobody has to write. */
 struct db_section db_section_open(struct db_load *load, size_t index);
 
-/* Whether the file sets the key, and whether that was no value for it (known behind its reading). */
+/* Whether the file sets the key, and whether that was no value for it (known behind its
+ * reading). */
 bool db_section_has(const struct db_section *section, const char *name);
 bool db_section_misread(const struct db_section *section, const char *name);
 
@@ -47,21 +48,24 @@ unsigned db_section_line(const struct db_section *section, const char *name);
 unsigned db_section_find_line(const struct db_load *load, const char *section, const char *title,
                               unsigned head, const char *name);
 
-/* A key's text as the file has it, else its preset. Null when it had to be given, which is an error. */
+/* A key's text as the file has it, else its preset. Null when it had to be given, which is an
+ * error. */
 const char *db_section_text(const struct db_section *section, const char *name);
 
-/* The position of a key's word among those that the table has. False when it is none of them: an error. */
+/* The position of a key's word among those that the table has. False when it is none of them: an
+ * error. */
 bool db_section_word(const struct db_section *section, const char *name, unsigned *position);
 
 /*
- * Reads all keys into the section's struct (db_modbus_config, db_bus_config or db_drive_config), but for
- * those that name something else (db_keys_is_reference()). What is not in the file, or is for families of
- * another kind, has its preset, without one 0, null or NAN. What is wrong is an error, and 0 or null.
+ * Reads all keys into the section's struct (db_modbus_config, db_bus_config or db_drive_config),
+ * but for those that name something else (db_keys_is_reference()). What is not in the file, or is
+ * for families of another kind, has its preset, without one 0, null or NAN. What is wrong is an
+ * error, and 0 or null.
  */
 void db_section_read(const struct db_section *section, void *values);
 
-/* The family's options for this kind of section, in the order of its list; the others become NAN. Keys of
- * other families are errors. Without a family nothing can be said. */
+/* The family's options for this kind of section, in the order of its list; the others become NAN.
+ * Keys of other families are errors. Without a family nothing can be said. */
 void db_section_read_options(const struct db_section *section, double options[DB_OPTIONS_MAX]);
 
 #endif

@@ -14,7 +14,7 @@
 #define SLCAN_BAUD 115200 /* of the adapter's serial port; many adapters do not care at all */
 #define LIST_MAX 256
 
-/* --- modbus ------------------------------------------------------------------------------------ */
+/* --- modbus ----------------------------------------------------------------------------------- */
 
 static void read_modbus(struct db_load *load)
 {
@@ -34,7 +34,7 @@ static void read_modbus(struct db_load *load)
 	modbus->reserved_writers = modbus->max_clients - 1;
 }
 
-/* --- bus: family and transport ----------------------------------------------------------------- */
+/* --- bus: family and transport ---------------------------------------------------------------- */
 
 /* Appends to a list in a text, as far as it fits. */
 static void add_to_list(char list[LIST_MAX], const char *name)
@@ -101,7 +101,7 @@ static const struct db_transport *read_transport(const struct db_section *sectio
 	return NULL;
 }
 
-/* --- bus: where it is -------------------------------------------------------------------------- */
+/* --- bus: where it is ------------------------------------------------------------------------- */
 
 /* What the kernel takes as the name of an interface. */
 static bool is_interface_name(const char *text)
@@ -173,7 +173,7 @@ static void check_ports(const struct db_section *section, const struct db_bus_co
 		refuse_wrong_port(section, bus);
 }
 
-/* --- bus: how fast, and its line --------------------------------------------------------------- */
+/* --- bus: how fast, and its line -------------------------------------------------------------- */
 
 static void check_slcan_bitrate(const struct db_section *section, unsigned bitrate)
 {
@@ -240,7 +240,8 @@ static void check_direction(const struct db_section *section, const struct db_bu
 			"rts-after-ms does nothing without direction = rts or rts-inverted");
 }
 
-/* In half characters, and in microseconds. Drives are slower than the 3.5 characters of Modbus RTU. */
+/* In half characters, and in microseconds. Drives are slower than the 3.5 characters of Modbus
+ * RTU. */
 #define TURNAROUND_HALF_CHARACTERS 7
 #define TURNAROUND_LEAST 1000
 
@@ -282,7 +283,7 @@ static bool read_bus(struct db_load *load, size_t index, struct db_bus_config *b
 	return bus->name != NULL;
 }
 
-/* --- drive ------------------------------------------------------------------------------------- */
+/* --- drive ------------------------------------------------------------------------------------ */
 
 /* Index of the drive's bus; bus_count when there is none, which is reported. */
 static size_t find_bus(const struct db_section *section)
@@ -309,8 +310,8 @@ static void check_address(const struct db_section *section, const struct db_bus_
 	struct db_messages *messages = &section->load->messages;
 	const struct db_driver *driver = bus->driver;
 	unsigned line = db_section_line(section, "address");
-	/* A frame on an RS232 line needs no address, except that of a controller with axes, which always
-	 * carries one. */
+	/* A frame on an RS232 line needs no address, except that of a controller with axes, which
+	 * always carries one. */
 	bool addressed = driver->medium != DB_MEDIUM_SERIAL || bus->line != DB_LINE_RS232 ||
 	                 driver->axes > 0;
 
@@ -389,7 +390,7 @@ static bool read_drive(struct db_load *load, size_t index, struct db_drive_confi
 	return drive->name && drive->options;
 }
 
-/* --- all of them ------------------------------------------------------------------------------- */
+/* --- all of them ------------------------------------------------------------------------------ */
 
 /* Whether it is one of this kind; never the case for modbus. */
 static bool is_section(const struct db_load *load, size_t index, const char *name)

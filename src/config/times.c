@@ -14,6 +14,11 @@ size_t db_times_drives_on(const struct db_config *config, size_t bus)
 	return count;
 }
 
+double db_times_in_ms(db_time time)
+{
+	return (double)time / (double)DB_NS_PER_MS;
+}
+
 /* Whether an earlier drive of the list is behind the same address and polls for both. */
 static bool polled_with_another(const struct db_config *config, size_t index)
 {
@@ -52,11 +57,6 @@ void db_times_speed(const struct db_bus_config *bus, char text[DB_SPEED_TEXT_MAX
 	         can ? "bit/s" : "baud");
 }
 
-static double milliseconds(db_time time)
-{
-	return (double)time / (double)DB_NS_PER_MS;
-}
-
 static unsigned whole_milliseconds(db_time time)
 {
 	return (unsigned)((time + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
@@ -83,7 +83,7 @@ static void warn_cycle(struct db_load *load, size_t index)
 		db_section_find_line(load, "bus", bus->name, bus->source_line, "cycle-ms"),
 		"cycle of %u ms cannot fit %zu %s%s: one status exchange takes %.2f ms at %s, all of them %.2f ms; set cycle-ms = %u or %s",
 		bus->cycle_ms, nodes, bus->driver->axes > 0 ? "controller" : "drive",
-		nodes == 1 ? "" : "s", milliseconds(one), speed, milliseconds(all),
+		nodes == 1 ? "" : "s", db_times_in_ms(one), speed, db_times_in_ms(all),
 		whole_milliseconds(all), speed_up(bus));
 }
 
@@ -94,7 +94,8 @@ static void warn_confirm(struct db_load *load, size_t index)
 	db_time needed = db_times_confirm(bus);
 	char speed[DB_SPEED_TEXT_MAX];
 
-	/* The usual one is what PLCs wait for, and 05 is then the right answer: nothing is wrong. */
+	/* The usual one is what PLCs wait for, and 05 is then the right answer: nothing is
+	 * wrong. */
 	if (db_section_find_line(load, "modbus", "", 0, "confirm-ms") == 0)
 		return;
 	if (load->config->modbus.accept_writes || db_times_drives_on(load->config, index) == 0 ||
@@ -105,8 +106,8 @@ static void warn_confirm(struct db_load *load, size_t index)
 		&load->messages,
 		db_section_find_line(load, "modbus", "", bus->source_line, "confirm-ms"),
 		"confirm-ms = %u cannot be met on bus '%s': at %s a command takes %.2f ms, and %.2f ms when it has to wait for the exchange on the wire; set confirm-ms = %u in section modbus or %s",
-		confirm_ms, bus->name, speed, milliseconds(bus->driver->command_time(bus)),
-		milliseconds(needed), whole_milliseconds(needed), speed_up(bus));
+		confirm_ms, bus->name, speed, db_times_in_ms(bus->driver->command_time(bus)),
+		db_times_in_ms(needed), whole_milliseconds(needed), speed_up(bus));
 }
 
 /* One drive's status at least; not more, or a drive that is added would change its whole bus. */

@@ -5,13 +5,16 @@
 
 #include "config/section.h"
 
-/* Drives of a bus (its index), and nodes: what answers at an address and is asked in each cycle. Axes of one
- * controller are one node. */
+/* Drives of a bus (its index), and nodes: what answers at an address and is asked in each cycle.
+ * Axes of one controller are one node. */
 size_t db_times_drives_on(const struct db_config *config, size_t bus);
 size_t db_times_nodes_on(const struct db_config *config, size_t bus);
 
 /* One transaction on the wire that a command may have to wait for, and its own: nanoseconds. */
 int64_t db_times_confirm(const struct db_bus_config *bus);
+
+/* For people. */
+double db_times_in_ms(db_time time);
 
 #define DB_SPEED_TEXT_MAX 32
 

@@ -73,8 +73,8 @@ static void put_networks(FILE *out, const void *member)
 	fputc('}', out);
 }
 
-/* Whether there is nothing to write: what was not given, or does not apply, such as the baud rate of a CAN
- * interface. */
+/* Whether there is nothing to write: what was not given, or does not apply, such as the baud rate
+ * of a CAN interface. */
 static bool is_unset(const struct db_config_key *key, const void *member)
 {
 	const char *text;

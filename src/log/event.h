@@ -5,8 +5,8 @@
 
 #include "drivebridge/log.h"
 
-/* Events of one topic are counted together when they repeat, with the text of the newest of them: the last line about
- * a drive is then always what holds. */
+/* Events of one topic are counted together when they repeat, with the text of the newest of them:
+ * the last line about a drive is then always what holds. */
 enum db_topic {
 	DB_TOPIC_SERVICE,
 	DB_TOPIC_CONFIG,

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * A thread of its own writes, because whoever reads the log may hang: a full pipe, a stopped
- * terminal, a journal that is being restarted. Neither a bus's cycle nor the watchdog of the network
- * thread may hang with it.
+ * terminal, a journal that is being restarted. Neither a bus's cycle nor the watchdog of the
+ * network thread may hang with it.
  *
  * The lock is held to copy a line in or out, never while one is written. It inherits priority: a
  * bus's thread that waits for it lends its own to the one that has it.
@@ -47,7 +47,7 @@ static db_time now_ns(void)
 	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
 }
 
-/* --- the thread that writes ------------------------------------------------------------------------- */
+/* --- the thread that writes ------------------------------------------------------------------- */
 
 __attribute__((format(printf, 3, 4))) static void make_record(struct db_log_record *record,
                                                               enum db_event event,
@@ -80,7 +80,8 @@ static bool next_record(struct db_log *log, db_time now, struct db_log_record *r
 	return db_repeats_due(&log->repeats, now, log->ending, record);
 }
 
-static bool take(struct db_log *log, struct db_log_record *record, db_time *next, bool *ending)
+static bool take_record(struct db_log *log, struct db_log_record *record, db_time *next,
+                        bool *ending)
 {
 	bool any;
 
@@ -103,7 +104,7 @@ static void wait_until(struct db_log *log, db_time until)
 		sem_clockwait(&log->wake, CLOCK_MONOTONIC, &time);
 }
 
-static void *run(void *context)
+static void *write_records(void *context)
 {
 	struct db_log *log = context;
 	struct db_log_record record;
@@ -112,13 +113,13 @@ static void *run(void *context)
 
 	while (!ending) {
 		wait_until(log, next);
-		while (take(log, &record, &next, &ending))
+		while (take_record(log, &record, &next, &ending))
 			log->write(log->context, &record);
 	}
 	return NULL;
 }
 
-/* --- making ------------------------------------------------------------------------------------------ */
+/* --- making ----------------------------------------------------------------------------------- */
 
 static int init_lock(pthread_mutex_t *lock)
 {
@@ -150,7 +151,7 @@ int db_log_new_to(db_log_write_fn *write, void *context, struct db_log **log)
 		return error;
 	}
 	sem_init(&made->wake, 0, 0);
-	error = pthread_create(&made->thread, NULL, run, made);
+	error = pthread_create(&made->thread, NULL, write_records, made);
 	if (error != 0) {
 		sem_destroy(&made->wake);
 		pthread_mutex_destroy(&made->lock);
@@ -193,9 +194,9 @@ void db_log_free(struct db_log *log)
 	free(log);
 }
 
-/* --- the other threads ------------------------------------------------------------------------------- */
+/* --- the other threads ------------------------------------------------------------------------ */
 
-static void post(struct db_log *log, const struct db_log_record *record, db_time now)
+static void post_record(struct db_log *log, const struct db_log_record *record, db_time now)
 {
 	bool news = false;
 
@@ -223,5 +224,5 @@ void db_log(const struct db_log_source *source, db_time now, enum db_event event
 	va_start(arguments, format);
 	db_log_record_init(&record, source->bus, event, about, format, arguments);
 	va_end(arguments);
-	post(source->log, &record, now);
+	post_record(source->log, &record, now);
 }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What happened just now and happens again: logged a few times (struct db_event_kind), and then as a
- * count, once a minute and with the newest text. Pure: no clock, no allocation. Internal to src/log.
+ * What happened just now and happens again: logged a few times (struct db_event_kind), and then as
+ * a count, once a minute and with the newest text. Pure: no clock, no allocation. Internal to
+ * src/log.
  */
 #ifndef DRIVEBRIDGE_LOG_REPEAT_H
 #define DRIVEBRIDGE_LOG_REPEAT_H
@@ -25,7 +26,8 @@ struct db_repeat {
 
 struct db_repeats {
 	struct db_repeat entries[DB_REPEATS_MAX];
-	/* Of each the newest of the withheld ones. Apart, because most have none: then it is not touched. */
+	/* Of each the newest of the withheld ones. Apart, because most have none: then it is not
+	 * touched. */
 	struct db_log_record newest[DB_REPEATS_MAX];
 };
 

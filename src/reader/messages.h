@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What is to be said about a configuration, collected while it is read and printed in the order of its
- * lines: errors, which make it unusable, and warnings. Running out of memory for a message is an error.
+ * What is to be said about a configuration, collected while it is read and printed in the order of
+ * its lines: errors, which make it unusable, and warnings. Running out of memory for a message is
+ * an error.
  */
 #ifndef DRIVEBRIDGE_READER_MESSAGES_H
 #define DRIVEBRIDGE_READER_MESSAGES_H
@@ -44,8 +45,8 @@ struct db_line_name {
 /* "line 12", or with several sources "line 12 of PATH". */
 struct db_line_name db_messages_name_line(const struct db_messages *messages, unsigned line);
 
-/* "PATH:LINE: text" each: the first twenty errors and the first twenty warnings, and how many more there
- * are. What has no line names the first path. */
+/* "PATH:LINE: text" each: the first twenty errors and the first twenty warnings, and how many more
+ * there are. What has no line names the first path. */
 void db_messages_print(struct db_messages *messages, FILE *out);
 
 void db_messages_clear(struct db_messages *messages);

@@ -85,7 +85,7 @@ static void put_byte(struct scan *scan, char byte)
 	scan->text[scan->length++] = byte;
 }
 
-/* --- tokens ------------------------------------------------------------------------------------ */
+/* --- tokens ----------------------------------------------------------------------------------- */
 
 /* Goes to the next thing that is neither space nor comment. False after a message. */
 static bool skip_space(struct scan *scan)
@@ -239,8 +239,8 @@ static bool scan_string(struct scan *scan)
 	return true;
 }
 
-/* How many bytes of a word stand here, 0 at its end. A slash counts together with the byte behind it, which
- * must not make a comment of it: "a//b" is a mistake more often than a comment. */
+/* How many bytes of a word stand here, 0 at its end. A slash counts together with the byte behind
+ * it, which must not make a comment of it: "a//b" is a mistake more often than a comment. */
 static size_t word_bytes(const struct scan *scan)
 {
 	static const char OTHERS[] = " #\"'\t\n\r={}()+,*";
@@ -305,8 +305,8 @@ static enum token_type scan_token(struct scan *scan)
 	return scan_word(scan) ? TOKEN_WORD : TOKEN_BAD;
 }
 
-/* Goes to the next token. */
-static void advance(struct scan *scan)
+/* The next one. */
+static void read_token(struct scan *scan)
 {
 	scan->token.type = TOKEN_BAD;
 	if (!skip_space(scan))
@@ -321,7 +321,7 @@ static void advance(struct scan *scan)
 		scan->token.type = TOKEN_BAD;
 }
 
-/* --- what they make ---------------------------------------------------------------------------- */
+/* --- what they make --------------------------------------------------------------------------- */
 
 /* Says what cannot stand here, unless there was a message about it; returns false. */
 static bool refuse_token(struct scan *scan, const char *expected)
@@ -380,7 +380,7 @@ static bool refuse_comma(struct scan *scan, struct token value)
 
 	if (scan->token.type != TOKEN_COMMA)
 		return true;
-	advance(scan);
+	read_token(scan);
 	if (value.type == TOKEN_WORD && strspn(value.begin, "-0123456789") == value.length &&
 	    scan->token.type == TOKEN_WORD)
 		db_messages_add_error(scan->messages, line,
@@ -413,23 +413,23 @@ static bool read_value(struct scan *scan, struct db_reader_key *key)
 			return refuse_token(scan, expected);
 		if (!add_value(scan, key))
 			return false;
-		advance(scan);
+		read_token(scan);
 		return refuse_comma(scan, value);
 	}
 	key->list = true;
 	do {
-		advance(scan);
+		read_token(scan);
 		if (scan->token.type == TOKEN_CLOSE)
 			break;
 		if (!is_text(scan))
 			return refuse_token(scan, "a value, or } at the end of the list");
 		if (!add_value(scan, key))
 			return false;
-		advance(scan);
+		read_token(scan);
 	} while (scan->token.type == TOKEN_COMMA);
 	if (scan->token.type != TOKEN_CLOSE)
 		return refuse_token(scan, "a comma, or } at the end of the list");
-	advance(scan);
+	read_token(scan);
 	return true;
 }
 
@@ -468,7 +468,7 @@ static bool read_key(struct scan *scan, char *name, unsigned line, size_t sectio
 		*key = (struct db_reader_key){ .name = name, .line = line, .section = section };
 	}
 	key->list = append;
-	advance(scan);
+	read_token(scan);
 	return read_value(scan, key);
 }
 
@@ -484,7 +484,7 @@ static bool read_keys(struct scan *scan, size_t section)
 		name = strdup(scan->text);
 		if (!name)
 			return false;
-		advance(scan);
+		read_token(scan);
 		if (scan->token.type != TOKEN_EQUALS && scan->token.type != TOKEN_APPEND) {
 			free(name);
 			return refuse_token(scan, "= after the key");
@@ -492,7 +492,7 @@ static bool read_keys(struct scan *scan, size_t section)
 		if (!read_key(scan, name, line, section))
 			return false;
 	}
-	advance(scan);
+	read_token(scan);
 	return true;
 }
 
@@ -515,10 +515,10 @@ static bool read_section(struct scan *scan, char *name, unsigned line)
 	sections[index] = (struct db_reader_section){ .name = name, .title = title, .line = line };
 	reader->section_count++;
 	if (is_text(scan))
-		advance(scan);
+		read_token(scan);
 	if (scan->token.type != TOKEN_OPEN)
 		return refuse_token(scan, "{ at the start of a section, or = after a key");
-	advance(scan);
+	read_token(scan);
 	return read_keys(scan, index);
 }
 
@@ -544,7 +544,7 @@ static bool read_source(struct scan *scan)
 
 	scan->at = scan->source->text;
 	scan->line = scan->source->lines_before + 1;
-	advance(scan);
+	read_token(scan);
 	while (good && scan->token.type != TOKEN_END) {
 		unsigned line = scan->token.line;
 		char expected[64];
@@ -556,7 +556,7 @@ static bool read_source(struct scan *scan)
 		name = strdup(scan->text);
 		if (!name)
 			return false;
-		advance(scan);
+		read_token(scan);
 		if (scan->token.type == TOKEN_EQUALS || scan->token.type == TOKEN_APPEND) {
 			good = read_key(scan, name, line, DB_READER_NO_SECTION);
 		} else if (strcmp(name, "end") == 0) {

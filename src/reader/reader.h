@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The form of configuration texts: sections with a name and perhaps a title, keys with a value or a list
- * in braces, quotes, escapes, comments. All of it becomes names and texts with the line where they stand.
- * Which names there are and what a value means is a matter of who reads them.
+ * The form of configuration texts: sections with a name and perhaps a title, keys with a value or a
+ * list in braces, quotes, escapes, comments. All of it becomes names and texts with the line where
+ * they stand. Which names there are and what a value means is a matter of who reads them.
  *
  * Pure, but for environment variables where the rules let them in.
  */
@@ -46,17 +46,17 @@ struct db_reader_rules {
 	const char
 		*sections; /* what may stand in the text, for messages: "bus NAME or drive NAME" */
 	/*
-	 * What simulators' files always could and the service's cannot, where a slip must not pass for a
-	 * value: ${VARIABLE} and ${VARIABLE:-otherwise} outside of single quotes, escapes as in C, texts
-	 * over several lines, quoted names, // and typographic characters inside words, += for lists, and
-	 * of two keys of one name the last counts.
+	 * What simulators' files always could and the service's cannot, where a slip must not pass
+	 * for a value: ${VARIABLE} and ${VARIABLE:-otherwise} outside of single quotes, escapes as
+	 * in C, texts over several lines, quoted names, two slashes and typographic characters
+	 * inside words, += for lists, and of two keys of one name the last counts.
 	 */
 	bool lenient;
 };
 
 /*
- * Reads all sources of `messages`, where errors go with what would be right. False: the form is broken
- * (the reader has what came before), or no memory, which is an error too.
+ * Reads all sources of `messages`, where errors go with what would be right. False: the form is
+ * broken (the reader has what came before), or no memory, which is an error too.
  */
 bool db_reader_read(struct db_reader *reader, const struct db_reader_rules *rules,
                     struct db_messages *messages);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The texts that a configuration is read from: one file, or several that count as one. Lines are counted
- * through all of them. Pure.
+ * The texts that a configuration is read from: one file, or several that count as one. Lines are
+ * counted through all of them. Pure.
  */
 #ifndef DRIVEBRIDGE_READER_SOURCE_H
 #define DRIVEBRIDGE_READER_SOURCE_H

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The lock is the name of an abstract socket: the kernel takes it back whatever becomes of the process,
- * it needs no folder that both root and the service may write, and it belongs to a network namespace
- * just as CAN interfaces do.
+ * The lock is the name of an abstract socket: the kernel takes it back whatever becomes of the
+ * process, it needs no folder that both root and the service may write, and it belongs to a network
+ * namespace just as CAN interfaces do.
  */
 #include "service/alone.h"
 
@@ -42,8 +42,8 @@ static socklen_t name_of(const char *path, struct sockaddr_un *name)
 	return (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + (size_t)length);
 }
 
-/* Who has the name. False when it is another user's: anybody can take a name, and must not be able to
- * keep the service from starting with it. */
+/* Who has the name. False when it is another user's: anybody can take a name, and must not be able
+ * to keep the service from starting with it. */
 static bool is_drivebridge(const struct sockaddr_un *name, socklen_t length, pid_t *holder)
 {
 	int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);

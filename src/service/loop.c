@@ -9,8 +9,8 @@
 #include <systemd/sd-daemon.h>
 #include <time.h>
 
-/* A deadline that is met later than this was kept waiting: by other clients, or by a stop of the whole
- * process. */
+/* A deadline that is met later than this was kept waiting: by other clients, or by a stop of the
+ * whole process. */
 #define LATE (2 * DB_NS_PER_MS)
 
 /* Sets the timer to the first client that will not wait any longer. */

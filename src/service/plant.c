@@ -7,7 +7,7 @@
 
 #define NUMBER_LIMIT 65535 /* numbers are below it */
 
-/* --- editions ------------------------------------------------------------------------------------ */
+/* --- editions --------------------------------------------------------------------------------- */
 
 static struct edition *hold_edition(struct edition *edition)
 {
@@ -23,7 +23,7 @@ static void release_edition(struct edition *edition)
 	free(edition);
 }
 
-/* --- finding --------------------------------------------------------------------------------------- */
+/* --- finding ---------------------------------------------------------------------------------- */
 
 bool plant_has_bus(const struct plant *plant, const struct plant_bus *bus)
 {
@@ -76,7 +76,7 @@ bool plant_same(const struct plant *a, const struct plant *b)
 	return db_config_same_modbus(a->edition->config, b->edition->config);
 }
 
-/* --- telling others -------------------------------------------------------------------------------- */
+/* --- telling others --------------------------------------------------------------------------- */
 
 struct db_bus_drive *plant_drives_on(const struct plant *plant, const struct plant_bus *bus,
                                      const struct plant *except, size_t *count)
@@ -140,7 +140,7 @@ void plant_roster_release(struct plant_roster *roster)
 	free(roster->drives);
 }
 
-/* --- making ---------------------------------------------------------------------------------------- */
+/* --- making ----------------------------------------------------------------------------------- */
 
 static void free_bus(struct plant_bus *bus)
 {

@@ -16,8 +16,8 @@
 
 struct service;
 
-/* A configuration, as long as somebody uses a part of it: who was left alone by a reload goes on with
- * the sections it was made from. */
+/* A configuration, as long as somebody uses a part of it: who was left alone by a reload goes on
+ * with the sections it was made from. */
 struct edition {
 	struct db_config *config;
 	unsigned users;
@@ -57,8 +57,8 @@ struct plant {
 
 /*
  * For a configuration, which is the plant's from now on, also when this fails; with what it has in
- * common with `running`, which may be null. Nothing is started. *last_number is the number given last.
- * 0 or a negative errno.
+ * common with `running`, which may be null. Nothing is started. *last_number is the number given
+ * last. 0 or a negative errno.
  */
 int plant_new(struct service *service, struct db_config *config, const struct plant *running,
               uint16_t *last_number, struct plant **plant);
@@ -80,7 +80,8 @@ const struct plant_drive *plant_drive_named(const struct plant *plant, const cha
 bool plant_same(const struct plant *a, const struct plant *b);
 
 /* The drives of a bus as db_bus_new() takes them, and those that come to it or leave it as
- * db_bus_change_new() does: those on this bus that only `plant` has. To be freed; null when out of memory. */
+ * db_bus_change_new() does: those on this bus that only `plant` has. To be freed; null when out of
+ * memory. */
 struct db_bus_drive *plant_drives_on(const struct plant *plant, const struct plant_bus *bus,
                                      const struct plant *except, size_t *count);
 

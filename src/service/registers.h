@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the registers ask the service for: the time, the buses, the server and the log. Their context is the
- * struct service. Internal to src/service; network thread.
+ * What the registers ask the service for: the time, the buses, the server and the log. Their
+ * context is the struct service. Internal to src/service; network thread.
  */
 #ifndef DRIVEBRIDGE_SERVICE_REGISTERS_H
 #define DRIVEBRIDGE_SERVICE_REGISTERS_H

@@ -32,7 +32,7 @@ static void notify_end(void)
 	sd_notify(0, "READY=1");
 }
 
-/* --- in words -------------------------------------------------------------------------------------- */
+/* --- in words --------------------------------------------------------------------------------- */
 
 /* About a bus, or when that is null about the service. */
 static void log_about(const struct service *service, const struct db_bus_config *bus_config,
@@ -122,7 +122,7 @@ static void log_failure(const struct service *service, int error)
 	       "reload: %s; nothing changes", strerror(-error));
 }
 
-/* --- getting ready --------------------------------------------------------------------------------- */
+/* --- getting ready ---------------------------------------------------------------------------- */
 
 /* The drives that leave a bus and come to it; nothing when there are none. */
 static int prepare_bus(struct plant_bus *bus, const struct plant *running, const struct plant *next)
@@ -146,7 +146,7 @@ static int prepare_bus(struct plant_bus *bus, const struct plant *running, const
 }
 
 /* All that can fail. What is prepared is freed by free_reload(), whatever becomes of it. */
-static int prepare(struct service *service, struct reload *reload)
+static int prepare_reload(struct service *service, struct reload *reload)
 {
 	const struct db_modbus_config *modbus = &reload->next->edition->config->modbus;
 	struct plant_roster roster;
@@ -191,9 +191,9 @@ static void free_reload(struct reload *reload, const struct plant *running)
 	free(reload);
 }
 
-/* --- what goes ------------------------------------------------------------------------------------- */
+/* --- what goes -------------------------------------------------------------------------------- */
 
-static void retire(struct service *service, struct reload *reload)
+static void retire_parts(struct service *service, struct reload *reload)
 {
 	struct plant *running = service->plant;
 	bool elsewhere = strcmp(running->edition->config->modbus.listen,
@@ -245,7 +245,7 @@ static bool is_all_gone(const struct plant *running)
 	return true;
 }
 
-/* --- what comes ------------------------------------------------------------------------------------ */
+/* --- what comes ------------------------------------------------------------------------------- */
 
 static int begin_next(struct service *service, struct reload *reload)
 {
@@ -291,13 +291,13 @@ static bool begin_reload(struct service *service, struct db_config *config)
 		free_reload(reload, service->plant);
 		return true;
 	}
-	if (prepare(service, reload) < 0) {
+	if (prepare_reload(service, reload) < 0) {
 		free_reload(reload, service->plant);
 		return false;
 	}
 	log_changes(service, reload->next);
 	service->reload = reload;
-	retire(service, reload);
+	retire_parts(service, reload);
 	return true;
 }
 
@@ -364,7 +364,8 @@ void reload_step(struct service *service)
 		int error = begin_next(service, service->reload);
 
 		if (error != 0) {
-			/* Half a plant is worse than none: an end in order, and systemd starts anew. */
+			/* Half a plant is worse than none: an end in order, and systemd starts
+			 * anew. */
 			sd_event_exit(service->loop, error);
 			return;
 		}

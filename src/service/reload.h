@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A reload: from the plant that runs to that of the new file, while what is the same in both goes on.
+ * A reload: from the plant that runs to that of the new file, while what is the same in both goes
+ * on.
  *
- * First everything is made that will be needed; if anything fails, nothing has changed. Then what goes
- * is retired: buses end, and drives leave theirs, as their on-exit says. That takes its time, in which
- * the network thread does everything else. When all of it is gone, so that its ports and addresses are
- * free, the new plant takes its place. Internal to src/service; network thread.
+ * First everything is made that will be needed; if anything fails, nothing has changed. Then what
+ * goes is retired: buses end, and drives leave theirs, as their on-exit says. That takes its time,
+ * in which the network thread does everything else. When all of it is gone, so that its ports and
+ * addresses are free, the new plant takes its place. Internal to src/service; network thread.
  */
 #ifndef DRIVEBRIDGE_SERVICE_RELOAD_H
 #define DRIVEBRIDGE_SERVICE_RELOAD_H

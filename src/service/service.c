@@ -20,7 +20,7 @@
 #include <time.h>
 #include <unistd.h>
 
-/* --- putting together ------------------------------------------------------------------------------ */
+/* --- putting together ------------------------------------------------------------------------- */
 
 static int make_registers(struct service *service)
 {
@@ -48,9 +48,9 @@ static const char *advice_for_listening(int error)
 }
 
 /*
- * systemd gives up on a service that fails too often, and what another program holds is free again some
- * time: so as a service this waits, before it touches a bus. Who starts the program by hand is told
- * instead. 0 to try again, -ECANCELED when asked to end, else what kept it.
+ * systemd gives up on a service that fails too often, and what another program holds is free again
+ * some time: so as a service this waits, before it touches a bus. Who starts the program by hand is
+ * told instead. 0 to try again, -ECANCELED when asked to end, else what kept it.
  */
 static int wait_after(int error)
 {
@@ -113,8 +113,8 @@ static int set_up(struct service *service, struct db_config *config)
 }
 
 /*
- * Every bus carries out its drives' on_exit side by side; clients are gone by then. What a reload was
- * about to bring goes last: buses have its drives already.
+ * Every bus carries out its drives' on_exit side by side; clients are gone by then. What a reload
+ * was about to bring goes last: buses have its drives already.
  */
 static void tear_down(struct service *service)
 {
@@ -130,7 +130,7 @@ static void tear_down(struct service *service)
 		close(service->lock);
 }
 
-/* --- what it needs of the machine ------------------------------------------------------------------- */
+/* --- what it needs of the machine ------------------------------------------------------------- */
 
 /* Where there is no loop yet, or no more. */
 static db_time monotonic_now(void)
@@ -153,7 +153,8 @@ static void raise_descriptors(void)
 	(void)setrlimit(RLIMIT_NOFILE, &limit);
 }
 
-/* Another process that runs the same configuration would be a second master on each of its buses. */
+/* Another process that runs the same configuration would be a second master on each of its
+ * buses. */
 static int take_configuration(struct service *service)
 {
 	bool logged = false;
@@ -162,7 +163,8 @@ static int take_configuration(struct service *service)
 
 	while (error == 0) {
 		service->lock = alone_take(service->path, &holder);
-		/* Where there are no such sockets, ports and the address to listen on keep others out. */
+		/* Where there are no such sockets, ports and the address to listen on keep others
+		 * out. */
 		if (service->lock != -EBUSY)
 			return 0;
 		if (!logged)
@@ -201,7 +203,7 @@ static void block_signals(void)
 }
 
 /* Takes the configuration over. */
-static int serve(struct service *service, struct db_config *config)
+static int run_service(struct service *service, struct db_config *config)
 {
 	int error = take_configuration(service);
 
@@ -249,7 +251,7 @@ int db_service_run(struct db_config *config, const char *path)
 		db_config_free(config);
 		return EXIT_FAILURE;
 	}
-	status = serve(&service, config);
+	status = run_service(&service, config);
 	db_log_free(service.log.log);
 	return status;
 }

@@ -4,7 +4,8 @@
 #include <string.h>
 #include <sys/epoll.h>
 
-/* A bus has two descriptors, its port and the lock of that; a reload may replace each of them before the old one ends. */
+/* A bus has two descriptors, its port and the lock of that; a reload may replace each of them
+ * before the old one ends. */
 #define DESCRIPTORS_PER_BUS 8
 /* The log, the loop, the server, and the files that a reload reads. */
 #define DESCRIPTORS_BESIDE 24

@@ -36,8 +36,8 @@ void status_add_bus(struct status_figures *figures, const char *name, size_t dri
 /* The line. Pure. */
 void status_write(const struct status_figures *figures, FILE *out);
 
-/* From now on systemd hears of it whenever the line changes, about a second later. Does nothing where nobody
- * listens. 0 or a negative errno. */
+/* From now on systemd hears of it whenever the line changes, about a second later. Does nothing
+ * where nobody listens. 0 or a negative errno. */
 int status_begin(struct service *service);
 
 /* Whether the last reload was refused, which stands in the line until one is carried out. */

@@ -171,7 +171,7 @@ static const struct sim_key *find_key(const struct sim_key *keys, const char *na
 	return NULL;
 }
 
-/* --- the whole text ---------------------------------------------------------------------------- */
+/* --- the whole text --------------------------------------------------------------------------- */
 
 /* False when it is none. */
 static bool parse_flag(const char *text, bool *flag)
@@ -290,7 +290,7 @@ struct sim_section sim_section_open(const struct db_reader *reader, struct db_me
 	};
 }
 
-/* --- one value --------------------------------------------------------------------------------- */
+/* --- one value -------------------------------------------------------------------------------- */
 
 static const struct db_reader_key *find_given(const struct sim_section *section, const char *name)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Sections of the simulator's configuration: which keys they have, what each may say, and what holds when it
- * says nothing. A value that is wrong is an error, and its preset is returned. Pure.
+ * Sections of the simulator's configuration: which keys they have, what each may say, and what
+ * holds when it says nothing. A value that is wrong is an error, and its preset is returned. Pure.
  */
 #ifndef DRIVEBRIDGE_SIM_CONFIG_SECTION_H
 #define DRIVEBRIDGE_SIM_CONFIG_SECTION_H
@@ -21,14 +21,14 @@ struct sim_section {
 /* Every section and key that is unknown, doubled or not of its type is an error. */
 void sim_section_check_all(const struct db_reader *reader, struct db_messages *messages);
 
-/* Of what sim_section_check_all() found good: how many sections have this name ("bus" or "drive"), and one
- * of them. */
+/* Of what sim_section_check_all() found good: how many sections have this name ("bus" or "drive"),
+ * and one of them. */
 size_t sim_section_count(const struct db_reader *reader, const char *name);
 struct sim_section sim_section_open(const struct db_reader *reader, struct db_messages *messages,
                                     const char *name, size_t number);
 
-/* Values of keys that the section has, of their types. Texts live as long as the reader; null when it was not
- * given and has no preset. */
+/* Values of keys that the section has, of their types. Texts live as long as the reader; null when
+ * it was not given and has no preset. */
 const char *sim_section_text(const struct sim_section *section, const char *name);
 long sim_section_whole(const struct sim_section *section, const char *name);
 double sim_section_real(const struct sim_section *section, const char *name);

@@ -38,7 +38,7 @@ static void read_faults(const struct sim_section *section, const char **faults, 
 	}
 }
 
-/* --- buses ------------------------------------------------------------------------------------- */
+/* --- buses ------------------------------------------------------------------------------------ */
 
 static void read_can(const struct sim_section *section, struct sim_bus_config *bus)
 {
@@ -118,7 +118,7 @@ static void read_bus(const struct sim_section *section, struct sim_bus_config *b
 	read_faults(section, bus->faults, &bus->fault_count);
 }
 
-/* --- VSMD drives ------------------------------------------------------------------------------- */
+/* --- VSMD drives ------------------------------------------------------------------------------ */
 
 static bool read_position(const char *text, double *position, const char **end)
 {
@@ -279,7 +279,7 @@ static void read_vsmd(const struct sim_section *section, const struct sim_bus_co
 	read_vsmd_settings(section, vsmd);
 }
 
-/* --- servos ------------------------------------------------------------------------------------ */
+/* --- servos ----------------------------------------------------------------------------------- */
 
 static void read_servo(const struct sim_section *section, struct sim_drive_config *drive)
 {
@@ -319,7 +319,7 @@ static void read_servo(const struct sim_section *section, struct sim_drive_confi
 	drive->servo_ack_latency = read_us(section, "ack-latency-us");
 }
 
-/* --- XYZA controllers -------------------------------------------------------------------------- */
+/* --- XYZA controllers ------------------------------------------------------------------------- */
 
 /* "lead.y=2000" for one axis, "lead=2000" for all, "sound=1" for what they share. */
 static bool parse_xyza_setting(const char *text, struct sim_xyza_config *xyza)
@@ -422,7 +422,7 @@ static void read_xyza(const struct sim_section *section, struct sim_xyza_config 
 	read_xyza_temper(section, &xyza->temper);
 }
 
-/* --- drives ------------------------------------------------------------------------------------ */
+/* --- drives ----------------------------------------------------------------------------------- */
 
 static bool find_bus(const struct sim_config *config, const char *name, size_t *index)
 {
@@ -488,7 +488,7 @@ static void read_drive(const struct sim_section *section, const struct sim_confi
 	check_neighbours(section, config, drive);
 }
 
-/* --- the file ---------------------------------------------------------------------------------- */
+/* --- the file --------------------------------------------------------------------------------- */
 
 /* What is wrong is an error. */
 static void read_config(struct sim_config *config, struct db_messages *messages)

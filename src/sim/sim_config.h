@@ -63,8 +63,8 @@ struct sim_config {
 };
 
 /*
- * On success 0, and the configuration is to be freed. Otherwise -1, and everything wrong was written to
- * standard error as "file:line: what is wrong; what would be right".
+ * On success 0, and the configuration is to be freed. Otherwise -1, and everything wrong was
+ * written to standard error as "file:line: what is wrong; what would be right".
  */
 int sim_config_load(const char *path, struct sim_config *config);
 

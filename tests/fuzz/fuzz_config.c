@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Any text: the reader must not crash or leak, and a refused text has a message with a line and a reason. */
+/* Any text: the reader must not crash or leak, and a refused text has a message with a line and a
+ * reason. */
 #include "config/load.h"
 
 #include <stdint.h>

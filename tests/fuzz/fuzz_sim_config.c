@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Any text as the simulator's configuration, whose files may say more than the service's: the reader must not
- * crash or leak, and a refused text has a message with a reason.
+ * Any text as the simulator's configuration, whose files may say more than the service's: the
+ * reader must not crash or leak, and a refused text has a message with a reason.
  */
 #include "sim/sim_config.h"
 
@@ -28,7 +28,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	setenv("FUZZ", "a value", 1);
 	result = sim_config_parse(text, "f", errors, &config);
 	fclose(errors);
-	/* Without a line it is that there is nothing to simulate, or out of memory, and there was enough. */
+	/* Without a line it is that there is nothing to simulate, or out of memory, and there was
+	 * enough. */
 	if (result != 0 && (strncmp(messages, "f:", 2) != 0 ||
 	                    (messages[2] == ' ' && !strstr(messages, "at least one bus"))))
 		abort();

@@ -21,8 +21,8 @@ static const struct {
 
 #define DOCUMENTS (sizeof documents / sizeof documents[0])
 
-/* The library's text in its order: a file of the folder drivebridge.st.in for each block, and what all of them
- * use before them. */
+/* The library's text in its order: a file of the folder drivebridge.st.in for each block, and what
+ * all of them use before them. */
 static const char *const blocks[] = {
 	"head",
 	"types",

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The form of configuration texts: what becomes of it, with its lines; and messages in their order. */
+/* The form of configuration texts: what becomes of it, with its lines; and messages in their
+ * order. */
 #include "reader/reader.h"
 
 #include <setjmp.h>
@@ -38,7 +39,7 @@ static void done(struct read *read)
 	db_sources_free(read->source, 1);
 }
 
-/* --- what is read ------------------------------------------------------------------------------- */
+/* --- what is read ----------------------------------------------------------------------------- */
 
 static void sections_keys_and_values_have_their_lines(void **state)
 {
@@ -128,7 +129,7 @@ static void several_sources_count_as_one(void **state)
 	}
 }
 
-/* --- two sets of rules ---------------------------------------------------------------------------- */
+/* --- two sets of rules ------------------------------------------------------------------------ */
 
 /* What only simulators' files may say, its value there, and why the service's may not. */
 static const struct {
@@ -187,7 +188,7 @@ static void of_two_keys_the_last_counts_where_that_is_allowed(void **state)
 	done(&read);
 }
 
-/* --- broken forms --------------------------------------------------------------------------------- */
+/* --- broken forms ----------------------------------------------------------------------------- */
 
 static const struct {
 	const char *text;
@@ -227,7 +228,7 @@ static void a_broken_form_is_one_error_with_its_line(void **state)
 	}
 }
 
-/* --- messages ------------------------------------------------------------------------------------- */
+/* --- messages --------------------------------------------------------------------------------- */
 
 static void messages_come_in_the_order_of_their_lines(void **state)
 {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Buses without threads, a server without sockets and a log in memory, in the place of the real ones: the
- * linker finds these functions first. What is asked of them stands in a journal, in order. To be included
- * once in a test.
+ * Buses without threads, a server without sockets and a log in memory, in the place of the real
+ * ones: the linker finds these functions first. What is asked of them stands in a journal, in
+ * order. To be included once in a test.
  */
 #ifndef DRIVEBRIDGE_TESTS_SERVICE_FAKES_H
 #define DRIVEBRIDGE_TESTS_SERVICE_FAKES_H
@@ -43,7 +43,8 @@ __attribute__((format(printf, 1, 2))) static void note(const char *format, ...)
 	strcat(fake.journal, "\n");
 }
 
-/* A line with this in the journal, behind the last one that was expected; fails when there is none. */
+/* A line with this in the journal, behind the last one that was expected; fails when there is
+ * none. */
 static const char *expected_to_here;
 
 static void expect_next(const char *fragment)
@@ -69,7 +70,7 @@ static void clear_journal(void)
 	expected_to_here = NULL;
 }
 
-/* --- the log ------------------------------------------------------------------------------------ */
+/* --- the log ---------------------------------------------------------------------------------- */
 
 int db_log_new(struct db_log **log)
 {
@@ -97,7 +98,7 @@ void db_log(const struct db_log_source *source, db_time now, enum db_event event
 	     about && about->client ? about->client : "-", text);
 }
 
-/* --- buses -------------------------------------------------------------------------------------- */
+/* --- buses ------------------------------------------------------------------------------------ */
 
 #define CHANGED_MAX 8
 
@@ -238,7 +239,7 @@ void db_bus_read_stats(const struct db_bus *bus, struct db_bus_stats *stats)
 	*stats = bus->stats;
 }
 
-/* --- the server --------------------------------------------------------------------------------- */
+/* --- the server ------------------------------------------------------------------------------- */
 
 struct db_server {
 	const struct db_modbus_config *config;

@@ -31,7 +31,7 @@ static struct db_bus *bus_at(size_t place)
 	return bench.service.plant->buses[place]->bus;
 }
 
-/* --- threads that hang ------------------------------------------------------------------------- */
+/* --- threads that hang ------------------------------------------------------------------------ */
 
 #define AT(s) ((s)*DB_NS_PER_S)
 
@@ -75,7 +75,7 @@ static void a_bus_that_never_turned_has_its_time_too(void **state)
 	assert_false(loop_buses_are_alive(&bench.service, AT(1006)));
 }
 
-/* --- the loop ---------------------------------------------------------------------------------- */
+/* --- the loop --------------------------------------------------------------------------------- */
 
 static void completions_are_fetched_when_a_bus_rings(void **state)
 {
@@ -114,7 +114,7 @@ static void without_systemd_nobody_feeds_its_watchdog(void **state)
 	unsetenv("WATCHDOG_USEC");
 }
 
-/* --- what is kept and said ---------------------------------------------------------------------- */
+/* --- what is kept and said -------------------------------------------------------------------- */
 
 static void buses_and_reloads_find_descriptors(void **state)
 {
@@ -177,7 +177,7 @@ static void watchdogs_and_refusals_name_bus_drive_and_client(void **state)
 	}
 }
 
-/* --- alone -------------------------------------------------------------------------------------- */
+/* --- alone ------------------------------------------------------------------------------------ */
 
 static void a_configuration_is_run_once(void **state)
 {

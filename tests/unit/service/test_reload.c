@@ -52,7 +52,8 @@ static void what_stays_goes_on_and_the_rest_takes_turns(void **state)
 	write_file(&bench, AFTER);
 	reload_ask(&bench.service);
 
-	/* The first half: what comes is made, what goes is told, and only then does anybody hear. */
+	/* The first half: what comes is made, what goes is told, and only then does anybody
+	 * hear. */
 	expect_next("make bus c of 1");
 	expect_next("log reload b/-/-: reload: it is removed");
 	expect_next("log reload c/-/-: reload: it is added");

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The simulator's configuration: how it may be written, what holds when nothing is said, what is refused. */
+/* The simulator's configuration: how it may be written, what holds when nothing is said, what is
+ * refused. */
 #include "sim/sim_config.h"
 
 #include <setjmp.h>
