@@ -19,7 +19,7 @@
 #include <cmocka.h>
 
 #define QUEUE 8
-#define LETTERS 20000
+#define REQUESTS 20000
 /* A machine that is very busy may be slow now and then, but not as a rule. */
 #define SLOW (400 * DB_NS_PER_MS)
 #define SLOW_AT_MOST 20
@@ -152,7 +152,7 @@ static uint32_t submit(struct db_bus *bus, uint32_t ticket)
 {
 	struct db_request request = { .drive = 99, .command = DB_CMD_ENABLE };
 
-	for (request.ticket = ticket; request.ticket <= LETTERS; request.ticket++) {
+	for (request.ticket = ticket; request.ticket <= REQUESTS; request.ticket++) {
 		if (!db_bus_submit(bus, &request))
 			break;
 	}
@@ -176,7 +176,7 @@ static void test_wake_ups(void **state)
 	config.driver = db_driver_find("vsmd-serial");
 	assert_int_equal(db_bus_new(&config, NULL, 0, NULL, &bus), 0);
 	assert_int_equal(db_bus_start(bus), 0);
-	while (back < LETTERS) {
+	while (back < REQUESTS) {
 		struct pollfd wait = { .fd = db_bus_completion_fd(bus), .events = POLLIN };
 		db_time begun = now_ns();
 

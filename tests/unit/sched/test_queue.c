@@ -15,7 +15,7 @@ static struct db_request request_of(uint32_t ticket, enum db_command command)
 	return (struct db_request){ .ticket = ticket, .command = command };
 }
 
-static void letters_are_taken_in_order_and_answered_once(void **state)
+static void requests_are_taken_in_order_and_answered_once(void **state)
 {
 	struct db_queue *queue = NULL;
 	struct db_completion completion;
@@ -129,14 +129,14 @@ static void nobody_takes_the_room_for_anothers_stops(void **state)
 	db_queue_free(queue);
 }
 
-#define LETTERS 20000
+#define REQUESTS 20000
 
 static void *work(void *context)
 {
 	struct db_queue *queue = context;
 	uint32_t expected = 1;
 
-	while (expected <= LETTERS) {
+	while (expected <= REQUESTS) {
 		struct db_queued *queued = db_queue_take(queue);
 
 		if (!queued)
@@ -161,14 +161,14 @@ static void two_threads_lose_and_reorder_nothing(void **state)
 	(void)state;
 	assert_int_equal(db_queue_new(5, 3, &queue), 0);
 	assert_int_equal(pthread_create(&thread, NULL, work, queue), 0);
-	while (collected < LETTERS) {
+	while (collected < REQUESTS) {
 		/* It may grow all the while. */
 		if (posted % 1000 == 0)
 			assert_int_equal(db_queue_grow(queue, 3 + posted / 1000), 0);
 		struct db_request request = request_of(posted + 1,
 		                                       posted % 3 ? DB_CMD_ENABLE : DB_CMD_STOP);
 
-		if (posted < LETTERS && db_queue_post(queue, &request))
+		if (posted < REQUESTS && db_queue_post(queue, &request))
 			posted++;
 		while (db_queue_collect(queue, &completion))
 			collected++;
@@ -211,7 +211,7 @@ static void it_grows_for_stops_and_never_shrinks(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		cmocka_unit_test(letters_are_taken_in_order_and_answered_once),
+		cmocka_unit_test(requests_are_taken_in_order_and_answered_once),
 		cmocka_unit_test(a_full_box_still_takes_stops),
 		cmocka_unit_test(nobody_takes_the_room_for_anothers_stops),
 		cmocka_unit_test(every_command_has_room_of_its_own),
