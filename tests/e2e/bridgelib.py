@@ -195,6 +195,10 @@ HOMING = code("axis_state", "Homing")
 STOPPING = code("axis_state", "Stopping")
 ERROR_STOP = code("axis_state", "ErrorStop")
 
+STOP = code("command", "stop")
+MOVE_VELOCITY = code("command", "move_velocity")
+MOVE_ABSOLUTE = code("command", "move_absolute")
+
 NO_ERROR = code("error", "none")
 NO_ANSWER_ERROR = code("error", "no_answer")
 BUS_DOWN_ERROR = code("error", "bus_down")

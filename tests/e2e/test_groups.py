@@ -8,6 +8,8 @@ from bridgelib import (
     DISABLED,
     HOMED_BIT,
     ILLEGAL_VALUE,
+    MOVE_ABSOLUTE,
+    MOVE_VELOCITY,
     NO_PATH,
     RESULT_FAILED,
     RESULT_OK,
@@ -16,14 +18,13 @@ from bridgelib import (
     eventually,
 )
 
-MOVE_ABSOLUTE, MOVE_VELOCITY, SAVE = 6, 5, 12
 SLAVE_ADDRESS_ERROR = 0x02
 
 
-def stage(drive, code, **args):
+def stage(drive, command, **args):
     for name, value in args.items():
         assert drive.write(name, value) == 0
-    return drive.write("staged_command", code)
+    return drive.write("staged_command", command)
 
 
 def state(bridge, wanted, drives):
@@ -199,10 +200,10 @@ def make_group(make_bridge, family, drives=3, **options):
 
 
 def stage_all(bridge, family, numbers):
-    code, args = FAMILIES[family]["command"]
+    command, args = FAMILIES[family]["command"]
     for number in numbers:
-        assert stage(bridge.drive(number), code, target_velocity=0) == 0
-        assert stage(bridge.drive(number), code, **args) == 0
+        assert stage(bridge.drive(number), command, target_velocity=0) == 0
+        assert stage(bridge.drive(number), command, **args) == 0
 
 
 def wire(bridge, mark):

@@ -4,6 +4,8 @@
 import time
 
 from bridgelib import (
+    MOVE_ABSOLUTE,
+    MOVE_VELOCITY,
     RESULT_CANCELLED,
     RESULT_LATCHED,
     RESULT_LIMIT,
@@ -13,7 +15,9 @@ from bridgelib import (
     RESULT_PENDING,
     RESULT_REFUSED,
     RESULT_RESTARTED,
+    STOP,
     Unit,
+    code,
     decode,
     eventually,
 )
@@ -59,11 +63,11 @@ def test_who_moved_it(bridge):
     after = time.time_ns() // 1000
 
     stop = entry(hmi)
-    assert (stop["sequence"], stop["command"], stop["result"]) == (3, 3, RESULT_OK)
+    assert (stop["sequence"], stop["command"], stop["result"]) == (3, STOP, RESULT_OK)
     assert stop["ipv4"] == 0x7F000003 and address_of(plc) == "127.0.0.3"
     assert stop["port"] == hmi.client.socket.getsockname()[1]
     move = entry(hmi, 2)
-    assert (move["sequence"], move["command_id"], move["command"]) == (2, 8, 5)
+    assert (move["sequence"], move["command_id"], move["command"]) == (2, 8, MOVE_VELOCITY)
     assert (move["result"], move["real"]) == (RESULT_OK, -800.5)
     assert move["ipv4"] == 0x7F000002 and address_of(hmi, 2) == "127.0.0.2"
     assert before <= move["timestamp_us"] < stop["timestamp_us"] <= after
@@ -96,14 +100,15 @@ def test_parameters_and_outputs(bridge):
     assert entry(drive)["number"] == drive.row("acc").address
     drive.command("set_sv", output_number=2, output_value=200)
     served = entry(drive)
-    assert (served["command"], served["number"], served["value"]) == (22, 2, 200)
+    assert (served["command"], served["number"], served["value"]) == (
+        code("command", "set_sv"), 2, 200)
 
 
 def test_what_the_bridge_does_itself(make_bridge):
     bridge = make_bridge(drive={"watchdog-ms": 100}, modbus={"allow-write": ["127.0.0.1"]})
     looker = from_address(bridge, "127.0.0.2")
     assert bridge.drive().command("move_velocity", target_velocity=800.0) == 0
-    stop = eventually(lambda: entry(looker)["command"] == 3 and entry(looker), what="the watchdog")
+    stop = eventually(lambda: entry(looker)["command"] == STOP and entry(looker), what="the watchdog")
     assert (stop["ipv4"], stop["port"], address_of(looker)) == (BRIDGE_ITSELF, 0, "")
     eventually(lambda: entry(looker)["result"] == RESULT_OK, what="the drive to confirm")
     assert bridge.drive().command("move_velocity", target_velocity=800.0) == 4
@@ -121,7 +126,8 @@ def test_what_was_refused(make_bridge):
     for _ in range(50):
         assert other.command("move_absolute", target_position=5, target_velocity=0) == 6
     refused = entry(plc)
-    assert (refused["command"], refused["result"], refused["repeats"]) == (6, RESULT_NOT_IN_CONTROL, 49)
+    assert (refused["command"], refused["result"], refused["repeats"]) == (
+        MOVE_ABSOLUTE, RESULT_NOT_IN_CONTROL, 49)
     assert (refused["position"], address_of(plc)) == (5, "127.0.0.3")
     assert other.write("acc", 1.0) == 6
     assert (entry(plc)["command"], entry(plc)["result"]) == (0, RESULT_NOT_IN_CONTROL)

@@ -17,12 +17,14 @@ from bridgelib import (
     DISABLED,
     ILLEGAL_VALUE,
     LATCHED_BIT,
+    MOVE_VELOCITY,
     NO_ERROR,
     RESULT_CANCELLED,
     RESULT_OK,
     RESULT_RUNS_ON,
     RUNS_ON_ERROR,
     STANDSTILL,
+    STOP,
     Client,
     Refused,
     encode,
@@ -101,10 +103,10 @@ def test_wrong_arguments_do_not_keep_a_stop_from_the_drive(bridge):
     """A PLC writes its whole block, in which 0/0 has become the velocity."""
     drive = bridge.drive()
     assert drive.command("move_velocity", target_velocity=2000) == 0
-    block = [0, 5, 0, 0, 0x7FC0, 0]
+    block = [0, MOVE_VELOCITY, 0, 0, 0x7FC0, 0]
     assert drive.write_words(100, block) == ILLEGAL_VALUE
     assert drive.read("axis_state") == CONTINUOUS
-    block[1] = 3
+    block[1] = STOP
     assert drive.write_words(100, block) == 0
     eventually(lambda: drive.read("axis_state") == STANDSTILL)
     assert drive.read("target_velocity") == 2000.0
