@@ -96,7 +96,7 @@ uint8_t servo_can_ack_expected(const struct servo_can_message *message,
 /* --- the layout ----------------------------------------------------------------------------------- */
 
 /* Whether a documented frame has an id from first to last, both included. */
-static bool documented(uint32_t first, uint32_t last)
+static bool is_documented(uint32_t first, uint32_t last)
 {
 	for (int kind = SERVO_CAN_SYNC; kind < SERVO_CAN_KIND_COUNT; kind++) {
 		uint32_t base = shapes[kind].base;
@@ -114,7 +114,8 @@ static bool ack_base_possible(uint32_t base)
 {
 	for (uint32_t id = base + 1; id <= base + SERVO_CAN_NODE_MAX; id++) {
 		if (id > DB_CAN_STANDARD_MASK ||
-		    (documented(id, id) && id != SERVO_CAN_ID_SYNC && id != SERVO_CAN_BASE_ENABLE))
+		    (is_documented(id, id) && id != SERVO_CAN_ID_SYNC &&
+		     id != SERVO_CAN_BASE_ENABLE))
 			return false;
 	}
 	return true;
@@ -142,7 +143,7 @@ static const char *words_problem(const struct servo_can_words_layout *words, uin
 		if (!has_subcode(words))
 			return "the command words have the ids of speed and current, so byte 0 must be "
 			       "a fixed number other than 1 and 2";
-	} else if (documented(words->base, last)) {
+	} else if (is_documented(words->base, last)) {
 		return "the command words' ids belong to a documented frame";
 	}
 	if (words->base <= ack_base + SERVO_CAN_NODE_MAX && last > ack_base)

@@ -90,7 +90,7 @@ static void put_text(struct writer *writer, const char *text)
 		put(writer, *text++);
 }
 
-static int finish(struct writer *writer, char end)
+static int finish_line(struct writer *writer, char end)
 {
 	put(writer, end);
 	return writer->length <= writer->size ? (int)writer->length : SLCAN_ERR_SPACE;
@@ -210,7 +210,7 @@ int slcan_encode_command(const struct slcan_command *command, char *line, size_t
 	default:
 		break;
 	}
-	return finish(&writer, SLCAN_CR);
+	return finish_line(&writer, SLCAN_CR);
 }
 
 static enum slcan_verb verb_of(char letter)
@@ -295,30 +295,30 @@ int slcan_encode_reply(const struct slcan_reply *reply, char *line, size_t size)
 
 	switch (reply->kind) {
 	case SLCAN_REPLY_DONE:
-		return finish(&writer, SLCAN_CR);
+		return finish_line(&writer, SLCAN_CR);
 	case SLCAN_REPLY_REFUSED:
-		return finish(&writer, SLCAN_BEL);
+		return finish_line(&writer, SLCAN_BEL);
 	case SLCAN_REPLY_FRAME:
 		error = put_frame(&writer, &reply->frame);
 		if (error != SLCAN_OK)
 			return error;
 		if (reply->has_timestamp)
 			put_hex(&writer, reply->timestamp, TIMESTAMP_DIGITS);
-		return finish(&writer, SLCAN_CR);
+		return finish_line(&writer, SLCAN_CR);
 	case SLCAN_REPLY_SENT:
 		put(&writer, reply->extended ? 'Z' : 'z');
-		return finish(&writer, SLCAN_CR);
+		return finish_line(&writer, SLCAN_CR);
 	case SLCAN_REPLY_FLAGS:
 		put(&writer, 'F');
 		put_hex(&writer, reply->flags, FLAGS_DIGITS);
-		return finish(&writer, SLCAN_CR);
+		return finish_line(&writer, SLCAN_CR);
 	case SLCAN_REPLY_VERSION:
 	case SLCAN_REPLY_SERIAL:
 		if (!is_text(reply->text, strnlen(reply->text, sizeof reply->text)))
 			return SLCAN_ERR_RANGE;
 		put(&writer, reply->kind == SLCAN_REPLY_VERSION ? 'V' : 'N');
 		put_text(&writer, reply->text);
-		return finish(&writer, SLCAN_CR);
+		return finish_line(&writer, SLCAN_CR);
 	default:
 		return SLCAN_ERR_RANGE;
 	}

@@ -608,7 +608,7 @@ static enum vsmd_error read_cfg(struct reader *reader, struct vsmd_command *comm
 }
 
 /* "s3", "sv1", "nmos2": the verb and its port. */
-static bool numbered(struct word word, const char *name, unsigned ports, uint8_t *port)
+static bool is_numbered(struct word word, const char *name, unsigned ports, uint8_t *port)
 {
 	size_t length = strlen(name);
 
@@ -658,15 +658,15 @@ static enum vsmd_error read_verb(struct reader *reader, struct vsmd_command *com
 		return read_zero(reader, command);
 	if (is(verb, "shake"))
 		return read_shake(reader, command);
-	if (numbered(verb, "s", 6, &command->port)) {
+	if (is_numbered(verb, "s", 6, &command->port)) {
 		command->verb = VSMD_SENSOR_OUT;
 		return read_switch(reader, command);
 	}
-	if (numbered(verb, "sv", 3, &command->port)) {
+	if (is_numbered(verb, "sv", 3, &command->port)) {
 		command->verb = VSMD_SV;
 		return read_duty(reader, command);
 	}
-	if (numbered(verb, "nmos", 3, &command->port)) {
+	if (is_numbered(verb, "nmos", 3, &command->port)) {
 		command->verb = VSMD_NMOS;
 		return read_duty(reader, command);
 	}

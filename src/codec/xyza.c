@@ -43,7 +43,7 @@ enum position_number { NUMBER_MAGNITUDE = 1, NUMBER_SIGN = 2, NUMBER_STANDING = 
 
 /* --- frames --------------------------------------------------------------------------------------- */
 
-static uint8_t sum(const uint8_t *bytes, size_t length)
+static uint8_t sum_of(const uint8_t *bytes, size_t length)
 {
 	unsigned total = 0;
 
@@ -54,7 +54,7 @@ static uint8_t sum(const uint8_t *bytes, size_t length)
 
 static bool sum_is_right(const uint8_t *frame, size_t length)
 {
-	return sum(frame + AT_ORDER, length - AT_ORDER - 1) == frame[length - 1];
+	return sum_of(frame + AT_ORDER, length - AT_ORDER - 1) == frame[length - 1];
 }
 
 /* Bytes of a whole frame with this mark; 0 when there is no such mark. */
@@ -103,7 +103,7 @@ static int write_frame(const struct content *content, uint8_t *frame, size_t siz
 	frame[AT_TARGET] = content->target;
 	for (size_t i = 0; AT_VALUE + i + 1 < length; i++)
 		frame[AT_VALUE + i] = (uint8_t)(content->value >> (8 * i));
-	frame[length - 1] = sum(frame + AT_ORDER, length - AT_ORDER - 1);
+	frame[length - 1] = sum_of(frame + AT_ORDER, length - AT_ORDER - 1);
 	return (int)length;
 }
 
@@ -714,7 +714,7 @@ int xyza_encode_raw(const uint8_t *content, size_t length, uint8_t object, uint8
 		frame[AT_OBJECT] = object;
 	if (frame[AT_OBJECT] != object || frame[AT_LEVEL] == LEVEL_CONTROLLER)
 		return XYZA_ERR_RANGE;
-	frame[whole - 1] = sum(frame + AT_ORDER, whole - AT_ORDER - 1);
+	frame[whole - 1] = sum_of(frame + AT_ORDER, whole - AT_ORDER - 1);
 	return (int)whole;
 }
 

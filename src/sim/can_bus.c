@@ -123,7 +123,7 @@ bool sim_can_bus_put(struct sim_can_bus *bus, const struct db_can_frame *frame, 
 	return true;
 }
 
-static bool take(struct sim_can_bus *bus, const struct station *station, enum sim_fault fault)
+static bool take_fault(struct sim_can_bus *bus, const struct station *station, enum sim_fault fault)
 {
 	return sim_faults_take(station->ops.faults, fault) || sim_faults_take(&bus->faults, fault);
 }
@@ -155,20 +155,20 @@ static void change_sender(const struct station *station, struct db_can_frame *fr
 }
 
 /* Lets faults act on a frame that a drive wants to send. False: it is not sent at all. */
-static bool damage(struct sim_can_bus *bus, const struct station *station,
-                   struct db_can_frame *frame)
+static bool damage_frame(struct sim_can_bus *bus, const struct station *station,
+                         struct db_can_frame *frame)
 {
-	if (is_silent(bus, station) || take(bus, station, SIM_FAULT_DROP))
+	if (is_silent(bus, station) || take_fault(bus, station, SIM_FAULT_DROP))
 		return false;
-	if (take(bus, station, SIM_FAULT_TRUNCATE))
+	if (take_fault(bus, station, SIM_FAULT_TRUNCATE))
 		frame->length /= 2;
-	if (take(bus, station, SIM_FAULT_WRONG_ID))
+	if (take_fault(bus, station, SIM_FAULT_WRONG_ID))
 		change_sender(station, frame);
 	return true;
 }
 
 /* Takes what is due out of a drive's own queue. */
-static void fetch(struct sim_can_bus *bus, struct station *station, db_time now)
+static void fetch_frame(struct sim_can_bus *bus, struct station *station, db_time now)
 {
 	while (!station->has_frame && station->ops.next(station->ops.self) <= now) {
 		db_time ready = station->ops.next(station->ops.self);
@@ -176,7 +176,7 @@ static void fetch(struct sim_can_bus *bus, struct station *station, db_time now)
 
 		if (!station->ops.send(station->ops.self, now, &frame))
 			return;
-		if (!damage(bus, station, &frame))
+		if (!damage_frame(bus, station, &frame))
 			continue;
 		/* What comes behind a late answer waits for it, too. */
 		station->frame = frame;
@@ -188,7 +188,7 @@ static void fetch(struct sim_can_bus *bus, struct station *station, db_time now)
 /* --- arbitration ----------------------------------------------------------------------------------- */
 
 /* Lower goes first: the eleven high bits, then standard before extended, then the rest. */
-static uint64_t rank(const struct db_can_frame *frame)
+static uint64_t rank_of(const struct db_can_frame *frame)
 {
 	bool extended = frame->id & DB_CAN_EXTENDED;
 	uint64_t id = frame->id & DB_CAN_ID_MASK;
@@ -202,11 +202,11 @@ struct candidate {
 	db_time ready;
 };
 
-static void consider(struct candidate *best, const struct candidate *next, db_time start)
+static void consider_sender(struct candidate *best, const struct candidate *next, db_time start)
 {
 	if (next->ready > start)
 		return;
-	if (!best->frame || rank(next->frame) < rank(best->frame))
+	if (!best->frame || rank_of(next->frame) < rank_of(best->frame))
 		*best = *next;
 }
 
@@ -232,18 +232,19 @@ static struct candidate arbitrate(struct sim_can_bus *bus, db_time start)
 		struct station *station = &bus->stations[i];
 
 		if (station->has_frame)
-			consider(&best,
-			         &(struct candidate){ .frame = &station->frame,
-			                              .station = station,
-			                              .ready = station->ready },
-			         start);
+			consider_sender(&best,
+			                &(struct candidate){ .frame = &station->frame,
+			                                     .station = station,
+			                                     .ready = station->ready },
+			                start);
 	}
 	if (bus->host_count > 0) {
 		const struct waiting *host = &bus->host[bus->host_first];
 		const struct db_can_frame *winner = best.frame;
 
-		consider(&best, &(struct candidate){ .frame = &host->frame, .ready = host->ready },
-		         start);
+		consider_sender(&best,
+		                &(struct candidate){ .frame = &host->frame, .ready = host->ready },
+		                start);
 		bus->stats.arbitration_lost += winner && host->ready <= start &&
 		                               best.frame == winner;
 	}
@@ -275,7 +276,7 @@ static void start_frame(struct sim_can_bus *bus, db_time start)
 	}
 	time = bits_time(bus, db_can_frame_bits(&bus->frame));
 	/* A damaged frame is seen by all, thrown away by all and sent again. */
-	if (best.station && take(bus, best.station, SIM_FAULT_CORRUPT)) {
+	if (best.station && take_fault(bus, best.station, SIM_FAULT_CORRUPT)) {
 		time += time / 2 + bits_time(bus, ERROR_BITS);
 		bus->stats.corrupted++;
 	}
@@ -297,11 +298,11 @@ static void queue_to_host(struct sim_can_bus *bus, const struct db_can_frame *fr
 }
 
 /* A request to one drive does not use up what another is to lose. */
-static bool loses(struct sim_can_bus *bus, const struct station *station)
+static bool loses_frame(struct sim_can_bus *bus, const struct station *station)
 {
 	if (station->ops.wants && !station->ops.wants(station->ops.self, &bus->frame))
 		return false;
-	return take(bus, station, SIM_FAULT_LOSE_REQUEST);
+	return take_fault(bus, station, SIM_FAULT_LOSE_REQUEST);
 }
 
 static void deliver_host_frame(struct sim_can_bus *bus)
@@ -309,7 +310,7 @@ static void deliver_host_frame(struct sim_can_bus *bus)
 	for (size_t i = 0; i < bus->station_count; i++) {
 		struct station *station = &bus->stations[i];
 
-		if (!is_silent(bus, station) && !loses(bus, station))
+		if (!is_silent(bus, station) && !loses_frame(bus, station))
 			station->ops.receive(station->ops.self, &bus->frame, bus->wire_end);
 	}
 	if (sim_faults_take(&bus->faults, SIM_FAULT_ECHO))
@@ -327,7 +328,7 @@ static void deliver_drive_frame(struct sim_can_bus *bus)
 	if (disturbed)
 		queue_to_host(bus, &garbage);
 	queue_to_host(bus, &bus->frame);
-	if (take(bus, bus->sender, SIM_FAULT_DOUBLE))
+	if (take_fault(bus, bus->sender, SIM_FAULT_DOUBLE))
 		queue_to_host(bus, &bus->frame);
 }
 
@@ -364,7 +365,7 @@ bool sim_can_bus_run(struct sim_can_bus *bus, db_time now, struct db_can_frame *
 			continue;
 		}
 		for (size_t i = 0; i < bus->station_count; i++)
-			fetch(bus, &bus->stations[i], now);
+			fetch_frame(bus, &bus->stations[i], now);
 		start = start_time(bus);
 		if (start > now)
 			return false;

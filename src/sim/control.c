@@ -29,14 +29,14 @@ struct sim_control {
 };
 
 /* data.ptr is null for the listener, else the client. */
-static int watch(struct sim_control *control, int fd, struct client *client)
+static int watch_client(struct sim_control *control, int fd, struct client *client)
 {
 	struct epoll_event event = { .events = EPOLLIN, .data.ptr = client };
 
 	return epoll_ctl(control->poll, EPOLL_CTL_ADD, fd, &event) != 0 ? -errno : 0;
 }
 
-static int start(struct sim_control *control)
+static int start_client(struct sim_control *control)
 {
 	struct stat status;
 
@@ -55,7 +55,7 @@ static int start(struct sim_control *control)
 		control->address.sun_path[0] = '\0';
 		return -errno;
 	}
-	return watch(control, control->listener, NULL);
+	return watch_client(control, control->listener, NULL);
 }
 
 int sim_control_open(const char *path, struct sim_world *world, struct sim_control **control)
@@ -73,7 +73,7 @@ int sim_control_open(const char *path, struct sim_world *world, struct sim_contr
 	result = strlen(path) < sizeof(made->address.sun_path) ? 0 : -ENAMETOOLONG;
 	if (result == 0) {
 		strcpy(made->address.sun_path, path);
-		result = start(made);
+		result = start_client(made);
 	}
 	if (result != 0)
 		sim_control_close(made);
@@ -82,7 +82,7 @@ int sim_control_open(const char *path, struct sim_world *world, struct sim_contr
 	return result;
 }
 
-static void drop(struct client *client)
+static void drop_client(struct client *client)
 {
 	(void)close(client->fd);
 	client->fd = -1;
@@ -95,7 +95,7 @@ void sim_control_close(struct sim_control *control)
 		return;
 	for (size_t i = 0; i < SIM_CONTROL_CLIENTS; i++) {
 		if (control->clients[i].fd >= 0)
-			drop(&control->clients[i]);
+			drop_client(&control->clients[i]);
 	}
 	if (control->listener >= 0) {
 		(void)close(control->listener);
@@ -121,7 +121,7 @@ static void take_client(struct sim_control *control)
 	for (size_t i = 0; i < SIM_CONTROL_CLIENTS; i++) {
 		if (control->clients[i].fd >= 0)
 			continue;
-		if (watch(control, fd, &control->clients[i]) != 0)
+		if (watch_client(control, fd, &control->clients[i]) != 0)
 			break;
 		control->clients[i].fd = fd;
 		return;
@@ -130,7 +130,8 @@ static void take_client(struct sim_control *control)
 }
 
 /* False when the client does not take its answer: it is then dropped rather than waited for. */
-static bool answer(struct sim_control *control, struct client *client, char *line, db_time now)
+static bool answer_client(struct sim_control *control, struct client *client, char *line,
+                          db_time now)
 {
 	char *text = NULL;
 	size_t length = 0;
@@ -145,7 +146,7 @@ static bool answer(struct sim_control *control, struct client *client, char *lin
 	return sent;
 }
 
-static void serve(struct sim_control *control, struct client *client, db_time now)
+static void serve_client(struct sim_control *control, struct client *client, db_time now)
 {
 	ssize_t count = recv(client->fd, client->line + client->length,
 	                     sizeof(client->line) - client->length, 0);
@@ -154,7 +155,7 @@ static void serve(struct sim_control *control, struct client *client, db_time no
 	if (count < 0 && (errno == EAGAIN || errno == EINTR))
 		return;
 	if (count <= 0) {
-		drop(client);
+		drop_client(client);
 		return;
 	}
 	client->length += (size_t)count;
@@ -162,15 +163,15 @@ static void serve(struct sim_control *control, struct client *client, db_time no
 		size_t used = (size_t)(end - client->line) + 1;
 
 		*end = '\0';
-		if (!answer(control, client, client->line, now)) {
-			drop(client);
+		if (!answer_client(control, client, client->line, now)) {
+			drop_client(client);
 			return;
 		}
 		client->length -= used;
 		memmove(client->line, client->line + used, client->length);
 	}
 	if (client->length == sizeof(client->line))
-		drop(client);
+		drop_client(client);
 }
 
 void sim_control_run(struct sim_control *control, db_time now)
@@ -180,7 +181,7 @@ void sim_control_run(struct sim_control *control, db_time now)
 
 	for (int i = 0; i < count; i++) {
 		if (events[i].data.ptr)
-			serve(control, events[i].data.ptr, now);
+			serve_client(control, events[i].data.ptr, now);
 		else
 			take_client(control);
 	}

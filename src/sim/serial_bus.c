@@ -126,8 +126,8 @@ static uint32_t random_below(struct sim_serial_bus *bus, uint32_t limit)
 	return bus->random % limit;
 }
 
-static void trace(const struct sim_serial_bus *bus, db_time time, char direction, const void *bytes,
-                  size_t length)
+static void trace_bytes(const struct sim_serial_bus *bus, db_time time, char direction,
+                        const void *bytes, size_t length)
 {
 	if (bus->trace)
 		bus->trace(bus->context, time, direction, bytes, length);
@@ -157,7 +157,7 @@ static void send_burst(struct sim_serial_bus *bus, struct sim_burst *burst, char
 	burst->chunk = (burst->length + chunks - 1) / chunks;
 }
 
-static void echo(struct sim_serial_bus *bus, db_time start)
+static void echo_bytes(struct sim_serial_bus *bus, db_time start)
 {
 	struct sim_burst *burst;
 
@@ -181,9 +181,9 @@ static void end_request(struct sim_serial_bus *bus, db_time now)
 		end = now;
 	bus->request_end = end;
 	bus->stats.requests++;
-	trace(bus, now, '>', bus->input, bus->input_length - untraced);
+	trace_bytes(bus, now, '>', bus->input, bus->input_length - untraced);
 	if (!bus->input_overflow)
-		echo(bus, bus->input_start);
+		echo_bytes(bus, bus->input_start);
 	if (bus->input_overflow || bus->input_unheard || bus->line_count == LINES_MAX) {
 		bus->stats.unheard++;
 	} else {
@@ -307,7 +307,7 @@ static void corrupt_at(struct sim_serial_bus *bus, struct sim_node *node, struct
 		burst->bytes[(place - 1) % burst->length] ^= (uint8_t)(1u << random_below(bus, 7));
 }
 
-static void damage(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst)
+static void damage_burst(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst)
 {
 	corrupt_at(bus, node, burst);
 	if (sim_serial_bus_take(bus, node, SIM_FAULT_CORRUPT)) {
@@ -345,7 +345,7 @@ void sim_serial_bus_send(struct sim_serial_bus *bus, struct sim_node *node, stru
 	db_time start = request_end + bus->config.latency;
 
 	burst->length = length;
-	damage(bus, node, burst);
+	damage_burst(bus, node, burst);
 	if (sim_faults_take(&node->faults, SIM_FAULT_DELAY))
 		start += (db_time)node->faults.delay_ms * DB_NS_PER_MS;
 	else if (sim_faults_take(&bus->faults, SIM_FAULT_DELAY))
@@ -369,7 +369,7 @@ struct sim_burst *sim_serial_bus_overlap(struct sim_burst *first, struct sim_bur
 	return first;
 }
 
-static void process(struct sim_serial_bus *bus, const struct line *line)
+static void process_request(struct sim_serial_bus *bus, const struct line *line)
 {
 	struct sim_serial_request request = {
 		.bytes = line->bytes,
@@ -420,7 +420,8 @@ db_time sim_serial_bus_next(struct sim_serial_bus *bus)
 }
 
 /* Hands out the burst's next chunk as far as there is room. */
-static size_t emit(struct sim_serial_bus *bus, struct sim_burst *burst, uint8_t *out, size_t size)
+static size_t emit_bytes(struct sim_serial_bus *bus, struct sim_burst *burst, uint8_t *out,
+                         size_t size)
 {
 	size_t count = next_chunk(burst) - burst->sent;
 
@@ -438,7 +439,7 @@ static size_t emit(struct sim_serial_bus *bus, struct sim_burst *burst, uint8_t 
 
 		if (burst->direction == '<')
 			bus->reply_end = end;
-		trace(bus, end, burst->direction, burst->bytes, burst->length);
+		trace_bytes(bus, end, burst->direction, burst->bytes, burst->length);
 		burst->used = false;
 		bus->current = NULL;
 	}
@@ -456,9 +457,9 @@ size_t sim_serial_bus_run(struct sim_serial_bus *bus, db_time now, uint8_t *out,
 		if (bus->line_count > 0 && (!burst || line->end <= burst_due(bus, burst))) {
 			bus->first_line = (bus->first_line + 1) % LINES_MAX;
 			bus->line_count--;
-			process(bus, line);
+			process_request(bus, line);
 		} else if (burst) {
-			written += emit(bus, burst, out + written, size - written);
+			written += emit_bytes(bus, burst, out + written, size - written);
 		}
 	}
 	return written;

@@ -100,7 +100,7 @@ static void start_reports(struct sim_servo *drive, db_time now)
 }
 
 /* What a loss of power resets. Encoder and shaft stay where they are. */
-static void boot(struct sim_servo *drive, db_time now)
+static void boot_drive(struct sim_servo *drive, db_time now)
 {
 	const struct sim_servo_config *config = &drive->config;
 
@@ -132,7 +132,7 @@ struct sim_servo *sim_servo_new(const struct sim_servo_config *config, db_time n
 	drive->position = config->start;
 	drive->voltage = config->voltage;
 	drive->temperature = config->temperature;
-	boot(drive, now);
+	boot_drive(drive, now);
 	return drive;
 }
 
@@ -143,7 +143,7 @@ void sim_servo_free(struct sim_servo *drive)
 
 /* --- the motor ----------------------------------------------------------------------------------- */
 
-static double clamp(double value, double limit)
+static double clamp_to(double value, double limit)
 {
 	return value > limit ? limit : value < -limit ? -limit : value;
 }
@@ -154,11 +154,11 @@ static void ramp(struct sim_servo *drive, double wanted)
 	bool slower = fabs(wanted) < fabs(drive->profile) || wanted * drive->profile < 0;
 	double most = (slower ? drive->deceleration : drive->acceleration) * STEP_S;
 
-	drive->profile += clamp(wanted - drive->profile, most);
+	drive->profile += clamp_to(wanted - drive->profile, most);
 }
 
 /* The speed that position mode wants: in time to stop at the target with the deceleration. */
-static double approach(const struct sim_servo *drive)
+static double approach_speed(const struct sim_servo *drive)
 {
 	double left = drive->target - drive->position;
 	double per_rpm = drive->config.counts_per_turn / SECONDS_PER_MINUTE; /* counts/s */
@@ -186,7 +186,7 @@ static double wanted_current(struct sim_servo *drive)
 
 	switch (drive->mode) {
 	case SERVO_CAN_MODE_SPEED:
-		ramp(drive, clamp(drive->speed, drive->max_speed));
+		ramp(drive, clamp_to(drive->speed, drive->max_speed));
 		return speed_loop(drive);
 	case SERVO_CAN_MODE_CURRENT:
 		amperes = drive->current / CURRENT_STEPS;
@@ -195,13 +195,13 @@ static double wanted_current(struct sim_servo *drive)
 		return fabs(drive->rpm) >= drive->max_speed && amperes * drive->rpm > 0 ? 0 :
 		                                                                          amperes;
 	default:
-		ramp(drive, approach(drive));
+		ramp(drive, approach_speed(drive));
 		return speed_loop(drive);
 	}
 }
 
 /* Friction slows down, but never turns a motor round, and holds a standing one. */
-static void turn(struct sim_servo *drive)
+static void turn_shaft(struct sim_servo *drive)
 {
 	const struct sim_servo_config *config = &drive->config;
 	double torque = drive->amperes * config->torque_constant - config->load;
@@ -217,14 +217,14 @@ static void turn(struct sim_servo *drive)
 }
 
 /* The power stage is on. */
-static bool driven(const struct sim_servo *drive)
+static bool is_driven(const struct sim_servo *drive)
 {
 	return drive->enabled && drive->faults == 0;
 }
 
 static void hold_at_target(struct sim_servo *drive)
 {
-	if (drive->mode != SERVO_CAN_MODE_POSITION || !driven(drive) ||
+	if (drive->mode != SERVO_CAN_MODE_POSITION || !is_driven(drive) ||
 	    fabs(drive->target - drive->position) > AT_REST_COUNTS ||
 	    fabs(drive->rpm) > AT_REST_RPM)
 		return;
@@ -238,7 +238,7 @@ static void plan(struct sim_servo *drive)
 {
 	double most = drive->max_speed / SECONDS_PER_MINUTE * drive->config.counts_per_turn;
 
-	drive->planned += clamp(drive->target - drive->planned, most * STEP_S);
+	drive->planned += clamp_to(drive->target - drive->planned, most * STEP_S);
 }
 
 static void step(struct sim_servo *drive)
@@ -246,13 +246,13 @@ static void step(struct sim_servo *drive)
 	double wanted = 0;
 
 	plan(drive);
-	if (driven(drive) && drive->time >= drive->idle_until)
+	if (is_driven(drive) && drive->time >= drive->idle_until)
 		wanted = wanted_current(drive);
 	else
 		drive->profile = drive->rpm;
-	drive->amperes = clamp(wanted, drive->config.max_current);
+	drive->amperes = clamp_to(wanted, drive->config.max_current);
 	drive->limited = drive->amperes != wanted;
-	turn(drive);
+	turn_shaft(drive);
 	hold_at_target(drive);
 	drive->time += STEP;
 	if (drive->shown_enabled != drive->enabled &&
@@ -261,13 +261,13 @@ static void step(struct sim_servo *drive)
 }
 
 /* Nothing will change however long one waits. */
-static bool settled(const struct sim_servo *drive)
+static bool has_settled(const struct sim_servo *drive)
 {
 	if (drive->rpm != 0 || drive->shown_enabled != drive->enabled ||
 	    drive->planned != drive->target || drive->time < drive->idle_until ||
 	    fabs(drive->config.load) > drive->config.friction)
 		return false;
-	if (!driven(drive))
+	if (!is_driven(drive))
 		return drive->amperes == 0;
 	switch (drive->mode) {
 	case SERVO_CAN_MODE_SPEED:
@@ -282,7 +282,7 @@ static bool settled(const struct sim_servo *drive)
 void sim_servo_advance(struct sim_servo *drive, db_time now)
 {
 	while (now - drive->time >= STEP) {
-		if (settled(drive)) {
+		if (has_settled(drive)) {
 			drive->time += (now - drive->time) / STEP * STEP;
 			return;
 		}
@@ -432,7 +432,7 @@ static void obey(struct sim_servo *drive, const struct servo_can_message *messag
 /* --- what it says ---------------------------------------------------------------------------------- */
 
 /* A position that is held trembles. */
-static double tremble(const struct sim_servo *drive)
+static double add_dither(const struct sim_servo *drive)
 {
 	bool even = drive->time / DITHER_TIME % 2 == 0;
 
@@ -443,20 +443,20 @@ static double tremble(const struct sim_servo *drive)
 
 static int32_t whole_position(const struct sim_servo *drive)
 {
-	return (int32_t)(uint32_t)(int64_t)llrint(drive->position + tremble(drive));
+	return (int32_t)(uint32_t)(int64_t)llrint(drive->position + add_dither(drive));
 }
 
 static int16_t shown_speed(const struct sim_servo *drive)
 {
-	return (int16_t)lrint(clamp(drive->rpm, INT16_MAX));
+	return (int16_t)lrint(clamp_to(drive->rpm, INT16_MAX));
 }
 
 static int16_t shown_current(const struct sim_servo *drive)
 {
-	return (int16_t)lrint(clamp(drive->amperes * CURRENT_STEPS, INT16_MAX));
+	return (int16_t)lrint(clamp_to(drive->amperes * CURRENT_STEPS, INT16_MAX));
 }
 
-static bool reached(const struct sim_servo *drive)
+static bool has_reached(const struct sim_servo *drive)
 {
 	double at = drive->config.temper.reached_by_profile ? drive->planned : drive->position;
 
@@ -478,7 +478,7 @@ static uint16_t status_bits(const struct sim_servo *drive)
 		bits |= SERVO_CAN_ST_ZERO_SPEED;
 	if (drive->mode == SERVO_CAN_MODE_SPEED && fabs(drive->rpm - drive->speed) <= REACHED_SPEED)
 		bits |= SERVO_CAN_ST_SPEED_REACHED;
-	if (drive->mode == SERVO_CAN_MODE_POSITION && reached(drive))
+	if (drive->mode == SERVO_CAN_MODE_POSITION && has_reached(drive))
 		bits |= SERVO_CAN_ST_POSITION_REACHED;
 	if (drive->limited)
 		bits |= SERVO_CAN_ST_TORQUE_LIMITED;
@@ -623,7 +623,7 @@ void sim_servo_power(struct sim_servo *drive, bool on, db_time now)
 	if (drive->powered == on)
 		return;
 	drive->powered = on;
-	boot(drive, now);
+	boot_drive(drive, now);
 }
 
 void sim_servo_set_faults(struct sim_servo *drive, uint16_t faults, db_time now)
@@ -659,7 +659,7 @@ void sim_servo_block(struct sim_servo *drive, bool blocked, db_time now)
 
 bool sim_servo_moving(const struct sim_servo *drive)
 {
-	return !settled(drive);
+	return !has_settled(drive);
 }
 
 bool sim_servo_ignores_broadcast(const struct sim_servo *drive)

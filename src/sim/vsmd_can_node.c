@@ -270,7 +270,7 @@ static void obey(struct sim_vsmd_can_node *node, const struct vsmd_can_message *
 	}
 }
 
-static void testify(const struct sim_vsmd_can_node *node, uint32_t refusals, db_time now)
+static void tell_witness(const struct sim_vsmd_can_node *node, uint32_t refusals, db_time now)
 {
 	const struct sim_node *sim = node->node;
 
@@ -278,7 +278,7 @@ static void testify(const struct sim_vsmd_can_node *node, uint32_t refusals, db_
 	                 sim_vsmd_refusals(sim->drive) == refusals);
 }
 
-static bool asks(const struct vsmd_can_id *id, const struct vsmd_can_message *message)
+static bool is_read(const struct vsmd_can_id *id, const struct vsmd_can_message *message)
 {
 	return id->control == VSMD_CAN_COMMAND && (message->command.code == VSMD_CAN_READ_STATUS ||
 	                                           message->command.code == VSMD_CAN_READ_DATA);
@@ -323,8 +323,8 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 		obey(node, &message, now);
 	else
 		write_registers(node, id.reg, &message, now);
-	if (error != VSMD_OK || !asks(&id, &message))
-		testify(node, refusals, now);
+	if (error != VSMD_OK || !is_read(&id, &message))
+		tell_witness(node, refusals, now);
 }
 
 /* --- sending --------------------------------------------------------------------------------------- */

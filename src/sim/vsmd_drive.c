@@ -205,7 +205,7 @@ void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now)
 	power_up(drive, now);
 }
 
-static bool enabled(const struct sim_vsmd *drive)
+static bool is_enabled(const struct sim_vsmd *drive)
 {
 	return (drive->flags & VSMD_ST_PWR) != 0;
 }
@@ -230,7 +230,7 @@ void sim_vsmd_hear(struct sim_vsmd *drive, bool named, db_time now)
 	drive->offline_start = DB_TIME_NEVER;
 }
 
-static bool enable(struct sim_vsmd *drive, const struct vsmd_command *command)
+static bool enable_motor(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
 	(void)command;
 	/* Enabling leads to standing from any mode. */
@@ -240,18 +240,18 @@ static bool enable(struct sim_vsmd *drive, const struct vsmd_command *command)
 	return true;
 }
 
-static bool disable(struct sim_vsmd *drive, const struct vsmd_command *command)
+static bool disable_motor(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
 	(void)command;
 	sim_mechanics_release(drive);
 	return true;
 }
 
-static bool run(struct sim_vsmd *drive, const struct vsmd_command *command)
+static bool run_motor(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
 	float velocity = command->has_velocity ? command->velocity : drive->params[VSMD_SPD].f;
 
-	if (!enabled(drive))
+	if (!is_enabled(drive))
 		return false;
 	sim_mechanics_abandon(drive);
 	drive->counts_spd = true;
@@ -264,7 +264,7 @@ static bool move_to(struct sim_vsmd *drive, double target, const struct vsmd_com
 {
 	float speed = command->has_velocity ? command->velocity : drive->params[VSMD_SPD].f;
 
-	if (!enabled(drive) || target < (double)INT32_MIN || target > (double)INT32_MAX)
+	if (!is_enabled(drive) || target < (double)INT32_MIN || target > (double)INT32_MAX)
 		return false;
 	sim_mechanics_abandon(drive);
 	drive->counts_spd = true;
@@ -283,7 +283,7 @@ static bool move_relative(struct sim_vsmd *drive, const struct vsmd_command *com
 	return move_to(drive, round(drive->motion.position) + command->position, command);
 }
 
-static bool stop(struct sim_vsmd *drive, const struct vsmd_command *command)
+static bool stop_motor(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
 	sim_mechanics_abandon(drive);
 	if (command->has_value && command->value == 1)
@@ -331,7 +331,7 @@ static bool set_external(struct sim_vsmd *drive, const struct vsmd_command *comm
 static bool start_homing(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
 	(void)command;
-	if (!enabled(drive))
+	if (!is_enabled(drive))
 		return false;
 	/* Needs a zero stop first: a set bit is left as it is and nothing moves. */
 	if (drive->flags & VSMD_ST_ZERO)
@@ -352,7 +352,7 @@ static bool stop_homing(struct sim_vsmd *drive, const struct vsmd_command *comma
 
 static bool start_shake(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
-	if (!enabled(drive))
+	if (!is_enabled(drive))
 		return false;
 	sim_mechanics_shake(drive, command);
 	sim_mechanics_sense(drive);
@@ -370,7 +370,7 @@ static bool stop_shake(struct sim_vsmd *drive, const struct vsmd_command *comman
 }
 
 /* The nearest value that this drive takes, or the one it has. */
-static union db_value clamped(const struct sim_vsmd *drive, const struct vsmd_setting *setting)
+static union db_value is_clamped(const struct sim_vsmd *drive, const struct vsmd_setting *setting)
 {
 	const struct db_param *row = &vsmd_params[setting->param];
 	double number = db_value_number(row->type, setting->value);
@@ -394,12 +394,13 @@ static bool write_settings(struct sim_vsmd *drive, const struct vsmd_command *co
 			return false;
 	}
 	for (size_t i = 0; i < command->setting_count; i++)
-		drive->params[command->settings[i].param] = clamped(drive, &command->settings[i]);
+		drive->params[command->settings[i].param] = is_clamped(drive,
+		                                                       &command->settings[i]);
 	sim_mechanics_configure(drive);
 	return true;
 }
 
-static bool save(struct sim_vsmd *drive, const struct vsmd_command *command)
+static bool save_params(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
 	int result = drive->flash_fails ? -EIO : 0;
 
@@ -418,12 +419,12 @@ static bool save(struct sim_vsmd *drive, const struct vsmd_command *command)
 static handler_fn *const handlers[VSMD_VERB_COUNT] = {
 	[VSMD_DEV] = accept,
 	[VSMD_STS] = accept,
-	[VSMD_ENA] = enable,
-	[VSMD_OFF] = disable,
-	[VSMD_MOV] = run,
+	[VSMD_ENA] = enable_motor,
+	[VSMD_OFF] = disable_motor,
+	[VSMD_MOV] = run_motor,
 	[VSMD_POS] = move_absolute,
 	[VSMD_RMV] = move_relative,
-	[VSMD_STP] = stop,
+	[VSMD_STP] = stop_motor,
 	[VSMD_ORG] = set_origin,
 	[VSMD_ECLR] = clear_encoder,
 	[VSMD_SENSOR_OUT] = set_output,
@@ -436,7 +437,7 @@ static handler_fn *const handlers[VSMD_VERB_COUNT] = {
 	[VSMD_SHAKE_STOP] = stop_shake,
 	[VSMD_CFG_READ] = accept,
 	[VSMD_CFG_WRITE] = write_settings,
-	[VSMD_SAV] = save,
+	[VSMD_SAV] = save_params,
 };
 
 static handler_fn *handler_of(enum vsmd_verb verb)
@@ -464,7 +465,7 @@ static bool obey(struct sim_vsmd *drive, const struct vsmd_command *command, db_
 	if (!is_read(command->verb) && command->verb != VSMD_ORG &&
 	    command->verb != VSMD_CFG_WRITE && command->verb != VSMD_SENSOR_OUT)
 		drive->waits = false;
-	if (delay == 0 || !is_motion(command->verb) || !enabled(drive))
+	if (delay == 0 || !is_motion(command->verb) || !is_enabled(drive))
 		return handlers[command->verb](drive, command);
 	drive->waits = true;
 	drive->waiting = *command;
@@ -483,7 +484,7 @@ static void follow_late_bits(struct sim_vsmd *drive, db_time now)
 {
 	const struct sim_vsmd_temper *temper = &drive->config.temper;
 
-	(void)sim_late_bit_follow(&drive->power_bit, enabled(drive), temper->power_delay, now);
+	(void)sim_late_bit_follow(&drive->power_bit, is_enabled(drive), temper->power_delay, now);
 	(void)sim_late_bit_follow(&drive->standing_bit, !sim_motion_moving(&drive->motion),
 	                          temper->standing_delay, now);
 }

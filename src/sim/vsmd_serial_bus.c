@@ -9,7 +9,7 @@
 #define LINE_END '\n'
 #define FRAME_START 0xff
 
-static bool ends(uint8_t *bytes, size_t *length, uint8_t newest)
+static bool ends_request(uint8_t *bytes, size_t *length, uint8_t newest)
 {
 	(void)bytes;
 	(void)length;
@@ -79,36 +79,36 @@ static struct sim_burst *reply(struct sim_serial_bus *bus, struct sim_node *node
 }
 
 /* Whether the drive hears the bus at all. */
-static bool hears(const struct sim_serial_bus *bus, const struct sim_node *node)
+static bool hears_bus(const struct sim_serial_bus *bus, const struct sim_node *node)
 {
 	return sim_vsmd_powered(node->drive) &&
 	       sim_vsmd_baud(node->drive) == sim_serial_bus_config(bus)->baud &&
 	       sim_serial_bus_connects(bus, node);
 }
 
-static bool asks(const struct vsmd_command *command, enum vsmd_error error)
+static bool is_read(const struct vsmd_command *command, enum vsmd_error error)
 {
 	return error == VSMD_OK && (command->verb == VSMD_DEV || command->verb == VSMD_STS ||
 	                            command->verb == VSMD_CFG_READ);
 }
 
-static void testify(const struct sim_node *node, const struct vsmd_command *command,
-                    enum vsmd_error error, uint32_t refusals)
+static void tell_witness(const struct sim_node *node, const struct vsmd_command *command,
+                         enum vsmd_error error, uint32_t refusals)
 {
-	if (!asks(command, error))
+	if (!is_read(command, error))
 		sim_serial_bus_testify(node, sim_vsmd_refusals(node->drive) == refusals);
 }
 
 /* What one drive does about it. */
-static struct sim_burst *serve(struct sim_serial_bus *bus, struct sim_node *node,
-                               const struct sim_serial_request *request,
-                               const struct vsmd_command *command, enum vsmd_error error)
+static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node *node,
+                                     const struct sim_serial_request *request,
+                                     const struct vsmd_command *command, enum vsmd_error error)
 {
 	bool broadcast = sim_serial_bus_config(bus)->rs485 && command->id == VSMD_SERIAL_BROADCAST;
 	enum vsmd_reply_code code = VSMD_REPLY_STATUS;
 	uint32_t refusals = sim_vsmd_refusals(node->drive);
 
-	if (!hears(bus, node) || sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
+	if (!hears_bus(bus, node) || sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
 		sim_serial_bus_count(bus)->unheard++;
 		return NULL;
 	}
@@ -120,7 +120,7 @@ static struct sim_burst *serve(struct sim_serial_bus *bus, struct sim_node *node
 		code = sim_vsmd_execute(node->drive, command, request->end);
 	else
 		sim_vsmd_refuse(node->drive, request->end);
-	testify(node, command, error, refusals);
+	tell_witness(node, command, error, refusals);
 	return broadcast ? NULL : reply(bus, node, code, request->end);
 }
 
@@ -151,13 +151,14 @@ static void process(struct sim_serial_bus *bus, const struct sim_serial_request 
 		if (rs485 && !is_for(node, command.id))
 			continue;
 		known = true;
-		answer = sim_serial_bus_overlap(answer, serve(bus, node, request, &command, error));
+		answer = sim_serial_bus_overlap(answer,
+		                                serve_drive(bus, node, request, &command, error));
 	}
 	sim_serial_bus_count(bus)->foreign += !known;
 }
 
 const struct sim_serial_protocol sim_vsmd_serial_protocol = {
-	.ends = ends,
+	.ends = ends_request,
 	.untraced = 1,
 	.garbage = FRAME_START,
 	.process = process,

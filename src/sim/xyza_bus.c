@@ -12,7 +12,7 @@
 #define PATIENCE (100 * DB_NS_PER_MS)
 #define HEX_DIGITS 3 /* characters a byte takes in the log */
 
-static bool ends(uint8_t *bytes, size_t *length, uint8_t newest)
+static bool ends_request(uint8_t *bytes, size_t *length, uint8_t newest)
 {
 	size_t skip;
 	size_t frame;
@@ -53,16 +53,16 @@ static struct sim_burst *answer(struct sim_serial_bus *bus, struct sim_node *nod
 	return burst;
 }
 
-static bool asks(const struct xyza_request *request, enum xyza_error error)
+static bool is_read(const struct xyza_request *request, enum xyza_error error)
 {
 	return error == XYZA_OK &&
 	       (request->verb <= XYZA_READ_ITEM || request->verb == XYZA_PROGRAM_STATE);
 }
 
 /* What one controller does about it. */
-static struct sim_burst *serve(struct sim_serial_bus *bus, struct sim_node *node,
-                               const struct sim_serial_request *request,
-                               const struct xyza_request *decoded, enum xyza_error error)
+static struct sim_burst *serve_controller(struct sim_serial_bus *bus, struct sim_node *node,
+                                          const struct sim_serial_request *request,
+                                          const struct xyza_request *decoded, enum xyza_error error)
 {
 	struct xyza_reply reply;
 
@@ -74,7 +74,7 @@ static struct sim_burst *serve(struct sim_serial_bus *bus, struct sim_node *node
 	write_log(node, request);
 	if (!sim_xyza_execute(node->xyza, decoded, error, request->end, &reply))
 		return NULL;
-	if (!asks(decoded, error))
+	if (!is_read(decoded, error))
 		sim_serial_bus_testify(node, reply.kind != XYZA_REPLY_FAILED);
 	return answer(bus, node, &reply, request->end);
 }
@@ -92,13 +92,14 @@ static void process(struct sim_serial_bus *bus, const struct sim_serial_request 
 		if (!node->xyza || decoded.object != sim_xyza_number(node->xyza))
 			continue;
 		known = true;
-		burst = sim_serial_bus_overlap(burst, serve(bus, node, request, &decoded, error));
+		burst = sim_serial_bus_overlap(
+			burst, serve_controller(bus, node, request, &decoded, error));
 	}
 	sim_serial_bus_count(bus)->foreign += !known;
 }
 
 const struct sim_serial_protocol sim_xyza_protocol = {
-	.ends = ends,
+	.ends = ends_request,
 	.garbage = FRAME_START,
 	.patience = PATIENCE,
 	.process = process,

@@ -101,7 +101,7 @@ static void set_defaults(struct sim_xyza *controller)
 }
 
 /* One line of numbers in the order of axes and items. */
-static void save(const struct sim_xyza *controller)
+static void save_items(const struct sim_xyza *controller)
 {
 	char temporary[FLASH_TEXT_MAX];
 	int length;
@@ -128,7 +128,7 @@ static void save(const struct sim_xyza *controller)
 }
 
 /* False, and nothing changed, when there is no whole memory. */
-static bool load(struct sim_xyza *controller)
+static bool load_items(struct sim_xyza *controller)
 {
 	uint32_t items[XYZA_AXIS_COUNT][XYZA_ITEM_COUNT];
 	char text[FLASH_TEXT_MAX];
@@ -169,7 +169,7 @@ static double ramp(const struct sim_xyza *controller, enum xyza_axis axis)
 	return time > 0.0 && change > 0.0 ? change / time : 0.0;
 }
 
-static bool brakes(const struct sim_xyza *controller, enum xyza_axis axis)
+static bool has_brakes(const struct sim_xyza *controller, enum xyza_axis axis)
 {
 	return (controller->items[XYZA_X][XYZA_ITEM_BRAKE] >> axis & 1) != 0;
 }
@@ -181,7 +181,7 @@ static double braking(const struct sim_xyza *controller, enum xyza_axis axis)
 
 	if (time > 0.0)
 		return content(controller, axis, XYZA_ITEM_MAX_SPEED) / time;
-	return brakes(controller, axis) ? ramp(controller, axis) : 0.0;
+	return has_brakes(controller, axis) ? ramp(controller, axis) : 0.0;
 }
 
 static void run_axis(struct sim_xyza *controller, enum xyza_axis axis, double velocity)
@@ -332,7 +332,7 @@ static void end_step(struct sim_xyza *controller)
 		next_step(controller);
 }
 
-static bool start(struct sim_xyza *controller, unsigned program)
+static bool start_program(struct sim_xyza *controller, unsigned program)
 {
 	if (program < 1 || program > controller->config.programs || program_active(controller) ||
 	    any_moves(controller))
@@ -346,7 +346,7 @@ static bool start(struct sim_xyza *controller, unsigned program)
 	return true;
 }
 
-static bool resume(struct sim_xyza *controller)
+static bool resume_program(struct sim_xyza *controller)
 {
 	if (controller->state != XYZA_PROGRAM_WAITING &&
 	    controller->state != XYZA_PROGRAM_INTERRUPTED)
@@ -355,7 +355,7 @@ static bool resume(struct sim_xyza *controller)
 	return true;
 }
 
-static bool timed(const struct sim_xyza *controller)
+static bool is_timed(const struct sim_xyza *controller)
 {
 	return controller->starting || controller->state == XYZA_PROGRAM_RUNNING;
 }
@@ -364,7 +364,7 @@ void sim_xyza_advance(struct sim_xyza *controller, db_time now)
 {
 	if (now < controller->now)
 		return;
-	while (controller->powered && timed(controller) && controller->step_end <= now) {
+	while (controller->powered && is_timed(controller) && controller->step_end <= now) {
 		advance_axes(controller, controller->step_end);
 		end_step(controller);
 	}
@@ -373,14 +373,14 @@ void sim_xyza_advance(struct sim_xyza *controller, db_time now)
 
 bool sim_xyza_busy(const struct sim_xyza *controller)
 {
-	return controller->powered && (timed(controller) || any_moves(controller));
+	return controller->powered && (is_timed(controller) || any_moves(controller));
 }
 
 /* --- power ---------------------------------------------------------------------------------------- */
 
 static void power_up(struct sim_xyza *controller)
 {
-	if (!load(controller) && controller->flash_path)
+	if (!load_items(controller) && controller->flash_path)
 		set_defaults(controller);
 	controller->powered = true;
 	controller->reset_done = DB_TIME_NEVER;
@@ -397,7 +397,7 @@ static void power_up(struct sim_xyza *controller)
 			                                                     .real = true };
 	}
 	if (controller->items[XYZA_X][XYZA_ITEM_START_UP] == 1)
-		(void)start(controller, 1);
+		(void)start_program(controller, 1);
 }
 
 struct sim_xyza *sim_xyza_new(const struct sim_xyza_config *config, db_time now)
@@ -441,7 +441,7 @@ void sim_xyza_power(struct sim_xyza *controller, bool on, db_time now)
 	halt_axes(controller);
 	if (controller->reset_done <= controller->now) {
 		set_defaults(controller);
-		save(controller);
+		save_items(controller);
 	}
 	controller->powered = false;
 }
@@ -520,11 +520,11 @@ static bool write_item(struct sim_xyza *controller, const struct xyza_request *r
 		return true;
 	}
 	set_content(controller, request);
-	save(controller);
+	save_items(controller);
 	return true;
 }
 
-static bool jog(struct sim_xyza *controller, const struct xyza_request *request)
+static bool start_jog(struct sim_xyza *controller, const struct xyza_request *request)
 {
 	double speed = content(controller, request->axis, XYZA_ITEM_MANUAL_SPEED);
 
@@ -555,7 +555,7 @@ static bool manual_stop(struct sim_xyza *controller, const struct xyza_request *
 	return true;
 }
 
-static bool clear(struct sim_xyza *controller, const struct xyza_request *request)
+static bool clear_position(struct sim_xyza *controller, const struct xyza_request *request)
 {
 	controller->axes[request->axis].negative_zero = false;
 	sim_motion_set_position(&controller->axes[request->axis].motion, 0.0);
@@ -581,7 +581,7 @@ static bool program_stop(struct sim_xyza *controller, const struct xyza_request 
 
 static bool program_start(struct sim_xyza *controller, const struct xyza_request *request)
 {
-	return start(controller, request->number);
+	return start_program(controller, request->number);
 }
 
 static bool program_delay(struct sim_xyza *controller, const struct xyza_request *request)
@@ -593,7 +593,7 @@ static bool program_delay(struct sim_xyza *controller, const struct xyza_request
 static bool program_continue(struct sim_xyza *controller, const struct xyza_request *request)
 {
 	(void)request;
-	return resume(controller);
+	return resume_program(controller);
 }
 
 static bool program_end(struct sim_xyza *controller, const struct xyza_request *request)
@@ -625,12 +625,12 @@ static handler_fn *const handlers[XYZA_VERB_COUNT] = {
 	[XYZA_WRITE_ITEM] = write_item,
 	[XYZA_MANUAL_QUICK_STOP] = manual_stop,
 	[XYZA_MANUAL_STOP] = manual_stop,
-	[XYZA_MANUAL_JOG] = jog,
-	[XYZA_MANUAL_CLEAR] = clear,
+	[XYZA_MANUAL_JOG] = start_jog,
+	[XYZA_MANUAL_CLEAR] = clear_position,
 	[XYZA_PROGRAM_QUICK_STOP] = program_stop,
 	[XYZA_PROGRAM_STOP] = program_stop,
 	[XYZA_PROGRAM_START] = program_start,
-	[XYZA_PROGRAM_CLEAR] = clear,
+	[XYZA_PROGRAM_CLEAR] = clear_position,
 	[XYZA_PROGRAM_DELAY] = program_delay,
 	[XYZA_PROGRAM_CONTINUE] = program_continue,
 	[XYZA_PROGRAM_END] = program_end,
@@ -771,11 +771,12 @@ static unsigned key(const struct sim_xyza *controller, enum xyza_param param)
 	return xyza_param_get(param, controller->items[XYZA_X][XYZA_ITEM_KEYS]).u;
 }
 
-static void press(struct sim_xyza *controller, unsigned number)
+static void press_key(struct sim_xyza *controller, unsigned number)
 {
 	if (number == key(controller, XYZA_START_KEY)) {
-		if (!resume(controller))
-			(void)start(controller, controller->program ? controller->program : 1);
+		if (!resume_program(controller))
+			(void)start_program(controller,
+			                    controller->program ? controller->program : 1);
 	} else if (number == key(controller, XYZA_STOP_KEY)) {
 		if (controller->state == XYZA_PROGRAM_RUNNING || controller->starting)
 			pause_program(controller, XYZA_PROGRAM_WAITING);
@@ -799,7 +800,7 @@ void sim_xyza_set_input(struct sim_xyza *controller, unsigned number, bool level
 	controller->inputs = (uint16_t)(level ? controller->inputs | bit :
 	                                        controller->inputs & ~bit);
 	if (level && !before && controller->powered && controller->reset_done == DB_TIME_NEVER)
-		press(controller, number);
+		press_key(controller, number);
 }
 
 void sim_xyza_set_number(struct sim_xyza *controller, unsigned number)

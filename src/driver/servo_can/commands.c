@@ -68,12 +68,6 @@ static enum db_step confirm_power(struct db_conversation *talk, bool wanted)
 	return drop_trigger(talk);
 }
 
-static enum db_step continue_disable(struct db_conversation *talk)
-{
-	return is_done(talk, STEP_POWER) ? confirm_power(talk, false) :
-	                                   servo_can_say_power(talk, false);
-}
-
 /* Another program may have left a speed or a current: it is made 0, if the drive takes that now. */
 static bool says_clear(struct db_conversation *talk, enum servo_can_mode mode, enum db_step *step)
 {
@@ -449,7 +443,8 @@ enum db_step servo_can_continue_command(struct db_conversation *talk)
 	case DB_CMD_ENABLE:
 		return continue_enable(talk);
 	case DB_CMD_DISABLE:
-		return continue_disable(talk);
+		return is_done(talk, STEP_POWER) ? confirm_power(talk, false) :
+		                                   servo_can_say_power(talk, false);
 	case DB_CMD_STOP:
 	case DB_CMD_QUICK_STOP:
 		return continue_stop(talk);
@@ -512,21 +507,16 @@ static bool says_because_of_fault(struct db_conversation *talk, enum db_step *st
 	return false;
 }
 
-static enum db_step read_cyclically(struct db_conversation *talk)
-{
-	unsigned parts = servo_can_reports_come(talk->device, talk->now) ? SERVO_CAN_GIVES_STATUS :
-	                                                                   SERVO_CAN_ALL_PARTS;
-
-	return servo_can_read_parts(talk, STEP_LOOK, parts);
-}
-
 enum db_step servo_can_continue_poll(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 	enum db_step step;
 
 	if (!is_done(talk, STEP_LOOK))
-		return read_cyclically(talk);
+		return servo_can_read_parts(talk, STEP_LOOK,
+		                            servo_can_reports_come(device, talk->now) ?
+		                                    SERVO_CAN_GIVES_STATUS :
+		                                    SERVO_CAN_ALL_PARTS);
 	if (talk->job->step == STEP_ANALOGUE)
 		return end_job(talk, DB_RESULT_OK);
 	if (says_because_of_fault(talk, &step))

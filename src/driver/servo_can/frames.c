@@ -38,8 +38,8 @@ static bool add_frame(const struct db_device *device, const struct servo_can_mes
 	return true;
 }
 
-static enum db_step say(struct db_conversation *talk, enum servo_can_step step,
-                        struct servo_can_message message, bool repeatable)
+static enum db_step say_message(struct db_conversation *talk, enum servo_can_step step,
+                                struct servo_can_message message, bool repeatable)
 {
 	struct db_exchange *exchange = talk->exchange;
 
@@ -59,7 +59,7 @@ static enum db_step say_and_read(struct db_conversation *talk, enum servo_can_st
                                  struct servo_can_message message, bool repeatable)
 {
 	struct servo_can_message read = { .kind = SERVO_CAN_READ, .node = talk->device->node };
-	enum db_step said = say(talk, step, message, repeatable);
+	enum db_step said = say_message(talk, step, message, repeatable);
 
 	if (said != DB_STEP_SEND)
 		return said;
@@ -77,7 +77,7 @@ enum db_step servo_can_read_parts(struct db_conversation *talk, enum servo_can_s
 	enum db_step said;
 
 	message.u.selector = (uint8_t)servo_can_selector(parts);
-	said = say(talk, step, message, true);
+	said = say_message(talk, step, message, true);
 	talk->exchange->answer_length = answer_length(talk->device, servo_can_count_bits(parts),
 	                                              ANSWER_DATA);
 	return said;
@@ -90,12 +90,6 @@ enum db_step servo_can_read_all(struct db_conversation *talk)
 
 /* --- mode, speed and current ----------------------------------------------------------------------- */
 
-static bool lacks_max_speed(const struct db_device *device)
-{
-	return !isnan(device->profile.max_speed) &&
-	       !(device->plate.valid & PARAM_BIT(PARAM_MAX_SPEED));
-}
-
 enum db_step servo_can_say_mode(struct db_conversation *talk, enum servo_can_mode mode,
                                 const uint16_t *max_speed)
 {
@@ -106,7 +100,7 @@ enum db_step servo_can_say_mode(struct db_conversation *talk, enum servo_can_mod
 		return end_job(talk, DB_RESULT_UNSUPPORTED);
 	message.u.mode.mode = mode;
 	message.u.mode.torque_clockwise = device->torque_clockwise;
-	message.u.mode.has_max_speed = max_speed || lacks_max_speed(device);
+	message.u.mode.has_max_speed = max_speed || servo_can_lacks_max_speed(device);
 	if (max_speed)
 		message.u.mode.max_speed = *max_speed;
 	else if (message.u.mode.has_max_speed)
@@ -114,7 +108,7 @@ enum db_step servo_can_say_mode(struct db_conversation *talk, enum servo_can_mod
 	/* Until it is acknowledged the drive may be in either. */
 	if (device->mode != (int)mode)
 		device->mode = SERVO_CAN_MODE_NOT_KNOWN;
-	return say(talk, STEP_MODE, message, true);
+	return say_message(talk, STEP_MODE, message, true);
 }
 
 enum db_step servo_can_say_clear(struct db_conversation *talk, enum servo_can_kind kind)
@@ -122,8 +116,8 @@ enum db_step servo_can_say_clear(struct db_conversation *talk, enum servo_can_ki
 	struct servo_can_message message = { .kind = kind };
 
 	/* Not repeated: some drives do not answer one that their mode has no use for. */
-	return say(talk, kind == SERVO_CAN_SPEED ? STEP_CLEAR_SPEED : STEP_CLEAR_CURRENT, message,
-	           false);
+	return say_message(talk, kind == SERVO_CAN_SPEED ? STEP_CLEAR_SPEED : STEP_CLEAR_CURRENT,
+	                   message, false);
 }
 
 enum db_step servo_can_say_setpoint(struct db_conversation *talk, int16_t setpoint)
@@ -147,7 +141,7 @@ enum db_step servo_can_say_setpoint(struct db_conversation *talk, int16_t setpoi
 		device->stopping = false;
 	}
 	talk->exchange->begins = setpoint != 0 && !device->synchronous;
-	return say(talk, STEP_SETPOINT, message, true);
+	return say_message(talk, STEP_SETPOINT, message, true);
 }
 
 enum db_step servo_can_say_sync(struct db_conversation *talk)
@@ -167,7 +161,7 @@ enum db_step servo_can_say_power(struct db_conversation *talk, bool on)
 	struct servo_can_message message = { .kind = SERVO_CAN_ENABLE };
 
 	message.u.enable = on;
-	return say(talk, STEP_POWER, message, true);
+	return say_message(talk, STEP_POWER, message, true);
 }
 
 static enum db_step say_word_frame(struct db_conversation *talk, enum servo_can_step step,
@@ -180,7 +174,7 @@ static enum db_step say_word_frame(struct db_conversation *talk, enum servo_can_
 	message.u.words.word1 = words[1];
 	return talk->device->layout.words.ack == SERVO_CAN_ACK_NONE ?
 	               say_and_read(talk, step, message, repeatable) :
-	               say(talk, step, message, repeatable);
+	               say_message(talk, step, message, repeatable);
 }
 
 enum db_step servo_can_say_trigger(struct db_conversation *talk, bool up)
@@ -204,7 +198,7 @@ enum db_step servo_can_say_position(struct db_conversation *talk, enum servo_can
 		                                             SERVO_CAN_POSITION };
 
 	message.u.position = position;
-	return say(talk, step, message, step != STEP_FEEDBACK);
+	return say_message(talk, step, message, step != STEP_FEEDBACK);
 }
 
 enum db_step servo_can_say_ramps(struct db_conversation *talk, uint32_t acceleration,
@@ -214,5 +208,5 @@ enum db_step servo_can_say_ramps(struct db_conversation *talk, uint32_t accelera
 
 	message.u.ramps.acceleration = acceleration;
 	message.u.ramps.deceleration = deceleration;
-	return say(talk, STEP_RAMPS, message, true);
+	return say_message(talk, STEP_RAMPS, message, true);
 }

@@ -147,12 +147,6 @@ static double value_for(struct db_conversation *talk, enum servo_can_param param
 	return db_value_number(servo_can_params[param].type, value);
 }
 
-static enum db_step say_ramps(struct db_conversation *talk)
-{
-	return servo_can_say_ramps(talk, (uint32_t)llrint(value_for(talk, PARAM_ACCELERATION)),
-	                           (uint32_t)llrint(value_for(talk, PARAM_DECELERATION)));
-}
-
 static enum db_step say_words(struct db_conversation *talk)
 {
 	uint64_t wanted = settings_wanted(talk->job->request);
@@ -225,7 +219,9 @@ enum db_step servo_can_continue_settings(struct db_conversation *talk)
 		progress_of(talk)->checked = true;
 	}
 	if ((wanted & RAMPS) && !is_done(talk, STEP_RAMPS))
-		return say_ramps(talk);
+		return servo_can_say_ramps(talk,
+		                           (uint32_t)llrint(value_for(talk, PARAM_ACCELERATION)),
+		                           (uint32_t)llrint(value_for(talk, PARAM_DECELERATION)));
 	if ((wanted & WORDS) && !is_done(talk, STEP_WORDS))
 		return say_words(talk);
 	if ((wanted & PARAM_BIT(PARAM_MAX_SPEED)) && !is_done(talk, STEP_MODE))
@@ -248,12 +244,10 @@ static bool lacks_words(const struct db_device *device)
 
 static bool lacks_mode(const struct db_device *device)
 {
-	bool speed = !isnan(device->profile.max_speed) &&
-	             !(device->plate.valid & PARAM_BIT(PARAM_MAX_SPEED));
 	bool mode = device->profile.mode != SERVO_CAN_MODE_NOT_KNOWN &&
 	            device->mode == SERVO_CAN_MODE_NOT_KNOWN;
 
-	return device->may_change_mode && (speed || mode);
+	return device->may_change_mode && (servo_can_lacks_max_speed(device) || mode);
 }
 
 /* A motor with power keeps its mode: the next command that changes it brings the speed limit along. */

@@ -49,6 +49,12 @@ bool servo_can_has_fault(const struct db_device *device)
 	return device->faults != 0 || unexplained;
 }
 
+bool servo_can_lacks_max_speed(const struct db_device *device)
+{
+	return !isnan(device->profile.max_speed) &&
+	       !(device->plate.valid & PARAM_BIT(PARAM_MAX_SPEED));
+}
+
 /* --- answers to reads ------------------------------------------------------------------------------ */
 
 static void show_sample(struct db_device *device, const struct servo_can_sample *sample)
@@ -190,14 +196,6 @@ static void pair_reports(struct db_device *device)
 	show_sample(device, &device->reported);
 }
 
-/* What is to be done on a fault is done once, also when it is gone again by then. */
-static void take_faults(struct db_device *device, uint16_t faults)
-{
-	if (faults != 0 && device->faults == 0)
-		device->fault_open = true;
-	device->faults = faults;
-}
-
 bool servo_can_take_report(struct db_device *device, const uint8_t *bytes, size_t length,
                            db_time now)
 {
@@ -223,7 +221,10 @@ bool servo_can_take_report(struct db_device *device, const uint8_t *bytes, size_
 	case SERVO_CAN_REPORT_HEALTH:
 		device->voltage = message.u.health.voltage;
 		device->temperature = message.u.health.temperature;
-		take_faults(device, message.u.health.faults);
+		/* What is to be done on a fault is done once, also when it is gone again by then. */
+		if (message.u.health.faults != 0 && device->faults == 0)
+			device->fault_open = true;
+		device->faults = message.u.health.faults;
 		device->health_at = now;
 		device->has_health = true;
 		break;

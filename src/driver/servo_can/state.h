@@ -18,6 +18,9 @@ bool servo_can_is_at(const struct db_device *device, int32_t position);
 /* A fault was reported, or the status shows an error that no report has explained yet. */
 bool servo_can_has_fault(const struct db_device *device);
 
+/* It was not given the profile's maximum speed since it is back. */
+bool servo_can_lacks_max_speed(const struct db_device *device);
+
 /* A frame of an answer to a read of `parts`. True when it was one; *complete: all are there, and are
  * taken. */
 bool servo_can_take_part(struct db_device *device, unsigned sending, unsigned parts,

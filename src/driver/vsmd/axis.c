@@ -126,7 +126,7 @@ void vsmd_follow_motion(struct vsmd_axis *axis)
 
 /* --- origin and restarts ------------------------------------------------------------------------- */
 
-static bool dropped(uint32_t before, uint32_t now, uint32_t bit)
+static bool has_dropped(uint32_t before, uint32_t now, uint32_t bit)
 {
 	return (before & ~now & bit) != 0;
 }
@@ -180,7 +180,7 @@ static bool dropped_handshake(struct vsmd_axis *axis, int32_t position, uint32_t
 {
 	bool long_set = axis->heard_at - axis->handshake_since > HANDSHAKE_LAPSES;
 
-	if (!dropped(axis->last.status, word, VSMD_ST_HS))
+	if (!has_dropped(axis->last.status, word, VSMD_ST_HS))
 		return false;
 	if ((axis->last.status & word & VSMD_ST_ZERO) || counts_on(axis, position) ||
 	    !(word & VSMD_ST_STP)) {
@@ -227,7 +227,7 @@ static bool has_restarted(struct vsmd_axis *axis, int32_t position, uint32_t wor
 	if (axis->motion == VSMD_MOTION_HOMING || axis->begun == VSMD_MOTION_HOMING ||
 	    axis->heard_at <= axis->told_until || (word & ~before & VSMD_ST_ZERO))
 		return false;
-	if (dropped(before, word, VSMD_ST_PWR) || dropped(before, word, VSMD_ST_ZERO))
+	if (has_dropped(before, word, VSMD_ST_PWR) || has_dropped(before, word, VSMD_ST_ZERO))
 		return !counts_on(axis, position);
 	return dropped_handshake(axis, position, word) || jumped_home(axis, position, word) ||
 	       jumped_from_motion(axis, position, word, now);
@@ -403,11 +403,6 @@ void vsmd_carry_out(struct vsmd_axis *axis, const struct db_request *request)
 
 /* --- state ------------------------------------------------------------------------------------- */
 
-static uint16_t inputs_of(uint32_t status)
-{
-	return (uint16_t)((status & 0xFu) | ((status >> 12) & 0x30u));
-}
-
 unsigned vsmd_input_ports(const struct db_nameplate *plate)
 {
 	unsigned ports = 0;
@@ -507,7 +502,8 @@ void vsmd_axis_feedback(const struct vsmd_axis *axis, struct db_feedback *feedba
 	feedback->has_target = axis->has_target;
 	feedback->target = axis->target;
 	feedback->drive_status = axis->last.status;
-	feedback->inputs = inputs_of(axis->last.status);
+	feedback->inputs = (uint16_t)((axis->last.status & 0xFu) |
+	                              (axis->last.status >> 12 & 0x30u));
 	feedback->outputs = outputs_of(axis, feedback->inputs);
 	feedback->error = error_of(axis->last.status);
 	state = axis->heard ? state_of(axis, feedback->error) : DB_AXIS_OFFLINE;

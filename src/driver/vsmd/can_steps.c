@@ -219,7 +219,7 @@ static bool next_run(const struct db_device *device, struct vsmd_can_search *sea
 }
 
 /* Whether the run is to be asked for again, or less of it. */
-static bool narrow(struct db_device *device, struct vsmd_can_search *search)
+static bool narrow_search(struct db_device *device, struct vsmd_can_search *search)
 {
 	if (search->count > 1) {
 		search->suspect_end = search->first + search->count;
@@ -271,7 +271,7 @@ static enum db_step answer_registers(struct db_conversation *talk)
 		device->axis.plate.generation++;
 		search->first += search->count;
 		search->tries = 0;
-	} else if (!narrow(device, search)) {
+	} else if (!narrow_search(device, search)) {
 		search->first += search->count;
 	}
 	return say_step(talk, steps, STEP_REGISTERS);

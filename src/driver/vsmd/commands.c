@@ -153,7 +153,7 @@ enum db_result vsmd_check_command(const struct vsmd_link *link, enum db_command 
 
 static const struct conversation_step steps[VSMD_STEPS]; /* below */
 
-static enum db_step look(struct db_conversation *talk, enum vsmd_look what)
+static enum db_step look_at_drive(struct db_conversation *talk, enum vsmd_look what)
 {
 	return axis_of(talk)->link->look(talk, what);
 }
@@ -268,12 +268,12 @@ static enum db_step say_save(struct db_conversation *talk)
 
 static enum db_step say_read_back(struct db_conversation *talk)
 {
-	return look(talk, VSMD_LOOK_STATUS);
+	return look_at_drive(talk, VSMD_LOOK_STATUS);
 }
 
 /* --- how a command ends ---------------------------------------------------------------------------- */
 
-static enum db_step confirm(struct db_conversation *talk)
+static enum db_step confirm_command(struct db_conversation *talk)
 {
 	const struct db_request *request = talk->job->request;
 	struct vsmd_axis *axis = axis_of(talk);
@@ -284,7 +284,7 @@ static enum db_step confirm(struct db_conversation *talk)
 	return end_job(talk, proven ? DB_RESULT_OK : DB_RESULT_UNPROVEN);
 }
 
-static enum db_step fail(struct db_conversation *talk, enum db_result result)
+static enum db_step fail_command(struct db_conversation *talk, enum db_result result)
 {
 	vsmd_doubt_motion(axis_of(talk), talk->job->request->command);
 	return end_job(talk, result);
@@ -324,7 +324,7 @@ static enum db_step answer_stop(struct db_conversation *talk)
 		return say_step(talk, steps, VSMD_STEP_END_HOMING);
 	if (talk->job->step < VSMD_STEP_END_SHAKING && (motion == VSMD_MOTION_SHAKE || unknown))
 		return say_step(talk, steps, VSMD_STEP_END_SHAKING);
-	return confirm(talk);
+	return confirm_command(talk);
 }
 
 /* Has the power stage followed disable? It takes its time. */
@@ -335,7 +335,7 @@ static enum db_step answer_off(struct db_conversation *talk)
 	if (is_stop_refused(talk))
 		return end_job(talk, DB_RESULT_REFUSED);
 	if (!(axis->last.status & VSMD_ST_PWR))
-		return confirm(talk);
+		return confirm_command(talk);
 	if (talk->job->step == VSMD_STEP_OFF)
 		axis->power_asked = axis->off_said = axis->heard_at;
 	if (axis->heard_at - axis->power_asked >= axis->reaction)
@@ -379,8 +379,8 @@ static enum db_step answer_position(struct db_conversation *talk)
 		if (!agreed && readings >= READINGS_MAX)
 			return end_job(talk, DB_RESULT_FAILED);
 		if (!agreed)
-			return look(talk,
-			            readings % 2 == 0 ? VSMD_LOOK_POSITION : VSMD_LOOK_STATUS);
+			return look_at_drive(talk, readings % 2 == 0 ? VSMD_LOOK_POSITION :
+			                                               VSMD_LOOK_STATUS);
 	}
 	target = (int64_t)axis->last.position + talk->job->request->args.target_position;
 	if (target < INT32_MIN || target > INT32_MAX)
@@ -406,7 +406,7 @@ static enum db_step complete_step(struct db_conversation *talk)
 	case VSMD_STEP_OUTPUT:
 		return say_next_output(talk, axis->watch.output + 1);
 	default:
-		return confirm(talk);
+		return confirm_command(talk);
 	}
 }
 
@@ -482,12 +482,12 @@ static enum db_step look_again(struct db_conversation *talk, enum vsmd_effect ef
 	if (axis->heard_at - watch->since < patience) {
 		watch->speed_next = !watch->speed_next && watch->before.moving &&
 		                    needs_read_back(command);
-		return look(talk, watch->speed_next ? VSMD_LOOK_SPEED : VSMD_LOOK_STATUS);
+		return look_at_drive(talk, watch->speed_next ? VSMD_LOOK_SPEED : VSMD_LOOK_STATUS);
 	}
 	if (effect == VSMD_EFFECT_ABSENT && watch->said < RESENDS_MAX && may_be_said_again(talk))
 		return say_again(talk);
 	if (effect == VSMD_EFFECT_ABSENT && !may_hide_its_effect(talk))
-		return fail(talk, DB_RESULT_FAILED);
+		return fail_command(talk, DB_RESULT_FAILED);
 	watch->unproven = true;
 	return complete_step(talk);
 }
@@ -529,21 +529,21 @@ static enum db_step answer_read_back(struct db_conversation *talk)
 	             !has_restarted_since(axis);
 
 	if (positions && stands && vsmd_is_at(axis, now->position, axis->wanted))
-		return confirm(talk);
+		return confirm_command(talk);
 	if (unmoved && (now->status & VSMD_ST_CMD_WRG))
 		return end_job(talk, DB_RESULT_REFUSED);
 	if (command == DB_CMD_SET_POSITION && stands &&
 	    vsmd_is_at(axis, now->position, request->args.target_position))
-		return confirm(talk);
+		return confirm_command(talk);
 	if (command != DB_CMD_SET_POSITION && !before->moving && !stands)
-		return confirm(talk);
+		return confirm_command(talk);
 	if (command == DB_CMD_HOME && (now->status & VSMD_ST_ZERO))
-		return confirm(talk);
+		return confirm_command(talk);
 	if (unmoved && axis->watch.since == 0)
 		axis->watch.since = axis->heard_at;
 	/* It may only be slow to begin. */
 	if (unmoved && axis->heard_at - axis->watch.since < axis->reaction)
-		return look(talk, VSMD_LOOK_STATUS);
+		return look_at_drive(talk, VSMD_LOOK_STATUS);
 	/* A shake may be over already, back where it began. */
 	if (unmoved && again && !is_shake(command))
 		return say_again(talk);
@@ -551,8 +551,8 @@ static enum db_step answer_read_back(struct db_conversation *talk)
 	if (before->moving && !stands && again &&
 	    (positions || command == DB_CMD_MOVE_VELOCITY || command == DB_CMD_MOVE_PRESET))
 		return say_again(talk);
-	return fail(talk,
-	            unmoved && !is_shake(command) ? DB_RESULT_TIMEOUT : DB_RESULT_INDETERMINATE);
+	return fail_command(talk, unmoved && !is_shake(command) ? DB_RESULT_TIMEOUT :
+	                                                          DB_RESULT_INDETERMINATE);
 }
 
 /* --- answers that do not come ------------------------------------------------------------------------ */
@@ -578,7 +578,7 @@ static enum db_step lose_save(struct db_conversation *talk)
 
 static enum db_step lose_read_back(struct db_conversation *talk)
 {
-	return fail(talk, DB_RESULT_INDETERMINATE);
+	return fail_command(talk, DB_RESULT_INDETERMINATE);
 }
 
 /* --- the table ---------------------------------------------------------------------------------------- */
@@ -654,5 +654,5 @@ enum db_step vsmd_lose_command(struct db_conversation *talk)
 enum db_step vsmd_begun_by_all(struct db_conversation *talk)
 {
 	axis_of(talk)->watch.by_all = true;
-	return look(talk, VSMD_LOOK_STATUS);
+	return look_at_drive(talk, VSMD_LOOK_STATUS);
 }

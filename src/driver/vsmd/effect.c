@@ -18,20 +18,20 @@ static int sign_of(double number)
 	return (number > 0.0) - (number < 0.0);
 }
 
-static float larger(float a, float b)
+static float larger_speed(float a, float b)
 {
 	return fmaxf(fabsf(a), fabsf(b));
 }
 
 static bool is_speed(float speed, float wanted)
 {
-	return fabsf(speed - wanted) <= SPEED_SLACK + SPEED_SHARE * larger(speed, wanted);
+	return fabsf(speed - wanted) <= SPEED_SLACK + SPEED_SHARE * larger_speed(speed, wanted);
 }
 
 /* Whether the speed has changed from `base`, and not by rounding. */
 static bool has_changed(float base, float speed)
 {
-	return fabsf(speed - base) > CHANGE_SLACK + CHANGE_SHARE * larger(base, speed);
+	return fabsf(speed - base) > CHANGE_SLACK + CHANGE_SHARE * larger_speed(base, speed);
 }
 
 static bool stands(const struct vsmd_axis *axis)
@@ -73,7 +73,7 @@ static bool is_of_position(const struct vsmd_axis *axis, int32_t place, float ba
 static bool is_explained(const struct vsmd_axis *axis, float base, float speed)
 {
 	const struct vsmd_goal *goal = &axis->watch.before.goal;
-	float slack = SPEED_SLACK + CHANGE_SHARE * larger(base, speed);
+	float slack = SPEED_SLACK + CHANGE_SHARE * larger_speed(base, speed);
 	float end = goal->kind == VSMD_GOAL_VELOCITY ? goal->velocity : 0.0f;
 
 	switch (goal->kind) {
@@ -165,10 +165,10 @@ static double travel_of(const struct vsmd_axis *axis)
 {
 	const struct vsmd_before *before = &axis->watch.before;
 	double seconds = (double)(axis->heard_at - before->at) / (double)DB_NS_PER_S;
-	float speed = larger(before->velocity, axis->last.velocity);
+	float speed = larger_speed(before->velocity, axis->last.velocity);
 
 	if (before->goal.kind == VSMD_GOAL_VELOCITY)
-		speed = larger(speed, before->goal.velocity);
+		speed = larger_speed(speed, before->goal.velocity);
 	return 2.0 * (double)speed * seconds + axis->window + 1.0;
 }
 

@@ -267,7 +267,7 @@ static const struct conversation_step steps[STEPS] = {
 
 /* --- jobs -------------------------------------------------------------------------------------- */
 
-static enum db_step look(struct db_conversation *talk, enum vsmd_look what)
+static enum db_step look_at_drive(struct db_conversation *talk, enum vsmd_look what)
 {
 	(void)what; /* every answer has all of it */
 	return say_status(talk);
@@ -278,7 +278,7 @@ static const struct vsmd_link serial_link = {
 	.shake_frequency_min = VSMD_SHAKE_FREQ_MIN,
 	.first_option = 0,
 	.say = say_line,
-	.look = look,
+	.look = look_at_drive,
 	.saved = answer_save,
 };
 
@@ -304,7 +304,7 @@ static enum db_step begin_job(struct db_conversation *talk)
 	}
 }
 
-static enum db_step begin(struct db_conversation *talk)
+static enum db_step begin_conversation(struct db_conversation *talk)
 {
 	struct db_exchange *exchange = talk->exchange;
 	enum db_step step = begin_job(talk);
@@ -327,7 +327,7 @@ static bool is_expected(const struct db_job *job, enum vsmd_reply_code code)
 	       (code == VSMD_REPLY_PARAMS && job->step == VSMD_STEP_SAVE);
 }
 
-static enum db_step answer(struct db_conversation *talk, const uint8_t *frame, size_t length)
+static enum db_step answer_frame(struct db_conversation *talk, const uint8_t *frame, size_t length)
 {
 	const struct db_job *job = talk->job;
 	struct vsmd_reply reply;
@@ -504,8 +504,8 @@ const struct db_driver db_driver_vsmd_serial = {
 	.init = init_device,
 	.cut = cut_frame,
 	.accept = accept_frame,
-	.begin = begin,
-	.answer = answer,
+	.begin = begin_conversation,
+	.answer = answer_frame,
 	.lost = lose_answer,
 	.gone = forget_state,
 	.feedback = write_feedback,

@@ -16,7 +16,7 @@ uint32_t xyza_content(const struct xyza_reply *reply)
 	return reply->value;
 }
 
-static struct xyza_step *add(struct xyza_plan *plan, struct xyza_request request)
+static struct xyza_step *add_request(struct xyza_plan *plan, struct xyza_request request)
 {
 	struct xyza_step *step = &plan->steps[plan->count++];
 
@@ -27,7 +27,7 @@ static struct xyza_step *add(struct xyza_plan *plan, struct xyza_request request
 static struct xyza_step *add_verb(struct xyza_plan *plan, const struct db_device *device,
                                   enum xyza_verb verb)
 {
-	return add(plan, (struct xyza_request){ .verb = verb, .axis = device->axis });
+	return add_request(plan, (struct xyza_request){ .verb = verb, .axis = device->axis });
 }
 
 static struct xyza_step *add_kind(struct xyza_plan *plan, const struct db_device *device,
@@ -190,7 +190,7 @@ static void add_guards(struct xyza_plan *plan, const struct db_device *device)
 }
 
 /* Which way it goes, as far as that is known. */
-static bool goes(const struct db_device *device, bool negative)
+static bool goes_that_way(const struct db_device *device, bool negative)
 {
 	if (device->stopping)
 		return false;
@@ -203,7 +203,7 @@ static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool nega
 {
 	bool moves = !device->standing || device->jogging;
 
-	plan->runs_on = moves && goes(device, negative) && !device->stops_for_speed;
+	plan->runs_on = moves && goes_that_way(device, negative) && !device->stops_for_speed;
 	add_guards(plan, device);
 	if (moves && !plan->runs_on)
 		add_standstill(plan, device);
@@ -252,14 +252,6 @@ static void plan_outputs(struct xyza_plan *plan, const struct db_device *device,
 	         (levels & mask) << XYZA_OUTPUTS_SHIFT);
 }
 
-static void plan_output(struct xyza_plan *plan, const struct db_device *device,
-                        const struct db_args *args)
-{
-	unsigned bit = 1u << (args->output_number - 1);
-
-	plan_outputs(plan, device, bit, args->output_value ? bit : 0);
-}
-
 static void plan_start(struct xyza_plan *plan, const struct db_device *device,
                        const struct db_args *args)
 {
@@ -288,14 +280,6 @@ static void plan_program(struct xyza_plan *plan, const struct db_device *device,
 }
 
 /* --- all of them ------------------------------------------------------------------------------------ */
-
-static void plan_velocity(struct xyza_plan *plan, struct db_device *device, float velocity)
-{
-	if (velocity > 0.0f || velocity < 0.0f)
-		plan_jog(plan, device, velocity < 0.0f, fabsf(velocity));
-	else
-		add_standstill(plan, device);
-}
 
 static void plan_program_command(struct xyza_plan *plan, const struct db_device *device,
                                  const struct db_request *request)
@@ -328,6 +312,7 @@ void xyza_plan_command(struct xyza_plan *plan, struct db_device *device,
                        const struct db_request *request)
 {
 	const struct db_args *args = &request->args;
+	unsigned bit;
 
 	*plan = (struct xyza_plan){ .steps = plan->steps };
 	switch (request->command) {
@@ -342,7 +327,11 @@ void xyza_plan_command(struct xyza_plan *plan, struct db_device *device,
 		plan_disable(plan, device);
 		break;
 	case DB_CMD_MOVE_VELOCITY:
-		plan_velocity(plan, device, args->target_velocity);
+		if (args->target_velocity > 0.0f || args->target_velocity < 0.0f)
+			plan_jog(plan, device, args->target_velocity < 0.0f,
+			         fabsf(args->target_velocity));
+		else
+			add_standstill(plan, device);
 		break;
 	case DB_CMD_JOG_POSITIVE:
 	case DB_CMD_JOG_NEGATIVE:
@@ -352,7 +341,8 @@ void xyza_plan_command(struct xyza_plan *plan, struct db_device *device,
 		plan_position(plan, device, args->target_position);
 		break;
 	case DB_CMD_SET_OUTPUT:
-		plan_output(plan, device, args);
+		bit = 1u << (args->output_number - 1);
+		plan_outputs(plan, device, bit, args->output_value ? bit : 0);
 		break;
 	case DB_CMD_SET_OUTPUTS:
 		plan_outputs(plan, device, args->output_mask, args->output_levels);

@@ -30,7 +30,7 @@ static unsigned next_axis(const struct db_device *first, unsigned axis)
 	return axis;
 }
 
-static enum db_step ask(struct db_conversation *talk, enum xyza_verb verb)
+static enum db_step ask_controller(struct db_conversation *talk, enum xyza_verb verb)
 {
 	struct xyza_request request = { .verb = verb };
 
@@ -42,27 +42,27 @@ static enum db_step ask(struct db_conversation *talk, enum xyza_verb verb)
 
 static enum db_step say_standing(struct db_conversation *talk)
 {
-	return ask(talk, XYZA_READ_STANDING);
+	return ask_controller(talk, XYZA_READ_STANDING);
 }
 
 static enum db_step say_sign(struct db_conversation *talk)
 {
-	return ask(talk, XYZA_READ_SIGN);
+	return ask_controller(talk, XYZA_READ_SIGN);
 }
 
 static enum db_step say_magnitude(struct db_conversation *talk)
 {
-	return ask(talk, XYZA_READ_MAGNITUDE);
+	return ask_controller(talk, XYZA_READ_MAGNITUDE);
 }
 
 static enum db_step say_ports(struct db_conversation *talk)
 {
-	return ask(talk, XYZA_READ_PORTS);
+	return ask_controller(talk, XYZA_READ_PORTS);
 }
 
 static enum db_step say_program(struct db_conversation *talk)
 {
-	return ask(talk, XYZA_PROGRAM_STATE);
+	return ask_controller(talk, XYZA_PROGRAM_STATE);
 }
 
 /* From this axis on, or what the controller has behind the last one. */

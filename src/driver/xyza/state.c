@@ -27,7 +27,7 @@ static void learn_one(struct db_device *device, enum xyza_param param, union db_
 	device->plate.generation++;
 }
 
-static void learn(struct db_device *device, enum xyza_param param, union db_value value)
+static void learn_param(struct db_device *device, enum xyza_param param, union db_value value)
 {
 	struct db_device *const *axes = device->first->axes;
 
@@ -75,14 +75,6 @@ static void show_ramps(struct db_device *device)
 	show_ramp(plate, XYZA_RAMP_DECELERATION, RAMP_PARAMS | UINT64_C(1) << XYZA_BRAKE, ramp);
 }
 
-static void show_all_ramps(struct db_device *first)
-{
-	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
-		if (first->axes[i])
-			show_ramps(first->axes[i]);
-	}
-}
-
 /* The bits of an item's parameters in a nameplate. */
 static uint64_t params_of(enum xyza_item item)
 {
@@ -103,9 +95,12 @@ void xyza_learn_item(struct db_device *device, enum xyza_item item, uint32_t con
 		enum xyza_param param = (enum xyza_param)i;
 
 		if (xyza_param_item(param) == item && (xyza_param_access(param) & XYZA_CAN_READ))
-			learn(device, param, xyza_param_get(param, content));
+			learn_param(device, param, xyza_param_get(param, content));
 	}
-	show_all_ramps(device->first);
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (device->first->axes[i])
+			show_ramps(device->first->axes[i]);
+	}
 }
 
 void xyza_forget_item(struct db_device *device, enum xyza_item item)
@@ -228,7 +223,7 @@ static float counts_per_unit(const struct db_nameplate *plate)
 }
 
 /* How fast it slows down, Hz/s: INFINITY when it stands at once, 0 when that is not known. */
-static float deceleration(const struct db_device *device)
+static float deceleration_of(const struct db_device *device)
 {
 	const struct db_nameplate *plate = &device->plate;
 
@@ -258,7 +253,7 @@ void xyza_write_feedback(const struct db_device *device, struct db_feedback *fee
 	feedback->program_state = first->program_state;
 	feedback->program_step = first->program_step;
 	feedback->counts_per_unit = counts_per_unit(&device->plate);
-	feedback->deceleration = deceleration(device);
+	feedback->deceleration = deceleration_of(device);
 	feedback->error = state == DB_AXIS_ERROR_STOP ? DB_ERROR_INTERRUPTED : DB_ERROR_NONE;
 	feedback->state = (uint16_t)state;
 	feedback->status = status_of(device, state);
