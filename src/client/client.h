@@ -1,0 +1,59 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A connection to the control socket of drivebridged (docs/io.drivebridge.Control.varlink). The service
+ * answers the calls of one connection in their order: who waits for something and may want to say more meanwhile
+ * has a second one.
+ *
+ * Either each call is waited for (db_client_call()), or the owner of a loop polls db_client_fd() and lets
+ * db_client_handle() do what is to be done; both may be mixed. One thread at a time.
+ */
+#ifndef DRIVEBRIDGE_CLIENT_CLIENT_H
+#define DRIVEBRIDGE_CLIENT_CLIENT_H
+
+#include "client/error.h"
+
+#include <jansson.h>
+#include <stdbool.h>
+
+struct db_client;
+
+/*
+ * An answer: its parameters, or an error (then `parameters` is NULL). Both stay the library's. With `more` there are
+ * further answers to this call. When the connection is lost, each call that waits gets DB_CLIENT_LOST. May make
+ * calls, must not close.
+ */
+typedef void db_client_answer_fn(void *data, json_t *parameters,
+                                 const struct db_client_error *error, bool more);
+
+/* 0, or -1 with DB_CLIENT_UNREACHABLE and what to do about it. Closed with db_client_close(). */
+int db_client_open(const char *path, struct db_client **client, struct db_client_error *error);
+
+/* Calls that wait are forgotten without an answer. NULL is allowed. */
+void db_client_close(struct db_client *client);
+
+/* For poll(): the descriptor, and what to wait for (POLLIN, and POLLOUT while something is left to send). */
+int db_client_fd(const struct db_client *client);
+short db_client_poll_events(const struct db_client *client);
+
+/* Calls that have not been answered for the last time. */
+unsigned db_client_waiting(const struct db_client *client);
+
+/*
+ * Makes a call; `method` is without the interface where it is the service's own, or whole. Takes `parameters` over
+ * (may be NULL). With `more` the answers are a stream. `answer` may be NULL. 0, or -1 when the connection is lost or
+ * there is no memory: then there will be no answer.
+ */
+int db_client_send(struct db_client *client, const char *method, json_t *parameters, bool more,
+                   db_client_answer_fn *answer, void *data);
+
+/* Sends and reads what can be without waiting, and hands over answers. 0, or -1: the connection is lost. */
+int db_client_handle(struct db_client *client);
+
+/*
+ * A call that is waited for. Takes `parameters` over. 0 with the answer's parameters, which the caller frees, or -1
+ * with an error. Behind a time-out the connection can still be used.
+ */
+int db_client_call(struct db_client *client, const char *method, json_t *parameters, int timeout_ms,
+                   json_t **answer, struct db_client_error *error);
+
+#endif

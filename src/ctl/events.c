@@ -1,0 +1,108 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/events.h"
+#include "ctl/grid.h"
+#include "ctl/signals.h"
+#include "ctl/value.h"
+
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+struct stream {
+	const struct db_ctl *ctl;
+	enum db_ctl_status status;
+	bool ended;
+};
+
+static void print_event(const struct db_ctl *ctl, const json_t *event)
+{
+	json_int_t us = json_integer_value(json_object_get(event, "time_us"));
+	time_t seconds = (time_t)(us / 1000000);
+	const char *level = db_ctl_text(event, "level");
+	enum db_ctl_colour colour = strcmp(level, "error") == 0   ? DB_CTL_RED :
+	                            strcmp(level, "warning") == 0 ? DB_CTL_YELLOW :
+	                                                            DB_CTL_PLAIN;
+	static const char *const whom[] = { "bus", "drive", "client" };
+	size_t used = 0;
+	char when[32] = "";
+	char text[DB_CTL_VALUE_MAX];
+	struct tm local;
+
+	if (ctl->json) {
+		db_ctl_print_json(event);
+		return;
+	}
+	if (localtime_r(&seconds, &local))
+		(void)strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &local);
+	/* Whom it is about, as the log says it. */
+	for (size_t i = 0; i < sizeof(whom) / sizeof(whom[0]); i++) {
+		const char *name = db_ctl_text(event, whom[i]);
+
+		if (name[0] && used < sizeof(text))
+			used += (size_t)snprintf(text + used, sizeof(text) - used,
+			                         "%s %s: ", whom[i], name);
+	}
+	if (used < sizeof(text))
+		(void)snprintf(text + used, sizeof(text) - used, "%s", db_ctl_text(event, "text"));
+	db_ctl_clean(text);
+	(void)printf("%s.%03d  %s%-7s  %s%s\n", when, (int)(us / 1000 % 1000),
+	             db_ctl_colour_begin(ctl->colour, colour), level, text,
+	             db_ctl_colour_end(ctl->colour, colour));
+	(void)fflush(stdout);
+}
+
+static void take_events(void *data, json_t *parameters, const struct db_client_error *error,
+                        bool more)
+{
+	struct stream *stream = data;
+	json_int_t skipped = json_integer_value(json_object_get(parameters, "skipped"));
+	size_t i;
+	const json_t *event;
+
+	stream->ended = !more;
+	if (error) {
+		stream->status = db_ctl_fail(stream->ctl, error);
+		return;
+	}
+	json_array_foreach(json_object_get(parameters, "events"), i, event)
+		print_event(stream->ctl, event);
+	if (skipped > 0 && !stream->ctl->json)
+		(void)printf("(%lld events were left out)\n", (long long)skipped);
+}
+
+enum db_ctl_status db_ctl_events(struct db_ctl *ctl, int count, char **arguments)
+{
+	struct stream stream = { .ctl = ctl };
+	struct pollfd fds[2] = { { .fd = db_client_fd(ctl->client) },
+		                 { .fd = -1, .events = POLLIN } };
+	int signal_number;
+
+	(void)count;
+	(void)arguments;
+	if (db_client_send(ctl->client, "Events", NULL, ctl->follow, take_events, &stream) != 0)
+		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
+		                       "the service has closed the connection");
+	fds[1].fd = db_ctl_signals_open();
+	while (!stream.ended) {
+		fds[0].events = db_client_poll_events(ctl->client);
+		/* The events that there are do not wait for a drive. */
+		if (poll(fds, 2, ctl->follow ? -1 : DB_CTL_TIMEOUT_MS) == 0) {
+			stream.status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_TIMEOUT,
+			                                "the service does not answer within %d ms",
+			                                DB_CTL_TIMEOUT_MS);
+			break;
+		}
+		signal_number = db_ctl_signals_read(fds[1].fd);
+		/* A pipe that nobody reads any more ends it as well. */
+		if ((signal_number != 0 && signal_number != SIGWINCH && signal_number != SIGTSTP) ||
+		    ferror(stdout))
+			break;
+		(void)db_client_handle(ctl->client);
+	}
+	if (fds[1].fd >= 0)
+		(void)close(fds[1].fd);
+	return stream.status;
+}

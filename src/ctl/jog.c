@@ -1,0 +1,397 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Two connections: one moves the drive and reads it, which feeds its watchdog; the other is there to stop it when the
+ * first waits for an answer. When both are lost, the watchdog is what is left.
+ */
+#include "ctl/jog.h"
+#include "ctl/hold.h"
+#include "ctl/plant.h"
+#include "ctl/signals.h"
+#include "ctl/stop.h"
+#include "ctl/terminal.h"
+#include "ctl/value.h"
+
+#include <math.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#define FEED_EVERY (100 * DB_NS_PER_MS)
+/* How long a stop may take to be confirmed before this program ends without. */
+#define STOP_WITHIN (3 * DB_NS_PER_S)
+
+struct jog {
+	struct db_ctl *ctl;
+	const char *drive;
+	json_t *registers;
+	double velocity;
+	struct db_client *stopper;
+	struct db_ctl_hold hold;
+	int told;       /* the direction that the drive was told last */
+	unsigned moves; /* that have no answer yet */
+	unsigned stops; /* as well */
+	bool confirmed; /* of the stops since the last move, at least one */
+	bool reading;
+	db_time read_at;
+	json_t *values;
+	char trouble[512]; /* what the service said last against it */
+};
+
+static db_time read_clock(void)
+{
+	struct timespec time;
+
+	(void)clock_gettime(CLOCK_MONOTONIC, &time);
+	return (db_time)time.tv_sec * DB_NS_PER_S + time.tv_nsec;
+}
+
+static void print_line(const struct jog *jog)
+{
+	char position[DB_CTL_VALUE_MAX];
+	char velocity[DB_CTL_VALUE_MAX];
+	char state[DB_CTL_VALUE_MAX];
+
+	if (jog->ctl->json)
+		return;
+	db_ctl_write_value(db_ctl_look_up(jog->registers, "position"),
+	                   json_object_get(jog->values, "position"), position, sizeof(position));
+	db_ctl_write_value(db_ctl_look_up(jog->registers, "velocity"),
+	                   json_object_get(jog->values, "velocity"), velocity, sizeof(velocity));
+	db_ctl_write_value(db_ctl_look_up(jog->registers, "axis_state"),
+	                   json_object_get(jog->values, "axis_state"), state, sizeof(state));
+	(void)printf("\r%s %s %s  at %s  %s  %s\033[K", jog->told < 0 ? "<=" : "  ", jog->drive,
+	             jog->told > 0 ? "=>" : "  ", position, velocity,
+	             jog->trouble[0] ? jog->trouble : state);
+	(void)fflush(stdout);
+}
+
+static void print_result(const struct jog *jog, const char *command, const json_t *parameters,
+                         const struct db_client_error *error)
+{
+	json_t *object;
+
+	if (!jog->ctl->json)
+		return;
+	object = json_pack("{s:s, s:s, s:s?, s:s?}", "drive", jog->drive, "command", command,
+	                   "result", error ? NULL : db_ctl_text(parameters, "result"), "error",
+	                   error ? error->name : NULL);
+	db_ctl_print_json(object);
+	json_decref(object);
+}
+
+static void take_stop(void *data, json_t *parameters, const struct db_client_error *error,
+                      bool more)
+{
+	struct jog *jog = data;
+
+	(void)more;
+	jog->stops--;
+	jog->confirmed = jog->confirmed || !error;
+	if (error)
+		(void)snprintf(jog->trouble, sizeof(jog->trouble), "%s", error->text);
+	print_result(jog, "stop", parameters, error);
+}
+
+static void send_stop(struct jog *jog, struct db_client *client)
+{
+	json_t *parameters = json_pack("{s:s, s:s}", "drive", jog->drive, "command", "stop");
+
+	jog->stops++;
+	if (db_client_send(client, "Run", parameters, false, take_stop, jog) != 0)
+		jog->stops--;
+}
+
+/* Over the connection that moves it, so that it comes behind the move; and past it, when that still waits. */
+static void stop(struct jog *jog)
+{
+	jog->told = 0;
+	jog->confirmed = false;
+	send_stop(jog, jog->ctl->client);
+	if (jog->moves > 0)
+		send_stop(jog, jog->stopper);
+}
+
+/*
+ * Whether a drive may move although a move has failed. Who was refused has nothing to stop, and another client's
+ * motion is not his.
+ */
+static bool may_move(const struct db_client_error *error)
+{
+	static const char *const unsure[] = { "timeout", "indeterminate", "failed",
+		                              "runs_on", "cancelled",     "pending" };
+	const char *result = db_ctl_text(error->parameters, "result");
+
+	for (size_t i = 0; i < sizeof(unsure) / sizeof(unsure[0]); i++) {
+		if (strcmp(result, unsure[i]) == 0)
+			return true;
+	}
+	return false;
+}
+
+static void take_move(void *data, json_t *parameters, const struct db_client_error *error,
+                      bool more)
+{
+	struct jog *jog = data;
+
+	(void)more;
+	jog->moves--;
+	print_result(jog, "move_velocity", parameters, error);
+	if (!error)
+		return;
+	(void)snprintf(jog->trouble, sizeof(jog->trouble), "%s", error->text);
+	db_ctl_clean(jog->trouble);
+	db_ctl_hold_cancel(&jog->hold);
+	if (jog->told != 0 && may_move(error))
+		stop(jog);
+	jog->told = 0;
+}
+
+static void move(struct jog *jog, int direction)
+{
+	json_t *parameters = json_pack("{s:s, s:s, s:{s:f}}", "drive", jog->drive, "command",
+	                               "move_velocity", "arguments", "target_velocity",
+	                               direction * jog->velocity);
+
+	jog->told = direction;
+	jog->trouble[0] = '\0';
+	jog->moves++;
+	if (db_client_send(jog->ctl->client, "Run", parameters, false, take_move, jog) != 0)
+		jog->moves--;
+}
+
+static void take_values(void *data, json_t *parameters, const struct db_client_error *error,
+                        bool more)
+{
+	struct jog *jog = data;
+
+	(void)more;
+	jog->reading = false;
+	json_decref(jog->values);
+	jog->values = error ? NULL : json_incref(json_object_get(parameters, "values"));
+}
+
+static void read_drive(struct jog *jog, db_time now)
+{
+	json_t *parameters = json_pack("{s:s, s:o}", "drive", jog->drive, "names",
+	                               db_ctl_process_names());
+
+	jog->read_at = now;
+	jog->reading = db_client_send(jog->ctl->client, "Read", parameters, false, take_values,
+	                              jog) == 0;
+}
+
+/* False when it is time to end: a key that says so, or a terminal that is gone. */
+static bool read_keys(struct jog *jog, const struct pollfd *terminal)
+{
+	char bytes[256];
+	size_t at = 0;
+	ssize_t count;
+
+	if (terminal->revents == 0)
+		return true;
+	count = read(STDIN_FILENO, bytes, sizeof(bytes));
+	if (count <= 0)
+		return false;
+	for (;;) {
+		switch (db_ctl_terminal_next_key(bytes, (size_t)count, &at)) {
+		case DB_CTL_KEY_NONE:
+			return (terminal->revents & (POLLHUP | POLLERR)) == 0;
+		case DB_CTL_KEY_QUIT:
+			return false;
+		case DB_CTL_KEY_FORWARD:
+			db_ctl_hold_press(&jog->hold, 1, read_clock());
+			break;
+		case DB_CTL_KEY_BACKWARD:
+			db_ctl_hold_press(&jog->hold, -1, read_clock());
+			break;
+		case DB_CTL_KEY_OTHER:
+			db_ctl_hold_cancel(&jog->hold);
+			break;
+		}
+	}
+}
+
+/* Until somebody ends it. False when a connection is lost. */
+static bool run_jog(struct jog *jog, int signals)
+{
+	struct pollfd fds[] = {
+		{ .fd = STDIN_FILENO, .events = POLLIN },
+		{ .fd = signals, .events = POLLIN },
+		{ .fd = db_client_fd(jog->ctl->client) },
+		{ .fd = db_client_fd(jog->stopper) },
+	};
+	int signal_number = 0;
+	int direction;
+	db_time now;
+
+	while (signal_number == 0 || signal_number == SIGWINCH) {
+		fds[2].events = db_client_poll_events(jog->ctl->client);
+		fds[3].events = db_client_poll_events(jog->stopper);
+		/* Short enough for what is due: a released key, the next reading. */
+		(void)poll(fds, sizeof(fds) / sizeof(fds[0]), 20);
+		if (db_client_handle(jog->ctl->client) != 0 || db_client_handle(jog->stopper) != 0)
+			return false;
+		signal_number = db_ctl_signals_read(signals);
+		if (!read_keys(jog, &fds[0]))
+			return true;
+		now = read_clock();
+		direction = db_ctl_hold_direction(&jog->hold, now);
+		if (direction == 0 && jog->told != 0)
+			stop(jog);
+		else if (direction != jog->told && jog->moves == 0 && jog->stops == 0)
+			move(jog, direction);
+		if (!jog->reading && now - jog->read_at >= FEED_EVERY)
+			read_drive(jog, now);
+		print_line(jog);
+	}
+	return true;
+}
+
+/* The drive stands, or it is said that nobody knows. */
+static enum db_ctl_status end_jog(struct jog *jog, bool connected)
+{
+	struct db_client_error error = { .parameters = NULL };
+	db_time deadline = read_clock() + STOP_WITHIN;
+	enum db_ctl_status status = DB_CTL_OK;
+
+	if (connected && (jog->told != 0 || jog->moves > 0))
+		stop(jog);
+	while (connected && jog->stops > 0 && !jog->confirmed && read_clock() < deadline) {
+		struct pollfd fds[] = {
+			{ .fd = db_client_fd(jog->ctl->client),
+			  .events = db_client_poll_events(jog->ctl->client) },
+			{ .fd = db_client_fd(jog->stopper),
+			  .events = db_client_poll_events(jog->stopper) },
+		};
+
+		(void)poll(fds, 2, 100);
+		connected = db_client_handle(jog->ctl->client) == 0 &&
+		            db_client_handle(jog->stopper) == 0;
+	}
+	if (connected && (jog->stops == 0 || jog->confirmed))
+		return DB_CTL_OK;
+	/* Once more over a new connection; whoever answers there may be a service that was restarted. */
+	if (db_ctl_stop_drive(jog->ctl, jog->drive, &error) == 0)
+		status = db_ctl_complain(
+			jog->ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
+			"the connection was lost; %s has been told to stop over a new one",
+			jog->drive);
+	else
+		status = db_ctl_complain(
+			jog->ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
+			"%s could not be told to stop (%s): its watchdog is to stop it", jog->drive,
+			error.text);
+	db_client_error_clear(&error);
+	return status;
+}
+
+/* A tenth of what is allowed, unless told otherwise. */
+static enum db_ctl_status choose_velocity(struct jog *jog)
+{
+	const json_t *reg = db_ctl_look_up(jog->registers, "target_velocity");
+	const json_t *max = json_object_get(reg, "max");
+	char problem[256] = "";
+	json_t *value;
+
+	if (!jog->ctl->velocity) {
+		jog->velocity = json_number_value(max) / 10;
+		return json_is_number(max) ?
+		               DB_CTL_OK :
+		               db_ctl_complain(jog->ctl, DB_CTL_USAGE, DB_CLIENT_SERVICE "BadValue",
+		                               "%s has no max-velocity in the configuration: say "
+		                               "--velocity V, in %s",
+		                               jog->drive, db_ctl_text(reg, "unit"));
+	}
+	value = db_ctl_parse_value(reg, jog->ctl->velocity, problem, sizeof(problem));
+	jog->velocity = fabs(json_number_value(value));
+	json_decref(value);
+	return value ? DB_CTL_OK :
+	               db_ctl_complain(jog->ctl, DB_CTL_USAGE, DB_CLIENT_SERVICE "BadValue",
+	                               "--velocity: %s", problem);
+}
+
+/* What would only be refused is said before. */
+static enum db_ctl_status check_drive(struct jog *jog, const json_t *drive)
+{
+	enum db_ctl_status status;
+	struct db_ctl_judgement judgement;
+	json_t *answer = db_ctl_call(
+		jog->ctl, "Read",
+		json_pack("{s:s, s:o}", "drive", jog->drive, "names", db_ctl_process_names()),
+		DB_CTL_TIMEOUT_MS, &status);
+	char state[DB_CTL_VALUE_MAX];
+
+	if (!answer)
+		return status;
+	jog->values = json_incref(json_object_get(answer, "values"));
+	json_decref(answer);
+	db_ctl_judge_drive(drive, jog->registers, jog->values, &judgement);
+	db_ctl_write_value(db_ctl_look_up(jog->registers, "axis_state"),
+	                   json_object_get(jog->values, "axis_state"), state, sizeof(state));
+	if (judgement.need == DB_CTL_ACT)
+		return db_ctl_complain(jog->ctl, DB_CTL_NO, DB_CLIENT_SERVICE "Refused",
+		                       "%s: %s: %s", jog->drive, judgement.why, judgement.next);
+	if (strcmp(state, "Disabled") == 0)
+		return db_ctl_complain(jog->ctl, DB_CTL_NO, DB_CLIENT_SERVICE "Refused",
+		                       "%s is disabled; drivebridgectl run %s enable", jog->drive,
+		                       jog->drive);
+	return DB_CTL_OK;
+}
+
+enum db_ctl_status db_ctl_jog(struct db_ctl *ctl, int count, char **arguments)
+{
+	struct jog jog = { .ctl = ctl, .drive = arguments[0] };
+	const json_t *drive = db_ctl_find_drive(ctl, arguments[0]);
+	struct db_client_error error = { .parameters = NULL };
+	struct db_ctl_terminal terminal = { .open = false };
+	enum db_ctl_status status = DB_CTL_USAGE;
+	int signals = -1;
+	bool connected;
+
+	(void)count;
+	if (drive)
+		jog.registers = db_ctl_read_registers(ctl, arguments[0], &status);
+	if (status == DB_CTL_OK)
+		status = choose_velocity(&jog);
+	if (status == DB_CTL_OK)
+		status = check_drive(&jog, drive);
+	if (status == DB_CTL_OK && db_client_open(ctl->socket, &jog.stopper, &error) != 0)
+		status = db_ctl_fail(ctl, &error);
+	if (status == DB_CTL_OK) {
+		signals = db_ctl_signals_open();
+		if (signals < 0 || !db_ctl_terminal_open(&terminal, false))
+			status = db_ctl_complain(ctl, DB_CTL_USAGE,
+			                         "io.drivebridge.Client.NoTerminal",
+			                         "jog needs a terminal, for its keys");
+	}
+	if (status == DB_CTL_OK) {
+		if (!ctl->json)
+			(void)printf(
+				"%s at %.10g %s: hold an arrow key to move, release it to stop, q ends\n",
+				jog.drive, jog.velocity,
+				db_ctl_text(db_ctl_look_up(jog.registers, "target_velocity"),
+			                    "unit"));
+		connected = run_jog(&jog, signals);
+		/* The drive first, the terminal then. */
+		status = end_jog(&jog, connected);
+		if (!ctl->json)
+			print_line(&jog);
+		if (!ctl->json)
+			(void)puts("");
+		db_ctl_terminal_close(&terminal);
+	}
+	if (signals >= 0)
+		(void)close(signals);
+	db_client_close(jog.stopper);
+	db_client_error_clear(&error);
+	json_decref(jog.values);
+	json_decref(jog.registers);
+	/* The stops' answers would go into this function's memory. */
+	db_client_close(ctl->client);
+	ctl->client = NULL;
+	return status;
+}

@@ -1,0 +1,48 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/names.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static void print_names(const json_t *list, bool writable, const char *end)
+{
+	size_t i;
+	const json_t *item;
+
+	json_array_foreach(list, i, item)
+	{
+		if (!writable || json_is_true(json_object_get(item, "writable")))
+			(void)printf("%s%s\n", db_ctl_text(item, "name"), end);
+	}
+}
+
+/* What can stand next on the command line, one a line, for the shells' completion: of a drive its commands ... */
+enum db_ctl_status db_ctl_names(struct db_ctl *ctl, int count, char **arguments)
+{
+	const char *kind = arguments[0];
+	const char *drive = count > 1 ? arguments[1] : "";
+	enum db_ctl_status status = DB_CTL_OK;
+	json_t *answer = NULL;
+	json_t *command;
+	size_t i;
+	const json_t *name;
+
+	if (strcmp(kind, "drives") == 0) {
+		print_names(json_object_get(ctl->description, "drives"), false, "");
+	} else if (strcmp(kind, "registers") == 0 || strcmp(kind, "writable") == 0) {
+		answer = db_ctl_read_registers(ctl, drive, &status);
+		print_names(answer, kind[0] == 'w', kind[0] == 'w' ? "=" : "");
+	} else {
+		answer = db_ctl_call(ctl, "Commands", json_pack("{s:s}", "drive", drive),
+		                     DB_CTL_TIMEOUT_MS, &status);
+		command = count > 2 ? db_ctl_look_up(json_object_get(answer, "commands"),
+		                                     arguments[2]) :
+		                      NULL;
+		if (strcmp(kind, "commands") == 0)
+			print_names(json_object_get(answer, "commands"), false, "");
+		json_array_foreach(json_object_get(command, "arguments"), i, name)(void)
+			printf("%s=\n", json_string_value(name));
+	}
+	json_decref(answer);
+	return status;
+}

@@ -1,0 +1,74 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What every command has: the connection, the options, and errors in words. Exit statuses as the manual page
+ * lists them.
+ */
+#ifndef DRIVEBRIDGE_CTL_SESSION_H
+#define DRIVEBRIDGE_CTL_SESSION_H
+
+#include "client/client.h"
+
+#include <stdbool.h>
+
+#define DB_CTL_SOCKET "/run/drivebridge/control"
+
+/* How long the service may think about what needs no drive, and about what does. */
+#define DB_CTL_TIMEOUT_MS 5000
+#define DB_CTL_DRIVE_TIMEOUT_MS 30000
+
+enum db_ctl_status {
+	DB_CTL_OK = 0,
+	DB_CTL_NO = 1,          /* refused, ended badly, or something needs somebody */
+	DB_CTL_USAGE = 2,       /* no such command, drive or name */
+	DB_CTL_UNREACHABLE = 3, /* no service, or the connection to it is lost */
+};
+
+struct db_ctl {
+	const char *socket;
+	bool json;
+	bool colour;
+	/* Options of single commands. */
+	bool no_wait;
+	bool all;
+	bool follow;
+	const char *velocity;
+	const char *interval;
+	/* Behind db_ctl_open(). */
+	struct db_client *client;
+	json_t *description; /* the answer of Describe */
+};
+
+/* Connects and asks what runs. DB_CTL_OK, or the status to end with, and the reason is printed. */
+enum db_ctl_status db_ctl_open(struct db_ctl *ctl);
+void db_ctl_close(struct db_ctl *ctl);
+
+/* A call that is waited for; takes `parameters` over. NULL with `status` when it failed: the reason is printed. */
+json_t *db_ctl_call(struct db_ctl *ctl, const char *method, json_t *parameters, int timeout_ms,
+                    enum db_ctl_status *status);
+
+/* Prints an error, on standard error for people, as an object on standard output with --json. */
+enum db_ctl_status db_ctl_fail(const struct db_ctl *ctl, const struct db_client_error *error);
+enum db_ctl_status db_ctl_complain(const struct db_ctl *ctl, enum db_ctl_status status,
+                                   const char *name, const char *format, ...)
+	__attribute__((format(printf, 4, 5)));
+
+/* The object of that `name` in a list, or NULL. */
+json_t *db_ctl_look_up(const json_t *list, const char *name);
+
+/* The same; where there is none, "no drive is called" (`unknown`) is printed with the nearest names. */
+json_t *db_ctl_find(const struct db_ctl *ctl, const json_t *list, const char *name,
+                    const char *error, const char *unknown);
+
+/* The drive of that name, or NULL and the reason is printed. The gateway is none. */
+json_t *db_ctl_find_drive(const struct db_ctl *ctl, const char *name);
+
+/* The registers of a drive (an array that the caller frees), or NULL: the reason is printed. */
+json_t *db_ctl_read_registers(struct db_ctl *ctl, const char *drive, enum db_ctl_status *status);
+
+/* A text member, "" when there is none. */
+const char *db_ctl_text(const json_t *object, const char *name);
+
+/* One line with --json. */
+void db_ctl_print_json(const json_t *value);
+
+#endif

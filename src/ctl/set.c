@@ -1,0 +1,48 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/set.h"
+#include "ctl/assign.h"
+#include "ctl/plant.h"
+#include "ctl/value.h"
+
+#include <stdio.h>
+
+enum db_ctl_status db_ctl_set(struct db_ctl *ctl, int count, char **arguments)
+{
+	enum db_ctl_status status = DB_CTL_USAGE;
+	json_t *registers = NULL;
+	json_t *values = NULL;
+	json_t *answer = NULL;
+	char unknown[128];
+	char text[DB_CTL_VALUE_MAX];
+	const char *name;
+	const json_t *value;
+
+	if (!db_ctl_find_drive(ctl, arguments[0]))
+		return DB_CTL_USAGE;
+	(void)snprintf(unknown, sizeof(unknown), "%s has no register", arguments[0]);
+	registers = db_ctl_read_registers(ctl, arguments[0], &status);
+	if (registers)
+		values = db_ctl_read_assignments(ctl, registers, unknown, count - 1, arguments + 1,
+		                                 &status);
+	if (values)
+		answer = db_ctl_call(
+			ctl, "Write",
+			json_pack("{s:s, s:O}", "drive", arguments[0], "values", values),
+			DB_CTL_DRIVE_TIMEOUT_MS, &status);
+	if (answer && ctl->json) {
+		(void)json_object_set_new(answer, "drive", json_string(arguments[0]));
+		(void)json_object_set(answer, "values", values);
+		db_ctl_print_json(answer);
+	} else if (answer) {
+		json_object_foreach(values, name, value)
+		{
+			db_ctl_write_value(db_ctl_look_up(registers, name), value, text,
+			                   sizeof(text));
+			(void)printf("%s = %s: %s\n", name, text, db_ctl_text(answer, "result"));
+		}
+	}
+	json_decref(answer);
+	json_decref(values);
+	json_decref(registers);
+	return status;
+}

@@ -1,0 +1,178 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/show.h"
+#include "ctl/grid.h"
+#include "ctl/plant.h"
+#include "ctl/value.h"
+
+#include <string.h>
+
+/* "user units" of the map are this drive's. */
+static void write_value(const json_t *drive, const json_t *reg, const json_t *value, char *text,
+                        size_t size)
+{
+	const char *unit = db_ctl_text(drive, "unit_name");
+	const char *users = db_ctl_text(reg, "unit");
+
+	if (strncmp(users, "user units", strlen("user units")) == 0 && json_is_number(value)) {
+		db_ctl_write_bare_value(reg, value, text, size);
+		(void)snprintf(text + strlen(text), size - strlen(text), " %s%s",
+		               unit[0] ? unit : "units", users + strlen("user units"));
+		return;
+	}
+	db_ctl_write_value(reg, value, text, size);
+}
+
+/* The values of these names, or of the process data with an empty array; takes the names over. */
+static json_t *read_values(struct db_ctl *ctl, const char *drive, json_t *names,
+                           enum db_ctl_status *status)
+{
+	json_t *answer = db_ctl_call(ctl, "Read",
+	                             json_pack("{s:s, s:o}", "drive", drive, "names", names),
+	                             DB_CTL_DRIVE_TIMEOUT_MS, status);
+	json_t *values = json_incref(json_object_get(answer, "values"));
+
+	json_decref(answer);
+	return values;
+}
+
+static void print_values(const struct db_ctl *ctl, const json_t *drive, const json_t *registers,
+                         const json_t *values, bool parameters, const char *head)
+{
+	struct db_ctl_grid *grid = db_ctl_grid_new("lll");
+	char text[DB_CTL_VALUE_MAX];
+	size_t i;
+	const json_t *reg;
+	const char *description;
+	bool any = false;
+
+	if (!grid)
+		return;
+	json_array_foreach(registers, i, reg)
+	{
+		const char *name = db_ctl_text(reg, "name");
+		const json_t *value = json_object_get(values, name);
+
+		if (!value || (parameters != json_is_true(json_object_get(reg, "parameter"))))
+			continue;
+		write_value(drive, reg, value, text, sizeof(text));
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "  %s", name);
+		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", text);
+		description = db_ctl_text(reg, "description");
+		/* Codes and conditions behind the first words are for who wants it all. */
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%.*s",
+		                ctl->all   ? (int)strlen(description) :
+		                parameters ? (int)strcspn(description, ":;") :
+		                             0,
+		                description);
+		any = true;
+	}
+	if (any)
+		(void)printf("%s\n", head);
+	db_ctl_grid_print(grid, ctl->colour, 0, "\n", stdout);
+	db_ctl_grid_free(grid);
+}
+
+static void print_head(const struct db_ctl *ctl, const json_t *drive)
+{
+	json_t *buses = json_object_get(ctl->description, "buses");
+	const json_t *bus = db_ctl_look_up(buses, db_ctl_text(drive, "bus"));
+	const char *axis = db_ctl_text(drive, "axis");
+
+	(void)printf("%s%s%s: %s on bus %s (%s), address %lld%s%s, unit %lld\n\n",
+	             db_ctl_colour_begin(ctl->colour, DB_CTL_BOLD), db_ctl_text(drive, "name"),
+	             db_ctl_colour_end(ctl->colour, DB_CTL_BOLD), db_ctl_text(bus, "protocol"),
+	             db_ctl_text(drive, "bus"), db_ctl_text(bus, "device"),
+	             (long long)json_integer_value(json_object_get(drive, "address")),
+	             axis[0] ? " axis " : "", axis,
+	             (long long)json_integer_value(json_object_get(drive, "unit")));
+}
+
+enum db_ctl_status db_ctl_show(struct db_ctl *ctl, int count, char **arguments)
+{
+	const json_t *drive = db_ctl_find_drive(ctl, arguments[0]);
+	enum db_ctl_status status = DB_CTL_OK;
+	json_t *registers = NULL;
+	json_t *values = NULL;
+	json_t *names = json_array();
+	json_t *others = NULL;
+	json_t *object;
+	size_t i;
+	const json_t *reg;
+
+	(void)count;
+	if (!drive) {
+		json_decref(names);
+		return DB_CTL_USAGE;
+	}
+	registers = db_ctl_read_registers(ctl, arguments[0], &status);
+	json_array_foreach(registers, i, reg)
+	{
+		if (ctl->all || json_is_true(json_object_get(reg, "parameter")))
+			(void)json_array_append(names, json_object_get(reg, "name"));
+	}
+	if (status == DB_CTL_OK)
+		values = read_values(ctl, arguments[0], json_array(), &status);
+	if (status == DB_CTL_OK && json_array_size(names) > 0)
+		others = read_values(ctl, arguments[0], json_incref(names), &status);
+	if (status == DB_CTL_OK) {
+		(void)json_object_update_missing(values, others);
+		if (ctl->json) {
+			object = json_pack("{s:O, s:O, s:O}", "drive", drive, "values", values,
+			                   "registers", registers);
+			db_ctl_print_json(object);
+			json_decref(object);
+		} else {
+			print_head(ctl, drive);
+			print_values(ctl, drive, registers, values, false, "values");
+			print_values(ctl, drive, registers, values, true, "\nparameters");
+		}
+	}
+	json_decref(names);
+	json_decref(others);
+	json_decref(values);
+	json_decref(registers);
+	return status;
+}
+
+enum db_ctl_status db_ctl_get(struct db_ctl *ctl, int count, char **arguments)
+{
+	const json_t *drive = db_ctl_find_drive(ctl, arguments[0]);
+	enum db_ctl_status status = DB_CTL_OK;
+	json_t *registers = NULL;
+	json_t *values = NULL;
+	json_t *names = json_array();
+	json_t *object;
+	char text[DB_CTL_VALUE_MAX];
+
+	if (drive)
+		registers = db_ctl_read_registers(ctl, arguments[0], &status);
+	else
+		status = DB_CTL_USAGE;
+	(void)snprintf(text, sizeof(text), "%s has no register", arguments[0]);
+	for (int i = 1; i < count && status == DB_CTL_OK; i++) {
+		if (!db_ctl_find(ctl, registers, arguments[i], DB_CLIENT_SERVICE "NoSuchRegister",
+		                 text))
+			status = DB_CTL_USAGE;
+		(void)json_array_append_new(names, json_string(arguments[i]));
+	}
+	if (status == DB_CTL_OK)
+		values = read_values(ctl, arguments[0], json_incref(names), &status);
+	if (status == DB_CTL_OK && ctl->json) {
+		object = json_pack("{s:s, s:O}", "drive", arguments[0], "values", values);
+		db_ctl_print_json(object);
+		json_decref(object);
+	}
+	for (int i = 1; i < count && status == DB_CTL_OK && !ctl->json; i++) {
+		write_value(drive, db_ctl_look_up(registers, arguments[i]),
+		            json_object_get(values, arguments[i]), text, sizeof(text));
+		/* Of one value nothing but it, as a script wants it. */
+		if (count == 2)
+			(void)puts(text);
+		else
+			(void)printf("%s = %s\n", arguments[i], text);
+	}
+	json_decref(names);
+	json_decref(values);
+	json_decref(registers);
+	return status;
+}

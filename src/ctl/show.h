@@ -1,0 +1,11 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Commands, see commands.h. */
+#ifndef DRIVEBRIDGE_CTL_SHOW_H
+#define DRIVEBRIDGE_CTL_SHOW_H
+
+#include "ctl/commands.h"
+
+enum db_ctl_status db_ctl_show(struct db_ctl *ctl, int count, char **arguments);
+enum db_ctl_status db_ctl_get(struct db_ctl *ctl, int count, char **arguments);
+
+#endif

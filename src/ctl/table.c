@@ -1,0 +1,66 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/table.h"
+#include "ctl/bus.h"
+#include "ctl/events.h"
+#include "ctl/jog.h"
+#include "ctl/names.h"
+#include "ctl/run.h"
+#include "ctl/service.h"
+#include "ctl/set.h"
+#include "ctl/show.h"
+#include "ctl/status.h"
+#include "ctl/watch.h"
+
+#include <string.h>
+
+/* clang-format off */
+const struct db_ctl_command db_ctl_commands[] = {
+	{ "status", "", "", 0, 0, true,
+	  "All drives and buses, the worst first, and what to do next; ends with 1 when something needs somebody",
+	  db_ctl_status },
+	{ "show", "DRIVE", "drives", 1, 1, true,
+	  "All that a drive says of itself and its parameters, with units and names", db_ctl_show },
+	{ "get", "DRIVE NAME...", "drives registers", 2, -1, true,
+	  "Values by the names of their registers", db_ctl_get },
+	{ "set", "DRIVE NAME=VALUE...", "drives writable", 2, -1, true,
+	  "Write values; done when the drive has confirmed them", db_ctl_set },
+	{ "run", "DRIVE COMMAND [NAME=VALUE...]", "drives commands arguments", 2, -1, true,
+	  "Run a command and wait for its end, that of its motion too; Ctrl-C stops the drive", db_ctl_run },
+	{ "jog", "DRIVE", "drives", 1, 1, true,
+	  "Move a drive while an arrow key is held", db_ctl_jog },
+	{ "watch", "[DRIVE...]", "drives", 0, -1, true,
+	  "Positions, velocities, states and the buses' load, as they change", db_ctl_watch },
+	{ "bus", "", "", 0, 0, true,
+	  "Cycle, jitter, load, errors and round trips", db_ctl_bus },
+	{ "events", "", "", 0, 0, true,
+	  "What happened lately", db_ctl_events },
+	{ "metrics", "", "", 0, 0, true,
+	  "Everything that is counted, in the text format of Prometheus", db_ctl_metrics },
+	{ "reload", "", "", 0, 0, true,
+	  "Let the service read its configuration again", db_ctl_reload },
+	{ "check", "[FILE]", "files", 0, 1, false,
+	  "Check a configuration file, the service's own when none is given", db_ctl_check },
+	{ "names", "KIND [DRIVE [COMMAND]]", "", 1, 3, true, NULL, db_ctl_names },
+	{ NULL, NULL, NULL, 0, 0, false, NULL, NULL },
+};
+
+const struct db_ctl_option db_ctl_options[] = {
+	{ "socket", "PATH", NULL, "The control socket; else DRIVEBRIDGE_SOCKET or " DB_CTL_SOCKET },
+	{ "json", NULL, NULL, "Objects for programs instead of text; one a line for what goes on" },
+	{ "all", NULL, " show ", "The registers of results, diagnostics and history as well" },
+	{ "no-wait", NULL, " run ", "Do not wait for the end of a motion" },
+	{ "velocity", "V", " jog ", "How fast, in the unit of target_velocity; a tenth of its limit when not given" },
+	{ "interval", "MS", " watch ", "Time between two pictures, 200 ms when not given; 0: every cycle" },
+	{ "follow", NULL, " events ", "Go on with those to come" },
+	{ "help", NULL, NULL, "Print what there is" },
+	{ "version", NULL, NULL, "Print the version" },
+	{ NULL, NULL, NULL, NULL },
+};
+/* clang-format on */
+
+bool db_ctl_takes_option(const struct db_ctl_command *command, const struct db_ctl_option *option)
+{
+	const char *at = option->commands ? strstr(option->commands, command->name) : NULL;
+
+	return !option->commands || (at && at[-1] == ' ' && at[strlen(command->name)] == ' ');
+}

@@ -1,0 +1,456 @@
+# SPDX-License-Identifier: Apache-2.0
+"""drivebridgectl in front of a control socket that the test plays: what the real one does only when something is
+wrong, and when exactly a jog says what."""
+
+import errno
+import json
+import os
+import pty
+import re
+import signal
+import subprocess
+import tempfile
+import termios
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from bridgelib import ROOT, eventually, find_program
+from fakecontrol import Fake
+
+RIGHT, LEFT = b"\033[C", b"\033[D"
+
+
+@pytest.fixture
+def fake():
+    with tempfile.TemporaryDirectory(prefix="drivebridge-") as folder:
+        made = Fake(Path(folder) / "control")
+        yield made
+        made.close()
+
+
+def ctl(fake, *words, status=0, **options):
+    """Runs it; what it says on both outputs."""
+    done = subprocess.run([find_program("drivebridgectl"), "--socket", fake.path, *words],
+                          capture_output=True, text=True, timeout=20, check=False, **options)
+    assert done.returncode == status, done
+    return done.stdout + done.stderr
+
+
+class Terminal:
+    """drivebridgectl on a terminal of its own."""
+
+    def __init__(self, fake, *words, env=None):
+        self.leader, follower = pty.openpty()
+        self.before = termios.tcgetattr(follower)
+        self.process = subprocess.Popen(
+            [find_program("drivebridgectl"), "--socket", fake.path, *words], stdin=follower,
+            stdout=follower, stderr=follower, start_new_session=True,
+            env={**os.environ, "TERM": "xterm", **(env or {})})
+        self.follower = follower
+        os.set_blocking(self.leader, False)
+        self.text = ""
+
+    def read(self):
+        try:
+            while True:
+                self.text += os.read(self.leader, 65536).decode(errors="replace")
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            assert error.errno == errno.EIO
+        return self.text
+
+    def shows(self, pattern):
+        return eventually(lambda: re.search(pattern, self.read()), what=pattern)
+
+    def press(self, key):
+        os.write(self.leader, key)
+
+    def hold(self, key, until, timeout=10):
+        """Repeats a key as a terminal does, until something is so."""
+        deadline = time.monotonic() + timeout
+        while not until():
+            assert time.monotonic() < deadline, self.read()[-200:]
+            self.press(key)
+            time.sleep(0.03)
+            self.read()
+
+    def ends(self, status):
+        self.process.wait(10)
+        assert self.process.returncode == status, self.read()[-400:]
+        assert termios.tcgetattr(self.follower) == self.before
+        return self.read()
+
+    def close(self):
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        os.close(self.follower)
+        if self.leader is not None:
+            os.close(self.leader)
+
+
+@pytest.fixture
+def terminal(fake):
+    made = []
+
+    def make(*words, **options):
+        made.append(Terminal(fake, *words, **options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+# --- what a service may answer ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("answer", [b"hello\0", b"[]\0", b'{"error":1}\0', b"\0", b"\xff\xfe\0",
+                                    b'{"parameters":{"drives":3,"buses":"x"}}\0'])
+def test_what_is_no_answer_ends_it(fake, answer):
+    fake.answers["Describe"] = lambda parameters: answer
+    said = ctl(fake, "get", "feeder", "position", status=2 if b"drives" in answer else 3)
+    assert said.startswith("drivebridgectl: ")
+
+
+@pytest.mark.parametrize("method", ["Registers", "Commands", "Run"])
+def test_answers_of_the_wrong_type_do_no_harm(fake, method):
+    fake.answers[method] = {"registers": 3, "commands": {"a": 1}, "result": ["ok"]}
+    done = subprocess.run([find_program("drivebridgectl"), "--socket", fake.path, "run", "feeder",
+                           "enable"], capture_output=True, text=True, timeout=20, check=False)
+    assert done.returncode in (0, 1, 2, 3) and "Sanitizer" not in done.stderr, done.stderr[-500:]
+
+
+def test_an_answer_without_end_is_not_waited_for_for_ever(fake):
+    fake.answers["Describe"] = lambda parameters: b'{"parameters":' + b" " * (20 << 20)
+    assert "too long" in ctl(fake, "status", status=3)
+
+
+def test_a_connection_lost_in_between_is_said(fake):
+    def lose(parameters):
+        fake.cut()
+
+    fake.answers["Read"] = lose
+    assert "closed the connection" in ctl(fake, "status", status=3)
+    error = json.loads(ctl(fake, "--json", "status", status=3))
+    assert error["error"] == "io.drivebridge.Client.Lost"
+
+
+def test_a_service_of_another_version_is_named_as_that(fake):
+    assert "of another version" in ctl(fake, "metrics", status=1)
+
+
+def test_nobody_there_says_what_to_do(fake):
+    fake.close()
+    assert "is the service running?" in ctl(fake, "status", status=3)
+    os.unlink(fake.path)
+    assert "is the service running?" in ctl(fake, "status", status=3)
+
+
+def test_texts_of_drives_do_not_reach_the_terminal_as_they_are(fake):
+    fake.values["identity"] = "VSMD\033[2J\007"
+    said = ctl(fake, "show", "feeder")
+    assert "VSMD?[2J?" in said and "\033" not in said
+
+
+# --- status ----------------------------------------------------------------------------------------
+
+
+def test_the_worst_comes_first_with_what_to_do(fake):
+    bad = {"axis_state": 0, "error": 1, "status": 0, "age_ms": 4294967295}
+    fake.answers["Read"] = lambda parameters: {
+        "values": bad if parameters["drive"] == "lift" else fake.values}
+    lines = ctl(fake, "status", status=1).splitlines()
+    assert lines[1].split()[:3] == ["lift", "line", "Offline"] and "never" in lines[1]
+    assert lines[2].split()[0] == "feeder"
+    assert any(line.startswith("lift: no_answer: check its power") for line in lines)
+
+
+def test_a_latched_watchdog_is_told_with_its_cure(fake):
+    fake.values["status"] = 1 | 1 << 10
+    assert "feeder: stopped by its watchdog: its client fell silent; when the client is back: " \
+        "drivebridgectl run feeder clear_fault" in ctl(fake, "status", status=1)
+
+
+def test_a_bus_that_is_down_needs_somebody(fake):
+    fake.answers["Describe"]["buses"][0]["up"] = False
+    assert "bus line: its port is not open: check the adapter at /dev/ttyS0" in \
+        ctl(fake, "status", status=1)
+
+
+def test_colour_is_for_terminals_that_want_it(fake, terminal):
+    assert "\033" not in ctl(fake, "status")
+    on = terminal("status")
+    assert "\033[32mall is well" in on.ends(0)
+    off = terminal("status", env={"NO_COLOR": "1"})
+    assert "\033" not in off.ends(0)
+
+
+# --- run -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("result, status", [("ok", 0), ("unproven", 0), ("pending", 1),
+                                            ("cancelled", 1)])
+def test_the_exit_status_follows_the_result(fake, result, status):
+    fake.answers["Run"] = {"result": result}
+    assert ctl(fake, "run", "feeder", "enable", status=status) == f"feeder: enable: {result}\n"
+    assert fake.called("Run")[-1]["until_end"] is True
+
+
+def test_without_waiting_pending_is_well(fake):
+    fake.answers["Run"] = {"result": "pending"}
+    ctl(fake, "run", "--no-wait", "feeder", "move_velocity", "target_velocity=-3.5")
+    assert fake.called("Run")[-1] == {"drive": "feeder", "command": "move_velocity",
+                                      "arguments": {"target_velocity": -3.5}, "until_end": False}
+
+
+def test_a_refusal_says_why(fake):
+    fake.answers["Run"] = {"error": "io.drivebridge.Control.Refused", "parameters": {
+        "result": "latched", "code": 10, "reason": "the watchdog has stopped it; clear_fault"}}
+    assert "latched: the watchdog has stopped it" in ctl(fake, "run", "feeder", "enable", status=1)
+    error = json.loads(ctl(fake, "--json", "run", "feeder", "enable", status=1))
+    assert error["parameters"]["code"] == 10
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_who_interrupts_a_motion_stops_it(fake, number):
+    fake.answers["Run"] = lambda parameters: (
+        {"result": "ok"} if parameters["command"] == "stop" else None)
+    process = subprocess.Popen([find_program("drivebridgectl"), "--socket", fake.path, "run",
+                                "feeder", "move_velocity", "target_velocity=10"],
+                               stderr=subprocess.PIPE, text=True)
+    eventually(lambda: fake.runs() == ["move_velocity"])
+    eventually(lambda: os.path.exists(f"/proc/{process.pid}") and "SigBlk:\t00000000" in Path(
+        f"/proc/{process.pid}/status").read_text() and not re.search(
+        r"SigBlk:\t0+\n", Path(f"/proc/{process.pid}/status").read_text()))
+    process.send_signal(number)
+    assert "feeder has been told to stop" in process.communicate(timeout=10)[1]
+    assert process.returncode == 1
+    assert fake.runs() == ["move_velocity", "stop"]
+
+
+# --- jog -------------------------------------------------------------------------------------------
+
+
+def moves(fake):
+    return [parameters["arguments"]["target_velocity"] for parameters in fake.called("Run")
+            if parameters["command"] == "move_velocity"]
+
+
+def jogging(fake, terminal, *words):
+    one = terminal("jog", "feeder", *words)
+    one.shows("hold an arrow key")
+    one.hold(RIGHT, lambda: fake.runs() == ["move_velocity"])
+    return one
+
+
+def test_a_held_key_moves_and_its_release_stops(fake, terminal):
+    one = jogging(fake, terminal)
+    # A tenth of what the register takes.
+    assert moves(fake) == [500.0]
+    began = time.monotonic()
+    one.hold(RIGHT, lambda: time.monotonic() - began > 0.6)
+    assert fake.runs() == ["move_velocity"]
+    released = time.monotonic()
+    eventually(lambda: fake.runs() == ["move_velocity", "stop"])
+    assert 0.15 < time.monotonic() - released < 1
+    one.hold(LEFT, lambda: len(moves(fake)) == 2)
+    assert moves(fake)[1] == -500.0
+    one.press(b"q")
+    one.ends(0)
+    assert fake.runs() == ["move_velocity", "stop", "move_velocity", "stop"]
+
+
+def test_a_jog_is_read_which_feeds_its_watchdog(fake, terminal):
+    one = jogging(fake, terminal, "--velocity", "7")
+    assert moves(fake) == [7.0]
+    count, began = len(fake.called("Read")), time.monotonic()
+    one.hold(RIGHT, lambda: time.monotonic() - began > 1)
+    assert 5 <= len(fake.called("Read")) - count <= 15
+    # Nothing is repeated that the drive has been told.
+    assert fake.runs() == ["move_velocity"]
+
+
+@pytest.mark.parametrize("key", [b"q", b"\033", b"\003", b"\x1a"])
+def test_keys_that_end_it_stop_first(fake, terminal, key):
+    one = jogging(fake, terminal)
+    one.press(key)
+    one.ends(0)
+    assert fake.runs() == ["move_velocity", "stop"]
+
+
+def test_any_other_key_stops_until_all_are_released(fake, terminal):
+    one = jogging(fake, terminal)
+    one.press(b" ")
+    one.hold(RIGHT, lambda: fake.runs() == ["move_velocity", "stop"])
+    began = time.monotonic()
+    one.hold(RIGHT, lambda: time.monotonic() - began > 0.5)
+    assert fake.runs() == ["move_velocity", "stop"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT,
+                                    signal.SIGTSTP])
+def test_signals_stop_it(fake, terminal, number):
+    one = jogging(fake, terminal)
+    one.process.send_signal(number)
+    one.ends(0)
+    assert fake.runs() == ["move_velocity", "stop"]
+
+
+def test_a_terminal_that_goes_away_stops_it(fake, terminal):
+    one = jogging(fake, terminal)
+    os.close(one.leader)
+    one.leader = None
+    assert one.process.wait(10) is not None
+    assert fake.runs() == ["move_velocity", "stop"]
+
+
+def test_a_lost_connection_stops_it_over_a_new_one(fake, terminal):
+    one = jogging(fake, terminal)
+    fake.cut()
+    assert "has been told to stop over a new one" in one.ends(3)
+    assert fake.runs() == ["move_velocity", "stop"]
+
+
+def test_a_service_that_is_gone_leaves_the_watchdog(fake, terminal):
+    one = jogging(fake, terminal)
+    fake.close()
+    assert "its watchdog is to stop it" in one.ends(3)
+
+
+def test_a_stop_overtakes_a_move_that_waits(fake, terminal):
+    answered = threading.Event()
+
+    def answer(parameters):
+        if parameters["command"] == "move_velocity":
+            answered.wait(10)
+        return {"result": "ok"}
+
+    fake.answers["Run"] = answer
+    one = jogging(fake, terminal)
+    # Past the move, which still waits, and then behind it.
+    eventually(lambda: fake.runs() == ["move_velocity", "stop"])
+    answered.set()
+    eventually(lambda: fake.runs() == ["move_velocity", "stop", "stop"])
+    one.press(b"q")
+    one.ends(0)
+
+
+@pytest.mark.parametrize("result, runs", [("limit", ["move_velocity"]),
+                                          ("indeterminate", ["move_velocity", "stop"])])
+def test_a_failed_move_is_shown_and_not_repeated(fake, terminal, result, runs):
+    """Who was refused leaves alone what somebody else may be moving."""
+    fake.answers["Run"] = lambda parameters: (
+        {"result": "ok"} if parameters["command"] == "stop" else
+        {"error": "io.drivebridge.Control.Refused",
+         "parameters": {"result": result, "code": 9, "reason": "just so"}})
+    one = terminal("jog", "feeder")
+    one.shows("hold an arrow key")
+    one.hold(RIGHT, lambda: f"{result}: just so" in one.read())
+    began = time.monotonic()
+    one.hold(RIGHT, lambda: time.monotonic() - began > 0.5)
+    assert fake.runs() == runs
+    one.press(b"q")
+    one.ends(0)
+    assert fake.runs() == runs
+
+
+def test_a_drive_that_cannot_move_is_not_jogged(fake, terminal):
+    fake.values["axis_state"] = 1
+    assert "drivebridgectl run feeder enable" in terminal("jog", "feeder").ends(1)
+    fake.values["axis_state"] = 7
+    fake.values["error"] = 3
+    assert "client_loss" in terminal("jog", "feeder").ends(1)
+    assert fake.runs() == []
+
+
+def test_jog_needs_a_terminal(fake):
+    assert "needs a terminal" in ctl(fake, "jog", "feeder", status=2, stdin=subprocess.DEVNULL)
+    assert fake.runs() == []
+
+
+# --- watch -----------------------------------------------------------------------------------------
+
+
+def stream(fake):
+    """An endless one, of which only the beginning comes."""
+    message = {"parameters": {"time_us": 1, "skipped": 0, "samples": [
+        {"drive": "feeder", "values": fake.values}]}, "continues": True}
+    return json.dumps(message).encode() + b"\0"
+
+
+@pytest.mark.parametrize("key", [b"q", b"\003", b"\033"])
+def test_watch_redraws_and_gives_the_terminal_back(fake, terminal, key):
+    fake.answers["Subscribe"] = lambda parameters: stream(fake)
+    fake.answers["Figures"] = {"buses": {"line": {"utilisation": 123, "cycle_us": 1234}}}
+    one = terminal("watch")
+    one.shows("feeder.*Standstill")
+    one.shows("line: load 12 %, cycle 1.2 ms")
+    assert "\033[?1049h" in one.read()
+    one.press(key)
+    assert one.ends(0).endswith("\033[?25h\033[?1049l")
+    assert fake.called("Subscribe")[0]["drives"] == ["feeder", "lift"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_signals_give_the_terminal_back(fake, terminal, number):
+    fake.answers["Subscribe"] = lambda parameters: stream(fake)
+    one = terminal("watch", "feeder")
+    one.shows("feeder.*Standstill")
+    one.process.send_signal(number)
+    assert one.ends(0).endswith("\033[?25h\033[?1049l")
+
+
+def test_a_lost_connection_gives_the_terminal_back(fake, terminal):
+    fake.answers["Subscribe"] = lambda parameters: stream(fake)
+    one = terminal("watch")
+    one.shows("feeder.*Standstill")
+    fake.cut()
+    assert "closed the connection" in one.ends(3)
+
+
+def test_watch_as_objects_needs_no_terminal(fake):
+    fake.answers["Subscribe"] = [{"time_us": at, "samples": [], "skipped": 0} for at in range(3)]
+    lines = ctl(fake, "--json", "watch", "--interval", "0", "feeder").splitlines()
+    assert [json.loads(line)["time_us"] for line in lines] == [0, 1, 2]
+    assert fake.called("Subscribe")[0]["interval_ms"] == 0
+
+
+# --- completion ------------------------------------------------------------------------------------
+
+
+def complete(fake, line):
+    """What bash offers behind this line."""
+    words = line.split(" ")
+    script = f"""
+        source {ROOT}/packaging/completions/drivebridgectl
+        PATH={find_program('drivebridgectl').parent}:$PATH DRIVEBRIDGE_SOCKET={fake.path}
+        export DRIVEBRIDGE_SOCKET
+        COMP_WORDS=({' '.join(f'"{word}"' for word in words)}) COMP_CWORD={len(words) - 1}
+        _drivebridgectl
+        printf '%s\\n' "${{COMPREPLY[@]}}"
+    """
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, timeout=20,
+                          check=True)
+    return done.stdout.split()
+
+
+def test_the_shell_knows_commands_options_and_names(fake):
+    assert complete(fake, "drivebridgectl st") == ["status"]
+    assert complete(fake, "drivebridgectl status --j") == ["--json"]
+    assert complete(fake, "drivebridgectl show ")[-2:] == ["feeder", "lift"]
+    assert complete(fake, "drivebridgectl --json run f") == ["feeder"]
+    assert complete(fake, "drivebridgectl run feeder move_") == ["move_velocity", "move_absolute"]
+    assert complete(fake, "drivebridgectl run feeder move_velocity t") == ["target_velocity="]
+    assert complete(fake, "drivebridgectl get feeder position vel") == ["velocity"]
+    assert complete(fake, "drivebridgectl set feeder p") == []
+    assert complete(fake, "drivebridgectl set feeder s") == ["spd="]
+    assert "feeder" not in complete(fake, "drivebridgectl show feeder ")
+
+
+def test_the_shell_goes_on_without_a_service(fake):
+    fake.close()
+    assert complete(fake, "drivebridgectl show f") == []
