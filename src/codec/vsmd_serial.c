@@ -1,13 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "codec/vsmd_serial.h"
 
+#include "codec/vsmd_serial_frames.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-
-#define FRAME_START 0xFF
-#define FRAME_END 0xFE
-#define FRAME_LEAST 6 /* FF id code BH BL FE */
 
 #define EXPONENT_MAX 60.0 /* beyond it no value of a drive lies */
 
@@ -700,173 +698,9 @@ enum vsmd_error vsmd_serial_decode_command(const char *line, size_t length, bool
 	return error;
 }
 
-/* --- frames --------------------------------------------------------------------------------------- */
-
-enum vsmd_cut vsmd_serial_cut(const uint8_t *bytes, size_t length, size_t *skip,
-                              size_t *frame_length)
-{
-	size_t start = length;
-
-	*frame_length = 0;
-	for (size_t i = 0; i < length; i++) {
-		if (bytes[i] == FRAME_START) {
-			start = i;
-		} else if (start < length && bytes[i] == FRAME_END) {
-			*skip = start;
-			*frame_length = i + 1 - start;
-			return VSMD_CUT_FRAME;
-		} else if (start < length &&
-		           (bytes[i] >= 0x80 || i + 1 - start >= VSMD_SERIAL_FRAME_MAX)) {
-			start = length;
-		}
-	}
-	*skip = start;
-	return VSMD_CUT_MORE;
-}
-
-static uint8_t bcc_of(const uint8_t *bytes, size_t length)
-{
-	uint8_t bcc = 0;
-
-	for (size_t i = 0; i < length; i++)
-		bcc ^= bytes[i];
-	return bcc;
-}
-
-/* Five groups of seven bits, most significant first; the first one carries only four. */
-static bool take_groups(const uint8_t *groups, uint32_t *value)
-{
-	if (groups[0] > 0x0F)
-		return false;
-	*value = 0;
-	for (size_t i = 0; i < 5; i++)
-		*value = *value << 7 | groups[i];
-	return true;
-}
-
-static void put_groups(uint32_t value, uint8_t *groups)
-{
-	for (size_t i = 0; i < 5; i++)
-		groups[i] = value >> (28 - 7 * i) & 0x7F;
-}
-
-static bool decode_status(const uint8_t *data, size_t length, struct vsmd_status *status)
-{
-	uint32_t speed;
-	uint32_t position;
-
-	if (length != 15 || !take_groups(data, &speed) || !take_groups(data + 5, &position) ||
-	    !take_groups(data + 10, &status->status))
-		return false;
-	memcpy(&status->velocity, &speed, sizeof speed);
-	memcpy(&status->position, &position, sizeof position);
-	return true;
-}
-
-/* What may stand between words and behind a text. */
-static bool is_blank(char character)
-{
-	return character == ' ' || character == '\t' || character == '\r' || character == '\n' ||
-	       character == '\0';
-}
-
-static bool is_text(const uint8_t *data, size_t length)
-{
-	for (size_t i = 0; i < length; i++) {
-		if ((data[i] < 0x20 || data[i] > 0x7E) && !is_blank((char)data[i]))
-			return false;
-	}
-	return true;
-}
-
-enum vsmd_error vsmd_serial_decode_reply(const uint8_t *frame, size_t length,
-                                         struct vsmd_reply *reply)
-{
-	const uint8_t *data;
-	size_t data_length;
-
-	*reply = (struct vsmd_reply){ 0 };
-	if (length < FRAME_LEAST || frame[0] != FRAME_START || frame[length - 1] != FRAME_END)
-		return VSMD_ERR_SYNTAX;
-	for (size_t i = 1; i < length - 1; i++) {
-		if (frame[i] >= 0x80)
-			return VSMD_ERR_SYNTAX;
-	}
-	if (frame[length - 3] != 0 || frame[length - 2] != bcc_of(frame + 1, length - 4) ||
-	    frame[1] > VSMD_SERIAL_ID_MAX)
-		return VSMD_ERR_SYNTAX;
-	data = frame + 3;
-	data_length = length - FRAME_LEAST;
-	reply->id = frame[1];
-	switch (frame[2]) {
-	case VSMD_REPLY_STATUS:
-		reply->code = VSMD_REPLY_STATUS;
-		return decode_status(data, data_length, &reply->status) ? VSMD_OK : VSMD_ERR_SYNTAX;
-	case VSMD_REPLY_IDENTITY:
-	case VSMD_REPLY_PARAMS:
-		reply->code = (enum vsmd_reply_code)frame[2];
-		reply->text = (const char *)data;
-		reply->text_length = data_length;
-		while (reply->text_length > 0 && is_blank(reply->text[reply->text_length - 1]))
-			reply->text_length--;
-		return is_text(data, data_length) ? VSMD_OK : VSMD_ERR_SYNTAX;
-	default:
-		return VSMD_ERR_SYNTAX;
-	}
-}
-
-static int close_frame(uint8_t *frame, size_t data_length)
-{
-	size_t end = 3 + data_length;
-	uint8_t bcc = bcc_of(frame + 1, end - 1);
-
-	frame[end] = bcc >> 7;
-	frame[end + 1] = bcc & 0x7F;
-	frame[end + 2] = FRAME_END;
-	return (int)(data_length + FRAME_LEAST);
-}
-
-int vsmd_serial_encode_status(uint8_t id, const struct vsmd_status *status, uint8_t *frame,
-                              size_t size)
-{
-	uint32_t speed;
-	uint32_t position;
-
-	if (size < VSMD_SERIAL_STATUS_FRAME)
-		return VSMD_ERR_SPACE;
-	if (id > VSMD_SERIAL_ID_MAX)
-		return VSMD_ERR_RANGE;
-	memcpy(&speed, &status->velocity, sizeof speed);
-	memcpy(&position, &status->position, sizeof position);
-	frame[0] = FRAME_START;
-	frame[1] = id;
-	frame[2] = VSMD_REPLY_STATUS;
-	put_groups(speed, frame + 3);
-	put_groups(position, frame + 8);
-	put_groups(status->status, frame + 13);
-	return close_frame(frame, 15);
-}
-
-int vsmd_serial_encode_text(uint8_t id, enum vsmd_reply_code code, const char *text, size_t length,
-                            uint8_t *frame, size_t size)
-{
-	/* A longer frame would be thrown away as garbage by whoever cuts the stream. */
-	if (size > VSMD_SERIAL_FRAME_MAX)
-		size = VSMD_SERIAL_FRAME_MAX;
-	if (length > size || size - length < FRAME_LEAST)
-		return VSMD_ERR_SPACE;
-	if (id > VSMD_SERIAL_ID_MAX || (code != VSMD_REPLY_IDENTITY && code != VSMD_REPLY_PARAMS) ||
-	    !is_text((const uint8_t *)text, length))
-		return VSMD_ERR_RANGE;
-	frame[0] = FRAME_START;
-	frame[1] = id;
-	frame[2] = (uint8_t)code;
-	memcpy(frame + 3, text, length);
-	return close_frame(frame, length);
-}
-
 /* --- parameter texts ------------------------------------------------------------------------------ */
 
+/* What may stand between words and behind a text. */
 /* The text as a whole may be in quotation marks, as the document prints it, or each value. */
 static void strip_quotes(struct word *word)
 {
@@ -883,10 +717,10 @@ static struct word next_pair(const char *text, size_t length, size_t *cursor)
 {
 	struct word word;
 
-	while (*cursor < length && is_blank(text[*cursor]))
+	while (*cursor < length && vsmd_is_blank(text[*cursor]))
 		(*cursor)++;
 	word.text = text + *cursor;
-	while (*cursor < length && !is_blank(text[*cursor]))
+	while (*cursor < length && !vsmd_is_blank(text[*cursor]))
 		(*cursor)++;
 	word.length = (size_t)(text + *cursor - word.text);
 	return word;

@@ -12,7 +12,7 @@
 #ifndef DRIVEBRIDGE_SIM_VSMD_DRIVE_H
 #define DRIVEBRIDGE_SIM_VSMD_DRIVE_H
 
-#include "codec/vsmd_serial.h"
+#include "codec/vsmd_serial_frames.h"
 #include "drivebridge/time.h"
 #include "sim/vsmd_temper.h"
 

@@ -6,6 +6,7 @@
  * Source: VSMD custom protocol for RS232 & RS485, sections 2 and 3.
  */
 #include "transport/serial.h"
+#include "codec/vsmd_serial_frames.h"
 #include "driver/list.h"
 #include "driver/vsmd/commands.h"
 

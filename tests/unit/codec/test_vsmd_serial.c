@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "codec/vsmd_serial.h"
+#include "codec/vsmd_serial_frames.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

@@ -3,7 +3,7 @@
  * The schedule in made-up time against made-up drives that speak the real protocol: what is on the
  * wire, in which order, and what becomes of a command whose request or answer is lost.
  */
-#include "codec/vsmd_serial.h"
+#include "codec/vsmd_serial_frames.h"
 #include "fakes/bus.h"
 
 #include <setjmp.h>

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/vsmd_serial_bus.h"
 
-#include "codec/vsmd_serial.h"
+#include "codec/vsmd_serial_frames.h"
 #include "sim/vsmd_drive.h"
 
 #include <setjmp.h>
