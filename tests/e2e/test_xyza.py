@@ -291,7 +291,7 @@ def test_who_waits_for_a_stand_leaves_the_bus_to_others(make_xyza):
     bridge = make_xyza(axes="xy", bus={"cycle-ms": 40}, sim_drive={"braking-ms": 6000},
                        modbus={"confirm-ms": 40})
     drive, other = bridge.drive(1), bridge.drive(2)
-    assert drive.command("move_velocity", target_velocity=6000) == 0
+    assert drive.settle("move_velocity", target_velocity=6000) == RESULT_OK
     eventually(lambda: bridge.sim.get()["x_speed"] == 6000)
     assert drive.command("move_velocity", target_velocity=0) == ACKNOWLEDGE
     ages = []
