@@ -5,6 +5,7 @@
 #include "sched/exchange.h"
 #include "sched/stop.h"
 
+#include <stdint.h>
 #include <string.h>
 
 /* --- commands ------------------------------------------------------------------------------------- */
@@ -44,23 +45,25 @@ static bool begin_queued(struct db_engine *engine, size_t index, db_time now)
 	return false;
 }
 
-/* `again`: one that asks once more for what it has asked before, or one that does not. */
-static bool continue_command(struct db_engine *engine, bool again, db_time now)
+#define NOBODY SIZE_MAX
+
+/* *again: the first drive whose command only asks once more for what it has asked before, or NOBODY. */
+static bool continue_command(struct db_engine *engine, size_t *again, db_time now)
 {
 	for (size_t n = 0; n < engine->station_count; n++) {
 		size_t i = (engine->next_command + n) % engine->station_count;
 		struct station *station = engine->stations[i];
 
-		if (station->lanes[LANE_COMMAND].ready &&
-		    station->lanes[LANE_COMMAND].exchange.again == again &&
-		    !common_start_holds(station) && !station_awaits_stop(station) &&
-		    is_free(station, now)) {
-			engine->next_command = i + 1;
-			if (again)
-				engine->again_sent = now;
-			exchange_send_in_step(engine, station, LANE_COMMAND, now);
-			return true;
+		if (!station->lanes[LANE_COMMAND].ready || common_start_holds(station) ||
+		    station_awaits_stop(station) || !is_free(station, now))
+			continue;
+		if (station->lanes[LANE_COMMAND].exchange.again) {
+			*again = *again == NOBODY ? i : *again;
+			continue;
 		}
+		engine->next_command = i + 1;
+		exchange_send_in_step(engine, station, LANE_COMMAND, now);
+		return true;
 	}
 	return false;
 }
@@ -85,13 +88,14 @@ static bool begin_next_command(struct db_engine *engine, db_time now)
 }
 
 /* They take turns: a command of many exchanges does not hold up other drives' commands. */
-static bool try_commands(struct db_engine *engine, db_time now)
+static bool try_commands(struct db_engine *engine, size_t *again, db_time now)
 {
+	*again = NOBODY;
 	if (engine->continued && begin_next_command(engine, now)) {
 		engine->continued = false;
 		return true;
 	}
-	engine->continued = continue_command(engine, false, now);
+	engine->continued = continue_command(engine, again, now);
 	return engine->continued || begin_next_command(engine, now);
 }
 
@@ -238,6 +242,7 @@ static bool try_background(struct db_engine *engine, db_time now)
  */
 bool schedule_send_next(struct db_engine *engine, db_time now)
 {
+	size_t again;
 	struct node *poll;
 	bool wait;
 
@@ -254,11 +259,14 @@ bool schedule_send_next(struct db_engine *engine, db_time now)
 		send_poll(engine, poll, now);
 		return true;
 	}
-	if (try_commands(engine, now))
+	if (try_commands(engine, &again, now))
 		return true;
-	if ((!poll || now - engine->again_sent > 2 * engine->period) &&
-	    continue_command(engine, true, now))
+	if (again != NOBODY && (!poll || now - engine->again_sent > 2 * engine->period)) {
+		engine->again_sent = now;
+		engine->next_command = again + 1;
+		exchange_send_in_step(engine, engine->stations[again], LANE_COMMAND, now);
 		return true;
+	}
 	if (poll && engine->polls_in_a_row > engine->node_count && try_background(engine, now))
 		return true;
 	if (poll) {

@@ -34,7 +34,10 @@ class Demo:
                        "DRIVEBRIDGE_BUILD": str(build_directory())}
         self.process = subprocess.Popen(
             [ROOT / "demo"], stdin=far, stdout=far, stderr=far, env=environment,
-            start_new_session=True, preexec_fn=lambda: (go_first(), take_terminal(far)))
+            start_new_session=True, preexec_fn=lambda: (
+                go_first(), take_terminal(far),
+                # A shell that started the tests in the background has made this one ignored.
+                signal.signal(signal.SIGINT, signal.SIG_DFL)))
         os.close(far)
 
     def screen(self):
