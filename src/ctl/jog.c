@@ -38,6 +38,7 @@ struct jog {
 	bool reading;
 	db_time read_at;
 	json_t *values;
+	char line[384];    /* that was printed last */
 	char trouble[512]; /* what the service said last against it */
 };
 
@@ -49,13 +50,15 @@ static db_time read_clock(void)
 	return (db_time)time.tv_sec * DB_NS_PER_S + time.tv_nsec;
 }
 
-static void print_line(const struct jog *jog)
+/* Where it is, when that has changed. */
+static void print_line(struct jog *jog)
 {
 	char position[DB_CTL_VALUE_MAX];
 	char velocity[DB_CTL_VALUE_MAX];
 	char state[DB_CTL_VALUE_MAX];
+	char line[sizeof(jog->line)];
 
-	if (jog->ctl->json)
+	if (jog->ctl->json || !db_ctl_terminal_takes_output())
 		return;
 	db_ctl_write_value(db_ctl_look_up(jog->registers, "position"),
 	                   json_object_get(jog->values, "position"), position, sizeof(position));
@@ -63,9 +66,13 @@ static void print_line(const struct jog *jog)
 	                   json_object_get(jog->values, "velocity"), velocity, sizeof(velocity));
 	db_ctl_write_value(db_ctl_look_up(jog->registers, "axis_state"),
 	                   json_object_get(jog->values, "axis_state"), state, sizeof(state));
-	(void)printf("\r%s %s %s  at %s  %s  %s\033[K", jog->told < 0 ? "<=" : "  ", jog->drive,
-	             jog->told > 0 ? "=>" : "  ", position, velocity,
-	             jog->trouble[0] ? jog->trouble : state);
+	(void)snprintf(line, sizeof(line), "%s %s %s  at %.40s  %.40s  %.160s",
+	               jog->told < 0 ? "<=" : "  ", jog->drive, jog->told > 0 ? "=>" : "  ",
+	               position, velocity, jog->trouble[0] ? jog->trouble : state);
+	if (strcmp(line, jog->line) == 0)
+		return;
+	memcpy(jog->line, line, sizeof(line));
+	(void)printf("\r%s\033[K", line);
 	(void)fflush(stdout);
 }
 
@@ -378,9 +385,8 @@ enum db_ctl_status db_ctl_jog(struct db_ctl *ctl, int count, char **arguments)
 		connected = run_jog(&jog, signals);
 		/* The drive first, the terminal then. */
 		status = end_jog(&jog, connected);
-		if (!ctl->json)
-			print_line(&jog);
-		if (!ctl->json)
+		print_line(&jog);
+		if (!ctl->json && db_ctl_terminal_takes_output())
 			(void)puts("");
 		db_ctl_terminal_close(&terminal);
 	}

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/terminal.h"
 
+#include <poll.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/ioctl.h>
@@ -37,8 +38,18 @@ void db_ctl_terminal_close(struct db_ctl_terminal *terminal)
 	terminal->open = false;
 	if (terminal->screen)
 		(void)fputs("\033[?25h\033[?1049l", stdout);
-	(void)fflush(stdout);
-	(void)tcsetattr(STDIN_FILENO, TCSAFLUSH, &terminal->before);
+	if (db_ctl_terminal_takes_output())
+		(void)fflush(stdout);
+	/* Not TCSAFLUSH, which would wait for a terminal that is stopped. */
+	(void)tcflush(STDIN_FILENO, TCIFLUSH);
+	(void)tcsetattr(STDIN_FILENO, TCSANOW, &terminal->before);
+}
+
+bool db_ctl_terminal_takes_output(void)
+{
+	struct pollfd out = { .fd = STDOUT_FILENO, .events = POLLOUT };
+
+	return poll(&out, 1, 0) == 1 && (out.revents & POLLOUT);
 }
 
 void db_ctl_terminal_size(unsigned *lines, unsigned *columns)

@@ -27,6 +27,9 @@ bool db_ctl_terminal_open(struct db_ctl_terminal *terminal, bool screen);
 /* Also behind a terminal that is gone, and twice. Keys that wait are thrown away. */
 void db_ctl_terminal_close(struct db_ctl_terminal *terminal);
 
+/* Whether it takes a line now: one that is stopped must not keep its program from stopping a drive. */
+bool db_ctl_terminal_takes_output(void);
+
 /* Lines and columns, 24 and 80 where the terminal does not know. */
 void db_ctl_terminal_size(unsigned *lines, unsigned *columns);
 

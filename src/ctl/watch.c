@@ -174,7 +174,7 @@ static void run_watch(struct watch *watch, int signals)
 			watch->asked = db_client_send(watch->figures_client, "Figures", NULL, false,
 			                              take_figures, watch) == 0;
 		}
-		if (watch->changed && !watch->ctl->json)
+		if (watch->changed && !watch->ctl->json && db_ctl_terminal_takes_output())
 			redraw(watch);
 	}
 }

@@ -41,11 +41,11 @@ def ctl(fake, *words, status=0, **options):
 class Terminal:
     """drivebridgectl on a terminal of its own."""
 
-    def __init__(self, fake, *words, env=None):
+    def __init__(self, path, *words, env=None):
         self.leader, follower = pty.openpty()
         self.before = termios.tcgetattr(follower)
         self.process = subprocess.Popen(
-            [find_program("drivebridgectl"), "--socket", fake.path, *words], stdin=follower,
+            [find_program("drivebridgectl"), "--socket", path, *words], stdin=follower,
             stdout=follower, stderr=follower, start_new_session=True,
             env={**os.environ, "TERM": "xterm", **(env or {})})
         self.follower = follower
@@ -97,7 +97,7 @@ def terminal(fake):
     made = []
 
     def make(*words, **options):
-        made.append(Terminal(fake, *words, **options))
+        made.append(Terminal(fake.path, *words, **options))
         return made[-1]
 
     yield make
@@ -306,6 +306,20 @@ def test_a_terminal_that_goes_away_stops_it(fake, terminal):
     one.leader = None
     assert one.process.wait(10) is not None
     assert fake.runs() == ["move_velocity", "stop"]
+
+
+def test_a_terminal_that_takes_no_output_does_not_keep_it_from_stopping(fake, terminal):
+    one = jogging(fake, terminal)
+    termios.tcflow(one.follower, termios.TCOOFF)
+    for position in range(50):
+        fake.values["position"] = position
+        one.press(RIGHT)
+        time.sleep(0.02)
+    eventually(lambda: fake.runs() == ["move_velocity", "stop"])
+    one.press(b"q")
+    one.process.wait(10)
+    termios.tcflow(one.follower, termios.TCOON)
+    one.ends(0)
 
 
 def test_a_lost_connection_stops_it_over_a_new_one(fake, terminal):
