@@ -13,6 +13,8 @@
 
 #include "drivebridge/time.h"
 
+#include <stdbool.h>
+
 /* Values are syslog's. */
 enum db_log_level {
 	DB_LOG_ERROR = 3,
@@ -33,6 +35,7 @@ enum db_event {
 	DB_EVENT_MEMORY_UNLOCKED,
 	DB_EVENT_THREAD_HANGS,
 	DB_EVENT_LOG_LOST,
+	DB_EVENT_CONTROL_FAILED, /* there is no control socket */
 	/* its clients */
 	DB_EVENT_CLIENT_CONNECTED,
 	DB_EVENT_CLIENT_GONE,
@@ -98,6 +101,23 @@ __attribute__((format(printf, 5, 6))) void db_log(const struct db_log_source *so
                                                   enum db_event event,
                                                   const struct db_log_about *about,
                                                   const char *format, ...);
+
+/* The latest lines, as far as their texts find room: at most so many. */
+#define DB_LOG_RECENT 256
+
+struct db_log_line {
+	uint64_t number;  /* from 1, without gaps */
+	uint64_t time_us; /* since 1970-01-01 UTC */
+	enum db_event event;
+	char bus[64]; /* "": none, likewise the next two */
+	char drive[64];
+	char client[64];
+	char text[512]; /* without these names before it */
+};
+
+/* The line of this number, or the first one behind it that is kept. False: there is none (yet). Any thread;
+ * does not wait for who writes or reads the log. */
+bool db_log_recent(struct db_log *log, uint64_t from, struct db_log_line *line);
 
 /* For the documents and the configuration. */
 const char *db_event_name(enum db_event event); /* "drive-lost" ... */

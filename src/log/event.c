@@ -26,6 +26,8 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 		KIND("thread-hangs", "df1869a90aa1460ea0087ded7847191c", ERROR, THREAD, 1),
 	[DB_EVENT_LOG_LOST] =
 		KIND("log-lost", "fcb78af18563450fadf9bab6b218961a", WARNING, SERVICE, 0),
+	[DB_EVENT_CONTROL_FAILED] =
+		KIND("control-failed", "731bfa6fa33c433c9c9235a60f94c47a", WARNING, SERVICE, 0),
 	[DB_EVENT_CLIENT_CONNECTED] =
 		KIND("client-connected", "4d68edf0a4c14afc87d9198923f2bc17", INFO, CLIENT, 4),
 	[DB_EVENT_CLIENT_GONE] =

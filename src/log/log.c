@@ -10,6 +10,7 @@
 #include "log/log.h"
 
 #include "log/event.h"
+#include "log/recent.h"
 #include "log/repeat.h"
 
 #include <errno.h>
@@ -32,6 +33,7 @@ struct db_log {
 
 	pthread_mutex_t lock; /* of what follows */
 	struct db_repeats repeats;
+	struct db_recent recent;
 	struct db_log_record queue[DB_LOG_QUEUE];
 	size_t first;
 	size_t count;
@@ -45,6 +47,14 @@ static db_time now_ns(void)
 
 	clock_gettime(CLOCK_MONOTONIC, &now);
 	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
+}
+
+static uint64_t wall_us(void)
+{
+	struct timespec now;
+
+	clock_gettime(CLOCK_REALTIME, &now);
+	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
 }
 
 /* --- the thread that writes ------------------------------------------------------------------- */
@@ -77,7 +87,10 @@ static bool next_record(struct db_log *log, db_time now, struct db_log_record *r
 		log->lost = 0;
 		return true;
 	}
-	return db_repeats_due(&log->repeats, now, log->ending, record);
+	if (!db_repeats_due(&log->repeats, now, log->ending, record))
+		return false;
+	db_recent_add(&log->recent, record, wall_us());
+	return true;
 }
 
 static bool take_record(struct db_log *log, struct db_log_record *record, db_time *next,
@@ -202,6 +215,7 @@ static void post_record(struct db_log *log, const struct db_log_record *record, 
 
 	pthread_mutex_lock(&log->lock);
 	if (db_repeats_pass(&log->repeats, record, now)) {
+		db_recent_add(&log->recent, record, wall_us());
 		news = log->count < DB_LOG_QUEUE;
 		if (news)
 			log->queue[(log->first + log->count++) % DB_LOG_QUEUE] = *record;
@@ -225,4 +239,16 @@ void db_log(const struct db_log_source *source, db_time now, enum db_event event
 	db_log_record_init(&record, source->bus, event, about, format, arguments);
 	va_end(arguments);
 	post_record(source->log, &record, now);
+}
+
+bool db_log_recent(struct db_log *log, uint64_t from, struct db_log_line *line)
+{
+	bool found;
+
+	if (!log)
+		return false;
+	pthread_mutex_lock(&log->lock);
+	found = db_recent_find(&log->recent, from, line);
+	pthread_mutex_unlock(&log->lock);
+	return found;
 }

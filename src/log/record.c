@@ -41,6 +41,7 @@ void db_log_record_init(struct db_log_record *record, const char *bus, enum db_e
 	add_text(record->text, "drive", record->drive);
 	add_text(record->text, "client", record->client);
 	used = strlen(record->text);
+	record->told = (unsigned)used;
 	vsnprintf(record->text + used, sizeof record->text - used, format, arguments);
 	record->subject = 14695981039346656037u ^ (uint64_t)db_event_kind(event)->topic;
 	record->subject = hash(record->subject, record->bus);

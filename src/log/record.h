@@ -17,6 +17,7 @@ struct db_log_record {
 	enum db_event event;
 	uint64_t subject; /* the same for lines of one topic about the same bus, drive and client */
 	unsigned unit;
+	unsigned told;             /* where in the text the message begins, behind the names */
 	char bus[DB_LOG_NAME_MAX]; /* "" = none, likewise the next two */
 	char drive[DB_LOG_NAME_MAX];
 	char client[DB_LOG_NAME_MAX];
