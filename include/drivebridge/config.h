@@ -78,6 +78,16 @@ struct db_modbus_config {
 	enum db_log_level log;             /* default info */
 };
 
+/* The socket for tools on this machine, see control_socket.h. */
+struct db_control_config {
+	char *socket; /* path; default "/run/drivebridge/control"; DB_NO_SOCKET: there is none */
+	char *read_group; /* read-group: who may read beside who may act; default DB_EVERYBODY */
+	char *act_group;  /* act-group: who may act beside root; default "drivebridge" */
+};
+
+#define DB_NO_SOCKET "off"
+#define DB_EVERYBODY "everybody"
+
 struct db_bus_config {
 	char *name;
 	const char *source_file;
@@ -150,6 +160,7 @@ struct db_config {
 	struct db_source *sources; /* first the file that was named, then those of conf.d */
 	size_t source_count;
 	struct db_modbus_config modbus;
+	struct db_control_config control;
 	struct db_bus_config *buses;
 	size_t bus_count;
 	struct db_drive_config *drives;
@@ -177,11 +188,12 @@ bool db_config_is_cut(const struct db_config *running, const struct db_config *n
 void db_config_keep_ends(struct db_config *running, const struct db_config *next);
 
 /*
- * Whether two configurations say the same about the clients, a bus or a drive: values with their
+ * Whether two configurations say the same about the clients, the control socket, a bus or a drive: values with their
  * defaults, and names, but not where in the file. Buses are compared without their drives, and a
  * drive's bus by its name. Each drive's configuration is the one its section belongs to.
  */
 bool db_config_same_modbus(const struct db_config *a, const struct db_config *b);
+bool db_config_same_control(const struct db_config *a, const struct db_config *b);
 bool db_config_same_bus(const struct db_bus_config *a, const struct db_bus_config *b);
 bool db_config_same_drive(const struct db_config *config_a, const struct db_drive_config *a,
                           const struct db_config *config_b, const struct db_drive_config *b);

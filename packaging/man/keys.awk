@@ -2,8 +2,8 @@
 # docs/config-keys.csv as the keys' part of drivebridge.conf(5).
 
 function title(section) {
-	if (section == "modbus")
-		return "SECTION modbus"
+	if (section == "modbus" || section == "control")
+		return "SECTION " section
 	return "SECTION " section " NAME"
 }
 

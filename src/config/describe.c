@@ -76,6 +76,17 @@ static void describe_access(const struct db_modbus_config *modbus, FILE *out)
 	fprintf(out, "\n");
 }
 
+static void describe_control(const struct db_control_config *control, FILE *out)
+{
+	fprintf(out, "control\n  %-14s%s\n", "socket", control->socket);
+	if (strcmp(control->socket, DB_NO_SOCKET) == 0)
+		return;
+	fprintf(out, "  %-14s%s%s\n", "read",
+	        strcmp(control->read_group, DB_EVERYBODY) == 0 ? "" : "group ",
+	        control->read_group);
+	fprintf(out, "  %-14sroot, group %s\n", "act", control->act_group);
+}
+
 static void describe_modbus(const struct db_modbus_config *modbus, FILE *out)
 {
 	fprintf(out, "modbus\n  %-14s%s\n", "listen", modbus->listen);
@@ -285,6 +296,7 @@ static void describe_bus(const struct db_config *config, size_t index, FILE *out
 void db_config_describe(const struct db_config *config, FILE *out)
 {
 	describe_modbus(&config->modbus, out);
+	describe_control(&config->control, out);
 	for (size_t i = 0; i < config->bus_count; i++)
 		describe_bus(config, i, out);
 	if (config->drive_count == 0)

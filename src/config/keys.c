@@ -95,6 +95,18 @@ static const struct db_config_key KEYS[] = {
 	       "What the log tells of clients and the network: that and all that is graver"),
 	  .first = DB_LOG_ERROR, AT(modbus, log) },
 
+	{ OTHER(DB_KEY_TEXT, "control", "socket", "/run/drivebridge/control", 1, 107,
+	        "Path of the Unix socket for tools on this machine, drivebridgectl first of all; off: there "
+	        "is none"),
+	  AT(control, socket) },
+	{ OTHER(DB_KEY_TEXT, "control", "read-group", "everybody", 1, 31,
+	        "Group whose members may read over it, beside those who may act; everybody: whoever is on this "
+	        "machine"),
+	  AT(control, read_group) },
+	{ OTHER(DB_KEY_TEXT, "control", "act-group", "drivebridge", 1, 31,
+	        "Group whose members may command drives and change their parameters over it, beside root"),
+	  AT(control, act_group) },
+
 	{ OTHER(DB_KEY_PROTOCOL, "bus", "protocol", NULL, 0, 0,
 	        "Family of the drives on this bus"),
 	  AT(bus, driver) },

@@ -37,7 +37,7 @@ enum db_config_scope {
 };
 
 struct db_config_key {
-	const char *section; /* "modbus", "bus" or "drive" */
+	const char *section; /* "modbus", "control", "bus" or "drive" */
 	const char *name;
 	enum db_config_kind kind;
 	/* As it would be written in a file (lists: separated by spaces). Null: the key must be

@@ -18,7 +18,7 @@ const struct db_built_in db_load_built_in = { db_drivers, db_transports };
 static void read_sources(struct db_load *load)
 {
 	static const struct db_reader_rules rules = {
-		.sections = "modbus, bus NAME or drive NAME",
+		.sections = "modbus, control, bus NAME or drive NAME",
 	};
 
 	if (!db_reader_read(&load->reader, &rules, &load->messages))
@@ -127,6 +127,9 @@ void db_config_free(struct db_config *config)
 	free(config->modbus.listen);
 	free(config->modbus.allow_read);
 	free(config->modbus.allow_write);
+	free(config->control.socket);
+	free(config->control.read_group);
+	free(config->control.act_group);
 	for (size_t i = 0; config->buses && i < config->bus_count; i++) {
 		free(config->buses[i].name);
 		free(config->buses[i].device);

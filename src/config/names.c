@@ -9,10 +9,10 @@
 
 #define NAME_MAX_COMPARED 63
 
-static const char *const SECTIONS[] = { "modbus", "bus", "drive" };
+static const char *const SECTIONS[] = { "modbus", "control", "bus", "drive" };
 
 #define SECTION_COUNT (sizeof(SECTIONS) / sizeof(SECTIONS[0]))
-#define SECTION_TEXT "modbus, bus NAME and drive NAME"
+#define SECTION_TEXT "modbus, control, bus NAME and drive NAME"
 
 /* --- which families -------------------------------------------------------------------------- */
 
@@ -234,7 +234,7 @@ static bool check_section(const struct db_reader *reader, size_t index,
                           struct db_messages *messages)
 {
 	const struct db_reader_section *section = &reader->sections[index];
-	bool titled = strcmp(section->name, "modbus") != 0;
+	bool titled = strcmp(section->name, "bus") == 0 || strcmp(section->name, "drive") == 0;
 
 	if (!is_known_section(section->name)) {
 		db_messages_add_error(messages, section->line,
@@ -243,10 +243,9 @@ static bool check_section(const struct db_reader *reader, size_t index,
 		return false;
 	}
 	if (!titled && section->title[0] != '\0') {
-		db_messages_add_error(
-			messages, section->line,
-			"section modbus has no name, but '%s' was given; write modbus {",
-			section->title);
+		db_messages_add_error(messages, section->line,
+		                      "section %s has no name, but '%s' was given; write %s {",
+		                      section->name, section->title, section->name);
 		return false;
 	}
 	if (titled && !is_title(section->title)) {
@@ -263,8 +262,9 @@ static bool check_section(const struct db_reader *reader, size_t index,
 		    strcmp(other->title, section->title) != 0)
 			continue;
 		/* Several files may share the section modbus. */
-		if (!titled && db_messages_find_source(messages, other->line) !=
-		                       db_messages_find_source(messages, section->line))
+		if (strcmp(section->name, "modbus") == 0 &&
+		    db_messages_find_source(messages, other->line) !=
+		            db_messages_find_source(messages, section->line))
 			continue;
 		db_messages_add_error(
 			messages, section->line,

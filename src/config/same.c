@@ -127,6 +127,13 @@ bool db_config_same_modbus(const struct db_config *a, const struct db_config *b)
 	return same_section("modbus", &pair);
 }
 
+bool db_config_same_control(const struct db_config *a, const struct db_config *b)
+{
+	const struct pair pair = { .a = &a->control, .b = &b->control };
+
+	return same_section("control", &pair);
+}
+
 bool db_config_same_bus(const struct db_bus_config *a, const struct db_bus_config *b)
 {
 	const struct pair pair = { .a = a, .b = b };

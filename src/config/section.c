@@ -15,14 +15,22 @@
 
 struct db_section db_section_open(struct db_load *load, size_t index)
 {
-	struct db_section section = { .load = load, .name = "modbus", .title = "", .index = index };
+	return (struct db_section){
+		.load = load,
+		.name = load->reader.sections[index].name,
+		.title = load->reader.sections[index].title,
+		.index = index,
+		.line = load->reader.sections[index].line,
+	};
+}
 
-	if (index != DB_READER_NO_SECTION) {
-		section.name = load->reader.sections[index].name;
-		section.title = load->reader.sections[index].title;
-		section.line = load->reader.sections[index].line;
-	}
-	return section;
+struct db_section db_section_open_only(struct db_load *load, const char *name)
+{
+	size_t index = db_reader_find_section(&load->reader, name, "");
+
+	if (index != DB_READER_NO_SECTION)
+		return db_section_open(load, index);
+	return (struct db_section){ .load = load, .name = name, .title = "", .index = index };
 }
 
 static struct db_reader_key *find_key(const struct db_section *section, const char *name)

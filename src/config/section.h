@@ -25,16 +25,18 @@ struct db_load {
 
 struct db_section {
 	struct db_load *load;
-	const char *name;  /* "modbus", "bus" or "drive" */
-	const char *title; /* "" for modbus */
+	const char *name;  /* "modbus", "control", "bus" or "drive" */
+	const char *title; /* "" for modbus and control */
 	size_t index;      /* in the reader, or DB_READER_NO_SECTION */
 	unsigned line;     /* of its head; 0 when the file has none */
 	const struct db_driver
 		*driver; /* the family of a bus or drive; null while it is not known */
 };
 
-/* The section of this index; without one that of modbus, which nobody has to write. */
+/* The section of this index. */
 struct db_section db_section_open(struct db_load *load, size_t index);
+/* The only one of its name, modbus or control, which nobody has to write. */
+struct db_section db_section_open_only(struct db_load *load, const char *name);
 
 /* Whether the file sets the key, and whether that was no value for it (known behind its
  * reading). */
@@ -57,10 +59,10 @@ const char *db_section_text(const struct db_section *section, const char *name);
 bool db_section_word(const struct db_section *section, const char *name, unsigned *position);
 
 /*
- * Reads all keys into the section's struct (db_modbus_config, db_bus_config or db_drive_config),
- * but for those that name something else (db_keys_is_reference()). What is not in the file, or is
- * for families of another kind, has its preset, without one 0, null or NAN. What is wrong is an
- * error, and 0 or null.
+ * Reads all keys into the section's struct (db_modbus_config, db_control_config, db_bus_config or
+ * db_drive_config), but for
+ * those that name something else (db_keys_is_reference()). What is not in the file, or is for families of
+ * another kind, has its preset, without one 0, null or NAN. What is wrong is an error, and 0 or null.
  */
 void db_section_read(const struct db_section *section, void *values);
 

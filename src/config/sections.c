@@ -19,8 +19,7 @@
 static void read_modbus(struct db_load *load)
 {
 	struct db_modbus_config *modbus = &load->config->modbus;
-	size_t index = db_reader_find_section(&load->reader, "modbus", "");
-	struct db_section section = db_section_open(load, index);
+	struct db_section section = db_section_open_only(load, "modbus");
 
 	db_section_read(&section, modbus);
 	/* Readers need a place, too; writers can take every one. */
@@ -34,7 +33,23 @@ static void read_modbus(struct db_load *load)
 	modbus->reserved_writers = modbus->max_clients - 1;
 }
 
-/* --- bus: family and transport ---------------------------------------------------------------- */
+/* --- control ----------------------------------------------------------------------------------- */
+
+static void read_control(struct db_load *load)
+{
+	struct db_control_config *control = &load->config->control;
+	struct db_section section = db_section_open_only(load, "control");
+
+	db_section_read(&section, control);
+	if (control->socket && control->socket[0] != '/' &&
+	    strcmp(control->socket, DB_NO_SOCKET) != 0)
+		db_messages_add_error(
+			&load->messages, db_section_line(&section, "socket"),
+			"socket = %s is no whole path; one that begins with /, such as /run/drivebridge/control, or off",
+			control->socket);
+}
+
+/* --- bus: family and transport ----------------------------------------------------------------- */
 
 /* Appends to a list in a text, as far as it fits. */
 static void add_to_list(char list[LIST_MAX], const char *name)
@@ -392,7 +407,7 @@ static bool read_drive(struct db_load *load, size_t index, struct db_drive_confi
 
 /* --- all of them ------------------------------------------------------------------------------ */
 
-/* Whether it is one of this kind; never the case for modbus. */
+/* Whether it is one of this kind; never asked of modbus and control. */
 static bool is_section(const struct db_load *load, size_t index, const char *name)
 {
 	const struct db_reader_section *section = &load->reader.sections[index];
@@ -417,6 +432,7 @@ bool db_sections_read(struct db_load *load)
 	if (!config->buses || !config->drives)
 		return false;
 	read_modbus(load);
+	read_control(load);
 	/* Drives name buses that may stand behind them. */
 	for (size_t i = 0; i < count; i++) {
 		if (is_section(load, i, "bus") &&

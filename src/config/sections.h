@@ -6,8 +6,8 @@
 
 #include "config/section.h"
 
-/* Fills config->modbus, buses and drives; members stay 0 or null where something is wrong, an
- * error. False when out of memory. */
+/* Fills config->modbus, control, buses and drives; members stay 0 or null where something is wrong, an error. False
+ * when out of memory. */
 bool db_sections_read(struct db_load *load);
 
 #endif

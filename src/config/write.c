@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A section that is written, and the family its keys are for; null for modbus. */
+/* A section that is written, and the family its keys are for; null for modbus and control. */
 struct written {
 	const struct db_config *config;
 	const void *section;
@@ -197,6 +197,8 @@ void db_config_write(const struct db_config *config, FILE *out)
 	struct written written = { .config = config, .section = &config->modbus, .out = out };
 
 	write_section(&written, "modbus", "", NULL, "");
+	written.section = &config->control;
+	write_section(&written, "control", "", NULL, "");
 	for (size_t i = 0; i < config->bus_count; i++) {
 		const struct db_bus_config *bus = &config->buses[i];
 

@@ -517,8 +517,8 @@ static struct loaded load_key(const struct db_config_key *key, const char *value
 	if (strcmp(key->name, "reserved-writers") == 0)
 		snprintf(text, sizeof(text), "modbus { max-clients = 1024 %s = %s }\n", key->name,
 		         value);
-	else if (strcmp(key->section, "modbus") == 0)
-		snprintf(text, sizeof(text), "modbus { %s = %s }\n", key->name, value);
+	else if (strcmp(key->section, "modbus") == 0 || strcmp(key->section, "control") == 0)
+		snprintf(text, sizeof(text), "%s { %s = %s }\n", key->section, key->name, value);
 	else if (strcmp(key->section, "bus") == 0)
 		snprintf(text, sizeof(text), "bus b { %s %s = %s }\n", bus, key->name, value);
 	else

@@ -25,6 +25,7 @@ struct lines {
 /* Two families, so that every key of the table has a place; d is the drive that changes. */
 static const struct lines SERIAL[] = {
 	{ "modbus", "confirm-ms=40" },
+	{ "control", "act-group=drivebridge" },
 	{ "bus b", "protocol=vsmd-serial;device=\"/dev/ttyX\"" },
 	{ "bus c", "protocol=vsmd-serial;device=\"/dev/ttyY\"" },
 	{ "drive d", "bus=b;address=1;unit=1" },
@@ -54,6 +55,9 @@ static const struct other OTHERS[] = {
 	{ "modbus", "allow-read", SERIAL, "allow-read={\"10.0.0.0/8\"}" },
 	{ "modbus", "allow-write", SERIAL, "allow-write={\"127.0.0.0/8\"}" },
 	{ "modbus", "gateway-unit", SERIAL, "gateway-unit=200" },
+	{ "control", "socket", SERIAL, "socket=off" },
+	{ "control", "read-group", SERIAL, "read-group=adm" },
+	{ "control", "act-group", SERIAL, "act-group=plant" },
 	{ "bus", "protocol", SERIAL, "protocol=xyza" },
 	{ "bus", "transport", CAN, "transport=slcan;device=\"/dev/ttyX\";-interface" },
 	{ "bus", "device", SERIAL, "device=\"/dev/ttyZ\"" },
@@ -162,6 +166,8 @@ static bool same_section(const char *section, const struct db_config *a, const s
 {
 	if (strcmp(section, "modbus") == 0)
 		return db_config_same_modbus(a, b);
+	if (strcmp(section, "control") == 0)
+		return db_config_same_control(a, b);
 	if (strcmp(section, "bus") == 0)
 		return db_config_same_bus(&a->buses[0], &b->buses[0]);
 	return db_config_same_drive(a, &a->drives[0], b, &b->drives[0]);
