@@ -16,14 +16,20 @@
 #define DB_CLIENT_NOBODY 0
 #define DB_CLIENT_GROUP UINT32_MAX
 
-/* The number that follows; skips those that no client has. */
+/* Sessions of the control socket have numbers from here on, connections of Modbus those below: an answer finds
+ * its way by its client's number alone. */
+#define DB_CLIENT_FIRST_SESSION UINT32_C(0x80000000)
+
+/* The number that follows among those of its kind; skips those that no client has. */
 uint32_t db_client_number_after(uint32_t id);
+bool db_client_is_session(uint32_t id);
 
 /* Who asks. Valid for the duration of the call. */
 struct db_client {
 	uint32_t id; /* of this connection: no other one's while it lasts; none of those above */
-	uint8_t address[16]; /* IPv6, or IPv4 v4-mapped */
-	uint16_t port;
+	uint8_t address
+		[16];  /* IPv6, or IPv4 v4-mapped; of a session: db_client_address_of_user() */
+	uint16_t port; /* not 0; of a session: a number of its own, as far as 16 bits go */
 	bool may_write;
 	/* The request did not reach this machine before this time, and perhaps at this time: one
 	 * that waited in a buffer is no sign of life of now. 0: just now. */
@@ -38,7 +44,11 @@ static inline db_time db_client_arrived(const struct db_client *client, db_time 
 
 #define DB_CLIENT_ADDRESS_MAX 46
 
-/* The address as people write it: "192.168.10.5", "fd00::5". */
+/* The user of a session in the place of an address: one that no client of a network has. The name is kept as
+ * far as it is short, null or "": it is not known. */
+void db_client_address_of_user(uint32_t user, const char *name, uint8_t address[16]);
+
+/* The address as people write it: "192.168.10.5", "fd00::5"; "control, user anna". */
 void db_client_address(const uint8_t address[16], char text[DB_CLIENT_ADDRESS_MAX]);
 
 /* An IPv4 address in one number, the first byte highest; DB_CLIENT_IPV6 for what is none. */

@@ -244,6 +244,10 @@ bool db_commander_expire(struct db_commander *commander, db_time now);
 bool db_commander_history(const struct db_commander *commander, size_t age,
                           struct db_history_entry *entry);
 
+/* What became of the command with this number in the history, and of the motion that it began: PENDING while
+ * that goes on. INDETERMINATE: it is not remembered any more. */
+enum db_result db_commander_outcome(const struct db_commander *commander, uint32_t entry);
+
 /* The block as this client finds it: the arguments are everybody's, the id may be its own. */
 struct db_command_block db_commander_kept(struct db_commander *commander,
                                           const struct db_client *client);

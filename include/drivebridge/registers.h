@@ -2,7 +2,7 @@
 /*
  * The register view: what Modbus clients see and what their writes mean. It is the server's backend
  * and owns the commander of each drive. Network thread only; allocates only in db_registers_new()
- * and db_registers_prepare().
+ * and db_registers_prepare(), and where a client first asks by name (src/regmap/named.h).
  */
 #ifndef DRIVEBRIDGE_REGISTERS_H
 #define DRIVEBRIDGE_REGISTERS_H
@@ -43,8 +43,9 @@ struct db_registers_ops {
 	uint64_t (*wall_us)(void *context); /* since 1970-01-01 UTC */
 	/* Hands a request to a bus. False when its queue is full. */
 	bool (*submit)(void *context, struct db_bus *bus, const struct db_request *request);
-	/* Answers a postponed write; see db_server_answer(). */
+	/* Answers a postponed write of a Modbus client, see db_server_answer(), or of a session. */
 	void (*answer)(void *context, struct db_write_token token, uint8_t exception);
+	void (*answer_session)(void *context, struct db_write_token token, enum db_result result);
 	void (*bus_stats)(void *context, struct db_bus *bus, struct db_bus_stats *stats);
 	void (*server_stats)(void *context, struct db_server_stats *stats);
 	/* The clients connected longest, at most `max`; how many. Null: clients are not shown. */

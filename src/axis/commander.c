@@ -491,6 +491,18 @@ bool db_commander_history(const struct db_commander *commander, size_t age,
 	return db_history_get(&commander->history, age, entry);
 }
 
+enum db_result db_commander_outcome(const struct db_commander *commander, uint32_t entry)
+{
+	uint32_t age = commander->history.count - entry;
+	struct db_history_entry found;
+
+	if (commander->follow.active && commander->follow_entry == entry)
+		return DB_RESULT_PENDING;
+	if (!db_history_get(&commander->history, age, &found) || found.sequence != entry)
+		return DB_RESULT_INDETERMINATE;
+	return (enum db_result)found.result;
+}
+
 struct db_command_block db_commander_kept(struct db_commander *commander,
                                           const struct db_client *client)
 {

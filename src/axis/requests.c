@@ -166,13 +166,17 @@ void db_requests_repeat_stops(struct db_commander *commander, db_time now)
 struct db_write_answer db_requests_wait(struct db_commander *commander, struct db_slot *slot,
                                         struct db_write_token token, db_time now)
 {
-	if (commander->config.accept_writes)
+	/* Sessions of the control socket wait for the end, however long that takes: they have no timeouts of PLCs. */
+	bool patient = db_client_is_session(token.client);
+
+	if (commander->config.accept_writes && !patient)
 		return (struct db_write_answer){ .result = DB_RESULT_OK };
 	if (slot->waiter_count == DB_COMMANDER_WAITERS)
 		return (struct db_write_answer){ .result = DB_RESULT_PENDING };
 	slot->waiters[slot->waiter_count++] = (struct db_waiter){
 		.token = token,
-		.deadline = now + (db_time)commander->config.confirm_ms * DB_NS_PER_MS,
+		.deadline = patient ? DB_TIME_NEVER :
+		                      now + (db_time)commander->config.confirm_ms * DB_NS_PER_MS,
 	};
 	commander->waiting++;
 	return (struct db_write_answer){ .later = true };

@@ -25,7 +25,11 @@ static void answer_client(void *context, struct db_write_token token, enum db_re
 
 	if (db_group_take_answer(drive->registers, token, result))
 		return;
-	if (db_vsmd_view_take_answer(drive->vsmd_view, token, &result))
+	if (!db_vsmd_view_take_answer(drive->vsmd_view, token, &result))
+		return;
+	if (db_client_is_session(token.client))
+		registers->ops->answer_session(registers->context, token, result);
+	else
 		registers->ops->answer(registers->context, token, db_exception_of(result));
 }
 

@@ -35,6 +35,20 @@ uint8_t db_exception_of(enum db_result result)
 	                                          MODBUS_EXCEPTION_SLAVE_OR_SERVER_FAILURE;
 }
 
+enum db_result db_exception_result(uint8_t exception)
+{
+	static const enum db_result likely[] = {
+		DB_RESULT_OK,   DB_RESULT_PENDING,  DB_RESULT_OUT_OF_RANGE, DB_RESULT_UNSUPPORTED,
+		DB_RESULT_BUSY, DB_RESULT_BUS_DOWN, DB_RESULT_OFFLINE,
+	};
+
+	for (size_t i = 0; i < sizeof likely / sizeof likely[0]; i++) {
+		if (exceptions[likely[i]] == exception)
+			return likely[i];
+	}
+	return DB_RESULT_FAILED;
+}
+
 int db_exception_of_answer(struct db_write_answer answer)
 {
 	return answer.later ? DB_WRITE_LATER : db_exception_of(answer.result);

@@ -12,6 +12,9 @@
 /* The Modbus exception that tells this result; 0 for NONE, OK and UNPROVEN. PENDING is 05. */
 uint8_t db_exception_of(enum db_result result);
 
+/* The result that an exception most likely stands for, where nothing else is known. */
+enum db_result db_exception_result(uint8_t exception);
+
 /* What db_backend's write returns for it: 0, an exception, or DB_WRITE_LATER. */
 int db_exception_of_answer(struct db_write_answer answer);
 

@@ -15,7 +15,11 @@ static void answer_writer(struct db_registers *registers, uint8_t exception)
 	if (!group->waits)
 		return;
 	group->waits = false;
-	registers->ops->answer(registers->context, group->writer, exception);
+	if (db_client_is_session(group->writer.client))
+		registers->ops->answer_session(registers->context, group->writer,
+		                               db_exception_result(exception));
+	else
+		registers->ops->answer(registers->context, group->writer, exception);
 }
 
 /* A new one begins; who waits for an older one learns that it goes on without being watched. */

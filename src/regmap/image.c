@@ -329,6 +329,16 @@ static void fill_clients(struct db_gateway_image *image, const struct db_registe
 	}
 }
 
+void db_image_fill_bus(struct db_gateway_bus *bus, const struct db_registers *registers,
+                       size_t place)
+{
+	registers->ops->bus_stats(registers->context, registers->roster->buses[place], &bus->stats);
+	bus->up = bus->stats.up;
+	bus->last_error = (uint16_t)bus->stats.last_error;
+	bus->line_state = line_state(&bus->stats);
+	bus->line_error = (uint16_t)bus->stats.port.error;
+}
+
 void db_image_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
                            const struct db_client *client, unsigned parts, uint16_t low,
                            uint16_t high)
@@ -345,16 +355,8 @@ void db_image_fill_gateway(struct db_gateway_image *image, const struct db_regis
 	if (parts & DB_PART_BUSES) {
 		find_touched(offsetof(struct db_gateway_image, buses), sizeof image->buses[0], low,
 		             high, registers->roster->bus_count, &from, &to);
-		for (size_t i = from; i < to && i < DB_GATEWAY_BUSES; i++) {
-			struct db_gateway_bus *bus = &image->buses[i];
-
-			registers->ops->bus_stats(registers->context, registers->roster->buses[i],
-			                          &bus->stats);
-			bus->up = bus->stats.up;
-			bus->last_error = (uint16_t)bus->stats.last_error;
-			bus->line_state = line_state(&bus->stats);
-			bus->line_error = (uint16_t)bus->stats.port.error;
-		}
+		for (size_t i = from; i < to && i < DB_GATEWAY_BUSES; i++)
+			db_image_fill_bus(&image->buses[i], registers, i);
 	}
 	if (parts & DB_PART_DRIVES) {
 		db_time now = registers->ops->now(registers->context);

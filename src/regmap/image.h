@@ -180,5 +180,8 @@ void db_image_fill_drive(struct db_drive_image *image, const struct db_view_driv
 void db_image_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
                            const struct db_client *client, unsigned parts, uint16_t low,
                            uint16_t high);
+/* One of the buses shown. */
+void db_image_fill_bus(struct db_gateway_bus *bus, const struct db_registers *registers,
+                       size_t place);
 
 #endif

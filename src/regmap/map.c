@@ -19,6 +19,7 @@ void db_map_release(struct db_map *map)
 	db_index_release(&map->holding);
 	db_index_release(&map->discrete);
 	db_index_release(&map->coils);
+	db_name_list_free(map->names);
 }
 
 const struct db_map *db_map_of_family(struct db_map **families, const struct db_driver *driver)

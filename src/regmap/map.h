@@ -4,6 +4,7 @@
 #define DRIVEBRIDGE_REGMAP_MAP_H
 
 #include "regmap/index.h"
+#include "regmap/name_list.h"
 
 /* Families share theirs between their drives. */
 struct db_map {
@@ -12,6 +13,7 @@ struct db_map {
 	struct db_index holding;
 	struct db_index discrete;
 	struct db_index coils;
+	struct db_name_list *names; /* null until somebody asks by name, see named.h */
 };
 
 /* 0 or -ENOMEM; then it is to be released, too. */

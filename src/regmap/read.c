@@ -147,6 +147,35 @@ static void fill_control(struct db_drive_image *image, const struct db_view_driv
 	image->control_remaining_ms = db_control_remaining_ms(&drive->control, now);
 }
 
+/* Old data is never shown as fresh. */
+static bool is_old(const struct db_view_drive *drive, const struct db_feedback *feedback)
+{
+	return !drive->registers->roster->modbus->stale_values &&
+	       (!(feedback->status & DB_STATUS_ONLINE) || feedback->taken == 0);
+}
+
+void db_read_image(struct db_drive_image *image, const struct db_view_drive *drive,
+                   const struct db_client *client, unsigned parts, uint16_t low, uint16_t high)
+{
+	db_image_fill_drive(image, drive, client, parts, low, high);
+	if (parts & DB_PART_PROCESS)
+		fill_control(image, drive, client);
+}
+
+bool db_read_is_known(const struct db_view_drive *drive, const struct db_drive_image *image,
+                      const struct db_cell *cell)
+{
+	bool stale = drive->registers->roster->modbus->stale_values;
+	uint32_t wanted = DB_STATUS_ONLINE | DB_STATUS_PARAMS_VALID;
+
+	if ((cell->flags & DB_ROW_MEASURED) && is_old(drive, &image->feedback))
+		return false;
+	if (!(cell->flags & DB_ROW_PARAM))
+		return true;
+	return (image->plate.valid >> cell->param & 1) != 0 &&
+	       (stale || (image->feedback.status & wanted) == wanted);
+}
+
 uint8_t db_read_drive(const struct db_view_drive *drive, const struct db_client *client,
                       enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
 {
@@ -159,12 +188,8 @@ uint8_t db_read_drive(const struct db_view_drive *drive, const struct db_client 
 
 	if (exception)
 		return exception;
-	db_image_fill_drive(&image, drive, client, selected.parts, selected.low, selected.high);
-	if (selected.parts & DB_PART_PROCESS)
-		fill_control(&image, drive, client);
-	/* Old data is never shown as fresh. */
-	if ((selected.flags & DB_ROW_MEASURED) && !modbus->stale_values &&
-	    (!(feedback->status & DB_STATUS_ONLINE) || feedback->taken == 0))
+	db_read_image(&image, drive, client, selected.parts, selected.low, selected.high);
+	if ((selected.flags & DB_ROW_MEASURED) && is_old(drive, feedback))
 		exception = db_exception_unreachable(feedback);
 	if (!exception && (selected.flags & DB_ROW_PARAM))
 		exception = check_params(drive, &selected, &image);

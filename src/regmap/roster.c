@@ -49,6 +49,7 @@ static void free_roster(struct db_view_roster *roster)
 		return;
 	db_map_release(&roster->gateway);
 	free(roster->buses);
+	free(roster->bus_configs);
 	free(roster->drives);
 	free(roster);
 }
@@ -104,8 +105,10 @@ static int fill_roster(struct db_registers *registers, const struct db_roster *r
 	struct db_view_roster *next = change->roster;
 	bool ids_by_client = roster->modbus->command_id_scope == DB_IDS_OF_CLIENT;
 
-	for (; next->bus_count < roster->bus_count; next->bus_count++)
+	for (; next->bus_count < roster->bus_count; next->bus_count++) {
 		next->buses[next->bus_count] = roster->buses[next->bus_count].bus;
+		next->bus_configs[next->bus_count] = roster->buses[next->bus_count].config;
+	}
 	for (; next->drive_count < roster->drive_count; next->drive_count++) {
 		size_t i = next->drive_count;
 		const struct db_roster_drive *member = &roster->drives[i];
@@ -159,8 +162,9 @@ int db_registers_prepare(struct db_registers *registers, const struct db_roster 
 	made->assignments = calloc(roster->drive_count + 1, sizeof made->assignments[0]);
 	next->modbus = roster->modbus;
 	next->buses = calloc(roster->bus_count + 1, sizeof(struct db_bus *));
+	next->bus_configs = calloc(roster->bus_count + 1, sizeof(struct db_bus_config *));
 	next->drives = calloc(roster->drive_count + 1, sizeof(struct db_view_drive *));
-	if (!made->assignments || !next->buses || !next->drives ||
+	if (!made->assignments || !next->buses || !next->bus_configs || !next->drives ||
 	    db_map_init(&next->gateway, &scope) != 0 || fill_roster(registers, roster, made) != 0) {
 		db_registers_change_free(made);
 		return -ENOMEM;
@@ -188,6 +192,7 @@ void db_registers_retire(struct db_registers *registers, const struct db_registe
 {
 	struct db_view_roster *roster = registers->roster;
 
+	registers->generation++;
 	for (size_t i = 0; i < roster->drive_count; i++)
 		roster->drives[i]->leaving = !has_drive(change->roster, roster->drives[i]);
 	for (size_t unit = 0; unit < 256; unit++) {
@@ -220,6 +225,7 @@ void db_registers_apply(struct db_registers *registers, struct db_registers_chan
 			db_control_change(&drive->control, controlled, modbus->control_timeout_ms);
 	}
 	registers->roster = roster;
+	registers->generation++;
 	/* Last: who is answered may come with its next request at once. */
 	for (size_t i = 0; old && i < old->drive_count; i++) {
 		if (has_drive(roster, old->drives[i]))

@@ -47,6 +47,7 @@ struct db_view_roster {
 	uint16_t units[256];    /* index of the drive, DB_UNIT_GATEWAY or DB_UNIT_NONE */
 	bool vendor_units[256]; /* the drive's unit has the vendor's layout */
 	struct db_bus **buses;
+	const struct db_bus_config **bus_configs; /* in the same order */
 	size_t bus_count;
 	struct db_view_drive **drives;
 	size_t drive_count;
@@ -75,6 +76,7 @@ struct db_registers {
 	db_time started;
 	struct db_map *families; /* of every driver that was ever there */
 	struct db_view_roster *roster;
+	uint32_t generation; /* grows with each change of the roster */
 	struct db_group group;
 	uint16_t heartbeat;              /* of the gateway, written last */
 	char model[DB_IDENTITY_MAX + 1]; /* device_id's answer, valid until the next call */

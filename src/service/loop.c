@@ -80,6 +80,12 @@ static int on_pulse(sd_event_source *source, uint64_t us, void *context)
 	return sd_event_source_set_enabled(source, SD_EVENT_ONESHOT);
 }
 
+static void catch_up(const struct service *service)
+{
+	db_server_catch_up(service->server);
+	db_control_socket_catch_up(service->control);
+}
+
 static int on_deadline(sd_event_source *source, uint64_t us, void *context)
 {
 	struct service *service = context;
@@ -88,7 +94,7 @@ static int on_deadline(sd_event_source *source, uint64_t us, void *context)
 	(void)us;
 	/* Who is late itself first hears those whom it may find silent. */
 	if (service_now(service) - service->armed > LATE)
-		db_server_catch_up(service->server);
+		catch_up(service);
 	service->armed = DB_TIME_NEVER;
 	db_registers_expire(service->registers, service_now(service));
 	return 0;

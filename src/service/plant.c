@@ -73,7 +73,8 @@ bool plant_same(const struct plant *a, const struct plant *b)
 		if (a->drives[i] != b->drives[i])
 			return false;
 	}
-	return db_config_same_modbus(a->edition->config, b->edition->config);
+	return db_config_same_modbus(a->edition->config, b->edition->config) &&
+	       db_config_same_control(a->edition->config, b->edition->config);
 }
 
 /* --- telling others --------------------------------------------------------------------------- */

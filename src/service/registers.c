@@ -34,6 +34,13 @@ static void answer_write(void *context, struct db_write_token token, uint8_t exc
 	db_server_answer(service->server, token, exception);
 }
 
+static void answer_session(void *context, struct db_write_token token, enum db_result result)
+{
+	const struct service *service = context;
+
+	db_control_socket_answer(service->control, token, result);
+}
+
 static void read_bus_stats(void *context, struct db_bus *bus, struct db_bus_stats *stats)
 {
 	(void)context;
@@ -117,6 +124,7 @@ const struct db_registers_ops service_registers_ops = {
 	.wall_us = read_wall_us,
 	.submit = submit_request,
 	.answer = answer_write,
+	.answer_session = answer_session,
 	.bus_stats = read_bus_stats,
 	.server_stats = read_server_stats,
 	.server_clients = list_clients,

@@ -7,6 +7,8 @@
 
 #include <errno.h>
 #include <inttypes.h>
+#include <stdarg.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <systemd/sd-daemon.h>
@@ -111,15 +113,45 @@ static void log_changes(const struct service *service, const struct plant *next)
 	kept = log_drives(service, next);
 	if (!db_config_same_modbus(service->plant->edition->config, next->edition->config))
 		log_about(service, NULL, NULL, "the section modbus is changed");
+	if (!db_config_same_control(service->plant->edition->config, next->edition->config))
+		log_about(service, NULL, NULL, "the section control is changed");
 	db_log(&service->log, service_now(service), DB_EVENT_RELOAD, NULL,
 	       "reload: %zu drive%s undisturbed", kept, kept == 1 ? " goes on" : "s go on");
 }
 
-/* Why nothing becomes of it. */
-static void log_failure(const struct service *service, int error)
+/* Why nothing becomes of it: for the log, and for who asked for it. */
+__attribute__((format(printf, 3, 4))) static void log_error(struct service *service,
+                                                            enum db_event event, const char *format,
+                                                            ...)
 {
-	db_log(&service->log, service_now(service), DB_EVENT_RELOAD_FAILED, NULL,
-	       "reload: %s; nothing changes", strerror(-error));
+	char *before = service->reload_errors;
+	char text[1024];
+	va_list arguments;
+
+	va_start(arguments, format);
+	vsnprintf(text, sizeof text, format, arguments);
+	va_end(arguments);
+	db_log(&service->log, service_now(service), event, NULL, "%s", text);
+	if (asprintf(&service->reload_errors, "%s%s%s", before ? before : "", before ? "\n" : "",
+	             text) < 0)
+		service->reload_errors = NULL;
+	free(before);
+}
+
+static void log_failure(struct service *service, int error)
+{
+	log_error(service, DB_EVENT_RELOAD_FAILED, "reload: %s; nothing changes", strerror(-error));
+}
+
+/* It has ended, whatever came of it. */
+static void end_reload(struct service *service)
+{
+	char *errors = service->reload_errors;
+
+	service->reload_errors = NULL;
+	notify_end();
+	db_control_socket_reloaded(service->control, errors);
+	free(errors);
 }
 
 /* --- getting ready ---------------------------------------------------------------------------- */
@@ -173,9 +205,9 @@ static int prepare_reload(struct service *service, struct reload *reload)
 	}
 	error = db_server_prepare(service->server, modbus, &reload->server);
 	if (error < 0)
-		db_log(&service->log, service_now(service), DB_EVENT_RELOAD_FAILED, NULL,
-		       "reload: cannot listen on %s: %s; nothing changes", modbus->listen,
-		       strerror(-error));
+		log_error(service, DB_EVENT_RELOAD_FAILED,
+		          "reload: cannot listen on %s: %s; nothing changes", modbus->listen,
+		          strerror(-error));
 	return error;
 }
 
@@ -203,6 +235,8 @@ static void retire_parts(struct service *service, struct reload *reload)
 	db_server_apply(service->server, reload->server);
 	reload->server = NULL;
 	service->log.level = reload->next->edition->config->modbus.log;
+	db_control_socket_change(service->control, &reload->next->edition->config->control,
+	                         &service->log);
 	if (elsewhere)
 		service_log_listening(service, &reload->next->edition->config->modbus);
 	for (size_t i = 0; i < running->bus_count; i++) {
@@ -329,9 +363,14 @@ static bool load_config(struct service *service, struct db_config **config)
 	right = db_config_load(service->path, errors, config) == 0 &&
 	        is_whole(service, config, errors);
 	fclose(errors);
-	for (char *line = strtok_r(messages, "\n", &rest); line; line = strtok_r(NULL, "\n", &rest))
-		db_log(&service->log, service_now(service),
-		       right ? DB_EVENT_RELOAD : DB_EVENT_CONFIG_WRONG, NULL, "%s", line);
+	for (char *line = strtok_r(messages, "\n", &rest); line;
+	     line = strtok_r(NULL, "\n", &rest)) {
+		if (right)
+			db_log(&service->log, service_now(service), DB_EVENT_RELOAD, NULL, "%s",
+			       line);
+		else
+			log_error(service, DB_EVENT_CONFIG_WRONG, "%s", line);
+	}
 	free(messages);
 	return right;
 }
@@ -349,13 +388,14 @@ void reload_ask(struct service *service)
 	if (load_config(service, &config))
 		taken = begin_reload(service, config);
 	else
-		db_log(&service->log, service_now(service), DB_EVENT_CONFIG_WRONG, NULL,
-		       "reload: %s is wrong and not taken, drivebridged --config %s --check tells "
-		       "what is wrong; nothing changes",
-		       service->path, service->path);
+		log_error(
+			service, DB_EVENT_CONFIG_WRONG,
+			"reload: %s is wrong and not taken, drivebridged --config %s --check tells "
+			"what is wrong; nothing changes",
+			service->path, service->path);
 	status_reloaded(service, !taken);
 	if (!service->reload)
-		notify_end();
+		end_reload(service);
 }
 
 void reload_step(struct service *service)
@@ -370,7 +410,7 @@ void reload_step(struct service *service)
 			return;
 		}
 		log_about(service, NULL, NULL, "done");
-		notify_end();
+		end_reload(service);
 		if (!service->reload_again)
 			return;
 		service->reload_again = false;

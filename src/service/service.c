@@ -91,6 +91,41 @@ static int listen_for_clients(struct service *service)
 	return 0;
 }
 
+static bool ask_reload(void *context)
+{
+	struct service *service = context;
+	bool begins = !service->reload;
+
+	reload_ask(service);
+	return begins;
+}
+
+static void read_server_stats(void *context, struct db_server_stats *stats)
+{
+	const struct service *service = context;
+
+	db_server_stats(service->server, stats);
+}
+
+static int listen_for_tools(struct service *service)
+{
+	static const struct db_control_socket_ops ops = {
+		.reload = ask_reload,
+		.server_stats = read_server_stats,
+	};
+	const struct db_control_socket_setup setup = {
+		.loop = service->loop,
+		.config = &service->plant->edition->config->control,
+		.configuration = service->path,
+		.registers = service->registers,
+		.log = service->log,
+		.ops = &ops,
+		.context = service,
+	};
+
+	return db_control_socket_new(&setup, &service->control);
+}
+
 static int set_up(struct service *service, struct db_config *config)
 {
 	int error = plant_new(service, config, NULL, &service->last_number, &service->plant);
@@ -106,6 +141,8 @@ static int set_up(struct service *service, struct db_config *config)
 		return error;
 	error = listen_for_clients(service);
 	if (error == 0)
+		error = listen_for_tools(service);
+	if (error == 0)
 		error = status_begin(service);
 	for (size_t b = 0; error == 0 && b < service->plant->bus_count; b++)
 		error = db_bus_start(service->plant->buses[b]->bus);
@@ -119,6 +156,8 @@ static int set_up(struct service *service, struct db_config *config)
 static void tear_down(struct service *service)
 {
 	status_end(service);
+	db_control_socket_free(service->control);
+	service->control = NULL;
 	db_server_free(service->server);
 	if (service->plant)
 		plant_end(service->plant);
@@ -126,6 +165,7 @@ static void tear_down(struct service *service)
 	db_registers_free(service->registers);
 	plant_free(service->plant, NULL);
 	loop_free(service);
+	free(service->reload_errors);
 	if (service->lock >= 0)
 		close(service->lock);
 }

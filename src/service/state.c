@@ -7,8 +7,8 @@
 /* A bus has two descriptors, its port and the lock of that; a reload may replace each of them
  * before the old one ends. */
 #define DESCRIPTORS_PER_BUS 8
-/* The log, the loop, the server, and the files that a reload reads. */
-#define DESCRIPTORS_BESIDE 24
+/* The log, the loop, the server, the files that a reload reads, and the tools. */
+#define DESCRIPTORS_BESIDE (24 + DB_CONTROL_SOCKET_DESCRIPTORS)
 
 db_time service_now(const struct service *service)
 {

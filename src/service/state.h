@@ -5,6 +5,7 @@
 #ifndef DRIVEBRIDGE_SERVICE_STATE_H
 #define DRIVEBRIDGE_SERVICE_STATE_H
 
+#include "drivebridge/control_socket.h"
 #include "drivebridge/log.h"
 #include "drivebridge/registers.h"
 #include "drivebridge/server.h"
@@ -28,8 +29,10 @@ struct service {
 	uint16_t last_number;
 	struct db_registers *registers;
 	struct db_server *server;
+	struct db_control_socket *control;
 	struct reload *reload; /* under way; null */
 	bool reload_again;     /* asked for meanwhile */
+	char *reload_errors;   /* of the one under way, a line each; null: none so far */
 	struct status *status; /* what systemd shows; null: nobody listens */
 	int lock;              /* of the configuration, see alone.h; -1: none */
 };

@@ -539,7 +539,7 @@ class Bridge:
     """The simulator and drivebridged on one line, configured from Python.
 
     drives   number of drives, unit = address = 1.., named drive1..
-    modbus, bus, drive, sim_bus, sim_drive
+    modbus, control, bus, drive, sim_bus, sim_drive
              keys for the sections of both configurations; drive and sim_drive hold for every drive
     per_drive, sim_per_drive
              {number: keys} for single drives
@@ -552,7 +552,7 @@ class Bridge:
     def __init__(self, place, register_map, commands, *, drives=1, modbus=None, bus=None,
                  drive=None, per_drive=None, sim_bus=None, sim_drive=None, sim_per_drive=None,
                  faults=None, line="rs485", baud=115200, start_sim=True, wait_online=True,
-                 text=None, sim_drives=None, launcher=()):
+                 text=None, sim_drives=None, launcher=(), control=None):
         self.launcher = list(launcher)
         self.place = place
         self.map = register_map
@@ -565,13 +565,14 @@ class Bridge:
         self.link = place / "line"
         self.log_path = place / "bridge.log"
         self.config_path = place / "bridge.conf"
+        self.control_path = place / "tools"
         self.process = None
         self.port = None
         self.units = {}
         self.ended = False
 
         keys = {"listen": "127.0.0.1:0", "confirm-ms": 2000, **(modbus or {})}
-        self.sections = {"modbus": keys}
+        self.sections = {"modbus": keys, "control": {"socket": self.control_path, **(control or {})}}
         # Twice the default latency: many tests side by side keep a machine busy.
         keys = {"protocol": "vsmd-serial", "device": self.link, "baud": baud, "line": line,
                 "cycle-ms": 20, "drive-latency-ms": 60, **(bus or {})}

@@ -40,14 +40,42 @@ static void addresses_as_numbers(void **state)
 	assert_int_equal(db_client_ipv4(v6), DB_CLIENT_IPV6);
 }
 
+static void users_in_the_place_of_addresses(void **state)
+{
+	uint8_t anna[16];
+	uint8_t other[16];
+	char text[DB_CLIENT_ADDRESS_MAX];
+
+	(void)state;
+	db_client_address_of_user(1000, "anna", anna);
+	db_client_address(anna, text);
+	assert_string_equal(text, "control, user anna");
+	assert_int_equal(db_client_ipv4(anna), DB_CLIENT_IPV6);
+	db_client_address_of_user(1001, "anna", other);
+	assert_memory_not_equal(anna, other, sizeof(anna));
+	/* Half a name would be another one's. */
+	db_client_address_of_user(4000000000, "a-name-that-is-long", other);
+	db_client_address(other, text);
+	assert_string_equal(text, "control, user 4000000000");
+	db_client_address_of_user(7, NULL, other);
+	db_client_address(other, text);
+	assert_string_equal(text, "control, user 7");
+}
+
 /* Round and round: those that mean nobody and a group are left out. */
 static void numbers_of_clients(void **state)
 {
 	(void)state;
 	assert_int_equal(db_client_number_after(DB_CLIENT_NOBODY), 1);
 	assert_int_equal(db_client_number_after(1), 2);
+	assert_int_equal(db_client_number_after(DB_CLIENT_FIRST_SESSION - 2),
+	                 DB_CLIENT_FIRST_SESSION - 1);
+	assert_int_equal(db_client_number_after(DB_CLIENT_FIRST_SESSION - 1), 1);
 	assert_int_equal(db_client_number_after(DB_CLIENT_GROUP - 2), DB_CLIENT_GROUP - 1);
-	assert_int_equal(db_client_number_after(DB_CLIENT_GROUP - 1), 1);
+	assert_int_equal(db_client_number_after(DB_CLIENT_GROUP - 1), DB_CLIENT_FIRST_SESSION);
+	assert_false(db_client_is_session(DB_CLIENT_FIRST_SESSION - 1));
+	assert_true(db_client_is_session(DB_CLIENT_FIRST_SESSION));
+	assert_false(db_client_is_session(DB_CLIENT_GROUP));
 }
 
 int main(void)
@@ -55,6 +83,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(addresses_as_text),
 		cmocka_unit_test(addresses_as_numbers),
+		cmocka_unit_test(users_in_the_place_of_addresses),
 		cmocka_unit_test(numbers_of_clients),
 	};
 

@@ -8,6 +8,7 @@
 #define DRIVEBRIDGE_TESTS_SERVICE_FAKES_H
 
 #include "drivebridge/bus.h"
+#include "drivebridge/control_socket.h"
 #include "drivebridge/log.h"
 #include "drivebridge/server.h"
 #include "service/state.h"
@@ -71,6 +72,48 @@ static void clear_journal(void)
 }
 
 /* --- the log ---------------------------------------------------------------------------------- */
+
+/* No tools either. */
+int db_control_socket_new(const struct db_control_socket_setup *setup,
+                          struct db_control_socket **control)
+{
+	(void)setup;
+	*control = NULL;
+	return 0;
+}
+
+void db_control_socket_free(struct db_control_socket *control)
+{
+	(void)control;
+}
+
+void db_control_socket_change(struct db_control_socket *control,
+                              const struct db_control_config *config,
+                              const struct db_log_source *log)
+{
+	(void)control;
+	(void)config;
+	(void)log;
+}
+
+void db_control_socket_answer(struct db_control_socket *control, struct db_write_token token,
+                              enum db_result result)
+{
+	(void)control;
+	(void)token;
+	(void)result;
+}
+
+void db_control_socket_reloaded(struct db_control_socket *control, const char *errors)
+{
+	(void)control;
+	(void)errors;
+}
+
+void db_control_socket_catch_up(struct db_control_socket *control)
+{
+	(void)control;
+}
 
 int db_log_new(struct db_log **log)
 {

@@ -120,7 +120,7 @@ static void buses_and_reloads_find_descriptors(void **state)
 {
 	(void)state;
 	service_keep_descriptors(&bench.service);
-	assert_int_equal(fake.descriptors_kept, 24 + 2 * 8);
+	assert_int_equal(fake.descriptors_kept, 24 + DB_CONTROL_SOCKET_DESCRIPTORS + 2 * 8);
 }
 
 static void the_address_that_is_listened_on_is_logged(void **state)

@@ -95,7 +95,7 @@ static void what_stays_goes_on_and_the_rest_takes_turns(void **state)
 	assert_ptr_equal(plant_drive_named(bench.service.plant, "kept"), kept);
 	for (uint8_t unit = 1; unit <= 4; unit++)
 		assert_int_equal(answer_of(unit), unit == 2 ? GATEWAY_PATH_UNAVAILABLE : 0);
-	assert_int_equal(fake.descriptors_kept, 24 + 8 * 2);
+	assert_int_equal(fake.descriptors_kept, 24 + DB_CONTROL_SOCKET_DESCRIPTORS + 8 * 2);
 	end_service(&bench);
 }
 

@@ -1,0 +1,69 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The control socket: tools of this machine speak to it in names, over a Unix socket in varlink's wire format
+ * (docs/io.drivebridge.Control.varlink). What they ask goes through the register view like a PLC's requests, by
+ * the same rules. Everything here runs on the network thread, one call in a turn of its loop.
+ */
+#ifndef DRIVEBRIDGE_CONTROL_SOCKET_H
+#define DRIVEBRIDGE_CONTROL_SOCKET_H
+
+#include "drivebridge/client.h"
+#include "drivebridge/config.h"
+#include "drivebridge/log.h"
+
+#include <stdbool.h>
+
+struct db_control_socket;
+struct db_registers;
+struct db_server_stats;
+struct sd_event;
+
+struct db_control_socket_ops {
+	/* Asks for a reload, which db_control_socket_reloaded() ends, perhaps at once. False: one is under way
+	 * already, and another one follows it. */
+	bool (*reload)(void *context);
+	void (*server_stats)(void *context, struct db_server_stats *stats);
+};
+
+/* Sessions at the same time; so many of them only those who may act can take. */
+#define DB_SESSIONS_MAX 32
+#define DB_SESSIONS_RESERVED 8
+
+/* Descriptors that it takes at most. */
+#define DB_CONTROL_SOCKET_DESCRIPTORS (DB_SESSIONS_MAX + 5)
+
+struct db_control_socket_setup {
+	struct sd_event *loop;
+	const struct db_control_config *config;
+	const char *configuration; /* path of the file, for who asks */
+	struct db_registers *registers;
+	struct db_log_source log;
+	const struct db_control_socket_ops *ops;
+	void *context;
+};
+
+/*
+ * Listens, as far as that can be: where it cannot, that is logged and there is no socket, because PLCs come
+ * first. What the setup names must outlive it. 0 or a negative errno.
+ */
+int db_control_socket_new(const struct db_control_socket_setup *setup,
+                          struct db_control_socket **control);
+/* Ends every session and removes the socket. Null is fine. */
+void db_control_socket_free(struct db_control_socket *control);
+
+/* Another configuration is in force; the former is not used afterwards. Sessions stay as far as they may. */
+void db_control_socket_change(struct db_control_socket *control,
+                              const struct db_control_config *config,
+                              const struct db_log_source *log);
+
+/* Answers a write or a command of a session that was to be answered later. */
+void db_control_socket_answer(struct db_control_socket *control, struct db_write_token token,
+                              enum db_result result);
+
+/* A reload has ended: its errors, a line each; "" or null: it is in force. */
+void db_control_socket_reloaded(struct db_control_socket *control, const char *errors);
+
+/* Serves what waits on the sockets, as the loop does: for who acts on silence and comes late to it. */
+void db_control_socket_catch_up(struct db_control_socket *control);
+
+#endif

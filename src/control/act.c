@@ -1,0 +1,392 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "control/act.h"
+
+#include "control/look.h"
+#include "control/state.h"
+#include "control/values.h"
+#include "drivebridge/command_table.h"
+#include "regmap/image.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* How often the end of a motion is looked for. */
+#define LOOK_INTERVAL (20 * DB_NS_PER_MS)
+
+static const char *reason_of(enum db_result result)
+{
+	switch (result) {
+	case DB_RESULT_REFUSED:
+		return "the drive refuses it";
+	case DB_RESULT_OUT_OF_RANGE:
+		return "a value is outside of the drive's range";
+	case DB_RESULT_TIMEOUT:
+		return "the drive does not answer; it was not carried out";
+	case DB_RESULT_INDETERMINATE:
+		return "the end is not known; look at the drive before you repeat it";
+	case DB_RESULT_CANCELLED:
+		return "something else ended it, such as a stop, or its drive was taken out";
+	case DB_RESULT_LIMIT:
+		return "it is outside of the limits of the configuration; see result_limit";
+	case DB_RESULT_LATCHED:
+		return "the watchdog has stopped the drive; clear_fault ends that";
+	case DB_RESULT_UNSUPPORTED:
+		return "this drive has no such thing";
+	case DB_RESULT_BUS_DOWN:
+		return "the bus is down";
+	case DB_RESULT_OFFLINE:
+		return "the drive is offline";
+	case DB_RESULT_FAILED:
+		return "the drive tried and failed, or is not where it should be";
+	case DB_RESULT_RATE_LIMITED:
+		return "it is too soon after the last one";
+	case DB_RESULT_NOT_IN_CONTROL:
+		return "another client has control of the drive";
+	case DB_RESULT_RUNS_ON:
+		return "the drive does not slow down; it is told on";
+	default:
+		return db_result_name(result);
+	}
+}
+
+/* It is how the call ends. */
+static void answer(struct db_session *session, enum db_result result)
+{
+	/* PENDING: it is on its way, and more wait for it than can be told. */
+	if (db_result_is_success(result) || result == DB_RESULT_PENDING)
+		db_session_reply(session, json_pack("{s:s}", "result", db_result_name(result)),
+		                 false);
+	else
+		db_session_fail_result(session, result, reason_of(result));
+}
+
+/* The first thing that a session commands is logged: from then on it counts as who moves something. */
+static bool may_act(struct db_session *session)
+{
+	struct db_control_socket *control = session->control;
+	char text[DB_CLIENT_ADDRESS_MAX];
+	struct db_log_about about = { .client = text };
+
+	if (!session->client.may_write) {
+		snprintf(text, sizeof text, "%s", control->config->act_group);
+		db_session_fail(
+			session, "io.drivebridge.Control.NotAllowed",
+			json_pack("{s:o}", "reason",
+		                  json_sprintf("only root and members of group %s may act", text)));
+		return false;
+	}
+	if (!session->acted) {
+		db_client_address(session->client.address, text);
+		db_log(&control->log, db_control_now(control), DB_EVENT_CLIENT_CONNECTED, &about,
+		       "connected (session %u, acts)", (unsigned)session->client.port);
+	}
+	session->acted = true;
+	return true;
+}
+
+static struct db_write_token next_token(struct db_session *session)
+{
+	return (struct db_write_token){ .client = session->client.id,
+		                        .sequence = ++session->sequence };
+}
+
+/* --- Write ------------------------------------------------------------------------------------------- */
+
+/* One register to be written, with all that outlives a reload. */
+struct item {
+	enum db_table table;
+	uint16_t address;
+	uint16_t registers;
+	uint16_t part;
+	uint16_t words[DB_NAMED_WORDS];
+	char name[DB_ROW_NAME_MAX];
+};
+
+struct db_write_plan {
+	uint16_t drive;
+	size_t count;
+	size_t next;
+	struct item items[DB_SETTINGS_MAX];
+};
+
+static int by_place(const void *a, const void *b)
+{
+	const struct item *left = a;
+	const struct item *right = b;
+
+	if (left->table != right->table)
+		return left->table == DB_TABLE_HOLDING ? -1 : 1;
+	return (left->address > right->address) - (left->address < right->address);
+}
+
+/* How many of the next registers stand side by side and belong together. */
+static size_t count_beside(const struct db_write_plan *plan)
+{
+	size_t end = plan->next + 1;
+
+	while (end < plan->count && plan->items[end].table == plan->items[end - 1].table &&
+	       plan->items[end].part == plan->items[end - 1].part &&
+	       plan->items[end].address ==
+	               plan->items[end - 1].address + plan->items[end - 1].registers)
+		end++;
+	return end - plan->next;
+}
+
+/* Until something is to be waited for, or all is written. */
+static void write_on(struct db_session *session)
+{
+	struct db_registers *registers = session->control->setup.registers;
+	struct db_write_plan *plan = session->job;
+
+	while (plan->next < plan->count) {
+		const struct item *first = &plan->items[plan->next];
+		uint16_t words[DB_SETTINGS_MAX * DB_NAMED_WORDS];
+		size_t beside = count_beside(plan);
+		uint16_t count = 0;
+		int exception;
+
+		for (size_t i = 0; i < beside; i++) {
+			memcpy(&words[count], first[i].words, first[i].registers * sizeof words[0]);
+			count = (uint16_t)(count + first[i].registers);
+		}
+		plan->next += beside;
+		session->wait = DB_WAITS_FOR_WRITE;
+		exception = db_named_write(registers, &session->client, plan->drive, first->table,
+		                           first->address, count, words, next_token(session));
+		if (exception == DB_WRITE_LATER)
+			return;
+		if (exception != 0) {
+			answer(session, db_named_write_result(registers, &session->client,
+			                                      plan->drive, (uint8_t)exception));
+			return;
+		}
+	}
+	answer(session, DB_RESULT_OK);
+}
+
+/* False when it is answered already. */
+static bool plan_item(const struct db_call *call, const struct db_name_list *list,
+                      const char *drive, const char *name, const json_t *json, struct item *item)
+{
+	const struct db_entry *entry = db_name_list_find(list, name);
+	char reason[DB_REASON_MAX];
+	double number;
+
+	if (!entry) {
+		db_session_fail_register(call->session, drive, name);
+		return false;
+	}
+	if (!(entry->cell.flags & DB_ROW_WRITABLE)) {
+		db_session_fail_value(call->session, name, "it can only be read");
+		return false;
+	}
+	if (!db_values_from_json(entry, json, &number, reason)) {
+		db_session_fail_value(call->session, name, reason);
+		return false;
+	}
+	*item = (struct item){
+		.table = entry->table,
+		.address = entry->cell.address,
+		.registers = entry->cell.registers,
+		.part = entry->cell.part,
+	};
+	snprintf(item->name, sizeof item->name, "%s", name);
+	if (entry->table == DB_TABLE_COILS)
+		item->words[0] = number > 0.0;
+	else
+		db_named_encode(call->session->control->setup.registers, entry, number,
+		                item->words);
+	return true;
+}
+
+void db_act_write(const struct db_call *call)
+{
+	struct db_session *session = call->session;
+	struct db_named_drive drive;
+	const struct db_name_list *list;
+	struct db_write_plan *plan;
+	const char *name;
+	const char *key;
+	json_t *values;
+	json_t *value;
+
+	if (!may_act(session) || !db_call_drive(call, true, &drive, &name) ||
+	    !db_call_object(call, "values", false, &values))
+		return;
+	if (json_object_size(values) == 0 || json_object_size(values) > DB_SETTINGS_MAX) {
+		db_session_fail_parameter(session, "values");
+		return;
+	}
+	list = db_named_registers(session->control->setup.registers, drive.number);
+	plan = calloc(1, sizeof *plan);
+	if (!list || !plan) {
+		free(plan);
+		db_session_fail_result(session, DB_RESULT_BUSY, "");
+		return;
+	}
+	plan->drive = drive.number;
+	/* Everything is looked at before anything is written. */
+	json_object_foreach(values, key, value)
+	{
+		if (!plan_item(call, list, name, key, value, &plan->items[plan->count])) {
+			free(plan);
+			return;
+		}
+		plan->count++;
+	}
+	qsort(plan->items, plan->count, sizeof plan->items[0], by_place);
+	session->job = plan;
+	write_on(session);
+}
+
+/* --- Run --------------------------------------------------------------------------------------------- */
+
+static const struct db_command_row *find_command(const char *name)
+{
+	for (size_t i = 0; i < db_command_row_count; i++) {
+		if (strcmp(db_command_rows[i].name, name) == 0)
+			return &db_command_rows[i];
+	}
+	return NULL;
+}
+
+/* What a PLC leaves 0 as well: the drive's preset speed, at once, no more words of a frame. */
+static bool may_be_missing(enum db_command command, enum db_arg arg)
+{
+	return (arg == DB_ARG_TARGET_VELOCITY && command != DB_CMD_MOVE_VELOCITY) ||
+	       arg == DB_ARG_PROGRAM_DELAY || arg == DB_ARG_RAW_REQUEST;
+}
+
+static bool has_argument(const struct db_command_row *row, const struct db_entry *entry)
+{
+	for (size_t i = 0; i < DB_COMMAND_ARGS_MAX && row->args[i] != DB_ARG_NONE; i++) {
+		if (db_look_is_argument(entry, (int)row->args[i]))
+			return true;
+	}
+	return false;
+}
+
+/* False when the call is answered already. */
+static bool take_arguments(const struct db_call *call, const struct db_name_list *list,
+                           const struct db_command_row *row, json_t *arguments,
+                           struct db_args *args)
+{
+	const char *name;
+	json_t *value;
+
+	json_object_foreach(arguments, name, value)
+	{
+		const struct db_entry *entry = db_name_list_find(list, name);
+		char reason[DB_REASON_MAX];
+		union db_value decoded;
+		struct db_cell cell;
+		double number;
+
+		if (!entry || !has_argument(row, entry)) {
+			db_session_fail_value(call->session, name,
+			                      "the command has no such argument");
+			return false;
+		}
+		if (!db_values_from_json(entry, value, &number, reason)) {
+			db_session_fail_value(call->session, name, reason);
+			return false;
+		}
+		cell = entry->cell;
+		cell.offset = (uint16_t)(cell.offset - offsetof(struct db_drive_image, block.args));
+		db_value_from_number((enum db_type)cell.type, number, &decoded);
+		db_words_store(&cell, decoded, args);
+	}
+	/* Nothing moves because of a name that was forgotten. */
+	for (size_t i = 0; i < DB_COMMAND_ARGS_MAX && row->args[i] != DB_ARG_NONE; i++) {
+		for (size_t r = 0; r < list->count; r++) {
+			const struct db_entry *entry = &list->entries[r];
+
+			if (may_be_missing(row->code, row->args[i]) ||
+			    !db_look_is_argument(entry, (int)row->args[i]) ||
+			    json_object_get(arguments, entry->name))
+				continue;
+			db_session_fail_value(call->session, entry->name, "it is missing");
+			return false;
+		}
+	}
+	return true;
+}
+
+static void end_run(struct db_session *session, enum db_result result, db_time now)
+{
+	if (!session->until_end || !db_result_is_success(result)) {
+		answer(session, result);
+		return;
+	}
+	session->wait = DB_WAITS_FOR_MOTION;
+	session->due = now;
+}
+
+void db_act_run(const struct db_call *call)
+{
+	struct db_session *session = call->session;
+	struct db_registers *registers = session->control->setup.registers;
+	const struct db_command_row *row;
+	const struct db_name_list *list;
+	struct db_args args = { 0 };
+	struct db_write_answer taken;
+	struct db_named_drive drive;
+	const char *drive_name;
+	const char *command;
+	json_t *arguments;
+
+	session->until_end = false;
+	if (!may_act(session) || !db_call_drive(call, false, &drive, &drive_name) ||
+	    !db_call_text(call, "command", &command) ||
+	    !db_call_object(call, "arguments", true, &arguments) ||
+	    !db_call_optional_flag(call, "until_end", &session->until_end))
+		return;
+	row = find_command(command);
+	if (!row || !(drive.commands & DB_COMMAND_BIT(row->code))) {
+		db_session_fail(session, "io.drivebridge.Control.NoSuchCommand",
+		                json_pack("{s:s, s:s}", "drive", drive_name, "command", command));
+		return;
+	}
+	list = db_named_registers(registers, drive.number);
+	if (!list) {
+		db_session_fail_result(session, DB_RESULT_BUSY, "");
+		return;
+	}
+	if (!take_arguments(call, list, row, arguments, &args))
+		return;
+	session->drive = drive.number;
+	session->wait = DB_WAITS_FOR_RUN;
+	taken = db_named_run(registers, &session->client, drive.number, row->code, &args,
+	                     next_token(session), &session->entry);
+	if (!taken.later)
+		end_run(session, taken.result, db_control_now(session->control));
+	else if (session->more)
+		db_session_reply(session, json_pack("{s:s}", "result", "pending"), true);
+}
+
+/* --- going on ---------------------------------------------------------------------------------------- */
+
+void db_act_ended(struct db_session *session, enum db_result result)
+{
+	if (session->wait == DB_WAITS_FOR_RUN)
+		end_run(session, result, db_control_now(session->control));
+	else if (!db_result_is_success(result))
+		answer(session, result);
+	else
+		write_on(session);
+}
+
+void db_act_look(struct db_session *session, db_time now)
+{
+	struct db_registers *registers = session->control->setup.registers;
+	enum db_result result = db_named_outcome(registers, session->drive, session->entry);
+
+	if (result != DB_RESULT_PENDING) {
+		answer(session, result);
+		return;
+	}
+	/* Who waits is there: a tool that dies ends its session. */
+	db_named_hear(registers, &session->client, session->drive);
+	session->due = now + LOOK_INTERVAL;
+}

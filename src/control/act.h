@@ -1,0 +1,18 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The calls that act: Write and Run, and how they go on when what they wait for comes. Internal to
+ * src/control. */
+#ifndef DRIVEBRIDGE_CONTROL_ACT_H
+#define DRIVEBRIDGE_CONTROL_ACT_H
+
+#include "control/call.h"
+
+void db_act_write(const struct db_call *call);
+void db_act_run(const struct db_call *call);
+
+/* What the session waits for (DB_WAITS_FOR_WRITE, _RUN) has ended. */
+void db_act_ended(struct db_session *session, enum db_result result);
+
+/* It is due (DB_WAITS_FOR_MOTION). */
+void db_act_look(struct db_session *session, db_time now);
+
+#endif

@@ -1,0 +1,28 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A call while it is carried out: its parameters by name. Network thread only. Internal to src/control. */
+#ifndef DRIVEBRIDGE_CONTROL_CALL_H
+#define DRIVEBRIDGE_CONTROL_CALL_H
+
+#include "control/session.h"
+#include "regmap/named.h"
+
+struct db_call {
+	struct db_session *session;
+	json_t *parameters; /* null: none */
+};
+
+/* The following answer with an error and return false where they fail. What is optional may be missing or
+ * null, and then stays as it is. */
+bool db_call_text(const struct db_call *call, const char *name, const char **text);
+bool db_call_number(const struct db_call *call, const char *name, int64_t min, int64_t max,
+                    int64_t *number);
+bool db_call_optional_flag(const struct db_call *call, const char *name, bool *flag);
+bool db_call_object(const struct db_call *call, const char *name, bool optional, json_t **object);
+/* An array of texts. */
+bool db_call_texts(const struct db_call *call, const char *name, json_t **texts);
+/* The drive that the parameter `drive` names; "" is the gateway where that is `allowed`, and then only its number
+ * is set. *name is what was given. */
+bool db_call_drive(const struct db_call *call, bool gateway, struct db_named_drive *drive,
+                   const char **name);
+
+#endif

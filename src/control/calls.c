@@ -1,0 +1,154 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "control/calls.h"
+
+#include "control/act.h"
+#include "control/call.h"
+#include "control/look.h"
+#include "control/metrics.h"
+#include "control/state.h"
+#include "control/streams.h"
+#include "drivebridge/version.h"
+
+#include <string.h>
+
+#define SERVICE "org.varlink.service"
+#define CONTROL "io.drivebridge.Control"
+
+/* As the definition of varlink has it. */
+static const char service_description[] =
+	"# What every varlink service answers.\n"
+	"interface " SERVICE "\n"
+	"\n"
+	"method GetInfo() -> (\n"
+	"\tvendor: string,\n"
+	"\tproduct: string,\n"
+	"\tversion: string,\n"
+	"\turl: string,\n"
+	"\tinterfaces: []string\n"
+	")\n"
+	"\n"
+	"method GetInterfaceDescription(interface: string) -> (description: string)\n"
+	"\n"
+	"error InterfaceNotFound (interface: string)\n"
+	"error MethodNotFound (method: string)\n"
+	"error MethodNotImplemented (method: string)\n"
+	"error InvalidParameter (parameter: string)\n"
+	"error PermissionDenied ()\n"
+	"error ExpectedMore ()\n";
+
+static void get_info(const struct db_call *call)
+{
+	db_session_reply(call->session,
+	                 json_pack("{s:s, s:s, s:s, s:s, s:[s, s]}", "vendor", "drivebridge",
+	                           "product", "drivebridge", "version", DB_VERSION, "url", "",
+	                           "interfaces", SERVICE, CONTROL),
+	                 false);
+}
+
+static void get_description(const struct db_call *call)
+{
+	const char *interface;
+
+	if (!db_call_text(call, "interface", &interface))
+		return;
+	if (strcmp(interface, SERVICE) == 0)
+		db_session_reply(call->session,
+		                 json_pack("{s:s}", "description", service_description), false);
+	else if (strcmp(interface, CONTROL) == 0)
+		db_session_reply(call->session,
+		                 json_pack("{s:s}", "description", db_calls_interface), false);
+	else
+		db_session_fail(call->session, SERVICE ".InterfaceNotFound",
+		                json_pack("{s:s}", "interface", interface));
+}
+
+static const struct method {
+	const char *name;
+	void (*call)(const struct db_call *call);
+	const char *parameters; /* between spaces */
+	bool stream;            /* only with `more` */
+} methods[] = {
+	{ SERVICE ".GetInfo", get_info, " ", false },
+	{ SERVICE ".GetInterfaceDescription", get_description, " interface ", false },
+	{ CONTROL ".Describe", db_look_describe, " ", false },
+	{ CONTROL ".Registers", db_look_registers, " drive ", false },
+	{ CONTROL ".Commands", db_look_commands, " drive ", false },
+	{ CONTROL ".Read", db_look_read, " drive names ", false },
+	{ CONTROL ".Write", db_act_write, " drive values ", false },
+	{ CONTROL ".Run", db_act_run, " drive command arguments until_end ", false },
+	{ CONTROL ".Subscribe", db_streams_subscribe, " drives names interval_ms ", true },
+	{ CONTROL ".Events", db_streams_events, " ", false },
+	{ CONTROL ".Figures", db_look_figures, " ", false },
+	{ CONTROL ".Reload", db_streams_reload, " ", false },
+	{ CONTROL ".Metrics", db_metrics_call, " ", false },
+};
+
+static const struct method *find_method(const char *name)
+{
+	for (size_t i = 0; i < sizeof methods / sizeof methods[0]; i++) {
+		if (strcmp(methods[i].name, name) == 0)
+			return &methods[i];
+	}
+	return NULL;
+}
+
+static void refuse_method(struct db_session *session, const char *name)
+{
+	const char *dot = strrchr(name, '.');
+	int length = dot ? (int)(dot - name) : 0;
+	char interface[64];
+
+	snprintf(interface, sizeof interface, "%.*s", length, name);
+	if (strcmp(interface, SERVICE) == 0 || strcmp(interface, CONTROL) == 0)
+		db_session_fail(session, SERVICE ".MethodNotFound",
+		                json_pack("{s:s}", "method", name));
+	else
+		db_session_fail(session, SERVICE ".InterfaceNotFound",
+		                json_pack("{s:s}", "interface", interface));
+}
+
+/* The first parameter that the method does not have; null. */
+static const char *find_foreign(const struct method *method, json_t *parameters)
+{
+	const char *name;
+	json_t *value;
+
+	json_object_foreach(parameters, name, value)
+	{
+		char word[32];
+
+		(void)value;
+		snprintf(word, sizeof word, " %s ", name);
+		if (strlen(name) > 24 || strchr(name, ' ') || !strstr(method->parameters, word))
+			return name;
+	}
+	return NULL;
+}
+
+void db_calls_take(struct db_session *session, const char *text, size_t length)
+{
+	struct db_message message;
+	const char *wrong = db_message_parse(text, length, &message);
+	struct db_call call = { .session = session, .parameters = message.parameters };
+	const struct method *method;
+	const char *foreign;
+
+	session->control->stats.calls++;
+	session->more = message.more;
+	session->oneway = message.oneway;
+	if (wrong) {
+		db_session_fail_parameter(session, wrong);
+		return;
+	}
+	method = find_method(message.method);
+	foreign = method ? find_foreign(method, message.parameters) : NULL;
+	if (!method)
+		refuse_method(session, message.method);
+	else if (foreign)
+		db_session_fail_parameter(session, foreign);
+	else if (method->stream && (!message.more || message.oneway))
+		db_session_fail(session, SERVICE ".ExpectedMore", NULL);
+	else
+		method->call(&call);
+	db_message_clear(&message);
+}

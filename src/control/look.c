@@ -1,0 +1,212 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "control/look.h"
+
+#include "control/state.h"
+#include "control/values.h"
+#include "drivebridge/command_table.h"
+#include "drivebridge/version.h"
+#include "regmap/image.h"
+
+#include <stdlib.h>
+
+/* --- what there is ----------------------------------------------------------------------------------- */
+
+static json_t *describe_bus(struct db_registers *registers, size_t place)
+{
+	const struct db_bus_config *config = db_named_bus(registers, place);
+	struct db_bus_stats stats;
+	json_t *drives = json_array();
+
+	db_named_bus_stats(registers, place, &stats);
+	for (size_t i = 0; i < db_named_drive_count(registers); i++) {
+		struct db_named_drive drive;
+
+		if (db_named_drive_at(registers, i, &drive) && drive.bus == config)
+			json_array_append_new(drives, json_string(drive.config->name));
+	}
+	return json_pack("{s:s, s:s, s:s, s:s, s:I, s:I, s:b, s:o}", "name", config->name,
+	                 "protocol", config->driver->name, "title", config->driver->title, "device",
+	                 config->interface ? config->interface :
+	                 config->device    ? config->device :
+	                                     "",
+	                 "speed",
+	                 (json_int_t)(config->driver->medium == DB_MEDIUM_CAN ? config->bitrate :
+	                                                                        config->baud),
+	                 "cycle_ms", (json_int_t)config->cycle_ms, "up", stats.up && stats.port.up,
+	                 "drives", drives);
+}
+
+static json_t *describe_drive(const struct db_named_drive *drive)
+{
+	static const char *const axes[] = { "x", "y", "z", "a" };
+	unsigned axis = drive->config->axis;
+	bool has_axis = drive->bus->driver->axes > 0 && axis < sizeof axes / sizeof axes[0];
+
+	return json_pack("{s:s, s:s, s:I, s:s, s:I, s:s}", "name", drive->config->name, "bus",
+	                 drive->bus->name, "address", (json_int_t)drive->config->address, "axis",
+	                 has_axis ? axes[axis] : "", "unit", (json_int_t)drive->config->unit,
+	                 "unit_name", drive->unit);
+}
+
+void db_look_describe(const struct db_call *call)
+{
+	struct db_control_socket *control = call->session->control;
+	struct db_registers *registers = control->setup.registers;
+	json_t *buses = json_array();
+	json_t *drives = json_array();
+
+	for (size_t i = 0; db_named_bus(registers, i); i++)
+		json_array_append_new(buses, describe_bus(registers, i));
+	for (size_t i = 0; i < db_named_drive_count(registers); i++) {
+		struct db_named_drive drive;
+
+		if (db_named_drive_at(registers, i, &drive))
+			json_array_append_new(drives, describe_drive(&drive));
+	}
+	db_session_reply(call->session,
+	                 json_pack("{s:s, s:s, s:I, s:b, s:o, s:o}", "version", DB_VERSION,
+	                           "configuration", control->setup.configuration, "started_us",
+	                           (json_int_t)control->started_us, "may_act",
+	                           call->session->client.may_write, "buses", buses, "drives",
+	                           drives),
+	                 false);
+}
+
+/* Null, and the call is answered, when there is no memory for the names. */
+static const struct db_name_list *list_of(const struct db_call *call, uint16_t drive)
+{
+	const struct db_name_list *list = db_named_registers(
+		call->session->control->setup.registers, drive);
+
+	if (!list)
+		db_session_fail_result(call->session, DB_RESULT_BUSY, "");
+	return list;
+}
+
+void db_look_registers(const struct db_call *call)
+{
+	struct db_named_drive drive;
+	const struct db_name_list *list;
+	const char *name;
+	json_t *registers;
+
+	if (!db_call_drive(call, true, &drive, &name))
+		return;
+	list = list_of(call, drive.number);
+	if (!list)
+		return;
+	registers = json_array();
+	for (size_t i = 0; i < list->count; i++)
+		json_array_append_new(registers, db_values_register(&list->entries[i]));
+	db_session_reply(call->session, json_pack("{s:o}", "registers", registers), false);
+}
+
+bool db_look_is_argument(const struct db_entry *entry, int arg)
+{
+	size_t offset = offsetof(struct db_drive_image, block.args) +
+	                db_arg_offset((enum db_arg)arg);
+
+	return entry->table == DB_TABLE_HOLDING && (entry->cell.part & DB_PART_BLOCK) &&
+	       entry->cell.offset >= offset &&
+	       entry->cell.offset < offset + db_arg_bytes((enum db_arg)arg);
+}
+
+void db_look_commands(const struct db_call *call)
+{
+	struct db_named_drive drive;
+	const struct db_name_list *list;
+	const char *name;
+	json_t *commands;
+
+	if (!db_call_drive(call, false, &drive, &name))
+		return;
+	list = list_of(call, drive.number);
+	if (!list)
+		return;
+	commands = json_array();
+	for (size_t i = 0; i < db_command_row_count; i++) {
+		const struct db_command_row *row = &db_command_rows[i];
+		json_t *arguments;
+
+		if (!(drive.commands & DB_COMMAND_BIT(row->code)))
+			continue;
+		arguments = json_array();
+		for (size_t a = 0; a < DB_COMMAND_ARGS_MAX && row->args[a] != DB_ARG_NONE; a++) {
+			for (size_t r = 0; r < list->count; r++) {
+				if (db_look_is_argument(&list->entries[r], (int)row->args[a]))
+					json_array_append_new(arguments,
+					                      json_string(list->entries[r].name));
+			}
+		}
+		json_array_append_new(commands,
+		                      json_pack("{s:s, s:i, s:o, s:s}", "name", row->name, "code",
+		                                (int)row->code, "arguments", arguments,
+		                                "description", row->description));
+	}
+	db_session_reply(call->session, json_pack("{s:o}", "commands", commands), false);
+}
+
+/* --- values ------------------------------------------------------------------------------------------ */
+
+bool db_look_is_process(const struct db_entry *entry)
+{
+	/* The first area is the drive's process data; what the gateway is and counts ends before, too. */
+	return entry->table == DB_TABLE_HOLDING && entry->cell.address <= db_areas[0].last;
+}
+
+void db_look_read(const struct db_call *call)
+{
+	struct db_registers *registers = call->session->control->setup.registers;
+	const struct db_entry **entries;
+	const struct db_name_list *list;
+	struct db_named_drive drive;
+	const char *name;
+	size_t count = 0;
+	json_t *names;
+	json_t *values;
+
+	if (!db_call_drive(call, true, &drive, &name) || !db_call_texts(call, "names", &names))
+		return;
+	list = list_of(call, drive.number);
+	if (!list)
+		return;
+	entries = calloc(json_array_size(names) + list->count, sizeof(struct db_entry *));
+	if (!entries) {
+		db_session_fail_result(call->session, DB_RESULT_BUSY, "");
+		return;
+	}
+	for (size_t i = 0; json_array_size(names) == 0 && i < list->count; i++) {
+		if (db_look_is_process(&list->entries[i]))
+			entries[count++] = &list->entries[i];
+	}
+	for (size_t i = 0; i < json_array_size(names); i++) {
+		const char *wanted = json_string_value(json_array_get(names, i));
+
+		entries[count] = db_name_list_find(list, wanted);
+		if (!entries[count]) {
+			db_session_fail_register(call->session, name, wanted);
+			free(entries);
+			return;
+		}
+		count++;
+	}
+	values = json_object();
+	db_named_read(registers, &call->session->client, drive.number, entries, count,
+	              db_values_collect, values);
+	free(entries);
+	db_session_reply(call->session, json_pack("{s:o}", "values", values), false);
+}
+
+void db_look_figures(const struct db_call *call)
+{
+	struct db_registers *registers = call->session->control->setup.registers;
+	json_t *buses = json_object();
+
+	for (size_t i = 0; db_named_bus(registers, i); i++) {
+		json_t *figures = json_object();
+
+		db_named_read_bus(registers, i, db_values_collect, figures);
+		json_object_set_new(buses, db_named_bus(registers, i)->name, figures);
+	}
+	db_session_reply(call->session, json_pack("{s:o}", "buses", buses), false);
+}

@@ -1,0 +1,227 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "control/session.h"
+
+#include "control/state.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#define INTERFACE "io.drivebridge.Control."
+
+struct db_session *db_session_new(struct db_control_socket *control, int fd,
+                                  const struct db_client *client, db_time now)
+{
+	struct db_session *session = calloc(1, sizeof *session);
+	struct epoll_event event = { .events = EPOLLIN | EPOLLRDHUP, .data.ptr = session };
+
+	if (!session || epoll_ctl(control->epoll, EPOLL_CTL_ADD, fd, &event) != 0) {
+		free(session);
+		close(fd);
+		return NULL;
+	}
+	session->control = control;
+	session->client = *client;
+	session->fd = fd;
+	session->events = event.events;
+	session->in_arrived = now;
+	session->due = DB_TIME_NEVER;
+	return session;
+}
+
+void db_session_free(struct db_session *session)
+{
+	if (!session)
+		return;
+	close(session->fd);
+	free(session->in);
+	free(session->out);
+	free(session->job);
+	free(session);
+}
+
+/* --- input ------------------------------------------------------------------------------------------- */
+
+bool db_session_receive(struct db_session *session, db_time now)
+{
+	size_t room = DB_MESSAGE_MAX + 1 - session->in_used;
+	ssize_t got;
+
+	if (session->ended || room == 0)
+		return true;
+	if (!session->in)
+		session->in = malloc(DB_MESSAGE_MAX + 1);
+	if (!session->in)
+		return false;
+	do
+		got = recv(session->fd, session->in + session->in_used, room, MSG_DONTWAIT);
+	while (got < 0 && errno == EINTR);
+	if (got > 0) {
+		if (session->in_used == 0)
+			session->in_arrived = session->behind_since != 0 ? session->behind_since :
+			                                                   now;
+		session->in_used += (size_t)got;
+	}
+	/* Less than there was room for: now nothing waits. */
+	session->behind_since = got == (ssize_t)room ? now : 0;
+	if (got == 0)
+		session->ended = true;
+	if (session->in_used == 0) {
+		free(session->in);
+		session->in = NULL;
+	}
+	return got >= 0 || errno == EAGAIN || errno == EWOULDBLOCK;
+}
+
+bool db_session_has_message(const struct db_session *session, size_t *length)
+{
+	const char *end;
+
+	if (session->wait != DB_WAITS_FOR_NOTHING || session->out || session->broken ||
+	    session->in_used == 0)
+		return false;
+	end = memchr(session->in, '\0', session->in_used);
+	if (end)
+		*length = (size_t)(end - session->in);
+	return end;
+}
+
+bool db_session_is_overfull(const struct db_session *session)
+{
+	return session->in_used == DB_MESSAGE_MAX + 1 &&
+	       !memchr(session->in, '\0', session->in_used);
+}
+
+void db_session_drop_message(struct db_session *session, size_t length)
+{
+	session->in_used -= length + 1;
+	memmove(session->in, session->in + length + 1, session->in_used);
+	if (session->in_used > 0)
+		return;
+	free(session->in);
+	session->in = NULL;
+}
+
+bool db_session_is_over(const struct db_session *session)
+{
+	size_t length;
+
+	if (session->broken)
+		return !session->out;
+	return session->ended && session->wait == DB_WAITS_FOR_NOTHING && !session->out &&
+	       !db_session_has_message(session, &length);
+}
+
+/* --- output ------------------------------------------------------------------------------------------ */
+
+bool db_session_send(struct db_session *session, db_time now)
+{
+	ssize_t sent;
+
+	if (!session->out)
+		return true;
+	do
+		sent = send(session->fd, session->out + session->out_sent,
+		            session->out_used - session->out_sent, MSG_NOSIGNAL | MSG_DONTWAIT);
+	while (sent < 0 && errno == EINTR);
+	if (sent < 0)
+		return errno == EAGAIN || errno == EWOULDBLOCK;
+	session->out_sent += (size_t)sent;
+	session->out_since = now;
+	if (session->out_sent == session->out_used) {
+		free(session->out);
+		session->out = NULL;
+	}
+	return true;
+}
+
+static void put_answer(struct db_session *session, const char *error, json_t *parameters,
+                       bool continues)
+{
+	struct db_control_socket *control = session->control;
+	size_t length;
+	char *text;
+	char *all;
+
+	if (!continues) {
+		session->wait = DB_WAITS_FOR_NOTHING;
+		session->due = DB_TIME_NEVER;
+		free(session->job);
+		session->job = NULL;
+	}
+	control->stats.errors += error != NULL;
+	if (session->oneway || session->gone) {
+		json_decref(parameters);
+		return;
+	}
+	text = db_message_answer(error, parameters, continues, &length);
+	if (!text) {
+		session->broken = true;
+		return;
+	}
+	if (!session->out) {
+		session->out = text;
+		session->out_sent = 0;
+		session->out_used = length;
+		session->out_since = db_control_now(control);
+		return;
+	}
+	/* Two in a turn: that a command was taken, and how it ended. */
+	all = realloc(session->out, session->out_used + length);
+	if (all) {
+		memcpy(all + session->out_used, text, length);
+		session->out = all;
+		session->out_used += length;
+	}
+	session->broken = !all;
+	free(text);
+}
+
+void db_session_reply(struct db_session *session, json_t *parameters, bool continues)
+{
+	put_answer(session, NULL, parameters, continues);
+}
+
+void db_session_fail(struct db_session *session, const char *error, json_t *parameters)
+{
+	put_answer(session, error, parameters, false);
+}
+
+void db_session_fail_parameter(struct db_session *session, const char *parameter)
+{
+	db_session_fail(session, "org.varlink.service.InvalidParameter",
+	                json_pack("{s:s}", "parameter", parameter));
+}
+
+void db_session_fail_drive(struct db_session *session, const char *drive)
+{
+	db_session_fail(session, INTERFACE "NoSuchDrive", json_pack("{s:s}", "drive", drive));
+}
+
+void db_session_fail_register(struct db_session *session, const char *drive, const char *name)
+{
+	db_session_fail(session, INTERFACE "NoSuchRegister",
+	                json_pack("{s:s, s:s}", "drive", drive, "name", name));
+}
+
+void db_session_fail_value(struct db_session *session, const char *name, const char *reason)
+{
+	db_session_fail(session, INTERFACE "BadValue",
+	                json_pack("{s:s, s:s}", "name", name, "reason", reason));
+}
+
+void db_session_fail_result(struct db_session *session, enum db_result result, const char *reason)
+{
+	if (result == DB_RESULT_BUSY)
+		db_session_fail(session, INTERFACE "Busy", NULL);
+	else if (result == DB_RESULT_NOT_IN_CONTROL)
+		db_session_fail(session, INTERFACE "NotAllowed",
+		                json_pack("{s:s}", "reason", reason));
+	else
+		db_session_fail(session, INTERFACE "Refused",
+		                json_pack("{s:s, s:i, s:s}", "result", db_result_name(result),
+		                          "code", (int)result, "reason", reason));
+}

@@ -1,0 +1,93 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * One connection to the control socket: messages in, answers out, and the call that is under way. Bounded: what
+ * comes in by DB_MESSAGE_MAX, what goes out by one answer, because the next call waits until that is gone.
+ * Network thread only. Internal to src/control.
+ */
+#ifndef DRIVEBRIDGE_CONTROL_SESSION_H
+#define DRIVEBRIDGE_CONTROL_SESSION_H
+
+#include "control/message.h"
+#include "drivebridge/client.h"
+#include "drivebridge/time.h"
+
+struct db_control_socket;
+
+/* What a session waits for before its next call. */
+enum db_session_wait {
+	DB_WAITS_FOR_NOTHING,
+	DB_WAITS_FOR_WRITE,  /* the confirmation of a part of a Write */
+	DB_WAITS_FOR_RUN,    /* the end of a command */
+	DB_WAITS_FOR_MOTION, /* the end of the motion that its command began */
+	DB_WAITS_FOR_VALUES, /* the client to end its Subscribe */
+	DB_WAITS_FOR_EVENTS,
+	DB_WAITS_FOR_RELOAD,
+};
+
+struct db_session {
+	struct db_control_socket *control;
+	struct db_client client;
+	int fd;
+	uint32_t events; /* what epoll waits for */
+	bool acted;      /* it has commanded something */
+	bool ended;      /* the client sends nothing more */
+	bool gone;       /* and takes nothing any more */
+	bool broken;     /* to be closed when its answers are sent */
+
+	char *in; /* there only while it is not empty, likewise `out` */
+	size_t in_used;
+	db_time in_arrived;   /* not earlier than this came what is in `in` */
+	db_time behind_since; /* something may wait in the socket since then; 0: nothing does */
+
+	char *out;
+	size_t out_sent;
+	size_t out_used;
+	db_time out_since; /* when the client last took something of it */
+
+	/* The call under way, and how it is to be answered. */
+	enum db_session_wait wait;
+	bool more;
+	bool oneway;
+	uint32_t sequence; /* of its write */
+	db_time due;       /* when it is to be looked at again; DB_TIME_NEVER */
+
+	uint16_t drive; /* of a command */
+	uint32_t entry; /* of that in the history */
+	bool until_end;
+	void *job; /* one block of memory, of a Write or a Subscribe; null */
+	uint64_t next_event;
+	unsigned reloads; /* that have to end */
+};
+
+/* Takes the descriptor over. Null when out of memory. */
+struct db_session *db_session_new(struct db_control_socket *control, int fd,
+                                  const struct db_client *client, db_time now);
+void db_session_free(struct db_session *session);
+
+/* Reads what there is, as far as there is room for it. False: the connection is broken. */
+bool db_session_receive(struct db_session *session, db_time now);
+/* Sends what waits. False: the connection is broken. */
+bool db_session_send(struct db_session *session, db_time now);
+
+/* Whether a whole message waits whose turn it is, and that; or the rest is too long for one. */
+bool db_session_has_message(const struct db_session *session, size_t *length);
+bool db_session_is_overfull(const struct db_session *session);
+/* Forgets the message that came first. */
+void db_session_drop_message(struct db_session *session, size_t length);
+
+/* Whether everything is done that can be done for it. */
+bool db_session_is_over(const struct db_session *session);
+
+/* Answers its call. The parameters (null: none) are taken over. What `continues` is not the last answer.
+ * An answer that there is no memory for breaks the session. */
+void db_session_reply(struct db_session *session, json_t *parameters, bool continues);
+void db_session_fail(struct db_session *session, const char *error, json_t *parameters);
+
+/* The usual errors. */
+void db_session_fail_parameter(struct db_session *session, const char *parameter);
+void db_session_fail_drive(struct db_session *session, const char *drive);
+void db_session_fail_register(struct db_session *session, const char *drive, const char *name);
+void db_session_fail_value(struct db_session *session, const char *name, const char *reason);
+void db_session_fail_result(struct db_session *session, enum db_result result, const char *reason);
+
+#endif

@@ -1,0 +1,469 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "drivebridge/control_socket.h"
+
+#include "control/act.h"
+#include "control/calls.h"
+#include "control/listener.h"
+#include "control/state.h"
+#include "control/streams.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+#define EVENTS_AT_ONCE 8
+#define ACCEPTS_AT_ONCE 4
+#define TIMER_ACCURACY_US 200
+
+/* A client that takes nothing of its answers for so long is dropped. */
+#define STUCK (10 * DB_NS_PER_S)
+
+static struct db_session *find(const struct db_control_socket *control, uint32_t id)
+{
+	for (size_t i = 0; i < control->count; i++) {
+		if (control->sessions[i]->client.id == id)
+			return control->sessions[i];
+	}
+	return NULL;
+}
+
+/* --- coming and going -------------------------------------------------------------------------------- */
+
+static void end_session(struct db_control_socket *control, size_t place)
+{
+	struct db_session *session = control->sessions[place];
+	char text[DB_CLIENT_ADDRESS_MAX];
+	struct db_log_about about = { .client = text };
+
+	control->sessions[place] = control->sessions[--control->count];
+	/* For the registers it is a client like any other. */
+	db_registers_backend.client(control->setup.registers, &session->client, false);
+	db_client_address(session->client.address, text);
+	if (session->acted)
+		db_log(&control->log, db_control_now(control), DB_EVENT_CLIENT_GONE, &about,
+		       "gone (session %u)", (unsigned)session->client.port);
+	db_session_free(session);
+}
+
+static void refuse(struct db_control_socket *control, int fd)
+{
+	static const char busy[] = "{\"error\":\"io.drivebridge.Control.Busy\",\"parameters\":{}}";
+
+	/* Whoever reads the answer to his first call finds this. */
+	(void)!send(fd, busy, sizeof busy, MSG_NOSIGNAL | MSG_DONTWAIT);
+	close(fd);
+	control->stats.refused++;
+}
+
+static void refuse_user(struct db_control_socket *control, int fd, const struct db_client *client)
+{
+	char text[DB_CLIENT_ADDRESS_MAX];
+	struct db_log_about about = { .client = text };
+
+	db_client_address(client->address, text);
+	db_log(&control->log, db_control_now(control), DB_EVENT_CLIENT_REFUSED, &about,
+	       "connection refused: it is in neither read-group nor act-group");
+	refuse(control, fd);
+}
+
+static void admit(struct db_control_socket *control, int fd)
+{
+	uid_t user;
+	enum db_right right = db_rights_find(&control->rights, fd, &user);
+	struct db_client client = { .may_write = right == DB_RIGHT_ACT };
+	char name[DB_USER_NAME_MAX];
+	struct db_session *session;
+	size_t readers = 0;
+
+	db_rights_name(user, name);
+	db_client_address_of_user((uint32_t)user, name, client.address);
+	if (right == DB_RIGHT_NONE) {
+		refuse_user(control, fd, &client);
+		return;
+	}
+	for (size_t i = 0; i < control->count; i++)
+		readers += !control->sessions[i]->client.may_write;
+	if (control->count == DB_SESSIONS_MAX ||
+	    (!client.may_write && readers >= DB_SESSIONS_MAX - DB_SESSIONS_RESERVED)) {
+		refuse(control, fd);
+		return;
+	}
+	do
+		control->last_id = db_client_number_after(control->last_id);
+	while (find(control, control->last_id));
+	client.id = control->last_id;
+	client.port = (uint16_t)(1 + (client.id - DB_CLIENT_FIRST_SESSION) % UINT16_MAX);
+	session = db_session_new(control, fd, &client, db_control_now(control));
+	if (!session)
+		return;
+	control->sessions[control->count++] = session;
+	control->stats.accepted++;
+	db_registers_backend.client(control->setup.registers, &session->client, true);
+}
+
+static void accept_some(struct db_control_socket *control)
+{
+	for (int i = 0; i < ACCEPTS_AT_ONCE; i++) {
+		int fd = accept4(control->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+
+		if (fd >= 0)
+			admit(control, fd);
+		else if (errno != ECONNABORTED && errno != EINTR)
+			return;
+	}
+}
+
+/* --- what comes next --------------------------------------------------------------------------------- */
+
+/* What epoll is to wait for: bytes where there is room for them, room where bytes wait. */
+static void watch(struct db_control_socket *control, struct db_session *session)
+{
+	struct epoll_event event = { .data.ptr = session };
+
+	if (!session->ended && !session->broken && session->in_used <= DB_MESSAGE_MAX)
+		event.events = EPOLLIN | EPOLLRDHUP;
+	else if (!session->ended && session->behind_since == 0)
+		session->behind_since = db_control_now(control);
+	if (session->out && !session->gone)
+		event.events |= EPOLLOUT;
+	/* A connection that has ended tells so for ever. */
+	if (session->gone || event.events == session->events)
+		return;
+	session->events = event.events;
+	epoll_ctl(control->epoll, EPOLL_CTL_MOD, session->fd, &event);
+}
+
+static void arm(struct db_control_socket *control, db_time due)
+{
+	if (due == control->armed)
+		return;
+	control->armed = due;
+	if (due == DB_TIME_NEVER) {
+		sd_event_source_set_enabled(control->timer, SD_EVENT_OFF);
+		return;
+	}
+	sd_event_source_set_time(control->timer, (uint64_t)(due / DB_NS_PER_US));
+	sd_event_source_set_enabled(control->timer, SD_EVENT_ONESHOT);
+}
+
+/* Whether the loop is to come back for a call that waits. As an event like those of sockets: then everything
+ * else that is ready has its turn before. */
+static void want_turn(struct db_control_socket *control, bool wanted)
+{
+	uint64_t count = 1;
+
+	if (wanted == control->wants_turn)
+		return;
+	control->wants_turn = wanted;
+	if (wanted)
+		(void)!write(control->turn_fd, &count, sizeof count);
+	else
+		(void)!read(control->turn_fd, &count, sizeof count);
+}
+
+/* Behind everything that was done for sessions: who is over goes, and what is to come is waited for. */
+static void settle(struct db_control_socket *control)
+{
+	db_time now = db_control_now(control);
+	db_time due = DB_TIME_NEVER;
+	bool work = false;
+
+	for (size_t i = control->count; i-- > 0;) {
+		struct db_session *session = control->sessions[i];
+		size_t length;
+
+		if (session->out && !session->gone && !db_session_send(session, now))
+			session->gone = session->ended = true;
+		if (session->gone) {
+			/* Nobody waits for it, but what was asked behind it is still done. */
+			free(session->out);
+			session->out = NULL;
+			session->wait = DB_WAITS_FOR_NOTHING;
+		}
+		if (!session->broken && db_session_is_overfull(session)) {
+			session->oneway = false;
+			db_session_fail_parameter(session, "the message is too long");
+			session->broken = true;
+			(void)db_session_send(session, now);
+		}
+		if (db_session_is_over(session)) {
+			end_session(control, i);
+			continue;
+		}
+		watch(control, session);
+		work = work || db_session_has_message(session, &length);
+		if (session->wait != DB_WAITS_FOR_NOTHING && session->due < due)
+			due = session->due;
+		if (session->out && session->out_since + STUCK < due)
+			due = session->out_since + STUCK;
+	}
+	arm(control, due);
+	want_turn(control, work);
+}
+
+/* --- serving ----------------------------------------------------------------------------------------- */
+
+/* One call, of the session whose turn it is: then the loop serves the others, Modbus above all. */
+static bool take_call(struct db_control_socket *control)
+{
+	for (size_t i = 0; i < control->count; i++) {
+		size_t place = (control->turn + i) % control->count;
+		struct db_session *session = control->sessions[place];
+		size_t length;
+
+		if (!db_session_has_message(session, &length))
+			continue;
+		control->turn = place + 1;
+		session->client.arrived = session->in_arrived;
+		db_calls_take(session, session->in, length);
+		db_session_drop_message(session, length);
+		return true;
+	}
+	return false;
+}
+
+/* Returns how many sockets were ready. */
+static int serve(struct db_control_socket *control)
+{
+	struct epoll_event events[EVENTS_AT_ONCE];
+	db_time now = db_control_now(control);
+	int count = epoll_wait(control->epoll, events, EVENTS_AT_ONCE, 0);
+	bool take = false;
+
+	for (int i = 0; i < count; i++) {
+		struct db_session *session = events[i].data.ptr;
+
+		if (events[i].data.ptr == &control->turn_fd) {
+			take = true;
+			continue;
+		}
+		if (!session) {
+			accept_some(control);
+			continue;
+		}
+		if ((events[i].events & (EPOLLIN | EPOLLRDHUP | EPOLLHUP | EPOLLERR)) &&
+		    !db_session_receive(session, now))
+			session->gone = session->ended = true;
+		/* Closed, and all that it had sent is here: it is not looked at any more. */
+		if ((events[i].events & (EPOLLHUP | EPOLLERR)) && session->ended &&
+		    !session->gone) {
+			session->gone = true;
+			epoll_ctl(control->epoll, EPOLL_CTL_DEL, session->fd, NULL);
+		} else if ((events[i].events & (EPOLLHUP | EPOLLERR)) &&
+		           session->in_used > DB_MESSAGE_MAX) {
+			/* Level triggered: it would be told again and again until there is room. */
+			session->gone = session->ended = true;
+			epoll_ctl(control->epoll, EPOLL_CTL_DEL, session->fd, NULL);
+		}
+	}
+	if (take)
+		(void)take_call(control);
+	settle(control);
+	return count;
+}
+
+static int on_ready(sd_event_source *source, int fd, uint32_t revents, void *context)
+{
+	(void)source;
+	(void)fd;
+	(void)revents;
+	(void)serve(context);
+	return 0;
+}
+
+void db_control_socket_catch_up(struct db_control_socket *control)
+{
+	if (!control)
+		return;
+	for (size_t served = 0; served <= DB_SESSIONS_MAX; served += EVENTS_AT_ONCE) {
+		if (serve(control) < EVENTS_AT_ONCE)
+			break;
+	}
+	for (size_t i = 0; i < control->count && take_call(control); i++)
+		;
+	settle(control);
+}
+
+static int on_timer(sd_event_source *source, uint64_t us, void *context)
+{
+	struct db_control_socket *control = context;
+	db_time now = db_control_now(control);
+
+	(void)source;
+	(void)us;
+	control->armed = DB_TIME_NEVER;
+	for (size_t i = control->count; i-- > 0;) {
+		struct db_session *session = control->sessions[i];
+		char text[DB_CLIENT_ADDRESS_MAX];
+		struct db_log_about about = { .client = text };
+
+		if (session->out && session->out_since + STUCK <= now) {
+			db_client_address(session->client.address, text);
+			db_log(&control->log, now, DB_EVENT_CLIENT_REFUSED, &about,
+			       "connection closed: it does not read its answers");
+			control->stats.dropped++;
+			end_session(control, i);
+			continue;
+		}
+		if (session->wait == DB_WAITS_FOR_NOTHING || session->due > now)
+			continue;
+		session->client.arrived = 0;
+		if (session->wait == DB_WAITS_FOR_MOTION)
+			db_act_look(session, now);
+		else
+			db_streams_look(session, now);
+	}
+	settle(control);
+	return 0;
+}
+
+void db_control_socket_answer(struct db_control_socket *control, struct db_write_token token,
+                              enum db_result result)
+{
+	struct db_session *session = control ? find(control, token.client) : NULL;
+
+	if (!session || session->sequence != token.sequence ||
+	    (session->wait != DB_WAITS_FOR_WRITE && session->wait != DB_WAITS_FOR_RUN))
+		return;
+	session->client.arrived = 0;
+	db_act_ended(session, result);
+	/* The rest waits for the loop: this may be called from the middle of things. */
+	want_turn(control, true);
+}
+
+void db_control_socket_reloaded(struct db_control_socket *control, const char *errors)
+{
+	for (size_t i = 0; control && i < control->count; i++)
+		db_streams_reloaded(control->sessions[i], errors);
+	if (control)
+		want_turn(control, true);
+}
+
+/* --- making ------------------------------------------------------------------------------------------ */
+
+/* No tool is worth a PLC's time: what keeps it from listening is told, and nothing else. */
+static void listen_for_tools(struct db_control_socket *control)
+{
+	const char *path = control->config->socket;
+	struct epoll_event event = { .events = EPOLLIN };
+	const char *why = NULL;
+
+	control->listener = -1;
+	if (strcmp(path, DB_NO_SOCKET) == 0)
+		return;
+	control->listener = db_control_listener_open(path, &why);
+	if (control->listener < 0) {
+		db_log(&control->log, db_control_now(control), DB_EVENT_CONTROL_FAILED, NULL,
+		       "no control socket for tools such as drivebridgectl: %s: %s; correct socket "
+		       "in the section control, or set it to off",
+		       path, why);
+		return;
+	}
+	control->path = strdup(path);
+	epoll_ctl(control->epoll, EPOLL_CTL_ADD, control->listener, &event);
+}
+
+static void stop_listening(struct db_control_socket *control)
+{
+	if (control->listener >= 0)
+		close(control->listener);
+	if (control->path)
+		unlink(control->path);
+	free(control->path);
+	control->path = NULL;
+	control->listener = -1;
+}
+
+int db_control_socket_new(const struct db_control_socket_setup *setup,
+                          struct db_control_socket **control)
+{
+	struct db_control_socket *made = calloc(1, sizeof *made);
+	struct epoll_event turn = { .events = EPOLLIN };
+	struct timespec wall;
+	int error;
+
+	if (!made)
+		return -ENOMEM;
+	made->setup = *setup;
+	made->config = setup->config;
+	made->log = setup->log;
+	made->listener = -1;
+	made->armed = DB_TIME_NEVER;
+	made->last_id = DB_CLIENT_GROUP - 1; /* the next one is the first session's */
+	clock_gettime(CLOCK_REALTIME, &wall);
+	made->started_us = (uint64_t)wall.tv_sec * 1000000 + (uint64_t)wall.tv_nsec / 1000;
+	made->epoll = epoll_create1(EPOLL_CLOEXEC);
+	made->turn_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+	turn.data.ptr = &made->turn_fd;
+	error = made->epoll < 0 || made->turn_fd < 0 ||
+	                        epoll_ctl(made->epoll, EPOLL_CTL_ADD, made->turn_fd, &turn) < 0 ?
+	                -errno :
+	                0;
+	if (error == 0)
+		error = sd_event_add_io(setup->loop, &made->io, made->epoll, EPOLLIN, on_ready,
+		                        made);
+	if (error >= 0)
+		error = sd_event_add_time(setup->loop, &made->timer, CLOCK_MONOTONIC, UINT64_MAX,
+		                          TIMER_ACCURACY_US, on_timer, made);
+	if (error >= 0)
+		error = sd_event_source_set_enabled(made->timer, SD_EVENT_OFF);
+	if (error < 0) {
+		db_control_socket_free(made);
+		return error;
+	}
+	made->rights = db_rights_of(made->config);
+	listen_for_tools(made);
+	*control = made;
+	return 0;
+}
+
+void db_control_socket_free(struct db_control_socket *control)
+{
+	if (!control)
+		return;
+	while (control->count > 0)
+		end_session(control, control->count - 1);
+	stop_listening(control);
+	sd_event_source_disable_unref(control->io);
+	sd_event_source_disable_unref(control->timer);
+	if (control->epoll >= 0)
+		close(control->epoll);
+	if (control->turn_fd >= 0)
+		close(control->turn_fd);
+	free(control);
+}
+
+void db_control_socket_change(struct db_control_socket *control,
+                              const struct db_control_config *config,
+                              const struct db_log_source *log)
+{
+	bool elsewhere = strcmp(config->socket, control->config->socket) != 0 ||
+	                 control->listener < 0;
+
+	control->config = config;
+	control->log = *log;
+	control->rights = db_rights_of(config);
+	if (elsewhere) {
+		stop_listening(control);
+		listen_for_tools(control);
+	}
+	for (size_t i = control->count; i-- > 0;) {
+		struct db_session *session = control->sessions[i];
+		bool could_act = session->client.may_write;
+		uid_t user;
+		enum db_right right = db_rights_find(&control->rights, session->fd, &user);
+
+		if (right == DB_RIGHT_NONE) {
+			end_session(control, i);
+			continue;
+		}
+		session->client.may_write = right == DB_RIGHT_ACT;
+		if (could_act && !session->client.may_write)
+			db_registers_backend.restricted(control->setup.registers, &session->client);
+	}
+}

@@ -1,0 +1,52 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The insides of struct db_control_socket: what all files of the room work on. Network thread only. */
+#ifndef DRIVEBRIDGE_CONTROL_STATE_H
+#define DRIVEBRIDGE_CONTROL_STATE_H
+
+#include "control/rights.h"
+#include "control/session.h"
+#include "drivebridge/control_socket.h"
+
+#include <systemd/sd-event.h>
+
+/* Since the service began. */
+struct db_control_stats {
+	uint64_t accepted;
+	uint64_t refused; /* connections: there were too many, or they may not read */
+	uint64_t dropped; /* connections that did not read their answers */
+	uint64_t calls;
+	uint64_t errors;
+	uint64_t skipped; /* samples and events left out for slow readers */
+};
+
+struct db_control_socket {
+	struct db_control_socket_setup setup;
+	const struct db_control_config *config;
+	struct db_log_source log;
+	struct db_rights rights;
+	int listener; /* -1: there is none */
+	char *path;   /* of the listener */
+	int epoll;
+	int turn_fd; /* readable while calls wait for their turn */
+	bool wants_turn;
+	sd_event_source *io;
+	sd_event_source *timer;
+	db_time armed;
+	struct db_session *sessions[DB_SESSIONS_MAX];
+	size_t count;
+	size_t turn; /* whose call is looked for first */
+	uint32_t last_id;
+	uint64_t started_us; /* since 1970-01-01 UTC */
+	struct db_control_stats stats;
+};
+
+/* The loop's time: of when this turn of it began. */
+static inline db_time db_control_now(const struct db_control_socket *control)
+{
+	uint64_t us = 0;
+
+	sd_event_now(control->setup.loop, CLOCK_MONOTONIC, &us);
+	return (db_time)us * DB_NS_PER_US;
+}
+
+#endif

@@ -1,0 +1,370 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "control/streams.h"
+
+#include "control/look.h"
+#include "control/state.h"
+#include "control/values.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+/* How often news are looked for in the log. */
+#define EVENTS_INTERVAL (100 * DB_NS_PER_MS)
+#define INTERVAL_MAX_MS 3600000
+#define SHORTEST DB_NS_PER_MS
+
+static uint64_t wall_us(void)
+{
+	struct timespec now;
+
+	clock_gettime(CLOCK_REALTIME, &now);
+	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
+}
+
+/* --- Subscribe --------------------------------------------------------------------------------------- */
+
+#define NAMES_MAX 128
+#define FAMILIES_MAX 8
+#define DRIVES_MAX 247
+
+/* The registers chosen of the drives of one family. */
+struct choice {
+	const struct db_name_list *list; /* whose they are */
+	const struct db_entry *entries[NAMES_MAX];
+	size_t count;
+};
+
+struct stream {
+	uint32_t generation; /* of the registers when the choices were made */
+	db_time interval;    /* 0: with every cycle */
+	db_time period;      /* between two looks */
+	int64_t skipped;
+	struct choice choices[FAMILIES_MAX];
+	size_t choice_count;
+	size_t drive_count;
+	struct {
+		uint16_t number;
+		uint16_t choice;
+		db_time taken; /* of the data that were sent last */
+	} drives[DRIVES_MAX];
+	size_t name_count;
+	char names[NAMES_MAX][DB_ROW_NAME_MAX];
+};
+
+/* What the names mean for the drives with this list; its place, or FAMILIES_MAX when there are too many. */
+static size_t choose(struct stream *stream, const struct db_name_list *list)
+{
+	struct choice *choice;
+	size_t place = 0;
+
+	while (place < stream->choice_count && stream->choices[place].list != list)
+		place++;
+	if (place < stream->choice_count || place == FAMILIES_MAX)
+		return place;
+	choice = &stream->choices[stream->choice_count++];
+	*choice = (struct choice){ .list = list };
+	for (size_t i = 0; stream->name_count == 0 && i < list->count && choice->count < NAMES_MAX;
+	     i++) {
+		if (db_look_is_process(&list->entries[i]))
+			choice->entries[choice->count++] = &list->entries[i];
+	}
+	for (size_t i = 0; i < stream->name_count; i++) {
+		const struct db_entry *entry = db_name_list_find(list, stream->names[i]);
+
+		if (entry)
+			choice->entries[choice->count++] = entry;
+	}
+	return place;
+}
+
+/* The drives that are still there, and their registers. */
+static void find_again(struct stream *stream, struct db_registers *registers)
+{
+	size_t kept = 0;
+
+	stream->generation = db_named_generation(registers);
+	stream->choice_count = 0;
+	stream->period = stream->interval != 0 ? stream->interval : DB_NS_PER_S;
+	for (size_t i = 0; i < stream->drive_count; i++) {
+		const struct db_name_list *list = db_named_registers(registers,
+		                                                     stream->drives[i].number);
+		size_t place = list ? choose(stream, list) : FAMILIES_MAX;
+		db_time cycle;
+
+		if (place == FAMILIES_MAX)
+			continue;
+		cycle = db_named_cycle(registers, stream->drives[i].number);
+		/* Twice as often as new data come, so that none is missed. */
+		if (stream->interval == 0 && cycle / 2 < stream->period)
+			stream->period = cycle / 2 > SHORTEST ? cycle / 2 : SHORTEST;
+		stream->drives[kept] = stream->drives[i];
+		stream->drives[kept++].choice = (uint16_t)place;
+	}
+	stream->drive_count = kept;
+}
+
+/* False when the call is answered already. */
+static bool take_drives(const struct db_call *call, struct stream *stream, const json_t *names)
+{
+	struct db_registers *registers = call->session->control->setup.registers;
+	size_t count = json_array_size(names);
+	struct db_named_drive drive;
+
+	for (size_t i = 0; count == 0 && i < db_named_drive_count(registers); i++) {
+		if (stream->drive_count < DRIVES_MAX && db_named_drive_at(registers, i, &drive))
+			stream->drives[stream->drive_count++].number = drive.number;
+	}
+	for (size_t i = 0; i < count; i++) {
+		const char *name = json_string_value(json_array_get(names, i));
+
+		if (!db_named_drive_find(registers, name, &drive)) {
+			db_session_fail_drive(call->session, name);
+			return false;
+		}
+		stream->drives[stream->drive_count++].number = drive.number;
+	}
+	return true;
+}
+
+/* A name that none of the drives has; null. */
+static const char *find_unknown(const struct stream *stream)
+{
+	for (size_t n = 0; n < stream->name_count; n++) {
+		bool known = false;
+
+		for (size_t i = 0; i < stream->choice_count; i++)
+			known = known ||
+			        db_name_list_find(stream->choices[i].list, stream->names[n]);
+		if (!known)
+			return stream->names[n];
+	}
+	return NULL;
+}
+
+void db_streams_subscribe(const struct db_call *call)
+{
+	struct db_session *session = call->session;
+	const char *unknown;
+	struct stream *stream;
+	int64_t interval_ms;
+	json_t *drives;
+	json_t *names;
+
+	if (!db_call_texts(call, "drives", &drives) || !db_call_texts(call, "names", &names) ||
+	    !db_call_number(call, "interval_ms", 0, INTERVAL_MAX_MS, &interval_ms))
+		return;
+	if (json_array_size(names) > NAMES_MAX || json_array_size(drives) > DRIVES_MAX) {
+		db_session_fail_result(session, DB_RESULT_BUSY, "");
+		return;
+	}
+	stream = calloc(1, sizeof *stream);
+	if (!stream) {
+		db_session_fail_result(session, DB_RESULT_BUSY, "");
+		return;
+	}
+	session->job = stream;
+	stream->interval = interval_ms * DB_NS_PER_MS;
+	if (!take_drives(call, stream, drives))
+		return;
+	for (; stream->name_count < json_array_size(names); stream->name_count++) {
+		const char *name = json_string_value(json_array_get(names, stream->name_count));
+
+		if (strlen(name) >= DB_ROW_NAME_MAX) {
+			db_session_fail_register(session, "", name);
+			return;
+		}
+		strcpy(stream->names[stream->name_count], name);
+	}
+	find_again(stream, session->control->setup.registers);
+	unknown = find_unknown(stream);
+	if (unknown && stream->drive_count > 0) {
+		db_session_fail_register(session, "", unknown);
+		return;
+	}
+	session->wait = DB_WAITS_FOR_VALUES;
+	session->due = db_control_now(session->control);
+}
+
+/* Its values, where there are new ones; null. */
+static json_t *sample(struct db_session *session, struct stream *stream, size_t place)
+{
+	struct db_registers *registers = session->control->setup.registers;
+	const struct choice *choice = &stream->choices[stream->drives[place].choice];
+	uint16_t number = stream->drives[place].number;
+	db_time taken = db_named_taken(registers, number);
+	struct db_client nobody = session->client;
+	json_t *values;
+
+	if (stream->interval == 0 && taken == stream->drives[place].taken)
+		return NULL;
+	stream->drives[place].taken = taken;
+	/* A reader that does not take what it asked for. */
+	if (session->out)
+		return json_null();
+	values = json_object();
+	/* A stream goes on by itself and shows nothing of whether its reader is alive: it feeds no watchdog. */
+	nobody.may_write = false;
+	db_named_read(registers, &nobody, number, choice->entries, choice->count, db_values_collect,
+	              values);
+	return json_pack("{s:s, s:o}", "drive", db_named_name(registers, number), "values", values);
+}
+
+static void send_samples(struct db_session *session, db_time now)
+{
+	struct db_registers *registers = session->control->setup.registers;
+	struct stream *stream = session->job;
+	bool full = session->out != NULL;
+	json_t *samples;
+
+	if (stream->generation != db_named_generation(registers))
+		find_again(stream, registers);
+	session->due = session->due + stream->period > now ? session->due + stream->period :
+	                                                     now + stream->period;
+	samples = json_array();
+	for (size_t i = 0; i < stream->drive_count; i++) {
+		json_t *one = sample(session, stream, i);
+
+		if (one)
+			json_array_append_new(samples, one);
+	}
+	if (full || (stream->interval == 0 && json_array_size(samples) == 0)) {
+		stream->skipped += full && json_array_size(samples) > 0;
+		session->control->stats.skipped += full && json_array_size(samples) > 0;
+		json_decref(samples);
+		return;
+	}
+	db_session_reply(session,
+	                 json_pack("{s:I, s:o, s:I}", "time_us", (json_int_t)wall_us(), "samples",
+	                           samples, "skipped", (json_int_t)stream->skipped),
+	                 true);
+	stream->skipped = 0;
+}
+
+/* --- Events ------------------------------------------------------------------------------------------ */
+
+static const char *level_name(enum db_log_level level)
+{
+	switch (level) {
+	case DB_LOG_ERROR:
+		return "error";
+	case DB_LOG_WARNING:
+		return "warning";
+	case DB_LOG_NOTICE:
+		return "notice";
+	case DB_LOG_INFO:
+	default:
+		return "info";
+	}
+}
+
+static void set_if_any(json_t *event, const char *key, const char *text)
+{
+	if (text[0] != '\0')
+		json_object_set_new(event, key, db_values_text(text));
+}
+
+static json_t *describe_event(const struct db_log_line *line)
+{
+	json_t *text = json_string(line->text);
+	json_t *event = json_pack("{s:I, s:s, s:s, s:o}", "time_us", (json_int_t)line->time_us,
+	                          "level", level_name(db_event_level(line->event)), "name",
+	                          db_event_name(line->event), "text",
+	                          text ? text : db_values_text(line->text));
+
+	set_if_any(event, "bus", line->bus);
+	set_if_any(event, "drive", line->drive);
+	set_if_any(event, "client", line->client);
+	return event;
+}
+
+/* At most so many of those that the session has not had. */
+static void send_events(struct db_session *session, size_t most)
+{
+	json_t *events = json_array();
+	struct db_log_line line;
+	uint64_t skipped = 0;
+
+	while (json_array_size(events) < most &&
+	       db_log_recent(session->control->log.log, session->next_event, &line)) {
+		/* Those before the first one that is asked for are not missed. */
+		if (session->next_event > 0)
+			skipped += line.number - session->next_event;
+		session->next_event = line.number + 1;
+		json_array_append_new(events, describe_event(&line));
+	}
+	session->control->stats.skipped += skipped;
+	db_session_reply(session,
+	                 json_pack("{s:o, s:I}", "events", events, "skipped", (json_int_t)skipped),
+	                 session->more);
+}
+
+void db_streams_events(const struct db_call *call)
+{
+	struct db_session *session = call->session;
+
+	session->next_event = 0;
+	if (session->more) {
+		session->wait = DB_WAITS_FOR_EVENTS;
+		session->due = db_control_now(session->control) + EVENTS_INTERVAL;
+	}
+	send_events(session, DB_LOG_RECENT);
+	if (session->next_event == 0)
+		session->next_event = 1;
+}
+
+void db_streams_look(struct db_session *session, db_time now)
+{
+	struct db_log_line line;
+
+	if (session->wait == DB_WAITS_FOR_VALUES) {
+		send_samples(session, now);
+		return;
+	}
+	session->due = now + EVENTS_INTERVAL;
+	/* What a slow reader does not take now, it gets later, as far as it is kept. */
+	while (!session->out && !session->broken &&
+	       db_log_recent(session->control->log.log, session->next_event, &line)) {
+		send_events(session, 1);
+		if (!db_session_send(session, now))
+			session->broken = true;
+	}
+}
+
+/* --- Reload ------------------------------------------------------------------------------------------ */
+
+void db_streams_reload(const struct db_call *call)
+{
+	struct db_session *session = call->session;
+	struct db_control_socket *control = session->control;
+
+	if (!session->client.may_write) {
+		db_session_fail(session, "io.drivebridge.Control.NotAllowed",
+		                json_pack("{s:o}", "reason",
+		                          json_sprintf("only root and members of group %s may act",
+		                                       control->config->act_group)));
+		return;
+	}
+	/* Before it is asked for: it may end at once. */
+	session->wait = DB_WAITS_FOR_RELOAD;
+	session->reloads = 1;
+	if (!control->setup.ops->reload(control->setup.context))
+		session->reloads = 2;
+}
+
+void db_streams_reloaded(struct db_session *session, const char *errors)
+{
+	json_t *messages;
+
+	if (session->wait != DB_WAITS_FOR_RELOAD || --session->reloads > 0)
+		return;
+	messages = json_array();
+	while (errors && *errors) {
+		size_t length = strcspn(errors, "\n");
+		json_t *text = json_stringn(errors, length);
+
+		json_array_append_new(messages, text ? text : json_string("?"));
+		errors += length + (errors[length] == '\n');
+	}
+	db_session_reply(session, json_pack("{s:o}", "messages", messages), false);
+}

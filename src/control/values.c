@@ -1,0 +1,192 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "control/values.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define DESCRIPTION_MAX 1024
+
+json_t *db_values_text(const char *text)
+{
+	char clean[256];
+	size_t length = 0;
+
+	for (; *text && length < sizeof clean - 1; text++) {
+		unsigned char character = (unsigned char)*text;
+
+		clean[length++] = character >= ' ' && character < 0x7F ? *text : '?';
+	}
+	clean[length] = '\0';
+	return json_string(clean);
+}
+
+/* The shortest decimal that is this float: 0.1, not 0.100000001490116. */
+static double shortest(float real)
+{
+	char text[32];
+
+	for (int digits = 6; digits < 9; digits++) {
+		snprintf(text, sizeof text, "%.*g", digits, (double)real);
+		if (fabsf(strtof(text, NULL) - real) <= 0.0f)
+			return strtod(text, NULL);
+	}
+	snprintf(text, sizeof text, "%.9g", (double)real);
+	return strtod(text, NULL);
+}
+
+json_t *db_values_to_json(const struct db_named_value *value)
+{
+	switch (value->kind) {
+	case DB_NAMED_WHOLE:
+		return json_integer(value->whole);
+	case DB_NAMED_REAL:
+		return isfinite(value->real) ? json_real(shortest(value->real)) : json_null();
+	case DB_NAMED_TEXT:
+		return db_values_text(value->text);
+	case DB_NAMED_FLAG:
+		return json_boolean(value->whole);
+	case DB_NAMED_UNKNOWN:
+	default:
+		return json_null();
+	}
+}
+
+void db_values_collect(void *context, const char *name, const struct db_entry *entry,
+                       const struct db_named_value *value)
+{
+	(void)entry;
+	json_object_set_new_nocheck(context, name, db_values_to_json(value));
+}
+
+/* False: the register is not limited here. */
+static bool find_limits(const struct db_entry *entry, double *min, double *max)
+{
+	*min = entry->param ? entry->param->min : entry->row ? entry->row->min : 0.0;
+	*max = entry->param ? entry->param->max : entry->row ? entry->row->max : 0.0;
+	return *min < 0.0 || *min > 0.0 || *max < 0.0 || *max > 0.0;
+}
+
+static const struct db_codes *codes_of(const struct db_entry *entry)
+{
+	return entry->row && entry->table == DB_TABLE_HOLDING ? entry->row->codes : NULL;
+}
+
+static bool find_code(const struct db_entry *entry, const char *name, double *number)
+{
+	const struct db_codes *codes = codes_of(entry);
+
+	for (unsigned code = 0; codes && !codes->bits && code < codes->count; code++) {
+		if (strcmp(codes->name(code), name) == 0 && strcmp(name, "unknown") != 0) {
+			*number = code;
+			return true;
+		}
+	}
+	return false;
+}
+
+bool db_values_from_json(const struct db_entry *entry, const json_t *json, double *number,
+                         char reason[DB_REASON_MAX])
+{
+	enum db_type type = (enum db_type)entry->cell.type;
+	union db_value value;
+	double min;
+	double max;
+
+	if (json_is_boolean(json)) {
+		*number = json_is_true(json);
+	} else if (json_is_number(json)) {
+		*number = json_number_value(json);
+	} else if (json_is_string(json)) {
+		if (!find_code(entry, json_string_value(json), number)) {
+			snprintf(reason, DB_REASON_MAX, "'%.40s' is none of its names",
+			         json_string_value(json));
+			return false;
+		}
+	} else {
+		snprintf(reason, DB_REASON_MAX, "a number is needed");
+		return false;
+	}
+	if (entry->table == DB_TABLE_COILS) {
+		if (*number < 0.0 || *number > 1.0 || floor(*number) < *number) {
+			snprintf(reason, DB_REASON_MAX, "true or false is needed");
+			return false;
+		}
+		return true;
+	}
+	if (!db_value_from_number(type, *number, &value)) {
+		snprintf(reason, DB_REASON_MAX, "%.10g is no %s%s", *number, db_type_name(type),
+		         type != DB_F32 && floor(*number) < *number ? ", which is whole" : "");
+		return false;
+	}
+	if (find_limits(entry, &min, &max) && (*number < min || *number > max)) {
+		snprintf(reason, DB_REASON_MAX, "%.10g is not from %.10g to %.10g%s%s", *number,
+		         min, max, entry->param && entry->param->unit[0] ? " " : "",
+		         entry->param ? entry->param->unit : "");
+		return false;
+	}
+	return true;
+}
+
+/* --- registers --------------------------------------------------------------------------------------- */
+
+static json_t *describe(const struct db_entry *entry)
+{
+	char text[DESCRIPTION_MAX];
+	size_t length = 0;
+
+	if (!entry->row)
+		return json_string(entry->param->description);
+	if (entry->bit) {
+		snprintf(text, sizeof text, "%s: bit %u of drive_status", entry->bit->description,
+		         (unsigned)entry->bit->bit);
+		return json_string(text);
+	}
+	for (const char *from = entry->row->description; *from && length + 8 < sizeof text;
+	     from++) {
+		if (*from == '#')
+			length += (size_t)snprintf(text + length, 8, "%u", entry->number);
+		else
+			text[length++] = *from;
+	}
+	text[length] = '\0';
+	return json_string(text);
+}
+
+static json_t *list_codes(const struct db_codes *codes)
+{
+	json_t *list = json_object();
+
+	for (unsigned code = 0; code < codes->count; code++) {
+		const char *name = codes->name(code);
+		char number[12];
+
+		if (strcmp(name, "unknown") == 0)
+			continue;
+		snprintf(number, sizeof number, "%u", code);
+		json_object_set_new(list, number, json_string(name));
+	}
+	return list;
+}
+
+json_t *db_values_register(const struct db_entry *entry)
+{
+	bool bit = entry->table != DB_TABLE_HOLDING;
+	const char *unit = entry->param ? entry->param->unit : entry->row ? entry->row->unit : "";
+	json_t *json = json_pack("{s:s, s:s, s:b, s:s, s:b}", "name", entry->name, "type",
+	                         bit ? "bool" : db_type_name((enum db_type)entry->cell.type),
+	                         "writable", (entry->cell.flags & DB_ROW_WRITABLE) != 0, "unit",
+	                         unit ? unit : "", "parameter", entry->param && !entry->row);
+	double min;
+	double max;
+
+	if (!bit && find_limits(entry, &min, &max)) {
+		json_object_set_new(json, "min", json_real(min));
+		json_object_set_new(json, "max", json_real(max));
+	}
+	if (codes_of(entry))
+		json_object_set_new(json, "codes", list_codes(codes_of(entry)));
+	json_object_set_new(json, "description", describe(entry));
+	return json;
+}
