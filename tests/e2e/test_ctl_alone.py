@@ -315,7 +315,9 @@ def test_a_terminal_that_takes_no_output_does_not_keep_it_from_stopping(fake, te
         fake.values["position"] = position
         one.press(RIGHT)
         time.sleep(0.02)
-    eventually(lambda: fake.runs() == ["move_velocity", "stop"])
+    released = len(fake.called("Read"))
+    # A busy machine may have kept the key away for long enough before.
+    eventually(lambda: fake.runs()[-1] == "stop" and len(fake.called("Read")) > released + 5)
     one.press(b"q")
     one.process.wait(10)
     termios.tcflow(one.follower, termios.TCOON)

@@ -115,3 +115,15 @@ def test_who_commands_a_drive_has_it(demo):
         unit.close()
     demo.press_ctrl_c()
     assert demo.process.wait(20) == 0
+
+
+def test_its_drives_are_shown_by_their_names(demo):
+    """As the demo says it."""
+    (line,) = re.findall(r"By their names: (.*) status", demo.screen())
+    status = subprocess.run([*line.split(), "status"], capture_output=True, text=True, timeout=20,
+                            check=False)
+    assert status.returncode in (0, 1), status
+    for name in ("feeder", "conveyor", "lift", "turntable", "gripper"):
+        assert re.search(rf"^{name} ", status.stdout, re.M)
+    demo.press_ctrl_c()
+    assert demo.process.wait(20) == 0

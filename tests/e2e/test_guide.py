@@ -17,7 +17,7 @@ from bridgelib import DISCRETE, HOMING, ROOT, STOPPING, eventually, find_program
 GUIDE = ROOT / "docs" / "guide"
 PAGES = sorted(GUIDE.glob("*.md"))
 README = ROOT / "README.md"
-FENCES = {"sh", "conf", "ini", "yaml", "udev", "log", "mermaid", "iecst", "scl", "exchange"}
+FENCES = {"sh", "conf", "ini", "yaml", "udev", "log", "mermaid", "iecst", "scl", "exchange", "console"}
 
 # What mbpoll prints for an exception.
 EXCEPTIONS = {
@@ -32,7 +32,7 @@ EXCEPTIONS = {
 # Words in code formatting that are none of the program's own.
 FOREIGN = {
     # programs, users, files
-    "dialout", "drivebridge", "drivebridged", "mbpoll", "latency_timer",
+    "dialout", "drivebridge", "drivebridged", "drivebridgectl", "mbpoll", "latency_timer",
     # other products' words
     "CONNECT", "MB_CLIENT", "MB_MODE", "MB_DATA_ADDR", "MB_DATA_LEN", "MB_DATA_PTR",
     "MB_Unit_ID", "REQ", "BUSY", "STATUS", "uiMaxRetries", "UNION", "WORD", "DINT", "REAL", "Int", "DInt", "Real", "TCON_IP_v4",
@@ -41,6 +41,8 @@ FOREIGN = {
     "modbus_exporter", "decode", "HR1", "HRI13", "HRF15",
     # a column of the map
     "reference",
+    # commands of drivebridgectl
+    "jog", "run", "watch", "events", "metrics",
     # sections of the configuration
     "modbus", "bus", "drive",
 }
@@ -453,9 +455,10 @@ NOT_HERE = {
     "ip ": "a CAN interface",
     "sudo ip ": "a CAN interface",
     "sudo tcpdump": "traffic of a PLC",
+    "drivebridgectl": "test_ctl.py types its page",
 }
-PROGRAMS = {"drivebridged", "drivebridge-sim", "drivebridgectl"}
-SHELL_WORDS = PROGRAMS | {"sudo", "mbpoll", "journalctl", "systemctl", "ip", "udevadm", "cmake"}
+PROGRAMS = {"drivebridged", "drivebridge-sim"}
+SHELL_WORDS = PROGRAMS | {"drivebridgectl"} | {"sudo", "mbpoll", "journalctl", "systemctl", "ip", "udevadm", "cmake"}
 
 
 def shell_lines(page):
