@@ -1,11 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "control/act.h"
 
-#include "control/look.h"
 #include "control/state.h"
 #include "control/values.h"
 #include "drivebridge/command_table.h"
-#include "regmap/image.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -261,7 +259,7 @@ static bool may_be_missing(enum db_command command, enum db_arg arg)
 static bool has_argument(const struct db_command_row *row, const struct db_entry *entry)
 {
 	for (size_t i = 0; i < DB_COMMAND_ARGS_MAX && row->args[i] != DB_ARG_NONE; i++) {
-		if (db_look_is_argument(entry, (int)row->args[i]))
+		if (db_named_is_argument(entry, row->args[i]))
 			return true;
 	}
 	return false;
@@ -279,8 +277,6 @@ static bool take_arguments(const struct db_call *call, const struct db_name_list
 	{
 		const struct db_entry *entry = db_name_list_find(list, name);
 		char reason[DB_REASON_MAX];
-		union db_value decoded;
-		struct db_cell cell;
 		double number;
 
 		if (!entry || !has_argument(row, entry)) {
@@ -292,10 +288,7 @@ static bool take_arguments(const struct db_call *call, const struct db_name_list
 			db_session_fail_value(call->session, name, reason);
 			return false;
 		}
-		cell = entry->cell;
-		cell.offset = (uint16_t)(cell.offset - offsetof(struct db_drive_image, block.args));
-		db_value_from_number((enum db_type)cell.type, number, &decoded);
-		db_words_store(&cell, decoded, args);
+		db_named_store_argument(entry, number, args);
 	}
 	/* Nothing moves because of a name that was forgotten. */
 	for (size_t i = 0; i < DB_COMMAND_ARGS_MAX && row->args[i] != DB_ARG_NONE; i++) {
@@ -303,7 +296,7 @@ static bool take_arguments(const struct db_call *call, const struct db_name_list
 			const struct db_entry *entry = &list->entries[r];
 
 			if (may_be_missing(row->code, row->args[i]) ||
-			    !db_look_is_argument(entry, (int)row->args[i]) ||
+			    !db_named_is_argument(entry, row->args[i]) ||
 			    json_object_get(arguments, entry->name))
 				continue;
 			db_session_fail_value(call->session, entry->name, "it is missing");

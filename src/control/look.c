@@ -5,7 +5,6 @@
 #include "control/values.h"
 #include "drivebridge/command_table.h"
 #include "drivebridge/version.h"
-#include "regmap/image.h"
 
 #include <stdlib.h>
 
@@ -101,16 +100,6 @@ void db_look_registers(const struct db_call *call)
 	db_session_reply(call->session, json_pack("{s:o}", "registers", registers), false);
 }
 
-bool db_look_is_argument(const struct db_entry *entry, int arg)
-{
-	size_t offset = offsetof(struct db_drive_image, block.args) +
-	                db_arg_offset((enum db_arg)arg);
-
-	return entry->table == DB_TABLE_HOLDING && (entry->cell.part & DB_PART_BLOCK) &&
-	       entry->cell.offset >= offset &&
-	       entry->cell.offset < offset + db_arg_bytes((enum db_arg)arg);
-}
-
 void db_look_commands(const struct db_call *call)
 {
 	struct db_named_drive drive;
@@ -133,7 +122,7 @@ void db_look_commands(const struct db_call *call)
 		arguments = json_array();
 		for (size_t a = 0; a < DB_COMMAND_ARGS_MAX && row->args[a] != DB_ARG_NONE; a++) {
 			for (size_t r = 0; r < list->count; r++) {
-				if (db_look_is_argument(&list->entries[r], (int)row->args[a]))
+				if (db_named_is_argument(&list->entries[r], row->args[a]))
 					json_array_append_new(arguments,
 					                      json_string(list->entries[r].name));
 			}

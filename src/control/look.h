@@ -14,7 +14,4 @@ void db_look_figures(const struct db_call *call);
 /* Whether a register belongs to what is shown of a drive or of the gateway when no names are given. */
 bool db_look_is_process(const struct db_entry *entry);
 
-/* Whether the register holds (a part of) this argument of a command. */
-bool db_look_is_argument(const struct db_entry *entry, int arg);
-
 #endif

@@ -304,6 +304,25 @@ bool db_named_encode(const struct db_registers *registers, const struct db_entry
 	return true;
 }
 
+bool db_named_is_argument(const struct db_entry *entry, enum db_arg arg)
+{
+	size_t offset = offsetof(struct db_drive_image, block.args) + db_arg_offset(arg);
+
+	return entry->table == DB_TABLE_HOLDING && (entry->cell.part & DB_PART_BLOCK) &&
+	       entry->cell.offset >= offset && entry->cell.offset < offset + db_arg_bytes(arg);
+}
+
+void db_named_store_argument(const struct db_entry *entry, double number, struct db_args *args)
+{
+	struct db_cell cell = entry->cell;
+	union db_value value;
+
+	/* The row knows where the argument is in an image; here the arguments stand alone. */
+	cell.offset = (uint16_t)(cell.offset - offsetof(struct db_drive_image, block.args));
+	if (db_value_from_number((enum db_type)cell.type, number, &value))
+		db_words_store(&cell, value, args);
+}
+
 int db_named_write(struct db_registers *registers, const struct db_client *client, uint16_t number,
                    enum db_table table, uint16_t address, uint16_t count, const uint16_t *values,
                    struct db_write_token token)

@@ -7,6 +7,7 @@
 #ifndef DRIVEBRIDGE_REGMAP_NAMED_H
 #define DRIVEBRIDGE_REGMAP_NAMED_H
 
+#include "drivebridge/command_table.h"
 #include "drivebridge/registers.h"
 #include "regmap/name_list.h"
 #include "regmap/words.h"
@@ -83,6 +84,11 @@ bool db_named_read_bus(const struct db_registers *registers, size_t place, db_na
 /* The words of a register for db_named_write(). False: no value of its type is this number. */
 bool db_named_encode(const struct db_registers *registers, const struct db_entry *entry,
                      double number, uint16_t words[DB_NAMED_WORDS]);
+
+/* Whether the register holds (a part of) this argument of a command; and puts a number that is one of its values
+ * where the command takes it from. */
+bool db_named_is_argument(const struct db_entry *entry, enum db_arg arg);
+void db_named_store_argument(const struct db_entry *entry, double number, struct db_args *args);
 
 /* A write as db_backend.write. */
 int db_named_write(struct db_registers *registers, const struct db_client *client, uint16_t drive,
