@@ -3,7 +3,9 @@
 hostile bytes by plain sockets, while Modbus goes on."""
 
 import json
+import os
 import socket
+import subprocess
 import threading
 import time
 
@@ -265,3 +267,268 @@ def test_control_of_another_client(make_bridge):
         assert unit.command("disable") == 0
         assert unit.command("enable") == 6
     eventually(lambda: unit.command("enable") == 0, what="control to end with the session")
+
+
+# --- streams and what else there is
+
+
+def test_stream_of_every_cycle(tool, bridge):
+    """Each cycle of the bus once, with the time of its data."""
+    stream = tool.Subscribe(["drive1"], ["position", "timestamp_us"], 0, _more=True)
+    times = []
+    for answer in stream:
+        times += [sample["values"]["timestamp_us"] for sample in answer["samples"]]
+        if len(times) == 20:
+            break
+    assert times == sorted(set(times))
+    mean = (times[-1] - times[0]) / (len(times) - 1)
+    assert 15000 < mean < 60000
+
+
+def test_stream_at_a_rate(tool):
+    begin = time.monotonic()
+    for number, answer in enumerate(tool.Subscribe([], [], 100, _more=True)):
+        assert answer["samples"][0]["drive"] == "drive1"
+        assert "axis_state" in answer["samples"][0]["values"]
+        if number == 5:
+            break
+    assert 0.4 < time.monotonic() - begin < 5
+
+
+def test_stream_needs_more(tool):
+    with fails("ExpectedMore"):
+        tool.Subscribe([], [], 100)
+
+
+def test_stream_goes_on_through_a_reload(bridge):
+    with Line(bridge) as line:
+        line.ask(f"{INTERFACE}.Subscribe", {"drives": [], "names": ["position"], "interval_ms": 20}, more=True)
+        line.answer()
+        bridge.sections["drive drive2"] = {"bus": "line", "address": 9, "unit": 9}
+        bridge.reload()
+        assert eventually(lambda: line.answer()["parameters"]["samples"][0]["values"])
+
+
+def test_events(tool, bridge):
+    answers = tool.Events(_more=True)
+    names = [event["name"] for event in next(answers)["events"]]
+    assert "drive-online" in names and "bus-up" in names
+    bridge.sections["drive drive1"]["watchdog-ms"] = 77
+    bridge.reload()
+    news = next(answers)["events"][0]
+    assert news["name"] == "reload" and news["level"] == "notice"
+    assert abs(news["time_us"] / 1e6 - time.time()) < 60
+
+
+def test_reload_tells_what_is_wrong(tool, bridge):
+    assert tool.Reload() == {"messages": []}
+    bridge.sections["drive drive1"]["unit"] = 999
+    bridge.write_config()
+    messages = tool.Reload()["messages"]
+    assert "unit = 999" in messages[0]
+    bridge.sections["drive drive1"]["unit"] = 2
+    bridge.write_config()
+    assert tool.Reload() == {"messages": []}
+    assert tool.Describe()["drives"][0]["unit"] == 2
+
+
+def test_metrics(tool):
+    text = tool.Metrics()["text"]
+    known = set()
+    samples = {}
+    for line in text.splitlines():
+        if line.startswith("# TYPE"):
+            assert line.split()[2] not in known, "one block of samples for each name"
+            known.add(line.split()[2])
+        elif not line.startswith("#"):
+            name, value = line.rsplit(" ", 1)
+            assert name.split("{")[0] in known
+            assert name not in samples
+            samples[name] = float(value)
+    assert samples['drivebridge_drive_up{bus="line",drive="drive1"}'] == 1
+    assert samples['drivebridge_bus_period_seconds{bus="line"}'] == 0.02
+    assert samples["drivebridge_modbus_clients"] >= 1
+    assert samples["drivebridge_control_sessions"] == 1
+
+
+# --- rights
+
+
+def as_nobody(bridge, *calls, groups=()):
+    """What a user without privileges is answered."""
+    script = (
+        "import socket, sys\n"
+        "s = socket.socket(socket.AF_UNIX); s.settimeout(10); s.connect(sys.argv[1])\n"
+        "try: s.sendall(b''.join(a.encode() + b'\\0' for a in sys.argv[2:])); s.shutdown(socket.SHUT_WR)\n"
+        "except OSError: pass\n"
+        "data = b''\n"
+        "while more := s.recv(65536): data += more\n"
+        "sys.stdout.buffer.write(data)\n"
+    )
+    os.chmod(bridge.place, 0o755)
+    os.chmod(bridge.place.parent, 0o755)
+    group = ["--groups", ",".join(map(str, groups))] if groups else ["--clear-groups"]
+    out = subprocess.run(
+        ["setpriv", "--reuid", "65534", "--regid", "65534", *group, "/usr/bin/python3", "-c", script,
+         str(bridge.control_path), *(json.dumps(call) for call in calls)],
+        capture_output=True, check=True, timeout=20)
+    return [json.loads(text) for text in out.stdout.split(b"\0") if text]
+
+
+READ = {"method": f"{INTERFACE}.Read", "parameters": {"drive": "drive1", "names": ["axis_state"]}}
+ENABLE = {"method": f"{INTERFACE}.Run", "parameters": {"drive": "drive1", "command": "enable"}}
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")
+def test_who_may_act(make_bridge):
+    """adm is a group of every Debian."""
+    bridge = make_bridge(control={"act-group": "adm"})
+    read, run = as_nobody(bridge, READ, ENABLE)
+    assert read["parameters"]["values"]["axis_state"] == STANDSTILL
+    assert run["error"].endswith("NotAllowed") and "group adm" in run["parameters"]["reason"]
+    _, run = as_nobody(bridge, READ, ENABLE, groups=[4])
+    assert run["parameters"] == {"result": "ok"}
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")
+def test_who_may_read(make_bridge):
+    bridge = make_bridge(control={"read-group": "adm"})
+    assert as_nobody(bridge, READ)[0]["error"].endswith("Busy")
+    assert as_nobody(bridge, READ, groups=[4])[0]["parameters"]["values"]
+    assert "client control, user nobody: connection refused" in bridge.log_since(0)
+
+
+# --- the socket
+
+
+def test_what_a_killed_service_left_is_replaced(make_bridge):
+    bridge = make_bridge()
+    bridge.stop_bridge()
+    left = socket.socket(socket.AF_UNIX)
+    left.bind(str(bridge.control_path))
+    left.close()
+    bridge.start_bridge()
+    with Tool(bridge) as tool:
+        assert tool.Describe()
+
+
+def test_whoever_answers_is_left_alone(make_bridge):
+    bridge = make_bridge()
+    bridge.stop_bridge()
+    with socket.socket(socket.AF_UNIX) as other:
+        other.bind(str(bridge.control_path))
+        other.listen(1)
+        bridge.start_bridge()
+        assert "no control socket" in bridge.log_since(0)
+        assert bridge.connect().read("axis_state") is not None
+
+
+def test_no_socket(make_bridge):
+    bridge = make_bridge(control={"socket": "off"})
+    assert not bridge.control_path.exists()
+
+
+# --- hostile
+
+
+def test_fragments(bridge):
+    text = json.dumps(READ).encode() + b"\0"
+    with Line(bridge) as line:
+        for byte in text:
+            line.send(bytes([byte]))
+        assert line.answer()["parameters"]["values"]
+
+
+def test_nonsense_is_answered_and_loses_nothing(bridge):
+    bad = [b"", b"x", b"[]", b"{}", b'{"method":5}', b'{"method":"a"}', b'{"method":"a.b","parameters":[]}',
+           b"\xff\xfe", b'{"method":"\xff"}', b"[" * 30000, b'{"a":' * 5000, b'{"method":"x","method":"x"}',
+           b'{"method":"io.drivebridge.Control.Read","parameters":{"drive":"drive1","names":[1]}}',
+           b'{"method":"io.drivebridge.Control.Read","parameters":{"drive":"drive1","names":[],"x":1}}',
+           b'{"method":"io.drivebridge.Control.Nothing"}', b'{"method":"org.example.Nothing"}']
+    with Line(bridge) as line:
+        for text in bad:
+            line.send(text + b"\0")
+            assert "error" in line.answer(), text[:60]
+        line.send(json.dumps(READ).encode() + b"\0")
+        assert line.answer()["parameters"]["values"]
+
+
+def test_a_message_without_an_end(bridge):
+    with Line(bridge) as line:
+        with pytest.raises((BrokenPipeError, ConnectionResetError, ConnectionError)):
+            for _ in range(1024):
+                line.send(b"x" * 1024)
+            line.answer()
+            raise ConnectionError
+        assert line.closed()
+    with Tool(bridge) as tool:
+        assert tool.Describe()
+
+
+def test_modbus_stays_fast(bridge):
+    """Thousands of calls in a row, readers that never read, and as many connections as there may be."""
+    unit = bridge.drive()
+    lines = [Line(bridge) for _ in range(40)]
+    stop = threading.Event()
+
+    def flood(line):
+        burst = (json.dumps({"method": f"{INTERFACE}.Registers", "parameters": {"drive": "drive1"}}).encode()
+                 + b"\0") * 200
+        line.socket.settimeout(0.2)
+        while not stop.is_set():
+            try:
+                line.send(burst)
+            except TimeoutError:
+                continue
+            except OSError:
+                return
+
+    floods = [threading.Thread(target=flood, args=(line,)) for line in lines[:8]]
+    for thread in floods:
+        thread.start()
+    times = []
+    for _ in range(200):
+        begin = time.monotonic()
+        unit.read("position")
+        times.append(time.monotonic() - begin)
+    stop.set()
+    for thread in floods:
+        thread.join()
+    for line in lines:
+        line.socket.close()
+    times.sort()
+    # Sanitizers, and the threads of this test on the same processors: in milliseconds, not seconds.
+    assert times[len(times) // 2] < 0.1, times[-10:]
+    eventually(lambda: Tool(bridge).Describe(), what="room for a session again")
+
+
+def test_too_many_sessions(bridge):
+    lines = [Line(bridge) for _ in range(33)]
+    assert lines[32].answer()["error"].endswith("Busy")
+    for line in lines:
+        line.socket.close()
+
+
+def test_pipelined_calls_are_answered_in_order(bridge):
+    with Line(bridge) as line:
+        for number in range(500):
+            line.ask(f"{INTERFACE}.Read", {"drive": "drive1", "names": [["position", "velocity"][number % 2]]})
+        for number in range(500):
+            assert list(line.answer()["parameters"]["values"]) == [["position", "velocity"][number % 2]]
+
+
+def test_a_stop_that_is_sent_and_left(bridge):
+    """oneway, and the connection closed at once: it is carried out."""
+    with Tool(bridge) as tool:
+        tool.Run("drive1", "enable")
+        tool.Run("drive1", "move_velocity", {"target_velocity": 1000})
+        with Line(bridge) as line:
+            line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "stop"}, oneway=True)
+        eventually(lambda: tool.Read("drive1", ["axis_state"])["values"]["axis_state"] == STANDSTILL)
+
+
+def test_a_reader_that_does_not_read_gets_fewer(bridge):
+    with Line(bridge) as line:
+        line.ask(f"{INTERFACE}.Subscribe", {"drives": [], "names": [], "interval_ms": 1}, more=True)
+        time.sleep(2)
+        assert eventually(lambda: line.answer()["parameters"]["skipped"])
