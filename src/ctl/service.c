@@ -2,6 +2,7 @@
 #include "ctl/service.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -104,9 +105,17 @@ enum db_ctl_status db_ctl_check(struct db_ctl *ctl, int count, char **arguments)
 		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_UNREACHABLE, "%s: %s",
 		                       path, strerror(errno));
 	}
-	if (pipe(ends) != 0 || (child = fork()) < 0)
+	child = pipe2(ends, O_CLOEXEC) == 0 ? fork() : -1;
+	if (child < 0) {
+		int error = errno;
+
+		if (ends[0] >= 0) {
+			(void)close(ends[0]);
+			(void)close(ends[1]);
+		}
 		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_UNREACHABLE, "%s: %s",
-		                       path, strerror(errno));
+		                       path, strerror(error));
+	}
 	if (child == 0) {
 		(void)dup2(ends[1], STDOUT_FILENO);
 		(void)dup2(ends[1], STDERR_FILENO);
@@ -118,6 +127,8 @@ enum db_ctl_status db_ctl_check(struct db_ctl *ctl, int count, char **arguments)
 	object = json_pack("{s:o}", "lines", from ? collect_lines(from) : json_array());
 	if (from)
 		(void)fclose(from);
+	else
+		(void)close(ends[0]);
 	(void)waitpid(child, &state, 0);
 	(void)json_object_set_new(object, "right",
 	                          json_boolean(WIFEXITED(state) && WEXITSTATUS(state) == 0));

@@ -107,8 +107,7 @@ static int write_st(const char *folder)
 			putc(byte, all);
 		fclose(block);
 	}
-	rewind(all);
-	error = db_export_st(stdout, all);
+	error = fseek(all, 0, SEEK_SET) == 0 ? db_export_st(stdout, all) : -errno;
 	fclose(all);
 	if (error != 0 || fflush(stdout) != 0)
 		return fail(folder, error ? -error : errno);
