@@ -40,8 +40,10 @@ void db_client_address_of_user(uint32_t user, const char *name, uint8_t address[
 	for (unsigned i = 0; i < 4; i++)
 		address[1 + i] = (uint8_t)(user >> (24 - 8 * i));
 	/* Half a name would be another one's. */
-	if (name && strlen(name) <= 16 - USER_NAME)
-		memcpy(address + USER_NAME, name, strlen(name));
+	if (!name || strlen(name) > 16 - USER_NAME)
+		return;
+	for (unsigned i = 0; name[i]; i++)
+		address[USER_NAME + i] = (uint8_t)name[i];
 }
 
 void db_client_address(const uint8_t address[16], char text[DB_CLIENT_ADDRESS_MAX])

@@ -36,7 +36,7 @@ uint32_t db_named_generation(const struct db_registers *registers);
 
 /* The registers of a drive, or of the gateway but for those that repeat what the drives' own tell, by
  * table and address; null: there is no such drive, or no memory. Live as long as the generation. */
-const struct db_name_list *db_named_registers(struct db_registers *registers, uint16_t drive);
+const struct db_name_list *db_named_registers(struct db_registers *registers, uint16_t number);
 
 enum db_named_kind {
 	DB_NAMED_UNKNOWN, /* of a drive that does not answer, or a parameter that it has not told */
@@ -58,16 +58,16 @@ typedef void db_named_visit_fn(void *context, const char *name, const struct db_
 
 /* The values of registers of one drive, all from one snapshot; a request of this client as any read. False:
  * there is no such drive. */
-bool db_named_read(struct db_registers *registers, const struct db_client *client, uint16_t drive,
+bool db_named_read(struct db_registers *registers, const struct db_client *client, uint16_t number,
                    const struct db_entry *const *entries, size_t count, db_named_visit_fn *visit,
                    void *context);
 
 /* Of a drive by its number: when its data were taken (0: never), the period of its bus, its name. 0 and "" when
  * it is not there. */
-db_time db_named_taken(const struct db_registers *registers, uint16_t drive);
-bool db_named_online(const struct db_registers *registers, uint16_t drive);
-db_time db_named_cycle(const struct db_registers *registers, uint16_t drive);
-const char *db_named_name(const struct db_registers *registers, uint16_t drive);
+db_time db_named_taken(const struct db_registers *registers, uint16_t number);
+bool db_named_online(const struct db_registers *registers, uint16_t number);
+db_time db_named_cycle(const struct db_registers *registers, uint16_t number);
+const char *db_named_name(const struct db_registers *registers, uint16_t number);
 
 /* As the registers' ops have them; the bus is there. */
 void db_named_bus_stats(const struct db_registers *registers, size_t place,
@@ -91,25 +91,25 @@ bool db_named_is_argument(const struct db_entry *entry, enum db_arg arg);
 void db_named_store_argument(const struct db_entry *entry, double number, struct db_args *args);
 
 /* A write as db_backend.write. */
-int db_named_write(struct db_registers *registers, const struct db_client *client, uint16_t drive,
+int db_named_write(struct db_registers *registers, const struct db_client *client, uint16_t number,
                    enum db_table table, uint16_t address, uint16_t count, const uint16_t *values,
                    struct db_write_token token);
 
 /* How the latest write of this client ended, where that was answered with an exception at once. */
 enum db_result db_named_write_result(struct db_registers *registers, const struct db_client *client,
-                                     uint16_t drive, uint8_t exception);
+                                     uint16_t number, uint8_t exception);
 
 /* A command without an id, which leaves the kept command block alone. *entry: its number in the history. */
 struct db_write_answer db_named_run(struct db_registers *registers, const struct db_client *client,
-                                    uint16_t drive, enum db_command command,
+                                    uint16_t number, enum db_command command,
                                     const struct db_args *args, struct db_write_token token,
                                     uint32_t *entry);
 
 /* What became of it and of the motion that it began: PENDING while that goes on. */
-enum db_result db_named_outcome(const struct db_registers *registers, uint16_t drive,
+enum db_result db_named_outcome(const struct db_registers *registers, uint16_t number,
                                 uint32_t entry);
 
 /* A client is there and waits for its own motion: as a read of its. */
-void db_named_hear(struct db_registers *registers, const struct db_client *client, uint16_t drive);
+void db_named_hear(struct db_registers *registers, const struct db_client *client, uint16_t number);
 
 #endif
