@@ -139,7 +139,7 @@ static void write_on(struct db_session *session)
 
 	while (plan->next < plan->count) {
 		const struct item *first = &plan->items[plan->next];
-		uint16_t words[DB_SETTINGS_MAX * DB_NAMED_WORDS];
+		uint16_t words[DB_SETTINGS_MAX * DB_NAMED_WORDS] = { 0 };
 		size_t beside = count_beside(plan);
 		uint16_t count = 0;
 		int exception;
