@@ -327,6 +327,7 @@ static void test_who_cannot_be_reached_is_named_with_what_to_do(void **state)
 		assert_int_equal(chmod(fake->path, 0), 0);
 		assert_int_equal(db_client_open(fake->path, &client, &fake->error), -1);
 		assert_non_null(strstr(fake->error.text, "group drivebridge"));
+		assert_int_equal(chmod(fake->path, 0600), 0);
 	}
 	(void)close(fake->listener);
 	fake->listener = -1;
