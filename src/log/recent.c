@@ -65,11 +65,11 @@ void db_recent_add(struct db_recent *recent, const struct db_log_record *record,
 /* Reads a text; where it ends. */
 static uint32_t get_text(const struct db_recent *recent, uint32_t at, char *text, size_t size)
 {
-	size_t length = 0;
-
-	do
+	for (size_t length = 0; length < size; length++) {
 		text[length] = (char)recent->bytes[at++ % DB_RECENT_BYTES];
-	while (text[length] != '\0' && ++length < size);
+		if (text[length] == '\0')
+			break;
+	}
 	text[size - 1] = '\0';
 	return at;
 }

@@ -50,8 +50,6 @@ static unsigned count_repeats(const struct db_row *row, const struct db_scope *s
 	size_t most = count;
 
 	switch (row->repeat ? row->repeat->of : DB_REPEAT_FIXED) {
-	case DB_REPEAT_FIXED:
-		break;
 	case DB_REPEAT_OUTPUTS:
 		most = scope->driver->output_count;
 		break;
@@ -63,6 +61,9 @@ static unsigned count_repeats(const struct db_row *row, const struct db_scope *s
 		break;
 	case DB_REPEAT_DRIVES:
 		most = scope->drives;
+		break;
+	case DB_REPEAT_FIXED:
+	default:
 		break;
 	}
 	return most < count ? (unsigned)most : count;
