@@ -105,14 +105,15 @@ enum db_ctl_status db_ctl_check(struct db_ctl *ctl, int count, char **arguments)
 		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_UNREACHABLE, "%s: %s",
 		                       path, strerror(errno));
 	}
-	child = pipe2(ends, O_CLOEXEC) == 0 ? fork() : -1;
+	if (pipe2(ends, O_CLOEXEC) != 0)
+		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_UNREACHABLE, "%s: %s",
+		                       path, strerror(errno));
+	child = fork();
 	if (child < 0) {
 		int error = errno;
 
-		if (ends[0] >= 0) {
-			(void)close(ends[0]);
-			(void)close(ends[1]);
-		}
+		(void)close(ends[0]);
+		(void)close(ends[1]);
 		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_UNREACHABLE, "%s: %s",
 		                       path, strerror(error));
 	}
