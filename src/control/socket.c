@@ -23,6 +23,10 @@
 /* A client that takes nothing of its answers for so long is dropped. */
 #define STUCK (10 * DB_NS_PER_S)
 
+/* Behind a look at a stream no other is looked at for so many times as long as it took: however many there are
+ * and however much they want, most of the thread's time is for Modbus. */
+#define STREAMS_REST 4
+
 static struct db_session *find(const struct db_control_socket *control, uint32_t id)
 {
 	for (size_t i = 0; i < control->count; i++) {
@@ -30,6 +34,20 @@ static struct db_session *find(const struct db_control_socket *control, uint32_t
 			return control->sessions[i];
 	}
 	return NULL;
+}
+
+static bool is_stream(const struct db_session *session)
+{
+	return session->wait == DB_WAITS_FOR_VALUES || session->wait == DB_WAITS_FOR_EVENTS;
+}
+
+/* When it is to be looked at again, DB_TIME_NEVER. */
+static db_time due_of(const struct db_control_socket *control, const struct db_session *session)
+{
+	if (session->wait == DB_WAITS_FOR_NOTHING)
+		return DB_TIME_NEVER;
+	return is_stream(session) && session->due < control->rest_until ? control->rest_until :
+	                                                                  session->due;
 }
 
 /* --- coming and going -------------------------------------------------------------------------------- */
@@ -183,6 +201,8 @@ static void settle(struct db_control_socket *control)
 			/* Nobody waits for it, but what was asked behind it is still done. */
 			free(session->out);
 			session->out = NULL;
+			free(session->job);
+			session->job = NULL;
 			session->wait = DB_WAITS_FOR_NOTHING;
 		}
 		if (!session->broken && db_session_is_overfull(session)) {
@@ -197,8 +217,8 @@ static void settle(struct db_control_socket *control)
 		}
 		watch(control, session);
 		work = work || db_session_has_message(session, &length);
-		if (session->wait != DB_WAITS_FOR_NOTHING && session->due < due)
-			due = session->due;
+		if (due_of(control, session) < due)
+			due = due_of(control, session);
 		if (session->out && session->out_since + STUCK < due)
 			due = session->out_since + STUCK;
 	}
@@ -289,10 +309,19 @@ void db_control_socket_catch_up(struct db_control_socket *control)
 	settle(control);
 }
 
+static db_time read_clock(void)
+{
+	struct timespec now;
+
+	clock_gettime(CLOCK_MONOTONIC, &now);
+	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
+}
+
 static int on_timer(sd_event_source *source, uint64_t us, void *context)
 {
 	struct db_control_socket *control = context;
 	db_time now = db_control_now(control);
+	struct db_session *stream = NULL;
 
 	(void)source;
 	(void)us;
@@ -310,13 +339,20 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 			end_session(control, i);
 			continue;
 		}
-		if (session->wait == DB_WAITS_FOR_NOTHING || session->due > now)
+		if (due_of(control, session) > now)
 			continue;
 		session->client.arrived = 0;
 		if (session->wait == DB_WAITS_FOR_MOTION)
 			db_act_look(session, now);
-		else
-			db_streams_look(session, now);
+		else if (!stream || session->due < stream->due)
+			stream = session;
+	}
+	/* One in a turn of the loop: then Modbus has its turn. */
+	if (stream) {
+		db_time begun = read_clock();
+
+		db_streams_look(stream, now);
+		control->rest_until = now + (1 + STREAMS_REST) * (read_clock() - begun);
 	}
 	settle(control);
 	return 0;

@@ -32,6 +32,7 @@ struct db_control_socket {
 	sd_event_source *io;
 	sd_event_source *timer;
 	db_time armed;
+	db_time rest_until; /* no stream is looked at before */
 	struct db_session *sessions[DB_SESSIONS_MAX];
 	size_t count;
 	size_t turn; /* whose call is looked for first */

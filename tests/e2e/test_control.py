@@ -4,6 +4,7 @@ hostile bytes by plain sockets, while Modbus goes on."""
 
 import json
 import os
+import select
 import socket
 import subprocess
 import threading
@@ -502,6 +503,35 @@ def test_modbus_stays_fast(bridge):
     # Sanitizers, and the threads of this test on the same processors: in milliseconds, not seconds.
     assert times[len(times) // 2] < 0.1, times[-10:]
     eventually(lambda: Tool(bridge).Describe(), what="room for a session again")
+
+
+def test_streams_leave_the_thread_to_modbus(make_bridge):
+    """Sixteen that want everything of 32 drives in each millisecond, which no computer has time for."""
+    bridge = make_bridge(drives=32, start_sim=False)
+    unit = bridge.gateway()
+    lines = [Line(bridge) for _ in range(16)]
+    stop = threading.Event()
+
+    def drain():
+        while not stop.is_set():
+            for line in select.select([line.socket for line in lines], [], [], 0.1)[0]:
+                line.recv(1 << 20)
+
+    for line in lines:
+        line.ask(f"{INTERFACE}.Subscribe", {"drives": [], "names": [], "interval_ms": 1}, more=True)
+    reader = threading.Thread(target=drain)
+    reader.start()
+    times = []
+    for _ in range(200):
+        begin = time.monotonic()
+        unit.read("drive_count")
+        times.append(time.monotonic() - begin)
+    stop.set()
+    reader.join()
+    for line in lines:
+        line.socket.close()
+    times.sort()
+    assert times[len(times) // 2] < 0.005, times[-10:]
 
 
 def test_too_many_sessions(bridge):
