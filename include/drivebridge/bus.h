@@ -64,6 +64,10 @@ void db_bus_free(struct db_bus *bus);
 /* False when the queue is full (stops never find it full). Copies the request. */
 bool db_bus_submit(struct db_bus *bus, const struct db_request *request);
 
+/* What is submitted from true to false the bus takes all at once: a stop for all its drives then is
+ * one frame where the family has one, however the two threads run. Not nested. */
+void db_bus_gather(struct db_bus *bus, bool gathers);
+
 /* Becomes readable when completions wait; read by db_bus_completion() itself. */
 int db_bus_completion_fd(const struct db_bus *bus);
 bool db_bus_completion(struct db_bus *bus, struct db_completion *completion);

@@ -43,6 +43,8 @@ struct db_registers_ops {
 	uint64_t (*wall_us)(void *context); /* since 1970-01-01 UTC */
 	/* Hands a request to a bus. False when its queue is full. */
 	bool (*submit)(void *context, struct db_bus *bus, const struct db_request *request);
+	/* What is submitted from true to false is handed to the bus all at once. May be null. */
+	void (*gather)(void *context, struct db_bus *bus, bool gathers);
 	/* Answers a postponed write of a Modbus client, see db_server_answer(), or of a session. */
 	void (*answer)(void *context, struct db_write_token token, uint8_t exception);
 	void (*answer_session)(void *context, struct db_write_token token, enum db_result result);

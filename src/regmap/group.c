@@ -71,6 +71,12 @@ static int finish_handover(struct db_registers *registers)
 	return DB_WRITE_LATER;
 }
 
+void db_group_gather(struct db_registers *registers, bool gathers)
+{
+	for (size_t i = 0; registers->ops->gather && i < registers->roster->bus_count; i++)
+		registers->ops->gather(registers->context, registers->roster->buses[i], gathers);
+}
+
 static void stop_part(struct db_registers *registers, struct db_view_drive *drive,
                       const struct db_client *client, enum db_command stop)
 {
@@ -86,10 +92,12 @@ int db_group_stop(struct db_registers *registers, const struct db_client *client
                   enum db_command stop, struct db_write_token token)
 {
 	begin_command(registers, token);
+	db_group_gather(registers, true);
 	for (size_t i = 0; i < registers->roster->drive_count; i++) {
 		if (!registers->roster->drives[i]->leaving)
 			stop_part(registers, registers->roster->drives[i], client, stop);
 	}
+	db_group_gather(registers, false);
 	return finish_handover(registers);
 }
 
@@ -122,6 +130,7 @@ int db_group_stop_listed(struct db_registers *registers, const struct db_client 
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	memcpy(left, registers->group.units, sizeof left);
 	begin_command(registers, token);
+	db_group_gather(registers, true);
 	for (size_t i = 0; i < registers->roster->drive_count; i++) {
 		struct db_view_drive *drive = registers->roster->drives[i];
 
@@ -132,6 +141,7 @@ int db_group_stop_listed(struct db_registers *registers, const struct db_client 
 		if (!drive->leaving && named)
 			stop_part(registers, drive, client, stop);
 	}
+	db_group_gather(registers, false);
 	/* A stop is not refused for a wrong unit, but its writer is to know. */
 	if (!is_empty(left) && registers->group.worst < MODBUS_EXCEPTION_GATEWAY_PATH)
 		registers->group.worst = MODBUS_EXCEPTION_GATEWAY_PATH;

@@ -30,6 +30,10 @@ int db_group_stop_listed(struct db_registers *registers, const struct db_client 
 int db_group_start(struct db_registers *registers, const struct db_client *client,
                    struct db_write_token token);
 
+/* What is asked of the drives from true to false reaches each bus all at once: not first of one drive
+ * and, when that is on the wire, of the others. Not nested. */
+void db_group_gather(struct db_registers *registers, bool gathers);
+
 /* The answer to a part of a group command: taken, and not for a client. */
 bool db_group_take_answer(struct db_registers *registers, struct db_write_token token,
                           enum db_result result);

@@ -73,6 +73,7 @@ void db_registers_expire(struct db_registers *registers, db_time now)
 	const struct db_view_roster *roster = registers->roster;
 
 	registers->due = DB_TIME_NEVER;
+	db_group_gather(registers, true);
 	for (size_t i = 0; i < roster->drive_count; i++) {
 		const struct db_view_drive *drive = roster->drives[i];
 
@@ -80,4 +81,5 @@ void db_registers_expire(struct db_registers *registers, db_time now)
 			registers->ops->tripped(registers->context, drive->bus_config,
 			                        drive->config, &drive->fed_by);
 	}
+	db_group_gather(registers, false);
 }

@@ -697,6 +697,12 @@ bool db_bus_submit(struct db_bus *bus, const struct db_request *request)
 	return true;
 }
 
+void db_bus_gather(struct db_bus *bus, bool gathers)
+{
+	if (db_queue_gather(bus->queue, gathers))
+		wake_bus(bus);
+}
+
 int db_bus_completion_fd(const struct db_bus *bus)
 {
 	return bus->completion_fd;

@@ -49,6 +49,7 @@ struct db_queue {
 	size_t drives;       /* network's: there is room for the stops of so many */
 	atomic_uint posted;  /* requests so far, so that the bus need not look for none */
 	uint32_t next_order; /* network's: of the next request posted */
+	bool gathers;        /* network's: the bus does not see yet what is posted */
 	uint32_t next_taken; /* bus's: of the next request to take */
 	bool finished;       /* bus's: some request was finished since it asked */
 };
@@ -211,8 +212,20 @@ bool db_queue_post(struct db_queue *queue, const struct db_request *request)
 	fill_slot(queued, request);
 	queued->order = queue->next_order++;
 	hand_over(queued, SLOT_POSTED);
-	atomic_store_explicit(&queue->posted, queue->next_order, memory_order_release);
+	if (!queue->gathers)
+		atomic_store_explicit(&queue->posted, queue->next_order, memory_order_release);
 	return true;
+}
+
+bool db_queue_gather(struct db_queue *queue, bool gathers)
+{
+	bool unseen = atomic_load_explicit(&queue->posted, memory_order_relaxed) !=
+	              queue->next_order;
+
+	queue->gathers = gathers;
+	if (!gathers)
+		atomic_store_explicit(&queue->posted, queue->next_order, memory_order_release);
+	return !gathers && unseen;
 }
 
 /* Some request in this state; of posted ones only the oldest not taken. */

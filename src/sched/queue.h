@@ -33,6 +33,9 @@ int db_queue_grow(struct db_queue *queue, size_t drives);
 
 /* Network thread. False when no slot is free for this kind of request, or for stops of this drive. */
 bool db_queue_post(struct db_queue *queue, const struct db_request *request);
+/* Network thread. What is posted from true to false the bus sees all at once, at false; whether that
+ * is anything. */
+bool db_queue_gather(struct db_queue *queue, bool gathers);
 /* Network thread. False when no completion waits. */
 bool db_queue_collect(struct db_queue *queue, struct db_completion *completion);
 

@@ -27,6 +27,12 @@ static bool submit_request(void *context, struct db_bus *bus, const struct db_re
 	return db_bus_submit(bus, request);
 }
 
+static void gather_requests(void *context, struct db_bus *bus, bool gathers)
+{
+	(void)context;
+	db_bus_gather(bus, gathers);
+}
+
 static void answer_write(void *context, struct db_write_token token, uint8_t exception)
 {
 	const struct service *service = context;
@@ -123,6 +129,7 @@ const struct db_registers_ops service_registers_ops = {
 	.now = read_now,
 	.wall_us = read_wall_us,
 	.submit = submit_request,
+	.gather = gather_requests,
 	.answer = answer_write,
 	.answer_session = answer_session,
 	.bus_stats = read_bus_stats,

@@ -34,11 +34,20 @@ static bool keep_request(void *context, struct db_bus *bus, const struct db_requ
 
 	must(request->setting_count <= DB_SETTINGS_MAX);
 	fake->submitted_to = place_of(fake, bus);
+	fake->gathered += fake->gathers[place_of(fake, bus)];
 	fake->requests[place] = *request;
 	fake->requests[place].settings = fake->settings[place];
 	for (size_t i = 0; i < request->setting_count; i++)
 		fake->settings[place][i] = request->settings[i];
 	return true;
+}
+
+static void gather_requests(void *context, struct db_bus *bus, bool gathers)
+{
+	struct fake_registers *fake = context;
+
+	must(fake->gathers[place_of(fake, bus)] != gathers);
+	fake->gathers[place_of(fake, bus)] = gathers;
 }
 
 static void keep_answer(void *context, struct db_write_token token, uint8_t exception)
@@ -89,6 +98,7 @@ static const struct db_registers_ops ops = {
 	.wall_us = wall_of,
 	.now = now_of,
 	.submit = keep_request,
+	.gather = gather_requests,
 	.answer = keep_answer,
 	.bus_stats = tell_bus_stats,
 	.server_stats = tell_server_stats,

@@ -57,6 +57,8 @@ struct fake_registers {
 	struct db_setting settings[FAKE_REQUESTS][DB_SETTINGS_MAX];
 	unsigned submitted;
 	size_t submitted_to; /* the bus of the latest */
+	unsigned gathered;   /* of them, those that their bus is to take at once */
+	bool gathers[FAKE_PLANT_BUSES];
 	unsigned answered;
 	struct db_write_token answered_to;
 	uint8_t answered_with;

@@ -1218,6 +1218,44 @@ static void who_still_waits_is_told_that_it_was_cancelled(void **state)
 	fake_registers_close(&fake);
 }
 
+/* The bus must not have sent the first drive's when the last one's comes: one frame may stop them all. */
+static void the_stops_of_a_group_reach_a_bus_at_once(void **state)
+{
+	const uint16_t listed[] = { 6, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 3 };
+	const uint16_t stop = 1;
+	struct db_snapshot snapshot;
+
+	FAKE();
+	snapshot = usual(&fake);
+	for (unsigned i = 0; i < FAKE_PLANT_DRIVES; i++)
+		db_axis_publish(fake.axes[i], &snapshot);
+	assert_int_equal(db_registers_backend.write(fake.registers, &fake_client, 255,
+	                                            DB_TABLE_HOLDING, 60, 1, &stop, FAKE_TOKEN),
+	                 DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 3);
+	assert_int_equal(fake.gathered, 3);
+	assert_int_equal(db_registers_backend.write(fake.registers, &fake_client, 255,
+	                                            DB_TABLE_HOLDING, 70, 17, listed, FAKE_TOKEN),
+	                 DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 5);
+	assert_int_equal(fake.gathered, 5);
+	assert_false(fake.gathers[0] || fake.gathers[1]);
+	fake_registers_close(&fake);
+}
+
+static void the_watchdogs_stops_reach_a_bus_at_once(void **state)
+{
+	FAKE();
+	move_with_watchdog(&fake, DB_FEED_REQUESTS);
+	fake.submitted = fake.gathered = 0;
+	fake.now += 1100 * MS;
+	db_registers_expire(fake.registers, fake.now);
+	assert_int_equal(fake.submitted, 1);
+	assert_int_equal(fake.gathered, 1);
+	assert_false(fake.gathers[0] || fake.gathers[1]);
+	fake_registers_close(&fake);
+}
+
 /* The group's write was waiting for a drive that is taken out. */
 static void a_group_does_not_wait_for_who_left(void **state)
 {
@@ -1352,6 +1390,8 @@ int main(void)
 		cmocka_unit_test(drives_that_stay_keep_everything),
 		cmocka_unit_test(a_drive_that_leaves_is_gone_at_once_and_still_answered),
 		cmocka_unit_test(who_still_waits_is_told_that_it_was_cancelled),
+		cmocka_unit_test(the_stops_of_a_group_reach_a_bus_at_once),
+		cmocka_unit_test(the_watchdogs_stops_reach_a_bus_at_once),
 		cmocka_unit_test(a_group_does_not_wait_for_who_left),
 		cmocka_unit_test(a_changed_drive_begins_anew),
 		cmocka_unit_test(what_was_prepared_can_be_forgotten),

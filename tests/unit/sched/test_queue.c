@@ -45,6 +45,31 @@ static void requests_are_taken_in_order_and_answered_once(void **state)
 	db_queue_free(queue);
 }
 
+static void what_is_gathered_is_seen_at_once(void **state)
+{
+	struct db_queue *queue = NULL;
+	struct db_request stop = request_of(1, DB_CMD_STOP);
+
+	(void)state;
+	assert_int_equal(db_queue_new(2, 2, &queue), 0);
+	assert_false(db_queue_gather(queue, true));
+	assert_false(db_queue_gather(queue, false));
+	assert_false(db_queue_gather(queue, true));
+	assert_true(db_queue_post(queue, &stop));
+	assert_null(db_queue_take(queue));
+	stop.drive = 1;
+	assert_true(db_queue_post(queue, &stop));
+	assert_null(db_queue_take(queue));
+	assert_true(db_queue_gather(queue, false));
+	assert_int_equal(db_queued_drive(db_queue_take(queue)), 0);
+	assert_int_equal(db_queued_drive(db_queue_take(queue)), 1);
+	assert_null(db_queue_take(queue));
+	/* As ever from here on. */
+	assert_true(db_queue_post(queue, &stop));
+	assert_non_null(db_queue_take(queue));
+	db_queue_free(queue);
+}
+
 static void a_full_box_still_takes_stops(void **state)
 {
 	struct db_queue *queue = NULL;
@@ -212,6 +237,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(requests_are_taken_in_order_and_answered_once),
+		cmocka_unit_test(what_is_gathered_is_seen_at_once),
 		cmocka_unit_test(a_full_box_still_takes_stops),
 		cmocka_unit_test(nobody_takes_the_room_for_anothers_stops),
 		cmocka_unit_test(every_command_has_room_of_its_own),

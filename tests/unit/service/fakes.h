@@ -218,6 +218,11 @@ bool db_bus_submit(struct db_bus *bus, const struct db_request *request)
 	return true;
 }
 
+void db_bus_gather(struct db_bus *bus, bool gathers)
+{
+	note("%s %s", gathers ? "gather for" : "release to", bus->config->name);
+}
+
 int db_bus_completion_fd(const struct db_bus *bus)
 {
 	return bus->fd;
