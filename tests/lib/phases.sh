@@ -260,23 +260,29 @@ phase_bench() {
 	step memcheck tests/memcheck build/gcc
 }
 
-# run_pytest PRESET [COMMAND-PREFIX...] -- FILE-OR-FOLDER...
-run_pytest() {
-	local preset=$1 prefix=() log numbers report=build/logs/$PHASE-pytest.xml
+# start_pytest NAME PRESET [COMMAND-PREFIX...] -- FILE-OR-FOLDER...: runs it; its report and log have this name.
+start_pytest() {
+	local name=$1 preset=$2 prefix=()
 
-	shift
+	shift 2
 	while [ "$1" != -- ]; do
 		prefix+=("$1")
 		shift
 	done
 	shift
-	log=build/logs/$PHASE-pytest.log
-	rm -f "$report"
+	rm -f "build/logs/$name.xml"
 	DRIVEBRIDGE_BUILD=$PWD/build/$preset "${prefix[@]}" "$VENV/bin/python" -m pytest -q \
-		-n "${PYTEST_WORKERS:-4}" --junitxml="$report" "$@" >"$log" 2>&1 </dev/null || true
+		-n "${PYTEST_WORKERS:-4}" --junitxml="build/logs/$name.xml" "$@" \
+		>"build/logs/$name.log" 2>&1 </dev/null || true
+}
+
+# count_pytest NAME: what start_pytest saw.
+count_pytest() {
+	local log=build/logs/$1.log numbers
+
 	# Tests that failed while the machine stood still are run again: tests/e2e/stalls.py.
 	grep '^repeated: ' "$log" || true
-	numbers=$("$VENV/bin/python" tests/tools/count-junit "$report") || numbers='0 1'
+	numbers=$("$VENV/bin/python" tests/tools/count-junit "build/logs/$1.xml") || numbers='0 1'
 	# shellcheck disable=SC2086 # two numbers
 	set -- $numbers
 	count "$1" "$2"
@@ -286,18 +292,40 @@ run_pytest() {
 	fi
 }
 
+# run_pytest PRESET [COMMAND-PREFIX...] -- FILE-OR-FOLDER...
+run_pytest() {
+	start_pytest "$PHASE-pytest" "$@"
+	count_pytest "$PHASE-pytest"
+}
+
 phase_e2e() {
 	need_build asan || return 0
 	export ASAN_OPTIONS=detect_leaks=1 UBSAN_OPTIONS=print_stacktrace=1
 	run_pytest asan -- tests/e2e
 }
 
-# On a real CAN stack: inside a kernel of its own, with what it writes going to build/logs. Address
+# On a real CAN stack: inside kernels of their own, with what they write going to build/logs. Address
 # sanitizer does not run there (a process has 512 GB of addresses), so this is the optimized build.
-# That kernel has one processor, and more workers only cost their start.
+# Such a kernel has one processor, so there are two of them side by side.
 phase_kernel() {
+	local rest
+
 	need_build gcc || return 0
-	PYTEST_WORKERS=0 run_pytest gcc tests/kernel/run-in-uml -t 1200 -w build/logs -- tests/kernel
+	mapfile -t rest < <(find tests/kernel -name 'test_*.py' ! -name test_vsmd_can.py | sort)
+	in_kernel vsmd_can tests/kernel/test_vsmd_can.py &
+	in_kernel rest "${rest[@]}" &
+	wait
+	count_pytest kernel-vsmd_can
+	count_pytest kernel-rest
+}
+
+# in_kernel NAME FILE...
+in_kernel() {
+	local name=kernel-$1
+
+	shift
+	PYTEST_WORKERS=0 start_pytest "$name" gcc tests/kernel/run-in-uml -t 1200 -w build/logs \
+		-l "build/logs/$name-messages.log" -- "$@"
 }
 
 run_phase() {
