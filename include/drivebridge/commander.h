@@ -240,6 +240,10 @@ db_time db_commander_next_deadline(const struct db_commander *commander);
  * that tripped now. */
 bool db_commander_expire(struct db_commander *commander, db_time now);
 
+/* The largest target_velocity that the configuration allows, either way; NAN: it does not say, or the drive has
+ * yet to tell its scale. */
+double db_commander_max_velocity(const struct db_commander *commander);
+
 /* age 0 is the newest; false: there are not so many. */
 bool db_commander_history(const struct db_commander *commander, size_t age,
                           struct db_history_entry *entry);

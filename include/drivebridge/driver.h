@@ -148,6 +148,7 @@ struct db_driver {
 	const char *
 		scale_unit; /* the unit of counts_per_unit in feedback, which the drive tells once its
 	                           parameters were read; null: it never does */
+	const char *velocity_unit; /* of velocities; null: counts/s */
 	int preset_velocity_param; /* of moves without a velocity, and jogs; -1 = none */
 
 	/* Pure: how many of the drive's position units a second one of its velocity units is; 0 when

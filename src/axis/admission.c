@@ -97,6 +97,13 @@ static struct db_limit_facts collect_limit_facts(const struct db_commander *comm
 	return facts;
 }
 
+double db_commander_max_velocity(const struct db_commander *commander)
+{
+	struct db_limit_facts facts = collect_limit_facts(commander);
+
+	return db_limits_max_velocity(commander->config.drive_config, &facts);
+}
+
 static enum db_result show_limit(struct db_commander *commander, struct db_writer *writer,
                                  enum db_limit limit)
 {

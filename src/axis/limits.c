@@ -123,3 +123,14 @@ enum db_limit db_limits_acceleration(const struct db_drive_config *drive, double
 	               DB_LIMIT_MAX_ACCELERATION :
 	               DB_LIMIT_NONE;
 }
+
+double db_limits_max_velocity(const struct db_drive_config *drive,
+                              const struct db_limit_facts *facts)
+{
+	double counts = facts->counts > 0.0 ? facts->counts : drive->counts_per_unit;
+
+	if (facts->scale_open)
+		return (double)NAN;
+	return drive->max_velocity * counts /
+	       (facts->velocity_counts > 0.0 ? facts->velocity_counts : 1.0);
+}

@@ -31,4 +31,9 @@ enum db_limit db_limits_command(const struct db_drive_config *drive, enum db_com
 enum db_limit db_limits_acceleration(const struct db_drive_config *drive, double acceleration,
                                      const struct db_limit_facts *facts);
 
+/* The largest target_velocity that max-velocity of the configuration allows, either way; NAN: there is no such limit,
+ * or the scale is not known yet. */
+double db_limits_max_velocity(const struct db_drive_config *drive,
+                              const struct db_limit_facts *facts);
+
 #endif

@@ -66,14 +66,8 @@ static bool may_act(struct db_session *session)
 	char text[DB_CLIENT_ADDRESS_MAX];
 	struct db_log_about about = { .client = text };
 
-	if (!session->client.may_write) {
-		snprintf(text, sizeof text, "%s", control->config->act_group);
-		db_session_fail(
-			session, "io.drivebridge.Control.NotAllowed",
-			json_pack("{s:o}", "reason",
-		                  json_sprintf("only root and members of group %s may act", text)));
+	if (!db_session_require_act(session))
 		return false;
-	}
 	if (!session->acted) {
 		db_client_address(session->client.address, text);
 		db_log(&control->log, db_control_now(control), DB_EVENT_CLIENT_CONNECTED, &about,

@@ -84,10 +84,13 @@ static const struct db_name_list *list_of(const struct db_call *call, uint16_t d
 
 void db_look_registers(const struct db_call *call)
 {
+	struct db_registers *all = call->session->control->setup.registers;
 	struct db_named_drive drive;
 	const struct db_name_list *list;
 	const char *name;
 	json_t *registers;
+	double min;
+	double max;
 
 	if (!db_call_drive(call, true, &drive, &name))
 		return;
@@ -95,8 +98,16 @@ void db_look_registers(const struct db_call *call)
 	if (!list)
 		return;
 	registers = json_array();
-	for (size_t i = 0; i < list->count; i++)
-		json_array_append_new(registers, db_values_register(&list->entries[i]));
+	for (size_t i = 0; i < list->count; i++) {
+		const struct db_entry *entry = &list->entries[i];
+		json_t *one = db_values_register(entry, db_named_unit(all, drive.number, entry));
+
+		if (db_named_limit(all, drive.number, entry, &min, &max)) {
+			json_object_set_new(one, "min", json_real(min));
+			json_object_set_new(one, "max", json_real(max));
+		}
+		json_array_append_new(registers, one);
+	}
 	db_session_reply(call->session, json_pack("{s:o}", "registers", registers), false);
 }
 

@@ -234,6 +234,9 @@ static void put_control(FILE *out, const struct db_control_socket *control)
 	        (double)stats->calls);
 	put_one(out, "drivebridge_control_errors_total", "counter", "Errors answered.",
 	        (double)stats->errors);
+	put_one(out, "drivebridge_control_denied_total", "counter",
+	        "Calls of who may not act, or while another client had control.",
+	        (double)stats->denied);
 	put_one(out, "drivebridge_control_skipped_total", "counter",
 	        "Samples and events left out for slow readers.", (double)stats->skipped);
 }

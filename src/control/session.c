@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #define INTERFACE "io.drivebridge.Control."
+#define NOT_ALLOWED INTERFACE "NotAllowed"
 
 struct db_session *db_session_new(struct db_control_socket *control, int fd,
                                   const struct db_client *client, db_time now)
@@ -153,6 +154,7 @@ static void put_answer(struct db_session *session, const char *error, json_t *pa
 		session->job = NULL;
 	}
 	control->stats.errors += error != NULL;
+	control->stats.denied += error && strcmp(error, NOT_ALLOWED) == 0;
 	if (session->oneway || session->gone) {
 		json_decref(parameters);
 		return;
@@ -207,6 +209,17 @@ void db_session_fail_register(struct db_session *session, const char *drive, con
 	                json_pack("{s:s, s:s}", "drive", drive, "name", name));
 }
 
+bool db_session_require_act(struct db_session *session)
+{
+	if (session->client.may_write)
+		return true;
+	db_session_fail(session, NOT_ALLOWED,
+	                json_pack("{s:o}", "reason",
+	                          json_sprintf("only root and members of group %s may act",
+	                                       session->control->config->act_group)));
+	return false;
+}
+
 void db_session_fail_value(struct db_session *session, const char *name, const char *reason)
 {
 	db_session_fail(session, INTERFACE "BadValue",
@@ -218,8 +231,7 @@ void db_session_fail_result(struct db_session *session, enum db_result result, c
 	if (result == DB_RESULT_BUSY)
 		db_session_fail(session, INTERFACE "Busy", NULL);
 	else if (result == DB_RESULT_NOT_IN_CONTROL)
-		db_session_fail(session, INTERFACE "NotAllowed",
-		                json_pack("{s:s}", "reason", reason));
+		db_session_fail(session, NOT_ALLOWED, json_pack("{s:s}", "reason", reason));
 	else
 		db_session_fail(session, INTERFACE "Refused",
 		                json_pack("{s:s, s:i, s:s}", "result", db_result_name(result),

@@ -83,6 +83,9 @@ bool db_session_is_over(const struct db_session *session);
 void db_session_reply(struct db_session *session, json_t *parameters, bool continues);
 void db_session_fail(struct db_session *session, const char *error, json_t *parameters);
 
+/* Whether it may act; if not, its call is answered with that. */
+bool db_session_require_act(struct db_session *session);
+
 /* The usual errors. */
 void db_session_fail_parameter(struct db_session *session, const char *parameter);
 void db_session_fail_drive(struct db_session *session, const char *drive);

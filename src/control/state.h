@@ -16,6 +16,7 @@ struct db_control_stats {
 	uint64_t dropped; /* connections that did not read their answers */
 	uint64_t calls;
 	uint64_t errors;
+	uint64_t denied;  /* calls of who may not act, or while another client has control */
 	uint64_t skipped; /* samples and events left out for slow readers */
 };
 

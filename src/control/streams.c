@@ -338,13 +338,8 @@ void db_streams_reload(const struct db_call *call)
 	struct db_session *session = call->session;
 	struct db_control_socket *control = session->control;
 
-	if (!session->client.may_write) {
-		db_session_fail(session, "io.drivebridge.Control.NotAllowed",
-		                json_pack("{s:o}", "reason",
-		                          json_sprintf("only root and members of group %s may act",
-		                                       control->config->act_group)));
+	if (!db_session_require_act(session))
 		return;
-	}
 	/* Before it is asked for: it may end at once. */
 	session->wait = DB_WAITS_FOR_RELOAD;
 	session->reloads = 1;

@@ -170,14 +170,13 @@ static json_t *list_codes(const struct db_codes *codes)
 	return list;
 }
 
-json_t *db_values_register(const struct db_entry *entry)
+json_t *db_values_register(const struct db_entry *entry, const char *unit)
 {
 	bool bit = entry->table != DB_TABLE_HOLDING;
-	const char *unit = entry->param ? entry->param->unit : entry->row ? entry->row->unit : "";
 	json_t *json = json_pack("{s:s, s:s, s:b, s:s, s:b}", "name", entry->name, "type",
 	                         bit ? "bool" : db_type_name((enum db_type)entry->cell.type),
 	                         "writable", (entry->cell.flags & DB_ROW_WRITABLE) != 0, "unit",
-	                         unit ? unit : "", "parameter", entry->param && !entry->row);
+	                         unit, "parameter", entry->param && !entry->row);
 	double min;
 	double max;
 

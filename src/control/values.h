@@ -25,6 +25,6 @@ bool db_values_from_json(const struct db_entry *entry, const json_t *json, doubl
                          char reason[DB_REASON_MAX]);
 
 /* A register with all there is to tell. */
-json_t *db_values_register(const struct db_entry *entry);
+json_t *db_values_register(const struct db_entry *entry, const char *unit);
 
 #endif

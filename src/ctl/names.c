@@ -20,15 +20,20 @@ static void print_names(const json_t *list, bool writable, const char *end)
 enum db_ctl_status db_ctl_names(struct db_ctl *ctl, int count, char **arguments)
 {
 	const char *kind = arguments[0];
-	const char *drive = count > 1 ? arguments[1] : "";
+	const json_t *unit = count > 1 ? db_ctl_look_up_unit(ctl, arguments[1]) : NULL;
+	const char *drive = db_ctl_text(unit, "name");
 	enum db_ctl_status status = DB_CTL_OK;
 	json_t *answer = NULL;
 	json_t *command;
 	size_t i;
 	const json_t *name;
 
-	if (strcmp(kind, "drives") == 0) {
+	if (strcmp(kind, "drives") == 0 || strcmp(kind, "units") == 0) {
 		print_names(json_object_get(ctl->description, "drives"), false, "");
+		if (kind[0] == 'u')
+			(void)puts("gateway");
+	} else if (!unit) {
+		return DB_CTL_USAGE; /* nothing follows a name that does not exist */
 	} else if (strcmp(kind, "registers") == 0 || strcmp(kind, "writable") == 0) {
 		answer = db_ctl_read_registers(ctl, drive, &status);
 		print_names(answer, kind[0] == 'w', kind[0] == 'w' ? "=" : "");

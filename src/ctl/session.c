@@ -61,6 +61,7 @@ enum db_ctl_status db_ctl_open(struct db_ctl *ctl)
 	if (db_client_open(ctl->socket, &ctl->client, &error) != 0)
 		return db_ctl_fail(ctl, &error);
 	ctl->description = db_ctl_call(ctl, "Describe", NULL, DB_CTL_TIMEOUT_MS, &status);
+	ctl->gateway = json_pack("{s:s}", "name", "");
 	return status;
 }
 
@@ -68,6 +69,8 @@ void db_ctl_close(struct db_ctl *ctl)
 {
 	json_decref(ctl->description);
 	ctl->description = NULL;
+	json_decref(ctl->gateway);
+	ctl->gateway = NULL;
 	db_client_close(ctl->client);
 	ctl->client = NULL;
 }
@@ -115,6 +118,20 @@ json_t *db_ctl_find_drive(const struct db_ctl *ctl, const char *name)
 {
 	return db_ctl_find(ctl, json_object_get(ctl->description, "drives"), name,
 	                   DB_CLIENT_SERVICE "NoSuchDrive", "no drive is called");
+}
+
+json_t *db_ctl_look_up_unit(const struct db_ctl *ctl, const char *name)
+{
+	json_t *drive = db_ctl_look_up(json_object_get(ctl->description, "drives"), name);
+
+	return drive || strcmp(name, "gateway") != 0 ? drive : ctl->gateway;
+}
+
+json_t *db_ctl_find_unit(const struct db_ctl *ctl, const char *name)
+{
+	json_t *unit = db_ctl_look_up_unit(ctl, name);
+
+	return unit ? unit : db_ctl_find_drive(ctl, name);
 }
 
 json_t *db_ctl_read_registers(struct db_ctl *ctl, const char *drive, enum db_ctl_status *status)

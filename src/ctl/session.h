@@ -36,6 +36,7 @@ struct db_ctl {
 	/* Behind db_ctl_open(). */
 	struct db_client *client;
 	json_t *description; /* the answer of Describe */
+	json_t *gateway;     /* in the place of a drive, by the name that the service knows */
 };
 
 /* Connects and asks what runs. DB_CTL_OK, or the status to end with, and the reason is printed. */
@@ -61,6 +62,11 @@ json_t *db_ctl_find(const struct db_ctl *ctl, const json_t *list, const char *na
 
 /* The drive of that name, or NULL and the reason is printed. The gateway is none. */
 json_t *db_ctl_find_drive(const struct db_ctl *ctl, const char *name);
+
+/* Likewise; "gateway" is that, unless a drive is called so. Its `name` is what the service is to be told. The
+ * first prints nothing. */
+json_t *db_ctl_look_up_unit(const struct db_ctl *ctl, const char *name);
+json_t *db_ctl_find_unit(const struct db_ctl *ctl, const char *name);
 
 /* The registers of a drive (an array that the caller frees), or NULL: the reason is printed. */
 json_t *db_ctl_read_registers(struct db_ctl *ctl, const char *drive, enum db_ctl_status *status);

@@ -8,6 +8,7 @@
 
 enum db_ctl_status db_ctl_set(struct db_ctl *ctl, int count, char **arguments)
 {
+	const json_t *unit = db_ctl_find_unit(ctl, arguments[0]);
 	enum db_ctl_status status = DB_CTL_USAGE;
 	json_t *registers = NULL;
 	json_t *values = NULL;
@@ -17,18 +18,18 @@ enum db_ctl_status db_ctl_set(struct db_ctl *ctl, int count, char **arguments)
 	const char *name;
 	const json_t *value;
 
-	if (!db_ctl_find_drive(ctl, arguments[0]))
+	if (!unit)
 		return DB_CTL_USAGE;
 	(void)snprintf(unknown, sizeof(unknown), "%s has no register", arguments[0]);
-	registers = db_ctl_read_registers(ctl, arguments[0], &status);
+	registers = db_ctl_read_registers(ctl, db_ctl_text(unit, "name"), &status);
 	if (registers)
 		values = db_ctl_read_assignments(ctl, registers, unknown, count - 1, arguments + 1,
 		                                 &status);
 	if (values)
-		answer = db_ctl_call(
-			ctl, "Write",
-			json_pack("{s:s, s:O}", "drive", arguments[0], "values", values),
-			DB_CTL_DRIVE_TIMEOUT_MS, &status);
+		answer = db_ctl_call(ctl, "Write",
+		                     json_pack("{s:O, s:O}", "drive", json_object_get(unit, "name"),
+		                               "values", values),
+		                     DB_CTL_DRIVE_TIMEOUT_MS, &status);
 	if (answer && ctl->json) {
 		(void)json_object_set_new(answer, "drive", json_string(arguments[0]));
 		(void)json_object_set(answer, "values", values);

@@ -78,6 +78,14 @@ static void print_head(const struct db_ctl *ctl, const json_t *drive)
 	const json_t *bus = db_ctl_look_up(buses, db_ctl_text(drive, "bus"));
 	const char *axis = db_ctl_text(drive, "axis");
 
+	if (drive == ctl->gateway) {
+		(void)printf("%sgateway%s: drivebridge %s, %s\n\n",
+		             db_ctl_colour_begin(ctl->colour, DB_CTL_BOLD),
+		             db_ctl_colour_end(ctl->colour, DB_CTL_BOLD),
+		             db_ctl_text(ctl->description, "version"),
+		             db_ctl_text(ctl->description, "configuration"));
+		return;
+	}
 	(void)printf("%s%s%s: %s on bus %s (%s), address %lld%s%s, unit %lld\n\n",
 	             db_ctl_colour_begin(ctl->colour, DB_CTL_BOLD), db_ctl_text(drive, "name"),
 	             db_ctl_colour_end(ctl->colour, DB_CTL_BOLD), db_ctl_text(bus, "protocol"),
@@ -89,7 +97,8 @@ static void print_head(const struct db_ctl *ctl, const json_t *drive)
 
 enum db_ctl_status db_ctl_show(struct db_ctl *ctl, int count, char **arguments)
 {
-	const json_t *drive = db_ctl_find_drive(ctl, arguments[0]);
+	const json_t *drive = db_ctl_find_unit(ctl, arguments[0]);
+	const char *name = db_ctl_text(drive, "name");
 	enum db_ctl_status status = DB_CTL_OK;
 	json_t *registers = NULL;
 	json_t *values = NULL;
@@ -104,16 +113,16 @@ enum db_ctl_status db_ctl_show(struct db_ctl *ctl, int count, char **arguments)
 		json_decref(names);
 		return DB_CTL_USAGE;
 	}
-	registers = db_ctl_read_registers(ctl, arguments[0], &status);
+	registers = db_ctl_read_registers(ctl, name, &status);
 	json_array_foreach(registers, i, reg)
 	{
 		if (ctl->all || json_is_true(json_object_get(reg, "parameter")))
 			(void)json_array_append(names, json_object_get(reg, "name"));
 	}
 	if (status == DB_CTL_OK)
-		values = read_values(ctl, arguments[0], json_array(), &status);
+		values = read_values(ctl, name, json_array(), &status);
 	if (status == DB_CTL_OK && json_array_size(names) > 0)
-		others = read_values(ctl, arguments[0], json_incref(names), &status);
+		others = read_values(ctl, name, json_incref(names), &status);
 	if (status == DB_CTL_OK) {
 		(void)json_object_update_missing(values, others);
 		if (ctl->json) {
@@ -136,7 +145,8 @@ enum db_ctl_status db_ctl_show(struct db_ctl *ctl, int count, char **arguments)
 
 enum db_ctl_status db_ctl_get(struct db_ctl *ctl, int count, char **arguments)
 {
-	const json_t *drive = db_ctl_find_drive(ctl, arguments[0]);
+	const json_t *drive = db_ctl_find_unit(ctl, arguments[0]);
+	const char *name = db_ctl_text(drive, "name");
 	enum db_ctl_status status = DB_CTL_OK;
 	json_t *registers = NULL;
 	json_t *values = NULL;
@@ -145,7 +155,7 @@ enum db_ctl_status db_ctl_get(struct db_ctl *ctl, int count, char **arguments)
 	char text[DB_CTL_VALUE_MAX];
 
 	if (drive)
-		registers = db_ctl_read_registers(ctl, arguments[0], &status);
+		registers = db_ctl_read_registers(ctl, name, &status);
 	else
 		status = DB_CTL_USAGE;
 	(void)snprintf(text, sizeof(text), "%s has no register", arguments[0]);
@@ -156,7 +166,7 @@ enum db_ctl_status db_ctl_get(struct db_ctl *ctl, int count, char **arguments)
 		(void)json_array_append_new(names, json_string(arguments[i]));
 	}
 	if (status == DB_CTL_OK)
-		values = read_values(ctl, arguments[0], json_incref(names), &status);
+		values = read_values(ctl, name, json_incref(names), &status);
 	if (status == DB_CTL_OK && ctl->json) {
 		object = json_pack("{s:s, s:O}", "drive", arguments[0], "values", values);
 		db_ctl_print_json(object);

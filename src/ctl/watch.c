@@ -59,6 +59,8 @@ static void take_figures(void *data, json_t *parameters, const struct db_client_
 		return;
 	json_decref(watch->figures);
 	watch->figures = json_incref(json_object_get(parameters, "buses"));
+	if (watch->ctl->json)
+		db_ctl_print_json(parameters);
 	watch->changed = true;
 }
 

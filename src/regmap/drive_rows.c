@@ -28,13 +28,37 @@ static const char *result_name(unsigned code)
 	return db_result_name((enum db_result)code);
 }
 
-static const struct db_codes axis_states = { state_name, DB_AXIS_STATE_COUNT, false };
-static const struct db_codes errors = { error_name, 64, false };
-static const struct db_codes limits = { limit_name, DB_LIMIT_COUNT, false };
-static const struct db_codes results = { result_name, DB_RESULT_COUNT, false };
-static const struct db_codes command_codes = { db_command_name, DB_CMD_LIMIT, false };
-static const struct db_codes status_bits = { db_status_bit_name, DB_STATUS_BIT_COUNT, true };
-static const struct db_codes capability_bits = { db_capability_name, DB_CAPABILITY_COUNT, true };
+static const char *quality_name(unsigned code)
+{
+	switch (code) {
+	case DB_QUALITY_BAD:
+		return "bad";
+	case DB_QUALITY_UNCERTAIN:
+		return "uncertain";
+	case DB_QUALITY_GOOD:
+		return "good";
+	default:
+		return "unknown";
+	}
+}
+
+/* A parameter write is no command, and none is 0. */
+static const char *taken_command_name(unsigned code)
+{
+	return code == DB_CMD_NONE ? "unknown" : db_command_name(code);
+}
+
+static const struct db_codes axis_states = { state_name, DB_AXIS_STATE_COUNT, .bits = false };
+static const struct db_codes errors = { error_name, 64, .bits = false };
+static const struct db_codes limits = { limit_name, DB_LIMIT_COUNT, .bits = false };
+static const struct db_codes results = { result_name, DB_RESULT_COUNT, .bits = false };
+static const struct db_codes command_codes = { db_command_name, DB_CMD_LIMIT, .bits = false };
+static const struct db_codes status_bits = { db_status_bit_name, DB_STATUS_BIT_COUNT,
+	                                     .bits = true };
+static const struct db_codes capability_bits = { db_capability_name, DB_CAPABILITY_COUNT,
+	                                         .bits = true };
+static const struct db_codes qualities = { quality_name, DB_QUALITY_GOOD + 1, .told = true };
+static const struct db_codes taken_commands = { taken_command_name, DB_CMD_LIMIT, .told = true };
 
 /* --- what is there several times --------------------------------------------------------------------- */
 
@@ -160,10 +184,12 @@ static const struct db_row registers[] = {
 	        "16 the drive's"),
 	PROCESS( 2, "status",            BITS32, status,                  READ CODES(status_bits),
 	        "State in bits"),
-	PROCESS( 4, "quality",           U16,    quality,                 READ UPTO(192),
+	PROCESS( 4, "quality",           U16,    quality,                 READ UPTO(192)
+	        CODES(qualities),
 	        "Quality of the process data as in OPC: 0=bad 64=uncertain 192=good; good means "
 	        "online and not older than three cycles or 100 ms"),
-	PROCESS( 5, "active_command",    U16,    state.active_command,    READ,
+	PROCESS( 5, "active_command",    U16,    state.active_command,    READ
+	        CODES(taken_commands),
 	        "Oldest command that is not confirmed yet; 0=none; codes as in command"),
 	PROCESS( 6, "age_ms",            U32,    age_ms,                  READ UNIT("ms"),
 	        "Age of the process data; 4294967295=never read"),
@@ -171,7 +197,7 @@ static const struct db_row registers[] = {
 	        "Moment of the process data since 1970-01-01 UTC"),
 	PROCESS(12, "position",          I32,    feedback.position,       MEASURED UNIT("counts"),
 	        "Actual position in the drive's own units"),
-	PROCESS(14, "velocity",          F32,    feedback.velocity,       MEASURED UNIT("counts/s"),
+	PROCESS(14, "velocity",          F32,    feedback.velocity,       MEASURED UNIT(db_velocity_unit),
 	        "Actual velocity in the drive's own units; rpm on servo-can"),
 	PROCESS(16, "position_units",    F32,    position_units,          MEASURED
 	        UNIT("user units"),
@@ -241,10 +267,12 @@ static const struct db_row registers[] = {
 	PROCESS(56, "control_request",   U16,    control_request,         CONTROL UPTO(1),
 	        about_control_request),
 	PROCESS(57, "control_port",      U16,    control_port,            READ ANY_U16,
-	        "TCP port of the client that has control; 0=nobody"),
+	        "TCP port of the client that has control; 0=nobody; of a session of the control socket "
+	        "its number"),
 	PROCESS(58, "control_holder",    U32,    control_holder,          READ,
 	        "IPv4 address of the client that has control; its first byte highest; 0=nobody "
-	        "4294967295=an IPv6 address: see the clients in the gateway unit"),
+	        "4294967295=an IPv6 address: see the clients in the gateway unit; or a session of "
+	        "the control socket"),
 	PROCESS(60, "control_remaining_ms", U32, control_remaining_ms,    READ UNIT("ms"),
 	        about_control_remaining_ms),
 	RESULT( 62, "result_limit",      U16,    result_limit,            READ
@@ -282,7 +310,7 @@ static const struct db_row registers[] = {
 	BLOCK(102, "target_position",   I32,    args.target_position,    WRITE UNIT("counts")
 	      ANY_I32,
 	      "Target or distance in the drive's own units"),
-	BLOCK(104, "target_velocity",   F32,    args.target_velocity,    WRITE UNIT("counts/s"),
+	BLOCK(104, "target_velocity",   F32,    args.target_velocity,    WRITE UNIT(db_velocity_unit),
 	      "Velocity in the drive's own units; rpm on servo-can; 0 in a position move = the "
 	      "drive's preset speed"),
 	BLOCK(106, "output_number",     U16,    args.output_number,      WRITE ANY_U16,
@@ -373,10 +401,11 @@ static const struct db_row registers[] = {
 	             "Command #: IPv4 address of the client with its first byte highest; 0=the "
 	             "bridge itself 4294967295=see history#_address"),
 	HISTORY(     3008, "history#_port",     U16,    entry.port,         READ ANY_U16,
-	             "Command #: TCP port of the client"),
+	             "Command #: TCP port of the client; of a session of the control socket its number"),
 	HISTORY(     3009, "history#_command_id", U16,  entry.command_id,   READ ANY_U16,
 	             "Command #: as command_id"),
-	HISTORY(     3010, "history#_command",  U16,    entry.command,      READ,
+	HISTORY(     3010, "history#_command",  U16,    entry.command,      READ
+	             CODES(taken_commands),
 	             "Command #: as command; 0=a parameter write"),
 	HISTORY(     3011, "history#_result",   U16,    entry.result,       READ,
 	             "Command #: as result; of a motion that ended: cancelled when another "
@@ -401,7 +430,8 @@ static const struct db_row registers[] = {
 	             "or program_delay; of a parameter write the first value in bits"),
 	HISTORY_TEXT(4000, "history#_address",  TEXT,   address,            READ
 	             LENGTH(DB_CLIENT_ADDRESS_REGISTERS),
-	             "Command #: address of the client; empty=the bridge itself"),
+	             "Command #: address of the client or 'control' and the user of a session of the "
+	             "control socket; empty=the bridge itself"),
 };
 
 static const struct db_row bits[] = {

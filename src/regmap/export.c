@@ -323,7 +323,7 @@ static void add_description(const struct listed *listed, struct text *text)
 		else
 			append_text(text, "%c", *from);
 	}
-	if (entry->row->codes)
+	if (entry->row->codes && !entry->row->codes->told)
 		add_codes(entry->row->codes, text);
 	if (entry->param)
 		append_text(text, " (%s)", entry->param->name);

@@ -8,10 +8,6 @@
 #include <errno.h>
 #include <string.h>
 
-#define QUALITY_BAD 0
-#define QUALITY_UNCERTAIN 64
-#define QUALITY_GOOD 192
-
 /* Bits of the status that are not the bus's. */
 #define NET_BITS (DB_STATUS_BUSY | DB_STATUS_LATCHED | DB_STATUS_DONE | DB_STATUS_ABORTED)
 
@@ -58,11 +54,11 @@ static uint16_t quality_of(const struct db_view_drive *drive, const struct db_fe
                            db_time now)
 {
 	if (feedback->taken == 0)
-		return QUALITY_BAD;
+		return DB_QUALITY_BAD;
 	if (!(feedback->status & DB_STATUS_ONLINE))
-		return drive->registers->roster->modbus->stale_values ? QUALITY_UNCERTAIN :
-		                                                        QUALITY_BAD;
-	return age_of(feedback, now) <= drive->fresh_for ? QUALITY_GOOD : QUALITY_UNCERTAIN;
+		return drive->registers->roster->modbus->stale_values ? DB_QUALITY_UNCERTAIN :
+		                                                        DB_QUALITY_BAD;
+	return age_of(feedback, now) <= drive->fresh_for ? DB_QUALITY_GOOD : DB_QUALITY_UNCERTAIN;
 }
 
 static void fill_process(struct db_drive_image *image, const struct db_view_drive *drive,

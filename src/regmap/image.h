@@ -26,6 +26,11 @@ enum db_part {
 	DB_PART_HISTORY = 1u << 10,
 };
 
+/* Quality of process data, as in OPC. */
+#define DB_QUALITY_BAD 0
+#define DB_QUALITY_UNCERTAIN 64
+#define DB_QUALITY_GOOD 192
+
 #define DB_UNIT_NAME_REGISTERS 8
 #define DB_IDENTITY_REGISTERS (DB_IDENTITY_MAX / 2)
 #define DB_CLIENT_ADDRESS_REGISTERS 20 /* the longest address has 39 characters */

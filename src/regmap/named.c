@@ -323,6 +323,29 @@ void db_named_store_argument(const struct db_entry *entry, double number, struct
 		db_words_store(&cell, value, args);
 }
 
+const char *db_named_unit(const struct db_registers *registers, uint16_t number,
+                          const struct db_entry *entry)
+{
+	const struct db_view_drive *drive = find_drive(registers, number);
+	const char *unit = entry->param ? entry->param->unit : entry->row ? entry->row->unit : NULL;
+
+	if (unit == db_velocity_unit && drive && drive->bus_config->driver->velocity_unit)
+		return drive->bus_config->driver->velocity_unit;
+	return unit ? unit : "";
+}
+
+bool db_named_limit(const struct db_registers *registers, uint16_t number,
+                    const struct db_entry *entry, double *min, double *max)
+{
+	const struct db_view_drive *drive = find_drive(registers, number);
+
+	if (!drive || !db_named_is_argument(entry, DB_ARG_TARGET_VELOCITY))
+		return false;
+	*max = db_commander_max_velocity(drive->commander);
+	*min = -*max;
+	return isfinite(*max);
+}
+
 int db_named_write(struct db_registers *registers, const struct db_client *client, uint16_t number,
                    enum db_table table, uint16_t address, uint16_t count, const uint16_t *values,
                    struct db_write_token token)

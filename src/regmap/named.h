@@ -90,6 +90,15 @@ bool db_named_encode(const struct db_registers *registers, const struct db_entry
 bool db_named_is_argument(const struct db_entry *entry, enum db_arg arg);
 void db_named_store_argument(const struct db_entry *entry, double number, struct db_args *args);
 
+/* The unit of the values in a register of a drive or the gateway; "": they have none. */
+const char *db_named_unit(const struct db_registers *registers, uint16_t number,
+                          const struct db_entry *entry);
+
+/* What the configuration allows in the register of a drive, besides what its row or parameter says. False: this
+ * is not limited there. */
+bool db_named_limit(const struct db_registers *registers, uint16_t number,
+                    const struct db_entry *entry, double *min, double *max);
+
 /* A write as db_backend.write. */
 int db_named_write(struct db_registers *registers, const struct db_client *client, uint16_t number,
                    enum db_table table, uint16_t address, uint16_t count, const uint16_t *values,

@@ -8,6 +8,8 @@ const struct db_row_set *const db_row_sets[] = {
 	&db_drive_registers, &db_drive_bits, &db_drive_coils, &db_gateway_registers, NULL,
 };
 
+const char db_velocity_unit[] = "counts/s";
+
 #define AREA(of, in, from, to, title)                                                       \
 	{                                                                                   \
 		.name = (title), .view = (of), .table = (in), .first = (from), .last = (to) \

@@ -27,6 +27,7 @@ struct db_codes {
 	const char *(*name)(unsigned code); /* "unknown" where there is none */
 	unsigned count;
 	bool bits;
+	bool told; /* the row's description says them, or where they are */
 };
 
 /* What there are as many of as it repeats; at most `count`. */
@@ -78,6 +79,10 @@ struct db_row_set {
 
 /* Every one, null-terminated. */
 extern const struct db_row_set *const db_row_sets[];
+
+/* The unit of the rows with a velocity in the drive's own units, whatever that is in a family (see velocity_unit
+ * in drivebridge/driver.h). */
+extern const char db_velocity_unit[];
 
 /*
  * Registers that are read together. A read may cross what a drive lacks of one, and gets 0 there,

@@ -20,7 +20,7 @@ NAMES = ["feeder", "conveyor", "lift"]
 def plant(make_bridge):
     """Three drives under names, the first with a watchdog of a second."""
     bridge = make_bridge(drives=3, drive={"counts-per-unit": 640.0, "unit-name": "mm",
-                                          "max-velocity": 20.0},
+                                          "max-velocity": 20.0, "max-position": 10000.0},
                          per_drive={1: {"watchdog-ms": 1000}},
                          sim_drive={"set": ["spd=6400", "acc=64000", "dec=64000"]})
     for number, name in enumerate(NAMES, 1):
@@ -88,6 +88,23 @@ def test_get_gives_what_modbus_gives(plant):
         "spd": 6400.0, "position": plant.drive(1).read("position")}}
 
 
+def test_the_gateways_own_registers_have_names_too(plant):
+    assert ctl(plant, "get", "gateway", "drive_count") == "3\n"
+    assert re.search(r"^gateway: drivebridge \S+, .*\n\nvalues\n", ctl(plant, "show", "gateway"))
+    assert ctl(plant, "set", "gateway", "heartbeat=7") == "heartbeat = 7: ok\n"
+    assert plant.gateway().read("heartbeat") == 7
+    assert "heartbeat=" in ctl(plant, "names", "writable", "gateway").splitlines()
+    assert ctl(plant, "names", "units").splitlines() == [*NAMES, "gateway"]
+    assert "gateway has no register" in ctl(plant, "get", "gateway", "spd", status=2)
+
+
+def test_codes_have_names(plant):
+    assert ctl(plant, "get", "feeder", "quality", "active_command") == \
+        "quality = good\nactive_command = 0\n"
+    ctl(plant, "run", "feeder", "enable")
+    assert ctl(plant, "get", "feeder", "history1_command") == "enable\n"
+
+
 def test_bus_metrics_and_events_tell_of_the_same_plant(plant):
     said = ctl(plant, "bus")
     assert re.search(r"^line +vsmd-serial +up +[\d.]+, at most [\d.]+ ms +20.00 ms", said, re.M)
@@ -127,6 +144,12 @@ def test_set_writes_what_can_be(plant):
     assert "did you mean watchdog_ms" in ctl(plant, "set", "feeder", "watchdog=1", status=2)
 
 
+def test_what_the_configuration_limits_is_known_beforehand(plant):
+    # 20 mm/s, and 640 counts are a millimetre.
+    assert "target_velocity: 12801 is out of range, -12800 to 12800 counts/s" in \
+        ctl(plant, "run", "feeder", "move_velocity", "target_velocity=12801", status=2)
+
+
 def test_run_waits_for_the_end_of_the_motion(plant):
     assert ctl(plant, "run", "feeder", "enable") == "feeder: enable: ok\n"
     # Longer than its watchdog takes: who waits is there.
@@ -140,9 +163,9 @@ def test_run_waits_for_the_end_of_the_motion(plant):
 
 def test_what_is_refused_says_why_and_ends_with_1(plant):
     ctl(plant, "run", "feeder", "enable")
-    said = ctl(plant, "run", "feeder", "move_velocity", "target_velocity=20000", status=1)
-    assert said.startswith("drivebridgectl: limit: ")
-    (error,) = objects(plant, "run", "feeder", "move_velocity", "target_velocity=20000", status=1)
+    move = ("run", "feeder", "move_absolute", "target_position=6400001")
+    assert ctl(plant, *move, status=1).startswith("drivebridgectl: limit: ")
+    (error,) = objects(plant, *move, status=1)
     assert error["parameters"]["result"] == "limit"
     assert "did you mean move_relative" in ctl(plant, "run", "feeder", "move_relativ", status=2)
     assert "did you mean feeder?" in ctl(plant, "run", "feder", "enable", status=2)

@@ -457,7 +457,7 @@ def complete(fake, line):
 def test_the_shell_knows_commands_options_and_names(fake):
     assert complete(fake, "drivebridgectl st") == ["status"]
     assert complete(fake, "drivebridgectl status --j") == ["--json"]
-    assert complete(fake, "drivebridgectl show ")[-2:] == ["feeder", "lift"]
+    assert complete(fake, "drivebridgectl show ")[-3:] == ["feeder", "lift", "gateway"]
     assert complete(fake, "drivebridgectl --json run f") == ["feeder"]
     assert complete(fake, "drivebridgectl run feeder move_") == ["move_velocity", "move_absolute"]
     assert complete(fake, "drivebridgectl run feeder move_velocity t") == ["target_velocity="]

@@ -3,6 +3,7 @@
 command-word frame, faults by name, synchronous start."""
 
 import pytest
+import varlink
 from bridgelib import (
     CONTINUOUS,
     DISABLED,
@@ -204,3 +205,13 @@ def test_command_words_are_held_and_may_share_an_id(make_servo):
     assert bridge.sim.get()["unknown"] == 0
     assert drive.write("pos1", 1) == 0
     assert drive.command("move_absolute", target_position=0, target_velocity=0) == 4
+
+
+def test_tools_are_told_the_unit_of_a_velocity(make_servo):
+    """Where counts/s would be taken for it, a motor would turn 60 times as fast or worse."""
+    bridge = make_servo(drive={"counts-per-unit": 500, "counts-per-turn": 10000, "max-velocity": 400})
+    with varlink.Client(f"unix:{bridge.control_path}").open("io.drivebridge.Control") as tool:
+        registers = {one["name"]: one for one in tool.Registers("drive1")["registers"]}
+    assert registers["velocity"]["unit"] == registers["target_velocity"]["unit"] == "rpm"
+    # 200,000 counts a second.
+    assert registers["target_velocity"]["max"] == -registers["target_velocity"]["min"] == 1200

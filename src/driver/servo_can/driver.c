@@ -180,6 +180,7 @@ const struct db_driver db_driver_servo_can = {
 	.param_page = 2,
 	.acceleration_param = PARAM_ACCELERATION,
 	.deceleration_param = PARAM_DECELERATION,
+	.velocity_unit = "rpm",
 	.preset_velocity_param = PARAM_MAX_SPEED,
 	.velocity_counts = servo_can_velocity_counts,
 	.check = servo_can_check_command,
