@@ -135,8 +135,6 @@ struct db_driver {
 	unsigned output_count; /* ports of set_output, as coils 0.. */
 	const struct db_param *params;
 	size_t param_count; /* <= DB_PARAMS_MAX */
-	uint64_t
-		secret_params; /* bit of each whose value nobody is to read, in the history either */
 	const struct db_drive_bit
 		*status_bits; /* of drive_status, ascending; null: none are named */
 	size_t status_bit_count;

@@ -44,6 +44,20 @@ double db_value_number(enum db_type type, union db_value value);
  */
 bool db_value_from_number(enum db_type type, double number, union db_value *value);
 
+/* What matters to who reads or writes all parameters of a drive. */
+enum db_param_trait {
+	DB_PARAM_HAS_PRESET = 1u << 0, /* `preset` is what its vendor delivers it with */
+	DB_PARAM_ADDRESS = 1u << 1,    /* where the drive is heard: its address, its bit rate */
+	DB_PARAM_DERIVED = 1u << 2,    /* the drive does not hold it: it follows from others */
+	DB_PARAM_ACTION = 1u << 3,     /* no value: writing it makes the drive do something */
+	DB_PARAM_SECRET = 1u << 4,     /* nobody is to read it, in the history either */
+	DB_PARAM_FIRST = 1u << 5,      /* others rest upon it: of a set it is written first */
+	DB_PARAM_LAST = 1u << 6,       /* puts others to use: of a set it is written last */
+	DB_PARAM_TOGETHER = 1u << 7,   /* of a set it is written in one with those beside it */
+};
+#define DB_PARAM_TRAIT_COUNT 8
+const char *db_param_trait_name(unsigned bit); /* 1 = "address" ... */
+
 /*
  * A parameter of a drive as its vendor documents it. min <= value <= max, both inclusive, in
  * `unit`. Tables of these are const and live as long as the program.
@@ -56,6 +70,8 @@ struct db_param {
 	double max;
 	bool max_is_model; /* the document leaves the upper bound to the model; max is the widest */
 	const char *description; /* one line, English, vendor term in brackets where it helps */
+	unsigned traits;         /* enum db_param_trait */
+	double preset;           /* with DB_PARAM_HAS_PRESET */
 };
 
 /* A bit of a drive's own status word that its vendor documents. */

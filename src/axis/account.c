@@ -38,10 +38,11 @@ void db_account_add_settings(struct db_commander *commander, const struct db_cli
                              const struct db_setting *settings, enum db_result result,
                              struct db_slot *slot)
 {
+	const struct db_driver *driver = commander->config.driver;
 	uint16_t param = settings[0].param;
 	/* Everybody who may read reads the history. */
-	bool secret = param < DB_PARAMS_MAX &&
-	              (commander->config.driver->secret_params >> param & 1);
+	bool secret = param < driver->param_count &&
+	              (driver->params[param].traits & DB_PARAM_SECRET);
 	struct db_history_entry entry = {
 		.number = param,
 		.value = secret ? 0 : settings[0].value.u,

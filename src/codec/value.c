@@ -35,6 +35,15 @@ double db_value_number(enum db_type type, union db_value value)
 	}
 }
 
+const char *db_param_trait_name(unsigned bit)
+{
+	static const char *const names[DB_PARAM_TRAIT_COUNT] = {
+		"preset", "address", "derived", "action", "secret", "first", "last", "together",
+	};
+
+	return names[bit];
+}
+
 static bool whole_in(double number, double min, double max)
 {
 	return number >= min && number <= max && floor(number) == number;

@@ -10,6 +10,9 @@
 /* The strongest model of the family; the document leaves the bound of each to the model. */
 #define CURRENT_MAX 10.0
 
+/* Of those few the documents say how drives are delivered; events and limits rest upon them. */
+#define AS_DELIVERED(number) .traits = DB_PARAM_FIRST | DB_PARAM_HAS_PRESET, .preset = (number)
+
 #define EVENTS                                                                                 \
 	"0=none 1=set origin 2=decelerate 3=decelerate then set origin 4=stop at once "        \
 	"5=stop at once then set origin 6=run forward 7=run backward 8=start offline program " \
@@ -46,20 +49,28 @@ const struct db_drive_bit vsmd_status_bits[VSMD_STATUS_BITS] = {
 
 const struct db_param vsmd_params[VSMD_PARAM_COUNT] = {
 	[VSMD_BDR] = { "bdr", DB_U32, "bit/s", 2400, 921600, false,
-	               "Baud rate (波特率); effective after save_parameters and a power cycle" },
+	               .description =
+	                       "Baud rate (波特率); effective after save_parameters and a power cycle",
+	               .traits = DB_PARAM_ADDRESS },
 	[VSMD_CID] = { "cid", DB_U16, "", 1, 32, false,
-	               "Device id on RS485 (设备 ID); effective after save_parameters and a power cycle" },
+	               .description =
+	                       "Device id on RS485 (设备 ID); effective after save_parameters and a power cycle",
+	               .traits = DB_PARAM_ADDRESS },
 #include "codec/vsmd_params.inc"
 };
 
 const struct db_param vsmd_can_params[VSMD_PARAM_COUNT] = {
 	[VSMD_BDR] = { "bdr", DB_U32, "bit/s", 20000, 1000000, false,
-	               "Bit rate on CAN (波特率), one of the vendor's table: 20 25 30 40 50 60 75 80 90 100 125 "
-	               "150 200 250 300 400 500 600 750 900 1000 kbit/s; effective after save_parameters and "
-	               "a power cycle" },
+	               .description =
+	                       "Bit rate on CAN (波特率), one of the vendor's table: 20 25 30 40 50 60 75 80 90 100 125 "
+	                       "150 200 250 300 400 500 600 750 900 1000 kbit/s; effective after save_parameters and "
+	                       "a power cycle",
+	               .traits = DB_PARAM_ADDRESS | DB_PARAM_HAS_PRESET, .preset = 100000 },
 	[VSMD_CID] = { "cid", DB_U16, "", 1, 110, false,
-	               "Device id on CAN (设备 ID); standard frames reach 1 to 15; effective after "
-	               "save_parameters and a power cycle" },
+	               .description =
+	                       "Device id on CAN (设备 ID); standard frames reach 1 to 15; effective after "
+	                       "save_parameters and a power cycle",
+	               .traits = DB_PARAM_ADDRESS },
 #include "codec/vsmd_params.inc"
 };
 

@@ -32,55 +32,70 @@ const struct xyza_item_place xyza_items[XYZA_ITEM_COUNT] = {
 
 const struct db_param xyza_params[XYZA_SHOWN_COUNT] = {
 	[XYZA_MIN_SPEED] = { "min_speed", DB_U32, "Hz", 0, U32_MAX, true,
-	                     "Speed at which a motion starts and ends (最低速度)" },
+	                     .description = "Speed at which a motion starts and ends (最低速度)" },
 	[XYZA_MAX_SPEED] = { "max_speed", DB_U32, "Hz", 1, U32_MAX, true,
-	                     "Highest speed, of programs (最高速度)" },
+	                     .description = "Highest speed, of programs (最高速度)" },
 	[XYZA_ACCELERATION_TIME] = { "acceleration_time", DB_U32, "0.1 s", 0, U32_MAX, true,
-	                             "Time from min_speed to max_speed (加速时间)" },
+	                             .description = "Time from min_speed to max_speed (加速时间)" },
 	[XYZA_MANUAL_SPEED] = { "manual_speed", DB_U32, "Hz", 1, U32_MAX, true,
-	                        "Speed of manual mode (手动速度)" },
+	                        .description = "Speed of manual mode (手动速度)" },
 	[XYZA_STEP_ANGLE] = { "step_angle", DB_U32, "steps/rev", 1, U32_MAX, true,
-	                      "Full steps per motor turn (电机步进角); 200 = 1.8 degrees" },
+	                      .description =
+	                              "Full steps per motor turn (电机步进角); 200 = 1.8 degrees" },
 	[XYZA_MICROSTEP] = { "microstep", DB_U32, "", 1, U32_MAX, true,
-	                     "Microsteps per full step (驱动器细分)" },
+	                     .description = "Microsteps per full step (驱动器细分)" },
 	[XYZA_LEAD] = { "lead", DB_U32, "0.001 mm", 1, U32_MAX, true,
-	                "Way per motor turn (导程); 5000 = 5 mm" },
+	                .description = "Way per motor turn (导程); 5000 = 5 mm" },
 	[XYZA_ENABLE] = { "enable", DB_U16, "", 0, AXES_MAX, false,
-	                  "Motors that are always enabled (电机使能): " AXES },
+	                  .description = "Motors that are always enabled (电机使能): " AXES,
+	                  .traits = DB_PARAM_LAST },
 	[XYZA_START_KEY] = { "start_key", DB_U16, "", 1, 7, false,
-	                     "Input that starts a program (启动键): 1=K1 ... 7=K7" },
+	                     .description = "Input that starts a program (启动键): 1=K1 ... 7=K7" },
 	[XYZA_STOP_KEY] = { "stop_key", DB_U16, "", 1, 7, false,
-	                    "Input that stops a program (停止键): 1=K1 ... 7=K7" },
+	                    .description = "Input that stops a program (停止键): 1=K1 ... 7=K7" },
 	[XYZA_PAUSE_KEY] = { "pause_key", DB_U16, "", 0, 8, false,
-	                     "Input that pauses a program (暂停键): 0=none or 8=K8" },
+	                     .description =
+	                             "Input that pauses a program (暂停键): 0=none or 8=K8" },
 	[XYZA_BRAKE] = { "brake", DB_U16, "", 0, AXES_MAX, false,
-	                 "Axes that decelerate before they stand (刹车设置): " AXES
-	                 "; the others stop at once" },
+	                 .description = "Axes that decelerate before they stand (刹车设置): " AXES
+	                                "; the others stop at once" },
 	[XYZA_SOUND] = { "sound", DB_U16, "", 0, 1, false,
-	                 "Sound while a motor turns (声音设置): 0=off 1=on" },
+	                 .description = "Sound while a motor turns (声音设置): 0=off 1=on" },
 	[XYZA_READ_PASSWORD] = { "read_password", DB_U32, "", 0, U32_MAX, false,
-	                         "Item C5 (读取密码); its content is not documented" },
+	                         .description = "Item C5 (读取密码); its content is not documented",
+	                         .traits = DB_PARAM_SECRET },
 	[XYZA_PASSWORD] = { "password", DB_U32, "", 0, U32_MAX, false,
-	                    "Item C6 (密码设置); its content is not documented" },
+	                    .description = "Item C6 (密码设置); its content is not documented",
+	                    .traits = DB_PARAM_SECRET },
 	[XYZA_START_UP] = { "start_up", DB_U16, "", 0, 1, false,
-	                    "Run the program at power-up (启动设置): 0=no 1=yes" },
+	                    .description = "Run the program at power-up (启动设置): 0=no 1=yes" },
 	[XYZA_SYSTEM_INFO] = { "system_info", DB_U32, "", 0, U32_MAX, false,
-	                       "Item C8 (系统信息); its codes are the vendor's; to be unlocked" },
+	                       .description =
+	                               "Item C8 (系统信息); its codes are the vendor's; to be unlocked" },
 	[XYZA_PULSE_MODE] = { "pulse_mode", DB_U16, "", 0, AXES_MAX, false,
-	                      "Axes with a pulse line per direction (脉冲方式): " AXES
-	                      "; the others have pulse and direction" },
+	                      .description =
+	                              "Axes with a pulse line per direction (脉冲方式): " AXES
+	                              "; the others have pulse and direction" },
 	[XYZA_FACTORY_RESET] = { "factory_reset", DB_U16, "", 1, 1, false,
-	                         "1=all parameters as delivered (恢复出厂); cannot be read; to be unlocked; "
-	                         "needs 10 s and a power cycle" },
+	                         .description =
+	                                 "1=all parameters as delivered (恢复出厂); cannot be read; to be unlocked; "
+	                                 "needs 10 s and a power cycle",
+	                         .traits = DB_PARAM_ACTION },
 	[XYZA_SLAVE_NUMBER] = { "slave_number", DB_U16, "", 1, XYZA_OBJECT_MAX, false,
-	                        "The controller's number on the bus (从机序号); cannot be read; to be "
-	                        "unlocked; effective at once" },
+	                        .description =
+	                                "The controller's number on the bus (从机序号); cannot be read; to be "
+	                                "unlocked; effective at once",
+	                        .traits = DB_PARAM_ADDRESS },
 	[XYZA_RAMP_ACCELERATION] = { "ramp_acceleration", DB_F32, "Hz/s", 0, FLT_MAX, false,
-	                             "Acceleration, from min_speed, max_speed and acceleration_time, which is what a "
-	                             "write changes; 0 = none: straight to the speed" },
+	                             .description =
+	                                     "Acceleration, from min_speed, max_speed and acceleration_time, which is what a "
+	                                     "write changes; 0 = none: straight to the speed",
+	                             .traits = DB_PARAM_DERIVED },
 	[XYZA_RAMP_DECELERATION] = { "ramp_deceleration", DB_F32, "Hz/s", 0, FLT_MAX, false,
-	                             "Deceleration: the same ramp where the axis has brake, and a write changes both; "
-	                             "0 = none: every stop is immediate" },
+	                             .description =
+	                                     "Deceleration: the same ramp where the axis has brake, and a write changes both; "
+	                                     "0 = none: every stop is immediate",
+	                             .traits = DB_PARAM_DERIVED },
 };
 
 #define READ_WRITE (XYZA_CAN_READ | XYZA_CAN_WRITE)

@@ -25,6 +25,7 @@ const struct db_param servo_can_params[SERVO_CAN_PARAM_COUNT] = {
 		.description = "Acceleration; write only in the drive and readable once written, also "
 			       "by the configuration's ramp-acceleration; written together with "
 			       "ramp_deceleration the first time",
+		.traits = DB_PARAM_TOGETHER,
 	},
 	[PARAM_DECELERATION] = {
 		.name = "ramp_deceleration",
@@ -32,6 +33,7 @@ const struct db_param servo_can_params[SERVO_CAN_PARAM_COUNT] = {
 		.unit = "rpm/s",
 		.max = UINT32_MAX,
 		.description = "Deceleration; as ramp_acceleration",
+		.traits = DB_PARAM_TOGETHER,
 	},
 	[PARAM_MAX_SPEED] = {
 		.name = "max_speed",

@@ -249,7 +249,6 @@ const struct db_driver db_driver_xyza = {
 	.output_count = XYZA_OUTPUTS,
 	.params = xyza_params,
 	.param_count = XYZA_SHOWN_COUNT,
-	.secret_params = XYZA_SECRET_PARAMS,
 	.status_bits = status_bits,
 	.status_bit_count = sizeof status_bits / sizeof status_bits[0],
 	.param_page = 1,

@@ -18,7 +18,7 @@ static void learn_one(struct db_device *device, enum xyza_param param, union db_
 	uint64_t bit = UINT64_C(1) << param;
 
 	/* Whoever may only read is not to read passwords. */
-	if (XYZA_SECRET_PARAMS & bit)
+	if (xyza_params[param].traits & DB_PARAM_SECRET)
 		value.u = 0;
 	if ((device->plate.valid & bit) && device->plate.values[param].u == value.u)
 		return;

@@ -12,9 +12,6 @@
 #define STATUS_STANDS 1
 #define STATUS_PROGRAM 8
 
-/* Parameters that nobody is to read. */
-#define XYZA_SECRET_PARAMS (UINT64_C(1) << XYZA_READ_PASSWORD | UINT64_C(1) << XYZA_PASSWORD)
-
 void xyza_take_program(struct db_device *first, const struct xyza_reply *reply);
 
 /* What an item was read as. */

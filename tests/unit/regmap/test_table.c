@@ -16,11 +16,11 @@
 
 /* A family that has every measure and parameters that need gaps. */
 static const struct db_param params[] = {
-	{ "first", DB_U16, "", 0, 9, false, "first" },
-	{ "second", DB_F32, "A", 0, 9, false, "second" },
-	{ "third", DB_I16, "", -9, 9, false, "third" },
-	{ "fourth", DB_U16, "", 0, 9, false, "fourth" },
-	{ "fifth", DB_I32, "", -9, 9, false, "fifth" },
+	{ "first", DB_U16, "", 0, 9, false, .description = "first" },
+	{ "second", DB_F32, "A", 0, 9, false, .description = "second" },
+	{ "third", DB_I16, "", -9, 9, false, .description = "third" },
+	{ "fourth", DB_U16, "", 0, 9, false, .description = "fourth" },
+	{ "fifth", DB_I32, "", -9, 9, false, .description = "fifth" },
 };
 
 static const struct db_driver everything = {
