@@ -86,19 +86,40 @@ static int read_options(struct db_ctl *ctl, int argc, char **argv, bool *given)
 	}
 }
 
-static const struct db_ctl_command *find_command(const struct db_ctl *ctl, const char *name)
+/* How many words of the command line are this command's name; 0: they are another. */
+static int count_words(const struct db_ctl_command *command, int count, char **words)
+{
+	size_t first = strcspn(command->name, " ");
+
+	if (strlen(words[0]) != first || strncmp(words[0], command->name, first) != 0)
+		return 0;
+	if (command->name[first] == '\0')
+		return 1;
+	return count > 1 && strcmp(words[1], command->name + first + 1) == 0 ? 2 : 0;
+}
+
+/* With the number of words that name it. */
+static const struct db_ctl_command *find_command(const struct db_ctl *ctl, int count, char **words,
+                                                 int *taken)
 {
 	json_t *list = json_array();
+	size_t first = strlen(words[0]);
+	char name[128];
 	char nearest[256];
 
+	(void)snprintf(name, sizeof(name), "%s", words[0]);
 	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {
-		if (strcmp(command->name, name) == 0) {
+		*taken = count_words(command, count, words);
+		if (*taken > 0) {
 			json_decref(list);
 			return command;
 		}
 		if (command->description)
 			(void)json_array_append_new(list,
 			                            json_pack("{s:s}", "name", command->name));
+		if (count > 1 && strncmp(words[0], command->name, first) == 0 &&
+		    command->name[first] == ' ')
+			(void)snprintf(name, sizeof(name), "%s %s", words[0], words[1]);
 	}
 	db_ctl_nearest_names(list, name, nearest, sizeof(nearest));
 	json_decref(list);
@@ -133,6 +154,7 @@ int main(int argc, char **argv)
 	bool given[OPTIONS_MAX] = { false };
 	const struct db_ctl_command *command;
 	enum db_ctl_status status = DB_CTL_USAGE;
+	int words = 0;
 	int ended = read_options(&ctl, argc, argv, given);
 
 	if (ended >= 0)
@@ -144,13 +166,15 @@ int main(int argc, char **argv)
 	/* A pager that ends is no accident. */
 	(void)signal(SIGPIPE, SIG_IGN);
 	ctl.colour = isatty(STDOUT_FILENO) && !(no_colour && no_colour[0]);
-	command = find_command(&ctl, argv[optind]);
+	command = find_command(&ctl, argc - optind, argv + optind, &words);
+	argc -= optind + words;
+	argv += optind + words;
 	if (command)
-		status = check_arguments(&ctl, command, argc - optind - 1, given);
+		status = check_arguments(&ctl, command, argc, given);
 	if (status == DB_CTL_OK && command->connects)
 		status = db_ctl_open(&ctl);
 	if (status == DB_CTL_OK)
-		status = command->function(&ctl, argc - optind - 1, argv + optind + 1);
+		status = command->function(&ctl, argc, argv);
 	db_ctl_close(&ctl);
 	if (fflush(stdout) != 0 && status == DB_CTL_OK)
 		status = DB_CTL_NO;

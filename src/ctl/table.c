@@ -4,6 +4,7 @@
 #include "ctl/events.h"
 #include "ctl/jog.h"
 #include "ctl/names.h"
+#include "ctl/params.h"
 #include "ctl/run.h"
 #include "ctl/service.h"
 #include "ctl/set.h"
@@ -30,6 +31,15 @@ const struct db_ctl_command db_ctl_commands[] = {
 	  "Move a drive while an arrow key is held", db_ctl_jog },
 	{ "watch", "[DRIVE...]", "drives", 0, -1, true,
 	  "Positions, velocities, states and the buses' load, as they change", db_ctl_watch },
+	{ "params list", "DRIVE [FILE]", "drives files", 1, 2, true,
+	  "All parameters with units, ranges and defaults; marked what is not as the vendor delivers it, or not as in the file",
+	  db_ctl_params_list },
+	{ "params save", "DRIVE [FILE]", "drives files", 1, 2, true,
+	  "All parameters into a file, DRIVE.params when none is given, - for standard output", db_ctl_params_save },
+	{ "params diff", "A B", "drives-or-files drives-or-files", 2, 2, true,
+	  "How the parameters of a drive, a file or the defaults (default) differ from those of another; ends with 0 when "
+	  "they do not, with 1 when they do, with 2 when that is not known",
+	  db_ctl_params_diff },
 	{ "bus", "", "", 0, 0, true,
 	  "Cycle, jitter, load, errors and round trips", db_ctl_bus },
 	{ "events", "", "", 0, 0, true,

@@ -16,11 +16,11 @@ struct db_ctl_option {
 };
 
 struct db_ctl_command {
-	const char *name;
+	const char *name;      /* one word, or two with a space between */
 	const char *arguments; /* as the help shows them */
 	/*
 	 * What each is, for completion: kinds of `drivebridgectl names` (drives, registers, writable, commands,
-	 * arguments) or files, with spaces between; the last one is repeated.
+	 * arguments), files or drives-or-files, with spaces between; the last one is repeated.
 	 */
 	const char *kinds;
 	int min; /* arguments */

@@ -63,11 +63,44 @@ static void write_valued(void)
 	}
 }
 
+/* Letters of the first word of its name. */
+static int count_first(const struct db_ctl_command *command)
+{
+	return (int)strcspn(command->name, " ");
+}
+
+/* Whether it is the first of those whose names begin with the same one of two words. */
+static bool begins_group(const struct db_ctl_command *command)
+{
+	size_t first = (size_t)count_first(command);
+
+	if (command->name[first] == '\0')
+		return false;
+	for (const struct db_ctl_command *before = db_ctl_commands; before != command; before++) {
+		if (strncmp(before->name, command->name, first + 1) == 0)
+			return false;
+	}
+	return true;
+}
+
+/* What can stand behind the first word. */
+static void write_group(const struct db_ctl_command *group)
+{
+	size_t first = (size_t)count_first(group);
+
+	(void)printf("\t%.*s) printf '%%s\\n'", (int)first, group->name);
+	for (const struct db_ctl_command *command = group; command->name; command++) {
+		if (strncmp(command->name, group->name, first + 1) == 0)
+			(void)printf(" %s", command->name + first + 1);
+	}
+	(void)puts("; return ;;");
+}
+
 /* Both shells ask the same function what can stand next; only what they do with it differs. */
 static void write_next_words(void)
 {
 	(void)puts(
-		"# Prints what can stand behind these words, one a line; \"files\" alone stands for "
+		"# Prints what can stand behind these words, one a line; \"files\" as the last one stands for "
 		"file names.");
 	(void)puts("_drivebridgectl_next() {");
 	(void)puts("\tlocal word kind command='' kinds='' socket=() rest=()");
@@ -81,24 +114,34 @@ static void write_next_words(void)
 	write_valued();
 	(void)puts(") [ $# -eq 0 ] || shift ;;");
 	(void)puts("\t\t-*) ;;");
-	(void)puts(
-		"\t\t*) if [ -z \"$command\" ]; then command=$word; else rest+=(\"$word\"); fi ;;");
+	(void)puts("\t\t*) case $command in '') command=$word ;;");
+	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {
+		if (begins_group(command))
+			(void)printf("\t\t\t%.*s) command=\"$command $word\" ;;\n",
+			             count_first(command), command->name);
+	}
+	(void)puts("\t\t\t*) rest+=(\"$word\") ;; esac ;;");
 	(void)puts("\t\tesac");
 	(void)puts("\tdone");
 	(void)puts("\tcase $command in");
 	(void)puts("\t'') printf '%s\\n' \\");
 	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {
-		if (command->description)
-			(void)printf("\t\t%s \\\n", command->name);
+		if (command->description &&
+		    (command->name[count_first(command)] == '\0' || begins_group(command)))
+			(void)printf("\t\t%.*s \\\n", count_first(command), command->name);
 	}
 	(void)printf("\t\t");
 	write_options(NULL);
 	(void)puts("");
 	(void)puts("\t\treturn ;;");
 	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {
+		if (begins_group(command))
+			write_group(command);
+	}
+	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {
 		if (!command->description)
 			continue;
-		(void)printf("\t%s) kinds='%s%s' && printf '%%s\\n' ", command->name,
+		(void)printf("\t'%s') kinds='%s%s' && printf '%%s\\n' ", command->name,
 		             command->kinds, command->max > 0 ? " -" : "");
 		write_options(command);
 		(void)puts(" ;;");
@@ -112,6 +155,8 @@ static void write_next_words(void)
 	(void)puts("\tcase $kind in");
 	(void)puts("\t'' | -) ;;");
 	(void)puts("\tfiles) printf 'files\\n' ;;");
+	(void)puts("\tdrives-or-files) drivebridgectl \"${socket[@]}\" names drives 2>/dev/null");
+	(void)puts("\t\tprintf '%s\\n' default files ;;");
 	(void)puts("\t*) drivebridgectl \"${socket[@]}\" names \"$kind\" \"${rest[@]:0:2}\" "
 	           "2>/dev/null ;;");
 	(void)puts("\tesac");
@@ -131,9 +176,10 @@ static void write_bash(void)
 	(void)puts("\tlocal current=${COMP_WORDS[COMP_CWORD]} next");
 	(void)puts("");
 	(void)puts("\tnext=$(_drivebridgectl_next \"${COMP_WORDS[@]:1:COMP_CWORD-1}\")");
-	(void)puts("\tmapfile -t COMPREPLY < <(compgen -W \"$next\" -- \"$current\")");
+	(void)puts("\tmapfile -t COMPREPLY < <(compgen -W \"${next%files}\" -- \"$current\")");
 	(void)puts("\tcase $next in");
-	(void)puts("\t*files) mapfile -t COMPREPLY < <(compgen -f -- \"$current\") ;;");
+	(void)puts("\t*files) mapfile -t -O \"${#COMPREPLY[@]}\" COMPREPLY < <(compgen -f -- "
+	           "\"$current\") ;;");
 	(void)puts("\tesac");
 	(void)puts("\t# Behind NAME= a value follows, not the next word.");
 	(void)puts("\tcase ${COMPREPLY[*]} in *=) compopt -o nospace 2>/dev/null ;; esac");
@@ -155,11 +201,11 @@ static void write_zsh(void)
 	(void)puts("\tsetopt localoptions shwordsplit");
 	(void)puts("\tnext=(${(f)\"$(_drivebridgectl_next \"${(@)words[2,CURRENT-1]}\")\"})");
 	(void)puts("\tif [[ ${next[-1]:-} == files ]]; then");
+	(void)puts("\t\tnext[-1]=()");
 	(void)puts("\t\t_files");
-	(void)puts("\telse");
-	(void)puts("\t\tcompadd -- ${next:#*=}");
-	(void)puts("\t\tcompadd -S '' -- ${(M)next:#*=}");
 	(void)puts("\tfi");
+	(void)puts("\tcompadd -- ${next:#*=}");
+	(void)puts("\tcompadd -S '' -- ${(M)next:#*=}");
 	(void)puts("}");
 	(void)puts("_drivebridgectl \"$@\"");
 }

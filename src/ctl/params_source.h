@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Where sets of parameters come from: drives, files, the vendors' defaults; and how two of them differ. */
+#ifndef DRIVEBRIDGE_CTL_PARAMS_SOURCE_H
+#define DRIVEBRIDGE_CTL_PARAMS_SOURCE_H
+
+#include "ctl/params_file.h"
+#include "ctl/session.h"
+
+/*
+ * The parameters of a drive that is there, of a file ("-": standard input), and of either by its name. DB_CTL_OK, or
+ * the reason is printed. `families` as db_ctl_read_families() has it. Either way to be cleared.
+ */
+enum db_ctl_status db_ctl_params_read_drive(struct db_ctl *ctl, const json_t *families,
+                                            const char *name, struct db_ctl_params *params);
+enum db_ctl_status db_ctl_params_read_file(const struct db_ctl *ctl, const json_t *families,
+                                           const char *path, struct db_ctl_params *params);
+enum db_ctl_status db_ctl_params_find(struct db_ctl *ctl, const json_t *families, const char *name,
+                                      struct db_ctl_params *params);
+
+/* What the vendor delivers drives of the same family with, as far as its documents say. Pure. */
+void db_ctl_params_take_defaults(const struct db_ctl_params *like, struct db_ctl_params *params);
+
+/* Of one of them, NULL when the set says nothing of it. Pure. */
+const json_t *db_ctl_params_value(const struct db_ctl_params *params, const char *name);
+
+/*
+ * The names of those that differ, in the order of the table, as an array that the caller frees. What only one of
+ * both says differs, but for what a default is not known of. Pure.
+ */
+json_t *db_ctl_params_compare(const struct db_ctl_params *one, const struct db_ctl_params *other);
+
+#endif
