@@ -52,6 +52,12 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 		ctl->interval = value;
 	else if (strcmp(name, "follow") == 0)
 		ctl->follow = true;
+	else if (strcmp(name, "yes") == 0)
+		ctl->yes = true;
+	else if (strcmp(name, "save") == 0)
+		ctl->save = true;
+	else if (strcmp(name, "with-address") == 0)
+		ctl->with_address = true;
 }
 
 /* -1 to go on, else the status to exit with. `given` has a place for each option. */

@@ -31,6 +31,9 @@ struct db_ctl {
 	bool no_wait;
 	bool all;
 	bool follow;
+	bool yes;
+	bool save;
+	bool with_address;
 	const char *velocity;
 	const char *interval;
 	/* Behind db_ctl_open(). */

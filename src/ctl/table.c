@@ -5,6 +5,7 @@
 #include "ctl/jog.h"
 #include "ctl/names.h"
 #include "ctl/params.h"
+#include "ctl/params_restore.h"
 #include "ctl/run.h"
 #include "ctl/service.h"
 #include "ctl/set.h"
@@ -40,6 +41,10 @@ const struct db_ctl_command db_ctl_commands[] = {
 	  "How the parameters of a drive, a file or the defaults (default) differ from those of another; ends with 0 when "
 	  "they do not, with 1 when they do, with 2 when that is not known",
 	  db_ctl_params_diff },
+	{ "params restore", "DRIVE FILE", "drives files -", 2, 2, true,
+	  "Write into a drive what a file has otherwise, one after the other, each read back; shows what differs and asks "
+	  "first; started again, it goes on where it ended",
+	  db_ctl_params_restore },
 	{ "bus", "", "", 0, 0, true,
 	  "Cycle, jitter, load, errors and round trips", db_ctl_bus },
 	{ "events", "", "", 0, 0, true,
@@ -62,6 +67,9 @@ const struct db_ctl_option db_ctl_options[] = {
 	{ "velocity", "V", " jog ", "How fast, in the unit of target_velocity; a tenth of its limit when not given" },
 	{ "interval", "MS", " watch ", "Time between two pictures, 200 ms when not given; 0: every cycle" },
 	{ "follow", NULL, " events ", "Go on with those to come" },
+	{ "yes", NULL, " params restore ", "Do not ask" },
+	{ "save", NULL, " params restore ", "Run save_parameters afterwards, so that the drive keeps them without power" },
+	{ "with-address", NULL, " params restore ", "Also what says where the drive is heard: its address, its bit rate" },
 	{ "help", NULL, NULL, "Print what there is" },
 	{ "version", NULL, NULL, "Print the version" },
 	{ NULL, NULL, NULL, NULL },
