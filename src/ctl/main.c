@@ -58,6 +58,10 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 		ctl->save = true;
 	else if (strcmp(name, "with-address") == 0)
 		ctl->with_address = true;
+	else if (strcmp(name, "all-speeds") == 0)
+		ctl->all_speeds = true;
+	else if (strcmp(name, "speed") == 0)
+		ctl->speed = value;
 }
 
 /* -1 to go on, else the status to exit with. `given` has a place for each option. */

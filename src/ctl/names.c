@@ -32,6 +32,8 @@ enum db_ctl_status db_ctl_names(struct db_ctl *ctl, int count, char **arguments)
 		print_names(json_object_get(ctl->description, "drives"), false, "");
 		if (kind[0] == 'u')
 			(void)puts("gateway");
+	} else if (strcmp(kind, "buses") == 0) {
+		print_names(json_object_get(ctl->description, "buses"), false, "");
 	} else if (!unit) {
 		return DB_CTL_USAGE; /* nothing follows a name that does not exist */
 	} else if (strcmp(kind, "registers") == 0 || strcmp(kind, "writable") == 0) {

@@ -36,6 +36,8 @@ struct db_ctl {
 	bool with_address;
 	const char *velocity;
 	const char *interval;
+	bool all_speeds;
+	const char *speed;
 	/* Behind db_ctl_open(). */
 	struct db_client *client;
 	json_t *description; /* the answer of Describe */

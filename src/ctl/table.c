@@ -7,6 +7,7 @@
 #include "ctl/params.h"
 #include "ctl/params_restore.h"
 #include "ctl/run.h"
+#include "ctl/scan.h"
 #include "ctl/service.h"
 #include "ctl/set.h"
 #include "ctl/show.h"
@@ -47,6 +48,9 @@ const struct db_ctl_command db_ctl_commands[] = {
 	  db_ctl_params_restore },
 	{ "bus", "", "", 0, 0, true,
 	  "Cycle, jitter, load, errors and round trips", db_ctl_bus },
+	{ "scan", "BUS", "buses", 1, 1, true,
+	  "Find the drives of a bus: their addresses, who they are, and what to write into the configuration",
+	  db_ctl_scan },
 	{ "events", "", "", 0, 0, true,
 	  "What happened lately", db_ctl_events },
 	{ "metrics", "", "", 0, 0, true,
@@ -67,9 +71,10 @@ const struct db_ctl_option db_ctl_options[] = {
 	{ "velocity", "V", " jog ", "How fast, in the unit of target_velocity; a tenth of its limit when not given" },
 	{ "interval", "MS", " watch ", "Time between two pictures, 200 ms when not given; 0: every cycle" },
 	{ "follow", NULL, " events ", "Go on with those to come" },
-	{ "yes", NULL, " params restore ", "Do not ask" },
+	{ "yes", NULL, " params restore scan ", "Do not ask" },
 	{ "save", NULL, " params restore ", "Run save_parameters afterwards, so that the drive keeps them without power" },
 	{ "with-address", NULL, " params restore ", "Also what says where the drive is heard: its address, its bit rate" },
+	{ "all-speeds", NULL, " scan ", "At every speed that drives of the family can have, with the bus set aside" },
 	{ "help", NULL, NULL, "Print what there is" },
 	{ "version", NULL, NULL, "Print the version" },
 	{ NULL, NULL, NULL, NULL },

@@ -2,6 +2,7 @@
 #include "sched/answer.h"
 
 #include "sched/exchange.h"
+#include "sched/scan.h"
 #include "sched/stop.h"
 
 #include <string.h>
@@ -209,17 +210,23 @@ void answer_take_frame(struct db_engine *engine, const uint8_t *frame, size_t le
 {
 	struct node *node;
 	int address = -1;
+	enum db_frame kind = engine->driver->accept(engine->bus, frame, length, &address);
 
-	switch (engine->driver->accept(engine->bus, frame, length, &address)) {
+	if (scan_take_frame(engine, kind, frame, length, now))
+		return;
+	switch (kind) {
 	case DB_FRAME_GOOD:
 		break;
 	case DB_FRAME_FOREIGN:
+		scan_note_foreign(engine, frame, length);
 		return;
 	default:
 		take_bad_frame(engine, frame, length, address);
 		return;
 	}
 	node = sender_of(engine, address);
+	if (!node)
+		scan_note_foreign(engine, frame, length);
 	if (node && is_flying(node))
 		take_answer(engine, node, frame, length, now);
 	else
