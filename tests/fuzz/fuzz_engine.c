@@ -80,7 +80,7 @@ static void note_said(struct world *world, const struct said *said)
 	}
 }
 
-static void on_send(void *context, const uint8_t *bytes, size_t length)
+static db_time on_send(void *context, const uint8_t *bytes, size_t length)
 {
 	struct world *world = context;
 	const struct db_bus_config *config = &world->bus->config;
@@ -99,6 +99,7 @@ static void on_send(void *context, const uint8_t *bytes, size_t length)
 	if (said.address != LINE_ALL)
 		world->silent_until += (db_time)config->drive_latency_ms * MS;
 	line_hear(&world->line, bytes, length, world->bus->now);
+	return world->bus->now;
 }
 
 static void on_tell(void *context, const struct db_drive_config *drive, enum db_event event,

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Servo on CAN: any frame from either side, read with any layout, stays inside its bytes, and what
  * was understood is written as it was read. */
-#include "codec/servo_can.h"
+#include "codec/servo_can_describe.h"
 #include "fakes/must.h"
 
 #include <string.h>
@@ -136,6 +136,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	struct servo_can_message message;
 	struct servo_can_layout layout;
 	struct db_can_frame frame;
+	struct db_description description;
 	enum servo_can_side from;
 	const char *reason;
 	bool usable;
@@ -148,6 +149,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	usable = servo_can_layout_check(&layout, &reason) == SERVO_CAN_OK;
 	must(usable == (reason == NULL));
 	write_anything(data, &layout, usable);
+	servo_can_describe(&frame, &layout, from, &description);
+	must(strlen(description.text) == description.length);
 	if (servo_can_decode(&frame, &layout, from, &message) == SERVO_CAN_OK &&
 	    message.kind != SERVO_CAN_FOREIGN && usable)
 		round_trip(&frame, &layout, from, &message);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* VSMD on CAN: whatever frames come, from either side, what is understood is written again as the
  * same frame, and what is collected or changed is nothing but what was sent or meant. */
-#include "codec/vsmd_can.h"
+#include "codec/vsmd_can_describe.h"
 #include "fakes/must.h"
 
 #include <string.h>
@@ -192,6 +192,7 @@ static void read_identity(const uint8_t *data)
  */
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
+	struct db_description description;
 	struct vsmd_can_message message;
 	struct vsmd_can_answer answer;
 	struct vsmd_can_style style;
@@ -213,7 +214,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	if (size >= VSMD_CAN_IDENTITY_MAX)
 		read_identity(data);
 	for (; size >= FRAME_BYTES; data += FRAME_BYTES, size -= FRAME_BYTES) {
-		if (read_frame(get_frame(data), style.output_base, &message) && expecting)
+		struct db_can_frame frame = get_frame(data);
+
+		vsmd_can_describe(&style, &frame, &description);
+		must(strlen(description.text) == description.length);
+		if (read_frame(frame, style.output_base, &message) && expecting)
 			collect(&answer, &message, &taken);
 	}
 	return 0;

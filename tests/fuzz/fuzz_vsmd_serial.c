@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* VSMD serial: whatever comes down the line, from either side, stays inside its buffer. */
+#include "codec/vsmd_serial_describe.h"
 #include "codec/vsmd_serial_frames.h"
 #include "fakes/must.h"
 
@@ -101,11 +102,17 @@ static void read_line(const char *line, size_t length, bool rs485)
 /* The first byte chooses between RS232 and RS485; the rest goes to every reader there is. */
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
+	struct db_description description;
+
 	if (size == 0)
 		return 0;
 	read_stream(data + 1, size - 1);
 	read_reply(data + 1, size - 1 <= VSMD_SERIAL_FRAME_MAX ? size - 1 : 0);
 	walk_params((const char *)data + 1, size - 1);
 	read_line((const char *)data + 1, size - 1, data[0] & 1);
+	vsmd_serial_describe_line(data + 1, size - 1, data[0] & 1, &description);
+	must(strlen(description.text) == description.length);
+	vsmd_serial_describe_reply(data + 1, size - 1, &description);
+	must(strlen(description.text) == description.length);
 	return 0;
 }

@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* XYZA: whatever comes down the line, from either side, stays inside its buffer. */
+#include "codec/xyza_describe.h"
+
 #include "codec/xyza.h"
 #include "fakes/must.h"
 
@@ -86,6 +88,17 @@ static void say_raw(const uint8_t *frame, size_t length)
 		must(xyza_sender(frame, length) == 7 && !(failed && shows));
 }
 
+static void describe(const uint8_t *frame, size_t length)
+{
+	struct db_description description;
+
+	for (int sent = 0; sent < 2; sent++) {
+		xyza_describe(frame, length, sent, &description);
+		must(strlen(description.text) == description.length);
+		must(description.axis >= -1 && description.axis < XYZA_AXIS_COUNT);
+	}
+}
+
 /* The whole input as a stream. */
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
@@ -101,6 +114,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 			read_request(data + skip, length);
 			read_reply(data + skip, length);
 			say_raw(data + skip, length);
+			describe(data + skip, length);
 		} else {
 			must(size - skip < XYZA_FRAME_MAX);
 		}

@@ -4,9 +4,9 @@
  *
  * Source: VSMD CAN 2.0 protocol, sections 1.2, 2, 3 and 4.
  */
+#include "codec/vsmd_can_describe.h"
 #include "driver/list.h"
 #include "driver/vsmd/can_frames.h"
-#include "driver/vsmd/can_inquiry.h"
 #include "driver/vsmd/can_state.h"
 #include "driver/vsmd/can_steps.h"
 #include "driver/vsmd/commands.h"
@@ -173,6 +173,17 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 	return DB_FRAME_GOOD;
 }
 
+static void describe_frame(const struct db_bus_config *bus, bool sent, const uint8_t *bytes,
+                           size_t length, struct db_description *description)
+{
+	struct vsmd_can_style style = style_of(bus);
+	struct db_can_frame frame = { .id = 0 };
+
+	(void)sent; /* the frame tells who sent it */
+	memcpy(&frame, bytes, length < sizeof frame ? length : sizeof frame);
+	vsmd_can_describe(&style, &frame, description);
+}
+
 static db_time exchange_time(const struct db_bus_config *bus,
                              const struct vsmd_can_command *command, unsigned registers)
 {
@@ -252,29 +263,6 @@ static void check_config(const struct db_bus_config *bus,
 	}
 }
 
-static bool write_inquiry(const struct db_bus_config *bus, const struct db_inquiry *inquiry,
-                          struct db_exchange *exchange)
-{
-	const struct vsmd_can_style style = style_of(bus);
-
-	return vsmd_can_inquire(&style, inquiry, exchange);
-}
-
-static enum db_recognised recognise_frame(const struct db_bus_config *bus,
-                                          const struct db_inquiry *inquiry, const uint8_t *frame,
-                                          size_t length, struct db_inquired *said)
-{
-	const struct vsmd_can_style style = style_of(bus);
-
-	return vsmd_can_recognise(&style, inquiry, frame, length, said);
-}
-
-static const unsigned speeds[] = {
-	100000, 125000, 250000, 500000, 1000000, 50000,  20000,  25000,
-	30000,  40000,  60000,  75000,  80000,   90000,  150000, 200000,
-	300000, 400000, 600000, 700000, 800000,  900000, 0,
-};
-
 const struct db_driver db_driver_vsmd_can = {
 	.name = "vsmd-can",
 	.title = "VSMD stepper on CAN",
@@ -304,14 +292,10 @@ const struct db_driver db_driver_vsmd_can = {
 	.command_time = command_time,
 	.device_size = sizeof(struct db_device),
 	.init = init_device,
-	.inquire = write_inquiry,
-	.recognise = recognise_frame,
-	.speeds = speeds,
-	.address_effect = DB_TAKES_EFFECT_POWER_UP,
-	.speed_effect = DB_TAKES_EFFECT_POWER_UP,
 	.filters = list_filters,
 	.cut = db_can_cut,
 	.accept = accept_frame,
+	.describe = describe_frame,
 	.begin = vsmd_can_begin,
 	.answer = vsmd_can_answer,
 	.lost = vsmd_can_lose_answer,

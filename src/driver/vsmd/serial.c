@@ -6,13 +6,17 @@
  * Source: VSMD custom protocol for RS232 & RS485, sections 2 and 3.
  */
 #include "transport/serial.h"
+#include "codec/vsmd_serial_describe.h"
 #include "codec/vsmd_serial_frames.h"
 #include "driver/list.h"
 #include "driver/vsmd/commands.h"
-#include "driver/vsmd/serial_inquiry.h"
 
 #include <math.h>
 #include <string.h>
+
+/* Answers the document gives no length for: identity text, and all parameters as text. */
+#define IDENTITY_FRAME 64
+#define PARAMS_FRAME 1000
 
 /* What a drive usually needs before it starts to answer; only for predictions, never a time-out. */
 #define TYPICAL_LATENCY (1 * DB_NS_PER_MS)
@@ -47,11 +51,11 @@ static bool write_line(int id, const struct vsmd_command *command, bool repeatab
 	exchange->repeatable = repeatable;
 	switch (command->verb) {
 	case VSMD_DEV:
-		exchange->answer_length = VSMD_IDENTITY_FRAME;
+		exchange->answer_length = IDENTITY_FRAME;
 		break;
 	case VSMD_SAV:
 	case VSMD_CFG_READ:
-		exchange->answer_length = VSMD_PARAMS_FRAME;
+		exchange->answer_length = PARAMS_FRAME;
 		break;
 	default:
 		exchange->answer_length = VSMD_SERIAL_STATUS_FRAME;
@@ -418,6 +422,15 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 	return DB_FRAME_GOOD;
 }
 
+static void describe_frame(const struct db_bus_config *bus, bool sent, const uint8_t *frame,
+                           size_t length, struct db_description *description)
+{
+	if (sent)
+		vsmd_serial_describe_line(frame, length, bus->line == DB_LINE_RS485, description);
+	else
+		vsmd_serial_describe_reply(frame, length, description);
+}
+
 static db_time exchange_time(const struct db_bus_config *bus, size_t request, size_t answer)
 {
 	return db_serial_wire_time(bus, request + answer) + TYPICAL_LATENCY +
@@ -471,10 +484,6 @@ static bool begin_all(const struct db_device *device, const struct db_exchange *
 	return true;
 }
 
-static const unsigned speeds[] = {
-	9600, 115200, 57600, 38400, 19200, 230400, 460800, 921600, 4800, 2400, 0,
-};
-
 const struct db_driver db_driver_vsmd_serial = {
 	.name = "vsmd-serial",
 	.title = "VSMD stepper on RS485 or RS232",
@@ -504,13 +513,9 @@ const struct db_driver db_driver_vsmd_serial = {
 	.command_time = command_time,
 	.device_size = sizeof(struct db_device),
 	.init = init_device,
-	.inquire = vsmd_serial_inquire,
-	.recognise = vsmd_serial_recognise,
-	.speeds = speeds,
-	.address_effect = DB_TAKES_EFFECT_POWER_UP,
-	.speed_effect = DB_TAKES_EFFECT_POWER_UP,
 	.cut = cut_frame,
 	.accept = accept_frame,
+	.describe = describe_frame,
 	.begin = begin_conversation,
 	.answer = answer_frame,
 	.lost = lose_answer,

@@ -9,9 +9,9 @@
  *
  * Source: the vendor's protocol V1.00 of 2016-10-20, sections 2 to 6.
  */
+#include "codec/xyza_describe.h"
 #include "driver/list.h"
 #include "driver/xyza/frames.h"
-#include "driver/xyza/inquiry.h"
 #include "driver/xyza/state.h"
 #include "driver/xyza/steps.h"
 #include "transport/serial.h"
@@ -119,6 +119,13 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 		return DB_FRAME_BAD;
 	*address = xyza_sender(frame, length);
 	return DB_FRAME_GOOD;
+}
+
+static void describe_frame(const struct db_bus_config *bus, bool sent, const uint8_t *frame,
+                           size_t length, struct db_description *description)
+{
+	(void)bus;
+	xyza_describe(frame, length, sent, description);
 }
 
 static db_time exchange_time(const struct db_bus_config *bus, unsigned reads)
@@ -233,9 +240,6 @@ static enum db_result check_param(const struct db_bus_config *bus, size_t param,
 	                                                            DB_RESULT_OUT_OF_RANGE;
 }
 
-/* The document names none: what is usual. */
-static const unsigned speeds[] = { 9600, 115200, 19200, 38400, 57600, 4800, 2400, 0 };
-
 const struct db_driver db_driver_xyza = {
 	.name = "xyza",
 	.title = "XYZA stepper controller (5A A5) on RS485 or RS232",
@@ -270,15 +274,9 @@ const struct db_driver db_driver_xyza = {
 	.device_size = sizeof(struct db_device),
 	.init = init_device,
 	.leave = leave_controller,
-	.inquire = xyza_inquire,
-	.recognise = xyza_recognise,
-	.speeds = speeds,
-	.address_effect = DB_TAKES_EFFECT_AT_ONCE,
-	.set_up_elsewhere =
-		"the document of these controllers has no baud rate that could be set; their "
-		"switches or the vendor's tool may",
 	.cut = xyza_cut,
 	.accept = accept_frame,
+	.describe = describe_frame,
 	.begin = xyza_begin,
 	.answer = xyza_answer,
 	.lost = xyza_lose_answer,
