@@ -9,6 +9,7 @@
 #include "drivebridge/command.h"
 #include "drivebridge/config.h"
 #include "drivebridge/log.h"
+#include "drivebridge/trace.h"
 #include "drivebridge/transport.h"
 
 struct db_bus;
@@ -95,6 +96,10 @@ void db_bus_change_free(struct db_change *change);
 
 /* Grows with each turn of the bus's thread, at least twice a second. */
 uint32_t db_bus_heartbeat(const struct db_bus *bus);
+
+/* What it carried last, for readers. Lives as long as the bus. Trouble in it is told by the descriptor of the
+ * completions. */
+const struct db_trace *db_bus_trace(const struct db_bus *bus);
 
 void db_bus_read_stats(const struct db_bus *bus, struct db_bus_stats *stats);
 

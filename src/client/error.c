@@ -12,9 +12,9 @@ static const struct {
 } texts[] = {
 	{ DB_CLIENT_SERVICE "NoSuchDrive", "no drive is called \"{drive}\"" },
 	{ DB_CLIENT_SERVICE "NoSuchRegister", "{drive} has no register \"{name}\"" },
-	{ DB_CLIENT_SERVICE "NoSuchCommand", "{drive} has no command \"{command}\"" },
 	{ DB_CLIENT_SERVICE "NoSuchBus", "no bus is called \"{bus}\"" },
-	{ DB_CLIENT_SERVICE "ScanFailed", "{text}" },
+	{ DB_CLIENT_SERVICE "NoSuchTrace", "this trace is not kept any more" },
+	{ DB_CLIENT_SERVICE "NoSuchCommand", "{drive} has no command \"{command}\"" },
 	{ DB_CLIENT_SERVICE "BadValue", "{name}: {reason}" },
 	{ DB_CLIENT_SERVICE "NotAllowed", "not allowed: {reason}" },
 	{ DB_CLIENT_SERVICE "Refused", "{result}: {reason}" },

@@ -5,9 +5,9 @@
 #include "control/call.h"
 #include "control/look.h"
 #include "control/metrics.h"
-#include "control/scan.h"
 #include "control/state.h"
 #include "control/streams.h"
+#include "control/traces.h"
 #include "drivebridge/version.h"
 
 #include <string.h>
@@ -79,10 +79,10 @@ static const struct method {
 	{ CONTROL ".Run", db_act_run, " drive command arguments until_end ", false },
 	{ CONTROL ".Subscribe", db_streams_subscribe, " drives names interval_ms ", true },
 	{ CONTROL ".Events", db_streams_events, " ", false },
+	{ CONTROL ".Trace", db_traces_follow, " bus kept past ", true },
+	{ CONTROL ".Traces", db_traces_list, " ", false },
 	{ CONTROL ".Figures", db_look_figures, " ", false },
 	{ CONTROL ".Reload", db_streams_reload, " ", false },
-	{ CONTROL ".Scan", db_scan_call, " bus first last all_speeds speeds ", false },
-	{ CONTROL ".SetUp", db_scan_set_up, " bus address what value speeds ", false },
 	{ CONTROL ".Metrics", db_metrics_call, " ", false },
 };
 

@@ -21,8 +21,8 @@ enum db_session_wait {
 	DB_WAITS_FOR_MOTION, /* the end of the motion that its command began */
 	DB_WAITS_FOR_VALUES, /* the client to end its Subscribe */
 	DB_WAITS_FOR_EVENTS,
+	DB_WAITS_FOR_TRACE,
 	DB_WAITS_FOR_RELOAD,
-	DB_WAITS_FOR_SCAN,
 };
 
 struct db_session {
@@ -55,7 +55,7 @@ struct db_session {
 	uint16_t drive; /* of a command */
 	uint32_t entry; /* of that in the history */
 	bool until_end;
-	void *job; /* one block of memory, of a Write or a Subscribe; null */
+	void *job; /* one block of memory, of a Write, a Subscribe or a Trace; null */
 	uint64_t next_event;
 	unsigned reloads; /* that have to end */
 };

@@ -4,9 +4,9 @@
 #include "control/act.h"
 #include "control/calls.h"
 #include "control/listener.h"
-#include "control/scan.h"
 #include "control/state.h"
 #include "control/streams.h"
+#include "control/traces.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -39,7 +39,8 @@ static struct db_session *find(const struct db_control_socket *control, uint32_t
 
 static bool is_stream(const struct db_session *session)
 {
-	return session->wait == DB_WAITS_FOR_VALUES || session->wait == DB_WAITS_FOR_EVENTS;
+	return session->wait == DB_WAITS_FOR_VALUES || session->wait == DB_WAITS_FOR_EVENTS ||
+	       session->wait == DB_WAITS_FOR_TRACE;
 }
 
 /* When it is to be looked at again, DB_TIME_NEVER. */
@@ -59,7 +60,6 @@ static void end_session(struct db_control_socket *control, size_t place)
 	char text[DB_CLIENT_ADDRESS_MAX];
 	struct db_log_about about = { .client = text };
 
-	db_scan_forget(session);
 	control->sessions[place] = control->sessions[--control->count];
 	/* For the registers it is a client like any other. */
 	db_registers_backend.client(control->setup.registers, &session->client, false);
@@ -201,7 +201,6 @@ static void settle(struct db_control_socket *control)
 			session->gone = session->ended = true;
 		if (session->gone) {
 			/* Nobody waits for it, but what was asked behind it is still done. */
-			db_scan_forget(session);
 			free(session->out);
 			session->out = NULL;
 			free(session->job);
@@ -347,8 +346,6 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 		session->client.arrived = 0;
 		if (session->wait == DB_WAITS_FOR_MOTION)
 			db_act_look(session, now);
-		else if (session->wait == DB_WAITS_FOR_SCAN)
-			db_scan_look(session, now);
 		else if (!stream || session->due < stream->due)
 			stream = session;
 	}
@@ -356,7 +353,10 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 	if (stream) {
 		db_time begun = read_clock();
 
-		db_streams_look(stream, now);
+		if (stream->wait == DB_WAITS_FOR_TRACE)
+			db_traces_look(stream, now);
+		else
+			db_streams_look(stream, now);
 		control->rest_until = now + (1 + STREAMS_REST) * (read_clock() - begun);
 	}
 	settle(control);

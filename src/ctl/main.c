@@ -13,7 +13,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define OPTIONS_MAX 16
+#define OPTIONS_MAX 32
 
 static void print_usage(FILE *out)
 {
@@ -52,16 +52,14 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 		ctl->interval = value;
 	else if (strcmp(name, "follow") == 0)
 		ctl->follow = true;
-	else if (strcmp(name, "yes") == 0)
-		ctl->yes = true;
-	else if (strcmp(name, "save") == 0)
-		ctl->save = true;
-	else if (strcmp(name, "with-address") == 0)
-		ctl->with_address = true;
-	else if (strcmp(name, "all-speeds") == 0)
-		ctl->all_speeds = true;
-	else if (strcmp(name, "speed") == 0)
-		ctl->speed = value;
+	else if (strcmp(name, "kept") == 0)
+		ctl->kept = value;
+	else if (strcmp(name, "past") == 0)
+		ctl->past = true;
+	else if (strcmp(name, "output") == 0)
+		ctl->output = value;
+	else if (strcmp(name, "duration") == 0)
+		ctl->duration = value;
 }
 
 /* -1 to go on, else the status to exit with. `given` has a place for each option. */

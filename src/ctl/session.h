@@ -31,13 +31,12 @@ struct db_ctl {
 	bool no_wait;
 	bool all;
 	bool follow;
-	bool yes;
-	bool save;
-	bool with_address;
 	const char *velocity;
 	const char *interval;
-	bool all_speeds;
-	const char *speed;
+	bool past;
+	const char *kept;
+	const char *output;
+	const char *duration;
 	/* Behind db_ctl_open(). */
 	struct db_client *client;
 	json_t *description; /* the answer of Describe */

@@ -9,6 +9,8 @@
 #include <string.h>
 #include <strings.h>
 
+#define SECONDS_MAX 864000.0
+
 static const char *type_of(const json_t *reg)
 {
 	const char *type = json_string_value(json_object_get(reg, "type"));
@@ -242,4 +244,12 @@ json_t *db_ctl_parse_value(const json_t *reg, const char *text, char *problem, s
 	if (has_bits(reg) && (text[0] < '0' || text[0] > '9'))
 		return parse_bits(reg, text, problem, size);
 	return parse_number(reg, text, problem, size);
+}
+
+bool db_ctl_parse_seconds(const char *text, double *seconds)
+{
+	char *end;
+
+	*seconds = strtod(text, &end);
+	return end != text && *end == '\0' && *seconds > 0.0 && *seconds <= SECONDS_MAX;
 }

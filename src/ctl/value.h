@@ -32,6 +32,9 @@ bool db_ctl_has_bit(const json_t *reg, const json_t *value, const char *name);
  */
 json_t *db_ctl_parse_value(const json_t *reg, const char *text, char *problem, size_t size);
 
+/* A time in seconds, more than 0 and at most ten days. False: it is none. */
+bool db_ctl_parse_seconds(const char *text, double *seconds);
+
 /* A text of the service or of a drive as a terminal may show it: no control characters. */
 void db_ctl_clean(char *text);
 

@@ -2,7 +2,6 @@
 #include "sched/answer.h"
 
 #include "sched/exchange.h"
-#include "sched/scan.h"
 #include "sched/stop.h"
 
 #include <string.h>
@@ -103,17 +102,19 @@ static bool note_late_answer(struct db_engine *engine, struct node *node, db_tim
 	return true;
 }
 
-/* Nothing waits for this frame. */
-static void unsolicited(struct db_engine *engine, struct node *node, const uint8_t *frame,
-                        size_t length, db_time now)
+/* Nothing waits for this frame. What it is. */
+static enum db_trace_kind unsolicited(struct db_engine *engine, struct node *node,
+                                      const uint8_t *frame, size_t length, db_time now)
 {
 	const struct db_driver *driver = engine->driver;
 
 	if (!node || !driver->report || !driver->report(node->head, frame, length, now)) {
 		engine->stats.stray_frames++;
-		if (node && !note_late_answer(engine, node, now) && !node->online)
+		if (node && note_late_answer(engine, node, now))
+			return DB_TRACE_LATE;
+		if (node && !node->online)
 			note_heard(node, frame, length);
-		return;
+		return DB_TRACE_STRAY;
 	}
 	engine->stats.reports++;
 	/* Who reports is there: no need to wait for the next look. */
@@ -124,10 +125,12 @@ static void unsolicited(struct db_engine *engine, struct node *node, const uint8
 	}
 	publish_node(engine, node);
 	judge_stops(engine, node, now, now);
+	return DB_TRACE_REPORT;
 }
 
-static void take_answer(struct db_engine *engine, struct node *node, const uint8_t *frame,
-                        size_t length, db_time now)
+/* What the frame is. */
+static enum db_trace_kind take_answer(struct db_engine *engine, struct node *node,
+                                      const uint8_t *frame, size_t length, db_time now)
 {
 	struct station *station = node->flight.station;
 	enum lane_kind kind = node->flight.lane;
@@ -136,19 +139,17 @@ static void take_answer(struct db_engine *engine, struct node *node, const uint8
 	enum db_step step;
 
 	if (blind_stop_answered(engine, node, now))
-		return;
+		return DB_TRACE_ANSWER;
 	lane->exchange.begins = lane->exchange.again = false;
 	step = engine->driver->answer(&talk, frame, length);
 	if (step == DB_STEP_MORE)
-		return;
-	if (step == DB_STEP_IGNORE) {
-		unsolicited(engine, node, frame, length, now);
-		return;
-	}
+		return DB_TRACE_PART;
+	if (step == DB_STEP_IGNORE)
+		return unsolicited(engine, node, frame, length, now);
 	if (kind == LANE_PROBE && node_is_late_answer(node, now)) {
 		engine->stats.stray_frames++;
 		(void)note_late_answer(engine, node, now);
-		return;
+		return DB_TRACE_LATE;
 	}
 	if (kind == LANE_COMMAND)
 		engine_tell_raw(engine, station, false, frame, length);
@@ -167,11 +168,12 @@ static void take_answer(struct db_engine *engine, struct node *node, const uint8
 		lane_done(engine, station, kind, talk.result, now);
 	if (kind != LANE_POLL) {
 		engine_publish(engine, station);
-		return;
+		return DB_TRACE_ANSWER;
 	}
 	publish_node(engine, node);
 	if (step == DB_STEP_DONE)
 		judge_stops(engine, node, lane->job.started, now);
+	return DB_TRACE_ANSWER;
 }
 
 /* Who sent it. `address` -1: whoever was asked. Null when there is nobody. */
@@ -208,29 +210,32 @@ static void take_bad_frame(struct db_engine *engine, const uint8_t *frame, size_
 
 void answer_take_frame(struct db_engine *engine, const uint8_t *frame, size_t length, db_time now)
 {
+	enum db_trace_kind kind = DB_TRACE_FOREIGN;
+	uint32_t question = 0;
 	struct node *node;
 	int address = -1;
-	enum db_frame kind = engine->driver->accept(engine->bus, frame, length, &address);
 
-	if (scan_take_frame(engine, kind, frame, length, now))
-		return;
-	switch (kind) {
+	/* Before what is told of it; what it is shows only behind that. */
+	db_trace_write(engine->trace, now, kind, 0, frame, length);
+	switch (engine->driver->accept(engine->bus, frame, length, &address)) {
 	case DB_FRAME_GOOD:
+		node = sender_of(engine, address);
+		kind = node && is_flying(node) ? take_answer(engine, node, frame, length, now) :
+		                                 unsolicited(engine, node, frame, length, now);
+		if (kind == DB_TRACE_ANSWER || kind == DB_TRACE_PART)
+			question = node->flight.question;
+		else if (kind == DB_TRACE_LATE)
+			question = node->lost_question;
 		break;
 	case DB_FRAME_FOREIGN:
-		scan_note_foreign(engine, frame, length);
-		return;
+		break;
 	default:
+		kind = DB_TRACE_BAD;
 		take_bad_frame(engine, frame, length, address);
-		return;
+		break;
 	}
-	node = sender_of(engine, address);
-	if (!node)
-		scan_note_foreign(engine, frame, length);
-	if (node && is_flying(node))
-		take_answer(engine, node, frame, length, now);
-	else
-		unsolicited(engine, node, frame, length, now);
+	db_trace_settle(engine->trace, kind, question);
+	db_trace_publish(engine->trace);
 }
 
 /* --- losses ---------------------------------------------------------------------------------------- */
@@ -328,6 +333,8 @@ void answer_lost(struct db_engine *engine, struct node *node, db_time now)
 	db_time cost = engine->driver->medium == DB_MEDIUM_CAN ? node->flight.wire :
 	                                                         now - node->flight.sent;
 
+	db_trace_write(engine->trace, now, DB_TRACE_UNANSWERED, node->flight.question, NULL, 0);
+	db_trace_publish(engine->trace);
 	exchange_end(engine, node, now);
 	engine->stats.timeouts++;
 	station->snapshot.stats.timeouts++;

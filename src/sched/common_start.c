@@ -145,7 +145,7 @@ static bool begin_all(struct db_engine *engine, uint32_t group, db_time now)
 		begin_each_alone(engine, group);
 		return false;
 	}
-	engine->ops->send(engine->context, all.request, all.request_length);
+	(void)engine_send(engine, all.request, all.request_length, DB_TRACE_BROADCAST);
 	exchange_note_broadcast(engine, &all, now);
 	for (size_t i = 0; i < engine->station_count; i++)
 		go_on_behind_common(engine, engine->stations[i], now);

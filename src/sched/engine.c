@@ -5,7 +5,6 @@
 #include "sched/change.h"
 #include "sched/common_start.h"
 #include "sched/exchange.h"
-#include "sched/scan.h"
 #include "sched/schedule.h"
 #include "sched/state.h"
 #include "sched/stop.h"
@@ -13,6 +12,10 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+
+/* The last seconds of a busy bus, where one on CAN carries more. */
+#define TRACE_SIZE_SERIAL 65536
+#define TRACE_SIZE_CAN 262144
 
 /* --- making -------------------------------------------------------------------------------------- */
 
@@ -35,7 +38,9 @@ int db_engine_new(const struct db_bus_config *bus, const struct db_bus_drive *dr
 	made->waiting = calloc(made->waiting_max, sizeof made->waiting[0]);
 	/* The first drives come as all others do. */
 	made->change = change_new(bus, 0, NULL, 0, drives, drive_count);
-	if (!made->waiting || !made->change) {
+	made->trace = db_trace_new(bus->driver->medium == DB_MEDIUM_CAN ? TRACE_SIZE_CAN :
+	                                                                  TRACE_SIZE_SERIAL);
+	if (!made->waiting || !made->change || !made->trace) {
 		db_engine_free(made);
 		return -ENOMEM;
 	}
@@ -58,6 +63,7 @@ void db_engine_free(struct db_engine *engine)
 	free(engine->stations);
 	free(engine->nodes);
 	free(engine->waiting);
+	db_trace_free(engine->trace);
 	free(engine);
 }
 
@@ -76,9 +82,6 @@ void db_engine_tell_unconfirmed(struct db_engine *engine)
 
 void db_engine_port(struct db_engine *engine, bool up, int error, db_time now)
 {
-	/* A scan of the bus in service ends with that. */
-	if (!up && engine->stats.up && !scan_port_config(engine))
-		scan_port(engine, false, error, now);
 	engine->stats.up = up;
 	engine->flights = 0;
 	engine->held_since = 0;
@@ -132,7 +135,6 @@ void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t le
 		size_t skip = 0;
 		size_t frame = 0;
 
-		scan_hear(engine, bytes, take, now);
 		memcpy(engine->received + engine->received_length, bytes, take);
 		engine->received_length += take;
 		bytes += take;
@@ -140,8 +142,8 @@ void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t le
 		do {
 			engine->driver->cut(engine->received + start,
 			                    engine->received_length - start, &skip, &frame);
-			engine->stats.garbage_bytes += (uint32_t)skip;
-			scan_note_garbage(engine, skip);
+			if (skip > 0)
+				engine_take_garbage(engine, engine->received + start, skip, now);
 			start += skip;
 			if (frame > 0)
 				answer_take_frame(engine, engine->received + start, frame, now);
@@ -151,8 +153,7 @@ void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t le
 		engine->received_length -= start;
 		memmove(engine->received, engine->received + start, engine->received_length);
 		if (engine->received_length == sizeof engine->received) {
-			engine->stats.garbage_bytes += (uint32_t)engine->received_length;
-			scan_note_garbage(engine, engine->received_length);
+			engine_take_garbage(engine, engine->received, engine->received_length, now);
 			engine->received_length = 0;
 		}
 	}
@@ -262,7 +263,6 @@ static db_time next_wake(const struct db_engine *engine, bool more, db_time now)
 	db_time wake = earliest(engine->cycle_at, change_deadline(engine, now));
 
 	wake = earliest(wake, common_start_wake(engine, now));
-	wake = earliest(wake, scan_wake(engine, now));
 
 	/* There is more to be sent as soon as the wire has room. */
 	if (more || may_send > now)
@@ -295,12 +295,8 @@ db_time db_engine_run(struct db_engine *engine, db_time now)
 		engine->busy = 0;
 		engine->second_at = now + DB_NS_PER_S;
 	}
-	scan_look(engine, now);
-	/* A bus that is set aside is nobody's but the scan's. */
-	while (!engine->stats.up && scan_send_next(engine, now))
-		;
 	if (!engine->stats.up)
-		return scan_wake(engine, now);
+		return DB_TIME_NEVER;
 	/* While the port takes nothing, no answer is overdue. */
 	for (size_t i = 0; engine->held_since == 0 && engine->flights > 0 && i < engine->node_count;
 	     i++) {
@@ -333,15 +329,6 @@ void db_engine_shut_down(struct db_engine *engine, db_time now)
 	}
 }
 
-void db_engine_set_aside(struct db_engine *engine, db_time now)
-{
-	db_engine_tell_unconfirmed(engine);
-	for (size_t i = 0; i < engine->station_count; i++)
-		station_drop_stops(engine->stations[i], now);
-	engine->shutting_down = false;
-	db_engine_port(engine, false, EBUSY, now);
-}
-
 bool db_engine_is_quiet(const struct db_engine *engine)
 {
 	if (!engine->stats.up)
@@ -353,6 +340,11 @@ bool db_engine_is_quiet(const struct db_engine *engine)
 			return false;
 	}
 	return true;
+}
+
+struct db_trace *db_engine_trace(const struct db_engine *engine)
+{
+	return engine->trace;
 }
 
 void db_engine_stats(const struct db_engine *engine, struct db_bus_stats *stats)

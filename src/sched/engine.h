@@ -4,7 +4,7 @@
  * time it is, sends through a callback, and says when it wants to be called again.
  *
  * Classes, first to last: stops; commands and parameter writes; cyclic status; reading identity and
- * parameters; looking for drives that are offline; a scan. On a serial line one exchange is under way at a
+ * parameters; looking for drives that are offline. On a serial line one exchange is under way at a
  * time, on CAN one for each drive.
  *
  * After a lost answer a drive is "out of step": its answer may still come and would be taken for the
@@ -16,6 +16,7 @@
 #include "drivebridge/bus.h"
 #include "drivebridge/driver.h"
 #include "drivebridge/log.h"
+#include "drivebridge/trace.h"
 #include "sched/queue.h"
 
 struct db_engine;
@@ -28,8 +29,8 @@ struct db_heard {
 };
 
 struct db_engine_ops {
-	/* Puts bytes on the wire. The engine expects them to start at once. */
-	void (*send)(void *context, const uint8_t *bytes, size_t length);
+	/* Puts bytes on the wire, and returns when. The engine expects them to start at once. */
+	db_time (*send)(void *context, const uint8_t *bytes, size_t length);
 	/* Something happened to a drive, for the log; it is seen once. May be null. */
 	void (*tell)(void *context, const struct db_drive_config *drive, enum db_event event,
 	             const struct db_feedback *feedback);
@@ -74,11 +75,11 @@ db_time db_engine_run(struct db_engine *engine, db_time now);
 void db_engine_shut_down(struct db_engine *engine, db_time now);
 /* Nothing is left to be done of it. */
 bool db_engine_is_quiet(const struct db_engine *engine);
-/* What was asked for the end is done, or its time is up; the engine does not end, but its bus is down until
- * the port is there for its drives again. */
-void db_engine_set_aside(struct db_engine *engine, db_time now);
 /* Tells of each drive that is let go now though it has not confirmed its on_exit. */
 void db_engine_tell_unconfirmed(struct db_engine *engine);
+
+/* What the bus carried last, from here on. Lives as long as the engine. */
+struct db_trace *db_engine_trace(const struct db_engine *engine);
 
 void db_engine_stats(const struct db_engine *engine, struct db_bus_stats *stats);
 

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sched/exchange.h"
 
-#include "sched/scan.h"
-
 /*
  * On CAN requests to several drives are under way at once. So much work, in time on the wire, is
  * given to the wire ahead: enough for it not to fall idle while this thread wakes up, and little
@@ -75,6 +73,12 @@ static void note_sent(struct station *station, enum lane_kind kind, db_time now)
 		station->motion_sent = now;
 }
 
+static const enum db_trace_kind trace_kinds[LANE_COUNT] = {
+	[LANE_STOP] = DB_TRACE_STOP,         [LANE_POLL] = DB_TRACE_POLL,
+	[LANE_IDENTIFY] = DB_TRACE_IDENTIFY, [LANE_PROBE] = DB_TRACE_PROBE,
+	[LANE_COMMAND] = DB_TRACE_COMMAND,
+};
+
 void exchange_send(struct db_engine *engine, struct station *station, enum lane_kind kind,
                    db_time now)
 {
@@ -82,13 +86,13 @@ void exchange_send(struct db_engine *engine, struct station *station, enum lane_
 	struct node *node = station->node;
 	db_time wire = exchange_wire_time(engine, &lane->exchange);
 
-	scan_yield(engine, node);
 	lane->ready = false;
 	lane->sent = true;
 	lane->exchange.sending = ++engine->sendings;
 	if (engine->flights == 0) {
 		/* Whatever is still in the buffer was said before this question. */
-		engine->stats.garbage_bytes += (uint32_t)engine->received_length;
+		if (engine->received_length > 0)
+			engine_take_garbage(engine, engine->received, engine->received_length, now);
 		engine->received_length = 0;
 		engine->wire_free = now;
 	}
@@ -112,7 +116,8 @@ void exchange_send(struct db_engine *engine, struct station *station, enum lane_
 	if (kind == LANE_COMMAND)
 		engine_tell_raw(engine, station, true, lane->exchange.request,
 		                lane->exchange.request_length);
-	engine->ops->send(engine->context, lane->exchange.request, lane->exchange.request_length);
+	node->flight.question = engine_send(engine, lane->exchange.request,
+	                                    lane->exchange.request_length, trace_kinds[kind]);
 }
 
 void exchange_send_probe(struct db_engine *engine, struct node *node, db_time now)

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sched/state.h"
 
+#include "codec/can.h"
+
 struct station *engine_find_station(const struct db_engine *engine, uint16_t number)
 {
 	for (size_t i = 0; i < engine->station_count; i++) {
@@ -208,4 +210,27 @@ void engine_end_cycle(struct db_engine *engine, db_time now)
 	engine->stats.cycle_us = us;
 	if (us > engine->stats.cycle_max_us)
 		engine->stats.cycle_max_us = us;
+}
+
+/* --- the wire --------------------------------------------------------------------------------------- */
+
+void engine_take_garbage(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now)
+{
+	engine->stats.garbage_bytes += (uint32_t)length;
+	db_trace_write(engine->trace, now, DB_TRACE_GARBAGE, 0, bytes, length);
+	db_trace_publish(engine->trace);
+}
+
+uint32_t engine_send(struct db_engine *engine, const uint8_t *bytes, size_t length,
+                     enum db_trace_kind why)
+{
+	db_time sent = engine->ops->send(engine->context, bytes, length);
+	size_t frame = engine->driver->medium == DB_MEDIUM_CAN ? sizeof(struct db_can_frame) :
+	                                                         length;
+	uint32_t number = 0;
+
+	for (size_t at = 0; at < length; at += frame)
+		number = db_trace_write(engine->trace, sent, why, 0, bytes + at, frame);
+	db_trace_publish(engine->trace);
+	return number;
 }

@@ -11,8 +11,6 @@
 
 #define RECEIVE_MAX (2 * DB_ANSWER_MAX)
 
-struct scan;
-
 struct db_engine {
 	const struct db_bus_config *bus;
 	const struct db_driver *driver;
@@ -20,6 +18,7 @@ struct db_engine {
 	const struct db_engine_ops *ops;
 	void *context;
 	int64_t wall_offset_us;
+	struct db_trace *trace;
 	struct db_bus_stats stats;
 
 	unsigned flights;   /* exchanges under way */
@@ -63,7 +62,6 @@ struct db_engine {
 	size_t station_count;
 	struct db_change *change;  /* under way */
 	struct db_change *changed; /* carried out, not fetched */
-	struct scan *scan;         /* under way, see scan.h; null */
 };
 
 static inline bool is_flying(const struct node *node)
@@ -96,6 +94,14 @@ void engine_count_online(struct db_engine *engine, struct station *station, db_t
 /* Ends what waits for a drive that cannot do it now. */
 void engine_finish_waiting(struct db_engine *engine, const struct station *station,
                            enum db_result result, db_time now);
+/* Bytes came that belong to no frame. */
+void engine_take_garbage(struct db_engine *engine, const uint8_t *bytes, size_t length,
+                         db_time now);
+
+/* Sends, and traces each frame of it: the number of the last one there. */
+uint32_t engine_send(struct db_engine *engine, const uint8_t *bytes, size_t length,
+                     enum db_trace_kind why);
+
 /* The cycle is over when all its polls are. */
 void engine_end_cycle(struct db_engine *engine, db_time now);
 

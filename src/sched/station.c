@@ -102,6 +102,7 @@ void node_note_loss(struct node *node)
 	else
 		node->later_losses++;
 	node->lost_sent = node->flight.sent;
+	node->lost_question = node->flight.question;
 	node->lost_wire = node->flight.wire;
 }
 

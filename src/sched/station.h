@@ -48,6 +48,7 @@ struct flight {
 	db_time sent;
 	db_time wire; /* its share of that, without the drive's thinking */
 	db_time deadline;
+	uint32_t question; /* its number in the trace */
 };
 
 struct node {
@@ -76,6 +77,7 @@ struct node {
 
 	/* For advice: the exchange lost last, and how requests fared that followed an answer at once. */
 	db_time lost_sent; /* 0: none */
+	uint32_t lost_question;
 	db_time lost_wire;
 	db_time answered; /* when it answered last */
 	unsigned soon_answers;

@@ -81,7 +81,7 @@ static bool try_broadcast(struct db_engine *engine, db_time now)
 		station_note_stop_sent(station, command, now);
 	}
 	exchange_note_broadcast(engine, &exchange, now);
-	engine->ops->send(engine->context, request, exchange.request_length);
+	(void)engine_send(engine, request, exchange.request_length, DB_TRACE_BROADCAST);
 	return true;
 }
 

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/state.h"
+#include "service/traces.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -147,6 +148,7 @@ static void free_bus(struct plant_bus *bus)
 {
 	sd_event_source_disable_unref(bus->completions);
 	db_bus_change_free(bus->change);
+	traces_leave(bus);
 	db_bus_free(bus->bus);
 	release_edition(bus->edition);
 	free(bus);
@@ -217,6 +219,7 @@ static int add_buses(struct plant *plant, struct service *service, const struct 
 			bus->service = service;
 			bus->edition = hold_edition(plant->edition);
 			bus->config = section;
+			bus->number = ++service->last_bus;
 		}
 		plant->buses[plant->bus_count] = bus;
 	}

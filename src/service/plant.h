@@ -28,6 +28,7 @@ struct plant_bus {
 	struct edition *edition;
 	const struct db_bus_config *config;
 	struct db_bus *bus;
+	uint32_t number; /* no other bus's, ever */
 	sd_event_source *completions;
 	uint32_t beats; /* seen last */
 	db_time beaten; /* when they changed */

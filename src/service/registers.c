@@ -3,6 +3,7 @@
 
 #include "drivebridge/command_table.h"
 #include "service/state.h"
+#include "service/traces.h"
 
 #include <stdio.h>
 #include <time.h>
@@ -77,7 +78,7 @@ static void count_refusal(void *context, const struct db_client *client, enum db
 static void log_tripped(void *context, const struct db_bus_config *bus_config,
                         const struct db_drive_config *drive, const struct db_client *last)
 {
-	const struct service *service = context;
+	struct service *service = context;
 	struct db_log_source log = service_log_of(service, bus_config);
 	char text[DB_CLIENT_ADDRESS_MAX];
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
@@ -89,6 +90,7 @@ static void log_tripped(void *context, const struct db_bus_config *bus_config,
 	db_log(&log, service_now(service), DB_EVENT_WATCHDOG_TRIPPED, &about,
 	       "silent too long, so the watchdog stops the drive, and nothing moves it before "
 	       "clear_fault; check the PLC, its program and the network");
+	traces_note_tripped(service, bus_config, drive);
 }
 
 /* What the client wrote, in words. */

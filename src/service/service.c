@@ -6,9 +6,9 @@
 #include "service/loop.h"
 #include "service/registers.h"
 #include "service/reload.h"
-#include "service/scans.h"
 #include "service/state.h"
 #include "service/status.h"
+#include "service/traces.h"
 
 #include <errno.h>
 #include <signal.h>
@@ -108,22 +108,30 @@ static void read_server_stats(void *context, struct db_server_stats *stats)
 	db_server_stats(service->server, stats);
 }
 
+static const struct db_trace *find_trace(void *context, const char *name, uint32_t *number)
+{
+	const struct service *service = context;
+	const struct plant_bus *bus = plant_bus_named(service->plant, name);
+
+	if (!bus || !bus->bus)
+		return NULL;
+	*number = bus->number;
+	return db_bus_trace(bus->bus);
+}
+
 static int listen_for_tools(struct service *service)
 {
 	static const struct db_control_socket_ops ops = {
 		.reload = ask_reload,
 		.server_stats = read_server_stats,
-		.scan = scans_begin,
-		.scan_read = scans_read,
-		.scan_find = scans_find,
-		.scan_foreign = scans_foreign,
-		.scan_cancel = scans_cancel,
+		.trace = find_trace,
 	};
 	const struct db_control_socket_setup setup = {
 		.loop = service->loop,
 		.config = &service->plant->edition->config->control,
 		.configuration = service->path,
 		.registers = service->registers,
+		.traces = service->traces,
 		.log = service->log,
 		.ops = &ops,
 		.context = service,
@@ -139,6 +147,8 @@ static int set_up(struct service *service, struct db_config *config)
 	/* The loop first: the registers ask it for the time. */
 	if (error == 0)
 		error = loop_new(service);
+	if (error >= 0)
+		error = traces_begin(service);
 	if (error >= 0)
 		error = make_registers(service);
 	if (error >= 0)
@@ -169,6 +179,7 @@ static void tear_down(struct service *service)
 		plant_end(service->plant);
 	reload_abandon(service);
 	db_registers_free(service->registers);
+	traces_end(service);
 	plant_free(service->plant, NULL);
 	loop_free(service);
 	free(service->reload_errors);

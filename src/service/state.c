@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/state.h"
 
+#include "service/traces.h"
+
 #include <string.h>
 #include <sys/epoll.h>
 
@@ -35,6 +37,7 @@ void service_collect(struct plant_bus *bus)
 
 	while (db_bus_completion(bus->bus, &completion))
 		db_registers_complete(service->registers, &completion, service_now(service));
+	traces_look(bus);
 }
 
 static int on_completion(sd_event_source *source, int fd, uint32_t events, void *context)

@@ -9,6 +9,7 @@
 #include "drivebridge/log.h"
 #include "drivebridge/registers.h"
 #include "drivebridge/server.h"
+#include "drivebridge/trace_keeper.h"
 #include "service/plant.h"
 
 #include <systemd/sd-event.h>
@@ -33,8 +34,11 @@ struct service {
 	struct reload *reload; /* under way; null */
 	bool reload_again;     /* asked for meanwhile */
 	char *reload_errors;   /* of the one under way, a line each; null: none so far */
-	struct status *status; /* what systemd shows; null: nobody listens */
-	int lock;              /* of the configuration, see alone.h; -1: none */
+	struct db_trace_keeper *traces;
+	sd_event_source *keeping; /* when one of them is due */
+	uint32_t last_bus;        /* number given last */
+	struct status *status;    /* what systemd shows; null: nobody listens */
+	int lock;                 /* of the configuration, see alone.h; -1: none */
 };
 
 /* The loop's time: of when this turn of it began. */

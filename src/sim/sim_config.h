@@ -33,7 +33,6 @@ struct sim_bus_config {
 	const char *interface; /* CAN network interface, null: a serial adapter on device */
 	const char *link;      /* null = none */
 	const char *flash;     /* directory, null = none */
-	bool follows_host;     /* a pty: its line has the speed that the host has set there */
 	struct sim_serial_config serial; /* serial lines */
 	struct sim_can_config can;       /* CAN */
 	struct vsmd_can_style style;

@@ -191,7 +191,7 @@ struct back {
 };
 
 /* The drives hear it when the engine's part is over. */
-static void on_send(void *context, const uint8_t *bytes, size_t length)
+static db_time on_send(void *context, const uint8_t *bytes, size_t length)
 {
 	struct back *back = context;
 
@@ -199,6 +199,7 @@ static void on_send(void *context, const uint8_t *bytes, size_t length)
 	memcpy(back->sent + back->sent_length, bytes, length);
 	back->sent_length += length;
 	back->ends[back->end_count++] = back->sent_length;
+	return back->now;
 }
 
 static const struct db_engine_ops engine_ops = { .send = on_send };

@@ -23,7 +23,7 @@ static db_time obey_commands(struct fake_bus *bus, struct fake_frame *frame)
 	return bus->answer_time;
 }
 
-static void hear_frame(void *context, const uint8_t *bytes, size_t length)
+static db_time hear_frame(void *context, const uint8_t *bytes, size_t length)
 {
 	struct fake_bus *bus = context;
 	struct fake_frame frame = fake_frame_at(bytes, length);
@@ -37,13 +37,14 @@ static void hear_frame(void *context, const uint8_t *bytes, size_t length)
 	bus->sent[bus->sent_count++] = (struct fake_sent){ bus->now, frame };
 	/* Nobody answers what everybody is told. */
 	if (frame.address == FAKE_ALL)
-		return;
+		return bus->now;
 	must(frame.address <= FAKE_DRIVES && frame.axis < DB_AXES_MAX);
 	if (bus->dead[frame.address])
-		return;
+		return bus->now;
 	after = bus->obey ? bus->obey(bus->context, &frame) : obey_commands(bus, &frame);
 	if (after > 0)
 		fake_answer_after(bus, after, &frame, sizeof frame);
+	return bus->now;
 }
 
 static void count_event(void *context, const struct db_drive_config *drive, enum db_event event,

@@ -105,7 +105,7 @@ static size_t reply(const struct drive *drive, uint8_t id, const struct vsmd_com
 	return (size_t)length;
 }
 
-static void on_send(void *context, const uint8_t *bytes, size_t length)
+static db_time on_send(void *context, const uint8_t *bytes, size_t length)
 {
 	struct world *world = context;
 	struct vsmd_setting settings[VSMD_PARAM_COUNT];
@@ -131,7 +131,7 @@ static void on_send(void *context, const uint8_t *bytes, size_t length)
 	if (command.id == VSMD_SERIAL_BROADCAST) {
 		for (size_t i = 0; i < DRIVES; i++)
 			execute(&world->sim[i], &command);
-		return;
+		return now;
 	}
 	drive = &world->sim[command.id - 1];
 	if (drive->fault != FAULT_NONE && drive->fault_verb == command.verb) {
@@ -139,22 +139,23 @@ static void on_send(void *context, const uint8_t *bytes, size_t length)
 		drive->fault = FAULT_NONE;
 	}
 	if (drive->dead || fault == FAULT_LOSE_REQUEST || now < drive->deaf_until)
-		return;
+		return now;
 	if (fault == FAULT_REFUSE)
 		drive->status.status |= VSMD_ST_CMD_WRG;
 	else
 		execute(drive, &command);
 	if (fault == FAULT_LOSE_ANSWER)
-		return;
+		return now;
 	if (fault == FAULT_LATE_ANSWER) {
 		world->late_length = reply(drive, (uint8_t)command.id, &command, world->late);
-		return;
+		return now;
 	}
 	latency = drive->latency > 0 ? drive->latency : 2 * MS;
 	fake_answer_after(world->bus, latency, answer,
 	                  reply(drive, (uint8_t)command.id, &command, answer));
 	world->quiet_since = now + latency;
 	drive->deaf_until = now + latency + drive->deaf;
+	return now;
 }
 
 static void on_tell(void *context, const struct db_drive_config *drive, enum db_event event,

@@ -8,6 +8,7 @@
 #include "service/loop.h"
 #include "service/registers.h"
 #include "service/reload.h"
+#include "service/traces.h"
 
 #include <signal.h>
 
@@ -52,6 +53,7 @@ static void begin_service(struct bench *bench, const char *text)
 	assert_int_equal(plant_new(service, config, NULL, &service->last_number, &service->plant),
 	                 0);
 	assert_true(loop_new(service) >= 0);
+	assert_true(traces_begin(service) >= 0);
 	assert_int_equal(plant_roster_init(&roster, service->plant), 0);
 	assert_int_equal(db_registers_new(&roster.roster, &service_registers_ops, service,
 	                                  &service->registers),
@@ -72,6 +74,7 @@ static void end_service(struct bench *bench)
 	reload_abandon(service);
 	db_registers_free(service->registers);
 	plant_free(service->plant, NULL);
+	traces_end(service);
 	loop_free(service);
 	unlink(bench->path);
 }

@@ -163,6 +163,7 @@ struct db_bus {
 	struct db_completion completion;
 	bool completed; /* the completion waits to be fetched */
 	struct db_bus_stats stats;
+	struct db_trace *trace;
 };
 
 int db_bus_new(const struct db_bus_config *config, const struct db_bus_drive *drives,
@@ -174,6 +175,8 @@ int db_bus_new(const struct db_bus_config *config, const struct db_bus_drive *dr
 	assert_non_null(*bus);
 	(*bus)->config = config;
 	(*bus)->drive_count = drive_count;
+	(*bus)->trace = db_trace_new(4096);
+	assert_non_null((*bus)->trace);
 	(*bus)->fd = eventfd(0, EFD_CLOEXEC);
 	assert_true((*bus)->fd >= 0);
 	note("make bus %s of %zu", config->name, drive_count);
@@ -208,6 +211,7 @@ void db_bus_free(struct db_bus *bus)
 	note("free %s", bus->config->name);
 	db_bus_change_free(bus->change);
 	close(bus->fd);
+	db_trace_free(bus->trace);
 	free(bus);
 }
 
@@ -221,6 +225,11 @@ bool db_bus_submit(struct db_bus *bus, const struct db_request *request)
 void db_bus_gather(struct db_bus *bus, bool gathers)
 {
 	note("%s %s", gathers ? "gather for" : "release to", bus->config->name);
+}
+
+const struct db_trace *db_bus_trace(const struct db_bus *bus)
+{
+	return bus->trace;
 }
 
 int db_bus_completion_fd(const struct db_bus *bus)

@@ -184,7 +184,7 @@ static bool is_lost(struct world *world, const struct db_can_frame *frame)
 	return true;
 }
 
-static void on_send(void *context, const uint8_t *bytes, size_t length)
+static db_time on_send(void *context, const uint8_t *bytes, size_t length)
 {
 	struct world *world = context;
 
@@ -194,6 +194,7 @@ static void on_send(void *context, const uint8_t *bytes, size_t length)
 		if (!is_lost(world, &frame))
 			assert_true(sim_can_bus_put(world->wire, &frame, world->now));
 	}
+	return world->now;
 }
 
 static const struct db_engine_ops ops = { .send = on_send };
