@@ -56,4 +56,4 @@ install the counterparts of these and leave out this step: $*"
 
 # shellcheck disable=SC2034 # for the scripts that read this file
 BUILD_PACKAGES=(gcc libc6-dev cmake ninja-build pkg-config libjansson-dev libmodbus-dev
-	libserialport-dev libsystemd-dev)
+	libmosquitto-dev libserialport-dev libsystemd-dev)

@@ -1,0 +1,457 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "mqtt/broker.h"
+
+#include "mqtt/log.h"
+#include "mqtt/retry.h"
+
+#include <errno.h>
+#include <mosquitto.h>
+#include <mqtt_protocol.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+
+/* From the beginning to the broker's answer. */
+#define CONNECT_MAX (15 * DB_NS_PER_S)
+#define MISC_INTERVAL (1 * DB_NS_PER_S)
+
+/* What the broker sends at most in one message: commands are short. */
+#define PACKET_MAX 16384
+
+enum state {
+	AWAY,
+	CONNECTING, /* until the port has answered */
+	GREETING,   /* until the broker has */
+	CONNECTED,
+};
+
+struct db_mqtt_broker {
+	const struct db_mqtt_config *config;
+	const char *will;
+	struct db_mqtt_outbox *outbox;
+	const struct db_mqtt_broker_ops *ops;
+	void *context;
+	struct mosquitto *client; /* a new one for each connection */
+	enum state state;
+	struct db_mqtt_retry retry;
+	db_time give_up_at; /* while it is not connected */
+	db_time misc_at;
+	bool accepted;     /* the library has told so in this turn */
+	char why[256];     /* it is not; "" */
+	char library[256]; /* what the library said of errors */
+	char told[256];    /* what was logged last; "" while it is connected */
+	char refused[256]; /* the topic that was logged last as not taken */
+	struct db_mqtt_broker_stats stats;
+};
+
+struct db_mqtt_broker *db_mqtt_broker_new(const struct db_mqtt_config *config, const char *will,
+                                          struct db_mqtt_outbox *outbox,
+                                          const struct db_mqtt_broker_ops *ops, void *context)
+{
+	struct db_mqtt_broker *broker = calloc(1, sizeof(*broker));
+
+	if (!broker)
+		return NULL;
+	(void)mosquitto_lib_init();
+	broker->config = config;
+	broker->will = will;
+	broker->outbox = outbox;
+	broker->ops = ops;
+	broker->context = context;
+	return broker;
+}
+
+void db_mqtt_broker_free(struct db_mqtt_broker *broker)
+{
+	if (!broker)
+		return;
+	/* Without saying goodbye: so the will is published. */
+	mosquitto_destroy(broker->client);
+	(void)mosquitto_lib_cleanup();
+	free(broker);
+}
+
+/* --- what the library tells ------------------------------------------------------------------- */
+
+static void on_log(struct mosquitto *client, void *data, int level, const char *text)
+{
+	struct db_mqtt_broker *broker = data;
+
+	(void)client;
+	if (level == MOSQ_LOG_ERR && broker->library[0] == '\0')
+		(void)snprintf(broker->library, sizeof(broker->library), "%s", text);
+}
+
+/* The first reason counts. */
+static void note_why(struct db_mqtt_broker *broker, const char *format, ...)
+	__attribute__((format(printf, 2, 3)));
+
+static void note_why(struct db_mqtt_broker *broker, const char *format, ...)
+{
+	va_list arguments;
+
+	va_start(arguments, format);
+	if (broker->why[0] == '\0')
+		(void)vsnprintf(broker->why, sizeof(broker->why), format, arguments);
+	va_end(arguments);
+}
+
+static const char *explain_code(const struct db_mqtt_broker *broker, int code)
+{
+	return broker->config->version == DB_MQTT_VERSION_5 ? mosquitto_reason_string(code) :
+	                                                      mosquitto_connack_string(code);
+}
+
+static void on_connect(struct mosquitto *client, void *data, int code, int flags,
+                       const mosquitto_property *properties)
+{
+	struct db_mqtt_broker *broker = data;
+
+	(void)client;
+	(void)flags;
+	(void)properties;
+	if (code == 0)
+		broker->accepted = true;
+	else
+		note_why(broker, "the broker refuses the connection: %s",
+		         explain_code(broker, code));
+}
+
+static void on_disconnect(struct mosquitto *client, void *data, int code,
+                          const mosquitto_property *properties)
+{
+	struct db_mqtt_broker *broker = data;
+
+	(void)client;
+	(void)properties;
+	if (code == MQTT_RC_SESSION_TAKEN_OVER)
+		note_why(
+			broker, "%s",
+			"another client with the same client-id has connected; each gateway needs one "
+			"of its own");
+	else if (code >= 128)
+		note_why(broker, "the broker has ended the connection: %s",
+		         mosquitto_reason_string(code));
+}
+
+static void on_publish(struct mosquitto *client, void *data, int number, int code,
+                       const mosquitto_property *properties)
+{
+	struct db_mqtt_broker *broker = data;
+
+	(void)client;
+	(void)properties;
+	if (code >= 128) {
+		broker->stats.refused++;
+		if (broker->refused[0] == '\0')
+			db_mqtt_log(
+				DB_MQTT_WARNING,
+				"the broker does not take a message of this gateway: %s; look at its "
+				"access list",
+				mosquitto_reason_string(code));
+		(void)snprintf(broker->refused, sizeof(broker->refused), "said");
+	}
+	db_mqtt_outbox_confirm(broker->outbox, number);
+}
+
+static void on_subscribe(struct mosquitto *client, void *data, int number, int count,
+                         const int *granted, const mosquitto_property *properties)
+{
+	(void)client;
+	(void)data;
+	(void)number;
+	(void)properties;
+	for (int i = 0; i < count; i++) {
+		if (granted[i] >= 128)
+			db_mqtt_log(
+				DB_MQTT_ERROR,
+				"the broker lets this gateway have no commands: %s; look at its "
+				"access list",
+				mosquitto_reason_string(granted[i]));
+	}
+}
+
+static void on_message(struct mosquitto *client, void *data,
+                       const struct mosquitto_message *message,
+                       const mosquitto_property *properties)
+{
+	struct db_mqtt_broker *broker = data;
+
+	(void)client;
+	(void)properties;
+	broker->ops->message(broker->context, message->topic,
+	                     message->payload ? message->payload : "", (size_t)message->payloadlen,
+	                     message->retain);
+}
+
+/* --- connecting ------------------------------------------------------------------------------- */
+
+/* Closes the connection, and says why unless it was said. */
+static void give_up(struct db_mqtt_broker *broker, db_time now)
+{
+	bool was_connected = broker->state == CONNECTED;
+
+	if (was_connected || strcmp(broker->why, broker->told) != 0)
+		db_mqtt_log(DB_MQTT_WARNING,
+		            "no connection to the broker %s, port %u: %s; it is tried again",
+		            broker->config->host, broker->config->port, broker->why);
+	memcpy(broker->told, broker->why, sizeof(broker->told));
+	mosquitto_destroy(broker->client);
+	broker->client = NULL;
+	broker->state = AWAY;
+	db_mqtt_retry_fail(&broker->retry, now, (unsigned)rand());
+	if (was_connected)
+		broker->ops->lost(broker->context);
+}
+
+/* What a function of the library returned, behind errno. */
+static void fail(struct db_mqtt_broker *broker, int result, int cause, db_time now)
+{
+	if (result == MOSQ_ERR_ERRNO && cause != 0)
+		note_why(broker, "%s", strerror(cause));
+	else if (result == MOSQ_ERR_EAI)
+		note_why(broker, "its name cannot be resolved: %s", gai_strerror(cause));
+	else if (result == MOSQ_ERR_KEEPALIVE)
+		note_why(broker, "it has fallen silent");
+	else if (result == MOSQ_ERR_TLS && broker->library[0])
+		note_why(broker, "no trust between us: %s", broker->library);
+	else if (result == MOSQ_ERR_CONN_LOST || result == MOSQ_ERR_NO_CONN)
+		note_why(broker, "the broker has closed the connection");
+	else
+		note_why(broker, "%s", mosquitto_strerror(result));
+	give_up(broker, now);
+}
+
+/* 0 or an error of the library. */
+static int set_up(struct db_mqtt_broker *broker)
+{
+	const struct db_mqtt_config *config = broker->config;
+	int result;
+
+	mosquitto_log_callback_set(broker->client, on_log);
+	mosquitto_connect_v5_callback_set(broker->client, on_connect);
+	mosquitto_disconnect_v5_callback_set(broker->client, on_disconnect);
+	mosquitto_publish_v5_callback_set(broker->client, on_publish);
+	mosquitto_subscribe_v5_callback_set(broker->client, on_subscribe);
+	mosquitto_message_v5_callback_set(broker->client, on_message);
+	result = mosquitto_int_option(broker->client, MOSQ_OPT_PROTOCOL_VERSION,
+	                              config->version == DB_MQTT_VERSION_5 ? MQTT_PROTOCOL_V5 :
+	                                                                     MQTT_PROTOCOL_V311);
+	if (!result)
+		result = mosquitto_int_option(broker->client, MOSQ_OPT_TCP_NODELAY, 1);
+	if (!result)
+		result = mosquitto_will_set(broker->client, broker->will, 7, "offline",
+		                            config->qos ? 1 : 0, true);
+	if (!result && config->user[0])
+		result = mosquitto_username_pw_set(broker->client, config->user,
+		                                   config->password[0] ? config->password : NULL);
+	if (!result && config->tls)
+		result = mosquitto_tls_set(broker->client, config->ca_file, NULL,
+		                           config->certificate_file[0] ? config->certificate_file :
+		                                                         NULL,
+		                           config->key_file[0] ? config->key_file : NULL, NULL);
+	return result;
+}
+
+/* The broker is told not to send long messages, for which the library would take the memory. It has that only for
+ * connections that are waited for, but keeps it also when it refuses to make one: 1 s is no keepalive. */
+static int limit_packets(struct db_mqtt_broker *broker)
+{
+	mosquitto_property *properties = NULL;
+	int result = mosquitto_property_add_int32(&properties, MQTT_PROP_MAXIMUM_PACKET_SIZE,
+	                                          PACKET_MAX);
+
+	if (!result)
+		(void)mosquitto_connect_bind_v5(broker->client, broker->config->host,
+		                                (int)broker->config->port, 1, NULL, properties);
+	mosquitto_property_free_all(&properties);
+	return result;
+}
+
+static void start(struct db_mqtt_broker *broker, db_time now)
+{
+	const struct db_mqtt_config *config = broker->config;
+	unsigned timeout_ms = config->keepalive_s * 1000;
+	int result = MOSQ_ERR_NOMEM;
+
+	broker->why[0] = '\0';
+	broker->library[0] = '\0';
+	broker->refused[0] = '\0';
+	broker->accepted = false;
+	/* A clean session: what is published for us while we are away is not kept. */
+	broker->client = mosquitto_new(config->client_id, true, broker);
+	if (broker->client)
+		result = set_up(broker);
+	if (!result && config->version == DB_MQTT_VERSION_5)
+		result = limit_packets(broker);
+	errno = 0;
+	if (!result)
+		result = mosquitto_connect_async(broker->client, config->host, (int)config->port,
+		                                 (int)config->keepalive_s);
+	if (result) {
+		fail(broker, result, errno, now);
+		return;
+	}
+	/* A cable that is pulled shows as soon as silence does. */
+	(void)setsockopt(mosquitto_socket(broker->client), IPPROTO_TCP, TCP_USER_TIMEOUT,
+	                 &timeout_ms, sizeof(timeout_ms));
+	broker->state = CONNECTING;
+	broker->give_up_at = now + CONNECT_MAX;
+	broker->misc_at = now + MISC_INTERVAL;
+}
+
+struct pollfd db_mqtt_broker_watch(const struct db_mqtt_broker *broker)
+{
+	struct pollfd poll_fd = { .fd = -1, .events = POLLIN };
+
+	if (!broker->client)
+		return poll_fd;
+	poll_fd.fd = mosquitto_socket(broker->client);
+	/* While TLS greets, the library always wants to write, but waits for the other side. */
+	if (broker->state == CONNECTING ||
+	    (broker->state == CONNECTED && mosquitto_want_write(broker->client)))
+		poll_fd.events |= POLLOUT;
+	return poll_fd;
+}
+
+db_time db_mqtt_broker_due(const struct db_mqtt_broker *broker)
+{
+	if (broker->state == AWAY)
+		return broker->retry.due;
+	if (broker->state != CONNECTED && broker->give_up_at < broker->misc_at)
+		return broker->give_up_at;
+	return broker->misc_at;
+}
+
+/* As much as the broker takes. False: the connection is lost. */
+static bool send_outbox(struct db_mqtt_broker *broker, db_time now)
+{
+	int qos = broker->config->qos ? 1 : 0;
+	struct db_mqtt_message message;
+
+	while (!mosquitto_want_write(broker->client) &&
+	       db_mqtt_outbox_next(broker->outbox, &message)) {
+		size_t length = strlen(message.payload);
+		int number = 0;
+		int result;
+
+		errno = 0;
+		result = mosquitto_publish(broker->client, &number, message.topic, (int)length,
+		                           message.payload, qos, message.retained);
+		/* One that this broker can never take is not tried again. */
+		if (result == MOSQ_ERR_OVERSIZE_PACKET || result == MOSQ_ERR_PAYLOAD_SIZE) {
+			broker->stats.refused++;
+			db_mqtt_outbox_sent_for_good(broker->outbox);
+			continue;
+		}
+		if (result) {
+			fail(broker, result, errno, now);
+			return false;
+		}
+		broker->stats.sent++;
+		broker->stats.bytes += strlen(message.topic) + length;
+		if (qos > 0)
+			db_mqtt_outbox_sent(broker->outbox, number);
+		else
+			db_mqtt_outbox_sent_for_good(broker->outbox);
+	}
+	return true;
+}
+
+static void serve(struct db_mqtt_broker *broker, short revents, db_time now)
+{
+	socklen_t size = sizeof(int);
+	int cause = 0;
+	int result;
+
+	if (broker->state == CONNECTING && (revents & (POLLERR | POLLHUP)) &&
+	    getsockopt(mosquitto_socket(broker->client), SOL_SOCKET, SO_ERROR, &cause, &size) ==
+	            0 &&
+	    cause != 0)
+		note_why(broker, "%s", strerror(cause));
+	/* Reading goes on with the greeting of TLS as well, whatever is ready. */
+	errno = 0;
+	result = mosquitto_loop_read(broker->client, 1);
+	if (!result && mosquitto_socket(broker->client) >= 0) {
+		errno = 0;
+		result = mosquitto_loop_write(broker->client, 1);
+	}
+	if (!result && mosquitto_socket(broker->client) < 0)
+		result = MOSQ_ERR_CONN_LOST;
+	/* The library does not see that a connection ends while TLS greets. */
+	if (!result && broker->state != CONNECTED && !broker->accepted &&
+	    (revents & (POLLHUP | POLLERR)))
+		result = MOSQ_ERR_CONN_LOST;
+	if (result) {
+		fail(broker, result, errno, now);
+		return;
+	}
+	if (broker->state == CONNECTING)
+		broker->state = GREETING;
+	if (broker->state != GREETING || !broker->accepted)
+		return;
+	broker->state = CONNECTED;
+	broker->stats.connections++;
+	broker->told[0] = '\0';
+	db_mqtt_retry_succeed(&broker->retry);
+	db_mqtt_outbox_start_over(broker->outbox);
+	db_mqtt_log(DB_MQTT_NOTICE, "connected to the broker %s, port %u%s", broker->config->host,
+	            broker->config->port, broker->config->tls ? ", with TLS" : "");
+	broker->ops->connected(broker->context);
+}
+
+void db_mqtt_broker_handle(struct db_mqtt_broker *broker, short revents, db_time now)
+{
+	int result = 0;
+
+	if (broker->state == AWAY && now >= broker->retry.due)
+		start(broker, now);
+	else if (broker->state != AWAY && revents != 0)
+		serve(broker, revents, now);
+	if (broker->state != AWAY && now >= broker->misc_at) {
+		broker->misc_at = now + MISC_INTERVAL;
+		errno = 0;
+		result = mosquitto_loop_misc(broker->client);
+		if (result)
+			fail(broker, result, errno, now);
+	}
+	if (broker->state != AWAY && broker->state != CONNECTED && now >= broker->give_up_at) {
+		note_why(broker, "it does not answer");
+		give_up(broker, now);
+	}
+	if (broker->state == CONNECTED)
+		(void)send_outbox(broker, now);
+}
+
+bool db_mqtt_broker_is_connected(const struct db_mqtt_broker *broker)
+{
+	return broker->state == CONNECTED;
+}
+
+void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter)
+{
+	/* At most once: the broker keeps nothing for later and repeats nothing. */
+	int result = mosquitto_subscribe_v5(
+		broker->client, NULL, filter, 0,
+		MQTT_SUB_OPT_RETAIN_AS_PUBLISHED | MQTT_SUB_OPT_SEND_RETAIN_NEVER, NULL);
+
+	if (result)
+		db_mqtt_log(DB_MQTT_ERROR, "cannot subscribe to %s: %s", filter,
+		            mosquitto_strerror(result));
+}
+
+void db_mqtt_broker_send_now(struct db_mqtt_broker *broker, const char *topic, const char *text)
+{
+	if (broker->state == CONNECTED && !mosquitto_want_write(broker->client))
+		(void)mosquitto_publish(broker->client, NULL, topic, (int)strlen(text), text, 0,
+		                        false);
+}
+
+struct db_mqtt_broker_stats db_mqtt_broker_read_stats(const struct db_mqtt_broker *broker)
+{
+	return broker->stats;
+}

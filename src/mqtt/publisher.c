@@ -1,0 +1,343 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "mqtt/publisher.h"
+
+#include "drivebridge/version.h"
+#include "mqtt/broker.h"
+#include "mqtt/log.h"
+#include "mqtt/moment.h"
+#include "mqtt/outbox.h"
+#include "mqtt/picture.h"
+#include "mqtt/plant.h"
+#include "mqtt/topics.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define BYTES_PER_KIB 1024
+
+struct db_mqtt_publisher {
+	const struct db_mqtt_config *config;
+	struct db_mqtt_topic status;
+	struct db_mqtt_outbox *outbox;
+	struct db_mqtt_broker *broker;
+	struct db_mqtt_plant *plant;
+	struct db_mqtt_picture **pictures;
+	size_t picture_count;
+	db_time now; /* of this turn; likewise the next */
+	int64_t us;
+	db_time figures_at;
+	uint64_t skipped;      /* samples that the service left out */
+	uint64_t dropped_told; /* of the outbox, when it was logged last */
+};
+
+static void publish(struct db_mqtt_publisher *publisher, struct db_mqtt_topic topic, char *text,
+                    bool retained)
+{
+	if (text && retained)
+		db_mqtt_outbox_set_retained(publisher->outbox, topic.text, text);
+	else if (text)
+		db_mqtt_outbox_add_sample(publisher->outbox, topic.text, text);
+	free(text);
+}
+
+/* Takes the object over. */
+static void publish_json(struct db_mqtt_publisher *publisher, struct db_mqtt_topic topic,
+                         json_t *object, bool retained)
+{
+	publish(publisher, topic, object ? db_mqtt_picture_dump(object) : NULL, retained);
+	json_decref(object);
+}
+
+static struct db_mqtt_topic topic_of(const struct db_mqtt_publisher *publisher, const char *leaf)
+{
+	return db_mqtt_topic_of_gateway(publisher->config->prefix, publisher->config->gateway,
+	                                leaf);
+}
+
+static struct db_mqtt_topic topic_of_drive(const struct db_mqtt_publisher *publisher,
+                                           const char *drive, const char *leaf)
+{
+	return db_mqtt_topic_of_drive(publisher->config->prefix, publisher->config->gateway, drive,
+	                              leaf);
+}
+
+static json_t *describe_moment(int64_t us)
+{
+	char text[DB_MQTT_MOMENT_MAX];
+
+	db_mqtt_moment_write(us, text);
+	return json_string(text);
+}
+
+/* --- drives ----------------------------------------------------------------------------------- */
+
+static void publish_state_if_due(struct db_mqtt_publisher *publisher,
+                                 struct db_mqtt_picture *picture)
+{
+	const struct db_mqtt_config *config = publisher->config;
+
+	if (db_mqtt_picture_state_is_due(picture, config->state_interval_ms * DB_NS_PER_MS,
+	                                 config->refresh_s * DB_NS_PER_S, publisher->now))
+		publish(publisher,
+		        topic_of_drive(publisher, db_mqtt_picture_name(picture), "state"),
+		        db_mqtt_picture_write_state(picture), true);
+}
+
+static void take_sample(void *context, const json_t *sample, int64_t us)
+{
+	struct db_mqtt_publisher *publisher = context;
+	const char *drive = json_string_value(json_object_get(sample, "drive"));
+
+	for (size_t i = 0; drive && i < publisher->picture_count; i++) {
+		struct db_mqtt_picture *picture = publisher->pictures[i];
+
+		if (strcmp(db_mqtt_picture_name(picture), drive) != 0)
+			continue;
+		publish(publisher, topic_of_drive(publisher, drive, "changes"),
+		        db_mqtt_picture_take(picture, json_object_get(sample, "values"), us),
+		        false);
+		publish_state_if_due(publisher, picture);
+		return;
+	}
+}
+
+static void take_skipped(void *context, int64_t count)
+{
+	struct db_mqtt_publisher *publisher = context;
+
+	publisher->skipped += (uint64_t)count;
+}
+
+static void forget_pictures(struct db_mqtt_publisher *publisher)
+{
+	for (size_t i = 0; i < publisher->picture_count; i++)
+		db_mqtt_picture_free(publisher->pictures[i]);
+	free(publisher->pictures);
+	publisher->pictures = NULL;
+	publisher->picture_count = 0;
+}
+
+/* A drive that there was, and is no more, leaves nothing behind at the broker. */
+static void withdraw_missing(struct db_mqtt_publisher *publisher, const json_t *drives)
+{
+	static const char *const leaves[] = { "about", "state" };
+
+	for (size_t i = 0; i < publisher->picture_count; i++) {
+		const char *name = db_mqtt_picture_name(publisher->pictures[i]);
+		bool there = false;
+		size_t d;
+		const json_t *drive;
+
+		json_array_foreach(drives, d, drive)
+		{
+			const char *other = json_string_value(json_object_get(drive, "name"));
+
+			there = there || (other && strcmp(other, name) == 0);
+		}
+		for (size_t l = 0; !there && l < sizeof(leaves) / sizeof(leaves[0]); l++)
+			db_mqtt_outbox_set_retained(publisher->outbox,
+			                            topic_of_drive(publisher, name, leaves[l]).text,
+			                            "");
+	}
+}
+
+static void greet_plant(void *context, const json_t *description, const json_t *registers,
+                        const json_t *names)
+{
+	struct db_mqtt_publisher *publisher = context;
+	const json_t *drives = json_object_get(description, "drives");
+	const char *version = json_string_value(json_object_get(description, "version"));
+	size_t i;
+	const json_t *drive;
+
+	withdraw_missing(publisher, drives);
+	forget_pictures(publisher);
+	publisher->pictures = calloc(json_array_size(drives) + 1, sizeof(struct db_mqtt_picture *));
+	json_array_foreach(drives, i, drive)
+	{
+		const char *name = json_string_value(json_object_get(drive, "name"));
+		struct db_mqtt_picture *picture =
+			publisher->pictures && name ?
+				db_mqtt_picture_new(drive, json_object_get(registers, name),
+		                                    names) :
+				NULL;
+
+		if (!picture)
+			continue;
+		publisher->pictures[publisher->picture_count++] = picture;
+		publish(publisher, topic_of_drive(publisher, name, "about"),
+		        db_mqtt_picture_write_about(picture), true);
+	}
+	db_mqtt_outbox_set_retained(publisher->outbox, publisher->status.text, "online");
+	db_mqtt_log(DB_MQTT_NOTICE, "drivebridged %s is there, drives: %zu", version ? version : "",
+	            publisher->picture_count);
+}
+
+/* Nobody is to take old values for those of now. */
+static void miss_plant(void *context)
+{
+	struct db_mqtt_publisher *publisher = context;
+
+	db_mqtt_outbox_set_retained(publisher->outbox, publisher->status.text, "no-service");
+	for (size_t i = 0; i < publisher->picture_count; i++) {
+		struct db_mqtt_picture *picture = publisher->pictures[i];
+		const char *drive = db_mqtt_picture_name(picture);
+
+		publish(publisher, topic_of_drive(publisher, drive, "changes"),
+		        db_mqtt_picture_forget(picture, publisher->us), false);
+		publish(publisher, topic_of_drive(publisher, drive, "state"),
+		        db_mqtt_picture_write_state(picture), true);
+	}
+}
+
+/* --- the rest --------------------------------------------------------------------------------- */
+
+static void take_event(void *context, json_t *event)
+{
+	struct db_mqtt_publisher *publisher = context;
+	json_t *copy = json_copy(event);
+
+	(void)json_object_del(copy, "time_us");
+	(void)json_object_set_new(
+		copy, "time",
+		describe_moment(json_integer_value(json_object_get(event, "time_us"))));
+	publish_json(publisher, topic_of(publisher, "event"), copy, false);
+}
+
+static void take_figures(void *context, json_t *buses)
+{
+	struct db_mqtt_publisher *publisher = context;
+	const char *bus;
+	json_t *figures;
+
+	json_object_foreach(buses, bus, figures) publish_json(
+		publisher,
+		db_mqtt_topic_of_bus(publisher->config->prefix, publisher->config->gateway, bus,
+	                             "figures"),
+		json_pack("{s:o, s:O}", "time", describe_moment(publisher->us), "values", figures),
+		true);
+}
+
+static void publish_figures(struct db_mqtt_publisher *publisher)
+{
+	struct db_mqtt_outbox_stats outbox = db_mqtt_outbox_read_stats(publisher->outbox);
+	struct db_mqtt_broker_stats broker = db_mqtt_broker_read_stats(publisher->broker);
+
+	publish_json(publisher, topic_of(publisher, "figures"),
+	             json_pack("{s:o, s:s, s:{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I}}", "time",
+	                       describe_moment(publisher->us), "version", DB_VERSION, "values",
+	                       "connections", (json_int_t)broker.connections, "sent",
+	                       (json_int_t)broker.sent, "bytes", (json_int_t)broker.bytes,
+	                       "refused", (json_int_t)broker.refused, "dropped",
+	                       (json_int_t)outbox.dropped, "buffered", (json_int_t)outbox.messages,
+	                       "buffered_bytes", (json_int_t)outbox.bytes, "skipped",
+	                       (json_int_t)publisher->skipped),
+	             true);
+	if (outbox.dropped > publisher->dropped_told)
+		db_mqtt_log(DB_MQTT_WARNING,
+		            "the buffer is full: %llu messages more dropped, the oldest first",
+		            (unsigned long long)(outbox.dropped - publisher->dropped_told));
+	publisher->dropped_told = outbox.dropped;
+	publisher->figures_at = publisher->now +
+	                        publisher->config->figures_interval_s * DB_NS_PER_S;
+}
+
+static void greet_broker(void *context)
+{
+	struct db_mqtt_publisher *publisher = context;
+
+	/* How much was dropped is known with the first values that come late. */
+	publish_figures(publisher);
+}
+
+static void miss_broker(void *context)
+{
+	(void)context;
+}
+
+static void take_message(void *context, const char *topic, const char *text, size_t length,
+                         bool retained)
+{
+	(void)context;
+	(void)topic;
+	(void)text;
+	(void)length;
+	(void)retained;
+}
+
+/* --- its life --------------------------------------------------------------------------------- */
+
+struct db_mqtt_publisher *db_mqtt_publisher_new(const struct db_mqtt_config *config)
+{
+	static const struct db_mqtt_plant_ops plant_ops = {
+		.found = greet_plant,
+		.lost = miss_plant,
+		.sample = take_sample,
+		.skipped = take_skipped,
+		.event = take_event,
+		.figures = take_figures,
+	};
+	static const struct db_mqtt_broker_ops broker_ops = {
+		.connected = greet_broker,
+		.lost = miss_broker,
+		.message = take_message,
+	};
+	struct db_mqtt_publisher *publisher = calloc(1, sizeof(*publisher));
+
+	if (!publisher)
+		return NULL;
+	publisher->config = config;
+	publisher->status = topic_of(publisher, "status");
+	publisher->outbox = db_mqtt_outbox_new(config->buffer_messages,
+	                                       (size_t)config->buffer_kib * BYTES_PER_KIB);
+	if (publisher->outbox)
+		publisher->broker = db_mqtt_broker_new(config, publisher->status.text,
+		                                       publisher->outbox, &broker_ops, publisher);
+	publisher->plant = db_mqtt_plant_new(config, &plant_ops, publisher);
+	if (!publisher->outbox || !publisher->broker || !publisher->plant) {
+		db_mqtt_publisher_free(publisher);
+		return NULL;
+	}
+	db_mqtt_outbox_set_retained(publisher->outbox, publisher->status.text, "no-service");
+	return publisher;
+}
+
+void db_mqtt_publisher_free(struct db_mqtt_publisher *publisher)
+{
+	if (!publisher)
+		return;
+	db_mqtt_plant_free(publisher->plant);
+	db_mqtt_broker_free(publisher->broker);
+	db_mqtt_outbox_free(publisher->outbox);
+	forget_pictures(publisher);
+	free(publisher);
+}
+
+nfds_t db_mqtt_publisher_watch(const struct db_mqtt_publisher *publisher,
+                               struct pollfd fds[DB_MQTT_PUBLISHER_FDS])
+{
+	fds[0] = db_mqtt_broker_watch(publisher->broker);
+	db_mqtt_plant_watch(publisher->plant, fds + 1);
+	return 1 + DB_MQTT_PLANT_FDS;
+}
+
+db_time db_mqtt_publisher_due(const struct db_mqtt_publisher *publisher)
+{
+	db_time due = db_mqtt_broker_due(publisher->broker);
+
+	if (db_mqtt_plant_due(publisher->plant) < due)
+		due = db_mqtt_plant_due(publisher->plant);
+	return publisher->figures_at < due ? publisher->figures_at : due;
+}
+
+void db_mqtt_publisher_handle(struct db_mqtt_publisher *publisher,
+                              const struct pollfd fds[DB_MQTT_PUBLISHER_FDS], db_time now,
+                              int64_t us)
+{
+	publisher->now = now;
+	publisher->us = us;
+	db_mqtt_plant_handle(publisher->plant, now, us);
+	if (now >= publisher->figures_at)
+		publish_figures(publisher);
+	db_mqtt_broker_handle(publisher->broker, fds[0].revents, now);
+}

@@ -1,0 +1,53 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "mqtt/topics.h"
+
+#include <stdio.h>
+#include <string.h>
+
+struct db_mqtt_topic db_mqtt_topic_of_gateway(const char *prefix, const char *gateway,
+                                              const char *leaf)
+{
+	struct db_mqtt_topic topic;
+
+	(void)snprintf(topic.text, sizeof(topic.text), "%s/%s/%s", prefix, gateway, leaf);
+	return topic;
+}
+
+struct db_mqtt_topic db_mqtt_topic_of_bus(const char *prefix, const char *gateway, const char *bus,
+                                          const char *leaf)
+{
+	struct db_mqtt_topic topic;
+
+	(void)snprintf(topic.text, sizeof(topic.text), "%s/%s/bus/%s/%s", prefix, gateway, bus,
+	               leaf);
+	return topic;
+}
+
+struct db_mqtt_topic db_mqtt_topic_of_drive(const char *prefix, const char *gateway,
+                                            const char *drive, const char *leaf)
+{
+	struct db_mqtt_topic topic;
+
+	(void)snprintf(topic.text, sizeof(topic.text), "%s/%s/drive/%s/%s", prefix, gateway, drive,
+	               leaf);
+	return topic;
+}
+
+bool db_mqtt_topic_is_of_drive(const char *topic, const char *prefix, const char *gateway,
+                               const char *leaf, char drive[DB_MQTT_NAME_MAX])
+{
+	struct db_mqtt_topic head = db_mqtt_topic_of_gateway(prefix, gateway, "drive/");
+	size_t length = strlen(head.text);
+	size_t name;
+
+	if (strncmp(topic, head.text, length) != 0)
+		return false;
+	topic += length;
+	name = strcspn(topic, "/");
+	if (name == 0 || name >= DB_MQTT_NAME_MAX || topic[name] != '/' ||
+	    strcmp(topic + name + 1, leaf) != 0)
+		return false;
+	memcpy(drive, topic, name);
+	drive[name] = '\0';
+	return true;
+}

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A broker (Debian's mosquitto), a client that watches and commands (paho-mqtt), and drivebridge-mqtt."""
+
+import json
+import os
+import random
+import shutil
+import signal
+import socket
+import subprocess
+import threading
+import time
+from datetime import datetime, timezone
+
+import paho.mqtt.client as paho
+from paho.mqtt.enums import CallbackAPIVersion
+from paho.mqtt.properties import Properties
+from paho.mqtt.subscribeoptions import SubscribeOptions
+
+from bridgelib import eventually, find_program, section
+
+MOSQUITTO = shutil.which("mosquitto", path=os.environ["PATH"] + ":/usr/sbin:/usr/local/sbin")
+
+
+def free_address():
+    """An address of this machine's own that nobody else has asked for, and a port that is free there."""
+    address = f"127.{random.randint(1, 250)}.{random.randint(0, 255)}.{random.randint(2, 250)}"
+    with socket.socket() as probe:
+        probe.bind((address, 0))
+        return address, probe.getsockname()[1]
+
+
+class Broker:
+    """mosquitto, which can be ended and come back at the same place, with what it knew."""
+
+    def __init__(self, place, config=""):
+        self.place = place
+        place.mkdir(exist_ok=True)
+        self.host, self.port = free_address()
+        self.config = config
+        self.process = None
+        self.log_path = place / "broker.log"
+
+    def start(self):
+        path = self.place / "mosquitto.conf"
+        text = f"listener {self.port} {self.host}\nuser root\n{self.config}\n"
+        if "allow_anonymous" not in text:
+            text += "allow_anonymous true\n"
+        path.write_text(text, encoding="utf-8")
+        with open(self.log_path, "ab") as log:
+            self.process = subprocess.Popen([MOSQUITTO, "-v", "-c", path], stdout=log, stderr=log)
+
+        def listening():
+            assert self.process.poll() is None, self.log_path.read_text(errors="replace")
+            with socket.socket() as probe:
+                return probe.connect_ex((self.host, self.port)) == 0
+
+        eventually(listening, what="the broker to listen")
+        return self
+
+    def stop(self, how=signal.SIGTERM):
+        if self.process:
+            self.process.send_signal(how)
+            self.process.wait(10)
+        self.process = None
+
+    def pause(self):
+        self.process.send_signal(signal.SIGSTOP)
+
+    def go_on(self):
+        self.process.send_signal(signal.SIGCONT)
+
+
+class Message:
+    def __init__(self, message):
+        self.topic = message.topic
+        self.text = message.payload.decode()
+        self.retain = message.retain
+
+    @property
+    def json(self):
+        return json.loads(self.text)
+
+    def __repr__(self):
+        return f"{self.topic} {self.text}"
+
+
+class Watcher:
+    """Keeps every message; `prefix` stands before all topics that it is asked for."""
+
+    def __init__(self, broker, prefix="drivebridge/gw/", filters=("#",), port=None, **credentials):
+        self.prefix = prefix
+        self.messages = []
+        self.changed = threading.Condition()
+        self.subscribed = threading.Event()
+        self.filters = filters
+        self.client = paho.Client(CallbackAPIVersion.VERSION2, protocol=paho.MQTTv5)
+        if credentials:
+            self.client.username_pw_set(**credentials)
+        self.client.on_connect = self._connected
+        self.client.on_subscribe = lambda *unused: self.subscribed.set()
+        self.client.on_message = self._take
+        self.client.reconnect_delay_set(0.1, 0.2)
+        self.client.connect(broker.host, port or broker.port)
+        self.client.loop_start()
+        assert self.subscribed.wait(10)
+
+    def _connected(self, client, *unused):
+        client.subscribe([(one, SubscribeOptions(qos=1, retainAsPublished=False))
+                          for one in self.filters])
+
+    def _take(self, client, data, message):
+        with self.changed:
+            self.messages.append(Message(message))
+            self.changed.notify_all()
+
+    def close(self):
+        self.client.disconnect()
+        self.client.loop_stop()
+
+    def all(self, leaf, since=0):
+        with self.changed:
+            return [one for one in self.messages[since:] if one.topic == self.prefix + leaf]
+
+    def count(self):
+        with self.changed:
+            return len(self.messages)
+
+    def wait(self, leaf, check=lambda message: True, since=0, timeout=10):
+        """The first message of the topic that the check takes."""
+        deadline = time.monotonic() + timeout
+        with self.changed:
+            while True:
+                for one in self.messages[since:]:
+                    if one.topic == self.prefix + leaf and one.text and check(one):
+                        return one
+                left = deadline - time.monotonic()
+                if not self.changed.wait(max(left, 0)) and left <= 0:
+                    seen = [one for one in self.messages[since:] if one.topic == self.prefix + leaf]
+                    raise AssertionError(f"no such message in {leaf}; the last: {seen[-3:]}")
+
+    def wait_for_text(self, leaf, text, since=0, timeout=10):
+        return self.wait(leaf, lambda message: message.text == text, since, timeout)
+
+    def publish(self, leaf, payload, retain=False, qos=1):
+        if not isinstance(payload, (str, bytes)):
+            payload = json.dumps(payload)
+        self.client.publish(self.prefix + leaf, payload, qos=qos, retain=retain,
+                            properties=Properties(3)).wait_for_publish(10)
+
+
+class Publisher:
+    """drivebridge-mqtt."""
+
+    def __init__(self, place, bridge, broker, broker_keys=None, publish=None, command=None):
+        self.place = place
+        self.log_path = place / "mqtt.log"
+        self.config_path = place / "mqtt.conf"
+        self.sections = {
+            "service": {"socket": bridge.control_path if bridge else place / "nowhere"},
+            "broker": {"host": broker.host, "port": broker.port, **(broker_keys or {})},
+            "publish": {"gateway": "gw", "interval-ms": 50, "state-interval-ms": 50,
+                        "figures-interval-s": 1, **(publish or {})},
+            "command": command or {},
+        }
+        self.process = None
+
+    def write_config(self):
+        text = "\n".join(section(title, keys) for title, keys in self.sections.items())
+        self.config_path.write_text(text, encoding="utf-8")
+
+    def start(self, *arguments, **options):
+        self.write_config()
+        with open(self.log_path, "ab") as log:
+            self.process = subprocess.Popen(
+                [find_program("drivebridge-mqtt"), "--config", self.config_path, *arguments],
+                stdout=log, stderr=log, **options)
+        return self
+
+    def log(self):
+        return self.log_path.read_text(errors="replace")
+
+    def wait_for_log(self, text, timeout=10):
+        eventually(lambda: text in self.log(), timeout, f"'{text}' in its log")
+
+    def stop(self):
+        self.process.send_signal(signal.SIGTERM)
+        return self.process.wait(10)
+
+    def finish(self):
+        """What was wrong with its end."""
+        problems = []
+        if self.process and self.process.poll() is None:
+            try:
+                if self.stop() != 0:
+                    problems.append(f"drivebridge-mqtt ended with {self.process.returncode}")
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                problems.append("drivebridge-mqtt did not end")
+        text = self.log() if self.log_path.exists() else ""
+        if "Sanitizer" in text or "runtime error:" in text:
+            problems.append("sanitizer output of drivebridge-mqtt")
+        return problems
+
+
+def now_text(offset=0.0):
+    """As commands say when they were sent."""
+    return datetime.fromtimestamp(time.time() + offset, timezone.utc).isoformat()
