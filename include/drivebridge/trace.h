@@ -77,14 +77,16 @@ void db_trace_free(struct db_trace *trace);
 
 /* --- the one writer: no call of the system, no allocation, in a time that depends on the length only --------- */
 
-/* Its number. Nobody reads it before db_trace_publish(). */
+/* Its number. */
 uint32_t db_trace_write(struct db_trace *trace, db_time time, enum db_trace_kind kind,
                         uint32_t question, const void *bytes, size_t length);
-/* What the frame that was written last turned out to be. Only before it is published, and as long as it is the last
- * one but for events. */
-void db_trace_settle(struct db_trace *trace, enum db_trace_kind kind, uint32_t question);
-void db_trace_publish(struct db_trace *trace);
-/* Something happened, to this drive or with null to the bus; published. */
+/*
+ * A frame came, and db_trace_close() says what it was; meanwhile its bytes must stay, and nothing but events may be
+ * written, which then stand behind it.
+ */
+void db_trace_open(struct db_trace *trace, db_time time, const void *bytes, size_t length);
+void db_trace_close(struct db_trace *trace, enum db_trace_kind kind, uint32_t question);
+/* Something happened, to this drive or with null to the bus. */
 void db_trace_write_event(struct db_trace *trace, db_time time, enum db_event event,
                           const char *drive);
 

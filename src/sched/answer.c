@@ -215,8 +215,7 @@ void answer_take_frame(struct db_engine *engine, const uint8_t *frame, size_t le
 	struct node *node;
 	int address = -1;
 
-	/* Before what is told of it; what it is shows only behind that. */
-	db_trace_write(engine->trace, now, kind, 0, frame, length);
+	db_trace_open(engine->trace, now, frame, length);
 	switch (engine->driver->accept(engine->bus, frame, length, &address)) {
 	case DB_FRAME_GOOD:
 		node = sender_of(engine, address);
@@ -234,8 +233,7 @@ void answer_take_frame(struct db_engine *engine, const uint8_t *frame, size_t le
 		take_bad_frame(engine, frame, length, address);
 		break;
 	}
-	db_trace_settle(engine->trace, kind, question);
-	db_trace_publish(engine->trace);
+	db_trace_close(engine->trace, kind, question);
 }
 
 /* --- losses ---------------------------------------------------------------------------------------- */
@@ -334,7 +332,6 @@ void answer_lost(struct db_engine *engine, struct node *node, db_time now)
 	                                                         now - node->flight.sent;
 
 	db_trace_write(engine->trace, now, DB_TRACE_UNANSWERED, node->flight.question, NULL, 0);
-	db_trace_publish(engine->trace);
 	exchange_end(engine, node, now);
 	engine->stats.timeouts++;
 	station->snapshot.stats.timeouts++;

@@ -218,7 +218,6 @@ void engine_take_garbage(struct db_engine *engine, const uint8_t *bytes, size_t 
 {
 	engine->stats.garbage_bytes += (uint32_t)length;
 	db_trace_write(engine->trace, now, DB_TRACE_GARBAGE, 0, bytes, length);
-	db_trace_publish(engine->trace);
 }
 
 uint32_t engine_send(struct db_engine *engine, const uint8_t *bytes, size_t length,
@@ -231,6 +230,5 @@ uint32_t engine_send(struct db_engine *engine, const uint8_t *bytes, size_t leng
 
 	for (size_t at = 0; at < length; at += frame)
 		number = db_trace_write(engine->trace, sent, why, 0, bytes + at, frame);
-	db_trace_publish(engine->trace);
 	return number;
 }

@@ -15,25 +15,32 @@
 
 struct head {
 	db_time time;
-	uint32_t number;
-	unsigned length : 16;
-	unsigned kind : 5;
-	unsigned distance : 11; /* to the question; 0: none */
+	struct tail {
+		uint32_t number;
+		unsigned length : 16;
+		unsigned kind : 5;
+		unsigned distance : 11; /* to the question; 0: none */
+	} tail;
 };
 
 _Static_assert(sizeof(struct head) == 16, "a frame on CAN takes 32 bytes");
 _Static_assert(DB_TRACE_KIND_COUNT <= 32, "a kind has five bits");
 
 #define HEAD_WORDS (sizeof(struct head) / WORD)
+#define TIME_WORDS (sizeof(db_time) / WORD)
 
 struct db_trace {
 	unsigned long mask; /* words, less one */
 
 	/* The writer's. */
-	unsigned long written; /* what is not published yet included */
-	unsigned long first;   /* of the records that are kept */
-	unsigned long last;    /* the frame written last: what db_trace_settle() is about */
-	uint32_t number;
+	unsigned long written; /* to here, what is not published yet included */
+	uint32_t number;       /* of the newest record there */
+	bool frame_is_open;    /* see db_trace_open() */
+	bool frame_is_written; /* at `frame_at`, for an event stands behind it; nothing is published */
+	unsigned long frame_at;
+	db_time frame_time;
+	const void *frame_bytes;
+	size_t frame_length;
 
 	_Atomic unsigned long begin;
 	_Atomic unsigned long end;
@@ -104,79 +111,172 @@ void db_trace_free(struct db_trace *trace)
 
 /* --- writing --------------------------------------------------------------------------------------- */
 
-static void put(struct db_trace *trace, unsigned long at, const void *bytes, size_t length)
+/* As few instructions as it takes: this is done for every frame. */
+static inline void put_word(struct db_trace *trace, unsigned long at, unsigned long word)
+{
+	atomic_store_explicit(&trace->words[at & trace->mask], word, memory_order_release);
+}
+
+static inline unsigned long get_word(const struct db_trace *trace, unsigned long at)
+{
+	return atomic_load_explicit(&trace->words[at & trace->mask], memory_order_acquire);
+}
+
+/*
+ * Bytes in words. Of what is no whole number of words the last word is that of the last bytes, which overlaps the one
+ * before; what is shorter than a word does the same with its halves.
+ */
+#define HALF (WORD / 2)
+
+static inline void put(struct db_trace *trace, unsigned long at, const void *bytes, size_t length)
 {
 	const unsigned char *from = bytes;
+	unsigned char part[WORD] = { 0 };
 	unsigned long word;
+	size_t done;
 
-	for (; length >= WORD; length -= WORD, from += WORD) {
-		memcpy(&word, from, WORD);
-		atomic_store_explicit(&trace->words[at++ & trace->mask], word,
-		                      memory_order_release);
+	for (done = 0; done + WORD <= length; done += WORD) {
+		memcpy(&word, from + done, WORD);
+		put_word(trace, at++, word);
 	}
-	if (length > 0) {
-		word = 0;
-		memcpy(&word, from, length);
-		atomic_store_explicit(&trace->words[at & trace->mask], word, memory_order_release);
+	if (done == length)
+		return;
+	if (length >= WORD) {
+		memcpy(&word, from + length - WORD, WORD);
+	} else if (length >= HALF) {
+		memcpy(part, from, HALF);
+		memcpy(part + HALF, from + length - HALF, HALF);
+		memcpy(&word, part, WORD);
+	} else {
+		for (size_t i = 0; i < length; i++)
+			part[i] = from[i];
+		memcpy(&word, part, WORD);
 	}
+	put_word(trace, at, word);
 }
 
-static void get(const struct db_trace *trace, unsigned long at, void *bytes, size_t length)
+static inline void get(const struct db_trace *trace, unsigned long at, void *bytes, size_t length)
 {
 	unsigned char *to = bytes;
+	unsigned char part[WORD];
 	unsigned long word;
+	size_t done;
 
-	for (; length > 0; at++) {
-		size_t part = length < WORD ? length : WORD;
-
-		word = atomic_load_explicit(&trace->words[at & trace->mask], memory_order_acquire);
-		memcpy(to, &word, part);
-		to += part;
-		length -= part;
+	for (done = 0; done + WORD <= length; done += WORD) {
+		word = get_word(trace, at++);
+		memcpy(to + done, &word, WORD);
+	}
+	if (done == length)
+		return;
+	word = get_word(trace, at);
+	memcpy(part, &word, WORD);
+	if (length >= WORD) {
+		memcpy(to + length - WORD, part, WORD);
+	} else if (length >= HALF) {
+		memcpy(to, part, HALF);
+		memcpy(to + length - HALF, part + HALF, HALF);
+	} else {
+		memcpy(to, part, length);
 	}
 }
 
-static unsigned distance_to(uint32_t number, uint32_t question)
+static inline unsigned distance_to(uint32_t number, uint32_t question)
 {
 	uint32_t distance = question == 0 ? 0 : number - question;
 
 	return distance > DISTANCE_MAX ? 0 : distance;
 }
 
-static void append(struct db_trace *trace, struct head head, const void *bytes)
+static inline struct head head_of(db_time time, uint32_t number, enum db_trace_kind kind,
+                                  uint32_t question, size_t length)
 {
-	size_t words = words_of(head.length);
-	unsigned long first = trace->first;
+	struct head head = { .time = time, .tail.number = number };
 
-	while (trace->written + words - first > trace->mask + 1) {
-		struct head oldest;
+	head.tail.length = (length < DB_TRACE_BYTES_MAX ? length : DB_TRACE_BYTES_MAX) & 0xFFFF;
+	head.tail.kind = kind & 0x1F;
+	head.tail.distance = distance_to(number, question) & DISTANCE_MAX;
+	return head;
+}
 
-		get(trace, first, &oldest, sizeof oldest);
+static void append(struct db_trace *trace, const struct head *head, const void *bytes)
+{
+	unsigned long begin = atomic_load_explicit(&trace->begin, memory_order_relaxed);
+	unsigned long after = trace->written + words_of(head->tail.length);
+	unsigned long first = begin;
+
+	while (after - first > trace->mask + 1) {
+		struct tail oldest;
+
+		get(trace, first + TIME_WORDS, &oldest, sizeof oldest);
 		first += words_of(oldest.length);
 	}
-	if (first != trace->first) {
-		trace->first = first;
+	if (first != begin)
 		atomic_store_explicit(&trace->begin, first, memory_order_relaxed);
-	}
-	put(trace, trace->written, &head, sizeof head);
-	put(trace, trace->written + HEAD_WORDS, bytes, head.length);
-	trace->written += words;
+	put(trace, trace->written, head, sizeof *head);
+	put(trace, trace->written + HEAD_WORDS, bytes, head->tail.length);
+	trace->written = after;
+	trace->number = head->tail.number;
+}
+
+static inline void publish(struct db_trace *trace)
+{
+	atomic_store_explicit(&trace->published, trace->number, memory_order_relaxed);
+	atomic_store_explicit(&trace->end, trace->written, memory_order_release);
+}
+
+static inline uint32_t next_number(const struct db_trace *trace)
+{
+	return trace->number == UINT32_MAX ? 1 : trace->number + 1;
 }
 
 uint32_t db_trace_write(struct db_trace *trace, db_time time, enum db_trace_kind kind,
                         uint32_t question, const void *bytes, size_t length)
 {
-	struct head head = { .time = time, .kind = kind & 0x1F };
+	struct head head = head_of(time, next_number(trace), kind, question, length);
 
-	if (++trace->number == 0)
-		trace->number = 1;
-	head.number = trace->number;
-	head.distance = distance_to(head.number, question) & DISTANCE_MAX;
-	head.length = (length < DB_TRACE_BYTES_MAX ? length : DB_TRACE_BYTES_MAX) & 0xFFFF;
-	if (kind != DB_TRACE_EVENT)
-		trace->last = trace->written;
-	append(trace, head, bytes);
-	return head.number;
+	append(trace, &head, bytes);
+	publish(trace);
+	return head.tail.number;
+}
+
+void db_trace_open(struct db_trace *trace, db_time time, const void *bytes, size_t length)
+{
+	trace->frame_is_open = true;
+	trace->frame_time = time;
+	trace->frame_bytes = bytes;
+	trace->frame_length = length;
+}
+
+void db_trace_close(struct db_trace *trace, enum db_trace_kind kind, uint32_t question)
+{
+	trace->frame_is_open = false;
+	if (!trace->frame_is_written) {
+		db_trace_write(trace, trace->frame_time, kind, question, trace->frame_bytes,
+		               trace->frame_length);
+		return;
+	}
+	trace->frame_is_written = false;
+	/* Unless events behind it have taken its place, in a ring that is too small for anything. */
+	if ((long)(atomic_load_explicit(&trace->begin, memory_order_relaxed) - trace->frame_at) <=
+	    0) {
+		struct head head;
+
+		get(trace, trace->frame_at, &head, sizeof head);
+		head = head_of(head.time, head.tail.number, kind, question, head.tail.length);
+		put(trace, trace->frame_at, &head, sizeof head);
+	}
+	publish(trace);
+}
+
+/* An event by what is just looked at stands behind it. */
+static void write_open_frame(struct db_trace *trace)
+{
+	struct head head = head_of(trace->frame_time, next_number(trace), DB_TRACE_STRAY, 0,
+	                           trace->frame_length);
+
+	trace->frame_is_written = true;
+	trace->frame_at = trace->written;
+	append(trace, &head, trace->frame_bytes);
 }
 
 void db_trace_write_event(struct db_trace *trace, db_time time, enum db_event event,
@@ -184,32 +284,18 @@ void db_trace_write_event(struct db_trace *trace, db_time time, enum db_event ev
 {
 	char said[1 + DB_TRACE_NAME_MAX] = { (char)event };
 	size_t length = drive ? strnlen(drive, DB_TRACE_NAME_MAX) : 0;
+	struct head head;
 
 	if (drive)
 		memcpy(said + 1, drive, length);
-	db_trace_write(trace, time, DB_TRACE_EVENT, 0, said, 1 + length);
-	db_trace_publish(trace);
+	if (trace->frame_is_open && !trace->frame_is_written)
+		write_open_frame(trace);
+	head = head_of(time, next_number(trace), DB_TRACE_EVENT, 0, 1 + length);
+	append(trace, &head, said);
+	if (!trace->frame_is_open)
+		publish(trace);
 	if (db_trace_is_trouble(event))
 		atomic_fetch_add_explicit(&trace->troubles, 1, memory_order_release);
-}
-
-void db_trace_settle(struct db_trace *trace, enum db_trace_kind kind, uint32_t question)
-{
-	struct head head;
-
-	/* Events behind it may have taken its place, in a ring that is too small for anything. */
-	if ((long)(trace->first - trace->last) > 0)
-		return;
-	get(trace, trace->last, &head, sizeof head);
-	head.kind = kind & 0x1F;
-	head.distance = distance_to(head.number, question) & DISTANCE_MAX;
-	put(trace, trace->last, &head, sizeof head);
-}
-
-void db_trace_publish(struct db_trace *trace)
-{
-	atomic_store_explicit(&trace->published, trace->number, memory_order_relaxed);
-	atomic_store_explicit(&trace->end, trace->written, memory_order_release);
 }
 
 /* --- reading --------------------------------------------------------------------------------------- */
@@ -232,9 +318,9 @@ static bool copy_record(const struct db_trace *trace, unsigned long at, struct h
 
 	get(trace, at, head, sizeof *head);
 	/* Torn, it may say anything. */
-	if (head->length > DB_TRACE_BYTES_MAX)
+	if (head->tail.length > DB_TRACE_BYTES_MAX)
 		return false;
-	get(trace, at + HEAD_WORDS, bytes, head->length);
+	get(trace, at + HEAD_WORDS, bytes, head->tail.length);
 	begin = atomic_load_explicit(&trace->begin, memory_order_relaxed);
 	return (long)(begin - at) <= 0;
 }
@@ -256,16 +342,16 @@ bool db_trace_read(const struct db_trace *trace, struct db_trace_place *place,
 		if (copy_record(trace, place->at, &head, record->bytes))
 			break;
 	}
-	*missed = place->next != 0 && (int32_t)(head.number - place->next) > 0 ?
-	                  head.number - place->next :
+	*missed = place->next != 0 && (int32_t)(head.tail.number - place->next) > 0 ?
+	                  head.tail.number - place->next :
 	                  0;
-	place->at += words_of(head.length);
-	place->next = head.number + 1;
-	record->number = head.number;
-	record->question = head.distance == 0 ? 0 : head.number - head.distance;
+	place->at += words_of(head.tail.length);
+	place->next = head.tail.number + 1;
+	record->number = head.tail.number;
+	record->question = head.tail.distance == 0 ? 0 : head.tail.number - head.tail.distance;
 	record->time = head.time;
-	record->kind = (enum db_trace_kind)head.kind;
-	record->length = head.length;
+	record->kind = (enum db_trace_kind)head.tail.kind;
+	record->length = head.tail.length;
 	return true;
 }
 
@@ -291,14 +377,11 @@ enum db_event db_trace_event_of(const struct db_trace_record *record,
 
 static void copy_in(struct db_trace *copy, const struct db_trace_record *record, uint32_t number)
 {
-	struct head head = { .time = record->time,
-		             .number = number,
-		             .length = record->length & 0xFFFF,
-		             .kind = record->kind & 0x1F };
+	struct head head = head_of(record->time, number, record->kind, record->question,
+	                           record->length);
 
-	head.distance = distance_to(number, record->question) & DISTANCE_MAX;
-	append(copy, head, record->bytes);
-	copy->number = number;
+	append(copy, &head, record->bytes);
+	publish(copy);
 }
 
 struct db_trace *db_trace_copy(const struct db_trace *trace, const struct db_trace_record *extra)
@@ -317,8 +400,6 @@ struct db_trace *db_trace_copy(const struct db_trace *trace, const struct db_tra
 		copy_in(copy, &record, record.number);
 	}
 	if (copy && extra)
-		copy_in(copy, extra, copy->number + 1);
-	if (copy)
-		db_trace_publish(copy);
+		copy_in(copy, extra, next_number(copy));
 	return copy;
 }

@@ -68,7 +68,6 @@ static void a_trace_is_kept_some_time_behind_the_trouble(void **state)
 	lose("feeder", SECOND);
 	assert_true(db_trace_keeper_next(keeper) == SECOND + DB_TRACE_AFTER);
 	db_trace_write(trace, SECOND + 1, DB_TRACE_PROBE, 0, "x", 1);
-	db_trace_publish(trace);
 	keep(SECOND + DB_TRACE_AFTER - 1);
 	assert_null(db_trace_keeper_at(keeper, 0));
 	keep(SECOND + DB_TRACE_AFTER);

@@ -37,10 +37,7 @@ static int end(void **state)
 static uint32_t write_text(db_time time, enum db_trace_kind kind, uint32_t question,
                            const char *text)
 {
-	uint32_t number = db_trace_write(trace, time, kind, question, text, strlen(text));
-
-	db_trace_publish(trace);
-	return number;
+	return db_trace_write(trace, time, kind, question, text, strlen(text));
 }
 
 static void expect(uint32_t number, enum db_trace_kind kind, uint32_t question, const char *text)
@@ -61,11 +58,19 @@ static void records_come_in_order_with_what_they_refer_to(void **state)
 	question = write_text(10, DB_TRACE_POLL, 0, "1 sts\n");
 	write_text(20, DB_TRACE_ANSWER, question, "a frame of more than sixteen bytes");
 	write_text(30, DB_TRACE_UNANSWERED, question, "");
+	for (size_t i = 1; i <= 20; i++)
+		db_trace_write(trace, 40, DB_TRACE_STRAY, 0, "abcdefghijklmnopqrstuvwxyz", i);
 	expect(1, DB_TRACE_POLL, 0, "1 sts\n");
 	assert_true(record.time == 10);
 	expect(2, DB_TRACE_ANSWER, 1, "a frame of more than sixteen bytes");
 	assert_true(record.time == 20);
 	expect(3, DB_TRACE_UNANSWERED, 1, "");
+	for (size_t i = 1; i <= 20; i++) {
+		char text[32] = "";
+
+		memcpy(text, "abcdefghijklmnopqrstuvwxyz", i);
+		expect((uint32_t)(3 + i), DB_TRACE_STRAY, 0, text);
+	}
 	assert_false(db_trace_read(trace, &place, &record, &missed));
 	assert_int_equal(missed, 0);
 }
@@ -74,14 +79,24 @@ static void records_come_in_order_with_what_they_refer_to(void **state)
 static void a_frame_is_published_when_it_is_known_what_it_is(void **state)
 {
 	(void)state;
-	db_trace_write(trace, 1, DB_TRACE_FOREIGN, 0, "x", 1);
+	write_text(1, DB_TRACE_POLL, 0, "q");
+	expect(1, DB_TRACE_POLL, 0, "q");
+	db_trace_open(trace, 2, "x", 1);
 	assert_false(db_trace_read(trace, &place, &record, &missed));
-	db_trace_write_event(trace, 2, DB_EVENT_DRIVE_FAULT, "feeder");
-	db_trace_settle(trace, DB_TRACE_REPORT, 0);
-	db_trace_publish(trace);
-	expect(1, DB_TRACE_REPORT, 0, "x");
-	assert_true(db_trace_read(trace, &place, &record, &missed));
-	assert_int_equal(record.kind, DB_TRACE_EVENT);
+	db_trace_write_event(trace, 3, DB_EVENT_DRIVE_FAULT, "feeder");
+	db_trace_write_event(trace, 4, DB_EVENT_DRIVE_FAULT, "lift");
+	assert_false(db_trace_read(trace, &place, &record, &missed));
+	db_trace_close(trace, DB_TRACE_ANSWER, 1);
+	expect(2, DB_TRACE_ANSWER, 1, "x");
+	assert_true(record.time == 2);
+	for (int i = 0; i < 2; i++) {
+		assert_true(db_trace_read(trace, &place, &record, &missed));
+		assert_int_equal(record.kind, DB_TRACE_EVENT);
+	}
+	assert_false(db_trace_read(trace, &place, &record, &missed));
+	db_trace_open(trace, 5, "y", 1);
+	db_trace_close(trace, DB_TRACE_LATE, 1);
+	expect(5, DB_TRACE_LATE, 1, "y");
 }
 
 static void an_event_has_its_drive_and_counts_as_trouble(void **state)
@@ -133,7 +148,6 @@ static void the_longest_records_fit_and_longer_ones_are_cut(void **state)
 	memset(bytes, 0x55, sizeof bytes);
 	for (int i = 0; i < 10; i++)
 		db_trace_write(trace, i, DB_TRACE_GARBAGE, 0, bytes, sizeof bytes);
-	db_trace_publish(trace);
 	assert_true(db_trace_read(trace, &place, &record, &missed));
 	assert_int_equal(record.length, DB_TRACE_BYTES_MAX);
 	assert_memory_equal(record.bytes, bytes, DB_TRACE_BYTES_MAX);
@@ -203,7 +217,6 @@ static void *write_on(void *context)
 	for (uint32_t i = 1; !atomic_load(&ending); i++) {
 		memset(bytes, (int)(i % 251), sizeof bytes);
 		db_trace_write(trace, i, DB_TRACE_POLL, 0, bytes, 1 + i % sizeof bytes);
-		db_trace_publish(trace);
 	}
 	return NULL;
 }
