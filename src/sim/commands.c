@@ -104,7 +104,7 @@ static const char *do_baud(struct request *request)
 	char *end;
 	unsigned long baud = strtoul(request->rest, &end, 10);
 
-	if (!sim_families[request->bus->config->kind]->protocol)
+	if (!sim_families[request->bus->config->kind]->protocol || request->bus->config->replay)
 		return "baud is for serial lines";
 	if (end == request->rest || *end != '\0' || baud < 2400 || baud > 921600)
 		return "baud needs a rate of 2400 to 921600";

@@ -3,6 +3,7 @@
  * drivebridge-sim: simulated drives on serial lines, for development and tests without hardware.
  */
 #include "sim/control.h"
+#include "sim/replay.h"
 #include "sim/sim_config.h"
 #include "sim/world.h"
 
@@ -22,6 +23,7 @@
 
 struct options {
 	const char *config;
+	const char *replay;
 	const char *control;
 	const char *trace;
 	bool busy;
@@ -50,7 +52,11 @@ static void usage(FILE *out)
 		"usage: drivebridge-sim --config FILE [--link BUS=PATH]... [--control SOCKET] "
 		"[--trace FILE]\n"
 		"                       [--busy]\n"
+		"       drivebridge-sim --replay FILE [--link replay=PATH] [--control SOCKET] [--trace FILE]\n"
 		"  --config FILE    buses and drives, see conf/sim-demo.conf\n"
+		"  --replay FILE    the drives' side of a serial line as drivebridgectl trace recorded it:\n"
+		"                   answers what is asked as in the file, and tells what is asked else;\n"
+		"                   ends with 1 unless all of it was asked for\n"
 		"  --link BUS=PATH  make PATH a symbolic link to the bus's device\n"
 		"  --control SOCKET take commands (faults, power ...) on this UNIX socket\n"
 		"  --trace FILE     write every request and reply with its time in microseconds, and\n"
@@ -65,6 +71,7 @@ static int read_options(int argc, char **argv, struct options *options)
 {
 	static const struct option known[] = {
 		{ "config", required_argument, NULL, 'c' },
+		{ "replay", required_argument, NULL, 'r' },
 		{ "link", required_argument, NULL, 'l' },
 		{ "control", required_argument, NULL, 's' },
 		{ "trace", required_argument, NULL, 't' },
@@ -77,6 +84,8 @@ static int read_options(int argc, char **argv, struct options *options)
 	while ((option = getopt_long(argc, argv, "c:h", known, NULL)) != -1) {
 		if (option == 'c') {
 			options->config = optarg;
+		} else if (option == 'r') {
+			options->replay = optarg;
 		} else if (option == 's') {
 			options->control = optarg;
 		} else if (option == 't') {
@@ -90,7 +99,7 @@ static int read_options(int argc, char **argv, struct options *options)
 			return option == 'h' ? 1 : 3;
 		}
 	}
-	if (!options->config || optind != argc) {
+	if (!options->config == !options->replay || optind != argc) {
 		usage(stderr);
 		return 3;
 	}
@@ -114,7 +123,9 @@ static int apply_links(struct sim_config *config, const struct options *options)
 		}
 		if (!found) {
 			(void)fprintf(stderr, "--link %s: right is BUS=PATH with a bus of %s\n",
-			              options->links[i], options->config);
+			              options->links[i],
+			              options->config ? options->config :
+			                                "--replay, which is replay");
 			return -1;
 		}
 	}
@@ -262,11 +273,32 @@ static int simulate(const struct sim_config *config, const struct options *optio
 	}
 	if (announce(&loop, &world, control) == 0)
 		result = run(&loop, &world, control, options->busy);
+	if (result == 0 && options->replay) {
+		sim_replay_tell(world.buses[0].wire);
+		result = sim_replay_is_complete(world.buses[0].wire) ? 0 : -1;
+	}
 out:
 	sim_control_close(control);
 	sim_world_close(&world);
 	close_loop(&loop);
 	return result;
+}
+
+/* The configuration of one line with nothing but a trace on it. */
+static int make_replay(const char *path, struct sim_config *config)
+{
+	*config = (struct sim_config){ .bus_count = 1 };
+	config->buses = calloc(1, sizeof(*config->buses));
+	if (!config->buses)
+		return -1;
+	config->buses[0] = (struct sim_bus_config){
+		.name = "replay",
+		.kind = SIM_BUS_VSMD_SERIAL,
+		.device = "pty",
+		.replay = path,
+		.serial.baud = 115200,
+	};
+	return 0;
 }
 
 int main(int argc, char **argv)
@@ -278,7 +310,8 @@ int main(int argc, char **argv)
 
 	if (result != 0)
 		return result - 1;
-	if (sim_config_load(options.config, &config) != 0)
+	if ((options.replay ? make_replay(options.replay, &config) :
+	                      sim_config_load(options.config, &config)) != 0)
 		return EXIT_FAILURE;
 	result = apply_links(&config, &options);
 	if (result == 0 && options.trace) {

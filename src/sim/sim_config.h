@@ -33,6 +33,7 @@ struct sim_bus_config {
 	const char *interface; /* CAN network interface, null: a serial adapter on device */
 	const char *link;      /* null = none */
 	const char *flash;     /* directory, null = none */
+	const char *replay;    /* a trace that is in the place of drives, null = none */
 	struct sim_serial_config serial; /* serial lines */
 	struct sim_can_config can;       /* CAN */
 	struct vsmd_can_style style;

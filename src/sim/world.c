@@ -3,6 +3,7 @@
 
 #include "sim/can_line.h"
 #include "sim/family.h"
+#include "sim/replay.h"
 
 #include <ctype.h>
 #include <errno.h>
@@ -79,7 +80,12 @@ static int make_wire(struct sim_bus *bus)
 	const struct sim_bus_config *config = bus->config;
 	const struct sim_serial_protocol *protocol = sim_families[config->kind]->protocol;
 
-	if (protocol) {
+	if (config->replay) {
+		bus->ops = &sim_replay_ops;
+		bus->wire = sim_replay_load(config->replay, stdout);
+		if (bus->wire)
+			sim_replay_set_trace(bus->wire, write_trace, bus);
+	} else if (protocol) {
 		bus->ops = &sim_serial_bus_ops;
 		bus->wire = sim_serial_bus_new(protocol, &config->serial, write_trace, bus);
 	} else {

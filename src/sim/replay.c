@@ -1,0 +1,469 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/replay.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define FRAME_MAX 2048
+/* A part of a question is forgotten after this. */
+#define PATIENCE (50 * DB_NS_PER_MS)
+#define ANSWERS_MAX 16
+#define NOWHERE SIZE_MAX
+
+/* A line of the trace with bytes. */
+struct said {
+	unsigned line;
+	bool question; /* else an answer to the last one before */
+	bool asked;    /* a question: its turn was */
+	db_time after; /* of an answer: the question */
+	size_t length;
+	const uint8_t *bytes;
+};
+
+/* On its way to the host. */
+struct answer {
+	db_time due;
+	size_t said;
+	size_t sent; /* bytes of it */
+};
+
+struct sim_replay {
+	FILE *told;
+	const char *file;
+	sim_trace_fn *trace; /* null: none */
+	void *context;
+	struct said *said;
+	size_t count;
+	uint8_t *bytes;
+	size_t next;    /* the question that is expected; `count`: none any more */
+	size_t told_at; /* what came instead of it was told */
+	unsigned in_turn;
+	unsigned out_of_turn;
+	unsigned unknown;
+
+	uint8_t input[FRAME_MAX];
+	size_t input_length;
+	db_time input_until;
+	struct answer answers[ANSWERS_MAX];
+	size_t answer_count;
+	struct sim_faults faults;
+};
+
+__attribute__((format(printf, 3, 4))) static void tell(const struct sim_replay *replay,
+                                                       unsigned line, const char *format, ...)
+{
+	va_list arguments;
+
+	(void)fprintf(replay->told, "%s:%u: ", replay->file, line);
+	va_start(arguments, format);
+	(void)vfprintf(replay->told, format, arguments);
+	va_end(arguments);
+	(void)fputc('\n', replay->told);
+	(void)fflush(replay->told);
+}
+
+/* --- the file ----------------------------------------------------------------------------------------- */
+
+static int digit(char character)
+{
+	const char *const digits = "0123456789ABCDEF";
+	const char *found = strchr(digits, toupper((unsigned char)character));
+
+	return character != '\0' && found ? (int)(found - digits) : -1;
+}
+
+/* "31 20 73": how many bytes; -1 for anything else. */
+static int read_bytes(const char *text, const char *end, uint8_t *bytes)
+{
+	int count = 0;
+
+	for (;;) {
+		while (text < end && isspace((unsigned char)*text))
+			text++;
+		if (text == end)
+			return count;
+		if (end - text < 2 || digit(text[0]) < 0 || digit(text[1]) < 0 ||
+		    (end - text > 2 && !isspace((unsigned char)text[2])) || count == FRAME_MAX)
+			return -1;
+		bytes[count++] = (uint8_t)(digit(text[0]) << 4 | digit(text[1]));
+		text += 2;
+	}
+}
+
+/* Of this day, in ns. False: it is none. */
+static bool read_time(const char *text, const char *end, db_time *time)
+{
+	int hours;
+	int minutes;
+	int seconds;
+	int micros;
+	int used = 0;
+
+	if (end - text < 15 ||
+	    sscanf(text, "%2d:%2d:%2d.%6d%n", &hours, &minutes, &seconds, &micros, &used) != 4 ||
+	    used != 15 || hours < 0 || minutes < 0 || seconds < 0 || micros < 0)
+		return false;
+	*time = ((db_time)(hours * 60 + minutes) * 60 + seconds) * DB_NS_PER_S +
+	        (db_time)micros * DB_NS_PER_US;
+	return true;
+}
+
+/* The last stroke of the line; null. */
+static const char *find_stroke(const char *text, const char *end)
+{
+	while (end > text && end[-1] != '|')
+		end--;
+	return end > text ? end : NULL;
+}
+
+/* How a line is wrong, in words; null: it is not. `store` is where its bytes go. */
+static const char *read_line(struct sim_replay *replay, unsigned line, const char *text,
+                             const char *end, db_time *asked, uint8_t *store)
+{
+	struct said *said = &replay->said[replay->count];
+	const char *stroke = find_stroke(text, end);
+	db_time time;
+	int length;
+	char direction;
+
+	if (!read_time(text, end, &time) || end - text < 18 || text[15] != ' ' || text[17] != ' ')
+		return "right is a time of day and a direction, such as 10:20:30.123456 >";
+	direction = text[16];
+	if (direction == '!' || direction == '=')
+		return NULL;
+	if (direction != '>' && direction != '<')
+		return "right is one of > < ! = behind the time";
+	if (!stroke)
+		return "right are bytes behind a stroke, such as | 31 20 73";
+	length = read_bytes(stroke, end, store);
+	if (length <= 0)
+		return "right are bytes of two hexadecimal digits behind the stroke; a trace of CAN "
+		       "cannot be replayed";
+	/* Answers to what was asked before the trace began. */
+	if (direction == '<' && *asked < 0)
+		return NULL;
+	*said = (struct said){
+		.line = line, .question = direction == '>', .length = (size_t)length, .bytes = store
+	};
+	if (said->question)
+		*asked = time;
+	else
+		said->after = time >= *asked ? time - *asked : time + 86400 * DB_NS_PER_S - *asked;
+	replay->count++;
+	return NULL;
+}
+
+struct sim_replay *sim_replay_parse(const char *text, const char *file, FILE *told)
+{
+	struct sim_replay *replay = calloc(1, sizeof(*replay));
+	size_t size = strlen(text);
+	db_time asked = -1;
+	size_t used = 0;
+	unsigned line = 1;
+
+	if (!replay)
+		return NULL;
+	replay->told = told;
+	replay->file = file;
+	/* A line with a byte has more than twenty letters. */
+	replay->said = calloc(size / 20 + 1, sizeof(*replay->said));
+	replay->bytes = malloc(size / 2 + FRAME_MAX);
+	if (!replay->said || !replay->bytes)
+		goto fail;
+	for (const char *next; *text != '\0'; text = next, line++) {
+		const char *end = strchr(text, '\n');
+		const char *wrong;
+
+		end = end ? end : text + strlen(text);
+		next = *end ? end + 1 : end;
+		if (*text == '#' || text == end)
+			continue;
+		wrong = read_line(replay, line, text, end, &asked, replay->bytes + used);
+		if (wrong) {
+			tell(replay, line, "%s", wrong);
+			goto fail;
+		}
+		if (replay->count > 0)
+			used = (size_t)(replay->said[replay->count - 1].bytes - replay->bytes) +
+			       replay->said[replay->count - 1].length;
+	}
+	if (replay->count == 0) {
+		tell(replay, line, "nothing is asked in this file");
+		goto fail;
+	}
+	replay->told_at = NOWHERE;
+	return replay;
+fail:
+	sim_replay_free(replay);
+	return NULL;
+}
+
+struct sim_replay *sim_replay_load(const char *path, FILE *told)
+{
+	struct sim_replay *replay = NULL;
+	FILE *file = fopen(path, "re");
+	char *text = NULL;
+	size_t size = 0;
+
+	if (!file || (getdelim(&text, &size, '\0', file) < 0 && ferror(file)))
+		(void)fprintf(told, "%s: %s\n", path, strerror(errno));
+	else
+		replay = sim_replay_parse(text && *text ? text : "", path, told);
+	free(text);
+	if (file)
+		(void)fclose(file);
+	return replay;
+}
+
+void sim_replay_set_trace(struct sim_replay *replay, sim_trace_fn *trace, void *context)
+{
+	replay->trace = trace;
+	replay->context = context;
+}
+
+void sim_replay_free(struct sim_replay *replay)
+{
+	if (!replay)
+		return;
+	free(replay->said);
+	free(replay->bytes);
+	free(replay);
+}
+
+/* --- questions ---------------------------------------------------------------------------------------- */
+
+/* The first question from here on; `count` when there is none. */
+static size_t question_from(const struct sim_replay *replay, size_t at)
+{
+	while (at < replay->count && !replay->said[at].question)
+		at++;
+	return at;
+}
+
+/* Its turn is over, and the first whose turn was not is expected. */
+static void end_turn(struct sim_replay *replay, size_t question)
+{
+	replay->said[question].asked = true;
+	while (replay->next < replay->count && replay->said[replay->next].asked)
+		replay->next = question_from(replay, replay->next + 1);
+}
+
+static bool begins_with(const struct sim_replay *replay, size_t at)
+{
+	const struct said *said = &replay->said[at];
+
+	return said->length <= replay->input_length &&
+	       memcmp(said->bytes, replay->input, said->length) == 0;
+}
+
+/* The same question elsewhere: the last one before the place, else the first behind it. */
+static size_t find_elsewhere(const struct sim_replay *replay)
+{
+	size_t found = NOWHERE;
+
+	for (size_t i = question_from(replay, 0); i < replay->count;
+	     i = question_from(replay, i + 1)) {
+		if (i > replay->next && found != NOWHERE)
+			break;
+		if (begins_with(replay, i))
+			found = i;
+	}
+	return found;
+}
+
+/* Whether what came may be the beginning of some question. */
+static bool may_go_on(const struct sim_replay *replay)
+{
+	for (size_t i = question_from(replay, 0); i < replay->count;
+	     i = question_from(replay, i + 1)) {
+		if (replay->said[i].length > replay->input_length &&
+		    memcmp(replay->said[i].bytes, replay->input, replay->input_length) == 0)
+			return true;
+	}
+	return false;
+}
+
+static void answer(struct sim_replay *replay, size_t question, db_time now)
+{
+	for (size_t i = question + 1; i < replay->count && !replay->said[i].question; i++) {
+		if (replay->answer_count == ANSWERS_MAX)
+			break;
+		replay->answers[replay->answer_count++] =
+			(struct answer){ .due = now + replay->said[i].after, .said = i };
+	}
+}
+
+/* What came instead is told once for each place. */
+static void tell_instead(struct sim_replay *replay, bool known, const uint8_t *bytes, size_t length)
+{
+	bool over = replay->next >= replay->count;
+	char text[3 * 32 + 4];
+	size_t used = 0;
+
+	if (known && (over || replay->told_at == replay->next))
+		return;
+	if (known)
+		replay->told_at = replay->next;
+	for (size_t i = 0; i < length && i < 32; i++)
+		used += (size_t)snprintf(text + used, sizeof(text) - used, " %02X", bytes[i]);
+	if (length > 32)
+		(void)snprintf(text + used, sizeof(text) - used, "...");
+	tell(replay, over ? replay->said[replay->count - 1].line : replay->said[replay->next].line,
+	     known ? "another question came before:%s" :
+	             "a question came that is not in this file:%s",
+	     text);
+}
+
+static void drop_input(struct sim_replay *replay, size_t length, db_time now)
+{
+	if (replay->trace)
+		replay->trace(replay->context, now, '>', replay->input, length);
+	replay->input_length -= length;
+	memmove(replay->input, replay->input + length, replay->input_length);
+}
+
+/* False: there is no whole question any more. */
+static bool take_question(struct sim_replay *replay, db_time now)
+{
+	size_t elsewhere;
+
+	if (replay->input_length == 0)
+		return false;
+	if (replay->next < replay->count && begins_with(replay, replay->next)) {
+		answer(replay, replay->next, now);
+		replay->in_turn++;
+		drop_input(replay, replay->said[replay->next].length, now);
+		end_turn(replay, replay->next);
+		return true;
+	}
+	elsewhere = find_elsewhere(replay);
+	if (elsewhere != NOWHERE) {
+		tell_instead(replay, true, replay->input, replay->said[elsewhere].length);
+		answer(replay, elsewhere, now);
+		replay->out_of_turn++;
+		drop_input(replay, replay->said[elsewhere].length, now);
+		end_turn(replay, elsewhere);
+		return true;
+	}
+	if (may_go_on(replay))
+		return false;
+	tell_instead(replay, false, replay->input, replay->input_length);
+	replay->unknown++;
+	drop_input(replay, replay->input_length, now);
+	return false;
+}
+
+/* --- as a wire ---------------------------------------------------------------------------------------- */
+
+static void receive(void *wire, const uint8_t *bytes, size_t length, db_time now)
+{
+	struct sim_replay *replay = wire;
+
+	if (replay->input_length > 0 && now >= replay->input_until) {
+		tell_instead(replay, false, replay->input, replay->input_length);
+		replay->unknown++;
+		drop_input(replay, replay->input_length, now);
+	}
+	while (length > 0) {
+		size_t room = sizeof(replay->input) - replay->input_length;
+		size_t take = length < room ? length : room;
+
+		memcpy(replay->input + replay->input_length, bytes, take);
+		replay->input_length += take;
+		bytes += take;
+		length -= take;
+		while (take_question(replay, now))
+			;
+		/* Longer than any question. */
+		if (replay->input_length == sizeof(replay->input))
+			replay->input_length = 0;
+	}
+	replay->input_until = now + PATIENCE;
+}
+
+static size_t run(void *wire, db_time now, uint8_t *out, size_t size)
+{
+	struct sim_replay *replay = wire;
+
+	for (size_t i = 0; i < replay->answer_count; i++) {
+		struct answer *due = &replay->answers[i];
+		const struct said *said = &replay->said[due->said];
+		size_t length = said->length - due->sent;
+
+		if (now < due->due)
+			continue;
+		length = length < size ? length : size;
+		memcpy(out, said->bytes + due->sent, length);
+		if (replay->trace)
+			replay->trace(replay->context, now, '<', out, length);
+		due->sent += length;
+		if (due->sent == said->length) {
+			replay->answer_count--;
+			memmove(due, due + 1, (replay->answer_count - i) * sizeof(*due));
+		}
+		return length;
+	}
+	return 0;
+}
+
+static db_time next(void *wire)
+{
+	const struct sim_replay *replay = wire;
+	db_time first = DB_TIME_NEVER;
+
+	for (size_t i = 0; i < replay->answer_count; i++)
+		first = replay->answers[i].due < first ? replay->answers[i].due : first;
+	return first;
+}
+
+static struct sim_faults *faults(void *wire)
+{
+	struct sim_replay *replay = wire;
+
+	return &replay->faults;
+}
+
+static void describe(void *wire, char *text, size_t size)
+{
+	const struct sim_replay *replay = wire;
+
+	(void)snprintf(text, size, "in-turn=%u out-of-turn=%u unknown=%u complete=%d",
+	               replay->in_turn, replay->out_of_turn, replay->unknown,
+	               sim_replay_is_complete(replay));
+}
+
+static void free_wire(void *wire)
+{
+	sim_replay_free(wire);
+}
+
+const struct sim_wire_ops sim_replay_ops = {
+	.receive = receive,
+	.run = run,
+	.next = next,
+	.faults = faults,
+	.describe = describe,
+	.free = free_wire,
+};
+
+/* --- what became of it -------------------------------------------------------------------------------- */
+
+bool sim_replay_is_complete(const struct sim_replay *replay)
+{
+	return replay->next == replay->count && replay->unknown == 0;
+}
+
+void sim_replay_tell(const struct sim_replay *replay)
+{
+	(void)fprintf(replay->told, "%s: %u questions in turn, %u out of turn, %u unknown; ",
+	              replay->file, replay->in_turn, replay->out_of_turn, replay->unknown);
+	if (replay->next < replay->count)
+		(void)fprintf(replay->told, "line %u was not asked for\n",
+		              replay->said[replay->next].line);
+	else
+		(void)fputs("all of it was replayed\n", replay->told);
+	(void)fflush(replay->told);
+}
