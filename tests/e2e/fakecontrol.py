@@ -119,13 +119,13 @@ class Fake:
         return [parameters["command"] for parameters in self.called("Run")]
 
     def cut(self):
-        """All connections are lost."""
-        for connection in self.connections:
+        """All connections are lost; who comes again at once is let in."""
+        lost, self.connections = self.connections, []
+        for connection in lost:
             try:
                 connection.shutdown(socket.SHUT_RDWR)
             except OSError:
                 pass
-        self.connections.clear()
 
     def close(self):
         try:
