@@ -15,6 +15,10 @@
 
 struct db_control_socket;
 struct db_registers;
+struct db_scan_find;
+struct db_scan_foreign;
+struct db_scan_plan;
+struct db_scan_progress;
 struct db_server_stats;
 struct db_trace;
 struct db_trace_keeper;
@@ -25,6 +29,14 @@ struct db_control_socket_ops {
 	 * already, and another one follows it. */
 	bool (*reload)(void *context);
 	void (*server_stats)(void *context, struct db_server_stats *stats);
+	/* As those of a bus in scan.h, which is named; -ENODEV: there is no such bus. */
+	int (*scan)(void *context, const char *bus, const struct db_scan_plan *plan,
+	            uint32_t *number);
+	bool (*scan_read)(void *context, const char *bus, uint32_t number,
+	                  struct db_scan_progress *progress);
+	const struct db_scan_find *(*scan_find)(void *context, const char *bus, size_t index);
+	const struct db_scan_foreign *(*scan_foreign)(void *context, const char *bus, size_t index);
+	void (*scan_cancel)(void *context, const char *bus, uint32_t number);
 	/* What a bus carries, null when there is none of that name, and a number that no other bus ever has. */
 	const struct db_trace *(*trace)(void *context, const char *bus, uint32_t *number);
 };

@@ -94,6 +94,50 @@ enum db_frame {
 	DB_FRAME_FOREIGN, /* another family's or another master's */
 };
 
+/*
+ * An inquiry: what is asked of an address at which no drive need be configured, or be at all. The first
+ * three only read, and harm nobody; the others are for setting up a drive that stands.
+ */
+enum db_inquiry_kind {
+	DB_INQUIRY_THERE,    /* is anybody there? */
+	DB_INQUIRY_IDENTITY, /* and who? */
+	DB_INQUIRY_STANDING, /* does it stand? `value`: the axis of a controller with several */
+	DB_INQUIRY_SET_ADDRESS,
+	DB_INQUIRY_SET_SPEED, /* of the bus, bit/s */
+	DB_INQUIRY_SAVE,
+};
+
+struct db_inquiry {
+	enum db_inquiry_kind kind;
+	unsigned address;
+	unsigned value;
+};
+
+/* What was said to an inquiry. Zeroed before each. */
+struct db_inquired {
+	char identity[DB_IDENTITY_MAX + 1]; /* printable; "": the family has none */
+	bool tells_standing;                /* the next is known */
+	bool stands;
+	bool refused;
+	uint32_t parts;     /* the driver's own: what came of an answer in several frames ... */
+	uint32_t values[8]; /* ... and what was in it */
+};
+
+/* What recognise() says of a frame. */
+enum db_recognised {
+	DB_RECOGNISED_NOTHING, /* it answers something else */
+	DB_RECOGNISED_PART,    /* of the answer */
+	DB_RECOGNISED_ANSWER,  /* all of it is there */
+	DB_RECOGNISED_AGAIN,   /* a part that was there already: a second drive says it, too */
+};
+
+/* When a drive that was told its new address or speed goes by it. */
+enum db_takes_effect {
+	DB_TAKES_EFFECT_NEVER, /* it cannot be told so over its bus */
+	DB_TAKES_EFFECT_AT_ONCE,
+	DB_TAKES_EFFECT_POWER_UP, /* when it was saved, and the power was off and on */
+};
+
 /* A setting of the configuration that only this family has. */
 struct db_option {
 	const char *section; /* "bus" or "drive" */
@@ -191,6 +235,21 @@ struct db_driver {
 	 * the first one, which goes on to poll for the others. Not while a poll is under way. Null
 	 * where each drive has an address of its own. */
 	void (*leave)(struct db_device *device);
+
+	/*
+	 * Pure. Writes an inquiry; false: the family has none of this kind, or not for this address or
+	 * value. recognise() says what a good frame that comes then is to it, and adds to `said`.
+	 */
+	bool (*inquire)(const struct db_bus_config *bus, const struct db_inquiry *inquiry,
+	                struct db_exchange *exchange);
+	enum db_recognised (*recognise)(const struct db_bus_config *bus,
+	                                const struct db_inquiry *inquiry, const uint8_t *frame,
+	                                size_t length, struct db_inquired *said);
+	const unsigned *
+		speeds; /* bit/s that drives can be set to, the usual ones first; 0 behind the last */
+	enum db_takes_effect address_effect;
+	enum db_takes_effect speed_effect;
+	const char *set_up_elsewhere; /* where one of these is never: a sentence for people */
 
 	/* Which frames of a CAN bus matter; how many of DB_FILTERS_MAX. Null on serial lines. */
 	size_t (*filters)(const struct db_bus_config *bus, struct db_can_filter *filters);

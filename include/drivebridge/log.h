@@ -47,6 +47,7 @@ enum db_event {
 	DB_EVENT_BUS_LOST, /* the port cannot be opened, or is gone */
 	DB_EVENT_BUS_OFF,  /* it is open and carries nothing */
 	DB_EVENT_BUS_SLOW,
+	DB_EVENT_BUS_ASIDE, /* a scan has it, or it returns from that */
 	DB_EVENT_PRIORITY_REFUSED,
 	DB_EVENT_CPUS_REFUSED,
 	DB_EVENT_SERIAL_LATENCY,

@@ -60,7 +60,7 @@ static void answer(struct db_session *session, enum db_result result)
 }
 
 /* The first thing that a session commands is logged: from then on it counts as who moves something. */
-static bool may_act(struct db_session *session)
+bool db_act_is_allowed(struct db_session *session)
 {
 	struct db_control_socket *control = session->control;
 	char text[DB_CLIENT_ADDRESS_MAX];
@@ -203,7 +203,7 @@ void db_act_write(const struct db_call *call)
 	json_t *values;
 	json_t *value;
 
-	if (!may_act(session) || !db_call_drive(call, true, &drive, &name) ||
+	if (!db_act_is_allowed(session) || !db_call_drive(call, true, &drive, &name) ||
 	    !db_call_object(call, "values", false, &values))
 		return;
 	if (json_object_size(values) == 0 || json_object_size(values) > DB_SETTINGS_MAX) {
@@ -324,7 +324,7 @@ void db_act_run(const struct db_call *call)
 	json_t *arguments;
 
 	session->until_end = false;
-	if (!may_act(session) || !db_call_drive(call, false, &drive, &drive_name) ||
+	if (!db_act_is_allowed(session) || !db_call_drive(call, false, &drive, &drive_name) ||
 	    !db_call_text(call, "command", &command) ||
 	    !db_call_object(call, "arguments", true, &arguments) ||
 	    !db_call_optional_flag(call, "until_end", &session->until_end))

@@ -6,6 +6,9 @@
 
 #include "control/call.h"
 
+/* Whether the session may act; else its call is answered. */
+bool db_act_is_allowed(struct db_session *session);
+
 void db_act_write(const struct db_call *call);
 void db_act_run(const struct db_call *call);
 

@@ -5,6 +5,7 @@
 #include "control/call.h"
 #include "control/look.h"
 #include "control/metrics.h"
+#include "control/scan.h"
 #include "control/state.h"
 #include "control/streams.h"
 #include "control/traces.h"
@@ -83,6 +84,8 @@ static const struct method {
 	{ CONTROL ".Traces", db_traces_list, " ", false },
 	{ CONTROL ".Figures", db_look_figures, " ", false },
 	{ CONTROL ".Reload", db_streams_reload, " ", false },
+	{ CONTROL ".Scan", db_scan_call, " bus first last all_speeds speeds ", false },
+	{ CONTROL ".SetUp", db_scan_set_up, " bus address what value speeds ", false },
 	{ CONTROL ".Metrics", db_metrics_call, " ", false },
 };
 

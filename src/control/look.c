@@ -14,8 +14,16 @@ static json_t *describe_bus(struct db_registers *registers, size_t place)
 {
 	const struct db_bus_config *config = db_named_bus(registers, place);
 	struct db_bus_stats stats;
+	static const char *const effects[] = {
+		[DB_TAKES_EFFECT_NEVER] = "never",
+		[DB_TAKES_EFFECT_AT_ONCE] = "at_once",
+		[DB_TAKES_EFFECT_POWER_UP] = "power_up",
+	};
 	json_t *drives = json_array();
+	json_t *speeds = json_array();
 
+	for (size_t i = 0; config->driver->speeds[i] != 0; i++)
+		json_array_append_new(speeds, json_integer(config->driver->speeds[i]));
 	db_named_bus_stats(registers, place, &stats);
 	for (size_t i = 0; i < db_named_drive_count(registers); i++) {
 		struct db_named_drive drive;
@@ -23,8 +31,9 @@ static json_t *describe_bus(struct db_registers *registers, size_t place)
 		if (db_named_drive_at(registers, i, &drive) && drive.bus == config)
 			json_array_append_new(drives, json_string(drive.config->name));
 	}
-	return json_pack("{s:s, s:s, s:s, s:s, s:I, s:b, s:I, s:b, s:o}", "name", config->name,
-	                 "protocol", config->driver->name, "title", config->driver->title, "device",
+	return json_pack("{s:s, s:s, s:s, s:s, s:I, s:b, s:I, s:b, s:o, s:o, s:s, s:s}", "name",
+	                 config->name, "protocol", config->driver->name, "title",
+	                 config->driver->title, "device",
 	                 config->interface ? config->interface :
 	                 config->device    ? config->device :
 	                                     "",
@@ -33,7 +42,9 @@ static json_t *describe_bus(struct db_registers *registers, size_t place)
 	                                                                        config->baud),
 	                 "can", config->driver->medium == DB_MEDIUM_CAN, "cycle_ms",
 	                 (json_int_t)config->cycle_ms, "up", stats.up && stats.port.up, "drives",
-	                 drives);
+	                 drives, "speeds", speeds, "address_effect",
+	                 effects[config->driver->address_effect], "speed_effect",
+	                 effects[config->driver->speed_effect]);
 }
 
 static json_t *describe_drive(const struct db_named_drive *drive)

@@ -23,6 +23,7 @@ enum db_session_wait {
 	DB_WAITS_FOR_EVENTS,
 	DB_WAITS_FOR_TRACE,
 	DB_WAITS_FOR_RELOAD,
+	DB_WAITS_FOR_SCAN,
 };
 
 struct db_session {

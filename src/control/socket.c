@@ -4,6 +4,7 @@
 #include "control/act.h"
 #include "control/calls.h"
 #include "control/listener.h"
+#include "control/scan.h"
 #include "control/state.h"
 #include "control/streams.h"
 #include "control/traces.h"
@@ -60,6 +61,7 @@ static void end_session(struct db_control_socket *control, size_t place)
 	char text[DB_CLIENT_ADDRESS_MAX];
 	struct db_log_about about = { .client = text };
 
+	db_scan_forget(session);
 	control->sessions[place] = control->sessions[--control->count];
 	/* For the registers it is a client like any other. */
 	db_registers_backend.client(control->setup.registers, &session->client, false);
@@ -201,6 +203,7 @@ static void settle(struct db_control_socket *control)
 			session->gone = session->ended = true;
 		if (session->gone) {
 			/* Nobody waits for it, but what was asked behind it is still done. */
+			db_scan_forget(session);
 			free(session->out);
 			session->out = NULL;
 			free(session->job);
@@ -346,6 +349,8 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 		session->client.arrived = 0;
 		if (session->wait == DB_WAITS_FOR_MOTION)
 			db_act_look(session, now);
+		else if (session->wait == DB_WAITS_FOR_SCAN)
+			db_scan_look(session, now);
 		else if (!stream || session->due < stream->due)
 			stream = session;
 	}

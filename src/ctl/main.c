@@ -52,6 +52,16 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 		ctl->interval = value;
 	else if (strcmp(name, "follow") == 0)
 		ctl->follow = true;
+	else if (strcmp(name, "yes") == 0)
+		ctl->yes = true;
+	else if (strcmp(name, "save") == 0)
+		ctl->save = true;
+	else if (strcmp(name, "with-address") == 0)
+		ctl->with_address = true;
+	else if (strcmp(name, "all-speeds") == 0)
+		ctl->all_speeds = true;
+	else if (strcmp(name, "speed") == 0)
+		ctl->speed = value;
 	else if (strcmp(name, "kept") == 0)
 		ctl->kept = value;
 	else if (strcmp(name, "past") == 0)

@@ -93,6 +93,47 @@ json_t *db_ctl_params_compare(const struct db_ctl_params *one, const struct db_c
 	return differ;
 }
 
+/* The first of those that are written, or the last; 1 for what is in between. */
+static int rank_of(const json_t *reg)
+{
+	return db_ctl_params_has_trait(reg, "first") ? 0 :
+	       db_ctl_params_has_trait(reg, "last")  ? 2 :
+	                                               1;
+}
+
+json_t *db_ctl_params_plan(const struct db_ctl_params *drive, const struct db_ctl_params *file,
+                           bool addresses)
+{
+	json_t *differ = db_ctl_params_compare(drive, file);
+	json_t *plan = json_array();
+
+	for (int rank = 0; rank <= 2; rank++) {
+		json_t *together = NULL;
+		size_t i;
+		json_t *name;
+
+		json_array_foreach(differ, i, name)
+		{
+			const json_t *reg = db_ctl_look_up(drive->registers,
+			                                   json_string_value(name));
+
+			if (rank_of(reg) != rank ||
+			    !db_ctl_params_value(file, json_string_value(name)) ||
+			    db_ctl_params_has_trait(reg, "address") != addresses)
+				continue;
+			if (!db_ctl_params_has_trait(reg, "together"))
+				together = NULL;
+			if (!together || !db_ctl_params_has_trait(reg, "together")) {
+				together = json_array();
+				(void)json_array_append_new(plan, together);
+			}
+			(void)json_array_append(together, name);
+		}
+	}
+	json_decref(differ);
+	return plan;
+}
+
 /* --- drives ----------------------------------------------------------------------------------------- */
 
 static const char *family_of(const struct db_ctl *ctl, const json_t *drive)

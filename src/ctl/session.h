@@ -31,8 +31,13 @@ struct db_ctl {
 	bool no_wait;
 	bool all;
 	bool follow;
+	bool yes;
+	bool save;
+	bool with_address;
 	const char *velocity;
 	const char *interval;
+	bool all_speeds;
+	const char *speed;
 	bool past;
 	const char *kept;
 	const char *output;

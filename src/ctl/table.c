@@ -5,7 +5,9 @@
 #include "ctl/jog.h"
 #include "ctl/names.h"
 #include "ctl/params.h"
+#include "ctl/params_restore.h"
 #include "ctl/run.h"
+#include "ctl/scan.h"
 #include "ctl/service.h"
 #include "ctl/set.h"
 #include "ctl/show.h"
@@ -41,8 +43,15 @@ const struct db_ctl_command db_ctl_commands[] = {
 	  "How the parameters of a drive, a file or the defaults (default) differ from those of another; ends with 0 when "
 	  "they do not, with 1 when they do, with 2 when that is not known",
 	  db_ctl_params_diff },
+	{ "params restore", "DRIVE FILE", "drives files -", 2, 2, true,
+	  "Write into a drive what a file has otherwise, one after the other, each read back; shows what differs and asks "
+	  "first; started again, it goes on where it ended",
+	  db_ctl_params_restore },
 	{ "bus", "", "", 0, 0, true,
 	  "Cycle, jitter, load, errors and round trips", db_ctl_bus },
+	{ "scan", "BUS", "buses", 1, 1, true,
+	  "Find the drives of a bus: their addresses, who they are, and what to write into the configuration",
+	  db_ctl_scan },
 	{ "events", "", "", 0, 0, true,
 	  "What happened lately", db_ctl_events },
 	{ "trace", "[BUS]", "buses", 0, 1, true,
@@ -67,6 +76,10 @@ const struct db_ctl_option db_ctl_options[] = {
 	{ "velocity", "V", " jog ", "How fast, in the unit of target_velocity; a tenth of its limit when not given" },
 	{ "interval", "MS", " watch ", "Time between two pictures, 200 ms when not given; 0: every cycle" },
 	{ "follow", NULL, " events ", "Go on with those to come" },
+	{ "yes", NULL, " params restore scan ", "Do not ask" },
+	{ "save", NULL, " params restore ", "Run save_parameters afterwards, so that the drive keeps them without power" },
+	{ "with-address", NULL, " params restore ", "Also what says where the drive is heard: its address, its bit rate" },
+	{ "all-speeds", NULL, " scan ", "At every speed that drives of the family can have, with the bus set aside" },
 	{ "kept", "NUMBER", " trace ", "A trace that was kept, of those that traces lists; or last" },
 	{ "past", NULL, " trace ", "Begin with the last seconds, which are still remembered" },
 	{ "output", "FILE", " trace ", "Into a file: pcapng of CAN, of a serial line the text, for drivebridge-sim --replay" },

@@ -19,7 +19,7 @@ struct db_ctl_command {
 	const char *name;      /* one word, or two with a space between */
 	const char *arguments; /* as the help shows them */
 	/*
-	 * What each is, for completion: kinds of `drivebridgectl names` (drives, registers, writable, commands,
+	 * What each is, for completion: kinds of `drivebridgectl names` (drives, buses, registers, writable, commands,
 	 * arguments), files or drives-or-files, with spaces between; the last one is repeated.
 	 */
 	const char *kinds;

@@ -46,6 +46,8 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 		KIND("bus-off", "a69890070d594b00be85c146045a1082", ERROR, PORT, 6),
 	[DB_EVENT_BUS_SLOW] =
 		KIND("bus-slow", "d843580b97d647409d50b6768c57e229", WARNING, SPEED, 1),
+	[DB_EVENT_BUS_ASIDE] =
+		KIND("bus-aside", "c61fa48884f1476fa3ff52f79ed7d5ed", NOTICE, PORT, 6),
 	[DB_EVENT_PRIORITY_REFUSED] =
 		KIND("priority-refused", "2fd87d3fbe5e4def925c2bf0f8c92f05", NOTICE, SERVICE, 0),
 	[DB_EVENT_CPUS_REFUSED] =

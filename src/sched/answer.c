@@ -2,6 +2,7 @@
 #include "sched/answer.h"
 
 #include "sched/exchange.h"
+#include "sched/scan.h"
 #include "sched/stop.h"
 
 #include <string.h>
@@ -214,11 +215,19 @@ void answer_take_frame(struct db_engine *engine, const uint8_t *frame, size_t le
 	uint32_t question = 0;
 	struct node *node;
 	int address = -1;
+	enum db_frame form = engine->driver->accept(engine->bus, frame, length, &address);
 
 	db_trace_open(engine->trace, now, frame, length);
-	switch (engine->driver->accept(engine->bus, frame, length, &address)) {
+	if (scan_take_frame(engine, form, frame, length, now)) {
+		kind = form == DB_FRAME_GOOD ? DB_TRACE_ANSWER : DB_TRACE_BAD;
+		db_trace_close(engine->trace, kind, 0);
+		return;
+	}
+	switch (form) {
 	case DB_FRAME_GOOD:
 		node = sender_of(engine, address);
+		if (!node)
+			scan_note_foreign(engine, frame, length);
 		kind = node && is_flying(node) ? take_answer(engine, node, frame, length, now) :
 		                                 unsolicited(engine, node, frame, length, now);
 		if (kind == DB_TRACE_ANSWER || kind == DB_TRACE_PART)
@@ -227,6 +236,7 @@ void answer_take_frame(struct db_engine *engine, const uint8_t *frame, size_t le
 			question = node->lost_question;
 		break;
 	case DB_FRAME_FOREIGN:
+		scan_note_foreign(engine, frame, length);
 		break;
 	default:
 		kind = DB_TRACE_BAD;

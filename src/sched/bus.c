@@ -12,6 +12,7 @@
 #include "sched/change.h"
 #include "sched/engine.h"
 #include "sched/priority.h"
+#include "sched/scan.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -42,6 +43,13 @@
 #define JUDGE_INTERVAL (10 * DB_NS_PER_S)
 #define OVERRUN_SHARE 10
 
+/* Whose the line is. */
+enum line_use {
+	LINE_IN_SERVICE,
+	LINE_CLEARING, /* its drives do what their on_exit says, then it is set aside */
+	LINE_ASIDE,    /* the scan's */
+};
+
 struct db_bus {
 	const struct db_bus_config *config;
 	struct db_log_source log;
@@ -56,6 +64,9 @@ struct db_bus {
 	struct db_change *_Atomic change;  /* network to bus */
 	struct db_change *_Atomic changed; /* and back */
 	size_t drives;                     /* network's: so many when all changes are carried out */
+	struct scan *scan;                 /* network's: the latest */
+	uint32_t scan_number;              /* likewise */
+	struct scan *_Atomic scan_asked;   /* network to bus */
 	_Atomic uint32_t beats;
 
 	/* Bus thread only. */
@@ -63,6 +74,9 @@ struct db_bus {
 	struct db_port *port;
 	db_time wall_at; /* when the wall clock is looked at again */
 	bool line_up;    /* the port is open and carries frames */
+	enum line_use use;
+	unsigned aside_speed; /* of the port, bit/s */
+	db_time clear_by;
 	db_time reopen_at;
 	int open_error; /* the last one reported, so that it is reported once */
 	int port_error; /* the open port failed with it */
@@ -206,6 +220,10 @@ static void bring_up(struct db_bus *bus, db_time now)
 	enum db_port_latency latency = health_of(bus)->latency;
 
 	bus->line_up = true;
+	if (bus->use == LINE_ASIDE) {
+		scan_port(bus->engine, true, 0, now);
+		return;
+	}
 	trace_event(bus, DB_EVENT_BUS_UP, NULL, now);
 	db_log(&bus->log, now, DB_EVENT_BUS_UP, NULL, "%s is up", place_of(bus->config));
 	if (bitrate != 0 && bitrate != bus->config->bitrate)
@@ -229,7 +247,10 @@ static void take_down(struct db_bus *bus, int error, db_time now)
 {
 	bus->line_up = false;
 	bus->unsent_length = 0;
-	db_engine_port(bus->engine, false, error, now);
+	if (bus->use == LINE_ASIDE)
+		scan_port(bus->engine, false, error, now);
+	else
+		db_engine_port(bus->engine, false, error, now);
 }
 
 static void open_port(struct db_bus *bus, db_time now)
@@ -237,12 +258,19 @@ static void open_port(struct db_bus *bus, db_time now)
 	struct db_can_filter filters[DB_FILTERS_MAX];
 	const struct db_driver *driver = bus->config->driver;
 	size_t count = driver->filters ? driver->filters(bus->config, filters) : 0;
-	int error = bus->transport->open(bus->config, filters, count, now, &bus->port);
+	const struct db_bus_config *aside = scan_port_config(bus->engine);
+	int error = bus->use == LINE_ASIDE ?
+	                    bus->transport->open(aside, NULL, 0, now, &bus->port) :
+	                    bus->transport->open(bus->config, filters, count, now, &bus->port);
 
 	if (error == 0)
 		return;
 	bus->port = NULL;
 	bus->reopen_at = now + REOPEN_INTERVAL;
+	if (bus->use == LINE_ASIDE) {
+		scan_port(bus->engine, false, -error, now);
+		return;
+	}
 	db_engine_port(bus->engine, false, -error, now);
 	if (-error != bus->open_error)
 		db_log(&bus->log, now, DB_EVENT_BUS_LOST, NULL,
@@ -256,7 +284,7 @@ static void lose_port(struct db_bus *bus, db_time now)
 	int error = bus->port_error;
 
 	trace_event(bus, DB_EVENT_BUS_LOST, NULL, now);
-	if (error != bus->open_error)
+	if (error != bus->open_error && bus->use != LINE_ASIDE)
 		db_log(&bus->log, now, DB_EVENT_BUS_LOST, NULL,
 		       "lost %s: %s%s; waiting for it to come back", place_of(bus->config),
 		       strerror(error), bus_log_port_advice(bus->config, error));
@@ -279,6 +307,8 @@ static void follow_health(struct db_bus *bus, db_time now)
 		bring_up(bus, now);
 		return;
 	}
+	if (bus->use == LINE_ASIDE)
+		return; /* at another speed than the drives' it is to be expected */
 	trace_event(bus, DB_EVENT_BUS_OFF, NULL, now);
 	db_log(&bus->log, now, DB_EVENT_BUS_OFF, NULL, "%s: %s", place_of(bus->config),
 	       health->error == ENETRESET ?
@@ -321,6 +351,57 @@ static void write_rest(struct db_bus *bus, db_time now)
 		bus->unsent_since = now;
 	else if (now - bus->unsent_since > STUCK_TIME)
 		fail_port(bus, ENOBUFS);
+}
+
+/* --- a line that is set aside ----------------------------------------------------------------------- */
+
+static void close_port(struct db_bus *bus, db_time now)
+{
+	bus->transport->close(bus->port);
+	bus->port = NULL;
+	bus->port_error = 0;
+	bus->unsent_length = 0;
+	bus->line_up = false;
+	bus->reopen_at = now;
+}
+
+static unsigned speed_of(const struct db_bus_config *config)
+{
+	return config->driver->medium == DB_MEDIUM_CAN ? config->bitrate : config->baud;
+}
+
+/* The line goes from its drives to a scan that wants it alone, from one speed to the next, and back. */
+static void follow_scan(struct db_bus *bus, db_time now)
+{
+	const struct db_bus_config *aside = scan_port_config(bus->engine);
+
+	if (bus->use == LINE_IN_SERVICE && aside) {
+		db_log(&bus->log, now, DB_EVENT_BUS_ASIDE, NULL,
+		       "%s is set aside for a scan: its drives are left as on-exit says, and are "
+		       "offline until it has ended",
+		       place_of(bus->config));
+		db_engine_shut_down(bus->engine, now);
+		bus->clear_by = now + DB_EXIT_TIME;
+		bus->use = LINE_CLEARING;
+	}
+	if (bus->use == LINE_CLEARING &&
+	    (db_engine_is_quiet(bus->engine) || now >= bus->clear_by)) {
+		db_engine_set_aside(bus->engine, now);
+		close_port(bus, now);
+		bus->use = LINE_ASIDE;
+		bus->aside_speed = aside ? speed_of(aside) : 0;
+	}
+	if (bus->use != LINE_ASIDE)
+		return;
+	if (!aside) {
+		close_port(bus, now);
+		bus->use = LINE_IN_SERVICE;
+		db_log(&bus->log, now, DB_EVENT_BUS_ASIDE, NULL, "%s returns to service",
+		       place_of(bus->config));
+	} else if (speed_of(aside) != bus->aside_speed) {
+		close_port(bus, now);
+		bus->aside_speed = speed_of(aside);
+	}
 }
 
 /* --- the thread ----------------------------------------------------------------------------------- */
@@ -462,6 +543,7 @@ static db_time take_turn(struct db_bus *bus)
 		db_engine_set_wall_offset(bus->engine,
 		                          (clock_ns(CLOCK_REALTIME) - now_ns()) / DB_NS_PER_US);
 	}
+	follow_scan(bus, now);
 	port_next = run_port(bus, now);
 	next = db_engine_run(bus->engine, now);
 	if (bus->port && bus->port_error != 0) {
@@ -549,6 +631,17 @@ static void set_cpus(const struct db_bus *bus)
 		       strerror(error));
 }
 
+/* A scan that was asked for. When the bus ends it does not begin. */
+static void take_scan(struct db_bus *bus, bool ending, db_time now)
+{
+	struct scan *scan = atomic_exchange(&bus->scan_asked, NULL);
+
+	if (scan)
+		scan_begin(bus->engine, scan, now);
+	if (ending)
+		scan_end(bus->engine, DB_SCAN_CANCELLED);
+}
+
 static void *run_thread(void *context)
 {
 	struct db_bus *bus = context;
@@ -568,6 +661,7 @@ static void *run_thread(void *context)
 		/* Requests that were handed over before a change are all there by now. */
 		if (change)
 			change_begin(bus->engine, change, now_ns());
+		take_scan(bus, exit_by != DB_TIME_NEVER, now_ns());
 		next = take_turn(bus);
 		atomic_fetch_add_explicit(&bus->beats, 1, memory_order_relaxed);
 		judge_priority(bus);
@@ -575,7 +669,9 @@ static void *run_thread(void *context)
 			tell_network(bus);
 		if (exit_by == DB_TIME_NEVER && atomic_load(&bus->ending)) {
 			exit_by = now_ns() + DB_EXIT_TIME;
-			db_engine_shut_down(bus->engine, now_ns());
+			/* A line that is being cleared or set aside was left so already. */
+			if (bus->use == LINE_IN_SERVICE)
+				db_engine_shut_down(bus->engine, now_ns());
 			continue;
 		}
 		if (exit_by != DB_TIME_NEVER && db_engine_is_quiet(bus->engine))
@@ -585,6 +681,7 @@ static void *run_thread(void *context)
 		wait_for_work(bus, next < exit_by ? next : exit_by);
 	}
 	db_engine_tell_unconfirmed(bus->engine);
+	take_scan(bus, true, now_ns());
 	bus->transport->close(bus->port);
 	bus->port = NULL;
 	atomic_store(&bus->ended, true);
@@ -669,6 +766,7 @@ void db_bus_free(struct db_bus *bus)
 	db_bus_stop(bus);
 	change_free(atomic_load(&bus->change));
 	change_free(atomic_load(&bus->changed));
+	scan_free(bus->scan);
 	db_engine_free(bus->engine);
 	db_queue_free(bus->queue);
 	if (bus->wake_fd >= 0)
@@ -706,6 +804,62 @@ struct db_change *db_bus_take_changed(struct db_bus *bus)
 void db_bus_change_free(struct db_change *change)
 {
 	change_free(change);
+}
+
+/* Whether drives of this bus can have these addresses and speeds. */
+static bool is_possible(const struct db_bus_config *config, const struct db_scan_plan *plan)
+{
+	const struct db_driver *driver = config->driver;
+	unsigned min = config->line == DB_LINE_RS232 ? 0 : driver->address_min;
+	unsigned max = config->line == DB_LINE_RS232 ? 0 : driver->address_max;
+
+	return plan->first >= min && plan->first <= plan->last && plan->last <= max &&
+	       plan->speed_count <= DB_SCAN_SPEEDS_MAX && (!plan->aside || plan->speed_count > 0);
+}
+
+int db_bus_scan(struct db_bus *bus, const struct db_scan_plan *plan, uint32_t *number)
+{
+	struct scan *scan;
+
+	if (!is_possible(bus->config, plan))
+		return -EINVAL;
+	if (bus->scan && !scan_has_ended(bus->scan))
+		return -EBUSY;
+	scan = scan_new(bus->config, plan, ++bus->scan_number);
+	if (!scan)
+		return -ENOMEM;
+	scan_free(bus->scan);
+	bus->scan = scan;
+	*number = bus->scan_number;
+	atomic_store(&bus->scan_asked, scan);
+	wake_bus(bus);
+	return 0;
+}
+
+bool db_bus_scan_read(const struct db_bus *bus, uint32_t number, struct db_scan_progress *progress)
+{
+	if (!bus->scan || scan_number(bus->scan) != number)
+		return false;
+	scan_read(bus->scan, progress);
+	return true;
+}
+
+const struct db_scan_find *db_bus_scan_find(const struct db_bus *bus, size_t index)
+{
+	return scan_find(bus->scan, index);
+}
+
+const struct db_scan_foreign *db_bus_scan_foreign(const struct db_bus *bus, size_t index)
+{
+	return scan_foreign(bus->scan, index);
+}
+
+void db_bus_scan_cancel(struct db_bus *bus, uint32_t number)
+{
+	if (!bus->scan || scan_number(bus->scan) != number)
+		return;
+	scan_cancel(bus->scan);
+	wake_bus(bus);
 }
 
 bool db_bus_submit(struct db_bus *bus, const struct db_request *request)

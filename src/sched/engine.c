@@ -5,6 +5,7 @@
 #include "sched/change.h"
 #include "sched/common_start.h"
 #include "sched/exchange.h"
+#include "sched/scan.h"
 #include "sched/schedule.h"
 #include "sched/state.h"
 #include "sched/stop.h"
@@ -82,6 +83,9 @@ void db_engine_tell_unconfirmed(struct db_engine *engine)
 
 void db_engine_port(struct db_engine *engine, bool up, int error, db_time now)
 {
+	/* A scan of the bus in service ends with that. */
+	if (!up && engine->stats.up && !scan_port_config(engine))
+		scan_port(engine, false, error, now);
 	engine->stats.up = up;
 	engine->flights = 0;
 	engine->held_since = 0;
@@ -135,6 +139,7 @@ void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t le
 		size_t skip = 0;
 		size_t frame = 0;
 
+		scan_hear(engine, bytes, take, now);
 		memcpy(engine->received + engine->received_length, bytes, take);
 		engine->received_length += take;
 		bytes += take;
@@ -142,6 +147,7 @@ void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t le
 		do {
 			engine->driver->cut(engine->received + start,
 			                    engine->received_length - start, &skip, &frame);
+			scan_note_garbage(engine, skip);
 			if (skip > 0)
 				engine_take_garbage(engine, engine->received + start, skip, now);
 			start += skip;
@@ -153,6 +159,7 @@ void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t le
 		engine->received_length -= start;
 		memmove(engine->received, engine->received + start, engine->received_length);
 		if (engine->received_length == sizeof engine->received) {
+			scan_note_garbage(engine, engine->received_length);
 			engine_take_garbage(engine, engine->received, engine->received_length, now);
 			engine->received_length = 0;
 		}
@@ -263,6 +270,7 @@ static db_time next_wake(const struct db_engine *engine, bool more, db_time now)
 	db_time wake = earliest(engine->cycle_at, change_deadline(engine, now));
 
 	wake = earliest(wake, common_start_wake(engine, now));
+	wake = earliest(wake, scan_wake(engine, now));
 
 	/* There is more to be sent as soon as the wire has room. */
 	if (more || may_send > now)
@@ -295,8 +303,12 @@ db_time db_engine_run(struct db_engine *engine, db_time now)
 		engine->busy = 0;
 		engine->second_at = now + DB_NS_PER_S;
 	}
+	scan_look(engine, now);
+	/* A bus that is set aside is nobody's but the scan's. */
+	while (!engine->stats.up && scan_send_next(engine, now))
+		;
 	if (!engine->stats.up)
-		return DB_TIME_NEVER;
+		return scan_wake(engine, now);
 	/* While the port takes nothing, no answer is overdue. */
 	for (size_t i = 0; engine->held_since == 0 && engine->flights > 0 && i < engine->node_count;
 	     i++) {
@@ -327,6 +339,15 @@ void db_engine_shut_down(struct db_engine *engine, db_time now)
 			continue;
 		station_add_stop(station, command, NULL, now);
 	}
+}
+
+void db_engine_set_aside(struct db_engine *engine, db_time now)
+{
+	db_engine_tell_unconfirmed(engine);
+	for (size_t i = 0; i < engine->station_count; i++)
+		station_drop_stops(engine->stations[i], now);
+	engine->shutting_down = false;
+	db_engine_port(engine, false, EBUSY, now);
 }
 
 bool db_engine_is_quiet(const struct db_engine *engine)

@@ -4,7 +4,7 @@
  * time it is, sends through a callback, and says when it wants to be called again.
  *
  * Classes, first to last: stops; commands and parameter writes; cyclic status; reading identity and
- * parameters; looking for drives that are offline. On a serial line one exchange is under way at a
+ * parameters; looking for drives that are offline; a scan. On a serial line one exchange is under way at a
  * time, on CAN one for each drive.
  *
  * After a lost answer a drive is "out of step": its answer may still come and would be taken for the
@@ -75,6 +75,9 @@ db_time db_engine_run(struct db_engine *engine, db_time now);
 void db_engine_shut_down(struct db_engine *engine, db_time now);
 /* Nothing is left to be done of it. */
 bool db_engine_is_quiet(const struct db_engine *engine);
+/* What was asked for the end is done, or its time is up; the engine does not end, but its bus is down until
+ * the port is there for its drives again. */
+void db_engine_set_aside(struct db_engine *engine, db_time now);
 /* Tells of each drive that is let go now though it has not confirmed its on_exit. */
 void db_engine_tell_unconfirmed(struct db_engine *engine);
 

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sched/exchange.h"
 
+#include "sched/scan.h"
+
 /*
  * On CAN requests to several drives are under way at once. So much work, in time on the wire, is
  * given to the wire ahead: enough for it not to fall idle while this thread wakes up, and little
@@ -86,6 +88,7 @@ void exchange_send(struct db_engine *engine, struct station *station, enum lane_
 	struct node *node = station->node;
 	db_time wire = exchange_wire_time(engine, &lane->exchange);
 
+	scan_yield(engine, node);
 	lane->ready = false;
 	lane->sent = true;
 	lane->exchange.sending = ++engine->sendings;

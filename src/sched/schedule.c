@@ -3,6 +3,7 @@
 
 #include "sched/common_start.h"
 #include "sched/exchange.h"
+#include "sched/scan.h"
 #include "sched/stop.h"
 
 #include <stdint.h>
@@ -10,9 +11,10 @@
 
 /* --- commands ------------------------------------------------------------------------------------- */
 
-static bool is_free(const struct station *station, db_time now)
+static bool is_free(const struct db_engine *engine, const struct station *station, db_time now)
 {
-	return !is_flying(station->node) && !node_waits_out_late_answers(station->node, now);
+	return !is_flying(station->node) && !scan_holds_node(engine, station->node) &&
+	       !node_waits_out_late_answers(station->node, now);
 }
 
 /* False when it ended without anything being sent. */
@@ -55,7 +57,7 @@ static bool continue_command(struct db_engine *engine, size_t *again, db_time no
 		struct station *station = engine->stations[i];
 
 		if (!station->lanes[LANE_COMMAND].ready || common_start_holds(station) ||
-		    station_awaits_stop(station) || !is_free(station, now))
+		    station_awaits_stop(station) || !is_free(engine, station, now))
 			continue;
 		if (station->lanes[LANE_COMMAND].exchange.again) {
 			*again = *again == NOBODY ? i : *again;
@@ -77,7 +79,7 @@ static bool begin_next_command(struct db_engine *engine, db_time now)
 
 		/* A command given after a stop waits until the stop is confirmed. */
 		if (station->lanes[LANE_COMMAND].active || station_awaits_stop(station) ||
-		    !is_free(station, now))
+		    !is_free(engine, station, now))
 			i++;
 		else if (begin_queued(engine, i, now))
 			return true;
@@ -107,7 +109,7 @@ static struct node *due_poll(struct db_engine *engine, db_time now)
 		size_t i = (engine->next_poll + n) % engine->node_count;
 		struct node *node = engine->nodes[i];
 
-		if (node->online && node->poll_due && is_free(node->first, now)) {
+		if (node->online && node->poll_due && is_free(engine, node->first, now)) {
 			engine->next_poll = i;
 			return node;
 		}
@@ -180,7 +182,7 @@ static bool may_send_now(struct db_engine *engine, const struct db_exchange *exc
 static bool wants_identify(const struct db_engine *engine, const struct station *station,
                            db_time now)
 {
-	if (!station->node->online || station->identify_at > now || !is_free(station, now))
+	if (!station->node->online || station->identify_at > now || !is_free(engine, station, now))
 		return false;
 	return station->lanes[LANE_IDENTIFY].active ||
 	       !(station->snapshot.feedback.status & DB_STATUS_PARAMS_VALID) ||
@@ -217,7 +219,7 @@ static bool try_probes(struct db_engine *engine, db_time now)
 		size_t i = (engine->next_probe + n) % engine->node_count;
 		struct node *node = engine->nodes[i];
 
-		if (node->online || node->probe_at > now || !is_free(node->first, now))
+		if (node->online || node->probe_at > now || !is_free(engine, node->first, now))
 			continue;
 		/* The first round after the port opened is free: nothing is known of any drive. */
 		if (node->ever_probed && engine->probes_from > now)
@@ -232,7 +234,7 @@ static bool try_probes(struct db_engine *engine, db_time now)
 static bool try_background(struct db_engine *engine, db_time now)
 {
 	engine->polls_in_a_row = 0;
-	return try_identify(engine, now) || try_probes(engine, now);
+	return try_identify(engine, now) || try_probes(engine, now) || scan_send_next(engine, now);
 }
 
 /*

@@ -11,6 +11,8 @@
 
 #define RECEIVE_MAX (2 * DB_ANSWER_MAX)
 
+struct scan;
+
 struct db_engine {
 	const struct db_bus_config *bus;
 	const struct db_driver *driver;
@@ -62,6 +64,7 @@ struct db_engine {
 	size_t station_count;
 	struct db_change *change;  /* under way */
 	struct db_change *changed; /* carried out, not fetched */
+	struct scan *scan;         /* under way, see scan.h; null */
 };
 
 static inline bool is_flying(const struct node *node)

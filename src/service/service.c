@@ -6,6 +6,7 @@
 #include "service/loop.h"
 #include "service/registers.h"
 #include "service/reload.h"
+#include "service/scans.h"
 #include "service/state.h"
 #include "service/status.h"
 #include "service/traces.h"
@@ -124,6 +125,11 @@ static int listen_for_tools(struct service *service)
 	static const struct db_control_socket_ops ops = {
 		.reload = ask_reload,
 		.server_stats = read_server_stats,
+		.scan = scans_begin,
+		.scan_read = scans_read,
+		.scan_find = scans_find,
+		.scan_foreign = scans_foreign,
+		.scan_cancel = scans_cancel,
 		.trace = find_trace,
 	};
 	const struct db_control_socket_setup setup = {

@@ -62,6 +62,8 @@ static const struct sim_key BUS_KEYS[] = {
 	TEXT ("device",              "pty"),
 	TEXT ("link",                NULL),
 	WHOLE("baud",                "115200", 2400, 921600),
+	FLAG ("follow-host",         "false"),
+	WORD ("twins",               "together", "together|shifted|in-turn"),
 	WORD ("line",                "rs485", "rs485|rs232"),
 	WHOLE("latency-us",          "800", 0, TIME_MAX_US),
 	WHOLE("turnaround-us",       "0", 0, TIME_MAX_US),

@@ -24,6 +24,19 @@ static const struct {
 	{ 460800, B460800 }, { 500000, B500000 }, { 576000, B576000 }, { 921600, B921600 },
 };
 
+unsigned sim_port_host_baud(const struct sim_port *port)
+{
+	struct termios tio;
+
+	if (port->slave < 0 || tcgetattr(port->slave, &tio) != 0)
+		return 0;
+	for (size_t i = 0; i < sizeof(speeds) / sizeof(speeds[0]); i++) {
+		if (speeds[i].speed == cfgetospeed(&tio))
+			return speeds[i].baud;
+	}
+	return 0;
+}
+
 bool sim_port_is_pty(const char *device)
 {
 	return strcmp(device, "pty") == 0;

@@ -19,6 +19,9 @@ struct sim_port {
 /* Whether a device name means "make a pty". */
 bool sim_port_is_pty(const char *device);
 
+/* The speed that the host has set at its end of a pty; 0: none that is known. */
+unsigned sim_port_host_baud(const struct sim_port *port);
+
 /*
  * Opens device ("pty" or a path) and makes the symbolic link when link is not null; an old
  * symbolic link is replaced, any other file is not (-EEXIST). 0 or a negative errno (-EINVAL: no

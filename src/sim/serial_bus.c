@@ -359,12 +359,15 @@ void sim_serial_bus_send(struct sim_serial_bus *bus, struct sim_node *node, stru
 	bus->stats.replies++;
 }
 
-struct sim_burst *sim_serial_bus_overlap(struct sim_burst *first, struct sim_burst *second)
+struct sim_burst *sim_serial_bus_overlap(const struct sim_serial_bus *bus, struct sim_burst *first,
+                                         struct sim_burst *second)
 {
-	if (!first || !second)
+	size_t shift = bus->config.twins == SIM_TWINS_SHIFTED ? 1 : 0;
+
+	if (!first || !second || bus->config.twins == SIM_TWINS_IN_TURN)
 		return first ? first : second;
-	for (size_t i = 0; i < first->length && i < second->length; i++)
-		first->bytes[i] &= second->bytes[i];
+	for (size_t i = shift; i < first->length && i - shift < second->length; i++)
+		first->bytes[i] &= second->bytes[i - shift];
 	second->used = false;
 	return first;
 }

@@ -25,11 +25,19 @@
 #define SIM_SERIAL_REQUEST_MAX 1537 /* the longest line of VSMD and its end */
 #define SIM_SERIAL_REPLY_MAX 1536
 
+/* How two drives with one number answer. */
+enum sim_twins {
+	SIM_TWINS_TOGETHER, /* bit by bit at the same time: where they say the same, it arrives */
+	SIM_TWINS_SHIFTED,  /* the second a byte later: nothing of either arrives */
+	SIM_TWINS_IN_TURN,  /* one behind the other */
+};
+
 struct sim_serial_config {
 	unsigned baud;
 	bool rs485;
-	bool paced;         /* false: a real line does the pacing itself */
-	uint8_t reply_id;   /* VSMD: id in RS232 replies */
+	bool paced;       /* false: a real line does the pacing itself */
+	uint8_t reply_id; /* VSMD: id in RS232 replies */
+	enum sim_twins twins;
 	db_time latency;    /* a drive's thinking time */
 	db_time turnaround; /* after a reply: requests that begin sooner are not heard */
 };
@@ -122,8 +130,9 @@ uint8_t *sim_serial_bus_bytes(struct sim_burst *burst);
 void sim_serial_bus_send(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst,
                          size_t length, db_time request_end);
 
-/* Two drives with one number talk at once: what arrives is neither. Returns what is left; null is
+/* Two drives with one number answer, as the bus's `twins` says. Returns what is left of the first; null is
  * fine for both. */
-struct sim_burst *sim_serial_bus_overlap(struct sim_burst *first, struct sim_burst *second);
+struct sim_burst *sim_serial_bus_overlap(const struct sim_serial_bus *bus, struct sim_burst *first,
+                                         struct sim_burst *second);
 
 #endif

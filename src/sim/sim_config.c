@@ -101,6 +101,7 @@ static void read_bus(const struct sim_section *section, struct sim_bus_config *b
 	bus->device = sim_section_text(section, "device");
 	bus->link = sim_section_text(section, "link");
 	bus->flash = sim_section_text(section, "flash");
+	bus->follows_host = sim_section_flag(section, "follow-host");
 	bus->serial = (struct sim_serial_config){
 		.baud = (unsigned)sim_section_whole(section, "baud"),
 		.rs485 = sim_section_word(section, "line") == 0,
@@ -108,6 +109,7 @@ static void read_bus(const struct sim_section *section, struct sim_bus_config *b
 		.paced = strcmp(bus->device, "pty") == 0 ||
 		         strncmp(bus->device, "/dev/pts/", 9) == 0,
 		.reply_id = (uint8_t)sim_section_whole(section, "reply-id"),
+		.twins = (enum sim_twins)sim_section_word(section, "twins"),
 		.latency = read_us(section, "latency-us"),
 		.turnaround = read_us(section, "turnaround-us"),
 	};

@@ -34,6 +34,7 @@ struct sim_bus_config {
 	const char *link;      /* null = none */
 	const char *flash;     /* directory, null = none */
 	const char *replay;    /* a trace that is in the place of drives, null = none */
+	bool follows_host;     /* a pty: its line has the speed that the host has set there */
 	struct sim_serial_config serial; /* serial lines */
 	struct sim_can_config can;       /* CAN */
 	struct vsmd_can_style style;

@@ -151,7 +151,7 @@ static void process(struct sim_serial_bus *bus, const struct sim_serial_request 
 		if (rs485 && !is_for(node, command.id))
 			continue;
 		known = true;
-		answer = sim_serial_bus_overlap(answer,
+		answer = sim_serial_bus_overlap(bus, answer,
 		                                serve_drive(bus, node, request, &command, error));
 	}
 	sim_serial_bus_count(bus)->foreign += !known;

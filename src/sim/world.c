@@ -219,6 +219,8 @@ int sim_bus_read(struct sim_bus *bus, db_time now)
 		return errno == EAGAIN || errno == EINTR || errno == ENETDOWN ? 0 : -errno;
 	if (count == 0)
 		return -EPIPE;
+	if (bus->config->follows_host && sim_port_host_baud(&bus->port) != 0)
+		sim_serial_bus_set_baud(bus->wire, sim_port_host_baud(&bus->port));
 	bus->ops->receive(bus->wire, bytes, (size_t)count, now);
 	return 0;
 }

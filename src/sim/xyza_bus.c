@@ -93,7 +93,7 @@ static void process(struct sim_serial_bus *bus, const struct sim_serial_request 
 			continue;
 		known = true;
 		burst = sim_serial_bus_overlap(
-			burst, serve_controller(bus, node, request, &decoded, error));
+			bus, burst, serve_controller(bus, node, request, &decoded, error));
 	}
 	sim_serial_bus_count(bus)->foreign += !known;
 }

@@ -33,7 +33,7 @@ static int lock_port(int fd)
 	return errno == EWOULDBLOCK ? -EBUSY : -errno;
 }
 
-static int open_pty(const char *path, struct db_serial *serial)
+static int open_pty(const char *path, const struct db_bus_config *config, struct db_serial *serial)
 {
 	struct termios settings;
 	int error;
@@ -49,6 +49,8 @@ static int open_pty(const char *path, struct db_serial *serial)
 	cfmakeraw(&settings);
 	settings.c_cc[VMIN] = 0;
 	settings.c_cc[VTIME] = 0;
+	/* Its other end may look at it. A speed that is not known stays as it is. */
+	(void)cfsetspeed(&settings, config->baud);
 	if (tcsetattr(serial->fd, TCSANOW, &settings) != 0)
 		return -errno;
 	tcflush(serial->fd, TCIOFLUSH);
@@ -150,7 +152,7 @@ int db_serial_open(const struct db_bus_config *config, struct db_serial **serial
 	made->fd = -1;
 	made->guard = -1;
 	if (strncmp(path, "/dev/pts/", 9) == 0)
-		error = open_pty(path, made);
+		error = open_pty(path, config, made);
 	else
 		error = open_port(path, config, made);
 	if (error != 0) {

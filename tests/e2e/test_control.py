@@ -101,6 +101,30 @@ def test_what_it_is(bridge):
         assert info["interfaces"] == ["org.varlink.service", INTERFACE]
 
 
+def test_varlinkctl(bridge):
+    """systemd's own client, which knows nothing of drivebridge; Debian 12 has no such yet."""
+    version = subprocess.run(["systemctl", "--version"], capture_output=True, text=True, check=True).stdout
+    if int(version.split()[1]) < 255:
+        return
+
+    def varlinkctl(*words, status=0):
+        done = subprocess.run(["varlinkctl", *words], capture_output=True, text=True, timeout=30, check=False)
+        assert done.returncode == status, done
+        return done.stdout + done.stderr
+
+    address = f"unix:{bridge.control_path}"
+    assert "drivebridge" in varlinkctl("info", address)
+    assert "method Describe()" in varlinkctl("introspect", address, INTERFACE)
+    said = varlinkctl("--json=short", "call", address, f"{INTERFACE}.Read",
+                      '{"drive": "drive1", "names": ["axis_state"]}')
+    assert json.loads(said) == {"values": {"axis_state": bridge.drive().read("axis_state")}}
+    said = varlinkctl("--json=short", "--more", "call", address, f"{INTERFACE}.Run",
+                      '{"drive": "drive1", "command": "enable"}')
+    assert [json.loads(line)["result"] for line in said.split("\x1e") if line.strip()] == ["pending", "ok"]
+    assert "NoSuchDrive" in varlinkctl("call", address, f"{INTERFACE}.Read",
+                                       '{"drive": "x", "names": []}', status=1)
+
+
 def test_describe(tool, bridge):
     found = tool.Describe()
     assert found["may_act"] is True

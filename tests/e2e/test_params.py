@@ -2,7 +2,9 @@
 """Parameters as files: `drivebridgectl params` in front of the real drivebridged and simulated drives of each family."""
 
 import json
+import os
 import re
+import signal
 import subprocess
 
 import pytest
@@ -134,3 +136,208 @@ def test_two_words_are_one_command(plant):
     assert "did you mean params save, " in ctl(plant, "params", "sav", "drive1", status=2)
     assert "params list" in ctl(plant, "params", status=2)
     assert ctl(plant, "params", "list", status=2).endswith("usage: drivebridgectl params list DRIVE [FILE]\n")
+
+
+# --- writing back ----------------------------------------------------------------------------------
+
+
+CHANGES = {
+    "vsmd-serial": ["spd=3200", "acc=32000", "s1f=4", "pud=63", "cra=0.33"],
+    "vsmd-can": ["spd=3200", "acc=32000", "s1f=4", "pud=63", "cra=0.33"],
+    "xyza": ["min_speed=4000", "max_speed=6400", "lead=6000", "start_key=2"],
+    "servo-can": ["ramp_acceleration=1500", "ramp_deceleration=2500", "max_speed=900"],
+}
+
+
+def writes_of(plant, number, since):
+    """The parameters that a drive on a serial line was told, in their order."""
+    lines = [re.fullmatch(rf"{number} cfg (\w+)=\S+", line) for line in plant.sim.sent(since)]
+    return [match[1] for match in lines if match]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_parameters_go_from_one_drive_to_another(make_bridge, family, tmp_path):
+    plant = make_plant(make_bridge, family)
+    for change in CHANGES[family] if family != "servo-can" else ["ramp_acceleration=1500 ramp_deceleration=2500",
+                                                                "max_speed=900"]:
+        ctl(plant, "set", "drive1", *change.split())
+    path = tmp_path / "f"
+    ctl(plant, "params", "save", "drive1", path)
+    said = ctl(plant, "params", "restore", "drive2", path, "--yes")
+    names = [change.split("=")[0] for change in CHANGES[family]]
+    for name in names:
+        assert re.search(rf"^{name} = .*: (ok|unproven)$", said, re.M), said
+    assert re.search(rf"^drive2: {len(names)} written$", said, re.M), said
+    assert ("not saved in the drive yet: drivebridgectl run drive2 save_parameters" in said) == family.startswith("vsmd")
+    differ = ["cid"] if family.startswith("vsmd") else []
+    (told,) = objects(plant, "params", "diff", "drive2", path, status=1 if differ else 0)
+    assert [row["name"] for row in told["differences"]] == differ
+    said = ctl(plant, "params", "restore", "drive2", path)
+    assert said.startswith(f"drive2 has what is in {path}\n") and said.endswith("drive2: 0 written\n")
+    assert ("cid stays as it is" in said) == bool(differ)
+
+
+MANY = ["mcs=6", "spd=1000", "acc=1000", "dec=1000", "s1f=0", "s2f=4", "s3f=4", "pud=1", "zmd=3", "osv=1", "zsp=77"]
+
+
+@pytest.fixture
+def many(plant, tmp_path):
+    """A file that differs from drive 2 in many parameters."""
+    ctl(plant, "set", "drive1", *MANY)
+    path = tmp_path / "many.params"
+    ctl(plant, "params", "save", "drive1", path)
+    return path
+
+
+def test_what_rests_upon_others_comes_behind_them(plant, many):
+    mark = plant.sim.mark()
+    ctl(plant, "params", "restore", "drive2", many, "--yes")
+    assert writes_of(plant, 2, mark) == ["mcs", "pud", "osv", "spd", "acc", "dec", "zsp", "s1f", "s2f", "s3f", "zmd"]
+
+
+def test_a_restore_can_be_saved(plant, many):
+    said = ctl(plant, "params", "restore", "drive2", many, "--yes", "--save")
+    assert said.endswith("drive2: 11 written\ndrive2: save_parameters: ok\n")
+    lines = objects(plant, "params", "restore", "drive2", many)
+    assert lines == [{"drive": "drive2", "file": str(many), "written": [], "failed": {}, "ended": True, "saved": False}]
+
+
+def test_nothing_is_written_unasked(plant, many):
+    mark = plant.sim.mark()
+    assert "--yes" in ctl(plant, "params", "restore", "drive2", many, status=2, stdin=subprocess.DEVNULL)
+    assert "--yes" in ctl(plant, "--json", "params", "restore", "drive2", many, status=2)
+    for answer, status in (b"n\n", 1), (b"\n", 1), (b"y\n", 0):
+        assert writes_of(plant, 2, mark) == []
+        said, ended = type_in(plant, answer, "params", "restore", "drive2", many)
+        assert ended == status and "write 11 into drive2? [y/N]" in said, said
+    assert len(writes_of(plant, 2, mark)) == 11
+
+
+def type_in(plant, text, *words):
+    """At a terminal. What it shows, and the exit status."""
+    master, slave = os.openpty()
+    process = subprocess.Popen([find_program("drivebridgectl"), "--socket", plant.control_path, *map(str, words)],
+                               stdin=slave, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    os.close(slave)
+    os.write(master, text)
+    try:
+        said = process.communicate(timeout=30)[0].decode()
+    finally:
+        os.close(master)
+    return said, process.returncode
+
+
+def begin_restore(plant, path):
+    """A restore of which the first parameter is written."""
+    process = subprocess.Popen([find_program("drivebridgectl"), "--socket", plant.control_path, "params", "restore",
+                                "drive2", path, "--yes"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    for line in process.stdout:
+        if line.endswith(": ok\n"):
+            return process
+    raise AssertionError("nothing was written")
+
+
+@pytest.mark.parametrize("how", ["interrupt", "kill", "unplug", "stop the service"])
+def test_a_restore_that_was_ended_goes_on_where_it_was(plant, many, how):
+    mark = plant.sim.mark()
+    process = begin_restore(plant, many)
+    if how == "interrupt":
+        process.send_signal(signal.SIGINT)
+    elif how == "kill":
+        process.kill()
+    elif how == "unplug":
+        plant.sim.fault("silence on", "drive2")
+    else:
+        assert plant.stop_bridge() == 0
+    said = process.stdout.read()
+    assert process.wait(30) == {"kill": -9, "stop the service": 3}.get(how, 1), said
+    first = writes_of(plant, 2, mark)
+    if how != "kill":
+        assert re.search(r"^\w+ = .*: stopped: ", said, re.M), said
+        assert re.search(r"^drive2: \d+ written, \d+ not; the same command goes on with them$", said, re.M), said
+    assert 1 <= len(first) < len(MANY)
+    if how == "unplug":
+        plant.sim.fault("silence off", "drive2")
+    elif how == "stop the service":
+        plant.start_bridge()
+    plant.wait_ready(2)
+    (told,) = objects(plant, "params", "diff", "drive2", many, status=1)
+    left = {row["name"] for row in told["differences"]} - {"cid"}
+    assert len(left) >= len(MANY) - len(set(first))
+    mark = plant.sim.mark()
+    ctl(plant, "params", "restore", "drive2", many, "--yes")
+    assert set(writes_of(plant, 2, mark)) == left
+    (told,) = objects(plant, "params", "diff", "drive2", many, status=1)
+    assert [row["name"] for row in told["differences"]] == ["cid"]
+
+
+def test_a_refused_value_does_not_keep_the_others(make_bridge, tmp_path):
+    plant = make_plant(make_bridge, "vsmd-serial", sim_per_drive={2: {"max-current": 1.9}})
+    ctl(plant, "set", "drive1", "cra=2", "spd=100")
+    path = tmp_path / "f"
+    ctl(plant, "params", "save", "drive1", path)
+    said = ctl(plant, "params", "restore", "drive2", path, "--yes", status=1)
+    assert "\nspd = 100 pulses/s: ok\n" in said
+    assert "\ncra = 2 A: failed: refused: " in said and "\ndrive2: 1 written, 1 not\n" in said
+    lines = objects(plant, "params", "restore", "drive2", path, "--yes", status=1)
+    assert lines[0]["name"] == "cra" and lines[0]["result"] == "failed"
+    assert lines[-1]["written"] == [] and set(lines[-1]["failed"]) == {"cra"}
+
+
+def test_a_wrong_file_writes_nothing(make_bridge, plant, many):
+    mark = plant.sim.mark()
+    right = many.read_text(encoding="utf-8")
+
+    def refused(text, expected):
+        many.write_text(text, encoding="utf-8")
+        said = ctl(plant, "params", "restore", "drive2", many, "--yes", status=2)
+        assert expected in said, said
+
+    refused(right.replace("vsmd-serial", "xyza"), f"{many}:5: these are parameters of xyza, and drive2 is vsmd-serial")
+    refused(right.replace("\tspd ", "\tspeed "), "vsmd-serial has no parameter 'speed'; did you mean spd")
+    refused(right.replace("= 1000 ", "= 200000 ", 1), ": spd: 200000 is out of range, -192000 to 192000 pulses/s\n")
+    refused(right[:right.index("zsp")], "the file ends too early")
+    refused(right.removesuffix("end\n"), "the last line is not 'end'")
+    refused("\0" + right, "zero bytes")
+    refused("#" * 300000, "too long")
+    assert writes_of(plant, 2, mark) == []
+    many.write_text(right.replace('identity = "VSMD', 'identity = "ASMD'), encoding="utf-8")
+    assert "another model or firmware: the file is of \"ASMD" in ctl(plant, "params", "restore", "drive2", many, "--yes")
+
+
+def test_addresses_are_written_only_when_told(plant, many):
+    mark = plant.sim.mark()
+    said = ctl(plant, "params", "restore", "drive2", many, "--yes")
+    assert "\ncid stays as it is: it says where the drive is heard; --with-address writes it\n" in said
+    assert "cid" not in writes_of(plant, 2, mark)
+    # It holds after save_parameters and a power cycle: nobody is heard elsewhere yet.
+    said = ctl(plant, "params", "restore", "drive2", many, "--yes", "--with-address")
+    assert writes_of(plant, 2, mark)[-1] == "cid" and "\ncid = 1: ok\n" in said
+
+
+def test_a_drive_that_moves_is_left_alone(plant, many):
+    ctl(plant, "run", "drive2", "enable")
+    ctl(plant, "run", "--no-wait", "drive2", "move_velocity", "target_velocity=100")
+    mark = plant.sim.mark()
+    assert "drive2 moves; stop it first: drivebridgectl run drive2 stop" in \
+        ctl(plant, "params", "restore", "drive2", many, "--yes", status=1)
+    assert writes_of(plant, 2, mark) == []
+    ctl(plant, "run", "drive2", "stop")
+    ctl(plant, "params", "restore", "drive2", many, "--yes")
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")
+def test_who_may_only_read_may_look_and_not_restore(plant, many):
+    mark = plant.sim.mark()
+    os.chmod(plant.place, 0o755)
+    os.chmod(plant.place.parent, 0o755)
+
+    def as_nobody(*words, **more):
+        return subprocess.run(["setpriv", "--reuid", "65534", "--regid", "65534", "--clear-groups",
+                               find_program("drivebridgectl"), "--socket", plant.control_path, "params", *words],
+                              capture_output=True, text=True, timeout=60, check=False, **more)
+
+    assert values_of(as_nobody("save", "drive1", "-").stdout) == values_of(many.read_text(encoding="utf-8"))
+    done = as_nobody("restore", "drive2", "/dev/stdin", "--yes", input=many.read_text(encoding="utf-8"))
+    assert done.returncode == 1 and "only root and members of group" in done.stdout, done
+    assert writes_of(plant, 2, mark) == []

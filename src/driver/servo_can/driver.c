@@ -169,6 +169,54 @@ static bool begin_all(const struct db_device *device, const struct db_exchange *
 	return true;
 }
 
+/* --- inquiries --------------------------------------------------------------------------------- */
+
+/* The analogue input: a cycle asks for other parts. Nodes are numbered, and speeds set, with the vendor's
+ * tool, not over CAN. */
+static bool write_inquiry(const struct db_bus_config *bus, const struct db_inquiry *inquiry,
+                          struct db_exchange *exchange)
+{
+	struct servo_can_layout layout = servo_can_read_layout(bus);
+	struct servo_can_message message = { .kind = SERVO_CAN_READ,
+		                             .node = (uint8_t)inquiry->address };
+	struct db_can_frame frame;
+
+	if (inquiry->kind != DB_INQUIRY_THERE || inquiry->address < 1 ||
+	    inquiry->address > SERVO_CAN_NODE_MAX)
+		return false;
+	message.u.selector = (uint8_t)servo_can_selector(SERVO_CAN_GIVES_ANALOGUE);
+	if (servo_can_encode(&message, &layout, &frame) != SERVO_CAN_OK ||
+	    exchange->request_size < sizeof frame)
+		return false;
+	memcpy(exchange->request, &frame, sizeof frame);
+	exchange->request_length = sizeof frame;
+	exchange->answer_length = 8 + ANSWER_DATA;
+	exchange->extra_time = 0;
+	return true;
+}
+
+static enum db_recognised recognise_frame(const struct db_bus_config *bus,
+                                          const struct db_inquiry *inquiry, const uint8_t *bytes,
+                                          size_t length, struct db_inquired *said)
+{
+	struct servo_can_layout layout = servo_can_read_layout(bus);
+	struct servo_can_message message;
+	struct db_can_frame frame;
+
+	if (length != sizeof frame)
+		return DB_RECOGNISED_NOTHING;
+	memcpy(&frame, bytes, sizeof frame);
+	if (servo_can_decode(&frame, &layout, SERVO_CAN_FROM_DRIVE, &message) != SERVO_CAN_OK ||
+	    message.kind != SERVO_CAN_ANSWER_ANALOGUE || message.node != inquiry->address)
+		return DB_RECOGNISED_NOTHING;
+	if (said->parts > 0)
+		return DB_RECOGNISED_AGAIN;
+	said->parts = 1;
+	return DB_RECOGNISED_ANSWER;
+}
+
+static const unsigned speeds[] = { 1000000, 500000, 250000, 125000, 100000, 800000, 50000, 0 };
+
 const struct db_driver db_driver_servo_can = {
 	.name = "servo-can",
 	.title = "servo drive on CAN; velocity in rpm",
@@ -203,6 +251,12 @@ const struct db_driver db_driver_servo_can = {
 	.command_time = command_time,
 	.device_size = sizeof(struct db_device),
 	.init = init_device,
+	.inquire = write_inquiry,
+	.recognise = recognise_frame,
+	.speeds = speeds,
+	.set_up_elsewhere =
+		"node number and bit rate of these servos are set with the vendor's tool, "
+		"not over CAN",
 	.filters = list_filters,
 	.cut = db_can_cut,
 	.accept = accept_frame,

@@ -7,6 +7,7 @@
 #include "codec/vsmd_can_describe.h"
 #include "driver/list.h"
 #include "driver/vsmd/can_frames.h"
+#include "driver/vsmd/can_inquiry.h"
 #include "driver/vsmd/can_state.h"
 #include "driver/vsmd/can_steps.h"
 #include "driver/vsmd/commands.h"
@@ -263,6 +264,29 @@ static void check_config(const struct db_bus_config *bus,
 	}
 }
 
+static bool write_inquiry(const struct db_bus_config *bus, const struct db_inquiry *inquiry,
+                          struct db_exchange *exchange)
+{
+	const struct vsmd_can_style style = style_of(bus);
+
+	return vsmd_can_inquire(&style, inquiry, exchange);
+}
+
+static enum db_recognised recognise_frame(const struct db_bus_config *bus,
+                                          const struct db_inquiry *inquiry, const uint8_t *frame,
+                                          size_t length, struct db_inquired *said)
+{
+	const struct vsmd_can_style style = style_of(bus);
+
+	return vsmd_can_recognise(&style, inquiry, frame, length, said);
+}
+
+static const unsigned speeds[] = {
+	100000, 125000, 250000, 500000, 1000000, 50000,  20000,  25000,
+	30000,  40000,  60000,  75000,  80000,   90000,  150000, 200000,
+	300000, 400000, 600000, 700000, 800000,  900000, 0,
+};
+
 const struct db_driver db_driver_vsmd_can = {
 	.name = "vsmd-can",
 	.title = "VSMD stepper on CAN",
@@ -292,6 +316,11 @@ const struct db_driver db_driver_vsmd_can = {
 	.command_time = command_time,
 	.device_size = sizeof(struct db_device),
 	.init = init_device,
+	.inquire = write_inquiry,
+	.recognise = recognise_frame,
+	.speeds = speeds,
+	.address_effect = DB_TAKES_EFFECT_POWER_UP,
+	.speed_effect = DB_TAKES_EFFECT_POWER_UP,
 	.filters = list_filters,
 	.cut = db_can_cut,
 	.accept = accept_frame,

@@ -10,13 +10,10 @@
 #include "codec/vsmd_serial_frames.h"
 #include "driver/list.h"
 #include "driver/vsmd/commands.h"
+#include "driver/vsmd/serial_inquiry.h"
 
 #include <math.h>
 #include <string.h>
-
-/* Answers the document gives no length for: identity text, and all parameters as text. */
-#define IDENTITY_FRAME 64
-#define PARAMS_FRAME 1000
 
 /* What a drive usually needs before it starts to answer; only for predictions, never a time-out. */
 #define TYPICAL_LATENCY (1 * DB_NS_PER_MS)
@@ -51,11 +48,11 @@ static bool write_line(int id, const struct vsmd_command *command, bool repeatab
 	exchange->repeatable = repeatable;
 	switch (command->verb) {
 	case VSMD_DEV:
-		exchange->answer_length = IDENTITY_FRAME;
+		exchange->answer_length = VSMD_IDENTITY_FRAME;
 		break;
 	case VSMD_SAV:
 	case VSMD_CFG_READ:
-		exchange->answer_length = PARAMS_FRAME;
+		exchange->answer_length = VSMD_PARAMS_FRAME;
 		break;
 	default:
 		exchange->answer_length = VSMD_SERIAL_STATUS_FRAME;
@@ -484,6 +481,10 @@ static bool begin_all(const struct db_device *device, const struct db_exchange *
 	return true;
 }
 
+static const unsigned speeds[] = {
+	9600, 115200, 57600, 38400, 19200, 230400, 460800, 921600, 4800, 2400, 0,
+};
+
 const struct db_driver db_driver_vsmd_serial = {
 	.name = "vsmd-serial",
 	.title = "VSMD stepper on RS485 or RS232",
@@ -513,6 +514,11 @@ const struct db_driver db_driver_vsmd_serial = {
 	.command_time = command_time,
 	.device_size = sizeof(struct db_device),
 	.init = init_device,
+	.inquire = vsmd_serial_inquire,
+	.recognise = vsmd_serial_recognise,
+	.speeds = speeds,
+	.address_effect = DB_TAKES_EFFECT_POWER_UP,
+	.speed_effect = DB_TAKES_EFFECT_POWER_UP,
 	.cut = cut_frame,
 	.accept = accept_frame,
 	.describe = describe_frame,

@@ -12,6 +12,7 @@
 #include "codec/xyza_describe.h"
 #include "driver/list.h"
 #include "driver/xyza/frames.h"
+#include "driver/xyza/inquiry.h"
 #include "driver/xyza/state.h"
 #include "driver/xyza/steps.h"
 #include "transport/serial.h"
@@ -240,6 +241,9 @@ static enum db_result check_param(const struct db_bus_config *bus, size_t param,
 	                                                            DB_RESULT_OUT_OF_RANGE;
 }
 
+/* The document names none: what is usual. */
+static const unsigned speeds[] = { 9600, 115200, 19200, 38400, 57600, 4800, 2400, 0 };
+
 const struct db_driver db_driver_xyza = {
 	.name = "xyza",
 	.title = "XYZA stepper controller (5A A5) on RS485 or RS232",
@@ -274,6 +278,13 @@ const struct db_driver db_driver_xyza = {
 	.device_size = sizeof(struct db_device),
 	.init = init_device,
 	.leave = leave_controller,
+	.inquire = xyza_inquire,
+	.recognise = xyza_recognise,
+	.speeds = speeds,
+	.address_effect = DB_TAKES_EFFECT_AT_ONCE,
+	.set_up_elsewhere =
+		"the document of these controllers has no baud rate that could be set; their "
+		"switches or the vendor's tool may",
 	.cut = xyza_cut,
 	.accept = accept_frame,
 	.describe = describe_frame,

@@ -223,6 +223,32 @@ static void one_frame_when_all_are_ready(void **state)
 	close_world(world);
 }
 
+/* Drives that act on it may not listen meanwhile; on CAN, what follows waits for the wire by itself. */
+static void the_frame_for_all_has_time_to_be_acted_on(void **state)
+{
+	static const enum db_medium media[] = { DB_MEDIUM_SERIAL, DB_MEDIUM_CAN };
+
+	(void)state;
+	for (size_t m = 0; m < 2; m++) {
+		struct world *world = open_world_with(media[m], 20);
+		db_time gap = DB_TIME_NEVER;
+
+		post_all(world);
+		fake_pass(world->bus, 60 * MS);
+		for (size_t i = 0; i + 1 < world->bus->sent_count; i++) {
+			const struct fake_sent *sent = &world->bus->sent[i];
+
+			if (sent->frame.address == FAKE_ALL)
+				gap = sent[1].at - sent->at;
+		}
+		if (media[m] == DB_MEDIUM_SERIAL)
+			assert_true(gap >= 2 * MS + FAKE_WIRE_TIME && gap < 3 * MS);
+		else
+			assert_true(gap < MS);
+		close_world(world);
+	}
+}
+
 /* The bus may be quicker than the one who hands the requests over. */
 static void requests_that_come_later_are_waited_for(void **state)
 {
@@ -395,6 +421,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(one_frame_when_all_are_ready),
+		cmocka_unit_test(the_frame_for_all_has_time_to_be_acted_on),
 		cmocka_unit_test(requests_that_come_later_are_waited_for),
 		cmocka_unit_test(without_one_of_them_each_begins_by_itself),
 		cmocka_unit_test(one_that_refuses_is_not_reached),

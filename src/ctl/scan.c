@@ -1,0 +1,292 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/scan.h"
+#include "ctl/grid.h"
+#include "ctl/search.h"
+#include "ctl/value.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define UNIT_MAX 247
+
+static json_int_t number_of(const json_t *object, const char *name)
+{
+	return json_integer_value(json_object_get(object, name));
+}
+
+static const char *verdict_of(const json_t *find)
+{
+	return db_ctl_text(find, "verdict");
+}
+
+/* --- the table --------------------------------------------------------------------------------------- */
+
+/* What it is in the configuration. */
+static void add_place(struct db_ctl_grid *grid, const json_t *find)
+{
+	const json_t *drives = json_object_get(find, "drives");
+	const char *verdict = verdict_of(find);
+	char text[DB_CTL_VALUE_MAX] = "new";
+	size_t used = 0;
+	size_t i;
+	const json_t *name;
+
+	json_array_foreach(drives, i, name)
+	{
+		if (used < sizeof(text))
+			used += (size_t)snprintf(text + used, sizeof(text) - used, "%s%s",
+			                         i > 0 ? ", " : "", json_string_value(name));
+	}
+	if (strcmp(verdict, "one") == 0)
+		db_ctl_grid_add(grid, used > 0 ? DB_CTL_PLAIN : DB_CTL_GREEN, "%s", text);
+	else
+		db_ctl_grid_add(grid, DB_CTL_RED, "%s%s%s",
+		                strcmp(verdict, "two") == 0 ? "two drives" : "nothing readable",
+		                used > 0 ? ": " : "", used > 0 ? text : "");
+}
+
+static void add_time(struct db_ctl_grid *grid, const json_t *find, const char *name)
+{
+	if (number_of(find, "answered") == 0)
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "-");
+	else
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%.1f ms",
+		                (double)number_of(find, name) / 1000);
+}
+
+static void add_find(struct db_ctl_grid *grid, const json_t *find, const json_t *bus)
+{
+	char identity[DB_CTL_VALUE_MAX];
+	const char *other = db_ctl_text(find, "other");
+
+	(void)snprintf(identity, sizeof(identity), "%s%s%s", db_ctl_text(find, "identity"),
+	               other[0] ? " and " : "", other);
+	db_ctl_clean(identity);
+	db_ctl_grid_add(grid, DB_CTL_BOLD, "%lld", (long long)number_of(find, "address"));
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(find, "speed"));
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_ctl_text(bus, "protocol"));
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", identity[0] ? identity : "-");
+	add_time(grid, find, "time_min_us");
+	add_time(grid, find, "time_mean_us");
+	add_time(grid, find, "time_max_us");
+	add_place(grid, find);
+}
+
+static void print_table(const struct db_ctl *ctl, const struct db_ctl_search *search,
+                        const json_t *bus)
+{
+	static const char *const heads[] = { "ADDRESS", "BIT/S", "PROTOCOL", "IDENTITY",
+		                             "FASTEST", "MEAN",  "SLOWEST",  "CONFIGURED AS" };
+	struct db_ctl_grid *grid = db_ctl_grid_new("rrllrrrl");
+	size_t i;
+	const json_t *find;
+
+	if (!grid)
+		return;
+	for (i = 0; i < sizeof(heads) / sizeof(heads[0]); i++)
+		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", heads[i]);
+	json_array_foreach(search->finds, i, find) add_find(grid, find, bus);
+	db_ctl_grid_print(grid, ctl->colour, 0, "\n", stdout);
+	db_ctl_grid_free(grid);
+}
+
+static void print_foreign(const struct db_ctl_search *search)
+{
+	size_t i;
+	const json_t *frame;
+
+	if (json_array_size(search->foreign) > 0)
+		(void)puts("\nother frames on this bus, of nobody who is configured here:");
+	json_array_foreach(search->foreign, i, frame)(void) printf(
+		json_is_true(json_object_get(frame, "extended")) ? "  %08llX %lld times\n" :
+								   "  %03llX %lld times\n",
+		(unsigned long long)number_of(frame, "id"), (long long)number_of(frame, "count"));
+}
+
+/* What somebody has to do about it. */
+static void print_advice(const struct db_ctl_search *search)
+{
+	size_t i;
+	const json_t *find;
+
+	json_array_foreach(search->finds, i, find)
+	{
+		long long address = (long long)number_of(find, "address");
+
+		if (strcmp(verdict_of(find), "two") == 0)
+			(void)printf(
+				"\naddress %lld: two drives have it. Take one of them off the "
+				"line, give the other an address of its own with drivebridgectl "
+				"address, and connect it again\n",
+				address);
+		else if (strcmp(verdict_of(find), "garbled") == 0)
+			(void)printf(
+				"\naddress %lld: something comes, but no answer can be read: two "
+				"drives that talk at once, or a disturbed line. Take drives off "
+				"the line one by one; check wires, termination and ground\n",
+				address);
+	}
+	if (json_array_size(search->finds) == 0)
+		(void)puts(
+			"no drive answers: check power and wiring (A and B may be swapped), whether "
+			"protocol and line are right, and the speed: --all-speeds tries all of them");
+}
+
+/* --- what to write into the configuration ---------------------------------------------------------------- */
+
+static bool is_new(const json_t *find)
+{
+	return strcmp(verdict_of(find), "one") == 0 &&
+	       json_array_size(json_object_get(find, "drives")) == 0;
+}
+
+/* The number itself where it is free, else the next free one. */
+static json_int_t choose_unit(json_t *taken, json_int_t wanted)
+{
+	char key[24];
+
+	for (json_int_t tried = 0; tried < UNIT_MAX; tried++) {
+		json_int_t unit = (wanted + tried + UNIT_MAX - 1) % UNIT_MAX + 1;
+
+		(void)snprintf(key, sizeof(key), "%lld", (long long)unit);
+		if (json_object_get(taken, key))
+			continue;
+		(void)json_object_set_new(taken, key, json_true());
+		return unit;
+	}
+	return UNIT_MAX;
+}
+
+static json_t *list_units(const struct db_ctl *ctl)
+{
+	json_t *taken = json_object();
+	char key[24];
+	size_t i;
+	const json_t *drive;
+
+	json_array_foreach(json_object_get(ctl->description, "drives"), i, drive)
+	{
+		(void)snprintf(key, sizeof(key), "%lld", (long long)number_of(drive, "unit"));
+		(void)json_object_set_new(taken, key, json_true());
+	}
+	return taken;
+}
+
+static void write_drive(FILE *out, const struct db_ctl *ctl, const json_t *bus, const json_t *find,
+                        json_t *units)
+{
+	json_int_t address = number_of(find, "address");
+	char identity[DB_CTL_VALUE_MAX];
+	char name[128];
+
+	(void)snprintf(name, sizeof(name), "%s-%lld", db_ctl_text(bus, "name"), (long long)address);
+	while (db_ctl_look_up(json_object_get(ctl->description, "drives"), name) &&
+	       strlen(name) + 2 < sizeof(name))
+		(void)strcat(name, "-b");
+	(void)snprintf(identity, sizeof(identity), "%s", db_ctl_text(find, "identity"));
+	db_ctl_clean(identity);
+	(void)fprintf(out, "drive %s {%s%s\n    bus = %s\n", name, identity[0] ? "    # " : "",
+	              identity, db_ctl_text(bus, "name"));
+	if (address > 0)
+		(void)fprintf(out, "    address = %lld\n", (long long)address);
+	if (strcmp(db_ctl_text(bus, "protocol"), "xyza") == 0)
+		(void)fputs(
+			"    axis = x    # and a drive each for y, z and a, as far as it has them\n",
+			out);
+	(void)fprintf(out, "    unit = %lld\n}\n", (long long)choose_unit(units, address));
+}
+
+/* Sections for the drives that are new, as a text to be freed; "" when there are none. Those at another speed than
+ * the bus's, each behind a line that says what has to be changed first. */
+static char *write_configuration(const struct db_ctl *ctl, const json_t *bus,
+                                 const struct db_ctl_search *search)
+{
+	json_int_t here = number_of(bus, "speed");
+	json_int_t told = here;
+	json_t *units = list_units(ctl);
+	char *text = NULL;
+	size_t size = 0;
+	FILE *out = open_memstream(&text, &size);
+	size_t i;
+	const json_t *find;
+
+	json_array_foreach(search->finds, i, find)
+	{
+		json_int_t speed = number_of(find, "speed");
+
+		if (!out || !is_new(find))
+			continue;
+		if (speed != told && speed != here)
+			(void)fprintf(
+				out,
+				"# at %lld bit/s, while bus %s is set to %lld: all drives of a bus "
+				"and its %s must be the same\n",
+				(long long)speed, db_ctl_text(bus, "name"), (long long)here,
+				strstr(db_ctl_text(bus, "protocol"), "can") ? "bitrate" : "baud");
+		told = speed;
+		write_drive(out, ctl, bus, find, units);
+	}
+	json_decref(units);
+	if (out)
+		(void)fclose(out);
+	return text;
+}
+
+/* --- the command ------------------------------------------------------------------------------------------ */
+
+static void print_found(const struct db_ctl *ctl, const struct db_ctl_search *search,
+                        const json_t *bus)
+{
+	char *configuration = write_configuration(ctl, bus, search);
+	json_t *object;
+
+	if (ctl->json) {
+		object = json_pack("{s:s, s:O, s:O, s:I, s:b, s:s}", "bus",
+		                   db_ctl_text(bus, "name"), "finds", search->finds, "foreign",
+		                   search->foreign, "wait_us", search->wait_us, "interrupted",
+		                   search->interrupted, "configuration",
+		                   configuration ? configuration : "");
+		db_ctl_print_json(object);
+		json_decref(object);
+		free(configuration);
+		return;
+	}
+	if (json_array_size(search->finds) > 0)
+		print_table(ctl, search, bus);
+	print_foreign(search);
+	if (!search->interrupted)
+		print_advice(search);
+	if (configuration && configuration[0])
+		(void)printf("\nfor the configuration, then drivebridgectl reload:\n\n%s",
+		             configuration);
+	free(configuration);
+}
+
+enum db_ctl_status db_ctl_scan(struct db_ctl *ctl, int count, char **arguments)
+{
+	const json_t *bus = db_ctl_find_bus(ctl, arguments[0]);
+	struct db_ctl_search search;
+	enum db_ctl_status status;
+
+	(void)count;
+	if (!bus)
+		return DB_CTL_USAGE;
+	if (ctl->all_speeds && !ctl->json)
+		(void)printf(
+			"bus %s is set aside for this: its drives, which must stand, are left as "
+			"on-exit says, and\nare offline for every PLC until the scan has ended\n",
+			arguments[0]);
+	if (ctl->all_speeds && !db_ctl_agrees(ctl, "go on?"))
+		return DB_CTL_NO;
+	status = db_ctl_search(
+		ctl, json_pack("{s:s, s:b}", "bus", arguments[0], "all_speeds", ctl->all_speeds),
+		&search);
+	if (status == DB_CTL_OK)
+		print_found(ctl, &search, bus);
+	if (status == DB_CTL_OK && search.interrupted)
+		status = db_ctl_complain(ctl, DB_CTL_NO, "io.drivebridge.Client.Interrupted",
+		                         "interrupted: the scan was ended");
+	db_ctl_search_clear(&search);
+	return status;
+}

@@ -1,0 +1,623 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sched/scan.h"
+
+#include "codec/can.h"
+#include "drivebridge/seqlock.h"
+#include "sched/visit.h"
+
+#include <errno.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* What a drive is given at least to think before it answers; where a cycle leaves less, nothing is asked. */
+#define WAIT_MIN (5 * DB_NS_PER_MS)
+
+/* A drive that has answered so fast once may take twice as long and this the next time. */
+#define THINK_MARGIN (1 * DB_NS_PER_MS)
+
+/* A question is over when nothing came for so long, so that two answers in a row are seen both. */
+#define QUIET (1 * DB_NS_PER_MS)
+
+/* What is left of a cycle for this thread to wake up late. */
+#define MARGIN (1 * DB_NS_PER_MS)
+
+/* Without time for a question for so long, there is none. */
+#define PATIENCE (3 * DB_NS_PER_S)
+
+/* The question on the wire. */
+struct question {
+	bool flying;
+	struct db_inquiry inquiry;
+	struct visit_outcome outcome;
+	size_t garbage; /* bytes that were no frame, or a bad one */
+	size_t heard;   /* bytes of any kind ... */
+	size_t echoed;  /* ... of which so many, from the first on, were those of the question */
+	db_time sent;
+	db_time silent_by; /* nothing comes any more, if nothing has come by then */
+	db_time deadline;
+	db_time heard_at;
+};
+
+struct scan {
+	const struct db_bus_config *bus;
+	struct db_scan_plan plan;
+	uint32_t number;
+
+	/* Both threads. */
+	atomic_bool cancelled;
+	atomic_bool ended;
+	atomic_uint sequence;
+	db_seqlock_word words[DB_SEQLOCK_WORDS(struct db_scan_progress)];
+	struct db_scan_find
+		finds[DB_SCAN_FINDS_MAX]; /* the network's as far as they are published */
+	struct db_scan_foreign foreign[DB_SCAN_FOREIGN_MAX]; /* the network's at the end */
+
+	/* Bus thread only. */
+	struct db_scan_progress progress;
+	struct db_bus_config port; /* with the speed of now, while the bus is set aside */
+	bool port_up;
+	size_t speed; /* place among the plan's */
+	bool visiting;
+	struct visit visit;
+	struct question question;
+	struct db_exchange exchange;
+	uint8_t request[DB_REQUEST_MAX];
+	db_time cycle_used; /* the end of the cycle in which was asked last */
+	db_time idle_since; /* nothing was asked */
+	db_time thinks;     /* the drive that is visited, before it answers ... */
+	bool thinks_known;  /* ... as far as it has */
+};
+
+/* --- the network's side ---------------------------------------------------------------------------- */
+
+struct scan *scan_new(const struct db_bus_config *bus, const struct db_scan_plan *plan,
+                      uint32_t number)
+{
+	struct scan *scan = calloc(1, sizeof *scan);
+
+	if (!scan)
+		return NULL;
+	scan->bus = bus;
+	scan->plan = *plan;
+	scan->number = number;
+	scan->port = *bus;
+	scan->exchange.request = scan->request;
+	scan->exchange.request_size = sizeof scan->request;
+	scan->progress.total = (plan->last - plan->first + 1) *
+	                       (uint32_t)(plan->aside ? plan->speed_count : 1);
+	scan->progress.wait_us = bus->drive_latency_ms * 1000;
+	db_seqlock_write(&scan->sequence, scan->words, &scan->progress, sizeof scan->progress);
+	return scan;
+}
+
+void scan_free(struct scan *scan)
+{
+	free(scan);
+}
+
+uint32_t scan_number(const struct scan *scan)
+{
+	return scan->number;
+}
+
+void scan_read(const struct scan *scan, struct db_scan_progress *progress)
+{
+	db_seqlock_read(&scan->sequence, scan->words, progress, sizeof *progress);
+}
+
+bool scan_has_ended(const struct scan *scan)
+{
+	return atomic_load(&scan->ended);
+}
+
+void scan_cancel(struct scan *scan)
+{
+	atomic_store(&scan->cancelled, true);
+}
+
+const struct db_scan_find *scan_find(const struct scan *scan, size_t index)
+{
+	return &scan->finds[index];
+}
+
+const struct db_scan_foreign *scan_foreign(const struct scan *scan, size_t index)
+{
+	return &scan->foreign[index];
+}
+
+/* --- beginning and ending -------------------------------------------------------------------------- */
+
+static void publish(struct scan *scan)
+{
+	db_seqlock_write(&scan->sequence, scan->words, &scan->progress, sizeof scan->progress);
+}
+
+/* A serial line carries one exchange at a time; so the scan's counts as one. */
+static bool takes_line(const struct db_engine *engine)
+{
+	return engine->driver->medium == DB_MEDIUM_SERIAL;
+}
+
+static void drop_question(struct db_engine *engine)
+{
+	struct question *question = &engine->scan->question;
+
+	if (question->flying && takes_line(engine) && engine->flights > 0)
+		engine->flights--;
+	question->flying = false;
+}
+
+void scan_end(struct db_engine *engine, enum db_scan_end end)
+{
+	struct scan *scan = engine->scan;
+
+	if (!scan)
+		return;
+	drop_question(engine);
+	engine->scan = NULL;
+	scan->progress.end = end;
+	publish(scan);
+	atomic_store(&scan->ended, true);
+}
+
+static bool stands(const struct station *station)
+{
+	const struct db_feedback *feedback = &station->snapshot.feedback;
+
+	if (feedback->status & DB_STATUS_MOVING)
+		return false;
+	return !station->node->online ||
+	       (!station->lanes[LANE_COMMAND].active && station->stop_count == 0 &&
+	        (feedback->state == DB_AXIS_DISABLED || feedback->state == DB_AXIS_STANDSTILL ||
+	         feedback->state == DB_AXIS_ERROR_STOP));
+}
+
+void scan_begin(struct db_engine *engine, struct scan *scan, db_time now)
+{
+	engine->scan = scan;
+	scan->idle_since = now;
+	scan->progress.speed = engine->driver->medium == DB_MEDIUM_CAN ? scan->bus->bitrate :
+	                                                                 scan->bus->baud;
+	if (!scan->plan.aside && !engine->stats.up) {
+		scan->progress.error = (int)engine->stats.last_error;
+		scan_end(engine, DB_SCAN_PORT);
+		return;
+	}
+	for (size_t i = 0; scan->plan.aside && i < engine->station_count; i++) {
+		if (stands(engine->stations[i]))
+			continue;
+		scan->progress.drive = engine->stations[i]->number;
+		scan_end(engine, DB_SCAN_MOVES);
+		return;
+	}
+	publish(scan);
+}
+
+/* --- a bus that is set aside ----------------------------------------------------------------------- */
+
+static void set_speed(struct scan *scan)
+{
+	unsigned speed = scan->plan.speeds[scan->speed];
+
+	scan->progress.speed = speed;
+	if (scan->bus->driver->medium == DB_MEDIUM_CAN)
+		scan->port.bitrate = speed;
+	else
+		scan->port.baud = speed;
+}
+
+const struct db_bus_config *scan_port_config(const struct db_engine *engine)
+{
+	struct scan *scan = engine->scan;
+
+	if (!scan || !scan->plan.aside)
+		return NULL;
+	set_speed(scan);
+	return &scan->port;
+}
+
+/* The next speed, from the first address on. */
+static void change_speed(struct db_engine *engine)
+{
+	struct scan *scan = engine->scan;
+
+	scan->visiting = false;
+	scan->port_up = false;
+	scan->speed++;
+	scan->progress.asked = (uint32_t)scan->speed * (scan->plan.last - scan->plan.first + 1);
+	if (scan->speed == scan->plan.speed_count)
+		scan_end(engine, DB_SCAN_DONE);
+	else
+		publish(scan);
+}
+
+void scan_port(struct db_engine *engine, bool up, int error, db_time now)
+{
+	struct scan *scan = engine->scan;
+
+	if (!scan)
+		return;
+	drop_question(engine);
+	engine->received_length = 0;
+	engine->quiet_until = now + (db_time)scan->bus->turnaround_us * DB_NS_PER_US;
+	scan->port_up = up;
+	if (up)
+		return;
+	scan->progress.error = error;
+	/* A speed that this port cannot have is passed over. */
+	if (error == EINVAL && scan->plan.aside)
+		change_speed(engine);
+	else
+		scan_end(engine, DB_SCAN_PORT);
+}
+
+/* --- asking ---------------------------------------------------------------------------------------- */
+
+static const struct db_bus_config *line_of(const struct scan *scan)
+{
+	return scan->plan.aside ? &scan->port : scan->bus;
+}
+
+static struct node *node_of(const struct db_engine *engine, unsigned address)
+{
+	for (size_t i = 0; i < engine->node_count; i++) {
+		if (engine->nodes[i]->address == address)
+			return engine->nodes[i];
+	}
+	return NULL;
+}
+
+static db_time wire_time(const struct scan *scan, size_t request, size_t answer)
+{
+	return scan->bus->transport->wire_time(line_of(scan), scan->exchange.request, request,
+	                                       answer);
+}
+
+/* Whether cyclic status wants this serial line. */
+static bool has_cycle(const struct db_engine *engine)
+{
+	return takes_line(engine) && !engine->scan->plan.aside && engine->stats.online > 0;
+}
+
+static db_time longest_wait(const struct scan *scan)
+{
+	db_time latency = (db_time)scan->bus->drive_latency_ms * DB_NS_PER_MS;
+	db_time known = 2 * scan->thinks + THINK_MARGIN;
+
+	return scan->thinks_known && known < latency ? known : latency;
+}
+
+/*
+ * How long the drive may think, so that the cycle to come finds the line free; 0: not now. One question in a
+ * cycle gets all that is left of it, so that each address is waited for as long as the others.
+ */
+static db_time choose_wait(struct db_engine *engine, db_time wire, db_time now)
+{
+	struct scan *scan = engine->scan;
+	db_time latency = longest_wait(scan);
+	db_time room = engine->cycle_at - now - wire - MARGIN - QUIET -
+	               (db_time)scan->bus->turnaround_us * DB_NS_PER_US;
+	uint32_t wait_us;
+
+	if (!has_cycle(engine))
+		return latency;
+	if (room < latency && scan->cycle_used == engine->cycle_at)
+		return 0;
+	if (room < (latency < WAIT_MIN ? latency : WAIT_MIN))
+		return 0;
+	wait_us = db_time_us32(room < latency ? room : latency);
+	if (!scan->thinks_known && wait_us < scan->progress.wait_us)
+		scan->progress.wait_us = wait_us;
+	return room < latency ? room : latency;
+}
+
+/* The drive that has this address is in a conversation, or late answers of its may still come. */
+static bool is_engaged(const struct node *node, db_time now)
+{
+	const struct station *station = node->first;
+
+	if (is_flying(node) || (!node->in_step && now < node_late_answers_until(node, now)))
+		return true;
+	return station_awaits_stop(station) || station->lanes[LANE_COMMAND].active;
+}
+
+static void send_question(struct db_engine *engine, const struct db_inquiry *inquiry, db_time wait,
+                          db_time now)
+{
+	struct scan *scan = engine->scan;
+	const struct db_exchange *exchange = &scan->exchange;
+	db_time question = wire_time(scan, exchange->request_length, 0);
+	db_time answer = wire_time(scan, exchange->request_length, exchange->answer_length) -
+	                 question;
+
+	/* Whatever is still in the buffer was said before this question. */
+	if (engine->flights == 0) {
+		engine->stats.garbage_bytes += (uint32_t)engine->received_length;
+		engine->received_length = 0;
+	}
+	scan->question = (struct question){
+		.flying = true,
+		.inquiry = *inquiry,
+		.sent = now,
+		.silent_by = now + question + exchange->extra_time + wait,
+		.deadline = now + question + exchange->extra_time + wait + answer,
+		.heard_at = now,
+	};
+	scan->cycle_used = engine->cycle_at;
+	scan->progress.address = inquiry->address;
+	engine->stats.transactions++;
+	if (takes_line(engine))
+		engine->flights++;
+	else
+		engine->wire_free = (engine->wire_free > now ? engine->wire_free : now) + question +
+		                    answer;
+	engine->ops->send(engine->context, exchange->request, exchange->request_length);
+}
+
+/* Somebody was heard, or nobody. */
+static void end_visit(struct db_engine *engine)
+{
+	struct scan *scan = engine->scan;
+	struct db_scan_progress *progress = &scan->progress;
+	unsigned address = scan->visit.find.address;
+
+	scan->visiting = false;
+	if (visit_end(&scan->visit) && progress->finds < DB_SCAN_FINDS_MAX)
+		scan->finds[progress->finds++] = scan->visit.find;
+	progress->asked++;
+	if (scan->plan.set_up != DB_INQUIRY_THERE)
+		scan_end(engine, scan->visit.end);
+	else if (address < scan->plan.last)
+		publish(scan);
+	else if (scan->plan.aside)
+		change_speed(engine);
+	else
+		scan_end(engine, DB_SCAN_DONE);
+}
+
+/* The next question of this visit, or of the next one; false: there is none now. */
+static bool choose_inquiry(struct db_engine *engine, struct db_inquiry *inquiry)
+{
+	struct scan *scan = engine->scan;
+
+	while (engine->scan == scan && (!scan->plan.aside || scan->port_up)) {
+		if (!scan->visiting) {
+			unsigned span = scan->plan.last - scan->plan.first + 1;
+
+			visit_begin(&scan->visit, engine->driver, scan->progress.speed,
+			            scan->plan.first + scan->progress.asked % span,
+			            scan->plan.set_up, scan->plan.value);
+			scan->visiting = true;
+			scan->thinks_known = false;
+		}
+		if (!visit_next(&scan->visit, inquiry))
+			end_visit(engine);
+		else if (engine->driver->inquire(line_of(scan), inquiry, &scan->exchange))
+			return true;
+		else
+			visit_take(&scan->visit, inquiry, NULL);
+	}
+	return false;
+}
+
+bool scan_send_next(struct db_engine *engine, db_time now)
+{
+	struct scan *scan = engine->scan;
+	struct db_inquiry inquiry;
+	const struct node *node;
+	db_time wire;
+	db_time wait;
+
+	if (!scan || scan->question.flying || now < engine->quiet_until ||
+	    engine->held_since != 0 || (takes_line(engine) && engine->flights > 0))
+		return false;
+	if (!choose_inquiry(engine, &inquiry))
+		return false;
+	node = scan->plan.aside ? NULL : node_of(engine, inquiry.address);
+	if (node && is_engaged(node, now))
+		return false;
+	wire = wire_time(scan, scan->exchange.request_length, scan->exchange.answer_length) +
+	       scan->exchange.extra_time;
+	scan->progress.needed_us =
+		db_time_us32(wire + MARGIN + QUIET +
+	                     (longest_wait(scan) < WAIT_MIN ? longest_wait(scan) : WAIT_MIN)) +
+		scan->bus->turnaround_us;
+	wait = choose_wait(engine, wire, now);
+	if (wait <= 0)
+		return false;
+	send_question(engine, &inquiry, wait, now);
+	return true;
+}
+
+db_time scan_wake(const struct db_engine *engine, db_time now)
+{
+	const struct scan *scan = engine->scan;
+	const struct question *question;
+
+	if (!scan)
+		return DB_TIME_NEVER;
+	question = &scan->question;
+	if (question->flying) {
+		db_time quiet = question->heard_at + QUIET;
+
+		if (question->heard <= question->echoed)
+			return question->silent_by > now ? question->silent_by : now + 1;
+		if (question->deadline > now)
+			return question->deadline;
+		return quiet > now ? quiet : now + 1;
+	}
+	if (!scan->plan.aside || !scan->port_up)
+		return DB_TIME_NEVER;
+	return engine->quiet_until > now ? engine->quiet_until : now + 1;
+}
+
+/* --- what comes ------------------------------------------------------------------------------------ */
+
+/* The drive that is known at this address did not answer: what it says yet is not to be taken for more. */
+static void note_silence(struct node *node, db_time now)
+{
+	if (!node || !node->online)
+		return;
+	node->in_step = false;
+	node_expect_late_answer(node, false, now);
+}
+
+/* How long the drive took, at least, before it answered: what is asked often has an answer of a known length. */
+static void note_thinking(struct scan *scan)
+{
+	db_time thinks = (db_time)scan->question.outcome.time_us * DB_NS_PER_US -
+	                 wire_time(scan, scan->exchange.request_length,
+	                           scan->exchange.answer_length);
+
+	if (scan->question.inquiry.kind == DB_INQUIRY_THERE &&
+	    (!scan->thinks_known || thinks < scan->thinks))
+		scan->thinks = thinks > 0 ? thinks : 0;
+	scan->thinks_known = true;
+}
+
+/* Nothing is on the wire. */
+static void look_for_end(struct db_engine *engine, db_time now)
+{
+	struct scan *scan = engine->scan;
+
+	if (atomic_load(&scan->cancelled)) {
+		scan_end(engine, DB_SCAN_CANCELLED);
+	} else if (!scan->plan.aside && now - scan->idle_since > PATIENCE) {
+		scan->progress.gap_us = engine->stats.cycle_us < engine->stats.period_us ?
+		                                engine->stats.period_us - engine->stats.cycle_us :
+		                                0;
+		scan_end(engine, DB_SCAN_NO_ROOM);
+	}
+}
+
+void scan_look(struct db_engine *engine, db_time now)
+{
+	struct scan *scan = engine->scan;
+	struct question *question;
+	bool heard;
+
+	if (!scan || engine->held_since != 0)
+		return;
+	question = &scan->question;
+	if (!question->flying) {
+		look_for_end(engine, now);
+		return;
+	}
+	heard = question->heard > question->echoed;
+	if (heard ? now < question->deadline ||
+	                    (now < question->heard_at + QUIET &&
+	                     now < question->deadline + (question->deadline - question->sent)) :
+	            now < question->silent_by)
+		return;
+	/* What is left in the buffer became no frame. */
+	question->garbage += takes_line(engine) ? engine->received_length : 0;
+	if (question->echoed == scan->exchange.request_length)
+		question->garbage -= question->garbage < question->echoed ? question->garbage :
+		                                                            question->echoed;
+	question->outcome.garbled = question->garbage > 0;
+	if (question->outcome.answered)
+		note_thinking(scan);
+	drop_question(engine);
+	scan->idle_since = now;
+	engine->busy += takes_line(engine) ? now - question->sent : 0;
+	engine->quiet_until = now + (db_time)scan->bus->turnaround_us * DB_NS_PER_US;
+	if (!scan->plan.aside && !question->outcome.answered)
+		note_silence(node_of(engine, question->inquiry.address), now);
+	visit_take(&scan->visit, &question->inquiry, &question->outcome);
+}
+
+bool scan_holds_node(const struct db_engine *engine, const struct node *node)
+{
+	const struct scan *scan = engine->scan;
+
+	return scan && scan->question.flying && !scan->plan.aside &&
+	       scan->question.inquiry.address == node->address;
+}
+
+void scan_yield(struct db_engine *engine, const struct node *node)
+{
+	if (scan_holds_node(engine, node))
+		drop_question(engine);
+}
+
+void scan_hear(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now)
+{
+	struct scan *scan = engine->scan;
+	struct question *question;
+
+	if (!scan || !scan->question.flying || !takes_line(engine))
+		return;
+	question = &scan->question;
+	for (size_t i = 0; i < length; i++) {
+		if (question->echoed == question->heard &&
+		    question->echoed < scan->exchange.request_length &&
+		    bytes[i] == scan->request[question->echoed])
+			question->echoed++;
+		question->heard++;
+	}
+	question->heard_at = now;
+}
+
+void scan_note_garbage(struct db_engine *engine, size_t length)
+{
+	if (engine->scan && engine->scan->question.flying && takes_line(engine))
+		engine->scan->question.garbage += length;
+}
+
+bool scan_take_frame(struct db_engine *engine, enum db_frame kind, const uint8_t *frame,
+                     size_t length, db_time now)
+{
+	struct scan *scan = engine->scan;
+	struct question *question;
+	struct visit_outcome *outcome;
+
+	if (!scan || !scan->question.flying)
+		return false;
+	question = &scan->question;
+	outcome = &question->outcome;
+	if (kind == DB_FRAME_BAD && takes_line(engine)) {
+		question->garbage += length;
+		return true;
+	}
+	if (kind != DB_FRAME_GOOD)
+		return false;
+	switch (engine->driver->recognise(line_of(scan), &question->inquiry, frame, length,
+	                                  &outcome->said)) {
+	case DB_RECOGNISED_NOTHING:
+		return false;
+	case DB_RECOGNISED_AGAIN:
+		outcome->doubled = true;
+		break;
+	case DB_RECOGNISED_ANSWER:
+		outcome->answered = true;
+		outcome->time_us = db_time_us32(now - question->sent);
+		break;
+	case DB_RECOGNISED_PART:
+	default:
+		break;
+	}
+	question->heard += takes_line(engine) ? 0 : length;
+	question->heard_at = now;
+	return true;
+}
+
+void scan_note_foreign(struct db_engine *engine, const uint8_t *bytes, size_t length)
+{
+	struct scan *scan = engine->scan;
+	struct db_can_frame frame;
+	uint32_t i = 0;
+
+	if (!scan || length != sizeof frame)
+		return;
+	memcpy(&frame, bytes, sizeof frame);
+	while (i < scan->progress.foreign && i < DB_SCAN_FOREIGN_MAX &&
+	       scan->foreign[i].id != frame.id)
+		i++;
+	if (i == DB_SCAN_FOREIGN_MAX)
+		return;
+	if (i == scan->progress.foreign)
+		scan->foreign[scan->progress.foreign++] =
+			(struct db_scan_foreign){ .id = frame.id };
+	scan->foreign[i].count++;
+}
