@@ -338,6 +338,6 @@ def test_who_may_only_read_may_look_and_not_restore(plant, many):
                               capture_output=True, text=True, timeout=60, check=False, **more)
 
     assert values_of(as_nobody("save", "drive1", "-").stdout) == values_of(many.read_text(encoding="utf-8"))
-    done = as_nobody("restore", "drive2", "/dev/stdin", "--yes", input=many.read_text(encoding="utf-8"))
+    done = as_nobody("restore", "drive2", "-", "--yes", input=many.read_text(encoding="utf-8"))
     assert done.returncode == 1 and "only root and members of group" in done.stdout, done
     assert writes_of(plant, 2, mark) == []
