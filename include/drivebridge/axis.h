@@ -49,8 +49,10 @@ enum db_status_bit {
 	DB_STATUS_REFUSED = 1u << 14, /* the drive refused its last command (cmd_wrg) */
 	DB_STATUS_DONE = 1u << 15,    /* (net) the last motion command came to its end */
 	DB_STATUS_ABORTED = 1u << 16, /* (net) the motion before the last command did not */
+	/* the drive holds parameters that it would lose without power, as far as the bridge knows */
+	DB_STATUS_PARAMS_UNSAVED = 1u << 17,
 };
-#define DB_STATUS_BIT_COUNT 17
+#define DB_STATUS_BIT_COUNT 18
 const char *db_status_bit_name(unsigned bit); /* 0 = "online" ...; "unknown" */
 
 /* Values of the `error` register: 0 none, then the bridge's own causes, then the drives' faults. */

@@ -39,7 +39,7 @@ static const char *const error_names[] = {
 static const char *const status_names[DB_STATUS_BIT_COUNT] = {
 	"online",       "enabled",    "homed",   "moving", "at_target", "homing",
 	"stopping",     "error_stop", "warning", "busy",   "latched",   "origin_lost",
-	"params_valid", "bus_up",     "refused", "done",   "aborted",
+	"params_valid", "bus_up",     "refused", "done",   "aborted",   "params_unsaved",
 };
 
 const char *db_axis_state_name(enum db_axis_state state)

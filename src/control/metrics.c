@@ -35,6 +35,9 @@ static const struct metric of_drives[] = {
 	      "5 Homing, 6 Stopping, 7 ErrorStop.", "axis_state", 1.0),
 	GAUGE("drivebridge_drive_error", "Why it is in ErrorStop or Offline, as the register error; 0 for nothing.",
 	      "error", 1.0),
+	GAUGE("drivebridge_drive_params_unsaved",
+	      "Whether it holds parameters that it would lose without power, as far as the service knows.",
+	      "params_unsaved", 1.0),
 	GAUGE("drivebridge_drive_position", "Position in the user's units.", "position_units", 1.0),
 	GAUGE("drivebridge_drive_velocity", "Velocity in the user's units per second.", "velocity_units", 1.0),
 	GAUGE("drivebridge_drive_round_trip_seconds", "Last round trip: first byte out to last byte in.",
@@ -105,10 +108,10 @@ static void put_samples(FILE *out, const struct metric *metrics, size_t metric_c
 			put_head(out, metric->name, metric->type, metric->help);
 		for (size_t i = 0; i < count; i++) {
 			const json_t *value = json_object_get(subjects[i].values, metric->source);
-			double number = json_number_value(value);
+			double number = json_is_true(value) ? 1.0 : json_number_value(value);
 
 			/* What is not known has no sample: 4294967295 ms is no age. */
-			if (!json_is_number(value) ||
+			if (!(json_is_number(value) || json_is_boolean(value)) ||
 			    (strcmp(metric->source, "age_ms") == 0 && number >= UINT32_MAX))
 				continue;
 			fprintf(out, "%s{%s%s} %.12g\n", metric->name, subjects[i].labels,

@@ -119,6 +119,12 @@ void db_ctl_judge_drive(const json_t *drive, const json_t *registers, const json
 		        "its position means nothing until it is homed or set: drivebridgectl run "
 		        "{drive} home (or set_position)",
 		        drive);
+	} else if (db_ctl_has_bit(status_register, status, "params_unsaved")) {
+		judgement->need = DB_CTL_HINT;
+		(void)snprintf(judgement->why, sizeof(judgement->why), "unsaved parameters");
+		fill_in(judgement->next, sizeof(judgement->next),
+		        "without power it forgets them: drivebridgectl run {drive} save_parameters",
+		        drive);
 	}
 }
 
@@ -166,6 +172,7 @@ void db_ctl_add_drive(struct db_ctl_grid *grid, const json_t *drive, const json_
 {
 	static const enum db_ctl_colour colours[] = {
 		[DB_CTL_FINE] = DB_CTL_PLAIN,
+		[DB_CTL_HINT] = DB_CTL_PLAIN,
 		[DB_CTL_LOOK] = DB_CTL_YELLOW,
 		[DB_CTL_ACT] = DB_CTL_RED,
 	};

@@ -10,7 +10,8 @@
 #include "ctl/grid.h"
 #include "ctl/session.h"
 
-enum db_ctl_need { DB_CTL_FINE, DB_CTL_LOOK, DB_CTL_ACT };
+/* In this order; with a hint all is well. */
+enum db_ctl_need { DB_CTL_FINE, DB_CTL_HINT, DB_CTL_LOOK, DB_CTL_ACT };
 
 struct db_ctl_judgement {
 	enum db_ctl_need need;

@@ -63,7 +63,7 @@ static int compare_rows(const void *a, const void *b)
 
 static json_t *describe_row(const struct row *row)
 {
-	static const char *const needs[] = { "nothing", "look", "act" };
+	static const char *const needs[] = { "nothing", "hint", "look", "act" };
 	json_t *object = json_deep_copy(row->drive);
 	const json_t *state = json_object_get(row->values, "axis_state");
 	const char *state_name = json_is_integer(state) ?
@@ -101,7 +101,9 @@ static void print_as_json(const struct db_ctl *ctl, const struct row *rows, size
 static void print_advice(const struct db_ctl *ctl, const char *kind, const char *name,
                          const struct db_ctl_judgement *judgement)
 {
-	enum db_ctl_colour colour = judgement->need == DB_CTL_ACT ? DB_CTL_RED : DB_CTL_YELLOW;
+	enum db_ctl_colour colour = judgement->need == DB_CTL_ACT  ? DB_CTL_RED :
+	                            judgement->need == DB_CTL_LOOK ? DB_CTL_YELLOW :
+	                                                             DB_CTL_PLAIN;
 
 	if (judgement->need != DB_CTL_FINE)
 		(void)printf("%s%s%s%s: %s: %s\n", db_ctl_colour_begin(ctl->colour, colour), kind,
@@ -167,7 +169,7 @@ enum db_ctl_status db_ctl_status(struct db_ctl *ctl, int count, char **arguments
 		for (i = 0; i < drive_count; i++) {
 			db_ctl_judge_drive(rows[i].drive, rows[i].registers, rows[i].values,
 			                   &rows[i].judgement);
-			well = well && rows[i].judgement.need == DB_CTL_FINE;
+			well = well && rows[i].judgement.need <= DB_CTL_HINT;
 		}
 		json_array_foreach(json_object_get(ctl->description, "buses"), i, bus)
 		{

@@ -61,6 +61,8 @@ void vsmd_take_identity(struct vsmd_axis *axis, const char *text, size_t length)
 	if (memcmp(kept, axis->plate.identity, sizeof kept) != 0) {
 		memcpy(axis->plate.identity, kept, sizeof kept);
 		axis->plate.generation++;
+		/* Another drive, or another firmware. */
+		axis->memory = (struct vsmd_memory){ .unsaved = false };
 	}
 }
 
@@ -76,6 +78,7 @@ void vsmd_take_settings(struct vsmd_axis *axis, const struct db_request *request
 			axis->goal.kind = VSMD_GOAL_UNKNOWN;
 	}
 	axis->plate.generation++;
+	vsmd_memory_follow(&axis->memory, &axis->plate, false);
 }
 
 /* For longer than homing stands between two of its phases; asked once for each status. */
@@ -143,6 +146,7 @@ static void forget_drive(struct vsmd_axis *axis, bool sure)
 	axis->placed = false;
 	axis->has_target = false;
 	axis->params_valid = false;
+	axis->memory.restarted = true;
 	axis->goal.kind = VSMD_GOAL_UNKNOWN;
 }
 
@@ -487,6 +491,8 @@ static uint32_t status_of(const struct vsmd_axis *axis, enum db_axis_state state
 		status |= DB_STATUS_ORIGIN_LOST;
 	if (axis->params_valid)
 		status |= DB_STATUS_PARAMS_VALID;
+	if (axis->params_valid && axis->memory.unsaved)
+		status |= DB_STATUS_PARAMS_UNSAVED;
 	if (axis->refused)
 		status |= DB_STATUS_REFUSED;
 	return status;

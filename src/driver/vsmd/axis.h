@@ -9,6 +9,7 @@
 
 #include "codec/vsmd_serial.h"
 #include "driver/conversation.h"
+#include "driver/vsmd/memory.h"
 
 struct vsmd_axis;
 
@@ -126,6 +127,7 @@ struct vsmd_axis {
 	unsigned standstill_looks; /* statuses in a row that show it standing */
 	db_time standstill_since;  /* the first of them */
 	struct db_nameplate plate;
+	struct vsmd_memory memory;
 	bool params_valid;
 };
 

@@ -152,6 +152,7 @@ static enum db_step answer_write(struct db_conversation *talk)
 	/* What it holds instead is shown. */
 	axis->plate.valid |= take_register(device, device->answer.id.reg, held);
 	axis->plate.generation++;
+	vsmd_memory_follow(&axis->memory, &axis->plate, false);
 	axis->plate.doubtful |= talk->job->request->setting_count > 1;
 	axis->refused = true;
 	return end_job(talk, DB_RESULT_REFUSED);
@@ -247,6 +248,7 @@ static enum db_step say_registers(struct db_conversation *talk)
 	axis->plate.generation++;
 	axis->plate.doubtful = false;
 	axis->params_valid = true;
+	vsmd_memory_follow(&axis->memory, &axis->plate, true);
 	return end_job(talk, DB_RESULT_OK);
 }
 
@@ -308,6 +310,8 @@ static enum db_step answer_save(struct db_conversation *talk)
 	if (axis->last.status & VSMD_ST_FLASH_ERR)
 		return end_job(talk, DB_RESULT_FAILED);
 	axis->refused = (axis->last.status & VSMD_ST_CMD_WRG) != 0;
+	if (!axis->refused)
+		vsmd_memory_keep(&axis->memory, &axis->plate);
 	/* That something was written shows nowhere. */
 	return end_job(talk, axis->refused ? DB_RESULT_REFUSED : DB_RESULT_UNPROVEN);
 }

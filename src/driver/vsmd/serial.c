@@ -148,6 +148,7 @@ static void take_params(struct vsmd_axis *axis, const struct vsmd_reply *reply)
 	axis->plate.generation++;
 	axis->plate.doubtful = false;
 	axis->params_valid = true;
+	vsmd_memory_follow(&axis->memory, &axis->plate, true);
 }
 
 /* Drives print numbers with as few as two decimals. */
@@ -246,9 +247,13 @@ static enum db_step answer_compare(struct db_conversation *talk)
 static enum db_step answer_save(struct db_conversation *talk)
 {
 	const struct vsmd_reply *reply = talk->reply;
+	struct vsmd_axis *axis = axis_of(talk);
 
-	if (reply->code == VSMD_REPLY_PARAMS)
-		return answer_parameters(talk);
+	if (reply->code == VSMD_REPLY_PARAMS) {
+		take_params(axis, reply);
+		vsmd_memory_keep(&axis->memory, &axis->plate);
+		return end_job(talk, DB_RESULT_OK);
+	}
 	return end_job(talk, reply->status.status & VSMD_ST_FLASH_ERR ? DB_RESULT_FAILED :
 	                                                                DB_RESULT_REFUSED);
 }

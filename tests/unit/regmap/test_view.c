@@ -236,7 +236,7 @@ static void registers_that_do_not_exist(void **state)
 	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 36, 1), ILLEGAL_ADDRESS);
 	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 68, 20), ILLEGAL_ADDRESS);
 	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 65535, 125), ILLEGAL_ADDRESS);
-	assert_int_equal(try_get(&fake, DB_TABLE_DISCRETE, 17, 2), ILLEGAL_ADDRESS);
+	assert_int_equal(try_get(&fake, DB_TABLE_DISCRETE, 18, 2), ILLEGAL_ADDRESS);
 	assert_int_equal(try_get(&fake, DB_TABLE_COILS, 0, 7), ILLEGAL_ADDRESS);
 	/* Input registers: what can be written is none. */
 	assert_int_equal(try_get(&fake, DB_TABLE_INPUT, 0, 32), 0);
