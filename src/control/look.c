@@ -166,6 +166,21 @@ bool db_look_is_process(const struct db_entry *entry)
 	return entry->table == DB_TABLE_HOLDING && entry->cell.address <= db_areas[0].last;
 }
 
+struct read_answer {
+	json_t *values;
+	json_t *missing;
+};
+
+static void collect_value(void *context, const char *name, const struct db_entry *entry,
+                          const struct db_named_value *value)
+{
+	struct read_answer *answer = context;
+
+	db_values_collect(answer->values, name, entry, value);
+	if (value->kind == DB_NAMED_MISSING)
+		json_array_append_new(answer->missing, json_string(name));
+}
+
 void db_look_read(const struct db_call *call)
 {
 	struct db_registers *registers = call->session->control->setup.registers;
@@ -175,7 +190,7 @@ void db_look_read(const struct db_call *call)
 	const char *name;
 	size_t count = 0;
 	json_t *names;
-	json_t *values;
+	struct read_answer answer;
 
 	if (!db_call_drive(call, true, &drive, &name) || !db_call_texts(call, "names", &names))
 		return;
@@ -202,11 +217,13 @@ void db_look_read(const struct db_call *call)
 		}
 		count++;
 	}
-	values = json_object();
+	answer = (struct read_answer){ .values = json_object(), .missing = json_array() };
 	db_named_read(registers, &call->session->client, drive.number, entries, count,
-	              db_values_collect, values);
+	              collect_value, &answer);
 	free(entries);
-	db_session_reply(call->session, json_pack("{s:o}", "values", values), false);
+	db_session_reply(
+		call->session,
+		json_pack("{s:o, s:o}", "values", answer.values, "missing", answer.missing), false);
 }
 
 void db_look_figures(const struct db_call *call)

@@ -48,6 +48,7 @@ json_t *db_values_to_json(const struct db_named_value *value)
 	case DB_NAMED_FLAG:
 		return json_boolean(value->whole);
 	case DB_NAMED_UNKNOWN:
+	case DB_NAMED_MISSING:
 	default:
 		return json_null();
 	}

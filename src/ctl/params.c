@@ -175,7 +175,7 @@ static int replace_file(const char *path, const char *text)
 	return result;
 }
 
-/* What the drive does not tell, as an array that the caller frees. */
+/* What the drive does not tell and need not, as an array that the caller frees. */
 static json_t *list_untold(const struct db_ctl_params *drive)
 {
 	json_t *untold = json_array();
@@ -184,50 +184,66 @@ static json_t *list_untold(const struct db_ctl_params *drive)
 
 	json_array_foreach(drive->registers, i, reg)
 	{
-		if (db_ctl_params_is_kept(reg) &&
-		    !db_ctl_params_value(drive, db_ctl_text(reg, "name")))
+		const char *name = db_ctl_text(reg, "name");
+
+		if (db_ctl_params_is_kept(reg) && !db_ctl_params_value(drive, name) &&
+		    !is_among(drive->missing, name))
 			(void)json_array_append(untold, json_object_get(reg, "name"));
 	}
 	return untold;
 }
 
-static void report_saved(const struct db_ctl *ctl, const struct db_ctl_params *drive,
-                         const char *path, const json_t *untold)
+/* On standard error: what goes to standard output may be the file. */
+static void print_names(const char *drive, const char *what, const json_t *names)
 {
-	json_t *object;
 	size_t i;
 	const json_t *name;
 
-	if (ctl->json) {
-		object = json_pack("{s:s, s:s, s:O}", "drive", drive->name, "file", path,
-		                   "not_told", untold);
+	if (json_array_size(names) == 0)
+		return;
+	(void)fprintf(stderr, "%s %s:", drive, what);
+	json_array_foreach(names, i, name)(void) fprintf(stderr, " %s", json_string_value(name));
+	(void)fputc('\n', stderr);
+}
+
+static void report_saved(const struct db_ctl *ctl, const struct db_ctl_params *drive,
+                         const char *path, const json_t *untold)
+{
+	bool is_standard = strcmp(path, "-") == 0;
+	json_t *object;
+
+	if (ctl->json && !is_standard) {
+		object = json_pack("{s:s, s:s, s:O, s:O}", "drive", drive->name, "file", path,
+		                   "not_told", untold, "missing", drive->missing);
 		db_ctl_print_json(object);
 		json_decref(object);
 		return;
 	}
-	(void)fprintf(stderr, "%s: saved in %s\n", drive->name, path);
-	if (json_array_size(untold) == 0)
-		return;
-	(void)fprintf(stderr, "%s does not tell:", drive->name);
-	json_array_foreach(untold, i, name)(void) fprintf(stderr, " %s", json_string_value(name));
-	(void)fputc('\n', stderr);
+	if (!is_standard)
+		(void)printf("%s: saved in %s\n", drive->name, path);
+	(void)fflush(stdout);
+	print_names(drive->name, "does not have or tell", untold);
+	print_names(drive->name, "should have told, and did not", drive->missing);
 }
 
 static enum db_ctl_status save_set(const struct db_ctl *ctl, const struct db_ctl_params *drive,
                                    const char *path)
 {
-	enum db_ctl_status status = DB_CTL_OK;
+	enum db_ctl_status status = json_array_size(drive->missing) > 0 ? DB_CTL_NO : DB_CTL_OK;
 	char *text = db_ctl_params_write(drive);
 	json_t *untold = list_untold(drive);
+	bool done = false;
 
 	if (!text)
 		status = db_ctl_complain(ctl, DB_CTL_NO, DB_CLIENT_NO_MEMORY, "out of memory");
 	else if (strcmp(path, "-") == 0)
-		(void)fputs(text, stdout);
-	else if (replace_file(path, text) != 0)
+		done = fputs(text, stdout) >= 0;
+	else if (replace_file(path, text) == 0)
+		done = true;
+	else
 		status = db_ctl_complain(ctl, DB_CTL_NO, "io.drivebridge.Client.BadFile", "%s: %s",
 		                         path, strerror(errno));
-	else
+	if (done)
 		report_saved(ctl, drive, path, untold);
 	json_decref(untold);
 	free(text);

@@ -15,6 +15,7 @@
 void db_ctl_params_clear(struct db_ctl_params *params)
 {
 	json_decref(params->values);
+	json_decref(params->missing);
 	*params = (struct db_ctl_params){ .values = NULL };
 }
 

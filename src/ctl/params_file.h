@@ -33,6 +33,7 @@ struct db_ctl_params {
 	char identity[128];   /* as the drive told it; "": it has not */
 	unsigned family_line; /* in the file, of what says the family */
 	json_t *values;       /* by name; null of what the drive does not tell */
+	json_t *missing;      /* names of what it should have told, NULL of files */
 	/* What is known of them, an array of the interface's type Register; NULL: nothing. Not owned. */
 	const json_t *registers;
 };

@@ -182,6 +182,7 @@ enum db_ctl_status db_ctl_params_read_drive(struct db_ctl *ctl, const json_t *fa
 		(void)snprintf(params->identity, sizeof(params->identity), "%s",
 		               db_ctl_text(values, "identity"));
 		params->values = json_incref(values);
+		params->missing = json_incref(json_object_get(answer, "missing"));
 	}
 	json_decref(answer);
 	return status;

@@ -236,6 +236,9 @@ bool db_named_read(struct db_registers *registers, const struct db_client *clien
 
 		if (!drive || db_read_is_known(drive, &image.drive, &entries[i]->cell))
 			read_value(entries[i], &image, &value);
+		else if ((entries[i]->cell.flags & DB_ROW_PARAM) &&
+		         (image.drive.plate.missing >> entries[i]->cell.param & 1))
+			value.kind = DB_NAMED_MISSING;
 		visit(context, entries[i]->name, entries[i], &value);
 	}
 	return true;

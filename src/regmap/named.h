@@ -40,6 +40,7 @@ const struct db_name_list *db_named_registers(struct db_registers *registers, ui
 
 enum db_named_kind {
 	DB_NAMED_UNKNOWN, /* of a drive that does not answer, or a parameter that it has not told */
+	DB_NAMED_MISSING, /* a parameter that it was asked for and did not tell */
 	DB_NAMED_WHOLE,
 	DB_NAMED_REAL,
 	DB_NAMED_TEXT,
