@@ -126,6 +126,7 @@ struct db_axis_stats {
 	uint32_t bad_frames;
 	uint32_t refusals;
 	uint32_t came_online;
+	uint32_t samples; /* of its process data: times that feedback.taken changed */
 	uint32_t round_trip_us;
 	uint32_t round_trip_min_us;
 	uint32_t round_trip_max_us;

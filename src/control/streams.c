@@ -46,7 +46,9 @@ struct stream {
 	struct {
 		uint16_t number;
 		uint16_t choice;
-		db_time taken; /* of the data that were sent last */
+		bool begun;
+		db_time taken;    /* of the data that were sent last, or left out */
+		uint32_t samples; /* of those that were sent */
 	} drives[DRIVES_MAX];
 	size_t name_count;
 	char names[NAMES_MAX][DB_ROW_NAME_MAX];
@@ -192,22 +194,38 @@ static json_t *sample(struct db_session *session, struct stream *stream, size_t 
 	struct db_registers *registers = session->control->setup.registers;
 	const struct choice *choice = &stream->choices[stream->drives[place].choice];
 	uint16_t number = stream->drives[place].number;
-	db_time taken = db_named_taken(registers, number);
+	struct db_named_moment moment = db_named_moment(registers, number);
 	struct db_client nobody = session->client;
-	json_t *values;
+	struct db_named_moment before;
+	json_t *values = NULL;
+	json_int_t lost;
 
-	if (stream->interval == 0 && taken == stream->drives[place].taken)
+	if (stream->interval == 0 && moment.taken == stream->drives[place].taken)
 		return NULL;
-	stream->drives[place].taken = taken;
+	stream->drives[place].taken = moment.taken;
 	/* A reader that does not take what it asked for. */
 	if (session->out)
 		return json_null();
-	values = json_object();
 	/* A stream goes on by itself and shows nothing of whether its reader is alive: it feeds no watchdog. */
 	nobody.may_write = false;
-	db_named_read(registers, &nobody, number, choice->entries, choice->count, db_values_collect,
-	              values);
-	return json_pack("{s:s, s:o}", "drive", db_named_name(registers, number), "values", values);
+	/* Again, should the bus have new ones meanwhile: what is sent is of the moment that is told. */
+	do {
+		before = moment;
+		json_decref(values);
+		values = json_object();
+		db_named_read(registers, &nobody, number, choice->entries, choice->count,
+		              db_values_collect, values);
+		moment = db_named_moment(registers, number);
+	} while (moment.taken != before.taken);
+	lost = stream->drives[place].begun ?
+	               (json_int_t)(moment.samples - stream->drives[place].samples) - 1 :
+	               0;
+	stream->drives[place].begun = true;
+	stream->drives[place].taken = moment.taken;
+	stream->drives[place].samples = moment.samples;
+	return json_pack("{s:s, s:I, s:I, s:o}", "drive", db_named_name(registers, number),
+	                 "time_us", (json_int_t)moment.wall_us, "lost", lost > 0 ? lost : 0,
+	                 "values", values);
 }
 
 static void send_samples(struct db_session *session, db_time now)

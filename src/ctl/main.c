@@ -70,6 +70,14 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 		ctl->output = value;
 	else if (strcmp(name, "duration") == 0)
 		ctl->duration = value;
+	else if (strcmp(name, "samples") == 0)
+		ctl->samples = value;
+	else if (strcmp(name, "trigger") == 0)
+		ctl->trigger = value;
+	else if (strcmp(name, "before") == 0)
+		ctl->before = value;
+	else if (strcmp(name, "plot") == 0)
+		ctl->plot = value;
 }
 
 /* -1 to go on, else the status to exit with. `given` has a place for each option. */

@@ -16,6 +16,26 @@ static void print_names(const json_t *list, bool writable, const char *end)
 	}
 }
 
+/* DRIVE.NAME of all drives. */
+static enum db_ctl_status print_values(struct db_ctl *ctl)
+{
+	enum db_ctl_status status = DB_CTL_OK;
+	size_t i;
+	const json_t *drive;
+
+	json_array_foreach(json_object_get(ctl->description, "drives"), i, drive)
+	{
+		json_t *registers = db_ctl_read_registers(ctl, db_ctl_text(drive, "name"), &status);
+		size_t j;
+		const json_t *reg;
+
+		json_array_foreach(registers, j, reg)(void)
+			printf("%s.%s\n", db_ctl_text(drive, "name"), db_ctl_text(reg, "name"));
+		json_decref(registers);
+	}
+	return status;
+}
+
 /* What can stand next on the command line, one a line, for the shells' completion: of a drive its commands ... */
 enum db_ctl_status db_ctl_names(struct db_ctl *ctl, int count, char **arguments)
 {
@@ -34,6 +54,8 @@ enum db_ctl_status db_ctl_names(struct db_ctl *ctl, int count, char **arguments)
 			(void)puts("gateway");
 	} else if (strcmp(kind, "buses") == 0) {
 		print_names(json_object_get(ctl->description, "buses"), false, "");
+	} else if (strcmp(kind, "values") == 0) {
+		return print_values(ctl);
 	} else if (!unit) {
 		return DB_CTL_USAGE; /* nothing follows a name that does not exist */
 	} else if (strcmp(kind, "registers") == 0 || strcmp(kind, "writable") == 0) {

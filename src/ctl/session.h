@@ -42,6 +42,10 @@ struct db_ctl {
 	const char *kept;
 	const char *output;
 	const char *duration;
+	const char *samples;
+	const char *trigger;
+	const char *before;
+	const char *plot;
 	/* Behind db_ctl_open(). */
 	struct db_client *client;
 	json_t *description; /* the answer of Describe */

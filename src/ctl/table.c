@@ -6,6 +6,7 @@
 #include "ctl/names.h"
 #include "ctl/params.h"
 #include "ctl/params_restore.h"
+#include "ctl/record.h"
 #include "ctl/run.h"
 #include "ctl/scan.h"
 #include "ctl/service.h"
@@ -54,6 +55,9 @@ const struct db_ctl_command db_ctl_commands[] = {
 	  db_ctl_scan },
 	{ "events", "", "", 0, 0, true,
 	  "What happened lately", db_ctl_events },
+	{ "record", "DRIVE.NAME...", "values", 1, -1, true,
+	  "Values at the cycle of their bus as CSV, each with the time of its data; from a trigger on, and some time before it",
+	  db_ctl_record },
 	{ "trace", "[BUS]", "buses", 0, 1, true,
 	  "Every frame of a bus in words and bytes, as it goes on or as it was kept", db_ctl_trace },
 	{ "traces", "", "", 0, 0, true,
@@ -82,8 +86,14 @@ const struct db_ctl_option db_ctl_options[] = {
 	{ "all-speeds", NULL, " scan ", "At every speed that drives of the family can have, with the bus set aside" },
 	{ "kept", "NUMBER", " trace ", "A trace that was kept, of those that traces lists; or last" },
 	{ "past", NULL, " trace ", "Begin with the last seconds, which are still remembered" },
-	{ "output", "FILE", " trace ", "Into a file: pcapng of CAN, of a serial line the text, for drivebridge-sim --replay" },
-	{ "duration", "S", " trace ", "End after so many seconds" },
+	{ "output", "FILE", " trace record ",
+	  "Into a file; a trace of CAN as pcapng, of a serial line as text that drivebridge-sim --replay takes" },
+	{ "duration", "S", " trace record ", "End after so many seconds, of a record from the trigger on" },
+	{ "samples", "N", " record ", "End after so many samples" },
+	{ "trigger", "CONDITION", " record ",
+	  "Wait until DRIVE.NAME=VALUE (or != > <) becomes true: a state entered, a value crossed, a bit set" },
+	{ "before", "S", " record ", "So many seconds before the trigger, 1 when not given" },
+	{ "plot", "PICTURE", " record ", "Behind it a picture by gnuplot: terminal, or FILE.svg" },
 	{ "help", NULL, NULL, "Print what there is" },
 	{ "version", NULL, NULL, "Print the version" },
 	{ NULL, NULL, NULL, NULL },

@@ -77,15 +77,17 @@ uint32_t db_named_generation(const struct db_registers *registers)
 	return registers->generation;
 }
 
-db_time db_named_taken(const struct db_registers *registers, uint16_t number)
+struct db_named_moment db_named_moment(const struct db_registers *registers, uint16_t number)
 {
 	const struct db_view_drive *drive = find_drive(registers, number);
 	struct db_snapshot snapshot;
 
 	if (!drive)
-		return 0;
+		return (struct db_named_moment){ .taken = 0 };
 	db_axis_read(drive->axis, &snapshot);
-	return snapshot.feedback.taken;
+	return (struct db_named_moment){ .taken = snapshot.feedback.taken,
+		                         .wall_us = snapshot.feedback.taken_wall_us,
+		                         .samples = snapshot.stats.samples };
 }
 
 bool db_named_online(const struct db_registers *registers, uint16_t number)

@@ -63,9 +63,15 @@ bool db_named_read(struct db_registers *registers, const struct db_client *clien
                    const struct db_entry *const *entries, size_t count, db_named_visit_fn *visit,
                    void *context);
 
-/* Of a drive by its number: when its data were taken (0: never), the period of its bus, its name. 0 and "" when
- * it is not there. */
-db_time db_named_taken(const struct db_registers *registers, uint16_t number);
+/* When a drive's data were taken: 0, never. And how often that was. */
+struct db_named_moment {
+	db_time taken;
+	uint64_t wall_us; /* the same since 1970-01-01 UTC */
+	uint32_t samples;
+};
+
+/* Of a drive by its number: the moment of its data, the period of its bus, its name. 0 and "" when it is not there. */
+struct db_named_moment db_named_moment(const struct db_registers *registers, uint16_t number);
 bool db_named_online(const struct db_registers *registers, uint16_t number);
 db_time db_named_cycle(const struct db_registers *registers, uint16_t number);
 const char *db_named_name(const struct db_registers *registers, uint16_t number);

@@ -214,6 +214,7 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 {
 	struct db_feedback *feedback = &station->snapshot.feedback;
 	const struct db_nameplate *plate = driver->nameplate(station->device);
+	db_time before = feedback->taken;
 	bool online;
 
 	/* First the nameplate: who sees that it is valid in the snapshot must find the new one. */
@@ -223,6 +224,7 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 		station->plate_published = true;
 	}
 	driver->feedback(station->device, feedback);
+	station->snapshot.stats.samples += feedback->taken != before;
 	feedback->taken_wall_us = feedback->taken == 0 ?
 	                                  0 :
 	                                  (uint64_t)(feedback->taken / 1000 + wall_offset_us);

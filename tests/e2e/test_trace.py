@@ -2,8 +2,12 @@
 """What a bus carries, in words: live, kept behind trouble and in files, through the control socket and
 drivebridgectl."""
 
+import csv
+import os
 import re
+import signal
 import subprocess
+import time
 
 import pytest
 from bridgelib import ROOT, eventually, find_program
@@ -139,3 +143,106 @@ def test_a_trace_that_is_none_is_refused(tmp_path):
         done = subprocess.run([find_program("drivebridge-sim"), "--replay", path], capture_output=True, text=True,
                               timeout=10, check=False)
         assert done.returncode == 1 and wrong in done.stdout + done.stderr, done
+
+
+# --- records of values -----------------------------------------------------------------------------
+
+
+def read_csv(path):
+    with open(path, newline="", encoding="utf-8") as table:
+        return list(csv.DictReader(table))
+
+
+def test_a_record_has_every_cycle_once(make_bridge, tmp_path):
+    plant = make_bridge(drives=1)
+    path = tmp_path / "a.csv"
+    said = ctl(plant, "record", "drive1.position", "drive1.axis_state", "--samples", "40", "--output", path)
+    told = re.fullmatch(rf"40 samples in {path}, (\d+) lost\n", said)
+    rows = read_csv(path)
+    assert list(rows[0]) == ["time_s", "unix_time_s", "drive1.position [counts]", "drive1.axis_state"]
+    times = [float(row["unix_time_s"]) for row in rows]
+    assert times == sorted(set(times)) and float(rows[0]["time_s"]) == 0
+    assert abs(times[0] - time.time()) < 60
+    # One a cycle; those that are missing are told.
+    assert float(rows[-1]["time_s"]) >= 0.020 * (39 + int(told[1])) * 0.9
+    assert ctl(plant, "record", "drive1.position", "--samples", "2").startswith("time_s,unix_time_s,")
+
+
+def test_a_trigger_begins_a_record_some_time_before(make_bridge, tmp_path):
+    plant = make_bridge(drives=2)
+    path = tmp_path / "a.csv"
+    recorder = subprocess.Popen(
+        [find_program("drivebridgectl"), "--socket", plant.control_path, "record", "drive1.position",
+         "drive2.position", "--trigger", "drive1.position>2000", "--before", "0.2", "--duration", "0.2",
+         "--output", path], stderr=subprocess.PIPE, text=True)
+    plant.drive(1).settle("enable")
+    eventually(lambda: "drive1.position" in path.read_text(encoding="utf-8") if path.exists() else False)
+    time.sleep(0.3)
+    plant.drive(1).command("move_absolute", target_position=4000, target_velocity=8000.0)
+    assert recorder.wait(10) == 0
+    told = recorder.stderr.read()
+    assert told.startswith("drive1.position>2000 came\n")
+    rows = read_csv(path)
+    first = [(float(row["time_s"]), int(row["drive1.position [counts]"])) for row in rows
+             if row["drive1.position [counts]"]]
+    assert all(position <= 2000 for seconds, position in first if seconds < 0)
+    assert [position > 2000 for seconds, position in first if seconds == 0] == [True]
+    assert -0.21 < first[0][0] < -0.1 and 0.1 < first[-1][0] <= 0.2
+    assert any(row["drive2.position [counts]"] for row in rows)
+
+
+def test_a_record_is_whole_when_it_is_ended(make_bridge, tmp_path):
+    plant = make_bridge(drives=1)
+    path = tmp_path / "a.csv"
+    recorder = subprocess.Popen(
+        [find_program("drivebridgectl"), "--socket", plant.control_path, "record", "drive1.position", "--trigger",
+         "drive1.status=error_stop", "--output", path], stderr=subprocess.PIPE, text=True)
+    eventually(lambda: path.exists())
+    time.sleep(0.3)
+    recorder.send_signal(signal.SIGINT)
+    assert recorder.wait(5) == 1
+    assert "drive1.status=error_stop did not come" in recorder.stderr.read()
+    assert path.read_bytes() == b"time_s,unix_time_s,drive1.position [counts]\r\n"
+    # The drive is lost on the way: it ends all the same.
+    recorder = subprocess.Popen(
+        [find_program("drivebridgectl"), "--socket", plant.control_path, "record", "drive1.position", "--duration",
+         "0.5", "--output", path], stderr=subprocess.PIPE, text=True)
+    eventually(lambda: path.exists())
+    time.sleep(0.2)
+    plant.sim.fault("silence on", "drive1")
+    assert recorder.wait(10) == 0
+    assert read_csv(path)
+
+
+def test_a_picture_is_made_by_gnuplot(make_bridge, tmp_path):
+    plant = make_bridge(drives=1)
+    command = [find_program("drivebridgectl"), "--socket", plant.control_path, "record", "drive1.position",
+               "--samples", "5", "--output", tmp_path / "it's.csv", "--plot", tmp_path / "a.svg"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False,
+                          env={**os.environ, "PATH": str(tmp_path)})
+    assert done.returncode == 1 and "gnuplot is not installed" in done.stderr and "apt install gnuplot" in done.stderr
+    assert len(read_csv(tmp_path / "it's.csv")) == 5
+    # What gnuplot is told, by one that says so.
+    fake = tmp_path / "gnuplot"
+    fake.write_text(f"#!/bin/sh\nprintf '%s' \"$2\" > {tmp_path}/script\n", encoding="utf-8")
+    fake.chmod(0o755)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False,
+                          env={**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"})
+    assert done.returncode == 0, done
+    script = (tmp_path / "script").read_text(encoding="utf-8")
+    assert f"set terminal svg noenhanced size 1000,600; set output '{tmp_path}/a.svg'" in script
+    assert f"plot for [i=3:3] '{tmp_path}/it''s.csv' using 1:i with lines" in script
+
+
+def test_a_record_that_cannot_be_is_told(make_bridge):
+    plant = make_bridge(drives=1)
+    for words, wrong in ((["position"], "right is DRIVE.NAME"),
+                         (["drive7.position"], 'no drive is called "drive7"'),
+                         (["drive1.positron"], 'has no register "positron"; did you mean position?'),
+                         (["drive1.position", "--trigger", "drive1.position"], "right is DRIVE.NAME=VALUE"),
+                         (["drive1.position", "--trigger", "drive1.axis_state=Errorstep"], "or a name of its codes"),
+                         (["drive1.position", "--samples", "0"], "right is a number above 0"),
+                         (["drive1.position", "--before", "1"], "only with a trigger"),
+                         (["drive1.position", "--plot", "a.png"], "ends with .svg"),
+                         (["drive1.position", "--duration", "-1"], "right is a number of seconds")):
+        assert wrong in ctl(plant, "record", *words, status=2), words
