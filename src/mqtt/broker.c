@@ -384,8 +384,10 @@ static void serve(struct db_mqtt_broker *broker, short revents, db_time now)
 		result = MOSQ_ERR_CONN_LOST;
 	/* The library does not see that a connection ends while TLS greets. */
 	if (!result && broker->state != CONNECTED && !broker->accepted &&
-	    (revents & (POLLHUP | POLLERR)))
+	    (revents & (POLLHUP | POLLERR))) {
+		note_why(broker, "it does not take the connection");
 		result = MOSQ_ERR_CONN_LOST;
+	}
 	if (result) {
 		fail(broker, result, errno, now);
 		return;

@@ -104,13 +104,13 @@ static int run(struct db_mqtt_publisher *publisher)
 	}
 	(void)sd_notify(0, "READY=1");
 	for (;;) {
-		nfds_t count = db_mqtt_publisher_watch(publisher, fds + 1);
-		db_time now = read_clock();
-		db_time wait = db_mqtt_publisher_due(publisher) - now;
+		db_time wait = db_mqtt_publisher_due(publisher) - read_clock();
 
+		db_mqtt_publisher_watch(publisher, fds + 1);
 		fds[0] = (struct pollfd){ .fd = signals, .events = POLLIN };
 		wait = wait < 0 ? 0 : wait > TURN_MAX ? TURN_MAX : wait;
-		if (poll(fds, count + 1, (int)((wait + DB_NS_PER_MS - 1) / DB_NS_PER_MS)) < 0 &&
+		if (poll(fds, sizeof(fds) / sizeof(fds[0]),
+		         (int)((wait + DB_NS_PER_MS - 1) / DB_NS_PER_MS)) < 0 &&
 		    errno != EINTR)
 			break;
 		if (fds[0].revents != 0)

@@ -2,6 +2,7 @@
 #include "mqtt/publisher.h"
 
 #include "drivebridge/version.h"
+#include "mqtt/admission.h"
 #include "mqtt/broker.h"
 #include "mqtt/log.h"
 #include "mqtt/moment.h"
@@ -21,11 +22,17 @@ struct db_mqtt_publisher {
 	struct db_mqtt_outbox *outbox;
 	struct db_mqtt_broker *broker;
 	struct db_mqtt_plant *plant;
+	struct db_mqtt_admission *admission;
+	struct db_mqtt_acting *acting;
 	struct db_mqtt_picture **pictures;
 	size_t picture_count;
 	db_time now; /* of this turn; likewise the next */
 	int64_t us;
 	db_time figures_at;
+	db_time echo_at;       /* DB_TIME_NEVER without a connection, or without commands */
+	db_time echoed;        /* of the latest echo: when it was sent */
+	unsigned echo_mark;    /* of the connection */
+	bool warned;           /* that the service lets us command nothing */
 	uint64_t skipped;      /* samples that the service left out */
 	uint64_t dropped_told; /* of the outbox, when it was logged last */
 };
@@ -169,6 +176,14 @@ static void greet_plant(void *context, const json_t *description, const json_t *
 		        db_mqtt_picture_write_about(picture), true);
 	}
 	db_mqtt_outbox_set_retained(publisher->outbox, publisher->status.text, "online");
+	if (db_mqtt_config_commands(publisher->config) && !publisher->warned &&
+	    !json_is_true(json_object_get(description, "may_act"))) {
+		db_mqtt_log(
+			DB_MQTT_WARNING,
+			"commands are on, but the service lets this program only read: its user must "
+			"belong to the service's act-group (see drivebridge-mqtt(8))");
+		publisher->warned = true;
+	}
 	db_mqtt_log(DB_MQTT_NOTICE, "drivebridged %s is there, drives: %zu", version ? version : "",
 	            publisher->picture_count);
 }
@@ -242,27 +257,126 @@ static void publish_figures(struct db_mqtt_publisher *publisher)
 	                        publisher->config->figures_interval_s * DB_NS_PER_S;
 }
 
+/* --- commands --------------------------------------------------------------------------------- */
+
+/* A text that the broker sends back: what arrives behind it was not on its way for longer than it was. */
+static void send_echo(struct db_mqtt_publisher *publisher)
+{
+	char text[64];
+
+	(void)snprintf(text, sizeof(text), "%u %lld", publisher->echo_mark,
+	               (long long)publisher->now);
+	db_mqtt_broker_send_now(publisher->broker, topic_of(publisher, "echo").text, text);
+	publisher->echo_at = publisher->now + publisher->config->age_ms * DB_NS_PER_MS / 4;
+}
+
+static void take_echo(struct db_mqtt_publisher *publisher, const char *text)
+{
+	unsigned mark;
+	long long sent;
+
+	if (sscanf(text, "%u %lld", &mark, &sent) == 2 && mark == publisher->echo_mark &&
+	    sent > publisher->echoed && sent <= publisher->now)
+		publisher->echoed = sent;
+}
+
 static void greet_broker(void *context)
 {
 	struct db_mqtt_publisher *publisher = context;
+	const struct db_mqtt_config *config = publisher->config;
 
 	/* How much was dropped is known with the first values that come late. */
 	publish_figures(publisher);
+	if (!db_mqtt_config_commands(config))
+		return;
+	publisher->echo_mark = (unsigned)rand();
+	publisher->echoed = publisher->now - 2 * config->age_ms * DB_NS_PER_MS;
+	publisher->echo_at = publisher->now;
+	db_mqtt_broker_subscribe(publisher->broker, topic_of(publisher, "echo").text);
+	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "command").text);
+	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "alive").text);
 }
 
+/* Who commands over it cannot stop anything any more: for the drives that is the loss of a client. */
 static void miss_broker(void *context)
 {
-	(void)context;
+	struct db_mqtt_publisher *publisher = context;
+
+	publisher->echo_at = DB_TIME_NEVER;
+	db_mqtt_acting_drop(publisher->acting);
+}
+
+static void publish_result(void *context, const char *drive, const char *id, const char *command,
+                           const char *result, const char *why)
+{
+	struct db_mqtt_publisher *publisher = context;
+	json_t *object = json_pack("{s:o, s:s, s:s, s:s}", "time", describe_moment(publisher->us),
+	                           "id", id, "command", command, "result", result);
+
+	if (object && why[0])
+		(void)json_object_set_new(object, "reason", json_string(why));
+	publish_json(publisher, topic_of_drive(publisher, drive, "result"), object, false);
+}
+
+static bool has_drive(const struct db_mqtt_publisher *publisher, const char *drive)
+{
+	for (size_t i = 0; i < publisher->picture_count; i++) {
+		if (strcmp(db_mqtt_picture_name(publisher->pictures[i]), drive) == 0)
+			return true;
+	}
+	return false;
+}
+
+static void take_command(struct db_mqtt_publisher *publisher, const char *drive, const char *text,
+                         size_t length, bool retained)
+{
+	const struct db_mqtt_arrival arrival = {
+		.drive = drive,
+		.retained = retained,
+		.now = publisher->now,
+		.us = publisher->us,
+		.sent_behind = publisher->echoed,
+	};
+	struct db_mqtt_command command;
+	const char *wrong = db_mqtt_command_parse(text, length, &command);
+	const char *refusal = wrong ? "bad_message" : NULL;
+	char why[DB_MQTT_REASON_MAX];
+
+	if (!wrong && !has_drive(publisher, drive)) {
+		wrong = "there is no such drive, or it is not published";
+		refusal = "no_such_drive";
+	}
+	if (!wrong)
+		refusal = db_mqtt_admission_judge(publisher->admission, &command, &arrival, why);
+	if (!refusal) {
+		db_mqtt_acting_run(publisher->acting, drive, &command, publisher->now);
+	} else {
+		db_mqtt_log(DB_MQTT_WARNING, "drive %s: a command from the broker is refused: %s",
+		            drive, wrong ? wrong : why);
+		publish_result(publisher, drive, command.id, command.name ? command.name : "",
+		               refusal, wrong ? wrong : why);
+	}
+	db_mqtt_command_clear(&command);
 }
 
 static void take_message(void *context, const char *topic, const char *text, size_t length,
                          bool retained)
 {
-	(void)context;
-	(void)topic;
-	(void)text;
-	(void)length;
-	(void)retained;
+	struct db_mqtt_publisher *publisher = context;
+	const struct db_mqtt_config *config = publisher->config;
+	bool fresh = publisher->now - publisher->echoed <= config->age_ms * DB_NS_PER_MS;
+	char drive[DB_MQTT_NAME_MAX];
+
+	if (strcmp(topic, topic_of(publisher, "echo").text) == 0)
+		take_echo(publisher, text);
+	else if (db_mqtt_topic_is_of_drive(topic, config->prefix, config->gateway, "command",
+	                                   drive) &&
+	         has_drive(publisher, drive))
+		take_command(publisher, drive, text, length, retained);
+	else if (db_mqtt_topic_is_of_drive(topic, config->prefix, config->gateway, "alive",
+	                                   drive) &&
+	         fresh && !retained)
+		db_mqtt_acting_feed(publisher->acting, drive, publisher->now);
 }
 
 /* --- its life --------------------------------------------------------------------------------- */
@@ -294,7 +408,11 @@ struct db_mqtt_publisher *db_mqtt_publisher_new(const struct db_mqtt_config *con
 		publisher->broker = db_mqtt_broker_new(config, publisher->status.text,
 		                                       publisher->outbox, &broker_ops, publisher);
 	publisher->plant = db_mqtt_plant_new(config, &plant_ops, publisher);
-	if (!publisher->outbox || !publisher->broker || !publisher->plant) {
+	publisher->admission = db_mqtt_admission_new(config);
+	publisher->acting = db_mqtt_acting_new(config->socket, publish_result, publisher);
+	publisher->echo_at = DB_TIME_NEVER;
+	if (!publisher->outbox || !publisher->broker || !publisher->plant ||
+	    !publisher->admission || !publisher->acting) {
 		db_mqtt_publisher_free(publisher);
 		return NULL;
 	}
@@ -306,6 +424,8 @@ void db_mqtt_publisher_free(struct db_mqtt_publisher *publisher)
 {
 	if (!publisher)
 		return;
+	db_mqtt_acting_free(publisher->acting);
+	db_mqtt_admission_free(publisher->admission);
 	db_mqtt_plant_free(publisher->plant);
 	db_mqtt_broker_free(publisher->broker);
 	db_mqtt_outbox_free(publisher->outbox);
@@ -313,12 +433,12 @@ void db_mqtt_publisher_free(struct db_mqtt_publisher *publisher)
 	free(publisher);
 }
 
-nfds_t db_mqtt_publisher_watch(const struct db_mqtt_publisher *publisher,
-                               struct pollfd fds[DB_MQTT_PUBLISHER_FDS])
+void db_mqtt_publisher_watch(const struct db_mqtt_publisher *publisher,
+                             struct pollfd fds[DB_MQTT_PUBLISHER_FDS])
 {
 	fds[0] = db_mqtt_broker_watch(publisher->broker);
 	db_mqtt_plant_watch(publisher->plant, fds + 1);
-	return 1 + DB_MQTT_PLANT_FDS;
+	db_mqtt_acting_watch(publisher->acting, fds + 1 + DB_MQTT_PLANT_FDS);
 }
 
 db_time db_mqtt_publisher_due(const struct db_mqtt_publisher *publisher)
@@ -327,6 +447,8 @@ db_time db_mqtt_publisher_due(const struct db_mqtt_publisher *publisher)
 
 	if (db_mqtt_plant_due(publisher->plant) < due)
 		due = db_mqtt_plant_due(publisher->plant);
+	if (publisher->echo_at < due)
+		due = publisher->echo_at;
 	return publisher->figures_at < due ? publisher->figures_at : due;
 }
 
@@ -337,7 +459,10 @@ void db_mqtt_publisher_handle(struct db_mqtt_publisher *publisher,
 	publisher->now = now;
 	publisher->us = us;
 	db_mqtt_plant_handle(publisher->plant, now, us);
+	db_mqtt_acting_handle(publisher->acting);
 	if (now >= publisher->figures_at)
 		publish_figures(publisher);
+	if (now >= publisher->echo_at)
+		send_echo(publisher);
 	db_mqtt_broker_handle(publisher->broker, fds[0].revents, now);
 }

@@ -3,11 +3,13 @@
 or service are away."""
 
 import signal
+import subprocess
+import time
 from datetime import datetime
 
 import pytest
 from bridgelib import Path, eventually
-from mqttlib import Broker, Publisher, Watcher
+from mqttlib import Broker, Publisher, Relay, Watcher, now_text
 
 
 class Plant:
@@ -57,6 +59,27 @@ def plant(request, tmp_path, make_bridge):
     if problems or getattr(request.node, "failed", False):
         made.print_logs()
     assert not problems, problems
+
+
+@pytest.fixture(scope="session")
+def certificates(tmp_path_factory):
+    """Of an authority, of a broker called localhost, of a client; and another authority's."""
+    place = tmp_path_factory.mktemp("certificates")
+
+    def openssl(*arguments):
+        subprocess.run(["openssl", *arguments], cwd=place, check=True, capture_output=True)
+
+    key = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
+    for name in ("ca", "other"):
+        openssl("req", "-x509", *key, "-keyout", f"{name}.key", "-out", f"{name}.pem", "-days", "2",
+                "-subj", f"/CN={name}")
+    (place / "names").write_text("subjectAltName=DNS:localhost\n", encoding="utf-8")
+    for name in ("broker", "client"):
+        openssl("req", *key, "-keyout", f"{name}.key", "-out", f"{name}.csr", "-subj", f"/CN={name}")
+        openssl("x509", "-req", "-in", f"{name}.csr", "-CA", "ca.pem", "-CAkey", "ca.key",
+                "-CAcreateserial", "-days", "2", "-out", f"{name}.pem", "-extfile", "names")
+    (place / "client.key").chmod(0o640)
+    return place
 
 
 def test_values_in_words_with_their_times(plant):
@@ -118,8 +141,7 @@ def test_birth_and_last_will(plant):
     assert state["values"]["axis_state"] is None
     bridge.start_bridge()
     watcher.wait_for_text("status", "online", seen, timeout=15)
-    watcher.wait("drive/drive1/state", lambda one: one.json["quality"] == "good",
-                 watcher.count() - 1)
+    eventually(lambda: watcher.all("drive/drive1/state")[-1].json["quality"] == "good")
 
     seen = watcher.count()
     publisher.process.kill()
@@ -159,7 +181,7 @@ def test_broker_restarts(plant):
                  lambda one: one.json["values"].get("position") == 3000, seen, 20)
     changes = [one.json for one in watcher.all("drive/drive1/changes", seen)]
     positions = [one["values"]["position"] for one in changes if "position" in one["values"]]
-    assert positions == sorted(positions) and 0 < positions[0] < 1000, positions
+    assert positions == sorted(positions) and positions[0] < 1000 and 1000 in positions, positions
     times = [one["time"] for one in changes]
     assert times == sorted(times)
     assert watcher.wait("figures", since=seen).json["values"]["dropped"] == 0
@@ -182,3 +204,215 @@ def test_wrong_credentials(plant):
     publisher.wait_for_log("the broker refuses the connection: Not authorized")
     assert "wrong horse" not in publisher.log()
     assert publisher.process.poll() is None
+
+
+def test_wrong_authority_and_right_one(plant, certificates):
+    """A certificate of somebody else's authority, or for another name, is no broker of ours."""
+    bridge = plant.make_bridge(wait_online=False)
+    broker = plant.broker(f"cafile {certificates}/ca.pem\ncertfile {certificates}/broker.pem\n"
+                          f"keyfile {certificates}/broker.key\nrequire_certificate true")
+    keys = {"tls": "on", "host": "localhost", "ca-file": certificates / "other.pem",
+            "certificate-file": certificates / "client.pem", "key-file": certificates / "client.key"}
+    with Relay(broker) as relay:
+        publisher = plant.publisher(bridge, broker, broker_keys={**keys, "port": relay.port}).start()
+        publisher.wait_for_log("no trust between us")
+        assert "certificate verify failed" in publisher.log()
+        publisher.stop()
+        # The certificate is for localhost, and this address is not its name.
+        publisher.sections["broker"].update({"ca-file": certificates / "ca.pem", "host": "127.0.0.1"})
+        publisher.start()
+        eventually(lambda: publisher.log().count("no trust between us") == 2)
+        publisher.stop()
+        publisher.sections["broker"]["host"] = "localhost"
+        publisher.start()
+        publisher.wait_for_log(f"connected to the broker localhost, port {relay.port}, with TLS")
+
+
+def test_slow_broker(plant):
+    """A line that stands still: what is published meanwhile is bounded, the oldest go, and it is told."""
+    bridge = plant.make_bridge()
+    broker = plant.broker()
+    watcher = plant.watcher(broker)
+    unit = bridge.drive(1)
+    with Relay(broker) as relay:
+        publisher = plant.publisher(bridge, broker, broker_keys={"port": relay.port, "host": "127.0.0.1"},
+                                    publish={"buffer-messages": 100, "interval-ms": 20,
+                                             "state-interval-ms": 3600000})
+        publisher.start()
+        watcher.wait_for_text("status", "online")
+        unit.settle("enable")
+        relay.hold()
+        unit.settle("move_velocity", target_velocity=3200)
+        sent = unit.read("position")
+        # Some hundred looks at a drive that moves.
+        eventually(lambda: unit.read("position") > sent + 12000, 20)
+        unit.settle("stop")
+        bridge.wait_standing()
+        stood = unit.read("position")
+        seen = watcher.count()
+        relay.go_on()
+        watcher.wait("drive/drive1/changes",
+                     lambda one: one.json["values"].get("position") == stood, seen, 20)
+        figures = watcher.wait("figures", lambda one: one.json["values"]["dropped"] > 0, seen).json
+        assert figures["values"]["dropped"] > 20
+        times = [one.json["time"] for one in watcher.all("drive/drive1/changes", seen)]
+        assert times == sorted(times) and 50 < len(times) <= 150
+        publisher.wait_for_log("messages more dropped, the oldest first")
+
+
+# --- commands
+
+
+def command(name, number, offset=0.0, **arguments):
+    return {"id": number, "time": now_text(offset), "command": name,
+            "arguments": {key: value for key, value in arguments.items() if value is not None}}
+
+
+class Commander:
+    """Sends commands to drive1 and waits for what becomes of them."""
+
+    def __init__(self, watcher):
+        self.watcher = watcher
+        self.number = 0
+
+    def send(self, message, **how):
+        self.watcher.publish("drive/drive1/command", message, **how)
+
+    def result(self, number, since=0):
+        return self.watcher.wait("drive/drive1/result", lambda one: one.json["id"] == str(number)
+                                 and one.json["result"] != "pending", since).json
+
+    def run(self, name, **arguments):
+        self.number += 1
+        self.send(command(name, self.number, **arguments))
+        return self.result(self.number)["result"]
+
+
+@pytest.fixture
+def commander(plant):
+    """A drive with a watchdog of half a second, all commands allowed."""
+    bridge = plant.make_bridge(drive={"watchdog-ms": 500})
+    broker = plant.broker()
+    watcher = plant.watcher(broker)
+    plant.publisher(bridge, broker, command={"allow": "all", "parameters": "on", "age-ms": 1000}).start()
+    watcher.wait_for_text("status", "online")
+    made = Commander(watcher)
+    made.bridge, made.broker, made.plant = bridge, broker, plant
+    eventually(lambda: made.run("enable") == "ok")
+    return made
+
+
+def test_commands_and_their_results(commander):
+    unit = commander.bridge.drive(1)
+    # It takes longer than the watchdog: who waits for the end of a move feeds it.
+    assert commander.run("move_absolute", target_position=8000) == "ok"
+    assert unit.read("position") == 8000 and unit.read("watchdog_trips") == 0
+    results = [one.json["result"] for one in commander.watcher.all("drive/drive1/result")
+               if one.json["id"] == str(commander.number)]
+    assert results == ["pending", "ok"]
+    assert commander.run("move_absolute", target_positon=8000) == "bad_value"
+    assert commander.run("jump") == "no_such_command"
+    commander.send({"id": "w", "time": now_text(), "write": {"spd": 3200}})
+    assert commander.result("w")["result"] == "ok"
+    assert unit.read("spd") == 3200
+    # A stop needs nothing but its name, and does not wait for the move that it ends.
+    commander.send(command("move_absolute", "long", target_position=10 ** 6))
+    eventually(lambda: unit.read("velocity") > 0)
+    commander.send({"command": "stop"})
+    assert commander.result("long")["result"] == "cancelled"
+    assert "client control, user root: connected" in commander.bridge.log_since(0)
+
+
+def test_what_is_not_carried_out(commander):
+    """Retained, doubled, late, of no time, nonsense: nothing of it moves the drive."""
+    unit = commander.bridge.drive(1)
+    moves = commander.bridge.sim.mark()
+    commander.send(command("move_absolute", "r", target_position=1000), retain=True)
+    assert commander.result("r")["result"] == "retained"
+    commander.send(command("move_absolute", "l", -5.0, target_position=1000))
+    assert commander.result("l")["result"] == "late"
+    commander.send(command("move_absolute", "f", 5.0, target_position=1000))
+    assert "ahead" in commander.result("f")["reason"]
+    commander.send({"id": "n", "command": "move_absolute", "arguments": {"target_position": 1000}})
+    assert commander.result("n")["result"] == "bad_message"
+    commander.send({"time": now_text(), "command": "move_absolute", "arguments": {"target_position": 5}})
+    assert "no id" in commander.result("")["reason"]
+    for text in ("{", "[]", "\0", '{"command": 5}', '{"command": "stop", "command": "enable"}', "x" * 20000,
+                 '{"id": "a", "comand": "enable"}'):
+        commander.send(text)
+    # A publisher whose confirmation was lost sends it again, and the broker hands on both.
+    message = command("move_relative", "d", target_position=500)
+    commander.send(message)
+    commander.send(message)
+    results = lambda: {one.json["result"] for one in commander.watcher.all("drive/drive1/result")
+                       if one.json["id"] == "d"}
+    eventually(lambda: {"ok", "duplicate"} <= results())
+    assert unit.read("position") == 500
+    assert sum("mov" in one for one in commander.bridge.sim.sent(moves)) <= 1
+    # A new connection finds the retained command at the broker.
+    seen = commander.watcher.count()
+    commander.broker.stop()
+    commander.broker.start()
+    commander.watcher.publish("drive/drive1/command", command("move_absolute", "r2", target_position=99),
+                              retain=True)
+    commander.watcher.wait_for_text("status", "online", seen)
+    eventually(lambda: commander.run("clear_fault") == "ok")
+    assert unit.read("position") == 500
+
+
+def test_silence_stops(commander):
+    """A motion without an end lives by signs of life, and ends with the broker."""
+    unit = commander.bridge.drive(1)
+    assert commander.run("move_velocity", target_velocity=1600) == "ok"
+    until = time.monotonic() + 1.5
+    while time.monotonic() < until:
+        commander.watcher.publish("drive/drive1/alive", "", qos=0)
+        assert unit.read("watchdog_trips") == 0
+        time.sleep(0.05)
+    # Nobody says anything more.
+    eventually(lambda: unit.read("watchdog_trips") == 1)
+    commander.bridge.wait_standing()
+    assert commander.run("clear_fault") == "ok"
+
+    commander.send(command("move_absolute", "long", target_position=10 ** 6))
+    eventually(lambda: unit.read("velocity") > 0)
+    commander.broker.stop(signal.SIGKILL)
+    eventually(lambda: unit.read("watchdog_trips") == 2)
+    commander.bridge.wait_standing()
+
+
+def test_commands_off_and_limited(plant):
+    bridge = plant.make_bridge()
+    broker = plant.broker()
+    watcher = plant.watcher(broker)
+    publisher = plant.publisher(bridge, broker).start()
+    watcher.wait_for_text("status", "online")
+    commander = Commander(watcher)
+    unit = bridge.drive(1)
+    # Nobody listens to it.
+    commander.send(command("move_absolute", "off", target_position=1000))
+    publisher.stop()
+    publisher.sections["command"] = {"allow": ["stop", "enable"]}
+    seen = watcher.count()
+    publisher.start()
+    watcher.wait_for_text("status", "online", seen)
+    eventually(lambda: commander.run("enable") == "ok")
+    assert commander.run("move_absolute", target_position=1000) == "not_allowed"
+    assert not [one for one in watcher.all("drive/drive1/result") if one.json["id"] == "off"]
+    assert unit.read("position") == 0
+    publisher.stop()
+    publisher.sections["command"] = {"allow": "all"}
+    # Who may only read: the service says so.
+    bridge.stop_bridge()
+    bridge.sections["control"]["act-group"] = "daemon"
+    bridge.write_config()
+    bridge.start_bridge()
+    for path in (plant.place, *plant.place.parents):
+        if path.stat().st_uid == 0 and path != Path("/"):
+            path.chmod(path.stat().st_mode | 0o055)
+    bridge.control_path.parent.parent.chmod(0o755)
+    seen = watcher.count()
+    publisher.start(user=65534, group=65534, extra_groups=[])
+    publisher.wait_for_log("commands are on, but the service lets this program only read")
+    watcher.wait_for_text("status", "online", seen)
+    eventually(lambda: commander.run("enable") == "not_allowed")

@@ -1,0 +1,218 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "mqtt/acting.h"
+
+#include "client/client.h"
+
+#include <ctype.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A session that had nothing to do for so long may be closed for another drive's sake. */
+#define IDLE_MIN (60 * DB_NS_PER_S)
+
+#define WRITE_NAME "write"
+
+struct session {
+	struct db_mqtt_acting *acting;
+	struct db_client *client; /* NULL: there is none */
+	char drive[32];
+	char id[DB_MQTT_ID_MAX + 1];
+	char command[48];
+	bool busy;    /* with a command */
+	bool feeding; /* a sign of life is on its way */
+	db_time used;
+};
+
+struct db_mqtt_acting {
+	const char *socket;
+	db_mqtt_result_fn *result;
+	void *context;
+	struct session sessions[DB_MQTT_ACTING_FDS];
+};
+
+struct db_mqtt_acting *db_mqtt_acting_new(const char *socket, db_mqtt_result_fn *result,
+                                          void *context)
+{
+	struct db_mqtt_acting *acting = calloc(1, sizeof(*acting));
+
+	if (!acting)
+		return NULL;
+	acting->socket = socket;
+	acting->result = result;
+	acting->context = context;
+	for (size_t i = 0; i < DB_MQTT_ACTING_FDS; i++)
+		acting->sessions[i].acting = acting;
+	return acting;
+}
+
+static void close_session(struct session *session)
+{
+	db_client_close(session->client);
+	session->client = NULL;
+	session->busy = false;
+	session->feeding = false;
+}
+
+void db_mqtt_acting_free(struct db_mqtt_acting *acting)
+{
+	if (acting)
+		db_mqtt_acting_drop(acting);
+	free(acting);
+}
+
+/* The last word of an error's name as results are written: io.drivebridge.Control.BadValue is bad_value. */
+static void name_error(const char *error, char *name, size_t size)
+{
+	const char *last = strrchr(error, '.');
+	size_t used = 0;
+
+	for (const char *at = last ? last + 1 : error; *at && used + 2 < size; at++) {
+		if (isupper((unsigned char)*at) && used > 0)
+			name[used++] = '_';
+		name[used++] = (char)tolower((unsigned char)*at);
+	}
+	name[used] = '\0';
+}
+
+static void take_result(void *data, json_t *parameters, const struct db_client_error *error,
+                        bool more)
+{
+	struct session *session = data;
+	struct db_mqtt_acting *acting = session->acting;
+	const char *result = json_string_value(json_object_get(parameters, "result"));
+	char name[64] = "";
+
+	session->busy = more;
+	if (error) {
+		/* Of a refusal the service says which one. */
+		result = json_string_value(json_object_get(error->parameters, "result"));
+		name_error(error->name, name, sizeof(name));
+	}
+	acting->result(acting->context, session->drive, session->id, session->command,
+	               result ? result : name, error ? error->text : "");
+}
+
+static void take_sign(void *data, json_t *parameters, const struct db_client_error *error,
+                      bool more)
+{
+	struct session *session = data;
+
+	(void)parameters;
+	(void)error;
+	(void)more;
+	session->feeding = false;
+}
+
+/* One that is free for the drive; NULL when all are taken. */
+static struct session *find_session(struct db_mqtt_acting *acting, const char *drive, db_time now)
+{
+	struct session *empty = NULL;
+	struct session *oldest = NULL;
+
+	for (size_t i = 0; i < DB_MQTT_ACTING_FDS; i++) {
+		struct session *session = &acting->sessions[i];
+
+		if (session->client && !session->busy && strcmp(session->drive, drive) == 0)
+			return session;
+		if (!session->client)
+			empty = session;
+		else if (!session->busy && now - session->used >= IDLE_MIN &&
+		         (!oldest || session->used < oldest->used))
+			oldest = session;
+	}
+	if (empty || !oldest)
+		return empty;
+	close_session(oldest);
+	return oldest;
+}
+
+/* Why there is no connection is in `error`, "" when it is there. */
+static void open_session(struct session *session, const char *drive, struct db_client_error *error)
+{
+	if (session->client ||
+	    db_client_open(session->acting->socket, &session->client, error) != 0)
+		return;
+	(void)snprintf(session->drive, sizeof(session->drive), "%s", drive);
+}
+
+void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
+                        const struct db_mqtt_command *command, db_time now)
+{
+	struct session *session = find_session(acting, drive, now);
+	const char *name = command->name ? command->name : WRITE_NAME;
+	struct db_client_error error = { .parameters = NULL };
+	json_t *parameters;
+
+	if (!session) {
+		acting->result(acting->context, drive, command->id, name, "busy",
+		               "too many drives are commanded at the same time");
+		return;
+	}
+	open_session(session, drive, &error);
+	parameters = command->name ?
+	                     json_pack("{s:s, s:s, s:O?, s:b}", "drive", drive, "command", name,
+	                               "arguments", command->arguments, "until_end", 1) :
+	                     json_pack("{s:s, s:O}", "drive", drive, "values", command->arguments);
+	(void)snprintf(session->id, sizeof(session->id), "%s", command->id);
+	(void)snprintf(session->command, sizeof(session->command), "%s", name);
+	session->used = now;
+	session->busy = true;
+	if (!session->client ||
+	    db_client_send(session->client, command->name ? "Run" : "Write", parameters,
+	                   command->name != NULL, take_result, session) != 0) {
+		if (!session->client)
+			json_decref(parameters);
+		close_session(session);
+		acting->result(acting->context, drive, command->id, name, "lost",
+		               error.text[0] ? error.text :
+		                               "the service has closed the connection");
+	}
+	db_client_error_clear(&error);
+}
+
+void db_mqtt_acting_feed(struct db_mqtt_acting *acting, const char *drive, db_time now)
+{
+	for (size_t i = 0; i < DB_MQTT_ACTING_FDS; i++) {
+		struct session *session = &acting->sessions[i];
+
+		if (!session->client || session->busy || session->feeding ||
+		    strcmp(session->drive, drive) != 0)
+			continue;
+		session->used = now;
+		/* What reads, lives. A connection that is lost shows when it is looked at next. */
+		session->feeding = db_client_send(session->client, "Read",
+		                                  json_pack("{s:s, s:[s]}", "drive", drive, "names",
+		                                            "watchdog_remaining_ms"),
+		                                  false, take_sign, session) == 0;
+	}
+}
+
+void db_mqtt_acting_drop(struct db_mqtt_acting *acting)
+{
+	for (size_t i = 0; i < DB_MQTT_ACTING_FDS; i++)
+		close_session(&acting->sessions[i]);
+}
+
+void db_mqtt_acting_watch(const struct db_mqtt_acting *acting,
+                          struct pollfd fds[DB_MQTT_ACTING_FDS])
+{
+	for (size_t i = 0; i < DB_MQTT_ACTING_FDS; i++) {
+		const struct db_client *client = acting->sessions[i].client;
+
+		fds[i] = (struct pollfd){ .fd = -1 };
+		if (client)
+			fds[i] = (struct pollfd){ .fd = db_client_fd(client),
+				                  .events = db_client_poll_events(client) };
+	}
+}
+
+void db_mqtt_acting_handle(struct db_mqtt_acting *acting)
+{
+	for (size_t i = 0; i < DB_MQTT_ACTING_FDS; i++) {
+		struct session *session = &acting->sessions[i];
+
+		if (session->client && db_client_handle(session->client) != 0)
+			close_session(session);
+	}
+}

@@ -1,0 +1,54 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Any message from a broker: it is a command whose parts are what they are to be, or what is wrong with it is said; and
+ * what nobody allowed is not carried out. */
+#include "mqtt/admission.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static void check_judgement(const struct db_mqtt_command *command)
+{
+	struct db_mqtt_config config = { .age_ms = 2000, .allow = { .word = DB_MQTT_ALLOW_STOP } };
+	struct db_mqtt_admission *admission = db_mqtt_admission_new(&config);
+	struct db_mqtt_arrival arrival = { .drive = "lift" };
+	char why[DB_MQTT_REASON_MAX];
+
+	if (!admission)
+		return;
+	if (!db_mqtt_admission_judge(admission, command, &arrival, why) &&
+	    !db_mqtt_command_is_stop(command))
+		abort();
+	config.allow.word = DB_MQTT_ALLOW_ALL;
+	config.parameters = DB_MQTT_ON;
+	if (!db_mqtt_admission_judge(admission, command, &arrival, why) &&
+	    !db_mqtt_command_is_stop(command)) {
+		/* It had an id and the time of now: not a second time. */
+		if (!command->id[0] || !command->timed ||
+		    !db_mqtt_admission_judge(admission, command, &arrival, why))
+			abort();
+	}
+	arrival.retained = true;
+	if (!db_mqtt_admission_judge(admission, command, &arrival, why))
+		abort();
+	db_mqtt_admission_free(admission);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+	struct db_mqtt_command command;
+	const char *wrong = db_mqtt_command_parse((const char *)data, size, &command);
+
+	if (wrong && wrong[0] == '\0')
+		abort();
+	if (!wrong) {
+		if (strlen(command.id) > DB_MQTT_ID_MAX ||
+		    (command.arguments && !json_is_object(command.arguments)) ||
+		    (!command.name && !command.arguments) || (command.timed && command.us < 0))
+			abort();
+		check_judgement(&command);
+	}
+	db_mqtt_command_clear(&command);
+	return 0;
+}
