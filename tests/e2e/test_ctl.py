@@ -34,7 +34,7 @@ def plant(make_bridge):
 
 def run(plant, *words, timeout=30):
     return subprocess.run([find_program("drivebridgectl"), "--socket", plant.control_path, *words],
-                          capture_output=True, text=True, timeout=timeout, check=False)
+                          capture_output=True, text=True, timeout=timeout, check=False, cwd=plant.place)
 
 
 def ctl(plant, *words, status=0):
