@@ -37,19 +37,6 @@ static void add_range(struct db_ctl_grid *grid, const json_t *reg)
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "-");
 }
 
-static bool is_among(const json_t *names, const char *name)
-{
-	size_t i;
-	const json_t *item;
-
-	json_array_foreach(names, i, item)
-	{
-		if (strcmp(json_string_value(item), name) == 0)
-			return true;
-	}
-	return false;
-}
-
 /* Marked is what differs from the file or, where none is given, from the defaults. */
 static void print_list(const struct db_ctl *ctl, const struct db_ctl_params *drive,
                        const struct db_ctl_params *file, const struct db_ctl_params *defaults)
@@ -70,7 +57,7 @@ static void print_list(const struct db_ctl *ctl, const struct db_ctl_params *dri
 	json_array_foreach(drive->registers, i, reg)
 	{
 		const char *name = db_ctl_text(reg, "name");
-		bool changed = is_among(differ, name);
+		bool changed = db_ctl_params_has_name(differ, name);
 		const json_t *value = db_ctl_params_value(drive, name);
 
 		if (!db_ctl_params_is_kept(reg))
@@ -187,7 +174,7 @@ static json_t *list_untold(const struct db_ctl_params *drive)
 		const char *name = db_ctl_text(reg, "name");
 
 		if (db_ctl_params_is_kept(reg) && !db_ctl_params_value(drive, name) &&
-		    !is_among(drive->missing, name))
+		    !db_ctl_params_has_name(drive->missing, name))
 			(void)json_array_append(untold, json_object_get(reg, "name"));
 	}
 	return untold;
@@ -213,7 +200,7 @@ static void report_saved(const struct db_ctl *ctl, const struct db_ctl_params *d
 	json_t *object;
 
 	if (ctl->json && !is_standard) {
-		object = json_pack("{s:s, s:s, s:O, s:O}", "drive", drive->name, "file", path,
+		object = json_pack("{s:s, s:s, s:O, s:O?}", "drive", drive->name, "file", path,
 		                   "not_told", untold, "missing", drive->missing);
 		db_ctl_print_json(object);
 		json_decref(object);

@@ -19,17 +19,22 @@ void db_ctl_params_clear(struct db_ctl_params *params)
 	*params = (struct db_ctl_params){ .values = NULL };
 }
 
-bool db_ctl_params_has_trait(const json_t *reg, const char *trait)
+bool db_ctl_params_has_name(const json_t *names, const char *name)
 {
 	size_t i;
 	const json_t *item;
 
-	json_array_foreach(json_object_get(reg, "traits"), i, item)
+	json_array_foreach(names, i, item)
 	{
-		if (strcmp(json_string_value(item), trait) == 0)
+		if (json_is_string(item) && strcmp(json_string_value(item), name) == 0)
 			return true;
 	}
 	return false;
+}
+
+bool db_ctl_params_has_trait(const json_t *reg, const char *trait)
+{
+	return db_ctl_params_has_name(json_object_get(reg, "traits"), trait);
 }
 
 bool db_ctl_params_is_kept(const json_t *reg)

@@ -40,7 +40,8 @@ struct db_ctl_params {
 
 void db_ctl_params_clear(struct db_ctl_params *params);
 
-/* Whether a register has the trait of that name. */
+/* Whether an array of names has this one; whether a register has the trait of that name. */
+bool db_ctl_params_has_name(const json_t *names, const char *name);
 bool db_ctl_params_has_trait(const json_t *reg, const char *trait);
 
 /* Whether it is a parameter that a file can have: a value that the drive itself holds and may tell. */

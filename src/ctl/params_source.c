@@ -108,7 +108,7 @@ json_t *db_ctl_params_plan(const struct db_ctl_params *drive, const struct db_ct
 	json_t *plan = json_array();
 
 	for (int rank = 0; rank <= 2; rank++) {
-		json_t *together = NULL;
+		json_t *group = NULL; /* the latest, while more may join it */
 		size_t i;
 		json_t *name;
 
@@ -121,13 +121,14 @@ json_t *db_ctl_params_plan(const struct db_ctl_params *drive, const struct db_ct
 			    !db_ctl_params_value(file, json_string_value(name)) ||
 			    db_ctl_params_has_trait(reg, "address") != addresses)
 				continue;
-			if (!db_ctl_params_has_trait(reg, "together"))
-				together = NULL;
-			if (!together || !db_ctl_params_has_trait(reg, "together")) {
-				together = json_array();
-				(void)json_array_append_new(plan, together);
+			if (group && db_ctl_params_has_trait(reg, "together")) {
+				(void)json_array_append(group, name);
+				continue;
 			}
-			(void)json_array_append(together, name);
+			group = json_pack("[O]", name);
+			(void)json_array_append_new(plan, group);
+			if (!db_ctl_params_has_trait(reg, "together"))
+				group = NULL;
 		}
 	}
 	json_decref(differ);

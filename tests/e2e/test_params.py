@@ -9,6 +9,7 @@ import subprocess
 
 import pytest
 from bridgelib import eventually, find_program
+from fakecontrol import Fake, register
 from test_vendor_view import VENDOR, Plc
 
 SERIAL = ["spd=6400", "acc=64000", "dec=64000", "cra=0.1", "s1f=2", "pud=39"]
@@ -298,6 +299,87 @@ def test_a_refused_value_does_not_keep_the_others(make_bridge, tmp_path):
     assert lines[-1]["written"] == [] and set(lines[-1]["failed"]) == {"cra"}
 
 
+FILE = """drive "x" {
+	format = 1
+	family = vsmd-serial
+}
+parameters {
+%s
+}
+end
+"""
+
+
+@pytest.fixture
+def particular(tmp_path):
+    """A service whose drive takes no min_speed above its max_speed, and what it was told."""
+    def parameter(name, **more):
+        return register(name, "u32", True, "Hz", True, min=0, max=10000, **more)
+
+    fake = Fake(tmp_path / "control")
+    fake.values |= {"identity": "", "status": 1 | 1 << 12, "min_speed": 100, "max_speed": 1000, "pair_a": None,
+                    "pair_b": None}
+    fake.answers["Registers"] = {"registers": [
+        register("status", "bits32", codes={"0": "online", "3": "moving", "12": "params_valid"}),
+        register("identity", "text"), parameter("min_speed", traits=[7, None]), parameter("max_speed"),
+        parameter("pair_a", traits=["together"]), parameter("pair_b", traits=["together"])]}
+
+    def write(parameters):
+        after = fake.values | parameters["values"]
+        if after["min_speed"] > after["max_speed"]:
+            return {"error": "io.drivebridge.Control.Refused",
+                    "parameters": {"result": "refused", "code": 2, "reason": "the drive refuses it"}}
+        fake.values = after
+        return {"result": "ok"}
+
+    fake.answers["Write"] = write
+    fake.control_path = str(tmp_path / "control")
+    yield fake
+    fake.close()
+
+
+def test_what_was_refused_is_tried_again_behind_the_others(particular, tmp_path):
+    path = tmp_path / "f"
+    path.write_text(FILE % "min_speed = 5000\nmax_speed = 6000", encoding="utf-8")
+    said = ctl(particular, "params", "restore", "feeder", path, "--yes")
+    assert said.endswith("max_speed = 6000 Hz: ok\nmin_speed = 5000 Hz: ok\nfeeder: 2 written\n")
+    # Of one alone nothing changes what the drive says.
+    path.write_text(FILE % "min_speed = 7000", encoding="utf-8")
+    count = len(particular.called("Write"))
+    said = ctl(particular, "params", "restore", "feeder", path, "--yes", status=1)
+    assert said.endswith("min_speed = 7000 Hz: failed: refused: the drive refuses it\nfeeder: 0 written, 1 not\n")
+    assert len(particular.called("Write")) == count + 1
+
+
+def test_what_goes_together_is_one_write(particular, tmp_path):
+    path = tmp_path / "f"
+    path.write_text(FILE % "pair_a = 1\npair_b = 2\nmax_speed = 900", encoding="utf-8")
+    ctl(particular, "params", "restore", "feeder", path, "--yes")
+    assert [call["values"] for call in particular.called("Write")] == [{"max_speed": 900}, {"pair_a": 1, "pair_b": 2}]
+
+
+def test_a_drive_that_shows_another_value_is_said_to(particular, tmp_path):
+    path = tmp_path / "f"
+    path.write_text(FILE % "max_speed = 900", encoding="utf-8")
+    particular.answers["Write"] = {"result": "ok"}
+    assert "max_speed = 900 Hz: ok: the drive shows 1000 Hz\n" in \
+        ctl(particular, "params", "restore", "feeder", path, "--yes")
+
+
+@pytest.mark.parametrize("error, status, rest", [
+    ({"error": "io.drivebridge.Control.Refused", "parameters": {"result": "offline", "code": 13, "reason": "x"}}, 1, 1),
+    ({"error": "io.drivebridge.Control.NotAllowed", "parameters": {"reason": "x"}}, 1, 1),
+    ({"error": "io.drivebridge.Control.Refused", "parameters": {"result": "limit", "code": 9, "reason": "x"}}, 1, 2),
+])
+def test_what_ends_a_restore_and_what_does_not(particular, tmp_path, error, status, rest):
+    path = tmp_path / "f"
+    path.write_text(FILE % "max_speed = 900\npair_a = 1", encoding="utf-8")
+    particular.answers["Write"] = lambda parameters: error
+    said = ctl(particular, "params", "restore", "feeder", path, "--yes", status=status)
+    assert len(particular.called("Write")) == rest
+    assert ("goes on with them" in said) == (rest == 1), said
+
+
 def test_a_wrong_file_writes_nothing(make_bridge, plant, many):
     mark = plant.sim.mark()
     right = many.read_text(encoding="utf-8")
@@ -393,7 +475,8 @@ WRITERS = {
 @pytest.mark.parametrize("family", ["vsmd-serial", "vsmd-can"])
 def test_what_is_written_is_unsaved_until_it_is_saved(make_bridge, family):
     plant = make_plant(make_bridge, family, per_drive={1: {"vendor-unit": VENDOR}})
-    for write in WRITERS.values():
+    # Who writes makes no difference to a driver: of one family all of them.
+    for write in WRITERS.values() if family == "vsmd-serial" else [write_register]:
         assert not is_unsaved(plant)
         write(plant)
         assert is_unsaved(plant) and not is_unsaved(plant, 2)

@@ -223,6 +223,60 @@ static void test_what_differs_is_in_the_order_of_the_table(void **state)
 	db_ctl_params_clear(&defaults);
 }
 
+static void add_register(json_t *registers, const char *name, const char *trait)
+{
+	(void)json_array_append_new(registers,
+	                            trait ? json_pack("{s:s, s:b, s:[s]}", "name", name,
+	                                              "parameter", 1, "traits", trait) :
+	                                    json_pack("{s:s, s:b}", "name", name, "parameter", 1));
+}
+
+static void expect_plan(const struct db_ctl_params *drive, const struct db_ctl_params *file,
+                        bool addresses, const char *expected)
+{
+	json_t *plan = db_ctl_params_plan(drive, file, addresses);
+	char *text = json_dumps(plan, JSON_COMPACT);
+
+	assert_string_equal(text, expected);
+	free(text);
+	json_decref(plan);
+}
+
+static void test_the_plan_has_the_order_of_the_traits(void **state)
+{
+	static const char *const names[][2] = {
+		{ "event", "last" },     { "left", "together" }, { "right", "together" },
+		{ "speed", NULL },       { "cid", "address" },   { "bdr", "address" },
+		{ "factory", "action" }, { "mode", "first" },    { "ramp", "derived" },
+	};
+	json_t *registers = json_array();
+	struct db_ctl_params drive = { .name = "d", .family = "test", .registers = registers };
+	struct db_ctl_params file = { .name = "f", .family = "test", .registers = registers };
+
+	(void)state;
+	drive.values = json_object();
+	file.values = json_object();
+	for (size_t i = 0; i < sizeof(names) / sizeof(names[0]); i++) {
+		add_register(registers, names[i][0], names[i][1]);
+		(void)json_object_set_new(drive.values, names[i][0], json_integer(1));
+		(void)json_object_set_new(file.values, names[i][0], json_integer(2));
+	}
+	expect_plan(&drive, &file, false,
+	            "[[\"mode\"],[\"left\",\"right\"],[\"speed\"],[\"event\"]]");
+	expect_plan(&drive, &file, true, "[[\"cid\"],[\"bdr\"]]");
+	/* What is so already, and what the file does not say. */
+	(void)json_object_set_new(file.values, "left", json_integer(1));
+	(void)json_object_del(file.values, "mode");
+	(void)json_object_set_new(drive.values, "speed", json_null());
+	expect_plan(&drive, &file, false, "[[\"right\"],[\"speed\"],[\"event\"]]");
+	json_decref(file.values);
+	file.values = json_incref(drive.values);
+	expect_plan(&drive, &file, false, "[]");
+	json_decref(drive.values);
+	json_decref(file.values);
+	json_decref(registers);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -232,6 +286,7 @@ int main(void)
 		cmocka_unit_test_setup_teardown(test_of_another_family_only_numbers_are_known,
 		                                set_up, tear_down),
 		cmocka_unit_test_setup_teardown(test_values_survive_the_file, set_up, tear_down),
+		cmocka_unit_test(test_the_plan_has_the_order_of_the_traits),
 		cmocka_unit_test_setup_teardown(test_what_differs_is_in_the_order_of_the_table,
 		                                set_up, tear_down),
 	};
