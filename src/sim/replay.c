@@ -88,7 +88,7 @@ static int read_bytes(const char *text, const char *end, uint8_t *bytes)
 		if (end - text < 2 || digit(text[0]) < 0 || digit(text[1]) < 0 ||
 		    (end - text > 2 && !isspace((unsigned char)text[2])) || count == FRAME_MAX)
 			return -1;
-		bytes[count++] = (uint8_t)(digit(text[0]) << 4 | digit(text[1]));
+		bytes[count++] = (uint8_t)(digit(text[0]) * 16 + digit(text[1]));
 		text += 2;
 	}
 }

@@ -291,6 +291,10 @@ def pattern_of(lines):
                 words.append(r"\(\S+\),")
             elif word == "ms":
                 words.append("m?s")
+            elif word == "|":
+                # The bytes behind it are what the words before it say.
+                words.append(r"\|.*")
+                break
             else:
                 words.append(re.sub(r"\d+(?:\\\.\d+)?", r"\\d+(?:\\.\\d+)?", re.escape(word)))
         text += r"[ ]*" + r"\s+".join(words) + r"[ ]*\n"
@@ -341,7 +345,7 @@ def test_the_transcripts_of_the_guide(plant):
             if words[0] == "jog":
                 said = type_jog(plant, words)
                 assert re.fullmatch(pattern, said), f"{line}\n{said}"
-            elif words[0] in ("status", "events"):
+            elif words[0] in ("status", "events", "traces", "trace"):
                 # It may take a moment until a drive is noticed.
                 try:
                     eventually(says, 15, line)

@@ -42,7 +42,7 @@ FOREIGN = {
     # a column of the map
     "reference",
     # commands of drivebridgectl
-    "jog", "run", "watch", "events", "metrics",
+    "jog", "run", "watch", "events", "metrics", "traces", "record",
     # sections of the configuration
     "modbus", "bus", "drive",
 }

@@ -6,13 +6,18 @@ import csv
 import os
 import re
 import signal
+import socket
+import struct
 import subprocess
 import time
 
 import pytest
 from bridgelib import ROOT, eventually, find_program
+from test_can import fixture_make_can  # noqa: F401
 from test_control import Line
 from test_ctl import ctl, objects
+from test_servo_can import fixture_make_servo  # noqa: F401
+from test_xyza import fixture_make_xyza  # noqa: F401
 
 INTERFACE = "io.drivebridge.Control"
 
@@ -75,6 +80,157 @@ def test_what_is_asked_wrongly_is_told(make_bridge):
         for wrong in ({"bus": 7}, {"bus": "line", "past": "yes"}, {"bus": "line", "kept": 0}, {}):
             tool.ask(f"{INTERFACE}.Trace", wrong, more=True)
             assert tool.answer()["error"] == "org.varlink.service.InvalidParameter"
+
+
+# --- the families --------------------------------------------------------------------------------------------
+
+
+def live(plant, *words):
+    return lines(ctl(plant, "trace", *words, "--past", "--duration", "0.2"))
+
+
+def test_a_bus_of_vsmd_on_can_is_told_in_words(make_can):
+    plant = make_can(drives=2)
+    plant.drive(1).settle("enable")
+    plant.drive(1).settle("move_absolute", target_position=500, target_velocity=8000.0)
+    said = live(plant)
+    for wanted in (r"> probe +drive2: identity\? \| 0010039E#0A01", r"> command +drive1: enable \| 00080381#",
+                   r"> command +drive1: move to 500 pulses at 8000 pulses/s \| 00080386#000001F445FA0000",
+                   r"< part +drive1: velocity \S+ pulses/s, position \d+ pulses \(\S+ ms\) \| 00080200#[0-9A-F]{16}",
+                   r"< answer +drive1: status .*stp.* \(\S+ ms\) \| 00080202#[0-9A-F]{8}"):
+        assert any(re.search(wanted + "$", line) for line in said), wanted
+
+
+def test_a_bus_of_servos_is_told_in_words(make_servo):
+    plant = make_servo()
+    eventually(lambda: plant.drive().read("axis_state") == 1)
+    assert plant.drive().command("enable") == 0
+    assert plant.drive().command("move_velocity", target_velocity=-600) == 0
+    said = live(plant)
+    for wanted in (r"> command +drive1: enable \| 021#000A", r"< answer +drive1: acknowledges enable \(\S+ ms\) \| 002#01",
+                   r"> command +drive1: mode speed", r"> command +drive1: speed -\d+ rpm \| 061#01",
+                   r"< \S+ +drive1: status servo_started .*inputs", r"drive1: speed -?\d+ rpm, current"):
+        assert any(re.search(wanted, line) for line in said), wanted
+
+
+def test_a_bus_of_controllers_is_told_in_words_by_axis(make_xyza):
+    plant = make_xyza()
+    plant.wait_ready(1)
+    said = live(plant)
+    for wanted in (r"> probe +address 3: are you there\? \| 5A A5 0A AC 01 03 AC AC 08",
+                   r"< answer +address 3: I am here \(", r"> poll +drive2: position without its sign\?",
+                   r"< answer +drive2: position without its sign \d+ pulses", r"drive1: does it stand\?",
+                   r"< answer +drive1: it stands", r"< answer +address 3: inputs \w+, outputs \w+"):
+        assert any(re.search(wanted, line) for line in said), wanted
+    # What holds passwords is asked for, and its answer is not shown.
+    secret = [line for line in said if "read_password" in line and " < " in line]
+    assert secret and all("|" not in line for line in secret)
+
+
+# --- files and readers -----------------------------------------------------------------------------------------
+
+
+def read_pcapng(data):
+    """Frames of a file, strictly: (seconds, id, data, sent, comment)."""
+    frames, at = [], 0
+    while at < len(data):
+        kind, length = struct.unpack_from("<II", data, at)
+        assert length % 4 == 0 and struct.unpack_from("<I", data, at + length - 4) == (length,)
+        body = data[at + 8:at + length - 4]
+        at += length
+
+        def options(body, place):
+            found = {}
+            while True:
+                code, size = struct.unpack_from("<HH", body, place)
+                place += 4
+                if code == 0:
+                    assert size == 0 and place == len(body)
+                    return found
+                found[code] = body[place:place + size]
+                place += (size + 3) // 4 * 4
+
+        if kind == 0x0A0D0D0A:
+            assert not frames and struct.unpack("<IHHq", body) == (0x1A2B3C4D, 1, 0, -1)
+        elif kind == 1:
+            assert struct.unpack_from("<HHI", body) == (227, 0, 0)
+            interface = options(body, 8)
+            assert interface[2] == b"line" and interface[9] == b"\x06"
+        else:
+            assert kind == 6
+            number, high, low, captured, original = struct.unpack_from("<IIIII", body)
+            assert number == 0 and captured == original
+            packet = body[20:20 + captured]
+            can_id, size = struct.unpack_from(">IB", packet)
+            assert packet[5:8] == bytes(3) and len(packet) == 8 + size
+            told = options(body, 20 + (captured + 3) // 4 * 4)
+            frames.append(((high << 32 | low) / 1e6, can_id, packet[8:], told[2] == b"\x02\0\0\0",
+                           told[1].decode()))
+    return frames
+
+
+def test_a_file_of_can_has_every_frame(make_can, tmp_path):
+    plant = make_can()
+    path = tmp_path / "can.pcapng"
+    mark = plant.sim.mark()
+    said = ctl(plant, "trace", "--duration", "0.4", "--output", path)
+    assert re.fullmatch(rf"\d+ records in {path}, 0 missing\n", said)
+    frames = read_pcapng(path.read_bytes())
+    times = [frame[0] for frame in frames]
+    assert times == sorted(times) and abs(times[0] - time.time()) < 60
+    # The same that the simulator heard, in a row.
+    sent = [f"{can_id & 0x1FFFFFFF:08X}#{data.hex().upper()}" for _, can_id, data, out, _ in frames if out]
+    heard = "\n".join(plant.sim.sent(mark, polls=True))
+    assert len(sent) > 5 and "\n".join(sent) in heard
+    assert all(can_id & 0x80000000 for _, can_id, *_ in frames)
+    assert {"poll: drive1: velocity, position and status?"} < {comment for *_, comment in frames}
+    answers = [comment for *_, out, comment in frames if not out]
+    assert any(comment.startswith("answer: drive1: status ") for comment in answers)
+
+
+def test_a_slow_reader_is_told_what_it_misses(make_can):
+    """Much traffic, and a client that reads nothing for a while; another one has all of it meanwhile."""
+    plant = make_can(drives=4, bus={"cycle-ms": 5})
+    with Line(plant) as slow, Line(plant) as fast:
+        slow.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        for tool in (slow, fast):
+            tool.ask(f"{INTERFACE}.Trace", {"bus": "line"}, more=True)
+        last, seen = None, 0
+        # More than the ring holds goes by: 256 KiB, 32 bytes for each frame.
+        while seen < 300 * 1024 / 32:
+            told = fast.answer()["parameters"]
+            numbers = [one["number"] for one in told["records"]]
+            assert last is None or numbers[0] == last + 1 + told["missed"]
+            assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+            last, seen = numbers[-1], seen + len(numbers)
+        expected, missed, newest = None, 0, 0
+        while newest < last:
+            told = slow.answer()["parameters"]
+            numbers = [one["number"] for one in told["records"]]
+            missed += told["missed"]
+            assert expected is None or numbers[0] == expected + told["missed"]
+            expected = newest = numbers[-1] + 1
+        assert missed > 0
+
+
+def test_who_may_only_read_may_trace(make_bridge):
+    plant = make_bridge(control={"act-group": "nobody-is-in-this"})
+    with Line(plant) as tool:
+        tool.ask(f"{INTERFACE}.Trace", {"bus": "line", "past": True}, more=True)
+        assert tool.answer()["parameters"]["records"]
+
+
+def test_the_watchdog_leaves_a_trace(make_bridge):
+    plant = make_bridge(per_drive={1: {"watchdog-ms": 300}})
+    plant.drive().settle("enable")
+    plant.drive().command("move_velocity", target_velocity=3000.0)
+    (kept,) = eventually(lambda: objects(plant, "traces")[0], what="a trace to be kept")
+    assert (kept["drive"], kept["event"]) == ("drive1", "watchdog-tripped")
+    said = lines(ctl(plant, "trace", "--kept", "last"))
+    tripped = next(i for i, line in enumerate(said) if line.endswith("= event      drive1: watchdog-tripped"))
+    moved = next(i for i, line in enumerate(said) if "> command    drive1: turn at 3000 pulses/s" in line)
+    stopped = next(i for i, line in enumerate(said) if "> stop       drive1: stop | 31 20 73 74 70 0A" in line)
+    assert moved < tripped < stopped
 
 
 # --- traces as tests -------------------------------------------------------------------------------
