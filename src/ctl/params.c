@@ -109,6 +109,8 @@ enum db_ctl_status db_ctl_params_list(struct db_ctl *ctl, int count, char **argu
 		status = db_ctl_params_read_drive(ctl, families, arguments[0], &drive);
 	if (status == DB_CTL_OK && count > 1)
 		status = db_ctl_params_read_file(ctl, families, arguments[1], &file);
+	if (status == DB_CTL_OK && count > 1)
+		status = db_ctl_params_check_families(ctl, &drive, &file);
 	if (status == DB_CTL_OK) {
 		db_ctl_params_take_defaults(&drive, &defaults);
 		if (ctl->json) {
@@ -131,8 +133,30 @@ enum db_ctl_status db_ctl_params_list(struct db_ctl *ctl, int count, char **argu
 
 /* --- save ------------------------------------------------------------------------------------------- */
 
+/* Takes the descriptor over. 0, or -1 with errno. */
+static int write_text(int file, const char *text)
+{
+	FILE *out = fdopen(file, "w");
+	int result = -1;
+	int problem;
+
+	if (!out) {
+		problem = errno;
+		(void)close(file);
+	} else {
+		/* What cannot be synchronized, such as a pipe, need not be. */
+		if (fputs(text, out) >= 0 && fflush(out) == 0 &&
+		    (fsync(file) == 0 || errno == EINVAL || errno == EROFS))
+			result = 0;
+		problem = errno;
+		(void)fclose(out);
+	}
+	errno = problem;
+	return result;
+}
+
 /* The old file or the new one, never a part; also when the power goes. 0, or -1 with errno. */
-static int replace_file(const char *path, const char *text)
+static int replace_file(const char *path, mode_t mode, const char *text)
 {
 	char *folder = strdup(path);
 	char *draft = NULL;
@@ -143,14 +167,17 @@ static int replace_file(const char *path, const char *text)
 
 	if (folder && asprintf(&draft, "%s.XXXXXX", path) > 0)
 		file = mkostemp(draft, O_CLOEXEC);
-	if (file >= 0 && write(file, text, strlen(text)) == (ssize_t)strlen(text) &&
-	    fchmod(file, 0644) == 0 && fsync(file) == 0 && rename(draft, path) == 0)
-		result = 0;
+	if (file >= 0) {
+		(void)fchmod(file, mode);
+		result = write_text(file, text);
+		if (result == 0)
+			result = rename(draft, path);
+		problem = errno;
+		if (result != 0)
+			(void)unlink(draft);
+		errno = problem;
+	}
 	problem = errno;
-	if (file >= 0)
-		(void)close(file);
-	if (file >= 0 && result != 0)
-		(void)unlink(draft);
 	in = result == 0 ? open(dirname(folder), O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
 	if (in >= 0) {
 		(void)fsync(in);
@@ -159,6 +186,27 @@ static int replace_file(const char *path, const char *text)
 	free(draft);
 	free(folder);
 	errno = problem;
+	return result;
+}
+
+/* What is there and no file, a pipe for instance, is written to and stays what it is. 0, or -1 with errno. */
+static int save_text(const char *path, const char *text)
+{
+	mode_t mask = umask(0);
+	char *real = realpath(path, NULL);
+	struct stat before;
+	int result;
+
+	(void)umask(mask);
+	if (!real || stat(real, &before) != 0)
+		result = replace_file(path, 0666 & ~mask, text);
+	else if (S_ISREG(before.st_mode))
+		result = replace_file(real, before.st_mode & 07777, text);
+	else
+		result = open(real, O_WRONLY | O_CLOEXEC);
+	if (result > 0)
+		result = write_text(result, text);
+	free(real);
 	return result;
 }
 
@@ -225,7 +273,7 @@ static enum db_ctl_status save_set(const struct db_ctl *ctl, const struct db_ctl
 		status = db_ctl_complain(ctl, DB_CTL_NO, DB_CLIENT_NO_MEMORY, "out of memory");
 	else if (strcmp(path, "-") == 0)
 		done = fputs(text, stdout) >= 0;
-	else if (replace_file(path, text) == 0)
+	else if (save_text(path, text) == 0)
 		done = true;
 	else
 		status = db_ctl_complain(ctl, DB_CTL_NO, "io.drivebridge.Client.BadFile", "%s: %s",
@@ -336,12 +384,8 @@ static enum db_ctl_status read_both(struct db_ctl *ctl, const json_t *families, 
 			                         "no drive here is %s: its defaults are not known",
 			                         sets[1 - i].family);
 	}
-	if (status == DB_CTL_OK && !are_default[0] && !are_default[1] &&
-	    strcmp(sets[0].family, sets[1].family) != 0)
-		status = db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
-		                         "%s is %s and %s is %s: they have other parameters",
-		                         sets[0].name, sets[0].family, sets[1].name,
-		                         sets[1].family);
+	if (status == DB_CTL_OK && !are_default[0] && !are_default[1])
+		status = db_ctl_params_check_families(ctl, &sets[0], &sets[1]);
 	return status;
 }
 

@@ -40,16 +40,14 @@ static size_t count_names(const json_t *plan)
 
 /* --- before ----------------------------------------------------------------------------------------- */
 
-static enum db_ctl_status check_family(const struct restore *restore)
+static enum db_ctl_status check_drive(const struct restore *restore)
 {
 	const struct db_ctl_params *file = &restore->file;
 	const struct db_ctl_params *drive = &restore->drive;
+	enum db_ctl_status status = db_ctl_params_check_families(restore->ctl, file, drive);
 
-	if (strcmp(file->family, drive->family) != 0)
-		return db_ctl_complain(restore->ctl, DB_CTL_USAGE, "io.drivebridge.Client.BadFile",
-		                       "%s:%u: these are parameters of %s, and %s is %s",
-		                       file->name, file->family_line, file->family, drive->name,
-		                       drive->family);
+	if (status != DB_CTL_OK)
+		return status;
 	if (strcmp(file->identity, drive->identity) != 0 && !restore->ctl->json)
 		(void)fprintf(
 			stderr,
@@ -327,6 +325,7 @@ static enum db_ctl_status carry_out(struct restore *restore)
 	struct db_ctl *ctl = restore->ctl;
 	enum db_ctl_status status = DB_CTL_OK;
 	json_t *object;
+	bool same = strcmp(restore->file.identity, restore->drive.identity) == 0;
 	bool saved = false;
 	bool all;
 
@@ -354,10 +353,10 @@ static enum db_ctl_status carry_out(struct restore *restore)
 			restore->drive.name);
 	}
 	if (ctl->json) {
-		object = json_pack("{s:s, s:s, s:O, s:O, s:b, s:b}", "drive", restore->drive.name,
-		                   "file", restore->file.name, "written", restore->written,
-		                   "failed", restore->failed, "ended", restore->over == DB_CTL_OK,
-		                   "saved", saved);
+		object = json_pack("{s:s, s:s, s:b, s:O, s:O, s:b, s:b}", "drive",
+		                   restore->drive.name, "file", restore->file.name, "same_model",
+		                   same, "written", restore->written, "failed", restore->failed,
+		                   "ended", restore->over == DB_CTL_OK, "saved", saved);
 		db_ctl_print_json(object);
 		json_decref(object);
 	}
@@ -368,7 +367,7 @@ static enum db_ctl_status carry_out(struct restore *restore)
 static enum db_ctl_status restore_params(struct restore *restore)
 {
 	struct db_ctl *ctl = restore->ctl;
-	enum db_ctl_status status = check_family(restore);
+	enum db_ctl_status status = check_drive(restore);
 	json_t *addresses;
 	size_t i;
 	json_t *names;

@@ -189,6 +189,24 @@ enum db_ctl_status db_ctl_params_read_drive(struct db_ctl *ctl, const json_t *fa
 	return status;
 }
 
+enum db_ctl_status db_ctl_params_check_families(const struct db_ctl *ctl,
+                                                const struct db_ctl_params *one,
+                                                const struct db_ctl_params *other)
+{
+	const struct db_ctl_params *file = one->family_line > 0 ? one : other;
+	const struct db_ctl_params *beside = file == one ? other : one;
+
+	if (strcmp(one->family, other->family) == 0)
+		return DB_CTL_OK;
+	if (file->family_line == 0)
+		return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+		                       "%s is %s, and %s is %s", file->name, file->family,
+		                       beside->name, beside->family);
+	return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.BadFile",
+	                       "%s:%u: these are parameters of %s, and %s is %s", file->name,
+	                       file->family_line, file->family, beside->name, beside->family);
+}
+
 /* --- files ------------------------------------------------------------------------------------------ */
 
 /* All of it, which the caller frees; NULL with the reason. */

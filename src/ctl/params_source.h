@@ -17,6 +17,11 @@ enum db_ctl_status db_ctl_params_read_file(const struct db_ctl *ctl, const json_
 enum db_ctl_status db_ctl_params_find(struct db_ctl *ctl, const json_t *families, const char *name,
                                       struct db_ctl_params *params);
 
+/* DB_CTL_OK: drives or files are of the same family. Else the reason is printed. */
+enum db_ctl_status db_ctl_params_check_families(const struct db_ctl *ctl,
+                                                const struct db_ctl_params *one,
+                                                const struct db_ctl_params *other);
+
 /* What the vendor delivers drives of the same family with, as far as its documents say. Pure. */
 void db_ctl_params_take_defaults(const struct db_ctl_params *like, struct db_ctl_params *params);
 

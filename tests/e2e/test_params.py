@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import subprocess
+from pathlib import Path
 
 import pytest
 from bridgelib import eventually, find_program
@@ -141,8 +142,17 @@ def test_a_file_that_cannot_be_written_stays_as_it_was(plant, tmp_path):
     assert "No such file" in said
     ctl(plant, "params", "save", "drive1", folder, status=1)
     assert not list(tmp_path.glob("folder?*"))
-    assert "drive1.params" in ctl(plant, "params", "save", "drive1", cwd=tmp_path)
-    assert (tmp_path / "drive1.params").stat().st_mode & 0o777 == 0o644
+    assert "drive1.params" in ctl(plant, "params", "save", "drive1", cwd=tmp_path, umask=0o27)
+    path = tmp_path / "drive1.params"
+    assert path.stat().st_mode & 0o777 == 0o640
+    # A file keeps its rights, and what is a link or no file at all what it is.
+    path.chmod(0o600)
+    (tmp_path / "link").symlink_to(path)
+    ctl(plant, "params", "save", "drive1", tmp_path / "link")
+    assert (tmp_path / "link").is_symlink() and path.stat().st_mode & 0o777 == 0o600
+    assert "No space left" in ctl(plant, "params", "save", "drive1", "/dev/full", status=1)
+    ctl(plant, "params", "save", "drive1", "/dev/null")
+    assert Path("/dev/full").is_char_device() and Path("/dev/null").is_char_device()
 
 
 def test_two_words_are_one_command(plant):
@@ -212,7 +222,7 @@ def test_a_restore_can_be_saved(plant, many):
     said = ctl(plant, "params", "restore", "drive2", many, "--yes", "--save")
     assert said.endswith("drive2: 11 written\ndrive2: save_parameters: ok\n")
     lines = objects(plant, "params", "restore", "drive2", many)
-    assert lines == [{"drive": "drive2", "file": str(many), "written": [], "failed": {}, "ended": True, "saved": False}]
+    assert lines == [{"drive": "drive2", "file": str(many), "same_model": True, "written": [], "failed": {}, "ended": True, "saved": False}]
 
 
 def test_nothing_is_written_unasked(plant, many):
@@ -380,7 +390,7 @@ def test_what_ends_a_restore_and_what_does_not(particular, tmp_path, error, stat
     assert ("goes on with them" in said) == (rest == 1), said
 
 
-def test_a_wrong_file_writes_nothing(make_bridge, plant, many):
+def test_a_wrong_file_writes_nothing(plant, many, tmp_path):
     mark = plant.sim.mark()
     right = many.read_text(encoding="utf-8")
 
@@ -389,6 +399,11 @@ def test_a_wrong_file_writes_nothing(make_bridge, plant, many):
         said = ctl(plant, "params", "restore", "drive2", many, "--yes", status=2)
         assert expected in said, said
 
+    other = tmp_path / "xyza.params"
+    other.write_text(right.replace("vsmd-serial", "xyza"), encoding="utf-8")
+    for words in ("list", "drive2", other), ("diff", "drive2", other), ("diff", other, "drive2"):
+        assert f"{other}:5: these are parameters of xyza, and drive2 is vsmd-serial\n" in \
+            ctl(plant, "params", *words, status=2)
     refused(right.replace("vsmd-serial", "xyza"), f"{many}:5: these are parameters of xyza, and drive2 is vsmd-serial")
     refused(right.replace("\tspd ", "\tspeed "), "vsmd-serial has no parameter 'speed'; did you mean spd")
     refused(right.replace("= 1000 ", "= 200000 ", 1), ": spd: 200000 is out of range, -192000 to 192000 pulses/s\n")
