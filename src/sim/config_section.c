@@ -146,6 +146,7 @@ static const struct sim_key DRIVE_KEYS[] = {
 	FLAG ("acknowledges-all",    "false"),
 	FLAG ("jogs-from-stand",     "false"),
 	FLAG ("second-stop-ends",    "false"),
+	FLAG ("ordered-speeds",      "false"),
 	WHOLE("braking-ms",          "0", 0, TIME_MAX_MS),
 	LIST ("ignores"),
 	LIST ("sensor"),

@@ -371,6 +371,7 @@ static void read_xyza_temper(const struct sim_section *section, struct sim_xyza_
 		.clamps = sim_section_flag(section, "clamps"),
 		.jogs_from_stand = sim_section_flag(section, "jogs-from-stand"),
 		.second_stop_ends = sim_section_flag(section, "second-stop-ends"),
+		.ordered_speeds = sim_section_flag(section, "ordered-speeds"),
 		.motion_delay = read_ms(section, "motion-delay-ms"),
 		.standing_delay = read_ms(section, "standing-delay-ms"),
 		.item_delay = read_ms(section, "power-delay-ms"),

@@ -511,8 +511,19 @@ static void set_content(struct sim_xyza *controller, const struct xyza_request *
 		*content = SIM_XYZA_SPEED_MAX;
 }
 
+/* Whether the lowest speed would be above the highest one. */
+static bool crosses_speeds(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	if (request->item == XYZA_ITEM_MIN_SPEED)
+		return request->value > *content_of(controller, XYZA_ITEM_MAX_SPEED, request->axis);
+	return request->item == XYZA_ITEM_MAX_SPEED &&
+	       request->value < *content_of(controller, XYZA_ITEM_MIN_SPEED, request->axis);
+}
+
 static bool write_item(struct sim_xyza *controller, const struct xyza_request *request)
 {
+	if (controller->config.temper.ordered_speeds && crosses_speeds(controller, request))
+		return false;
 	if (request->item == XYZA_ITEM_FACTORY_RESET) {
 		halt_axes(controller);
 		end_program(controller);

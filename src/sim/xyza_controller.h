@@ -44,6 +44,7 @@ struct sim_xyza_temper {
 	bool clamps;             /* speeds above SIM_XYZA_SPEED_MAX become that */
 	bool jogs_from_stand;    /* an axis that moves takes no jog */
 	bool second_stop_ends;   /* a program that waits is ended by another stop */
+	bool ordered_speeds;     /* min_speed is never above max_speed */
 	db_time motion_delay;    /* a jog begins so much later */
 	db_time standing_delay;  /* the state of the motors follows so much later */
 	db_time item_delay;      /* what is read of items follows so much later */

@@ -309,6 +309,22 @@ def test_a_refused_value_does_not_keep_the_others(make_bridge, tmp_path):
     assert lines[-1]["written"] == [] and set(lines[-1]["failed"]) == {"cra"}
 
 
+@pytest.mark.parametrize("ordered", [False, True])
+def test_speeds_that_bound_each_other_arrive(make_bridge, tmp_path, ordered):
+    """Whether a controller takes a min_speed above its max_speed its document does not say."""
+    plant = make_plant(make_bridge, "xyza",
+                       sim_drive={"identity": None, "set": ["min_speed=100", "max_speed=3200"],
+                                  "ordered-speeds": ordered})
+    path = tmp_path / "f"
+    ctl(plant, "set", "drive1", "max_speed=9000")
+    ctl(plant, "set", "drive1", "min_speed=5000")
+    ctl(plant, "params", "save", "drive1", path)
+    said = ctl(plant, "params", "restore", "drive2", path, "--yes")
+    names = ["max_speed", "min_speed"] if ordered else ["min_speed", "max_speed"]
+    assert re.findall(r"^(\w+) = \d+ Hz: ok$", said, re.M) == names
+    assert ctl(plant, "params", "diff", "drive2", path) == ""
+
+
 FILE = """drive "x" {
 	format = 1
 	family = vsmd-serial

@@ -45,6 +45,7 @@ TEMPERAMENTS = [
     xyza("jogs-from-stand", True, "An axis is stopped before it takes another speed.",
          bus=(("jog-speed-change", "standing"),)),
     xyza("second-stop-ends", True, "Nothing: a program that was stopped can go on."),
+    xyza("ordered-speeds", True, "A min_speed above max_speed is refused; whoever raises both begins with max_speed."),
     xyza("motion-delay-ms", 100, "Nothing but later answers to jogs."),
     xyza("standing-delay-ms", 100, "Nothing but later answers to jogs and stops."),
     xyza("power-delay-ms", 100, "Nothing but later answers to parameters, enable and disable."),
@@ -77,6 +78,7 @@ class Controller:
         self.ignored = values.get("ignores", [])
         self.hidden = values.get("lacks", [])
         self.clamps = values.get("clamps", False)
+        self.ordered = values.get("ordered-speeds", False)
 
     def sim(self, name):
         return self.bridge.sim.get()[name]
@@ -168,6 +170,12 @@ def parameters(controller):
         assert controller.x.read("max_speed") == 20000
     elif controller.judge(result, "item"):
         assert controller.x.read("max_speed") == 50000
+    result = controller.sets("min_speed", 60000)
+    if (controller.clamps or controller.ordered) and "item" not in controller.ignored:
+        assert result == RESULT_REFUSED
+    else:
+        controller.judge(result, "item")
+    controller.sets("min_speed", 100)
     assert controller.x.read("counts_per_unit") > 0
 
 
