@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-# docs/config-keys.csv as the keys' part of drivebridge.conf(5).
+# docs/config-keys.csv as the keys' part of drivebridge.conf(5), docs/mqtt-keys.csv as that of drivebridge-mqtt(8).
 
 function title(section) {
-	if (section == "modbus" || section == "control")
-		return "SECTION " section
-	return "SECTION " section " NAME"
+	if (section == "bus" || section == "drive")
+		return "SECTION " section " NAME"
+	return "SECTION " section
 }
 
 function allowed(    words) {
 	words = column("words")
 	if (words != "") {
 		gsub(/ /, ", ", words)
-		return words
+		return words (column("type") == "list" ? ", {\"NAME\", ...}" : "")
 	}
 	if (column("type") == "text")
 		return (column("min") == 0 ? "at most " : column("min") " to ") column("max") " characters"

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "mqtt/config.h"
+#include "mqtt/keys.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -155,6 +156,35 @@ static void test_secrets(void **state)
 	                                 &(struct db_mqtt_config){ .socket = NULL }));
 }
 
+/* The file that is installed shows every key with what holds without it. */
+static void test_the_installed_file_shows_all(void **state)
+{
+	FILE *file = fopen(DRIVEBRIDGE_SOURCE_DIR "/conf/mqtt.conf", "re");
+	char text[8192] = "", name[64];
+	const char *line;
+
+	(void)state;
+	assert_non_null(file);
+	assert_true(fread(text, 1, sizeof(text) - 1, file) > 0);
+	(void)fclose(file);
+	for (const struct db_mqtt_key *key = db_mqtt_keys; key->name; key++) {
+		size_t length = strlen(key->preset ? key->preset : "");
+
+		(void)snprintf(name, sizeof(name), "\n#\t%s ", key->name);
+		line = strstr(text, name);
+		/* The second section with a key of that name. */
+		if (line && strcmp(key->section, "command") == 0)
+			line = strstr(strstr(text, "\ncommand {"), name);
+		if (!line)
+			print_message("%s is not there\n", key->name);
+		assert_non_null(line);
+		line = strchr(line, '=') + 2;
+		line += line[0] == '"';
+		if (length > 0)
+			assert_memory_equal(line, key->preset, length);
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -162,6 +192,7 @@ int main(void)
 		cmocka_unit_test(test_lists),
 		cmocka_unit_test(test_errors_with_their_lines),
 		cmocka_unit_test(test_secrets),
+		cmocka_unit_test(test_the_installed_file_shows_all),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);
