@@ -64,7 +64,7 @@ const char *db_mqtt_picture_name(const struct db_mqtt_picture *picture)
 	return name ? name : "";
 }
 
-const json_t *db_mqtt_picture_registers(const struct db_mqtt_picture *picture)
+json_t *db_mqtt_picture_registers(const struct db_mqtt_picture *picture)
 {
 	return picture->registers;
 }

@@ -22,7 +22,7 @@ void db_mqtt_picture_free(struct db_mqtt_picture *picture);
 const char *db_mqtt_picture_name(const struct db_mqtt_picture *picture);
 
 /* The registers that are published, an object by their names. Stays the picture's. */
-const json_t *db_mqtt_picture_registers(const struct db_mqtt_picture *picture);
+json_t *db_mqtt_picture_registers(const struct db_mqtt_picture *picture);
 
 /*
  * Takes the values of one sample; `us` is when it was sent, for a drive that does not know the time of its data.

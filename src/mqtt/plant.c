@@ -24,8 +24,9 @@ struct db_mqtt_plant {
 	json_t *description;
 	json_t *registers; /* by drive, as they come */
 	size_t described;  /* drives whose registers have been asked for */
-	bool running;
-	bool failed; /* to be closed; `why` is told */
+	bool there;        /* found, and not lost since */
+	bool changed;      /* to be asked anew: there are other drives */
+	bool failed;       /* to be closed; `why` is told */
 	char why[512];
 	char told[512];      /* what was logged last; "" while it is there */
 	int64_t events_from; /* those before are not news */
@@ -59,7 +60,7 @@ static void disconnect(struct db_mqtt_plant *plant)
 	json_decref(plant->registers);
 	plant->registers = NULL;
 	plant->described = 0;
-	plant->running = false;
+	plant->changed = false;
 	plant->failed = false;
 	plant->ask_at = DB_TIME_NEVER;
 	plant->answer_by = DB_TIME_NEVER;
@@ -239,7 +240,7 @@ static void run(struct db_mqtt_plant *plant)
 	(void)json_array_append_new(wanted, json_string("timestamp_us"));
 	json_array_foreach(json_object_get(plant->description, "drives"), i, drive)(void)
 		json_array_append_new(drives, json_string(name_of(drive)));
-	plant->running = true;
+	plant->there = true;
 	plant->told[0] = '\0';
 	db_mqtt_retry_succeed(&plant->retry);
 	plant->ops->found(plant->context, plant->description, plant->registers, names);
@@ -321,7 +322,7 @@ static void take_description(void *data, json_t *parameters, const struct db_cli
 		plant->registers = json_object();
 		ask_registers(plant);
 	} else if (!json_equal(json_object_get(plant->description, "drives"), drives)) {
-		fail(plant, "the service has other drives than before");
+		plant->changed = true;
 	}
 }
 
@@ -362,14 +363,15 @@ static void connect_all(struct db_mqtt_plant *plant, int64_t us)
 /* Closes what has failed, and says why unless it was said. */
 static void give_up(struct db_mqtt_plant *plant)
 {
-	bool was_running = plant->running;
+	bool was_there = plant->there;
 
-	if (was_running || strcmp(plant->why, plant->told) != 0)
+	if (was_there || strcmp(plant->why, plant->told) != 0)
 		db_mqtt_log(DB_MQTT_WARNING, "no connection to drivebridged: %s", plant->why);
 	memcpy(plant->told, plant->why, sizeof(plant->told));
 	disconnect(plant);
+	plant->there = false;
 	db_mqtt_retry_fail(&plant->retry, plant->now, (unsigned)rand());
-	if (was_running)
+	if (was_there)
 		plant->ops->lost(plant->context);
 }
 
@@ -406,6 +408,10 @@ void db_mqtt_plant_handle(struct db_mqtt_plant *plant, db_time now, int64_t us)
 	if (!plant->failed && now >= plant->ask_at) {
 		plant->ask_at = DB_TIME_NEVER;
 		call(plant, CALLS, "Figures", NULL, take_figures);
+	}
+	if (plant->changed && !plant->failed) {
+		disconnect(plant);
+		connect_all(plant, us);
 	}
 	if (plant->failed)
 		give_up(plant);

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What drivebridged tells: its drives and their registers, streams of values and of events, the figures of its buses.
- * Connects by itself, again and again; a service that was restarted or has other drives than before counts as a new
- * one. One thread; never waits.
+ * Connects by itself, again and again; when the drives change, it is found again. One thread; never waits.
  */
 #ifndef DRIVEBRIDGE_MQTT_PLANT_H
 #define DRIVEBRIDGE_MQTT_PLANT_H

@@ -4,6 +4,7 @@
 #include "drivebridge/version.h"
 #include "mqtt/admission.h"
 #include "mqtt/broker.h"
+#include "mqtt/discovery.h"
 #include "mqtt/log.h"
 #include "mqtt/moment.h"
 #include "mqtt/outbox.h"
@@ -115,6 +116,13 @@ static void take_skipped(void *context, int64_t count)
 	publisher->skipped += (uint64_t)count;
 }
 
+static void publish_document(void *context, const char *topic, const char *text)
+{
+	const struct db_mqtt_publisher *publisher = context;
+
+	db_mqtt_outbox_set_retained(publisher->outbox, topic, text);
+}
+
 static void forget_pictures(struct db_mqtt_publisher *publisher)
 {
 	for (size_t i = 0; i < publisher->picture_count; i++)
@@ -141,6 +149,9 @@ static void withdraw_missing(struct db_mqtt_publisher *publisher, const json_t *
 
 			there = there || (other && strcmp(other, name) == 0);
 		}
+		if (!there && publisher->config->discovery)
+			db_mqtt_discovery_announce(publisher->config, publisher->pictures[i], true,
+			                           publish_document, publisher);
 		for (size_t l = 0; !there && l < sizeof(leaves) / sizeof(leaves[0]); l++)
 			db_mqtt_outbox_set_retained(publisher->outbox,
 			                            topic_of_drive(publisher, name, leaves[l]).text,
@@ -174,6 +185,9 @@ static void greet_plant(void *context, const json_t *description, const json_t *
 		publisher->pictures[publisher->picture_count++] = picture;
 		publish(publisher, topic_of_drive(publisher, name, "about"),
 		        db_mqtt_picture_write_about(picture), true);
+		if (publisher->config->discovery)
+			db_mqtt_discovery_announce(publisher->config, picture, false,
+			                           publish_document, publisher);
 	}
 	db_mqtt_outbox_set_retained(publisher->outbox, publisher->status.text, "online");
 	if (db_mqtt_config_commands(publisher->config) && !publisher->warned &&

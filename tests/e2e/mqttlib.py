@@ -139,6 +139,11 @@ class Watcher:
                     seen = [one for one in self.messages[since:] if one.topic == self.prefix + leaf]
                     raise AssertionError(f"no such message in {leaf}; the last: {seen[-3:]}")
 
+    def find(self, topic):
+        """The first message of a topic outside of the prefix."""
+        return eventually(lambda: next((one for one in list(self.messages) if one.topic == topic), None),
+                          what=topic)
+
     def wait_for_text(self, leaf, text, since=0, timeout=10):
         return self.wait(leaf, lambda message: message.text == text, since, timeout)
 

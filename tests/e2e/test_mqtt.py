@@ -160,6 +160,26 @@ def test_birth_and_last_will(plant):
     watcher.wait_for_text("status", "online", seen, timeout=15)
 
 
+def test_drives_come_and_go(plant):
+    """A reload takes a drive out: nothing of it stays at the broker."""
+    bridge = plant.make_bridge(drives=2)
+    broker = plant.broker()
+    watcher = plant.watcher(broker)
+    plant.publisher(bridge, broker, publish={"discovery": "homeassistant"}).start()
+    watcher.wait_for_text("status", "online")
+    document = watcher.find("homeassistant/sensor/drivebridge_gw_drive2/position/config").json
+    assert document["state_topic"] == "drivebridge/gw/drive/drive2/state"
+    assert document["unit_of_measurement"] == "counts"
+    del bridge.sections["drive drive2"]
+    bridge.reload()
+    eventually(lambda: watcher.all("drive/drive2/about")[-1].text == "")
+    eventually(lambda: watcher.all("drive/drive2/state")[-1].text == "")
+    late = plant.watcher(broker, filters=("drivebridge/#", "homeassistant/#"))
+    late.find("homeassistant/sensor/drivebridge_gw_drive1/position/config")
+    late.wait("drive/drive1/about")
+    assert not [one for one in late.messages if "drive2" in one.topic]
+
+
 def test_broker_restarts(plant):
     """What changed meanwhile arrives in its order, with its times, and retained topics are there again."""
     bridge = plant.make_bridge()
