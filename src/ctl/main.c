@@ -60,6 +60,8 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 		ctl->with_address = true;
 	else if (strcmp(name, "all-speeds") == 0)
 		ctl->all_speeds = true;
+	else if (strcmp(name, "addresses") == 0)
+		ctl->addresses = value;
 	else if (strcmp(name, "speed") == 0)
 		ctl->speed = value;
 	else if (strcmp(name, "kept") == 0)

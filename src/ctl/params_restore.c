@@ -4,6 +4,7 @@
  * whatever ended it, it goes on where it was.
  */
 #include "ctl/params_restore.h"
+#include "ctl/ask.h"
 #include "ctl/grid.h"
 #include "ctl/params_source.h"
 #include "ctl/plant.h"
@@ -116,24 +117,6 @@ static void show_plan(const struct restore *restore)
 	               "writes it\n",
 	               json_string_value(json_array_get(names, 0)));
 	(void)fflush(stdout);
-}
-
-/* DB_CTL_OK: yes. */
-static enum db_ctl_status ask(const struct restore *restore)
-{
-	char answer[16] = "";
-
-	if (restore->ctl->yes)
-		return DB_CTL_OK;
-	if (restore->ctl->json || !isatty(STDIN_FILENO))
-		return db_ctl_complain(restore->ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
-		                       "nobody can be asked here: --yes writes them");
-	(void)printf("write %zu into %s? [y/N] ", count_names(restore->plan), restore->drive.name);
-	(void)fflush(stdout);
-	if (fgets(answer, sizeof(answer), stdin) && (answer[0] == 'y' || answer[0] == 'Y'))
-		return DB_CTL_OK;
-	return db_ctl_complain(restore->ctl, DB_CTL_NO, "io.drivebridge.Client.Interrupted",
-	                       "nothing was written");
 }
 
 /* --- writing ---------------------------------------------------------------------------------------- */
@@ -382,7 +365,8 @@ static enum db_ctl_status restore_params(struct restore *restore)
 	json_decref(addresses);
 	show_plan(restore);
 	if (json_array_size(restore->plan) > 0)
-		status = ask(restore);
+		status = db_ctl_ask(restore->ctl, "write %zu into %s?", count_names(restore->plan),
+		                    restore->drive.name);
 	if (status != DB_CTL_OK)
 		return status;
 	restore->signals = db_ctl_signals_open();

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/scan.h"
+#include "ctl/ask.h"
 #include "ctl/grid.h"
 #include "ctl/search.h"
 #include "ctl/value.h"
@@ -263,25 +264,57 @@ static void print_found(const struct db_ctl *ctl, const struct db_ctl_search *se
 	free(configuration);
 }
 
+/* What Scan is asked, from the options; NULL, and the reason is printed. */
+static json_t *read_options(const struct db_ctl *ctl, const char *bus)
+{
+	json_t *parameters = json_pack("{s:s, s:b}", "bus", bus, "all_speeds", ctl->all_speeds);
+	int speed = ctl->speed ? atoi(ctl->speed) : 0;
+	unsigned first;
+	unsigned last;
+	char end;
+
+	if (ctl->speed)
+		(void)json_object_set_new(parameters, "speeds", json_pack("[i]", speed));
+	if (ctl->addresses && sscanf(ctl->addresses, "%u-%u%c", &first, &last, &end) == 2) {
+		(void)json_object_set_new(parameters, "first", json_integer(first));
+		(void)json_object_set_new(parameters, "last", json_integer(last));
+	} else if (ctl->addresses) {
+		(void)db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+		                      "\"%s\" are no addresses; 1-32, for instance, are",
+		                      ctl->addresses);
+		json_decref(parameters);
+		return NULL;
+	}
+	if (!ctl->speed || (speed > 0 && !ctl->all_speeds))
+		return parameters;
+	(void)db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+	                      "--speed takes one speed in bit/s, and goes without --all-speeds");
+	json_decref(parameters);
+	return NULL;
+}
+
 enum db_ctl_status db_ctl_scan(struct db_ctl *ctl, int count, char **arguments)
 {
 	const json_t *bus = db_ctl_find_bus(ctl, arguments[0]);
+	json_t *parameters = bus ? read_options(ctl, arguments[0]) : NULL;
+	bool aside = ctl->all_speeds || ctl->speed;
 	struct db_ctl_search search;
 	enum db_ctl_status status;
 
 	(void)count;
-	if (!bus)
+	if (!parameters)
 		return DB_CTL_USAGE;
-	if (ctl->all_speeds && !ctl->json)
+	if (aside && !ctl->json)
 		(void)printf(
 			"bus %s is set aside for this: its drives, which must stand, are left as "
 			"on-exit says, and\nare offline for every PLC until the scan has ended\n",
 			arguments[0]);
-	if (ctl->all_speeds && !db_ctl_agrees(ctl, "go on?"))
-		return DB_CTL_NO;
-	status = db_ctl_search(
-		ctl, json_pack("{s:s, s:b}", "bus", arguments[0], "all_speeds", ctl->all_speeds),
-		&search);
+	status = aside ? db_ctl_ask(ctl, "go on?") : DB_CTL_OK;
+	if (status != DB_CTL_OK) {
+		json_decref(parameters);
+		return status;
+	}
+	status = db_ctl_search(ctl, parameters, &search);
 	if (status == DB_CTL_OK)
 		print_found(ctl, &search, bus);
 	if (status == DB_CTL_OK && search.interrupted)

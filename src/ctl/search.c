@@ -29,26 +29,6 @@ const json_t *db_ctl_find_bus(const struct db_ctl *ctl, const char *name)
 	                   DB_CLIENT_SERVICE "NoSuchBus", "no bus is called");
 }
 
-bool db_ctl_agrees(const struct db_ctl *ctl, const char *question)
-{
-	char line[16] = "";
-
-	if (ctl->yes)
-		return true;
-	if (!isatty(STDIN_FILENO) || ctl->json) {
-		(void)db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
-		                      "nobody can be asked here whether this is to be done; --yes "
-		                      "says so");
-		return false;
-	}
-	(void)printf("%s [y/N] ", question);
-	(void)fflush(stdout);
-	if (fgets(line, sizeof(line), stdin) && (line[0] == 'y' || line[0] == 'Y'))
-		return true;
-	(void)puts("nothing was done");
-	return false;
-}
-
 static void show_progress(const struct stream *stream, const json_t *parameters)
 {
 	if (!stream->progress)
@@ -103,8 +83,7 @@ enum db_ctl_status db_ctl_search(struct db_ctl *ctl, json_t *parameters,
 		                      signal_number != SIGTSTP;
 		(void)db_client_handle(ctl->client);
 	}
-	if (fds[1].fd >= 0)
-		(void)close(fds[1].fd);
+	db_ctl_signals_close(fds[1].fd);
 	if (stream.progress)
 		(void)fputs("\r\033[K", stderr);
 	/* A scan ends with its connection. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A scan of a bus that is waited for, with what it found; and questions that somebody has to answer before. */
+/* A scan of a bus that is waited for, with what it found. */
 #ifndef DRIVEBRIDGE_CTL_SEARCH_H
 #define DRIVEBRIDGE_CTL_SEARCH_H
 
@@ -22,8 +22,5 @@ void db_ctl_search_clear(struct db_ctl_search *search);
 
 /* The bus of that name, or NULL and the reason is printed. */
 const json_t *db_ctl_find_bus(const struct db_ctl *ctl, const char *name);
-
-/* Whether what was said before is to be done: asks on the terminal, or --yes says so. Else the reason is printed. */
-bool db_ctl_agrees(const struct db_ctl *ctl, const char *question);
 
 #endif

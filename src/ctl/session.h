@@ -46,6 +46,7 @@ struct db_ctl {
 	const char *trigger;
 	const char *before;
 	const char *plot;
+	const char *addresses;
 	/* Behind db_ctl_open(). */
 	struct db_client *client;
 	json_t *description; /* the answer of Describe */

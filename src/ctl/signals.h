@@ -9,6 +9,9 @@
  */
 int db_ctl_signals_open(void);
 
+/* From here on they do what they did before. -1 is fine. */
+void db_ctl_signals_close(int fd);
+
 /* The next one, 0 when there is none. */
 int db_ctl_signals_read(int fd);
 

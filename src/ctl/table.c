@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/table.h"
+#include "ctl/address.h"
 #include "ctl/bus.h"
 #include "ctl/events.h"
 #include "ctl/jog.h"
@@ -53,6 +54,10 @@ const struct db_ctl_command db_ctl_commands[] = {
 	{ "scan", "BUS", "buses", 1, 1, true,
 	  "Find the drives of a bus: their addresses, who they are, and what to write into the configuration",
 	  db_ctl_scan },
+	{ "address", "BUS OLD NEW", "buses -", 3, 3, true,
+	  "Give the drive at an address another one: looked at before, asked, saved, and looked for afterwards", db_ctl_address },
+	{ "baud", "BUS ADDRESS SPEED", "buses -", 3, 3, true,
+	  "Set the speed (bit/s) that a drive is to have; all drives of a bus, and its section, must follow", db_ctl_baud },
 	{ "events", "", "", 0, 0, true,
 	  "What happened lately", db_ctl_events },
 	{ "record", "DRIVE.NAME...", "values", 1, -1, true,
@@ -80,7 +85,7 @@ const struct db_ctl_option db_ctl_options[] = {
 	{ "velocity", "V", " jog ", "How fast, in the unit of target_velocity; a tenth of its limit when not given" },
 	{ "interval", "MS", " watch ", "Time between two pictures, 200 ms when not given; 0: every cycle" },
 	{ "follow", NULL, " events ", "Go on with those to come" },
-	{ "yes", NULL, " params restore scan ", "Do not ask" },
+	{ "yes", NULL, " params restore scan address baud ", "Do not ask" },
 	{ "save", NULL, " params restore ", "Run save_parameters afterwards, so that the drive keeps them without power" },
 	{ "with-address", NULL, " params restore ", "Also what says where the drive is heard: its address, its bit rate" },
 	{ "all-speeds", NULL, " scan ", "At every speed that drives of the family can have, with the bus set aside" },
@@ -94,6 +99,8 @@ const struct db_ctl_option db_ctl_options[] = {
 	  "Wait until DRIVE.NAME=VALUE (or != > <) becomes true: a state entered, a value crossed, a bit set" },
 	{ "before", "S", " record ", "So many seconds before the trigger, 1 when not given" },
 	{ "plot", "PICTURE", " record ", "Behind it a picture by gnuplot: terminal, or FILE.svg" },
+	{ "addresses", "FIRST-LAST", " scan ", "Only these addresses" },
+	{ "speed", "BIT/S", " scan address baud ", "At this speed, with the bus set aside, where it is not the bus's own" },
 	{ "help", NULL, NULL, "Print what there is" },
 	{ "version", NULL, NULL, "Print the version" },
 	{ NULL, NULL, NULL, NULL },

@@ -385,7 +385,7 @@ static void follow_scan(struct db_bus *bus, db_time now)
 		bus->use = LINE_CLEARING;
 	}
 	if (bus->use == LINE_CLEARING &&
-	    (db_engine_is_quiet(bus->engine) || now >= bus->clear_by)) {
+	    (db_engine_is_cleared(bus->engine) || now >= bus->clear_by)) {
 		db_engine_set_aside(bus->engine, now);
 		close_port(bus, now);
 		bus->use = LINE_ASIDE;
@@ -636,6 +636,9 @@ static void take_scan(struct db_bus *bus, bool ending, db_time now)
 {
 	struct scan *scan = atomic_exchange(&bus->scan_asked, NULL);
 
+	/* One that follows the last one before the line is back in service opens the port for itself. */
+	if (scan && bus->use == LINE_ASIDE)
+		close_port(bus, now);
 	if (scan)
 		scan_begin(bus->engine, scan, now);
 	if (ending)

@@ -341,6 +341,15 @@ void db_engine_shut_down(struct db_engine *engine, db_time now)
 	}
 }
 
+bool db_engine_is_cleared(const struct db_engine *engine)
+{
+	for (size_t i = 0; engine->stats.up && i < engine->station_count; i++) {
+		if (engine->stations[i]->node->online && engine->stations[i]->stop_count > 0)
+			return false;
+	}
+	return !engine->stats.up || engine->flights == 0;
+}
+
 void db_engine_set_aside(struct db_engine *engine, db_time now)
 {
 	db_engine_tell_unconfirmed(engine);

@@ -75,6 +75,8 @@ db_time db_engine_run(struct db_engine *engine, db_time now);
 void db_engine_shut_down(struct db_engine *engine, db_time now);
 /* Nothing is left to be done of it. */
 bool db_engine_is_quiet(const struct db_engine *engine);
+/* Nothing is left to be done of it for drives that answer. */
+bool db_engine_is_cleared(const struct db_engine *engine);
 /* What was asked for the end is done, or its time is up; the engine does not end, but its bus is down until
  * the port is there for its drives again. */
 void db_engine_set_aside(struct db_engine *engine, db_time now);

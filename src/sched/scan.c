@@ -67,6 +67,7 @@ struct scan {
 	db_time idle_since; /* nothing was asked */
 	db_time thinks;     /* the drive that is visited, before it answers ... */
 	bool thinks_known;  /* ... as far as it has */
+	db_time not_before; /* the address is given time for late answers */
 };
 
 /* --- the network's side ---------------------------------------------------------------------------- */
@@ -280,31 +281,39 @@ static bool has_cycle(const struct db_engine *engine)
 	return takes_line(engine) && !engine->scan->plan.aside && engine->stats.online > 0;
 }
 
-static db_time longest_wait(const struct scan *scan)
+static db_time latency_of(const struct scan *scan)
 {
-	db_time latency = (db_time)scan->bus->drive_latency_ms * DB_NS_PER_MS;
-	db_time known = 2 * scan->thinks + THINK_MARGIN;
+	return (db_time)scan->bus->drive_latency_ms * DB_NS_PER_MS;
+}
 
-	return scan->thinks_known && known < latency ? known : latency;
+/* With less time than this nothing is asked. Of a drive that has answered before not more is needed than twice of
+ * what it took. */
+static db_time shortest_wait(const struct scan *scan)
+{
+	db_time least = scan->thinks_known ? 2 * scan->thinks + THINK_MARGIN : WAIT_MIN;
+
+	return least < latency_of(scan) ? least : latency_of(scan);
 }
 
 /*
  * How long the drive may think, so that the cycle to come finds the line free; 0: not now. One question in a
  * cycle gets all that is left of it, so that each address is waited for as long as the others.
  */
-static db_time choose_wait(struct db_engine *engine, db_time wire, db_time now)
+static db_time choose_wait(struct db_engine *engine, const struct db_inquiry *inquiry, db_time wire,
+                           db_time now)
 {
 	struct scan *scan = engine->scan;
-	db_time latency = longest_wait(scan);
+	db_time latency = latency_of(scan);
 	db_time room = engine->cycle_at - now - wire - MARGIN - QUIET -
 	               (db_time)scan->bus->turnaround_us * DB_NS_PER_US;
 	uint32_t wait_us;
 
-	if (!has_cycle(engine))
+	/* What a drive is told goes as a command would. */
+	if (!has_cycle(engine) || inquiry->kind >= DB_INQUIRY_SET_ADDRESS)
 		return latency;
 	if (room < latency && scan->cycle_used == engine->cycle_at)
 		return 0;
-	if (room < (latency < WAIT_MIN ? latency : WAIT_MIN))
+	if (room < shortest_wait(scan))
 		return 0;
 	wait_us = db_time_us32(room < latency ? room : latency);
 	if (!scan->thinks_known && wait_us < scan->progress.wait_us)
@@ -409,7 +418,7 @@ bool scan_send_next(struct db_engine *engine, db_time now)
 	db_time wire;
 	db_time wait;
 
-	if (!scan || scan->question.flying || now < engine->quiet_until ||
+	if (!scan || scan->question.flying || now < engine->quiet_until || now < scan->not_before ||
 	    engine->held_since != 0 || (takes_line(engine) && engine->flights > 0))
 		return false;
 	if (!choose_inquiry(engine, &inquiry))
@@ -419,11 +428,9 @@ bool scan_send_next(struct db_engine *engine, db_time now)
 		return false;
 	wire = wire_time(scan, scan->exchange.request_length, scan->exchange.answer_length) +
 	       scan->exchange.extra_time;
-	scan->progress.needed_us =
-		db_time_us32(wire + MARGIN + QUIET +
-	                     (longest_wait(scan) < WAIT_MIN ? longest_wait(scan) : WAIT_MIN)) +
-		scan->bus->turnaround_us;
-	wait = choose_wait(engine, wire, now);
+	scan->progress.needed_us = db_time_us32(wire + shortest_wait(scan) + MARGIN + QUIET) +
+	                           scan->bus->turnaround_us;
+	wait = choose_wait(engine, &inquiry, wire, now);
 	if (wait <= 0)
 		return false;
 	send_question(engine, &inquiry, wait, now);
@@ -447,6 +454,8 @@ db_time scan_wake(const struct db_engine *engine, db_time now)
 			return question->deadline;
 		return quiet > now ? quiet : now + 1;
 	}
+	if (scan->not_before > now)
+		return scan->not_before;
 	if (!scan->plan.aside || !scan->port_up)
 		return DB_TIME_NEVER;
 	return engine->quiet_until > now ? engine->quiet_until : now + 1;
@@ -510,8 +519,11 @@ void scan_look(struct db_engine *engine, db_time now)
 	                     now < question->deadline + (question->deadline - question->sent)) :
 	            now < question->silent_by)
 		return;
-	/* What is left in the buffer became no frame. */
-	question->garbage += takes_line(engine) ? engine->received_length : 0;
+	/* What is left in the buffer became no frame; less than an answer may be a late one's beginning. */
+	if (takes_line(engine) && engine->received_length >= scan->exchange.answer_length)
+		question->garbage += engine->received_length;
+	if (!question->outcome.answered && (heard || scan->thinks_known))
+		scan->not_before = now + LATE_ANSWER_LATENCIES * latency_of(scan);
 	if (question->echoed == scan->exchange.request_length)
 		question->garbage -= question->garbage < question->echoed ? question->garbage :
 		                                                            question->echoed;

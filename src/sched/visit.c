@@ -12,8 +12,11 @@
 /* Where a drive is told something, fewer are enough: it was looked for before. */
 #define ASKED_SET_UP 3
 
-/* Damage that comes once is the line's. */
-#define GARBLED_OFTEN 2
+/* Damage that comes once is the line's, and an answer too many once is a late one. */
+#define OFTEN 2
+
+/* A question whether it stands is asked so often until it is answered. */
+#define ASKED_STANDING 3
 
 void visit_begin(struct visit *visit, const struct db_driver *driver, unsigned speed,
                  unsigned address, enum db_inquiry_kind set_up, unsigned value)
@@ -41,8 +44,8 @@ static unsigned asked_at_most(const struct visit *visit)
 
 static enum db_scan_verdict judge(const struct db_scan_find *find)
 {
-	if (find->doubled > 0 || find->other[0] ||
-	    (find->answered > 0 && find->garbled >= GARBLED_OFTEN))
+	if (find->other[0] || find->doubled >= OFTEN ||
+	    (find->answered > 0 && find->garbled + find->doubled >= OFTEN))
 		return DB_SCAN_TWO;
 	return find->answered > 0 ? DB_SCAN_ONE : DB_SCAN_GARBLED;
 }
@@ -102,7 +105,10 @@ static void take_identity(struct db_scan_find *find, const char *identity)
 
 static void take_standing(struct visit *visit, const struct visit_outcome *outcome)
 {
+	if (outcome && !outcome->answered && ++visit->standing_tries < ASKED_STANDING)
+		return;
 	visit->standings++;
+	visit->standing_tries = 0;
 	/* An axis that a controller does not have is refused. */
 	if (outcome && outcome->said.refused && visit->standings > 1)
 		return;

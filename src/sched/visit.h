@@ -16,6 +16,7 @@ struct visit {
 	unsigned asked;      /* questions whether somebody is there */
 	unsigned identities; /* questions who */
 	unsigned standings;
+	unsigned standing_tries;
 	bool told; /* what the drive is set up with */
 	uint64_t time_sum_us;
 	enum db_scan_end end; /* of setting it up */

@@ -27,6 +27,7 @@
 
 /* How two drives with one number answer. */
 enum sim_twins {
+	SIM_TWINS_NONE, /* there are none; should two get one number later, they answer together */
 	SIM_TWINS_TOGETHER, /* bit by bit at the same time: where they say the same, it arrives */
 	SIM_TWINS_SHIFTED,  /* the second a byte later: nothing of either arrives */
 	SIM_TWINS_IN_TURN,  /* one behind the other */

@@ -219,6 +219,7 @@ static void read_vsmd_temper(const struct sim_section *section, struct sim_vsmd_
 		.refusal = (enum sim_refusal)sim_section_word(section, "refusal"),
 		.clamps = sim_section_flag(section, "clamps"),
 		.rests_off = (int32_t)sim_section_whole(section, "rests-off"),
+		.settles = (enum sim_settles)sim_section_word(section, "settles"),
 		.hides_outputs = sim_section_flag(section, "hides-outputs"),
 		.ignores_broadcast = sim_section_flag(section, "ignores-broadcast"),
 		.text = (enum sim_text_ends)sim_section_word(section, "text"),
@@ -369,6 +370,7 @@ static void read_xyza_temper(const struct sim_section *section, struct sim_xyza_
 		.amount_clears_sign = sim_section_flag(section, "amount-clears-sign"),
 		.acknowledges_all = sim_section_flag(section, "acknowledges-all"),
 		.clamps = sim_section_flag(section, "clamps"),
+		.settles = (enum sim_settles)sim_section_word(section, "settles"),
 		.jogs_from_stand = sim_section_flag(section, "jogs-from-stand"),
 		.second_stop_ends = sim_section_flag(section, "second-stop-ends"),
 		.ordered_speeds = sim_section_flag(section, "ordered-speeds"),
@@ -452,7 +454,7 @@ static void check_neighbours(const struct sim_section *section, const struct sim
 			                   other->name, drive->name, bus->name);
 			return;
 		}
-		if (other->address == drive->address) {
+		if (other->address == drive->address && bus->serial.twins == SIM_TWINS_NONE) {
 			sim_section_refuse(section, "address",
 			                   "address %u is taken by drive %s on the same bus",
 			                   drive->address, other->name);

@@ -140,6 +140,7 @@ static void write_register(struct sim_vsmd_can_node *node, unsigned reg, uint32_
 		sim_vsmd_refuse(drive, now);
 	else if (command.setting_count > 0)
 		(void)sim_vsmd_execute(drive, &command, now);
+	sim_vsmd_settle(drive, true);
 }
 
 static void write_registers(struct sim_vsmd_can_node *node, unsigned first,

@@ -602,6 +602,16 @@ const union db_value *sim_vsmd_params(const struct sim_vsmd *drive)
 	return drive->params;
 }
 
+void sim_vsmd_settle(struct sim_vsmd *drive, bool answered)
+{
+	enum sim_settles settles = drive->config.temper.settles;
+
+	if (settles != SIM_SETTLES_AT_ONCE && !(answered && settles == SIM_SETTLES_AFTER_ANSWER))
+		return;
+	drive->address = drive->params[VSMD_CID].u;
+	drive->baud = drive->params[VSMD_BDR].u;
+}
+
 unsigned sim_vsmd_address(const struct sim_vsmd *drive)
 {
 	return drive->address;

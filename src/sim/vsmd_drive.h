@@ -82,6 +82,10 @@ enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_
 /* The host said something that the drive heard; `named`: it asked who the drive is. */
 void sim_vsmd_hear(struct sim_vsmd *drive, bool named, db_time now);
 
+/* Goes by the address and speed that it was told, where it is one that does so then: before it answers, or
+ * (`answered`) behind that. */
+void sim_vsmd_settle(struct sim_vsmd *drive, bool answered);
+
 /* A line that was no command: sets cmd_wrg. The reply is the status. */
 void sim_vsmd_refuse(struct sim_vsmd *drive, db_time now);
 

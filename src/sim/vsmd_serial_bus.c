@@ -107,6 +107,7 @@ static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node
 	bool broadcast = sim_serial_bus_config(bus)->rs485 && command->id == VSMD_SERIAL_BROADCAST;
 	enum vsmd_reply_code code = VSMD_REPLY_STATUS;
 	uint32_t refusals = sim_vsmd_refusals(node->drive);
+	struct sim_burst *burst;
 
 	if (!hears_bus(bus, node) || sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
 		sim_serial_bus_count(bus)->unheard++;
@@ -121,7 +122,10 @@ static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node
 	else
 		sim_vsmd_refuse(node->drive, request->end);
 	tell_witness(node, command, error, refusals);
-	return broadcast ? NULL : reply(bus, node, code, request->end);
+	sim_vsmd_settle(node->drive, false);
+	burst = broadcast ? NULL : reply(bus, node, code, request->end);
+	sim_vsmd_settle(node->drive, true);
+	return burst;
 }
 
 static bool is_for(const struct sim_node *node, int id)

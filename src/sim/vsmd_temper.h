@@ -29,6 +29,14 @@ enum sim_refusal {
 	SIM_REFUSAL_CLEARED, /* a read is a command like others: it clears it before it is answered */
 };
 
+/* When a drive goes by a new address or speed. */
+enum sim_settles {
+	SIM_SETTLES_OF_BUS,       /* VSMD: POWER_UP, XYZA: AFTER_ANSWER */
+	SIM_SETTLES_POWER_UP,     /* with what was saved */
+	SIM_SETTLES_AFTER_ANSWER, /* it is answered as before; without an answer as AT_ONCE */
+	SIM_SETTLES_AT_ONCE,      /* it answers by its new address */
+};
+
 enum sim_text_ends { SIM_TEXT_PLAIN, SIM_TEXT_NUL, SIM_TEXT_CRLF, SIM_TEXT_QUOTED };
 enum sim_numbers { SIM_NUMBERS_PLAIN, SIM_NUMBERS_EXPONENT, SIM_NUMBERS_QUOTED };
 
@@ -46,9 +54,10 @@ struct sim_vsmd_temper {
 	db_time standing_delay;   /* the stp bit */
 	db_time motion_delay;     /* a motion begins so long after its command */
 	enum sim_refusal refusal;
-	bool clamps;             /* values out of range become the nearest one, without a word */
-	int32_t rests_off;       /* the counter of a standing drive shows so much more */
-	bool ignores_broadcast;  /* what is said to all drives at once is not for it */
+	bool clamps;            /* values out of range become the nearest one, without a word */
+	int32_t rests_off;      /* the counter of a standing drive shows so much more */
+	bool ignores_broadcast; /* what is said to all drives at once is not for it */
+	enum sim_settles settles;
 	bool hides_outputs;      /* the status word does not show the levels of output ports */
 	enum sim_text_ends text; /* of identity and parameters on serial lines */
 	enum sim_numbers numbers;

@@ -74,6 +74,8 @@ static struct sim_burst *serve_controller(struct sim_serial_bus *bus, struct sim
 	write_log(node, request);
 	if (!sim_xyza_execute(node->xyza, decoded, error, request->end, &reply))
 		return NULL;
+	if (sim_xyza_temper(node->xyza)->settles == SIM_SETTLES_AT_ONCE)
+		reply.object = (uint8_t)sim_xyza_number(node->xyza);
 	if (!is_read(decoded, error))
 		sim_serial_bus_testify(node, reply.kind != XYZA_REPLY_FAILED);
 	return answer(bus, node, &reply, request->end);

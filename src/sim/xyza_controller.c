@@ -830,6 +830,11 @@ void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t po
 
 /* --- what it is like ------------------------------------------------------------------------------ */
 
+const struct sim_xyza_temper *sim_xyza_temper(const struct sim_xyza *controller)
+{
+	return &controller->config.temper;
+}
+
 unsigned sim_xyza_number(const struct sim_xyza *controller)
 {
 	return controller->items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER];

@@ -15,6 +15,7 @@
 
 #include "codec/xyza.h"
 #include "drivebridge/time.h"
+#include "sim/vsmd_temper.h"
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -36,19 +37,20 @@ extern const char *const sim_xyza_kinds[SIM_XYZA_KIND_COUNT + 1]; /* their names
 
 /* What the document leaves open, one way or the other. All zeros is the controller above. */
 struct sim_xyza_temper {
-	bool no_negative_zero;   /* the sign of a position that is 0 is lost */
-	bool amount_clears_sign; /* a position whose amount is written is positive */
-	bool acknowledges_all;   /* what it does not do is acknowledged like what it does */
-	unsigned ignores;        /* bit of each enum sim_xyza_kind that it acknowledges only */
-	uint32_t lacks;          /* bit of each item that is never answered */
-	bool clamps;             /* speeds above SIM_XYZA_SPEED_MAX become that */
-	bool jogs_from_stand;    /* an axis that moves takes no jog */
-	bool second_stop_ends;   /* a program that waits is ended by another stop */
-	bool ordered_speeds;     /* min_speed is never above max_speed */
-	db_time motion_delay;    /* a jog begins so much later */
-	db_time standing_delay;  /* the state of the motors follows so much later */
-	db_time item_delay;      /* what is read of items follows so much later */
-	db_time braking;         /* from max_speed; 0 = as fast as it accelerates */
+	bool no_negative_zero;    /* the sign of a position that is 0 is lost */
+	bool amount_clears_sign;  /* a position whose amount is written is positive */
+	bool acknowledges_all;    /* what it does not do is acknowledged like what it does */
+	unsigned ignores;         /* bit of each enum sim_xyza_kind that it acknowledges only */
+	uint32_t lacks;           /* bit of each item that is never answered */
+	bool clamps;              /* speeds above SIM_XYZA_SPEED_MAX become that */
+	enum sim_settles settles; /* its number; the manual has no power-up */
+	bool jogs_from_stand;     /* an axis that moves takes no jog */
+	bool second_stop_ends;    /* a program that waits is ended by another stop */
+	bool ordered_speeds;      /* min_speed is never above max_speed */
+	db_time motion_delay;     /* a jog begins so much later */
+	db_time standing_delay;   /* the state of the motors follows so much later */
+	db_time item_delay;       /* what is read of items follows so much later */
+	db_time braking;          /* from max_speed; 0 = as fast as it accelerates */
 };
 #define SIM_XYZA_SPEED_MAX 20000
 
@@ -99,6 +101,7 @@ void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t po
                     db_time now);
 
 /* What a test wants to see. Call sim_xyza_advance() before. */
+const struct sim_xyza_temper *sim_xyza_temper(const struct sim_xyza *controller);
 unsigned sim_xyza_number(const struct sim_xyza *controller); /* in effect */
 const struct xyza_style *sim_xyza_style(const struct sim_xyza *controller);
 bool sim_xyza_powered(const struct sim_xyza *controller);

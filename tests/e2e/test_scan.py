@@ -11,6 +11,10 @@ import pytest
 from bridgelib import OFFLINE, STANDSTILL, eventually, find_program
 
 
+# Room for questions in each cycle, also while the machine is busy.
+ROOMY = {"cycle-ms": 100, "drive-latency-ms": 20}
+
+
 def run(bridge, *words, timeout=60):
     return subprocess.run([find_program("drivebridgectl"), "--socket", bridge.control_path, *words],
                           capture_output=True, text=True, timeout=timeout, check=False)
@@ -23,12 +27,18 @@ def scan(bridge, *words, status=0):
     return json.loads(done.stdout)
 
 
+def said(bridge, since=0):
+    """What went over the wire: (address, the rest)."""
+    lines = [line.lstrip(".").rstrip(".") for line in bridge.sim.sent(since, polls=True)]
+    return [tuple(line.split(" ", 1)) for line in lines if " " in line]
+
+
 def places(found):
     return [(find["speed"], find["address"], find["verdict"]) for find in found["finds"]]
 
 
 def test_drives_are_found_while_their_bus_is_in_service(make_bridge):
-    bridge = make_bridge(drives=2, sim_drives=4, sim_per_drive={
+    bridge = make_bridge(drives=2, sim_drives=4, bus=ROOMY, sim_per_drive={
         3: {"address": 7, "identity": "VSMD123_045T-1.0.009"}, 4: {"address": 32}})
     assert bridge.drive().command("move_velocity", target_velocity=500) == 0
     found = scan(bridge)
@@ -39,8 +49,7 @@ def test_drives_are_found_while_their_bus_is_in_service(make_bridge):
                for find in found["finds"])
     # Nobody was disturbed, and nothing but reading was said.
     assert bridge.drive().read("velocity") == pytest.approx(500, abs=1)
-    asked = [line.lstrip(".").split(" ", 1) for line in bridge.sim.sent(polls=True)]
-    assert {line[1] for line in asked if line[0] in ("7", "30", "32")} == {"sts", "dev"}
+    assert {word for address, word in said(bridge) if address in ("7", "30", "32")} == {"sts", "dev"}
     # What is printed is taken, and the drives come online.
     path = bridge.config_path
     path.write_text(path.read_text() + found["configuration"])
@@ -50,3 +59,224 @@ def test_drives_are_found_while_their_bus_is_in_service(make_bridge):
     assert run(bridge, "reload").returncode == 0
     for unit in (7, 32):
         eventually(lambda unit=unit: bridge.drive(unit).read("axis_state") == STANDSTILL)
+
+
+# --- two drives on one address -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("twins", ["together", "shifted", "in-turn"])
+def test_two_drives_on_one_address(make_bridge, twins):
+    bridge = make_bridge(drives=1, sim_drives=3, bus=ROOMY, sim_bus={"twins": twins}, sim_per_drive={
+        2: {"address": 4}, 3: {"address": 4, "identity": "VSMD123_045T-1.0.009"}})
+    found = scan(bridge, "--addresses", "1-5")
+    verdicts = {find["address"]: find["verdict"] for find in found["finds"]}
+    # Of two that say the same at the same time one hears one; who they are differs.
+    assert verdicts == {1: "one", 4: {"together": "two", "shifted": "garbled", "in-turn": "two"}[twins]}
+    if twins == "in-turn":
+        (pair,) = [find for find in found["finds"] if find["address"] == 4]
+        assert pair["doubled"] > 0
+    assert "address = 4" not in found["configuration"]
+    told = run(bridge, "scan", "line", "--addresses", "4-4").stdout
+    assert re.search(r"^address 4: .*two drives", told, re.M)
+
+
+# --- the bus set aside -------------------------------------------------------------------------------
+
+
+def test_drives_at_another_speed_are_found(make_bridge):
+    """The bus is set aside, which its drives and the log show, and returns to service."""
+    bridge = make_bridge(drives=1, bus={"drive-latency-ms": 10}, sim_bus={"follow-host": True})
+    offset = bridge.log_size()
+    bridge.sections["bus line"]["baud"] = 57600
+    bridge.wait_online = False
+    bridge.reload()
+    bridge.drive().reconnect()
+    eventually(lambda: bridge.drive().read("axis_state") == OFFLINE)
+    refused = run(bridge, "scan", "line", "--all-speeds")
+    assert refused.returncode == 2 and "--yes" in refused.stderr
+    found = scan(bridge, "--all-speeds", "--addresses", "1-3", "--yes")
+    assert places(found) == [(115200, 1, "one")]
+    assert "at 115200 bit/s, while bus line is set to 57600" in found["configuration"]
+    assert re.search("bus line: .* is set aside for a scan", bridge.log_since(offset))
+    eventually(lambda: "returns to service" in bridge.log_since(offset))
+    bridge.sections["bus line"]["baud"] = 115200
+    bridge.reload()
+    bridge.drive().reconnect()
+    bridge.wait_ready()
+
+
+def test_a_bus_is_set_aside_only_when_its_drives_stand(make_bridge):
+    bridge = make_bridge(drives=2, drive={"on-exit": "disable"}, sim_bus={"follow-host": True})
+    drive = bridge.drive(2)
+    assert drive.command("move_velocity", target_velocity=500) == 0
+    done = run(bridge, "scan", "line", "--all-speeds", "--yes")
+    assert done.returncode == 1 and "drive2 does not stand" in done.stderr
+    eventually(lambda: drive.read("velocity") == 500)
+    assert drive.command("stop") == 0
+    bridge.wait_standing(2)
+    # On-exit is honoured before, and the client's end ends the scan.
+    process = subprocess.Popen([find_program("drivebridgectl"), "--socket", bridge.control_path,
+                                "scan", "line", "--all-speeds", "--yes"], stdout=subprocess.PIPE,
+                               stderr=subprocess.STDOUT, text=True)
+    eventually(lambda: bridge.gateway().read("bus1_up") == 0 or process.poll() is not None)
+    eventually(lambda: drive.read("axis_state") == OFFLINE)
+    assert drive.command("enable") != 0
+    process.send_signal(signal.SIGINT)
+    told, _ = process.communicate(timeout=20)
+    assert process.returncode == 1 and "interrupted" in told
+    for number in (1, 2):
+        bridge.wait_ready(number)
+        assert bridge.sim.log(f"drive{number}").count(f"{number} off") >= 1
+
+
+def test_the_service_ends_while_a_bus_is_set_aside(make_bridge):
+    bridge = make_bridge(drives=1, sim_bus={"follow-host": True})
+    process = subprocess.Popen([find_program("drivebridgectl"), "--socket", bridge.control_path,
+                                "scan", "line", "--all-speeds", "--yes"], stdout=subprocess.DEVNULL,
+                               stderr=subprocess.DEVNULL)
+    eventually(lambda: "set aside" in bridge.log_path.read_text())
+    assert bridge.stop_bridge() == 0
+    assert process.wait(10) == 3
+    bridge.start_bridge()
+
+
+def test_only_one_scan_of_a_bus_at_a_time(make_bridge):
+    bridge = make_bridge(drives=1, sim_bus={"follow-host": True})
+    words = [find_program("drivebridgectl"), "--socket", bridge.control_path, "scan", "line"]
+    process = subprocess.Popen([*words, "--all-speeds", "--yes"], stdout=subprocess.DEVNULL)
+    eventually(lambda: "set aside" in bridge.log_path.read_text())
+    second = run(bridge, "scan", "line")
+    assert second.returncode == 1 and "too much" in second.stderr
+    process.send_signal(signal.SIGKILL)
+    process.wait(10)
+    eventually(lambda: "returns to service" in bridge.log_path.read_text())
+    bridge.wait_ready()
+    eventually(lambda: run(bridge, "scan", "line", "--addresses", "1-1").returncode == 0)
+
+
+def test_no_time_for_a_question_is_said(make_bridge):
+    """Nothing is asked where a cycle would be late by it."""
+    bridge = make_bridge(drives=4, bus={"cycle-ms": 10}, sim_bus={"latency-us": 1500})
+    mark = bridge.sim.mark()
+    done = run(bridge, "scan", "line")
+    assert done.returncode == 1 and re.search(r"Raise cycle-ms of this bus by \d+", done.stderr)
+    assert {address for address, _ in said(bridge, mark)} <= set("1234")
+
+
+# --- another address ---------------------------------------------------------------------------------
+
+
+def switch_power(bridge, name):
+    bridge.sim.control(f"power {name} cycle")
+
+
+def start(bridge, *words):
+    return subprocess.Popen([find_program("drivebridgectl"), "--socket", bridge.control_path, *words],
+                            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                            text=True)
+
+
+def heard(bridge, name, line):
+    return [text for text in bridge.sim.log(name) if text == line]
+
+
+@pytest.mark.parametrize("settles", ["power-up", "after-answer", "at-once"])
+def test_a_drive_gets_another_address(make_bridge, settles):
+    """However it goes by its new one, and whichever it answers by."""
+    bridge = make_bridge(drives=1, sim_drives=2, bus=ROOMY, sim_drive={"settles": settles})
+    process = start(bridge, "address", "line", "2", "9", "--yes")
+    if settles == "power-up":
+        eventually(lambda: heard(bridge, "drive2", "2 sav") or process.poll() is not None)
+        switch_power(bridge, "drive2")
+    told, _ = process.communicate(timeout=30)
+    assert process.returncode == 0, told
+    assert "the way back: drivebridgectl address line 9 2" in told
+    assert "done: it answers at address 9" in told
+    assert bridge.sim.get("drive2")["address"] == 9
+    # It is kept without power.
+    switch_power(bridge, "drive2")
+    assert [find["address"] for find in scan(bridge, "--addresses", "1-9")["finds"]] == [1, 9]
+
+
+def test_an_address_is_not_given_where_it_would_be_wrong(make_bridge):
+    bridge = make_bridge(drives=2, sim_drives=4, bus=ROOMY, sim_bus={"twins": "in-turn"},
+                         sim_per_drive={3: {"address": 7}, 4: {"address": 7}})
+    mark = bridge.sim.mark()
+    taken = run(bridge, "address", "line", "1", "2", "--yes")
+    assert taken.returncode == 1 and "address 2 of line is taken" in taken.stderr
+    nobody = run(bridge, "address", "line", "30", "31", "--yes")
+    assert nobody.returncode == 1 and "no drive answers at address 30" in nobody.stderr
+    both = run(bridge, "address", "line", "7", "8", "--yes")
+    assert both.returncode == 1 and "more than one drive answers at address 7" in both.stderr
+    assert run(bridge, "address", "line", "1", "9").returncode == 2
+    assert bridge.drive(1).command("move_velocity", target_velocity=500) == 0
+    moving = run(bridge, "address", "line", "1", "9", "--yes")
+    assert moving.returncode == 1 and "does not stand" in moving.stderr
+    # Nothing but reading was said.
+    assert not [word for _, word in said(bridge, mark) if word.startswith(("cfg ", "sav"))]
+
+
+def test_a_configured_drive_gets_another_address(make_bridge):
+    bridge = make_bridge(drives=2, bus=ROOMY, sim_drive={"settles": "after-answer"})
+    done = run(bridge, "address", "line", "2", "9", "--yes")
+    assert done.returncode == 0, done
+    assert "it is configured as drive2: afterwards its section must say address = 9" in done.stdout
+    eventually(lambda: bridge.drive(2).read("axis_state") == OFFLINE)
+    bridge.sections["drive drive2"]["address"] = 9
+    bridge.reload()
+    bridge.drive(2).reconnect()
+    bridge.wait_ready(2)
+
+
+def test_a_drive_that_is_not_saved_is_told_of(make_bridge):
+    bridge = make_bridge(drives=1, sim_drives=2, bus=ROOMY)
+    bridge.sim.fault("flash fail", "drive2")
+    done = run(bridge, "address", "line", "2", "9", "--yes")
+    assert done.returncode == 1
+    assert "it was not saved: the drive may be found at address 2 or 9 of line" in done.stderr
+
+
+@pytest.mark.parametrize("settles", ["", "at-once"])
+def test_a_controller_gets_another_number(make_bridge, settles):
+    bridge = make_bridge(drives=1, sim_drives=2, bus={**ROOMY, "protocol": "xyza"},
+                         drive={"axis": "x"}, sim_bus={"protocol": "xyza"},
+                         sim_drive={"settles": settles or None, "identity": None, "set": None})
+    done = run(bridge, "address", "line", "2", "200", "--yes")
+    assert done.returncode == 0, done
+    assert bridge.sim.get("drive2")["address"] == 200
+    found = scan(bridge, "--addresses", "195-205")
+    assert places(found) == [(115200, 200, "one")] and "axis = x" in found["configuration"]
+    refused = run(bridge, "baud", "line", "200", "9600", "--yes")
+    assert refused.returncode == 1 and "no baud rate" in refused.stderr
+
+
+@pytest.mark.parametrize("settles", ["power-up", "after-answer"])
+def test_a_drive_gets_another_speed(make_bridge, settles):
+    """Of the new one nobody knows before the drive was looked for at it."""
+    bridge = make_bridge(drives=1, bus=ROOMY, sim_bus={"follow-host": True},
+                         sim_drive={"settles": settles})
+    process = start(bridge, "baud", "line", "1", "57600", "--yes")
+    if settles == "power-up":
+        eventually(lambda: heard(bridge, "drive1", "1 sav") or process.poll() is not None)
+        switch_power(bridge, "drive1")
+        told, _ = process.communicate("\n", timeout=30)
+        assert process.returncode == 0, told
+        assert "all drives of a bus must have the same speed" in told
+        assert "drivebridgectl baud line 1 115200 --speed 57600" in told
+        assert re.search(r"^bus line {\n    baud = 57600$", told, re.M)
+    else:
+        # It is at its new speed already, and not saved.
+        told, _ = process.communicate(timeout=30)
+        assert process.returncode == 1 and "former speed or at 57600 bit/s" in told
+    found = scan(bridge, "--speed", "57600", "--addresses", "1-1", "--yes")
+    assert places(found) == [(57600, 1, "one")]
+    # And back.
+    mark = bridge.sim.mark()
+    process = start(bridge, "baud", "line", "1", "115200", "--speed", "57600", "--yes")
+    if settles == "power-up":
+        eventually(lambda: ("1", "sav") in said(bridge, mark) or process.poll() is not None, 20)
+        eventually(lambda: heard(bridge, "drive1", "1 sav"))
+        switch_power(bridge, "drive1")
+    told, _ = process.communicate("\n", timeout=30)
+    assert process.returncode == (0 if settles == "power-up" else 1), told
+    bridge.wait_ready()
