@@ -118,6 +118,11 @@ bool db_session_is_over(const struct db_session *session)
 
 /* --- output ------------------------------------------------------------------------------------------ */
 
+db_time db_session_stuck_at(const struct db_session *session)
+{
+	return session->out ? session->out_since + DB_SESSION_STUCK : DB_TIME_NEVER;
+}
+
 bool db_session_send(struct db_session *session, db_time now)
 {
 	ssize_t sent;

@@ -71,6 +71,12 @@ bool db_session_receive(struct db_session *session, db_time now);
 /* Sends what waits. False: the connection is broken. */
 bool db_session_send(struct db_session *session, db_time now);
 
+/* A client that takes nothing of its answers for so long is dropped. */
+#define DB_SESSION_STUCK (10 * DB_NS_PER_S)
+
+/* When that is, if it goes on like this; DB_TIME_NEVER while no answer waits. */
+db_time db_session_stuck_at(const struct db_session *session);
+
 /* Whether a whole message waits whose turn it is, and that; or the rest is too long for one. */
 bool db_session_has_message(const struct db_session *session, size_t *length);
 bool db_session_is_overfull(const struct db_session *session);

@@ -22,9 +22,6 @@
 #define ACCEPTS_AT_ONCE 4
 #define TIMER_ACCURACY_US 200
 
-/* A client that takes nothing of its answers for so long is dropped. */
-#define STUCK (10 * DB_NS_PER_S)
-
 /* Behind a look at a stream no other is looked at for so many times as long as it took: however many there are
  * and however much they want, most of the thread's time is for Modbus. */
 #define STREAMS_REST 4
@@ -224,8 +221,8 @@ static void settle(struct db_control_socket *control)
 		work = work || db_session_has_message(session, &length);
 		if (due_of(control, session) < due)
 			due = due_of(control, session);
-		if (session->out && session->out_since + STUCK < due)
-			due = session->out_since + STUCK;
+		if (db_session_stuck_at(session) < due)
+			due = db_session_stuck_at(session);
 	}
 	arm(control, due);
 	want_turn(control, work);
@@ -336,7 +333,7 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 		char text[DB_CLIENT_ADDRESS_MAX];
 		struct db_log_about about = { .client = text };
 
-		if (session->out && session->out_since + STUCK <= now) {
+		if (db_session_stuck_at(session) <= now) {
 			db_client_address(session->client.address, text);
 			db_log(&control->log, now, DB_EVENT_CLIENT_REFUSED, &about,
 			       "connection closed: it does not read its answers");

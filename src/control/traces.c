@@ -232,8 +232,8 @@ static const struct db_trace *find_trace(struct db_session *session, struct trac
 {
 	struct db_control_socket *control = session->control;
 	const struct db_trace_kept *kept = find_kept(control, tracing->kept);
+	uint32_t before = tracing->number;
 	const struct db_trace *trace;
-	uint32_t number = 0;
 
 	if (kept) {
 		*offset = kept->wall_offset;
@@ -244,12 +244,11 @@ static const struct db_trace *find_trace(struct db_session *session, struct trac
 		return NULL;
 	}
 	*offset = wall_offset();
-	trace = control->setup.ops->trace(control->setup.context, tracing->bus, &number);
+	trace = control->setup.ops->trace(control->setup.context, tracing->bus, &tracing->number);
 	if (!trace)
 		fail_bus(session, tracing->bus);
-	else if (number != tracing->number)
+	else if (tracing->number != before)
 		tracing->place = (struct db_trace_place){ .at = 0 };
-	tracing->number = number;
 	return trace;
 }
 
