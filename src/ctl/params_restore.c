@@ -166,10 +166,7 @@ static void read_back(struct restore *restore, const json_t *names, const char *
 		reason[0] = '\0';
 		if (!value) {
 			(void)snprintf(reason, sizeof(reason), "the drive does not tell it");
-		} else if (json_number_value(value) <
-		                   json_number_value(db_ctl_params_value(&restore->file, called)) ||
-		           json_number_value(value) >
-		                   json_number_value(db_ctl_params_value(&restore->file, called))) {
+		} else if (!db_ctl_params_agree(&held, &restore->file, called)) {
 			db_ctl_write_value(db_ctl_look_up(restore->drive.registers, called), value,
 			                   text, sizeof(text));
 			(void)snprintf(reason, sizeof(reason), "the drive shows %s", text);

@@ -33,17 +33,20 @@ const json_t *db_ctl_params_value(const struct db_ctl_params *params, const char
 	return json_is_number(value) ? value : NULL;
 }
 
-/* Registers hold single precision, or whole numbers. */
-static bool are_same(const json_t *one, const json_t *other)
+bool db_ctl_params_agree(const struct db_ctl_params *one, const struct db_ctl_params *other,
+                         const char *name)
 {
+	const json_t *value = db_ctl_params_value(one, name);
+	const json_t *beside = db_ctl_params_value(other, name);
 	double difference;
 
-	if (!one || !other)
-		return one == other;
-	if (json_is_integer(one) && json_is_integer(other))
-		return json_integer_value(one) == json_integer_value(other);
-	difference = (double)(float)json_number_value(one) -
-	             (double)(float)json_number_value(other);
+	if (!value || !beside)
+		return value == beside;
+	if (json_is_integer(value) && json_is_integer(beside))
+		return json_integer_value(value) == json_integer_value(beside);
+	/* What is not whole is of single precision in the drive. */
+	difference = (double)(float)json_number_value(value) -
+	             (double)(float)json_number_value(beside);
 	return !(difference < 0.0 || difference > 0.0);
 }
 
@@ -83,10 +86,11 @@ json_t *db_ctl_params_compare(const struct db_ctl_params *one, const struct db_c
 
 	json_array_foreach(names, i, item)
 	{
-		const json_t *value = db_ctl_params_value(one, json_string_value(item));
-		const json_t *beside = db_ctl_params_value(other, json_string_value(item));
+		const char *name = json_string_value(item);
 
-		if (!are_same(value, beside) && !(of_defaults && (!value || !beside)))
+		if (!db_ctl_params_agree(one, other, name) &&
+		    !(of_defaults &&
+		      (!db_ctl_params_value(one, name) || !db_ctl_params_value(other, name))))
 			(void)json_array_append(differ, item);
 	}
 	json_decref(names);

@@ -28,6 +28,10 @@ void db_ctl_params_take_defaults(const struct db_ctl_params *like, struct db_ctl
 /* Of one of them, NULL when the set says nothing of it. Pure. */
 const json_t *db_ctl_params_value(const struct db_ctl_params *params, const char *name);
 
+/* Whether both say the same of one of them, or both nothing. Pure. */
+bool db_ctl_params_agree(const struct db_ctl_params *one, const struct db_ctl_params *other,
+                         const char *name);
+
 /*
  * The names of those that differ, in the order of the table, as an array that the caller frees. What only one of
  * both says differs, but for what a default is not known of. Pure.
