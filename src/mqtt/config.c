@@ -11,6 +11,9 @@
 
 #define PASSWORD_MAX 1024
 
+/* The service streams 128 registers at most; two of them are in every message. */
+#define VALUES_MAX 126
+
 /* A configuration while it is read. */
 struct loading {
 	struct db_mqtt_config *config;
@@ -355,11 +358,24 @@ static void set_if_empty(struct loading *loading, char **text, const char *head,
 	}
 }
 
+static void check_values(struct loading *loading)
+{
+	const char *names = loading->config->values.names;
+	size_t count = 0;
+
+	for (; names && *names; names += strlen(names) + 1)
+		count++;
+	if (count > VALUES_MAX)
+		db_messages_add_error(loading->messages, line_of(loading, "publish", "values"),
+		                      "values has %zu names; %d at most", count, VALUES_MAX);
+}
+
 static void check_whole(struct loading *loading, const char *host_name)
 {
 	struct db_mqtt_config *config = loading->config;
 
 	check_broker(loading);
+	check_values(loading);
 	set_if_empty(loading, &config->gateway, "", host_name);
 	set_if_empty(loading, &config->client_id, "drivebridge-", config->gateway);
 	if (!config->gateway || !config->client_id)

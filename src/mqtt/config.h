@@ -15,6 +15,7 @@ struct db_mqtt_list {
 #define DB_MQTT_NAMED ((unsigned)-1)
 
 /* Positions of words. */
+enum { DB_MQTT_VALUES_USUAL, DB_MQTT_VALUES_ALL };
 enum { DB_MQTT_ALL = 0 }; /* publish drives, command drives */
 enum { DB_MQTT_ALLOW_NONE, DB_MQTT_ALLOW_STOP, DB_MQTT_ALLOW_ALL };
 enum { DB_MQTT_OFF, DB_MQTT_ON };

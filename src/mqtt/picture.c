@@ -18,12 +18,11 @@ struct db_mqtt_picture {
 	db_time published_at;
 };
 
-struct db_mqtt_picture *db_mqtt_picture_new(const json_t *drive, const json_t *registers,
-                                            const json_t *names)
+struct db_mqtt_picture *db_mqtt_picture_new(const json_t *drive, const json_t *registers)
 {
 	struct db_mqtt_picture *picture = calloc(1, sizeof(*picture));
-	size_t i, n;
-	json_t *reg, *name;
+	size_t i;
+	json_t *reg;
 
 	if (!picture)
 		return NULL;
@@ -33,13 +32,10 @@ struct db_mqtt_picture *db_mqtt_picture_new(const json_t *drive, const json_t *r
 	(void)snprintf(picture->quality, sizeof(picture->quality), "bad");
 	json_array_foreach(registers, i, reg)
 	{
-		json_array_foreach(names, n, name)
-		{
-			if (json_equal(json_object_get(reg, "name"), name))
-				(void)json_object_set_new(picture->registers,
-				                          json_string_value(name),
-				                          json_deep_copy(reg));
-		}
+		const char *name = json_string_value(json_object_get(reg, "name"));
+
+		if (name)
+			(void)json_object_set_new(picture->registers, name, json_deep_copy(reg));
 	}
 	if (picture->drive && picture->registers && picture->values)
 		return picture;

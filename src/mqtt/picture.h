@@ -13,10 +13,9 @@
 
 struct db_mqtt_picture;
 
-/* The drive as Describe has it, its registers as Registers has them, and the names of those that are published; all
- * stay the caller's. NULL without memory; freed with db_mqtt_picture_free(), NULL is allowed. */
-struct db_mqtt_picture *db_mqtt_picture_new(const json_t *drive, const json_t *registers,
-                                            const json_t *names);
+/* The drive as Describe has it, and those of its registers that are published as Registers has them; both stay the
+ * caller's. NULL without memory; freed with db_mqtt_picture_free(), NULL is allowed. */
+struct db_mqtt_picture *db_mqtt_picture_new(const json_t *drive, const json_t *registers);
 void db_mqtt_picture_free(struct db_mqtt_picture *picture);
 
 const char *db_mqtt_picture_name(const struct db_mqtt_picture *picture);

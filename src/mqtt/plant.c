@@ -145,83 +145,84 @@ static const char *name_of(const json_t *object)
 	return name ? name : "";
 }
 
-static bool has_register(const json_t *registers, const char *name)
+static bool is_usual(const char *name)
 {
-	size_t i;
-	const json_t *reg;
+	static const char *const usual[] = { "axis_state",    "error",    "status",
+		                             "position",      "velocity", "position_units",
+		                             "velocity_units" };
 
-	json_array_foreach(registers, i, reg)
-	{
-		if (strcmp(name_of(reg), name) == 0)
+	for (size_t i = 0; i < sizeof(usual) / sizeof(usual[0]); i++) {
+		if (strcmp(usual[i], name) == 0)
 			return true;
 	}
 	return false;
 }
 
-static bool some_drive_has(const struct db_mqtt_plant *plant, const char *name)
+/* What every message has beside its values, or what nobody wants to hear the change of. */
+static bool is_frame(const char *name)
 {
+	return strcmp(name, "quality") == 0 || strcmp(name, "timestamp_us") == 0 ||
+	       strcmp(name, "age_ms") == 0;
+}
+
+/* Those of a drive's registers that are published: a new array. */
+static json_t *choose_registers(const struct db_mqtt_config *config, const json_t *registers)
+{
+	const struct db_mqtt_list *values = &config->values;
+	json_t *chosen = json_array();
+	bool process = true;
+	size_t i;
+	json_t *reg;
+
+	json_array_foreach(registers, i, reg)
+	{
+		const char *name = name_of(reg);
+
+		/* Process data stand first, up to the first register that can be written. */
+		process = process && !json_is_true(json_object_get(reg, "writable"));
+		if (values->word == DB_MQTT_NAMED      ? db_mqtt_list_has(values, name) :
+		    values->word == DB_MQTT_VALUES_ALL ? process && !is_frame(name) :
+		                                         is_usual(name))
+			(void)json_array_append(chosen, reg);
+	}
+	return chosen;
+}
+
+static bool has_text(const json_t *texts, const char *text)
+{
+	size_t i;
+	const json_t *one;
+
+	json_array_foreach(texts, i, one)
+	{
+		if (strcmp(json_string_value(one), text) == 0)
+			return true;
+	}
+	return false;
+}
+
+/* The names of what is published of any drive, and what every message has beside. */
+static json_t *collect_names(const struct db_mqtt_plant *plant)
+{
+	const struct db_mqtt_list *values = &plant->config->values;
+	json_t *names = json_pack("[s,s]", "quality", "timestamp_us");
 	const char *drive;
 	const json_t *registers;
 
 	json_object_foreach(plant->registers, drive, registers)
 	{
-		if (has_register(registers, name))
-			return true;
-	}
-	return false;
-}
-
-/* The names that are to be published, of those that some drive has. */
-static json_t *choose_names(const struct db_mqtt_plant *plant)
-{
-	static const char *const usual[] = { "axis_state",    "error",    "status",
-		                             "position",      "velocity", "position_units",
-		                             "velocity_units" };
-	const struct db_mqtt_list *values = &plant->config->values;
-	json_t *names = json_array();
-
-	for (size_t i = 0; values->word != DB_MQTT_NAMED && i < sizeof(usual) / sizeof(usual[0]);
-	     i++) {
-		if (some_drive_has(plant, usual[i]))
-			(void)json_array_append_new(names, json_string(usual[i]));
-	}
-	for (const char *at = values->names; at && *at; at += strlen(at) + 1) {
-		if (some_drive_has(plant, at))
-			(void)json_array_append_new(names, json_string(at));
-		else
-			db_mqtt_log(DB_MQTT_WARNING, "values: no drive has a register '%s'", at);
-	}
-	return names;
-}
-
-/* Process data stand first among a drive's registers, up to the first one that can be written. */
-static json_t *choose_process_data(const struct db_mqtt_plant *plant)
-{
-	json_t *names = json_array();
-	const char *drive;
-	json_t *registers;
-
-	json_object_foreach(plant->registers, drive, registers)
-	{
 		size_t i;
-		json_t *reg;
+		const json_t *reg;
 
 		json_array_foreach(registers, i, reg)
 		{
-			json_t *name = json_object_get(reg, "name");
-			bool known = false;
-			size_t n;
-			json_t *other;
-
-			if (json_is_true(json_object_get(reg, "writable")))
-				break;
-			json_array_foreach(names, n, other)
-				known = known || json_equal(name, other);
-			if (!known && strcmp(name_of(reg), "age_ms") != 0 &&
-			    strcmp(name_of(reg), "timestamp_us") != 0 &&
-			    strcmp(name_of(reg), "quality") != 0)
-				(void)json_array_append(names, name);
+			if (!has_text(names, name_of(reg)))
+				(void)json_array_append_new(names, json_string(name_of(reg)));
 		}
+	}
+	for (const char *at = values->names; at && *at; at += strlen(at) + 1) {
+		if (!has_text(names, at))
+			db_mqtt_log(DB_MQTT_WARNING, "values: no drive has a register '%s'", at);
 	}
 	return names;
 }
@@ -229,25 +230,21 @@ static json_t *choose_process_data(const struct db_mqtt_plant *plant)
 /* Everything is known: the streams begin. */
 static void run(struct db_mqtt_plant *plant)
 {
-	json_t *names = plant->config->values.word == 1 ? choose_process_data(plant) :
-	                                                  choose_names(plant);
+	json_t *names = collect_names(plant);
 	json_t *drives = json_array();
-	json_t *wanted = json_copy(names);
 	size_t i;
 	const json_t *drive;
 
-	(void)json_array_append_new(wanted, json_string("quality"));
-	(void)json_array_append_new(wanted, json_string("timestamp_us"));
 	json_array_foreach(json_object_get(plant->description, "drives"), i, drive)(void)
 		json_array_append_new(drives, json_string(name_of(drive)));
 	plant->there = true;
 	plant->told[0] = '\0';
 	db_mqtt_retry_succeed(&plant->retry);
-	plant->ops->found(plant->context, plant->description, plant->registers, names);
+	plant->ops->found(plant->context, plant->description, plant->registers);
 	/* No drives would mean all of them. */
 	if (json_array_size(drives) > 0)
 		call(plant, VALUES, "Subscribe",
-		     json_pack("{s:O, s:O, s:i}", "drives", drives, "names", wanted, "interval_ms",
+		     json_pack("{s:O, s:O, s:i}", "drives", drives, "names", names, "interval_ms",
 		               (int)plant->config->interval_ms),
 		     take_samples);
 	if (plant->config->events)
@@ -255,7 +252,6 @@ static void run(struct db_mqtt_plant *plant)
 	plant->ask_at = plant->now;
 	json_decref(drives);
 	json_decref(names);
-	json_decref(wanted);
 }
 
 static void take_registers(void *data, json_t *parameters, const struct db_client_error *error,
@@ -287,8 +283,9 @@ static void take_registers(void *data, json_t *parameters, const struct db_clien
 		fail(plant, error->text);
 		return;
 	}
-	(void)json_object_set(plant->registers, name_of(drive),
-	                      json_object_get(parameters, "registers"));
+	(void)json_object_set_new(
+		plant->registers, name_of(drive),
+		choose_registers(plant->config, json_object_get(parameters, "registers")));
 	plant->described++;
 	ask_registers(plant);
 }

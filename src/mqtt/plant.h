@@ -16,10 +16,9 @@ struct db_mqtt_plant;
 
 /* All objects stay the plant's. */
 struct db_mqtt_plant_ops {
-	/* The service is there: the answer of Describe, with the drives that are to be published only; their registers by
-	 * drive; the names of the registers to be published. */
-	void (*found)(void *context, const json_t *description, const json_t *registers,
-	              const json_t *names);
+	/* The service is there: the answer of Describe, with the drives that are to be published only, and their
+	 * registers by drive, those that are published. */
+	void (*found)(void *context, const json_t *description, const json_t *registers);
 	void (*lost)(void *context);
 	/* A sample of the interface's type Sample; when it was sent. */
 	void (*sample)(void *context, const json_t *sample, int64_t us);

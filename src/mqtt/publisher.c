@@ -159,8 +159,7 @@ static void withdraw_missing(struct db_mqtt_publisher *publisher, const json_t *
 	}
 }
 
-static void greet_plant(void *context, const json_t *description, const json_t *registers,
-                        const json_t *names)
+static void greet_plant(void *context, const json_t *description, const json_t *registers)
 {
 	struct db_mqtt_publisher *publisher = context;
 	const json_t *drives = json_object_get(description, "drives");
@@ -176,8 +175,7 @@ static void greet_plant(void *context, const json_t *description, const json_t *
 		const char *name = json_string_value(json_object_get(drive, "name"));
 		struct db_mqtt_picture *picture =
 			publisher->pictures && name ?
-				db_mqtt_picture_new(drive, json_object_get(registers, name),
-		                                    names) :
+				db_mqtt_picture_new(drive, json_object_get(registers, name)) :
 				NULL;
 
 		if (!picture)

@@ -17,7 +17,7 @@ from bridgelib import DISCRETE, HOMING, ROOT, STOPPING, eventually, find_program
 GUIDE = ROOT / "docs" / "guide"
 PAGES = sorted(GUIDE.glob("*.md"))
 README = ROOT / "README.md"
-FENCES = {"sh", "conf", "ini", "yaml", "udev", "log", "mermaid", "iecst", "scl", "exchange", "console"}
+FENCES = {"sh", "conf", "ini", "yaml", "udev", "log", "mermaid", "iecst", "scl", "exchange", "console", "mqtt", "mqttconf"}
 
 # What mbpoll prints for an exception.
 EXCEPTIONS = {
@@ -43,6 +43,9 @@ FOREIGN = {
     "reference",
     # commands of drivebridgectl
     "jog", "run", "watch", "events", "metrics", "traces", "record",
+    # topics and words of drivebridge-mqtt, and what is in its messages
+    "drivebridge-mqtt", "online", "no-service", "offline", "state", "changes", "about", "time", "alive", "id",
+    "values", "good", "uncertain", "bad", "null", "retain", "write",
     # sections of the configuration
     "modbus", "bus", "drive",
 }
@@ -107,7 +110,7 @@ def rows(name):
 
 REGISTERS = rows("register-map.csv")
 COMMANDS = rows("commands.csv")
-KEYS = rows("config-keys.csv")
+KEYS = rows("config-keys.csv") + rows("mqtt-keys.csv")
 
 
 def enumerations():
@@ -206,6 +209,20 @@ def test_configuration_is_right(page, block, tmp_path):
     path = tmp_path / "guide.conf"
     path.write_text(block.text, encoding="utf-8")
     done = subprocess.run([find_program("drivebridged"), "--config", path, "--check"],
+                          capture_output=True, text=True, timeout=30, check=False)
+    assert done.returncode == 0, f"{page.name}:{block.line}\n{done.stderr}"
+
+
+MQTT_CONFIGURATIONS = blocks_of("mqttconf")
+
+
+@pytest.mark.parametrize("page, block", MQTT_CONFIGURATIONS, ids=names(MQTT_CONFIGURATIONS))
+def test_mqtt_configuration_is_right(page, block, tmp_path):
+    path, secret = tmp_path / "mqtt.conf", tmp_path / "password"
+    secret.write_text("secret\n", encoding="utf-8")
+    secret.chmod(0o640)
+    path.write_text(block.text.replace("/etc/drivebridge/mqtt-password", str(secret)), encoding="utf-8")
+    done = subprocess.run([find_program("drivebridge-mqtt"), "--config", path, "--check"],
                           capture_output=True, text=True, timeout=30, check=False)
     assert done.returncode == 0, f"{page.name}:{block.line}\n{done.stderr}"
 
@@ -441,6 +458,10 @@ NOT_HERE = {
     "cmake --preset": "builds all, as each phase of tests/run does",
     "packaging/build": "builds packages in containers; packaging/check does it",
     "sudo adduser": "changes the machine",
+    "sudo editor": "changes the machine",
+    "sudo install": "changes the machine",
+    "sudo mosquitto_passwd": "changes the machine",
+    "sudo drivebridge-mqtt --check": "the installed program; the page's configurations are checked here",
     # An installed service under systemd, which packaging/check has.
     "sudo systemctl": "the installed service",
     "systemctl": "the installed service",

@@ -23,17 +23,15 @@ static int open_shelf(void **state)
 	                              "position_units", "type", "f32", "unit", "mm", "name",
 	                              "status", "type", "bits16", "unit", "", "codes", "0",
 	                              "online");
-	json_t *names = json_pack("[s,s]", "position_units", "status");
 
 	shelf = (struct shelf){ .texts = { "gw.1", "drivebridge", "homeassistant" } };
 	shelf.config.gateway = shelf.texts[0];
 	shelf.config.prefix = shelf.texts[1];
 	shelf.config.discovery_prefix = shelf.texts[2];
-	shelf.picture = db_mqtt_picture_new(drive, registers, names);
+	shelf.picture = db_mqtt_picture_new(drive, registers);
 	shelf.documents = json_object();
 	json_decref(drive);
 	json_decref(registers);
-	json_decref(names);
 	*state = &shelf;
 	return shelf.picture && shelf.documents ? 0 : -1;
 }

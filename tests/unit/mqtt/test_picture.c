@@ -27,14 +27,11 @@ static int open_picture(void **state)
 	json_t *registers = parse(
 		"[{\"name\":\"axis_state\",\"type\":\"u16\",\"codes\":{\"1\":\"Disabled\",\"2\":"
 		"\"Standstill\"}},{\"name\":\"status\",\"type\":\"bits16\",\"codes\":{\"0\":\"online\","
-		"\"3\":\"moving\"}},{\"name\":\"position\",\"type\":\"i32\",\"unit\":\"counts\"},"
-		"{\"name\":\"spd\",\"type\":\"f32\"}]");
-	json_t *names = parse("[\"axis_state\",\"status\",\"position\",\"none\"]");
+		"\"3\":\"moving\"}},{\"name\":\"position\",\"type\":\"i32\",\"unit\":\"counts\"}]");
 
-	*state = db_mqtt_picture_new(drive, registers, names);
+	*state = db_mqtt_picture_new(drive, registers);
 	json_decref(drive);
 	json_decref(registers);
-	json_decref(names);
 	return *state ? 0 : -1;
 }
 
