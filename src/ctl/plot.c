@@ -27,7 +27,7 @@ static void quote(const char *path, char text[2 * PATH_LETTERS + 3])
 	size_t used = 0;
 
 	text[used++] = '\'';
-	for (size_t i = 0; path[i] != '\0' && i < PATH_LETTERS; i++) {
+	for (size_t i = 0; i < PATH_LETTERS && path[i] != '\0'; i++) {
 		if (path[i] == '\'')
 			text[used++] = '\'';
 		text[used++] = path[i];

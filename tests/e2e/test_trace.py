@@ -402,3 +402,9 @@ def test_a_record_that_cannot_be_is_told(make_bridge):
                          (["drive1.position", "--plot", "a.png"], "ends with .svg"),
                          (["drive1.position", "--duration", "-1"], "right is a number of seconds")):
         assert wrong in ctl(plant, "record", *words, status=2), words
+
+
+def test_names_are_there_to_be_completed(make_bridge):
+    plant = make_bridge(drives=1)
+    assert ctl(plant, "names", "buses") == "line\n"
+    assert "drive1.position\n" in ctl(plant, "names", "values")
