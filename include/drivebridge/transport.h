@@ -73,6 +73,9 @@ struct db_transport {
 	 * again at the latest. A negative *error means the port is gone. Null: nothing ever is. */
 	db_time (*run)(struct db_port *port, db_time now, int *error);
 
+	/* Everything, or what the filters pass again. Null: serial lines. */
+	void (*pass)(struct db_port *port, bool everything);
+
 	/* Null: always up and healthy. */
 	const struct db_port_health *(*health)(const struct db_port *port);
 

@@ -75,6 +75,7 @@ struct db_bus {
 	db_time wall_at; /* when the wall clock is looked at again */
 	bool line_up;    /* the port is open and carries frames */
 	enum line_use use;
+	bool passes_all;      /* the port's filters are open for a scan */
 	unsigned aside_speed; /* of the port, bit/s */
 	db_time clear_by;
 	db_time reopen_at;
@@ -263,6 +264,7 @@ static void open_port(struct db_bus *bus, db_time now)
 	                    bus->transport->open(aside, NULL, 0, now, &bus->port) :
 	                    bus->transport->open(bus->config, filters, count, now, &bus->port);
 
+	bus->passes_all = false;
 	if (error == 0)
 		return;
 	bus->port = NULL;
@@ -374,7 +376,13 @@ static unsigned speed_of(const struct db_bus_config *config)
 static void follow_scan(struct db_bus *bus, db_time now)
 {
 	const struct db_bus_config *aside = scan_port_config(bus->engine);
+	bool everything = scan_is_under_way(bus->engine);
 
+	/* A scan tells of what else is there. */
+	if (bus->port && bus->transport->pass && everything != bus->passes_all) {
+		bus->transport->pass(bus->port, everything);
+		bus->passes_all = everything;
+	}
 	if (bus->use == LINE_IN_SERVICE && aside) {
 		db_log(&bus->log, now, DB_EVENT_BUS_ASIDE, NULL,
 		       "%s is set aside for a scan: its drives are left as on-exit says, and are "

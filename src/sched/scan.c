@@ -208,6 +208,11 @@ static void set_speed(struct scan *scan)
 		scan->port.baud = speed;
 }
 
+bool scan_is_under_way(const struct db_engine *engine)
+{
+	return engine->scan != NULL;
+}
+
 const struct db_bus_config *scan_port_config(const struct db_engine *engine)
 {
 	struct scan *scan = engine->scan;
@@ -342,7 +347,8 @@ static void send_question(struct db_engine *engine, const struct db_inquiry *inq
 
 	/* Whatever is still in the buffer was said before this question. */
 	if (engine->flights == 0) {
-		engine->stats.garbage_bytes += (uint32_t)engine->received_length;
+		if (engine->received_length > 0)
+			engine_take_garbage(engine, engine->received, engine->received_length, now);
 		engine->received_length = 0;
 	}
 	scan->question = (struct question){
@@ -361,7 +367,7 @@ static void send_question(struct db_engine *engine, const struct db_inquiry *inq
 	else
 		engine->wire_free = (engine->wire_free > now ? engine->wire_free : now) + question +
 		                    answer;
-	engine->ops->send(engine->context, exchange->request, exchange->request_length);
+	(void)engine_send(engine, exchange->request, exchange->request_length, DB_TRACE_PROBE);
 }
 
 /* Somebody was heard, or nobody. */

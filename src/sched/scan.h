@@ -32,6 +32,8 @@ void scan_begin(struct db_engine *engine, struct scan *scan, db_time now);
 /* Ends the engine's, if it has one. The object is not touched any more. */
 void scan_end(struct db_engine *engine, enum db_scan_end end);
 
+bool scan_is_under_way(const struct db_engine *engine);
+
 /* The bus's configuration with the speed that is asked at now; null: the bus is to be in service. The bus
  * opens its port with it, and again whenever another one is told. */
 const struct db_bus_config *scan_port_config(const struct db_engine *engine);

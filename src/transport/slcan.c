@@ -47,6 +47,7 @@ struct db_port {
 	struct slcan_reader reader;
 	struct db_can_filter *filters;
 	size_t filter_count;
+	bool passes_all;
 	int lost; /* negative errno */
 	struct db_port_health health;
 	uint32_t bitrate;
@@ -361,7 +362,8 @@ static bool ready_reply(struct db_port *port, const struct slcan_reply *reply, d
 {
 	switch (reply->kind) {
 	case SLCAN_REPLY_FRAME:
-		return db_can_filter_passes(port->filters, port->filter_count, &reply->frame);
+		return port->passes_all ||
+		       db_can_filter_passes(port->filters, port->filter_count, &reply->frame);
 	case SLCAN_REPLY_SENT:
 	case SLCAN_REPLY_DONE:
 		frame_taken(port);
@@ -406,6 +408,11 @@ static void port_close(struct db_port *port)
 	db_serial_close(port->serial);
 	free(port->filters);
 	free(port);
+}
+
+static void port_pass(struct db_port *port, bool everything)
+{
+	port->passes_all = everything;
 }
 
 static int copy_filters(struct db_port *port, const struct db_can_filter *filters, size_t count)
@@ -593,6 +600,7 @@ const struct db_transport db_transport_slcan = {
 	.name = "slcan",
 	.medium = DB_MEDIUM_CAN,
 	.open = port_open,
+	.pass = port_pass,
 	.close = port_close,
 	.fd = port_fd,
 	.read = port_read,

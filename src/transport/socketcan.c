@@ -40,10 +40,14 @@ _Static_assert(DB_CAN_EXTENDED == CAN_EFF_FLAG && DB_CAN_REMOTE == CAN_RTR_FLAG 
 /* While bus off: a restart that nobody reported (the report itself was lost) shows here. */
 #define STATE_INTERVAL DB_NS_PER_S
 
+#define CAN_FILTERS_MAX 16
+
 struct db_port {
 	int fd;
 	unsigned index; /* of the interface */
-	int lost;       /* negative errno, to be told when what came before it has been */
+	struct db_can_filter filters[CAN_FILTERS_MAX];
+	size_t filter_count;
+	int lost; /* negative errno, to be told when what came before it has been */
 	db_time ask_state_at;
 	struct db_port_health health;
 };
@@ -153,6 +157,18 @@ static int set_filters(int fd, const struct db_can_filter *filters, size_t count
 	return 0;
 }
 
+static void port_pass(struct db_port *port, bool everything)
+{
+	const struct db_can_filter all = { 0, 0 };
+
+	/* Should it be refused, some frames are not seen, or some more. */
+	if (everything || port->filter_count == 0)
+		(void)setsockopt(port->fd, SOL_CAN_RAW, CAN_RAW_FILTER, &all, sizeof all);
+	else
+		(void)setsockopt(port->fd, SOL_CAN_RAW, CAN_RAW_FILTER, port->filters,
+		                 (socklen_t)(port->filter_count * sizeof port->filters[0]));
+}
+
 static int open_socket(struct db_port *port, const char *interface,
                        const struct db_can_filter *filters, size_t filter_count)
 {
@@ -167,9 +183,14 @@ static int open_socket(struct db_port *port, const char *interface,
 		return -errno;
 	error = check_is_up(port->fd, interface);
 	if (error == 0)
-		error = set_filters(port->fd, filters, filter_count);
+		error = filter_count > CAN_FILTERS_MAX ?
+		                -EINVAL :
+		                set_filters(port->fd, filters, filter_count);
 	if (error != 0)
 		return error;
+	if (filter_count > 0)
+		memcpy(port->filters, filters, filter_count * sizeof *filters);
+	port->filter_count = filter_count;
 	address.can_ifindex = (int)port->index;
 	return bind(port->fd, (const struct sockaddr *)&address, sizeof address) == 0 ? 0 : -errno;
 }
@@ -297,6 +318,7 @@ const struct db_transport db_transport_socketcan = {
 	.medium = DB_MEDIUM_CAN,
 	.uses_interface = true,
 	.open = port_open,
+	.pass = port_pass,
 	.close = port_close,
 	.fd = port_fd,
 	.read = port_read,

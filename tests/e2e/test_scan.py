@@ -280,3 +280,38 @@ def test_a_drive_gets_another_speed(make_bridge, settles):
     told, _ = process.communicate("\n", timeout=30)
     assert process.returncode == (0 if settles == "power-up" else 1), told
     bridge.wait_ready()
+
+
+# --- CAN ---------------------------------------------------------------------------------------------
+
+CAN = {"protocol": "vsmd-can", "transport": "slcan", "bitrate": 1000000, "line": None}
+
+
+def test_drives_and_other_frames_of_a_can_bus(make_bridge):
+    bridge = make_bridge(drives=1, sim_drives=2, bus={**CAN, "baud": 3000000, "drive-latency-ms": 30},
+                         sim_bus={**CAN, "baud": None},
+                         sim_per_drive={2: {"address": 9, "identity": "VSMD123_045T-1.0.009"}})
+    found = scan(bridge, "--addresses", "1-12")
+    assert places(found) == [(1000000, 1, "one"), (1000000, 9, "one")]
+    assert found["finds"][1]["identity"] == "VSMD123_045T-1.0.009"
+    assert found["finds"][0]["drives"] == ["drive1"]
+    # And another address for the new one.
+    process = start(bridge, "address", "line", "9", "100", "--yes")
+    eventually(lambda: bridge.sim.get("drive2").get("sav") or process.poll() is not None)
+    switch_power(bridge, "drive2")
+    told, _ = process.communicate(timeout=60)
+    assert process.returncode == 0, told
+    assert places(scan(bridge, "--addresses", "99-101")) == [(1000000, 100, "one")]
+
+
+def test_servos_are_found_and_their_reports_are_foreign_frames(make_bridge):
+    can = {**CAN, "protocol": "servo-can"}
+    bridge = make_bridge(drives=1, sim_drives=2, bus={**can, "baud": 3000000, "drive-latency-ms": 30},
+                         sim_bus={**can, "baud": None}, sim_drive={"identity": None, "set": None},
+                         sim_per_drive={2: {"address": 5}})
+    found = scan(bridge, "--addresses", "1-8")
+    assert places(found) == [(1000000, 1, "one"), (1000000, 5, "one")]
+    # The reports of the one that nobody has configured.
+    assert {frame["id"] for frame in found["foreign"]} >= {0x1C0 + 5, 0x1E0 + 5}
+    refused = run(bridge, "address", "line", "5", "6", "--yes")
+    assert refused.returncode == 1 and "vendor's tool" in refused.stderr
