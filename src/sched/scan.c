@@ -180,11 +180,6 @@ void scan_begin(struct db_engine *engine, struct scan *scan, db_time now)
 	scan->idle_since = now;
 	scan->progress.speed = engine->driver->medium == DB_MEDIUM_CAN ? scan->bus->bitrate :
 	                                                                 scan->bus->baud;
-	if (!scan->plan.aside && !engine->stats.up) {
-		scan->progress.error = (int)engine->stats.last_error;
-		scan_end(engine, DB_SCAN_PORT);
-		return;
-	}
 	for (size_t i = 0; scan->plan.aside && i < engine->station_count; i++) {
 		if (stands(engine->stations[i]))
 			continue;
@@ -499,10 +494,11 @@ static void look_for_end(struct db_engine *engine, db_time now)
 	if (atomic_load(&scan->cancelled)) {
 		scan_end(engine, DB_SCAN_CANCELLED);
 	} else if (!scan->plan.aside && now - scan->idle_since > PATIENCE) {
+		scan->progress.error = (int)engine->stats.last_error;
 		scan->progress.gap_us = engine->stats.cycle_us < engine->stats.period_us ?
 		                                engine->stats.period_us - engine->stats.cycle_us :
 		                                0;
-		scan_end(engine, DB_SCAN_NO_ROOM);
+		scan_end(engine, engine->stats.up ? DB_SCAN_NO_ROOM : DB_SCAN_PORT);
 	}
 }
 

@@ -264,10 +264,10 @@ def test_watch_shows_what_moves(plant, terminal):
 # --- the guide -------------------------------------------------------------------------------------
 
 
-def transcripts():
+def transcripts(page=PAGE):
     """The page's blocks: lists of (what is typed, what is said)."""
     blocks = []
-    for text in re.findall(r"^```console\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.M | re.S):
+    for text in re.findall(r"^```console\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S):
         block = []
         for line in text.splitlines():
             if line.startswith(("$ ", "# ")):

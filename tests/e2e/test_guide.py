@@ -42,7 +42,7 @@ FOREIGN = {
     # a column of the map
     "reference",
     # commands of drivebridgectl
-    "jog", "run", "watch", "events", "metrics", "traces", "record",
+    "jog", "run", "watch", "events", "metrics", "scan", "traces", "record",
     # topics and words of drivebridge-mqtt, and what is in its messages
     "drivebridge-mqtt", "online", "no-service", "offline", "state", "changes", "about", "time", "alive", "id",
     "values", "good", "uncertain", "bad", "null", "retain", "write",

@@ -4,11 +4,13 @@ and what is printed for the configuration."""
 
 import json
 import re
+import shlex
 import signal
 import subprocess
 
 import pytest
-from bridgelib import OFFLINE, STANDSTILL, eventually, find_program
+from bridgelib import OFFLINE, ROOT, STANDSTILL, eventually, find_program
+from test_ctl import pattern_of, transcripts
 
 
 # Room for questions in each cycle, also while the machine is busy.
@@ -315,3 +317,28 @@ def test_servos_are_found_and_their_reports_are_foreign_frames(make_bridge):
     assert {frame["id"] for frame in found["foreign"]} >= {0x1C0 + 5, 0x1E0 + 5}
     refused = run(bridge, "address", "line", "5", "6", "--yes")
     assert refused.returncode == 1 and "vendor's tool" in refused.stderr
+
+
+# --- the guide ---------------------------------------------------------------------------------------
+
+
+def test_the_transcripts_of_the_guide(make_bridge):
+    """Typed as they stand there; the drive's power is switched where they say so."""
+    bridge = make_bridge(drives=1, sim_drives=2, bus=ROOMY, sim_bus={"follow-host": True})
+    bridge.sections["drive feeder"] = bridge.sections.pop("drive drive1")
+    bridge.reload()
+    bridge.drive().reconnect()
+    bridge.wait_ready()
+    typed = 0
+    for block in transcripts(ROOT / "docs" / "guide" / "new-drive.md"):
+        (line, expected), *rest = block
+        typed += 1
+        process = start(bridge, *shlex.split(line)[2:])
+        for event, more in rest:
+            assert event == "# somebody does that"
+            expected = expected + more
+            eventually(lambda: heard(bridge, "drive2", "2 sav") or process.poll() is not None)
+            switch_power(bridge, "drive2")
+        told, _ = process.communicate(timeout=60)
+        assert re.fullmatch(pattern_of(expected), told), told
+    assert typed == 3

@@ -24,6 +24,7 @@ enum fake_kind {
 	FAKE_PREPARE, /* of a motion that is said in steps, which is for a test to do */
 	FAKE_BEGIN,
 	FAKE_LOOK,
+	FAKE_INQUIRY, /* of an address, which is for a test to do */
 	FAKE_KINDS
 };
 
