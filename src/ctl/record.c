@@ -335,10 +335,8 @@ static void follow(struct recording *recording)
 
 enum db_ctl_status db_ctl_record(struct db_ctl *ctl, int count, char **arguments)
 {
-	static struct recording recording;
+	struct recording recording = { .ctl = ctl, .registers = json_object() };
 
-	recording.ctl = ctl;
-	recording.registers = json_object();
 	recording.rows.write = write_sample;
 	recording.rows.context = &recording;
 	read_arguments(&recording, count, arguments);

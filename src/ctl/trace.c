@@ -29,6 +29,7 @@ struct tracing {
 	/* What happened between two frames of a file: goes into the comment of the next. */
 	char comment[COMMENT_MAX];
 	struct db_ctl_questions questions;
+	char line[DB_CTL_TRACE_LINE];
 	bool ended;
 	enum db_ctl_status status;
 };
@@ -45,20 +46,19 @@ static double seconds_now(void)
 
 static void write_text(struct tracing *tracing, const json_t *record)
 {
-	static char line[DB_CTL_TRACE_LINE];
 	bool coloured = tracing->ctl->colour && tracing->out == stdout;
 	enum db_ctl_colour colour = db_ctl_trace_colour(record);
 
 	if (!tracing->headed) {
 		db_ctl_trace_write_head(tracing->bus,
 		                        json_integer_value(json_object_get(record, "time_us")),
-		                        line, sizeof(line));
-		(void)fputs(line, tracing->out);
+		                        tracing->line, sizeof(tracing->line));
+		(void)fputs(tracing->line, tracing->out);
 		tracing->headed = true;
 	}
-	db_ctl_trace_write_line(&tracing->questions, record, line, sizeof(line));
-	(void)fprintf(tracing->out, "%s%s%s\n", db_ctl_colour_begin(coloured, colour), line,
-	              db_ctl_colour_end(coloured, colour));
+	db_ctl_trace_write_line(&tracing->questions, record, tracing->line, sizeof(tracing->line));
+	(void)fprintf(tracing->out, "%s%s%s\n", db_ctl_colour_begin(coloured, colour),
+	              tracing->line, db_ctl_colour_end(coloured, colour));
 }
 
 /* False: that is no frame. */
@@ -83,12 +83,11 @@ static void write_pcapng(struct tracing *tracing, const json_t *record)
 {
 	struct db_ctl_pcapng_frame frame = { .comment = tracing->comment };
 	size_t used = strlen(tracing->comment);
-	char line[DB_CTL_TRACE_LINE];
 	char words[DB_CTL_TRACE_LINE];
 
 	db_ctl_trace_write_words(&tracing->questions, record, words, sizeof(words));
 	/* Remembers the question. */
-	db_ctl_trace_write_line(&tracing->questions, record, line, sizeof(line));
+	db_ctl_trace_write_line(&tracing->questions, record, tracing->line, sizeof(tracing->line));
 	(void)snprintf(tracing->comment + used, sizeof(tracing->comment) - used, "%s%s: %s",
 	               used > 0 ? "; " : "", db_ctl_text(record, "kind"), words);
 	if (!read_frame(record, &frame))
@@ -97,6 +96,12 @@ static void write_pcapng(struct tracing *tracing, const json_t *record)
 	(void)db_ctl_pcapng_add(tracing->out, &frame);
 	tracing->missed_before = 0;
 	tracing->comment[0] = '\0';
+}
+
+static void write_json(const struct tracing *tracing, const json_t *record)
+{
+	(void)json_dumpf(record, tracing->out, JSON_COMPACT);
+	(void)fputc('\n', tracing->out);
 }
 
 static void take_records(void *data, json_t *parameters, const struct db_client_error *error,
@@ -122,7 +127,7 @@ static void take_records(void *data, json_t *parameters, const struct db_client_
 		if (tracing->pcapng)
 			write_pcapng(tracing, record);
 		else if (tracing->ctl->json)
-			db_ctl_print_json(record);
+			write_json(tracing, record);
 		else
 			write_text(tracing, record);
 	}
@@ -232,7 +237,10 @@ static void close_output(struct tracing *tracing)
 	if (!tracing->out || tracing->out == stdout)
 		return;
 	failed = ferror(tracing->out) != 0;
-	if (fclose(tracing->out) != 0 || failed) {
+	failed = fclose(tracing->out) != 0 || failed;
+	if (tracing->status != DB_CTL_OK)
+		return;
+	if (failed) {
 		tracing->status = db_ctl_complain(
 			tracing->ctl, DB_CTL_NO, "io.drivebridge.Client.File",
 			"cannot write all of %s: %s", tracing->ctl->output, strerror(errno));
@@ -270,85 +278,102 @@ static void follow(struct tracing *tracing, double duration)
 		(void)close(fds[1].fd);
 }
 
-enum db_ctl_status db_ctl_trace(struct db_ctl *ctl, int count, char **arguments)
+/* Everything between the choice of the trace and its end. */
+static void run_trace(struct tracing *tracing, const char *name, json_int_t kept, double duration)
 {
-	static struct tracing tracing;
-	const char *name = count > 0 ? arguments[0] : NULL;
-	double duration = 0.0;
-	json_int_t kept = 0;
-	json_t *parameters;
+	struct db_ctl *ctl = tracing->ctl;
+	json_t *parameters = json_pack("{s:s, s:b}", "bus", name, "past", ctl->past);
 
-	tracing.ctl = ctl;
-	if (ctl->duration && !db_ctl_parse_seconds(ctl->duration, &duration))
-		return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
-		                       "--duration %s: right is a number of seconds, such as 2.5",
-		                       ctl->duration);
-	if (ctl->kept)
-		kept = choose_kept(&tracing, &name);
-	else
-		choose_bus(&tracing, &name);
-	if (tracing.status == DB_CTL_OK)
-		open_output(&tracing);
-	if (tracing.status != DB_CTL_OK) {
-		if (tracing.out && tracing.out != stdout)
-			(void)fclose(tracing.out);
-		return tracing.status;
-	}
-	parameters = json_pack("{s:s, s:b}", "bus", name, "past", ctl->past);
 	if (kept > 0)
 		(void)json_object_set_new(parameters, "kept", json_integer(kept));
-	if (db_client_send(ctl->client, "Trace", parameters, true, take_records, &tracing) == 0)
-		follow(&tracing, duration);
+	if (db_client_send(ctl->client, "Trace", parameters, true, take_records, tracing) == 0)
+		follow(tracing, duration);
 	/* Answers that still come have nowhere to go. */
 	db_client_close(ctl->client);
 	ctl->client = NULL;
-	close_output(&tracing);
-	return tracing.status;
+}
+
+enum db_ctl_status db_ctl_trace(struct db_ctl *ctl, int count, char **arguments)
+{
+	struct tracing *tracing = calloc(1, sizeof(*tracing));
+	const char *name = count > 0 ? arguments[0] : NULL;
+	enum db_ctl_status status;
+	double duration = 0.0;
+	json_int_t kept = 0;
+
+	if (!tracing)
+		return db_ctl_complain(ctl, DB_CTL_NO, DB_CLIENT_NO_MEMORY, "no memory");
+	tracing->ctl = ctl;
+	if (ctl->duration && !db_ctl_parse_seconds(ctl->duration, &duration))
+		tracing->status = db_ctl_complain(
+			ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+			"--duration %s: right is a number of seconds, such as 2.5", ctl->duration);
+	else if (ctl->kept)
+		kept = choose_kept(tracing, &name);
+	else
+		choose_bus(tracing, &name);
+	if (tracing->status == DB_CTL_OK)
+		open_output(tracing);
+	if (tracing->status == DB_CTL_OK)
+		run_trace(tracing, name, kept, duration);
+	close_output(tracing);
+	status = tracing->status;
+	free(tracing);
+	return status;
+}
+
+/* A time for people, to the millisecond. */
+static void write_time(json_int_t us, char *text, size_t size)
+{
+	time_t seconds = (time_t)(us / 1000000);
+	char when[32] = "";
+	struct tm local;
+
+	if (localtime_r(&seconds, &local))
+		(void)strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &local);
+	(void)snprintf(text, size, "%s.%03d", when, (int)(us / 1000 % 1000));
+}
+
+static void print_kept(const struct db_ctl *ctl, const json_t *kept)
+{
+	static const char *const heads[] = { "NUMBER", "WHEN", "BUS", "DRIVE", "EVENT" };
+	struct db_ctl_grid *grid = db_ctl_grid_new("rllll");
+	char when[64];
+	size_t i;
+	const json_t *one;
+
+	if (!grid)
+		return;
+	for (i = 0; i < sizeof(heads) / sizeof(heads[0]); i++)
+		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", heads[i]);
+	json_array_foreach(kept, i, one)
+	{
+		write_time(json_integer_value(json_object_get(one, "time_us")), when, sizeof(when));
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld",
+		                (long long)json_integer_value(json_object_get(one, "number")));
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", when);
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_ctl_text(one, "bus"));
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_ctl_text(one, "drive"));
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_ctl_text(one, "event"));
+	}
+	db_ctl_grid_print(grid, ctl->colour, 0, "\n", stdout);
+	db_ctl_grid_free(grid);
 }
 
 enum db_ctl_status db_ctl_traces(struct db_ctl *ctl, int count, char **arguments)
 {
 	enum db_ctl_status status;
 	json_t *kept = read_kept(ctl, &status);
-	struct db_ctl_grid *grid = kept ? db_ctl_grid_new("rllll") : NULL;
-	size_t i;
-	const json_t *one;
 
 	(void)count;
 	(void)arguments;
-	if (ctl->json && kept)
+	if (kept && ctl->json)
 		db_ctl_print_json(kept);
-	if (grid && !ctl->json) {
-		if (json_array_size(kept) == 0)
-			(void)puts(
-				"no trace was kept: no drive was lost or at fault since the service "
-				"began");
-		else
-			for (i = 0; i < 5; i++)
-				db_ctl_grid_add(grid, DB_CTL_BOLD, "%s",
-				                (const char *[]){ "NUMBER", "WHEN", "BUS", "DRIVE",
-				                                  "EVENT" }[i]);
-		json_array_foreach(kept, i, one)
-		{
-			json_int_t us = json_integer_value(json_object_get(one, "time_us"));
-			time_t seconds = (time_t)(us / 1000000);
-			char when[32] = "";
-			struct tm local;
-
-			if (localtime_r(&seconds, &local))
-				(void)strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &local);
-			db_ctl_grid_add(
-				grid, DB_CTL_PLAIN, "%lld",
-				(long long)json_integer_value(json_object_get(one, "number")));
-			db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s.%03d", when,
-			                (int)(us / 1000 % 1000));
-			db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_ctl_text(one, "bus"));
-			db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_ctl_text(one, "drive"));
-			db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_ctl_text(one, "event"));
-		}
-		db_ctl_grid_print(grid, ctl->colour, 0, "\n", stdout);
-	}
-	db_ctl_grid_free(grid);
+	else if (kept && json_array_size(kept) == 0)
+		(void)puts(
+			"no trace was kept: no drive was lost or at fault since the service began");
+	else if (kept)
+		print_kept(ctl, kept);
 	json_decref(kept);
 	return status;
 }

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Jitter of a bus's cycle with twenty clients of the control socket that read every cycle, against none.
+"""Lateness of a bus's cycles with twenty clients of the control socket that read every cycle, against none.
 
 Usage: subscribers.py BUILD_DIR [SECONDS [SUBSCRIBERS]]
 

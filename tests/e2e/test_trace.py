@@ -3,6 +3,7 @@
 drivebridgectl."""
 
 import csv
+import json
 import os
 import re
 import signal
@@ -43,6 +44,10 @@ def test_a_serial_bus_is_told_in_words_and_bytes(make_bridge):
         question = asked[answer["question"]]
         assert question["drive"] == answer["drive"] and question["time_us"] <= answer["time_us"]
     assert [one["number"] for one in told] == list(range(told[0]["number"], told[0]["number"] + len(told)))
+    path = plant.place / "trace.json"
+    assert objects(plant, "trace", "--past", "--duration", "0.1", "--output", path) == []
+    assert json.loads(path.read_text(encoding="utf-8").splitlines()[0])["number"] == 1
+    assert "cannot write /nowhere/a.txt: No such file" in ctl(plant, "trace", "--output", "/nowhere/a.txt", status=1)
 
 
 def test_trouble_leaves_a_trace(make_bridge):
