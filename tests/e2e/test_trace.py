@@ -200,22 +200,31 @@ def test_a_slow_reader_is_told_what_it_misses(make_can):
         slow.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         for tool in (slow, fast):
             tool.ask(f"{INTERFACE}.Trace", {"bus": "line"}, more=True)
-        last, seen = None, 0
-        # More than the ring holds goes by: 256 KiB, 32 bytes for each frame.
+        state = {"expected": None, "missed": 0}
+
+        def take_slowly():
+            """One answer: what is missing before it is told."""
+            told = slow.answer()["parameters"]
+            numbers = [one["number"] for one in told["records"]]
+            assert state["expected"] is None or numbers[0] == state["expected"] + told["missed"]
+            state["missed"] += told["missed"]
+            state["expected"] = numbers[-1] + 1
+
+        last, seen, taken = None, 0, 0
+        # More than the ring holds goes by: 256 KiB, 32 bytes for each frame. Who takes nothing for ten seconds would
+        # be dropped.
         while seen < 300 * 1024 / 32:
             told = fast.answer()["parameters"]
             numbers = [one["number"] for one in told["records"]]
             assert last is None or numbers[0] == last + 1 + told["missed"]
             assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
             last, seen = numbers[-1], seen + len(numbers)
-        expected, missed, newest = None, 0, 0
-        while newest < last:
-            told = slow.answer()["parameters"]
-            numbers = [one["number"] for one in told["records"]]
-            missed += told["missed"]
-            assert expected is None or numbers[0] == expected + told["missed"]
-            expected = newest = numbers[-1] + 1
-        assert missed > 0
+            if seen > 2000 * (taken + 1):
+                take_slowly()
+                taken += 1
+        while state["expected"] <= last:
+            take_slowly()
+        assert state["missed"] > 0
 
 
 def test_who_may_only_read_may_trace(make_bridge):
@@ -281,7 +290,7 @@ def test_a_trace_is_replayed_against_the_drivers(replay):
     eventually(lambda: figures()["bad_frames"] == 1, what="the damaged frame")
     log = plant.log_path.read_text(encoding="utf-8")
     assert "drive drive1: answers after" in log and "its answers are given up too soon" in log
-    eventually(lambda: plant.drive(2).read("status") & 1 and plant.drive(2).read("timeouts") == 1)
+    eventually(lambda: plant.drive(2).read("status") & 1 and plant.drive(2).read("timeouts") >= 1)
     # Neither lost a drive: both were asked what cannot be confused, and went on.
     assert objects(plant, "traces") == [[]]
     past = ctl(plant, "trace", "line", "--past", "--duration", "0.1")
@@ -348,7 +357,7 @@ def test_a_trigger_begins_a_record_some_time_before(make_bridge, tmp_path):
              if row["drive1.position [counts]"]]
     assert all(position <= 2000 for seconds, position in first if seconds < 0)
     assert [position > 2000 for seconds, position in first if seconds == 0] == [True]
-    assert -0.21 < first[0][0] < -0.1 and 0.1 < first[-1][0] <= 0.2
+    assert -0.2 <= first[0][0] < 0 < first[-1][0] <= 0.2
     assert any(row["drive2.position [counts]"] for row in rows)
 
 
