@@ -57,7 +57,7 @@ static void close_session(struct session *session)
 void db_mqtt_acting_free(struct db_mqtt_acting *acting)
 {
 	if (acting)
-		db_mqtt_acting_drop(acting);
+		(void)db_mqtt_acting_drop(acting);
 	free(acting);
 }
 
@@ -188,10 +188,15 @@ void db_mqtt_acting_feed(struct db_mqtt_acting *acting, const char *drive, db_ti
 	}
 }
 
-void db_mqtt_acting_drop(struct db_mqtt_acting *acting)
+bool db_mqtt_acting_drop(struct db_mqtt_acting *acting)
 {
-	for (size_t i = 0; i < DB_MQTT_ACTING_FDS; i++)
+	bool any = false;
+
+	for (size_t i = 0; i < DB_MQTT_ACTING_FDS; i++) {
+		any = any || acting->sessions[i].client;
 		close_session(&acting->sessions[i]);
+	}
+	return any;
 }
 
 void db_mqtt_acting_watch(const struct db_mqtt_acting *acting,

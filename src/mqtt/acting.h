@@ -31,8 +31,8 @@ void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
 /* Who commands this drive is alive: tells its watchdog so, where a session has commanded it. */
 void db_mqtt_acting_feed(struct db_mqtt_acting *acting, const char *drive, db_time now);
 
-/* Ends all sessions, without a result for what is under way. */
-void db_mqtt_acting_drop(struct db_mqtt_acting *acting);
+/* Ends all sessions, without a result for what is under way. Whether there were any. */
+bool db_mqtt_acting_drop(struct db_mqtt_acting *acting);
 
 /* So many drives can be commanded at the same time; the service has 32 sessions for all its tools. */
 #define DB_MQTT_ACTING_FDS 12

@@ -274,12 +274,20 @@ static void publish_figures(struct db_mqtt_publisher *publisher)
 /* A text that the broker sends back: what arrives behind it was not on its way for longer than it was. */
 static void send_echo(struct db_mqtt_publisher *publisher)
 {
+	const struct db_mqtt_config *config = publisher->config;
 	char text[64];
 
+	/* A broker that holds the connection and does nothing is lost for who commands over it. */
+	if (publisher->now - publisher->echoed > config->keepalive_s * DB_NS_PER_S &&
+	    db_mqtt_acting_drop(publisher->acting))
+		db_mqtt_log(
+			DB_MQTT_WARNING,
+			"the broker has sent nothing for %u s: what was commanded over it is given up",
+			config->keepalive_s);
 	(void)snprintf(text, sizeof(text), "%u %lld", publisher->echo_mark,
 	               (long long)publisher->now);
 	db_mqtt_broker_send_now(publisher->broker, topic_of(publisher, "echo").text, text);
-	publisher->echo_at = publisher->now + publisher->config->age_ms * DB_NS_PER_MS / 4;
+	publisher->echo_at = publisher->now + config->age_ms * DB_NS_PER_MS / 4;
 }
 
 static void take_echo(struct db_mqtt_publisher *publisher, const char *text)
@@ -315,7 +323,7 @@ static void miss_broker(void *context)
 	struct db_mqtt_publisher *publisher = context;
 
 	publisher->echo_at = DB_TIME_NEVER;
-	db_mqtt_acting_drop(publisher->acting);
+	(void)db_mqtt_acting_drop(publisher->acting);
 }
 
 static void publish_result(void *context, const char *drive, const char *id, const char *command,

@@ -316,9 +316,11 @@ def commander(plant):
     bridge = plant.make_bridge(drive={"watchdog-ms": 500})
     broker = plant.broker()
     watcher = plant.watcher(broker)
-    plant.publisher(bridge, broker, command={"allow": "all", "parameters": "on", "age-ms": 1000}).start()
+    publisher = plant.publisher(bridge, broker,
+                                command={"allow": "all", "parameters": "on", "age-ms": 1000}).start()
     watcher.wait_for_text("status", "online")
     made = Commander(watcher)
+    made.publisher = publisher
     made.bridge, made.broker, made.plant = bridge, broker, plant
     eventually(lambda: made.run("enable") == "ok")
     return made
@@ -378,7 +380,7 @@ def test_what_is_not_carried_out(commander):
     commander.watcher.publish("drive/drive1/command", command("move_absolute", "r2", target_position=99),
                               retain=True)
     commander.watcher.wait_for_text("status", "online", seen)
-    eventually(lambda: commander.run("clear_fault") == "ok")
+    eventually(lambda: commander.run("enable") == "ok")
     assert unit.read("position") == 500
 
 
@@ -401,6 +403,46 @@ def test_silence_stops(commander):
     commander.broker.stop(signal.SIGKILL)
     eventually(lambda: unit.read("watchdog_trips") == 2)
     commander.bridge.wait_standing()
+
+
+def test_a_line_that_stood_still(commander):
+    """What waited in it is not carried out, and for what moves its standing still is the loss of the broker."""
+    unit = commander.bridge.drive(1)
+    publisher = commander.publisher
+    publisher.stop()
+    with Relay(commander.broker) as relay:
+        publisher.sections["broker"].update({"host": "127.0.0.1", "port": relay.port, "keepalive-s": 5})
+        publisher.sections["command"]["time"] = "optional"
+        seen = commander.watcher.count()
+        publisher.start()
+        commander.watcher.wait_for_text("status", "online", seen)
+        eventually(lambda: commander.run("enable") == "ok")
+        relay.hold()
+        commander.send({"id": "held", "command": "move_absolute", "arguments": {"target_position": 1000}})
+        time.sleep(1.2)
+        relay.go_on()
+        assert "stood still" in commander.result("held")["reason"]
+        assert unit.read("position") == 0
+        eventually(lambda: commander.run("enable") == "ok")
+        commander.send(command("move_absolute", "long", target_position=10 ** 6))
+        eventually(lambda: unit.read("velocity") > 0)
+        relay.hold()
+        eventually(lambda: unit.read("watchdog_trips") == 1)
+        commander.bridge.wait_standing()
+        publisher.wait_for_log("what was commanded over it is given up")
+
+
+def test_old_protocol_without_confirmations(plant):
+    bridge = plant.make_bridge()
+    broker = plant.broker()
+    watcher = plant.watcher(broker)
+    publisher = plant.publisher(bridge, broker, broker_keys={"mqtt-version": "3.1.1"}, publish={"qos": 0})
+    publisher.start()
+    watcher.wait_for_text("status", "online")
+    bridge.drive(1).settle("move_absolute", target_position=500)
+    watcher.wait("drive/drive1/changes", lambda one: one.json["values"].get("position") == 500)
+    publisher.process.kill()
+    watcher.wait_for_text("status", "offline")
 
 
 def test_commands_off_and_limited(plant):
