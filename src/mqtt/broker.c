@@ -218,7 +218,7 @@ static void fail(struct db_mqtt_broker *broker, int result, int cause, db_time n
 	else if (result == MOSQ_ERR_KEEPALIVE)
 		note_why(broker, "it has fallen silent");
 	else if (result == MOSQ_ERR_TLS && broker->library[0])
-		note_why(broker, "no trust between us: %s", broker->library);
+		note_why(broker, "TLS fails: %s", broker->library);
 	else if (result == MOSQ_ERR_CONN_LOST || result == MOSQ_ERR_NO_CONN)
 		note_why(broker, "the broker has closed the connection");
 	else
