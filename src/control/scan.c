@@ -275,21 +275,23 @@ static void begin(const struct db_call *call, const struct db_bus_config *bus,
 	struct db_session *session = call->session;
 	struct db_control_socket *control = session->control;
 	struct wait *wait = calloc(1, sizeof *wait);
-	int error = wait ? control->setup.ops->scan(control->setup.context, bus->name, plan,
-	                                            &wait->number) :
-	                   -ENOMEM;
+	int error = -ENOMEM;
 
+	/* Freed with the answer, whichever it is. */
+	session->job = wait;
+	if (wait) {
+		(void)snprintf(wait->bus, sizeof wait->bus, "%s", bus->name);
+		wait->sets_up = plan->set_up != DB_INQUIRY_THERE;
+		error = control->setup.ops->scan(control->setup.context, bus->name, plan,
+		                                 &wait->number);
+	}
+	/* gcc's analyzer: what is allocated is the session's job, or the answer's. */
 	if (error == -EINVAL)
 		db_session_fail_parameter(session, "address, first or last");
 	else if (error != 0)
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
-	if (error != 0) {
-		free(wait);
+	if (error != 0)
 		return;
-	}
-	(void)snprintf(wait->bus, sizeof wait->bus, "%s", bus->name);
-	wait->sets_up = plan->set_up != DB_INQUIRY_THERE;
-	session->job = wait;
 	session->wait = DB_WAITS_FOR_SCAN;
 	session->due = db_control_now(control);
 }
@@ -351,5 +353,6 @@ void db_scan_set_up(const struct db_call *call)
 	    !take_number(call, "value", SPEED_MAX, &plan.value) || !take_speeds(call, bus, &plan))
 		return;
 	plan.first = plan.last = (unsigned)address;
+	/* gcc's analyzer: as in begin(). */
 	begin(call, bus, &plan);
 }

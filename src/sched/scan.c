@@ -22,6 +22,9 @@
 /* What is left of a cycle for this thread to wake up late. */
 #define MARGIN (1 * DB_NS_PER_MS)
 
+/* The port is looked at so often until it is open. */
+#define PORT_TIME (2 * DB_NS_PER_MS)
+
 /* Without time for a question for so long, there is none. */
 #define PATIENCE (3 * DB_NS_PER_S)
 
@@ -457,8 +460,11 @@ db_time scan_wake(const struct db_engine *engine, db_time now)
 	}
 	if (scan->not_before > now)
 		return scan->not_before;
-	if (!scan->plan.aside || !scan->port_up)
+	if (!scan->plan.aside)
 		return DB_TIME_NEVER;
+	/* The bus is about to open its port at another speed. */
+	if (!scan->port_up)
+		return now + PORT_TIME;
 	return engine->quiet_until > now ? engine->quiet_until : now + 1;
 }
 

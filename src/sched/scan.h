@@ -59,6 +59,6 @@ void scan_note_garbage(struct db_engine *engine, size_t length);
 bool scan_take_frame(struct db_engine *engine, enum db_frame kind, const uint8_t *frame,
                      size_t length, db_time now);
 /* A frame that nobody here asked for (CAN). */
-void scan_note_foreign(struct db_engine *engine, const uint8_t *frame, size_t length);
+void scan_note_foreign(struct db_engine *engine, const uint8_t *bytes, size_t length);
 
 #endif

@@ -14,7 +14,7 @@ from test_ctl import pattern_of, transcripts
 
 
 # Room for questions in each cycle, also while the machine is busy.
-ROOMY = {"cycle-ms": 100, "drive-latency-ms": 20}
+ROOMY = {"cycle-ms": 100, "drive-latency-ms": 12}
 
 
 def run(bridge, *words, timeout=60):
