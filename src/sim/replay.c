@@ -207,11 +207,12 @@ struct sim_replay *sim_replay_load(const char *path, FILE *told)
 	FILE *file = fopen(path, "re");
 	char *text = NULL;
 	size_t size = 0;
+	ssize_t length = file ? getdelim(&text, &size, '\0', file) : -1;
 
-	if (!file || (getdelim(&text, &size, '\0', file) < 0 && ferror(file)))
-		(void)fprintf(told, "%s: %s\n", path, strerror(errno));
+	if (length > 0 || (file && feof(file)))
+		replay = sim_replay_parse(length > 0 ? text : "", path, told);
 	else
-		replay = sim_replay_parse(text && *text ? text : "", path, told);
+		(void)fprintf(told, "%s: %s\n", path, strerror(errno));
 	free(text);
 	if (file)
 		(void)fclose(file);
