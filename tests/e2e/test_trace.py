@@ -227,6 +227,29 @@ def test_a_slow_reader_is_told_what_it_misses(make_can):
         assert state["missed"] > 0
 
 
+def test_a_trace_goes_on_with_the_bus_that_takes_the_place_of_another(make_bridge):
+    """A reload with another cycle: the bus ends and a new one begins, whose trace does as well; what was kept stays."""
+    plant = make_bridge(drives=2)
+    plant.sim.fault("silence on", "drive2")
+    eventually(lambda: objects(plant, "traces")[0], what="a trace to be kept")
+    plant.sim.fault("silence off", "drive2")
+    with Line(plant) as tool:
+        tool.ask(f"{INTERFACE}.Trace", {"bus": "line"}, more=True)
+        assert tool.answer()["parameters"]["records"][0]["number"] > 1
+        plant.sections["bus line"]["cycle-ms"] = 30
+        plant.reload()
+        records = eventually(lambda: [one for one in tool.answer()["parameters"]["records"] if one["number"] == 1])
+        assert (records[0]["kind"], records[0]["words"]) == ("event", "bus-up")
+        # And when there is none of that name any more, it ends.
+        plant.sections["bus other"] = plant.sections.pop("bus line")
+        for number in (1, 2):
+            plant.sections[f"drive drive{number}"] = {**plant.sections.pop(f"drive drive{number}"), "bus": "other"}
+        plant.reload()
+        answer = eventually(lambda: [one for one in [tool.answer()] if "error" in one])[0]
+        assert answer["error"] == f"{INTERFACE}.NoSuchBus"
+    assert objects(plant, "traces")[0][0]["drive"] == "drive2"
+
+
 def test_who_may_only_read_may_trace(make_bridge):
     plant = make_bridge(control={"act-group": "nobody-is-in-this"})
     with Line(plant) as tool:
