@@ -285,11 +285,11 @@ static void begin(const struct db_call *call, const struct db_bus_config *bus,
 		error = control->setup.ops->scan(control->setup.context, bus->name, plan,
 		                                 &wait->number);
 	}
-	/* gcc's analyzer: what is allocated is the session's job, or the answer's. */
 	if (error == -EINVAL)
 		db_session_fail_parameter(session, "address, first or last");
 	else if (error != 0)
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
+	/* gcc's analyzer: what is allocated is the session's job, or the answer's. */
 	if (error != 0)
 		return;
 	session->wait = DB_WAITS_FOR_SCAN;

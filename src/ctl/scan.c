@@ -11,6 +11,9 @@
 
 #define UNIT_MAX 247
 
+/* Some drives think for longer than this before they answer. */
+#define WAIT_SHORT_US 10000
+
 static json_int_t number_of(const json_t *object, const char *name)
 {
 	return json_integer_value(json_object_get(object, name));
@@ -258,6 +261,12 @@ static void print_found(const struct db_ctl *ctl, const struct db_ctl_search *se
 	print_foreign(search);
 	if (!search->interrupted)
 		print_advice(search);
+	if (search->wait_us < WAIT_SHORT_US)
+		(void)printf(
+			"\neach address was given %.1f ms to begin its answer, as much as the cycle "
+			"leaves: a slower drive is found\nwith a longer cycle-ms, or with the "
+			"bus set aside (--speed)\n",
+			(double)search->wait_us / 1000);
 	if (configuration && configuration[0])
 		(void)printf("\nfor the configuration, then drivebridgectl reload:\n\n%s",
 		             configuration);
