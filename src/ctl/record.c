@@ -36,6 +36,7 @@ struct recording {
 	FILE *file;
 	char scratch[32]; /* path of a file that only the picture needs; "" */
 	json_int_t lost;
+	int error; /* errno of the first write that failed; 0: none has */
 	bool ended;
 	enum db_ctl_status status;
 };
@@ -227,19 +228,26 @@ static void write_sample(void *context, const json_t *sample, json_int_t time_us
 	db_ctl_csv_end_line(recording->file);
 }
 
+/* Who looks into the file meanwhile finds it as it is. */
+static void write_out(struct recording *recording)
+{
+	if (fflush(recording->file) != 0 && recording->error == 0)
+		recording->error = errno;
+}
+
 /* What became of it, for people; and the picture. */
 static void finish(struct recording *recording)
 {
 	const struct db_ctl *ctl = recording->ctl;
 	const char *path = recording->scratch[0] ? recording->scratch : ctl->output;
-	bool failed = fflush(recording->file) != 0 || ferror(recording->file);
 
-	if (recording->file != stdout)
-		failed = fclose(recording->file) != 0 || failed;
-	if (failed && recording->status == DB_CTL_OK)
-		recording->status = db_ctl_complain(ctl, DB_CTL_NO, "io.drivebridge.Client.File",
-		                                    "cannot write all of %s: %s",
-		                                    path ? path : "the record", strerror(errno));
+	write_out(recording);
+	if (recording->file != stdout && fclose(recording->file) != 0 && recording->error == 0)
+		recording->error = errno;
+	if (recording->error != 0 && recording->status == DB_CTL_OK)
+		recording->status = db_ctl_complain(
+			ctl, DB_CTL_NO, "io.drivebridge.Client.File", "cannot write all of %s: %s",
+			path ? path : "the record", strerror(recording->error));
 	if (recording->status == DB_CTL_OK && ctl->trigger && !recording->rows.begun)
 		recording->status = db_ctl_complain(ctl, DB_CTL_NO,
 		                                    "io.drivebridge.Client.NoTrigger",
@@ -276,8 +284,7 @@ static void take_samples(void *data, json_t *parameters, const struct db_client_
 			recording->ended = true;
 		}
 	}
-	/* Who looks into the file meanwhile finds it as it is. */
-	(void)fflush(recording->file);
+	write_out(recording);
 	if (waited && recording->rows.begun)
 		(void)fprintf(stderr, "%s came\n", recording->ctl->trigger);
 	recording->ended = recording->ended || recording->rows.ended;
@@ -325,7 +332,7 @@ static void follow(struct recording *recording)
 		signal_number = db_ctl_signals_read(fds[1].fd);
 		/* A pipe that nobody reads any more ends it as well. */
 		if ((signal_number != 0 && signal_number != SIGWINCH && signal_number != SIGTSTP) ||
-		    ferror(recording->file))
+		    recording->error != 0)
 			break;
 		(void)db_client_handle(recording->ctl->client);
 	}
