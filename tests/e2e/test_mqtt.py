@@ -199,8 +199,9 @@ def test_broker_restarts(plant):
         bridge.wait_standing()
         eventually(lambda: unit.read("position") == target)
     broker.start()
+    # The longer it was away, the longer it is waited before the next attempt.
     watcher.wait("drive/drive1/changes",
-                 lambda one: one.json["values"].get("position") == 3000, seen, 20)
+                 lambda one: one.json["values"].get("position") == 3000, seen, 60)
     changes = [one.json for one in watcher.all("drive/drive1/changes", seen)]
     positions = [one["values"]["position"] for one in changes if "position" in one["values"]]
     assert positions == sorted(positions) and positions[0] < 1000 and len(positions) > 4, positions
