@@ -1,13 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The bus thread: an engine, a port and a clock. Sleeps in ppoll() until bytes come, the network
+ * The bus thread: an engine, a line and a clock. Sleeps in ppoll() until bytes come, the network
  * thread posts a request, or the engine wants to be called.
  */
 #include "drivebridge/bus.h"
 
-#include "codec/can.h"
 #include "drivebridge/seqlock.h"
-#include "drivebridge/trace.h"
+#include "sched/bus_line.h"
 #include "sched/bus_log.h"
 #include "sched/change.h"
 #include "sched/engine.h"
@@ -28,27 +27,12 @@
 #include <time.h>
 #include <unistd.h>
 
-#define REOPEN_INTERVAL (500 * DB_NS_PER_MS)
-
 /* The thread turns at least so often, to show that it lives. */
 #define BEAT_TIME (500 * DB_NS_PER_MS)
-
-/* So often a port is read before the cycle and stops have their turn again. */
-#define READS_AT_ONCE 16
-
-/* A port that takes nothing for so long is as good as gone. */
-#define STUCK_TIME (1 * DB_NS_PER_S)
 
 /* So often the cycle is judged; it is too slow when more than one in so many overran. */
 #define JUDGE_INTERVAL (10 * DB_NS_PER_S)
 #define OVERRUN_SHARE 10
-
-/* Whose the line is. */
-enum line_use {
-	LINE_IN_SERVICE,
-	LINE_CLEARING, /* its drives do what their on_exit says, then it is set aside */
-	LINE_ASIDE,    /* the scan's */
-};
 
 struct db_bus {
 	const struct db_bus_config *config;
@@ -70,21 +54,8 @@ struct db_bus {
 	_Atomic uint32_t beats;
 
 	/* Bus thread only. */
-	const struct db_transport *transport;
-	struct db_port *port;
-	db_time wall_at; /* when the wall clock is looked at again */
-	bool line_up;    /* the port is open and carries frames */
-	enum line_use use;
-	bool passes_all;      /* the port's filters are open for a scan */
-	unsigned aside_speed; /* of the port, bit/s */
-	db_time clear_by;
-	db_time reopen_at;
-	int open_error; /* the last one reported, so that it is reported once */
-	int port_error; /* the open port failed with it */
-	bool troubled;  /* since the network's thread was last told */
-	uint8_t unsent[2 * DB_REQUEST_MAX];
-	size_t unsent_length;
-	db_time unsent_since;       /* when the port last took something */
+	struct bus_line line;
+	db_time wall_at;            /* when the wall clock is looked at again */
 	struct db_bus_stats judged; /* as they were at the last judgement of the cycle */
 	db_time judged_wait;        /* for a processor, until then */
 	db_time judge_at;           /* the next one; 0 before the first */
@@ -102,53 +73,11 @@ static db_time clock_ns(clockid_t clock)
 	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
 }
 
-static db_time now_ns(void)
-{
-	return clock_ns(CLOCK_MONOTONIC);
-}
-
 /* --- engine's callbacks ------------------------------------------------------------------------- */
-
-/* The first error counts; the port is closed when the turn is over. */
-static void fail_port(struct db_bus *bus, int error)
-{
-	if (bus->port_error == 0)
-		bus->port_error = error;
-}
 
 static db_time send_bytes(void *context, const uint8_t *bytes, size_t length)
 {
-	struct db_bus *bus = context;
-	db_time now = now_ns();
-	ssize_t sent = 0;
-
-	if (bus->unsent_length + length > sizeof bus->unsent) {
-		fail_port(bus, ENOBUFS); /* cannot be: what is held sends nothing */
-		return now;
-	}
-	if (bus->unsent_length == 0)
-		sent = bus->transport->write(bus->port, bytes, length, now);
-	if (sent < 0) {
-		fail_port(bus, (int)-sent);
-		return now;
-	}
-	if ((size_t)sent == length)
-		return now;
-	/* The kernel's buffer is full: the rest follows as soon as it drains. */
-	memcpy(bus->unsent + bus->unsent_length, bytes + sent, length - (size_t)sent);
-	bus->unsent_length += length - (size_t)sent;
-	bus->unsent_since = now;
-	db_engine_hold(bus->engine, true, now);
-	return now;
-}
-
-/* Among the frames, and the network's thread is told where it is something to be looked into later. `drive`: null
- * when it is the bus's. */
-static void trace_event(struct db_bus *bus, enum db_event event,
-                        const struct db_drive_config *drive, db_time now)
-{
-	db_trace_write_event(db_engine_trace(bus->engine), now, event, drive ? drive->name : NULL);
-	bus->troubled = bus->troubled || db_trace_is_trouble(event);
+	return bus_line_send(&((struct db_bus *)context)->line, bytes, length);
 }
 
 static void tell_drive(void *context, const struct db_drive_config *drive, enum db_event event,
@@ -156,15 +85,15 @@ static void tell_drive(void *context, const struct db_drive_config *drive, enum 
 {
 	struct db_bus *bus = context;
 
-	trace_event(bus, event, drive, now_ns());
-	bus_log_event(&bus->log, bus->config->driver, drive, event, feedback, now_ns());
+	bus_line_trace(&bus->line, event, drive, bus_line_now());
+	bus_log_event(&bus->log, bus->config->driver, drive, event, feedback, bus_line_now());
 }
 
 static void tell_missing(void *context, const struct db_drive_config *drive, uint64_t params)
 {
 	const struct db_bus *bus = context;
 
-	bus_log_missing_params(&bus->log, drive, bus->config->driver, params, now_ns());
+	bus_log_missing_params(&bus->log, drive, bus->config->driver, params, bus_line_now());
 }
 
 static void tell_heard(void *context, const struct db_drive_config *drive,
@@ -172,7 +101,7 @@ static void tell_heard(void *context, const struct db_drive_config *drive,
 {
 	const struct db_bus *bus = context;
 
-	bus_log_heard(&bus->log, drive, bus->config->driver->medium, heard, now_ns());
+	bus_log_heard(&bus->log, drive, bus->config->driver->medium, heard, bus_line_now());
 }
 
 static void tell_timing(void *context, const struct db_drive_config *drive, enum db_event event,
@@ -180,8 +109,8 @@ static void tell_timing(void *context, const struct db_drive_config *drive, enum
 {
 	struct db_bus *bus = context;
 
-	trace_event(bus, event, drive, now_ns());
-	bus_log_timing(&bus->log, bus->config, drive, event, time, now_ns());
+	bus_line_trace(&bus->line, event, drive, bus_line_now());
+	bus_log_timing(&bus->log, bus->config, drive, event, time, bus_line_now());
 }
 
 static void tell_raw(void *context, const struct db_drive_config *drive, bool sent,
@@ -189,7 +118,8 @@ static void tell_raw(void *context, const struct db_drive_config *drive, bool se
 {
 	const struct db_bus *bus = context;
 
-	bus_log_raw(&bus->log, drive, bus->config->driver->medium, sent, bytes, length, now_ns());
+	bus_log_raw(&bus->log, drive, bus->config->driver->medium, sent, bytes, length,
+	            bus_line_now());
 }
 
 static const struct db_engine_ops engine_ops = {
@@ -200,217 +130,6 @@ static const struct db_engine_ops engine_ops = {
 	.tell_timing = tell_timing,
 	.tell_raw = tell_raw,
 };
-
-/* --- the port ------------------------------------------------------------------------------------- */
-
-static const char *place_of(const struct db_bus_config *config)
-{
-	return config->transport->uses_interface ? config->interface : config->device;
-}
-
-static const struct db_port_health *health_of(const struct db_bus *bus)
-{
-	static const struct db_port_health fine = { .up = true };
-
-	return bus->port && bus->transport->health ? bus->transport->health(bus->port) : &fine;
-}
-
-static void bring_up(struct db_bus *bus, db_time now)
-{
-	unsigned bitrate = health_of(bus)->bitrate;
-	enum db_port_latency latency = health_of(bus)->latency;
-
-	bus->line_up = true;
-	if (bus->use == LINE_ASIDE) {
-		scan_port(bus->engine, true, 0, now);
-		return;
-	}
-	trace_event(bus, DB_EVENT_BUS_UP, NULL, now);
-	db_log(&bus->log, now, DB_EVENT_BUS_UP, NULL, "%s is up", place_of(bus->config));
-	if (bitrate != 0 && bitrate != bus->config->bitrate)
-		db_log(&bus->log, now, DB_EVENT_BUS_BITRATE, NULL,
-		       "%s runs at %u bit/s, but the configuration says bitrate = %u; set both to "
-		       "that of the drives",
-		       place_of(bus->config), bitrate, bus->config->bitrate);
-	if (latency == DB_PORT_LATENCY_LOW)
-		db_log(&bus->log, now, DB_EVENT_SERIAL_LATENCY, NULL,
-		       "%s passes received bytes on at once", place_of(bus->config));
-	else if (latency == DB_PORT_LATENCY_REFUSED)
-		db_log(&bus->log, now, DB_EVENT_SERIAL_LATENCY, NULL,
-		       "the driver of %s has no low latency setting; should answers be late by 16 ms "
-		       "or so, see latency_timer in the udev example",
-		       place_of(bus->config));
-	bus->open_error = 0;
-	db_engine_port(bus->engine, true, 0, now);
-}
-
-static void take_down(struct db_bus *bus, int error, db_time now)
-{
-	bus->line_up = false;
-	bus->unsent_length = 0;
-	if (bus->use == LINE_ASIDE)
-		scan_port(bus->engine, false, error, now);
-	else
-		db_engine_port(bus->engine, false, error, now);
-}
-
-static void open_port(struct db_bus *bus, db_time now)
-{
-	struct db_can_filter filters[DB_FILTERS_MAX];
-	const struct db_driver *driver = bus->config->driver;
-	size_t count = driver->filters ? driver->filters(bus->config, filters) : 0;
-	const struct db_bus_config *aside = scan_port_config(bus->engine);
-	int error = bus->use == LINE_ASIDE ?
-	                    bus->transport->open(aside, NULL, 0, now, &bus->port) :
-	                    bus->transport->open(bus->config, filters, count, now, &bus->port);
-
-	bus->passes_all = false;
-	if (error == 0)
-		return;
-	bus->port = NULL;
-	bus->reopen_at = now + REOPEN_INTERVAL;
-	if (bus->use == LINE_ASIDE) {
-		scan_port(bus->engine, false, -error, now);
-		return;
-	}
-	db_engine_port(bus->engine, false, -error, now);
-	if (-error != bus->open_error)
-		db_log(&bus->log, now, DB_EVENT_BUS_LOST, NULL,
-		       "cannot open %s: %s%s; trying again", place_of(bus->config),
-		       strerror(-error), bus_log_port_advice(bus->config, -error));
-	bus->open_error = -error;
-}
-
-static void lose_port(struct db_bus *bus, db_time now)
-{
-	int error = bus->port_error;
-
-	trace_event(bus, DB_EVENT_BUS_LOST, NULL, now);
-	if (error != bus->open_error && bus->use != LINE_ASIDE)
-		db_log(&bus->log, now, DB_EVENT_BUS_LOST, NULL,
-		       "lost %s: %s%s; waiting for it to come back", place_of(bus->config),
-		       strerror(error), bus_log_port_advice(bus->config, error));
-	bus->transport->close(bus->port);
-	bus->port = NULL;
-	bus->port_error = 0;
-	bus->open_error = error;
-	bus->reopen_at = now + REOPEN_INTERVAL;
-	take_down(bus, error, now);
-}
-
-/* Adapters that are not ready yet, and controllers that went bus off and come back. */
-static void follow_health(struct db_bus *bus, db_time now)
-{
-	const struct db_port_health *health = health_of(bus);
-
-	if (!bus->port || health->up == bus->line_up)
-		return;
-	if (health->up) {
-		bring_up(bus, now);
-		return;
-	}
-	if (bus->use == LINE_ASIDE)
-		return; /* at another speed than the drives' it is to be expected */
-	trace_event(bus, DB_EVENT_BUS_OFF, NULL, now);
-	db_log(&bus->log, now, DB_EVENT_BUS_OFF, NULL, "%s: %s", place_of(bus->config),
-	       health->error == ENETRESET ?
-	               "bus off, too many errors on the wire; check wiring, termination and bit rate" :
-	               strerror(health->error));
-	take_down(bus, health->error, now);
-}
-
-/* False when nothing was there. What is left when it has said enough is told again by poll(). */
-static bool read_port(struct db_bus *bus)
-{
-	uint8_t bytes[512];
-	ssize_t count = 0;
-
-	for (unsigned reads = 0; reads < READS_AT_ONCE; reads++) {
-		count = bus->transport->read(bus->port, bytes, sizeof bytes, now_ns());
-		if (count > 0)
-			db_engine_receive(bus->engine, bytes, (size_t)count, now_ns());
-		if (count < 0)
-			fail_port(bus, (int)-count);
-		if (count < (ssize_t)sizeof bytes)
-			return reads > 0 || count > 0;
-	}
-	return true;
-}
-
-static void write_rest(struct db_bus *bus, db_time now)
-{
-	ssize_t sent = bus->transport->write(bus->port, bus->unsent, bus->unsent_length, now);
-
-	if (sent < 0) {
-		fail_port(bus, (int)-sent);
-		return;
-	}
-	bus->unsent_length -= (size_t)sent;
-	memmove(bus->unsent, bus->unsent + sent, bus->unsent_length);
-	if (bus->unsent_length == 0)
-		db_engine_hold(bus->engine, false, now);
-	else if (sent > 0)
-		bus->unsent_since = now;
-	else if (now - bus->unsent_since > STUCK_TIME)
-		fail_port(bus, ENOBUFS);
-}
-
-/* --- a line that is set aside ----------------------------------------------------------------------- */
-
-static void close_port(struct db_bus *bus, db_time now)
-{
-	bus->transport->close(bus->port);
-	bus->port = NULL;
-	bus->port_error = 0;
-	bus->unsent_length = 0;
-	bus->line_up = false;
-	bus->reopen_at = now;
-}
-
-static unsigned speed_of(const struct db_bus_config *config)
-{
-	return config->driver->medium == DB_MEDIUM_CAN ? config->bitrate : config->baud;
-}
-
-/* The line goes from its drives to a scan that wants it alone, from one speed to the next, and back. */
-static void follow_scan(struct db_bus *bus, db_time now)
-{
-	const struct db_bus_config *aside = scan_port_config(bus->engine);
-	bool everything = scan_is_under_way(bus->engine);
-
-	/* A scan tells of what else is there. */
-	if (bus->port && bus->transport->pass && everything != bus->passes_all) {
-		bus->transport->pass(bus->port, everything);
-		bus->passes_all = everything;
-	}
-	if (bus->use == LINE_IN_SERVICE && aside) {
-		db_log(&bus->log, now, DB_EVENT_BUS_ASIDE, NULL,
-		       "%s is set aside for a scan: its drives are left as on-exit says, and are "
-		       "offline until it has ended",
-		       place_of(bus->config));
-		db_engine_shut_down(bus->engine, now);
-		bus->clear_by = now + DB_EXIT_TIME;
-		bus->use = LINE_CLEARING;
-	}
-	if (bus->use == LINE_CLEARING &&
-	    (db_engine_is_cleared(bus->engine) || now >= bus->clear_by)) {
-		db_engine_set_aside(bus->engine, now);
-		close_port(bus, now);
-		bus->use = LINE_ASIDE;
-		bus->aside_speed = aside ? speed_of(aside) : 0;
-	}
-	if (bus->use != LINE_ASIDE)
-		return;
-	if (!aside) {
-		close_port(bus, now);
-		bus->use = LINE_IN_SERVICE;
-		db_log(&bus->log, now, DB_EVENT_BUS_ASIDE, NULL, "%s returns to service",
-		       place_of(bus->config));
-	} else if (speed_of(aside) != bus->aside_speed) {
-		close_port(bus, now);
-		bus->aside_speed = speed_of(aside);
-	}
-}
 
 /* --- the thread ----------------------------------------------------------------------------------- */
 
@@ -478,24 +197,20 @@ static void publish_stats(struct db_bus *bus, db_time now)
 	struct db_bus_stats stats;
 
 	db_engine_stats(bus->engine, &stats);
-	stats.port = *health_of(bus);
+	stats.port = *bus_line_health(&bus->line);
 	db_seqlock_write(&bus->stats_sequence, bus->stats_words, &stats, sizeof stats);
 	watch_cycle(bus, &stats, now);
 }
 
 static void wait_for_work(struct db_bus *bus, db_time until)
 {
-	struct pollfd fds[2] = {
-		{ .fd = bus->wake_fd, .events = POLLIN },
-		{ .fd = bus->port ? bus->transport->fd(bus->port) : -1, .events = POLLIN },
-	};
-	db_time now = now_ns();
+	struct pollfd fds[2] = { { .fd = bus->wake_fd, .events = POLLIN } };
+	db_time now = bus_line_now();
 	db_time wait = until > now ? until - now : 0;
 	struct timespec timeout = { .tv_sec = (time_t)(wait / DB_NS_PER_S),
 		                    .tv_nsec = (long)(wait % DB_NS_PER_S) };
 
-	if (bus->unsent_length > 0 && bus->transport->write_retry == 0)
-		fds[1].events |= POLLOUT;
+	bus_line_poll(&bus->line, &fds[1]);
 	if (ppoll(fds, 2, &timeout, NULL) <= 0)
 		return;
 	if (fds[0].revents) {
@@ -503,63 +218,28 @@ static void wait_for_work(struct db_bus *bus, db_time until)
 
 		(void)!read(bus->wake_fd, &count, sizeof count);
 	}
-	if (fds[1].revents & POLLOUT)
-		write_rest(bus, now_ns());
-	/* A hung-up port that has nothing more to say would wake us for ever. (A socket with an error
-	 * pending tells it by read(), and is fine afterwards.) */
-	if ((fds[1].revents & (POLLIN | POLLHUP | POLLERR | POLLNVAL)) && !read_port(bus) &&
-	    (fds[1].revents & (POLLHUP | POLLNVAL)))
-		fail_port(bus, ENODEV);
-}
-
-/* The transport's own part of a turn. Returns when it wants the next one. */
-static db_time run_port(struct db_bus *bus, db_time now)
-{
-	db_time next = DB_TIME_NEVER;
-	int error = 0;
-
-	if (!bus->port && now >= bus->reopen_at)
-		open_port(bus, now);
-	if (!bus->port)
-		return bus->reopen_at;
-	if (bus->transport->run)
-		next = bus->transport->run(bus->port, now, &error);
-	if (error < 0)
-		fail_port(bus, -error);
-	if (bus->unsent_length > 0)
-		write_rest(bus, now);
-	if (bus->unsent_length > 0) {
-		db_time retry = bus->transport->write_retry > 0 ? bus->transport->write_retry :
-		                                                  STUCK_TIME;
-
-		next = now + retry < next ? now + retry : next;
-	}
-	follow_health(bus, now);
-	return next;
+	bus_line_take(&bus->line, fds[1].revents);
 }
 
 /* One turn. Returns when the next one is due at the latest. */
 static db_time take_turn(struct db_bus *bus)
 {
-	db_time now = now_ns();
-	db_time port_next;
+	db_time now = bus_line_now();
+	db_time line_next;
 	db_time next;
 
 	/* A gateway boots in 1970 and learns the time later: the offset is taken again and again. */
 	if (now >= bus->wall_at) {
 		bus->wall_at = now + BEAT_TIME;
-		db_engine_set_wall_offset(bus->engine,
-		                          (clock_ns(CLOCK_REALTIME) - now_ns()) / DB_NS_PER_US);
+		db_engine_set_wall_offset(bus->engine, (clock_ns(CLOCK_REALTIME) - bus_line_now()) /
+		                                               DB_NS_PER_US);
 	}
-	follow_scan(bus, now);
-	port_next = run_port(bus, now);
+	line_next = bus_line_run(&bus->line, now);
 	next = db_engine_run(bus->engine, now);
-	if (bus->port && bus->port_error != 0) {
-		lose_port(bus, now);
-		port_next = bus->reopen_at;
-	}
+	if (bus_line_check(&bus->line, now))
+		line_next = bus->line.reopen_at;
 	publish_stats(bus, now);
-	return port_next < next ? port_next : next;
+	return line_next < next ? line_next : next;
 }
 
 static void tell_network(struct db_bus *bus)
@@ -574,12 +254,12 @@ static bool give_back(struct db_bus *bus)
 {
 	bool finished = db_queue_take_finished(bus->queue);
 	struct db_change *changed = change_fetch(bus->engine);
-	bool troubled = bus->troubled;
+	bool troubled = bus->line.troubled;
 
 	/* Last, so that who sees it finds every completion. */
 	if (changed)
 		atomic_store(&bus->changed, changed);
-	bus->troubled = false;
+	bus->line.troubled = false;
 	return finished || changed || troubled;
 }
 
@@ -591,10 +271,10 @@ static db_time used_ns(void)
 static void set_priority(struct db_bus *bus)
 {
 	unsigned wanted = bus->config->priority;
-	int error = priority_begin(&bus->priority, wanted, now_ns(), used_ns());
+	int error = priority_begin(&bus->priority, wanted, bus_line_now(), used_ns());
 
 	if (error != 0)
-		db_log(&bus->log, now_ns(), DB_EVENT_PRIORITY_REFUSED, NULL,
+		db_log(&bus->log, bus_line_now(), DB_EVENT_PRIORITY_REFUSED, NULL,
 		       "cannot run at real-time priority %u: %s; the bus runs without, and its cycles "
 		       "may be late when the computer is busy. LimitRTPRIO of the service allows it, "
 		       "and priority = 0 does not ask for it",
@@ -603,7 +283,7 @@ static void set_priority(struct db_bus *bus)
 
 static void judge_priority(struct db_bus *bus)
 {
-	db_time now = now_ns();
+	db_time now = bus_line_now();
 	enum priority_news news;
 
 	if (!priority_is_due(&bus->priority, now))
@@ -613,7 +293,7 @@ static void judge_priority(struct db_bus *bus)
 		db_log(&bus->log, now, DB_EVENT_PRIORITY_REFUSED, NULL,
 		       "%s keeps a processor busy with what it sends; the bus goes on without its "
 		       "real-time priority until that is over",
-		       place_of(bus->config));
+		       bus_line_place(&bus->line));
 	else if (news == PRIORITY_TAKEN_BACK)
 		db_log(&bus->log, now, DB_EVENT_PRIORITY_REFUSED, NULL,
 		       "real-time priority %u again", bus->config->priority);
@@ -633,7 +313,7 @@ static void set_cpus(const struct db_bus *bus)
 	}
 	error = pthread_setaffinity_np(pthread_self(), sizeof set, &set);
 	if (error != 0)
-		db_log(&bus->log, now_ns(), DB_EVENT_CPUS_REFUSED, NULL,
+		db_log(&bus->log, bus_line_now(), DB_EVENT_CPUS_REFUSED, NULL,
 		       "cannot keep to its processors: %s; check cpus, and CPUAffinity and "
 		       "AllowedCPUs of the service",
 		       strerror(error));
@@ -644,11 +324,10 @@ static void take_scan(struct db_bus *bus, bool ending, db_time now)
 {
 	struct scan *scan = atomic_exchange(&bus->scan_asked, NULL);
 
-	/* One that follows the last one before the line is back in service opens the port for itself. */
-	if (scan && bus->use == LINE_ASIDE)
-		close_port(bus, now);
-	if (scan)
+	if (scan) {
+		bus_line_begin_scan(&bus->line, now);
 		scan_begin(bus->engine, scan, now);
+	}
 	if (ending)
 		scan_end(bus->engine, DB_SCAN_CANCELLED);
 }
@@ -665,36 +344,35 @@ static void *run_thread(void *context)
 	set_priority(bus);
 	/* The default slack of 50 us is a good part of an exchange at high baud rates. */
 	prctl(PR_SET_TIMERSLACK, 1000UL, 0UL, 0UL, 0UL);
-	while (now_ns() < exit_by) {
+	while (bus_line_now() < exit_by) {
 		struct db_change *change = atomic_exchange(&bus->change, NULL);
 		db_time next;
 
 		/* Requests that were handed over before a change are all there by now. */
 		if (change)
-			change_begin(bus->engine, change, now_ns());
-		take_scan(bus, exit_by != DB_TIME_NEVER, now_ns());
+			change_begin(bus->engine, change, bus_line_now());
+		take_scan(bus, exit_by != DB_TIME_NEVER, bus_line_now());
 		next = take_turn(bus);
 		atomic_fetch_add_explicit(&bus->beats, 1, memory_order_relaxed);
 		judge_priority(bus);
 		if (give_back(bus))
 			tell_network(bus);
 		if (exit_by == DB_TIME_NEVER && atomic_load(&bus->ending)) {
-			exit_by = now_ns() + DB_EXIT_TIME;
+			exit_by = bus_line_now() + DB_EXIT_TIME;
 			/* A line that is being cleared or set aside was left so already. */
-			if (bus->use == LINE_IN_SERVICE)
-				db_engine_shut_down(bus->engine, now_ns());
+			if (bus->line.use == LINE_IN_SERVICE)
+				db_engine_shut_down(bus->engine, bus_line_now());
 			continue;
 		}
 		if (exit_by != DB_TIME_NEVER && db_engine_is_quiet(bus->engine))
 			break;
-		if (next > now_ns() + BEAT_TIME)
-			next = now_ns() + BEAT_TIME;
+		if (next > bus_line_now() + BEAT_TIME)
+			next = bus_line_now() + BEAT_TIME;
 		wait_for_work(bus, next < exit_by ? next : exit_by);
 	}
 	db_engine_tell_unconfirmed(bus->engine);
-	take_scan(bus, true, now_ns());
-	bus->transport->close(bus->port);
-	bus->port = NULL;
+	take_scan(bus, true, bus_line_now());
+	bus_line_close(&bus->line);
 	atomic_store(&bus->ended, true);
 	tell_network(bus);
 	return NULL;
@@ -716,7 +394,6 @@ int db_bus_new(const struct db_bus_config *config, const struct db_bus_drive *dr
 		.bus = config->name,
 		.level = config->log,
 	};
-	made->transport = config->transport;
 	made->drives = drive_count;
 	made->wake_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
 	made->completion_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
@@ -730,6 +407,12 @@ int db_bus_new(const struct db_bus_config *config, const struct db_bus_drive *dr
 		db_bus_free(made);
 		return error;
 	}
+	made->line = (struct bus_line){
+		.config = config,
+		.transport = config->transport,
+		.log = &made->log,
+		.engine = made->engine,
+	};
 	publish_stats(made, 0);
 	*bus = made;
 	return 0;
