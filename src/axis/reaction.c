@@ -79,10 +79,27 @@ static void find_drive(struct db_commander *commander, db_time now)
 		db_motion_supervise(commander, DB_CMD_MOVE_VELOCITY, now);
 }
 
+/* Seen to stand since the watchdog was fed last, and not told to move. */
+static bool is_at_rest(const struct db_commander *commander)
+{
+	struct db_snapshot snapshot;
+	const struct db_feedback *feedback = &snapshot.feedback;
+
+	db_axis_read(commander->config.axis, &snapshot);
+	return !commander->pending.first && !commander->follow.active &&
+	       !commander->supervise.active && (feedback->status & DB_STATUS_ONLINE) &&
+	       !(feedback->status & DB_STATUS_MOVING) && feedback->taken > commander->watchdog.fed &&
+	       (feedback->state == DB_AXIS_STANDSTILL || feedback->state == DB_AXIS_DISABLED);
+}
+
 bool db_reaction_run(struct db_commander *commander, db_time now)
 {
-	bool tripped = db_watchdog_trip(&commander->watchdog, now);
+	bool tripped;
 
+	if (now >= db_watchdog_deadline(&commander->watchdog) &&
+	    db_watchdog_is_deserted(&commander->watchdog) && is_at_rest(commander))
+		db_watchdog_disarm(&commander->watchdog);
+	tripped = db_watchdog_trip(&commander->watchdog, now);
 	if (tripped || commander->reaction_again_at <= now)
 		stop_drive(commander, now);
 	db_requests_repeat_stops(commander, now);

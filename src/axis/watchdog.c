@@ -27,6 +27,7 @@ void db_watchdog_arm(struct db_watchdog *watchdog, db_time now)
 	if (!watchdog->armed) {
 		watchdog->fed = now;
 		memset(watchdog->commanders, 0, sizeof watchdog->commanders);
+		watchdog->was_commanded_by_plc = watchdog->session_has_left = false;
 	} else if (watchdog->feed <= DB_FEED_WRITES) {
 		note_life(watchdog, now);
 	}
@@ -46,6 +47,7 @@ void db_watchdog_commanded(struct db_watchdog *watchdog, uint32_t client)
 {
 	if (client == DB_CLIENT_NOBODY || is_commander(watchdog, client))
 		return;
+	watchdog->was_commanded_by_plc |= !db_client_is_session(client);
 	watchdog->commanders[watchdog->next_commander] = client;
 	watchdog->next_commander = (watchdog->next_commander + 1) % DB_WATCHDOG_COMMANDERS;
 }
@@ -53,9 +55,25 @@ void db_watchdog_commanded(struct db_watchdog *watchdog, uint32_t client)
 void db_watchdog_forget(struct db_watchdog *watchdog, uint32_t client)
 {
 	for (size_t i = 0; i < DB_WATCHDOG_COMMANDERS; i++) {
-		if (watchdog->commanders[i] == client)
-			watchdog->commanders[i] = DB_CLIENT_NOBODY;
+		if (client == DB_CLIENT_NOBODY || watchdog->commanders[i] != client)
+			continue;
+		watchdog->commanders[i] = DB_CLIENT_NOBODY;
+		watchdog->session_has_left |= db_client_is_session(client);
 	}
+}
+
+bool db_watchdog_is_deserted(const struct db_watchdog *watchdog)
+{
+	for (size_t i = 0; i < DB_WATCHDOG_COMMANDERS; i++) {
+		if (watchdog->commanders[i] != DB_CLIENT_NOBODY)
+			return false;
+	}
+	return watchdog->session_has_left && !watchdog->was_commanded_by_plc;
+}
+
+void db_watchdog_disarm(struct db_watchdog *watchdog)
+{
+	watchdog->armed = false;
 }
 
 bool db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, uint32_t client,

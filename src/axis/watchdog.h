@@ -33,6 +33,8 @@ struct db_watchdog {
 	enum db_watchdog_feed feed;
 	bool armed;
 	bool latched;
+	bool was_commanded_by_plc; /* since it was armed; likewise the next */
+	bool session_has_left;
 	db_time fed;
 	uint32_t trips;                              /* since the start */
 	uint32_t commanders[DB_WATCHDOG_COMMANDERS]; /* numbers of clients, or DB_CLIENT_NOBODY */
@@ -57,6 +59,14 @@ void db_watchdog_forget(struct db_watchdog *watchdog, uint32_t client);
  * heartbeat that has changed. It is fed when that is enough for it, and says whether it was. */
 bool db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, uint32_t client,
                       db_time now);
+
+/*
+ * Only sessions of the control socket have commanded the drive since it was armed, and they have gone: somebody's
+ * command is done, and if the drive stands, nothing is lost. A PLC that goes is lost in any case.
+ */
+bool db_watchdog_is_deserted(const struct db_watchdog *watchdog);
+/* There is nothing to watch until the next motion command. */
+void db_watchdog_disarm(struct db_watchdog *watchdog);
 
 /* When it will expire; DB_TIME_NEVER while it is off, not armed or latched. */
 db_time db_watchdog_deadline(const struct db_watchdog *watchdog);

@@ -269,6 +269,25 @@ def test_losing_the_session_is_losing_a_client(make_bridge):
     assert "client control, user root: silent too long" in bridge.log_since(0)
 
 
+def test_a_session_that_leaves_a_drive_at_rest_loses_nothing(make_bridge):
+    """Its command is done; whoever comes next finds a drive that is not latched. A PLC that goes is lost all the same."""
+    bridge = make_bridge(drive={"watchdog-ms": 300})
+    unit = bridge.drive(1)
+    for target in (640, 0):
+        with Tool(bridge) as tool:
+            tool.Run("drive1", "enable")
+            assert tool.Run("drive1", "move_absolute", {"target_position": target}, True)["result"] == "ok"
+            assert tool.Read("drive1", ["watchdog_remaining_ms"])["values"]["watchdog_remaining_ms"] > 0
+        eventually(lambda: unit.read("watchdog_remaining_ms") == 0, what="the watchdog's time")
+        assert unit.read("watchdog_trips") == 0 and unit.read("axis_state") == STANDSTILL
+    assert unit.command("move_absolute", target_position=640, target_velocity=0) == 0
+    eventually(lambda: unit.read("position") == 640)
+    with Tool(bridge) as tool:
+        tool.Run("drive1", "move_absolute", {"target_position": 0}, True)
+    unit.reconnect()
+    eventually(lambda: unit.read("watchdog_trips") == 1, what="the PLC's loss")
+
+
 def test_who_waits_for_its_motion_feeds_it(make_bridge):
     bridge = make_bridge(drive={"watchdog-ms": 300})
     with Tool(bridge) as tool:

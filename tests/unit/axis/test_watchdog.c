@@ -48,6 +48,44 @@ static void requests_keep_it_quiet_and_silence_trips_it_once(void **state)
 	assert_int_equal(watchdog.trips, 2);
 }
 
+/* Nothing is lost with a tool that has done its work; a PLC may always be one that has died. */
+static void only_sessions_may_leave_it(void **state)
+{
+	const uint32_t session = DB_CLIENT_FIRST_SESSION;
+	struct db_watchdog watchdog;
+
+	(void)state;
+	db_watchdog_init(&watchdog, 500, DB_FEED_COMMANDERS);
+	db_watchdog_arm(&watchdog, 0);
+	assert_false(db_watchdog_is_deserted(&watchdog));
+	db_watchdog_commanded(&watchdog, session);
+	db_watchdog_commanded(&watchdog, session + 1);
+	assert_false(db_watchdog_is_deserted(&watchdog));
+	db_watchdog_forget(&watchdog, session);
+	assert_false(db_watchdog_is_deserted(&watchdog));
+	db_watchdog_forget(&watchdog, session + 1);
+	assert_true(db_watchdog_is_deserted(&watchdog));
+	/* Others that come and go have nothing to do with it. */
+	db_watchdog_forget(&watchdog, DB_CLIENT_NOBODY);
+	db_watchdog_forget(&watchdog, 1);
+	assert_true(db_watchdog_is_deserted(&watchdog));
+	db_watchdog_commanded(&watchdog, 1);
+	assert_false(db_watchdog_is_deserted(&watchdog));
+	db_watchdog_forget(&watchdog, 1);
+	assert_false(db_watchdog_is_deserted(&watchdog));
+	assert_true(db_watchdog_trip(&watchdog, 500 * MS));
+	/* Begins anew. */
+	db_watchdog_reset(&watchdog);
+	db_watchdog_arm(&watchdog, 1000 * MS);
+	assert_false(db_watchdog_is_deserted(&watchdog));
+	db_watchdog_commanded(&watchdog, session);
+	db_watchdog_forget(&watchdog, session);
+	assert_true(db_watchdog_is_deserted(&watchdog));
+	db_watchdog_disarm(&watchdog);
+	assert_false(db_watchdog_trip(&watchdog, 9000 * MS));
+	assert_false(watchdog.latched);
+}
+
 static void zero_turns_it_off(void **state)
 {
 	struct db_watchdog watchdog;
@@ -193,6 +231,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(it_sleeps_until_something_moves),
 		cmocka_unit_test(requests_keep_it_quiet_and_silence_trips_it_once),
+		cmocka_unit_test(only_sessions_may_leave_it),
 		cmocka_unit_test(zero_turns_it_off),
 		cmocka_unit_test(each_kind_of_feeding_includes_the_stricter_ones),
 		cmocka_unit_test(who_commands_feeds_by_reading),
