@@ -142,7 +142,7 @@ static void report(const struct restore *restore, const char *name, const char *
 	(void)fflush(stdout);
 }
 
-/* What the drive says it holds now, of those that were written; reports each. */
+/* What the drive says it holds now, of those that were written: only what it then has is reported as that. */
 static void read_back(struct restore *restore, const json_t *names, const char *result)
 {
 	struct db_client_error error = { .parameters = NULL };
@@ -171,7 +171,11 @@ static void read_back(struct restore *restore, const json_t *names, const char *
 			                   text, sizeof(text));
 			(void)snprintf(reason, sizeof(reason), "the drive shows %s", text);
 		}
-		report(restore, called, result, reason);
+		if (reason[0]) {
+			(void)json_object_set_new(restore->failed, called, json_string(reason));
+			continue;
+		}
+		report(restore, called, result, "");
 		(void)json_array_append(restore->written, name);
 		(void)json_object_del(restore->failed, called);
 	}

@@ -384,12 +384,12 @@ def test_what_goes_together_is_one_write(particular, tmp_path):
     assert [call["values"] for call in particular.called("Write")] == [{"max_speed": 900}, {"pair_a": 1, "pair_b": 2}]
 
 
-def test_a_drive_that_shows_another_value_is_said_to(particular, tmp_path):
+def test_what_a_drive_does_not_have_then_was_not_written(particular, tmp_path):
     path = tmp_path / "f"
     path.write_text(FILE % "max_speed = 900", encoding="utf-8")
     particular.answers["Write"] = {"result": "ok"}
-    assert "max_speed = 900 Hz: ok: the drive shows 1000 Hz\n" in \
-        ctl(particular, "params", "restore", "feeder", path, "--yes")
+    assert "max_speed = 900 Hz: failed: the drive shows 1000 Hz\nfeeder: 0 written, 1 not\n" in \
+        ctl(particular, "params", "restore", "feeder", path, "--yes", status=1)
 
 
 @pytest.mark.parametrize("error, status, rest", [
