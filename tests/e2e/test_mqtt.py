@@ -65,7 +65,7 @@ def plant(request, tmp_path, make_bridge):
 
 @pytest.fixture(scope="session")
 def certificates(tmp_path_factory):
-    """Of an authority, of a broker called localhost, of a client; and another authority's."""
+    """Of an authority, of a broker at 127.0.0.1, of a client; and another authority's."""
     place = tmp_path_factory.mktemp("certificates")
 
     def openssl(*arguments):
@@ -75,7 +75,7 @@ def certificates(tmp_path_factory):
     for name in ("ca", "other"):
         openssl("req", "-x509", *key, "-keyout", f"{name}.key", "-out", f"{name}.pem", "-days", "2",
                 "-subj", f"/CN={name}")
-    (place / "names").write_text("subjectAltName=DNS:localhost\n", encoding="utf-8")
+    (place / "names").write_text("subjectAltName=IP:127.0.0.1\n", encoding="utf-8")
     for name in ("broker", "client"):
         openssl("req", *key, "-keyout", f"{name}.key", "-out", f"{name}.csr", "-subj", f"/CN={name}")
         openssl("x509", "-req", "-in", f"{name}.csr", "-CA", "ca.pem", "-CAkey", "ca.key",
@@ -234,21 +234,22 @@ def test_wrong_authority_and_right_one(plant, certificates):
     bridge = plant.make_bridge(wait_online=False)
     broker = plant.broker(f"cafile {certificates}/ca.pem\ncertfile {certificates}/broker.pem\n"
                           f"keyfile {certificates}/broker.key\nrequire_certificate true")
-    keys = {"tls": "on", "host": "localhost", "ca-file": certificates / "other.pem",
+    keys = {"tls": "on", "host": "127.0.0.1", "ca-file": certificates / "other.pem",
             "certificate-file": certificates / "client.pem", "key-file": certificates / "client.key"}
-    with Relay(broker) as relay:
+    with Relay(broker) as relay, Relay(broker, ("127.0.0.2", 0)) as elsewhere:
         publisher = plant.publisher(bridge, broker, broker_keys={**keys, "port": relay.port}).start()
         publisher.wait_for_log("TLS fails")
         assert "certificate verify failed" in publisher.log()
         publisher.stop()
-        # The certificate is for localhost, and this address is not its name.
-        publisher.sections["broker"].update({"ca-file": certificates / "ca.pem", "host": "127.0.0.1"})
+        # The certificate is for another address.
+        publisher.sections["broker"].update({"ca-file": certificates / "ca.pem", "host": "127.0.0.2",
+                                             "port": elsewhere.port})
         publisher.start()
         eventually(lambda: publisher.log().count("TLS fails") == 2)
         publisher.stop()
-        publisher.sections["broker"]["host"] = "localhost"
+        publisher.sections["broker"].update({"host": "127.0.0.1", "port": relay.port})
         publisher.start()
-        publisher.wait_for_log(f"connected to the broker localhost, port {relay.port}, with TLS")
+        publisher.wait_for_log(f"connected to the broker 127.0.0.1, port {relay.port}, with TLS")
 
 
 def test_slow_broker(plant):

@@ -172,53 +172,6 @@ check_text() {
 	return $bad
 }
 
-# The two checks that take longest, begun in a run that has still to wait for other things. They have what nobody
-# else wants of the processors, so that no test that depends on time is disturbed.
-begin_slow_checks() {
-	begin_ahead clang-tidy check_clang_tidy
-	begin_ahead analyzer tests/analyze
-}
-
-declare -A AHEAD # process groups, by label
-
-begin_ahead() {
-	local label=$1
-
-	shift
-	trap 'end_ahead' EXIT
-	set -m
-	{
-		chrt --idle --pid 0 "$BASHPID"
-		"$@"
-	} >"build/logs/ahead-$label.log" 2>&1 </dev/null &
-	set +m
-	AHEAD[$label]=$!
-}
-
-# Those that nobody has waited for.
-end_ahead() {
-	local label
-
-	for label in "${!AHEAD[@]}"; do
-		kill -- "-${AHEAD[$label]}" 2>/dev/null || true
-	done
-}
-
-# finish LABEL COMMAND...: the command, or what came of it where it was begun ahead.
-finish() {
-	local label=$1 status=0
-
-	shift
-	if [ -z "${AHEAD[$label]:-}" ]; then
-		"$@"
-		return
-	fi
-	wait "${AHEAD[$label]}" || status=$?
-	unset "AHEAD[$label]"
-	cat "build/logs/ahead-$label.log"
-	return $status
-}
-
 phase_style() {
 	step format check_format
 	step text check_text
@@ -226,8 +179,8 @@ phase_style() {
 	step spelling tests/tools/spelling
 	step shellcheck check_shell
 	step cppcheck check_cppcheck
-	step clang-tidy finish clang-tidy check_clang_tidy
-	step analyzer finish analyzer tests/analyze
+	step clang-tidy check_clang_tidy
+	step analyzer tests/analyze
 }
 
 # The generated documents are what the table says today.
@@ -389,7 +342,7 @@ run_phase() {
 	TOTAL_FAILED=$((TOTAL_FAILED + FAILED))
 }
 
-print_total() {
+finish() {
 	if [ ${#FAILURES[@]} -gt 0 ]; then
 		say "failed"
 		printf '%s\n' "${FAILURES[@]}"
