@@ -88,7 +88,8 @@ static bool is_at_rest(const struct db_commander *commander)
 	db_axis_read(commander->config.axis, &snapshot);
 	return !commander->pending.first && !commander->follow.active &&
 	       !commander->supervise.active && (feedback->status & DB_STATUS_ONLINE) &&
-	       !(feedback->status & DB_STATUS_MOVING) && feedback->taken > commander->watchdog.fed &&
+	       !(feedback->status & DB_STATUS_MOVING) &&
+	       feedback->taken > commander->watchdog.fed &&
 	       (feedback->state == DB_AXIS_STANDSTILL || feedback->state == DB_AXIS_DISABLED);
 }
 
