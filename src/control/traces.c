@@ -261,7 +261,7 @@ void db_traces_look(struct db_session *session, db_time now)
 	json_int_t missed = 0;
 	int64_t offset;
 	json_t *records;
-	bool full;
+	bool full = false;
 
 	session->due = now + LOOK_INTERVAL;
 	/* What a slow reader does not take now it gets later, as far as the ring still has it. */
@@ -275,15 +275,22 @@ void db_traces_look(struct db_session *session, db_time now)
 		return;
 	}
 	records = json_array();
-	while (json_array_size(records) < RECORDS_AT_ONCE) {
+	while (!full) {
+		struct db_trace_place place = tracing->place;
 		uint32_t lost;
 
 		if (!db_trace_read(trace, &tracing->place, &tracing->record, &lost))
 			break;
+		/* What is missing is missing before the first of an answer. */
+		if (lost > 0 && json_array_size(records) > 0) {
+			tracing->place = place;
+			full = true;
+			break;
+		}
 		missed += lost;
 		json_array_append_new(records, describe_record(registers, bus, tracing, offset));
+		full = json_array_size(records) == RECORDS_AT_ONCE;
 	}
-	full = json_array_size(records) == RECORDS_AT_ONCE;
 	if (json_array_size(records) == 0 && tracing->kept == 0) {
 		json_decref(records);
 		return;
