@@ -196,16 +196,17 @@ static int save_text(const char *path, const char *text)
 	char *real = realpath(path, NULL);
 	struct stat before;
 	int result;
+	int file;
 
 	(void)umask(mask);
-	if (!real || stat(real, &before) != 0)
+	if (!real || stat(real, &before) != 0) {
 		result = replace_file(path, 0666 & ~mask, text);
-	else if (S_ISREG(before.st_mode))
+	} else if (S_ISREG(before.st_mode)) {
 		result = replace_file(real, before.st_mode & 07777, text);
-	else
-		result = open(real, O_WRONLY | O_CLOEXEC);
-	if (result > 0)
-		result = write_text(result, text);
+	} else {
+		file = open(real, O_WRONLY | O_CLOEXEC);
+		result = file < 0 ? -1 : write_text(file, text);
+	}
 	free(real);
 	return result;
 }
