@@ -211,14 +211,15 @@ static void give_up(struct db_mqtt_broker *broker, db_time now)
 /* What a function of the library returned, behind errno. */
 static void fail(struct db_mqtt_broker *broker, int result, int cause, db_time now)
 {
-	if (result == MOSQ_ERR_ERRNO && cause != 0)
+	/* Debian 12's library calls it an error of TLS, that of 13 one of the system. */
+	if (broker->config->tls && broker->state != CONNECTED && broker->library[0])
+		note_why(broker, "TLS fails: %s", broker->library);
+	else if (result == MOSQ_ERR_ERRNO && cause != 0)
 		note_why(broker, "%s", strerror(cause));
 	else if (result == MOSQ_ERR_EAI)
 		note_why(broker, "its name cannot be resolved: %s", gai_strerror(cause));
 	else if (result == MOSQ_ERR_KEEPALIVE)
 		note_why(broker, "it has fallen silent");
-	else if (result == MOSQ_ERR_TLS && broker->library[0])
-		note_why(broker, "TLS fails: %s", broker->library);
 	else if (result == MOSQ_ERR_CONN_LOST || result == MOSQ_ERR_NO_CONN)
 		note_why(broker, "the broker has closed the connection");
 	else

@@ -117,7 +117,7 @@ def test_varlinkctl(bridge):
     assert "method Describe()" in varlinkctl("introspect", address, INTERFACE)
     said = varlinkctl("--json=short", "call", address, f"{INTERFACE}.Read",
                       '{"drive": "drive1", "names": ["axis_state"]}')
-    assert json.loads(said) == {"values": {"axis_state": bridge.drive().read("axis_state")}}
+    assert json.loads(said)["values"] == {"axis_state": bridge.drive().read("axis_state")}
     said = varlinkctl("--json=short", "--more", "call", address, f"{INTERFACE}.Run",
                       '{"drive": "drive1", "command": "enable"}')
     assert [json.loads(line)["result"] for line in said.split("\x1e") if line.strip()] == ["pending", "ok"]
