@@ -86,11 +86,9 @@ static int listen_for_clients(struct service *service)
 		if (error == -EADDRINUSE)
 			error = wait_after(error);
 	} while (error == 0);
-	if (error != 0)
-		return error;
-	service_keep_descriptors(service);
-	service_log_listening(service, modbus);
-	return 0;
+	if (error == 0)
+		service_keep_descriptors(service);
+	return error;
 }
 
 static bool ask_reload(void *context)
@@ -166,6 +164,9 @@ static int set_up(struct service *service, struct db_config *config)
 		error = listen_for_tools(service);
 	if (error == 0)
 		error = status_begin(service);
+	/* Who waits for this line finds everything there. */
+	if (error == 0)
+		service_log_listening(service, &service->plant->edition->config->modbus);
 	for (size_t b = 0; error == 0 && b < service->plant->bus_count; b++)
 		error = db_bus_start(service->plant->buses[b]->bus);
 	return error;
