@@ -8,6 +8,16 @@ TOTAL_PASSED=0
 TOTAL_FAILED=0
 FAILURES=()
 
+# The library of OPC UA, which Debian 12 does not have: CMakePresets.json knows the folder.
+need_open62541() {
+	if [ "$(sed -n 's/^VERSION_CODENAME=//p' /etc/os-release)" != bookworm ]; then
+		need_packages libopen62541-1.4-dev libopen62541-1.4-tools
+	elif [ ! -d build/debian13 ]; then
+		say "unpacking Debian 13's open62541 in build/debian13"
+		in_silence tests/lib/unpack-open62541 build/debian13
+	fi
+}
+
 # The tools that come from Python packages, as tests/requirements.txt pins them.
 need_venv() {
 	local stamp=$VENV/installed.txt
