@@ -48,7 +48,7 @@ static bool is_allowed(const struct db_mqtt_config *config, const struct db_mqtt
 	case DB_MQTT_ALLOW_ALL:
 		return true;
 	default:
-		return db_mqtt_list_has(&config->allow, command->name);
+		return db_setting_list_has(&config->allow, command->name);
 	}
 }
 
@@ -135,8 +135,8 @@ const char *db_mqtt_admission_judge(struct db_mqtt_admission *admission,
 		return "retained";
 	}
 	if (!is_allowed(config, command) ||
-	    (config->command_drives.word == DB_MQTT_NAMED &&
-	     !db_mqtt_list_has(&config->command_drives, arrival->drive))) {
+	    (config->command_drives.word == DB_SETTING_NAMED &&
+	     !db_setting_list_has(&config->command_drives, arrival->drive))) {
 		(void)snprintf(why, DB_MQTT_REASON_MAX,
 		               "the section command of this gateway's mqtt.conf does not allow it");
 		return "not_allowed";

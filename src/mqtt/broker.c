@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "mqtt/broker.h"
 
-#include "mqtt/log.h"
-#include "mqtt/retry.h"
+#include "client/log.h"
+#include "client/retry.h"
 
 #include <errno.h>
 #include <mosquitto.h>
@@ -37,7 +37,7 @@ struct db_mqtt_broker {
 	void *context;
 	struct mosquitto *client; /* a new one for each connection */
 	enum state state;
-	struct db_mqtt_retry retry;
+	struct db_client_retry retry;
 	db_time give_up_at; /* while it is not connected */
 	db_time misc_at;
 	bool accepted;     /* the library has told so in this turn */
@@ -148,8 +148,8 @@ static void on_publish(struct mosquitto *client, void *data, int number, int cod
 	if (code >= 128) {
 		broker->stats.refused++;
 		if (broker->refused[0] == '\0')
-			db_mqtt_log(
-				DB_MQTT_WARNING,
+			db_client_log(
+				DB_CLIENT_WARNING,
 				"the broker does not take a message of this gateway: %s; look at its "
 				"access list",
 				mosquitto_reason_string(code));
@@ -167,8 +167,8 @@ static void on_subscribe(struct mosquitto *client, void *data, int number, int c
 	(void)properties;
 	for (int i = 0; i < count; i++) {
 		if (granted[i] >= 128)
-			db_mqtt_log(
-				DB_MQTT_ERROR,
+			db_client_log(
+				DB_CLIENT_ERROR,
 				"the broker lets this gateway have no commands: %s; look at its "
 				"access list",
 				mosquitto_reason_string(granted[i]));
@@ -196,14 +196,14 @@ static void give_up(struct db_mqtt_broker *broker, db_time now)
 	bool was_connected = broker->state == CONNECTED;
 
 	if (was_connected || strcmp(broker->why, broker->told) != 0)
-		db_mqtt_log(DB_MQTT_WARNING,
-		            "no connection to the broker %s, port %u: %s; it is tried again",
-		            broker->config->host, broker->config->port, broker->why);
+		db_client_log(DB_CLIENT_WARNING,
+		              "no connection to the broker %s, port %u: %s; it is tried again",
+		              broker->config->host, broker->config->port, broker->why);
 	memcpy(broker->told, broker->why, sizeof(broker->told));
 	mosquitto_destroy(broker->client);
 	broker->client = NULL;
 	broker->state = AWAY;
-	db_mqtt_retry_fail(&broker->retry, now, (unsigned)rand());
+	db_client_retry_fail(&broker->retry, now, (unsigned)rand());
 	if (was_connected)
 		broker->ops->lost(broker->context);
 }
@@ -400,10 +400,11 @@ static void serve(struct db_mqtt_broker *broker, short revents, db_time now)
 	broker->state = CONNECTED;
 	broker->stats.connections++;
 	broker->told[0] = '\0';
-	db_mqtt_retry_succeed(&broker->retry);
+	db_client_retry_succeed(&broker->retry);
 	db_mqtt_outbox_start_over(broker->outbox);
-	db_mqtt_log(DB_MQTT_NOTICE, "connected to the broker %s, port %u%s", broker->config->host,
-	            broker->config->port, broker->config->tls ? ", with TLS" : "");
+	db_client_log(DB_CLIENT_NOTICE, "connected to the broker %s, port %u%s",
+	              broker->config->host, broker->config->port,
+	              broker->config->tls ? ", with TLS" : "");
 	broker->ops->connected(broker->context);
 }
 
@@ -443,8 +444,8 @@ void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter)
 		MQTT_SUB_OPT_RETAIN_AS_PUBLISHED | MQTT_SUB_OPT_SEND_RETAIN_NEVER, NULL);
 
 	if (result)
-		db_mqtt_log(DB_MQTT_ERROR, "cannot subscribe to %s: %s", filter,
-		            mosquitto_strerror(result));
+		db_client_log(DB_CLIENT_ERROR, "cannot subscribe to %s: %s", filter,
+		              mosquitto_strerror(result));
 }
 
 void db_mqtt_broker_send_now(struct db_mqtt_broker *broker, const char *topic, const char *text)

@@ -3,16 +3,7 @@
 #ifndef DRIVEBRIDGE_MQTT_CONFIG_H
 #define DRIVEBRIDGE_MQTT_CONFIG_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdio.h>
-
-/* A choice of names: by a word that stands for them, else these. */
-struct db_mqtt_list {
-	unsigned word; /* position among the key's words; DB_MQTT_NAMED: the names */
-	char *names;   /* one behind the other, each with its zero byte; then one more zero byte */
-};
-#define DB_MQTT_NAMED ((unsigned)-1)
+#include "reader/settings.h"
 
 /* Positions of words. */
 enum { DB_MQTT_VALUES_USUAL, DB_MQTT_VALUES_ALL };
@@ -40,8 +31,8 @@ struct db_mqtt_config {
 
 	char *gateway; /* never "" */
 	char *prefix;
-	struct db_mqtt_list drives;
-	struct db_mqtt_list values;
+	struct db_setting_list drives;
+	struct db_setting_list values;
 	unsigned interval_ms;
 	unsigned state_interval_ms;
 	unsigned refresh_s;
@@ -53,8 +44,8 @@ struct db_mqtt_config {
 	unsigned discovery;
 	char *discovery_prefix;
 
-	struct db_mqtt_list allow;
-	struct db_mqtt_list command_drives;
+	struct db_setting_list allow;
+	struct db_setting_list command_drives;
 	unsigned parameters;
 	unsigned age_ms;
 	unsigned time;
@@ -72,9 +63,6 @@ bool db_mqtt_config_parse(const char *text, const char *path, const char *host_n
                           struct db_mqtt_config *config);
 
 void db_mqtt_config_free(struct db_mqtt_config *config);
-
-/* Whether a list that names things has this one. */
-bool db_mqtt_list_has(const struct db_mqtt_list *list, const char *name);
 
 /* Whether anything may be commanded. */
 bool db_mqtt_config_commands(const struct db_mqtt_config *config);

@@ -77,10 +77,10 @@ static bool is_allowed(const struct db_mqtt_config *config, const char *drive, c
 	unsigned word = config->allow.word;
 	bool allowed = word == DB_MQTT_ALLOW_ALL ||
 	               (word == DB_MQTT_ALLOW_STOP && strcmp(command, "stop") == 0) ||
-	               (word == DB_MQTT_NAMED && db_mqtt_list_has(&config->allow, command));
+	               (word == DB_SETTING_NAMED && db_setting_list_has(&config->allow, command));
 
-	return allowed && (config->command_drives.word != DB_MQTT_NAMED ||
-	                   db_mqtt_list_has(&config->command_drives, drive));
+	return allowed && (config->command_drives.word != DB_SETTING_NAMED ||
+	                   db_setting_list_has(&config->command_drives, drive));
 }
 
 static void put_button(const struct announcement *announcement, const char *command)

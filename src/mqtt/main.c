@@ -3,8 +3,8 @@
  * drivebridge-mqtt: drives' values to a broker of MQTT, and commands from there where that is allowed. A client of the
  * control socket of drivebridged and of nothing else.
  */
+#include "client/log.h"
 #include "drivebridge/version.h"
-#include "mqtt/log.h"
 #include "mqtt/publisher.h"
 
 #include <errno.h>
@@ -99,7 +99,7 @@ static int run(struct db_mqtt_publisher *publisher)
 	(void)sigprocmask(SIG_BLOCK, &set, NULL);
 	signals = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
 	if (signals < 0) {
-		db_mqtt_log(DB_MQTT_ERROR, "signalfd: %s", strerror(errno));
+		db_client_log(DB_CLIENT_ERROR, "signalfd: %s", strerror(errno));
 		return EXIT_FAILURE;
 	}
 	(void)sd_notify(0, "READY=1");
@@ -151,7 +151,7 @@ int main(int argc, char **argv)
 	if (publisher)
 		status = run(publisher);
 	else
-		db_mqtt_log(DB_MQTT_ERROR, "out of memory");
+		db_client_log(DB_CLIENT_ERROR, "out of memory");
 	db_mqtt_publisher_free(publisher);
 	db_mqtt_config_free(&config);
 	return publisher ? status : EXIT_FAILURE;

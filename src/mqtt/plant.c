@@ -2,8 +2,8 @@
 #include "mqtt/plant.h"
 
 #include "client/client.h"
-#include "mqtt/log.h"
-#include "mqtt/retry.h"
+#include "client/log.h"
+#include "client/retry.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -19,7 +19,7 @@ struct db_mqtt_plant {
 	void *context;
 	/* One for calls, one for each stream. All or none. */
 	struct db_client *clients[DB_MQTT_PLANT_FDS];
-	struct db_mqtt_retry retry;
+	struct db_client_retry retry;
 	db_time now; /* of this turn */
 	json_t *description;
 	json_t *registers; /* by drive, as they come */
@@ -168,7 +168,7 @@ static bool is_frame(const char *name)
 /* Those of a drive's registers that are published: a new array. */
 static json_t *choose_registers(const struct db_mqtt_config *config, const json_t *registers)
 {
-	const struct db_mqtt_list *values = &config->values;
+	const struct db_setting_list *values = &config->values;
 	json_t *chosen = json_array();
 	bool process = true;
 	size_t i;
@@ -180,7 +180,7 @@ static json_t *choose_registers(const struct db_mqtt_config *config, const json_
 
 		/* Process data stand first, up to the first register that can be written. */
 		process = process && !json_is_true(json_object_get(reg, "writable"));
-		if (values->word == DB_MQTT_NAMED      ? db_mqtt_list_has(values, name) :
+		if (values->word == DB_SETTING_NAMED   ? db_setting_list_has(values, name) :
 		    values->word == DB_MQTT_VALUES_ALL ? process && !is_frame(name) :
 		                                         is_usual(name))
 			(void)json_array_append(chosen, reg);
@@ -204,7 +204,7 @@ static bool has_text(const json_t *texts, const char *text)
 /* The names of what is published of any drive, and what every message has beside. */
 static json_t *collect_names(const struct db_mqtt_plant *plant)
 {
-	const struct db_mqtt_list *values = &plant->config->values;
+	const struct db_setting_list *values = &plant->config->values;
 	json_t *names = json_pack("[s,s]", "quality", "timestamp_us");
 	const char *drive;
 	const json_t *registers;
@@ -222,7 +222,8 @@ static json_t *collect_names(const struct db_mqtt_plant *plant)
 	}
 	for (const char *at = values->names; at && *at; at += strlen(at) + 1) {
 		if (!has_text(names, at))
-			db_mqtt_log(DB_MQTT_WARNING, "values: no drive has a register '%s'", at);
+			db_client_log(DB_CLIENT_WARNING, "values: no drive has a register '%s'",
+			              at);
 	}
 	return names;
 }
@@ -239,7 +240,7 @@ static void run(struct db_mqtt_plant *plant)
 		json_array_append_new(drives, json_string(name_of(drive)));
 	plant->there = true;
 	plant->told[0] = '\0';
-	db_mqtt_retry_succeed(&plant->retry);
+	db_client_retry_succeed(&plant->retry);
 	plant->ops->found(plant->context, plant->description, plant->registers);
 	/* No drives would mean all of them. */
 	if (json_array_size(drives) > 0)
@@ -293,10 +294,10 @@ static void take_registers(void *data, json_t *parameters, const struct db_clien
 /* Leaves the drives that are to be published. */
 static void choose_drives(const struct db_mqtt_plant *plant, json_t *drives)
 {
-	const struct db_mqtt_list *list = &plant->config->drives;
+	const struct db_setting_list *list = &plant->config->drives;
 
-	for (size_t i = json_array_size(drives); list->word == DB_MQTT_NAMED && i-- > 0;) {
-		if (!db_mqtt_list_has(list, name_of(json_array_get(drives, i))))
+	for (size_t i = json_array_size(drives); list->word == DB_SETTING_NAMED && i-- > 0;) {
+		if (!db_setting_list_has(list, name_of(json_array_get(drives, i))))
 			(void)json_array_remove(drives, i);
 	}
 }
@@ -363,11 +364,11 @@ static void give_up(struct db_mqtt_plant *plant)
 	bool was_there = plant->there;
 
 	if (was_there || strcmp(plant->why, plant->told) != 0)
-		db_mqtt_log(DB_MQTT_WARNING, "no connection to drivebridged: %s", plant->why);
+		db_client_log(DB_CLIENT_WARNING, "no connection to drivebridged: %s", plant->why);
 	memcpy(plant->told, plant->why, sizeof(plant->told));
 	disconnect(plant);
 	plant->there = false;
-	db_mqtt_retry_fail(&plant->retry, plant->now, (unsigned)rand());
+	db_client_retry_fail(&plant->retry, plant->now, (unsigned)rand());
 	if (was_there)
 		plant->ops->lost(plant->context);
 }

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "mqtt/publisher.h"
 
+#include "client/log.h"
 #include "drivebridge/version.h"
 #include "mqtt/admission.h"
 #include "mqtt/broker.h"
 #include "mqtt/discovery.h"
-#include "mqtt/log.h"
 #include "mqtt/moment.h"
 #include "mqtt/outbox.h"
 #include "mqtt/picture.h"
@@ -190,14 +190,14 @@ static void greet_plant(void *context, const json_t *description, const json_t *
 	db_mqtt_outbox_set_retained(publisher->outbox, publisher->status.text, "online");
 	if (db_mqtt_config_commands(publisher->config) && !publisher->warned &&
 	    !json_is_true(json_object_get(description, "may_act"))) {
-		db_mqtt_log(
-			DB_MQTT_WARNING,
+		db_client_log(
+			DB_CLIENT_WARNING,
 			"commands are on, but the service lets this program only read: its user must "
 			"belong to the service's act-group (see drivebridge-mqtt(8))");
 		publisher->warned = true;
 	}
-	db_mqtt_log(DB_MQTT_NOTICE, "drivebridged %s is there, drives: %zu", version ? version : "",
-	            publisher->picture_count);
+	db_client_log(DB_CLIENT_NOTICE, "drivebridged %s is there, drives: %zu",
+	              version ? version : "", publisher->picture_count);
 }
 
 /* Nobody is to take old values for those of now. */
@@ -261,9 +261,9 @@ static void publish_figures(struct db_mqtt_publisher *publisher)
 	                       (json_int_t)publisher->skipped),
 	             true);
 	if (outbox.dropped > publisher->dropped_told)
-		db_mqtt_log(DB_MQTT_WARNING,
-		            "the buffer is full: %llu messages more dropped, the oldest first",
-		            (unsigned long long)(outbox.dropped - publisher->dropped_told));
+		db_client_log(DB_CLIENT_WARNING,
+		              "the buffer is full: %llu messages more dropped, the oldest first",
+		              (unsigned long long)(outbox.dropped - publisher->dropped_told));
 	publisher->dropped_told = outbox.dropped;
 	publisher->figures_at = publisher->now +
 	                        publisher->config->figures_interval_s * DB_NS_PER_S;
@@ -280,8 +280,8 @@ static void send_echo(struct db_mqtt_publisher *publisher)
 	/* A broker that holds the connection and does nothing is lost for who commands over it. */
 	if (publisher->now - publisher->echoed > config->keepalive_s * DB_NS_PER_S &&
 	    db_mqtt_acting_drop(publisher->acting))
-		db_mqtt_log(
-			DB_MQTT_WARNING,
+		db_client_log(
+			DB_CLIENT_WARNING,
 			"the broker has sent nothing for %u s: what was commanded over it is given up",
 			config->keepalive_s);
 	(void)snprintf(text, sizeof(text), "%u %lld", publisher->echo_mark,
@@ -371,8 +371,9 @@ static void take_command(struct db_mqtt_publisher *publisher, const char *drive,
 	if (!refusal) {
 		db_mqtt_acting_run(publisher->acting, drive, &command, publisher->now);
 	} else {
-		db_mqtt_log(DB_MQTT_WARNING, "drive %s: a command from the broker is refused: %s",
-		            drive, wrong ? wrong : why);
+		db_client_log(DB_CLIENT_WARNING,
+		              "drive %s: a command from the broker is refused: %s", drive,
+		              wrong ? wrong : why);
 		publish_result(publisher, drive, command.id, command.name ? command.name : "",
 		               refusal, wrong ? wrong : why);
 	}

@@ -93,11 +93,11 @@ static void test_what_is_allowed(void **state)
 	desk->config.allow.word = DB_MQTT_ALLOW_STOP;
 	assert_string_equal(judge(desk, MOVE("1")), "not_allowed");
 	assert_string_equal(judge(desk, "{\"command\":\"quick_stop\"}"), "");
-	desk->config.allow = (struct db_mqtt_list){ DB_MQTT_NAMED, names };
+	desk->config.allow = (struct db_setting_list){ DB_SETTING_NAMED, names };
 	assert_string_equal(judge(desk, MOVE("1")), "not_allowed");
 	assert_string_equal(judge(desk, "{\"command\":\"stop\"}"), "not_allowed");
 	assert_string_equal(judge(desk, "{\"id\":1," AT_NOON ",\"command\":\"enable\"}"), "");
-	desk->config.command_drives = (struct db_mqtt_list){ DB_MQTT_NAMED, names };
+	desk->config.command_drives = (struct db_setting_list){ DB_SETTING_NAMED, names };
 	assert_string_equal(judge(desk, "{\"id\":2," AT_NOON ",\"command\":\"enable\"}"),
 	                    "not_allowed");
 	desk->config.allow.word = DB_MQTT_ALLOW_NONE;

@@ -61,11 +61,11 @@ static void test_lists(void **state)
 	                             "publish { drives = {\"lift\", \"feeder\"}\n values = all }\n"
 	                             "command { allow = {} }",
 	                             "mqtt.conf", "gw", stderr, &config));
-	assert_true(db_mqtt_list_has(&config.drives, "feeder"));
-	assert_false(db_mqtt_list_has(&config.drives, "feed"));
+	assert_true(db_setting_list_has(&config.drives, "feeder"));
+	assert_false(db_setting_list_has(&config.drives, "feed"));
 	assert_int_equal(config.values.word, 1);
-	assert_int_equal(config.allow.word, DB_MQTT_NAMED);
-	assert_false(db_mqtt_list_has(&config.allow, ""));
+	assert_int_equal(config.allow.word, DB_SETTING_NAMED);
+	assert_false(db_setting_list_has(&config.allow, ""));
 	db_mqtt_config_free(&config);
 }
 
@@ -167,7 +167,7 @@ static void test_the_installed_file_shows_all(void **state)
 	assert_non_null(file);
 	assert_true(fread(text, 1, sizeof(text) - 1, file) > 0);
 	(void)fclose(file);
-	for (const struct db_mqtt_key *key = db_mqtt_keys; key->name; key++) {
+	for (const struct db_setting *key = db_mqtt_keys; key->name; key++) {
 		size_t length = strlen(key->preset ? key->preset : "");
 
 		(void)snprintf(name, sizeof(name), "\n#\t%s ", key->name);

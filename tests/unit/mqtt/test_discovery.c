@@ -96,13 +96,13 @@ static void test_buttons_are_what_is_allowed(void **state)
 		get(shelf, STOP, "command_template"),
 		"{\"id\":\"{{ utcnow().timestamp() }}\",\"time\":\"{{ utcnow().isoformat() "
 		"}}\",\"command\":\"stop\"}");
-	shelf->config.allow = (struct db_mqtt_list){ DB_MQTT_NAMED, names };
+	shelf->config.allow = (struct db_setting_list){ DB_SETTING_NAMED, names };
 	(void)json_object_clear(shelf->documents);
 	db_mqtt_discovery_announce(&shelf->config, shelf->picture, false, take_document, shelf);
 	assert_int_equal(json_object_size(shelf->documents), 3);
 	assert_null(get(shelf, STOP, "command_topic"));
 	/* Not for this drive. */
-	shelf->config.command_drives = (struct db_mqtt_list){ DB_MQTT_NAMED, names };
+	shelf->config.command_drives = (struct db_setting_list){ DB_SETTING_NAMED, names };
 	(void)json_object_clear(shelf->documents);
 	db_mqtt_discovery_announce(&shelf->config, shelf->picture, false, take_document, shelf);
 	assert_int_equal(json_object_size(shelf->documents), 2);

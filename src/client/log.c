@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "mqtt/log.h"
+#include "client/log.h"
 
+#include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 
-void db_mqtt_log(enum db_mqtt_level level, const char *format, ...)
+void db_client_log(enum db_client_level level, const char *format, ...)
 {
 	char line[1024];
 	va_list arguments;
@@ -22,5 +23,5 @@ void db_mqtt_log(enum db_mqtt_level level, const char *format, ...)
 	if (getenv("JOURNAL_STREAM"))
 		(void)fprintf(stderr, "<%d>%s\n", (int)level, line);
 	else
-		(void)fprintf(stderr, "drivebridge-mqtt: %s\n", line);
+		(void)fprintf(stderr, "%s: %s\n", program_invocation_short_name, line);
 }
