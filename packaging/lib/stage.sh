@@ -80,6 +80,9 @@ stage() {
 	STAGED=drivebridge-$version
 	mkdir -p "$folder/$STAGED"
 	source_files | tar -c --null -T - | tar -x -C "$folder/$STAGED"
+	# Where packages are built there is no network.
+	src/web/page/fetch
+	tar -c build/page/node_modules/uplot | tar -x -C "$folder/$STAGED"
 	chmod -R u=rwX,go=rX "$folder/$STAGED"
 	# Packages keep these times.
 	find "$folder/$STAGED" -exec touch -h -d "@$SOURCE_DATE_EPOCH" {} +

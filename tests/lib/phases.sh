@@ -33,6 +33,12 @@ need_venv() {
 	cp tests/requirements.txt "$stamp"
 }
 
+# What the page in the browser is made with.
+need_page() {
+	[ -e build/page/fetched ] || say "fetching what the page is made with into build/page"
+	src/web/page/fetch
+}
+
 # count PASSED FAILED
 count() {
 	PASSED=$((PASSED + $1))
@@ -103,11 +109,36 @@ run_ctest() {
 	fi
 }
 
+# The modules of the page that need no browser.
+run_node_tests() {
+	local log=build/logs/$PHASE-node.log passed failed
+
+	build/page/venv/bin/node --test --test-reporter=tap tests/unit/page/*.mjs >"$log" 2>&1 || true
+	passed=$(sed -n 's/^# pass //p' "$log")
+	failed=$(sed -n 's/^# fail //p' "$log")
+	if [ "${passed:-0}" -eq 0 ] || [ "$failed" -ne 0 ]; then
+		tail -n 60 "$log"
+		FAILURES+=("$PHASE: node")
+	fi
+	count "${passed:-0}" "${failed:-1}"
+}
+
+# It is loaded over whatever line a gateway has: all of it, compressed.
+check_page_size() {
+	local size
+
+	size=$(cat build/asan/web/*.gz | wc -c) || return 1
+	printf '%d bytes\n' "$size"
+	[ "$size" -lt 150000 ]
+}
+
 phase_unit() {
 	need_build asan || return 0
 	export ASAN_OPTIONS=detect_leaks=1:detect_stack_use_after_return=1:strict_string_checks=1
 	export UBSAN_OPTIONS=print_stacktrace=1
 	run_ctest asan
+	[ ! -d tests/unit/page ] || run_node_tests
+	step "size of the page" check_page_size
 }
 
 # Both compilers, optimizing, every warning an error.
@@ -161,7 +192,7 @@ check_shell() {
 	local scripts
 
 	mapfile -t scripts < <({
-		grep -rlE '^#!/bin/(ba)?sh' demo tests packaging .ci
+		grep -rlE '^#!/bin/(ba)?sh' demo src tests packaging .ci
 		grep -rl '^# shellcheck shell=' tests packaging
 	} | sort -u)
 	[ ${#scripts[@]} -gt 10 ] || die "only ${#scripts[@]} scripts found"
