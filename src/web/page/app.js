@@ -1,0 +1,449 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The shell: routes by location.hash, the session, the link's state, what all views share.
+ *
+ * A view exports { title, show(root, context, ...args), hide() }. show() fills `root`, an empty element, and may be
+ * async; hide() ends its streams and timers. `args` are the parts of the hash behind the view's name:
+ * #/parameters/feeder is show(root, context, "feeder"). `title` is a text, or a function of args.
+ *
+ * The context:
+ *   plant                 buses and drives as the overview's stream has them (plant.js)
+ *   registers(drive)      promise of a Map of its registers by name; "" is the gateway
+ *   commands(drive)       promise of a Map of its commands by name
+ *   mayAct()              whether the user is an operator
+ *   link()                live, or silent, lost, down (drivebridged), connecting: what is shown is old
+ *   on(event, listener)   until the view is hidden: "plant" (samples or figures came, at most 10 times a second),
+ *                         "describe" (drives or buses may be others), "link", "session", "frame" (each frame while
+ *                         the page is visible, with performance.now())
+ *   notify(text, kind)    a notice: info, ok, warning, error
+ *   report(error)         an ApiError as a notice
+ *   stop(drive, command)  stops a drive, stop or quick_stop, and says how it went
+ */
+import * as api from "./api.js";
+import { element, icon, setText, setAttribute } from "./dom.js";
+import { createPlant } from "./plant.js";
+import { indexByName, inWords } from "./format.js";
+import * as login from "./login.js";
+import * as overview from "./overview.js";
+
+/* Those with `nav` stand in the navigation. */
+const VIEWS = {
+	"": { nav: "Overview", load: async () => overview },
+	drive: { load: () => import("./drive.js") },
+	parameters: { nav: "Parameters", load: () => import("./parameters.js") },
+	scan: { nav: "Scan", load: () => import("./scan.js") },
+	trace: { nav: "Trace", load: () => import("./trace.js") },
+	events: { nav: "Events", load: () => import("./events.js") },
+};
+/* A tab in the background keeps its streams so long. */
+const ASLEEP_AFTER_MS = 10000;
+const NOTICES_MOST = 4;
+const OK_NOTICE_MS = 4000;
+const WARNING_NOTICE_MS = 10000;
+/* How long drives may take to stand after a stop of all, before those that move are named. */
+const STAND_WITHIN_MS = 3000;
+
+const find = (id) => document.getElementById(id);
+
+const listeners = { plant: new Set(), describe: new Set(), link: new Set(), session: new Set(), frame: new Set() };
+let plant = createPlant();
+let link = "connecting";
+let stream = null;
+let registersByDrive = new Map();
+let commandsByDrive = new Map();
+let shown = { view: null, name: null, args: [], offs: [] };
+let showing = 0;
+
+function emit(event, ...args) {
+	for (const listener of [...listeners[event]])
+		listener(...args);
+}
+
+/* --- what views share --------------------------------------------------------------------------------- */
+
+function remember(known, drive, method, key) {
+	if (!known.has(drive)) {
+		const answer = api.call(method, { drive }).then((parameters) => indexByName(parameters[key]));
+
+		known.set(drive, answer);
+		answer.catch(() => known.delete(drive));
+	}
+	return known.get(drive);
+}
+
+const context = {
+	get plant() {
+		return plant;
+	},
+	registers: (drive) => remember(registersByDrive, drive, "Registers", "registers"),
+	commands: (drive) => remember(commandsByDrive, drive, "Commands", "commands"),
+	mayAct: () => api.getSession().role === "operator",
+	link: () => link,
+	on(event, listener) {
+		listeners[event].add(listener);
+		shown.offs.push(() => listeners[event].delete(listener));
+	},
+	notify,
+	report: (error) => notify(error.message, "error"),
+	async stop(drive, command = "stop") {
+		try {
+			await api.call("Run", { drive, command });
+			notify(`${drive}: ${inWords(command)}: ok`, "ok");
+		} catch (error) {
+			notify(`${drive}: ${inWords(command)}: ${error.message}`, "error");
+		}
+	},
+};
+
+function notify(text, kind = "info") {
+	const box = find("notices");
+	const drawing = { ok: "fine", warning: "warning", error: "error" }[kind] ?? "hint";
+	const close = element("button", { class: "quiet", type: "button", "aria-label": "Dismiss" }, icon("close"));
+	const notice = element("div", { class: `notice ${kind}` }, icon(drawing), element("p", {}, text), close);
+
+	close.addEventListener("click", () => notice.remove());
+	while (box.children.length >= NOTICES_MOST)
+		box.firstChild.remove();
+	box.append(notice);
+	if (kind !== "error")
+		setTimeout(() => notice.remove(), kind === "warning" ? WARNING_NOTICE_MS : OK_NOTICE_MS);
+}
+
+/* --- the plant ------------------------------------------------------------------------------------------ */
+
+/* Registers of each family, for the names of states and errors. */
+async function loadFamilies() {
+	const now = plant;
+
+	for (const bus of now.buses.values()) {
+		const { protocol, drives } = bus.description;
+
+		if (drives.length === 0 || now.families.has(protocol))
+			continue;
+		try {
+			now.families.set(protocol, await context.registers(drives[0]));
+		} catch {
+			/* With the next description again. */
+		}
+	}
+	now.judge();
+	if (now === plant) {
+		emit("describe");
+		emit("plant");
+	}
+}
+
+function takeAnswer(answer) {
+	if (answer.describe) {
+		registersByDrive = new Map();
+		commandsByDrive = new Map();
+		plant.families = new Map();
+		plant.describe(answer.describe);
+		emit("describe");
+		loadFamilies();
+	}
+	if (answer.samples)
+		plant.take(answer.samples, performance.now());
+	if (answer.figures)
+		plant.takeFigures(answer.figures);
+	if (link !== "live")
+		setLink("live");
+	emit("plant");
+}
+
+function openOverview() {
+	stream?.close();
+	stream = api.openStream("overview", {}, {
+		onData: takeAnswer,
+		onEvent(name, data) {
+			if (name === "service")
+				setLink(data.up ? "live" : "down");
+		},
+		onState(state) {
+			/* That drivebridged is gone stays said until it is back. */
+			if (state === "live" ? link === "silent" : !(state === "connecting" && link === "lost"))
+				setLink(state === "failed" || state === "ended" ? "lost" : state);
+		},
+	});
+}
+
+/* --- the link's state ------------------------------------------------------------------------------------- */
+
+const LINK_WORDS = {
+	connecting: ["hint", "connecting"],
+	live: ["standstill", "live"],
+	silent: ["warning", "silent"],
+	lost: ["offline", "no connection"],
+	down: ["offline", "service is down"],
+};
+const BANNER_WORDS = {
+	silent: "Nothing comes from the gateway any more. What you see is old.",
+	lost: "The connection to the gateway is lost. What you see is old; it comes back by itself. " +
+		"Drives that this page moves are stopped by their watchdog.",
+	down: "The service drivebridged does not answer. What you see is old; it comes back by itself.",
+};
+
+function setLink(state) {
+	const node = find("link");
+
+	link = state;
+	node.dataset.state = state;
+	node.replaceChildren(icon(LINK_WORDS[state][0]), LINK_WORDS[state][1]);
+	showBanner();
+	document.documentElement.classList.toggle("stale", state !== "live");
+	emit("link", state);
+}
+
+function showBanner() {
+	const banner = find("banner");
+	const words = api.getSession().role === "none" ? "" : BANNER_WORDS[link] ?? "";
+
+	banner.hidden = words === "";
+	if (words)
+		banner.replaceChildren(icon("warning"), element("p", {}, words));
+}
+
+/* --- stop of all -------------------------------------------------------------------------------------------- */
+
+function moving() {
+	return [...plant.drives.values()].filter((drive) => !["standstill", "disabled", "offline", "error"]
+		.includes(drive.judgement.shape)).map((drive) => drive.name);
+}
+
+/* One write stops all drives of all buses; should it fail, each is told by itself. */
+async function stopAll() {
+	const button = find("stop-all");
+
+	button.classList.add("busy");
+	try {
+		await api.call("Write", { drive: "", values: { group_stop: 1 } });
+		notify("Every drive was told to stop and has confirmed it", "ok");
+	} catch (error) {
+		notify(`Stop of all: ${error.message}; each drive is told by itself`, "error");
+		await Promise.allSettled([...plant.drives.keys()].map((drive) =>
+			api.call("Run", { drive, command: "stop" })));
+	}
+	button.classList.remove("busy");
+	setTimeout(() => {
+		const names = moving();
+
+		if (names.length > 0)
+			notify(`Still moving: ${names.join(", ")}`, "error");
+	}, STAND_WITHIN_MS);
+}
+
+/* --- the shell's head ---------------------------------------------------------------------------------------- */
+
+function showNavigation() {
+	const list = element("ul");
+
+	for (const [name, view] of Object.entries(VIEWS)) {
+		if (view.nav)
+			list.append(element("li", {}, element("a", { href: `#/${name}`, "data-view": name }, view.nav)));
+	}
+	find("navigation").append(list);
+}
+
+function markNavigation(name) {
+	for (const anchor of find("navigation").querySelectorAll("a")) {
+		if (anchor.dataset.view === name)
+			setAttribute(anchor, "aria-current", "page");
+		else
+			anchor.removeAttribute("aria-current");
+	}
+}
+
+function showUser() {
+	const { user, role } = api.getSession();
+	const box = find("user");
+
+	find("stop-all").hidden = role !== "operator";
+	if (user) {
+		const out = element("button", { id: "logout", class: "quiet", type: "button" }, "Log out");
+
+		out.addEventListener("click", async () => {
+			try {
+				await api.logOut();
+			} catch (error) {
+				context.report(error);
+			}
+		});
+		box.replaceChildren(icon("user"), element("span", { class: "user-name" }, user,
+			element("small", {}, role)), out);
+	} else if (role !== "none") {
+		box.replaceChildren(element("a", { id: "login-link", href: "#/login" }, "Log in"));
+	} else {
+		box.replaceChildren();
+	}
+}
+
+const THEMES = { auto: "as the system", light: "light", dark: "dark" };
+
+function setTheme(theme) {
+	const button = find("theme");
+
+	if (theme === "auto")
+		delete document.documentElement.dataset.theme;
+	else
+		document.documentElement.dataset.theme = theme;
+	try {
+		localStorage.setItem("theme", theme);
+	} catch {
+		/* A browser that keeps nothing. */
+	}
+	button.replaceChildren(icon("theme"));
+	setAttribute(button, "aria-label", `Colours: ${THEMES[theme]}`);
+	setAttribute(button, "title", `Colours: ${THEMES[theme]}`);
+	button.dataset.theme = theme;
+	window.dispatchEvent(new Event("themechange"));
+}
+
+function startTheme() {
+	const names = Object.keys(THEMES);
+	let theme = "auto";
+
+	try {
+		theme = localStorage.getItem("theme") ?? "auto";
+	} catch {
+		/* As above. */
+	}
+	setTheme(names.includes(theme) ? theme : "auto");
+	find("theme").addEventListener("click", () =>
+		setTheme(names[(names.indexOf(find("theme").dataset.theme) + 1) % names.length]));
+}
+
+/* --- routes --------------------------------------------------------------------------------------------------- */
+
+function readHash() {
+	const parts = location.hash.replace(/^#\/?/, "").split("/").map((part) => {
+		try {
+			return decodeURIComponent(part);
+		} catch {
+			return part;
+		}
+	});
+
+	return { name: parts[0] ?? "", args: parts.slice(1).filter((part) => part !== "") };
+}
+
+async function pickView(name) {
+	const { role, user } = api.getSession();
+
+	if (role === "none" || (name === "login" && !user))
+		return login;
+	return VIEWS[name] ? VIEWS[name].load() : null;
+}
+
+async function showView() {
+	const { name, args } = readHash();
+	const turn = ++showing;
+	const main = find("main");
+	const root = element("div", { class: "view", "data-view": name || "overview" });
+	let view = null;
+	let problem = "There is no such page.";
+
+	try {
+		view = await pickView(name);
+	} catch (error) {
+		problem = `This part of the page could not be loaded: ${error.message}`;
+	}
+	if (turn !== showing)
+		return;
+	shown.view?.hide();
+	shown.offs.forEach((off) => off());
+	shown = { view, name, args, offs: [] };
+	main.replaceChildren(root);
+	markNavigation(view === login ? "login" : name);
+	const title = !view ? "Not found" : typeof view.title === "function" ? view.title(...args) : view.title;
+
+	document.title = `${title} – drivebridge`;
+	if (!view) {
+		root.append(element("p", { class: "empty" }, problem));
+		return;
+	}
+	try {
+		await view.show(root, context, ...args);
+	} catch (error) {
+		root.append(element("p", { class: "empty" }, error.message));
+	}
+}
+
+/* --- the start -------------------------------------------------------------------------------------------------- */
+
+function takeSession(session, before) {
+	showUser();
+	if (session.role !== before.role || session.user !== before.user) {
+		stream?.close();
+		stream = null;
+		plant = createPlant();
+		registersByDrive = new Map();
+		commandsByDrive = new Map();
+		if (session.role !== "none")
+			openOverview();
+		if (location.hash === "#/login" && session.user)
+			location.hash = "#/";
+		showView();
+	}
+	showBanner();
+	emit("session", session);
+}
+
+function watchVisibility() {
+	let timer = 0;
+
+	document.addEventListener("visibilitychange", () => {
+		clearTimeout(timer);
+		if (!document.hidden)
+			api.setAsleep(false);
+		else if (!api.hasActed())
+			timer = setTimeout(() => api.setAsleep(true), ASLEEP_AFTER_MS);
+	});
+}
+
+function runFrames() {
+	const frame = (now) => {
+		emit("frame", now);
+		requestAnimationFrame(frame);
+	};
+
+	requestAnimationFrame(frame);
+}
+
+async function loadSession() {
+	try {
+		const session = await api.loadSession();
+
+		/* The listener looks for changes; the first one is none when nobody is logged in. */
+		if (session.role === "none")
+			showView();
+	} catch (error) {
+		find("main").replaceChildren(element("p", { class: "empty" }, error.message, "; trying again"));
+		setTimeout(loadSession, 2000);
+	}
+}
+
+function start() {
+	const stop = find("stop-all");
+
+	showNavigation();
+	startTheme();
+	stop.append(icon("stop"), element("span", {}, "Stop all"));
+	setAttribute(stop, "aria-keyshortcuts", "Control+.");
+	setAttribute(stop, "title", "Every drive of every bus stops (Ctrl+.)");
+	stop.addEventListener("click", stopAll);
+	window.addEventListener("keydown", (event) => {
+		if (event.key === "." && event.ctrlKey && !event.repeat && !stop.hidden) {
+			event.preventDefault();
+			stopAll();
+		}
+	}, true);
+	window.addEventListener("hashchange", showView);
+	watchVisibility();
+	api.onSession(takeSession);
+	api.startApi();
+	setLink("connecting");
+	runFrames();
+	loadSession();
+}
+
+start();

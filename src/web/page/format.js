@@ -1,0 +1,231 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Values in words and words into values, by what the service says of a register: type, unit, range, codes.
+ *
+ * Pure.
+ */
+
+export const NONE = "–";
+/* What age_ms has of a drive that was never read. */
+const NEVER = 0xffffffff;
+const MINUS = "−";
+
+/* A Map of registers by name, for the other functions. */
+export function indexByName(list) {
+	return new Map(list.map((entry) => [entry.name, entry]));
+}
+
+/* "move_absolute" as people read it: "move absolute". */
+export function inWords(name) {
+	return String(name ?? "").replaceAll("_", " ");
+}
+
+export function hasBits(register) {
+	return register?.type?.startsWith("bits") ?? false;
+}
+
+/* The name of a code, or "" when it has none. */
+export function codeName(register, value) {
+	return (Number.isInteger(value) && !hasBits(register) && register?.codes?.[value]) || "";
+}
+
+/* The names of the bits that are set; "bit 3" where one has none. */
+export function bitNames(register, value) {
+	const names = [];
+	let rest = BigInt(Math.trunc(value ?? 0));
+
+	for (let bit = 0; rest > 0n && bit < 64; bit++, rest >>= 1n) {
+		if (rest & 1n)
+			names.push(register?.codes?.[bit] ?? `bit ${bit}`);
+	}
+	return names;
+}
+
+export function hasBit(register, value, name) {
+	return bitNames(register, value).includes(name);
+}
+
+function isReal(register) {
+	return register?.type === "f32";
+}
+
+/* As few digits as tell it from its neighbours: registers hold single precision. */
+export function formatReal(value) {
+	for (let digits = 6; digits <= 9; digits++) {
+		const text = value.toPrecision(digits);
+
+		if (Math.fround(Number(text)) === Math.fround(value))
+			return withMinus(String(Number(text)));
+	}
+	return withMinus(String(value));
+}
+
+function withMinus(text) {
+	return text.startsWith("-") ? MINUS + text.slice(1) : text;
+}
+
+/* With so many decimals always, so that a value that changes does not move what stands beside it. */
+export function formatFixed(value, decimals) {
+	if (typeof value !== "number" || !Number.isFinite(value))
+		return NONE;
+	const text = value.toFixed(decimals);
+
+	/* What rounds to 0 has no sign. */
+	return withMinus(Number(text) === 0 ? text.replace("-", "") : text);
+}
+
+/* "user units/s" of the register map are this drive's: "mm/s". */
+export function unitOf(register, unitName) {
+	const unit = register?.unit ?? "";
+
+	return unit.startsWith("user units") ? (unitName || "units") + unit.slice("user units".length) : unit;
+}
+
+/* A value as { text, unit }; unit is "" where a name stands for the value. */
+export function formatValue(register, value, unitName = "") {
+	if (value === null || value === undefined)
+		return { text: NONE, unit: "" };
+	if (typeof value === "boolean")
+		return { text: value ? "on" : "off", unit: "" };
+	if (typeof value === "string")
+		return { text: value, unit: "" };
+	if (hasBits(register))
+		return { text: bitNames(register, value).map(inWords).join(", ") || "none", unit: "" };
+	const name = codeName(register, value);
+
+	if (name)
+		return { text: inWords(name), unit: "" };
+	if (register?.name === "age_ms")
+		return { text: formatAge(value), unit: "" };
+	return { text: isReal(register) ? formatReal(value) : withMinus(String(value)),
+		unit: unitOf(register, unitName) };
+}
+
+/* In milliseconds; "never" of what was never read. */
+export function formatAge(ms) {
+	if (typeof ms !== "number" || ms >= NEVER)
+		return "never";
+	if (ms < 1000)
+		return `${Math.round(ms)} ms`;
+	if (ms < 10000)
+		return `${(ms / 1000).toFixed(1)} s`;
+	return formatSpan(ms / 1000);
+}
+
+/* "95 s", "12 min", "3 h", "4 d" */
+export function formatSpan(seconds) {
+	if (seconds < 120)
+		return `${Math.floor(seconds)} s`;
+	if (seconds < 7200)
+		return `${Math.floor(seconds / 60)} min`;
+	if (seconds < 172800)
+		return `${Math.floor(seconds / 3600)} h`;
+	return `${Math.floor(seconds / 86400)} d`;
+}
+
+function pad(value, digits = 2) {
+	return String(value).padStart(digits, "0");
+}
+
+/* Microseconds since 1970 as local time: "16:20:02.113", with the day when it is not that of `now`. */
+export function formatTime(time_us, now = new Date()) {
+	if (!time_us)
+		return NONE;
+	const date = new Date(time_us / 1000);
+	const time = `${pad(date.getHours())}:${pad(date.getMinutes())}:${pad(date.getSeconds())}.` +
+		pad(date.getMilliseconds(), 3);
+
+	if (date.toDateString() === now.toDateString())
+		return time;
+	return `${date.getFullYear()}-${pad(date.getMonth() + 1)}-${pad(date.getDate())} ${time}`;
+}
+
+/* Microseconds: "4.2 ms" */
+export function formatDuration(us) {
+	if (typeof us !== "number")
+		return NONE;
+	if (us < 1000)
+		return `${us} us`;
+	if (us < 1000000)
+		return `${(us / 1000).toFixed(1)} ms`;
+	return `${(us / 1000000).toFixed(2)} s`;
+}
+
+/* bit/s: "115200 bit/s", "500 kbit/s", "1 Mbit/s" */
+export function formatSpeed(speed) {
+	if (speed >= 1000000 && speed % 100000 === 0)
+		return `${speed / 1000000} Mbit/s`;
+	return speed >= 10000 && speed % 1000 === 0 ? `${speed / 1000} kbit/s` : `${speed} bit/s`;
+}
+
+/* "192.168.10.5" of a number whose highest byte comes first. */
+export function formatAddress(number) {
+	return [24, 16, 8, 0].map((shift) => (number >>> shift) & 255).join(".");
+}
+
+/* What a register takes: "−12800 to 12800 counts/s", "at most 5", "" of one without limits. */
+export function formatRange(register, unitName = "") {
+	const { min, max } = register ?? {};
+	const unit = unitOf(register, unitName);
+	const [low, high] = [min, max].map((limit) =>
+		typeof limit === "number" ? withMinus(String(Number(limit.toPrecision(10)))) : "");
+
+	if (!low && !high)
+		return "";
+	return (low && high ? `${low} to ${high}` : low ? `at least ${low}` : `at most ${high}`) +
+		(unit ? ` ${unit}` : "");
+}
+
+/*
+ * What somebody typed as a value of this register: { value }, or { problem } in words. Names of codes and of bits
+ * (with commas between) are taken as well as numbers.
+ */
+export function parseValue(register, typed) {
+	const text = typed.trim().replace(MINUS, "-");
+	const codes = Object.entries(register?.codes ?? {});
+	const find = (name) => codes.find(([, called]) =>
+		inWords(called).toLowerCase() === inWords(name).trim().toLowerCase());
+
+	if (register?.type === "text")
+		return { value: typed };
+	if (text === "")
+		return { problem: "a value is missing" };
+	if (register?.type === "bool") {
+		const on = ["on", "true", "1", "yes"].includes(text.toLowerCase());
+
+		return on || ["off", "false", "0", "no"].includes(text.toLowerCase()) ? { value: on } :
+			{ problem: `“${text}” is neither on nor off` };
+	}
+	if (hasBits(register) && !/^\d|^0x/.test(text)) {
+		let bits = 0n;
+
+		for (const name of text === "none" ? [] : text.split(",")) {
+			const found = find(name);
+
+			if (!found)
+				return { problem: `no bit is called “${name.trim()}”` };
+			bits |= 1n << BigInt(found[0]);
+		}
+		return { value: Number(bits) };
+	}
+	const found = find(text);
+
+	if (found)
+		return { value: Number(found[0]) };
+	return parseNumber(register, text, codes.length > 0);
+}
+
+function parseNumber(register, text, named) {
+	const whole = !isReal(register);
+	const value = (whole ? /^(-?\d+|0x[0-9a-f]+)$/i : /^-?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i).test(text) ?
+		Number(text) : NaN;
+	const range = formatRange(register) || "any";
+
+	if (!Number.isFinite(value))
+		return { problem: `“${text}” is no ${whole ? "whole number" : "number"}; right is ${range}` +
+			(named ? ", or a name of its codes" : "") };
+	if ((typeof register?.min === "number" && value < register.min) ||
+	    (typeof register?.max === "number" && value > register.max))
+		return { problem: `${withMinus(text)} is out of range, ${range}` };
+	return { value };
+}

@@ -1,0 +1,137 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The page's picture of all buses and drives, from the overview's stream: what each drive said last, when that came,
+ * and how much it needs somebody.
+ *
+ * Pure; times are milliseconds of one clock.
+ */
+import { bitNames, codeName, inWords } from "./format.js";
+
+/* In this order. */
+export const NEED = { nothing: 0, hint: 1, look: 2, act: 3 };
+
+/*
+ * How a drive is, from values of one moment and the registers of its family: need, why (in the service's names),
+ * state (of axis_state), shape (of the drawing).
+ */
+export function judgeDrive(registers, values) {
+	const state = codeName(registers?.get("axis_state"), values?.axis_state);
+	const error = codeName(registers?.get("error"), values?.error);
+	const status = bitNames(registers?.get("status"), values?.status);
+	const judgement = { need: NEED.nothing, why: "", state, shape: shapeOf(state, values) };
+
+	if (state === "Offline" || state === "ErrorStop" || state === "") {
+		judgement.need = NEED.act;
+		judgement.why = error && error !== "none" ? error : state || "not known";
+	} else if (status.includes("latched")) {
+		judgement.need = NEED.act;
+		judgement.why = "latched";
+		judgement.shape = "error";
+	} else if (status.includes("warning")) {
+		judgement.need = NEED.look;
+		judgement.why = "warning";
+	} else if (status.includes("origin_lost")) {
+		judgement.need = NEED.look;
+		judgement.why = "origin_lost";
+	} else if (status.includes("params_unsaved")) {
+		judgement.need = NEED.hint;
+		judgement.why = "params_unsaved";
+	}
+	judgement.why = inWords(judgement.why);
+	return judgement;
+}
+
+/* Drawings differ in their form, not only in colour. */
+function shapeOf(state, values) {
+	switch (state) {
+	case "Disabled": return "disabled";
+	case "Standstill": return "standstill";
+	case "DiscreteMotion": return "motion";
+	case "ContinuousMotion": return values.velocity < 0 ? "backward" : "forward";
+	case "Homing": return "homing";
+	case "Stopping": return "stopping";
+	case "ErrorStop": return "error";
+	default: return "offline";
+	}
+}
+
+export function isMoving(state) {
+	return ["DiscreteMotion", "ContinuousMotion", "Homing", "Stopping"].includes(state);
+}
+
+/*
+ * drives: Map of name to { name, bus, description, values, heardAt, place, judgement }; buses: Map of name to
+ * { description, figures }.
+ */
+export function createPlant() {
+	const plant = {
+		description: null,
+		drives: new Map(),
+		buses: new Map(),
+		/* By family: protocol of a bus to a Map of registers. */
+		families: new Map(),
+	};
+
+	/* What runs, as Describe says; what is known of drives that stay is kept. */
+	plant.describe = (description) => {
+		const drives = new Map();
+		const buses = new Map();
+
+		description.drives.forEach((drive, place) => {
+			const before = plant.drives.get(drive.name);
+
+			drives.set(drive.name, { name: drive.name, bus: drive.bus, description: drive, place,
+				values: before?.values ?? null, heardAt: before?.heardAt ?? 0,
+				judgement: judgeDrive(null, null) });
+		});
+		for (const bus of description.buses)
+			buses.set(bus.name, { description: bus, figures: plant.buses.get(bus.name)?.figures ?? null });
+		plant.description = description;
+		plant.drives = drives;
+		plant.buses = buses;
+		plant.judge();
+	};
+
+	plant.registersOf = (drive) =>
+		plant.families.get(plant.buses.get(drive.bus)?.description.protocol);
+
+	plant.judge = () => {
+		for (const drive of plant.drives.values())
+			drive.judgement = judgeDrive(plant.registersOf(drive), drive.values);
+	};
+
+	/* Samples of the stream; drives without one say the same as before. */
+	plant.take = (samples, now) => {
+		for (const sample of samples) {
+			const drive = plant.drives.get(sample.drive);
+
+			if (!drive)
+				continue;
+			drive.values = { ...drive.values, ...sample.values };
+			drive.heardAt = now;
+			drive.judgement = judgeDrive(plant.registersOf(drive), drive.values);
+		}
+	};
+
+	plant.takeFigures = (figures) => {
+		for (const [name, bus] of plant.buses) {
+			if (figures[name]) {
+				bus.figures = figures[name];
+				bus.description.up = figures[name].up !== 0;
+			}
+		}
+	};
+
+	/* The worst first, else as configured. */
+	plant.worstFirst = () => [...plant.drives.values()].sort((one, other) =>
+		other.judgement.need - one.judgement.need || one.place - other.place);
+
+	return plant;
+}
+
+/* How old a drive's values are now, in milliseconds: what it said, and how long ago that came. */
+export function ageOf(drive, now) {
+	const age = drive.values?.age_ms;
+
+	return typeof age === "number" && age < 0xffffffff ? age + Math.max(0, now - drive.heardAt) : null;
+}
