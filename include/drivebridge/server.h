@@ -79,6 +79,9 @@ struct db_backend {
 	void (*restricted)(void *context, const struct db_client *client);
 };
 
+/* Exception codes are 01 to 0B. */
+#define DB_EXCEPTION_CODES 12
+
 /* Since the server began; counters go on from 0 when they are full. */
 struct db_server_stats {
 	uint32_t clients; /* now */
@@ -93,6 +96,7 @@ struct db_server_stats {
 	uint32_t held_back;           /* requests that had to wait: too many of one address */
 	uint32_t requests;
 	uint32_t exceptions;
+	uint32_t exceptions_by_code[DB_EXCEPTION_CODES];
 	uint32_t bad_frames; /* connections closed for a frame that cannot be Modbus */
 	uint32_t timeouts;   /* connections closed for an unfinished frame, or idle */
 };

@@ -190,6 +190,9 @@ static void put_one(FILE *out, const char *name, const char *type, const char *h
 	fprintf(out, "%s %.15g\n", name, value);
 }
 
+/* What Modbus has: 07 to 09 are of functions that are not served. */
+static const uint8_t exception_codes[] = { 0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x0A, 0x0B };
+
 static void put_modbus(FILE *out, const struct db_server_stats *stats)
 {
 	put_one(out, "drivebridge_modbus_clients", "gauge", "Modbus TCP clients connected.",
@@ -213,8 +216,11 @@ static void put_modbus(FILE *out, const struct db_server_stats *stats)
 	        stats->requests);
 	put_one(out, "drivebridge_modbus_held_back_total", "counter",
 	        "Requests answered later because of max-requests-per-second.", stats->held_back);
-	put_one(out, "drivebridge_modbus_exceptions_total", "counter", "Exceptions answered.",
-	        stats->exceptions);
+	put_head(out, "drivebridge_modbus_exceptions_total", "counter",
+	         "Exceptions answered, by code.");
+	for (size_t i = 0; i < COUNT_OF(exception_codes); i++)
+		fprintf(out, "drivebridge_modbus_exceptions_total{code=\"%02X\"} %" PRIu32 "\n",
+		        exception_codes[i], stats->exceptions_by_code[exception_codes[i]]);
 	put_one(out, "drivebridge_modbus_bad_frames_total", "counter",
 	        "Connections closed for what cannot be Modbus.", stats->bad_frames);
 	put_one(out, "drivebridge_modbus_timeouts_total", "counter",

@@ -228,7 +228,10 @@ static void add_answer(struct db_connection *c, const struct db_modbus_request *
 	else
 		shared->batch_used += db_execute_answer(&shared->executor, &c->client, request, adu,
 		                                        &exception);
-	shared->stats.exceptions += exception != 0;
+	if (exception > 0 && exception < DB_EXCEPTION_CODES) {
+		shared->stats.exceptions++;
+		shared->stats.exceptions_by_code[exception]++;
+	}
 }
 
 static struct entry *entry_at(const struct db_connection *c, unsigned index)

@@ -12,7 +12,7 @@ import uuid
 
 import pytest
 import yaml
-from bridgelib import DOCS, RESULT_OK, ROOT, decode, eventually
+from bridgelib import DOCS, RESULT_OK, ROOT, decode, eventually, find_program
 
 CLIENTS = DOCS / "clients"
 EXPORTER = ROOT / "tests" / "tools" / "export-clients"
@@ -96,6 +96,31 @@ def zabbix():
     assert len(set(uuids)) == len(uuids)
     for text in uuids:
         assert uuid.UUID(text).version == 4 and uuid.UUID(text).hex == text
+
+
+def test_the_dashboard_shows_metrics_that_there_are(four_drives):
+    dashboard = json.loads(text_of("grafana.json"))
+    metrics = subprocess.run([find_program("drivebridgectl"), "--socket", four_drives.control_path, "metrics"],
+                             capture_output=True, text=True, timeout=20, check=True).stdout
+    kinds = dict(re.findall(r"^# TYPE (\w+) (\w+)$", metrics, re.M))
+    labels = {name: set(re.findall(r'(\w+)="', text))
+              for name, text in re.findall(r"^(\w+)\{(.*)\}", metrics, re.M)}
+    for panel in dashboard["panels"]:
+        assert panel["gridPos"]["x"] + panel["gridPos"]["w"] <= 24
+        for target in panel["targets"]:
+            (name, chosen), = re.findall(r"(drivebridge_\w+)\{(.*?)\}", target["expr"])
+            # A counter is shown as it grows, and nothing else is.
+            grows = re.search(r"\b(rate|increase)\(", target["expr"])
+            assert kinds[name] == ("counter" if grows else "gauge"), name
+            used = {*re.findall(r"(\w+)=~", chosen), *re.findall(r"\{\{(\w+)\}\}", target["legendFormat"])}
+            assert used - {"instance"} <= labels.get(name, set()), name
+    guide = (DOCS / "guide" / "monitoring.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"drivebridge_\w+", guide)) <= set(kinds)
+    shown = {panel["title"] for panel in dashboard["panels"]}
+    assert len(shown) == len(dashboard["panels"])
+    for variable in dashboard["templating"]["list"][1:]:
+        name, label = re.fullmatch(r"label_values\((\w+).*, (\w+)\)", variable["query"]).groups()
+        assert name in kinds and label == variable["name"]
 
 
 TOOLS = {"telegraf": telegraf, "modbus_exporter": modbus_exporter, "zabbix": zabbix}

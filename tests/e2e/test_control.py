@@ -4,6 +4,7 @@ hostile bytes by plain sockets, while Modbus goes on."""
 
 import json
 import os
+import re
 import select
 import socket
 import subprocess
@@ -12,7 +13,7 @@ import time
 
 import pytest
 import varlink
-from bridgelib import ROOT, STANDSTILL, eventually
+from bridgelib import ROOT, STANDSTILL, Refused, eventually
 
 INTERFACE = "io.drivebridge.Control"
 
@@ -376,14 +377,20 @@ def test_reload_tells_what_is_wrong(tool, bridge):
     assert tool.Describe()["drives"][0]["unit"] == 2
 
 
-def test_metrics(tool):
+def test_metrics(tool, bridge):
+    with pytest.raises(Refused):
+        bridge.drive(1).words(0xFFF0, 1)
     text = tool.Metrics()["text"]
     known = set()
     samples = {}
     for line in text.splitlines():
         if line.startswith("# TYPE"):
-            assert line.split()[2] not in known, "one block of samples for each name"
-            known.add(line.split()[2])
+            name, kind = line.split()[2:]
+            assert name not in known, "one block of samples for each name"
+            # What promtool would say of names.
+            assert name.endswith("_total") == (kind == "counter")
+            assert not re.search(r"_(ms|us|percent|milli|micro)", name)
+            known.add(name)
         elif not line.startswith("#"):
             name, value = line.rsplit(" ", 1)
             assert name.split("{")[0] in known
@@ -393,6 +400,8 @@ def test_metrics(tool):
     assert samples['drivebridge_bus_period_seconds{bus="line"}'] == 0.02
     assert samples["drivebridge_modbus_clients"] >= 1
     assert samples["drivebridge_control_sessions"] == 1
+    assert samples['drivebridge_modbus_exceptions_total{code="02"}'] == 1
+    assert samples['drivebridge_modbus_exceptions_total{code="0B"}'] == 0
 
 
 # --- rights

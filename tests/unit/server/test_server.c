@@ -436,6 +436,8 @@ static void exceptions_keep_the_connection(void **state)
 	EXPECT(rig, fd, 9, 3, 2, 0, 1);
 	assert_int_equal(rig->writes, 0);
 	assert_int_equal(stats(rig).exceptions, 8);
+	assert_int_equal(stats(rig).exceptions_by_code[0x0A], 1);
+	assert_int_equal(stats(rig).exceptions_by_code[0], 0);
 	assert_int_equal(stats(rig).bad_frames, 0);
 	close(fd);
 }
