@@ -80,6 +80,7 @@ static void read_password(struct db_settings *settings)
 			                      "password-file = %s has nothing in its first line",
 			                      config->password_file);
 	}
+	/* gcc's analyzer does not see that the values outlive their loading. */
 	config->password = strdup(line);
 	explicit_bzero(line, sizeof(line));
 	if (!config->password)
