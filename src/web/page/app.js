@@ -37,6 +37,7 @@ const VIEWS = {
 };
 /* A tab in the background keeps its streams so long. */
 const ASLEEP_AFTER_MS = 10000;
+const EVENTS_AFTER_MS = 300;
 const NOTICES_MOST = 4;
 const OK_NOTICE_MS = 4000;
 const WARNING_NOTICE_MS = 10000;
@@ -53,6 +54,8 @@ let registersByDrive = new Map();
 let commandsByDrive = new Map();
 let shown = { view: null, name: null, args: [], offs: [] };
 let showing = 0;
+let lastSummary = "";
+let eventsTimer = 0;
 
 function emit(event, ...args) {
 	for (const listener of [...listeners[event]])
@@ -133,6 +136,30 @@ async function loadFamilies() {
 	}
 }
 
+/* The latest events, once: a stream that stays open would take a connection from others. */
+function loadEvents() {
+	const now = plant;
+	const events = api.openStream("Events", {}, {
+		once: true,
+		onData(answer) {
+			events.close();
+			now.takeEvents(answer.events);
+			emit("plant");
+		},
+	});
+}
+
+/* What needs somebody has changed: the log says why. It may come there a little later than on the drive. */
+function watchFaults() {
+	const summary = plant.summarise();
+
+	if (summary === lastSummary)
+		return;
+	lastSummary = summary;
+	clearTimeout(eventsTimer);
+	eventsTimer = setTimeout(loadEvents, EVENTS_AFTER_MS);
+}
+
 function takeAnswer(answer) {
 	if (answer.describe) {
 		registersByDrive = new Map();
@@ -148,6 +175,7 @@ function takeAnswer(answer) {
 		plant.takeFigures(answer.figures);
 	if (link !== "live")
 		setLink("live");
+	watchFaults();
 	emit("plant");
 }
 
@@ -259,7 +287,8 @@ function showUser() {
 
 	find("stop-all").hidden = role !== "operator";
 	if (user) {
-		const out = element("button", { id: "logout", class: "quiet", type: "button" }, "Log out");
+		const out = element("button", { id: "logout", class: "quiet", type: "button", "aria-label": "Log out",
+			title: `Log out ${user}` }, icon("logout"));
 
 		out.addEventListener("click", async () => {
 			try {

@@ -81,6 +81,11 @@ export function unitOf(register, unitName) {
 	return unit.startsWith("user units") ? (unitName || "units") + unit.slice("user units".length) : unit;
 }
 
+/* The unit of a register by its name, in a Map of them; "" while that is not there. */
+export function lookUpUnit(registers, name) {
+	return registers?.get(name)?.unit ?? "";
+}
+
 /* A value as { text, unit }; unit is "" where a name stands for the value. */
 export function formatValue(register, value, unitName = "") {
 	if (value === null || value === undefined)

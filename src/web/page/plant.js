@@ -10,6 +10,12 @@ import { bitNames, codeName, inWords } from "./format.js";
 /* In this order. */
 export const NEED = { nothing: 0, hint: 1, look: 2, act: 3 };
 
+/* Events that say why a drive needs somebody; those of others, such as a refused write, are no faults of it. */
+const FAULTS = new Set(["drive-lost", "drive-fault", "drive-warning", "drive-runs-on", "drive-restarted",
+	"drive-unconfirmed", "watchdog-tripped", "bus-lost", "bus-off"]);
+/* The overview tells a drive that says the same as before once in so long. */
+const TOLD_EVERY_MS = 1000;
+
 /*
  * How a drive is, from values of one moment and the registers of its family: need, why (in the service's names),
  * state (of axis_state), shape (of the drawing).
@@ -60,7 +66,8 @@ export function isMoving(state) {
 }
 
 /*
- * drives: Map of name to { name, bus, description, values, heardAt, place, judgement }; buses: Map of name to
+ * drives: Map of name to { name, bus, description, values, heardAt, place, judgement, fault }, fault being the latest
+ * event of the log that is one; buses: Map of name to
  * { description, figures }.
  */
 export function createPlant() {
@@ -70,7 +77,10 @@ export function createPlant() {
 		buses: new Map(),
 		/* By family: protocol of a bus to a Map of registers. */
 		families: new Map(),
+		/* The latest of a bus itself, by its name. */
+		busFaults: new Map(),
 	};
+	const faults = new Map();
 
 	/* What runs, as Describe says; what is known of drives that stay is kept. */
 	plant.describe = (description) => {
@@ -81,7 +91,7 @@ export function createPlant() {
 			const before = plant.drives.get(drive.name);
 
 			drives.set(drive.name, { name: drive.name, bus: drive.bus, description: drive, place,
-				values: before?.values ?? null, heardAt: before?.heardAt ?? 0,
+				values: before?.values ?? null, heardAt: before?.heardAt ?? 0, fault: faults.get(drive.name) ?? null,
 				judgement: judgeDrive(null, null) });
 		});
 		for (const bus of description.buses)
@@ -122,6 +132,25 @@ export function createPlant() {
 		}
 	};
 
+	/* Events of the log, oldest first: what there was to check. */
+	plant.takeEvents = (events) => {
+		for (const event of events) {
+			if (!FAULTS.has(event.name))
+				continue;
+			if (event.drive)
+				faults.set(event.drive, event);
+			else if (event.bus)
+				plant.busFaults.set(event.bus, event);
+		}
+		for (const drive of plant.drives.values())
+			drive.fault = faults.get(drive.name) ?? null;
+	};
+
+	/* What changes when there may be something new in the log. */
+	plant.summarise = () => [...plant.drives.values()].map((drive) =>
+		`${drive.name} ${drive.judgement.need} ${drive.judgement.why}`).join("\n") +
+		[...plant.buses.values()].map((bus) => bus.description.up).join(" ");
+
 	/* The worst first, else as configured. */
 	plant.worstFirst = () => [...plant.drives.values()].sort((one, other) =>
 		other.judgement.need - one.judgement.need || one.place - other.place);
@@ -129,9 +158,10 @@ export function createPlant() {
 	return plant;
 }
 
-/* How old a drive's values are now, in milliseconds: what it said, and how long ago that came. */
+/* How old a drive's values are now, in milliseconds: as it was told, and longer when nothing comes any more. */
 export function ageOf(drive, now) {
 	const age = drive.values?.age_ms;
 
-	return typeof age === "number" && age < 0xffffffff ? age + Math.max(0, now - drive.heardAt) : null;
+	return typeof age === "number" && age < 0xffffffff ?
+		age + Math.max(0, now - drive.heardAt - TOLD_EVERY_MS) : null;
 }
