@@ -393,7 +393,9 @@ async function showView() {
 	try {
 		await view.show(root, context, ...args);
 	} catch (error) {
-		root.append(element("p", { class: "empty" }, error.message));
+		root.replaceChildren(element("p", { class: "empty" }, error.message));
+		/* When drivebridged is back, or knows the drive. */
+		context.on("describe", showView);
 	}
 }
 

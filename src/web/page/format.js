@@ -20,6 +20,11 @@ export function inWords(name) {
 	return String(name ?? "").replaceAll("_", " ");
 }
 
+/* What a register is called beside its unit: "watchdog" of watchdog_ms, which is shown in ms. */
+export function labelOf(register) {
+	return inWords(register.unit ? register.name.replace(new RegExp(`_${register.unit}$`), "") : register.name);
+}
+
 export function hasBits(register) {
 	return register?.type?.startsWith("bits") ?? false;
 }
@@ -166,6 +171,40 @@ export function formatSpeed(speed) {
 /* "192.168.10.5" of a number whose highest byte comes first. */
 export function formatAddress(number) {
 	return [24, 16, 8, 0].map((shift) => (number >>> shift) & 255).join(".");
+}
+
+/*
+ * Between a drive's counts and what people measure in. Registers in counts, counts/s and so on are shown and typed in
+ * the drive's unit_name when it and counts per unit are known; all others stay as they are.
+ */
+export function createScale(unitName, countsPerUnit) {
+	const usable = unitName && Number.isFinite(countsPerUnit) && countsPerUnit !== 0;
+	const per = (register) => (usable && /^counts(\/|$)/.test(register?.unit ?? "") ? countsPerUnit : 1);
+	const fine = usable ? Math.min(6, Math.max(0, Math.ceil(Math.log10(Math.abs(countsPerUnit))))) : 0;
+
+	return {
+		unit: (register) => (per(register) === 1 ? unitOf(register, unitName) :
+			unitName + register.unit.slice("counts".length)),
+		/* In people's unit. */
+		show: (register, value) => (typeof value === "number" ? value / per(register) : value),
+		/* In the register's own; whole where it takes no other. */
+		take: (register, value) => (per(register) === 1 ? value : isReal(register) ? value * countsPerUnit :
+			Math.round(value * countsPerUnit)),
+		/* So many decimals tell one count from the next; of a register that is no quantity 0. */
+		decimals: (register) => (per(register) !== 1 ? (register.unit === "counts" ? fine : Math.min(fine, 2)) :
+			isReal(register) ? 2 : 0),
+		isScaled: (register) => per(register) !== 1,
+		/* The register as it is typed: its range in people's unit, and no whole numbers then. */
+		typed(register) {
+			if (per(register) === 1)
+				return { ...register, unit: unitOf(register, unitName) };
+			const [one, other] = [register.min, register.max].map((limit) =>
+				typeof limit === "number" ? limit / countsPerUnit : undefined);
+
+			return { ...register, type: "f32", unit: this.unit(register),
+				min: countsPerUnit > 0 ? one : other, max: countsPerUnit > 0 ? other : one };
+		},
+	};
 }
 
 /* What a register takes: "−12800 to 12800 counts/s", "at most 5", "" of one without limits. */

@@ -1,0 +1,231 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * All commands that a drive has, with fields for their arguments made from its registers; and what became of them,
+ * as the drive's own history has it, whoever gave them.
+ */
+import { call } from "./api.js";
+import { element, newId, setAttribute, setText } from "./dom.js";
+import { formatDuration, formatRange, formatReal, formatTime, formatValue, hasBits, formatAddress, inWords, NONE,
+	parseValue } from "./format.js";
+
+const HISTORY_SHOWN = 12;
+/* Stops have buttons of their own, which are always there. */
+const STOPS = ["stop", "quick_stop"];
+/* What control_holder and history1_ipv4 have of a client that is no IPv4 address. */
+const NO_IPV4 = 0xffffffff;
+
+/* One field for an argument. { node, read() }: { value }, { problem } or {} when it was left empty. */
+function createField(register, scale, describedBy) {
+	const typed = scale.typed(register);
+	const codes = hasBits(register) ? [] : Object.entries(register.codes ?? {});
+	const id = newId("argument");
+	const hint = newId("argument-hint");
+	const input = codes.length > 0 ?
+		element("select", { id, "data-argument": register.name }, element("option", { value: "" }, NONE),
+			codes.map(([code, name]) => element("option", { value: code }, inWords(name)))) :
+		element("input", { id, type: "text", inputmode: hasBits(register) ? "text" : "decimal", autocomplete: "off",
+			spellcheck: "false", "data-argument": register.name, "aria-describedby": `${hint} ${describedBy}` });
+	const node = element("label", { class: "field", for: id }, inWords(register.name),
+		element("span", { class: "with-unit" }, input, typed.unit ? element("span", { class: "unit" }, typed.unit) : null),
+		element("small", { id: hint, class: "hint", title: register.description }, formatRange(typed)));
+
+	return {
+		node,
+		mark(wrong) {
+			setAttribute(input, "aria-invalid", String(wrong));
+			if (wrong)
+				input.focus();
+		},
+		read() {
+			if (input.value.trim() === "")
+				return {};
+			const { value, problem } = parseValue(typed, input.value);
+
+			return problem ? { problem } : { value: scale.take(register, value) };
+		},
+	};
+}
+
+/* The panel; onDone() is called when a command was taken. */
+export function createCommands({ drive, registers, commands, scale, onDone }) {
+	const said = element("p", { id: "command-result", class: "command-result", role: "status" });
+	const plain = [...commands.values()].filter((command) => command.arguments.length === 0 &&
+		!STOPS.includes(command.name));
+	const others = [...commands.values()].filter((command) => command.arguments.length > 0);
+	const select = element("select", { id: "command" }, others.map((command) =>
+		element("option", { value: command.name }, inWords(command.name))));
+	const about = element("small", { id: newId("command-about"), class: "muted" });
+	const place = element("div", { class: "command-fields" });
+	const run = element("button", { id: "command-run", class: "primary", type: "submit" }, "Run");
+	const form = element("form", { class: "command-form", autocomplete: "off" },
+		element("label", { class: "field", for: "command" }, "Command with values", select), about, place, run);
+	const node = element("section", { id: "commands", class: "panel", "aria-label": "Commands" },
+		element("div", { class: "panel-head" }, element("h2", {}, "Commands")),
+		element("div", { class: "command-buttons" }, plain.map((command) => element("button", { type: "button",
+			class: "small", title: command.description, "data-command": command.name,
+			onclick: () => give(command.name, {}) }, inWords(command.name)))),
+		others.length > 0 ? form : null, said);
+	let fields = new Map();
+
+	function showFields() {
+		const command = commands.get(select.value);
+
+		setText(about, command.description);
+		fields = new Map(command.arguments.map((name) => registers.get(name)).filter(Boolean)
+			.map((register) => [register.name, createField(register, scale, about.id)]));
+		place.replaceChildren(...[...fields.values()].map((field) => field.node));
+		setText(said, "");
+	}
+
+	function say(text, kind) {
+		setText(said, text);
+		setAttribute(said, "data-kind", kind);
+	}
+
+	async function give(name, args) {
+		const began = performance.now();
+
+		say(`${inWords(name)} …`, "");
+		try {
+			const { result } = await call("Run", { drive, command: name, arguments: args });
+
+			say(`${inWords(name)}: ${inWords(result)} (${formatDuration((performance.now() - began) * 1000)})`, "ok");
+			onDone(name);
+		} catch (error) {
+			fields.get(error.parameters?.name)?.mark(true);
+			say(`${inWords(name)}: ${error.message}`, "error");
+		}
+	}
+
+	form.addEventListener("submit", (event) => {
+		const args = {};
+
+		event.preventDefault();
+		for (const [name, field] of fields) {
+			const { value, problem } = field.read();
+
+			field.mark(Boolean(problem));
+			if (problem) {
+				say(`${inWords(name)}: ${problem}`, "error");
+				return;
+			}
+			if (value !== undefined)
+				args[name] = value;
+		}
+		give(select.value, args);
+	});
+	select.addEventListener("change", showFields);
+	if (others.length > 0)
+		showFields();
+	return { node, give };
+}
+
+/* --- history ------------------------------------------------------------------------------------------------- */
+
+/*
+ * Entry `number` (1 is the newest) of a drive's history as { time_us, sequence, command, args, result, duration_us,
+ * client, repeats }, null when there is none. Which register holds which argument the registers' descriptions say.
+ * Pure.
+ */
+export function readHistory(values, number, registers, commands, scale) {
+	const value = (field) => values[`history${number}_${field}`];
+
+	if (!value("timestamp_us"))
+		return null;
+	const name = registers.get("history1_command")?.codes?.[value("command")];
+	const fields = ["position", "position_2", "real", "number", "value"];
+	const args = (commands.get(name)?.arguments ?? []).map((argument) => {
+		const field = fields.find((candidate) => registers.get(`history1_${candidate}`)?.description
+			.split(/[\s;:]+/).includes(argument));
+		const register = registers.get(argument);
+
+		if (!field || !register)
+			return null;
+		if (!scale.isScaled(register)) {
+			const { text, unit } = formatValue(register, value(field));
+
+			return `${inWords(argument)} ${text}${unit ? ` ${unit}` : ""}`;
+		}
+		return `${inWords(argument)} ${formatReal(scale.show(register, value(field)))} ${scale.unit(register)}`;
+	}).filter(Boolean);
+	const written = value("command") === 0 ? [...registers.values()].find((register) =>
+		register.parameter && register.address === value("number")) : null;
+
+	return {
+		time_us: value("timestamp_us"),
+		sequence: value("sequence"),
+		command: name ? inWords(name) : written ? `write ${written.name}` : "parameter write",
+		args: args.join(", "),
+		result: inWords(registers.get("result")?.codes?.[value("result")] ?? String(value("result"))),
+		duration_us: value("duration_us"),
+		client: formatClient(value("ipv4"), value("port"), value("address")),
+		repeats: value("repeats"),
+	};
+}
+
+/* "192.168.10.5:49152", "session 5 of control, user anna", "drivebridged" of what the bridge did by itself. */
+export function formatClient(ipv4, port, address = "") {
+	if (ipv4 === 0)
+		return "drivebridged";
+	if (ipv4 !== NO_IPV4)
+		return `${formatAddress(ipv4)}:${port}`;
+	return address && !address.startsWith("control") ? `${address} port ${port}` : `control socket, session ${port}`;
+}
+
+export function historyNames(registers) {
+	const names = [];
+
+	for (let number = 1; number <= HISTORY_SHOWN; number++) {
+		for (const field of ["timestamp_us", "sequence", "ipv4", "port", "command", "result", "duration_us", "position",
+			"position_2", "real", "number", "repeats", "value", "address"]) {
+			if (registers.has(`history${number}_${field}`))
+				names.push(`history${number}_${field}`);
+		}
+	}
+	return names;
+}
+
+/* The panel; refresh() reads it again. */
+export function createHistory({ drive, registers, commands, scale }) {
+	const body = element("tbody");
+	const node = element("section", { id: "history", class: "panel", "aria-label": "History of commands" },
+		element("div", { class: "panel-head" }, element("h2", {}, "History of commands"),
+			element("span", { class: "muted" }, "of all clients, the newest first")),
+		element("div", { class: "table-frame" }, element("table", { class: "history" },
+			element("thead", {}, element("tr", {}, ["Time", "Command", "Values", "Result", "Took", "Client"].map((head) =>
+				element("th", { scope: "col", class: head === "Took" ? "number" : null }, head)))), body)));
+	const names = historyNames(registers);
+	let reading = false;
+	let again = false;
+
+	async function refresh() {
+		again = reading;
+		if (reading)
+			return;
+		reading = true;
+		try {
+			const { values } = await call("Read", { drive, names });
+			const entries = Array.from({ length: HISTORY_SHOWN }, (none, index) =>
+				readHistory(values, index + 1, registers, commands, scale)).filter(Boolean);
+
+			body.replaceChildren(...entries.map((entry) => element("tr", { "data-sequence": entry.sequence },
+				element("td", { class: "nowrap" }, formatTime(entry.time_us)),
+				element("th", { scope: "row" }, entry.command,
+					entry.repeats > 0 ? element("span", { class: "muted" }, ` ×${entry.repeats + 1}`) : null),
+				element("td", {}, entry.args),
+				element("td", {}, element("span", { class: `badge ${entry.result === "ok" ? "" :
+					["pending", "unproven", "none"].includes(entry.result) ? "on" : "warning"}` }, entry.result)),
+				element("td", { class: "number" }, formatDuration(entry.duration_us)),
+				element("td", { class: "muted nowrap" }, entry.client))));
+			if (entries.length === 0)
+				body.replaceChildren(element("tr", {}, element("td", { colspan: "6", class: "empty" }, "No commands yet.")));
+		} catch {
+			/* With the next command again. */
+		}
+		reading = false;
+		if (again)
+			refresh();
+	}
+
+	return { node, refresh };
+}
