@@ -248,7 +248,7 @@ function createView(root, context, drive) {
 		const all = compare(held, beside);
 		const [values, addresses] = listDifferent();
 		const lines = [element("p", {}, all.length === 0 ? `${drive} has what ${beside.name} has.` :
-			`${all.length} of ${drive} differ from ${beside.name}.`)];
+			`${all.length} parameters of ${drive} are others in ${beside.name}.`)];
 		const unknown = held.registers.filter((register) => isKept(register) && valueOf(beside, register.name) === null);
 
 		if (beside.name === DEFAULTS)
