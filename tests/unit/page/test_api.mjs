@@ -1,0 +1,44 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { ApiError, createEventReader, tab } from "../../../src/web/page/api.js";
+
+function readAll(pieces) {
+	const events = [];
+	const take = createEventReader((name, data) => events.push([name, data]));
+
+	pieces.forEach(take);
+	return events;
+}
+
+test("events come whole however they are cut", () => {
+	const text = `: alive\n\ndata: {"a": 1}\n\nevent: service\ndata: {"up": false}\n\nevent: end\ndata: {}\n\n`;
+	const whole = [["", { a: 1 }], ["service", { up: false }], ["end", {}]];
+
+	assert.deepEqual(readAll([text]), whole);
+	assert.deepEqual(readAll([...text]), whole);
+	for (let cut = 1; cut < text.length; cut++)
+		assert.deepEqual(readAll([text.slice(0, cut), text.slice(cut)]), whole);
+});
+
+test("what is no event is passed over", () => {
+	assert.deepEqual(readAll(["data: {broken\n\n", "event: x\n\n", "nonsense\n\n", "data: 1\n\n"]), [["", 1]]);
+});
+
+test("an endless event does not fill the memory", () => {
+	const events = [];
+	const take = createEventReader((name, data) => events.push(data));
+
+	for (let i = 0; i < 50; i++)
+		take(`data: ${"x".repeat(200000)}`);
+	take("\n\ndata: 2\n\n");
+	assert.deepEqual(events, [2]);
+});
+
+test("a tab's id is what the server takes, and errors keep what they came with", () => {
+	assert.match(tab, /^[0-9a-f]{16,32}$/);
+	const error = new ApiError("Refused", "limit: too far", { parameters: { result: "limit" }, status: 409 });
+
+	assert.deepEqual([error.name, error.message, error.parameters.result, error.status],
+		["Refused", "limit: too far", "limit", 409]);
+});
