@@ -242,9 +242,10 @@ phase_docs() {
 		>build/docs/drivebridge.st || true
 	build/asan/config-export >build/docs/config-keys.csv || true
 	build/asan/mqtt-export >build/docs/mqtt-keys.csv || true
+	build/asan/web-export >build/docs/web-keys.csv || true
 	build/asan/ctl-export csv >build/docs/drivebridgectl.csv || true
 	for file in register-map.csv register-map.md commands.csv drivebridge.st config-keys.csv \
-		mqtt-keys.csv drivebridgectl.csv; do
+		mqtt-keys.csv web-keys.csv drivebridgectl.csv; do
 		step "$file" diff -u "docs/$file" "build/docs/$file"
 	done
 	build/asan/ctl-export bash >build/docs/drivebridgectl || true

@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Compares passwords with their hashes, which takes some hundredths of a second of a processor, in a thread of its own:
+ * the loop has a dead man's rule to keep. All calls from the loop's thread.
+ */
+#ifndef DRIVEBRIDGE_WEB_HASHER_H
+#define DRIVEBRIDGE_WEB_HASHER_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* So many wait at most. */
+#define DB_WEB_HASHER_JOBS 8
+
+struct db_web_hasher;
+
+/* NULL when there is no memory or no thread to be had; freed with db_web_hasher_free(), which waits for what is being
+ * compared. NULL is allowed. */
+struct db_web_hasher *db_web_hasher_new(void);
+void db_web_hasher_free(struct db_web_hasher *hasher);
+
+/* False: too many wait. `number` comes back with the answer. */
+bool db_web_hasher_ask(struct db_web_hasher *hasher, uint64_t number, const char *password,
+                       const char *hash);
+
+/* Readable when there are answers; they are taken one by one. */
+int db_web_hasher_fd(const struct db_web_hasher *hasher);
+bool db_web_hasher_take(struct db_web_hasher *hasher, uint64_t *number, bool *right);
+
+#endif

@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The connection to drivebridged: two that everybody shares, one for calls that only read and one for stops, made again
+ * each second while the service is away; and how many more there are. One thread.
+ */
+#ifndef DRIVEBRIDGE_WEB_SERVICE_H
+#define DRIVEBRIDGE_WEB_SERVICE_H
+
+#include "web/link.h"
+#include "web/state.h"
+
+/*
+ * The service has 32 sessions for all its tools. Beside the two: streams of values, events, traces and scans; tabs
+ * that act have two each.
+ */
+#define DB_WEB_STREAM_LINKS 12
+#define DB_WEB_TABS_MAX 5
+
+struct db_web_service;
+
+/* Called when it has come or gone, and when it has other drives. */
+typedef void db_web_service_changed_fn(void *data);
+
+/* NULL without memory. Freed with db_web_service_free(), NULL is allowed. */
+struct db_web_service *db_web_service_new(struct db_web_server *server,
+                                          db_web_service_changed_fn *changed, void *data);
+void db_web_service_free(struct db_web_service *service);
+
+void db_web_service_tick(struct db_web_service *service, db_time now);
+
+bool db_web_service_is_up(const struct db_web_service *service);
+
+/* The answer of Describe; NULL while it is away. Stays the service's. */
+json_t *db_web_service_description(const struct db_web_service *service);
+
+/* Asks what it has again; `changed` tells when that differs. */
+void db_web_service_look_again(struct db_web_service *service);
+
+/* Whether a drive with this value of axis_state moves, by the names that the service gives to the values. */
+bool db_web_service_is_moving(const struct db_web_service *service, const json_t *axis_state);
+
+/* NULL while it is away. */
+struct db_web_link *db_web_service_reader(const struct db_web_service *service);
+struct db_web_link *db_web_service_stopper(const struct db_web_service *service);
+
+/* One more, closed by who has it. NULL with an error. */
+struct db_web_link *db_web_service_open(struct db_web_service *service, db_web_link_lost_fn *lost,
+                                        void *data, struct db_client_error *error);
+
+#endif
