@@ -328,12 +328,12 @@ export function openStream(method, parameters = {}, handlers = {}) {
 		try {
 			await read(abort);
 		} catch (error) {
+			/* The gateway was restarted, or the login has ended: then another session closes what it may not see. */
+			if (error.name === "BadToken" || error.name === "LoginRequired")
+				await loadSession().catch(() => {});
 			if (!abort.signal.aborted && error instanceof ApiError && error.status >= 400 &&
-			    error.status < 500 && error.status !== 429) {
-				if (error.name === "LoginRequired" || error.name === "BadToken")
-					loadSession().catch(() => {});
+			    error.status < 500 && error.status !== 429 && error.name !== "BadToken")
 				finish("failed", error);
-			}
 		}
 		if (stream.closed || stream.abort !== abort)
 			return;

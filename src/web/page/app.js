@@ -16,12 +16,13 @@
  *                         "describe" (drives or buses may be others), "link", "session", "frame" (each frame while
  *                         the page is visible, with performance.now())
  *   notify(text, kind)    a notice: info, ok, warning, error
+ *   showAgain()           hides the view and shows it with the same arguments
  *   report(error)         an ApiError as a notice
  *   stop(drive, command)  stops a drive, stop or quick_stop, and says how it went
  */
 import * as api from "./api.js";
 import { element, icon, setText, setAttribute } from "./dom.js";
-import { createPlant } from "./plant.js";
+import { createPlant, NEED } from "./plant.js";
 import { indexByName, inWords } from "./format.js";
 import * as login from "./login.js";
 import * as overview from "./overview.js";
@@ -87,6 +88,7 @@ const context = {
 		shown.offs.push(() => listeners[event].delete(listener));
 	},
 	notify,
+	showAgain: () => showView(),
 	report: (error) => notify(error.message, "error"),
 	async stop(drive, command = "stop") {
 		try {
@@ -176,6 +178,7 @@ function takeAnswer(answer) {
 	if (link !== "live")
 		setLink("live");
 	watchFaults();
+	showTitle();
 	emit("plant");
 }
 
@@ -219,6 +222,7 @@ function setLink(state) {
 	node.replaceChildren(icon(LINK_WORDS[state][0]), LINK_WORDS[state][1]);
 	showBanner();
 	document.documentElement.classList.toggle("stale", state !== "live");
+	showTitle();
 	emit("link", state);
 }
 
@@ -363,6 +367,16 @@ async function pickView(name) {
 	return VIEWS[name] ? VIEWS[name].load() : null;
 }
 
+/* How many drives need somebody is seen in a tab in the background as well. */
+function showTitle() {
+	const count = [...plant.drives.values()].filter((drive) => drive.judgement.need === NEED.act).length;
+	const title = `${link === "live" || link === "connecting" ? "" : "✕ "}${count > 0 ? `(${count}) ` : ""}` +
+		`${shown.title ?? ""} – drivebridge`;
+
+	if (document.title !== title)
+		document.title = title;
+}
+
 async function showView() {
 	const { name, args } = readHash();
 	const turn = ++showing;
@@ -383,9 +397,9 @@ async function showView() {
 	shown = { view, name, args, offs: [] };
 	main.replaceChildren(root);
 	markNavigation(view === login ? "login" : name);
-	const title = !view ? "Not found" : typeof view.title === "function" ? view.title(...args) : view.title;
-
-	document.title = `${title} – drivebridge`;
+	shown.title = !view ? "Not found" : typeof view.title === "function" ? view.title(...args) : view.title;
+	showTitle();
+	scrollTo(0, 0);
 	if (!view) {
 		root.append(element("p", { class: "empty" }, problem));
 		return;
@@ -393,6 +407,8 @@ async function showView() {
 	try {
 		await view.show(root, context, ...args);
 	} catch (error) {
+		if (turn !== showing)
+			return;
 		root.replaceChildren(element("p", { class: "empty" }, error.message));
 		/* When drivebridged is back, or knows the drive. */
 		context.on("describe", showView);
@@ -468,7 +484,12 @@ function start() {
 			stopAll();
 		}
 	}, true);
-	window.addEventListener("hashchange", showView);
+	/* Who reads with the ears is taken along. */
+	window.addEventListener("hashchange", async () => {
+		await showView();
+		if (!find("main").contains(document.activeElement))
+			find("main").focus({ preventScroll: true });
+	});
 	watchVisibility();
 	api.onSession(takeSession);
 	api.startApi();

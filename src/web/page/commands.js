@@ -191,7 +191,8 @@ export function createHistory({ drive, registers, commands, scale }) {
 	const node = element("section", { id: "history", class: "panel", "aria-label": "History of commands" },
 		element("div", { class: "panel-head" }, element("h2", {}, "History of commands"),
 			element("span", { class: "muted" }, "of all clients, the newest first")),
-		element("div", { class: "table-frame" }, element("table", { class: "history" },
+		element("div", { class: "table-frame", tabindex: "0", role: "region", "aria-label": "Table of commands" },
+			element("table", { class: "history" },
 			element("thead", {}, element("tr", {}, ["Time", "Command", "Values", "Result", "Took", "Client"].map((head) =>
 				element("th", { scope: "col", class: head === "Took" ? "number" : null }, head)))), body)));
 	const names = historyNames(registers);

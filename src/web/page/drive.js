@@ -59,6 +59,7 @@ export async function show(root, context, name) {
 		names: [...names, ...[...registers.values()].filter((register) => register.type === "bool" &&
 			register.name.startsWith("drive_")).map((register) => register.name),
 		...(registers.has("history1_sequence") ? ["history1_sequence"] : [])] });
+	mine.described = describe(context.plant, name);
 	build(mine, names);
 	watchKeys(mine);
 	context.on("frame", (now) => frame(mine, now));
@@ -68,8 +69,12 @@ export async function show(root, context, name) {
 			mine.jog?.release();
 	});
 	context.on("describe", () => {
-		if (!context.plant.drives.has(name))
+		const described = describe(context.plant, name);
+
+		if (described !== mine.described && !context.plant.drives.has(name))
 			context.notify(`${name} is not in the configuration any more`, "warning");
+		else if (described !== mine.described)
+			context.showAgain();
 	});
 	openSubscription(mine, INTERVAL_FIRST_MS);
 	mine.history.refresh();
@@ -78,6 +83,14 @@ export async function show(root, context, name) {
 export function hide() {
 	view?.close();
 	view = null;
+}
+
+/* What a change of the configuration may change. */
+function describe(plant, name) {
+	const drive = plant.drives.get(name);
+	const bus = plant.buses.get(drive?.bus)?.description;
+
+	return JSON.stringify([drive?.description, bus?.protocol]);
 }
 
 /* --- what is there ------------------------------------------------------------------------------------------- */

@@ -42,7 +42,8 @@ export function show(root, context) {
 		element("span", { class: "push" }), view.filter),
 		element("h2", { class: "hidden-label" }, "Buses"), view.cards,
 		element("h2", { class: "hidden-label" }, "Drives"),
-		element("div", { class: "panel table-frame" }, view.table));
+		element("div", { class: "panel table-frame", tabindex: "0", role: "region", "aria-label": "Table of drives" },
+			view.table));
 	context.on("describe", makeRows);
 	context.on("session", makeRows);
 	context.on("plant", update);

@@ -351,8 +351,17 @@ export function createPlot({ title, signals, chosen, capacity }) {
 
 		box.addEventListener("change", () => choose(signals.map(({ name }) => name).filter((name) =>
 			choices.querySelector(`input[value="${name}"]`).checked)));
+		/* Where Space stops the drive it is the only key that is left. */
+		box.addEventListener("keydown", (event) => {
+			if (event.key === "Enter")
+				box.click();
+		});
 		choices.append(element("label", { class: "check" }, box, signal.label));
 	}
+	chooser.addEventListener("focusout", (event) => {
+		if (!chooser.contains(event.relatedTarget) && chooser.matches(":not(:hover)"))
+			chooser.open = false;
+	});
 	pause.addEventListener("click", () => {
 		if (state.paused)
 			goOn();
