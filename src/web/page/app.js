@@ -33,6 +33,7 @@ const VIEWS = {
 	drive: { load: () => import("./drive.js") },
 	parameters: { nav: "Parameters", load: () => import("./parameters.js") },
 	scan: { nav: "Scan", load: () => import("./scan.js") },
+	scope: { nav: "Oscilloscope", load: () => import("./scope.js") },
 	trace: { nav: "Trace", load: () => import("./trace.js") },
 	events: { nav: "Events", load: () => import("./events.js") },
 };

@@ -79,12 +79,18 @@ export function createCapture({ mode, trigger, beforeUs, durationUs }) {
 		return true;
 	};
 
-	/* Nothing more comes, or is wanted. Whether there was a part of a capture, which is whole with that. */
-	capture.stop = () => {
+	/* Nothing more comes of drives that fell silent: a part is whole with that. Whether there was one. */
+	capture.flush = () => {
 		const partly = capture.state === "triggered";
 
 		if (partly)
 			finish(true, zeroUs);
+		return partly;
+	};
+
+	capture.stop = () => {
+		const partly = capture.flush();
+
 		capture.state = "stopped";
 		return partly;
 	};

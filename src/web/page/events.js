@@ -40,7 +40,7 @@ function createSelect(id, label, choices, onChange) {
 	return { select, field: element("label", { class: "field", for: id }, label, select) };
 }
 
-export function show(root, context) {
+export function show(root, context, driveName) {
 	const counts = element("p", { id: "events-counts", class: "muted", role: "status" });
 	const search = element("input", { id: "events-search", type: "search", autocomplete: "off" });
 	const pause = element("button", { id: "events-pause", type: "button", "aria-pressed": "false" }, "Pause");
@@ -48,7 +48,7 @@ export function show(root, context) {
 	const level = createSelect("events-level", "Level", LEVELS.map((name) =>
 		[name, name === "error" ? name : `${name} and worse`]), applyFilter);
 	const bus = createSelect("events-bus", "Bus", [], applyFilter);
-	const drive = createSelect("events-drive", "Drive", [], applyFilter);
+	const drive = createSelect("events-drive", "Drive", driveName ? [[driveName, driveName]] : [], applyFilter);
 	let leftOut = 0;
 	let fresh = true;
 
@@ -81,14 +81,14 @@ export function show(root, context) {
 
 	/* Those of a bus are also those of its drives. */
 	function fillSelects() {
-		for (const [{ select }, names] of [[bus, context.plant.buses.keys()], [drive, context.plant.drives.keys()]]) {
+		for (const [{ select }, names] of [[bus, context.plant.buses], [drive, context.plant.drives]]) {
+			/* What is filtered by stays, also what has left the configuration. */
+			const known = new Set([...names.keys(), ...select.value ? [select.value] : []]);
 			const value = select.value;
 
 			select.replaceChildren(element("option", { value: "" }, "all"),
-				...[...names].map((name) => element("option", { value: name }, name)));
+				...[...known].map((name) => element("option", { value: name }, name)));
 			select.value = value;
-			if (select.selectedIndex < 0)
-				select.value = "";
 		}
 		applyFilter();
 	}

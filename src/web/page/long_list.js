@@ -10,7 +10,7 @@ const DRAW_EVERY_MS = 100;
 const ROWS_BEYOND = 10; /* drawn above and below those in sight, for scrolling */
 
 /*
- * columns: [{ title, text(entry) }], of which the last takes what width there is; kind(entry) becomes the row's
+ * columns: [{ title (a text or a node), text(entry) }], of which the last takes what width there is; kind(entry) becomes the row's
  * data-kind; `most` entries are kept. onDraw(list) is called when the list of kept_list.js may have changed, at most ten
  * times a second; monospace is for code. Returns { node, list, add(entries), clear(), filter(matches), pause(on), close() }.
  */

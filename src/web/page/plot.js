@@ -5,10 +5,9 @@
 import { element, icon, newId, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
 import { formatFixed, NONE } from "./format.js";
+import { DASHES, createSwatch, readColour } from "./plot_line.js";
 
-const SERIES_MOST = 6;
-/* Beside colours, so that lines are told apart without them. */
-const DASHES = [[], [10, 5], [3, 4], [14, 4, 3, 4], [1, 3], [8, 3, 2, 3, 2, 3]];
+const SERIES_MOST = DASHES.length;
 const SPANS_S = [5, 10, 30, 60, 300];
 const REDRAW_EVERY_MS = 50;
 /* No line is drawn over a time in which nothing was heard. */
@@ -137,17 +136,7 @@ export function createPlot({ title, signals, chosen, capacity }) {
 			element("caption", { class: "hidden-label", id }, "Values at the cursor, or the latest"), legend));
 
 	const column = (name) => signals.findIndex((signal) => signal.name === name);
-	/* As canvas takes it: of a variable the browser only tells what an element that uses it has. */
-	const colour = (name) => {
-		const probe = element("i", { hidden: true });
-
-		probe.style.color = `var(--${name})`;
-		node.append(probe);
-		const { color } = getComputedStyle(probe);
-
-		probe.remove();
-		return color;
-	};
+	const colour = (name) => readColour(node, name);
 
 	/* --- what is looked at ------------------------------------------------------------------------------ */
 
@@ -292,16 +281,8 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		legend.replaceChildren(...state.chosen.map((name, index) => {
 			const signal = signals[column(name)];
 			const value = element("td", { class: "number", "data-value": name });
-			const drawing = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-			const line = document.createElementNS("http://www.w3.org/2000/svg", "line");
 
-			drawing.setAttribute("class", `plot-line series-${index + 1}`);
-			drawing.setAttribute("aria-hidden", "true");
-			for (const [attribute, number] of [["x1", 0], ["x2", 30], ["y1", 5], ["y2", 5]])
-				line.setAttribute(attribute, number);
-			line.setAttribute("stroke-dasharray", DASHES[index].join(" ") || "none");
-			drawing.append(line);
-			return element("tr", {}, element("td", {}, drawing), element("th", { scope: "row" }, signal.label), value,
+			return element("tr", {}, element("td", {}, createSwatch(index)), element("th", { scope: "row" }, signal.label), value,
 				element("td", { class: "muted" }, signal.unit));
 		}));
 	}

@@ -270,7 +270,7 @@ function createSetUp(context, findBus) {
 	const at = element("select", { id: "setup-at" });
 	const start = element("button", { id: "setup-start", type: "submit" }, "Look, then ask");
 	const cancel = element("button", { id: "setup-cancel", type: "button", hidden: true }, "End it");
-	const steps = element("ol", { id: "setup-steps", class: "advice", role: "log", "aria-label": "What was done" });
+	const steps = element("ol", { id: "setup-steps", class: "advice" });
 	const text = createText("For the configuration, then reload");
 	const form = element("form", { id: "setup", class: "panel", "aria-labelledby": "setup-title" },
 		element("h2", { id: "setup-title" }, "Give a drive another address or speed"),
@@ -279,7 +279,7 @@ function createSetUp(context, findBus) {
 		element("div", { class: "toolbar filters" }, address.field,
 			element("label", { class: "field", for: "setup-what" }, "Gets", what), to.field, toSpeedField,
 			element("label", { class: "field", for: "setup-at" }, "Spoken to at", at), start, cancel),
-		steps, text.node);
+		element("div", { role: "log", "aria-label": "What was done" }, steps), text.node);
 	let ended = false;
 
 	function fillSpeeds() {

@@ -119,7 +119,7 @@ export function show(root, context, busName, keptNumber) {
 		kind: (entry) => entry.kind,
 		columns: [
 			{ title: "Time", text: (entry) => writeClock(entry.time_us, 6) },
-			{ title: "", text: (entry) => entry.record ? writeSign(entry.record) : "" },
+			{ title: element("span", { class: "hidden-label" }, "Direction"), text: (entry) => entry.record ? writeSign(entry.record) : "" },
 			{ title: "Kind", text: (entry) => entry.kind },
 			{ title: "Words", text: (entry) => entry.words ?? `${entry.missing} records are missing here` },
 			{ title: "Bytes", text: (entry) => entry.record ? readBytes(entry.record) : "" },
