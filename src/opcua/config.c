@@ -1,0 +1,66 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "opcua/config.h"
+#include "opcua/keys.h"
+
+#include <ctype.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* The gateway's name stands in a URI and in a certificate's subject. */
+static bool is_name(const char *text)
+{
+	for (; *text; text++) {
+		if (!isalnum((unsigned char)*text) && !strchr("-._", *text))
+			return false;
+	}
+	return true;
+}
+
+static void check_whole(struct db_settings *settings, const void *host_name)
+{
+	struct db_opcua_config *config = settings->values;
+
+	if (config->gateway[0] == '\0') {
+		free(config->gateway);
+		config->gateway = strdup(host_name);
+	}
+	if (!config->gateway)
+		db_messages_add_error(settings->messages, 0,
+		                      "out of memory; free some and try again");
+	else if (!is_name(config->gateway))
+		db_messages_add_error(settings->messages,
+		                      db_settings_line(settings, "server", "gateway"),
+		                      "gateway = %s cannot be a part of a certificate: letters, "
+		                      "digits, - . and _ only",
+		                      config->gateway);
+	if (config->anonymous == DB_OPCUA_READ)
+		db_messages_add_warning(
+			settings->messages, db_settings_line(settings, "security", "anonymous"),
+			"with anonymous = read everybody who reaches the port reads");
+}
+
+static const struct db_settings_form form = {
+	.keys = db_opcua_keys,
+	.sections = "service, server, security, commands and limits",
+	.check = check_whole,
+};
+
+bool db_opcua_config_parse(const char *text, const char *path, const char *host_name, FILE *out,
+                           struct db_opcua_config *config)
+{
+	*config = (struct db_opcua_config){ .socket = NULL };
+	return db_settings_parse(&form, text, path, out, config, host_name);
+}
+
+bool db_opcua_config_load(const char *path, const char *host_name, FILE *out,
+                          struct db_opcua_config *config)
+{
+	*config = (struct db_opcua_config){ .socket = NULL };
+	return db_settings_load(&form, path, out, config, host_name);
+}
+
+void db_opcua_config_free(struct db_opcua_config *config)
+{
+	db_settings_free(&form, config);
+	*config = (struct db_opcua_config){ .socket = NULL };
+}

@@ -1,0 +1,416 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "opcua/model.h"
+
+#include <ctype.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define QUALITY_GOOD 192
+#define QUALITY_UNCERTAIN 64
+
+static const char *text_of(const json_t *object, const char *key)
+{
+	const char *text = json_string_value(json_object_get(object, key));
+
+	return text ? text : "";
+}
+
+/* --- kinds ------------------------------------------------------------------------------------ */
+
+static bool read_type(const char *name, enum db_opcua_type *type, bool *bits)
+{
+	static const struct {
+		const char *name;
+		enum db_opcua_type type;
+		bool bits;
+	} types[] = {
+		{ "bool", DB_OPCUA_BOOL, false }, { "u16", DB_OPCUA_U16, false },
+		{ "i16", DB_OPCUA_I16, false },   { "u32", DB_OPCUA_U32, false },
+		{ "i32", DB_OPCUA_I32, false },   { "u64", DB_OPCUA_U64, false },
+		{ "f32", DB_OPCUA_F32, false },   { "bits16", DB_OPCUA_U16, true },
+		{ "bits32", DB_OPCUA_U32, true }, { "text", DB_OPCUA_TEXT, false },
+	};
+
+	for (size_t i = 0; i < sizeof(types) / sizeof(types[0]); i++) {
+		if (strcmp(types[i].name, name) == 0) {
+			*type = types[i].type;
+			*bits = types[i].bits;
+			return true;
+		}
+	}
+	return false;
+}
+
+static bool is_history(const char *name)
+{
+	static const char head[] = "history";
+
+	return strncmp(name, head, sizeof(head) - 1) == 0 &&
+	       isdigit((unsigned char)name[sizeof(head) - 1]);
+}
+
+static bool is_argument(const json_t *commands, const char *name)
+{
+	size_t i;
+	const json_t *command;
+
+	if (strcmp(name, "command") == 0 || strcmp(name, "command_id") == 0 ||
+	    strcmp(name, "staged_command") == 0)
+		return true;
+	json_array_foreach(commands, i, command)
+	{
+		size_t a;
+		const json_t *argument;
+
+		json_array_foreach(json_object_get(command, "arguments"), a, argument)
+		{
+			if (strcmp(json_string_value(argument), name) == 0)
+				return true;
+		}
+	}
+	return false;
+}
+
+/* Registers come in the order of their addresses: process data, the command block, parameters, what the service
+ * knows, the history; then single bits. */
+static enum db_opcua_group group_of(const struct db_opcua_register *reg, bool parameter,
+                                    const json_t *commands, enum db_opcua_group before)
+{
+	if (is_history(reg->name))
+		return DB_OPCUA_HISTORY;
+	if (reg->type == DB_OPCUA_BOOL)
+		return DB_OPCUA_BITS;
+	if (parameter)
+		return DB_OPCUA_PARAMETERS;
+	if (before >= DB_OPCUA_PARAMETERS)
+		return DB_OPCUA_SERVICE;
+	if (is_argument(commands, reg->name))
+		return DB_OPCUA_COMMAND;
+	/* The command block also has arguments of commands that this drive does not have. */
+	return before;
+}
+
+static bool read_register(struct db_opcua_register *reg, const json_t *json, const json_t *commands,
+                          enum db_opcua_group before)
+{
+	const json_t *min = json_object_get(json, "min");
+	const json_t *max = json_object_get(json, "max");
+	bool parameter = json_is_true(json_object_get(json, "parameter"));
+
+	reg->name = text_of(json, "name");
+	reg->unit = text_of(json, "unit");
+	reg->description = text_of(json, "description");
+	reg->writable = json_is_true(json_object_get(json, "writable"));
+	reg->codes = json_object_get(json, "codes");
+	if (!json_is_object(reg->codes))
+		reg->codes = NULL;
+	if (reg->name[0] == '\0' || !read_type(text_of(json, "type"), &reg->type, &reg->bits))
+		return false;
+	reg->has_range = json_is_number(min) && json_is_number(max);
+	if (reg->has_range) {
+		reg->min = json_number_value(min);
+		reg->max = json_number_value(max);
+	}
+	reg->group = group_of(reg, parameter, commands, before);
+	reg->own = db_opcua_name_is_own(reg->name) || reg->group == DB_OPCUA_COMMAND ||
+	           reg->group == DB_OPCUA_SERVICE || reg->group == DB_OPCUA_HISTORY;
+	/* A vendor's parameter has its vendor's name. */
+	if (parameter)
+		(void)snprintf(reg->shown, sizeof(reg->shown), "%s", reg->name);
+	else
+		db_opcua_name_of(reg->name, reg->shown);
+	return true;
+}
+
+/* The bits of the status register are as good as that is. */
+static void mark_own_bits(struct db_opcua_kind *kind)
+{
+	json_t *codes = NULL;
+
+	for (size_t i = 0; i < kind->count; i++) {
+		if (strcmp(kind->list[i].name, "status") == 0)
+			codes = kind->list[i].codes;
+	}
+	for (size_t i = 0; codes && i < kind->count; i++) {
+		struct db_opcua_register *reg = &kind->list[i];
+		const char *number;
+		const json_t *name;
+
+		json_object_foreach(codes, number, name)
+		{
+			if (reg->group == DB_OPCUA_BITS &&
+			    strcmp(json_string_value(name), reg->name) == 0)
+				reg->own = true;
+		}
+	}
+}
+
+/* history12_result is place 11 of the column Result. */
+static bool add_to_column(struct db_opcua_kind *kind, size_t place)
+{
+	const struct db_opcua_register *reg = &kind->list[place];
+	struct db_opcua_column *column = kind->columns;
+	char shown[DB_OPCUA_NAME_MAX];
+	char *field;
+	unsigned long number = strtoul(reg->name + strcspn(reg->name, "0123456789"), &field, 10);
+
+	if (number == 0 || number > DB_OPCUA_HISTORY_MAX || *field != '_')
+		return true;
+	db_opcua_name_of(field + 1, shown);
+	while (column < kind->columns + kind->column_count && strcmp(column->shown, shown) != 0)
+		column++;
+	if (column == kind->columns + kind->column_count) {
+		struct db_opcua_column *grown = realloc(kind->columns,
+		                                        (kind->column_count + 1) * sizeof(*grown));
+
+		if (!grown)
+			return false;
+		kind->columns = grown;
+		column = &grown[kind->column_count++];
+		*column = (struct db_opcua_column){ .first = reg };
+		memcpy(column->shown, shown, sizeof(shown));
+	}
+	column->places[number - 1] = place;
+	if (number > column->count)
+		column->count = number;
+	return true;
+}
+
+static void free_kind(struct db_opcua_kind *kind)
+{
+	if (!kind)
+		return;
+	json_decref(kind->registers);
+	json_decref(kind->commands);
+	free(kind->list);
+	free(kind->columns);
+	free(kind);
+}
+
+static struct db_opcua_kind *make_kind(json_t *registers, json_t *commands)
+{
+	struct db_opcua_kind *kind = calloc(1, sizeof(*kind));
+	enum db_opcua_group before = DB_OPCUA_PROCESS;
+	size_t i;
+	const json_t *json;
+
+	if (!kind)
+		return NULL;
+	kind->registers = json_incref(registers);
+	kind->commands = json_incref(commands);
+	kind->list = calloc(json_array_size(registers) + 1, sizeof(*kind->list));
+	if (!kind->list) {
+		free_kind(kind);
+		return NULL;
+	}
+	json_array_foreach(registers, i, json)
+	{
+		struct db_opcua_register *reg = &kind->list[kind->count];
+
+		/* A type of a service that is newer than this program is left out. */
+		if (!read_register(reg, json, commands, before)) {
+			*reg = (struct db_opcua_register){ .name = NULL };
+			continue;
+		}
+		before = reg->group;
+		kind->count++;
+	}
+	mark_own_bits(kind);
+	for (i = 0; i < kind->count; i++) {
+		if (kind->list[i].group == DB_OPCUA_HISTORY && !add_to_column(kind, i)) {
+			free_kind(kind);
+			return NULL;
+		}
+	}
+	return kind;
+}
+
+struct db_opcua_kind *db_opcua_kind_take(struct db_opcua_kind **kinds, json_t *registers,
+                                         json_t *commands)
+{
+	struct db_opcua_kind *kind = *kinds;
+
+	if (!json_is_array(registers) || !json_is_array(commands))
+		return NULL;
+	while (kind &&
+	       !(json_equal(kind->registers, registers) && json_equal(kind->commands, commands)))
+		kind = kind->next;
+	if (!kind) {
+		kind = make_kind(registers, commands);
+		if (!kind)
+			return NULL;
+		kind->number = *kinds ? (*kinds)->number + 1 : 1;
+		kind->next = *kinds;
+		*kinds = kind;
+	}
+	kind->users++;
+	return kind;
+}
+
+void db_opcua_kind_release(struct db_opcua_kind **kinds, struct db_opcua_kind *kind)
+{
+	struct db_opcua_kind **at = kinds;
+
+	if (!kind || --kind->users > 0)
+		return;
+	while (*at && *at != kind)
+		at = &(*at)->next;
+	if (*at)
+		*at = kind->next;
+	free_kind(kind);
+}
+
+/* --- drives ----------------------------------------------------------------------------------- */
+
+struct db_opcua_drive *db_opcua_drive_new(const char *name, const char *bus,
+                                          struct db_opcua_kind *kind)
+{
+	struct db_opcua_drive *drive = calloc(1, sizeof(*drive));
+
+	if (!drive)
+		return NULL;
+	drive->items = calloc(kind->count + 1, sizeof(*drive->items));
+	if (!drive->items) {
+		free(drive);
+		return NULL;
+	}
+	(void)snprintf(drive->name, sizeof(drive->name), "%s", name);
+	(void)snprintf(drive->bus, sizeof(drive->bus), "%s", bus);
+	drive->kind = kind;
+	for (size_t i = 0; i < kind->count; i++) {
+		drive->items[i].drive = drive;
+		drive->items[i].reg = &kind->list[i];
+	}
+	return drive;
+}
+
+void db_opcua_drive_free(struct db_opcua_kind **kinds, struct db_opcua_drive *drive)
+{
+	if (!drive)
+		return;
+	for (size_t i = 0; i < drive->kind->count; i++) {
+		if (drive->items[i].reg->type == DB_OPCUA_TEXT)
+			free(drive->items[i].value.text);
+	}
+	db_opcua_kind_release(kinds, drive->kind);
+	free(drive->items);
+	free(drive);
+}
+
+struct db_opcua_item *db_opcua_drive_find(const struct db_opcua_drive *drive, const char *reg)
+{
+	for (size_t i = 0; i < drive->kind->count; i++) {
+		if (strcmp(drive->kind->list[i].name, reg) == 0)
+			return &drive->items[i];
+	}
+	return NULL;
+}
+
+/* --- values ----------------------------------------------------------------------------------- */
+
+static bool read_value(enum db_opcua_type type, const json_t *json, struct db_opcua_value *value)
+{
+	switch (type) {
+	case DB_OPCUA_BOOL:
+		value->flag = json_is_boolean(json) ? json_is_true(json) :
+		                                      json_number_value(json) != 0.0;
+		return json_is_boolean(json) || json_is_number(json);
+	case DB_OPCUA_F32:
+		value->real = (float)json_number_value(json);
+		return json_is_number(json);
+	case DB_OPCUA_I16:
+	case DB_OPCUA_I32:
+		value->whole = json_integer_value(json);
+		return json_is_integer(json);
+	case DB_OPCUA_TEXT:
+		value->text = json_is_string(json) ? strdup(json_string_value(json)) : NULL;
+		return value->text != NULL;
+	case DB_OPCUA_U16:
+	case DB_OPCUA_U32:
+	case DB_OPCUA_U64:
+	default:
+		value->number = (uint64_t)json_integer_value(json);
+		return json_is_integer(json);
+	}
+}
+
+static bool is_same(enum db_opcua_type type, const struct db_opcua_value *a,
+                    const struct db_opcua_value *b)
+{
+	if (a->known != b->known)
+		return false;
+	if (!a->known)
+		return true;
+	switch (type) {
+	case DB_OPCUA_BOOL:
+		return a->flag == b->flag;
+	case DB_OPCUA_F32:
+		return memcmp(&a->real, &b->real, sizeof(a->real)) == 0;
+	case DB_OPCUA_TEXT:
+		return strcmp(a->text, b->text) == 0;
+	default:
+		return a->number == b->number;
+	}
+}
+
+static void take_value(struct db_opcua_item *item, const json_t *json, int64_t time_us)
+{
+	struct db_opcua_value fresh = { .known = false, .number = 0 };
+	enum db_opcua_type type = item->reg->type;
+
+	fresh.known = read_value(type, json, &fresh);
+	fresh.since_us = time_us;
+	if (is_same(type, &item->value, &fresh))
+		fresh.since_us = item->value.since_us;
+	if (type == DB_OPCUA_TEXT)
+		free(item->value.text);
+	item->value = fresh;
+}
+
+void db_opcua_drive_take(struct db_opcua_drive *drive, const json_t *values, int64_t time_us)
+{
+	const json_t *quality = json_object_get(values, "quality");
+
+	if (time_us > 0)
+		drive->time_us = time_us;
+	if (json_is_integer(quality))
+		drive->quality = (unsigned)json_integer_value(quality);
+	for (size_t i = 0; i < drive->kind->count; i++) {
+		const json_t *json = json_object_get(values, drive->kind->list[i].name);
+
+		if (json)
+			take_value(&drive->items[i], json, drive->time_us);
+	}
+}
+
+enum db_opcua_quality db_opcua_item_quality(const struct db_opcua_item *item)
+{
+	const struct db_opcua_drive *drive = item->drive;
+
+	if (drive->lost)
+		return DB_OPCUA_NO_CONTACT;
+	if (item->reg->own || drive->name[0] == '\0')
+		return item->value.known ? DB_OPCUA_GOOD : DB_OPCUA_NOTHING_YET;
+	if (drive->time_us == 0 || !item->value.known)
+		return drive->quality == QUALITY_GOOD || drive->time_us == 0 ?
+		               DB_OPCUA_NOTHING_YET :
+		               DB_OPCUA_NO_CONTACT;
+	if (drive->quality >= QUALITY_GOOD)
+		return DB_OPCUA_GOOD;
+	return drive->quality >= QUALITY_UNCERTAIN ? DB_OPCUA_UNCERTAIN : DB_OPCUA_NO_CONTACT;
+}
+
+json_t *db_opcua_group_names(const struct db_opcua_kind *kind, enum db_opcua_group group)
+{
+	json_t *names = json_array();
+
+	for (size_t i = 0; i < kind->count; i++) {
+		const struct db_opcua_register *reg = &kind->list[i];
+
+		if (reg->group == group || strcmp(reg->name, "quality") == 0 ||
+		    strcmp(reg->name, "timestamp_us") == 0)
+			(void)json_array_append_new(names, json_string(reg->name));
+	}
+	return names;
+}

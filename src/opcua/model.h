@@ -1,0 +1,146 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The drives as the address space shows them: their registers with types and names, and the values that are known.
+ * Everything comes from the service; nothing of a family is known here, nor anything of OPC UA's library.
+ *
+ * No I/O, no clock; allocates.
+ */
+#ifndef DRIVEBRIDGE_OPCUA_MODEL_H
+#define DRIVEBRIDGE_OPCUA_MODEL_H
+
+#include "drivebridge/time.h"
+#include "opcua/names.h"
+
+#include <jansson.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum db_opcua_type {
+	DB_OPCUA_BOOL,
+	DB_OPCUA_U16,
+	DB_OPCUA_I16,
+	DB_OPCUA_U32,
+	DB_OPCUA_I32,
+	DB_OPCUA_U64,
+	DB_OPCUA_F32,
+	DB_OPCUA_TEXT,
+};
+
+/* Where a register is shown, and what is read together. */
+enum db_opcua_group {
+	DB_OPCUA_PROCESS,    /* at the drive itself */
+	DB_OPCUA_COMMAND,    /* the command block */
+	DB_OPCUA_PARAMETERS, /* the vendor's */
+	DB_OPCUA_SERVICE,    /* what the bridge knows of it */
+	DB_OPCUA_BITS,       /* of status words, inputs and outputs */
+	DB_OPCUA_HISTORY,
+	DB_OPCUA_GROUPS
+};
+
+struct db_opcua_register {
+	const char *name;
+	char shown[DB_OPCUA_NAME_MAX];
+	enum db_opcua_type type;
+	enum db_opcua_group group;
+	bool writable;
+	bool own; /* the bridge knows it also while the drive is silent */
+	bool has_range;
+	double min;
+	double max;
+	const char *unit;
+	json_t *codes; /* NULL: none */
+	bool bits;     /* the codes name bits */
+	const char *description;
+	unsigned watchers; /* monitored items of all drives of this kind */
+	bool streamed;     /* the service tells it unasked */
+};
+
+/* One field of all entries of the history, the newest first. */
+#define DB_OPCUA_HISTORY_MAX 32
+struct db_opcua_column {
+	char shown[DB_OPCUA_NAME_MAX];
+	const struct db_opcua_register *first;
+	size_t count;
+	size_t places[DB_OPCUA_HISTORY_MAX]; /* in the kind's list */
+};
+
+/* What drives with the same registers and commands have in common. */
+struct db_opcua_kind {
+	unsigned number;   /* no other kind that is there has it */
+	json_t *registers; /* as the service told them; texts are in there */
+	json_t *commands;
+	struct db_opcua_register *list;
+	size_t count;
+	struct db_opcua_column *columns;
+	size_t column_count;
+	unsigned users;
+	struct db_opcua_kind *next;
+};
+
+struct db_opcua_value {
+	bool known;
+	int64_t since_us; /* the drive's data had it then first */
+	union {
+		bool flag;
+		uint64_t number;
+		int64_t whole;
+		float real;
+		char *text; /* owned */
+	};
+};
+
+struct db_opcua_drive;
+
+/* One register of one drive. */
+struct db_opcua_item {
+	struct db_opcua_drive *drive;
+	struct db_opcua_register *reg;
+	struct db_opcua_value value;
+};
+
+struct db_opcua_drive {
+	char name[64]; /* "" is the gateway */
+	char bus[64];
+	struct db_opcua_kind *kind;
+	struct db_opcua_item *items; /* as many as kind->count */
+	int64_t time_us;             /* of the drive's data; 0: never */
+	unsigned quality;            /* 0 bad, 64 uncertain, 192 good */
+	bool lost;                   /* there is no service */
+	db_time taken
+		[DB_OPCUA_GROUPS]; /* when its group was read last; 0: never, or it must be again */
+	db_time streamed;          /* when its last sample came */
+	char result[32];           /* of the last command from here */
+	char reason[256];          /* why it was refused, "" */
+};
+
+/* Finds or makes a kind. Keeps references to both. NULL without memory, or when they are not what they should be. */
+struct db_opcua_kind *db_opcua_kind_take(struct db_opcua_kind **kinds, json_t *registers,
+                                         json_t *commands);
+void db_opcua_kind_release(struct db_opcua_kind **kinds, struct db_opcua_kind *kind);
+
+/* Takes the kind over. NULL without memory. */
+struct db_opcua_drive *db_opcua_drive_new(const char *name, const char *bus,
+                                          struct db_opcua_kind *kind);
+void db_opcua_drive_free(struct db_opcua_kind **kinds, struct db_opcua_drive *drive);
+
+/* The item of a register, NULL when there is none. */
+struct db_opcua_item *db_opcua_drive_find(const struct db_opcua_drive *drive, const char *reg);
+
+/* Values by register name, of data that the drive told at `time_us` (0: as before). */
+void db_opcua_drive_take(struct db_opcua_drive *drive, const json_t *values, int64_t time_us);
+
+/* How good a value is. */
+enum db_opcua_quality {
+	DB_OPCUA_GOOD,
+	DB_OPCUA_UNCERTAIN,   /* the last one that came */
+	DB_OPCUA_NO_CONTACT,  /* the drive or the service is silent */
+	DB_OPCUA_NOTHING_YET, /* it never came */
+};
+
+enum db_opcua_quality db_opcua_item_quality(const struct db_opcua_item *item);
+
+/* The names of a group, those of its quality with them: a new array; NULL without memory. */
+json_t *db_opcua_group_names(const struct db_opcua_kind *kind, enum db_opcua_group group);
+
+#endif

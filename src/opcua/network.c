@@ -1,0 +1,408 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "opcua/network.h"
+#include "client/log.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <netinet/in.h>
+#include <open62541/types.h>
+#include <open62541/util.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+
+/* What waits for one client at most. */
+#define OUT_MAX ((size_t)1024 * 1024)
+
+/* A client that takes nothing of it for so long is dropped. */
+#define STUCK_MAX (10 * DB_NS_PER_S)
+
+/* IPv4 and IPv6. */
+#define LISTENERS 4
+
+struct connection {
+	uintptr_t id; /* 0: none; else the descriptor */
+	bool listener;
+	char address[INET6_ADDRSTRLEN + 8];
+	db_time heard;
+	char *out; /* NULL while nothing waits */
+	size_t out_size;
+	size_t out_sent;
+	db_time out_since; /* when it took something last */
+};
+
+struct db_opcua_network {
+	UA_Logger logger; /* its context is this */
+	UA_EventLoop *loop;
+	bool given; /* the loop is the server's to free */
+	UA_ConnectionManager *tcp;
+	/* The library's own. */
+	UA_StatusCode (*open)(UA_ConnectionManager *cm, const UA_KeyValueMap *params,
+	                      void *application, void *context,
+	                      UA_ConnectionManager_connectionCallback callback);
+	void *application;
+	UA_ConnectionManager_connectionCallback callback;
+
+	db_opcua_gone_fn *gone;
+	void *context;
+	db_time now; /* of this turn */
+	uintptr_t current;
+	unsigned port;
+	size_t places;
+	struct connection connections[];
+};
+
+/* --- the library's log ------------------------------------------------------------------------ */
+
+static void log_line(void *context, UA_LogLevel level, UA_LogCategory category, const char *format,
+                     va_list arguments)
+{
+	enum db_client_level shown = level >= UA_LOGLEVEL_ERROR ? DB_CLIENT_ERROR :
+	                                                          DB_CLIENT_WARNING;
+	char line[512];
+
+	(void)context;
+	(void)category;
+	/* What it says below that is about each byte that comes. */
+	if (level < UA_LOGLEVEL_WARNING)
+		return;
+	(void)vsnprintf(line, sizeof(line), format, arguments);
+	db_client_log(shown, "open62541: %s", line);
+}
+
+/* --- connections ------------------------------------------------------------------------------ */
+
+static struct connection *find_connection(struct db_opcua_network *network, uintptr_t id)
+{
+	for (size_t i = 0; i < network->places; i++) {
+		if (network->connections[i].id == id)
+			return &network->connections[i];
+	}
+	return NULL;
+}
+
+/* The peer of a connection or, of a listener, its own address. */
+static void name_address(struct connection *connection, unsigned *port)
+{
+	struct sockaddr_storage address = { .ss_family = AF_UNSPEC };
+	socklen_t size = sizeof(address);
+	int fd = (int)connection->id;
+	int failed = connection->listener ? getsockname(fd, (struct sockaddr *)&address, &size) :
+	                                    getpeername(fd, (struct sockaddr *)&address, &size);
+
+	*port = 0;
+	if (failed == 0 && address.ss_family == AF_INET) {
+		const struct sockaddr_in *in = (const void *)&address;
+
+		(void)inet_ntop(AF_INET, &in->sin_addr, connection->address,
+		                sizeof(connection->address));
+		*port = ntohs(in->sin_port);
+	} else if (failed == 0 && address.ss_family == AF_INET6) {
+		const struct sockaddr_in6 *in6 = (const void *)&address;
+
+		(void)inet_ntop(AF_INET6, &in6->sin6_addr, connection->address,
+		                sizeof(connection->address));
+		*port = ntohs(in6->sin6_port);
+	}
+}
+
+static struct connection *add_connection(struct db_opcua_network *network, uintptr_t id)
+{
+	struct connection *connection = find_connection(network, 0);
+	socklen_t size = sizeof(int);
+	int listens = 0;
+	unsigned port;
+
+	/* That the library names a connection by its descriptor is not promised anywhere. */
+	if (!connection || getsockopt((int)id, SOL_SOCKET, SO_ACCEPTCONN, &listens, &size) != 0)
+		return NULL;
+	*connection =
+		(struct connection){ .id = id, .listener = listens != 0, .heard = network->now };
+	name_address(connection, &port);
+	if (connection->listener)
+		network->port = port;
+	return connection;
+}
+
+static void drop_connection(struct db_opcua_network *network, struct connection *connection)
+{
+	network->tcp->closeConnection(network->tcp, connection->id);
+}
+
+static void forget_connection(struct db_opcua_network *network, struct connection *connection)
+{
+	uintptr_t id = connection->id;
+	bool listener = connection->listener;
+
+	free(connection->out);
+	*connection = (struct connection){ .id = 0 };
+	if (!listener)
+		network->gone(network->context, id);
+}
+
+/* Between the library's sockets and its protocol. */
+static void take_bytes(UA_ConnectionManager *cm, uintptr_t id, void *application,
+                       void **connection_context, UA_ConnectionState state,
+                       const UA_KeyValueMap *params, UA_ByteString message)
+{
+	struct db_opcua_network *network = application;
+	struct connection *connection = find_connection(network, id);
+
+	if (!connection && state != UA_CONNECTIONSTATE_CLOSING)
+		connection = add_connection(network, id);
+	if (!connection) {
+		/* There are too many. The library never hears of it: it would take its end for that of the listener
+		 * whose context it still has. */
+		(void)shutdown((int)id, SHUT_RDWR);
+		return;
+	}
+	if (message.length > 0)
+		connection->heard = network->now;
+	network->current = id;
+	network->callback(cm, id, network->application, connection_context, state, params, message);
+	network->current = 0;
+	if (state == UA_CONNECTIONSTATE_CLOSING)
+		forget_connection(network, connection);
+}
+
+static struct db_opcua_network *network_of(const UA_ConnectionManager *cm)
+{
+	return cm->eventSource.eventLoop->logger->context;
+}
+
+static UA_StatusCode open_connection(UA_ConnectionManager *cm, const UA_KeyValueMap *params,
+                                     void *application, void *context,
+                                     UA_ConnectionManager_connectionCallback callback)
+{
+	struct db_opcua_network *network = network_of(cm);
+
+	network->application = application;
+	network->callback = callback;
+	return network->open(cm, params, network, context, take_bytes);
+}
+
+/* --- sending ---------------------------------------------------------------------------------- */
+
+/* Bytes that were sent now; -1: the connection is broken. */
+static ssize_t send_now(uintptr_t id, const void *bytes, size_t size)
+{
+	ssize_t sent;
+
+	do
+		sent = send((int)id, bytes, size, MSG_NOSIGNAL | MSG_DONTWAIT);
+	while (sent < 0 && errno == EINTR);
+	if (sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK))
+		return 0;
+	return sent;
+}
+
+static bool keep_rest(struct connection *connection, const UA_Byte *bytes, size_t size)
+{
+	size_t waits = connection->out_size - connection->out_sent;
+	char *grown;
+
+	if (waits + size > OUT_MAX)
+		return false;
+	if (connection->out_sent > 0)
+		memmove(connection->out, connection->out + connection->out_sent, waits);
+	grown = realloc(connection->out, waits + size);
+	if (!grown)
+		return false;
+	memcpy(grown + waits, bytes, size);
+	connection->out = grown;
+	connection->out_size = waits + size;
+	connection->out_sent = 0;
+	return true;
+}
+
+static UA_StatusCode send_bytes(UA_ConnectionManager *cm, uintptr_t id,
+                                const UA_KeyValueMap *params, UA_ByteString *buffer)
+{
+	struct db_opcua_network *network = network_of(cm);
+	struct connection *connection = find_connection(network, id);
+	UA_StatusCode status = UA_STATUSCODE_BADCONNECTIONCLOSED;
+	ssize_t sent = 0;
+
+	(void)params;
+	if (connection && !connection->out) {
+		sent = send_now(id, buffer->data, buffer->length);
+		connection->out_since = network->now;
+	}
+	if (connection && sent >= 0 &&
+	    ((size_t)sent == buffer->length ||
+	     keep_rest(connection, buffer->data + sent, buffer->length - (size_t)sent)))
+		status = UA_STATUSCODE_GOOD;
+	cm->freeNetworkBuffer(cm, id, buffer);
+	if (connection && status != UA_STATUSCODE_GOOD) {
+		if (sent >= 0)
+			db_client_log(DB_CLIENT_WARNING,
+			              "%s: dropped: it does not read its answers",
+			              connection->address);
+		drop_connection(network, connection);
+	}
+	return status;
+}
+
+static void flush_connection(struct db_opcua_network *network, struct connection *connection)
+{
+	ssize_t sent = send_now(connection->id, connection->out + connection->out_sent,
+	                        connection->out_size - connection->out_sent);
+
+	if (sent > 0) {
+		connection->out_sent += (size_t)sent;
+		connection->out_since = network->now;
+	}
+	if (connection->out_sent == connection->out_size) {
+		free(connection->out);
+		connection->out = NULL;
+		connection->out_size = 0;
+		connection->out_sent = 0;
+	} else if (sent < 0 || network->now - connection->out_since >= STUCK_MAX) {
+		db_client_log(DB_CLIENT_WARNING, "%s: dropped: it does not read its answers",
+		              connection->address);
+		/* It is closed in the library's next turn; until then it is not looked at again. */
+		connection->out_since = network->now;
+		drop_connection(network, connection);
+	}
+}
+
+/* --- its life --------------------------------------------------------------------------------- */
+
+struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gone_fn *gone,
+                                              void *context)
+{
+	size_t places = (size_t)connections + LISTENERS;
+	struct db_opcua_network *network = calloc(
+		1, sizeof(*network) + places * sizeof(network->connections[0]));
+
+	if (!network)
+		return NULL;
+	network->gone = gone;
+	network->context = context;
+	network->places = places;
+	network->logger = (UA_Logger){ .log = log_line, .context = network };
+	network->loop = UA_EventLoop_new_POSIX(&network->logger);
+	network->tcp = UA_ConnectionManager_new_POSIX_TCP(UA_STRING("tcp connection manager"));
+	if (!network->loop || !network->tcp ||
+	    network->loop->registerEventSource(network->loop, &network->tcp->eventSource) !=
+	            UA_STATUSCODE_GOOD) {
+		if (network->tcp)
+			network->tcp->eventSource.free(&network->tcp->eventSource);
+		network->tcp = NULL;
+		db_opcua_network_free(network);
+		return NULL;
+	}
+	network->open = network->tcp->openConnection;
+	network->tcp->openConnection = open_connection;
+	network->tcp->sendWithConnection = send_bytes;
+	return network;
+}
+
+void db_opcua_network_free(struct db_opcua_network *network)
+{
+	if (!network)
+		return;
+	if (network->loop && !network->given)
+		(void)network->loop->free(network->loop);
+	for (size_t i = 0; i < network->places; i++)
+		free(network->connections[i].out);
+	free(network);
+}
+
+UA_EventLoop *db_opcua_network_give_loop(struct db_opcua_network *network)
+{
+	network->given = true;
+	return network->loop;
+}
+
+UA_Logger *db_opcua_network_logger(struct db_opcua_network *network)
+{
+	return &network->logger;
+}
+
+unsigned db_opcua_network_port(const struct db_opcua_network *network)
+{
+	return network->port;
+}
+
+uintptr_t db_opcua_network_current(const struct db_opcua_network *network)
+{
+	return network->current;
+}
+
+const char *db_opcua_network_address(struct db_opcua_network *network, uintptr_t connection)
+{
+	const struct connection *found = connection ? find_connection(network, connection) : NULL;
+
+	return found ? found->address : "";
+}
+
+db_time db_opcua_network_heard(struct db_opcua_network *network, uintptr_t connection)
+{
+	const struct connection *found = connection ? find_connection(network, connection) : NULL;
+
+	return found ? found->heard : 0;
+}
+
+size_t db_opcua_network_places(const struct db_opcua_network *network)
+{
+	return network->places;
+}
+
+size_t db_opcua_network_watch(const struct db_opcua_network *network, struct pollfd *fds,
+                              size_t room)
+{
+	size_t used = 0;
+
+	for (size_t i = 0; i < network->places && used < room; i++) {
+		const struct connection *connection = &network->connections[i];
+
+		if (connection->id != 0)
+			fds[used++] = (struct pollfd){
+				.fd = (int)connection->id,
+				.events = connection->out ? POLLIN | POLLOUT : POLLIN,
+			};
+	}
+	return used;
+}
+
+bool db_opcua_network_is_awaited(const struct db_opcua_network *network)
+{
+	struct pollfd fds[256];
+	size_t used = db_opcua_network_watch(network, fds, sizeof(fds) / sizeof(fds[0]));
+
+	for (size_t i = 0; i < used; i++) {
+		fds[i].events = POLLIN;
+		if ((uintptr_t)fds[i].fd == network->current)
+			fds[i].fd = -1;
+	}
+	return poll(fds, used, 0) > 0;
+}
+
+db_time db_opcua_network_due(const struct db_opcua_network *network, db_time now)
+{
+	UA_DateTime next = network->loop->nextCyclicTime(network->loop);
+	UA_DateTime left = next - network->loop->dateTime_nowMonotonic(network->loop);
+	db_time due;
+
+	/* In tenths of microseconds, by a clock of its own. */
+	left = left < 0 ? 0 : left > UA_DATETIME_SEC ? UA_DATETIME_SEC : left;
+	due = now + left * 100;
+	for (size_t i = 0; i < network->places; i++) {
+		const struct connection *connection = &network->connections[i];
+
+		if (connection->out && connection->out_since + STUCK_MAX < due)
+			due = connection->out_since + STUCK_MAX;
+	}
+	return due;
+}
+
+void db_opcua_network_flush(struct db_opcua_network *network, db_time now)
+{
+	network->now = now;
+	for (size_t i = 0; i < network->places; i++) {
+		if (network->connections[i].out)
+			flush_connection(network, &network->connections[i]);
+	}
+}

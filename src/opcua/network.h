@@ -1,0 +1,56 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The library's event loop with its TCP connections, and what is put between them and the library: which connection is
+ * being served, when each was heard, and sending that never waits. Of its own the library waits, for as long as
+ * it takes, for a client that does not read.
+ *
+ * One thread.
+ */
+#ifndef DRIVEBRIDGE_OPCUA_NETWORK_H
+#define DRIVEBRIDGE_OPCUA_NETWORK_H
+
+#include "drivebridge/time.h"
+
+#include <open62541/plugin/eventloop.h>
+#include <poll.h>
+
+struct db_opcua_network;
+
+/* Called when a connection is gone. */
+typedef void db_opcua_gone_fn(void *context, uintptr_t connection);
+
+/* With room for so many connections. NULL without memory; freed with db_opcua_network_free() after the server. */
+struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gone_fn *gone,
+                                              void *context);
+void db_opcua_network_free(struct db_opcua_network *network);
+
+/* For the server's configuration, which ends and frees the loop; the log stays the network's. */
+UA_EventLoop *db_opcua_network_give_loop(struct db_opcua_network *network);
+UA_Logger *db_opcua_network_logger(struct db_opcua_network *network);
+
+/* The port that is listened on; 0: none is. */
+unsigned db_opcua_network_port(const struct db_opcua_network *network);
+
+/* Whose bytes are being served, and whence they come; 0 and "" while nobody's are. */
+uintptr_t db_opcua_network_current(const struct db_opcua_network *network);
+const char *db_opcua_network_address(struct db_opcua_network *network, uintptr_t connection);
+
+/* When bytes of a connection came last; 0: there is none. */
+db_time db_opcua_network_heard(struct db_opcua_network *network, uintptr_t connection);
+
+/* For poll(): at most `room` places, those that were filled. */
+size_t db_opcua_network_watch(const struct db_opcua_network *network, struct pollfd *fds,
+                              size_t room);
+size_t db_opcua_network_places(const struct db_opcua_network *network);
+
+/* Whether anybody but the one who is being served has something to say. */
+bool db_opcua_network_is_awaited(const struct db_opcua_network *network);
+
+/* When db_opcua_network_flush() or the library has something to do without bytes coming. */
+db_time db_opcua_network_due(const struct db_opcua_network *network, db_time now);
+
+/* Sends what could not be sent at once. Who takes nothing for long is dropped. To be called in each turn of the loop,
+ * before the server's. */
+void db_opcua_network_flush(struct db_opcua_network *network, db_time now);
+
+#endif

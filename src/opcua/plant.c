@@ -1,0 +1,638 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "opcua/plant.h"
+
+#include "client/client.h"
+#include "client/log.h"
+#include "client/retry.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+/* Calls that are not answered within this time will never be. */
+#define ANSWER_MAX (10 * DB_NS_PER_S)
+
+/* How often figures are asked for, and whether the drives are still the same. */
+#define LOOK_INTERVAL (1 * DB_NS_PER_S)
+
+/* How long a read waits for the service, and for how long none is tried after one that was in vain. */
+#define FETCH_MAX_MS 20
+#define FETCH_PAUSE (1 * DB_NS_PER_S)
+
+/* Names of a stream at most, as the service has it; two are always there. */
+#define STREAM_MAX 128
+
+/* The service is asked for another stream so long after what is watched changed: often much changes at once. */
+#define SETTLE (50 * DB_NS_PER_MS)
+
+/* What is streamed is as good as fresh for so many intervals. */
+#define STREAM_LATE 4
+
+enum { CALLS, VALUES, EVENTS };
+
+/* A drive that was found, before it is known whether it is new. */
+struct found {
+	const json_t *description; /* of the plant's */
+	json_t *registers;
+	json_t *commands;
+};
+
+struct db_opcua_plant {
+	const struct db_opcua_config *config;
+	const struct db_opcua_plant_ops *ops;
+	void *context;
+	struct db_client *clients[DB_OPCUA_PLANT_FDS]; /* VALUES: NULL when nothing is watched */
+	struct db_client *fetcher;
+	struct db_client_retry retry;
+	db_time now; /* of this turn */
+	int64_t us;
+
+	json_t *description;
+	struct found *found; /* while they are looked at; the gateway is the last one */
+	size_t found_count;
+	size_t found_total;
+
+	struct db_opcua_kind *kinds;
+	struct db_opcua_drive **drives;
+	size_t drive_count;
+	json_t *known; /* the description of those, NULL before the first */
+
+	bool there;
+	bool changed;      /* to be asked anew: there are other drives */
+	bool failed;       /* to be closed; `why` is told */
+	bool renew;        /* the fetcher is to be opened anew */
+	db_time stream_at; /* when the stream is to be asked for anew; DB_TIME_NEVER */
+	db_time look_at;   /* DB_TIME_NEVER while an answer is awaited */
+	db_time answer_by;
+	db_time fetch_at; /* no fetch before */
+	int64_t events_from;
+	char why[512];
+	char told[512]; /* what was logged last; "" while it is there */
+};
+
+struct db_opcua_plant *db_opcua_plant_new(const struct db_opcua_config *config,
+                                          const struct db_opcua_plant_ops *ops, void *context)
+{
+	struct db_opcua_plant *plant = calloc(1, sizeof(*plant));
+
+	if (!plant)
+		return NULL;
+	plant->config = config;
+	plant->ops = ops;
+	plant->context = context;
+	plant->answer_by = DB_TIME_NEVER;
+	plant->look_at = DB_TIME_NEVER;
+	plant->stream_at = DB_TIME_NEVER;
+	return plant;
+}
+
+static void forget_found(struct db_opcua_plant *plant)
+{
+	for (size_t i = 0; i < plant->found_total && plant->found; i++) {
+		json_decref(plant->found[i].registers);
+		json_decref(plant->found[i].commands);
+	}
+	free(plant->found);
+	plant->found = NULL;
+	plant->found_count = 0;
+	plant->found_total = 0;
+	json_decref(plant->description);
+	plant->description = NULL;
+}
+
+static void disconnect(struct db_opcua_plant *plant)
+{
+	for (size_t i = 0; i < DB_OPCUA_PLANT_FDS; i++) {
+		db_client_close(plant->clients[i]);
+		plant->clients[i] = NULL;
+	}
+	db_client_close(plant->fetcher);
+	plant->fetcher = NULL;
+	forget_found(plant);
+	for (size_t i = 0; i < plant->drive_count; i++)
+		db_opcua_plant_outdate(plant->drives[i]);
+	plant->there = false;
+	plant->changed = false;
+	plant->failed = false;
+	plant->renew = false;
+	plant->look_at = DB_TIME_NEVER;
+	plant->answer_by = DB_TIME_NEVER;
+	plant->stream_at = DB_TIME_NEVER;
+	plant->fetch_at = 0;
+}
+
+void db_opcua_plant_free(struct db_opcua_plant *plant)
+{
+	if (!plant)
+		return;
+	disconnect(plant);
+	for (size_t i = 0; i < plant->drive_count; i++)
+		db_opcua_drive_free(&plant->kinds, plant->drives[i]);
+	free(plant->drives);
+	json_decref(plant->known);
+	free(plant);
+}
+
+/* The connections are closed when the turn ends: answers arrive in the middle of things. */
+static void fail(struct db_opcua_plant *plant, const char *why)
+{
+	if (!plant->failed)
+		(void)snprintf(plant->why, sizeof(plant->why), "%s", why);
+	plant->failed = true;
+}
+
+static void call(struct db_opcua_plant *plant, size_t client, const char *method,
+                 json_t *parameters, db_client_answer_fn *answer)
+{
+	if (db_client_send(plant->clients[client], method, parameters, client != CALLS, answer,
+	                   plant) != 0)
+		fail(plant, "the service has closed the connection");
+	if (client == CALLS)
+		plant->answer_by = plant->now + ANSWER_MAX;
+}
+
+static const char *text_of(const json_t *object, const char *key)
+{
+	const char *text = json_string_value(json_object_get(object, key));
+
+	return text ? text : "";
+}
+
+static struct db_opcua_drive *find_drive(const struct db_opcua_plant *plant, const char *name)
+{
+	for (size_t i = 0; i < plant->drive_count; i++) {
+		if (strcmp(plant->drives[i]->name, name) == 0)
+			return plant->drives[i];
+	}
+	return NULL;
+}
+
+/* --- streams ---------------------------------------------------------------------------------- */
+
+static void take_samples(void *data, json_t *parameters, const struct db_client_error *error,
+                         bool more)
+{
+	struct db_opcua_plant *plant = data;
+	size_t i;
+	const json_t *sample;
+
+	if (error || !more) {
+		fail(plant, error ? error->text : "the service has ended the stream of values");
+		return;
+	}
+	json_array_foreach(json_object_get(parameters, "samples"), i, sample)
+	{
+		struct db_opcua_drive *drive = find_drive(plant, text_of(sample, "drive"));
+
+		if (!drive)
+			continue;
+		db_opcua_drive_take(drive, json_object_get(sample, "values"),
+		                    json_integer_value(json_object_get(sample, "time_us")));
+		drive->streamed = plant->now;
+	}
+}
+
+static void take_events(void *data, json_t *parameters, const struct db_client_error *error,
+                        bool more)
+{
+	struct db_opcua_plant *plant = data;
+	size_t i;
+	const json_t *event;
+
+	if (error || !more) {
+		fail(plant, error ? error->text : "the service has ended the stream of events");
+		return;
+	}
+	json_array_foreach(json_object_get(parameters, "events"), i, event)
+	{
+		int64_t us = json_integer_value(json_object_get(event, "time_us"));
+
+		/* What a service tells again to a new connection was told before. */
+		if (us < plant->events_from)
+			continue;
+		plant->events_from = us + 1;
+		plant->ops->event(plant->context, event);
+	}
+}
+
+static bool has_text(const json_t *texts, const char *text)
+{
+	size_t i;
+	const json_t *one;
+
+	json_array_foreach(texts, i, one)
+	{
+		if (strcmp(json_string_value(one), text) == 0)
+			return true;
+	}
+	return false;
+}
+
+/* What is watched of any drive. What there is no room for is fetched when it is read. */
+static json_t *watched_names(const struct db_opcua_plant *plant)
+{
+	json_t *names = json_pack("[s,s]", "quality", "timestamp_us");
+	size_t always = json_array_size(names);
+
+	for (struct db_opcua_kind *kind = plant->kinds; kind; kind = kind->next) {
+		for (size_t i = 0; i < kind->count; i++) {
+			struct db_opcua_register *reg = &kind->list[i];
+
+			reg->streamed = false;
+			if (reg->watchers > 0 && has_text(names, reg->name))
+				reg->streamed = true;
+			else if (reg->watchers > 0 && json_array_size(names) < STREAM_MAX)
+				reg->streamed = json_array_append_new(names,
+				                                      json_string(reg->name)) == 0;
+		}
+	}
+	if (json_array_size(names) == always) {
+		json_decref(names);
+		return NULL;
+	}
+	return names;
+}
+
+/* A stream is changed by another one. */
+static void subscribe(struct db_opcua_plant *plant)
+{
+	struct db_client_error error = { .parameters = NULL };
+	json_t *names = watched_names(plant);
+
+	plant->stream_at = DB_TIME_NEVER;
+	db_client_close(plant->clients[VALUES]);
+	plant->clients[VALUES] = NULL;
+	if (!names)
+		return;
+	if (db_client_open(plant->config->socket, &plant->clients[VALUES], &error) != 0)
+		fail(plant, error.text);
+	else
+		call(plant, VALUES, "Subscribe",
+		     json_pack("{s:[], s:O, s:i}", "drives", "names", names, "interval_ms",
+		               (int)plant->config->interval_ms),
+		     take_samples);
+	json_decref(names);
+	db_client_error_clear(&error);
+}
+
+void db_opcua_plant_rewatch(struct db_opcua_plant *plant)
+{
+	if (plant->there && plant->stream_at == DB_TIME_NEVER)
+		plant->stream_at = plant->now + SETTLE;
+}
+
+/* --- drives ----------------------------------------------------------------------------------- */
+
+static bool add_drive(struct db_opcua_plant *plant, const struct found *found)
+{
+	struct db_opcua_drive **grown = realloc(plant->drives,
+	                                        (plant->drive_count + 1) * sizeof(*plant->drives));
+	struct db_opcua_kind *kind = NULL;
+	struct db_opcua_drive *drive = NULL;
+
+	if (grown) {
+		plant->drives = grown;
+		kind = db_opcua_kind_take(&plant->kinds, found->registers, found->commands);
+	}
+	if (kind)
+		drive = db_opcua_drive_new(text_of(found->description, "name"),
+		                           text_of(found->description, "bus"), kind);
+	if (!drive) {
+		db_opcua_kind_release(&plant->kinds, kind);
+		return false;
+	}
+	plant->drives[plant->drive_count++] = drive;
+	plant->ops->added(plant->context, drive, found->description);
+	return true;
+}
+
+static void remove_drive(struct db_opcua_plant *plant, size_t place)
+{
+	struct db_opcua_drive *drive = plant->drives[place];
+
+	plant->ops->removed(plant->context, drive);
+	plant->drives[place] = plant->drives[--plant->drive_count];
+	db_opcua_drive_free(&plant->kinds, drive);
+}
+
+static const json_t *find_description(const json_t *description, const char *name)
+{
+	size_t i;
+	const json_t *drive;
+
+	json_array_foreach(json_object_get(description, "drives"), i, drive)
+	{
+		if (strcmp(text_of(drive, "name"), name) == 0)
+			return drive;
+	}
+	return NULL;
+}
+
+static const struct found *find_found(const struct db_opcua_plant *plant, const char *name)
+{
+	for (size_t i = 0; i < plant->found_total; i++) {
+		if (strcmp(text_of(plant->found[i].description, "name"), name) == 0)
+			return &plant->found[i];
+	}
+	return NULL;
+}
+
+/* Whether a drive is as it was. */
+static bool is_same(const struct db_opcua_plant *plant, const struct db_opcua_drive *drive)
+{
+	const struct found *found = find_found(plant, drive->name);
+	const json_t *before = find_description(plant->known, drive->name);
+
+	return found && json_equal(found->registers, drive->kind->registers) &&
+	       json_equal(found->commands, drive->kind->commands) &&
+	       (drive->name[0] == '\0' || (before && json_equal(before, found->description)));
+}
+
+/* Everything is known: who went goes, who is new comes, and the streams begin. */
+static void begin(struct db_opcua_plant *plant)
+{
+	bool same_buses = plant->known && json_equal(json_object_get(plant->known, "buses"),
+	                                             json_object_get(plant->description, "buses"));
+
+	for (size_t i = plant->drive_count; i-- > 0;) {
+		if (!is_same(plant, plant->drives[i]))
+			remove_drive(plant, i);
+	}
+	for (size_t i = 0; i < plant->found_total; i++) {
+		if (!find_drive(plant, text_of(plant->found[i].description, "name")) &&
+		    !add_drive(plant, &plant->found[i])) {
+			fail(plant, "out of memory, or the service tells no registers");
+			return;
+		}
+	}
+	json_decref(plant->known);
+	plant->known = json_incref(plant->description);
+	if (!same_buses)
+		plant->ops->buses(plant->context, json_object_get(plant->known, "buses"));
+	forget_found(plant);
+	for (size_t i = 0; i < plant->drive_count; i++)
+		plant->drives[i]->lost = false;
+	if (plant->told[0] != '\0')
+		db_client_log(DB_CLIENT_NOTICE, "drivebridged is there again");
+	plant->there = true;
+	plant->told[0] = '\0';
+	db_client_retry_succeed(&plant->retry);
+	subscribe(plant);
+	call(plant, EVENTS, "Events", NULL, take_events);
+	plant->look_at = plant->now;
+}
+
+static void ask_next(struct db_opcua_plant *plant);
+
+static void take_commands(void *data, json_t *parameters, const struct db_client_error *error,
+                          bool more)
+{
+	struct db_opcua_plant *plant = data;
+
+	(void)more;
+	plant->answer_by = DB_TIME_NEVER;
+	if (error) {
+		fail(plant, error->text);
+		return;
+	}
+	plant->found[plant->found_count++].commands = json_incref(
+		json_object_get(parameters, "commands"));
+	ask_next(plant);
+}
+
+static void take_registers(void *data, json_t *parameters, const struct db_client_error *error,
+                           bool more)
+{
+	struct db_opcua_plant *plant = data;
+	struct found *found = &plant->found[plant->found_count];
+	const char *name = text_of(found->description, "name");
+
+	(void)more;
+	plant->answer_by = DB_TIME_NEVER;
+	if (error) {
+		fail(plant, error->text);
+		return;
+	}
+	found->registers = json_incref(json_object_get(parameters, "registers"));
+	if (name[0] != '\0') {
+		call(plant, CALLS, "Commands", json_pack("{s:s}", "drive", name), take_commands);
+		return;
+	}
+	found->commands = json_array();
+	plant->found_count++;
+	ask_next(plant);
+}
+
+/* One drive after the other: an answer is long. */
+static void ask_next(struct db_opcua_plant *plant)
+{
+	if (plant->found_count < plant->found_total)
+		call(plant, CALLS, "Registers",
+		     json_pack("{s:s}", "drive",
+		               text_of(plant->found[plant->found_count].description, "name")),
+		     take_registers);
+	else
+		begin(plant);
+}
+
+static void take_description(void *data, json_t *parameters, const struct db_client_error *error,
+                             bool more)
+{
+	struct db_opcua_plant *plant = data;
+	const json_t *drives = json_object_get(parameters, "drives");
+
+	(void)more;
+	plant->answer_by = DB_TIME_NEVER;
+	if (error) {
+		fail(plant, error->text);
+		return;
+	}
+	if (plant->there) {
+		plant->changed = !json_equal(json_object_get(plant->known, "drives"), drives);
+		if (plant->changed)
+			return;
+		if (!json_equal(json_object_get(plant->known, "buses"),
+		                json_object_get(parameters, "buses")))
+			plant->ops->buses(plant->context, json_object_get(parameters, "buses"));
+		json_decref(plant->known);
+		plant->known = json_incref(parameters);
+		return;
+	}
+	plant->description = json_incref(parameters);
+	plant->found = calloc(json_array_size(drives) + 1, sizeof(*plant->found));
+	if (!plant->found) {
+		fail(plant, "out of memory");
+		return;
+	}
+	for (size_t i = 0; i < json_array_size(drives); i++)
+		plant->found[i].description = json_array_get(drives, i);
+	plant->found_total = json_array_size(drives) + 1;
+	ask_next(plant);
+}
+
+static void take_figures(void *data, json_t *parameters, const struct db_client_error *error,
+                         bool more)
+{
+	struct db_opcua_plant *plant = data;
+
+	(void)more;
+	plant->answer_by = DB_TIME_NEVER;
+	if (error) {
+		fail(plant, error->text);
+		return;
+	}
+	plant->ops->figures(plant->context, json_object_get(parameters, "buses"));
+	plant->look_at = plant->now + LOOK_INTERVAL;
+	call(plant, CALLS, "Describe", NULL, take_description);
+}
+
+/* --- reading ---------------------------------------------------------------------------------- */
+
+void db_opcua_plant_outdate(struct db_opcua_drive *drive)
+{
+	for (size_t i = 0; i < DB_OPCUA_GROUPS; i++)
+		drive->taken[i] = 0;
+	drive->streamed = 0;
+}
+
+static db_time read_clock(void)
+{
+	struct timespec time;
+
+	(void)clock_gettime(CLOCK_MONOTONIC, &time);
+	return (db_time)time.tv_sec * DB_NS_PER_S + time.tv_nsec;
+}
+
+static bool is_fresh(const struct db_opcua_plant *plant, const struct db_opcua_item *item,
+                     db_time now)
+{
+	const struct db_opcua_drive *drive = item->drive;
+	db_time interval = plant->config->interval_ms * DB_NS_PER_MS;
+
+	if (item->reg->streamed && drive->streamed > 0 &&
+	    now - drive->streamed < STREAM_LATE * interval)
+		return true;
+	return drive->taken[item->reg->group] > 0 &&
+	       now - drive->taken[item->reg->group] < interval;
+}
+
+void db_opcua_plant_fetch(struct db_opcua_plant *plant, struct db_opcua_item *item)
+{
+	struct db_opcua_drive *drive = item->drive;
+	struct db_client_error error = { .parameters = NULL };
+	db_time now = read_clock();
+	json_t *answer = NULL;
+
+	if (!plant->there || is_fresh(plant, item, now) || now < plant->fetch_at)
+		return;
+	if (db_client_call(plant->fetcher, "Read",
+	                   json_pack("{s:s, s:o}", "drive", drive->name, "names",
+	                             db_opcua_group_names(drive->kind, item->reg->group)),
+	                   FETCH_MAX_MS, &answer, &error) == 0) {
+		const json_t *values = json_object_get(answer, "values");
+
+		db_opcua_drive_take(drive, values,
+		                    json_integer_value(json_object_get(values, "timestamp_us")));
+		drive->taken[item->reg->group] = now;
+	} else {
+		plant->fetch_at = now + FETCH_PAUSE;
+		/* A connection on which an answer is still to come is not used for another question. */
+		plant->renew = true;
+	}
+	json_decref(answer);
+	db_client_error_clear(&error);
+}
+
+/* --- connecting ------------------------------------------------------------------------------- */
+
+static void open_client(struct db_opcua_plant *plant, struct db_client **client)
+{
+	struct db_client_error error = { .parameters = NULL };
+
+	if (!plant->failed && db_client_open(plant->config->socket, client, &error) != 0)
+		fail(plant, error.text);
+	db_client_error_clear(&error);
+}
+
+static void connect_all(struct db_opcua_plant *plant)
+{
+	if (plant->events_from == 0)
+		plant->events_from = plant->us;
+	open_client(plant, &plant->clients[CALLS]);
+	open_client(plant, &plant->clients[EVENTS]);
+	open_client(plant, &plant->fetcher);
+	if (!plant->failed)
+		call(plant, CALLS, "Describe", NULL, take_description);
+}
+
+/* Closes what has failed, and says why unless it was said. */
+static void give_up(struct db_opcua_plant *plant)
+{
+	if (plant->there || strcmp(plant->why, plant->told) != 0)
+		db_client_log(DB_CLIENT_WARNING, "no connection to drivebridged: %s", plant->why);
+	memcpy(plant->told, plant->why, sizeof(plant->told));
+	disconnect(plant);
+	for (size_t i = 0; i < plant->drive_count; i++)
+		plant->drives[i]->lost = true;
+	db_client_retry_fail(&plant->retry, plant->now, (unsigned)rand());
+}
+
+void db_opcua_plant_watch(const struct db_opcua_plant *plant, struct pollfd fds[DB_OPCUA_PLANT_FDS])
+{
+	for (size_t i = 0; i < DB_OPCUA_PLANT_FDS; i++) {
+		fds[i] = (struct pollfd){ .fd = -1 };
+		if (plant->clients[i])
+			fds[i] = (struct pollfd){
+				.fd = db_client_fd(plant->clients[i]),
+				.events = db_client_poll_events(plant->clients[i]),
+			};
+	}
+}
+
+db_time db_opcua_plant_due(const struct db_opcua_plant *plant)
+{
+	db_time due = plant->stream_at;
+
+	if (!plant->clients[CALLS])
+		return plant->retry.due;
+	if (plant->look_at < due)
+		due = plant->look_at;
+	return plant->answer_by < due ? plant->answer_by : due;
+}
+
+bool db_opcua_plant_is_there(const struct db_opcua_plant *plant)
+{
+	return plant->there;
+}
+
+void db_opcua_plant_handle(struct db_opcua_plant *plant, db_time now, int64_t us)
+{
+	plant->now = now;
+	plant->us = us;
+	if (!plant->clients[CALLS] && now >= plant->retry.due)
+		connect_all(plant);
+	for (size_t i = 0; i < DB_OPCUA_PLANT_FDS; i++) {
+		if (plant->clients[i] && db_client_handle(plant->clients[i]) != 0)
+			fail(plant, "the service has closed the connection");
+	}
+	if (now >= plant->answer_by)
+		fail(plant, "the service does not answer");
+	if (plant->renew && !plant->failed && now >= plant->fetch_at) {
+		db_client_close(plant->fetcher);
+		plant->fetcher = NULL;
+		plant->renew = false;
+		open_client(plant, &plant->fetcher);
+	}
+	if (!plant->failed && now >= plant->stream_at)
+		subscribe(plant);
+	if (!plant->failed && now >= plant->look_at) {
+		plant->look_at = DB_TIME_NEVER;
+		call(plant, CALLS, "Figures", NULL, take_figures);
+	}
+	if (plant->changed && !plant->failed) {
+		disconnect(plant);
+		connect_all(plant);
+	}
+	if (plant->failed)
+		give_up(plant);
+}

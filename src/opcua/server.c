@@ -1,0 +1,289 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "opcua/server.h"
+#include "opcua/access.h"
+#include "opcua/network.h"
+#include "opcua/nodes.h"
+#include "opcua/plant.h"
+
+#include "client/log.h"
+#include "drivebridge/version.h"
+
+#include <open62541/server.h>
+#include <open62541/server_config_default.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Bytes of a request, and how many things it may ask for. */
+#define CHUNK_SIZE 65535
+#define MESSAGE_MAX (1024 * 1024)
+#define CHUNKS_MAX 32
+#define OPERATIONS_MAX 5000
+
+/* Faster sampling than this shows nothing: buses have cycles of milliseconds. */
+#define SAMPLING_MIN_MS 10
+
+struct db_opcua_server {
+	const struct db_opcua_config *config;
+	struct db_opcua_network *network;
+	struct db_opcua_access *access;
+	struct db_opcua_plant *plant;
+	struct db_opcua_nodes *nodes;
+	UA_Server *library;
+};
+
+/* --- between the rooms ------------------------------------------------------------------------ */
+
+static void add_drive(void *context, struct db_opcua_drive *drive, const json_t *description)
+{
+	struct db_opcua_server *server = context;
+
+	db_opcua_nodes_add(server->nodes, drive, description);
+}
+
+static void remove_drive(void *context, struct db_opcua_drive *drive)
+{
+	struct db_opcua_server *server = context;
+
+	db_opcua_nodes_remove(server->nodes, drive);
+}
+
+static void set_buses(void *context, json_t *buses)
+{
+	struct db_opcua_server *server = context;
+
+	db_opcua_nodes_set_buses(server->nodes, buses);
+}
+
+static void set_figures(void *context, json_t *buses)
+{
+	struct db_opcua_server *server = context;
+
+	db_opcua_nodes_set_figures(server->nodes, buses);
+}
+
+static void take_event(void *context, const json_t *event)
+{
+	(void)context;
+	(void)event;
+}
+
+static void fetch_item(void *context, struct db_opcua_item *item)
+{
+	struct db_opcua_server *server = context;
+
+	db_opcua_plant_fetch(server->plant, item);
+}
+
+static void rewatch(void *context)
+{
+	struct db_opcua_server *server = context;
+
+	db_opcua_plant_rewatch(server->plant);
+}
+
+static void count_watchers(UA_Server *library, const UA_NodeId *session, void *session_context,
+                           const UA_NodeId *node, void *node_context, UA_UInt32 attribute,
+                           UA_Boolean removed)
+{
+	(void)session;
+	(void)session_context;
+	if (attribute == UA_ATTRIBUTEID_VALUE)
+		db_opcua_nodes_watch(UA_Server_getConfig(library)->context, node, node_context,
+		                     removed);
+}
+
+static void forget_connection(void *context, uintptr_t connection)
+{
+	struct db_opcua_server *server = context;
+
+	db_opcua_access_forget_connection(server->access, connection);
+}
+
+/* --- its life --------------------------------------------------------------------------------- */
+
+static void set_text(UA_String *text, const char *value)
+{
+	UA_String_clear(text);
+	*text = UA_STRING_ALLOC(value);
+}
+
+static void describe(UA_ServerConfig *settings, const struct db_opcua_config *config)
+{
+	char text[160];
+
+	set_text(&settings->buildInfo.productUri, "urn:drivebridge");
+	set_text(&settings->buildInfo.manufacturerName, "drivebridge");
+	set_text(&settings->buildInfo.productName, "drivebridge-opcua");
+	set_text(&settings->buildInfo.softwareVersion, DB_VERSION);
+	set_text(&settings->buildInfo.buildNumber, DB_VERSION);
+	(void)snprintf(text, sizeof(text), "urn:%s:drivebridge", config->gateway);
+	set_text(&settings->applicationDescription.applicationUri, text);
+	set_text(&settings->applicationDescription.productUri, "urn:drivebridge");
+	(void)snprintf(text, sizeof(text), "drivebridge on %s", config->gateway);
+	UA_LocalizedText_clear(&settings->applicationDescription.applicationName);
+	settings->applicationDescription.applicationName = UA_LOCALIZEDTEXT_ALLOC("en", text);
+}
+
+/* Nothing that a client can ask for without a bound. */
+static void set_limits(UA_ServerConfig *settings, const struct db_opcua_config *config)
+{
+	settings->tcpBufSize = CHUNK_SIZE;
+	settings->tcpMaxMsgSize = MESSAGE_MAX;
+	settings->tcpMaxChunks = CHUNKS_MAX;
+	settings->maxSecureChannels = (UA_UInt16)(2 * config->sessions);
+	settings->maxSessions = (UA_UInt16)config->sessions;
+	settings->maxSessionTimeout = 60.0 * 60.0 * 1000.0;
+	settings->maxNodesPerRead = OPERATIONS_MAX;
+	settings->maxNodesPerWrite = OPERATIONS_MAX;
+	settings->maxNodesPerMethodCall = 100;
+	settings->maxNodesPerBrowse = OPERATIONS_MAX;
+	settings->maxNodesPerRegisterNodes = OPERATIONS_MAX;
+	settings->maxNodesPerTranslateBrowsePathsToNodeIds = OPERATIONS_MAX;
+	settings->maxNodesPerNodeManagement = 1;
+	settings->maxMonitoredItemsPerCall = OPERATIONS_MAX;
+	settings->maxReferencesPerNode = 0;
+	settings->maxSubscriptions = config->sessions * config->subscriptions;
+	settings->maxSubscriptionsPerSession = config->subscriptions;
+	settings->publishingIntervalLimits = (UA_DurationRange){ SAMPLING_MIN_MS, 3600000.0 };
+	settings->maxNotificationsPerPublish = 1000;
+	settings->maxRetransmissionQueueSize = 20;
+	settings->maxEventsPerNode = 100;
+	settings->maxMonitoredItems = config->items;
+	settings->maxMonitoredItemsPerSubscription = config->items;
+	settings->samplingIntervalLimits = (UA_DurationRange){ SAMPLING_MIN_MS, 3600000.0 };
+	settings->queueSizeLimits = (UA_UInt32Range){ 1, 100 };
+	settings->maxPublishReqPerSession = 20;
+	settings->maxAsyncOperationQueueSize = 1;
+}
+
+static UA_StatusCode set_url(UA_ServerConfig *settings, const struct db_opcua_config *config)
+{
+	bool numeric6 = strchr(config->address, ':') != NULL;
+	char url[300];
+
+	(void)snprintf(url, sizeof(url), "opc.tcp://%s%s%s:%u", numeric6 ? "[" : "",
+	               config->address, numeric6 ? "]" : "", config->port);
+	UA_Array_delete(settings->serverUrls, settings->serverUrlsSize, &UA_TYPES[UA_TYPES_STRING]);
+	settings->serverUrls = UA_Array_new(1, &UA_TYPES[UA_TYPES_STRING]);
+	settings->serverUrlsSize = settings->serverUrls ? 1 : 0;
+	if (!settings->serverUrls)
+		return UA_STATUSCODE_BADOUTOFMEMORY;
+	settings->serverUrls[0] = UA_STRING_ALLOC(url);
+	return UA_STATUSCODE_GOOD;
+}
+
+/* The library takes the configuration over, also when that is in vain. */
+static UA_Server *new_library(struct db_opcua_server *server)
+{
+	UA_ServerConfig settings;
+	UA_StatusCode status;
+
+	memset(&settings, 0, sizeof(settings));
+	settings.logging = db_opcua_network_logger(server->network);
+	settings.eventLoop = db_opcua_network_give_loop(server->network);
+	status = UA_ServerConfig_setBasics_withPort(&settings, (UA_UInt16)server->config->port);
+	if (status == UA_STATUSCODE_GOOD)
+		status = set_url(&settings, server->config);
+	if (status == UA_STATUSCODE_GOOD) {
+		describe(&settings, server->config);
+		set_limits(&settings, server->config);
+		settings.monitoredItemRegisterCallback = count_watchers;
+		status = db_opcua_access_set_up(server->access, &settings);
+	}
+	if (status != UA_STATUSCODE_GOOD) {
+		db_client_log(DB_CLIENT_ERROR, "the server cannot be set up: %s",
+		              UA_StatusCode_name(status));
+		UA_ServerConfig_clean(&settings);
+		return NULL;
+	}
+	return UA_Server_newWithConfig(&settings);
+}
+
+struct db_opcua_server *db_opcua_server_new(const struct db_opcua_config *config)
+{
+	static const struct db_opcua_plant_ops plant_ops = {
+		.added = add_drive,
+		.removed = remove_drive,
+		.buses = set_buses,
+		.figures = set_figures,
+		.event = take_event,
+	};
+	static const struct db_opcua_nodes_ops node_ops = {
+		.fetch = fetch_item,
+		.rewatch = rewatch,
+	};
+	struct db_opcua_server *server = calloc(1, sizeof(*server));
+	UA_StatusCode status = UA_STATUSCODE_BADOUTOFMEMORY;
+
+	if (!server)
+		return NULL;
+	server->config = config;
+	server->network = db_opcua_network_new(2 * config->sessions, forget_connection, server);
+	server->access = db_opcua_access_new(config, server->network);
+	server->plant = db_opcua_plant_new(config, &plant_ops, server);
+	if (server->network && server->access && server->plant)
+		server->library = new_library(server);
+	if (server->library)
+		server->nodes = db_opcua_nodes_new(server->library, &node_ops, server);
+	if (server->nodes)
+		status = UA_Server_run_startup(server->library);
+	if (status != UA_STATUSCODE_GOOD || db_opcua_network_port(server->network) == 0) {
+		db_client_log(DB_CLIENT_ERROR, "%s port %u: cannot listen there: %s",
+		              config->address[0] ? config->address : "*", config->port,
+		              UA_StatusCode_name(status));
+		db_opcua_server_free(server);
+		return NULL;
+	}
+	db_client_log(DB_CLIENT_NOTICE, "listens on opc.tcp://%s:%u",
+	              config->address[0] ? config->address : config->gateway,
+	              db_opcua_network_port(server->network));
+	return server;
+}
+
+void db_opcua_server_free(struct db_opcua_server *server)
+{
+	if (!server)
+		return;
+	if (server->nodes)
+		(void)UA_Server_run_shutdown(server->library);
+	if (server->library)
+		(void)UA_Server_delete(server->library);
+	db_opcua_nodes_free(server->nodes);
+	db_opcua_plant_free(server->plant);
+	db_opcua_network_free(server->network);
+	db_opcua_access_free(server->access);
+	free(server);
+}
+
+/* --- its loop --------------------------------------------------------------------------------- */
+
+size_t db_opcua_server_places(const struct db_opcua_server *server)
+{
+	return DB_OPCUA_PLANT_FDS + db_opcua_network_places(server->network);
+}
+
+size_t db_opcua_server_watch(const struct db_opcua_server *server, struct pollfd *fds, size_t room)
+{
+	db_opcua_plant_watch(server->plant, fds);
+	return DB_OPCUA_PLANT_FDS + db_opcua_network_watch(server->network,
+	                                                   fds + DB_OPCUA_PLANT_FDS,
+	                                                   room - DB_OPCUA_PLANT_FDS);
+}
+
+db_time db_opcua_server_due(const struct db_opcua_server *server, db_time now)
+{
+	db_time due = db_opcua_network_due(server->network, now);
+	db_time plant = db_opcua_plant_due(server->plant);
+
+	return plant < due ? plant : due;
+}
+
+void db_opcua_server_handle(struct db_opcua_server *server, db_time now, int64_t us)
+{
+	db_opcua_plant_handle(server->plant, now, us);
+	db_opcua_network_flush(server->network, now);
+	(void)UA_Server_run_iterate(server->library, false);
+	/* What that wants to be done in its next turn, such as closing connections. */
+	(void)UA_Server_run_iterate(server->library, false);
+}

@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Values, units and codes as the library of OPC UA has them. Pure but for memory. */
+#ifndef DRIVEBRIDGE_OPCUA_VALUES_H
+#define DRIVEBRIDGE_OPCUA_VALUES_H
+
+#include "opcua/model.h"
+
+#include <open62541/types.h>
+#include <open62541/types_generated.h>
+
+/* Texts for the library, which stay the caller's and are not written to. */
+UA_String db_opcua_string(const char *text);
+UA_LocalizedText db_opcua_english(const char *text);
+
+const UA_DataType *db_opcua_data_type(enum db_opcua_type type);
+
+/* The value with its quality and time, as a variable is read. */
+UA_StatusCode db_opcua_value_read(const struct db_opcua_item *item, UA_DataValue *value);
+UA_StatusCode db_opcua_value_read_column(const struct db_opcua_drive *drive,
+                                         const struct db_opcua_column *column, UA_DataValue *value);
+
+/* A value of the type, of which nothing is known. */
+UA_StatusCode db_opcua_value_zero(enum db_opcua_type type, UA_DataValue *value);
+
+/* What a client writes, as the service takes it: a new value, or why it cannot be one. */
+UA_StatusCode db_opcua_value_to_json(const UA_Variant *value, json_t **json);
+
+/* What the service tells without a type. NULL: there is none for it. */
+const UA_DataType *db_opcua_json_type(const json_t *json);
+UA_StatusCode db_opcua_value_from_json(const json_t *json, UA_DataValue *value);
+
+/* A unit with its UNECE code where it is one of the usual ones. The texts are `unit`. */
+UA_EUInformation db_opcua_unit(const char *unit);
+
+/* Names of values, in their order; of bits from bit 0 on. An array whose texts are those of `codes`, freed with free();
+ * NULL when there are none or without memory. */
+UA_EnumValueType *db_opcua_enum_values(json_t *codes, size_t *count);
+UA_LocalizedText *db_opcua_bit_names(json_t *codes, size_t *count);
+
+#endif
