@@ -7,6 +7,7 @@
 #include "drivebridge/version.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 /* --- what there is ----------------------------------------------------------------------------------- */
 
@@ -94,33 +95,82 @@ static const struct db_name_list *list_of(const struct db_call *call, uint16_t d
 	return list;
 }
 
+/* A drive has up to two hundred, and 150 kB of text: milliseconds, in which Modbus would wait. */
+#define REGISTERS_AT_ONCE 16
+
+struct registers_job {
+	uint16_t drive;
+	uint32_t generation; /* of the registers */
+	size_t next;
+};
+
 void db_look_registers(const struct db_call *call)
 {
-	struct db_registers *all = call->session->control->setup.registers;
+	struct db_session *session = call->session;
+	struct registers_job *job;
 	struct db_named_drive drive;
-	const struct db_name_list *list;
 	const char *name;
-	json_t *registers;
+
+	if (!db_call_drive(call, true, &drive, &name) || !list_of(call, drive.number))
+		return;
+	job = calloc(1, sizeof *job);
+	if (!job) {
+		db_session_fail_result(session, DB_RESULT_BUSY, "");
+		return;
+	}
+	job->drive = drive.number;
+	job->generation = db_named_generation(session->control->setup.registers);
+	session->job = job;
+	session->wait = DB_WAITS_FOR_REGISTERS;
+	db_look_describe_more(session, db_control_now(session->control));
+}
+
+static json_t *describe_register(struct db_registers *registers, uint16_t drive,
+                                 const struct db_entry *entry)
+{
+	json_t *one = db_values_register(entry, db_named_unit(registers, drive, entry));
 	double min;
 	double max;
 
-	if (!db_call_drive(call, true, &drive, &name))
-		return;
-	list = list_of(call, drive.number);
-	if (!list)
-		return;
-	registers = json_array();
-	for (size_t i = 0; i < list->count; i++) {
-		const struct db_entry *entry = &list->entries[i];
-		json_t *one = db_values_register(entry, db_named_unit(all, drive.number, entry));
-
-		if (db_named_limit(all, drive.number, entry, &min, &max)) {
-			json_object_set_new(one, "min", json_real(min));
-			json_object_set_new(one, "max", json_real(max));
-		}
-		json_array_append_new(registers, one);
+	if (db_named_limit(registers, drive, entry, &min, &max)) {
+		json_object_set_new(one, "min", json_real(min));
+		json_object_set_new(one, "max", json_real(max));
 	}
-	db_session_reply(call->session, json_pack("{s:o}", "registers", registers), false);
+	return one;
+}
+
+void db_look_describe_more(struct db_session *session, db_time now)
+{
+	static const char beginning[] = "{\"parameters\":{\"registers\":[";
+	static const char end[] = "]}}";
+	struct db_registers *registers = session->control->setup.registers;
+	struct registers_job *job = session->job;
+	const struct db_name_list *list = db_named_registers(registers, job->drive);
+
+	/* Half an answer cannot be taken back: who asks again is told of what there is now. */
+	if (!list || job->generation != db_named_generation(registers)) {
+		session->broken = true;
+		return;
+	}
+	if (job->next == 0)
+		db_session_append(session, beginning, sizeof beginning - 1, false);
+	for (size_t i = 0; i < REGISTERS_AT_ONCE && job->next < list->count; i++) {
+		const struct db_entry *entry = &list->entries[job->next];
+		char *text = db_message_text(describe_register(registers, job->drive, entry));
+
+		if (!text) {
+			session->broken = true;
+			return;
+		}
+		if (job->next > 0)
+			db_session_append(session, ",", 1, false);
+		db_session_append(session, text, strlen(text), false);
+		free(text);
+		job->next++;
+	}
+	session->due = now;
+	if (job->next == list->count)
+		db_session_append(session, end, sizeof end, true);
 }
 
 void db_look_commands(const struct db_call *call)

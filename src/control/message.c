@@ -47,6 +47,15 @@ void db_message_clear(struct db_message *message)
 	*message = (struct db_message){ .root = NULL };
 }
 
+char *db_message_text(json_t *value)
+{
+	/* 15 digits show every f32 and every u32 as people write them. */
+	char *text = json_dumps(value, JSON_COMPACT | JSON_REAL_PRECISION(15));
+
+	json_decref(value);
+	return text;
+}
+
 char *db_message_answer(const char *error, json_t *parameters, bool continues, size_t *length)
 {
 	json_t *root = json_object();
@@ -57,9 +66,7 @@ char *db_message_answer(const char *error, json_t *parameters, bool continues, s
 	json_object_set_new(root, "parameters", parameters ? parameters : json_object());
 	if (continues)
 		json_object_set_new(root, "continues", json_true());
-	/* 15 digits show every f32 and every u32 as people write them. */
-	text = json_dumps(root, JSON_COMPACT | JSON_REAL_PRECISION(15));
-	json_decref(root);
+	text = db_message_text(root);
 	*length = text ? strlen(text) + 1 : 0;
 	return text;
 }

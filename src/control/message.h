@@ -22,6 +22,9 @@ struct db_message {
 const char *db_message_parse(const char *text, size_t length, struct db_message *message);
 void db_message_clear(struct db_message *message);
 
+/* JSON as all answers have it; to be freed, null when out of memory. Takes the value over. */
+char *db_message_text(json_t *value);
+
 /* The text of an answer, with its end; to be freed, null when out of memory. Takes the parameters over.
  * `error`: null for none. */
 char *db_message_answer(const char *error, json_t *parameters, bool continues, size_t *length);

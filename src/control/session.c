@@ -144,46 +144,59 @@ bool db_session_send(struct db_session *session, db_time now)
 	return true;
 }
 
+/* What a call needs no more. */
+static void end_call(struct db_session *session)
+{
+	session->wait = DB_WAITS_FOR_NOTHING;
+	session->due = DB_TIME_NEVER;
+	free(session->job);
+	session->job = NULL;
+}
+
+static void append(struct db_session *session, const char *text, size_t length)
+{
+	char *all;
+
+	if (session->oneway || session->gone)
+		return;
+	if (!session->out) {
+		session->out_sent = 0;
+		session->out_used = 0;
+		session->out_since = db_control_now(session->control);
+	}
+	all = realloc(session->out, session->out_used + length);
+	if (!all) {
+		session->broken = true;
+		return;
+	}
+	memcpy(all + session->out_used, text, length);
+	session->out = all;
+	session->out_used += length;
+}
+
+void db_session_append(struct db_session *session, const char *text, size_t length, bool last)
+{
+	if (last)
+		end_call(session);
+	append(session, text, length);
+}
+
 static void put_answer(struct db_session *session, const char *error, json_t *parameters,
                        bool continues)
 {
 	struct db_control_socket *control = session->control;
 	size_t length;
 	char *text;
-	char *all;
 
-	if (!continues) {
-		session->wait = DB_WAITS_FOR_NOTHING;
-		session->due = DB_TIME_NEVER;
-		free(session->job);
-		session->job = NULL;
-	}
+	if (!continues)
+		end_call(session);
 	control->stats.errors += error != NULL;
 	control->stats.denied += error && strcmp(error, NOT_ALLOWED) == 0;
-	if (session->oneway || session->gone) {
-		json_decref(parameters);
-		return;
-	}
 	text = db_message_answer(error, parameters, continues, &length);
-	if (!text) {
+	if (text)
+		append(session, text, length);
+	else
 		session->broken = true;
-		return;
-	}
-	if (!session->out) {
-		session->out = text;
-		session->out_sent = 0;
-		session->out_used = length;
-		session->out_since = db_control_now(control);
-		return;
-	}
-	/* Two in a turn: that a command was taken, and how it ended. */
-	all = realloc(session->out, session->out_used + length);
-	if (all) {
-		memcpy(all + session->out_used, text, length);
-		session->out = all;
-		session->out_used += length;
-	}
-	session->broken = !all;
 	free(text);
 }
 

@@ -16,10 +16,11 @@ struct db_control_socket;
 /* What a session waits for before its next call. */
 enum db_session_wait {
 	DB_WAITS_FOR_NOTHING,
-	DB_WAITS_FOR_WRITE,  /* the confirmation of a part of a Write */
-	DB_WAITS_FOR_RUN,    /* the end of a command */
-	DB_WAITS_FOR_MOTION, /* the end of the motion that its command began */
-	DB_WAITS_FOR_VALUES, /* the client to end its Subscribe */
+	DB_WAITS_FOR_WRITE,     /* the confirmation of a part of a Write */
+	DB_WAITS_FOR_RUN,       /* the end of a command */
+	DB_WAITS_FOR_MOTION,    /* the end of the motion that its command began */
+	DB_WAITS_FOR_REGISTERS, /* the rest of an answer that is written piece by piece */
+	DB_WAITS_FOR_VALUES,    /* the client to end its Subscribe */
 	DB_WAITS_FOR_EVENTS,
 	DB_WAITS_FOR_TRACE,
 	DB_WAITS_FOR_RELOAD,
@@ -90,6 +91,12 @@ bool db_session_is_over(const struct db_session *session);
  * An answer that there is no memory for breaks the session. */
 void db_session_reply(struct db_session *session, json_t *parameters, bool continues);
 void db_session_fail(struct db_session *session, const char *error, json_t *parameters);
+
+/*
+ * A piece of the text of an answer that would take too long to be written at once; the last one has the end of the
+ * message, and with it the call is answered.
+ */
+void db_session_append(struct db_session *session, const char *text, size_t length, bool last);
 
 /* Whether it may act; if not, its call is answered with that. */
 bool db_session_require_act(struct db_session *session);

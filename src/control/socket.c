@@ -4,6 +4,7 @@
 #include "control/act.h"
 #include "control/calls.h"
 #include "control/listener.h"
+#include "control/look.h"
 #include "control/scan.h"
 #include "control/state.h"
 #include "control/streams.h"
@@ -35,10 +36,11 @@ static struct db_session *find(const struct db_control_socket *control, uint32_t
 	return NULL;
 }
 
+/* Whether what it waits for is written by and by. */
 static bool is_stream(const struct db_session *session)
 {
-	return session->wait == DB_WAITS_FOR_VALUES || session->wait == DB_WAITS_FOR_EVENTS ||
-	       session->wait == DB_WAITS_FOR_TRACE;
+	return session->wait == DB_WAITS_FOR_REGISTERS || session->wait == DB_WAITS_FOR_VALUES ||
+	       session->wait == DB_WAITS_FOR_EVENTS || session->wait == DB_WAITS_FOR_TRACE;
 }
 
 /* When it is to be looked at again, DB_TIME_NEVER. */
@@ -355,7 +357,9 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 	if (stream) {
 		db_time begun = read_clock();
 
-		if (stream->wait == DB_WAITS_FOR_TRACE)
+		if (stream->wait == DB_WAITS_FOR_REGISTERS)
+			db_look_describe_more(stream, now);
+		else if (stream->wait == DB_WAITS_FOR_TRACE)
 			db_traces_look(stream, now);
 		else
 			db_streams_look(stream, now);

@@ -557,8 +557,12 @@ def test_modbus_stays_fast(bridge):
     eventually(lambda: Tool(bridge).Describe(), what="room for a session again")
 
 
-def test_streams_leave_the_thread_to_modbus(make_bridge):
-    """Sixteen that want everything of 32 drives in each millisecond, which no computer has time for."""
+@pytest.mark.parametrize("method,calls,parameters", [
+    ("Subscribe", 1, {"drives": [], "names": [], "interval_ms": 1}),
+    ("Registers", 50, {"drive": "drive1"}),
+])
+def test_streams_leave_the_thread_to_modbus(make_bridge, method, calls, parameters):
+    """Sixteen that want everything of 32 drives in each millisecond, which no computer has time for; or long answers."""
     bridge = make_bridge(drives=32, start_sim=False)
     unit = bridge.gateway()
     lines = [Line(bridge) for _ in range(16)]
@@ -570,7 +574,8 @@ def test_streams_leave_the_thread_to_modbus(make_bridge):
                 line.recv(1 << 20)
 
     for line in lines:
-        line.ask(f"{INTERFACE}.Subscribe", {"drives": [], "names": [], "interval_ms": 1}, more=True)
+        for _ in range(calls):
+            line.ask(f"{INTERFACE}.{method}", parameters, more=method == "Subscribe")
     reader = threading.Thread(target=drain)
     reader.start()
     times = []
