@@ -11,6 +11,11 @@
 /* Longer files are no certificate. */
 #define PEM_MAX ((off_t)256 * 1024)
 
+const struct db_users_keeper db_web_keeper = {
+	.program = "drivebridge-webd",
+	.group = "drivebridge-web",
+};
+
 static char *read_file(struct db_settings *settings, const char *name, const char *path)
 {
 	unsigned line = db_settings_line(settings, "server", name);

@@ -4,6 +4,10 @@
 #define DRIVEBRIDGE_WEB_CONFIG_H
 
 #include "reader/settings.h"
+#include "users/users.h"
+
+/* Of the file of users. */
+extern const struct db_users_keeper db_web_keeper;
 
 /* Positions of words. */
 enum { DB_WEB_READ_USERS, DB_WEB_READ_ALL };

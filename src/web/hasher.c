@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/hasher.h"
-#include "web/users.h"
+#include "users/users.h"
 
 #include <crypt.h>
 #include <pthread.h>
@@ -16,8 +16,8 @@ struct job {
 	enum state state;
 	bool right;
 	uint64_t number;
-	char password[DB_WEB_PASSWORD_MAX + 1];
-	char hash[sizeof(((struct db_web_user *)0)->hash)];
+	char password[DB_USERS_PASSWORD_MAX + 1];
+	char hash[sizeof(((struct db_user *)0)->hash)];
 };
 
 struct db_web_hasher {

@@ -2,11 +2,11 @@
 #include "web/login.h"
 #include "client/log.h"
 #include "drivebridge/version.h"
+#include "users/users.h"
 #include "web/call.h"
 #include "web/service.h"
 #include "web/stream.h"
 #include "web/tabs.h"
-#include "web/users.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -48,7 +48,7 @@ void db_web_login_tell(struct db_web_request *request)
 	db_web_request_answer(request, MHD_HTTP_OK,
 	                      json_pack("{s:s?, s:s, s:s, s:s, s:b, s:s?}", "user",
 	                                request->user[0] ? request->user : NULL, "role",
-	                                db_web_role_name(request->role), "token", request->token,
+	                                db_role_name(request->role), "token", request->token,
 	                                "version", DB_VERSION, "service",
 	                                db_web_service_is_up(request->server->service), "tab",
 	                                request->tab[0] ? request->tab : NULL));
@@ -70,13 +70,13 @@ void db_web_login(struct db_web_request *request)
 	const char *user = json_string_value(json_object_get(request->parameters, "user"));
 	json_t *secret = json_object_get(request->parameters, "password");
 	const char *password = json_string_value(secret);
-	struct db_web_users users = { .list = NULL };
-	const struct db_web_user *known = NULL;
+	struct db_users users = { .list = NULL };
+	const struct db_user *known = NULL;
 	const char *hash = NOBODY_HASH;
 	db_time wait;
 
 	if (!user || !password || json_string_length(secret) != strlen(password) ||
-	    strlen(password) > DB_WEB_PASSWORD_MAX || strlen(user) > DB_WEB_NAME_MAX) {
+	    strlen(password) > DB_USERS_PASSWORD_MAX || strlen(user) > DB_USERS_NAME_MAX) {
 		db_web_request_refuse(request, MHD_HTTP_BAD_REQUEST, "BadRequest",
 		                      "a login is {\"user\": ..., \"password\": ...}");
 		return;
@@ -86,8 +86,8 @@ void db_web_login(struct db_web_request *request)
 		refuse_often(request, wait);
 		return;
 	}
-	if (db_web_users_load(&users, server->config->users_file, stderr))
-		known = db_web_users_find(&users, user);
+	if (db_users_load(&users, server->config->users_file, &db_web_keeper, stderr))
+		known = db_users_find(&users, user);
 	/* Who is unknown waits as long as who is known. */
 	if (known)
 		hash = known->hash;
@@ -97,11 +97,11 @@ void db_web_login(struct db_web_request *request)
 	request->known = known;
 	if (known) {
 		request->login_role = known->role;
-		request->digest = db_web_user_digest(known);
+		request->digest = db_users_digest(known);
 	}
 	if (!db_web_hasher_ask(server->hasher, request->number, password, hash))
 		refuse_often(request, DB_NS_PER_S);
-	db_web_users_clear(&users);
+	db_users_clear(&users);
 	/* It is needed nowhere else. */
 	if (request->body)
 		explicit_bzero(request->body, request->used);
@@ -151,7 +151,7 @@ void db_web_login_compared(struct db_web_server *server)
 		if (right && request->known) {
 			db_web_attempts_give_back(&server->attempts, &request->address, user);
 			db_client_log(DB_CLIENT_NOTICE, "%s: logged in as %s, %s", caller.text,
-			              user, db_web_role_name(request->login_role));
+			              user, db_role_name(request->login_role));
 			server->counts.logins++;
 			begin_session(request, user);
 		} else {
@@ -176,14 +176,14 @@ void db_web_logout(struct db_web_request *request)
 	request->user[0] = '\0';
 	request->session[0] = '\0';
 	request->token[0] = '\0';
-	request->role = server->config->read == DB_WEB_READ_ALL ? DB_WEB_READER : DB_WEB_NONE;
+	request->role = server->config->read == DB_WEB_READ_ALL ? DB_ROLE_READER : DB_ROLE_NONE;
 	db_web_login_tell(request);
 }
 
 static bool may_stay(const void *context, const struct db_web_session *session)
 {
-	const struct db_web_user *user = db_web_users_find(context, session->user);
-	bool same = user && db_web_user_digest(user) == session->hash;
+	const struct db_user *user = db_users_find(context, session->user);
+	bool same = user && db_users_digest(user) == session->hash;
 
 	if (!same)
 		db_client_log(DB_CLIENT_NOTICE, "%s: logged out, for the file of users has changed",
@@ -193,7 +193,7 @@ static bool may_stay(const void *context, const struct db_web_session *session)
 
 void db_web_login_review(struct db_web_server *server)
 {
-	struct db_web_users users;
+	struct db_users users;
 	struct stat status;
 	uint64_t stamp = 0;
 
@@ -204,7 +204,7 @@ void db_web_login_review(struct db_web_server *server)
 		return;
 	server->users_stamp = stamp;
 	/* One that cannot be read has nobody in it. */
-	(void)db_web_users_load(&users, server->config->users_file, stderr);
+	(void)db_users_load(&users, server->config->users_file, &db_web_keeper, stderr);
 	db_web_sessions_review(server->sessions, may_stay, &users);
-	db_web_users_clear(&users);
+	db_users_clear(&users);
 }

@@ -5,16 +5,16 @@
  */
 #include "client/log.h"
 #include "drivebridge/version.h"
+#include "users/administration.h"
+#include "users/users.h"
 #include "web/page.h"
 #include "web/server.h"
-#include "web/users.h"
 
 #include <errno.h>
 #include <getopt.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
-#include <termios.h>
 #include <unistd.h>
 
 #define CONFIG_PATH "/etc/drivebridge/web.conf"
@@ -27,7 +27,7 @@ struct options {
 	const char *page;
 	const char *add;
 	const char *remove;
-	enum db_web_role role; /* DB_WEB_NONE: not given */
+	enum db_role role; /* DB_ROLE_NONE: not given */
 	bool check;
 };
 
@@ -82,7 +82,7 @@ static int read_options(int argc, char **argv, struct options *options)
 			options->remove = optarg;
 			break;
 		case 'o':
-			good = db_web_user_role(optarg, &options->role);
+			good = db_role_read(optarg, &options->role);
 			break;
 		case 'h':
 			print_usage(stdout);
@@ -95,96 +95,23 @@ static int read_options(int argc, char **argv, struct options *options)
 		}
 	}
 	if (good && optind == argc && !(options->add && options->remove) &&
-	    (options->add != NULL) == (options->role != DB_WEB_NONE))
+	    (options->add != NULL) == (options->role != DB_ROLE_NONE))
 		return -1;
 	print_usage(stderr);
 	return 2;
-}
-
-/* --- users ------------------------------------------------------------------------------------ */
-
-/* A line without its end. False: there is none, or it is too long. */
-static bool read_line(const char *prompt, char *line, size_t size)
-{
-	struct termios before;
-	bool terminal = isatty(STDIN_FILENO) && tcgetattr(STDIN_FILENO, &before) == 0;
-	bool good;
-
-	if (terminal) {
-		struct termios silent = before;
-
-		(void)fputs(prompt, stderr);
-		silent.c_lflag &= ~(tcflag_t)ECHO;
-		(void)tcsetattr(STDIN_FILENO, TCSAFLUSH, &silent);
-	}
-	good = fgets(line, (int)size, stdin) && strchr(line, '\n');
-	line[strcspn(line, "\r\n")] = '\0';
-	if (terminal) {
-		(void)tcsetattr(STDIN_FILENO, TCSAFLUSH, &before);
-		(void)fputs("\n", stderr);
-	}
-	return good || (line[0] != '\0' && feof(stdin));
-}
-
-static bool read_password(char *password, size_t size)
-{
-	char again[DB_WEB_PASSWORD_MAX + 2] = "";
-	bool good = read_line("Password: ", password, size);
-
-	if (!good || strlen(password) < DB_WEB_PASSWORD_MIN) {
-		(void)fprintf(stderr, "drivebridge-webd: a password has %d to %d bytes\n",
-		              DB_WEB_PASSWORD_MIN, DB_WEB_PASSWORD_MAX);
-		return false;
-	}
-	if (isatty(STDIN_FILENO) && (!read_line("The same again: ", again, sizeof(again)) ||
-	                             strcmp(password, again) != 0)) {
-		(void)fputs("drivebridge-webd: these are two different passwords\n", stderr);
-		good = false;
-	}
-	explicit_bzero(again, sizeof(again));
-	return good;
-}
-
-static int change_user(const struct options *options, const char *path)
-{
-	char password[DB_WEB_PASSWORD_MAX + 2] = "";
-	struct db_web_user user = { .role = options->role };
-	bool good = true;
-
-	if (options->add && !db_web_user_name_is_good(options->add)) {
-		(void)fprintf(
-			stderr,
-			"drivebridge-webd: a name has 1 to %d letters, digits, '.', '-' and '_', "
-			"a letter or digit first\n",
-			DB_WEB_NAME_MAX);
-		return 2;
-	}
-	if (options->add) {
-		good = read_password(password, sizeof(password));
-		if (good && !db_web_users_hash(password, user.hash, sizeof(user.hash))) {
-			(void)fprintf(stderr, "drivebridge-webd: no hash: %s\n", strerror(errno));
-			good = false;
-		}
-		explicit_bzero(password, sizeof(password));
-	}
-	if (good)
-		good = db_web_users_change(path, options->add ? options->add : options->remove,
-		                           options->role, options->add ? user.hash : NULL, stderr);
-	explicit_bzero(&user, sizeof(user));
-	return good ? EXIT_SUCCESS : EXIT_FAILURE;
 }
 
 /* --- serving ---------------------------------------------------------------------------------- */
 
 static int check(const struct options *options, const struct db_web_config *config)
 {
-	struct db_web_users users;
+	struct db_users users;
 	struct db_web_page *page = db_web_page_load(config->page);
-	bool good = db_web_users_load(&users, config->users_file, stderr) && page;
+	bool good = db_users_load(&users, config->users_file, &db_web_keeper, stderr) && page;
 
 	if (good)
 		(void)printf("%s: it is good; %zu users\n", options->config, users.count);
-	db_web_users_clear(&users);
+	db_users_clear(&users);
 	db_web_page_free(page);
 	return good ? EXIT_SUCCESS : EXIT_CONFIG;
 }
@@ -207,7 +134,8 @@ int main(int argc, char **argv)
 		config.page = strdup(options.page);
 	}
 	if (options.add || options.remove) {
-		status = change_user(&options, config.users_file);
+		status = db_users_administer(&db_web_keeper, config.users_file, options.add,
+		                             options.remove, options.role);
 	} else if (options.check) {
 		status = check(&options, &config);
 	} else {

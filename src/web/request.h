@@ -25,8 +25,8 @@ struct db_web_request {
 	/* Whose it is. */
 	struct db_web_address address;
 	bool secure;                      /* the browser's connection is encrypted */
-	enum db_web_role role;            /* with what everybody may */
-	char user[DB_WEB_NAME_MAX + 1];   /* "": nobody is logged in */
+	enum db_role role;                /* with what everybody may */
+	char user[DB_USERS_NAME_MAX + 1]; /* "": nobody is logged in */
 	char session[DB_WEB_SECRET_TEXT]; /* "" likewise */
 	char token[DB_WEB_SECRET_TEXT];   /* "": there is no cookie */
 	char tab[DB_WEB_TAB_MAX + 1];     /* "": not told */
@@ -38,7 +38,7 @@ struct db_web_request {
 
 	/* Of a login: whether there is such a user, and as what he would be logged in. */
 	bool known;
-	enum db_web_role login_role;
+	enum db_role login_role;
 	unsigned long digest;
 
 	bool taken; /* it has been dispatched */
@@ -81,7 +81,7 @@ enum MHD_Result db_web_request_send(struct db_web_request *request);
 
 /* "anna at 192.168.10.5": for the log. */
 struct db_web_caller {
-	char text[DB_WEB_NAME_MAX + DB_WEB_ADDRESS_TEXT + 16];
+	char text[DB_USERS_NAME_MAX + DB_WEB_ADDRESS_TEXT + 16];
 };
 struct db_web_caller db_web_request_caller(const struct db_web_request *request);
 

@@ -5,7 +5,7 @@
 #ifndef DRIVEBRIDGE_WEB_ROUTE_H
 #define DRIVEBRIDGE_WEB_ROUTE_H
 
-#include "web/roles.h"
+#include "users/roles.h"
 
 #include <stdbool.h>
 
@@ -26,9 +26,9 @@ enum db_web_kind {
 
 struct db_web_route {
 	enum db_web_kind kind;
-	const char *name;      /* of the call's method, of the file; else "" */
-	enum db_web_role role; /* that it needs */
-	bool acts;             /* goes over the tab's own connection */
+	const char *name;  /* of the call's method, of the file; else "" */
+	enum db_role role; /* that it needs */
+	bool acts;         /* goes over the tab's own connection */
 };
 
 /* `name` of a file points into `path`. HEAD is as GET. */

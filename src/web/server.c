@@ -81,7 +81,7 @@ static void find_session(struct db_web_request *request)
 	const struct db_web_session *session =
 		cookie ? db_web_sessions_find(server->sessions, cookie, db_web_clock()) : NULL;
 
-	request->role = server->config->read == DB_WEB_READ_ALL ? DB_WEB_READER : DB_WEB_NONE;
+	request->role = server->config->read == DB_WEB_READ_ALL ? DB_ROLE_READER : DB_ROLE_NONE;
 	if (session) {
 		(void)snprintf(request->user, sizeof(request->user), "%s", session->user);
 		(void)snprintf(request->session, sizeof(request->session), "%s", session->id);
@@ -126,8 +126,7 @@ static void check_post(struct db_web_request *request)
 		                      "/api/session");
 	else if (request->role < request->route.role)
 		db_web_request_refuse(request, MHD_HTTP_FORBIDDEN, "NotAllowed",
-		                      "this needs the role %s",
-		                      db_web_role_name(request->route.role));
+		                      "this needs the role %s", db_role_name(request->route.role));
 	else if (length && strtoul(length, NULL, 10) > DB_WEB_BODY_MAX)
 		db_web_request_refuse(request, MHD_HTTP_CONTENT_TOO_LARGE, "TooLong",
 		                      "the body may have %d bytes", DB_WEB_BODY_MAX);
@@ -228,7 +227,7 @@ static void dispatch(struct db_web_request *request)
 			db_web_call(request, db_web_service_reader(server->service), READ_WITHIN);
 		break;
 	case DB_WEB_STREAM:
-		if (request->route.role == DB_WEB_OPERATOR)
+		if (request->route.role == DB_ROLE_OPERATOR)
 			db_web_log_action(request, request->route.name, request->parameters);
 		db_web_stream_begin(request);
 		break;

@@ -64,7 +64,7 @@ static bool is_over(const struct db_web_sessions *sessions, const struct db_web_
 }
 
 const struct db_web_session *db_web_sessions_begin(struct db_web_sessions *sessions,
-                                                   const char *user, enum db_web_role role,
+                                                   const char *user, enum db_role role,
                                                    unsigned long hash,
                                                    const struct db_web_secret secrets[2],
                                                    db_time now)

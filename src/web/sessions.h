@@ -11,7 +11,7 @@
 #define DRIVEBRIDGE_WEB_SESSIONS_H
 
 #include "drivebridge/time.h"
-#include "web/roles.h"
+#include "users/roles.h"
 
 #include <stdbool.h>
 
@@ -28,8 +28,8 @@ struct db_web_secret {
 struct db_web_session {
 	char id[DB_WEB_SECRET_TEXT]; /* "": the place is free */
 	char token[DB_WEB_SECRET_TEXT];
-	char user[DB_WEB_NAME_MAX + 1];
-	enum db_web_role role;
+	char user[DB_USERS_NAME_MAX + 1];
+	enum db_role role;
 	unsigned long hash; /* of the user's line, by which a changed one is seen */
 	db_time begun;
 	db_time used;
@@ -53,7 +53,7 @@ bool db_web_secret_equal(const char *one, const char *other);
 
 /* Two secrets that were never used before. Stays the sessions', until any other call. */
 const struct db_web_session *db_web_sessions_begin(struct db_web_sessions *sessions,
-                                                   const char *user, enum db_web_role role,
+                                                   const char *user, enum db_role role,
                                                    unsigned long hash,
                                                    const struct db_web_secret secrets[2],
                                                    db_time now);

@@ -313,7 +313,7 @@ static bool may_go_on(struct db_web_stream *stream, db_time now)
 	if (request->session[0] == '\0')
 		return true;
 	/* Who only looks need not touch anything; who may act must not be logged in for ever. */
-	if (request->role < DB_WEB_OPERATOR &&
+	if (request->role < DB_ROLE_OPERATOR &&
 	    db_web_sessions_find(sessions, request->session, now))
 		db_web_sessions_touch(sessions, request->session, now);
 	return db_web_sessions_find(sessions, request->session, now);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "web/roles.h"
+#include "users/roles.h"
 
-const char *db_web_role_name(enum db_web_role role)
+const char *db_role_name(enum db_role role)
 {
 	static const char *const names[] = { "none", "reader", "operator" };
 

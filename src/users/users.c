@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "web/users.h"
+#include "users/users.h"
 
 #include <crypt.h>
 #include <errno.h>
@@ -11,27 +11,24 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Whose members may read a file that is made. */
-#define GROUP "drivebridge-web"
-
 /* yescrypt with 4 MiB: its usual 16 would be more than the rest of the program, for as long as a login takes. */
 #define METHOD "$y$"
 #define COST 3
 
-bool db_web_user_name_is_good(const char *name)
+bool db_users_name_is_good(const char *name)
 {
 	static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
 				      "0123456789.-_";
 	size_t length = strlen(name);
 
-	return length >= 1 && length <= DB_WEB_NAME_MAX && strspn(name, letters) == length &&
+	return length >= 1 && length <= DB_USERS_NAME_MAX && strspn(name, letters) == length &&
 	       !strchr(".-_", name[0]);
 }
 
-bool db_web_user_role(const char *word, enum db_web_role *role)
+bool db_role_read(const char *word, enum db_role *role)
 {
-	for (enum db_web_role one = DB_WEB_READER; one <= DB_WEB_OPERATOR; one++) {
-		if (strcmp(word, db_web_role_name(one)) == 0) {
+	for (enum db_role one = DB_ROLE_READER; one <= DB_ROLE_OPERATOR; one++) {
+		if (strcmp(word, db_role_name(one)) == 0) {
 			*role = one;
 			return true;
 		}
@@ -44,7 +41,7 @@ static bool is_hash(const char *text)
 {
 	size_t length = strlen(text);
 
-	if (length < 13 || length >= sizeof(((struct db_web_user *)0)->hash) || text[0] != '$')
+	if (length < 13 || length >= sizeof(((struct db_user *)0)->hash) || text[0] != '$')
 		return false;
 	for (size_t i = 0; i < length; i++) {
 		if (text[i] <= ' ' || text[i] > '~' || strchr(":;*!\\", text[i]))
@@ -54,7 +51,7 @@ static bool is_hash(const char *text)
 }
 
 /* Cuts a line at its colons. NULL: it is good, else what is wrong. */
-static const char *parse_line(char *line, struct db_web_user *user)
+static const char *parse_line(char *line, struct db_user *user)
 {
 	char *role = strchr(line, ':');
 	char *hash = role ? strchr(role + 1, ':') : NULL;
@@ -63,12 +60,12 @@ static const char *parse_line(char *line, struct db_web_user *user)
 		return "a line is NAME:ROLE:HASH";
 	*role++ = '\0';
 	*hash++ = '\0';
-	if (!db_web_user_name_is_good(line))
+	if (!db_users_name_is_good(line))
 		return "a name has 1 to 32 letters, digits, '.', '-' and '_'";
-	if (!db_web_user_role(role, &user->role))
+	if (!db_role_read(role, &user->role))
 		return "a role is reader or operator";
 	if (!is_hash(hash))
-		return "this is no hash of a password; drivebridge-webd --add-user makes them";
+		return "this is no hash of a password; --add-user makes them";
 	/* Both fit, as was just seen. */
 	memcpy(user->name, line, strlen(line) + 1);
 	memcpy(user->hash, hash, strlen(hash) + 1);
@@ -80,18 +77,18 @@ static bool is_comment(const char *line)
 	return line[0] == '#' || line[strspn(line, " \t\r")] == '\0';
 }
 
-bool db_web_users_parse(struct db_web_users *users, const char *text, const char *path, FILE *out)
+bool db_users_parse(struct db_users *users, const char *text, const char *path, FILE *out)
 {
 	char line[512];
 	unsigned number = 0;
 	bool good = true;
 
-	*users = (struct db_web_users){ .list = calloc(DB_WEB_USERS_MAX, sizeof(*users->list)) };
+	*users = (struct db_users){ .list = calloc(DB_USERS_MAX, sizeof(*users->list)) };
 	if (!users->list)
 		return false;
 	while (*text) {
 		size_t length = strcspn(text, "\n");
-		struct db_web_user *user = &users->list[users->count];
+		struct db_user *user = &users->list[users->count];
 		const char *why = NULL;
 
 		number++;
@@ -101,9 +98,9 @@ bool db_web_users_parse(struct db_web_users *users, const char *text, const char
 			memcpy(line, text, length);
 			line[length] = '\0';
 			if (!is_comment(line)) {
-				why = users->count + 1 == DB_WEB_USERS_MAX ? "there are too many" :
-				                                             parse_line(line, user);
-				if (!why && db_web_users_find(users, user->name))
+				why = users->count + 1 == DB_USERS_MAX ? "there are too many" :
+				                                         parse_line(line, user);
+				if (!why && db_users_find(users, user->name))
 					why = "this name stands there already";
 				users->count += !why;
 			}
@@ -131,11 +128,11 @@ static char *read_text(const char *path, struct stat *status)
 	if (fstat(fd, status) == 0 && !S_ISREG(status->st_mode))
 		errno = EINVAL;
 	else
-		text = calloc(1, DB_WEB_USERS_FILE_MAX + 1);
-	while (text && used < DB_WEB_USERS_FILE_MAX &&
-	       (got = read(fd, text + used, DB_WEB_USERS_FILE_MAX - used)) > 0)
+		text = calloc(1, DB_USERS_FILE_MAX + 1);
+	while (text && used < DB_USERS_FILE_MAX &&
+	       (got = read(fd, text + used, DB_USERS_FILE_MAX - used)) > 0)
 		used += (size_t)got;
-	if (text && (got < 0 || used == DB_WEB_USERS_FILE_MAX)) {
+	if (text && (got < 0 || used == DB_USERS_FILE_MAX)) {
 		errno = got < 0 ? errno : EFBIG;
 		free(text);
 		text = NULL;
@@ -144,13 +141,14 @@ static char *read_text(const char *path, struct stat *status)
 	return text;
 }
 
-bool db_web_users_load(struct db_web_users *users, const char *path, FILE *out)
+bool db_users_load(struct db_users *users, const char *path, const struct db_users_keeper *keeper,
+                   FILE *out)
 {
 	struct stat status;
 	char *text = read_text(path, &status);
 	bool good = false;
 
-	*users = (struct db_web_users){ .list = NULL };
+	*users = (struct db_users){ .list = NULL };
 	if (!text) {
 		if (out)
 			(void)fprintf(out, "%s: %s\n", path, strerror(errno));
@@ -158,10 +156,10 @@ bool db_web_users_load(struct db_web_users *users, const char *path, FILE *out)
 		if (out)
 			(void)fprintf(out,
 			              "%s: can be read or written by everybody: chmod 0640 %s, and "
-			              "chgrp it to the group drivebridge-web\n",
-			              path, path);
+			              "chgrp it to the group %s\n",
+			              path, path, keeper->group);
 	} else {
-		good = db_web_users_parse(users, text, path, out);
+		good = db_users_parse(users, text, path, out);
 	}
 	if (text)
 		explicit_bzero(text, strlen(text));
@@ -169,15 +167,15 @@ bool db_web_users_load(struct db_web_users *users, const char *path, FILE *out)
 	return good;
 }
 
-void db_web_users_clear(struct db_web_users *users)
+void db_users_clear(struct db_users *users)
 {
 	if (users->list)
-		explicit_bzero(users->list, DB_WEB_USERS_MAX * sizeof(*users->list));
+		explicit_bzero(users->list, DB_USERS_MAX * sizeof(*users->list));
 	free(users->list);
-	*users = (struct db_web_users){ .list = NULL };
+	*users = (struct db_users){ .list = NULL };
 }
 
-const struct db_web_user *db_web_users_find(const struct db_web_users *users, const char *name)
+const struct db_user *db_users_find(const struct db_users *users, const char *name)
 {
 	for (size_t i = 0; i < users->count; i++) {
 		if (strcmp(users->list[i].name, name) == 0)
@@ -186,7 +184,7 @@ const struct db_web_user *db_web_users_find(const struct db_web_users *users, co
 	return NULL;
 }
 
-unsigned long db_web_user_digest(const struct db_web_user *user)
+unsigned long db_users_digest(const struct db_user *user)
 {
 	unsigned long digest = 5381 + (unsigned long)user->role;
 
@@ -212,9 +210,9 @@ static void put_others(FILE *file, const char *text, const char *name)
 }
 
 /* Owner and mode of what was there; else the group that reads it. */
-static bool give_rights(int fd, const struct stat *old)
+static bool give_rights(const struct db_users_keeper *keeper, int fd, const struct stat *old)
 {
-	const struct group *group = old->st_mode ? NULL : getgrnam(GROUP);
+	const struct group *group = old->st_mode ? NULL : getgrnam(keeper->group);
 
 	if (old->st_mode)
 		return fchown(fd, old->st_uid, old->st_gid) == 0 &&
@@ -225,8 +223,9 @@ static bool give_rights(int fd, const struct stat *old)
 	return fchmod(fd, 0640) == 0;
 }
 
-static bool replace_file(const char *path, const char *text, const struct stat *old,
-                         const char *name, enum db_web_role role, const char *hash)
+static bool replace_file(const struct db_users_keeper *keeper, const char *path, const char *text,
+                         const struct stat *old, const char *name, enum db_role role,
+                         const char *hash)
 {
 	char *other = NULL;
 	FILE *file = NULL;
@@ -240,8 +239,8 @@ static bool replace_file(const char *path, const char *text, const struct stat *
 	if (file) {
 		put_others(file, text, name);
 		if (hash)
-			(void)fprintf(file, "%s:%s:%s\n", name, db_web_role_name(role), hash);
-		good = fflush(file) == 0 && give_rights(fd, old) && fsync(fd) == 0;
+			(void)fprintf(file, "%s:%s:%s\n", name, db_role_name(role), hash);
+		good = fflush(file) == 0 && give_rights(keeper, fd, old) && fsync(fd) == 0;
 		good = fclose(file) == 0 && good;
 		good = good && rename(other, path) == 0;
 		if (!good) {
@@ -257,13 +256,13 @@ static bool replace_file(const char *path, const char *text, const struct stat *
 	return good;
 }
 
-bool db_web_users_change(const char *path, const char *name, enum db_web_role role,
-                         const char *hash, FILE *out)
+bool db_users_change(const struct db_users_keeper *keeper, const char *path, const char *name,
+                     enum db_role role, const char *hash, FILE *out)
 {
 	const char *slash = strrchr(path, '/');
 	char *folder = slash ? strndup(path, (size_t)(slash - path) + 1) : strdup(".");
 	int lock = folder ? open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
-	struct db_web_users users = { .list = NULL };
+	struct db_users users = { .list = NULL };
 	struct stat status;
 	char *text = NULL;
 	bool good = false;
@@ -273,18 +272,17 @@ bool db_web_users_change(const char *path, const char *name, enum db_web_role ro
 		text = read_text(path, &status);
 	if (!text)
 		(void)fprintf(out, "%s: %s\n", path, strerror(errno));
-	else if (db_web_users_parse(&users, text, path, out)) {
-		if (!hash && !db_web_users_find(&users, name))
+	else if (db_users_parse(&users, text, path, out)) {
+		if (!hash && !db_users_find(&users, name))
 			(void)fprintf(out, "%s: there is no user %s\n", path, name);
-		else if (hash && !db_web_users_find(&users, name) &&
-		         users.count + 1 == DB_WEB_USERS_MAX)
+		else if (hash && !db_users_find(&users, name) && users.count + 1 == DB_USERS_MAX)
 			(void)fprintf(out, "%s: there are too many users\n", path);
-		else if (!replace_file(path, text, &status, name, role, hash))
+		else if (!replace_file(keeper, path, text, &status, name, role, hash))
 			(void)fprintf(out, "%s: %s\n", path, strerror(errno));
 		else
 			good = true;
 	}
-	db_web_users_clear(&users);
+	db_users_clear(&users);
 	free(text);
 	free(folder);
 	if (lock >= 0)
@@ -292,7 +290,7 @@ bool db_web_users_change(const char *path, const char *name, enum db_web_role ro
 	return good;
 }
 
-bool db_web_users_hash(const char *password, char *hash, size_t size)
+bool db_users_hash(const char *password, char *hash, size_t size)
 {
 	char setting[CRYPT_GENSALT_OUTPUT_SIZE];
 	struct crypt_data *data = calloc(1, sizeof(*data));
