@@ -5,7 +5,7 @@
  */
 import { call } from "./api.js";
 import { element, newId, setAttribute, setText } from "./dom.js";
-import { formatDuration, formatRange, formatReal, formatTime, formatValue, hasBits, formatAddress, inWords, NONE,
+import { asLabel, formatDuration, formatRange, formatReal, formatTime, formatValue, hasBits, formatAddress, inWords, NONE,
 	parseValue } from "./format.js";
 
 const HISTORY_SHOWN = 12;
@@ -25,7 +25,7 @@ function createField(register, scale, describedBy) {
 			codes.map(([code, name]) => element("option", { value: code }, inWords(name)))) :
 		element("input", { id, type: "text", inputmode: hasBits(register) ? "text" : "decimal", autocomplete: "off",
 			spellcheck: "false", "data-argument": register.name, "aria-describedby": `${hint} ${describedBy}` });
-	const node = element("label", { class: "field", for: id }, inWords(register.name),
+	const node = element("label", { class: "field", for: id }, asLabel(register.name),
 		element("span", { class: "with-unit" }, input, typed.unit ? element("span", { class: "unit" }, typed.unit) : null),
 		element("small", { id: hint, class: "hint", title: register.description }, formatRange(typed)));
 
@@ -53,7 +53,7 @@ export function createCommands({ drive, registers, commands, scale, onDone }) {
 		!STOPS.includes(command.name));
 	const others = [...commands.values()].filter((command) => command.arguments.length > 0);
 	const select = element("select", { id: "command" }, others.map((command) =>
-		element("option", { value: command.name }, inWords(command.name))));
+		element("option", { value: command.name }, asLabel(command.name))));
 	const about = element("small", { id: newId("command-about"), class: "muted" });
 	const place = element("div", { class: "command-fields" });
 	const run = element("button", { id: "command-run", class: "primary", type: "submit" }, "Run");
@@ -63,7 +63,7 @@ export function createCommands({ drive, registers, commands, scale, onDone }) {
 		element("div", { class: "panel-head" }, element("h2", {}, "Commands")),
 		element("div", { class: "command-buttons" }, plain.map((command) => element("button", { type: "button",
 			class: "small", title: command.description, "data-command": command.name,
-			onclick: () => give(command.name, {}) }, inWords(command.name)))),
+			onclick: () => give(command.name, {}) }, asLabel(command.name)))),
 		others.length > 0 ? form : null, said);
 	let fields = new Map();
 
@@ -85,15 +85,15 @@ export function createCommands({ drive, registers, commands, scale, onDone }) {
 	async function give(name, args) {
 		const began = performance.now();
 
-		say(`${inWords(name)} …`, "");
+		say(`${asLabel(name)} …`, "");
 		try {
 			const { result } = await call("Run", { drive, command: name, arguments: args });
 
-			say(`${inWords(name)}: ${inWords(result)} (${formatDuration((performance.now() - began) * 1000)})`, "ok");
+			say(`${asLabel(name)}: ${inWords(result)} (${formatDuration((performance.now() - began) * 1000)})`, "ok");
 			onDone(name);
 		} catch (error) {
 			fields.get(error.parameters?.name)?.mark(true);
-			say(`${inWords(name)}: ${error.message}`, "error");
+			say(`${asLabel(name)}: ${error.message}`, "error");
 		}
 	}
 
@@ -106,7 +106,7 @@ export function createCommands({ drive, registers, commands, scale, onDone }) {
 
 			field.mark(Boolean(problem));
 			if (problem) {
-				say(`${inWords(name)}: ${problem}`, "error");
+				say(`${asLabel(name)}: ${problem}`, "error");
 				return;
 			}
 			if (value !== undefined)
@@ -163,13 +163,14 @@ export function readHistory(values, number, registers, commands, scale) {
 	};
 }
 
-/* "192.168.10.5:49152", "session 5 of control, user anna", "drivebridged" of what the bridge did by itself. */
+/* "192.168.10.5:49152", "control, user anna, session 5", "drivebridged" of what the bridge did by itself. */
 export function formatClient(ipv4, port, address = "") {
 	if (ipv4 === 0)
 		return "drivebridged";
 	if (ipv4 !== NO_IPV4)
 		return `${formatAddress(ipv4)}:${port}`;
-	return address && !address.startsWith("control") ? `${address} port ${port}` : `control socket, session ${port}`;
+	return address && !address.startsWith("control") ? `${address} port ${port}` :
+		`${address || "control socket"}, session ${port}`;
 }
 
 export function historyNames(registers) {

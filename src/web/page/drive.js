@@ -7,7 +7,7 @@ import { call, openStream } from "./api.js";
 import { createCommands, createHistory } from "./commands.js";
 import { createControl } from "./control.js";
 import { element, icon, setAttribute, setIcon, setText } from "./dom.js";
-import { createScale, formatAge, formatFixed, formatTime, formatValue, inWords, labelOf } from "./format.js";
+import { asLabel, createScale, formatAge, formatFixed, formatTime, formatValue, inWords, labelOf } from "./format.js";
 import { createJog } from "./jog.js";
 import { ageOf, judgeDrive, NEED } from "./plant.js";
 import { createPlot } from "./plot.js";
@@ -147,7 +147,7 @@ function makeHead(mine) {
 
 	head.stateBox = element("span", { class: "state live" }, head.icon, head.state);
 	head.clear = element("button", { id: "clear-fault", class: "small", type: "button", hidden: true,
-		onclick: () => mine.panel?.give("clear_fault", {}) }, inWords("clear_fault"));
+		onclick: () => mine.panel?.give("clear_fault", {}) }, asLabel("clear_fault"));
 	head.need = element("div", { id: "drive-need", class: "need drive-need", hidden: true, role: "status" },
 		head.needIcon, head.why, head.advice, head.clear);
 	return element("header", { class: "drive-head", "data-drive": name },
@@ -166,7 +166,7 @@ function makeHead(mine) {
 				onclick: () => stop(mine, "stop") }, icon("stop"), "Stop", element("kbd", {}, "Space")),
 			commands.has("quick_stop") ? element("button", { id: "quick-stop", type: "button",
 				title: commands.get("quick_stop").description, onclick: () => stop(mine, "quick_stop") },
-			inWords("quick_stop")) : null) : null,
+			asLabel("quick_stop")) : null) : null,
 		head.need);
 }
 
@@ -183,7 +183,7 @@ function makeStatus(mine) {
 	const lamps = (list) => element("ul", { class: "lamps" }, list.map((bit) => {
 		const node = element("li", { class: "badge lamp", title: bit.description, "data-bit": bit.name,
 			"data-trouble": String(troubles.has(bit.name)) }, element("span", { class: "lamp-mark", "aria-hidden": "true" }),
-		inWords(bit.name), element("span", { class: "hidden-label" }));
+		asLabel(bit.name), element("span", { class: "hidden-label" }));
 
 		mine.lamps.push({ ...bit, node, word: node.lastChild });
 		return node;
@@ -203,7 +203,7 @@ function makePorts(mine) {
 		const acts = register.writable && mine.context.mayAct();
 		const node = element(acts ? "button" : "span", { class: acts ? "port small" : "badge port", "data-port":
 			register.name, ...(acts ? { type: "button", role: "switch", "aria-checked": "false",
-			"aria-label": inWords(register.name) } : {}) }, mark, number, element("span", { class: "hidden-label" }));
+			"aria-label": asLabel(register.name) } : {}) }, mark, number, element("span", { class: "hidden-label" }));
 
 		if (acts)
 			node.addEventListener("click", () => write(mine, register.name, node.dataset.on !== "true"));

@@ -20,9 +20,16 @@ export function inWords(name) {
 	return String(name ?? "").replaceAll("_", " ");
 }
 
-/* What a register is called beside its unit: "watchdog" of watchdog_ms, which is shown in ms. */
+/* As a label: "Move absolute". */
+export function asLabel(name) {
+	const words = inWords(name);
+
+	return words.charAt(0).toUpperCase() + words.slice(1);
+}
+
+/* What a register is called beside its unit: "Watchdog" of watchdog_ms, which is shown in ms. */
 export function labelOf(register) {
-	return inWords(register.unit ? register.name.replace(new RegExp(`_${register.unit}$`), "") : register.name);
+	return asLabel(register.unit ? register.name.replace(new RegExp(`_${register.unit}$`), "") : register.name);
 }
 
 export function hasBits(register) {

@@ -12,7 +12,7 @@ const BEAT_EVERY_MS = 100;
 const BEATS_AT_ONCE = 2;
 const RELEASE_TRIES = 3;
 /* Of what is allowed, offered as speeds. */
-const SHARES = [1, 2, 5, 10, 25, 50, 100];
+const SHARES = [1, 5, 10, 25, 50, 100];
 const SHARE_FIRST = 10;
 const STEPS = [0.01, 0.1, 1, 10, 100];
 /* Of counts, where nothing finer is known. */

@@ -92,7 +92,7 @@ test("people's units go to counts and back", () => {
 });
 
 test("a label has no unit that stands beside it", () => {
-	assert.equal(format.labelOf({ name: "watchdog_ms", unit: "ms" }), "watchdog");
-	assert.equal(format.labelOf({ name: "target_position", unit: "counts" }), "target position");
-	assert.equal(format.labelOf({ name: "items", unit: "" }), "items");
+	assert.equal(format.labelOf({ name: "watchdog_ms", unit: "ms" }), "Watchdog");
+	assert.equal(format.labelOf({ name: "target_position", unit: "counts" }), "Target position");
+	assert.equal(format.labelOf({ name: "items", unit: "" }), "Items");
 });
