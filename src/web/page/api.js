@@ -2,11 +2,13 @@
 /*
  * What drivebridge-webd offers under /api/: calls, streams, the session and the dead man's beat.
  *
- * A browser opens six connections to a server and no more, all its tabs together. So a tab has at most two calls
- * under way, its streams end while nobody looks, and a stop never waits behind either.
+ * A browser opens six connections to a server and no more, all its tabs together. So a tab has at
+ * most two calls under way, its streams end while nobody looks, and a stop never waits behind
+ * either.
  */
 
-/* Nothing for so long from a stream that says something at least twice a second: what it showed is old. */
+/* Nothing for so long from a stream that says something at least twice a second: what it showed
+ * is old. */
 export const SILENT_AFTER_MS = 1000;
 const LOST_AFTER_MS = 5000;
 const RETRY_FIRST_MS = 250;
@@ -29,9 +31,11 @@ export class ApiError extends Error {
 	}
 }
 
-/* Random for each load of the page: claims of control, watchdogs and the history are this tab's own. */
-export const tab = Array.from(crypto.getRandomValues(new Uint8Array(12)), (byte) =>
-	byte.toString(16).padStart(2, "0")).join("");
+/* Random for each load of the page: claims of control, watchdogs and the history are this tab's
+ * own. */
+export const tab = Array.from(crypto.getRandomValues(new Uint8Array(12)),
+				(byte) => byte.toString(16).padStart(2, "0"))
+					.join("");
 
 /* user, role (none, reader, operator), version, service (whether drivebridged is there). */
 let session = { user: null, role: "none", token: "", version: "", service: false };
@@ -43,11 +47,9 @@ let asleep = false;
 let underWay = 0;
 const waiting = [];
 
-/* --- the session ------------------------------------------------------------------------------------ */
+/* --- the session ------------------------------------------------------------------------------ */
 
-export function getSession() {
-	return session;
-}
+export function getSession() { return session; }
 
 /* Returns a function that ends it. */
 export function onSession(listener) {
@@ -66,19 +68,15 @@ function takeSession(next) {
 	return session;
 }
 
-export async function loadSession() {
-	return takeSession(await ask("GET", "session"));
-}
+export async function loadSession() { return takeSession(await ask("GET", "session")); }
 
 export async function logIn(user, password) {
 	return takeSession(await ask("POST", "login", { user, password }));
 }
 
-export async function logOut() {
-	return takeSession(await ask("POST", "logout", {}));
-}
+export async function logOut() { return takeSession(await ask("POST", "logout", {})); }
 
-/* --- calls ------------------------------------------------------------------------------------------ */
+/* --- calls ------------------------------------------------------------------------------------ */
 
 async function request(method, path, parameters, { signal, keepalive, named } = {}) {
 	const headers = {};
@@ -122,11 +120,12 @@ async function readError(response) {
 
 async function ask(method, path, parameters, options = {}) {
 	const limit = AbortSignal.timeout(options.timeout ?? CALL_TIMEOUT_MS);
-	const response = await request(method, path, parameters, { ...options, signal: limit })
-		.catch((error) => {
-			throw error instanceof ApiError ? error :
-				new ApiError("Timeout", "the gateway does not answer in time");
-		});
+	const response = await request(method, path, parameters, { ...options,
+		signal: limit }).catch((error) => {
+		throw error instanceof ApiError ?
+			error :
+			new ApiError("Timeout", "the gateway does not answer in time");
+	});
 
 	if (response.ok)
 		return response.json();
@@ -162,13 +161,15 @@ function endTurn() {
 
 /* Stops come first: they take no turn. */
 function isStop(method, parameters) {
-	return (method === "Run" && ["stop", "quick_stop", "disable"].includes(parameters.command)) ||
+	return (method === "Run" &&
+		["stop", "quick_stop", "disable"].includes(parameters.command)) ||
 		(method === "Write" && parameters.drive === "");
 }
 
 /*
- * One of the interface's methods (docs/io.drivebridge.Control.varlink) with its parameters; resolves with those of
- * its answer, rejects with an ApiError. What acts is never repeated by itself.
+ * One of the interface's methods (docs/io.drivebridge.Control.varlink) with its parameters;
+ * resolves with those of its answer, rejects with an ApiError. What acts is never repeated by
+ * itself.
  */
 export async function call(method, parameters = {}) {
 	const acts = ACTING.has(method);
@@ -179,7 +180,8 @@ export async function call(method, parameters = {}) {
 	if (!first)
 		await takeTurn();
 	try {
-		return await askAgain(`call/${method}`, parameters, { named: acts, keepalive: first });
+		return await askAgain(
+			`call/${method}`, parameters, { named: acts, keepalive: first });
 	} finally {
 		if (!first)
 			endTurn();
@@ -187,8 +189,8 @@ export async function call(method, parameters = {}) {
 }
 
 /*
- * The dead man's beat of a grip: a press of a button or key with a number of its own. `velocity` 0 lets go.
- * Resolves with { held, why, text, result }.
+ * The dead man's beat of a grip: a press of a button or key with a number of its own. `velocity` 0
+ * lets go. Resolves with { held, why, text, result }.
  */
 export function sendBeat(drive, grip, beat, velocity) {
 	beginToAct();
@@ -196,11 +198,9 @@ export function sendBeat(drive, grip, beat, velocity) {
 		{ named: true, keepalive: velocity === 0, timeout: 2000 });
 }
 
-/* --- a tab that acts says that it is there ------------------------------------------------------------ */
+/* --- a tab that acts says that it is there ---------------------------------------------------- */
 
-function beginToAct() {
-	acted = true;
-}
+function beginToAct() { acted = true; }
 
 /* Also from streams: what they bring is not held back in a tab in the background, as timers are. */
 function sayAlive() {
@@ -216,15 +216,13 @@ function sayAlive() {
 }
 
 /* Whether this tab has moved something, or taken control of it. */
-export function hasActed() {
-	return acted;
-}
+export function hasActed() { return acted; }
 
-/* --- streams ------------------------------------------------------------------------------------------ */
+/* --- streams ---------------------------------------------------------------------------------- */
 
 /*
- * Takes the text of a stream of server-sent events piece by piece and calls onEvent(name, data) for each that is
- * whole; comments and what is no JSON are passed over. Pure.
+ * Takes the text of a stream of server-sent events piece by piece and calls onEvent(name, data) for
+ * each that is whole; comments and what is no JSON are passed over. Pure.
  */
 export function createEventReader(onEvent) {
 	let rest = "";
@@ -262,13 +260,20 @@ export function createEventReader(onEvent) {
  * Opens a stream: "overview", or a method of the interface that streams. Handlers, all optional:
  *   onData(parameters)     each answer
  *   onEvent(name, data)    other events by name, such as `service`
- *   onState(state, error)  connecting, live, silent (what was shown is old), lost (opened again by itself),
- *                          ended, failed (with an ApiError; not opened again)
+ *   onState(state, error)  connecting, live, silent (what was shown is old), lost (opened again by
+ *                          itself), ended, failed (with an ApiError; not opened again)
  * A stream with `once` is not opened again when it is lost, and goes on while nobody looks: a scan.
  * Returns { close() }.
  */
 export function openStream(method, parameters = {}, handlers = {}) {
-	const stream = { state: "", heardAt: 0, retry: RETRY_FIRST_MS, timer: 0, abort: null, closed: false };
+	const stream = {
+		state: "",
+		heardAt: 0,
+		retry: RETRY_FIRST_MS,
+		timer: 0,
+		abort: null,
+		closed: false
+	};
 	const { onData, onEvent, onState, once } = handlers;
 
 	stream.once = once;
@@ -328,18 +333,21 @@ export function openStream(method, parameters = {}, handlers = {}) {
 		try {
 			await read(abort);
 		} catch (error) {
-			/* The gateway was restarted, or the login has ended: then another session closes what it may not see. */
+			/* The gateway was restarted, or the login has ended: then another
+			 * session closes what it may not see. */
 			if (error.name === "BadToken" || error.name === "LoginRequired")
 				await loadSession().catch(() => {});
-			if (!abort.signal.aborted && error instanceof ApiError && error.status >= 400 &&
-			    error.status < 500 && error.status !== 429 && error.name !== "BadToken")
+			if (!abort.signal.aborted && error instanceof ApiError &&
+				error.status >= 400 && error.status < 500 && error.status !== 429 &&
+				error.name !== "BadToken")
 				finish("failed", error);
 		}
 		if (stream.closed || stream.abort !== abort)
 			return;
 		stream.abort = null;
 		if (once) {
-			finish("failed", new ApiError("Lost", "the connection to the gateway was lost"));
+			finish("failed",
+				new ApiError("Lost", "the connection to the gateway was lost"));
 			return;
 		}
 		setState("lost");
@@ -377,7 +385,8 @@ export function openStream(method, parameters = {}, handlers = {}) {
 	return { close: stream.close };
 }
 
-/* While nobody looks at a tab that has moved nothing its streams end, so that other tabs find a connection. */
+/* While nobody looks at a tab that has moved nothing its streams end, so that other tabs find a
+ * connection. */
 export function setAsleep(next) {
 	if (asleep === next)
 		return;

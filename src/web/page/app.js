@@ -2,28 +2,32 @@
 /*
  * The shell: routes by location.hash, the session, the link's state, what all views share.
  *
- * A view exports { title, show(root, context, ...args), hide() }. show() fills `root`, an empty element, and may be
- * async; hide() ends its streams and timers. `args` are the parts of the hash behind the view's name:
- * #/parameters/feeder is show(root, context, "feeder"). `title` is a text, or a function of args.
+ * A view exports { title, show(root, context, ...args), hide() }. show() fills `root`, an empty
+ * element, and may be async; hide() ends its streams and timers. `args` are the parts of the hash
+ * behind the view's name: #/parameters/feeder is show(root, context, "feeder"). `title` is a text, or
+ * a function of args.
  *
  * The context:
  *   plant                 buses and drives as the overview's stream has them (plant.js)
  *   registers(drive)      promise of a Map of its registers by name; "" is the gateway
  *   commands(drive)       promise of a Map of its commands by name
  *   mayAct()              whether the user is an operator
- *   link()                live, or silent, lost, down (drivebridged), connecting: what is shown is old
- *   on(event, listener)   until the view is hidden: "plant" (samples or figures came, at most 10 times a second),
- *                         "describe" (drives or buses may be others), "link", "session", "frame" (each frame while
- *                         the page is visible, with performance.now())
+ *   link()                live; silent, lost, down (drivebridged) or connecting: what is shown is old
+ *   on(event, listener)   until the view is hidden, one of
+ *                           "plant"     samples or figures came, at most some ten times a second
+ *                           "describe"  drives or buses may be others
+ *                           "link"      with its state
+ *                           "session"   with it
+ *                           "frame"     each frame while the page is visible, with its time
  *   notify(text, kind)    a notice: info, ok, warning, error
- *   showAgain()           hides the view and shows it with the same arguments
  *   report(error)         an ApiError as a notice
+ *   showAgain()           hides the view and shows it with the same arguments
  *   stop(drive, command)  stops a drive, stop or quick_stop, and says how it went
  */
 import * as api from "./api.js";
-import { element, icon, setText, setAttribute } from "./dom.js";
-import { createPlant, NEED } from "./plant.js";
-import { indexByName, inWords } from "./format.js";
+import {element, icon, setAttribute} from "./dom.js";
+import {createPlant, NEED} from "./plant.js";
+import {indexByName, inWords} from "./format.js";
 import * as login from "./login.js";
 import * as overview from "./overview.js";
 
@@ -48,7 +52,13 @@ const STAND_WITHIN_MS = 3000;
 
 const find = (id) => document.getElementById(id);
 
-const listeners = { plant: new Set(), describe: new Set(), link: new Set(), session: new Set(), frame: new Set() };
+const listeners = {
+	plant: new Set(),
+	describe: new Set(),
+	link: new Set(),
+	session: new Set(),
+	frame: new Set()
+};
 let plant = createPlant();
 let link = "connecting";
 let stream = null;
@@ -56,6 +66,7 @@ let registersByDrive = new Map();
 let commandsByDrive = new Map();
 let shown = { view: null, name: null, args: [], offs: [] };
 let showing = 0;
+let serviceUp = true;
 let lastSummary = "";
 let eventsTimer = 0;
 
@@ -64,11 +75,12 @@ function emit(event, ...args) {
 		listener(...args);
 }
 
-/* --- what views share --------------------------------------------------------------------------------- */
+/* --- what views share ------------------------------------------------------------------------- */
 
 function remember(known, drive, method, key) {
 	if (!known.has(drive)) {
-		const answer = api.call(method, { drive }).then((parameters) => indexByName(parameters[key]));
+		const answer = api.call(method, { drive })
+			.then((parameters) => indexByName(parameters[key]));
 
 		known.set(drive, answer);
 		answer.catch(() => known.delete(drive));
@@ -77,9 +89,7 @@ function remember(known, drive, method, key) {
 }
 
 const context = {
-	get plant() {
-		return plant;
-	},
+	get plant() { return plant; },
 	registers: (drive) => remember(registersByDrive, drive, "Registers", "registers"),
 	commands: (drive) => remember(commandsByDrive, drive, "Commands", "commands"),
 	mayAct: () => api.getSession().role === "operator",
@@ -104,18 +114,21 @@ const context = {
 function notify(text, kind = "info") {
 	const box = find("notices");
 	const drawing = { ok: "fine", warning: "warning", error: "error" }[kind] ?? "hint";
-	const close = element("button", { class: "quiet", type: "button", "aria-label": "Dismiss" }, icon("close"));
-	const notice = element("div", { class: `notice ${kind}` }, icon(drawing), element("p", {}, text), close);
+	const close = element("button", { class: "quiet", type: "button", "aria-label": "Dismiss" },
+		icon("close"));
+	const notice = element(
+		"div", { class: `notice ${kind}` }, icon(drawing), element("p", {}, text), close);
 
 	close.addEventListener("click", () => notice.remove());
 	while (box.children.length >= NOTICES_MOST)
 		box.firstChild.remove();
 	box.append(notice);
 	if (kind !== "error")
-		setTimeout(() => notice.remove(), kind === "warning" ? WARNING_NOTICE_MS : OK_NOTICE_MS);
+		setTimeout(() => notice.remove(),
+			kind === "warning" ? WARNING_NOTICE_MS : OK_NOTICE_MS);
 }
 
-/* --- the plant ------------------------------------------------------------------------------------------ */
+/* --- the plant -------------------------------------------------------------------------------- */
 
 /* Registers of each family, for the names of states and errors. */
 async function loadFamilies() {
@@ -152,7 +165,8 @@ function loadEvents() {
 	});
 }
 
-/* What needs somebody has changed: the log says why. It may come there a little later than on the drive. */
+/* What needs somebody has changed: the log says why. It may come there a little later than on
+ * the drive. */
 function watchFaults() {
 	const summary = plant.summarise();
 
@@ -176,8 +190,6 @@ function takeAnswer(answer) {
 		plant.take(answer.samples, performance.now());
 	if (answer.figures)
 		plant.takeFigures(answer.figures);
-	if (link !== "live")
-		setLink("live");
 	watchFaults();
 	showTitle();
 	emit("plant");
@@ -188,18 +200,22 @@ function openOverview() {
 	stream = api.openStream("overview", {}, {
 		onData: takeAnswer,
 		onEvent(name, data) {
-			if (name === "service")
-				setLink(data.up ? "live" : "down");
+			if (name === "service") {
+				serviceUp = data.up;
+				setLink(serviceUp ? "live" : "down");
+			}
 		},
+		/* Of several tries to connect again one is as good as the other. */
 		onState(state) {
-			/* That drivebridged is gone stays said until it is back. */
-			if (state === "live" ? link === "silent" : !(state === "connecting" && link === "lost"))
+			if (state === "live")
+				setLink(serviceUp ? "live" : "down");
+			else if (state !== "connecting" || link !== "lost")
 				setLink(state === "failed" || state === "ended" ? "lost" : state);
 		},
 	});
 }
 
-/* --- the link's state ------------------------------------------------------------------------------------- */
+/* --- the link's state ------------------------------------------------------------------------- */
 
 const LINK_WORDS = {
 	connecting: ["hint", "connecting"],
@@ -218,6 +234,8 @@ const BANNER_WORDS = {
 function setLink(state) {
 	const node = find("link");
 
+	if (state === link && node.firstChild)
+		return;
 	link = state;
 	node.dataset.state = state;
 	node.replaceChildren(icon(LINK_WORDS[state][0]), LINK_WORDS[state][1]);
@@ -236,11 +254,13 @@ function showBanner() {
 		banner.replaceChildren(icon("warning"), element("p", {}, words));
 }
 
-/* --- stop of all -------------------------------------------------------------------------------------------- */
+/* --- stop of all ------------------------------------------------------------------------------ */
 
 function moving() {
-	return [...plant.drives.values()].filter((drive) => !["standstill", "disabled", "offline", "error"]
-		.includes(drive.judgement.shape)).map((drive) => drive.name);
+	return [...plant.drives.values()]
+		.filter((drive) => !["standstill", "disabled", "offline", "error"].includes(
+				drive.judgement.shape))
+		.map((drive) => drive.name);
 }
 
 /* One write stops all drives of all buses; should it fail, each is told by itself. */
@@ -253,8 +273,8 @@ async function stopAll() {
 		notify("Every drive was told to stop and has confirmed it", "ok");
 	} catch (error) {
 		notify(`Stop of all: ${error.message}; each drive is told by itself`, "error");
-		await Promise.allSettled([...plant.drives.keys()].map((drive) =>
-			api.call("Run", { drive, command: "stop" })));
+		await Promise.allSettled([...plant.drives.keys()].map(
+			(drive) => api.call("Run", { drive, command: "stop" })));
 	}
 	button.classList.remove("busy");
 	setTimeout(() => {
@@ -265,14 +285,15 @@ async function stopAll() {
 	}, STAND_WITHIN_MS);
 }
 
-/* --- the shell's head ---------------------------------------------------------------------------------------- */
+/* --- the shell's head ------------------------------------------------------------------------- */
 
 function showNavigation() {
 	const list = element("ul");
 
 	for (const [name, view] of Object.entries(VIEWS)) {
 		if (view.nav)
-			list.append(element("li", {}, element("a", { href: `#/${name}`, "data-view": name }, view.nav)));
+			list.append(element("li", {},
+				element("a", { href: `#/${name}`, "data-view": name }, view.nav)));
 	}
 	find("navigation").append(list);
 }
@@ -292,8 +313,14 @@ function showUser() {
 
 	find("stop-all").hidden = role !== "operator";
 	if (user) {
-		const out = element("button", { id: "logout", class: "quiet", type: "button", "aria-label": "Log out",
-			title: `Log out ${user}` }, icon("logout"));
+		const out = element("button", {
+			id: "logout",
+			class: "quiet",
+			type: "button",
+			"aria-label": "Log out",
+			title: `Log out ${user}`
+		},
+			icon("logout"));
 
 		out.addEventListener("click", async () => {
 			try {
@@ -302,8 +329,9 @@ function showUser() {
 				context.report(error);
 			}
 		});
-		box.replaceChildren(icon("user"), element("span", { class: "user-name" }, user,
-			element("small", {}, role)), out);
+		box.replaceChildren(icon("user"),
+			element("span", { class: "user-name" }, user, element("small", {}, role)),
+			out);
 	} else if (role !== "none") {
 		box.replaceChildren(element("a", { id: "login-link", href: "#/login" }, "Log in"));
 	} else {
@@ -311,7 +339,11 @@ function showUser() {
 	}
 }
 
-const THEMES = { auto: "as the system", light: "light", dark: "dark" };
+const THEMES = {
+	auto: "as the system",
+	light: "light",
+	dark: "dark"
+};
 
 function setTheme(theme) {
 	const button = find("theme");
@@ -342,11 +374,12 @@ function startTheme() {
 		/* As above. */
 	}
 	setTheme(names.includes(theme) ? theme : "auto");
-	find("theme").addEventListener("click", () =>
-		setTheme(names[(names.indexOf(find("theme").dataset.theme) + 1) % names.length]));
+	find("theme").addEventListener("click",
+		() => setTheme(
+			names[(names.indexOf(find("theme").dataset.theme) + 1) % names.length]));
 }
 
-/* --- routes --------------------------------------------------------------------------------------------------- */
+/* --- routes ----------------------------------------------------------------------------------- */
 
 function readHash() {
 	const parts = location.hash.replace(/^#\/?/, "").split("/").map((part) => {
@@ -370,9 +403,10 @@ async function pickView(name) {
 
 /* How many drives need somebody is seen in a tab in the background as well. */
 function showTitle() {
-	const count = [...plant.drives.values()].filter((drive) => drive.judgement.need === NEED.act).length;
-	const title = `${link === "live" || link === "connecting" ? "" : "✕ "}${count > 0 ? `(${count}) ` : ""}` +
-		`${shown.title ?? ""} – drivebridge`;
+	const count = [...plant.drives.values()].filter(({ judgement }) =>
+		judgement.need === NEED.act).length;
+	const mark = link === "live" || link === "connecting" ? "" : "✕ ";
+	const title = `${mark}${count > 0 ? `(${count}) ` : ""}${shown.title ?? ""} – drivebridge`;
 
 	if (document.title !== title)
 		document.title = title;
@@ -398,7 +432,9 @@ async function showView() {
 	shown = { view, name, args, offs: [] };
 	main.replaceChildren(root);
 	markNavigation(view === login ? "login" : name);
-	shown.title = !view ? "Not found" : typeof view.title === "function" ? view.title(...args) : view.title;
+	shown.title = view?.title ?? "Not found";
+	if (typeof shown.title === "function")
+		shown.title = shown.title(...args);
 	showTitle();
 	scrollTo(0, 0);
 	if (!view) {
@@ -416,7 +452,7 @@ async function showView() {
 	}
 }
 
-/* --- the start -------------------------------------------------------------------------------------------------- */
+/* --- the start -------------------------------------------------------------------------------- */
 
 function takeSession(session, before) {
 	showUser();
@@ -461,11 +497,13 @@ async function loadSession() {
 	try {
 		const session = await api.loadSession();
 
-		/* The listener looks for changes; the first one is none when nobody is logged in. */
+		/* The listener looks for changes; the first one is none when nobody is logged
+		 * in. */
 		if (session.role === "none")
 			showView();
 	} catch (error) {
-		find("main").replaceChildren(element("p", { class: "empty" }, error.message, "; trying again"));
+		find("main").replaceChildren(
+			element("p", { class: "empty" }, error.message, "; trying again"));
 		setTimeout(loadSession, 2000);
 	}
 }

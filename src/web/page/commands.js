@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * All commands that a drive has, with fields for their arguments made from its registers; and what became of them,
- * as the drive's own history has it, whoever gave them.
+ * All commands that a drive has, with fields for their arguments made from its registers; and what
+ * became of them, as the drive's own history has it, whoever gave them.
  */
 import { call } from "./api.js";
 import { element, newId, setAttribute, setText } from "./dom.js";
-import { asLabel, formatDuration, formatRange, formatReal, formatTime, formatValue, hasBits, formatAddress, inWords, NONE,
-	parseValue } from "./format.js";
+import { asLabel, formatAddress, formatDuration, formatRange, formatReal, formatTime, formatValue,
+	hasBits, inWords, NONE, parseValue } from "./format.js";
 
 const HISTORY_SHOWN = 12;
 /* Stops have buttons of their own, which are always there. */
@@ -14,20 +14,24 @@ const STOPS = ["stop", "quick_stop"];
 /* What control_holder and history1_ipv4 have of a client that is no IPv4 address. */
 const NO_IPV4 = 0xffffffff;
 
-/* One field for an argument. { node, read() }: { value }, { problem } or {} when it was left empty. */
+/* One field for an argument. { node, read() }: { value }, { problem } or {} when it was left
+ * empty. */
 function createField(register, scale, describedBy) {
 	const typed = scale.typed(register);
 	const codes = hasBits(register) ? [] : Object.entries(register.codes ?? {});
 	const id = newId("argument");
 	const hint = newId("argument-hint");
+	const name = { id, "data-argument": register.name };
 	const input = codes.length > 0 ?
-		element("select", { id, "data-argument": register.name }, element("option", { value: "" }, NONE),
-			codes.map(([code, name]) => element("option", { value: code }, inWords(name)))) :
-		element("input", { id, type: "text", inputmode: hasBits(register) ? "text" : "decimal", autocomplete: "off",
-			spellcheck: "false", "data-argument": register.name, "aria-describedby": `${hint} ${describedBy}` });
+		element("select", name, element("option", { value: "" }, NONE),
+			codes.map(([code, called]) => element("option", { value: code }, inWords(called)))) :
+		element("input", { ...name, type: "text", inputmode: hasBits(register) ? "text" : "decimal",
+			autocomplete: "off", spellcheck: "false", "aria-describedby": `${hint} ${describedBy}` });
 	const node = element("label", { class: "field", for: id }, asLabel(register.name),
-		element("span", { class: "with-unit" }, input, typed.unit ? element("span", { class: "unit" }, typed.unit) : null),
-		element("small", { id: hint, class: "hint", title: register.description }, formatRange(typed)));
+		element("span", { class: "with-unit" }, input,
+			typed.unit ? element("span", { class: "unit" }, typed.unit) : null),
+		element("small", { id: hint, class: "hint", title: register.description },
+			formatRange(typed)));
 
 	return {
 		node,
@@ -49,21 +53,23 @@ function createField(register, scale, describedBy) {
 /* The panel; onDone() is called when a command was taken. */
 export function createCommands({ drive, registers, commands, scale, onDone }) {
 	const said = element("p", { id: "command-result", class: "command-result", role: "status" });
-	const plain = [...commands.values()].filter((command) => command.arguments.length === 0 &&
-		!STOPS.includes(command.name));
-	const others = [...commands.values()].filter((command) => command.arguments.length > 0);
+	const all = [...commands.values()].filter((command) => !STOPS.includes(command.name));
+	const others = all.filter((command) => command.arguments.length > 0);
+	const buttons = all.filter((command) => command.arguments.length === 0).map((command) =>
+		element("button", { type: "button", class: "small", title: command.description,
+			"data-command": command.name, onclick: () => give(command.name, {}) },
+		asLabel(command.name)));
 	const select = element("select", { id: "command" }, others.map((command) =>
 		element("option", { value: command.name }, asLabel(command.name))));
 	const about = element("small", { id: newId("command-about"), class: "muted" });
 	const place = element("div", { class: "command-fields" });
 	const run = element("button", { id: "command-run", class: "primary", type: "submit" }, "Run");
 	const form = element("form", { class: "command-form", autocomplete: "off" },
-		element("label", { class: "field", for: "command" }, "Command with values", select), about, place, run);
+		element("label", { class: "field", for: "command" }, "Command with values", select),
+		about, place, run);
 	const node = element("section", { id: "commands", class: "panel", "aria-label": "Commands" },
 		element("div", { class: "panel-head" }, element("h2", {}, "Commands")),
-		element("div", { class: "command-buttons" }, plain.map((command) => element("button", { type: "button",
-			class: "small", title: command.description, "data-command": command.name,
-			onclick: () => give(command.name, {}) }, asLabel(command.name)))),
+		element("div", { class: "command-buttons" }, buttons),
 		others.length > 0 ? form : null, said);
 	let fields = new Map();
 
@@ -88,8 +94,9 @@ export function createCommands({ drive, registers, commands, scale, onDone }) {
 		say(`${asLabel(name)} …`, "");
 		try {
 			const { result } = await call("Run", { drive, command: name, arguments: args });
+			const took = formatDuration((performance.now() - began) * 1000);
 
-			say(`${asLabel(name)}: ${inWords(result)} (${formatDuration((performance.now() - began) * 1000)})`, "ok");
+			say(`${asLabel(name)}: ${inWords(result)} (${took})`, "ok");
 			onDone(name);
 		} catch (error) {
 			fields.get(error.parameters?.name)?.mark(true);
@@ -120,12 +127,12 @@ export function createCommands({ drive, registers, commands, scale, onDone }) {
 	return { node, give };
 }
 
-/* --- history ------------------------------------------------------------------------------------------------- */
+/* --- history ---------------------------------------------------------------------------------- */
 
 /*
- * Entry `number` (1 is the newest) of a drive's history as { time_us, sequence, command, args, result, duration_us,
- * client, repeats }, null when there is none. Which register holds which argument the registers' descriptions say.
- * Pure.
+ * Entry `number` (1 is the newest) of a drive's history as { time_us, sequence, command, args,
+ * result, duration_us, client, repeats }, null when there is none. Which register holds which
+ * argument the registers' descriptions say. Pure.
  */
 export function readHistory(values, number, registers, commands, scale) {
 	const value = (field) => values[`history${number}_${field}`];
@@ -163,7 +170,8 @@ export function readHistory(values, number, registers, commands, scale) {
 	};
 }
 
-/* "192.168.10.5:49152", "control, user anna, session 5", "drivebridged" of what the bridge did by itself. */
+/* "192.168.10.5:49152", "control, user anna, session 5", "drivebridged" of what the bridge did
+ * by itself. */
 export function formatClient(ipv4, port, address = "") {
 	if (ipv4 === 0)
 		return "drivebridged";
@@ -186,16 +194,34 @@ export function historyNames(registers) {
 	return names;
 }
 
+function makeEntry(entry) {
+	const kind = entry.result === "ok" ? "" :
+		["pending", "unproven", "none"].includes(entry.result) ? "on" : "warning";
+	const repeats = entry.repeats > 0 ? element("span", { class: "muted" }, ` ×${entry.repeats + 1}`) :
+		null;
+
+	return element("tr", { "data-sequence": entry.sequence },
+		element("td", { class: "nowrap" }, formatTime(entry.time_us)),
+		element("th", { scope: "row" }, asLabel(entry.command), repeats),
+		element("td", {}, entry.args),
+		element("td", {}, element("span", { class: `badge ${kind}` }, entry.result)),
+		element("td", { class: "number" }, formatDuration(entry.duration_us)),
+		element("td", { class: "muted nowrap" }, entry.client));
+}
+
 /* The panel; refresh() reads it again. */
 export function createHistory({ drive, registers, commands, scale }) {
 	const body = element("tbody");
-	const node = element("section", { id: "history", class: "panel", "aria-label": "History of commands" },
-		element("div", { class: "panel-head" }, element("h2", {}, "History of commands"),
-			element("span", { class: "muted" }, "of all clients, the newest first")),
-		element("div", { class: "table-frame", tabindex: "0", role: "region", "aria-label": "Table of commands" },
-			element("table", { class: "history" },
-			element("thead", {}, element("tr", {}, ["Time", "Command", "Values", "Result", "Took", "Client"].map((head) =>
-				element("th", { scope: "col", class: head === "Took" ? "number" : null }, head)))), body)));
+	const heads = ["Time", "Command", "Values", "Result", "Took", "Client"].map((head) =>
+		element("th", { scope: "col", class: head === "Took" ? "number" : null }, head));
+	const node = element("section", { id: "history", class: "panel",
+		"aria-label": "History of commands" },
+	element("div", { class: "panel-head" }, element("h2", {}, "History of commands"),
+		element("span", { class: "muted" }, "of all clients, the newest first")),
+	element("div", { class: "table-frame", tabindex: "0", role: "region",
+		"aria-label": "Table of commands" },
+	element("table", { class: "history" },
+		element("thead", {}, element("tr", {}, heads)), body)));
 	const names = historyNames(registers);
 	let reading = false;
 	let again = false;
@@ -207,20 +233,14 @@ export function createHistory({ drive, registers, commands, scale }) {
 		reading = true;
 		try {
 			const { values } = await call("Read", { drive, names });
-			const entries = Array.from({ length: HISTORY_SHOWN }, (none, index) =>
-				readHistory(values, index + 1, registers, commands, scale)).filter(Boolean);
+			const rows = Array.from({ length: HISTORY_SHOWN }, (none, index) =>
+				readHistory(values, index + 1, registers, commands, scale))
+				.filter(Boolean).map(makeEntry);
 
-			body.replaceChildren(...entries.map((entry) => element("tr", { "data-sequence": entry.sequence },
-				element("td", { class: "nowrap" }, formatTime(entry.time_us)),
-				element("th", { scope: "row" }, entry.command,
-					entry.repeats > 0 ? element("span", { class: "muted" }, ` ×${entry.repeats + 1}`) : null),
-				element("td", {}, entry.args),
-				element("td", {}, element("span", { class: `badge ${entry.result === "ok" ? "" :
-					["pending", "unproven", "none"].includes(entry.result) ? "on" : "warning"}` }, entry.result)),
-				element("td", { class: "number" }, formatDuration(entry.duration_us)),
-				element("td", { class: "muted nowrap" }, entry.client))));
-			if (entries.length === 0)
-				body.replaceChildren(element("tr", {}, element("td", { colspan: "6", class: "empty" }, "No commands yet.")));
+			if (rows.length === 0)
+				rows.push(element("tr", {}, element("td", { colspan: "6", class: "empty" },
+					"No commands yet.")));
+			body.replaceChildren(...rows);
 		} catch {
 			/* With the next command again. */
 		}

@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Elements without HTML in texts: what comes from a drive, a configuration or a user is never more than text.
+ * Elements without HTML in texts: what comes from a drive, a configuration or a user is never more
+ * than text.
  */
 
 const SVG = "http://www.w3.org/2000/svg";
 
 /*
- * element("button", { class: "primary", type: "button", "aria-label": "Stop", onclick: f, disabled: true }, "Stop")
- * Properties that begin with "on" are listeners, true and false set and leave out an attribute, null and undefined
- * are left out. Children are nodes, texts, or arrays of them.
+ * element("button", { class: "primary", type: "button", "aria-label": "Stop", onclick: f, disabled:
+ * true }, "Stop") Properties that begin with "on" are listeners, true and false set and leave out
+ * an attribute, null and undefined are left out. Children are nodes, texts, or arrays of them.
  */
 export function element(tag, properties = {}, ...children) {
 	const node = document.createElement(tag);
@@ -58,6 +59,4 @@ export function setAttribute(node, name, value) {
 let lastId = 0;
 
 /* For labels and what they are for. */
-export function newId(prefix) {
-	return `${prefix}-${++lastId}`;
-}
+export function newId(prefix) { return `${prefix}-${++lastId}`; }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Values in words and words into values, by what the service says of a register: type, unit, range, codes.
+ * Values in words and words into values, by what the service says of a register: type, unit, range,
+ * codes.
  *
  * Pure.
  */
@@ -11,14 +12,10 @@ const NEVER = 0xffffffff;
 const MINUS = "−";
 
 /* A Map of registers by name, for the other functions. */
-export function indexByName(list) {
-	return new Map(list.map((entry) => [entry.name, entry]));
-}
+export function indexByName(list) { return new Map(list.map((entry) => [entry.name, entry])); }
 
 /* "move_absolute" as people read it: "move absolute". */
-export function inWords(name) {
-	return String(name ?? "").replaceAll("_", " ");
-}
+export function inWords(name) { return String(name ?? "").replaceAll("_", " "); }
 
 /* As a label: "Move absolute". */
 export function asLabel(name) {
@@ -29,12 +26,11 @@ export function asLabel(name) {
 
 /* What a register is called beside its unit: "Watchdog" of watchdog_ms, which is shown in ms. */
 export function labelOf(register) {
-	return asLabel(register.unit ? register.name.replace(new RegExp(`_${register.unit}$`), "") : register.name);
+	return asLabel(register.unit ? register.name.replace(new RegExp(`_${register.unit}$`), "") :
+		register.name);
 }
 
-export function hasBits(register) {
-	return register?.type?.startsWith("bits") ?? false;
-}
+export function hasBits(register) { return register?.type?.startsWith("bits") ?? false; }
 
 /* The name of a code, or "" when it has none. */
 export function codeName(register, value) {
@@ -53,13 +49,9 @@ export function bitNames(register, value) {
 	return names;
 }
 
-export function hasBit(register, value, name) {
-	return bitNames(register, value).includes(name);
-}
+export function hasBit(register, value, name) { return bitNames(register, value).includes(name); }
 
-function isReal(register) {
-	return register?.type === "f32";
-}
+function isReal(register) { return register?.type === "f32"; }
 
 /* As few digits as tell it from its neighbours: registers hold single precision. */
 export function formatReal(value) {
@@ -72,11 +64,10 @@ export function formatReal(value) {
 	return withMinus(String(value));
 }
 
-function withMinus(text) {
-	return text.startsWith("-") ? MINUS + text.slice(1) : text;
-}
+function withMinus(text) { return text.startsWith("-") ? MINUS + text.slice(1) : text; }
 
-/* With so many decimals always, so that a value that changes does not move what stands beside it. */
+/* With so many decimals always, so that a value that changes does not move what stands beside
+ * it. */
 export function formatFixed(value, decimals) {
 	if (typeof value !== "number" || !Number.isFinite(value))
 		return NONE;
@@ -90,13 +81,13 @@ export function formatFixed(value, decimals) {
 export function unitOf(register, unitName) {
 	const unit = register?.unit ?? "";
 
-	return unit.startsWith("user units") ? (unitName || "units") + unit.slice("user units".length) : unit;
+	return unit.startsWith("user units") ?
+		(unitName || "units") + unit.slice("user units".length) :
+		unit;
 }
 
 /* The unit of a register by its name, in a Map of them; "" while that is not there. */
-export function lookUpUnit(registers, name) {
-	return registers?.get(name)?.unit ?? "";
-}
+export function lookUpUnit(registers, name) { return registers?.get(name)?.unit ?? ""; }
 
 /* A value as { text, unit }; unit is "" where a name stands for the value. */
 export function formatValue(register, value, unitName = "") {
@@ -107,15 +98,20 @@ export function formatValue(register, value, unitName = "") {
 	if (typeof value === "string")
 		return { text: value, unit: "" };
 	if (hasBits(register))
-		return { text: bitNames(register, value).map(inWords).join(", ") || "none", unit: "" };
+		return {
+			text: bitNames(register, value).map(inWords).join(", ") || "none",
+			unit: ""
+		};
 	const name = codeName(register, value);
 
 	if (name)
 		return { text: inWords(name), unit: "" };
 	if (register?.name === "age_ms")
 		return { text: formatAge(value), unit: "" };
-	return { text: isReal(register) ? formatReal(value) : withMinus(String(value)),
-		unit: unitOf(register, unitName) };
+	return {
+		text: isReal(register) ? formatReal(value) : withMinus(String(value)),
+		unit: unitOf(register, unitName)
+	};
 }
 
 /* In milliseconds; "never" of what was never read. */
@@ -140,16 +136,16 @@ export function formatSpan(seconds) {
 	return `${Math.floor(seconds / 86400)} d`;
 }
 
-function pad(value, digits = 2) {
-	return String(value).padStart(digits, "0");
-}
+function pad(value, digits = 2) { return String(value).padStart(digits, "0"); }
 
-/* Microseconds since 1970 as local time: "16:20:02.113", with the day when it is not that of `now`. */
+/* Microseconds since 1970 as local time: "16:20:02.113", with the day when it is not that of
+ * `now`. */
 export function formatTime(time_us, now = new Date()) {
 	if (!time_us)
 		return NONE;
 	const date = new Date(time_us / 1000);
-	const time = `${pad(date.getHours())}:${pad(date.getMinutes())}:${pad(date.getSeconds())}.` +
+	const time =
+		`${pad(date.getHours())}:${pad(date.getMinutes())}:${pad(date.getSeconds())}.` +
 		pad(date.getMilliseconds(), 3);
 
 	if (date.toDateString() === now.toDateString())
@@ -181,35 +177,50 @@ export function formatAddress(number) {
 }
 
 /*
- * Between a drive's counts and what people measure in. Registers in counts, counts/s and so on are shown and typed in
- * the drive's unit_name when it and counts per unit are known; all others stay as they are.
+ * Between a drive's counts and what people measure in. Registers in counts, counts/s and so on are
+ * shown and typed in the drive's unit_name when it and counts per unit are known; all others stay
+ * as they are.
  */
 export function createScale(unitName, countsPerUnit) {
 	const usable = unitName && Number.isFinite(countsPerUnit) && countsPerUnit !== 0;
-	const per = (register) => (usable && /^counts(\/|$)/.test(register?.unit ?? "") ? countsPerUnit : 1);
-	const fine = usable ? Math.min(6, Math.max(0, Math.ceil(Math.log10(Math.abs(countsPerUnit))))) : 0;
+	const per = (register) =>
+		(usable && /^counts(\/|$)/.test(register?.unit ?? "") ? countsPerUnit : 1);
+	const digits = usable ? Math.ceil(Math.log10(Math.abs(countsPerUnit))) : 0;
+	const fine = Math.min(6, Math.max(0, digits));
 
 	return {
 		unit: (register) => (per(register) === 1 ? unitOf(register, unitName) :
 			unitName + register.unit.slice("counts".length)),
 		/* In people's unit. */
-		show: (register, value) => (typeof value === "number" ? value / per(register) : value),
+		show: (register, value) =>
+			(typeof value === "number" ? value / per(register) : value),
 		/* In the register's own; whole where it takes no other. */
-		take: (register, value) => (per(register) === 1 ? value : isReal(register) ? value * countsPerUnit :
-			Math.round(value * countsPerUnit)),
-		/* So many decimals tell one count from the next; of a register that is no quantity 0. */
-		decimals: (register) => (per(register) !== 1 ? (register.unit === "counts" ? fine : Math.min(fine, 2)) :
-			isReal(register) ? 2 : 0),
+		take(register, value) {
+			if (per(register) === 1)
+				return value;
+			return isReal(register) ? value * countsPerUnit : Math.round(value * countsPerUnit);
+		},
+		/* So many tell one count from the next. */
+		decimals(register) {
+			if (per(register) === 1)
+				return isReal(register) ? 2 : 0;
+			return register.unit === "counts" ? fine : Math.min(fine, 2);
+		},
 		isScaled: (register) => per(register) !== 1,
-		/* The register as it is typed: its range in people's unit, and no whole numbers then. */
+		/* The register as it is typed: with its range in people's unit it is no whole number. */
 		typed(register) {
 			if (per(register) === 1)
 				return { ...register, unit: unitOf(register, unitName) };
 			const [one, other] = [register.min, register.max].map((limit) =>
-				typeof limit === "number" ? limit / countsPerUnit : undefined);
+				(typeof limit === "number" ? limit / countsPerUnit : undefined));
 
-			return { ...register, type: "f32", unit: this.unit(register),
-				min: countsPerUnit > 0 ? one : other, max: countsPerUnit > 0 ? other : one };
+			return {
+				...register,
+				type: "f32",
+				unit: this.unit(register),
+				min: countsPerUnit > 0 ? one : other,
+				max: countsPerUnit > 0 ? other : one
+			};
 		},
 	};
 }
@@ -218,24 +229,26 @@ export function createScale(unitName, countsPerUnit) {
 export function formatRange(register, unitName = "") {
 	const { min, max } = register ?? {};
 	const unit = unitOf(register, unitName);
-	const [low, high] = [min, max].map((limit) =>
-		typeof limit === "number" ? withMinus(String(Number(limit.toPrecision(10)))) : "");
+	const [low, high] = [min, max].map((limit) => (typeof limit === "number" ?
+		withMinus(String(Number(limit.toPrecision(10)))) : ""));
+	let range = low ? `at least ${low}` : `at most ${high}`;
 
 	if (!low && !high)
 		return "";
-	return (low && high ? `${low} to ${high}` : low ? `at least ${low}` : `at most ${high}`) +
-		(unit ? ` ${unit}` : "");
+	if (low && high)
+		range = `${low} to ${high}`;
+	return unit ? `${range} ${unit}` : range;
 }
 
 /*
- * What somebody typed as a value of this register: { value }, or { problem } in words. Names of codes and of bits
- * (with commas between) are taken as well as numbers.
+ * What somebody typed as a value of this register: { value }, or { problem } in words. Names of
+ * codes and of bits (with commas between) are taken as well as numbers.
  */
 export function parseValue(register, typed) {
 	const text = typed.trim().replace(MINUS, "-");
 	const codes = Object.entries(register?.codes ?? {});
-	const find = (name) => codes.find(([, called]) =>
-		inWords(called).toLowerCase() === inWords(name).trim().toLowerCase());
+	const find = (name) => codes.find(([, called]) => inWords(called).toLowerCase() ===
+			inWords(name).trim().toLowerCase());
 
 	if (register?.type === "text")
 		return { value: typed };
@@ -244,7 +257,8 @@ export function parseValue(register, typed) {
 	if (register?.type === "bool") {
 		const on = ["on", "true", "1", "yes"].includes(text.toLowerCase());
 
-		return on || ["off", "false", "0", "no"].includes(text.toLowerCase()) ? { value: on } :
+		return on || ["off", "false", "0", "no"].includes(text.toLowerCase()) ?
+			{ value: on } :
 			{ problem: `“${text}” is neither on nor off` };
 	}
 	if (hasBits(register) && !/^\d|^0x/.test(text)) {
@@ -268,13 +282,16 @@ export function parseValue(register, typed) {
 
 function parseNumber(register, text, named) {
 	const whole = !isReal(register);
-	const value = (whole ? /^(-?\d+|0x[0-9a-f]+)$/i : /^-?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i).test(text) ?
-		Number(text) : NaN;
+	const form = whole ? /^(-?\d+|0x[0-9a-f]+)$/i : /^-?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
+	const value = form.test(text) ? Number(text) : NaN;
 	const range = formatRange(register) || "any";
 
-	if (!Number.isFinite(value))
-		return { problem: `“${text}” is no ${whole ? "whole number" : "number"}; right is ${range}` +
-			(named ? ", or a name of its codes" : "") };
+	if (!Number.isFinite(value)) {
+		const kind = whole ? "whole number" : "number";
+		const names = named ? ", or a name of its codes" : "";
+
+		return { problem: `“${text}” is no ${kind}; right is ${range}${names}` };
+	}
 	if ((typeof register?.min === "number" && value < register.min) ||
 	    (typeof register?.max === "number" && value > register.max))
 		return { problem: `${withMinus(text)} is out of range, ${range}` };

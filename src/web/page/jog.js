@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Moving a drive while a button or key is held. The page says every 100 ms that it still is; when that stops coming,
- * for whatever reason, the server stops the drive. So nothing here has to work for the drive to stand.
+ * Moving a drive while a button or key is held. The page says every 100 ms that it still is; when
+ * that stops coming, for whatever reason, the server stops the drive. So nothing here has to work
+ * for the drive to stand.
  */
 import { sendBeat, call } from "./api.js";
-import { element, icon, newId, setAttribute, setText } from "./dom.js";
-import { formatFixed, formatRange, formatReal, inWords, parseValue } from "./format.js";
+import { element, icon, setAttribute, setText } from "./dom.js";
+import { formatFixed, formatReal, inWords, parseValue } from "./format.js";
 
 const BEAT_EVERY_MS = 100;
 /* More that are not answered yet would only take connections from the stop. */
@@ -19,9 +20,10 @@ const STEPS = [0.01, 0.1, 1, 10, 100];
 const COUNT_STEPS = [1, 10, 100, 1000, 10000];
 
 /*
- * Presses and their beats. `send(grip, beat, velocity)` is a promise of { held, why, text }; `onChange(state)` gets
- * { velocity, held, why, text }: velocity 0 when nothing is pressed, held when the server says so, why and text of
- * how the last grip ended when not by being let go. `timers` are setInterval and clearInterval. Pure but for those.
+ * Presses and their beats. `send(grip, beat, velocity)` is a promise of { held, why, text };
+ * `onChange(state)` gets { velocity, held, why, text }: velocity 0 when nothing is pressed, held
+ * when the server says so, why and text of how the last grip ended when not by being let go.
+ * `timers` are setInterval and clearInterval. Pure but for those.
  */
 export function createGrips({ send, onChange, timers = globalThis }) {
 	let grip = 0;
@@ -97,144 +99,162 @@ export function createGrips({ send, onChange, timers = globalThis }) {
 	};
 }
 
+/* A field with its unit, and buttons that fill in usual values. */
+function createQuantity({ id, label, unit, value, presets, presetsLabel }) {
+	const input = element("input", { id, type: "text", inputmode: "decimal", autocomplete: "off",
+		value });
+	const buttons = presets.map(([text, number]) => element("button", { class: "small", type: "button",
+		onclick: () => { input.value = formatReal(number); } }, text));
+
+	return {
+		input,
+		field: element("label", { class: "field", for: id }, label,
+			element("span", { class: "with-unit" }, input,
+				element("span", { class: "unit" }, unit))),
+		presets: element("div", { class: "presets", role: "group", "aria-label": presetsLabel,
+			hidden: presets.length === 0 }, buttons),
+	};
+}
+
 /*
- * The panel. `registers` and `commands` are the drive's, by name; onMoved() is called when a press moves it. Returns { node, release(), update(drive) }; the
- * caller releases when focus, visibility or the link goes, and updates with the plant's drive when that changes.
+ * The panel. `registers` and `commands` are the drive's, by name; onMoved() is called when a press
+ * moves it. Returns { node, release(), isPressed(), update(drive) }; the caller releases when
+ * focus, visibility or the link goes, and updates with what the drive does.
  */
 export function createJog({ context, drive, registers, commands, scale, onMoved }) {
 	const velocity = registers.get("target_velocity");
 	const distance = registers.get("target_position");
-	const typedVelocity = scale.typed(velocity);
-	const typedDistance = scale.typed(distance);
-	const canStep = commands.has("move_relative");
-	const state = { ready: null };
-	const problem = element("p", { class: "problem", role: "alert" });
-	const speedHint = newId("jog-speed-hint");
-	const speed = element("input", { id: "jog-speed", type: "text", inputmode: "decimal", autocomplete: "off",
-		"aria-describedby": speedHint });
-	const shares = element("div", { class: "presets", role: "group", "aria-label": "Part of the highest velocity" });
-	const most = Math.max(Math.abs(typedVelocity.max ?? 0), Math.abs(typedVelocity.min ?? 0));
+	const velocityUnit = scale.unit(velocity);
+	const distanceUnit = scale.unit(distance);
+	const { min = 0, max = 0 } = scale.typed(velocity);
+	const most = Math.max(Math.abs(max), Math.abs(min));
+	const lengths = scale.isScaled(distance) ? STEPS : COUNT_STEPS;
+	const speed = createQuantity({ id: "jog-speed", label: "Speed", unit: velocityUnit,
+		value: most ? formatReal(most * SHARE_FIRST / 100) : "",
+		presets: most ? SHARES.map((share) => [`${share} %`, most * share / 100]) : [],
+		presetsLabel: "Part of the highest velocity" });
+	const length = createQuantity({ id: "jog-step", label: "Step", unit: distanceUnit,
+		value: formatReal(lengths[2]), presets: lengths.map((value) => [String(value), value]),
+		presetsLabel: "Lengths of a step" });
+	const limit = most ? `At most ${formatReal(most)} ${velocityUnit}` :
+		"No limit is configured for its velocity";
 	const said = element("p", { id: "jog-state", class: "jog-state", role: "status" });
-	const backward = makeHold(-1, "backward", "Hold to move in negative direction");
-	const forward = makeHold(1, "forward", "Hold to move in positive direction");
-	const length = element("input", { id: "jog-step", type: "text", inputmode: "decimal", autocomplete: "off",
-		value: formatReal(scale.isScaled(distance) ? 1 : 100) });
-	const stepBack = element("button", { id: "jog-step-backward", type: "button", onclick: () => step(-1) }, "− Step");
-	const stepOn = element("button", { id: "jog-step-forward", type: "button", onclick: () => step(1) }, "+ Step");
+	const problem = element("p", { class: "problem", role: "alert" });
+	const holds = [makeHold(-1), makeHold(1)];
+	const steps = [makeStep(-1), makeStep(1)];
 	const node = element("section", { id: "jog", class: "panel jog", "aria-label": "Jog" },
 		element("div", { class: "panel-head" }, element("h2", {}, "Jog")),
-		element("label", { class: "field", for: "jog-speed" }, "Speed",
-			element("span", { class: "with-unit" }, speed, element("span", { class: "unit" }, typedVelocity.unit))),
-		most ? shares : null,
-		element("small", { class: "muted", id: speedHint }, most ? `At most ${formatReal(most)} ${typedVelocity.unit}` :
-			"No limit is configured for its velocity"),
-		element("div", { class: "hold-pair" }, backward, forward), said,
+		speed.field, speed.presets, element("small", { class: "muted" }, limit),
+		element("div", { class: "hold-pair" }, holds), said,
 		element("small", { class: "muted" }, "Hold a button, or with the focus on one an arrow key. ",
 			"Letting go stops the drive; so do Space and Escape, from anywhere."),
-		canStep ? element("div", { class: "step-row" },
-			element("label", { class: "field", for: "jog-step" }, "Step", element("span", { class: "with-unit" }, length,
-				element("span", { class: "unit" }, typedDistance.unit))),
-			stepBack, stepOn,
-			element("div", { class: "presets", role: "group", "aria-label": "Lengths of a step" },
-				(scale.isScaled(distance) ? STEPS : COUNT_STEPS).map((value) => element("button",
-					{ class: "small", type: "button", onclick: () => { length.value = String(value); } },
-					String(value))))) : null,
+		commands.has("move_relative") ? element("div", { class: "step-row" }, length.field, steps,
+			length.presets) : null,
 		problem);
 	const grips = createGrips({
 		send: (grip, beat, wanted) => sendBeat(drive, grip, beat, wanted),
 		onChange: showGrip,
 	});
+	let ready = null;
 
-	if (most) {
-		speed.value = formatReal(most * SHARE_FIRST / 100);
-		shares.append(...SHARES.map((share) => element("button", { class: "small", type: "button",
-			onclick: () => { speed.value = formatReal(Number((most * share / 100).toPrecision(6))); } }, `${share} %`)));
-	}
-
-	function makeHold(direction, drawing, label) {
-		const button = element("button", { class: "hold", type: "button", "aria-label": label,
-			"data-direction": String(direction), "aria-keyshortcuts": "ArrowLeft ArrowRight" },
-		direction < 0 ? icon(drawing) : null, direction < 0 ? "−" : "+", direction > 0 ? icon(drawing) : null);
+	function makeHold(direction) {
+		const drawing = icon(direction < 0 ? "backward" : "forward");
+		const button = element("button", { class: "hold", type: "button",
+			"aria-label": `Hold to move in ${direction < 0 ? "negative" : "positive"} direction`,
+			"data-direction": direction, "aria-keyshortcuts": "ArrowLeft ArrowRight" },
+		direction < 0 ? [drawing, "−"] : ["+", drawing]);
 
 		button.addEventListener("pointerdown", (event) => {
 			if (event.button !== 0 || !event.isPrimary)
 				return;
 			/* A finger that slides off the button has let it go. */
-			button.releasePointerCapture?.(event.pointerId);
+			if (button.hasPointerCapture(event.pointerId))
+				button.releasePointerCapture(event.pointerId);
 			event.preventDefault();
 			button.focus();
 			press(direction);
 		});
-		for (const end of ["pointerup", "pointercancel", "pointerleave", "contextmenu", "blur"])
-			button.addEventListener(end, (event) => {
-				if (end === "contextmenu")
-					event.preventDefault();
-				grips.release();
-			});
+		for (const end of ["pointerup", "pointercancel", "pointerleave", "blur"])
+			button.addEventListener(end, () => grips.release());
+		button.addEventListener("contextmenu", (event) => event.preventDefault());
 		return button;
 	}
 
+	function makeStep(direction) {
+		return element("button", { id: `jog-step-${direction < 0 ? "backward" : "forward"}`,
+			type: "button", onclick: () => step(direction) }, direction < 0 ? "− Step" : "+ Step");
+	}
+
 	/* In the register's unit, NaN with the problem said. */
-	function read(input, register, typed) {
-		const { value, problem: wrong } = parseValue(typed, input.value);
+	function read({ input, field }, register) {
+		const { value, problem: wrong } = parseValue(scale.typed(register), input.value);
 
 		setAttribute(input, "aria-invalid", String(Boolean(wrong)));
-		setText(problem, wrong ? `${input === speed ? "Speed" : "Step"}: ${wrong}` : "");
+		setText(problem, wrong ? `${field.firstChild.textContent}: ${wrong}` : "");
 		return wrong ? NaN : scale.take(register, value);
 	}
 
 	function press(direction) {
-		const wanted = Math.abs(read(speed, velocity, typedVelocity));
+		const wanted = Math.abs(read(speed, velocity));
 
-		if (Number.isNaN(wanted) || !state.ready)
+		if (Number.isNaN(wanted) || !ready)
 			return;
-		if (wanted === 0) {
+		if (wanted === 0)
 			setText(problem, "Speed: 0 moves nothing");
-			return;
-		}
-		setText(said, "");
-		grips.press(direction * wanted);
+		else
+			grips.press(direction * wanted);
 	}
 
 	async function step(direction) {
-		const wanted = read(length, distance, typedDistance);
-		const at = Number.isNaN(wanted) ? NaN : Math.abs(read(speed, velocity, typedVelocity));
+		const wanted = direction * read(length, distance);
+		const at = Number.isNaN(wanted) ? NaN : Math.abs(read(speed, velocity));
 
 		if (Number.isNaN(at))
 			return;
 		try {
-			await call("Run", { drive, command: "move_relative", arguments: {
-				target_position: direction * wanted, target_velocity: at } });
-			setText(said, `Step of ${formatReal(direction * scale.show(distance, wanted))} ${typedDistance.unit} begun`);
+			await call("Run", { drive, command: "move_relative",
+				arguments: { target_position: wanted, target_velocity: at } });
+			setText(said, `Step of ${formatReal(scale.show(distance, wanted))} ${distanceUnit} begun`);
+			onMoved();
 		} catch (error) {
 			setText(problem, error.message);
 		}
 	}
 
 	function showGrip({ velocity: moving, held, why, text }) {
-		for (const button of [backward, forward]) {
-			const pressed = moving !== 0 && Number(button.dataset.direction) === Math.sign(moving);
+		const began = held && node.dataset.held !== "yes";
+		const decimals = Math.max(1, scale.decimals(velocity));
+
+		for (const button of holds) {
+			const pressed = Number(button.dataset.direction) === Math.sign(moving);
 
 			button.classList.toggle("pressed", pressed);
 			button.classList.toggle("held", pressed && held);
 		}
-		const before = node.dataset.held;
-
 		node.dataset.held = moving === 0 ? "no" : held ? "yes" : "asked";
-		if (held && before !== "yes")
-			onMoved();
 		if (moving !== 0)
-			setText(said, `${held ? "Moving" : "Asking for"} ${formatFixed(scale.show(velocity, moving),
-				Math.max(1, scale.decimals(velocity)))} ${typedVelocity.unit}`);
+			setText(said, `${held ? "Moving" : "Asking for"} ` +
+				`${formatFixed(scale.show(velocity, moving), decimals)} ${velocityUnit}`);
+		else if (why)
+			setText(said, `Ended: ${text || inWords(why)}. Let go, then press again.`);
 		else
-			setText(said, why ? `Ended: ${text || inWords(why)}. Let go, then press again.` : "Let go: stopped");
+			setText(said, "Let go: stopped");
+		if (began)
+			onMoved();
+	}
+
+	function sayWhyNot({ state, why }) {
+		if (context.link() !== "live")
+			return "The link is gone";
+		return state === "Disabled" ? "Enable the drive first" : `Not now: ${why || state}`;
 	}
 
 	node.addEventListener("keydown", (event) => {
-		const direction = { ArrowLeft: -1, ArrowRight: 1 }[event.key] ??
-			(event.key === "Enter" ? Number(event.target.dataset.direction) : 0);
+		const own = event.key === "Enter" ? Number(event.target.dataset.direction) : 0;
+		const direction = { ArrowLeft: -1, ArrowRight: 1 }[event.key] ?? own;
 
-		if (!direction || !event.target.classList.contains("hold") || event.ctrlKey || event.altKey || event.metaKey)
+		if (!direction || !holds.includes(event.target) || event.ctrlKey || event.altKey ||
+		    event.metaKey)
 			return;
 		event.preventDefault();
 		if (!event.repeat && !grips.isPressed())
@@ -249,18 +269,16 @@ export function createJog({ context, drive, registers, commands, scale, onMoved 
 		node,
 		release: () => grips.release(),
 		isPressed: () => grips.isPressed(),
-		update(shown) {
-			const ready = shown.judgement.state !== "" && !["Offline", "ErrorStop", "Disabled"].includes(
-				shown.judgement.state) && shown.judgement.shape !== "error" && context.link() === "live";
+		update({ judgement }) {
+			const next = context.link() === "live" && !["", "Offline", "ErrorStop", "Disabled"]
+				.includes(judgement.state) && judgement.shape !== "error";
 
-			if (ready === state.ready)
+			if (next === ready)
 				return;
-			state.ready = ready;
-			for (const button of [backward, forward, stepBack, stepOn])
+			ready = next;
+			for (const button of [...holds, ...steps])
 				button.disabled = !ready;
-			setText(said, ready ? "" : context.link() !== "live" ? "The link is gone" :
-				shown.judgement.state === "Disabled" ? "Enable the drive first" :
-					`Not now: ${shown.judgement.why || shown.judgement.state}`);
+			setText(said, ready ? "" : sayWhyNot(judgement));
 			if (!ready)
 				grips.release();
 		},

@@ -1,16 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Buses and drives, the worst first. Rows are made when the description comes; what streams in only changes their
- * texts and attributes.
+ * Buses and drives, the worst first. Rows are made when the description comes; what streams in only
+ * changes their texts and attributes.
  */
-import { element, icon, setAttribute, setIcon, setText } from "./dom.js";
-import { formatAge, formatFixed, formatSpeed, formatTime, inWords, lookUpUnit, NONE } from "./format.js";
-import { ageOf, NEED } from "./plant.js";
+import {element, icon, setAttribute, setIcon, setText} from "./dom.js";
+import {formatAge, formatFixed, formatSpeed, formatTime, lookUpUnit, NONE} from "./format.js";
+import {ageOf, NEED} from "./plant.js";
 
 export const title = "Overview";
 
 const NEED_ICONS = ["fine", "hint", "warning", "error"];
 const NEED_KEYS = ["nothing", "hint", "look", "act"];
+const HEADS = [["State"], ["Drive"], ["Position", "number"], ["Velocity", "number"],
+	["Age", "number"], ["Needs"]];
 /* Ages below a second change with every sample; nobody reads them ten times a second. */
 const YOUNG_MS = 1000;
 const YOUNG_EVERY_MS = 500;
@@ -20,29 +22,49 @@ const FILTER_FROM = 9;
 let view = null;
 
 export function show(root, context) {
-	view = { context, root, rows: new Map(), buses: new Map(), order: "", held: false, youngAt: 0 };
+	view = {
+		context,
+		root,
+		rows: new Map(),
+		buses: new Map(),
+		order: "",
+		held: false,
+		youngAt: 0
+	};
 	view.summary = element("p", { id: "summary", class: "summary" });
-	view.filter = element("input", { id: "filter", type: "search", placeholder: "Filter", hidden: true,
-		"aria-label": "Show only drives with this in name, bus or state", spellcheck: "false" });
+	view.filter = element("input", {
+		id: "filter",
+		type: "search",
+		placeholder: "Filter",
+		hidden: true,
+		"aria-label": "Show only drives with this in name, bus or state",
+		spellcheck: "false"
+	});
 	view.filter.addEventListener("input", showFiltered);
 	view.cards = element("div", { id: "buses", class: "bus-cards" });
 	view.body = element("tbody");
 	view.table = element("table", { id: "drives", class: "drives" },
 		element("caption", { class: "hidden-label" }, "Drives, the worst first"),
-		element("thead", {}, element("tr", {},
-			...["State", "Drive", "Position", "Velocity", "Age", "Needs"].map((head) =>
-				element("th", { scope: "col",
-					class: ["Position", "Velocity", "Age"].includes(head) ? "number" : null }, head)),
-			element("th", { scope: "col" }, element("span", { class: "hidden-label" }, "Stop")))),
+		element("thead", {},
+			element("tr", {},
+				...HEADS.map(([head, kind]) =>
+					element("th", { scope: "col", class: kind }, head)),
+				element("th", { scope: "col" },
+					element("span", { class: "hidden-label" }, "Stop")))),
 		view.body);
 	/* A row must not go away from under the pointer that is about to press its button. */
 	view.table.addEventListener("pointerenter", () => { view.held = true; });
 	view.table.addEventListener("pointerleave", () => { view.held = false; });
-	root.append(element("div", { class: "view-head" }, element("h1", {}, "Overview"), view.summary,
-		element("span", { class: "push" }), view.filter),
+	root.append(element("div", { class: "view-head" }, element("h1", {}, "Overview"),
+		view.summary, element("span", { class: "push" }), view.filter),
 		element("h2", { class: "hidden-label" }, "Buses"), view.cards,
 		element("h2", { class: "hidden-label" }, "Drives"),
-		element("div", { class: "panel table-frame", tabindex: "0", role: "region", "aria-label": "Table of drives" },
+		element("div", {
+			class: "panel table-frame",
+			tabindex: "0",
+			role: "region",
+			"aria-label": "Table of drives"
+		},
 			view.table));
 	context.on("describe", makeRows);
 	context.on("session", makeRows);
@@ -51,11 +73,9 @@ export function show(root, context) {
 	makeRows();
 }
 
-export function hide() {
-	view = null;
-}
+export function hide() { view = null; }
 
-/* --- rows and cards -------------------------------------------------------------------------------------- */
+/* --- rows and cards --------------------------------------------------------------------------- */
 
 function makeRows() {
 	const { plant } = view.context;
@@ -69,70 +89,99 @@ function makeRows() {
 		view.rows.set(drive.name, makeRow(drive));
 	view.filter.hidden = plant.drives.size < FILTER_FROM;
 	if (plant.description && plant.drives.size === 0) {
-		view.body.replaceChildren(element("tr", {}, element("td", { colspan: "7", class: "empty" },
-			"No drives yet: the configuration has none, see drivebridge.conf(5). ",
-			plant.buses.size > 0 ? element("a", { href: "#/scan" }, "Look for drives on a bus") : null)));
+		const scan = element("a", { href: "#/scan" }, "Look for drives on a bus");
+
+		view.body.replaceChildren(element("tr", {},
+			element("td", { colspan: "7", class: "empty" },
+				"No drives yet: the configuration has none, see drivebridge.conf(5). ",
+				plant.buses.size > 0 ? scan : null)));
 	}
 	update();
 }
 
 function makeRow(drive) {
 	const cells = {
-		stateIcon: icon("offline"), state: element("span"),
-		position: element("span"), positionUnit: element("span", { class: "unit" }),
-		velocity: element("span"), velocityUnit: element("span", { class: "unit" }),
+		stateIcon: icon("offline"),
+		state: element("span"),
+		position: element("span"),
+		positionUnit: element("span", { class: "unit" }),
+		velocity: element("span"),
+		velocityUnit: element("span", { class: "unit" }),
 		age: element("td", { class: "number age", "data-label": "Age" }),
-		needIcon: icon("fine"), why: element("span"), advice: element("small", { class: "advice" }),
+		needIcon: icon("fine"),
+		why: element("span"),
+		advice: element("small", { class: "advice" }),
 	};
 	const { name, bus, description } = drive;
+	const address = `${description.address} ${description.axis}`.trim();
 
 	cells.stateBox = element("span", { class: "state" }, cells.stateIcon, cells.state);
 	cells.need = element("span", { class: "need" }, cells.needIcon, cells.why);
 	cells.row = element("tr", { "data-drive": name },
 		element("td", { class: "live" }, cells.stateBox),
 		element("th", { scope: "row" },
-			element("a", { class: "row-link", href: `#/drive/${encodeURIComponent(name)}` }, name),
-			element("small", { class: "muted" }, `${bus} · ${description.address}${description.axis ?
-				` ${description.axis}` : ""} · unit ${description.unit}`)),
-		element("td", { class: "number live", "data-label": "Position" }, cells.position, cells.positionUnit),
-		element("td", { class: "number live", "data-label": "Velocity" }, cells.velocity, cells.velocityUnit),
-		cells.age,
-		element("td", { class: "needs live" }, cells.need, cells.advice),
-		element("td", { class: "row-stop" }, view.context.mayAct() ?
-			element("button", { class: "small", type: "button", "data-stop": name,
-				"aria-label": `Stop ${name}`, onclick: () => view?.context.stop(name) },
-			icon("stop"), "Stop") : null));
+			element("a",
+				{ class: "row-link", href: `#/drive/${encodeURIComponent(name)}` },
+				name),
+			element("small", { class: "muted" },
+				`${bus} · ${address} · unit ${description.unit}`)),
+		element("td", { class: "number live", "data-label": "Position" }, cells.position,
+			cells.positionUnit),
+		element("td", { class: "number live", "data-label": "Velocity" }, cells.velocity,
+			cells.velocityUnit),
+		cells.age, element("td", { class: "needs live" }, cells.need, cells.advice),
+		element("td", { class: "row-stop" },
+			view.context.mayAct() ? element("button", {
+				class: "small",
+				type: "button",
+				"data-stop": name,
+				"aria-label": `Stop ${name}`,
+				onclick: () => view?.context.stop(name)
+			},
+							icon("stop"), "Stop") :
+						null));
 	return cells;
 }
 
 function makeCard(bus) {
 	const { name, title: family, device, speed, drives, protocol } = bus.description;
 	const cells = {
-		port: element("span", { class: "badge" }), load: element("meter", { min: "0", max: "100", high: "90",
-			"aria-label": `Load of bus ${name}` }),
-		loadText: element("strong", { class: "load-text" }), online: element("span"), cycle: element("span"),
-		late: element("span"), bad: element("span"), trouble: element("p", { class: "bus-trouble", hidden: true }),
+		port: element("span", { class: "badge" }),
+		load: element("meter",
+			{ min: "0", max: "100", high: "90", "aria-label": `Load of bus ${name}` }),
+		loadText: element("strong", { class: "load-text" }),
+		online: element("span"),
+		cycle: element("span"),
+		late: element("span"),
+		bad: element("span"),
+		trouble: element("p", { class: "bus-trouble", hidden: true }),
 	};
 
-	cells.card = element("section", { class: "panel bus-card live", "data-bus": name,
-		"aria-label": `Bus ${name}` },
-	element("div", { class: "panel-head" }, element("h3", {}, name),
-		element("span", { class: "muted bus-family", title: protocol }, family),
-		element("span", { class: "push" }), cells.port),
-	element("div", { class: "bus-load" }, element("span", { class: "muted" }, "Load"), cells.load, cells.loadText),
-	element("dl", { class: "facts" },
-		element("div", {}, element("dt", {}, "Online"), element("dd", {}, cells.online)),
-		element("div", {}, element("dt", {}, "Cycle"), element("dd", {}, cells.cycle)),
-		element("div", {}, element("dt", {}, "Overruns"), element("dd", {}, cells.late)),
-		element("div", {}, element("dt", {}, "No answer"), element("dd", {}, cells.bad))),
-	element("p", { class: "muted bus-device" }, element("small", {}, `${device} · ${formatSpeed(speed)}`)),
-	cells.trouble);
+	cells.card = element("section",
+		{ class: "panel bus-card live", "data-bus": name, "aria-label": `Bus ${name}` },
+		element("div", { class: "panel-head" }, element("h3", {}, name),
+			element("span", { class: "muted bus-family", title: protocol }, family),
+			element("span", { class: "push" }), cells.port),
+		element("div", { class: "bus-load" }, element("span", { class: "muted" }, "Load"),
+			cells.load, cells.loadText),
+		element("dl", { class: "facts" },
+			element("div", {}, element("dt", {}, "Online"),
+				element("dd", {}, cells.online)),
+			element("div", {}, element("dt", {}, "Cycle"),
+				element("dd", {}, cells.cycle)),
+			element("div", {}, element("dt", {}, "Overruns"),
+				element("dd", {}, cells.late)),
+			element("div", {}, element("dt", {}, "No answer"),
+				element("dd", {}, cells.bad))),
+		element("p", { class: "muted bus-device" },
+			element("small", {}, `${device} · ${formatSpeed(speed)}`)),
+		cells.trouble);
 	cells.count = drives.length;
 	view.buses.set(name, cells);
 	return cells.card;
 }
 
-/* --- what streams in ---------------------------------------------------------------------------------------- */
+/* --- what streams in -------------------------------------------------------------------------- */
 
 function update() {
 	const { plant } = view.context;
@@ -167,22 +216,28 @@ function updateRow(cells, drive) {
 		const own = values?.[quantity];
 		const inUsers = unit && typeof users === "number";
 
-		setText(cells[quantity], inUsers ? formatFixed(users, 2) :
-			formatFixed(own, quantity === "velocity" ? 1 : 0));
-		setText(cells[`${quantity}Unit`], inUsers ? unit + per :
-			typeof own === "number" ? lookUpUnit(registers, quantity) : "");
+		if (inUsers) {
+			setText(cells[quantity], formatFixed(users, 2));
+			setText(cells[`${quantity}Unit`], unit + per);
+		} else {
+			setText(cells[quantity], formatFixed(own, quantity === "velocity" ? 1 : 0));
+			setText(cells[`${quantity}Unit`],
+				typeof own === "number" ? lookUpUnit(registers, quantity) : "");
+		}
 	}
 	setIcon(cells.needIcon, NEED_ICONS[judgement.need]);
 	setAttribute(cells.need, "data-need", String(judgement.need));
 	setText(cells.why, judgement.why || "nothing");
-	setText(cells.advice, fault ? `${judgement.need >= NEED.look ? "" : "last: "}${formatTime(fault.time_us)} ` +
-		fault.text : "");
+	const when = judgement.need >= NEED.look ? "" : "last: ";
+
+	setText(cells.advice, fault ? `${when}${formatTime(fault.time_us)} ${fault.text}` : "");
 	setAttribute(cells.advice, "title", fault ? fault.text : "");
 	setAttribute(cells.row, "data-need", NEED_KEYS[judgement.need]);
 }
 
 function updateCard(cells, { description, figures }) {
 	const load = figures ? figures.utilisation / 10 : 0;
+	const ms = (us, decimals) => formatFixed(us / 1000, decimals);
 
 	setText(cells.port, description.up ? "up" : "port not open");
 	cells.port.classList.toggle("error", !description.up);
@@ -190,8 +245,8 @@ function updateCard(cells, { description, figures }) {
 	cells.load.value = load;
 	setText(cells.loadText, figures ? `${formatFixed(load, 1)} %` : NONE);
 	setText(cells.online, figures ? `${figures.online} of ${cells.count}` : NONE);
-	setText(cells.cycle, figures ? `${formatFixed(figures.cycle_us / 1000, 1)} of ` +
-		`${formatFixed(figures.period_us / 1000, 0)} ms` : NONE);
+	setText(cells.cycle,
+		figures ? `${ms(figures.cycle_us, 1)} of ${ms(figures.period_us, 0)} ms` : NONE);
 	setText(cells.late, figures ? String(figures.overruns) : NONE);
 	setText(cells.bad, figures ? String(figures.timeouts) : NONE);
 	const fault = description.up ? null : view.context.plant.busFaults.get(description.name);
@@ -221,7 +276,8 @@ function sortRows() {
 	const sorted = view.context.plant.worstFirst().map((drive) => drive.name);
 	const order = sorted.join("/");
 
-	if (order === view.order || (view.order && (view.held || view.body.contains(document.activeElement))))
+	if (order === view.order ||
+		(view.order && (view.held || view.body.contains(document.activeElement))))
 		return;
 	view.order = order;
 	for (const name of sorted) {
@@ -247,17 +303,17 @@ function showFiltered() {
 function showSummary() {
 	const counts = [0, 0, 0, 0];
 	const { plant } = view.context;
-	let text = "";
 
 	for (const drive of plant.drives.values())
 		counts[drive.judgement.need]++;
 	const down = [...plant.buses.values()].filter((bus) => !bus.description.up).length;
-	const parts = [[down, "bus is down", "buses are down"], [counts[NEED.act], "drive needs you", "drives need you"],
-		[counts[NEED.look], "to look at", "to look at"]].filter(([count]) => count > 0);
+	const parts = [
+		[down, "bus is down", "buses are down", NEED.act],
+		[counts[NEED.act], "drive needs you", "drives need you", NEED.act],
+		[counts[NEED.look], "to look at", "to look at", NEED.look],
+	].filter(([count]) => count > 0);
 
-	if (plant.drives.size > 0)
-		text = parts.map(([count, one, many]) => `${count} ${count === 1 ? one : many}`).join(", ") ||
-			"all is well";
-	setText(view.summary, text);
-	setAttribute(view.summary, "data-need", String(down || counts[NEED.act] ? 3 : counts[NEED.look] ? 2 : 0));
+	const text = parts.map(([count, one, many]) => `${count} ${count === 1 ? one : many}`).join(", ");
+	setText(view.summary, plant.drives.size > 0 ? text || "all is well" : "");
+	setAttribute(view.summary, "data-need", String(parts.length > 0 ? parts[0][3] : NEED.nothing));
 }

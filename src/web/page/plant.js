@@ -1,24 +1,32 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The page's picture of all buses and drives, from the overview's stream: what each drive said last, when that came,
- * and how much it needs somebody.
+ * The page's picture of all buses and drives, from the overview's stream: what each drive said
+ * last, when that came, and how much it needs somebody.
  *
  * Pure; times are milliseconds of one clock.
  */
-import { bitNames, codeName, inWords } from "./format.js";
+import {bitNames, codeName, inWords} from "./format.js";
 
 /* In this order. */
-export const NEED = { nothing: 0, hint: 1, look: 2, act: 3 };
+export const NEED = {
+	nothing: 0,
+	hint: 1,
+	look: 2,
+	act: 3
+};
 
-/* Events that say why a drive needs somebody; those of others, such as a refused write, are no faults of it. */
-const FAULTS = new Set(["drive-lost", "drive-fault", "drive-warning", "drive-runs-on", "drive-restarted",
-	"drive-unconfirmed", "watchdog-tripped", "bus-lost", "bus-off"]);
+/* Events that say why a drive needs somebody; those of others, such as a refused write, are no
+ * faults of it. */
+const FAULTS = new Set([
+	"drive-lost", "drive-fault", "drive-warning", "drive-runs-on", "drive-restarted",
+	"drive-unconfirmed", "watchdog-tripped", "bus-lost", "bus-off"
+]);
 /* The overview tells a drive that says the same as before once in so long. */
 const TOLD_EVERY_MS = 1000;
 
 /*
- * How a drive is, from values of one moment and the registers of its family: need, why (in the service's names),
- * state (of axis_state), shape (of the drawing).
+ * How a drive is, from values of one moment and the registers of its family: need, why (in the
+ * service's names), state (of axis_state), shape (of the drawing).
  */
 export function judgeDrive(registers, values) {
 	const state = codeName(registers?.get("axis_state"), values?.axis_state);
@@ -50,14 +58,22 @@ export function judgeDrive(registers, values) {
 /* Drawings differ in their form, not only in colour. */
 function shapeOf(state, values) {
 	switch (state) {
-	case "Disabled": return "disabled";
-	case "Standstill": return "standstill";
-	case "DiscreteMotion": return "motion";
-	case "ContinuousMotion": return values.velocity < 0 ? "backward" : "forward";
-	case "Homing": return "homing";
-	case "Stopping": return "stopping";
-	case "ErrorStop": return "error";
-	default: return "offline";
+	case "Disabled":
+		return "disabled";
+	case "Standstill":
+		return "standstill";
+	case "DiscreteMotion":
+		return "motion";
+	case "ContinuousMotion":
+		return values.velocity < 0 ? "backward" : "forward";
+	case "Homing":
+		return "homing";
+	case "Stopping":
+		return "stopping";
+	case "ErrorStop":
+		return "error";
+	default:
+		return "offline";
 	}
 }
 
@@ -66,9 +82,9 @@ export function isMoving(state) {
 }
 
 /*
- * drives: Map of name to { name, bus, description, values, heardAt, place, judgement, fault }, fault being the latest
- * event of the log that is one; buses: Map of name to
- * { description, figures }.
+ * drives: Map of name to { name, bus, description, values, heardAt, place, judgement, fault },
+ * fault being the latest event of the log that is one; buses: Map of name to { description, figures
+ * }.
  */
 export function createPlant() {
 	const plant = {
@@ -90,12 +106,22 @@ export function createPlant() {
 		description.drives.forEach((drive, place) => {
 			const before = plant.drives.get(drive.name);
 
-			drives.set(drive.name, { name: drive.name, bus: drive.bus, description: drive, place,
-				values: before?.values ?? null, heardAt: before?.heardAt ?? 0, fault: faults.get(drive.name) ?? null,
-				judgement: judgeDrive(null, null) });
+			drives.set(drive.name, {
+				name: drive.name,
+				bus: drive.bus,
+				description: drive,
+				place,
+				values: before?.values ?? null,
+				heardAt: before?.heardAt ?? 0,
+				fault: faults.get(drive.name) ?? null,
+				judgement: judgeDrive(null, null)
+			});
 		});
 		for (const bus of description.buses)
-			buses.set(bus.name, { description: bus, figures: plant.buses.get(bus.name)?.figures ?? null });
+			buses.set(bus.name, {
+				description: bus,
+				figures: plant.buses.get(bus.name)?.figures ?? null
+			});
 		plant.description = description;
 		plant.drives = drives;
 		plant.buses = buses;
@@ -147,21 +173,26 @@ export function createPlant() {
 	};
 
 	/* What changes when there may be something new in the log. */
-	plant.summarise = () => [...plant.drives.values()].map((drive) =>
-		`${drive.name} ${drive.judgement.need} ${drive.judgement.why}`).join("\n") +
-		[...plant.buses.values()].map((bus) => bus.description.up).join(" ");
+	plant.summarise = () => [
+		...[...plant.drives.values()].map(({ name, judgement }) =>
+			`${name} ${judgement.need} ${judgement.why}`),
+		...[...plant.buses.values()].map(({ description }) => String(description.up)),
+	].join("\n");
 
 	/* The worst first, else as configured. */
-	plant.worstFirst = () => [...plant.drives.values()].sort((one, other) =>
-		other.judgement.need - one.judgement.need || one.place - other.place);
+	plant.worstFirst = () => [...plant.drives.values()].sort(
+		(one, other) =>
+			other.judgement.need - one.judgement.need || one.place - other.place);
 
 	return plant;
 }
 
-/* How old a drive's values are now, in milliseconds: as it was told, and longer when nothing comes any more. */
+/* How old a drive's values are now, in milliseconds: as it was told, and longer when nothing
+ * comes any more. */
 export function ageOf(drive, now) {
 	const age = drive.values?.age_ms;
 
 	return typeof age === "number" && age < 0xffffffff ?
-		age + Math.max(0, now - drive.heardAt - TOLD_EVERY_MS) : null;
+		age + Math.max(0, now - drive.heardAt - TOLD_EVERY_MS) :
+		null;
 }

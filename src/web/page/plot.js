@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A live plot of several values over time: ring buffers of fixed size, and uPlot to draw what is looked at.
+ * A live plot of several values over time: ring buffers of fixed size, and uPlot to draw what is
+ * looked at.
  */
-import { element, icon, newId, setText } from "./dom.js";
-import { nameTime, saveFile } from "./file_transfer.js";
-import { formatFixed, NONE } from "./format.js";
-import { DASHES, createSwatch, readColour } from "./plot_line.js";
+import {element, newId, setText} from "./dom.js";
+import {nameTime, saveFile} from "./file_transfer.js";
+import {formatFixed, NONE} from "./format.js";
+import {DASHES, createSwatch, readColour} from "./plot_line.js";
 
 const SERIES_MOST = DASHES.length;
 const SPANS_S = [5, 10, 30, 60, 300];
@@ -15,8 +16,9 @@ const GAP_S = 0.6;
 const HEIGHT_PX = 340;
 
 /*
- * Times (ascending) and so many values at each, the latest `capacity` of them. Everything is written twice, into
- * arrays of twice the size, so that what is kept is one piece without copying. Pure.
+ * Times (ascending) and so many values at each, the latest `capacity` of them. Everything is
+ * written twice, into arrays of twice the size, so that what is kept is one piece without copying.
+ * Pure.
  */
 export function createRing(width, capacity) {
 	const columns = Array.from({ length: width + 1 }, () => new Float64Array(2 * capacity));
@@ -24,18 +26,19 @@ export function createRing(width, capacity) {
 	let count = 0;
 
 	const ring = {
-		get length() {
-			return count;
-		},
-		/* Values that are no numbers are kept as NaN. False when the time is not later than the last one. */
+		get length() { return count; },
+		/* Values that are no numbers are kept as NaN. False when the time is not later
+		 * than the last one. */
 		push(time, values) {
 			if (count > 0 && time <= ring.lastTime())
 				return false;
 			for (let i = 0; i <= width; i++) {
 				const value = i === 0 ? time : values[i - 1];
 
-				columns[i][next] = columns[i][next + capacity] = typeof value === "number" ? value :
-					typeof value === "boolean" ? Number(value) : NaN;
+				columns[i][next] = columns[i][next + capacity] =
+					typeof value === "number"  ? value :
+					typeof value === "boolean" ? Number(value) :
+						NaN;
 			}
 			next = (next + 1) % capacity;
 			count = Math.min(count + 1, capacity);
@@ -46,8 +49,8 @@ export function createRing(width, capacity) {
 		/* The last value of a column, NaN when there is none. */
 		last: (column) => (count > 0 ? columns[column + 1][next + capacity - 1] : NaN),
 		/*
-		 * From the sample before `from` to the one after `to`: [times, values of each column asked for], views that
-		 * hold until the next push.
+		 * From the sample before `from` to the one after `to`: [times, values of each
+		 * column asked for], views that hold until the next push.
 		 */
 		range(from, to, wanted) {
 			const end = next + capacity;
@@ -55,8 +58,11 @@ export function createRing(width, capacity) {
 			const first = Math.max(0, findTime(times, from) - 1);
 			const last = Math.min(count, findTime(times, to) + 1);
 
-			return [times.subarray(first, last), ...wanted.map((column) =>
-				columns[column + 1].subarray(end - count + first, end - count + last))];
+			return [
+				times.subarray(first, last),
+				...wanted.map((column) => columns[column + 1].subarray(
+					end - count + first, end - count + last))
+			];
 		},
 		clear() {
 			next = 0;
@@ -84,45 +90,67 @@ function findTime(times, time) {
 }
 
 /*
- * Rows of what is plotted as CSV, as `drivebridgectl record` writes it: seconds from the first sample, seconds since
- * 1970, one column for each value. `heads` name them with their units. Pure.
+ * Rows of what is plotted as CSV, as `drivebridgectl record` writes it: seconds from the first
+ * sample, seconds since 1970, one column for each value. `heads` name them with their units. Pure.
  */
 export function formatCsv(heads, [times, ...columns]) {
-	const quote = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+	const quote = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll("\"", "\"\"")}"` : text);
 	const lines = [["time_s", "unix_time_s", ...heads].map(quote).join(",")];
 
 	for (let i = 0; i < times.length; i++)
-		lines.push([(times[i] - times[0]).toFixed(6), times[i].toFixed(6),
-			...columns.map((column) => (Number.isNaN(column[i]) ? "" : String(column[i])))].join(","));
+		lines.push([
+			(times[i] - times[0]).toFixed(6), times[i].toFixed(6),
+			...columns.map(
+				(column) => (Number.isNaN(column[i]) ? "" : String(column[i])))
+		].join(","));
 	return `${lines.join("\n")}\n`;
 }
 
 function timeOfDay(time, decimals) {
 	const date = new Date(time * 1000);
 	const two = (number) => String(number).padStart(2, "0");
-	const part = decimals > 0 ? (Math.floor((time % 1) * 10 ** decimals) / 10 ** decimals).toFixed(decimals).slice(1) : "";
+	const whole = `${two(date.getHours())}:${two(date.getMinutes())}:${two(date.getSeconds())}`;
+	const part = String(Math.floor((time % 1) * 10 ** decimals)).padStart(decimals, "0");
 
-	return `${two(date.getHours())}:${two(date.getMinutes())}:${two(date.getSeconds())}${part}`;
+	return decimals > 0 ? `${whole}.${part}` : whole;
 }
 
 /*
- * signals: array of { name, label, unit, decimals, step } in the order of the ring's columns; chosen: names shown
- * first. Returns { node, push(time_s, values), frame(now), choose(names), destroy() }.
+ * signals: array of { name, label, unit, decimals, step } in the order of the ring's columns;
+ * chosen: names shown first. Returns { node, push(time_s, values), frame(now), choose(names),
+ * destroy() }.
  */
 export function createPlot({ title, signals, chosen, capacity }) {
 	const ring = createRing(signals.length, capacity);
-	const state = { chosen: [], uplot: null, span: 10, paused: null, dirty: true, drawnAt: 0, frozen: null };
+	const state = {
+		chosen: [],
+		uplot: null,
+		span: 10,
+		paused: null,
+		dirty: true,
+		drawnAt: 0,
+		frozen: null
+	};
 	const id = newId("plot");
-	const holder = element("div", { class: "plot-canvas", role: "group", tabindex: "0", "aria-describedby": id,
-		"aria-label": `Plot of ${title}: arrow keys move the cursor, plus and minus zoom` });
+	const holder = element("div", {
+		class: "plot-canvas",
+		role: "group",
+		tabindex: "0",
+		"aria-describedby": id,
+		"aria-label": `Plot of ${title}: arrow keys move the cursor, plus and minus zoom`
+	});
 	const legend = element("tbody");
 	const cursorTime = element("span", { class: "muted plot-time" });
-	const pause = element("button", { class: "small plot-pause", type: "button", "aria-pressed": "false" }, "Pause");
-	const span = element("select", { class: "plot-span", "aria-label": "Time shown" }, SPANS_S.map((seconds) =>
-		element("option", { value: seconds, selected: seconds === state.span },
+	const pause = element("button",
+		{ class: "small plot-pause", type: "button", "aria-pressed": "false" }, "Pause");
+	const span = element("select", { class: "plot-span", "aria-label": "Time shown" },
+		SPANS_S.map((seconds) => element("option",
+			{ value: seconds, selected: seconds === state.span },
 			seconds < 60 ? `${seconds} s` : `${seconds / 60} min`)));
-	const zoomIn = element("button", { class: "small", type: "button", "aria-label": "Zoom in" }, "+");
-	const zoomOut = element("button", { class: "small", type: "button", "aria-label": "Zoom out" }, "−");
+	const zoomIn =
+		element("button", { class: "small", type: "button", "aria-label": "Zoom in" }, "+");
+	const zoomOut = element(
+		"button", { class: "small", type: "button", "aria-label": "Zoom out" }, "−");
 	const save = element("button", { class: "small plot-csv", type: "button" }, "CSV");
 	const choices = element("fieldset", { class: "plot-choices" },
 		element("legend", { class: "hidden-label" }, "Values that are plotted"));
@@ -130,34 +158,48 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		element("summary", { class: "button small" }, "Values"), choices);
 	const node = element("section", { class: "panel plot", "aria-label": "Plot" },
 		element("div", { class: "panel-head" }, element("h2", {}, "Plot"), cursorTime,
-			element("span", { class: "push" }), chooser, span, zoomOut, zoomIn, pause, save),
+			element("span", { class: "push" }), chooser, span, zoomOut, zoomIn, pause,
+			save),
 		holder,
 		element("table", { class: "plot-legend" },
-			element("caption", { class: "hidden-label", id }, "Values at the cursor, or the latest"), legend));
+			element("caption", { class: "hidden-label", id },
+				"Values at the cursor, or the latest"),
+			legend));
 
 	const column = (name) => signals.findIndex((signal) => signal.name === name);
 	const colour = (name) => readColour(node, name);
 
-	/* --- what is looked at ------------------------------------------------------------------------------ */
+	/* --- what is looked at ---------------------------------------------------------------- */
 
 	function data(from, to) {
 		const wanted = state.chosen.map(column);
 
-		return state.frozen ? state.frozen.range(from, to, wanted) : ring.range(from, to, wanted);
+		return state.frozen ? state.frozen.range(from, to, wanted) :
+			ring.range(from, to, wanted);
 	}
 
 	/* What is looked at stays as it is: the ring goes on, and would write over it. */
 	function freeze(from, to) {
 		if (!state.frozen) {
-			const all = ring.range(-Infinity, Infinity, signals.map((signal, index) => index));
+			const all = ring.range(
+				-Infinity, Infinity, signals.map((signal, index) => index));
 			const copy = all.map((values) => values.slice());
 
-			state.frozen = { range(first, last, wanted) {
-				const begin = Math.max(0, findTime(copy[0], first) - 1);
-				const end = Math.min(copy[0].length, findTime(copy[0], last) + 1);
+			state.frozen = {
+				range(first, last, wanted) {
+					const begin = Math.max(0, findTime(copy[0], first) - 1);
+					const end = Math.min(
+						copy[0].length, findTime(copy[0], last) + 1);
 
-				return [copy[0].subarray(begin, end), ...wanted.map((at) => copy[at + 1].subarray(begin, end))];
-			}, first: ring.firstTime(), last: ring.lastTime() };
+					return [
+						copy[0].subarray(begin, end),
+						...wanted.map(
+							(at) => copy[at + 1].subarray(begin, end))
+					];
+				},
+				first: ring.firstTime(),
+				last: ring.lastTime()
+			};
 		}
 		state.paused = { from, to };
 		pause.setAttribute("aria-pressed", "true");
@@ -195,7 +237,7 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		freeze(from + by, to + by);
 	}
 
-	/* --- drawing ------------------------------------------------------------------------------------------ */
+	/* --- drawing -------------------------------------------------------------------------- */
 
 	/* Pixels between neighbours that are too far apart, for uPlot to leave out. */
 	function findGaps(uplot, series, first, last) {
@@ -204,55 +246,105 @@ export function createPlot({ title, signals, chosen, capacity }) {
 
 		for (let i = first + 1; i <= last; i++) {
 			if (times[i] - times[i - 1] > GAP_S)
-				gaps.push([uplot.valToPos(times[i - 1], "x", true), uplot.valToPos(times[i], "x", true)]);
+				gaps.push([
+					uplot.valToPos(times[i - 1], "x", true),
+					uplot.valToPos(times[i], "x", true)
+				]);
 		}
 		return gaps;
 	}
 
 	function build() {
 		const lines = { stroke: colour("line"), width: 1 };
-		const axis = { stroke: colour("muted"), font: `12px ${getComputedStyle(node).fontFamily}`, grid: lines,
-			ticks: lines };
+		const axis = {
+			stroke: colour("muted"),
+			font: `12px ${getComputedStyle(node).fontFamily}`,
+			grid: lines,
+			ticks: lines
+		};
 		const units = [...new Set(state.chosen.map((name) => signals[column(name)].unit))];
 
 		state.uplot?.destroy();
 		holder.replaceChildren();
 		state.uplot = new globalThis.uPlot({
-			width: Math.max(200, holder.clientWidth), height: plotHeight(),
+			width: Math.max(200, holder.clientWidth),
+			height: plotHeight(),
 			legend: { show: false },
-			cursor: { drag: { x: true, y: false, setScale: false }, points: { size: 7 } },
-			scales: { x: { time: false }, ...Object.fromEntries(units.map((unit) => [`y ${unit}`, { auto: true,
-				range: (uplot, low, high) => pad(low, high) }])) },
+			cursor: {
+				drag: { x: true, y: false, setScale: false },
+				points: { size: 7 }
+			},
+			scales: {
+				x: { time: false },
+				...Object.fromEntries(units.map((unit) => [`y ${unit}`, {
+					auto: true,
+					range: (uplot, low, high) => pad(low, high)
+				}]))
+			},
 			axes: [
-				{ ...axis, space: 90, values: (uplot, ticks) => ticks.map((tick) =>
-					timeOfDay(tick, ticks.length > 1 && ticks[1] - ticks[0] < 0.01 ? 3 :
-						ticks.length > 1 && ticks[1] - ticks[0] < 1 ? 1 : 0)) },
-				...units.map((unit, index) => ({ ...axis, scale: `y ${unit}`, side: index === 0 ? 3 : 1, label: unit,
-					labelFont: axis.font, labelSize: 18, size: 62,
+				{
+					...axis,
+					space: 90,
+					values: (uplot, ticks) => ticks.map(
+						(tick) => timeOfDay(tick,
+							ticks.length > 1 &&
+									ticks[1] - ticks[0] < 0.01 ?
+								3 :
+								ticks.length > 1 &&
+									ticks[1] - ticks[0] < 1 ?
+								1 :
+								0))
+				},
+				...units.map((unit, index) => ({
+					...axis,
+					scale: `y ${unit}`,
+					side: index === 0 ? 3 : 1,
+					label: unit,
+					labelFont: axis.font,
+					labelSize: 18,
+					size: 62,
 					grid: { ...axis.grid, show: index === 0 },
-					values: (uplot, ticks) => ticks.map((tick) => (tick === null ? "" :
-						String(Number(tick.toPrecision(7))).replace("-", "−"))) })),
+					values: (uplot, ticks) => ticks.map(
+						(tick) => (tick === null ?
+								"" :
+								String(Number(tick.toPrecision(7)))
+									.replace("-", "−")))
+				})),
 			],
-			series: [{}, ...state.chosen.map((name, index) => ({ label: name,
-				scale: `y ${signals[column(name)].unit}`, stroke: colour(`series-${index + 1}`), width: 1.75, dash: DASHES[index],
-				points: { show: false }, gaps: findGaps,
-				paths: signals[column(name)].step ? globalThis.uPlot.paths.stepped({ align: 1 }) : undefined }))],
+			series: [
+				{}, ...state.chosen.map((name, index) => ({
+					label: name,
+					scale: `y ${signals[column(name)].unit}`,
+					stroke: colour(`series-${index + 1}`),
+					width: 1.75,
+					dash: DASHES[index],
+					points: { show: false },
+					gaps: findGaps,
+					paths: signals[column(name)].step ?
+						globalThis.uPlot.paths.stepped({ align: 1 }) :
+						undefined
+				}))
+			],
 			hooks: {
 				setSelect: [(uplot) => {
 					const { left, width } = uplot.select;
 
 					if (width > 4)
-						freeze(uplot.posToVal(left, "x"), uplot.posToVal(left + width, "x"));
-					uplot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+						freeze(uplot.posToVal(left, "x"),
+							uplot.posToVal(left + width, "x"));
+					uplot.setSelect(
+						{ left: 0, top: 0, width: 0, height: 0 }, false);
 				}],
 				setCursor: [showValues],
 			},
-		}, [[], ...state.chosen.map(() => [])], holder);
+		},
+			[[], ...state.chosen.map(() => [])], holder);
 		state.uplot.over.addEventListener("dblclick", goOn);
 		state.dirty = true;
 	}
 
-	/* A line that stands still is in the middle, and noise of the last digit does not fill the picture. */
+	/* A line that stands still is in the middle, and noise of the last digit does not fill
+	 * the picture. */
 	function pad(low, high) {
 		if (!Number.isFinite(low) || !Number.isFinite(high))
 			return [0, 1];
@@ -262,7 +354,8 @@ export function createPlot({ title, signals, chosen, capacity }) {
 	}
 
 	function plotHeight() {
-		return Math.min(HEIGHT_PX, Math.max(200, Math.round(globalThis.innerHeight * 0.42)));
+		return Math.min(
+			HEIGHT_PX, Math.max(200, Math.round(globalThis.innerHeight * 0.42)));
 	}
 
 	function draw() {
@@ -282,7 +375,8 @@ export function createPlot({ title, signals, chosen, capacity }) {
 			const signal = signals[column(name)];
 			const value = element("td", { class: "number", "data-value": name });
 
-			return element("tr", {}, element("td", {}, createSwatch(index)), element("th", { scope: "row" }, signal.label), value,
+			return element("tr", {}, element("td", {}, createSwatch(index)),
+				element("th", { scope: "row" }, signal.label), value,
 				element("td", { class: "muted" }, signal.unit));
 		}));
 	}
@@ -291,19 +385,23 @@ export function createPlot({ title, signals, chosen, capacity }) {
 	function showValues() {
 		const { uplot } = state;
 		const at = uplot?.cursor.idx;
-		const under = uplot && uplot.cursor.left >= 0 && at !== null && at !== undefined && uplot.data[0].length > at;
+		const under = uplot && uplot.cursor.left >= 0 && at !== null && at !== undefined &&
+			uplot.data[0].length > at;
 
-		setText(cursorTime, under ? timeOfDay(uplot.data[0][at], 3) : state.paused ? "paused" : "");
+		if (under)
+			setText(cursorTime, timeOfDay(uplot.data[0][at], 3));
+		else
+			setText(cursorTime, state.paused ? "paused" : "");
 		state.chosen.forEach((name, index) => {
 			const signal = signals[column(name)];
 			const value = under ? uplot.data[index + 1][at] : ring.last(column(name));
 
-			setText(legend.rows[index].cells[2], Number.isNaN(value) ? NONE :
+			setText(legend.rows[index].cells[2],
 				signal.names?.[value] ?? formatFixed(value, signal.decimals));
 		});
 	}
 
-	/* --- choices ------------------------------------------------------------------------------------------- */
+	/* --- choices -------------------------------------------------------------------------- */
 
 	function choose(names) {
 		state.chosen = names.filter((name) => column(name) >= 0).slice(0, SERIES_MOST);
@@ -322,7 +420,8 @@ export function createPlot({ title, signals, chosen, capacity }) {
 			const { unit } = signals[column(name)];
 
 			return unit ? `${title}.${name} [${unit}]` : `${title}.${name}`;
-		}), data(from, to));
+		}),
+			data(from, to));
 
 		saveFile(`${title}-${nameTime()}.csv`, [text], "text/csv");
 	}
@@ -330,8 +429,8 @@ export function createPlot({ title, signals, chosen, capacity }) {
 	for (const signal of signals) {
 		const box = element("input", { type: "checkbox", value: signal.name });
 
-		box.addEventListener("change", () => choose(signals.map(({ name }) => name).filter((name) =>
-			choices.querySelector(`input[value="${name}"]`).checked)));
+		box.addEventListener("change", () => choose(
+			[...choices.querySelectorAll("input:checked")].map((checked) => checked.value)));
 		/* Where Space stops the drive it is the only key that is left. */
 		box.addEventListener("keydown", (event) => {
 			if (event.key === "Enter")
@@ -360,9 +459,13 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		const { uplot } = state;
 		const step = uplot ? uplot.over.clientWidth / (event.shiftKey ? 10 : 100) : 0;
 		const keys = {
-			ArrowLeft: () => uplot.setCursor({ left: Math.max(0, uplot.cursor.left - step), top: 10 }),
-			ArrowRight: () => uplot.setCursor({ left: Math.min(uplot.over.clientWidth - 1,
-				Math.max(0, uplot.cursor.left) + step), top: 10 }),
+			ArrowLeft: () => uplot.setCursor(
+				{ left: Math.max(0, uplot.cursor.left - step), top: 10 }),
+			ArrowRight: () => uplot.setCursor({
+				left: Math.min(uplot.over.clientWidth - 1,
+					Math.max(0, uplot.cursor.left) + step),
+				top: 10
+			}),
 			"+": () => zoom(0.5),
 			"-": () => zoom(2),
 			PageUp: () => pan(-0.5),
@@ -378,7 +481,8 @@ export function createPlot({ title, signals, chosen, capacity }) {
 
 	const sized = new ResizeObserver(() => {
 		if (state.uplot)
-			state.uplot.setSize({ width: Math.max(200, holder.clientWidth), height: plotHeight() });
+			state.uplot.setSize(
+				{ width: Math.max(200, holder.clientWidth), height: plotHeight() });
 		else if (node.isConnected)
 			build();
 	});
