@@ -9,9 +9,11 @@ import signal
 import socket
 import subprocess
 import time
+from types import SimpleNamespace
 
 import pytest
 from bridgelib import ROOT, STANDSTILL, Unit, build_directory, eventually, go_first
+from weblib import Failed, Page
 
 # The cursor goes up by the lines of the table, which is then drawn over.
 REDRAWN = "\x1b[5A"
@@ -26,11 +28,12 @@ class Demo:
     def __init__(self, register_map, commands):
         self.map = register_map
         self.commands = commands
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            self.port = free.getsockname()[1]
+        with socket.create_server(("127.0.0.1", 0)) as one, socket.create_server(("127.0.0.1", 0)) as other:
+            self.port, self.web_port = one.getsockname()[1], other.getsockname()[1]
         self.terminal, far = pty.openpty()
         self.text = ""
-        environment = {**os.environ, "DRIVEBRIDGE_DEMO_PORT": str(self.port), "TERM": "xterm",
+        environment = {**os.environ, "DRIVEBRIDGE_DEMO_PORT": str(self.port),
+                       "DRIVEBRIDGE_DEMO_WEB_PORT": str(self.web_port), "TERM": "xterm",
                        "DRIVEBRIDGE_BUILD": str(build_directory())}
         self.process = subprocess.Popen(
             [ROOT / "demo"], stdin=far, stdout=far, stderr=far, env=environment,
@@ -125,5 +128,23 @@ def test_its_drives_are_shown_by_their_names(demo):
     assert status.returncode in (0, 1), status
     for name in ("feeder", "conveyor", "lift", "turntable", "gripper"):
         assert re.search(rf"^{name} ", status.stdout, re.M)
+    demo.press_ctrl_c()
+    assert demo.process.wait(20) == 0
+
+
+def test_its_page_is_for_who_reads_the_terminal(demo):
+    address, user, password = re.search(r"In a browser: (http://\S+) with user (\w+), password (\w+)",
+                                        demo.screen()).groups()
+    web = SimpleNamespace(address=("127.0.0.1", demo.web_port))
+    assert address == f"http://127.0.0.1:{demo.web_port}"
+    page = Page(web)
+    assert page.load()["role"] == "none"
+    with pytest.raises(Failed) as refused:
+        page.call("Describe")
+    assert refused.value.status == 401
+    assert page.log_in(user, password)["role"] == "operator"
+    assert len(page.call("Describe")["drives"]) == 5
+    assert b"uPlot" in page.request("GET", "/uPlot.iife.min.js")[2]
+    page.close()
     demo.press_ctrl_c()
     assert demo.process.wait(20) == 0

@@ -37,7 +37,7 @@ FOREIGN = {
     "CONNECT", "MB_CLIENT", "MB_MODE", "MB_DATA_ADDR", "MB_DATA_LEN", "MB_DATA_PTR",
     "MB_Unit_ID", "REQ", "BUSY", "STATUS", "uiMaxRetries", "UNION", "WORD", "DINT", "REAL", "Int", "DInt", "Real", "TCON_IP_v4",
     "FB_MBReadRegs", "FB_MBWriteRegs", "nUnitID", "nQuantity", "nMBAddr", "tTimeout",
-    "SamplePoint", "RestartSec", "DRIVEBRIDGE_DEMO_PORT", "ID_PATH",
+    "SamplePoint", "RestartSec", "DRIVEBRIDGE_DEMO_PORT", "DRIVEBRIDGE_DEMO_WEB_PORT", "ID_PATH",
     "modbus_exporter", "decode", "HR1", "HRI13", "HRF15",
     # a column of the map
     "reference",
