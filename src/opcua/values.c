@@ -112,10 +112,9 @@ UA_StatusCode db_opcua_value_read(const struct db_opcua_item *item, UA_DataValue
 
 	value->hasStatus = true;
 	value->status = status_of(quality);
-	if (us > 0) {
-		value->hasSourceTimestamp = true;
-		value->sourceTimestamp = date_of(us);
-	}
+	/* Of a value without a time the library tells the time of reading; 0 says that there is none. */
+	value->hasSourceTimestamp = true;
+	value->sourceTimestamp = us > 0 ? date_of(us) : 0;
 	if (quality != DB_OPCUA_GOOD && quality != DB_OPCUA_UNCERTAIN)
 		return UA_STATUSCODE_GOOD;
 	value->hasValue = true;

@@ -3,6 +3,7 @@
 
 import csv
 import os
+import random
 import re
 import signal
 import socket
@@ -78,6 +79,14 @@ def eventually(check, timeout=10.0, what=None):
         time.sleep(0.005)
 
 
+def free_address():
+    """An address of this machine's own that nobody else has asked for, and a port that is free there."""
+    address = f"127.{random.randint(1, 250)}.{random.randint(0, 255)}.{random.randint(2, 250)}"
+    with socket.socket() as probe:
+        probe.bind((address, 0))
+        return address, probe.getsockname()[1]
+
+
 class Refused(Exception):
     """A Modbus exception answered a request."""
 
@@ -94,6 +103,7 @@ class Register:
         self.name = row["name"]
         self.type = row["type"]
         self.access = row["access"]
+        self.unit = row["unit"]
         self.min = float(row["min"]) if row["min"] else None
         self.max = float(row["max"]) if row["max"] else None
         self.families = row["families"].split()

@@ -3,7 +3,6 @@
 
 import json
 import os
-import random
 import shutil
 import signal
 import socket
@@ -17,17 +16,9 @@ from paho.mqtt.enums import CallbackAPIVersion
 from paho.mqtt.properties import Properties
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
-from bridgelib import eventually, find_program, section
+from bridgelib import eventually, find_program, free_address, section
 
 MOSQUITTO = shutil.which("mosquitto", path=os.environ["PATH"] + ":/usr/sbin:/usr/local/sbin")
-
-
-def free_address():
-    """An address of this machine's own that nobody else has asked for, and a port that is free there."""
-    address = f"127.{random.randint(1, 250)}.{random.randint(0, 255)}.{random.randint(2, 250)}"
-    with socket.socket() as probe:
-        probe.bind((address, 0))
-        return address, probe.getsockname()[1]
 
 
 class Broker:
@@ -153,62 +144,6 @@ class Watcher:
         eventually(self.client.is_connected)
         self.client.publish(self.prefix + leaf, payload, qos=qos, retain=retain,
                             properties=Properties(3)).wait_for_publish(10)
-
-
-class Relay:
-    """A line to the broker that can stand still."""
-
-    def __init__(self, broker, address=("127.0.0.1", 0)):
-        self.broker = broker
-        self.listener = socket.create_server(address)
-        self.port = self.listener.getsockname()[1]
-        self.flows = threading.Event()
-        self.flows.set()
-        self.sockets = []
-
-    def __enter__(self):
-        threading.Thread(target=self._accept, daemon=True).start()
-        return self
-
-    def __exit__(self, *unused):
-        self.flows.set()
-        for one in [self.listener, *self.sockets]:
-            one.close()
-
-    def _accept(self):
-        try:
-            while True:
-                near = self.listener.accept()[0]
-                # Little is under way while it stands still.
-                near.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-                far = socket.create_connection((self.broker.host, self.broker.port))
-                self.sockets += [near, far]
-                for one, other in ((near, far), (far, near)):
-                    threading.Thread(target=self._carry, args=(one, other), daemon=True).start()
-        except OSError:
-            pass
-
-    def _carry(self, one, other):
-        try:
-            while True:
-                data = one.recv(4096)
-                self.flows.wait()
-                if not data:
-                    break
-                other.sendall(data)
-        except OSError:
-            pass
-        for each in (one, other):
-            try:
-                each.shutdown(socket.SHUT_RDWR)
-            except OSError:
-                pass
-
-    def hold(self):
-        self.flows.clear()
-
-    def go_on(self):
-        self.flows.set()
 
 
 class Publisher:

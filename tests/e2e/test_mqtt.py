@@ -11,7 +11,8 @@ from datetime import datetime
 
 import pytest
 from bridgelib import ROOT, Path, eventually
-from mqttlib import Broker, Publisher, Relay, Watcher, now_text
+from mqttlib import Broker, Publisher, Watcher, now_text
+from relay import Relay
 
 
 class Plant:

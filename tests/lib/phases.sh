@@ -11,7 +11,7 @@ FAILURES=()
 # The library of OPC UA, which Debian 12 does not have: CMakePresets.json knows the folder.
 need_open62541() {
 	if [ "$(sed -n 's/^VERSION_CODENAME=//p' /etc/os-release)" != bookworm ]; then
-		need_packages libopen62541-1.4-dev libopen62541-1.4-tools
+		need_packages "${OPEN62541_PACKAGES[@]}"
 	elif [ ! -d build/debian13 ]; then
 		say "unpacking Debian 13's open62541 in build/debian13"
 		in_silence tests/lib/unpack-open62541 build/debian13
@@ -243,9 +243,12 @@ phase_docs() {
 	build/asan/config-export >build/docs/config-keys.csv || true
 	build/asan/mqtt-export >build/docs/mqtt-keys.csv || true
 	build/asan/web-export >build/docs/web-keys.csv || true
+	build/asan/opcua-export >build/docs/opcua-keys.csv || true
+	"$VENV/bin/python" tests/tools/opcua-nodes build/docs/register-map.csv build/asan/opcua-export \
+		>build/docs/opcua-nodes.csv || true
 	build/asan/ctl-export csv >build/docs/drivebridgectl.csv || true
 	for file in register-map.csv register-map.md commands.csv drivebridge.st config-keys.csv \
-		mqtt-keys.csv web-keys.csv drivebridgectl.csv; do
+		mqtt-keys.csv web-keys.csv opcua-keys.csv opcua-nodes.csv drivebridgectl.csv; do
 		step "$file" diff -u "docs/$file" "build/docs/$file"
 	done
 	build/asan/ctl-export bash >build/docs/drivebridgectl || true

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A line between a program and a server."""
+
+import socket
+import threading
+
+
+class Relay:
+    """A line to a server, which has a host and a port, that can stand still."""
+
+    def __init__(self, server, address=("127.0.0.1", 0)):
+        self.server = server
+        self.listener = socket.create_server(address)
+        self.port = self.listener.getsockname()[1]
+        self.flows = threading.Event()
+        self.flows.set()
+        self.sockets = []
+
+    def __enter__(self):
+        threading.Thread(target=self._accept, daemon=True).start()
+        return self
+
+    def __exit__(self, *unused):
+        self.flows.set()
+        for one in [self.listener, *self.sockets]:
+            one.close()
+
+    def _accept(self):
+        try:
+            while True:
+                near = self.listener.accept()[0]
+                # Little is under way while it stands still.
+                near.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+                far = socket.create_connection((self.server.host, self.server.port))
+                self.sockets += [near, far]
+                for one, other in ((near, far), (far, near)):
+                    threading.Thread(target=self._carry, args=(one, other), daemon=True).start()
+        except OSError:
+            pass
+
+    def _carry(self, one, other):
+        try:
+            while True:
+                data = one.recv(4096)
+                self.flows.wait()
+                if not data:
+                    break
+                other.sendall(data)
+        except OSError:
+            pass
+        for each in (one, other):
+            try:
+                each.shutdown(socket.SHUT_RDWR)
+            except OSError:
+                pass
+
+    def hold(self):
+        self.flows.clear()
+
+    def go_on(self):
+        self.flows.set()
