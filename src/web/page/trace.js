@@ -6,7 +6,7 @@ import { nameTime, saveFile } from "./file_transfer.js";
 import { formatTime } from "./format.js";
 import { createLongList } from "./long_list.js";
 import { beginPcapng, writeFrame } from "./pcapng.js";
-import { createQuestions, readBytes, writeHead, writeLine, writeSign } from "./trace_text.js";
+import { createIntake, readBytes, writeHead, writeLine, writeSign } from "./trace_text.js";
 import { cleanText, writeClock } from "./plain.js";
 
 export const title = "Trace";
@@ -23,34 +23,6 @@ const LOOK_FOR_KEPT_MS = 5000;
 let stream = null;
 let rows = null;
 let timer = 0;
-
-/*
- * Records with their words; what is missing before one is an entry of its own, { missing: so many }. A connection that
- * was lost and is back may tell again what is there.
- */
-function createIntake() {
-	const questions = createQuestions();
-	let last = null;
-
-	return ({ records, missed }) => {
-		const entries = [];
-		let missing = missed;
-
-		for (const record of records) {
-			if (last && (record.time_us < last.time_us ||
-			    (record.time_us === last.time_us && record.number <= last.number)))
-				continue;
-			if (last && record.number > last.number)
-				missing = record.number - last.number - 1;
-			if (missing > 0)
-				entries.push({ missing, time_us: record.time_us, kind: "missing" });
-			missing = 0;
-			last = record;
-			entries.push({ record, kind: record.kind, time_us: record.time_us, words: questions.take(record) });
-		}
-		return entries;
-	};
-}
 
 function writeText(bus, entries) {
 	const first = entries.find((entry) => entry.record);
@@ -96,7 +68,7 @@ export function show(root, context, busName, keptNumber) {
 	const source = createChoice("trace-source", "From", []);
 	const drive = createChoice("trace-drive", "Drive", []);
 	const kind = createChoice("trace-kind", "Kind", [element("option", { value: "" }, "all"),
-		Object.entries(KINDS).map(([group, names]) => element("optgroup", { label: group }, createOptions(names)))]);
+		...Object.entries(KINDS).map(([group, names]) => element("optgroup", { label: group }, createOptions(names)))]);
 	const search = element("input", { id: "trace-search", type: "search", autocomplete: "off" });
 	const pause = element("button", { id: "trace-pause", type: "button", "aria-pressed": "false" }, "Pause");
 	const clear = element("button", { id: "trace-clear", type: "button" }, "Clear");

@@ -54,6 +54,35 @@ export function createQuestions() {
 	return { take };
 }
 
+/*
+ * Records with their words; what is missing before one is an entry of its own, { missing: so many }. A connection that
+ * was lost and is back tells again what is there, and a service that was restarted counts from the beginning. Pure.
+ */
+export function createIntake() {
+	const questions = createQuestions();
+	let number = 0; /* of the last one */
+	let latestUs = 0; /* times may be a little out of order */
+
+	return ({ records, missed }) => {
+		const entries = [];
+		let missing = missed;
+
+		for (const record of records) {
+			if (record.number <= number && record.time_us <= latestUs)
+				continue;
+			if (number > 0 && record.number > number)
+				missing = record.number - number - 1;
+			if (missing > 0)
+				entries.push({ missing, time_us: record.time_us, kind: "missing" });
+			missing = 0;
+			({ number } = record);
+			latestUs = Math.max(latestUs, record.time_us);
+			entries.push({ record, kind: record.kind, time_us: record.time_us, words: questions.take(record) });
+		}
+		return entries;
+	};
+}
+
 /* Bytes apart, of CAN ID#DATA; "" where there are none. */
 export function readBytes(record) {
 	if (typeof record.data !== "string")

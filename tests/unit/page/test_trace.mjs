@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { beginPcapng, writeFrame } from "../../../src/web/page/pcapng.js";
-import { createQuestions, readBytes, writeHead, writeLine } from "../../../src/web/page/trace_text.js";
+import { createIntake, createQuestions, readBytes, writeHead, writeLine } from "../../../src/web/page/trace_text.js";
 
 process.env.TZ = "Asia/Kolkata";
 
@@ -45,6 +45,22 @@ test("so many questions are remembered and no more", () => {
 		questions.take({ ...ASKED, number: number * 3 });
 	assert.match(questions.take({ ...ANSWERED, question: 15000 }), /ms\)$/);
 	assert.doesNotMatch(questions.take({ ...ANSWERED, question: 3 }), /ms\)$/);
+});
+
+test("a trace goes on where a lost connection ended it", () => {
+	const take = createIntake();
+	const told = (answer) => take(answer).map((entry) => entry.missing ? `${entry.missing} missing` : entry.record.number);
+	const records = (...numbers) => numbers.map((number) => ({ ...ASKED, number, time_us: ASKED.time_us + number }));
+
+	assert.deepEqual(told({ records: records(5, 6), missed: 4 }), ["4 missing", 5, 6]);
+	/* A frame's time may be before that of the one before it. */
+	assert.deepEqual(told({ records: [{ ...ASKED, number: 7, time_us: ASKED.time_us }], missed: 0 }), [7]);
+	assert.deepEqual(told({ records: records(10), missed: 2 }), ["2 missing", 10]);
+	/* Past and all again, and then with a gap. */
+	assert.deepEqual(told({ records: records(9, 10, 11), missed: 0 }), [11]);
+	assert.deepEqual(told({ records: records(20), missed: 0 }), ["8 missing", 20]);
+	/* The service was restarted. */
+	assert.deepEqual(told({ records: [{ ...ASKED, number: 1, time_us: ASKED.time_us + 9000 }], missed: 0 }), [1]);
 });
 
 test("the head says whose trace it is and where its clock stands", () => {
