@@ -14,7 +14,7 @@ function mayGoOn(error) {
 
 /*
  * Carries out a plan of planWrites(). call(method, parameters) promises an answer or throws { error, parameters, text };
- * report(register, state, text) hears of each parameter: writing, done, failed, stopped (was not written any more).
+ * report(register, state, text) hears of each parameter: writing, done, failed, stopped (not tried any more).
  * isEnded() says that whoever asked has had enough. Promises { written, failed: Map name -> reason, over: "" or why }.
  */
 export async function writeParametersInto(drive, plan, wanted, { call, report, isEnded }) {
@@ -89,8 +89,8 @@ export async function writeParametersInto(drive, plan, wanted, { call, report, i
 	}
 	for (const register of plan.flat()) {
 		if (!written.includes(register.name) && !failed.has(register.name)) {
-			failed.set(register.name, over);
-			report(register, "stopped", `not written: ${over}`);
+			failed.set(register.name, "not tried any more");
+			report(register, "stopped", "not tried any more");
 		}
 	}
 	return { written, failed, over };

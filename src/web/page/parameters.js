@@ -77,7 +77,7 @@ function createView(root, context, drive) {
 	const beneath = element("select", { id: "parameters-beside" });
 	const file = element("input", { id: "parameters-file", type: "file", accept: ".params,text/plain", hidden: true });
 	const difference = element("div", { id: "parameters-difference", class: "panel", hidden: true });
-	const report = element("div", { id: "parameters-report", class: "panel", role: "status", hidden: true });
+	const report = element("div", { id: "parameters-report", class: "panel", role: "status", tabindex: "-1", hidden: true });
 	const count = element("span", { id: "parameters-count", class: "muted", role: "status" });
 	const place = element("div", { class: "place" });
 	const writeButton = createButton("write", "Write", write, { class: "primary", hidden: !mayAct });
@@ -138,8 +138,10 @@ function createView(root, context, drive) {
 			}
 			refresh();
 		} catch (error) {
-			if (!closed)
-				setText(problem, error.message);
+			if (closed)
+				return;
+			setText(problem, error.message);
+			update();
 		}
 		if (!closed)
 			timer = setTimeout(() => busy ? null : read(), READ_EVERY_MS);
@@ -248,7 +250,8 @@ function createView(root, context, drive) {
 		const all = compare(held, beside);
 		const [values, addresses] = listDifferent();
 		const lines = [element("p", {}, all.length === 0 ? `${drive} has what ${beside.name} has.` :
-			`${all.length} parameters of ${drive} are others in ${beside.name}.`)];
+			`${all.length === 1 ? "1 parameter" : `${all.length} parameters`} of ${drive} ` +
+				`differ${all.length === 1 ? "s" : ""} from ${beside.name}.`)];
 		const unknown = held.registers.filter((register) => isKept(register) && valueOf(beside, register.name) === null);
 
 		if (beside.name === DEFAULTS)
@@ -265,7 +268,7 @@ function createView(root, context, drive) {
 			lines.push(element("div", { class: "toolbar" },
 				values.length > 0 ? createButton("take", `Take ${values.length} from ${beside.name}`,
 					() => takeOver(values)) : null,
-				addresses.length > 0 ? createButton("take-address", `Take ${listNames(addresses)}, too`,
+				addresses.length > 0 ? createButton("take-address", `Take ${listNames(addresses)}${values.length > 0 ? ", too" : ""}`,
 					() => takeOver(addresses)) : null));
 		/* Only when it says something new: somebody may be about to press its button. */
 		const next = element("div", {}, lines);
@@ -315,11 +318,12 @@ function createView(root, context, drive) {
 		if (busy)
 			return;
 		busy = true;
-		endButton.disabled = false;
-		update();
 		try {
-			if (await mayWrite())
+			if (await mayWrite()) {
+				endButton.disabled = false;
+				update();
 				await carryOut();
+			}
 		} catch (error) {
 			context.report(error);
 		}
@@ -373,6 +377,7 @@ function createView(root, context, drive) {
 				"Not saved in the drive yet: Save into the drive does that." :
 				`${drive} has no save_parameters: what is written is all there is.`));
 		report.hidden = false;
+		report.focus();
 		context.notify(`${drive}: ${written} written${left > 0 ? `, ${left} not` : ""}`, left > 0 ? "error" : "ok");
 	}
 
