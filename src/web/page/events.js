@@ -41,7 +41,7 @@ function createSelect(id, label, choices, onChange) {
 }
 
 export function show(root, context, driveName) {
-	const counts = element("p", { id: "events-counts", class: "muted", role: "status" });
+	const counts = element("p", { id: "events-counts", class: "muted" });
 	const search = element("input", { id: "events-search", type: "search", autocomplete: "off" });
 	const pause = element("button", { id: "events-pause", type: "button", "aria-pressed": "false" }, "Pause");
 	const save = element("button", { id: "events-save", type: "button" }, "Download as text");

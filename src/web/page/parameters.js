@@ -56,11 +56,12 @@ function createButton(id, words, onClick, properties = {}) {
 /* Everything of one drive; ended by close(). */
 function createView(root, context, drive) {
 	const mayAct = context.mayAct();
-	const draft = drafts.get(drive) ?? { edits: new Map(), from: "" };
+	const draft = (mayAct && drafts.get(drive)) || { edits: new Map(), from: "" };
 	const { edits } = draft;
 	let held = null;
 	let beside = null;
 	let table = null;
+	let listed = ""; /* the names in it */
 	let filed = null; /* the set of a file that was opened */
 	let busy = false;
 	let closed = false;
@@ -130,7 +131,9 @@ function createView(root, context, drive) {
 			held = next;
 			setText(problem, "");
 			setText(when, `as of ${formatTime(Date.now() * 1000)}`);
-			if (table === null) {
+			/* Another drive may have its name in a new configuration. */
+			if (listNames(held.registers) !== listed) {
+				listed = listNames(held.registers);
 				table = createParameterTable({ registers: held.registers, mayEdit: mayAct, onEdit: edit });
 				place.replaceChildren(table.node);
 				canSave = (await context.commands(drive)).has("save_parameters");

@@ -62,7 +62,7 @@ function createOptions(names) {
 }
 
 export function show(root, context, busName, keptNumber) {
-	const counts = element("p", { id: "trace-counts", class: "muted", role: "status" });
+	const counts = element("p", { id: "trace-counts", class: "muted" });
 	const problem = element("p", { class: "problem", role: "alert" });
 	const bus = createChoice("trace-bus", "Bus", []);
 	const source = createChoice("trace-source", "From", []);
