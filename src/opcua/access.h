@@ -1,24 +1,54 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Who may do what: security policies and users, and the sessions with what is known of them. One thread.
+ * Who may do what: security policies, users with their roles, and the sessions with what is known of them. A reader
+ * reads; an operator, whose connection is signed, also writes and calls methods; nobody changes the address space.
+ *
+ * One thread.
  */
 #ifndef DRIVEBRIDGE_OPCUA_ACCESS_H
 #define DRIVEBRIDGE_OPCUA_ACCESS_H
 
 #include "opcua/config.h"
 #include "opcua/network.h"
+#include "users/users.h"
 
 #include <open62541/server.h>
 
+/* Of the file of users. */
+extern const struct db_users_keeper db_opcua_keeper;
+
+struct db_opcua_session {
+	UA_NodeId id;
+	unsigned number;      /* no other session ever has it; 0: a free place */
+	uintptr_t connection; /* over which it was activated last; 0: it is gone */
+	enum db_role role;
+	char user[DB_USERS_NAME_MAX + 1]; /* "" is anonymous */
+	char label[128];                  /* for the log: the user and whence */
+};
+
+/* A session is over, or has lost its connection. */
+typedef void db_opcua_left_fn(void *context, unsigned session);
+
 struct db_opcua_access;
 
-/* `config` and `network` must outlive it. NULL without memory; freed with db_opcua_access_free(), NULL is allowed. */
+/* `config` and `network` must outlive it. NULL without memory; freed with db_opcua_access_free() after the server, NULL is
+ * allowed. */
 struct db_opcua_access *db_opcua_access_new(const struct db_opcua_config *config,
-                                            const struct db_opcua_network *network);
+                                            struct db_opcua_network *network,
+                                            db_opcua_left_fn *left, void *context);
 void db_opcua_access_free(struct db_opcua_access *access);
 
-/* Policies, endpoints and the rights of a server that is to be made. */
+/* Policies, endpoints, certificates and the rights of a server that is to be made. */
 UA_StatusCode db_opcua_access_set_up(struct db_opcua_access *access, UA_ServerConfig *settings);
+
+/* NULL: it is none that was activated. The library gives no context of a session in its callbacks, so it is looked for by
+ * its id. */
+const struct db_opcua_session *db_opcua_access_find(const struct db_opcua_access *access,
+                                                    const UA_NodeId *session);
+
+/* One after the other: those that have a connection. NULL: no more. `place` begins with 0. */
+const struct db_opcua_session *db_opcua_access_next(const struct db_opcua_access *access,
+                                                    size_t *place);
 
 /* A connection is gone, and with it who spoke over it. */
 void db_opcua_access_forget_connection(struct db_opcua_access *access, uintptr_t connection);

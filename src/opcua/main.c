@@ -5,7 +5,9 @@
  */
 #include "client/log.h"
 #include "drivebridge/version.h"
+#include "opcua/access.h"
 #include "opcua/server.h"
+#include "users/administration.h"
 
 #include <errno.h>
 #include <getopt.h>
@@ -27,16 +29,25 @@
 
 struct options {
 	const char *config;
+	const char *add;
+	const char *remove;
+	enum db_role role; /* DB_ROLE_NONE: not given */
 	bool check;
 };
 
 static void print_usage(FILE *out)
 {
-	(void)fputs("usage: drivebridge-opcua [--config FILE] [--check]\n"
-	            "  --config FILE  what to serve to whom; " CONFIG_PATH " when not given\n"
-	            "  --check        check the file and end\n"
-	            "  --help, --version\n",
-	            out);
+	(void)fputs(
+		"usage: drivebridge-opcua [--config FILE] [--check]\n"
+		"       drivebridge-opcua [--config FILE] --add-user NAME --role reader|operator\n"
+		"       drivebridge-opcua [--config FILE] --remove-user NAME\n"
+		"  --config FILE       what to serve to whom; " CONFIG_PATH " when not given\n"
+		"  --check             check the file and the users, and end\n"
+		"  --add-user NAME     make a user, or give one another password and role;\n"
+		"                      the password is asked for, or a line of standard input\n"
+		"  --remove-user NAME  take a user away\n"
+		"  --help, --version\n",
+		out);
 }
 
 /* -1 to go on, else the status to exit with. */
@@ -45,10 +56,14 @@ static int read_options(int argc, char **argv, struct options *options)
 	static const struct option known[] = {
 		{ "config", required_argument, NULL, 'c' },
 		{ "check", no_argument, NULL, 'k' },
+		{ "add-user", required_argument, NULL, 'a' },
+		{ "remove-user", required_argument, NULL, 'r' },
+		{ "role", required_argument, NULL, 'o' },
 		{ "help", no_argument, NULL, 'h' },
 		{ "version", no_argument, NULL, 'v' },
 		{ NULL, 0, NULL, 0 },
 	};
+	bool good = true;
 	int option;
 
 	while ((option = getopt_long(argc, argv, "", known, NULL)) != -1) {
@@ -56,6 +71,12 @@ static int read_options(int argc, char **argv, struct options *options)
 			options->config = optarg;
 		} else if (option == 'k') {
 			options->check = true;
+		} else if (option == 'a') {
+			options->add = optarg;
+		} else if (option == 'r') {
+			options->remove = optarg;
+		} else if (option == 'o') {
+			good = good && db_role_read(optarg, &options->role);
 		} else if (option == 'v') {
 			(void)puts("drivebridge-opcua " DB_VERSION);
 			return EXIT_SUCCESS;
@@ -64,7 +85,10 @@ static int read_options(int argc, char **argv, struct options *options)
 			return option == 'h' ? EXIT_SUCCESS : 2;
 		}
 	}
-	if (optind == argc)
+	/* A role is for who is added, and nobody is added without. */
+	good = good && optind == argc && !(options->add && options->remove) &&
+	       (options->role != DB_ROLE_NONE) == (options->add != NULL);
+	if (good)
 		return -1;
 	print_usage(stderr);
 	return 2;
@@ -118,6 +142,17 @@ static int run(struct db_opcua_server *server, int signals)
 	return EXIT_SUCCESS;
 }
 
+static int check(const struct options *options, const struct db_opcua_config *config)
+{
+	struct db_users users;
+	bool good = db_users_load(&users, config->users, &db_opcua_keeper, stderr);
+
+	if (good)
+		(void)printf("%s: it is good; %zu users\n", options->config, users.count);
+	db_users_clear(&users);
+	return good ? EXIT_SUCCESS : EXIT_CONFIG;
+}
+
 static int open_signals(void)
 {
 	sigset_t set;
@@ -145,10 +180,13 @@ int main(int argc, char **argv)
 		db_opcua_config_free(&config);
 		return EXIT_CONFIG;
 	}
-	if (options.check) {
-		(void)printf("%s: it is good\n", options.config);
+	if (options.check || options.add || options.remove) {
+		status = options.check ?
+		                 check(&options, &config) :
+		                 db_users_administer(&db_opcua_keeper, config.users, options.add,
+		                                     options.remove, options.role);
 		db_opcua_config_free(&config);
-		return EXIT_SUCCESS;
+		return status;
 	}
 	(void)signal(SIGPIPE, SIG_IGN);
 	signals = open_signals();

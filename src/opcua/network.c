@@ -272,7 +272,8 @@ static void flush_connection(struct db_opcua_network *network, struct connection
 struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gone_fn *gone,
                                               void *context)
 {
-	size_t places = (size_t)connections + LISTENERS;
+	size_t wanted = (size_t)connections + LISTENERS;
+	size_t places = wanted < DB_OPCUA_NETWORK_PLACES ? wanted : DB_OPCUA_NETWORK_PLACES;
 	struct db_opcua_network *network = calloc(
 		1, sizeof(*network) + places * sizeof(network->connections[0]));
 
@@ -365,19 +366,6 @@ size_t db_opcua_network_watch(const struct db_opcua_network *network, struct pol
 			};
 	}
 	return used;
-}
-
-bool db_opcua_network_is_awaited(const struct db_opcua_network *network)
-{
-	struct pollfd fds[256];
-	size_t used = db_opcua_network_watch(network, fds, sizeof(fds) / sizeof(fds[0]));
-
-	for (size_t i = 0; i < used; i++) {
-		fds[i].events = POLLIN;
-		if ((uintptr_t)fds[i].fd == network->current)
-			fds[i].fd = -1;
-	}
-	return poll(fds, used, 0) > 0;
 }
 
 db_time db_opcua_network_due(const struct db_opcua_network *network, db_time now)

@@ -16,6 +16,9 @@
 
 struct db_opcua_network;
 
+/* Never more connections and listeners than this. */
+#define DB_OPCUA_NETWORK_PLACES 256
+
 /* Called when a connection is gone. */
 typedef void db_opcua_gone_fn(void *context, uintptr_t connection);
 
@@ -42,9 +45,6 @@ db_time db_opcua_network_heard(struct db_opcua_network *network, uintptr_t conne
 size_t db_opcua_network_watch(const struct db_opcua_network *network, struct pollfd *fds,
                               size_t room);
 size_t db_opcua_network_places(const struct db_opcua_network *network);
-
-/* Whether anybody but the one who is being served has something to say. */
-bool db_opcua_network_is_awaited(const struct db_opcua_network *network);
 
 /* When db_opcua_network_flush() or the library has something to do without bytes coming. */
 db_time db_opcua_network_due(const struct db_opcua_network *network, db_time now);

@@ -158,7 +158,7 @@ static const char *text_of(const json_t *object, const char *key)
 	return text ? text : "";
 }
 
-static struct db_opcua_drive *find_drive(const struct db_opcua_plant *plant, const char *name)
+struct db_opcua_drive *db_opcua_plant_find(const struct db_opcua_plant *plant, const char *name)
 {
 	for (size_t i = 0; i < plant->drive_count; i++) {
 		if (strcmp(plant->drives[i]->name, name) == 0)
@@ -182,7 +182,7 @@ static void take_samples(void *data, json_t *parameters, const struct db_client_
 	}
 	json_array_foreach(json_object_get(parameters, "samples"), i, sample)
 	{
-		struct db_opcua_drive *drive = find_drive(plant, text_of(sample, "drive"));
+		struct db_opcua_drive *drive = db_opcua_plant_find(plant, text_of(sample, "drive"));
 
 		if (!drive)
 			continue;
@@ -359,7 +359,7 @@ static void begin(struct db_opcua_plant *plant)
 			remove_drive(plant, i);
 	}
 	for (size_t i = 0; i < plant->found_total; i++) {
-		if (!find_drive(plant, text_of(plant->found[i].description, "name")) &&
+		if (!db_opcua_plant_find(plant, text_of(plant->found[i].description, "name")) &&
 		    !add_drive(plant, &plant->found[i])) {
 			fail(plant, "out of memory, or the service tells no registers");
 			return;
@@ -598,11 +598,6 @@ db_time db_opcua_plant_due(const struct db_opcua_plant *plant)
 	if (plant->look_at < due)
 		due = plant->look_at;
 	return plant->answer_by < due ? plant->answer_by : due;
-}
-
-bool db_opcua_plant_is_there(const struct db_opcua_plant *plant)
-{
-	return plant->there;
 }
 
 void db_opcua_plant_handle(struct db_opcua_plant *plant, db_time now, int64_t us)

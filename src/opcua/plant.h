@@ -60,7 +60,7 @@ void db_opcua_plant_outdate(struct db_opcua_drive *drive);
 /* Registers are watched by others than before (struct db_opcua_register, watchers). */
 void db_opcua_plant_rewatch(struct db_opcua_plant *plant);
 
-/* Whether the service is there. */
-bool db_opcua_plant_is_there(const struct db_opcua_plant *plant);
+/* The drive of this name, NULL when there is none. */
+struct db_opcua_drive *db_opcua_plant_find(const struct db_opcua_plant *plant, const char *name);
 
 #endif

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/server.h"
 #include "opcua/access.h"
+#include "opcua/acting.h"
+#include "opcua/events.h"
 #include "opcua/network.h"
 #include "opcua/nodes.h"
 #include "opcua/plant.h"
@@ -23,10 +25,14 @@
 /* Faster sampling than this shows nothing: buses have cycles of milliseconds. */
 #define SAMPLING_MIN_MS 10
 
+/* How often it is looked whether a session that moves something is heard again. */
+#define LISTEN_INTERVAL (100 * DB_NS_PER_MS)
+
 struct db_opcua_server {
 	const struct db_opcua_config *config;
 	struct db_opcua_network *network;
 	struct db_opcua_access *access;
+	struct db_opcua_acting *acting;
 	struct db_opcua_plant *plant;
 	struct db_opcua_nodes *nodes;
 	UA_Server *library;
@@ -64,8 +70,12 @@ static void set_figures(void *context, json_t *buses)
 
 static void take_event(void *context, const json_t *event)
 {
-	(void)context;
-	(void)event;
+	struct db_opcua_server *server = context;
+	const char *drive = json_string_value(json_object_get(event, "drive"));
+	UA_NodeId origin = db_opcua_nodes_of_drive(server->nodes, drive ? drive : "");
+
+	db_opcua_events_tell(server->library, event, origin);
+	UA_NodeId_clear(&origin);
 }
 
 static void fetch_item(void *context, struct db_opcua_item *item)
@@ -73,6 +83,108 @@ static void fetch_item(void *context, struct db_opcua_item *item)
 	struct db_opcua_server *server = context;
 
 	db_opcua_plant_fetch(server->plant, item);
+}
+
+/* What a result of the service, or an error of its calls, is to a client of OPC UA. */
+static UA_StatusCode status_of(const struct db_opcua_outcome *outcome)
+{
+	static const struct {
+		const char *result;
+		UA_StatusCode status;
+	} statuses[] = {
+		{ "ok", UA_STATUSCODE_GOOD },
+		{ "unproven", UA_STATUSCODE_GOOD },
+		{ "pending", UA_STATUSCODE_GOODCOMPLETESASYNCHRONOUSLY },
+		{ "refused", UA_STATUSCODE_BADINVALIDSTATE },
+		{ "out_of_range", UA_STATUSCODE_BADOUTOFRANGE },
+		{ "limit", UA_STATUSCODE_BADOUTOFRANGE },
+		{ "BadValue", UA_STATUSCODE_BADOUTOFRANGE },
+		{ "timeout", UA_STATUSCODE_BADTIMEOUT },
+		{ "indeterminate", UA_STATUSCODE_BADUNKNOWNRESPONSE },
+		{ "restarted", UA_STATUSCODE_BADINVALIDSTATE },
+		{ "cancelled", UA_STATUSCODE_BADOPERATIONABANDONED },
+		{ "latched", UA_STATUSCODE_BADINVALIDSTATE },
+		{ "unsupported", UA_STATUSCODE_BADNOTSUPPORTED },
+		{ "NoSuchCommand", UA_STATUSCODE_BADNOTSUPPORTED },
+		{ "bus_down", UA_STATUSCODE_BADNOCOMMUNICATION },
+		{ "offline", UA_STATUSCODE_BADNOCOMMUNICATION },
+		{ "Unreachable", UA_STATUSCODE_BADNOCOMMUNICATION },
+		{ "Lost", UA_STATUSCODE_BADNOCOMMUNICATION },
+		{ "failed", UA_STATUSCODE_BADDEVICEFAILURE },
+		{ "runs_on", UA_STATUSCODE_BADDEVICEFAILURE },
+		{ "busy", UA_STATUSCODE_BADRESOURCEUNAVAILABLE },
+		{ "Busy", UA_STATUSCODE_BADRESOURCEUNAVAILABLE },
+		{ "rate_limited", UA_STATUSCODE_BADRESOURCEUNAVAILABLE },
+		{ "not_in_control", UA_STATUSCODE_BADUSERACCESSDENIED },
+		{ "NotAllowed", UA_STATUSCODE_BADUSERACCESSDENIED },
+	};
+
+	for (size_t i = 0; i < sizeof(statuses) / sizeof(statuses[0]); i++) {
+		if (strcmp(statuses[i].result, outcome->result) == 0)
+			return statuses[i].status;
+	}
+	return UA_STATUSCODE_BADUNEXPECTEDERROR;
+}
+
+/* What is known of the drive from now on. */
+static void keep_outcome(struct db_opcua_drive *drive, const struct db_opcua_outcome *outcome)
+{
+	db_opcua_plant_outdate(drive);
+	(void)snprintf(drive->result, sizeof(drive->result), "%s", outcome->result);
+	(void)snprintf(drive->reason, sizeof(drive->reason), "%s", outcome->reason);
+}
+
+static UA_StatusCode run_command(void *context, const UA_NodeId *id, struct db_opcua_drive *drive,
+                                 const char *command, json_t *arguments)
+{
+	struct db_opcua_server *server = context;
+	const struct db_opcua_session *session = db_opcua_access_find(server->access, id);
+	struct db_opcua_outcome outcome;
+
+	if (!session || session->role != DB_ROLE_OPERATOR) {
+		json_decref(arguments);
+		return UA_STATUSCODE_BADUSERACCESSDENIED;
+	}
+	db_opcua_acting_run(
+		server->acting,
+		&(struct db_opcua_actor){ .session = session->number, .label = session->label },
+		drive->name, command, arguments, &outcome);
+	keep_outcome(drive, &outcome);
+	return status_of(&outcome);
+}
+
+static UA_StatusCode write_register(void *context, const UA_NodeId *id, struct db_opcua_item *item,
+                                    json_t *value)
+{
+	struct db_opcua_server *server = context;
+	const struct db_opcua_session *session = db_opcua_access_find(server->access, id);
+	struct db_opcua_outcome outcome;
+
+	if (!session || session->role != DB_ROLE_OPERATOR)
+		return UA_STATUSCODE_BADUSERACCESSDENIED;
+	db_opcua_acting_write(
+		server->acting,
+		&(struct db_opcua_actor){ .session = session->number, .label = session->label },
+		item->drive->name, item->reg->name, value, item->reg->group == DB_OPCUA_COMMAND,
+		&outcome);
+	keep_outcome(item->drive, &outcome);
+	return status_of(&outcome);
+}
+
+static void take_end(void *context, const char *name, const struct db_opcua_outcome *outcome)
+{
+	struct db_opcua_server *server = context;
+	struct db_opcua_drive *drive = db_opcua_plant_find(server->plant, name);
+
+	if (drive)
+		keep_outcome(drive, outcome);
+}
+
+static void lose_session(void *context, unsigned session)
+{
+	struct db_opcua_server *server = context;
+
+	db_opcua_acting_drop(server->acting, session);
 }
 
 static void rewatch(void *context)
@@ -212,6 +324,8 @@ struct db_opcua_server *db_opcua_server_new(const struct db_opcua_config *config
 	static const struct db_opcua_nodes_ops node_ops = {
 		.fetch = fetch_item,
 		.rewatch = rewatch,
+		.write = write_register,
+		.run = run_command,
 	};
 	struct db_opcua_server *server = calloc(1, sizeof(*server));
 	UA_StatusCode status = UA_STATUSCODE_BADOUTOFMEMORY;
@@ -220,13 +334,16 @@ struct db_opcua_server *db_opcua_server_new(const struct db_opcua_config *config
 		return NULL;
 	server->config = config;
 	server->network = db_opcua_network_new(2 * config->sessions, forget_connection, server);
-	server->access = db_opcua_access_new(config, server->network);
+	server->access = db_opcua_access_new(config, server->network, lose_session, server);
+	server->acting = db_opcua_acting_new(config, server->network, take_end, server);
 	server->plant = db_opcua_plant_new(config, &plant_ops, server);
-	if (server->network && server->access && server->plant)
+	if (server->network && server->access && server->acting && server->plant)
 		server->library = new_library(server);
 	if (server->library)
 		server->nodes = db_opcua_nodes_new(server->library, &node_ops, server);
 	if (server->nodes)
+		status = db_opcua_events_set_up(server->library);
+	if (status == UA_STATUSCODE_GOOD)
 		status = UA_Server_run_startup(server->library);
 	if (status != UA_STATUSCODE_GOOD || db_opcua_network_port(server->network) == 0) {
 		db_client_log(DB_CLIENT_ERROR, "%s port %u: cannot listen there: %s",
@@ -251,6 +368,7 @@ void db_opcua_server_free(struct db_opcua_server *server)
 		(void)UA_Server_delete(server->library);
 	db_opcua_nodes_free(server->nodes);
 	db_opcua_plant_free(server->plant);
+	db_opcua_acting_free(server->acting);
 	db_opcua_network_free(server->network);
 	db_opcua_access_free(server->access);
 	free(server);
@@ -260,30 +378,54 @@ void db_opcua_server_free(struct db_opcua_server *server)
 
 size_t db_opcua_server_places(const struct db_opcua_server *server)
 {
-	return DB_OPCUA_PLANT_FDS + db_opcua_network_places(server->network);
+	return DB_OPCUA_PLANT_FDS + DB_OPCUA_ACTING_FDS + db_opcua_network_places(server->network);
 }
 
 size_t db_opcua_server_watch(const struct db_opcua_server *server, struct pollfd *fds, size_t room)
 {
+	const size_t own = DB_OPCUA_PLANT_FDS + DB_OPCUA_ACTING_FDS;
+
 	db_opcua_plant_watch(server->plant, fds);
-	return DB_OPCUA_PLANT_FDS + db_opcua_network_watch(server->network,
-	                                                   fds + DB_OPCUA_PLANT_FDS,
-	                                                   room - DB_OPCUA_PLANT_FDS);
+	db_opcua_acting_watch(server->acting, fds + DB_OPCUA_PLANT_FDS);
+	return own + db_opcua_network_watch(server->network, fds + own, room - own);
 }
 
 db_time db_opcua_server_due(const struct db_opcua_server *server, db_time now)
 {
 	db_time due = db_opcua_network_due(server->network, now);
-	db_time plant = db_opcua_plant_due(server->plant);
+	db_time feeding;
 
-	return plant < due ? plant : due;
+	if (db_opcua_plant_due(server->plant) < due)
+		due = db_opcua_plant_due(server->plant);
+	/* What is due already belongs to a session that is not heard. */
+	feeding = db_opcua_acting_due(server->acting);
+	if (feeding < now)
+		feeding = now + LISTEN_INTERVAL;
+	return feeding < due ? feeding : due;
+}
+
+/* Sessions that were heard lately keep what they move going. */
+static void feed(struct db_opcua_server *server, db_time now)
+{
+	db_time silence = server->config->silence_ms * DB_NS_PER_MS;
+	const struct db_opcua_session *session;
+	size_t place = 0;
+
+	while ((session = db_opcua_access_next(server->access, &place))) {
+		db_time heard = db_opcua_network_heard(server->network, session->connection);
+
+		if (heard > 0 && now - heard < silence)
+			db_opcua_acting_feed(server->acting, session->number, now);
+	}
 }
 
 void db_opcua_server_handle(struct db_opcua_server *server, db_time now, int64_t us)
 {
 	db_opcua_plant_handle(server->plant, now, us);
+	db_opcua_acting_handle(server->acting, now);
 	db_opcua_network_flush(server->network, now);
 	(void)UA_Server_run_iterate(server->library, false);
 	/* What that wants to be done in its next turn, such as closing connections. */
 	(void)UA_Server_run_iterate(server->library, false);
+	feed(server, now);
 }

@@ -307,3 +307,23 @@ bool db_users_hash(const char *password, char *hash, size_t size)
 	free(data);
 	return made;
 }
+
+/* In a time that does not tell how much of it is right. */
+bool db_users_has_password(const char *hash, const char *password)
+{
+	struct crypt_data *data = calloc(1, sizeof(*data));
+	const char *made = data ? crypt_rn(password, hash, data, sizeof(*data)) : NULL;
+	size_t length = strlen(hash);
+	unsigned char differ = 0;
+	bool right = false;
+
+	if (made && made[0] != '*' && strlen(made) == length) {
+		for (size_t i = 0; i < length; i++)
+			differ |= (unsigned char)(made[i] ^ hash[i]);
+		right = differ == 0;
+	}
+	if (data)
+		explicit_bzero(data, sizeof(*data));
+	free(data);
+	return right;
+}

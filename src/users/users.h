@@ -64,6 +64,9 @@ unsigned long db_users_digest(const struct db_user *user);
 bool db_users_change(const struct db_users_keeper *keeper, const char *path, const char *name,
                      enum db_role role, const char *hash, FILE *out);
 
+/* Whether the hash is this password's; takes some hundredths of a second. */
+bool db_users_has_password(const char *hash, const char *password);
+
 /* The hash of a password, with a fresh salt. False: it could not be made. */
 bool db_users_hash(const char *password, char *hash, size_t size);
 

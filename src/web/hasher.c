@@ -2,7 +2,6 @@
 #include "web/hasher.h"
 #include "users/users.h"
 
-#include <crypt.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -30,26 +29,6 @@ struct db_web_hasher {
 	unsigned next; /* whose turn it is */
 	struct job jobs[DB_WEB_HASHER_JOBS];
 };
-
-/* In a time that does not tell how much of it is right. */
-static bool compare(const struct job *job)
-{
-	struct crypt_data *data = calloc(1, sizeof(*data));
-	const char *made = data ? crypt_rn(job->password, job->hash, data, sizeof(*data)) : NULL;
-	size_t length = strlen(job->hash);
-	unsigned char differ = 0;
-	bool right = false;
-
-	if (made && made[0] != '*' && strlen(made) == length) {
-		for (size_t i = 0; i < length; i++)
-			differ |= (unsigned char)(made[i] ^ job->hash[i]);
-		right = differ == 0;
-	}
-	if (data)
-		explicit_bzero(data, sizeof(*data));
-	free(data);
-	return right;
-}
 
 static struct job *find_job(struct db_web_hasher *hasher, enum state state)
 {
@@ -79,7 +58,7 @@ static void *run(void *context)
 		hasher->next = (unsigned)(job - hasher->jobs) + 1;
 		job->state = RUNS;
 		(void)pthread_mutex_unlock(&hasher->mutex);
-		right = compare(job);
+		right = db_users_has_password(job->hash, job->password);
 		(void)pthread_mutex_lock(&hasher->mutex);
 		explicit_bzero(job->password, sizeof(job->password));
 		job->right = right;

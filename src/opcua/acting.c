@@ -1,0 +1,496 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "opcua/acting.h"
+
+#include "client/client.h"
+#include "client/log.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+/* Callers of one turn make others wait for so long at most, together. */
+#define SHARE_MAX (10 * DB_NS_PER_MS)
+
+/* Connections of one session, and those that only stops may take. */
+#define LINKS_PER_SESSION 4
+#define LINKS_RESERVED 2
+
+/* Calls that wait on one connection for their turn. */
+#define WAITING_MAX 8
+
+/* How often a drive's watchdog is fed at least, and at most. */
+#define FEED_LONGEST (1 * DB_NS_PER_S)
+#define FEED_SHORTEST (20 * DB_NS_PER_MS)
+
+/* A drive that a connection has commanded. */
+struct fed_drive {
+	char name[64];
+	db_time due;   /* when it is fed next */
+	bool feeding;  /* a sign of life is on its way */
+	json_t *block; /* what this session wrote into the command block; NULL: nothing yet */
+	struct link *link;
+	struct fed_drive *next;
+};
+
+struct link {
+	struct db_opcua_acting *acting;
+	struct db_client *client; /* NULL: there is none */
+	unsigned session;
+	bool passing; /* for one stop, past what waits; closed when that is answered */
+	unsigned calls;
+	struct call *first; /* calls that are not answered, in no order */
+	struct fed_drive *drives;
+};
+
+/* A call that somebody waits for, or has waited for. */
+struct call {
+	struct db_opcua_acting *acting;
+	struct link *link;
+	char drive[64];
+	char what[96]; /* for the log */
+	bool done;
+	bool left; /* nobody waits any more: it is freed when it ends */
+	struct db_opcua_outcome outcome;
+	struct call *next;
+};
+
+struct db_opcua_acting {
+	const struct db_opcua_config *config;
+	const struct db_opcua_network *network;
+	db_opcua_ended_fn *ended;
+	void *context;
+	db_time now;     /* of this turn */
+	db_time awaited; /* since when others have waited in this turn; 0: none does */
+	struct link links[DB_OPCUA_ACTING_FDS];
+};
+
+static db_time read_clock(void)
+{
+	struct timespec time;
+
+	(void)clock_gettime(CLOCK_MONOTONIC, &time);
+	return (db_time)time.tv_sec * DB_NS_PER_S + time.tv_nsec;
+}
+
+struct db_opcua_acting *db_opcua_acting_new(const struct db_opcua_config *config,
+                                            const struct db_opcua_network *network,
+                                            db_opcua_ended_fn *ended, void *context)
+{
+	struct db_opcua_acting *acting = calloc(1, sizeof(*acting));
+
+	if (!acting)
+		return NULL;
+	acting->config = config;
+	acting->network = network;
+	acting->ended = ended;
+	acting->context = context;
+	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++)
+		acting->links[i].acting = acting;
+	return acting;
+}
+
+/* --- connections ------------------------------------------------------------------------------ */
+
+/* What is under way goes on without anybody who hears of its end. */
+static void close_link(struct link *link)
+{
+	db_client_close(link->client);
+	while (link->first) {
+		struct call *call = link->first;
+
+		link->first = call->next;
+		free(call);
+	}
+	while (link->drives) {
+		struct fed_drive *drive = link->drives;
+
+		link->drives = drive->next;
+		json_decref(drive->block);
+		free(drive);
+	}
+	*link = (struct link){ .acting = link->acting };
+}
+
+void db_opcua_acting_free(struct db_opcua_acting *acting)
+{
+	for (size_t i = 0; acting && i < DB_OPCUA_ACTING_FDS; i++)
+		close_link(&acting->links[i]);
+	free(acting);
+}
+
+void db_opcua_acting_drop(struct db_opcua_acting *acting, unsigned session)
+{
+	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
+		if (acting->links[i].client && acting->links[i].session == session)
+			close_link(&acting->links[i]);
+	}
+}
+
+static struct fed_drive *find_fed(const struct link *link, const char *drive)
+{
+	for (struct fed_drive *fed = link->drives; fed; fed = fed->next) {
+		if (strcmp(fed->name, drive) == 0)
+			return fed;
+	}
+	return NULL;
+}
+
+static size_t count_fed(const struct link *link)
+{
+	size_t count = 0;
+
+	for (const struct fed_drive *fed = link->drives; fed; fed = fed->next)
+		count++;
+	return count;
+}
+
+static void fail(struct db_opcua_outcome *outcome, const char *result, const char *reason)
+{
+	(void)snprintf(outcome->result, sizeof(outcome->result), "%s", result);
+	(void)snprintf(outcome->reason, sizeof(outcome->reason), "%.255s", reason);
+}
+
+static struct link *open_link(struct db_opcua_acting *acting, unsigned session, bool passing,
+                              struct db_opcua_outcome *outcome)
+{
+	struct db_client_error error = { .parameters = NULL };
+	struct link *empty = NULL;
+	size_t free_count = 0;
+
+	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
+		if (acting->links[i].client)
+			continue;
+		empty = &acting->links[i];
+		free_count++;
+	}
+	if (!empty || (!passing && free_count <= LINKS_RESERVED)) {
+		fail(outcome, "busy", "too many sessions command at the same time");
+		return NULL;
+	}
+	if (db_client_open(acting->config->socket, &empty->client, &error) != 0) {
+		fail(outcome, "Unreachable", error.text);
+		db_client_error_clear(&error);
+		return NULL;
+	}
+	empty->session = session;
+	empty->passing = passing;
+	return empty;
+}
+
+/* The connection over which this session commands the drive: always the same, so that its commands keep their order and
+ * its control is its own. A new drive gets one to itself as far as there are some. */
+static struct link *find_link(struct db_opcua_acting *acting, unsigned session, const char *drive,
+                              struct db_opcua_outcome *outcome)
+{
+	struct link *least = NULL;
+	struct link *opened;
+	size_t own = 0;
+
+	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
+		struct link *link = &acting->links[i];
+
+		if (!link->client || link->session != session || link->passing)
+			continue;
+		if (find_fed(link, drive))
+			return link;
+		own++;
+		if (!least || count_fed(link) < count_fed(least))
+			least = link;
+	}
+	if (own == LINKS_PER_SESSION)
+		return least;
+	opened = open_link(acting, session, false, outcome);
+	return opened ? opened : least;
+}
+
+/* --- answers ---------------------------------------------------------------------------------- */
+
+/* The last word of an error's name. */
+static const char *short_name(const char *error)
+{
+	const char *last = strrchr(error, '.');
+
+	return last ? last + 1 : error;
+}
+
+static void take_result(void *data, json_t *parameters, const struct db_client_error *error,
+                        bool more)
+{
+	struct call *call = data;
+	const char *result = json_string_value(json_object_get(parameters, "result"));
+	struct db_opcua_outcome *outcome = &call->outcome;
+
+	struct call **at = &call->link->first;
+
+	(void)more;
+	while (*at != call)
+		at = &(*at)->next;
+	*at = call->next;
+	call->link->calls--;
+	call->done = true;
+	outcome->pending = result && strcmp(result, "pending") == 0;
+	if (error) {
+		result = json_string_value(json_object_get(error->parameters, "result"));
+		if (!result)
+			result = short_name(error->name);
+		(void)snprintf(outcome->reason, sizeof(outcome->reason), "%.255s", error->text);
+	}
+	(void)snprintf(outcome->result, sizeof(outcome->result), "%.31s", result ? result : "");
+	if (!call->left)
+		return;
+	db_client_log(error ? DB_CLIENT_WARNING : DB_CLIENT_INFO, "drive %s: %s ended: %s%s%s",
+	              call->drive, call->what, outcome->result, outcome->reason[0] ? ": " : "",
+	              outcome->reason);
+	call->acting->ended(call->acting->context, call->drive, outcome);
+	free(call);
+}
+
+/* Until it has ended, or others have waited long enough. */
+static void wait_for(struct call *call)
+{
+	struct db_opcua_acting *acting = call->acting;
+	db_time deadline = read_clock() + acting->config->confirm_ms * DB_NS_PER_MS;
+	struct pollfd fds[1 + DB_OPCUA_NETWORK_PLACES];
+
+	while (!call->done) {
+		db_time now = read_clock();
+		db_time until = acting->awaited > 0 && acting->awaited + SHARE_MAX < deadline ?
+		                        acting->awaited + SHARE_MAX :
+		                        deadline;
+		struct timespec patience;
+		size_t others = 0;
+
+		if (now >= until) {
+			(void)db_client_handle(call->link->client);
+			break;
+		}
+		until = until > now ? until - now : 0;
+		patience = (struct timespec){ .tv_sec = until / DB_NS_PER_S,
+			                      .tv_nsec = until % DB_NS_PER_S };
+		fds[0] = (struct pollfd){ .fd = db_client_fd(call->link->client),
+			                  .events = db_client_poll_events(call->link->client) };
+		if (acting->awaited == 0)
+			others = db_opcua_network_watch(acting->network, fds + 1,
+			                                DB_OPCUA_NETWORK_PLACES);
+		(void)ppoll(fds, 1 + others, &patience, NULL);
+		for (size_t i = 1; i <= others && acting->awaited == 0; i++) {
+			if (fds[i].revents & POLLIN)
+				acting->awaited = read_clock();
+		}
+		(void)db_client_handle(call->link->client);
+	}
+}
+
+/* Takes `parameters` over. Sends, and waits for the end. */
+static void make_call(struct link *link, const struct db_opcua_actor *actor, const char *drive,
+                      const char *what, const char *method, json_t *parameters,
+                      struct db_opcua_outcome *outcome)
+{
+	struct db_opcua_acting *acting = link->acting;
+	struct call *call = calloc(1, sizeof(*call));
+
+	if (!call) {
+		json_decref(parameters);
+		fail(outcome, "NoMemory", "out of memory");
+		return;
+	}
+	call->acting = acting;
+	call->link = link;
+	call->next = link->first;
+	link->first = call;
+	link->calls++;
+	(void)snprintf(call->drive, sizeof(call->drive), "%s", drive);
+	(void)snprintf(call->what, sizeof(call->what), "%s by %s", what, actor->label);
+	if (db_client_send(link->client, method, parameters, false, take_result, call) != 0) {
+		fail(outcome, "Lost", "the service has closed the connection");
+		close_link(link);
+		return;
+	}
+	wait_for(call);
+	if (!call->done) {
+		call->left = true;
+		outcome->pending = true;
+		(void)snprintf(outcome->result, sizeof(outcome->result), "pending");
+	} else {
+		*outcome = call->outcome;
+	}
+	db_client_log(DB_CLIENT_NOTICE, "drive %s: %s: %s%s%s", drive, call->what, outcome->result,
+	              outcome->reason[0] ? ": " : "", outcome->reason);
+	if (call->done)
+		free(call);
+}
+
+static bool is_stop(const char *command)
+{
+	return strcmp(command, "stop") == 0 || strcmp(command, "quick_stop") == 0 ||
+	       strcmp(command, "disable") == 0;
+}
+
+static bool remember_drive(struct link *link, const char *name, db_time now)
+{
+	struct fed_drive *fed = find_fed(link, name);
+
+	if (!fed) {
+		fed = calloc(1, sizeof(*fed));
+		if (!fed)
+			return false;
+		(void)snprintf(fed->name, sizeof(fed->name), "%s", name);
+		fed->link = link;
+		fed->next = link->drives;
+		link->drives = fed;
+	}
+	fed->due = now;
+	return true;
+}
+
+static void act(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
+                const char *drive, const char *what, bool stop, const char *method,
+                json_t *parameters, struct db_opcua_outcome *outcome)
+{
+	struct link *link;
+
+	*outcome = (struct db_opcua_outcome){ .pending = false };
+	link = find_link(acting, actor->session, drive, outcome);
+	if (stop && (!link || link->calls > 0))
+		link = open_link(acting, actor->session, true, outcome);
+	if (link && !stop && link->calls >= WAITING_MAX) {
+		fail(outcome, "busy", "too much waits for the drive already");
+		link = NULL;
+	}
+	if (!link || (!link->passing && !remember_drive(link, drive, read_clock()))) {
+		json_decref(parameters);
+		return;
+	}
+	outcome->result[0] = '\0';
+	outcome->reason[0] = '\0';
+	make_call(link, actor, drive, what, method, parameters, outcome);
+}
+
+void db_opcua_acting_run(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
+                         const char *drive, const char *command, json_t *arguments,
+                         struct db_opcua_outcome *outcome)
+{
+	act(acting, actor, drive, command, is_stop(command), "Run",
+	    json_pack("{s:s, s:s, s:o}", "drive", drive, "command", command, "arguments",
+	              arguments),
+	    outcome);
+}
+
+/* The session's connection to the drive, where it has one. */
+static struct fed_drive *find_own(struct db_opcua_acting *acting, unsigned session,
+                                  const char *drive)
+{
+	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
+		struct link *link = &acting->links[i];
+		struct fed_drive *fed = link->client && link->session == session ?
+		                                find_fed(link, drive) :
+		                                NULL;
+
+		if (fed)
+			return fed;
+	}
+	return NULL;
+}
+
+void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
+                           const char *drive, const char *reg, json_t *value, bool block,
+                           struct db_opcua_outcome *outcome)
+{
+	struct fed_drive *own = find_own(acting, actor->session, drive);
+	bool command = block && strcmp(reg, "command") == 0;
+	/* With its own arguments, whatever others have written there meanwhile. */
+	json_t *values = command && own && own->block ? json_copy(own->block) : json_object();
+	char what[80];
+
+	(void)json_object_set(values, reg, value);
+	(void)snprintf(what, sizeof(what), "write of %s", reg);
+	act(acting, actor, drive, what, false, "Write",
+	    json_pack("{s:s, s:o}", "drive", drive, "values", values), outcome);
+	if (!block || command || outcome->pending || outcome->reason[0] != '\0')
+		return;
+	own = find_own(acting, actor->session, drive);
+	if (own && !own->block)
+		own->block = json_object();
+	if (own)
+		(void)json_object_set(own->block, reg, value);
+}
+
+/* --- watchdogs -------------------------------------------------------------------------------- */
+
+static void take_sign(void *data, json_t *parameters, const struct db_client_error *error,
+                      bool more)
+{
+	struct fed_drive *fed = data;
+	const json_t *values = json_object_get(parameters, "values");
+	db_time left = json_integer_value(json_object_get(values, "watchdog_remaining_ms")) *
+	               DB_NS_PER_MS;
+	db_time wait = left / 4;
+
+	(void)more;
+	fed->feeding = false;
+	/* It runs only while something moves; the next command begins it again. */
+	fed->due = error || left == 0 ?
+	                   DB_TIME_NEVER :
+	                   fed->link->acting->now + (wait > FEED_LONGEST  ? FEED_LONGEST :
+	                                             wait < FEED_SHORTEST ? FEED_SHORTEST :
+	                                                                    wait);
+}
+
+void db_opcua_acting_feed(struct db_opcua_acting *acting, unsigned session, db_time now)
+{
+	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
+		struct link *link = &acting->links[i];
+
+		if (!link->client || link->session != session)
+			continue;
+		for (struct fed_drive *fed = link->drives; fed; fed = fed->next) {
+			if (fed->feeding || now < fed->due)
+				continue;
+			/* What reads, lives. A connection that is lost shows when it is looked at next. */
+			fed->feeding = db_client_send(link->client, "Read",
+			                              json_pack("{s:s, s:[s]}", "drive", fed->name,
+			                                        "names", "watchdog_remaining_ms"),
+			                              false, take_sign, fed) == 0;
+		}
+	}
+}
+
+void db_opcua_acting_watch(const struct db_opcua_acting *acting,
+                           struct pollfd fds[DB_OPCUA_ACTING_FDS])
+{
+	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
+		const struct db_client *client = acting->links[i].client;
+
+		fds[i] = (struct pollfd){ .fd = -1 };
+		if (client)
+			fds[i] = (struct pollfd){ .fd = db_client_fd(client),
+				                  .events = db_client_poll_events(client) };
+	}
+}
+
+db_time db_opcua_acting_due(const struct db_opcua_acting *acting)
+{
+	db_time due = DB_TIME_NEVER;
+
+	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
+		for (const struct fed_drive *fed = acting->links[i].drives; fed; fed = fed->next) {
+			if (!fed->feeding && fed->due < due)
+				due = fed->due;
+		}
+	}
+	return due;
+}
+
+void db_opcua_acting_handle(struct db_opcua_acting *acting, db_time now)
+{
+	acting->now = now;
+	acting->awaited = 0;
+	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
+		struct link *link = &acting->links[i];
+
+		if (link->client &&
+		    (db_client_handle(link->client) != 0 || (link->passing && link->calls == 0)))
+			close_link(link);
+	}
+}
