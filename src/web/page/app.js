@@ -25,9 +25,9 @@
  *   stop(drive, command)  stops a drive, stop or quick_stop, and says how it went
  */
 import * as api from "./api.js";
-import {element, icon, setAttribute} from "./dom.js";
-import {createPlant, NEED} from "./plant.js";
-import {indexByName, inWords} from "./format.js";
+import { element, icon, setAttribute } from "./dom.js";
+import { createPlant, NEED } from "./plant.js";
+import { indexByName, inWords } from "./format.js";
 import * as login from "./login.js";
 import * as overview from "./overview.js";
 
@@ -312,6 +312,7 @@ function showUser() {
 	const box = find("user");
 
 	find("stop-all").hidden = role !== "operator";
+	find("link").hidden = role === "none";
 	if (user) {
 		const out = element("button", {
 			id: "logout",
@@ -459,6 +460,8 @@ function takeSession(session, before) {
 	if (session.role !== before.role || session.user !== before.user) {
 		stream?.close();
 		stream = null;
+		serviceUp = true;
+		setLink("connecting");
 		plant = createPlant();
 		registersByDrive = new Map();
 		commandsByDrive = new Map();

@@ -3,10 +3,10 @@
  * One drive: its plot, values, status, inputs and outputs, jog, commands, control and history, all
  * made from what the service says the drive has.
  */
-import {call, openStream} from "./api.js";
-import {createCommands, createHistory} from "./commands.js";
-import {createControl} from "./control.js";
-import {element, icon, setAttribute, setIcon, setText} from "./dom.js";
+import { call, openStream } from "./api.js";
+import { createCommands, createHistory } from "./commands.js";
+import { createControl } from "./control.js";
+import { element, icon, setAttribute, setIcon, setText } from "./dom.js";
 import {
 	asLabel,
 	createScale,
@@ -17,9 +17,9 @@ import {
 	inWords,
 	labelOf
 } from "./format.js";
-import {createJog} from "./jog.js";
-import {ageOf, judgeDrive, NEED} from "./plant.js";
-import {createPlot} from "./plot.js";
+import { createJog } from "./jog.js";
+import { ageOf, judgeDrive, NEED } from "./plant.js";
+import { createPlot } from "./plot.js";
 
 /* Ten minutes at twenty samples a second; at 20 ms four. */
 const PLOT_CAPACITY = 12000;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-import {logIn} from "./api.js";
-import {element, setText} from "./dom.js";
+import { logIn } from "./api.js";
+import { element, setText } from "./dom.js";
 
 export const title = "Log in";
 

@@ -3,9 +3,9 @@
  * Buses and drives, the worst first. Rows are made when the description comes; what streams in only
  * changes their texts and attributes.
  */
-import {element, icon, setAttribute, setIcon, setText} from "./dom.js";
-import {formatAge, formatFixed, formatSpeed, formatTime, lookUpUnit, NONE} from "./format.js";
-import {ageOf, NEED} from "./plant.js";
+import { element, icon, setAttribute, setIcon, setText } from "./dom.js";
+import { formatAge, formatFixed, formatSpeed, formatTime, lookUpUnit, NONE } from "./format.js";
+import { ageOf, NEED } from "./plant.js";
 
 export const title = "Overview";
 

@@ -5,7 +5,7 @@
  *
  * Pure; times are milliseconds of one clock.
  */
-import {bitNames, codeName, inWords} from "./format.js";
+import { bitNames, codeName, inWords } from "./format.js";
 
 /* In this order. */
 export const NEED = {

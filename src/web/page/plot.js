@@ -3,10 +3,10 @@
  * A live plot of several values over time: ring buffers of fixed size, and uPlot to draw what is
  * looked at.
  */
-import {element, newId, setText} from "./dom.js";
-import {nameTime, saveFile} from "./file_transfer.js";
-import {formatFixed, NONE} from "./format.js";
-import {DASHES, createSwatch, readColour} from "./plot_line.js";
+import { element, newId, setText } from "./dom.js";
+import { nameTime, saveFile } from "./file_transfer.js";
+import { formatFixed } from "./format.js";
+import { DASHES, createSwatch, readColour } from "./plot_line.js";
 
 const SERIES_MOST = DASHES.length;
 const SPANS_S = [5, 10, 30, 60, 300];
