@@ -26,7 +26,7 @@ static void end_session(struct db_web_server *server, const char *id)
 	/* It may stand in what goes away. */
 	(void)snprintf(over, sizeof(over), "%s", id);
 	db_web_sessions_end(server->sessions, over);
-	db_web_tabs_close(server, over);
+	db_web_tabs_leave(server, over, DB_WEB_GRIP_LOGOUT);
 	db_web_stream_end(server, over, "LoginRequired", "the login has ended");
 }
 

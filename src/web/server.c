@@ -32,11 +32,16 @@
 /* Of a head, and of what goes out at once. */
 #define CONNECTION_MEMORY ((size_t)16 * 1024)
 /* A connection that says nothing, and takes nothing, for so long is closed. */
-#define CONNECTION_SILENT_S 15U
+#define CONNECTION_SILENT_S 10U
+
+/* What the system keeps for a browser that does not take it: no more than it may be old. */
+#define UNSENT_MAX (32 * 1024)
 
 #define READ_WITHIN (10 * DB_NS_PER_S)
 /* Drives that were moved by holding a button are stopped before this program ends, if they can be. */
-#define END_WITHIN (3 * DB_NS_PER_S)
+#define END_WITHIN (4 * DB_NS_PER_S)
+/* Turns of the daemon for the answers that are left then. */
+#define END_TURNS 16
 
 /* --- whether it may be asked ------------------------------------------------------------------ */
 
@@ -197,6 +202,11 @@ static void dispatch(struct db_web_request *request)
 {
 	struct db_web_server *server = request->server;
 
+	if (server->ending) {
+		db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Stopping",
+		                      "this server is being stopped");
+		return;
+	}
 	if (request->route.kind != DB_WEB_FILE && !parse_body(request))
 		return;
 	if (request->session[0] != '\0' && request->route.kind != DB_WEB_ALIVE)
@@ -235,6 +245,8 @@ static void dispatch(struct db_web_request *request)
 		db_web_overview_begin(server->overview, request);
 		break;
 	case DB_WEB_JOG:
+		db_web_tabs_jog(request);
+		break;
 	case DB_WEB_UNKNOWN:
 	case DB_WEB_WRONG_METHOD:
 	default:
@@ -440,7 +452,7 @@ static int on_tick(sd_event_source *source, uint64_t us, void *data)
 	run_daemon(server);
 	(void)sd_event_source_set_time_relative(source, TICK_US);
 	(void)sd_event_source_set_enabled(source, SD_EVENT_ONESHOT);
-	if (server->ending)
+	if (server->ending && (!server->tabs || now >= server->end_by))
 		(void)sd_event_exit(server->loop, EXIT_SUCCESS);
 	return 0;
 }
@@ -454,6 +466,7 @@ static int on_signal(sd_event_source *source, const struct signalfd_siginfo *inf
 	(void)sd_notify(0, "STOPPING=1");
 	server->ending = true;
 	server->end_by = db_web_clock() + END_WITHIN;
+	db_web_tabs_leave(server, NULL, DB_WEB_GRIP_ENDING);
 	return 0;
 }
 
@@ -462,7 +475,7 @@ static void on_service_changed(void *data)
 	struct db_web_server *server = data;
 
 	if (!db_web_service_is_up(server->service))
-		db_web_tabs_close(server, NULL);
+		db_web_tabs_close(server);
 	if (server->overview)
 		db_web_overview_changed(server->overview);
 }
@@ -476,12 +489,14 @@ static int listen_for_browsers(const struct db_web_config *config)
 	struct db_web_address address;
 	char text[DB_WEB_ADDRESS_TEXT];
 	socklen_t size = 0;
+	int unsent = UNSENT_MAX;
 	int on = 1;
 	int fd;
 
 	(void)db_web_endpoint_parse(config->listen, &endpoint, &size);
 	fd = socket(endpoint.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
 	if (fd < 0 || setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on)) != 0 ||
+	    setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &unsent, sizeof(unsent)) != 0 ||
 	    bind(fd, (struct sockaddr *)&endpoint, size) != 0 || listen(fd, 128) != 0) {
 		db_client_log(DB_CLIENT_ERROR, "cannot listen on %s: %s", config->listen,
 		              strerror(errno));
@@ -598,7 +613,9 @@ static void stop_daemon(struct db_web_server *server)
 			db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Stopping",
 			                      "this server is being stopped");
 	}
-	(void)MHD_run(server->daemon);
+	/* It goes on with each of them step by step. */
+	for (unsigned turn = 0; server->requests && turn < END_TURNS; turn++)
+		(void)MHD_run(server->daemon);
 	MHD_stop_daemon(server->daemon);
 }
 
@@ -612,7 +629,7 @@ int db_web_serve(const struct db_web_config *config)
 		(void)sd_notify(0, "READY=1");
 		status = sd_event_loop(server.loop) < 0 ? EXIT_FAILURE : EXIT_SUCCESS;
 	}
-	db_web_tabs_close(&server, NULL);
+	db_web_tabs_close(&server);
 	stop_daemon(&server);
 	/* Before what waits for its answers. */
 	db_web_service_free(server.service);

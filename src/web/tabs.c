@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/tabs.h"
 #include "web/call.h"
+#include "web/jog.h"
 #include "web/service.h"
 
 #include <stdio.h>
@@ -33,7 +34,9 @@ struct db_web_tab {
 	char session[DB_WEB_SECRET_TEXT];
 	struct db_web_link *act;
 	struct db_web_link *stop;
+	struct db_web_jog *jog;
 	bool lost;
+	bool leaves; /* nothing is taken from it any more */
 	db_time heard;
 	struct drive drives[DRIVES_MAX];
 };
@@ -56,10 +59,13 @@ static void free_tab(struct db_web_tab *tab)
 			break;
 		}
 	}
+	if (tab->jog)
+		db_web_jog_lose(tab->jog);
 	tab->act = NULL;
 	tab->stop = NULL;
 	db_web_link_close(links[0]);
 	db_web_link_close(links[1]);
+	db_web_jog_free(tab->jog);
 	free(tab);
 }
 
@@ -74,7 +80,7 @@ static struct db_web_tab *find_tab(const struct db_web_request *request)
 {
 	struct db_web_tab *tab = request->server->tabs;
 
-	while (tab && (tab->lost || strcmp(tab->id, request->tab) != 0 ||
+	while (tab && (tab->lost || tab->leaves || strcmp(tab->id, request->tab) != 0 ||
 	               strcmp(tab->session, request->session) != 0))
 		tab = tab->next;
 	return tab;
@@ -90,7 +96,7 @@ static struct db_web_tab *open_tab(struct db_web_request *request)
 	if (tab)
 		return tab;
 	for (tab = request->server->tabs; tab; tab = tab->next)
-		count++;
+		count += !tab->leaves && !tab->lost;
 	if (count >= DB_WEB_TABS_MAX) {
 		db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Busy",
 		                      "%u pages command drives already; close one", count);
@@ -110,7 +116,11 @@ static struct db_web_tab *open_tab(struct db_web_request *request)
 	tab->act = db_web_service_open(request->server->service, lose, tab, &error);
 	if (tab->act)
 		tab->stop = db_web_service_open(request->server->service, lose, tab, &error);
-	if (!tab->stop) {
+	if (tab->stop)
+		tab->jog = db_web_jog_new(tab->server, tab->act, tab->stop);
+	if (!tab->jog) {
+		if (error.name[0] == '\0')
+			db_client_error_set(&error, DB_CLIENT_NO_MEMORY, "no memory");
 		db_web_request_fail(request, &error);
 		free_tab(tab);
 		tab = NULL;
@@ -151,6 +161,8 @@ static void take_state(void *data, json_t *parameters, const struct db_client_er
 	(void)more;
 	drive->asking = false;
 	drive->moves = !error && db_web_service_is_moving(drive->tab->server->service, state);
+	if (!error)
+		db_web_jog_see(drive->tab->jog, drive->name, drive->moves);
 }
 
 /* What asks, lives. */
@@ -171,12 +183,20 @@ static void feed(struct db_web_tab *tab, db_time now)
 
 /* --- acting ----------------------------------------------------------------------------------- */
 
-static bool is_stop(const struct db_web_request *request)
+/* Whether it is a stop, and of which drive; NULL: of several. */
+static bool is_stop(const struct db_web_request *request, const char **drive)
 {
 	static const char *const stops[] = { "stop", "quick_stop", "disable" };
 	const char *command = json_string_value(json_object_get(request->parameters, "command"));
+	const json_t *values = json_object_get(request->parameters, "values");
 
-	if (strcmp(request->route.name, "Run") != 0 || !command)
+	*drive = json_string_value(json_object_get(request->parameters, "drive"));
+	if (strcmp(request->route.name, "Write") == 0 && *drive && (*drive)[0] == '\0') {
+		*drive = NULL;
+		return json_object_get(values, "group_stop") ||
+		       json_object_get(values, "group_stop_units");
+	}
+	if (strcmp(request->route.name, "Run") != 0 || !command || !*drive)
 		return false;
 	for (size_t i = 0; i < sizeof(stops) / sizeof(stops[0]); i++) {
 		if (strcmp(stops[i], command) == 0)
@@ -186,41 +206,62 @@ static bool is_stop(const struct db_web_request *request)
 }
 
 /* Past everything that waits; and once more behind that, where a motion may be waiting. */
-static void stop(struct db_web_request *request)
+static void stop(struct db_web_request *request, const char *drive)
 {
 	struct db_web_tab *tab = find_tab(request);
+	bool waits = tab && db_web_link_waiting(tab->act) > 0;
 
-	if (tab && db_web_link_waiting(tab->act) > 0)
-		(void)db_web_link_send(tab->act, "Run", json_incref(request->parameters), false,
-		                       NULL, NULL);
 	db_web_call(request, tab ? tab->stop : db_web_service_stopper(request->server->service),
 	            ACT_WITHIN);
+	if (waits)
+		(void)db_web_link_send(tab->act, request->route.name,
+		                       json_incref(request->parameters), false, NULL, NULL);
+	if (tab)
+		db_web_jog_yield(tab->jog, drive);
+}
+
+/* The page's, which has said that it is there; NULL when the request has been answered with why not. */
+static struct db_web_tab *take_tab(struct db_web_request *request)
+{
+	struct db_web_tab *tab = NULL;
+
+	if (request->tab[0] == '\0')
+		db_web_request_refuse(
+			request, MHD_HTTP_BAD_REQUEST, "BadRequest",
+			"what acts tells its page: X-Tab, 16 to 32 hexadecimal digits");
+	else
+		tab = open_tab(request);
+	if (tab)
+		tab->heard = db_web_clock();
+	return tab;
 }
 
 void db_web_tabs_act(struct db_web_request *request)
 {
-	const char *drive = json_string_value(json_object_get(request->parameters, "drive"));
 	bool to_end = json_is_true(json_object_get(request->parameters, "until_end"));
 	struct db_web_tab *tab;
+	const char *drive;
 
 	db_web_log_action(request, request->route.name, request->parameters);
-	if (is_stop(request)) {
-		stop(request);
+	if (is_stop(request, &drive)) {
+		stop(request, drive);
 		return;
 	}
-	if (request->tab[0] == '\0') {
-		db_web_request_refuse(
-			request, MHD_HTTP_BAD_REQUEST, "BadRequest",
-			"what acts tells its page: X-Tab, 16 to 32 hexadecimal digits");
-		return;
-	}
-	tab = open_tab(request);
+	tab = take_tab(request);
 	if (!tab)
 		return;
-	tab->heard = db_web_clock();
 	if (drive && strlen(drive) < DRIVE_NAME_MAX)
 		note_drive(tab, drive);
 	db_web_call(request, tab->act, to_end ? MOTION_WITHIN : ACT_WITHIN);
+}
+
+void db_web_tabs_jog(struct db_web_request *request)
+{
+	const char *drive = json_string_value(json_object_get(request->parameters, "drive"));
+	struct db_web_tab *tab = take_tab(request);
+
+	if (tab && db_web_jog_take(tab->jog, request))
+		note_drive(tab, drive);
 }
 
 void db_web_tabs_hear(struct db_web_request *request)
@@ -232,27 +273,42 @@ void db_web_tabs_hear(struct db_web_request *request)
 	db_web_request_answer(request, MHD_HTTP_OK, json_pack("{s:b}", "acting", tab != NULL));
 }
 
+/* --- leaving ---------------------------------------------------------------------------------- */
+
+static void leave(struct db_web_tab *tab, enum db_web_grip_end end)
+{
+	tab->leaves = true;
+	db_web_jog_end(tab->jog, end);
+}
+
 void db_web_tabs_tick(struct db_web_server *server, db_time now)
 {
 	struct db_web_tab *next;
 
 	for (struct db_web_tab *tab = server->tabs; tab; tab = next) {
 		next = tab->next;
-		if (tab->lost || now - tab->heard >= DB_WEB_TAB_SILENT ||
-		    !db_web_sessions_find(server->sessions, tab->session, now))
+		if (!tab->leaves && !db_web_sessions_find(server->sessions, tab->session, now))
+			leave(tab, DB_WEB_GRIP_LOGOUT);
+		else if (!tab->leaves && now - tab->heard >= DB_WEB_TAB_SILENT)
+			leave(tab, DB_WEB_GRIP_OVERDUE);
+		db_web_jog_tick(tab->jog, now);
+		if (tab->lost || (tab->leaves && db_web_jog_is_over(tab->jog, now)))
 			free_tab(tab);
-		else
+		else if (!tab->leaves)
 			feed(tab, now);
 	}
 }
 
-void db_web_tabs_close(struct db_web_server *server, const char *session)
+void db_web_tabs_leave(struct db_web_server *server, const char *session, enum db_web_grip_end end)
 {
-	struct db_web_tab *next;
-
-	for (struct db_web_tab *tab = server->tabs; tab; tab = next) {
-		next = tab->next;
+	for (struct db_web_tab *tab = server->tabs; tab; tab = tab->next) {
 		if (!session || strcmp(tab->session, session) == 0)
-			free_tab(tab);
+			leave(tab, end);
 	}
+}
+
+void db_web_tabs_close(struct db_web_server *server)
+{
+	while (server->tabs)
+		free_tab(server->tabs);
 }

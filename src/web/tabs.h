@@ -8,6 +8,7 @@
 #ifndef DRIVEBRIDGE_WEB_TABS_H
 #define DRIVEBRIDGE_WEB_TABS_H
 
+#include "web/grip.h"
 #include "web/request.h"
 
 /* A page says so often that it is there; one that says nothing for DB_WEB_TAB_SILENT is gone. */
@@ -16,15 +17,22 @@
 /* Whether it can be a page's id. */
 bool db_web_tab_is_good(const char *id);
 
-/* Carries a call out that acts, and answers the request. */
+/* Carries a call out that acts, and answers the request. A stop goes past everything that waits, and ends the grips that
+ * move what it stops. */
 void db_web_tabs_act(struct db_web_request *request);
+
+/* A beat of the dead man's rule. */
+void db_web_tabs_jog(struct db_web_request *request);
 
 /* The page says that it is there. */
 void db_web_tabs_hear(struct db_web_request *request);
 
 void db_web_tabs_tick(struct db_web_server *server, db_time now);
 
-/* Closes those of a session; all with NULL. */
-void db_web_tabs_close(struct db_web_server *server, const char *session);
+/* Those of a session leave, all with NULL: what their grips move is stopped, and then they are closed. */
+void db_web_tabs_leave(struct db_web_server *server, const char *session, enum db_web_grip_end end);
+
+/* The service is gone: all are closed. */
+void db_web_tabs_close(struct db_web_server *server);
 
 #endif

@@ -72,8 +72,10 @@ class Webd:
         self.users = ()
         offset = self.log_path.stat().st_size if self.log_path.exists() else 0
         with open(self.log_path, "ab") as log:
+            # Memory that the sanitizer keeps back is not the program's.
+            options = os.environ.get("ASAN_OPTIONS", "") + ":quarantine_size_mb=1"
             self.process = subprocess.Popen([find_program("drivebridge-webd"), "--config", self.config_path],
-                                            stdout=log, stderr=log)
+                                            stdout=log, stderr=log, env={**os.environ, "ASAN_OPTIONS": options})
 
         def listening():
             text = self.log_path.read_text(errors="replace")[offset:]
@@ -140,6 +142,7 @@ class Page:
         self.tab = tab or secrets.token_hex(12)
         self.connection = None
         self.lock = threading.Lock()
+        self.used = 0
         self.grip = 0
         self.streams = []
         if user:
@@ -172,7 +175,12 @@ class Page:
     def request(self, method, path, body=None, **headers):
         """(status, headers, bytes); over the connection that there is, else a new one."""
         with self.lock:
+            # One that was silent may have been closed meanwhile.
+            if self.connection and time.monotonic() - self.used > 5:
+                self.connection.close()
+                self.connection = None
             self.connection = self.connection or self.connect()
+            self.used = time.monotonic()
             try:
                 self.connection.request(method, path, body, self.headers(**headers))
                 response = self.connection.getresponse()
@@ -252,6 +260,11 @@ class Grip:
                 self.answers.append(error)
                 return
             time.sleep(0.1)
+
+    def last(self, key):
+        """Of the latest answer; None before the first one, and behind an error."""
+        last = self.answers[-1] if self.answers else None
+        return last.get(key) if isinstance(last, dict) else None
 
     def let_go(self):
         """The button is released."""
@@ -342,7 +355,3 @@ def memory_kib(process):
     """Resident, at most so far."""
     text = Path(f"/proc/{process.pid}/status").read_text(encoding="utf-8")
     return int(re.search(r"VmHWM:\s+(\d+)", text)[1])
-
-
-def is_root():
-    return os.geteuid() == 0

@@ -1,0 +1,337 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "web/jog.h"
+#include "client/log.h"
+#include "web/service.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define DRIVE_MAX 64
+#define TIMER_ACCURACY_US 1000
+
+/* A stop that was not confirmed is told again so often, and for so long. */
+#define STOP_AGAIN (200 * DB_NS_PER_MS)
+#define STOP_WITHIN (3 * DB_NS_PER_S)
+
+/* A drive that was told to move, and shows so many times that it does not, has been stopped. */
+#define STANDING_SEEN 3
+
+struct db_web_jog {
+	struct db_web_server *server;
+	struct db_web_link *act;  /* NULL: lost */
+	struct db_web_link *stop; /* likewise */
+	sd_event_source *timer;   /* when the grip is overdue */
+	struct db_web_caller caller;
+	struct db_web_grip grip;
+	char drive[DRIVE_MAX]; /* of the latest grip */
+	double told;           /* the velocity that the drive was told last; 0: to stop */
+	unsigned moves;        /* that have no answer yet */
+	unsigned stops;        /* likewise */
+	bool moved;            /* a move was taken, or may have been, and no stop confirmed since */
+	db_time stop_again;    /* DB_TIME_NEVER: no stop is to be told again */
+	db_time stop_by;
+	bool seen_moving;       /* since the latest move */
+	unsigned seen_standing; /* so many times behind that */
+	char result[48];        /* of the latest move */
+	char text[512];         /* what was said against it */
+};
+
+static void settle(struct db_web_jog *jog);
+
+/* --- stopping --------------------------------------------------------------------------------- */
+
+static void take_stop(void *data, json_t *parameters, const struct db_client_error *error,
+                      bool more)
+{
+	struct db_web_jog *jog = data;
+
+	(void)parameters;
+	(void)more;
+	jog->stops--;
+	if (!error) {
+		jog->moved = false;
+		jog->stop_again = DB_TIME_NEVER;
+	} else if (jog->stop_again != DB_TIME_NEVER) {
+		(void)snprintf(jog->text, sizeof(jog->text), "%s", error->text);
+	}
+	settle(jog);
+}
+
+static void send_stop(struct db_web_jog *jog, struct db_web_link *link)
+{
+	if (!link)
+		return;
+	jog->stops++;
+	if (db_web_link_send(link, "Run",
+	                     json_pack("{s:s, s:s}", "drive", jog->drive, "command", "stop"), false,
+	                     take_stop, jog) != 0)
+		jog->stops--;
+}
+
+/* Over the connection that moves it, so that it comes behind the move; and past that, where anything waits there. */
+static void stop_drive(struct db_web_jog *jog)
+{
+	db_time now = db_web_clock();
+	bool waits = !jog->act || db_web_link_waiting(jog->act) > 0;
+
+	db_client_log(DB_CLIENT_NOTICE, "%s: jog of %s ended: %s", jog->caller.text, jog->drive,
+	              db_web_grip_end_name(jog->grip.end));
+	jog->server->counts.late_jogs += jog->grip.end == DB_WEB_GRIP_OVERDUE;
+	jog->told = 0;
+	jog->stop_again = now + STOP_AGAIN;
+	jog->stop_by = now + STOP_WITHIN;
+	send_stop(jog, jog->act);
+	if (waits)
+		send_stop(jog, jog->stop);
+}
+
+/*
+ * Whether a drive may move although a move has failed. Who was refused has nothing to stop, and another client's
+ * motion is not his.
+ */
+static bool may_move(const struct db_client_error *error)
+{
+	static const char *const unsure[] = { "timeout", "indeterminate", "failed",
+		                              "runs_on", "cancelled",     "pending" };
+	const char *result = json_string_value(json_object_get(error->parameters, "result"));
+
+	for (size_t i = 0; result && i < sizeof(unsure) / sizeof(unsure[0]); i++) {
+		if (strcmp(result, unsure[i]) == 0)
+			return true;
+	}
+	return false;
+}
+
+/* --- moving ----------------------------------------------------------------------------------- */
+
+static void take_move(void *data, json_t *parameters, const struct db_client_error *error,
+                      bool more)
+{
+	struct db_web_jog *jog = data;
+	const char *result = json_string_value(
+		json_object_get(error ? error->parameters : parameters, "result"));
+
+	(void)more;
+	jog->moves--;
+	/* What becomes of it then is for db_web_jog_lose(). */
+	if (error && strcmp(error->name, DB_CLIENT_LOST) == 0)
+		return;
+	(void)snprintf(jog->result, sizeof(jog->result), "%s", result ? result : "");
+	jog->moved = jog->moved || !error || may_move(error);
+	if (error) {
+		(void)snprintf(jog->text, sizeof(jog->text), "%s", error->text);
+		db_client_log(DB_CLIENT_NOTICE, "%s: jog of %s refused: %s", jog->caller.text,
+		              jog->drive, error->text);
+		db_web_grip_finish(&jog->grip, DB_WEB_GRIP_REFUSED);
+		/* It may go on as it was told before. */
+		if (jog->told != 0 && jog->moved)
+			stop_drive(jog);
+		jog->told = 0;
+	}
+	settle(jog);
+}
+
+static void move_drive(struct db_web_jog *jog)
+{
+	if (jog->told == 0) {
+		jog->server->counts.jogs++;
+		db_client_log(DB_CLIENT_NOTICE, "%s: jog of %s begins at %.10g", jog->caller.text,
+		              jog->drive, jog->grip.velocity);
+	}
+	jog->told = jog->grip.velocity;
+	jog->seen_moving = false;
+	jog->seen_standing = 0;
+	jog->stop_again = DB_TIME_NEVER;
+	jog->text[0] = '\0';
+	jog->result[0] = '\0';
+	jog->moves++;
+	if (db_web_link_send(jog->act, "Run",
+	                     json_pack("{s:s, s:s, s:{s:f}}", "drive", jog->drive, "command",
+	                               "move_velocity", "arguments", "target_velocity", jog->told),
+	                     false, take_move, jog) != 0)
+		jog->moves--;
+}
+
+/* What the drive is told follows what the grip says. */
+static void settle(struct db_web_jog *jog)
+{
+	uint64_t due = (uint64_t)(jog->grip.until / DB_NS_PER_US);
+
+	if (jog->told != 0 && !db_web_grip_is_held(&jog->grip))
+		stop_drive(jog);
+	else if (jog->act && db_web_grip_is_held(&jog->grip) && jog->told != jog->grip.velocity &&
+	         jog->moves == 0 && jog->stops == 0)
+		move_drive(jog);
+	(void)sd_event_source_set_time(jog->timer, due);
+	(void)sd_event_source_set_enabled(
+		jog->timer, db_web_grip_is_held(&jog->grip) ? SD_EVENT_ONESHOT : SD_EVENT_OFF);
+}
+
+static int on_overdue(sd_event_source *source, uint64_t us, void *data)
+{
+	struct db_web_jog *jog = data;
+
+	(void)source;
+	(void)us;
+	db_web_grip_look(&jog->grip, db_web_clock());
+	settle(jog);
+	return 0;
+}
+
+/* --- what the page says ----------------------------------------------------------------------- */
+
+static void answer(const struct db_web_jog *jog, struct db_web_request *request, uint64_t number)
+{
+	bool mine = number == jog->grip.number;
+	bool held = mine && db_web_grip_is_held(&jog->grip);
+	const char *why = !mine ? "released" : db_web_grip_end_name(jog->grip.end);
+
+	db_web_request_answer(request, MHD_HTTP_OK,
+	                      json_pack("{s:b, s:s, s:s, s:s}", "held", held, "why", why, "text",
+	                                mine ? jog->text : "", "result", mine ? jog->result : ""));
+}
+
+bool db_web_jog_take(struct db_web_jog *jog, struct db_web_request *request)
+{
+	const char *drive = json_string_value(json_object_get(request->parameters, "drive"));
+	const json_t *velocity = json_object_get(request->parameters, "velocity");
+	json_int_t number = json_integer_value(json_object_get(request->parameters, "grip"));
+	json_int_t beat = json_integer_value(json_object_get(request->parameters, "beat"));
+
+	if (!drive || strlen(drive) >= sizeof(jog->drive) || number < 1 || beat < 1 ||
+	    !json_is_number(velocity)) {
+		db_web_request_refuse(
+			request, MHD_HTTP_BAD_REQUEST, "BadRequest",
+			"a beat is {\"drive\": ..., \"grip\": from 1, \"beat\": from 1, "
+			"\"velocity\": ...}");
+		return false;
+	}
+	if ((uint64_t)number > jog->grip.number && strcmp(drive, jog->drive) != 0) {
+		/* Another drive than before: first that one is to stand. */
+		db_web_jog_end(jog, DB_WEB_GRIP_RELEASED);
+		if (!db_web_jog_is_over(jog, db_web_clock())) {
+			db_web_request_answer(
+				request, MHD_HTTP_OK,
+				json_pack("{s:b, s:s, s:o, s:s}", "held", 0, "why", "refused",
+			                  "text",
+			                  json_sprintf("%s is still being stopped", jog->drive),
+			                  "result", ""));
+			return true;
+		}
+		(void)snprintf(jog->drive, sizeof(jog->drive), "%s", drive);
+	}
+	/* A grip does not change its drive. */
+	if (strcmp(drive, jog->drive) == 0)
+		db_web_grip_take(&jog->grip, (uint64_t)number, (uint64_t)beat,
+		                 json_number_value(velocity), db_web_clock());
+	jog->caller = db_web_request_caller(request);
+	settle(jog);
+	answer(jog, request, (uint64_t)number);
+	return true;
+}
+
+void db_web_jog_yield(struct db_web_jog *jog, const char *drive)
+{
+	if (drive && strcmp(drive, jog->drive) != 0)
+		return;
+	db_web_grip_finish(&jog->grip, DB_WEB_GRIP_STOPPED);
+	/* A move that waits for its turn would come behind the other's stop. */
+	settle(jog);
+}
+
+void db_web_jog_see(struct db_web_jog *jog, const char *drive, bool moves)
+{
+	if (strcmp(drive, jog->drive) != 0 || jog->told == 0 || jog->moves > 0)
+		return;
+	jog->seen_moving = jog->seen_moving || moves;
+	jog->seen_standing = moves ? 0 : jog->seen_standing + 1;
+	/* It may have been stopped before it was seen to move. */
+	if (jog->seen_standing >= (jog->seen_moving ? 1 : STANDING_SEEN)) {
+		db_web_grip_finish(&jog->grip, DB_WEB_GRIP_STOPPED);
+		settle(jog);
+	}
+}
+
+void db_web_jog_end(struct db_web_jog *jog, enum db_web_grip_end end)
+{
+	db_web_grip_finish(&jog->grip, end);
+	settle(jog);
+}
+
+void db_web_jog_lose(struct db_web_jog *jog)
+{
+	bool moved = jog->told != 0 || !db_web_jog_is_over(jog, db_web_clock());
+
+	jog->act = NULL;
+	jog->stop = NULL;
+	db_web_grip_finish(&jog->grip, DB_WEB_GRIP_LOST);
+	jog->told = 0;
+	if (moved) {
+		struct db_web_link *shared = db_web_service_stopper(jog->server->service);
+
+		db_client_log(DB_CLIENT_WARNING,
+		              "%s: the connection was lost while %s was moved; %s",
+		              jog->caller.text, jog->drive,
+		              shared ? "it is told to stop over another one" :
+		                       "its watchdog is to stop it");
+		if (shared)
+			(void)db_web_link_send(
+				shared, "Run",
+				json_pack("{s:s, s:s}", "drive", jog->drive, "command", "stop"),
+				false, NULL, NULL);
+	}
+	jog->stop_again = DB_TIME_NEVER;
+	settle(jog);
+}
+
+void db_web_jog_tick(struct db_web_jog *jog, db_time now)
+{
+	if (now < jog->stop_again)
+		return;
+	jog->stop_again = now < jog->stop_by ? now + STOP_AGAIN : DB_TIME_NEVER;
+	if (jog->stop_again != DB_TIME_NEVER)
+		send_stop(jog, jog->stop);
+	else
+		db_client_log(DB_CLIENT_ERROR, "%s: %s does not confirm that it stops: %s",
+		              jog->caller.text, jog->drive, jog->text);
+}
+
+bool db_web_jog_is_over(const struct db_web_jog *jog, db_time now)
+{
+	return jog->told == 0 && jog->moves == 0 &&
+	       (jog->stop_again == DB_TIME_NEVER || now >= jog->stop_by);
+}
+
+/* --- life ------------------------------------------------------------------------------------- */
+
+struct db_web_jog *db_web_jog_new(struct db_web_server *server, struct db_web_link *act,
+                                  struct db_web_link *stop)
+{
+	struct db_web_jog *jog = calloc(1, sizeof(*jog));
+
+	if (!jog)
+		return NULL;
+	jog->server = server;
+	jog->act = act;
+	jog->stop = stop;
+	jog->grip.until = DB_TIME_NEVER;
+	jog->stop_again = DB_TIME_NEVER;
+	if (sd_event_add_time(server->loop, &jog->timer, CLOCK_MONOTONIC, UINT64_MAX,
+	                      TIMER_ACCURACY_US, on_overdue, jog) < 0) {
+		free(jog);
+		return NULL;
+	}
+	(void)sd_event_source_set_enabled(jog->timer, SD_EVENT_OFF);
+	/* Before whatever browsers want. */
+	(void)sd_event_source_set_priority(jog->timer, SD_EVENT_PRIORITY_IMPORTANT);
+	return jog;
+}
+
+void db_web_jog_free(struct db_web_jog *jog)
+{
+	if (!jog)
+		return;
+	sd_event_source_disable_unref(jog->timer);
+	free(jog);
+}

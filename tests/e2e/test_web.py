@@ -1,0 +1,731 @@
+# SPDX-License-Identifier: Apache-2.0
+"""drivebridge-webd over plain HTTP: who may ask what, streams, and above all the dead man's rule."""
+
+import http.client
+import json
+import re
+import signal
+import socket
+import threading
+import time
+
+import pytest
+from bridgelib import ROOT, Path, eventually
+from weblib import OPERATOR, READER, Failed, Page, Webd, memory_kib
+
+PLC = "127.0.0.9"
+SPEED = 3200.0
+
+
+class Gateway:
+    """All programs of a test; ended and judged behind it."""
+
+    def __init__(self, place, make_bridge):
+        self.place = Path(place)
+        self.make_bridge = make_bridge
+        self.webds = []
+        self.pages = []
+
+    def webd(self, bridge=None, **options):
+        place = self.place / f"web{len(self.webds)}"
+        place.mkdir()
+        made = Webd(place, bridge, **options).start()
+        self.webds.append(made)
+        return made.wait_for_service() if bridge else made
+
+    def page(self, webd, user=None, **options):
+        made = Page(webd, user, **options)
+        self.pages.append(made)
+        if not user:
+            made.load()
+        return made
+
+    def finish(self):
+        for page in self.pages:
+            page.close()
+        return [problem for webd in self.webds for problem in webd.finish()]
+
+
+@pytest.fixture
+def gateway(request, tmp_path, make_bridge):
+    made = Gateway(tmp_path, make_bridge)
+    yield made
+    problems = made.finish()
+    if problems or getattr(request.node, "failed", False):
+        for webd in made.webds:
+            print(f"--- {webd.log_path}\n{webd.log()[-6000:]}")
+    assert not problems, problems
+
+
+def refused(status, ask, *arguments, **options):
+    """What a request is refused with."""
+    with pytest.raises(Failed) as caught:
+        ask(*arguments, **options)
+    assert caught.value.status == status, caught.value
+    assert caught.value.text
+    return caught.value
+
+
+# --- who may ask ------------------------------------------------------------------------------------
+
+LOOKING = {"Describe": {}, "Registers": {"drive": "drive1"}, "Commands": {"drive": "drive1"},
+           "Read": {"drive": "drive1", "names": ["position"]}, "Traces": {}, "Figures": {}}
+ACTING = {"Write": {"drive": "drive1", "values": {"target_velocity": 1.0}},
+          "Run": {"drive": "drive1", "command": "enable"}, "Reload": {},
+          "SetUp": {"bus": "line", "address": 9, "what": "save"}}
+STREAMS = {"overview": {}, "Events": {}, "Trace": {"bus": "line"},
+           "Subscribe": {"drives": [], "names": ["position"], "interval_ms": 50}}
+
+
+def test_each_role_may_what_it_may(gateway):
+    """Nobody nothing, a reader looks, an operator acts; with `read = all` nobody looks, too."""
+    bridge = gateway.make_bridge()
+    webd = gateway.webd(bridge)
+    nobody, reader, operator = (gateway.page(webd, user) for user in (None, READER, OPERATOR))
+    assert nobody.load()["role"] == "none" and nobody.load()["user"] is None
+    assert reader.load()["role"] == "reader" and operator.load()["user"] == "olga"
+
+    for method, parameters in {**LOOKING, **ACTING}.items():
+        assert refused(401, nobody.call, method, **parameters).error == "LoginRequired"
+    for method, parameters in STREAMS.items():
+        assert refused(401, nobody.stream, method, **parameters).error == "LoginRequired"
+    assert refused(401, nobody.beat, "drive1", 1, 1, SPEED).error == "LoginRequired"
+    assert refused(401, nobody.alive).error == "LoginRequired"
+
+    for page in (reader, operator):
+        for method, parameters in LOOKING.items():
+            assert page.call(method, **parameters)
+        for method, parameters in STREAMS.items():
+            assert page.stream(method, **parameters).wait(event="service" if method == "overview" else None)
+    for method, parameters in ACTING.items():
+        assert refused(403, reader.call, method, **parameters).error == "NotAllowed"
+    assert refused(403, reader.stream, "Scan", bus="line").error == "NotAllowed"
+    assert refused(403, reader.beat, "drive1", 1, 1, SPEED).error == "NotAllowed"
+
+    assert operator.call("Write", **ACTING["Write"]) == {"result": "ok"}
+    assert operator.run("drive1", "enable") == "ok"
+    assert operator.call("Reload") == {"messages": []}
+    assert refused(409, operator.call, "SetUp", **ACTING["SetUp"]).error == "ScanFailed"
+    found = operator.stream("Scan", bus="line", first=1, last=2)
+    assert found.wait(event="end", timeout=30) == {}
+    assert any(find["address"] == 1 for _, data in found.events for find in data.get("finds", []))
+
+    log = webd.log()
+    assert 'olga at 127.0.0.1: Write {"drive":"drive1","values":{"target_velocity":1.0}}' in log
+    assert "olga at 127.0.0.1: Scan" in log and "logged in as rudi, reader" in log
+    assert OPERATOR[1] not in log and READER[1] not in log
+
+    open_for_all = gateway.webd(bridge, access={"read": "all"})
+    anybody = gateway.page(open_for_all)
+    assert anybody.load()["role"] == "reader" and anybody.load()["user"] is None
+    assert anybody.call("Describe")["drives"]
+    assert refused(401, anybody.call, "Run", **ACTING["Run"]).error == "LoginRequired"
+
+
+def test_errors_are_told_by_their_names(gateway):
+    bridge = gateway.make_bridge(drive={"max-position": 10000.0})
+    webd = gateway.webd(bridge)
+    page = gateway.page(webd, OPERATOR)
+    assert refused(404, page.call, "Read", drive="nope", names=[]).body["parameters"] == {"drive": "nope"}
+    assert refused(404, page.call, "Read", drive="drive1", names=["nope"]).error == "NoSuchRegister"
+    assert refused(404, page.run, "drive1", "nope").error == "NoSuchCommand"
+    assert refused(400, page.call, "Write", drive="drive1", values={"position": 1}).error == "BadValue"
+    assert refused(400, page.call, "Read", drive=7).error == "BadRequest"
+    far = refused(409, page.run, "drive1", "move_absolute", target_position=20000, target_velocity=100.0)
+    assert far.error == "Refused" and far.body["parameters"]["result"] == "limit"
+    assert "failed: limit" in webd.log()
+    stream = page.stream("Subscribe", drives=["nope"], names=[], interval_ms=0)
+    assert stream.wait(event="error")["error"] == "NoSuchDrive"
+    assert refused(400, page.ask, "POST", "/api/call/Run", {"drive": "drive1", "command": "enable"},
+                   X_Tab=None).error == "BadRequest"
+    assert refused(400, page.ask, "POST", "/api/alive", {}, X_Tab="nope").error == "BadRequest"
+
+    bridge.process.send_signal(signal.SIGSTOP)
+    try:
+        # Whoever asks the service waits for it; a page, a session and a login do not.
+        threading.Thread(target=lambda: refused(504, gateway.page(webd, OPERATOR).call, "Describe"),
+                         daemon=True).start()
+        assert page.load()["user"] == "olga"
+        assert page.request("GET", "/")[0] == 200
+    finally:
+        bridge.process.send_signal(signal.SIGCONT)
+    bridge.stop_bridge()
+    eventually(lambda: not page.load()["service"])
+    assert refused(502, page.call, "Describe").error == "ServiceUnreachable"
+    assert refused(502, page.run, "drive1", "stop").error == "ServiceUnreachable"
+    assert refused(502, page.stream, "Events").error == "ServiceUnreachable"
+
+
+def test_requests_of_other_pages_are_refused(gateway):
+    """Token, content type, Origin, Host: each alone keeps a page of somebody else out."""
+    bridge = gateway.make_bridge()
+    webd = gateway.webd(bridge, server={"hosts": ["gateway.example"]})
+    page = gateway.page(webd, OPERATOR)
+    host = f"{webd.address[0]}:{webd.address[1]}"
+    run = ("POST", "/api/call/Run", {"drive": "drive1", "command": "enable"})
+
+    assert refused(403, page.ask, *run, X_Drivebridge=None).error == "BadToken"
+    assert refused(403, page.ask, *run, X_Drivebridge="0" * 32).error == "BadToken"
+    stranger = gateway.page(webd)
+    assert refused(403, page.ask, *run, X_Drivebridge=stranger.token).error == "BadToken"
+    assert refused(403, stranger.ask, "POST", "/api/login", {"user": "olga", "password": "x"},
+                   X_Drivebridge=page.token).error == "BadToken"
+    assert refused(401, page.ask, *run, Cookie="drivebridge=" + "0" * 32).error == "LoginRequired"
+    for kind in ("text/plain", "application/x-www-form-urlencoded", None):
+        assert refused(415, page.ask, *run, Content_Type=kind).error == "BadContentType"
+    for origin in ("http://evil.example", "null", "https://127.0.0.1", f"ftp://{host}"):
+        assert refused(403, page.ask, *run, Origin=origin).error == "WrongOrigin"
+    assert refused(403, page.ask, *run, Sec_Fetch_Site="cross-site").error == "WrongOrigin"
+    assert page.ask(*run, Origin=f"http://{host}", Sec_Fetch_Site="same-origin") == {"result": "ok"}
+    assert page.ask(*run, Content_Type="application/json; charset=utf-8") == {"result": "ok"}
+    for name in ("evil.example", "gateway.example.evil", "127.0.0.1.evil", ""):
+        assert refused(421, page.ask, "GET", "/api/session", Host=name).error == "WrongHost"
+    for name in ("gateway.example:80", "LOCALHOST", "192.168.7.7", "[fd00::5]:8080"):
+        assert page.ask("GET", "/api/session", Host=name)["user"] == "olga"
+    assert refused(405, page.ask, "GET", "/api/call/Run").error == "WrongMethod"
+    assert refused(405, page.ask, "POST", "/", {}).error == "WrongMethod"
+    for path in ("/nope", "/../etc/passwd", "/%2e%2e/etc/passwd", "/page/index.html", "/api/call/Quit",
+                 "//index.html", "/web.conf"):
+        assert page.request("GET", path)[0] == 404
+
+    # Every answer says what browsers are to keep to.
+    for method, path in (("GET", "/"), ("GET", "/nope"), ("GET", "/api/session"), ("POST", "/api/alive")):
+        _, headers, _ = page.request(method, path, "{}" if method == "POST" else None)
+        policy = headers["Content-Security-Policy"]
+        assert "default-src 'none'" in policy and "unsafe" not in policy and "frame-ancestors 'none'" in policy
+        assert headers["X-Frame-Options"] == "DENY" and headers["X-Content-Type-Options"] == "nosniff"
+        assert headers["Referrer-Policy"] == "no-referrer"
+        assert headers["Cross-Origin-Opener-Policy"] == "same-origin"
+        assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
+        assert headers["Cache-Control"] == ("no-cache" if path == "/" else "no-store")
+        assert "Access-Control-Allow-Origin" not in headers
+    fresh = Page(webd)
+    cookie = fresh.request("GET", "/api/session")[1]["Set-Cookie"]
+    assert "HttpOnly" in cookie and "SameSite=Strict" in cookie and "Path=/" in cookie
+    fresh.close()
+
+    # A file is asked for once.
+    _, headers, body = page.request("GET", "/index.html")
+    status, _, empty = page.request("GET", "/", If_None_Match=headers["ETag"])
+    assert body and status == 304 and empty == b""
+
+
+def test_logins(gateway):
+    """Wrong ones are alike and limited; sessions end by themselves, with a logout, and with the user."""
+    bridge = gateway.make_bridge()
+    webd = gateway.webd(bridge)
+    page = gateway.page(webd)
+    wrong = refused(401, page.log_in, "olga", "not her word")
+    unknown = refused(401, page.log_in, "nobody", "not her word")
+    assert wrong.body == unknown.body and wrong.error == "LoginFailed"
+    assert refused(400, page.ask, "POST", "/api/login", {"user": "olga"}).error == "BadRequest"
+    assert refused(400, page.log_in, "olga", "a\0b").error == "BadRequest"
+    before = page.cookie
+    assert page.log_in(*OPERATOR)["role"] == "operator"
+    assert page.cookie != before, "a login makes a new session"
+
+    stream = page.stream("Events")
+    other = Page(webd)
+    other.cookie, other.token = page.cookie, page.token
+    assert page.log_out()["user"] is None
+    assert stream.wait(event="error")["error"] == "LoginRequired"
+    stream.wait_end()
+    # With the cookie as it was nothing can be had.
+    assert refused(401, other.call, "Describe").error == "LoginRequired"
+    other.close()
+
+    page.log_in(*READER)
+    webd.add_user(READER[0], "another word of his", "operator")
+    eventually(lambda: page.load()["user"] is None, what="the old session to end")
+    page.log_in(READER[0], "another word of his")
+    assert page.load()["role"] == "operator"
+    assert webd.command("--remove-user", READER[0]).returncode == 0
+    eventually(lambda: page.load()["user"] is None, what="the removed user's session to end")
+    assert refused(401, page.log_in, READER[0], "another word of his").error == "LoginFailed"
+    assert (webd.users_path.stat().st_mode & 0o777) == 0o640
+
+    page = gateway.page(webd, OPERATOR)
+    try:
+        for _ in range(12):
+            refused(401, page.log_in, "olga", "not her word")
+        raise AssertionError("attempts are not limited")
+    except AssertionError as error:
+        assert "429" in str(error), error
+    limited = refused(429, page.log_in, *OPERATOR)
+    assert limited.error == "TooManyAttempts" and limited.body["retry_s"] > 0
+    assert page.call("Describe"), "who is logged in stays so"
+    # The same user from elsewhere, and another user from here, are limited as well.
+    assert OPERATOR[1] not in webd.log() and "not her word" not in webd.log()
+
+
+def test_users_and_files_are_checked(gateway, tmp_path):
+    webd = gateway.webd(users=())
+    path = webd.users_path
+    assert not path.exists(), "there is nobody as installed"
+    page = gateway.page(webd)
+    assert refused(401, page.log_in, *OPERATOR).error == "LoginFailed"
+    for name, role, word in (("o:a", "reader", "long enough"), ("", "reader", "long enough"),
+                             ("olga", "chief", "long enough"), ("olga", "reader", "short")):
+        assert webd.command("--add-user", name, "--role", role, input=word + "\n").returncode != 0
+    assert not path.exists()
+    webd.add_user(*OPERATOR, "operator")
+    assert page.log_in(*OPERATOR)["role"] == "operator", "no restart is needed"
+    path.write_text(path.read_text() + "# a note\n\nbad line\n")
+    assert f"{path}:4: " in webd.command("--check").stderr
+    done = webd.command("--add-user", "rudi", "--role", "reader", input="long enough\n")
+    assert done.returncode != 0 and "bad line" in path.read_text(), "nothing is lost"
+    path.write_text("")
+    path.chmod(0o644)
+    assert "everybody" in webd.command("--check").stderr
+
+    config = tmp_path / "bad.conf"
+    for text, where, what in (("server {\n listen = \"here\"\n}", 2, "ADDRESS:PORT"),
+                              ("server {\n key-file = \"x\"\n}", 2, "belong together"),
+                              ("access {\n read = none\n}", 2, "users all"),
+                              ("server {\n hosts = {\"http://a\"}\n}", 2, "no host name"),
+                              ("metrics {\n allow = {\"10.0.0.0/33\"}\n}", 2, "no network"),
+                              ("server {\n nope = 1\n}", 2, "unknown key")):
+        config.write_text(text)
+        webd.config_path = config
+        done = webd.command("--check")
+        assert done.returncode == 78 and f"{config}:{where}: " in done.stderr and what in done.stderr
+    example = ROOT / "conf" / "web.conf"
+    webd.config_path = example
+    assert f"{example}:" not in webd.command("--check").stderr
+
+
+# --- streams ----------------------------------------------------------------------------------------
+
+def test_streams_and_their_ends(gateway):
+    bridge = gateway.make_bridge(drives=2)
+    webd = gateway.webd(bridge)
+    page = gateway.page(webd, OPERATOR)
+    values = page.stream("Subscribe", drives=["drive1"], names=["position"], interval_ms=0)
+    page.run("drive1", "enable")
+    assert page.run("drive1", "move_absolute", target_position=3200, target_velocity=SPEED) == "ok"
+    values.wait(lambda data: data["samples"] and data["samples"][0]["values"]["position"] == 3200)
+    trace = page.stream("Trace", bus="line", past=True)
+    assert trace.wait(lambda data: any(record["kind"] == "command" for record in data["records"]))
+    quiet = page.stream("Subscribe", drives=["drive1"], names=["position"], interval_ms=3600000)
+    quiet.wait()
+    eventually(lambda: quiet.comments >= 2, what="signs of life")
+
+    # One more than there may be; then there is room again.
+    events = [page.stream("Events") for _ in range(9)]
+    assert refused(503, page.stream, "Events").error == "Busy"
+    events.pop().close()
+
+    def again():
+        try:
+            return page.stream("Events")
+        except Failed:
+            return None
+
+    assert eventually(again, what="room for a stream").wait()
+
+
+def test_the_overview_of_everybody(gateway):
+    """Describes, then tells what changes; goes on when the service was away; made once for all."""
+    bridge = gateway.make_bridge(drives=3)
+    webd = gateway.webd(bridge)
+    pages = [gateway.page(webd, READER) for _ in range(3)]
+    streams = [page.stream("overview") for page in pages]
+    for stream in streams:
+        assert stream.wait(event="service") == {"up": True}
+        assert [drive["name"] for drive in stream.wait(lambda one: "describe" in one)["describe"]["drives"]] == \
+            ["drive1", "drive2", "drive3"]
+        first = stream.wait(lambda one: "samples" in one)
+        assert {one["drive"] for one in first["samples"]} == {"drive1", "drive2", "drive3"}
+        assert stream.wait(lambda one: "figures" in one)["figures"]["line"]["up"] == 1
+    operator = gateway.page(webd, OPERATOR)
+    operator.run("drive2", "enable")
+    seen = streams[0].count()
+    operator.run("drive2", "move_absolute", target_position=6400, target_velocity=SPEED)
+    for stream in streams:
+        stream.wait(lambda one: any(sample["drive"] == "drive2" and sample["values"]["position"] == 6400
+                                    for sample in one.get("samples", [])))
+    # The drives that stand are not told each time.
+    told = [sample["drive"] for _, data in streams[0].events[seen:] for sample in data.get("samples", [])]
+    assert told.count("drive2") > 2 * told.count("drive1")
+    assert webd.log_path.exists() and "Subscribe" not in webd.log()
+
+    seen = [stream.count() for stream in streams]
+    bridge.process.kill()
+    bridge.process.wait()
+    bridge.units = {}
+    for stream, since in zip(streams, seen):
+        assert stream.wait(event="service", since=since) == {"up": False}
+    assert pages[0].load()["service"] is False
+    seen = [stream.count() for stream in streams]
+    bridge.start_bridge()
+    for stream, since in zip(streams, seen):
+        assert stream.wait(event="service", since=since) == {"up": True}
+        stream.wait(lambda one: "describe" in one, since=since)
+        stream.wait(lambda one: "samples" in one, since=since)
+
+
+def test_slow_readers_take_no_memory(gateway):
+    """Who takes nothing gets fewer, and is dropped in the end; the others notice nothing."""
+    bridge = gateway.make_bridge(drives=4)
+    webd = gateway.webd(bridge)
+    page = gateway.page(webd, READER)
+    good = page.stream("overview")
+    good.wait(lambda one: "samples" in one)
+    slow = []
+    for method, parameters in (("overview", {}), ("Trace", {"bus": "line", "past": True}),
+                               ("Subscribe", {"drives": [], "names": [], "interval_ms": 0})) * 2:
+        link = socket.socket()
+        link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+        link.connect(webd.address)
+        body = json.dumps(parameters)
+        head = "".join(f"{key}: {value}\r\n" for key, value in page.headers().items())
+        link.sendall(f"POST /api/stream/{method} HTTP/1.1\r\nHost: {webd.address[0]}\r\n{head}"
+                     f"Content-Length: {len(body)}\r\n\r\n{body}".encode())
+        assert link.recv(12) == b"HTTP/1.1 200"
+        slow.append(link)
+    before = memory_kib(webd.process)
+    seen = good.count()
+    eventually(lambda: good.count() > seen + 16, 30, "the others to get theirs")
+    grown = memory_kib(webd.process) - before
+    assert grown < 8192, grown
+    # Of the overview there is little to take while all drives stand.
+    eventually(lambda: b"web_streams 3\n" in page.request("GET", "/metrics")[2], 60,
+               "those that take nothing to be dropped")
+    for link in slow:
+        link.close()
+
+
+# --- the dead man's rule ----------------------------------------------------------------------------
+
+def moving(bridge, target="drive1"):
+    return bridge.sim.get(target)["velocity"] != 0
+
+
+def jogging(gateway, bridge, webd=None, **options):
+    """A page that holds a button, and the drive moves."""
+    webd = webd or gateway.webd(bridge)
+    page = gateway.page(webd, OPERATOR, **options)
+    page.run("drive1", "enable")
+    grip = page.hold("drive1", SPEED)
+    eventually(lambda: moving(bridge), what="the drive to move")
+    return webd, page, grip
+
+
+def stands(bridge, within=5.0):
+    eventually(lambda: not moving(bridge), within, "the drive to stand")
+
+
+def orders(bridge):
+    """What the drive was told to do, with the time in seconds of the clock that does not jump."""
+    found = []
+    for line in bridge.sim.trace_path.read_text(encoding="utf-8").splitlines():
+        match = re.match(r"(\d+) line > .*\|\d+ (mov|pos|rmv|stp|dcm|ena|off)\b", line)
+        if match:
+            found.append((int(match[1]) / 1e6, match[2]))
+    return found
+
+
+def test_a_jog_moves_while_the_button_is_held(gateway):
+    bridge = gateway.make_bridge(drive={"watchdog-ms": 500})
+    webd, page, grip = jogging(gateway, bridge)
+    # Longer than the watchdog's time: that is fed.
+    began = bridge.sim.get()["position"]
+    eventually(lambda: bridge.sim.get()["position"] > began + 2 * SPEED)
+    assert all(answer["held"] and answer["why"] == "" for answer in grip.answers)
+    assert grip.last("result") == "ok"
+    assert grip.let_go() == {"held": False, "why": "released", "text": "", "result": "ok"}
+    stands(bridge)
+    # Nothing of this grip moves anything again: late, doubled, or with a higher number.
+    place = bridge.sim.get()["position"]
+    told = len(orders(bridge))
+    for beat in (grip.beats, grip.beats + 1, grip.beats + 2, grip.beats + 100):
+        assert page.beat("drive1", grip.number, beat, SPEED)["held"] is False
+    assert page.beat("drive1", grip.number, grip.beats + 101, -SPEED)["why"] == "released"
+    # Back, at another speed while it is held.
+    back = page.hold("drive1", -SPEED)
+    eventually(lambda: bridge.sim.get()["position"] < place, what="the drive to move back")
+    assert len([what for _, what in orders(bridge)[told:] if what == "mov"]) == 1, "by its own grip alone"
+    back.velocity = -SPEED / 4
+    eventually(lambda: abs(bridge.sim.get()["velocity"]) <= SPEED / 4 + 1, what="it to slow down")
+    assert moving(bridge)
+    # An older grip's beat does not disturb.
+    assert page.beat("drive1", grip.number, 999, SPEED)["held"] is False
+    assert moving(bridge)
+    back.let_go()
+    stands(bridge)
+    assert bridge.drive().read("axis_state") != 7
+    log = webd.log()
+    assert "olga at 127.0.0.1: jog of drive1 begins at 3200" in log
+    assert "olga at 127.0.0.1: jog of drive1 ended: released" in log
+    for wrong in ({"drive": "drive1", "grip": 0, "beat": 1, "velocity": 1},
+                  {"drive": "drive1", "grip": 9, "beat": 1, "velocity": "fast"},
+                  {"drive": "drive1", "grip": "9", "beat": 1, "velocity": 1}, {"grip": 9}):
+        assert refused(400, page.ask, "POST", "/api/jog", wrong).error == "BadRequest"
+    assert not moving(bridge)
+
+
+@pytest.mark.parametrize("how", ["beats", "connection", "doubled"])
+def test_missing_beats_stop_the_drive(gateway, how):
+    """300 ms behind the last one, by the server's clock; the drive stands within half a second."""
+    bridge = gateway.make_bridge(drive={"watchdog-ms": 3000})
+    webd, page, grip = jogging(gateway, bridge)
+    grip.vanish()
+    last = time.monotonic()
+    if how == "connection":
+        grip.page.close()
+        page.close()
+    elif how == "doubled":
+        # The same beat again and again, as a broken proxy might send it, keeps nothing moving.
+        while moving(bridge) and time.monotonic() - last < 3:
+            page.beat("drive1", grip.number, grip.beats, SPEED)
+    stands(bridge, 3.0)
+    stopped = [when for when, what in orders(bridge) if what == "stp" and when > last - 0.05]
+    assert stopped and 0.15 < stopped[0] - last < 0.5, (stopped, last)
+    assert "jog of drive1 ended: late" in webd.log()
+    assert "watchdog" not in bridge.log_path.read_text(), "it was not needed"
+    page = gateway.page(webd, OPERATOR, tab=page.tab)
+    assert b"drivebridge_web_late_jogs_total 1" in page.request("GET", "/metrics")[2]
+
+
+def test_whatever_else_ends_a_grip(gateway):
+    bridge = gateway.make_bridge(drive={"watchdog-ms": 3000, "max-velocity": 5000.0})
+    webd, page, grip = jogging(gateway, bridge)
+    # The stop of this page.
+    assert page.run("drive1", "stop") == "ok"
+    stands(bridge)
+    eventually(lambda: grip.last("why") == "stopped")
+    assert not moving(bridge)
+    grip.vanish()
+    # Somebody else's.
+    grip = page.hold("drive1", SPEED)
+    eventually(lambda: moving(bridge) and page.call("Read", drive="drive1", names=["velocity"])["values"]["velocity"])
+    bridge.drive().command("stop")
+    stands(bridge)
+    eventually(lambda: grip.last("why") == "stopped")
+    grip.velocity = SPEED / 2
+    seen = len(grip.answers)
+    eventually(lambda: len(grip.answers) > seen + 3)
+    assert not moving(bridge)
+    grip.vanish()
+    # Too fast from the start, and while it moves.
+    grip = page.hold("drive1", 6000.0)
+    eventually(lambda: grip.last("why") == "refused")
+    assert "limit" in grip.last("text") and grip.last("result") == "limit"
+    grip.vanish()
+    grip = page.hold("drive1", SPEED)
+    eventually(lambda: moving(bridge))
+    grip.velocity = 6000.0
+    eventually(lambda: grip.last("why") == "refused")
+    stands(bridge)
+    grip.vanish()
+    # Every drive's stop.
+    grip = page.hold("drive1", SPEED)
+    eventually(lambda: moving(bridge))
+    assert page.call("Write", drive="", values={"group_stop": 1})["result"] in ("ok", "pending")
+    stands(bridge)
+    eventually(lambda: grip.last("why") == "stopped")
+    grip.vanish()
+    # Logging out.
+    grip = page.hold("drive1", SPEED)
+    eventually(lambda: moving(bridge))
+    page.log_out()
+    stands(bridge, 2.0)
+    assert "jog of drive1 ended: logout" in webd.log()
+    grip.vanish()
+    assert isinstance(grip.answers[-1], Failed)
+
+
+def test_when_programs_end_while_a_button_is_held(gateway):
+    """SIGTERM stops the drive first; behind SIGKILL the watchdog does; so does on-exit when the service goes."""
+    bridge = gateway.make_bridge(drive={"watchdog-ms": 600})
+    webd, _, grip = jogging(gateway, bridge)
+    assert webd.stop() == 0
+    stands(bridge, 0.5)
+    assert "ended: ending" in webd.log()
+    grip.vanish()
+    assert "watchdog" not in bridge.log_path.read_text()
+
+    webd, page, grip = jogging(gateway, bridge)
+    bridge.process.send_signal(signal.SIGTERM)
+    assert bridge.process.wait(10) == 0
+    stands(bridge)
+    eventually(lambda: grip.last("why") in (None, "lost"))
+    grip.vanish()
+    bridge.units = {}
+    bridge.start_bridge()
+    eventually(lambda: page.load()["service"])
+    assert not moving(bridge), "nothing moves by itself when the service is there again"
+
+    webd, _, grip = jogging(gateway, bridge, webd)
+    webd.stop(signal.SIGKILL)
+    stands(bridge, 3.0)
+    grip.vanish()
+    assert "watchdog" in bridge.log_path.read_text()
+
+
+def test_pages_and_a_plc_compete(gateway):
+    """Control is claimed by each page for itself, and a PLC's is respected; a stop is always taken."""
+    bridge = gateway.make_bridge(modbus={"control": "drive", "control-timeout-ms": 5000,
+                                         "allow-write": ["127.0.0.0/8"]})
+    webd = gateway.webd(bridge)
+    one, other = gateway.page(webd, OPERATOR), gateway.page(webd, OPERATOR)
+    plc = bridge.drive()
+    plc.settle("enable")
+    assert refused(403, one.run, "drive1", "move_relative", target_position=10, target_velocity=100.0).error == \
+        "NotAllowed"
+    answer = one.beat("drive1", 1, 1, SPEED)
+    eventually(lambda: one.beat("drive1", 1, 2, SPEED)["why"] == "refused")
+    assert answer["held"] and not moving(bridge)
+    assert one.run("drive1", "stop") == "ok"
+    plc.write("control_request", 0)
+    one.grip = 1
+    grip = one.hold("drive1", SPEED)
+    eventually(lambda: moving(bridge))
+    assert refused(403, other.run, "drive1", "enable").error == "NotAllowed"
+    assert other.run("drive1", "stop") == "ok"
+    stands(bridge)
+    grip.vanish()
+    # What a page holds it lets go of when it is gone.
+    one.close()
+
+    def take_over():
+        try:
+            return other.run("drive1", "enable") == "ok"
+        except Failed:
+            return False
+
+    eventually(take_over, 20, "the other page to get control")
+
+
+def test_a_page_that_acts_lives_by_saying_so(gateway):
+    """A long motion goes on while its page is there, and is stopped by the watchdog when that is gone."""
+    bridge = gateway.make_bridge(drive={"watchdog-ms": 1000}, sim_drive={"set": ["spd=6400", "acc=64000",
+                                                                                  "dec=64000", "pae=1"]})
+    webd = gateway.webd(bridge)
+    page = gateway.page(webd, OPERATOR)
+    page.run("drive1", "enable")
+    page.run("drive1", "move_relative", target_position=1000000, target_velocity=SPEED)
+    began = time.monotonic()
+    while time.monotonic() - began < 6.5:
+        assert page.alive()["acting"] is True
+        assert moving(bridge)
+        time.sleep(0.5)
+    stands(bridge, 15.0)
+    assert "watchdog" in bridge.log_path.read_text()
+    # Too many pages that act; one that is gone makes room.
+    pages = [gateway.page(webd, OPERATOR) for _ in range(5)]
+    for one in pages:
+        one.call("Write", drive="drive1", values={"target_velocity": 5.0})
+    late = gateway.page(webd, OPERATOR)
+    assert refused(503, late.call, "Write", drive="drive1", values={"target_velocity": 5.0}).error == "Busy"
+    assert late.run("drive1", "stop") == "ok", "a stop needs no room"
+    pages[0].log_out()
+    assert late.call("Write", drive="drive1", values={"target_velocity": 5.0}) == {"result": "ok"}
+
+
+# --- what the network sends -------------------------------------------------------------------------
+
+def test_malformed_and_too_much(gateway):
+    bridge = gateway.make_bridge()
+    webd = gateway.webd(bridge)
+    page = gateway.page(webd, OPERATOR)
+    for body in ("", "[]", "{", "{}}", "\0", '{"a":1,"a":2}', "[" * 8000, '{"drive":"\ud800"}'.encode("utf-8", "surrogatepass"),
+                 "nul", '{"a":1e999}'):
+        status, _, data = page.request("POST", "/api/call/Read", body)
+        assert status in (200, 400), (body, data)
+    assert page.request("POST", "/api/call/Read", "x" * 16385)[0] == 413
+    assert page.request("POST", "/api/call/Read", iter([b"x" * 9000, b"y" * 9000]),
+                        Transfer_Encoding="chunked")[0] in (400, 413)
+    assert page.request("GET", "/" + "a" * 30000)[0] in (404, 414, 431)
+    assert page.request("GET", "/", X_Long="b" * 30000)[0] in (200, 413, 431)
+    for raw in (b"", b"\r\n\r\n", b"GET / HTTP/1.1\r\n\r\n", b"GET /\r\n\r\n", b"\x16\x03\x01\x02\x00\x01\x00",
+                b"POST /api/jog HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: -5\r\n\r\n",
+                b"POST /api/jog HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 99999999999999999999\r\n\r\n",
+                b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nHost: evil\r\nCookie: drivebridge=" + b"n" * 900 + b"\r\n\r\n"):
+        with socket.create_connection(webd.address) as link:
+            link.sendall(raw)
+            link.shutdown(socket.SHUT_WR)
+            link.settimeout(0.3)
+            try:
+                while link.recv(65536):
+                    pass
+            except TimeoutError:
+                pass
+    assert page.call("Describe")["drives"]
+
+
+def test_many_connections(gateway):
+    """Bounded, for each address too; who has one is served all the while, and the drive can be stopped."""
+    bridge = gateway.make_bridge()
+    webd = gateway.webd(bridge, server={"connections": 64, "connections-per-address": 40})
+    page = gateway.page(webd, OPERATOR)
+    links = []
+
+    def count():
+        return int(re.search(rb"web_connections (\d+)", page.request("GET", "/metrics")[2])[1])
+
+    for number in range(45):
+        links.append(socket.create_connection(webd.address, source_address=("127.0.0.2", 0)))
+    eventually(lambda: count() == 41, what="forty of one address")
+    for number in range(30):
+        links.append(socket.create_connection(webd.address, source_address=("127.0.0.3", 0)))
+    eventually(lambda: count() == 64, what="as many as there may be")
+    assert page.call("Describe")["drives"]
+    assert page.run("drive1", "stop") == "ok"
+    # Those that say nothing, or begin to say something, are closed.
+    for link in links[:4]:
+        link.sendall(b"GET / HTTP")
+    eventually(lambda: count() == 1, 30, "the connections to be gone")
+    for link in links:
+        link.close()
+
+
+def test_ends_while_streams_are_suspended(gateway):
+    """The library aborts when it is stopped with a connection that is suspended."""
+    bridge = gateway.make_bridge()
+    webd = gateway.webd(bridge)
+    page = gateway.page(webd, OPERATOR)
+    streams = [page.stream("overview"), page.stream("Events"),
+               page.stream("Subscribe", drives=["drive1"], names=["position"], interval_ms=3600000)]
+    for stream in streams:
+        stream.wait(event="service" if stream is streams[0] else None)
+    bridge.process.send_signal(signal.SIGSTOP)
+    try:
+        waiting = threading.Thread(target=lambda: refused(503, gateway.page(webd, OPERATOR).call, "Describe"))
+        waiting.start()
+        eventually(lambda: webd.log().count("logged in") == 2)
+        time.sleep(0.2)
+        assert webd.stop() == 0
+        waiting.join(10)
+    finally:
+        bridge.process.send_signal(signal.SIGCONT)
+    for stream in streams:
+        assert stream.wait_end()[0] == "error"
+
+
+def test_tls(gateway, tmp_path):
+    import ssl
+    import subprocess
+    subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1",
+                    "-nodes", "-keyout", "key.pem", "-out", "cert.pem", "-days", "2", "-subj", "/CN=gw",
+                    "-addext", "subjectAltName=IP:127.0.0.1"], cwd=tmp_path, check=True, capture_output=True)
+    (tmp_path / "key.pem").chmod(0o640)
+    bridge = gateway.make_bridge()
+    trusted = ssl.create_default_context(cafile=tmp_path / "cert.pem")
+    place = tmp_path / "tls"
+    place.mkdir()
+    webd = Webd(place, bridge, server={"certificate-file": tmp_path / "cert.pem",
+                                       "key-file": tmp_path / "key.pem"}).start()
+    gateway.webds.append(webd)
+    assert webd.url.startswith("https://")
+    page = Page(webd)
+    page.connect = lambda: http.client.HTTPSConnection(*webd.address, timeout=30, context=trusted)
+    gateway.pages.append(page)
+    eventually(lambda: page.load()["service"])
+    page.log_in(*OPERATOR)
+    assert page.cookie.startswith("__Host-drivebridge=")
+    assert page.call("Describe")["drives"]
+    stream = page.stream("overview")
+    assert stream.wait(lambda one: "samples" in one)
+    (tmp_path / "key.pem").chmod(0o644)
+    assert "everybody" in webd.command("--check").stderr
