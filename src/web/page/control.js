@@ -24,7 +24,8 @@ function describeWatchdog({ watchdog_ms, watchdog_remaining_ms }) {
 /* The panel; update(values) with what streams in, learn() after a command of this tab was taken. */
 export function createControl({ context, drive }) {
 	const drawing = icon("hint");
-	const who = element("span", { id: "control-holder" });
+	/* The seconds beside it are not for being read out. */
+	const who = element("span", { id: "control-holder", role: "status" });
 	const until = element("span", { class: "muted number" });
 	const take = element("button", { id: "control-take", class: "small", type: "button",
 		onclick: () => write(1) }, "Take control");
@@ -35,7 +36,7 @@ export function createControl({ context, drive }) {
 	const node = element("section", { id: "control", class: "panel control", "aria-label": "Control" },
 		element("div", { class: "panel-head" }, element("h2", {}, "Control"),
 			element("span", { class: "push" }), context.mayAct() ? [take, release] : null),
-		element("p", { class: "control-line", role: "status" }, drawing, who, until), watchdog,
+		element("p", { class: "control-line" }, drawing, who, until), watchdog,
 		problem);
 	/* The session of this tab, once it has had control; 0 as long as it has not. */
 	let mine = 0;

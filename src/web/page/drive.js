@@ -36,7 +36,7 @@ const NOT_LISTED = new Set([
 const BOOKKEEPING = /_(id|limit|register)$|result|heartbeat|active_command/;
 const PLOTTED_FIRST = ["position", "velocity"];
 /* Names that count something or stand for something: no quantities to plot. */
-const NOT_PLOTTED = /(^|_)(id|port|holder|register|request|heartbeat|trips|timestamp_us)$/;
+const NOT_PLOTTED = /(^|_)(port|holder|request|trips|timestamp_us)$/;
 
 let view = null;
 
@@ -166,14 +166,13 @@ function findSignals(mine, names) {
 		.filter((register) => register &&
 				["i16", "u16", "i32", "u32", "f32"].includes(register.type) &&
 				!register.name.endsWith("_units") &&
-				!NOT_PLOTTED.test(register.name) &&
+				!NOT_PLOTTED.test(register.name) && !BOOKKEEPING.test(register.name) &&
 				(!register.codes || register.name === "axis_state"))
 		.map((register) => ({
 			name: register.name,
 			label: labelOf(register),
 			unit: mine.scale.unit(register),
 			decimals: mine.scale.decimals(register),
-			step: Boolean(register.codes),
 			names: register.codes,
 		}));
 }

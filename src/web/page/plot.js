@@ -95,14 +95,12 @@ function findTime(times, time) {
  */
 export function formatCsv(heads, [times, ...columns]) {
 	const quote = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll("\"", "\"\"")}"` : text);
+	const write = (value) => (Number.isNaN(value) ? "" : String(Number(value.toPrecision(10))));
 	const lines = [["time_s", "unix_time_s", ...heads].map(quote).join(",")];
 
 	for (let i = 0; i < times.length; i++)
-		lines.push([
-			(times[i] - times[0]).toFixed(6), times[i].toFixed(6),
-			...columns.map(
-				(column) => (Number.isNaN(column[i]) ? "" : String(column[i])))
-		].join(","));
+		lines.push([(times[i] - times[0]).toFixed(6), times[i].toFixed(6),
+			...columns.map((column) => write(column[i]))].join(","));
 	return `${lines.join("\n")}\n`;
 }
 
@@ -116,7 +114,7 @@ function timeOfDay(time, decimals) {
 }
 
 /*
- * signals: array of { name, label, unit, decimals, step } in the order of the ring's columns;
+ * signals: array of { name, label, unit, decimals, names } in the order of the ring's columns;
  * chosen: names shown first. Returns { node, push(time_s, values), frame(now), choose(names),
  * destroy() }.
  */
@@ -155,7 +153,7 @@ export function createPlot({ title, signals, chosen, capacity }) {
 	const choices = element("fieldset", { class: "plot-choices" },
 		element("legend", { class: "hidden-label" }, "Values that are plotted"));
 	const chooser = element("details", { class: "chooser" },
-		element("summary", { class: "button small" }, "Values"), choices);
+		element("summary", { class: "button small" }, "Choose values"), choices);
 	const node = element("section", { class: "panel plot", "aria-label": "Plot" },
 		element("div", { class: "panel-head" }, element("h2", {}, "Plot"), cursorTime,
 			element("span", { class: "push" }), chooser, span, zoomOut, zoomIn, pause,
@@ -254,15 +252,47 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		return gaps;
 	}
 
-	function build() {
+	/* Values with names have a scale without numbers, each its own; the others one for each unit. */
+	function scaleOf({ name, names, unit }) {
+		return names ? `named ${name}` : `y ${unit}`;
+	}
+
+	function makeScale({ names }) {
+		const last = Math.max(...Object.keys(names ?? { 0: "" }).map(Number));
+
+		return { auto: true, range: (uplot, low, high) => (names ? [-0.5, last + 0.5] : pad(low, high)) };
+	}
+
+	function makeAxes(shown) {
 		const lines = { stroke: colour("line"), width: 1 };
-		const axis = {
-			stroke: colour("muted"),
-			font: `12px ${getComputedStyle(node).fontFamily}`,
-			grid: lines,
-			ticks: lines
+		const axis = { stroke: colour("muted"), font: `12px ${getComputedStyle(node).fontFamily}`,
+			grid: lines, ticks: lines };
+		const units = [...new Set(shown.filter(({ names }) => !names).map(({ unit }) => unit))];
+		const writeTimes = (uplot, ticks) => {
+			const apart = ticks.length > 1 ? ticks[1] - ticks[0] : 1;
+			const decimals = apart < 0.01 ? 3 : Number(apart < 1);
+
+			return ticks.map((tick) => timeOfDay(tick, decimals));
 		};
-		const units = [...new Set(state.chosen.map((name) => signals[column(name)].unit))];
+		const writeNumbers = (uplot, ticks) => ticks.map((tick) => (tick === null ? "" :
+			String(Number(tick.toPrecision(7))).replace("-", "−")));
+
+		return [{ ...axis, space: 90, values: writeTimes }, ...units.map((unit, index) => ({ ...axis,
+			scale: `y ${unit}`, side: index === 0 ? 3 : 1, label: unit, labelFont: axis.font,
+			labelSize: 18, size: 62, grid: { ...lines, show: index === 0 }, values: writeNumbers }))];
+	}
+
+	function takeSelection(uplot) {
+		const { left, width } = uplot.select;
+
+		if (width > 4)
+			freeze(uplot.posToVal(left, "x"), uplot.posToVal(left + width, "x"));
+		uplot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+	}
+
+	function build() {
+		const shown = state.chosen.map((name) => signals[column(name)]);
+		const stepped = globalThis.uPlot.paths.stepped({ align: 1 });
 
 		state.uplot?.destroy();
 		holder.replaceChildren();
@@ -270,75 +300,22 @@ export function createPlot({ title, signals, chosen, capacity }) {
 			width: Math.max(200, holder.clientWidth),
 			height: plotHeight(),
 			legend: { show: false },
-			cursor: {
-				drag: { x: true, y: false, setScale: false },
-				points: { size: 7 }
-			},
-			scales: {
-				x: { time: false },
-				...Object.fromEntries(units.map((unit) => [`y ${unit}`, {
-					auto: true,
-					range: (uplot, low, high) => pad(low, high)
-				}]))
-			},
-			axes: [
-				{
-					...axis,
-					space: 90,
-					values: (uplot, ticks) => ticks.map(
-						(tick) => timeOfDay(tick,
-							ticks.length > 1 &&
-									ticks[1] - ticks[0] < 0.01 ?
-								3 :
-								ticks.length > 1 &&
-									ticks[1] - ticks[0] < 1 ?
-								1 :
-								0))
-				},
-				...units.map((unit, index) => ({
-					...axis,
-					scale: `y ${unit}`,
-					side: index === 0 ? 3 : 1,
-					label: unit,
-					labelFont: axis.font,
-					labelSize: 18,
-					size: 62,
-					grid: { ...axis.grid, show: index === 0 },
-					values: (uplot, ticks) => ticks.map(
-						(tick) => (tick === null ?
-								"" :
-								String(Number(tick.toPrecision(7)))
-									.replace("-", "−")))
-				})),
-			],
-			series: [
-				{}, ...state.chosen.map((name, index) => ({
-					label: name,
-					scale: `y ${signals[column(name)].unit}`,
-					stroke: colour(`series-${index + 1}`),
-					width: 1.75,
-					dash: DASHES[index],
-					points: { show: false },
-					gaps: findGaps,
-					paths: signals[column(name)].step ?
-						globalThis.uPlot.paths.stepped({ align: 1 }) :
-						undefined
-				}))
-			],
-			hooks: {
-				setSelect: [(uplot) => {
-					const { left, width } = uplot.select;
-
-					if (width > 4)
-						freeze(uplot.posToVal(left, "x"),
-							uplot.posToVal(left + width, "x"));
-					uplot.setSelect(
-						{ left: 0, top: 0, width: 0, height: 0 }, false);
-				}],
-				setCursor: [showValues],
-			},
-		},
-			[[], ...state.chosen.map(() => [])], holder);
+			cursor: { drag: { x: true, y: false, setScale: false }, points: { size: 7 } },
+			scales: { x: { time: false }, ...Object.fromEntries(shown.map((signal) =>
+				[scaleOf(signal), makeScale(signal)])) },
+			axes: makeAxes(shown),
+			series: [{}, ...shown.map((signal, index) => ({
+				label: signal.label,
+				scale: scaleOf(signal),
+				stroke: colour(`series-${index + 1}`),
+				width: 1.75,
+				dash: DASHES[index],
+				points: { show: false },
+				gaps: findGaps,
+				paths: signal.names ? stepped : undefined,
+			}))],
+			hooks: { setSelect: [takeSelection], setCursor: [showValues] },
+		}, [[], ...shown.map(() => [])], holder);
 		state.uplot.over.addEventListener("dblclick", goOn);
 		state.dirty = true;
 	}
@@ -429,8 +406,9 @@ export function createPlot({ title, signals, chosen, capacity }) {
 	for (const signal of signals) {
 		const box = element("input", { type: "checkbox", value: signal.name });
 
-		box.addEventListener("change", () => choose(
-			[...choices.querySelectorAll("input:checked")].map((checked) => checked.value)));
+		/* Behind the others, which keep their colours. */
+		box.addEventListener("change", () => choose(box.checked ?
+			[...state.chosen, signal.name] : state.chosen.filter((name) => name !== signal.name)));
 		/* Where Space stops the drive it is the only key that is left. */
 		box.addEventListener("keydown", (event) => {
 			if (event.key === "Enter")
