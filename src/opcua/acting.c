@@ -206,6 +206,11 @@ static struct link *find_link(struct db_opcua_acting *acting, unsigned session, 
 
 /* --- answers ---------------------------------------------------------------------------------- */
 
+static const char *words_of(const struct db_opcua_outcome *outcome)
+{
+	return outcome->reason[0] ? outcome->reason : outcome->result;
+}
+
 /* The last word of an error's name. */
 static const char *short_name(const char *error)
 {
@@ -239,9 +244,8 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	(void)snprintf(outcome->result, sizeof(outcome->result), "%.31s", result ? result : "");
 	if (!call->left)
 		return;
-	db_client_log(error ? DB_CLIENT_WARNING : DB_CLIENT_INFO, "drive %s: %s ended: %s%s%s",
-	              call->drive, call->what, outcome->result, outcome->reason[0] ? ": " : "",
-	              outcome->reason);
+	db_client_log(error ? DB_CLIENT_WARNING : DB_CLIENT_INFO, "drive %s: %s ended: %s",
+	              call->drive, call->what, words_of(outcome));
 	call->acting->ended(call->acting->context, call->drive, outcome);
 	free(call);
 }
@@ -315,8 +319,7 @@ static void make_call(struct link *link, const struct db_opcua_actor *actor, con
 	} else {
 		*outcome = call->outcome;
 	}
-	db_client_log(DB_CLIENT_NOTICE, "drive %s: %s: %s%s%s", drive, call->what, outcome->result,
-	              outcome->reason[0] ? ": " : "", outcome->reason);
+	db_client_log(DB_CLIENT_NOTICE, "drive %s: %s: %s", drive, call->what, words_of(outcome));
 	if (call->done)
 		free(call);
 }

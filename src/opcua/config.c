@@ -16,6 +16,23 @@ static bool is_name(const char *text)
 	return true;
 }
 
+static void check_show(struct db_settings *settings, const struct db_opcua_config *config)
+{
+	for (const char *at = config->show.names; at && *at; at += strlen(at) + 1) {
+		bool known = false;
+
+		for (int group = DB_OPCUA_COMMAND; group < DB_OPCUA_GROUPS; group++)
+			known = known ||
+			        strcmp(db_opcua_group_folder((enum db_opcua_group)group), at) == 0;
+		if (!known)
+			db_messages_add_error(settings->messages,
+			                      db_settings_line(settings, "server", "show"),
+			                      "show has '%s'; there are CommandBlock, Parameters, "
+			                      "Service, Bits and History",
+			                      at);
+	}
+}
+
 static void check_whole(struct db_settings *settings, const void *host_name)
 {
 	struct db_opcua_config *config = settings->values;
@@ -33,6 +50,7 @@ static void check_whole(struct db_settings *settings, const void *host_name)
 		                      "gateway = %s cannot be a part of a certificate: letters, "
 		                      "digits, - . and _ only",
 		                      config->gateway);
+	check_show(settings, config);
 	if (config->anonymous == DB_OPCUA_READ)
 		db_messages_add_warning(
 			settings->messages, db_settings_line(settings, "security", "anonymous"),
@@ -63,4 +81,10 @@ void db_opcua_config_free(struct db_opcua_config *config)
 {
 	db_settings_free(&form, config);
 	*config = (struct db_opcua_config){ .socket = NULL };
+}
+
+bool db_opcua_config_shows(const struct db_opcua_config *config, enum db_opcua_group group)
+{
+	return group == DB_OPCUA_PROCESS || config->show.word == DB_OPCUA_ALL ||
+	       db_setting_list_has(&config->show, db_opcua_group_folder(group));
 }

@@ -3,10 +3,12 @@
 #ifndef DRIVEBRIDGE_OPCUA_CONFIG_H
 #define DRIVEBRIDGE_OPCUA_CONFIG_H
 
+#include "opcua/model.h"
 #include "reader/settings.h"
 
 /* Positions of words. */
 enum { DB_OPCUA_OFF, DB_OPCUA_READ };
+enum { DB_OPCUA_ALL }; /* show */
 
 struct db_opcua_config {
 	char *socket;
@@ -15,6 +17,7 @@ struct db_opcua_config {
 	unsigned port; /* 0: a free one */
 	char *gateway; /* never "" */
 	unsigned interval_ms;
+	struct db_setting_list show;
 
 	unsigned none;
 	unsigned anonymous;
@@ -39,6 +42,9 @@ bool db_opcua_config_load(const char *path, const char *host_name, FILE *out,
 /* The same from a text; `path` is for messages. */
 bool db_opcua_config_parse(const char *text, const char *path, const char *host_name, FILE *out,
                            struct db_opcua_config *config);
+
+/* Whether this group of a drive's registers is shown. */
+bool db_opcua_config_shows(const struct db_opcua_config *config, enum db_opcua_group group);
 
 void db_opcua_config_free(struct db_opcua_config *config);
 

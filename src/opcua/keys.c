@@ -24,6 +24,11 @@ const struct db_setting db_opcua_keys[] = {
 	                    "How often values that somebody watches are asked of the service; what is read otherwise is not "
 	                    "older than this either"),
 	  AT(interval_ms) },
+	{ DB_LIST_SETTING("server", "show", "all", "all",
+	                  "What is shown of a drive beside its process values and commands, each in a folder: CommandBlock, "
+	                  "Parameters, Service, Bits, History; all of it takes about 0.4 MB for each drive, a third of that with "
+	                  "Parameters alone"),
+	  AT(show) },
 
 	{ DB_WORD_SETTING("security", "none", "off", "off read",
 	                  "Whether there are connections without encryption and signature; read: for who only reads. Passwords "

@@ -18,6 +18,20 @@ static const char *text_of(const json_t *object, const char *key)
 
 /* --- kinds ------------------------------------------------------------------------------------ */
 
+const char *db_opcua_group_folder(enum db_opcua_group group)
+{
+	static const char *const folders[DB_OPCUA_GROUPS] = {
+		[DB_OPCUA_PROCESS] = "",
+		[DB_OPCUA_COMMAND] = "CommandBlock",
+		[DB_OPCUA_PARAMETERS] = "Parameters",
+		[DB_OPCUA_SERVICE] = "Service",
+		[DB_OPCUA_BITS] = "Bits",
+		[DB_OPCUA_HISTORY] = "History",
+	};
+
+	return folders[group];
+}
+
 static bool read_type(const char *name, enum db_opcua_type *type, bool *bits)
 {
 	static const struct {
@@ -123,6 +137,28 @@ static bool read_register(struct db_opcua_register *reg, const json_t *json, con
 	return true;
 }
 
+bool db_opcua_register_is_full(const struct db_opcua_register *reg)
+{
+	switch (reg->type) {
+	case DB_OPCUA_U16:
+		return reg->min <= 0.0 && reg->max >= UINT16_MAX;
+	case DB_OPCUA_I16:
+		return reg->min <= INT16_MIN && reg->max >= INT16_MAX;
+	case DB_OPCUA_U32:
+		return reg->min <= 0.0 && reg->max >= UINT32_MAX;
+	case DB_OPCUA_I32:
+		return reg->min <= INT32_MIN && reg->max >= INT32_MAX;
+	default:
+		return false;
+	}
+}
+
+/* Arguments of commands that this drive does not have stand in every command block. */
+static bool is_of_use(const struct db_opcua_register *reg, const json_t *commands)
+{
+	return reg->group != DB_OPCUA_COMMAND || is_argument(commands, reg->name);
+}
+
 /* The bits of the status register are as good as that is. */
 static void mark_own_bits(struct db_opcua_kind *kind)
 {
@@ -214,7 +250,10 @@ static struct db_opcua_kind *make_kind(json_t *registers, json_t *commands)
 			continue;
 		}
 		before = reg->group;
-		kind->count++;
+		if (is_of_use(reg, commands))
+			kind->count++;
+		else
+			*reg = (struct db_opcua_register){ .name = NULL };
 	}
 	mark_own_bits(kind);
 	for (i = 0; i < kind->count; i++) {
@@ -224,6 +263,23 @@ static struct db_opcua_kind *make_kind(json_t *registers, json_t *commands)
 		}
 	}
 	return kind;
+}
+
+void db_opcua_registers_shorten(json_t *registers, bool history)
+{
+	static const char first[] = "history1_";
+
+	for (size_t i = json_array_size(registers); i-- > 0;) {
+		const json_t *reg = json_array_get(registers, i);
+		const char *name = text_of(reg, "name");
+
+		if (is_history(name) && !history)
+			(void)json_array_remove(registers, i);
+		else if (is_history(name) && strncmp(name, first, sizeof(first) - 1) != 0)
+			(void)json_array_set_new(registers, i,
+			                         json_pack("{s:s, s:s}", "name", name, "type",
+			                                   text_of(reg, "type")));
+	}
 }
 
 struct db_opcua_kind *db_opcua_kind_take(struct db_opcua_kind **kinds, json_t *registers,

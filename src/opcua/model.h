@@ -38,6 +38,9 @@ enum db_opcua_group {
 	DB_OPCUA_GROUPS
 };
 
+/* The folder of a group in the address space, "" for that of process data. */
+const char *db_opcua_group_folder(enum db_opcua_group group);
+
 struct db_opcua_register {
 	const char *name;
 	char shown[DB_OPCUA_NAME_MAX];
@@ -64,6 +67,9 @@ struct db_opcua_column {
 	size_t count;
 	size_t places[DB_OPCUA_HISTORY_MAX]; /* in the kind's list */
 };
+
+/* Whether its range is all that its type can hold, which needs not be said. */
+bool db_opcua_register_is_full(const struct db_opcua_register *reg);
 
 /* What drives with the same registers and commands have in common. */
 struct db_opcua_kind {
@@ -113,6 +119,10 @@ struct db_opcua_drive {
 	char result[32];           /* of the last command from here */
 	char reason[256];          /* why it was refused, "" */
 };
+
+/* Leaves of the history's entries but the first what differs from that, in place: the rest is said once. Without `history`
+ * they are left out. */
+void db_opcua_registers_shorten(json_t *registers, bool history);
 
 /* Finds or makes a kind. Keeps references to both. NULL without memory, or when they are not what they should be. */
 struct db_opcua_kind *db_opcua_kind_take(struct db_opcua_kind **kinds, json_t *registers,

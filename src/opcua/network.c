@@ -18,6 +18,9 @@
 /* A client that takes nothing of it for so long is dropped. */
 #define STUCK_MAX (10 * DB_NS_PER_S)
 
+/* What the library has to do at its own times may wait for so long. */
+#define TOGETHER (5 * DB_NS_PER_MS)
+
 /* IPv4 and IPv6. */
 #define LISTENERS 4
 
@@ -48,6 +51,7 @@ struct db_opcua_network {
 	void *context;
 	db_time now; /* of this turn */
 	uintptr_t current;
+	bool busy; /* something came or went in this turn */
 	unsigned port;
 	size_t places;
 	struct connection connections[];
@@ -66,6 +70,9 @@ static void log_line(void *context, UA_LogLevel level, UA_LogCategory category, 
 	(void)category;
 	/* What it says below that is about each byte that comes. */
 	if (level < UA_LOGLEVEL_WARNING)
+		return;
+	/* Its nodes about a subscription it adds in the name of the client, who may not add any. */
+	if (strstr(format, "subscription diagnostics object"))
 		return;
 	(void)vsnprintf(line, sizeof(line), format, arguments);
 	db_client_log(shown, "open62541: %s", line);
@@ -159,6 +166,7 @@ static void take_bytes(UA_ConnectionManager *cm, uintptr_t id, void *application
 	}
 	if (message.length > 0)
 		connection->heard = network->now;
+	network->busy = true;
 	network->current = id;
 	network->callback(cm, id, network->application, connection_context, state, params, message);
 	network->current = 0;
@@ -346,6 +354,11 @@ db_time db_opcua_network_heard(struct db_opcua_network *network, uintptr_t conne
 	return found ? found->heard : 0;
 }
 
+bool db_opcua_network_is_busy(const struct db_opcua_network *network)
+{
+	return network->busy;
+}
+
 size_t db_opcua_network_places(const struct db_opcua_network *network)
 {
 	return network->places;
@@ -377,6 +390,8 @@ db_time db_opcua_network_due(const struct db_opcua_network *network, db_time now
 	/* In tenths of microseconds, by a clock of its own. */
 	left = left < 0 ? 0 : left > UA_DATETIME_SEC ? UA_DATETIME_SEC : left;
 	due = now + left * 100;
+	/* Each monitored item has a time of its own: those that are close are done together. */
+	due += TOGETHER - 1 - (due + TOGETHER - 1) % TOGETHER;
 	for (size_t i = 0; i < network->places; i++) {
 		const struct connection *connection = &network->connections[i];
 
@@ -389,6 +404,7 @@ db_time db_opcua_network_due(const struct db_opcua_network *network, db_time now
 void db_opcua_network_flush(struct db_opcua_network *network, db_time now)
 {
 	network->now = now;
+	network->busy = false;
 	for (size_t i = 0; i < network->places; i++) {
 		if (network->connections[i].out)
 			flush_connection(network, &network->connections[i]);

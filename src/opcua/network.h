@@ -13,6 +13,7 @@
 
 #include <open62541/plugin/eventloop.h>
 #include <poll.h>
+#include <stdbool.h>
 
 struct db_opcua_network;
 
@@ -52,5 +53,8 @@ db_time db_opcua_network_due(const struct db_opcua_network *network, db_time now
 /* Sends what could not be sent at once. Who takes nothing for long is dropped. To be called in each turn of the loop,
  * before the server's. */
 void db_opcua_network_flush(struct db_opcua_network *network, db_time now);
+
+/* Whether bytes came or connections went in this turn: then the library may have more to do at once. */
+bool db_opcua_network_is_busy(const struct db_opcua_network *network);
 
 #endif

@@ -34,6 +34,14 @@ struct fact {
 	struct fact *next;
 };
 
+/* A property with a fixed value, which all variables share that have it: one for each would take more memory than all
+ * else together. Its id is a number, which takes none in references. */
+struct shared {
+	char what[ID_MAX];
+	UA_UInt32 number;
+	struct shared *next;
+};
+
 struct shown_drive {
 	struct db_opcua_drive *drive;
 	struct method *methods;
@@ -43,6 +51,7 @@ struct shown_drive {
 
 struct db_opcua_nodes {
 	UA_Server *server;
+	const struct db_opcua_config *config;
 	const struct db_opcua_nodes_ops *ops;
 	void *context;
 	UA_UInt16 space;
@@ -51,7 +60,9 @@ struct db_opcua_nodes {
 	bool failed; /* since it was cleared last */
 	struct shown_drive *drives;
 	struct fact *facts;
-	json_t *buses; /* their names */
+	struct shared *shared;
+	UA_UInt32 last_number; /* of a shared property */
+	json_t *buses;         /* their names */
 };
 
 static struct db_opcua_nodes *nodes_of(UA_Server *server)
@@ -80,20 +91,6 @@ static struct node_id make_id(const char *drive, const char *group, const char *
 	(void)snprintf(id.text, sizeof(id.text), "%s%s%s%s%s", drive[0] ? drive : "/Gateway",
 	               group[0] ? "." : "", group, name[0] ? "." : "", name);
 	return id;
-}
-
-static const char *folder_of(enum db_opcua_group group)
-{
-	static const char *const folders[DB_OPCUA_GROUPS] = {
-		[DB_OPCUA_PROCESS] = "",
-		[DB_OPCUA_COMMAND] = "CommandBlock",
-		[DB_OPCUA_PARAMETERS] = "Parameters",
-		[DB_OPCUA_SERVICE] = "Service",
-		[DB_OPCUA_BITS] = "Bits",
-		[DB_OPCUA_HISTORY] = "History",
-	};
-
-	return folders[group];
 }
 
 /* --- reading and writing ---------------------------------------------------------------------- */
@@ -290,22 +287,32 @@ static bool exists(const struct db_opcua_nodes *nodes, const struct node_id *id)
 	       UA_STATUSCODE_GOOD;
 }
 
-/* A property with a fixed value, which all variables share that have it: a node for each would take more memory than
- * all else together. */
 static void share_property(struct db_opcua_nodes *nodes, const struct node_id *owner,
-                           const struct node_id *id, const char *name, void *values, size_t count,
+                           const struct node_id *what, const char *name, void *values, size_t count,
                            const UA_DataType *type)
 {
 	UA_VariableAttributes attributes = UA_VariableAttributes_default;
-	UA_NodeId property = id_of(nodes, id);
+	struct shared *shared = nodes->shared;
 	UA_UInt32 any_length = 0;
+	UA_StatusCode status;
 
-	if (exists(nodes, id)) {
-		(void)UA_Server_addReference(nodes->server, id_of(nodes, owner),
+	while (shared && strcmp(shared->what, what->text) != 0)
+		shared = shared->next;
+	if (shared) {
+		UA_NodeId property = UA_NODEID_NUMERIC(nodes->space, shared->number);
+
+		check(nodes,
+		      UA_Server_addReference(nodes->server, id_of(nodes, owner),
 		                             UA_NODEID_NUMERIC(0, UA_NS0ID_HASPROPERTY),
-		                             UA_EXPANDEDNODEID_NODEID(property), true);
+		                             UA_EXPANDEDNODEID_NODEID(property), true),
+		      owner->text);
 		return;
 	}
+	shared = calloc(1, sizeof(*shared));
+	if (!shared)
+		return;
+	(void)snprintf(shared->what, sizeof(shared->what), "%s", what->text);
+	shared->number = ++nodes->last_number;
 	attributes.displayName = shown_as(name);
 	attributes.dataType = type->typeId;
 	if (count == 0) {
@@ -316,13 +323,18 @@ static void share_property(struct db_opcua_nodes *nodes, const struct node_id *o
 		attributes.arrayDimensions = &any_length;
 		UA_Variant_setArray(&attributes.value, values, count, type);
 	}
-	check(nodes,
-	      UA_Server_addVariableNode(nodes->server, property, id_of(nodes, owner),
-	                                UA_NODEID_NUMERIC(0, UA_NS0ID_HASPROPERTY),
-	                                (UA_QualifiedName){ .name = db_opcua_string(name) },
-	                                UA_NODEID_NUMERIC(0, UA_NS0ID_PROPERTYTYPE), attributes,
-	                                NULL, NULL),
-	      id->text);
+	status = UA_Server_addVariableNode(
+		nodes->server, UA_NODEID_NUMERIC(nodes->space, shared->number), id_of(nodes, owner),
+		UA_NODEID_NUMERIC(0, UA_NS0ID_HASPROPERTY),
+		(UA_QualifiedName){ .name = db_opcua_string(name) },
+		UA_NODEID_NUMERIC(0, UA_NS0ID_PROPERTYTYPE), attributes, NULL, NULL);
+	check(nodes, status, what->text);
+	if (status != UA_STATUSCODE_GOOD) {
+		free(shared);
+		return;
+	}
+	shared->next = nodes->shared;
+	nodes->shared = shared;
 }
 
 /* The unit in the drive's own words: "user units/s" is mm/s. */
@@ -342,7 +354,7 @@ static void add_unit(struct db_opcua_nodes *nodes, const struct node_id *owner, 
 	UA_EUInformation information = db_opcua_unit(unit);
 	struct node_id id;
 
-	(void)snprintf(id.text, sizeof(id.text), "/Units.%s", unit);
+	(void)snprintf(id.text, sizeof(id.text), "unit %s", unit);
 	share_property(nodes, owner, &id, "EngineeringUnits", &information, 0,
 	               &UA_TYPES[UA_TYPES_EUINFORMATION]);
 }
@@ -353,7 +365,7 @@ static void add_range(struct db_opcua_nodes *nodes, const struct node_id *owner,
 	UA_Range range = { .low = min, .high = max };
 	struct node_id id;
 
-	(void)snprintf(id.text, sizeof(id.text), "/Ranges.%.9g..%.9g", min, max);
+	(void)snprintf(id.text, sizeof(id.text), "range %.9g..%.9g", min, max);
 	share_property(nodes, owner, &id, "EURange", &range, 0, &UA_TYPES[UA_TYPES_RANGE]);
 }
 
@@ -364,7 +376,7 @@ static void add_codes(struct db_opcua_nodes *nodes, const struct node_id *owner,
 	size_t count = 0;
 	struct node_id id;
 
-	(void)snprintf(id.text, sizeof(id.text), "/Codes.%u.%s", kind->number, reg->name);
+	(void)snprintf(id.text, sizeof(id.text), "codes %u %s", kind->number, reg->name);
 	if (reg->bits) {
 		UA_LocalizedText *names = db_opcua_bit_names(reg->codes, &count);
 
@@ -386,7 +398,7 @@ static void add_item(struct db_opcua_nodes *nodes, struct db_opcua_item *item,
                      const char *unit_name)
 {
 	const struct db_opcua_register *reg = item->reg;
-	const char *folder = folder_of(reg->group);
+	const char *folder = db_opcua_group_folder(reg->group);
 	struct node_id parent = make_id(item->drive->name, folder, "");
 	struct node_id id = make_id(item->drive->name, folder, reg->shown);
 	UA_VariableAttributes attributes = UA_VariableAttributes_default;
@@ -404,7 +416,7 @@ static void add_item(struct db_opcua_nodes *nodes, struct db_opcua_item *item,
 	             source, item);
 	if (unit[0])
 		add_unit(nodes, &id, unit);
-	if (reg->has_range && !reg->codes)
+	if (reg->has_range && !reg->codes && !db_opcua_register_is_full(reg))
 		add_range(nodes, &id, reg->min, reg->max);
 	if (reg->codes)
 		add_codes(nodes, &id, reg, item->drive->kind);
@@ -416,7 +428,7 @@ static void add_arguments(struct db_opcua_nodes *nodes, const struct node_id *ow
 {
 	UA_Argument arguments[16];
 	struct node_id id;
-	size_t used = (size_t)snprintf(id.text, sizeof(id.text), "/Arguments.%u",
+	size_t used = (size_t)snprintf(id.text, sizeof(id.text), "arguments %u",
 	                               drive->kind->number);
 	size_t count = 0;
 	size_t i;
@@ -436,7 +448,7 @@ static void add_arguments(struct db_opcua_nodes *nodes, const struct node_id *ow
 		arguments[count].valueRank = UA_VALUERANK_SCALAR;
 		count++;
 		if (used < sizeof(id.text))
-			used += (size_t)snprintf(id.text + used, sizeof(id.text) - used, ".%s",
+			used += (size_t)snprintf(id.text + used, sizeof(id.text) - used, " %s",
 			                         item->reg->name);
 	}
 	if (count > 0)
@@ -447,7 +459,7 @@ static void add_arguments(struct db_opcua_nodes *nodes, const struct node_id *ow
 static void add_outputs(struct db_opcua_nodes *nodes, const struct node_id *owner)
 {
 	UA_Argument arguments[2];
-	struct node_id id = { .text = "/Results" };
+	struct node_id id = { .text = "results" };
 
 	UA_Argument_init(&arguments[0]);
 	arguments[0].name = db_opcua_string("Result");
@@ -606,19 +618,22 @@ void db_opcua_nodes_add(struct db_opcua_nodes *nodes, struct db_opcua_drive *dri
 		add_object(nodes, &root, id_of(nodes, &folder), drive->name, "",
 		           UA_NS0ID_BASEOBJECTTYPE, true);
 	for (int group = DB_OPCUA_COMMAND; group < DB_OPCUA_GROUPS; group++) {
-		const char *name = folder_of((enum db_opcua_group)group);
+		const char *name = db_opcua_group_folder((enum db_opcua_group)group);
 		struct node_id id = make_id(drive->name, name, "");
 
-		if (has_group(drive->kind, (enum db_opcua_group)group))
+		if (db_opcua_config_shows(nodes->config, (enum db_opcua_group)group) &&
+		    has_group(drive->kind, (enum db_opcua_group)group))
 			add_object(nodes, &id, id_of(nodes, &root), name, "", UA_NS0ID_FOLDERTYPE,
 			           false);
 	}
 	for (size_t i = 0; i < drive->kind->count; i++) {
-		if (drive->kind->list[i].group != DB_OPCUA_HISTORY &&
+		if (db_opcua_config_shows(nodes->config, drive->kind->list[i].group) &&
+		    drive->kind->list[i].group != DB_OPCUA_HISTORY &&
 		    !(gateway && is_of_bus(drive->kind->list[i].name)))
 			add_item(nodes, &drive->items[i], unit_name ? unit_name : "");
 	}
-	add_columns(nodes, shown);
+	if (db_opcua_config_shows(nodes->config, DB_OPCUA_HISTORY))
+		add_columns(nodes, shown);
 	for (size_t i = 0; i < commands; i++) {
 		shown->methods[i] = (struct method){
 			.nodes = nodes,
@@ -629,9 +644,28 @@ void db_opcua_nodes_add(struct db_opcua_nodes *nodes, struct db_opcua_drive *dri
 	}
 	if (!gateway) {
 		add_identification(nodes, drive, description);
-		(void)UA_Server_addReference(nodes->server, id_of(nodes, &folder),
+		/* Not from the folder: who browses that would see each drive twice. */
+		(void)UA_Server_addReference(nodes->server, UA_NODEID_NUMERIC(0, UA_NS0ID_SERVER),
 		                             UA_NODEID_NUMERIC(0, UA_NS0ID_HASNOTIFIER),
 		                             UA_EXPANDEDNODEID_NODEID(id_of(nodes, &root)), true);
+	}
+}
+
+static void forget_shared(struct db_opcua_nodes *nodes)
+{
+	struct shared **at = &nodes->shared;
+
+	while (*at) {
+		struct shared *shared = *at;
+		UA_NodeId id = UA_NODEID_NUMERIC(nodes->space, shared->number);
+		UA_NodeClass class;
+
+		if (UA_Server_readNodeClass(nodes->server, id, &class) == UA_STATUSCODE_GOOD) {
+			at = &shared->next;
+		} else {
+			*at = shared->next;
+			free(shared);
+		}
 	}
 }
 
@@ -647,8 +681,9 @@ void db_opcua_nodes_remove(struct db_opcua_nodes *nodes, const struct db_opcua_d
 	if (!shown)
 		return;
 	*at = shown->next;
-	/* What hangs below goes with it, but for what is shared. */
+	/* What hangs below goes with it; of what is shared that which nobody has any more. */
 	(void)UA_Server_deleteNode(nodes->server, id_of(nodes, &root), true);
+	forget_shared(nodes);
 	free(shown->methods);
 	free(shown->columns);
 	free(shown);
@@ -794,8 +829,8 @@ void db_opcua_nodes_set_figures(struct db_opcua_nodes *nodes, json_t *buses)
 
 /* --- the whole -------------------------------------------------------------------------------- */
 
-struct db_opcua_nodes *db_opcua_nodes_new(UA_Server *server, const struct db_opcua_nodes_ops *ops,
-                                          void *context)
+struct db_opcua_nodes *db_opcua_nodes_new(UA_Server *server, const struct db_opcua_config *config,
+                                          const struct db_opcua_nodes_ops *ops, void *context)
 {
 	struct db_opcua_nodes *nodes = calloc(1, sizeof(*nodes));
 	struct node_id drives = { .text = "/Drives" };
@@ -805,6 +840,7 @@ struct db_opcua_nodes *db_opcua_nodes_new(UA_Server *server, const struct db_opc
 	if (!nodes)
 		return NULL;
 	nodes->server = server;
+	nodes->config = config;
 	nodes->ops = ops;
 	nodes->context = context;
 	nodes->space = UA_Server_addNamespace(server, DB_OPCUA_NAMESPACE);
@@ -836,6 +872,12 @@ void db_opcua_nodes_free(struct db_opcua_nodes *nodes)
 		free(shown);
 	}
 	forget_facts(nodes);
+	while (nodes->shared) {
+		struct shared *shared = nodes->shared;
+
+		nodes->shared = shared->next;
+		free(shared);
+	}
 	json_decref(nodes->buses);
 	free(nodes);
 }

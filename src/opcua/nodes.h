@@ -6,6 +6,7 @@
 #ifndef DRIVEBRIDGE_OPCUA_NODES_H
 #define DRIVEBRIDGE_OPCUA_NODES_H
 
+#include "opcua/config.h"
 #include "opcua/model.h"
 
 #include <open62541/server.h>
@@ -28,10 +29,10 @@ struct db_opcua_nodes_ops {
 	                     const char *command, json_t *arguments);
 };
 
-/* The folders that are always there. NULL without memory or when the library refuses one; freed with
+/* The folders that are always there; of drives what `config` says, which must outlive it. NULL without memory or when the library refuses one; freed with
  * db_opcua_nodes_free() after the server, NULL is allowed. */
-struct db_opcua_nodes *db_opcua_nodes_new(UA_Server *server, const struct db_opcua_nodes_ops *ops,
-                                          void *context);
+struct db_opcua_nodes *db_opcua_nodes_new(UA_Server *server, const struct db_opcua_config *config,
+                                          const struct db_opcua_nodes_ops *ops, void *context);
 void db_opcua_nodes_free(struct db_opcua_nodes *nodes);
 
 /* A drive with all its nodes. The drive must outlive them. */

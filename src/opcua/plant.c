@@ -5,6 +5,7 @@
 #include "client/log.h"
 #include "client/retry.h"
 
+#include <malloc.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
@@ -370,6 +371,8 @@ static void begin(struct db_opcua_plant *plant)
 	if (!same_buses)
 		plant->ops->buses(plant->context, json_object_get(plant->known, "buses"));
 	forget_found(plant);
+	/* Registers are told at length. */
+	(void)malloc_trim(0);
 	for (size_t i = 0; i < plant->drive_count; i++)
 		plant->drives[i]->lost = false;
 	if (plant->told[0] != '\0')
@@ -383,6 +386,25 @@ static void begin(struct db_opcua_plant *plant)
 }
 
 static void ask_next(struct db_opcua_plant *plant);
+
+/* The same again, where a drive before this one has it, or a drive that was known before. */
+static json_t *share(const struct db_opcua_plant *plant, json_t *told, bool commands)
+{
+	for (size_t i = 0; i < plant->drive_count; i++) {
+		json_t *other = commands ? plant->drives[i]->kind->commands :
+		                           plant->drives[i]->kind->registers;
+
+		if (json_equal(other, told))
+			return json_incref(other);
+	}
+	for (size_t i = 0; i < plant->found_count; i++) {
+		json_t *other = commands ? plant->found[i].commands : plant->found[i].registers;
+
+		if (json_equal(other, told))
+			return json_incref(other);
+	}
+	return json_incref(told);
+}
 
 static void take_commands(void *data, json_t *parameters, const struct db_client_error *error,
                           bool more)
@@ -413,7 +435,9 @@ static void take_registers(void *data, json_t *parameters, const struct db_clien
 		fail(plant, error->text);
 		return;
 	}
-	found->registers = json_incref(json_object_get(parameters, "registers"));
+	db_opcua_registers_shorten(json_object_get(parameters, "registers"),
+	                           db_opcua_config_shows(plant->config, DB_OPCUA_HISTORY));
+	found->registers = share(plant, json_object_get(parameters, "registers"), false);
 	if (name[0] != '\0') {
 		call(plant, CALLS, "Commands", json_pack("{s:s}", "drive", name), take_commands);
 		return;

@@ -340,7 +340,7 @@ struct db_opcua_server *db_opcua_server_new(const struct db_opcua_config *config
 	if (server->network && server->access && server->acting && server->plant)
 		server->library = new_library(server);
 	if (server->library)
-		server->nodes = db_opcua_nodes_new(server->library, &node_ops, server);
+		server->nodes = db_opcua_nodes_new(server->library, config, &node_ops, server);
 	if (server->nodes)
 		status = db_opcua_events_set_up(server->library);
 	if (status == UA_STATUSCODE_GOOD)
@@ -425,7 +425,8 @@ void db_opcua_server_handle(struct db_opcua_server *server, db_time now, int64_t
 	db_opcua_acting_handle(server->acting, now);
 	db_opcua_network_flush(server->network, now);
 	(void)UA_Server_run_iterate(server->library, false);
-	/* What that wants to be done in its next turn, such as closing connections. */
-	(void)UA_Server_run_iterate(server->library, false);
+	/* Such as closing connections. */
+	if (db_opcua_network_is_busy(server->network))
+		(void)UA_Server_run_iterate(server->library, false);
 	feed(server, now);
 }
