@@ -6,10 +6,12 @@ import threading
 
 
 class Relay:
-    """A line to a server, which has a host and a port, that can stand still."""
+    """A line to a server, which has a host and a port, that can stand still. heard(bytes) is told what clients send, as
+    it goes on to the server."""
 
-    def __init__(self, server, address=("127.0.0.1", 0)):
+    def __init__(self, server, address=("127.0.0.1", 0), heard=lambda data: None):
         self.server = server
+        self.heard = heard
         self.listener = socket.create_server(address)
         self.port = self.listener.getsockname()[1]
         self.flows = threading.Event()
@@ -33,18 +35,19 @@ class Relay:
                 near.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
                 far = socket.create_connection((self.server.host, self.server.port))
                 self.sockets += [near, far]
-                for one, other in ((near, far), (far, near)):
-                    threading.Thread(target=self._carry, args=(one, other), daemon=True).start()
+                for one, other, heard in ((near, far, self.heard), (far, near, lambda data: None)):
+                    threading.Thread(target=self._carry, args=(one, other, heard), daemon=True).start()
         except OSError:
             pass
 
-    def _carry(self, one, other):
+    def _carry(self, one, other, heard):
         try:
             while True:
                 data = one.recv(4096)
                 self.flows.wait()
                 if not data:
                     break
+                heard(data)
                 other.sendall(data)
         except OSError:
             pass

@@ -12,7 +12,7 @@ import threading
 import time
 from pathlib import Path
 
-from bridgelib import build_directory, eventually, find_program, section
+from bridgelib import build_directory, eventually, find_program, go_first, section
 
 OPERATOR = ("olga", "the operator's word")
 READER = ("rudi", "the reader's word")
@@ -75,7 +75,8 @@ class Webd:
             # Memory that the sanitizer keeps back is not the program's.
             options = os.environ.get("ASAN_OPTIONS", "") + ":quarantine_size_mb=1"
             self.process = subprocess.Popen([find_program("drivebridge-webd"), "--config", self.config_path],
-                                            stdout=log, stderr=log, env={**os.environ, "ASAN_OPTIONS": options})
+                                            stdout=log, stderr=log, preexec_fn=go_first,
+                                            env={**os.environ, "ASAN_OPTIONS": options})
 
         def listening():
             text = self.log_path.read_text(errors="replace")[offset:]

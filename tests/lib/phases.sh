@@ -137,7 +137,7 @@ phase_unit() {
 	export ASAN_OPTIONS=detect_leaks=1:detect_stack_use_after_return=1:strict_string_checks=1
 	export UBSAN_OPTIONS=print_stacktrace=1
 	run_ctest asan
-	[ ! -d tests/unit/page ] || run_node_tests
+	run_node_tests
 	step "size of the page" check_page_size
 }
 

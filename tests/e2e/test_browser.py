@@ -1,0 +1,566 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page in a real browser, as people use it. What a browser has to complain of (errors, what the Content Security
+Policy forbids, addresses elsewhere) fails each of these tests. When drives moved and stood is read off the wire."""
+
+import contextlib
+import csv
+import io
+import re
+import time
+
+import pytest
+from bridgelib import NO_ERROR, eventually
+from browserlib import PHONE, Chromium, Visitor, expect, findings, picture
+from relay import Relay
+from weblib import OPERATOR, READER, Webd
+
+# How long a drive may go on after its browser has gone: the dead man's 300 ms and the drive's own ramp, s.
+STANDS_WITHIN = 0.5
+# counts/s² of the simulated drives: from jogging to a stand in some milliseconds.
+RAMP = 640000
+# The watchdog has no part in it.
+UNITS = {"counts-per-unit": 320.0, "unit-name": "mm", "max-velocity": 100.0, "watchdog-ms": 30000}
+VIEWS = ["", "drive/drive1", "parameters/drive1", "scan", "scope", "trace", "events"]
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    browser = Chromium()
+    yield browser
+    browser.close()
+
+
+@pytest.fixture
+def make_site(make_bridge):
+    """A function that starts a bridge with two drives, and drivebridge-webd."""
+    made = []
+
+    def make(**options):
+        # No drive looks slow on a machine that browsers keep busy.
+        bridge = make_bridge(**{"drives": 2, "bus": {"drive-latency-ms": 400}, "drive": UNITS, "sim_drive": {
+            "set": ["spd=3200", f"acc={RAMP}", f"dec={RAMP}", "pae=1"]}, **options})
+        web = Webd(bridge.place, bridge).start().wait_for_service()
+        web.bridge = bridge
+        web.host, web.port = web.address  # for a Relay
+        made.append(web)
+        return web
+
+    yield make
+    problems = []
+    for web in made:
+        problems += web.finish()
+        print(f"--- webd.log\n{web.log()}")
+    assert not problems, problems
+
+
+@pytest.fixture
+def site(make_site):
+    return make_site()
+
+
+@pytest.fixture
+def visit(request, chromium):
+    """A function that opens the page in a browser of its own, and logs in."""
+    made = []
+
+    def go(site, user=OPERATOR, url=None, **options):
+        visitor = Visitor(chromium, url or site.url, **options)
+        made.append(visitor)
+        if user:
+            visitor.log_in(*user)
+        return visitor
+
+    yield go
+    for visitor in made:
+        visitor.describe_failure(getattr(request.node, "failed", False))
+    problems = [problem for visitor in made for problem in visitor.close()]
+    assert not problems, problems
+
+
+# --- what went over the wire ------------------------------------------------------------------------------------
+
+
+def obeyed(bridge, drive="drive1"):
+    """(moment of time.monotonic(), what), of what the simulated drive did: the commands that it obeyed, and `stands`."""
+    for line in bridge.sim.trace_path.read_text(encoding="utf-8").splitlines():
+        parts = line.split(" ", 3)
+        if len(parts) == 4 and parts[1:3] == [drive, "!"]:
+            yield int(parts[0]) / 1e6, parts[3].split(" |")[0].removeprefix("obeyed ")
+
+
+def motions(bridge, drive="drive1"):
+    return [what for _, what in obeyed(bridge, drive) if " mov" in what or " pos" in what or " rmv" in what]
+
+
+def is_moving(bridge, drive="drive1"):
+    return bridge.sim.get(drive)["velocity"] != 0
+
+
+def wait_moving(bridge, drive="drive1"):
+    eventually(lambda: is_moving(bridge, drive), what=f"{drive} to move")
+
+
+def wait_stand(bridge, since, drive="drive1"):
+    """When it came to its stand, s from `since` on."""
+    return eventually(lambda: next((max(moment - since, 1e-6) for moment, what in obeyed(bridge, drive)
+                                    if what == "stands" and moment >= since), None), what=f"{drive} to stand")
+
+
+class Network(Relay):
+    """What is between a browser and the gateway: notes when the last word of a jog button passed."""
+
+    def __init__(self, site):
+        super().__init__(site, heard=self._note)
+        self.url = f"http://127.0.0.1:{self.port}"
+        self.last_beat = 0.0
+
+    def _note(self, data):
+        if b"POST /api/jog" in data:
+            self.last_beat = time.monotonic()
+
+
+# --- a visitor's hands -------------------------------------------------------------------------------------------
+
+
+def open_drive(visitor, name="drive1", speed="10"):
+    view = visitor.go(f"drive/{name}")
+    expect(view.locator("#jog .hold").first).to_be_enabled()
+    view.locator("#jog-speed").fill(speed)
+    return view
+
+
+def hold(visitor, direction=1):
+    """The mouse goes down on a jog button, and stays."""
+    visitor.page.locator(f'#jog .hold[data-direction="{direction}"]').hover()
+    visitor.page.mouse.down()
+
+
+def hold_for(visitor, bridge, seconds):
+    """Holds it so long; anew where the machine was too busy for the beats, which the page then says."""
+    for _ in range(5):
+        hold(visitor)
+        began = time.monotonic()
+        wait_moving(bridge)
+        time.sleep(max(0.0, began + seconds - time.monotonic()))
+        if bridge.sim.get()["velocity"] == 3200:
+            return
+        expect(visitor.page.locator("#jog-state")).to_contain_text("Ended")
+        let_go(visitor)
+    raise AssertionError("the button could not be held for so long")
+
+
+def let_go(visitor):
+    visitor.page.mouse.up()
+
+
+def give(view, command, **arguments):
+    """A command with values, by its form."""
+    view.locator("#command").select_option(command)
+    for name, value in arguments.items():
+        view.locator(f'[data-argument="{name}"]').fill(value)
+    view.locator("#command-run").click()
+
+
+# A link that is as large as its row has it around the row.
+OUTLINED = """node => [null, "::after"].some((part) => {
+    const { outlineStyle, outlineWidth } = getComputedStyle(node, part);
+    return outlineStyle !== "none" && outlineWidth !== "0px";
+})"""
+
+
+def tab_to(page, target):
+    """By the key alone, as far as it takes; what has the focus can be seen to have it."""
+    for _ in range(120):
+        page.keyboard.press("Tab")
+        if target.evaluate("node => node === document.activeElement"):
+            assert target.evaluate(OUTLINED), "the focus cannot be seen"
+            return
+    raise AssertionError(f"the key Tab does not lead to {target}")
+
+
+# --- access ------------------------------------------------------------------------------------------------------
+
+
+def test_who_logs_in_sees_the_drives(site, visit):
+    visitor = visit(site, user=None)
+    page = visitor.page
+    page.get_by_label("User").fill(OPERATOR[0])
+    page.get_by_label("Password").fill("not this one")
+    page.get_by_role("button", name="Log in").click()
+    expect(page.locator("#login-problem")).not_to_be_empty()
+    picture(page, "web-login")
+    visitor.log_in(*OPERATOR)
+    for name in ("drive1", "drive2"):
+        expect(page.locator(f'tr[data-drive="{name}"]')).to_contain_text("Standstill")
+    expect(page.locator("#stop-all")).to_be_visible()
+    # The session is the cookie's, not the page's.
+    page.reload()
+    expect(page.locator('tr[data-drive="drive1"]')).to_be_visible()
+    page.locator("#logout").click()
+    expect(page.get_by_label("Password")).to_be_visible()
+    expect(page.locator("#stop-all")).to_be_hidden()
+
+
+def test_who_may_only_read_has_nothing_to_act_with(site, visit):
+    visitor = visit(site, READER)
+    expect(visitor.page.locator("#stop-all")).to_be_hidden()
+    view = visitor.go("drive/drive1")
+    expect(view.locator(".plot")).to_be_visible()
+    assert view.locator("#jog, #commands, #stop").count() == 0
+    view = visitor.go("parameters/drive1")
+    expect(view.locator("#parameters-table")).to_be_visible()
+    assert view.locator("#parameters-table input").count() == 0
+
+
+# --- a drive -----------------------------------------------------------------------------------------------------
+
+
+def test_a_move_is_watched_on_the_plot(site, visit):
+    visitor = visit(site)
+    view = open_drive(visitor)
+    give(view, "move_absolute", target_position="20", target_velocity="25")
+    expect(view.locator("#position")).to_have_text("20.000")
+    expect(view.locator("#command-result")).to_contain_text("ok")
+    expect(view.locator("#history tbody tr").first).to_contain_text("move absolute", ignore_case=True)
+    picture(visitor.page, "web-drive")
+    view.locator(".plot-pause").click()
+    expect(view.locator(".plot-pause")).to_have_text("Go on")
+    with visitor.page.expect_download() as download:
+        view.locator(".plot-csv").click()
+    rows = list(csv.reader(io.StringIO(download.value.path().read_text(encoding="utf-8"))))
+    assert rows[0] == ["time_s", "unix_time_s", "drive1.position [mm]", "drive1.velocity [mm/s]"]
+    positions = [float(row[2]) for row in rows[1:]]
+    velocities = [float(row[3]) for row in rows[1:]]
+    # The whole way and nothing else: from where it stood to where it stands, at the speed that was asked for.
+    assert positions == sorted(positions) and (positions[0], positions[-1]) == (0, 20)
+    assert len({round(position, 2) for position in positions}) > 8
+    assert max(velocities) == pytest.approx(25, abs=0.5)
+    # What has a range is held to it before anything is sent.
+    before = motions(site.bridge)
+    give(view, "move_absolute", target_position="1", target_velocity="5000")
+    expect(view.locator("#command-result")).to_contain_text("out of range")
+    assert motions(site.bridge) == before
+
+
+def test_jogging_lasts_as_long_as_the_button_is_held(site, visit):
+    bridge, visitor = site.bridge, visit(site)
+    page = visitor.page
+    open_drive(visitor)
+    # Longer than the dead man's time, with one motion for one press.
+    hold_for(visitor, bridge, 0.8)
+    expect(page.locator("#jog-state")).to_contain_text("Moving")
+    since, count = time.monotonic(), len(motions(bridge))
+    let_go(visitor)
+    wait_stand(bridge, since)
+    expect(page.locator("#drive-state")).to_have_text("Standstill")
+    assert len(motions(bridge)) == count
+    # A key on the button, the other way.
+    page.locator('#jog .hold[data-direction="-1"]').focus()
+    page.keyboard.down("ArrowLeft")
+    eventually(lambda: bridge.sim.get()["velocity"] == -3200, what="the other direction")
+    since = time.monotonic()
+    page.keyboard.up("ArrowLeft")
+    wait_stand(bridge, since)
+    # Space stops, though the button stays pressed, and it stays stopped.
+    hold(visitor)
+    wait_moving(bridge)
+    since = time.monotonic()
+    page.keyboard.press("Space")
+    wait_stand(bridge, since)
+    count = len(motions(bridge))
+    eventually(lambda: time.monotonic() - since > 0.6)
+    let_go(visitor)
+    assert not is_moving(bridge) and len(motions(bridge)) == count
+
+
+def test_a_drive_stands_when_its_tab_is_closed(site, visit):
+    with Network(site) as network:
+        visitor = visit(site, url=network.url)
+        open_drive(visitor)
+        hold(visitor)
+        wait_moving(site.bridge)
+        closing = time.monotonic()
+        visitor.page.close()
+        assert closing + wait_stand(site.bridge, closing) - network.last_beat < STANDS_WITHIN
+    site.bridge.wait_standing()
+    assert site.bridge.drive(1).read("error") == NO_ERROR
+
+
+def test_a_drive_stands_when_the_network_goes(site, visit):
+    with Network(site) as network:
+        visitor = visit(site, url=network.url)
+        page = visitor.page
+        open_drive(visitor)
+        hold(visitor)
+        wait_moving(site.bridge)
+        lost = time.monotonic()
+        network.hold()
+        assert lost + wait_stand(site.bridge, lost) - network.last_beat < STANDS_WITHIN
+        expect(page.locator("#banner")).to_be_visible()
+        expect(page.locator("#link")).not_to_have_attribute("data-state", "live")
+        expect(page.locator("html")).to_have_class(re.compile(r"\bstale\b"))
+        picture(page, "web-lost")
+        # Beats that were on their way arrive now, and the button is still down.
+        count = len(motions(site.bridge))
+        network.go_on()
+        expect(page.locator("#link")).to_have_attribute("data-state", "live")
+        expect(page.locator("#banner")).to_be_hidden()
+        assert len(motions(site.bridge)) == count and not is_moving(site.bridge)
+        let_go(visitor)
+        hold(visitor)
+        wait_moving(site.bridge)
+        since = time.monotonic()
+        let_go(visitor)
+        wait_stand(site.bridge, since)
+
+
+def test_a_service_that_goes_is_seen(site, visit):
+    visitor = visit(site)
+    page = visitor.page
+    expect(page.locator('tr[data-drive="drive1"]')).to_contain_text("Standstill")
+    site.bridge.stop_bridge()
+    expect(page.locator("#link")).to_have_attribute("data-state", "down")
+    expect(page.locator("#banner")).to_contain_text("drivebridged")
+    age = page.locator('tr[data-drive="drive1"] .age')
+    # It grows by itself.
+    expect(age).to_have_text(re.compile(r"^([2-9]|\d\d)(\.\d)? s$"))
+    site.bridge.start_bridge()
+    expect(page.locator("#link")).to_have_attribute("data-state", "live")
+    expect(page.locator('tr[data-drive="drive1"]')).to_contain_text("Standstill")
+    expect(age).to_have_text(re.compile(r"ms$"))
+
+
+def test_two_browsers_and_a_plc_want_one_drive(make_site, visit):
+    site = make_site(modbus={"control": "drive", "control-timeout-ms": 60000})
+    bridge, plc = site.bridge, site.bridge.drive(1)
+    anna, ben = visit(site), visit(site)
+    assert plc.write("control_request", 1) == 0
+    plc.settle("move_velocity", target_velocity=640)
+    wait_moving(bridge)
+    for visitor in (anna, ben):
+        view = open_drive(visitor)
+        expect(view.locator("#control-holder")).to_contain_text("127.0.0.1")
+    # The PLC's claim is respected, and everybody may stop.
+    hold(anna)
+    expect(anna.page.locator("#jog-state")).to_contain_text("Ended")
+    let_go(anna)
+    assert bridge.sim.get()["velocity"] == 640 and len(motions(bridge)) == 1
+    since = time.monotonic()
+    anna.page.locator("#stop").click()
+    wait_stand(bridge, since)
+    # It lets go; one browser takes it, and both see who has it.
+    assert plc.write("control_request", 0) == 0
+    expect(anna.page.locator("#control")).to_have_attribute("data-control", "nobody")
+    anna.page.locator("#control-take").click()
+    expect(anna.page.locator("#control")).to_have_attribute("data-control", "mine")
+    expect(ben.page.locator("#control")).to_have_attribute("data-control", "other")
+    assert plc.command("move_velocity", target_velocity=640) == 6
+    hold(anna)
+    eventually(lambda: bridge.sim.get()["velocity"] == 3200, what="the one who has control to move it")
+    since = time.monotonic()
+    ben.page.locator("#stop").click()
+    wait_stand(bridge, since)
+    expect(anna.page.locator("#jog-state")).to_contain_text("Ended")
+    let_go(anna)
+    hold(ben)
+    expect(ben.page.locator("#jog-state")).to_contain_text("Ended")
+    let_go(ben)
+    assert len(motions(bridge)) == 2
+    anna.page.locator("#control-release").click()
+    expect(ben.page.locator("#control")).to_have_attribute("data-control", "nobody")
+
+
+# --- for everybody -----------------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def finger(page, target):
+    """One that is on the screen."""
+    box = target.bounding_box()
+    touch = page.context.new_cdp_session(page)
+    point = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
+    touch.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [point]})
+    try:
+        yield
+    finally:
+        touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+
+def test_a_phone_is_enough(site, visit):
+    visitor = visit(site, viewport=PHONE, has_touch=True, is_mobile=True, device_scale_factor=2)
+    page = visitor.page
+    for route in VIEWS:
+        visitor.go(route)
+        expect(page.locator("#link")).to_have_attribute("data-state", "live")
+        # Nobody has to push the page about to read it.
+        assert page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0, route
+    view = open_drive(visitor)
+    stop = view.locator("#stop")
+    expect(stop).to_be_in_viewport()
+    assert stop.bounding_box()["height"] >= 44
+    button = view.locator('#jog .hold[data-direction="1"]')
+    button.scroll_into_view_if_needed()
+    expect(stop).to_be_in_viewport()
+    with finger(page, button):
+        wait_moving(site.bridge)
+        picture(page, "web-phone")
+        since = time.monotonic()
+    wait_stand(site.bridge, since)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_view_is_for_everybody(site, visit, scheme):
+    """What axe finds: names, roles, order, and the contrast in either colours."""
+    rules = None if scheme == "light" else ["color-contrast"]
+    visitor = visit(site, user=None, color_scheme=scheme)
+    page = visitor.page
+    found = findings(page, rules)
+    visitor.log_in(*OPERATOR)
+    for route in VIEWS:
+        view = visitor.go(route)
+        expect(view.locator("h1")).to_be_visible()
+        found += [f"{route or 'overview'}: {one}" for one in findings(page, rules)]
+    assert not found, "\n".join(found)
+    ground = [int(part) for part in re.findall(r"\d+", page.evaluate("getComputedStyle(document.body).backgroundColor"))]
+    assert (sum(ground[:3]) < 200) == (scheme == "dark")
+    # The switch is stronger than the system, and is remembered.
+    other = "dark" if scheme == "light" else "light"
+    while page.locator("#theme").get_attribute("data-theme") != other:
+        page.locator("#theme").click()
+    page.reload()
+    assert page.evaluate("getComputedStyle(document.documentElement).colorScheme") == other
+
+
+def test_the_keyboard_is_enough(site, visit):
+    visitor = visit(site, user=None)
+    page, keyboard = visitor.page, visitor.page.keyboard
+    expect(page.get_by_label("User")).to_be_focused()
+    keyboard.type(OPERATOR[0])
+    tab_to(page, page.get_by_label("Password"))
+    keyboard.type(OPERATOR[1])
+    keyboard.press("Enter")
+    link = page.locator('tr[data-drive="drive1"] .row-link')
+    expect(link).to_be_visible()
+    tab_to(page, link)
+    keyboard.press("Enter")
+    button = page.locator('#jog .hold[data-direction="1"]')
+    expect(button).to_be_enabled()
+    tab_to(page, page.locator("#jog-speed"))
+    keyboard.press("Control+a")
+    keyboard.type("10")
+    tab_to(page, button)
+    keyboard.down("Enter")
+    wait_moving(site.bridge)
+    since = time.monotonic()
+    keyboard.up("Enter")
+    wait_stand(site.bridge, since)
+    # A motion that nobody holds; the one key stops it wherever the focus is.
+    tab_to(page, page.locator("#jog-step"))
+    keyboard.press("Control+a")
+    keyboard.type("1000")
+    tab_to(page, page.locator("#jog-step-forward"))
+    keyboard.press("Enter")
+    wait_moving(site.bridge)
+    since = time.monotonic()
+    keyboard.press("Escape")
+    wait_stand(site.bridge, since)
+    # To another view, by its link in the head.
+    page.reload()
+    events = page.get_by_role("link", name="Events").first
+    expect(events).to_be_visible()
+    tab_to(page, events)
+    keyboard.press("Enter")
+    expect(page.locator('.view[data-view="events"]')).to_be_visible()
+
+
+# --- parameters, scan, trace, events -----------------------------------------------------------------------------
+
+
+def edit(view, name, value):
+    field = view.locator(f"#parameter-{name}")
+    field.fill(value)
+    field.press("Tab")
+
+
+def test_parameters_are_changed_compared_and_restored(site, visit, tmp_path):
+    bridge, visitor = site.bridge, visit(site)
+    page = visitor.page
+    view = visitor.go("parameters/drive1")
+    expect(view.locator("#parameter-acc")).to_have_value(str(RAMP))
+    with page.expect_download() as download:
+        view.locator("#parameters-backup").click()
+    backup = tmp_path / "drive1.params"
+    download.value.save_as(backup)
+    assert f"acc = {RAMP}" in re.sub(" +", " ", backup.read_text(encoding="utf-8"))
+    # What cannot be is not written; what was changed is marked.
+    edit(view, "acc", "plenty")
+    expect(view.locator('tr[data-name="acc"] .note')).to_contain_text("is no number")
+    edit(view, "acc", "320000")
+    edit(view, "dec", "310000")
+    expect(view.locator('tr[data-name="acc"]')).to_have_class(re.compile(r"\bchanged\b"))
+    expect(view.locator('tr[data-name="acc"] .note')).to_contain_text(f"was {RAMP}")
+    picture(page, "web-parameters")
+    assert bridge.drive(1).read("acc") == RAMP
+    view.locator("#parameters-write").click()
+    expect(view.locator("#parameters-report")).to_contain_text("2 written")
+    assert (bridge.drive(1).read("acc"), bridge.drive(1).read("dec")) == (320000, 310000)
+    # Beside the other drive, which still has what this one had.
+    view.locator("#parameters-beside").select_option("drive drive2")
+    expect(view.locator("#parameters-take")).to_have_text("Take 2 from drive2")
+    # Back from the file.
+    view.locator("#parameters-file").set_input_files(backup)
+    expect(view.locator("#parameters-take")).to_have_text("Take 2 from drive1.params")
+    view.locator("#parameters-take").click()
+    view.locator("#parameters-write").click()
+    expect(view.locator("#parameters-take")).to_have_count(0)
+    assert (bridge.drive(1).read("acc"), bridge.drive(1).read("dec")) == (RAMP, RAMP)
+
+
+def test_a_drive_that_no_configuration_names_is_found(make_site, visit):
+    # Room for questions in each cycle, also while the machine is busy.
+    site = make_site(drives=1, sim_drives=2, bus={"cycle-ms": 100, "drive-latency-ms": 12})
+    visitor = visit(site)
+    view = visitor.go("scan")
+    view.locator("#scan-last").fill("4")
+    view.locator("#scan-start").click()
+    finds = view.locator("#scan-finds tbody tr")
+    expect(finds).to_have_count(2)
+    expect(finds.nth(0)).to_contain_text("drive1")
+    expect(finds.nth(1)).to_contain_text("new")
+    text = view.locator("#scan").get_by_label("For the configuration, then reload")
+    expect(text).to_be_visible()
+    picture(visitor.page, "web-scan")
+    # As it stands there, pasted by who may: it is taken, and the page shows the drive.
+    pasted = text.input_value()
+    assert re.search(r"address\s+= 2\b", pasted), pasted
+    site.bridge.reload(site.bridge.config_path.read_text(encoding="utf-8") + pasted)
+    visitor.go("")
+    expect(visitor.page.locator("#drives tbody tr")).to_have_count(2)
+
+
+def test_the_wire_and_the_log_are_read(site, visit):
+    visitor = visit(site)
+    page = visitor.page
+    view = visitor.go("trace")
+    view.locator("#trace-kind").select_option("command")
+    site.bridge.drive(1).settle("move_absolute", target_position=640)
+    expect(view.get_by_text("drive1: move to 640 pulses").first).to_be_visible()
+    expect(view.locator("#trace-counts")).to_contain_text("records")
+    view.locator("#trace-kind").select_option("")
+    picture(page, "web-trace")
+    with page.expect_download() as download:
+        view.locator("#trace-save").click()
+    assert "pos" in download.value.path().read_text(encoding="utf-8")
+    # Trouble: it is in the log as it happens, and the seconds before it are kept.
+    view = visitor.go("events")
+    view.locator("#events-level").select_option("warning")
+    site.bridge.sim.fault("silence on", "drive2")
+    expect(view.get_by_text("drive-lost").first).to_be_visible()
+    view.locator("#events-drive").select_option("drive1")
+    expect(view.get_by_text("drive-lost")).to_have_count(0)
+    view.locator("#events-drive").select_option("drive2")
+    picture(page, "web-events")
+    view = visitor.go("trace")
+    expect(view.locator("#trace-kept tbody tr").first).to_contain_text("drive2")
+    view.locator("#trace-kept tbody tr").first.get_by_role("button").click()
+    expect(view.locator("#trace-counts")).to_contain_text("all that was kept")
