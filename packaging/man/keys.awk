@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# docs/config-keys.csv as the keys' part of drivebridge.conf(5), docs/mqtt-keys.csv as that of drivebridge-mqtt(8).
+# docs/config-keys.csv as the keys' part of drivebridge.conf(5), those of the tools in their own pages.
 
 function title(section) {
 	if (section == "bus" || section == "drive")

@@ -95,6 +95,7 @@ static void check_whole(struct db_settings *settings, const void *context)
 		                         config->key_file[0] ? "key-file" : "certificate-file"),
 			"certificate-file and key-file belong together; set both or none");
 	} else if (config->certificate_file[0]) {
+		/* gcc's analyzer does not see that the configuration has them. */
 		config->certificate = read_file(settings, "certificate-file",
 		                                config->certificate_file);
 		config->key = read_file(settings, "key-file", config->key_file);

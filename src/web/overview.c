@@ -36,7 +36,7 @@ struct db_web_overview {
 	struct db_web_text *texts[4]; /* that; of the samples what changed last */
 	struct db_web_text *all;      /* the samples of all drives; NULL: to be made */
 	json_t *samples;              /* by drive */
-	json_t *told;                 /* by drive: when it was told last, in seconds */
+	json_t *told;                 /* by drive: when it was told last, as db_time */
 	json_int_t time_us;
 };
 
@@ -49,8 +49,6 @@ struct db_web_overview *db_web_overview_new(struct db_web_server *server)
 	overview->server = server;
 	overview->samples = json_object();
 	overview->told = json_object();
-	for (size_t i = 0; i < NAMES; i++)
-		overview->known[i] = true;
 	db_web_overview_changed(overview);
 	return overview;
 }
@@ -100,6 +98,9 @@ void db_web_overview_changed(struct db_web_overview *overview)
 	                              NULL;
 
 	disconnect(overview);
+	/* Other drives may have others. */
+	for (size_t i = 0; i < NAMES; i++)
+		overview->known[i] = true;
 	if (overview->numbers[SERVICE] == 0 || overview->up != (description != NULL))
 		tell(overview, SERVICE, "service", json_pack("{s:b}", "up", description != NULL));
 	overview->up = description;
@@ -138,7 +139,7 @@ static void take_samples(void *data, json_t *parameters, const struct db_client_
                          bool more)
 {
 	struct db_web_overview *overview = data;
-	double now = (double)(db_web_clock() / DB_NS_PER_MS) / 1000;
+	json_int_t now = (json_int_t)db_web_clock();
 	json_t *changed;
 	json_t *sample;
 	size_t i;
@@ -164,10 +165,9 @@ static void take_samples(void *data, json_t *parameters, const struct db_client_
 		if (!drive)
 			continue;
 		if (has_changed(json_object_get(overview->samples, drive), sample) ||
-		    now - json_real_value(json_object_get(overview->told, drive)) >=
-		            (double)AGE_EVERY / DB_NS_PER_S) {
+		    now - json_integer_value(json_object_get(overview->told, drive)) >= AGE_EVERY) {
 			(void)json_array_append(changed, sample);
-			(void)json_object_set_new(overview->told, drive, json_real(now));
+			(void)json_object_set_new(overview->told, drive, json_integer(now));
 		}
 		(void)json_object_set(overview->samples, drive, sample);
 	}

@@ -50,15 +50,32 @@ static const char *head(const struct db_web_request *request, const char *name)
 	return MHD_lookup_connection_value(request->connection, MHD_HEADER_KIND, name);
 }
 
+/* What may stand in a head once only, or several times. */
+struct head_lines {
+	unsigned hosts;
+	const char *forwarded; /* the last one */
+};
+
+static enum MHD_Result count_line(void *data, enum MHD_ValueKind kind, const char *name,
+                                  const char *value)
+{
+	struct head_lines *lines = data;
+
+	(void)kind;
+	lines->hosts += strcasecmp(name, MHD_HTTP_HEADER_HOST) == 0;
+	if (strcasecmp(name, "X-Forwarded-For") == 0)
+		lines->forwarded = value;
+	return MHD_YES;
+}
+
 /* Of a request through a proxy that is believed, what that says of it. */
-static void find_peer(struct db_web_request *request)
+static void find_peer(struct db_web_request *request, const char *forwarded)
 {
 	const union MHD_ConnectionInfo *info = MHD_get_connection_info(
 		request->connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
 	const struct db_web_config *config = request->server->config;
 	struct db_web_address told;
 	const char *scheme;
-	const char *list;
 	const char *last;
 
 	if (!info || !db_web_address_of(info->client_addr, &request->address))
@@ -66,9 +83,8 @@ static void find_peer(struct db_web_request *request)
 	request->secure = config->certificate;
 	if (!db_web_networks_have(&config->proxies, &request->address))
 		return;
-	list = head(request, "X-Forwarded-For");
-	last = list ? strrchr(list, ',') : NULL;
-	last = last ? last + 1 + strspn(last + 1, " ") : list;
+	last = forwarded ? strrchr(forwarded, ',') : NULL;
+	last = last ? last + 1 + strspn(last + 1, " ") : forwarded;
 	/* Whoever stands further in front may say what he likes. */
 	if (last && db_web_address_parse(last, &told))
 		request->address = told;
@@ -142,10 +158,10 @@ static void check_post(struct db_web_request *request)
 		(void)snprintf(request->tab, sizeof(request->tab), "%s", tab);
 }
 
-static void check_head(struct db_web_request *request)
+static void check_head(struct db_web_request *request, unsigned hosts)
 {
-	if (!db_web_host_is_good(head(request, MHD_HTTP_HEADER_HOST),
-	                         &request->server->config->hosts))
+	if (hosts != 1 || !db_web_host_is_good(head(request, MHD_HTTP_HEADER_HOST),
+	                                       &request->server->config->hosts))
 		db_web_request_refuse(
 			request, MHD_HTTP_MISDIRECTED_REQUEST, "WrongHost",
 			"this gateway is called by its address, or by a name that its "
@@ -260,6 +276,7 @@ static enum MHD_Result begin_request(struct db_web_server *server,
                                      const char *method, void **context)
 {
 	struct db_web_request *request = calloc(1, sizeof(*request));
+	struct head_lines lines = { .hosts = 0 };
 
 	if (!request)
 		return MHD_NO;
@@ -272,9 +289,10 @@ static enum MHD_Result begin_request(struct db_web_server *server,
 	server->requests = request;
 	*context = request;
 	request->route = db_web_route_find(method, url);
-	find_peer(request);
+	(void)MHD_get_connection_values(connection, MHD_HEADER_KIND, count_line, &lines);
+	find_peer(request, lines.forwarded);
 	find_session(request);
-	check_head(request);
+	check_head(request, lines.hosts);
 	return request->status != 0 ? db_web_request_send(request) : MHD_YES;
 }
 

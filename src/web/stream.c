@@ -90,6 +90,7 @@ static void append(struct db_web_stream *stream, struct db_web_text *text)
 		db_web_text_drop(text);
 	} else {
 		piece->text = text;
+		/* gcc's analyzer does not see that the stream has it, through `last`. */
 		*stream->last = piece;
 		stream->last = &piece->next;
 		stream->queued += text->size;
@@ -118,11 +119,13 @@ static void end(struct db_web_stream *stream, const char *event, json_t *data)
 {
 	struct db_web_link *link = stream->link;
 
+	/* gcc's analyzer does not see that the queue has the text. */
 	stream->link = NULL;
 	stream->next = NULL;
 	db_web_link_close(link);
 	if (!stream->ended)
 		append(stream, db_web_text_of(event, data));
+	/* gcc's analyzer does not see it here either. */
 	stream->ended = true;
 	json_decref(data);
 	wake(stream);

@@ -309,6 +309,10 @@ void db_web_tabs_leave(struct db_web_server *server, const char *session, enum d
 
 void db_web_tabs_close(struct db_web_server *server)
 {
-	while (server->tabs)
-		free_tab(server->tabs);
+	while (server->tabs) {
+		struct db_web_tab *tab = server->tabs;
+
+		server->tabs = tab->next;
+		free_tab(tab);
+	}
 }
