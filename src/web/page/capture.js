@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * An oscilloscope's memory: samples from some time before a trigger on, for some time behind it. As src/ctl/rows.c does
- * for a record, with what an oscilloscope has beyond that: the next one by itself, and one without a trigger when none
- * comes. Pure; times are those of the data, in microseconds.
+ * An oscilloscope's memory: samples from some time before a trigger on, for some time behind it. As
+ * src/ctl/rows.c does for a record, with what an oscilloscope has beyond that: the next one by
+ * itself, and one without a trigger when none comes. Pure; times are those of the data, in
+ * microseconds.
  */
 import { writeField } from "./plain.js";
 
@@ -10,11 +11,12 @@ import { writeField } from "./plain.js";
 export const SAMPLES_MAX = 50000;
 
 /*
- * Settings: mode (single: one, and then it is over; normal: one after the other; auto: likewise, also when no trigger
- * comes), trigger (of createTrigger(), or null: from the first sample on), beforeUs, durationUs.
+ * Settings: mode (single: one, and then it is over; normal: one after the other; auto: likewise,
+ * also when no trigger comes), trigger (of createTrigger(), or null: from the first sample on),
+ * beforeUs, durationUs.
  *
- * state is waiting, triggered or stopped; shown the latest whole one, { rows, zeroUs, triggered, cut }, or null; count
- * how many there were; lost how many samples did not come.
+ * state is waiting, triggered or stopped; shown the latest whole one, { rows, zeroUs, triggered,
+ * cut }, or null; count how many there were; lost how many samples did not come.
  */
 export function createCapture({ mode, trigger, beforeUs, durationUs }) {
 	const capture = { state: "waiting", shown: null, count: 0, lost: 0 };
@@ -22,7 +24,10 @@ export function createCapture({ mode, trigger, beforeUs, durationUs }) {
 	let zeroUs = 0; /* of the trigger that came */
 	let sinceUs = 0; /* since when it waits; 0: since the next sample */
 
-	/* What is too old to be before a trigger, in blocks: to move all that stays for each sample would cost too much. */
+	/*
+	 * What is too old to be before a trigger, in blocks: to move all that stays for each sample
+	 * would cost too much.
+	 */
 	function forget(timeUs) {
 		let gone = 0;
 
@@ -36,8 +41,12 @@ export function createCapture({ mode, trigger, beforeUs, durationUs }) {
 	function finish(triggered, timeUs) {
 		const fromUs = trigger ? zeroUs - beforeUs : zeroUs;
 
-		capture.shown = { rows: held.filter((row) => row.time_us >= fromUs), zeroUs, triggered,
-			cut: held.length >= SAMPLES_MAX };
+		capture.shown = {
+			rows: held.filter((row) => row.time_us >= fromUs),
+			zeroUs,
+			triggered,
+			cut: held.length >= SAMPLES_MAX
+		};
 		capture.count++;
 		capture.state = mode === "single" ? "stopped" : "waiting";
 		sinceUs = timeUs;
@@ -52,7 +61,8 @@ export function createCapture({ mode, trigger, beforeUs, durationUs }) {
 		if (capture.state === "stopped" || timeUs === 0)
 			return false;
 		capture.lost += sample.lost;
-		const whole = capture.state === "triggered" &&
+		const whole =
+			capture.state === "triggered" &&
 			(timeUs - zeroUs > durationUs || held.length >= SAMPLES_MAX);
 
 		if (whole)
@@ -62,7 +72,8 @@ export function createCapture({ mode, trigger, beforeUs, durationUs }) {
 		sinceUs ||= timeUs;
 		held.push(sample);
 		/* An edge is one also while the capture before is filled. */
-		const comes = !trigger || (sample.drive === trigger.drive && trigger.take(sample.values));
+		const comes =
+			!trigger || (sample.drive === trigger.drive && trigger.take(sample.values));
 
 		if (capture.state === "triggered")
 			return whole;
@@ -79,7 +90,10 @@ export function createCapture({ mode, trigger, beforeUs, durationUs }) {
 		return true;
 	};
 
-	/* Nothing more comes of drives that fell silent: a part is whole with that. Whether there was one. */
+	/*
+	 * Nothing more comes of drives that fell silent: a part is whole with that. Whether there
+	 * was one.
+	 */
 	capture.flush = () => {
 		const partly = capture.state === "triggered";
 
@@ -99,19 +113,24 @@ export function createCapture({ mode, trigger, beforeUs, durationUs }) {
 }
 
 /*
- * Seconds from the trigger, and an array of values for each channel { drive, name }: numbers, null where a sample is of
- * another drive or says nothing.
+ * Seconds from the trigger, and an array of values for each channel { drive, name }: numbers, null
+ * where a sample is of another drive or says nothing.
  */
 export function readColumns({ rows, zeroUs }, channels) {
 	const ordered = [...rows].sort((one, other) => one.time_us - other.time_us);
 
 	return [
 		ordered.map((row) => (row.time_us - zeroUs) / 1e6),
-		...channels.map(({ drive, name }) => ordered.map((row) => {
-			const value = row.drive === drive ? row.values[name] ?? null : null;
+		...channels.map(({ drive, name }) =>
+			ordered.map((row) => {
+				const value =
+					row.drive === drive ? (row.values[name] ?? null) : null;
 
-			return value === null || typeof value === "string" ? null : Number(value);
-		})),
+				return value === null || typeof value === "string"
+					? null
+					: Number(value);
+			})
+		)
 	];
 }
 
@@ -121,13 +140,30 @@ function writeSeconds(us) {
 	return `${us < 0 ? "-" : ""}${digits.slice(0, -6)}.${digits.slice(-6)}`;
 }
 
-/* The file that `drivebridgectl record` writes. Channels with their registers: { drive, name, register }. */
+/*
+ * The file that `drivebridgectl record` writes. Channels with their registers: { drive, name,
+ * register }.
+ */
 export function writeCsv({ rows, zeroUs }, channels) {
-	const lines = [["time_s", "unix_time_s", ...channels.map(({ drive, name, register }) =>
-		writeField(`${drive}.${name}${register.unit ? ` [${register.unit}]` : ""}`))]];
+	const lines = [
+		[
+			"time_s",
+			"unix_time_s",
+			...channels.map(({ drive, name, register }) =>
+				writeField(
+					`${drive}.${name}${register.unit ? ` [${register.unit}]` : ""}`
+				)
+			)
+		]
+	];
 
 	for (const row of rows)
-		lines.push([writeSeconds(row.time_us - zeroUs), writeSeconds(row.time_us),
-			...channels.map(({ drive, name }) => row.drive === drive ? writeField(row.values[name]) : "")]);
+		lines.push([
+			writeSeconds(row.time_us - zeroUs),
+			writeSeconds(row.time_us),
+			...channels.map(({ drive, name }) =>
+				row.drive === drive ? writeField(row.values[name]) : ""
+			)
+		]);
 	return lines.map((fields) => `${fields.join(",")}\r\n`).join("");
 }

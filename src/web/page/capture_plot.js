@@ -30,36 +30,119 @@ function findValue(times, column, time) {
 }
 
 /*
- * channels: { drive, name, register }, as many as CHANNELS_MOST. Returns { node, show(capture), destroy() }, where a
- * capture is what createCapture() has as shown.
+ * channels: { drive, name, register }, as many as CHANNELS_MOST. Returns { node, show(capture),
+ * destroy() }, where a capture is what createCapture() has as shown.
  */
 export function createCapturePlot(channels) {
 	const holder = element("div", { class: "plot-canvas" });
 	const id = newId("cursors");
-	const sliders = ["A", "B"].map((name) => element("input", { type: "range", id: `scope-cursor-${name.toLowerCase()}`,
-		min: 0, max: CURSOR_STEPS, step: 1, value: name === "A" ? 250 : 750, "aria-describedby": id }));
-	const timeRow = element("tr", {}, element("td"), element("th", { scope: "row" }, "time"),
-		[0, 1, 2].map(() => element("td", { class: "number" })));
-	const rows = channels.map((channel, index) => element("tr", {}, element("td", {}, createSwatch(index)),
-		element("th", { scope: "row" }, `${channel.drive}.${channel.name}`), [0, 1, 2].map(() => element("td", { class: "number" }))));
-	const between = element("button", { id: "scope-zoom", class: "small", type: "button" }, "Between the cursors");
-	const all = element("button", { id: "scope-all", class: "small", type: "button" }, "All of it");
-	const node = element("div", { class: "scope-plot", hidden: true }, holder,
-		element("div", { class: "toolbar" }, ["A", "B"].map((name, at) =>
-			element("label", { class: "field inline cursor-field", for: sliders[at].id }, `Cursor ${name}`, sliders[at])), between, all),
-		element("div", { class: "table-frame", role: "region", tabindex: "0", "aria-label": "Values at the cursors" },
-			element("table", { class: "plot-legend", id },
-			element("caption", { class: "hidden-label" }, "Values at the cursors"),
-			element("thead", {}, element("tr", {}, element("td"), ["Value", "A", "B", "B − A"].map((head, at) =>
-				element("th", { scope: "col", class: at > 0 ? "number" : null }, head)))),
-			element("tbody", {}, timeRow, rows))));
+	const sliders = ["A", "B"].map((name) =>
+		element("input", {
+			type: "range",
+			id: `scope-cursor-${name.toLowerCase()}`,
+			min: 0,
+			max: CURSOR_STEPS,
+			step: 1,
+			value: name === "A" ? 250 : 750,
+			"aria-describedby": id
+		})
+	);
+	const timeRow = element(
+		"tr",
+		{},
+		element("td"),
+		element("th", { scope: "row" }, "time"),
+		[0, 1, 2].map(() => element("td", { class: "number" }))
+	);
+	const rows = channels.map((channel, index) =>
+		element(
+			"tr",
+			{},
+			element("td", {}, createSwatch(index)),
+			element("th", { scope: "row" }, `${channel.drive}.${channel.name}`),
+			[0, 1, 2].map(() => element("td", { class: "number" }))
+		)
+	);
+	const between = element(
+		"button",
+		{ id: "scope-zoom", class: "small", type: "button" },
+		"Between the cursors"
+	);
+	const all = element(
+		"button",
+		{ id: "scope-all", class: "small", type: "button" },
+		"All of it"
+	);
+	const node = element(
+		"div",
+		{ class: "scope-plot", hidden: true },
+		holder,
+		element(
+			"div",
+			{ class: "toolbar" },
+			["A", "B"].map((name, at) =>
+				element(
+					"label",
+					{ class: "field inline cursor-field", for: sliders[at].id },
+					`Cursor ${name}`,
+					sliders[at]
+				)
+			),
+			between,
+			all
+		),
+		element(
+			"div",
+			{
+				class: "table-frame",
+				role: "region",
+				tabindex: "0",
+				"aria-label": "Values at the cursors"
+			},
+			element(
+				"table",
+				{ class: "plot-legend", id },
+				element(
+					"caption",
+					{ class: "hidden-label" },
+					"Values at the cursors"
+				),
+				element(
+					"thead",
+					{},
+					element(
+						"tr",
+						{},
+						element("td"),
+						["Value", "A", "B", "B − A"].map((head, at) =>
+							element(
+								"th",
+								{
+									scope: "col",
+									class:
+										at > 0
+											? "number"
+											: null
+								},
+								head
+							)
+						)
+					)
+				),
+				element("tbody", {}, timeRow, rows)
+			)
+		)
+	);
 	const dark = matchMedia("(prefers-color-scheme: dark)");
 	let uplot = null;
 	let data = [[], ...channels.map(() => [])];
 	let limits = { min: 0, max: 1 };
 
 	function timeOf(cursor) {
-		return limits.min + (limits.max - limits.min) * Number(sliders[cursor].value) / CURSOR_STEPS;
+		return (
+			limits.min +
+			((limits.max - limits.min) * Number(sliders[cursor].value)) / CURSOR_STEPS
+		);
 	}
 
 	/* --- the cursors --- */
@@ -68,17 +151,32 @@ export function createCapturePlot(channels) {
 		const times = [timeOf(0), timeOf(1)];
 		const apart = times[1] - times[0];
 
-		[`${formatFixed(times[0], 4)} s`, `${formatFixed(times[1], 4)} s`,
-			`${formatFixed(apart, 4)} s${apart !== 0 ? `, ${formatReal(Number((1 / Math.abs(apart)).toPrecision(4)))} Hz` : ""}`]
-			.forEach((text, at) => setText(timeRow.cells[at + 2], text));
-		times.forEach((time, at) => sliders[at].setAttribute("aria-valuetext", `${time.toFixed(4)} seconds`));
+		[
+			`${formatFixed(times[0], 4)} s`,
+			`${formatFixed(times[1], 4)} s`,
+			`${formatFixed(apart, 4)} ` +
+				`s${apart !== 0 ? `, ${formatReal(Number((1 / Math.abs(apart)).toPrecision(4)))} Hz` : ""}`
+		].forEach((text, at) => setText(timeRow.cells[at + 2], text));
+		times.forEach((time, at) =>
+			sliders[at].setAttribute("aria-valuetext", `${time.toFixed(4)} seconds`)
+		);
 		channels.forEach(({ register }, index) => {
-			const values = times.map((time) => findValue(data[0], data[index + 1], time));
-			const words = values.map((value) => Object.values(formatValue(register, value)).join(" ").trim());
-			const counts = values.includes(null) || hasBits(register) || register.codes ? NONE :
-				Object.values(formatValue(register, values[1] - values[0])).join(" ");
+			const values = times.map((time) =>
+				findValue(data[0], data[index + 1], time)
+			);
+			const words = values.map((value) =>
+				Object.values(formatValue(register, value)).join(" ").trim()
+			);
+			const counts =
+				values.includes(null) || hasBits(register) || register.codes
+					? NONE
+					: Object.values(
+							formatValue(register, values[1] - values[0])
+						).join(" ");
 
-			[...words, counts].forEach((text, at) => setText(rows[index].cells[at + 2], text));
+			[...words, counts].forEach((text, at) =>
+				setText(rows[index].cells[at + 2], text)
+			);
 		});
 		uplot?.redraw(false, false);
 	}
@@ -111,23 +209,72 @@ export function createCapturePlot(channels) {
 	function build() {
 		const style = getComputedStyle(node);
 		const lines = { stroke: readColour(node, "line"), width: 1 };
-		const axis = { stroke: readColour(node, "muted"), font: `12px ${style.fontFamily}`, grid: lines, ticks: lines };
+		const axis = {
+			stroke: readColour(node, "muted"),
+			font: `12px ${style.fontFamily}`,
+			grid: lines,
+			ticks: lines
+		};
 		const units = [...new Set(channels.map(({ register }) => register.unit))];
 
 		uplot?.destroy();
 		holder.replaceChildren();
-		uplot = new globalThis.uPlot({
-			width: Math.max(200, holder.clientWidth), height: HEIGHT_PX, legend: { show: false },
-			cursor: { drag: { x: true, y: false }, y: false },
-			scales: { x: { time: false } },
-			axes: [{ ...axis, space: 90, label: "s from the trigger", labelFont: axis.font, labelSize: 18 },
-				...units.map((unit, index) => ({ ...axis, scale: unit, side: index === 0 ? 3 : 1, show: unit !== "" && index < 3, label: unit,
-					labelFont: axis.font, labelSize: 18, size: 64, grid: { ...axis.grid, show: index === 0 } }))],
-			series: [{}, ...channels.map(({ drive, name, register }, index) => ({ label: `${drive}.${name}`, scale: register.unit,
-				stroke: readColour(node, `series-${index + 1}`), width: 1.75, dash: DASHES[index], spanGaps: true, points: { show: false },
-				paths: register.codes || hasBits(register) ? globalThis.uPlot.paths.stepped({ align: 1 }) : undefined }))],
-			hooks: { draw: [drawCursors], ready: [({ over }) => over.addEventListener("click", moveCursor)] },
-		}, data, holder);
+		uplot = new globalThis.uPlot(
+			{
+				width: Math.max(200, holder.clientWidth),
+				height: HEIGHT_PX,
+				legend: { show: false },
+				cursor: { drag: { x: true, y: false }, y: false },
+				scales: { x: { time: false } },
+				axes: [
+					{
+						...axis,
+						space: 90,
+						label: "s from the trigger",
+						labelFont: axis.font,
+						labelSize: 18
+					},
+					...units.map((unit, index) => ({
+						...axis,
+						scale: unit,
+						side: index === 0 ? 3 : 1,
+						show: unit !== "" && index < 3,
+						label: unit,
+						labelFont: axis.font,
+						labelSize: 18,
+						size: 64,
+						grid: { ...axis.grid, show: index === 0 }
+					}))
+				],
+				series: [
+					{},
+					...channels.map(({ drive, name, register }, index) => ({
+						label: `${drive}.${name}`,
+						scale: register.unit,
+						stroke: readColour(node, `series-${index + 1}`),
+						width: 1.75,
+						dash: DASHES[index],
+						spanGaps: true,
+						points: { show: false },
+						paths:
+							register.codes || hasBits(register)
+								? globalThis.uPlot.paths.stepped({
+										align: 1
+									})
+								: undefined
+					}))
+				],
+				hooks: {
+					draw: [drawCursors],
+					ready: [
+						({ over }) =>
+							over.addEventListener("click", moveCursor)
+					]
+				}
+			},
+			data,
+			holder
+		);
 	}
 
 	/* The nearer one goes where somebody clicked. */
@@ -135,7 +282,9 @@ export function createCapturePlot(channels) {
 		const time = uplot.posToVal(event.offsetX, "x");
 		const nearer = Math.abs(timeOf(0) - time) <= Math.abs(timeOf(1) - time) ? 0 : 1;
 
-		sliders[nearer].value = Math.round((time - limits.min) / (limits.max - limits.min) * CURSOR_STEPS);
+		sliders[nearer].value = Math.round(
+			((time - limits.min) / (limits.max - limits.min)) * CURSOR_STEPS
+		);
 		showCursors();
 	}
 
@@ -150,9 +299,18 @@ export function createCapturePlot(channels) {
 		if (uplot === null)
 			build();
 		else
-			/* What was zoomed into stays that way while captures are as long as the one before. */
-			uplot.setData(data, Math.abs(limits.min - before.min) + Math.abs(limits.max - before.max) > 0.2 * (limits.max - limits.min) ||
-				(uplot.scales.x.min <= before.min && uplot.scales.x.max >= before.max));
+			/*
+			 * What was zoomed into stays that way while captures are as long as the one
+			 * before.
+			 */
+			uplot.setData(
+				data,
+				Math.abs(limits.min - before.min) +
+					Math.abs(limits.max - before.max) >
+					0.2 * (limits.max - limits.min) ||
+					(uplot.scales.x.min <= before.min &&
+						uplot.scales.x.max >= before.max)
+			);
 		showCursors();
 	}
 
@@ -161,14 +319,18 @@ export function createCapturePlot(channels) {
 			uplot?.setScale("x", { min, max });
 	}
 
-	const sized = new ResizeObserver(() => uplot?.setSize({ width: Math.max(200, holder.clientWidth), height: HEIGHT_PX }));
+	const sized = new ResizeObserver(() =>
+		uplot?.setSize({ width: Math.max(200, holder.clientWidth), height: HEIGHT_PX })
+	);
 	const rebuild = () => uplot && build();
 
 	sized.observe(holder);
 	globalThis.addEventListener("themechange", rebuild);
 	dark.addEventListener("change", rebuild);
 	sliders.forEach((slider) => slider.addEventListener("input", showCursors));
-	between.addEventListener("click", () => zoom(Math.min(timeOf(0), timeOf(1)), Math.max(timeOf(0), timeOf(1))));
+	between.addEventListener("click", () =>
+		zoom(Math.min(timeOf(0), timeOf(1)), Math.max(timeOf(0), timeOf(1)))
+	);
 	all.addEventListener("click", () => zoom(limits.min, limits.max));
 
 	return {
@@ -179,6 +341,6 @@ export function createCapturePlot(channels) {
 			globalThis.removeEventListener("themechange", rebuild);
 			dark.removeEventListener("change", rebuild);
 			uplot?.destroy();
-		},
+		}
 	};
 }

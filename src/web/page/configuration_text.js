@@ -16,7 +16,7 @@ export function isNew(find) {
 /* The number itself where it is free, else the next free one. */
 function chooseUnit(taken, wanted) {
 	for (let tried = 0; tried < UNIT_MAX; tried++) {
-		const unit = (wanted + tried + UNIT_MAX - 1) % UNIT_MAX + 1;
+		const unit = ((wanted + tried + UNIT_MAX - 1) % UNIT_MAX) + 1;
 
 		if (!taken.has(unit)) {
 			taken.add(unit);
@@ -32,15 +32,21 @@ function writeDrive(bus, find, names, units) {
 	while (names.has(name))
 		name += "-b";
 	names.add(name);
-	return `drive ${name} {${find.identity ? `    # ${cleanText(find.identity)}` : ""}\n    bus = ${bus.name}\n` +
+	return (
+		`drive ${name} {${find.identity ? `    # ${cleanText(find.identity)}` : ""}\n   ` +
+			` bus = ${bus.name}\n` +
 		(find.address > 0 ? `    address = ${find.address}\n` : "") +
-		(bus.protocol === "xyza" ? "    axis = x    # and a drive each for y, z and a, as far as it has them\n" : "") +
-		`    unit = ${chooseUnit(units, find.address)}\n}\n`;
+		(bus.protocol === "xyza"
+			? "    axis = x    # and a drive each for y, z and a, as far as it has " +
+				"them\n"
+			: "") +
+		`    unit = ${chooseUnit(units, find.address)}\n}\n`
+	);
 }
 
 /*
- * For the drives that are new; "" when there are none. Those at another speed than the bus's, each behind a line that
- * says what has to be changed first. `drives` are those of the configuration.
+ * For the drives that are new; "" when there are none. Those at another speed than the bus's, each
+ * behind a line that says what has to be changed first. `drives` are those of the configuration.
  */
 export function writeSections(bus, finds, drives) {
 	const names = new Set(drives.map((drive) => drive.name));
@@ -50,7 +56,9 @@ export function writeSections(bus, finds, drives) {
 
 	for (const find of finds.filter(isNew)) {
 		if (find.speed !== told && find.speed !== bus.speed)
-			text += `# at ${find.speed} bit/s, while bus ${bus.name} is set to ${bus.speed}: all drives of a bus ` +
+			text +=
+				`# at ${find.speed} bit/s, while bus ${bus.name} is set to ` +
+					`${bus.speed}: all drives of a bus ` +
 				`and its ${nameSpeedKey(bus)} must be the same\n`;
 		told = find.speed;
 		text += writeDrive(bus, find, names, units);

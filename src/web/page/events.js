@@ -19,7 +19,9 @@ let rows = null;
 
 /* Whom it is about, as the log says it. */
 function writeWords(event) {
-	const whom = ["bus", "drive", "client"].filter((kind) => event[kind]).map((kind) => `${kind} ${event[kind]}: `);
+	const whom = ["bus", "drive", "client"]
+		.filter((kind) => event[kind])
+		.map((kind) => `${kind} ${event[kind]}: `);
 
 	return cleanText(whom.join("") + event.text);
 }
@@ -34,7 +36,11 @@ function writeLine(event) {
 }
 
 function createSelect(id, label, choices, onChange) {
-	const select = element("select", { id }, choices.map(([value, words]) => element("option", { value }, words)));
+	const select = element(
+		"select",
+		{ id },
+		choices.map(([value, words]) => element("option", { value }, words))
+	);
 
 	select.addEventListener("change", onChange);
 	return { select, field: element("label", { class: "field", for: id }, label, select) };
@@ -42,13 +48,30 @@ function createSelect(id, label, choices, onChange) {
 
 export function show(root, context, driveName) {
 	const counts = element("p", { id: "events-counts", class: "muted" });
-	const search = element("input", { id: "events-search", type: "search", autocomplete: "off" });
-	const pause = element("button", { id: "events-pause", type: "button", "aria-pressed": "false" }, "Pause");
+	const search = element("input", {
+		id: "events-search",
+		type: "search",
+		autocomplete: "off"
+	});
+	const pause = element(
+		"button",
+		{ id: "events-pause", type: "button", "aria-pressed": "false" },
+		"Pause"
+	);
 	const save = element("button", { id: "events-save", type: "button" }, "Download as text");
-	const level = createSelect("events-level", "Level", LEVELS.map((name) =>
-		[name, name === "error" ? name : `${name} and worse`]), applyFilter);
+	const level = createSelect(
+		"events-level",
+		"Level",
+		LEVELS.map((name) => [name, name === "error" ? name : `${name} and worse`]),
+		applyFilter
+	);
 	const bus = createSelect("events-bus", "Bus", [], applyFilter);
-	const drive = createSelect("events-drive", "Drive", driveName ? [[driveName, driveName]] : [], applyFilter);
+	const drive = createSelect(
+		"events-drive",
+		"Drive",
+		driveName ? [[driveName, driveName]] : [],
+		applyFilter
+	);
 	let leftOut = 0;
 	let fresh = true;
 
@@ -60,34 +83,52 @@ export function show(root, context, driveName) {
 			{ title: "When", text: writeWhen },
 			{ title: "Level", text: (event) => event.level },
 			{ title: "Event", text: (event) => event.name },
-			{ title: "What", text: writeWords },
+			{ title: "What", text: writeWords }
 		],
 		onDraw({ all, shown, waiting }) {
-			setText(counts, `${shown.length} of ${all.length} events` +
-				(waiting.length > 0 ? `, ${waiting.length} more since the pause` : "") +
-				(leftOut > 0 ? `, ${leftOut} were left out` : ""));
-		},
+			setText(
+				counts,
+				`${shown.length} of ${all.length} events` +
+					(waiting.length > 0
+						? `, ${waiting.length} more since the pause`
+						: "") +
+					(leftOut > 0 ? `, ${leftOut} were left out` : "")
+			);
+		}
 	});
 
 	function applyFilter() {
 		const worst = LEVELS.indexOf(level.select.value);
 		const wanted = search.value.trim().toLowerCase();
 
-		rows.filter((event) => LEVELS.indexOf(event.level) >= worst &&
-			(!bus.select.value || event.bus === bus.select.value) &&
-			(!drive.select.value || event.drive === drive.select.value) &&
-			`${event.name} ${writeWords(event)}`.toLowerCase().includes(wanted));
+		rows.filter(
+			(event) =>
+				LEVELS.indexOf(event.level) >= worst &&
+				(!bus.select.value || event.bus === bus.select.value) &&
+				(!drive.select.value || event.drive === drive.select.value) &&
+				`${event.name} ${writeWords(event)}`.toLowerCase().includes(wanted)
+		);
 	}
 
 	/* Those of a bus are also those of its drives. */
 	function fillSelects() {
-		for (const [{ select }, names] of [[bus, context.plant.buses], [drive, context.plant.drives]]) {
+		for (const [{ select }, names] of [
+			[bus, context.plant.buses],
+			[drive, context.plant.drives]
+		]) {
 			/* What is filtered by stays, also what has left the configuration. */
-			const known = new Set([...names.keys(), ...select.value ? [select.value] : []]);
+			const known = new Set([
+				...names.keys(),
+				...(select.value ? [select.value] : [])
+			]);
 			const value = select.value;
 
-			select.replaceChildren(element("option", { value: "" }, "all"),
-				...[...known].map((name) => element("option", { value: name }, name)));
+			select.replaceChildren(
+				element("option", { value: "" }, "all"),
+				...[...known].map((name) =>
+					element("option", { value: name }, name)
+				)
+			);
 			select.value = value;
 		}
 		applyFilter();
@@ -96,7 +137,13 @@ export function show(root, context, driveName) {
 	/* A connection that was lost and is back tells the past again. */
 	function take({ events, skipped }) {
 		const key = (event) => `${event.time_us} ${event.text}`;
-		const known = new Set(fresh ? [...rows.list.all, ...rows.list.waiting].slice(-2 * PAST_MOST).map(key) : []);
+		const known = new Set(
+			fresh
+				? [...rows.list.all, ...rows.list.waiting]
+						.slice(-2 * PAST_MOST)
+						.map(key)
+				: []
+		);
 
 		fresh = false;
 		leftOut += skipped ?? 0;
@@ -110,21 +157,37 @@ export function show(root, context, driveName) {
 		rows.pause(on);
 		pause.setAttribute("aria-pressed", on);
 	});
-	save.addEventListener("click", () => saveFile(`events-${nameTime()}.txt`, rows.list.shown.map(writeLine)));
-	root.append(element("div", { class: "view-head" }, element("h1", {}, "Events"), counts),
-		element("div", { class: "panel toolbar filters" }, level.field, bus.field, drive.field,
-			element("label", { class: "field", for: "events-search" }, "Text", search), pause, save),
-		rows.node);
+	save.addEventListener("click", () =>
+		saveFile(`events-${nameTime()}.txt`, rows.list.shown.map(writeLine))
+	);
+	root.append(
+		element("div", { class: "view-head" }, element("h1", {}, "Events"), counts),
+		element(
+			"div",
+			{ class: "panel toolbar filters" },
+			level.field,
+			bus.field,
+			drive.field,
+			element("label", { class: "field", for: "events-search" }, "Text", search),
+			pause,
+			save
+		),
+		rows.node
+	);
 	fillSelects();
 	context.on("describe", fillSelects);
-	stream = openStream("Events", {}, {
-		onData: take,
-		onState(state, error) {
-			fresh ||= state === "connecting";
-			if (state === "failed")
-				context.report(error);
-		},
-	});
+	stream = openStream(
+		"Events",
+		{},
+		{
+			onData: take,
+			onState(state, error) {
+				fresh ||= state === "connecting";
+				if (state === "failed")
+					context.report(error);
+			}
+		}
+	);
 }
 
 export function hide() {

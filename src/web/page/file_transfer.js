@@ -6,13 +6,18 @@ import { element } from "./dom.js";
 export function saveFile(name, parts, type = "text/plain;charset=utf-8") {
 	const address = URL.createObjectURL(new Blob(parts, { type }));
 
-	element("a", { href: address, download: name.replace(/[/\\:*?"<>|\0-\x1f]/g, "_") }).click();
+	element("a", {
+		href: address,
+		download: name.replace(/[/\\:*?"<>|\0-\x1f]/g, "_")
+	}).click();
 	/* Once the browser has begun. */
 	setTimeout(() => URL.revokeObjectURL(address), 60000);
 }
 
 /* "20261122-162002", for names of files. */
 export function nameTime(date = new Date()) {
-	return new Date(date.getTime() - date.getTimezoneOffset() * 60000).toISOString()
-		.replace(/\..*|[-:]/g, "").replace("T", "-");
+	return new Date(date.getTime() - date.getTimezoneOffset() * 60000)
+		.toISOString()
+		.replace(/\..*|[-:]/g, "")
+		.replace("T", "-");
 }

@@ -1,21 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The latest entries of what goes on without an end, and those of them that a filter lets through. Pure.
+ * The latest entries of what goes on without an end, and those of them that a filter lets through.
+ * Pure.
  */
 
 /* Old entries go in blocks: to move all that stay for each new one would cost too much. */
 const BLOCK = 0.1;
 
 /*
- * Keeps `most` entries, and up to a tenth more. add(entries) returns how many of `shown` went for them. While it is
- * paused new ones wait, the latest of as many.
+ * Keeps `most` entries, and up to a tenth more. add(entries) returns how many of `shown` went for
+ * them. While it is paused new ones wait, the latest of as many.
  */
 export function createKeptList(most) {
 	const list = { all: [], shown: [], waiting: [], paused: false, add, clear, filter, pause };
 	let matches = null;
 
 	function trim(entries) {
-		return entries.length > most * (1 + BLOCK) ? entries.splice(0, entries.length - most) : [];
+		return entries.length > most * (1 + BLOCK)
+			? entries.splice(0, entries.length - most)
+			: [];
 	}
 
 	function add(entries) {
@@ -29,7 +32,8 @@ export function createKeptList(most) {
 		const old = trim(list.all);
 
 		/* They are the first of those that are shown, too. */
-		return list.shown.splice(0, matches ? old.filter(matches).length : old.length).length;
+		return list.shown.splice(0, matches ? old.filter(matches).length : old.length)
+			.length;
 	}
 
 	function clear() {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A table of what goes on without an end, of which only the rows that are in sight are drawn. It stays at its end until
- * somebody scrolls away from it.
+ * A table of what goes on without an end, of which only the rows that are in sight are drawn. It
+ * stays at its end until somebody scrolls away from it.
  */
 import { element } from "./dom.js";
 import { createKeptList } from "./kept_list.js";
@@ -10,16 +10,39 @@ const DRAW_EVERY_MS = 100;
 const ROWS_BEYOND = 10; /* drawn above and below those in sight, for scrolling */
 
 /*
- * columns: [{ title (a text or a node), text(entry) }], of which the last takes what width there is; kind(entry) becomes the row's
- * data-kind; `most` entries are kept. onDraw(list) is called when the list of kept_list.js may have changed, at most ten
- * times a second; monospace is for code. Returns { node, list, add(entries), clear(), filter(matches), pause(on), close() }.
+ * columns: [{ title (a text or a node), text(entry) }], of which the last takes what width there
+ * is; kind(entry) becomes the row's data-kind; `most` entries are kept. onDraw(list) is called when
+ * the list of kept_list.js may have changed, at most ten times a second; monospace is for code.
+ * Returns { node, list, add(entries), clear(), filter(matches), pause(on), close() }.
  */
 export function createLongList({ label, columns, kind, most, onDraw, monospace }) {
 	const list = createKeptList(most);
 	const body = element("tbody");
-	const table = element("table", {}, element("caption", { class: "hidden-label" }, label),
-		element("thead", {}, element("tr", {}, columns.map(({ title }) => element("th", { scope: "col" }, title)))), body);
-	const node = element("div", { class: monospace ? "long-list code" : "long-list", role: "region", tabindex: "0", "aria-label": label }, table);
+	const table = element(
+		"table",
+		{},
+		element("caption", { class: "hidden-label" }, label),
+		element(
+			"thead",
+			{},
+			element(
+				"tr",
+				{},
+				columns.map(({ title }) => element("th", { scope: "col" }, title))
+			)
+		),
+		body
+	);
+	const node = element(
+		"div",
+		{
+			class: monospace ? "long-list code" : "long-list",
+			role: "region",
+			tabindex: "0",
+			"aria-label": label
+		},
+		table
+	);
 	let atEnd = true;
 	let rowHeight = 26;
 	let timer = 0;
@@ -39,8 +62,12 @@ export function createLongList({ label, columns, kind, most, onDraw, monospace }
 		const first = Math.max(0, Math.min(top, shown.length - inSight) - ROWS_BEYOND);
 		const last = Math.min(shown.length, first + inSight + 2 * ROWS_BEYOND);
 		const rows = shown.slice(first, last).map((entry, place) =>
-			element("tr", { "data-kind": kind(entry), "aria-rowindex": first + place + 2 },
-				columns.map(({ text }) => element("td", {}, text(entry)))));
+			element(
+				"tr",
+				{ "data-kind": kind(entry), "aria-rowindex": first + place + 2 },
+				columns.map(({ text }) => element("td", {}, text(entry)))
+			)
+		);
 
 		timer = 0;
 		table.setAttribute("aria-rowcount", shown.length + 1);
@@ -62,10 +89,14 @@ export function createLongList({ label, columns, kind, most, onDraw, monospace }
 		drawSoon();
 	}
 
-	node.addEventListener("scroll", () => {
-		atEnd = node.scrollTop + node.clientHeight >= node.scrollHeight - rowHeight;
-		drawSoon();
-	}, { passive: true });
+	node.addEventListener(
+		"scroll",
+		() => {
+			atEnd = node.scrollTop + node.clientHeight >= node.scrollHeight - rowHeight;
+			drawSoon();
+		},
+		{ passive: true }
+	);
 
 	return {
 		node,
@@ -81,6 +112,6 @@ export function createLongList({ label, columns, kind, most, onDraw, monospace }
 			list.filter(matches);
 			drawSoon();
 		},
-		close: () => clearTimeout(timer),
+		close: () => clearTimeout(timer)
 	};
 }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The text that keeps a drive's parameters, as `drivebridgectl params save` writes it and `params restore` reads it:
- * src/ctl/params_file.c has its form, src/reader the form of configuration texts. Pure.
+ * The text that keeps a drive's parameters, as `drivebridgectl params save` writes it and `params
+ * restore` reads it: src/ctl/params_file.c has its form, src/reader the form of configuration
+ * texts. Pure.
  */
 import { parseValue } from "./format.js";
 import { isKept, valueOf } from "./parameter_set.js";
@@ -48,18 +49,26 @@ export function writeParameters(set) {
 		`\tidentity = ${quote(set.identity)}`,
 		"}",
 		"",
-		"parameters {",
+		"parameters {"
 	];
 
 	for (const register of kept) {
 		const value = valueOf(set, register.name);
-		/* What the words behind a semicolon say is for who writes the value over the wire. */
-		const about = cleanText(register.unit + (register.unit ? ", " : "") +
-			register.description.split(";")[0]);
+		/*
+		 * What the words behind a semicolon say is for who writes the value over the wire.
+		 */
+		const about = cleanText(
+			register.unit +
+				(register.unit ? ", " : "") +
+				register.description.split(";")[0]
+		);
 
-		lines.push(value === null ?
-			`\t# ${register.name}: the drive does not tell it: ${about}` :
-			`\t${register.name.padEnd(width)} = ${writeNumber(value).padEnd(10)} # ${about}`);
+		lines.push(
+			value === null
+				? `\t# ${register.name}: the drive does not tell it: ${about}`
+				: `\t${register.name.padEnd(width)} = ` +
+					`${writeNumber(value).padEnd(10)} # ${about}`
+		);
 	}
 	lines.push("}", "", "end", "");
 	return lines.join("\n");
@@ -75,15 +84,17 @@ class FormError extends Error {
 }
 
 /*
- * Cuts a text into words, texts in quotes and marks: type is word, text, a mark or end, line that of the one at hand,
- * read() goes to the next.
+ * Cuts a text into words, texts in quotes and marks: type is word, text, a mark or end, line that
+ * of the one at hand, read() goes to the next.
  */
 function createTokens(text) {
 	const tokens = { type: "end", value: "", line: 1 };
 	let at = 0;
 	let lines = 1; /* that of `at` */
 
-	/* The text that the pattern finds here, behind which it goes on; "" when it is not there. */
+	/*
+	 * The text that the pattern finds here, behind which it goes on; "" when it is not there.
+	 */
 	function take(pattern) {
 		pattern.lastIndex = at;
 		const found = pattern.exec(text)?.[0] ?? "";
@@ -104,14 +115,24 @@ function createTokens(text) {
 				return said;
 			}
 			if (at === text.length || text[at] === "\n")
-				throw new FormError(tokens.line, "the text that begins here has no end; " +
-					`close it with ${mark} on the same line`);
+				throw new FormError(
+					tokens.line,
+					"the text that begins here has no end; " +
+						`close it with ${mark} on the same line`
+				);
 			if (text.startsWith("${", at))
-				throw new FormError(tokens.line,
-					"environment variables are not filled in; write the value itself");
+				throw new FormError(
+					tokens.line,
+					"environment variables are not filled in; write the " +
+						"value itself"
+				);
 			if (text[at] === "\\" && text[++at] !== mark && text[at] !== "\\")
-				throw new FormError(tokens.line, "unknown escape after a backslash; " +
-					`write \\\\ for a backslash and \\${mark} for ${mark}`);
+				throw new FormError(
+					tokens.line,
+					"unknown escape after a backslash; " +
+						`write \\\\ for a backslash and \\${mark} for ` +
+						`${mark}`
+				);
 			said += text[at++];
 		}
 	}
@@ -120,7 +141,10 @@ function createTokens(text) {
 		take(SPACE);
 		tokens.line = lines;
 		if (text.startsWith("/*", at))
-			throw new FormError(lines, "the comment that begins here has no end; close it with */");
+			throw new FormError(
+				lines,
+				"the comment that begins here has no end; close it with */"
+			);
 		if (at === text.length) {
 			tokens.type = "end";
 			tokens.value = "";
@@ -135,12 +159,24 @@ function createTokens(text) {
 			const misprint = MISPRINT.exec(tokens.value)?.[0];
 
 			if (tokens.value === "")
-				throw new FormError(lines, `the character '${text[at]}' cannot stand here; ` +
-					'put texts with special characters in "quotes"');
+				throw new FormError(
+					lines,
+					`the character '${text[at]}' cannot stand here; ` +
+						'put texts with special characters in "quotes"'
+				);
 			if (misprint)
-				throw new FormError(lines, `here stands U+${misprint.charCodeAt(0).toString(16)
-					.toUpperCase().padStart(4, "0")}, which only looks like a space, a quote or a ` +
-					"minus; put the plain one in its place");
+				throw new FormError(
+					lines,
+					`here stands U+${misprint
+						.charCodeAt(0)
+						.toString(16)
+						.toUpperCase()
+						.padStart(
+							4,
+							"0"
+						)}, which only looks like a space, a quote or a ` +
+						"minus; put the plain one in its place"
+				);
 		}
 	};
 
@@ -149,9 +185,13 @@ function createTokens(text) {
 		const value = tokens.value;
 
 		if (!types.includes(tokens.type))
-			throw new FormError(tokens.line, tokens.type === "end" ?
-				`the file ends too early; expected ${expected}` :
-				`'${value.slice(0, 40)}' cannot stand here; expected ${expected}`);
+			throw new FormError(
+				tokens.line,
+				tokens.type === "end"
+					? `the file ends too early; expected ${expected}`
+					: `'${value.slice(0, 40)}' cannot stand here; expected ` +
+						`${expected}`
+			);
 		tokens.read();
 		return value;
 	};
@@ -160,7 +200,9 @@ function createTokens(text) {
 	return tokens;
 }
 
-/* { sections: [{ name, title, line, keys: [{ name, line, value }] }], ended }; value null: a list. */
+/*
+ * { sections: [{ name, title, line, keys: [{ name, line, value }] }], ended }; value null: a list.
+ */
 function readSections(tokens, sections) {
 	while (tokens.type !== "end") {
 		const line = tokens.line;
@@ -168,14 +210,22 @@ function readSections(tokens, sections) {
 
 		if (name === "end" && tokens.type !== "{") {
 			if (tokens.type !== "end")
-				throw new FormError(line, "end says that the file is complete, but more follows " +
-					`on line ${tokens.line}; move it to the last line`);
+				throw new FormError(
+					line,
+					"end says that the file is complete, but more follows " +
+						`on line ${tokens.line}; move it to the last line`
+				);
 			return true;
 		}
 		if (tokens.type === "=")
-			throw new FormError(line, `'${name}' stands outside of drive and parameters`);
-		const title = tokens.type === "word" || tokens.type === "text" ?
-			tokens.expect(["word", "text"], "") : "";
+			throw new FormError(
+				line,
+				`'${name}' stands outside of drive and parameters`
+			);
+		const title =
+			tokens.type === "word" || tokens.type === "text"
+				? tokens.expect(["word", "text"], "")
+				: "";
 		const section = { name, title, line, keys: [] };
 
 		tokens.expect(["{"], "{ at the start of a section, or = after a key");
@@ -185,10 +235,16 @@ function readSections(tokens, sections) {
 			key.name = tokens.expect(["word"], "a key, or } at the end of the section");
 			tokens.expect(["="], "= after the key");
 			if (tokens.type === "{" || tokens.value.startsWith("["))
-				throw new FormError(tokens.line, `'${key.name}' is a list; right is one value`);
+				throw new FormError(
+					tokens.line,
+					`'${key.name}' is a list; right is one value`
+				);
 			key.value = tokens.expect(["word", "text"], `the value of '${key.name}'`);
 			if (tokens.type === ",")
-				throw new FormError(tokens.line, "numbers have a decimal point, not a comma");
+				throw new FormError(
+					tokens.line,
+					"numbers have a decimal point, not a comma"
+				);
 			section.keys.push(key);
 		}
 		sections.push(section);
@@ -204,7 +260,10 @@ function findSection(sections, name, errors) {
 	const found = sections.filter((section) => section.name === name);
 
 	if (found.length === 0)
-		errors.push({ line: 0, text: `there is no section '${name}': this is no file of parameters` });
+		errors.push({
+			line: 0,
+			text: `there is no section '${name}': this is no file of parameters`
+		});
 	for (const second of found.slice(1))
 		errors.push({ line: second.line, text: `there is a second section '${name}'` });
 	return found[0] ?? null;
@@ -215,14 +274,26 @@ function readHead(section, set, errors) {
 
 	for (const key of section.keys) {
 		if (!["format", "family", "identity"].includes(key.name))
-			errors.push({ line: key.line, text: `a drive has no '${key.name.slice(0, 40)}'; ` +
-				"right is format, family or identity" });
+			errors.push({
+				line: key.line,
+				text:
+					`a drive has no '${key.name.slice(0, 40)}'; ` +
+					"right is format, family or identity"
+			});
 		else if (key.name === "format" && key.value !== FORMAT)
-			errors.push({ line: key.line, text: `the format is ${key.value.slice(0, 20)}; ` +
-				`this page reads format ${FORMAT}` });
+			errors.push({
+				line: key.line,
+				text:
+					`the format is ${key.value.slice(0, 20)}; ` +
+					`this page reads format ${FORMAT}`
+			});
 		else if (key.name === "family" && key.value !== set.family)
-			errors.push({ line: key.line, text: `these are parameters of ${key.value.slice(0, 40)}, ` +
-				`and the drive is ${set.family}` });
+			errors.push({
+				line: key.line,
+				text:
+					`these are parameters of ${key.value.slice(0, 40)}, ` +
+					`and the drive is ${set.family}`
+			});
 		head[key.name] = key.value;
 	}
 	for (const name of ["format", "family"]) {
@@ -242,22 +313,39 @@ function readValue(key, set, errors) {
 	else if (parsed)
 		set.values[key.name] = parsed.value;
 	else
-		errors.push({ line: key.line, text: register?.parameter ?
-			`'${key.name}' cannot be written from a file` :
-			`${set.family} has no parameter '${key.name.slice(0, 40)}'` });
+		errors.push({
+			line: key.line,
+			text: register?.parameter
+				? `'${key.name}' cannot be written from a file`
+				: `${set.family} has no parameter '${key.name.slice(0, 40)}'`
+		});
 }
 
-/* What a file says of a drive like this one. { set, errors: [{ line, text }] }; the set counts only without errors. */
+/*
+ * What a file says of a drive like this one. { set, errors: [{ line, text }] }; the set counts only
+ * without errors.
+ */
 export function readParameters(path, text, like) {
 	const set = { ...like, name: path, identity: "", values: {}, missing: [] };
 	const sections = [];
 	const errors = [];
 
 	if (text.includes("\0"))
-		return { set, errors: [{ line: 0, text: "it has zero bytes in it: this is no file of parameters" }] };
+		return {
+			set,
+			errors: [
+				{
+					line: 0,
+					text: "it has zero bytes in it: this is no file of parameters"
+				}
+			]
+		};
 	try {
 		if (!readSections(createTokens(text), sections))
-			errors.push({ line: 0, text: "the last line is not 'end': a part of the file is missing" });
+			errors.push({
+				line: 0,
+				text: "the last line is not 'end': a part of the file is missing"
+			});
 	} catch (error) {
 		if (!(error instanceof FormError))
 			throw error;
@@ -267,12 +355,20 @@ export function readParameters(path, text, like) {
 		const given = new Map();
 
 		if (!SECTIONS.includes(section.name))
-			errors.push({ line: section.line, text: `there is no section '${section.name.slice(0, 40)}'; ` +
-				"right is drive or parameters" });
+			errors.push({
+				line: section.line,
+				text:
+					`there is no section '${section.name.slice(0, 40)}'; ` +
+					"right is drive or parameters"
+			});
 		for (const key of section.keys) {
 			if (given.has(key.name))
-				errors.push({ line: key.line, text: `'${key.name}' is given twice, first on ` +
-					`line ${given.get(key.name)}` });
+				errors.push({
+					line: key.line,
+					text:
+						`'${key.name}' is given twice, first on ` +
+						`line ${given.get(key.name)}`
+				});
 			else
 				given.set(key.name, key.line);
 		}
@@ -283,7 +379,10 @@ export function readParameters(path, text, like) {
 	if (drive)
 		readHead(drive, set, errors);
 	/* Of another family no name would fit. */
-	if (parameters && drive?.keys.some((key) => key.name === "family" && key.value === set.family))
+	if (
+		parameters &&
+		drive?.keys.some((key) => key.name === "family" && key.value === set.family)
+	)
 		parameters.keys.forEach((key) => readValue(key, set, errors));
 	return { set, errors };
 }

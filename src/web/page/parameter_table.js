@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The table of a drive's parameters: what they are, what the drive holds, what somebody typed, what came of writing it. */
+/*
+ * The table of a drive's parameters: what they are, what the drive holds, what somebody typed, what
+ * came of writing it.
+ */
 import { element, newId, setAttribute, setText } from "./dom.js";
 import { bitNames, codeName, formatRange, formatValue, hasBits, inWords } from "./format.js";
 import { agree, hasTrait, isKept, valueOf } from "./parameter_set.js";
@@ -32,49 +35,122 @@ function explainFixed(register) {
 function createInput(register, about) {
 	const secret = hasTrait(register, "secret");
 	const names = hasBits(register) ? [] : Object.values(register.codes ?? {});
-	const list = names.length > 0 ? element("datalist", { id: newId("codes") },
-		names.map((name) => element("option", { value: inWords(name) }))) : null;
-	const input = element("input", { id: `parameter-${register.name}`, type: secret ? "password" : "text",
-		inputmode: names.length > 0 || hasBits(register) || secret ? null : "decimal", list: list?.id,
-		autocomplete: secret ? "new-password" : "off", spellcheck: "false", "aria-label": register.name,
-		"aria-describedby": about, placeholder: secret ? "cannot be read" : "not told" });
+	const list =
+		names.length > 0
+			? element(
+					"datalist",
+					{ id: newId("codes") },
+					names.map((name) =>
+						element("option", { value: inWords(name) })
+					)
+				)
+			: null;
+	const input = element("input", {
+		id: `parameter-${register.name}`,
+		type: secret ? "password" : "text",
+		inputmode: names.length > 0 || hasBits(register) || secret ? null : "decimal",
+		list: list?.id,
+		autocomplete: secret ? "new-password" : "off",
+		spellcheck: "false",
+		"aria-label": register.name,
+		"aria-describedby": about,
+		placeholder: secret ? "cannot be read" : "not told"
+	});
 
 	return [input, list];
 }
 
 /*
- * registers: the parameters; onEdit(register, typed). Returns { node, update({ held, beside, edits, busy }),
- * showResult(name, state, text), filter(matches), focus(name) }: held and beside are sets (beside may be null), edits a
- * Map of name to { typed, problem }, matches a function of a register.
+ * registers: the parameters; onEdit(register, typed). Returns { node, update({ held, beside, edits,
+ * busy }), showResult(name, state, text), filter(matches), focus(name) }: held and beside are sets
+ * (beside may be null), edits a Map of name to { typed, problem }, matches a function of a
+ * register.
  */
 export function createParameterTable({ registers, mayEdit, onEdit }) {
 	const besideHead = element("th", { scope: "col", class: "number beside" });
 	const body = element("tbody");
-	const node = element("div", { class: "panel table-frame" }, element("table", { id: "parameters-table" },
-		element("caption", { class: "hidden-label" }, "Parameters"),
-		element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "Name"),
-			element("th", { scope: "col" }, "Value"), element("th", { scope: "col", class: "wide" }, "Range"),
-			element("th", { scope: "col", class: "number wide" }, "Default"), besideHead,
-			element("th", { scope: "col" }, "Written"))), body));
+	const node = element(
+		"div",
+		{ class: "panel table-frame" },
+		element(
+			"table",
+			{ id: "parameters-table" },
+			element("caption", { class: "hidden-label" }, "Parameters"),
+			element(
+				"thead",
+				{},
+				element(
+					"tr",
+					{},
+					element("th", { scope: "col" }, "Name"),
+					element("th", { scope: "col" }, "Value"),
+					element("th", { scope: "col", class: "wide" }, "Range"),
+					element(
+						"th",
+						{ scope: "col", class: "number wide" },
+						"Default"
+					),
+					besideHead,
+					element("th", { scope: "col" }, "Written")
+				)
+			),
+			body
+		)
+	);
 	const rows = new Map(registers.map((register) => [register.name, createRow(register)]));
 
 	function createRow(register) {
 		const about = newId("about");
 		const fixed = mayEdit ? explainFixed(register) : "";
-		const [input, list] = mayEdit && !fixed ? createInput(register, about) : [null, null];
+		const [input, list] =
+			mayEdit && !fixed ? createInput(register, about) : [null, null];
 		const value = element("span", { class: "value" });
 		const note = element("small", { class: "note" }, fixed);
 		const beside = element("td", { class: "number beside" });
 		const result = element("td", { class: "result" });
 		const range = formatRange(register);
-		const preset = typeof register.default === "number" ? formatValue(register, register.default).text : "";
-		const row = element("tr", { "data-name": register.name },
-			element("th", { scope: "row" }, element("code", {}, register.name),
-				element("small", { id: about, class: "muted" }, register.description,
-					element("span", { class: "narrow" }, range && `; ${range}`, preset && `; as delivered ${preset}`))),
-			element("td", {}, element("div", { class: "with-unit" }, input ?? value, list,
-				input ? element("span", { class: "unit" }, register.unit) : null), note),
-			element("td", { class: "wide muted" }, range), element("td", { class: "number wide" }, preset), beside, result);
+		const preset =
+			typeof register.default === "number"
+				? formatValue(register, register.default).text
+				: "";
+		const row = element(
+			"tr",
+			{ "data-name": register.name },
+			element(
+				"th",
+				{ scope: "row" },
+				element("code", {}, register.name),
+				element(
+					"small",
+					{ id: about, class: "muted" },
+					register.description,
+					element(
+						"span",
+						{ class: "narrow" },
+						range && `; ${range}`,
+						preset && `; as delivered ${preset}`
+					)
+				)
+			),
+			element(
+				"td",
+				{},
+				element(
+					"div",
+					{ class: "with-unit" },
+					input ?? value,
+					list,
+					input
+						? element("span", { class: "unit" }, register.unit)
+						: null
+				),
+				note
+			),
+			element("td", { class: "wide muted" }, range),
+			element("td", { class: "number wide" }, preset),
+			beside,
+			result
+		);
 
 		input?.addEventListener("input", () => onEdit(register, input.value));
 		body.append(row);
@@ -84,11 +160,21 @@ export function createParameterTable({ registers, mayEdit, onEdit }) {
 	function updateRow({ register, row, input, value, note, fixed, beside }, state) {
 		const held = valueOf(state.held, register.name);
 		const edit = state.edits.get(register.name);
-		const typed = edit?.typed ?? (hasTrait(register, "secret") ? "" : writeTyped(register, held));
+		const typed =
+			edit?.typed ??
+			(hasTrait(register, "secret") ? "" : writeTyped(register, held));
 
 		row.classList.toggle("changed", edit !== undefined);
-		setText(note, edit?.problem ?? (edit ? hasTrait(register, "secret") ? "changed" :
-			`changed, was ${held === null ? "not told" : writeWithUnit(register, held)}` : fixed));
+		setText(
+			note,
+			edit?.problem ??
+				(edit
+					? hasTrait(register, "secret")
+						? "changed"
+						: "changed, was " +
+							`${held === null ? "not told" : writeWithUnit(register, held)}`
+					: fixed)
+		);
 		note.classList.toggle("problem", edit?.problem !== undefined);
 		if (input) {
 			setAttribute(input, "aria-invalid", String(edit?.problem !== undefined));
@@ -96,13 +182,22 @@ export function createParameterTable({ registers, mayEdit, onEdit }) {
 			if (input.value !== typed && (edit || document.activeElement !== input))
 				input.value = typed;
 		} else {
-			setText(value, hasTrait(register, "secret") || hasTrait(register, "action") ? "" :
-				writeWithUnit(register, held));
+			setText(
+				value,
+				hasTrait(register, "secret") || hasTrait(register, "action")
+					? ""
+					: writeWithUnit(register, held)
+			);
 		}
 		const compared = state.beside !== null && isKept(register);
 		const differs = compared && !agree(state.held, state.beside, register);
 
-		setText(beside, compared ? writeWithUnit(register, valueOf(state.beside, register.name)) : "");
+		setText(
+			beside,
+			compared
+				? writeWithUnit(register, valueOf(state.beside, register.name))
+				: ""
+		);
 		beside.classList.toggle("differs", differs);
 	}
 

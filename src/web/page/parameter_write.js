@@ -1,21 +1,29 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Parameters into a drive, one after the other, each read back: as src/ctl/params_restore.c does it. No I/O of its own. */
+/*
+ * Parameters into a drive, one after the other, each read back: as src/ctl/params_restore.c does
+ * it. No I/O of its own.
+ */
 import { formatValue } from "./format.js";
 import { agree, hasTrait } from "./parameter_set.js";
 
-/* Results after which nothing more can be written: the drive is gone, or belongs to somebody else. */
+/*
+ * Results after which nothing more can be written: the drive is gone, or belongs to somebody else.
+ */
 const GONE = ["offline", "bus_down", "timeout", "indeterminate", "not_in_control"];
 
 /* Whether others may go where this one did not. */
 function mayGoOn(error) {
-	return ["Refused", "BadValue", "Busy"].includes(error.name) &&
-		!GONE.includes(error.parameters?.result);
+	return (
+		["Refused", "BadValue", "Busy"].includes(error.name) &&
+		!GONE.includes(error.parameters?.result)
+	);
 }
 
 /*
- * Carries out a plan of planWrites(). call(method, parameters) promises an answer or throws { error, parameters, text };
- * report(register, state, text) hears of each parameter: writing, done, failed, stopped (not tried any more).
- * isEnded() says that whoever asked has had enough. Promises { written, failed: Map name -> reason, over: "" or why }.
+ * Carries out a plan of planWrites(). call(method, parameters) promises an answer or throws {
+ * error, parameters, text }; report(register, state, text) hears of each parameter: writing, done,
+ * failed, stopped (not tried any more). isEnded() says that whoever asked has had enough. Promises
+ * { written, failed: Map name -> reason, over: "" or why }.
  */
 export async function writeParametersInto(drive, plan, wanted, { call, report, isEnded }) {
 	const written = [];
@@ -29,7 +37,9 @@ export async function writeParametersInto(drive, plan, wanted, { call, report, i
 
 	/* Only what the drive then has is reported as that. */
 	async function readBack(registers, result) {
-		const names = registers.filter((one) => !hasTrait(one, "secret")).map((one) => one.name);
+		const names = registers
+			.filter((one) => !hasTrait(one, "secret"))
+			.map((one) => one.name);
 		let held = {};
 
 		try {
@@ -47,7 +57,11 @@ export async function writeParametersInto(drive, plan, wanted, { call, report, i
 				fail(register, "the drive does not tell it");
 				continue;
 			} else if (!agree({ values: held }, { values: wanted }, register)) {
-				fail(register, `the drive shows ${Object.values(formatValue(register, value)).join(" ").trim()}`);
+				fail(
+					register,
+					"the drive shows " +
+						`${Object.values(formatValue(register, value)).join(" ").trim()}`
+				);
 				continue;
 			} else {
 				report(register, "done", result, value);
@@ -75,7 +89,10 @@ export async function writeParametersInto(drive, plan, wanted, { call, report, i
 		await readBack(registers, answer.result);
 	}
 
-	/* What a drive refuses because of another parameter it takes when that was written: so twice. */
+	/*
+	 * What a drive refuses because of another parameter it takes when that was written: so
+	 * twice.
+	 */
 	for (const again of [false, true]) {
 		if (again && written.length === 0)
 			break;

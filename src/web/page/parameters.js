@@ -1,14 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A drive's parameters: what they are, how they differ from another drive, a file or the vendor's defaults, and
- * changing them. Nothing is written before somebody looked at it and said so.
+ * A drive's parameters: what they are, how they differ from another drive, a file or the vendor's
+ * defaults, and changing them. Nothing is written before somebody looked at it and said so.
  */
 import { call } from "./api.js";
 import { element, icon, setText } from "./dom.js";
 import { saveFile } from "./file_transfer.js";
 import { formatTime, formatValue, hasBit, parseValue } from "./format.js";
 import { FILE_MAX, readParameters, writeParameters } from "./parameter_file.js";
-import { DEFAULTS, agree, compare, hasTrait, isKept, planWrites, takeDefaults, valueOf } from "./parameter_set.js";
+import {
+	DEFAULTS,
+	agree,
+	compare,
+	hasTrait,
+	isKept,
+	planWrites,
+	takeDefaults,
+	valueOf
+} from "./parameter_set.js";
 import { createParameterTable, writeTyped } from "./parameter_table.js";
 import { writeParametersInto } from "./parameter_write.js";
 import { askUser } from "./question.js";
@@ -18,7 +27,10 @@ export const title = "Parameters";
 /* The service remembers what its drives hold: to ask it costs no bus anything. */
 const READ_EVERY_MS = 3000;
 
-/* What somebody typed and has not written, by drive: { edits, from }; stays when another page is looked at. */
+/*
+ * What somebody typed and has not written, by drive: { edits, from }; stays when another page is
+ * looked at.
+ */
 const drafts = new Map();
 
 let view = null;
@@ -33,13 +45,25 @@ function findFamily(context, name) {
 async function readSet(context, name) {
 	const known = await context.registers(name);
 	const registers = [...known.values()].filter((register) => register.parameter);
-	const { values, missing } = await call("Read",
-		{ drive: name, names: ["status", "identity", ...registers.map((register) => register.name)] });
+	const { values, missing } = await call("Read", {
+		drive: name,
+		names: ["status", "identity", ...registers.map((register) => register.name)]
+	});
 
 	if (!hasBit(known.get("status"), values.status, "params_valid"))
-		throw new Error(`the parameters of ${name} are not known now; the overview says what it needs`);
-	return { name, family: findFamily(context, name), identity: values.identity ?? "", registers, values, missing,
-		moves: hasBit(known.get("status"), values.status, "moving") };
+		throw new Error(
+			`the parameters of ${name} are not known now; the overview says what it ` +
+				"needs"
+		);
+	return {
+		name,
+		family: findFamily(context, name),
+		identity: values.identity ?? "",
+		registers,
+		values,
+		missing,
+		moves: hasBit(known.get("status"), values.status, "moving")
+	};
 }
 
 function listNames(registers) {
@@ -47,7 +71,11 @@ function listNames(registers) {
 }
 
 function createButton(id, words, onClick, properties = {}) {
-	const button = element("button", { id: `parameters-${id}`, type: "button", ...properties }, words);
+	const button = element(
+		"button",
+		{ id: `parameters-${id}`, type: "button", ...properties },
+		words
+	);
 
 	button.addEventListener("click", onClick);
 	return button;
@@ -69,24 +97,70 @@ function createView(root, context, drive) {
 	let canSave = false;
 
 	const when = element("span", { id: "parameters-when", class: "muted" });
-	const problem = element("div", { id: "parameters-problem", class: "problem", role: "alert" });
-	const unsaved = element("span", { id: "parameters-unsaved", class: "badge warning", hidden: true }, icon("warning"),
-		"not saved in the drive: without power it forgets them");
-	const search = element("input", { id: "parameters-search", type: "search", autocomplete: "off" });
-	const which = element("select", { id: "parameters-which" }, [["", "all"], ["changed", "changed"],
-		["differs", "that differ"]].map(([value, words]) => element("option", { value }, words)));
+	const problem = element("div", {
+		id: "parameters-problem",
+		class: "problem",
+		role: "alert"
+	});
+	const unsaved = element(
+		"span",
+		{ id: "parameters-unsaved", class: "badge warning", hidden: true },
+		icon("warning"),
+		"not saved in the drive: without power it forgets them"
+	);
+	const search = element("input", {
+		id: "parameters-search",
+		type: "search",
+		autocomplete: "off"
+	});
+	const which = element(
+		"select",
+		{ id: "parameters-which" },
+		[
+			["", "all"],
+			["changed", "changed"],
+			["differs", "that differ"]
+		].map(([value, words]) => element("option", { value }, words))
+	);
 	const beneath = element("select", { id: "parameters-beside" });
-	const file = element("input", { id: "parameters-file", type: "file", accept: ".params,text/plain", hidden: true });
-	const difference = element("div", { id: "parameters-difference", class: "panel", hidden: true });
-	const report = element("div", { id: "parameters-report", class: "panel", role: "status", tabindex: "-1", hidden: true });
+	const file = element("input", {
+		id: "parameters-file",
+		type: "file",
+		accept: ".params,text/plain",
+		hidden: true
+	});
+	const difference = element("div", {
+		id: "parameters-difference",
+		class: "panel",
+		hidden: true
+	});
+	const report = element("div", {
+		id: "parameters-report",
+		class: "panel",
+		role: "status",
+		tabindex: "-1",
+		hidden: true
+	});
 	const count = element("span", { id: "parameters-count", class: "muted", role: "status" });
 	const place = element("div", { class: "place" });
-	const writeButton = createButton("write", "Write", write, { class: "primary", hidden: !mayAct });
-	const discardButton = createButton("discard", "Discard changes", discard, { hidden: !mayAct });
-	const endButton = createButton("end", "End writing", () => {
-		endButton.disabled = true;
-	}, { hidden: true });
-	const saveButton = createButton("save", "Save into the drive", saveIntoDrive, { hidden: true });
+	const writeButton = createButton("write", "Write", write, {
+		class: "primary",
+		hidden: !mayAct
+	});
+	const discardButton = createButton("discard", "Discard changes", discard, {
+		hidden: !mayAct
+	});
+	const endButton = createButton(
+		"end",
+		"End writing",
+		() => {
+			endButton.disabled = true;
+		},
+		{ hidden: true }
+	);
+	const saveButton = createButton("save", "Save into the drive", saveIntoDrive, {
+		hidden: true
+	});
 	const backupButton = createButton("backup", "Back up into a file", backUp);
 	const openButton = createButton("open", "Compare or restore a file…", () => file.click());
 
@@ -96,19 +170,34 @@ function createView(root, context, drive) {
 
 	function applyFilter() {
 		const wanted = search.value.trim().toLowerCase();
-		const shown = table.filter((register) =>
-			`${register.name} ${register.description} ${register.unit}`.toLowerCase().includes(wanted) &&
-			(which.value !== "changed" || edits.has(register.name)) &&
-			(which.value !== "differs" || (beside !== null && isKept(register) && !agree(held, beside, register))));
+		const shown = table.filter(
+			(register) =>
+				`${register.name} ${register.description} ${register.unit}`
+					.toLowerCase()
+					.includes(wanted) &&
+				(which.value !== "changed" || edits.has(register.name)) &&
+				(which.value !== "differs" ||
+					(beside !== null &&
+						isKept(register) &&
+						!agree(held, beside, register)))
+		);
 
-		setText(count, shown === held.registers.length ? "" : `${shown} of ${held.registers.length}`);
+		setText(
+			count,
+			shown === held.registers.length
+				? ""
+				: `${shown} of ${held.registers.length}`
+		);
 	}
 
 	function update() {
 		if (table === null)
 			return;
 		table.update({ held, beside, edits, busy });
-		setText(writeButton, edits.size === 1 ? "Write 1 change" : `Write ${edits.size} changes`);
+		setText(
+			writeButton,
+			edits.size === 1 ? "Write 1 change" : `Write ${edits.size} changes`
+		);
 		writeButton.disabled = discardButton.disabled = busy || edits.size === 0;
 		endButton.hidden = !busy;
 		openButton.disabled = backupButton.disabled = saveButton.disabled = busy;
@@ -134,7 +223,11 @@ function createView(root, context, drive) {
 			/* Another drive may have its name in a new configuration. */
 			if (listNames(held.registers) !== listed) {
 				listed = listNames(held.registers);
-				table = createParameterTable({ registers: held.registers, mayEdit: mayAct, onEdit: edit });
+				table = createParameterTable({
+					registers: held.registers,
+					mayEdit: mayAct,
+					onEdit: edit
+				});
 				place.replaceChildren(table.node);
 				canSave = (await context.commands(drive)).has("save_parameters");
 				fillBeside();
@@ -147,16 +240,23 @@ function createView(root, context, drive) {
 			update();
 		}
 		if (!closed)
-			timer = setTimeout(() => busy ? null : read(), READ_EVERY_MS);
+			timer = setTimeout(() => (busy ? null : read()), READ_EVERY_MS);
 	}
 
 	/* --- typing --- */
 
 	function edit(register, typed) {
 		const parsed = parseValue(register, typed);
-		const back = hasTrait(register, "secret") ? typed === "" : typed.trim() === "" ?
-			valueOf(held, register.name) === null :
-			parsed.problem === undefined && agree({ values: { [register.name]: parsed.value } }, held, register);
+		const back = hasTrait(register, "secret")
+			? typed === ""
+			: typed.trim() === ""
+				? valueOf(held, register.name) === null
+				: parsed.problem === undefined &&
+					agree(
+						{ values: { [register.name]: parsed.value } },
+						held,
+						register
+					);
 
 		if (back)
 			edits.delete(register.name);
@@ -177,15 +277,26 @@ function createView(root, context, drive) {
 	/* --- beside another set --- */
 
 	function fillBeside() {
-		const others = [...context.plant.drives.keys()].filter((name) =>
-			name !== drive && findFamily(context, name) === held.family);
+		const others = [...context.plant.drives.keys()].filter(
+			(name) => name !== drive && findFamily(context, name) === held.family
+		);
 
-		beneath.replaceChildren(element("option", { value: "" }, "nothing"),
+		beneath.replaceChildren(
+			element("option", { value: "" }, "nothing"),
 			element("option", { value: "default" }, "as delivered"),
-			...others.map((name) => element("option", { value: `drive ${name}` }, name)),
-			...filed ? [element("option", { value: "file" }, filed.name)] : []);
-		beneath.value = beside === null ? "" : beside === filed ? "file" : beside.name === DEFAULTS ? "default" :
-			`drive ${beside.name}`;
+			...others.map((name) =>
+				element("option", { value: `drive ${name}` }, name)
+			),
+			...(filed ? [element("option", { value: "file" }, filed.name)] : [])
+		);
+		beneath.value =
+			beside === null
+				? ""
+				: beside === filed
+					? "file"
+					: beside.name === DEFAULTS
+						? "default"
+						: `drive ${beside.name}`;
 	}
 
 	async function chooseBeside() {
@@ -193,8 +304,17 @@ function createView(root, context, drive) {
 
 		setText(problem, "");
 		try {
-			beside = value === "" ? null : value === "default" ? takeDefaults(held) : value === "file" ? filed :
-				await readSet(context, value.slice("drive ".length));
+			beside =
+				value === ""
+					? null
+					: value === "default"
+						? takeDefaults(held)
+						: value === "file"
+							? filed
+							: await readSet(
+									context,
+									value.slice("drive ".length)
+								);
 		} catch (error) {
 			beside = null;
 			setText(problem, error.message);
@@ -215,12 +335,30 @@ function createView(root, context, drive) {
 		file.value = "";
 		if (closed || held === null)
 			return;
-		const { set, errors } = text === null ?
-			{ set: null, errors: [{ line: 0, text: "it is too long for a file of parameters" }] } :
-			readParameters(chosen.name, text, held);
+		const { set, errors } =
+			text === null
+				? {
+						set: null,
+						errors: [
+							{
+								line: 0,
+								text: "it is too long for a file of parameters"
+							}
+						]
+					}
+				: readParameters(chosen.name, text, held);
 
-		problem.replaceChildren(...errors.slice(0, 20).map((error) => element("p", {},
-			`${chosen.name}${error.line > 0 ? `:${error.line}` : ""}: ${error.text}`)));
+		problem.replaceChildren(
+			...errors
+				.slice(0, 20)
+				.map((error) =>
+					element(
+						"p",
+						{},
+						`${chosen.name}${error.line > 0 ? `:${error.line}` : ""}: ${error.text}`
+					)
+				)
+		);
 		if (errors.length > 0)
 			return;
 		filed = beside = set;
@@ -231,11 +369,14 @@ function createView(root, context, drive) {
 
 	/* What differs that can be taken over, all but where the drive is heard, and that. */
 	function listDifferent() {
-		const differ = compare(held, beside).filter((register) => register.writable &&
-			valueOf(beside, register.name) !== null);
+		const differ = compare(held, beside).filter(
+			(register) => register.writable && valueOf(beside, register.name) !== null
+		);
 
-		return [differ.filter((register) => !hasTrait(register, "address")),
-			differ.filter((register) => hasTrait(register, "address"))];
+		return [
+			differ.filter((register) => !hasTrait(register, "address")),
+			differ.filter((register) => hasTrait(register, "address"))
+		];
 	}
 
 	function takeOver(registers) {
@@ -252,27 +393,82 @@ function createView(root, context, drive) {
 			return;
 		const all = compare(held, beside);
 		const [values, addresses] = listDifferent();
-		const lines = [element("p", {}, all.length === 0 ? `${drive} has what ${beside.name} has.` :
-			`${all.length === 1 ? "1 parameter" : `${all.length} parameters`} of ${drive} ` +
-				`differ${all.length === 1 ? "s" : ""} from ${beside.name}.`)];
-		const unknown = held.registers.filter((register) => isKept(register) && valueOf(beside, register.name) === null);
+		const lines = [
+			element(
+				"p",
+				{},
+				all.length === 0
+					? `${drive} has what ${beside.name} has.`
+					: `${all.length === 1 ? "1 parameter" : `${all.length} parameters`} of ${drive} ` +
+							`differ${all.length === 1 ? "s" : ""} ` +
+							`from ${beside.name}.`
+			)
+		];
+		const unknown = held.registers.filter(
+			(register) => isKept(register) && valueOf(beside, register.name) === null
+		);
 
 		if (beside.name === DEFAULTS)
-			lines.push(element("p", { class: "muted" }, `Of ${unknown.length} others no default is documented.`));
+			lines.push(
+				element(
+					"p",
+					{ class: "muted" },
+					`Of ${unknown.length} others no default is documented.`
+				)
+			);
 		else if (beside.identity !== held.identity)
-			lines.push(element("p", { class: "need", "data-need": "2" }, icon("warning"), "Another model or firmware: " +
-				`${beside.name} is of “${beside.identity}”, and ${drive} is “${held.identity}”.`));
+			lines.push(
+				element(
+					"p",
+					{ class: "need", "data-need": "2" },
+					icon("warning"),
+					"Another model or firmware: " +
+						`${beside.name} is of “${beside.identity}”, and ` +
+						`${drive} is “${held.identity}”.`
+				)
+			);
 		if (beside === filed && unknown.length > 0)
-			lines.push(element("p", { class: "muted" }, `The file says nothing of ${listNames(unknown)}: they stay as they are.`));
+			lines.push(
+				element(
+					"p",
+					{ class: "muted" },
+					`The file says nothing of ${listNames(unknown)}: they ` +
+						"stay as they are."
+				)
+			);
 		if (mayAct && addresses.length > 0)
-			lines.push(element("p", { class: "muted" }, `${listNames(addresses)} stays as it is unless it is taken, too: ` +
-				"it says where the drive is heard."));
+			lines.push(
+				element(
+					"p",
+					{ class: "muted" },
+					`${listNames(addresses)} stays as it is unless it is ` +
+						"taken, too: " +
+						"it says where the drive is heard."
+				)
+			);
 		if (mayAct)
-			lines.push(element("div", { class: "toolbar" },
-				values.length > 0 ? createButton("take", `Take ${values.length} from ${beside.name}`,
-					() => takeOver(values)) : null,
-				addresses.length > 0 ? createButton("take-address", `Take ${listNames(addresses)}${values.length > 0 ? ", too" : ""}`,
-					() => takeOver(addresses)) : null));
+			lines.push(
+				element(
+					"div",
+					{ class: "toolbar" },
+					values.length > 0
+						? createButton(
+								"take",
+								`Take ${values.length} from ` +
+									`${beside.name}`,
+								() => takeOver(values)
+							)
+						: null,
+					addresses.length > 0
+						? createButton(
+								"take-address",
+								"Take " +
+									`${listNames(addresses)}${values.length > 0 ? ", too" : ""}`,
+								() => takeOver(addresses)
+							)
+						: null
+				)
+			);
 		/* Only when it says something new: somebody may be about to press its button. */
 		const next = element("div", {}, lines);
 
@@ -283,14 +479,24 @@ function createView(root, context, drive) {
 	async function backUp() {
 		try {
 			const set = await readSet(context, drive);
-			const untold = set.registers.filter((register) => isKept(register) &&
-				valueOf(set, register.name) === null && !set.missing.includes(register.name));
+			const untold = set.registers.filter(
+				(register) =>
+					isKept(register) &&
+					valueOf(set, register.name) === null &&
+					!set.missing.includes(register.name)
+			);
 
 			saveFile(`${drive}.params`, [writeParameters(set)]);
 			if (untold.length > 0)
-				context.notify(`${drive} does not have or tell ${listNames(untold)}`);
+				context.notify(
+					`${drive} does not have or tell ${listNames(untold)}`
+				);
 			if (set.missing.length > 0)
-				context.notify(`${drive} should have told ${set.missing.join(", ")}, and did not`, "warning");
+				context.notify(
+					`${drive} should have told ${set.missing.join(", ")}, ` +
+						"and did not",
+					"warning"
+				);
 		} catch (error) {
 			context.report(error);
 		}
@@ -300,21 +506,38 @@ function createView(root, context, drive) {
 
 	async function mayWrite() {
 		const wrong = [...edits].find(([, { problem: said }]) => said !== undefined);
-		const addresses = held.registers.filter((register) => edits.has(register.name) && hasTrait(register, "address"));
+		const addresses = held.registers.filter(
+			(register) => edits.has(register.name) && hasTrait(register, "address")
+		);
 
 		if (wrong) {
 			table.focus(wrong[0]);
 			context.notify(`${wrong[0]}: ${wrong[1].problem}`, "error");
 			return false;
 		}
-		/* They change how a motion goes on, and some drives take or tell them only while they stand. */
+		/*
+		 * They change how a motion goes on, and some drives take or tell them only while
+		 * they stand.
+		 */
 		if (draft.from && (await readSet(context, drive)).moves) {
 			context.notify(`${drive} moves; stop it first`, "error");
 			return false;
 		}
-		return addresses.length === 0 || askUser({ title: `Where ${drive} is heard`, yes: "Write", words: [
-			`${listNames(addresses)} says where the drive is heard. When it goes by that, it is offline here until the ` +
-			"configuration says the same.", "It is written last. Scan has a way that looks first and afterwards."] });
+		return (
+			addresses.length === 0 ||
+			askUser({
+				title: `Where ${drive} is heard`,
+				yes: "Write",
+				words: [
+					`${listNames(addresses)} says where the drive is heard. ` +
+						"When it goes by that, it is offline here until " +
+						"the " +
+						"configuration says the same.",
+					"It is written last. Scan has a way that looks first " +
+						"and afterwards."
+				]
+			})
+		);
 	}
 
 	async function write() {
@@ -337,7 +560,9 @@ function createView(root, context, drive) {
 
 	async function carryOut() {
 		const before = { ...held, values: { ...held.values } };
-		const wanted = Object.fromEntries([...edits].map(([name, { value }]) => [name, value]));
+		const wanted = Object.fromEntries(
+			[...edits].map(([name, { value }]) => [name, value])
+		);
 		const plan = planWrites(held.registers, new Set(edits.keys()));
 		const { written, failed, over } = await writeParametersInto(drive, plan, wanted, {
 			call,
@@ -346,48 +571,100 @@ function createView(root, context, drive) {
 				if (value !== undefined)
 					held.values[register.name] = value;
 				table.showResult(register.name, state, text);
-			},
+			}
 		});
 
 		written.forEach((name) => edits.delete(name));
 		const after = await readSet(context, drive).catch(() => null);
 		const others = [];
 
-		/* A value that was written may have been changed by one behind it, or change others. */
+		/*
+		 * A value that was written may have been changed by one behind it, or change
+		 * others.
+		 */
 		for (const register of after?.registers ?? []) {
-			const shows = `the drive shows ${Object.values(formatValue(register, valueOf(after, register.name))).join(" ").trim()} now`;
+			const shows = `the drive shows ${Object.values(
+				formatValue(register, valueOf(after, register.name))
+			)
+				.join(" ")
+				.trim()} now`;
 
 			if (!isKept(register))
 				continue;
-			if (written.includes(register.name) && !agree(after, { values: wanted }, register)) {
+			if (
+				written.includes(register.name) &&
+				!agree(after, { values: wanted }, register)
+			) {
 				failed.set(register.name, shows);
 				table.showResult(register.name, "failed", shows);
 			} else if (!(register.name in wanted) && !agree(after, before, register)) {
 				others.push(`${register.name}: ${shows}`);
 			}
 		}
-		showReport(written.filter((name) => !failed.has(name)).length, failed, over, others);
+		showReport(
+			written.filter((name) => !failed.has(name)).length,
+			failed,
+			over,
+			others
+		);
 	}
 
 	function showReport(written, failed, over, others) {
 		const left = failed.size;
 
-		report.replaceChildren(element("h2", {}, `${drive}: ${written} written${left > 0 ? `, ${left} not` : ""}`),
-			over ? element("p", {}, `It came to an end: ${over}. What is left stands in the table: Write goes on with it.`) : "",
-			element("ul", {}, [...failed].map(([name, reason]) => element("li", { class: "problem" }, `${name}: ${reason}`)),
-				others.map((text) => element("li", {}, `changed with them: ${text}`))),
-			element("p", { class: "muted" }, written === 0 ? "" : canSave ?
-				"Not saved in the drive yet: Save into the drive does that." :
-				`${drive} has no save_parameters: what is written is all there is.`));
+		report.replaceChildren(
+			element(
+				"h2",
+				{},
+				`${drive}: ${written} written${left > 0 ? `, ${left} not` : ""}`
+			),
+			over
+				? element(
+						"p",
+						{},
+						`It came to an end: ${over}. What is left ` +
+							"stands in the table: Write goes on " +
+							"with it."
+					)
+				: "",
+			element(
+				"ul",
+				{},
+				[...failed].map(([name, reason]) =>
+					element("li", { class: "problem" }, `${name}: ${reason}`)
+				),
+				others.map((text) =>
+					element("li", {}, `changed with them: ${text}`)
+				)
+			),
+			element(
+				"p",
+				{ class: "muted" },
+				written === 0
+					? ""
+					: canSave
+						? "Not saved in the drive yet: Save into the " +
+							"drive does that."
+						: `${drive} has no save_parameters: what is ` +
+							"written is all there is."
+			)
+		);
 		report.hidden = false;
 		report.focus();
-		context.notify(`${drive}: ${written} written${left > 0 ? `, ${left} not` : ""}`, left > 0 ? "error" : "ok");
+		context.notify(
+			`${drive}: ${written} written${left > 0 ? `, ${left} not` : ""}`,
+			left > 0 ? "error" : "ok"
+		);
 	}
 
 	async function saveIntoDrive() {
 		saveButton.disabled = true;
 		try {
-			const { result } = await call("Run", { drive, command: "save_parameters", until_end: true });
+			const { result } = await call("Run", {
+				drive,
+				command: "save_parameters",
+				until_end: true
+			});
 
 			context.notify(`${drive}: save_parameters: ${result}`, "ok");
 			report.hidden = true;
@@ -401,25 +678,72 @@ function createView(root, context, drive) {
 	which.addEventListener("change", applyFilter);
 	beneath.addEventListener("change", chooseBeside);
 	file.addEventListener("change", openFile);
-	root.append(element("div", { class: "panel toolbar filters" },
-		element("label", { class: "field", for: "parameters-search" }, "Search", search),
-		element("label", { class: "field", for: "parameters-which" }, "Show", which),
-		element("label", { class: "field", for: "parameters-beside" }, "Beside", beneath),
-		openButton, file, backupButton, count, when),
-	element("div", { class: "toolbar" }, writeButton, discardButton, endButton, saveButton, unsaved,
-		mayAct ? null : element("span", { class: "muted" }, "To change them needs the role operator.")),
-	problem, difference, report, place);
+	root.append(
+		element(
+			"div",
+			{ class: "panel toolbar filters" },
+			element(
+				"label",
+				{ class: "field", for: "parameters-search" },
+				"Search",
+				search
+			),
+			element(
+				"label",
+				{ class: "field", for: "parameters-which" },
+				"Show",
+				which
+			),
+			element(
+				"label",
+				{ class: "field", for: "parameters-beside" },
+				"Beside",
+				beneath
+			),
+			openButton,
+			file,
+			backupButton,
+			count,
+			when
+		),
+		element(
+			"div",
+			{ class: "toolbar" },
+			writeButton,
+			discardButton,
+			endButton,
+			saveButton,
+			unsaved,
+			mayAct
+				? null
+				: element(
+						"span",
+						{ class: "muted" },
+						"To change them needs the role operator."
+					)
+		),
+		problem,
+		difference,
+		report,
+		place
+	);
 	read();
 	return {
 		showMark() {
-			const status = context.plant.registersOf(context.plant.drives.get(drive) ?? {})?.get("status");
+			const status = context.plant
+				.registersOf(context.plant.drives.get(drive) ?? {})
+				?.get("status");
 
-			unsaved.hidden = !hasBit(status, context.plant.drives.get(drive)?.values?.status, "params_unsaved");
+			unsaved.hidden = !hasBit(
+				status,
+				context.plant.drives.get(drive)?.values?.status,
+				"params_unsaved"
+			);
 		},
 		close() {
 			closed = true;
 			clearTimeout(timer);
-		},
+		}
 	};
 }
 
@@ -439,7 +763,9 @@ export function show(root, context, name) {
 		const names = [...context.plant.drives.keys()];
 		const before = select.value;
 
-		select.replaceChildren(...names.map((one) => element("option", { value: one }, one)));
+		select.replaceChildren(
+			...names.map((one) => element("option", { value: one }, one))
+		);
 		if (names.includes(before || name))
 			select.value = before || name;
 		if (select.value !== before)
@@ -450,8 +776,20 @@ export function show(root, context, name) {
 		history.replaceState(null, "", `#/parameters/${encodeURIComponent(select.value)}`);
 		open();
 	});
-	root.append(element("div", { class: "view-head" }, element("h1", {}, "Parameters"),
-		element("label", { class: "field inline", for: "parameters-drive" }, "Drive", select)), place);
+	root.append(
+		element(
+			"div",
+			{ class: "view-head" },
+			element("h1", {}, "Parameters"),
+			element(
+				"label",
+				{ class: "field inline", for: "parameters-drive" },
+				"Drive",
+				select
+			)
+		),
+		place
+	);
 	context.on("describe", fill);
 	context.on("plant", () => view?.showMark());
 	fill();

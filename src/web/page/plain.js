@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Texts as drivebridgectl writes them, for files that it and others read. Pure, but for the time zone.
+ * Texts as drivebridgectl writes them, for files that it and others read. Pure, but for the time
+ * zone.
  */
 
 /* Without control characters, which a file of lines or a terminal would obey. */
@@ -16,8 +17,10 @@ function pad(number, digits = 2) {
 export function writeClock(timeUs, decimals) {
 	const date = new Date(timeUs / 1000);
 
-	return `${pad(date.getHours())}:${pad(date.getMinutes())}:${pad(date.getSeconds())}.` +
-		pad(timeUs % 1000000, 6).slice(0, decimals);
+	return (
+		`${pad(date.getHours())}:${pad(date.getMinutes())}:${pad(date.getSeconds())}.` +
+		pad(timeUs % 1000000, 6).slice(0, decimals)
+	);
 }
 
 /* "2026-11-22" */
@@ -31,7 +34,11 @@ export function writeDay(timeUs) {
 export function writeZone(timeUs) {
 	const minutes = -new Date(timeUs / 1000).getTimezoneOffset();
 
-	return (minutes < 0 ? "-" : "+") + pad(Math.floor(Math.abs(minutes) / 60)) + pad(Math.abs(minutes) % 60);
+	return (
+		(minutes < 0 ? "-" : "+") +
+		pad(Math.floor(Math.abs(minutes) / 60)) +
+		pad(Math.abs(minutes) % 60)
+	);
 }
 
 /* A field of CSV. */

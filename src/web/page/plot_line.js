@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* How lines of plots look: colours from the style sheet, and dashes, so that they are told apart without colours. */
+/*
+ * How lines of plots look: colours from the style sheet, and dashes, so that they are told apart
+ * without colours.
+ */
 import { element } from "./dom.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -7,7 +10,10 @@ const SVG = "http://www.w3.org/2000/svg";
 /* As many as there are colours --series-1 and on. */
 export const DASHES = [[], [10, 5], [3, 4], [14, 4, 3, 4], [1, 3], [8, 3, 2, 3, 2, 3]];
 
-/* A variable of the style sheet as canvas takes it: of one the browser only tells what an element that uses it has. */
+/*
+ * A variable of the style sheet as canvas takes it: of one the browser only tells what an element
+ * that uses it has.
+ */
 export function readColour(node, name) {
 	const probe = element("i", { hidden: true });
 
@@ -26,7 +32,12 @@ export function createSwatch(index) {
 
 	drawing.setAttribute("class", `plot-line series-${index + 1}`);
 	drawing.setAttribute("aria-hidden", "true");
-	for (const [name, value] of [["x1", 0], ["x2", 30], ["y1", 5], ["y2", 5]])
+	for (const [name, value] of [
+		["x1", 0],
+		["x2", 30],
+		["y1", 5],
+		["y2", 5]
+	])
 		line.setAttribute(name, value);
 	line.setAttribute("stroke-dasharray", DASHES[index].join(" ") || "none");
 	drawing.append(line);

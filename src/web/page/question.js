@@ -5,16 +5,25 @@ import { element, newId } from "./dom.js";
 /* Resolves with whether it was; Escape says no. */
 export function askUser({ title, words, yes }) {
 	const heading = newId("question");
-	const dialog = element("dialog", { class: "question panel", "aria-labelledby": heading },
-		element("h2", { id: heading }, title), words.map((text) => element("p", {}, text)),
-		element("form", { method: "dialog", class: "toolbar" },
+	const dialog = element(
+		"dialog",
+		{ class: "question panel", "aria-labelledby": heading },
+		element("h2", { id: heading }, title),
+		words.map((text) => element("p", {}, text)),
+		element(
+			"form",
+			{ method: "dialog", class: "toolbar" },
 			element("button", { value: "no", autofocus: true }, "Cancel"),
-			element("button", { class: "primary", value: "yes" }, yes)));
+			element("button", { class: "primary", value: "yes" }, yes)
+		)
+	);
 
 	document.body.append(dialog);
 	dialog.showModal();
-	return new Promise((resolve) => dialog.addEventListener("close", () => {
-		dialog.remove();
-		resolve(dialog.returnValue === "yes");
-	}));
+	return new Promise((resolve) =>
+		dialog.addEventListener("close", () => {
+			dialog.remove();
+			resolve(dialog.returnValue === "yes");
+		})
+	);
 }

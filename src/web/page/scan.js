@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Finding the drives of a bus, and giving one of them another address or speed. The configuration is shown as text for
- * who may change it, never written.
+ * Finding the drives of a bus, and giving one of them another address or speed. The configuration
+ * is shown as text for who may change it, never written.
  */
 import { call, openStream } from "./api.js";
 import { isNew, writeSections } from "./configuration_text.js";
@@ -18,7 +18,10 @@ const NUMBER_MOST = 4000000;
 
 let running = null; /* ends what goes on: a scan, or setting up a drive */
 
-/* A scan as it goes on: onAnswer(asked so far). Resolves at its end with the finds; rejects with an ApiError. */
+/*
+ * A scan as it goes on: onAnswer(asked so far). Resolves at its end with the finds; rejects with an
+ * ApiError.
+ */
 function runScan(parameters, onAnswer) {
 	let stream = null;
 	const ended = new Promise((resolve, reject) => {
@@ -35,7 +38,7 @@ function runScan(parameters, onAnswer) {
 					resolve(finds);
 				else if (state === "failed")
 					reject(error);
-			},
+			}
 		});
 		/* A scan ends with its stream. */
 		running = () => {
@@ -50,17 +53,33 @@ function runScan(parameters, onAnswer) {
 }
 
 function createNumber(id, label, properties = {}) {
-	const input = element("input", { id, type: "number", min: 0, max: NUMBER_MOST, step: 1, inputmode: "numeric", ...properties });
+	const input = element("input", {
+		id,
+		type: "number",
+		min: 0,
+		max: NUMBER_MOST,
+		step: 1,
+		inputmode: "numeric",
+		...properties
+	});
 
 	return { input, field: element("label", { class: "field", for: id }, label, input) };
 }
 
 /* A text to paste elsewhere. */
 function createText(label) {
-	const text = element("textarea", { readonly: true, "aria-label": label, spellcheck: "false" });
+	const text = element("textarea", {
+		readonly: true,
+		"aria-label": label,
+		spellcheck: "false"
+	});
 	const copy = element("button", { class: "small", type: "button" }, "Copy");
-	const node = element("div", { class: "copied", hidden: true }, element("div", { class: "panel-head" },
-		element("h3", {}, label), copy), text);
+	const node = element(
+		"div",
+		{ class: "copied", hidden: true },
+		element("div", { class: "panel-head" }, element("h3", {}, label), copy),
+		text
+	);
 
 	copy.addEventListener("click", async () => {
 		text.select();
@@ -79,7 +98,7 @@ function createText(label) {
 			node.hidden = words === "";
 			text.value = words;
 			text.rows = Math.min(24, words.trimEnd().split("\n").length);
-		},
+		}
 	};
 }
 
@@ -88,7 +107,10 @@ function writePlace(find) {
 
 	if (find.verdict === "one")
 		return names || "new";
-	return (find.verdict === "two" ? "two drives" : "nothing readable") + (names ? `: ${names}` : "");
+	return (
+		(find.verdict === "two" ? "two drives" : "nothing readable") +
+		(names ? `: ${names}` : "")
+	);
 }
 
 /* What somebody has to do about it. */
@@ -97,20 +119,33 @@ function writeAdvice(finds) {
 
 	for (const { address, verdict } of finds) {
 		if (verdict === "two")
-			advice.push(`Address ${address}: two drives have it. Take one of them off the line, give the other an address ` +
-				"of its own below, and connect it again.");
+			advice.push(
+				`Address ${address}: two drives have it. Take one of them off ` +
+					"the line, give the other an address " +
+					"of its own below, and connect it again."
+			);
 		else if (verdict === "garbled")
-			advice.push(`Address ${address}: something comes, but no answer can be read: two drives that talk at once, or a ` +
-				"disturbed line. Take drives off the line one by one; check wires, termination and ground.");
+			advice.push(
+				`Address ${address}: something comes, but no answer can be ` +
+					"read: two drives that talk at once, or a " +
+					"disturbed line. Take drives off the line one by one; " +
+					"check wires, termination and ground."
+			);
 	}
 	if (finds.length === 0)
-		advice.push("No drive answers: check power and wiring (A and B may be swapped), whether protocol and line are right, " +
-			"and the speed: a scan at all speeds tries all of them.");
+		advice.push(
+			"No drive answers: check power and wiring (A and B may be swapped), " +
+				"whether protocol and line are right, " +
+				"and the speed: a scan at all speeds tries all of them."
+		);
 	return advice;
 }
 
 function writeForeign({ id, extended, count }) {
-	return `${id.toString(16).toUpperCase().padStart(extended ? 8 : 3, "0")}  ${count} times`;
+	return `${id
+		.toString(16)
+		.toUpperCase()
+		.padStart(extended ? 8 : 3, "0")}  ${count} times`;
 }
 
 /* --- looking for drives --- */
@@ -119,55 +154,174 @@ function createSearch(context, findBus, onChoose) {
 	const first = createNumber("scan-first", "Addresses from", { placeholder: "all" });
 	const last = createNumber("scan-last", "to", { placeholder: "all" });
 	const speed = element("select", { id: "scan-speed" });
-	const start = element("button", { id: "scan-start", class: "primary", type: "submit" }, "Scan");
-	const cancel = element("button", { id: "scan-cancel", type: "button", hidden: true }, "End it");
-	const warning = element("p", { class: "need", "data-need": "2", hidden: true }, icon("warning"),
-		element("span", {}, "The bus is set aside for this: its drives, which must stand, are left as on-exit says, and are " +
-			"offline for every PLC until the scan has ended."));
-	const progress = element("progress", { id: "scan-progress", "aria-label": "Addresses asked", hidden: true });
+	const start = element(
+		"button",
+		{ id: "scan-start", class: "primary", type: "submit" },
+		"Scan"
+	);
+	const cancel = element(
+		"button",
+		{ id: "scan-cancel", type: "button", hidden: true },
+		"End it"
+	);
+	const warning = element(
+		"p",
+		{ class: "need", "data-need": "2", hidden: true },
+		icon("warning"),
+		element(
+			"span",
+			{},
+			"The bus is set aside for this: its drives, which must stand, are left " +
+				"as on-exit says, and are " +
+				"offline for every PLC until the scan has ended."
+		)
+	);
+	const progress = element("progress", {
+		id: "scan-progress",
+		"aria-label": "Addresses asked",
+		hidden: true
+	});
 	const said = element("p", { id: "scan-said", role: "status" });
 	const body = element("tbody");
-	const table = element("div", { class: "table-frame", hidden: true }, element("table", { id: "scan-finds" },
-		element("caption", { class: "hidden-label" }, "Drives that were found"), element("thead", {}, element("tr", {},
-			["Address", "Bit/s", "Protocol", "Identity", "Fastest", "Mean", "Slowest", "Configured as", ""].map((head, at) =>
-				element(head ? "th" : "td", { scope: head ? "col" : null, class: [0, 1, 4, 5, 6].includes(at) ? "number" : null },
-					head)))), body));
+	const table = element(
+		"div",
+		{ class: "table-frame", hidden: true },
+		element(
+			"table",
+			{ id: "scan-finds" },
+			element("caption", { class: "hidden-label" }, "Drives that were found"),
+			element(
+				"thead",
+				{},
+				element(
+					"tr",
+					{},
+					[
+						"Address",
+						"Bit/s",
+						"Protocol",
+						"Identity",
+						"Fastest",
+						"Mean",
+						"Slowest",
+						"Configured as",
+						""
+					].map((head, at) =>
+						element(
+							head ? "th" : "td",
+							{
+								scope: head ? "col" : null,
+								class: [0, 1, 4, 5, 6].includes(at)
+									? "number"
+									: null
+							},
+							head
+						)
+					)
+				)
+			),
+			body
+		)
+	);
 	const foreign = element("ul", { class: "code" });
-	const foreignBox = element("div", { hidden: true }, element("h3", {},
-		"Other frames on this bus, of nobody who is configured here"), foreign);
+	const foreignBox = element(
+		"div",
+		{ hidden: true },
+		element("h3", {}, "Other frames on this bus, of nobody who is configured here"),
+		foreign
+	);
 	const advice = element("ul", { id: "scan-advice", class: "advice" });
 	const text = createText("For the configuration, then reload");
-	const form = element("form", { id: "scan", class: "panel", "aria-labelledby": "scan-title" },
+	const form = element(
+		"form",
+		{ id: "scan", class: "panel", "aria-labelledby": "scan-title" },
 		element("h2", { id: "scan-title" }, "Look for drives"),
-		element("div", { class: "toolbar filters" }, first.field, last.field,
-			element("label", { class: "field", for: "scan-speed" }, "Speed", speed), start, cancel),
-		warning, progress, said, table, foreignBox, advice, text.node);
+		element(
+			"div",
+			{ class: "toolbar filters" },
+			first.field,
+			last.field,
+			element("label", { class: "field", for: "scan-speed" }, "Speed", speed),
+			start,
+			cancel
+		),
+		warning,
+		progress,
+		said,
+		table,
+		foreignBox,
+		advice,
+		text.node
+	);
 
 	function fillSpeeds() {
 		const bus = findBus();
 
 		if (!bus)
 			return;
-		speed.replaceChildren(element("option", { value: "" }, `${bus.speed} bit/s, in service`),
+		speed.replaceChildren(
+			element("option", { value: "" }, `${bus.speed} bit/s, in service`),
 			element("option", { value: "all" }, "all speeds, bus set aside"),
-			...bus.speeds.map((one) => element("option", { value: one }, `${one} bit/s, bus set aside`)));
+			...bus.speeds.map((one) =>
+				element("option", { value: one }, `${one} bit/s, bus set aside`)
+			)
+		);
 		warning.hidden = true;
 	}
 
 	function addFind(bus, find) {
-		const ms = (us) => find.answered === 0 ? "–" : `${(us / 1000).toFixed(1)} ms`;
-		const identity = cleanText(find.identity + (find.other ? ` and ${find.other}` : "")) || "–";
-		const choose = element("button", { class: "small", type: "button", "aria-label":
-			`Give address ${find.address} another address or speed` }, "Set up");
+		const ms = (us) => (find.answered === 0 ? "–" : `${(us / 1000).toFixed(1)} ms`);
+		const identity =
+			cleanText(find.identity + (find.other ? ` and ${find.other}` : "")) || "–";
+		const choose = element(
+			"button",
+			{
+				class: "small",
+				type: "button",
+				"aria-label": `Give address ${find.address} another address or speed`
+			},
+			"Set up"
+		);
 
 		choose.addEventListener("click", () => onChoose(find));
-		body.append(element("tr", { "data-verdict": find.verdict },
-			element("th", { scope: "row", class: "number" }, String(find.address)),
-			element("td", { class: "number" }, String(find.speed)), element("td", {}, bus.protocol), element("td", {}, identity),
-			[find.time_min_us, find.time_mean_us, find.time_max_us].map((us) => element("td", { class: "number" }, ms(us))),
-			element("td", {}, element("span", { class: find.verdict !== "one" ? "badge error" : isNew(find) ? "badge on" : "" },
-				writePlace(find))),
-			element("td", {}, find.verdict === "one" && context.mayAct() ? choose : "")));
+		body.append(
+			element(
+				"tr",
+				{ "data-verdict": find.verdict },
+				element(
+					"th",
+					{ scope: "row", class: "number" },
+					String(find.address)
+				),
+				element("td", { class: "number" }, String(find.speed)),
+				element("td", {}, bus.protocol),
+				element("td", {}, identity),
+				[find.time_min_us, find.time_mean_us, find.time_max_us].map((us) =>
+					element("td", { class: "number" }, ms(us))
+				),
+				element(
+					"td",
+					{},
+					element(
+						"span",
+						{
+							class:
+								find.verdict !== "one"
+									? "badge error"
+									: isNew(find)
+										? "badge on"
+										: ""
+						},
+						writePlace(find)
+					)
+				),
+				element(
+					"td",
+					{},
+					find.verdict === "one" && context.mayAct() ? choose : ""
+				)
+			)
+		);
 		table.hidden = false;
 	}
 
@@ -220,8 +374,18 @@ function createSearch(context, findBus, onChoose) {
 		if (!parameters || running)
 			return;
 		reset();
-		if (speed.value && !await askUser({ title: `Set bus ${bus.name} aside?`, yes: "Scan", words: [
-			"Its drives, which must stand, are left as on-exit says, and are offline for every PLC until the scan has ended."] }))
+		if (
+			speed.value &&
+			!(await askUser({
+				title: `Set bus ${bus.name} aside?`,
+				yes: "Scan",
+				words: [
+					"Its drives, which must stand, are left as on-exit " +
+						"says, and are offline for every PLC until the " +
+						"scan has ended."
+				]
+			}))
+		)
 			return;
 		show(true);
 		try {
@@ -230,18 +394,42 @@ function createSearch(context, findBus, onChoose) {
 				progress.value = answer.asked;
 				waitUs = answer.wait_us;
 				finds.push(...answer.finds);
-				setText(said, `${answer.asked} of ${answer.total} addresses asked, ${finds.length} found; at ${answer.speed} bit/s`);
+				setText(
+					said,
+					`${answer.asked} of ${answer.total} addresses asked, ` +
+						`${finds.length} found; at ${answer.speed} bit/s`
+				);
 				answer.finds.forEach((find) => addFind(bus, find));
-				foreign.append(...answer.foreign.map((frame) => element("li", {}, writeForeign(frame))));
+				foreign.append(
+					...answer.foreign.map((frame) =>
+						element("li", {}, writeForeign(frame))
+					)
+				);
 				foreignBox.hidden = foreign.children.length === 0;
 			});
-			advice.replaceChildren(...writeAdvice(finds).map((words) => element("li", {}, words)));
+			advice.replaceChildren(
+				...writeAdvice(finds).map((words) => element("li", {}, words))
+			);
 			if (waitUs < WAIT_SHORT_US)
-				advice.append(element("li", { class: "muted" }, `Each address was given ${(waitUs / 1000).toFixed(1)} ms to begin ` +
-					"its answer, as much as the cycle leaves: a slower drive is found with a longer cycle-ms, or with the bus set " +
-					"aside."));
+				advice.append(
+					element(
+						"li",
+						{ class: "muted" },
+						"Each address was given " +
+							`${(waitUs / 1000).toFixed(1)} ms to ` +
+							"begin " +
+							"its answer, as much as the cycle " +
+							"leaves: a slower drive is found with a " +
+							"longer cycle-ms, or with the bus set " +
+							"aside."
+					)
+				);
 		} catch (error) {
-			setText(said, `The scan did not come to its end: ${error.message}; ${finds.length} found until then`);
+			setText(
+				said,
+				`The scan did not come to its end: ${error.message}; ` +
+					`${finds.length} found until then`
+			);
 		}
 		text.show(writeSections(bus, finds, context.plant.description?.drives ?? []));
 		show(false);
@@ -262,24 +450,54 @@ function createSearch(context, findBus, onChoose) {
 
 function createSetUp(context, findBus) {
 	const address = createNumber("setup-address", "Drive at address", { required: true });
-	const what = element("select", { id: "setup-what" }, element("option", { value: "address" }, "another address"),
-		element("option", { value: "speed" }, "another speed"));
+	const what = element(
+		"select",
+		{ id: "setup-what" },
+		element("option", { value: "address" }, "another address"),
+		element("option", { value: "speed" }, "another speed")
+	);
 	const to = createNumber("setup-to", "New address", { required: true });
 	const toSpeed = element("select", { id: "setup-to-speed" });
-	const toSpeedField = element("label", { class: "field", for: "setup-to-speed", hidden: true }, "New speed", toSpeed);
+	const toSpeedField = element(
+		"label",
+		{ class: "field", for: "setup-to-speed", hidden: true },
+		"New speed",
+		toSpeed
+	);
 	const at = element("select", { id: "setup-at" });
 	const start = element("button", { id: "setup-start", type: "submit" }, "Look, then ask");
-	const cancel = element("button", { id: "setup-cancel", type: "button", hidden: true }, "End it");
+	const cancel = element(
+		"button",
+		{ id: "setup-cancel", type: "button", hidden: true },
+		"End it"
+	);
 	const steps = element("ol", { id: "setup-steps", class: "advice" });
 	const text = createText("For the configuration, then reload");
-	const form = element("form", { id: "setup", class: "panel", "aria-labelledby": "setup-title" },
+	const form = element(
+		"form",
+		{ id: "setup", class: "panel", "aria-labelledby": "setup-title" },
 		element("h2", { id: "setup-title" }, "Give a drive another address or speed"),
-		element("p", { class: "muted" }, "It is looked at first: one drive must answer at its address, nobody at the new one, and it " +
-			"must stand. Nothing is told before you said so."),
-		element("div", { class: "toolbar filters" }, address.field,
-			element("label", { class: "field", for: "setup-what" }, "Gets", what), to.field, toSpeedField,
-			element("label", { class: "field", for: "setup-at" }, "Spoken to at", at), start, cancel),
-		element("div", { role: "log", "aria-label": "What was done" }, steps), text.node);
+		element(
+			"p",
+			{ class: "muted" },
+			"It is looked at first: one drive must answer at its address, nobody at " +
+				"the new one, and it " +
+				"must stand. Nothing is told before you said so."
+		),
+		element(
+			"div",
+			{ class: "toolbar filters" },
+			address.field,
+			element("label", { class: "field", for: "setup-what" }, "Gets", what),
+			to.field,
+			toSpeedField,
+			element("label", { class: "field", for: "setup-at" }, "Spoken to at", at),
+			start,
+			cancel
+		),
+		element("div", { role: "log", "aria-label": "What was done" }, steps),
+		text.node
+	);
 	let ended = false;
 
 	function fillSpeeds() {
@@ -287,9 +505,17 @@ function createSetUp(context, findBus) {
 
 		if (!bus)
 			return;
-		at.replaceChildren(element("option", { value: 0 }, `${bus.speed} bit/s, in service`),
-			...bus.speeds.map((one) => element("option", { value: one }, `${one} bit/s, bus set aside`)));
-		toSpeed.replaceChildren(...bus.speeds.map((one) => element("option", { value: one }, `${one} bit/s`)));
+		at.replaceChildren(
+			element("option", { value: 0 }, `${bus.speed} bit/s, in service`),
+			...bus.speeds.map((one) =>
+				element("option", { value: one }, `${one} bit/s, bus set aside`)
+			)
+		);
+		toSpeed.replaceChildren(
+			...bus.speeds.map((one) =>
+				element("option", { value: one }, `${one} bit/s`)
+			)
+		);
 		toSpeed.value = bus.speed;
 	}
 
@@ -313,8 +539,13 @@ function createSetUp(context, findBus) {
 
 	async function setUp() {
 		const bus = findBus();
-		const move = { bus, what: what.value, from: Number(address.input.value), speed: Number(at.value),
-			to: Number(what.value === "address" ? to.input.value : toSpeed.value) };
+		const move = {
+			bus,
+			what: what.value,
+			from: Number(address.input.value),
+			speed: Number(at.value),
+			to: Number(what.value === "address" ? to.input.value : toSpeed.value)
+		};
 
 		if (!bus || running)
 			return;
@@ -332,16 +563,31 @@ function createSetUp(context, findBus) {
 				say,
 				look(where, speed) {
 					checkEnded();
-					return runScan({ bus: bus.name, first: where, last: where, ...speed ? { speeds: [speed] } : {} });
+					return runScan({
+						bus: bus.name,
+						first: where,
+						last: where,
+						...(speed ? { speeds: [speed] } : {})
+					});
 				},
 				setUp(where, which, value, speed) {
 					checkEnded();
-					return call("SetUp", { bus: bus.name, address: where, what: which, ...value !== undefined ? { value } : {},
-						...speed ? { speeds: [speed] } : {} });
+					return call("SetUp", {
+						bus: bus.name,
+						address: where,
+						what: which,
+						...(value !== undefined ? { value } : {}),
+						...(speed ? { speeds: [speed] } : {})
+					});
 				},
-				ask: (words, yes) => askUser({ title: `Bus ${bus.name}, address ${move.from}`, words, yes }),
+				ask: (words, yes) =>
+					askUser({
+						title: `Bus ${bus.name}, address ${move.from}`,
+						words,
+						yes
+					}),
 				pause: (ms) => new Promise((resolve) => setTimeout(resolve, ms)),
-				now: () => performance.now(),
+				now: () => performance.now()
 			});
 		} catch (error) {
 			steps.append(element("li", { class: "problem" }, error.message));
@@ -369,7 +615,7 @@ function createSetUp(context, findBus) {
 		},
 		end() {
 			ended = true;
-		},
+		}
 	};
 }
 
@@ -379,11 +625,24 @@ export function show(root, context, busName) {
 	const select = element("select", { id: "scan-bus" });
 	const findBus = () => context.plant.buses.get(select.value)?.description;
 
-	root.append(element("div", { class: "view-head" }, element("h1", {}, "Scan"),
-		element("label", { class: "field inline", for: "scan-bus" }, "Bus", select)));
+	root.append(
+		element(
+			"div",
+			{ class: "view-head" },
+			element("h1", {}, "Scan"),
+			element("label", { class: "field inline", for: "scan-bus" }, "Bus", select)
+		)
+	);
 	if (!context.mayAct()) {
-		root.append(element("p", { class: "panel" }, "A scan asks every address of a bus, and setting up a drive changes it: both " +
-			"need the role operator."));
+		root.append(
+			element(
+				"p",
+				{ class: "panel" },
+				"A scan asks every address of a bus, and setting up a drive " +
+					"changes it: both " +
+					"need the role operator."
+			)
+		);
 		select.parentNode.hidden = true;
 		return;
 	}
@@ -400,9 +659,15 @@ export function show(root, context, busName) {
 		const names = [...context.plant.buses.keys()];
 		const before = select.value;
 
-		if (running || names.join("\n") === [...select.options].map((option) => option.value).join("\n"))
+		if (
+			running ||
+			names.join("\n") ===
+				[...select.options].map((option) => option.value).join("\n")
+		)
 			return;
-		select.replaceChildren(...names.map((name) => element("option", { value: name }, name)));
+		select.replaceChildren(
+			...names.map((name) => element("option", { value: name }, name))
+		);
 		if (names.includes(before || busName))
 			select.value = before || busName;
 		fillSpeeds();

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Values of drives at each cycle of their bus, as an oscilloscope shows them: from some time before a trigger on. What
- * `drivebridgectl record` writes into a file is what is seen here.
+ * Values of drives at each cycle of their bus, as an oscilloscope shows them: from some time before
+ * a trigger on. What `drivebridgectl record` writes into a file is what is seen here.
  */
 import { call, openStream } from "./api.js";
 import { createCapture, writeCsv } from "./capture.js";
@@ -13,7 +13,11 @@ import { RELATIONS, createTrigger } from "./trigger.js";
 
 export const title = "Oscilloscope";
 
-const MODES = { single: "single: one and then stop", normal: "normal: each trigger", auto: "auto: also without" };
+const MODES = {
+	single: "single: one and then stop",
+	normal: "normal: each trigger",
+	auto: "auto: also without"
+};
 const FIRST_NAMES = ["position", "velocity"];
 const SECONDS_MOST = 600;
 /* Data may come so much later than the time they are of. */
@@ -22,7 +26,10 @@ const DRAW_EVERY_MS = 100;
 
 let view = null;
 
-/* A drive and one of its values; `none` is the word for no drive. onChange() is called when another one is chosen. */
+/*
+ * A drive and one of its values; `none` is the word for no drive. onChange() is called when another
+ * one is chosen.
+ */
 function createChooser(context, { prefix, words, none, onChange }) {
 	const drive = element("select", { id: `${prefix}-drive` });
 	const value = element("select", { id: `${prefix}-value` });
@@ -38,19 +45,45 @@ function createChooser(context, { prefix, words, none, onChange }) {
 		value.disabled = true;
 		if (!name)
 			return;
-		const [known, { values }] = await Promise.all([context.registers(name), call("Read", { drive: name, names: [] })]);
+		const [known, { values }] = await Promise.all([
+			context.registers(name),
+			call("Read", { drive: name, names: [] })
+		]);
 
 		if (mine !== turn)
 			return;
 		const isNumber = (register) => register && register.type !== "text";
-		const options = (list) => list.map((register) => element("option", { value: register.name },
-			register.name + (register.unit ? ` [${register.unit}]` : "")));
+		const options = (list) =>
+			list.map((register) =>
+				element(
+					"option",
+					{ value: register.name },
+					register.name + (register.unit ? ` [${register.unit}]` : "")
+				)
+			);
 
 		registers = known;
-		value.append(element("optgroup", { label: "Process data" },
-			options(Object.keys(values).map((each) => known.get(each)).filter(isNumber))),
-		element("optgroup", { label: "Parameters" },
-			options([...known.values()].filter((register) => register.parameter && isNumber(register)))));
+		value.append(
+			element(
+				"optgroup",
+				{ label: "Process data" },
+				options(
+					Object.keys(values)
+						.map((each) => known.get(each))
+						.filter(isNumber)
+				)
+			),
+			element(
+				"optgroup",
+				{ label: "Parameters" },
+				options(
+					[...known.values()].filter(
+						(register) =>
+							register.parameter && isNumber(register)
+					)
+				)
+			)
+		);
 		value.disabled = false;
 		if (wanted && known.has(wanted))
 			value.value = wanted;
@@ -59,49 +92,132 @@ function createChooser(context, { prefix, words, none, onChange }) {
 	function fillDrives(wanted) {
 		const before = drive.value || wanted;
 
-		drive.replaceChildren(...none ? [element("option", { value: "" }, none)] : [],
-			...[...context.plant.drives.keys()].map((name) => element("option", { value: name }, name)));
+		drive.replaceChildren(
+			...(none ? [element("option", { value: "" }, none)] : []),
+			...[...context.plant.drives.keys()].map((name) =>
+				element("option", { value: name }, name)
+			)
+		);
 		if (context.plant.drives.has(before))
 			drive.value = before;
 	}
 
-	drive.addEventListener("change", () => fillValues(value.value).then(onChange, context.report));
+	drive.addEventListener("change", () =>
+		fillValues(value.value).then(onChange, context.report)
+	);
 	value.addEventListener("change", onChange);
 	return {
-		drive, value, fillDrives, fillValues,
+		drive,
+		value,
+		fillDrives,
+		fillValues,
 		register: () => registers.get(value.value),
-		fields: [element("label", { class: "field", for: drive.id }, words[0], drive),
-			element("label", { class: "field", for: value.id }, words[1], value)],
+		fields: [
+			element("label", { class: "field", for: drive.id }, words[0], drive),
+			element("label", { class: "field", for: value.id }, words[1], value)
+		]
 	};
 }
 
 function createView(root, context, driveName) {
 	const channels = [];
-	const add = createChooser(context, { prefix: "scope-add", words: ["Drive", "Value"], onChange() {} });
-	const source = createChooser(context, { prefix: "scope-trigger", words: ["Trigger", "Value"], none: "none: at once",
-		onChange: () => showCondition() });
-	const list = element("ul", { id: "scope-channels", class: "chips", "aria-label": "Values that are captured" });
+	const add = createChooser(context, {
+		prefix: "scope-add",
+		words: ["Drive", "Value"],
+		onChange() {}
+	});
+	const source = createChooser(context, {
+		prefix: "scope-trigger",
+		words: ["Trigger", "Value"],
+		none: "none: at once",
+		onChange: () => showCondition()
+	});
+	const list = element("ul", {
+		id: "scope-channels",
+		class: "chips",
+		"aria-label": "Values that are captured"
+	});
 	const addButton = element("button", { id: "scope-add", type: "button" }, "Add");
-	const relation = element("select", { id: "scope-relation" }, RELATIONS.map((sign, at) => element("option", { value: sign },
-		["is", "is not", "rises above", "falls below"][at])));
+	const relation = element(
+		"select",
+		{ id: "scope-relation" },
+		RELATIONS.map((sign, at) =>
+			element(
+				"option",
+				{ value: sign },
+				["is", "is not", "rises above", "falls below"][at]
+			)
+		)
+	);
 	const codes = element("datalist", { id: newId("codes") });
-	const limit = element("input", { id: "scope-limit", type: "text", autocomplete: "off", list: codes.id });
-	const mode = element("select", { id: "scope-mode" }, Object.entries(MODES).map(([value, words]) => element("option", { value }, words)));
-	const before = element("input", { id: "scope-before", type: "number", min: 0, max: SECONDS_MOST, step: "any", value: 0.5 });
-	const duration = element("input", { id: "scope-duration", type: "number", min: 0.01, max: SECONDS_MOST, step: "any", value: 2 });
-	const start = element("button", { id: "scope-start", class: "primary", type: "submit" }, "Start");
+	const limit = element("input", {
+		id: "scope-limit",
+		type: "text",
+		autocomplete: "off",
+		list: codes.id
+	});
+	const mode = element(
+		"select",
+		{ id: "scope-mode" },
+		Object.entries(MODES).map(([value, words]) => element("option", { value }, words))
+	);
+	const before = element("input", {
+		id: "scope-before",
+		type: "number",
+		min: 0,
+		max: SECONDS_MOST,
+		step: "any",
+		value: 0.5
+	});
+	const duration = element("input", {
+		id: "scope-duration",
+		type: "number",
+		min: 0.01,
+		max: SECONDS_MOST,
+		step: "any",
+		value: 2
+	});
+	const start = element(
+		"button",
+		{ id: "scope-start", class: "primary", type: "submit" },
+		"Start"
+	);
 	const stop = element("button", { id: "scope-stop", type: "button", hidden: true }, "Stop");
-	const save = element("button", { id: "scope-save", type: "button", disabled: true }, "Download as CSV");
+	const save = element(
+		"button",
+		{ id: "scope-save", type: "button", disabled: true },
+		"Download as CSV"
+	);
 	const problem = element("p", { id: "scope-problem", class: "problem", role: "alert" });
-	const said = element("p", { id: "scope-said", role: "status" }, "Choose values, and perhaps a trigger; then start.");
+	const said = element(
+		"p",
+		{ id: "scope-said", role: "status" },
+		"Choose values, and perhaps a trigger; then start."
+	);
 	const place = element("div");
-	const field = (words, input) => element("label", { class: "field", for: input.id }, words, input);
-	const conditions = [source.fields[1], field("Condition", relation), field("Value it waits for", limit)];
-	const form = element("form", { class: "panel scope-settings", "aria-label": "What is captured" },
+	const field = (words, input) =>
+		element("label", { class: "field", for: input.id }, words, input);
+	const conditions = [
+		source.fields[1],
+		field("Condition", relation),
+		field("Value it waits for", limit)
+	];
+	const form = element(
+		"form",
+		{ class: "panel scope-settings", "aria-label": "What is captured" },
 		element("div", { class: "toolbar filters" }, add.fields, addButton, list),
 		element("div", { class: "toolbar filters" }, source.fields[0], conditions, codes),
-		element("div", { class: "toolbar filters" }, field("Mode", mode), field("Before, s", before), field("Behind, s", duration),
-			start, stop, save));
+		element(
+			"div",
+			{ class: "toolbar filters" },
+			field("Mode", mode),
+			field("Before, s", before),
+			field("Behind, s", duration),
+			start,
+			stop,
+			save
+		)
+	);
 	let capture = null;
 	let captured = []; /* the channels of it */
 	let stream = null;
@@ -114,23 +230,39 @@ function createView(root, context, driveName) {
 	/* --- what is captured --- */
 
 	function showChannels() {
-		list.replaceChildren(...channels.map((channel, index) => {
-			const name = `${channel.drive}.${channel.name}`;
-			const button = element("button", { class: "quiet small", type: "button", "aria-label": `Leave out ${name}` }, icon("close"));
+		list.replaceChildren(
+			...channels.map((channel, index) => {
+				const name = `${channel.drive}.${channel.name}`;
+				const button = element(
+					"button",
+					{
+						class: "quiet small",
+						type: "button",
+						"aria-label": `Leave out ${name}`
+					},
+					icon("close")
+				);
 
-			button.addEventListener("click", () => {
-				channels.splice(index, 1);
-				showChannels();
-				addButton.focus();
-			});
-			return element("li", { class: "badge" }, name, button);
-		}));
+				button.addEventListener("click", () => {
+					channels.splice(index, 1);
+					showChannels();
+					addButton.focus();
+				});
+				return element("li", { class: "badge" }, name, button);
+			})
+		);
 		addButton.disabled = channels.length >= CHANNELS_MOST;
 	}
 
 	function addChannel(drive, register) {
-		if (!register || channels.length >= CHANNELS_MOST ||
-		    channels.some((channel) => channel.drive === drive && channel.name === register.name))
+		if (
+			!register ||
+			channels.length >= CHANNELS_MOST ||
+			channels.some(
+				(channel) =>
+					channel.drive === drive && channel.name === register.name
+			)
+		)
 			return;
 		channels.push({ drive, name: register.name, register });
 		showChannels();
@@ -143,9 +275,15 @@ function createView(root, context, driveName) {
 		conditions.forEach((each) => {
 			each.hidden = source.drive.value === "";
 		});
-		/* An oscilloscope without a trigger has nothing before it, and nothing to wait for. */
+		/*
+		 * An oscilloscope without a trigger has nothing before it, and nothing to wait for.
+		 */
 		before.disabled = mode.disabled = source.drive.value === "";
-		codes.replaceChildren(...Object.values(register?.codes ?? {}).map((name) => element("option", { value: bits ? name : inWords(name) })));
+		codes.replaceChildren(
+			...Object.values(register?.codes ?? {}).map((name) =>
+				element("option", { value: bits ? name : inWords(name) })
+			)
+		);
 		if (bits && relation.selectedIndex > 1)
 			relation.selectedIndex = 0;
 		relation.options[2].disabled = relation.options[3].disabled = bits;
@@ -153,7 +291,12 @@ function createView(root, context, driveName) {
 
 	/* null: what was chosen cannot be, and that is said. */
 	function readTrigger() {
-		const trigger = createTrigger(source.drive.value, source.register(), relation.value, limit.value);
+		const trigger = createTrigger(
+			source.drive.value,
+			source.register(),
+			relation.value,
+			limit.value
+		);
 
 		setText(problem, trigger.problem ?? "");
 		limit.setAttribute("aria-invalid", trigger.problem !== undefined);
@@ -177,8 +320,12 @@ function createView(root, context, driveName) {
 		end("");
 		setText(problem, "");
 		captured = [...channels];
-		capture = createCapture({ mode: triggered ? mode.value : "single", trigger,
-			beforeUs: triggered ? Number(before.value) * 1e6 : 0, durationUs: Number(duration.value) * 1e6 });
+		capture = createCapture({
+			mode: triggered ? mode.value : "single",
+			trigger,
+			beforeUs: triggered ? Number(before.value) * 1e6 : 0,
+			durationUs: Number(duration.value) * 1e6
+		});
 		capture.waitsFor = trigger?.words ?? "the first sample";
 		plot?.destroy();
 		plot = createCapturePlot(captured);
@@ -187,15 +334,22 @@ function createView(root, context, driveName) {
 
 		save.disabled = true;
 		ending = "";
-		stream = openStream("Subscribe", { drives: [...new Set(wanted.map((each) => each.drive))],
-			names: [...new Set(wanted.map((each) => each.name))], interval_ms: 0 }, {
-			once: true,
-			onData: take,
-			onState(state, error) {
-				if (state === "failed")
-					end(`It came to an end: ${error.message}.`);
+		stream = openStream(
+			"Subscribe",
+			{
+				drives: [...new Set(wanted.map((each) => each.drive))],
+				names: [...new Set(wanted.map((each) => each.name))],
+				interval_ms: 0
 			},
-		});
+			{
+				once: true,
+				onData: take,
+				onState(state, error) {
+					if (state === "failed")
+						end(`It came to an end: ${error.message}.`);
+				}
+			}
+		);
 		showState();
 	}
 
@@ -222,7 +376,10 @@ function createView(root, context, driveName) {
 
 	function frame(now) {
 		/* Drives that fall silent have no times any more. */
-		if (capture?.state === "triggered" && now - triggeredAt > Number(duration.value) * 1000 + GRACE_MS)
+		if (
+			capture?.state === "triggered" &&
+			now - triggeredAt > Number(duration.value) * 1000 + GRACE_MS
+		)
 			dirty = capture.flush() || dirty;
 		if (now - drawnAt < DRAW_EVERY_MS)
 			return;
@@ -239,13 +396,27 @@ function createView(root, context, driveName) {
 		if (!capture)
 			return;
 		const { shown, count, lost, state } = capture;
-		const words = { waiting: `Waits for ${capture.waitsFor}.`, triggered: `${capture.waitsFor} came.`,
-			stopped: ending || (count === 0 ? `Stopped; ${capture.waitsFor} did not come.` : "Stopped.") }[state];
+		const words = {
+			waiting: `Waits for ${capture.waitsFor}.`,
+			triggered: `${capture.waitsFor} came.`,
+			stopped:
+				ending ||
+				(count === 0
+					? `Stopped; ${capture.waitsFor} did not come.`
+					: "Stopped.")
+		}[state];
 
 		start.hidden = state !== "stopped";
 		stop.hidden = !start.hidden;
-		setText(said, words + (shown ? ` ${count > 1 ? `Capture ${count}: ` : ""}${shown.rows.length} samples` +
-			`${shown.triggered ? "" : " without a trigger"}${shown.cut ? ", more were cut off" : ""}, ${lost} lost.` : ""));
+		setText(
+			said,
+			words +
+				(shown
+					? " " +
+						`${count > 1 ? `Capture ${count}: ` : ""}${shown.rows.length} samples` +
+						`${shown.triggered ? "" : " without a trigger"}${shown.cut ? ", more were cut off" : ""}, ${lost} lost.`
+					: "")
+		);
 	}
 
 	addButton.addEventListener("click", () => addChannel(add.drive.value, add.register()));
@@ -253,13 +424,23 @@ function createView(root, context, driveName) {
 		end("");
 		start.focus();
 	});
-	save.addEventListener("click", () => saveFile(`capture-${nameTime()}.csv`, [writeCsv(capture.shown, captured)], "text/csv"));
+	save.addEventListener("click", () =>
+		saveFile(
+			`capture-${nameTime()}.csv`,
+			[writeCsv(capture.shown, captured)],
+			"text/csv"
+		)
+	);
 	form.addEventListener("submit", (event) => {
 		event.preventDefault();
 		begin();
 	});
-	root.append(element("div", { class: "view-head" }, element("h1", {}, "Oscilloscope")), form, problem,
-		element("section", { class: "panel", "aria-label": "Capture" }, said, place));
+	root.append(
+		element("div", { class: "view-head" }, element("h1", {}, "Oscilloscope")),
+		form,
+		problem,
+		element("section", { class: "panel", "aria-label": "Capture" }, said, place)
+	);
 	context.on("frame", frame);
 
 	/* With what is looked at first, unless something is chosen already. */
@@ -282,7 +463,7 @@ function createView(root, context, driveName) {
 		close() {
 			stream?.close();
 			plot?.destroy();
-		},
+		}
 	};
 }
 

@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a bus carries, frame by frame and in words: now, in the last seconds, or as it was kept when there was trouble. */
+/*
+ * What a bus carries, frame by frame and in words: now, in the last seconds, or as it was kept when
+ * there was trouble.
+ */
 import { call, openStream } from "./api.js";
 import { element, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
@@ -15,7 +18,7 @@ export const title = "Trace";
 const KINDS = {
 	Sent: ["stop", "poll", "identify", "probe", "command", "broadcast"],
 	Received: ["answer", "part", "report", "late", "stray", "bad", "foreign", "garbage"],
-	Neither: ["unanswered", "event"],
+	Neither: ["unanswered", "event"]
 };
 const RECORDS_MOST = 20000;
 const LOOK_FOR_KEPT_MS = 5000;
@@ -27,13 +30,24 @@ let timer = 0;
 function writeText(bus, entries) {
 	const first = entries.find((entry) => entry.record);
 
-	return [first ? writeHead(bus, first.time_us) : "", ...entries.map((entry) => entry.record ?
-		writeLine(entry.record, entry.words) : `# ${entry.missing} records are missing here\n`)];
+	return [
+		first ? writeHead(bus, first.time_us) : "",
+		...entries.map((entry) =>
+			entry.record
+				? writeLine(entry.record, entry.words)
+				: `# ${entry.missing} records are missing here\n`
+		)
+	];
 }
 
 /* What happened between two frames goes into the comment of the next. */
 function writeCapture(bus, entries) {
-	const parts = [beginPcapng(bus.name, `${bus.device} at ${bus.speed} bit/s, bus ${bus.name} of drivebridge`)];
+	const parts = [
+		beginPcapng(
+			bus.name,
+			`${bus.device} at ${bus.speed} bit/s, bus ${bus.name} of drivebridge`
+		)
+	];
 	let comments = [];
 	let missing = 0;
 
@@ -67,19 +81,64 @@ export function show(root, context, busName, keptNumber) {
 	const bus = createChoice("trace-bus", "Bus", []);
 	const source = createChoice("trace-source", "From", []);
 	const drive = createChoice("trace-drive", "Drive", []);
-	const kind = createChoice("trace-kind", "Kind", [element("option", { value: "" }, "all"),
-		...Object.entries(KINDS).map(([group, names]) => element("optgroup", { label: group }, createOptions(names)))]);
-	const search = element("input", { id: "trace-search", type: "search", autocomplete: "off" });
-	const pause = element("button", { id: "trace-pause", type: "button", "aria-pressed": "false" }, "Pause");
+	const kind = createChoice("trace-kind", "Kind", [
+		element("option", { value: "" }, "all"),
+		...Object.entries(KINDS).map(([group, names]) =>
+			element("optgroup", { label: group }, createOptions(names))
+		)
+	]);
+	const search = element("input", {
+		id: "trace-search",
+		type: "search",
+		autocomplete: "off"
+	});
+	const pause = element(
+		"button",
+		{ id: "trace-pause", type: "button", "aria-pressed": "false" },
+		"Pause"
+	);
 	const clear = element("button", { id: "trace-clear", type: "button" }, "Clear");
 	const save = element("button", { id: "trace-save", type: "button" }, "Download as text");
-	const savePcapng = element("button", { id: "trace-save-pcapng", type: "button" }, "Download as pcapng");
+	const savePcapng = element(
+		"button",
+		{ id: "trace-save-pcapng", type: "button" },
+		"Download as pcapng"
+	);
 	const keptBody = element("tbody");
-	const keptPanel = element("section", { class: "panel", "aria-labelledby": "trace-kept-title" },
+	const keptPanel = element(
+		"section",
+		{ class: "panel", "aria-labelledby": "trace-kept-title" },
 		element("h2", { id: "trace-kept-title" }, "Kept when there was trouble"),
-		element("div", { class: "table-frame" }, element("table", { id: "trace-kept" },
-			element("thead", {}, element("tr", {}, ["Number", "When", "Bus", "Drive", "Event", ""].map((head) =>
-				head ? element("th", { scope: "col" }, head) : element("td")))), keptBody)));
+		element(
+			"div",
+			{ class: "table-frame" },
+			element(
+				"table",
+				{ id: "trace-kept" },
+				element(
+					"thead",
+					{},
+					element(
+						"tr",
+						{},
+						["Number", "When", "Bus", "Drive", "Event", ""].map(
+							(head) =>
+								head
+									? element(
+											"th",
+											{
+												scope: "col"
+											},
+											head
+										)
+									: element("td")
+						)
+					)
+				),
+				keptBody
+			)
+		)
+	);
 	let kept = [];
 	let ended = false;
 	let asked = keptNumber ?? ""; /* a kept trace that the address of this page names */
@@ -91,16 +150,31 @@ export function show(root, context, busName, keptNumber) {
 		kind: (entry) => entry.kind,
 		columns: [
 			{ title: "Time", text: (entry) => writeClock(entry.time_us, 6) },
-			{ title: element("span", { class: "hidden-label" }, "Direction"), text: (entry) => entry.record ? writeSign(entry.record) : "" },
+			{
+				title: element("span", { class: "hidden-label" }, "Direction"),
+				text: (entry) => (entry.record ? writeSign(entry.record) : "")
+			},
 			{ title: "Kind", text: (entry) => entry.kind },
-			{ title: "Words", text: (entry) => entry.words ?? `${entry.missing} records are missing here` },
-			{ title: "Bytes", text: (entry) => entry.record ? readBytes(entry.record) : "" },
+			{
+				title: "Words",
+				text: (entry) =>
+					entry.words ?? `${entry.missing} records are missing here`
+			},
+			{
+				title: "Bytes",
+				text: (entry) => (entry.record ? readBytes(entry.record) : "")
+			}
 		],
 		onDraw({ all, shown, waiting }) {
-			setText(counts, `${shown.length} of ${all.length} records` +
-				(waiting.length > 0 ? `, ${waiting.length} more since the pause` : "") +
-				(ended ? "; all that was kept" : ""));
-		},
+			setText(
+				counts,
+				`${shown.length} of ${all.length} records` +
+					(waiting.length > 0
+						? `, ${waiting.length} more since the pause`
+						: "") +
+					(ended ? "; all that was kept" : "")
+			);
+		}
 	});
 
 	function describeBus() {
@@ -110,10 +184,20 @@ export function show(root, context, busName, keptNumber) {
 	function applyFilter() {
 		const wanted = search.value.trim().toLowerCase();
 
-		rows.filter(({ record, kind: own, words }) =>
-			(!kind.select.value || own === kind.select.value || own === "missing") &&
-			(!drive.select.value || !record || record.drive === drive.select.value) &&
-			(!wanted || (record && `${words} ${readBytes(record)}`.toLowerCase().includes(wanted))));
+		rows.filter(
+			({ record, kind: own, words }) =>
+				(!kind.select.value ||
+					own === kind.select.value ||
+					own === "missing") &&
+				(!drive.select.value ||
+					!record ||
+					record.drive === drive.select.value) &&
+				(!wanted ||
+					(record &&
+						`${words} ${readBytes(record)}`
+							.toLowerCase()
+							.includes(wanted)))
+		);
 	}
 
 	function open() {
@@ -130,31 +214,49 @@ export function show(root, context, busName, keptNumber) {
 		const take = createIntake();
 
 		savePcapng.hidden = !description.can;
-		drive.select.replaceChildren(element("option", { value: "" }, "all"), ...createOptions(description.drives));
+		drive.select.replaceChildren(
+			element("option", { value: "" }, "all"),
+			...createOptions(description.drives)
+		);
 		applyFilter();
-		stream = openStream("Trace", number > 0 ? { bus: description.name, kept: number } :
-			{ bus: description.name, past: source.select.value === "past" }, {
-			onData: (answer) => rows.add(take(answer)),
-			onState(state, error) {
-				ended ||= state === "ended";
-				if (state === "failed")
-					setText(problem, error.message);
-			},
-			once: number > 0,
-		});
+		stream = openStream(
+			"Trace",
+			number > 0
+				? { bus: description.name, kept: number }
+				: { bus: description.name, past: source.select.value === "past" },
+			{
+				onData: (answer) => rows.add(take(answer)),
+				onState(state, error) {
+					ended ||= state === "ended";
+					if (state === "failed")
+						setText(problem, error.message);
+				},
+				once: number > 0
+			}
+		);
 	}
 
 	/* What is chosen stays there, also a trace that is not kept any more. */
 	function fillSources(value) {
 		const own = kept.filter((one) => one.bus === bus.select.value);
 
-		source.select.replaceChildren(element("option", { value: "past" }, "the last seconds on"),
+		source.select.replaceChildren(
+			element("option", { value: "past" }, "the last seconds on"),
 			element("option", { value: "live" }, "now on"),
-			...own.map((one) => element("option", { value: one.number },
-				`kept ${one.number}: ${one.drive ? `${one.drive}, ` : ""}${one.event}`)));
+			...own.map((one) =>
+				element(
+					"option",
+					{ value: one.number },
+					`kept ${one.number}: ` +
+						`${one.drive ? `${one.drive}, ` : ""}${one.event}`
+				)
+			)
+		);
 		source.select.value = value;
 		if (source.select.selectedIndex < 0) {
-			source.select.append(element("option", { value }, `kept ${value}, not any more`));
+			source.select.append(
+				element("option", { value }, `kept ${value}, not any more`)
+			);
 			source.select.value = value;
 		}
 	}
@@ -178,14 +280,34 @@ export function show(root, context, busName, keptNumber) {
 
 	function showKept() {
 		keptPanel.hidden = kept.length === 0;
-		keptBody.replaceChildren(...kept.toReversed().map((one) => {
-			const button = element("button", { class: "small", type: "button",
-				"aria-label": `Show trace ${one.number}`, disabled: !context.plant.buses.has(one.bus) }, "Show");
+		keptBody.replaceChildren(
+			...kept.toReversed().map((one) => {
+				const button = element(
+					"button",
+					{
+						class: "small",
+						type: "button",
+						"aria-label": `Show trace ${one.number}`,
+						disabled: !context.plant.buses.has(one.bus)
+					},
+					"Show"
+				);
 
-			button.addEventListener("click", () => chooseKept(one));
-			return element("tr", {}, [one.number, formatTime(one.time_us), one.bus, one.drive ?? "", one.event]
-				.map((text) => element("td", {}, String(text))), element("td", {}, button));
-		}));
+				button.addEventListener("click", () => chooseKept(one));
+				return element(
+					"tr",
+					{},
+					[
+						one.number,
+						formatTime(one.time_us),
+						one.bus,
+						one.drive ?? "",
+						one.event
+					].map((text) => element("td", {}, String(text))),
+					element("td", {}, button)
+				);
+			})
+		);
 	}
 
 	/* There is no stream of them. */
@@ -225,18 +347,44 @@ export function show(root, context, busName, keptNumber) {
 		pause.setAttribute("aria-pressed", rows.list.paused);
 	});
 	clear.addEventListener("click", () => rows.clear());
-	save.addEventListener("click", () => saveFile(`trace-${bus.select.value}-${nameTime()}.txt`,
-		writeText(describeBus(), [...rows.list.all, ...rows.list.waiting])));
-	savePcapng.addEventListener("click", () => saveFile(`trace-${bus.select.value}-${nameTime()}.pcapng`,
-		writeCapture(describeBus(), [...rows.list.all, ...rows.list.waiting]), "application/octet-stream"));
-	root.append(element("div", { class: "view-head" }, element("h1", {}, "Trace"), counts),
-		element("div", { class: "panel toolbar filters" }, bus.field, source.field, drive.field, kind.field,
-			element("label", { class: "field", for: "trace-search" }, "Text", search), pause, clear, save, savePcapng),
-		problem, rows.node, keptPanel);
+	save.addEventListener("click", () =>
+		saveFile(
+			`trace-${bus.select.value}-${nameTime()}.txt`,
+			writeText(describeBus(), [...rows.list.all, ...rows.list.waiting])
+		)
+	);
+	savePcapng.addEventListener("click", () =>
+		saveFile(
+			`trace-${bus.select.value}-${nameTime()}.pcapng`,
+			writeCapture(describeBus(), [...rows.list.all, ...rows.list.waiting]),
+			"application/octet-stream"
+		)
+	);
+	root.append(
+		element("div", { class: "view-head" }, element("h1", {}, "Trace"), counts),
+		element(
+			"div",
+			{ class: "panel toolbar filters" },
+			bus.field,
+			source.field,
+			drive.field,
+			kind.field,
+			element("label", { class: "field", for: "trace-search" }, "Text", search),
+			pause,
+			clear,
+			save,
+			savePcapng
+		),
+		problem,
+		rows.node,
+		keptPanel
+	);
 	keptPanel.hidden = true;
 	fillBuses();
 	context.on("describe", () => {
-		const before = JSON.stringify([...bus.select.options].map((option) => option.value));
+		const before = JSON.stringify(
+			[...bus.select.options].map((option) => option.value)
+		);
 
 		if (before !== JSON.stringify([...context.plant.buses.keys()]))
 			fillBuses();

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Records of a trace in words, and the lines of drivebridgectl, which drivebridge-sim --replay takes: as
- * src/ctl/trace_text.c. Pure, but for the time zone.
+ * Records of a trace in words, and the lines of drivebridgectl, which drivebridge-sim --replay
+ * takes: as src/ctl/trace_text.c. Pure, but for the time zone.
  */
 import { cleanText, writeClock, writeDay, writeZone } from "./plain.js";
 
@@ -28,8 +28,8 @@ function writeWho(record) {
 }
 
 /*
- * Knows the latest questions, so that an answer can say how long it took: take(record) is WHO: WORDS, of each record
- * once and in their order.
+ * Knows the latest questions, so that an answer can say how long it took: take(record) is WHO:
+ * WORDS, of each record once and in their order.
  */
 export function createQuestions() {
 	const asked = new Map();
@@ -47,16 +47,20 @@ export function createQuestions() {
 		}
 		if (record.kind !== "unanswered")
 			return `${who}${who ? ": " : ""}${words}${question ? ` (${ms} ms)` : ""}`;
-		return question ? `${question.who}${question.who ? ": " : ""}no answer to "${question.words}" ` +
-			`within ${ms} ms` : "no answer";
+		return question
+			? `${question.who}${question.who ? ": " : ""}no answer to ` +
+				`"${question.words}" ` +
+					`within ${ms} ms`
+			: "no answer";
 	}
 
 	return { take };
 }
 
 /*
- * Records with their words; what is missing before one is an entry of its own, { missing: so many }. A connection that
- * was lost and is back tells again what is there, and a service that was restarted counts from the beginning. Pure.
+ * Records with their words; what is missing before one is an entry of its own, { missing: so many
+ * }. A connection that was lost and is back tells again what is there, and a service that was
+ * restarted counts from the beginning. Pure.
  */
 export function createIntake() {
 	const questions = createQuestions();
@@ -77,7 +81,12 @@ export function createIntake() {
 			missing = 0;
 			({ number } = record);
 			latestUs = Math.max(latestUs, record.time_us);
-			entries.push({ record, kind: record.kind, time_us: record.time_us, words: questions.take(record) });
+			entries.push({
+				record,
+				kind: record.kind,
+				time_us: record.time_us,
+				words: questions.take(record)
+			});
 		}
 		return entries;
 	};
@@ -92,20 +101,31 @@ export function readBytes(record) {
 	const long = (record.id & (ID_EXTENDED | ID_ERROR)) !== 0;
 	const id = (record.id & ~(ID_EXTENDED | ID_REMOTE)) >>> 0;
 
-	return `${id.toString(16).toUpperCase().padStart(long ? 8 : 3, "0")}#` +
-		`${record.id & ID_REMOTE ? "R" : ""}${record.data}`;
+	return (
+		`${id
+			.toString(16)
+			.toUpperCase()
+			.padStart(long ? 8 : 3, "0")}#` +
+		`${record.id & ID_REMOTE ? "R" : ""}${record.data}`
+	);
 }
 
 /* Three lines of comment: whose trace it is, and of which day. */
 export function writeHead(bus, timeUs) {
-	return `# drivebridge trace\n# bus ${bus.name}: ${bus.protocol}, ${bus.device} at ${bus.speed} bit/s\n` +
-		`# ${writeDay(timeUs)}, time of day at UTC ${writeZone(timeUs)}\n`;
+	return (
+		`# drivebridge trace\n# bus ${bus.name}: ${bus.protocol}, ${bus.device} at ` +
+			`${bus.speed} bit/s\n` +
+		`# ${writeDay(timeUs)}, time of day at UTC ${writeZone(timeUs)}\n`
+	);
 }
 
 /* TIME DIRECTION KIND WHO: WORDS | BYTES */
 export function writeLine(record, words) {
 	const bytes = readBytes(record);
 
-	return `${writeClock(record.time_us, 6)} ${writeSign(record)} ${record.kind.padEnd(10)} ${words}` +
-		`${typeof record.data === "string" ? ` | ${bytes}` : ""}\n`;
+	return (
+		`${writeClock(record.time_us, 6)} ${writeSign(record)} ` +
+			`${record.kind.padEnd(10)} ${words}` +
+		`${typeof record.data === "string" ? ` | ${bytes}` : ""}\n`
+	);
 }

@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a capture waits for: a state that is entered, a value that crosses another, an edge of a bit. It comes when the
- * condition becomes true behind a sample in which it was not. As src/ctl/trigger.c. Pure.
+ * What a capture waits for: a state that is entered, a value that crosses another, an edge of a
+ * bit. It comes when the condition becomes true behind a sample in which it was not. As
+ * src/ctl/trigger.c. Pure.
  */
 import { hasBits, parseValue } from "./format.js";
 
 export const RELATIONS = ["=", "!=", ">", "<"];
 
 /*
- * The condition on this register of a drive, with a value as somebody typed it: { drive, name, words, take(values) },
- * or { problem } in words.
+ * The condition on this register of a drive, with a value as somebody typed it: { drive, name,
+ * words, take(values) }, or { problem } in words.
  */
 export function createTrigger(drive, register, relation, typed) {
 	const bits = hasBits(register);
@@ -27,10 +28,14 @@ export function createTrigger(drive, register, relation, typed) {
 	function isMet(number) {
 		const equal = bits ? (number & limit) >>> 0 === limit : number === limit;
 
-		return { "=": equal, "!=": !equal, ">": number > limit, "<": number < limit }[relation];
+		return { "=": equal, "!=": !equal, ">": number > limit, "<": number < limit }[
+			relation
+		];
 	}
 
-	/* Of a sample of its drive: whether it comes with it. What is not known counts as not met. */
+	/*
+	 * Of a sample of its drive: whether it comes with it. What is not known counts as not met.
+	 */
 	function take(values) {
 		const now = values[register.name];
 
@@ -43,5 +48,10 @@ export function createTrigger(drive, register, relation, typed) {
 		return comes;
 	}
 
-	return { drive, name: register.name, words: `${drive}.${register.name}${relation}${typed.trim()}`, take };
+	return {
+		drive,
+		name: register.name,
+		words: `${drive}.${register.name}${relation}${typed.trim()}`,
+		take
+	};
 }
