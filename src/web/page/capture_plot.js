@@ -2,7 +2,7 @@
 /* A whole capture as a picture, with two cursors to measure between. */
 import { readColumns } from "./capture.js";
 import { element, newId, setText } from "./dom.js";
-import { NONE, formatFixed, formatReal, formatValue, hasBits } from "./format.js";
+import { NONE, formatFixed, formatReal, formatWithUnit, hasBits } from "./format.js";
 import { DASHES, createSwatch, readColour } from "./plot_line.js";
 
 export const CHANNELS_MOST = DASHES.length;
@@ -150,12 +150,12 @@ export function createCapturePlot(channels) {
 	function showCursors() {
 		const times = [timeOf(0), timeOf(1)];
 		const apart = times[1] - times[0];
+		const rate = apart === 0 ? null : Number((1 / Math.abs(apart)).toPrecision(4));
 
 		[
 			`${formatFixed(times[0], 4)} s`,
 			`${formatFixed(times[1], 4)} s`,
-			`${formatFixed(apart, 4)} ` +
-				`s${apart !== 0 ? `, ${formatReal(Number((1 / Math.abs(apart)).toPrecision(4)))} Hz` : ""}`
+			`${formatFixed(apart, 4)} s${rate === null ? "" : `, ${formatReal(rate)} Hz`}`
 		].forEach((text, at) => setText(timeRow.cells[at + 2], text));
 		times.forEach((time, at) =>
 			sliders[at].setAttribute("aria-valuetext", `${time.toFixed(4)} seconds`)
@@ -164,15 +164,11 @@ export function createCapturePlot(channels) {
 			const values = times.map((time) =>
 				findValue(data[0], data[index + 1], time)
 			);
-			const words = values.map((value) =>
-				Object.values(formatValue(register, value)).join(" ").trim()
-			);
+			const words = values.map((value) => formatWithUnit(register, value));
 			const counts =
 				values.includes(null) || hasBits(register) || register.codes
 					? NONE
-					: Object.values(
-							formatValue(register, values[1] - values[0])
-						).join(" ");
+					: formatWithUnit(register, values[1] - values[0]);
 
 			[...words, counts].forEach((text, at) =>
 				setText(rows[index].cells[at + 2], text)

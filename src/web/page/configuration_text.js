@@ -34,7 +34,7 @@ function writeDrive(bus, find, names, units) {
 	names.add(name);
 	return (
 		`drive ${name} {${find.identity ? `    # ${cleanText(find.identity)}` : ""}\n   ` +
-			` bus = ${bus.name}\n` +
+		` bus = ${bus.name}\n` +
 		(find.address > 0 ? `    address = ${find.address}\n` : "") +
 		(bus.protocol === "xyza"
 			? "    axis = x    # and a drive each for y, z and a, as far as it has " +
@@ -58,7 +58,7 @@ export function writeSections(bus, finds, drives) {
 		if (find.speed !== told && find.speed !== bus.speed)
 			text +=
 				`# at ${find.speed} bit/s, while bus ${bus.name} is set to ` +
-					`${bus.speed}: all drives of a bus ` +
+				`${bus.speed}: all drives of a bus ` +
 				`and its ${nameSpeedKey(bus)} must be the same\n`;
 		told = find.speed;
 		text += writeDrive(bus, find, names, units);

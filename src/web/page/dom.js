@@ -60,3 +60,8 @@ let lastId = 0;
 
 /* For labels and what they are for. */
 export function newId(prefix) { return `${prefix}-${++lastId}`; }
+
+/* A control, which has an id, below its label; `place` is a class such as inline: beside it. */
+export function createField(words, control, place = "") {
+	return element("label", { class: `field ${place}`.trim(), for: control.id }, words, control);
+}

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The log: what happened lately, and what happens. */
 import { openStream } from "./api.js";
-import { element, setText } from "./dom.js";
+import { createField, element, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
 import { createLongList } from "./long_list.js";
 import { cleanText, writeClock, writeDay } from "./plain.js";
@@ -43,7 +43,7 @@ function createSelect(id, label, choices, onChange) {
 	);
 
 	select.addEventListener("change", onChange);
-	return { select, field: element("label", { class: "field", for: id }, label, select) };
+	return { select, field: createField(label, select) };
 }
 
 export function show(root, context, driveName) {
@@ -168,7 +168,7 @@ export function show(root, context, driveName) {
 			level.field,
 			bus.field,
 			drive.field,
-			element("label", { class: "field", for: "events-search" }, "Text", search),
+			createField("Text", search),
 			pause,
 			save
 		),

@@ -114,6 +114,13 @@ export function formatValue(register, value, unitName = "") {
 	};
 }
 
+/* The same as one text: "3200 counts". */
+export function formatWithUnit(register, value, unitName = "") {
+	const { text, unit } = formatValue(register, value, unitName);
+
+	return unit ? `${text} ${unit}` : text;
+}
+
 /* In milliseconds; "never" of what was never read. */
 export function formatAge(ms) {
 	if (typeof ms !== "number" || ms >= NEVER)

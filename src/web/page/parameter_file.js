@@ -67,7 +67,7 @@ export function writeParameters(set) {
 			value === null
 				? `\t# ${register.name}: the drive does not tell it: ${about}`
 				: `\t${register.name.padEnd(width)} = ` +
-					`${writeNumber(value).padEnd(10)} # ${about}`
+						`${writeNumber(value).padEnd(10)} # ${about}`
 		);
 	}
 	lines.push("}", "", "end", "");
@@ -190,7 +190,7 @@ function createTokens(text) {
 				tokens.type === "end"
 					? `the file ends too early; expected ${expected}`
 					: `'${value.slice(0, 40)}' cannot stand here; expected ` +
-						`${expected}`
+							`${expected}`
 			);
 		tokens.read();
 		return value;

@@ -17,12 +17,6 @@ export function writeTyped(register, value) {
 	return inWords(codeName(register, value)) || writeNumber(value);
 }
 
-function writeWithUnit(register, value) {
-	const { text, unit } = formatValue(register, value);
-
-	return unit ? `${text} ${unit}` : text;
-}
-
 /* Why a parameter is not changed here; "" when it can be. */
 function explainFixed(register) {
 	if (hasTrait(register, "action"))
@@ -171,8 +165,7 @@ export function createParameterTable({ registers, mayEdit, onEdit }) {
 				(edit
 					? hasTrait(register, "secret")
 						? "changed"
-						: "changed, was " +
-							`${held === null ? "not told" : writeWithUnit(register, held)}`
+						: `changed, was ${formatWithUnit(register, held)}`
 					: fixed)
 		);
 		note.classList.toggle("problem", edit?.problem !== undefined);
@@ -186,7 +179,7 @@ export function createParameterTable({ registers, mayEdit, onEdit }) {
 				value,
 				hasTrait(register, "secret") || hasTrait(register, "action")
 					? ""
-					: writeWithUnit(register, held)
+					: formatWithUnit(register, held)
 			);
 		}
 		const compared = state.beside !== null && isKept(register);
@@ -195,7 +188,7 @@ export function createParameterTable({ registers, mayEdit, onEdit }) {
 		setText(
 			beside,
 			compared
-				? writeWithUnit(register, valueOf(state.beside, register.name))
+				? formatWithUnit(register, valueOf(state.beside, register.name))
 				: ""
 		);
 		beside.classList.toggle("differs", differs);

@@ -3,7 +3,7 @@
  * Parameters into a drive, one after the other, each read back: as src/ctl/params_restore.c does
  * it. No I/O of its own.
  */
-import { formatValue } from "./format.js";
+import { formatWithUnit } from "./format.js";
 import { agree, hasTrait } from "./parameter_set.js";
 
 /*
@@ -59,8 +59,7 @@ export async function writeParametersInto(drive, plan, wanted, { call, report, i
 			} else if (!agree({ values: held }, { values: wanted }, register)) {
 				fail(
 					register,
-					"the drive shows " +
-						`${Object.values(formatValue(register, value)).join(" ").trim()}`
+					`the drive shows ${formatWithUnit(register, value)}`
 				);
 				continue;
 			} else {

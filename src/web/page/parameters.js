@@ -1,23 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A drive's parameters: what they are, how they differ from another drive, a file or the vendor's
- * defaults, and changing them. Nothing is written before somebody looked at it and said so.
+ * A drive's parameters: what they are, how they differ from others, and changing them. Nothing is
+ * written before somebody looked at it and said so.
  */
 import { call } from "./api.js";
-import { element, icon, setText } from "./dom.js";
+import { createField, element, icon, setText } from "./dom.js";
 import { saveFile } from "./file_transfer.js";
-import { formatTime, formatValue, hasBit, parseValue } from "./format.js";
-import { FILE_MAX, readParameters, writeParameters } from "./parameter_file.js";
-import {
-	DEFAULTS,
-	agree,
-	compare,
-	hasTrait,
-	isKept,
-	planWrites,
-	takeDefaults,
-	valueOf
-} from "./parameter_set.js";
+import { formatTime, formatWithUnit, hasBit, parseValue } from "./format.js";
+import { createBeside, listNames, readSet } from "./parameter_beside.js";
+import { writeParameters } from "./parameter_file.js";
+import { agree, hasTrait, isKept, planWrites, valueOf } from "./parameter_set.js";
 import { createParameterTable, writeTyped } from "./parameter_table.js";
 import { writeParametersInto } from "./parameter_write.js";
 import { askUser } from "./question.js";
@@ -35,41 +27,6 @@ const drafts = new Map();
 
 let view = null;
 
-function findFamily(context, name) {
-	const drive = context.plant.drives.get(name);
-
-	return context.plant.buses.get(drive?.bus)?.description.protocol ?? "";
-}
-
-/* The set of a drive, with `moves`; rejects in words when it is not known. */
-async function readSet(context, name) {
-	const known = await context.registers(name);
-	const registers = [...known.values()].filter((register) => register.parameter);
-	const { values, missing } = await call("Read", {
-		drive: name,
-		names: ["status", "identity", ...registers.map((register) => register.name)]
-	});
-
-	if (!hasBit(known.get("status"), values.status, "params_valid"))
-		throw new Error(
-			`the parameters of ${name} are not known now; the overview says what it ` +
-				"needs"
-		);
-	return {
-		name,
-		family: findFamily(context, name),
-		identity: values.identity ?? "",
-		registers,
-		values,
-		missing,
-		moves: hasBit(known.get("status"), values.status, "moving")
-	};
-}
-
-function listNames(registers) {
-	return registers.map((register) => register.name).join(", ");
-}
-
 function createButton(id, words, onClick, properties = {}) {
 	const button = element(
 		"button",
@@ -81,21 +38,96 @@ function createButton(id, words, onClick, properties = {}) {
 	return button;
 }
 
-/* Everything of one drive; ended by close(). */
+/* --- a file --- */
+
+async function backUp(context, drive) {
+	try {
+		const set = await readSet(context, drive);
+		const untold = set.registers.filter(
+			(register) =>
+				isKept(register) &&
+				valueOf(set, register.name) === null &&
+				!set.missing.includes(register.name)
+		);
+
+		saveFile(`${drive}.params`, [writeParameters(set)]);
+		if (untold.length > 0)
+			context.notify(`${drive} does not have or tell ${listNames(untold)}`);
+		if (set.missing.length > 0)
+			context.notify(
+				`${drive} should have told ${set.missing.join(", ")}, and did not`,
+				"warning"
+			);
+	} catch (error) {
+		context.report(error);
+	}
+}
+
+/* --- what came of writing --- */
+
+/*
+ * A value that was written may have been changed by one behind it, or change others. Adds the first
+ * to `failed`, a Map of name to reason, and returns the others in words.
+ */
+function compareAfter({ before, after, wanted, written, failed }) {
+	const others = [];
+
+	for (const register of after.registers.filter(isKept)) {
+		const shows = `the drive shows ${formatWithUnit(register, valueOf(after, register.name))} now`;
+
+		if (written.includes(register.name) && !agree(after, { values: wanted }, register))
+			failed.set(register.name, shows);
+		else if (!(register.name in wanted) && !agree(after, before, register))
+			others.push(`${register.name}: ${shows}`);
+	}
+	return others;
+}
+
+function createReport({ drive, canSave, written, failed, over, others }) {
+	const count = written.filter((name) => !failed.has(name)).length;
+	const words = `${drive}: ${count} written${failed.size > 0 ? `, ${failed.size} not` : ""}`;
+	const next = canSave
+		? "Not saved in the drive yet: Save into the drive does that."
+		: `${drive} has no save_parameters: what is written is all there is.`;
+
+	return {
+		words,
+		node: element(
+			"div",
+			{},
+			element("h2", {}, words),
+			over
+				? element(
+						"p",
+						{},
+						`It came to an end: ${over}. What is left ` +
+							"stands in the table: Write goes on " +
+							"with it."
+					)
+				: null,
+			element(
+				"ul",
+				{},
+				[...failed].map(([name, reason]) =>
+					element("li", { class: "problem" }, `${name}: ${reason}`)
+				),
+				others.map((text) =>
+					element("li", {}, `changed with them: ${text}`)
+				)
+			),
+			count > 0 ? element("p", { class: "muted" }, next) : null
+		)
+	};
+}
+
+/* --- one drive --- */
+
+/* Shown in root until close(). */
 function createView(root, context, drive) {
 	const mayAct = context.mayAct();
 	const draft = (mayAct && drafts.get(drive)) || { edits: new Map(), from: "" };
 	const { edits } = draft;
-	let held = null;
-	let beside = null;
-	let table = null;
-	let listed = ""; /* the names in it */
-	let filed = null; /* the set of a file that was opened */
-	let busy = false;
-	let closed = false;
-	let timer = 0;
-	let canSave = false;
-
+	const beside = createBeside({ context, drive, onChange: refresh, takeOver });
 	const when = element("span", { id: "parameters-when", class: "muted" });
 	const problem = element("div", {
 		id: "parameters-problem",
@@ -113,27 +145,16 @@ function createView(root, context, drive) {
 		type: "search",
 		autocomplete: "off"
 	});
+	const choices = [
+		["", "all"],
+		["changed", "changed"],
+		["differs", "that differ"]
+	];
 	const which = element(
 		"select",
 		{ id: "parameters-which" },
-		[
-			["", "all"],
-			["changed", "changed"],
-			["differs", "that differ"]
-		].map(([value, words]) => element("option", { value }, words))
+		choices.map(([value, words]) => element("option", { value }, words))
 	);
-	const beneath = element("select", { id: "parameters-beside" });
-	const file = element("input", {
-		id: "parameters-file",
-		type: "file",
-		accept: ".params,text/plain",
-		hidden: true
-	});
-	const difference = element("div", {
-		id: "parameters-difference",
-		class: "panel",
-		hidden: true
-	});
 	const report = element("div", {
 		id: "parameters-report",
 		class: "panel",
@@ -150,19 +171,20 @@ function createView(root, context, drive) {
 	const discardButton = createButton("discard", "Discard changes", discard, {
 		hidden: !mayAct
 	});
-	const endButton = createButton(
-		"end",
-		"End writing",
-		() => {
-			endButton.disabled = true;
-		},
-		{ hidden: true }
-	);
+	const endButton = createButton("end", "End writing", endWriting, { hidden: true });
 	const saveButton = createButton("save", "Save into the drive", saveIntoDrive, {
 		hidden: true
 	});
-	const backupButton = createButton("backup", "Back up into a file", backUp);
-	const openButton = createButton("open", "Compare or restore a file…", () => file.click());
+	const backupButton = createButton("backup", "Back up into a file", () =>
+		backUp(context, drive)
+	);
+	let held = null;
+	let table = null;
+	let listed = ""; /* the names in it */
+	let busy = false;
+	let closed = false;
+	let timer = 0;
+	let canSave = false;
 
 	drafts.set(drive, draft);
 
@@ -170,6 +192,7 @@ function createView(root, context, drive) {
 
 	function applyFilter() {
 		const wanted = search.value.trim().toLowerCase();
+		const other = beside.set();
 		const shown = table.filter(
 			(register) =>
 				`${register.name} ${register.description} ${register.unit}`
@@ -177,9 +200,9 @@ function createView(root, context, drive) {
 					.includes(wanted) &&
 				(which.value !== "changed" || edits.has(register.name)) &&
 				(which.value !== "differs" ||
-					(beside !== null &&
+					(other !== null &&
 						isKept(register) &&
-						!agree(held, beside, register)))
+						!agree(held, other, register)))
 		);
 
 		setText(
@@ -193,49 +216,48 @@ function createView(root, context, drive) {
 	function update() {
 		if (table === null)
 			return;
-		table.update({ held, beside, edits, busy });
+		table.update({ held, beside: beside.set(), edits, busy });
 		setText(
 			writeButton,
 			edits.size === 1 ? "Write 1 change" : `Write ${edits.size} changes`
 		);
 		writeButton.disabled = discardButton.disabled = busy || edits.size === 0;
 		endButton.hidden = !busy;
-		openButton.disabled = backupButton.disabled = saveButton.disabled = busy;
+		backupButton.disabled = saveButton.disabled = busy;
 		saveButton.hidden = !canSave || !mayAct;
 	}
 
 	function refresh() {
 		update();
+		beside.update(held);
 		applyFilter();
-		showDifference();
+	}
+
+	/* Another drive may have its name in a new configuration. */
+	async function renewTable() {
+		if (listNames(held.registers) === listed)
+			return;
+		listed = listNames(held.registers);
+		table = createParameterTable({
+			registers: held.registers,
+			mayEdit: mayAct,
+			onEdit: edit
+		});
+		place.replaceChildren(table.node);
+		canSave = (await context.commands(drive)).has("save_parameters");
 	}
 
 	async function read() {
 		clearTimeout(timer);
 		try {
-			const next = await readSet(context, drive);
-
+			held = await readSet(context, drive);
 			if (closed)
 				return;
-			held = next;
 			setText(problem, "");
 			setText(when, `as of ${formatTime(Date.now() * 1000)}`);
-			/* Another drive may have its name in a new configuration. */
-			if (listNames(held.registers) !== listed) {
-				listed = listNames(held.registers);
-				table = createParameterTable({
-					registers: held.registers,
-					mayEdit: mayAct,
-					onEdit: edit
-				});
-				place.replaceChildren(table.node);
-				canSave = (await context.commands(drive)).has("save_parameters");
-				fillBeside();
-			}
+			await renewTable();
 			refresh();
 		} catch (error) {
-			if (closed)
-				return;
 			setText(problem, error.message);
 			update();
 		}
@@ -245,20 +267,22 @@ function createView(root, context, drive) {
 
 	/* --- typing --- */
 
+	/* Whether it is what the drive has. */
+	function isHeld(register, typed, { value, problem: wrong }) {
+		if (hasTrait(register, "secret"))
+			return typed === "";
+		if (typed.trim() === "")
+			return valueOf(held, register.name) === null;
+		return (
+			wrong === undefined &&
+			agree({ values: { [register.name]: value } }, held, register)
+		);
+	}
+
 	function edit(register, typed) {
 		const parsed = parseValue(register, typed);
-		const back = hasTrait(register, "secret")
-			? typed === ""
-			: typed.trim() === ""
-				? valueOf(held, register.name) === null
-				: parsed.problem === undefined &&
-					agree(
-						{ values: { [register.name]: parsed.value } },
-						held,
-						register
-					);
 
-		if (back)
+		if (isHeld(register, typed, parsed))
 			edits.delete(register.name);
 		else
 			edits.set(register.name, { typed, ...parsed });
@@ -274,232 +298,12 @@ function createView(root, context, drive) {
 		refresh();
 	}
 
-	/* --- beside another set --- */
-
-	function fillBeside() {
-		const others = [...context.plant.drives.keys()].filter(
-			(name) => name !== drive && findFamily(context, name) === held.family
-		);
-
-		beneath.replaceChildren(
-			element("option", { value: "" }, "nothing"),
-			element("option", { value: "default" }, "as delivered"),
-			...others.map((name) =>
-				element("option", { value: `drive ${name}` }, name)
-			),
-			...(filed ? [element("option", { value: "file" }, filed.name)] : [])
-		);
-		beneath.value =
-			beside === null
-				? ""
-				: beside === filed
-					? "file"
-					: beside.name === DEFAULTS
-						? "default"
-						: `drive ${beside.name}`;
-	}
-
-	async function chooseBeside() {
-		const value = beneath.value;
-
-		setText(problem, "");
-		try {
-			beside =
-				value === ""
-					? null
-					: value === "default"
-						? takeDefaults(held)
-						: value === "file"
-							? filed
-							: await readSet(
-									context,
-									value.slice("drive ".length)
-								);
-		} catch (error) {
-			beside = null;
-			setText(problem, error.message);
-		}
-		if (closed)
-			return;
-		fillBeside();
-		refresh();
-	}
-
-	async function openFile() {
-		const [chosen] = file.files;
-
-		if (!chosen)
-			return;
-		const text = chosen.size < FILE_MAX ? await chosen.text() : null;
-
-		file.value = "";
-		if (closed || held === null)
-			return;
-		const { set, errors } =
-			text === null
-				? {
-						set: null,
-						errors: [
-							{
-								line: 0,
-								text: "it is too long for a file of parameters"
-							}
-						]
-					}
-				: readParameters(chosen.name, text, held);
-
-		problem.replaceChildren(
-			...errors
-				.slice(0, 20)
-				.map((error) =>
-					element(
-						"p",
-						{},
-						`${chosen.name}${error.line > 0 ? `:${error.line}` : ""}: ${error.text}`
-					)
-				)
-		);
-		if (errors.length > 0)
-			return;
-		filed = beside = set;
-		fillBeside();
-		refresh();
-		difference.querySelector("button")?.focus();
-	}
-
-	/* What differs that can be taken over, all but where the drive is heard, and that. */
-	function listDifferent() {
-		const differ = compare(held, beside).filter(
-			(register) => register.writable && valueOf(beside, register.name) !== null
-		);
-
-		return [
-			differ.filter((register) => !hasTrait(register, "address")),
-			differ.filter((register) => hasTrait(register, "address"))
-		];
-	}
-
-	function takeOver(registers) {
+	function takeOver(registers, from) {
 		for (const register of registers)
-			edit(register, writeTyped(register, valueOf(beside, register.name)));
-		draft.from = beside.name;
+			edit(register, writeTyped(register, valueOf(from, register.name)));
+		draft.from = from.name;
 		refresh();
 		writeButton.focus();
-	}
-
-	function showDifference() {
-		difference.hidden = beside === null || held === null;
-		if (difference.hidden)
-			return;
-		const all = compare(held, beside);
-		const [values, addresses] = listDifferent();
-		const lines = [
-			element(
-				"p",
-				{},
-				all.length === 0
-					? `${drive} has what ${beside.name} has.`
-					: `${all.length === 1 ? "1 parameter" : `${all.length} parameters`} of ${drive} ` +
-							`differ${all.length === 1 ? "s" : ""} ` +
-							`from ${beside.name}.`
-			)
-		];
-		const unknown = held.registers.filter(
-			(register) => isKept(register) && valueOf(beside, register.name) === null
-		);
-
-		if (beside.name === DEFAULTS)
-			lines.push(
-				element(
-					"p",
-					{ class: "muted" },
-					`Of ${unknown.length} others no default is documented.`
-				)
-			);
-		else if (beside.identity !== held.identity)
-			lines.push(
-				element(
-					"p",
-					{ class: "need", "data-need": "2" },
-					icon("warning"),
-					"Another model or firmware: " +
-						`${beside.name} is of “${beside.identity}”, and ` +
-						`${drive} is “${held.identity}”.`
-				)
-			);
-		if (beside === filed && unknown.length > 0)
-			lines.push(
-				element(
-					"p",
-					{ class: "muted" },
-					`The file says nothing of ${listNames(unknown)}: they ` +
-						"stay as they are."
-				)
-			);
-		if (mayAct && addresses.length > 0)
-			lines.push(
-				element(
-					"p",
-					{ class: "muted" },
-					`${listNames(addresses)} stays as it is unless it is ` +
-						"taken, too: " +
-						"it says where the drive is heard."
-				)
-			);
-		if (mayAct)
-			lines.push(
-				element(
-					"div",
-					{ class: "toolbar" },
-					values.length > 0
-						? createButton(
-								"take",
-								`Take ${values.length} from ` +
-									`${beside.name}`,
-								() => takeOver(values)
-							)
-						: null,
-					addresses.length > 0
-						? createButton(
-								"take-address",
-								"Take " +
-									`${listNames(addresses)}${values.length > 0 ? ", too" : ""}`,
-								() => takeOver(addresses)
-							)
-						: null
-				)
-			);
-		/* Only when it says something new: somebody may be about to press its button. */
-		const next = element("div", {}, lines);
-
-		if (difference.firstChild?.textContent !== next.textContent)
-			difference.replaceChildren(next);
-	}
-
-	async function backUp() {
-		try {
-			const set = await readSet(context, drive);
-			const untold = set.registers.filter(
-				(register) =>
-					isKept(register) &&
-					valueOf(set, register.name) === null &&
-					!set.missing.includes(register.name)
-			);
-
-			saveFile(`${drive}.params`, [writeParameters(set)]);
-			if (untold.length > 0)
-				context.notify(
-					`${drive} does not have or tell ${listNames(untold)}`
-				);
-			if (set.missing.length > 0)
-				context.notify(
-					`${drive} should have told ${set.missing.join(", ")}, ` +
-						"and did not",
-					"warning"
-				);
-		} catch (error) {
-			context.report(error);
-		}
 	}
 
 	/* --- writing --- */
@@ -558,6 +362,10 @@ function createView(root, context, drive) {
 			await read();
 	}
 
+	function endWriting() {
+		endButton.disabled = true;
+	}
+
 	async function carryOut() {
 		const before = { ...held, values: { ...held.values } };
 		const wanted = Object.fromEntries(
@@ -575,86 +383,27 @@ function createView(root, context, drive) {
 		});
 
 		written.forEach((name) => edits.delete(name));
-		const after = await readSet(context, drive).catch(() => null);
-		const others = [];
-
-		/*
-		 * A value that was written may have been changed by one behind it, or change
-		 * others.
-		 */
-		for (const register of after?.registers ?? []) {
-			const shows = `the drive shows ${Object.values(
-				formatValue(register, valueOf(after, register.name))
-			)
-				.join(" ")
-				.trim()} now`;
-
-			if (!isKept(register))
-				continue;
-			if (
-				written.includes(register.name) &&
-				!agree(after, { values: wanted }, register)
-			) {
-				failed.set(register.name, shows);
-				table.showResult(register.name, "failed", shows);
-			} else if (!(register.name in wanted) && !agree(after, before, register)) {
-				others.push(`${register.name}: ${shows}`);
-			}
-		}
-		showReport(
-			written.filter((name) => !failed.has(name)).length,
+		const after = await readSet(context, drive).catch(() => before);
+		const others =
+			after === before
+				? []
+				: compareAfter({ before, after, wanted, written, failed });
+		const { words, node } = createReport({
+			drive,
+			canSave,
+			written,
 			failed,
 			over,
 			others
-		);
-	}
+		});
 
-	function showReport(written, failed, over, others) {
-		const left = failed.size;
-
-		report.replaceChildren(
-			element(
-				"h2",
-				{},
-				`${drive}: ${written} written${left > 0 ? `, ${left} not` : ""}`
-			),
-			over
-				? element(
-						"p",
-						{},
-						`It came to an end: ${over}. What is left ` +
-							"stands in the table: Write goes on " +
-							"with it."
-					)
-				: "",
-			element(
-				"ul",
-				{},
-				[...failed].map(([name, reason]) =>
-					element("li", { class: "problem" }, `${name}: ${reason}`)
-				),
-				others.map((text) =>
-					element("li", {}, `changed with them: ${text}`)
-				)
-			),
-			element(
-				"p",
-				{ class: "muted" },
-				written === 0
-					? ""
-					: canSave
-						? "Not saved in the drive yet: Save into the " +
-							"drive does that."
-						: `${drive} has no save_parameters: what is ` +
-							"written is all there is."
-			)
+		written.filter((name) => failed.has(name)).forEach((name) =>
+			table.showResult(name, "failed", failed.get(name))
 		);
+		report.replaceChildren(node);
 		report.hidden = false;
 		report.focus();
-		context.notify(
-			`${drive}: ${written} written${left > 0 ? `, ${left} not` : ""}`,
-			left > 0 ? "error" : "ok"
-		);
+		context.notify(words, failed.size > 0 ? "error" : "ok");
 	}
 
 	async function saveIntoDrive() {
@@ -676,32 +425,13 @@ function createView(root, context, drive) {
 
 	search.addEventListener("input", applyFilter);
 	which.addEventListener("change", applyFilter);
-	beneath.addEventListener("change", chooseBeside);
-	file.addEventListener("change", openFile);
 	root.append(
 		element(
 			"div",
 			{ class: "panel toolbar filters" },
-			element(
-				"label",
-				{ class: "field", for: "parameters-search" },
-				"Search",
-				search
-			),
-			element(
-				"label",
-				{ class: "field", for: "parameters-which" },
-				"Show",
-				which
-			),
-			element(
-				"label",
-				{ class: "field", for: "parameters-beside" },
-				"Beside",
-				beneath
-			),
-			openButton,
-			file,
+			createField("Search", search),
+			createField("Show", which),
+			beside.fields,
 			backupButton,
 			count,
 			when
@@ -723,26 +453,22 @@ function createView(root, context, drive) {
 					)
 		),
 		problem,
-		difference,
+		beside.node,
 		report,
 		place
 	);
 	read();
 	return {
 		showMark() {
-			const status = context.plant
-				.registersOf(context.plant.drives.get(drive) ?? {})
-				?.get("status");
+			const shown = context.plant.drives.get(drive);
+			const status = shown && context.plant.registersOf(shown)?.get("status");
 
-			unsaved.hidden = !hasBit(
-				status,
-				context.plant.drives.get(drive)?.values?.status,
-				"params_unsaved"
-			);
+			unsaved.hidden = !hasBit(status, shown?.values?.status, "params_unsaved");
 		},
 		close() {
 			closed = true;
 			clearTimeout(timer);
+			beside.close();
 		}
 	};
 }
@@ -781,12 +507,7 @@ export function show(root, context, name) {
 			"div",
 			{ class: "view-head" },
 			element("h1", {}, "Parameters"),
-			element(
-				"label",
-				{ class: "field inline", for: "parameters-drive" },
-				"Drive",
-				select
-			)
+			createField("Drive", select, "inline")
 		),
 		place
 	);

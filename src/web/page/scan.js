@@ -5,7 +5,7 @@
  */
 import { call, openStream } from "./api.js";
 import { isNew, writeSections } from "./configuration_text.js";
-import { element, icon, setText } from "./dom.js";
+import { createField, element, icon, setText } from "./dom.js";
 import { cleanText } from "./plain.js";
 import { askUser } from "./question.js";
 import { setUpDrive } from "./set_up.js";
@@ -63,7 +63,7 @@ function createNumber(id, label, properties = {}) {
 		...properties
 	});
 
-	return { input, field: element("label", { class: "field", for: id }, label, input) };
+	return { input, field: createField(label, input) };
 }
 
 /* A text to paste elsewhere. */
@@ -241,7 +241,7 @@ function createSearch(context, findBus, onChoose) {
 			{ class: "toolbar filters" },
 			first.field,
 			last.field,
-			element("label", { class: "field", for: "scan-speed" }, "Speed", speed),
+			createField("Speed", speed),
 			start,
 			cancel
 		),
@@ -458,12 +458,7 @@ function createSetUp(context, findBus) {
 	);
 	const to = createNumber("setup-to", "New address", { required: true });
 	const toSpeed = element("select", { id: "setup-to-speed" });
-	const toSpeedField = element(
-		"label",
-		{ class: "field", for: "setup-to-speed", hidden: true },
-		"New speed",
-		toSpeed
-	);
+	const toSpeedField = createField("New speed", toSpeed);
 	const at = element("select", { id: "setup-at" });
 	const start = element("button", { id: "setup-start", type: "submit" }, "Look, then ask");
 	const cancel = element(
@@ -488,10 +483,10 @@ function createSetUp(context, findBus) {
 			"div",
 			{ class: "toolbar filters" },
 			address.field,
-			element("label", { class: "field", for: "setup-what" }, "Gets", what),
+			createField("Gets", what),
 			to.field,
 			toSpeedField,
-			element("label", { class: "field", for: "setup-at" }, "Spoken to at", at),
+			createField("Spoken to at", at),
 			start,
 			cancel
 		),
@@ -596,6 +591,7 @@ function createSetUp(context, findBus) {
 		cancel.hidden = true;
 	}
 
+	toSpeedField.hidden = true;
 	what.addEventListener("change", chooseWhat);
 	cancel.addEventListener("click", () => {
 		ended = true;
@@ -630,7 +626,7 @@ export function show(root, context, busName) {
 			"div",
 			{ class: "view-head" },
 			element("h1", {}, "Scan"),
-			element("label", { class: "field inline", for: "scan-bus" }, "Bus", select)
+			createField("Bus", select, "inline")
 		)
 	);
 	if (!context.mayAct()) {

@@ -6,7 +6,7 @@
 import { call, openStream } from "./api.js";
 import { createCapture, writeCsv } from "./capture.js";
 import { CHANNELS_MOST, createCapturePlot } from "./capture_plot.js";
-import { element, icon, newId, setText } from "./dom.js";
+import { createField, element, icon, newId, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
 import { hasBits, inWords } from "./format.js";
 import { RELATIONS, createTrigger } from "./trigger.js";
@@ -112,10 +112,7 @@ function createChooser(context, { prefix, words, none, onChange }) {
 		fillDrives,
 		fillValues,
 		register: () => registers.get(value.value),
-		fields: [
-			element("label", { class: "field", for: drive.id }, words[0], drive),
-			element("label", { class: "field", for: value.id }, words[1], value)
-		]
+		fields: [createField(words[0], drive), createField(words[1], value)]
 	};
 }
 
@@ -195,12 +192,10 @@ function createView(root, context, driveName) {
 		"Choose values, and perhaps a trigger; then start."
 	);
 	const place = element("div");
-	const field = (words, input) =>
-		element("label", { class: "field", for: input.id }, words, input);
 	const conditions = [
 		source.fields[1],
-		field("Condition", relation),
-		field("Value it waits for", limit)
+		createField("Condition", relation),
+		createField("Value it waits for", limit)
 	];
 	const form = element(
 		"form",
@@ -210,9 +205,9 @@ function createView(root, context, driveName) {
 		element(
 			"div",
 			{ class: "toolbar filters" },
-			field("Mode", mode),
-			field("Before, s", before),
-			field("Behind, s", duration),
+			createField("Mode", mode),
+			createField("Before, s", before),
+			createField("Behind, s", duration),
 			start,
 			stop,
 			save
@@ -408,15 +403,17 @@ function createView(root, context, driveName) {
 
 		start.hidden = state !== "stopped";
 		stop.hidden = !start.hidden;
-		setText(
-			said,
-			words +
-				(shown
-					? " " +
-						`${count > 1 ? `Capture ${count}: ` : ""}${shown.rows.length} samples` +
-						`${shown.triggered ? "" : " without a trigger"}${shown.cut ? ", more were cut off" : ""}, ${lost} lost.`
-					: "")
-		);
+		const parts = shown
+			? [
+					count > 1 ? `Capture ${count}: ` : "",
+					`${shown.rows.length} samples`,
+					shown.triggered ? "" : " without a trigger",
+					shown.cut ? ", more were cut off" : "",
+					`, ${lost} lost.`
+				]
+			: [];
+
+		setText(said, `${words} ${parts.join("")}`.trim());
 	}
 
 	addButton.addEventListener("click", () => addChannel(add.drive.value, add.register()));

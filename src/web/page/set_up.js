@@ -40,9 +40,9 @@ export async function setUpDrive(
 		fail(
 			isAddress
 				? `${why}: the drive may be found at address ${from} or ${to} ` +
-					`of ${bus.name}; a scan shows where`
+						`of ${bus.name}; a scan shows where`
 				: `${why}: the drive at address ${from} may be found at its ` +
-					`former speed or at ${to} bit/s; a scan of ` +
+						`former speed or at ${to} bit/s; a scan of ` +
 						`${bus.name} at all speeds shows where`
 		);
 	}
@@ -58,7 +58,7 @@ export async function setUpDrive(
 			fail(
 				find
 					? `more than one drive answers at address ${from} of ` +
-						`${bus.name}: both would take what is ` +
+							`${bus.name}: both would take what is ` +
 							"said. Take one of them off the line first"
 					: `no drive answers at address ${from} of ${bus.name}; ` +
 							"a scan finds those that do"

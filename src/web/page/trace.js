@@ -4,7 +4,7 @@
  * there was trouble.
  */
 import { call, openStream } from "./api.js";
-import { element, setText } from "./dom.js";
+import { createField, element, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
 import { formatTime } from "./format.js";
 import { createLongList } from "./long_list.js";
@@ -68,7 +68,7 @@ function writeCapture(bus, entries) {
 function createChoice(id, label, children) {
 	const select = element("select", { id }, children);
 
-	return { select, field: element("label", { class: "field", for: id }, label, select) };
+	return { select, field: createField(label, select) };
 }
 
 function createOptions(names) {
@@ -121,18 +121,10 @@ export function show(root, context, busName, keptNumber) {
 					element(
 						"tr",
 						{},
-						["Number", "When", "Bus", "Drive", "Event", ""].map(
-							(head) =>
-								head
-									? element(
-											"th",
-											{
-												scope: "col"
-											},
-											head
-										)
-									: element("td")
-						)
+						["Number", "When", "Bus", "Drive", "Event"].map((head) =>
+							element("th", { scope: "col" }, head)
+						),
+						element("td")
 					)
 				),
 				keptBody
@@ -369,7 +361,7 @@ export function show(root, context, busName, keptNumber) {
 			source.field,
 			drive.field,
 			kind.field,
-			element("label", { class: "field", for: "trace-search" }, "Text", search),
+			createField("Text", search),
 			pause,
 			clear,
 			save,

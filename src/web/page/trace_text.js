@@ -49,7 +49,7 @@ export function createQuestions() {
 			return `${who}${who ? ": " : ""}${words}${question ? ` (${ms} ms)` : ""}`;
 		return question
 			? `${question.who}${question.who ? ": " : ""}no answer to ` +
-				`"${question.words}" ` +
+					`"${question.words}" ` +
 					`within ${ms} ms`
 			: "no answer";
 	}
@@ -114,7 +114,7 @@ export function readBytes(record) {
 export function writeHead(bus, timeUs) {
 	return (
 		`# drivebridge trace\n# bus ${bus.name}: ${bus.protocol}, ${bus.device} at ` +
-			`${bus.speed} bit/s\n` +
+		`${bus.speed} bit/s\n` +
 		`# ${writeDay(timeUs)}, time of day at UTC ${writeZone(timeUs)}\n`
 	);
 }
@@ -125,7 +125,7 @@ export function writeLine(record, words) {
 
 	return (
 		`${writeClock(record.time_us, 6)} ${writeSign(record)} ` +
-			`${record.kind.padEnd(10)} ${words}` +
+		`${record.kind.padEnd(10)} ${words}` +
 		`${typeof record.data === "string" ? ` | ${bytes}` : ""}\n`
 	);
 }
