@@ -24,6 +24,7 @@ struct drive {
 	char name[DRIVE_NAME_MAX]; /* "": the place is free */
 	db_time commanded;
 	bool moves;
+	bool controlled; /* the page has taken control, and not let it go */
 	bool asking;
 };
 
@@ -131,7 +132,8 @@ static struct db_web_tab *open_tab(struct db_web_request *request)
 
 /* --- watchdogs -------------------------------------------------------------------------------- */
 
-static void note_drive(struct db_web_tab *tab, const char *name)
+/* `control` is what was written to control_request, NULL: nothing. */
+static void note_drive(struct db_web_tab *tab, const char *name, const json_t *control)
 {
 	struct drive *place = &tab->drives[0];
 
@@ -146,6 +148,10 @@ static void note_drive(struct db_web_tab *tab, const char *name)
 		if (drive->commanded < place->commanded)
 			place = drive;
 	}
+	if (strcmp(place->name, name) != 0)
+		place->controlled = false;
+	if (json_is_number(control))
+		place->controlled = json_number_value(control) != 0;
 	place->tab = tab;
 	(void)snprintf(place->name, sizeof(place->name), "%s", name);
 	place->commanded = db_web_clock();
@@ -165,14 +171,15 @@ static void take_state(void *data, json_t *parameters, const struct db_client_er
 		db_web_jog_see(drive->tab->jog, drive->name, drive->moves);
 }
 
-/* What asks, lives. */
+/* What asks, lives: the watchdog of what moves, and the claim of control that was made for itself. */
 static void feed(struct db_web_tab *tab, db_time now)
 {
 	for (size_t i = 0; i < DRIVES_MAX; i++) {
 		struct drive *drive = &tab->drives[i];
 
 		if (drive->name[0] == '\0' || drive->asking ||
-		    (!drive->moves && now - drive->commanded >= BEGINS_WITHIN))
+		    (!drive->moves && !drive->controlled &&
+		     now - drive->commanded >= BEGINS_WITHIN))
 			continue;
 		drive->asking = db_web_link_send(tab->act, "Read",
 		                                 json_pack("{s:s, s:[s]}", "drive", drive->name,
@@ -238,6 +245,7 @@ static struct db_web_tab *take_tab(struct db_web_request *request)
 
 void db_web_tabs_act(struct db_web_request *request)
 {
+	const json_t *values = json_object_get(request->parameters, "values");
 	bool to_end = json_is_true(json_object_get(request->parameters, "until_end"));
 	struct db_web_tab *tab;
 	const char *drive;
@@ -251,7 +259,7 @@ void db_web_tabs_act(struct db_web_request *request)
 	if (!tab)
 		return;
 	if (drive && strlen(drive) < DRIVE_NAME_MAX)
-		note_drive(tab, drive);
+		note_drive(tab, drive, json_object_get(values, "control_request"));
 	db_web_call(request, tab->act, to_end ? MOTION_WITHIN : ACT_WITHIN);
 }
 
@@ -261,7 +269,7 @@ void db_web_tabs_jog(struct db_web_request *request)
 	struct db_web_tab *tab = take_tab(request);
 
 	if (tab && db_web_jog_take(tab->jog, request))
-		note_drive(tab, drive);
+		note_drive(tab, drive, NULL);
 }
 
 void db_web_tabs_hear(struct db_web_request *request)
