@@ -158,8 +158,9 @@ static UA_StatusCode read_column(UA_Server *server, const UA_NodeId *session, vo
 		value->status = UA_STATUSCODE_BADINDEXRANGENODATA;
 		return UA_STATUSCODE_GOOD;
 	}
-	if (!nodes->adding)
-		nodes->ops->fetch(nodes->context, &column->drive->items[column->column->places[0]]);
+	if (nodes->adding)
+		return db_opcua_value_zeros(column->column, value);
+	nodes->ops->fetch(nodes->context, &column->drive->items[column->column->places[0]]);
 	return db_opcua_value_read_column(column->drive, column->column, value);
 }
 

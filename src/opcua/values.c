@@ -96,9 +96,10 @@ static UA_StatusCode status_of(enum db_opcua_quality quality)
 	}
 }
 
+/* 0 is no time in either. */
 static UA_DateTime date_of(int64_t us)
 {
-	return UA_DATETIME_UNIX_EPOCH + us * UA_DATETIME_USEC;
+	return us > 0 ? UA_DATETIME_UNIX_EPOCH + us * UA_DATETIME_USEC : 0;
 }
 
 UA_StatusCode db_opcua_value_read(const struct db_opcua_item *item, UA_DataValue *value)
@@ -114,7 +115,7 @@ UA_StatusCode db_opcua_value_read(const struct db_opcua_item *item, UA_DataValue
 	value->status = status_of(quality);
 	/* Of a value without a time the library tells the time of reading; 0 says that there is none. */
 	value->hasSourceTimestamp = true;
-	value->sourceTimestamp = us > 0 ? date_of(us) : 0;
+	value->sourceTimestamp = date_of(us);
 	if (quality != DB_OPCUA_GOOD && quality != DB_OPCUA_UNCERTAIN)
 		return UA_STATUSCODE_GOOD;
 	value->hasValue = true;
@@ -125,6 +126,7 @@ UA_StatusCode db_opcua_value_read_column(const struct db_opcua_drive *drive,
                                          const struct db_opcua_column *column, UA_DataValue *value)
 {
 	const UA_DataType *type = db_opcua_data_type(column->first->type);
+	const struct db_opcua_item *newest = &drive->items[column->places[0]];
 	char *array = calloc(column->count, type->memSize);
 	UA_StatusCode status;
 
@@ -139,9 +141,13 @@ UA_StatusCode db_opcua_value_read_column(const struct db_opcua_drive *drive,
 	status = UA_Variant_setArrayCopy(&value->value, array, column->count, type);
 	free(array);
 	value->hasValue = status == UA_STATUSCODE_GOOD;
-	if (drive->lost) {
+	/* Without one the library tells the time of reading. */
+	value->hasSourceTimestamp = true;
+	value->sourceTimestamp = date_of(newest->value.since_us);
+	if (!newest->value.known || drive->lost) {
 		value->hasStatus = true;
-		value->status = UA_STATUSCODE_UNCERTAINLASTUSABLEVALUE;
+		value->status = newest->value.known ? UA_STATUSCODE_UNCERTAINLASTUSABLEVALUE :
+		                                      UA_STATUSCODE_BADWAITINGFORINITIALDATA;
 	}
 	return status;
 }
@@ -152,6 +158,18 @@ UA_StatusCode db_opcua_value_zero(enum db_opcua_type type, UA_DataValue *value)
 
 	value->hasValue = true;
 	return UA_Variant_setScalarCopy(&value->value, &plain, db_opcua_data_type(type));
+}
+
+UA_StatusCode db_opcua_value_zeros(const struct db_opcua_column *column, UA_DataValue *value)
+{
+	const UA_DataType *type = db_opcua_data_type(column->first->type);
+	void *zeros = UA_Array_new(column->count, type);
+
+	if (!zeros)
+		return UA_STATUSCODE_BADOUTOFMEMORY;
+	UA_Variant_setArray(&value->value, zeros, column->count, type);
+	value->hasValue = true;
+	return UA_STATUSCODE_GOOD;
 }
 
 UA_StatusCode db_opcua_value_to_json(const UA_Variant *value, json_t **json)

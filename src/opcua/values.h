@@ -19,8 +19,9 @@ UA_StatusCode db_opcua_value_read(const struct db_opcua_item *item, UA_DataValue
 UA_StatusCode db_opcua_value_read_column(const struct db_opcua_drive *drive,
                                          const struct db_opcua_column *column, UA_DataValue *value);
 
-/* A value of the type, of which nothing is known. */
+/* A value of the type, or those of a column, of which nothing is known. */
 UA_StatusCode db_opcua_value_zero(enum db_opcua_type type, UA_DataValue *value);
+UA_StatusCode db_opcua_value_zeros(const struct db_opcua_column *column, UA_DataValue *value);
 
 /* What a client writes, as the service takes it: a new value, or why it cannot be one. */
 UA_StatusCode db_opcua_value_to_json(const UA_Variant *value, json_t **json);

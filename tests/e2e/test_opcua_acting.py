@@ -1,0 +1,318 @@
+# SPDX-License-Identifier: Apache-2.0
+"""drivebridge-opcua when somebody acts, or would like to: methods, parameters, the command block, users and their
+roles, certificates, sessions and their loss, events."""
+
+import asyncio
+import contextlib
+import shutil
+
+import pytest
+from asyncua import ua
+from asyncua.ua.uaerrors import UaStatusCodeError
+from bridgelib import CONTINUOUS, RESULT_OK, RESULT_REFUSED, RESULT_UNPROVEN
+from opcualib import (  # noqa: F401
+    OPERATOR,
+    READER,
+    Follower,
+    Server,
+    at,
+    call,
+    connect,
+    cut,
+    fixture_certificate,
+    fixture_make_server,
+    in_loop,
+    make_certificate,
+    says,
+    until,
+)
+from relay import Relay
+
+# What a simulated stepper takes for each command's arguments.
+ARGUMENTS = {
+    "MoveVelocity": (800.0,), "MoveAbsolute": (3200, 0.0), "MoveRelative": (100, 0.0), "SetPosition": (0,),
+    "SetOutput": (1, 1), "SetOutputs": (3, 1), "SetSv": (1, 100), "SetNmos": (1, 100),
+    "ShakeStart": (0, 320, 2.0, 1), "ShakeStartTime": (0, 320, 2.0, 1),
+}
+
+
+# --- methods
+
+
+@in_loop
+async def test_methods(make_bridge, make_server, certificate):
+    """Each command of the drive by its method ends as its registers say; what a drive cannot, may not or does not do is said by the
+    status, and by the reason."""
+    bridge = make_bridge(drive={"max-position": 100000, "min-position": -100000})
+    server = make_server(bridge)
+    unit = bridge.drive()
+    async with server.session(certificate, OPERATOR) as session:
+        await call(session, "drive1", "Enable")
+        methods = {(await node.read_browse_name()).Name for node in await at(session, "drive1").get_methods()}
+        refused = set()
+        for name in sorted(methods - {"Enable", "Disable"}):
+            try:
+                result, reason = await call(session, "drive1", name, *ARGUMENTS.get(name, ()))
+                assert result in ("ok", "unproven", "pending") and reason == "", name
+                await until(lambda: unit.read("result") in (RESULT_OK, RESULT_UNPROVEN), what=name)
+            except ua.uaerrors.BadInvalidState:
+                assert unit.read("result") == RESULT_REFUSED, name
+                refused.add(name)
+            await call(session, "drive1", "Stop")
+            await until(lambda: at_rest(session))
+        # It has no fault to clear, no way to home by, and no outputs that are set up.
+        assert refused <= {"ClearFault", "Home", "SetOutput", "SetOutputs", "SetSv", "SetNmos"}
+        await call(session, "drive1", "MoveAbsolute", 6400, 0.0)
+        await until(lambda: unit.read("position") == 6400)
+
+        for arguments, why in (((), "BadArgumentsMissing"), ((1, 2.0, 3), "BadTooManyArguments"),
+                               ((100001, 0.0), "BadOutOfRange"), ((0, float("nan")), "BadOutOfRange")):
+            with says(why):
+                await call(session, "drive1", "MoveAbsolute", *arguments)
+        with says("BadInvalidArgument"):
+            await at(session, "drive1").call_method(at(session, "drive1.MoveAbsolute"),
+                                                    ua.Variant("far", ua.VariantType.String),
+                                                    ua.Variant(0.0, ua.VariantType.Float))
+        with says("BadMethodInvalid"):
+            await at(session, "drive1").call_method(at(session, "drive1.Jump"))
+        assert unit.read("position") == 6400
+
+        bridge.sim.fault("silence on")
+        await until(lambda: is_bad_now(at(session, "drive1.PositionActualValue")))
+        with says("BadNoCommunication"):
+            await call(session, "drive1", "MoveAbsolute", 0, 0.0)
+
+
+async def is_bad_now(node):
+    return (await node.read_data_value(raise_on_bad_status=False)).StatusCode.is_bad()
+
+
+async def at_rest(session):
+    return not await at(session, "drive1.Bits.Moving").read_value()
+
+
+@in_loop
+async def test_a_stop_does_not_wait_for_others(make_bridge, make_server, certificate):
+    """While the method of one session waits for a drive that is silent, another's Stop is carried out and
+    answered."""
+    bridge = make_bridge(drives=2)
+    server = make_server(bridge)
+    async with server.session(certificate, OPERATOR) as one, server.session(certificate, OPERATOR) as two:
+        await call(two, "drive2", "Enable")
+        await call(two, "drive2", "MoveVelocity", 1600.0)
+        bridge.sim.fault("silence on", "drive1")
+        ended = []
+
+        async def note(what, coroutine):
+            ended.append((what, (await coroutine)[0]))
+
+        waits = asyncio.create_task(note("enable", call(one, "drive1", "Enable")))
+        await asyncio.sleep(0.02)
+        await note("stop", call(two, "drive2", "Stop"))
+        bridge.wait_standing(2)
+        await waits
+        # Who waits is let go: how it ends is told by the registers.
+        assert ("enable", "pending") in ended and ended[-1][1] in ("ok", "pending")
+
+
+# --- parameters and the command block
+
+
+@in_loop
+async def test_writing(bridge, make_server, certificate):
+    """Parameters within their range, with their type, of who may; and commands by the block, for clients without
+    methods."""
+    server = make_server(bridge)
+    unit = bridge.drive()
+    async with server.session(certificate, OPERATOR) as session:
+        speed = at(session, "drive1.Parameters.spd")
+        await speed.write_value(3200.0, ua.VariantType.Float)
+        assert unit.read("spd") == 3200 and await speed.read_value() == 3200
+        with says("BadOutOfRange"):
+            await speed.write_value(1e6, ua.VariantType.Float)
+        with says("BadTypeMismatch"):
+            await speed.write_value("fast", ua.VariantType.String)
+        for name in ("drive1.PositionActualValue", "drive1.History.Result"):
+            with says("BadNotWritable", "BadUserAccessDenied"):
+                await at(session, name).write_value(5, ua.VariantType.Int32)
+        assert unit.read("spd") == 3200
+
+        block = [at(session, f"drive1.CommandBlock.{name}") for name in ("TargetPosition", "Command")]
+        await call(session, "drive1", "Enable")
+        await session.write_values(block, [ua.Variant(3200, ua.VariantType.Int32),
+                                           ua.Variant(6, ua.VariantType.UInt16)])
+        await until(lambda: unit.read("position") == 3200)
+        # It is in the history; who did it stands in the log.
+        await until(lambda: newest(session, "Command", 6))
+        assert f"by {OPERATOR[0]} at 127.0.0.1: ok" in server.log()
+    async with server.session(certificate, READER) as session:
+        for node, value in ((at(session, "drive1.Parameters.spd"), ua.Variant(1.0, ua.VariantType.Float)),
+                            (at(session, "drive1.CommandBlock.Command"), ua.Variant(3, ua.VariantType.UInt16))):
+            with says("BadUserAccessDenied"):
+                await node.write_value(value)
+        assert unit.read("spd") == 3200
+
+
+async def newest(session, column, value):
+    read = await at(session, f"drive1.History.{column}").read_data_value(raise_on_bad_status=False)
+    return read.Value.Value and read.Value.Value[0] == value
+
+
+# --- who may
+
+
+@in_loop
+async def test_roles(bridge, make_server, certificate):
+    """Readers and who has no name read and nothing else; so does an operator over a connection without
+    security; wrong passwords and unknown names get no session."""
+    server = make_server(bridge)
+    unit = bridge.drive()
+    unit.settle("enable")
+    for how in ((certificate, READER), (certificate, None), (None, None), (None, OPERATOR)):
+        try:
+            async with server.session(*how) as session:
+                assert await at(session, "drive1.PositionActualValue").read_value() == 0
+                # Synchronous methods and asynchronous ones go different ways in the library.
+                for name in ("MoveRelative", "Stop", "Disable"):
+                    with says("BadUserAccessDenied", "BadNotExecutable"):
+                        await call(session, "drive1", name, *ARGUMENTS.get(name, ()))
+                with says("BadUserAccessDenied", "BadNotWritable"):
+                    await at(session, "drive1.Parameters.spd").write_value(1.0, ua.VariantType.Float)
+        except UaStatusCodeError:
+            # Passwords need not be taken at all where nothing is encrypted.
+            assert how == (None, OPERATOR)
+    for user in ((OPERATOR[0], "wrong"), ("nobody", OPERATOR[1]), (OPERATOR[0], "")):
+        with says("BadUserAccessDenied", "BadIdentityTokenRejected", "BadIdentityTokenInvalid"):
+            await connect(server.client(certificate, user))
+    assert unit.read("position") == 0 and unit.read("status") & 2
+
+    server.stop()
+    server.sections["security"].update({"none": "off", "anonymous": "off"})
+    server.start()
+    with says("BadSecurityPolicyRejected", "BadSecurityModeRejected", "BadIdentityTokenRejected",
+              "BadSecurityChecksFailed", "BadIdentityTokenInvalid"):
+        await connect(server.client())
+    with says("BadIdentityTokenRejected", "BadIdentityTokenInvalid", "BadUserAccessDenied"):
+        await connect(server.client(certificate))
+    async with server.session(certificate, READER) as session:
+        assert await at(session, "drive1.PositionActualValue").read_value() == 0
+
+
+@in_loop
+async def test_certificates(bridge, make_server, certificate, tmp_path):
+    """Nobody but who is trusted gets in; who is not lies among the rejected ones, and gets in as soon as that file was
+    moved among the trusted."""
+    server = make_server(bridge)
+    stranger = make_certificate(tmp_path, "stranger")
+    expired = make_certificate(tmp_path, "expired", begin=-30, end=-1)
+    server.trust(expired)
+    # Why is not told to who may be an attacker.
+    for wrong in (stranger, expired):
+        with pytest.raises((UaStatusCodeError, ConnectionError, asyncio.TimeoutError)):
+            await connect(server.client(wrong, OPERATOR))
+    rejected = await until(lambda: [path for path in (server.pki / "rejected").rglob("*")
+                                    if path.is_file() and path.read_bytes() == stranger.der])
+    shutil.move(rejected[0], server.pki / "trusted" / "stranger.der")
+    async with server.session(stranger, OPERATOR) as session:
+        await call(session, "drive1", "Enable")
+    with pytest.raises((UaStatusCodeError, ConnectionError)):
+        await connect(server.client(stranger, OPERATOR, uri="urn:somebody:else"))
+    # Its own certificate is the same for ever, and its key is nobody else's.
+    own = [path for path in (server.pki / "own").rglob("*") if path.is_file()]
+    before = {path: path.read_bytes() for path in own}
+    assert any(path.stat().st_mode & 0o077 == 0 for path in own)
+    server.stop()
+    server.start()
+    assert {path: path.read_bytes() for path in own} == before
+    async with server.session(certificate, OPERATOR):
+        pass
+
+
+# --- sessions and their loss
+
+
+@in_loop
+async def test_the_loss_of_a_session_stops_the_drive(make_bridge, make_server, certificate):
+    """A session that lives feeds what it moves, however little it says; pulled out, or on a line that stands still,
+    it is lost, and the watchdog stops the drive. So does the end of the server."""
+    bridge = make_bridge(drive={"watchdog-ms": 1000})
+    server = make_server(bridge, commands={"silence-ms": 2500})
+    unit = bridge.drive()
+
+    async def begin(session):
+        with contextlib.suppress(UaStatusCodeError):
+            await call(session, "drive1", "ClearFault")
+        await call(session, "drive1", "Enable")
+        await call(session, "drive1", "MoveVelocity", 1600.0)
+        await until(lambda: unit.read("axis_state") == CONTINUOUS)
+
+    async def trips(count):
+        await until(lambda: unit.read("watchdog_trips") == count)
+        bridge.wait_standing()
+
+    async with server.session(certificate, OPERATOR) as session:
+        await begin(session)
+        # It says something every second, of its own.
+        await asyncio.sleep(3)
+        assert unit.read("watchdog_trips") == 0 and unit.read("axis_state") == CONTINUOUS
+        cut(session)
+        await trips(1)
+    with Relay(server) as relay:
+        client = server.client(certificate, OPERATOR)
+        client._server_url = client._server_url._replace(netloc=f"127.0.0.1:{relay.port}")
+        await connect(client)
+        await begin(client)
+        relay.hold()
+        await trips(2)
+        cut(client)
+    async with server.session(certificate, OPERATOR) as session:
+        await begin(session)
+        server.kill()
+        await trips(3)
+    server.start()
+
+
+@in_loop
+async def test_as_many_sessions_as_are_allowed(bridge, make_server, certificate):
+    """Twenty are served side by side, one more is told that it is too many, and gets in when another one went."""
+    server = make_server(bridge, limits={"sessions": 20})
+    async with contextlib.AsyncExitStack() as stack:
+        sessions = [await stack.enter_async_context(server.session()) for _ in range(20)]
+        values = await asyncio.gather(*(at(one, "drive1.PositionActualValue").read_value() for one in sessions))
+        assert values == [0] * 20
+        with says("BadTooManySessions"):
+            await connect(server.client())
+        await sessions.pop().disconnect()
+        async with server.session() as session:
+            assert await at(session, "drive1.PositionActualValue").read_value() == 0
+
+
+# --- events
+
+
+@in_loop
+async def test_events(make_bridge, make_server, certificate):
+    """A loss, a watchdog's trip and a fault are events of the drive, at the server's own node as well, with a
+    severity."""
+    bridge = make_bridge(drive={"watchdog-ms": 300})
+    server = make_server(bridge)
+    unit = bridge.drive()
+    async with server.session() as session:
+        everything = await Follower(session).start(events=(session.nodes.server,))
+        own = await Follower(session).start(events=(at(session, "drive1"),))
+        unit.settle("enable")
+        unit.settle("move_velocity", target_velocity=1600)
+        await until(lambda: event_of(own, "watchdog"))
+        bridge.wait_standing()
+        bridge.sim.fault("silence on")
+        lost = await until(lambda: event_of(own, "does not answer"), 30)
+        bridge.sim.fault("silence off")
+        back = await until(lambda: event_of(own, "answers at"), 30)
+        assert lost.Severity > back.Severity and lost.EventType != back.EventType
+        assert lost.SourceName == "drive1"
+        assert lost.Time <= lost.ReceiveTime
+        assert event_of(everything, "watchdog").Severity >= lost.Severity
+
+
+def event_of(follower, text):
+    return next((one for one in follower.events if text in one.Message.Text), None)
