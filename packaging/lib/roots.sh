@@ -111,12 +111,14 @@ in_root() {
 	as_root mkdir -p "$root/build"
 	as_root mount --bind "$folder" "$root/build"
 	MOUNTED+=("$root/build")
-	in_chroot "$root" apt-get -q -y --no-install-recommends -a "$arch" build-dep "/build/$source"
+	in_chroot "$root" apt-get -q -y --no-install-recommends -a "$arch" -P "$(profiles "$dist")" \
+		build-dep "/build/$source"
 	# Tests open ptys and listen on loopback; nothing of the build needs root.
 	in_chroot "$root" sh -c "id builder >/dev/null 2>&1 || useradd --create-home builder
 		chown -R builder: /build"
 	in_chroot "$root" setpriv --reuid=builder --regid=builder --init-groups env HOME=/home/builder \
 		DEB_BUILD_OPTIONS="${DEB_BUILD_OPTIONS:-parallel=$(nproc)}" \
+		DEB_BUILD_PROFILES="$(profiles "$dist")" \
 		sh -c "cd '/build/$source' && dpkg-buildpackage -us -uc --host-arch '$arch'"
 	leave_roots
 	as_root chown -R "$(id -u):$(id -g)" "$folder"

@@ -54,6 +54,14 @@ standards() {
 	esac
 }
 
+# Build profiles for what the release does not have: Debian has open62541 since 13.
+profiles() {
+	local dist=$1
+
+	[ "$dist" != host ] || dist=$(sed -n 's/^VERSION_CODENAME=//p' /etc/os-release)
+	[ "$dist" != bookworm ] || echo pkg.drivebridge.noopcua
+}
+
 # write_changelog DIST VERSION
 write_changelog() {
 	local dist=$1
