@@ -4,7 +4,15 @@
  * came of writing it.
  */
 import { element, newId, setAttribute, setText } from "./dom.js";
-import { bitNames, codeName, formatRange, formatValue, hasBits, inWords } from "./format.js";
+import {
+	bitNames,
+	codeName,
+	formatRange,
+	formatValue,
+	formatWithUnit,
+	hasBits,
+	inWords
+} from "./format.js";
 import { agree, hasTrait, isKept, valueOf } from "./parameter_set.js";
 import { writeNumber } from "./parameter_file.js";
 

@@ -10,7 +10,7 @@ import { formatTime } from "./format.js";
 import { createLongList } from "./long_list.js";
 import { beginPcapng, writeFrame } from "./pcapng.js";
 import { createIntake, readBytes, writeHead, writeLine, writeSign } from "./trace_text.js";
-import { cleanText, writeClock } from "./plain.js";
+import { writeClock } from "./plain.js";
 
 export const title = "Trace";
 
