@@ -212,7 +212,7 @@ static bool keep_rest(struct connection *connection, const UA_Byte *bytes, size_
 
 	if (waits + size > OUT_MAX)
 		return false;
-	if (connection->out_sent > 0)
+	if (connection->out && connection->out_sent > 0)
 		memmove(connection->out, connection->out + connection->out_sent, waits);
 	grown = realloc(connection->out, waits + size);
 	if (!grown)
