@@ -116,6 +116,7 @@ struct db_opcua_drive {
 	db_time taken
 		[DB_OPCUA_GROUPS]; /* when its group was read last; 0: never, or it must be again */
 	db_time streamed;          /* when its last sample came */
+	int64_t outdated_us;       /* what was told before is older than a command */
 	char result[32];           /* of the last command from here */
 	char reason[256];          /* why it was refused, "" */
 };

@@ -174,6 +174,7 @@ static void take_samples(void *data, json_t *parameters, const struct db_client_
                          bool more)
 {
 	struct db_opcua_plant *plant = data;
+	json_int_t sent_us = json_integer_value(json_object_get(parameters, "time_us"));
 	size_t i;
 	const json_t *sample;
 
@@ -186,6 +187,9 @@ static void take_samples(void *data, json_t *parameters, const struct db_client_
 		struct db_opcua_drive *drive = db_opcua_plant_find(plant, text_of(sample, "drive"));
 
 		if (!drive)
+			continue;
+		/* One that was on its way when somebody commanded the drive tells of before that. */
+		if (sent_us < drive->outdated_us)
 			continue;
 		db_opcua_drive_take(drive, json_object_get(sample, "values"),
 		                    json_integer_value(json_object_get(sample, "time_us")));
@@ -514,6 +518,10 @@ static void take_figures(void *data, json_t *parameters, const struct db_client_
 
 void db_opcua_plant_outdate(struct db_opcua_drive *drive)
 {
+	struct timespec time;
+
+	(void)clock_gettime(CLOCK_REALTIME, &time);
+	drive->outdated_us = (int64_t)time.tv_sec * 1000000 + time.tv_nsec / 1000;
 	for (size_t i = 0; i < DB_OPCUA_GROUPS; i++)
 		drive->taken[i] = 0;
 	drive->streamed = 0;
