@@ -24,6 +24,7 @@ struct drive {
 	char name[DRIVE_NAME_MAX]; /* "": the place is free */
 	db_time commanded;
 	bool moves;
+	bool armed;      /* its watchdog, which may be so while it stands */
 	bool controlled; /* the page has taken control, and not let it go */
 	bool asking;
 };
@@ -167,23 +168,26 @@ static void take_state(void *data, json_t *parameters, const struct db_client_er
 	(void)more;
 	drive->asking = false;
 	drive->moves = !error && db_web_service_is_moving(drive->tab->server->service, state);
+	drive->armed = json_number_value(json_object_get(json_object_get(parameters, "values"),
+	                                                 "watchdog_remaining_ms")) > 0;
 	if (!error)
 		db_web_jog_see(drive->tab->jog, drive->name, drive->moves);
 }
 
-/* What asks, lives: the watchdog of what moves, and the claim of control that was made for itself. */
+/* What asks, lives: for the watchdog while it is armed, and for control that was taken for itself. */
 static void feed(struct db_web_tab *tab, db_time now)
 {
 	for (size_t i = 0; i < DRIVES_MAX; i++) {
 		struct drive *drive = &tab->drives[i];
 
 		if (drive->name[0] == '\0' || drive->asking ||
-		    (!drive->moves && !drive->controlled &&
+		    (!drive->moves && !drive->armed && !drive->controlled &&
 		     now - drive->commanded >= BEGINS_WITHIN))
 			continue;
 		drive->asking = db_web_link_send(tab->act, "Read",
-		                                 json_pack("{s:s, s:[s]}", "drive", drive->name,
-		                                           "names", "axis_state"),
+		                                 json_pack("{s:s, s:[s,s]}", "drive", drive->name,
+		                                           "names", "axis_state",
+		                                           "watchdog_remaining_ms"),
 		                                 false, take_state, drive) == 0;
 	}
 }

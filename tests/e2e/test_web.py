@@ -623,18 +623,22 @@ def test_a_page_that_acts_lives_by_saying_so(gateway):
     assert late.call("Write", drive="drive1", values={"target_velocity": 5.0}) == {"result": "ok"}
 
 
-def test_control_that_a_page_takes_is_its_own_until_it_lets_go(gateway):
-    """Nothing has to move for that."""
-    bridge = gateway.make_bridge(modbus={"control": "drive", "control-timeout-ms": 300})
+def test_what_a_page_has_taken_is_its_own_until_it_lets_go(gateway):
+    """Control, and a drive that it has moved and that stands: neither needs another command."""
+    bridge = gateway.make_bridge(modbus={"control": "drive", "control-timeout-ms": 300},
+                                 drive={"watchdog-ms": 700})
     page = gateway.page(gateway.webd(bridge), OPERATOR)
     drive = bridge.drive()
+    page.run("drive1", "enable")
+    page.run("drive1", "move_relative", target_position=10, target_velocity=SPEED)
     page.call("Write", drive="drive1", values={"control_request": 1})
     # Longer than what was written counts as a command that may move something.
     began = time.monotonic()
-    while time.monotonic() - began < 3.8:
+    while time.monotonic() - began < 4.5:
         assert drive.read("control_port") != 0
         page.alive()
         time.sleep(0.1)
+    assert drive.read("watchdog_trips") == 0
     page.call("Write", drive="drive1", values={"control_request": 0})
     eventually(lambda: drive.read("control_port") == 0)
 
