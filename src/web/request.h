@@ -33,6 +33,7 @@ struct db_web_request {
 
 	char *body;
 	size_t used;
+	size_t received; /* with what was not kept */
 	bool too_long;
 	json_t *parameters; /* of the body; an object */
 

@@ -37,6 +37,9 @@
 /* What the system keeps for a browser that does not take it: no more than it may be old. */
 #define UNSENT_MAX (32 * 1024)
 
+/* What is taken of a body whatever becomes of it; then the connection is closed. */
+#define HEARD_MAX ((size_t)4 * DB_WEB_BODY_MAX)
+
 #define READ_WITHIN (10 * DB_NS_PER_S)
 /* Drives that were moved by holding a button are stopped before this program ends, if they can be. */
 #define END_WITHIN (4 * DB_NS_PER_S)
@@ -293,7 +296,9 @@ static enum MHD_Result begin_request(struct db_web_server *server,
 	find_peer(request, lines.forwarded);
 	find_session(request);
 	check_head(request, lines.hosts);
-	return request->status != 0 ? db_web_request_send(request) : MHD_YES;
+	/* Who is refused is heard out first: an answer in the middle of a body may be lost with the connection. */
+	return request->status == MHD_HTTP_CONTENT_TOO_LARGE ? db_web_request_send(request) :
+	                                                       MHD_YES;
 }
 
 static void add_body(struct db_web_request *request, const char *bytes, size_t count)
@@ -324,9 +329,11 @@ static enum MHD_Result handle_request(void *data, struct MHD_Connection *connect
 	if (!request)
 		return begin_request(data, connection, url, method, context);
 	if (*upload_size > 0) {
-		add_body(request, upload, *upload_size);
+		if (request->status == 0)
+			add_body(request, upload, *upload_size);
+		request->received += *upload_size;
 		*upload_size = 0;
-		return MHD_YES;
+		return request->received <= HEARD_MAX ? MHD_YES : MHD_NO;
 	}
 	if (!request->taken && request->status == 0) {
 		request->taken = true;

@@ -653,11 +653,19 @@ def test_malformed_and_too_much(gateway):
                  "nul", '{"a":1e999}'):
         status, _, data = page.request("POST", "/api/call/Read", body)
         assert status in (200, 400), (body, data)
-    assert page.request("POST", "/api/call/Read", "x" * 16385)[0] == 413
-    assert page.request("POST", "/api/call/Read", iter([b"x" * 9000, b"y" * 9000]),
-                        Transfer_Encoding="chunked")[0] in (400, 413)
-    assert page.request("GET", "/" + "a" * 30000)[0] in (404, 414, 431)
-    assert page.request("GET", "/", X_Long="b" * 30000)[0] in (200, 413, 431)
+
+    def told(*arguments, **headers):
+        """The status, unless the connection was closed before everything was sent."""
+        try:
+            return page.request(*arguments, **headers)[0]
+        except (OSError, http.client.HTTPException):
+            return "closed"
+
+    assert told("POST", "/api/call/Read", "x" * 16385) in (413, "closed")
+    assert told("POST", "/api/call/Read", iter([b"x" * 9000, b"y" * 9000]),
+                Transfer_Encoding="chunked") in (400, 413, "closed")
+    assert told("GET", "/" + "a" * 30000) in (404, 414, 431, "closed")
+    assert told("GET", "/", X_Long="b" * 30000) in (413, 431, "closed")
     for raw in (b"", b"\r\n\r\n", b"GET / HTTP/1.1\r\n\r\n", b"GET /\r\n\r\n", b"\x16\x03\x01\x02\x00\x01\x00",
                 b"POST /api/jog HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: -5\r\n\r\n",
                 b"POST /api/jog HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 99999999999999999999\r\n\r\n",
