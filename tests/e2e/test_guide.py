@@ -17,7 +17,8 @@ from bridgelib import DISCRETE, HOMING, ROOT, STOPPING, eventually, find_program
 GUIDE = ROOT / "docs" / "guide"
 PAGES = sorted(GUIDE.glob("*.md"))
 README = ROOT / "README.md"
-FENCES = {"sh", "conf", "ini", "yaml", "udev", "log", "mermaid", "iecst", "scl", "exchange", "console", "mqtt", "mqttconf"}
+FENCES = {"sh", "conf", "ini", "yaml", "udev", "log", "mermaid", "iecst", "scl", "exchange", "console", "mqtt", "mqttconf",
+          "opcua", "opcuaconf"}
 
 # What mbpoll prints for an exception.
 EXCEPTIONS = {
@@ -46,6 +47,12 @@ FOREIGN = {
     # topics and words of drivebridge-mqtt, and what is in its messages
     "drivebridge-mqtt", "online", "no-service", "offline", "state", "changes", "about", "time", "alive", "id",
     "values", "good", "uncertain", "bad", "null", "retain", "write",
+    # drivebridge-opcua: its folders, and words of OPC UA
+    "drivebridge-opcua", "trusted", "issuers", "revoked", "Objects", "Server", "Reason", "Result", "ClearFault", "Stop",
+    "EngineeringUnits", "EURange", "EnumValues", "OptionSetValues", "CommandBlock", "Command", "MotionResult",
+    "DriveEventType", "DriveLost", "DriveOnline", "WatchdogTripped",
+    "Good", "GoodCompletesAsynchronously", "UncertainLastUsableValue", "BadNoCommunication", "BadWaitingForInitialData",
+    "BadOutOfRange", "BadInvalidState", "BadTimeout", "BadUserAccessDenied", "BadUnknownResponse",
     # sections of the configuration
     "modbus", "bus", "drive",
 }
@@ -110,7 +117,7 @@ def rows(name):
 
 REGISTERS = rows("register-map.csv")
 COMMANDS = rows("commands.csv")
-KEYS = rows("config-keys.csv") + rows("mqtt-keys.csv")
+KEYS = rows("config-keys.csv") + rows("mqtt-keys.csv") + rows("opcua-keys.csv")
 
 
 def enumerations():
@@ -462,6 +469,10 @@ NOT_HERE = {
     "sudo install": "changes the machine",
     "sudo mosquitto_passwd": "changes the machine",
     "sudo drivebridge-mqtt --check": "the installed program; the page's configurations are checked here",
+    "sudo drivebridge-opcua": "the installed program; test_opcua.py checks the page's configurations",
+    "cd /var/lib/drivebridge-opcua/pki": "the installed program",
+    "sudo openssl x509": "a client's certificate",
+    "sudo mv rejected/": "a client's certificate; test_opcua_acting.py moves one",
     # An installed service under systemd, which packaging/check has.
     "sudo systemctl": "the installed service",
     "systemctl": "the installed service",
