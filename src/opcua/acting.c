@@ -421,23 +421,35 @@ void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua
 
 /* --- watchdogs -------------------------------------------------------------------------------- */
 
+/* What is left until silence would end something: 0 when it would end nothing. */
+static db_time time_left(const json_t *values)
+{
+	json_int_t watchdog = json_integer_value(json_object_get(values, "watchdog_remaining_ms"));
+	json_int_t control = json_integer_value(json_object_get(values, "control_remaining_ms"));
+
+	/* Reads 1 where this connection has it. */
+	if (json_integer_value(json_object_get(values, "control_request")) != 1)
+		control = 0;
+	if (watchdog > 0 && control > 0)
+		return (watchdog < control ? watchdog : control) * DB_NS_PER_MS;
+	return (watchdog > 0 ? watchdog : control) * DB_NS_PER_MS;
+}
+
 static void take_sign(void *data, json_t *parameters, const struct db_client_error *error,
                       bool more)
 {
 	struct fed_drive *fed = data;
-	const json_t *values = json_object_get(parameters, "values");
-	db_time left = json_integer_value(json_object_get(values, "watchdog_remaining_ms")) *
-	               DB_NS_PER_MS;
+	db_time left = time_left(json_object_get(parameters, "values"));
 	db_time wait = left / 4;
 
 	(void)more;
+	if (wait > FEED_LONGEST || error)
+		wait = FEED_LONGEST;
+	if (wait < FEED_SHORTEST)
+		wait = FEED_SHORTEST;
 	fed->feeding = false;
-	/* It runs only while something moves; the next command begins it again. */
-	fed->due = error || left == 0 ?
-	                   DB_TIME_NEVER :
-	                   fed->link->acting->now + (wait > FEED_LONGEST  ? FEED_LONGEST :
-	                                             wait < FEED_SHORTEST ? FEED_SHORTEST :
-	                                                                    wait);
+	/* The watchdog stays armed at a stand, and so does control. The next command begins both again. */
+	fed->due = left > 0 || error ? fed->link->acting->now + wait : DB_TIME_NEVER;
 }
 
 void db_opcua_acting_feed(struct db_opcua_acting *acting, unsigned session, db_time now)
@@ -451,10 +463,12 @@ void db_opcua_acting_feed(struct db_opcua_acting *acting, unsigned session, db_t
 			if (fed->feeding || now < fed->due)
 				continue;
 			/* What reads, lives. A connection that is lost shows when it is looked at next. */
-			fed->feeding = db_client_send(link->client, "Read",
-			                              json_pack("{s:s, s:[s]}", "drive", fed->name,
-			                                        "names", "watchdog_remaining_ms"),
-			                              false, take_sign, fed) == 0;
+			fed->feeding = db_client_send(
+					       link->client, "Read",
+					       json_pack("{s:s, s:[s,s,s]}", "drive", fed->name,
+			                                 "names", "watchdog_remaining_ms",
+			                                 "control_request", "control_remaining_ms"),
+					       false, take_sign, fed) == 0;
 		}
 	}
 }

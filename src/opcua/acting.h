@@ -56,7 +56,7 @@ void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua
                            const char *drive, const char *reg, json_t *value, bool block,
                            struct db_opcua_outcome *outcome);
 
-/* The session is heard: the watchdogs of what it has moved are fed when they are to be. */
+/* The session is heard: the watchdogs of what it has moved are fed when they are to be, and its control kept. */
 void db_opcua_acting_feed(struct db_opcua_acting *acting, unsigned session, db_time now);
 
 /* The session is lost or over: for the service its client is gone. */
