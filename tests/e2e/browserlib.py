@@ -110,7 +110,7 @@ def findings(page, rules=None):
 
 
 def picture(page, name):
-    """Into docs/guide/pictures, when DRIVEBRIDGE_PICTURES names that folder: a test that shows it makes it."""
+    """For docs/guide/pictures: into the folder that DRIVEBRIDGE_PICTURES names, where it does. pngquant makes them small."""
     folder = os.environ.get("DRIVEBRIDGE_PICTURES")
     if folder:
         page.screenshot(path=Path(folder) / f"{name}.png")

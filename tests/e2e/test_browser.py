@@ -188,7 +188,6 @@ def test_who_logs_in_sees_the_drives(site, visit):
     page.get_by_label("Password").fill("not this one")
     page.get_by_role("button", name="Log in").click()
     expect(page.locator("#login-problem")).not_to_be_empty()
-    picture(page, "web-login")
     visitor.log_in(*OPERATOR)
     for name in ("drive1", "drive2"):
         expect(page.locator(f'tr[data-drive="{name}"]')).to_contain_text("Standstill")
@@ -299,7 +298,6 @@ def test_a_drive_stands_when_the_network_goes(site, visit):
         expect(page.locator("#banner")).to_be_visible()
         expect(page.locator("#link")).not_to_have_attribute("data-state", "live")
         expect(page.locator("html")).to_have_class(re.compile(r"\bstale\b"))
-        picture(page, "web-lost")
         # Beats that were on their way arrive now, and the button is still down.
         count = len(motions(site.bridge))
         network.go_on()
@@ -559,7 +557,6 @@ def test_the_wire_and_the_log_are_read(site, visit):
     view.locator("#events-drive").select_option("drive1")
     expect(view.get_by_text("drive-lost")).to_have_count(0)
     view.locator("#events-drive").select_option("drive2")
-    picture(page, "web-events")
     view = visitor.go("trace")
     expect(view.locator("#trace-kept tbody tr").first).to_contain_text("drive2")
     view.locator("#trace-kept tbody tr").first.get_by_role("button").click()

@@ -18,7 +18,7 @@ GUIDE = ROOT / "docs" / "guide"
 PAGES = sorted(GUIDE.glob("*.md"))
 README = ROOT / "README.md"
 FENCES = {"sh", "conf", "ini", "yaml", "udev", "log", "mermaid", "iecst", "scl", "exchange", "console", "mqtt", "mqttconf",
-          "opcua", "opcuaconf"}
+          "opcua", "opcuaconf", "webconf", "nginx", "lighttpd"}
 
 # What mbpoll prints for an exception.
 EXCEPTIONS = {
@@ -53,6 +53,9 @@ FOREIGN = {
     "DriveEventType", "DriveLost", "DriveOnline", "WatchdogTripped",
     "Good", "GoodCompletesAsynchronously", "UncertainLastUsableValue", "BadNoCommunication", "BadWaitingForInitialData",
     "BadOutOfRange", "BadInvalidState", "BadTimeout", "BadUserAccessDenied", "BadUnknownResponse",
+    # drivebridge-web
+    "drivebridge-web", "drivebridge-webd", "IPAddressAllow", "drivebridge_web_requests_total", "drivebridge_web_streams",
+    "drivebridge_web_failed_logins_total", "drivebridge_web_late_jogs_total",
     # sections of the configuration
     "modbus", "bus", "drive",
 }
@@ -117,7 +120,7 @@ def rows(name):
 
 REGISTERS = rows("register-map.csv")
 COMMANDS = rows("commands.csv")
-KEYS = rows("config-keys.csv") + rows("mqtt-keys.csv") + rows("opcua-keys.csv")
+KEYS = rows("config-keys.csv") + rows("mqtt-keys.csv") + rows("opcua-keys.csv") + rows("web-keys.csv")
 
 
 def enumerations():
@@ -230,6 +233,24 @@ def test_mqtt_configuration_is_right(page, block, tmp_path):
     secret.chmod(0o640)
     path.write_text(block.text.replace("/etc/drivebridge/mqtt-password", str(secret)), encoding="utf-8")
     done = subprocess.run([find_program("drivebridge-mqtt"), "--config", path, "--check"],
+                          capture_output=True, text=True, timeout=30, check=False)
+    assert done.returncode == 0, f"{page.name}:{block.line}\n{done.stderr}"
+
+
+WEB_CONFIGURATIONS = blocks_of("webconf")
+
+
+@pytest.mark.parametrize("page,block", WEB_CONFIGURATIONS, ids=names(WEB_CONFIGURATIONS))
+def test_web_configuration_is_right(page, block, tmp_path):
+    made = {kind: tmp_path / f"{kind}.pem" for kind in ("certificate", "key")}
+    subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes",
+                    "-subj", "/CN=gateway", "-out", made["certificate"], "-keyout", made["key"]],
+                   capture_output=True, timeout=60, check=True)
+    (tmp_path / "index.html").write_text("", encoding="utf-8")
+    text = block.text.replace("/etc/drivebridge/web-certificate.pem", str(made["certificate"]))
+    path = tmp_path / "web.conf"
+    path.write_text(text.replace("/etc/drivebridge/web-key.pem", str(made["key"])), encoding="utf-8")
+    done = subprocess.run([find_program("drivebridge-webd"), "--config", path, "--page", tmp_path, "--check"],
                           capture_output=True, text=True, timeout=30, check=False)
     assert done.returncode == 0, f"{page.name}:{block.line}\n{done.stderr}"
 
@@ -469,6 +490,8 @@ NOT_HERE = {
     "sudo install": "changes the machine",
     "sudo mosquitto_passwd": "changes the machine",
     "sudo drivebridge-mqtt --check": "the installed program; the page's configurations are checked here",
+    "sudo drivebridge-webd": "the installed program; packaging/check makes a user with it",
+    "journalctl -u drivebridge-web": "the installed service",
     "sudo drivebridge-opcua": "the installed program; test_opcua.py checks the page's configurations",
     "cd /var/lib/drivebridge-opcua/pki": "the installed program",
     "sudo openssl x509": "a client's certificate",
@@ -643,8 +666,10 @@ def is_printed(line):
 NUMBER = re.compile(r"-?[0-9A-Fx.]+")
 SYSTEM_TEXTS = {os.strerror(code) for code in range(1, 134)}
 LITERALS = literals()
+# Not those that would print anything: more than two things filled in, and no word of their own.
 FORMATS = [Format(text) for text in sorted(LITERALS)
-           if CONVERSION.search(text) and re.search("[A-Za-z:]", CONVERSION.sub("", text))]
+           if CONVERSION.search(text) and re.search("[A-Za-z:]", CONVERSION.sub("", text)) and
+           (len(CONVERSION.findall(text)) <= 2 or re.search("[A-Za-z]", CONVERSION.sub("", text)))]
 # What stands before a message: that it is a warning, whom it is about.
 WHOM = re.compile(r"(warning: )?(bus \S+: )?(drive \S+: )?(client \S+: )?")
 
@@ -716,7 +741,14 @@ def test_blocks_say_what_they_are(page):
 PICTURES = sorted((GUIDE / "pictures").iterdir())
 
 
-@pytest.mark.parametrize("picture", PICTURES, ids=lambda picture: picture.name)
+@pytest.mark.parametrize("picture", [one for one in PICTURES if one.suffix == ".png"], ids=lambda picture: picture.name)
+def test_a_picture_of_the_page_is_small(picture):
+    """Made by test_browser.py, see browserlib.picture."""
+    data = picture.read_bytes()
+    assert data.startswith(b"\x89PNG\r\n") and len(data) < 120000
+
+
+@pytest.mark.parametrize("picture", [one for one in PICTURES if one.suffix == ".svg"], ids=lambda picture: picture.name)
 def test_a_picture_can_be_read(picture):
     """By a browser, by whoever cannot see it, and on a dark page; its words fit into it."""
     root = xml.etree.ElementTree.parse(picture).getroot()
