@@ -37,7 +37,7 @@ static void check_whole(struct db_settings *settings, const void *host_name)
 {
 	struct db_opcua_config *config = settings->values;
 
-	if (config->gateway[0] == '\0') {
+	if (config->gateway && config->gateway[0] == '\0') {
 		free(config->gateway);
 		config->gateway = strdup(host_name);
 	}

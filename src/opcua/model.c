@@ -404,7 +404,7 @@ static bool is_same(enum db_opcua_type type, const struct db_opcua_value *a,
 	case DB_OPCUA_F32:
 		return !(a->real < b->real) && !(a->real > b->real);
 	case DB_OPCUA_TEXT:
-		return strcmp(a->text, b->text) == 0;
+		return a->text && b->text && strcmp(a->text, b->text) == 0;
 	default:
 		return a->number == b->number;
 	}

@@ -48,8 +48,9 @@ union plain {
 
 static union plain plain_of(enum db_opcua_type type, const struct db_opcua_value *value)
 {
-	union plain plain = { .text = UA_STRING_NULL };
+	union plain plain;
 
+	memset(&plain, 0, sizeof(plain));
 	if (!value->known)
 		return plain;
 	switch (type) {
