@@ -21,20 +21,11 @@ sys.path.insert(0, str(HERE.parent / "e2e"))
 
 from bridgelib import DOCS, MAP, Bridge, eventually, load_commands  # noqa: E402
 from mqttlib import Broker, Publisher, Watcher  # noqa: E402
+from process import memory_mib, processor_seconds  # noqa: E402
 
 DRIVES = 32
 SECONDS = 20
 INTERVALS = ((1000, 5000), (200, 5000), (100, 5000), (50, 1000))
-
-
-def processor_seconds(pid):
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-def memory_mib(pid):
-    text = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
-    return int(text.split("VmRSS:")[1].split()[0]) / 1024
 
 
 def look(watcher, name):

@@ -50,7 +50,7 @@ FOREIGN = {
     # drivebridge-opcua: its folders, and words of OPC UA
     "drivebridge-opcua", "trusted", "issuers", "revoked", "Objects", "Server", "Reason", "Result", "ClearFault", "Stop",
     "EngineeringUnits", "EURange", "EnumValues", "OptionSetValues", "CommandBlock", "Command", "MotionResult",
-    "DriveEventType", "DriveLost", "DriveOnline", "WatchdogTripped",
+    "DriveEventType", "Parameters", "DriveLost", "DriveOnline", "WatchdogTripped",
     "Good", "GoodCompletesAsynchronously", "UncertainLastUsableValue", "BadNoCommunication", "BadWaitingForInitialData",
     "BadOutOfRange", "BadInvalidState", "BadTimeout", "BadUserAccessDenied", "BadUnknownResponse",
     # drivebridge-web
