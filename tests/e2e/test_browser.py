@@ -161,19 +161,21 @@ def give(view, command, **arguments):
     view.locator("#command-run").click()
 
 
-# A link that is as large as its row has it around the row.
-OUTLINED = """node => [null, "::after"].some((part) => {
+# Whether the focus is there, and can be seen; a link that is as large as its row has it around the row. Asked at once,
+# because the page may move the focus meanwhile.
+FOCUSED = """node => node !== document.activeElement ? "elsewhere" : [null, "::after"].some((part) => {
     const { outlineStyle, outlineWidth } = getComputedStyle(node, part);
     return outlineStyle !== "none" && outlineWidth !== "0px";
-})"""
+}) ? "seen" : 'hidden'"""
 
 
 def tab_to(page, target):
     """By the key alone, as far as it takes; what has the focus can be seen to have it."""
     for _ in range(120):
         page.keyboard.press("Tab")
-        if target.evaluate("node => node === document.activeElement"):
-            assert target.evaluate(OUTLINED), "the focus cannot be seen"
+        focus = target.evaluate(FOCUSED)
+        assert focus != "hidden", "the focus cannot be seen"
+        if focus == "seen":
             return
     raise AssertionError(f"the key Tab does not lead to {target}")
 
