@@ -147,7 +147,8 @@ void db_look_describe_more(struct db_session *session, db_time now)
 	struct registers_job *job = session->job;
 	const struct db_name_list *list = db_named_registers(registers, job->drive);
 
-	/* Half an answer cannot be taken back: who asks again is told of what there is now. */
+	/* Half an answer cannot be taken back: who asks again is told of what there is now. (gcc's analyzer: the job is the
+	 * session's, which frees it.) */
 	if (!list || job->generation != db_named_generation(registers)) {
 		session->broken = true;
 		return;
@@ -169,6 +170,7 @@ void db_look_describe_more(struct db_session *session, db_time now)
 		job->next++;
 	}
 	session->due = now;
+	/* gcc's analyzer: the job is the session's, which frees it. */
 	if (job->next == list->count)
 		db_session_append(session, end, sizeof end, true);
 }

@@ -302,6 +302,7 @@ static void make_call(struct link *link, const struct db_opcua_actor *actor, con
 	call->acting = acting;
 	call->link = link;
 	call->next = link->first;
+	/* gcc's analyzer: it is the link's now, which frees it. */
 	link->first = call;
 	link->calls++;
 	(void)snprintf(call->drive, sizeof(call->drive), "%s", drive);

@@ -237,6 +237,7 @@ static UA_StatusCode send_bytes(UA_ConnectionManager *cm, uintptr_t id,
 		sent = send_now(id, buffer->data, buffer->length);
 		connection->out_since = network->now;
 	}
+	/* gcc's analyzer: what is kept is the connection's, which frees it. */
 	if (connection && sent >= 0 &&
 	    ((size_t)sent == buffer->length ||
 	     keep_rest(connection, buffer->data + sent, buffer->length - (size_t)sent)))
