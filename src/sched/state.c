@@ -24,8 +24,8 @@ static void tell_event(struct db_engine *engine, const struct station *station, 
 void engine_tell_timing(struct db_engine *engine, struct station *station, enum db_event event,
                         db_time time)
 {
-	/* That it does not answer in time is no news any more. */
-	if (event == DB_EVENT_DRIVE_LATE)
+	/* While it cannot come online because of that, it is no news that it does not answer in time. */
+	if (event == DB_EVENT_DRIVE_LATE && !station->last_logged.online)
 		station->last_logged.missing = true;
 	if (engine->ops->tell_timing)
 		engine->ops->tell_timing(engine->context, station->config, event, time);

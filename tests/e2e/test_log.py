@@ -32,6 +32,13 @@ def test_what_happens_to_a_drive(bridge):
     assert len(lines(bridge, "does not answer")) == 1
 
 
+def test_who_was_late_once_is_missed_when_it_is_gone(bridge):
+    bridge.sim.fault("delay 90")
+    told(bridge, "drive drive1: answers after")
+    bridge.sim.fault("silence on")
+    told(bridge, "drive drive1: does not answer at address 1")
+
+
 def test_a_fault_is_told_with_what_to_check(bridge):
     bridge.sim.control(f"bits drive1 {OVER_CURRENT:#x}")
     drive = bridge.drive()
