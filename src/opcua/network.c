@@ -59,8 +59,9 @@ struct db_opcua_network {
 
 /* --- the library's log ------------------------------------------------------------------------ */
 
-static void log_line(void *context, UA_LogLevel level, UA_LogCategory category, const char *format,
-                     va_list arguments)
+__attribute__((format(printf, 4, 0))) static void log_line(void *context, UA_LogLevel level,
+                                                           UA_LogCategory category,
+                                                           const char *format, va_list arguments)
 {
 	enum db_client_level shown = level >= UA_LOGLEVEL_ERROR ? DB_CLIENT_ERROR :
 	                                                          DB_CLIENT_WARNING;
