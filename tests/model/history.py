@@ -132,6 +132,8 @@ class Maker:
             step.bare = form > 0.85
             if self.chance.random() < 0.05:
                 step.cut = self.chance.choice(["fin", "rst"])
+        # A place that a moving drive was near already cannot be proven, and only the result says so.
+        step.look = step.look or step.name == "set_position"
 
     def client_step(self):
         step = Step(self.chance.randrange(CLIENTS), self.pick(self.kinds),
