@@ -95,6 +95,7 @@ bool db_users_parse(struct db_users *users, const char *text, const char *path, 
 		if (length >= sizeof(line)) {
 			why = "the line is too long";
 		} else {
+			/* gcc's analyzer forgets that what is behind a file's bytes is zero. */
 			memcpy(line, text, length);
 			line[length] = '\0';
 			if (!is_comment(line)) {
@@ -108,6 +109,7 @@ bool db_users_parse(struct db_users *users, const char *text, const char *path, 
 		if (why && out)
 			(void)fprintf(out, "%s:%u: %s\n", path, number, why);
 		good = good && !why;
+		/* gcc's analyzer, likewise */
 		text += length + (text[length] == '\n');
 	}
 	explicit_bzero(line, sizeof(line));
