@@ -30,6 +30,7 @@ struct db_web_request {
 	char session[DB_WEB_SECRET_TEXT]; /* "" likewise */
 	char token[DB_WEB_SECRET_TEXT];   /* "": there is no cookie */
 	char tab[DB_WEB_TAB_MAX + 1];     /* "": not told */
+	uint64_t call; /* its number among those of the page that act; 0: not told */
 
 	char *body;
 	size_t used;

@@ -132,6 +132,7 @@ static void check_post(struct db_web_request *request)
 	const char *token = head(request, "X-Drivebridge");
 	const char *site = head(request, "Sec-Fetch-Site");
 	const char *tab = head(request, "X-Tab");
+	const char *call = head(request, "X-Call");
 
 	if (!db_web_origin_is_good(head(request, MHD_HTTP_HEADER_ORIGIN),
 	                           head(request, MHD_HTTP_HEADER_HOST)) ||
@@ -157,6 +158,9 @@ static void check_post(struct db_web_request *request)
 	else if (tab && !db_web_tab_is_good(tab))
 		db_web_request_refuse(request, MHD_HTTP_BAD_REQUEST, "BadRequest",
 		                      "X-Tab is 16 to 32 hexadecimal digits");
+	else if (call && !db_web_call_number_read(call, &request->call))
+		db_web_request_refuse(request, MHD_HTTP_BAD_REQUEST, "BadRequest",
+		                      "X-Call is a number from 1");
 	else if (tab)
 		(void)snprintf(request->tab, sizeof(request->tab), "%s", tab);
 }

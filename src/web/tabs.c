@@ -2,6 +2,7 @@
 #include "web/tabs.h"
 #include "web/call.h"
 #include "web/jog.h"
+#include "web/order.h"
 #include "web/service.h"
 
 #include <stdio.h>
@@ -37,6 +38,7 @@ struct db_web_tab {
 	struct db_web_link *act;
 	struct db_web_link *stop;
 	struct db_web_jog *jog;
+	struct db_web_order order;
 	bool lost;
 	bool leaves; /* nothing is taken from it any more */
 	db_time heard;
@@ -49,6 +51,17 @@ bool db_web_tab_is_good(const char *id)
 
 	return length >= 16 && length <= DB_WEB_TAB_MAX &&
 	       strspn(id, "0123456789abcdefABCDEF") == length;
+}
+
+bool db_web_call_number_read(const char *text, uint64_t *number)
+{
+	size_t length = strlen(text);
+
+	/* What numbers of scripts can be. */
+	if (length < 1 || length > 15 || strspn(text, "0123456789") != length || text[0] == '0')
+		return false;
+	*number = strtoull(text, NULL, 10);
+	return true;
 }
 
 static void free_tab(struct db_web_tab *tab)
@@ -88,10 +101,10 @@ static struct db_web_tab *find_tab(const struct db_web_request *request)
 	return tab;
 }
 
-/* NULL when the request has been answered with why not. */
-static struct db_web_tab *open_tab(struct db_web_request *request)
+/* NULL with what hinders. */
+static struct db_web_tab *open_tab(const struct db_web_request *request,
+                                   struct db_client_error *error)
 {
-	struct db_client_error error = { .parameters = NULL };
 	struct db_web_tab *tab = find_tab(request);
 	unsigned count = 0;
 
@@ -100,13 +113,13 @@ static struct db_web_tab *open_tab(struct db_web_request *request)
 	for (tab = request->server->tabs; tab; tab = tab->next)
 		count += !tab->leaves && !tab->lost;
 	if (count >= DB_WEB_TABS_MAX) {
-		db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Busy",
-		                      "%u pages command drives already; close one", count);
+		db_client_error_set(error, DB_CLIENT_SERVICE "Busy",
+		                    "%u pages command drives already; close one", count);
 		return NULL;
 	}
 	tab = calloc(1, sizeof(*tab));
 	if (!tab) {
-		db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Busy", "no memory");
+		db_client_error_set(error, DB_CLIENT_NO_MEMORY, "no memory");
 		return NULL;
 	}
 	tab->server = request->server;
@@ -115,20 +128,17 @@ static struct db_web_tab *open_tab(struct db_web_request *request)
 	(void)snprintf(tab->id, sizeof(tab->id), "%s", request->tab);
 	(void)snprintf(tab->session, sizeof(tab->session), "%s", request->session);
 	tab->heard = db_web_clock();
-	tab->act = db_web_service_open(request->server->service, lose, tab, &error);
+	tab->act = db_web_service_open(request->server->service, lose, tab, error);
 	if (tab->act)
-		tab->stop = db_web_service_open(request->server->service, lose, tab, &error);
+		tab->stop = db_web_service_open(request->server->service, lose, tab, error);
 	if (tab->stop)
 		tab->jog = db_web_jog_new(tab->server, tab->act, tab->stop);
-	if (!tab->jog) {
-		if (error.name[0] == '\0')
-			db_client_error_set(&error, DB_CLIENT_NO_MEMORY, "no memory");
-		db_web_request_fail(request, &error);
-		free_tab(tab);
-		tab = NULL;
-	}
-	db_client_error_clear(&error);
-	return tab;
+	if (tab->jog)
+		return tab;
+	if (error->name[0] == '\0')
+		db_client_error_set(error, DB_CLIENT_NO_MEMORY, "no memory");
+	free_tab(tab);
+	return NULL;
 }
 
 /* --- watchdogs -------------------------------------------------------------------------------- */
@@ -229,22 +239,56 @@ static void stop(struct db_web_request *request, const char *drive)
 		                       json_incref(request->parameters), false, NULL, NULL);
 	if (tab)
 		db_web_jog_yield(tab->jog, drive);
+	/* What the page said before, and is still to come, does not come behind it; also if that should be its first. */
+	if (!tab && request->tab[0] != '\0' && request->call != 0) {
+		struct db_client_error error = { .parameters = NULL };
+
+		tab = open_tab(request, &error);
+		db_client_error_clear(&error);
+	}
+	if (tab)
+		db_web_order_stop(&tab->order, request->call);
 }
 
 /* The page's, which has said that it is there; NULL when the request has been answered with why not. */
 static struct db_web_tab *take_tab(struct db_web_request *request)
 {
+	struct db_client_error error = { .parameters = NULL };
 	struct db_web_tab *tab = NULL;
 
-	if (request->tab[0] == '\0')
+	if (request->tab[0] == '\0' || request->call == 0) {
 		db_web_request_refuse(
 			request, MHD_HTTP_BAD_REQUEST, "BadRequest",
-			"what acts tells its page: X-Tab, 16 to 32 hexadecimal digits");
-	else
-		tab = open_tab(request);
+			"what acts tells its page and the number of the call there: X-Tab, 16 to 32 "
+			"hexadecimal digits, and X-Call, from 1");
+		return NULL;
+	}
+	tab = open_tab(request, &error);
 	if (tab)
 		tab->heard = db_web_clock();
+	else
+		db_web_request_fail(request, &error);
+	db_client_error_clear(&error);
 	return tab;
+}
+
+/* Whether it is its turn; if not, the request has been answered with why. */
+static bool take_turn(struct db_web_tab *tab, struct db_web_request *request)
+{
+	switch (db_web_order_take(&tab->order, request->call)) {
+	case DB_WEB_TURN_REPEATED:
+		db_web_request_refuse(request, MHD_HTTP_CONFLICT, "Repeated",
+		                      "this call came before and is not carried out again; the "
+		                      "history of the drive tells how it ended");
+		return false;
+	case DB_WEB_TURN_OVERTAKEN:
+		db_web_request_refuse(request, MHD_HTTP_CONFLICT, "Overtaken",
+		                      "a stop overtook this call, and it was not carried out");
+		return false;
+	case DB_WEB_TURN_NOW:
+	default:
+		return true;
+	}
 }
 
 void db_web_tabs_act(struct db_web_request *request)
@@ -260,7 +304,7 @@ void db_web_tabs_act(struct db_web_request *request)
 		return;
 	}
 	tab = take_tab(request);
-	if (!tab)
+	if (!tab || !take_turn(tab, request))
 		return;
 	if (drive && strlen(drive) < DRIVE_NAME_MAX)
 		note_drive(tab, drive, json_object_get(values, "control_request"));
@@ -272,7 +316,15 @@ void db_web_tabs_jog(struct db_web_request *request)
 	const char *drive = json_string_value(json_object_get(request->parameters, "drive"));
 	struct db_web_tab *tab = take_tab(request);
 
-	if (tab && db_web_jog_take(tab->jog, request))
+	if (!tab)
+		return;
+	/* Beats have an order of their own, in their press. Letting go is never too late. */
+	if (db_web_order_is_overtaken(&tab->order, request->call) &&
+	    json_number_value(json_object_get(request->parameters, "velocity")) != 0.0)
+		db_web_request_answer(request, MHD_HTTP_OK,
+		                      json_pack("{s:b, s:s, s:s, s:s}", "held", 0, "why", "stopped",
+		                                "text", "", "result", ""));
+	else if (db_web_jog_take(tab->jog, request))
 		note_drive(tab, drive, NULL);
 }
 

@@ -17,6 +17,9 @@
 /* Whether it can be a page's id. */
 bool db_web_tab_is_good(const char *id);
 
+/* The number of a call in its digits. False: it is none, and stays as it was. */
+bool db_web_call_number_read(const char *text, uint64_t *number);
+
 /* Carries a call out that acts, and answers the request. A stop goes past everything that waits, and ends the grips that
  * move what it stops. */
 void db_web_tabs_act(struct db_web_request *request);

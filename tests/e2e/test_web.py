@@ -540,6 +540,47 @@ def test_whatever_else_ends_a_grip(gateway):
     grip.vanish()
 
 
+def test_a_call_comes_once_and_not_behind_a_stop_that_was_pressed_later(gateway):
+    """A browser sends a call again by itself when its connection breaks, and calls overtake each other on the way."""
+    bridge = gateway.make_bridge(drives=2)
+    webd = gateway.webd(bridge)
+    page = gateway.page(webd, OPERATOR)
+    step = {"drive": "drive1", "command": "move_relative",
+            "arguments": {"target_position": 100, "target_velocity": SPEED}}
+    page.run("drive1", "enable")
+    began = bridge.sim.get()["position"]
+
+    def run(number, parameters):
+        return page.ask("POST", "/api/call/Run", parameters, X_Call=str(number))
+
+    def beat(number, velocity, of=page):
+        return of.ask("POST", "/api/jog", {"drive": "drive1", "grip": 1, "beat": number, "velocity": velocity},
+                      X_Call=str(number))
+
+    assert run(1001, step)["result"] in ("ok", "pending")
+    assert refused(409, run, 1001, step).error == "Repeated"
+    eventually(lambda: bridge.sim.get()["position"] == began + 100)
+    bridge.wait_standing()
+    told = len(orders(bridge))
+    assert run(1004, {"drive": "drive1", "command": "stop"})["result"] == "ok"
+    assert refused(409, run, 1002, step).error == "Overtaken"
+    assert beat(1003, SPEED) == {"held": False, "why": "stopped", "text": "", "result": ""}
+    # So it is when the stop is the first that comes of a page at all.
+    fresh = gateway.page(webd, OPERATOR)
+    assert fresh.ask("POST", "/api/call/Run", {"drive": "drive1", "command": "stop"}, X_Call="7")["result"] == "ok"
+    assert beat(6, SPEED, fresh)["why"] == "stopped"
+    assert {what for _, what in orders(bridge)[told:]} == {"stp"}
+    assert bridge.sim.get()["position"] == began + 100
+    # What is pressed behind the stop moves; letting go is never too late.
+    assert beat(1005, SPEED)["held"]
+    eventually(lambda: moving(bridge))
+    assert run(1007, {"drive": "drive2", "command": "stop"})["result"] == "ok"
+    assert beat(1006, 0)["why"] == "released"
+    stands(bridge)
+    for wrong in (None, "", "0", "01", "-1", "one", "1000000000000000"):
+        assert refused(400, page.ask, "POST", "/api/call/Run", step, X_Call=wrong).error == "BadRequest"
+
+
 def test_when_programs_end_while_a_button_is_held(gateway):
     """SIGTERM stops the drive first; behind SIGKILL the watchdog does; so does on-exit when the service goes."""
     bridge = gateway.make_bridge(drive={"watchdog-ms": 600})

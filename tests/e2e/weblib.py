@@ -2,6 +2,7 @@
 """drivebridge-webd beside a bridge and its simulator, and what asks it as a page does, over plain HTTP."""
 
 import http.client
+import itertools
 import json
 import os
 import re
@@ -145,6 +146,7 @@ class Page:
         self.lock = threading.Lock()
         self.used = 0
         self.grip = 0
+        self.numbers = itertools.count(1)
         self.streams = []
         if user:
             self.load()
@@ -161,7 +163,7 @@ class Page:
         return http.client.HTTPConnection(*self.webd.address, timeout=30)
 
     def headers(self, **more):
-        made = {"Content-Type": "application/json", "X-Tab": self.tab}
+        made = {"Content-Type": "application/json", "X-Tab": self.tab, "X-Call": str(next(self.numbers))}
         if self.cookie:
             made["Cookie"] = self.cookie
         if self.token:
@@ -243,7 +245,7 @@ class Grip:
 
     def __init__(self, page, drive, number, velocity):
         self.page = Page(page.webd, tab=page.tab)
-        self.page.cookie, self.page.token = page.cookie, page.token
+        self.page.cookie, self.page.token, self.page.numbers = page.cookie, page.token, page.numbers
         self.drive, self.number, self.velocity = drive, number, velocity
         self.beats = 0
         self.answers = []

@@ -41,6 +41,9 @@ export const tab = Array.from(crypto.getRandomValues(new Uint8Array(12)),
 let session = { user: null, role: "none", token: "", version: "", service: false };
 const sessionListeners = new Set();
 let acted = false;
+/* What acts is numbered in the order in which it was asked for: carried out once, and not behind a stop that came
+ * after it. */
+let calls = 0;
 let aliveAt = 0;
 const streams = new Set();
 let asleep = false;
@@ -78,7 +81,7 @@ export async function logOut() { return takeSession(await ask("POST", "logout", 
 
 /* --- calls ------------------------------------------------------------------------------------ */
 
-async function request(method, path, parameters, { signal, keepalive, named } = {}) {
+async function request(method, path, parameters, { signal, keepalive, named, number } = {}) {
 	const headers = {};
 
 	if (method === "POST") {
@@ -87,6 +90,8 @@ async function request(method, path, parameters, { signal, keepalive, named } = 
 	}
 	if (named || acted)
 		headers["X-Tab"] = tab;
+	if (number)
+		headers["X-Call"] = String(number);
 	try {
 		return await fetch(`/api/${path}`, {
 			method,
@@ -174,6 +179,7 @@ function isStop(method, parameters) {
 export async function call(method, parameters = {}) {
 	const acts = ACTING.has(method);
 	const first = isStop(method, parameters);
+	const number = acts ? ++calls : undefined;
 
 	if (acts)
 		beginToAct();
@@ -181,7 +187,7 @@ export async function call(method, parameters = {}) {
 		await takeTurn();
 	try {
 		return await askAgain(
-			`call/${method}`, parameters, { named: acts, keepalive: first });
+			`call/${method}`, parameters, { named: acts, keepalive: first, number });
 	} finally {
 		if (!first)
 			endTurn();
@@ -195,7 +201,7 @@ export async function call(method, parameters = {}) {
 export function sendBeat(drive, grip, beat, velocity) {
 	beginToAct();
 	return ask("POST", "jog", { drive, grip, beat, velocity },
-		{ named: true, keepalive: velocity === 0, timeout: 2000 });
+		{ named: true, keepalive: velocity === 0, timeout: 2000, number: ++calls });
 }
 
 /* --- a tab that acts says that it is there ---------------------------------------------------- */
