@@ -3,6 +3,7 @@
 
 import contextlib
 import http.client
+import itertools
 import json
 import re
 import signal
@@ -261,6 +262,39 @@ def test_logins(gateway):
     assert page.call("Describe"), "who is logged in stays so"
     # The same user from elsewhere, and another user from here, are limited as well.
     assert OPERATOR[1] not in webd.log() and "not her word" not in webd.log()
+
+
+@pytest.mark.parametrize("believed", [True, False])
+def test_what_a_proxy_says_is_believed_of_proxies_alone(gateway, believed):
+    webd = gateway.webd(server={"proxies": ["127.0.0.1"]} if believed else {})
+    page = gateway.page(webd)
+
+    def log_in(address, user, word):
+        return page.ask("POST", "/api/login", {"user": user, "password": word}, X_Forwarded_For=address)
+
+    def is_limited(address, user):
+        try:
+            log_in(address, user, "not the word")
+        except Failed as error:
+            return error.status == 429
+        return False
+
+    # Whoever tries from one address is not helped by what he says in front of what the proxy says.
+    names = (f"user{number}" for number in itertools.count())
+    assert any(is_limited(f"10.0.0.{number}, 10.0.1.1", next(names)) for number in range(30))
+    assert is_limited("10.0.1.2", next(names)) != believed
+    assert ("10.0.1.1: " in webd.log()) == believed
+    assert "10.0.0." not in webd.log()
+    if believed:
+        assert log_in("10.0.1.3", *OPERATOR)["role"] == "operator"
+    # Metrics are for the local machine.
+    assert page.request("GET", "/metrics", X_Forwarded_For="10.0.1.3", Cookie="none")[0] == (401 if believed else 200)
+    # What came by TLS to the proxy stays on TLS.
+    page.cookie = None
+    headers = page.request("GET", "/api/session", X_Forwarded_Proto="https")[1]
+    assert ("Secure" in headers["Set-Cookie"]) == believed
+    page.cookie = None
+    assert "Secure" not in page.request("GET", "/api/session", X_Forwarded_Proto="http")[1]["Set-Cookie"]
 
 
 def test_users_and_files_are_checked(gateway, tmp_path):
