@@ -499,12 +499,15 @@ static void look_for_end(struct db_engine *engine, db_time now)
 
 	if (atomic_load(&scan->cancelled)) {
 		scan_end(engine, DB_SCAN_CANCELLED);
-	} else if (!scan->plan.aside && now - scan->idle_since > PATIENCE) {
+	} else if (!scan->plan.aside && !engine->stats.up) {
+		/* There is no port to ask through. */
 		scan->progress.error = (int)engine->stats.last_error;
+		scan_end(engine, DB_SCAN_PORT);
+	} else if (!scan->plan.aside && now - scan->idle_since > PATIENCE) {
 		scan->progress.gap_us = engine->stats.cycle_us < engine->stats.period_us ?
 		                                engine->stats.period_us - engine->stats.cycle_us :
 		                                0;
-		scan_end(engine, engine->stats.up ? DB_SCAN_NO_ROOM : DB_SCAN_PORT);
+		scan_end(engine, DB_SCAN_NO_ROOM);
 	}
 }
 

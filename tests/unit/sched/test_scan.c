@@ -167,6 +167,14 @@ static void is_ended_by_its_client_and_with_the_port(void **state)
 	fake_port(world.bus, 5);
 	assert_int_equal(progress_of(&world).end, DB_SCAN_PORT);
 	assert_int_equal(progress_of(&world).error, 5);
+	scan_free(world.scan);
+	/* Nor does one begin, or ask anything, while there is none. */
+	fake_forget_sent(world.bus);
+	begin(&world, 12);
+	fake_pass(world.bus, 30 * MS);
+	assert_int_equal(progress_of(&world).end, DB_SCAN_PORT);
+	assert_int_equal(progress_of(&world).error, 5);
+	assert_int_equal(world.bus->sent_count, 0);
 	close_world(&world);
 }
 
