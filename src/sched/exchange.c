@@ -88,7 +88,7 @@ void exchange_send(struct db_engine *engine, struct station *station, enum lane_
 	struct node *node = station->node;
 	db_time wire = exchange_wire_time(engine, &lane->exchange);
 
-	scan_yield(engine, node);
+	scan_yield(engine, node, kind == LANE_COMMAND);
 	lane->ready = false;
 	lane->sent = true;
 	lane->exchange.sending = ++engine->sendings;

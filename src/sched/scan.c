@@ -558,10 +558,14 @@ bool scan_holds_node(const struct db_engine *engine, const struct node *node)
 	       scan->question.inquiry.address == node->address;
 }
 
-void scan_yield(struct db_engine *engine, const struct node *node)
+void scan_yield(struct db_engine *engine, const struct node *node, bool commands)
 {
+	struct scan *scan = engine->scan;
+
 	if (scan_holds_node(engine, node))
 		drop_question(engine);
+	if (scan && commands && !scan->plan.aside && scan->visit.find.address == node->address)
+		visit_ask_standing_again(&scan->visit);
 }
 
 void scan_hear(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now)

@@ -49,8 +49,9 @@ void scan_look(struct db_engine *engine, db_time now);
 
 /* A question to this node is on the wire. */
 bool scan_holds_node(const struct db_engine *engine, const struct node *node);
-/* Something is said to this node that does not wait: the question is given up, to be asked again. */
-void scan_yield(struct db_engine *engine, const struct node *node);
+/* Something is said to this node that does not wait: the question is given up, to be asked again. Behind a command
+ * it is also asked again whether the drive stands. */
+void scan_yield(struct db_engine *engine, const struct node *node, bool commands);
 
 /* Bytes came; of them so many were no part of a frame. */
 void scan_hear(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now);

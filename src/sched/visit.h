@@ -41,6 +41,9 @@ bool visit_next(const struct visit *visit, struct db_inquiry *inquiry);
 void visit_take(struct visit *visit, const struct db_inquiry *inquiry,
                 const struct visit_outcome *outcome);
 
+/* It was told something that may have set it going since it was asked whether it stands. */
+void visit_ask_standing_again(struct visit *visit);
+
 /* Whether somebody was heard. Then the find is complete. */
 bool visit_end(struct visit *visit);
 

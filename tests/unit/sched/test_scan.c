@@ -7,6 +7,7 @@
 #include "sched/scan.h"
 #include "sched/visit.h"
 
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -22,10 +23,11 @@ static bool inquire(const struct db_bus_config *bus, const struct db_inquiry *in
                     struct db_exchange *exchange)
 {
 	const struct fake_frame frame = { .address = (uint8_t)inquiry->address,
-		                          .kind = FAKE_INQUIRY };
+		                          .kind = FAKE_INQUIRY,
+		                          .target = (int32_t)inquiry->kind };
 
 	(void)bus;
-	if (inquiry->kind != DB_INQUIRY_THERE)
+	if (inquiry->kind == DB_INQUIRY_IDENTITY)
 		return false;
 	memcpy(exchange->request, &frame, sizeof frame);
 	exchange->request_length = exchange->answer_length = sizeof frame;
@@ -42,6 +44,8 @@ static enum db_recognised recognise(const struct db_bus_config *bus,
 	(void)bus;
 	if (frame.kind != FAKE_INQUIRY || frame.address != inquiry->address)
 		return DB_RECOGNISED_NOTHING;
+	said->tells_standing = true;
+	said->stands = !(fabsf(frame.speed) > 0.0f);
 	return said->parts++ > 0 ? DB_RECOGNISED_AGAIN : DB_RECOGNISED_ANSWER;
 }
 
@@ -65,13 +69,16 @@ static void open_world(struct world *world, unsigned cycle_ms)
 	fake_forget_sent(world->bus);
 }
 
-static void begin(struct world *world, unsigned last)
+static void begin_plan(struct world *world, struct db_scan_plan plan)
 {
-	const struct db_scan_plan plan = { .first = 1, .last = last };
-
 	world->scan = scan_new(&world->bus->config, &plan, 1);
 	assert_non_null(world->scan);
 	scan_begin(world->bus->engine, world->scan, world->bus->now);
+}
+
+static void begin(struct world *world, unsigned last)
+{
+	begin_plan(world, (struct db_scan_plan){ .first = 1, .last = last });
 }
 
 static void close_world(struct world *world)
@@ -178,6 +185,43 @@ static void is_ended_by_its_client_and_with_the_port(void **state)
 	close_world(&world);
 }
 
+static unsigned count_inquiries(const struct world *world, enum db_inquiry_kind kind)
+{
+	unsigned count = 0;
+
+	for (size_t i = 0; i < world->bus->sent_count; i++)
+		count += world->bus->sent[i].frame.kind == FAKE_INQUIRY &&
+		         world->bus->sent[i].frame.target == (int32_t)kind;
+	return count;
+}
+
+/* A stop would go to the address that it had. */
+static void sets_up_no_drive_that_is_told_to_move_meanwhile(void **state)
+{
+	struct world world;
+
+	(void)state;
+	open_world(&world, 20);
+	begin_plan(&world, (struct db_scan_plan){
+				   .first = 2, .last = 2, .set_up = DB_INQUIRY_SET_ADDRESS });
+	/* The last of its axes is asked. */
+	while (count_inquiries(&world, DB_INQUIRY_STANDING) < fake_family.axes)
+		fake_pass(world.bus, MS / 4);
+	fake_post(world.bus, 1, DB_CMD_MOVE_VELOCITY);
+	fake_pass(world.bus, 300 * MS);
+	assert_int_equal(fake_result(world.bus), DB_RESULT_OK);
+	assert_int_equal(count_inquiries(&world, DB_INQUIRY_SET_ADDRESS), 0);
+	assert_int_equal(progress_of(&world).end, DB_SCAN_STANDS_NOT);
+	scan_free(world.scan);
+	/* Of others it is no matter. */
+	begin_plan(&world, (struct db_scan_plan){
+				   .first = 3, .last = 3, .set_up = DB_INQUIRY_SET_ADDRESS });
+	fake_pass(world.bus, 300 * MS);
+	assert_int_equal(count_inquiries(&world, DB_INQUIRY_SET_ADDRESS), 1);
+	assert_int_equal(progress_of(&world).end, DB_SCAN_DONE);
+	close_world(&world);
+}
+
 /* --- verdicts ---------------------------------------------------------------------------------------- */
 
 /* Answers every question of a visit so; the find. */
@@ -272,6 +316,7 @@ int main(void)
 		cmocka_unit_test(a_stop_waits_for_one_question_at_most),
 		cmocka_unit_test(says_when_a_cycle_leaves_no_time),
 		cmocka_unit_test(is_ended_by_its_client_and_with_the_port),
+		cmocka_unit_test(sets_up_no_drive_that_is_told_to_move_meanwhile),
 		cmocka_unit_test(tells_one_drive_from_two),
 		cmocka_unit_test(tells_two_identities),
 		cmocka_unit_test(tells_a_drive_only_where_it_stands_alone),
