@@ -353,8 +353,9 @@ bool db_engine_is_cleared(const struct db_engine *engine)
 void db_engine_set_aside(struct db_engine *engine, db_time now)
 {
 	db_engine_tell_unconfirmed(engine);
+	/* Of a drive that was lost while it turned the others are still wanted when it is back. */
 	for (size_t i = 0; i < engine->station_count; i++)
-		station_drop_stops(engine->stations[i], now);
+		station_drop_own_stops(engine->stations[i]);
 	engine->shutting_down = false;
 	db_engine_port(engine, false, EBUSY, now);
 }

@@ -363,6 +363,17 @@ bool station_command_flies(const struct station *station)
 	return flight->station == station && flight->lane == LANE_COMMAND;
 }
 
+void station_drop_own_stops(struct station *station)
+{
+	unsigned kept = 0;
+
+	for (unsigned i = 0; i < station->stop_count; i++) {
+		if (station->stops[i].queued)
+			station->stops[kept++] = station->stops[i];
+	}
+	station->stop_count = kept;
+}
+
 void station_cancel_command(struct station *station, db_time now)
 {
 	if (station_command_flies(station))

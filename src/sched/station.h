@@ -218,6 +218,8 @@ bool station_awaits_stop(const struct station *station);
 
 /* Ends the stops that wait, whether or not they went out. */
 void station_drop_stops(struct station *station, db_time now);
+/* Only those that nobody has asked for. */
+void station_drop_own_stops(struct station *station);
 
 /* The running command or parameter write is on the wire now. */
 bool station_command_flies(const struct station *station);

@@ -185,6 +185,43 @@ static void is_ended_by_its_client_and_with_the_port(void **state)
 	close_world(&world);
 }
 
+/* A scan looks for a drive that was lost while it turned, whose watchdog has tripped since. */
+static void keeps_a_stop_for_a_drive_that_is_not_there(void **state)
+{
+	const struct db_scan_plan plan = {
+		.first = 1, .last = 1, .aside = true, .speed_count = 1, .speeds = { 9600 }
+	};
+	struct world world;
+
+	(void)state;
+	open_world(&world, 20);
+	fake_post(world.bus, 1, DB_CMD_MOVE_VELOCITY);
+	fake_pass(world.bus, 100 * MS);
+	assert_int_equal(fake_result(world.bus), DB_RESULT_OK);
+	world.bus->dead[2] = true;
+	fake_pass(world.bus, 500 * MS);
+	assert_false(fake_is_online(world.bus, 1));
+	fake_post(world.bus, 1, DB_CMD_STOP);
+	fake_pass(world.bus, 100 * MS);
+	begin_plan(&world, plan);
+	db_engine_shut_down(world.bus->engine, world.bus->now);
+	fake_pass(world.bus, 100 * MS);
+	assert_true(db_engine_is_cleared(world.bus->engine));
+	db_engine_set_aside(world.bus->engine, world.bus->now);
+	scan_cancel(world.scan);
+	fake_pass(world.bus, 10 * MS);
+	assert_int_equal(progress_of(&world).end, DB_SCAN_CANCELLED);
+	assert_int_equal(fake_result(world.bus), DB_RESULT_NONE);
+	/* It comes back, and turns. */
+	world.bus->dead[2] = false;
+	fake_forget_sent(world.bus);
+	fake_port(world.bus, 0);
+	fake_pass(world.bus, 200 * MS);
+	assert_true(fake_count(world.bus, 2, FAKE_STOP) > 0);
+	assert_int_equal(fake_result(world.bus), DB_RESULT_OK);
+	close_world(&world);
+}
+
 static unsigned count_inquiries(const struct world *world, enum db_inquiry_kind kind)
 {
 	unsigned count = 0;
@@ -316,6 +353,7 @@ int main(void)
 		cmocka_unit_test(a_stop_waits_for_one_question_at_most),
 		cmocka_unit_test(says_when_a_cycle_leaves_no_time),
 		cmocka_unit_test(is_ended_by_its_client_and_with_the_port),
+		cmocka_unit_test(keeps_a_stop_for_a_drive_that_is_not_there),
 		cmocka_unit_test(sets_up_no_drive_that_is_told_to_move_meanwhile),
 		cmocka_unit_test(tells_one_drive_from_two),
 		cmocka_unit_test(tells_two_identities),
