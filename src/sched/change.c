@@ -66,22 +66,14 @@ void change_free(struct db_change *change)
 
 /* --- leaving ------------------------------------------------------------------------------------- */
 
-/*
- * A controller's stop is for all of its axes: one that is seen to stand, since its last command ended,
- * leaves without disturbing the others.
- */
+/* A controller's stop is for all of its axes: one that stands leaves without disturbing the others. */
 static bool needs_stop(const struct station *station, enum db_command command)
 {
-	const struct db_feedback *feedback = &station->snapshot.feedback;
 	bool alone = !station->node->first->next_axis;
-	bool stands = (feedback->state == DB_AXIS_STANDSTILL ||
-	               feedback->state == DB_AXIS_DISABLED) &&
-	              station->node->online && !station->lanes[LANE_COMMAND].active &&
-	              feedback->taken > station->command_ended;
 
 	if (command == DB_CMD_NONE)
 		return false;
-	return alone || command == DB_CMD_DISABLE || !stands;
+	return alone || command == DB_CMD_DISABLE || !station_is_seen_to_stand(station);
 }
 
 static void begin_to_leave(struct db_engine *engine, struct station *station, db_time now)

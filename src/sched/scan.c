@@ -165,18 +165,6 @@ void scan_end(struct db_engine *engine, enum db_scan_end end)
 	atomic_store(&scan->ended, true);
 }
 
-static bool stands(const struct station *station)
-{
-	const struct db_feedback *feedback = &station->snapshot.feedback;
-
-	if (feedback->status & DB_STATUS_MOVING)
-		return false;
-	return !station->node->online ||
-	       (!station->lanes[LANE_COMMAND].active && station->stop_count == 0 &&
-	        (feedback->state == DB_AXIS_DISABLED || feedback->state == DB_AXIS_STANDSTILL ||
-	         feedback->state == DB_AXIS_ERROR_STOP));
-}
-
 void scan_begin(struct db_engine *engine, struct scan *scan, db_time now)
 {
 	engine->scan = scan;
@@ -184,7 +172,8 @@ void scan_begin(struct db_engine *engine, struct scan *scan, db_time now)
 	scan->progress.speed = engine->driver->medium == DB_MEDIUM_CAN ? scan->bus->bitrate :
 	                                                                 scan->bus->baud;
 	for (size_t i = 0; scan->plan.aside && i < engine->station_count; i++) {
-		if (stands(engine->stations[i]))
+		if (!engine->stations[i]->node->online ||
+		    station_is_seen_to_stand(engine->stations[i]))
 			continue;
 		scan->progress.drive = engine->stations[i]->number;
 		scan_end(engine, DB_SCAN_MOVES);

@@ -185,6 +185,35 @@ static void is_ended_by_its_client_and_with_the_port(void **state)
 	close_world(&world);
 }
 
+/* A drive whose answer to a command does not show yet that it moves. */
+static db_time answer_as_it_was(void *context, struct fake_frame *frame)
+{
+	const struct fake_bus *bus = context;
+
+	frame->speed = 0.0f;
+	return bus->answer_time;
+}
+
+static void sets_no_bus_aside_whose_drive_was_just_told_to_move(void **state)
+{
+	const struct db_scan_plan plan = {
+		.first = 1, .last = 1, .aside = true, .speed_count = 1, .speeds = { 9600 }
+	};
+	struct world world;
+
+	(void)state;
+	open_world(&world, 20);
+	world.bus->context = world.bus;
+	world.bus->obey = answer_as_it_was;
+	fake_post(world.bus, 1, DB_CMD_MOVE_VELOCITY);
+	while (fake_result(world.bus) == DB_RESULT_NONE)
+		fake_pass(world.bus, MS / 10);
+	begin_plan(&world, plan);
+	assert_int_equal(progress_of(&world).end, DB_SCAN_MOVES);
+	assert_int_equal(progress_of(&world).drive, 1);
+	close_world(&world);
+}
+
 /* A scan looks for a drive that was lost while it turned, whose watchdog has tripped since. */
 static void keeps_a_stop_for_a_drive_that_is_not_there(void **state)
 {
@@ -353,6 +382,7 @@ int main(void)
 		cmocka_unit_test(a_stop_waits_for_one_question_at_most),
 		cmocka_unit_test(says_when_a_cycle_leaves_no_time),
 		cmocka_unit_test(is_ended_by_its_client_and_with_the_port),
+		cmocka_unit_test(sets_no_bus_aside_whose_drive_was_just_told_to_move),
 		cmocka_unit_test(keeps_a_stop_for_a_drive_that_is_not_there),
 		cmocka_unit_test(sets_up_no_drive_that_is_told_to_move_meanwhile),
 		cmocka_unit_test(tells_one_drive_from_two),
