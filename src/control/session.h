@@ -37,6 +37,8 @@ struct db_session {
 	bool gone;       /* and takes nothing any more */
 	bool broken;     /* to be closed when its answers are sent */
 
+	uint64_t turn; /* calls of sessions with lower ones are taken first */
+
 	char *in; /* there only while it is not empty, likewise `out` */
 	size_t in_used;
 	db_time in_arrived;   /* not earlier than this came what is in `in` */

@@ -232,23 +232,30 @@ static void settle(struct db_control_socket *control)
 
 /* --- serving ----------------------------------------------------------------------------------------- */
 
-/* One call, of the session whose turn it is: then the loop serves the others, Modbus above all. */
+/*
+ * One call, of the session whose turn it is: then the loop serves the others, Modbus above all. In the order in which
+ * they came, so that a stop is behind the move that it is to end, over whichever session; what a session has asked for
+ * besides is behind everybody else's.
+ */
 static bool take_call(struct db_control_socket *control)
 {
-	for (size_t i = 0; i < control->count; i++) {
-		size_t place = (control->turn + i) % control->count;
-		struct db_session *session = control->sessions[place];
-		size_t length;
+	struct db_session *next = NULL;
+	size_t length = 0;
 
-		if (!db_session_has_message(session, &length))
-			continue;
-		control->turn = place + 1;
-		session->client.arrived = session->in_arrived;
-		db_calls_take(session, session->in, length);
-		db_session_drop_message(session, length);
-		return true;
+	for (size_t i = 0; i < control->count; i++) {
+		struct db_session *session = control->sessions[i];
+
+		if ((!next || session->turn < next->turn) &&
+		    db_session_has_message(session, &length))
+			next = session;
 	}
-	return false;
+	if (!next)
+		return false;
+	next->turn = ++control->last_turn;
+	next->client.arrived = next->in_arrived;
+	db_calls_take(next, next->in, length);
+	db_session_drop_message(next, length);
+	return true;
 }
 
 /* Returns how many sockets were ready. */
@@ -270,6 +277,8 @@ static int serve(struct db_control_socket *control)
 			accept_some(control);
 			continue;
 		}
+		if (session->in_used == 0)
+			session->turn = ++control->last_turn;
 		if ((events[i].events & (EPOLLIN | EPOLLRDHUP | EPOLLHUP | EPOLLERR)) &&
 		    !db_session_receive(session, now))
 			session->gone = session->ended = true;

@@ -36,7 +36,7 @@ struct db_control_socket {
 	db_time rest_until; /* no stream is looked at before */
 	struct db_session *sessions[DB_SESSIONS_MAX];
 	size_t count;
-	size_t turn; /* whose call is looked for first */
+	uint64_t last_turn;
 	uint32_t last_id;
 	uint64_t started_us; /* since 1970-01-01 UTC */
 	struct db_control_stats stats;

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import select
+import signal
 import socket
 import subprocess
 import threading
@@ -236,6 +237,22 @@ def test_a_stop_ends_the_move_of_another_session(tool, bridge):
     assert tool.Run("drive1", "stop") == {"result": "ok"}
     mover.join(10)
     assert "Refused" in str(ended[0]) and "cancelled" in str(ended[0])
+
+
+def test_calls_of_two_sessions_are_carried_out_in_their_order(bridge):
+    """A stop over a second connection comes behind the move that it is to end, also when the service finds both at once."""
+    with Line(bridge) as stopper, Line(bridge) as mover:
+        for line, command in ((stopper, "stop"), (mover, "enable")):
+            line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": command})
+            assert line.answer()["parameters"]["result"] == "ok"
+        bridge.process.send_signal(signal.SIGSTOP)
+        mover.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "move_velocity",
+                                       "arguments": {"target_velocity": 1000}})
+        stopper.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "stop"})
+        bridge.process.send_signal(signal.SIGCONT)
+        assert stopper.answer()["parameters"]["result"] == "ok"
+        mover.answer()
+    assert "mov" not in str(bridge.sim.sent()[-1:]) and bridge.drive().read("velocity") == 0
 
 
 def test_longer_than_confirm_ms(make_bridge):
