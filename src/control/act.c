@@ -348,6 +348,9 @@ void db_act_run(const struct db_call *call)
 	                     next_token(session), &session->entry);
 	if (!taken.later)
 		end_run(session, taken.result, db_control_now(session->control));
+	else if (session->oneway)
+		/* Nobody waits for its end: what comes behind it need not either. */
+		db_session_reply(session, NULL, false);
 	else if (session->more)
 		db_session_reply(session, json_pack("{s:s}", "result", "pending"), true);
 }

@@ -633,6 +633,17 @@ def test_a_stop_that_is_sent_and_left(bridge):
         eventually(lambda: tool.Read("drive1", ["axis_state"])["values"]["axis_state"] == STANDSTILL)
 
 
+def test_what_nobody_waits_for_holds_nothing_up(bridge):
+    with Line(bridge) as line:
+        line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "enable"})
+        assert line.answer()["parameters"]["result"] == "ok"
+        line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "move_absolute", "until_end": True,
+                                      "arguments": {"target_position": 10 ** 6}}, oneway=True)
+        line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "stop"})
+        assert line.answer()["parameters"]["result"] == "ok"
+    assert bridge.drive().read("position") < 10 ** 6
+
+
 def test_a_reader_that_does_not_read_gets_fewer(bridge):
     with Line(bridge) as line:
         line.ask(f"{INTERFACE}.Subscribe", {"drives": [], "names": [], "interval_ms": 1}, more=True)
