@@ -170,10 +170,10 @@ static void send_rest(struct db_client *client)
 	}
 }
 
-int db_client_send(struct db_client *client, const char *method, json_t *parameters, bool more,
-                   db_client_answer_fn *answer, void *data)
+/* Puts a call behind what is to be sent. Takes `parameters` over. 0 or -1. */
+static int put_call(struct db_client *client, const char *method, json_t *parameters,
+                    const char *flag)
 {
-	struct call *call = calloc(1, sizeof(*call));
 	size_t size = 0;
 	char *whole = NULL;
 	char *grown = NULL;
@@ -181,20 +181,41 @@ int db_client_send(struct db_client *client, const char *method, json_t *paramet
 
 	if (asprintf(&whole, "%s%s", strchr(method, '.') ? "" : DB_CLIENT_SERVICE, method) < 0)
 		whole = NULL;
-	text = whole ? db_frames_write_call(whole, parameters, more, &size) : NULL;
+	text = whole ? db_frames_write_call(whole, parameters, flag, &size) : NULL;
 	free(whole);
 	json_decref(parameters);
-	if (text && call && client->lost.name[0] == '\0')
+	if (text && client->lost.name[0] == '\0')
 		grown = realloc(client->out, client->out_size + size);
-	if (!grown) {
-		free(text);
+	if (grown) {
+		memcpy(grown + client->out_size, text, size);
+		client->out = grown;
+		client->out_size += size;
+	}
+	free(text);
+	return grown ? 0 : -1;
+}
+
+int db_client_tell(struct db_client *client, const char *method, json_t *parameters)
+{
+	if (put_call(client, method, parameters, "oneway") != 0)
+		return -1;
+	send_rest(client);
+	return 0;
+}
+
+int db_client_send(struct db_client *client, const char *method, json_t *parameters, bool more,
+                   db_client_answer_fn *answer, void *data)
+{
+	struct call *call = calloc(1, sizeof(*call));
+
+	if (!call) {
+		json_decref(parameters);
+		return -1;
+	}
+	if (put_call(client, method, parameters, more ? "more" : NULL) != 0) {
 		free(call);
 		return -1;
 	}
-	memcpy(grown + client->out_size, text, size);
-	free(text);
-	client->out = grown;
-	client->out_size += size;
 	call->answer = answer;
 	call->data = data;
 	*client->last = call;

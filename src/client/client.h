@@ -46,6 +46,9 @@ unsigned db_client_waiting(const struct db_client *client);
 int db_client_send(struct db_client *client, const char *method, json_t *parameters, bool more,
                    db_client_answer_fn *answer, void *data);
 
+/* The same without an answer: the service goes on with the next call at once. */
+int db_client_tell(struct db_client *client, const char *method, json_t *parameters);
+
 /* Sends and reads what can be without waiting, and hands over answers. 0, or -1: the connection is lost. */
 int db_client_handle(struct db_client *client);
 

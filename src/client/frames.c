@@ -78,7 +78,8 @@ int db_frames_take(struct db_frames *frames, json_t **message)
 	return -EBADMSG;
 }
 
-char *db_frames_write_call(const char *method, const json_t *parameters, bool more, size_t *size)
+char *db_frames_write_call(const char *method, const json_t *parameters, const char *flag,
+                           size_t *size)
 {
 	json_t *call = json_pack("{s:s}", "method", method);
 	char *text = NULL;
@@ -86,8 +87,8 @@ char *db_frames_write_call(const char *method, const json_t *parameters, bool mo
 
 	if (!failed && parameters)
 		failed = json_object_set_new(call, "parameters", json_deep_copy(parameters));
-	if (!failed && more)
-		failed = json_object_set_new(call, "more", json_true());
+	if (!failed && flag)
+		failed = json_object_set_new(call, flag, json_true());
 	if (!failed)
 		text = json_dumps(call, JSON_COMPACT);
 	json_decref(call);

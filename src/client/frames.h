@@ -29,8 +29,9 @@ int db_frames_take(struct db_frames *frames, json_t **message);
 
 /*
  * A call as it goes over the wire, its zero byte counted in `size`. `parameters` may be NULL and stays the
- * caller's. NULL without memory; freed with free().
+ * caller's. `flag`: "more", "oneway" or NULL. NULL without memory; freed with free().
  */
-char *db_frames_write_call(const char *method, const json_t *parameters, bool more, size_t *size);
+char *db_frames_write_call(const char *method, const json_t *parameters, const char *flag,
+                           size_t *size);
 
 #endif

@@ -11,6 +11,9 @@
 /* A session that had nothing to do for so long may be closed for another drive's sake. */
 #define IDLE_MIN (60 * DB_NS_PER_S)
 
+/* One connection more is for stops. */
+#define SESSIONS_MAX (DB_MQTT_ACTING_FDS - 1)
+
 #define WRITE_NAME "write"
 
 struct session {
@@ -19,7 +22,8 @@ struct session {
 	char drive[32];
 	char id[DB_MQTT_ID_MAX + 1];
 	char command[48];
-	bool busy;    /* with a command */
+	bool busy;    /* with a command ... */
+	bool stops;   /* ... that is a stop */
 	bool feeding; /* a sign of life is on its way */
 	db_time used;
 };
@@ -28,7 +32,9 @@ struct db_mqtt_acting {
 	const char *socket;
 	db_mqtt_result_fn *result;
 	void *context;
-	struct session sessions[DB_MQTT_ACTING_FDS];
+	struct session sessions[SESSIONS_MAX];
+	/* There since there is a session: for stops that find them all taken. */
+	struct db_client *stopper;
 };
 
 struct db_mqtt_acting *db_mqtt_acting_new(const char *socket, db_mqtt_result_fn *result,
@@ -41,7 +47,7 @@ struct db_mqtt_acting *db_mqtt_acting_new(const char *socket, db_mqtt_result_fn 
 	acting->socket = socket;
 	acting->result = result;
 	acting->context = context;
-	for (size_t i = 0; i < DB_MQTT_ACTING_FDS; i++)
+	for (size_t i = 0; i < SESSIONS_MAX; i++)
 		acting->sessions[i].acting = acting;
 	return acting;
 }
@@ -75,6 +81,19 @@ static void name_error(const char *error, char *name, size_t size)
 	name[used] = '\0';
 }
 
+/* A stop that found no session goes out without one, and without its end. False: there is no connection for that. */
+static bool tell_stop(struct db_mqtt_acting *acting, const char *drive, const char *id,
+                      const char *command)
+{
+	if (!acting->stopper ||
+	    db_client_tell(acting->stopper, "Run",
+	                   json_pack("{s:s, s:s}", "drive", drive, "command", command)) != 0)
+		return false;
+	acting->result(acting->context, drive, id, command, "pending",
+	               "too much is commanded at the same time to wait for its end");
+	return true;
+}
+
 static void take_result(void *data, json_t *parameters, const struct db_client_error *error,
                         bool more)
 {
@@ -84,6 +103,10 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	char name[64] = "";
 
 	session->busy = more;
+	/* The service has no room for one more session. */
+	if (error && session->stops && strcmp(error->name, DB_CLIENT_SERVICE "Busy") == 0 &&
+	    tell_stop(acting, session->drive, session->id, session->command))
+		return;
 	if (error) {
 		/* Of a refusal the service says which one. */
 		result = json_string_value(json_object_get(error->parameters, "result"));
@@ -110,7 +133,7 @@ static struct session *find_session(struct db_mqtt_acting *acting, const char *d
 	struct session *empty = NULL;
 	struct session *oldest = NULL;
 
-	for (size_t i = 0; i < DB_MQTT_ACTING_FDS; i++) {
+	for (size_t i = 0; i < SESSIONS_MAX; i++) {
 		struct session *session = &acting->sessions[i];
 
 		if (session->client && !session->busy && strcmp(session->drive, drive) == 0)
@@ -130,8 +153,11 @@ static struct session *find_session(struct db_mqtt_acting *acting, const char *d
 /* Why there is no connection is in `error`, "" when it is there. */
 static void open_session(struct session *session, const char *drive, struct db_client_error *error)
 {
-	if (session->client ||
-	    db_client_open(session->acting->socket, &session->client, error) != 0)
+	struct db_mqtt_acting *acting = session->acting;
+
+	if (!acting->stopper)
+		(void)db_client_open(acting->socket, &acting->stopper, error);
+	if (session->client || db_client_open(acting->socket, &session->client, error) != 0)
 		return;
 	(void)snprintf(session->drive, sizeof(session->drive), "%s", drive);
 }
@@ -144,6 +170,9 @@ void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
 	struct db_client_error error = { .parameters = NULL };
 	json_t *parameters;
 
+	if (!session && db_mqtt_command_is_stop(command) &&
+	    tell_stop(acting, drive, command->id, name))
+		return;
 	if (!session) {
 		acting->result(acting->context, drive, command->id, name, "busy",
 		               "too many drives are commanded at the same time");
@@ -156,6 +185,7 @@ void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
 	                     json_pack("{s:s, s:O}", "drive", drive, "values", command->arguments);
 	(void)snprintf(session->id, sizeof(session->id), "%s", command->id);
 	(void)snprintf(session->command, sizeof(session->command), "%s", name);
+	session->stops = db_mqtt_command_is_stop(command);
 	session->used = now;
 	session->busy = true;
 	if (!session->client ||
@@ -173,7 +203,7 @@ void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
 
 void db_mqtt_acting_feed(struct db_mqtt_acting *acting, const char *drive, db_time now)
 {
-	for (size_t i = 0; i < DB_MQTT_ACTING_FDS; i++) {
+	for (size_t i = 0; i < SESSIONS_MAX; i++) {
 		struct session *session = &acting->sessions[i];
 
 		if (!session->client || session->busy || session->feeding ||
@@ -192,10 +222,12 @@ bool db_mqtt_acting_drop(struct db_mqtt_acting *acting)
 {
 	bool any = false;
 
-	for (size_t i = 0; i < DB_MQTT_ACTING_FDS; i++) {
+	for (size_t i = 0; i < SESSIONS_MAX; i++) {
 		any = any || acting->sessions[i].client;
 		close_session(&acting->sessions[i]);
 	}
+	db_client_close(acting->stopper);
+	acting->stopper = NULL;
 	return any;
 }
 
@@ -203,7 +235,8 @@ void db_mqtt_acting_watch(const struct db_mqtt_acting *acting,
                           struct pollfd fds[DB_MQTT_ACTING_FDS])
 {
 	for (size_t i = 0; i < DB_MQTT_ACTING_FDS; i++) {
-		const struct db_client *client = acting->sessions[i].client;
+		const struct db_client *client = i < SESSIONS_MAX ? acting->sessions[i].client :
+		                                                    acting->stopper;
 
 		fds[i] = (struct pollfd){ .fd = -1 };
 		if (client)
@@ -214,10 +247,14 @@ void db_mqtt_acting_watch(const struct db_mqtt_acting *acting,
 
 void db_mqtt_acting_handle(struct db_mqtt_acting *acting)
 {
-	for (size_t i = 0; i < DB_MQTT_ACTING_FDS; i++) {
+	for (size_t i = 0; i < SESSIONS_MAX; i++) {
 		struct session *session = &acting->sessions[i];
 
 		if (session->client && db_client_handle(session->client) != 0)
 			close_session(session);
+	}
+	if (acting->stopper && db_client_handle(acting->stopper) != 0) {
+		db_client_close(acting->stopper);
+		acting->stopper = NULL;
 	}
 }

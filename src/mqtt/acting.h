@@ -15,7 +15,7 @@ struct db_mqtt_acting;
 
 /* How a command goes: "pending" once the service has taken it and it takes time, then its end, by the names that the
  * service has for results; not_allowed, bad_value, no_such_command, busy, lost ... for its other errors. `why` is ""
- * when all is well. */
+ * when all is well. Of a stop that had to go out without a session "pending" is all. */
 typedef void db_mqtt_result_fn(void *context, const char *drive, const char *id,
                                const char *command, const char *result, const char *why);
 
@@ -34,8 +34,9 @@ void db_mqtt_acting_feed(struct db_mqtt_acting *acting, const char *drive, db_ti
 /* Ends all sessions, without a result for what is under way. Whether there were any. */
 bool db_mqtt_acting_drop(struct db_mqtt_acting *acting);
 
-/* So many drives can be commanded at the same time; the service has 32 sessions for all its tools. */
-#define DB_MQTT_ACTING_FDS 12
+/* Twelve drives can be commanded at the same time, and all of them be stopped; the service has 32 sessions for all its
+ * tools. */
+#define DB_MQTT_ACTING_FDS 13
 
 void db_mqtt_acting_watch(const struct db_mqtt_acting *acting,
                           struct pollfd fds[DB_MQTT_ACTING_FDS]);

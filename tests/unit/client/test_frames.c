@@ -94,7 +94,7 @@ static void test_a_call_is_written_with_its_zero_byte(void **state)
 {
 	json_t *parameters = json_pack("{s:s}", "drive", "feeder");
 	size_t size = 0;
-	char *text = db_frames_write_call("a.b.Read", parameters, true, &size);
+	char *text = db_frames_write_call("a.b.Read", parameters, "more", &size);
 
 	(void)state;
 	assert_string_equal(
@@ -102,7 +102,7 @@ static void test_a_call_is_written_with_its_zero_byte(void **state)
 		"{\"method\":\"a.b.Read\",\"parameters\":{\"drive\":\"feeder\"},\"more\":true}");
 	assert_int_equal(size, strlen(text) + 1);
 	free(text);
-	text = db_frames_write_call("a.b.Describe", NULL, false, &size);
+	text = db_frames_write_call("a.b.Describe", NULL, NULL, &size);
 	assert_string_equal(text, "{\"method\":\"a.b.Describe\"}");
 	free(text);
 	json_decref(parameters);

@@ -1,0 +1,157 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Commands and stops in front of a service that takes calls and never answers. */
+#include "mqtt/acting.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#define DRIVES_MAX 12
+
+struct world {
+	char folder[64];
+	struct sockaddr_un address;
+	int listener;
+	int connections[DRIVES_MAX + 2]; /* in the order of their opening */
+	size_t count;
+	struct db_mqtt_acting *acting;
+	unsigned results;
+	char result[32]; /* the last one */
+};
+
+static void take_result(void *context, const char *drive, const char *id, const char *command,
+                        const char *result, const char *why)
+{
+	struct world *world = context;
+
+	(void)drive;
+	(void)id;
+	(void)command;
+	(void)why;
+	world->results++;
+	(void)snprintf(world->result, sizeof(world->result), "%s", result);
+}
+
+static int open_world(void **state)
+{
+	struct world *world = calloc(1, sizeof(*world));
+
+	assert_non_null(world);
+	(void)snprintf(world->folder, sizeof(world->folder), "/tmp/drivebridge-acting-XXXXXX");
+	assert_non_null(mkdtemp(world->folder));
+	world->address.sun_family = AF_UNIX;
+	(void)snprintf(world->address.sun_path, sizeof(world->address.sun_path), "%s/control",
+	               world->folder);
+	world->listener = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0);
+	assert_int_equal(
+		bind(world->listener, (struct sockaddr *)&world->address, sizeof(world->address)),
+		0);
+	assert_int_equal(listen(world->listener, DRIVES_MAX + 2), 0);
+	world->acting = db_mqtt_acting_new(world->address.sun_path, take_result, world);
+	assert_non_null(world->acting);
+	*state = world;
+	return 0;
+}
+
+static int close_world(void **state)
+{
+	struct world *world = *state;
+
+	db_mqtt_acting_free(world->acting);
+	for (size_t i = 0; i < world->count; i++)
+		(void)close(world->connections[i]);
+	(void)close(world->listener);
+	(void)unlink(world->address.sun_path);
+	(void)rmdir(world->folder);
+	free(world);
+	return 0;
+}
+
+static void say(struct world *world, unsigned drive, const char *name)
+{
+	const struct db_mqtt_command command = { .name = name };
+	char text[8];
+
+	(void)snprintf(text, sizeof(text), "d%u", drive);
+	db_mqtt_acting_run(world->acting, text, &command, DB_NS_PER_S);
+	for (int fd; (fd = accept4(world->listener, NULL, NULL, SOCK_NONBLOCK)) >= 0;) {
+		assert_true(world->count < DRIVES_MAX + 2);
+		world->connections[world->count++] = fd;
+	}
+}
+
+/* The calls that came over a connection since it was looked at last, behind each other. */
+static const char *read_calls(struct world *world, size_t connection)
+{
+	static char text[4096];
+	ssize_t count = read(world->connections[connection], text, sizeof(text) - 1);
+
+	for (ssize_t i = 0; i < count; i++)
+		text[i] = text[i] == '\0' ? '\n' : text[i];
+	text[count > 0 ? count : 0] = '\0';
+	return text;
+}
+
+static void a_stop_waits_for_no_session(void **state)
+{
+	struct world *world = *state;
+
+	for (unsigned drive = 1; drive <= DRIVES_MAX; drive++)
+		say(world, drive, "home");
+	assert_int_equal(world->count, DRIVES_MAX + 1);
+	assert_int_equal(world->results, 0);
+	say(world, 13, "home");
+	assert_string_equal(world->result, "busy");
+	/* One after the other without an answer, of drives that move and of one that has no session. */
+	for (unsigned drive = 1; drive <= 13; drive += 12) {
+		say(world, drive, "stop");
+		assert_string_equal(world->result, "pending");
+	}
+	assert_string_equal(
+		read_calls(world, 0),
+		"{\"method\":\"io.drivebridge.Control.Run\",\"parameters\":{\"drive\":\"d1\","
+		"\"command\":\"stop\"},\"oneway\":true}\n"
+		"{\"method\":\"io.drivebridge.Control.Run\",\"parameters\":{\"drive\":\"d13\","
+		"\"command\":\"stop\"},\"oneway\":true}\n");
+}
+
+static void a_stop_needs_no_room_in_the_service(void **state)
+{
+	static const char busy[] = "{\"error\":\"io.drivebridge.Control.Busy\",\"parameters\":{}}";
+	struct world *world = *state;
+
+	say(world, 1, "home");
+	say(world, 1, "stop");
+	assert_int_equal(world->count, 3);
+	assert_string_equal(read_calls(world, 0), "");
+	assert_int_equal(write(world->connections[2], busy, sizeof(busy)), sizeof(busy));
+	db_mqtt_acting_handle(world->acting);
+	assert_string_equal(world->result, "pending");
+	assert_non_null(strstr(read_calls(world, 0), "\"stop\""));
+	/* What moves is not tried again by itself. */
+	assert_int_equal(write(world->connections[1], busy, sizeof(busy)), sizeof(busy));
+	db_mqtt_acting_handle(world->acting);
+	assert_string_equal(world->result, "busy");
+	assert_string_equal(read_calls(world, 0), "");
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test_setup_teardown(a_stop_waits_for_no_session, open_world,
+		                                close_world),
+		cmocka_unit_test_setup_teardown(a_stop_needs_no_room_in_the_service, open_world,
+		                                close_world),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}
