@@ -128,10 +128,13 @@ void db_look_registers(const struct db_call *call)
 static json_t *describe_register(struct db_registers *registers, uint16_t drive,
                                  const struct db_entry *entry)
 {
-	json_t *one = db_values_register(entry, db_named_unit(registers, drive, entry));
+	char unit[DB_NAMED_UNIT_MAX];
+	json_t *one;
 	double min;
 	double max;
 
+	db_named_unit(registers, drive, entry, unit);
+	one = db_values_register(entry, unit);
 	if (db_named_limit(registers, drive, entry, &min, &max)) {
 		json_object_set_new(one, "min", json_real(min));
 		json_object_set_new(one, "max", json_real(max));

@@ -6,22 +6,6 @@
 
 #include <string.h>
 
-/* "user units" of the map are this drive's. */
-static void write_value(const json_t *drive, const json_t *reg, const json_t *value, char *text,
-                        size_t size)
-{
-	const char *unit = db_ctl_text(drive, "unit_name");
-	const char *users = db_ctl_text(reg, "unit");
-
-	if (strncmp(users, "user units", strlen("user units")) == 0 && json_is_number(value)) {
-		db_ctl_write_bare_value(reg, value, text, size);
-		(void)snprintf(text + strlen(text), size - strlen(text), " %s%s",
-		               unit[0] ? unit : "units", users + strlen("user units"));
-		return;
-	}
-	db_ctl_write_value(reg, value, text, size);
-}
-
 /* The values of these names, or of the process data with an empty array; takes the names over. */
 static json_t *read_values(struct db_ctl *ctl, const char *drive, json_t *names,
                            enum db_ctl_status *status)
@@ -35,8 +19,8 @@ static json_t *read_values(struct db_ctl *ctl, const char *drive, json_t *names,
 	return values;
 }
 
-static void print_values(const struct db_ctl *ctl, const json_t *drive, const json_t *registers,
-                         const json_t *values, bool parameters, const char *head)
+static void print_values(const struct db_ctl *ctl, const json_t *registers, const json_t *values,
+                         bool parameters, const char *head)
 {
 	struct db_ctl_grid *grid = db_ctl_grid_new("lll");
 	char text[DB_CTL_VALUE_MAX];
@@ -54,7 +38,7 @@ static void print_values(const struct db_ctl *ctl, const json_t *drive, const js
 
 		if (!value || (parameters != json_is_true(json_object_get(reg, "parameter"))))
 			continue;
-		write_value(drive, reg, value, text, sizeof(text));
+		db_ctl_write_value(reg, value, text, sizeof(text));
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "  %s", name);
 		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", text);
 		description = db_ctl_text(reg, "description");
@@ -132,8 +116,8 @@ enum db_ctl_status db_ctl_show(struct db_ctl *ctl, int count, char **arguments)
 			json_decref(object);
 		} else {
 			print_head(ctl, drive);
-			print_values(ctl, drive, registers, values, false, "values");
-			print_values(ctl, drive, registers, values, true, "\nparameters");
+			print_values(ctl, registers, values, false, "values");
+			print_values(ctl, registers, values, true, "\nparameters");
 		}
 	}
 	json_decref(names);
@@ -173,8 +157,8 @@ enum db_ctl_status db_ctl_get(struct db_ctl *ctl, int count, char **arguments)
 		json_decref(object);
 	}
 	for (int i = 1; i < count && status == DB_CTL_OK && !ctl->json; i++) {
-		write_value(drive, db_ctl_look_up(registers, arguments[i]),
-		            json_object_get(values, arguments[i]), text, sizeof(text));
+		db_ctl_write_value(db_ctl_look_up(registers, arguments[i]),
+		                   json_object_get(values, arguments[i]), text, sizeof(text));
 		/* Of one value nothing but it, as a script wants it. */
 		if (count == 2)
 			(void)puts(text);

@@ -13,6 +13,7 @@
 #include <errno.h>
 #include <math.h>
 #include <modbus.h>
+#include <stdio.h>
 #include <string.h>
 
 /* Null: there is none of this number, or it is leaving. */
@@ -328,15 +329,21 @@ void db_named_store_argument(const struct db_entry *entry, double number, struct
 		db_words_store(&cell, value, args);
 }
 
-const char *db_named_unit(const struct db_registers *registers, uint16_t number,
-                          const struct db_entry *entry)
+void db_named_unit(const struct db_registers *registers, uint16_t number,
+                   const struct db_entry *entry, char unit[DB_NAMED_UNIT_MAX])
 {
+	static const char users[] = "user units";
 	const struct db_view_drive *drive = find_drive(registers, number);
-	const char *unit = entry->param ? entry->param->unit : entry->row ? entry->row->unit : NULL;
+	const char *own = entry->param ? entry->param->unit : entry->row ? entry->row->unit : NULL;
+	const char *name = "";
 
-	if (unit == db_velocity_unit && drive && drive->bus_config->driver->velocity_unit)
-		return drive->bus_config->driver->velocity_unit;
-	return unit ? unit : "";
+	if (own == db_velocity_unit && drive && drive->bus_config->driver->velocity_unit)
+		own = drive->bus_config->driver->velocity_unit;
+	if (own && drive && strncmp(own, users, sizeof users - 1) == 0)
+		name = db_scale_unit(drive->driver, drive->config);
+	if (name[0] != '\0')
+		own += sizeof users - 1;
+	(void)snprintf(unit, DB_NAMED_UNIT_MAX, "%s%s", name, own ? own : "");
 }
 
 bool db_named_limit(const struct db_registers *registers, uint16_t number,

@@ -97,9 +97,12 @@ bool db_named_encode(const struct db_registers *registers, const struct db_entry
 bool db_named_is_argument(const struct db_entry *entry, enum db_arg arg);
 void db_named_store_argument(const struct db_entry *entry, double number, struct db_args *args);
 
-/* The unit of the values in a register of a drive or the gateway; "": they have none. */
-const char *db_named_unit(const struct db_registers *registers, uint16_t number,
-                          const struct db_entry *entry);
+#define DB_NAMED_UNIT_MAX 64
+
+/* The unit of the values in a register of a drive or the gateway, of user units by the name that the drive's
+ * configuration gives them; "": they have none. */
+void db_named_unit(const struct db_registers *registers, uint16_t number,
+                   const struct db_entry *entry, char unit[DB_NAMED_UNIT_MAX]);
 
 /* What the configuration allows in the register of a drive, besides what its row or parameter says. False: this
  * is not limited there. */

@@ -394,6 +394,17 @@ def test_reload_tells_what_is_wrong(tool, bridge):
     assert tool.Describe()["drives"][0]["unit"] == 2
 
 
+def test_units_are_called_as_the_configuration_calls_them(tool, bridge):
+    def units():
+        rows = {row["name"]: row["unit"] for row in tool.Registers("drive1")["registers"]}
+        return [rows[name] for name in ("position", "position_units", "velocity_units")]
+
+    assert units() == ["counts", "counts", "counts/s"]
+    bridge.sections["drive drive1"].update({"counts-per-unit": 320.0, "unit-name": "mm"})
+    bridge.reload()
+    assert units() == ["counts", "mm", "mm/s"]
+
+
 def test_metrics(tool, bridge):
     with pytest.raises(Refused):
         bridge.drive(1).words(0xFFF0, 1)

@@ -52,7 +52,7 @@ FOREIGN = {
     "EngineeringUnits", "EURange", "EnumValues", "OptionSetValues", "CommandBlock", "Command", "MotionResult",
     "DriveEventType", "Parameters", "DriveLost", "DriveOnline", "WatchdogTripped",
     "Good", "GoodCompletesAsynchronously", "UncertainLastUsableValue", "BadNoCommunication", "BadWaitingForInitialData",
-    "BadOutOfRange", "BadInvalidState", "BadTimeout", "BadUserAccessDenied", "BadUnknownResponse",
+    "BadOutOfRange", "BadInvalidState", "BadTimeout", "BadUserAccessDenied", "BadUnknownResponse", "BadNotExecutable", "opcua-client",
     # drivebridge-web
     "drivebridge-web", "drivebridge-webd", "IPAddressAllow", "drivebridge_web_requests_total", "drivebridge_web_streams",
     "drivebridge_web_failed_logins_total", "drivebridge_web_late_jogs_total",

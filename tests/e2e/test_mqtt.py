@@ -165,7 +165,7 @@ def test_birth_and_last_will(plant):
 
 def test_drives_come_and_go(plant):
     """A reload takes a drive out: nothing of it stays at the broker."""
-    bridge = plant.make_bridge(drives=2)
+    bridge = plant.make_bridge(drives=2, drive={"counts-per-unit": 320.0, "unit-name": "mm"})
     broker = plant.broker()
     watcher = plant.watcher(broker)
     plant.publisher(bridge, broker, publish={"discovery": "homeassistant"}).start()
@@ -173,6 +173,8 @@ def test_drives_come_and_go(plant):
     document = watcher.find("homeassistant/sensor/drivebridge_gw_drive2/position/config").json
     assert document["state_topic"] == "drivebridge/gw/drive/drive2/state"
     assert document["unit_of_measurement"] == "counts"
+    document = watcher.find("homeassistant/sensor/drivebridge_gw_drive2/velocity_units/config").json
+    assert document["unit_of_measurement"] == "mm/s"
     del bridge.sections["drive drive2"]
     bridge.reload()
     eventually(lambda: watcher.all("drive/drive2/about")[-1].text == "")

@@ -84,7 +84,6 @@ export async function show(root, context, name) {
 		commands,
 		identity: values.identity,
 		scale: createScale(values.unit_name, values.counts_per_unit),
-		unitName: values.unit_name,
 		names: [
 			...names,
 			...[...registers.values()]
@@ -487,7 +486,7 @@ function frame(mine, now) {
 					mine.scale.decimals(register)),
 				unit: mine.scale.unit(register)
 			} :
-			formatValue(register, value, mine.unitName);
+			formatValue(register, value);
 
 		setText(text, shown.text);
 		setText(unit, shown.unit);

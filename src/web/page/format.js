@@ -77,20 +77,11 @@ export function formatFixed(value, decimals) {
 	return withMinus(Number(text) === 0 ? text.replace("-", "") : text);
 }
 
-/* "user units/s" of the register map are this drive's: "mm/s". */
-export function unitOf(register, unitName) {
-	const unit = register?.unit ?? "";
-
-	return unit.startsWith("user units") ?
-		(unitName || "units") + unit.slice("user units".length) :
-		unit;
-}
-
 /* The unit of a register by its name, in a Map of them; "" while that is not there. */
 export function lookUpUnit(registers, name) { return registers?.get(name)?.unit ?? ""; }
 
 /* A value as { text, unit }; unit is "" where a name stands for the value. */
-export function formatValue(register, value, unitName = "") {
+export function formatValue(register, value) {
 	if (value === null || value === undefined)
 		return { text: NONE, unit: "" };
 	if (typeof value === "boolean")
@@ -110,13 +101,13 @@ export function formatValue(register, value, unitName = "") {
 		return { text: formatAge(value), unit: "" };
 	return {
 		text: isReal(register) ? formatReal(value) : withMinus(String(value)),
-		unit: unitOf(register, unitName)
+		unit: register?.unit ?? ""
 	};
 }
 
 /* The same as one text: "3200 counts". */
-export function formatWithUnit(register, value, unitName = "") {
-	const { text, unit } = formatValue(register, value, unitName);
+export function formatWithUnit(register, value) {
+	const { text, unit } = formatValue(register, value);
 
 	return unit ? `${text} ${unit}` : text;
 }
@@ -196,7 +187,7 @@ export function createScale(unitName, countsPerUnit) {
 	const fine = Math.min(6, Math.max(0, digits));
 
 	return {
-		unit: (register) => (per(register) === 1 ? unitOf(register, unitName) :
+		unit: (register) => (per(register) === 1 ? register?.unit ?? "" :
 			unitName + register.unit.slice("counts".length)),
 		/* In people's unit. */
 		show: (register, value) =>
@@ -217,7 +208,7 @@ export function createScale(unitName, countsPerUnit) {
 		/* The register as it is typed: with its range in people's unit it is no whole number. */
 		typed(register) {
 			if (per(register) === 1)
-				return { ...register, unit: unitOf(register, unitName) };
+				return { ...register, unit: register?.unit ?? "" };
 			const [one, other] = [register.min, register.max].map((limit) =>
 				(typeof limit === "number" ? limit / countsPerUnit : undefined));
 
@@ -233,9 +224,9 @@ export function createScale(unitName, countsPerUnit) {
 }
 
 /* What a register takes: "−12800 to 12800 counts/s", "at most 5", "" of one without limits. */
-export function formatRange(register, unitName = "") {
+export function formatRange(register) {
 	const { min, max } = register ?? {};
-	const unit = unitOf(register, unitName);
+	const unit = register?.unit ?? "";
 	const [low, high] = [min, max].map((limit) => (typeof limit === "number" ?
 		withMinus(String(Number(limit.toPrecision(10)))) : ""));
 	let range = low ? `at least ${low}` : `at most ${high}`;

@@ -18,7 +18,6 @@ test("values are shown as the service names them", () => {
 	assert.deepEqual(format.formatValue(STATUS, 2), { text: "bit 1", unit: "" });
 	assert.deepEqual(format.formatValue(STATUS, 0), { text: "none", unit: "" });
 	assert.deepEqual(format.formatValue(POSITION, null), { text: "–", unit: "" });
-	assert.deepEqual(format.formatValue({ type: "f32", unit: "user units/s" }, 2, "mm"), { text: "2", unit: "mm/s" });
 });
 
 test("a number keeps its decimals and has no sign when it is 0", () => {
