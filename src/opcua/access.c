@@ -14,11 +14,15 @@
 #define ANONYMOUS_POLICY "anonymous"
 #define USERNAME_POLICY "username"
 
-/* Passwords that one address may try at once, and how long each takes to come back. A comparison takes some hundredths
- * of a second, in which nobody else is served. */
+/* Passwords that one address may try at once, and how long each takes to come back. */
 #define ATTEMPTS 5
 #define ATTEMPT_EVERY (5 * DB_NS_PER_S)
 #define ATTEMPT_PLACES 64
+
+/* The same for all addresses together. A comparison takes some hundredths of a second, in which nobody else is served: a wrong
+ * one is the last of its round. */
+#define TOGETHER 10
+#define TOGETHER_EVERY (DB_NS_PER_S / 2)
 
 const struct db_users_keeper db_opcua_keeper = {
 	.program = "drivebridge-opcua",
@@ -30,6 +34,12 @@ struct attempts {
 	db_time full; /* all of them are there again */
 };
 
+/* A session that is not activated yet. */
+struct waiting {
+	UA_NodeId id;
+	uintptr_t connection; /* 0: a free place */
+};
+
 struct db_opcua_access {
 	const struct db_opcua_config *config;
 	struct db_opcua_network *network;
@@ -39,6 +49,10 @@ struct db_opcua_access {
 	char nobody
 		[160]; /* a hash that no password has: an unknown user takes as long as a known one */
 	struct attempts attempts[ATTEMPT_PLACES];
+	struct attempts together[2]; /* of connections that are not signed, and that are */
+	bool wrong[2];               /* one of those was, in this round */
+	UA_Server *server;           /* NULL before there is one */
+	struct waiting waiting[DB_OPCUA_NETWORK_PLACES];
 	size_t places;
 	struct db_opcua_session sessions[];
 };
@@ -65,29 +79,37 @@ void db_opcua_access_free(struct db_opcua_access *access)
 {
 	for (size_t i = 0; access && i < access->places; i++)
 		UA_NodeId_clear(&access->sessions[i].id);
+	for (size_t i = 0; access && i < DB_OPCUA_NETWORK_PLACES; i++)
+		UA_NodeId_clear(&access->waiting[i].id);
 	free(access);
 }
 
 /* --- sessions --------------------------------------------------------------------------------- */
 
+/* Its place; access->places: there is none. */
+static size_t find_place(const struct db_opcua_access *access, const UA_NodeId *id)
+{
+	size_t place = 0;
+
+	while (place < access->places && (!id || access->sessions[place].number == 0 ||
+	                                  !UA_NodeId_equal(&access->sessions[place].id, id)))
+		place++;
+	return place;
+}
+
 static struct db_opcua_session *find_session(struct db_opcua_access *access, const UA_NodeId *id)
 {
-	for (size_t i = 0; id && i < access->places; i++) {
-		if (access->sessions[i].number != 0 && UA_NodeId_equal(&access->sessions[i].id, id))
-			return &access->sessions[i];
-	}
-	return NULL;
+	size_t place = find_place(access, id);
+
+	return place < access->places ? &access->sessions[place] : NULL;
 }
 
 const struct db_opcua_session *db_opcua_access_find(const struct db_opcua_access *access,
                                                     const UA_NodeId *session)
 {
-	for (size_t i = 0; session && i < access->places; i++) {
-		if (access->sessions[i].number != 0 &&
-		    UA_NodeId_equal(&access->sessions[i].id, session))
-			return &access->sessions[i];
-	}
-	return NULL;
+	size_t place = find_place(access, session);
+
+	return place < access->places ? &access->sessions[place] : NULL;
 }
 
 const struct db_opcua_session *db_opcua_access_next(const struct db_opcua_access *access,
@@ -102,8 +124,77 @@ const struct db_opcua_session *db_opcua_access_next(const struct db_opcua_access
 	return NULL;
 }
 
+static void close_waiting(struct db_opcua_access *access, uintptr_t connection)
+{
+	for (size_t i = 0; i < DB_OPCUA_NETWORK_PLACES; i++) {
+		/* It is forgotten when the library says that it is closed. */
+		if (access->waiting[i].connection == connection && access->server)
+			(void)UA_Server_closeSession(access->server, &access->waiting[i].id);
+	}
+}
+
+static void forget_waiting(struct db_opcua_access *access, const UA_NodeId *id)
+{
+	for (size_t i = 0; i < DB_OPCUA_NETWORK_PLACES; i++) {
+		struct waiting *waiting = &access->waiting[i];
+
+		if (waiting->connection == 0 || !UA_NodeId_equal(&waiting->id, id))
+			continue;
+		UA_NodeId_clear(&waiting->id);
+		*waiting = (struct waiting){ .connection = 0 };
+	}
+}
+
+/* The library has made a session. A connection that makes another one has given up the one before, unless somebody has
+ * logged in to it. */
+static UA_StatusCode note_session(UA_Server *server, const UA_NodeId *maker, void *maker_context,
+                                  const UA_NodeId *type, void *type_context, const UA_NodeId *id,
+                                  void **context)
+{
+	struct db_opcua_access *access = UA_Server_getConfig(server)->accessControl.context;
+	uintptr_t connection = db_opcua_network_current(access->network);
+
+	(void)maker;
+	(void)maker_context;
+	(void)type;
+	(void)type_context;
+	(void)context;
+	close_waiting(access, connection);
+	for (size_t i = 0; i < DB_OPCUA_NETWORK_PLACES; i++) {
+		struct waiting *waiting = &access->waiting[i];
+
+		if (waiting->connection != 0 ||
+		    UA_NodeId_copy(id, &waiting->id) != UA_STATUSCODE_GOOD)
+			continue;
+		waiting->connection = connection;
+		break;
+	}
+	return UA_STATUSCODE_GOOD;
+}
+
+UA_StatusCode db_opcua_access_watch(struct db_opcua_access *access, UA_Server *server)
+{
+	access->server = server;
+	/* The only word that it says of one: it makes an object for it. */
+	return UA_Server_setNodeTypeLifecycle(
+		server, UA_NODEID_NUMERIC(0, UA_NS0ID_SESSIONDIAGNOSTICSOBJECTTYPE),
+		(UA_NodeTypeLifecycle){ .constructor = note_session });
+}
+
+/* Tells the network whether anybody is logged in over the connection. */
+static void tell_network(struct db_opcua_access *access, uintptr_t connection)
+{
+	bool known = false;
+
+	for (size_t i = 0; i < access->places; i++)
+		known = known || (access->sessions[i].number != 0 &&
+		                  access->sessions[i].connection == connection);
+	db_opcua_network_know(access->network, connection, known);
+}
+
 void db_opcua_access_forget_connection(struct db_opcua_access *access, uintptr_t connection)
 {
+	close_waiting(access, connection);
 	for (size_t i = 0; i < access->places; i++) {
 		struct db_opcua_session *session = &access->sessions[i];
 
@@ -114,17 +205,52 @@ void db_opcua_access_forget_connection(struct db_opcua_access *access, uintptr_t
 	}
 }
 
-static struct db_opcua_session *add_session(struct db_opcua_access *access, const UA_NodeId *id)
+/* Who makes room for a session of this role: the first one that has lost its connection, or else for an operator the last
+ * reader who came. NULL: nobody. */
+static struct db_opcua_session *find_least(struct db_opcua_access *access, enum db_role role)
 {
+	struct db_opcua_session *lost = NULL;
+	struct db_opcua_session *reader = NULL;
+
 	for (size_t i = 0; i < access->places; i++) {
 		struct db_opcua_session *session = &access->sessions[i];
 
-		if (session->number != 0 || UA_NodeId_copy(id, &session->id) != UA_STATUSCODE_GOOD)
-			continue;
-		session->number = ++access->last_number;
-		return session;
+		if (session->connection == 0) {
+			if (!lost || session->number < lost->number)
+				lost = session;
+		} else if (session->role < role && (!reader || session->number > reader->number)) {
+			reader = session;
+		}
 	}
-	return NULL;
+	return lost ? lost : reader;
+}
+
+static struct db_opcua_session *add_session(struct db_opcua_access *access, const UA_NodeId *id,
+                                            enum db_role role)
+{
+	struct db_opcua_session *session = &access->sessions[0];
+
+	while (session < access->sessions + access->places && session->number != 0)
+		session++;
+	if (session == access->sessions + access->places) {
+		session = find_least(access, role);
+		if (!session)
+			return NULL;
+		db_client_log(DB_CLIENT_NOTICE, "%s: closed: others need the session's place",
+		              session->label);
+		/* Which empties the place. */
+		(void)UA_Server_closeSession(access->server, &session->id);
+	}
+	if (session->number != 0 || UA_NodeId_copy(id, &session->id) != UA_STATUSCODE_GOOD)
+		return NULL;
+	forget_waiting(access, id);
+	session->number = ++access->last_number;
+	return session;
+}
+
+void db_opcua_access_begin(struct db_opcua_access *access)
+{
+	memset(access->wrong, 0, sizeof(access->wrong));
 }
 
 /* --- passwords -------------------------------------------------------------------------------- */
@@ -137,51 +263,61 @@ static db_time read_clock(void)
 	return (db_time)time.tv_sec * DB_NS_PER_S + time.tv_nsec;
 }
 
-/* NULL: this address has tried too often. */
-static struct attempts *take_attempt(struct db_opcua_access *access, const char *address)
+static struct attempts *find_attempts(struct db_opcua_access *access, const char *address)
 {
 	struct attempts *place = &access->attempts[0];
-	db_time now = read_clock();
 
 	for (size_t i = 0; i < ATTEMPT_PLACES; i++) {
 		struct attempts *one = &access->attempts[i];
 
-		if (strcmp(one->address, address) == 0) {
-			place = one;
-			break;
-		}
+		if (strcmp(one->address, address) == 0)
+			return one;
 		if (one->full < place->full)
 			place = one;
 	}
-	if (strcmp(place->address, address) != 0) {
-		(void)snprintf(place->address, sizeof(place->address), "%s", address);
-		place->full = 0;
-	}
-	if (place->full > now + (ATTEMPTS - 1) * ATTEMPT_EVERY)
-		return NULL;
-	place->full = (place->full > now ? place->full : now) + ATTEMPT_EVERY;
+	(void)snprintf(place->address, sizeof(place->address), "%s", address);
+	place->full = 0;
 	return place;
 }
 
-/* DB_ROLE_NONE: it is not this user's password, or he is none. */
-static enum db_role check_password(struct db_opcua_access *access, const char *address,
-                                   const char *name, const char *password)
+static bool may_try(const struct attempts *attempts, unsigned most, db_time every, db_time now)
 {
-	struct attempts *attempt = take_attempt(access, address);
-	const struct db_user *user = NULL;
-	enum db_role role = DB_ROLE_NONE;
-	struct db_users users = { .list = NULL };
+	return attempts->full <= now + (most - 1) * every;
+}
 
-	if (!attempt)
-		return DB_ROLE_NONE;
+static void count_try(struct attempts *attempts, db_time every, db_time now)
+{
+	attempts->full = (attempts->full > now ? attempts->full : now) + every;
+}
+
+/* BadUserAccessDenied: it is not this user's password, or he is none. Right ones are not counted. */
+static UA_StatusCode check_password(struct db_opcua_access *access, const char *address,
+                                    bool is_signed, const char *name, const char *password,
+                                    enum db_role *role)
+{
+	db_time now = read_clock();
+	struct attempts *own = find_attempts(access, address);
+	/* Whoever is not trusted has tries of his own: he takes none from those who are. */
+	struct attempts *together = &access->together[is_signed];
+	const struct db_user *user = NULL;
+	struct db_users users = { .list = NULL };
+	bool right;
+
+	if (access->wrong[is_signed] || !may_try(own, ATTEMPTS, ATTEMPT_EVERY, now) ||
+	    !may_try(together, TOGETHER, TOGETHER_EVERY, now))
+		return UA_STATUSCODE_BADTCPSERVERTOOBUSY;
 	if (db_users_load(&users, access->config->users, &db_opcua_keeper, stderr))
 		user = db_users_find(&users, name);
-	if (db_users_has_password(user ? user->hash : access->nobody, password) && user) {
-		role = user->role;
-		attempt->full -= ATTEMPT_EVERY;
+	right = db_users_has_password(user ? user->hash : access->nobody, password) && user;
+	if (right) {
+		*role = user->role;
+	} else {
+		count_try(own, ATTEMPT_EVERY, now);
+		count_try(together, TOGETHER_EVERY, now);
+		access->wrong[is_signed] = true;
 	}
 	db_users_clear(&users);
-	return role;
+	return right ? UA_STATUSCODE_GOOD : UA_STATUSCODE_BADUSERACCESSDENIED;
 }
 
 static bool copy_text(const UA_String *string, char *text, size_t size)
@@ -193,30 +329,36 @@ static bool copy_text(const UA_String *string, char *text, size_t size)
 	return true;
 }
 
-static enum db_role find_role(struct db_opcua_access *access, const char *address,
-                              const UA_ExtensionObject *token, char *user, size_t size)
+static UA_StatusCode find_role(struct db_opcua_access *access, const char *address, bool is_signed,
+                               const UA_ExtensionObject *token, char *user, size_t size,
+                               enum db_role *role)
 {
 	char password[DB_USERS_PASSWORD_MAX + 1] = "";
 	const UA_UserNameIdentityToken *named;
-	enum db_role role = DB_ROLE_NONE;
+	UA_StatusCode status = UA_STATUSCODE_BADUSERACCESSDENIED;
 
 	user[0] = '\0';
 	/* No token at all is anonymous. */
 	if (token->encoding == UA_EXTENSIONOBJECT_ENCODED_NOBODY ||
 	    (token->encoding >= UA_EXTENSIONOBJECT_DECODED &&
-	     token->content.decoded.type == &UA_TYPES[UA_TYPES_ANONYMOUSIDENTITYTOKEN]))
-		return access->config->anonymous == DB_OPCUA_READ ? DB_ROLE_READER : DB_ROLE_NONE;
+	     token->content.decoded.type == &UA_TYPES[UA_TYPES_ANONYMOUSIDENTITYTOKEN])) {
+		*role = DB_ROLE_READER;
+		return access->config->anonymous == DB_OPCUA_READ ? UA_STATUSCODE_GOOD : status;
+	}
 	if (token->encoding < UA_EXTENSIONOBJECT_DECODED ||
 	    token->content.decoded.type != &UA_TYPES[UA_TYPES_USERNAMEIDENTITYTOKEN])
-		return DB_ROLE_NONE;
+		return status;
 	named = token->content.decoded.data;
 	if (copy_text(&named->userName, user, size) &&
 	    copy_text(&named->password, password, sizeof(password)))
-		role = check_password(access, address, user, password);
+		status = check_password(access, address, is_signed, user, password, role);
 	else
 		user[0] = '\0';
 	explicit_bzero(password, sizeof(password));
-	return role;
+	/* What is not signed may be anybody's. */
+	if (!is_signed)
+		*role = DB_ROLE_READER;
+	return status;
 }
 
 /* --- the library's questions ------------------------------------------------------------------ */
@@ -228,36 +370,43 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 {
 	struct db_opcua_access *access = control->context;
 	uintptr_t connection = db_opcua_network_current(access->network);
+	uintptr_t before = connection;
 	const char *address = db_opcua_network_address(access->network, connection);
-	struct db_opcua_session *session;
+	struct db_opcua_session *session = find_session(access, id);
+	enum db_role role = DB_ROLE_NONE;
 	char user[DB_USERS_NAME_MAX + 1];
-	enum db_role role = find_role(access, address, token, user, sizeof(user));
+	UA_StatusCode status = find_role(access, address,
+	                                 endpoint->securityMode != UA_MESSAGESECURITYMODE_NONE,
+	                                 token, user, sizeof(user), &role);
 
 	(void)server;
 	(void)certificate;
 	(void)session_context;
-	if (role == DB_ROLE_NONE) {
-		db_client_log(DB_CLIENT_WARNING, "%s: not logged in: %s", address,
-		              user[0] ? user : "without a user");
-		return UA_STATUSCODE_BADUSERACCESSDENIED;
+	/* Somebody else's session is not taken over. */
+	if (status == UA_STATUSCODE_GOOD && session && session->connection != connection &&
+	    strcmp(session->user, user) != 0)
+		status = UA_STATUSCODE_BADIDENTITYCHANGENOTSUPPORTED;
+	if (status == UA_STATUSCODE_GOOD && !session) {
+		session = add_session(access, id, role);
+		status = session ? UA_STATUSCODE_GOOD : UA_STATUSCODE_BADTOOMANYSESSIONS;
+	} else if (status == UA_STATUSCODE_GOOD) {
+		before = session->connection;
+		if (before != connection || session->role != role ||
+		    strcmp(session->user, user) != 0)
+			access->left(access->context, session->number);
 	}
-	/* What is not signed may be anybody's. */
-	if (endpoint->securityMode == UA_MESSAGESECURITYMODE_NONE)
-		role = DB_ROLE_READER;
-	session = find_session(access, id);
-	if (session && (strcmp(session->user, user) != 0 || session->role != role))
-		access->left(access->context, session->number);
-	if (!session)
-		session = add_session(access, id);
-	if (!session)
-		return UA_STATUSCODE_BADTOOMANYSESSIONS;
-	if (session->connection != 0 && session->connection != connection)
-		access->left(access->context, session->number);
+	if (status != UA_STATUSCODE_GOOD) {
+		db_client_log(DB_CLIENT_WARNING, "%s: not logged in: %s: %s", address,
+		              user[0] ? user : "without a user", UA_StatusCode_name(status));
+		return status;
+	}
 	session->connection = connection;
 	session->role = role;
 	(void)snprintf(session->user, sizeof(session->user), "%s", user);
 	(void)snprintf(session->label, sizeof(session->label), "%s at %s",
 	               user[0] ? user : "anonymous", address);
+	tell_network(access, connection);
+	tell_network(access, before);
 	db_client_log(DB_CLIENT_INFO, "%s: logged in as %s", session->label, db_role_name(role));
 	return UA_STATUSCODE_GOOD;
 }
@@ -267,14 +416,19 @@ static void close_session(UA_Server *server, UA_AccessControl *control, const UA
 {
 	struct db_opcua_access *access = control->context;
 	struct db_opcua_session *session = find_session(access, id);
+	uintptr_t connection;
 
 	(void)server;
 	(void)session_context;
+	forget_waiting(access, id);
 	if (!session)
 		return;
+	connection = session->connection;
 	access->left(access->context, session->number);
 	UA_NodeId_clear(&session->id);
 	*session = (struct db_opcua_session){ .number = 0 };
+	if (connection != 0)
+		tell_network(access, connection);
 }
 
 static bool is_operator(const UA_AccessControl *control, const UA_NodeId *id)
@@ -329,53 +483,24 @@ static UA_Boolean get_executable_on_object(UA_Server *server, UA_AccessControl *
 	return get_executable(server, control, session, session_context, method, method_context);
 }
 
-static UA_Boolean allow_add_node(UA_Server *server, UA_AccessControl *control,
-                                 const UA_NodeId *session, void *session_context,
-                                 const UA_AddNodesItem *item)
-{
-	(void)server;
-	(void)control;
-	(void)session;
-	(void)session_context;
-	(void)item;
-	return false;
-}
+/* The library takes none of these functions for a yes. */
+#define DENY(name, item_type)                                                   \
+	static UA_Boolean name(UA_Server *server, UA_AccessControl *control,    \
+	                       const UA_NodeId *session, void *session_context, \
+	                       const item_type *item)                           \
+	{                                                                       \
+		(void)server;                                                   \
+		(void)control;                                                  \
+		(void)session;                                                  \
+		(void)session_context;                                          \
+		(void)item;                                                     \
+		return false;                                                   \
+	}
 
-static UA_Boolean allow_add_reference(UA_Server *server, UA_AccessControl *control,
-                                      const UA_NodeId *session, void *session_context,
-                                      const UA_AddReferencesItem *item)
-{
-	(void)server;
-	(void)control;
-	(void)session;
-	(void)session_context;
-	(void)item;
-	return false;
-}
-
-static UA_Boolean allow_delete_node(UA_Server *server, UA_AccessControl *control,
-                                    const UA_NodeId *session, void *session_context,
-                                    const UA_DeleteNodesItem *item)
-{
-	(void)server;
-	(void)control;
-	(void)session;
-	(void)session_context;
-	(void)item;
-	return false;
-}
-
-static UA_Boolean allow_delete_reference(UA_Server *server, UA_AccessControl *control,
-                                         const UA_NodeId *session, void *session_context,
-                                         const UA_DeleteReferencesItem *item)
-{
-	(void)server;
-	(void)control;
-	(void)session;
-	(void)session_context;
-	(void)item;
-	return false;
-}
+DENY(allow_add_node, UA_AddNodesItem)
+DENY(allow_add_reference, UA_AddReferencesItem)
+DENY(allow_delete_node, UA_DeleteNodesItem)
+DENY(allow_delete_reference, UA_DeleteReferencesItem)
 
 static UA_Boolean allow_browse(UA_Server *server, UA_AccessControl *control,
                                const UA_NodeId *session, void *session_context,

@@ -3,6 +3,9 @@
  * Who may do what: security policies, users with their roles, and the sessions with what is known of them. A reader
  * reads; an operator, whose connection is signed, also writes and calls methods; nobody changes the address space.
  *
+ * Nobody is kept out by who has not logged in: such sessions have places of their own, one for each connection, and end
+ * with it. When all places are taken, sessions that have lost their connection make room, and readers for operators.
+ *
  * One thread.
  */
 #ifndef DRIVEBRIDGE_OPCUA_ACCESS_H
@@ -40,6 +43,12 @@ void db_opcua_access_free(struct db_opcua_access *access);
 
 /* Policies, endpoints, certificates and the rights of a server that is to be made. */
 UA_StatusCode db_opcua_access_set_up(struct db_opcua_access *access, UA_ServerConfig *settings);
+
+/* Sessions of the server are heard of from now on. */
+UA_StatusCode db_opcua_access_watch(struct db_opcua_access *access, UA_Server *server);
+
+/* Clients are served once more: to be called before each time, for the bound of what wrong passwords cost. */
+void db_opcua_access_begin(struct db_opcua_access *access);
 
 /* NULL: it is none that was activated. The library gives no context of a session in its callbacks, so it is looked for by
  * its id. */

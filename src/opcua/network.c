@@ -24,10 +24,19 @@
 /* IPv4 and IPv6. */
 #define LISTENERS 4
 
+/* A connection over which nobody has logged in is closed after this time, or when others want its place. */
+#define LOGIN_MAX (10 * DB_NS_PER_S)
+
+/* Places of connections that are being closed: the library takes a turn or two for that. */
+#define CLOSING_MAX 16
+
 struct connection {
 	uintptr_t id; /* 0: none; else the descriptor */
 	bool listener;
+	bool known;   /* somebody is logged in over it */
+	bool closing; /* by us */
 	char address[INET6_ADDRSTRLEN + 8];
+	db_time since; /* when it came, or who was logged in left */
 	db_time heard;
 	char *out; /* NULL while nothing waits */
 	size_t out_size;
@@ -53,6 +62,7 @@ struct db_opcua_network {
 	uintptr_t current;
 	bool busy; /* something came or went in this turn */
 	unsigned port;
+	unsigned most; /* connections beside the listeners */
 	size_t places;
 	struct connection connections[];
 };
@@ -115,6 +125,69 @@ static void name_address(struct connection *connection, unsigned *port)
 	}
 }
 
+static void drop_connection(struct db_opcua_network *network, struct connection *connection)
+{
+	connection->closing = true;
+	network->tcp->closeConnection(network->tcp, connection->id);
+}
+
+/* Whether it is a client's over which nobody has logged in. */
+static bool is_stranger(const struct connection *connection)
+{
+	return connection->id != 0 && !connection->listener && !connection->known &&
+	       !connection->closing;
+}
+
+static size_t count_strangers(const struct db_opcua_network *network, const char *address)
+{
+	size_t count = 0;
+
+	for (size_t i = 0; i < network->places; i++)
+		count += is_stranger(&network->connections[i]) &&
+		         strcmp(network->connections[i].address, address) == 0;
+	return count;
+}
+
+/* The oldest stranger of the address that has most of them: nobody keeps others out by coming often. */
+static struct connection *find_least(struct db_opcua_network *network)
+{
+	struct connection *least = NULL;
+	size_t most = 0;
+
+	for (size_t i = 0; i < network->places; i++) {
+		struct connection *connection = &network->connections[i];
+		size_t count = is_stranger(connection) ?
+		                       count_strangers(network, connection->address) :
+		                       0;
+
+		if (count > most ||
+		    (count > 0 && count == most && connection->since < least->since)) {
+			least = connection;
+			most = count;
+		}
+	}
+	return least;
+}
+
+/* False: everybody there is logged in. */
+static bool make_room(struct db_opcua_network *network)
+{
+	struct connection *least;
+	size_t count = 0;
+
+	for (size_t i = 0; i < network->places; i++) {
+		const struct connection *connection = &network->connections[i];
+
+		count += connection->id != 0 && !connection->listener && !connection->closing;
+	}
+	if (count < network->most)
+		return true;
+	least = find_least(network);
+	if (least)
+		drop_connection(network, least);
+	return least;
+}
+
 static struct connection *add_connection(struct db_opcua_network *network, uintptr_t id)
 {
 	struct connection *connection = find_connection(network, 0);
@@ -125,17 +198,18 @@ static struct connection *add_connection(struct db_opcua_network *network, uintp
 	/* That the library names a connection by its descriptor is not promised anywhere. */
 	if (!connection || getsockopt((int)id, SOL_SOCKET, SO_ACCEPTCONN, &listens, &size) != 0)
 		return NULL;
-	*connection =
-		(struct connection){ .id = id, .listener = listens != 0, .heard = network->now };
+	if (listens == 0 && !make_room(network))
+		return NULL;
+	*connection = (struct connection){
+		.id = id,
+		.listener = listens != 0,
+		.since = network->now,
+		.heard = network->now,
+	};
 	name_address(connection, &port);
 	if (connection->listener)
 		network->port = port;
 	return connection;
-}
-
-static void drop_connection(struct db_opcua_network *network, struct connection *connection)
-{
-	network->tcp->closeConnection(network->tcp, connection->id);
 }
 
 static void forget_connection(struct db_opcua_network *network, struct connection *connection)
@@ -271,8 +345,6 @@ static void flush_connection(struct db_opcua_network *network, struct connection
 	} else if (sent < 0 || network->now - connection->out_since >= STUCK_MAX) {
 		db_client_log(DB_CLIENT_WARNING, "%s: dropped: it does not read its answers",
 		              connection->address);
-		/* It is closed in the library's next turn; until then it is not looked at again. */
-		connection->out_since = network->now;
 		drop_connection(network, connection);
 	}
 }
@@ -282,7 +354,7 @@ static void flush_connection(struct db_opcua_network *network, struct connection
 struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gone_fn *gone,
                                               void *context)
 {
-	size_t wanted = (size_t)connections + LISTENERS;
+	size_t wanted = (size_t)connections + LISTENERS + CLOSING_MAX;
 	size_t places = wanted < DB_OPCUA_NETWORK_PLACES ? wanted : DB_OPCUA_NETWORK_PLACES;
 	struct db_opcua_network *network = calloc(
 		1, sizeof(*network) + places * sizeof(network->connections[0]));
@@ -292,6 +364,7 @@ struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gon
 	network->gone = gone;
 	network->context = context;
 	network->places = places;
+	network->most = connections;
 	network->logger = (UA_Logger){ .log = log_line, .context = network };
 	network->loop = UA_EventLoop_new_POSIX(&network->logger);
 	network->tcp = UA_ConnectionManager_new_POSIX_TCP(UA_STRING("tcp connection manager"));
@@ -356,6 +429,17 @@ db_time db_opcua_network_heard(struct db_opcua_network *network, uintptr_t conne
 	return found ? found->heard : 0;
 }
 
+void db_opcua_network_know(struct db_opcua_network *network, uintptr_t connection, bool known)
+{
+	struct connection *found = connection ? find_connection(network, connection) : NULL;
+
+	if (!found)
+		return;
+	if (found->known && !known)
+		found->since = network->now;
+	found->known = known;
+}
+
 bool db_opcua_network_is_busy(const struct db_opcua_network *network)
 {
 	return network->busy;
@@ -397,8 +481,12 @@ db_time db_opcua_network_due(const struct db_opcua_network *network, db_time now
 	for (size_t i = 0; i < network->places; i++) {
 		const struct connection *connection = &network->connections[i];
 
+		if (connection->closing)
+			continue;
 		if (connection->out && connection->out_since + STUCK_MAX < due)
 			due = connection->out_since + STUCK_MAX;
+		if (is_stranger(connection) && connection->since + LOGIN_MAX < due)
+			due = connection->since + LOGIN_MAX;
 	}
 	return due;
 }
@@ -408,7 +496,14 @@ void db_opcua_network_flush(struct db_opcua_network *network, db_time now)
 	network->now = now;
 	network->busy = false;
 	for (size_t i = 0; i < network->places; i++) {
-		if (network->connections[i].out)
-			flush_connection(network, &network->connections[i]);
+		struct connection *connection = &network->connections[i];
+
+		if (connection->out && !connection->closing)
+			flush_connection(network, connection);
+		if (is_stranger(connection) && now - connection->since >= LOGIN_MAX) {
+			db_client_log(DB_CLIENT_INFO, "%s: closed: nobody has logged in over it",
+			              connection->address);
+			drop_connection(network, connection);
+		}
 	}
 }

@@ -23,7 +23,8 @@ struct db_opcua_network;
 /* Called when a connection is gone. */
 typedef void db_opcua_gone_fn(void *context, uintptr_t connection);
 
-/* With room for so many connections. NULL without memory; freed with db_opcua_network_free() after the server. */
+/* With room for so many connections; when all are taken, who is not logged in makes room. NULL without memory; freed with
+ * db_opcua_network_free() after the server. */
 struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gone_fn *gone,
                                               void *context);
 void db_opcua_network_free(struct db_opcua_network *network);
@@ -42,6 +43,9 @@ const char *db_opcua_network_address(struct db_opcua_network *network, uintptr_t
 /* When bytes of a connection came last; 0: there is none. */
 db_time db_opcua_network_heard(struct db_opcua_network *network, uintptr_t connection);
 
+/* Whether somebody is logged in over it. A connection over which nobody is for some seconds is closed. */
+void db_opcua_network_know(struct db_opcua_network *network, uintptr_t connection, bool known);
+
 /* For poll(): at most `room` places, those that were filled. */
 size_t db_opcua_network_watch(const struct db_opcua_network *network, struct pollfd *fds,
                               size_t room);
@@ -50,7 +54,7 @@ size_t db_opcua_network_places(const struct db_opcua_network *network);
 /* When db_opcua_network_flush() or the library has something to do without bytes coming. */
 db_time db_opcua_network_due(const struct db_opcua_network *network, db_time now);
 
-/* Sends what could not be sent at once. Who takes nothing for long is dropped. To be called in each turn of the loop,
+/* Sends what could not be sent at once. Who takes nothing for long, or does not log in, is dropped. To be called in each turn of the loop,
  * before the server's. */
 void db_opcua_network_flush(struct db_opcua_network *network, db_time now);
 

@@ -10,6 +10,7 @@
 #include "client/log.h"
 #include "drivebridge/version.h"
 
+#include <errno.h>
 #include <open62541/server.h>
 #include <open62541/server_config_default.h>
 #include <stdio.h>
@@ -243,8 +244,9 @@ static void set_limits(UA_ServerConfig *settings, const struct db_opcua_config *
 	settings->tcpBufSize = CHUNK_SIZE;
 	settings->tcpMaxMsgSize = MESSAGE_MAX;
 	settings->tcpMaxChunks = CHUNKS_MAX;
-	settings->maxSecureChannels = (UA_UInt16)(2 * config->sessions);
-	settings->maxSessions = (UA_UInt16)config->sessions;
+	/* The network knows better whose connection makes room, and the access whose session. */
+	settings->maxSecureChannels = DB_OPCUA_NETWORK_PLACES + (UA_UInt16)config->sessions;
+	settings->maxSessions = DB_OPCUA_NETWORK_PLACES + (UA_UInt16)config->sessions;
 	settings->maxSessionTimeout = 60.0 * 60.0 * 1000.0;
 	settings->maxNodesPerRead = OPERATIONS_MAX;
 	settings->maxNodesPerWrite = OPERATIONS_MAX;
@@ -339,7 +341,8 @@ struct db_opcua_server *db_opcua_server_new(const struct db_opcua_config *config
 	server->plant = db_opcua_plant_new(config, &plant_ops, server);
 	if (server->network && server->access && server->acting && server->plant)
 		server->library = new_library(server);
-	if (server->library)
+	if (server->library &&
+	    db_opcua_access_watch(server->access, server->library) == UA_STATUSCODE_GOOD)
 		server->nodes = db_opcua_nodes_new(server->library, config, &node_ops, server);
 	if (server->nodes)
 		status = db_opcua_events_set_up(server->library);
@@ -419,14 +422,22 @@ static void feed(struct db_opcua_server *server, db_time now)
 	}
 }
 
+static void serve(struct db_opcua_server *server)
+{
+	db_opcua_access_begin(server->access);
+	/* The library takes a connection that is closed for one that has nothing to say while errno says so. */
+	errno = 0;
+	(void)UA_Server_run_iterate(server->library, false);
+}
+
 void db_opcua_server_handle(struct db_opcua_server *server, db_time now, int64_t us)
 {
 	db_opcua_plant_handle(server->plant, now, us);
 	db_opcua_acting_handle(server->acting, now);
 	db_opcua_network_flush(server->network, now);
-	(void)UA_Server_run_iterate(server->library, false);
+	serve(server);
 	/* Such as closing connections. */
 	if (db_opcua_network_is_busy(server->network))
-		(void)UA_Server_run_iterate(server->library, false);
+		serve(server);
 	feed(server, now);
 }

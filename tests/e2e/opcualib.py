@@ -182,9 +182,10 @@ class Server:
     # --- its clients
 
     def client(self, certificate=None, user=None, policy=SecurityPolicyBasic256Sha256,
-               mode=ua.MessageSecurityMode.SignAndEncrypt, uri=URI):
-        """One that is not connected yet; without a certificate of security policy None. user: (name, password)."""
-        made = Client(self.url, timeout=10)
+               mode=ua.MessageSecurityMode.SignAndEncrypt, uri=URI, port=None):
+        """One that is not connected yet; without a certificate of security policy None. user: (name, password); port: of a
+        line to the server."""
+        made = Client(f"opc.tcp://127.0.0.1:{port}" if port else self.url, timeout=10)
         made.application_uri = uri
         made.security = (policy, certificate, mode) if certificate else None
         if user:
@@ -387,10 +388,11 @@ def says(*names):
 
 
 class Recorder:
-    """A line to the server that keeps each message of the client."""
+    """A line to the server that keeps each message of the client, and comes from another address of this machine."""
 
-    def __init__(self, server):
+    def __init__(self, server, source="127.0.0.1"):
         self.server = server
+        self.source = source
         self.messages = []
 
     async def __aenter__(self):
@@ -402,7 +404,8 @@ class Recorder:
         self.listener.close()
 
     async def _carry(self, reader, writer):
-        far_reader, far_writer = await asyncio.open_connection(self.server.host, self.server.port)
+        far_reader, far_writer = await asyncio.open_connection(
+            self.server.host, self.server.port, local_addr=(self.source, 0))
 
         async def back():
             while data := await far_reader.read(65536):

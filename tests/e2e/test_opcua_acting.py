@@ -273,6 +273,22 @@ async def test_the_loss_of_a_session_stops_the_drive(make_bridge, make_server, c
 
 
 @in_loop
+async def test_a_closed_connection_is_a_loss_at_once(make_bridge, make_server, certificate):
+    """As when the client's program ends: nobody waits for it to be silent for long, and nothing is done over and over
+    until then."""
+    bridge = make_bridge(drive={"watchdog-ms": 1000})
+    server = make_server(bridge, commands={"silence-ms": 60000})
+    unit = bridge.drive()
+    async with server.session(certificate, OPERATOR) as session:
+        await call(session, "drive1", "Enable")
+        await call(session, "drive1", "MoveVelocity", 1600.0)
+        await until(lambda: unit.read("axis_state") == CONTINUOUS)
+        cut(session)
+        await until(lambda: unit.read("watchdog_trips") == 1)
+        bridge.wait_standing()
+
+
+@in_loop
 async def test_as_many_sessions_as_are_allowed(bridge, make_server, certificate):
     """Twenty are served side by side, one more is told that it is too many, and gets in when another one went."""
     server = make_server(bridge, limits={"sessions": 20})
