@@ -269,6 +269,29 @@ static bool take_speeds(const struct db_call *call, const struct db_bus_config *
 	return false;
 }
 
+/* What drives of this bus would notice is refused as a command to them is. */
+static bool may_command(const struct db_call *call, const struct db_bus_config *bus,
+                        const struct db_scan_plan *plan)
+{
+	struct db_session *session = call->session;
+	struct db_registers *registers = session->control->setup.registers;
+	struct db_named_drive drive;
+	char reason[64 + NAME_MAX_LENGTH];
+
+	for (size_t i = 0; i < db_named_drive_count(registers); i++) {
+		if (!db_named_drive_at(registers, i, &drive) || drive.bus != bus ||
+		    !(plan->aside ||
+		      (plan->set_up != DB_INQUIRY_THERE && drive.config->address == plan->first)) ||
+		    db_named_may_command(registers, &session->client, drive.number))
+			continue;
+		(void)snprintf(reason, sizeof reason, "another client has control of %s",
+		               drive.config->name);
+		db_session_fail_result(session, DB_RESULT_NOT_IN_CONTROL, reason);
+		return false;
+	}
+	return true;
+}
+
 static void begin(const struct db_call *call, const struct db_bus_config *bus,
                   const struct db_scan_plan *plan)
 {
@@ -279,6 +302,8 @@ static void begin(const struct db_call *call, const struct db_bus_config *bus,
 
 	/* Freed with the answer, whichever it is. */
 	session->job = wait;
+	if (!may_command(call, bus, plan))
+		return;
 	if (wait) {
 		(void)snprintf(wait->bus, sizeof wait->bus, "%s", bus->name);
 		wait->sets_up = plan->set_up != DB_INQUIRY_THERE;

@@ -293,6 +293,14 @@ void db_named_hear(struct db_registers *registers, const struct db_client *clien
 		db_clients_hear(drive, client, DB_FEED_REQUESTS);
 }
 
+bool db_named_may_command(struct db_registers *registers, const struct db_client *client,
+                          uint16_t number)
+{
+	struct db_view_drive *drive = find_drive(registers, number);
+
+	return drive && db_clients_may_write(drive, client, false);
+}
+
 /* --- writing ----------------------------------------------------------------------------------------- */
 
 bool db_named_encode(const struct db_registers *registers, const struct db_entry *entry,

@@ -128,6 +128,11 @@ struct db_write_answer db_named_run(struct db_registers *registers, const struct
 enum db_result db_named_outcome(const struct db_registers *registers, uint16_t number,
                                 uint32_t entry);
 
+/* Whether a command of this client would be taken, and not be refused because another one has control; takes control
+ * as that would. */
+bool db_named_may_command(struct db_registers *registers, const struct db_client *client,
+                          uint16_t number);
+
 /* A client is there and waits for its own motion: as a read of its. */
 void db_named_hear(struct db_registers *registers, const struct db_client *client, uint16_t number);
 

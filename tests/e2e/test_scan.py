@@ -232,6 +232,18 @@ def test_a_configured_drive_gets_another_address(make_bridge):
     bridge.wait_ready(2)
 
 
+def test_what_another_client_controls_is_left_alone(make_bridge):
+    bridge = make_bridge(drives=2, sim_drives=3, bus=ROOMY, modbus={"control": "drive"})
+    assert bridge.drive(2).write("control_request", 1) == 0
+    for words in (["address", "line", "2", "9"], ["scan", "line", "--all-speeds"]):
+        done = run(bridge, *words, "--yes")
+        assert done.returncode == 1 and "another client has control of drive2" in done.stderr
+        assert bridge.drive(2).read("axis_state") == STANDSTILL
+    # Looking disturbs nobody.
+    assert places(scan(bridge, "--addresses", "1-3")) == [(115200, number, "one") for number in (1, 2, 3)]
+    assert bridge.sim.get("drive2")["address"] == 2
+
+
 def test_a_drive_that_is_not_saved_is_told_of(make_bridge):
     bridge = make_bridge(drives=1, sim_drives=2, bus=ROOMY)
     bridge.sim.fault("flash fail", "drive2")
