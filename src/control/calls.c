@@ -78,7 +78,7 @@ static const struct method {
 	{ CONTROL ".Read", db_look_read, " drive names ", false },
 	{ CONTROL ".Write", db_act_write, " drive values ", false },
 	{ CONTROL ".Run", db_act_run, " drive command arguments until_end ", false },
-	{ CONTROL ".Subscribe", db_streams_subscribe, " drives names interval_ms ", true },
+	{ CONTROL ".Subscribe", db_streams_subscribe, " drives names interval_ms changes ", true },
 	{ CONTROL ".Events", db_streams_events, " ", false },
 	{ CONTROL ".Trace", db_traces_follow, " bus kept past ", true },
 	{ CONTROL ".Traces", db_traces_list, " ", false },

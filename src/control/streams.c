@@ -35,6 +35,13 @@ struct choice {
 	size_t count;
 };
 
+/* What the client was told of a register last. */
+struct told {
+	bool told;
+	enum db_named_kind kind;
+	uint64_t bits; /* the value; of a text none */
+};
+
 struct stream {
 	uint32_t generation; /* of the registers when the choices were made */
 	db_time interval;    /* 0: with every cycle */
@@ -52,6 +59,10 @@ struct stream {
 	} drives[DRIVES_MAX];
 	size_t name_count;
 	char names[NAMES_MAX][DB_ROW_NAME_MAX];
+	bool changes;       /* only what is another value than before is told */
+	size_t told_places; /* for each drive */
+	size_t told_count;
+	struct told told[];
 };
 
 /* What the names mean for the drives with this list; its place, or FAMILIES_MAX when there are too many. */
@@ -87,6 +98,7 @@ static void find_again(struct stream *stream, struct db_registers *registers)
 
 	stream->generation = db_named_generation(registers);
 	stream->choice_count = 0;
+	memset(stream->told, 0, stream->told_count * sizeof(stream->told[0]));
 	stream->period = stream->interval != 0 ? stream->interval : DB_NS_PER_S;
 	for (size_t i = 0; i < stream->drive_count; i++) {
 		const struct db_name_list *list = db_named_registers(registers,
@@ -149,24 +161,36 @@ void db_streams_subscribe(const struct db_call *call)
 	struct db_session *session = call->session;
 	const char *unknown;
 	struct stream *stream;
+	bool changes = false;
+	size_t drive_count;
+	size_t name_count;
 	int64_t interval_ms;
 	json_t *drives;
 	json_t *names;
 
 	if (!db_call_texts(call, "drives", &drives) || !db_call_texts(call, "names", &names) ||
-	    !db_call_number(call, "interval_ms", 0, INTERVAL_MAX_MS, &interval_ms))
+	    !db_call_number(call, "interval_ms", 0, INTERVAL_MAX_MS, &interval_ms) ||
+	    !db_call_optional_flag(call, "changes", &changes))
 		return;
 	if (json_array_size(names) > NAMES_MAX || json_array_size(drives) > DRIVES_MAX) {
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
 		return;
 	}
-	stream = calloc(1, sizeof *stream);
+	drive_count = db_named_drive_count(session->control->setup.registers);
+	if (json_array_size(drives) > 0)
+		drive_count = json_array_size(drives);
+	name_count = json_array_size(names) > 0 ? json_array_size(names) : NAMES_MAX;
+	stream = calloc(1, sizeof(*stream) +
+	                           (changes ? drive_count * name_count : 0) * sizeof(struct told));
 	if (!stream) {
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
 		return;
 	}
 	session->job = stream;
 	stream->interval = interval_ms * DB_NS_PER_MS;
+	stream->changes = changes;
+	stream->told_places = name_count;
+	stream->told_count = changes ? drive_count * name_count : 0;
 	if (!take_drives(call, stream, drives))
 		return;
 	for (; stream->name_count < json_array_size(names); stream->name_count++) {
@@ -188,6 +212,34 @@ void db_streams_subscribe(const struct db_call *call)
 	session->due = db_control_now(session->control);
 }
 
+/* The values of one drive while they are read. */
+struct collection {
+	json_t *values;
+	const struct told *before; /* null: all of them are told */
+	struct told now[NAMES_MAX];
+	size_t count;
+};
+
+static void collect(void *context, const char *name, const struct db_entry *entry,
+                    const struct db_named_value *value)
+{
+	struct collection *collection = context;
+	size_t place = collection->count++;
+	struct told *now = &collection->now[place];
+
+	*now = (struct told){ .told = true, .kind = value->kind };
+	if (value->kind == DB_NAMED_REAL)
+		memcpy(&now->bits, &value->real, sizeof(value->real));
+	else if (value->kind != DB_NAMED_TEXT)
+		now->bits = (uint64_t)value->whole;
+	/* A text is told each time: few change, and few are asked for. */
+	if (collection->before && collection->before[place].told &&
+	    collection->before[place].kind == now->kind &&
+	    collection->before[place].bits == now->bits && now->kind != DB_NAMED_TEXT)
+		return;
+	db_values_collect(collection->values, name, entry, value);
+}
+
 /* Its values, where there are new ones; null. */
 static json_t *sample(struct db_session *session, struct stream *stream, size_t place)
 {
@@ -196,8 +248,9 @@ static json_t *sample(struct db_session *session, struct stream *stream, size_t 
 	uint16_t number = stream->drives[place].number;
 	struct db_named_moment moment = db_named_moment(registers, number);
 	struct db_client nobody = session->client;
+	struct told *told = stream->changes ? &stream->told[place * stream->told_places] : NULL;
+	struct collection collection = { .before = told };
 	struct db_named_moment before;
-	json_t *values = NULL;
 	json_int_t lost;
 
 	if (stream->interval == 0 && moment.taken == stream->drives[place].taken)
@@ -211,12 +264,15 @@ static json_t *sample(struct db_session *session, struct stream *stream, size_t 
 	/* Again, should the bus have new ones meanwhile: what is sent is of the moment that is told. */
 	do {
 		before = moment;
-		json_decref(values);
-		values = json_object();
-		db_named_read(registers, &nobody, number, choice->entries, choice->count,
-		              db_values_collect, values);
+		json_decref(collection.values);
+		collection.values = json_object();
+		collection.count = 0;
+		db_named_read(registers, &nobody, number, choice->entries, choice->count, collect,
+		              &collection);
 		moment = db_named_moment(registers, number);
 	} while (moment.taken != before.taken);
+	if (told)
+		memcpy(told, collection.now, collection.count * sizeof(*told));
 	lost = stream->drives[place].begun ?
 	               (json_int_t)(moment.samples - stream->drives[place].samples) - 1 :
 	               0;
@@ -225,7 +281,7 @@ static json_t *sample(struct db_session *session, struct stream *stream, size_t 
 	stream->drives[place].samples = moment.samples;
 	return json_pack("{s:s, s:I, s:I, s:o}", "drive", db_named_name(registers, number),
 	                 "time_us", (json_int_t)moment.wall_us, "lost", lost > 0 ? lost : 0,
-	                 "values", values);
+	                 "values", collection.values);
 }
 
 static void send_samples(struct db_session *session, db_time now)

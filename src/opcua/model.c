@@ -220,8 +220,17 @@ static void free_kind(struct db_opcua_kind *kind)
 	json_decref(kind->registers);
 	json_decref(kind->commands);
 	free(kind->list);
+	free(kind->by_name);
 	free(kind->columns);
 	free(kind);
+}
+
+static int compare_names(const void *a, const void *b)
+{
+	const struct db_opcua_register *const *left = a;
+	const struct db_opcua_register *const *right = b;
+
+	return strcmp((*left)->name, (*right)->name);
 }
 
 static struct db_opcua_kind *make_kind(json_t *registers, json_t *commands)
@@ -236,7 +245,8 @@ static struct db_opcua_kind *make_kind(json_t *registers, json_t *commands)
 	kind->registers = json_incref(registers);
 	kind->commands = json_incref(commands);
 	kind->list = calloc(json_array_size(registers) + 1, sizeof(*kind->list));
-	if (!kind->list) {
+	kind->by_name = calloc(json_array_size(registers) + 1, sizeof(struct db_opcua_register *));
+	if (!kind->list || !kind->by_name) {
 		free_kind(kind);
 		return NULL;
 	}
@@ -256,6 +266,9 @@ static struct db_opcua_kind *make_kind(json_t *registers, json_t *commands)
 			*reg = (struct db_opcua_register){ .name = NULL };
 	}
 	mark_own_bits(kind);
+	for (i = 0; i < kind->count; i++)
+		kind->by_name[i] = &kind->list[i];
+	qsort(kind->by_name, kind->count, sizeof(*kind->by_name), compare_names);
 	for (i = 0; i < kind->count; i++) {
 		if (kind->list[i].group == DB_OPCUA_HISTORY && !add_to_column(kind, i)) {
 			free_kind(kind);
@@ -356,11 +369,12 @@ void db_opcua_drive_free(struct db_opcua_kind **kinds, struct db_opcua_drive *dr
 
 struct db_opcua_item *db_opcua_drive_find(const struct db_opcua_drive *drive, const char *reg)
 {
-	for (size_t i = 0; i < drive->kind->count; i++) {
-		if (strcmp(drive->kind->list[i].name, reg) == 0)
-			return &drive->items[i];
-	}
-	return NULL;
+	const struct db_opcua_register named = { .name = reg };
+	const struct db_opcua_register *key = &named;
+	struct db_opcua_register *const *found = bsearch(
+		&key, drive->kind->by_name, drive->kind->count, sizeof(*found), compare_names);
+
+	return found ? &drive->items[*found - drive->kind->list] : NULL;
 }
 
 /* --- values ----------------------------------------------------------------------------------- */
@@ -424,19 +438,22 @@ static void take_value(struct db_opcua_item *item, const json_t *json, int64_t t
 	item->value = fresh;
 }
 
-void db_opcua_drive_take(struct db_opcua_drive *drive, const json_t *values, int64_t time_us)
+void db_opcua_drive_take(struct db_opcua_drive *drive, json_t *values, int64_t time_us)
 {
 	const json_t *quality = json_object_get(values, "quality");
+	const char *name;
+	const json_t *json;
 
 	if (time_us > 0)
 		drive->time_us = time_us;
 	if (json_is_integer(quality))
 		drive->quality = (unsigned)json_integer_value(quality);
-	for (size_t i = 0; i < drive->kind->count; i++) {
-		const json_t *json = json_object_get(values, drive->kind->list[i].name);
+	json_object_foreach(values, name, json)
+	{
+		struct db_opcua_item *item = db_opcua_drive_find(drive, name);
 
-		if (json)
-			take_value(&drive->items[i], json, drive->time_us);
+		if (item)
+			take_value(item, json, drive->time_us);
 	}
 }
 

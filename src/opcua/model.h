@@ -78,6 +78,7 @@ struct db_opcua_kind {
 	json_t *commands;
 	struct db_opcua_register *list;
 	size_t count;
+	struct db_opcua_register **by_name; /* as many, for finding one */
 	struct db_opcua_column *columns;
 	size_t column_count;
 	unsigned users;
@@ -116,9 +117,10 @@ struct db_opcua_drive {
 	db_time taken
 		[DB_OPCUA_GROUPS]; /* when its group was read last; 0: never, or it must be again */
 	db_time streamed;          /* when its last sample came */
-	int64_t outdated_us;       /* what was told before is older than a command */
-	char result[32];           /* of the last command from here */
-	char reason[256];          /* why it was refused, "" */
+	bool missed; /* one of its samples was not taken: what the stream tells is not all any more */
+	int64_t outdated_us; /* what was told before is older than a command */
+	char result[32];     /* of the last command from here */
+	char reason[256];    /* why it was refused, "" */
 };
 
 /* Leaves of the history's entries but the first what differs from that, in place: the rest is said once. Without `history`
@@ -139,7 +141,7 @@ void db_opcua_drive_free(struct db_opcua_kind **kinds, struct db_opcua_drive *dr
 struct db_opcua_item *db_opcua_drive_find(const struct db_opcua_drive *drive, const char *reg);
 
 /* Values by register name, of data that the drive told at `time_us` (0: as before). */
-void db_opcua_drive_take(struct db_opcua_drive *drive, const json_t *values, int64_t time_us);
+void db_opcua_drive_take(struct db_opcua_drive *drive, json_t *values, int64_t time_us);
 
 /* How good a value is. */
 enum db_opcua_quality {

@@ -20,7 +20,7 @@
 #define FETCH_MAX_MS 20
 #define FETCH_PAUSE (1 * DB_NS_PER_S)
 
-/* Names of a stream at most, as the service has it; two are always there. */
+/* Names of a stream at most, as the service has it; one is always there. */
 #define STREAM_MAX 128
 
 /* The service is asked for another stream so long after what is watched changed: often much changes at once. */
@@ -188,12 +188,17 @@ static void take_samples(void *data, json_t *parameters, const struct db_client_
 
 		if (!drive)
 			continue;
-		/* One that was on its way when somebody commanded the drive tells of before that. */
-		if (sent_us < drive->outdated_us)
+		/* One that was on its way when somebody commanded the drive tells of before that. What those that follow
+		 * tell has changed since: the next stream begins with all again. */
+		if (sent_us < drive->outdated_us) {
+			drive->missed = true;
+			db_opcua_plant_rewatch(plant);
 			continue;
+		}
 		db_opcua_drive_take(drive, json_object_get(sample, "values"),
 		                    json_integer_value(json_object_get(sample, "time_us")));
-		drive->streamed = plant->now;
+		if (!drive->missed)
+			drive->streamed = plant->now;
 	}
 }
 
@@ -236,7 +241,7 @@ static bool has_text(const json_t *texts, const char *text)
 /* What is watched of any drive. What there is no room for is fetched when it is read. */
 static json_t *watched_names(const struct db_opcua_plant *plant)
 {
-	json_t *names = json_pack("[s,s]", "quality", "timestamp_us");
+	json_t *names = json_pack("[s]", "quality");
 	size_t always = json_array_size(names);
 
 	for (struct db_opcua_kind *kind = plant->kinds; kind; kind = kind->next) {
@@ -267,14 +272,18 @@ static void subscribe(struct db_opcua_plant *plant)
 	plant->stream_at = DB_TIME_NEVER;
 	db_client_close(plant->clients[VALUES]);
 	plant->clients[VALUES] = NULL;
+	for (size_t i = 0; i < plant->drive_count; i++) {
+		plant->drives[i]->streamed = 0;
+		plant->drives[i]->missed = false;
+	}
 	if (!names)
 		return;
 	if (db_client_open(plant->config->socket, &plant->clients[VALUES], &error) != 0)
 		fail(plant, error.text);
 	else
 		call(plant, VALUES, "Subscribe",
-		     json_pack("{s:[], s:O, s:i}", "drives", "names", names, "interval_ms",
-		               (int)plant->config->interval_ms),
+		     json_pack("{s:[], s:O, s:i, s:b}", "drives", "names", names, "interval_ms",
+		               (int)plant->config->interval_ms, "changes", true),
 		     take_samples);
 	json_decref(names);
 	db_client_error_clear(&error);
@@ -561,7 +570,7 @@ void db_opcua_plant_fetch(struct db_opcua_plant *plant, struct db_opcua_item *it
 	                   json_pack("{s:s, s:o}", "drive", drive->name, "names",
 	                             db_opcua_group_names(drive->kind, item->reg->group)),
 	                   FETCH_MAX_MS, &answer, &error) == 0) {
-		const json_t *values = json_object_get(answer, "values");
+		json_t *values = json_object_get(answer, "values");
 
 		db_opcua_drive_take(drive, values,
 		                    json_integer_value(json_object_get(values, "timestamp_us")));

@@ -357,6 +357,37 @@ def test_stream_at_a_rate(tool):
     assert 0.4 < time.monotonic() - begin < 5
 
 
+def test_stream_of_changes(bridge):
+    """First all that was asked for, then what has become another value, and together that is what a read tells; behind a
+    reload all again."""
+    names = ["position", "axis_state", "moving", "spd", "watchdog_ms"]
+    unit = bridge.drive()
+    with Line(bridge) as line:
+        line.ask(f"{INTERFACE}.Subscribe",
+                 {"drives": ["drive1"], "names": names, "interval_ms": 20, "changes": True}, more=True)
+
+        def values():
+            return line.answer()["parameters"]["samples"][0]["values"]
+
+        known = values()
+        assert set(known) == set(names)
+        assert eventually(lambda: values() == {})
+        unit.settle("enable")
+        unit.command("move_absolute", target_position=700)
+        seen = set()
+        while known["position"] != 700 or known["moving"]:
+            fresh = values()
+            assert all(known[name] != value for name, value in fresh.items())
+            known.update(fresh)
+            seen |= set(fresh)
+        assert seen == {"position", "axis_state", "moving"}
+        with Tool(bridge) as tool:
+            assert tool.Read("drive1", names)["values"] == known
+        bridge.sections["drive drive2"] = {"bus": "line", "address": 9, "unit": 9}
+        bridge.reload()
+        assert eventually(lambda: set(values()) == set(names))
+
+
 def test_stream_needs_more(tool):
     with fails("ExpectedMore"):
         tool.Subscribe([], [], 100)
