@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "client/client.h"
+#include "client/clock.h"
 #include "client/frames.h"
-#include "drivebridge/time.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -9,7 +9,6 @@
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/un.h>
-#include <time.h>
 #include <unistd.h>
 
 /* The metrics of 500 drives are the longest message, with less than a megabyte. */
@@ -318,14 +317,6 @@ static void take_answer(void *data, json_t *parameters, const struct db_client_e
 	json_incref(waiter->error->parameters);
 }
 
-static db_time read_clock(void)
-{
-	struct timespec time;
-
-	(void)clock_gettime(CLOCK_MONOTONIC, &time);
-	return (db_time)time.tv_sec * DB_NS_PER_S + time.tv_nsec;
-}
-
 /* The answer, when it comes, is nobody's any more. */
 static void forget_call(struct db_client *client, const void *data)
 {
@@ -340,7 +331,7 @@ int db_client_call(struct db_client *client, const char *method, json_t *paramet
                    json_t **answer, struct db_client_error *error)
 {
 	struct waiter waiter = { .error = error };
-	db_time deadline = read_clock() + timeout_ms * DB_NS_PER_MS;
+	db_time deadline = db_client_now() + timeout_ms * DB_NS_PER_MS;
 
 	*answer = NULL;
 	if (db_client_send(client, method, parameters, false, take_answer, &waiter) != 0) {
@@ -353,7 +344,7 @@ int db_client_call(struct db_client *client, const char *method, json_t *paramet
 	while (!waiter.done) {
 		struct pollfd poll_fd = { .fd = client->fd,
 			                  .events = db_client_poll_events(client) };
-		db_time left = deadline - read_clock();
+		db_time left = deadline - db_client_now();
 
 		if (left <= 0) {
 			forget_call(client, &waiter);

@@ -4,6 +4,7 @@
  * first waits for an answer. When both are lost, the watchdog is what is left.
  */
 #include "ctl/jog.h"
+#include "client/clock.h"
 #include "ctl/hold.h"
 #include "ctl/plant.h"
 #include "ctl/signals.h"
@@ -17,7 +18,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 #define FEED_EVERY (100 * DB_NS_PER_MS)
@@ -41,14 +41,6 @@ struct jog {
 	char line[384];    /* that was printed last */
 	char trouble[512]; /* what the service said last against it */
 };
-
-static db_time read_clock(void)
-{
-	struct timespec time;
-
-	(void)clock_gettime(CLOCK_MONOTONIC, &time);
-	return (db_time)time.tv_sec * DB_NS_PER_S + time.tv_nsec;
-}
 
 /* Where it is, when that has changed. */
 static void print_line(struct jog *jog)
@@ -210,10 +202,10 @@ static bool read_keys(struct jog *jog, const struct pollfd *terminal)
 		case DB_CTL_KEY_QUIT:
 			return false;
 		case DB_CTL_KEY_FORWARD:
-			db_ctl_hold_press(&jog->hold, 1, read_clock());
+			db_ctl_hold_press(&jog->hold, 1, db_client_now());
 			break;
 		case DB_CTL_KEY_BACKWARD:
-			db_ctl_hold_press(&jog->hold, -1, read_clock());
+			db_ctl_hold_press(&jog->hold, -1, db_client_now());
 			break;
 		case DB_CTL_KEY_OTHER:
 			db_ctl_hold_cancel(&jog->hold);
@@ -245,7 +237,7 @@ static bool run_jog(struct jog *jog, int signals)
 		signal_number = db_ctl_signals_read(signals);
 		if (!read_keys(jog, &fds[0]))
 			return true;
-		now = read_clock();
+		now = db_client_now();
 		direction = db_ctl_hold_direction(&jog->hold, now);
 		if (direction == 0 && jog->told != 0)
 			stop(jog);
@@ -262,12 +254,12 @@ static bool run_jog(struct jog *jog, int signals)
 static enum db_ctl_status end_jog(struct jog *jog, bool connected)
 {
 	struct db_client_error error = { .parameters = NULL };
-	db_time deadline = read_clock() + STOP_WITHIN;
+	db_time deadline = db_client_now() + STOP_WITHIN;
 	enum db_ctl_status status = DB_CTL_OK;
 
 	if (connected && (jog->told != 0 || jog->moves > 0))
 		stop(jog);
-	while (connected && jog->stops > 0 && !jog->confirmed && read_clock() < deadline) {
+	while (connected && jog->stops > 0 && !jog->confirmed && db_client_now() < deadline) {
 		struct pollfd fds[] = {
 			{ .fd = db_client_fd(jog->ctl->client),
 			  .events = db_client_poll_events(jog->ctl->client) },

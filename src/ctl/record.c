@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/record.h"
+#include "client/clock.h"
 #include "ctl/csv.h"
 #include "ctl/plot.h"
 #include "ctl/rows.h"
@@ -12,13 +13,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 #define COLUMNS_MAX 64
 #define BEFORE_DEFAULT_S 1.0
 /* Data may come so much later than the time they are of. */
-#define GRACE_S 0.5
+#define GRACE (500 * DB_NS_PER_MS)
 
 struct column {
 	char drive[64];
@@ -40,14 +40,6 @@ struct recording {
 	bool ended;
 	enum db_ctl_status status;
 };
-
-static double seconds_now(void)
-{
-	struct timespec now;
-
-	(void)clock_gettime(CLOCK_MONOTONIC, &now);
-	return (double)now.tv_sec + (double)now.tv_nsec / 1e9;
-}
 
 static enum db_ctl_status usage(const struct db_ctl *ctl, const char *option, const char *given,
                                 const char *right)
@@ -318,17 +310,17 @@ static void follow(struct recording *recording)
 	const struct db_ctl_rows *rows = &recording->rows;
 	struct pollfd fds[2] = { { .fd = db_client_fd(recording->ctl->client) },
 		                 { .fd = db_ctl_signals_open(), .events = POLLIN } };
-	double end = 0.0;
+	db_time end = DB_TIME_NEVER;
 	int signal_number;
 
 	while (!recording->ended) {
 		/* Drives that fall silent have no times any more. */
-		if (end == 0.0 && rows->begun && rows->duration_us > 0)
-			end = seconds_now() + (double)rows->duration_us / 1e6 + GRACE_S;
-		if (end != 0.0 && seconds_now() >= end)
+		if (end == DB_TIME_NEVER && rows->begun && rows->duration_us > 0)
+			end = db_client_now() + rows->duration_us * DB_NS_PER_US + GRACE;
+		if (db_client_now() >= end)
 			break;
 		fds[0].events = db_client_poll_events(recording->ctl->client);
-		(void)poll(fds, 2, end != 0.0 ? 100 : -1);
+		(void)poll(fds, 2, end != DB_TIME_NEVER ? 100 : -1);
 		signal_number = db_ctl_signals_read(fds[1].fd);
 		/* A pipe that nobody reads any more ends it as well. */
 		if ((signal_number != 0 && signal_number != SIGWINCH && signal_number != SIGTSTP) ||

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/trace.h"
+#include "client/clock.h"
 #include "ctl/grid.h"
 #include "ctl/pcapng.h"
 #include "ctl/signals.h"
@@ -33,14 +34,6 @@ struct tracing {
 	bool ended;
 	enum db_ctl_status status;
 };
-
-static double seconds_now(void)
-{
-	struct timespec now;
-
-	(void)clock_gettime(CLOCK_MONOTONIC, &now);
-	return (double)now.tv_sec + (double)now.tv_nsec / 1e9;
-}
 
 /* --- where records go --------------------------------------------------------------------------------- */
 
@@ -257,16 +250,16 @@ static void follow(struct tracing *tracing, double duration)
 {
 	struct pollfd fds[2] = { { .fd = db_client_fd(tracing->ctl->client) },
 		                 { .fd = db_ctl_signals_open(), .events = POLLIN } };
-	double end = seconds_now() + duration;
+	db_time end = db_client_now() + (db_time)(duration * (double)DB_NS_PER_S);
 	int signal_number;
 
 	while (!tracing->ended) {
-		double left = end - seconds_now();
+		db_time left = end - db_client_now();
 
 		if (duration > 0 && left <= 0)
 			break;
 		fds[0].events = db_client_poll_events(tracing->ctl->client);
-		(void)poll(fds, 2, duration > 0 ? (int)(left * 1000) + 1 : -1);
+		(void)poll(fds, 2, duration > 0 ? (int)(left / DB_NS_PER_MS) + 1 : -1);
 		signal_number = db_ctl_signals_read(fds[1].fd);
 		/* A pipe that nobody reads any more ends it as well. */
 		if ((signal_number != 0 && signal_number != SIGWINCH && signal_number != SIGTSTP) ||

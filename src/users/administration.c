@@ -49,13 +49,24 @@ static bool read_password(const struct db_users_keeper *keeper, char *password, 
 	return good;
 }
 
-int db_users_administer(const struct db_users_keeper *keeper, const char *path, const char *add,
-                        const char *remove, enum db_role role)
+bool db_users_task_is_good(const struct db_users_task *task)
+{
+	enum db_role role;
+
+	return !(task->add && task->remove) && (task->add != NULL) == (task->role != NULL) &&
+	       (!task->role || db_role_read(task->role, &role));
+}
+
+int db_users_administer(const struct db_users_keeper *keeper, const char *path,
+                        const struct db_users_task *task)
 {
 	char password[DB_USERS_PASSWORD_MAX + 2] = "";
-	struct db_user user = { .role = role };
+	struct db_user user = { .role = DB_ROLE_NONE };
+	const char *add = task->add;
 	bool good = true;
 
+	if (task->role)
+		(void)db_role_read(task->role, &user.role);
 	if (add && !db_users_name_is_good(add)) {
 		(void)fprintf(
 			stderr,
@@ -74,7 +85,7 @@ int db_users_administer(const struct db_users_keeper *keeper, const char *path, 
 		explicit_bzero(password, sizeof(password));
 	}
 	if (good)
-		good = db_users_change(keeper, path, add ? add : remove, role,
+		good = db_users_change(keeper, path, add ? add : task->remove, user.role,
 		                       add ? user.hash : NULL, stderr);
 	explicit_bzero(&user, sizeof(user));
 	return good ? EXIT_SUCCESS : EXIT_FAILURE;

@@ -23,9 +23,6 @@
 #include <systemd/sd-daemon.h>
 #include <unistd.h>
 
-/* From sysexits.h: the unit's RestartPreventExitStatus. */
-#define EXIT_CONFIG 78
-
 #define TICK_US 100000
 #define TICK_ACCURACY_US 5000
 
