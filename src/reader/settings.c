@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "reader/settings.h"
+#include "reader/file.h"
 
 #include <ctype.h>
 #include <errno.h>
@@ -266,19 +267,9 @@ bool db_settings_parse(const struct db_settings_form *form, const char *text, co
 bool db_settings_load(const struct db_settings_form *form, const char *path, FILE *out,
                       void *values, const void *context)
 {
-	FILE *file = fopen(path, "re");
-	char *text = NULL;
-	size_t size = 0;
-	/* All of it, for a text has no zero byte; negative also where there is nothing. */
-	ssize_t length = file ? getdelim(&text, &size, '\0', file) : -1;
-	bool good = false;
+	char *text = db_file_read(path, out);
+	bool good = text && db_settings_parse(form, text, path, out, values, context);
 
-	if (file && !ferror(file))
-		good = db_settings_parse(form, length >= 0 ? text : "", path, out, values, context);
-	else
-		(void)fprintf(out, "%s: %s\n", path, strerror(errno));
-	if (file)
-		(void)fclose(file);
 	free(text);
 	return good;
 }

@@ -3,9 +3,9 @@
 
 #include "codec/slcan.h"
 #include "codec/vsmd_serial.h"
+#include "reader/file.h"
 #include "sim/config_section.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -564,20 +564,12 @@ int sim_config_parse(const char *text, const char *file, FILE *errors, struct si
 
 int sim_config_load(const char *path, struct sim_config *config)
 {
-	FILE *file = fopen(path, "re");
-	char *text = NULL;
-	size_t size = 0;
-	/* All of it, for a text has no zero byte; negative also where there is nothing. */
-	ssize_t length = file ? getdelim(&text, &size, '\0', file) : -1;
+	char *text = db_file_read(path, stderr);
 	int result = -1;
 
 	*config = (struct sim_config){ 0 };
-	if (file && !ferror(file))
-		result = sim_config_parse(length >= 0 ? text : "", path, stderr, config);
-	else
-		fprintf(stderr, "%s: %s\n", path, strerror(errno));
-	if (file)
-		fclose(file);
+	if (text)
+		result = sim_config_parse(text, path, stderr, config);
 	free(text);
 	return result;
 }

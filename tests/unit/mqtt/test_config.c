@@ -156,6 +156,29 @@ static void test_secrets(void **state)
 	                                 &(struct db_mqtt_config){ .socket = NULL }));
 }
 
+/* What is damaged is not taken for a shorter file. */
+static void test_a_file_with_a_zero_byte(void **state)
+{
+	static const char text[] = "broker {\n host = a\n}\n\0command {\n allow = all\n}\n";
+	char path[] = "/tmp/drivebridge-mqtt-XXXXXX";
+	int fd = mkstemp(path);
+	struct db_mqtt_config config;
+	char *told = NULL;
+	size_t size;
+	FILE *out = open_memstream(&told, &size);
+
+	(void)state;
+	assert_true(fd >= 0);
+	assert_int_equal(write(fd, text, sizeof(text) - 1), sizeof(text) - 1);
+	assert_false(db_mqtt_config_load(path, "gw", out, &config));
+	(void)fclose(out);
+	assert_non_null(strstr(told, ":4: there is a zero byte"));
+	free(told);
+	db_mqtt_config_free(&config);
+	(void)unlink(path);
+	(void)close(fd);
+}
+
 /* The file that is installed shows every key with what holds without it. */
 static void test_the_installed_file_shows_all(void **state)
 {
@@ -192,6 +215,7 @@ int main(void)
 		cmocka_unit_test(test_lists),
 		cmocka_unit_test(test_errors_with_their_lines),
 		cmocka_unit_test(test_secrets),
+		cmocka_unit_test(test_a_file_with_a_zero_byte),
 		cmocka_unit_test(test_the_installed_file_shows_all),
 	};
 
