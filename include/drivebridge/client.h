@@ -28,7 +28,7 @@ bool db_client_is_session(uint32_t id);
 struct db_client {
 	uint32_t id; /* of this connection: no other one's while it lasts; none of those above */
 	uint8_t address
-		[16];  /* IPv6, or IPv4 v4-mapped; of a session: db_client_address_of_user() */
+		[16];  /* IPv6, or IPv4 v4-mapped; of a session: db_client_address_of_session() */
 	uint16_t port; /* not 0; of a session: a number of its own, as far as 16 bits go */
 	bool may_write;
 	/* The request did not reach this machine before this time, and perhaps at this time: one
@@ -44,12 +44,39 @@ static inline db_time db_client_arrived(const struct db_client *client, db_time 
 
 #define DB_CLIENT_ADDRESS_MAX 46
 
-/* The user of a session in the place of an address: one that no client of a network has. The name is kept as
- * far as it is short, null or "": it is not known. */
-void db_client_address_of_user(uint32_t user, const char *name, uint8_t address[16]);
+/* Who a session is. Two that are the same in all of this are, for the drives, one client that came back. */
+struct db_client_session {
+	uint32_t user;  /* of its process, as the kernel tells it */
+	uint32_t actor; /* stands for what is known beside that: names; 0: nothing */
+	bool named;     /* it has said for whom it acts */
+};
 
-/* The address as people write it: "192.168.10.5", "fd00::5"; "control, user anna". */
+/* That in the place of an address: one that no client of a network has. */
+void db_client_address_of_session(const struct db_client_session *session, uint8_t address[16]);
+/* False: it is no session's. */
+bool db_client_session_of_address(const uint8_t address[16], struct db_client_session *session);
+
+/* The address as people write it: "192.168.10.5", "fd00::5"; "control, user 1000". */
 void db_client_address(const uint8_t address[16], char text[DB_CLIENT_ADDRESS_MAX]);
+
+/* Names of users with their ends: those of this machine, and those whom a session acts for. */
+#define DB_CLIENT_PROCESS_USER_MAX 32
+#define DB_CLIENT_USER_MAX 33
+
+/* A client in words. */
+struct db_client_words {
+	char address
+		[DB_CLIENT_ADDRESS_MAX]; /* as above; "control, user anna" where the name is known */
+	char user[DB_CLIENT_USER_MAX];   /* whom a session says it acts for; "": it has not said */
+};
+
+/* `process_user` and `user` are a session's, "": not known. */
+void db_client_words_init(struct db_client_words *words, const uint8_t address[16],
+                          const char *process_user, const char *user);
+
+/* Both in one: "control, user drivebridge-web for anna". The first is what the kernel vouches for. */
+#define DB_CLIENT_TEXT_MAX (DB_CLIENT_ADDRESS_MAX + 5 + DB_CLIENT_USER_MAX)
+void db_client_words_join(const struct db_client_words *words, char text[DB_CLIENT_TEXT_MAX]);
 
 /* An IPv4 address in one number, the first byte highest; DB_CLIENT_IPV6 for what is none. */
 #define DB_CLIENT_IPV6 UINT32_MAX

@@ -77,6 +77,11 @@ void db_control_socket_change(struct db_control_socket *control,
 void db_control_socket_answer(struct db_control_socket *control, struct db_write_token token,
                               enum db_result result);
 
+/* Any client in words, of a session with the names that belong to its address; a user whose name was forgotten for those
+ * of many others is "?". The socket may be null. */
+void db_control_socket_words(const struct db_control_socket *control, const uint8_t address[16],
+                             struct db_client_words *words);
+
 /* A reload has ended: its errors, a line each; "" or null: it is in force. */
 void db_control_socket_reloaded(struct db_control_socket *control, const char *errors);
 

@@ -90,7 +90,7 @@ struct db_log_source {
 struct db_log_about {
 	const char *drive;  /* null: none */
 	unsigned unit;      /* the drive's Modbus unit; 0: none */
-	const char *client; /* its address; null: none */
+	const char *client; /* who it is, such as its address; null: none */
 };
 
 /*
@@ -112,7 +112,7 @@ struct db_log_line {
 	enum db_event event;
 	char bus[64]; /* "": none, likewise the next two */
 	char drive[64];
-	char client[64];
+	char client[96];
 	char text[512]; /* without these names before it */
 };
 

@@ -52,6 +52,9 @@ struct db_registers_ops {
 	void (*server_stats)(void *context, struct db_server_stats *stats);
 	/* The clients connected longest, at most `max`; how many. Null: clients are not shown. */
 	size_t (*server_clients)(void *context, struct db_server_client *clients, size_t max);
+	/* What an address is called. Null: db_client_address(). */
+	void (*client_words)(void *context, const uint8_t address[16],
+	                     struct db_client_words *words);
 	/* Something was refused to a client for who it is. May be null. */
 	void (*refused)(void *context, const struct db_client *client, enum db_refusal kind);
 	/* A write to a drive did not bring about what its writer wanted; see struct

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The calls that act: Write and Run, and how they go on when what they wait for comes. Internal to
+/* The calls that act: Write and Run, for whom they do it, and how they go on when what they wait for comes. Internal to
  * src/control. */
 #ifndef DRIVEBRIDGE_CONTROL_ACT_H
 #define DRIVEBRIDGE_CONTROL_ACT_H
@@ -9,6 +9,7 @@
 /* Whether the session may act; else its call is answered. */
 bool db_act_is_allowed(struct db_session *session);
 
+void db_act_introduce(const struct db_call *call);
 void db_act_write(const struct db_call *call);
 void db_act_run(const struct db_call *call);
 

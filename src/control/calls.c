@@ -76,6 +76,7 @@ static const struct method {
 	{ CONTROL ".Registers", db_look_registers, " drive ", false },
 	{ CONTROL ".Commands", db_look_commands, " drive ", false },
 	{ CONTROL ".Read", db_look_read, " drive names ", false },
+	{ CONTROL ".Introduce", db_act_introduce, " user ", false },
 	{ CONTROL ".Write", db_act_write, " drive values ", false },
 	{ CONTROL ".Run", db_act_run, " drive command arguments until_end ", false },
 	{ CONTROL ".Subscribe", db_streams_subscribe, " drives names interval_ms changes ", true },

@@ -69,7 +69,7 @@ enum db_right db_rights_find(const struct db_rights *rights, int fd, uid_t *user
 	return DB_RIGHT_NONE;
 }
 
-void db_rights_name(uid_t user, char name[DB_USER_NAME_MAX])
+void db_rights_name(uid_t user, char name[DB_CLIENT_PROCESS_USER_MAX])
 {
 	FILE *file = fopen("/etc/passwd", "re");
 	const struct passwd *entry;
@@ -78,7 +78,7 @@ void db_rights_name(uid_t user, char name[DB_USER_NAME_MAX])
 	name[0] = '\0';
 	while (file && !found && (entry = fgetpwent(file)) != NULL) {
 		found = entry->pw_uid == user;
-		if (found && strlen(entry->pw_name) < DB_USER_NAME_MAX)
+		if (found && strlen(entry->pw_name) < DB_CLIENT_PROCESS_USER_MAX)
 			strcpy(name, entry->pw_name);
 	}
 	if (file)

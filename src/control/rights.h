@@ -6,12 +6,11 @@
 #ifndef DRIVEBRIDGE_CONTROL_RIGHTS_H
 #define DRIVEBRIDGE_CONTROL_RIGHTS_H
 
+#include "drivebridge/client.h"
 #include "drivebridge/config.h"
 
 #include <stdbool.h>
 #include <sys/types.h>
-
-#define DB_USER_NAME_MAX 32
 
 /* The groups of the configuration by their numbers. */
 struct db_rights {
@@ -28,6 +27,6 @@ struct db_rights db_rights_of(const struct db_control_config *config);
 
 /* What the process behind a connected Unix socket may do, and whose it is. The name is "" when not known. */
 enum db_right db_rights_find(const struct db_rights *rights, int fd, uid_t *user);
-void db_rights_name(uid_t user, char name[DB_USER_NAME_MAX]);
+void db_rights_name(uid_t user, char name[DB_CLIENT_PROCESS_USER_MAX]);
 
 #endif

@@ -37,11 +37,33 @@ void db_session_free(struct db_session *session)
 {
 	if (!session)
 		return;
+	db_actors_let_go(&session->control->actors, session->actor);
 	close(session->fd);
 	free(session->in);
 	free(session->out);
 	free(session->job);
 	free(session);
+}
+
+void db_session_set_actor(struct db_session *session, uint32_t user, const char *process_user,
+                          const char *named)
+{
+	struct db_actors *actors = &session->control->actors;
+	uint32_t before = session->actor;
+	struct db_client_session shown = { .user = user, .named = named[0] != '\0' };
+
+	shown.actor = db_actors_hold(actors, user, process_user, named);
+	session->actor = shown.actor;
+	db_actors_let_go(actors, before);
+	db_client_address_of_session(&shown, session->client.address);
+}
+
+void db_session_text(const struct db_session *session, char text[DB_CLIENT_TEXT_MAX])
+{
+	struct db_client_words words;
+
+	db_actors_words(&session->control->actors, session->client.address, &words);
+	db_client_words_join(&words, text);
 }
 
 /* --- input ------------------------------------------------------------------------------------------- */

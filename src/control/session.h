@@ -29,7 +29,8 @@ enum db_session_wait {
 
 struct db_session {
 	struct db_control_socket *control;
-	struct db_client client;
+	struct db_client client; /* its address is that of the actor */
+	uint32_t actor;          /* held; 0: none */
 	int fd;
 	uint32_t events; /* what epoll waits for */
 	bool acted;      /* it has commanded something */
@@ -99,6 +100,14 @@ void db_session_fail(struct db_session *session, const char *error, json_t *para
  * message, and with it the call is answered.
  */
 void db_session_append(struct db_session *session, const char *text, size_t length, bool last);
+
+/* Who it is from now on, for everything that looks at clients. `process_user` is "" when not known, `named` when it has not
+ * said for whom it acts. */
+void db_session_set_actor(struct db_session *session, uint32_t user, const char *process_user,
+                          const char *named);
+
+/* Who it is, as a line of the log names it. */
+void db_session_text(const struct db_session *session, char text[DB_CLIENT_TEXT_MAX]);
 
 /* Whether it may act; if not, its call is answered with that. */
 bool db_session_require_act(struct db_session *session);

@@ -57,14 +57,14 @@ static db_time due_of(const struct db_control_socket *control, const struct db_s
 static void end_session(struct db_control_socket *control, size_t place)
 {
 	struct db_session *session = control->sessions[place];
-	char text[DB_CLIENT_ADDRESS_MAX];
+	char text[DB_CLIENT_TEXT_MAX];
 	struct db_log_about about = { .client = text };
 
 	db_scan_forget(session);
 	control->sessions[place] = control->sessions[--control->count];
 	/* For the registers it is a client like any other. */
 	db_registers_backend.client(control->setup.registers, &session->client, false);
-	db_client_address(session->client.address, text);
+	db_session_text(session, text);
 	if (session->acted)
 		db_log(&control->log, db_control_now(control), DB_EVENT_CLIENT_GONE, &about,
 		       "gone (session %u)", (unsigned)session->client.port);
@@ -81,12 +81,15 @@ static void refuse(struct db_control_socket *control, int fd)
 	control->stats.refused++;
 }
 
-static void refuse_user(struct db_control_socket *control, int fd, const struct db_client *client)
+static void refuse_user(struct db_control_socket *control, int fd, uint32_t user, const char *name)
 {
-	char text[DB_CLIENT_ADDRESS_MAX];
-	struct db_log_about about = { .client = text };
+	const struct db_client_session session = { .user = user };
+	struct db_client_words words;
+	struct db_log_about about = { .client = words.address };
+	uint8_t address[16];
 
-	db_client_address(client->address, text);
+	db_client_address_of_session(&session, address);
+	db_client_words_init(&words, address, name, "");
 	db_log(&control->log, db_control_now(control), DB_EVENT_CLIENT_REFUSED, &about,
 	       "connection refused: it is in neither read-group nor act-group");
 	refuse(control, fd);
@@ -97,14 +100,13 @@ static void admit(struct db_control_socket *control, int fd)
 	uid_t user;
 	enum db_right right = db_rights_find(&control->rights, fd, &user);
 	struct db_client client = { .may_write = right == DB_RIGHT_ACT };
-	char name[DB_USER_NAME_MAX];
+	char name[DB_CLIENT_PROCESS_USER_MAX];
 	struct db_session *session;
 	size_t readers = 0;
 
 	db_rights_name(user, name);
-	db_client_address_of_user((uint32_t)user, name, client.address);
 	if (right == DB_RIGHT_NONE) {
-		refuse_user(control, fd, &client);
+		refuse_user(control, fd, (uint32_t)user, name);
 		return;
 	}
 	for (size_t i = 0; i < control->count; i++)
@@ -122,6 +124,7 @@ static void admit(struct db_control_socket *control, int fd)
 	session = db_session_new(control, fd, &client, db_control_now(control));
 	if (!session)
 		return;
+	db_session_set_actor(session, (uint32_t)user, name, "");
 	control->sessions[control->count++] = session;
 	control->stats.accepted++;
 	db_registers_backend.client(control->setup.registers, &session->client, true);
@@ -341,11 +344,11 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 	control->armed = DB_TIME_NEVER;
 	for (size_t i = control->count; i-- > 0;) {
 		struct db_session *session = control->sessions[i];
-		char text[DB_CLIENT_ADDRESS_MAX];
+		char text[DB_CLIENT_TEXT_MAX];
 		struct db_log_about about = { .client = text };
 
 		if (db_session_stuck_at(session) <= now) {
-			db_client_address(session->client.address, text);
+			db_session_text(session, text);
 			db_log(&control->log, now, DB_EVENT_CLIENT_REFUSED, &about,
 			       "connection closed: it does not read its answers");
 			control->stats.dropped++;
@@ -390,6 +393,12 @@ void db_control_socket_answer(struct db_control_socket *control, struct db_write
 	db_act_ended(session, result);
 	/* The rest waits for the loop: this may be called from the middle of things. */
 	want_turn(control, true);
+}
+
+void db_control_socket_words(const struct db_control_socket *control, const uint8_t address[16],
+                             struct db_client_words *words)
+{
+	db_actors_words(control ? &control->actors : NULL, address, words);
 }
 
 void db_control_socket_reloaded(struct db_control_socket *control, const char *errors)

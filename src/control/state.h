@@ -3,6 +3,7 @@
 #ifndef DRIVEBRIDGE_CONTROL_STATE_H
 #define DRIVEBRIDGE_CONTROL_STATE_H
 
+#include "control/actors.h"
 #include "control/rights.h"
 #include "control/session.h"
 #include "drivebridge/control_socket.h"
@@ -25,6 +26,7 @@ struct db_control_socket {
 	const struct db_control_config *config;
 	struct db_log_source log;
 	struct db_rights rights;
+	struct db_actors actors;
 	int listener; /* -1: there is none */
 	char *path;   /* of the listener */
 	int epoll;

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "control/values.h"
 
+#include "control/text.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,10 +15,18 @@ json_t *db_values_text(const char *text)
 	char clean[256];
 	size_t length = 0;
 
-	for (; *text && length < sizeof clean - 1; text++) {
-		unsigned char character = (unsigned char)*text;
+	while (*text) {
+		size_t bytes = db_text_character(text);
+		size_t taken = bytes > 0 ? bytes : 1;
 
-		clean[length++] = character >= ' ' && character < 0x7F ? *text : '?';
+		if (length + taken > sizeof clean - 1)
+			break;
+		if (bytes > 0)
+			memcpy(&clean[length], text, bytes);
+		else
+			clean[length] = '?';
+		length += taken;
+		text += taken;
 	}
 	clean[length] = '\0';
 	return json_string(clean);

@@ -11,6 +11,7 @@
 
 #define DB_LOG_TEXT_MAX 512
 #define DB_LOG_NAME_MAX 64
+#define DB_LOG_CLIENT_MAX 96 /* with whom it acts for */
 
 /* Too long texts and names are cut. */
 struct db_log_record {
@@ -20,7 +21,7 @@ struct db_log_record {
 	unsigned told;             /* where in the text the message begins, behind the names */
 	char bus[DB_LOG_NAME_MAX]; /* "" = none, likewise the next two */
 	char drive[DB_LOG_NAME_MAX];
-	char client[DB_LOG_NAME_MAX];
+	char client[DB_LOG_CLIENT_MAX];
 	char text[DB_LOG_TEXT_MAX];
 };
 

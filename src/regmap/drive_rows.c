@@ -99,6 +99,12 @@ static const struct db_repeat each_history_text = {
 	.bytes = sizeof(struct db_drive_history),
 };
 
+static const struct db_repeat each_history_user = {
+	.count = DB_HISTORY_MAX,
+	.addresses = DB_CLIENT_USER_REGISTERS,
+	.bytes = sizeof(struct db_drive_history),
+};
+
 /* --- long descriptions ------------------------------------------------------------------------------- */
 
 static const char about_result_id[] =
@@ -162,6 +168,8 @@ static const char about_command[] =
 	{ ROW(at, title, kind), FROM(PROCESS, state.results.member), more.description = (text) }
 #define BLOCK(at, title, kind, member, more, text) \
 	{ ROW(at, title, kind), FROM(BLOCK, block.member), more.description = (text) }
+#define HOLDER(at, title, kind, member, more, text) \
+	{ ROW(at, title, kind), FROM(HOLDER, member), more.description = (text) }
 #define PLATE(at, title, kind, member, more, text) \
 	{ ROW(at, title, kind), FROM(PLATE, plate.member), more.description = (text) }
 #define STATIC(at, title, kind, member, more, text) \
@@ -169,6 +177,9 @@ static const char about_command[] =
 #define HISTORY(at, title, kind, member, more, text) \
 	{ ROW(at, title, kind), FROM(HISTORY, history[0].member), \
 	  EACH(history) more.description = (text) }
+#define HISTORY_USER(at, title, kind, member, more, text) \
+	{ ROW(at, title, kind), FROM(HISTORY, history[0].member), \
+	  EACH(history_user) more.description = (text) }
 #define HISTORY_TEXT(at, title, kind, member, more, text) \
 	{ ROW(at, title, kind), FROM(HISTORY, history[0].member), \
 	  EACH(history_text) more.description = (text) }
@@ -271,8 +282,8 @@ static const struct db_row registers[] = {
 	        "its number"),
 	PROCESS(58, "control_holder",    U32,    control_holder,          READ,
 	        "IPv4 address of the client that has control; its first byte highest; 0=nobody "
-	        "4294967295=an IPv6 address: see the clients in the gateway unit; or a session of "
-	        "the control socket"),
+	        "4294967295=an IPv6 address or a session of the control socket: see "
+	        "control_address"),
 	PROCESS(60, "control_remaining_ms", U32, control_remaining_ms,    READ UNIT("ms"),
 	        about_control_remaining_ms),
 	RESULT( 62, "result_limit",      U16,    result_limit,            READ
@@ -390,6 +401,13 @@ static const struct db_row registers[] = {
 	        "Mean round trip since the bridge started"),
 	PLATE(  1054, "parameters_generation", U32, generation,             READ,
 	        "Grows whenever identity or a parameter changes"),
+	HOLDER( 1056, "control_address",   TEXT,   control_address,         READ
+	        LENGTH(DB_CLIENT_ADDRESS_REGISTERS),
+	        "Address of the client that has control or 'control' and the user of a session of the "
+	        "control socket; empty=nobody"),
+	HOLDER( 1076, "control_user",      TEXT,   control_user,            READ
+	        LENGTH(DB_CLIENT_USER_REGISTERS),
+	        "User for whom the session that has control said it acts (UTF-8); empty=nobody named"),
 
 	/* The last commands. */
 	HISTORY(     3000, "history#_timestamp_us", U64, entry.timestamp_us, READ,
@@ -432,6 +450,10 @@ static const struct db_row registers[] = {
 	             LENGTH(DB_CLIENT_ADDRESS_REGISTERS),
 	             "Command #: address of the client or 'control' and the user of a session of the "
 	             "control socket; empty=the bridge itself"),
+	HISTORY_USER(5000, "history#_user",     TEXT,   user,               READ
+	             LENGTH(DB_CLIENT_USER_REGISTERS),
+	             "Command #: user for whom that session said it acts (UTF-8; that of the page or "
+	             "of OPC UA); empty=nobody named ?=not known any more"),
 };
 
 static const struct db_row bits[] = {

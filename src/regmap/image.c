@@ -140,11 +140,29 @@ static uint16_t param_address(const struct db_view_drive *drive, uint16_t param)
 	return 0;
 }
 
+void db_image_name_client(const struct db_view_drive *drive, const uint8_t address[16],
+                          char shown[2 * DB_CLIENT_ADDRESS_REGISTERS],
+                          char user[2 * DB_CLIENT_USER_REGISTERS])
+{
+	const struct db_registers *registers = drive->registers;
+	struct db_client_words words;
+
+	if (registers->ops->client_words)
+		registers->ops->client_words(registers->context, address, &words);
+	else
+		db_client_words_init(&words, address, "", "");
+	/* Half a name would be another one's. */
+	if (strlen(words.address) > (size_t)2 * DB_CLIENT_ADDRESS_REGISTERS)
+		db_client_address(address, words.address);
+	memcpy(shown, words.address,
+	       strnlen(words.address, (size_t)2 * DB_CLIENT_ADDRESS_REGISTERS));
+	memcpy(user, words.user, strnlen(words.user, (size_t)2 * DB_CLIENT_USER_REGISTERS));
+}
+
 static void fill_history(struct db_drive_history *shown, const struct db_view_drive *drive,
                          size_t age)
 {
 	const struct db_history_entry *entry = &shown->entry;
-	char text[DB_CLIENT_ADDRESS_MAX];
 
 	memset(shown, 0, sizeof *shown);
 	if (!db_commander_history(drive->commander, age, &shown->entry))
@@ -154,8 +172,7 @@ static void fill_history(struct db_drive_history *shown, const struct db_view_dr
 	if (entry->port == 0)
 		return; /* the bridge itself */
 	shown->ipv4 = db_client_ipv4(entry->address);
-	db_client_address(entry->address, text);
-	memcpy(shown->address, text, strnlen(text, sizeof shown->address));
+	db_image_name_client(drive, entry->address, shown->address, shown->user);
 }
 
 void db_image_fill_drive(struct db_drive_image *image, const struct db_view_drive *drive,

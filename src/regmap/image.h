@@ -24,6 +24,7 @@ enum db_part {
 	DB_PART_CLIENTS = 1u << 8,
 	DB_PART_GROUP = 1u << 9,
 	DB_PART_HISTORY = 1u << 10,
+	DB_PART_HOLDER = 1u << 11, /* names of who has control */
 };
 
 /* Quality of process data, as in OPC. */
@@ -34,6 +35,7 @@ enum db_part {
 #define DB_UNIT_NAME_REGISTERS 8
 #define DB_IDENTITY_REGISTERS (DB_IDENTITY_MAX / 2)
 #define DB_CLIENT_ADDRESS_REGISTERS 20 /* the longest address has 39 characters */
+#define DB_CLIENT_USER_REGISTERS (DB_CLIENT_USER_MAX / 2)
 
 /* A set of units: unit 1 is bit 0 of the first word. */
 #define DB_GROUP_WORDS 16
@@ -42,6 +44,7 @@ struct db_drive_history {
 	struct db_history_entry entry; /* `number` of a parameter is its register */
 	uint32_t ipv4;
 	char address[2 * DB_CLIENT_ADDRESS_REGISTERS];
+	char user[2 * DB_CLIENT_USER_REGISTERS];
 };
 
 /* Unit 1..247. */
@@ -62,6 +65,10 @@ struct db_drive_image {
 	uint16_t control_port;
 	uint32_t control_holder;
 	uint32_t control_remaining_ms;
+
+	/* DB_PART_HOLDER */
+	char control_address[2 * DB_CLIENT_ADDRESS_REGISTERS];
+	char control_user[2 * DB_CLIENT_USER_REGISTERS];
 
 	struct db_command_block block;
 
@@ -185,6 +192,10 @@ void db_image_fill_drive(struct db_drive_image *image, const struct db_view_driv
 void db_image_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
                            const struct db_client *client, unsigned parts, uint16_t low,
                            uint16_t high);
+/* A client in words, without ends where they are full; both are zeroed before. */
+void db_image_name_client(const struct db_view_drive *drive, const uint8_t address[16],
+                          char shown[2 * DB_CLIENT_ADDRESS_REGISTERS],
+                          char user[2 * DB_CLIENT_USER_REGISTERS]);
 /* One of the buses shown. */
 void db_image_fill_bus(struct db_gateway_bus *bus, const struct db_registers *registers,
                        size_t place);

@@ -135,6 +135,18 @@ static uint8_t check_params(const struct db_view_drive *drive, const struct sele
 	return any ? 0 : MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
 }
 
+static void fill_holder(struct db_drive_image *image, const struct db_view_drive *drive)
+{
+	db_time now = drive->registers->ops->now(drive->registers->context);
+	const struct db_client *holder = db_control_holder(&drive->control, now);
+
+	memset(image->control_address, 0, sizeof image->control_address);
+	memset(image->control_user, 0, sizeof image->control_user);
+	if (holder)
+		db_image_name_client(drive, holder->address, image->control_address,
+		                     image->control_user);
+}
+
 static void fill_control(struct db_drive_image *image, const struct db_view_drive *drive,
                          const struct db_client *client)
 {
@@ -160,6 +172,8 @@ void db_read_image(struct db_drive_image *image, const struct db_view_drive *dri
 	db_image_fill_drive(image, drive, client, parts, low, high);
 	if (parts & DB_PART_PROCESS)
 		fill_control(image, drive, client);
+	if (parts & DB_PART_HOLDER)
+		fill_holder(image, drive);
 }
 
 bool db_read_is_known(const struct db_view_drive *drive, const struct db_drive_image *image,

@@ -27,6 +27,7 @@ const struct db_area db_areas[] = {
 	PARAM_AREA(2),
 	HOLDING_AREA(DB_VIEW_DRIVE, 3000, 3767, "history"),
 	HOLDING_AREA(DB_VIEW_DRIVE, 4000, 4639, "addresses of the history"),
+	HOLDING_AREA(DB_VIEW_DRIVE, 5000, 5511, "users of the history"),
 	AREA(DB_VIEW_DRIVE, DB_TABLE_DISCRETE, 0, 95, "status bits"),
 	HOLDING_AREA(DB_VIEW_GATEWAY, 60, 86, "groups"),
 	HOLDING_AREA(DB_VIEW_GATEWAY, 2000, 2000 + DB_WINDOW_REGISTERS * DB_GATEWAY_WINDOWS - 1,

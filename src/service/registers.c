@@ -75,16 +75,32 @@ static void count_refusal(void *context, const struct db_client *client, enum db
 	db_server_refused(service->server, client, kind);
 }
 
+static void name_client(void *context, const uint8_t address[16], struct db_client_words *words)
+{
+	const struct service *service = context;
+
+	db_control_socket_words(service->control, address, words);
+}
+
+static void describe_client(const struct service *service, const struct db_client *client,
+                            char text[DB_CLIENT_TEXT_MAX])
+{
+	struct db_client_words words;
+
+	db_control_socket_words(service->control, client->address, &words);
+	db_client_words_join(&words, text);
+}
+
 static void log_tripped(void *context, const struct db_bus_config *bus_config,
                         const struct db_drive_config *drive, const struct db_client *last)
 {
 	struct service *service = context;
 	struct db_log_source log = service_log_of(service, bus_config);
-	char text[DB_CLIENT_ADDRESS_MAX];
+	char text[DB_CLIENT_TEXT_MAX];
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
 
 	if (last->id != DB_CLIENT_NOBODY) {
-		db_client_address(last->address, text);
+		describe_client(service, last, text);
 		about.client = text;
 	}
 	db_log(&log, service_now(service), DB_EVENT_WATCHDOG_TRIPPED, &about,
@@ -113,13 +129,13 @@ static void log_refused_write(void *context, const struct db_bus_config *bus_con
 	const struct service *service = context;
 	struct db_log_source log = service_log_of(service, bus_config);
 	bool open = write->result == DB_RESULT_TIMEOUT || write->result == DB_RESULT_INDETERMINATE;
-	char address[DB_CLIENT_ADDRESS_MAX];
+	char text[DB_CLIENT_TEXT_MAX];
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
 	char what[96];
 
 	if (client) {
-		db_client_address(client->address, address);
-		about.client = address;
+		describe_client(service, client, text);
+		about.client = text;
 	}
 	describe_write(write, what, sizeof what);
 	db_log(&log, service_now(service), DB_EVENT_COMMAND_REFUSED, &about,
@@ -137,6 +153,7 @@ const struct db_registers_ops service_registers_ops = {
 	.bus_stats = read_bus_stats,
 	.server_stats = read_server_stats,
 	.server_clients = list_clients,
+	.client_words = name_client,
 	.refused = count_refusal,
 	.write_refused = log_refused_write,
 	.tripped = log_tripped,

@@ -331,6 +331,84 @@ def test_control_of_another_client(make_bridge):
     eventually(lambda: unit.command("enable") == 0, what="control to end with the session")
 
 
+# --- for whom
+
+
+def whose(unit, number=1):
+    """Who gave a command: who the service says it was, and for whom that said it acts."""
+    return unit.read(f"history{number}_address"), unit.read(f"history{number}_user")
+
+
+ROOT_TOOL = "control, user root"
+
+
+def test_for_whom_a_session_acts(make_bridge):
+    """Beside the caller, in the history, the log and as who has control, over Modbus and the socket; it stays there
+    when the session is gone. For the drives another user is another client."""
+    bridge = make_bridge(modbus={"control": "drive"}, drive={"max-position": 5000.0})
+    unit = bridge.drive(1)
+    with Tool(bridge) as tool, Tool(bridge) as other:
+        tool.Run("drive1", "disable")
+        assert whose(unit) == (ROOT_TOOL, "")
+        tool.Introduce("Jürgen")
+        tool.Run("drive1", "enable")
+        with fails("Refused"):
+            tool.Run("drive1", "move_absolute", {"target_position": 6000})
+        assert whose(unit) == whose(unit, 2) == (ROOT_TOOL, "Jürgen")
+        assert (unit.read("control_address"), unit.read("control_user")) == (ROOT_TOOL, "Jürgen")
+        names = ["history1_user", "history2_user", "control_user"]
+        assert set(other.Read("drive1", names)["values"].values()) == {"Jürgen"}
+        eventually(lambda: f"client {ROOT_TOOL} for Jürgen: command move_absolute is refused" in bridge.log_since(0))
+
+        # Who comes back takes over, another user does not.
+        other.Introduce("otto")
+        with fails("NotAllowed"):
+            other.Write("drive1", {"control_request": 1})
+        other.Introduce("Jürgen")
+        assert other.Write("drive1", {"control_request": 1})["result"] == "ok"
+        with fails("NotAllowed"):
+            tool.Run("drive1", "enable")
+        # The user changes, and has not what the one before had.
+        other.Introduce("")
+        assert (unit.read("control_address"), unit.read("control_user")) == ("", "")
+        tool.Run("drive1", "enable")
+        assert unit.read("control_user") == "Jürgen"
+    eventually(lambda: unit.read("control_user") == "")
+    assert whose(unit) == (ROOT_TOOL, "Jürgen")
+    log = bridge.log_since(0)
+    assert f"client {ROOT_TOOL} for Jürgen: connected (session" in log
+    assert f"client {ROOT_TOOL} for Jürgen: gone (session" in log
+
+
+def test_names_that_are_none(tool, bridge):
+    """Refused, and the one before stays."""
+    tool.Introduce("anna")
+    for name in ("x" * 33, "an\nna", "an\x1b[31mna", " anna", "an\u202ena", "an\u200bna"):
+        with fails("BadValue"):
+            tool.Introduce(name)
+    with Line(bridge) as line:
+        for user in (None, 5, ["anna"], "an\x00na"):
+            line.ask(f"{INTERFACE}.Introduce", {"user": user})
+            assert line.answer()["error"].endswith("InvalidParameter")
+    tool.Run("drive1", "enable")
+    assert whose(bridge.drive(1)) == (ROOT_TOOL, "anna")
+
+
+def test_many_names(bridge):
+    """They take a place each, at most; the latest are known, and of a line whose user is not it is said."""
+    unit = bridge.drive(1)
+    with Tool(bridge) as first, Tool(bridge) as tool:
+        first.Introduce("first")
+        first.Run("drive1", "enable")
+        tool.Introduce("early")
+        tool.Run("drive1", "enable")
+        for number in range(2000):
+            tool.Introduce(f"user {number}")
+        tool.Run("drive1", "enable")
+        assert [whose(unit, number)[1] for number in (1, 2, 3)] == ["user 1999", "?", "first"]
+        assert {whose(unit, number)[0] for number in (1, 2, 3)} <= {ROOT_TOOL, "control, user 0"}
+
+
 # --- streams and what else there is
 
 
@@ -489,6 +567,7 @@ def as_nobody(bridge, *calls, groups=()):
     return [json.loads(text) for text in out.stdout.split(b"\0") if text]
 
 
+INTRODUCE = {"method": f"{INTERFACE}.Introduce", "parameters": {"user": "root"}}
 READ = {"method": f"{INTERFACE}.Read", "parameters": {"drive": "drive1", "names": ["axis_state"]}}
 ENABLE = {"method": f"{INTERFACE}.Run", "parameters": {"drive": "drive1", "command": "enable"}}
 
@@ -497,8 +576,9 @@ ENABLE = {"method": f"{INTERFACE}.Run", "parameters": {"drive": "drive1", "comma
 def test_who_may_act(make_bridge):
     """adm is a group of every Debian."""
     bridge = make_bridge(control={"act-group": "adm"})
-    read, run = as_nobody(bridge, READ, ENABLE)
+    read, run, introduce = as_nobody(bridge, READ, ENABLE, INTRODUCE)
     assert read["parameters"]["values"]["axis_state"] == STANDSTILL
+    assert introduce["error"].endswith("NotAllowed")
     assert run["error"].endswith("NotAllowed") and "group adm" in run["parameters"]["reason"]
     _, run = as_nobody(bridge, READ, ENABLE, groups=[4])
     assert run["parameters"] == {"result": "ok"}

@@ -40,26 +40,65 @@ static void addresses_as_numbers(void **state)
 	assert_int_equal(db_client_ipv4(v6), DB_CLIENT_IPV6);
 }
 
-static void users_in_the_place_of_addresses(void **state)
+static void sessions_in_the_place_of_addresses(void **state)
 {
-	uint8_t anna[16];
+	const struct db_client_session anna = { .user = 1000, .actor = 0x01020304, .named = true };
+	const struct db_client_session high = { .user = 4000000000, .actor = UINT32_MAX };
+	struct db_client_session found;
+	uint8_t address[16];
 	uint8_t other[16];
 	char text[DB_CLIENT_ADDRESS_MAX];
 
 	(void)state;
-	db_client_address_of_user(1000, "anna", anna);
-	db_client_address(anna, text);
-	assert_string_equal(text, "control, user anna");
-	assert_int_equal(db_client_ipv4(anna), DB_CLIENT_IPV6);
-	db_client_address_of_user(1001, "anna", other);
-	assert_memory_not_equal(anna, other, sizeof(anna));
-	/* Half a name would be another one's. */
-	db_client_address_of_user(4000000000, "a-name-that-is-long", other);
-	db_client_address(other, text);
-	assert_string_equal(text, "control, user 4000000000");
-	db_client_address_of_user(7, NULL, other);
-	db_client_address(other, text);
-	assert_string_equal(text, "control, user 7");
+	db_client_address_of_session(&anna, address);
+	assert_true(db_client_session_of_address(address, &found));
+	assert_int_equal(found.user, 1000);
+	assert_int_equal(found.actor, 0x01020304);
+	assert_true(found.named);
+	assert_int_equal(db_client_ipv4(address), DB_CLIENT_IPV6);
+	db_client_address(address, text);
+	assert_string_equal(text, "control, user 1000");
+	db_client_address_of_session(&high, other);
+	assert_true(db_client_session_of_address(other, &found));
+	assert_int_equal(found.user, 4000000000);
+	assert_int_equal(found.actor, UINT32_MAX);
+	assert_false(found.named);
+	assert_memory_not_equal(address, other, sizeof(address));
+	memset(other, 0, sizeof(other));
+	assert_false(db_client_session_of_address(other, &found));
+	other[0] = 0xFD;
+	assert_false(db_client_session_of_address(other, &found));
+}
+
+static void clients_in_words(void **state)
+{
+	const struct db_client_session session = { .user = 997, .actor = 1, .named = true };
+	const uint8_t plc[16] = {
+		[10] = 0xFF, [11] = 0xFF, [12] = 192, [13] = 168, [14] = 1, [15] = 20
+	};
+	struct db_client_words words;
+	uint8_t address[16];
+	char text[DB_CLIENT_TEXT_MAX];
+
+	(void)state;
+	db_client_address_of_session(&session, address);
+	db_client_words_init(&words, address, "drivebridge-web", "J\xC3\xBCrgen");
+	assert_string_equal(words.address, "control, user drivebridge-web");
+	assert_string_equal(words.user, "J\xC3\xBCrgen");
+	db_client_words_join(&words, text);
+	assert_string_equal(text, "control, user drivebridge-web for J\xC3\xBCrgen");
+	db_client_words_init(&words, address, "", "");
+	db_client_words_join(&words, text);
+	assert_string_equal(text, "control, user 997");
+	db_client_words_init(&words, plc, "", "");
+	db_client_words_join(&words, text);
+	assert_string_equal(text, "192.168.1.20");
+	/* The longest of both. */
+	db_client_words_init(&words, address, "abcdefghijabcdefghijabcdefghija",
+	                     "abcdefghijabcdefghijabcdefghijab");
+	db_client_words_join(&words, text);
+	assert_string_equal(text, "control, user abcdefghijabcdefghijabcdefghija for "
+	                          "abcdefghijabcdefghijabcdefghijab");
 }
 
 /* Round and round: those that mean nobody and a group are left out. */
@@ -83,7 +122,8 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(addresses_as_text),
 		cmocka_unit_test(addresses_as_numbers),
-		cmocka_unit_test(users_in_the_place_of_addresses),
+		cmocka_unit_test(sessions_in_the_place_of_addresses),
+		cmocka_unit_test(clients_in_words),
 		cmocka_unit_test(numbers_of_clients),
 	};
 

@@ -115,6 +115,13 @@ void db_control_socket_catch_up(struct db_control_socket *control)
 	(void)control;
 }
 
+void db_control_socket_words(const struct db_control_socket *control, const uint8_t address[16],
+                             struct db_client_words *words)
+{
+	(void)control;
+	db_client_words_init(words, address, "", "");
+}
+
 int db_log_new(struct db_log **log)
 {
 	*log = NULL;
