@@ -63,11 +63,11 @@ enum db_scan_end {
 	DB_SCAN_DONE,
 	DB_SCAN_CANCELLED, /* by its client, or because the bus ends */
 	DB_SCAN_NO_ROOM,   /* its cycles leave no time for a question: needed_us, gap_us */
-	DB_SCAN_MOVES,   /* `drive` does not stand, or is not known to: the bus was not set aside */
-	DB_SCAN_PORT,    /* the port cannot be opened: error */
-	DB_SCAN_REFUSED, /* set_up: the drive said no */
-	DB_SCAN_SILENT,  /* set_up: it did not answer: whether it did it is not known */
-	DB_SCAN_NOT_ONE, /* set_up: not one drive answers there; nothing was changed */
+	DB_SCAN_MOVES, /* `drive` does not stand, or is not known to: the bus was not set aside, nothing saved */
+	DB_SCAN_PORT,       /* the port cannot be opened: error */
+	DB_SCAN_REFUSED,    /* set_up: the drive said no */
+	DB_SCAN_SILENT,     /* set_up: it did not answer: whether it did it is not known */
+	DB_SCAN_NOT_ONE,    /* set_up: not one drive answers there; nothing was changed */
 	DB_SCAN_STANDS_NOT, /* set_up: it moves; nothing was changed */
 };
 

@@ -403,6 +403,18 @@ static bool choose_inquiry(struct db_engine *engine, struct db_inquiry *inquiry)
 	return false;
 }
 
+/* Behind a save on a serial line, which may take a second, the stop of a drive that moves would wait. */
+static bool must_not_save(struct db_engine *engine, const struct db_inquiry *inquiry)
+{
+	const struct station *moving = engine_find_moving(engine);
+
+	if (!moving || !takes_line(engine) || inquiry->kind != DB_INQUIRY_SAVE)
+		return false;
+	engine->scan->progress.drive = moving->number;
+	scan_end(engine, DB_SCAN_MOVES);
+	return true;
+}
+
 bool scan_send_next(struct db_engine *engine, db_time now)
 {
 	struct scan *scan = engine->scan;
@@ -417,7 +429,7 @@ bool scan_send_next(struct db_engine *engine, db_time now)
 	if (!choose_inquiry(engine, &inquiry))
 		return false;
 	node = scan->plan.aside ? NULL : node_of(engine, inquiry.address);
-	if (node && is_engaged(node, now))
+	if ((node && is_engaged(node, now)) || must_not_save(engine, &inquiry))
 		return false;
 	wire = wire_time(scan, scan->exchange.request_length, scan->exchange.answer_length) +
 	       scan->exchange.extra_time;

@@ -12,6 +12,17 @@ struct station *engine_find_station(const struct db_engine *engine, uint16_t num
 	return NULL;
 }
 
+const struct station *engine_find_moving(const struct db_engine *engine)
+{
+	for (size_t i = 0; i < engine->station_count; i++) {
+		const struct station *station = engine->stations[i];
+
+		if (station->node->online && (station->snapshot.feedback.status & DB_STATUS_MOVING))
+			return station;
+	}
+	return NULL;
+}
+
 /* --- what is told of drives ----------------------------------------------------------------------- */
 
 static void tell_event(struct db_engine *engine, const struct station *station, enum db_event event)

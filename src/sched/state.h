@@ -74,6 +74,8 @@ static inline bool is_flying(const struct node *node)
 
 /* The drive of this number, or null. */
 struct station *engine_find_station(const struct db_engine *engine, uint16_t number);
+/* One that answers and moves; null: none does. */
+const struct station *engine_find_moving(const struct db_engine *engine);
 
 /* Shows what the driver knows, and tells what is new in it. */
 void engine_publish(struct db_engine *engine, struct station *station);

@@ -288,6 +288,31 @@ static void sets_up_no_drive_that_is_told_to_move_meanwhile(void **state)
 	close_world(&world);
 }
 
+/* A save takes the line for a second. */
+static void saves_nothing_while_a_drive_of_the_line_moves(void **state)
+{
+	const struct db_scan_plan plan = { .first = 2, .last = 2, .set_up = DB_INQUIRY_SAVE };
+	struct world world;
+
+	(void)state;
+	open_world(&world, 20);
+	fake_post(world.bus, 0, DB_CMD_MOVE_VELOCITY);
+	fake_pass(world.bus, 100 * MS);
+	begin_plan(&world, plan);
+	fake_pass(world.bus, 300 * MS);
+	assert_int_equal(progress_of(&world).end, DB_SCAN_MOVES);
+	assert_int_equal(progress_of(&world).drive, 0);
+	assert_int_equal(count_inquiries(&world, DB_INQUIRY_SAVE), 0);
+	scan_free(world.scan);
+	fake_post(world.bus, 0, DB_CMD_STOP);
+	fake_pass(world.bus, 100 * MS);
+	begin_plan(&world, plan);
+	fake_pass(world.bus, 300 * MS);
+	assert_int_equal(progress_of(&world).end, DB_SCAN_DONE);
+	assert_int_equal(count_inquiries(&world, DB_INQUIRY_SAVE), 1);
+	close_world(&world);
+}
+
 /* --- verdicts ---------------------------------------------------------------------------------------- */
 
 /* Answers every question of a visit so; the find. */
@@ -385,6 +410,7 @@ int main(void)
 		cmocka_unit_test(sets_no_bus_aside_whose_drive_was_just_told_to_move),
 		cmocka_unit_test(keeps_a_stop_for_a_drive_that_is_not_there),
 		cmocka_unit_test(sets_up_no_drive_that_is_told_to_move_meanwhile),
+		cmocka_unit_test(saves_nothing_while_a_drive_of_the_line_moves),
 		cmocka_unit_test(tells_one_drive_from_two),
 		cmocka_unit_test(tells_two_identities),
 		cmocka_unit_test(tells_a_drive_only_where_it_stands_alone),
