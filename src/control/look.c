@@ -273,7 +273,7 @@ void db_look_read(const struct db_call *call)
 		count++;
 	}
 	answer = (struct read_answer){ .values = json_object(), .missing = json_array() };
-	db_named_read(registers, &call->session->client, drive.number, entries, count,
+	db_named_read(registers, &call->session->client, drive.number, entries, count, NULL,
 	              collect_value, &answer);
 	free(entries);
 	db_session_reply(

@@ -144,7 +144,7 @@ static size_t read_drives(struct db_session *session, struct subject *subjects)
 		subjects[count].values = json_object();
 		snprintf(subjects[count].labels, sizeof subjects[count].labels,
 		         "bus=\"%s\",drive=\"%s\"", drive.bus->name, drive.config->name);
-		db_named_read(registers, &nobody, drive.number, entries, entry_count,
+		db_named_read(registers, &nobody, drive.number, entries, entry_count, NULL,
 		              db_values_collect, subjects[count].values);
 		count++;
 	}

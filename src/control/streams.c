@@ -250,7 +250,6 @@ static json_t *sample(struct db_session *session, struct stream *stream, size_t 
 	struct db_client nobody = session->client;
 	struct told *told = stream->changes ? &stream->told[place * stream->told_places] : NULL;
 	struct collection collection = { .before = told };
-	struct db_named_moment before;
 	json_int_t lost;
 
 	if (stream->interval == 0 && moment.taken == stream->drives[place].taken)
@@ -261,16 +260,9 @@ static json_t *sample(struct db_session *session, struct stream *stream, size_t 
 		return json_null();
 	/* A stream goes on by itself and shows nothing of whether its reader is alive: it feeds no watchdog. */
 	nobody.may_write = false;
-	/* Again, should the bus have new ones meanwhile: what is sent is of the moment that is told. */
-	do {
-		before = moment;
-		json_decref(collection.values);
-		collection.values = json_object();
-		collection.count = 0;
-		db_named_read(registers, &nobody, number, choice->entries, choice->count, collect,
-		              &collection);
-		moment = db_named_moment(registers, number);
-	} while (moment.taken != before.taken);
+	collection.values = json_object();
+	db_named_read(registers, &nobody, number, choice->entries, choice->count, &moment, collect,
+	              &collection);
 	if (told)
 		memcpy(told, collection.now, collection.count * sizeof(*told));
 	lost = stream->drives[place].begun ?

@@ -78,6 +78,14 @@ uint32_t db_named_generation(const struct db_registers *registers)
 	return registers->generation;
 }
 
+static struct db_named_moment moment_of(const struct db_feedback *feedback,
+                                        const struct db_axis_stats *stats)
+{
+	return (struct db_named_moment){ .taken = feedback->taken,
+		                         .wall_us = feedback->taken_wall_us,
+		                         .samples = stats->samples };
+}
+
 struct db_named_moment db_named_moment(const struct db_registers *registers, uint16_t number)
 {
 	const struct db_view_drive *drive = find_drive(registers, number);
@@ -86,9 +94,7 @@ struct db_named_moment db_named_moment(const struct db_registers *registers, uin
 	if (!drive)
 		return (struct db_named_moment){ .taken = 0 };
 	db_axis_read(drive->axis, &snapshot);
-	return (struct db_named_moment){ .taken = snapshot.feedback.taken,
-		                         .wall_us = snapshot.feedback.taken_wall_us,
-		                         .samples = snapshot.stats.samples };
+	return moment_of(&snapshot.feedback, &snapshot.stats);
 }
 
 bool db_named_online(const struct db_registers *registers, uint16_t number)
@@ -209,8 +215,8 @@ static void read_value(const struct db_entry *entry, const void *image,
 }
 
 bool db_named_read(struct db_registers *registers, const struct db_client *client, uint16_t number,
-                   const struct db_entry *const *entries, size_t count, db_named_visit_fn *visit,
-                   void *context)
+                   const struct db_entry *const *entries, size_t count,
+                   struct db_named_moment *moment, db_named_visit_fn *visit, void *context)
 {
 	struct db_view_drive *drive = find_drive(registers, number);
 	union {
@@ -219,8 +225,10 @@ bool db_named_read(struct db_registers *registers, const struct db_client *clien
 	} image;
 	uint16_t low = UINT16_MAX;
 	uint16_t high = 0;
-	unsigned parts = 0;
+	unsigned parts = moment ? DB_PART_PROCESS : 0;
 
+	if (moment)
+		*moment = (struct db_named_moment){ .taken = 0 };
 	if (!drive && number != DB_NAMED_GATEWAY)
 		return false;
 	for (size_t i = 0; i < count; i++) {
@@ -231,6 +239,8 @@ bool db_named_read(struct db_registers *registers, const struct db_client *clien
 	if (drive) {
 		db_clients_hear(drive, client, DB_FEED_REQUESTS);
 		db_read_image(&image.drive, drive, client, parts, low, high);
+		if (moment)
+			*moment = moment_of(&image.drive.feedback, &image.drive.stats);
 	} else {
 		db_image_fill_gateway(&image.gateway, registers, client, parts, low, high);
 	}

@@ -57,18 +57,18 @@ struct db_named_value {
 typedef void db_named_visit_fn(void *context, const char *name, const struct db_entry *entry,
                                const struct db_named_value *value);
 
-/* The values of registers of one drive, all from one snapshot; a request of this client as any read. False:
- * there is no such drive. */
-bool db_named_read(struct db_registers *registers, const struct db_client *client, uint16_t number,
-                   const struct db_entry *const *entries, size_t count, db_named_visit_fn *visit,
-                   void *context);
-
 /* When a drive's data were taken: 0, never. And how often that was. */
 struct db_named_moment {
 	db_time taken;
 	uint64_t wall_us; /* the same since 1970-01-01 UTC */
 	uint32_t samples;
 };
+
+/* The values of registers of one drive, all from one snapshot, and its moment (null: not asked for); a request of this
+ * client as any read. False: there is no such drive. */
+bool db_named_read(struct db_registers *registers, const struct db_client *client, uint16_t number,
+                   const struct db_entry *const *entries, size_t count,
+                   struct db_named_moment *moment, db_named_visit_fn *visit, void *context);
 
 /* Of a drive by its number: the moment of its data, the period of its bus, its name. 0 and "" when it is not there. */
 struct db_named_moment db_named_moment(const struct db_registers *registers, uint16_t number);
