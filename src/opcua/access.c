@@ -483,7 +483,7 @@ static UA_Boolean get_executable_on_object(UA_Server *server, UA_AccessControl *
 	return get_executable(server, control, session, session_context, method, method_context);
 }
 
-/* The library takes none of these functions for a yes. */
+/* Nobody changes the address space. Where such a function is not there, the library lets everybody. */
 #define DENY(name, item_type)                                                   \
 	static UA_Boolean name(UA_Server *server, UA_AccessControl *control,    \
 	                       const UA_NodeId *session, void *session_context, \
@@ -501,6 +501,8 @@ DENY(allow_add_node, UA_AddNodesItem)
 DENY(allow_add_reference, UA_AddReferencesItem)
 DENY(allow_delete_node, UA_DeleteNodesItem)
 DENY(allow_delete_reference, UA_DeleteReferencesItem)
+
+#undef DENY
 
 static UA_Boolean allow_browse(UA_Server *server, UA_AccessControl *control,
                                const UA_NodeId *session, void *session_context,
