@@ -181,15 +181,19 @@ UA_StatusCode db_opcua_access_watch(struct db_opcua_access *access, UA_Server *s
 		(UA_NodeTypeLifecycle){ .constructor = note_session });
 }
 
-/* Tells the network whether anybody is logged in over the connection. */
+/* Tells the network who is logged in over the connection. */
 static void tell_network(struct db_opcua_access *access, uintptr_t connection)
 {
-	bool known = false;
+	enum db_role role = DB_ROLE_NONE;
 
-	for (size_t i = 0; i < access->places; i++)
-		known = known || (access->sessions[i].number != 0 &&
-		                  access->sessions[i].connection == connection);
-	db_opcua_network_know(access->network, connection, known);
+	for (size_t i = 0; i < access->places; i++) {
+		const struct db_opcua_session *session = &access->sessions[i];
+
+		if (session->number != 0 && session->connection == connection &&
+		    session->role > role)
+			role = session->role;
+	}
+	db_opcua_network_know(access->network, connection, role);
 }
 
 void db_opcua_access_forget_connection(struct db_opcua_access *access, uintptr_t connection)

@@ -9,15 +9,12 @@
 #include <string.h>
 #include <time.h>
 
-/* Callers of one turn make others wait for so long at most, together. */
-#define SHARE_MAX (10 * DB_NS_PER_MS)
+/* Callers of one turn make operators wait for so long at most, together: twice as long as a command usually takes. */
+#define SHARE_MAX (30 * DB_NS_PER_MS)
 
 /* Connections of one session, and those that only stops may take. */
 #define LINKS_PER_SESSION 4
 #define LINKS_RESERVED 2
-
-/* Calls that wait on one connection for their turn. */
-#define WAITING_MAX 8
 
 /* How often a drive's watchdog is fed at least, and at most. */
 #define FEED_LONGEST (1 * DB_NS_PER_S)
@@ -37,9 +34,9 @@ struct link {
 	struct db_opcua_acting *acting;
 	struct db_client *client; /* NULL: there is none */
 	unsigned session;
-	bool passing; /* for one stop, past what waits; closed when that is answered */
-	unsigned calls;
-	struct call *first; /* calls that are not answered, in no order */
+	bool passing; /* for one stop; closed when that is answered */
+	struct call *
+		call; /* that is not answered: nothing waits behind it, to be done when nobody expects it; NULL */
 	struct fed_drive *drives;
 };
 
@@ -52,13 +49,13 @@ struct call {
 	bool done;
 	bool left; /* nobody waits any more: it is freed when it ends */
 	struct db_opcua_outcome outcome;
-	struct call *next;
 };
 
 struct db_opcua_acting {
 	const struct db_opcua_config *config;
 	const struct db_opcua_network *network;
 	db_opcua_ended_fn *ended;
+	db_opcua_feed_fn *feed;
 	void *context;
 	db_time now;     /* of this turn */
 	db_time awaited; /* since when others have waited in this turn; 0: none does */
@@ -75,7 +72,8 @@ static db_time read_clock(void)
 
 struct db_opcua_acting *db_opcua_acting_new(const struct db_opcua_config *config,
                                             const struct db_opcua_network *network,
-                                            db_opcua_ended_fn *ended, void *context)
+                                            db_opcua_ended_fn *ended, db_opcua_feed_fn *feed,
+                                            void *context)
 {
 	struct db_opcua_acting *acting = calloc(1, sizeof(*acting));
 
@@ -84,6 +82,7 @@ struct db_opcua_acting *db_opcua_acting_new(const struct db_opcua_config *config
 	acting->config = config;
 	acting->network = network;
 	acting->ended = ended;
+	acting->feed = feed;
 	acting->context = context;
 	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++)
 		acting->links[i].acting = acting;
@@ -96,12 +95,7 @@ struct db_opcua_acting *db_opcua_acting_new(const struct db_opcua_config *config
 static void close_link(struct link *link)
 {
 	db_client_close(link->client);
-	while (link->first) {
-		struct call *call = link->first;
-
-		link->first = call->next;
-		free(call);
-	}
+	free(link->call);
 	while (link->drives) {
 		struct fed_drive *drive = link->drives;
 
@@ -178,6 +172,20 @@ static struct link *open_link(struct db_opcua_acting *acting, unsigned session, 
 	return empty;
 }
 
+/* For a stop. One that was told before and is not answered, because the drive is silent, gives its place to the next. */
+static struct link *open_passing(struct db_opcua_acting *acting, unsigned session,
+                                 const char *drive, struct db_opcua_outcome *outcome)
+{
+	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
+		struct link *link = &acting->links[i];
+
+		if (link->client && link->session == session && link->passing && link->call &&
+		    strcmp(link->call->drive, drive) == 0)
+			close_link(link);
+	}
+	return open_link(acting, session, true, outcome);
+}
+
 /* The connection over which this session commands the drive: always the same, so that its commands keep their order and
  * its control is its own. A new drive gets one to itself as far as there are some. */
 static struct link *find_link(struct db_opcua_acting *acting, unsigned session, const char *drive,
@@ -195,7 +203,8 @@ static struct link *find_link(struct db_opcua_acting *acting, unsigned session, 
 		if (find_fed(link, drive))
 			return link;
 		own++;
-		if (!least || count_fed(link) < count_fed(least))
+		if (!least || (least->call && !link->call) ||
+		    (!link->call == !least->call && count_fed(link) < count_fed(least)))
 			least = link;
 	}
 	if (own == LINKS_PER_SESSION)
@@ -226,13 +235,8 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	const char *result = json_string_value(json_object_get(parameters, "result"));
 	struct db_opcua_outcome *outcome = &call->outcome;
 
-	struct call **at = &call->link->first;
-
 	(void)more;
-	while (*at != call)
-		at = &(*at)->next;
-	*at = call->next;
-	call->link->calls--;
+	call->link->call = NULL;
 	call->done = true;
 	outcome->pending = result && strcmp(result, "pending") == 0;
 	if (error) {
@@ -250,14 +254,15 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	free(call);
 }
 
-/* Until it has ended, or others have waited long enough. */
-static void wait_for(struct call *call)
+/* Until it has ended, or others have waited long enough. False: the connection is lost, and with it how it ends. */
+static bool wait_for(struct call *call)
 {
 	struct db_opcua_acting *acting = call->acting;
 	db_time deadline = read_clock() + acting->config->confirm_ms * DB_NS_PER_MS;
 	struct pollfd fds[1 + DB_OPCUA_NETWORK_PLACES];
+	bool there = db_client_handle(call->link->client) == 0;
 
-	while (!call->done) {
+	while (there && !call->done) {
 		db_time now = read_clock();
 		db_time until = acting->awaited > 0 && acting->awaited + SHARE_MAX < deadline ?
 		                        acting->awaited + SHARE_MAX :
@@ -265,25 +270,31 @@ static void wait_for(struct call *call)
 		struct timespec patience;
 		size_t others = 0;
 
-		if (now >= until) {
-			(void)db_client_handle(call->link->client);
+		if (now >= until)
 			break;
-		}
-		until = until > now ? until - now : 0;
-		patience = (struct timespec){ .tv_sec = until / DB_NS_PER_S,
-			                      .tv_nsec = until % DB_NS_PER_S };
+		acting->now = now;
+		acting->feed(acting->context, now);
+		/* Their answers say when the next feeding is due. */
+		until = until - now < FEED_SHORTEST ? until - now : FEED_SHORTEST;
+		patience = (struct timespec){ .tv_nsec = until };
 		fds[0] = (struct pollfd){ .fd = db_client_fd(call->link->client),
 			                  .events = db_client_poll_events(call->link->client) };
 		if (acting->awaited == 0)
-			others = db_opcua_network_watch(acting->network, fds + 1,
+			others = db_opcua_network_watch(acting->network, DB_ROLE_OPERATOR, fds + 1,
 			                                DB_OPCUA_NETWORK_PLACES);
 		(void)ppoll(fds, 1 + others, &patience, NULL);
 		for (size_t i = 1; i <= others && acting->awaited == 0; i++) {
 			if (fds[i].revents & POLLIN)
 				acting->awaited = read_clock();
 		}
-		(void)db_client_handle(call->link->client);
+		/* One that is lost is closed in the next turn. */
+		for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
+			if (acting->links[i].client && &acting->links[i] != call->link)
+				(void)db_client_handle(acting->links[i].client);
+		}
+		there = db_client_handle(call->link->client) == 0;
 	}
+	return there || call->done;
 }
 
 /* Takes `parameters` over. Sends, and waits for the end. */
@@ -301,10 +312,8 @@ static void make_call(struct link *link, const struct db_opcua_actor *actor, con
 	}
 	call->acting = acting;
 	call->link = link;
-	call->next = link->first;
 	/* gcc's analyzer: it is the link's now, which frees it. */
-	link->first = call;
-	link->calls++;
+	link->call = call;
 	(void)snprintf(call->drive, sizeof(call->drive), "%s", drive);
 	(void)snprintf(call->what, sizeof(call->what), "%s by %s", what, actor->label);
 	if (db_client_send(link->client, method, parameters, false, take_result, call) != 0) {
@@ -312,17 +321,23 @@ static void make_call(struct link *link, const struct db_opcua_actor *actor, con
 		close_link(link);
 		return;
 	}
-	wait_for(call);
-	if (!call->done) {
+	if (!wait_for(call)) {
+		fail(outcome, "indeterminate",
+		     "the service has closed the connection; whether the drive has done it is not "
+		     "known");
+	} else if (!call->done) {
 		call->left = true;
 		outcome->pending = true;
-		(void)snprintf(outcome->result, sizeof(outcome->result), "pending");
+		fail(outcome, "pending",
+		     "the drive has not confirmed it yet; it goes on, and Result tells how it ends");
 	} else {
 		*outcome = call->outcome;
 	}
 	db_client_log(DB_CLIENT_NOTICE, "drive %s: %s: %s", drive, call->what, words_of(outcome));
 	if (call->done)
 		free(call);
+	else if (!outcome->pending)
+		close_link(link);
 }
 
 static bool is_stop(const char *command)
@@ -355,11 +370,14 @@ static void act(struct db_opcua_acting *acting, const struct db_opcua_actor *act
 	struct link *link;
 
 	*outcome = (struct db_opcua_outcome){ .pending = false };
-	link = find_link(acting, actor->session, drive, outcome);
-	if (stop && (!link || link->calls > 0))
-		link = open_link(acting, actor->session, true, outcome);
-	if (link && !stop && link->calls >= WAITING_MAX) {
-		fail(outcome, "busy", "too much waits for the drive already");
+	/* The service goes on with a stop for as long as the drive is silent: what else is told over the connection
+	 * would wait for that. */
+	link = stop ? open_passing(acting, actor->session, drive, outcome) : NULL;
+	if (!link)
+		link = find_link(acting, actor->session, drive, outcome);
+	if (link && link->call) {
+		fail(outcome, "busy",
+		     "what was told before has not ended; nothing waits behind it");
 		link = NULL;
 	}
 	if (!link || (!link->passing && !remember_drive(link, drive, read_clock()))) {
@@ -399,17 +417,16 @@ static struct fed_drive *find_own(struct db_opcua_acting *acting, unsigned sessi
 
 void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
                            const char *drive, const char *reg, json_t *value, bool block,
-                           struct db_opcua_outcome *outcome)
+                           const char *command, struct db_opcua_outcome *outcome)
 {
 	struct fed_drive *own = find_own(acting, actor->session, drive);
-	bool command = block && strcmp(reg, "command") == 0;
 	/* With its own arguments, whatever others have written there meanwhile. */
 	json_t *values = command && own && own->block ? json_copy(own->block) : json_object();
 	char what[80];
 
 	(void)json_object_set(values, reg, value);
 	(void)snprintf(what, sizeof(what), "write of %s", reg);
-	act(acting, actor, drive, what, false, "Write",
+	act(acting, actor, drive, what, command && is_stop(command), "Write",
 	    json_pack("{s:s, s:o}", "drive", drive, "values", values), outcome);
 	if (!block || command || outcome->pending || outcome->reason[0] != '\0')
 		return;
@@ -508,7 +525,7 @@ void db_opcua_acting_handle(struct db_opcua_acting *acting, db_time now)
 		struct link *link = &acting->links[i];
 
 		if (link->client &&
-		    (db_client_handle(link->client) != 0 || (link->passing && link->calls == 0)))
+		    (db_client_handle(link->client) != 0 || (link->passing && !link->call)))
 			close_link(link);
 	}
 }

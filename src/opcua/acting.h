@@ -6,8 +6,8 @@
  *
  * A caller is waited for until the drive has confirmed, some milliseconds: the library answers a method when its
  * callback returns, and those that it could answer later would bypass the access control. So the wait is bounded twice:
- * by the configuration, and to SHARE_MAX once another client has something to say, all callers of one turn of the
- * loop together. A stop that somebody else calls is never behind more than that.
+ * by the configuration, and to SHARE_MAX once an operator has something to say, all callers of one turn of the
+ * loop together. A stop that somebody calls is never behind more than that. What moves is fed meanwhile.
  *
  * One thread.
  */
@@ -23,7 +23,7 @@ struct db_opcua_acting;
 
 /* How it ended. */
 struct db_opcua_outcome {
-	bool pending; /* it goes on; the drive has it, or will */
+	bool pending; /* it is not confirmed yet and goes on; the drive has it, or will */
 	char result
 		[32]; /* by the name that the service has for results, or that of its error: NotAllowed ... */
 	char reason[256]; /* in words, "" when it is well */
@@ -32,6 +32,9 @@ struct db_opcua_outcome {
 /* Something that was pending has ended. */
 typedef void db_opcua_ended_fn(void *context, const char *drive,
                                const struct db_opcua_outcome *outcome);
+
+/* Whose session is heard is to be fed, db_opcua_acting_feed(). */
+typedef void db_opcua_feed_fn(void *context, db_time now);
 
 /* Who acts, for as long as the session lives. */
 struct db_opcua_actor {
@@ -42,19 +45,21 @@ struct db_opcua_actor {
 /* `config` and `network` must outlive it. NULL without memory; freed with db_opcua_acting_free(), NULL is allowed. */
 struct db_opcua_acting *db_opcua_acting_new(const struct db_opcua_config *config,
                                             const struct db_opcua_network *network,
-                                            db_opcua_ended_fn *ended, void *context);
+                                            db_opcua_ended_fn *ended, db_opcua_feed_fn *feed,
+                                            void *context);
 void db_opcua_acting_free(struct db_opcua_acting *acting);
 
-/* Takes `arguments` over. */
+/* Takes `arguments` over. What was told the drive before must have ended, except for a stop: a command that waits would move
+ * the drive when nobody expects it any more. */
 void db_opcua_acting_run(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
                          const char *drive, const char *command, json_t *arguments,
                          struct db_opcua_outcome *outcome);
 
 /* Writes a register; `value` stays the caller's. What is written into the command `block` is kept for the session: its
- * `command` is written together with that, as one. */
+ * register of the command, with the name of that as `command` (else NULL), is written together with that, as one. */
 void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
                            const char *drive, const char *reg, json_t *value, bool block,
-                           struct db_opcua_outcome *outcome);
+                           const char *command, struct db_opcua_outcome *outcome);
 
 /* The session is heard: the watchdogs of what it has moved are fed when they are to be, and its control kept. */
 void db_opcua_acting_feed(struct db_opcua_acting *acting, unsigned session, db_time now);

@@ -44,9 +44,10 @@ const struct db_setting db_opcua_keys[] = {
 	                  "File with the users, their roles and their hashed passwords"),
 	  AT(users) },
 
-	{ DB_NUMBER_SETTING("commands", "confirm-ms", "40", 1, 1000, "ms",
-	                    "How long a method or a write waits for the drive's confirmation; then it ends with "
-	                    "GoodCompletesAsynchronously and the result variables tell the end"),
+	{ DB_NUMBER_SETTING("commands", "confirm-ms", "250", 1, 1000, "ms",
+	                    "How long a method or a write waits for the drive's confirmation; then a method ends with "
+	                    "BadRequestNotComplete, a write with GoodCompletesAsynchronously, and the result variables "
+	                    "tell the end"),
 	  AT(confirm_ms) },
 	{ DB_NUMBER_SETTING("commands", "silence-ms", "3000", 100, 60000, "ms",
 	                    "Longest silence of a client whose drives' watchdogs are fed; then they run down"),

@@ -33,8 +33,8 @@
 struct connection {
 	uintptr_t id; /* 0: none; else the descriptor */
 	bool listener;
-	bool known;   /* somebody is logged in over it */
-	bool closing; /* by us */
+	bool closing;      /* by us */
+	enum db_role role; /* the highest one that is logged in over it */
 	char address[INET6_ADDRSTRLEN + 8];
 	db_time since; /* when it came, or who was logged in left */
 	db_time heard;
@@ -134,7 +134,7 @@ static void drop_connection(struct db_opcua_network *network, struct connection 
 /* Whether it is a client's over which nobody has logged in. */
 static bool is_stranger(const struct connection *connection)
 {
-	return connection->id != 0 && !connection->listener && !connection->known &&
+	return connection->id != 0 && !connection->listener && connection->role == DB_ROLE_NONE &&
 	       !connection->closing;
 }
 
@@ -429,15 +429,16 @@ db_time db_opcua_network_heard(struct db_opcua_network *network, uintptr_t conne
 	return found ? found->heard : 0;
 }
 
-void db_opcua_network_know(struct db_opcua_network *network, uintptr_t connection, bool known)
+void db_opcua_network_know(struct db_opcua_network *network, uintptr_t connection,
+                           enum db_role role)
 {
 	struct connection *found = connection ? find_connection(network, connection) : NULL;
 
 	if (!found)
 		return;
-	if (found->known && !known)
+	if (found->role != DB_ROLE_NONE && role == DB_ROLE_NONE)
 		found->since = network->now;
-	found->known = known;
+	found->role = role;
 }
 
 bool db_opcua_network_is_busy(const struct db_opcua_network *network)
@@ -450,15 +451,15 @@ size_t db_opcua_network_places(const struct db_opcua_network *network)
 	return network->places;
 }
 
-size_t db_opcua_network_watch(const struct db_opcua_network *network, struct pollfd *fds,
-                              size_t room)
+size_t db_opcua_network_watch(const struct db_opcua_network *network, enum db_role least,
+                              struct pollfd *fds, size_t room)
 {
 	size_t used = 0;
 
 	for (size_t i = 0; i < network->places && used < room; i++) {
 		const struct connection *connection = &network->connections[i];
 
-		if (connection->id != 0)
+		if (connection->id != 0 && connection->role >= least)
 			fds[used++] = (struct pollfd){
 				.fd = (int)connection->id,
 				.events = connection->out ? POLLIN | POLLOUT : POLLIN,

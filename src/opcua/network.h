@@ -10,6 +10,7 @@
 #define DRIVEBRIDGE_OPCUA_NETWORK_H
 
 #include "drivebridge/time.h"
+#include "users/roles.h"
 
 #include <open62541/plugin/eventloop.h>
 #include <poll.h>
@@ -43,12 +44,14 @@ const char *db_opcua_network_address(struct db_opcua_network *network, uintptr_t
 /* When bytes of a connection came last; 0: there is none. */
 db_time db_opcua_network_heard(struct db_opcua_network *network, uintptr_t connection);
 
-/* Whether somebody is logged in over it. A connection over which nobody is for some seconds is closed. */
-void db_opcua_network_know(struct db_opcua_network *network, uintptr_t connection, bool known);
+/* The highest role that is logged in over it. A connection with DB_ROLE_NONE is closed after some seconds. */
+void db_opcua_network_know(struct db_opcua_network *network, uintptr_t connection,
+                           enum db_role role);
 
-/* For poll(): at most `room` places, those that were filled. */
-size_t db_opcua_network_watch(const struct db_opcua_network *network, struct pollfd *fds,
-                              size_t room);
+/* For poll(), connections over which somebody of this role or a higher one is logged in; with DB_ROLE_NONE all, and the
+ * listeners: at most `room` places, those that were filled. */
+size_t db_opcua_network_watch(const struct db_opcua_network *network, enum db_role least,
+                              struct pollfd *fds, size_t room);
 size_t db_opcua_network_places(const struct db_opcua_network *network);
 
 /* When db_opcua_network_flush() or the library has something to do without bytes coming. */

@@ -23,6 +23,9 @@
 #define CHUNKS_MAX 32
 #define OPERATIONS_MAX 5000
 
+/* Things that it may do: each waits for a drive. */
+#define ACTIONS_MAX 100
+
 /* Faster sampling than this shows nothing: buses have cycles of milliseconds. */
 #define SAMPLING_MIN_MS 10
 
@@ -95,7 +98,7 @@ static UA_StatusCode status_of(const struct db_opcua_outcome *outcome)
 	} statuses[] = {
 		{ "ok", UA_STATUSCODE_GOOD },
 		{ "unproven", UA_STATUSCODE_GOOD },
-		{ "pending", UA_STATUSCODE_GOODCOMPLETESASYNCHRONOUSLY },
+		{ "pending", UA_STATUSCODE_BADREQUESTNOTCOMPLETE },
 		{ "refused", UA_STATUSCODE_BADINVALIDSTATE },
 		{ "out_of_range", UA_STATUSCODE_BADOUTOFRANGE },
 		{ "limit", UA_STATUSCODE_BADOUTOFRANGE },
@@ -154,6 +157,22 @@ static UA_StatusCode run_command(void *context, const UA_NodeId *id, struct db_o
 	return status_of(&outcome);
 }
 
+/* The command that is written, by its name; "" when the drive has none of this code. NULL: it is none. */
+static const char *command_of(const struct db_opcua_item *item, const json_t *value)
+{
+	size_t i;
+	json_t *command;
+
+	if (item->reg->group != DB_OPCUA_COMMAND || strcmp(item->reg->name, "command") != 0)
+		return NULL;
+	json_array_foreach(item->drive->kind->commands, i, command)
+	{
+		if (json_equal(json_object_get(command, "code"), value))
+			return json_string_value(json_object_get(command, "name"));
+	}
+	return "";
+}
+
 static UA_StatusCode write_register(void *context, const UA_NodeId *id, struct db_opcua_item *item,
                                     json_t *value)
 {
@@ -167,9 +186,10 @@ static UA_StatusCode write_register(void *context, const UA_NodeId *id, struct d
 		server->acting,
 		&(struct db_opcua_actor){ .session = session->number, .label = session->label },
 		item->drive->name, item->reg->name, value, item->reg->group == DB_OPCUA_COMMAND,
-		&outcome);
+		command_of(item, value), &outcome);
 	keep_outcome(item->drive, &outcome);
-	return status_of(&outcome);
+	/* OPC UA's own word for a value that was passed on and is not verified. */
+	return outcome.pending ? UA_STATUSCODE_GOODCOMPLETESASYNCHRONOUSLY : status_of(&outcome);
 }
 
 static void take_end(void *context, const char *name, const struct db_opcua_outcome *outcome)
@@ -179,6 +199,22 @@ static void take_end(void *context, const char *name, const struct db_opcua_outc
 
 	if (drive)
 		keep_outcome(drive, outcome);
+}
+
+/* Sessions that were heard lately keep what they move going. */
+static void feed(void *context, db_time now)
+{
+	struct db_opcua_server *server = context;
+	db_time silence = server->config->silence_ms * DB_NS_PER_MS;
+	const struct db_opcua_session *session;
+	size_t place = 0;
+
+	while ((session = db_opcua_access_next(server->access, &place))) {
+		db_time heard = db_opcua_network_heard(server->network, session->connection);
+
+		if (heard > 0 && now - heard < silence)
+			db_opcua_acting_feed(server->acting, session->number, now);
+	}
 }
 
 static void lose_session(void *context, unsigned session)
@@ -249,8 +285,8 @@ static void set_limits(UA_ServerConfig *settings, const struct db_opcua_config *
 	settings->maxSessions = DB_OPCUA_NETWORK_PLACES + (UA_UInt16)config->sessions;
 	settings->maxSessionTimeout = 60.0 * 60.0 * 1000.0;
 	settings->maxNodesPerRead = OPERATIONS_MAX;
-	settings->maxNodesPerWrite = OPERATIONS_MAX;
-	settings->maxNodesPerMethodCall = 100;
+	settings->maxNodesPerWrite = ACTIONS_MAX;
+	settings->maxNodesPerMethodCall = ACTIONS_MAX;
 	settings->maxNodesPerBrowse = OPERATIONS_MAX;
 	settings->maxNodesPerRegisterNodes = OPERATIONS_MAX;
 	settings->maxNodesPerTranslateBrowsePathsToNodeIds = OPERATIONS_MAX;
@@ -337,7 +373,7 @@ struct db_opcua_server *db_opcua_server_new(const struct db_opcua_config *config
 	server->config = config;
 	server->network = db_opcua_network_new(2 * config->sessions, forget_connection, server);
 	server->access = db_opcua_access_new(config, server->network, lose_session, server);
-	server->acting = db_opcua_acting_new(config, server->network, take_end, server);
+	server->acting = db_opcua_acting_new(config, server->network, take_end, feed, server);
 	server->plant = db_opcua_plant_new(config, &plant_ops, server);
 	if (server->network && server->access && server->acting && server->plant)
 		server->library = new_library(server);
@@ -390,7 +426,7 @@ size_t db_opcua_server_watch(const struct db_opcua_server *server, struct pollfd
 
 	db_opcua_plant_watch(server->plant, fds);
 	db_opcua_acting_watch(server->acting, fds + DB_OPCUA_PLANT_FDS);
-	return own + db_opcua_network_watch(server->network, fds + own, room - own);
+	return own + db_opcua_network_watch(server->network, DB_ROLE_NONE, fds + own, room - own);
 }
 
 db_time db_opcua_server_due(const struct db_opcua_server *server, db_time now)
@@ -405,21 +441,6 @@ db_time db_opcua_server_due(const struct db_opcua_server *server, db_time now)
 	if (feeding < now)
 		feeding = now + LISTEN_INTERVAL;
 	return feeding < due ? feeding : due;
-}
-
-/* Sessions that were heard lately keep what they move going. */
-static void feed(struct db_opcua_server *server, db_time now)
-{
-	db_time silence = server->config->silence_ms * DB_NS_PER_MS;
-	const struct db_opcua_session *session;
-	size_t place = 0;
-
-	while ((session = db_opcua_access_next(server->access, &place))) {
-		db_time heard = db_opcua_network_heard(server->network, session->connection);
-
-		if (heard > 0 && now - heard < silence)
-			db_opcua_acting_feed(server->acting, session->number, now);
-	}
 }
 
 static void serve(struct db_opcua_server *server)

@@ -9,7 +9,7 @@ import shutil
 import pytest
 from asyncua import ua
 from asyncua.ua.uaerrors import UaStatusCodeError
-from bridgelib import CONTINUOUS, RESULT_OK, RESULT_REFUSED, RESULT_UNPROVEN
+from bridgelib import CONTINUOUS, RESULT_OK, RESULT_REFUSED, RESULT_UNPROVEN, STANDSTILL
 from opcualib import (  # noqa: F401
     OPERATOR,
     READER,
@@ -24,6 +24,7 @@ from opcualib import (  # noqa: F401
     in_loop,
     make_certificate,
     says,
+    typed,
     until,
 )
 from relay import Relay
@@ -83,6 +84,10 @@ async def test_methods(make_bridge, make_server, certificate):
             await call(session, "drive1", "MoveAbsolute", 0, 0.0)
 
 
+async def good_now(node):
+    return (await node.read_data_value(raise_on_bad_status=False)).StatusCode.is_good()
+
+
 async def is_bad_now(node):
     return (await node.read_data_value(raise_on_bad_status=False)).StatusCode.is_bad()
 
@@ -103,16 +108,56 @@ async def test_a_stop_does_not_wait_for_others(make_bridge, make_server, certifi
         bridge.sim.fault("silence on", "drive1")
         ended = []
 
-        async def note(what, coroutine):
-            ended.append((what, (await coroutine)[0]))
+        async def note(what, command):
+            ended.append((what, *await outcome(*command)))
 
-        waits = asyncio.create_task(note("enable", call(one, "drive1", "Enable")))
+        waits = asyncio.create_task(note("enable", (one, "drive1", "Enable")))
         await asyncio.sleep(0.02)
-        await note("stop", call(two, "drive2", "Stop"))
+        await note("stop", (two, "drive2", "Stop"))
         bridge.wait_standing(2)
         await waits
-        # Who waits is let go: how it ends is told by the registers.
-        assert ("enable", "pending") in ended and ended[-1][1] in ("ok", "pending")
+        # Who waits is let go, and nobody takes that for a success: how it ends is told by the registers.
+        assert ended[0][:3] == ("enable", "BadRequestNotComplete", "pending") and ended[0][3]
+        assert ended[1] == ("stop", "Good", "ok", "")
+
+
+async def outcome(session, drive, command, *arguments):
+    """The status of a method by its name, and what it returns: what a client shows to people who look closer."""
+    node = at(session, f"{drive}.{command}")
+    request = ua.CallMethodRequest(at(session, drive).nodeid, node.nodeid, await typed(node, arguments))
+    result = (await session.uaclient.call([request]))[0]
+    return result.StatusCode.name, *(one.Value for one in result.OutputArguments)
+
+
+@in_loop
+async def test_nothing_is_done_late(make_bridge, make_server, certificate):
+    """A drive is unplugged while it moves: methods end with why not, and as soon as was promised; when it is there again
+    it stops, and does nothing of what was refused to it, or has waited."""
+    bridge = make_bridge(drive={"counts-per-unit": 320.0})
+    server = make_server(bridge, commands={"confirm-ms": 500})
+    unit = bridge.drive()
+    async with server.session(certificate, OPERATOR) as session:
+        await call(session, "drive1", "Enable")
+        await call(session, "drive1", "MoveVelocity", 1600.0)
+        bridge.sim.fault("silence on")
+        for command in (("Stop",), ("MoveRelative", 640000, 0.0), ("Stop",), ("MoveVelocity", 3200.0), ("QuickStop",)):
+            begin = asyncio.get_running_loop().time()
+            status, result, reason = await outcome(session, "drive1", *command)
+            assert status.startswith("Bad") and result not in ("ok", "unproven") and reason, command
+            # A machine that is busy with other things is late, too.
+            assert asyncio.get_running_loop().time() - begin < 0.5 + 1.5, command
+        block = at(session, "drive1.CommandBlock.Command")
+        with contextlib.suppress(UaStatusCodeError):
+            await block.write_value(3, ua.VariantType.UInt16)
+        bridge.sim.fault("silence off")
+        await until(lambda: good_now(at(session, "drive1.PositionActualValue")))
+        bridge.wait_standing()
+        assert (await outcome(session, "drive1", "Stop"))[:2] == ("Good", "ok")
+        stands = unit.read("position")
+        # It is commanded as before, and what comes is what is told now.
+        assert (await outcome(session, "drive1", "MoveAbsolute", stands + 320, 0.0))[:2] == ("Good", "ok")
+        await until(lambda: unit.read("position") == stands + 320)
+        assert unit.read("axis_state") == STANDSTILL
 
 
 # --- parameters and the command block

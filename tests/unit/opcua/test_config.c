@@ -36,7 +36,7 @@ static void test_what_holds_when_nothing_is_said(void **state)
 	assert_int_equal(config.port, 4840);
 	assert_int_equal(config.none, DB_OPCUA_OFF);
 	assert_int_equal(config.anonymous, DB_OPCUA_OFF);
-	assert_int_equal(config.confirm_ms, 40);
+	assert_int_equal(config.confirm_ms, 250);
 	assert_true(db_opcua_config_shows(&config, DB_OPCUA_HISTORY));
 	db_opcua_config_free(&config);
 }
