@@ -5,9 +5,11 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #define PASSWORD_MAX 1024
+
+/* Whose members read its secrets. */
+#define GROUP "drivebridge-mqtt"
 
 /* The service streams 128 registers at most; two of them are in every message. */
 #define VALUES_MAX 126
@@ -48,19 +50,6 @@ static void check_readable(struct db_settings *settings, const char *name, const
 		                      name, path, strerror(errno));
 	if (file)
 		(void)fclose(file);
-}
-
-/* A secret that everybody can read is none. */
-static void check_secret(struct db_settings *settings, const char *name, const char *path)
-{
-	struct stat status;
-
-	if (path[0] && stat(path, &status) == 0 && (status.st_mode & (S_IROTH | S_IWOTH)) != 0)
-		db_messages_add_error(
-			settings->messages, db_settings_line(settings, "broker", name),
-			"%s = %s can be read or written by everybody: chmod 0640 %s, and "
-			"chgrp it to the group of drivebridge-mqtt",
-			name, path, path);
 }
 
 static void read_password(struct db_settings *settings)
@@ -107,7 +96,7 @@ static void check_broker(struct db_settings *settings)
 		check_readable(settings, "ca-file", config->ca_file);
 		check_readable(settings, "certificate-file", config->certificate_file);
 		check_readable(settings, "key-file", config->key_file);
-		check_secret(settings, "key-file", config->key_file);
+		db_settings_check_secret(settings, "broker", "key-file", config->key_file, GROUP);
 	} else if (config->certificate_file[0]) {
 		db_messages_add_error(settings->messages,
 		                      db_settings_line(settings, "broker", "certificate-file"),
@@ -118,7 +107,7 @@ static void check_broker(struct db_settings *settings)
 		                        "without tls the password goes over the network as it is");
 	}
 	check_readable(settings, "password-file", config->password_file);
-	check_secret(settings, "password-file", config->password_file);
+	db_settings_check_secret(settings, "broker", "password-file", config->password_file, GROUP);
 	read_password(settings);
 }
 

@@ -6,6 +6,7 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 static void add_out_of_memory(struct db_settings *settings)
 {
@@ -36,6 +37,19 @@ unsigned db_settings_line(const struct db_settings *settings, const char *sectio
 	const struct db_reader_key *given = row ? find_given(settings, row) : NULL;
 
 	return given ? given->line : 0;
+}
+
+void db_settings_check_secret(struct db_settings *settings, const char *section, const char *name,
+                              const char *path, const char *group)
+{
+	struct stat status;
+
+	if (stat(path, &status) == 0 && (status.st_mode & (S_IROTH | S_IWOTH)) != 0)
+		db_messages_add_error(
+			settings->messages, db_settings_line(settings, section, name),
+			"%s = %s can be read or written by everybody: chmod 0640 %s, and chgrp it "
+			"to the group %s",
+			name, path, path, group);
 }
 
 /* --- names ------------------------------------------------------------------------------------ */

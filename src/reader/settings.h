@@ -79,6 +79,11 @@ struct db_settings {
 unsigned db_settings_line(const struct db_settings *settings, const char *section,
                           const char *name);
 
+/* A secret that everybody can read is none: then that is an error of the key that names its file. `group`: whose
+ * members are to read it. */
+void db_settings_check_secret(struct db_settings *settings, const char *section, const char *name,
+                              const char *path, const char *group);
+
 /*
  * Fills `values`, which is zero before. False: it cannot be used. Errors and warnings go to `out`, "PATH:LINE: text"
  * each. To be freed with db_settings_free() in any case.

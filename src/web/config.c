@@ -41,19 +41,6 @@ static char *read_file(struct db_settings *settings, const char *name, const cha
 	return text;
 }
 
-/* A secret that everybody can read is none. */
-static void check_secret(struct db_settings *settings, const char *path)
-{
-	struct stat status;
-
-	if (stat(path, &status) == 0 && (status.st_mode & (S_IROTH | S_IWOTH)) != 0)
-		db_messages_add_error(
-			settings->messages, db_settings_line(settings, "server", "key-file"),
-			"key-file = %s can be read or written by everybody: chmod 0640 %s, and "
-			"chgrp it to the group drivebridge-web",
-			path, path);
-}
-
 static void check_networks(struct db_settings *settings, const char *section, const char *name,
                            const struct db_setting_list *list)
 {
@@ -99,7 +86,8 @@ static void check_whole(struct db_settings *settings, const void *context)
 		config->certificate = read_file(settings, "certificate-file",
 		                                config->certificate_file);
 		config->key = read_file(settings, "key-file", config->key_file);
-		check_secret(settings, config->key_file);
+		db_settings_check_secret(settings, "server", "key-file", config->key_file,
+		                         db_web_keeper.group);
 	}
 	if (!db_web_endpoint_parse(config->listen, &endpoint, &size))
 		db_messages_add_error(

@@ -134,7 +134,7 @@ static void test_secrets(void **state)
 	(void)snprintf(
 		said, sizeof(said),
 		"mqtt.conf:4: password-file = %s can be read or written by everybody: chmod 0640 "
-		"%s, and chgrp it to the group of drivebridge-mqtt\n",
+		"%s, and chgrp it to the group drivebridge-mqtt\n",
 		path, path);
 	{
 		struct db_mqtt_config config;
