@@ -3,6 +3,7 @@
 
 #include "client/client.h"
 #include "client/log.h"
+#include "users/roles.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -34,6 +35,8 @@ struct link {
 	struct db_opcua_acting *acting;
 	struct db_client *client; /* NULL: there is none */
 	unsigned session;
+	/* For whom it said last that it acts; "": for nobody else. */
+	char user[DB_USERS_NAME_MAX + 1];
 	bool passing; /* for one stop; closed when that is answered */
 	struct call *
 		call; /* that is not answered: nothing waits behind it, to be done when nobody expects it; NULL */
@@ -316,6 +319,12 @@ static void make_call(struct link *link, const struct db_opcua_actor *actor, con
 	link->call = call;
 	(void)snprintf(call->drive, sizeof(call->drive), "%s", drive);
 	(void)snprintf(call->what, sizeof(call->what), "%s by %s", what, actor->label);
+	/* A session may be activated again as another user. */
+	if (strcmp(link->user, actor->user) != 0) {
+		(void)snprintf(link->user, sizeof(link->user), "%s", actor->user);
+		(void)db_client_send(link->client, "Introduce",
+		                     json_pack("{s:s}", "user", actor->user), false, NULL, NULL);
+	}
 	if (db_client_send(link->client, method, parameters, false, take_result, call) != 0) {
 		fail(outcome, "Lost", "the service has closed the connection");
 		close_link(link);

@@ -39,6 +39,7 @@ typedef void db_opcua_feed_fn(void *context, db_time now);
 /* Who acts, for as long as the session lives. */
 struct db_opcua_actor {
 	unsigned session;  /* a number that no other session ever has */
+	const char *user;  /* "" is anonymous */
 	const char *label; /* for the log: user and address */
 };
 

@@ -149,10 +149,11 @@ static UA_StatusCode run_command(void *context, const UA_NodeId *id, struct db_o
 		json_decref(arguments);
 		return UA_STATUSCODE_BADUSERACCESSDENIED;
 	}
-	db_opcua_acting_run(
-		server->acting,
-		&(struct db_opcua_actor){ .session = session->number, .label = session->label },
-		drive->name, command, arguments, &outcome);
+	db_opcua_acting_run(server->acting,
+	                    &(struct db_opcua_actor){ .session = session->number,
+	                                              .user = session->user,
+	                                              .label = session->label },
+	                    drive->name, command, arguments, &outcome);
 	keep_outcome(drive, &outcome);
 	return status_of(&outcome);
 }
@@ -182,11 +183,13 @@ static UA_StatusCode write_register(void *context, const UA_NodeId *id, struct d
 
 	if (!session || session->role != DB_ROLE_OPERATOR)
 		return UA_STATUSCODE_BADUSERACCESSDENIED;
-	db_opcua_acting_write(
-		server->acting,
-		&(struct db_opcua_actor){ .session = session->number, .label = session->label },
-		item->drive->name, item->reg->name, value, item->reg->group == DB_OPCUA_COMMAND,
-		command_of(item, value), &outcome);
+	db_opcua_acting_write(server->acting,
+	                      &(struct db_opcua_actor){ .session = session->number,
+	                                                .user = session->user,
+	                                                .label = session->label },
+	                      item->drive->name, item->reg->name, value,
+	                      item->reg->group == DB_OPCUA_COMMAND, command_of(item, value),
+	                      &outcome);
 	keep_outcome(item->drive, &outcome);
 	/* OPC UA's own word for a value that was passed on and is not verified. */
 	return outcome.pending ? UA_STATUSCODE_GOODCOMPLETESASYNCHRONOUSLY : status_of(&outcome);

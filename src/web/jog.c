@@ -268,7 +268,8 @@ void db_web_jog_lose(struct db_web_jog *jog)
 	db_web_grip_finish(&jog->grip, DB_WEB_GRIP_LOST);
 	jog->told = 0;
 	if (moved) {
-		struct db_web_link *shared = db_web_service_stopper(jog->server->service);
+		struct db_web_link *shared = db_web_service_stopper(jog->server->service,
+		                                                    jog->caller.user);
 
 		db_client_log(DB_CLIENT_WARNING,
 		              "%s: the connection was lost while %s was moved; %s",

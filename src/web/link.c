@@ -167,3 +167,9 @@ void db_web_link_hold(struct db_web_link *link, bool hold)
 	if (!link->handling)
 		watch(link);
 }
+
+void db_web_link_introduce(struct db_web_link *link, const char *user)
+{
+	(void)db_web_link_send(link, "Introduce", json_pack("{s:s}", "user", user), false, NULL,
+	                       NULL);
+}

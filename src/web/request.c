@@ -202,6 +202,7 @@ struct db_web_caller db_web_request_caller(const struct db_web_request *request)
 	char address[DB_WEB_ADDRESS_TEXT];
 
 	db_web_address_write(&request->address, address);
+	(void)snprintf(caller.user, sizeof(caller.user), "%s", request->user);
 	(void)snprintf(caller.text, sizeof(caller.text), "%s at %s",
 	               request->user[0] ? request->user : "nobody", address);
 	return caller;

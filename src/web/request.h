@@ -83,6 +83,7 @@ enum MHD_Result db_web_request_send(struct db_web_request *request);
 
 /* "anna at 192.168.10.5": for the log. */
 struct db_web_caller {
+	char user[DB_USERS_NAME_MAX + 1]; /* "": nobody is logged in */
 	char text[DB_USERS_NAME_MAX + DB_WEB_ADDRESS_TEXT + 16];
 };
 struct db_web_caller db_web_request_caller(const struct db_web_request *request);

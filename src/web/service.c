@@ -196,9 +196,12 @@ struct db_web_link *db_web_service_reader(const struct db_web_service *service)
 	return service->description ? service->links[READER] : NULL;
 }
 
-struct db_web_link *db_web_service_stopper(const struct db_web_service *service)
+struct db_web_link *db_web_service_stopper(const struct db_web_service *service, const char *user)
 {
-	return service->description ? service->links[STOPPER] : NULL;
+	if (!service->description)
+		return NULL;
+	db_web_link_introduce(service->links[STOPPER], user);
+	return service->links[STOPPER];
 }
 
 struct db_web_link *db_web_service_open(struct db_web_service *service, db_web_link_lost_fn *lost,

@@ -39,9 +39,9 @@ void db_web_service_look_again(struct db_web_service *service);
 /* Whether a drive with this value of axis_state moves, by the names that the service gives to the values. */
 bool db_web_service_is_moving(const struct db_web_service *service, const json_t *axis_state);
 
-/* NULL while it is away. */
+/* NULL while it is away. What the stopper is told next is this user's, "": nobody's. */
 struct db_web_link *db_web_service_reader(const struct db_web_service *service);
-struct db_web_link *db_web_service_stopper(const struct db_web_service *service);
+struct db_web_link *db_web_service_stopper(const struct db_web_service *service, const char *user);
 
 /* One more, closed by who has it. NULL with an error. */
 struct db_web_link *db_web_service_open(struct db_web_service *service, db_web_link_lost_fn *lost,

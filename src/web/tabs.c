@@ -131,8 +131,11 @@ static struct db_web_tab *open_tab(const struct db_web_request *request,
 	tab->act = db_web_service_open(request->server->service, lose, tab, error);
 	if (tab->act)
 		tab->stop = db_web_service_open(request->server->service, lose, tab, error);
-	if (tab->stop)
+	if (tab->stop) {
+		db_web_link_introduce(tab->act, request->user);
+		db_web_link_introduce(tab->stop, request->user);
 		tab->jog = db_web_jog_new(tab->server, tab->act, tab->stop);
+	}
 	if (tab->jog)
 		return tab;
 	if (error->name[0] == '\0')
@@ -232,7 +235,9 @@ static void stop(struct db_web_request *request, const char *drive)
 	struct db_web_tab *tab = find_tab(request);
 	bool waits = tab && db_web_link_waiting(tab->act) > 0;
 
-	db_web_call(request, tab ? tab->stop : db_web_service_stopper(request->server->service),
+	db_web_call(request,
+	            tab ? tab->stop :
+	                  db_web_service_stopper(request->server->service, request->user),
 	            ACT_WITHIN);
 	if (waits)
 		(void)db_web_link_send(tab->act, request->route.name,

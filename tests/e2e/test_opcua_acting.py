@@ -187,8 +187,11 @@ async def test_writing(bridge, make_server, certificate):
         await session.write_values(block, [ua.Variant(3200, ua.VariantType.Int32),
                                            ua.Variant(6, ua.VariantType.UInt16)])
         await until(lambda: unit.read("position") == 3200)
-        # It is in the history; who did it stands in the log.
+        # It is in the history, with who did it; as in the log.
         await until(lambda: newest(session, "Command", 6))
+        assert await newest(session, "Address", "control, user root")
+        assert await newest(session, "User", OPERATOR[0])
+        assert (unit.read("history1_address"), unit.read("history1_user")) == ("control, user root", OPERATOR[0])
         assert f"by {OPERATOR[0]} at 127.0.0.1: ok" in server.log()
     async with server.session(certificate, READER) as session:
         for node, value in ((at(session, "drive1.Parameters.spd"), ua.Variant(1.0, ua.VariantType.Float)),

@@ -12,7 +12,7 @@ import threading
 import time
 
 import pytest
-from bridgelib import ROOT, Path, eventually
+from bridgelib import ROOT, Path, code, eventually
 from weblib import OPERATOR, READER, Failed, Page, Webd, memory_kib
 
 PLC = "127.0.0.9"
@@ -721,6 +721,36 @@ def test_what_a_page_has_taken_is_its_own_until_it_lets_go(gateway):
     assert drive.read("watchdog_trips") == 0
     page.call("Write", drive="drive1", values={"control_request": 0})
     eventually(lambda: drive.read("control_port") == 0)
+
+
+def test_the_history_names_who_is_logged_in(gateway):
+    """Beside the server's own user; also of a stop by somebody who has no page that acts, and of a hand on the button. Control is
+    that user's."""
+    bridge = gateway.make_bridge(modbus={"control": "drive"})
+    webd = gateway.webd(bridge, users=((*OPERATOR, "operator"), ("otto", "otto's own word", "operator")))
+    olga, drive = gateway.page(webd, OPERATOR), bridge.drive()
+
+    def newest(command, user):
+        given = [drive.read(f"history1_{what}") for what in ("command", "address", "user")]
+        return given == [code("command", command), "control, user root", user]
+
+    olga.run("drive1", "enable")
+    assert newest("enable", "olga") and drive.read("control_user") == "olga"
+    # No page of his acts: over the connection that all share for stops.
+    for _ in range(2):
+        otto = gateway.page(webd, ("otto", "otto's own word"))
+        otto.tab = None
+        assert otto.run("drive1", "stop") == "ok"
+        assert newest("stop", "otto")
+        assert olga.run("drive1", "stop") == "ok"
+        assert newest("stop", "olga")
+    otto = gateway.page(webd, ("otto", "otto's own word"))
+    assert refused(403, otto.run, "drive1", "enable").error == "NotAllowed"
+    held = olga.hold("drive1", SPEED)
+    eventually(lambda: newest("move_velocity", "olga"))
+    held.let_go()
+    eventually(lambda: newest("stop", "olga"))
+    eventually(lambda: "client control, user root for olga: connected" in bridge.log_since(0))
 
 
 # --- what the network sends -------------------------------------------------------------------------

@@ -165,20 +165,20 @@ export function readHistory(values, number, registers, commands, scale) {
 		args: args.join(", "),
 		result: inWords(registers.get("result")?.codes?.[value("result")] ?? String(value("result"))),
 		duration_us: value("duration_us"),
-		client: formatClient(value("ipv4"), value("port"), value("address")),
+		client: formatClient(value("ipv4"), value("port"), value("address"), value("user")),
 		repeats: value("repeats"),
 	};
 }
 
-/* "192.168.10.5:49152", "control, user anna, session 5", "drivebridged" of what the bridge did
- * by itself. */
-export function formatClient(ipv4, port, address = "") {
+/* "192.168.10.5:49152", "control, user anna, session 5", "control, user drivebridge-web for anna,
+ * session 5", "drivebridged" of what the bridge did by itself. */
+export function formatClient(ipv4, port, address = "", user = "") {
 	if (ipv4 === 0)
 		return "drivebridged";
 	if (ipv4 !== NO_IPV4)
 		return `${formatAddress(ipv4)}:${port}`;
 	return address && !address.startsWith("control") ? `${address} port ${port}` :
-		`${address || "control socket"}, session ${port}`;
+		`${address || "control socket"}${user ? ` for ${user}` : ""}, session ${port}`;
 }
 
 export function historyNames(registers) {
@@ -186,7 +186,7 @@ export function historyNames(registers) {
 
 	for (let number = 1; number <= HISTORY_SHOWN; number++) {
 		for (const field of ["timestamp_us", "sequence", "ipv4", "port", "command", "result", "duration_us", "position",
-			"position_2", "real", "number", "repeats", "value", "address"]) {
+			"position_2", "real", "number", "repeats", "value", "address", "user"]) {
 			if (registers.has(`history${number}_${field}`))
 				names.push(`history${number}_${field}`);
 		}

@@ -75,8 +75,8 @@ export function createControl({ context, drive }) {
 		else if (isMine)
 			setText(who, "You have control");
 		else
-			setText(who, `${formatClient(holder, values.control_port)} has control: ` +
-				"others can only stop the drive");
+			setText(who, `${formatClient(holder, values.control_port, values.control_address,
+				values.control_user)} has control: others can only stop the drive`);
 		setText(until, holder === 0 ? "" : `${(left / 1000).toFixed(1)} s left`);
 		take.hidden = isMine;
 		release.hidden = !isMine;

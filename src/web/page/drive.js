@@ -90,7 +90,8 @@ export async function show(root, context, name) {
 				.filter((register) => register.type === "bool" &&
 						register.name.startsWith("drive_"))
 				.map((register) => register.name),
-			...(registers.has("history1_sequence") ? ["history1_sequence"] : [])
+			...["control_address", "control_user", "history1_sequence"]
+				.filter((one) => registers.has(one))
 		]
 	});
 	mine.described = describe(context.plant, name);

@@ -43,6 +43,8 @@ test("parameter writes, unknown codes and empty entries", () => {
 test("clients by address, or by their session", () => {
 	assert.equal(formatClient(0xc0a80a05, 49152), "192.168.10.5:49152");
 	assert.equal(formatClient(0xffffffff, 7, "control, user anna"), "control, user anna, session 7");
+	assert.equal(formatClient(0xffffffff, 7, "control, user drivebridge-web", "anna"),
+		"control, user drivebridge-web for anna, session 7");
 	assert.equal(formatClient(0xffffffff, 502, "fd00::5"), "fd00::5 port 502");
 	assert.equal(formatClient(0xffffffff, 7), "control socket, session 7");
 	assert.equal(formatClient(0, 0), "drivebridged");
