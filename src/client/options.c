@@ -18,7 +18,7 @@ int db_client_options_read(const char *program, const char *usage,
 	};
 	int option;
 
-	for (int i = 0; options[i].name && i < DB_CLIENT_OPTIONS_MAX; i++)
+	for (int i = 0; i < DB_CLIENT_OPTIONS_MAX && options[i].name; i++)
 		known[2 + i] = (struct option){
 			.name = options[i].name,
 			.has_arg = options[i].text ? required_argument : no_argument,
