@@ -26,8 +26,7 @@ const struct db_setting db_opcua_keys[] = {
 	  AT(interval_ms) },
 	{ DB_LIST_SETTING("server", "show", "all", "all",
 	                  "What is shown of a drive beside its process values and commands, each in a folder: CommandBlock, "
-	                  "Parameters, Service, Bits, History; all of it takes about 0.4 MB for each drive, a third of that with "
-	                  "Parameters alone"),
+	                  "Parameters, Service, Bits, History"),
 	  AT(show) },
 
 	{ DB_WORD_SETTING("security", "none", "off", "off read",

@@ -317,6 +317,16 @@ struct db_opcua_kind *db_opcua_kind_take(struct db_opcua_kind **kinds, json_t *r
 	return kind;
 }
 
+struct db_opcua_register *db_opcua_kind_find(const struct db_opcua_kind *kind, const char *name)
+{
+	const struct db_opcua_register named = { .name = name };
+	const struct db_opcua_register *key = &named;
+	struct db_opcua_register *const *found = bsearch(&key, kind->by_name, kind->count,
+	                                                 sizeof(*found), compare_names);
+
+	return found ? *found : NULL;
+}
+
 void db_opcua_kind_release(struct db_opcua_kind **kinds, struct db_opcua_kind *kind)
 {
 	struct db_opcua_kind **at = kinds;
@@ -369,12 +379,9 @@ void db_opcua_drive_free(struct db_opcua_kind **kinds, struct db_opcua_drive *dr
 
 struct db_opcua_item *db_opcua_drive_find(const struct db_opcua_drive *drive, const char *reg)
 {
-	const struct db_opcua_register named = { .name = reg };
-	const struct db_opcua_register *key = &named;
-	struct db_opcua_register *const *found = bsearch(
-		&key, drive->kind->by_name, drive->kind->count, sizeof(*found), compare_names);
+	const struct db_opcua_register *found = db_opcua_kind_find(drive->kind, reg);
 
-	return found ? &drive->items[*found - drive->kind->list] : NULL;
+	return found ? &drive->items[found - drive->kind->list] : NULL;
 }
 
 /* --- values ----------------------------------------------------------------------------------- */
@@ -474,15 +481,19 @@ enum db_opcua_quality db_opcua_item_quality(const struct db_opcua_item *item)
 	return drive->quality >= QUALITY_UNCERTAIN ? DB_OPCUA_UNCERTAIN : DB_OPCUA_NO_CONTACT;
 }
 
-json_t *db_opcua_group_names(const struct db_opcua_kind *kind, enum db_opcua_group group)
+json_t *db_opcua_group_names(const struct db_opcua_kind *kind, enum db_opcua_group group,
+                             bool streamed)
 {
 	json_t *names = json_array();
 
 	for (size_t i = 0; i < kind->count; i++) {
 		const struct db_opcua_register *reg = &kind->list[i];
+		bool quality = strcmp(reg->name, "quality") == 0;
 
-		if (reg->group == group || strcmp(reg->name, "quality") == 0 ||
-		    strcmp(reg->name, "timestamp_us") == 0)
+		/* The quality is in every stream. */
+		if (!streamed && (reg->streamed || quality))
+			continue;
+		if (reg->group == group || quality || strcmp(reg->name, "timestamp_us") == 0)
 			(void)json_array_append_new(names, json_string(reg->name));
 	}
 	return names;

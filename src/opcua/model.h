@@ -117,7 +117,8 @@ struct db_opcua_drive {
 	db_time taken
 		[DB_OPCUA_GROUPS]; /* when its group was read last; 0: never, or it must be again */
 	db_time streamed;          /* when its last sample came */
-	bool missed; /* one of its samples was not taken: what the stream tells is not all any more */
+	bool begun; /* the stream has told all that is watched of it, and now tells what changes */
+	bool missed; /* ... but something of that was not taken, or is newer here: it is to begin anew */
 	int64_t outdated_us; /* what was told before is older than a command */
 	char result[32];     /* of the last command from here */
 	char reason[256];    /* why it was refused, "" */
@@ -130,6 +131,8 @@ void db_opcua_registers_shorten(json_t *registers, bool history);
 /* Finds or makes a kind. Keeps references to both. NULL without memory, or when they are not what they should be. */
 struct db_opcua_kind *db_opcua_kind_take(struct db_opcua_kind **kinds, json_t *registers,
                                          json_t *commands);
+/* The register of this name, NULL when there is none. */
+struct db_opcua_register *db_opcua_kind_find(const struct db_opcua_kind *kind, const char *name);
 void db_opcua_kind_release(struct db_opcua_kind **kinds, struct db_opcua_kind *kind);
 
 /* Takes the kind over. NULL without memory. */
@@ -153,7 +156,9 @@ enum db_opcua_quality {
 
 enum db_opcua_quality db_opcua_item_quality(const struct db_opcua_item *item);
 
-/* The names of a group, those of its quality with them: a new array; NULL without memory. */
-json_t *db_opcua_group_names(const struct db_opcua_kind *kind, enum db_opcua_group group);
+/* The names of a group, those of its quality and time with them, or without those that the stream tells: a new array; NULL
+ * without memory. */
+json_t *db_opcua_group_names(const struct db_opcua_kind *kind, enum db_opcua_group group,
+                             bool streamed);
 
 #endif

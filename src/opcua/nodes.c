@@ -1,7 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/nodes.h"
+#include "opcua/properties.h"
+#include "opcua/roster.h"
+#include "opcua/store.h"
 #include "opcua/values.h"
 
+#include "client/clock.h"
 #include "client/log.h"
 
 #include <open62541/server.h>
@@ -10,59 +14,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ID_MAX 256
-
-/* A command of a drive. */
-struct method {
-	struct db_opcua_nodes *nodes;
-	struct db_opcua_drive *drive;
-	const json_t *command;
-};
-
-/* A field of the history of a drive. */
-struct column {
-	struct db_opcua_drive *drive;
-	const struct db_opcua_column *column;
-};
-
-/* What the service tells of a bus. */
-struct fact {
-	char bus[64];
-	char name[DB_OPCUA_NAME_MAX];
-	json_t *value;
-	UA_DateTime time;
-	struct fact *next;
-};
-
-/* A property with a fixed value, which all variables share that have it: one for each would take more memory than all
- * else together. Its id is a number, which takes none in references. */
-struct shared {
-	char what[ID_MAX];
-	UA_UInt32 number;
-	struct shared *next;
-};
-
-struct shown_drive {
-	struct db_opcua_drive *drive;
-	struct method *methods;
-	struct column *columns;
-	struct shown_drive *next;
-};
+/* How often the service is asked for figures of its buses, in milliseconds. */
+#define FIGURES_INTERVAL 1000.0
 
 struct db_opcua_nodes {
-	UA_Server *server;
 	const struct db_opcua_config *config;
 	const struct db_opcua_nodes_ops *ops;
 	void *context;
+	struct db_opcua_store *store;
 	UA_UInt16 space;
-	/* The library reads a variable while it adds it, and does not add it when its value is bad. */
-	bool adding;
-	bool failed; /* since it was cleared last */
-	struct shown_drive *drives;
-	struct fact *facts;
-	struct shared *shared;
-	UA_UInt32 last_number; /* of a shared property */
-	json_t *buses;         /* their names */
+	struct db_opcua_roster roster;
+	UA_MonitoredItem *listeners; /* to the events of all drives */
 };
 
 static struct db_opcua_nodes *nodes_of(UA_Server *server)
@@ -73,8 +35,17 @@ static struct db_opcua_nodes *nodes_of(UA_Server *server)
 /* --- ids -------------------------------------------------------------------------------------- */
 
 struct node_id {
-	char text[ID_MAX];
+	char text[DB_OPCUA_ID_MAX];
 };
+
+/* "feeder.Parameters.spd"; an empty part is left out. */
+static struct node_id make_id(const char *owner, const char *part)
+{
+	struct node_id id;
+
+	(void)snprintf(id.text, sizeof(id.text), "%s%s%s", owner, part[0] ? "." : "", part);
+	return id;
+}
 
 static UA_NodeId id_of(const struct db_opcua_nodes *nodes, const struct node_id *id)
 {
@@ -83,25 +54,30 @@ static UA_NodeId id_of(const struct db_opcua_nodes *nodes, const struct node_id 
 		            .identifier.string = db_opcua_string(id->text) };
 }
 
-/* "feeder.Parameters.spd"; an empty part is left out. Names of drives have no slash: what begins with one is none. */
-static struct node_id make_id(const char *drive, const char *group, const char *name)
+static UA_QualifiedName browse_name(const struct db_opcua_nodes *nodes, const char *name)
 {
-	struct node_id id;
+	return (UA_QualifiedName){ .namespaceIndex = nodes->space, .name = db_opcua_string(name) };
+}
 
-	(void)snprintf(id.text, sizeof(id.text), "%s%s%s%s%s", drive[0] ? drive : "/Gateway",
-	               group[0] ? "." : "", group, name[0] ? "." : "", name);
-	return id;
+static bool identify(void *context, UA_String id, struct db_opcua_subject *subject)
+{
+	const struct db_opcua_nodes *nodes = context;
+
+	return db_opcua_roster_identify(&nodes->roster, (const char *)id.data, id.length, subject);
 }
 
 /* --- reading and writing ---------------------------------------------------------------------- */
 
-static UA_StatusCode read_item(UA_Server *server, const UA_NodeId *session, void *session_context,
-                               const UA_NodeId *node, void *node_context,
-                               UA_Boolean source_time_wanted, const UA_NumericRange *range,
-                               UA_DataValue *value)
+static UA_StatusCode read_value(UA_Server *server, const UA_NodeId *session, void *session_context,
+                                const UA_NodeId *node, void *node_context,
+                                UA_Boolean source_time_wanted, const UA_NumericRange *range,
+                                UA_DataValue *value)
 {
-	struct db_opcua_nodes *nodes = nodes_of(server);
-	struct db_opcua_item *item = node_context;
+	const struct db_opcua_nodes *nodes = nodes_of(server);
+	const struct db_opcua_subject *subject = node_context;
+	const struct db_opcua_shown *shown = subject->shown;
+	const struct db_opcua_branch *branch = subject->branch;
+	const struct db_opcua_column *column;
 
 	(void)session;
 	(void)session_context;
@@ -112,18 +88,27 @@ static UA_StatusCode read_item(UA_Server *server, const UA_NodeId *session, void
 		value->status = UA_STATUSCODE_BADINDEXRANGENODATA;
 		return UA_STATUSCODE_GOOD;
 	}
-	if (nodes->adding)
-		return db_opcua_value_zero(item->reg->type, value);
-	nodes->ops->fetch(nodes->context, item);
-	return db_opcua_value_read(item, value);
+	if (subject->type == DB_OPCUA_FACT) {
+		return db_opcua_value_from_json(subject->fact->value, subject->fact->time_us,
+		                                value);
+	}
+	if (branch->type == DB_OPCUA_VARIABLE) {
+		nodes->ops->fetch(nodes->context, &shown->drive->items[branch->place]);
+		return db_opcua_value_read(&shown->drive->items[branch->place], value);
+	}
+	column = &shown->tree->kind->columns[branch->place];
+	nodes->ops->fetch(nodes->context, &shown->drive->items[column->places[0]]);
+	return db_opcua_value_read_column(shown->drive, column, value);
 }
 
-static UA_StatusCode write_item(UA_Server *server, const UA_NodeId *session, void *session_context,
-                                const UA_NodeId *node, void *node_context,
-                                const UA_NumericRange *range, const UA_DataValue *value)
+static UA_StatusCode write_value(UA_Server *server, const UA_NodeId *session, void *session_context,
+                                 const UA_NodeId *node, void *node_context,
+                                 const UA_NumericRange *range, const UA_DataValue *value)
 {
-	struct db_opcua_nodes *nodes = nodes_of(server);
-	struct db_opcua_item *item = node_context;
+	const struct db_opcua_nodes *nodes = nodes_of(server);
+	const struct db_opcua_subject *subject = node_context;
+	const struct db_opcua_shown *shown = subject->shown;
+	const struct db_opcua_branch *branch = subject->branch;
 	UA_StatusCode status;
 	json_t *json;
 
@@ -136,50 +121,16 @@ static UA_StatusCode write_item(UA_Server *server, const UA_NodeId *session, voi
 	status = db_opcua_value_to_json(&value->value, &json);
 	if (status != UA_STATUSCODE_GOOD)
 		return status;
-	status = nodes->ops->write(nodes->context, session, item, json);
+	status = nodes->ops->write(nodes->context, session, &shown->drive->items[branch->place],
+	                           json);
 	json_decref(json);
 	return status;
 }
 
-static UA_StatusCode read_column(UA_Server *server, const UA_NodeId *session, void *session_context,
-                                 const UA_NodeId *node, void *node_context,
-                                 UA_Boolean source_time_wanted, const UA_NumericRange *range,
-                                 UA_DataValue *value)
+static const json_t *command_of(const struct db_opcua_tree *tree,
+                                const struct db_opcua_branch *branch)
 {
-	struct db_opcua_nodes *nodes = nodes_of(server);
-	const struct column *column = node_context;
-
-	(void)session;
-	(void)session_context;
-	(void)node;
-	(void)source_time_wanted;
-	if (range) {
-		value->hasStatus = true;
-		value->status = UA_STATUSCODE_BADINDEXRANGENODATA;
-		return UA_STATUSCODE_GOOD;
-	}
-	if (nodes->adding)
-		return db_opcua_value_zeros(column->column, value);
-	nodes->ops->fetch(nodes->context, &column->drive->items[column->column->places[0]]);
-	return db_opcua_value_read_column(column->drive, column->column, value);
-}
-
-static UA_StatusCode read_fact(UA_Server *server, const UA_NodeId *session, void *session_context,
-                               const UA_NodeId *node, void *node_context,
-                               UA_Boolean source_time_wanted, const UA_NumericRange *range,
-                               UA_DataValue *value)
-{
-	const struct fact *fact = node_context;
-
-	(void)server;
-	(void)session;
-	(void)session_context;
-	(void)node;
-	(void)source_time_wanted;
-	(void)range;
-	value->hasSourceTimestamp = true;
-	value->sourceTimestamp = fact->time;
-	return db_opcua_value_from_json(fact->value, value);
+	return json_array_get(tree->kind->commands, branch->place);
 }
 
 static UA_StatusCode call_method(UA_Server *server, const UA_NodeId *session, void *session_context,
@@ -187,13 +138,14 @@ static UA_StatusCode call_method(UA_Server *server, const UA_NodeId *session, vo
                                  const UA_NodeId *object, void *object_context, size_t input_count,
                                  const UA_Variant *input, size_t output_count, UA_Variant *output)
 {
-	const struct method *method = method_context;
-	const json_t *names = json_object_get(method->command, "arguments");
-	const char *command = json_string_value(json_object_get(method->command, "name"));
+	const struct db_opcua_nodes *nodes = nodes_of(server);
+	const struct db_opcua_subject *subject = method_context;
+	const struct db_opcua_shown *shown = subject->shown;
+	const json_t *command = command_of(shown->tree, subject->branch);
+	const json_t *names = json_object_get(command, "arguments");
 	json_t *arguments = json_object();
 	UA_StatusCode status = UA_STATUSCODE_GOOD;
 
-	(void)server;
 	(void)session_context;
 	(void)method_id;
 	(void)object;
@@ -210,11 +162,11 @@ static UA_StatusCode call_method(UA_Server *server, const UA_NodeId *session, vo
 		json_decref(arguments);
 		return status;
 	}
-	status = method->nodes->ops->run(method->nodes->context, session, method->drive, command,
-	                                 arguments);
+	status = nodes->ops->run(nodes->context, session, shown->drive,
+	                         json_string_value(json_object_get(command, "name")), arguments);
 	if (output_count == 2) {
-		UA_String result = db_opcua_string(method->drive->result);
-		UA_String reason = db_opcua_string(method->drive->reason);
+		UA_String result = db_opcua_string(shown->drive->result);
+		UA_String reason = db_opcua_string(shown->drive->reason);
 
 		(void)UA_Variant_setScalarCopy(&output[0], &result, &UA_TYPES[UA_TYPES_STRING]);
 		(void)UA_Variant_setScalarCopy(&output[1], &reason, &UA_TYPES[UA_TYPES_STRING]);
@@ -222,639 +174,397 @@ static UA_StatusCode call_method(UA_Server *server, const UA_NodeId *session, vo
 	return status;
 }
 
-/* --- adding ----------------------------------------------------------------------------------- */
-
-/* A node that cannot be added is said once; everything else is still there. */
-static void check(struct db_opcua_nodes *nodes, UA_StatusCode status, const char *id)
-{
-	if (status == UA_STATUSCODE_GOOD)
-		return;
-	if (!nodes->failed)
-		db_client_log(DB_CLIENT_ERROR, "node %s cannot be added: %s", id,
-		              UA_StatusCode_name(status));
-	nodes->failed = true;
-}
+/* --- filling ---------------------------------------------------------------------------------- */
 
 /* Names are the same in every language. */
-static UA_LocalizedText shown_as(const char *name)
+static void set_head(struct db_opcua_node *node, UA_NodeClass class, UA_QualifiedName name,
+                     const char *description)
 {
-	return (UA_LocalizedText){ .text = db_opcua_string(name) };
-}
+	UA_NodeHead *head = &node->node.head;
 
-static UA_QualifiedName browse_name(const struct db_opcua_nodes *nodes, const char *name)
-{
-	return (UA_QualifiedName){ .namespaceIndex = nodes->space, .name = db_opcua_string(name) };
-}
-
-static void add_object(struct db_opcua_nodes *nodes, const struct node_id *id, UA_NodeId parent,
-                       const char *name, const char *description, UA_UInt32 type, bool notifies)
-{
-	UA_ObjectAttributes attributes = UA_ObjectAttributes_default;
-
-	attributes.displayName = shown_as(name);
-	attributes.description = db_opcua_english(description);
-	attributes.eventNotifier = notifies ? UA_EVENTNOTIFIER_SUBSCRIBE_TO_EVENT : 0;
-	check(nodes,
-	      UA_Server_addObjectNode(
-		      nodes->server, id_of(nodes, id), parent,
-		      UA_NODEID_NUMERIC(0, type == UA_NS0ID_FOLDERTYPE ? UA_NS0ID_ORGANIZES :
-	                                                                 UA_NS0ID_HASCOMPONENT),
-		      browse_name(nodes, name), UA_NODEID_NUMERIC(0, type), attributes, NULL, NULL),
-	      id->text);
-}
-
-static void add_variable(struct db_opcua_nodes *nodes, const struct node_id *id,
-                         const struct node_id *parent, const char *name, UA_UInt32 type,
-                         const UA_VariableAttributes *given, UA_DataSource source, void *context)
-{
-	UA_VariableAttributes attributes = *given;
-
-	attributes.displayName = shown_as(name);
-	nodes->adding = true;
-	check(nodes,
-	      UA_Server_addDataSourceVariableNode(
-		      nodes->server, id_of(nodes, id), id_of(nodes, parent),
-		      UA_NODEID_NUMERIC(0, UA_NS0ID_HASCOMPONENT), browse_name(nodes, name),
-		      UA_NODEID_NUMERIC(0, type), attributes, source, context, NULL),
-	      id->text);
-	nodes->adding = false;
-}
-
-static bool exists(const struct db_opcua_nodes *nodes, const struct node_id *id)
-{
-	UA_NodeClass class;
-
-	return UA_Server_readNodeClass(nodes->server, id_of(nodes, id), &class) ==
-	       UA_STATUSCODE_GOOD;
-}
-
-static void share_property(struct db_opcua_nodes *nodes, const struct node_id *owner,
-                           const struct node_id *what, const char *name, void *values, size_t count,
-                           const UA_DataType *type)
-{
-	UA_VariableAttributes attributes = UA_VariableAttributes_default;
-	struct shared *shared = nodes->shared;
-	UA_UInt32 any_length = 0;
-	UA_StatusCode status;
-
-	while (shared && strcmp(shared->what, what->text) != 0)
-		shared = shared->next;
-	if (shared) {
-		UA_NodeId property = UA_NODEID_NUMERIC(nodes->space, shared->number);
-
-		check(nodes,
-		      UA_Server_addReference(nodes->server, id_of(nodes, owner),
-		                             UA_NODEID_NUMERIC(0, UA_NS0ID_HASPROPERTY),
-		                             UA_EXPANDEDNODEID_NODEID(property), true),
-		      owner->text);
+	head->nodeClass = class;
+	head->browseName = name;
+	node->display_name.localizedText.text = name.name;
+	head->displayName = &node->display_name;
+	if (description[0] == '\0')
 		return;
-	}
-	shared = calloc(1, sizeof(*shared));
-	if (!shared)
-		return;
-	(void)snprintf(shared->what, sizeof(shared->what), "%s", what->text);
-	shared->number = ++nodes->last_number;
-	attributes.displayName = shown_as(name);
-	attributes.dataType = type->typeId;
-	if (count == 0) {
-		UA_Variant_setScalar(&attributes.value, values, type);
-	} else {
-		attributes.valueRank = UA_VALUERANK_ONE_DIMENSION;
-		attributes.arrayDimensionsSize = 1;
-		attributes.arrayDimensions = &any_length;
-		UA_Variant_setArray(&attributes.value, values, count, type);
-	}
-	status = UA_Server_addVariableNode(
-		nodes->server, UA_NODEID_NUMERIC(nodes->space, shared->number), id_of(nodes, owner),
-		UA_NODEID_NUMERIC(0, UA_NS0ID_HASPROPERTY),
-		(UA_QualifiedName){ .name = db_opcua_string(name) },
-		UA_NODEID_NUMERIC(0, UA_NS0ID_PROPERTYTYPE), attributes, NULL, NULL);
-	check(nodes, status, what->text);
-	if (status != UA_STATUSCODE_GOOD) {
-		free(shared);
-		return;
-	}
-	shared->next = nodes->shared;
-	nodes->shared = shared;
+	node->description.localizedText = db_opcua_english(description);
+	head->description = &node->description;
 }
 
-/* The unit in the drive's own words: "user units/s" is mm/s. */
-static void name_unit(const char *unit, const char *unit_name, char *name, size_t size)
+static void set_variable(struct db_opcua_node *node, const UA_DataType *type, bool array,
+                         bool writable, double interval_ms)
 {
-	static const char users[] = "user units";
+	static const UA_UInt32 any_length = 0;
+	UA_VariableNode *variable = &node->node.variableNode;
 
-	if (strncmp(unit, users, sizeof(users) - 1) == 0)
-		(void)snprintf(name, size, "%s%s", unit_name[0] ? unit_name : users,
-		               unit + sizeof(users) - 1);
+	variable->dataType = type->typeId;
+	variable->valueRank = array ? UA_VALUERANK_ONE_DIMENSION : UA_VALUERANK_SCALAR;
+	if (array) {
+		variable->arrayDimensionsSize = 1;
+		/* The library writes only into its own. */
+		memcpy(&variable->arrayDimensions, &(const UA_UInt32 *){ &any_length },
+		       sizeof(variable->arrayDimensions));
+	}
+	variable->accessLevel = UA_ACCESSLEVELMASK_READ;
+	if (writable)
+		variable->accessLevel |= UA_ACCESSLEVELMASK_WRITE;
+	variable->valueSource = UA_VALUESOURCE_DATASOURCE;
+	variable->value.dataSource = (UA_DataSource){ .read = read_value,
+		                                      .write = writable ? write_value : NULL };
+	/* Without it who asks for the fastest sampling, 0, would be told of writes over OPC UA and of nothing else. */
+	variable->minimumSamplingInterval = interval_ms;
+}
+
+/* A value that does not change, in memory that is the node's from now on. NULL: there is none, or nobody asks for it. */
+static void set_constant(struct db_opcua_node *node, const UA_DataType *type, bool array,
+                         void *values, size_t count)
+{
+	UA_VariableNode *variable = &node->node.variableNode;
+
+	set_variable(node, type, array, false, 0.0);
+	variable->valueSource = UA_VALUESOURCE_DATA;
+	memset(&variable->value, 0, sizeof(variable->value));
+	node->value = values;
+	if (!values)
+		return;
+	variable->value.data.value.hasValue = true;
+	if (array)
+		UA_Variant_setArray(&variable->value.data.value.value, values, count, type);
 	else
-		(void)snprintf(name, size, "%s", unit);
+		UA_Variant_setScalar(&variable->value.data.value.value, values, type);
 }
 
-static void add_unit(struct db_opcua_nodes *nodes, const struct node_id *owner, const char *unit)
+static void fill_folder(const struct db_opcua_nodes *nodes, struct db_opcua_node *node,
+                        const char *name, const char *description)
 {
-	UA_EUInformation information = db_opcua_unit(unit);
-	struct node_id id;
-
-	(void)snprintf(id.text, sizeof(id.text), "unit %s", unit);
-	share_property(nodes, owner, &id, "EngineeringUnits", &information, 0,
-	               &UA_TYPES[UA_TYPES_EUINFORMATION]);
+	set_head(node, UA_NODECLASS_OBJECT, browse_name(nodes, name), description);
 }
 
-static void add_range(struct db_opcua_nodes *nodes, const struct node_id *owner, double min,
-                      double max)
+static void let_listen(struct db_opcua_node *node, UA_MonitoredItem **listeners)
 {
-	UA_Range range = { .low = min, .high = max };
-	struct node_id id;
-
-	(void)snprintf(id.text, sizeof(id.text), "range %.9g..%.9g", min, max);
-	share_property(nodes, owner, &id, "EURange", &range, 0, &UA_TYPES[UA_TYPES_RANGE]);
+	node->node.objectNode.eventNotifier = UA_EVENTNOTIFIER_SUBSCRIBE_TO_EVENT;
+	node->listeners = listeners;
 }
 
-/* Names of values, or of bits. */
-static void add_codes(struct db_opcua_nodes *nodes, const struct node_id *owner,
-                      const struct db_opcua_register *reg, const struct db_opcua_kind *kind)
+static void fill_text(struct db_opcua_node *node, const char *text, bool valued)
+{
+	UA_String *value = valued ? malloc(sizeof(*value)) : NULL;
+
+	if (value)
+		*value = db_opcua_string(text);
+	set_constant(node, &UA_TYPES[UA_TYPES_STRING], false, value, 1);
+}
+
+static void fill_property(const struct db_opcua_shown *shown, const struct db_opcua_branch *branch,
+                          struct db_opcua_node *node, bool valued)
 {
 	size_t count = 0;
-	struct node_id id;
+	bool array;
+	const UA_DataType *type = db_opcua_property_type(branch, &array);
+	void *values = valued ? db_opcua_property_value(shown->tree, branch, &count) : NULL;
 
-	(void)snprintf(id.text, sizeof(id.text), "codes %u %s", kind->number, reg->name);
-	if (reg->bits) {
-		UA_LocalizedText *names = db_opcua_bit_names(reg->codes, &count);
+	set_head(node, UA_NODECLASS_VARIABLE,
+	         (UA_QualifiedName){ .name = db_opcua_string(branch->name) }, "");
+	set_constant(node, type, array, values, count);
+}
 
-		if (names)
-			share_property(nodes, owner, &id, "OptionSetValues", names, count,
-			               &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]);
-		free(names);
+static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node *node, bool valued)
+{
+	struct db_opcua_shown *shown = node->subject.shown;
+	const struct db_opcua_branch *branch = node->subject.branch;
+	const struct db_opcua_kind *kind = shown->tree->kind;
+	UA_QualifiedName name = browse_name(nodes, branch->name);
+	const struct db_opcua_register *reg;
+	const char *text;
+
+	switch (branch->type) {
+	case DB_OPCUA_ROOT:
+		if (shown->gateway) {
+			fill_folder(nodes, node, "Gateway", "The service itself and its clients");
+			break;
+		}
+		fill_folder(nodes, node, shown->name, "");
+		let_listen(node, &shown->listeners);
+		break;
+	case DB_OPCUA_FOLDER:
+		fill_folder(nodes, node, branch->name, "");
+		break;
+	case DB_OPCUA_IDENTIFICATION:
+		fill_folder(
+			nodes, node, branch->name,
+			"What is known of the drive itself, in the names of OPC UA for Machinery");
+		break;
+	case DB_OPCUA_VARIABLE:
+		reg = &kind->list[branch->place];
+		set_head(node, UA_NODECLASS_VARIABLE, name, reg->description);
+		set_variable(node, db_opcua_data_type(reg->type), false, reg->writable,
+		             nodes->config->interval_ms);
+		break;
+	case DB_OPCUA_COLUMN:
+		set_head(node, UA_NODECLASS_VARIABLE, name,
+		         "Of the latest commands, the newest first");
+		set_variable(node, db_opcua_data_type(kind->columns[branch->place].first->type),
+		             true, false, nodes->config->interval_ms);
+		break;
+	case DB_OPCUA_METHOD:
+		text = json_string_value(
+			json_object_get(command_of(shown->tree, branch), "description"));
+		set_head(node, UA_NODECLASS_METHOD, name, text ? text : "");
+		node->node.methodNode.executable = true;
+		node->node.methodNode.method = call_method;
+		break;
+	case DB_OPCUA_COMPONENT_NAME:
+	case DB_OPCUA_LOCATION:
+		set_head(node, UA_NODECLASS_VARIABLE, name, "");
+		fill_text(node, branch->type == DB_OPCUA_LOCATION ? shown->location : shown->name,
+		          valued);
+		break;
+	default:
+		fill_property(shown, branch, node, valued);
+	}
+}
+
+static void fill_node(void *context, struct db_opcua_node *node, bool valued)
+{
+	struct db_opcua_nodes *nodes = context;
+	const struct db_opcua_bus *bus = node->subject.bus;
+	const struct db_opcua_fact *fact = node->subject.fact;
+
+	switch (node->subject.type) {
+	case DB_OPCUA_ALL_DRIVES:
+		fill_folder(nodes, node, "Drives", "The drives by their names");
+		let_listen(node, &nodes->listeners);
+		break;
+	case DB_OPCUA_ALL_BUSES:
+		fill_folder(nodes, node, "Buses", "The lines that they are on");
+		break;
+	case DB_OPCUA_BUS:
+		fill_folder(nodes, node, bus->name, "");
+		break;
+	case DB_OPCUA_FACT:
+		set_head(node, UA_NODECLASS_VARIABLE, browse_name(nodes, fact->name), "");
+		set_variable(node, db_opcua_json_type(fact->value), false, false, FIGURES_INTERVAL);
+		break;
+	default:
+		fill_branch(nodes, node, valued);
+	}
+}
+
+/* --- references ------------------------------------------------------------------------------- */
+
+/* How a branch hangs below another node. */
+static UA_Byte tie_of(enum db_opcua_branch_type type)
+{
+	if (type == DB_OPCUA_FOLDER || type == DB_OPCUA_IDENTIFICATION)
+		return UA_REFERENCETYPEINDEX_ORGANIZES;
+	return type < DB_OPCUA_COMPONENT_NAME ? UA_REFERENCETYPEINDEX_HASCOMPONENT :
+	                                        UA_REFERENCETYPEINDEX_HASPROPERTY;
+}
+
+static UA_UInt32 type_of(const struct db_opcua_tree *tree, const struct db_opcua_branch *branch)
+{
+	switch (branch->type) {
+	case DB_OPCUA_ROOT:
+		return UA_NS0ID_BASEOBJECTTYPE;
+	case DB_OPCUA_FOLDER:
+	case DB_OPCUA_IDENTIFICATION:
+		return UA_NS0ID_FOLDERTYPE;
+	case DB_OPCUA_VARIABLE:
+		return tree->kind->list[branch->place].unit[0] ? UA_NS0ID_BASEANALOGTYPE :
+		                                                 UA_NS0ID_BASEDATAVARIABLETYPE;
+	case DB_OPCUA_COLUMN:
+		return UA_NS0ID_BASEDATAVARIABLETYPE;
+	default:
+		return UA_NS0ID_PROPERTYTYPE;
+	}
+}
+
+static void refer_to_standard(struct db_opcua_references *references, UA_Byte type, bool inverse,
+                              UA_UInt32 target, const char *name)
+{
+	db_opcua_store_refer(references, type, inverse, UA_NODEID_NUMERIC(0, target),
+	                     (UA_QualifiedName){ .name = db_opcua_string(name) });
+}
+
+static void refer_to(const struct db_opcua_nodes *nodes, struct db_opcua_references *references,
+                     UA_Byte type, bool inverse, const char *owner, const char *part,
+                     UA_QualifiedName name)
+{
+	struct node_id id = make_id(owner, part);
+
+	db_opcua_store_refer(references, type, inverse, id_of(nodes, &id), name);
+}
+
+static void refer_to_type(struct db_opcua_references *references, UA_UInt32 type)
+{
+	/* By its id alone: nobody looks for a type by its name from an instance. */
+	refer_to_standard(references, UA_REFERENCETYPEINDEX_HASTYPEDEFINITION, false, type, "");
+}
+
+static void refer_of_branch(const struct db_opcua_nodes *nodes, const struct db_opcua_shown *shown,
+                            const struct db_opcua_branch *branch,
+                            struct db_opcua_references *references)
+{
+	const struct db_opcua_tree *tree = shown->tree;
+	const struct db_opcua_branch *parent = &tree->list[branch->parent];
+	bool gateway = shown->gateway;
+
+	if (branch->type != DB_OPCUA_METHOD)
+		refer_to_type(references, type_of(tree, branch));
+	if (branch->type != DB_OPCUA_ROOT) {
+		refer_to(nodes, references, tie_of(branch->type), true, shown->name, parent->path,
+		         browse_name(nodes, parent->name[0] ? parent->name : shown->name));
+	} else if (gateway) {
+		refer_to_standard(references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
+		                  UA_NS0ID_OBJECTSFOLDER, "Objects");
 	} else {
-		UA_EnumValueType *values = db_opcua_enum_values(reg->codes, &count);
+		refer_to(nodes, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
+		         DB_OPCUA_DRIVES, "", browse_name(nodes, "Drives"));
+		refer_to_standard(references, UA_REFERENCETYPEINDEX_HASNOTIFIER, true,
+		                  UA_NS0ID_SERVER, "Server");
+	}
+	for (size_t i = branch->first; i < branch->first + branch->count; i++) {
+		const struct db_opcua_branch *child = &tree->list[i];
+		UA_QualifiedName name = browse_name(nodes, child->name);
 
-		if (values)
-			share_property(nodes, owner, &id, "EnumValues", values, count,
-			               &UA_TYPES[UA_TYPES_ENUMVALUETYPE]);
-		free(values);
+		if (child->type >= DB_OPCUA_UNIT)
+			name.namespaceIndex = 0;
+		refer_to(nodes, references, tie_of(child->type), false, shown->name, child->path,
+		         name);
 	}
 }
 
-static void add_item(struct db_opcua_nodes *nodes, struct db_opcua_item *item,
-                     const char *unit_name)
+static void refer_of_node(void *context, const struct db_opcua_subject *subject,
+                          struct db_opcua_references *references)
 {
-	const struct db_opcua_register *reg = item->reg;
-	const char *folder = db_opcua_group_folder(reg->group);
-	struct node_id parent = make_id(item->drive->name, folder, "");
-	struct node_id id = make_id(item->drive->name, folder, reg->shown);
-	UA_VariableAttributes attributes = UA_VariableAttributes_default;
-	UA_DataSource source = { .read = read_item, .write = reg->writable ? write_item : NULL };
-	char unit[64];
+	const struct db_opcua_nodes *nodes = context;
+	const struct db_opcua_bus *bus = subject->bus;
 
-	attributes.description = db_opcua_english(reg->description);
-	attributes.dataType = db_opcua_data_type(reg->type)->typeId;
-	attributes.accessLevel = UA_ACCESSLEVELMASK_READ;
-	if (reg->writable)
-		attributes.accessLevel |= UA_ACCESSLEVELMASK_WRITE;
-	name_unit(reg->unit, unit_name, unit, sizeof(unit));
-	add_variable(nodes, &id, &parent, reg->shown,
-	             unit[0] ? UA_NS0ID_BASEANALOGTYPE : UA_NS0ID_BASEDATAVARIABLETYPE, &attributes,
-	             source, item);
-	if (unit[0])
-		add_unit(nodes, &id, unit);
-	if (reg->has_range && !reg->codes && !db_opcua_register_is_full(reg))
-		add_range(nodes, &id, reg->min, reg->max);
-	if (reg->codes)
-		add_codes(nodes, &id, reg, item->drive->kind);
-}
+	switch (subject->type) {
+	case DB_OPCUA_ALL_DRIVES:
+		refer_to_type(references, UA_NS0ID_FOLDERTYPE);
+		refer_to_standard(references, UA_REFERENCETYPEINDEX_ORGANIZES, true,
+		                  UA_NS0ID_OBJECTSFOLDER, "Objects");
+		refer_to_standard(references, UA_REFERENCETYPEINDEX_HASNOTIFIER, true,
+		                  UA_NS0ID_SERVER, "Server");
+		for (size_t i = 0; i < nodes->roster.count; i++) {
+			const struct db_opcua_shown *shown = nodes->roster.drives[i];
 
-/* The arguments of a command, as a property that all commands with the same ones share. */
-static void add_arguments(struct db_opcua_nodes *nodes, const struct node_id *owner,
-                          const struct db_opcua_drive *drive, const json_t *names)
-{
-	UA_Argument arguments[16];
-	struct node_id id;
-	size_t used = (size_t)snprintf(id.text, sizeof(id.text), "arguments %u",
-	                               drive->kind->number);
-	size_t count = 0;
-	size_t i;
-	const json_t *name;
+			if (!shown->gateway)
+				refer_to(nodes, references, UA_REFERENCETYPEINDEX_HASCOMPONENT,
+				         false, shown->name, "", browse_name(nodes, shown->name));
+		}
+		break;
+	case DB_OPCUA_ALL_BUSES:
+		refer_to_type(references, UA_NS0ID_FOLDERTYPE);
+		refer_to_standard(references, UA_REFERENCETYPEINDEX_ORGANIZES, true,
+		                  UA_NS0ID_OBJECTSFOLDER, "Objects");
+		for (bus = nodes->roster.buses; bus; bus = bus->next)
+			refer_to(nodes, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
+			         DB_OPCUA_BUSES, bus->name, browse_name(nodes, bus->name));
+		break;
+	case DB_OPCUA_BUS:
+		refer_to_type(references, UA_NS0ID_BASEOBJECTTYPE);
+		refer_to(nodes, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
+		         DB_OPCUA_BUSES, "", browse_name(nodes, "Buses"));
+		for (const struct db_opcua_fact *fact = bus->facts; fact; fact = fact->next) {
+			char path[sizeof(bus->name) + sizeof(fact->name)];
 
-	json_array_foreach(names, i, name)
-	{
-		const struct db_opcua_item *item = db_opcua_drive_find(drive,
-		                                                       json_string_value(name));
-
-		if (!item || count == sizeof(arguments) / sizeof(arguments[0]))
-			continue;
-		UA_Argument_init(&arguments[count]);
-		arguments[count].name = db_opcua_string(item->reg->shown);
-		arguments[count].description = db_opcua_english(item->reg->description);
-		arguments[count].dataType = db_opcua_data_type(item->reg->type)->typeId;
-		arguments[count].valueRank = UA_VALUERANK_SCALAR;
-		count++;
-		if (used < sizeof(id.text))
-			used += (size_t)snprintf(id.text + used, sizeof(id.text) - used, " %s",
-			                         item->reg->name);
-	}
-	if (count > 0)
-		share_property(nodes, owner, &id, "InputArguments", arguments, count,
-		               &UA_TYPES[UA_TYPES_ARGUMENT]);
-}
-
-static void add_outputs(struct db_opcua_nodes *nodes, const struct node_id *owner)
-{
-	UA_Argument arguments[2];
-	struct node_id id = { .text = "results" };
-
-	UA_Argument_init(&arguments[0]);
-	arguments[0].name = db_opcua_string("Result");
-	arguments[0].description = db_opcua_english(
-		"How it ended: ok, unproven (taken, and its protocol shows no more), pending (it goes on)");
-	arguments[0].dataType = UA_TYPES[UA_TYPES_STRING].typeId;
-	arguments[0].valueRank = UA_VALUERANK_SCALAR;
-	UA_Argument_init(&arguments[1]);
-	arguments[1].name = db_opcua_string("Reason");
-	arguments[1].description = db_opcua_english(
-		"Why it was refused, in words; empty when it was not");
-	arguments[1].dataType = UA_TYPES[UA_TYPES_STRING].typeId;
-	arguments[1].valueRank = UA_VALUERANK_SCALAR;
-	share_property(nodes, owner, &id, "OutputArguments", arguments, 2,
-	               &UA_TYPES[UA_TYPES_ARGUMENT]);
-}
-
-static void add_method(struct db_opcua_nodes *nodes, struct method *method)
-{
-	const char *command = json_string_value(json_object_get(method->command, "name"));
-	const char *description = json_string_value(
-		json_object_get(method->command, "description"));
-	struct node_id parent = make_id(method->drive->name, "", "");
-	UA_MethodAttributes attributes = UA_MethodAttributes_default;
-	char name[DB_OPCUA_NAME_MAX];
-	struct node_id id;
-
-	db_opcua_name_of(command, name);
-	id = make_id(method->drive->name, "", name);
-	attributes.displayName = shown_as(name);
-	attributes.description = db_opcua_english(description ? description : "");
-	attributes.executable = true;
-	attributes.userExecutable = true;
-	check(nodes,
-	      UA_Server_addMethodNode(nodes->server, id_of(nodes, &id), id_of(nodes, &parent),
-	                              UA_NODEID_NUMERIC(0, UA_NS0ID_HASCOMPONENT),
-	                              browse_name(nodes, name), attributes, call_method, 0, NULL, 0,
-	                              NULL, method, NULL),
-	      id.text);
-	add_arguments(nodes, &id, method->drive, json_object_get(method->command, "arguments"));
-	add_outputs(nodes, &id);
-}
-
-static void add_columns(struct db_opcua_nodes *nodes, struct shown_drive *shown)
-{
-	const struct db_opcua_drive *drive = shown->drive;
-	struct node_id parent = make_id(drive->name, "History", "");
-
-	for (size_t i = 0; i < drive->kind->column_count; i++) {
-		const struct db_opcua_column *column = &drive->kind->columns[i];
-		struct node_id id = make_id(drive->name, "History", column->shown);
-		UA_VariableAttributes attributes = UA_VariableAttributes_default;
-		UA_DataSource source = { .read = read_column };
-		UA_UInt32 any_length = 0;
-
-		shown->columns[i] = (struct column){ .drive = shown->drive, .column = column };
-		attributes.description = db_opcua_english(
-			"Of the latest commands, the newest first");
-		attributes.dataType = db_opcua_data_type(column->first->type)->typeId;
-		attributes.valueRank = UA_VALUERANK_ONE_DIMENSION;
-		attributes.arrayDimensionsSize = 1;
-		attributes.arrayDimensions = &any_length;
-		attributes.accessLevel = UA_ACCESSLEVELMASK_READ;
-		add_variable(nodes, &id, &parent, column->shown, UA_NS0ID_BASEDATAVARIABLETYPE,
-		             &attributes, source, &shown->columns[i]);
+			(void)snprintf(path, sizeof(path), "%s.%s", bus->name, fact->name);
+			refer_to(nodes, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
+			         DB_OPCUA_BUSES, path, browse_name(nodes, fact->name));
+		}
+		break;
+	case DB_OPCUA_FACT:
+		refer_to_type(references, UA_NS0ID_BASEDATAVARIABLETYPE);
+		refer_to(nodes, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
+		         DB_OPCUA_BUSES, bus->name, browse_name(nodes, bus->name));
+		break;
+	case DB_OPCUA_OF_DRIVE:
+	default:
+		refer_of_branch(nodes, subject->shown, subject->branch, references);
 	}
 }
 
-/* A value that does not change. */
-static void add_constant(struct db_opcua_nodes *nodes, const struct node_id *parent,
-                         const char *group, const char *drive, const char *name, const char *text)
+/* --- drives ----------------------------------------------------------------------------------- */
+
+/* From a folder of the standard to one of ours: the other direction is in the node itself. */
+static UA_StatusCode link_drive(struct db_opcua_nodes *nodes, const struct db_opcua_shown *shown,
+                                bool comes)
 {
-	struct node_id id = make_id(drive, group, name);
-	UA_VariableAttributes attributes = UA_VariableAttributes_default;
-	UA_String value = db_opcua_string(text);
+	struct node_id id = make_id(shown->name, "");
 
-	attributes.displayName = shown_as(name);
-	attributes.dataType = UA_TYPES[UA_TYPES_STRING].typeId;
-	attributes.valueRank = UA_VALUERANK_SCALAR;
-	UA_Variant_setScalar(&attributes.value, &value, &UA_TYPES[UA_TYPES_STRING]);
-	check(nodes,
-	      UA_Server_addVariableNode(
-		      nodes->server, id_of(nodes, &id), id_of(nodes, parent),
-		      UA_NODEID_NUMERIC(0, UA_NS0ID_HASPROPERTY), browse_name(nodes, name),
-		      UA_NODEID_NUMERIC(0, UA_NS0ID_PROPERTYTYPE), attributes, NULL, NULL),
-	      id.text);
-}
-
-static void add_identification(struct db_opcua_nodes *nodes, const struct db_opcua_drive *drive,
-                               const json_t *description)
-{
-	struct node_id parent = make_id(drive->name, "Identification", "");
-	struct node_id root = make_id(drive->name, "", "");
-	char place[160];
-
-	add_object(nodes, &parent, id_of(nodes, &root), "Identification",
-	           "What is known of the drive itself, in the names of OPC UA for Machinery",
-	           UA_NS0ID_FOLDERTYPE, false);
-	(void)snprintf(place, sizeof(place), "%s/%lld%s%s", drive->bus,
-	               (long long)json_integer_value(json_object_get(description, "address")),
-	               json_string_length(json_object_get(description, "axis")) ? "/" : "",
-	               json_string_length(json_object_get(description, "axis")) ?
-	                       json_string_value(json_object_get(description, "axis")) :
-	                       "");
-	add_constant(nodes, &parent, "Identification", drive->name, "ComponentName", drive->name);
-	add_constant(nodes, &parent, "Identification", drive->name, "Location", place);
-}
-
-static bool has_group(const struct db_opcua_kind *kind, enum db_opcua_group group)
-{
-	for (size_t i = 0; i < kind->count; i++) {
-		if (kind->list[i].group == group)
-			return true;
-	}
-	return false;
-}
-
-/* Buses have nodes of their own, with their names. */
-static bool is_of_bus(const char *name)
-{
-	return ((strncmp(name, "bus", 3) == 0 && name[3] >= '0' && name[3] <= '9') ||
-	        (strncmp(name, "line", 4) == 0 && name[4] >= '0' && name[4] <= '9'));
+	if (shown->gateway)
+		return db_opcua_store_link(nodes->store, UA_NS0ID_OBJECTSFOLDER,
+		                           UA_REFERENCETYPEINDEX_HASCOMPONENT, id_of(nodes, &id),
+		                           browse_name(nodes, "Gateway"), comes);
+	/* Not from the folder: who browses that would see each drive twice. */
+	return db_opcua_store_link(nodes->store, UA_NS0ID_SERVER, UA_REFERENCETYPEINDEX_HASNOTIFIER,
+	                           id_of(nodes, &id), browse_name(nodes, shown->name), comes);
 }
 
 void db_opcua_nodes_add(struct db_opcua_nodes *nodes, struct db_opcua_drive *drive,
                         const json_t *description)
 {
-	const char *unit_name = json_string_value(json_object_get(description, "unit_name"));
-	size_t commands = json_array_size(drive->kind->commands);
-	struct shown_drive *shown = calloc(1, sizeof(*shown));
-	struct node_id folder = { .text = "/Drives" };
-	struct node_id root = make_id(drive->name, "", "");
-	bool gateway = drive->name[0] == '\0';
+	struct db_opcua_shown *shown = db_opcua_roster_add(&nodes->roster, nodes->config, drive,
+	                                                   description);
+	UA_StatusCode status = shown ? link_drive(nodes, shown, true) :
+	                               UA_STATUSCODE_BADOUTOFMEMORY;
 
-	if (shown) {
-		shown->drive = drive;
-		shown->methods = calloc(commands + 1, sizeof(*shown->methods));
-		shown->columns = calloc(drive->kind->column_count + 1, sizeof(*shown->columns));
-	}
-	if (!shown || !shown->methods || !shown->columns) {
-		db_client_log(DB_CLIENT_ERROR, "drive %s: out of memory", drive->name);
-		if (shown) {
-			free(shown->methods);
-			free(shown->columns);
-		}
-		free(shown);
+	if (status == UA_STATUSCODE_GOOD)
 		return;
-	}
-	shown->next = nodes->drives;
-	nodes->drives = shown;
-	nodes->failed = false;
-	if (gateway)
-		add_object(nodes, &root, UA_NODEID_NUMERIC(0, UA_NS0ID_OBJECTSFOLDER), "Gateway",
-		           "The service itself and its clients", UA_NS0ID_BASEOBJECTTYPE, false);
-	else
-		add_object(nodes, &root, id_of(nodes, &folder), drive->name, "",
-		           UA_NS0ID_BASEOBJECTTYPE, true);
-	for (int group = DB_OPCUA_COMMAND; group < DB_OPCUA_GROUPS; group++) {
-		const char *name = db_opcua_group_folder((enum db_opcua_group)group);
-		struct node_id id = make_id(drive->name, name, "");
-
-		if (db_opcua_config_shows(nodes->config, (enum db_opcua_group)group) &&
-		    has_group(drive->kind, (enum db_opcua_group)group))
-			add_object(nodes, &id, id_of(nodes, &root), name, "", UA_NS0ID_FOLDERTYPE,
-			           false);
-	}
-	for (size_t i = 0; i < drive->kind->count; i++) {
-		if (db_opcua_config_shows(nodes->config, drive->kind->list[i].group) &&
-		    drive->kind->list[i].group != DB_OPCUA_HISTORY &&
-		    !(gateway && is_of_bus(drive->kind->list[i].name)))
-			add_item(nodes, &drive->items[i], unit_name ? unit_name : "");
-	}
-	if (db_opcua_config_shows(nodes->config, DB_OPCUA_HISTORY))
-		add_columns(nodes, shown);
-	for (size_t i = 0; i < commands; i++) {
-		shown->methods[i] = (struct method){
-			.nodes = nodes,
-			.drive = drive,
-			.command = json_array_get(drive->kind->commands, i),
-		};
-		add_method(nodes, &shown->methods[i]);
-	}
-	if (!gateway) {
-		add_identification(nodes, drive, description);
-		/* Not from the folder: who browses that would see each drive twice. */
-		(void)UA_Server_addReference(nodes->server, UA_NODEID_NUMERIC(0, UA_NS0ID_SERVER),
-		                             UA_NODEID_NUMERIC(0, UA_NS0ID_HASNOTIFIER),
-		                             UA_EXPANDEDNODEID_NODEID(id_of(nodes, &root)), true);
-	}
-}
-
-static void forget_shared(struct db_opcua_nodes *nodes)
-{
-	struct shared **at = &nodes->shared;
-
-	while (*at) {
-		struct shared *shared = *at;
-		UA_NodeId id = UA_NODEID_NUMERIC(nodes->space, shared->number);
-		UA_NodeClass class;
-
-		if (UA_Server_readNodeClass(nodes->server, id, &class) == UA_STATUSCODE_GOOD) {
-			at = &shared->next;
-		} else {
-			*at = shared->next;
-			free(shared);
-		}
-	}
+	db_client_log(DB_CLIENT_ERROR, "drive %s cannot be shown: %s", drive->name,
+	              UA_StatusCode_name(status));
+	if (shown)
+		db_opcua_roster_remove(&nodes->roster, shown);
 }
 
 void db_opcua_nodes_remove(struct db_opcua_nodes *nodes, const struct db_opcua_drive *drive)
 {
-	struct node_id root = make_id(drive->name, "", "");
-	struct shown_drive **at = &nodes->drives;
-	struct shown_drive *shown;
+	for (size_t i = 0; i < nodes->roster.count; i++) {
+		struct db_opcua_shown *shown = nodes->roster.drives[i];
 
-	while (*at && (*at)->drive != drive)
-		at = &(*at)->next;
-	shown = *at;
-	if (!shown)
+		if (shown->drive != drive)
+			continue;
+		(void)link_drive(nodes, shown, false);
+		db_opcua_roster_remove(&nodes->roster, shown);
 		return;
-	*at = shown->next;
-	/* What hangs below goes with it; of what is shared that which nobody has any more. */
-	(void)UA_Server_deleteNode(nodes->server, id_of(nodes, &root), true);
-	forget_shared(nodes);
-	free(shown->methods);
-	free(shown->columns);
-	free(shown);
+	}
 }
 
 /* --- buses ------------------------------------------------------------------------------------ */
 
-static struct fact *find_fact(const struct db_opcua_nodes *nodes, const char *bus, const char *name)
-{
-	for (struct fact *fact = nodes->facts; fact; fact = fact->next) {
-		if (strcmp(fact->bus, bus) == 0 && strcmp(fact->name, name) == 0)
-			return fact;
-	}
-	return NULL;
-}
-
-static struct node_id bus_id(const char *bus, const char *name)
-{
-	struct node_id id;
-
-	(void)snprintf(id.text, sizeof(id.text), "/Buses.%s%s%s", bus, name[0] ? "." : "", name);
-	return id;
-}
-
-static void set_fact(struct db_opcua_nodes *nodes, const char *bus, const char *name, json_t *value)
-{
-	struct fact *fact = find_fact(nodes, bus, name);
-	struct node_id parent = bus_id(bus, "");
-	UA_VariableAttributes attributes = UA_VariableAttributes_default;
-	UA_DataSource source = { .read = read_fact };
-	const UA_DataType *type = db_opcua_json_type(value);
-	struct node_id id;
-
-	if (!type || (!fact && !exists(nodes, &parent)))
-		return;
-	if (fact) {
-		json_decref(fact->value);
-		fact->value = json_incref(value);
-		fact->time = UA_DateTime_now();
-		return;
-	}
-	fact = calloc(1, sizeof(*fact));
-	if (!fact)
-		return;
-	(void)snprintf(fact->bus, sizeof(fact->bus), "%s", bus);
-	(void)snprintf(fact->name, sizeof(fact->name), "%s", name);
-	fact->value = json_incref(value);
-	fact->time = UA_DateTime_now();
-	fact->next = nodes->facts;
-	nodes->facts = fact;
-	id = bus_id(bus, name);
-	attributes.dataType = type->typeId;
-	attributes.accessLevel = UA_ACCESSLEVELMASK_READ;
-	add_variable(nodes, &id, &parent, name, UA_NS0ID_BASEDATAVARIABLETYPE, &attributes, source,
-	             fact);
-}
-
-static void forget_facts(struct db_opcua_nodes *nodes)
-{
-	while (nodes->facts) {
-		struct fact *fact = nodes->facts;
-
-		nodes->facts = fact->next;
-		json_decref(fact->value);
-		free(fact);
-	}
-}
-
-static json_t *names_of(const json_t *buses)
-{
-	json_t *names = json_array();
-	size_t i;
-	const json_t *bus;
-
-	json_array_foreach(buses, i, bus)(void)
-		json_array_append(names, json_object_get(bus, "name"));
-	return names;
-}
-
 void db_opcua_nodes_set_buses(struct db_opcua_nodes *nodes, json_t *buses)
 {
-	json_t *names = names_of(buses);
-	struct node_id folder = { .text = "/Buses" };
-	size_t i;
-	json_t *bus;
-
-	if (!nodes->buses || !json_equal(nodes->buses, names)) {
-		json_array_foreach(nodes->buses, i, bus)
-		{
-			struct node_id id = bus_id(json_string_value(bus), "");
-
-			(void)UA_Server_deleteNode(nodes->server, id_of(nodes, &id), true);
-		}
-		forget_facts(nodes);
-		json_array_foreach(names, i, bus)
-		{
-			struct node_id id = bus_id(json_string_value(bus), "");
-
-			add_object(nodes, &id, id_of(nodes, &folder), json_string_value(bus), "",
-			           UA_NS0ID_BASEOBJECTTYPE, false);
-		}
-		json_decref(nodes->buses);
-		nodes->buses = json_incref(names);
-	}
-	json_decref(names);
-	json_array_foreach(buses, i, bus)
-	{
-		const char *key;
-		json_t *value;
-
-		json_object_foreach(bus, key, value)
-		{
-			char name[DB_OPCUA_NAME_MAX];
-
-			db_opcua_name_of(key, name);
-			set_fact(nodes, json_string_value(json_object_get(bus, "name")), name,
-			         value);
-		}
-	}
+	db_opcua_buses_describe(&nodes->roster.buses, buses, db_client_wall_us());
 }
 
 void db_opcua_nodes_set_figures(struct db_opcua_nodes *nodes, json_t *buses)
 {
-	const char *bus;
-	json_t *figures;
-
-	json_object_foreach(buses, bus, figures)
-	{
-		const char *key;
-		json_t *value;
-
-		json_object_foreach(figures, key, value)
-		{
-			char name[DB_OPCUA_NAME_MAX];
-
-			db_opcua_name_of(key, name);
-			/* Describe says it as well, as a boolean. */
-			if (strcmp(key, "up") != 0)
-				set_fact(nodes, bus, name, value);
-		}
-	}
+	db_opcua_buses_measure(nodes->roster.buses, buses, db_client_wall_us());
 }
 
 /* --- the whole -------------------------------------------------------------------------------- */
 
-struct db_opcua_nodes *db_opcua_nodes_new(UA_Server *server, const struct db_opcua_config *config,
+struct db_opcua_nodes *db_opcua_nodes_new(const struct db_opcua_config *config,
                                           const struct db_opcua_nodes_ops *ops, void *context)
 {
+	static const struct db_opcua_store_ops store_ops = {
+		.find = identify,
+		.fill = fill_node,
+		.refer = refer_of_node,
+	};
 	struct db_opcua_nodes *nodes = calloc(1, sizeof(*nodes));
-	struct node_id drives = { .text = "/Drives" };
-	struct node_id buses = { .text = "/Buses" };
-	UA_NodeId objects = UA_NODEID_NUMERIC(0, UA_NS0ID_OBJECTSFOLDER);
 
 	if (!nodes)
 		return NULL;
-	nodes->server = server;
 	nodes->config = config;
 	nodes->ops = ops;
 	nodes->context = context;
-	nodes->space = UA_Server_addNamespace(server, DB_OPCUA_NAMESPACE);
-	UA_Server_getConfig(server)->context = nodes;
-	add_object(nodes, &drives, objects, "Drives", "The drives by their names",
-	           UA_NS0ID_FOLDERTYPE, true);
-	add_object(nodes, &buses, objects, "Buses", "The lines that they are on",
-	           UA_NS0ID_FOLDERTYPE, false);
-	(void)UA_Server_addReference(server, UA_NODEID_NUMERIC(0, UA_NS0ID_SERVER),
-	                             UA_NODEID_NUMERIC(0, UA_NS0ID_HASNOTIFIER),
-	                             UA_EXPANDEDNODEID_NODEID(id_of(nodes, &drives)), true);
-	if (nodes->failed) {
-		db_opcua_nodes_free(nodes);
+	nodes->store = db_opcua_store_new(&store_ops, nodes);
+	if (!nodes->store) {
+		free(nodes);
 		return NULL;
 	}
 	return nodes;
@@ -864,59 +574,64 @@ void db_opcua_nodes_free(struct db_opcua_nodes *nodes)
 {
 	if (!nodes)
 		return;
-	while (nodes->drives) {
-		struct shown_drive *shown = nodes->drives;
-
-		nodes->drives = shown->next;
-		free(shown->methods);
-		free(shown->columns);
-		free(shown);
-	}
-	forget_facts(nodes);
-	while (nodes->shared) {
-		struct shared *shared = nodes->shared;
-
-		nodes->shared = shared->next;
-		free(shared);
-	}
-	json_decref(nodes->buses);
+	db_opcua_roster_clear(&nodes->roster);
+	db_opcua_store_free(nodes->store);
 	free(nodes);
+}
+
+UA_Nodestore db_opcua_nodes_store(struct db_opcua_nodes *nodes)
+{
+	return db_opcua_store_give(nodes->store);
+}
+
+UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *server)
+{
+	struct node_id drives = make_id(DB_OPCUA_DRIVES, "");
+	struct node_id buses = make_id(DB_OPCUA_BUSES, "");
+	UA_StatusCode status;
+
+	nodes->space = UA_Server_addNamespace(server, DB_OPCUA_NAMESPACE);
+	UA_Server_getConfig(server)->context = nodes;
+	db_opcua_store_begin(nodes->store, nodes->space);
+	status = db_opcua_store_link(nodes->store, UA_NS0ID_OBJECTSFOLDER,
+	                             UA_REFERENCETYPEINDEX_ORGANIZES, id_of(nodes, &drives),
+	                             browse_name(nodes, "Drives"), true);
+	if (status == UA_STATUSCODE_GOOD)
+		status = db_opcua_store_link(
+			nodes->store, UA_NS0ID_SERVER, UA_REFERENCETYPEINDEX_HASNOTIFIER,
+			id_of(nodes, &drives), browse_name(nodes, "Drives"), true);
+	if (status == UA_STATUSCODE_GOOD)
+		status = db_opcua_store_link(nodes->store, UA_NS0ID_OBJECTSFOLDER,
+		                             UA_REFERENCETYPEINDEX_ORGANIZES, id_of(nodes, &buses),
+		                             browse_name(nodes, "Buses"), true);
+	return status;
 }
 
 UA_NodeId db_opcua_nodes_of_drive(const struct db_opcua_nodes *nodes, const char *drive)
 {
-	struct node_id id = make_id(drive, "", "");
-	struct node_id folder = { .text = "/Drives" };
-	UA_NodeId found;
+	bool there = db_opcua_roster_find(&nodes->roster, drive, strlen(drive)) != NULL;
+	struct node_id id = make_id(there ? drive : DB_OPCUA_DRIVES, "");
+	UA_NodeId found = id_of(nodes, &id);
 	UA_NodeId copy;
 
-	for (const struct shown_drive *shown = nodes->drives; shown; shown = shown->next) {
-		if (drive[0] != '\0' && strcmp(shown->drive->name, drive) == 0)
-			folder = id;
-	}
-	found = id_of(nodes, &folder);
 	if (UA_NodeId_copy(&found, &copy) != UA_STATUSCODE_GOOD)
 		return UA_NODEID_NULL;
 	return copy;
 }
 
-void db_opcua_nodes_watch(struct db_opcua_nodes *nodes, const UA_NodeId *node, void *node_context,
-                          bool removed)
+void db_opcua_nodes_watch(struct db_opcua_nodes *nodes, const UA_NodeId *node, bool removed)
 {
-	struct db_opcua_item *item = node_context;
+	struct db_opcua_subject subject;
+	struct db_opcua_register *reg;
 
-	if (node->namespaceIndex != nodes->space || !item)
+	if (node->namespaceIndex != nodes->space || node->identifierType != UA_NODEIDTYPE_STRING ||
+	    !identify(nodes, node->identifier.string, &subject) || !subject.branch ||
+	    subject.branch->type != DB_OPCUA_VARIABLE)
 		return;
-	/* Other nodes have other contexts. */
-	for (const struct shown_drive *shown = nodes->drives; shown; shown = shown->next) {
-		if (item < shown->drive->items ||
-		    item >= shown->drive->items + shown->drive->kind->count)
-			continue;
-		if (!removed)
-			item->reg->watchers++;
-		else if (item->reg->watchers > 0)
-			item->reg->watchers--;
-		nodes->ops->rewatch(nodes->context);
-		return;
-	}
+	reg = subject.shown->drive->items[subject.branch->place].reg;
+	if (!removed)
+		reg->watchers++;
+	else if (reg->watchers > 0)
+		reg->watchers--;
+	nodes->ops->rewatch(nodes->context);
 }

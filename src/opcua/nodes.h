@@ -29,11 +29,17 @@ struct db_opcua_nodes_ops {
 	                     const char *command, json_t *arguments);
 };
 
-/* The folders that are always there; of drives what `config` says, which must outlive it. NULL without memory or when the library refuses one; freed with
- * db_opcua_nodes_free() after the server, NULL is allowed. */
-struct db_opcua_nodes *db_opcua_nodes_new(UA_Server *server, const struct db_opcua_config *config,
+/* What `config` says of drives is shown, which must outlive it. NULL without memory; freed with db_opcua_nodes_free() after
+ * the server, NULL is allowed. */
+struct db_opcua_nodes *db_opcua_nodes_new(const struct db_opcua_config *config,
                                           const struct db_opcua_nodes_ops *ops, void *context);
 void db_opcua_nodes_free(struct db_opcua_nodes *nodes);
+
+/* For the configuration of the server, which has to have it cleared. */
+UA_Nodestore db_opcua_nodes_store(struct db_opcua_nodes *nodes);
+
+/* The folders that are always there, once there is a server with this store. */
+UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *server);
 
 /* A drive with all its nodes. The drive must outlive them. */
 void db_opcua_nodes_add(struct db_opcua_nodes *nodes, struct db_opcua_drive *drive,
@@ -47,8 +53,7 @@ void db_opcua_nodes_set_figures(struct db_opcua_nodes *nodes, json_t *buses);
 /* The node of a drive, or the one of all of them when there is no such; freed with UA_NodeId_clear(). */
 UA_NodeId db_opcua_nodes_of_drive(const struct db_opcua_nodes *nodes, const char *drive);
 
-/* A monitored item of a node comes or goes. */
-void db_opcua_nodes_watch(struct db_opcua_nodes *nodes, const UA_NodeId *node, void *node_context,
-                          bool removed);
+/* A monitored item of a node's value comes or goes. */
+void db_opcua_nodes_watch(struct db_opcua_nodes *nodes, const UA_NodeId *node, bool removed);
 
 #endif

@@ -2,13 +2,13 @@
 #include "opcua/plant.h"
 
 #include "client/client.h"
+#include "client/clock.h"
 #include "client/log.h"
 #include "client/retry.h"
 
 #include <malloc.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 /* Calls that are not answered within this time will never be. */
 #define ANSWER_MAX (10 * DB_NS_PER_S)
@@ -197,6 +197,7 @@ static void take_samples(void *data, json_t *parameters, const struct db_client_
 		}
 		db_opcua_drive_take(drive, json_object_get(sample, "values"),
 		                    json_integer_value(json_object_get(sample, "time_us")));
+		drive->begun = true;
 		if (!drive->missed)
 			drive->streamed = plant->now;
 	}
@@ -274,6 +275,7 @@ static void subscribe(struct db_opcua_plant *plant)
 	plant->clients[VALUES] = NULL;
 	for (size_t i = 0; i < plant->drive_count; i++) {
 		plant->drives[i]->streamed = 0;
+		plant->drives[i]->begun = false;
 		plant->drives[i]->missed = false;
 	}
 	if (!names)
@@ -527,54 +529,40 @@ static void take_figures(void *data, json_t *parameters, const struct db_client_
 
 void db_opcua_plant_outdate(struct db_opcua_drive *drive)
 {
-	struct timespec time;
-
-	(void)clock_gettime(CLOCK_REALTIME, &time);
-	drive->outdated_us = (int64_t)time.tv_sec * 1000000 + time.tv_nsec / 1000;
+	drive->outdated_us = db_client_wall_us();
 	for (size_t i = 0; i < DB_OPCUA_GROUPS; i++)
 		drive->taken[i] = 0;
 	drive->streamed = 0;
 }
 
-static db_time read_clock(void)
-{
-	struct timespec time;
-
-	(void)clock_gettime(CLOCK_MONOTONIC, &time);
-	return (db_time)time.tv_sec * DB_NS_PER_S + time.tv_nsec;
-}
-
-static bool is_fresh(const struct db_opcua_plant *plant, const struct db_opcua_item *item,
-                     db_time now)
-{
-	const struct db_opcua_drive *drive = item->drive;
-	db_time interval = plant->config->interval_ms * DB_NS_PER_MS;
-
-	if (item->reg->streamed && drive->streamed > 0 &&
-	    now - drive->streamed < STREAM_LATE * interval)
-		return true;
-	return drive->taken[item->reg->group] > 0 &&
-	       now - drive->taken[item->reg->group] < interval;
-}
-
 void db_opcua_plant_fetch(struct db_opcua_plant *plant, struct db_opcua_item *item)
 {
 	struct db_opcua_drive *drive = item->drive;
+	enum db_opcua_group group = item->reg->group;
 	struct db_client_error error = { .parameters = NULL };
-	db_time now = read_clock();
+	db_time interval = plant->config->interval_ms * DB_NS_PER_MS;
+	db_time now = db_client_now();
+	bool streamed = drive->streamed > 0 && now - drive->streamed < STREAM_LATE * interval;
 	json_t *answer = NULL;
 
-	if (!plant->there || is_fresh(plant, item, now) || now < plant->fetch_at)
+	if (!plant->there || (streamed && item->reg->streamed) ||
+	    (drive->taken[group] > 0 && now - drive->taken[group] < interval) ||
+	    now < plant->fetch_at)
 		return;
 	if (db_client_call(plant->fetcher, "Read",
 	                   json_pack("{s:s, s:o}", "drive", drive->name, "names",
-	                             db_opcua_group_names(drive->kind, item->reg->group)),
+	                             db_opcua_group_names(drive->kind, group, !streamed)),
 	                   FETCH_MAX_MS, &answer, &error) == 0) {
 		json_t *values = json_object_get(answer, "values");
 
 		db_opcua_drive_take(drive, values,
 		                    json_integer_value(json_object_get(values, "timestamp_us")));
-		drive->taken[item->reg->group] = now;
+		drive->taken[group] = now;
+		/* The stream tells only what is not as it told it last: it does not know of these values. */
+		if (!streamed && drive->begun) {
+			drive->missed = true;
+			db_opcua_plant_rewatch(plant);
+		}
 	} else {
 		plant->fetch_at = now + FETCH_PAUSE;
 		/* A connection on which an answer is still to come is not used for another question. */

@@ -240,9 +240,9 @@ static void count_watchers(UA_Server *library, const UA_NodeId *session, void *s
 {
 	(void)session;
 	(void)session_context;
+	(void)node_context;
 	if (attribute == UA_ATTRIBUTEID_VALUE)
-		db_opcua_nodes_watch(UA_Server_getConfig(library)->context, node, node_context,
-		                     removed);
+		db_opcua_nodes_watch(UA_Server_getConfig(library)->context, node, removed);
 }
 
 static void forget_connection(void *context, uintptr_t connection)
@@ -333,6 +333,7 @@ static UA_Server *new_library(struct db_opcua_server *server)
 	UA_StatusCode status;
 
 	memset(&settings, 0, sizeof(settings));
+	settings.nodestore = db_opcua_nodes_store(server->nodes);
 	settings.logging = db_opcua_network_logger(server->network);
 	settings.eventLoop = db_opcua_network_give_loop(server->network);
 	status = UA_ServerConfig_setBasics_withPort(&settings, (UA_UInt16)server->config->port);
@@ -378,12 +379,14 @@ struct db_opcua_server *db_opcua_server_new(const struct db_opcua_config *config
 	server->access = db_opcua_access_new(config, server->network, lose_session, server);
 	server->acting = db_opcua_acting_new(config, server->network, take_end, feed, server);
 	server->plant = db_opcua_plant_new(config, &plant_ops, server);
-	if (server->network && server->access && server->acting && server->plant)
+	server->nodes = db_opcua_nodes_new(config, &node_ops, server);
+	if (server->network && server->access && server->acting && server->plant && server->nodes)
 		server->library = new_library(server);
-	if (server->library &&
-	    db_opcua_access_watch(server->access, server->library) == UA_STATUSCODE_GOOD)
-		server->nodes = db_opcua_nodes_new(server->library, config, &node_ops, server);
-	if (server->nodes)
+	if (server->library)
+		status = db_opcua_access_watch(server->access, server->library);
+	if (status == UA_STATUSCODE_GOOD)
+		status = db_opcua_nodes_begin(server->nodes, server->library);
+	if (status == UA_STATUSCODE_GOOD)
 		status = db_opcua_events_set_up(server->library);
 	if (status == UA_STATUSCODE_GOOD)
 		status = UA_Server_run_startup(server->library);
@@ -404,10 +407,10 @@ void db_opcua_server_free(struct db_opcua_server *server)
 {
 	if (!server)
 		return;
-	if (server->nodes)
+	if (server->library) {
 		(void)UA_Server_run_shutdown(server->library);
-	if (server->library)
 		(void)UA_Server_delete(server->library);
+	}
 	db_opcua_nodes_free(server->nodes);
 	db_opcua_plant_free(server->plant);
 	db_opcua_acting_free(server->acting);

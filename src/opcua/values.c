@@ -153,26 +153,6 @@ UA_StatusCode db_opcua_value_read_column(const struct db_opcua_drive *drive,
 	return status;
 }
 
-UA_StatusCode db_opcua_value_zero(enum db_opcua_type type, UA_DataValue *value)
-{
-	union plain plain = { .text = UA_STRING_NULL };
-
-	value->hasValue = true;
-	return UA_Variant_setScalarCopy(&value->value, &plain, db_opcua_data_type(type));
-}
-
-UA_StatusCode db_opcua_value_zeros(const struct db_opcua_column *column, UA_DataValue *value)
-{
-	const UA_DataType *type = db_opcua_data_type(column->first->type);
-	void *zeros = UA_Array_new(column->count, type);
-
-	if (!zeros)
-		return UA_STATUSCODE_BADOUTOFMEMORY;
-	UA_Variant_setArray(&value->value, zeros, column->count, type);
-	value->hasValue = true;
-	return UA_STATUSCODE_GOOD;
-}
-
 UA_StatusCode db_opcua_value_to_json(const UA_Variant *value, json_t **json)
 {
 	double real;
@@ -218,7 +198,7 @@ const UA_DataType *db_opcua_json_type(const json_t *json)
 	}
 }
 
-UA_StatusCode db_opcua_value_from_json(const json_t *json, UA_DataValue *value)
+UA_StatusCode db_opcua_value_from_json(const json_t *json, int64_t time_us, UA_DataValue *value)
 {
 	const UA_DataType *type = db_opcua_json_type(json);
 	UA_Boolean flag = json_is_true(json);
@@ -230,6 +210,8 @@ UA_StatusCode db_opcua_value_from_json(const json_t *json, UA_DataValue *value)
 	                   json_is_real(json)    ? (const void *)&real :
 	                                           (const void *)&text;
 
+	value->hasSourceTimestamp = true;
+	value->sourceTimestamp = date_of(time_us);
 	value->hasValue = true;
 	return UA_Variant_setScalarCopy(&value->value, data, type);
 }

@@ -19,16 +19,13 @@ UA_StatusCode db_opcua_value_read(const struct db_opcua_item *item, UA_DataValue
 UA_StatusCode db_opcua_value_read_column(const struct db_opcua_drive *drive,
                                          const struct db_opcua_column *column, UA_DataValue *value);
 
-/* A value of the type, or those of a column, of which nothing is known. */
-UA_StatusCode db_opcua_value_zero(enum db_opcua_type type, UA_DataValue *value);
-UA_StatusCode db_opcua_value_zeros(const struct db_opcua_column *column, UA_DataValue *value);
-
 /* What a client writes, as the service takes it: a new value, or why it cannot be one. */
 UA_StatusCode db_opcua_value_to_json(const UA_Variant *value, json_t **json);
 
-/* What the service tells without a type. NULL: there is none for it. */
+/* What the service tells without a type, a boolean, a number or a text: that for it, and the value as a variable is
+ * read. */
 const UA_DataType *db_opcua_json_type(const json_t *json);
-UA_StatusCode db_opcua_value_from_json(const json_t *json, UA_DataValue *value);
+UA_StatusCode db_opcua_value_from_json(const json_t *json, int64_t time_us, UA_DataValue *value);
 
 /* A unit with its UNECE code where it is one of the usual ones. The texts are `unit`. */
 UA_EUInformation db_opcua_unit(const char *unit);

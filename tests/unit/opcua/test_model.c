@@ -257,7 +257,14 @@ static void test_a_group_is_read_with_its_quality(void **state)
 
 	(void)state;
 	make_plant(&plant, "feeder");
-	names = db_opcua_group_names(plant.drive->kind, DB_OPCUA_PARAMETERS);
+	names = db_opcua_group_names(plant.drive->kind, DB_OPCUA_PARAMETERS, true);
+	assert_true(json_equal(names, expected));
+	json_decref(names);
+	json_decref(expected);
+	/* What a stream tells is not asked for. */
+	db_opcua_drive_find(plant.drive, "spd")->reg->streamed = true;
+	expected = parse("['timestamp_us']");
+	names = db_opcua_group_names(plant.drive->kind, DB_OPCUA_PARAMETERS, false);
 	assert_true(json_equal(names, expected));
 	json_decref(names);
 	json_decref(expected);

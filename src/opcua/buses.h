@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What the service tells of its buses, each fact by its name. Nothing of OPC UA's library is known here.
+ *
+ * No I/O, no clock; allocates.
+ */
+#ifndef DRIVEBRIDGE_OPCUA_BUSES_H
+#define DRIVEBRIDGE_OPCUA_BUSES_H
+
+#include "opcua/names.h"
+
+#include <jansson.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+struct db_opcua_fact {
+	char name[DB_OPCUA_NAME_MAX];
+	json_t *value; /* a boolean, a number or a text */
+	int64_t time_us;
+	struct db_opcua_fact *next;
+};
+
+struct db_opcua_bus {
+	char name[64];
+	struct db_opcua_fact *facts;
+	struct db_opcua_bus *next;
+};
+
+/* Takes what is told of a list of buses (the interface's type Bus): those that are not in it go, with all their facts. */
+void db_opcua_buses_describe(struct db_opcua_bus **buses, json_t *told, int64_t time_us);
+/* ... and what was measured, by their names. */
+void db_opcua_buses_measure(struct db_opcua_bus *buses, json_t *told, int64_t time_us);
+void db_opcua_buses_free(struct db_opcua_bus **buses);
+
+/* "line" is a bus, "line.Up" a fact of it; the text need not be ended by a zero byte. False: there is none of that name. */
+bool db_opcua_buses_find(struct db_opcua_bus *buses, const char *text, size_t length,
+                         struct db_opcua_bus **bus, struct db_opcua_fact **fact);
+
+#endif
