@@ -14,6 +14,9 @@
 /* The metrics of 500 drives are the longest message, with less than a megabyte. */
 #define MESSAGE_MAX ((size_t)16 * 1024 * 1024)
 
+/* The answer to the first call where the service has too many sessions; it closes the connection behind that. */
+#define BUSY DB_CLIENT_SERVICE "Busy"
+
 struct call {
 	db_client_answer_fn *answer;
 	void *data;
@@ -28,6 +31,8 @@ struct db_client {
 	struct call *first; /* in the order of their answers */
 	struct call **last;
 	unsigned waiting;
+	bool heard; /* there was an answer */
+	bool refused; /* and it was that there is no room for one more session; nothing came behind it */
 	struct db_client_error lost; /* why, once it is */
 };
 
@@ -242,6 +247,8 @@ static bool hand_over(struct db_client *client, json_t *message)
 		db_client_error_read(&error, json_string_value(name), parameters);
 	if (name || !more)
 		free_first_call(client);
+	client->refused = !client->heard && name && strcmp(error.name, BUSY) == 0;
+	client->heard = true;
 	if (call.answer)
 		call.answer(call.data, name ? NULL : parameters, name ? &error : NULL,
 		            !name && more);
@@ -282,7 +289,9 @@ int db_client_handle(struct db_client *client)
 			continue;
 		if (count < 0 && errno == EAGAIN)
 			break;
-		if (count <= 0)
+		if (count <= 0 && client->refused)
+			give_up(client, BUSY, "the service has no room for one more session");
+		else if (count <= 0)
 			give_up(client, DB_CLIENT_LOST, "the service has closed the connection");
 		else if (db_frames_add(client->frames, bytes, (size_t)count) != 0)
 			give_up(client, DB_CLIENT_NO_MEMORY, "no memory");

@@ -19,7 +19,7 @@ struct db_client;
 
 /*
  * An answer: its parameters, or an error (then `parameters` is NULL). Both stay the library's. With `more` there are
- * further answers to this call. When the connection is lost, each call that waits gets DB_CLIENT_LOST. May make
+ * further answers to this call. When the connection is lost, each call that waits gets DB_CLIENT_LOST; or the service's Busy where it had no room for the session. May make
  * calls, must not close.
  */
 typedef void db_client_answer_fn(void *data, json_t *parameters,

@@ -77,36 +77,43 @@ bool db_act_is_allowed(struct db_session *session)
 	return true;
 }
 
-/* Calls are carried out one behind the other: what came before was done for whom it was said then. */
-void db_act_introduce(const struct db_call *call)
+/* Another user is another client: what this one had control of, that one has not. */
+static void change_user(struct db_session *session, const char *user)
 {
-	struct db_session *session = call->session;
 	struct db_control_socket *control = session->control;
 	const struct db_actor *before = db_actors_find(&control->actors, session->actor);
 	char text[DB_CLIENT_TEXT_MAX];
 	struct db_log_about about = { .client = text };
+
+	if (!before || strcmp(before->named, user) == 0)
+		return;
+	db_registers_backend.restricted(control->setup.registers, &session->client);
+	db_session_text(session, text);
+	if (session->acted)
+		db_log(&control->log, db_control_now(control), DB_EVENT_CLIENT_GONE, &about,
+		       "gone (session %u acts for another user)", (unsigned)session->client.port);
+	session->acted = false;
+	db_session_set_actor(session, before->user, before->process_user, user);
+}
+
+/* What came before was done for whom it was said then. */
+void db_act_introduce(const struct db_call *call)
+{
+	struct db_session *session = call->session;
 	const char *user;
+	bool good;
 
 	if (!db_session_require_act(session) || !db_call_text(call, "user", &user))
 		return;
-	if (user[0] != '\0' && !db_actors_name_is_good(user)) {
+	good = user[0] == '\0' || db_actors_name_is_good(user);
+	/* What is on its way behind this call is not done under a wrong name. */
+	change_user(session, good ? user : "");
+	if (good)
+		db_session_reply(session, NULL, false);
+	else
 		db_session_fail_value(session, "user",
 		                      "a name has 1 to 32 bytes of UTF-8 that can be seen, and no "
 		                      "space first or last");
-		return;
-	}
-	if (before && strcmp(before->named, user) != 0) {
-		/* Another user is another client: what this one had control of, that one has not. */
-		db_registers_backend.restricted(control->setup.registers, &session->client);
-		db_session_text(session, text);
-		if (session->acted)
-			db_log(&control->log, db_control_now(control), DB_EVENT_CLIENT_GONE, &about,
-			       "gone (session %u acts for another user)",
-			       (unsigned)session->client.port);
-		session->acted = false;
-		db_session_set_actor(session, before->user, before->process_user, user);
-	}
-	db_session_reply(session, NULL, false);
 }
 
 static struct db_write_token next_token(struct db_session *session)

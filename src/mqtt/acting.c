@@ -2,6 +2,7 @@
 #include "mqtt/acting.h"
 
 #include "client/client.h"
+#include "client/log.h"
 
 #include <ctype.h>
 #include <stdio.h>
@@ -22,9 +23,10 @@ struct session {
 	char drive[32];
 	char id[DB_MQTT_ID_MAX + 1];
 	char command[48];
-	bool busy;    /* with a command ... */
-	bool stops;   /* ... that is a stop */
-	bool feeding; /* a sign of life is on its way */
+	char user[DB_MQTT_USER_MAX + 1]; /* for whom it said last that it acts */
+	bool busy;                       /* with a command ... */
+	bool stops;                      /* ... that is a stop */
+	bool feeding;                    /* a sign of life is on its way */
 	db_time used;
 };
 
@@ -35,6 +37,7 @@ struct db_mqtt_acting {
 	struct session sessions[SESSIONS_MAX];
 	/* There since there is a session: for stops that find them all taken. */
 	struct db_client *stopper;
+	char stopper_user[DB_MQTT_USER_MAX + 1]; /* as that of a session */
 };
 
 struct db_mqtt_acting *db_mqtt_acting_new(const char *socket, db_mqtt_result_fn *result,
@@ -56,6 +59,7 @@ static void close_session(struct session *session)
 {
 	db_client_close(session->client);
 	session->client = NULL;
+	session->user[0] = '\0';
 	session->busy = false;
 	session->feeding = false;
 }
@@ -81,10 +85,38 @@ static void name_error(const char *error, char *name, size_t size)
 	name[used] = '\0';
 }
 
+static void take_introduction(void *data, json_t *parameters, const struct db_client_error *error,
+                              bool more)
+{
+	const struct session *session = data;
+
+	(void)parameters;
+	(void)more;
+	/* Which is then nobody's for the service. */
+	if (error)
+		db_client_log(DB_CLIENT_WARNING, "command %s to drive %s: its user is not told: %s",
+		              session->command, session->drive, error->text);
+}
+
+/* Before what is done for him. */
+static void introduce(struct session *session, const char *user)
+{
+	if (!session->client || strcmp(session->user, user) == 0)
+		return;
+	(void)snprintf(session->user, sizeof(session->user), "%s", user);
+	(void)db_client_send(session->client, "Introduce", json_pack("{s:s}", "user", user), false,
+	                     take_introduction, session);
+}
+
 /* A stop that found no session goes out without one, and without its end. False: there is no connection for that. */
 static bool tell_stop(struct db_mqtt_acting *acting, const char *drive, const char *id,
-                      const char *command)
+                      const char *command, const char *user)
 {
+	if (acting->stopper && strcmp(acting->stopper_user, user) != 0) {
+		(void)snprintf(acting->stopper_user, sizeof(acting->stopper_user), "%s", user);
+		(void)db_client_tell(acting->stopper, "Introduce",
+		                     json_pack("{s:s}", "user", user));
+	}
 	if (!acting->stopper ||
 	    db_client_tell(acting->stopper, "Run",
 	                   json_pack("{s:s, s:s}", "drive", drive, "command", command)) != 0)
@@ -105,7 +137,7 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	session->busy = more;
 	/* The service has no room for one more session. */
 	if (error && session->stops && strcmp(error->name, DB_CLIENT_SERVICE "Busy") == 0 &&
-	    tell_stop(acting, session->drive, session->id, session->command))
+	    tell_stop(acting, session->drive, session->id, session->command, session->user))
 		return;
 	if (error) {
 		/* Of a refusal the service says which one. */
@@ -171,7 +203,7 @@ void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
 	json_t *parameters;
 
 	if (!session && db_mqtt_command_is_stop(command) &&
-	    tell_stop(acting, drive, command->id, name))
+	    tell_stop(acting, drive, command->id, name, command->user))
 		return;
 	if (!session) {
 		acting->result(acting->context, drive, command->id, name, "busy",
@@ -188,6 +220,7 @@ void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
 	session->stops = db_mqtt_command_is_stop(command);
 	session->used = now;
 	session->busy = true;
+	introduce(session, command->user);
 	if (!session->client ||
 	    db_client_send(session->client, command->name ? "Run" : "Write", parameters,
 	                   command->name != NULL, take_result, session) != 0) {
@@ -228,6 +261,7 @@ bool db_mqtt_acting_drop(struct db_mqtt_acting *acting)
 	}
 	db_client_close(acting->stopper);
 	acting->stopper = NULL;
+	acting->stopper_user[0] = '\0';
 	return any;
 }
 
@@ -256,5 +290,6 @@ void db_mqtt_acting_handle(struct db_mqtt_acting *acting)
 	if (acting->stopper && db_client_handle(acting->stopper) != 0) {
 		db_client_close(acting->stopper);
 		acting->stopper = NULL;
+		acting->stopper_user[0] = '\0';
 	}
 }

@@ -22,13 +22,31 @@ static bool read_id(const json_t *json, char id[DB_MQTT_ID_MAX + 1])
 	return false;
 }
 
+/* As far as it can be told here; the service has the last word. */
+static bool is_user(const json_t *json)
+{
+	const char *text = json_string_value(json);
+	size_t length = json_string_length(json);
+
+	if (!text || length == 0 || length > DB_MQTT_USER_MAX)
+		return false;
+	for (size_t i = 0; i < length; i++) {
+		if ((unsigned char)text[i] < ' ' || text[i] == 0x7F)
+			return false;
+	}
+	return true;
+}
+
 static const char *read_members(struct db_mqtt_command *command)
 {
-	static const char *const known[] = { "id", "time", "command", "arguments", "write" };
+	static const char *const known[] = {
+		"id", "time", "user", "command", "arguments", "write"
+	};
 	json_t *name = json_object_get(command->message, "command");
 	json_t *values = json_object_get(command->message, "write");
 	json_t *time = json_object_get(command->message, "time");
 	json_t *id = json_object_get(command->message, "id");
+	json_t *user = json_object_get(command->message, "user");
 	const char *key;
 	const json_t *value;
 
@@ -41,12 +59,15 @@ static const char *read_members(struct db_mqtt_command *command)
 		for (size_t i = 0; i < sizeof(known) / sizeof(known[0]); i++)
 			found = found || strcmp(key, known[i]) == 0;
 		if (!found)
-			return "there are id, time, command, arguments and write, nothing else";
+			return "there are id, time, user, command, arguments and write, nothing else";
 	}
 	if (time &&
 	    (!json_is_string(time) || !db_mqtt_moment_read(json_string_value(time), &command->us)))
 		return "time is a text such as 2026-03-01T12:00:00Z";
 	command->timed = time != NULL;
+	if (user && !is_user(user))
+		return "user is a text of 1 to 32 bytes";
+	command->user = user ? json_string_value(user) : "";
 	command->arguments = json_object_get(command->message, "arguments");
 	if (!name == !values)
 		return "either command or write is needed";

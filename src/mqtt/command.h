@@ -3,7 +3,7 @@
  * What somebody wants of a drive, out of the text of a message:
  *
  *   {"id": "4711", "time": "2026-03-01T12:00:00Z", "command": "move_absolute", "arguments": {"target_position": 3200}}
- *   {"id": "4712", "time": "2026-03-01T12:00:01Z", "write": {"spd": 6400}}
+ *   {"id": "4712", "time": "2026-03-01T12:00:01Z", "user": "anna", "write": {"spd": 6400}}
  *
  * Pure but for jansson's memory.
  */
@@ -16,6 +16,7 @@
 #include <stdint.h>
 
 #define DB_MQTT_ID_MAX 64
+#define DB_MQTT_USER_MAX 32       /* bytes */
 #define DB_MQTT_COMMAND_MAX 16384 /* bytes of a message */
 
 struct db_mqtt_command {
@@ -23,6 +24,7 @@ struct db_mqtt_command {
 	char id[DB_MQTT_ID_MAX + 1]; /* "" when there is none */
 	bool timed;                  /* it says when it was sent: */
 	int64_t us;                  /* microseconds since 1970-01-01 UTC */
+	const char *user;            /* who wants it, as the sender says; "": not said */
 	const char *name;            /* of a command; NULL: registers are written */
 	json_t *arguments; /* of the command, NULL when there are none; or the values to be written */
 };

@@ -342,6 +342,12 @@ def test_commands_and_their_results(commander):
     commander.send({"id": "w", "time": now_text(), "write": {"spd": 3200}})
     assert commander.result("w")["result"] == "ok"
     assert unit.read("spd") == 3200
+    assert (unit.read("history1_address"), unit.read("history1_user")) == ("control, user root", "")
+    # For whom, as its sender says; a name that the service does not take is none.
+    for number, (user, shown) in enumerate((("Jürgen", "Jürgen"), ("otto", "otto"), ("an\u202ena", ""))):
+        commander.send({"id": f"u{number}", "time": now_text(), "user": user, "write": {"spd": 3200}})
+        assert commander.result(f"u{number}")["result"] == "ok"
+        assert unit.read("history1_user") == shown
     # A stop needs nothing but its name, and does not wait for the move that it ends.
     commander.send(command("move_absolute", "long", target_position=10 ** 6))
     eventually(lambda: unit.read("velocity") > 0)

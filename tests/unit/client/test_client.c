@@ -196,6 +196,38 @@ static void test_errors_have_names_parameters_and_words(void **state)
 	assert_int_equal(json_integer_value(json_object_get(fake->error.parameters, "code")), 9);
 }
 
+/* Who has sent several calls before the service said that it has no room for the session hears that of each of them; a
+ * connection that is lost later is lost. */
+static void test_no_room_for_a_session_is_told_to_all_calls(void **state)
+{
+	struct fake *fake = *state;
+	struct heard first = { .answers = 0 };
+	struct heard second = { .answers = 0 };
+
+	assert_int_equal(db_client_send(fake->client, "Introduce", NULL, false, hear, &first), 0);
+	assert_int_equal(db_client_send(fake->client, "Run", NULL, false, hear, &second), 0);
+	answer(fake, "{\"error\":\"io.drivebridge.Control.Busy\"}");
+	(void)shutdown(fake->connection, SHUT_RDWR);
+	assert_int_equal(db_client_handle(fake->client), -1);
+	assert_string_equal(first.name, "io.drivebridge.Control.Busy");
+	assert_string_equal(second.name, "io.drivebridge.Control.Busy");
+}
+
+static void test_busy_is_no_reason_for_a_later_loss(void **state)
+{
+	struct fake *fake = *state;
+	struct heard heard[3] = { { .answers = 0 } };
+
+	for (size_t i = 0; i < 3; i++)
+		assert_int_equal(db_client_send(fake->client, "Run", NULL, false, hear, &heard[i]),
+		                 0);
+	answer(fake, "{\"error\":\"io.drivebridge.Control.Busy\"}");
+	answer(fake, "{\"parameters\":{\"number\":1}}");
+	(void)shutdown(fake->connection, SHUT_RDWR);
+	assert_int_equal(db_client_handle(fake->client), -1);
+	assert_string_equal(heard[2].name, DB_CLIENT_LOST);
+}
+
 static void test_who_does_not_answer_in_time_may_answer_later(void **state)
 {
 	struct fake *fake = *state;
@@ -345,6 +377,10 @@ int main(void)
 		                                close_fake),
 		cmocka_unit_test_setup_teardown(test_errors_have_names_parameters_and_words,
 		                                open_fake, close_fake),
+		cmocka_unit_test_setup_teardown(test_no_room_for_a_session_is_told_to_all_calls,
+		                                open_fake, close_fake),
+		cmocka_unit_test_setup_teardown(test_busy_is_no_reason_for_a_later_loss, open_fake,
+		                                close_fake),
 		cmocka_unit_test_setup_teardown(test_who_does_not_answer_in_time_may_answer_later,
 		                                open_fake, close_fake),
 		cmocka_unit_test_setup_teardown(test_a_lost_connection_is_told_to_all_who_wait,

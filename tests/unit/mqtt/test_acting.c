@@ -76,9 +76,9 @@ static int close_world(void **state)
 	return 0;
 }
 
-static void say(struct world *world, unsigned drive, const char *name)
+static void say_for(struct world *world, unsigned drive, const char *name, const char *user)
 {
-	const struct db_mqtt_command command = { .name = name };
+	const struct db_mqtt_command command = { .name = name, .user = user };
 	char text[8];
 
 	(void)snprintf(text, sizeof(text), "d%u", drive);
@@ -87,6 +87,11 @@ static void say(struct world *world, unsigned drive, const char *name)
 		assert_true(world->count < DRIVES_MAX + 2);
 		world->connections[world->count++] = fd;
 	}
+}
+
+static void say(struct world *world, unsigned drive, const char *name)
+{
+	say_for(world, drive, name, "");
 }
 
 /* The calls that came over a connection since it was looked at last, behind each other. */
@@ -144,12 +149,49 @@ static void a_stop_needs_no_room_in_the_service(void **state)
 	assert_string_equal(read_calls(world, 0), "");
 }
 
+#define INTRODUCE(name)                                                    \
+	"{\"method\":\"io.drivebridge.Control.Introduce\",\"parameters\":" \
+	"{\"user\":\"" name "\"}"
+
+/* Before what he wants, once; also of a stop that finds no session, or no room in the service. */
+static void the_service_is_told_who_wants_it(void **state)
+{
+	static const char busy[] = "{\"error\":\"io.drivebridge.Control.Busy\",\"parameters\":{}}";
+	static const char done[] = "{}\0{\"parameters\":{\"result\":\"ok\"}}";
+	struct world *world = *state;
+	const char *calls;
+
+	say_for(world, 1, "home", "anna");
+	calls = read_calls(world, 1);
+	assert_memory_equal(calls, INTRODUCE("anna") "}\n", strlen(INTRODUCE("anna") "}\n"));
+	assert_non_null(strstr(calls, "\"home\""));
+	assert_int_equal(write(world->connections[1], done, sizeof(done)), sizeof(done));
+	db_mqtt_acting_handle(world->acting);
+	assert_string_equal(world->result, "ok");
+	say_for(world, 1, "enable", "anna");
+	assert_null(strstr(read_calls(world, 1), "Introduce"));
+	/* Another one while it is busy: a session of its own, for which there is no room. */
+	say_for(world, 1, "stop", "otto");
+	assert_int_equal(world->count, 3);
+	assert_non_null(strstr(read_calls(world, 2), INTRODUCE("otto")));
+	assert_int_equal(write(world->connections[2], busy, sizeof(busy)), sizeof(busy));
+	(void)shutdown(world->connections[2], SHUT_RDWR);
+	db_mqtt_acting_handle(world->acting);
+	assert_string_equal(world->result, "pending");
+	calls = read_calls(world, 0);
+	assert_memory_equal(calls, INTRODUCE("otto") ",\"oneway\":true}\n",
+	                    strlen(INTRODUCE("otto") ",\"oneway\":true}\n"));
+	assert_non_null(strstr(calls, "\"stop\""));
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test_setup_teardown(a_stop_waits_for_no_session, open_world,
 		                                close_world),
 		cmocka_unit_test_setup_teardown(a_stop_needs_no_room_in_the_service, open_world,
+		                                close_world),
+		cmocka_unit_test_setup_teardown(the_service_is_told_who_wants_it, open_world,
 		                                close_world),
 	};
 
