@@ -129,10 +129,10 @@ static void tell_failure(struct db_session *session, const struct db_scan_progre
 		break;
 	case DB_SCAN_MOVES:
 		fail(session, "moves",
-		     json_sprintf(
-			     "%s does not stand: a bus is set aside, and a drive on a serial "
-			     "line told to save, only when all of its drives do; stop it first",
-			     drive));
+		     json_sprintf("%s does not stand: a bus is set aside, and a drive on a serial "
+		                  "line set up and saved, only when all of its drives do; stop it "
+		                  "first",
+		                  drive));
 		break;
 	case DB_SCAN_PORT:
 		fail(session, "port",

@@ -403,12 +403,21 @@ static bool choose_inquiry(struct db_engine *engine, struct db_inquiry *inquiry)
 	return false;
 }
 
+/* It is a save, or what is of no use without one. */
+static bool leads_to_save(const struct db_driver *driver, enum db_inquiry_kind kind)
+{
+	return kind == DB_INQUIRY_SAVE ||
+	       (kind == DB_INQUIRY_SET_ADDRESS &&
+	        driver->address_effect == DB_TAKES_EFFECT_POWER_UP) ||
+	       (kind == DB_INQUIRY_SET_SPEED && driver->speed_effect == DB_TAKES_EFFECT_POWER_UP);
+}
+
 /* Behind a save on a serial line, which may take a second, the stop of a drive that moves would wait. */
 static bool must_not_save(struct db_engine *engine, const struct db_inquiry *inquiry)
 {
 	const struct station *moving = engine_find_moving(engine);
 
-	if (!moving || !takes_line(engine) || inquiry->kind != DB_INQUIRY_SAVE)
+	if (!moving || !takes_line(engine) || !leads_to_save(engine->driver, inquiry->kind))
 		return false;
 	engine->scan->progress.drive = moving->number;
 	scan_end(engine, DB_SCAN_MOVES);

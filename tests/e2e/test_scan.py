@@ -216,6 +216,9 @@ def test_an_address_is_not_given_where_it_would_be_wrong(make_bridge):
     assert bridge.drive(1).command("move_velocity", target_velocity=500) == 0
     moving = run(bridge, "address", "line", "1", "9", "--yes")
     assert moving.returncode == 1 and "does not stand" in moving.stderr
+    # A save would hold up its stop.
+    other = run(bridge, "address", "line", "2", "9", "--yes")
+    assert other.returncode == 1 and "drive1 does not stand" in other.stderr
     # Nothing but reading was said.
     assert not [word for _, word in said(bridge, mark) if word.startswith(("cfg ", "sav"))]
 
