@@ -4,14 +4,17 @@ messages that are too large."""
 
 import asyncio
 import contextlib
+import struct
 
-from asyncua import ua
+from asyncua import Client, ua
+from asyncua.ua.ua_binary import struct_to_binary
 from bridgelib import CONTINUOUS
 from opcualib import (  # noqa: F401
     OPERATOR,
     Recorder,
     at,
     call,
+    channel_of,
     connect,
     cut,
     fixture_certificate,
@@ -125,3 +128,91 @@ async def test_wrong_passwords(make_bridge, make_server, certificate):
     assert compared + refused == places * 4
     # Ten at once, and two a second.
     assert 1 <= compared <= 10 + 2 * 15 < refused, (compared, refused)
+
+
+# --- too much
+
+
+@in_loop
+async def test_requests_that_ask_for_too_much(make_bridge, make_server, certificate):
+    """More things in one request than it takes: it says so, does none of them, and the session goes on."""
+    bridge = make_bridge(drive={"watchdog-ms": 1000})
+    server = make_server(bridge)
+    async with moving_drive(bridge, server, certificate), server.session(certificate, OPERATOR) as session:
+        speed = at(session, "drive1.Parameters.spd")
+        before = await speed.read_value()
+        stop = ua.CallMethodRequest(at(session, "drive1").nodeid, at(session, "drive1.Stop").nodeid, [])
+        write = ua.WriteValue(speed.nodeid, ua.AttributeIds.Value, None, ua.DataValue(ua.Variant(1.0, ua.VariantType.Float)))
+        many = ua.WriteParameters([write] * 101)
+        assert len(await session.read_values([speed] * 5000)) == 5000
+        for asked in (session.read_values([speed] * 5001), session.uaclient.write(many), session.uaclient.call([stop] * 101),
+                      session.browse_nodes([speed] * 5001)):
+            with says("BadTooManyOperations"):
+                await asked
+        assert await speed.read_value() == before
+
+
+def framed(kind, channel, number, body):
+    """A chunk of a message without security: header, channel and token, number and request."""
+    return struct.pack("<4sI8sII", kind, 24 + len(body), channel, number, number) + body
+
+
+def declaring(count):
+    """A request to read, by somebody who has no session, that says how many nodes it has."""
+    request = ua.ReadRequest()
+    request.Parameters.NodesToRead = []
+    return struct_to_binary(request)[:-4] + struct.pack("<I", count)
+
+
+TOO_LARGE = {
+    "a chunk": lambda channel: [framed(b"MSGF", channel, 2, bytes(70000))],
+    "a header alone": lambda channel: [struct.pack("<4sI8s", b"MSGF", 0x7FFFFFFF, channel)],
+    "a message": lambda channel: [framed(b"MSGC", channel, 2 + i, bytes(60000)) for i in range(20)],
+    "its chunks": lambda channel: [framed(b"MSGC", channel, 2 + i, bytes(8)) for i in range(40)],
+    "an array": lambda channel: [framed(b"MSGF", channel, 2, declaring(0x7FFFFFFF))],
+    "another array": lambda channel: [framed(b"MSGF", channel, 2, declaring(0xFFFF))],
+}
+
+
+@in_loop
+async def test_messages_that_are_too_large(make_bridge, make_server, certificate):
+    """What is larger than it may be, or says so: that connection ends or is told, no memory is taken for it, and a drive
+    that moves goes on."""
+    bridge = make_bridge(drive={"watchdog-ms": 1000})
+    server = make_server(bridge)
+    async with Recorder(server) as recorder:
+        async with Client(f"opc.tcp://127.0.0.1:{recorder.port}"):
+            pass
+    hello, opening = recorder.messages[:2]
+    assert hello.startswith(b"HEL") and opening.startswith(b"OPN")
+    async with moving_drive(bridge, server, certificate) as session:
+        before = peak_memory(server)
+        for what, make in TOO_LARGE.items():
+            reader, writer = await asyncio.open_connection(server.host, server.port)
+            writer.write(hello)
+            await answer(reader)
+            writer.write(opening)
+            for message in make(channel_of((await answer(reader))[8:])):
+                writer.write(message)
+            try:
+                reply = await answer(reader)
+                assert reply[:3] in (b"ERR", b"MSG"), what
+                if reply.startswith(b"MSG"):
+                    # A fault of the service: its type is the first thing behind the headers.
+                    assert reply[24:28] == b"\x01\x00\x8d\x01", what
+            except (ConnectionError, asyncio.IncompleteReadError):
+                pass
+            writer.close()
+            assert await session.nodes.server_state.read_value() == 0, what
+        assert peak_memory(server) - before < 32 * 1024
+
+
+async def answer(reader):
+    head = await asyncio.wait_for(reader.readexactly(8), 10)
+    return head + await reader.readexactly(int.from_bytes(head[4:], "little") - 8)
+
+
+def peak_memory(server):
+    """KiB."""
+    with open(f"/proc/{server.process.pid}/status", encoding="ascii") as file:
+        return next(int(line.split()[1]) for line in file if line.startswith("VmHWM:"))
