@@ -4,6 +4,7 @@ roles, certificates, sessions and their loss, events."""
 
 import asyncio
 import contextlib
+import re
 import shutil
 
 import pytest
@@ -28,6 +29,9 @@ from opcualib import (  # noqa: F401
     until,
 )
 from relay import Relay
+
+# Of the status of a simulated stepper.
+OVER_CURRENT = 1 << 21
 
 # What a simulated stepper takes for each command's arguments.
 ARGUMENTS = {
@@ -149,10 +153,12 @@ async def test_nothing_is_done_late(make_bridge, make_server, certificate):
         block = at(session, "drive1.CommandBlock.Command")
         with contextlib.suppress(UaStatusCodeError):
             await block.write_value(3, ua.VariantType.UInt16)
+        said = len(bridge.sim.trace(">"))
         bridge.sim.fault("silence off")
         await until(lambda: good_now(at(session, "drive1.PositionActualValue")))
         bridge.wait_standing()
         assert (await outcome(session, "drive1", "Stop"))[:2] == ("Good", "ok")
+        assert not [line for line in bridge.sim.trace(">")[said:] if re.match("1 (mov|pos|rmv)", line)]
         stands = unit.read("position")
         # It is commanded as before, and what comes is what is told now.
         assert (await outcome(session, "drive1", "MoveAbsolute", stands + 320, 0.0))[:2] == ("Good", "ok")
@@ -356,27 +362,37 @@ async def test_as_many_sessions_as_are_allowed(bridge, make_server, certificate)
 
 @in_loop
 async def test_events(make_bridge, make_server, certificate):
-    """A loss, a watchdog's trip and a fault are events of the drive, at the server's own node as well, with a
-    severity."""
-    bridge = make_bridge(drive={"watchdog-ms": 300})
+    """A loss, a watchdog's trip and a fault of a drive are events of that drive and of no other, at the server's own node as
+    well, each a type of its own with its severity."""
+    bridge = make_bridge(drives=2, drive={"watchdog-ms": 300})
     server = make_server(bridge)
-    unit = bridge.drive()
+    unit = bridge.drive(2)
     async with server.session() as session:
         everything = await Follower(session).start(events=(session.nodes.server,))
-        own = await Follower(session).start(events=(at(session, "drive1"),))
+        own = await Follower(session).start(events=(at(session, "drive2"),))
+        other = await Follower(session).start(events=(at(session, "drive1"),))
         unit.settle("enable")
         unit.settle("move_velocity", target_velocity=1600)
-        await until(lambda: event_of(own, "watchdog"))
-        bridge.wait_standing()
-        bridge.sim.fault("silence on")
-        lost = await until(lambda: event_of(own, "does not answer"), 30)
-        bridge.sim.fault("silence off")
-        back = await until(lambda: event_of(own, "answers at"), 30)
-        assert lost.Severity > back.Severity and lost.EventType != back.EventType
-        assert lost.SourceName == "drive1"
-        assert lost.Time <= lost.ReceiveTime
-        assert event_of(everything, "watchdog").Severity >= lost.Severity
+        tripped = await until(lambda: event_of(own, "WatchdogTripped"))
+        bridge.wait_standing(2)
+        bridge.sim.control(f"bits drive2 {OVER_CURRENT:#x}")
+        fault = await until(lambda: event_of(own, "DriveFault"))
+        bridge.sim.control("bits drive2 0")
+        gone = await until(lambda: event_of(own, "DriveFaultGone"))
+        bridge.sim.fault("silence on", "drive2")
+        lost = await until(lambda: event_of(own, "DriveLost"), 30)
+        bridge.sim.fault("silence off", "drive2")
+        back = await until(lambda: event_of(own, "DriveOnline"), 30)
+        events = (tripped, fault, gone, lost, back)
+        assert [one.Severity for one in events] == [900, 900, 300, 600, 300]
+        for one in events:
+            assert one.SourceName == "drive2" and one.SourceNode == at(session, "drive2").nodeid
+            assert one.Time <= one.ReceiveTime and one.Message.Text
+            assert [same.EventType for same in everything.events if same.Message == one.Message] == [one.EventType]
+        assert [one.Time for one in events] == sorted(one.Time for one in events)
+        assert not other.events
 
 
-def event_of(follower, text):
-    return next((one for one in follower.events if text in one.Message.Text), None)
+def event_of(follower, kind):
+    """The first one of a type by its name."""
+    return next((one for one in follower.events if one.EventType.Identifier == f"/Events.{kind}"), None)

@@ -46,15 +46,14 @@ async def test_who_does_not_log_in_keeps_nobody_out(make_bridge, make_server, ce
     server = make_server(bridge, limits={"sessions": 3})
     async with moving_drive(bridge, server, certificate):
         strangers = []
-        for _ in range(4 * 3):
+        for sessions in (300, *[3] * 40):
             client = server.client()
+            strangers.append(client)
             await client.connect_socket()
             await client.send_hello()
             await client.open_secure_channel()
-            with contextlib.suppress(ConnectionError, ua.UaError):
-                for _ in range(3):
-                    await client.create_session()
-            strangers.append(client)
+            for _ in range(sessions):
+                await client.create_session()
         for _ in range(3):
             async with server.session(certificate, OPERATOR) as session:
                 assert (await call(session, "drive2", "Enable"))[0] == "ok"
@@ -113,21 +112,26 @@ async def test_wrong_passwords(make_bridge, make_server, certificate):
     server = make_server(bridge)
     places = 12
 
-    async def guess(port):
+    async def guess(line):
         with contextlib.suppress(ua.UaError, ConnectionError, asyncio.TimeoutError):
-            await connect(server.client(user=(OPERATOR[0], "guessed"), port=port))
+            await connect(server.client(user=(OPERATOR[0], "guessed"), port=line.port))
+
+    def count(why):
+        return server.log().count(f"not logged in: {OPERATOR[0]}: {why}")
 
     async with moving_drive(bridge, server, certificate), contextlib.AsyncExitStack() as stack:
         lines = [await stack.enter_async_context(Recorder(server, f"127.0.0.{2 + place}"))
                  for place in range(places)]
-        await asyncio.gather(*(guess(line.port) for line in lines for _ in range(4)))
+        begin = asyncio.get_running_loop().time()
+        for line in 3 * lines:
+            await guess(line)
+        # Ten at once, and two a second; all are answered.
+        assert 1 <= count("BadUserAccessDenied") <= 11 + 2 * (asyncio.get_running_loop().time() - begin)
+        assert count("Bad") == 3 * places
+        await asyncio.gather(*(guess(line) for line in 3 * lines))
         async with server.session(certificate, OPERATOR):
             pass
-    compared, refused = (server.log().count(f"not logged in: {OPERATOR[0]}: {why}")
-                         for why in ("BadUserAccessDenied", "BadTcpServerTooBusy"))
-    assert compared + refused == places * 4
-    # Ten at once, and two a second.
-    assert 1 <= compared <= 10 + 2 * 15 < refused, (compared, refused)
+    assert count("BadTcpServerTooBusy") > places
 
 
 # --- too much
@@ -208,7 +212,7 @@ async def test_messages_that_are_too_large(make_bridge, make_server, certificate
 
 
 async def answer(reader):
-    head = await asyncio.wait_for(reader.readexactly(8), 10)
+    head = await asyncio.wait_for(reader.readexactly(8), 6)
     return head + await reader.readexactly(int.from_bytes(head[4:], "little") - 8)
 
 
