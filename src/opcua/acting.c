@@ -257,6 +257,21 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	free(call);
 }
 
+void db_opcua_acting_go_on(struct db_opcua_acting *acting)
+{
+	db_time now = read_clock();
+
+	if (now - acting->now < FEED_SHORTEST)
+		return;
+	acting->now = now;
+	/* Answers say when the next feeding is due. A connection that is lost is closed in the next turn. */
+	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
+		if (acting->links[i].client)
+			(void)db_client_handle(acting->links[i].client);
+	}
+	acting->feed(acting->context, now);
+}
+
 /* Until it has ended, or others have waited long enough. False: the connection is lost, and with it how it ends. */
 static bool wait_for(struct call *call)
 {
@@ -275,9 +290,7 @@ static bool wait_for(struct call *call)
 
 		if (now >= until)
 			break;
-		acting->now = now;
-		acting->feed(acting->context, now);
-		/* Their answers say when the next feeding is due. */
+		db_opcua_acting_go_on(acting);
 		until = until - now < FEED_SHORTEST ? until - now : FEED_SHORTEST;
 		patience = (struct timespec){ .tv_nsec = until };
 		fds[0] = (struct pollfd){ .fd = db_client_fd(call->link->client),
@@ -289,11 +302,6 @@ static bool wait_for(struct call *call)
 		for (size_t i = 1; i <= others && acting->awaited == 0; i++) {
 			if (fds[i].revents & POLLIN)
 				acting->awaited = read_clock();
-		}
-		/* One that is lost is closed in the next turn. */
-		for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
-			if (acting->links[i].client && &acting->links[i] != call->link)
-				(void)db_client_handle(acting->links[i].client);
 		}
 		there = db_client_handle(call->link->client) == 0;
 	}

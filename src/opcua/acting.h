@@ -65,6 +65,9 @@ void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua
 /* The session is heard: the watchdogs of what it has moved are fed when they are to be, and its control kept. */
 void db_opcua_acting_feed(struct db_opcua_acting *acting, unsigned session, db_time now);
 
+/* In the middle of a turn that takes long: feeds what is due, by the function of db_opcua_acting_new(). */
+void db_opcua_acting_go_on(struct db_opcua_acting *acting);
+
 /* The session is lost or over: for the service its client is gone. */
 void db_opcua_acting_drop(struct db_opcua_acting *acting, unsigned session);
 

@@ -57,6 +57,7 @@ struct db_opcua_network {
 	UA_ConnectionManager_connectionCallback callback;
 
 	db_opcua_gone_fn *gone;
+	db_opcua_served_fn *served;
 	void *context;
 	db_time now; /* of this turn */
 	uintptr_t current;
@@ -247,6 +248,7 @@ static void take_bytes(UA_ConnectionManager *cm, uintptr_t id, void *application
 	network->current = 0;
 	if (state == UA_CONNECTIONSTATE_CLOSING)
 		forget_connection(network, connection);
+	network->served(network->context);
 }
 
 static struct db_opcua_network *network_of(const UA_ConnectionManager *cm)
@@ -352,7 +354,7 @@ static void flush_connection(struct db_opcua_network *network, struct connection
 /* --- its life --------------------------------------------------------------------------------- */
 
 struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gone_fn *gone,
-                                              void *context)
+                                              db_opcua_served_fn *served, void *context)
 {
 	size_t wanted = (size_t)connections + LISTENERS + CLOSING_MAX;
 	size_t places = wanted < DB_OPCUA_NETWORK_PLACES ? wanted : DB_OPCUA_NETWORK_PLACES;
@@ -362,6 +364,7 @@ struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gon
 	if (!network)
 		return NULL;
 	network->gone = gone;
+	network->served = served;
 	network->context = context;
 	network->places = places;
 	network->most = connections;

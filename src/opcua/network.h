@@ -24,10 +24,13 @@ struct db_opcua_network;
 /* Called when a connection is gone. */
 typedef void db_opcua_gone_fn(void *context, uintptr_t connection);
 
+/* What a connection had to say is done; others may wait for their turn. */
+typedef void db_opcua_served_fn(void *context);
+
 /* With room for so many connections; when all are taken, who is not logged in makes room. NULL without memory; freed with
  * db_opcua_network_free() after the server. */
 struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gone_fn *gone,
-                                              void *context);
+                                              db_opcua_served_fn *served, void *context);
 void db_opcua_network_free(struct db_opcua_network *network);
 
 /* For the server's configuration, which ends and frees the loop; the log stays the network's. */

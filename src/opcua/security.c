@@ -13,14 +13,17 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #define KEY_BITS 2048
 #define DAYS (20 * 365)
 #define FILE_MAX 65536
 
-/* Certificates that are kept of clients that were not trusted. */
+/* Certificates that are kept of clients that were not trusted; a new one so often at most: whoever makes many wears no
+ * disk out. */
 #define REJECTED_MAX 32
+#define REJECTED_EVERY 1
 
 struct path {
 	char text[320];
@@ -58,8 +61,8 @@ static UA_StatusCode read_file(const char *path, UA_ByteString *bytes)
 	return result;
 }
 
-/* Whole or not at all. */
-static bool write_file(const char *path, const UA_ByteString *bytes, mode_t mode)
+/* Whole or not at all; for good only where that is worth the time of a disk. */
+static bool write_file(const char *path, const UA_ByteString *bytes, mode_t mode, bool for_good)
 {
 	char other[340];
 	int fd;
@@ -68,7 +71,7 @@ static bool write_file(const char *path, const UA_ByteString *bytes, mode_t mode
 	(void)snprintf(other, sizeof(other), "%s.new", path);
 	fd = open(other, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, mode);
 	good = fd >= 0 && write(fd, bytes->data, bytes->length) == (ssize_t)bytes->length &&
-	       fsync(fd) == 0;
+	       (!for_good || fsync(fd) == 0);
 	if (fd >= 0)
 		good = close(fd) == 0 && good;
 	good = good && rename(other, path) == 0;
@@ -148,8 +151,9 @@ UA_StatusCode db_opcua_security_load(const struct db_opcua_config *config, const
 		return UA_STATUSCODE_BADNOTREADABLE;
 	}
 	status = make_certificate(config, logger, certificate, key);
-	if (status == UA_STATUSCODE_GOOD && (!write_file(key_path.text, key, 0600) ||
-	                                     !write_file(certificate_path.text, certificate, 0644)))
+	if (status == UA_STATUSCODE_GOOD &&
+	    (!write_file(key_path.text, key, 0600, true) ||
+	     !write_file(certificate_path.text, certificate, 0644, true)))
 		status = UA_STATUSCODE_BADNOTWRITABLE;
 	if (status == UA_STATUSCODE_GOOD)
 		db_client_log(DB_CLIENT_NOTICE, "a certificate was made: %s",
@@ -161,6 +165,7 @@ UA_StatusCode db_opcua_security_load(const struct db_opcua_config *config, const
 
 struct guard {
 	const struct db_opcua_config *config;
+	time_t kept;                        /* when a certificate was kept last */
 	UA_CertificateVerification library; /* its own, which reads the folders */
 	UA_CertificateVerification
 		parser; /* its own without folders: the other one cannot tell subjects */
@@ -204,8 +209,7 @@ static void make_room(const struct db_opcua_config *config)
 		(void)unlink(oldest.text);
 }
 
-static void keep_rejected(const struct guard *guard, const UA_ByteString *certificate,
-                          UA_StatusCode why)
+static void keep_rejected(struct guard *guard, const UA_ByteString *certificate, UA_StatusCode why)
 {
 	UA_ByteString copy = *certificate;
 	UA_String subject = UA_STRING_NULL;
@@ -217,8 +221,15 @@ static void keep_rejected(const struct guard *guard, const UA_ByteString *certif
 	path = path_of(guard->config, "rejected", name);
 	(void)guard->parser.getSubjectName(&subject, &copy);
 	if (access(path.text, F_OK) != 0) {
+		time_t now = time(NULL);
+
+		if (now >= guard->kept && now < guard->kept + REJECTED_EVERY) {
+			UA_String_clear(&subject);
+			return;
+		}
+		guard->kept = now;
 		make_room(guard->config);
-		(void)write_file(path.text, certificate, 0640);
+		(void)write_file(path.text, certificate, 0640, false);
 	}
 	db_client_log(DB_CLIENT_WARNING,
 	              "a client is not trusted (%s): %.*s; to trust it, move %s into %s/trusted",
@@ -229,7 +240,7 @@ static void keep_rejected(const struct guard *guard, const UA_ByteString *certif
 
 static UA_StatusCode verify(const UA_CertificateVerification *cv, const UA_ByteString *certificate)
 {
-	const struct guard *guard = cv->context;
+	struct guard *guard = cv->context;
 	UA_StatusCode status = guard->library.verifyCertificate(&guard->library, certificate);
 
 	if (status == UA_STATUSCODE_BADINTERNALERROR)

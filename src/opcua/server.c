@@ -252,6 +252,13 @@ static void forget_connection(void *context, uintptr_t connection)
 	db_opcua_access_forget_connection(server->access, connection);
 }
 
+static void go_on(void *context)
+{
+	struct db_opcua_server *server = context;
+
+	db_opcua_acting_go_on(server->acting);
+}
+
 /* --- its life --------------------------------------------------------------------------------- */
 
 static void set_text(UA_String *text, const char *value)
@@ -375,7 +382,8 @@ struct db_opcua_server *db_opcua_server_new(const struct db_opcua_config *config
 	if (!server)
 		return NULL;
 	server->config = config;
-	server->network = db_opcua_network_new(2 * config->sessions, forget_connection, server);
+	server->network = db_opcua_network_new(2 * config->sessions, forget_connection, go_on,
+	                                       server);
 	server->access = db_opcua_access_new(config, server->network, lose_session, server);
 	server->acting = db_opcua_acting_new(config, server->network, take_end, feed, server);
 	server->plant = db_opcua_plant_new(config, &plant_ops, server);
