@@ -30,6 +30,8 @@ struct move {
 	json_int_t at;              /* the address at which it answers now */
 	char who[DB_CTL_VALUE_MAX]; /* its identity, "" where the family tells none */
 	char drive[128];            /* as it is configured, "" when it is not */
+	bool told;                  /* the drive may have taken it */
+	bool doubted;               /* where it may be was said */
 };
 
 static const char *name_of(const struct move *move)
@@ -142,8 +144,9 @@ static void announce(const struct move *move)
 }
 
 /* Where it may be, when it is not known. */
-static enum db_ctl_status tell_doubt(const struct move *move, const char *why)
+static enum db_ctl_status tell_doubt(struct move *move, const char *why)
 {
+	move->doubted = true;
 	if (move->address)
 		return db_ctl_complain(move->ctl, DB_CTL_NO, "io.drivebridge.Client.Doubtful",
 		                       "%s: the drive may be found at address %lld or %lld of %s; "
@@ -201,7 +204,17 @@ static enum db_ctl_status set_up(const struct move *move, const char *what,
 	return failed == 0 ? DB_CTL_OK : DB_CTL_NO;
 }
 
-static enum db_ctl_status tell_drive(const struct move *move)
+/* How it ended is not known: the port, the bus or the connection was lost meanwhile. */
+static bool is_doubtful(const struct db_client_error *error)
+{
+	const char *why = db_ctl_text(error->parameters, "why");
+
+	return strcmp(why, "port") == 0 || strcmp(why, "cancelled") == 0 ||
+	       strcmp(error->name, DB_CLIENT_LOST) == 0 ||
+	       strcmp(error->name, DB_CLIENT_TIMEOUT) == 0;
+}
+
+static enum db_ctl_status tell_drive(struct move *move)
 {
 	struct db_client_error error = { .parameters = NULL };
 	enum db_ctl_status status = set_up(move, move->address ? "address" : "speed", &error);
@@ -209,7 +222,8 @@ static enum db_ctl_status tell_drive(const struct move *move)
 	/* Who goes by it at once may not have answered any more. */
 	if (status != DB_CTL_OK && strcmp(db_ctl_text(error.parameters, "why"), "silent") == 0)
 		status = DB_CTL_OK;
-	else if (status != DB_CTL_OK)
+	move->told = status == DB_CTL_OK || is_doubtful(&error);
+	if (status != DB_CTL_OK)
 		status = db_ctl_fail(move->ctl, &error);
 	db_client_error_clear(&error);
 	return status;
@@ -269,7 +283,7 @@ static bool is_there(const struct move *move, enum db_ctl_status *status)
 
 /* Somebody switches its power. In service its new address is looked at again and again; a bus that has to be set
  * aside for that is, once, when somebody says that it was done. */
-static enum db_ctl_status wait_for_power(const struct move *move)
+static enum db_ctl_status wait_for_power(struct move *move)
 {
 	bool aside = !move->address || move->speed != 0;
 	const struct timespec pause = { .tv_nsec = 500000000 };
@@ -293,7 +307,7 @@ static enum db_ctl_status wait_for_power(const struct move *move)
 	return status;
 }
 
-static enum db_ctl_status verify(const struct move *move)
+static enum db_ctl_status verify(struct move *move)
 {
 	struct db_ctl_search search;
 	enum db_ctl_status status = DB_CTL_OK;
@@ -333,6 +347,8 @@ static enum db_ctl_status carry_out(struct move *move)
 		status = verify(move);
 	if (status == DB_CTL_OK)
 		conclude(move);
+	else if (move->told && !move->doubted)
+		(void)tell_doubt(move, "it was told, and may have taken it");
 	return status;
 }
 

@@ -189,6 +189,38 @@ def test_colour_is_for_terminals_that_want_it(fake, terminal):
     assert "\033" not in off.ends(0)
 
 
+# --- address ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("end", ["cancelled", "port", "lost", "later"])
+def test_whatever_ends_it_where_a_drive_may_be_is_said(fake, end):
+    """Once it was told another address, or may have been."""
+    find = {"speed": 115200, "address": 1, "verdict": "one", "identity": "", "other": "", "drives": [], "asked": 3,
+            "answered": 3, "time_min_us": 1, "time_mean_us": 1, "time_max_us": 1}
+    failed = {"error": "io.drivebridge.Control.ScanFailed", "parameters": {"why": end, "text": "it ended"}}
+    told = []
+
+    def scan(parameters):
+        if end == "later" and told:
+            return failed
+        return {"asked": 1, "total": 1, "speed": 115200, "address": 1, "foreign": [], "wait_us": 30000,
+                "finds": [find] if parameters["first"] == 1 else []}
+
+    def set_up(parameters):
+        told.append(parameters["value"])
+        if end == "later":
+            return {}
+        if end == "lost":
+            fake.cut()
+            return None
+        return failed
+
+    fake.answers["Describe"]["buses"][0].update(address_effect="power_up", speed_effect="power_up", can=False)
+    fake.answers.update(Scan=scan, SetUp=set_up)
+    said = ctl(fake, "address", "line", "1", "9", "--yes", status=3 if end == "lost" else 1)
+    assert told == [9] and "the drive may be found at address 1 or 9 of line" in said
+
+
 # --- run -------------------------------------------------------------------------------------------
 
 
