@@ -252,7 +252,9 @@ def test_calls_of_two_sessions_are_carried_out_in_their_order(bridge):
         bridge.process.send_signal(signal.SIGCONT)
         assert stopper.answer()["parameters"]["result"] == "ok"
         mover.answer()
-    assert "mov" not in str(bridge.sim.sent()[-1:]) and bridge.drive().read("velocity") == 0
+    # Its ramp may still go on.
+    eventually(lambda: bridge.drive().read("velocity") == 0, what="the drive to stand")
+    assert "mov" not in str(bridge.sim.sent()[-1:])
 
 
 def test_longer_than_confirm_ms(make_bridge):
@@ -392,6 +394,12 @@ def test_names_that_are_none(tool, bridge):
         for user in (None, 5, ["anna"], "an\x00na"):
             line.ask(f"{INTERFACE}.Introduce", {"user": user})
             assert line.answer()["error"].endswith("InvalidParameter")
+    # As long as it may be.
+    tool.Introduce("x" * 32)
+    tool.Run("drive1", "enable")
+    assert whose(bridge.drive(1)) == (ROOT_TOOL, "x" * 32)
+    eventually(lambda: f"client {ROOT_TOOL} for {'x' * 32}: connected" in bridge.log_since(0))
+    assert any(event.get("client") == f"{ROOT_TOOL} for {'x' * 32}" for event in tool.Events()["events"])
 
 
 def test_many_names(bridge):

@@ -8,11 +8,12 @@ import json
 import re
 import signal
 import socket
+import subprocess
 import threading
 import time
 
 import pytest
-from bridgelib import ROOT, Path, code, eventually
+from bridgelib import ROOT, Path, code, eventually, find_program
 from weblib import OPERATOR, READER, Failed, Page, Webd, memory_kib
 
 PLC = "127.0.0.9"
@@ -751,6 +752,10 @@ def test_the_history_names_who_is_logged_in(gateway):
     held.let_go()
     eventually(lambda: newest("stop", "olga"))
     eventually(lambda: "client control, user root for olga: connected" in bridge.log_since(0))
+    said = subprocess.run([find_program("drivebridgectl"), "--socket", bridge.control_path, "get", "drive1",
+                           "history1_address", "history1_user"],
+                          capture_output=True, text=True, timeout=20, check=True).stdout
+    assert said == "history1_address = control, user root\nhistory1_user = olga\n"
 
 
 # --- what the network sends -------------------------------------------------------------------------
@@ -843,7 +848,6 @@ def test_ends_while_streams_are_suspended(gateway):
 
 def test_tls(gateway, tmp_path):
     import ssl
-    import subprocess
     subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1",
                     "-nodes", "-keyout", "key.pem", "-out", "cert.pem", "-days", "2", "-subj", "/CN=gw",
                     "-addext", "subjectAltName=IP:127.0.0.1"], cwd=tmp_path, check=True, capture_output=True)
