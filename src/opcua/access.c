@@ -159,6 +159,8 @@ static UA_StatusCode note_session(UA_Server *server, const UA_NodeId *maker, voi
 	(void)type;
 	(void)type_context;
 	(void)context;
+	if (connection == 0)
+		return UA_STATUSCODE_GOOD;
 	close_waiting(access, connection);
 	for (size_t i = 0; i < DB_OPCUA_NETWORK_PLACES; i++) {
 		struct waiting *waiting = &access->waiting[i];

@@ -116,12 +116,14 @@ async def test_a_stop_does_not_wait_for_others(make_bridge, make_server, certifi
             ended.append((what, *await outcome(*command)))
 
         waits = asyncio.create_task(note("enable", (one, "drive1", "Enable")))
-        await asyncio.sleep(0.02)
+        await until(lambda: "1 ena" in bridge.sim.trace(">"))
         await note("stop", (two, "drive2", "Stop"))
         bridge.wait_standing(2)
         await waits
-        # Who waits is let go, and nobody takes that for a success: how it ends is told by the registers.
-        assert ended[0][:3] == ("enable", "BadRequestNotComplete", "pending") and ended[0][3]
+        # Who waits is let go, and nobody takes that for a success: how it ends is told by the registers. A machine that
+        # is busy lets the service end it before.
+        assert ended[0][:3] in (("enable", "BadRequestNotComplete", "pending"),
+                                ("enable", "BadUnknownResponse", "indeterminate")) and ended[0][3]
         assert ended[1] == ("stop", "Good", "ok", "")
 
 
