@@ -53,6 +53,7 @@ FOREIGN = {
     "DriveEventType", "Parameters", "DriveLost", "DriveOnline", "WatchdogTripped",
     "Good", "GoodCompletesAsynchronously", "UncertainLastUsableValue", "BadNoCommunication", "BadWaitingForInitialData",
     "BadOutOfRange", "BadInvalidState", "BadTimeout", "BadUserAccessDenied", "BadUnknownResponse", "BadNotExecutable", "opcua-client",
+    "BadTcpServerTooBusy", "BadRequestNotComplete", "BadResourceUnavailable",
     # drivebridge-web
     "drivebridge-web", "drivebridge-webd", "IPAddressAllow", "drivebridge_web_requests_total", "drivebridge_web_streams",
     "drivebridge_web_failed_logins_total", "drivebridge_web_late_jogs_total",
