@@ -41,8 +41,9 @@ struct db_control_socket_ops {
 	const struct db_trace *(*trace)(void *context, const char *bus, uint32_t *number);
 };
 
-/* Sessions at the same time; so many of them only those who may act can take. */
-#define DB_SESSIONS_MAX 32
+/* Sessions at the same time, more than drivebridge-mqtt, -opcua and -webd take together at most, so that people find
+ * one for a stop; so many of them only those who may act can take. */
+#define DB_SESSIONS_MAX 64
 #define DB_SESSIONS_RESERVED 8
 
 /* Descriptors that it takes at most. */

@@ -34,7 +34,7 @@ void db_mqtt_acting_feed(struct db_mqtt_acting *acting, const char *drive, db_ti
 /* Ends all sessions, without a result for what is under way. Whether there were any. */
 bool db_mqtt_acting_drop(struct db_mqtt_acting *acting);
 
-/* Twelve drives can be commanded at the same time, and all of them be stopped; the service has 32 sessions for all its
+/* Twelve drives can be commanded at the same time, and all of them be stopped; the service has 64 sessions for all its
  * tools. */
 #define DB_MQTT_ACTING_FDS 13
 

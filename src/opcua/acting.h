@@ -71,7 +71,7 @@ void db_opcua_acting_go_on(struct db_opcua_acting *acting);
 /* The session is lost or over: for the service its client is gone. */
 void db_opcua_acting_drop(struct db_opcua_acting *acting, unsigned session);
 
-/* Connections at the same time; the service has 32 for all its tools. */
+/* Connections at the same time; the service has 64 for all its tools. */
 #define DB_OPCUA_ACTING_FDS 16
 
 /* For poll(): places without a connection have fd -1. */

@@ -10,7 +10,7 @@
 #include "web/state.h"
 
 /*
- * The service has 32 sessions for all its tools. Beside the two: streams of values, events, traces and scans; tabs
+ * The service has 64 sessions for all its tools. Beside the two: streams of values, events, traces and scans; tabs
  * that act have two each.
  */
 #define DB_WEB_STREAM_LINKS 12

@@ -739,8 +739,8 @@ def test_streams_leave_the_thread_to_modbus(make_bridge, method, calls, paramete
 
 
 def test_too_many_sessions(bridge):
-    lines = [Line(bridge) for _ in range(33)]
-    assert lines[32].answer()["error"].endswith("Busy")
+    lines = [Line(bridge) for _ in range(65)]
+    assert lines[64].answer()["error"].endswith("Busy")
     for line in lines:
         line.socket.close()
 
