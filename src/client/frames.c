@@ -5,6 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Memory that is kept for the next message; a long answer's is given back. */
+#define KEPT_MAX ((size_t)64 * 1024)
+
 struct db_frames {
 	char *bytes;
 	size_t size;     /* of the memory */
@@ -58,11 +61,12 @@ int db_frames_add(struct db_frames *frames, const void *bytes, size_t count)
 
 int db_frames_take(struct db_frames *frames, json_t **message)
 {
-	const char *begin = frames->bytes + frames->begin;
+	const char *begin;
 	const char *end;
 
 	if (frames->searched == frames->end)
 		return 0;
+	begin = frames->bytes + frames->begin;
 	end = memchr(frames->bytes + frames->searched, '\0', frames->end - frames->searched);
 	if (!end) {
 		frames->searched = frames->end;
@@ -71,6 +75,10 @@ int db_frames_take(struct db_frames *frames, json_t **message)
 	frames->begin += (size_t)(end - begin) + 1;
 	frames->searched = frames->begin;
 	*message = json_loadb(begin, (size_t)(end - begin), JSON_REJECT_DUPLICATES, NULL);
+	if (frames->begin == frames->end && frames->size > KEPT_MAX) {
+		free(frames->bytes);
+		*frames = (struct db_frames){ .limit = frames->limit };
+	}
 	if (json_is_object(*message))
 		return 1;
 	json_decref(*message);

@@ -7,12 +7,14 @@ Usage: opcua.py [BUILD_DIR]
 BUILD_DIR is one with the preset gcc (default build/gcc). Needs the tests' Python packages (build/venv/bin/python).
 For a part of the address space and for all of it: prints processor and memory of the program without subscriptions and
 with one and five clients that follow 20 variables of every drive, sampled and published every 100 ms; then the medians of
-how long a Stop takes by a method, from the call to its answer, and by a write over Modbus, in turns.
+how long a Stop takes by a method, from the call to its answer, and by a write over Modbus, in turns, either from a client
+in C (opcua_stop.c).
 """
 import asyncio
 import contextlib
 import os
 import statistics
+import subprocess
 import sys
 import tempfile
 import time
@@ -23,8 +25,8 @@ BUILD = Path(sys.argv[1] if len(sys.argv) > 1 else HERE.parents[1] / "build" / "
 os.environ["DRIVEBRIDGE_BUILD"] = str(BUILD)
 sys.path.insert(0, str(HERE.parent / "e2e"))
 
-from bridgelib import DOCS, MAP, STOP, Bridge, load_commands  # noqa: E402
-from opcualib import OPERATOR, Follower, Server, at, call, make_certificate, until  # noqa: E402
+from bridgelib import DOCS, MAP, STOP, Bridge, eventually, load_commands  # noqa: E402
+from opcualib import OPERATOR, URI, Follower, Server, at, make_certificate, until  # noqa: E402
 from process import memory_mib, processor_seconds  # noqa: E402
 
 DRIVES = 32
@@ -55,19 +57,36 @@ async def follow(client):
     return await Follower(client).start(nodes, INTERVAL_MS, queue=1)
 
 
-async def stop_times(session, bridge):
-    """Of stops by a method and by a write over Modbus, in turns, in milliseconds."""
-    unit, times = bridge.drive(), {"method": [], "Modbus": []}
+class Stopper:
+    """A client in C for either protocol, connected; nothing of it is slower than it has to be."""
+
+    def __init__(self, server, bridge, certificate):
+        unit = bridge.drive()
+        host, port = unit.client.socket.getpeername()
+        self.process = subprocess.Popen(
+            [str(word) for word in (BUILD / "bench" / "bench_opcua_stop", server.url, certificate.path, certificate.key,
+                                    URI, *OPERATOR, host, port, unit.number, "drive1", unit.row("command").address, STOP)],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def take(self, how):
+        """In milliseconds."""
+        self.process.stdin.write(how + "\n")
+        self.process.stdin.flush()
+        return float(self.process.stdout.readline())
+
+    def end(self):
+        self.process.communicate(timeout=10)
+
+
+def stop_times(stopper, bridge):
+    """Of stops by a method and by a write over Modbus, in turns, and of a read over OPC UA."""
+    unit, times = bridge.drive(), {"method": [], "Modbus": [], "read": []}
     for _ in range(STOPS):
         for how, taken in times.items():
-            unit.settle("move_velocity", target_velocity=800)
-            await until(lambda: unit.read("velocity") > 0)
-            begun = time.perf_counter()
-            if how == "method":
-                await call(session, "drive1", "Stop")
-            else:
-                assert unit.write("command", STOP) == 0
-            taken.append(1000 * (time.perf_counter() - begun))
+            if how != "read":
+                unit.settle("move_velocity", target_velocity=800)
+                eventually(lambda: unit.read("velocity") > 0)
+            taken.append(stopper.take(how))
             bridge.wait_standing()
     return {how: statistics.median(taken) for how, taken in times.items()}
 
@@ -89,11 +108,13 @@ async def measure(place, bridge, show):
                     followers.append(await follow(await stack.enter_async_context(server.session())))
                 await asyncio.sleep(3)
                 await take(server, followers)
-        async with server.session(certificate, OPERATOR) as operator:
-            bridge.drive().settle("stop")
-            bridge.wait_standing()
-            medians = await stop_times(operator, bridge)
-            print(", ".join(f"stop by {how}: median {ms:.2f} ms" for how, ms in medians.items()))
+        stopper = Stopper(server, bridge, certificate)
+        bridge.drive().settle("stop")
+        bridge.wait_standing()
+        medians = stop_times(stopper, bridge)
+        stopper.end()
+        print(f"stop by method: median {medians['method']:.2f} ms, by Modbus: {medians['Modbus']:.2f} ms; "
+              f"a read over OPC UA: {medians['read']:.2f} ms")
     finally:
         server.stop()
 

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The nodes of drives, which are there only while somebody asks for them, as a client of OPC UA finds them."""
+
+from asyncua import ua
+from opcualib import (  # noqa: F401
+    Follower,
+    at,
+    browse,
+    fixture_certificate,
+    fixture_make_server,
+    in_loop,
+    read_all,
+    says,
+    until,
+)
+
+
+@in_loop
+async def test_each_node_leads_back(bridge, make_server):
+    """From each node below Objects of ours the reference back leads to where it was found, and its id and name are what
+    they were there; so does its path by names."""
+    server = make_server(bridge)
+    async with server.session() as session:
+        await until(at(session, "/Buses").get_children)
+        tree = await browse(session, session.nodes.objects)
+        ours = [(path, entry) for path, entry in tree.walk() if entry.node.nodeid.NamespaceIndex == session.space]
+        assert len(ours) > 400 and len({entry.node.nodeid for _, entry in ours}) == len(ours)
+        entries = [entry for _, entry in ours]
+        for attribute, shown in ((ua.AttributeIds.NodeId, lambda entry: entry.node.nodeid),
+                                 (ua.AttributeIds.BrowseName, lambda entry: entry.name),
+                                 (ua.AttributeIds.NodeClass, lambda entry: entry.kind)):
+            for entry, value in zip(entries, await read_all(session, entries, attribute)):
+                value = getattr(value.Value.Value, "Name", value.Value.Value)
+                assert value == shown(entry)
+        found = {entry.node.nodeid: entry for entry in (*entries, tree)}
+        for entry in entries[::7]:
+            parent = found[(await entry.node.get_parent()).nodeid]
+            assert parent.children[entry.name] is entry
+        unit = await session.nodes.objects.get_child([
+            f"{session.space}:Drives", f"{session.space}:drive1", f"{session.space}:PositionActualValue",
+            "0:EngineeringUnits"])
+        assert unit.nodeid.Identifier == "drive1.PositionActualValue.EngineeringUnits"
+        for name in ("drive1.", "drive1.Nope", "drive", "drive1.Stop.InputArguments", "/Buses.", "/Gateway.Bus1Up",
+                     "drive1." + 300 * "x"):
+            with says("BadNodeIdUnknown"):
+                await at(session, name).read_browse_name()
+
+
+@in_loop
+async def test_the_fastest_sampling(bridge, make_server):
+    """Who asks for the fastest sampling that there is, 0, follows the drive, at the interval of the service's values."""
+    server = make_server(bridge)
+    unit = bridge.drive()
+    unit.settle("enable")
+    async with server.session() as session:
+        position = at(session, "drive1.PositionActualValue")
+        shortest = (await position.read_attribute(ua.AttributeIds.MinimumSamplingInterval)).Value.Value
+        assert shortest == 50
+        follower = Follower(session)
+        subscription = await session.create_subscription(100, follower)
+        await subscription.subscribe_data_change([position], queuesize=100, sampling_interval=0)
+        unit.command("move_absolute", target_position=2000)
+        await until(lambda: follower.of(position) and follower.of(position)[-1].Value.Value == 2000)
+        assert len(follower.of(position)) > 2
