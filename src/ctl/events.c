@@ -8,7 +8,6 @@
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 struct stream {
@@ -19,24 +18,20 @@ struct stream {
 
 static void print_event(const struct db_ctl *ctl, const json_t *event)
 {
-	json_int_t us = json_integer_value(json_object_get(event, "time_us"));
-	time_t seconds = (time_t)(us / 1000000);
 	const char *level = db_ctl_text(event, "level");
 	enum db_ctl_colour colour = strcmp(level, "error") == 0   ? DB_CTL_RED :
 	                            strcmp(level, "warning") == 0 ? DB_CTL_YELLOW :
 	                                                            DB_CTL_PLAIN;
 	static const char *const whom[] = { "bus", "drive", "client" };
 	size_t used = 0;
-	char when[32] = "";
+	char when[DB_CTL_TIME_MAX];
 	char text[DB_CTL_VALUE_MAX];
-	struct tm local;
 
 	if (ctl->json) {
 		db_ctl_print_json(event);
 		return;
 	}
-	if (localtime_r(&seconds, &local))
-		(void)strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &local);
+	db_ctl_write_time(json_integer_value(json_object_get(event, "time_us")), when);
 	/* Whom it is about, as the log says it. */
 	for (size_t i = 0; i < sizeof(whom) / sizeof(whom[0]); i++) {
 		const char *name = db_ctl_text(event, whom[i]);
@@ -48,9 +43,8 @@ static void print_event(const struct db_ctl *ctl, const json_t *event)
 	if (used < sizeof(text))
 		(void)snprintf(text + used, sizeof(text) - used, "%s", db_ctl_text(event, "text"));
 	db_ctl_clean(text);
-	(void)printf("%s.%03d  %s%-7s  %s%s\n", when, (int)(us / 1000 % 1000),
-	             db_ctl_colour_begin(ctl->colour, colour), level, text,
-	             db_ctl_colour_end(ctl->colour, colour));
+	(void)printf("%s  %s%-7s  %s%s\n", when, db_ctl_colour_begin(ctl->colour, colour), level,
+	             text, db_ctl_colour_end(ctl->colour, colour));
 	(void)fflush(stdout);
 }
 

@@ -3,6 +3,7 @@
 #include "ctl/address.h"
 #include "ctl/bus.h"
 #include "ctl/events.h"
+#include "ctl/history.h"
 #include "ctl/jog.h"
 #include "ctl/names.h"
 #include "ctl/params.h"
@@ -60,6 +61,8 @@ const struct db_ctl_command db_ctl_commands[] = {
 	  "Set the speed (bit/s) that a drive is to have; all drives of a bus, and its section, must follow", db_ctl_baud },
 	{ "events", "", "", 0, 0, true,
 	  "What happened lately", db_ctl_events },
+	{ "history", "DRIVE", "drives", 1, 1, true,
+	  "The last commands that a drive was given, the newest first: what, how it ended, and by whom", db_ctl_history },
 	{ "record", "DRIVE.NAME...", "values", 1, -1, true,
 	  "Values at the cycle of their bus as CSV, each with the time of its data; from a trigger on, and some time before it",
 	  db_ctl_record },

@@ -13,7 +13,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 #define COMMENT_MAX 2048
@@ -315,23 +314,11 @@ enum db_ctl_status db_ctl_trace(struct db_ctl *ctl, int count, char **arguments)
 	return status;
 }
 
-/* A time for people, to the millisecond. */
-static void write_time(json_int_t us, char *text, size_t size)
-{
-	time_t seconds = (time_t)(us / 1000000);
-	char when[32] = "";
-	struct tm local;
-
-	if (localtime_r(&seconds, &local))
-		(void)strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &local);
-	(void)snprintf(text, size, "%s.%03d", when, (int)(us / 1000 % 1000));
-}
-
 static void print_kept(const struct db_ctl *ctl, const json_t *kept)
 {
 	static const char *const heads[] = { "NUMBER", "WHEN", "BUS", "DRIVE", "EVENT" };
 	struct db_ctl_grid *grid = db_ctl_grid_new("rllll");
-	char when[64];
+	char when[DB_CTL_TIME_MAX];
 	size_t i;
 	const json_t *one;
 
@@ -341,7 +328,7 @@ static void print_kept(const struct db_ctl *ctl, const json_t *kept)
 		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", heads[i]);
 	json_array_foreach(kept, i, one)
 	{
-		write_time(json_integer_value(json_object_get(one, "time_us")), when, sizeof(when));
+		db_ctl_write_time(json_integer_value(json_object_get(one, "time_us")), when);
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld",
 		                (long long)json_integer_value(json_object_get(one, "number")));
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", when);

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <time.h>
 
 #define SECONDS_MAX 864000.0
 
@@ -32,6 +33,17 @@ void db_ctl_clean(char *text)
 		if ((unsigned char)*text == 0xc2 && (unsigned char)text[1] < 0xa0)
 			*text = text[1] = '?';
 	}
+}
+
+void db_ctl_write_time(json_int_t us, char text[DB_CTL_TIME_MAX])
+{
+	time_t seconds = (time_t)(us / 1000000);
+	char when[32] = "";
+	struct tm local;
+
+	if (localtime_r(&seconds, &local))
+		(void)strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &local);
+	(void)snprintf(text, DB_CTL_TIME_MAX, "%s.%03d", when, (int)(us / 1000 % 1000));
 }
 
 const char *db_ctl_code_name(const json_t *reg, json_int_t code)

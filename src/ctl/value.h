@@ -32,6 +32,10 @@ bool db_ctl_has_bit(const json_t *reg, const json_t *value, const char *name);
  */
 json_t *db_ctl_parse_value(const json_t *reg, const char *text, char *problem, size_t size);
 
+/* "2026-11-22 16:20:02.113" of this place, from microseconds since 1970-01-01 UTC. */
+#define DB_CTL_TIME_MAX 40
+void db_ctl_write_time(json_int_t us, char text[DB_CTL_TIME_MAX]);
+
 /* A time in seconds, more than 0 and at most ten days. False: it is none. */
 bool db_ctl_parse_seconds(const char *text, double *seconds);
 

@@ -2,6 +2,7 @@
 """drivebridgectl in front of the real drivebridged and simulated drives, and the transcripts of its page in the
 guide, which are typed here line by line."""
 
+import getpass
 import json
 import re
 import shlex
@@ -9,6 +10,7 @@ import subprocess
 import time
 
 import pytest
+import varlink
 from bridgelib import ROOT, STANDSTILL, eventually, find_program
 from test_ctl_alone import RIGHT, Terminal
 
@@ -103,6 +105,33 @@ def test_codes_have_names(plant):
         "quality = good\nactive_command = 0\n"
     ctl(plant, "run", "feeder", "enable")
     assert ctl(plant, "get", "feeder", "history1_command") == "enable\n"
+
+
+def test_history_tells_what_was_commanded_and_by_whom(plant):
+    """The newest first, with arguments as run takes them; of a tool whom it acts for stands behind its own user."""
+    unit = plant.drive(1)
+    assert ctl(plant, "history", "feeder").split() == ["WHEN", "COMMAND", "ARGUMENTS", "RESULT", "TOOK", "CLIENT"]
+    assert objects(plant, "history", "feeder") == []
+    assert unit.command("enable") == 0
+    ctl(plant, "run", "feeder", "move_absolute", "target_position=640", "target_velocity=1600")
+    ctl(plant, "run", "feeder", "move_absolute", "target_position=9000000", status=1)
+    ctl(plant, "set", "feeder", "spd=3200")
+    with varlink.Client(f"unix:{plant.control_path}") as client, client.open("io.drivebridge.Control") as session:
+        session.Introduce("Jürgen")
+        session.Run("feeder", "stop")
+    lines = ctl(plant, "history", "feeder").splitlines()[1:]
+    when, took = r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3}", r"[\d.]+ ms"
+    user = re.escape(f"control, user {getpass.getuser()}")
+    for line, rest in zip(lines, (rf"stop +ok +{took} +{user} for Jürgen",
+                                  rf"write +register={unit.row('spd').address} +ok +{took} +{user}",
+                                  rf"move_absolute +target_position=9000000 target_velocity=0 +limit +{took} +{user}",
+                                  rf"move_absolute +target_position=640 target_velocity=1600 +ok +{took} +{user}",
+                                  rf"enable +ok +{took} +127\.0\.0\.1 port \d+"), strict=True):
+        assert re.fullmatch(rf"{when}  {rest} *", line), line
+    told = objects(plant, "history", "feeder")
+    assert [one["sequence"] for one in told] == [5, 4, 3, 2, 1]
+    assert told[0]["user"] == "Jürgen" and told[3]["arguments"] == {"target_position": 640, "target_velocity": 1600}
+    assert (told[2]["result"], told[4]["address"], told[4]["user"]) == ("limit", "127.0.0.1", "")
 
 
 def test_bus_metrics_and_events_tell_of_the_same_plant(plant):
