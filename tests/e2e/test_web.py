@@ -752,10 +752,9 @@ def test_the_history_names_who_is_logged_in(gateway):
     held.let_go()
     eventually(lambda: newest("stop", "olga"))
     eventually(lambda: "client control, user root for olga: connected" in bridge.log_since(0))
-    said = subprocess.run([find_program("drivebridgectl"), "--socket", bridge.control_path, "get", "drive1",
-                           "history1_address", "history1_user"],
+    said = subprocess.run([find_program("drivebridgectl"), "--socket", bridge.control_path, "history", "drive1"],
                           capture_output=True, text=True, timeout=20, check=True).stdout
-    assert said == "history1_address = control, user root\nhistory1_user = olga\n"
+    assert re.fullmatch(r"\S+ \S+ +stop +ok .* control, user root for olga *", said.splitlines()[1])
 
 
 # --- what the network sends -------------------------------------------------------------------------
