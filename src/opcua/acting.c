@@ -345,15 +345,17 @@ static void make_call(struct link *link, const struct db_opcua_actor *actor, con
 	} else if (!call->done) {
 		call->left = true;
 		outcome->pending = true;
-		fail(outcome, "pending",
-		     "the drive has not confirmed it yet; it goes on, and Result tells how it ends");
 	} else {
 		*outcome = call->outcome;
 	}
+	/* The service says so, too, of a stop that is told again already. */
+	if (outcome->pending)
+		fail(outcome, "pending",
+		     "the drive has not confirmed it yet; it goes on, and Result tells how it ends");
 	db_client_log(DB_CLIENT_NOTICE, "drive %s: %s: %s", drive, call->what, words_of(outcome));
 	if (call->done)
 		free(call);
-	else if (!outcome->pending)
+	else if (!call->left)
 		close_link(link);
 }
 
