@@ -25,7 +25,8 @@ size_t db_text_character(const char *text)
 	                first < 0xC0 ? 0 :
 	                first < 0xE0 ? 2 :
 	                first < 0xF0 ? 3 :
-	                               4;
+	                first < 0xF8 ? 4 :
+	                               0;
 	uint32_t character = length < 2 ? first : first & (0x7Fu >> length);
 
 	for (size_t i = 1; i < length; i++) {

@@ -40,8 +40,9 @@ static void names_that_people_can_see(void **state)
 		"\xC0\xAF",         /* longer than it need be */
 		"\xE0\x80\xAF",
 		"\xF0\x80\x80\xAF",
-		"\xED\xA0\x80",     /* half of a pair */
-		"\xF4\x90\x80\x80", /* behind the last one */
+		"\xED\xA0\x80",        /* half of a pair */
+		"\xF4\x90\x80\x80",    /* behind the last one */
+		"na\xFB\x90\x8B\x8Bo", /* no first byte, and what would follow one */
 		"\xF8\x88\x80\x80\x80",
 		"\xC3", /* ends within a character */
 		"\xE5\xBC",
