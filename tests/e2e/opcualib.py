@@ -222,9 +222,18 @@ def at(client, name):
 
 
 async def call(client, drive, command, *arguments):
-    """A command by its method, with arguments of the types that it declares."""
+    """A command by its method, with arguments of the types that it declares. On a machine that is busy with other things it may
+    be pending, and the one before may be so still: then it is told again, as nothing was done."""
     node = at(client, f"{drive}.{command}")
-    return await at(client, drive).call_method(node, *await typed(node, arguments))
+    values = await typed(node, arguments)
+    for _ in range(200):
+        try:
+            return await at(client, drive).call_method(node, *values)
+        except ua.uaerrors.BadRequestNotComplete:
+            return ["pending", ""]
+        except ua.uaerrors.BadResourceUnavailable:
+            await asyncio.sleep(0.05)
+    raise AssertionError(f"{drive}: what was told before {command} does not end")
 
 
 async def typed(method, values):
