@@ -24,6 +24,7 @@
 /* A drive that a connection has commanded. */
 struct fed_drive {
 	char name[64];
+	db_time told;  /* when it was commanded last */
 	db_time due;   /* when it is fed next */
 	bool feeding;  /* a sign of life is on its way */
 	json_t *block; /* what this session wrote into the command block; NULL: nothing yet */
@@ -378,6 +379,7 @@ static bool remember_drive(struct link *link, const char *name, db_time now)
 		fed->next = link->drives;
 		link->drives = fed;
 	}
+	fed->told = now;
 	fed->due = now;
 	return true;
 }
@@ -485,8 +487,12 @@ static void take_sign(void *data, json_t *parameters, const struct db_client_err
 	if (wait < FEED_SHORTEST)
 		wait = FEED_SHORTEST;
 	fed->feeding = false;
-	/* The watchdog stays armed at a stand, and so does control. The next command begins both again. */
-	fed->due = left > 0 || error ? fed->link->acting->now + wait : DB_TIME_NEVER;
+	/* The watchdog stays armed at a stand, and so does control. The next command begins both again, which may show a
+	 * little later than its answer. */
+	if (left > 0 || error || fed->link->acting->now - fed->told < FEED_LONGEST)
+		fed->due = fed->link->acting->now + wait;
+	else
+		fed->due = DB_TIME_NEVER;
 }
 
 void db_opcua_acting_feed(struct db_opcua_acting *acting, unsigned session, db_time now)
@@ -494,7 +500,8 @@ void db_opcua_acting_feed(struct db_opcua_acting *acting, unsigned session, db_t
 	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
 		struct link *link = &acting->links[i];
 
-		if (!link->client || link->session != session)
+		/* Behind a call that is not answered nothing would be heard. */
+		if (!link->client || link->session != session || link->call)
 			continue;
 		for (struct fed_drive *fed = link->drives; fed; fed = fed->next) {
 			if (fed->feeding || now < fed->due)
