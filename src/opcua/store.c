@@ -81,6 +81,9 @@ static bool add_references(const struct db_opcua_store *store, struct db_opcua_n
 	struct db_opcua_references references = { .wanted = wanted, .direction = direction };
 	size_t size;
 
+	/* Who reads wants none. */
+	if (direction == UA_BROWSEDIRECTION_INVALID)
+		return true;
 	store->ops->refer(store->context, &node->subject, &references);
 	if (references.count == 0)
 		return true;

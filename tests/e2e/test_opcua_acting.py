@@ -425,6 +425,7 @@ async def test_events(make_bridge, make_server, certificate):
         bridge.sim.fault("silence off", "drive2")
         back = await until(lambda: event_of(own, "DriveOnline"), 30)
         events = (tripped, fault, gone, lost, back)
+        await until(lambda: event_of(everything, "DriveOnline"))
         assert [one.Severity for one in events] == [900, 900, 300, 600, 300]
         for one in events:
             assert one.SourceName == "drive2" and one.SourceNode == at(session, "drive2").nodeid
