@@ -13,6 +13,7 @@ in C (opcua_stop.c).
 import asyncio
 import contextlib
 import os
+import random
 import statistics
 import subprocess
 import sys
@@ -33,7 +34,7 @@ DRIVES = 32
 VARIABLES = 20
 INTERVAL_MS = 100
 SECONDS = 20
-STOPS = 30
+STOPS = 50
 
 
 async def take(server, followers):
@@ -86,6 +87,8 @@ def stop_times(stopper, bridge):
             if how != "read":
                 unit.settle("move_velocity", target_velocity=800)
                 eventually(lambda: unit.read("velocity") > 0)
+                # At any moment of the bus's cycle.
+                time.sleep(random.uniform(0, 0.05))
             taken.append(stopper.take(how))
             bridge.wait_standing()
     return {how: statistics.median(taken) for how, taken in times.items()}
