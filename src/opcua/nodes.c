@@ -195,16 +195,13 @@ static void set_head(struct db_opcua_node *node, UA_NodeClass class, UA_Qualifie
 static void set_variable(struct db_opcua_node *node, const UA_DataType *type, bool array,
                          bool writable, double interval_ms)
 {
-	static const UA_UInt32 any_length = 0;
 	UA_VariableNode *variable = &node->node.variableNode;
 
 	variable->dataType = type->typeId;
 	variable->valueRank = array ? UA_VALUERANK_ONE_DIMENSION : UA_VALUERANK_SCALAR;
 	if (array) {
 		variable->arrayDimensionsSize = 1;
-		/* The library writes only into its own. */
-		memcpy(&variable->arrayDimensions, &(const UA_UInt32 *){ &any_length },
-		       sizeof(variable->arrayDimensions));
+		variable->arrayDimensions = &node->any_length;
 	}
 	variable->accessLevel = UA_ACCESSLEVELMASK_READ;
 	if (writable)
@@ -235,7 +232,7 @@ static void set_constant(struct db_opcua_node *node, const UA_DataType *type, bo
 		UA_Variant_setScalar(&variable->value.data.value.value, values, type);
 }
 
-static void fill_folder(const struct db_opcua_nodes *nodes, struct db_opcua_node *node,
+static void fill_object(const struct db_opcua_nodes *nodes, struct db_opcua_node *node,
                         const char *name, const char *description)
 {
 	set_head(node, UA_NODECLASS_OBJECT, browse_name(nodes, name), description);
@@ -281,17 +278,17 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 	switch (branch->type) {
 	case DB_OPCUA_ROOT:
 		if (shown->gateway) {
-			fill_folder(nodes, node, "Gateway", "The service itself and its clients");
+			fill_object(nodes, node, "Gateway", "The service itself and its clients");
 			break;
 		}
-		fill_folder(nodes, node, shown->name, "");
+		fill_object(nodes, node, shown->name, "");
 		let_listen(node, &shown->listeners);
 		break;
 	case DB_OPCUA_FOLDER:
-		fill_folder(nodes, node, branch->name, "");
+		fill_object(nodes, node, branch->name, "");
 		break;
 	case DB_OPCUA_IDENTIFICATION:
-		fill_folder(
+		fill_object(
 			nodes, node, branch->name,
 			"What is known of the drive itself, in the names of OPC UA for Machinery");
 		break;
@@ -333,14 +330,14 @@ static void fill_node(void *context, struct db_opcua_node *node, bool valued)
 
 	switch (node->subject.type) {
 	case DB_OPCUA_ALL_DRIVES:
-		fill_folder(nodes, node, "Drives", "The drives by their names");
+		fill_object(nodes, node, "Drives", "The drives by their names");
 		let_listen(node, &nodes->listeners);
 		break;
 	case DB_OPCUA_ALL_BUSES:
-		fill_folder(nodes, node, "Buses", "The lines that they are on");
+		fill_object(nodes, node, "Buses", "The lines that they are on");
 		break;
 	case DB_OPCUA_BUS:
-		fill_folder(nodes, node, bus->name, "");
+		fill_object(nodes, node, bus->name, "");
 		break;
 	case DB_OPCUA_FACT:
 		set_head(node, UA_NODECLASS_VARIABLE, browse_name(nodes, fact->name), "");

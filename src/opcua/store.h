@@ -24,7 +24,8 @@ struct db_opcua_node {
 	char id[DB_OPCUA_ID_MAX];
 	UA_LocalizedTextListEntry display_name;
 	UA_LocalizedTextListEntry description;
-	void *value; /* freed with free() when the node is forgotten; NULL: none */
+	UA_UInt32 any_length; /* 0, the dimension of an array */
+	void *value;          /* freed with free() when the node is forgotten; NULL: none */
 	/* Where those who listen to the node's events are kept; NULL: nobody can. */
 	UA_MonitoredItem **listeners;
 	UA_MonitoredItem *listeners_before;
