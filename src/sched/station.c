@@ -215,6 +215,7 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 	struct db_feedback *feedback = &station->snapshot.feedback;
 	const struct db_nameplate *plate = driver->nameplate(station->device);
 	db_time before = feedback->taken;
+	uint64_t wall_us = feedback->taken_wall_us;
 	bool online;
 
 	/* First the nameplate: who sees that it is valid in the snapshot must find the new one. */
@@ -224,10 +225,14 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 		station->plate_published = true;
 	}
 	driver->feedback(station->device, feedback);
-	station->snapshot.stats.samples += feedback->taken != before;
-	feedback->taken_wall_us = feedback->taken == 0 ?
-	                                  0 :
-	                                  (uint64_t)(feedback->taken / 1000 + wall_offset_us);
+	/* Told once for each sample: who sees another time takes the drive for alive, and a clock wanders and is set. */
+	if (feedback->taken != before) {
+		station->snapshot.stats.samples++;
+		wall_us = feedback->taken == 0 ?
+		                  0 :
+		                  (uint64_t)(feedback->taken / DB_NS_PER_US + wall_offset_us);
+	}
+	feedback->taken_wall_us = wall_us;
 	if (bus_up)
 		feedback->status |= DB_STATUS_BUS_UP;
 	/* A drive that came back is online for others with its first status, not with old data. */

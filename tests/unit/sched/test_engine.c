@@ -847,6 +847,28 @@ static void drives_that_go_and_come_are_told(void **state)
 	assert_told(world, DB_EVENT_DRIVE_ONLINE, 1);
 }
 
+static void a_clock_that_is_set_makes_no_sample_younger(void **state)
+{
+	struct world *world = *state;
+	struct db_feedback before;
+	struct db_feedback after;
+
+	db_engine_set_wall_offset(world->bus->engine, 1000000);
+	start_bus(world);
+	before = fake_feedback(world->bus, 0);
+	assert_int_equal(before.taken_wall_us, before.taken / 1000 + 1000000);
+	world->sim[0].dead = true;
+	db_engine_set_wall_offset(world->bus->engine, 5000000);
+	pass_seconds(world, 3);
+	after = fake_feedback(world->bus, 0);
+	assert_int_equal(after.taken, before.taken);
+	assert_int_equal(after.taken_wall_us, before.taken_wall_us);
+	world->sim[0].dead = false;
+	pass_seconds(world, 3);
+	after = fake_feedback(world->bus, 0);
+	assert_int_equal(after.taken_wall_us, after.taken / 1000 + 5000000);
+}
+
 static void a_drive_that_was_never_there_is_told_once(void **state)
 {
 	struct world *world = *state;
@@ -946,6 +968,7 @@ int main(void)
 		TEST(a_drive_that_does_not_confirm_its_end_is_told),
 		TEST(what_is_found_is_told_once),
 		TEST(drives_that_go_and_come_are_told),
+		TEST(a_clock_that_is_set_makes_no_sample_younger),
 		TEST(a_drive_that_was_never_there_is_told_once),
 		TEST(a_lost_port_is_not_told_of_each_drive),
 		TEST(faults_are_told_when_they_come_and_go),
