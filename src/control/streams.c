@@ -333,10 +333,10 @@ static void set_if_any(json_t *event, const char *key, const char *text)
 static json_t *describe_event(const struct db_log_line *line)
 {
 	json_t *text = json_string(line->text);
-	json_t *event = json_pack("{s:I, s:s, s:s, s:o}", "time_us", (json_int_t)line->time_us,
-	                          "level", level_name(db_event_level(line->event)), "name",
-	                          db_event_name(line->event), "text",
-	                          text ? text : db_values_text(line->text));
+	json_t *event = json_pack(
+		"{s:I, s:I, s:s, s:s, s:o}", "number", (json_int_t)line->number, "time_us",
+		(json_int_t)line->time_us, "level", level_name(db_event_level(line->event)), "name",
+		db_event_name(line->event), "text", text ? text : db_values_text(line->text));
 
 	set_if_any(event, "bus", line->bus);
 	set_if_any(event, "drive", line->drive);

@@ -2,7 +2,7 @@
 #include "mqtt/broker.h"
 
 #include "client/log.h"
-#include "client/retry.h"
+#include "mqtt/retry.h"
 
 #include <errno.h>
 #include <mosquitto.h>
@@ -37,7 +37,7 @@ struct db_mqtt_broker {
 	void *context;
 	struct mosquitto *client; /* a new one for each connection */
 	enum state state;
-	struct db_client_retry retry;
+	struct db_mqtt_retry retry;
 	db_time give_up_at; /* while it is not connected */
 	db_time misc_at;
 	bool accepted;     /* the library has told so in this turn */
@@ -203,7 +203,7 @@ static void give_up(struct db_mqtt_broker *broker, db_time now)
 	mosquitto_destroy(broker->client);
 	broker->client = NULL;
 	broker->state = AWAY;
-	db_client_retry_fail(&broker->retry, now, (unsigned)rand());
+	db_mqtt_retry_fail(&broker->retry, now, (unsigned)rand());
 	if (was_connected)
 		broker->ops->lost(broker->context);
 }
@@ -400,7 +400,7 @@ static void serve(struct db_mqtt_broker *broker, short revents, db_time now)
 	broker->state = CONNECTED;
 	broker->stats.connections++;
 	broker->told[0] = '\0';
-	db_client_retry_succeed(&broker->retry);
+	db_mqtt_retry_succeed(&broker->retry);
 	db_mqtt_outbox_start_over(broker->outbox);
 	db_client_log(DB_CLIENT_NOTICE, "connected to the broker %s, port %u%s",
 	              broker->config->host, broker->config->port,

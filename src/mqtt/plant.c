@@ -2,14 +2,17 @@
 #include "mqtt/plant.h"
 
 #include "client/client.h"
+#include "client/events.h"
 #include "client/log.h"
-#include "client/retry.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 /* Calls that are not answered within this time will never be. */
 #define ANSWER_MAX (10 * DB_NS_PER_S)
+
+/* The service is on this machine: to look for it costs next to nothing. */
+#define CONNECT_INTERVAL (1 * DB_NS_PER_S)
 
 enum { CALLS, VALUES, EVENTS };
 
@@ -19,8 +22,8 @@ struct db_mqtt_plant {
 	void *context;
 	/* One for calls, one for each stream. All or none. */
 	struct db_client *clients[DB_MQTT_PLANT_FDS];
-	struct db_client_retry retry;
-	db_time now; /* of this turn */
+	db_time connect_at; /* not to be tried before */
+	db_time now;        /* of this turn */
 	json_t *description;
 	json_t *registers; /* by drive, as they come */
 	size_t described;  /* drives whose registers have been asked for */
@@ -28,10 +31,10 @@ struct db_mqtt_plant {
 	bool changed;      /* to be asked anew: there are other drives */
 	bool failed;       /* to be closed; `why` is told */
 	char why[512];
-	char told[512];      /* what was logged last; "" while it is there */
-	int64_t events_from; /* those before are not news */
-	db_time ask_at;      /* for figures; DB_TIME_NEVER while the answer is awaited */
-	db_time answer_by;   /* of a call; DB_TIME_NEVER */
+	char told[512]; /* what was logged last; "" while it is there */
+	struct db_client_events events;
+	db_time ask_at;    /* for figures; DB_TIME_NEVER while the answer is awaited */
+	db_time answer_by; /* of a call; DB_TIME_NEVER */
 };
 
 struct db_mqtt_plant *db_mqtt_plant_new(const struct db_mqtt_config *config,
@@ -117,23 +120,15 @@ static void take_events(void *data, json_t *parameters, const struct db_client_e
                         bool more)
 {
 	struct db_mqtt_plant *plant = data;
-	size_t i;
-	json_t *event;
+	const json_t *events = json_object_get(parameters, "events");
 
 	if (error || !more) {
 		fail(plant, error ? error->text : "the service has ended the stream of events");
 		return;
 	}
-	json_array_foreach(json_object_get(parameters, "events"), i, event)
-	{
-		int64_t us = json_integer_value(json_object_get(event, "time_us"));
-
-		/* What a service tells again to a new connection was told before. */
-		if (us < plant->events_from)
-			continue;
-		plant->events_from = us + 1;
-		plant->ops->event(plant->context, event);
-	}
+	for (size_t i = db_client_events_skip(&plant->events, events); i < json_array_size(events);
+	     i++)
+		plant->ops->event(plant->context, json_array_get(events, i));
 }
 
 /* --- calls ------------------------------------------------------------------------------------ */
@@ -240,7 +235,6 @@ static void run(struct db_mqtt_plant *plant)
 		json_array_append_new(drives, json_string(name_of(drive)));
 	plant->there = true;
 	plant->told[0] = '\0';
-	db_client_retry_succeed(&plant->retry);
 	plant->ops->found(plant->context, plant->description, plant->registers);
 	/* No drives would mean all of them. */
 	if (json_array_size(drives) > 0)
@@ -347,8 +341,9 @@ static void connect_all(struct db_mqtt_plant *plant, int64_t us)
 {
 	struct db_client_error error = { .parameters = NULL };
 
-	if (plant->events_from == 0)
-		plant->events_from = us;
+	if (plant->events.from_us == 0)
+		plant->events.from_us = us;
+	db_client_events_connect(&plant->events);
 	for (size_t i = 0; i < DB_MQTT_PLANT_FDS && !plant->failed; i++) {
 		if (db_client_open(plant->config->socket, &plant->clients[i], &error) != 0)
 			fail(plant, error.text);
@@ -368,7 +363,7 @@ static void give_up(struct db_mqtt_plant *plant)
 	memcpy(plant->told, plant->why, sizeof(plant->told));
 	disconnect(plant);
 	plant->there = false;
-	db_client_retry_fail(&plant->retry, plant->now, (unsigned)rand());
+	plant->connect_at = plant->now + CONNECT_INTERVAL;
 	if (was_there)
 		plant->ops->lost(plant->context);
 }
@@ -388,14 +383,14 @@ void db_mqtt_plant_watch(const struct db_mqtt_plant *plant, struct pollfd fds[DB
 db_time db_mqtt_plant_due(const struct db_mqtt_plant *plant)
 {
 	if (!plant->clients[CALLS])
-		return plant->retry.due;
+		return plant->connect_at;
 	return plant->ask_at < plant->answer_by ? plant->ask_at : plant->answer_by;
 }
 
 void db_mqtt_plant_handle(struct db_mqtt_plant *plant, db_time now, int64_t us)
 {
 	plant->now = now;
-	if (!plant->clients[CALLS] && now >= plant->retry.due)
+	if (!plant->clients[CALLS] && now >= plant->connect_at)
 		connect_all(plant, us);
 	for (size_t i = 0; i < DB_MQTT_PLANT_FDS; i++) {
 		if (plant->clients[i] && db_client_handle(plant->clients[i]) != 0)

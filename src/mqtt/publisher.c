@@ -224,6 +224,7 @@ static void take_event(void *context, json_t *event)
 	struct db_mqtt_publisher *publisher = context;
 	json_t *copy = json_copy(event);
 
+	(void)json_object_del(copy, "number");
 	(void)json_object_del(copy, "time_us");
 	(void)json_object_set_new(
 		copy, "time",

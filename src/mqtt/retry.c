@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "client/retry.h"
+#include "mqtt/retry.h"
 
-void db_client_retry_fail(struct db_client_retry *retry, db_time now, unsigned chance)
+void db_mqtt_retry_fail(struct db_mqtt_retry *retry, db_time now, unsigned chance)
 {
-	retry->wait = retry->wait == 0 ? DB_CLIENT_RETRY_FIRST : 2 * retry->wait;
-	if (retry->wait > DB_CLIENT_RETRY_LONGEST)
-		retry->wait = DB_CLIENT_RETRY_LONGEST;
+	retry->wait = retry->wait == 0 ? DB_MQTT_RETRY_FIRST : 2 * retry->wait;
+	if (retry->wait > DB_MQTT_RETRY_LONGEST)
+		retry->wait = DB_MQTT_RETRY_LONGEST;
 	retry->due = now + retry->wait + retry->wait / 2 * (chance % 1000) / 1000;
 }
 
-void db_client_retry_succeed(struct db_client_retry *retry)
+void db_mqtt_retry_succeed(struct db_mqtt_retry *retry)
 {
-	*retry = (struct db_client_retry){ .due = 0 };
+	*retry = (struct db_mqtt_retry){ .due = 0 };
 }

@@ -1,20 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* When something that failed is tried again: at first soon, then ever later. Pure. */
-#ifndef DRIVEBRIDGE_CLIENT_RETRY_H
-#define DRIVEBRIDGE_CLIENT_RETRY_H
+#ifndef DRIVEBRIDGE_MQTT_RETRY_H
+#define DRIVEBRIDGE_MQTT_RETRY_H
 
 #include "drivebridge/time.h"
 
-#define DB_CLIENT_RETRY_FIRST (1 * DB_NS_PER_S)
-#define DB_CLIENT_RETRY_LONGEST (60 * DB_NS_PER_S)
+#define DB_MQTT_RETRY_FIRST (1 * DB_NS_PER_S)
+#define DB_MQTT_RETRY_LONGEST (60 * DB_NS_PER_S)
 
-struct db_client_retry {
+struct db_mqtt_retry {
 	db_time due;  /* not to be tried before; 0: at once */
 	db_time wait; /* between the last failure and `due`, without what chance adds */
 };
 
 /* `chance` adds up to half of the time, so that not all gateways of a plant come back to their broker at once. */
-void db_client_retry_fail(struct db_client_retry *retry, db_time now, unsigned chance);
-void db_client_retry_succeed(struct db_client_retry *retry);
+void db_mqtt_retry_fail(struct db_mqtt_retry *retry, db_time now, unsigned chance);
+void db_mqtt_retry_succeed(struct db_mqtt_retry *retry);
 
 #endif

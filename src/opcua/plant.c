@@ -3,8 +3,8 @@
 
 #include "client/client.h"
 #include "client/clock.h"
+#include "client/events.h"
 #include "client/log.h"
-#include "client/retry.h"
 
 #include <malloc.h>
 #include <stdlib.h>
@@ -12,6 +12,9 @@
 
 /* Calls that are not answered within this time will never be. */
 #define ANSWER_MAX (10 * DB_NS_PER_S)
+
+/* The service is on this machine: to look for it costs next to nothing. */
+#define CONNECT_INTERVAL (1 * DB_NS_PER_S)
 
 /* How often figures are asked for, and whether the drives are still the same. */
 #define LOOK_INTERVAL (1 * DB_NS_PER_S)
@@ -44,8 +47,8 @@ struct db_opcua_plant {
 	void *context;
 	struct db_client *clients[DB_OPCUA_PLANT_FDS]; /* VALUES: NULL when nothing is watched */
 	struct db_client *fetcher;
-	struct db_client_retry retry;
-	db_time now; /* of this turn */
+	db_time connect_at; /* not to be tried before */
+	db_time now;        /* of this turn */
 	int64_t us;
 
 	json_t *description;
@@ -66,7 +69,7 @@ struct db_opcua_plant {
 	db_time look_at;   /* DB_TIME_NEVER while an answer is awaited */
 	db_time answer_by;
 	db_time fetch_at; /* no fetch before */
-	int64_t events_from;
+	struct db_client_events events;
 	char why[512];
 	char told[512]; /* what was logged last; "" while it is there */
 };
@@ -207,23 +210,15 @@ static void take_events(void *data, json_t *parameters, const struct db_client_e
                         bool more)
 {
 	struct db_opcua_plant *plant = data;
-	size_t i;
-	const json_t *event;
+	const json_t *events = json_object_get(parameters, "events");
 
 	if (error || !more) {
 		fail(plant, error ? error->text : "the service has ended the stream of events");
 		return;
 	}
-	json_array_foreach(json_object_get(parameters, "events"), i, event)
-	{
-		int64_t us = json_integer_value(json_object_get(event, "time_us"));
-
-		/* What a service tells again to a new connection was told before. */
-		if (us < plant->events_from)
-			continue;
-		plant->events_from = us + 1;
-		plant->ops->event(plant->context, event);
-	}
+	for (size_t i = db_client_events_skip(&plant->events, events); i < json_array_size(events);
+	     i++)
+		plant->ops->event(plant->context, json_array_get(events, i));
 }
 
 static bool has_text(const json_t *texts, const char *text)
@@ -394,7 +389,6 @@ static void begin(struct db_opcua_plant *plant)
 		db_client_log(DB_CLIENT_NOTICE, "drivebridged is there again");
 	plant->there = true;
 	plant->told[0] = '\0';
-	db_client_retry_succeed(&plant->retry);
 	subscribe(plant);
 	call(plant, EVENTS, "Events", NULL, take_events);
 	plant->look_at = plant->now;
@@ -585,8 +579,9 @@ static void open_client(struct db_opcua_plant *plant, struct db_client **client)
 
 static void connect_all(struct db_opcua_plant *plant)
 {
-	if (plant->events_from == 0)
-		plant->events_from = plant->us;
+	if (plant->events.from_us == 0)
+		plant->events.from_us = plant->us;
+	db_client_events_connect(&plant->events);
 	open_client(plant, &plant->clients[CALLS]);
 	open_client(plant, &plant->clients[EVENTS]);
 	open_client(plant, &plant->fetcher);
@@ -603,7 +598,7 @@ static void give_up(struct db_opcua_plant *plant)
 	disconnect(plant);
 	for (size_t i = 0; i < plant->drive_count; i++)
 		plant->drives[i]->lost = true;
-	db_client_retry_fail(&plant->retry, plant->now, (unsigned)rand());
+	plant->connect_at = plant->now + CONNECT_INTERVAL;
 }
 
 void db_opcua_plant_watch(const struct db_opcua_plant *plant, struct pollfd fds[DB_OPCUA_PLANT_FDS])
@@ -623,7 +618,7 @@ db_time db_opcua_plant_due(const struct db_opcua_plant *plant)
 	db_time due = plant->stream_at;
 
 	if (!plant->clients[CALLS])
-		return plant->retry.due;
+		return plant->connect_at;
 	if (plant->look_at < due)
 		due = plant->look_at;
 	return plant->answer_by < due ? plant->answer_by : due;
@@ -633,7 +628,7 @@ void db_opcua_plant_handle(struct db_opcua_plant *plant, db_time now, int64_t us
 {
 	plant->now = now;
 	plant->us = us;
-	if (!plant->clients[CALLS] && now >= plant->retry.due)
+	if (!plant->clients[CALLS] && now >= plant->connect_at)
 		connect_all(plant);
 	for (size_t i = 0; i < DB_OPCUA_PLANT_FDS; i++) {
 		if (plant->clients[i] && db_client_handle(plant->clients[i]) != 0)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "client/retry.h"
 #include "mqtt/outbox.h"
+#include "mqtt/retry.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -190,7 +190,7 @@ static void blow(struct weather *weather, db_time now)
 static void test_72_hours(void **state)
 {
 	struct weather weather = { .seed = 17 };
-	struct db_client_retry retry = { .due = 0 };
+	struct db_mqtt_retry retry = { .due = 0 };
 	uint64_t added = 0, arrived = 0, attempts = 0;
 	int last = -1, mail = 0, oldest = 0;
 	bool connected = false;
@@ -201,16 +201,16 @@ static void test_72_hours(void **state)
 		blow(&weather, now);
 		if (connected && !weather.up) {
 			connected = false;
-			db_client_retry_fail(&retry, now, roll(&weather));
+			db_mqtt_retry_fail(&retry, now, roll(&weather));
 		} else if (!connected && now >= retry.due) {
 			attempts++;
 			connected = weather.up;
 			if (connected) {
-				db_client_retry_succeed(&retry);
+				db_mqtt_retry_succeed(&retry);
 				db_mqtt_outbox_start_over(*state);
 				oldest = mail;
 			} else {
-				db_client_retry_fail(&retry, now, roll(&weather));
+				db_mqtt_retry_fail(&retry, now, roll(&weather));
 			}
 		}
 		for (int drive = 0; drive < 8; drive++)
