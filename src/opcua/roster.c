@@ -140,6 +140,9 @@ bool db_opcua_roster_identify(const struct db_opcua_roster *roster, const char *
 	static const char of_bus[] = DB_OPCUA_BUSES ".";
 	bool drives = is_text(id, length, DB_OPCUA_DRIVES);
 
+	/* Names here end with their zero byte; an id that came from outside may go on behind one. */
+	if (length > 0 && memchr(id, '\0', length))
+		return false;
 	if (drives || is_text(id, length, DB_OPCUA_BUSES)) {
 		*subject = (struct db_opcua_subject){
 			.type = drives ? DB_OPCUA_ALL_DRIVES : DB_OPCUA_ALL_BUSES,

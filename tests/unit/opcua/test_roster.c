@@ -185,6 +185,26 @@ static void test_ids_are_of_drives(void **state)
 	free_plant(&plant);
 }
 
+/* As bytes from outside may be: what stands behind the zero byte is part of the id. */
+static void test_ids_with_zero_bytes_are_of_nothing(void **state)
+{
+	static const char *const ids[] = { "feeder.Bits.Online", "feeder", "/Buses.line" };
+	struct plant plant = make_plant("");
+	struct db_opcua_subject subject;
+	char text[200];
+
+	(void)state;
+	(void)add_drive(&plant, "feeder");
+	for (size_t i = 0; i < sizeof(ids) / sizeof(ids[0]); i++) {
+		memset(text, 0, sizeof(text));
+		memcpy(text, ids[i], strlen(ids[i]));
+		for (size_t length = strlen(ids[i]) + 1; length <= sizeof(text); length++)
+			assert_false(
+				db_opcua_roster_identify(&plant.roster, text, length, &subject));
+	}
+	free_plant(&plant);
+}
+
 static void test_the_gateway_has_no_buses_and_no_identification(void **state)
 {
 	struct plant plant = make_plant("");
@@ -250,6 +270,7 @@ int main(void)
 		cmocka_unit_test(test_children_stand_side_by_side),
 		cmocka_unit_test(test_only_what_is_chosen_is_shown),
 		cmocka_unit_test(test_ids_are_of_drives),
+		cmocka_unit_test(test_ids_with_zero_bytes_are_of_nothing),
 		cmocka_unit_test(test_the_gateway_has_no_buses_and_no_identification),
 		cmocka_unit_test(test_ids_are_of_buses),
 	};
