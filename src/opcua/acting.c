@@ -224,6 +224,14 @@ static const char *words_of(const struct db_opcua_outcome *outcome)
 	return outcome->reason[0] ? outcome->reason : outcome->result;
 }
 
+/* The call was told, and no answer to it has come or will: whether it was done, nobody knows. */
+static bool leaves_open(const struct db_client_error *error)
+{
+	return strcmp(error->name, DB_CLIENT_LOST) == 0 ||
+	       strcmp(error->name, DB_CLIENT_BAD_ANSWER) == 0 ||
+	       strcmp(error->name, DB_CLIENT_NO_MEMORY) == 0;
+}
+
 /* The last word of an error's name. */
 static const char *short_name(const char *error)
 {
@@ -243,7 +251,11 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	call->link->call = NULL;
 	call->done = true;
 	outcome->pending = result && strcmp(result, "pending") == 0;
-	if (error) {
+	if (error && leaves_open(error)) {
+		result = "indeterminate";
+		(void)snprintf(outcome->reason, sizeof(outcome->reason),
+		               "%.180s; whether the drive has done it is not known", error->text);
+	} else if (error) {
 		result = json_string_value(json_object_get(error->parameters, "result"));
 		if (!result)
 			result = short_name(error->name);
@@ -273,15 +285,15 @@ void db_opcua_acting_go_on(struct db_opcua_acting *acting)
 	acting->feed(acting->context, now);
 }
 
-/* Until it has ended, or others have waited long enough. False: the connection is lost, and with it how it ends. */
-static bool wait_for(struct call *call)
+/* Until it has ended, which it does with its connection, too, or others have waited long enough. */
+static void wait_for(struct call *call)
 {
 	struct db_opcua_acting *acting = call->acting;
 	db_time deadline = read_clock() + acting->config->confirm_ms * DB_NS_PER_MS;
 	struct pollfd fds[1 + DB_OPCUA_NETWORK_PLACES];
-	bool there = db_client_handle(call->link->client) == 0;
 
-	while (there && !call->done) {
+	(void)db_client_handle(call->link->client);
+	while (!call->done) {
 		db_time now = read_clock();
 		db_time until = acting->awaited > 0 && acting->awaited + SHARE_MAX < deadline ?
 		                        acting->awaited + SHARE_MAX :
@@ -304,9 +316,8 @@ static bool wait_for(struct call *call)
 			if (fds[i].revents & POLLIN)
 				acting->awaited = read_clock();
 		}
-		there = db_client_handle(call->link->client) == 0;
+		(void)db_client_handle(call->link->client);
 	}
-	return there || call->done;
 }
 
 /* Takes `parameters` over. Sends, and waits for the end. */
@@ -339,15 +350,12 @@ static void make_call(struct link *link, const struct db_opcua_actor *actor, con
 		close_link(link);
 		return;
 	}
-	if (!wait_for(call)) {
-		fail(outcome, "indeterminate",
-		     "the service has closed the connection; whether the drive has done it is not "
-		     "known");
-	} else if (!call->done) {
+	wait_for(call);
+	if (call->done) {
+		*outcome = call->outcome;
+	} else {
 		call->left = true;
 		outcome->pending = true;
-	} else {
-		*outcome = call->outcome;
 	}
 	/* The service says so, too, of a stop that is told again already. */
 	if (outcome->pending)
@@ -356,8 +364,6 @@ static void make_call(struct link *link, const struct db_opcua_actor *actor, con
 	db_client_log(DB_CLIENT_NOTICE, "drive %s: %s: %s", drive, call->what, words_of(outcome));
 	if (call->done)
 		free(call);
-	else if (!call->left)
-		close_link(link);
 }
 
 static bool is_stop(const char *command)

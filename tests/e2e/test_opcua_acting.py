@@ -168,6 +168,28 @@ async def test_nothing_is_done_late(make_bridge, make_server, certificate):
 
 
 @in_loop
+async def test_the_service_ends_while_a_method_waits(make_bridge, make_server, certificate):
+    """Whether the drive has done it, nobody knows then: not what a client may take for "nothing happened"."""
+    bridge = make_bridge()
+    server = make_server(bridge, commands={"confirm-ms": 1000})
+    async with server.session(certificate, OPERATOR) as session:
+        await call(session, "drive1", "Enable")
+        bridge.sim.fault("silence on")
+        known = len(bridge.sim.trace(">"))
+        waits = asyncio.create_task(outcome(session, "drive1", "Stop"))
+        await until(lambda: any("stp" in line for line in bridge.sim.trace(">")[known:]))
+        bridge.process.kill()
+        bridge.process.wait()
+        status, result, reason = await waits
+        assert (status, result) == ("BadUnknownResponse", "indeterminate") and reason
+        # Nothing was told: that is known.
+        assert (await outcome(session, "drive1", "Stop"))[0] == "BadNoCommunication"
+        bridge.sim.fault("silence off")
+        bridge.units = {}
+        bridge.start_bridge()
+
+
+@in_loop
 async def test_what_moves_is_fed_while_somebody_waits(make_bridge, make_server, certificate):
     """The methods of one session wait for a drive that is unplugged, each for longer than the watchdog of another one's
     drive has."""
