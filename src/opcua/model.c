@@ -464,20 +464,28 @@ void db_opcua_drive_take(struct db_opcua_drive *drive, json_t *values, int64_t t
 	}
 }
 
+enum db_opcua_quality db_opcua_drive_quality(const struct db_opcua_drive *drive)
+{
+	if (drive->lost)
+		return DB_OPCUA_NO_CONTACT;
+	return drive->late ? DB_OPCUA_UNCERTAIN : DB_OPCUA_GOOD;
+}
+
 enum db_opcua_quality db_opcua_item_quality(const struct db_opcua_item *item)
 {
 	const struct db_opcua_drive *drive = item->drive;
+	enum db_opcua_quality told = db_opcua_drive_quality(drive);
 
 	if (drive->lost)
-		return DB_OPCUA_NO_CONTACT;
+		return told;
 	if (item->reg->own || drive->name[0] == '\0')
-		return item->value.known ? DB_OPCUA_GOOD : DB_OPCUA_NOTHING_YET;
+		return item->value.known ? told : DB_OPCUA_NOTHING_YET;
 	if (drive->time_us == 0 || !item->value.known)
 		return drive->quality == QUALITY_GOOD || drive->time_us == 0 ?
 		               DB_OPCUA_NOTHING_YET :
 		               DB_OPCUA_NO_CONTACT;
 	if (drive->quality >= QUALITY_GOOD)
-		return DB_OPCUA_GOOD;
+		return told;
 	return drive->quality >= QUALITY_UNCERTAIN ? DB_OPCUA_UNCERTAIN : DB_OPCUA_NO_CONTACT;
 }
 

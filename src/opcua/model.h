@@ -114,6 +114,7 @@ struct db_opcua_drive {
 	int64_t time_us;             /* of the drive's data; 0: never */
 	unsigned quality;            /* 0 bad, 64 uncertain, 192 good */
 	bool lost;                   /* there is no service */
+	bool late;                   /* it has not answered for a while */
 	db_time taken
 		[DB_OPCUA_GROUPS]; /* when its group was read last; 0: never, or it must be again */
 	db_time streamed;          /* when its last sample came */
@@ -154,6 +155,8 @@ enum db_opcua_quality {
 	DB_OPCUA_NOTHING_YET, /* it never came */
 };
 
+/* Of what the service told of the drive, or of the buses if that is the gateway. */
+enum db_opcua_quality db_opcua_drive_quality(const struct db_opcua_drive *drive);
 enum db_opcua_quality db_opcua_item_quality(const struct db_opcua_item *item);
 
 /* The names of a group, those of its quality and time with them, or without those that the stream tells: a new array; NULL

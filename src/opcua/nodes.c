@@ -68,6 +68,15 @@ static bool identify(void *context, UA_String id, struct db_opcua_subject *subje
 
 /* --- reading and writing ---------------------------------------------------------------------- */
 
+/* The service tells them, as what it tells of itself. */
+static enum db_opcua_quality quality_of_facts(const struct db_opcua_nodes *nodes)
+{
+	const struct db_opcua_shown *gateway = db_opcua_roster_find(
+		&nodes->roster, DB_OPCUA_GATEWAY, strlen(DB_OPCUA_GATEWAY));
+
+	return gateway ? db_opcua_drive_quality(gateway->drive) : DB_OPCUA_NO_CONTACT;
+}
+
 static UA_StatusCode read_value(UA_Server *server, const UA_NodeId *session, void *session_context,
                                 const UA_NodeId *node, void *node_context,
                                 UA_Boolean source_time_wanted, const UA_NumericRange *range,
@@ -90,7 +99,7 @@ static UA_StatusCode read_value(UA_Server *server, const UA_NodeId *session, voi
 	}
 	if (subject->type == DB_OPCUA_FACT) {
 		return db_opcua_value_from_json(subject->fact->value, subject->fact->time_us,
-		                                value);
+		                                quality_of_facts(nodes), value);
 	}
 	if (branch->type == DB_OPCUA_VARIABLE) {
 		nodes->ops->fetch(nodes->context, &shown->drive->items[branch->place]);

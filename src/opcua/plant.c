@@ -16,6 +16,9 @@
 /* The service is on this machine: to look for it costs next to nothing. */
 #define CONNECT_INTERVAL (1 * DB_NS_PER_S)
 
+/* What was told before is not taken for what is now when the service has not answered for so long. */
+#define ANSWER_LATE (1 * DB_NS_PER_S)
+
 /* How often figures are asked for, and whether the drives are still the same. */
 #define LOOK_INTERVAL (1 * DB_NS_PER_S)
 
@@ -62,6 +65,7 @@ struct db_opcua_plant {
 	json_t *known; /* the description of those, NULL before the first */
 
 	bool there;
+	bool late;         /* an answer is awaited for longer than ANSWER_LATE */
 	bool changed;      /* to be asked anew: there are other drives */
 	bool failed;       /* to be closed; `why` is told */
 	bool renew;        /* the fetcher is to be opened anew */
@@ -601,6 +605,19 @@ static void give_up(struct db_opcua_plant *plant)
 	plant->connect_at = plant->now + CONNECT_INTERVAL;
 }
 
+/* A service that hangs keeps its connections, and streams that say nothing. */
+static void note_lateness(struct db_opcua_plant *plant)
+{
+	bool late = plant->answer_by != DB_TIME_NEVER &&
+	            plant->now >= plant->answer_by - ANSWER_MAX + ANSWER_LATE;
+
+	if (late == plant->late)
+		return;
+	plant->late = late;
+	for (size_t i = 0; i < plant->drive_count; i++)
+		plant->drives[i]->late = late;
+}
+
 void db_opcua_plant_watch(const struct db_opcua_plant *plant, struct pollfd fds[DB_OPCUA_PLANT_FDS])
 {
 	for (size_t i = 0; i < DB_OPCUA_PLANT_FDS; i++) {
@@ -654,4 +671,5 @@ void db_opcua_plant_handle(struct db_opcua_plant *plant, db_time now, int64_t us
 	}
 	if (plant->failed)
 		give_up(plant);
+	note_lateness(plant);
 }

@@ -77,7 +77,7 @@ struct db_opcua_shown *db_opcua_roster_add(struct db_opcua_roster *roster,
 	}
 	shown->drive = drive;
 	shown->gateway = drive->name[0] == '\0';
-	shown->name = shown->gateway ? "/Gateway" : drive->name;
+	shown->name = shown->gateway ? DB_OPCUA_GATEWAY : drive->name;
 	shown->tree = take_tree(roster, config, shown);
 	if (!shown->tree) {
 		free_shown(shown);

@@ -16,6 +16,7 @@
 /* Names of drives have no slash. */
 #define DB_OPCUA_DRIVES "/Drives"
 #define DB_OPCUA_BUSES "/Buses"
+#define DB_OPCUA_GATEWAY "/Gateway"
 
 struct UA_MonitoredItem;
 

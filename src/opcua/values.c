@@ -145,7 +145,7 @@ UA_StatusCode db_opcua_value_read_column(const struct db_opcua_drive *drive,
 	/* Without one the library tells the time of reading. */
 	value->hasSourceTimestamp = true;
 	value->sourceTimestamp = date_of(newest->value.since_us);
-	if (!newest->value.known || drive->lost) {
+	if (!newest->value.known || db_opcua_drive_quality(drive) != DB_OPCUA_GOOD) {
 		value->hasStatus = true;
 		value->status = newest->value.known ? UA_STATUSCODE_UNCERTAINLASTUSABLEVALUE :
 		                                      UA_STATUSCODE_BADWAITINGFORINITIALDATA;
@@ -198,7 +198,8 @@ const UA_DataType *db_opcua_json_type(const json_t *json)
 	}
 }
 
-UA_StatusCode db_opcua_value_from_json(const json_t *json, int64_t time_us, UA_DataValue *value)
+UA_StatusCode db_opcua_value_from_json(const json_t *json, int64_t time_us,
+                                       enum db_opcua_quality quality, UA_DataValue *value)
 {
 	const UA_DataType *type = db_opcua_json_type(json);
 	UA_Boolean flag = json_is_true(json);
@@ -212,6 +213,10 @@ UA_StatusCode db_opcua_value_from_json(const json_t *json, int64_t time_us, UA_D
 
 	value->hasSourceTimestamp = true;
 	value->sourceTimestamp = date_of(time_us);
+	value->hasStatus = true;
+	value->status = status_of(quality);
+	if (quality != DB_OPCUA_GOOD && quality != DB_OPCUA_UNCERTAIN)
+		return UA_STATUSCODE_GOOD;
 	value->hasValue = true;
 	return UA_Variant_setScalarCopy(&value->value, data, type);
 }

@@ -25,7 +25,8 @@ UA_StatusCode db_opcua_value_to_json(const UA_Variant *value, json_t **json);
 /* What the service tells without a type, a boolean, a number or a text: that for it, and the value as a variable is
  * read. */
 const UA_DataType *db_opcua_json_type(const json_t *json);
-UA_StatusCode db_opcua_value_from_json(const json_t *json, int64_t time_us, UA_DataValue *value);
+UA_StatusCode db_opcua_value_from_json(const json_t *json, int64_t time_us,
+                                       enum db_opcua_quality quality, UA_DataValue *value);
 
 /* A unit with its UNECE code where it is one of the usual ones. The texts are `unit`. */
 UA_EUInformation db_opcua_unit(const char *unit);

@@ -7,6 +7,7 @@ import csv
 import datetime
 import random
 import re
+import signal
 import subprocess
 
 import pytest
@@ -306,6 +307,7 @@ async def test_server_and_service_are_killed(make_bridge, make_server):
         bridge.process.wait()
         assert is_bad((await until(lambda: bad_value(position))).StatusCode, "BadNoCommunication")
         await until(lambda: follower.status(position).is_bad())
+        assert is_bad((await bad_value(at(session, "/Buses.line.Up"))).StatusCode, "BadNoCommunication")
         bridge.units = {}
         bridge.start_bridge()
         await until(lambda: good_value(position))
@@ -323,6 +325,33 @@ async def test_server_and_service_are_killed(make_bridge, make_server):
         bridge.reload()
         await until(lambda: is_set(drives(), {"drive1", "drive3"}))
         await until(lambda: good_value(at(session, "drive3.PositionActualValue")))
+
+
+@in_loop
+async def test_a_service_that_hangs(bridge, make_server):
+    """Its connections stay, and nothing comes: what was told last is not taken for what is now."""
+    server = make_server(bridge)
+    async with server.session() as session:
+        nodes = [at(session, name) for name in ("drive1.PositionActualValue", "drive1.AxisState", "/Buses.line.Up")]
+        follower = await Follower(session).start(nodes)
+        for node in nodes:
+            await until(lambda: good_value(node))
+            await until(lambda: follower.of(node))
+        bridge.process.send_signal(signal.SIGSTOP)
+        try:
+            for node in nodes:
+                await until(lambda: says_uncertain(node))
+                await until(lambda: not follower.status(node).is_good())
+        finally:
+            bridge.process.send_signal(signal.SIGCONT)
+        for node in nodes:
+            await until(lambda: good_value(node))
+            await until(lambda: follower.status(node).is_good())
+
+
+async def says_uncertain(node):
+    value = await node.read_data_value(raise_on_bad_status=False)
+    return is_bad(value.StatusCode, "UncertainLastUsableValue") and value.Value.Value is not None
 
 
 async def is_set(asked, wanted):
