@@ -3,13 +3,13 @@
 #include "opcua/security.h"
 #include "opcua/values.h"
 
+#include "client/clock.h"
 #include "client/log.h"
 
 #include <open62541/server_config_default.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #define ANONYMOUS_POLICY "anonymous"
 #define USERNAME_POLICY "username"
@@ -261,14 +261,6 @@ void db_opcua_access_begin(struct db_opcua_access *access)
 
 /* --- passwords -------------------------------------------------------------------------------- */
 
-static db_time read_clock(void)
-{
-	struct timespec time;
-
-	(void)clock_gettime(CLOCK_MONOTONIC, &time);
-	return (db_time)time.tv_sec * DB_NS_PER_S + time.tv_nsec;
-}
-
 static struct attempts *find_attempts(struct db_opcua_access *access, const char *address)
 {
 	struct attempts *place = &access->attempts[0];
@@ -301,7 +293,7 @@ static UA_StatusCode check_password(struct db_opcua_access *access, const char *
                                     bool is_signed, const char *name, const char *password,
                                     enum db_role *role)
 {
-	db_time now = read_clock();
+	db_time now = db_client_now();
 	struct attempts *own = find_attempts(access, address);
 	/* Whoever is not trusted has tries of his own: he takes none from those who are. */
 	struct attempts *together = &access->together[is_signed];

@@ -2,13 +2,13 @@
 #include "opcua/acting.h"
 
 #include "client/client.h"
+#include "client/clock.h"
 #include "client/log.h"
 #include "users/roles.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 /* Callers of one turn make operators wait for so long at most, together: twice as long as a command usually takes. */
 #define SHARE_MAX (30 * DB_NS_PER_MS)
@@ -65,14 +65,6 @@ struct db_opcua_acting {
 	db_time awaited; /* since when others have waited in this turn; 0: none does */
 	struct link links[DB_OPCUA_ACTING_FDS];
 };
-
-static db_time read_clock(void)
-{
-	struct timespec time;
-
-	(void)clock_gettime(CLOCK_MONOTONIC, &time);
-	return (db_time)time.tv_sec * DB_NS_PER_S + time.tv_nsec;
-}
 
 struct db_opcua_acting *db_opcua_acting_new(const struct db_opcua_config *config,
                                             const struct db_opcua_network *network,
@@ -272,7 +264,7 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 
 void db_opcua_acting_go_on(struct db_opcua_acting *acting)
 {
-	db_time now = read_clock();
+	db_time now = db_client_now();
 
 	if (now - acting->now < FEED_SHORTEST)
 		return;
@@ -289,12 +281,12 @@ void db_opcua_acting_go_on(struct db_opcua_acting *acting)
 static void wait_for(struct call *call)
 {
 	struct db_opcua_acting *acting = call->acting;
-	db_time deadline = read_clock() + acting->config->confirm_ms * DB_NS_PER_MS;
+	db_time deadline = db_client_now() + acting->config->confirm_ms * DB_NS_PER_MS;
 	struct pollfd fds[1 + DB_OPCUA_NETWORK_PLACES];
 
 	(void)db_client_handle(call->link->client);
 	while (!call->done) {
-		db_time now = read_clock();
+		db_time now = db_client_now();
 		db_time until = acting->awaited > 0 && acting->awaited + SHARE_MAX < deadline ?
 		                        acting->awaited + SHARE_MAX :
 		                        deadline;
@@ -314,7 +306,7 @@ static void wait_for(struct call *call)
 		(void)ppoll(fds, 1 + others, &patience, NULL);
 		for (size_t i = 1; i <= others && acting->awaited == 0; i++) {
 			if (fds[i].revents & POLLIN)
-				acting->awaited = read_clock();
+				acting->awaited = db_client_now();
 		}
 		(void)db_client_handle(call->link->client);
 	}
@@ -407,7 +399,7 @@ static void act(struct db_opcua_acting *acting, const struct db_opcua_actor *act
 		     "what was told before has not ended; nothing waits behind it");
 		link = NULL;
 	}
-	if (!link || (!link->passing && !remember_drive(link, drive, read_clock()))) {
+	if (!link || (!link->passing && !remember_drive(link, drive, db_client_now()))) {
 		json_decref(parameters);
 		return;
 	}
