@@ -39,6 +39,7 @@ struct link {
 	/* For whom it said last that it acts; "": for nobody else. */
 	char user[DB_USERS_NAME_MAX + 1];
 	bool passing; /* for one stop; closed when that is answered */
+	db_time opened;
 	struct call *
 		call; /* that is not answered: nothing waits behind it, to be done when nobody expects it; NULL */
 	struct fed_drive *drives;
@@ -165,7 +166,26 @@ static struct link *open_link(struct db_opcua_acting *acting, unsigned session, 
 	}
 	empty->session = session;
 	empty->passing = passing;
+	empty->opened = db_client_now();
 	return empty;
+}
+
+/* A stop that waits the longest gives its place to the next: the service goes on with it by itself. There always is one when
+ * all places are taken, as some are reserved for stops. */
+static void make_room(struct db_opcua_acting *acting)
+{
+	struct link *oldest = NULL;
+
+	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
+		struct link *link = &acting->links[i];
+
+		if (!link->client)
+			return;
+		if (link->passing && (!oldest || link->opened < oldest->opened))
+			oldest = link;
+	}
+	if (oldest)
+		close_link(oldest);
 }
 
 /* For a stop. One that was told before and is not answered, because the drive is silent, gives its place to the next. */
@@ -179,6 +199,7 @@ static struct link *open_passing(struct db_opcua_acting *acting, unsigned sessio
 		    strcmp(link->call->drive, drive) == 0)
 			close_link(link);
 	}
+	make_room(acting);
 	return open_link(acting, session, true, outcome);
 }
 

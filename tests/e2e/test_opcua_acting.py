@@ -168,6 +168,23 @@ async def test_nothing_is_done_late(make_bridge, make_server, certificate):
 
 
 @in_loop
+async def test_stops_of_many_silent_drives_leave_room(make_bridge, make_server, certificate):
+    """More drives are silent than the server has connections for what acts: each stop is taken all the same, and so is
+    that of the drive that hears it."""
+    bridge = make_bridge(drives=18)
+    server = make_server(bridge, commands={"confirm-ms": 20})
+    async with server.session(certificate, OPERATOR) as session:
+        for number in range(1, 18):
+            bridge.sim.fault("silence on", f"drive{number}")
+        requests = [ua.CallMethodRequest(at(session, f"drive{number}").nodeid, at(session, f"drive{number}.Stop").nodeid,
+                                         [])
+                    for number in range(1, 19)]
+        ends = [result.StatusCode.name for result in await session.uaclient.call(requests)]
+        assert "BadResourceUnavailable" not in ends
+        assert ends.count("BadRequestNotComplete") > 16
+
+
+@in_loop
 async def test_the_service_ends_while_a_method_waits(make_bridge, make_server, certificate):
     """Whether the drive has done it, nobody knows then: not what a client may take for "nothing happened"."""
     bridge = make_bridge()
