@@ -137,17 +137,19 @@ async function ask(method, path, parameters, options = {}) {
 	throw await readError(response);
 }
 
-/* A session that has ended, or of a gateway that was restarted, has another token. */
+/* A session that has ended, or of a gateway that was restarted, has another token; so has a new login in another tab.
+ * What was refused for that was not carried out; but only a stop may come so late, any other thing is for people. */
 async function askAgain(path, parameters, options) {
+	const { token } = session;
+
 	try {
 		return await ask("POST", path, parameters, options);
 	} catch (error) {
 		if (error.name !== "LoginRequired" && error.name !== "BadToken")
 			throw error;
-		const before = session;
-
 		await loadSession();
-		if (options.named || session.role === "none" || before.token === session.token)
+		if ((options.named && !options.stops) || session.role === "none" ||
+		    token === session.token)
 			throw error;
 		return ask("POST", path, parameters, options);
 	}
@@ -174,7 +176,7 @@ function isStop(method, parameters) {
 /*
  * One of the interface's methods (docs/io.drivebridge.Control.varlink) with its parameters;
  * resolves with those of its answer, rejects with an ApiError. What acts is never repeated by
- * itself.
+ * itself, but for a stop whose token was another login's.
  */
 export async function call(method, parameters = {}) {
 	const acts = ACTING.has(method);
@@ -187,7 +189,7 @@ export async function call(method, parameters = {}) {
 		await takeTurn();
 	try {
 		return await askAgain(
-			`call/${method}`, parameters, { named: acts, keepalive: first, number });
+			`call/${method}`, parameters, { named: acts, stops: first, keepalive: first, number });
 	} finally {
 		if (!first)
 			endTurn();

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { ApiError, createEventReader, tab } from "../../../src/web/page/api.js";
+import { ApiError, call, createEventReader, loadSession, tab } from "../../../src/web/page/api.js";
 
 function readAll(pieces) {
 	const events = [];
@@ -42,4 +42,41 @@ test("a tab's id is what the server takes, and errors keep what they came with",
 
 	assert.deepEqual([error.name, error.message, error.parameters.result, error.status],
 		["Refused", "limit: too far", "limit", 409]);
+});
+
+/* A gateway whose session is another one from the second inquiry on, as behind a login in another tab. */
+async function askBehindLogin(t, ...asked) {
+	const tokens = ["old", "new"];
+	const carriedOut = [];
+	let valid = "";
+
+	t.mock.method(globalThis, "fetch", async (path, { headers }) => {
+		if (path === "/api/session") {
+			valid = tokens.shift() ?? valid;
+			return Response.json({ user: "anna", role: "operator", token: valid, service: true });
+		}
+		if (headers["X-Drivebridge"] !== "new")
+			return Response.json({ error: "BadToken", text: "" }, { status: 403 });
+		carriedOut.push(path);
+		return Response.json({ result: "done" });
+	});
+	await loadSession();
+	const end = await Promise.allSettled(asked.map((parameters) => call("Run", parameters)));
+
+	return { carriedOut, end };
+}
+
+test("a stop behind a login in another tab is told again with the new token", async (t) => {
+	const { carriedOut, end } = await askBehindLogin(t, { drive: "x", command: "stop" },
+		{ drive: "y", command: "stop" });
+
+	assert.deepEqual(end.map(({ status }) => status), ["fulfilled", "fulfilled"]);
+	assert.deepEqual(carriedOut, ["/api/call/Run", "/api/call/Run"]);
+});
+
+test("a motion behind a login in another tab is not begun by itself", async (t) => {
+	const { carriedOut, end } = await askBehindLogin(t, { drive: "x", command: "move_relative" });
+
+	assert.equal(end[0].reason.name, "BadToken");
+	assert.deepEqual(carriedOut, []);
 });
