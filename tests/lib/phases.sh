@@ -322,7 +322,7 @@ start_pytest() {
 	shift
 	rm -f "build/logs/$name.xml"
 	DRIVEBRIDGE_BUILD=$PWD/build/$preset "${prefix[@]}" "$VENV/bin/python" -m pytest -q \
-		-n "${PYTEST_WORKERS:-4}" --junitxml="build/logs/$name.xml" "$@" \
+		-n "${PYTEST_WORKERS:-5}" --junitxml="build/logs/$name.xml" "$@" \
 		>"build/logs/$name.log" 2>&1 </dev/null || true
 }
 
