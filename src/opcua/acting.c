@@ -38,6 +38,7 @@ struct link {
 	unsigned session;
 	/* For whom it said last that it acts; "": for nobody else. */
 	char user[DB_USERS_NAME_MAX + 1];
+	bool shared; /* what is claimed or staged goes over it, and so does the start of all that is staged */
 	bool passing; /* for one stop; closed when that is answered */
 	db_time opened;
 	struct call *
@@ -203,31 +204,59 @@ static struct link *open_passing(struct db_opcua_acting *acting, unsigned sessio
 	return open_link(acting, session, true, outcome);
 }
 
-/* The connection over which this session commands the drive: always the same, so that its commands keep their order and
- * its control is its own. A new drive gets one to itself as far as there are some. */
-static struct link *find_link(struct db_opcua_acting *acting, unsigned session, const char *drive,
-                              struct db_opcua_outcome *outcome)
+/* The connection over which this session commands the drive; NULL: there is none yet. */
+static struct link *find_own(struct db_opcua_acting *acting, unsigned session, const char *drive)
 {
-	struct link *least = NULL;
-	struct link *opened;
-	size_t own = 0;
+	struct link *found = NULL;
 
 	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
 		struct link *link = &acting->links[i];
 
-		if (!link->client || link->session != session || link->passing)
-			continue;
-		if (find_fed(link, drive))
-			return link;
-		own++;
-		if (!least || (least->call && !link->call) ||
-		    (!link->call == !least->call && count_fed(link) < count_fed(least)))
-			least = link;
+		if (link->client && link->session == session && !link->passing &&
+		    find_fed(link, drive) && (!found || link->shared))
+			found = link;
 	}
-	if (own == LINKS_PER_SESSION)
-		return least;
-	opened = open_link(acting, session, false, outcome);
-	return opened ? opened : least;
+	return found;
+}
+
+/* Which of a session's connections something goes over. */
+enum way {
+	/* Always the same for a drive, so that its commands keep their order. A new drive gets one to itself as far as there
+	 * are some: what is told over it is answered before the next. */
+	OWN,
+	/* One for all drives: for the service a connection is a client, and only who has control of the drives starts them
+	 * together. */
+	SHARED,
+	/* One for each stop. */
+	PASSING,
+};
+
+static struct link *find_link(struct db_opcua_acting *acting, unsigned session, const char *drive,
+                              enum way way, struct db_opcua_outcome *outcome)
+{
+	struct link *link = way == SHARED ? NULL : find_own(acting, session, drive);
+	struct link *least = NULL;
+	size_t own = 0;
+
+	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS && !link; i++) {
+		struct link *other = &acting->links[i];
+
+		if (!other->client || other->session != session || other->passing)
+			continue;
+		if (way == SHARED && other->shared)
+			link = other;
+		own++;
+		if (!least || (least->call && !other->call) ||
+		    (!other->call == !least->call && count_fed(other) < count_fed(least)))
+			least = other;
+	}
+	if (!link && own < LINKS_PER_SESSION)
+		link = open_link(acting, session, false, outcome);
+	if (!link)
+		link = least;
+	if (link && way == SHARED)
+		link->shared = true;
+	return link;
 }
 
 /* --- answers ---------------------------------------------------------------------------------- */
@@ -243,6 +272,12 @@ static bool leaves_open(const struct db_client_error *error)
 	return strcmp(error->name, DB_CLIENT_LOST) == 0 ||
 	       strcmp(error->name, DB_CLIENT_BAD_ANSWER) == 0 ||
 	       strcmp(error->name, DB_CLIENT_NO_MEMORY) == 0;
+}
+
+/* Before its name, in the log. */
+static const char *kind_of(const char *drive)
+{
+	return drive[0] != '\0' ? "drive " : "gateway";
 }
 
 /* The last word of an error's name. */
@@ -277,8 +312,8 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	(void)snprintf(outcome->result, sizeof(outcome->result), "%.31s", result ? result : "");
 	if (!call->left)
 		return;
-	db_client_log(error ? DB_CLIENT_WARNING : DB_CLIENT_INFO, "drive %s: %s ended: %s",
-	              call->drive, call->what, words_of(outcome));
+	db_client_log(error ? DB_CLIENT_WARNING : DB_CLIENT_INFO, "%s%s: %s ended: %s",
+	              kind_of(call->drive), call->drive, call->what, words_of(outcome));
 	call->acting->ended(call->acting->context, call->drive, outcome);
 	free(call);
 }
@@ -374,7 +409,8 @@ static void make_call(struct link *link, const struct db_opcua_actor *actor, con
 	if (outcome->pending)
 		fail(outcome, "pending",
 		     "the drive has not confirmed it yet; it goes on, and Result tells how it ends");
-	db_client_log(DB_CLIENT_NOTICE, "drive %s: %s: %s", drive, call->what, words_of(outcome));
+	db_client_log(DB_CLIENT_NOTICE, "%s%s: %s: %s", kind_of(drive), drive, call->what,
+	              words_of(outcome));
 	if (call->done)
 		free(call);
 }
@@ -385,8 +421,27 @@ static bool is_stop(const char *command)
 	       strcmp(command, "disable") == 0;
 }
 
+/* From now on it goes over `to`, with what this session wrote into its command block, and with the control of it. The
+ * former connection still feeds what was commanded over it. */
+static void move_drive(struct link *from, struct link *to, const char *name)
+{
+	struct fed_drive *before = find_fed(from, name);
+	struct fed_drive *fed = find_fed(to, name);
+
+	json_decref(fed->block);
+	fed->block = before->block;
+	before->block = NULL;
+	/* The next write takes it. Where nobody can have control the service says so, and nobody listens. */
+	(void)db_client_send(
+		from->client, "Write",
+		json_pack("{s:s, s:{s:i}}", "drive", name, "values", "control_request", 0), false,
+		NULL, NULL);
+}
+
+/* False: out of memory. */
 static bool remember_drive(struct link *link, const char *name, db_time now)
 {
+	struct link *before = find_own(link->acting, link->session, name);
 	struct fed_drive *fed = find_fed(link, name);
 
 	if (!fed) {
@@ -398,29 +453,59 @@ static bool remember_drive(struct link *link, const char *name, db_time now)
 		fed->next = link->drives;
 		link->drives = fed;
 	}
+	if (before && before != link)
+		move_drive(before, link, name);
 	fed->told = now;
 	fed->due = now;
 	return true;
 }
 
+/* The gateway was told something that may set each of its drives going. */
+static void feed_anew(struct link *link, db_time now)
+{
+	for (struct fed_drive *fed = link->drives; fed; fed = fed->next) {
+		fed->told = now;
+		fed->due = now;
+	}
+}
+
+/* The connection for it, on which nothing is under way. */
+static struct link *take_link(struct db_opcua_acting *acting, unsigned session, const char *drive,
+                              enum way way, struct db_opcua_outcome *outcome)
+{
+	/* The service goes on with a stop for as long as the drive is silent: what else is told over the connection
+	 * would wait for that. */
+	struct link *link = way == PASSING ? open_passing(acting, session, drive, outcome) : NULL;
+	const struct link *before = find_own(acting, session, drive);
+
+	if (link)
+		return link;
+	link = find_link(acting, session, drive, drive[0] == '\0' ? SHARED : way, outcome);
+	if (!link)
+		return NULL;
+	if (link->call || (before && before->call)) {
+		fail(outcome, "busy",
+		     "what was told before has not ended; nothing waits behind it");
+		return NULL;
+	}
+	if (drive[0] == '\0') {
+		feed_anew(link, db_client_now());
+	} else if (!remember_drive(link, drive, db_client_now())) {
+		fail(outcome, "NoMemory", "out of memory");
+		return NULL;
+	}
+	return link;
+}
+
 static void act(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
-                const char *drive, const char *what, bool stop, const char *method,
+                const char *drive, const char *what, enum way way, const char *method,
                 json_t *parameters, struct db_opcua_outcome *outcome)
 {
 	struct link *link;
 
 	*outcome = (struct db_opcua_outcome){ .pending = false };
-	/* The service goes on with a stop for as long as the drive is silent: what else is told over the connection
-	 * would wait for that. */
-	link = stop ? open_passing(acting, actor->session, drive, outcome) : NULL;
-	if (!link)
-		link = find_link(acting, actor->session, drive, outcome);
-	if (link && link->call) {
-		fail(outcome, "busy",
-		     "what was told before has not ended; nothing waits behind it");
-		link = NULL;
-	}
-	if (!link || (!link->passing && !remember_drive(link, drive, db_client_now()))) {
+	link = take_link(acting, actor->session, drive, way, outcome);
+	if (!link) {
 		json_decref(parameters);
 		return;
 	}
@@ -433,48 +518,45 @@ void db_opcua_acting_run(struct db_opcua_acting *acting, const struct db_opcua_a
                          const char *drive, const char *command, json_t *arguments,
                          struct db_opcua_outcome *outcome)
 {
-	act(acting, actor, drive, command, is_stop(command), "Run",
+	act(acting, actor, drive, command, is_stop(command) ? PASSING : OWN, "Run",
 	    json_pack("{s:s, s:s, s:o}", "drive", drive, "command", command, "arguments",
 	              arguments),
 	    outcome);
 }
 
-/* The session's connection to the drive, where it has one. */
-static struct fed_drive *find_own(struct db_opcua_acting *acting, unsigned session,
-                                  const char *drive)
+static enum way way_of_write(const char *reg, const char *command)
 {
-	for (size_t i = 0; i < DB_OPCUA_ACTING_FDS; i++) {
-		struct link *link = &acting->links[i];
-		struct fed_drive *fed = link->client && link->session == session ?
-		                                find_fed(link, drive) :
-		                                NULL;
-
-		if (fed)
-			return fed;
-	}
-	return NULL;
+	if (strcmp(reg, "group_stop") == 0 || strcmp(reg, "group_stop_units") == 0 ||
+	    (command && is_stop(command)))
+		return PASSING;
+	return strcmp(reg, "staged_command") == 0 || strcmp(reg, "control_request") == 0 ? SHARED :
+	                                                                                   OWN;
 }
 
 void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
                            const char *drive, const char *reg, json_t *value, bool block,
                            const char *command, struct db_opcua_outcome *outcome)
 {
-	struct fed_drive *own = find_own(acting, actor->session, drive);
+	struct link *own = find_own(acting, actor->session, drive);
+	const struct fed_drive *fed = own ? find_fed(own, drive) : NULL;
+	bool uses_block = command || strcmp(reg, "staged_command") == 0;
 	/* With its own arguments, whatever others have written there meanwhile. */
-	json_t *values = command && own && own->block ? json_copy(own->block) : json_object();
+	json_t *values = uses_block && fed && fed->block ? json_copy(fed->block) : json_object();
+	struct fed_drive *keeper;
 	char what[80];
 
 	(void)json_object_set(values, reg, value);
 	(void)snprintf(what, sizeof(what), "write of %s", reg);
-	act(acting, actor, drive, what, command && is_stop(command), "Write",
+	act(acting, actor, drive, what, way_of_write(reg, command), "Write",
 	    json_pack("{s:s, s:o}", "drive", drive, "values", values), outcome);
-	if (!block || command || outcome->pending || outcome->reason[0] != '\0')
+	if (!block || uses_block || outcome->pending || outcome->reason[0] != '\0')
 		return;
 	own = find_own(acting, actor->session, drive);
-	if (own && !own->block)
-		own->block = json_object();
-	if (own)
-		(void)json_object_set(own->block, reg, value);
+	keeper = own ? find_fed(own, drive) : NULL;
+	if (keeper && !keeper->block)
+		keeper->block = json_object();
+	if (keeper)
+		(void)json_object_set(keeper->block, reg, value);
 }
 
 /* --- watchdogs -------------------------------------------------------------------------------- */

@@ -48,9 +48,9 @@ FOREIGN = {
     "drivebridge-mqtt", "online", "no-service", "offline", "state", "changes", "about", "time", "alive", "id",
     "values", "good", "uncertain", "bad", "null", "retain", "write",
     # drivebridge-opcua: its folders, and words of OPC UA
-    "drivebridge-opcua", "trusted", "issuers", "revoked", "Objects", "Server", "Reason", "Result", "ClearFault", "Stop",
-    "EngineeringUnits", "EURange", "EnumValues", "OptionSetValues", "CommandBlock", "Command", "MotionResult",
-    "DriveEventType", "Parameters", "DriveLost", "DriveOnline", "WatchdogTripped",
+    "drivebridge-opcua", "trusted", "issuers", "revoked", "Objects", "Server", "Reason", "ClearFault", "Stop",
+    "EngineeringUnits", "EURange", "EnumValues", "OptionSetValues",
+    "DriveEventType", "DriveLost", "DriveOnline", "WatchdogTripped",
     "Good", "GoodCompletesAsynchronously", "UncertainLastUsableValue", "BadNoCommunication", "BadWaitingForInitialData",
     "BadOutOfRange", "BadInvalidState", "BadTimeout", "BadUserAccessDenied", "BadUnknownResponse", "BadNotExecutable", "opcua-client",
     "BadTcpServerTooBusy", "BadRequestNotComplete", "BadResourceUnavailable",
@@ -165,6 +165,13 @@ def simulator_words(page):
     return {word for text in texts for word in re.findall(r'"([a-z0-9-]+)"', text)}
 
 
+def node_words(page):
+    """The parts of nodes' ids, on the page that is about them."""
+    if page.stem != "opcua":
+        return set()
+    return {word for row in rows("opcua-nodes.csv") for word in row["node"].strip("/").split(".")}
+
+
 def wrong_setting(key, value):
     fitting = [row for row in KEYS if row["name"] == key]
     if not fitting:
@@ -185,7 +192,7 @@ def wrong_setting(key, value):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_names_exist(page):
-    wrong, known = [], KNOWN | structured_text(page) | simulator_words(page)
+    wrong, known = [], KNOWN | structured_text(page) | simulator_words(page) | node_words(page)
     for place, span in spans(page):
         setting = SETTING.fullmatch(span)
         if setting and setting[1] in NUMBERS and setting[1] not in KEY_NAMES:

@@ -33,6 +33,8 @@ CAN = {"protocol": "vsmd-can", "transport": "slcan", "bitrate": 1000000, "line":
 
 with open(DOCS / "opcua-nodes.csv", newline="", encoding="utf-8") as file:
     NODES = [{**row, "node": row["node"].replace("DRIVE", "drive1")} for row in csv.DictReader(file)]
+GATEWAY = [row for row in NODES if row["node"].startswith("/Gateway.")]
+NODES = [row for row in NODES if row not in GATEWAY]
 
 
 def node_of(register):
@@ -124,6 +126,11 @@ async def test_the_tree_is_the_register_map(make_bridge, make_server, command_ta
             assert [ua.ObjectIdNames[one.DataType.Identifier] for one in declared] == [
                 one["type"] for one in arguments], name
             assert missing.isdisjoint(one["node"] for one in arguments)
+
+        gateway = await browse(session, at(session, "/Gateway"), "Gateway")
+        assert {entry.node.nodeid.Identifier for _, entry in gateway.walk()
+                if entry.kind == ua.NodeClass.Variable and entry.type.Identifier != ua.ObjectIds.PropertyType
+                } == {row["node"] for row in GATEWAY}
 
         identification = found["drive1.Identification"].children
         assert (await identification["ComponentName"].node.read_value()) == "drive1"

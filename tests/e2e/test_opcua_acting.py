@@ -224,6 +224,62 @@ async def test_what_moves_is_fed_while_somebody_waits(make_bridge, make_server, 
         bridge.wait_standing(2)
 
 
+# --- groups
+
+
+@pytest.mark.parametrize("control", ["off", "drive"])
+@in_loop
+async def test_groups(make_bridge, make_server, certificate, control):
+    """What is staged starts together, also where this session has control of the drives, and is fed for as long as the
+    session lives; the gateway's stop stops all, and waits for nobody's method."""
+    bridge = make_bridge(drives=3, drive={"watchdog-ms": 600}, modbus={"control": control})
+    server = make_server(bridge, commands={"confirm-ms": 1000})
+    units = [bridge.drive(1), bridge.drive(2)]
+    start, stop = at_gateway("GroupStart"), at_gateway("GroupStop")
+
+    async def stage(session, speed):
+        for drive in "drive1", "drive2":
+            await call(session, drive, "Enable")
+            if control == "drive":
+                await at(session, f"{drive}.ControlRequest").write_value(1, ua.VariantType.UInt16)
+            block = [at(session, f"{drive}.CommandBlock.{name}") for name in ("TargetVelocity", "StagedCommand")]
+            await session.write_values(block, [ua.Variant(speed, ua.VariantType.Float),
+                                               ua.Variant(5, ua.VariantType.UInt16)])
+
+    async with server.session(certificate, OPERATOR) as session:
+        await stage(session, 1600.0)
+        # For longer than what was told before would be fed.
+        await asyncio.sleep(1.2)
+        await start(session)
+        await until(lambda: all(unit.read("velocity") == 1600.0 for unit in units))
+        await asyncio.sleep(1.2)
+        assert [(unit.read("axis_state"), unit.read("watchdog_trips")) for unit in units] == 2 * [(CONTINUOUS, 0)]
+        bridge.sim.fault("silence on", "drive3")
+        waits = asyncio.create_task(outcome(session, "drive3", "Stop"))
+        await asyncio.sleep(0.02)
+        with contextlib.suppress(UaStatusCodeError):
+            await stop(session)
+        bridge.wait_standing(1)
+        bridge.wait_standing(2)
+        assert (await waits)[0] == "BadRequestNotComplete"
+        assert "gateway: write of group_stop by olga" in server.log()
+
+        await stage(session, 800.0)
+        await start(session)
+        await until(lambda: all(unit.read("velocity") == 800.0 for unit in units))
+        await call(session, "drive2", "Stop")
+        bridge.wait_standing(2)
+        assert units[0].read("axis_state") == CONTINUOUS
+    # A session that is gone is the loss of a client.
+    await until(lambda: units[0].read("watchdog_trips") == 1)
+    bridge.wait_standing(1)
+
+
+def at_gateway(name):
+    """A function that writes 1 there."""
+    return lambda session: at(session, f"/Gateway.{name}").write_value(1, ua.VariantType.UInt16)
+
+
 # --- parameters and the command block
 
 
