@@ -29,6 +29,9 @@
 /* Faster sampling than this shows nothing: buses have cycles of milliseconds. */
 #define SAMPLING_MIN_MS 10
 
+/* Values and events that wait in a monitored item for the next publishing: each takes some hundred bytes. */
+#define QUEUE_MAX 20
+
 /* How often it is looked whether a session that moves something is heard again. */
 #define LISTEN_INTERVAL (100 * DB_NS_PER_MS)
 
@@ -307,12 +310,13 @@ static void set_limits(UA_ServerConfig *settings, const struct db_opcua_config *
 	settings->maxSubscriptionsPerSession = config->subscriptions;
 	settings->publishingIntervalLimits = (UA_DurationRange){ SAMPLING_MIN_MS, 3600000.0 };
 	settings->maxNotificationsPerPublish = 1000;
-	settings->maxRetransmissionQueueSize = 20;
+	settings->maxRetransmissionQueueSize = 10;
 	settings->maxEventsPerNode = 100;
 	settings->maxMonitoredItems = config->items;
 	settings->maxMonitoredItemsPerSubscription = config->items;
 	settings->samplingIntervalLimits = (UA_DurationRange){ SAMPLING_MIN_MS, 3600000.0 };
-	settings->queueSizeLimits = (UA_UInt32Range){ 1, 100 };
+	/* Every item may be of a value that changes: all together stay far below what the unit lets this program have. */
+	settings->queueSizeLimits = (UA_UInt32Range){ 1, QUEUE_MAX };
 	settings->maxPublishReqPerSession = 20;
 	settings->maxAsyncOperationQueueSize = 1;
 }

@@ -156,6 +156,21 @@ async def test_requests_that_ask_for_too_much(make_bridge, make_server, certific
         assert await speed.read_value() == before
 
 
+@in_loop
+async def test_items_that_ask_for_long_queues(bridge, make_server):
+    """Who does not fetch what he follows takes a bounded memory: as many values wait in each item as clients need."""
+    server = make_server(bridge)
+    async with server.session() as session:
+        subscription = await session.create_subscription(3600000, None)
+        node = at(session, "drive1.PositionActualValue").nodeid
+        items = [ua.MonitoredItemCreateRequest(
+            ua.ReadValueId(node, ua.AttributeIds.Value), ua.MonitoringMode.Reporting,
+            ua.MonitoringParameters(ClientHandle=size, SamplingInterval=100, QueueSize=size)) for size in (1, 10, 100000)]
+        made = await session.uaclient.create_monitored_items(
+            ua.CreateMonitoredItemsParameters(subscription.subscription_id, ItemsToCreate=items))
+        assert [one.RevisedQueueSize for one in made] == [1, 10, 20]
+
+
 def framed(kind, channel, number, body):
     """A chunk of a message without security: header, channel and token, number and request."""
     return struct.pack("<4sI8sII", kind, 24 + len(body), channel, number, number) + body
