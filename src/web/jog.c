@@ -2,6 +2,7 @@
 #include "web/jog.h"
 #include "client/log.h"
 #include "web/service.h"
+#include "web/stops.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -19,9 +20,8 @@
 
 struct db_web_jog {
 	struct db_web_server *server;
-	struct db_web_link *act;  /* NULL: lost */
-	struct db_web_link *stop; /* likewise */
-	sd_event_source *timer;   /* when the grip is overdue */
+	struct db_web_link *act; /* NULL: lost */
+	sd_event_source *timer;  /* when the grip is overdue */
 	struct db_web_caller caller;
 	struct db_web_grip grip;
 	char drive[DRIVE_MAX]; /* of the latest grip */
@@ -58,22 +58,18 @@ static void take_stop(void *data, json_t *parameters, const struct db_client_err
 	settle(jog);
 }
 
-static void send_stop(struct db_web_jog *jog, struct db_web_link *link)
+static void send_stop(struct db_web_jog *jog)
 {
-	if (!link)
-		return;
 	jog->stops++;
-	if (db_web_link_send(link, "Run",
-	                     json_pack("{s:s, s:s}", "drive", jog->drive, "command", "stop"), false,
-	                     take_stop, jog) != 0)
+	if (db_web_stops_drive(jog->server->stops, jog->caller.user, jog->drive, take_stop, jog) !=
+	    0)
 		jog->stops--;
 }
 
-/* Over the connection that moves it, so that it comes behind the move; and past that, where anything waits there. */
+/* Past what waits; and behind that, where a move may be among it. */
 static void stop_drive(struct db_web_jog *jog)
 {
 	db_time now = db_web_clock();
-	bool waits = !jog->act || db_web_link_waiting(jog->act) > 0;
 
 	db_client_log(DB_CLIENT_NOTICE, "%s: jog of %s ended: %s", jog->caller.text, jog->drive,
 	              db_web_grip_end_name(jog->grip.end));
@@ -81,9 +77,11 @@ static void stop_drive(struct db_web_jog *jog)
 	jog->told = 0;
 	jog->stop_again = now + STOP_AGAIN;
 	jog->stop_by = now + STOP_WITHIN;
-	send_stop(jog, jog->act);
-	if (waits)
-		send_stop(jog, jog->stop);
+	send_stop(jog);
+	if (jog->act && db_web_link_waiting(jog->act) > 0)
+		(void)db_web_link_tell(
+			jog->act, "Run",
+			json_pack("{s:s, s:s}", "drive", jog->drive, "command", "stop"));
 }
 
 /*
@@ -211,6 +209,9 @@ bool db_web_jog_take(struct db_web_jog *jog, struct db_web_request *request)
 		/* Another drive than before: first that one is to stand. */
 		db_web_jog_end(jog, DB_WEB_GRIP_RELEASED);
 		if (!db_web_jog_is_over(jog, db_web_clock())) {
+			/* The page is told that this grip is over: what comes later of it moves nothing. */
+			db_web_grip_take(&jog->grip, (uint64_t)number, (uint64_t)beat, 0,
+			                 db_web_clock());
 			db_web_request_answer(
 				request, MHD_HTTP_OK,
 				json_pack("{s:b, s:s, s:o, s:s}", "held", 0, "why", "refused",
@@ -219,6 +220,9 @@ bool db_web_jog_take(struct db_web_jog *jog, struct db_web_request *request)
 			                  "result", ""));
 			return true;
 		}
+		/* The service goes on with a stop that the other one has not confirmed. */
+		db_web_stops_forget(jog->server->stops, jog);
+		jog->stops = 0;
 		(void)snprintf(jog->drive, sizeof(jog->drive), "%s", drive);
 	}
 	/* A grip does not change its drive. */
@@ -264,23 +268,17 @@ void db_web_jog_lose(struct db_web_jog *jog)
 	bool moved = jog->told != 0 || !db_web_jog_is_over(jog, db_web_clock());
 
 	jog->act = NULL;
-	jog->stop = NULL;
 	db_web_grip_finish(&jog->grip, DB_WEB_GRIP_LOST);
 	jog->told = 0;
 	if (moved) {
-		struct db_web_link *shared = db_web_service_stopper(jog->server->service,
-		                                                    jog->caller.user);
-
 		db_client_log(DB_CLIENT_WARNING,
 		              "%s: the connection was lost while %s was moved; %s",
 		              jog->caller.text, jog->drive,
-		              shared ? "it is told to stop over another one" :
-		                       "its watchdog is to stop it");
-		if (shared)
-			(void)db_web_link_send(
-				shared, "Run",
-				json_pack("{s:s, s:s}", "drive", jog->drive, "command", "stop"),
-				false, NULL, NULL);
+		              db_web_service_is_up(jog->server->service) ?
+		                      "it is told to stop over another one" :
+		                      "its watchdog is to stop it");
+		(void)db_web_stops_drive(jog->server->stops, jog->caller.user, jog->drive, NULL,
+		                         NULL);
 	}
 	jog->stop_again = DB_TIME_NEVER;
 	settle(jog);
@@ -291,9 +289,10 @@ void db_web_jog_tick(struct db_web_jog *jog, db_time now)
 	if (now < jog->stop_again)
 		return;
 	jog->stop_again = now < jog->stop_by ? now + STOP_AGAIN : DB_TIME_NEVER;
-	if (jog->stop_again != DB_TIME_NEVER)
-		send_stop(jog, jog->stop);
-	else
+	/* The service goes on with one that it has not answered. */
+	if (jog->stop_again != DB_TIME_NEVER && jog->stops == 0)
+		send_stop(jog);
+	else if (jog->stop_again == DB_TIME_NEVER)
 		db_client_log(DB_CLIENT_ERROR, "%s: %s does not confirm that it stops: %s",
 		              jog->caller.text, jog->drive, jog->text);
 }
@@ -306,8 +305,7 @@ bool db_web_jog_is_over(const struct db_web_jog *jog, db_time now)
 
 /* --- life ------------------------------------------------------------------------------------- */
 
-struct db_web_jog *db_web_jog_new(struct db_web_server *server, struct db_web_link *act,
-                                  struct db_web_link *stop)
+struct db_web_jog *db_web_jog_new(struct db_web_server *server, struct db_web_link *act)
 {
 	struct db_web_jog *jog = calloc(1, sizeof(*jog));
 
@@ -315,7 +313,6 @@ struct db_web_jog *db_web_jog_new(struct db_web_server *server, struct db_web_li
 		return NULL;
 	jog->server = server;
 	jog->act = act;
-	jog->stop = stop;
 	jog->grip.until = DB_TIME_NEVER;
 	jog->stop_again = DB_TIME_NEVER;
 	if (sd_event_add_time(server->loop, &jog->timer, CLOCK_MONOTONIC, UINT64_MAX,
@@ -333,6 +330,7 @@ void db_web_jog_free(struct db_web_jog *jog)
 {
 	if (!jog)
 		return;
+	db_web_stops_forget(jog->server->stops, jog);
 	sd_event_source_disable_unref(jog->timer);
 	free(jog);
 }

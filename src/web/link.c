@@ -154,6 +154,19 @@ int db_web_link_send(struct db_web_link *link, const char *method, json_t *param
 	return 0;
 }
 
+int db_web_link_tell(struct db_web_link *link, const char *method, json_t *parameters)
+{
+	if (link->closed) {
+		json_decref(parameters);
+		return -1;
+	}
+	if (db_client_tell(link->client, method, parameters) != 0)
+		return -1;
+	if (!link->handling)
+		watch(link);
+	return 0;
+}
+
 unsigned db_web_link_waiting(const struct db_web_link *link)
 {
 	return db_client_waiting(link->client);

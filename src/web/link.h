@@ -26,6 +26,9 @@ void db_web_link_close(struct db_web_link *link);
 int db_web_link_send(struct db_web_link *link, const char *method, json_t *parameters, bool more,
                      db_client_answer_fn *answer, void *data);
 
+/* As db_client_tell(): without an answer, and nothing waits behind it. */
+int db_web_link_tell(struct db_web_link *link, const char *method, json_t *parameters);
+
 /* What it is told from now on is this user's, "": nobody's; the service's history names him. */
 void db_web_link_introduce(struct db_web_link *link, const char *user);
 

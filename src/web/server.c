@@ -9,6 +9,7 @@
 #include "web/overview.h"
 #include "web/request.h"
 #include "web/service.h"
+#include "web/stops.h"
 #include "web/stream.h"
 #include "web/tabs.h"
 
@@ -473,6 +474,7 @@ static int on_tick(sd_event_source *source, uint64_t us, void *data)
 	db_web_overview_tick(server->overview, now);
 	db_web_login_review(server);
 	db_web_tabs_tick(server, now);
+	db_web_stops_tick(server->stops);
 	db_web_stream_tick(server, now);
 	answer_late(server, now);
 	run_daemon(server);
@@ -607,9 +609,11 @@ static bool start(struct db_web_server *server)
 	                                       config->session_h * 3600 * DB_NS_PER_S);
 	server->hasher = db_web_hasher_new();
 	server->service = db_web_service_new(server, on_service_changed, server);
+	server->stops = db_web_stops_new(server);
 	if (server->service)
 		server->overview = db_web_overview_new(server);
-	if (!server->peers || !server->sessions || !server->hasher || !server->overview ||
+	if (!server->peers || !server->sessions || !server->hasher || !server->stops ||
+	    !server->overview ||
 	    getrandom(&server->attempts.seed, sizeof(server->attempts.seed), 0) < 0 ||
 	    sd_event_add_defer(server->loop, &server->turn, on_turn, server) < 0 ||
 	    sd_event_add_time_relative(server->loop, &server->tick, CLOCK_MONOTONIC, 0,
@@ -658,6 +662,7 @@ int db_web_serve(const struct db_web_config *config)
 	db_web_tabs_close(&server);
 	stop_daemon(&server);
 	/* Before what waits for its answers. */
+	db_web_stops_free(server.stops);
 	db_web_service_free(server.service);
 	db_web_overview_free(server.overview);
 	db_web_hasher_free(server.hasher);

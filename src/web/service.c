@@ -196,12 +196,15 @@ struct db_web_link *db_web_service_reader(const struct db_web_service *service)
 	return service->description ? service->links[READER] : NULL;
 }
 
-struct db_web_link *db_web_service_stopper(const struct db_web_service *service, const char *user)
+int db_web_service_tell_stop(const struct db_web_service *service, const char *user,
+                             const char *method, json_t *parameters)
 {
-	if (!service->description)
-		return NULL;
+	if (!service->description) {
+		json_decref(parameters);
+		return -1;
+	}
 	db_web_link_introduce(service->links[STOPPER], user);
-	return service->links[STOPPER];
+	return db_web_link_tell(service->links[STOPPER], method, parameters);
 }
 
 struct db_web_link *db_web_service_open(struct db_web_service *service, db_web_link_lost_fn *lost,

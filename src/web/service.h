@@ -10,8 +10,8 @@
 #include "web/state.h"
 
 /*
- * The service has 64 sessions for all its tools. Beside the two: streams of values, events, traces and scans; tabs
- * that act have two each.
+ * The service has 64 sessions for all its tools. Beside the two, and the overview's: streams of values, events, traces and
+ * scans; tabs that act; stops (DB_WEB_STOPS_MAX).
  */
 #define DB_WEB_STREAM_LINKS 12
 #define DB_WEB_TABS_MAX 5
@@ -39,9 +39,13 @@ void db_web_service_look_again(struct db_web_service *service);
 /* Whether a drive with this value of axis_state moves, by the names that the service gives to the values. */
 bool db_web_service_is_moving(const struct db_web_service *service, const json_t *axis_state);
 
-/* NULL while it is away. What the stopper is told next is this user's, "": nobody's. */
+/* NULL while it is away. */
 struct db_web_link *db_web_service_reader(const struct db_web_service *service);
-struct db_web_link *db_web_service_stopper(const struct db_web_service *service, const char *user);
+
+/* Tells a stop for the user without hearing of its end, where there is no connection more to be had. -1 while it is away.
+ * Takes `parameters` over. */
+int db_web_service_tell_stop(const struct db_web_service *service, const char *user,
+                             const char *method, json_t *parameters);
 
 /* One more, closed by who has it. NULL with an error. */
 struct db_web_link *db_web_service_open(struct db_web_service *service, db_web_link_lost_fn *lost,

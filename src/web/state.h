@@ -17,6 +17,7 @@
 struct db_web_overview;
 struct db_web_request;
 struct db_web_service;
+struct db_web_stops;
 struct db_web_stream;
 struct db_web_tab;
 
@@ -47,6 +48,7 @@ struct db_web_server {
 	struct db_web_hasher *hasher;
 	uint64_t users_stamp; /* of the file of users when sessions were last held against it */
 	struct db_web_service *service;
+	struct db_web_stops *stops;
 	struct db_web_overview *overview;
 	struct db_web_request *requests;
 	struct db_web_stream *streams;

@@ -4,6 +4,7 @@
 #include "web/jog.h"
 #include "web/order.h"
 #include "web/service.h"
+#include "web/stops.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -28,6 +29,7 @@ struct drive {
 	bool armed;      /* its watchdog, which may be so while it stands */
 	bool controlled; /* the page has taken control, and not let it go */
 	bool asking;
+	bool given; /* while it was asked for another one, whose answer is still to come */
 };
 
 struct db_web_tab {
@@ -36,7 +38,6 @@ struct db_web_tab {
 	char id[DB_WEB_TAB_MAX + 1];
 	char session[DB_WEB_SECRET_TEXT];
 	struct db_web_link *act;
-	struct db_web_link *stop;
 	struct db_web_jog *jog;
 	struct db_web_order order;
 	bool lost;
@@ -66,7 +67,7 @@ bool db_web_call_number_read(const char *text, uint64_t *number)
 
 static void free_tab(struct db_web_tab *tab)
 {
-	struct db_web_link *links[] = { tab->act, tab->stop };
+	struct db_web_link *act = tab->act;
 
 	for (struct db_web_tab **at = &tab->server->tabs; *at; at = &(*at)->next) {
 		if (*at == tab) {
@@ -77,9 +78,7 @@ static void free_tab(struct db_web_tab *tab)
 	if (tab->jog)
 		db_web_jog_lose(tab->jog);
 	tab->act = NULL;
-	tab->stop = NULL;
-	db_web_link_close(links[0]);
-	db_web_link_close(links[1]);
+	db_web_link_close(act);
 	db_web_jog_free(tab->jog);
 	free(tab);
 }
@@ -129,12 +128,9 @@ static struct db_web_tab *open_tab(const struct db_web_request *request,
 	(void)snprintf(tab->session, sizeof(tab->session), "%s", request->session);
 	tab->heard = db_web_clock();
 	tab->act = db_web_service_open(request->server->service, lose, tab, error);
-	if (tab->act)
-		tab->stop = db_web_service_open(request->server->service, lose, tab, error);
-	if (tab->stop) {
+	if (tab->act) {
 		db_web_link_introduce(tab->act, request->user);
-		db_web_link_introduce(tab->stop, request->user);
-		tab->jog = db_web_jog_new(tab->server, tab->act, tab->stop);
+		tab->jog = db_web_jog_new(tab->server, tab->act);
 	}
 	if (tab->jog)
 		return tab;
@@ -162,8 +158,10 @@ static void note_drive(struct db_web_tab *tab, const char *name, const json_t *c
 		if (drive->commanded < place->commanded)
 			place = drive;
 	}
-	if (strcmp(place->name, name) != 0)
+	if (strcmp(place->name, name) != 0) {
 		place->controlled = false;
+		place->given = place->asking;
+	}
 	if (json_is_number(control))
 		place->controlled = json_number_value(control) != 0;
 	place->tab = tab;
@@ -180,6 +178,10 @@ static void take_state(void *data, json_t *parameters, const struct db_client_er
 
 	(void)more;
 	drive->asking = false;
+	if (drive->given) {
+		drive->given = false;
+		return;
+	}
 	drive->moves = !error && db_web_service_is_moving(drive->tab->server->service, state);
 	drive->armed = json_number_value(json_object_get(json_object_get(parameters, "values"),
 	                                                 "watchdog_remaining_ms")) > 0;
@@ -235,13 +237,10 @@ static void stop(struct db_web_request *request, const char *drive)
 	struct db_web_tab *tab = find_tab(request);
 	bool waits = tab && db_web_link_waiting(tab->act) > 0;
 
-	db_web_call(request,
-	            tab ? tab->stop :
-	                  db_web_service_stopper(request->server->service, request->user),
-	            ACT_WITHIN);
+	db_web_stops_call(request->server->stops, request, ACT_WITHIN);
 	if (waits)
-		(void)db_web_link_send(tab->act, request->route.name,
-		                       json_incref(request->parameters), false, NULL, NULL);
+		(void)db_web_link_tell(tab->act, request->route.name,
+		                       json_incref(request->parameters));
 	if (tab)
 		db_web_jog_yield(tab->jog, drive);
 	/* What the page said before, and is still to come, does not come behind it; also if that should be its first. */

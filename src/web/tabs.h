@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Pages that act. Each has a connection of its own to the service, so that control, watchdog and history are as for any
- * client, and a second one for stops, which must not wait for anything. Both are closed when the page falls silent, its
- * login ends, or the service goes; what it moved is then stopped by the watchdog. While it is there, the drives that it
- * commanded hear of it as long as they move. One thread.
+ * client; stops go past it (stops.h). It is closed when the page falls silent, its login ends, or the service goes; what it
+ * moved is then stopped by the watchdog. While it is there, the drives that it commanded hear of it as long as they
+ * move. One thread.
  */
 #ifndef DRIVEBRIDGE_WEB_TABS_H
 #define DRIVEBRIDGE_WEB_TABS_H

@@ -616,6 +616,51 @@ def test_a_call_comes_once_and_not_behind_a_stop_that_was_pressed_later(gateway)
         assert refused(400, page.ask, "POST", "/api/call/Run", step, X_Call=wrong).error == "BadRequest"
 
 
+def test_a_stop_waits_for_no_other(gateway):
+    """A drive that is silent does not confirm its stop. Another one is stopped meanwhile, by each button of any page and
+    by letting go, and moves again."""
+    bridge = gateway.make_bridge(drives=3, drive={"watchdog-ms": 0})
+    webd = gateway.webd(bridge)
+    page, other = gateway.page(webd, OPERATOR), gateway.page(webd, OPERATOR)
+    for drive in "drive1", "drive2", "drive3":
+        page.run(drive, "enable")
+    waiting = []
+
+    def press(who, drive, command):
+        beside = who.beside()
+        gateway.pages.append(beside)
+
+        def run():
+            # That it is not confirmed in time is not the question here.
+            with contextlib.suppress(Failed):
+                beside.run(drive, command)
+
+        waiting.append(threading.Thread(target=run))
+        waiting[-1].start()
+
+    for drive in "drive1", "drive2":
+        bridge.sim.fault("silence on", drive)
+    # As many as there are places, and one more.
+    for drive, command in itertools.product(("drive1", "drive2"), ("stop", "quick_stop", "disable")):
+        for who in page, other:
+            press(who, drive, command)
+    for who, command in (page, "stop"), (other, "quick_stop"), (page, "disable"):
+        assert page.run("drive3", "enable") == "ok"
+        assert page.run("drive3", "move_velocity", target_velocity=SPEED) == "ok"
+        eventually(lambda: moving(bridge, "drive3"))
+        assert who.run("drive3", command) in ("ok", "pending")
+        eventually(lambda: not moving(bridge, "drive3"))
+    page.run("drive3", "enable")
+    grip = page.hold("drive3", SPEED)
+    eventually(lambda: moving(bridge, "drive3"))
+    grip.let_go()
+    eventually(lambda: not moving(bridge, "drive3"))
+    for drive in "drive1", "drive2":
+        bridge.sim.fault("silence off", drive)
+    for one in waiting:
+        one.join(30)
+
+
 def test_when_programs_end_while_a_button_is_held(gateway):
     """SIGTERM stops the drive first; behind SIGKILL the watchdog does; so does on-exit when the service goes."""
     bridge = gateway.make_bridge(drive={"watchdog-ms": 600})

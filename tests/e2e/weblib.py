@@ -152,6 +152,12 @@ class Page:
             self.load()
             self.log_in(*user)
 
+    def beside(self):
+        """The same page, over one more connection: browsers have several."""
+        made = Page(self.webd, tab=self.tab)
+        made.cookie, made.token, made.numbers = self.cookie, self.token, self.numbers
+        return made
+
     def close(self):
         for stream in self.streams:
             stream.close()
@@ -244,8 +250,7 @@ class Grip:
     """Beats each 100 ms, over a connection of its own, as a page sends them while a button is held."""
 
     def __init__(self, page, drive, number, velocity):
-        self.page = Page(page.webd, tab=page.tab)
-        self.page.cookie, self.page.token, self.page.numbers = page.cookie, page.token, page.numbers
+        self.page = page.beside()
         self.drive, self.number, self.velocity = drive, number, velocity
         self.beats = 0
         self.answers = []
