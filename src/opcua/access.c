@@ -51,7 +51,8 @@ struct db_opcua_access {
 	struct attempts attempts[ATTEMPT_PLACES];
 	struct attempts together[2]; /* of connections that are not signed, and that are */
 	bool wrong[2];               /* one of those was, in this round */
-	UA_Server *server;           /* NULL before there is one */
+	uint64_t users_stamp; /* of the file of users when sessions were last held against it */
+	UA_Server *server;    /* NULL before there is one */
 	struct waiting waiting[DB_OPCUA_NETWORK_PLACES];
 	size_t places;
 	struct db_opcua_session sessions[];
@@ -259,6 +260,36 @@ void db_opcua_access_begin(struct db_opcua_access *access)
 	memset(access->wrong, 0, sizeof(access->wrong));
 }
 
+static bool may_stay(const struct db_opcua_session *session, const struct db_users *users)
+{
+	const struct db_user *user = db_users_find(users, session->user);
+
+	return session->number == 0 || session->user[0] == '\0' ||
+	       (user && db_users_digest(user) == session->digest);
+}
+
+void db_opcua_access_review(struct db_opcua_access *access)
+{
+	struct db_users users = { .list = NULL };
+	uint64_t stamp = db_users_stamp(access->config->users);
+
+	if (stamp == access->users_stamp)
+		return;
+	access->users_stamp = stamp;
+	/* One that cannot be read has nobody in it. */
+	(void)db_users_load(&users, access->config->users, &db_opcua_keeper, stderr);
+	for (size_t i = 0; i < access->places; i++) {
+		const struct db_opcua_session *session = &access->sessions[i];
+
+		if (may_stay(session, &users))
+			continue;
+		db_client_log(DB_CLIENT_NOTICE, "%s: closed, for the file of users has changed",
+		              session->label);
+		(void)UA_Server_closeSession(access->server, &session->id);
+	}
+	db_users_clear(&users);
+}
+
 /* --- passwords -------------------------------------------------------------------------------- */
 
 static struct attempts *find_attempts(struct db_opcua_access *access, const char *address)
@@ -291,7 +322,7 @@ static void count_try(struct attempts *attempts, db_time every, db_time now)
 /* BadUserAccessDenied: it is not this user's password, or he is none. Right ones are not counted. */
 static UA_StatusCode check_password(struct db_opcua_access *access, const char *address,
                                     bool is_signed, const char *name, const char *password,
-                                    enum db_role *role)
+                                    enum db_role *role, unsigned long *digest)
 {
 	db_time now = db_client_now();
 	struct attempts *own = find_attempts(access, address);
@@ -309,6 +340,7 @@ static UA_StatusCode check_password(struct db_opcua_access *access, const char *
 	right = db_users_has_password(user ? user->hash : access->nobody, password) && user;
 	if (right) {
 		*role = user->role;
+		*digest = db_users_digest(user);
 	} else {
 		count_try(own, ATTEMPT_EVERY, now);
 		count_try(together, TOGETHER_EVERY, now);
@@ -329,7 +361,7 @@ static bool copy_text(const UA_String *string, char *text, size_t size)
 
 static UA_StatusCode find_role(struct db_opcua_access *access, const char *address, bool is_signed,
                                const UA_ExtensionObject *token, char *user, size_t size,
-                               enum db_role *role)
+                               enum db_role *role, unsigned long *digest)
 {
 	char password[DB_USERS_PASSWORD_MAX + 1] = "";
 	const UA_UserNameIdentityToken *named;
@@ -349,7 +381,7 @@ static UA_StatusCode find_role(struct db_opcua_access *access, const char *addre
 	named = token->content.decoded.data;
 	if (copy_text(&named->userName, user, size) &&
 	    copy_text(&named->password, password, sizeof(password)))
-		status = check_password(access, address, is_signed, user, password, role);
+		status = check_password(access, address, is_signed, user, password, role, digest);
 	else
 		user[0] = '\0';
 	explicit_bzero(password, sizeof(password));
@@ -372,10 +404,11 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	const char *address = db_opcua_network_address(access->network, connection);
 	struct db_opcua_session *session = find_session(access, id);
 	enum db_role role = DB_ROLE_NONE;
+	unsigned long digest = 0;
 	char user[DB_USERS_NAME_MAX + 1];
 	UA_StatusCode status = find_role(access, address,
 	                                 endpoint->securityMode != UA_MESSAGESECURITYMODE_NONE,
-	                                 token, user, sizeof(user), &role);
+	                                 token, user, sizeof(user), &role, &digest);
 
 	(void)server;
 	(void)certificate;
@@ -400,6 +433,7 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	}
 	session->connection = connection;
 	session->role = role;
+	session->digest = digest;
 	(void)snprintf(session->user, sizeof(session->user), "%s", user);
 	(void)snprintf(session->label, sizeof(session->label), "%s at %s",
 	               user[0] ? user : "anonymous", address);

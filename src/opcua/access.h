@@ -26,6 +26,7 @@ struct db_opcua_session {
 	uintptr_t connection; /* over which it was activated last; 0: it is gone */
 	enum db_role role;
 	char user[DB_USERS_NAME_MAX + 1]; /* "" is anonymous */
+	unsigned long digest;             /* of the user when he logged in, db_users_digest() */
 	char label[128];                  /* for the log: the user and whence */
 };
 
@@ -49,6 +50,10 @@ UA_StatusCode db_opcua_access_watch(struct db_opcua_access *access, UA_Server *s
 
 /* Clients are served once more: to be called before each time, for the bound of what wrong passwords cost. */
 void db_opcua_access_begin(struct db_opcua_access *access);
+
+/* Ends the sessions of users who are no more, or are others than when they logged in: with another role or password. To be
+ * called again and again. */
+void db_opcua_access_review(struct db_opcua_access *access);
 
 /* NULL: it is none that was activated. The library gives no context of a session in its callbacks, so it is looked for by
  * its id. */

@@ -473,6 +473,7 @@ void db_opcua_server_handle(struct db_opcua_server *server, db_time now, int64_t
 {
 	db_opcua_plant_handle(server->plant, now, us);
 	db_opcua_acting_handle(server->acting, now);
+	db_opcua_access_review(server->access);
 	db_opcua_network_flush(server->network, now);
 	serve(server);
 	/* Such as closing connections. */

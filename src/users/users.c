@@ -186,6 +186,16 @@ const struct db_user *db_users_find(const struct db_users *users, const char *na
 	return NULL;
 }
 
+uint64_t db_users_stamp(const char *path)
+{
+	struct stat status;
+
+	if (stat(path, &status) != 0)
+		return 0;
+	return (uint64_t)status.st_mtim.tv_sec * 1000000000 + (uint64_t)status.st_mtim.tv_nsec +
+	       (uint64_t)status.st_ino;
+}
+
 unsigned long db_users_digest(const struct db_user *user)
 {
 	unsigned long digest = 5381 + (unsigned long)user->role;

@@ -10,6 +10,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 #include <stdio.h>
 
 #define DB_USERS_MAX 256
@@ -53,6 +54,9 @@ void db_users_clear(struct db_users *users);
 
 /* NULL: there is nobody of this name. */
 const struct db_user *db_users_find(const struct db_users *users, const char *name);
+
+/* A number that changes when the file does; 0: it is not there. */
+uint64_t db_users_stamp(const char *path);
 
 /* A number that changes when anything of the user does. */
 unsigned long db_users_digest(const struct db_user *user);

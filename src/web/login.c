@@ -12,7 +12,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
-#include <sys/stat.h>
 
 #define HASH_WITHIN (20 * DB_NS_PER_S)
 
@@ -194,12 +193,8 @@ static bool may_stay(const void *context, const struct db_web_session *session)
 void db_web_login_review(struct db_web_server *server)
 {
 	struct db_users users;
-	struct stat status;
-	uint64_t stamp = 0;
+	uint64_t stamp = db_users_stamp(server->config->users_file);
 
-	if (stat(server->config->users_file, &status) == 0)
-		stamp = (uint64_t)status.st_mtim.tv_sec * 1000000000 +
-		        (uint64_t)status.st_mtim.tv_nsec + (uint64_t)status.st_ino;
 	if (stamp == server->users_stamp)
 		return;
 	server->users_stamp = stamp;

@@ -367,6 +367,41 @@ async def test_roles(bridge, make_server, certificate):
 
 
 @in_loop
+async def test_users_change_while_they_are_connected(make_bridge, make_server, certificate):
+    """Who is taken away, or gets another role or password, is logged out; what he moves stands, as when his connection is
+    lost. Others notice nothing."""
+    bridge = make_bridge(drive={"watchdog-ms": 600})
+    server = make_server(bridge)
+    unit = bridge.drive()
+    name = OPERATOR[0]
+    users = server.users_path.read_text(encoding="utf-8")
+    line = next(one for one in users.splitlines() if one.startswith(name))
+
+    def change(new):
+        made = server.place / "new-users"
+        made.write_text(users.replace(line, new), encoding="utf-8")
+        made.chmod(0o640)
+        made.replace(server.users_path)
+
+    async with server.session(certificate, READER) as reader:
+        for trips, new in enumerate(("", line.replace("operator", "reader"), line[:-1] + ("x" if line[-1] != "x" else "y")), 1):
+            change(line)
+            async with server.session(certificate, OPERATOR) as session:
+                with contextlib.suppress(UaStatusCodeError):
+                    await call(session, "drive1", "ClearFault")
+                await call(session, "drive1", "Enable")
+                await call(session, "drive1", "MoveVelocity", 1600.0)
+                await until(lambda: unit.read("axis_state") == CONTINUOUS)
+                change(new)
+                await until(lambda: unit.read("watchdog_trips") == trips)
+                bridge.wait_standing()
+                with pytest.raises((UaStatusCodeError, ConnectionError)):
+                    await call(session, "drive1", "ClearFault")
+            assert f"{name} at 127.0.0.1: closed, for the file of users has changed" in server.log()
+        assert await at(reader, "drive1.PositionActualValue").read_value() == unit.read("position")
+
+
+@in_loop
 async def test_certificates(bridge, make_server, certificate, tmp_path):
     """Nobody but who is trusted gets in; who is not lies among the rejected ones, and gets in as soon as that file was
     moved among the trusted."""
