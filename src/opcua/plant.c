@@ -195,6 +195,9 @@ static void take_samples(void *data, json_t *parameters, const struct db_client_
 
 		if (!drive)
 			continue;
+		/* The clock was set back. */
+		if (drive->outdated_us > plant->us)
+			drive->outdated_us = plant->us;
 		/* One that was on its way when somebody commanded the drive tells of before that. What those that follow
 		 * tell has changed since: the next stream begins with all again. */
 		if (sent_us < drive->outdated_us) {
