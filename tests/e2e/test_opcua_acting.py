@@ -237,9 +237,13 @@ async def test_groups(make_bridge, make_server, certificate, control):
     units = [bridge.drive(1), bridge.drive(2)]
     start, stop = at_gateway("GroupStart"), at_gateway("GroupStop")
 
+    async def stand(*which):
+        await until(lambda: all(unit.read("axis_state") == STANDSTILL for unit in which))
+
     async def stage(session, speed):
-        for drive in "drive1", "drive2":
+        for drive, unit in zip(("drive1", "drive2"), units):
             await call(session, drive, "Enable")
+            await until(lambda: unit.read("active_command") == 0 and unit.read("status") & 2)
             if control == "drive":
                 await at(session, f"{drive}.ControlRequest").write_value(1, ua.VariantType.UInt16)
             block = [at(session, f"{drive}.CommandBlock.{name}") for name in ("TargetVelocity", "StagedCommand")]
@@ -259,20 +263,19 @@ async def test_groups(make_bridge, make_server, certificate, control):
         await asyncio.sleep(0.02)
         with contextlib.suppress(UaStatusCodeError):
             await stop(session)
-        bridge.wait_standing(1)
-        bridge.wait_standing(2)
+        await stand(*units)
         assert (await waits)[0] == "BadRequestNotComplete"
         assert "gateway: write of group_stop by olga" in server.log()
+        bridge.sim.fault("silence off", "drive3")
 
         await stage(session, 800.0)
         await start(session)
         await until(lambda: all(unit.read("velocity") == 800.0 for unit in units))
         await call(session, "drive2", "Stop")
-        bridge.wait_standing(2)
+        await stand(units[1])
         assert units[0].read("axis_state") == CONTINUOUS
     # A session that is gone is the loss of a client.
-    await until(lambda: units[0].read("watchdog_trips") == 1)
-    bridge.wait_standing(1)
+    await until(lambda: units[0].read("watchdog_trips") == 1 and units[0].read("velocity") == 0)
 
 
 def at_gateway(name):
