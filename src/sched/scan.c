@@ -412,16 +412,24 @@ static bool leads_to_save(const struct db_driver *driver, enum db_inquiry_kind k
 	       (kind == DB_INQUIRY_SET_SPEED && driver->speed_effect == DB_TAKES_EFFECT_POWER_UP);
 }
 
-/* Behind a save on a serial line, which may take a second, the stop of a drive that moves would wait. */
+/* Behind a save on a serial line, which may take a second, the stop of a drive that moves would wait. One that may
+ * have been set going is read before. */
 static bool must_not_save(struct db_engine *engine, const struct db_inquiry *inquiry)
 {
 	const struct station *moving = engine_find_moving(engine);
 
-	if (!moving || !takes_line(engine) || !leads_to_save(engine->driver, inquiry->kind))
+	if (!takes_line(engine) || !leads_to_save(engine->driver, inquiry->kind))
 		return false;
-	engine->scan->progress.drive = moving->number;
-	scan_end(engine, DB_SCAN_MOVES);
-	return true;
+	if (moving) {
+		engine->scan->progress.drive = moving->number;
+		scan_end(engine, DB_SCAN_MOVES);
+		return true;
+	}
+	for (size_t i = 0; i < engine->station_count; i++) {
+		if (engine->stations[i]->node->online && !station_is_read(engine->stations[i]))
+			return true;
+	}
+	return false;
 }
 
 bool scan_send_next(struct db_engine *engine, db_time now)

@@ -343,13 +343,18 @@ bool station_finish_stops(struct station *station, enum db_command command, enum
 	return again;
 }
 
+bool station_is_read(const struct station *station)
+{
+	return station->node->online && !station->lanes[LANE_COMMAND].active &&
+	       station->stop_count == 0 &&
+	       station->snapshot.feedback.taken > station->command_ended;
+}
+
 bool station_is_seen_to_stand(const struct station *station)
 {
 	const struct db_feedback *feedback = &station->snapshot.feedback;
 
-	return station->node->online && !station->lanes[LANE_COMMAND].active &&
-	       station->stop_count == 0 && feedback->taken > station->command_ended &&
-	       !(feedback->status & DB_STATUS_MOVING) &&
+	return station_is_read(station) && !(feedback->status & DB_STATUS_MOVING) &&
 	       (feedback->state == DB_AXIS_DISABLED || feedback->state == DB_AXIS_STANDSTILL ||
 	        feedback->state == DB_AXIS_ERROR_STOP);
 }

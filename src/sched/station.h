@@ -213,7 +213,9 @@ void station_note_stop_answered(struct station *station, enum db_command command
 #define STOP_ANY DB_CMD_NONE
 bool station_finish_stops(struct station *station, enum db_command command, enum db_result result,
                           db_time now);
-/* It was read since its last command ended, and stood; nothing is being said to it that could change that. */
+/* It was read since its last command ended, and nothing is being said to it that could set it going. */
+bool station_is_read(const struct station *station);
+/* And it stood. */
 bool station_is_seen_to_stand(const struct station *station);
 
 /* Somebody waits for a stop, so that nothing else is to be said to the drive. */

@@ -313,6 +313,34 @@ static void saves_nothing_while_a_drive_of_the_line_moves(void **state)
 	close_world(&world);
 }
 
+/* What it is told shows with the next status, and the save must not go out before that. */
+static void saves_nothing_before_it_is_read_that_all_drives_stand(void **state)
+{
+	struct world world;
+
+	(void)state;
+	open_world(&world, 20);
+	world.bus->context = world.bus;
+	world.bus->obey = answer_as_it_was;
+	begin_plan(&world,
+	           (struct db_scan_plan){ .first = 2, .last = 2, .set_up = DB_INQUIRY_SAVE });
+	while (count_inquiries(&world, DB_INQUIRY_STANDING) < fake_family.axes)
+		fake_pass(world.bus, MS / 4);
+	fake_post(world.bus, 0, DB_CMD_MOVE_VELOCITY);
+	while (fake_result(world.bus) == DB_RESULT_NONE)
+		fake_pass(world.bus, MS / 10);
+	fake_pass(world.bus, 4 * MS);
+	assert_int_equal(count_inquiries(&world, DB_INQUIRY_SAVE), 0);
+	assert_false(scan_has_ended(world.scan));
+	/* One that stands there holds nothing up. */
+	world.bus->obey = NULL;
+	fake_post(world.bus, 0, DB_CMD_STOP);
+	fake_pass(world.bus, 300 * MS);
+	assert_int_equal(count_inquiries(&world, DB_INQUIRY_SAVE), 1);
+	assert_int_equal(progress_of(&world).end, DB_SCAN_DONE);
+	close_world(&world);
+}
+
 /* --- verdicts ---------------------------------------------------------------------------------------- */
 
 /* Answers every question of a visit so; the find. */
@@ -411,6 +439,7 @@ int main(void)
 		cmocka_unit_test(keeps_a_stop_for_a_drive_that_is_not_there),
 		cmocka_unit_test(sets_up_no_drive_that_is_told_to_move_meanwhile),
 		cmocka_unit_test(saves_nothing_while_a_drive_of_the_line_moves),
+		cmocka_unit_test(saves_nothing_before_it_is_read_that_all_drives_stand),
 		cmocka_unit_test(tells_one_drive_from_two),
 		cmocka_unit_test(tells_two_identities),
 		cmocka_unit_test(tells_a_drive_only_where_it_stands_alone),
