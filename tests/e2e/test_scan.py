@@ -291,10 +291,11 @@ def test_a_drive_gets_another_speed(make_bridge, settles):
     assert places(found) == [(57600, 1, "one")]
     # And back.
     mark = bridge.sim.mark()
+    saves = len(heard(bridge, "drive1", "1 sav"))
     process = start(bridge, "baud", "line", "1", "115200", "--speed", "57600", "--yes")
     if settles == "power-up":
         eventually(lambda: ("1", "sav") in said(bridge, mark) or process.poll() is not None, 20)
-        eventually(lambda: heard(bridge, "drive1", "1 sav"))
+        eventually(lambda: len(heard(bridge, "drive1", "1 sav")) > saves or process.poll() is not None)
         switch_power(bridge, "drive1")
     told, _ = process.communicate("\n", timeout=30)
     assert process.returncode == (0 if settles == "power-up" else 1), told
