@@ -103,6 +103,7 @@ void db_act_introduce(const struct db_call *call)
 	const char *user;
 	bool good;
 
+	session->introduced = true;
 	if (!db_session_require_act(session) || !db_call_text(call, "user", &user))
 		return;
 	good = user[0] == '\0' || db_actors_name_is_good(user);

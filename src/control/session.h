@@ -38,7 +38,10 @@ struct db_session {
 	bool gone;       /* and takes nothing any more */
 	bool broken;     /* to be closed when its answers are sent */
 
-	uint64_t turn; /* calls of sessions with lower ones are taken first */
+	uint64_t turn;     /* calls of sessions with lower ones are taken first */
+	size_t turn_bytes; /* of what is in `in`, so much came for this turn */
+	bool introduced;   /* the call taken last said for whom it acts ... */
+	bool turn_kept;    /* ... and so the one behind it has still its turn */
 
 	char *in; /* there only while it is not empty, likewise `out` */
 	size_t in_used;

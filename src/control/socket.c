@@ -235,6 +235,18 @@ static void settle(struct db_control_socket *control)
 
 /* --- serving ----------------------------------------------------------------------------------------- */
 
+/* Behind a call, of `taken` bytes, it is everybody else's turn. Only what is done for whom it has named keeps the place
+ * of both where they came together; not twice in a row. */
+static void end_turn(struct db_control_socket *control, struct db_session *session, size_t taken)
+{
+	session->turn_bytes -= taken < session->turn_bytes ? taken : session->turn_bytes;
+	session->turn_kept = session->introduced && !session->turn_kept &&
+	                     session->turn_bytes > 0 &&
+	                     memchr(session->in, '\0', session->turn_bytes);
+	if (!session->turn_kept)
+		session->turn = ++control->last_turn;
+}
+
 /*
  * One call, of the session whose turn it is: then the loop serves the others, Modbus above all. In the order in which
  * they came, so that a stop is behind the move that it is to end, over whichever session; what a session has asked for
@@ -254,10 +266,11 @@ static bool take_call(struct db_control_socket *control)
 	}
 	if (!next)
 		return false;
-	next->turn = ++control->last_turn;
+	next->introduced = false;
 	next->client.arrived = next->in_arrived;
 	db_calls_take(next, next->in, length);
 	db_session_drop_message(next, length);
+	end_turn(control, next, length + 1);
 	return true;
 }
 
@@ -268,6 +281,7 @@ static int serve(struct db_control_socket *control)
 	db_time now = db_control_now(control);
 	int count = epoll_wait(control->epoll, events, EVENTS_AT_ONCE, 0);
 	bool take = false;
+	bool first;
 
 	for (int i = 0; i < count; i++) {
 		struct db_session *session = events[i].data.ptr;
@@ -280,11 +294,15 @@ static int serve(struct db_control_socket *control)
 			accept_some(control);
 			continue;
 		}
-		if (session->in_used == 0)
-			session->turn = ++control->last_turn;
+		first = session->in_used == 0;
 		if ((events[i].events & (EPOLLIN | EPOLLRDHUP | EPOLLHUP | EPOLLERR)) &&
 		    !db_session_receive(session, now))
 			session->gone = session->ended = true;
+		if (first) {
+			session->turn = ++control->last_turn;
+			session->turn_bytes = session->in_used;
+			session->turn_kept = false;
+		}
 		/* Closed, and all that it had sent is here: it is not looked at any more. */
 		if ((events[i].events & (EPOLLHUP | EPOLLERR)) && session->ended &&
 		    !session->gone) {
@@ -320,9 +338,10 @@ void db_control_socket_catch_up(struct db_control_socket *control)
 		if (serve(control) < EVENTS_AT_ONCE)
 			break;
 	}
-	for (size_t i = 0; i < control->count && take_call(control); i++)
-		;
 	settle(control);
+	/* A session whose answer was not sent yet would lose its turn. */
+	for (size_t i = 0; i < control->count && take_call(control); i++)
+		settle(control);
 }
 
 static db_time read_clock(void)

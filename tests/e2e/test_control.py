@@ -257,6 +257,25 @@ def test_calls_of_two_sessions_are_carried_out_in_their_order(bridge):
     assert "mov" not in str(bridge.sim.sent()[-1:])
 
 
+def test_a_move_that_is_introduced_keeps_its_place_before_a_stop(bridge):
+    """Who says for whom he moves a drive says so right before the move, and a later stop comes behind both."""
+    with Line(bridge) as stopper, Line(bridge) as mover:
+        for line, command in ((stopper, "stop"), (mover, "enable")):
+            line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": command})
+            assert line.answer()["parameters"]["result"] == "ok"
+        bridge.process.send_signal(signal.SIGSTOP)
+        mover.ask(f"{INTERFACE}.Introduce", {"user": "anna"})
+        mover.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "move_velocity",
+                                       "arguments": {"target_velocity": 1000}})
+        stopper.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "stop"})
+        bridge.process.send_signal(signal.SIGCONT)
+        assert stopper.answer()["parameters"]["result"] == "ok"
+        assert "error" not in mover.answer()
+        mover.answer()
+    eventually(lambda: bridge.drive().read("velocity") == 0, what="the drive to stand")
+    assert "mov" not in str(bridge.sim.sent()[-1:])
+
+
 def test_longer_than_confirm_ms(make_bridge):
     """The answer is the command's end, not that it takes long."""
     bridge = make_bridge(modbus={"confirm-ms": 1})
