@@ -95,12 +95,27 @@ static void refuse_user(struct db_control_socket *control, int fd, uint32_t user
 	refuse(control, fd);
 }
 
+/* What has come. With the first of it a session gets its turn. */
+static void hear(struct db_control_socket *control, struct db_session *session, db_time now)
+{
+	bool first = session->in_used == 0;
+
+	if (!db_session_receive(session, now))
+		session->gone = session->ended = true;
+	if (!first)
+		return;
+	session->turn = ++control->last_turn;
+	session->turn_bytes = session->in_used;
+	session->turn_kept = false;
+}
+
 static void admit(struct db_control_socket *control, int fd)
 {
 	uid_t user;
 	enum db_right right = db_rights_find(&control->rights, fd, &user);
 	struct db_client client = { .may_write = right == DB_RIGHT_ACT };
 	char name[DB_CLIENT_PROCESS_USER_MAX];
+	db_time now = db_control_now(control);
 	struct db_session *session;
 	size_t readers = 0;
 
@@ -121,13 +136,15 @@ static void admit(struct db_control_socket *control, int fd)
 	while (find(control, control->last_id));
 	client.id = control->last_id;
 	client.port = (uint16_t)(1 + (client.id - DB_CLIENT_FIRST_SESSION) % UINT16_MAX);
-	session = db_session_new(control, fd, &client, db_control_now(control));
+	session = db_session_new(control, fd, &client, now);
 	if (!session)
 		return;
 	db_session_set_actor(session, (uint32_t)user, name, "");
 	control->sessions[control->count++] = session;
 	control->stats.accepted++;
 	db_registers_backend.client(control->setup.registers, &session->client, true);
+	/* What came with it came before what others say from now on. */
+	hear(control, session, now);
 }
 
 static void accept_some(struct db_control_socket *control)
@@ -281,7 +298,6 @@ static int serve(struct db_control_socket *control)
 	db_time now = db_control_now(control);
 	int count = epoll_wait(control->epoll, events, EVENTS_AT_ONCE, 0);
 	bool take = false;
-	bool first;
 
 	for (int i = 0; i < count; i++) {
 		struct db_session *session = events[i].data.ptr;
@@ -294,15 +310,8 @@ static int serve(struct db_control_socket *control)
 			accept_some(control);
 			continue;
 		}
-		first = session->in_used == 0;
-		if ((events[i].events & (EPOLLIN | EPOLLRDHUP | EPOLLHUP | EPOLLERR)) &&
-		    !db_session_receive(session, now))
-			session->gone = session->ended = true;
-		if (first) {
-			session->turn = ++control->last_turn;
-			session->turn_bytes = session->in_used;
-			session->turn_kept = false;
-		}
+		if (events[i].events & (EPOLLIN | EPOLLRDHUP | EPOLLHUP | EPOLLERR))
+			hear(control, session, now);
 		/* Closed, and all that it had sent is here: it is not looked at any more. */
 		if ((events[i].events & (EPOLLHUP | EPOLLERR)) && session->ended &&
 		    !session->gone) {

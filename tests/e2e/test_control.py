@@ -276,6 +276,24 @@ def test_a_move_that_is_introduced_keeps_its_place_before_a_stop(bridge):
     assert "mov" not in str(bridge.sim.sent()[-1:])
 
 
+def test_a_move_over_a_new_connection_keeps_its_place_before_a_stop(bridge):
+    """What came with a connection came before what came behind it over one that was there."""
+    with Line(bridge) as stopper:
+        for command in ("stop", "enable"):
+            stopper.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": command})
+            assert stopper.answer()["parameters"]["result"] == "ok"
+        bridge.process.send_signal(signal.SIGSTOP)
+        with Line(bridge) as mover:
+            mover.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "move_velocity",
+                                           "arguments": {"target_velocity": 1000}})
+            stopper.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "stop"})
+            bridge.process.send_signal(signal.SIGCONT)
+            assert stopper.answer()["parameters"]["result"] == "ok"
+            mover.answer()
+    eventually(lambda: bridge.drive().read("velocity") == 0, what="the drive to stand")
+    assert "mov" not in str(bridge.sim.sent()[-1:])
+
+
 def test_longer_than_confirm_ms(make_bridge):
     """The answer is the command's end, not that it takes long."""
     bridge = make_bridge(modbus={"confirm-ms": 1})
