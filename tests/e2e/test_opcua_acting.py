@@ -163,8 +163,7 @@ async def test_nothing_is_done_late(make_bridge, make_server, certificate):
         stands = unit.read("position")
         # It is commanded as before, and what comes is what is told now.
         assert (await call(session, "drive1", "MoveAbsolute", stands + 320, 0.0))[0] in ("ok", "pending")
-        await until(lambda: unit.read("position") == stands + 320)
-        assert unit.read("axis_state") == STANDSTILL
+        await until(lambda: unit.read("position") == stands + 320 and unit.read("axis_state") == STANDSTILL)
 
 
 @in_loop
