@@ -377,6 +377,17 @@ void db_opcua_drive_free(struct db_opcua_kind **kinds, struct db_opcua_drive *dr
 	free(drive);
 }
 
+void db_opcua_drive_take_watchers(struct db_opcua_drive *drive, const struct db_opcua_drive *before)
+{
+	for (size_t i = 0; i < before->kind->count; i++) {
+		const struct db_opcua_item *watched = &before->items[i];
+		struct db_opcua_item *item = db_opcua_drive_find(drive, watched->reg->name);
+
+		if (item)
+			item->watchers = watched->watchers;
+	}
+}
+
 struct db_opcua_item *db_opcua_drive_find(const struct db_opcua_drive *drive, const char *reg)
 {
 	const struct db_opcua_register *found = db_opcua_kind_find(drive->kind, reg);

@@ -55,8 +55,7 @@ struct db_opcua_register {
 	json_t *codes; /* NULL: none */
 	bool bits;     /* the codes name bits */
 	const char *description;
-	unsigned watchers; /* monitored items of all drives of this kind */
-	bool streamed;     /* the service tells it unasked */
+	bool streamed; /* the service tells it unasked */
 };
 
 /* One field of all entries of the history, the newest first. */
@@ -104,6 +103,7 @@ struct db_opcua_item {
 	struct db_opcua_drive *drive;
 	struct db_opcua_register *reg;
 	struct db_opcua_value value;
+	unsigned watchers; /* monitored items */
 };
 
 struct db_opcua_drive {
@@ -140,6 +140,10 @@ void db_opcua_kind_release(struct db_opcua_kind **kinds, struct db_opcua_kind *k
 struct db_opcua_drive *db_opcua_drive_new(const char *name, const char *bus,
                                           struct db_opcua_kind *kind);
 void db_opcua_drive_free(struct db_opcua_kind **kinds, struct db_opcua_drive *drive);
+
+/* Who watches the registers of `before` watches those of the same names here. */
+void db_opcua_drive_take_watchers(struct db_opcua_drive *drive,
+                                  const struct db_opcua_drive *before);
 
 /* The item of a register, NULL when there is none. */
 struct db_opcua_item *db_opcua_drive_find(const struct db_opcua_drive *drive, const char *reg);

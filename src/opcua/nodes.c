@@ -526,17 +526,37 @@ void db_opcua_nodes_add(struct db_opcua_nodes *nodes, struct db_opcua_drive *dri
 		db_opcua_roster_remove(&nodes->roster, shown);
 }
 
-void db_opcua_nodes_remove(struct db_opcua_nodes *nodes, const struct db_opcua_drive *drive)
+static struct db_opcua_shown *find_shown(const struct db_opcua_nodes *nodes,
+                                         const struct db_opcua_drive *drive)
 {
 	for (size_t i = 0; i < nodes->roster.count; i++) {
-		struct db_opcua_shown *shown = nodes->roster.drives[i];
-
-		if (shown->drive != drive)
-			continue;
-		(void)link_drive(nodes, shown, false);
-		db_opcua_roster_remove(&nodes->roster, shown);
-		return;
+		if (nodes->roster.drives[i]->drive == drive)
+			return nodes->roster.drives[i];
 	}
+	return NULL;
+}
+
+void db_opcua_nodes_replace(struct db_opcua_nodes *nodes, const struct db_opcua_drive *before,
+                            struct db_opcua_drive *drive, const json_t *description)
+{
+	struct db_opcua_shown *shown = find_shown(nodes, before);
+	UA_MonitoredItem *listeners = shown ? shown->listeners : NULL;
+
+	db_opcua_nodes_remove(nodes, before);
+	db_opcua_nodes_add(nodes, drive, description);
+	shown = find_shown(nodes, drive);
+	if (shown)
+		shown->listeners = listeners;
+}
+
+void db_opcua_nodes_remove(struct db_opcua_nodes *nodes, const struct db_opcua_drive *drive)
+{
+	struct db_opcua_shown *shown = find_shown(nodes, drive);
+
+	if (!shown)
+		return;
+	(void)link_drive(nodes, shown, false);
+	db_opcua_roster_remove(&nodes->roster, shown);
 }
 
 /* --- buses ------------------------------------------------------------------------------------ */
@@ -628,16 +648,16 @@ UA_NodeId db_opcua_nodes_of_drive(const struct db_opcua_nodes *nodes, const char
 void db_opcua_nodes_watch(struct db_opcua_nodes *nodes, const UA_NodeId *node, bool removed)
 {
 	struct db_opcua_subject subject;
-	struct db_opcua_register *reg;
+	struct db_opcua_item *item;
 
 	if (node->namespaceIndex != nodes->space || node->identifierType != UA_NODEIDTYPE_STRING ||
 	    !identify(nodes, node->identifier.string, &subject) || !subject.branch ||
 	    subject.branch->type != DB_OPCUA_VARIABLE)
 		return;
-	reg = subject.shown->drive->items[subject.branch->place].reg;
+	item = &subject.shown->drive->items[subject.branch->place];
 	if (!removed)
-		reg->watchers++;
-	else if (reg->watchers > 0)
-		reg->watchers--;
+		item->watchers++;
+	else if (item->watchers > 0)
+		item->watchers--;
 	nodes->ops->rewatch(nodes->context);
 }

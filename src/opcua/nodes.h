@@ -44,6 +44,9 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
 /* A drive with all its nodes. The drive must outlive them. */
 void db_opcua_nodes_add(struct db_opcua_nodes *nodes, struct db_opcua_drive *drive,
                         const json_t *description);
+/* By another one of its name: who listens to its events listens to that one's. */
+void db_opcua_nodes_replace(struct db_opcua_nodes *nodes, const struct db_opcua_drive *before,
+                            struct db_opcua_drive *drive, const json_t *description);
 void db_opcua_nodes_remove(struct db_opcua_nodes *nodes, const struct db_opcua_drive *drive);
 
 /* The buses and what is measured of them, instead of those before. */

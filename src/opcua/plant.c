@@ -247,17 +247,20 @@ static json_t *watched_names(const struct db_opcua_plant *plant)
 	json_t *names = json_pack("[s]", "quality");
 	size_t always = json_array_size(names);
 
-	for (struct db_opcua_kind *kind = plant->kinds; kind; kind = kind->next) {
-		for (size_t i = 0; i < kind->count; i++) {
-			struct db_opcua_register *reg = &kind->list[i];
+	for (size_t i = 0; i < plant->drive_count; i++) {
+		const struct db_opcua_drive *drive = plant->drives[i];
 
-			reg->streamed = false;
-			if (reg->watchers > 0 && has_text(names, reg->name))
-				reg->streamed = true;
-			else if (reg->watchers > 0 && json_array_size(names) < STREAM_MAX)
-				reg->streamed = json_array_append_new(names,
-				                                      json_string(reg->name)) == 0;
+		for (size_t j = 0; j < drive->kind->count; j++) {
+			const char *name = drive->items[j].reg->name;
+
+			if (drive->items[j].watchers > 0 && !has_text(names, name) &&
+			    json_array_size(names) < STREAM_MAX)
+				(void)json_array_append_new(names, json_string(name));
 		}
+	}
+	for (struct db_opcua_kind *kind = plant->kinds; kind; kind = kind->next) {
+		for (size_t i = 0; i < kind->count; i++)
+			kind->list[i].streamed = has_text(names, kind->list[i].name);
 	}
 	if (json_array_size(names) == always) {
 		json_decref(names);
@@ -301,26 +304,49 @@ void db_opcua_plant_rewatch(struct db_opcua_plant *plant)
 
 /* --- drives ----------------------------------------------------------------------------------- */
 
+static struct db_opcua_drive *make_drive(struct db_opcua_plant *plant, const struct found *found)
+{
+	struct db_opcua_kind *kind = db_opcua_kind_take(&plant->kinds, found->registers,
+	                                                found->commands);
+	struct db_opcua_drive *drive = NULL;
+
+	if (kind)
+		drive = db_opcua_drive_new(text_of(found->description, "name"),
+		                           text_of(found->description, "bus"), kind);
+	if (!drive)
+		db_opcua_kind_release(&plant->kinds, kind);
+	return drive;
+}
+
 static bool add_drive(struct db_opcua_plant *plant, const struct found *found)
 {
 	struct db_opcua_drive **grown = realloc(plant->drives,
 	                                        (plant->drive_count + 1) * sizeof(*plant->drives));
-	struct db_opcua_kind *kind = NULL;
-	struct db_opcua_drive *drive = NULL;
+	struct db_opcua_drive *drive;
 
-	if (grown) {
-		plant->drives = grown;
-		kind = db_opcua_kind_take(&plant->kinds, found->registers, found->commands);
-	}
-	if (kind)
-		drive = db_opcua_drive_new(text_of(found->description, "name"),
-		                           text_of(found->description, "bus"), kind);
-	if (!drive) {
-		db_opcua_kind_release(&plant->kinds, kind);
+	if (!grown)
 		return false;
-	}
+	plant->drives = grown;
+	drive = make_drive(plant, found);
+	if (!drive)
+		return false;
 	plant->drives[plant->drive_count++] = drive;
 	plant->ops->added(plant->context, drive, found->description);
+	return true;
+}
+
+/* Who watches it, and waits for its events, goes on doing so. */
+static bool replace_drive(struct db_opcua_plant *plant, size_t place, const struct found *found)
+{
+	struct db_opcua_drive *before = plant->drives[place];
+	struct db_opcua_drive *drive = make_drive(plant, found);
+
+	if (!drive)
+		return false;
+	db_opcua_drive_take_watchers(drive, before);
+	plant->drives[place] = drive;
+	plant->ops->replaced(plant->context, before, drive, found->description);
+	db_opcua_drive_free(&plant->kinds, before);
 	return true;
 }
 
@@ -356,32 +382,45 @@ static const struct found *find_found(const struct db_opcua_plant *plant, const 
 }
 
 /* Whether a drive is as it was. */
-static bool is_same(const struct db_opcua_plant *plant, const struct db_opcua_drive *drive)
+static bool is_same(const struct db_opcua_plant *plant, const struct db_opcua_drive *drive,
+                    const struct found *found)
 {
-	const struct found *found = find_found(plant, drive->name);
 	const json_t *before = find_description(plant->known, drive->name);
 
-	return found && json_equal(found->registers, drive->kind->registers) &&
+	return json_equal(found->registers, drive->kind->registers) &&
 	       json_equal(found->commands, drive->kind->commands) &&
 	       (drive->name[0] == '\0' || (before && json_equal(before, found->description)));
 }
 
-/* Everything is known: who went goes, who is new comes, and the streams begin. */
+/* Who went goes, and who is new comes. */
+static bool show_found(struct db_opcua_plant *plant)
+{
+	for (size_t i = plant->drive_count; i-- > 0;) {
+		const struct found *found = find_found(plant, plant->drives[i]->name);
+
+		if (!found)
+			remove_drive(plant, i);
+		else if (!is_same(plant, plant->drives[i], found) &&
+		         !replace_drive(plant, i, found))
+			return false;
+	}
+	for (size_t i = 0; i < plant->found_total; i++) {
+		if (!db_opcua_plant_find(plant, text_of(plant->found[i].description, "name")) &&
+		    !add_drive(plant, &plant->found[i]))
+			return false;
+	}
+	return true;
+}
+
+/* Everything is known, and the streams begin. */
 static void begin(struct db_opcua_plant *plant)
 {
 	bool same_buses = plant->known && json_equal(json_object_get(plant->known, "buses"),
 	                                             json_object_get(plant->description, "buses"));
 
-	for (size_t i = plant->drive_count; i-- > 0;) {
-		if (!is_same(plant, plant->drives[i]))
-			remove_drive(plant, i);
-	}
-	for (size_t i = 0; i < plant->found_total; i++) {
-		if (!db_opcua_plant_find(plant, text_of(plant->found[i].description, "name")) &&
-		    !add_drive(plant, &plant->found[i])) {
-			fail(plant, "out of memory, or the service tells no registers");
-			return;
-		}
+	if (!show_found(plant)) {
+		fail(plant, "out of memory, or the service tells no registers");
+		return;
 	}
 	json_decref(plant->known);
 	plant->known = json_incref(plant->description);

@@ -21,6 +21,9 @@ struct db_opcua_plant;
 struct db_opcua_plant_ops {
 	/* A drive is there; `description` of the interface's type Drive, an empty object for the gateway. */
 	void (*added)(void *context, struct db_opcua_drive *drive, const json_t *description);
+	/* ... is another one of that name instead of `before`, which nothing may keep ... */
+	void (*replaced)(void *context, const struct db_opcua_drive *before,
+	                 struct db_opcua_drive *drive, const json_t *description);
 	/* ... and is no more: nothing may keep it. */
 	void (*removed)(void *context, struct db_opcua_drive *drive);
 	/* The buses, of the interface's type Bus, when they are others than before. */
@@ -57,7 +60,7 @@ void db_opcua_plant_fetch(struct db_opcua_plant *plant, struct db_opcua_item *it
 /* Somebody commanded the drive: what is known of it is older than that. */
 void db_opcua_plant_outdate(struct db_opcua_drive *drive);
 
-/* Registers are watched by others than before (struct db_opcua_register, watchers). */
+/* Registers are watched by others than before (struct db_opcua_item, watchers). */
 void db_opcua_plant_rewatch(struct db_opcua_plant *plant);
 
 /* The drive of this name, NULL when there is none. */

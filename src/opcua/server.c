@@ -54,6 +54,14 @@ static void add_drive(void *context, struct db_opcua_drive *drive, const json_t 
 	db_opcua_nodes_add(server->nodes, drive, description);
 }
 
+static void replace_drive(void *context, const struct db_opcua_drive *before,
+                          struct db_opcua_drive *drive, const json_t *description)
+{
+	struct db_opcua_server *server = context;
+
+	db_opcua_nodes_replace(server->nodes, before, drive, description);
+}
+
 static void remove_drive(void *context, struct db_opcua_drive *drive)
 {
 	struct db_opcua_server *server = context;
@@ -369,6 +377,7 @@ struct db_opcua_server *db_opcua_server_new(const struct db_opcua_config *config
 {
 	static const struct db_opcua_plant_ops plant_ops = {
 		.added = add_drive,
+		.replaced = replace_drive,
 		.removed = remove_drive,
 		.buses = set_buses,
 		.figures = set_figures,

@@ -568,6 +568,40 @@ async def test_events(make_bridge, make_server, certificate):
         assert not other.events
 
 
+@in_loop
+async def test_listeners_of_a_drive_that_changes(make_bridge, make_server):
+    """A reload changes the drive: who listens to its events, and follows its values, goes on; who ends that meanwhile has
+    ended it."""
+    bridge = make_bridge(drives=2)
+    server = make_server(bridge)
+    async with server.session() as session:
+        drive = at(session, "drive2")
+        position = at(session, "drive2.PositionActualValue")
+        followers = [await Follower(session).start([position], events=(drive,)) for _ in range(3)]
+        for unit in ("mm", "deg"):
+            bridge.sections["drive drive2"].update({"counts-per-unit": 320.0, "unit-name": unit})
+            bridge.reload()
+            await until(lambda unit=unit: is_in(session, unit))
+            await followers.pop().subscription.delete()
+            bridge.sim.control(f"bits drive2 {OVER_CURRENT:#x}")
+            for follower in followers:
+                fault = await until(lambda follower=follower: event_of(follower, "DriveFault"))
+                assert fault.SourceNode == drive.nodeid
+            bridge.sim.control("bits drive2 0")
+            for follower in followers:
+                await until(lambda follower=follower: event_of(follower, "DriveFaultGone"))
+                await until(lambda follower=follower: follower.status(position).is_good())
+                follower.events.clear()
+
+
+async def is_in(session, unit):
+    """Whether the position is said to be in this unit."""
+    with contextlib.suppress(UaStatusCodeError):
+        property_node = await at(session, "drive2.PositionActualValueUnits").get_child("0:EngineeringUnits")
+        return (await property_node.read_value()).DisplayName.Text == unit
+    return False
+
+
 def event_of(follower, kind):
     """The first one of a type by its name."""
     return next((one for one in follower.events if one.EventType.Identifier == f"/Events.{kind}"), None)

@@ -162,6 +162,30 @@ static void test_drives_that_are_alike_share_their_registers(void **state)
 	assert_null(kinds);
 }
 
+static void test_another_drive_is_watched_as_the_one_before(void **state)
+{
+	json_t *registers = parse("[{'name':'new','type':'u16','unit':''},"
+	                          " {'name':'position','type':'i32','unit':'mm'}]");
+	json_t *commands = parse(commands_text);
+	struct db_opcua_drive *other;
+	struct plant plant;
+
+	(void)state;
+	make_plant(&plant, "drive1");
+	other = db_opcua_drive_new("drive1", "line",
+	                           db_opcua_kind_take(&plant.kinds, registers, commands));
+	assert_non_null(other);
+	db_opcua_drive_find(plant.drive, "position")->watchers = 2;
+	db_opcua_drive_find(plant.drive, "velocity")->watchers = 1;
+	db_opcua_drive_take_watchers(other, plant.drive);
+	assert_int_equal(db_opcua_drive_find(other, "position")->watchers, 2);
+	assert_int_equal(db_opcua_drive_find(other, "new")->watchers, 0);
+	db_opcua_drive_free(&plant.kinds, other);
+	free_plant(&plant);
+	json_decref(registers);
+	json_decref(commands);
+}
+
 static void test_what_is_no_list_is_no_kind(void **state)
 {
 	struct db_opcua_kind *kinds = NULL;
@@ -289,6 +313,7 @@ int main(void)
 		cmocka_unit_test(test_the_history_has_columns),
 		cmocka_unit_test(test_the_history_can_be_left_out),
 		cmocka_unit_test(test_drives_that_are_alike_share_their_registers),
+		cmocka_unit_test(test_another_drive_is_watched_as_the_one_before),
 		cmocka_unit_test(test_what_is_no_list_is_no_kind),
 		cmocka_unit_test(test_quality_is_the_drives),
 		cmocka_unit_test(test_time_is_the_drives),
