@@ -380,6 +380,11 @@ class Follower:
         return self.of(node)[-1].StatusCode
 
 
+def event_of(follower, kind):
+    """The first one of a type by its name."""
+    return next((one for one in follower.events if one.EventType.Identifier == f"/Events.{kind}"), None)
+
+
 def is_bad(status, *names):
     """Whether a StatusCode is one of these."""
     return status.value in [getattr(ua.StatusCodes, name) for name in names]

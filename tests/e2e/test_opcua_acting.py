@@ -20,6 +20,7 @@ from opcualib import (  # noqa: F401
     call,
     connect,
     cut,
+    event_of,
     fixture_certificate,
     fixture_make_server,
     in_loop,
@@ -600,8 +601,3 @@ async def is_in(session, unit):
         property_node = await at(session, "drive2.PositionActualValueUnits").get_child("0:EngineeringUnits")
         return (await property_node.read_value()).DisplayName.Text == unit
     return False
-
-
-def event_of(follower, kind):
-    """The first one of a type by its name."""
-    return next((one for one in follower.events if one.EventType.Identifier == f"/Events.{kind}"), None)

@@ -2,9 +2,22 @@
 """A gateway without a battery boots in the past and is told the time later. Only here may a test set
 the clock: it is that of a kernel of its own."""
 
+import re
 import time
 
-from bridgelib import eventually
+from bridgelib import eventually, find_program
+from kernellib import run
+from opcualib import (  # noqa: F401
+    OPERATOR,
+    Follower,
+    at,
+    call,
+    event_of,
+    fixture_certificate,
+    fixture_make_server,
+    in_loop,
+    until,
+)
 
 MINUTES = 37 * 60
 
@@ -25,3 +38,39 @@ def test_stamps_follow_a_clock_that_is_set(link, make_bridge):
         # "Within a second", and what a kernel with one processor and all of this takes.
         assert time.monotonic() - began < 3
     assert drive.read("age_ms") < 1000
+
+
+def sessions_of(bridge):
+    """How many there have been at the control socket."""
+    told = run(find_program("drivebridgectl"), "--socket", bridge.control_path, "metrics").stdout
+    return int(re.search(r"^drivebridge_control_accepted_total (\d+)$", told, re.M).group(1))
+
+
+@in_loop
+async def test_opc_ua_goes_on_when_the_clock_is_set_back(link, make_bridge, make_server, certificate):
+    """What was told after a command is not taken for older than that: values come with the times of the new clock, over the
+    connection that there is, and no event is taken for one that was told already."""
+    bridge = make_bridge(interface=link.name)
+    server = make_server(bridge)
+    async with server.session(certificate, OPERATOR) as session:
+        position = at(session, "drive1.PositionActualValue")
+        follower = await Follower(session).start([position], events=(at(session, "drive1"),))
+
+        def is_of_now():
+            values = follower.of(position)
+            return values and abs(values[-1].SourceTimestamp.timestamp() - time.time()) < 2
+
+        await call(session, "drive1", "Enable")
+        await call(session, "drive1", "MoveVelocity", 100.0)
+        await until(is_of_now)
+        time.clock_settime(time.CLOCK_REALTIME, time.time() - MINUTES)
+        await until(is_of_now)
+        begun = sessions_of(bridge)
+        known = len(follower.of(position))
+        await until(lambda: len(follower.of(position)) > known + 15)
+        # The one that is counted with the second look.
+        assert sessions_of(bridge) == begun + 1
+        bridge.sim.fault("silence on")
+        await until(lambda: event_of(follower, "DriveLost"))
+        bridge.sim.fault("silence off")
+        await until(lambda: event_of(follower, "DriveOnline"))
