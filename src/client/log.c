@@ -6,14 +6,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-void db_client_log(enum db_client_level level, const char *format, ...)
+static void write_line(enum db_client_level level, const char *format, va_list arguments)
 {
 	char line[1024];
-	va_list arguments;
 
-	va_start(arguments, format);
 	(void)vsnprintf(line, sizeof(line), format, arguments);
-	va_end(arguments);
 	for (char *at = line; *at; at++) {
 		unsigned char byte = (unsigned char)*at;
 
@@ -24,4 +21,34 @@ void db_client_log(enum db_client_level level, const char *format, ...)
 		(void)fprintf(stderr, "<%d>%s\n", (int)level, line);
 	else
 		(void)fprintf(stderr, "%s: %s\n", program_invocation_short_name, line);
+}
+
+void db_client_log(enum db_client_level level, const char *format, ...)
+{
+	va_list arguments;
+
+	va_start(arguments, format);
+	write_line(level, format, arguments);
+	va_end(arguments);
+}
+
+void db_client_log_rationed(struct db_client_log_ration *ration, db_time now,
+                            enum db_client_level level, const char *format, ...)
+{
+	va_list arguments;
+
+	if (ration->count == 0 || now - ration->begun >= 60 * DB_NS_PER_S) {
+		ration->begun = now;
+		ration->count = 0;
+	}
+	if (ration->count > DB_CLIENT_LOG_RATION)
+		return;
+	ration->count++;
+	va_start(arguments, format);
+	if (ration->count <= DB_CLIENT_LOG_RATION)
+		write_line(level, format, arguments);
+	else
+		db_client_log(level,
+		              "further lines such as the last ones are left out for a minute");
+	va_end(arguments);
 }

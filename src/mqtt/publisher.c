@@ -30,10 +30,11 @@ struct db_mqtt_publisher {
 	db_time now; /* of this turn; likewise the next */
 	int64_t us;
 	db_time figures_at;
-	db_time echo_at;       /* DB_TIME_NEVER without a connection, or without commands */
-	db_time echoed;        /* of the latest echo: when it was sent */
-	unsigned echo_mark;    /* of the connection */
-	bool warned;           /* that the service lets us command nothing */
+	db_time echo_at;    /* DB_TIME_NEVER without a connection, or without commands */
+	db_time echoed;     /* of the latest echo: when it was sent */
+	unsigned echo_mark; /* of the connection */
+	bool warned;        /* that the service lets us command nothing */
+	struct db_client_log_ration refusals;
 	uint64_t skipped;      /* samples that the service left out */
 	uint64_t dropped_told; /* of the outbox, when it was logged last */
 };
@@ -372,9 +373,9 @@ static void take_command(struct db_mqtt_publisher *publisher, const char *drive,
 	if (!refusal) {
 		db_mqtt_acting_run(publisher->acting, drive, &command, publisher->now);
 	} else {
-		db_client_log(DB_CLIENT_WARNING,
-		              "drive %s: a command from the broker is refused: %s", drive,
-		              wrong ? wrong : why);
+		db_client_log_rationed(&publisher->refusals, publisher->now, DB_CLIENT_WARNING,
+		                       "drive %s: a command from the broker is refused: %s", drive,
+		                       wrong ? wrong : why);
 		publish_result(publisher, drive, command.id, command.name ? command.name : "",
 		               refusal, wrong ? wrong : why);
 	}

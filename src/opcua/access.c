@@ -49,8 +49,9 @@ struct db_opcua_access {
 	char nobody
 		[160]; /* a hash that no password has: an unknown user takes as long as a known one */
 	struct attempts attempts[ATTEMPT_PLACES];
-	struct attempts together[2]; /* of connections that are not signed, and that are */
-	bool wrong[2];               /* one of those was, in this round */
+	struct attempts together[2];       /* of connections that are not signed, and that are */
+	bool wrong[2];                     /* one of those was, in this round */
+	struct db_client_log_ration lines; /* of those who do not log in, or as readers */
 	uint64_t users_stamp; /* of the file of users when sessions were last held against it */
 	UA_Server *server;    /* NULL before there is one */
 	struct waiting waiting[DB_OPCUA_NETWORK_PLACES];
@@ -243,8 +244,9 @@ static struct db_opcua_session *add_session(struct db_opcua_access *access, cons
 		session = find_least(access, role);
 		if (!session)
 			return NULL;
-		db_client_log(DB_CLIENT_NOTICE, "%s: closed: others need the session's place",
-		              session->label);
+		db_client_log_rationed(&access->lines, db_client_now(), DB_CLIENT_NOTICE,
+		                       "%s: closed: others need the session's place",
+		                       session->label);
 		/* Which empties the place. */
 		(void)UA_Server_closeSession(access->server, &session->id);
 	}
@@ -427,8 +429,10 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 			access->left(access->context, session->number);
 	}
 	if (status != UA_STATUSCODE_GOOD) {
-		db_client_log(DB_CLIENT_WARNING, "%s: not logged in: %s: %s", address,
-		              user[0] ? user : "without a user", UA_StatusCode_name(status));
+		db_client_log_rationed(&access->lines, db_client_now(), DB_CLIENT_WARNING,
+		                       "%s: not logged in: %s: %s", address,
+		                       user[0] ? user : "without a user",
+		                       UA_StatusCode_name(status));
 		return status;
 	}
 	session->connection = connection;
@@ -439,7 +443,11 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	               user[0] ? user : "anonymous", address);
 	tell_network(access, connection);
 	tell_network(access, before);
-	db_client_log(DB_CLIENT_INFO, "%s: logged in as %s", session->label, db_role_name(role));
+	if (role == DB_ROLE_OPERATOR)
+		db_client_log(DB_CLIENT_INFO, "%s: logged in as operator", session->label);
+	else
+		db_client_log_rationed(&access->lines, db_client_now(), DB_CLIENT_INFO,
+		                       "%s: logged in as %s", session->label, db_role_name(role));
 	return UA_STATUSCODE_GOOD;
 }
 

@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/network.h"
+
+#include "client/clock.h"
 #include "client/log.h"
 
 #include <arpa/inet.h>
@@ -60,6 +62,8 @@ struct db_opcua_network {
 	db_opcua_served_fn *served;
 	void *context;
 	db_time now; /* of this turn */
+	struct db_client_log_ration lines;
+	struct db_client_log_ration library_lines;
 	uintptr_t current;
 	bool busy; /* something came or went in this turn */
 	unsigned port;
@@ -76,9 +80,9 @@ __attribute__((format(printf, 4, 0))) static void log_line(void *context, UA_Log
 {
 	enum db_client_level shown = level >= UA_LOGLEVEL_ERROR ? DB_CLIENT_ERROR :
 	                                                          DB_CLIENT_WARNING;
+	struct db_opcua_network *network = context;
 	char line[512];
 
-	(void)context;
 	(void)category;
 	/* What it says below that is about each byte that comes. */
 	if (level < UA_LOGLEVEL_WARNING)
@@ -87,7 +91,8 @@ __attribute__((format(printf, 4, 0))) static void log_line(void *context, UA_Log
 	if (strstr(format, "subscription diagnostics object"))
 		return;
 	(void)vsnprintf(line, sizeof(line), format, arguments);
-	db_client_log(shown, "open62541: %s", line);
+	db_client_log_rationed(&network->library_lines, db_client_now(), shown, "open62541: %s",
+	                       line);
 }
 
 /* --- connections ------------------------------------------------------------------------------ */
@@ -282,6 +287,12 @@ static ssize_t send_now(uintptr_t id, const void *bytes, size_t size)
 	return sent;
 }
 
+static void tell_dropped(struct db_opcua_network *network, const struct connection *connection)
+{
+	db_client_log_rationed(&network->lines, network->now, DB_CLIENT_WARNING,
+	                       "%s: dropped: it does not read its answers", connection->address);
+}
+
 static bool keep_rest(struct connection *connection, const UA_Byte *bytes, size_t size)
 {
 	size_t waits = connection->out_size - connection->out_sent;
@@ -322,9 +333,7 @@ static UA_StatusCode send_bytes(UA_ConnectionManager *cm, uintptr_t id,
 	cm->freeNetworkBuffer(cm, id, buffer);
 	if (connection && status != UA_STATUSCODE_GOOD) {
 		if (sent >= 0)
-			db_client_log(DB_CLIENT_WARNING,
-			              "%s: dropped: it does not read its answers",
-			              connection->address);
+			tell_dropped(network, connection);
 		drop_connection(network, connection);
 	}
 	return status;
@@ -345,8 +354,7 @@ static void flush_connection(struct db_opcua_network *network, struct connection
 		connection->out_size = 0;
 		connection->out_sent = 0;
 	} else if (sent < 0 || network->now - connection->out_since >= STUCK_MAX) {
-		db_client_log(DB_CLIENT_WARNING, "%s: dropped: it does not read its answers",
-		              connection->address);
+		tell_dropped(network, connection);
 		drop_connection(network, connection);
 	}
 }
@@ -505,8 +513,9 @@ void db_opcua_network_flush(struct db_opcua_network *network, db_time now)
 		if (connection->out && !connection->closing)
 			flush_connection(network, connection);
 		if (is_stranger(connection) && now - connection->since >= LOGIN_MAX) {
-			db_client_log(DB_CLIENT_INFO, "%s: closed: nobody has logged in over it",
-			              connection->address);
+			db_client_log_rationed(&network->lines, now, DB_CLIENT_INFO,
+			                       "%s: closed: nobody has logged in over it",
+			                       connection->address);
 			drop_connection(network, connection);
 		}
 	}

@@ -2,6 +2,7 @@
 #include "opcua/security.h"
 #include "opcua/values.h"
 
+#include "client/clock.h"
 #include "client/log.h"
 
 #include <dirent.h>
@@ -165,7 +166,8 @@ UA_StatusCode db_opcua_security_load(const struct db_opcua_config *config, const
 
 struct guard {
 	const struct db_opcua_config *config;
-	time_t kept;                        /* when a certificate was kept last */
+	time_t kept; /* when a certificate was kept last */
+	struct db_client_log_ration lines;
 	UA_CertificateVerification library; /* its own, which reads the folders */
 	UA_CertificateVerification
 		parser; /* its own without folders: the other one cannot tell subjects */
@@ -231,10 +233,11 @@ static void keep_rejected(struct guard *guard, const UA_ByteString *certificate,
 		make_room(guard->config);
 		(void)write_file(path.text, certificate, 0640, false);
 	}
-	db_client_log(DB_CLIENT_WARNING,
-	              "a client is not trusted (%s): %.*s; to trust it, move %s into %s/trusted",
-	              UA_StatusCode_name(why), (int)subject.length, (const char *)subject.data,
-	              path.text, guard->config->pki);
+	db_client_log_rationed(
+		&guard->lines, db_client_now(), DB_CLIENT_WARNING,
+		"a client is not trusted (%s): %.*s; to trust it, move %s into %s/trusted",
+		UA_StatusCode_name(why), (int)subject.length, (const char *)subject.data, path.text,
+		guard->config->pki);
 	UA_String_clear(&subject);
 }
 
@@ -244,10 +247,11 @@ static UA_StatusCode verify(const UA_CertificateVerification *cv, const UA_ByteS
 	UA_StatusCode status = guard->library.verifyCertificate(&guard->library, certificate);
 
 	if (status == UA_STATUSCODE_BADINTERNALERROR)
-		db_client_log(DB_CLIENT_ERROR,
-		              "a file in %s, in trusted, issuers or revoked, is none that belongs "
-		              "there; until it is taken out nobody is trusted",
-		              guard->config->pki);
+		db_client_log_rationed(
+			&guard->lines, db_client_now(), DB_CLIENT_ERROR,
+			"a file in %s, in trusted, issuers or revoked, is none that belongs "
+			"there; until it is taken out nobody is trusted",
+			guard->config->pki);
 	else if (status != UA_STATUSCODE_GOOD)
 		keep_rejected(guard, certificate, status);
 	return status;

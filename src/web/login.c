@@ -58,7 +58,8 @@ static void refuse_often(struct db_web_request *request, db_time wait)
 	struct db_web_caller caller = db_web_request_caller(request);
 
 	request->retry_s = (unsigned)((wait + DB_NS_PER_S - 1) / DB_NS_PER_S);
-	db_client_log(DB_CLIENT_WARNING, "%s: login refused: too many attempts", caller.text);
+	db_client_log_rationed(&request->server->login_lines, db_web_clock(), DB_CLIENT_WARNING,
+	                       "%s: login refused: too many attempts", caller.text);
 	db_web_request_refuse(request, MHD_HTTP_TOO_MANY_REQUESTS, "TooManyAttempts",
 	                      "too many attempts; again in %u s", request->retry_s);
 }
@@ -155,8 +156,10 @@ void db_web_login_compared(struct db_web_server *server)
 			begin_session(request, user);
 		} else {
 			/* An unknown name may be a password in the wrong field. */
-			db_client_log(DB_CLIENT_WARNING, "%s: login as %.40s failed", caller.text,
-			              request->known ? user : "an unknown user");
+			db_client_log_rationed(&server->login_lines, db_web_clock(),
+			                       DB_CLIENT_WARNING, "%s: login as %.40s failed",
+			                       caller.text,
+			                       request->known ? user : "an unknown user");
 			server->counts.failed_logins++;
 			db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginFailed",
 			                      "the user or the password is wrong");

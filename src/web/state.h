@@ -4,6 +4,8 @@
 #define DRIVEBRIDGE_WEB_STATE_H
 
 #include "drivebridge/time.h"
+
+#include "client/log.h"
 #include "web/address.h"
 #include "web/attempts.h"
 #include "web/config.h"
@@ -45,6 +47,7 @@ struct db_web_server {
 	struct db_web_page *page;
 	struct db_web_sessions *sessions;
 	struct db_web_attempts attempts;
+	struct db_client_log_ration login_lines; /* of logins in vain */
 	struct db_web_hasher *hasher;
 	uint64_t users_stamp; /* of the file of users when sessions were last held against it */
 	struct db_web_service *service;
