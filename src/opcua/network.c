@@ -20,6 +20,12 @@
 /* A client that takes nothing of it for so long is dropped. */
 #define STUCK_MAX (10 * DB_NS_PER_S)
 
+/* So much is taken of a client in a turn of the loop: a request that takes long is hardly shorter. */
+#define BYTES_AT_ONCE 4096
+
+/* Of a message, with how long it is. */
+#define HEAD_SIZE 8
+
 /* What the library has to do at its own times may wait for so long. */
 #define TOGETHER (5 * DB_NS_PER_MS)
 
@@ -35,12 +41,17 @@
 struct connection {
 	uintptr_t id; /* 0: none; else the descriptor */
 	bool listener;
-	bool closing;      /* by us */
+	bool closing;
+	bool served;       /* now: what comes behind that waits */
+	void **library;    /* what the library keeps of it */
 	enum db_role role; /* the highest one that is logged in over it */
 	char address[INET6_ADDRSTRLEN + 8];
 	db_time since; /* when it came, or who was logged in left */
 	db_time heard;
-	char *out; /* NULL while nothing waits */
+	UA_Byte head[HEAD_SIZE]; /* of the message that begins, and how much of it has come */
+	size_t head_size;
+	size_t left; /* of the message that has begun */
+	char *out;   /* NULL while nothing waits */
 	size_t out_size;
 	size_t out_sent;
 	db_time out_since; /* when it took something last */
@@ -55,6 +66,7 @@ struct db_opcua_network {
 	UA_StatusCode (*open)(UA_ConnectionManager *cm, const UA_KeyValueMap *params,
 	                      void *application, void *context,
 	                      UA_ConnectionManager_connectionCallback callback);
+	UA_StatusCode (*close)(UA_ConnectionManager *cm, uintptr_t id);
 	void *application;
 	UA_ConnectionManager_connectionCallback callback;
 
@@ -131,9 +143,8 @@ static void name_address(struct connection *connection, unsigned *port)
 	}
 }
 
-static void drop_connection(struct db_opcua_network *network, struct connection *connection)
+static void drop_connection(struct db_opcua_network *network, const struct connection *connection)
 {
-	connection->closing = true;
 	network->tcp->closeConnection(network->tcp, connection->id);
 }
 
@@ -229,6 +240,96 @@ static void forget_connection(struct db_opcua_network *network, struct connectio
 		network->gone(network->context, id);
 }
 
+/* How many of these bytes belong to the same message. */
+static size_t find_end(struct connection *connection, const UA_Byte *bytes, size_t length)
+{
+	size_t size = 0;
+	size_t rest;
+
+	while (connection->left == 0 && size < length) {
+		const UA_Byte *head = connection->head;
+
+		connection->head[connection->head_size++] = bytes[size++];
+		if (connection->head_size < HEAD_SIZE)
+			continue;
+		connection->head_size = 0;
+		connection->left = head[4] | (size_t)head[5] << 8 | (size_t)head[6] << 16 |
+		                   (size_t)head[7] << 24;
+		/* With its head. What is shorter than that is none, which the library finds out. */
+		if (connection->left <= HEAD_SIZE)
+			connection->left = length - size;
+		else
+			connection->left -= HEAD_SIZE;
+		break;
+	}
+	rest = length - size < connection->left ? length - size : connection->left;
+	connection->left -= rest;
+	return size + rest;
+}
+
+static void pass_on(struct db_opcua_network *network, struct connection *connection,
+                    UA_ConnectionState state, const UA_KeyValueMap *params, UA_ByteString message)
+{
+	uintptr_t id = connection->id;
+
+	if (message.length > 0)
+		connection->heard = network->now;
+	network->busy = true;
+	network->current = id;
+	network->callback(network->tcp, id, network->application, connection->library, state,
+	                  params, message);
+	network->current = 0;
+	if (state == UA_CONNECTIONSTATE_CLOSING)
+		forget_connection(network, connection);
+	network->served(network->context);
+}
+
+static void serve_before(struct db_opcua_network *network, enum db_role role);
+
+/* One message after the other; before each, those have their turn that are not to wait for all that it may ask for. */
+static void pass_messages_on(struct db_opcua_network *network, struct connection *connection,
+                             const UA_KeyValueMap *params, UA_ByteString bytes)
+{
+	connection->served = true;
+	while (bytes.length > 0 && !connection->closing) {
+		UA_ByteString message = { .data = bytes.data };
+
+		message.length = find_end(connection, bytes.data, bytes.length);
+		serve_before(network, connection->role);
+		pass_on(network, connection, UA_CONNECTIONSTATE_ESTABLISHED, params, message);
+		bytes.data += message.length;
+		bytes.length -= message.length;
+	}
+	connection->served = false;
+}
+
+/* Operators go before all others, and who is about to log in before readers: he may be one. */
+static bool goes_before(const struct connection *connection, enum db_role role)
+{
+	if (connection->id == 0 || connection->closing || connection->served)
+		return false;
+	if (connection->role == DB_ROLE_OPERATOR)
+		return role != DB_ROLE_OPERATOR;
+	return role == DB_ROLE_READER && is_stranger(connection);
+}
+
+/* What is gone is left to the library. */
+static void serve_before(struct db_opcua_network *network, enum db_role role)
+{
+	UA_Byte bytes[BYTES_AT_ONCE];
+
+	for (size_t i = 0; i < network->places; i++) {
+		struct connection *connection = &network->connections[i];
+		ssize_t size = 0;
+
+		if (goes_before(connection, role))
+			size = recv((int)connection->id, bytes, sizeof(bytes), MSG_DONTWAIT);
+		if (size > 0)
+			pass_messages_on(network, connection, &UA_KEYVALUEMAP_NULL,
+			                 (UA_ByteString){ .length = (size_t)size, .data = bytes });
+	}
+}
+
 /* Between the library's sockets and its protocol. */
 static void take_bytes(UA_ConnectionManager *cm, uintptr_t id, void *application,
                        void **connection_context, UA_ConnectionState state,
@@ -237,6 +338,7 @@ static void take_bytes(UA_ConnectionManager *cm, uintptr_t id, void *application
 	struct db_opcua_network *network = application;
 	struct connection *connection = find_connection(network, id);
 
+	(void)cm;
 	if (!connection && state != UA_CONNECTIONSTATE_CLOSING)
 		connection = add_connection(network, id);
 	if (!connection) {
@@ -245,15 +347,13 @@ static void take_bytes(UA_ConnectionManager *cm, uintptr_t id, void *application
 		(void)shutdown((int)id, SHUT_RDWR);
 		return;
 	}
+	connection->library = connection_context;
 	if (message.length > 0)
-		connection->heard = network->now;
-	network->busy = true;
-	network->current = id;
-	network->callback(cm, id, network->application, connection_context, state, params, message);
-	network->current = 0;
-	if (state == UA_CONNECTIONSTATE_CLOSING)
-		forget_connection(network, connection);
-	network->served(network->context);
+		pass_messages_on(network, connection, params, message);
+	else
+		pass_on(network, connection, state, params, message);
+	/* The library takes a connection that is closed for one that has nothing to say while it says so. */
+	errno = 0;
 }
 
 static struct db_opcua_network *network_of(const UA_ConnectionManager *cm)
@@ -270,6 +370,16 @@ static UA_StatusCode open_connection(UA_ConnectionManager *cm, const UA_KeyValue
 	network->application = application;
 	network->callback = callback;
 	return network->open(cm, params, network, context, take_bytes);
+}
+
+static UA_StatusCode close_connection(UA_ConnectionManager *cm, uintptr_t id)
+{
+	struct db_opcua_network *network = network_of(cm);
+	struct connection *connection = find_connection(network, id);
+
+	if (connection)
+		connection->closing = true;
+	return network->close(cm, id);
 }
 
 /* --- sending ---------------------------------------------------------------------------------- */
@@ -361,6 +471,15 @@ static void flush_connection(struct db_opcua_network *network, struct connection
 
 /* --- its life --------------------------------------------------------------------------------- */
 
+static bool limit_receiving(UA_ConnectionManager *tcp)
+{
+	UA_UInt32 size = BYTES_AT_ONCE;
+
+	return UA_KeyValueMap_setScalar(&tcp->eventSource.params,
+	                                UA_QUALIFIEDNAME(0, (char[]){ "recv-bufsize" }), &size,
+	                                &UA_TYPES[UA_TYPES_UINT32]) == UA_STATUSCODE_GOOD;
+}
+
 struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gone_fn *gone,
                                               db_opcua_served_fn *served, void *context)
 {
@@ -379,7 +498,7 @@ struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gon
 	network->logger = (UA_Logger){ .log = log_line, .context = network };
 	network->loop = UA_EventLoop_new_POSIX(&network->logger);
 	network->tcp = UA_ConnectionManager_new_POSIX_TCP(UA_STRING("tcp connection manager"));
-	if (!network->loop || !network->tcp ||
+	if (!network->loop || !network->tcp || !limit_receiving(network->tcp) ||
 	    network->loop->registerEventSource(network->loop, &network->tcp->eventSource) !=
 	            UA_STATUSCODE_GOOD) {
 		if (network->tcp)
@@ -389,7 +508,9 @@ struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gon
 		return NULL;
 	}
 	network->open = network->tcp->openConnection;
+	network->close = network->tcp->closeConnection;
 	network->tcp->openConnection = open_connection;
+	network->tcp->closeConnection = close_connection;
 	network->tcp->sendWithConnection = send_bytes;
 	return network;
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The library's event loop with its TCP connections, and what is put between them and the library: which connection is
- * being served, when each was heard, and sending that never waits. Of its own the library waits, for as long as
- * it takes, for a client that does not read.
+ * being served, when each was heard, that operators are served before others, and sending that never waits. Of its own the
+ * library serves a connection for as long as that asks for something, and waits for a client that does not read.
  *
  * One thread.
  */

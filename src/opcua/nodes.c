@@ -397,8 +397,12 @@ static void refer_to(const struct db_opcua_nodes *nodes, struct db_opcua_referen
                      UA_Byte type, bool inverse, const char *owner, const char *part,
                      UA_QualifiedName name)
 {
-	struct node_id id = make_id(owner, part);
+	struct node_id id;
 
+	/* Mostly the type alone is asked for. */
+	if (!db_opcua_store_wants(references, type, inverse))
+		return;
+	id = make_id(owner, part);
 	db_opcua_store_refer(references, type, inverse, id_of(nodes, &id), name);
 }
 

@@ -23,6 +23,11 @@
 #define CHUNKS_MAX 32
 #define OPERATIONS_MAX 5000
 
+/* Of those that take longer: what one client asks for in one request is what all others wait for, and the answer to what all
+ * of these nodes refer to is a message of a size that there may be. */
+#define BROWSE_MAX 100
+#define ITEMS_PER_CALL_MAX 1000
+
 /* Things that it may do: each waits for a drive. */
 #define ACTIONS_MAX 100
 
@@ -308,11 +313,11 @@ static void set_limits(UA_ServerConfig *settings, const struct db_opcua_config *
 	settings->maxNodesPerRead = OPERATIONS_MAX;
 	settings->maxNodesPerWrite = ACTIONS_MAX;
 	settings->maxNodesPerMethodCall = ACTIONS_MAX;
-	settings->maxNodesPerBrowse = OPERATIONS_MAX;
+	settings->maxNodesPerBrowse = BROWSE_MAX;
 	settings->maxNodesPerRegisterNodes = OPERATIONS_MAX;
 	settings->maxNodesPerTranslateBrowsePathsToNodeIds = OPERATIONS_MAX;
 	settings->maxNodesPerNodeManagement = 1;
-	settings->maxMonitoredItemsPerCall = OPERATIONS_MAX;
+	settings->maxMonitoredItemsPerCall = ITEMS_PER_CALL_MAX;
 	settings->maxReferencesPerNode = 0;
 	settings->maxSubscriptions = config->sessions * config->subscriptions;
 	settings->maxSubscriptionsPerSession = config->subscriptions;

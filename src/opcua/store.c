@@ -35,11 +35,18 @@ struct db_opcua_references {
 	UA_Byte *texts;
 };
 
-void db_opcua_store_refer(struct db_opcua_references *references, UA_Byte type, bool inverse,
-                          UA_NodeId target, UA_QualifiedName name)
+bool db_opcua_store_wants(const struct db_opcua_references *references, UA_Byte type, bool inverse)
 {
 	UA_BrowseDirection unwanted = inverse ? UA_BROWSEDIRECTION_FORWARD :
 	                                        UA_BROWSEDIRECTION_INVERSE;
+
+	return references->direction != unwanted &&
+	       UA_ReferenceTypeSet_contains(&references->wanted, type);
+}
+
+void db_opcua_store_refer(struct db_opcua_references *references, UA_Byte type, bool inverse,
+                          UA_NodeId target, UA_QualifiedName name)
+{
 	size_t length = target.identifierType == UA_NODEIDTYPE_STRING ?
 	                        target.identifier.string.length :
 	                        0;
@@ -47,8 +54,7 @@ void db_opcua_store_refer(struct db_opcua_references *references, UA_Byte type, 
 	UA_NodeReferenceKind *kind;
 	UA_NodeHead *head;
 
-	if (references->direction == unwanted ||
-	    !UA_ReferenceTypeSet_contains(&references->wanted, type))
+	if (!db_opcua_store_wants(references, type, inverse))
 		return;
 	if (references->node) {
 		head = &references->node->node.head;

@@ -60,6 +60,9 @@ UA_Nodestore db_opcua_store_give(struct db_opcua_store *store);
 /* From now on ids of this namespace are looked for here first. */
 void db_opcua_store_begin(struct db_opcua_store *store, UA_UInt16 space);
 
+/* Whether such references are asked for: others need not be told. */
+bool db_opcua_store_wants(const struct db_opcua_references *references, UA_Byte type, bool inverse);
+
 /* One more reference, to `target` of this name. The id is copied. */
 void db_opcua_store_refer(struct db_opcua_references *references, UA_Byte type, bool inverse,
                           UA_NodeId target, UA_QualifiedName name);

@@ -140,6 +140,57 @@ async def test_wrong_passwords(make_bridge, make_server, certificate):
 # --- too much
 
 
+class Asker:
+    """A reader who asks for all that a drive's folder refers to, a hundred times in a request, and asks on without waiting."""
+
+    def __init__(self, client):
+        self.protocol = client.uaclient.protocol
+        self.protocol.data_received = self.count
+        self.answers = 0
+        self.bytes = bytearray()
+        request = ua.BrowseRequest()
+        request.Parameters.NodesToBrowse = [
+            ua.BrowseDescription(at(client, "drive1.Parameters").nodeid, ua.BrowseDirection.Both,
+                                 ua.NodeId(ua.ObjectIds.References), True, 0, 63)] * 100
+        self.protocol._setup_request_header(request.RequestHeader, 60)
+        self.body = struct_to_binary(request)
+
+    def count(self, data):
+        self.bytes += data
+        while len(self.bytes) >= 8 and len(self.bytes) >= int.from_bytes(self.bytes[4:8], "little"):
+            self.answers += self.bytes[:4] == b"MSGF"
+            del self.bytes[:int.from_bytes(self.bytes[4:8], "little")]
+
+    def ask(self, times):
+        first = self.protocol._request_id + 1
+        self.protocol.transport.writelines(
+            [self.protocol._connection.message_to_binary(self.body, ua.MessageType.SecureMessage, first + i)
+             for i in range(times)])
+
+
+@in_loop
+async def test_readers_who_ask_for_more_than_can_be_answered(make_bridge, make_server, certificate):
+    """An operator who comes, and his stop, wait for a few of their requests, not for all; a drive that moves is fed."""
+    bridge = make_bridge(drives=2, drive={"watchdog-ms": 1000})
+    server = make_server(bridge)
+    async with moving_drive(bridge, server, certificate), contextlib.AsyncExitStack() as stack:
+        askers = [Asker(await stack.enter_async_context(connected_for(server))) for _ in range(8)]
+        for asker in askers:
+            asker.ask(60)
+        await until(lambda: any(asker.answers for asker in askers))
+        async with server.session(certificate, OPERATOR) as session:
+            assert (await call(session, "drive2", "Stop"))[0] in ("ok", "pending")
+        assert sum(asker.answers for asker in askers) < 60 * 8 / 2
+
+
+@contextlib.asynccontextmanager
+async def connected_for(server):
+    """A client without a user who goes without a word."""
+    client = await connect(server.client())
+    yield client
+    cut(client)
+
+
 @in_loop
 async def test_requests_that_ask_for_too_much(make_bridge, make_server, certificate):
     """More things in one request than it takes: it says so, does none of them, and the session goes on."""
@@ -153,7 +204,7 @@ async def test_requests_that_ask_for_too_much(make_bridge, make_server, certific
         many = ua.WriteParameters([write] * 101)
         assert len(await session.read_values([speed] * 5000)) == 5000
         for asked in (session.read_values([speed] * 5001), session.uaclient.write(many), session.uaclient.call([stop] * 101),
-                      session.browse_nodes([speed] * 5001)):
+                      session.browse_nodes([speed] * 101)):
             with says("BadTooManyOperations"):
                 await asked
         assert await speed.read_value() == before
