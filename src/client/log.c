@@ -6,7 +6,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-static void write_line(enum db_client_level level, const char *format, va_list arguments)
+__attribute__((format(printf, 2, 0))) static void write_line(enum db_client_level level,
+                                                             const char *format, va_list arguments)
 {
 	char line[1024];
 
