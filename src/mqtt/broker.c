@@ -116,6 +116,11 @@ static void on_connect(struct mosquitto *client, void *data, int code, int flags
 	(void)properties;
 	if (code == 0)
 		broker->accepted = true;
+	else if (code == MQTT_RC_UNSUPPORTED_PROTOCOL_VERSION)
+		note_why(
+			broker, "%s",
+			"the broker does not speak MQTT 5; mqtt-version = 3.1.1 is for such brokers, "
+			"without commands");
 	else
 		note_why(broker, "the broker refuses the connection: %s",
 		         explain_code(broker, code));

@@ -5,9 +5,11 @@ or service are away."""
 import json
 import re
 import signal
+import socket
 import subprocess
 import time
 from datetime import datetime
+from types import SimpleNamespace
 
 import pytest
 from bridgelib import ROOT, Path, eventually
@@ -230,6 +232,20 @@ def test_wrong_credentials(plant):
     publisher.wait_for_log("the broker refuses the connection: Not authorized")
     assert "wrong horse" not in publisher.log()
     assert publisher.process.poll() is None
+
+
+def test_a_broker_before_mqtt_5(plant):
+    """Its answer is short, as its version knows it: the reason, and what to do, stand in the log."""
+    bridge = plant.make_bridge(wait_online=False)
+    with socket.create_server(("127.0.0.1", 0)) as old:
+        host, port = old.getsockname()
+        old.settimeout(10)
+        publisher = plant.publisher(bridge, SimpleNamespace(host=host, port=port)).start()
+        client, _ = old.accept()
+        with client:
+            assert b"MQTT\x05" in client.recv(4096)
+            client.sendall(bytes.fromhex("20 02 00 01"))
+        publisher.wait_for_log("does not speak MQTT 5; mqtt-version = 3.1.1")
 
 
 def test_wrong_authority_and_right_one(plant, certificates):
