@@ -616,10 +616,21 @@ static UA_StatusCode set_control(struct db_opcua_access *access, UA_AccessContro
 	return UA_STATUSCODE_GOOD;
 }
 
+/* For each policy that there is. */
+static UA_StatusCode add_endpoints(UA_ServerConfig *settings, UA_MessageSecurityMode mode)
+{
+	UA_StatusCode status = UA_STATUSCODE_GOOD;
+
+	for (size_t i = 0; status == UA_STATUSCODE_GOOD && i < settings->securityPoliciesSize; i++)
+		status = UA_ServerConfig_addEndpoint(settings,
+		                                     settings->securityPolicies[i].policyUri, mode);
+	return status;
+}
+
+/* The best first, and with the highest level: clients that choose by themselves go by the one or the other. */
 static UA_StatusCode add_policies(UA_ServerConfig *settings, const UA_ByteString *certificate,
                                   const UA_ByteString *key, bool none)
 {
-	/* The best first: clients that choose by themselves take the first or the highest. */
 	UA_StatusCode status = UA_ServerConfig_addSecurityPolicyAes256Sha256RsaPss(
 		settings, certificate, key);
 
@@ -629,16 +640,12 @@ static UA_StatusCode add_policies(UA_ServerConfig *settings, const UA_ByteString
 	if (status == UA_STATUSCODE_GOOD)
 		status = UA_ServerConfig_addSecurityPolicyBasic256Sha256(settings, certificate,
 		                                                         key);
-	for (size_t i = 0; status == UA_STATUSCODE_GOOD && i < settings->securityPoliciesSize;
-	     i++) {
-		const UA_String uri = settings->securityPolicies[i].policyUri;
-
-		status = UA_ServerConfig_addEndpoint(settings, uri,
-		                                     UA_MESSAGESECURITYMODE_SIGNANDENCRYPT);
-		if (status == UA_STATUSCODE_GOOD)
-			status = UA_ServerConfig_addEndpoint(settings, uri,
-			                                     UA_MESSAGESECURITYMODE_SIGN);
-	}
+	if (status == UA_STATUSCODE_GOOD)
+		status = add_endpoints(settings, UA_MESSAGESECURITYMODE_SIGNANDENCRYPT);
+	if (status == UA_STATUSCODE_GOOD)
+		status = add_endpoints(settings, UA_MESSAGESECURITYMODE_SIGN);
+	for (size_t i = 0; i < settings->endpointsSize; i++)
+		settings->endpoints[i].securityLevel = (UA_Byte)(settings->endpointsSize - i);
 	/* Without it nobody could ask for the endpoints. */
 	if (status == UA_STATUSCODE_GOOD)
 		status = UA_ServerConfig_addSecurityPolicyNone(settings, certificate);

@@ -535,6 +535,18 @@ async def test_as_many_sessions_as_are_allowed(bridge, make_server, certificate)
 
 
 @in_loop
+async def test_the_best_endpoint(make_bridge, make_server):
+    """A client that chooses by itself takes the first or the one with the highest level: encrypted, and of the best policy."""
+    server = make_server(make_bridge())
+    found = await server.client().connect_and_get_server_endpoints()
+    assert [(one.SecurityPolicyUri.split("#")[1], one.SecurityMode.name) for one in found] == [
+        *((policy, mode) for mode in ("SignAndEncrypt", "Sign")
+          for policy in ("Aes256_Sha256_RsaPss", "Aes128_Sha256_RsaOaep", "Basic256Sha256")), ("None", "None_")]
+    levels = [one.SecurityLevel for one in found]
+    assert levels == sorted(set(levels), reverse=True) and levels[-1] == 0
+
+
+@in_loop
 async def test_events(make_bridge, make_server, certificate):
     """A loss, a watchdog's trip and a fault of a drive are events of that drive and of no other, at the server's own node as
     well, each a type of its own with its severity."""
@@ -567,6 +579,22 @@ async def test_events(make_bridge, make_server, certificate):
             assert [each.EventType for each in same] == [one.EventType]
         assert [one.Time for one in events] == sorted(one.Time for one in events)
         assert not other.events
+
+
+@in_loop
+async def test_events_of_all_drives_at_once(make_bridge, make_server):
+    """None is lost to a client that asks for a queue of one, as many do."""
+    bridge = make_bridge(drives=32, baud=921600)
+    server = make_server(bridge)
+    async with server.session() as session:
+        follower = Follower(session)
+        subscription = await session.create_subscription(1000, follower)
+        await subscription.subscribe_events(session.nodes.server, queuesize=1)
+        for number in range(1, 33):
+            bridge.sim.control(f"bits drive{number} {OVER_CURRENT:#x}")
+        faults = lambda: [one.SourceName for one in follower.events if one.EventType.Identifier == "/Events.DriveFault"]
+        await until(lambda: len(faults()) == 32)
+        assert set(faults()) == {f"drive{number}" for number in range(1, 33)}
 
 
 @in_loop
