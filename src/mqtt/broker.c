@@ -100,6 +100,13 @@ static void note_why(struct db_mqtt_broker *broker, const char *format, ...)
 	va_end(arguments);
 }
 
+static void note_old_version(struct db_mqtt_broker *broker)
+{
+	note_why(broker, "%s",
+	         "the broker does not speak MQTT 5; mqtt-version = 3.1.1 is for such brokers, "
+	         "without commands");
+}
+
 static const char *explain_code(const struct db_mqtt_broker *broker, int code)
 {
 	return broker->config->version == DB_MQTT_VERSION_5 ? mosquitto_reason_string(code) :
@@ -117,10 +124,7 @@ static void on_connect(struct mosquitto *client, void *data, int code, int flags
 	if (code == 0)
 		broker->accepted = true;
 	else if (code == MQTT_RC_UNSUPPORTED_PROTOCOL_VERSION)
-		note_why(
-			broker, "%s",
-			"the broker does not speak MQTT 5; mqtt-version = 3.1.1 is for such brokers, "
-			"without commands");
+		note_old_version(broker);
 	else
 		note_why(broker, "the broker refuses the connection: %s",
 		         explain_code(broker, code));
@@ -227,6 +231,10 @@ static void fail(struct db_mqtt_broker *broker, int result, int cause, db_time n
 		note_why(broker, "it has fallen silent");
 	else if (result == MOSQ_ERR_CONN_LOST || result == MOSQ_ERR_NO_CONN)
 		note_why(broker, "the broker has closed the connection");
+	else if (result == MOSQ_ERR_MALFORMED_PACKET && broker->state != CONNECTED &&
+	         broker->config->version == DB_MQTT_VERSION_5)
+		/* How Debian 13's library takes the short answer of 3.1.1; that of 12 gives it a code. */
+		note_old_version(broker);
 	else
 		note_why(broker, "%s", mosquitto_strerror(result));
 	give_up(broker, now);
