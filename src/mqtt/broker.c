@@ -107,10 +107,10 @@ static void note_old_version(struct db_mqtt_broker *broker)
 	         "without commands");
 }
 
-static const char *explain_code(const struct db_mqtt_broker *broker, int code)
+/* A broker answers as its own version of MQTT does, which need not be ours: below 128 it is 3.1.1. */
+static const char *explain_code(int code)
 {
-	return broker->config->version == DB_MQTT_VERSION_5 ? mosquitto_reason_string(code) :
-	                                                      mosquitto_connack_string(code);
+	return code >= 128 ? mosquitto_reason_string(code) : mosquitto_connack_string(code);
 }
 
 static void on_connect(struct mosquitto *client, void *data, int code, int flags,
@@ -123,11 +123,11 @@ static void on_connect(struct mosquitto *client, void *data, int code, int flags
 	(void)properties;
 	if (code == 0)
 		broker->accepted = true;
-	else if (code == MQTT_RC_UNSUPPORTED_PROTOCOL_VERSION)
+	else if (code == MQTT_RC_UNSUPPORTED_PROTOCOL_VERSION &&
+	         broker->config->version == DB_MQTT_VERSION_5)
 		note_old_version(broker);
 	else
-		note_why(broker, "the broker refuses the connection: %s",
-		         explain_code(broker, code));
+		note_why(broker, "the broker refuses the connection: %s", explain_code(code));
 }
 
 static void on_disconnect(struct mosquitto *client, void *data, int code,

@@ -234,18 +234,24 @@ def test_wrong_credentials(plant):
     assert publisher.process.poll() is None
 
 
-def test_a_broker_before_mqtt_5(plant):
-    """Its answer is short, as its version knows it: the reason, and what to do, stand in the log."""
+@pytest.mark.parametrize(("version", "asked", "answer", "log"), [
+    ("5", b"MQTT\x05", "20 02 00 01", "does not speak MQTT 5; mqtt-version = 3.1.1"),
+    ("3.1.1", b"MQTT\x04", "20 02 00 01", "refuses the connection: Connection Refused: unacceptable protocol version"),
+    ("3.1.1", b"MQTT\x04", "20 03 00 84 00", "refuses the connection: Unsupported Protocol Version"),
+])
+def test_a_broker_of_another_version(plant, version, asked, answer, log):
+    """It answers as its own version does: the reason, and what to do, stand in the log."""
     bridge = plant.make_bridge(wait_online=False)
-    with socket.create_server(("127.0.0.1", 0)) as old:
-        host, port = old.getsockname()
-        old.settimeout(10)
-        publisher = plant.publisher(bridge, SimpleNamespace(host=host, port=port)).start()
-        client, _ = old.accept()
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        host, port = other.getsockname()
+        other.settimeout(10)
+        publisher = plant.publisher(bridge, SimpleNamespace(host=host, port=port),
+                                    broker_keys={"mqtt-version": version}, publish={"qos": 0}).start()
+        client, _ = other.accept()
         with client:
-            assert b"MQTT\x05" in client.recv(4096)
-            client.sendall(bytes.fromhex("20 02 00 01"))
-        publisher.wait_for_log("does not speak MQTT 5; mqtt-version = 3.1.1")
+            assert asked in client.recv(4096)
+            client.sendall(bytes.fromhex(answer))
+        publisher.wait_for_log(log)
 
 
 def test_wrong_authority_and_right_one(plant, certificates):
