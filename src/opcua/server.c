@@ -34,8 +34,8 @@
 /* Faster sampling than this shows nothing: buses have cycles of milliseconds. */
 #define SAMPLING_MIN_MS 10
 
-/* Values and events that wait in a monitored item for the next publishing: each takes some hundred bytes. As many as events
- * come at once when each drive of a gateway has one. */
+/* Values and events that wait in a monitored item for the next publishing: each takes some hundred bytes. Room for one event
+ * of each of 32 drives; who has more drives follows them one by one. */
 #define QUEUE_MAX 40
 
 /* How often it is looked whether a session that moves something is heard again. */

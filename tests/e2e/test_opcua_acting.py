@@ -9,6 +9,7 @@ import shutil
 
 import pytest
 from asyncua import ua
+from asyncua.common.events import Event
 from asyncua.ua.uaerrors import UaStatusCodeError
 from bridgelib import CONTINUOUS, RESULT_OK, RESULT_REFUSED, RESULT_UNPROVEN, STANDSTILL
 from opcualib import (  # noqa: F401
@@ -434,6 +435,18 @@ async def test_certificates(bridge, make_server, certificate, tmp_path):
         pass
 
 
+@in_loop
+async def test_the_best_endpoint(make_bridge, make_server):
+    """A client that chooses by itself takes the first or the one with the highest level: encrypted, and of the best policy."""
+    server = make_server(make_bridge())
+    found = await server.client().connect_and_get_server_endpoints()
+    assert [(one.SecurityPolicyUri.split("#")[1], one.SecurityMode.name) for one in found] == [
+        *((policy, mode) for mode in ("SignAndEncrypt", "Sign")
+          for policy in ("Aes256_Sha256_RsaPss", "Aes128_Sha256_RsaOaep", "Basic256Sha256")), ("None", "None_")]
+    levels = [one.SecurityLevel for one in found]
+    assert levels == sorted(set(levels), reverse=True) and levels[-1] == 0
+
+
 # --- sessions and their loss
 
 
@@ -535,18 +548,6 @@ async def test_as_many_sessions_as_are_allowed(bridge, make_server, certificate)
 
 
 @in_loop
-async def test_the_best_endpoint(make_bridge, make_server):
-    """A client that chooses by itself takes the first or the one with the highest level: encrypted, and of the best policy."""
-    server = make_server(make_bridge())
-    found = await server.client().connect_and_get_server_endpoints()
-    assert [(one.SecurityPolicyUri.split("#")[1], one.SecurityMode.name) for one in found] == [
-        *((policy, mode) for mode in ("SignAndEncrypt", "Sign")
-          for policy in ("Aes256_Sha256_RsaPss", "Aes128_Sha256_RsaOaep", "Basic256Sha256")), ("None", "None_")]
-    levels = [one.SecurityLevel for one in found]
-    assert levels == sorted(set(levels), reverse=True) and levels[-1] == 0
-
-
-@in_loop
 async def test_events(make_bridge, make_server, certificate):
     """A loss, a watchdog's trip and a fault of a drive are events of that drive and of no other, at the server's own node as
     well, each a type of its own with its severity."""
@@ -595,6 +596,35 @@ async def test_events_of_all_drives_at_once(make_bridge, make_server):
         faults = lambda: [one.SourceName for one in follower.events if one.EventType.Identifier == "/Events.DriveFault"]
         await until(lambda: len(faults()) == 32)
         assert set(faults()) == {f"drive{number}" for number in range(1, 33)}
+
+
+@in_loop
+async def test_more_events_than_wait(make_bridge, make_server, monkeypatch):
+    """The newest forty are kept, and before them stands that others are missing."""
+    bridge = make_bridge(drives=16, baud=921600)
+    server = make_server(bridge)
+    came = []
+
+    def keep(_, fields):
+        came.append(fields)
+        return Event()
+
+    # asyncua reads no event that has fewer fields than were asked for, nor what came with it.
+    monkeypatch.setattr(Event, "from_event_fields", keep)
+    async with server.session() as session:
+        subscription = await session.create_subscription(100, Follower(session))
+        await subscription.subscribe_events(session.nodes.server, queuesize=1)
+        await subscription.set_publishing_mode(False)
+        for bits in (OVER_CURRENT, 0) * 4:
+            for number in range(1, 17):
+                bridge.sim.control(f"bits drive{number} {bits:#x}")
+            await until(lambda bits=bits: all(
+                bool(bridge.drive(number).read("error")) == bool(bits) for number in range(1, 17)))
+        del came[:]
+        await subscription.set_publishing_mode(True)
+        await until(lambda: len(came) >= 41)
+        missing = [place for place, fields in enumerate(came) if len(fields) == 1]
+        assert missing == [0] and came[0][0].Value.Identifier == ua.ObjectIds.EventQueueOverflowEventType
 
 
 @in_loop
