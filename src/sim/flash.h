@@ -1,20 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A simulated drive's flash as a text file: "name=value name=value ...".
+ * The file that stands for a simulated drive's flash. What it holds is each family's own affair.
  */
 #ifndef DRIVEBRIDGE_SIM_FLASH_H
 #define DRIVEBRIDGE_SIM_FLASH_H
 
-#include "codec/vsmd.h"
+#include <stddef.h>
 
 /* Replaces the file as one step: whoever reads sees the old or the new. 0 or a negative errno. */
-int sim_flash_write(const char *path, const union db_value values[VSMD_PARAM_COUNT]);
+int sim_flash_write(const char *path, const char *text, size_t length);
 
 /*
- * Changes those values that the file has. 0, -ENOENT when there is no file yet, -EBADMSG when its
- * content is not what sim_flash_write() writes (values may then be partly changed), or another
- * errno.
+ * Fills text, of `size` bytes, and ends it with a zero. The length, -ENOENT when there is no file
+ * yet, -EFBIG when it is longer, or another errno.
  */
-int sim_flash_read(const char *path, union db_value values[VSMD_PARAM_COUNT]);
+int sim_flash_read(const char *path, char *text, size_t size);
 
 #endif

@@ -3,7 +3,7 @@
 
 #include "codec/vsmd_can.h"
 
-#include "sim/flash.h"
+#include "sim/vsmd_flash.h"
 #include "sim/vsmd_mechanics.h"
 
 #include <errno.h>
@@ -108,7 +108,7 @@ static void power_up(struct sim_vsmd *drive, db_time now)
 		int result;
 
 		memcpy(values, drive->config.defaults, sizeof(values));
-		result = sim_flash_read(drive->flash_path, values);
+		result = sim_vsmd_flash_read(drive->flash_path, values);
 		unreadable = result != 0 && result != -ENOENT;
 		memcpy(drive->flash, unreadable ? drive->config.defaults : values,
 		       sizeof(drive->flash));
@@ -406,7 +406,7 @@ static bool save_params(struct sim_vsmd *drive, const struct vsmd_command *comma
 
 	(void)command;
 	if (result == 0 && drive->flash_path)
-		result = sim_flash_write(drive->flash_path, drive->params);
+		result = sim_vsmd_flash_write(drive->flash_path, drive->params);
 	if (result != 0) {
 		drive->flags |= VSMD_ST_FLASH_ERR;
 		return true;

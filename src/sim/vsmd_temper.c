@@ -7,17 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-bool sim_late_bit_follow(struct sim_late_bit *bit, bool real, db_time delay, db_time now)
-{
-	if (real != bit->real) {
-		bit->real = real;
-		bit->since = now;
-	}
-	if (now - bit->since >= delay)
-		bit->shown = real;
-	return bit->shown;
-}
-
 bool sim_vsmd_has_registers(const struct sim_vsmd_temper *temper, unsigned first, unsigned count)
 {
 	for (size_t i = 0; i < temper->lacks_count; i++) {

@@ -6,7 +6,7 @@
 #ifndef DRIVEBRIDGE_SIM_VSMD_TEMPER_H
 #define DRIVEBRIDGE_SIM_VSMD_TEMPER_H
 
-#include "drivebridge/time.h"
+#include "sim/temper.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -27,14 +27,6 @@ enum sim_refusal {
 	SIM_REFUSAL_KEPT,   /* until the next command; reading is none */
 	SIM_REFUSAL_ONCE,   /* the status that shows it clears it */
 	SIM_REFUSAL_CLEARED, /* a read is a command like others: it clears it before it is answered */
-};
-
-/* When a drive goes by a new address or speed. */
-enum sim_settles {
-	SIM_SETTLES_OF_BUS,       /* VSMD: POWER_UP, XYZA: AFTER_ANSWER */
-	SIM_SETTLES_POWER_UP,     /* with what was saved */
-	SIM_SETTLES_AFTER_ANSWER, /* it is answered as before; without an answer as AT_ONCE */
-	SIM_SETTLES_AT_ONCE,      /* it answers by its new address */
 };
 
 enum sim_text_ends { SIM_TEXT_PLAIN, SIM_TEXT_NUL, SIM_TEXT_CRLF, SIM_TEXT_QUOTED };
@@ -64,16 +56,6 @@ struct sim_vsmd_temper {
 	struct sim_registers lacks[SIM_VSMD_LACKS_MAX]; /* data registers, on CAN */
 	size_t lacks_count;
 };
-
-/* A status bit that follows late. */
-struct sim_late_bit {
-	bool shown;
-	bool real;
-	db_time since; /* of `real` */
-};
-
-/* What is shown of it `delay` later. */
-bool sim_late_bit_follow(struct sim_late_bit *bit, bool real, db_time delay, db_time now);
 
 /* Whether a read of these registers is answered. */
 bool sim_vsmd_has_registers(const struct sim_vsmd_temper *temper, unsigned first, unsigned count);

@@ -1,38 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/xyza_controller.h"
 
-#include "sim/motion.h"
-#include "sim/vsmd_temper.h"
+#include "sim/xyza_axes.h"
+#include "sim/xyza_memory.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
-
-#define ACCELERATION_TIME_UNIT 0.1 /* s */
-#define FLASH_TEXT_MAX 4096
-
-struct axis {
-	struct sim_motion motion;
-	bool negative_zero; /* the sign is kept apart, so that 0 has one, too */
-	db_time due;        /* a jog begins then; DB_TIME_NEVER: none is due */
-	double due_velocity;
-	struct sim_late_bit standing_bit;
-};
-
-/* What is read of an item that was written lately. */
-struct older {
-	uint32_t content;
-	db_time until;
-};
 
 struct sim_xyza {
 	struct sim_xyza_config config;
 	char *flash_path;
-	uint32_t items[XYZA_AXIS_COUNT][XYZA_ITEM_COUNT];
-	struct older older[XYZA_AXIS_COUNT][XYZA_ITEM_COUNT];
-	struct axis axes[XYZA_AXIS_COUNT];
+	struct sim_xyza_memory memory;
+	struct sim_xyza_axes axes;
 	db_time now;
 	bool powered;
 	db_time reset_done; /* a factory reset is under way until then; DB_TIME_NEVER: none is */
@@ -86,195 +66,6 @@ void sim_xyza_config_init(struct sim_xyza_config *config, unsigned number)
 	}
 }
 
-/* --- memory --------------------------------------------------------------------------------------- */
-
-/* An item's place: those that all axes share are kept with the first. */
-static uint32_t *content_of(struct sim_xyza *controller, enum xyza_item item, enum xyza_axis axis)
-{
-	return &controller->items[xyza_item_of_axis(item) ? axis : XYZA_X][item];
-}
-
-static void set_defaults(struct sim_xyza *controller)
-{
-	memcpy(controller->items, controller->config.defaults, sizeof(controller->items));
-	controller->items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER] = controller->config.number;
-}
-
-/* One line of numbers in the order of axes and items. */
-static void save_items(const struct sim_xyza *controller)
-{
-	char temporary[FLASH_TEXT_MAX];
-	int length;
-	bool whole = true;
-	FILE *file;
-
-	if (!controller->flash_path)
-		return;
-	length = snprintf(temporary, sizeof(temporary), "%s.new", controller->flash_path);
-	if (length < 0 || (size_t)length >= sizeof(temporary))
-		return;
-	file = fopen(temporary, "we");
-	if (!file)
-		return;
-	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
-		for (size_t item = 0; item < XYZA_ITEM_COUNT; item++)
-			whole &= fprintf(file, "%lu ",
-			                 (unsigned long)controller->items[axis][item]) > 0;
-	}
-	whole &= fputs("end\n", file) >= 0;
-	whole &= fclose(file) == 0;
-	if (!whole || rename(temporary, controller->flash_path) != 0)
-		(void)unlink(temporary);
-}
-
-/* False, and nothing changed, when there is no whole memory. */
-static bool load_items(struct sim_xyza *controller)
-{
-	uint32_t items[XYZA_AXIS_COUNT][XYZA_ITEM_COUNT];
-	char text[FLASH_TEXT_MAX];
-	size_t length;
-	char *cursor = text;
-	FILE *file = controller->flash_path ? fopen(controller->flash_path, "re") : NULL;
-
-	if (!file)
-		return false;
-	length = fread(text, 1, sizeof(text) - 1, file);
-	(void)fclose(file);
-	text[length] = '\0';
-	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
-		for (size_t item = 0; item < XYZA_ITEM_COUNT; item++)
-			items[axis][item] = (uint32_t)strtoul(cursor, &cursor, 10);
-	}
-	if (strcmp(cursor, " end\n") != 0)
-		return false;
-	memcpy(controller->items, items, sizeof(items));
-	return true;
-}
-
-/* --- motion --------------------------------------------------------------------------------------- */
-
-static double content(const struct sim_xyza *controller, enum xyza_axis axis, enum xyza_item item)
-{
-	return (double)controller->items[axis][item];
-}
-
-static double ramp(const struct sim_xyza *controller, enum xyza_axis axis)
-{
-	double time = content(controller, axis, XYZA_ITEM_ACCELERATION_TIME) *
-	              ACCELERATION_TIME_UNIT;
-	double change = content(controller, axis, XYZA_ITEM_MAX_SPEED) -
-	                content(controller, axis, XYZA_ITEM_MIN_SPEED);
-
-	/* 0 is a jump. */
-	return time > 0.0 && change > 0.0 ? change / time : 0.0;
-}
-
-static bool has_brakes(const struct sim_xyza *controller, enum xyza_axis axis)
-{
-	return (controller->items[XYZA_X][XYZA_ITEM_BRAKE] >> axis & 1) != 0;
-}
-
-/* How fast it slows down, pulses/s^2; 0: at once. */
-static double braking(const struct sim_xyza *controller, enum xyza_axis axis)
-{
-	double time = (double)controller->config.temper.braking / (double)DB_NS_PER_S;
-
-	if (time > 0.0)
-		return content(controller, axis, XYZA_ITEM_MAX_SPEED) / time;
-	return has_brakes(controller, axis) ? ramp(controller, axis) : 0.0;
-}
-
-static void run_axis(struct sim_xyza *controller, enum xyza_axis axis, double velocity)
-{
-	struct sim_motion *motion = &controller->axes[axis].motion;
-	double min = fmin(content(controller, axis, XYZA_ITEM_MIN_SPEED), fabs(velocity));
-	double acceleration = ramp(controller, axis);
-
-	sim_motion_set_ramps(motion, acceleration, braking(controller, axis));
-	/* From standing it starts with the lowest speed. */
-	if (!sim_motion_moving(motion) && acceleration > 0.0)
-		motion->velocity = copysign(min, velocity);
-	controller->axes[axis].negative_zero = false;
-	sim_motion_run(motion, velocity);
-}
-
-static void stop_axis(struct sim_xyza *controller, enum xyza_axis axis)
-{
-	struct sim_motion *motion = &controller->axes[axis].motion;
-
-	controller->axes[axis].due = DB_TIME_NEVER;
-	sim_motion_set_ramps(motion, motion->acc, braking(controller, axis));
-	sim_motion_stop(motion);
-}
-
-static void stop_axes(struct sim_xyza *controller)
-{
-	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++)
-		stop_axis(controller, (enum xyza_axis)axis);
-}
-
-static void halt_axes(struct sim_xyza *controller)
-{
-	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
-		controller->axes[axis].due = DB_TIME_NEVER;
-		sim_motion_halt(&controller->axes[axis].motion);
-	}
-}
-
-/* Below its lowest speed a motor stands at once. */
-static void advance_axis(struct sim_xyza *controller, enum xyza_axis axis, db_time now)
-{
-	struct sim_motion *motion = &controller->axes[axis].motion;
-	double min = content(controller, axis, XYZA_ITEM_MIN_SPEED);
-
-	if (motion->mode == SIM_MOTION_STOPPING && motion->dec > 0.0) {
-		double left = fmax(0.0, fabs(motion->velocity) - min) / motion->dec;
-		db_time end = motion->time + (db_time)(left * (double)DB_NS_PER_S);
-
-		if (end <= now) {
-			sim_motion_advance(motion, end);
-			sim_motion_halt(motion);
-		}
-	}
-	sim_motion_advance(motion, now);
-}
-
-/* A jog that was told, and begins later. */
-static void begin_due(struct sim_xyza *controller, enum xyza_axis axis, db_time now)
-{
-	struct axis *due = &controller->axes[axis];
-
-	if (due->due > now)
-		return;
-	advance_axis(controller, axis, due->due);
-	due->due = DB_TIME_NEVER;
-	run_axis(controller, axis, due->due_velocity);
-}
-
-static void advance_axes(struct sim_xyza *controller, db_time now)
-{
-	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
-		struct axis *moving = &controller->axes[axis];
-
-		begin_due(controller, (enum xyza_axis)axis, now);
-		advance_axis(controller, (enum xyza_axis)axis, now);
-		(void)sim_late_bit_follow(&moving->standing_bit,
-		                          !sim_motion_moving(&moving->motion),
-		                          controller->config.temper.standing_delay, now);
-	}
-	controller->now = now;
-}
-
-static bool any_moves(const struct sim_xyza *controller)
-{
-	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
-		if (sim_motion_moving(&controller->axes[axis].motion) ||
-		    controller->axes[axis].due != DB_TIME_NEVER)
-			return true;
-	}
-	return false;
-}
-
 /* --- programs ------------------------------------------------------------------------------------- */
 
 static bool program_active(const struct sim_xyza *controller)
@@ -291,15 +82,15 @@ static void end_program(struct sim_xyza *controller)
 
 static void move_in_step(struct sim_xyza *controller)
 {
-	double speed = content(controller, XYZA_X, XYZA_ITEM_MAX_SPEED);
+	double speed = (double)sim_xyza_content(controller, XYZA_ITEM_MAX_SPEED, XYZA_X);
 
-	run_axis(controller, XYZA_X, controller->step % 2 ? speed : -speed);
+	sim_xyza_axes_run(&controller->axes, XYZA_X, controller->step % 2 ? speed : -speed);
 }
 
 static void next_step(struct sim_xyza *controller)
 {
 	if (controller->step == controller->config.steps) {
-		stop_axes(controller);
+		sim_xyza_axes_stop(&controller->axes);
 		end_program(controller);
 		return;
 	}
@@ -320,7 +111,7 @@ static void pause_program(struct sim_xyza *controller, enum xyza_program_state s
 	if (controller->state == XYZA_PROGRAM_RUNNING ||
 	    (controller->state == XYZA_PROGRAM_WAITING && state == XYZA_PROGRAM_INTERRUPTED))
 		controller->state = state;
-	stop_axes(controller);
+	sim_xyza_axes_stop(&controller->axes);
 }
 
 static void end_step(struct sim_xyza *controller)
@@ -335,7 +126,7 @@ static void end_step(struct sim_xyza *controller)
 static bool start_program(struct sim_xyza *controller, unsigned program)
 {
 	if (program < 1 || program > controller->config.programs || program_active(controller) ||
-	    any_moves(controller))
+	    sim_xyza_axes_busy(&controller->axes))
 		return false;
 	controller->program = program;
 	controller->step = 0;
@@ -360,6 +151,12 @@ static bool is_timed(const struct sim_xyza *controller)
 	return controller->starting || controller->state == XYZA_PROGRAM_RUNNING;
 }
 
+static void advance_axes(struct sim_xyza *controller, db_time now)
+{
+	sim_xyza_axes_advance(&controller->axes, now);
+	controller->now = now;
+}
+
 void sim_xyza_advance(struct sim_xyza *controller, db_time now)
 {
 	if (now < controller->now)
@@ -373,14 +170,30 @@ void sim_xyza_advance(struct sim_xyza *controller, db_time now)
 
 bool sim_xyza_busy(const struct sim_xyza *controller)
 {
-	return controller->powered && (is_timed(controller) || any_moves(controller));
+	return controller->powered &&
+	       (is_timed(controller) || sim_xyza_axes_busy(&controller->axes));
 }
 
 /* --- power ---------------------------------------------------------------------------------------- */
 
+static void set_defaults(struct sim_xyza *controller)
+{
+	memcpy(controller->memory.items, controller->config.defaults,
+	       sizeof(controller->memory.items));
+	controller->memory.items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER] = controller->config.number;
+}
+
+/* False when what it has now will be lost with its power. */
+static bool save_items(const struct sim_xyza *controller)
+{
+	return !controller->flash_path ||
+	       sim_xyza_memory_save(&controller->memory, controller->flash_path) == 0;
+}
+
 static void power_up(struct sim_xyza *controller)
 {
-	if (!load_items(controller) && controller->flash_path)
+	if (controller->flash_path &&
+	    sim_xyza_memory_load(&controller->memory, controller->flash_path) != 0)
 		set_defaults(controller);
 	controller->powered = true;
 	controller->reset_done = DB_TIME_NEVER;
@@ -389,14 +202,9 @@ static void power_up(struct sim_xyza *controller)
 	controller->single_step = false;
 	controller->program = 0;
 	end_program(controller);
-	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
-		sim_motion_init(&controller->axes[axis].motion, controller->now);
-		controller->axes[axis].negative_zero = false;
-		controller->axes[axis].due = DB_TIME_NEVER;
-		controller->axes[axis].standing_bit = (struct sim_late_bit){ .shown = true,
-			                                                     .real = true };
-	}
-	if (controller->items[XYZA_X][XYZA_ITEM_START_UP] == 1)
+	sim_xyza_axes_init(&controller->axes, &controller->memory, &controller->config.temper,
+	                   controller->now);
+	if (sim_xyza_content(controller, XYZA_ITEM_START_UP, XYZA_X) == 1)
 		(void)start_program(controller, 1);
 }
 
@@ -438,10 +246,10 @@ void sim_xyza_power(struct sim_xyza *controller, bool on, db_time now)
 		power_up(controller);
 		return;
 	}
-	halt_axes(controller);
+	sim_xyza_axes_halt(&controller->axes);
 	if (controller->reset_done <= controller->now) {
 		set_defaults(controller);
-		save_items(controller);
+		(void)save_items(controller);
 	}
 	controller->powered = false;
 }
@@ -457,25 +265,21 @@ static bool accept(struct sim_xyza *controller, const struct xyza_request *reque
 
 static bool write_magnitude(struct sim_xyza *controller, const struct xyza_request *request)
 {
-	struct axis *axis = &controller->axes[request->axis];
-	const struct sim_xyza_temper *temper = &controller->config.temper;
-	bool negative = !temper->amount_clears_sign &&
-	                (axis->negative_zero || round(axis->motion.position) < 0.0);
+	bool negative = !controller->config.temper.amount_clears_sign &&
+	                signbit(sim_xyza_axes_position(&controller->axes, request->axis));
 	double magnitude = (double)request->value;
 
-	axis->negative_zero = negative && request->value == 0 && !temper->no_negative_zero;
-	sim_motion_set_position(&axis->motion, negative ? -magnitude : magnitude);
+	sim_xyza_axes_set_position(&controller->axes, request->axis,
+	                           negative ? -magnitude : magnitude);
 	return true;
 }
 
 static bool write_sign(struct sim_xyza *controller, const struct xyza_request *request)
 {
-	struct axis *axis = &controller->axes[request->axis];
-	double magnitude = fabs(round(axis->motion.position));
+	double magnitude = fabs(sim_xyza_axes_position(&controller->axes, request->axis));
 
-	axis->negative_zero = request->negative && magnitude == 0.0 &&
-	                      !controller->config.temper.no_negative_zero;
-	sim_motion_set_position(&axis->motion, request->negative ? -magnitude : magnitude);
+	sim_xyza_axes_set_position(&controller->axes, request->axis,
+	                           request->negative ? -magnitude : magnitude);
 	return true;
 }
 
@@ -498,26 +302,22 @@ static bool is_speed(enum xyza_item item)
 static void set_content(struct sim_xyza *controller, const struct xyza_request *request)
 {
 	const struct sim_xyza_temper *temper = &controller->config.temper;
-	uint32_t *content = content_of(controller, request->item, request->axis);
-	struct older *older =
-		&controller->older[xyza_item_of_axis(request->item) ? request->axis : XYZA_X]
-				  [request->item];
+	uint32_t content = request->value;
 
-	if (older->until <= controller->now)
-		older->content = *content;
-	older->until = controller->now + temper->item_delay;
-	*content = request->value;
-	if (temper->clamps && is_speed(request->item) && *content > SIM_XYZA_SPEED_MAX)
-		*content = SIM_XYZA_SPEED_MAX;
+	if (temper->clamps && is_speed(request->item) && content > SIM_XYZA_SPEED_MAX)
+		content = SIM_XYZA_SPEED_MAX;
+	sim_xyza_memory_set(&controller->memory, request->item, request->axis, content,
+	                    controller->now, controller->now + temper->item_delay);
 }
 
 /* Whether the lowest speed would be above the highest one. */
-static bool crosses_speeds(struct sim_xyza *controller, const struct xyza_request *request)
+static bool crosses_speeds(const struct sim_xyza *controller, const struct xyza_request *request)
 {
 	if (request->item == XYZA_ITEM_MIN_SPEED)
-		return request->value > *content_of(controller, XYZA_ITEM_MAX_SPEED, request->axis);
+		return request->value >
+		       sim_xyza_content(controller, XYZA_ITEM_MAX_SPEED, request->axis);
 	return request->item == XYZA_ITEM_MAX_SPEED &&
-	       request->value < *content_of(controller, XYZA_ITEM_MIN_SPEED, request->axis);
+	       request->value < sim_xyza_content(controller, XYZA_ITEM_MIN_SPEED, request->axis);
 }
 
 static bool write_item(struct sim_xyza *controller, const struct xyza_request *request)
@@ -525,33 +325,28 @@ static bool write_item(struct sim_xyza *controller, const struct xyza_request *r
 	if (controller->config.temper.ordered_speeds && crosses_speeds(controller, request))
 		return false;
 	if (request->item == XYZA_ITEM_FACTORY_RESET) {
-		halt_axes(controller);
+		sim_xyza_axes_halt(&controller->axes);
 		end_program(controller);
 		controller->reset_done = controller->now + SIM_XYZA_RESET_TIME;
 		return true;
 	}
 	set_content(controller, request);
-	save_items(controller);
-	return true;
+	return save_items(controller);
 }
 
 static bool start_jog(struct sim_xyza *controller, const struct xyza_request *request)
 {
-	double speed = content(controller, request->axis, XYZA_ITEM_MANUAL_SPEED);
+	double speed = (double)sim_xyza_content(controller, XYZA_ITEM_MANUAL_SPEED, request->axis);
 
 	if (program_active(controller))
 		return false;
 	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
-		if (axis != request->axis && sim_motion_moving(&controller->axes[axis].motion))
+		if ((axis != request->axis || controller->config.temper.jogs_from_stand) &&
+		    sim_xyza_axes_moving(&controller->axes, (enum xyza_axis)axis))
 			return false;
 	}
-	if (controller->config.temper.jogs_from_stand &&
-	    sim_motion_moving(&controller->axes[request->axis].motion))
-		return false;
-	controller->axes[request->axis].due_velocity = request->negative ? -speed : speed;
-	controller->axes[request->axis].due = controller->now +
-	                                      controller->config.temper.motion_delay;
-	begin_due(controller, request->axis, controller->now);
+	sim_xyza_axes_jog(&controller->axes, request->axis, request->negative ? -speed : speed,
+	                  controller->now);
 	return true;
 }
 
@@ -560,16 +355,15 @@ static bool manual_stop(struct sim_xyza *controller, const struct xyza_request *
 	if (program_active(controller))
 		return true;
 	if (request->verb == XYZA_MANUAL_QUICK_STOP)
-		halt_axes(controller);
+		sim_xyza_axes_halt(&controller->axes);
 	else
-		stop_axes(controller);
+		sim_xyza_axes_stop(&controller->axes);
 	return true;
 }
 
 static bool clear_position(struct sim_xyza *controller, const struct xyza_request *request)
 {
-	controller->axes[request->axis].negative_zero = false;
-	sim_motion_set_position(&controller->axes[request->axis].motion, 0.0);
+	sim_xyza_axes_set_position(&controller->axes, request->axis, 0.0);
 	return true;
 }
 
@@ -586,7 +380,7 @@ static bool program_stop(struct sim_xyza *controller, const struct xyza_request 
 	}
 	pause_program(controller, quick ? XYZA_PROGRAM_INTERRUPTED : XYZA_PROGRAM_WAITING);
 	if (quick)
-		halt_axes(controller);
+		sim_xyza_axes_halt(&controller->axes);
 	return true;
 }
 
@@ -650,35 +444,24 @@ static handler_fn *const handlers[XYZA_VERB_COUNT] = {
 	[XYZA_PROGRAM_STATE] = accept,
 };
 
-static uint32_t shown_content(struct sim_xyza *controller, const struct xyza_request *request)
+static uint32_t read_value(const struct sim_xyza *controller, const struct xyza_request *request)
 {
-	const struct older *older =
-		&controller->older[xyza_item_of_axis(request->item) ? request->axis : XYZA_X]
-				  [request->item];
-
-	return controller->now < older->until ?
-	               older->content :
-	               *content_of(controller, request->item, request->axis);
-}
-
-static uint32_t read_value(struct sim_xyza *controller, const struct xyza_request *request)
-{
-	const struct axis *axis = &controller->axes[request->axis];
-	double position = round(axis->motion.position);
+	double position = sim_xyza_axes_position(&controller->axes, request->axis);
 
 	switch (request->verb) {
 	case XYZA_READ_MAGNITUDE:
 		/* The counter is 32 bits wide and wraps in endless running. */
 		return (uint32_t)(int64_t)llround(fabs(position));
 	case XYZA_READ_SIGN:
-		return position < 0.0 || axis->negative_zero;
+		return signbit(position) != 0;
 	case XYZA_READ_STANDING:
-		return axis->standing_bit.shown;
+		return controller->axes.list[request->axis].standing_bit.shown;
 	case XYZA_READ_PORTS:
 		return (uint32_t)controller->outputs << 16 | controller->inputs;
 	case XYZA_READ_ITEM:
 	default:
-		return shown_content(controller, request);
+		return sim_xyza_memory_show(&controller->memory, request->item, request->axis,
+		                            controller->now);
 	}
 }
 
@@ -779,7 +562,7 @@ bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *re
 
 static unsigned key(const struct sim_xyza *controller, enum xyza_param param)
 {
-	return xyza_param_get(param, controller->items[XYZA_X][XYZA_ITEM_KEYS]).u;
+	return xyza_param_get(param, sim_xyza_content(controller, XYZA_ITEM_KEYS, XYZA_X)).u;
 }
 
 static void press_key(struct sim_xyza *controller, unsigned number)
@@ -816,16 +599,13 @@ void sim_xyza_set_input(struct sim_xyza *controller, unsigned number, bool level
 
 void sim_xyza_set_number(struct sim_xyza *controller, unsigned number)
 {
-	controller->items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER] = number;
+	controller->memory.items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER] = number;
 }
 
 void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t position, db_time now)
 {
 	sim_xyza_advance(controller, now);
-	controller->axes[axis].due = DB_TIME_NEVER;
-	sim_motion_halt(&controller->axes[axis].motion);
-	controller->axes[axis].negative_zero = false;
-	sim_motion_set_position(&controller->axes[axis].motion, position);
+	sim_xyza_axes_place(&controller->axes, axis, position);
 }
 
 /* --- what it is like ------------------------------------------------------------------------------ */
@@ -837,7 +617,7 @@ const struct sim_xyza_temper *sim_xyza_temper(const struct sim_xyza *controller)
 
 unsigned sim_xyza_number(const struct sim_xyza *controller)
 {
-	return controller->items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER];
+	return sim_xyza_content(controller, XYZA_ITEM_SLAVE_NUMBER, XYZA_X);
 }
 
 const struct xyza_style *sim_xyza_style(const struct sim_xyza *controller)
@@ -852,23 +632,23 @@ bool sim_xyza_powered(const struct sim_xyza *controller)
 
 double sim_xyza_position(const struct sim_xyza *controller, enum xyza_axis axis)
 {
-	return controller->axes[axis].motion.position;
+	return controller->axes.list[axis].motion.position;
 }
 
 double sim_xyza_speed(const struct sim_xyza *controller, enum xyza_axis axis)
 {
-	return controller->axes[axis].motion.velocity;
+	return controller->axes.list[axis].motion.velocity;
 }
 
 bool sim_xyza_standing(const struct sim_xyza *controller, enum xyza_axis axis)
 {
-	return !sim_motion_moving(&controller->axes[axis].motion);
+	return !sim_xyza_axes_moving(&controller->axes, axis);
 }
 
 uint32_t sim_xyza_content(const struct sim_xyza *controller, enum xyza_item item,
                           enum xyza_axis axis)
 {
-	return controller->items[xyza_item_of_axis(item) ? axis : XYZA_X][item];
+	return sim_xyza_memory_get(&controller->memory, item, axis);
 }
 
 uint16_t sim_xyza_inputs(const struct sim_xyza *controller)

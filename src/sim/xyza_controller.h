@@ -7,15 +7,15 @@
  * Where the vendor's document is silent the controller does this: what it does not know and what is
  * out of range is answered as failed; manual motion and programs exclude each other, and commands of
  * one mode leave the other alone; a new manual speed holds from the next jog on; parameters are kept
- * without power at once, positions, outputs and the delay of programs are not; a program moves x
- * forwards in its odd steps and backwards in its even ones.
+ * without power at once (what cannot be kept is answered as failed), positions, outputs and the delay
+ * of programs are not; a program moves x forwards in its odd steps and backwards in its even ones.
  */
 #ifndef DRIVEBRIDGE_SIM_XYZA_CONTROLLER_H
 #define DRIVEBRIDGE_SIM_XYZA_CONTROLLER_H
 
 #include "codec/xyza.h"
 #include "drivebridge/time.h"
-#include "sim/vsmd_temper.h"
+#include "sim/temper.h"
 
 #include <stdbool.h>
 #include <stdint.h>

@@ -528,8 +528,12 @@ static void memory_outlives_the_process(void **state)
 	assert_int_equal(fclose(file), 0);
 	make(b);
 	assert_int_equal(sim_xyza_number(b->controller), NUMBER);
-	b->config.flash_path = NULL;
 	(void)unlink(path);
+	b->config.flash_path = "/nowhere/memory"; /* what cannot be kept fails */
+	make(b);
+	assert_failed(b, (struct xyza_request){
+				 .verb = XYZA_WRITE_ITEM, .item = XYZA_ITEM_LEAD, .value = 1000 });
+	b->config.flash_path = NULL;
 }
 
 int main(void)
