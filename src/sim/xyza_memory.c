@@ -48,8 +48,9 @@ int sim_xyza_memory_save(const struct sim_xyza_memory *memory, const char *path)
 	char text[TEXT_MAX];
 	size_t length = 0;
 
-	_Static_assert(XYZA_AXIS_COUNT * XYZA_ITEM_COUNT * sizeof("4294967295") + sizeof(END) <=
-	                       TEXT_MAX,
+	_Static_assert(sizeof(memory->items) / sizeof(memory->items[0][0]) * sizeof("4294967295") +
+	                               sizeof(END) <=
+	                       sizeof(text),
 	               "each number fits, with a blank behind it");
 	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
 		for (size_t item = 0; item < XYZA_ITEM_COUNT; item++)
