@@ -661,6 +661,11 @@ class Bridge:
     def log_since(self, offset):
         return self.log_path.read_bytes()[offset:].decode(errors="replace")
 
+    def told(self, text):
+        """Waits for the log, which has a thread of its own: all lines with this text."""
+        return eventually(lambda: [line for line in self.log_since(0).splitlines() if text in line],
+                          what=f"a line with {text!r}")
+
     def hang_up(self):
         self.process.send_signal(signal.SIGHUP)
 

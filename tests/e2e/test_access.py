@@ -28,10 +28,6 @@ def number_of(address):
     return int.from_bytes(bytes(int(part) for part in address.split(".")), "big")
 
 
-def log_lines(bridge, word):
-    return [line for line in bridge.log_path.read_text().splitlines() if word in line]
-
-
 def gone(bridge, clients):
     """Waits until only so many are connected: closing is noticed a moment later."""
     gateway = bridge.gateway()
@@ -60,7 +56,7 @@ def test_displays_never_lock_the_plc_out(make_bridge):
         with bridge.raw(source=PLC) as more:
             assert more.closed()
     assert gateway.read("refused_full") == 1
-    assert len(log_lines(bridge, f"client {OTHER_HMI}: connection refused")) == 1
+    assert len(bridge.told(f"client {OTHER_HMI}: connection refused")) == 1
     for display in displays:
         display.close()
 
@@ -107,7 +103,7 @@ def test_too_many_requests_are_answered_later(make_bridge):
     assert took < 5
     gateway = Client(bridge, SECOND_PLC, 255, "gateway")
     assert gateway.read("held_back") >= 2 * requests - rate / 10 - 2
-    assert len(log_lines(bridge, f"client {HMI}: request answered later")) == 1
+    assert len(bridge.told(f"client {HMI}: request answered later")) == 1
     gateway.close()
     drive.close()
 
@@ -123,9 +119,9 @@ def test_refusals_are_logged_once(make_bridge):
             assert stranger.closed()
     assert bridge.gateway().read("refused_writes") == 20
     assert bridge.gateway().read("refused_address") == 20
-    assert len(log_lines(bridge, f"client {HMI}: write refused")) == 1
-    assert len(log_lines(bridge, f"client {OTHER_HMI}: connection refused")) == 1
-    assert len(log_lines(bridge, "refused")) == 2
+    assert len(bridge.told(f"client {HMI}: write refused")) == 1
+    assert len(bridge.told(f"client {OTHER_HMI}: connection refused")) == 1
+    assert len(bridge.told("refused")) == 2
 
 
 def test_who_is_connected(make_bridge):
@@ -205,7 +201,7 @@ def test_the_first_writer_has_control(controlled):
         assert second.read("write_result") == RESULT_NOT_IN_CONTROL
         assert bridge.sim.sent(mark) == ["1 off", "1 ena"]
         assert bridge.gateway().read("refused_control") == 5
-        assert len(log_lines(bridge, f"client {SECOND_PLC}: write refused")) == 1
+        assert len(bridge.told(f"client {SECOND_PLC}: write refused")) == 1
         # It lets go; now the other one has it.
         assert plc.write("control_request", 2) == ILLEGAL_VALUE
         assert plc.write("control_request", 0) == 0

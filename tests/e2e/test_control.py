@@ -323,7 +323,7 @@ def test_losing_the_session_is_losing_a_client(make_bridge):
             assert tool.Read("drive1", ["watchdog_trips"])["values"]["watchdog_trips"] == 0
             time.sleep(0.05)
     eventually(lambda: unit.read("watchdog_trips") == 1, timeout=3)
-    assert "client control, user root: silent too long" in bridge.log_since(0)
+    bridge.told("client control, user root: silent too long")
 
 
 def test_a_session_that_leaves_a_drive_at_rest_loses_nothing(make_bridge):
@@ -414,9 +414,8 @@ def test_for_whom_a_session_acts(make_bridge):
         assert unit.read("control_user") == "Jürgen"
     eventually(lambda: unit.read("control_user") == "")
     assert whose(unit) == (ROOT_TOOL, "Jürgen")
-    log = bridge.log_since(0)
-    assert f"client {ROOT_TOOL} for Jürgen: connected (session" in log
-    assert f"client {ROOT_TOOL} for Jürgen: gone (session" in log
+    bridge.told(f"client {ROOT_TOOL} for Jürgen: connected (session")
+    bridge.told(f"client {ROOT_TOOL} for Jürgen: gone (session")
 
 
 def test_names_that_are_none(tool, bridge):
@@ -634,7 +633,7 @@ def test_who_may_read(make_bridge):
     bridge = make_bridge(control={"read-group": "adm"})
     assert as_nobody(bridge, READ)[0]["error"].endswith("Busy")
     assert as_nobody(bridge, READ, groups=[4])[0]["parameters"]["values"]
-    assert "client control, user nobody: connection refused" in bridge.log_since(0)
+    bridge.told("client control, user nobody: connection refused")
 
 
 # --- the socket
@@ -658,7 +657,7 @@ def test_whoever_answers_is_left_alone(make_bridge):
         other.bind(str(bridge.control_path))
         other.listen(1)
         bridge.start_bridge()
-        assert "no control socket" in bridge.log_since(0)
+        bridge.told("no control socket")
         assert bridge.connect().read("axis_state") is not None
 
 

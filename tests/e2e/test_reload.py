@@ -251,7 +251,7 @@ def test_a_bus_moves_to_another_device(make_bridge):
     assert log.count("begins anew with its bus") == 2
     assert bridge.sim.get()["stp"] > stops
     eventually(lambda: is_ready(drive), what="drive 1 to be back")
-    assert f"{other} is up" in bridge.log_path.read_text()
+    bridge.told(f"{other} is up")
     eventually(lambda: drive.read("axis_state") == STANDSTILL)
     assert drive.command("move_absolute", target_position=50, target_velocity=12800) == 0
 

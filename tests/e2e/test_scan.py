@@ -99,7 +99,7 @@ def test_drives_at_another_speed_are_found(make_bridge):
     found = scan(bridge, "--all-speeds", "--addresses", "1-3", "--yes")
     assert places(found) == [(115200, 1, "one")]
     assert "at 115200 bit/s, while bus line is set to 57600" in found["configuration"]
-    assert re.search("bus line: .* is set aside for a scan", bridge.log_since(offset))
+    eventually(lambda: re.search("bus line: .* is set aside for a scan", bridge.log_since(offset)))
     eventually(lambda: "returns to service" in bridge.log_since(offset))
     bridge.sections["bus line"]["baud"] = 115200
     bridge.reload()

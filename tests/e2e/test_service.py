@@ -17,7 +17,7 @@ NOWHERE = "192.0.2.1"  # TEST-NET-1: no machine has it
 def test_an_address_that_the_machine_does_not_have_yet(make_bridge):
     """The bus runs meanwhile. Giving this machine another address would need root's rights."""
     bridge = make_bridge(modbus={"listen": f"{NOWHERE}:0"}, wait_online=False)
-    assert f"does not have the address {NOWHERE} yet" in bridge.log_path.read_text()
+    bridge.told(f"does not have the address {NOWHERE} yet")
     eventually(lambda: re.search("drive drive1: answers", bridge.log_path.read_text()),
                what="the drive to be found")
     assert bridge.process.poll() is None
