@@ -77,7 +77,7 @@ def test_it_finds_a_standing_drive(bridge):
     kill(bridge)
     offset = bridge.log_path.stat().st_size
     bridge.start_bridge()
-    assert lines(bridge, offset, "drive drive1: answers", "enabled, standing, position 500 counts")
+    eventually(lambda: lines(bridge, offset, "drive drive1: answers", "enabled, standing, position 500 counts"))
 
 
 @pytest.mark.parametrize(("keys", "stops"), [
