@@ -103,6 +103,18 @@ struct db_setting {
 
 #define DB_SETTINGS_MAX 64 /* more than one Modbus write can carry */
 
+/* Why a drive must stand. */
+enum db_stand_cause {
+	DB_STAND_FREE = 0,     /* it need not */
+	DB_STAND_CLIENT = 1,   /* a client's stop, quick_stop or disable */
+	DB_STAND_WATCHDOG = 2, /* nobody who commands it was heard for watchdog_ms */
+	DB_STAND_HOLD = 3,     /* a held motion whose holder is gone */
+	DB_STAND_LIMIT = 4,    /* a position limit of the configuration */
+	DB_STAND_FAULT = 5,    /* the drive's own fault, by its on-fault */
+	DB_STAND_EXIT = 6,     /* the service ends, or a reload takes the drive out: its on-exit */
+	DB_STAND_MOTION = 7,   /* a motion that was given up, and might still begin */
+};
+
 /* What the network thread hands to a bus. The settings are the giver's; a queue copies them. */
 struct db_request {
 	uint32_t ticket;        /* comes back in the completion; never 0 */
@@ -112,6 +124,7 @@ struct db_request {
 	struct db_args args;
 	db_time submitted;
 	uint32_t group; /* not 0: with others of the same number it is for every drive of the bus */
+	enum db_stand_cause cause; /* of a stop */
 	const struct db_setting *settings;
 };
 
