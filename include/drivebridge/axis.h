@@ -51,8 +51,10 @@ enum db_status_bit {
 	DB_STATUS_ABORTED = 1u << 16, /* (net) the motion before the last command did not */
 	/* the drive holds parameters that it would lose without power, as far as the bridge knows */
 	DB_STATUS_PARAMS_UNSAVED = 1u << 17,
+	/* a stop was asked for, and the drive was not seen to stand since; also while it is offline */
+	DB_STATUS_MUST_STAND = 1u << 18,
 };
-#define DB_STATUS_BIT_COUNT 18
+#define DB_STATUS_BIT_COUNT 19
 const char *db_status_bit_name(unsigned bit); /* 0 = "online" ...; "unknown" */
 
 /* Values of the `error` register: 0 none, then the bridge's own causes, then the drives' faults. */
@@ -133,9 +135,17 @@ struct db_axis_stats {
 	uint32_t round_trip_mean_us;
 };
 
+/* What the drive must stand for, by what the bus knows. */
+struct db_must_stand {
+	uint16_t cause; /* enum db_stand_cause of the latest; FREE: it need not stand */
+	db_time since;  /* the first one */
+	uint32_t count; /* stops that were sent since then */
+};
+
 struct db_snapshot {
 	struct db_feedback feedback;
 	struct db_axis_stats stats;
+	struct db_must_stand must_stand;
 };
 
 #define DB_PARAMS_MAX 64

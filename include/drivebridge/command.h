@@ -113,7 +113,10 @@ enum db_stand_cause {
 	DB_STAND_FAULT = 5,    /* the drive's own fault, by its on-fault */
 	DB_STAND_EXIT = 6,     /* the service ends, or a reload takes the drive out: its on-exit */
 	DB_STAND_MOTION = 7,   /* a motion that was given up, and might still begin */
+	DB_STAND_RESTART = 8,  /* it had to stand when the service ended last */
+	DB_STAND_COUNT
 };
+const char *db_stand_cause_name(unsigned cause); /* "none", "client" ...; "unknown" */
 
 /* What the network thread hands to a bus. The settings are the giver's; a queue copies them. */
 struct db_request {

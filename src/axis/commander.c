@@ -179,6 +179,7 @@ static struct db_write_answer submit_order(struct db_commander *commander,
 		.args = order->block.args,
 		.submitted = order->now,
 		.group = order->group,
+		.cause = DB_STAND_CLIENT,
 	};
 	struct db_slot *slot;
 

@@ -78,7 +78,11 @@ void db_motion_supervise(struct db_commander *commander, enum db_command command
 static void stop_before_limit(struct db_commander *commander, enum db_limit limit, db_time now)
 {
 	struct db_command_block block = { .command = DB_CMD_STOP };
-	struct db_request request = { .command = DB_CMD_STOP, .submitted = now };
+	struct db_request request = {
+		.command = DB_CMD_STOP,
+		.submitted = now,
+		.cause = DB_STAND_LIMIT,
+	};
 	struct db_slot *slot = db_requests_submit(commander, NULL, &request, 0);
 
 	if (!slot) {

@@ -37,9 +37,10 @@ static const char *const error_names[] = {
  * registers: DB_STATUS_ERROR is error_stop because `error` is a register.
  */
 static const char *const status_names[DB_STATUS_BIT_COUNT] = {
-	"online",       "enabled",    "homed",   "moving", "at_target", "homing",
-	"stopping",     "error_stop", "warning", "busy",   "latched",   "origin_lost",
-	"params_valid", "bus_up",     "refused", "done",   "aborted",   "params_unsaved",
+	"online",  "enabled",     "homed",          "moving",     "at_target",
+	"homing",  "stopping",    "error_stop",     "warning",    "busy",
+	"latched", "origin_lost", "params_valid",   "bus_up",     "refused",
+	"done",    "aborted",     "params_unsaved", "must_stand",
 };
 
 const char *db_axis_state_name(enum db_axis_state state)

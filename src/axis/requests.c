@@ -14,10 +14,12 @@ enum db_result db_requests_reach(const struct db_commander *commander, enum db_c
 {
 	struct db_snapshot snapshot;
 
+	if (db_command_is_stop(command))
+		return DB_RESULT_OK;
 	db_axis_read(commander->config.axis, &snapshot);
 	if (!(snapshot.feedback.status & DB_STATUS_BUS_UP))
 		return DB_RESULT_BUS_DOWN;
-	if (!(snapshot.feedback.status & DB_STATUS_ONLINE) && !db_command_is_stop(command))
+	if (!(snapshot.feedback.status & DB_STATUS_ONLINE))
 		return DB_RESULT_OFFLINE;
 	return DB_RESULT_OK;
 }

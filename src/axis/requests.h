@@ -9,7 +9,7 @@
 #include "axis/pending.h"
 #include "drivebridge/commander.h"
 
-/* OK when the drive can be asked now. A stop is worth queueing for a drive that may come back. */
+/* OK when the drive can be asked now. A stop is kept for a drive, or a bus, that may come back. */
 enum db_result db_requests_reach(const struct db_commander *commander, enum db_command command);
 
 /* Null: there is none of this ticket. */

@@ -204,6 +204,19 @@ bool db_command_replaces_motion(enum db_command command)
 	return db_command_ends_motion(command) && !db_command_is_stop(command);
 }
 
+const char *db_stand_cause_name(unsigned cause)
+{
+	static const char *const names[DB_STAND_COUNT] = {
+		[DB_STAND_FREE] = "none",         [DB_STAND_CLIENT] = "client",
+		[DB_STAND_WATCHDOG] = "watchdog", [DB_STAND_HOLD] = "hold",
+		[DB_STAND_LIMIT] = "limit",       [DB_STAND_FAULT] = "fault",
+		[DB_STAND_EXIT] = "exit",         [DB_STAND_MOTION] = "motion",
+		[DB_STAND_RESTART] = "restart",
+	};
+
+	return cause < DB_STAND_COUNT ? names[cause] : "unknown";
+}
+
 enum db_command db_on_loss_command(enum db_on_loss reaction)
 {
 	switch (reaction) {

@@ -48,6 +48,7 @@ static const char *taken_command_name(unsigned code)
 	return code == DB_CMD_NONE ? "unknown" : db_command_name(code);
 }
 
+static const struct db_codes stand_causes = { db_stand_cause_name, DB_STAND_COUNT, .bits = false };
 static const struct db_codes axis_states = { state_name, DB_AXIS_STATE_COUNT, .bits = false };
 static const struct db_codes errors = { error_name, 64, .bits = false };
 static const struct db_codes limits = { limit_name, DB_LIMIT_COUNT, .bits = false };
@@ -311,6 +312,14 @@ static const struct db_row registers[] = {
 	PLATE(  69, "raw_answer#",       U16,    raw_answer,              READ ANY_U16
 	        IF(RAW_ANSWER) EACH(raw_answer_word),
 	        "Word # of that frame as it came; two bytes each with the first in the high byte"),
+	PROCESS(79, "must_stand_cause",  U16,    must_stand.cause,        READ
+	        UPTO(DB_STAND_COUNT - 1) CODES(stand_causes),
+	        "Why the drive must stand: the latest cause since it was free; while it must stand stops "
+	        "are sent again until a later reading shows that it stands"),
+	PROCESS(80, "must_stand_ms",     U32,    must_stand_ms,           READ UNIT("ms"),
+	        "How long the drive has had to stand without being seen to stand; 0=it need not"),
+	PROCESS(82, "must_stand_count",  U32,    must_stand.count,        READ,
+	        "Stops that were sent since then"),
 
 	/* The command block, at most 100 registers. */
 	BLOCK(100, "command_id",        U16,    command_id,              WRITE ANY_U16,

@@ -25,6 +25,16 @@ static uint32_t age_ms(const struct db_feedback *feedback, db_time now)
 	return feedback->taken == 0 || age > UINT32_MAX ? UINT32_MAX : (uint32_t)age;
 }
 
+static uint32_t must_stand_ms(const struct db_must_stand *must_stand, db_time now)
+{
+	db_time since = now > must_stand->since ? (now - must_stand->since) / DB_NS_PER_MS : 0;
+
+	if (must_stand->cause == DB_STAND_FREE)
+		return 0;
+	/* 0 is that of a drive that is free. */
+	return since == 0 ? 1 : since > UINT32_MAX ? UINT32_MAX : (uint32_t)since;
+}
+
 /*
  * A drive that answers everything but its status in time, or a bus that does not get round to
  * asking: whatever the reason, data this old is as good as none. So is that of a drive that leaves.
@@ -45,7 +55,7 @@ static void drop_if_too_old(struct db_feedback *feedback, const struct db_view_d
 		if (age <= 3 * (db_time)stats.cycle_us * DB_NS_PER_US)
 			return;
 	}
-	feedback->status &= DB_STATUS_BUS_UP;
+	feedback->status &= DB_STATUS_BUS_UP | DB_STATUS_MUST_STAND;
 	feedback->state = DB_AXIS_OFFLINE;
 	feedback->error = DB_ERROR_NO_ANSWER;
 }
@@ -75,6 +85,8 @@ static void fill_process(struct db_drive_image *image, const struct db_view_driv
 	counts_per_unit = db_scale_counts(drive->config, feedback);
 	drop_if_too_old(&image->feedback, drive, now);
 	image->stats = snapshot.stats;
+	image->must_stand = snapshot.must_stand;
+	image->must_stand_ms = must_stand_ms(&snapshot.must_stand, now);
 	db_commander_state(drive->commander, client, &image->state, now);
 	image->quality = quality_of(drive, feedback, now);
 	image->age_ms = age_ms(feedback, now);

@@ -59,6 +59,8 @@ struct db_drive_image {
 	struct db_command_state state;
 	struct db_feedback feedback;
 	struct db_axis_stats stats;
+	struct db_must_stand must_stand;
+	uint32_t must_stand_ms;
 	uint16_t heartbeat;
 	/* Likewise, but about the client that reads. */
 	uint16_t control_request;

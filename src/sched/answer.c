@@ -9,8 +9,6 @@
 
 /* Looking for offline drives may cost one part in this many of the bus's time. */
 #define PROBE_SHARE 20
-/* Repeating a stop to a drive that does not answer: one part in this many. */
-#define STOP_SHARE 5
 
 /* --- answers --------------------------------------------------------------------------------------- */
 
@@ -69,15 +67,12 @@ static void publish_node(struct db_engine *engine, const struct node *node)
 		engine_publish(engine, s);
 }
 
-/* All of it was read since `from`: drives that were told to stop before then show whether they do. */
-static void judge_stops(struct db_engine *engine, const struct node *node, db_time from,
+/* All of it was read, by questions from `asked` on: drives that were told to stop before show whether they do. */
+static void judge_stops(struct db_engine *engine, const struct node *node, db_time asked,
                         db_time now)
 {
 	for (struct station *s = node->first; s; s = s->next_axis) {
-		if (from < s->braking.begun)
-			continue;
-		s->braking.looked = true;
-		stop_judge(engine, s, now);
+		stop_judge(engine, s, asked, now);
 	}
 }
 
@@ -125,7 +120,8 @@ static enum db_trace_kind unsolicited(struct db_engine *engine, struct node *nod
 		node->probe_backoff = PROBE_BACKOFF_MIN;
 	}
 	publish_node(engine, node);
-	judge_stops(engine, node, now, now);
+	/* A report answers no question: it may be as old as an answer can be. */
+	judge_stops(engine, node, now - (db_time)engine->bus->drive_latency_ms * DB_NS_PER_MS, now);
 	return DB_TRACE_REPORT;
 }
 
@@ -321,18 +317,6 @@ static void lane_lost(struct db_engine *engine, struct station *station, enum la
 	}
 }
 
-/* Stops are repeated: at first at once; to a drive that stays silent, without starving the others. */
-static void repeat_stops(struct db_engine *engine, struct node *node, db_time cost, db_time now)
-{
-	for (struct station *s = node->first; s; s = s->next_axis) {
-		if (s->stop_count == 0)
-			continue;
-		s->blind_stop_sent = false;
-		if (node->losses > engine->bus->retries)
-			s->stop_at = engine->stops_from = now + cost * (STOP_SHARE - 1);
-	}
-}
-
 void answer_lost(struct db_engine *engine, struct node *node, db_time now)
 {
 	struct station *station = node->flight.station;
@@ -353,7 +337,7 @@ void answer_lost(struct db_engine *engine, struct node *node, db_time now)
 		                   (db_time)engine->bus->turnaround_us * DB_NS_PER_US);
 	node_expect_late_answer(node, kind == LANE_PROBE, now);
 	lane_lost(engine, station, kind, cost, now);
-	repeat_stops(engine, node, cost, now);
+	stop_note_lost(engine, node, cost, now);
 	if (node->losses > engine->bus->retries)
 		engine_take_offline(engine, node, DB_RESULT_OFFLINE, now);
 	engine_end_cycle(engine, now);

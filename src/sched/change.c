@@ -86,7 +86,7 @@ static void begin_to_leave(struct db_engine *engine, struct station *station, db
 	station_cancel_command(station, now);
 	if (!stop)
 		return;
-	station_add_stop(station, command, NULL, now);
+	station_add_stop(station, command, DB_STAND_EXIT, NULL, now);
 }
 
 void change_begin(struct db_engine *engine, struct db_change *change, db_time now)
@@ -127,7 +127,8 @@ static bool may_leave(const struct db_engine *engine, const struct station *stat
 		return false;
 	if (node->first->next_axis && node->first->lanes[LANE_POLL].active)
 		return false;
-	return station->stop_count == 0 || now >= engine->change->leave_by;
+	return (station->stop_count == 0 && !standing_is_open(&station->standing)) ||
+	       now >= engine->change->leave_by;
 }
 
 /* Round robin goes on where it was when something before that place is taken out. */
@@ -152,6 +153,7 @@ static void take_out_node(struct db_engine *engine, const struct node *node)
 		index++;
 	close_gap(&engine->next_poll, index, engine->node_count);
 	close_gap(&engine->next_probe, index, engine->node_count);
+	close_gap(&engine->next_watched, index, engine->node_count);
 	engine->node_count--;
 	memmove(&engine->nodes[index], &engine->nodes[index + 1],
 	        (engine->node_count - index) * sizeof(struct node *));
@@ -219,6 +221,7 @@ static void take_in(struct db_engine *engine, struct db_change *change, db_time 
 	change->nodes = nodes;
 	wrap(&engine->next_poll, engine->node_count);
 	wrap(&engine->next_probe, engine->node_count);
+	wrap(&engine->next_watched, engine->node_count);
 	wrap(&engine->next_command, engine->station_count);
 	wrap(&engine->next_stop, engine->station_count);
 	wrap(&engine->next_identify, engine->station_count);

@@ -178,7 +178,7 @@ static void take_stop(struct db_engine *engine, struct station *station, struct 
 		if (s == station || db_queued_command(queued) != DB_CMD_DISABLE)
 			station_cancel_command(s, now);
 	}
-	station_add_stop(station, db_queued_command(queued), queued, now);
+	station_add_stop(station, db_queued_command(queued), db_queued_cause(queued), queued, now);
 }
 
 static void take_queued(struct db_engine *engine, db_time now)
@@ -337,14 +337,20 @@ void db_engine_shut_down(struct db_engine *engine, db_time now)
 		/* Who leaves was told already. */
 		if (command == DB_CMD_NONE || station->leaving)
 			continue;
-		station_add_stop(station, command, NULL, now);
+		station_add_stop(station, command, DB_STAND_EXIT, NULL, now);
 	}
+}
+
+/* Somebody waits for it, or nothing was seen of it yet. */
+static bool stop_is_open(const struct station *station)
+{
+	return station->stop_count > 0 || standing_is_open(&station->standing);
 }
 
 bool db_engine_is_cleared(const struct db_engine *engine)
 {
 	for (size_t i = 0; engine->stats.up && i < engine->station_count; i++) {
-		if (engine->stations[i]->node->online && engine->stations[i]->stop_count > 0)
+		if (engine->stations[i]->node->online && stop_is_open(engine->stations[i]))
 			return false;
 	}
 	return !engine->stats.up || engine->flights == 0;
@@ -355,7 +361,7 @@ void db_engine_set_aside(struct db_engine *engine, db_time now)
 	db_engine_tell_unconfirmed(engine);
 	/* Of a drive that was lost while it turned the others are still wanted when it is back. */
 	for (size_t i = 0; i < engine->station_count; i++)
-		station_drop_own_stops(engine->stations[i]);
+		standing_withdraw(&engine->stations[i]->standing, DB_STAND_EXIT);
 	engine->shutting_down = false;
 	db_engine_port(engine, false, EBUSY, now);
 }
@@ -367,7 +373,7 @@ bool db_engine_is_quiet(const struct db_engine *engine)
 	if (engine->flights > 0)
 		return false;
 	for (size_t i = 0; i < engine->station_count; i++) {
-		if (engine->stations[i]->stop_count > 0)
+		if (stop_is_open(engine->stations[i]))
 			return false;
 	}
 	return true;

@@ -64,8 +64,6 @@ static void note_sent(struct station *station, enum lane_kind kind, db_time now)
 {
 	const struct db_request *request = station->lanes[kind].job.request;
 
-	if (kind == LANE_STOP)
-		station_note_stop_sent(station, request->command, now);
 	if (kind != LANE_COMMAND || !station->queued)
 		return;
 	/* Of a common start what comes before the frame that begins the motion is only preparation. */
@@ -89,6 +87,9 @@ void exchange_send(struct db_engine *engine, struct station *station, enum lane_
 	db_time wire = exchange_wire_time(engine, &lane->exchange);
 
 	scan_yield(engine, node, kind == LANE_COMMAND);
+	/* What else a stop's conversation sends only asks for its effect. */
+	if (kind == LANE_STOP && !lane->sent)
+		station_note_stop_sent(station, node->in_step, now);
 	lane->ready = false;
 	lane->sent = true;
 	lane->exchange.sending = ++engine->sendings;

@@ -28,6 +28,7 @@ struct db_queued {
 	uint16_t axis;
 	enum db_command command : 8;
 	enum db_result result : 8;
+	enum db_stand_cause cause : 8;
 	struct block *block;
 	db_time sent;
 	db_time finished;
@@ -162,6 +163,7 @@ static void fill_slot(struct db_queued *queued, const struct db_request *request
 	queued->ticket = request->ticket;
 	queued->axis = request->drive;
 	queued->command = request->command;
+	queued->cause = request->cause;
 	queued->sent = 0;
 	if (!room)
 		return;
@@ -291,6 +293,11 @@ uint16_t db_queued_drive(const struct db_queued *queued)
 enum db_command db_queued_command(const struct db_queued *queued)
 {
 	return queued->command;
+}
+
+enum db_stand_cause db_queued_cause(const struct db_queued *queued)
+{
+	return queued->cause;
 }
 
 const struct db_request *db_queued_request(const struct db_queued *queued)

@@ -45,6 +45,8 @@ uint32_t db_queued_ticket(const struct db_queued *queued);
 uint16_t db_queued_drive(const struct db_queued *queued);
 /* NONE: parameters. */
 enum db_command db_queued_command(const struct db_queued *queued);
+/* Of a stop. */
+enum db_stand_cause db_queued_cause(const struct db_queued *queued);
 /* All of it; null for a stop, which has no more than the above. */
 const struct db_request *db_queued_request(const struct db_queued *queued);
 /* Bus thread, not for a stop: room for DB_REQUEST_MAX bytes that it sends for this request. They stay

@@ -34,8 +34,8 @@ static bool begin_queued(struct db_engine *engine, size_t index, db_time now)
 	station->lanes[LANE_COMMAND].exchange.request_size = DB_REQUEST_MAX;
 	station->command_cancelled = false;
 	station->alone = !engine->bus->starts_by_broadcast;
-	if (db_command_ends_motion(request->command))
-		stop_forget(station);
+	if (standing_gives_way_to(&station->standing, request->command))
+		stop_yield(station);
 	if (exchange_begin_job(engine, station, LANE_COMMAND, kind, request, now, &result) ==
 	    DB_STEP_SEND) {
 		if (!common_start_holds(station))
@@ -139,6 +139,41 @@ static void send_poll(struct db_engine *engine, struct node *node, db_time now)
 	engine->polls_in_a_row++;
 }
 
+static bool is_watched(const struct node *node)
+{
+	for (const struct station *s = node->first; s; s = s->next_axis) {
+		if (!standing_is_free(&s->standing) ||
+		    (s->snapshot.feedback.status & DB_STATUS_MOVING))
+			return true;
+	}
+	return false;
+}
+
+/*
+ * Stops that are sent again and again leave every second exchange to the drives that move or must stand, if one of
+ * those is to be read: else a drive that never obeys would keep all others from being seen. A stop that was never
+ * sent waits for none of them.
+ */
+static bool try_sample_between_stops(struct db_engine *engine, db_time now)
+{
+	if (!engine->stop_was_last || engine->shutting_down ||
+	    exchange_may_begin_at(engine, false, now) > now || !stop_all_are_sent(engine))
+		return false;
+	engine->stop_was_last = false;
+	for (size_t n = 0; n < engine->node_count; n++) {
+		size_t i = (engine->next_watched + n) % engine->node_count;
+		struct node *node = engine->nodes[i];
+
+		if (node->online && node->poll_due && node->in_step && is_watched(node) &&
+		    is_free(engine, node->first, now)) {
+			engine->next_watched = i + 1;
+			send_poll(engine, node, now);
+			return true;
+		}
+	}
+	return false;
+}
+
 /* --- below cyclic status ------------------------------------------------------------------------------ */
 
 /*
@@ -237,7 +272,10 @@ bool schedule_send_next(struct db_engine *engine, db_time now)
 	struct node *poll;
 	bool wait;
 
-	if (stop_send_next(engine, now))
+	if (try_sample_between_stops(engine, now))
+		return true;
+	engine->stop_was_last = stop_send_next(engine, now);
+	if (engine->stop_was_last)
 		return true;
 	if (engine->shutting_down || exchange_may_begin_at(engine, false, now) > now)
 		return false;

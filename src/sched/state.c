@@ -67,12 +67,8 @@ void engine_tell_unconfirmed(struct db_engine *engine, const struct station *sta
 	/* One that was never heard was not set going from here. */
 	if (station->snapshot.feedback.taken == 0)
 		return;
-	for (unsigned i = 0; i < station->stop_count; i++) {
-		if (station->stops[i].queued)
-			continue;
+	if (station->standing.cause == DB_STAND_EXIT && standing_is_open(&station->standing))
 		tell_event(engine, station, DB_EVENT_DRIVE_UNCONFIRMED);
-		return;
-	}
 }
 
 static void tell_presence(struct db_engine *engine, struct station *station, bool online)
@@ -153,8 +149,7 @@ void engine_finish_waiting(struct db_engine *engine, const struct station *stati
 
 void engine_count_online(struct db_engine *engine, struct station *station, db_time now)
 {
-	if (station->braking.active)
-		braking_resume(&station->braking, now);
+	standing_resume(&station->standing, now);
 	station->identify_at = 0;
 	station->identify_backoff = IDENTIFY_BACKOFF_MIN;
 	station->snapshot.stats.came_online++;
@@ -178,13 +173,18 @@ void engine_bring_online(struct db_engine *engine, struct node *node, db_time no
 static void lose_station(struct db_engine *engine, struct station *station, enum db_result result,
                          db_time now)
 {
+	struct standing_rules rules;
+
 	station_abandon_command(station, engine->driver,
 	                        result == DB_RESULT_OFFLINE ? DB_RESULT_TIMEOUT : result, now);
 	engine_finish_waiting(engine, station, result, now);
 	for (size_t i = 0; i < LANE_COUNT; i++)
 		station->lanes[i].active = station->lanes[i].ready = false;
+	station->blind_stop_sent = false;
 	if (!station->node->online)
 		return;
+	rules = station_rules(station, engine->driver, now);
+	standing_suspend(&station->standing, &rules, now);
 	engine->stats.online--;
 	engine->driver->gone(station->device);
 }

@@ -48,14 +48,16 @@ struct db_engine {
 	db_time probes_from;      /* the share for offline drives is used up until then */
 	db_time dumps_held_since; /* long readings wait until all drives stand */
 	db_time dump_tried;       /* the last time that one had to wait; 0: never */
-	db_time stops_from;       /* likewise the share for stops to drives that are offline */
-	db_time busy;             /* time with an exchange on the wire in this second */
+	db_time stops_from; /* the share for stops to drives that are offline is used up until then */
+	bool stop_was_last; /* the last exchange that began was of a stop */
+	db_time busy;       /* time with an exchange on the wire in this second */
 	db_time second_at;
 
 	bool shutting_down;
 	size_t next_poll; /* where round robin goes on */
 	size_t next_command;
 	size_t next_stop;
+	size_t next_watched;
 	size_t next_identify;
 	size_t next_probe;
 	struct node **nodes; /* in order of their first drive's coming */

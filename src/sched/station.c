@@ -209,6 +209,22 @@ struct db_conversation station_conversation(struct station *station, enum lane_k
 	};
 }
 
+/* Until it was seen to stand the drive is not at a standstill, whatever it says of itself. */
+static void show_standing(const struct standing *standing, struct db_feedback *feedback)
+{
+	feedback->status |= DB_STATUS_MUST_STAND;
+	if (!(feedback->status & DB_STATUS_ONLINE))
+		return;
+	if (feedback->state != DB_AXIS_ERROR_STOP && feedback->state != DB_AXIS_DISABLED) {
+		feedback->state = DB_AXIS_STOPPING;
+		feedback->status |= DB_STATUS_STOPPING;
+	}
+	if (standing->overdue) {
+		feedback->status |= DB_STATUS_ERROR;
+		feedback->error = DB_ERROR_RUNS_ON;
+	}
+}
+
 void station_publish(struct station *station, const struct db_driver *driver, bool bus_up,
                      int64_t wall_offset_us)
 {
@@ -235,6 +251,11 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 	feedback->taken_wall_us = wall_us;
 	if (bus_up)
 		feedback->status |= DB_STATUS_BUS_UP;
+	station->snapshot.must_stand = (struct db_must_stand){
+		.cause = station->standing.cause,
+		.since = station->standing.since,
+		.count = station->standing.count,
+	};
 	/* A drive that came back is online for others with its first status, not with old data. */
 	online = station->node->online && feedback->state != DB_AXIS_OFFLINE;
 	if (online) {
@@ -244,10 +265,8 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 		feedback->state = DB_AXIS_OFFLINE;
 		feedback->error = bus_up ? DB_ERROR_NO_ANSWER : DB_ERROR_BUS_DOWN;
 	}
-	if (online && station->braking.overdue) {
-		feedback->status |= DB_STATUS_ERROR;
-		feedback->error = DB_ERROR_RUNS_ON;
-	}
+	if (!standing_is_free(&station->standing))
+		show_standing(&station->standing, feedback);
 	db_axis_publish(station->axis, &station->snapshot);
 }
 
@@ -268,85 +287,95 @@ void station_count_answer(struct station *station, db_time round_trip)
 	stats->round_trip_mean_us = (uint32_t)(station->round_trip_sum_us / station->round_trips);
 }
 
-void station_add_stop(struct station *station, enum db_command command, struct db_queued *queued,
-                      db_time now)
+/* --- stops ------------------------------------------------------------------------------------- */
+
+void station_add_stop(struct station *station, enum db_command command, enum db_stand_cause cause,
+                      struct db_queued *queued, db_time now)
 {
-	/* Room for requests is bounded where they are posted, and the end asks once. */
-	if (station->stop_count == STOPS_MAX) {
-		if (queued)
-			db_queued_finish(queued, DB_RESULT_FAILED, now);
+	const struct db_feedback *feedback = &station->snapshot.feedback;
+	bool fresh = (feedback->status & DB_STATUS_ONLINE) && station->node->in_step &&
+	             !station->lanes[LANE_COMMAND].active &&
+	             feedback->taken > station->command_ended;
+
+	standing_enter(&station->standing, command, cause, fresh ? feedback : NULL, now);
+	if (!queued)
+		return;
+	/* Room for requests is bounded where they are posted. */
+	if (station->stop_count == DB_QUEUE_STOPS_EACH) {
+		db_queued_finish(queued, DB_RESULT_FAILED, now);
 		return;
 	}
-	station->stops[station->stop_count++] = (struct pending_stop){
+	station->stops[station->stop_count++] = (struct stop_waiter){
 		.queued = queued,
 		.command = command,
 	};
-	station->stop_at = now;
 }
 
-const struct pending_stop *station_unanswered_stop(const struct station *station)
+void station_note_stop_sent(struct station *station, bool trusted, db_time now)
 {
-	for (unsigned i = 0; i < station->stop_count; i++) {
-		if (!station->stops[i].answered)
-			return &station->stops[i];
-	}
-	return NULL;
+	db_time round_trip = (db_time)station->snapshot.stats.round_trip_us * DB_NS_PER_US;
+
+	standing_note_sent(&station->standing, trusted, round_trip, now);
+	for (unsigned i = 0; i < station->stop_count; i++)
+		db_queued_sent(station->stops[i].queued, now);
 }
 
-void station_note_stop_sent(struct station *station, enum db_command command, db_time now)
-{
-	for (unsigned i = 0; i < station->stop_count; i++) {
-		struct pending_stop *stop = &station->stops[i];
-
-		if (stop->command != command)
-			continue;
-		stop->sent = true;
-		if (stop->queued)
-			db_queued_sent(stop->queued, now);
-	}
-}
-
-void station_note_stop_answered(struct station *station, enum db_command command)
-{
-	for (unsigned i = 0; i < station->stop_count; i++) {
-		struct pending_stop *stop = &station->stops[i];
-
-		if (stop->sent && stop->command == command)
-			stop->answered = true;
-	}
-}
-
-bool station_finish_stops(struct station *station, enum db_command command, enum db_result result,
+void station_finish_stops(struct station *station, enum db_command command, enum db_result result,
                           db_time now)
 {
-	bool turned_down = result == DB_RESULT_REFUSED || result == DB_RESULT_FAILED;
-	bool again = false;
 	unsigned kept = 0;
 
 	for (unsigned i = 0; i < station->stop_count; i++) {
-		struct pending_stop *stop = &station->stops[i];
-		bool ends = stop->answered && (command == STOP_ANY || stop->command == command);
+		struct stop_waiter *stop = &station->stops[i];
+		bool ends = command == DB_CMD_NONE ? stop->command != DB_CMD_DISABLE :
+		                                     stop->command == command;
 
-		/* The bridge's own stops have nobody else who would say them again. */
-		if (ends && !stop->queued && turned_down) {
-			stop->sent = stop->answered = false;
-			again = true;
-		} else if (ends && stop->queued) {
+		if (ends)
 			db_queued_finish(stop->queued, result, now);
-			continue;
-		} else if (ends && result == DB_RESULT_OK) {
-			continue;
-		}
-		station->stops[kept++] = *stop;
+		else
+			station->stops[kept++] = *stop;
 	}
 	station->stop_count = kept;
-	return again;
 }
+
+bool station_awaits_stop(const struct station *station)
+{
+	return station->stop_count > 0 ||
+	       (standing_is_open(&station->standing) && !station->standing.overdue);
+}
+
+/* How long a drive may take to begin a motion that it was told just before the stop. */
+#define DOUBT_TIME (100 * DB_NS_PER_MS)
+
+struct standing_rules station_rules(const struct station *station, const struct db_driver *driver,
+                                    db_time now)
+{
+	bool doubtful = !driver->acknowledges &&
+	                (now - station->motion_sent < DOUBT_TIME ||
+	                 (station->snapshot.feedback.status & DB_STATUS_HOMING));
+
+	return (struct standing_rules){
+		.patience = (db_time)station->config->stop_reaction_ms * DB_NS_PER_MS,
+		.doubt = doubtful ? DOUBT_TIME : 0,
+	};
+}
+
+void station_drop_stops(struct station *station, db_time now)
+{
+	enum db_result result = station->standing.sent_at != 0 ? DB_RESULT_INDETERMINATE :
+	                                                         DB_RESULT_CANCELLED;
+
+	for (unsigned i = 0; i < station->stop_count; i++)
+		db_queued_finish(station->stops[i].queued, result, now);
+	station->stop_count = 0;
+}
+
+/* --- what it does ------------------------------------------------------------------------------ */
 
 bool station_is_read(const struct station *station)
 {
 	return station->node->online && !station->lanes[LANE_COMMAND].active &&
-	       station->stop_count == 0 &&
+	       station->stop_count == 0 && standing_is_free(&station->standing) &&
 	       station->snapshot.feedback.taken > station->command_ended;
 }
 
@@ -359,40 +388,11 @@ bool station_is_seen_to_stand(const struct station *station)
 	        feedback->state == DB_AXIS_ERROR_STOP);
 }
 
-bool station_awaits_stop(const struct station *station)
-{
-	return station->stop_count > 0;
-}
-
-void station_drop_stops(struct station *station, db_time now)
-{
-	for (unsigned i = 0; i < station->stop_count; i++) {
-		struct pending_stop *stop = &station->stops[i];
-
-		if (stop->queued)
-			db_queued_finish(stop->queued,
-			                 stop->sent ? DB_RESULT_INDETERMINATE : DB_RESULT_CANCELLED,
-			                 now);
-	}
-	station->stop_count = 0;
-}
-
 bool station_command_flies(const struct station *station)
 {
 	const struct flight *flight = &station->node->flight;
 
 	return flight->station == station && flight->lane == LANE_COMMAND;
-}
-
-void station_drop_own_stops(struct station *station)
-{
-	unsigned kept = 0;
-
-	for (unsigned i = 0; i < station->stop_count; i++) {
-		if (station->stops[i].queued)
-			station->stops[kept++] = station->stops[i];
-	}
-	station->stop_count = kept;
 }
 
 void station_cancel_command(struct station *station, db_time now)
@@ -403,12 +403,27 @@ void station_cancel_command(struct station *station, db_time now)
 		station_finish_command(station, DB_RESULT_CANCELLED, now);
 }
 
+/* A motion ends what the drive had to stand for, if the drive took it. What was answered as failed might begin all
+ * the same, and must not. */
+static void note_motion_ended(struct station *station, enum db_result result, db_time now)
+{
+	const struct lane *lane = &station->lanes[LANE_COMMAND];
+	enum db_command command = lane->job.kind == DB_JOB_COMMAND ? lane->job.request->command :
+	                                                             DB_CMD_NONE;
+
+	if (standing_gives_way_to(&station->standing, command))
+		standing_note_motion(&station->standing, db_result_is_success(result), now);
+	if (result == DB_RESULT_FAILED && lane->sent && db_command_is_motion(command))
+		standing_enter(&station->standing, DB_CMD_STOP, DB_STAND_MOTION, NULL, now);
+}
+
 void station_finish_command(struct station *station, enum db_result result, db_time now)
 {
 	struct lane *lane = &station->lanes[LANE_COMMAND];
 
 	if (!lane->active)
 		return;
+	note_motion_ended(station, result, now);
 	if (result == DB_RESULT_REFUSED)
 		station->snapshot.stats.refusals++;
 	db_queued_finish(station->queued, result, now);

@@ -9,9 +9,9 @@
 
 #include "drivebridge/bus.h"
 #include "drivebridge/driver.h"
-#include "sched/braking.h"
 #include "sched/engine.h"
 #include "sched/queue.h"
+#include "sched/standing.h"
 
 /* A conversation with a drive. Those of different lanes may interleave, exchange by exchange. Polls
  * and probes are the first station's of a node, for all of them. */
@@ -26,16 +26,10 @@ struct lane {
 	struct db_exchange exchange;
 };
 
-/* Those of requests, and the end's. */
-#define STOPS_MAX (DB_QUEUE_STOPS_EACH + 1)
-
-/* Who waits for a stop. */
-struct pending_stop {
-	struct db_queued *queued; /* null for the bridge's own */
+/* Who waits for a stop of the drive. */
+struct stop_waiter {
+	struct db_queued *queued;
 	enum db_command command;
-	bool broadcast; /* it went out for all drives at once; nobody answers that */
-	bool sent;
-	bool answered; /* the drive did; now it is to be seen to stand */
 };
 
 struct station;
@@ -125,14 +119,12 @@ struct station {
 	struct db_queued *queued;
 	db_time command_ended; /* the last one */
 
-	struct pending_stop stops[STOPS_MAX];
+	struct standing standing;
+	struct stop_waiter stops[DB_QUEUE_STOPS_EACH];
 	unsigned stop_count;
 	bool blind_stop_sent; /* a stop went out while out of step; its answer proves nothing */
-	db_time stop_at;      /* not before */
-	enum db_command braking_command; /* what it was told last, while it is to be seen to stop */
-	struct braking braking;
-	db_time motion_sent; /* when it was last told to move */
-	bool alone;          /* its command waits for no others any more */
+	db_time motion_sent;  /* when it was last told to move */
+	bool alone;           /* its command waits for no others any more */
 
 	uint64_t round_trips;
 	uint64_t round_trip_sum_us; /* of those */
@@ -198,33 +190,29 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 
 void station_count_answer(struct station *station, db_time round_trip);
 
-/* Adds a stop; the request may be null. What is queued or running for the drive is the caller's. */
-void station_add_stop(struct station *station, enum db_command command, struct db_queued *queued,
-                      db_time now);
-/* The first stop that the drive has not answered, or null. */
-const struct pending_stop *station_unanswered_stop(const struct station *station);
-/* Who asked for it learns that the stop of this command is on the wire. */
-void station_note_stop_sent(struct station *station, enum db_command command, db_time now);
-/* The drive has answered the stop of this command that was on the wire: everyone who had asked for it
- * by then may wait for its effect. */
-void station_note_stop_answered(struct station *station, enum db_command command);
-/* Ends those: of this command, or of every one that was answered with STOP_ANY. What the drive turned
- * down is said again for those who would not do it themselves; true then. */
-#define STOP_ANY DB_CMD_NONE
-bool station_finish_stops(struct station *station, enum db_command command, enum db_result result,
+/* The drive must stand from now on; the request that waits for it may be null. What is queued or running for the
+ * drive is the caller's. */
+void station_add_stop(struct station *station, enum db_command command, enum db_stand_cause cause,
+                      struct db_queued *queued, db_time now);
+/* A stop is on the wire, and those who wait for one learn it. */
+void station_note_stop_sent(struct station *station, bool trusted, db_time now);
+/* Ends the stops that wait: those of this command, or with DB_CMD_NONE all but a disable, which ends when the power
+ * is known to be off. */
+void station_finish_stops(struct station *station, enum db_command command, enum db_result result,
                           db_time now);
 /* It was read since its last command ended, and nothing is being said to it that could set it going. */
 bool station_is_read(const struct station *station);
 /* And it stood. */
 bool station_is_seen_to_stand(const struct station *station);
 
-/* Somebody waits for a stop, so that nothing else is to be said to the drive. */
+/* Nothing else is to be said to the drive before its stop has had an effect, or was seen to have none. */
 bool station_awaits_stop(const struct station *station);
+/* How long it may take to obey, and so on. */
+struct standing_rules station_rules(const struct station *station, const struct db_driver *driver,
+                                    db_time now);
 
 /* Ends the stops that wait, whether or not they went out. */
 void station_drop_stops(struct station *station, db_time now);
-/* Only those that nobody has asked for. */
-void station_drop_own_stops(struct station *station);
 
 /* The running command or parameter write is on the wire now. */
 bool station_command_flies(const struct station *station);

@@ -119,8 +119,8 @@ static void names(void **state)
 	assert_string_equal(db_error_name(5), "unknown");
 	assert_string_equal(db_error_name(UINT16_MAX), "unknown");
 	assert_string_equal(db_status_bit_name(0), "online");
-	assert_int_equal(DB_STATUS_PARAMS_UNSAVED, 1u << (DB_STATUS_BIT_COUNT - 1));
-	assert_string_equal(db_status_bit_name(DB_STATUS_BIT_COUNT - 1), "params_unsaved");
+	assert_int_equal(DB_STATUS_MUST_STAND, 1u << (DB_STATUS_BIT_COUNT - 1));
+	assert_string_equal(db_status_bit_name(DB_STATUS_BIT_COUNT - 1), "must_stand");
 	assert_string_equal(db_status_bit_name(DB_STATUS_BIT_COUNT), "unknown");
 }
 

@@ -599,8 +599,6 @@ static void offline_and_bus_down(void **state)
 	set_status(&fake, 0);
 	assert_int_equal(put(&fake, 3, DB_CMD_HOME, 0), NO_PATH);
 	assert_int_equal(look(&fake).results.result, DB_RESULT_BUS_DOWN);
-	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), NO_PATH);
-	assert_int_equal(fake.submitted, 0);
 	/* The id is used up: a client that sends again does not start a move much later. */
 	set_status(&fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE);
 	assert_int_equal(put(&fake, 3, DB_CMD_HOME, 0), NO_PATH);
@@ -619,6 +617,20 @@ static void stop_of_an_offline_drive_is_queued(void **state)
 	assert_int_equal(fake.answered, 1);
 	assert_int_equal(fake.answered_with[0], NO_ANSWER);
 	assert_int_equal(look(&fake).results.result, DB_RESULT_PENDING);
+	drop(&fake);
+}
+
+/* The drive must stand when the bus is back; until then its writer learns that it is down. */
+static void stop_is_kept_while_the_bus_is_down(void **state)
+{
+	FAKE(false);
+	set_status(&fake, 0);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 1);
+	fake.now += 40 * MS;
+	db_commander_expire(fake.commander, fake.now);
+	assert_int_equal(fake.answered, 1);
+	assert_int_equal(fake.answered_with[0], NO_PATH);
 	drop(&fake);
 }
 
@@ -1921,6 +1933,7 @@ int main(void)
 		cmocka_unit_test(two_busy_of_the_bus_do_not_lock_an_id),
 		cmocka_unit_test(offline_and_bus_down),
 		cmocka_unit_test(stop_of_an_offline_drive_is_queued),
+		cmocka_unit_test(stop_is_kept_while_the_bus_is_down),
 		cmocka_unit_test(late_confirmation_is_answered_05),
 		cmocka_unit_test(accepted_writes_do_not_wait),
 		cmocka_unit_test(old_completions_do_not_overwrite_newer_results),

@@ -111,7 +111,8 @@ static void the_others_stay_on_schedule_when_one_leaves(void **state)
 	expect_same_schedule(bus, twin, 2);
 	assert_int_equal(fake_count(bus, 1, FAKE_POLL), 50);
 	assert_int_equal(fake_count(bus, 3, FAKE_STOP), 1);
-	assert_int_equal(fake_count(bus, 3, FAKE_POLL), 0);
+	/* It is seen to stand before it goes. */
+	assert_int_equal(fake_count(bus, 3, FAKE_POLL), 1);
 	assert_int_equal(fake_stats(bus).overruns, 0);
 	assert_int_equal(fake_stats(bus).cycles, fake_stats(twin).cycles);
 	assert_int_equal(fake_stats(bus).online, 2);
@@ -130,7 +131,7 @@ static void whoever_leaves_the_others_are_polled_in_every_cycle(void **state)
 		assert_true(fetch_change(bus));
 		for (unsigned i = 0; i < 4; i++)
 			assert_int_equal(fake_count(bus, i + 1, FAKE_POLL),
-			                 (int)i == leaves ? 0 : 50 * POLL_EXCHANGES);
+			                 ((int)i == leaves ? 1 : 50) * POLL_EXCHANGES);
 		assert_int_equal(fake_stats(bus).overruns, 0);
 		assert_int_equal(fake_stats(bus).online, 3);
 		fake_bus_free(bus);

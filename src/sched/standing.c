@@ -1,0 +1,346 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sched/standing.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+/* Of the highest speed: what a drive must have lost to be seen to slow down, more than measured speeds
+ * waver; and what it must lose more and more of to be seen to go on with it. */
+#define SLOWER_SHARE 0.05f
+#define PROGRESS_SHARE 0.01f
+
+/* How long a drive that moved must be seen to stand, and how far it may drift meanwhile, in counts: a closed loop
+ * dithers, and some drives report no speed while they move. */
+#define STILL_TIME (100 * DB_NS_PER_MS)
+#define STILL_DRIFT 16
+
+/* How soon a drive is read again that was told to stop. */
+#define LOOK_AFTER (5 * DB_NS_PER_MS)
+
+/* How soon it is told again: often at first, because it moves; then as the bus can bear for ever. A sample is waited
+ * for, but not for longer than WITHOUT_LOOK. */
+#define PACE_FIRST (20 * DB_NS_PER_MS)
+#define FIRST_WHILE (1 * DB_NS_PER_S)
+#define PACE (100 * DB_NS_PER_MS)
+#define WITHOUT_LOOK (100 * DB_NS_PER_MS)
+
+/* Likewise in round trips, on a slow line. */
+#define FIRST_TRIPS 2
+#define PACE_TRIPS 5
+
+/* How soon a stop that the drive turned down is sent again. */
+#define REFUSED_AGAIN (20 * DB_NS_PER_MS)
+
+/* How long an offline drive is left alone. */
+#define BACKOFF_MIN (20 * DB_NS_PER_MS)
+#define BACKOFF_MAX (200 * DB_NS_PER_MS)
+
+/* A drive that comes and goes has at least this time to show that it stops, each time that it is there. */
+#define PATIENCE_LEFT (100 * DB_NS_PER_MS)
+
+/* --- entering and leaving ---------------------------------------------------------------------------------- */
+
+static unsigned bit(unsigned number)
+{
+	return 1u << number;
+}
+
+static const enum db_command strongest_first[] = { DB_CMD_DISABLE, DB_CMD_QUICK_STOP, DB_CMD_STOP };
+
+#define KINDS (sizeof strongest_first / sizeof strongest_first[0])
+
+/* NONE: it is none of these. */
+static enum db_command strongest(unsigned kinds)
+{
+	for (size_t i = 0; i < KINDS; i++) {
+		if (kinds & bit(strongest_first[i]))
+			return strongest_first[i];
+	}
+	return DB_CMD_NONE;
+}
+
+static bool is_seen_moving(const struct db_feedback *feedback)
+{
+	return (feedback->status & DB_STATUS_MOVING) || feedback->velocity != 0.0f;
+}
+
+void standing_enter(struct standing *standing, enum db_command kind, enum db_stand_cause cause,
+                    const struct db_feedback *known, db_time now)
+{
+	float speed = known ? fabsf(known->velocity) : 0.0f;
+
+	if (standing_is_free(standing))
+		*standing = (struct standing){ .since = now };
+	standing->kinds |= bit(kind);
+	/* A stronger stop has the time of its own to take effect. */
+	if (strongest(standing->kinds) != standing->kind) {
+		standing->kind = strongest(standing->kinds);
+		standing->overdue = false;
+		standing->progress = 0;
+	}
+	standing->cause = cause;
+	standing->causes |= bit(cause);
+	standing->refused = 0;
+	standing->sent_at = 0;
+	standing->send_at = now;
+	standing->losses = 0;
+	standing->backoff = BACKOFF_MIN;
+	standing->yields = standing->obeys = standing->looked = false;
+	standing->confirmed &= kind != DB_CMD_DISABLE;
+	standing->may_move |= !known || is_seen_moving(known);
+	standing->top_speed = standing->least_speed = fmaxf(standing->top_speed, speed);
+	standing->still_from = 0;
+	standing->look_at = DB_TIME_NEVER;
+}
+
+void standing_leave(struct standing *standing)
+{
+	*standing = (struct standing){ .kind = DB_CMD_NONE };
+}
+
+void standing_withdraw(struct standing *standing, enum db_stand_cause cause)
+{
+	standing->causes &= ~bit(cause);
+	if (standing->causes == 0)
+		standing_leave(standing);
+}
+
+/* --- sending ----------------------------------------------------------------------------------------------- */
+
+db_time standing_send_at(const struct standing *standing)
+{
+	bool obeyed = standing->obeys && (standing->kind != DB_CMD_DISABLE || standing->confirmed);
+
+	if (standing_is_free(standing) || standing->yields || obeyed)
+		return DB_TIME_NEVER;
+	/* Saying it again must not take the time in which its effect could be read. */
+	return standing->looked || standing->sent_at == 0 || standing->send_at > standing->look_by ?
+	               standing->send_at :
+	               standing->look_by;
+}
+
+enum db_command standing_next(const struct standing *standing)
+{
+	enum db_command next = strongest(standing->kinds & ~standing->refused);
+
+	return next == DB_CMD_NONE ? standing->kind : next;
+}
+
+void standing_note_sent(struct standing *standing, bool trusted, db_time round_trip, db_time now)
+{
+	bool first = now - standing->since < FIRST_WHILE;
+	db_time pace = first ? PACE_FIRST : PACE;
+	db_time share = round_trip * (first ? FIRST_TRIPS : PACE_TRIPS);
+
+	standing->count++;
+	standing->sent_at = now;
+	standing->looked = !trusted;
+	standing->look_by = now + WITHOUT_LOOK;
+	if (standing->progress == 0)
+		standing->progress = now;
+	if (trusted)
+		standing->send_at = now + (pace > share ? pace : share);
+}
+
+void standing_note_answered(struct standing *standing, enum db_command command, bool taken,
+                            db_time now)
+{
+	/* An older stop was answered: of the cause that has joined since then it says nothing. */
+	if (standing_is_free(standing) || standing->sent_at == 0)
+		return;
+	standing->losses = 0;
+	standing->backoff = BACKOFF_MIN;
+	standing->look_at = now + LOOK_AFTER;
+	standing->look_by = now + WITHOUT_LOOK;
+	standing->confirmed |= command == DB_CMD_DISABLE;
+	if (taken) {
+		standing->refused = 0;
+		return;
+	}
+	standing->refused |= bit(command);
+	if ((standing->kinds & ~standing->refused) == 0)
+		standing->refused = 0;
+	standing->send_at = now + REFUSED_AGAIN;
+	/* What was turned down has no effect to wait for. */
+	standing->looked = true;
+}
+
+bool standing_note_loss(struct standing *standing, bool online, unsigned retries, db_time cost,
+                        db_time now)
+{
+	db_time share = cost * (STANDING_LOSSES_SHARE - 1);
+
+	standing->losses++;
+	standing->looked = true;
+	standing->send_at = now;
+	if (standing->losses <= retries)
+		return false;
+	if (!online) {
+		share = share > standing->backoff ? share : standing->backoff;
+		standing->backoff = standing->backoff < BACKOFF_MAX / 2 ? 2 * standing->backoff :
+		                                                          BACKOFF_MAX;
+	}
+	standing->send_at = now + share;
+	return true;
+}
+
+void standing_resume(struct standing *standing, db_time now)
+{
+	if (standing_is_free(standing))
+		return;
+	/* Negative: so much of its patience was used up before it went. */
+	standing->progress = standing->progress < 0 ? now + standing->progress : 0;
+	standing->sent_at = 0;
+	standing->send_at = now;
+	standing->look_at = DB_TIME_NEVER;
+	standing->losses = 0;
+	standing->backoff = BACKOFF_MIN;
+	standing->yields = standing->obeys = standing->looked = standing->confirmed = false;
+	standing->may_move = true;
+	standing->top_speed = standing->least_speed = 0.0f;
+	standing->still_from = 0;
+}
+
+void standing_suspend(struct standing *standing, const struct standing_rules *rules, db_time now)
+{
+	db_time used = standing->progress > 0 ? now - standing->progress : 0;
+	db_time most = rules->patience > PATIENCE_LEFT ? rules->patience - PATIENCE_LEFT : 0;
+
+	standing->obeys = false;
+	standing->still_from = 0;
+	standing->progress = -(used < most ? used : most);
+}
+
+bool standing_gives_way_to(const struct standing *standing, enum db_command command)
+{
+	return !standing_is_free(standing) && (db_command_replaces_motion(command) ||
+	                                       (command == DB_CMD_ENABLE && !standing->overdue));
+}
+
+void standing_yield(struct standing *standing)
+{
+	standing->yields = true;
+}
+
+void standing_note_motion(struct standing *standing, bool may_go_on, db_time now)
+{
+	if (!standing->yields)
+		return;
+	if (may_go_on) {
+		standing_leave(standing);
+		return;
+	}
+	standing->yields = false;
+	standing->send_at = now;
+	standing->looked = true;
+}
+
+/* --- judging ----------------------------------------------------------------------------------------------- */
+
+static bool is_expired(const struct standing *standing, const struct standing_rules *rules,
+                       db_time now)
+{
+	return standing->progress > 0 && now - standing->progress >= rules->patience;
+}
+
+/* A position that goes on changes is motion, whatever else the drive says. */
+static bool drifts(const struct standing *standing, const struct db_feedback *feedback)
+{
+	return standing->still_from != 0 &&
+	       llabs((int64_t)feedback->position - standing->still_position) > STILL_DRIFT;
+}
+
+static enum standing_verdict judge_standing(struct standing *standing,
+                                            const struct standing_rules *rules,
+                                            const struct db_feedback *feedback, db_time now)
+{
+	bool drifting = drifts(standing, feedback);
+	db_time still;
+
+	if (standing->still_from == 0 || drifting) {
+		standing->still_from = now;
+		standing->still_position = feedback->position;
+	}
+	if (drifting) {
+		standing->may_move = true;
+		standing->obeys = false;
+		return is_expired(standing, rules, now) ? STANDING_RUNS_ON : STANDING_UNSEEN;
+	}
+	still = now - standing->still_from;
+	standing->progress = now;
+	if (still < rules->doubt)
+		return STANDING_UNSEEN;
+	/* One that moved may have been seen at the turning point of a reversal. */
+	if ((standing->may_move && still < STILL_TIME) ||
+	    (standing->kind == DB_CMD_DISABLE && !standing->confirmed)) {
+		standing->least_speed = 0.0f;
+		standing->obeys = true;
+		return STANDING_OBEYS;
+	}
+	standing_leave(standing);
+	return STANDING_DONE;
+}
+
+static void follow_speed(struct standing *standing, float speed, db_time now)
+{
+	if (speed > standing->top_speed)
+		standing->top_speed = standing->least_speed = speed;
+	if (speed < standing->least_speed &&
+	    speed <= standing->least_speed - PROGRESS_SHARE * standing->top_speed) {
+		standing->least_speed = speed;
+		standing->progress = now;
+	}
+}
+
+static enum standing_verdict judge_moving(struct standing *standing,
+                                          const struct standing_rules *rules, float speed,
+                                          db_time now)
+{
+	float margin;
+
+	standing->still_from = 0;
+	standing->may_move = true;
+	follow_speed(standing, speed, now);
+	margin = SLOWER_SHARE * standing->top_speed;
+	if (speed > standing->least_speed + margin) {
+		/* Slower and then faster again was a reversal that went on, not a stop. */
+		standing->obeys = false;
+		standing->top_speed = standing->least_speed = speed;
+		standing->progress = now;
+	} else if (standing->least_speed < standing->top_speed - margin) {
+		standing->obeys = true;
+	}
+	if (is_expired(standing, rules, now)) {
+		standing->obeys = false;
+		return STANDING_RUNS_ON;
+	}
+	return standing->obeys ? STANDING_OBEYS : STANDING_UNSEEN;
+}
+
+enum standing_verdict standing_judge(struct standing *standing, const struct standing_rules *rules,
+                                     const struct db_feedback *feedback, db_time asked, db_time now)
+{
+	if (standing_is_free(standing) || standing->yields || standing->sent_at == 0 ||
+	    asked <= standing->sent_at || !(feedback->status & DB_STATUS_ONLINE))
+		return STANDING_UNSEEN;
+	standing->looked = true;
+	if (feedback->status & DB_STATUS_MOVING)
+		return judge_moving(standing, rules, fabsf(feedback->velocity), now);
+	return judge_standing(standing, rules, feedback, now);
+}
+
+db_time standing_deadline(const struct standing *standing, const struct standing_rules *rules)
+{
+	return standing_is_free(standing) || standing->yields || standing->overdue ||
+	                       standing->progress <= 0 || standing->sent_at == 0 ?
+	               DB_TIME_NEVER :
+	               standing->progress + rules->patience;
+}
+
+void standing_run_on(struct standing *standing, bool last_resort, db_time now)
+{
+	if (last_resort && standing->kind != DB_CMD_DISABLE)
+		standing_enter(standing, DB_CMD_DISABLE, standing->cause, NULL, now);
+	standing->obeys = false;
+	standing->overdue = true;
+}
