@@ -46,6 +46,12 @@
  * every request of a client that may write, only those of connections that command the drive,
  * writes, or changes of the heartbeat; as of when they arrived. When it expires, the configured
  * stop goes to the bus ahead of everything and motion is refused (latched) until clear_fault.
+ *
+ * A held motion is stopped as soon as its holder is missed: when no beat came for the span of its
+ * hold, or its connection ended, whatever the watchdog says, also where there is none. The stop is
+ * on_client_loss, or stop where that is none; nothing is latched. The same client may command other
+ * motions meanwhile and goes on holding; another motion that the drive takes and nobody holds, and
+ * any stop, ends the hold.
  */
 #ifndef DRIVEBRIDGE_COMMANDER_H
 #define DRIVEBRIDGE_COMMANDER_H
@@ -80,6 +86,9 @@ struct db_commander_ops {
 	 * on its way. May be null. */
 	void (*refused)(void *context, const struct db_client *client,
 	                const struct db_refused_write *write);
+	/* The drive is told to stop because the holder of its motion is missed; `gone`: its
+	 * connection has ended. May be null. */
+	void (*hold_lost)(void *context, const struct db_client *holder, bool gone);
 };
 
 struct db_commander_config {
@@ -146,6 +155,10 @@ struct db_command_state {
 	uint32_t watchdog_trips;
 };
 
+/* How long a hold may last without a beat, in milliseconds. */
+#define DB_HOLD_MIN_MS 100
+#define DB_HOLD_MAX_MS 1000
+
 /* Requests of one drive that may be pending, if its bus takes so many. */
 #define DB_COMMANDER_PENDING 16
 
@@ -198,6 +211,19 @@ struct db_write_answer db_commander_execute(struct db_commander *commander,
                                             const struct db_args *args, struct db_write_token token,
                                             db_time now);
 
+/* The same of a motion that this client holds from now on: until a beat is missing for hold_ms
+ * (0: it goes on by itself), or the connection ends. */
+struct db_write_answer db_commander_execute_held(struct db_commander *commander,
+                                                 const struct db_client *client,
+                                                 enum db_command code, const struct db_args *args,
+                                                 uint32_t hold_ms, struct db_write_token token,
+                                                 db_time now);
+/* The holder gives a sign of life. False: this client holds nothing, or not any more. */
+bool db_commander_beat(struct db_commander *commander, const struct db_client *client, db_time now);
+/* It sends nothing any more: what it holds is stopped with the next db_commander_expire(). */
+void db_commander_desert(struct db_commander *commander, const struct db_client *client,
+                         db_time now);
+
 /* Values that were checked already; 1..DB_SETTINGS_MAX of them, carried out as one request. */
 struct db_write_answer db_commander_set(struct db_commander *commander,
                                         const struct db_client *client,
@@ -227,8 +253,9 @@ bool db_commander_feed(struct db_commander *commander, const struct db_client *c
                        enum db_watchdog_feed by, db_time arrived);
 void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_ms,
                                db_time arrived);
-/* Its connection has ended: its number may become another's. */
-void db_commander_forget(struct db_commander *commander, const struct db_client *client);
+/* Its connection has ended: its number may become another's. What it held is deserted. */
+void db_commander_forget(struct db_commander *commander, const struct db_client *client,
+                         db_time now);
 
 /* The bus ended a request. Unknown tickets are ignored. */
 void db_commander_complete(struct db_commander *commander, const struct db_completion *completion,

@@ -41,6 +41,7 @@ enum db_event {
 	DB_EVENT_CLIENT_GONE,
 	DB_EVENT_CLIENT_REFUSED,
 	DB_EVENT_WATCHDOG_TRIPPED,
+	DB_EVENT_HOLD_LOST, /* the holder of a motion is missed, and its drive stopped */
 	/* a bus */
 	DB_EVENT_BUS_UP,
 	DB_EVENT_BUS_BITRATE,

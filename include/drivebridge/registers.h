@@ -68,6 +68,11 @@ struct db_registers_ops {
 	 * DB_CLIENT_NOBODY when nobody had. May be null. */
 	void (*tripped)(void *context, const struct db_bus_config *bus,
 	                const struct db_drive_config *drive, const struct db_client *last);
+	/* A drive is stopped because the holder of its motion is missed; see struct
+	 * db_commander_ops. May be null. */
+	void (*hold_lost)(void *context, const struct db_bus_config *bus,
+	                  const struct db_drive_config *drive, const struct db_client *holder,
+	                  bool gone);
 };
 
 /* What the roster names must outlive its time in the registers; the roster itself need not. 0 or

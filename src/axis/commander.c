@@ -16,10 +16,11 @@ struct order {
 	const struct db_client *client; /* null: nobody in particular */
 	struct db_writer *writer;       /* its memory; null: it has none, and no ids */
 	struct db_command_block block;
-	uint16_t id;    /* 0: none */
-	bool by_block;  /* by the command block, where a write may be sent again */
-	bool bare;      /* ... without a command_id */
-	uint32_t group; /* see struct db_request */
+	uint16_t id;      /* 0: none */
+	uint32_t hold_ms; /* 0: a motion goes on by itself */
+	bool by_block;    /* by the command block, where a write may be sent again */
+	bool bare;        /* ... without a command_id */
+	uint32_t group;   /* see struct db_request */
 	struct db_write_token token;
 	db_time now;
 };
@@ -169,6 +170,17 @@ static struct db_write_answer end_latch(struct db_commander *commander, const st
 	return end_order(commander, order, DB_RESULT_OK);
 }
 
+/* A motion is on its way. */
+static void begin_hold(struct db_commander *commander, const struct order *order,
+                       struct db_slot *slot)
+{
+	db_reaction_forget_hold(commander);
+	if (order->hold_ms == 0 || !order->client)
+		return;
+	slot->held = true;
+	db_hold_begin(&commander->hold, order->client, order->hold_ms, slot->order, order->now);
+}
+
 static struct db_write_answer submit_order(struct db_commander *commander,
                                            const struct order *order)
 {
@@ -192,6 +204,8 @@ static struct db_write_answer submit_order(struct db_commander *commander,
 	if (!slot)
 		return end_order(commander, order, DB_RESULT_BUSY);
 	db_requests_take_over(commander, slot);
+	if (db_command_may_move(command))
+		begin_hold(commander, order, slot);
 	if (db_admission_clears_latch(commander, command))
 		slot->ends_trip = commander->watchdog.trips;
 	if (db_command_may_move(command))
@@ -235,8 +249,10 @@ static struct db_write_answer decide_order(struct db_commander *commander,
 
 static struct db_write_answer carry_out(struct db_commander *commander, const struct order *order)
 {
-	struct db_write_answer answer = decide_order(commander, order);
+	struct db_write_answer answer;
 
+	db_reaction_check_hold(commander, order->now);
+	answer = decide_order(commander, order);
 	/* Who commands a drive is missed when it falls silent; who only stops it need not be. */
 	if (order->client && !db_command_is_stop((enum db_command)order->block.command))
 		db_watchdog_commanded(&commander->watchdog, order->client->id);
@@ -324,10 +340,20 @@ struct db_write_answer db_commander_execute(struct db_commander *commander,
                                             const struct db_args *args, struct db_write_token token,
                                             db_time now)
 {
+	return db_commander_execute_held(commander, client, code, args, 0, token, now);
+}
+
+struct db_write_answer db_commander_execute_held(struct db_commander *commander,
+                                                 const struct db_client *client,
+                                                 enum db_command code, const struct db_args *args,
+                                                 uint32_t hold_ms, struct db_write_token token,
+                                                 db_time now)
+{
 	struct order order = {
 		.client = client,
 		.writer = db_writers_claim(&commander->writers, client, now),
 		.block = { .command = (uint16_t)code, .args = *args },
+		.hold_ms = hold_ms,
 		.token = token,
 		.now = now,
 	};
@@ -423,8 +449,21 @@ void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_
 	db_watchdog_set(&commander->watchdog, timeout_ms, arrived);
 }
 
-void db_commander_forget(struct db_commander *commander, const struct db_client *client)
+bool db_commander_beat(struct db_commander *commander, const struct db_client *client, db_time now)
 {
+	return db_hold_beat(&commander->hold, client, db_client_arrived(client, now), now);
+}
+
+void db_commander_desert(struct db_commander *commander, const struct db_client *client,
+                         db_time now)
+{
+	db_hold_desert(&commander->hold, client, now);
+}
+
+void db_commander_forget(struct db_commander *commander, const struct db_client *client,
+                         db_time now)
+{
+	db_commander_desert(commander, client, now);
 	db_watchdog_forget(&commander->watchdog, client->id);
 }
 

@@ -119,6 +119,8 @@ void db_motion_note_submitted(struct db_commander *commander, struct db_writer *
 	if (!db_command_is_stop(command))
 		return;
 	cancel_motion(commander, now);
+	/* By whomever: what is to be moved after it is to be held anew. */
+	db_hold_end(&commander->hold);
 	for (struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
 		if (db_command_replaces_motion(slot->command))
 			slot->overtaken = true;
@@ -145,6 +147,49 @@ static void begin_motion(struct db_commander *commander, struct db_writer *write
 	commander->check_at = now + CHECK_MIN;
 }
 
+/* What the drive does now, or may do: with such a result it did not leave the command aside. */
+static bool may_have_begun(enum db_result result)
+{
+	switch (result) {
+	case DB_RESULT_OK:
+	case DB_RESULT_UNPROVEN:
+	case DB_RESULT_TIMEOUT:
+	case DB_RESULT_INDETERMINATE:
+	case DB_RESULT_FAILED:
+		return true;
+	default:
+		return false;
+	}
+}
+
+static bool is_holding_pending(const struct db_commander *commander, const struct db_slot *but)
+{
+	for (const struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
+		if (slot != but && slot->held)
+			return true;
+	}
+	return false;
+}
+
+/* A hold is over without a stop when its motion never began, or when the drive has taken a later motion that nobody
+ * holds. While that is open it goes on: who holds is then asked for one beat too many. */
+static void note_hold(struct db_commander *commander, const struct db_slot *slot,
+                      enum db_result result)
+{
+	struct db_hold *hold = &commander->hold;
+
+	if (hold->holder.id == DB_CLIENT_NOBODY)
+		return;
+	if (slot->held && may_have_begun(result))
+		hold->begun = true;
+	else if (slot->held && !hold->begun && !is_holding_pending(commander, slot))
+		db_hold_end(hold);
+	else if (!slot->held && db_command_is_motion(slot->command) &&
+	         db_result_is_success(result) &&
+	         commander->submitted - slot->order < commander->submitted - hold->order)
+		db_hold_end(hold);
+}
+
 void db_motion_note_ended(struct db_commander *commander, const struct db_slot *slot,
                           enum db_result result, db_time now)
 {
@@ -153,6 +198,7 @@ void db_motion_note_ended(struct db_commander *commander, const struct db_slot *
 	                                           db_slot_client(slot, &client));
 
 	db_history_end(&commander->history, slot->entry, result, now - slot->arrived);
+	note_hold(commander, slot, result);
 	if (!db_command_replaces_motion(slot->command))
 		return;
 	switch (result) {
@@ -219,6 +265,9 @@ static void follow_to_end(struct db_commander *commander, const struct db_feedba
 	db_history_end(&commander->history, commander->follow_entry, result,
 	               now - commander->follow_arrived);
 	db_writers_end_motion(&commander->writers, commander->follow.ticket, result);
+	/* It stands at its end, and there is nothing to be held. */
+	if (result == DB_RESULT_OK)
+		db_hold_end(&commander->hold);
 }
 
 void db_motion_check(struct db_commander *commander, db_time now)

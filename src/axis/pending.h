@@ -25,11 +25,13 @@ struct db_slot {
 	db_time arrived;
 	uint8_t address[16]; /* of the client whose it is */
 	uint16_t port;
-	uint16_t id;                 /* command_id */
-	enum db_command command : 8; /* NONE: a parameter write */
-	bool has_client : 1;         /* it is not the bridge's own */
-	bool overtaken : 1;          /* a stop was handed to the bus after it */
-	bool reaction : 1;           /* the watchdog's stop */
+	uint16_t id;                   /* command_id */
+	enum db_command command : 8;   /* NONE: a parameter write */
+	enum db_stand_cause cause : 8; /* of a stop */
+	bool has_client : 1;           /* it is not the bridge's own */
+	bool overtaken : 1;            /* a stop was handed to the bus after it */
+	bool reaction : 1;             /* the stop for clients that are missed */
+	bool held : 1;                 /* its client holds what it begins */
 	bool again : 1; /* a stop that is to be handed to the bus once more when it ended */
 	bool over : 1;  /* ... and has ended */
 	uint8_t waiter_count;

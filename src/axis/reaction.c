@@ -12,23 +12,32 @@
 /* How often a drive that was not there yet is looked for. */
 #define FIND_INTERVAL (100 * DB_NS_PER_MS)
 
-/* Stops the drive because nobody talks to it. Tried again soon if there is no room for a
- * request. */
-static void stop_drive(struct db_commander *commander, db_time now)
+/* The same for every cause, so that one never weakens what another has asked for. Without
+ * on-client-loss there is no watchdog; what is held is stopped all the same. */
+static enum db_command reaction_command(const struct db_commander *commander)
 {
-	struct db_command_block block = { .command = (uint16_t)commander->config.on_client_loss };
-	struct db_request request = {
-		.command = commander->config.on_client_loss,
-		.submitted = now,
-	};
+	enum db_command command = commander->config.on_client_loss;
+
+	return command != DB_CMD_NONE ? command : DB_CMD_STOP;
+}
+
+/* Stops the drive because somebody is missed. Tried again soon if there is no room for a
+ * request. */
+static void stop_drive(struct db_commander *commander, enum db_stand_cause cause,
+                       enum db_command command, db_time now)
+{
+	struct db_command_block block = { .command = (uint16_t)command };
+	struct db_request request = { .command = command, .cause = cause, .submitted = now };
 	struct db_slot *slot = commander->pending.first;
 
+	commander->reaction_cause = cause;
 	while (slot && !slot->reaction)
 		slot = slot->next;
 	if (slot) {
 		/* One of an earlier time, with what came since behind it, is repeated when it
 		 * ends. */
 		slot->again = true;
+		slot->cause = cause;
 	} else {
 		slot = db_requests_submit(commander, NULL, &request, 0);
 		if (!slot) {
@@ -79,8 +88,8 @@ static void find_drive(struct db_commander *commander, db_time now)
 		db_motion_supervise(commander, DB_CMD_MOVE_VELOCITY, now);
 }
 
-/* Seen to stand since the watchdog was fed last, and not told to move. */
-static bool is_at_rest(const struct db_commander *commander)
+/* Seen to stand since then, and not told to move. */
+static bool is_at_rest(const struct db_commander *commander, db_time since)
 {
 	struct db_snapshot snapshot;
 	const struct db_feedback *feedback = &snapshot.feedback;
@@ -88,21 +97,45 @@ static bool is_at_rest(const struct db_commander *commander)
 	db_axis_read(commander->config.axis, &snapshot);
 	return !commander->pending.first && !commander->follow.active &&
 	       !commander->supervise.active && (feedback->status & DB_STATUS_ONLINE) &&
-	       !(feedback->status & DB_STATUS_MOVING) &&
-	       feedback->taken > commander->watchdog.fed &&
+	       !(feedback->status & DB_STATUS_MOVING) && feedback->taken > since &&
 	       (feedback->state == DB_AXIS_STANDSTILL || feedback->state == DB_AXIS_DISABLED);
+}
+
+void db_reaction_check_hold(struct db_commander *commander, db_time now)
+{
+	struct db_hold lost = commander->hold;
+
+	if (now < db_hold_deadline(&commander->hold))
+		return;
+	db_hold_end(&commander->hold);
+	stop_drive(commander, DB_STAND_HOLD, reaction_command(commander), now);
+	if (commander->ops->hold_lost)
+		commander->ops->hold_lost(commander->context, &lost.holder, lost.deserted);
+}
+
+/* The drive turned the stop down, but stands since: where nothing is latched there is nothing left to do. */
+static bool needs_no_more(const struct db_commander *commander)
+{
+	return commander->reaction_cause == DB_STAND_HOLD && commander->reaction_ticket != 0 &&
+	       is_at_rest(commander, commander->reaction_again_at - REFUSED_AGAIN);
 }
 
 bool db_reaction_run(struct db_commander *commander, db_time now)
 {
 	bool tripped;
 
+	db_reaction_check_hold(commander, now);
 	if (now >= db_watchdog_deadline(&commander->watchdog) &&
-	    db_watchdog_is_deserted(&commander->watchdog) && is_at_rest(commander))
+	    db_watchdog_is_deserted(&commander->watchdog) &&
+	    is_at_rest(commander, commander->watchdog.fed))
 		db_watchdog_disarm(&commander->watchdog);
 	tripped = db_watchdog_trip(&commander->watchdog, now);
-	if (tripped || commander->reaction_again_at <= now)
-		stop_drive(commander, now);
+	if (tripped)
+		stop_drive(commander, DB_STAND_WATCHDOG, reaction_command(commander), now);
+	else if (commander->reaction_again_at <= now && needs_no_more(commander))
+		db_reaction_forget_hold(commander);
+	else if (commander->reaction_again_at <= now)
+		stop_drive(commander, commander->reaction_cause, reaction_command(commander), now);
 	db_requests_repeat_stops(commander, now);
 	find_drive(commander, now);
 	return tripped;
@@ -112,6 +145,8 @@ db_time db_reaction_deadline(const struct db_commander *commander)
 {
 	db_time next = db_watchdog_deadline(&commander->watchdog);
 
+	if (db_hold_deadline(&commander->hold) < next)
+		next = db_hold_deadline(&commander->hold);
 	if (commander->reaction_again_at < next)
 		next = commander->reaction_again_at;
 	return commander->find_at < next ? commander->find_at : next;
@@ -124,6 +159,14 @@ void db_reaction_note_ended(struct db_commander *commander, enum db_result resul
 		commander->reaction_again_at = now + REFUSED_AGAIN;
 	else
 		commander->reaction_ticket = 0;
+}
+
+void db_reaction_forget_hold(struct db_commander *commander)
+{
+	if (commander->reaction_cause != DB_STAND_HOLD)
+		return;
+	commander->reaction_ticket = 0;
+	commander->reaction_again_at = DB_TIME_NEVER;
 }
 
 void db_reaction_unlatch(struct db_commander *commander, db_time now)

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a drive does when its clients fall silent: the watchdog's stop, until the drive has
- * confirmed it, and the latch behind it. Network thread only.
+ * What a drive does when clients are missed: the stop by the watchdog when all of them fall silent, with the latch
+ * after it, and by the end of a hold when the holder of a motion is gone; until the drive has confirmed it. Network
+ * thread only.
  */
 #ifndef DRIVEBRIDGE_AXIS_REACTION_H
 #define DRIVEBRIDGE_AXIS_REACTION_H
@@ -11,11 +12,15 @@
 /* What is due: the stop, again if it has to be, and the first look at a drive. Whether the watchdog
  * tripped now. */
 bool db_reaction_run(struct db_commander *commander, db_time now);
+/* Of that, what ends a hold: before anything that its holder asks for later. */
+void db_reaction_check_hold(struct db_commander *commander, db_time now);
 /* When that is; DB_TIME_NEVER. */
 db_time db_reaction_deadline(const struct db_commander *commander);
 
-/* The watchdog's stop ended. One that the drive turned down is repeated until it is taken. */
+/* The stop ended. One that the drive turned down is repeated until it is taken. */
 void db_reaction_note_ended(struct db_commander *commander, enum db_result result, db_time now);
+/* The stop that ended a hold is not repeated any more: a motion was admitted after it. */
+void db_reaction_forget_hold(struct db_commander *commander);
 
 /* Ends the latch. What moves all the same is watched again. */
 void db_reaction_unlatch(struct db_commander *commander, db_time now);

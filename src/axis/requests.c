@@ -48,7 +48,7 @@ struct db_slot *db_requests_submit(struct db_commander *commander, const struct 
                                    struct db_request *request, uint16_t id)
 {
 	struct db_slot *slot = db_pending_place(&commander->pending, request->command);
-	struct db_slot taken = { .command = request->command };
+	struct db_slot taken = { .command = request->command, .cause = request->cause };
 
 	if (!slot)
 		return NULL;
@@ -134,6 +134,7 @@ void db_requests_repeat_stop(struct db_commander *commander, struct db_slot *slo
 		.ticket = new_ticket(commander),
 		.drive = commander->config.drive,
 		.command = slot->command,
+		.cause = slot->cause,
 		.submitted = now,
 	};
 	uint32_t before = slot->ticket;

@@ -9,6 +9,7 @@
 
 #include "axis/follow.h"
 #include "axis/history.h"
+#include "axis/hold.h"
 #include "axis/pending.h"
 #include "axis/supervise.h"
 #include "axis/watchdog.h"
@@ -42,10 +43,12 @@ struct db_commander {
 	db_time check_at;              /* the next look at it */
 	db_time check_interval;
 
-	/* Silence of the clients, see reaction.h. */
+	/* Clients that are missed, see reaction.h. */
 	struct db_watchdog watchdog;
-	uint32_t reaction_ticket;  /* the watchdog's stop, until the drive has confirmed it; 0 */
-	db_time reaction_again_at; /* it is to be handed over again then; or NEVER */
+	struct db_hold hold;
+	uint32_t reaction_ticket;           /* its stop, until the drive has confirmed it; 0 */
+	enum db_stand_cause reaction_cause; /* of that stop */
+	db_time reaction_again_at;          /* it is to be handed over again then; or NEVER */
 	db_time find_at; /* the next look whether the drive is there and moves; NEVER: it was */
 };
 

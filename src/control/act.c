@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "control/act.h"
 
+#include "control/held.h"
 #include "control/state.h"
 #include "control/values.h"
 #include "drivebridge/command_table.h"
@@ -137,6 +138,7 @@ struct item {
 
 struct db_write_plan {
 	uint16_t drive;
+	bool moves; /* it starts a motion, or keeps one going */
 	size_t count;
 	size_t next;
 	struct item items[DB_SETTINGS_MAX];
@@ -199,8 +201,10 @@ static void write_on(struct db_session *session)
 
 /* False when it is answered already. */
 static bool plan_item(const struct db_call *call, const struct db_name_list *list,
-                      const char *drive, const char *name, const json_t *json, struct item *item)
+                      const char *drive, const char *name, const json_t *json,
+                      struct db_write_plan *plan)
 {
+	struct item *item = &plan->items[plan->count];
 	const struct db_entry *entry = db_name_list_find(list, name);
 	char reason[DB_REASON_MAX];
 	double number;
@@ -224,6 +228,7 @@ static bool plan_item(const struct db_call *call, const struct db_name_list *lis
 		.part = entry->cell.part,
 	};
 	snprintf(item->name, sizeof item->name, "%s", name);
+	plan->moves = plan->moves || db_named_moves(plan->drive, entry, number);
 	if (entry->table == DB_TABLE_COILS)
 		item->words[0] = number > 0.0;
 	else
@@ -261,11 +266,15 @@ void db_act_write(const struct db_call *call)
 	/* Everything is looked at before anything is written. */
 	json_object_foreach(values, key, value)
 	{
-		if (!plan_item(call, list, name, key, value, &plan->items[plan->count])) {
+		if (!plan_item(call, list, name, key, value, plan)) {
 			free(plan);
 			return;
 		}
 		plan->count++;
+	}
+	if (plan->moves && !db_held_is_young(call)) {
+		free(plan);
+		return;
 	}
 	qsort(plan->items, plan->count, sizeof plan->items[0], by_place);
 	session->job = plan;
@@ -362,6 +371,7 @@ void db_act_run(const struct db_call *call)
 	const char *drive_name;
 	const char *command;
 	json_t *arguments;
+	uint32_t hold_ms;
 
 	session->until_end = false;
 	if (!db_act_is_allowed(session) || !db_call_drive(call, false, &drive, &drive_name) ||
@@ -380,11 +390,13 @@ void db_act_run(const struct db_call *call)
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
 		return;
 	}
-	if (!take_arguments(call, list, row, arguments, &args))
+	if (!take_arguments(call, list, row, arguments, &args) ||
+	    !db_held_span(call, row, &hold_ms) ||
+	    (db_command_may_move(row->code) && !db_held_is_young(call)))
 		return;
 	session->drive = drive.number;
 	session->wait = DB_WAITS_FOR_RUN;
-	taken = db_named_run(registers, &session->client, drive.number, row->code, &args,
+	taken = db_named_run(registers, &session->client, drive.number, row->code, &args, hold_ms,
 	                     next_token(session), &session->entry);
 	if (!taken.later)
 		end_run(session, taken.result, db_control_now(session->control));

@@ -35,6 +35,22 @@ bool db_call_optional_flag(const struct db_call *call, const char *name, bool *f
 	return json_is_boolean(value) ? true : refuse(call, name);
 }
 
+bool db_call_optional_number(const struct db_call *call, const char *name, int64_t min, int64_t max,
+                             int64_t *number, bool *given)
+{
+	const json_t *value = json_object_get(call->parameters, name);
+
+	*given = value && !json_is_null(value);
+	return !*given || db_call_number(call, name, min, max, number);
+}
+
+bool db_call_optional_text(const struct db_call *call, const char *name, const char **text)
+{
+	const json_t *value = json_object_get(call->parameters, name);
+
+	return !value || json_is_null(value) || db_call_text(call, name, text);
+}
+
 bool db_call_object(const struct db_call *call, const char *name, bool optional, json_t **object)
 {
 	json_t *value = json_object_get(call->parameters, name);

@@ -17,6 +17,10 @@ bool db_call_text(const struct db_call *call, const char *name, const char **tex
 bool db_call_number(const struct db_call *call, const char *name, int64_t min, int64_t max,
                     int64_t *number);
 bool db_call_optional_flag(const struct db_call *call, const char *name, bool *flag);
+/* A whole number, or a text; *given: there is one. */
+bool db_call_optional_number(const struct db_call *call, const char *name, int64_t min, int64_t max,
+                             int64_t *number, bool *given);
+bool db_call_optional_text(const struct db_call *call, const char *name, const char **text);
 bool db_call_object(const struct db_call *call, const char *name, bool optional, json_t **object);
 /* An array of texts. */
 bool db_call_texts(const struct db_call *call, const char *name, json_t **texts);

@@ -3,6 +3,7 @@
 
 #include "control/act.h"
 #include "control/call.h"
+#include "control/held.h"
 #include "control/look.h"
 #include "control/metrics.h"
 #include "control/scan.h"
@@ -15,6 +16,7 @@
 
 #define SERVICE "org.varlink.service"
 #define CONTROL "io.drivebridge.Control"
+#define BEAT CONTROL ".Beat"
 
 /* As the definition of varlink has it. */
 static const char service_description[] =
@@ -77,8 +79,10 @@ static const struct method {
 	{ CONTROL ".Commands", db_look_commands, " drive ", false },
 	{ CONTROL ".Read", db_look_read, " drive names ", false },
 	{ CONTROL ".Introduce", db_act_introduce, " user ", false },
-	{ CONTROL ".Write", db_act_write, " drive values ", false },
-	{ CONTROL ".Run", db_act_run, " drive command arguments until_end ", false },
+	{ CONTROL ".Clock", db_held_clock, " ", false },
+	{ CONTROL ".Write", db_act_write, " drive values token ", false },
+	{ CONTROL ".Run", db_act_run, " drive command arguments until_end hold_ms token ", false },
+	{ BEAT, db_held_beat, " drive token ", false },
 	{ CONTROL ".Subscribe", db_streams_subscribe, " drives names interval_ms changes ", true },
 	{ CONTROL ".Events", db_streams_events, " ", false },
 	{ CONTROL ".Trace", db_traces_follow, " bus kept past ", true },
@@ -132,6 +136,29 @@ static const char *find_foreign(const struct method *method, json_t *parameters)
 	return NULL;
 }
 
+/* Nobody waits for its answer, so it need not wait for what is answered before it. */
+static bool is_silent_beat(const char *text, size_t length)
+{
+	struct db_message message;
+	bool beats = !db_message_parse(text, length, &message) && message.oneway &&
+	             strcmp(message.method, BEAT) == 0;
+
+	db_message_clear(&message);
+	return beats;
+}
+
+bool db_calls_has_next(struct db_session *session, size_t *length)
+{
+	if (db_session_has_message(session, length))
+		return true;
+	if (session->broken || !db_session_has_whole(session, length))
+		return false;
+	if (session->next == DB_NEXT_UNKNOWN)
+		session->next = is_silent_beat(session->in, *length) ? DB_NEXT_BEATS :
+		                                                       DB_NEXT_WAITS;
+	return session->next == DB_NEXT_BEATS;
+}
+
 void db_calls_take(struct db_session *session, const char *text, size_t length)
 {
 	struct db_message message;
@@ -141,6 +168,12 @@ void db_calls_take(struct db_session *session, const char *text, size_t length)
 	const char *foreign;
 
 	session->control->stats.calls++;
+	/* A call is under way, whose answer is still to come. */
+	if (session->next == DB_NEXT_BEATS) {
+		db_held_beat_silently(&call);
+		db_message_clear(&message);
+		return;
+	}
 	session->more = message.more;
 	session->oneway = message.oneway;
 	if (wrong) {

@@ -5,6 +5,9 @@
 
 #include "control/session.h"
 
+/* Whether the message that came first may be taken now, and how long it is. */
+bool db_calls_has_next(struct db_session *session, size_t *length);
+
 /* Carries out a message, whatever it holds. */
 void db_calls_take(struct db_session *session, const char *text, size_t length);
 

@@ -99,17 +99,19 @@ bool db_session_receive(struct db_session *session, db_time now)
 	return got >= 0 || errno == EAGAIN || errno == EWOULDBLOCK;
 }
 
-bool db_session_has_message(const struct db_session *session, size_t *length)
+bool db_session_has_whole(const struct db_session *session, size_t *length)
 {
-	const char *end;
+	const char *end = session->in_used > 0 ? memchr(session->in, '\0', session->in_used) : NULL;
 
-	if (session->wait != DB_WAITS_FOR_NOTHING || session->out || session->broken ||
-	    session->in_used == 0)
-		return false;
-	end = memchr(session->in, '\0', session->in_used);
 	if (end)
 		*length = (size_t)(end - session->in);
 	return end;
+}
+
+bool db_session_has_message(const struct db_session *session, size_t *length)
+{
+	return session->wait == DB_WAITS_FOR_NOTHING && !session->out && !session->broken &&
+	       db_session_has_whole(session, length);
 }
 
 bool db_session_is_overfull(const struct db_session *session)
@@ -120,6 +122,7 @@ bool db_session_is_overfull(const struct db_session *session)
 
 void db_session_drop_message(struct db_session *session, size_t length)
 {
+	session->next = DB_NEXT_UNKNOWN;
 	session->in_used -= length + 1;
 	memmove(session->in, session->in + length + 1, session->in_used);
 	if (session->in_used > 0)

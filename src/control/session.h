@@ -27,6 +27,9 @@ enum db_session_wait {
 	DB_WAITS_FOR_SCAN,
 };
 
+/* Whether the first message may be taken although its session waits for something. */
+enum db_session_next { DB_NEXT_UNKNOWN, DB_NEXT_WAITS, DB_NEXT_BEATS };
+
 struct db_session {
 	struct db_control_socket *control;
 	struct db_client client; /* its address is that of the actor */
@@ -35,6 +38,7 @@ struct db_session {
 	uint32_t events; /* what epoll waits for */
 	bool acted;      /* it has commanded something */
 	bool ended;      /* the client sends nothing more */
+	bool deserted;   /* ... and what it held is stopped */
 	bool gone;       /* and takes nothing any more */
 	bool broken;     /* to be closed when its answers are sent */
 
@@ -42,6 +46,8 @@ struct db_session {
 	size_t turn_bytes; /* of what is in `in`, so much came for this turn */
 	bool introduced;   /* the call taken last said for whom it acts ... */
 	bool turn_kept;    /* ... and so the one behind it has still its turn */
+
+	enum db_session_next next; /* what waits first, if that matters */
 
 	char *in; /* there only while it is not empty, likewise `out` */
 	size_t in_used;
@@ -84,6 +90,8 @@ bool db_session_send(struct db_session *session, db_time now);
 /* When that is, if it goes on like this; DB_TIME_NEVER while no answer waits. */
 db_time db_session_stuck_at(const struct db_session *session);
 
+/* Whether a whole message has come. */
+bool db_session_has_whole(const struct db_session *session, size_t *length);
 /* Whether a whole message waits whose turn it is, and that; or the rest is too long for one. */
 bool db_session_has_message(const struct db_session *session, size_t *length);
 bool db_session_is_overfull(const struct db_session *session);

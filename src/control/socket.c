@@ -15,6 +15,7 @@
 #include <string.h>
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
+#include <sys/random.h>
 #include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
@@ -220,6 +221,11 @@ static void settle(struct db_control_socket *control)
 
 		if (session->out && !session->gone && !db_session_send(session, now))
 			session->gone = session->ended = true;
+		/* No beat of its can come any more. */
+		if (session->ended && !session->deserted) {
+			db_named_desert(control->setup.registers, &session->client);
+			session->deserted = true;
+		}
 		if (session->gone) {
 			/* Nobody waits for it, but what was asked behind it is still done. */
 			db_scan_forget(session);
@@ -240,7 +246,7 @@ static void settle(struct db_control_socket *control)
 			continue;
 		}
 		watch(control, session);
-		work = work || db_session_has_message(session, &length);
+		work = work || db_calls_has_next(session, &length);
 		if (due_of(control, session) < due)
 			due = due_of(control, session);
 		if (db_session_stuck_at(session) < due)
@@ -277,8 +283,7 @@ static bool take_call(struct db_control_socket *control)
 	for (size_t i = 0; i < control->count; i++) {
 		struct db_session *session = control->sessions[i];
 
-		if ((!next || session->turn < next->turn) &&
-		    db_session_has_message(session, &length))
+		if ((!next || session->turn < next->turn) && db_calls_has_next(session, &length))
 			next = session;
 	}
 	if (!next)
@@ -472,6 +477,17 @@ static void stop_listening(struct db_control_socket *control)
 	control->listener = -1;
 }
 
+/* A number that no other run of the service has had, as far as chance goes. */
+static int draw_run(uint32_t *run)
+{
+	ssize_t got;
+
+	do
+		got = getrandom(run, sizeof *run, 0);
+	while (got < 0 && errno == EINTR);
+	return got == sizeof *run ? 0 : -EIO;
+}
+
 int db_control_socket_new(const struct db_control_socket_setup *setup,
                           struct db_control_socket **control)
 {
@@ -488,6 +504,11 @@ int db_control_socket_new(const struct db_control_socket_setup *setup,
 	made->listener = -1;
 	made->armed = DB_TIME_NEVER;
 	made->last_id = DB_CLIENT_GROUP - 1; /* the next one is the first session's */
+	error = draw_run(&made->run);
+	if (error < 0) {
+		free(made);
+		return error;
+	}
 	clock_gettime(CLOCK_REALTIME, &wall);
 	made->started_us = (uint64_t)wall.tv_sec * 1000000 + (uint64_t)wall.tv_nsec / 1000;
 	made->epoll = epoll_create1(EPOLL_CLOEXEC);

@@ -9,6 +9,7 @@
 #include "drivebridge/control_socket.h"
 
 #include <systemd/sd-event.h>
+#include <time.h>
 
 /* Since the service began. */
 struct db_control_stats {
@@ -36,6 +37,7 @@ struct db_control_socket {
 	sd_event_source *timer;
 	db_time armed;
 	db_time rest_until; /* no stream is looked at before */
+	uint32_t run;       /* of tokens, see token.h */
 	struct db_session *sessions[DB_SESSIONS_MAX];
 	size_t count;
 	uint64_t last_turn;
@@ -43,6 +45,15 @@ struct db_control_socket {
 	uint64_t started_us; /* since 1970-01-01 UTC */
 	struct db_control_stats stats;
 };
+
+/* What tokens have: it goes on while the machine sleeps, and while a turn of the loop is held up. */
+static inline db_time db_control_clock(void)
+{
+	struct timespec now;
+
+	clock_gettime(CLOCK_BOOTTIME, &now);
+	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
+}
 
 /* The loop's time: of when this turn of it began. */
 static inline db_time db_control_now(const struct db_control_socket *control)

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "control/streams.h"
 
+#include "control/held.h"
 #include "control/look.h"
 #include "control/state.h"
 #include "control/values.h"
@@ -301,8 +302,9 @@ static void send_samples(struct db_session *session, db_time now)
 		return;
 	}
 	db_session_reply(session,
-	                 json_pack("{s:I, s:o, s:I}", "time_us", (json_int_t)wall_us(), "samples",
-	                           samples, "skipped", (json_int_t)stream->skipped),
+	                 json_pack("{s:I, s:o, s:I, s:o}", "time_us", (json_int_t)wall_us(),
+	                           "samples", samples, "skipped", (json_int_t)stream->skipped,
+	                           "token", db_held_token(session->control)),
 	                 true);
 	stream->skipped = 0;
 }

@@ -36,6 +36,8 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 		KIND("client-refused", "2ceb96144aac429996a0d597cdd9743a", WARNING, REFUSAL, 0),
 	[DB_EVENT_WATCHDOG_TRIPPED] =
 		KIND("watchdog-tripped", "f4b126778ab340cabc0126093758deea", ERROR, WATCHDOG, 4),
+	[DB_EVENT_HOLD_LOST] =
+		KIND("hold-lost", "29faa32dd2aa43349b37fa5a05b85179", WARNING, HOLD, 4),
 	[DB_EVENT_BUS_UP] =
 		KIND("bus-up", "fed920e4b5ff44ef8ec33d9d7454611f", NOTICE, PORT, 6),
 	[DB_EVENT_BUS_BITRATE] =

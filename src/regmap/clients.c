@@ -70,7 +70,9 @@ void db_clients_release_control(const struct db_registers *registers,
 
 void db_clients_forget(const struct db_registers *registers, const struct db_client *client)
 {
+	db_time now = registers->ops->now(registers->context);
+
 	db_clients_release_control(registers, client);
 	for (size_t i = 0; i < registers->roster->drive_count; i++)
-		db_commander_forget(registers->roster->drives[i]->commander, client);
+		db_commander_forget(registers->roster->drives[i]->commander, client, now);
 }

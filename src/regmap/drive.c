@@ -51,11 +51,22 @@ static void pass_on_refusal(void *context, const struct db_client *client,
 		                              client, write);
 }
 
+static void pass_on_lost_hold(void *context, const struct db_client *holder, bool gone)
+{
+	const struct db_view_drive *drive = context;
+	const struct db_registers *registers = drive->registers;
+
+	if (registers->ops->hold_lost)
+		registers->ops->hold_lost(registers->context, drive->bus_config, drive->config,
+		                          holder, gone);
+}
+
 static const struct db_commander_ops commander_ops = {
 	.submit = submit_to_bus,
 	.answer = answer_client,
 	.wall_us = read_wall_us,
 	.refused = pass_on_refusal,
+	.hold_lost = pass_on_lost_hold,
 };
 
 struct db_view_drive *db_view_drive_new(struct db_registers *registers,

@@ -406,10 +406,24 @@ enum db_result db_named_write_result(struct db_registers *registers, const struc
 	               db_exception_result(exception);
 }
 
+bool db_named_moves(uint16_t number, const struct db_entry *entry, double value)
+{
+	const struct db_cell *cell = &entry->cell;
+
+	if (entry->table != DB_TABLE_HOLDING)
+		return false;
+	if (number == DB_NAMED_GATEWAY)
+		return (cell->part & DB_PART_GROUP) && value > 0.0 &&
+		       cell->offset == offsetof(struct db_gateway_image, group_start);
+	return (cell->part & DB_PART_BLOCK) &&
+	       cell->offset == offsetof(struct db_drive_image, block.command) &&
+	       db_command_may_move((enum db_command)value);
+}
+
 struct db_write_answer db_named_run(struct db_registers *registers, const struct db_client *client,
                                     uint16_t number, enum db_command command,
-                                    const struct db_args *args, struct db_write_token token,
-                                    uint32_t *entry)
+                                    const struct db_args *args, uint32_t hold_ms,
+                                    struct db_write_token token, uint32_t *entry)
 {
 	struct db_view_drive *drive = find_drive(registers, number);
 	bool stop = db_command_is_stop(command);
@@ -428,11 +442,30 @@ struct db_write_answer db_named_run(struct db_registers *registers, const struct
 		db_commander_refuse(drive->commander, client, &block, DB_RESULT_NOT_IN_CONTROL, 0);
 		return (struct db_write_answer){ .result = DB_RESULT_NOT_IN_CONTROL };
 	}
-	answer = db_commander_execute(drive->commander, client, command, stop ? &none : args, token,
-	                              registers->ops->now(registers->context));
+	answer = db_commander_execute_held(drive->commander, client, command, stop ? &none : args,
+	                                   hold_ms, token, registers->ops->now(registers->context));
 	if (db_commander_history(drive->commander, 0, &newest))
 		*entry = newest.sequence;
 	return answer;
+}
+
+bool db_named_beat(struct db_registers *registers, const struct db_client *client, uint16_t number)
+{
+	struct db_view_drive *drive = find_drive(registers, number);
+
+	if (!drive ||
+	    !db_commander_beat(drive->commander, client, registers->ops->now(registers->context)))
+		return false;
+	db_clients_hear(drive, client, DB_FEED_WRITES);
+	return true;
+}
+
+void db_named_desert(struct db_registers *registers, const struct db_client *client)
+{
+	db_time now = registers->ops->now(registers->context);
+
+	for (size_t i = 0; i < registers->roster->drive_count; i++)
+		db_commander_desert(registers->roster->drives[i]->commander, client, now);
 }
 
 enum db_result db_named_outcome(const struct db_registers *registers, uint16_t number,

@@ -118,11 +118,21 @@ int db_named_write(struct db_registers *registers, const struct db_client *clien
 enum db_result db_named_write_result(struct db_registers *registers, const struct db_client *client,
                                      uint16_t number, uint8_t exception);
 
-/* A command without an id, which leaves the kept command block alone. *entry: its number in the history. */
+/* Whether writing this to a register of a drive, or of the gateway, sets drives in motion or keeps a held motion going,
+ * with the kept arguments and whatever else is written. */
+bool db_named_moves(uint16_t number, const struct db_entry *entry, double value);
+
+/* A command without an id, which leaves the kept command block alone. A motion is held for hold_ms, as
+ * db_commander_execute_held() has it. *entry: its number in the history. */
 struct db_write_answer db_named_run(struct db_registers *registers, const struct db_client *client,
                                     uint16_t number, enum db_command command,
-                                    const struct db_args *args, struct db_write_token token,
-                                    uint32_t *entry);
+                                    const struct db_args *args, uint32_t hold_ms,
+                                    struct db_write_token token, uint32_t *entry);
+
+/* The client gives a sign of life for the motion that it holds. False: it holds none of this drive. */
+bool db_named_beat(struct db_registers *registers, const struct db_client *client, uint16_t number);
+/* It sends nothing any more: all that it holds is stopped. */
+void db_named_desert(struct db_registers *registers, const struct db_client *client);
 
 /* What became of it and of the motion that it began: PENDING while that goes on. */
 enum db_result db_named_outcome(const struct db_registers *registers, uint16_t number,

@@ -109,6 +109,21 @@ static void log_tripped(void *context, const struct db_bus_config *bus_config,
 	traces_note_tripped(service, bus_config, drive);
 }
 
+static void log_lost_hold(void *context, const struct db_bus_config *bus_config,
+                          const struct db_drive_config *drive, const struct db_client *holder,
+                          bool gone)
+{
+	const struct service *service = context;
+	struct db_log_source log = service_log_of(service, bus_config);
+	char text[DB_CLIENT_TEXT_MAX];
+	struct db_log_about about = { .drive = drive->name, .unit = drive->unit, .client = text };
+
+	describe_client(service, holder, text);
+	db_log(&log, service_now(service), DB_EVENT_HOLD_LOST, &about,
+	       "%s, so the motion that it held is stopped",
+	       gone ? "its connection has ended" : "its beats have stopped");
+}
+
 /* What the client wrote, in words. */
 static void describe_write(const struct db_refused_write *write, char *text, size_t size)
 {
@@ -157,4 +172,5 @@ const struct db_registers_ops service_registers_ops = {
 	.refused = count_refusal,
 	.write_refused = log_refused_write,
 	.tripped = log_tripped,
+	.hold_lost = log_lost_hold,
 };

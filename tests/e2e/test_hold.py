@@ -1,0 +1,335 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A held motion goes on only while somebody holds it, and what comes late moves nothing. When drives moved and stood
+is read off the wire."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import holdlib
+import pytest
+from bridgelib import eventually
+from holdlib import Failed, Hand
+
+SPEED = 2000
+# A busy machine takes its time: what is judged by the clock may be later by so much (s).
+PATIENCE = 0.25
+
+
+def obeyed(bridge, drive="drive1"):
+    """(moment of time.monotonic(), what), of what the simulated drive did: the commands that it obeyed, and `stands`."""
+    for line in bridge.sim.trace_path.read_text(encoding="utf-8").splitlines():
+        parts = line.split(" ", 3)
+        if len(parts) == 4 and parts[1:3] == [drive, "!"]:
+            yield int(parts[0]) / 1e6, parts[3].split(" |")[0].removeprefix("obeyed ")
+
+
+def stopped(bridge, since):
+    """When the drive obeyed the first stop, s from `since` on."""
+    return eventually(lambda: next((max(moment - since, 1e-6) for moment, what in obeyed(bridge)
+                                    if " stp" in what and moment >= since), None), what="a stop")
+
+
+def stands(bridge):
+    eventually(lambda: bridge.sim.get()["velocity"] == 0, what="the drive to stand")
+
+
+def moves(bridge):
+    eventually(lambda: bridge.sim.get()["velocity"] == SPEED, what="the drive to move")
+
+
+def errors(name):
+    return pytest.raises(Failed, match=name)
+
+
+def events(bridge, name="hold-lost"):
+    with Hand(bridge.control_path) as hand:
+        return [event for event in hand.call("Events")["events"] if event["name"] == name]
+
+
+def nothing_is_latched(bridge):
+    assert bridge.drive().read("watchdog_trips") == 0
+    assert bridge.drive().settle("move_velocity", target_velocity=100) == 1
+    assert bridge.drive().command("stop") == 0
+
+
+# Whatever the watchdog says: as it is by default, off, and off with nothing to be done.
+WATCHDOGS = {"default": {"watchdog-ms": 3000}, "off": {"watchdog-ms": 0},
+             "none": {"watchdog-ms": 0, "on-client-loss": "none"}}
+
+
+@pytest.fixture(params=WATCHDOGS)
+def plant(request, make_bridge):
+    bridge = make_bridge(drive=WATCHDOGS[request.param])
+    bridge.drive().settle("enable")
+    return bridge
+
+
+@pytest.fixture
+def free(make_bridge):
+    """Without a watchdog."""
+    bridge = make_bridge(drive=WATCHDOGS["none"])
+    bridge.drive().settle("enable")
+    return bridge
+
+
+@pytest.fixture
+def hand(free):
+    with Hand(free.control_path) as session:
+        yield session
+
+
+@pytest.fixture
+def holder(plant):
+    """A process that holds the drive, and when it said its last beat."""
+    process = subprocess.Popen(
+        [sys.executable, Path(holdlib.__file__), plant.control_path, "drive1", "300", str(SPEED)],
+        stdout=subprocess.PIPE, text=True)
+    yield process
+    process.kill()
+    process.wait()
+    process.stdout.close()
+
+
+# --- who is gone ----------------------------------------------------------------------------------------------------
+
+
+def test_a_holder_that_is_killed_is_missed_at_once(plant, holder):
+    moves(plant)
+    # It goes on for longer than a hold without beats.
+    began = time.monotonic()
+    while time.monotonic() - began < 1:
+        holder.stdout.readline()
+    assert plant.sim.get()["velocity"] == SPEED
+    killed = time.monotonic()
+    holder.kill()
+    assert stopped(plant, killed) < 0.05 + PATIENCE
+    stands(plant)
+    assert events(plant)[0]["drive"] == "drive1"
+    assert "its connection has ended" in events(plant)[0]["text"]
+    nothing_is_latched(plant)
+
+
+def test_a_holder_that_is_frozen_is_missed_after_its_hold(plant, holder):
+    moves(plant)
+    holder.stdout.readline()
+    frozen = time.monotonic()
+    holder.send_signal(signal.SIGSTOP)
+    assert stopped(plant, frozen) < 0.3 + PATIENCE
+    stands(plant)
+    assert "its beats have stopped" in events(plant)[0]["text"]
+    # What it does when it goes on moves nothing.
+    holder.send_signal(signal.SIGCONT)
+    assert holder.wait(10) != 0
+    assert plant.sim.get()["velocity"] == 0
+    assert sum(" mov" in what for _, what in obeyed(plant)) == 1
+    nothing_is_latched(plant)
+
+
+def test_a_service_that_was_frozen_believes_no_beat_that_waited(plant, holder):
+    moves(plant)
+    holder.stdout.readline()
+    plant.process.send_signal(signal.SIGSTOP)
+    time.sleep(1)
+    back = time.monotonic()
+    plant.process.send_signal(signal.SIGCONT)
+    assert stopped(plant, back) < 0.05 + PATIENCE
+    stands(plant)
+    assert sum(" mov" in what for _, what in obeyed(plant)) == 1
+
+
+@pytest.mark.parametrize("hold_ms", [100, 300, 1000])
+def test_a_hold_without_a_beat_ends(free, hand, hold_ms):
+    hand.hold(SPEED, hold_ms)
+    began = time.monotonic()
+    took = stopped(free, began)
+    assert hold_ms / 1000 - 0.05 < took < hold_ms / 1000 + PATIENCE
+    with errors("NotHeld"):
+        hand.beat()
+    stands(free)
+
+
+def test_who_closes_its_half_of_the_connection_holds_no_more(free, hand):
+    hand.hold(SPEED, 1000)
+    ended = time.monotonic()
+    hand.socket.shutdown(1)
+    assert stopped(free, ended) < 0.05 + PATIENCE
+
+
+# --- what a hold is -------------------------------------------------------------------------------------------------
+
+
+def test_a_holder_changes_speed_and_direction(free, hand):
+    hand.hold(SPEED)
+    moves(free)
+    hand.hold(-SPEED)
+    eventually(lambda: hand.beat() or free.sim.get()["velocity"] == -SPEED, what="the other direction")
+    began = time.monotonic()
+    hand.beat()
+    stopped(free, began)
+
+
+def test_a_stop_by_anybody_ends_the_hold(free, hand):
+    hand.hold(SPEED, 1000)
+    moves(free)
+    assert free.drive().command("stop") == 0
+    with errors("NotHeld"):
+        hand.beat()
+    stands(free)
+    assert not events(free)
+
+
+def test_a_motion_that_nobody_holds_ends_the_hold(free, hand):
+    hand.hold(SPEED, 100)
+    assert free.drive().settle("move_velocity", target_velocity=100) == 1
+    with errors("NotHeld"):
+        hand.beat()
+    time.sleep(0.3)
+    assert free.sim.get()["velocity"] == 100
+    assert not events(free)
+
+
+def test_a_motion_that_came_to_its_end_is_held_no_more(free, hand):
+    hand.send("Run", drive="drive1", command="move_relative", arguments={"target_position": 1000}, until_end=True,
+              hold_ms=300, token=hand.token())
+    # Its answer is still to come: beats that nobody waits for are taken meanwhile.
+    with Hand(free.control_path) as clock:
+        while True:
+            hand.send("Beat", flags={"oneway": True}, drive="drive1", token=clock.token())
+            hand.socket.settimeout(0.05)
+            try:
+                assert hand.answer()["result"] == "ok"
+                break
+            except TimeoutError:
+                pass
+    hand.socket.settimeout(10)
+    assert free.sim.get()["position"] == 1000
+    with errors("NotHeld"):
+        hand.beat()
+    assert not events(free)
+
+
+def test_another_sessions_beat_is_none(free, hand):
+    with Hand(free.control_path) as other:
+        hand.hold(SPEED)
+        began = time.monotonic()
+        with errors("NotHeld"):
+            other.beat()
+        assert stopped(free, began) < 0.3 + PATIENCE
+
+
+def test_the_drives_own_reaction_is_what_stops_it(make_bridge):
+    bridge = make_bridge(drive={"watchdog-ms": 3000, "on-client-loss": "disable"})
+    bridge.drive().settle("enable")
+    with Hand(bridge.control_path) as hand:
+        hand.hold(SPEED, 100)
+        eventually(lambda: any(" off" in what for _, what in obeyed(bridge)), what="the power to be off")
+
+
+@pytest.mark.parametrize("parameters, error", [
+    ({"hold_ms": 300}, "BadValue"),
+    ({"hold_ms": 99, "token": ""}, "InvalidParameter"),
+    ({"hold_ms": 1001, "token": ""}, "InvalidParameter"),
+    ({"hold_ms": True, "token": ""}, "InvalidParameter"),
+    ({"hold_ms": 300, "token": 5}, "InvalidParameter"),
+    ({"hold_ms": 300, "token": ""}, "TooOld"),
+])
+def test_what_a_hold_needs(free, hand, parameters, error):
+    with errors(error):
+        hand.run("move_velocity", arguments={"target_velocity": SPEED}, **parameters)
+    with errors("BadValue"):
+        hand.run("enable", hold_ms=300, token=hand.token())
+    assert hand.run("stop", hold_ms=5, token="nonsense") == "ok"
+    assert not any(" mov" in what for _, what in obeyed(free))
+
+
+# --- what comes late ------------------------------------------------------------------------------------------------
+
+
+def late(token, ms):
+    run, moment = token.split("-")
+    return f"{run}-{int(moment) - ms}"
+
+
+def test_what_comes_late_moves_nothing(free, hand):
+    token = hand.token()
+    arguments = {"target_velocity": SPEED}
+    for old, age in ((late(token, 501), 501), (late(token, 60000), 60000)):
+        with errors("TooOld") as failed:
+            hand.run("move_velocity", arguments=arguments, token=old)
+        assert age <= failed.value.parameters["age_ms"] < age + 5000
+    for other in ("", "nonsense", late(token, -60000), "0" + token, token.replace("-", "-0x")):
+        with errors("TooOld") as failed:
+            hand.run("move_velocity", arguments=arguments, hold_ms=300, token=other)
+        assert failed.value.parameters["age_ms"] is None
+    with errors("TooOld"):
+        hand.call("Write", drive="drive1", token=late(token, 501),
+                  values={"command": "move_velocity", "target_velocity": SPEED})
+    with errors("TooOld"):
+        hand.call("Write", drive="", token=late(token, 501), values={"group_start": 1})
+    assert not any(" mov" in what for _, what in obeyed(free))
+    # What moves nothing may be as old as it likes.
+    for command in ("stop", "enable"):
+        assert hand.run(command, token=late(token, 60000)) == "ok"
+    hand.call("Write", drive="drive1", token="nonsense", values={"target_velocity": SPEED, "command": "stop"})
+    assert hand.run("move_velocity", arguments=arguments, token=hand.token()) == "ok"
+    moves(free)
+
+
+def test_a_late_beat_holds_nothing(free, hand):
+    hand.hold(SPEED)
+    old = late(hand.token(), 501)
+    began = time.monotonic()
+    try:
+        while True:
+            with errors("TooOld"):
+                hand.call("Beat", drive="drive1", token=old)
+            assert time.monotonic() - began < 5
+            if any(" stp" in what for moment, what in obeyed(free) if moment > began):
+                break
+    finally:
+        assert stopped(free, began) < 0.3 + PATIENCE
+
+
+def test_every_sample_has_a_token(free, hand):
+    with Hand(free.control_path) as reader:
+        reader.send("Subscribe", flags={"more": True}, drives=[], names=["position"], interval_ms=10)
+        for _ in range(3):
+            token = reader.answer()["token"]
+    assert hand.run("move_velocity", arguments={"target_velocity": SPEED}, hold_ms=300, token=token) == "ok"
+
+
+def test_another_run_knows_no_token(free):
+    with Hand(free.control_path) as hand:
+        token = hand.token()
+    free.restart_bridge()
+    with Hand(free.control_path) as hand:
+        with errors("TooOld"):
+            hand.run("move_velocity", arguments={"target_velocity": SPEED}, token=token)
+
+
+def test_a_call_that_waited_while_the_service_was_frozen_moves_nothing(free, hand):
+    token = hand.token()
+    free.process.send_signal(signal.SIGSTOP)
+    hand.send("Run", drive="drive1", command="move_velocity", arguments={"target_velocity": SPEED}, token=token)
+    time.sleep(0.6)
+    free.process.send_signal(signal.SIGCONT)
+    with errors("TooOld"):
+        hand.answer()
+    assert not any(" mov" in what for _, what in obeyed(free))
+
+
+def test_who_is_gone_starts_nothing(free):
+    """A held motion that its own session's end came with."""
+    with Hand(free.control_path) as hand:
+        token = hand.token()
+        free.process.send_signal(signal.SIGSTOP)
+        hand.send("Run", drive="drive1", command="move_velocity", arguments={"target_velocity": SPEED}, hold_ms=300,
+                  token=token)
+    free.process.send_signal(signal.SIGCONT)
+    with Hand(free.control_path) as hand:
+        hand.token()
+        eventually(lambda: free.drive().read("active_command") == 0, what="the command to end")
+    stands(free)
