@@ -57,6 +57,8 @@ FOREIGN = {
     # drivebridge-web
     "drivebridge-web", "drivebridge-webd", "IPAddressAllow", "drivebridge_web_requests_total", "drivebridge_web_streams",
     "drivebridge_web_failed_logins_total", "drivebridge_web_late_jogs_total",
+    # events of the log
+    "hold-lost",
     # sections of the configuration
     "modbus", "bus", "drive",
 }
@@ -147,7 +149,11 @@ NUMBERS = numbers_of()
 KEY_NAMES = {row["name"] for row in KEYS}
 WORDS = {word for row in KEYS for word in row["words"].split()}
 FAMILIES = {"vsmd-serial", "vsmd-can", "xyza", "servo-can"}
-KNOWN = set(NUMBERS) | KEY_NAMES | WORDS | FAMILIES | FOREIGN
+# Methods, errors and parameters of the control socket.
+INTERFACE_NAMES = {word for words in re.findall(
+    r"^(?:method|error) (\w+)|\b(\w+): ", (ROOT / "docs" / "io.drivebridge.Control.varlink").read_text(encoding="utf-8"),
+    re.M) for word in words}
+KNOWN = set(NUMBERS) | KEY_NAMES | WORDS | FAMILIES | FOREIGN | INTERFACE_NAMES
 
 
 def structured_text(page):
