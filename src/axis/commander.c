@@ -489,8 +489,6 @@ void db_commander_complete(struct db_commander *commander, const struct db_compl
 	if (slot->ends_trip != 0 && slot->ends_trip == commander->watchdog.trips &&
 	    db_result_is_success(completion->result))
 		db_reaction_unlatch(commander, now);
-	if (commander->reaction_ticket == completion->ticket)
-		db_reaction_note_ended(commander, completion->result, now);
 	db_account_log_refusal(commander, db_slot_client(slot, &client),
 	                       &(struct db_refused_write){
 				       .command = slot->command,

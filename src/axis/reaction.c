@@ -6,9 +6,6 @@
 #include "axis/requests.h"
 #include "axis/state.h"
 
-/* How soon a stop that the drive did not take is repeated. */
-#define REFUSED_AGAIN (100 * DB_NS_PER_MS)
-
 /* How often a drive that was not there yet is looked for. */
 #define FIND_INTERVAL (100 * DB_NS_PER_MS)
 
@@ -48,14 +45,11 @@ static void stop_drive(struct db_commander *commander, enum db_stand_cause cause
 	}
 	commander->reaction_again_at = DB_TIME_NEVER;
 	db_motion_note_submitted(commander, NULL, slot->command, now);
-	if (commander->reaction_ticket == 0) {
-		/* Of one that repeats what is still with the bus there is an entry. */
-		if (slot->entry != 0)
-			db_history_repeat(&commander->history, slot->entry);
-		else
-			db_account_add_command(commander, NULL, &block, 0, DB_RESULT_PENDING, slot);
-	}
-	commander->reaction_ticket = slot->ticket;
+	/* Of one that repeats what is still with the bus there is an entry. */
+	if (slot->entry != 0)
+		db_history_repeat(&commander->history, slot->entry);
+	else
+		db_account_add_command(commander, NULL, &block, 0, DB_RESULT_PENDING, slot);
 	commander->newest = slot->ticket;
 	db_writers_set_command(&commander->writers, NULL, 0, block.command, DB_RESULT_PENDING,
 	                       slot->ticket);
@@ -113,13 +107,6 @@ void db_reaction_check_hold(struct db_commander *commander, db_time now)
 		commander->ops->hold_lost(commander->context, &lost.holder, lost.deserted);
 }
 
-/* The drive turned the stop down, but stands since: where nothing is latched there is nothing left to do. */
-static bool needs_no_more(const struct db_commander *commander)
-{
-	return commander->reaction_cause == DB_STAND_HOLD && commander->reaction_ticket != 0 &&
-	       is_at_rest(commander, commander->reaction_again_at - REFUSED_AGAIN);
-}
-
 bool db_reaction_run(struct db_commander *commander, db_time now)
 {
 	bool tripped;
@@ -132,8 +119,6 @@ bool db_reaction_run(struct db_commander *commander, db_time now)
 	tripped = db_watchdog_trip(&commander->watchdog, now);
 	if (tripped)
 		stop_drive(commander, DB_STAND_WATCHDOG, reaction_command(commander), now);
-	else if (commander->reaction_again_at <= now && needs_no_more(commander))
-		db_reaction_forget_hold(commander);
 	else if (commander->reaction_again_at <= now)
 		stop_drive(commander, commander->reaction_cause, reaction_command(commander), now);
 	db_requests_repeat_stops(commander, now);
@@ -152,20 +137,10 @@ db_time db_reaction_deadline(const struct db_commander *commander)
 	return commander->find_at < next ? commander->find_at : next;
 }
 
-void db_reaction_note_ended(struct db_commander *commander, enum db_result result, db_time now)
-{
-	if (result == DB_RESULT_REFUSED || result == DB_RESULT_FAILED ||
-	    result == DB_RESULT_RUNS_ON)
-		commander->reaction_again_at = now + REFUSED_AGAIN;
-	else
-		commander->reaction_ticket = 0;
-}
-
 void db_reaction_forget_hold(struct db_commander *commander)
 {
 	if (commander->reaction_cause != DB_STAND_HOLD)
 		return;
-	commander->reaction_ticket = 0;
 	commander->reaction_again_at = DB_TIME_NEVER;
 }
 
@@ -174,7 +149,6 @@ void db_reaction_unlatch(struct db_commander *commander, db_time now)
 	struct db_snapshot snapshot;
 
 	db_watchdog_reset(&commander->watchdog);
-	commander->reaction_ticket = 0;
 	commander->reaction_again_at = DB_TIME_NEVER;
 	db_axis_read(commander->config.axis, &snapshot);
 	if (snapshot.feedback.status & DB_STATUS_MOVING)

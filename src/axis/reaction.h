@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * What a drive does when clients are missed: the stop by the watchdog when all of them fall silent, with the latch
- * after it, and by the end of a hold when the holder of a motion is gone; until the drive has confirmed it. Network
- * thread only.
+ * after it, and by the end of a hold when the holder of a motion is gone. The bus goes on with the stop until the drive
+ * stands. Network thread only.
  */
 #ifndef DRIVEBRIDGE_AXIS_REACTION_H
 #define DRIVEBRIDGE_AXIS_REACTION_H
@@ -17,9 +17,7 @@ void db_reaction_check_hold(struct db_commander *commander, db_time now);
 /* When that is; DB_TIME_NEVER. */
 db_time db_reaction_deadline(const struct db_commander *commander);
 
-/* The stop ended. One that the drive turned down is repeated until it is taken. */
-void db_reaction_note_ended(struct db_commander *commander, enum db_result result, db_time now);
-/* The stop that ended a hold is not repeated any more: a motion was admitted after it. */
+/* The stop that ended a hold and found no room is not sent any more: a motion was admitted after it. */
 void db_reaction_forget_hold(struct db_commander *commander);
 
 /* Ends the latch. What moves all the same is watched again. */

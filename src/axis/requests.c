@@ -149,8 +149,6 @@ void db_requests_repeat_stop(struct db_commander *commander, struct db_slot *slo
 	slot->order = commander->submitted - 1;
 	db_writers_retarget(&commander->writers, before, slot->ticket);
 	commander->newest = slot->ticket;
-	if (commander->reaction_ticket == before)
-		commander->reaction_ticket = slot->ticket;
 }
 
 void db_requests_repeat_stops(struct db_commander *commander, db_time now)

@@ -46,9 +46,8 @@ struct db_commander {
 	/* Clients that are missed, see reaction.h. */
 	struct db_watchdog watchdog;
 	struct db_hold hold;
-	uint32_t reaction_ticket;           /* its stop, until the drive has confirmed it; 0 */
-	enum db_stand_cause reaction_cause; /* of that stop */
-	db_time reaction_again_at;          /* it is to be handed over again then; or NEVER */
+	enum db_stand_cause reaction_cause; /* of the stop for them */
+	db_time reaction_again_at;          /* it found no room and is handed over then; or NEVER */
 	db_time find_at; /* the next look whether the drive is there and moves; NEVER: it was */
 };
 

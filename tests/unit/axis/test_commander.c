@@ -1285,49 +1285,6 @@ static void another_speed_that_is_refused_leaves_the_hold(void **state)
 	drop(&fake);
 }
 
-/* The stop of a lost hold is sent on while the drive turns it down, but not for ever. */
-static void a_stop_that_is_turned_down_is_said_again(void **state)
-{
-	struct fake fake;
-
-	(void)state;
-	hold(&fake, DB_CMD_NONE);
-	pass(&fake, 300);
-	for (unsigned i = 1; i < 5; i++) {
-		assert_int_equal(fake.submitted, i + 1);
-		assert_int_equal(fake.requests[i].cause, DB_STAND_HOLD);
-		finish(&fake, i, DB_RESULT_REFUSED);
-		pass(&fake, 100);
-	}
-	/* Somebody has it move anew. */
-	assert_int_equal(fake.submitted, 6);
-	finish(&fake, 5, DB_RESULT_REFUSED);
-	assert_true(run(&fake, &SOMEBODY, DB_CMD_MOVE_VELOCITY, 0).later);
-	pass(&fake, 1000);
-	assert_int_equal(fake.submitted, 7);
-	drop(&fake);
-}
-
-static void a_stop_that_is_turned_down_by_a_drive_that_stands_is_not(void **state)
-{
-	struct db_snapshot snapshot = {
-		.feedback = { .status = DB_STATUS_BUS_UP | DB_STATUS_ONLINE,
-		              .state = DB_AXIS_DISABLED },
-	};
-	struct fake fake;
-
-	(void)state;
-	hold(&fake, DB_CMD_NONE);
-	pass(&fake, 300);
-	finish(&fake, 1, DB_RESULT_REFUSED);
-	snapshot.feedback.taken = fake.now + 1;
-	db_axis_publish(fake.axis, &snapshot);
-	pass(&fake, 1000);
-	assert_int_equal(fake.submitted, 2);
-	assert_true(db_commander_next_deadline(fake.commander) == DB_TIME_NEVER);
-	drop(&fake);
-}
-
 static void a_stop_without_room_is_handed_over_later(void **state)
 {
 	struct fake fake;
@@ -1818,7 +1775,8 @@ static void outputs_in_between_make_no_new_command(void **state)
 	drop(&fake);
 }
 
-static void a_refused_reaction_is_said_again(void **state)
+/* The bus keeps what the drive must stand for, and goes on with it. */
+static void a_refused_reaction_is_handed_over_once(void **state)
 {
 	struct fake fake;
 
@@ -1829,15 +1787,10 @@ static void a_refused_reaction_is_said_again(void **state)
 	let_pass(&fake, 1000 * MS);
 	assert_int_equal(fake.submitted, 2);
 	assert_int_equal(fake.requests[1].command, DB_CMD_STOP);
-	for (unsigned i = 1; i < 5; i++) {
-		finish(&fake, i, DB_RESULT_REFUSED);
-		let_pass(&fake, 100 * MS);
-		assert_int_equal(fake.submitted, i + 2);
-		assert_int_equal(fake.requests[i + 1].command, DB_CMD_STOP);
-	}
-	finish(&fake, 5, DB_RESULT_OK);
+	assert_int_equal(fake.requests[1].cause, DB_STAND_WATCHDOG);
+	finish(&fake, 1, DB_RESULT_REFUSED);
 	let_pass(&fake, 1000 * MS);
-	assert_int_equal(fake.submitted, 6);
+	assert_int_equal(fake.submitted, 2);
 	/* One entry, and the motion's. */
 	assert_int_equal(entry_of(&fake, 0).sequence, 2);
 	drop(&fake);
@@ -2201,7 +2154,7 @@ int main(void)
 		cmocka_unit_test(a_stop_beside_a_staged_command_is_a_stop),
 		cmocka_unit_test(a_stop_behind_parameters_joins_no_older_one),
 		cmocka_unit_test(outputs_in_between_make_no_new_command),
-		cmocka_unit_test(a_refused_reaction_is_said_again),
+		cmocka_unit_test(a_refused_reaction_is_handed_over_once),
 		cmocka_unit_test(history_tells_who_moved_it),
 		cmocka_unit_test(history_keeps_the_last_32),
 		cmocka_unit_test(history_is_not_flooded_by_refusals),
@@ -2257,8 +2210,6 @@ int main(void)
 		cmocka_unit_test(an_older_motion_ends_no_hold),
 		cmocka_unit_test(what_never_began_is_not_held),
 		cmocka_unit_test(another_speed_that_is_refused_leaves_the_hold),
-		cmocka_unit_test(a_stop_that_is_turned_down_is_said_again),
-		cmocka_unit_test(a_stop_that_is_turned_down_by_a_drive_that_stands_is_not),
 		cmocka_unit_test(a_stop_without_room_is_handed_over_later),
 		cmocka_unit_test(the_watchdog_keeps_its_own_rule),
 	};
