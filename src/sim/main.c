@@ -9,6 +9,7 @@
 
 #include <errno.h>
 #include <getopt.h>
+#include <grp.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
@@ -29,6 +30,9 @@ struct options {
 	bool busy;
 	char *links[LINKS_MAX]; /* NAME=PATH */
 	size_t link_count;
+	const char *folder;
+	const char *group_name;
+	gid_t group; /* its number */
 };
 
 struct loop {
@@ -51,13 +55,15 @@ static void usage(FILE *out)
 	(void)fputs(
 		"usage: drivebridge-sim --config FILE [--link BUS=PATH]... [--control SOCKET] "
 		"[--trace FILE]\n"
-		"                       [--busy]\n"
+		"                       [--links FOLDER] [--pty-group GROUP] [--busy]\n"
 		"       drivebridge-sim --replay FILE [--link replay=PATH] [--control SOCKET] [--trace FILE]\n"
 		"  --config FILE    buses and drives, see conf/sim-demo.conf\n"
 		"  --replay FILE    the drives' side of a serial line as drivebridgectl trace recorded it:\n"
 		"                   answers what is asked as in the file, and tells what is asked else;\n"
 		"                   ends with 1 unless all of it was asked for\n"
 		"  --link BUS=PATH  make PATH a symbolic link to the bus's device\n"
+		"  --links FOLDER   make FOLDER/BUS a symbolic link to each pty that has no other link\n"
+		"  --pty-group GROUP let the members of GROUP open the ptys (mode 0660)\n"
 		"  --control SOCKET take commands (faults, power ...) on this UNIX socket\n"
 		"  --trace FILE     write every request and reply with its time in microseconds, and\n"
 		"                   what drives obey\n"
@@ -73,6 +79,8 @@ static int read_options(int argc, char **argv, struct options *options)
 		{ "config", required_argument, NULL, 'c' },
 		{ "replay", required_argument, NULL, 'r' },
 		{ "link", required_argument, NULL, 'l' },
+		{ "links", required_argument, NULL, 'f' },
+		{ "pty-group", required_argument, NULL, 'g' },
 		{ "control", required_argument, NULL, 's' },
 		{ "trace", required_argument, NULL, 't' },
 		{ "busy", no_argument, NULL, 'b' },
@@ -90,6 +98,10 @@ static int read_options(int argc, char **argv, struct options *options)
 			options->control = optarg;
 		} else if (option == 't') {
 			options->trace = optarg;
+		} else if (option == 'f') {
+			options->folder = optarg;
+		} else if (option == 'g') {
+			options->group_name = optarg;
 		} else if (option == 'b') {
 			options->busy = true;
 		} else if (option == 'l' && options->link_count < LINKS_MAX) {
@@ -128,6 +140,25 @@ static int apply_links(struct sim_config *config, const struct options *options)
 			                                "--replay, which is replay");
 			return -1;
 		}
+	}
+	return 0;
+}
+
+/* Where the ptys of all buses are to be found, and whose they are. */
+static int apply_places(struct sim_config *config, struct options *options)
+{
+	const struct group *group = options->group_name ? getgrnam(options->group_name) : NULL;
+
+	if (options->group_name && !group) {
+		(void)fprintf(stderr, "--pty-group %s: there is no such group\n",
+		              options->group_name);
+		return -1;
+	}
+	if (group)
+		options->group = group->gr_gid;
+	for (size_t i = 0; i < config->bus_count; i++) {
+		config->buses[i].folder = options->folder;
+		config->buses[i].group = group ? &options->group : NULL;
 	}
 	return 0;
 }
@@ -314,6 +345,8 @@ int main(int argc, char **argv)
 	                      sim_config_load(options.config, &config)) != 0)
 		return EXIT_FAILURE;
 	result = apply_links(&config, &options);
+	if (result == 0)
+		result = apply_places(&config, &options);
 	if (result == 0 && options.trace) {
 		trace = fopen(options.trace, "we");
 		if (!trace) {

@@ -64,7 +64,7 @@ static int make_raw(int fd, unsigned baud)
 	return tcsetattr(fd, TCSANOW, &tio) != 0 ? -errno : 0;
 }
 
-static int open_pty(struct sim_port *port)
+static int open_pty(struct sim_port *port, const gid_t *group)
 {
 	port->fd = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
 	if (port->fd < 0)
@@ -75,6 +75,9 @@ static int open_pty(struct sim_port *port)
 		return -errno;
 	port->slave = open(port->host, O_RDWR | O_NOCTTY | O_CLOEXEC);
 	if (port->slave < 0)
+		return -errno;
+	if (group && (fchown(port->slave, (uid_t)-1, *group) != 0 ||
+	              fchmod(port->slave, S_IRUSR | S_IWUSR | S_IRGRP | S_IWGRP) != 0))
 		return -errno;
 	return make_raw(port->slave, 0);
 }
@@ -108,12 +111,13 @@ static int make_link(struct sim_port *port, const char *link)
 	return 0;
 }
 
-int sim_port_open(struct sim_port *port, const char *device, unsigned baud, const char *link)
+int sim_port_open(struct sim_port *port, const char *device, unsigned baud, const gid_t *group,
+                  const char *link)
 {
 	int result;
 
 	*port = (struct sim_port){ .fd = -1, .slave = -1 };
-	result = sim_port_is_pty(device) ? open_pty(port) : open_device(port, device, baud);
+	result = sim_port_is_pty(device) ? open_pty(port, group) : open_device(port, device, baud);
 	if (result == 0 && link)
 		result = make_link(port, link);
 	if (result != 0)

@@ -8,6 +8,7 @@
 
 #include <limits.h>
 #include <stdbool.h>
+#include <sys/types.h>
 
 struct sim_port {
 	int fd;              /* to read and write, and to wait on */
@@ -23,11 +24,14 @@ bool sim_port_is_pty(const char *device);
 unsigned sim_port_host_baud(const struct sim_port *port);
 
 /*
- * Opens device ("pty" or a path) and makes the symbolic link when link is not null; an old
- * symbolic link is replaced, any other file is not (-EEXIST). 0 or a negative errno (-EINVAL: no
- * such baud rate); on error nothing is left open.
+ * Opens device ("pty" or a path). A pty may be opened by the members of `group` (mode 0660, as
+ * serial ports have it), or by whom the system lets when that is null. Makes the symbolic link when
+ * link is not null; an old symbolic link is replaced, any other file is not (-EEXIST). 0 or a
+ * negative errno (-EINVAL: no such baud rate, -EPERM: this process is no member of the group); on
+ * error nothing is left open.
  */
-int sim_port_open(struct sim_port *port, const char *device, unsigned baud, const char *link);
+int sim_port_open(struct sim_port *port, const char *device, unsigned baud, const gid_t *group,
+                  const char *link);
 
 /* Opens a raw socket on a CAN interface; each read or write is one frame. 0 or a negative errno. */
 int sim_port_open_can(struct sim_port *port, const char *interface);

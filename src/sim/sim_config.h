@@ -15,6 +15,7 @@
 #include "sim/xyza_controller.h"
 
 #include <stdio.h>
+#include <sys/types.h>
 
 #define SIM_FAULT_TEXTS_MAX 16
 
@@ -32,6 +33,8 @@ struct sim_bus_config {
 	const char *device;    /* "pty" or a path */
 	const char *interface; /* CAN network interface, null: a serial adapter on device */
 	const char *link;      /* null = none */
+	const char *folder;    /* for a link to a pty, of the bus's name, where `link` is null */
+	const gid_t *group;    /* whose members may open a pty, null = as the system has it */
 	const char *flash;     /* directory, null = none */
 	const char *replay;    /* a trace that is in the place of drives, null = none */
 	bool follows_host;     /* a pty: its line has the speed that the host has set there */

@@ -98,9 +98,18 @@ static int make_wire(struct sim_bus *bus)
 static int open_port(struct sim_bus *bus)
 {
 	const struct sim_bus_config *config = bus->config;
+	const char *link = config->link;
+	char path[PATH_MAX];
 
+	if (!link && config->folder && sim_port_is_pty(config->device)) {
+		if (snprintf(path, sizeof(path), "%s/%s", config->folder, config->name) >=
+		    (int)sizeof(path))
+			return -ENAMETOOLONG;
+		link = path;
+	}
 	if (!config->interface)
-		return sim_port_open(&bus->port, config->device, config->serial.baud, config->link);
+		return sim_port_open(&bus->port, config->device, config->serial.baud, config->group,
+		                     link);
 	bus->write_unit = sizeof(struct db_can_frame);
 	return sim_port_open_can(&bus->port, config->interface);
 }

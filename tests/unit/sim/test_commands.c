@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -218,15 +219,51 @@ static void links_come_and_go(void **state)
 	assert_non_null(mkdtemp(directory));
 	(void)snprintf(path, sizeof(path), "%s/bus", directory);
 	assert_int_equal(symlink("/nowhere", path), 0); /* left by one that was killed */
-	assert_int_equal(sim_port_open(&port, "pty", 9600, path), 0);
+	assert_int_equal(sim_port_open(&port, "pty", 9600, NULL, path), 0);
 	assert_int_equal(access(path, R_OK | W_OK), 0);
 	sim_port_close(&port);
 	file = fopen(path, "wx"); /* the link is gone, and a real file is left alone */
 	assert_non_null(file);
 	(void)fclose(file);
-	assert_true(sim_port_open(&port, "pty", 9600, path) < 0);
+	assert_true(sim_port_open(&port, "pty", 9600, NULL, path) < 0);
 	assert_int_equal(unlink(path), 0);
 	assert_int_equal(rmdir(directory), 0);
+}
+
+static void a_folder_has_links_to_ptys(void **state)
+{
+	char directory[] = "/tmp/sim-links-XXXXXX";
+	char path[64];
+	char errors[256];
+	struct sim_config config;
+	struct sim_world world = { .buses = NULL };
+
+	(void)state;
+	assert_non_null(mkdtemp(directory));
+	(void)snprintf(path, sizeof(path), "%s/b", directory);
+	assert_int_equal(load("bus b { }\ndrive d { bus = b }", &config, errors, sizeof(errors)),
+	                 0);
+	config.buses[0].folder = directory;
+	assert_int_equal(sim_world_open(&world, &config, NULL, 0), 0);
+	assert_int_equal(access(path, R_OK | W_OK), 0);
+	sim_world_close(&world);
+	assert_int_not_equal(access(path, F_OK), 0);
+	sim_config_free(&config);
+	assert_int_equal(rmdir(directory), 0);
+}
+
+static void a_pty_is_given_to_a_group(void **state)
+{
+	const gid_t own = getegid();
+	struct sim_port port;
+	struct stat status;
+
+	(void)state;
+	assert_int_equal(sim_port_open(&port, "pty", 9600, &own, NULL), 0);
+	assert_int_equal(stat(port.host, &status), 0);
+	assert_int_equal(status.st_gid, own);
+	assert_int_equal(status.st_mode & 0777, 0660);
+	sim_port_close(&port);
 }
 
 int main(void)
@@ -236,6 +273,8 @@ int main(void)
 		cmocka_unit_test_setup_teardown(errors_are_answered, setup, teardown),
 		cmocka_unit_test_setup_teardown(commands_reach_the_drive, setup, teardown),
 		cmocka_unit_test(links_come_and_go),
+		cmocka_unit_test(a_folder_has_links_to_ptys),
+		cmocka_unit_test(a_pty_is_given_to_a_group),
 	};
 
 	return cmocka_run_group_tests_name("sim/commands", tests, NULL, NULL);
