@@ -119,8 +119,10 @@ static void warn_closed(const struct probe *probe, const struct db_bus_config *b
 		snprintf(
 			text, sizeof(text),
 			"may not be opened by %s; add it to the group of the port: sudo adduser %s "
-			"%s, and log in again",
-			probe->user, probe->user, group->gr_name);
+			"%s, and %s",
+			probe->user, probe->user, group->gr_name,
+			probe->uid == geteuid() ? "log in again" :
+						  "sudo systemctl restart drivebridge");
 	else
 		snprintf(text, sizeof(text),
 		         "may not be opened by %s; a udev rule can give it to the group dialout",
