@@ -501,6 +501,7 @@ NOT_HERE = {
     "packaging/build": "builds packages in containers; packaging/check does it",
     "sudo adduser": "changes the machine",
     "sudo editor": "changes the machine",
+    "sudo cp": "changes the machine",
     "sudo install": "changes the machine",
     "sudo mosquitto_passwd": "changes the machine",
     "sudo drivebridge-mqtt --check": "the installed program; the page's configurations are checked here",
