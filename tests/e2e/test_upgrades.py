@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Configurations that gateways have from earlier packages are taken as they are. tests/tools/keep-configuration keeps
+those of a version in upgrades/."""
+
+import csv
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+from bridgelib import ROOT, find_program
+
+VERSIONS = sorted((Path(__file__).parent / "upgrades").iterdir(), key=lambda folder: int(folder.name[3:]))
+FILES = [path for folder in VERSIONS for path in sorted(folder.glob("*.conf"))]
+TABLES = [path for folder in VERSIONS for path in sorted(folder.glob("*-keys.csv"))]
+FAMILIES = {
+    "vsmd-serial": 'device = "/dev/ttyUSB0"',
+    "vsmd-can": 'interface = "can0"',
+    "servo-can": 'interface = "can0"',
+    "xyza": 'device = "/dev/ttyUSB0"',
+}
+# A value of the first type is one of the second, too.
+WIDER = {("text", "processors")}
+
+
+def name_of(path):
+    return f"{path.parent.name}-{path.stem}"
+
+
+def rows(path):
+    with open(path, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def check(program, path):
+    return subprocess.run([find_program(program), "--check", "--config", path], capture_output=True, text=True, timeout=20,
+                          check=False)
+
+
+def test_there_are_old_versions():
+    assert len(VERSIONS) > 3 and len(FILES) > 20 and len(TABLES) > 4
+
+
+def with_what_it_needs(path, place):
+    """A tool's file as somebody completes it: mqtt.conf comes without a broker, and the page may not be installed here."""
+    if path.name not in ("mqtt.conf", "web.conf"):
+        return path
+    text = path.read_text(encoding="utf-8")
+    if path.name == "mqtt.conf":
+        text = re.sub(r"^broker \{", 'broker {\n\thost = "127.0.0.1"', text, count=1, flags=re.M)
+    else:
+        text = re.sub(r"^server \{", f'server {{\n\tpage = "{place}"', text, count=1, flags=re.M)
+        (place / "index.html").touch()
+    copy = place / path.name
+    copy.write_text(text, encoding="utf-8")
+    return copy
+
+
+@pytest.mark.parametrize("path", FILES, ids=name_of)
+def test_an_old_file_is_taken(path, tmp_path):
+    program = {"mqtt": "drivebridge-mqtt", "opcua": "drivebridge-opcua", "web": "drivebridge-webd"}.get(
+        path.stem, "drivebridged")
+    done = check(program, with_what_it_needs(path, tmp_path))
+    assert done.returncode == 0, done.stderr
+
+
+def belongs_to(row, family):
+    # The first tables had no family with axes yet.
+    return row["families"] == "all" or family in row["families"].split()
+
+
+def written(row):
+    values = row["default"]
+    if row["type"] == "networks":
+        return "{" + ", ".join(f'"{value}"' for value in values.split()) + "}"
+    return values if row["type"] in ("integer", "number", "word") else f'"{values}"'
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("table", [path for path in TABLES if path.stem == "config-keys"], ids=name_of)
+def test_an_old_file_with_every_default_is_taken(table, family, tmp_path):
+    given = {"bus": {"protocol": family}, "drive": {"bus": "line", "address": 1, "unit": 1}}
+    lines = {"bus": [f"\tprotocol = {family}", f"\t{FAMILIES[family]}"],
+             "drive": ["\tbus = line", "\taddress = 1", "\tunit = 1"]}
+    for row in rows(table):
+        section = lines.setdefault(row["section"], [])
+        if row["default"] and belongs_to(row, family) and row["name"] not in given.get(row["section"], {}):
+            section.append(f"\t{row['name']} = {written(row)}")
+    titles = {"bus": "bus line", "drive": "drive feeder"}
+    path = tmp_path / "plant.conf"
+    path.write_text("".join(f"{titles.get(section, section)} {{\n" + "\n".join(keys) + "\n}\n"
+                            for section, keys in lines.items()), encoding="utf-8")
+    done = check("drivebridged", path)
+    assert done.returncode == 0, done.stderr + path.read_text(encoding="utf-8")
+
+
+def same_key(row, table):
+    """What the row's key is today, for the same families."""
+    for other in table:
+        if (other["section"], other["name"]) == (row["section"], row["name"]) and (
+                other["families"] == "all" or set(row["families"].split()) <= set(other["families"].split())):
+            return other
+    return None
+
+
+def what_is_narrower(old, new):
+    if new is None:
+        return "is gone"
+    if old["type"] != new["type"]:
+        return None if (old["type"], new["type"]) in WIDER else f"is of type {new['type']}"
+    if old["required"] == "no" and new["required"] == "yes":
+        return "must be given"
+    if not set(old["words"].split()) <= set(new["words"].split()):
+        return f"has only the words {new['words']}"
+    if new["min"] and (not old["min"] or float(new["min"]) > float(old["min"])):
+        return f"begins at {new['min']}"
+    if new["max"] and (not old["max"] or float(new["max"]) < float(old["max"])):
+        return f"ends at {new['max']}"
+    return None
+
+
+@pytest.mark.parametrize("table", TABLES, ids=name_of)
+def test_an_old_key_takes_what_it_took(table):
+    today = rows(ROOT / "docs" / table.name)
+    wrong = [f"{row['section']}: {row['name']} {narrower}" for row in rows(table)
+             if (narrower := what_is_narrower(row, same_key(row, today)))]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_a_changed_default_is_in_the_changelog():
+    """A file that does not give the key means something else after the upgrade: whoever upgrades is told."""
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    told = "\n".join(re.findall(r"^### Defaults\n(.*?)(?=^##)", changelog, re.M | re.S))
+    missing = set()
+    for table in TABLES:
+        today = rows(ROOT / "docs" / table.name)
+        for row in rows(table):
+            new = same_key(row, today)
+            if not new or new["default"] == row["default"]:
+                continue
+            lines = [line for line in told.splitlines() if f"`{row['name']}`" in line and f"`{row['default']}`" in line]
+            if not lines or (new["default"] and not any(f"`{new['default']}`" in line for line in lines)):
+                missing.add(f"{table.stem}: {row['section']}: {row['name']}: {row['default']} is {new['default']} now")
+    assert not missing, "\n".join(sorted(missing))
