@@ -25,6 +25,7 @@ static bool open_drive(struct sim_node *node, void *wire, const struct sim_bus_c
 	                    &bus->layout, bus->can.latency);
 	node->servo->lengths = config->servo_lengths;
 	node->servo->ack_latency = config->servo_ack_latency;
+	node->servo->stray_acks = config->servo_stray_acks;
 	node->servo->witness = node->witness;
 	station = sim_servo_node_station(node->servo);
 	station.faults = &node->faults;
@@ -170,9 +171,16 @@ static const char *set_reports(struct sim_node *node, const char *rest, db_time 
 	return NULL;
 }
 
+static const char *reset(struct sim_node *node, const char *rest, db_time now)
+{
+	(void)rest;
+	sim_servo_reset(node->servo->drive, now);
+	return NULL;
+}
+
 static const struct sim_family_command commands[] = {
 	{ "faults", set_faults },   { "health", set_health }, { "inputs", set_inputs },
-	{ "reports", set_reports }, { NULL, NULL },
+	{ "reports", set_reports }, { "reset", reset },       { NULL, NULL },
 };
 
 const struct sim_family sim_servo_can_family = {

@@ -42,6 +42,17 @@ static bool enqueue(struct sim_servo_node *node, struct servo_can_message *messa
 	return true;
 }
 
+/* An acknowledgement of something else than what this one acknowledges. */
+static bool enqueue_stray(struct sim_servo_node *node, const struct servo_can_message *ack,
+                          db_time due)
+{
+	struct servo_can_message stray = { .kind = SERVO_CAN_ACK };
+
+	stray.u.ack.code = ack->u.ack.code == SERVO_CAN_ACK_ENABLE ? SERVO_CAN_ACK_MODE :
+	                                                             SERVO_CAN_ACK_ENABLE;
+	return enqueue(node, &stray, due);
+}
+
 static void tell_witness(const struct sim_servo_node *node, const struct db_can_frame *frame,
                          enum servo_can_kind kind, bool known, db_time now)
 {
@@ -86,6 +97,8 @@ void sim_servo_node_receive(struct sim_servo_node *node, const struct db_can_fra
 	count = sim_servo_execute(node->drive, &message, words_ack, now, replies);
 	due = now + node->latency + (message.kind == SERVO_CAN_READ ? 0 : node->ack_latency);
 	tell_witness(node, frame, message.kind, true, now);
+	if (node->stray_acks && count > 0 && replies[0].kind == SERVO_CAN_ACK)
+		node->answers += enqueue_stray(node, &replies[0], due);
 	for (size_t i = 0; i < count; i++)
 		node->answers += enqueue(node, &replies[i], due);
 }

@@ -34,6 +34,7 @@ struct sim_servo_node {
 	struct servo_can_layout layout;
 	db_time latency;     /* thinking before an answer */
 	db_time ack_latency; /* and so much more before an acknowledgement */
+	bool stray_acks;     /* before each acknowledgement comes one of something else */
 	enum sim_servo_lengths lengths;
 	struct sim_faults faults;
 	struct sim_witness witness;

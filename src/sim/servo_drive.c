@@ -99,6 +99,11 @@ static void start_reports(struct sim_servo *drive, db_time now)
 		                              DB_TIME_NEVER;
 }
 
+static bool keeps_demand(const struct sim_servo *drive)
+{
+	return drive->config.temper.demand != SIM_SERVO_DEMAND_POSITION;
+}
+
 /* What a loss of power resets. Encoder and shaft stay where they are. */
 static void boot_drive(struct sim_servo *drive, db_time now)
 {
@@ -115,7 +120,8 @@ static void boot_drive(struct sim_servo *drive, db_time now)
 	drive->acceleration = config->acceleration;
 	drive->deceleration = config->deceleration;
 	drive->faults = 0;
-	drive->target = drive->planned = drive->position;
+	drive->target = keeps_demand(drive) ? drive->internal_position : drive->position;
+	drive->planned = drive->position;
 	drive->idle_until = now;
 	start_reports(drive, now);
 }
@@ -306,7 +312,7 @@ static void go_to(struct sim_servo *drive, double target)
 
 static void hold_here(struct sim_servo *drive)
 {
-	if (!drive->config.temper.keeps_demand)
+	if (!keeps_demand(drive))
 		go_to(drive, drive->position);
 }
 
@@ -379,11 +385,22 @@ static void set_words(struct sim_servo *drive, uint16_t word0, db_time now)
 	bool rises = (word0 & CTRG) && !(drive->word0 & CTRG);
 
 	drive->word0 = word0;
-	if (!rises || !is_held(drive) || drive->config.temper.ignores_trigger)
+	if (!rises || drive->config.temper.ignores_trigger)
 		return;
+	if (!is_held(drive)) {
+		if (drive->config.temper.demand == SIM_SERVO_DEMAND_TRIGGERED)
+			go_to(drive, drive->internal_position);
+		return;
+	}
 	go_to(drive, drive->internal_position);
 	begin_late(drive, now);
 	drive->moves++;
+}
+
+/* When a fault is gone. */
+static bool goes_on(const struct sim_servo *drive)
+{
+	return drive->config.temper.fault_power != SIM_SERVO_FAULT_DISABLES;
 }
 
 static void obey(struct sim_servo *drive, const struct servo_can_message *message, db_time now)
@@ -393,9 +410,7 @@ static void obey(struct sim_servo *drive, const struct servo_can_message *messag
 		synchronise(drive, now);
 		break;
 	case SERVO_CAN_ENABLE:
-		set_enabled(drive,
-		            message->u.enable &&
-		                    (drive->faults == 0 || drive->config.temper.fault_keeps_power),
+		set_enabled(drive, message->u.enable && (drive->faults == 0 || goes_on(drive)),
 		            now);
 		break;
 	case SERVO_CAN_MODE:
@@ -409,7 +424,7 @@ static void obey(struct sim_servo *drive, const struct servo_can_message *messag
 		break;
 	case SERVO_CAN_POSITION:
 		drive->internal_position = message->u.position;
-		if (drive->config.temper.keeps_demand && !is_held(drive))
+		if (drive->config.temper.demand == SIM_SERVO_DEMAND_WRITTEN && !is_held(drive))
 			go_to(drive, drive->internal_position);
 		break;
 	case SERVO_CAN_SET_FEEDBACK:
@@ -448,7 +463,9 @@ static int32_t whole_position(const struct sim_servo *drive)
 
 static int16_t shown_speed(const struct sim_servo *drive)
 {
-	return (int16_t)lrint(clamp_to(drive->rpm, INT16_MAX));
+	double rpm = drive->config.temper.unsigned_speed ? fabs(drive->rpm) : drive->rpm;
+
+	return (int16_t)lrint(clamp_to(rpm, INT16_MAX));
 }
 
 static int16_t shown_current(const struct sim_servo *drive)
@@ -472,7 +489,8 @@ static uint16_t status_bits(const struct sim_servo *drive)
 {
 	unsigned bits = drive->forced;
 
-	if (drive->shown_enabled)
+	if (drive->shown_enabled &&
+	    !(drive->faults && drive->config.temper.fault_power == SIM_SERVO_FAULT_RESUMES))
 		bits |= SERVO_CAN_ST_STARTED | SERVO_CAN_ST_RUNNING | SERVO_CAN_ST_BRAKE_OUTPUT;
 	if (fabs(drive->rpm) < zero_speed(drive))
 		bits |= SERVO_CAN_ST_ZERO_SPEED;
@@ -626,11 +644,17 @@ void sim_servo_power(struct sim_servo *drive, bool on, db_time now)
 	boot_drive(drive, now);
 }
 
+void sim_servo_reset(struct sim_servo *drive, db_time now)
+{
+	sim_servo_power(drive, false, now);
+	sim_servo_power(drive, true, now);
+}
+
 void sim_servo_set_faults(struct sim_servo *drive, uint16_t faults, db_time now)
 {
 	sim_servo_advance(drive, now);
 	drive->faults = faults;
-	if (faults && !drive->config.temper.fault_keeps_power)
+	if (faults && !goes_on(drive))
 		set_enabled(drive, false, now);
 }
 

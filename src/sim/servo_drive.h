@@ -28,22 +28,37 @@ enum sim_servo_report {
 	SIM_SERVO_REPORTS
 };
 
+/* What a fault does, beside taking the power off the motor. */
+enum sim_servo_fault_power {
+	SIM_SERVO_FAULT_DISABLES, /* it has to be enabled anew */
+	SIM_SERVO_FAULT_KEEPS, /* the motor goes on when the fault is gone; meanwhile the bit of its
+	                             power stays */
+	SIM_SERVO_FAULT_RESUMES, /* likewise, but the bit goes and comes back */
+};
+
+/* Where a demand of position mode comes from. Only the first is harmless: the others outlive the power of
+ * the motor, and a loss of the drive's own makes them 0. */
+enum sim_servo_demand {
+	SIM_SERVO_DEMAND_POSITION, /* it holds its place */
+	SIM_SERVO_DEMAND_WRITTEN, /* an internal position that is written while it is not held there */
+	SIM_SERVO_DEMAND_TRIGGERED, /* that at the last rise of CTRG, with power or without */
+	SIM_SERVO_DEMAND_MOVED, /* the target of the last position move: CTRG counts with power only */
+};
+
 /* What the document leaves open. All zero: the drive does what a host would like best. */
 struct sim_servo_temper {
-	/* A fault takes the power off the motor, but leaves the bit that tells of it, and the setpoint:
-	 * the motor goes on when the fault is gone. */
-	bool fault_keeps_power;
-	/* Enabled in, or changed to, position mode it goes to the demand it had before; what is written
-	 * as internal position while it is not held there becomes the demand. Else it holds its place. */
-	bool keeps_demand;
+	enum sim_servo_fault_power fault_power;
+	/* What it goes to when it is enabled in, or changed to, position mode. */
+	enum sim_servo_demand demand;
 	/* "Target position reached" tells of the reference's way, wherever the motor is. */
 	bool reached_by_profile;
 	bool ignores_broadcast; /* what is said to all drives at once is not for it */
 	bool ignores_trigger; /* CTRG is acknowledged and does nothing (address 0x1070 is not 4) */
 	bool deaf_to_setpoints; /* no answer to a speed or current outside its mode */
-	double zero_speed;      /* rpm below which it says that it stands; 0: 1 rpm */
-	double dither;          /* counts that a held position is off, to and fro */
-	db_time motion_delay;   /* from a setpoint or the rise of CTRG to the motor's beginning */
+	bool unsigned_speed;  /* what it tells of its speed has no sign, but for the status bits */
+	double zero_speed;    /* rpm below which it says that it stands; 0: 1 rpm */
+	double dither;        /* counts that a held position is off, to and fro */
+	db_time motion_delay; /* from a setpoint or the rise of CTRG to the motor's beginning */
 };
 
 struct sim_servo_config {
@@ -99,6 +114,8 @@ void sim_servo_set_reports(struct sim_servo *drive, enum sim_servo_report report
 
 /* What happens to a drive from outside. */
 void sim_servo_power(struct sim_servo *drive, bool on, db_time now);
+/* Its power is off and on again sooner than anybody can notice that it does not answer. */
+void sim_servo_reset(struct sim_servo *drive, db_time now);
 /* Sets the fault word; with anything but 0 in it the motor has no power. */
 void sim_servo_set_faults(struct sim_servo *drive, uint16_t faults, db_time now);
 /* Shows these status bits beside the real ones. */

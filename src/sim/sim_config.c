@@ -307,12 +307,14 @@ static void read_servo(const struct sim_section *section, struct sim_drive_confi
 		sim_section_refuse(section, "inertia", "inertia must be above 0 (in kg m^2)");
 	/* What the servos' document leaves open of one drive. */
 	servo->temper = (struct sim_servo_temper){
-		.fault_keeps_power = sim_section_word(section, "fault-power") == 1,
-		.keeps_demand = sim_section_word(section, "demand") == 1,
+		.fault_power =
+			(enum sim_servo_fault_power)sim_section_word(section, "fault-power"),
+		.demand = (enum sim_servo_demand)sim_section_word(section, "demand"),
 		.reached_by_profile = sim_section_word(section, "reached-bit") == 1,
 		.ignores_trigger = sim_section_word(section, "trigger") == 1,
 		.ignores_broadcast = sim_section_flag(section, "ignores-broadcast"),
 		.deaf_to_setpoints = sim_section_word(section, "setpoints") == 1,
+		.unsigned_speed = sim_section_word(section, "speed-sign") == 1,
 		.zero_speed = sim_section_real(section, "zero-speed-rpm"),
 		.dither = sim_section_real(section, "dither"),
 		.motion_delay = read_ms(section, "motion-delay-ms"),
@@ -320,6 +322,7 @@ static void read_servo(const struct sim_section *section, struct sim_drive_confi
 	servo->power_time = read_ms(section, "power-ms");
 	drive->servo_lengths = (enum sim_servo_lengths)sim_section_word(section, "answer-length");
 	drive->servo_ack_latency = read_us(section, "ack-latency-us");
+	drive->servo_stray_acks = sim_section_flag(section, "stray-acks");
 }
 
 /* --- XYZA controllers ------------------------------------------------------------------------- */

@@ -54,6 +54,7 @@ struct sim_drive_config {
 	struct sim_servo_config servo;           /* on a bus of servos instead ... */
 	enum sim_servo_lengths servo_lengths;    /* ... of its frames ... */
 	db_time servo_ack_latency;               /* ... and beside the bus's latency */
+	bool servo_stray_acks;                   /* see sim_servo_node */
 	struct sim_xyza_config xyza;             /* likewise; flash_path is left null */
 	const char *faults[SIM_FAULT_TEXTS_MAX]; /* as the control socket's `fault` takes them */
 	size_t fault_count;
