@@ -70,8 +70,9 @@ enum db_error {
 	DB_ERROR_OVER_TEMPERATURE = 19,
 	DB_ERROR_OVER_CURRENT = 20,
 	DB_ERROR_VOLTAGE = 21,
-	DB_ERROR_INTERRUPTED = 22, /* drive: its program was ended by an emergency stop */
-	DB_ERROR_DRIVE_FAULT = 32, /* plus a bit 0..15 of a servo drive's fault word */
+	DB_ERROR_INTERRUPTED = 22,       /* drive: its program was ended by an emergency stop */
+	DB_ERROR_UNEXPLAINED_FAULT = 23, /* drive: a fault whose reason it has not told yet */
+	DB_ERROR_DRIVE_FAULT = 32,       /* plus a bit 0..15 of a servo drive's fault word */
 };
 const char *db_error_name(uint16_t error); /* "none", "no_answer" ...; "unknown" */
 

@@ -30,6 +30,7 @@ static const char *const error_names[] = {
 	[DB_ERROR_OVER_CURRENT] = "over_current",
 	[DB_ERROR_VOLTAGE] = "voltage",
 	[DB_ERROR_INTERRUPTED] = "interrupted",
+	[DB_ERROR_UNEXPLAINED_FAULT] = "unexplained_fault",
 };
 
 /*

@@ -81,7 +81,8 @@ def test_faults_and_health(make_servo):
     assert drive.read("supply_voltage_raw") == 480
     bridge.sim.control("faults drive1 0x100")
     state(bridge, ERROR_STOP)
-    assert drive.read("error") == code("error", "phase_loss")
+    # The status shows that there is one, the next report which.
+    eventually(lambda: drive.read("error") == code("error", "phase_loss"), what="the reason")
     assert drive.read("fault_bits") == 0x100
     assert drive.command("clear_fault") == 1
     bridge.sim.control("faults drive1 0")

@@ -2,6 +2,8 @@
 """CAN servos with every temperament: whatever the document leaves open, a PLC's commands do what their
 results say, and nothing moves by itself."""
 
+import time
+
 import pytest
 import temperament
 from bridgelib import (
@@ -14,6 +16,7 @@ from bridgelib import (
     MOVING_BIT,
     RESULT_OK,
     STANDSTILL,
+    code,
     eventually,
 )
 from temperament import Temperament
@@ -36,11 +39,16 @@ TEMPERAMENTS = [
     one("ack-latency-us", 20000, "Commands are answered later."),
     one("fault-power", "kept",
         "Nothing begins when the fault is gone: the bridge took the power off, see `on-fault`."),
+    one("fault-power", "resumes", "The same."),
     one("demand", "kept", "Nothing."),
+    one("demand", "triggered", "Nothing."),
+    one("demand", "moved",
+        "`enable` after a position move fails (04) and takes the power off again, without this.",
+        drive=(("mode", "speed"),)),
     one("reached-bit", "profile", "Nothing: `at_target` and `done` come from the position."),
     one("zero-speed-rpm", 30.0, "Nothing: `moving` comes from the speed."),
     one("setpoints", "in-mode",
-        "The first `enable` after a start of the bridge takes longer, by some `drive-latency-ms`."),
+        "An `enable` takes longer, by some `drive-latency-ms`, while the bridge knows no mode."),
     one("dither", 2.0,
         "`position` trembles while it is held; a move to the count is done only by chance.",
         drive=(("in-position-window", WINDOW),)),
@@ -53,6 +61,10 @@ TEMPERAMENTS = [
         "With `group-start = broadcast` it does not start, and its command has failed."),
     one("report-position-ms", 0, "Nothing: what is not reported is asked for."),
     one("report-motion-ms", 10, "Nothing."),
+    one("stray-acks", True, "Nothing."),
+    one("speed-sign", "bits",
+        "The sign of `velocity` is missing, and motions backwards are unproven, without this.",
+        drive=(("speed-sign", "bits"),)),
 ]
 
 # Reports of faults five times a second, so that nobody waits for them; 10 ms cycles.
@@ -179,7 +191,8 @@ def test_ctrg_without_effect_is_no_success(make_servo):
     assert drive.command("move_absolute", target_position=5000, target_velocity=0) == DEVICE_FAILURE
     assert not drive.read("status") & AT_TARGET_BIT
     assert motor(bridge) == 0
-    state(bridge, STANDSTILL)
+    # It could have been slow, and begun yet.
+    state(bridge, DISABLED)
 
 
 @pytest.mark.parametrize("reaction", ["none", "stop", "disable"])
@@ -209,3 +222,128 @@ def test_a_bridge_that_comes_back_finds_an_old_speed(make_servo):
     assert bridge.drive().command("enable") == 0
     state(bridge, STANDSTILL)
     assert velocity(bridge) == 0
+
+
+def stays(bridge, position=None, off=0, seconds=0.7):
+    """For longer than anything of this drive takes to begin, here and by default."""
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        assert velocity(bridge) == 0
+        assert position is None or abs(motor(bridge) - position) <= off
+
+
+@pytest.mark.parametrize("reaction", ["none", "stop", "disable"])
+@pytest.mark.parametrize("reports", ["0", "60000"])
+@pytest.mark.parametrize("power", ["kept", "resumes"])
+def test_a_fault_between_two_reports(make_servo, reaction, reports, power):
+    """A drive that keeps power and speed through a fault whose reason it does not report in time."""
+    bridge = make_servo((one("fault-power", power, ""),), **{"on-fault": reaction})
+    drive = bridge.drive()
+    bridge.sim.control(f"reports drive1 100 100 {reports}")
+    assert drive.command("enable") == 0
+    assert drive.command("move_velocity", target_velocity=300) == 0
+    bridge.sim.control("faults drive1 0x1")
+    state(bridge, ERROR_STOP)
+    assert drive.read("error") == code("error", "unexplained_fault")
+    assert drive.command("move_velocity", target_velocity=800) == DEVICE_FAILURE
+    eventually(lambda: velocity(bridge) == 0, what="the motor to stand")
+    if reaction == "disable":
+        eventually(lambda: not bridge.sim.get()["enabled"], what="the power to be taken off")
+    bridge.sim.control("faults drive1 0")
+    state(bridge, DISABLED if reaction == "disable" else STANDSTILL)
+    stays(bridge)
+
+
+@pytest.mark.parametrize("demand", ["position", "kept", "triggered"])
+@pytest.mark.parametrize("enabled", [True, False])
+def test_a_reset_that_is_too_short_to_be_missed(make_servo, demand, enabled):
+    """Mode, speed and demand are the drive's own again, and it never fell silent."""
+    bridge = make_servo((one("demand", demand, ""),),
+                        **{"ramp-acceleration": 5000, "ramp-deceleration": 5000})
+    drive = bridge.drive()
+    online = drive.read("came_online")
+    assert drive.command("enable") == 0
+    assert drive.command("move_velocity", target_velocity=600) == 0
+    eventually(lambda: motor(bridge) > 5000, what="some way")
+    assert drive.command("stop") == 0
+    state(bridge, STANDSTILL)
+    if not enabled:
+        assert drive.command("disable") == 0
+    place = motor(bridge)
+    told = bridge.sim.get()["ramps"]
+    bridge.sim.control("reset drive1")
+    state(bridge, DISABLED)
+    assert drive.command("enable") == 0
+    assert bridge.sim.get()["ramps"] > told
+    stays(bridge, place)
+    assert drive.command("move_velocity", target_velocity=60) == 0
+    assert drive.read("result") == RESULT_OK
+    assert drive.read("came_online") == online
+
+
+@pytest.mark.parametrize(("demand", "mode"), [("triggered", "unknown"), ("moved", "speed")])
+def test_a_demand_that_only_ctrg_loads(make_servo, demand, mode):
+    bridge = make_servo((one("demand", demand, ""),), mode=mode)
+    drive = bridge.drive()
+    assert drive.command("enable") == 0
+    assert drive.command("move_absolute", target_position=9000, target_velocity=0) == 0
+    rests_at(bridge, 9000)
+    assert drive.command("disable") == 0
+    assert drive.command("set_position", target_position=0) == 0
+    assert drive.command("enable") == 0
+    state(bridge, STANDSTILL)
+    stays(bridge, 0)
+
+
+def test_a_motor_that_jumps_when_it_gets_power(make_servo):
+    """Its demand is one that nobody can change without power: it does not keep the power."""
+    bridge = make_servo((one("demand", "moved", ""),))
+    drive = bridge.drive()
+    assert drive.command("enable") == 0
+    assert drive.command("move_absolute", target_position=50000, target_velocity=0) == 0
+    rests_at(bridge, 50000)
+    assert drive.command("disable") == 0
+    assert drive.command("set_position", target_position=0) == 0
+    assert drive.command("enable") == DEVICE_FAILURE
+    assert drive.read("result") == code("result", "failed")
+    state(bridge, DISABLED)
+    eventually(lambda: velocity(bridge) == 0, what="the motor to run out", timeout=30)
+    assert abs(motor(bridge)) < 25000
+    stays(bridge)
+
+
+@pytest.mark.parametrize("command", ["move_absolute", "move_relative"])
+def test_a_move_that_has_failed_does_not_begin(make_servo, command):
+    """The drive begins 400 ms behind CTRG, and reaction-ms is 200."""
+    bridge = make_servo((one("motion-delay-ms", 400, ""),))
+    drive = bridge.drive()
+    assert drive.command("enable") == 0
+    assert drive.command(command, target_position=50000, target_velocity=0) == DEVICE_FAILURE
+    assert drive.read("result") == code("result", "failed")
+    assert motor(bridge) == 0
+    state(bridge, DISABLED)
+    stays(bridge, 0)
+    # With its power back there is nothing left of it.
+    assert drive.command("enable") == 0
+    stays(bridge, 0)
+
+
+@pytest.mark.parametrize("bit", ["fault", "alarm"])
+def test_an_error_bit_that_no_report_explains(make_servo, bit):
+    """Some drives may set bit 10 for a mere alarm: that has to be said."""
+    bridge = make_servo((), **{"error-bit": bit})
+    drive = bridge.drive()
+    bridge.sim.control("bits drive1 0x400")
+    if bit == "fault":
+        state(bridge, ERROR_STOP)
+        stays(bridge)
+        assert drive.read("axis_state") == ERROR_STOP
+        bridge.sim.control("bits drive1 0")
+        state(bridge, DISABLED)
+        return
+    # Until the next report, that is.
+    eventually(lambda: drive.read("drive_status") & 0x400 and
+               drive.read("axis_state") == DISABLED, what="the report")
+    assert drive.command("enable") == 0
+    assert drive.command("move_velocity", target_velocity=60) == 0
+    state(bridge, CONTINUOUS)

@@ -39,33 +39,66 @@ static bool may_resend(struct db_conversation *talk)
 	return progress_of(talk)->resends++ < RESENDS_MAX;
 }
 
+/* It does what a speed or current says, at once. */
+static bool obeys_setpoint(const struct db_device *device)
+{
+	bool by_setpoint = device->mode == SERVO_CAN_MODE_SPEED ||
+	                   device->mode == SERVO_CAN_MODE_CURRENT;
+
+	return by_setpoint && !device->synchronous;
+}
+
+/* Speed or current 0 stops the motor; else only its power does. */
+static bool stops_by_setpoint(const struct db_device *device)
+{
+	return obeys_setpoint(device) && !device->stop_refused;
+}
+
+/* Is the power to be taken off because of a fault? Where speed or current 0 stops, a stop needs not. */
+static bool fault_takes_power(const struct db_device *device)
+{
+	if (device->on_fault == SERVO_CAN_ON_FAULT_NONE)
+		return false;
+	return device->on_fault == SERVO_CAN_ON_FAULT_DISABLE || !stops_by_setpoint(device);
+}
+
 /* --- power --------------------------------------------------------------------------------------- */
 
 /* Without power the trigger does nothing: it is dropped now, so that the next move can raise it. */
-static enum db_step drop_trigger(struct db_conversation *talk)
+static enum db_step drop_trigger(struct db_conversation *talk, enum db_result result)
 {
 	if (talk->device->trigger != LEVEL_HIGH || progress_of(talk)->dropped)
-		return end_job(talk, DB_RESULT_OK);
+		return end_job(talk, result);
 	/* Tried once: a stop does not depend on it, and every move makes sure that it is down. */
 	progress_of(talk)->dropped = true;
 	talk->device->trigger = LEVEL_NOT_KNOWN;
 	return servo_can_say_trigger(talk, false);
 }
 
-/* Has the power stage followed? */
-static enum db_step confirm_power(struct db_conversation *talk, bool wanted)
+/* Is the power gone, so that the job can end like this? Else it ends as `not_seen`. */
+static enum db_step confirm_no_power(struct db_conversation *talk, enum db_result result,
+                                     enum db_result not_seen)
 {
 	struct db_device *device = talk->device;
 
-	if (talk->job->step == STEP_POWER)
+	if (talk->job->step == STEP_POWER || talk->job->step == STEP_RETREAT)
 		return servo_can_read_all(talk);
-	if (servo_can_is_powered(device) != wanted)
-		return took_too_long(talk) ? end_job(talk, DB_RESULT_FAILED) :
-		                             servo_can_read_all(talk);
-	if (wanted)
-		return end_job(talk, DB_RESULT_OK);
+	if (servo_can_is_powered(device))
+		return took_too_long(talk) ? end_job(talk, not_seen) : servo_can_read_all(talk);
+	device->going = false;
 	device->has_target = false;
-	return drop_trigger(talk);
+	return drop_trigger(talk, result);
+}
+
+static enum db_step confirm_disable(struct db_conversation *talk)
+{
+	return confirm_no_power(talk, DB_RESULT_OK, DB_RESULT_FAILED);
+}
+
+/* What is called failed must not begin any more: without power nothing does. */
+static enum db_step confirm_retreat(struct db_conversation *talk)
+{
+	return confirm_no_power(talk, DB_RESULT_FAILED, DB_RESULT_INDETERMINATE);
 }
 
 /* Another program may have left a speed or a current: it is made 0, if the drive takes that now. */
@@ -73,41 +106,46 @@ static bool says_clear(struct db_conversation *talk, enum servo_can_mode mode, e
 {
 	bool current = mode == SERVO_CAN_MODE_CURRENT;
 
-	if (mode == SERVO_CAN_MODE_POSITION || talk->device->setpoint_known[mode] ||
+	if (mode == SERVO_CAN_MODE_POSITION ||
 	    is_done(talk, current ? STEP_CLEAR_CURRENT : STEP_CLEAR_SPEED))
 		return false;
 	*step = servo_can_say_clear(talk, current ? SERVO_CAN_CURRENT : SERVO_CAN_SPEED);
 	return true;
 }
 
-/* Likewise, whatever mode the drive is in. */
-static bool says_clears(struct db_conversation *talk, enum db_step *step)
+/* The last speed or current that the bridge said is made 0, in its own mode. */
+static bool says_old_setpoint_0(struct db_conversation *talk, enum db_step *step)
 {
-	int mode = talk->device->mode;
+	struct db_device *device = talk->device;
 
-	if (mode != SERVO_CAN_MODE_NOT_KNOWN)
-		return says_clear(talk, (enum servo_can_mode)mode, step);
-	return says_clear(talk, SERVO_CAN_MODE_SPEED, step) ||
-	       says_clear(talk, SERVO_CAN_MODE_CURRENT, step);
+	if (device->setpoint == 0 && !(device->synchronous && device->staged))
+		return false;
+	/* Only a sync frame makes a 0 count, and what else that starts is the PLC's business. */
+	if (device->synchronous)
+		*step = end_job(talk, DB_RESULT_BUSY);
+	else if (device->mode == device->setpoint_mode)
+		*step = servo_can_say_setpoint(talk, 0);
+	else
+		*step = servo_can_say_mode(talk, (enum servo_can_mode)device->setpoint_mode, NULL);
+	return true;
 }
 
-/* A motor that gets its power back must not go on with what it was told before. */
+/* Whatever is believed of it: a drive that was reset unseen may have another. It must take that in the
+ * mode that it has just been given; in one that is only believed it may have no use for it. */
 static bool says_setpoint_0(struct db_conversation *talk, enum db_step *step)
 {
 	struct db_device *device = talk->device;
 
-	/* Only a sync frame makes a 0 count, and what else that starts is the PLC's business. */
-	if (device->synchronous) {
-		if (device->setpoint == 0 && !device->staged)
-			return false;
-		*step = end_job(talk, DB_RESULT_BUSY);
-		return true;
-	}
-	if (device->setpoint == 0)
-		return says_clears(talk, step);
-	*step = device->mode == device->setpoint_mode ?
-	                servo_can_say_setpoint(talk, 0) :
-	                servo_can_say_mode(talk, (enum servo_can_mode)device->setpoint_mode, NULL);
+	if (device->synchronous || device->mode == SERVO_CAN_MODE_POSITION)
+		return false;
+	if (device->mode == SERVO_CAN_MODE_NOT_KNOWN)
+		return says_clear(talk, SERVO_CAN_MODE_SPEED, step) ||
+		       says_clear(talk, SERVO_CAN_MODE_CURRENT, step);
+	if (is_done(talk, STEP_SETPOINT) && device->setpoint_mode == device->mode)
+		return false;
+	if (!is_done(talk, STEP_MODE))
+		return says_clear(talk, (enum servo_can_mode)device->mode, step);
+	*step = servo_can_say_setpoint(talk, 0);
 	return true;
 }
 
@@ -120,19 +158,97 @@ static bool says_demand(struct db_conversation *talk, enum db_step *step)
 	return true;
 }
 
+#define POSITIONS (SERVO_CAN_POS0 | SERVO_CAN_POS1 | SERVO_CAN_POS2)
+
+/* Some drives take a demand only when CTRG rises. Without power that moves nothing. */
+static bool says_load(struct db_conversation *talk, enum db_step *step)
+{
+	struct db_device *device = talk->device;
+
+	if (is_done(talk, STEP_LOAD) || !device->layout.words.set ||
+	    (device->words[0] & POSITIONS) != 0)
+		return false;
+	*step = servo_can_say_load(talk);
+	return true;
+}
+
+static bool says_trigger_down(struct db_conversation *talk, enum db_step *step)
+{
+	bool loaded = is_done(talk, STEP_LOAD);
+
+	if (talk->device->trigger != LEVEL_HIGH ||
+	    (loaded ? progress_of(talk)->dropped : is_done(talk, STEP_TRIGGER_DOWN)))
+		return false;
+	progress_of(talk)->dropped = loaded;
+	*step = servo_can_say_trigger(talk, false);
+	return true;
+}
+
+/* A motor that gets its power must not go anywhere: mode, setpoint and demand are said each time, because
+ * a drive that was reset for a moment has its own. */
 static bool says_before_power(struct db_conversation *talk, enum db_step *step)
 {
 	struct db_device *device = talk->device;
-	bool by_position = device->mode == SERVO_CAN_MODE_POSITION ||
-	                   device->mode == SERVO_CAN_MODE_NOT_KNOWN;
 
-	if (says_setpoint_0(talk, step) || servo_can_says_profile(talk, step))
+	if (says_old_setpoint_0(talk, step) || servo_can_says_all(talk, step) ||
+	    says_setpoint_0(talk, step) || says_trigger_down(talk, step))
 		return true;
-	if (device->trigger == LEVEL_HIGH) {
-		*step = servo_can_say_trigger(talk, false);
+	if (device->mode == SERVO_CAN_MODE_SPEED || device->mode == SERVO_CAN_MODE_CURRENT)
+		return false;
+	return says_demand(talk, step) || says_load(talk, step) || says_trigger_down(talk, step);
+}
+
+/* Does the motor go where nobody wants it? One that turned when it got its power may run out first. */
+static bool goes_astray(struct db_conversation *talk)
+{
+	struct servo_can_progress *progress = progress_of(talk);
+	const struct db_device *device = talk->device;
+	int speed = abs(device->sample.speed);
+
+	if (progress->ran_out)
+		return fabs((double)device->sample.position - (double)progress->from) >
+		       device->power_window;
+	if (speed > abs(progress->before) + device->standstill_speed)
 		return true;
+	progress->before = device->sample.speed;
+	progress->from = device->sample.position;
+	progress->ran_out = servo_can_stands(device);
+	return false;
+}
+
+/* Watched for as long as the drive may take to begin anything. */
+static enum db_step confirm_enable(struct db_conversation *talk)
+{
+	struct servo_can_progress *progress = progress_of(talk);
+	struct db_device *device = talk->device;
+	bool powered = servo_can_is_powered(device);
+
+	if (talk->job->step == STEP_POWER)
+		return servo_can_read_all(talk);
+	if (powered && progress->had_power)
+		return end_job(talk, DB_RESULT_OK);
+	if (goes_astray(talk) || (progress->has_power && !powered) ||
+	    (powered && servo_can_shows_fault(device) && fault_takes_power(device)))
+		return servo_can_say_retreat(talk);
+	if (powered && !progress->has_power) {
+		progress->has_power = true;
+		progress->since = talk->now;
 	}
-	return by_position && says_demand(talk, step);
+	if (took_too_long(talk))
+		return powered ? end_job(talk, DB_RESULT_OK) : servo_can_say_retreat(talk);
+	return servo_can_look_again(talk);
+}
+
+static enum db_step begin_power(struct db_conversation *talk)
+{
+	struct servo_can_progress *progress = progress_of(talk);
+	const struct db_device *device = talk->device;
+
+	progress->had_power = servo_can_is_powered(device);
+	progress->ran_out = servo_can_stands(device);
+	progress->from = device->sample.position;
+	progress->before = device->sample.speed;
+	return servo_can_say_power(talk, true);
 }
 
 static enum db_step continue_enable(struct db_conversation *talk)
@@ -141,30 +257,23 @@ static enum db_step continue_enable(struct db_conversation *talk)
 
 	if (!is_done(talk, STEP_LOOK))
 		return servo_can_read_all(talk);
+	if (is_done(talk, STEP_RETREAT))
+		return confirm_retreat(talk);
 	if (is_done(talk, STEP_POWER))
-		return confirm_power(talk, true);
+		return confirm_enable(talk);
 	if (!servo_can_is_powered(talk->device) && says_before_power(talk, &step))
 		return step;
-	return servo_can_say_power(talk, true);
+	return begin_power(talk);
 }
 
 /* --- stops --------------------------------------------------------------------------------------- */
-
-/* Speed or current 0 stops the motor; else only its power does. */
-static bool stops_by_setpoint(const struct db_device *device)
-{
-	bool by_setpoint = device->mode == SERVO_CAN_MODE_SPEED ||
-	                   device->mode == SERVO_CAN_MODE_CURRENT;
-
-	return by_setpoint && !device->synchronous;
-}
 
 static enum db_step continue_stop(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 
 	if (is_done(talk, STEP_POWER))
-		return confirm_power(talk, false);
+		return confirm_disable(talk);
 	if (is_done(talk, STEP_SETPOINT)) {
 		device->stopping = !servo_can_stands(device);
 		return end_job(talk, DB_RESULT_OK);
@@ -172,7 +281,7 @@ static enum db_step continue_stop(struct db_conversation *talk)
 	device->has_target = false;
 	if (stops_by_setpoint(device) && servo_can_is_powered(device))
 		return servo_can_say_setpoint(talk, 0);
-	if (device->mode != SERVO_CAN_MODE_POSITION || device->going)
+	if (device->mode != SERVO_CAN_MODE_POSITION || device->going || device->unshown)
 		return servo_can_say_power(talk, false);
 	if (!is_done(talk, STEP_LOOK))
 		return servo_can_read_all(talk);
@@ -222,10 +331,22 @@ static bool follows_setpoint(const struct db_conversation *talk)
 	return wanted > was ? is > was + noise : is < was - noise;
 }
 
+/* It is 0 before it is called failed; where the mode is not known any more, the power goes. */
+static enum db_step retreat_to_0(struct db_conversation *talk)
+{
+	progress_of(talk)->gives_up = true;
+	return talk->device->mode == (int)mode_of(request_of(talk)->command) ?
+	               servo_can_say_setpoint(talk, 0) :
+	               servo_can_say_retreat(talk);
+}
+
 static enum db_step prove_setpoint(struct db_conversation *talk)
 {
+	struct servo_can_progress *progress = progress_of(talk);
 	struct db_device *device = talk->device;
 
+	if (progress->gives_up)
+		return end_job(talk, DB_RESULT_FAILED);
 	/* It waits for a sync frame, and nothing shows that. */
 	if (device->staged)
 		return end_job(talk, DB_RESULT_UNPROVEN);
@@ -233,12 +354,14 @@ static enum db_step prove_setpoint(struct db_conversation *talk)
 		return servo_can_read_all(talk);
 	if (follows_setpoint(talk))
 		return end_job(talk, DB_RESULT_OK);
-	if (progress_of(talk)->setpoint != 0 && !servo_can_is_powered(device))
-		return end_job(talk, DB_RESULT_FAILED);
+	if (progress->setpoint != 0 && !servo_can_is_powered(device))
+		return retreat_to_0(talk);
 	if (!took_too_long(talk))
 		return servo_can_read_all(talk);
 	/* Of a frame for all drives not even the arrival is known. */
-	return end_job(talk, progress_of(talk)->by_all ? DB_RESULT_FAILED : DB_RESULT_UNPROVEN);
+	if (progress->by_all)
+		return retreat_to_0(talk);
+	return end_job(talk, progress->unanswered ? DB_RESULT_INDETERMINATE : DB_RESULT_UNPROVEN);
 }
 
 /* What another program left must not count in the new mode, not even for one frame's time. */
@@ -252,7 +375,8 @@ static enum db_step change_mode(struct db_conversation *talk, enum servo_can_mod
 		return end_job(talk, DB_RESULT_BUSY);
 	if (mode == SERVO_CAN_MODE_POSITION && says_demand(talk, &step))
 		return step;
-	if (!talk->device->synchronous && says_clear(talk, mode, &step))
+	if (!talk->device->synchronous && !talk->device->setpoint_known[mode] &&
+	    says_clear(talk, mode, &step))
 		return step;
 	return servo_can_say_mode(talk, mode, NULL);
 }
@@ -263,6 +387,8 @@ static enum db_step continue_setpoint(struct db_conversation *talk)
 	enum servo_can_mode mode = mode_of(request_of(talk)->command);
 	int16_t setpoint = setpoint_of(request_of(talk));
 
+	if (is_done(talk, STEP_RETREAT))
+		return confirm_retreat(talk);
 	if (is_done(talk, STEP_SETPOINT)) {
 		device->has_target = false;
 		return prove_setpoint(talk);
@@ -289,8 +415,6 @@ static enum db_step continue_sync_start(struct db_conversation *talk)
 }
 
 /* --- position ------------------------------------------------------------------------------------ */
-
-#define POSITIONS (SERVO_CAN_POS0 | SERVO_CAN_POS1 | SERVO_CAN_POS2)
 
 /* What the drive does now was read: may a position move begin? Its target is fixed here, once. */
 static enum db_result check_move(struct db_conversation *talk)
@@ -328,13 +452,6 @@ static bool follows_target(const struct db_conversation *talk)
 	return way > 0 ? gone > noise : gone < -noise;
 }
 
-static enum db_step end_without_move(struct db_conversation *talk, enum db_result result)
-{
-	talk->device->going = false;
-	talk->device->has_target = false;
-	return end_job(talk, result);
-}
-
 static enum db_step raise_trigger(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
@@ -342,6 +459,7 @@ static enum db_step raise_trigger(struct db_conversation *talk)
 	/* It may rise even if the acknowledgement never comes. */
 	device->trigger = LEVEL_HIGH;
 	device->going = true;
+	device->unshown = true;
 	device->seen_at = device->sample.position;
 	device->seen_moving = talk->now;
 	device->stopping = false;
@@ -350,20 +468,22 @@ static enum db_step raise_trigger(struct db_conversation *talk)
 	return servo_can_say_trigger(talk, true);
 }
 
+/* A move that does not show may only begin later: it is called failed when it cannot any more. */
 static enum db_step prove_move(struct db_conversation *talk)
 {
 	if (talk->job->step == STEP_TRIGGER_UP)
 		return servo_can_read_all(talk);
-	if (follows_target(talk))
+	if (follows_target(talk)) {
+		talk->device->unshown = false;
 		return end_job(talk, DB_RESULT_OK);
+	}
 	if (!servo_can_is_powered(talk->device))
-		return end_without_move(talk, DB_RESULT_FAILED);
+		return servo_can_say_retreat(talk);
 	/* CTRG that is up already does not rise again. */
 	if (progress_of(talk)->unanswered)
 		return may_resend(talk) ? raise_trigger(talk) :
 		                          end_job(talk, DB_RESULT_INDETERMINATE);
-	return took_too_long(talk) ? end_without_move(talk, DB_RESULT_FAILED) :
-	                             servo_can_read_all(talk);
+	return took_too_long(talk) ? servo_can_say_retreat(talk) : servo_can_read_all(talk);
 }
 
 /* The next frame of a position move: whatever is still missing. */
@@ -372,6 +492,8 @@ static enum db_step continue_position(struct db_conversation *talk)
 	struct db_device *device = talk->device;
 	enum db_result checked;
 
+	if (is_done(talk, STEP_RETREAT))
+		return confirm_retreat(talk);
 	if (is_done(talk, STEP_TRIGGER_UP))
 		return prove_move(talk);
 	if (!is_done(talk, STEP_LOOK))
@@ -443,7 +565,7 @@ enum db_step servo_can_continue_command(struct db_conversation *talk)
 	case DB_CMD_ENABLE:
 		return continue_enable(talk);
 	case DB_CMD_DISABLE:
-		return is_done(talk, STEP_POWER) ? confirm_power(talk, false) :
+		return is_done(talk, STEP_POWER) ? confirm_disable(talk) :
 		                                   servo_can_say_power(talk, false);
 	case DB_CMD_STOP:
 	case DB_CMD_QUICK_STOP:
@@ -473,14 +595,6 @@ enum db_step servo_can_continue_command(struct db_conversation *talk)
 
 #define ANALOGUE_INTERVAL (100 * DB_NS_PER_MS)
 
-/* Is the power to be taken off because of a fault? Where speed or current 0 stops, a stop needs not. */
-static bool fault_takes_power(const struct db_device *device)
-{
-	if (!servo_can_is_powered(device) || device->on_fault == SERVO_CAN_ON_FAULT_NONE)
-		return false;
-	return device->on_fault == SERVO_CAN_ON_FAULT_DISABLE || !stops_by_setpoint(device);
-}
-
 /* Nothing is to begin by itself when the fault is gone. Said again with each poll until it is so. */
 static bool says_because_of_fault(struct db_conversation *talk, enum db_step *step)
 {
@@ -488,20 +602,23 @@ static bool says_because_of_fault(struct db_conversation *talk, enum db_step *st
 
 	if (!device->fault_open)
 		return false;
-	if (stops_by_setpoint(device) && !is_done(talk, STEP_SETPOINT) &&
-	    (device->setpoint != 0 || !device->setpoint_known[device->mode])) {
-		*step = servo_can_say_setpoint(talk, 0);
-		return true;
-	}
+	/* The power first: it can be seen, and nothing that the drive makes of the 0 keeps it waiting. Also
+	 * when it has none now: some drives give it back by themselves when the fault is gone. */
 	if (fault_takes_power(device) && !is_done(talk, STEP_POWER)) {
 		*step = servo_can_say_power(talk, false);
 		return true;
 	}
-	if (is_done(talk, STEP_POWER) && talk->job->step == STEP_POWER) {
+	if (obeys_setpoint(device) && !is_done(talk, STEP_SETPOINT) &&
+	    (device->setpoint != 0 || !device->setpoint_known[device->mode])) {
+		*step = servo_can_say_setpoint(talk, 0);
+		return true;
+	}
+	if (is_done(talk, STEP_POWER) && !progress_of(talk)->looked) {
+		progress_of(talk)->looked = true;
 		*step = servo_can_read_all(talk);
 		return true;
 	}
-	device->fault_open = fault_takes_power(device);
+	device->fault_open = fault_takes_power(device) && servo_can_is_powered(device);
 	if (!device->fault_open && !servo_can_is_powered(device))
 		device->has_target = false;
 	return false;

@@ -73,12 +73,18 @@ struct servo_can_progress {
 	unsigned done;   /* bit of each enum servo_can_step that was taken, or passed over */
 	bool checked;    /* it may begin; its target is fixed */
 	bool unanswered; /* what was said last was not acknowledged */
-	bool dropped;    /* CTRG, after the power went */
+	bool strange;    /* something else was acknowledged instead */
+	bool dropped;    /* CTRG, after the power went or behind a demand */
+	bool had_power;  /* already when it was to be enabled */
+	bool has_power;  /* since it was enabled */
+	bool ran_out;    /* the motor has stood since then: from there it is not to move */
+	bool looked;     /* at the power, behind taking it off because of a fault */
+	bool gives_up;   /* its motion is made impossible before it is called failed */
 	bool by_all;     /* what begins the motion was said to all drives at once */
 	unsigned resends;
 	db_time since;  /* when the effect that is looked for could begin */
 	int32_t target; /* of a position move */
-	int32_t from;   /* the position when the command began ... */
+	int32_t from;   /* the position when the command, or the power, began ... */
 	int16_t before; /* ... and speed or current */
 	int16_t setpoint;
 	uint16_t words[2]; /* what a frame of command words on the wire says, without CTRG */
@@ -96,7 +102,9 @@ struct db_device {
 	bool torque_clockwise;
 	bool synchronous;
 	bool uses_reports;
-	uint16_t enabled_bit; /* of enum servo_can_status_bit */
+	bool error_is_fault;    /* the error bit alone, whatever reports say */
+	bool speed_is_unsigned; /* status bits tell its sign */
+	uint16_t enabled_bit;   /* of enum servo_can_status_bit */
 	double voltage_scale;
 	double temperature_scale;
 	double temperature_offset;
@@ -104,6 +112,7 @@ struct db_device {
 	int standstill_speed; /* rpm up to which the zero speed bit is believed */
 	db_time reaction;     /* how long an effect may take to show */
 	double window;        /* counts around a target that count as there */
+	double power_window;  /* counts that the motor may move when it gets its power */
 	db_time cycle;
 	struct servo_can_profile profile;
 
@@ -134,6 +143,7 @@ struct db_device {
 	bool going;                   /* a position move is under way ... */
 	int32_t seen_at;              /* ... and was last seen to get on here ... */
 	db_time seen_moving;          /* ... at this time */
+	bool unshown; /* CTRG rose, and nothing has shown yet that the motor follows: it still may */
 	bool has_target;
 	int32_t target;
 	/* By mode; false: another program may have left a speed or a current in the drive. */
@@ -142,6 +152,9 @@ struct db_device {
 	int setpoint_mode;
 	bool staged; /* it waits for a sync frame */
 	bool stopping;
+	bool power_taken;  /* by the bridge, since it last came: the drive is not to be suspected */
+	bool lost_power;   /* unasked: what it was told before is not to be relied on */
+	bool stop_refused; /* something else than speed or current 0 was acknowledged */
 	bool refused;
 	bool fault_open;   /* what is to be done on a fault is not done yet */
 	uint16_t words[2]; /* held in the command words, CTRG not among them ... */

@@ -13,8 +13,11 @@
  * - Setting the position feedback of a motor that is held in position would make it jump: it is
  *   refused unless the motor is without power, or stands in speed or current mode.
  * - What a drive does with an old speed, current or position when its motor gets power again, or when
- *   a fault goes, is not documented: before enabling, speed and current are set to 0 and the internal
- *   position to where the motor stands, and on a fault the same happens to speed and current.
+ *   a fault goes, is not documented: before enabling, the mode is selected, speed and current are set
+ *   to 0 and the internal position to where the motor stands, each time, since nothing tells of a short
+ *   reset of the drive; then the motor is watched. On a fault, which the status shows before any report
+ *   does, the power goes, or speed and current are set to 0.
+ * - How late a drive may begin a motion is not documented: what is called failed is made impossible first.
  * - Faults cannot be reset. clear_fault only resets what the bridge itself has latched.
  *
  * Acknowledgements tell the node and a code, and with speed and current what is measured (not what

@@ -45,6 +45,7 @@ static enum db_step say_message(struct db_conversation *talk, enum servo_can_ste
 
 	message.node = talk->device->node;
 	talk->job->step = step;
+	progress_of(talk)->strange = false;
 	exchange->request_length = 0;
 	exchange->extra_time = 0;
 	exchange->repeatable = repeatable;
@@ -86,6 +87,12 @@ enum db_step servo_can_read_parts(struct db_conversation *talk, enum servo_can_s
 enum db_step servo_can_read_all(struct db_conversation *talk)
 {
 	return servo_can_read_parts(talk, STEP_LOOK, SERVO_CAN_ALL_PARTS);
+}
+
+enum db_step servo_can_look_again(struct db_conversation *talk)
+{
+	talk->exchange->again = true;
+	return servo_can_read_all(talk);
 }
 
 /* --- mode, speed and current ----------------------------------------------------------------------- */
@@ -161,7 +168,19 @@ enum db_step servo_can_say_power(struct db_conversation *talk, bool on)
 	struct servo_can_message message = { .kind = SERVO_CAN_ENABLE };
 
 	message.u.enable = on;
+	talk->device->power_taken = !on;
+	/* It may have been told so together with the others already. */
+	if (!on && talk->job->kind == DB_JOB_COMMAND)
+		talk->device->lost_power = false;
 	return say_message(talk, STEP_POWER, message, true);
+}
+
+enum db_step servo_can_say_retreat(struct db_conversation *talk)
+{
+	progress_of(talk)->gives_up = true;
+	talk->device->power_taken = true;
+	return say_message(talk, STEP_RETREAT,
+	                   (struct servo_can_message){ .kind = SERVO_CAN_ENABLE }, true);
 }
 
 static enum db_step say_word_frame(struct db_conversation *talk, enum servo_can_step step,
@@ -183,6 +202,12 @@ enum db_step servo_can_say_trigger(struct db_conversation *talk, bool up)
 	/* A rise is not repeated blindly: between two it could have been dropped. */
 	return say_word_frame(talk, up ? STEP_TRIGGER_UP : STEP_TRIGGER_DOWN, talk->device->words,
 	                      up, !up);
+}
+
+enum db_step servo_can_say_load(struct db_conversation *talk)
+{
+	talk->device->trigger = LEVEL_HIGH;
+	return say_word_frame(talk, STEP_LOAD, talk->device->words, true, false);
 }
 
 enum db_step servo_can_say_words(struct db_conversation *talk, const uint16_t words[2])

@@ -23,6 +23,8 @@ enum servo_can_step {
 	STEP_FEEDBACK,
 	STEP_SYNC,
 	STEP_RAMPS,
+	STEP_LOAD,    /* a rise of CTRG without power, for the demand */
+	STEP_RETREAT, /* power off, because of a motion that might still begin */
 };
 
 static inline struct servo_can_progress *progress_of(const struct db_conversation *talk)
@@ -50,6 +52,8 @@ unsigned servo_can_count_bits(unsigned bits);
 enum db_step servo_can_read_parts(struct db_conversation *talk, enum servo_can_step step,
                                   unsigned parts);
 enum db_step servo_can_read_all(struct db_conversation *talk);
+/* Likewise, and others may go before: this goes on for some time. */
+enum db_step servo_can_look_again(struct db_conversation *talk);
 /* With the profile's maximum speed, if the drive does not have it yet, or another one. */
 enum db_step servo_can_say_mode(struct db_conversation *talk, enum servo_can_mode mode,
                                 const uint16_t *max_speed);
@@ -58,6 +62,10 @@ enum db_step servo_can_say_clear(struct db_conversation *talk, enum servo_can_ki
 /* In the units of the drive's mode. */
 enum db_step servo_can_say_setpoint(struct db_conversation *talk, int16_t setpoint);
 enum db_step servo_can_say_power(struct db_conversation *talk, bool on);
+/* The power off, so that nothing of this command can begin any more. */
+enum db_step servo_can_say_retreat(struct db_conversation *talk);
+/* CTRG up while the motor has no power: some drives take a demand only then. */
+enum db_step servo_can_say_load(struct db_conversation *talk);
 /* With the words that are held. */
 enum db_step servo_can_say_trigger(struct db_conversation *talk, bool up);
 /* CTRG stays as it is. */

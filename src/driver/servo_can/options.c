@@ -11,6 +11,8 @@
 #define MODE_UNKNOWN 0 /* then position, speed, current as in enum servo_can_mode, plus one */
 #define CLOCKWISE 1
 #define USE_REPORTS 0
+#define ERROR_IS_FAULT 0
+#define SIGNED 0
 
 #define FIXED_MAX 281474976710655.0 /* six bytes: at least two are a word's */
 
@@ -217,7 +219,39 @@ const struct db_option servo_can_options[SERVO_CAN_OPTION_COUNT] = {
 		NUMBER_OF(10, 10000, "ms"),
 		.preset = "200",
 		.description = "How long the drive may take from acknowledging a command to showing "
-			       "its effect",
+			       "its effect; for so long it is also watched behind enable",
+	},
+	[OPTION_ERROR_BIT] = {
+		.section = "drive",
+		.name = "error-bit",
+		.words = "fault alarm",
+		.preset = "fault",
+		.unit = "",
+		.description = "What bit 10 of the status word is: a fault as long as it is set, or an "
+			       "alarm, which is a fault until a report says that there is none",
+	},
+	[OPTION_SPEED_SIGN] = {
+		.section = "drive",
+		.name = "speed-sign",
+		.words = "signed bits",
+		.preset = "signed",
+		.unit = "",
+		.description = "Where the direction of the speed is: in its own sign, or in bits 14 and "
+			       "15 of the status word; those come with answers only, so reports of the "
+			       "speed are not used then",
+	},
+	[OPTION_POWER_ON_WINDOW] = {
+		.section = "drive",
+		.name = "power-on-window",
+		.words = "",
+		.preset = "",
+		.min = 0,
+		.max = INT32_MAX,
+		.unit = "",
+		.description = "How far the motor may move, in user units, when enable gives it its "
+			       "power: beyond that the power is taken off again; not set: "
+			       "in-position-window, at least a hundredth of a turn, or 100 counts "
+			       "without counts-per-turn",
 	},
 };
 
@@ -356,6 +390,19 @@ static struct servo_can_profile profile_of(const struct db_drive_config *drive)
 	};
 }
 
+#define POWER_ON_COUNTS 100.0
+#define POWER_ON_TURN 0.01
+
+static double power_window_of(const struct db_drive_config *drive)
+{
+	double given = drive->options[OPTION_POWER_ON_WINDOW];
+	double turn = drive->options[OPTION_COUNTS_PER_TURN];
+	double least = isnan(turn) ? POWER_ON_COUNTS : turn * POWER_ON_TURN;
+
+	return isnan(given) ? fmax(drive->in_position_window * drive->counts_per_unit, least) :
+	                      given * drive->counts_per_unit;
+}
+
 void servo_can_configure(struct db_device *device, const struct db_bus_config *bus,
                          const struct db_drive_config *drive)
 {
@@ -367,7 +414,10 @@ void servo_can_configure(struct db_device *device, const struct db_bus_config *b
 	device->fixed_mode = fixed_mode(drive);
 	device->torque_clockwise = word_is(options, OPTION_TORQUE_DIRECTION, CLOCKWISE);
 	device->synchronous = !word_is(options, OPTION_SYNC, NO);
-	device->uses_reports = word_is(options, OPTION_REPORTS, USE_REPORTS);
+	device->error_is_fault = word_is(options, OPTION_ERROR_BIT, ERROR_IS_FAULT);
+	device->speed_is_unsigned = !word_is(options, OPTION_SPEED_SIGN, SIGNED);
+	device->uses_reports = word_is(options, OPTION_REPORTS, USE_REPORTS) &&
+	                       !device->speed_is_unsigned;
 	device->enabled_bit = (uint16_t)(1u << (unsigned)options[OPTION_ENABLED_BIT]);
 	device->voltage_scale = options[OPTION_VOLTAGE_SCALE];
 	device->temperature_scale = options[OPTION_TEMPERATURE_SCALE];
@@ -376,6 +426,7 @@ void servo_can_configure(struct db_device *device, const struct db_bus_config *b
 	device->standstill_speed = (int)options[OPTION_STANDSTILL_SPEED];
 	device->reaction = (db_time)options[OPTION_REACTION] * DB_NS_PER_MS;
 	device->window = drive->in_position_window * drive->counts_per_unit;
+	device->power_window = power_window_of(drive);
 	device->cycle = (db_time)bus->cycle_ms * DB_NS_PER_MS;
 	device->profile = profile_of(drive);
 	device->mode = device->fixed_mode;

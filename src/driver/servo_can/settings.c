@@ -276,6 +276,51 @@ bool servo_can_says_profile(struct db_conversation *talk, enum db_step *step)
 	return true;
 }
 
+static bool says_ramps_again(struct db_conversation *talk, enum db_step *step)
+{
+	const struct db_device *device = talk->device;
+	const struct db_nameplate *plate = &device->plate;
+	bool known = (plate->valid & RAMPS) == RAMPS;
+
+	if (is_done(talk, STEP_RAMPS) || (!known && isnan(device->profile.acceleration)))
+		return false;
+	*step = known ? servo_can_say_ramps(talk, (uint32_t)plate->values[PARAM_ACCELERATION].f,
+	                                    (uint32_t)plate->values[PARAM_DECELERATION].f) :
+	                servo_can_say_ramps(talk, (uint32_t)device->profile.acceleration,
+	                                    (uint32_t)device->profile.deceleration);
+	return true;
+}
+
+/* The profile's, else the one it is believed to be in. */
+static bool says_mode_again(struct db_conversation *talk, enum db_step *step)
+{
+	const struct db_device *device = talk->device;
+	const struct db_nameplate *plate = &device->plate;
+	uint16_t max_speed = (uint16_t)plate->values[PARAM_MAX_SPEED].u;
+	bool known = (plate->valid & PARAM_BIT(PARAM_MAX_SPEED)) != 0;
+	int mode = device->profile.mode != SERVO_CAN_MODE_NOT_KNOWN ? device->profile.mode :
+	                                                              device->mode;
+
+	if (mode == SERVO_CAN_MODE_NOT_KNOWN && servo_can_lacks_max_speed(device))
+		mode = SERVO_CAN_MODE_SPEED;
+	if (!device->may_change_mode || mode == SERVO_CAN_MODE_NOT_KNOWN ||
+	    (is_done(talk, STEP_MODE) && device->mode == mode))
+		return false;
+	*step = servo_can_say_mode(talk, (enum servo_can_mode)mode, known ? &max_speed : NULL);
+	return true;
+}
+
+bool servo_can_says_all(struct db_conversation *talk, enum db_step *step)
+{
+	if (says_ramps_again(talk, step))
+		return true;
+	if (talk->device->words_given && !is_done(talk, STEP_WORDS)) {
+		*step = servo_can_say_words(talk, talk->device->words);
+		return true;
+	}
+	return says_mode_again(talk, step);
+}
+
 enum db_step servo_can_continue_identify(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;

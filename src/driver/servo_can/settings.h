@@ -22,6 +22,10 @@ void servo_can_forget_settings(struct db_device *device, const struct db_request
 enum db_step servo_can_continue_settings(struct db_conversation *talk);
 enum db_step servo_can_continue_identify(struct db_conversation *talk);
 
+/* Before its motor gets power: all that it is to have, also what it is believed to have, because it may
+ * have been reset since. False: that is done. */
+bool servo_can_says_all(struct db_conversation *talk, enum db_step *step);
+
 /* What of the profile the drive does not have and may be given now. False: nothing. */
 bool servo_can_says_profile(struct db_conversation *talk, enum db_step *step);
 

@@ -41,12 +41,16 @@ bool servo_can_is_at(const struct db_device *device, int32_t position)
 }
 
 /* The error bit is there with the next status, its reason only with the next report. */
+bool servo_can_shows_fault(const struct db_device *device)
+{
+	return device->error_since != 0 &&
+	       (device->error_is_fault || device->faults != 0 || !device->has_health ||
+	        device->health_at < device->error_since);
+}
+
 bool servo_can_has_fault(const struct db_device *device)
 {
-	bool unexplained = device->error_since != 0 &&
-	                   (!device->has_health || device->health_at < device->error_since);
-
-	return device->faults != 0 || unexplained;
+	return device->faults != 0 || servo_can_shows_fault(device);
 }
 
 bool servo_can_lacks_max_speed(const struct db_device *device)
@@ -72,6 +76,8 @@ static void show_sample(struct db_device *device, const struct servo_can_sample 
  */
 static void follow_move(struct db_device *device, db_time now)
 {
+	if (!servo_can_is_powered(device))
+		device->unshown = false;
 	if (!device->going)
 		return;
 	if (!servo_can_stands(device) || device->sample.position != device->seen_at) {
@@ -84,21 +90,57 @@ static void follow_move(struct db_device *device, db_time now)
 		device->going = false;
 }
 
+static void note_power(struct db_device *device, bool before)
+{
+	bool powered = servo_can_is_powered(device);
+
+	if (before && !powered && !device->power_taken)
+		device->lost_power = true;
+	if (!before && powered)
+		device->power_taken = false;
+	/* A fault that was there before the power is as good as a new one. */
+	if (!before && powered && servo_can_shows_fault(device))
+		device->fault_open = true;
+}
+
+/* What is to be done on a fault begins with the bit, not with the report that tells its reason. */
+static void note_error(struct db_device *device, db_time now)
+{
+	if (!(device->bits & SERVO_CAN_ST_ERROR)) {
+		device->error_since = 0;
+	} else if (device->error_since == 0) {
+		device->error_since = now;
+		device->fault_open = true;
+	}
+}
+
 static void take_status(struct db_device *device, const struct servo_can_reading *reading,
                         db_time now)
 {
+	bool powered = servo_can_is_powered(device);
+
 	device->bits = reading->bits;
 	device->inputs = reading->inputs;
 	device->outputs = reading->outputs;
 	device->status_at = now;
 	device->has_status = true;
-	if (!(reading->bits & SERVO_CAN_ST_ERROR))
-		device->error_since = 0;
-	else if (device->error_since == 0)
-		device->error_since = now;
+	note_error(device, now);
+	note_power(device, powered);
 	follow_move(device, now);
 	if (!servo_can_is_powered(device) || servo_can_stands(device))
 		device->stopping = false;
+}
+
+/* Neither bit may be set at a low speed: then the way tells. */
+static int16_t give_sign(const struct db_device *device, const struct servo_can_reading *reading)
+{
+	unsigned directions = reading->bits & (SERVO_CAN_ST_REVERSE | SERVO_CAN_ST_FORWARD);
+	int16_t speed = reading->speed == INT16_MIN ? INT16_MAX : (int16_t)abs(reading->speed);
+	bool back = directions == SERVO_CAN_ST_REVERSE ||
+	            (directions != SERVO_CAN_ST_FORWARD && device->has_sample &&
+	             reading->position < device->sample.position);
+
+	return back ? (int16_t)-speed : speed;
 }
 
 static void take_reading(struct db_device *device, unsigned parts, db_time now)
@@ -110,10 +152,13 @@ static void take_reading(struct db_device *device, unsigned parts, db_time now)
 		device->analogue_at = now;
 	}
 	if ((parts & SERVO_CAN_ALL_PARTS) == SERVO_CAN_ALL_PARTS)
-		show_sample(device, &(struct servo_can_sample){ .taken = reading->taken,
-		                                                .position = reading->position,
-		                                                .speed = reading->speed,
-		                                                .current = reading->current });
+		show_sample(device, &(struct servo_can_sample){
+					    .taken = reading->taken,
+					    .position = reading->position,
+					    .speed = device->speed_is_unsigned ?
+		                                             give_sign(device, reading) :
+		                                             reading->speed,
+					    .current = reading->current });
 	if (parts & SERVO_CAN_GIVES_STATUS)
 		take_status(device, reading, now);
 }
@@ -244,8 +289,9 @@ bool servo_can_reports_come(const struct db_device *device, db_time now)
 
 bool servo_can_wants_poll(const struct db_device *device, db_time now)
 {
-	bool busy = device->going || device->stopping || device->trigger == LEVEL_HIGH ||
-	            device->fault_open;
+	/* A short fault is not to be missed while the motor runs. */
+	bool busy = device->going || device->stopping || device->setpoint != 0 ||
+	            device->trigger == LEVEL_HIGH || device->fault_open;
 
 	return busy || !device->has_status || !servo_can_reports_come(device, now) ||
 	       now - device->status_at >= STATUS_INTERVAL;
@@ -257,8 +303,10 @@ static uint16_t error_of(const struct db_device *device)
 {
 	uint16_t bit = 0;
 
-	if (!device->has_health || device->faults == 0)
+	if (!servo_can_has_fault(device))
 		return DB_ERROR_NONE;
+	if (device->faults == 0)
+		return DB_ERROR_UNEXPLAINED_FAULT;
 	while (!(device->faults >> bit & 1))
 		bit++;
 	return (uint16_t)(DB_ERROR_DRIVE_FAULT + bit);
@@ -342,9 +390,31 @@ void servo_can_write_feedback(const struct db_device *device, struct db_feedback
 }
 
 /* What it was told to do may still be going on: that is not forgotten. */
+static void forget_told(struct db_device *device)
+{
+	device->lost_power = false;
+	device->mode = device->fixed_mode;
+	memset(device->setpoint_known, 0, sizeof device->setpoint_known);
+	/* One that is up is still to be dropped. */
+	if (device->trigger == LEVEL_LOW)
+		device->trigger = LEVEL_NOT_KNOWN;
+	if (device->plate.valid != 0) {
+		device->plate.valid = 0;
+		device->plate.generation++;
+	}
+}
+
+void servo_can_take_reset(struct db_device *device)
+{
+	forget_told(device);
+	device->has_target = false;
+	/* The profile is told again as soon as there is time. */
+	device->plate.doubtful = true;
+}
+
 void servo_can_forget_state(struct db_device *device)
 {
-	device->mode = device->fixed_mode;
+	forget_told(device);
 	device->has_sample = false;
 	device->has_status = false;
 	device->has_health = false;
@@ -355,8 +425,4 @@ void servo_can_forget_state(struct db_device *device)
 	device->analogue_at = 0;
 	device->error_since = 0;
 	device->params_valid = false;
-	if (device->plate.valid != 0) {
-		device->plate.valid = 0;
-		device->plate.generation++;
-	}
 }

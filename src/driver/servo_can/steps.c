@@ -85,6 +85,7 @@ static enum db_step take_setpoint(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 
+	device->stop_refused = false;
 	device->setpoint = progress_of(talk)->setpoint;
 	device->setpoint_mode = device->mode;
 	if (device->mode != SERVO_CAN_MODE_NOT_KNOWN)
@@ -125,44 +126,36 @@ static enum db_step take_ramps(struct db_conversation *talk)
 	return take_frame(talk);
 }
 
-/* --- what was turned down -------------------------------------------------------------------------- */
+/* --- what acknowledges something else --------------------------------------------------------------- */
+
+static bool takes_power(const struct db_conversation *talk)
+{
+	return talk->job->step == STEP_RETREAT ||
+	       (talk->job->step == STEP_POWER && talk->device->power_taken);
+}
 
 static bool is_stop(const struct db_conversation *talk)
 {
 	return talk->job->kind == DB_JOB_COMMAND && db_command_is_stop(talk->job->request->command);
 }
 
-/* A stop does not end with that. */
-static enum db_step refuse_frame(struct db_conversation *talk)
+/*
+ * It may be a late one of an earlier frame: the right one may still come. When it does not, the effect
+ * decides or, where there is none to be seen, the frame counts as refused.
+ */
+static enum db_step doubt_frame(struct db_conversation *talk)
 {
-	talk->device->refused = true;
-	return end_job(talk, is_stop(talk) ? DB_RESULT_OK : DB_RESULT_REFUSED);
-}
+	struct db_device *device = talk->device;
 
-static enum db_step refuse_trigger(struct db_conversation *talk)
-{
-	talk->device->going = false;
-	talk->device->has_target = false;
-	return refuse_frame(talk);
-}
-
-static enum db_step refuse_setpoint(struct db_conversation *talk)
-{
-	if (!is_stop(talk))
-		return refuse_frame(talk);
-	talk->device->refused = true;
-	return servo_can_say_power(talk, false);
-}
-
-/* It may have lost its power all the same. */
-static enum db_step refuse_power(struct db_conversation *talk)
-{
-	if (!is_stop(talk))
-		return refuse_frame(talk);
-	talk->device->refused = true;
-	progress_of(talk)->done |= 1u << STEP_POWER;
-	progress_of(talk)->since = talk->now;
-	return servo_can_read_all(talk);
+	progress_of(talk)->strange = true;
+	talk->exchange->repeatable = false;
+	/* Whether the power went can be seen at once. */
+	if (takes_power(talk))
+		return take_frame(talk);
+	/* The next stop takes the power, which can be seen. */
+	if (talk->job->step == STEP_SETPOINT && progress_of(talk)->setpoint == 0)
+		device->stop_refused = true;
+	return DB_STEP_IGNORE;
 }
 
 /* --- what was not answered ------------------------------------------------------------------------- */
@@ -175,12 +168,28 @@ static enum db_step lose_motion(struct db_conversation *talk)
 	return servo_can_read_all(talk);
 }
 
-/* Before enabling it is 0. */
+/* Before enabling it is 0, without which there is no power. */
 static enum db_step lose_setpoint(struct db_conversation *talk)
 {
-	return end_job(talk, talk->job->request->command == DB_CMD_ENABLE ?
-	                             DB_RESULT_TIMEOUT :
-	                             DB_RESULT_INDETERMINATE);
+	if (talk->job->request->command == DB_CMD_ENABLE)
+		return end_job(talk, DB_RESULT_TIMEOUT);
+	if (talk->device->synchronous || progress_of(talk)->gives_up)
+		return end_job(talk, DB_RESULT_INDETERMINATE);
+	progress_of(talk)->since = talk->now;
+	return lose_motion(talk);
+}
+
+static enum db_step lose_power(struct db_conversation *talk)
+{
+	progress_of(talk)->since = talk->now;
+	return lose_motion(talk);
+}
+
+/* Before enabling: a drive that has no use for CTRG is watched when it has its power. */
+static enum db_step lose_trigger(struct db_conversation *talk)
+{
+	return talk->job->request->command == DB_CMD_ENABLE ? pass_over(talk) :
+	                                                      end_job(talk, DB_RESULT_TIMEOUT);
 }
 
 static enum db_step leave_open(struct db_conversation *talk)
@@ -192,7 +201,7 @@ static enum db_step leave_open(struct db_conversation *talk)
 static enum db_step lose_look(struct db_conversation *talk)
 {
 	const unsigned going = 1u << STEP_SETPOINT | 1u << STEP_SYNC | 1u << STEP_TRIGGER_UP |
-	                       1u << STEP_FEEDBACK | 1u << STEP_POWER;
+	                       1u << STEP_FEEDBACK | 1u << STEP_POWER | 1u << STEP_RETREAT;
 
 	return end_job(talk, (progress_of(talk)->done & going) != 0 ? DB_RESULT_INDETERMINATE :
 	                                                              DB_RESULT_TIMEOUT);
@@ -200,28 +209,26 @@ static enum db_step lose_look(struct db_conversation *talk)
 
 /* --- the table -------------------------------------------------------------------------------------- */
 
-/* `refused` and `lost` are those of commands. Before a clear the drive may have no use for it in its
- * mode: what could be done was. */
+/* `lost` is that of commands. Before a clear the drive may have no use for it in its mode: what could be
+ * done was. */
 static const struct conversation_step steps[] = {
-	[STEP_LOOK] = { .answered = pass_over, .refused = refuse_frame, .lost = lose_look },
-	[STEP_ANALOGUE] = { .answered = pass_over, .refused = refuse_frame },
-	[STEP_MODE] = { .answered = take_mode, .refused = refuse_frame },
-	[STEP_CLEAR_SPEED] = { .answered = take_clear, .refused = pass_over, .lost = pass_over },
-	[STEP_CLEAR_CURRENT] = { .answered = take_clear, .refused = pass_over, .lost = pass_over },
-	[STEP_SETPOINT] = { .answered = take_setpoint,
-	                    .refused = refuse_setpoint,
-	                    .lost = lose_setpoint },
-	[STEP_DEMAND] = { .answered = take_frame, .refused = refuse_frame },
-	[STEP_TARGET] = { .answered = take_frame, .refused = refuse_frame },
-	[STEP_TRIGGER_DOWN] = { .answered = take_low_trigger, .refused = refuse_frame },
-	[STEP_TRIGGER_UP] = { .answered = take_frame,
-	                      .refused = refuse_trigger,
-	                      .lost = lose_motion },
-	[STEP_WORDS] = { .answered = take_words, .refused = refuse_frame },
-	[STEP_POWER] = { .answered = take_frame, .refused = refuse_power, .lost = leave_open },
-	[STEP_FEEDBACK] = { .answered = take_frame, .refused = refuse_frame, .lost = lose_motion },
-	[STEP_SYNC] = { .answered = take_sync, .refused = refuse_frame, .lost = leave_open },
-	[STEP_RAMPS] = { .answered = take_ramps, .refused = refuse_frame },
+	[STEP_LOOK] = { .answered = pass_over, .lost = lose_look },
+	[STEP_ANALOGUE] = { .answered = pass_over },
+	[STEP_MODE] = { .answered = take_mode },
+	[STEP_CLEAR_SPEED] = { .answered = take_clear, .lost = pass_over },
+	[STEP_CLEAR_CURRENT] = { .answered = take_clear, .lost = pass_over },
+	[STEP_SETPOINT] = { .answered = take_setpoint, .lost = lose_setpoint },
+	[STEP_DEMAND] = { .answered = take_frame },
+	[STEP_TARGET] = { .answered = take_frame },
+	[STEP_TRIGGER_DOWN] = { .answered = take_low_trigger, .lost = lose_trigger },
+	[STEP_TRIGGER_UP] = { .answered = take_frame, .lost = lose_motion },
+	[STEP_WORDS] = { .answered = take_words },
+	[STEP_POWER] = { .answered = take_frame, .lost = lose_power },
+	[STEP_FEEDBACK] = { .answered = take_frame, .lost = lose_motion },
+	[STEP_SYNC] = { .answered = take_sync, .lost = leave_open },
+	[STEP_RAMPS] = { .answered = take_ramps },
+	[STEP_LOAD] = { .answered = take_frame, .lost = lose_trigger },
+	[STEP_RETREAT] = { .answered = take_frame, .lost = leave_open },
 };
 
 /* --- jobs ------------------------------------------------------------------------------------------- */
@@ -232,24 +239,10 @@ enum db_step servo_can_begin(struct db_conversation *talk)
 	if (talk->job->kind == DB_JOB_PROBE)
 		return servo_can_read_parts(talk, STEP_ANALOGUE, SERVO_CAN_GIVES_ANALOGUE);
 	*progress_of(talk) = (struct servo_can_progress){ .since = talk->job->started };
+	/* What is to be done on a fault is done first, in the mode that the drive is probably in. */
+	if (talk->device->lost_power && !talk->device->fault_open && !is_stop(talk))
+		servo_can_take_reset(talk->device);
 	return continue_job(talk);
-}
-
-/* An acknowledgement of something else: the drive did not take this. */
-static enum db_step refuse_step(struct db_conversation *talk)
-{
-	switch (talk->job->kind) {
-	case DB_JOB_COMMAND:
-		return steps[talk->job->step].refused(talk);
-	case DB_JOB_SETTINGS:
-		talk->device->refused = true;
-		servo_can_forget_settings(talk->device, talk->job->request);
-		return end_job(talk, DB_RESULT_REFUSED);
-	case DB_JOB_IDENTIFY: /* another part of the profile may be taken */
-		return pass_over(talk);
-	default:
-		return end_job(talk, DB_RESULT_REFUSED);
-	}
 }
 
 enum db_step servo_can_answer(struct db_conversation *talk, const uint8_t *bytes, size_t length)
@@ -285,16 +278,27 @@ enum db_step servo_can_answer(struct db_conversation *talk, const uint8_t *bytes
 		return DB_STEP_IGNORE;
 	return message.u.ack.code == servo_can_ack_expected(&asked, layout) ?
 	               steps[talk->job->step].answered(talk) :
-	               refuse_step(talk);
+	               doubt_frame(talk);
 }
 
 enum db_step servo_can_lose_answer(struct db_conversation *talk)
 {
-	if (talk->job->kind == DB_JOB_COMMAND)
-		return lose_step(talk, steps);
-	if (talk->job->kind == DB_JOB_SETTINGS)
+	bool strange = progress_of(talk)->strange;
+
+	if (strange)
+		talk->device->refused = true;
+	switch (talk->job->kind) {
+	case DB_JOB_COMMAND:
+		return strange && !steps[talk->job->step].lost ? end_job(talk, DB_RESULT_REFUSED) :
+		                                                 lose_step(talk, steps);
+	case DB_JOB_SETTINGS:
 		servo_can_forget_settings(talk->device, talk->job->request);
-	return end_job(talk, DB_RESULT_TIMEOUT);
+		return end_job(talk, strange ? DB_RESULT_REFUSED : DB_RESULT_TIMEOUT);
+	case DB_JOB_IDENTIFY: /* another part of the profile may be taken */
+		return strange ? pass_over(talk) : end_job(talk, DB_RESULT_TIMEOUT);
+	default:
+		return end_job(talk, DB_RESULT_TIMEOUT);
+	}
 }
 
 enum db_step servo_can_begun_by_all(struct db_conversation *talk)

@@ -181,6 +181,7 @@ static const char *answer(struct fixture *f, const char *text)
 	struct db_can_frame frame = frame_of(text);
 
 	f->now += MS / 2;
+	f->exchange.begins = f->exchange.again = false;
 	return next(f, driver->answer(talk(f), (const uint8_t *)&frame, sizeof frame));
 }
 
@@ -344,6 +345,12 @@ static void enable_is_acknowledged_and_then_seen(void **unused)
 	say_enable(f, 700);
 	assert_string_equal(answer(f, "006#01"), "145#00");
 	assert_string_equal(tell(f, 700, 0, 0), "145#00");
+	/* With its power it is watched for a while. */
+	assert_string_equal(tell(f, 700, 0, ON | STILL), "145#00");
+	assert_true(f->exchange.again);
+	f->now += 190 * MS;
+	assert_string_equal(tell(f, 702, 0, ON | STILL), "145#00");
+	f->now += 10 * MS;
 	assert_string_equal(tell(f, 700, 0, ON | STILL), "=ok");
 	assert_string_equal(state(f), "Standstill");
 	assert_true(feedback(f).status & DB_STATUS_ENABLED);
@@ -360,7 +367,8 @@ static void enabling_does_not_need_an_answer_to_what_is_cleared(void **unused)
 	assert_string_equal(tell(f, 5, 0, STILL), "065#010000");
 	assert_false(f->exchange.repeatable);
 	assert_string_equal(lost(f), "065#020000");
-	assert_string_equal(answer(f, "006#01"), "085#00000005");
+	assert_string_equal(answer(f, "006#01"), "ignored");
+	assert_string_equal(lost(f), "085#00000005");
 	/* But without the demand at the position the motor could jump. */
 	assert_string_equal(lost(f), "=timeout");
 	drop(f);
@@ -374,8 +382,93 @@ static void power_that_does_not_follow_is_a_failure(void **unused)
 	say_enable(f, 0);
 	assert_string_equal(answer(f, "006#01"), "145#00");
 	f->now += 201 * MS;
+	/* Nor later, when nobody expects it any more. */
+	assert_string_equal(tell(f, 0, 0, 0), "025#0001");
+	assert_string_equal(answer(f, "006#01"), "145#00");
 	assert_string_equal(tell(f, 0, 0, 0), "=failed");
 	drop(f);
+}
+
+/* From the rise of the power on nothing is to move: a demand of the drive's own may be in force. */
+static void a_motor_that_jumps_when_it_gets_power_loses_it(void **unused)
+{
+	static const struct {
+		int32_t position;
+		int16_t rpm;
+		uint16_t bits;
+	} astray[] = {
+		{ 599, 0, ON | STILL },
+		{ 801, -50, ON },
+		{ 820, 50, 0 }, /* before the status shows its power */
+	};
+
+	(void)unused;
+	for (size_t i = 0; i < sizeof astray / sizeof astray[0]; i++) {
+		struct fixture *f = make_on(0);
+
+		say_enable(f, 700);
+		assert_string_equal(answer(f, "006#01"), "145#00");
+		if (astray[i].bits & ON)
+			assert_string_equal(tell(f, 799, 0, ON | STILL), "145#00");
+		assert_string_equal(tell(f, astray[i].position, astray[i].rpm, astray[i].bits),
+		                    "025#0001");
+		assert_string_equal(answer(f, "006#01"), "145#00");
+		assert_string_equal(tell(f, 900, 10, 0), "=failed");
+		drop(f);
+	}
+}
+
+/* How far is a setting; a motor that turned when it got its power may come to rest first. */
+static void how_a_motor_may_move_when_it_gets_power(void **unused)
+{
+	struct fixture *f = make();
+
+	(void)unused;
+	option(f, "power-on-window", 2);
+	f->drive.counts_per_unit = 10;
+	switch_on(f);
+	poll(f, 0, 500, 0);
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 0, 500, 0), "065#010000");
+	assert_string_equal(answer(f, "006#040000"), "065#020000");
+	assert_string_equal(answer(f, "006#050000"), "085#00000000");
+	assert_string_equal(answer(f, "006#06"), "025#000A");
+	assert_string_equal(answer(f, "006#01"), "145#00");
+	assert_string_equal(tell(f, 300, 400, ON), "145#00");
+	assert_string_equal(tell(f, 600, 0, ON | STILL), "145#00");
+	assert_string_equal(tell(f, 620, 0, ON | STILL), "145#00");
+	assert_string_equal(tell(f, 621, 0, ON | STILL), "025#0001");
+	drop(f);
+	f = make_on(0);
+	poll(f, 0, 500, 0);
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 0, 500, 0), "065#010000");
+	assert_string_equal(answer(f, "006#040000"), "065#020000");
+	assert_string_equal(answer(f, "006#050000"), "085#00000000");
+	assert_string_equal(answer(f, "006#06"), "025#000A");
+	assert_string_equal(answer(f, "006#01"), "145#00");
+	/* Back to where it was told to stay, or away. */
+	assert_string_equal(tell(f, 300, -510, ON), "025#0001");
+	drop(f);
+}
+
+/* Power that goes by itself again, or comes although there is a fault, is none. */
+static void power_that_does_not_stay_is_a_failure(void **unused)
+{
+	static const uint16_t bits[] = { STILL, ON | STILL | SERVO_CAN_ST_ERROR };
+
+	(void)unused;
+	for (size_t i = 0; i < 2; i++) {
+		struct fixture *f = make_on(0);
+
+		say_enable(f, 0);
+		assert_string_equal(answer(f, "006#01"), "145#00");
+		assert_string_equal(tell(f, 0, 0, ON | STILL), "145#00");
+		assert_string_equal(tell(f, 0, 0, bits[i]), "025#0001");
+		assert_string_equal(answer(f, "006#01"), "145#00");
+		assert_string_equal(tell(f, 0, 0, STILL), "=failed");
+		drop(f);
+	}
 }
 
 static void disable(void **unused)
@@ -404,7 +497,8 @@ static void which_bit_tells_of_power_is_a_setting(void **unused)
 	drop(f);
 }
 
-static void other_acknowledgements_are_refusals(void **unused)
+/* They may be late ones of earlier frames: the right one counts, and where none comes, what can be seen. */
+static void other_acknowledgements_decide_nothing(void **unused)
 {
 	static const char *const wrong[] = { "006#02", "006#07", "006#55", "006#040000" };
 
@@ -415,20 +509,55 @@ static void other_acknowledgements_are_refusals(void **unused)
 		say_enable(f, 0);
 		assert_string_equal(answer(f, "165#00000000"), "ignored");
 		assert_string_equal(answer(f, "1C5#00000000"), "ignored");
-		assert_string_equal(answer(f, wrong[i]), "=refused");
+		assert_string_equal(answer(f, wrong[i]), "ignored");
+		assert_string_equal(answer(f, "006#01"), "145#00");
+		drop(f);
+		f = make_on(0);
+		say_enable(f, 0);
+		assert_string_equal(answer(f, wrong[i]), "ignored");
+		assert_string_equal(lost(f), "145#00");
 		assert_true(feedback(f).status & DB_STATUS_REFUSED);
+		assert_string_equal(tell(f, 0, 0, ON | STILL), "145#00");
+		f->now += 201 * MS;
+		assert_string_equal(tell(f, 0, 0, ON | STILL), "=ok");
 		drop(f);
 	}
 }
 
-static void a_lost_enable_is_indeterminate(void **unused)
+/* The motor turns whatever was acknowledged. */
+static void a_speed_is_judged_by_its_effect(void **unused)
+{
+	struct fixture *f = make_on(ON | STILL);
+
+	(void)unused;
+	select_speed(f, 250, 0);
+	assert_string_equal(answer(f, "006#01"), "ignored");
+	assert_false(f->exchange.repeatable);
+	assert_string_equal(lost(f), "145#00");
+	assert_string_equal(tell(f, 0, 30, ON), "=ok");
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(0)), "065#010000");
+	assert_string_equal(lost(f), "145#00");
+	f->now += 201 * MS;
+	assert_string_equal(tell(f, 0, 250, ON), "=indeterminate");
+	drop(f);
+}
+
+static void a_lost_enable_is_looked_up(void **unused)
 {
 	struct fixture *f = make_on(0);
 
 	(void)unused;
 	say_enable(f, 0);
 	assert_true(f->exchange.repeatable);
+	assert_string_equal(lost(f), "145#00");
 	assert_string_equal(lost(f), "=indeterminate");
+	/* One that did not arrive must not come later. */
+	say_enable(f, 0);
+	assert_string_equal(lost(f), "145#00");
+	f->now += 201 * MS;
+	assert_string_equal(tell(f, 0, 0, STILL), "025#0001");
+	assert_string_equal(answer(f, "006#01"), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "=failed");
 	drop(f);
 }
 
@@ -444,8 +573,11 @@ static void enabling_clears_an_old_speed(void **unused)
 	assert_string_equal(tell(f, 0, 0, 0), "=ok");
 	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
 	assert_string_equal(tell(f, 0, 0, STILL), "065#010000");
-	assert_string_equal(answer(f, "006#040000"), "025#000A");
+	assert_string_equal(answer(f, "006#040000"), "045#0001000000");
+	assert_string_equal(answer(f, "006#02"), "025#000A");
 	assert_string_equal(answer(f, "006#01"), "145#00");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "145#00");
+	f->now += 201 * MS;
 	assert_string_equal(tell(f, 0, 0, ON | STILL), "=ok");
 	/* A drive that has power is left alone. */
 	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
@@ -534,7 +666,9 @@ static void a_motor_that_lost_its_power_does_not_run(void **unused)
 	(void)unused;
 	select_speed(f, 300, 0);
 	assert_string_equal(answer(f, "006#040000"), "145#00");
-	assert_string_equal(tell(f, 0, 0, STILL), "=failed");
+	/* Nor when it gets it back. */
+	assert_string_equal(tell(f, 0, 0, STILL), "065#010000");
+	assert_string_equal(answer(f, "006#040000"), "=failed");
 	drop(f);
 }
 
@@ -551,7 +685,7 @@ static void current_has_its_own_mode(void **unused)
 	assert_string_equal(command(f, DB_CMD_MOVE_CURRENT, current(2)), "145#00");
 	assert_string_equal(tell_current(f, -12), "065#020014");
 	/* The acknowledgement of a speed is not one of a current. */
-	assert_string_equal(answer(f, "006#040000"), "=refused");
+	assert_string_equal(answer(f, "006#040000"), "ignored");
 	drop(f);
 }
 
@@ -601,7 +735,9 @@ static void the_mode_counts_when_acknowledged(void **unused)
 	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(10)), "145#00");
 	assert_string_equal(tell(f, 0, 0, ON | STILL), "045#0001000000");
 	assert_string_equal(answer(f, "006#02"), "065#01000A");
-	assert_string_equal(lost(f), "=indeterminate");
+	assert_string_equal(lost(f), "145#00");
+	f->now += 201 * MS;
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "=indeterminate");
 	driver->gone(f->device);
 	poll(f, 0, 0, ON | STILL);
 	assert_string_equal(plain(f, DB_CMD_STOP), "025#0001");
@@ -617,9 +753,9 @@ static void without_power_nothing_is_staged(void **unused)
 	poll(f, 0, 0, STILL);
 	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(10)), "145#00");
 	assert_string_equal(tell(f, 0, 0, STILL), "=refused");
-	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(0)), "065#010000");
-	assert_string_equal(answer(f, "006#040000"), "145#00");
-	assert_string_equal(tell(f, 0, 0, STILL), "=ok");
+	/* Its power went unasked: which mode it is in is not known any more. */
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(0)), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "=refused");
 	drop(f);
 }
 
@@ -685,7 +821,12 @@ static void a_stop_that_is_refused_takes_the_power(void **unused)
 	(void)unused;
 	run(f, 100);
 	assert_string_equal(plain(f, DB_CMD_STOP), "065#010000");
-	assert_string_equal(answer(f, "006#02"), "025#0001");
+	assert_string_equal(answer(f, "006#02"), "ignored");
+	assert_string_equal(answer(f, "006#040064"), "=ok");
+	assert_string_equal(plain(f, DB_CMD_STOP), "065#010000");
+	assert_string_equal(answer(f, "006#02"), "ignored");
+	/* Nothing else came, and it is told again. */
+	assert_string_equal(plain(f, DB_CMD_STOP), "025#0001");
 	assert_string_equal(answer(f, "006#02"), "145#00");
 	assert_string_equal(tell(f, 0, 0, ON), "145#00");
 	assert_string_equal(tell(f, 0, 0, 0), "=ok");
@@ -795,13 +936,45 @@ static void a_move_without_motion_has_failed(void **unused)
 	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "145#00");
 	assert_string_equal(tell(f, 1001, 0, ON | STILL | THERE), "145#00");
 	f->now += 201 * MS;
-	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "=failed");
-	assert_string_equal(state(f), "Standstill");
-	assert_false(feedback(f).status & DB_STATUS_AT_TARGET);
+	/* It may only be slow: it must not begin when its writer has been told that it failed. */
+	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "025#0001");
+	assert_string_equal(answer(f, "006#01"), "145#00");
+	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "145#00");
 	/* CTRG is dropped, so that the next one rises. */
-	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
-	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "0A5#00000000");
+	assert_string_equal(tell(f, 1000, 0, STILL | THERE), "0A5#00000000");
+	assert_string_equal(answer(f, "006#07"), "=failed");
+	assert_string_equal(state(f), "Disabled");
+	assert_false(feedback(f).status & DB_STATUS_AT_TARGET);
 	drop(f);
+}
+
+/* Where not even that can be seen, nobody claims that it will not move. */
+static void a_move_that_cannot_be_ended_is_indeterminate(void **unused)
+{
+	static const bool acknowledged[] = { false, true };
+
+	(void)unused;
+	for (size_t i = 0; i < 2; i++) {
+		struct fixture *f = make_positioner();
+
+		raise_ctrg(f, 5000);
+		assert_string_equal(answer(f, "006#07"), "145#00");
+		f->now += 201 * MS;
+		assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "025#0001");
+		if (acknowledged[i]) {
+			assert_string_equal(answer(f, "006#01"), "145#00");
+			f->now += 201 * MS;
+			assert_string_equal(tell(f, 1000, 0, ON | STILL), "=indeterminate");
+		} else {
+			assert_string_equal(lost(f), "=indeterminate");
+		}
+		/* A stop does not believe that it stands for good. */
+		f->now += 400 * MS;
+		assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+		tell(f, 1000, 0, ON | STILL);
+		assert_string_equal(plain(f, DB_CMD_STOP), "025#0001");
+		drop(f);
+	}
 }
 
 /* It got stuck on its way: it does not move any more, and is not there. */
@@ -949,7 +1122,8 @@ static void a_target_that_is_refused_moves_nothing(void **unused)
 	assert_string_equal(answer(f, "006#06"), "045#0000000000");
 	assert_string_equal(answer(f, "006#02"), "0A5#00000000");
 	assert_string_equal(answer(f, "006#07"), "085#00000009");
-	assert_string_equal(answer(f, "006#03"), "=refused");
+	assert_string_equal(answer(f, "006#03"), "ignored");
+	assert_string_equal(lost(f), "=refused");
 	assert_string_equal(state(f), "Standstill");
 	drop(f);
 }
@@ -1114,7 +1288,8 @@ static void staged_speeds_begin_together(void **unused)
 	assert_string_equal(plain(f, DB_CMD_SYNC_START), "01F# 145#00");
 	assert_string_equal(tell(f, 0, 0, 0), "=ok");
 	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
-	assert_string_equal(tell(f, 0, 0, STILL), "025#000A");
+	assert_string_equal(tell(f, 0, 0, STILL), "045#0001000000");
+	assert_string_equal(answer(f, "006#02"), "025#000A");
 	drop(f);
 }
 
@@ -1255,7 +1430,8 @@ static void what_a_profile_lacks_comes_later(void **unused)
 	switch_on(f);
 	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "145#00");
 	assert_string_equal(tell(f, 0, 0, ON | STILL), "105#000003E8000007D0");
-	assert_string_equal(answer(f, "006#01"), "=ok");
+	assert_string_equal(answer(f, "006#01"), "ignored");
+	assert_string_equal(lost(f), "=ok");
 	assert_true(feedback(f).status & DB_STATUS_PARAMS_VALID);
 	assert_true(driver->nameplate(f->device)->doubtful);
 	/* The next change of the mode brings the speed limit along ... */
@@ -1265,8 +1441,7 @@ static void what_a_profile_lacks_comes_later(void **unused)
 	assert_string_equal(lost(f), "=timeout");
 	/* ... and no motor gets power before its drive has all of it. */
 	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
-	assert_string_equal(tell(f, 0, 0, STILL), "065#020000");
-	assert_string_equal(answer(f, "006#050000"), "105#000003E8000007D0");
+	assert_string_equal(tell(f, 0, 0, STILL), "105#000003E8000007D0");
 	assert_string_equal(answer(f, "006#0A"), "045#00000105DC");
 	assert_string_equal(answer(f, "006#02"), "085#00000000");
 	assert_string_equal(answer(f, "006#06"), "025#000A");
@@ -1485,6 +1660,32 @@ static void reports_can_be_ignored(void **unused)
 	drop(f);
 }
 
+/* Some drives tell how fast, and only bits 14 and 15 which way. */
+static void a_speed_without_a_sign_has_its_bits(void **unused)
+{
+	struct fixture *f = make();
+
+	(void)unused;
+	option(f, "speed-sign", 1);
+	switch_on(f);
+	poll(f, 1000, 300, ON | SERVO_CAN_ST_REVERSE);
+	assert_true(feedback(f).velocity == -300.0f);
+	poll(f, 1000, 300, ON | SERVO_CAN_ST_FORWARD);
+	assert_true(feedback(f).velocity == 300.0f);
+	poll(f, 1000, -300, ON | SERVO_CAN_ST_FORWARD);
+	assert_true(feedback(f).velocity == 300.0f);
+	/* Below the threshold of both the way tells. */
+	poll(f, 999, 2, ON);
+	assert_true(feedback(f).velocity == -2.0f);
+	poll(f, 1001, 2, ON);
+	assert_true(feedback(f).velocity == 2.0f);
+	/* Reports lack the bits. */
+	report(f, "1C5#00000001");
+	report(f, "1E5#012C0000");
+	assert_int_equal(feedback(f).position, 1001);
+	drop(f);
+}
+
 static void an_older_read_does_not_replace_a_report(void **unused)
 {
 	struct fixture *f = make_on(STILL);
@@ -1540,11 +1741,11 @@ static void a_fault_takes_the_speed_and_the_power(void **unused)
 	assert_true(report(f, UNDERVOLTAGE));
 	assert_true(driver->wants_poll(f->device, f->now));
 	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
-	assert_string_equal(tell(f, 0, 0, ON | STILL), "065#010000");
+	assert_string_equal(tell(f, 0, 0, ON | STILL), "025#0001");
 	/* Gone again already: what was begun is done all the same. */
 	assert_true(report(f, HEALTHY));
-	assert_string_equal(answer(f, "006#040000"), "025#0001");
-	assert_string_equal(answer(f, "006#01"), "145#00");
+	assert_string_equal(answer(f, "006#01"), "065#010000");
+	assert_string_equal(answer(f, "006#040000"), "145#00");
 	/* Not off yet: said again with the next poll. */
 	assert_string_equal(tell(f, 0, 0, ON | STILL), "=ok");
 	assert_true(driver->wants_poll(f->device, f->now));
@@ -1609,11 +1810,209 @@ static void no_motion_with_a_fault(void **unused)
 	report(f, HEALTHY);
 	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(800)), "145#00");
 	assert_string_equal(tell(f, 1000, 0, ON | STILL | ALARM), "=refused");
-	/* The report explains it: not a fault. */
+	/* Whatever a report says: the bit is the fault. */
 	f->now += MS;
 	report(f, HEALTHY);
 	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(800)), "145#00");
+	assert_string_equal(tell(f, 1000, 0, ON | STILL | ALARM), "=refused");
+	assert_string_equal(state(f), "ErrorStop");
+	drop(f);
+	/* Unless it is known to be an alarm, which the report explains. */
+	f = make();
+	option(f, "error-bit", 1);
+	switch_on(f);
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL | ALARM), "025#0001");
+	assert_string_equal(state(f), "ErrorStop");
+	f->now += MS;
+	report(f, HEALTHY);
+	assert_string_equal(state(f), "Disabled");
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(800)), "145#00");
 	assert_string_equal(tell(f, 1000, 0, ON | STILL | ALARM), "065#010000");
+	report(f, UNDERVOLTAGE);
+	assert_string_equal(state(f), "ErrorStop");
+	drop(f);
+}
+
+/* The bit is there at once, its reason with the next report, which may be a second later or never. */
+static void the_error_bit_is_the_fault(void **unused)
+{
+	struct fixture *f = make_on(ON | STILL);
+
+	(void)unused;
+	run(f, 300);
+	assert_true(driver->wants_poll(f->device, f->now));
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 0, 300, ON | ALARM), "025#0001");
+	assert_string_equal(state(f), "ErrorStop");
+	assert_string_equal(db_error_name(feedback(f).error), "unexplained_fault");
+	assert_true(feedback(f).status & DB_STATUS_ERROR);
+	assert_string_equal(answer(f, "006#01"), "065#010000");
+	assert_string_equal(answer(f, "006#040064"), "145#00");
+	/* Gone already; what was begun is done all the same. */
+	assert_string_equal(tell(f, 0, 0, STILL), "=ok");
+	assert_string_equal(state(f), "Disabled");
+	assert_int_equal(feedback(f).error, DB_ERROR_NONE);
+	/* Another one is another fault, and its reason has a name. */
+	poll(f, 0, 0, STILL);
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL | ALARM), "025#0001");
+	report(f, UNDERVOLTAGE);
+	assert_string_equal(db_error_name(feedback(f).error), "undervoltage");
+	drop(f);
+}
+
+/* Some drives take the bit of the power away with the fault and give it back, also behind the bridge's 0. */
+static void power_may_come_back_behind_a_fault(void **unused)
+{
+	struct fixture *f = make_on(ON | STILL);
+
+	(void)unused;
+	run(f, 300);
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 0, 300, ALARM), "025#0001");
+	assert_string_equal(lost(f), "=timeout");
+	assert_true(driver->wants_poll(f->device, f->now));
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 0, 250, ALARM), "025#0001");
+	assert_string_equal(answer(f, "006#01"), "065#010000");
+	assert_string_equal(answer(f, "006#0400FA"), "145#00");
+	assert_string_equal(tell(f, 0, 200, ALARM), "=ok");
+	drop(f);
+}
+
+/* A 0 that is never acknowledged does not keep the power where it is. */
+static void a_fault_takes_the_power_when_the_0_is_not_taken(void **unused)
+{
+	struct fixture *f = make();
+
+	(void)unused;
+	option(f, "on-fault", 1); /* stop */
+	switch_on(f);
+	poll(f, 0, 0, ON | STILL);
+	run(f, 300);
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 0, 300, ON | ALARM), "065#010000");
+	assert_string_equal(answer(f, "006#02"), "ignored");
+	assert_string_equal(lost(f), "=timeout");
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 0, 300, ON | ALARM), "025#0001");
+	drop(f);
+}
+
+/* --- resets -------------------------------------------------------------------------------------- */
+
+/* The power went and nobody took it: the drive was without supply for a moment, and has forgotten all. */
+static void power_that_goes_unasked_is_a_reset(void **unused)
+{
+	static const struct db_setting ramps[] = { ACCELERATION(1000), DECELERATION(65536) };
+	struct fixture *f = make_positioner();
+
+	(void)unused;
+	assert_string_equal(set(f, 2, ramps), "105#000003E800010000");
+	assert_string_equal(answer(f, "006#0A"), "=unproven");
+	run(f, 300);
+	assert_string_equal(plain(f, DB_CMD_STOP), "065#010000");
+	assert_string_equal(answer(f, "006#040064"), "=ok");
+	poll(f, 5000, 0, ON | STILL);
+	poll(f, 5000, 0, STILL);
+	poll(f, 5000, 0, STILL);
+	assert_int_equal(driver->nameplate(f->device)->valid, 0);
+	assert_true(driver->nameplate(f->device)->doubtful);
+	/* Which mode it is in is as unknown as at first. */
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 5000, 0, STILL), "065#010000");
+	assert_string_equal(answer(f, "006#040000"), "065#020000");
+	assert_string_equal(answer(f, "006#050000"), "085#00001388");
+	/* Some drives take that only when CTRG rises, which without power moves nothing. */
+	assert_string_equal(answer(f, "006#06"), "0A5#00080000");
+	assert_false(f->exchange.begins);
+	assert_false(f->exchange.repeatable);
+	assert_string_equal(answer(f, "006#07"), "0A5#00000000");
+	assert_string_equal(answer(f, "006#07"), "025#000A");
+	drop(f);
+}
+
+/* Without power a reset does not show, so all is said each time. */
+static void all_is_said_before_the_power(void **unused)
+{
+	static const struct db_setting ramps[] = { ACCELERATION(1000), DECELERATION(65536),
+		                                   MAX_SPEED(3000) };
+	struct fixture *f = make();
+
+	(void)unused;
+	option(f, "mode", 2); /* speed */
+	switch_on(f);
+	poll(f, 0, 0, STILL);
+	assert_string_equal(set(f, 3, ramps), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "105#000003E800010000");
+	assert_string_equal(answer(f, "006#0A"), "045#0001010BB8");
+	assert_string_equal(answer(f, "006#02"), "=unproven");
+	for (int i = 0; i < 2; i++) {
+		assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+		assert_string_equal(tell(f, 0, 0, STILL), "105#000003E800010000");
+		assert_string_equal(answer(f, "006#0A"), "045#0001010BB8");
+		assert_string_equal(answer(f, "006#02"), "065#010000");
+		assert_true(f->exchange.repeatable);
+		assert_string_equal(answer(f, "006#040000"), "025#000A");
+		assert_string_equal(answer(f, "006#01"), "145#00");
+		assert_string_equal(tell(f, 0, 0, ON | STILL), "145#00");
+		f->now += 201 * MS;
+		assert_string_equal(tell(f, 0, 0, ON | STILL), "=ok");
+		assert_string_equal(plain(f, DB_CMD_DISABLE), "025#0001");
+		assert_string_equal(answer(f, "006#01"), "145#00");
+		assert_string_equal(tell(f, 0, 0, STILL), "=ok");
+	}
+	/* What took the power was asked for. */
+	poll(f, 0, 0, STILL);
+	assert_int_equal(driver->nameplate(f->device)->valid, 7);
+	/* Without the 0 there is no power. */
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "105#000003E800010000");
+	assert_string_equal(answer(f, "006#0A"), "045#0001010BB8");
+	assert_string_equal(answer(f, "006#02"), "065#010000");
+	assert_string_equal(lost(f), "=timeout");
+	drop(f);
+}
+
+/* The profile's mode, also where a position move has left another. */
+static void enabling_goes_back_to_the_mode_of_the_profile(void **unused)
+{
+	struct fixture *f = make();
+
+	(void)unused;
+	set_words(f);
+	option(f, "mode", 2); /* speed */
+	switch_on(f);
+	poll(f, 1000, 0, ON | STILL | THERE);
+	start_move(f, 1000);
+	assert_string_equal(plain(f, DB_CMD_DISABLE), "025#0001");
+	assert_string_equal(answer(f, "006#01"), "145#00");
+	assert_string_equal(tell(f, 1000, 0, STILL), "0A5#00000000");
+	assert_string_equal(answer(f, "006#07"), "=ok");
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 1000, 0, STILL), "045#0001000000");
+	assert_string_equal(answer(f, "006#02"), "065#010000");
+	assert_string_equal(answer(f, "006#040000"), "025#000A");
+	drop(f);
+}
+
+/* A drive that has no use for CTRG before it has power is watched like others. */
+static void a_demand_that_is_not_loaded_is_no_obstacle(void **unused)
+{
+	struct fixture *f = make();
+
+	(void)unused;
+	set_words(f);
+	option(f, "mode", 1); /* position */
+	switch_on(f);
+	poll(f, 1000, 0, STILL);
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 1000, 0, STILL), "045#0000000000");
+	assert_string_equal(answer(f, "006#02"), "085#000003E8");
+	assert_string_equal(answer(f, "006#06"), "0A5#00080000");
+	assert_string_equal(lost(f), "0A5#00000000");
+	assert_string_equal(lost(f), "025#000A");
 	drop(f);
 }
 
@@ -1940,9 +2339,11 @@ static void a_speed_that_was_said_to_all_and_does_not_show_has_failed(void **unu
 
 	(void)unused;
 	select_speed(f, 300.0f, 0);
-	for (begun_by_all(f); f->said[0] != '='; tell(f, 0, 0, ON | STILL))
-		assert_string_equal(f->said, "145#00");
-	assert_string_equal(f->said, "=failed");
+	for (begun_by_all(f); strcmp(f->said, "145#00") == 0;)
+		tell(f, 0, 0, ON | STILL);
+	/* Nor does it begin later. */
+	assert_string_equal(f->said, "065#010000");
+	assert_string_equal(answer(f, "006#040000"), "=failed");
 	drop(f);
 }
 
@@ -1985,8 +2386,21 @@ int main(void)
 		cmocka_unit_test(power_that_does_not_follow_is_a_failure),
 		cmocka_unit_test(disable),
 		cmocka_unit_test(which_bit_tells_of_power_is_a_setting),
-		cmocka_unit_test(other_acknowledgements_are_refusals),
-		cmocka_unit_test(a_lost_enable_is_indeterminate),
+		cmocka_unit_test(other_acknowledgements_decide_nothing),
+		cmocka_unit_test(a_speed_is_judged_by_its_effect),
+		cmocka_unit_test(a_lost_enable_is_looked_up),
+		cmocka_unit_test(a_motor_that_jumps_when_it_gets_power_loses_it),
+		cmocka_unit_test(how_a_motor_may_move_when_it_gets_power),
+		cmocka_unit_test(power_that_does_not_stay_is_a_failure),
+		cmocka_unit_test(a_move_that_cannot_be_ended_is_indeterminate),
+		cmocka_unit_test(the_error_bit_is_the_fault),
+		cmocka_unit_test(power_may_come_back_behind_a_fault),
+		cmocka_unit_test(a_fault_takes_the_power_when_the_0_is_not_taken),
+		cmocka_unit_test(power_that_goes_unasked_is_a_reset),
+		cmocka_unit_test(all_is_said_before_the_power),
+		cmocka_unit_test(enabling_goes_back_to_the_mode_of_the_profile),
+		cmocka_unit_test(a_demand_that_is_not_loaded_is_no_obstacle),
+		cmocka_unit_test(a_speed_without_a_sign_has_its_bits),
 		cmocka_unit_test(enabling_clears_an_old_speed),
 		cmocka_unit_test(an_old_speed_outlives_the_mode),
 		cmocka_unit_test(first_speed_selects_the_mode),
