@@ -60,8 +60,9 @@ static unsigned moving_motors(const struct sim_node *node)
 static void write_motion(const struct sim_node *node, db_time now, FILE *out)
 {
 	sim_servo_advance(node->servo->drive, now);
-	(void)fprintf(out, " position=%.0f velocity=%g", sim_servo_position(node->servo->drive),
-	              sim_servo_speed(node->servo->drive));
+	(void)fprintf(out, " position=%.0f velocity=%g enabled=%d",
+	              sim_servo_position(node->servo->drive), sim_servo_speed(node->servo->drive),
+	              sim_servo_enabled(node->servo->drive));
 }
 
 static void write_state(struct sim_node *node, db_time now, FILE *out)

@@ -152,13 +152,13 @@ def _vsmd_frame(text):
 
 
 class _Servo:
-    """A servo's frames; a move's target comes before its trigger."""
+    """A servo's frames; a move's target comes before its trigger, which without power moves nothing."""
 
     def __init__(self):
         self.targets = {}
         self.trigger = {}
 
-    def __call__(self, text, drive):
+    def __call__(self, text, drive, enabled):
         identifier, raw = text.split("#")
         base, raw = int(identifier, 16) & ~0x1F, bytes.fromhex(raw)
         if base == 0x020:
@@ -175,7 +175,7 @@ class _Servo:
         if base == 0x0A0:
             high, before = bool(raw[1] & 8), self.trigger.get(drive, False)
             self.trigger[drive] = high
-            if high and not before:
+            if high and not before and enabled:
                 return MOVE, self.targets.get(drive), ("pos", self.targets.get(drive))
         return OTHER, identifier, None
 
@@ -257,17 +257,17 @@ class Reader:
                 yield event
                 continue
             if decoded is None:
-                decoded = self._decode(request, simulated)
+                decoded = self._decode(request, simulated, state)
             for kind, place, tag, value in decoded:
                 if place is None or place == "xyza".index(axis):
                     yield Event(time, number, kind, tag, value, event.obeyed, event.position,
                                 event.velocity, event.moving, text)
 
-    def _decode(self, request, simulated):
+    def _decode(self, request, simulated, state):
         if self.family.name == "xyza":
             return self.decode_xyza(request, simulated)
         if self.family.name == "servo-can":
-            kind, tag, value = self.decode_servo(request, simulated)
+            kind, tag, value = self.decode_servo(request, simulated, state["enabled"])
         elif self.family.name == "vsmd-can":
             kind, tag, value = _vsmd_frame(request)
         else:

@@ -84,6 +84,26 @@ static void expect(struct alone *alone, uint32_t id, uint8_t length, const uint8
 		__VA_ARGS__                                     \
 	}
 
+/* A stray acknowledgement, and behind it the right one. */
+static void a_node_may_acknowledge_something_else_first(void **state)
+{
+	struct alone alone = make_alone();
+	struct db_can_frame frame;
+
+	(void)state;
+	alone.node.stray_acks = true;
+	hear(&alone, 0x025, BYTES(0x00, 0x0A));
+	alone.now += LATENCY;
+	expect(&alone, 0x006, BYTES(0x02));
+	expect(&alone, 0x006, BYTES(0x01));
+	hear(&alone, 0x085, BYTES(0, 0, 0, 5));
+	alone.now += LATENCY;
+	expect(&alone, 0x006, BYTES(0x01));
+	expect(&alone, 0x006, BYTES(0x06));
+	assert_false(sim_servo_node_send(&alone.node, alone.now, &frame));
+	sim_servo_free(alone.drive);
+}
+
 static void a_node_answers_its_own_frames(void **state)
 {
 	struct alone alone = make_alone();
@@ -633,6 +653,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(a_node_answers_its_own_frames),
+		cmocka_unit_test(a_node_may_acknowledge_something_else_first),
 		cmocka_unit_test(broadcasts_are_obeyed_in_silence),
 		cmocka_unit_test(a_node_reports),
 		cmocka_unit_test(drives_come_online),

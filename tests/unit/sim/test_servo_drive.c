@@ -375,6 +375,112 @@ static void faults_take_the_power(void **state)
 	sim_servo_free(b.drive);
 }
 
+static struct bench make_tempered(const struct sim_servo_temper *temper, enum servo_can_mode mode)
+{
+	struct sim_servo_config config;
+	struct bench b;
+
+	sim_servo_config_init(&config);
+	config.temper = *temper;
+	b = make_with(&config);
+	tell_mode(&b, mode, 0);
+	tell_enable(&b, true);
+	wait(&b, 20 * MS);
+	return b;
+}
+
+/* What a bridge must not let happen, so the simulator lets it. */
+static void some_go_on_when_a_fault_is_gone(void **state)
+{
+	static const struct sim_servo_temper tempers[] = {
+		{ .fault_power = SIM_SERVO_FAULT_KEEPS },
+		{ .fault_power = SIM_SERVO_FAULT_RESUMES },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < 2; i++) {
+		struct bench b = make_tempered(&tempers[i], SERVO_CAN_MODE_SPEED);
+		bool shown = tempers[i].fault_power == SIM_SERVO_FAULT_KEEPS;
+
+		tell_speed(&b, 300);
+		wait(&b, 200 * MS);
+		sim_servo_set_faults(b.drive, SERVO_CAN_FAULT_OVERCURRENT, b.now);
+		wait(&b, 5000 * MS);
+		assert_true(sim_servo_speed(b.drive) == 0);
+		assert_int_not_equal(bits(&b) & SERVO_CAN_ST_ERROR, 0);
+		assert_int_equal((bits(&b) & SERVO_CAN_ST_STARTED) != 0, shown);
+		sim_servo_set_faults(b.drive, 0, b.now);
+		wait(&b, 200 * MS);
+		assert_int_equal(bits(&b) & SERVO_CAN_ST_ERROR, 0);
+		assert_int_not_equal(bits(&b) & SERVO_CAN_ST_STARTED, 0);
+		assert_true(sim_servo_speed(b.drive) > 290);
+		sim_servo_free(b.drive);
+	}
+}
+
+/* A demand of 9000 from a move, one of 500 written without power, and CTRG behind that. */
+static void where_a_demand_comes_from(void **state)
+{
+	static const struct {
+		struct sim_servo_temper temper;
+		int written; /* the motor's place after enabling behind the write ... */
+		int triggered;
+		int reset;
+	} cases[] = {
+		{ { .demand = SIM_SERVO_DEMAND_POSITION }, 9000, 9000, 9000 },
+		{ { .demand = SIM_SERVO_DEMAND_WRITTEN }, 500, 500, 0 },
+		{ { .demand = SIM_SERVO_DEMAND_TRIGGERED }, 9000, 500, 0 },
+		{ { .demand = SIM_SERVO_DEMAND_MOVED }, 9000, 9000, 0 },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		struct bench b = make_tempered(&cases[i].temper, SERVO_CAN_MODE_POSITION);
+
+		tell_position(&b, SERVO_CAN_POSITION, 9000);
+		tell_words(&b, SERVO_CAN_CTRG);
+		wait(&b, 2000 * MS);
+		assert_true(sim_servo_position(b.drive) == 9000);
+		for (int triggered = 0; triggered < 2; triggered++) {
+			tell_enable(&b, false);
+			tell_words(&b, 0);
+			tell_position(&b, SERVO_CAN_POSITION, 500);
+			tell_words(&b, triggered ? SERVO_CAN_CTRG : 0);
+			wait(&b, 100 * MS);
+			tell_enable(&b, true);
+			wait(&b, 2000 * MS);
+			assert_true(sim_servo_position(b.drive) ==
+			            (triggered ? cases[i].triggered : cases[i].written));
+		}
+		assert_int_equal(sim_servo_moves(b.drive), 1);
+		/* A reset that nobody notices: it has power, and a demand of its own. */
+		tell_enable(&b, false);
+		tell_position(&b, SERVO_CAN_SET_FEEDBACK, 9000);
+		sim_servo_reset(b.drive, b.now);
+		assert_true(sim_servo_powered(b.drive));
+		tell_enable(&b, true);
+		wait(&b, 2000 * MS);
+		assert_true(sim_servo_position(b.drive) == cases[i].reset);
+		sim_servo_free(b.drive);
+	}
+}
+
+static void some_speeds_have_no_sign(void **state)
+{
+	static const struct sim_servo_temper temper = { .unsigned_speed = true };
+	struct bench b = make_tempered(&temper, SERVO_CAN_MODE_SPEED);
+	struct servo_can_message message = { .kind = SERVO_CAN_READ, .node = 1 };
+
+	(void)state;
+	tell_speed(&b, -300);
+	wait(&b, 200 * MS);
+	tell(&b, message);
+	assert_int_equal(b.count, 3);
+	assert_int_equal(b.replies[1].u.motion.speed, 300);
+	assert_int_not_equal(b.replies[2].u.status.bits & SERVO_CAN_ST_REVERSE, 0);
+	sim_servo_free(b.drive);
+}
+
 static void a_restart_forgets(void **state)
 {
 	struct bench b = make_running(SERVO_CAN_MODE_SPEED);
@@ -446,6 +552,9 @@ int main(void)
 		cmocka_unit_test(sync_starts_what_is_staged),
 		cmocka_unit_test(reports_have_their_intervals),
 		cmocka_unit_test(faults_take_the_power),
+		cmocka_unit_test(some_go_on_when_a_fault_is_gone),
+		cmocka_unit_test(where_a_demand_comes_from),
+		cmocka_unit_test(some_speeds_have_no_sign),
 		cmocka_unit_test(a_restart_forgets),
 		cmocka_unit_test(a_blocked_shaft_stands),
 		cmocka_unit_test(reads_tell_inputs),
