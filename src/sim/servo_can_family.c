@@ -172,16 +172,9 @@ static const char *set_reports(struct sim_node *node, const char *rest, db_time 
 	return NULL;
 }
 
-static const char *reset(struct sim_node *node, const char *rest, db_time now)
-{
-	(void)rest;
-	sim_servo_reset(node->servo->drive, now);
-	return NULL;
-}
-
 static const struct sim_family_command commands[] = {
 	{ "faults", set_faults },   { "health", set_health }, { "inputs", set_inputs },
-	{ "reports", set_reports }, { "reset", reset },       { NULL, NULL },
+	{ "reports", set_reports }, { NULL, NULL },
 };
 
 const struct sim_family sim_servo_can_family = {

@@ -644,12 +644,6 @@ void sim_servo_power(struct sim_servo *drive, bool on, db_time now)
 	boot_drive(drive, now);
 }
 
-void sim_servo_reset(struct sim_servo *drive, db_time now)
-{
-	sim_servo_power(drive, false, now);
-	sim_servo_power(drive, true, now);
-}
-
 void sim_servo_set_faults(struct sim_servo *drive, uint16_t faults, db_time now)
 {
 	sim_servo_advance(drive, now);

@@ -114,8 +114,6 @@ void sim_servo_set_reports(struct sim_servo *drive, enum sim_servo_report report
 
 /* What happens to a drive from outside. */
 void sim_servo_power(struct sim_servo *drive, bool on, db_time now);
-/* Its power is off and on again sooner than anybody can notice that it does not answer. */
-void sim_servo_reset(struct sim_servo *drive, db_time now);
 /* Sets the fault word; with anything but 0 in it the motor has no power. */
 void sim_servo_set_faults(struct sim_servo *drive, uint16_t faults, db_time now);
 /* Shows these status bits beside the real ones. */

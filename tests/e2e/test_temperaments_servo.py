@@ -271,7 +271,7 @@ def test_a_reset_that_is_too_short_to_be_missed(make_servo, demand, enabled):
         assert drive.command("disable") == 0
     place = motor(bridge)
     told = bridge.sim.get()["ramps"]
-    bridge.sim.control("reset drive1")
+    bridge.sim.control("power drive1 cycle")
     state(bridge, DISABLED)
     assert drive.command("enable") == 0
     assert bridge.sim.get()["ramps"] > told

@@ -456,8 +456,8 @@ static void where_a_demand_comes_from(void **state)
 		/* A reset that nobody notices: it has power, and a demand of its own. */
 		tell_enable(&b, false);
 		tell_position(&b, SERVO_CAN_SET_FEEDBACK, 9000);
-		sim_servo_reset(b.drive, b.now);
-		assert_true(sim_servo_powered(b.drive));
+		sim_servo_power(b.drive, false, b.now);
+		sim_servo_power(b.drive, true, b.now);
 		tell_enable(&b, true);
 		wait(&b, 2000 * MS);
 		assert_true(sim_servo_position(b.drive) == cases[i].reset);
