@@ -148,7 +148,7 @@ enum xyza_program_state {
 	XYZA_PROGRAM_RUNNING = 1,
 	XYZA_PROGRAM_WAITING = 2,     /* stopped, or before the next single step */
 	XYZA_PROGRAM_INTERRUPTED = 3, /* by an emergency stop */
-	XYZA_PROGRAM_STATE_MAX = 5,   /* 4 and 5 exist and are not explained */
+	/* 4 and 5 exist and are not explained; any other byte may come, too */
 };
 
 struct xyza_reply {
@@ -158,7 +158,7 @@ struct xyza_reply {
 	uint8_t item_class; /* DATA: E1..E5 */
 	uint8_t target;     /* DATA: as the controller echoed it */
 	uint32_t value;     /* DATA: the four bytes */
-	uint8_t state;      /* PROGRAM_STATE: enum xyza_program_state */
+	uint8_t state;      /* PROGRAM_STATE: enum xyza_program_state, or any other byte */
 	uint8_t program;    /* PROGRAM_STATE */
 	uint16_t step;      /* PROGRAM_STATE: the instruction that is carried out */
 };

@@ -377,6 +377,7 @@ static void read_xyza_temper(const struct sim_section *section, struct sim_xyza_
 		.jogs_from_stand = sim_section_flag(section, "jogs-from-stand"),
 		.second_stop_ends = sim_section_flag(section, "second-stop-ends"),
 		.ordered_speeds = sim_section_flag(section, "ordered-speeds"),
+		.idle_state = (uint8_t)sim_section_whole(section, "idle-state"),
 		.motion_delay = read_ms(section, "motion-delay-ms"),
 		.standing_delay = read_ms(section, "standing-delay-ms"),
 		.item_delay = read_ms(section, "power-delay-ms"),
@@ -385,8 +386,14 @@ static void read_xyza_temper(const struct sim_section *section, struct sim_xyza_
 	while ((text = sim_section_next(section, "lacks", text)) != NULL) {
 		int param = xyza_param_find(text, strlen(text));
 
-		if (param < 0)
-			sim_section_refuse(section, "lacks", "lacks \"%s\" is no parameter", text);
+		if (strcmp(text, "ports") == 0)
+			temper->lacks_ports = true;
+		else if (strcmp(text, "program") == 0)
+			temper->lacks_program = true;
+		else if (param < 0)
+			sim_section_refuse(section, "lacks",
+			                   "lacks \"%s\" is no parameter, nor ports nor program",
+			                   text);
 		else
 			temper->lacks |= 1u << xyza_param_item((enum xyza_param)param);
 	}

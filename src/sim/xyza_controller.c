@@ -479,7 +479,9 @@ static void fill_reply(struct sim_xyza *controller, const struct xyza_request *r
 		break;
 	case XYZA_PROGRAM_STATE:
 		reply->kind = XYZA_REPLY_PROGRAM_STATE;
-		reply->state = (uint8_t)controller->state;
+		reply->state = controller->state == XYZA_PROGRAM_IDLE ?
+		                       controller->config.temper.idle_state :
+		                       (uint8_t)controller->state;
 		reply->program = (uint8_t)controller->program;
 		reply->step = (uint16_t)controller->step;
 		break;
@@ -534,13 +536,29 @@ static bool acknowledges(const struct sim_xyza *controller, const struct xyza_re
 	       (temper->acknowledges_all || (temper->ignores >> kind_of(request->verb) & 1));
 }
 
+/* Whether it keeps silent about what is asked. */
+static bool lacks(const struct sim_xyza *controller, const struct xyza_request *request)
+{
+	const struct sim_xyza_temper *temper = &controller->config.temper;
+
+	switch (request->verb) {
+	case XYZA_READ_ITEM:
+		return temper->lacks >> request->item & 1;
+	case XYZA_READ_PORTS:
+		return temper->lacks_ports;
+	case XYZA_PROGRAM_STATE:
+		return temper->lacks_program;
+	default:
+		return false;
+	}
+}
+
 bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *request,
                       enum xyza_error error, db_time now, struct xyza_reply *reply)
 {
 	sim_xyza_advance(controller, now);
 	if (!controller->powered || controller->reset_done != DB_TIME_NEVER ||
-	    (request->verb == XYZA_READ_ITEM && error == XYZA_OK &&
-	     (controller->config.temper.lacks >> request->item & 1)))
+	    (error == XYZA_OK && lacks(controller, request)))
 		return false;
 	*reply = (struct xyza_reply){
 		.kind = XYZA_REPLY_FAILED,

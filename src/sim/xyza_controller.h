@@ -42,6 +42,9 @@ struct sim_xyza_temper {
 	bool acknowledges_all;    /* what it does not do is acknowledged like what it does */
 	unsigned ignores;         /* bit of each enum sim_xyza_kind that it acknowledges only */
 	uint32_t lacks;           /* bit of each item that is never answered */
+	bool lacks_ports;         /* nor are the ports */
+	bool lacks_program;       /* nor is the program's state */
+	uint8_t idle_state;       /* what an idle program shows as its state */
 	bool clamps;              /* speeds above SIM_XYZA_SPEED_MAX become that */
 	enum sim_settles settles; /* its number; the manual has no power-up */
 	bool jogs_from_stand;     /* an axis that moves takes no jog */

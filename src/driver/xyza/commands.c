@@ -280,7 +280,9 @@ static bool has_ended(uint32_t content)
 
 static bool has_stopped(uint32_t content)
 {
-	return (content & UINT8_MAX) >= XYZA_PROGRAM_WAITING;
+	uint32_t state = content & UINT8_MAX;
+
+	return state == XYZA_PROGRAM_WAITING || state == XYZA_PROGRAM_INTERRUPTED;
 }
 
 /* The program's state right before a command to it decides whether that makes sense. */
@@ -295,7 +297,7 @@ static enum db_step answer_before(struct db_conversation *talk)
 	plan->before = xyza_content(reply);
 	plan->before_read = true;
 	if ((command == DB_CMD_START_PROGRAM && runs) ||
-	    (command == DB_CMD_CONTINUE_PROGRAM && !has_stopped(plan->before)))
+	    (command == DB_CMD_CONTINUE_PROGRAM && (runs || has_ended(plan->before))))
 		return refuse_job(talk);
 	/* A second stop might end what waits. Without an interruption there is nothing to clear. */
 	if ((command == DB_CMD_PAUSE_PROGRAM && has_stopped(plan->before)) ||
@@ -615,7 +617,7 @@ enum db_step xyza_begin_command(struct db_conversation *talk)
 		talk->device->resends = 0;
 	xyza_plan_command(plan, talk->device, talk->job->request);
 	plan->stops = first->stops;
-	plan->stop_taken = first->paused || first->program_state > XYZA_PROGRAM_RUNNING;
+	plan->stop_taken = xyza_is_program_stopped(first);
 	plan->answered = talk->now;
 	return say_current(talk);
 }

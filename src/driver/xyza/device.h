@@ -73,6 +73,13 @@ struct xyza_item_reading {
 	unsigned losses; /* how often its answer was lost */
 };
 
+/* A part of the cyclic reading that a controller may not answer, though it answers the rest. */
+struct xyza_part {
+	unsigned losses;  /* answers lost in a row */
+	db_time pause;    /* between two questions, once it is passed over; 0: it is not */
+	db_time again_at; /* then it is asked for once more */
+};
+
 struct db_device {
 	struct db_device *first; /* of the controller: has what is common */
 	uint8_t object;
@@ -86,6 +93,7 @@ struct db_device {
 
 	/* The axis. */
 	bool heard;
+	struct xyza_part part; /* its part of the cyclic reading, until it is heard */
 	bool standing;
 	bool negative;
 	int32_t position;
@@ -118,6 +126,10 @@ struct db_device {
 	bool paused;    /* its program was stopped since its state was read */
 
 	/* First axis only: the reading under way. */
+	bool polling;       /* it has begun and not come to its end */
+	unsigned poll_step; /* what was asked last */
+	struct xyza_part ports_part;
+	struct xyza_part program_part;
 	unsigned poll_axis;
 	unsigned sign_tries;
 	bool poll_standing;

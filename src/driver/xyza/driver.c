@@ -70,6 +70,11 @@ static const struct db_drive_bit status_bits[] = {
 	{ STATUS_PROGRAM, "program_state_0", "Bit 0 of program_state" },
 	{ STATUS_PROGRAM + 1, "program_state_1", "Bit 1 of program_state" },
 	{ STATUS_PROGRAM + 2, "program_state_2", "Bit 2 of program_state" },
+	{ STATUS_PROGRAM + 3, "program_state_3", "Bit 3 of program_state" },
+	{ STATUS_PROGRAM + 4, "program_state_4", "Bit 4 of program_state" },
+	{ STATUS_PROGRAM + 5, "program_state_5", "Bit 5 of program_state" },
+	{ STATUS_PROGRAM + 6, "program_state_6", "Bit 6 of program_state" },
+	{ STATUS_PROGRAM + 7, "program_state_7", "Bit 7 of program_state" },
 };
 
 /* --- a drive ---------------------------------------------------------------------------------------- */

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "driver/xyza/plan.h"
 
+#include "driver/xyza/state.h"
+
 #include <math.h>
 
 bool xyza_is_jog(enum db_command command)
@@ -127,23 +129,24 @@ static void plan_enable(struct xyza_plan *plan, const struct db_device *device, 
  * Both modes are stopped: what a controller does not do it may refuse to stop. A program that shows
  * as idle may be about to start, by a key or after its delay. One that is stopped already would end by
  * another stop, and stops are said again until the axis stands: so it is only stopped when it is seen
- * to run.
+ * to run. In a state that the document does not explain it may run.
  */
 static void plan_stop(struct xyza_plan *plan, const struct db_device *device, bool quick)
 {
 	enum xyza_verb manual = quick ? XYZA_MANUAL_QUICK_STOP : XYZA_MANUAL_STOP;
 	enum xyza_verb program = quick ? XYZA_PROGRAM_QUICK_STOP : XYZA_PROGRAM_STOP;
 	const struct db_device *first = device->first;
+	bool runs = first->program_state == XYZA_PROGRAM_RUNNING;
 
-	if (first->paused || first->program_state > XYZA_PROGRAM_RUNNING) {
+	if (xyza_is_program_stopped(first)) {
 		add_kind(plan, device, manual, STEP_OR_BEFORE);
 		add_read(plan, device, XYZA_PROGRAM_STATE, STEP_IF, UINT8_MAX,
 		         XYZA_PROGRAM_RUNNING);
 		add_verb(plan, device, program);
 		return;
 	}
-	if (first->program_state == XYZA_PROGRAM_RUNNING) {
-		add_verb(plan, device, program);
+	if (first->program_state != XYZA_PROGRAM_IDLE) {
+		add_kind(plan, device, program, runs ? STEP_PLAIN : STEP_MAY_FAIL);
 		add_kind(plan, device, manual, STEP_OR_BEFORE);
 		return;
 	}
@@ -248,8 +251,21 @@ static void plan_outputs(struct xyza_plan *plan, const struct db_device *device,
 		step->request.number = (uint8_t)port;
 		step->request.on = levels >> (port - 1) & 1;
 	}
-	add_read(plan, device, XYZA_READ_PORTS, STEP_EXPECT, mask << XYZA_OUTPUTS_SHIFT,
-	         (levels & mask) << XYZA_OUTPUTS_SHIFT);
+	if (xyza_is_passed_over(&device->first->ports_part))
+		plan->unproven = true;
+	else
+		add_read(plan, device, XYZA_READ_PORTS, STEP_EXPECT, mask << XYZA_OUTPUTS_SHIFT,
+		         (levels & mask) << XYZA_OUTPUTS_SHIFT);
+}
+
+/* What its program does right before a command to it, and what that made of it. */
+static void add_program_read(struct xyza_plan *plan, const struct db_device *device,
+                             enum xyza_plan_kind kind)
+{
+	if (xyza_is_passed_over(&device->first->program_part))
+		plan->unproven = true;
+	else
+		add_kind(plan, device, XYZA_PROGRAM_STATE, kind);
 }
 
 static void plan_start(struct xyza_plan *plan, const struct db_device *device,
@@ -257,7 +273,7 @@ static void plan_start(struct xyza_plan *plan, const struct db_device *device,
 {
 	struct db_device *first = device->first;
 
-	add_kind(plan, device, XYZA_PROGRAM_STATE, STEP_BEFORE);
+	add_program_read(plan, device, STEP_BEFORE);
 	if (args->program_delay > 0 || first->delayed) {
 		add_kind(plan, device, XYZA_PROGRAM_DELAY,
 		         args->program_delay == 0 ? STEP_MAY_FAIL : STEP_PLAIN)
@@ -268,15 +284,15 @@ static void plan_start(struct xyza_plan *plan, const struct db_device *device,
 	/* Before its delay is over a started program shows as idle. */
 	if (args->program_delay > 0)
 		plan->unproven = true;
-	add_kind(plan, device, XYZA_PROGRAM_STATE, STEP_EXPECT_PROGRAM);
+	add_program_read(plan, device, STEP_EXPECT_PROGRAM);
 }
 
 static void plan_program(struct xyza_plan *plan, const struct db_device *device,
                          enum xyza_verb verb)
 {
-	add_kind(plan, device, XYZA_PROGRAM_STATE, STEP_BEFORE);
+	add_program_read(plan, device, STEP_BEFORE);
 	add_verb(plan, device, verb);
-	add_kind(plan, device, XYZA_PROGRAM_STATE, STEP_EXPECT_PROGRAM);
+	add_program_read(plan, device, STEP_EXPECT_PROGRAM);
 }
 
 /* --- all of them ------------------------------------------------------------------------------------ */

@@ -12,6 +12,12 @@
 /* How often the sign is read again when it changes under the reading. */
 #define SIGN_TRIES 3
 
+/* So many lost answers in a row, and a part is passed over; then it is asked for after a pause, which
+ * doubles each time. A single loss may be the line's. */
+#define PART_TRIES 2
+#define PART_PAUSE_MIN (2 * DB_NS_PER_S)
+#define PART_PAUSE_MAX (64 * DB_NS_PER_S)
+
 /* Of each axis the first four, then those of the controller. */
 enum step {
 	STEP_STANDING,
@@ -22,10 +28,78 @@ enum step {
 	STEP_PROGRAM,
 };
 
-/* The next configured axis from `axis` on, or XYZA_AXIS_COUNT. */
-static unsigned next_axis(const struct db_device *first, unsigned axis)
+/* --- what is passed over ---------------------------------------------------------------------------- */
+
+static bool may_ask(const struct xyza_part *part, db_time now)
 {
-	while (axis < XYZA_AXIS_COUNT && !first->axes[axis])
+	return part->pause == 0 || now >= part->again_at;
+}
+
+static void note_part_answered(struct xyza_part *part)
+{
+	*part = (struct xyza_part){ .losses = 0 };
+}
+
+/* True when it is passed over from now on. */
+static bool note_part_lost(struct xyza_part *part, db_time now)
+{
+	bool first;
+
+	if (++part->losses < PART_TRIES)
+		return false;
+	first = part->pause == 0;
+	part->pause = first ? PART_PAUSE_MIN : 2 * part->pause;
+	if (part->pause > PART_PAUSE_MAX)
+		part->pause = PART_PAUSE_MAX;
+	part->again_at = now + part->pause;
+	return first;
+}
+
+static bool hears_any(const struct db_device *first)
+{
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (first->axes[i] && first->axes[i]->heard)
+			return true;
+	}
+	return false;
+}
+
+/* An axis that was heard is there, and is asked on and on. */
+static void note_axis_lost(const struct db_device *first, db_time now)
+{
+	struct db_device *device = first->axes[first->poll_axis];
+
+	if (device && !device->heard && hears_any(first))
+		(void)note_part_lost(&device->part, now);
+}
+
+/* A reading that lost an answer is not gone on with: the next one begins, and sees where it ended. */
+static void note_loss(struct db_device *first, db_time now)
+{
+	if (!first->polling)
+		return;
+	switch (first->poll_step) {
+	case STEP_PORTS:
+		if (note_part_lost(&first->ports_part, now))
+			first->ports = 0;
+		break;
+	case STEP_PROGRAM:
+		if (note_part_lost(&first->program_part, now))
+			xyza_forget_program(first);
+		break;
+	default:
+		note_axis_lost(first, now);
+		break;
+	}
+}
+
+/* --- questions -------------------------------------------------------------------------------------- */
+
+/* The next configured axis from `axis` on, or XYZA_AXIS_COUNT. */
+static unsigned next_axis(const struct db_device *first, unsigned axis, db_time now)
+{
+	while (axis < XYZA_AXIS_COUNT &&
+	       !(first->axes[axis] && may_ask(&first->axes[axis]->part, now)))
 		axis++;
 	return axis;
 }
@@ -65,16 +139,43 @@ static enum db_step say_program(struct db_conversation *talk)
 	return ask_controller(talk, XYZA_PROGRAM_STATE);
 }
 
-/* From this axis on, or what the controller has behind the last one. */
+static enum db_step say_poll_step(struct db_conversation *talk, enum step step)
+{
+	talk->device->poll_step = step;
+	return say_step(talk, xyza_poll_steps, step);
+}
+
+static enum db_step end_poll(struct db_conversation *talk)
+{
+	talk->device->polling = false;
+	return end_job(talk, DB_RESULT_OK);
+}
+
+static enum db_step read_program(struct db_conversation *talk)
+{
+	if (!may_ask(&talk->device->program_part, talk->now))
+		return end_poll(talk);
+	return say_poll_step(talk, STEP_PROGRAM);
+}
+
+/* What the controller has besides its axes. */
+static enum db_step read_ports(struct db_conversation *talk)
+{
+	if (!may_ask(&talk->device->ports_part, talk->now))
+		return read_program(talk);
+	return say_poll_step(talk, STEP_PORTS);
+}
+
+/* From this axis on, or what the controller has after the last one. */
 static enum db_step read_axis(struct db_conversation *talk, unsigned axis)
 {
 	struct db_device *first = talk->device;
 
-	first->poll_axis = next_axis(first, axis);
+	first->poll_axis = next_axis(first, axis, talk->now);
 	first->poll_asked = talk->now;
 	first->sign_tries = 0;
-	return say_step(talk, xyza_poll_steps,
-	                first->poll_axis < XYZA_AXIS_COUNT ? STEP_STANDING : STEP_PORTS);
+	return first->poll_axis < XYZA_AXIS_COUNT ? say_poll_step(talk, STEP_STANDING) :
+	                                            read_ports(talk);
 }
 
 /* --- what was read --------------------------------------------------------------------------------- */
@@ -115,6 +216,7 @@ static void take_position(struct db_device *device, const struct db_device *firs
 	device->negative = first->poll_negative;
 	device->taken = first->poll_taken;
 	device->heard = true;
+	note_part_answered(&device->part);
 }
 
 /* Nothing changed since the last time and nothing moves: the second look at the sign is not needed. */
@@ -139,7 +241,7 @@ static enum db_step answer_standing(struct db_conversation *talk)
 	first->poll_standing = reply->value == 1;
 	first->poll_told = device->told;
 	first->poll_placed = device->placed;
-	return say_step(talk, xyza_poll_steps, STEP_SIGN);
+	return say_poll_step(talk, STEP_SIGN);
 }
 
 static enum db_step answer_sign(struct db_conversation *talk)
@@ -147,7 +249,7 @@ static enum db_step answer_sign(struct db_conversation *talk)
 	const struct xyza_reply *reply = talk->reply;
 
 	talk->device->poll_negative = reply->value == 1;
-	return say_step(talk, xyza_poll_steps, STEP_MAGNITUDE);
+	return say_poll_step(talk, STEP_MAGNITUDE);
 }
 
 static enum db_step answer_magnitude(struct db_conversation *talk)
@@ -161,7 +263,7 @@ static enum db_step answer_magnitude(struct db_conversation *talk)
 	first->poll_magnitude = reply->value;
 	first->poll_taken = talk->now;
 	if (!is_settled(first, device))
-		return say_step(talk, xyza_poll_steps, STEP_SIGN_AGAIN);
+		return say_poll_step(talk, STEP_SIGN_AGAIN);
 	take_position(device, first);
 	return read_axis(talk, first->poll_axis + 1);
 }
@@ -179,7 +281,7 @@ static enum db_step answer_sign_again(struct db_conversation *talk)
 		take_position(device, first);
 	} else if (++first->sign_tries < SIGN_TRIES) {
 		first->poll_negative = negative;
-		return say_step(talk, xyza_poll_steps, STEP_MAGNITUDE);
+		return say_poll_step(talk, STEP_MAGNITUDE);
 	}
 	return read_axis(talk, first->poll_axis + 1);
 }
@@ -189,13 +291,15 @@ static enum db_step answer_ports(struct db_conversation *talk)
 	const struct xyza_reply *reply = talk->reply;
 
 	talk->device->ports = reply->value;
-	return say_step(talk, xyza_poll_steps, STEP_PROGRAM);
+	note_part_answered(&talk->device->ports_part);
+	return read_program(talk);
 }
 
 static enum db_step answer_program(struct db_conversation *talk)
 {
 	xyza_take_program(talk->device, talk->reply);
-	return end_job(talk, DB_RESULT_OK);
+	note_part_answered(&talk->device->program_part);
+	return end_poll(talk);
 }
 
 /* --- what the controller does not have ------------------------------------------------------------- */
@@ -208,12 +312,14 @@ static enum db_step refuse_axis(struct db_conversation *talk)
 
 static enum db_step refuse_ports(struct db_conversation *talk)
 {
-	return say_step(talk, xyza_poll_steps, STEP_PROGRAM);
+	note_part_answered(&talk->device->ports_part);
+	return read_program(talk);
 }
 
 static enum db_step refuse_program(struct db_conversation *talk)
 {
-	return end_job(talk, DB_RESULT_OK);
+	note_part_answered(&talk->device->program_part);
+	return end_poll(talk);
 }
 
 const struct conversation_step xyza_poll_steps[] = {
@@ -235,5 +341,7 @@ const struct conversation_step xyza_poll_steps[] = {
 
 enum db_step xyza_begin_poll(struct db_conversation *talk)
 {
+	note_loss(talk->device, talk->now);
+	talk->device->polling = true;
 	return read_axis(talk, 0);
 }

@@ -7,12 +7,20 @@
 #include "driver/xyza/device.h"
 
 /* Bits of drive_status, which the document does not have: made of what is read. The program's state
- * is a number in three of them. */
+ * is a number in eight of them. */
 #define STATUS_NEGATIVE 0
 #define STATUS_STANDS 1
 #define STATUS_PROGRAM 8
 
+/* What program_state shows of a controller that does not tell it. */
+#define PROGRAM_STATE_UNTOLD UINT16_MAX
+
+/* The controller keeps silent about it, as far as was tried: what it told before does not count. */
+bool xyza_is_passed_over(const struct xyza_part *part);
+
 void xyza_take_program(struct db_device *first, const struct xyza_reply *reply);
+/* It is not known: nothing of it stands in the way of anything. */
+void xyza_forget_program(struct db_device *first);
 
 /* What an item was read as. */
 void xyza_learn_item(struct db_device *device, enum xyza_item item, uint32_t content);
@@ -20,6 +28,9 @@ void xyza_learn_item(struct db_device *device, enum xyza_item item, uint32_t con
 void xyza_forget_item(struct db_device *device, enum xyza_item item);
 /* After a reset nothing that is known of any axis counts. */
 void xyza_forget_all(struct db_device *first);
+
+/* Stopped, and can go on: another stop might end it. */
+bool xyza_is_program_stopped(const struct db_device *first);
 
 /* It was told to move: until it was seen to, it counts as moving. */
 void xyza_note_started(struct db_device *device, bool negative);

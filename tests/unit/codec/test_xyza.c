@@ -695,7 +695,8 @@ static void test_refused_replies(void **state)
 		{ "5A A5 0B F2 00 03 E1 A1 00 00 00 00 00", XYZA_ERR_UNKNOWN },
 		{ "5A A5 0B F1 00 03 E0 A1 00 00 00 00 00", XYZA_ERR_UNKNOWN },
 		{ "5A A5 0B F1 00 03 E6 A1 00 00 00 00 00", XYZA_ERR_UNKNOWN },
-		{ "5A A5 0B F4 00 03 06 01 00 00 00 00 00", XYZA_ERR_UNKNOWN },
+		/* A state that the document does not name is one. */
+		{ "5A A5 0B F4 00 03 FF 01 00 00 00 00 00", XYZA_OK },
 		{ "5A A5 0E F4 00 03 06 01 00 00 00", XYZA_ERR_UNKNOWN },
 		{ "5A A5 0B F1 00 03 E1 A1 00 00 00 00", XYZA_ERR_FORM },
 	};

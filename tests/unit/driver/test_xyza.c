@@ -226,6 +226,7 @@ static void poll_all(struct fixture *f, bool standing, int32_t position, unsigne
 	while (said[0] != '=') {
 		bool x = f->bytes[7] >> 4 == 0xA;
 
+		assert_string_not_equal(said, "ignored");
 		if (strcmp(said, ASK_PROGRAM) == 0)
 			said = program(f, state, 1, 7);
 		else if (strcmp(said, ASK_PORTS) == 0)
@@ -725,6 +726,136 @@ static void an_axis_that_is_not_there_leaves_the_others(void **state)
 	assert_int_equal(feedback(f, 0).position, 9);
 	assert_int_equal(feedback(f, 1).state, DB_AXIS_OFFLINE);
 	assert_int_equal(feedback(f, 2).position, 8);
+	drop(f);
+}
+
+/* A cycle in which x stands at 0, up to this question or its end. */
+static const char *poll_up_to(struct fixture *f, const char *question)
+{
+	const char *said = begin(f, 0, DB_JOB_POLL);
+
+	while (said[0] != '=' && strcmp(said, question) != 0) {
+		if (strcmp(said, ASK_PROGRAM) == 0)
+			said = program(f, 0, 0, 0);
+		else
+			said = value(f, strcmp(said, ASK_PORTS) != 0 && f->bytes[7] % 16 == 3);
+	}
+	return said;
+}
+
+/* Ports and program may keep silent for ever: the axes are what a stop is judged by. */
+static void what_is_silent_in_a_cycle_is_passed_over(void **state)
+{
+	static const char *const silent[] = { ASK_PORTS, ASK_PROGRAM };
+
+	(void)state;
+	for (size_t i = 0; i < 2; i++) {
+		struct fixture *f = make(1);
+
+		poll_all(f, true, 0, XYZA_PROGRAM_INTERRUPTED);
+		assert_string_equal(poll_up_to(f, silent[i]), silent[i]);
+		assert_string_equal(poll_up_to(f, silent[i]), silent[i]);
+		assert_string_equal(poll_up_to(f, silent[i]), "=ok");
+		assert_string_equal(poll_up_to(f, silent[i]), "=ok");
+		/* Rarely it is asked for once more: 2 s later, then 4 s. */
+		f->now += 2000 * MS;
+		assert_string_equal(poll_up_to(f, silent[i]), silent[i]);
+		assert_string_equal(poll_up_to(f, silent[i]), "=ok");
+		f->now += 2000 * MS;
+		assert_string_equal(poll_up_to(f, silent[i]), "=ok");
+		f->now += 2000 * MS;
+		assert_string_equal(poll_up_to(f, silent[i]), silent[i]);
+		if (i == 0)
+			value(f, 0x00030001);
+		else
+			assert_string_equal(program(f, 2, 1, 7), "=ok");
+		/* It tells it after all. A single loss is the line's. */
+		assert_string_equal(poll_up_to(f, silent[i]), silent[i]);
+		assert_string_equal(poll_up_to(f, silent[i]), silent[i]);
+		drop(f);
+	}
+}
+
+/* What it told of its program before it fell silent stands in the way of nothing. */
+static void a_program_that_is_not_told_is_not_believed(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, true, 0, XYZA_PROGRAM_INTERRUPTED);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_ERROR_STOP);
+	for (unsigned i = 0; i < 2; i++)
+		poll_up_to(f, ASK_PROGRAM);
+	assert_string_equal(poll_up_to(f, ASK_PROGRAM), "=ok");
+	assert_int_equal(feedback(f, 0).program_state, UINT16_MAX);
+	assert_int_equal(feedback(f, 0).program, 0);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	/* Both modes are stopped, and nothing is asked that is not answered. */
+	assert_string_equal(whole(f, command(f, 0, DB_CMD_STOP, (struct db_args){ 0 })),
+	                    "0AF301030200 0AF401030200 =ok");
+	assert_string_equal(whole(f, command(f, 0, DB_CMD_START_PROGRAM,
+	                                     (struct db_args){ .program_number = 2 })),
+	                    "0AF401030500 0AF401030302 =unproven");
+	assert_string_equal(whole(f, command(f, 0, DB_CMD_END_PROGRAM, (struct db_args){ 0 })),
+	                    "0AF401030700 =unproven");
+	assert_string_equal(whole(f, jog(f, 0)), "0AF3010303A1 0AF10103E1A3 =ok");
+	drop(f);
+}
+
+static void outputs_that_are_not_told_are_unproven(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	for (unsigned i = 0; i < 3; i++)
+		poll_up_to(f, ASK_PORTS);
+	assert_string_equal(
+		whole(f, command(f, 0, DB_CMD_SET_OUTPUT,
+	                         (struct db_args){ .output_number = 2, .output_value = 1 })),
+		"0BF10103E40022000000 =unproven");
+	drop(f);
+}
+
+/* An axis that keeps silent instead of refusing; one that was heard is asked on and on. */
+static void an_axis_that_never_answers_leaves_the_others(void **state)
+{
+	struct fixture *f = make(3);
+
+	(void)state;
+	for (unsigned i = 0; i < 2; i++)
+		assert_string_equal(poll_up_to(f, "0AF10103E1B3"), "0AF10103E1B3");
+	assert_string_equal(poll_up_to(f, "0AF10103E1B3"), "=ok");
+	f->now += 2000 * MS;
+	assert_string_equal(poll_up_to(f, "0AF10103E1B3"), "0AF10103E1B3");
+	assert_string_equal(poll_up_to(f, ""), "=ok");
+	f->now += 4000 * MS;
+	assert_string_equal(poll_up_to(f, ""), "=ok");
+	for (unsigned i = 0; i < 5; i++)
+		assert_string_equal(poll_up_to(f, "0AF10103E1B3"), "0AF10103E1B3");
+	drop(f);
+}
+
+/* The document's table has room for more than it explains. In what it does not, it may run. */
+static void any_state_of_a_program_is_shown(void **state)
+{
+	static const unsigned states[] = { 4, 5, 6, 255 };
+	struct fixture *f = make(1);
+
+	(void)state;
+	for (size_t i = 0; i < sizeof states / sizeof states[0]; i++) {
+		poll_all(f, true, 0, states[i]);
+		assert_int_equal(feedback(f, 0).program_state, states[i]);
+		assert_int_equal(feedback(f, 0).drive_status >> 8, states[i]);
+		assert_string_equal(
+			whole(f, command(f, 0, DB_CMD_QUICK_STOP, (struct db_args){ 0 })),
+			"0AF401030100 0AF301030100 =ok");
+		assert_string_equal(whole(f, jog(f, 0)), "0AF3010303A1 0AF10103E1A3 =ok");
+		poll_all(f, true, 0, states[i]);
+	}
+	/* It may also take no stop then. */
+	command(f, 0, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(refuse(f, FAILED_PROGRAM), "0AF301030200");
+	assert_string_equal(answer(f, OK_MANUAL), "=ok");
 	drop(f);
 }
 
@@ -1837,6 +1968,11 @@ int main(void)
 		cmocka_unit_test(a_damaged_request_is_said_again),
 		cmocka_unit_test(an_axis_that_is_not_there_leaves_the_others),
 		cmocka_unit_test(one_axis_at_a_time),
+		cmocka_unit_test(what_is_silent_in_a_cycle_is_passed_over),
+		cmocka_unit_test(a_program_that_is_not_told_is_not_believed),
+		cmocka_unit_test(outputs_that_are_not_told_are_unproven),
+		cmocka_unit_test(an_axis_that_never_answers_leaves_the_others),
+		cmocka_unit_test(any_state_of_a_program_is_shown),
 		cmocka_unit_test(a_jog_right_behind_a_program),
 		cmocka_unit_test(what_was_seen_before_a_jog_does_not_end_it),
 		cmocka_unit_test(what_was_seen_before_its_effect_does_not_end_a_jog),
