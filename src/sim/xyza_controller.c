@@ -620,6 +620,14 @@ void sim_xyza_set_number(struct sim_xyza *controller, unsigned number)
 	controller->memory.items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER] = number;
 }
 
+void sim_xyza_set_item(struct sim_xyza *controller, enum xyza_item item, enum xyza_axis axis,
+                       uint32_t content, db_time now)
+{
+	sim_xyza_advance(controller, now);
+	sim_xyza_memory_set(&controller->memory, item, axis, content, now, now);
+	(void)save_items(controller);
+}
+
 void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t position, db_time now)
 {
 	sim_xyza_advance(controller, now);

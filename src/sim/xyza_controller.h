@@ -99,6 +99,9 @@ void sim_xyza_power(struct sim_xyza *controller, bool on, db_time now);
 /* number 1..16. The keys for start, stop and pause act when their input becomes 1. */
 void sim_xyza_set_input(struct sim_xyza *controller, unsigned number, bool level, db_time now);
 void sim_xyza_set_number(struct sim_xyza *controller, unsigned number);
+/* Somebody gives an item, of an axis or of all that is common, another content at the controller's keys. */
+void sim_xyza_set_item(struct sim_xyza *controller, enum xyza_item item, enum xyza_axis axis,
+                       uint32_t content, db_time now);
 /* Puts an axis there, standing. */
 void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t position,
                     db_time now);

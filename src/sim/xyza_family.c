@@ -147,8 +147,25 @@ static const char *place_axis(struct sim_node *node, const char *rest, db_time n
 	return NULL;
 }
 
+/* "item AXIS PARAMETER CONTENT": the content of the item that has this parameter. */
+static const char *set_item(struct sim_node *node, const char *rest, db_time now)
+{
+	const char *letter = rest[0] ? strchr(axis_letters, rest[0]) : NULL;
+	size_t length = letter && rest[1] == ' ' ? strcspn(rest + 2, " ") : 0;
+	int param = xyza_param_find(rest + 2 * (length > 0), length);
+	char *end = NULL;
+	unsigned long content = param < 0 ? 0 : strtoul(rest + 2 + length, &end, 0);
+
+	if (param < 0 || end == rest + 2 + length || *end != '\0' || content > UINT32_MAX)
+		return "item needs an axis (x, y, z or a), a parameter and a content";
+	sim_xyza_set_item(node->xyza, xyza_param_item((enum xyza_param)param),
+	                  (enum xyza_axis)(letter - axis_letters), (uint32_t)content, now);
+	return NULL;
+}
+
 static const struct sim_family_command commands[] = {
 	{ "input", set_input },
+	{ "item", set_item },
 	{ "place", place_axis },
 	{ NULL, NULL },
 };

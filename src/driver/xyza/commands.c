@@ -333,6 +333,14 @@ static enum db_step answer_learn(struct db_conversation *talk)
 	return say_next(talk);
 }
 
+static enum db_step answer_refresh(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+
+	xyza_learn_item(talk->device, step_of(talk)->request.item, reply->value);
+	return say_next(talk);
+}
+
 static enum db_step answer_change(struct db_conversation *talk)
 {
 	const struct xyza_reply *reply = talk->reply;
@@ -594,6 +602,7 @@ const struct conversation_step xyza_plan_steps[] = {
 	[STEP_GUARD] = { say_planned, 0, answer_guard, say_next, lose_planned },
 	[STEP_BEFORE] = { say_planned, 0, answer_before, say_next, lose_planned },
 	[STEP_LEARN] = { say_planned, 0, answer_learn, refuse_job, lose_planned },
+	[STEP_REFRESH] = { say_planned, 0, answer_refresh, say_next, lose_planned },
 	[STEP_CHANGE] = { say_planned, 0, answer_change, refuse_change, lose_planned },
 	[STEP_UNTIL_STANDING] = { say_planned, 0, answer_standing, refuse_standing, lose_planned },
 	[STEP_EXPECT] = { say_planned, 0, answer_expected, refuse_effect, lose_planned },

@@ -16,6 +16,7 @@ enum xyza_plan_kind {
 	STEP_GUARD,     /* read: what is wanted of it stands in the way of the command */
 	STEP_BEFORE,    /* read: the program's state, before a command to it */
 	STEP_LEARN,     /* read: a ramp follows from it */
+	STEP_REFRESH,   /* read: what is known of it counts from now on; it may be untold */
 	STEP_CHANGE,    /* read: with one parameter changed it is written next, and read back; both
 	                   are left out when it is so already */
 	STEP_UNTIL_STANDING, /* read: again until the axis stands */
@@ -80,12 +81,24 @@ struct xyza_part {
 	db_time again_at; /* then it is asked for once more */
 };
 
+/* Of the items, which anybody may change at the controller: one after the other is read again. */
+struct xyza_turn {
+	unsigned polls;         /* readings of all axes that came to their end */
+	unsigned axis;          /* whose item is read next, or was */
+	unsigned item;          /* the one before it in turn */
+	db_time at;             /* when one was read last */
+	bool of_enable;         /* what is asked now is the power and not an item in turn */
+	unsigned losses;        /* answers lost in a row */
+	unsigned enable_losses; /* likewise of the power */
+};
+
 struct db_device {
 	struct db_device *first; /* of the controller: has what is common */
 	uint8_t object;
 	enum xyza_axis axis;
 	db_time reaction;     /* how long an effect may take to show */
 	bool stops_for_speed; /* another speed only from a stand */
+	bool limited;         /* its jogs are stopped before a limit of its position */
 	struct xyza_plan front;
 	struct xyza_plan stop;
 	struct xyza_step front_steps[XYZA_STEPS_MAX];
@@ -130,6 +143,7 @@ struct db_device {
 	unsigned poll_step; /* what was asked last */
 	struct xyza_part ports_part;
 	struct xyza_part program_part;
+	struct xyza_turn turn;
 	unsigned poll_axis;
 	unsigned sign_tries;
 	bool poll_standing;

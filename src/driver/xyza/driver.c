@@ -92,6 +92,7 @@ static void init_device(struct db_device *device, struct db_device *first,
 	device->stop.steps = device->stop_steps;
 	device->reaction = (db_time)bus->options[OPTION_REACTION] * DB_NS_PER_MS;
 	device->stops_for_speed = bus->options[OPTION_SPEED_CHANGE] > 0.0;
+	device->limited = !isnan(drive->min_position) || !isnan(drive->max_position);
 	device->object = (uint8_t)drive->address;
 	device->axis = (enum xyza_axis)drive->axis;
 	device->standing = true;

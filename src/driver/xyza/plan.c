@@ -92,6 +92,17 @@ static void add_change(struct xyza_plan *plan, const struct db_device *device,
 	add_item(plan, device, XYZA_READ_ITEM, STEP_EXPECT_PARAM, param, value, mask);
 }
 
+/* What a stop before a limit depends on: somebody may have changed it at the controller. */
+static void add_braking_read(struct xyza_plan *plan, const struct db_device *device)
+{
+	static const enum xyza_param needed[] = { XYZA_BRAKE, XYZA_ACCELERATION_TIME };
+
+	for (unsigned i = 0; device->limited && i < 2; i++) {
+		if (!(device->unread >> xyza_param_item(needed[i]) & 1))
+			add_item(plan, device, XYZA_READ_ITEM, STEP_REFRESH, needed[i], 0, 0);
+	}
+}
+
 /* The time that makes this ramp: it is known once the speeds were read. */
 static void plan_ramp(struct xyza_plan *plan, const struct db_device *device, bool down, float ramp)
 {
@@ -212,6 +223,7 @@ static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool nega
 		add_standstill(plan, device);
 	if (speed > 0.0f)
 		add_change(plan, device, XYZA_MANUAL_SPEED, (uint32_t)llroundf(speed), UINT32_MAX);
+	add_braking_read(plan, device);
 	add_verb(plan, device, XYZA_MANUAL_JOG)->request.negative = negative;
 	add_kind(plan, device, XYZA_READ_STANDING, STEP_EXPECT_MOVING);
 	/* It must not begin when its writer has heard that it did not. */

@@ -8,6 +8,7 @@
 
 #include "driver/xyza/frames.h"
 #include "driver/xyza/state.h"
+#include "driver/xyza/turn.h"
 
 /* How often the sign is read again when it changes under the reading. */
 #define SIGN_TRIES 3
@@ -26,6 +27,7 @@ enum step {
 	STEP_SIGN_AGAIN,
 	STEP_PORTS,
 	STEP_PROGRAM,
+	STEP_ITEM,
 };
 
 /* --- what is passed over ---------------------------------------------------------------------------- */
@@ -86,6 +88,9 @@ static void note_loss(struct db_device *first, db_time now)
 	case STEP_PROGRAM:
 		if (note_part_lost(&first->program_part, now))
 			xyza_forget_program(first);
+		break;
+	case STEP_ITEM:
+		xyza_turn_lost(first);
 		break;
 	default:
 		note_axis_lost(first, now);
@@ -151,10 +156,22 @@ static enum db_step end_poll(struct db_conversation *talk)
 	return end_job(talk, DB_RESULT_OK);
 }
 
+static enum db_step say_item(struct db_conversation *talk)
+{
+	return xyza_say(talk, xyza_turn_request(talk->device), true);
+}
+
+/* All axes were read; an item may follow. */
+static enum db_step read_item(struct db_conversation *talk)
+{
+	return xyza_turn_comes(talk->device, talk->now) ? say_poll_step(talk, STEP_ITEM) :
+	                                                  end_poll(talk);
+}
+
 static enum db_step read_program(struct db_conversation *talk)
 {
 	if (!may_ask(&talk->device->program_part, talk->now))
-		return end_poll(talk);
+		return read_item(talk);
 	return say_poll_step(talk, STEP_PROGRAM);
 }
 
@@ -299,6 +316,14 @@ static enum db_step answer_program(struct db_conversation *talk)
 {
 	xyza_take_program(talk->device, talk->reply);
 	note_part_answered(&talk->device->program_part);
+	return read_item(talk);
+}
+
+static enum db_step answer_item(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+
+	xyza_turn_answered(talk->device, reply->value);
 	return end_poll(talk);
 }
 
@@ -319,6 +344,12 @@ static enum db_step refuse_ports(struct db_conversation *talk)
 static enum db_step refuse_program(struct db_conversation *talk)
 {
 	note_part_answered(&talk->device->program_part);
+	return read_item(talk);
+}
+
+static enum db_step refuse_item(struct db_conversation *talk)
+{
+	xyza_turn_refused(talk->device);
 	return end_poll(talk);
 }
 
@@ -337,6 +368,7 @@ const struct conversation_step xyza_poll_steps[] = {
 	[STEP_PROGRAM] = { .say = say_program,
 	                   .answered = answer_program,
 	                   .refused = refuse_program },
+	[STEP_ITEM] = { .say = say_item, .answered = answer_item, .refused = refuse_item },
 };
 
 enum db_step xyza_begin_poll(struct db_conversation *talk)

@@ -69,6 +69,7 @@ static struct fixture *make(unsigned axes)
 			continue;
 		f->drives[i].address = OBJECT;
 		f->drives[i].axis = i;
+		f->drives[i].min_position = f->drives[i].max_position = (double)NAN;
 		f->axes[i] = calloc(1, db_driver_xyza.device_size);
 		assert_non_null(f->axes[i]);
 		db_driver_xyza.init(f->axes[i], first, &f->bus, &f->drives[i]);
@@ -1700,6 +1701,133 @@ static void all_parameters_are_read(void **state)
 	drop(f);
 }
 
+static void identify(struct fixture *f, unsigned axis)
+{
+	whole(f, begin(f, axis, DB_JOB_IDENTIFY));
+	assert_string_equal(f->said, "=ok");
+}
+
+/* So many readings 100 ms apart; how often a question that begins so was among theirs. */
+static unsigned count_in_cycles(struct fixture *f, unsigned cycles, const char *question)
+{
+	unsigned count = 0;
+
+	while (cycles-- > 0) {
+		const char *said = begin(f, 0, DB_JOB_POLL);
+
+		for (; said[0] != '='; said = obey(f))
+			count += strncmp(said, question, strlen(question)) == 0;
+		f->now += 100 * MS;
+	}
+	return count;
+}
+
+/* Whoever stands at the controller may take the power off, and a reset does. */
+static void the_power_is_read_again(void **state)
+{
+	struct fixture *f = make(3);
+
+	(void)state;
+	*memory(f, 0xE5, 0xC1) = 1;
+	/* First all is read once. */
+	assert_int_equal(count_in_cycles(f, 30, "0AF10103E5"), 0);
+	identify(f, 0);
+	identify(f, 1);
+	count_in_cycles(f, 1, "");
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_STANDSTILL);
+	assert_int_equal(feedback(f, 1).state, DB_AXIS_DISABLED);
+	*memory(f, 0xE5, 0xC1) = 2;
+	assert_int_equal(count_in_cycles(f, 10, "0AF10103E5C1"), 1);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	assert_int_equal(feedback(f, 1).state, DB_AXIS_STANDSTILL);
+	assert_int_equal(plate(f, 0)->values[XYZA_ENABLE].u, 2);
+	/* One that is told to stop is judged by the end of a reading: nothing comes before that. */
+	*memory(f, 0xE1, 0xA3) = 0;
+	count_in_cycles(f, 1, "");
+	command(f, 0, DB_CMD_STOP, (struct db_args){ 0 });
+	answer(f, OK_MANUAL);
+	answer(f, OK_PROGRAM);
+	assert_int_equal(count_in_cycles(f, 40, "0AF10103E5C1"), 0);
+	drop(f);
+}
+
+static void every_item_is_read_again_in_turn(void **state)
+{
+	static const unsigned items[][3] = {
+		{ 0xE2, 0xA1, XYZA_MIN_SPEED },    { 0xE2, 0xB2, XYZA_MAX_SPEED },
+		{ 0xE2, 0xB4, XYZA_MANUAL_SPEED }, { 0xE3, 0xA2, XYZA_MICROSTEP },
+		{ 0xE5, 0xC3, XYZA_BRAKE },        { 0xE5, 0xC2, XYZA_START_KEY },
+		{ 0xE5, 0xC7, XYZA_START_UP },     { 0xE5, 0xC9, XYZA_PULSE_MODE },
+	};
+	struct fixture *f = make(3);
+
+	(void)state;
+	identify(f, 0);
+	identify(f, 1);
+	for (size_t i = 0; i < sizeof items / sizeof items[0]; i++)
+		*memory(f, items[i][0], items[i][1]) = 1;
+	/* At most one a second, and one in ten readings: two axes have 7 each, and 6 together. */
+	assert_in_range(count_in_cycles(f, 200, "0AF10103E2"), 8, 9);
+	for (size_t i = 0; i < sizeof items / sizeof items[0]; i++)
+		assert_int_equal(plate(f, items[i][1] >> 4 == 0xB)->values[items[i][2]].u, 1);
+	assert_int_equal(plate(f, 1)->values[XYZA_BRAKE].u, 1);
+	assert_int_equal(count_in_cycles(f, 200, "0AF10103E5C5"), 0);
+	assert_in_range(count_in_cycles(f, 200, "0AF10103E5C3"), 1, 1);
+	drop(f);
+}
+
+/* What told its power and does not any more is read anew as a whole; what then is silent is left out. */
+static void an_item_that_falls_silent_is_doubtful(void **state)
+{
+	struct fixture *f = make(3);
+	unsigned losses = 0;
+
+	(void)state;
+	identify(f, 0);
+	identify(f, 1);
+	for (unsigned i = 0; i < 20; i++) {
+		const char *said = begin(f, 0, DB_JOB_POLL);
+
+		assert_false(plate(f, 0)->doubtful);
+		while (said[0] != '=' && strcmp(said, "0AF10103E5C1") != 0)
+			said = obey(f);
+		losses += said[0] != '=';
+	}
+	assert_int_equal(losses, 2);
+	begin(f, 0, DB_JOB_POLL);
+	assert_true(plate(f, 0)->doubtful);
+	assert_true(plate(f, 1)->doubtful);
+	for (unsigned axis = 0; axis < 2; axis++) {
+		const char *said = begin(f, axis, DB_JOB_IDENTIFY);
+
+		while (said[0] != '=')
+			said = strcmp(said, "0AF10103E5C1") == 0 ? lost(f) : obey(f);
+		assert_false(plate(f, axis)->valid >> XYZA_ENABLE & 1);
+	}
+	assert_int_equal(count_in_cycles(f, 100, "0AF10103E5C1"), 0);
+	drop(f);
+}
+
+/* The way that it needs for stopping is looked up before it begins to move. */
+static void a_jog_with_limits_looks_at_its_brakes(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	f->drives[0].max_position = 100.0;
+	db_driver_xyza.init(f->axes[0], NULL, &f->bus, &f->drives[0]);
+	identify(f, 0);
+	assert_true(isinf(feedback(f, 0).deceleration));
+	*memory(f, 0xE2, 0xA2) = 1000;
+	identify(f, 0);
+	*memory(f, 0xE5, 0xC3) = 1;
+	*memory(f, 0xE2, 0xA3) = 20;
+	assert_string_equal(whole(f, jog(f, 0)),
+	                    "0AF10103E5C3 0AF10103E2A3 0AF3010303A1 0AF10103E1A3 =ok");
+	assert_float_equal(feedback(f, 0).deceleration, 500.0f, 0.01f);
+	drop(f);
+}
+
 static void one_key_is_changed_and_the_others_kept(void **state)
 {
 	struct fixture *f = make(3);
@@ -1996,6 +2124,10 @@ int main(void)
 		cmocka_unit_test(program_commands_are_never_repeated_blindly),
 		cmocka_unit_test(stops_and_writes_are_repeated),
 		cmocka_unit_test(all_parameters_are_read),
+		cmocka_unit_test(the_power_is_read_again),
+		cmocka_unit_test(every_item_is_read_again_in_turn),
+		cmocka_unit_test(an_item_that_falls_silent_is_doubtful),
+		cmocka_unit_test(a_jog_with_limits_looks_at_its_brakes),
 		cmocka_unit_test(one_key_is_changed_and_the_others_kept),
 		cmocka_unit_test(enabling_an_axis_leaves_the_others),
 		cmocka_unit_test(what_an_axis_has_alone_stays_its_own),
