@@ -138,9 +138,10 @@ struct db_axis_stats {
 
 /* What the drive must stand for, by what the bus knows. */
 struct db_must_stand {
-	uint16_t cause; /* enum db_stand_cause of the latest; FREE: it need not stand */
-	db_time since;  /* the first one */
-	uint32_t count; /* stops that were sent since then */
+	uint16_t cause;   /* enum db_stand_cause of the latest; FREE: it need not stand */
+	uint16_t command; /* enum db_command: the strongest stop that was asked for */
+	db_time since;    /* the first one */
+	uint32_t count;   /* stops that were sent since then */
 };
 
 struct db_snapshot {

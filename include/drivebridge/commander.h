@@ -257,6 +257,10 @@ void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_
 void db_commander_forget(struct db_commander *commander, const struct db_client *client,
                          db_time now);
 
+/* The drive must stand, for a cause of the bridge's own. */
+void db_commander_stand(struct db_commander *commander, enum db_command stop,
+                        enum db_stand_cause cause, db_time now);
+
 /* The bus ended a request. Unknown tickets are ignored. */
 void db_commander_complete(struct db_commander *commander, const struct db_completion *completion,
                            db_time now);

@@ -104,6 +104,9 @@ extern const struct db_backend db_registers_backend;
 /* A bus ended a request; finds the drive by its ticket. */
 void db_registers_complete(struct db_registers *registers, const struct db_completion *completion,
                            db_time now);
+/* The drive of this number must stand, for a cause of the bridge's own. */
+void db_registers_stand(struct db_registers *registers, uint16_t number, enum db_command stop,
+                        enum db_stand_cause cause, db_time now);
 
 /* When db_registers_expire() is due: the first waiting writer's time is up, or a watchdog's.
  * DB_TIME_NEVER. Who calls it late first has served what waits on the clients' sockets: a request

@@ -467,6 +467,12 @@ void db_commander_forget(struct db_commander *commander, const struct db_client 
 	db_watchdog_forget(&commander->watchdog, client->id);
 }
 
+void db_commander_stand(struct db_commander *commander, enum db_command stop,
+                        enum db_stand_cause cause, db_time now)
+{
+	db_reaction_stand(commander, stop, cause, now);
+}
+
 /* --- time and the bus ---------------------------------------------------------------------------------- */
 
 void db_commander_complete(struct db_commander *commander, const struct db_completion *completion,

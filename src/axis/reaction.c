@@ -18,10 +18,9 @@ static enum db_command reaction_command(const struct db_commander *commander)
 	return command != DB_CMD_NONE ? command : DB_CMD_STOP;
 }
 
-/* Stops the drive because somebody is missed. Tried again soon if there is no room for a
- * request. */
-static void stop_drive(struct db_commander *commander, enum db_stand_cause cause,
-                       enum db_command command, db_time now)
+/* Tried again soon if there is no room for a request. */
+void db_reaction_stand(struct db_commander *commander, enum db_command command,
+                       enum db_stand_cause cause, db_time now)
 {
 	struct db_command_block block = { .command = (uint16_t)command };
 	struct db_request request = { .command = command, .cause = cause, .submitted = now };
@@ -35,6 +34,8 @@ static void stop_drive(struct db_commander *commander, enum db_stand_cause cause
 		 * ends. */
 		slot->again = true;
 		slot->cause = cause;
+		if (command == DB_CMD_DISABLE)
+			slot->command = command;
 	} else {
 		slot = db_requests_submit(commander, NULL, &request, 0);
 		if (!slot) {
@@ -102,7 +103,7 @@ void db_reaction_check_hold(struct db_commander *commander, db_time now)
 	if (now < db_hold_deadline(&commander->hold))
 		return;
 	db_hold_end(&commander->hold);
-	stop_drive(commander, DB_STAND_HOLD, reaction_command(commander), now);
+	db_reaction_stand(commander, reaction_command(commander), DB_STAND_HOLD, now);
 	if (commander->ops->hold_lost)
 		commander->ops->hold_lost(commander->context, &lost.holder, lost.deserted);
 }
@@ -118,9 +119,10 @@ bool db_reaction_run(struct db_commander *commander, db_time now)
 		db_watchdog_disarm(&commander->watchdog);
 	tripped = db_watchdog_trip(&commander->watchdog, now);
 	if (tripped)
-		stop_drive(commander, DB_STAND_WATCHDOG, reaction_command(commander), now);
+		db_reaction_stand(commander, reaction_command(commander), DB_STAND_WATCHDOG, now);
 	else if (commander->reaction_again_at <= now)
-		stop_drive(commander, commander->reaction_cause, reaction_command(commander), now);
+		db_reaction_stand(commander, reaction_command(commander), commander->reaction_cause,
+		                  now);
 	db_requests_repeat_stops(commander, now);
 	find_drive(commander, now);
 	return tripped;

@@ -14,7 +14,10 @@
 bool db_reaction_run(struct db_commander *commander, db_time now);
 /* Of that, what ends a hold: before anything that its holder asks for later. */
 void db_reaction_check_hold(struct db_commander *commander, db_time now);
-/* When that is; DB_TIME_NEVER. */
+/* The drive is told to stop for this cause. */
+void db_reaction_stand(struct db_commander *commander, enum db_command command,
+                       enum db_stand_cause cause, db_time now);
+/* When the former is due; DB_TIME_NEVER. */
 db_time db_reaction_deadline(const struct db_commander *commander);
 
 /* The stop that ended a hold and found no room is not sent any more: a motion was admitted after it. */

@@ -53,6 +53,15 @@ void db_registers_complete(struct db_registers *registers, const struct db_compl
 	db_vsmd_view_send_command(drive, completion, now);
 }
 
+void db_registers_stand(struct db_registers *registers, uint16_t number, enum db_command stop,
+                        enum db_stand_cause cause, db_time now)
+{
+	struct db_view_drive *drive = db_view_roster_find(registers->roster, number);
+
+	if (drive)
+		db_commander_stand(drive->commander, stop, cause, now);
+}
+
 db_time db_registers_next_deadline(struct db_registers *registers)
 {
 	const struct db_view_roster *roster = registers->roster;

@@ -253,6 +253,7 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 		feedback->status |= DB_STATUS_BUS_UP;
 	station->snapshot.must_stand = (struct db_must_stand){
 		.cause = station->standing.cause,
+		.command = (uint16_t)station->standing.kind,
 		.since = station->standing.since,
 		.count = station->standing.count,
 	};

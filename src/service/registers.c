@@ -2,6 +2,7 @@
 #include "service/registers.h"
 
 #include "drivebridge/command_table.h"
+#include "service/must_stand.h"
 #include "service/state.h"
 #include "service/traces.h"
 
@@ -24,7 +25,8 @@ static uint64_t read_wall_us(void *context)
 
 static bool submit_request(void *context, struct db_bus *bus, const struct db_request *request)
 {
-	(void)context;
+	if (db_command_is_stop(request->command))
+		must_stand_look_soon(context);
 	return db_bus_submit(bus, request);
 }
 

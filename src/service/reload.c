@@ -2,6 +2,7 @@
 #include "service/reload.h"
 
 #include "drivebridge/log.h"
+#include "service/must_stand.h"
 #include "service/state.h"
 #include "service/status.h"
 
@@ -290,6 +291,7 @@ static int begin_next(struct service *service, struct reload *reload)
 		if (before->buses[i]->leaving)
 			service_collect(before->buses[i]);
 	}
+	must_stand_look(service);
 	db_registers_apply(service->registers, reload->registers);
 	service->plant = reload->next;
 	service_keep_descriptors(service);
@@ -298,6 +300,7 @@ static int begin_next(struct service *service, struct reload *reload)
 			error = db_bus_start(service->plant->buses[i]->bus);
 	}
 	plant_free(before, service->plant);
+	must_stand_look(service);
 	free(reload);
 	service->reload = NULL;
 	return error;

@@ -4,6 +4,7 @@
 #include "drivebridge/log.h"
 #include "service/alone.h"
 #include "service/loop.h"
+#include "service/must_stand.h"
 #include "service/registers.h"
 #include "service/reload.h"
 #include "service/scans.h"
@@ -163,6 +164,8 @@ static int set_up(struct service *service, struct db_config *config)
 	if (error == 0)
 		error = listen_for_tools(service);
 	if (error == 0)
+		error = must_stand_begin(service);
+	if (error == 0)
 		error = status_begin(service);
 	/* Who waits for this line finds everything there. */
 	if (error == 0)
@@ -185,6 +188,7 @@ static void tear_down(struct service *service)
 	if (service->plant)
 		plant_end(service->plant);
 	reload_abandon(service);
+	must_stand_end(service);
 	db_registers_free(service->registers);
 	traces_end(service);
 	plant_free(service->plant, NULL);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/state.h"
 
+#include "service/must_stand.h"
 #include "service/traces.h"
 
 #include <string.h>
@@ -35,8 +36,12 @@ void service_collect(struct plant_bus *bus)
 	struct service *service = bus->service;
 	struct db_completion completion;
 
-	while (db_bus_completion(bus->bus, &completion))
+	while (db_bus_completion(bus->bus, &completion)) {
 		db_registers_complete(service->registers, &completion, service_now(service));
+		/* A motion that failed might still begin. */
+		if (completion.result == DB_RESULT_FAILED)
+			must_stand_look_soon(service);
+	}
 	traces_look(bus);
 }
 

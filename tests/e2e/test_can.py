@@ -410,6 +410,23 @@ def test_bus_off_and_back(can):
     eventually(lambda: drive.read("position") == 77)
 
 
+@pytest.mark.parametrize("late", [False, True])
+def test_a_stop_for_a_bus_that_is_down_is_kept(can, late):
+    """Its writer learns that the bus is down; the drive stands when it is back."""
+    drive = can.drive()
+    assert drive.command("enable") == 0
+    assert drive.command("move_velocity", target_velocity=3000) == 0
+    eventually(lambda: can.sim.get()["velocity"] == 3000, what="full speed")
+    can.sim.fault("bus-off on", "line")
+    if late:
+        eventually(lambda: unreachable(drive, 0x0A), what="the bus to be down")
+    assert drive.command("stop") == 0x0A
+    assert can.sim.get()["velocity"] == 3000
+    can.sim.fault("bus-off off", "line")
+    eventually(lambda: can.sim.get()["velocity"] == 0, what="a stand")
+    eventually(lambda: drive.read("result") == RESULT_OK, what="the end of the stop")
+
+
 def test_unplugged_and_plugged_in_again(can):
     drive = can.drive()
     can.sim.stop()

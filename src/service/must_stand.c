@@ -1,0 +1,314 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "service/must_stand.h"
+
+#include "drivebridge/command_table.h"
+#include "service/state.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+/* From a stop to the first look, and from one look to the next. */
+#define LOOK_AFTER_US 20000
+#define LOOK_EVERY_US 100000
+
+#define NAME_MAX_LENGTH 64
+#define LINE_MAX_LENGTH 256
+
+/* A drive that must stand, by what is the same in another run. */
+struct entry {
+	char drive[NAME_MAX_LENGTH];
+	char bus[NAME_MAX_LENGTH];
+	unsigned address;
+	unsigned axis;
+	enum db_command command;
+	uint16_t number; /* of the drive in this run; 0: it is of another run */
+};
+
+struct must_stand {
+	char *path; /* null: there is nowhere to keep it */
+	char *written_to;
+	bool failed; /* it could not be written, which was logged */
+	sd_event_source *timer;
+	struct entry *entries;
+	size_t count;
+};
+
+/* --- the file ------------------------------------------------------------------------------------------------ */
+
+static void log_failure(struct service *service, const char *what, int error)
+{
+	struct must_stand *known = service->must_stand;
+
+	if (!known->failed)
+		db_log(&service->log, service_now(service), DB_EVENT_FAILED, NULL,
+		       "cannot %s %s: %s; a restart of the service forgets which drives must stand",
+		       what, known->path, strerror(error));
+	known->failed = true;
+}
+
+static bool put_entries(const struct must_stand *known, FILE *file)
+{
+	for (size_t i = 0; i < known->count; i++) {
+		const struct entry *entry = &known->entries[i];
+
+		fprintf(file, "%s %s %u %u %s\n", entry->drive, entry->bus, entry->address,
+		        entry->axis, db_command_name(entry->command));
+	}
+	return !ferror(file);
+}
+
+/* Under another name first: a file that is there is whole. */
+static void write_file(struct service *service)
+{
+	struct must_stand *known = service->must_stand;
+	bool good;
+	FILE *file;
+
+	if (!known->path)
+		return;
+	if (known->count == 0) {
+		if (unlink(known->path) != 0 && errno != ENOENT)
+			log_failure(service, "remove", errno);
+		return;
+	}
+	file = fopen(known->written_to, "we");
+	if (!file) {
+		log_failure(service, "write", errno);
+		return;
+	}
+	good = put_entries(known, file);
+	good = fclose(file) == 0 && good;
+	if (!good || rename(known->written_to, known->path) != 0)
+		log_failure(service, "write", errno);
+	else
+		known->failed = false;
+}
+
+static enum db_command stop_named(const char *name)
+{
+	static const enum db_command stops[] = { DB_CMD_STOP, DB_CMD_QUICK_STOP, DB_CMD_DISABLE };
+
+	for (size_t i = 0; i < sizeof stops / sizeof stops[0]; i++) {
+		if (strcmp(name, db_command_name(stops[i])) == 0)
+			return stops[i];
+	}
+	return DB_CMD_NONE;
+}
+
+static bool parse_line(const char *line, struct entry *entry)
+{
+	char command[NAME_MAX_LENGTH];
+	int end = 0;
+
+	*entry = (struct entry){ .command = DB_CMD_NONE };
+	if (sscanf(line, "%63s %63s %u %u %63s %n", entry->drive, entry->bus, &entry->address,
+	           &entry->axis, command, &end) != 5 ||
+	    line[end] != '\0')
+		return false;
+	entry->command = stop_named(command);
+	return entry->command != DB_CMD_NONE;
+}
+
+static int add_entry(struct entry **entries, size_t *count, const struct entry *entry)
+{
+	struct entry *more = realloc(*entries, (*count + 1) * sizeof *more);
+
+	if (!more)
+		return -ENOMEM;
+	more[(*count)++] = *entry;
+	*entries = more;
+	return 0;
+}
+
+static int read_file(struct service *service)
+{
+	struct must_stand *known = service->must_stand;
+	char line[LINE_MAX_LENGTH];
+	struct entry entry;
+	int error = 0;
+	FILE *file = known->path ? fopen(known->path, "re") : NULL;
+
+	if (!file) {
+		if (known->path && errno != ENOENT)
+			log_failure(service, "read", errno);
+		return 0;
+	}
+	while (error == 0 && fgets(line, sizeof line, file)) {
+		if (parse_line(line, &entry))
+			error = add_entry(&known->entries, &known->count, &entry);
+		else
+			log_failure(service, "understand a line of", EINVAL);
+	}
+	fclose(file);
+	return error;
+}
+
+/* --- the drives ---------------------------------------------------------------------------------------------- */
+
+static void look_in(struct service *service, uint64_t us)
+{
+	uint64_t now = 0;
+
+	sd_event_now(service->loop, CLOCK_MONOTONIC, &now);
+	sd_event_source_set_time(service->must_stand->timer, now + us);
+	sd_event_source_set_enabled(service->must_stand->timer, SD_EVENT_ONESHOT);
+}
+
+static bool is_of(const struct entry *entry, const struct plant_drive *drive)
+{
+	return strcmp(entry->drive, drive->config->name) == 0 &&
+	       strcmp(entry->bus, drive->bus->config->name) == 0 &&
+	       entry->address == drive->config->address && entry->axis == drive->config->axis;
+}
+
+static void describe(struct entry *entry, const struct plant_drive *drive, uint16_t command)
+{
+	*entry = (struct entry){
+		.address = drive->config->address,
+		.axis = drive->config->axis,
+		.command = (enum db_command)command,
+		.number = drive->number,
+	};
+	snprintf(entry->drive, sizeof entry->drive, "%s", drive->config->name);
+	snprintf(entry->bus, sizeof entry->bus, "%s", drive->bus->config->name);
+}
+
+/* What was known of one that had this name and place, in another run or before a reload. */
+static const struct entry *find_former(const struct must_stand *known,
+                                       const struct plant_drive *drive)
+{
+	for (size_t i = 0; i < known->count; i++) {
+		if (is_of(&known->entries[i], drive) && known->entries[i].number != drive->number)
+			return &known->entries[i];
+	}
+	return NULL;
+}
+
+static bool same_entries(const struct must_stand *known, const struct entry *entries, size_t count)
+{
+	for (size_t i = 0; i < count && count == known->count; i++) {
+		if (entries[i].number != known->entries[i].number ||
+		    entries[i].command != known->entries[i].command)
+			return false;
+	}
+	return count == known->count;
+}
+
+/* Until the bus has taken it over the former entry says what the drive must stand for. */
+static bool look_at_drive(struct service *service, const struct plant_drive *drive,
+                          struct entry *entry)
+{
+	const struct entry *former = find_former(service->must_stand, drive);
+	struct db_snapshot snapshot;
+
+	db_axis_read(drive->axis, &snapshot);
+	if (former)
+		db_registers_stand(service->registers, drive->number, former->command,
+		                   DB_STAND_RESTART, service_now(service));
+	if (!former && snapshot.must_stand.cause == DB_STAND_FREE)
+		return false;
+	describe(entry, drive, former ? (uint16_t)former->command : snapshot.must_stand.command);
+	return true;
+}
+
+void must_stand_look(struct service *service)
+{
+	struct must_stand *known = service->must_stand;
+	const struct plant *plant = service->plant;
+	struct entry *entries = NULL;
+	size_t count = 0;
+	struct entry entry;
+	bool same;
+
+	for (size_t i = 0; i < plant->drive_count; i++) {
+		if (look_at_drive(service, plant->drives[i], &entry) &&
+		    add_entry(&entries, &count, &entry) != 0)
+			log_failure(service, "remember", ENOMEM);
+	}
+	same = same_entries(known, entries, count);
+	free(known->entries);
+	known->entries = entries;
+	known->count = count;
+	if (!same)
+		write_file(service);
+	if (count > 0)
+		look_in(service, LOOK_EVERY_US);
+}
+
+/* --- when ---------------------------------------------------------------------------------------------------- */
+
+static int on_due(sd_event_source *source, uint64_t us, void *context)
+{
+	struct service *service = context;
+
+	(void)source;
+	(void)us;
+	must_stand_look(service);
+	return 0;
+}
+
+void must_stand_look_soon(struct service *service)
+{
+	int armed = SD_EVENT_OFF;
+
+	if (!service->must_stand || !service->must_stand->timer)
+		return;
+	sd_event_source_get_enabled(service->must_stand->timer, &armed);
+	if (armed == SD_EVENT_OFF)
+		look_in(service, LOOK_AFTER_US);
+}
+
+static int choose_path(struct must_stand *known, const char *socket)
+{
+	if (strcmp(socket, DB_NO_SOCKET) == 0)
+		return 0;
+	if (asprintf(&known->path, "%s.must-stand", socket) < 0) {
+		known->path = NULL;
+		return -ENOMEM;
+	}
+	if (asprintf(&known->written_to, "%s.new", known->path) < 0) {
+		known->written_to = NULL;
+		return -ENOMEM;
+	}
+	return 0;
+}
+
+int must_stand_begin(struct service *service)
+{
+	struct must_stand *known = calloc(1, sizeof *known);
+	int error;
+
+	if (!known)
+		return -ENOMEM;
+	service->must_stand = known;
+	error = choose_path(known, service->plant->edition->config->control.socket);
+	if (error == 0)
+		error = read_file(service);
+	if (error == 0)
+		error = sd_event_add_time(service->loop, &known->timer, CLOCK_MONOTONIC, UINT64_MAX,
+		                          0, on_due, service);
+	if (error >= 0)
+		error = sd_event_source_set_enabled(known->timer, SD_EVENT_OFF);
+	if (error >= 0 && known->count > 0)
+		must_stand_look(service);
+	return error < 0 ? error : 0;
+}
+
+void must_stand_end(struct service *service)
+{
+	struct must_stand *known = service->must_stand;
+
+	if (!known)
+		return;
+	if (known->timer && service->plant)
+		must_stand_look(service);
+	sd_event_source_disable_unref(known->timer);
+	free(known->entries);
+	free(known->path);
+	free(known->written_to);
+	free(known);
+	service->must_stand = NULL;
+}
