@@ -47,6 +47,11 @@
  * writes, or changes of the heartbeat; as of when they arrived. When it expires, the configured
  * stop goes to the bus ahead of everything and motion is refused (latched) until clear_fault.
  *
+ * A motion is held when the client says so (db_commander_execute_held()), or when hold_ms of the
+ * command block is not 0; then a beat is a write of another hold_beat than before, and a command that is
+ * written again is none. After a lost hold the next one needs another hold_beat than that was lost
+ * with: what an I/O scanner repeats for a program that has died begins nothing.
+ *
  * A held motion is stopped as soon as its holder is missed: when no beat came for the span of its
  * hold, or its connection ended, whatever the watchdog says, also where there is none. The stop is
  * on_client_loss, or stop where that is none; nothing is latched. The same client may command other
@@ -115,6 +120,8 @@ struct db_command_block {
 	uint16_t command;
 	struct db_args args;
 	uint16_t staged_command; /* waits, with the arguments as they are then, for group_start */
+	uint16_t hold_ms; /* a motion is held by who writes its command; 0: it goes on by itself */
+	uint16_t hold_beat; /* another value than before is a beat of its holder */
 };
 
 /* One write into the command block: the kept block with the written registers put over it. */
@@ -123,6 +130,7 @@ struct db_command_write {
 	bool has_command; /* `command` was among the written registers */
 	bool has_id;      /* `command_id` was */
 	bool has_staged;  /* `staged_command` was */
+	bool has_beat;    /* `hold_beat` was */
 };
 
 /* What became of somebody's commands, as the result registers show it. */

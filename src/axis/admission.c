@@ -141,6 +141,10 @@ enum db_result db_admission_permit(struct db_commander *commander, struct db_wri
 		result = check_limits(commander, writer, block);
 	if (result != DB_RESULT_OK)
 		return result;
+	if (db_command_may_move(command) && block->hold_ms != 0 &&
+	    !db_hold_may_begin(&commander->hold, &(struct db_hold_terms){ .beat = block->hold_beat,
+	                                                                  .counted = true }))
+		return DB_RESULT_OUT_OF_RANGE;
 	/* The drive is told of one port after the other, and would refuse one in the middle. */
 	if (command == DB_CMD_SET_OUTPUTS &&
 	    (block->args.output_mask & db_commander_input_ports(commander)) != 0)

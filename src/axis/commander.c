@@ -16,11 +16,11 @@ struct order {
 	const struct db_client *client; /* null: nobody in particular */
 	struct db_writer *writer;       /* its memory; null: it has none, and no ids */
 	struct db_command_block block;
-	uint16_t id;      /* 0: none */
-	uint32_t hold_ms; /* 0: a motion goes on by itself */
-	bool by_block;    /* by the command block, where a write may be sent again */
-	bool bare;        /* ... without a command_id */
-	uint32_t group;   /* see struct db_request */
+	uint16_t id;               /* 0: none */
+	bool by_block;             /* by the command block, where a write may be sent again */
+	bool bare;                 /* ... without a command_id */
+	uint32_t group;            /* see struct db_request */
+	struct db_hold_terms hold; /* of 0 ms: a motion goes on by itself */
 	struct db_write_token token;
 	db_time now;
 };
@@ -175,10 +175,22 @@ static void begin_hold(struct db_commander *commander, const struct order *order
                        struct db_slot *slot)
 {
 	db_reaction_forget_hold(commander);
-	if (order->hold_ms == 0 || !order->client)
+	if (order->hold.span_ms == 0 || !order->client)
 		return;
 	slot->held = true;
-	db_hold_begin(&commander->hold, order->client, order->hold_ms, slot->order, order->now);
+	db_hold_begin(&commander->hold, order->client, &order->hold, slot->order,
+	              order->hold.counted ? db_client_arrived(order->client, order->now) :
+	                                    order->now);
+}
+
+/* It would be held for less than no time: what waited in a buffer until now is not begun. */
+static bool is_overdue(const struct order *order)
+{
+	db_time arrived = db_client_arrived(order->client, order->now);
+
+	return order->hold.span_ms != 0 && order->hold.counted &&
+	       db_command_may_move((enum db_command)order->block.command) &&
+	       order->now - arrived >= (db_time)order->hold.span_ms * DB_NS_PER_MS;
 }
 
 static struct db_write_answer submit_order(struct db_commander *commander,
@@ -195,6 +207,8 @@ static struct db_write_answer submit_order(struct db_commander *commander,
 	};
 	struct db_slot *slot;
 
+	if (result == DB_RESULT_OK && is_overdue(order))
+		result = DB_RESULT_CANCELLED;
 	if (result != DB_RESULT_OK)
 		return end_order(commander, order, result);
 	/* It would be sent before a stop that came before it. */
@@ -276,6 +290,15 @@ static struct db_write_answer stage_order(struct db_commander *commander, const 
 	                                end_order(commander, &staged, result);
 }
 
+static struct db_hold_terms hold_of_block(const struct db_command_block *block)
+{
+	return (struct db_hold_terms){
+		.span_ms = block->hold_ms,
+		.beat = block->hold_beat,
+		.counted = true,
+	};
+}
+
 struct db_write_answer db_commander_write(struct db_commander *commander,
                                           const struct db_client *client,
                                           const struct db_command_write *write,
@@ -289,6 +312,7 @@ struct db_write_answer db_commander_write(struct db_commander *commander,
 		.block = write->block,
 		.by_block = true,
 		.bare = !write->has_id,
+		.hold = hold_of_block(&write->block),
 		.token = token,
 		.now = now,
 	};
@@ -307,6 +331,9 @@ struct db_write_answer db_commander_write(struct db_commander *commander,
 	if (!db_write_is_taken(answer))
 		return answer;
 	commander->kept = write->block;
+	if (write->has_beat && client)
+		(void)db_hold_count(&commander->hold, client, write->block.hold_beat,
+		                    db_client_arrived(client, now), now);
 	if (write->has_id && order.writer)
 		order.writer->kept_id = write->block.command_id;
 	return answer;
@@ -331,6 +358,7 @@ struct db_write_answer db_commander_start_staged(struct db_commander *commander,
 	};
 
 	order.block.command = order.block.staged_command;
+	order.hold = hold_of_block(&order.block);
 	commander->kept.staged_command = DB_CMD_NONE;
 	return carry_out(commander, &order);
 }
@@ -353,7 +381,7 @@ struct db_write_answer db_commander_execute_held(struct db_commander *commander,
 		.client = client,
 		.writer = db_writers_claim(&commander->writers, client, now),
 		.block = { .command = (uint16_t)code, .args = *args },
-		.hold_ms = hold_ms,
+		.hold = { .span_ms = hold_ms, .beat = commander->kept.hold_beat },
 		.token = token,
 		.now = now,
 	};

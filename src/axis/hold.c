@@ -1,19 +1,29 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "axis/hold.h"
 
-void db_hold_begin(struct db_hold *hold, const struct db_client *client, uint32_t span_ms,
-                   uint32_t order, db_time now)
+bool db_hold_may_begin(const struct db_hold *hold, const struct db_hold_terms *terms)
 {
-	/* What began before goes on if the drive does not take the new one. */
-	bool begun = hold->holder.id != DB_CLIENT_NOBODY && hold->begun;
+	return !terms->counted || !hold->lost || terms->beat != hold->beat;
+}
 
-	*hold = (struct db_hold){
+void db_hold_begin(struct db_hold *hold, const struct db_client *client,
+                   const struct db_hold_terms *terms, uint32_t order, db_time arrived)
+{
+	bool is_held = hold->holder.id != DB_CLIENT_NOBODY;
+	struct db_hold next = {
 		.holder = *client,
-		.span = (db_time)span_ms * DB_NS_PER_MS,
+		.span = (db_time)terms->span_ms * DB_NS_PER_MS,
 		.order = order,
-		.begun = begun,
+		/* What began before goes on if the drive does not take the new one. */
+		.begun = is_held && hold->begun,
+		.beat = terms->beat,
 	};
-	hold->until = now + hold->span;
+
+	next.until = arrived + next.span;
+	if (is_held && hold->holder.id == client->id &&
+	    ((terms->counted && terms->beat == hold->beat) || next.until < hold->until))
+		next.until = hold->until;
+	*hold = next;
 }
 
 bool db_hold_beat(struct db_hold *hold, const struct db_client *client, db_time arrived,
@@ -36,9 +46,28 @@ void db_hold_desert(struct db_hold *hold, const struct db_client *client, db_tim
 		hold->until = now;
 }
 
+bool db_hold_count(struct db_hold *hold, const struct db_client *client, uint16_t value,
+                   db_time arrived, db_time now)
+{
+	if (value == hold->beat || !db_hold_beat(hold, client, arrived, now))
+		return false;
+	hold->beat = value;
+	return true;
+}
+
 void db_hold_end(struct db_hold *hold)
 {
-	*hold = (struct db_hold){ .holder.id = DB_CLIENT_NOBODY };
+	*hold = (struct db_hold){
+		.holder.id = DB_CLIENT_NOBODY,
+		.lost = hold->lost,
+		.beat = hold->beat,
+	};
+}
+
+void db_hold_lose(struct db_hold *hold)
+{
+	db_hold_end(hold);
+	hold->lost = true;
 }
 
 db_time db_hold_deadline(const struct db_hold *hold)

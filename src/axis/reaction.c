@@ -102,7 +102,7 @@ void db_reaction_check_hold(struct db_commander *commander, db_time now)
 
 	if (now < db_hold_deadline(&commander->hold))
 		return;
-	db_hold_end(&commander->hold);
+	db_hold_lose(&commander->hold);
 	db_reaction_stand(commander, reaction_command(commander), DB_STAND_HOLD, now);
 	if (commander->ops->hold_lost)
 		commander->ops->hold_lost(commander->context, &lost.holder, lost.deserted);

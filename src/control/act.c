@@ -132,6 +132,7 @@ struct item {
 	uint16_t address;
 	uint16_t registers;
 	uint16_t part;
+	bool commands; /* it executes a command that takes arguments from beside it */
 	uint16_t words[DB_NAMED_WORDS];
 	char name[DB_ROW_NAME_MAX];
 };
@@ -154,17 +155,47 @@ static int by_place(const void *a, const void *b)
 	return (left->address > right->address) - (left->address < right->address);
 }
 
-/* How many of the next registers stand side by side and belong together. */
-static size_t count_beside(const struct db_write_plan *plan)
+static bool are_of_one_part(const struct item *one, const struct item *other)
 {
-	size_t end = plan->next + 1;
+	return one->table == other->table && one->part == other->part;
+}
 
-	while (end < plan->count && plan->items[end].table == plan->items[end - 1].table &&
-	       plan->items[end].part == plan->items[end - 1].part &&
-	       plan->items[end].address ==
-	               plan->items[end - 1].address + plan->items[end - 1].registers)
+/* Behind the last of the registers that stand side by side and belong together, from this one on. */
+static size_t find_end(const struct db_write_plan *plan, size_t from)
+{
+	const struct item *items = plan->items;
+	size_t end = from + 1;
+
+	while (end < plan->count && are_of_one_part(&items[end], &items[end - 1]) &&
+	       items[end].address == items[end - 1].address + items[end - 1].registers)
 		end++;
-	return end - plan->next;
+	return end;
+}
+
+/* Arguments that do not stand beside their command are written before it, or it would not have them. A stop has none
+ * and waits for nothing. */
+static void put_command_last(struct db_write_plan *plan)
+{
+	struct item moved[DB_SETTINGS_MAX];
+	size_t first = 0;
+	size_t end = 0;
+	size_t last;
+	bool found = false;
+
+	while (!found && end < plan->count) {
+		first = end;
+		end = find_end(plan, first);
+		for (size_t i = first; i < end; i++)
+			found = found || plan->items[i].commands;
+	}
+	if (!found)
+		return;
+	last = end;
+	while (last < plan->count && are_of_one_part(&plan->items[first], &plan->items[last]))
+		last++;
+	memcpy(moved, &plan->items[first], (end - first) * sizeof moved[0]);
+	memmove(&plan->items[first], &plan->items[end], (last - end) * sizeof moved[0]);
+	memcpy(&plan->items[first + last - end], moved, (end - first) * sizeof moved[0]);
 }
 
 /* Until something is to be waited for, or all is written. */
@@ -176,7 +207,7 @@ static void write_on(struct db_session *session)
 	while (plan->next < plan->count) {
 		const struct item *first = &plan->items[plan->next];
 		uint16_t words[DB_SETTINGS_MAX * DB_NAMED_WORDS] = { 0 };
-		size_t beside = count_beside(plan);
+		size_t beside = find_end(plan, plan->next) - plan->next;
 		uint16_t count = 0;
 		int exception;
 
@@ -228,6 +259,7 @@ static bool plan_item(const struct db_call *call, const struct db_name_list *lis
 		.part = entry->cell.part,
 	};
 	snprintf(item->name, sizeof item->name, "%s", name);
+	item->commands = db_named_commands(plan->drive, entry, number);
 	plan->moves = plan->moves || db_named_moves(plan->drive, entry, number);
 	if (entry->table == DB_TABLE_COILS)
 		item->words[0] = number > 0.0;
@@ -277,6 +309,7 @@ void db_act_write(const struct db_call *call)
 		return;
 	}
 	qsort(plan->items, plan->count, sizeof plan->items[0], by_place);
+	put_command_last(plan);
 	session->job = plan;
 	write_on(session);
 }

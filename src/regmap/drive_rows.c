@@ -158,6 +158,21 @@ static const char about_command[] =
 	"command_id it uses the kept id if that is unused; the same command and arguments under "
 	"a used id are the same request again; anything else executes as if the id were 0";
 
+static const char about_hold_ms[] =
+	"For a push button: not 0 (100 to 1000) makes the motion that a write of command (or "
+	"group_start) begins a held one; its writer keeps it going by writing another value into "
+	"hold_beat more often than that. Without a new value for hold_ms and when the "
+	"connection of the writer ends the drive is stopped at once whatever the watchdog says "
+	"(by on-client-loss where that is a stop; else by stop); nothing is latched. Any stop ends the "
+	"hold; a command written again keeps it but is no beat. Kept like an argument: writing "
+	"it alone executes nothing and changes no motion that goes on; 0=motions go on by themselves";
+
+static const char about_hold_beat[] =
+	"Sign of life of who holds a motion (see hold_ms): a value other than before from the "
+	"connection that began the motion. After a hold that was lost the next one needs a value other "
+	"than the one it was lost with (out_of_range); nothing that is only repeated "
+	"moves the drive again; writing it alone executes nothing";
+
 /* --- the registers ----------------------------------------------------------------------------------- */
 
 // clang-format off
@@ -371,6 +386,11 @@ static const struct db_row registers[] = {
 	      EACH(raw_request_word),
 	      "Word # of that frame; two bytes each with the first in the high byte; what of it "
 	      "the bridge adds is the family's"),
+	BLOCK(134, "hold_ms",           U16,    hold_ms,                 WRITE UNIT("ms")
+	      UPTO(DB_HOLD_MAX_MS),
+	      about_hold_ms),
+	BLOCK(135, "hold_beat",         U16,    hold_beat,               WRITE ANY_U16,
+	      about_hold_beat),
 
 	/* Diagnostics. */
 	PLATE(  1000, "identity",          TEXT,   identity,                READ

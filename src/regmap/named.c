@@ -406,6 +406,14 @@ enum db_result db_named_write_result(struct db_registers *registers, const struc
 	               db_exception_result(exception);
 }
 
+bool db_named_commands(uint16_t number, const struct db_entry *entry, double value)
+{
+	return number != DB_NAMED_GATEWAY && entry->table == DB_TABLE_HOLDING &&
+	       (entry->cell.part & DB_PART_BLOCK) &&
+	       entry->cell.offset == offsetof(struct db_drive_image, block.command) &&
+	       value > 0.0 && !db_command_is_stop((enum db_command)value);
+}
+
 bool db_named_moves(uint16_t number, const struct db_entry *entry, double value)
 {
 	const struct db_cell *cell = &entry->cell;
@@ -415,9 +423,11 @@ bool db_named_moves(uint16_t number, const struct db_entry *entry, double value)
 	if (number == DB_NAMED_GATEWAY)
 		return (cell->part & DB_PART_GROUP) && value > 0.0 &&
 		       cell->offset == offsetof(struct db_gateway_image, group_start);
-	return (cell->part & DB_PART_BLOCK) &&
-	       cell->offset == offsetof(struct db_drive_image, block.command) &&
-	       db_command_may_move((enum db_command)value);
+	if (!(cell->part & DB_PART_BLOCK))
+		return false;
+	return cell->offset == offsetof(struct db_drive_image, block.hold_beat) ||
+	       (cell->offset == offsetof(struct db_drive_image, block.command) &&
+	        db_command_may_move((enum db_command)value));
 }
 
 struct db_write_answer db_named_run(struct db_registers *registers, const struct db_client *client,

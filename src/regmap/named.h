@@ -118,6 +118,8 @@ int db_named_write(struct db_registers *registers, const struct db_client *clien
 enum db_result db_named_write_result(struct db_registers *registers, const struct db_client *client,
                                      uint16_t number, uint8_t exception);
 
+/* Whether writing this to a register of a drive executes a command with the kept arguments; a stop has none. */
+bool db_named_commands(uint16_t number, const struct db_entry *entry, double value);
 /* Whether writing this to a register of a drive, or of the gateway, sets drives in motion or keeps a held motion going,
  * with the kept arguments and whatever else is written. */
 bool db_named_moves(uint16_t number, const struct db_entry *entry, double value);

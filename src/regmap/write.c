@@ -72,8 +72,8 @@ static int execute_stop(const struct write *write, enum db_command stop)
 	return execute_command(write, stop, &none);
 }
 
-/* Puts what is written over the kept block. False when a float is not a number; the others are in
- * the block all the same. */
+/* Puts what is written over the kept block. False when a float is not a number, or hold_ms none of its
+ * values; the others are in the block all the same. */
 static bool decode_block(const struct write *write, struct db_command_write *to)
 {
 	const uint16_t *words = write->values;
@@ -88,6 +88,10 @@ static bool decode_block(const struct write *write, struct db_command_write *to)
 		bool decoded = db_words_decode(&cell, words, write->low_first, &value);
 
 		words += cell.registers;
+		/* What cannot be is not kept either, beside a stop. */
+		if (decoded && cell.offset == offsetof(struct db_drive_image, block.hold_ms))
+			decoded = value.u == 0 ||
+			          (value.u >= DB_HOLD_MIN_MS && value.u <= DB_HOLD_MAX_MS);
 		if (!decoded) {
 			right = false;
 			continue;
@@ -98,6 +102,8 @@ static bool decode_block(const struct write *write, struct db_command_write *to)
 			to->has_id = true;
 		if (cell.offset == offsetof(struct db_drive_image, block.staged_command))
 			to->has_staged = true;
+		if (cell.offset == offsetof(struct db_drive_image, block.hold_beat))
+			to->has_beat = true;
 		/* The rows know where the block's members are in an image; here it stands alone. */
 		cell.offset = (uint16_t)(cell.offset - offsetof(struct db_drive_image, block));
 		db_words_store(&cell, value, &to->block);

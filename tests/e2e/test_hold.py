@@ -10,7 +10,7 @@ from pathlib import Path
 
 import holdlib
 import pytest
-from bridgelib import eventually
+from bridgelib import RESULT_PENDING, Unit, encode, eventually
 from holdlib import Failed, Hand
 
 SPEED = 2000
@@ -30,6 +30,12 @@ def stopped(bridge, since):
     """When the drive obeyed the first stop, s from `since` on."""
     return eventually(lambda: next((max(moment - since, 1e-6) for moment, what in obeyed(bridge)
                                     if " stp" in what and moment >= since), None), what="a stop")
+
+
+def nothing_moved_after(bridge, since):
+    """Nothing set the drive in motion after the first stop since then."""
+    stop = since + stopped(bridge, since)
+    return not any(" mov" in what for moment, what in obeyed(bridge) if moment > stop)
 
 
 def stands(bridge):
@@ -124,7 +130,7 @@ def test_a_holder_that_is_frozen_is_missed_after_its_hold(plant, holder):
     holder.send_signal(signal.SIGCONT)
     assert holder.wait(10) != 0
     assert plant.sim.get()["velocity"] == 0
-    assert sum(" mov" in what for _, what in obeyed(plant)) == 1
+    assert nothing_moved_after(plant, frozen)
     nothing_is_latched(plant)
 
 
@@ -137,7 +143,7 @@ def test_a_service_that_was_frozen_believes_no_beat_that_waited(plant, holder):
     plant.process.send_signal(signal.SIGCONT)
     assert stopped(plant, back) < 0.05 + PATIENCE
     stands(plant)
-    assert sum(" mov" in what for _, what in obeyed(plant)) == 1
+    assert nothing_moved_after(plant, back)
 
 
 @pytest.mark.parametrize("hold_ms", [100, 300, 1000])
@@ -152,10 +158,16 @@ def test_a_hold_without_a_beat_ends(free, hand, hold_ms):
 
 
 def test_who_closes_its_half_of_the_connection_holds_no_more(free, hand):
-    hand.hold(SPEED, 1000)
+    """Also while its call waits for the end of the motion."""
+    hand.send("Run", drive="drive1", command="move_relative", arguments={"target_position": 1000000}, until_end=True,
+              hold_ms=1000, token=hand.token())
+    eventually(lambda: free.drive().read("motion_result") == RESULT_PENDING and free.drive().read("active_command") == 0,
+               what="the drive to move")
     ended = time.monotonic()
     hand.socket.shutdown(1)
     assert stopped(free, ended) < 0.05 + PATIENCE
+    with errors("Refused"):
+        hand.answer()
 
 
 # --- what a hold is -------------------------------------------------------------------------------------------------
@@ -333,3 +345,167 @@ def test_who_is_gone_starts_nothing(free):
         hand.token()
         eventually(lambda: free.drive().read("active_command") == 0, what="the command to end")
     stands(free)
+
+
+# --- by registers: a PLC, or an HMI's push button -------------------------------------------------------------------
+
+
+class Button:
+    """What an HMI does while its button is pressed, over a connection of its own."""
+
+    def __init__(self, bridge, hold_ms=300):
+        self.bridge = bridge
+        self.unit = Unit(bridge, 1, "drive")
+        self.count = 100
+        assert self.unit.write("hold_ms", hold_ms) == 0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *unused):
+        self.unit.close()
+
+    def beat(self):
+        self.count += 1
+        assert self.unit.write("hold_beat", self.count) == 0
+
+    def press(self):
+        self.beat()
+        assert self.unit.write("target_velocity", SPEED) == 0
+        assert self.unit.write_word(self.unit.row("command").address, 5) == 0
+
+    def held(self, seconds):
+        began = time.monotonic()
+        while time.monotonic() - began < seconds:
+            self.beat()
+            time.sleep(0.02)
+        assert self.bridge.sim.get()["velocity"] == SPEED
+
+
+def moved(bridge):
+    return sum(" mov" in what for _, what in obeyed(bridge))
+
+
+def test_a_button_that_counts_no_more(plant):
+    with Button(plant) as button:
+        button.press()
+        button.held(1)
+        last = time.monotonic()
+        button.beat()
+        # It is there and reads; but nobody presses it.
+        while not any(" stp" in what for moment, what in obeyed(plant) if moment > last):
+            button.unit.read("position")
+            assert time.monotonic() - last < 5
+        assert 0.25 < stopped(plant, last) < 0.3 + PATIENCE
+        stands(plant)
+        assert events(plant)[0]["client"].startswith("127.0.0.1")
+        assert button.unit.read("hold_beat") == button.count
+        assert button.unit.write("hold_ms", 0) == 0
+    nothing_is_latched(plant)
+
+
+def test_a_button_whose_connection_ends(plant):
+    with Button(plant, 1000) as button:
+        button.press()
+        button.held(0.1)
+        ended = time.monotonic()
+    assert stopped(plant, ended) < 0.05 + PATIENCE
+    stands(plant)
+    assert plant.drive().write("hold_ms", 0) == 0
+    nothing_is_latched(plant)
+
+
+def block(bridge, command_id, beat, command=5):
+    """What an I/O scanner writes in each cycle: one FC 16 over the whole block."""
+    row = bridge.drive().row
+    first = row("command_id").address
+    words = [0] * (row("hold_beat").address + 1 - first)
+    for name, value in (("command_id", command_id), ("command", command), ("hold_ms", 300), ("hold_beat", beat)):
+        words[row(name).address - first] = value
+    at = row("target_velocity").address - first
+    words[at:at + 2] = encode("f32", SPEED)
+    return lambda: bridge.drive().write_words(first, words)
+
+
+@pytest.mark.parametrize("command_id", [0, 8])
+def test_a_scanner_whose_program_has_died(free, command_id):
+    """It writes for ever what it found last: that is no beat, and moves nothing again."""
+    assert free.drive().command("stop", command_id=7) == 0
+    assert free.drive().settle("enable", command_id=1) in (1, 7)
+    for beat in range(50):
+        assert block(free, command_id, beat)() == 0
+        time.sleep(0.02)
+    assert free.sim.get()["velocity"] == SPEED
+    last = time.monotonic()
+    began = moved(free)
+    while time.monotonic() - last < 1.5:
+        answer = block(free, command_id, 49)()
+        time.sleep(0.02)
+    assert 0.15 < stopped(free, last) < 0.3 + PATIENCE
+    stands(free)
+    assert answer == (3 if command_id == 0 else 0)
+    late = [moment for moment, what in obeyed(free) if " mov" in what and moment - last > 0.3 + PATIENCE]
+    assert moved(free) >= began and not late
+    # The program lives again.
+    assert block(free, 9, 50)() == 0
+    moves(free)
+    assert free.drive().command("stop") == 0
+
+
+def test_somebody_elses_count_is_none(free):
+    with Button(free) as button, Button(free) as other:
+        other.count = 5000
+        button.press()
+        began = time.monotonic()
+        while not any(" stp" in what for _, what in obeyed(free)):
+            other.beat()
+            assert time.monotonic() - began < 5
+        assert stopped(free, began) < 0.3 + PATIENCE
+
+
+def test_a_session_counts_as_well(free, hand):
+    """Write over the control socket is a write like a PLC's, with a token where it has one."""
+    def write(**values):
+        hand.call("Write", drive="drive1", token=hand.token(), values=values)
+
+    write(hold_ms=300, hold_beat=1, target_velocity=SPEED, command="move_velocity")
+    for beat in range(2, 30):
+        time.sleep(0.02)
+        write(hold_beat=beat)
+    moves(free)
+    with errors("TooOld"):
+        hand.call("Write", drive="drive1", token=late(hand.token(), 501), values={"hold_beat": 1000})
+    last = time.monotonic()
+    assert stopped(free, last) < 0.3 + PATIENCE
+
+
+def test_hold_registers_alone_execute_nothing(free):
+    drive = free.drive()
+    mark = free.sim.mark()
+    for wrong in (1, 99, 1001, 65535):
+        assert drive.write("hold_ms", wrong) == 3
+        assert drive.read("hold_ms") == 0
+    for right in (100, 1000, 300):
+        assert drive.write("hold_ms", right) == 0
+        assert drive.read("hold_ms") == right
+    for value in (1, 2, 65535, 0):
+        assert drive.write("hold_beat", value) == 0
+        assert drive.read("hold_beat") == value
+    assert free.sim.sent(mark) == []
+    # A stop is a stop, whatever stands beside it.
+    assert drive.command("stop", hold_ms=5) == 0
+    assert drive.read("hold_ms") == 300
+    # Without hold_ms a motion goes on by itself.
+    assert drive.command("move_velocity", target_velocity=SPEED, hold_ms=0, hold_beat=1) == 0
+    time.sleep(0.5)
+    moves(free)
+
+
+def test_a_motion_that_was_staged_is_held_by_who_starts_it(free):
+    with Button(free) as button:
+        button.beat()
+        assert button.unit.write("target_velocity", SPEED) == 0
+        assert button.unit.write("staged_command", 5) == 0
+        assert free.gateway().write("group_start", 1) == 0
+        began = time.monotonic()
+        assert stopped(free, began) < 0.3 + PATIENCE

@@ -279,7 +279,7 @@ static void blocks_cross_what_the_drive_lacks(void **state)
 	assert_int_equal(values[20], 0);
 	assert_int_equal(values[32], 1);
 	/* Writing does not. */
-	assert_int_equal(fake_put(&fake, 1, 133, 2, 0, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(fake_put(&fake, 1, 135, 2, 0, 0), ILLEGAL_ADDRESS);
 	assert_int_equal(fake_put(&fake, 1, 36, 1, 0), ILLEGAL_ADDRESS);
 	/* A parameter that this model lacks, too, unless it is all there is. */
 	db_axis_publish_nameplate(fake.axes[0], &plate);
@@ -509,7 +509,7 @@ static void writes_that_are_refused(void **state)
 	/* Read-only, and nothing there */
 	assert_int_equal(fake_put(&fake, 1, 0, 1, 0), ILLEGAL_ADDRESS);
 	assert_int_equal(fake_put(&fake, 1, 31, 3, 0, 0, 0), ILLEGAL_ADDRESS);
-	assert_int_equal(fake_put(&fake, 1, 134, 2, 0, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(fake_put(&fake, 1, 135, 2, 0, 0), ILLEGAL_ADDRESS);
 	assert_int_equal(fake_put(&fake, 1, 1000, 1, 0), ILLEGAL_ADDRESS);
 	/* Commands */
 	assert_int_equal(fake_put(&fake, 1, 101, 1, 63), ILLEGAL_VALUE);
