@@ -160,26 +160,33 @@ static bool says_demand(struct db_conversation *talk, enum db_step *step)
 
 #define POSITIONS (SERVO_CAN_POS0 | SERVO_CAN_POS1 | SERVO_CAN_POS2)
 
-/* Some drives take a demand only when CTRG rises. Without power that moves nothing. */
+/* Some drives take a demand only when CTRG rises. Without power that moves nothing. Then it is dropped. */
 static bool says_load(struct db_conversation *talk, enum db_step *step)
 {
 	struct db_device *device = talk->device;
 
-	if (is_done(talk, STEP_LOAD) || !device->layout.words.set ||
-	    (device->words[0] & POSITIONS) != 0)
+	if (!device->layout.words.set || (device->words[0] & POSITIONS) != 0)
 		return false;
-	*step = servo_can_say_load(talk);
+	if (!is_done(talk, STEP_LOAD)) {
+		*step = servo_can_say_load(talk);
+		return true;
+	}
+	if (device->trigger != LEVEL_HIGH || progress_of(talk)->dropped)
+		return false;
+	progress_of(talk)->dropped = true;
+	*step = servo_can_say_trigger(talk, false);
 	return true;
 }
 
-static bool says_trigger_down(struct db_conversation *talk, enum db_step *step)
+/* One that another program left up could not rise. Tried once: what the drive then does is watched. */
+static bool says_trigger_down(struct db_conversation *talk, bool to_rise, enum db_step *step)
 {
-	bool loaded = is_done(talk, STEP_LOAD);
+	struct db_device *device = talk->device;
+	bool needed = device->trigger == LEVEL_HIGH ||
+	              (to_rise && device->trigger != LEVEL_LOW && device->layout.words.set);
 
-	if (talk->device->trigger != LEVEL_HIGH ||
-	    (loaded ? progress_of(talk)->dropped : is_done(talk, STEP_TRIGGER_DOWN)))
+	if (!needed || is_done(talk, STEP_TRIGGER_DOWN) || is_done(talk, STEP_LOAD))
 		return false;
-	progress_of(talk)->dropped = loaded;
 	*step = servo_can_say_trigger(talk, false);
 	return true;
 }
@@ -188,14 +195,16 @@ static bool says_trigger_down(struct db_conversation *talk, enum db_step *step)
  * a drive that was reset for a moment has its own. */
 static bool says_before_power(struct db_conversation *talk, enum db_step *step)
 {
-	struct db_device *device = talk->device;
+	const struct db_device *device = talk->device;
+	bool by_position;
 
 	if (says_old_setpoint_0(talk, step) || servo_can_says_all(talk, step) ||
-	    says_setpoint_0(talk, step) || says_trigger_down(talk, step))
+	    says_setpoint_0(talk, step))
 		return true;
-	if (device->mode == SERVO_CAN_MODE_SPEED || device->mode == SERVO_CAN_MODE_CURRENT)
-		return false;
-	return says_demand(talk, step) || says_load(talk, step) || says_trigger_down(talk, step);
+	by_position = device->mode != SERVO_CAN_MODE_SPEED &&
+	              device->mode != SERVO_CAN_MODE_CURRENT;
+	return says_trigger_down(talk, by_position, step) ||
+	       (by_position && (says_demand(talk, step) || says_load(talk, step)));
 }
 
 /* Does the motor go where nobody wants it? One that turned when it got its power may run out first. */
@@ -234,9 +243,11 @@ static enum db_step confirm_enable(struct db_conversation *talk)
 		progress->has_power = true;
 		progress->since = talk->now;
 	}
-	if (took_too_long(talk))
-		return powered ? end_job(talk, DB_RESULT_OK) : servo_can_say_retreat(talk);
-	return servo_can_look_again(talk);
+	/* A stop that comes now does not believe that it stands for good. */
+	device->unshown = !took_too_long(talk);
+	if (device->unshown)
+		return servo_can_look_again(talk);
+	return powered ? end_job(talk, DB_RESULT_OK) : servo_can_say_retreat(talk);
 }
 
 static enum db_step begin_power(struct db_conversation *talk)

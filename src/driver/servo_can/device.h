@@ -143,7 +143,7 @@ struct db_device {
 	bool going;                   /* a position move is under way ... */
 	int32_t seen_at;              /* ... and was last seen to get on here ... */
 	db_time seen_moving;          /* ... at this time */
-	bool unshown; /* CTRG rose, and nothing has shown yet that the motor follows: it still may */
+	bool unshown; /* CTRG rose, or the power came, and the motor stands: it still may begin */
 	bool has_target;
 	int32_t target;
 	/* By mode; false: another program may have left a speed or a current in the drive. */

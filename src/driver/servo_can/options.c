@@ -250,8 +250,8 @@ const struct db_option servo_can_options[SERVO_CAN_OPTION_COUNT] = {
 		.unit = "",
 		.description = "How far the motor may move, in user units, when enable gives it its "
 			       "power: beyond that the power is taken off again; not set: "
-			       "in-position-window, at least a hundredth of a turn, or 100 counts "
-			       "without counts-per-turn",
+			       "in-position-window, at least a hundredth of a turn and 10 counts, or "
+			       "100 counts without counts-per-turn",
 	},
 };
 
@@ -392,12 +392,13 @@ static struct servo_can_profile profile_of(const struct db_drive_config *drive)
 
 #define POWER_ON_COUNTS 100.0
 #define POWER_ON_TURN 0.01
+#define POWER_ON_LEAST 10.0
 
 static double power_window_of(const struct db_drive_config *drive)
 {
 	double given = drive->options[OPTION_POWER_ON_WINDOW];
 	double turn = drive->options[OPTION_COUNTS_PER_TURN];
-	double least = isnan(turn) ? POWER_ON_COUNTS : turn * POWER_ON_TURN;
+	double least = isnan(turn) ? POWER_ON_COUNTS : fmax(turn * POWER_ON_TURN, POWER_ON_LEAST);
 
 	return isnan(given) ? fmax(drive->in_position_window * drive->counts_per_unit, least) :
 	                      given * drive->counts_per_unit;

@@ -76,7 +76,8 @@ static void show_sample(struct db_device *device, const struct servo_can_sample 
  */
 static void follow_move(struct db_device *device, db_time now)
 {
-	if (!servo_can_is_powered(device))
+	/* Power that went by itself, or is only to come, may come back. */
+	if (!servo_can_is_powered(device) && device->power_taken)
 		device->unshown = false;
 	if (!device->going)
 		return;

@@ -128,15 +128,14 @@ static enum db_step take_ramps(struct db_conversation *talk)
 
 /* --- what acknowledges something else --------------------------------------------------------------- */
 
-static bool takes_power(const struct db_conversation *talk)
-{
-	return talk->job->step == STEP_RETREAT ||
-	       (talk->job->step == STEP_POWER && talk->device->power_taken);
-}
-
 static bool is_stop(const struct db_conversation *talk)
 {
 	return talk->job->kind == DB_JOB_COMMAND && db_command_is_stop(talk->job->request->command);
+}
+
+static bool is_enable(const struct db_conversation *talk)
+{
+	return talk->job->kind == DB_JOB_COMMAND && talk->job->request->command == DB_CMD_ENABLE;
 }
 
 /*
@@ -149,8 +148,8 @@ static enum db_step doubt_frame(struct db_conversation *talk)
 
 	progress_of(talk)->strange = true;
 	talk->exchange->repeatable = false;
-	/* Whether the power went can be seen at once. */
-	if (takes_power(talk))
+	/* Whether the power goes can be seen at once. */
+	if (talk->job->step == STEP_POWER && !is_enable(talk))
 		return take_frame(talk);
 	/* The next stop takes the power, which can be seen. */
 	if (talk->job->step == STEP_SETPOINT && progress_of(talk)->setpoint == 0)
@@ -171,7 +170,7 @@ static enum db_step lose_motion(struct db_conversation *talk)
 /* Before enabling it is 0, without which there is no power. */
 static enum db_step lose_setpoint(struct db_conversation *talk)
 {
-	if (talk->job->request->command == DB_CMD_ENABLE)
+	if (is_enable(talk))
 		return end_job(talk, DB_RESULT_TIMEOUT);
 	if (talk->device->synchronous || progress_of(talk)->gives_up)
 		return end_job(talk, DB_RESULT_INDETERMINATE);
@@ -188,8 +187,7 @@ static enum db_step lose_power(struct db_conversation *talk)
 /* Before enabling: a drive that has no use for CTRG is watched when it has its power. */
 static enum db_step lose_trigger(struct db_conversation *talk)
 {
-	return talk->job->request->command == DB_CMD_ENABLE ? pass_over(talk) :
-	                                                      end_job(talk, DB_RESULT_TIMEOUT);
+	return is_enable(talk) ? pass_over(talk) : end_job(talk, DB_RESULT_TIMEOUT);
 }
 
 static enum db_step leave_open(struct db_conversation *talk)

@@ -1923,7 +1923,9 @@ static void power_that_goes_unasked_is_a_reset(void **unused)
 	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
 	assert_string_equal(tell(f, 5000, 0, STILL), "065#010000");
 	assert_string_equal(answer(f, "006#040000"), "065#020000");
-	assert_string_equal(answer(f, "006#050000"), "085#00001388");
+	/* Another program may have left it up. */
+	assert_string_equal(answer(f, "006#050000"), "0A5#00000000");
+	assert_string_equal(answer(f, "006#07"), "085#00001388");
 	/* Some drives take that only when CTRG rises, which without power moves nothing. */
 	assert_string_equal(answer(f, "006#06"), "0A5#00080000");
 	assert_false(f->exchange.begins);
@@ -2009,10 +2011,26 @@ static void a_demand_that_is_not_loaded_is_no_obstacle(void **unused)
 	poll(f, 1000, 0, STILL);
 	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
 	assert_string_equal(tell(f, 1000, 0, STILL), "045#0000000000");
-	assert_string_equal(answer(f, "006#02"), "085#000003E8");
+	assert_string_equal(answer(f, "006#02"), "0A5#00000000");
+	assert_string_equal(lost(f), "085#000003E8");
 	assert_string_equal(answer(f, "006#06"), "0A5#00080000");
 	assert_string_equal(lost(f), "0A5#00000000");
 	assert_string_equal(lost(f), "025#000A");
+	/* A stop that comes while it is watched takes the power, though it stands, and before it shows. */
+	assert_string_equal(answer(f, "006#01"), "145#00");
+	assert_string_equal(tell(f, 1000, 0, STILL), "145#00");
+	assert_string_equal(plain(f, DB_CMD_STOP), "025#0001");
+	assert_string_equal(lost(f), "145#00");
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 1000, 0, STILL), "045#0000000000");
+	assert_string_equal(answer(f, "006#02"), "0A5#00000000");
+	assert_string_equal(answer(f, "006#07"), "085#000003E8");
+	assert_string_equal(answer(f, "006#06"), "0A5#00080000");
+	assert_string_equal(answer(f, "006#07"), "0A5#00000000");
+	assert_string_equal(answer(f, "006#07"), "025#000A");
+	assert_string_equal(answer(f, "006#01"), "145#00");
+	assert_string_equal(tell(f, 1000, 0, ON | STILL), "145#00");
+	assert_string_equal(plain(f, DB_CMD_STOP), "025#0001");
 	drop(f);
 }
 
