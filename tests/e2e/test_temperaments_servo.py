@@ -11,9 +11,11 @@ from bridgelib import (
     CONTINUOUS,
     DEVICE_FAILURE,
     DISABLED,
+    DISCRETE,
     ENABLED_BIT,
     ERROR_STOP,
     MOVING_BIT,
+    NO_ANSWER,
     RESULT_OK,
     STANDSTILL,
     code,
@@ -326,6 +328,18 @@ def test_a_move_that_has_failed_does_not_begin(make_servo, command):
     # With its power back there is nothing left of it.
     assert drive.command("enable") == 0
     stays(bridge, 0)
+
+
+def test_a_late_move_may_be_followed(make_servo):
+    bridge = make_servo((one("motion-delay-ms", 400, ""),), **{"late-move": "follow"})
+    drive = bridge.drive()
+    assert drive.command("enable") == 0
+    assert drive.command("move_absolute", target_position=50000, target_velocity=0) == NO_ANSWER
+    assert drive.read("result") == code("result", "indeterminate")
+    state(bridge, DISCRETE)
+    eventually(lambda: drive.read("axis_state") == STANDSTILL and
+               drive.read("status") & AT_TARGET_BIT, what="the target")
+    assert abs(motor(bridge) - 50000) <= WINDOW
 
 
 @pytest.mark.parametrize("bit", ["fault", "alarm"])

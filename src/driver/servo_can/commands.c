@@ -480,6 +480,13 @@ static enum db_step raise_trigger(struct db_conversation *talk)
 }
 
 /* A move that does not show may only begin later: it is called failed when it cannot any more. */
+static enum db_step give_up_move(struct db_conversation *talk)
+{
+	return talk->device->follows_late && servo_can_is_powered(talk->device) ?
+	               end_job(talk, DB_RESULT_INDETERMINATE) :
+	               servo_can_say_retreat(talk);
+}
+
 static enum db_step prove_move(struct db_conversation *talk)
 {
 	if (talk->job->step == STEP_TRIGGER_UP)
@@ -489,12 +496,12 @@ static enum db_step prove_move(struct db_conversation *talk)
 		return end_job(talk, DB_RESULT_OK);
 	}
 	if (!servo_can_is_powered(talk->device))
-		return servo_can_say_retreat(talk);
+		return give_up_move(talk);
 	/* CTRG that is up already does not rise again. */
 	if (progress_of(talk)->unanswered)
 		return may_resend(talk) ? raise_trigger(talk) :
 		                          end_job(talk, DB_RESULT_INDETERMINATE);
-	return took_too_long(talk) ? servo_can_say_retreat(talk) : servo_can_read_all(talk);
+	return took_too_long(talk) ? give_up_move(talk) : servo_can_read_all(talk);
 }
 
 /* The next frame of a position move: whatever is still missing. */

@@ -112,6 +112,7 @@ struct db_device {
 	int standstill_speed; /* rpm up to which the zero speed bit is believed */
 	db_time reaction;     /* how long an effect may take to show */
 	double window;        /* counts around a target that count as there */
+	bool follows_late;    /* a move that begins when nobody expects it any more */
 	double power_window;  /* counts that the motor may move when it gets its power */
 	db_time cycle;
 	struct servo_can_profile profile;

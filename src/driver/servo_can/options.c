@@ -13,6 +13,7 @@
 #define USE_REPORTS 0
 #define ERROR_IS_FAULT 0
 #define SIGNED 0
+#define DISABLES 0
 
 #define FIXED_MAX 281474976710655.0 /* six bytes: at least two are a word's */
 
@@ -253,6 +254,16 @@ const struct db_option servo_can_options[SERVO_CAN_OPTION_COUNT] = {
 			       "in-position-window, at least a hundredth of a turn and 10 counts, or "
 			       "100 counts without counts-per-turn",
 	},
+	[OPTION_LATE_MOVE] = {
+		.section = "drive",
+		.name = "late-move",
+		.words = "disable follow",
+		.preset = "disable",
+		.unit = "",
+		.description = "What is done about a position move that does not show within "
+			       "reaction-ms: its drive's power is taken off, and it has failed; or it "
+			       "is indeterminate, and followed when it begins later",
+	},
 };
 
 _Static_assert(SERVO_CAN_OPTION_COUNT <= DB_OPTIONS_MAX, "a configuration has room for so many");
@@ -428,6 +439,7 @@ void servo_can_configure(struct db_device *device, const struct db_bus_config *b
 	device->reaction = (db_time)options[OPTION_REACTION] * DB_NS_PER_MS;
 	device->window = drive->in_position_window * drive->counts_per_unit;
 	device->power_window = power_window_of(drive);
+	device->follows_late = !word_is(options, OPTION_LATE_MOVE, DISABLES);
 	device->cycle = (db_time)bus->cycle_ms * DB_NS_PER_MS;
 	device->profile = profile_of(drive);
 	device->mode = device->fixed_mode;

@@ -70,6 +70,13 @@ static void show_sample(struct db_device *device, const struct servo_can_sample 
 	device->has_sample = true;
 }
 
+/* A move that was given up, or whose beginning could not be told. */
+static bool begins_late(const struct db_device *device)
+{
+	return device->unshown && device->has_target && servo_can_is_powered(device) &&
+	       !servo_can_stands(device);
+}
+
 /*
  * Whether a position move goes on: until the drive rests at its target, or elsewhere for as long as it
  * may take to begin. No status bit is asked: "target reached" may tell of the reference's way only.
@@ -79,6 +86,10 @@ static void follow_move(struct db_device *device, db_time now)
 	/* Power that went by itself, or is only to come, may come back. */
 	if (!servo_can_is_powered(device) && device->power_taken)
 		device->unshown = false;
+	if (!device->going && begins_late(device)) {
+		device->going = true;
+		device->unshown = false;
+	}
 	if (!device->going)
 		return;
 	if (!servo_can_stands(device) || device->sample.position != device->seen_at) {

@@ -948,6 +948,43 @@ static void a_move_without_motion_has_failed(void **unused)
 	drop(f);
 }
 
+/* A drive that must not lose its power is followed when it begins yet. */
+static void a_late_move_may_be_followed(void **unused)
+{
+	struct fixture *f = make();
+
+	(void)unused;
+	set_words(f);
+	option(f, "late-move", 1);
+	switch_on(f);
+	poll(f, 1000, 0, ON | STILL | THERE);
+	raise_ctrg(f, 5000);
+	assert_string_equal(answer(f, "006#07"), "145#00");
+	f->now += 201 * MS;
+	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "=indeterminate");
+	f->now += 200 * MS;
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
+	assert_string_equal(tell(f, 1000, 0, ON | STILL | THERE), "0A5#00000000");
+	assert_string_equal(answer(f, "006#07"), "145#07");
+	assert_string_equal(answer(f, "225#0000"), "=ok");
+	assert_string_equal(state(f), "Standstill");
+	poll(f, 1100, 50, ON);
+	assert_string_equal(state(f), "DiscreteMotion");
+	assert_int_equal(feedback(f).target, 5000);
+	assert_string_equal(command(f, DB_CMD_MOVE_ABSOLUTE, to(9)), "145#00");
+	assert_string_equal(tell(f, 1200, 50, ON), "=busy");
+	poll(f, 5000, 0, ON | STILL);
+	assert_string_equal(state(f), "Standstill");
+	assert_true(feedback(f).status & DB_STATUS_AT_TARGET);
+	/* Where the power is gone there is nothing to be followed. */
+	assert_string_equal(command(f, DB_CMD_MOVE_ABSOLUTE, to(9)), "145#00");
+	assert_string_equal(tell(f, 5000, 0, ON | STILL), "085#00000009");
+	assert_string_equal(answer(f, "006#06"), "0A5#00080000");
+	assert_string_equal(answer(f, "006#07"), "145#00");
+	assert_string_equal(tell(f, 5000, 0, STILL), "025#0001");
+	drop(f);
+}
+
 /* Where not even that can be seen, nobody claims that it will not move. */
 static void a_move_that_cannot_be_ended_is_indeterminate(void **unused)
 {
@@ -1841,9 +1878,12 @@ static void the_error_bit_is_the_fault(void **unused)
 
 	(void)unused;
 	run(f, 300);
+	/* While the motor runs it is looked for in every cycle, whatever is reported. */
+	report(f, "1C5#00000000");
+	report(f, "1E5#012C0000");
 	assert_true(driver->wants_poll(f->device, f->now));
-	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
-	assert_string_equal(tell(f, 0, 300, ON | ALARM), "025#0001");
+	assert_string_equal(begin(f, DB_JOB_POLL), "145#06");
+	assert_string_equal(answer(f, "1A5#04010000"), "025#0001");
 	assert_string_equal(state(f), "ErrorStop");
 	assert_string_equal(db_error_name(feedback(f).error), "unexplained_fault");
 	assert_true(feedback(f).status & DB_STATUS_ERROR);
@@ -1854,6 +1894,7 @@ static void the_error_bit_is_the_fault(void **unused)
 	assert_string_equal(state(f), "Disabled");
 	assert_int_equal(feedback(f).error, DB_ERROR_NONE);
 	/* Another one is another fault, and its reason has a name. */
+	f->now += 100 * MS;
 	poll(f, 0, 0, STILL);
 	assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
 	assert_string_equal(tell(f, 0, 0, STILL | ALARM), "025#0001");
@@ -2410,6 +2451,7 @@ int main(void)
 		cmocka_unit_test(a_motor_that_jumps_when_it_gets_power_loses_it),
 		cmocka_unit_test(how_a_motor_may_move_when_it_gets_power),
 		cmocka_unit_test(power_that_does_not_stay_is_a_failure),
+		cmocka_unit_test(a_late_move_may_be_followed),
 		cmocka_unit_test(a_move_that_cannot_be_ended_is_indeterminate),
 		cmocka_unit_test(the_error_bit_is_the_fault),
 		cmocka_unit_test(power_may_come_back_behind_a_fault),
