@@ -18,6 +18,8 @@ static const struct {
 	  "clear_fault" },
 	{ "runs_on",
 	  "it did not stop when it was told to: take its power off, then look for the cause" },
+	{ "unexplained_fault",
+	  "its next report tells the reason; if none comes, turn that report on in the drive" },
 	{ "over_temperature", "let it cool down, check load and current; then drivebridgectl run "
 	                      "{drive} clear_fault" },
 	{ "drive_overtemperature",

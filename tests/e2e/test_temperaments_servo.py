@@ -269,6 +269,7 @@ def test_a_reset_that_is_too_short_to_be_missed(make_servo, demand, enabled):
     eventually(lambda: motor(bridge) > 5000, what="some way")
     assert drive.command("stop") == 0
     state(bridge, STANDSTILL)
+    eventually(lambda: velocity(bridge) == 0, what="the motor to stand")
     if not enabled:
         assert drive.command("disable") == 0
     place = motor(bridge)

@@ -1976,6 +1976,24 @@ static void power_that_goes_unasked_is_a_reset(void **unused)
 	drop(f);
 }
 
+/* Taken from all drives of a bus with one frame, and then from this one. */
+static void power_that_all_drives_lose_is_no_reset(void **unused)
+{
+	static const struct db_setting ramps[] = { ACCELERATION(1000), DECELERATION(65536) };
+	struct fixture *f = make_on(ON | STILL);
+
+	(void)unused;
+	assert_string_equal(set(f, 2, ramps), "105#000003E800010000");
+	assert_string_equal(answer(f, "006#0A"), "=unproven");
+	poll(f, 0, 0, STILL);
+	assert_string_equal(plain(f, DB_CMD_DISABLE), "025#0001");
+	assert_string_equal(answer(f, "006#01"), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "=ok");
+	poll(f, 0, 0, STILL);
+	assert_int_equal(driver->nameplate(f->device)->valid, 3);
+	drop(f);
+}
+
 /* Without power a reset does not show, so all is said each time. */
 static void all_is_said_before_the_power(void **unused)
 {
@@ -2457,6 +2475,7 @@ int main(void)
 		cmocka_unit_test(power_may_come_back_behind_a_fault),
 		cmocka_unit_test(a_fault_takes_the_power_when_the_0_is_not_taken),
 		cmocka_unit_test(power_that_goes_unasked_is_a_reset),
+		cmocka_unit_test(power_that_all_drives_lose_is_no_reset),
 		cmocka_unit_test(all_is_said_before_the_power),
 		cmocka_unit_test(enabling_goes_back_to_the_mode_of_the_profile),
 		cmocka_unit_test(a_demand_that_is_not_loaded_is_no_obstacle),
