@@ -212,7 +212,7 @@ static enum xyza_error put_item(const struct xyza_request *request, struct conte
 	if ((unsigned)item >= XYZA_ITEM_COUNT ||
 	    !xyza_item_can(item, write ? XYZA_CAN_WRITE : XYZA_CAN_READ))
 		return XYZA_ERR_UNKNOWN;
-	if ((write && !xyza_item_in_range(item, request->value)) ||
+	if ((write && !xyza_item_in_range(item, request->value, request->kept)) ||
 	    (xyza_item_of_axis(item) && (unsigned)request->axis >= XYZA_AXIS_COUNT))
 		return XYZA_ERR_RANGE;
 	content->item_class = xyza_items[item].item_class;
@@ -402,8 +402,8 @@ static enum xyza_error take_item(const struct content *content, struct xyza_requ
 		request->item = item;
 		request->axis = found.axis;
 		request->value = content->value;
-		return !write || xyza_item_in_range(item, content->value) ? XYZA_OK :
-		                                                            XYZA_ERR_RANGE;
+		return !write || xyza_item_in_range(item, content->value, 0) ? XYZA_OK :
+		                                                               XYZA_ERR_RANGE;
 	}
 	return XYZA_ERR_UNKNOWN;
 }

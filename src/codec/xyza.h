@@ -98,6 +98,8 @@ struct xyza_request {
 	bool on;                 /* WRITE_OUTPUT, WRITE_OUTPUTS */
 	uint8_t number;          /* WRITE_OUTPUT: port 1..8; START: program; DELAY: seconds */
 	uint32_t value; /* WRITE_MAGNITUDE: pulses; WRITE_ITEM: content, see xyza_param_put() */
+	uint32_t
+		kept; /* WRITE_ITEM, encoding only: bits of it that were read, see xyza_item_in_range() */
 };
 
 /*

@@ -224,17 +224,23 @@ static bool is_unset_key(enum xyza_param param, union db_value value)
 	return (param == XYZA_START_KEY || param == XYZA_STOP_KEY) && value.u == 0;
 }
 
-bool xyza_item_in_range(enum xyza_item item, uint32_t content)
+/* Of a parameter that is a set of axes each bit is one of its own. */
+static bool is_written_in_range(enum xyza_param param, uint32_t content, uint32_t kept)
+{
+	union db_value written = xyza_param_get(param, content & ~kept);
+
+	return ((field_mask(param) << layout[param].shift) & ~kept) == 0 ||
+	       is_unset_key(param, written) || xyza_param_in_range(param, written);
+}
+
+bool xyza_item_in_range(enum xyza_item item, uint32_t content, uint32_t kept)
 {
 	for (int i = 0; i < XYZA_PARAM_COUNT; i++) {
-		enum xyza_param param = (enum xyza_param)i;
-		union db_value value = xyza_param_get(param, content);
-
-		if (layout[param].item == item && !is_unset_key(param, value) &&
-		    !xyza_param_in_range(param, value))
+		if (layout[i].item == item &&
+		    !is_written_in_range((enum xyza_param)i, content, kept))
 			return false;
 	}
-	return (content & ~item_mask(item)) == 0;
+	return (content & ~kept & ~item_mask(item)) == 0;
 }
 
 bool xyza_item_can(enum xyza_item item, unsigned access)

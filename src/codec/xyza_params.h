@@ -128,7 +128,10 @@ extern const struct xyza_item_place xyza_items[XYZA_ITEM_COUNT];
 /* Whether it can be read, or written: an enum xyza_access. */
 bool xyza_item_can(enum xyza_item item, unsigned access);
 
-/* Whether its content has only values in range, and nothing in bytes that are none. */
-bool xyza_item_in_range(enum xyza_item item, uint32_t content);
+/*
+ * Whether its content has only values in range, and nothing in bytes that are none. The bits `kept` go
+ * back as they were read, whatever they are: a controller may have what the document lacks.
+ */
+bool xyza_item_in_range(enum xyza_item item, uint32_t content, uint32_t kept);
 
 #endif

@@ -516,12 +516,20 @@ static enum sim_xyza_kind kind_of(enum xyza_verb verb)
 	}
 }
 
+static bool takes_nevertheless(const struct sim_xyza *controller,
+                               const struct xyza_request *request, enum xyza_error error)
+{
+	return controller->config.temper.takes_any && error == XYZA_ERR_RANGE &&
+	       request->verb == XYZA_WRITE_ITEM;
+}
+
 /* Whether it does what was asked. */
 static bool carry_out(struct sim_xyza *controller, const struct xyza_request *request,
                       enum xyza_error error)
 {
 	/* All verbs about an axis name it; the others have x there. */
-	return error == XYZA_OK && (unsigned)request->axis < controller->config.axes &&
+	return (error == XYZA_OK || takes_nevertheless(controller, request, error)) &&
+	       (unsigned)request->axis < controller->config.axes &&
 	       !(controller->config.temper.ignores >> kind_of(request->verb) & 1) &&
 	       handlers[request->verb](controller, request);
 }

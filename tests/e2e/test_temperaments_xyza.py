@@ -45,6 +45,7 @@ TEMPERAMENTS = [
     xyza("lacks", ["program"], "program_state shows 65535; commands to programs are unproven, and "
          "stops go to both modes."),
     xyza("idle-state", 6, "program_state shows it; that a program has ended is not known."),
+    xyza("takes-any", True, "Values that the document does not name are shown, and stay."),
     xyza("clamps", True, "A speed that the controller makes smaller is refused; its register shows "
          "what it has become."),
     xyza("jogs-from-stand", True, "An axis is stopped before it takes another speed.",
@@ -268,6 +269,25 @@ def test_core_behaviour(make_bridge, chosen):
     outputs(controller)
     parameters(controller)
     programs(controller)
+
+
+def test_what_the_document_lacks_stays(make_bridge):
+    """A bit of enable and a pause key that are not documented are in nobody's way."""
+    bridge = make_bridge(
+        drives=1, bus={"protocol": "xyza"}, sim_bus={"protocol": "xyza"},
+        per_drive={1: {"address": 3, "axis": "x"}},
+        sim_drive={"identity": None, "address": 3, "takes-any": True, "set": ["enable=1"]})
+    drive = bridge.drive()
+    eventually(lambda: drive.read("axis_state") == STANDSTILL, what="an enabled axis")
+    bridge.sim.control("item drive1 x enable 0x10")
+    bridge.sim.control("item drive1 x pause_key 0x050706")
+    assert drive.settle("enable") == RESULT_OK
+    assert drive.read("enable") == 0x11
+    drive.write("start_key", 1)
+    eventually(lambda: drive.read("write_result") == RESULT_OK, what="the write")
+    assert [drive.read(name) for name in ("start_key", "stop_key", "pause_key")] == [1, 7, 5]
+    assert drive.settle("disable") == RESULT_OK
+    assert drive.read("enable") == 0x10
 
 
 def test_what_is_silent_hides_nothing_else(make_bridge):

@@ -348,6 +348,7 @@ static enum db_step answer_change(struct db_conversation *talk)
 	struct xyza_step *step = step_of(talk);
 	uint32_t before = xyza_param_get(step->param, reply->value).u;
 	union db_value value = { .u = (before & ~step->mask) | (step->value & step->mask) };
+	uint32_t kept; /* what is not to be changed goes back as it was read */
 
 	xyza_learn_item(talk->device, step->request.item, reply->value);
 	if (value.u == before) {
@@ -357,7 +358,10 @@ static enum db_step answer_change(struct db_conversation *talk)
 	/* That it has another speed from now on cannot be told from its moving. */
 	if (plan->runs_on)
 		plan->unproven = true;
-	step[1].request.value = xyza_param_put(step->param, value, reply->value);
+	kept = ~xyza_param_put(step->param, (union db_value){ .u = step->mask }, 0);
+	step[1].request.kept = kept;
+	step[1].request.value = (reply->value & kept) |
+	                        (xyza_param_put(step->param, value, 0) & ~kept);
 	return say_next(talk);
 }
 

@@ -94,6 +94,15 @@ static bool is_asked_again(struct db_conversation *talk, const struct xyza_reply
 	return false;
 }
 
+/* What was said. An item that is written may have what the document lacks, as it was read. */
+static bool read_own(const struct db_exchange *exchange, struct xyza_request *request)
+{
+	enum xyza_error error = xyza_decode_request(exchange->request, exchange->request_length,
+	                                            request);
+
+	return error == XYZA_OK || error == XYZA_ERR_RANGE;
+}
+
 enum db_step xyza_answer(struct db_conversation *talk, const uint8_t *frame, size_t length)
 {
 	const struct db_exchange *exchange = talk->exchange;
@@ -105,8 +114,7 @@ enum db_step xyza_answer(struct db_conversation *talk, const uint8_t *frame, siz
 
 	if (is_raw(talk->job))
 		return xyza_answer_raw(talk, frame, length);
-	if (xyza_decode_reply(frame, length, &reply) != XYZA_OK ||
-	    xyza_decode_request(exchange->request, exchange->request_length, &request) != XYZA_OK ||
+	if (xyza_decode_reply(frame, length, &reply) != XYZA_OK || !read_own(exchange, &request) ||
 	    !xyza_fits(&request, &reply))
 		return DB_STEP_IGNORE;
 	/* The exchange is as it was. */

@@ -1024,6 +1024,13 @@ static void test_parameters_beside_what_is_not_set(void **state)
 		assert_int_equal(xyza_encode_request(&request, frame, sizeof frame),
 		                 XYZA_DATA_FRAME);
 	}
+	/* What goes back as it was read need not be documented, what changes must. */
+	assert_true(xyza_item_in_range(XYZA_ITEM_ENABLE, 0x80000011, 0xFFFFFFFE));
+	assert_false(xyza_item_in_range(XYZA_ITEM_ENABLE, 0x80000011, 0x7FFFFFFE));
+	assert_false(xyza_item_in_range(XYZA_ITEM_ENABLE, 0x11, 0xFFFFFF00));
+	assert_true(xyza_item_in_range(XYZA_ITEM_KEYS, 0x050706, 0xFFFFFF00));
+	assert_false(xyza_item_in_range(XYZA_ITEM_KEYS, 0x050709, 0xFFFFFF00));
+	assert_false(xyza_item_in_range(XYZA_ITEM_KEYS, 0x050706, 0xFF00FFFF));
 	/* To take a key away is not documented. */
 	assert_false(in_range(XYZA_START_KEY, 0));
 	assert_false(in_range(XYZA_STOP_KEY, 0));

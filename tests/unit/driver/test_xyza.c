@@ -1867,6 +1867,31 @@ static void enabling_an_axis_leaves_the_others(void **state)
 	drop(f);
 }
 
+/* The document does not know all bits and keys that controllers have: they go back as they came. */
+static void what_is_not_changed_need_not_be_in_range(void **state)
+{
+	struct fixture *f = make(0xF);
+
+	(void)state;
+	*memory(f, 0xE5, 0xC1) = 0x01000011;
+	assert_string_equal(whole(f, command(f, 1, DB_CMD_ENABLE, (struct db_args){ 0 })),
+	                    "0AF10103E5C1 0BF10103E5C113000001 0AF10103E5C1 =ok");
+	assert_string_equal(whole(f, command(f, 0, DB_CMD_DISABLE, (struct db_args){ 0 })),
+	                    "0AF10103E1A3 0AF10103E5C1 0BF10103E5C112000001 0AF10103E5C1 =ok");
+	*memory(f, 0xE5, 0xC2) = 0x050706;
+	assert_string_equal(whole(f, set(f, 0, XYZA_START_KEY, 1)),
+	                    "0AF10103E5C2 0BF10103E5C201070500 0AF10103E5C2 =ok");
+	assert_int_equal(plate(f, 0)->values[XYZA_PAUSE_KEY].u, 5);
+	/* What is written is. */
+	assert_int_equal(
+		db_driver_xyza.check_param(&f->bus, XYZA_PAUSE_KEY, (union db_value){ .u = 5 }),
+		DB_RESULT_OUT_OF_RANGE);
+	assert_int_equal(
+		db_driver_xyza.check_param(&f->bus, XYZA_ENABLE, (union db_value){ .u = 0x11 }),
+		DB_RESULT_OUT_OF_RANGE);
+	drop(f);
+}
+
 static void what_an_axis_has_alone_stays_its_own(void **state)
 {
 	struct fixture *f = make(3);
@@ -2130,6 +2155,7 @@ int main(void)
 		cmocka_unit_test(a_jog_with_limits_looks_at_its_brakes),
 		cmocka_unit_test(one_key_is_changed_and_the_others_kept),
 		cmocka_unit_test(enabling_an_axis_leaves_the_others),
+		cmocka_unit_test(what_is_not_changed_need_not_be_in_range),
 		cmocka_unit_test(what_an_axis_has_alone_stays_its_own),
 		cmocka_unit_test(what_is_read_back_counts),
 		cmocka_unit_test(what_is_so_already_is_not_written),
