@@ -150,6 +150,7 @@ static const struct sim_key DRIVE_KEYS[] = {
 	FLAG ("jogs-from-stand",     "false"),
 	FLAG ("second-stop-ends",    "false"),
 	FLAG ("ordered-speeds",      "false"),
+	FLAG ("latches-speed",       "false"),
 	FLAG ("takes-any",           "false"),
 	WHOLE("idle-state",          "0", 0, UINT8_MAX),
 	WHOLE("braking-ms",          "0", 0, TIME_MAX_MS),

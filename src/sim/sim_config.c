@@ -377,6 +377,7 @@ static void read_xyza_temper(const struct sim_section *section, struct sim_xyza_
 		.jogs_from_stand = sim_section_flag(section, "jogs-from-stand"),
 		.second_stop_ends = sim_section_flag(section, "second-stop-ends"),
 		.ordered_speeds = sim_section_flag(section, "ordered-speeds"),
+		.latches_speed = sim_section_flag(section, "latches-speed"),
 		.takes_any = sim_section_flag(section, "takes-any"),
 		.idle_state = (uint8_t)sim_section_whole(section, "idle-state"),
 		.motion_delay = read_ms(section, "motion-delay-ms"),

@@ -345,6 +345,10 @@ static bool start_jog(struct sim_xyza *controller, const struct xyza_request *re
 		    sim_xyza_axes_moving(&controller->axes, (enum xyza_axis)axis))
 			return false;
 	}
+	if (controller->config.temper.latches_speed &&
+	    sim_xyza_axes_moving(&controller->axes, request->axis) &&
+	    (sim_xyza_speed(controller, request->axis) < 0.0) == request->negative)
+		return true;
 	sim_xyza_axes_jog(&controller->axes, request->axis, request->negative ? -speed : speed,
 	                  controller->now);
 	return true;

@@ -49,6 +49,7 @@ struct sim_xyza_temper {
 	enum sim_settles settles; /* its number; the manual has no power-up */
 	bool jogs_from_stand;     /* an axis that moves takes no jog */
 	bool second_stop_ends;    /* a program that waits is ended by another stop */
+	bool latches_speed;       /* an axis that moves goes on at the speed that it began with */
 	bool takes_any;           /* items may have values that the document does not name */
 	bool ordered_speeds;      /* min_speed is never above max_speed */
 	db_time motion_delay;     /* a jog begins so much later */

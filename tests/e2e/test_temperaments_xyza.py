@@ -45,6 +45,8 @@ TEMPERAMENTS = [
     xyza("lacks", ["program"], "program_state shows 65535; commands to programs are unproven, and "
          "stops go to both modes."),
     xyza("idle-state", 6, "program_state shows it; that a program has ended is not known."),
+    xyza("latches-speed", True, "Another speed the same way, while it moves, is failed, and the axis "
+         "is stopped."),
     xyza("takes-any", True, "Values that the document does not name are shown, and stay."),
     xyza("clamps", True, "A speed that the controller makes smaller is refused; its register shows "
          "what it has become."),

@@ -252,17 +252,28 @@ def test_commands_in_frames(xyza):
 
 
 def test_another_speed_the_same_way(make_xyza):
-    """Nothing stops. That the drive goes at the new speed nothing tells but its velocity."""
+    """Nothing stops. That the drive goes at the new speed its velocity tells."""
     bridge = make_xyza(axes="x")
     drive = bridge.drive()
     assert drive.command("move_velocity", target_velocity=500) == 0
     eventually(lambda: drive.read("position") > 50)
     mark = len(requests(bridge))
-    assert drive.command("move_velocity", target_velocity=1500) == 0
-    assert drive.read("result") == RESULT_UNPROVEN
+    assert drive.settle("move_velocity", target_velocity=1500) == RESULT_OK
+    assert bridge.sim.get()["x_speed"] == 1500
     assert not [frame for frame in requests(bridge)[mark:] if frame.startswith("F3010302")]
-    eventually(lambda: drive.read("velocity") > 1200, what="speed")
+    # A little more it cannot be told from its positions.
+    assert drive.settle("move_velocity", target_velocity=1600) == RESULT_UNPROVEN
     stand(bridge)
+
+
+@pytest.mark.parametrize("axes", ["x", "xyza"])
+def test_another_speed_that_is_ignored_has_failed(make_xyza, axes):
+    bridge = make_xyza(axes=axes, sim_drive={"latches-speed": True})
+    drive = bridge.drive()
+    assert drive.settle("move_velocity", target_velocity=500) == RESULT_OK
+    eventually(lambda: 400 < drive.read("velocity") < 600, what="speed")
+    assert drive.settle("move_velocity", target_velocity=2000) == code("result", "failed")
+    eventually(lambda: bridge.sim.get()["x_speed"] == 0, what="a stand")
 
 
 def test_another_speed_from_a_stand(make_xyza):

@@ -7,6 +7,16 @@
 
 #include <math.h>
 
+/* A speed that is computed from positions wavers: by this share, and by so many pulses of a cycle. Of two
+ * that are no further apart it cannot be told which one it is. */
+#define SPEED_SHARE 0.2f
+#define SPEED_PULSES 4.0f
+/* So many in a row show it; and so many at least are looked at before it counts as ignored. */
+#define SPEED_NEAR 2
+#define SPEED_SAMPLES 4
+/* How long it may come no nearer, beyond the time in which an effect shows. */
+#define SPEED_TIME DB_NS_PER_S
+
 /* How long an axis that was told to stop may go on without getting slower. */
 #define STOP_TIME (2 * DB_NS_PER_S)
 
@@ -452,6 +462,66 @@ static bool was_seen_elsewhere(const struct db_device *device, struct xyza_plan 
 	return device->position != plan->from;
 }
 
+static bool is_speed_next(const struct xyza_plan *plan)
+{
+	return plan->at + 1 < plan->count && plan->steps[plan->at + 1].kind == STEP_EXPECT_SPEED;
+}
+
+/* Whether what is computed from positions shows which of the two speeds it has. */
+static bool can_tell_speeds(const struct db_device *device, const struct xyza_plan *plan)
+{
+	float faster = fmaxf(fabsf(plan->speed), fabsf(plan->speed_before));
+	float pulses = SPEED_PULSES * (float)DB_NS_PER_S / (float)device->span;
+
+	return device->span > 0 &&
+	       fabsf(plan->speed - plan->speed_before) > fmaxf(SPEED_SHARE * faster, pulses);
+}
+
+/* A cycle has found it at a speed that it was told. */
+static void take_speed(struct xyza_plan *plan, float velocity, db_time now)
+{
+	float distance = fabsf(velocity - plan->speed);
+	float change = fabsf(plan->speed - plan->speed_before);
+	bool near = distance <= fmaxf(change / 2.0f, SPEED_SHARE / 2.0f * fabsf(plan->speed));
+
+	plan->samples++;
+	plan->near = near ? plan->near + 1 : 0;
+	if (distance >= plan->least_speed)
+		return;
+	plan->least_speed = distance;
+	plan->progress = now;
+}
+
+/* The speed was read back, and that it moves it did before: only its velocity shows that it has heard of the
+ * jog. However long it takes, it is no failure as long as it comes nearer. */
+static enum db_step answer_speed(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+	struct xyza_plan *plan = plan_of(talk);
+	struct db_device *device = talk->device;
+
+	if (plan->stops != device->first->stops)
+		return end_job(talk, DB_RESULT_CANCELLED);
+	if (plan->entered == 0) {
+		plan->entered = plan->progress = plan->sampled = talk->now;
+		plan->least_speed = INFINITY;
+	}
+	if (reply->value == 0 && device->taken > plan->sampled) {
+		plan->sampled = device->taken;
+		take_speed(plan, device->velocity, talk->now);
+	}
+	if (plan->near >= SPEED_NEAR) {
+		plan->unproven = false;
+		return say_next(talk);
+	}
+	if (reply->value == 0 && (plan->samples < SPEED_SAMPLES ||
+	                          talk->now - plan->progress <= device->reaction + SPEED_TIME))
+		return ask_again(talk);
+	/* It is ended: at another speed than its writer knows of it is not to go on. */
+	plan->at = plan->count;
+	return say_current(talk);
+}
+
 static enum db_step answer_moving(struct db_conversation *talk)
 {
 	const struct xyza_reply *reply = talk->reply;
@@ -468,6 +538,8 @@ static enum db_step answer_moving(struct db_conversation *talk)
 		/* Where only its place shows that it moves, what it says of standing is still to come. */
 		if (reply->value == 0)
 			device->expected_by = 0;
+		if (is_speed_next(plan) && !can_tell_speeds(device, plan))
+			plan->at++;
 		return say_next(talk);
 	}
 	/* It may stand because it was stopped: the operator of another axis stops all of them. */
@@ -612,6 +684,7 @@ const struct conversation_step xyza_plan_steps[] = {
 	[STEP_EXPECT] = { say_planned, 0, answer_expected, refuse_effect, lose_planned },
 	[STEP_EXPECT_PARAM] = { say_planned, 0, answer_param, refuse_effect, lose_planned },
 	[STEP_EXPECT_MOVING] = { say_planned, 0, answer_moving, refuse_effect, lose_planned },
+	[STEP_EXPECT_SPEED] = { say_planned, 0, answer_speed, refuse_effect, lose_planned },
 	[STEP_EXPECT_PROGRAM] = { say_planned, 0, answer_program, refuse_effect, lose_planned },
 	[STEP_RETREAT] = { say_planned, 0, answer_retreat, answer_retreat, lose_retreat },
 };

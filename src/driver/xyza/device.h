@@ -23,6 +23,7 @@ enum xyza_plan_kind {
 	STEP_EXPECT, /* read: what is wanted of it shows that the step before had its effect */
 	STEP_EXPECT_PARAM,   /* read: likewise of one parameter in it */
 	STEP_EXPECT_MOVING,  /* read: likewise of a jog */
+	STEP_EXPECT_SPEED,   /* read: again until cycles have seen it at the speed that is wanted */
 	STEP_EXPECT_PROGRAM, /* read: likewise of a command to the program */
 	STEP_RETREAT, /* a stop, for when the last of them fails; what follows is the command's end */
 	PLAN_KINDS
@@ -45,17 +46,22 @@ struct xyza_step {
 /* What a command or one parameter write consists of, and where it is. */
 struct xyza_plan {
 	struct xyza_step *steps;
-	unsigned count;  /* behind them may be a RETREAT */
-	unsigned at;     /* the one that was said last */
-	size_t setting;  /* of a parameter write: which of its parameters */
-	unsigned stops;  /* of a jog: the stops that there had been when it began */
-	bool stop_taken; /* of a stop: one of its two modes was stopped, or none needs to */
-	bool acted;      /* something that changes the controller was sent */
-	bool runs_on;    /* the axis is jogged on the way that it goes already */
-	bool lost;       /* the answer to the command itself was */
-	bool refused;    /* the controller said that it did not take it */
-	bool unproven;   /* nothing that can be read shows what it did */
-	float ramp;      /* LEARN: what the ramp is to be, Hz/s */
+	unsigned count;     /* behind them may be a RETREAT */
+	unsigned at;        /* the one that was said last */
+	size_t setting;     /* of a parameter write: which of its parameters */
+	unsigned stops;     /* of a jog: the stops that there had been when it began */
+	bool stop_taken;    /* of a stop: one of its two modes was stopped, or none needs to */
+	bool acted;         /* something that changes the controller was sent */
+	bool runs_on;       /* the axis is jogged on the way that it goes already */
+	bool lost;          /* the answer to the command itself was */
+	bool refused;       /* the controller said that it did not take it */
+	bool unproven;      /* nothing that can be read shows what it did */
+	float ramp;         /* LEARN: what the ramp is to be, Hz/s */
+	float speed_before; /* EXPECT_SPEED: its velocity when the command began, Hz ... */
+	float speed;        /* ... and what it is to be */
+	db_time sampled;    /* the last velocity that was looked at */
+	unsigned samples;   /* so many were ... */
+	unsigned near;      /* ... and so many of the last ones are near it */
 	unsigned mends;
 	db_time answered; /* when the last answer came; the next is not older */
 	db_time asked;    /* what came last was read after this */
@@ -64,8 +70,8 @@ struct xyza_plan {
 	bool before_read; /* it could be read */
 	bool from_known;  /* `from` is where it was first seen since */
 	int32_t from;
-	db_time progress; /* when the axis was last seen slower than ever before; 0 */
-	float least_speed;
+	db_time progress; /* when the axis was last seen slower than ever before, or nearer to its speed; 0 */
+	float least_speed; /* that speed, or the distance to what is wanted */
 };
 
 /* Reading all parameters, item by item. */
@@ -111,6 +117,7 @@ struct db_device {
 	bool negative;
 	int32_t position;
 	float velocity; /* computed from two positions */
+	db_time span;   /* between these two; 0: there are none */
 	db_time taken;
 	bool jogging;        /* it was told to, and was not seen to stand since */
 	bool jog_negative;   /* ... that way */

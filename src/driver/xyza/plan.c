@@ -226,6 +226,11 @@ static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool nega
 	add_braking_read(plan, device);
 	add_verb(plan, device, XYZA_MANUAL_JOG)->request.negative = negative;
 	add_kind(plan, device, XYZA_READ_STANDING, STEP_EXPECT_MOVING);
+	if (plan->runs_on && speed > 0.0f) {
+		plan->speed = negative ? -speed : speed;
+		plan->speed_before = device->velocity;
+		add_kind(plan, device, XYZA_READ_STANDING, STEP_EXPECT_SPEED);
+	}
 	/* It must not begin when its writer has heard that it did not. */
 	add_kind(plan, device, XYZA_MANUAL_STOP, STEP_RETREAT);
 	plan->count--;

@@ -224,11 +224,12 @@ static void take_position(struct db_device *device, const struct db_device *firs
 	if (first->poll_placed != device->placed || first->poll_taken < device->held_until ||
 	    !xyza_position(first->poll_magnitude, first->poll_negative, &position))
 		return;
-	if (device->heard && first->poll_taken > device->taken)
+	if (device->heard && first->poll_taken > device->taken) {
+		device->span = first->poll_taken - device->taken;
 		device->velocity = stands ? 0.0f :
 		                            (float)((double)position - (double)device->position) *
-		                                    (float)DB_NS_PER_S /
-		                                    (float)(first->poll_taken - device->taken);
+		                                    (float)DB_NS_PER_S / (float)device->span;
+	}
 	device->position = position;
 	device->negative = first->poll_negative;
 	device->taken = first->poll_taken;

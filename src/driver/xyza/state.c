@@ -283,7 +283,7 @@ void xyza_forget_state(struct db_device *device)
 	device->heard = false;
 	device->params_valid = false;
 	device->jogging = device->fresh = device->stopping = false;
-	device->expected_by = device->held_until = 0;
+	device->expected_by = device->held_until = device->span = 0;
 	/* Another one may come back, which has what this one had not. */
 	device->unread = 0;
 	device->plate.missing = 0;

@@ -1098,6 +1098,88 @@ static void another_speed_is_taken_while_it_moves(void **state)
 	drop(f);
 }
 
+/* Goes on at this speed and is asked once more; 100 ms pass. */
+static const char *ask_at_speed(struct fixture *f, int32_t *position, int32_t speed)
+{
+	struct db_job job = f->job;
+
+	f->now += 100 * MS;
+	poll_all(f, false, *position += speed / 10, 0);
+	f->job = job;
+	compose("0AF10103E1A3", f->bytes);
+	f->exchange.request_length = 9;
+	return value(f, 0);
+}
+
+/* x runs at 500 Hz, and is to run at 1500: up to where only its velocity can show it. Its position. */
+static int32_t begin_another_speed(struct fixture *f)
+{
+	poll_all(f, false, 1000, 0);
+	f->now += 93 * MS;
+	poll_all(f, false, 1050, 0);
+	command(f, 0, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 1500.0f });
+	assert_string_equal(value(f, 500), "0BF10103E2A4DC050000");
+	answer(f, OK_DATA);
+	assert_string_equal(value(f, 1500), "0AF3010303A1");
+	assert_string_equal(answer(f, OK_MANUAL), "0AF10103E1A3");
+	return 1050;
+}
+
+/* Another speed is there when cycles have seen it, and not when it was acknowledged. */
+static void another_speed_shows_in_its_velocity(void **state)
+{
+	struct fixture *f = make(1);
+	int32_t position = begin_another_speed(f);
+
+	(void)state;
+	assert_string_equal(value(f, 0), "0AF10103E1A3");
+	assert_string_equal(ask_at_speed(f, &position, 500), "0AF10103E1A3");
+	assert_string_equal(ask_at_speed(f, &position, 800), "0AF10103E1A3");
+	assert_string_equal(ask_at_speed(f, &position, 1450), "0AF10103E1A3");
+	assert_string_equal(ask_at_speed(f, &position, 1550), "=ok");
+	drop(f);
+
+	/* Ramps take as long as they like. */
+	f = make(1);
+	position = begin_another_speed(f);
+	value(f, 0);
+	for (int32_t speed = 500; speed < 980; speed += 40)
+		assert_string_equal(ask_at_speed(f, &position, speed), "0AF10103E1A3");
+	ask_at_speed(f, &position, 1100);
+	assert_string_equal(ask_at_speed(f, &position, 1200), "=ok");
+	drop(f);
+}
+
+/* It stays as it was: it has not done it, and is stopped, so that it does not do it later. */
+static void another_speed_that_is_ignored_fails(void **state)
+{
+	struct fixture *f = make(1);
+	int32_t position = begin_another_speed(f);
+	const char *said = value(f, 0);
+	struct db_job job;
+
+	(void)state;
+	for (unsigned i = 0; i < 20 && strcmp(said, "0AF301030200") != 0; i++) {
+		assert_string_equal(said, "0AF10103E1A3");
+		said = ask_at_speed(f, &position, 500);
+	}
+	assert_string_equal(said, "0AF301030200");
+	assert_string_equal(answer(f, OK_MANUAL), "=failed");
+	drop(f);
+	/* One that is stopped meanwhile has not failed. */
+	f = make(1);
+	begin_another_speed(f);
+	value(f, 0);
+	job = f->job;
+	command(f, 0, DB_CMD_STOP, (struct db_args){ 0 });
+	f->job = job;
+	f->request = (struct db_request){ .command = DB_CMD_MOVE_VELOCITY,
+		                          .args = { .target_velocity = 1500.0f } };
+	compose("0AF10103E1A3", f->bytes);
+	assert_string_equal(value(f, 0), "=cancelled");
+	drop(f);
+}
+
 static void a_stop_stops_what_runs(void **state)
 {
 	struct fixture *f = make(3);
@@ -2134,6 +2216,8 @@ int main(void)
 		cmocka_unit_test(a_stand_from_before_a_programs_motion_is_none),
 		cmocka_unit_test(slow_brakes_are_no_failure),
 		cmocka_unit_test(another_speed_is_taken_while_it_moves),
+		cmocka_unit_test(another_speed_shows_in_its_velocity),
+		cmocka_unit_test(another_speed_that_is_ignored_fails),
 		cmocka_unit_test(a_stop_stops_what_runs),
 		cmocka_unit_test(a_position_is_set),
 		cmocka_unit_test(a_position_that_is_not_taken_is_no_success),
