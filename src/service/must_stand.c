@@ -36,6 +36,15 @@ struct must_stand {
 	size_t count;
 };
 
+/* The loop's time: of when this turn of it began. */
+static db_time time_of(const struct service *service)
+{
+	uint64_t us = 0;
+
+	sd_event_now(service->loop, CLOCK_MONOTONIC, &us);
+	return (db_time)us * DB_NS_PER_US;
+}
+
 /* --- the file ------------------------------------------------------------------------------------------------ */
 
 static void log_failure(struct service *service, const char *what, int error)
@@ -43,7 +52,7 @@ static void log_failure(struct service *service, const char *what, int error)
 	struct must_stand *known = service->must_stand;
 
 	if (!known->failed)
-		db_log(&service->log, service_now(service), DB_EVENT_FAILED, NULL,
+		db_log(&service->log, time_of(service), DB_EVENT_FAILED, NULL,
 		       "cannot %s %s: %s; a restart of the service forgets which drives must stand",
 		       what, known->path, strerror(error));
 	known->failed = true;
@@ -150,10 +159,8 @@ static int read_file(struct service *service)
 
 static void look_in(struct service *service, uint64_t us)
 {
-	uint64_t now = 0;
-
-	sd_event_now(service->loop, CLOCK_MONOTONIC, &now);
-	sd_event_source_set_time(service->must_stand->timer, now + us);
+	sd_event_source_set_time(service->must_stand->timer,
+	                         (uint64_t)(time_of(service) / DB_NS_PER_US) + us);
 	sd_event_source_set_enabled(service->must_stand->timer, SD_EVENT_ONESHOT);
 }
 
@@ -207,7 +214,7 @@ static bool look_at_drive(struct service *service, const struct plant_drive *dri
 	db_axis_read(drive->axis, &snapshot);
 	if (former)
 		db_registers_stand(service->registers, drive->number, former->command,
-		                   DB_STAND_RESTART, service_now(service));
+		                   DB_STAND_RESTART, time_of(service));
 	if (!former && snapshot.must_stand.cause == DB_STAND_FREE)
 		return false;
 	describe(entry, drive, former ? (uint16_t)former->command : snapshot.must_stand.command);
