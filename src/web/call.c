@@ -20,11 +20,9 @@ static void take_answer(void *data, json_t *parameters, const struct db_client_e
                         bool more)
 {
 	struct ticket *ticket = data;
-	struct db_web_request *request = ticket->server->requests;
+	struct db_web_request *request = db_web_request_find(ticket->server, ticket->number);
 
 	(void)more;
-	while (request && request->number != ticket->number)
-		request = request->next;
 	if (error && ticket->acts)
 		db_client_log(DB_CLIENT_NOTICE, "%s: %s failed: %s", ticket->caller.text,
 		              ticket->method, error->text);

@@ -68,6 +68,15 @@ json_t *db_web_error_describe(const struct db_client_error *error, unsigned *sta
 
 /* --- answers ---------------------------------------------------------------------------------- */
 
+struct db_web_request *db_web_request_find(const struct db_web_server *server, uint64_t number)
+{
+	struct db_web_request *request = server->requests;
+
+	while (request && request->number != number)
+		request = request->next;
+	return request;
+}
+
 void db_web_request_resume(struct db_web_request *request)
 {
 	if (!request->suspended)

@@ -19,7 +19,7 @@ struct db_web_request {
 	struct db_web_request *next;
 	struct db_web_server *server;
 	struct MHD_Connection *connection;
-	uint64_t number; /* no other request has had it */
+	uint64_t number;                 /* no other request has had it */
 	struct db_web_route route;
 
 	/* Whose it is. */
@@ -58,6 +58,9 @@ struct db_web_request {
 	void (*end_stream)(struct db_web_stream *stream);
 	struct db_web_stream *stream;
 };
+
+/* The request of this number; NULL: it has been answered and is gone. */
+struct db_web_request *db_web_request_find(const struct db_web_server *server, uint64_t number);
 
 /* Answers with an object, which is taken over. */
 void db_web_request_answer(struct db_web_request *request, unsigned status, json_t *body);

@@ -19,8 +19,10 @@ struct db_web_stops;
 struct db_web_stops *db_web_stops_new(struct db_web_server *server);
 void db_web_stops_free(struct db_web_stops *stops);
 
-/* Tells it for the user, and answers the request. */
-void db_web_stops_call(struct db_web_stops *stops, struct db_web_request *request, db_time within);
+/* Tells it for the user, and answers the request. One that its page sends again, because it had no answer yet, takes
+ * the answer of the one before, which is answered with pending: the service is not told twice what it is at. False
+ * then. */
+bool db_web_stops_call(struct db_web_stops *stops, struct db_web_request *request, db_time within);
 
 /* Stops one drive. `answer`: as of db_web_link_send(). -1 when it will not come: the stop was told without, or the service
  * is away. */

@@ -236,9 +236,9 @@ static void stop(struct db_web_request *request, const char *drive)
 {
 	struct db_web_tab *tab = find_tab(request);
 	bool waits = tab && db_web_link_waiting(tab->act) > 0;
+	bool is_new = db_web_stops_call(request->server->stops, request, ACT_WITHIN);
 
-	db_web_stops_call(request->server->stops, request, ACT_WITHIN);
-	if (waits)
+	if (waits && is_new)
 		(void)db_web_link_tell(tab->act, request->route.name,
 		                       json_incref(request->parameters));
 	if (tab)

@@ -6,6 +6,7 @@ import contextlib
 import csv
 import io
 import re
+import signal
 import time
 
 import pytest
@@ -370,6 +371,84 @@ def test_two_browsers_and_a_plc_want_one_drive(make_site, visit):
     assert len(motions(bridge)) == 2
     anna.page.locator("#control-release").click()
     expect(ben.page.locator("#control")).to_have_attribute("data-control", "nobody")
+
+
+# --- a stop that is not confirmed --------------------------------------------------------------------------------
+
+# Notes in the page when something was pressed, and when the alarm was to be seen first: both by the page's clock, ms.
+WATCH_ALARM = """() => {
+    window.seen = {};
+    const alarm = document.getElementById("stop-alarm");
+    for (const press of ["click", "keydown"])
+        window.addEventListener(press, () => { window.seen.pressed ??= performance.now(); }, true);
+    new MutationObserver(() => {
+        if (!alarm.hidden && alarm.dataset.kind === "unconfirmed")
+            window.seen.alarm ??= performance.now();
+    }).observe(alarm, { attributes: true });
+}"""
+
+
+@contextlib.contextmanager
+def hung(process):
+    """One that does not run any more, and is not gone either."""
+    process.send_signal(signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        process.send_signal(signal.SIGCONT)
+
+
+@pytest.mark.parametrize("who", ["server", "service"])
+@pytest.mark.parametrize("how", ["stop", "key", "all"])
+def test_a_stop_that_is_not_confirmed_is_seen_and_repeated(site, visit, who, how):
+    """The page's server, or the service, hangs: nobody may believe that the drive was told."""
+    bridge, visitor = site.bridge, visit(site)
+    page = visitor.page
+    visitor.go("" if how == "all" else "drive/drive1")
+    if how != "all":
+        expect(page.locator("#drive-state")).to_have_text("Standstill")
+    bridge.drive(1).settle("move_velocity", target_velocity=640)
+    wait_moving(bridge)
+    page.evaluate(WATCH_ALARM)
+    alarm = page.locator("#stop-alarm")
+    with hung(site.process if who == "server" else bridge.process):
+        if how == "key":
+            page.keyboard.press("Space")
+        else:
+            page.locator("#stop-all" if how == "all" else "#stop").click()
+        expect(alarm).to_be_visible()
+        expect(alarm).to_contain_text("NOT CONFIRMED: use the emergency stop")
+        expect(alarm).to_contain_text("all drives" if how == "all" else "drive1: stop")
+        seen = page.evaluate("window.seen")
+        # Half a second, and a look of a page that may not get the processor at once.
+        assert 450 <= seen["alarm"] - seen["pressed"] < 2500, seen
+        # It stays, longer than a try lasts, and so does the drive's motion.
+        eventually(lambda: page.evaluate("performance.now() - window.seen.alarm > 2500"))
+        expect(alarm).to_be_visible()
+        assert is_moving(bridge)
+        since = time.monotonic()
+    # Nobody presses anything any more.
+    wait_stand(bridge, since)
+    expect(alarm).to_be_hidden()
+
+
+def test_a_stop_that_the_drive_does_not_confirm_can_be_taken_away_by_hand(site, visit):
+    bridge, visitor = site.bridge, visit(site)
+    page = visitor.page
+    alarm = page.locator("#stop-alarm")
+    bridge.sim.fault("silence on", "drive2")
+    expect(page.locator('tr[data-drive="drive2"]')).to_contain_text("Offline")
+    page.locator("#stop-all").click()
+    # It is named, and the one that stands is not.
+    expect(alarm).to_contain_text("drive2: stop (")
+    expect(alarm).not_to_contain_text("drive1")
+    page.get_by_role("button", name="I have seen to it").click()
+    expect(alarm).to_be_hidden()
+    # Pressed again, and confirmed when it is there again.
+    page.locator('[data-stop="drive2"]').click()
+    expect(alarm).to_contain_text("NOT CONFIRMED")
+    bridge.sim.fault("silence off", "drive2")
+    expect(alarm).to_be_hidden()
 
 
 # --- for everybody -----------------------------------------------------------------------------------------------

@@ -15,6 +15,8 @@ const RETRY_FIRST_MS = 250;
 const RETRY_MOST_MS = 2000;
 const CALLS_AT_ONCE = 2;
 const CALL_TIMEOUT_MS = 15000;
+/* Of one try of a stop, which is sent again (stops.js). */
+const STOP_TIMEOUT_MS = 1000;
 const ALIVE_EVERY_MS = 1000;
 const EVENT_MOST = 4 * 1024 * 1024;
 /* Methods of the control socket that act; their tab is named, and lives by saying so. */
@@ -81,7 +83,7 @@ export async function logOut() { return takeSession(await ask("POST", "logout", 
 
 /* --- calls ------------------------------------------------------------------------------------ */
 
-async function request(method, path, parameters, { signal, keepalive, named, number } = {}) {
+async function request(method, path, parameters, { signal, keepalive, named, number, stops } = {}) {
 	const headers = {};
 
 	if (method === "POST") {
@@ -100,6 +102,7 @@ async function request(method, path, parameters, { signal, keepalive, named, num
 			credentials: "same-origin",
 			cache: "no-store",
 			redirect: "error",
+			priority: stops ? "high" : "auto",
 			keepalive,
 			signal,
 		});
@@ -167,7 +170,7 @@ function endTurn() {
 }
 
 /* Stops come first: they take no turn. */
-function isStop(method, parameters) {
+export function isStop(method, parameters) {
 	return (method === "Run" &&
 		["stop", "quick_stop", "disable"].includes(parameters.command)) ||
 		(method === "Write" && parameters.drive === "");
@@ -176,7 +179,8 @@ function isStop(method, parameters) {
 /*
  * One of the interface's methods (docs/io.drivebridge.Control.varlink) with its parameters;
  * resolves with those of its answer, rejects with an ApiError. What acts is never repeated by
- * itself, but for a stop whose token was another login's.
+ * itself, but for a stop whose token was another login's. A stop has STOP_TIMEOUT_MS: stops.js
+ * repeats it.
  */
 export async function call(method, parameters = {}) {
 	const acts = ACTING.has(method);
@@ -189,7 +193,8 @@ export async function call(method, parameters = {}) {
 		await takeTurn();
 	try {
 		return await askAgain(
-			`call/${method}`, parameters, { named: acts, stops: first, keepalive: first, number });
+			`call/${method}`, parameters, { named: acts, stops: first, keepalive: first, number,
+				timeout: first ? STOP_TIMEOUT_MS : CALL_TIMEOUT_MS });
 	} finally {
 		if (!first)
 			endTurn();

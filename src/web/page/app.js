@@ -22,14 +22,16 @@
  *   notify(text, kind)    a notice: info, ok, warning, error
  *   report(error)         an ApiError as a notice
  *   showAgain()           hides the view and shows it with the same arguments
- *   stop(drive, command)  stops a drive, stop or quick_stop, and says how it went
+ *   stop(drive, command)  stops a drive: stop, quick_stop or disable; sends it until it is confirmed, and shows
+ *                         that it is not. A promise of { result }, of null when somebody gave it up
  */
 import * as api from "./api.js";
-import { element, icon, setAttribute } from "./dom.js";
+import { element, icon, setAttribute, setText } from "./dom.js";
 import { createPlant, NEED } from "./plant.js";
 import { indexByName, inWords } from "./format.js";
 import * as login from "./login.js";
 import * as overview from "./overview.js";
+import { createStops } from "./stops.js";
 
 /* Those with `nav` stand in the navigation. */
 const VIEWS = {
@@ -102,12 +104,12 @@ const context = {
 	showAgain: () => showView(),
 	report: (error) => notify(error.message, "error"),
 	async stop(drive, command = "stop") {
-		try {
-			await api.call("Run", { drive, command });
-			notify(`${drive}: ${inWords(command)}: ok`, "ok");
-		} catch (error) {
-			notify(`${drive}: ${inWords(command)}: ${error.message}`, "error");
-		}
+		const answer = await stops.press(`${drive}: ${inWords(command)}`,
+			{ method: "Run", parameters: { drive, command } });
+
+		if (answer)
+			notify(`${drive}: ${inWords(command)}: ${inWords(answer.result)}`, "ok");
+		return answer;
 	},
 };
 
@@ -263,26 +265,64 @@ function moving() {
 		.map((drive) => drive.name);
 }
 
-/* One write stops all drives of all buses; should it fail, each is told by itself. */
+/* One write stops all drives of all buses. What fails of them is not known then: each is stopped by itself, and those
+ * that do not confirm it have names. */
 async function stopAll() {
 	const button = find("stop-all");
+	const eachByItself = () => {
+		const names = [...plant.drives.keys()];
+
+		names.forEach((drive) => context.stop(drive));
+		return names.length > 0;
+	};
 
 	button.classList.add("busy");
-	try {
-		await api.call("Write", { drive: "", values: { group_stop: 1 } });
-		notify("Every drive was told to stop and has confirmed it", "ok");
-	} catch (error) {
-		notify(`Stop of all: ${error.message}; each drive is told by itself`, "error");
-		await Promise.allSettled([...plant.drives.keys()].map(
-			(drive) => api.call("Run", { drive, command: "stop" })));
-	}
+	const answer = await stops.press("all drives",
+		{ method: "Write", parameters: { drive: "", values: { group_stop: 1 } } }, eachByItself);
+
 	button.classList.remove("busy");
+	if (answer)
+		notify("Every drive was told to stop and has confirmed it", "ok");
 	setTimeout(() => {
 		const names = moving();
 
 		if (names.length > 0)
 			notify(`Still moving: ${names.join(", ")}`, "error");
 	}, STAND_WITHIN_MS);
+}
+
+/* --- stops that are not confirmed ------------------------------------------------------------- */
+
+const stops = createStops({
+	send: ({ method, parameters }) => api.call(method, parameters),
+	onChange: showUnconfirmed,
+});
+
+function isBraking({ call, since }) {
+	const drive = plant.drives.get(call.parameters.drive);
+
+	return link === "live" && drive?.judgement.shape === "stopping" && drive.heardAt > since &&
+		performance.now() - drive.heardAt < api.SILENT_AFTER_MS;
+}
+
+function showUnconfirmed(late) {
+	const box = find("stop-alarm");
+	const braking = late.length > 0 && late.every(isBraking);
+	const oldest = Math.min(...late.map(({ since }) => since));
+
+	box.hidden = late.length === 0;
+	if (late.length === 0) {
+		box.hidePopover?.();
+		return;
+	}
+	box.showPopover?.();
+	setAttribute(box, "data-kind", braking ? "braking" : "unconfirmed");
+	setText(find("stop-alarm-words"), braking ? "Braking, not standing yet" :
+		"Stop NOT CONFIRMED: use the emergency stop");
+	setText(find("stop-alarm-names"), late.map(({ name, why }) => `${name}${why ? ` (${why})` : ""}`)
+		.join(", "));
+	setText(find("stop-alarm-time"), `for ${Math.floor((performance.now() - oldest) / 1000)} s; ` +
+		"it is sent again until it is confirmed");
 }
 
 /* --- the shell's head ------------------------------------------------------------------------- */
@@ -520,6 +560,8 @@ function start() {
 	setAttribute(stop, "aria-keyshortcuts", "Control+.");
 	setAttribute(stop, "title", "Every drive of every bus stops (Ctrl+.)");
 	stop.addEventListener("click", stopAll);
+	find("stop-alarm-icon").replaceWith(icon("warning"));
+	find("stop-alarm-dismiss").addEventListener("click", () => stops.giveUp());
 	window.addEventListener("keydown", (event) => {
 		if (event.key === "." && event.ctrlKey && !event.repeat && !stop.hidden) {
 			event.preventDefault();

@@ -3,7 +3,7 @@
  * All commands that a drive has, with fields for their arguments made from its registers; and what
  * became of them, as the drive's own history has it, whoever gave them.
  */
-import { call } from "./api.js";
+import { call, isStop } from "./api.js";
 import { element, newId, setAttribute, setText } from "./dom.js";
 import { asLabel, formatAddress, formatDuration, formatRange, formatReal, formatTime, formatValue,
 	hasBits, inWords, NONE, parseValue } from "./format.js";
@@ -51,7 +51,7 @@ function createField(register, scale, describedBy) {
 }
 
 /* The panel; onDone() is called when a command was taken. */
-export function createCommands({ drive, registers, commands, scale, onDone }) {
+export function createCommands({ context, drive, registers, commands, scale, onDone }) {
 	const said = element("p", { id: "command-result", class: "command-result", role: "status" });
 	const all = [...commands.values()].filter((command) => !STOPS.includes(command.name));
 	const others = all.filter((command) => command.arguments.length > 0);
@@ -93,10 +93,13 @@ export function createCommands({ drive, registers, commands, scale, onDone }) {
 
 		say(`${asLabel(name)} …`, "");
 		try {
-			const { result } = await call("Run", { drive, command: name, arguments: args });
+			const parameters = { drive, command: name, arguments: args };
+			const answer = await (isStop("Run", parameters) ? context.stop(drive, name) :
+				call("Run", parameters));
+			const result = answer?.result ?? "not confirmed";
 			const took = formatDuration((performance.now() - began) * 1000);
 
-			say(`${asLabel(name)}: ${inWords(result)} (${took})`, "ok");
+			say(`${asLabel(name)}: ${inWords(result)} (${took})`, answer ? "ok" : "error");
 			onDone(name);
 		} catch (error) {
 			fields.get(error.parameters?.name)?.mark(true);
