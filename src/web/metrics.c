@@ -39,7 +39,8 @@ static void put_own(FILE *out, const struct db_web_server *server)
 
 	put(out, "service_up", "gauge", "Whether drivebridged is connected.",
 	    db_web_service_is_up(server->service));
-	put(out, "connections", "gauge", "Connections of browsers.", server->connections);
+	put(out, "connections", "gauge", "Connections of browsers.",
+	    db_web_connections_count(server->connections));
 	put(out, "streams", "gauge", "Streams that are being read.", count_streams(server));
 	put(out, "requests_total", "counter", "Requests.", counts->requests);
 	put(out, "refused_total", "counter", "Requests that were refused.", counts->refused);
@@ -55,15 +56,13 @@ static void take_metrics(void *data, json_t *parameters, const struct db_client_
                          bool more)
 {
 	struct ticket *ticket = data;
-	struct db_web_request *request = ticket->server->requests;
+	struct db_web_request *request = db_web_request_find(ticket->server, ticket->number);
 	const char *service = json_string_value(json_object_get(parameters, "text"));
 	char *text = NULL;
 	size_t size = 0;
 	FILE *out;
 
 	(void)more;
-	while (request && request->number != ticket->number)
-		request = request->next;
 	out = request ? open_memstream(&text, &size) : NULL;
 	if (out) {
 		/* Without the service there is still what this program knows: that it is away. */

@@ -19,6 +19,7 @@ struct db_web_request {
 	struct db_web_request *next;
 	struct db_web_server *server;
 	struct MHD_Connection *connection;
+	struct db_web_connection *place; /* among the connections; NULL: it has none */
 	uint64_t number;                 /* no other request has had it */
 	struct db_web_route route;
 

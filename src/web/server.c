@@ -276,6 +276,20 @@ static void dispatch(struct db_web_request *request)
 	}
 }
 
+/* Its connection is worth more than one that has sent none. */
+static void note_head(struct db_web_request *request)
+{
+	const union MHD_ConnectionInfo *info = MHD_get_connection_info(
+		request->connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
+
+	request->place = info ? info->socket_context : NULL;
+	if (!request->place)
+		return;
+	request->place->heard = true;
+	request->place->known = request->session[0] != '\0';
+	request->place->busy = true;
+}
+
 static enum MHD_Result begin_request(struct db_web_server *server,
                                      struct MHD_Connection *connection, const char *url,
                                      const char *method, void **context)
@@ -298,6 +312,7 @@ static enum MHD_Result begin_request(struct db_web_server *server,
 	find_peer(request, lines.forwarded);
 	find_session(request);
 	check_head(request, lines.hosts);
+	note_head(request);
 	/* Who is refused is heard out first: an answer in the middle of a body may be lost with the connection. */
 	return request->status == MHD_HTTP_CONTENT_TOO_LARGE ? db_web_request_send(request) :
 	                                                       MHD_YES;
@@ -341,6 +356,8 @@ static enum MHD_Result handle_request(void *data, struct MHD_Connection *connect
 		request->taken = true;
 		/* The daemon keeps the path as long as the connection is in its hands. */
 		dispatch(request);
+		if (request->place)
+			request->place->waits = request->status == 0 || request->stream;
 	}
 	if (request->status != 0)
 		return db_web_request_send(request);
@@ -357,6 +374,8 @@ static void end_request(void *data, struct MHD_Connection *connection, void **co
 	(void)data;
 	(void)connection;
 	(void)how;
+	if (request && request->place)
+		request->place->busy = request->place->waits = false;
 	if (request)
 		db_web_request_free(request);
 	*context = NULL;
@@ -364,22 +383,35 @@ static void end_request(void *data, struct MHD_Connection *connection, void **co
 
 /* --- connections ------------------------------------------------------------------------------ */
 
+/* Behind a proxy that is believed there are many. */
+static bool is_counted(const struct db_web_server *server, const struct db_web_address *address)
+{
+	return !db_web_networks_have(&server->config->proxies, address);
+}
+
+/* The daemon closes it when it sees that nothing comes any more. */
+static void send_away(struct db_web_connection *connection)
+{
+	const union MHD_ConnectionInfo *info = MHD_get_connection_info(
+		connection->handle, MHD_CONNECTION_INFO_CONNECTION_FD);
+
+	if (info)
+		(void)shutdown(info->connect_fd, SHUT_RDWR);
+}
+
 static enum MHD_Result admit(void *data, const struct sockaddr *peer, socklen_t size)
 {
 	struct db_web_server *server = data;
-	const struct db_web_config *config = server->config;
+	struct db_web_connection *leaver;
 	struct db_web_address address;
 
 	(void)size;
-	if (!db_web_address_of(peer, &address))
+	if (!db_web_address_of(peer, &address) ||
+	    !db_web_connections_admit(server->connections, &address, is_counted(server, &address),
+	                              &leaver))
 		return MHD_NO;
-	if (db_web_networks_have(&config->proxies, &address))
-		return MHD_YES;
-	for (unsigned i = 0; i < config->connections; i++) {
-		if (server->peers[i].count >= config->connections_per_address &&
-		    memcmp(&server->peers[i].address, &address, sizeof(address)) == 0)
-			return MHD_NO;
-	}
+	if (leaver)
+		send_away(leaver);
 	return MHD_YES;
 }
 
@@ -390,29 +422,16 @@ static void count_connection(void *data, struct MHD_Connection *connection, void
 	const union MHD_ConnectionInfo *info = MHD_get_connection_info(
 		connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
 	struct db_web_address address;
-	unsigned place = server->config->connections;
 
-	(void)context;
-	server->connections += code == MHD_CONNECTION_NOTIFY_STARTED ? 1U : -1U;
-	if (!info || !db_web_address_of(info->client_addr, &address))
+	if (code != MHD_CONNECTION_NOTIFY_STARTED) {
+		db_web_connections_remove(server->connections, *context);
+		*context = NULL;
 		return;
-	for (unsigned i = 0; i < server->config->connections; i++) {
-		bool same = memcmp(&server->peers[i].address, &address, sizeof(address)) == 0;
-
-		if (server->peers[i].count > 0 && same) {
-			place = i;
-			break;
-		}
-		if (server->peers[i].count == 0 && place == server->config->connections)
-			place = i;
 	}
-	if (place == server->config->connections)
-		return;
-	server->peers[place].address = address;
-	if (code == MHD_CONNECTION_NOTIFY_STARTED)
-		server->peers[place].count++;
-	else if (server->peers[place].count > 0)
-		server->peers[place].count--;
+	if (!info || !db_web_address_of(info->client_addr, &address))
+		memset(&address, 0, sizeof(address));
+	*context = db_web_connections_add(server->connections, &address,
+	                                  is_counted(server, &address), connection);
 }
 
 /* --- the loop --------------------------------------------------------------------------------- */
@@ -581,7 +600,8 @@ static bool start_daemon(struct db_web_server *server)
 			(config->certificate ? MHD_USE_TLS : 0U),
 		0, admit, server, handle_request, server, MHD_OPTION_EXTERNAL_LOGGER, log_daemon,
 		server, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,
-		config->connections, MHD_OPTION_CONNECTION_MEMORY_LIMIT, CONNECTION_MEMORY,
+		config->connections + DB_WEB_CONNECTIONS_LEAVING,
+		MHD_OPTION_CONNECTION_MEMORY_LIMIT, CONNECTION_MEMORY,
 		MHD_OPTION_CONNECTION_TIMEOUT, CONNECTION_SILENT_S, MHD_OPTION_NOTIFY_COMPLETED,
 		end_request, server, MHD_OPTION_NOTIFY_CONNECTION, count_connection, server,
 		MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_ARRAY, config->certificate ? tls : none,
@@ -604,7 +624,8 @@ static bool start(struct db_web_server *server)
 	server->page = db_web_page_load(config->page);
 	if (!server->page)
 		return false;
-	server->peers = calloc(config->connections, sizeof(*server->peers));
+	server->connections = db_web_connections_new(config->connections,
+	                                             config->connections_per_address);
 	server->sessions = db_web_sessions_new(config->session_idle_min * 60 * DB_NS_PER_S,
 	                                       config->session_h * 3600 * DB_NS_PER_S);
 	server->hasher = db_web_hasher_new();
@@ -612,7 +633,7 @@ static bool start(struct db_web_server *server)
 	server->stops = db_web_stops_new(server);
 	if (server->service)
 		server->overview = db_web_overview_new(server);
-	if (!server->peers || !server->sessions || !server->hasher || !server->stops ||
+	if (!server->connections || !server->sessions || !server->hasher || !server->stops ||
 	    !server->overview ||
 	    getrandom(&server->attempts.seed, sizeof(server->attempts.seed), 0) < 0 ||
 	    sd_event_add_defer(server->loop, &server->turn, on_turn, server) < 0 ||
@@ -668,7 +689,7 @@ int db_web_serve(const struct db_web_config *config)
 	db_web_hasher_free(server.hasher);
 	db_web_sessions_free(server.sessions);
 	db_web_page_free(server.page);
-	free(server.peers);
+	db_web_connections_free(server.connections);
 	sd_event_source_disable_unref(server.ready);
 	sd_event_source_disable_unref(server.turn);
 	sd_event_source_disable_unref(server.tick);

@@ -6,9 +6,9 @@
 #include "drivebridge/time.h"
 
 #include "client/log.h"
-#include "web/address.h"
 #include "web/attempts.h"
 #include "web/config.h"
+#include "web/connections.h"
 #include "web/hasher.h"
 #include "web/page.h"
 #include "web/sessions.h"
@@ -57,11 +57,7 @@ struct db_web_server {
 	struct db_web_stream *streams;
 	struct db_web_tab *tabs;
 	uint64_t last_number; /* of requests */
-	unsigned connections;
-	struct {
-		struct db_web_address address;
-		unsigned count; /* 0: free */
-	} * peers;              /* as many as there may be connections */
+	struct db_web_connections *connections;
 	struct db_web_counts counts;
 };
 

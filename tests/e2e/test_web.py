@@ -867,6 +867,80 @@ def test_many_connections(gateway):
         link.close()
 
 
+class HalfRequests:
+    """So many connections from eight addresses that never come to the end of a head, a byte each now and then; where one is
+    closed another one comes at once."""
+
+    def __init__(self, webd, count):
+        self.webd = webd
+        self.links = [None] * count
+        self.going = True
+        self.thread = threading.Thread(target=self._go_on, daemon=True)
+
+    def __enter__(self):
+        self.thread.start()
+        return self
+
+    def __exit__(self, *unused):
+        self.going = False
+        self.thread.join(20)
+        for link in self.links:
+            if link:
+                link.close()
+
+    def _begin(self, number):
+        link = socket.create_connection(self.webd.address, 20, (f"127.0.0.{2 + number % 8}", 0))
+        link.sendall(b"GET / HTTP/1.1\r\nX-Slow: ")
+        return link
+
+    def _go_on(self):
+        while self.going:
+            for number, link in enumerate(self.links):
+                try:
+                    if link:
+                        link.sendall(b"x")
+                    else:
+                        self.links[number] = self._begin(number)
+                except OSError:
+                    if link:
+                        link.close()
+                    self.links[number] = None
+            time.sleep(0.1)
+
+    def there(self):
+        return all(self.links)
+
+
+def test_half_requests_keep_nobody_out(gateway):
+    """Who has not sent a whole head gives way to the next one: a stop over a new connection waits for none of them, nor does
+    whoever has not logged in yet."""
+    bridge = gateway.make_bridge()
+    webd = gateway.webd(bridge, server={"connections": 64, "connections-per-address": 32})
+    page = gateway.page(webd, OPERATOR)
+    page.run("drive1", "enable")
+
+    def time_stop():
+        beside = page.beside()
+        began = time.monotonic()
+        assert beside.run("drive1", "stop") == "ok"
+        took = time.monotonic() - began
+        beside.close()
+        return took
+
+    alone = [time_stop() for _ in range(9)]
+    with HalfRequests(webd, 100) as attack:
+        eventually(attack.there, what="each of them to have been there")
+        beside = [time_stop() for _ in range(9)]
+        assert gateway.page(webd).load()["service"]
+        # In the middle, because either may have met a moment of a busy machine.
+        assert sorted(beside)[4] < max(1.5 * sorted(alone)[4], sorted(alone)[-1]) + 0.02, (alone, beside)
+        # Who is at it all the while is not disturbed.
+        stream = page.stream("overview")
+        seen = stream.wait(lambda one: "samples" in one) and stream.count()
+        eventually(lambda: stream.count() > seen + 5, what="the stream to go on")
+    eventually(lambda: b"web_connections 2\n" in page.request("GET", "/metrics")[2], 20, "them to be gone")
+
+
 def test_ends_while_streams_are_suspended(gateway):
     """The library aborts when it is stopped with a connection that is suspended."""
     bridge = gateway.make_bridge()

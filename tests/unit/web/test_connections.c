@@ -1,0 +1,135 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "web/connections.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+#define MOST 8U
+#define MOST_PER_ADDRESS 4U
+
+static struct db_web_address address_of(unsigned char last)
+{
+	return (struct db_web_address){ .bytes = { [15] = last } };
+}
+
+/* One of this address comes; `leaver`: who had to go for it. */
+static struct db_web_connection *come(struct db_web_connections *connections, unsigned char last,
+                                      struct db_web_connection **leaver)
+{
+	struct db_web_address address = address_of(last);
+	struct db_web_connection *connection;
+
+	if (!db_web_connections_admit(connections, &address, true, leaver))
+		return NULL;
+	connection = db_web_connections_add(connections, &address, true, NULL);
+	assert_non_null(connection);
+	return connection;
+}
+
+static struct db_web_connection *come_alone(struct db_web_connections *connections,
+                                            unsigned char last)
+{
+	struct db_web_connection *leaver;
+	struct db_web_connection *connection = come(connections, last, &leaver);
+
+	assert_non_null(connection);
+	assert_null(leaver);
+	return connection;
+}
+
+static void hear(struct db_web_connection *connection, bool known, bool busy, bool waits)
+{
+	connection->heard = true;
+	connection->known = known;
+	connection->busy = busy;
+	connection->waits = waits;
+}
+
+static void test_the_oldest_of_the_busiest_goes(void **state)
+{
+	struct db_web_connections *connections = db_web_connections_new(MOST, MOST_PER_ADDRESS);
+	struct db_web_connection *first[3];
+	struct db_web_connection *leaver;
+
+	(void)state;
+	come_alone(connections, 1);
+	for (size_t i = 0; i < 3; i++)
+		first[i] = come_alone(connections, 2);
+	for (size_t i = 0; i < 4; i++)
+		come_alone(connections, (unsigned char)(3 + i));
+	assert_non_null(come(connections, 9, &leaver));
+	assert_ptr_equal(leaver, first[0]);
+	/* It counts no more, though it is still to be closed. */
+	assert_int_equal(db_web_connections_count(connections), MOST + 1);
+	assert_non_null(come(connections, 9, &leaver));
+	assert_ptr_equal(leaver, first[1]);
+	db_web_connections_remove(connections, first[0]);
+	db_web_connections_remove(connections, first[1]);
+	assert_int_equal(db_web_connections_count(connections), MOST);
+	db_web_connections_free(connections);
+}
+
+static void test_an_address_that_has_many_gives_way_to_itself(void **state)
+{
+	struct db_web_connections *connections = db_web_connections_new(MOST, MOST_PER_ADDRESS);
+	struct db_web_connection *leaver;
+	struct db_web_connection *first = come_alone(connections, 1);
+	struct db_web_connection *own;
+	struct db_web_address address = address_of(1);
+
+	(void)state;
+	for (unsigned i = 1; i < MOST_PER_ADDRESS; i++)
+		come_alone(connections, 1);
+	own = come(connections, 1, &leaver);
+	assert_non_null(own);
+	assert_ptr_equal(leaver, first);
+	/* What a proxy brings is not counted. */
+	assert_true(db_web_connections_admit(connections, &address, false, &leaver));
+	assert_null(leaver);
+	db_web_connections_free(connections);
+}
+
+static void test_who_asks_stays(void **state)
+{
+	struct db_web_connections *connections = db_web_connections_new(MOST, MOST);
+	struct db_web_connection *all[MOST];
+	struct db_web_connection *leaver;
+
+	(void)state;
+	for (size_t i = 0; i < MOST; i++)
+		all[i] = come_alone(connections, 1);
+	/* From those that go last to the one that goes first. */
+	for (size_t i = 0; i < 3; i++)
+		hear(all[i], true, true, true);
+	hear(all[3], false, true, true);
+	hear(all[4], true, false, false);
+	hear(all[5], false, false, false);
+	hear(all[6], false, true, false);
+	for (size_t i = MOST; i-- > 4;) {
+		struct db_web_connection *next = come(connections, 2, &leaver);
+
+		assert_non_null(next);
+		/* Of strangers the older one first, however far it has come. */
+		assert_ptr_equal(leaver, i == 6 ? all[5] : i == 5 ? all[6] : all[i]);
+		hear(next, true, true, true);
+	}
+	/* All have something under way. */
+	assert_null(come(connections, 2, &leaver));
+	assert_null(leaver);
+	db_web_connections_free(connections);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(test_the_oldest_of_the_busiest_goes),
+		cmocka_unit_test(test_an_address_that_has_many_gives_way_to_itself),
+		cmocka_unit_test(test_who_asks_stays),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}
