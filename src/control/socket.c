@@ -282,9 +282,12 @@ static bool take_call(struct db_control_socket *control)
 
 	for (size_t i = 0; i < control->count; i++) {
 		struct db_session *session = control->sessions[i];
+		size_t found = 0;
 
-		if ((!next || session->turn < next->turn) && db_calls_has_next(session, &length))
-			next = session;
+		if ((next && session->turn >= next->turn) || !db_calls_has_next(session, &found))
+			continue;
+		next = session;
+		length = found;
 	}
 	if (!next)
 		return false;
