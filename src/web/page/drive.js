@@ -183,6 +183,7 @@ function makeHead(mine) {
 	const head = mine.head = {
 		icon: icon("offline"),
 		state: element("span", { id: "drive-state" }),
+		mustStand: element("small", { id: "drive-must-stand", class: "must-stand live" }),
 		position: element("span", { id: "position" }),
 		velocity: element("span", { id: "velocity" }),
 		age: element("span", { id: "age" }),
@@ -220,7 +221,7 @@ function makeHead(mine) {
 				links),
 			element("small", { class: "muted", title: mine.identity },
 				place.join(" · "))),
-		head.stateBox, quantity("Position", head.position, mine.registers.get("position")),
+		head.stateBox, head.mustStand, quantity("Position", head.position, mine.registers.get("position")),
 		quantity("Velocity", head.velocity, mine.registers.get("velocity")),
 		quantity("Age", head.age, null), context.mayAct() ? makeStops(mine) : null,
 		head.need);
@@ -506,6 +507,7 @@ function showHead(mine, now) {
 	setIcon(head.icon, judgement.shape);
 	setText(head.state, judgement.state || "not known");
 	setAttribute(head.stateBox, "data-shape", judgement.shape);
+	setText(head.mustStand, judgement.mustStand);
 	setText(head.position, number("position"));
 	setText(head.velocity, number("velocity"));
 	if (age === null || age >= 1000 ||

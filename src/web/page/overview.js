@@ -103,6 +103,7 @@ function makeRow(drive) {
 	const cells = {
 		stateIcon: icon("offline"),
 		state: element("span"),
+		mustStand: element("small", { class: "must-stand" }),
 		position: element("span"),
 		positionUnit: element("span", { class: "unit" }),
 		velocity: element("span"),
@@ -118,7 +119,7 @@ function makeRow(drive) {
 	cells.stateBox = element("span", { class: "state" }, cells.stateIcon, cells.state);
 	cells.need = element("span", { class: "need" }, cells.needIcon, cells.why);
 	cells.row = element("tr", { "data-drive": name },
-		element("td", { class: "live" }, cells.stateBox),
+		element("td", { class: "live" }, cells.stateBox, cells.mustStand),
 		element("th", { scope: "row" },
 			element("a",
 				{ class: "row-link", href: `#/drive/${encodeURIComponent(name)}` },
@@ -211,6 +212,7 @@ function updateRow(cells, drive) {
 	setIcon(cells.stateIcon, judgement.shape);
 	setText(cells.state, judgement.state || "not known");
 	setAttribute(cells.stateBox, "data-shape", judgement.shape);
+	setText(cells.mustStand, judgement.mustStand);
 	for (const [quantity, per] of quantities) {
 		const users = values?.[`${quantity}_units`];
 		const own = values?.[quantity];

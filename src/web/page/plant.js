@@ -26,13 +26,15 @@ const TOLD_EVERY_MS = 1000;
 
 /*
  * How a drive is, from values of one moment and the registers of its family: need, why (in the
- * service's names), state (of axis_state), shape (of the drawing).
+ * service's names), state (of axis_state), shape (of the drawing), mustStand (why it must, and for how long; "" when it
+ * need not).
  */
 export function judgeDrive(registers, values) {
 	const state = codeName(registers?.get("axis_state"), values?.axis_state);
 	const error = codeName(registers?.get("error"), values?.error);
 	const status = bitNames(registers?.get("status"), values?.status);
-	const judgement = { need: NEED.nothing, why: "", state, shape: shapeOf(state, values) };
+	const judgement = { need: NEED.nothing, why: "", state, shape: shapeOf(state, values),
+		mustStand: status.includes("must_stand") ? sayMustStand(registers, values) : "" };
 
 	if (state === "Offline" || state === "ErrorStop" || state === "") {
 		judgement.need = NEED.act;
@@ -53,6 +55,15 @@ export function judgeDrive(registers, values) {
 	}
 	judgement.why = inWords(judgement.why);
 	return judgement;
+}
+
+/* "must stand: watchdog, for 3.2 s" */
+function sayMustStand(registers, values) {
+	const cause = codeName(registers.get("must_stand"), values.must_stand);
+	const ms = values.must_stand_ms;
+
+	return `must stand${cause ? `: ${inWords(cause)}` : ""}` +
+		(typeof ms === "number" ? `, for ${(ms / 1000).toFixed(1)} s` : "");
 }
 
 /* Drawings differ in their form, not only in colour. */
