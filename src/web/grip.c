@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/grip.h"
+#include "web/tokens.h"
 
 const char *db_web_grip_end_name(enum db_web_grip_end end)
 {
-	static const char *const names[] = { "",        "released", "late", "refused",
-		                             "stopped", "logout",   "lost", "ending" };
+	static const char *const names[] = { "",       "released", "late",   "refused", "stopped",
+		                             "logout", "lost",     "ending", "old" };
 
 	return names[end];
 }
@@ -25,8 +26,10 @@ void db_web_grip_look(struct db_web_grip *grip, db_time now)
 }
 
 void db_web_grip_take(struct db_web_grip *grip, uint64_t number, uint64_t beat, double velocity,
-                      db_time now)
+                      db_time age, db_time now)
 {
+	bool is_old = velocity != 0 && age > DB_WEB_TOKEN_FRESH;
+
 	db_web_grip_look(grip, now);
 	if (number < grip->number || (number == grip->number && beat <= grip->beat))
 		return;
@@ -34,8 +37,10 @@ void db_web_grip_take(struct db_web_grip *grip, uint64_t number, uint64_t beat, 
 		/* The one before is over, whether its release is still to come or never will. */
 		grip->number = number;
 		grip->end = DB_WEB_GRIP_HELD;
+		if (is_old)
+			db_web_grip_finish(grip, DB_WEB_GRIP_OLD);
 	}
-	if (!db_web_grip_is_held(grip))
+	if (!db_web_grip_is_held(grip) || is_old)
 		return;
 	grip->beat = beat;
 	grip->velocity = velocity;

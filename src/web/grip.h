@@ -2,7 +2,7 @@
 /*
  * The dead man's rule. A grip is one press of a button or key; while it is held beats come, each with a higher number.
  * A grip that is over is over: whatever comes of it later, or again, moves nothing. Nor does a beat that is older than
- * one that has come. Times are those of arrival.
+ * one that has come, or that was long on its way. Times are those of arrival.
  *
  * Pure.
  */
@@ -27,9 +27,10 @@ enum db_web_grip_end {
 	DB_WEB_GRIP_LOGOUT,
 	DB_WEB_GRIP_LOST,   /* the connection to the service */
 	DB_WEB_GRIP_ENDING, /* this program ends */
+	DB_WEB_GRIP_OLD,    /* its first beat came too late to begin anything */
 };
 
-/* "", "released", "late", "refused", "stopped", "logout", "lost", "ending". */
+/* "", "released", "late", "refused", "stopped", "logout", "lost", "ending", "old". */
 const char *db_web_grip_end_name(enum db_web_grip_end end);
 
 struct db_web_grip {
@@ -40,9 +41,12 @@ struct db_web_grip {
 	db_time until; /* it is held without a further beat; DB_TIME_NEVER when it is not */
 };
 
-/* A beat has come; numbers from 1. First looks whether the grip is overdue. */
+/*
+ * A beat has come; numbers from 1. First looks whether the grip is overdue. `age`: how long it was on its way at most, as
+ * its token shows (tokens.h). What is not fresh begins nothing, and keeps nothing held; letting go is never too late.
+ */
 void db_web_grip_take(struct db_web_grip *grip, uint64_t number, uint64_t beat, double velocity,
-                      db_time now);
+                      db_time age, db_time now);
 
 /* Ends it when it is overdue. */
 void db_web_grip_look(struct db_web_grip *grip, db_time now);

@@ -3,6 +3,7 @@
 #include "client/log.h"
 #include "web/service.h"
 #include "web/stops.h"
+#include "web/tokens.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,12 +25,13 @@ struct db_web_jog {
 	sd_event_source *timer;  /* when the grip is overdue */
 	struct db_web_caller caller;
 	struct db_web_grip grip;
-	char drive[DRIVE_MAX]; /* of the latest grip */
-	double told;           /* the velocity that the drive was told last; 0: to stop */
-	unsigned moves;        /* that have no answer yet */
-	unsigned stops;        /* likewise */
-	bool moved;            /* a move was taken, or may have been, and no stop confirmed since */
-	db_time stop_again;    /* DB_TIME_NEVER: no stop is to be told again */
+	char token[DB_WEB_TOKEN_MAX]; /* of its latest beat that counted */
+	char drive[DRIVE_MAX];        /* of the latest grip */
+	double told;                  /* the velocity that the drive was told last; 0: to stop */
+	unsigned moves;               /* that have no answer yet */
+	unsigned stops;               /* likewise */
+	bool moved;         /* a move was taken, or may have been, and no stop confirmed since */
+	db_time stop_again; /* DB_TIME_NEVER: no stop is to be told again */
 	db_time stop_by;
 	bool seen_moving;       /* since the latest move */
 	unsigned seen_standing; /* so many times behind that */
@@ -118,9 +120,13 @@ static void take_move(void *data, json_t *parameters, const struct db_client_err
 	(void)snprintf(jog->result, sizeof(jog->result), "%s", result ? result : "");
 	jog->moved = jog->moved || !error || may_move(error);
 	if (error) {
-		(void)snprintf(jog->text, sizeof(jog->text), "%s", error->text);
+		json_t *told = db_web_error_describe(error, NULL);
+		const char *text = json_string_value(json_object_get(told, "text"));
+
+		(void)snprintf(jog->text, sizeof(jog->text), "%s", text ? text : "");
+		json_decref(told);
 		db_client_log(DB_CLIENT_NOTICE, "%s: jog of %s refused: %s", jog->caller.text,
-		              jog->drive, error->text);
+		              jog->drive, jog->text);
 		db_web_grip_finish(&jog->grip, DB_WEB_GRIP_REFUSED);
 		/* It may go on as it was told before. */
 		if (jog->told != 0 && jog->moved)
@@ -145,10 +151,21 @@ static void move_drive(struct db_web_jog *jog)
 	jog->result[0] = '\0';
 	jog->moves++;
 	if (db_web_link_send(jog->act, "Run",
-	                     json_pack("{s:s, s:s, s:{s:f}}", "drive", jog->drive, "command",
-	                               "move_velocity", "arguments", "target_velocity", jog->told),
+	                     json_pack("{s:s, s:s, s:{s:f}, s:i, s:s}", "drive", jog->drive,
+	                               "command", "move_velocity", "arguments", "target_velocity",
+	                               jog->told, "hold_ms", (int)(DB_WEB_GRIP_LATE / DB_NS_PER_MS),
+	                               "token", jog->token),
 	                     false, take_move, jog) != 0)
 		jog->moves--;
+}
+
+/* The service's own rule holds as well, if this program should not run any more: it stops the drive without these. */
+static void beat_on(struct db_web_jog *jog)
+{
+	if (jog->act && jog->told != 0 && db_web_grip_is_held(&jog->grip))
+		(void)db_web_link_tell(
+			jog->act, "Beat",
+			json_pack("{s:s, s:s}", "drive", jog->drive, "token", jog->token));
 }
 
 /* What the drive is told follows what the grip says. */
@@ -190,48 +207,96 @@ static void answer(const struct db_web_jog *jog, struct db_web_request *request,
 	                                mine ? jog->text : "", "result", mine ? jog->result : ""));
 }
 
+/* A beat, as the page says it. */
+struct beat {
+	const char *drive;
+	uint64_t grip;
+	uint64_t number;
+	double velocity;
+	const char *token; /* NULL: none */
+	db_time age;       /* of that */
+};
+
+static bool read_beat(const struct db_web_request *request, db_time now, struct beat *beat)
+{
+	const json_t *velocity = json_object_get(request->parameters, "velocity");
+	json_int_t grip = json_integer_value(json_object_get(request->parameters, "grip"));
+	json_int_t number = json_integer_value(json_object_get(request->parameters, "beat"));
+
+	*beat = (struct beat){
+		.drive = json_string_value(json_object_get(request->parameters, "drive")),
+		.grip = (uint64_t)grip,
+		.number = (uint64_t)number,
+		.velocity = json_number_value(velocity),
+		.token = json_string_value(json_object_get(request->parameters, "token")),
+	};
+	beat->age = db_web_tokens_age(db_web_service_tokens(request->server->service), beat->token,
+	                              now);
+	return beat->drive && strlen(beat->drive) < DRIVE_MAX && grip >= 1 && number >= 1 &&
+	       json_is_number(velocity);
+}
+
+/* A grip on another drive than before begins when that one stands. False: it does not yet, and the request is answered. */
+static bool change_drive(struct db_web_jog *jog, struct db_web_request *request,
+                         const struct beat *beat, db_time now)
+{
+	db_web_jog_end(jog, DB_WEB_GRIP_RELEASED);
+	if (!db_web_jog_is_over(jog, now)) {
+		/* The page is told that this grip is over: what comes later of it moves nothing. */
+		db_web_grip_take(&jog->grip, beat->grip, beat->number, 0, beat->age, now);
+		db_web_request_answer(
+			request, MHD_HTTP_OK,
+			json_pack("{s:b, s:s, s:o, s:s}", "held", 0, "why", "refused", "text",
+		                  json_sprintf("%s is still being stopped", jog->drive), "result",
+		                  ""));
+		return false;
+	}
+	/* The service goes on with a stop that the other one has not confirmed. */
+	db_web_stops_forget(jog->server->stops, jog);
+	jog->stops = 0;
+	(void)snprintf(jog->drive, sizeof(jog->drive), "%s", beat->drive);
+	return true;
+}
+
+static void take_beat(struct db_web_jog *jog, const struct beat *beat, db_time now)
+{
+	bool is_first = beat->grip > jog->grip.number;
+
+	db_web_grip_take(&jog->grip, beat->grip, beat->number, beat->velocity, beat->age, now);
+	if (is_first && jog->grip.end == DB_WEB_GRIP_OLD) {
+		db_web_tokens_write_late(jog->text, beat->age);
+		db_client_log(DB_CLIENT_NOTICE, "%s: a jog of %s %s", jog->caller.text, jog->drive,
+		              jog->text);
+	}
+	/* It counted. */
+	if (db_web_grip_is_held(&jog->grip) && jog->grip.number == beat->grip &&
+	    jog->grip.beat == beat->number && beat->token) {
+		(void)snprintf(jog->token, sizeof(jog->token), "%s", beat->token);
+		beat_on(jog);
+	}
+}
+
 bool db_web_jog_take(struct db_web_jog *jog, struct db_web_request *request)
 {
-	const char *drive = json_string_value(json_object_get(request->parameters, "drive"));
-	const json_t *velocity = json_object_get(request->parameters, "velocity");
-	json_int_t number = json_integer_value(json_object_get(request->parameters, "grip"));
-	json_int_t beat = json_integer_value(json_object_get(request->parameters, "beat"));
+	db_time now = db_web_clock();
+	struct beat beat;
 
-	if (!drive || strlen(drive) >= sizeof(jog->drive) || number < 1 || beat < 1 ||
-	    !json_is_number(velocity)) {
+	if (!read_beat(request, now, &beat)) {
 		db_web_request_refuse(
 			request, MHD_HTTP_BAD_REQUEST, "BadRequest",
 			"a beat is {\"drive\": ..., \"grip\": from 1, \"beat\": from 1, "
-			"\"velocity\": ...}");
+			"\"velocity\": ..., \"token\": the newest one of the overview}");
 		return false;
 	}
-	if ((uint64_t)number > jog->grip.number && strcmp(drive, jog->drive) != 0) {
-		/* Another drive than before: first that one is to stand. */
-		db_web_jog_end(jog, DB_WEB_GRIP_RELEASED);
-		if (!db_web_jog_is_over(jog, db_web_clock())) {
-			/* The page is told that this grip is over: what comes later of it moves nothing. */
-			db_web_grip_take(&jog->grip, (uint64_t)number, (uint64_t)beat, 0,
-			                 db_web_clock());
-			db_web_request_answer(
-				request, MHD_HTTP_OK,
-				json_pack("{s:b, s:s, s:o, s:s}", "held", 0, "why", "refused",
-			                  "text",
-			                  json_sprintf("%s is still being stopped", jog->drive),
-			                  "result", ""));
-			return true;
-		}
-		/* The service goes on with a stop that the other one has not confirmed. */
-		db_web_stops_forget(jog->server->stops, jog);
-		jog->stops = 0;
-		(void)snprintf(jog->drive, sizeof(jog->drive), "%s", drive);
-	}
-	/* A grip does not change its drive. */
-	if (strcmp(drive, jog->drive) == 0)
-		db_web_grip_take(&jog->grip, (uint64_t)number, (uint64_t)beat,
-		                 json_number_value(velocity), db_web_clock());
+	if (beat.grip > jog->grip.number && strcmp(beat.drive, jog->drive) != 0 &&
+	    !change_drive(jog, request, &beat, now))
+		return true;
 	jog->caller = db_web_request_caller(request);
+	/* A grip does not change its drive. */
+	if (strcmp(beat.drive, jog->drive) == 0)
+		take_beat(jog, &beat, now);
 	settle(jog);
-	answer(jog, request, (uint64_t)number);
+	answer(jog, request, beat.grip);
 	return true;
 }
 

@@ -16,12 +16,13 @@ static const char *const names[] = {
 	"axis_state",     "error",          "status",         "quality",        "age_ms",
 	"position",       "velocity",       "position_units", "velocity_units", "active_command",
 	"drive_status",   "fault_bits",     "current",        "supply_voltage", "temperature",
-	"watchdog_trips", "control_holder",
+	"watchdog_trips", "control_holder", "must_stand",     "must_stand_ms",
 };
 #define NAMES (sizeof(names) / sizeof(names[0]))
 
 /* What there is to tell; a stream remembers of each which one it had. */
-enum { SERVICE, DESCRIPTION, FIGURES, SAMPLES };
+enum { SERVICE, DESCRIPTION, FIGURES, SAMPLES, TOKEN, KINDS };
+_Static_assert(KINDS == DB_WEB_STREAM_KINDS, "a stream remembers of each which one it had");
 
 struct db_web_overview {
 	struct db_web_server *server;
@@ -32,11 +33,11 @@ struct db_web_overview {
 	bool asking;              /* for figures */
 	db_time figures_at;
 	db_time look_at;
-	unsigned numbers[4];          /* of what is told; 0: nothing yet */
-	struct db_web_text *texts[4]; /* that; of the samples what changed last */
-	struct db_web_text *all;      /* the samples of all drives; NULL: to be made */
-	json_t *samples;              /* by drive */
-	json_t *told;                 /* by drive: when it was told last, as db_time */
+	unsigned numbers[KINDS];          /* of what is told; 0: nothing yet */
+	struct db_web_text *texts[KINDS]; /* that; of the samples what changed last */
+	struct db_web_text *all;          /* the samples of all drives; NULL: to be made */
+	json_t *samples;                  /* by drive */
+	json_t *told;                     /* by drive: when it was told last, as db_time */
 	json_int_t time_us;
 };
 
@@ -108,7 +109,7 @@ void db_web_overview_changed(struct db_web_overview *overview)
 		tell(overview, DESCRIPTION, NULL, json_pack("{s:O}", "describe", description));
 	} else {
 		/* What was is not what is. */
-		for (size_t i = DESCRIPTION; i <= FIGURES; i++) {
+		for (size_t i = DESCRIPTION; i < KINDS; i++) {
 			db_web_text_drop(overview->texts[i]);
 			overview->texts[i] = NULL;
 		}
@@ -225,13 +226,18 @@ static void connect_values(struct db_web_overview *overview)
 	db_client_error_clear(&error);
 }
 
+void db_web_overview_take_token(struct db_web_overview *overview, const char *token)
+{
+	tell(overview, TOKEN, "token", json_pack("{s:s}", "token", token));
+}
+
 /* --- telling ---------------------------------------------------------------------------------- */
 
-static struct db_web_text *choose_next(void *data, unsigned seen[4])
+static struct db_web_text *choose_next(void *data, unsigned seen[DB_WEB_STREAM_KINDS])
 {
 	struct db_web_overview *overview = data;
 
-	for (size_t i = SERVICE; i <= SAMPLES; i++) {
+	for (size_t i = SERVICE; i < KINDS; i++) {
 		bool follows = seen[i] + 1 == overview->numbers[i] && seen[i] > 0;
 
 		if (!overview->texts[i] || seen[i] == overview->numbers[i])

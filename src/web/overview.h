@@ -21,6 +21,9 @@ void db_web_overview_begin(struct db_web_overview *overview, struct db_web_reque
 /* The service has come, gone, or changed. */
 void db_web_overview_changed(struct db_web_overview *overview);
 
+/* The service's clock has given this token. */
+void db_web_overview_take_token(struct db_web_overview *overview, const char *token);
+
 void db_web_overview_tick(struct db_web_overview *overview, db_time now);
 
 #endif

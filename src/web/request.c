@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/request.h"
+#include "web/tokens.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -44,14 +45,30 @@ static const struct {
 	{ DB_CLIENT_SERVICE "NoSuchCommand", "NoSuchCommand", MHD_HTTP_NOT_FOUND },
 	{ DB_CLIENT_SERVICE "Refused", "Refused", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "ScanFailed", "ScanFailed", MHD_HTTP_CONFLICT },
+	{ DB_CLIENT_SERVICE "TooOld", "TooOld", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "Busy", "Busy", MHD_HTTP_SERVICE_UNAVAILABLE },
 };
+
+/* Why a call that was too long on its way was not carried out; NULL: it was another error. */
+static json_t *describe_late(const struct db_client_error *error)
+{
+	const json_t *age_ms = json_object_get(error->parameters, "age_ms");
+	char text[DB_WEB_LATE_TEXT];
+
+	if (strcmp(error->name, DB_CLIENT_SERVICE "TooOld") != 0)
+		return NULL;
+	db_web_tokens_write_late(text, json_is_integer(age_ms) ?
+	                                       json_integer_value(age_ms) * DB_NS_PER_MS :
+	                                       DB_TIME_NEVER);
+	return json_string(text);
+}
 
 json_t *db_web_error_describe(const struct db_client_error *error, unsigned *status)
 {
 	const char *last = strrchr(error->name, '.');
 	const char *told = last ? last + 1 : error->name;
 	unsigned found = MHD_HTTP_BAD_GATEWAY;
+	json_t *late;
 
 	for (size_t i = 0; i < sizeof(errors) / sizeof(errors[0]); i++) {
 		if (strcmp(errors[i].name, error->name) == 0) {
@@ -61,9 +78,10 @@ json_t *db_web_error_describe(const struct db_client_error *error, unsigned *sta
 	}
 	if (status)
 		*status = found;
-	return json_pack("{s:s, s:o, s:s}", "error", told, "parameters",
+	late = describe_late(error);
+	return json_pack("{s:s, s:o, s:o}", "error", told, "parameters",
 	                 error->parameters ? json_incref(error->parameters) : json_object(), "text",
-	                 error->text);
+	                 late ? late : json_string(error->text));
 }
 
 /* --- answers ---------------------------------------------------------------------------------- */

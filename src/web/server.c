@@ -527,6 +527,13 @@ static void on_service_changed(void *data)
 		db_web_overview_changed(server->overview);
 }
 
+static void on_token(void *data, const char *token)
+{
+	struct db_web_server *server = data;
+
+	db_web_overview_take_token(server->overview, token);
+}
+
 /* --- life ------------------------------------------------------------------------------------- */
 
 /* -1 with an error in the log. */
@@ -629,7 +636,7 @@ static bool start(struct db_web_server *server)
 	server->sessions = db_web_sessions_new(config->session_idle_min * 60 * DB_NS_PER_S,
 	                                       config->session_h * 3600 * DB_NS_PER_S);
 	server->hasher = db_web_hasher_new();
-	server->service = db_web_service_new(server, on_service_changed, server);
+	server->service = db_web_service_new(server, on_service_changed, on_token, server);
 	server->stops = db_web_stops_new(server);
 	if (server->service)
 		server->overview = db_web_overview_new(server);

@@ -10,22 +10,26 @@
 /* A service that does not answer for so long is as good as away. */
 #define ANSWER_WITHIN (10 * DB_NS_PER_S)
 
-enum { READER, STOPPER, LINKS };
+enum { READER, STOPPER, CLOCK, LINKS };
 
 struct db_web_service {
 	struct db_web_server *server;
 	db_web_service_changed_fn *changed;
+	db_web_service_token_fn *give_token;
 	void *data;
 	struct db_web_link *links[LINKS]; /* all or none */
 	json_t *description;
 	json_t *states; /* the codes of axis_state */
 	db_time try_at;
 	db_time answer_by; /* of what this file asks; DB_TIME_NEVER */
-	char told[512];    /* what was logged last; "" while it is there */
+	struct db_web_tokens tokens;
+	bool asking;    /* for one more */
+	char told[512]; /* what was logged last; "" while it is there */
 };
 
 struct db_web_service *db_web_service_new(struct db_web_server *server,
-                                          db_web_service_changed_fn *changed, void *data)
+                                          db_web_service_changed_fn *changed,
+                                          db_web_service_token_fn *give_token, void *data)
 {
 	struct db_web_service *service = calloc(1, sizeof(*service));
 
@@ -33,6 +37,7 @@ struct db_web_service *db_web_service_new(struct db_web_server *server,
 		return NULL;
 	service->server = server;
 	service->changed = changed;
+	service->give_token = give_token;
 	service->data = data;
 	service->answer_by = DB_TIME_NEVER;
 	return service;
@@ -51,6 +56,8 @@ static void disconnect(struct db_web_service *service)
 	json_decref(service->states);
 	service->states = NULL;
 	service->answer_by = DB_TIME_NEVER;
+	service->tokens.count = 0;
+	service->asking = false;
 }
 
 void db_web_service_free(struct db_web_service *service)
@@ -144,12 +151,38 @@ void db_web_service_look_again(struct db_web_service *service)
 		service->answer_by = db_web_clock() + ANSWER_WITHIN;
 }
 
+static void take_token(void *data, json_t *parameters, const struct db_client_error *error,
+                       bool more)
+{
+	struct db_web_service *service = data;
+	const char *token = json_string_value(json_object_get(parameters, "token"));
+
+	(void)more;
+	if (!service->links[CLOCK])
+		return;
+	service->asking = false;
+	if (error || !token)
+		return;
+	db_web_tokens_add(&service->tokens, token, db_web_clock());
+	service->give_token(service->data, token);
+}
+
+/* The time of the service, for pages that are there. */
+static void look_at_clock(struct db_web_service *service)
+{
+	if (service->description && !service->asking &&
+	    (service->server->streams || service->server->tabs))
+		service->asking = db_web_link_send(service->links[CLOCK], "Clock", NULL, false,
+		                                   take_token, service) == 0;
+}
+
 void db_web_service_tick(struct db_web_service *service, db_time now)
 {
 	struct db_client_error error = { .parameters = NULL };
 
 	if (now >= service->answer_by)
 		give_up(service, "the service does not answer");
+	look_at_clock(service);
 	if (service->links[READER] || now < service->try_at)
 		return;
 	for (size_t i = 0; i < LINKS; i++) {
@@ -194,6 +227,11 @@ bool db_web_service_is_moving(const struct db_web_service *service, const json_t
 struct db_web_link *db_web_service_reader(const struct db_web_service *service)
 {
 	return service->description ? service->links[READER] : NULL;
+}
+
+const struct db_web_tokens *db_web_service_tokens(const struct db_web_service *service)
+{
+	return &service->tokens;
 }
 
 int db_web_service_tell_stop(const struct db_web_service *service, const char *user,

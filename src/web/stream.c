@@ -25,7 +25,7 @@ struct db_web_stream {
 	struct db_web_link *link; /* of its own; NULL: it is over, or its texts come from `next` */
 	db_web_stream_next_fn *next; /* NULL: it has a link */
 	void *data;
-	unsigned seen[4]; /* `next` remembers here what it has told */
+	unsigned seen[DB_WEB_STREAM_KINDS]; /* `next` remembers here what it has told */
 	struct piece *first;
 	struct piece **last;
 	size_t queued; /* bytes of all pieces */

@@ -24,8 +24,11 @@ void db_web_text_drop(struct db_web_text *text);
 
 struct db_web_stream;
 
+/* So many kinds of things the overview tells. */
+#define DB_WEB_STREAM_KINDS 5
+
 /* What the overview wants to tell next; NULL: nothing now. The stream's own to keep. */
-typedef struct db_web_text *db_web_stream_next_fn(void *data, unsigned seen[4]);
+typedef struct db_web_text *db_web_stream_next_fn(void *data, unsigned seen[DB_WEB_STREAM_KINDS]);
 
 /* Begins a call of the service that goes on, or answers the request with why not. */
 void db_web_stream_begin(struct db_web_request *request);

@@ -4,6 +4,7 @@
 import contextlib
 import os
 import re
+import signal
 from pathlib import Path
 
 from axe_playwright_python.sync_playwright import Axe
@@ -24,21 +25,48 @@ NETWORK = re.compile(r"Failed to load resource|net::ERR_")
 expect.set_options(timeout=PATIENCE)
 
 
-class Chromium:
-    """One process; every visitor has a profile of its own in it."""
+def find_browsers():
+    """Chromium's own processes below this one, without those of its pages."""
+    parents, browsers = {}, set()
+    for place in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            pid = int(place.name)
+            parents[pid] = int((place / "stat").read_text(encoding="utf-8").rpartition(")")[2].split()[1])
+            line = (place / "cmdline").read_bytes()
+            if line.startswith(CHROMIUM.encode()) and b"--type=" not in line:
+                browsers.add(pid)
 
-    def __init__(self):
+    def is_ours(pid):
+        while pid in parents and pid != os.getpid():
+            pid = parents[pid]
+        return pid == os.getpid()
+
+    return {pid for pid in browsers if is_ours(pid)}
+
+
+class Chromium:
+    """One process; every visitor has a profile of its own in it. `beside`: one that runs already."""
+
+    def __init__(self, beside=None):
+        before = find_browsers()
         # Its beats are to come in time, as the programs that hear them run in time.
         go_first()
         try:
-            self.playwright = sync_playwright().start()
+            self.is_first = beside is None
+            self.playwright = sync_playwright().start() if self.is_first else beside.playwright
             self.browser = self.playwright.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
         finally:
             os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+        (self.pid,) = find_browsers() - before
+
+    def kill(self):
+        """Nothing of it runs any more, and it says nothing to anybody."""
+        os.kill(self.pid, signal.SIGKILL)
 
     def close(self):
         self.browser.close()
-        self.playwright.stop()
+        if self.is_first:
+            self.playwright.stop()
 
 
 class Visitor:

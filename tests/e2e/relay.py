@@ -17,6 +17,8 @@ class Relay:
         self.flows = threading.Event()
         self.flows.set()
         self.sockets = []
+        # What clients have sent, and still waits here.
+        self.kept = b""
 
     def __enter__(self):
         threading.Thread(target=self._accept, daemon=True).start()
@@ -35,19 +37,22 @@ class Relay:
                 near.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
                 far = socket.create_connection((self.server.host, self.server.port))
                 self.sockets += [near, far]
-                for one, other, heard in ((near, far, self.heard), (far, near, lambda data: None)):
-                    threading.Thread(target=self._carry, args=(one, other, heard), daemon=True).start()
+                for one, other in ((near, far), (far, near)):
+                    threading.Thread(target=self._carry, args=(one, other, one is near), daemon=True).start()
         except OSError:
             pass
 
-    def _carry(self, one, other, heard):
+    def _carry(self, one, other, upward):
         try:
             while True:
                 data = one.recv(4096)
+                if upward and not self.flows.is_set():
+                    self.kept += data
                 self.flows.wait()
                 if not data:
                     break
-                heard(data)
+                if upward:
+                    self.heard(data)
                 other.sendall(data)
         except OSError:
             pass
@@ -61,4 +66,5 @@ class Relay:
         self.flows.clear()
 
     def go_on(self):
+        self.kept = b""
         self.flows.set()

@@ -316,6 +316,49 @@ def test_a_drive_stands_when_the_network_goes(site, visit):
         wait_stand(site.bridge, since)
 
 
+@pytest.mark.parametrize("late", [0.5, 2, 5])
+def test_a_press_that_outlived_its_browser_moves_nothing(site, chromium, late):
+    """Its first beat is on its way, in a hole of the network, when the browser dies; it comes so many seconds later."""
+    with Network(site) as network:
+        browser = Chromium(beside=chromium)
+        visitor = Visitor(browser, network.url).log_in(*OPERATOR)
+        open_drive(visitor)
+        network.hold()
+        since = time.monotonic()
+        hold(visitor)
+        eventually(lambda: b"POST /api/jog" in network.kept, what="the first beat to be under way")
+        browser.kill()
+        eventually(lambda: time.monotonic() - since >= late)
+        network.go_on()
+        site.wait_for_log("jog of drive1")
+        assert motions(site.bridge) == [] and not is_moving(site.bridge)
+        assert "late and was not carried out" in site.log()
+        browser.close()
+
+
+def test_what_came_late_is_said_on_the_page(site, visit):
+    with Network(site) as network:
+        visitor = visit(site, url=network.url)
+        page = visitor.page
+        view = open_drive(visitor)
+        network.hold()
+        since = time.monotonic()
+        page.locator("#jog-step-forward").click()
+        hold(visitor)
+        eventually(lambda: b"POST /api/jog" in network.kept and b"move_relative" in network.kept)
+        eventually(lambda: time.monotonic() - since >= 0.8)
+        network.go_on()
+        late = re.compile(r"came \d+\.\d s late and was not carried out")
+        expect(view.locator("#jog .problem")).to_have_text(late)
+        let_go(visitor)
+        site.wait_for_log("a jog of drive1 came")
+        assert motions(site.bridge) == []
+        # With the network as it was all is as it was.
+        expect(page.locator("#link")).to_have_attribute("data-state", "live")
+        hold_for(visitor, site.bridge, 0.5)
+        let_go(visitor)
+
+
 def test_a_service_that_goes_is_seen(site, visit):
     visitor = visit(site)
     page = visitor.page

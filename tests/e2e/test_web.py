@@ -14,6 +14,7 @@ import time
 
 import pytest
 from bridgelib import ROOT, Path, code, eventually, find_program
+from relay import Relay
 from weblib import OPERATOR, READER, Failed, Page, Webd, memory_kib
 
 PLC = "127.0.0.9"
@@ -589,8 +590,8 @@ def test_a_call_comes_once_and_not_behind_a_stop_that_was_pressed_later(gateway)
         return page.ask("POST", "/api/call/Run", parameters, X_Call=str(number))
 
     def beat(number, velocity, of=page):
-        return of.ask("POST", "/api/jog", {"drive": "drive1", "grip": 1, "beat": number, "velocity": velocity},
-                      X_Call=str(number))
+        return of.ask("POST", "/api/jog", {"drive": "drive1", "grip": 1, "beat": number, "velocity": velocity,
+                                           "token": of.newest_token()}, X_Call=str(number))
 
     assert run(1001, step)["result"] in ("ok", "pending")
     assert refused(409, run, 1001, step).error == "Repeated"
@@ -662,7 +663,7 @@ def test_a_stop_waits_for_no_other(gateway):
 
 
 def test_when_programs_end_while_a_button_is_held(gateway):
-    """SIGTERM stops the drive first; behind SIGKILL the watchdog does; so does on-exit when the service goes."""
+    """SIGTERM stops the drive first; so does on-exit when the service goes."""
     bridge = gateway.make_bridge(drive={"watchdog-ms": 600})
     webd, _, grip = jogging(gateway, bridge)
     assert webd.stop() == 0
@@ -682,11 +683,91 @@ def test_when_programs_end_while_a_button_is_held(gateway):
     eventually(lambda: page.load()["service"])
     assert not moving(bridge), "nothing moves by itself when the service is there again"
 
-    webd, _, grip = jogging(gateway, bridge, webd)
-    webd.stop(signal.SIGKILL)
-    stands(bridge, 3.0)
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_server_that_runs_no_more_holds_nothing(gateway, how):
+    """The rule that stops a held motion is the service's as well, whatever the watchdog says."""
+    bridge = gateway.make_bridge(drive={"watchdog-ms": 0})
+    webd, page, grip = jogging(gateway, bridge)
+    since = time.monotonic()
+    webd.process.send_signal(how)
+    stands(bridge)
+    stopped = next(when for when, what in orders(bridge) if what == "stp" and when > since)
+    print(f"{how.name}: the stop was on the wire after {stopped - since:.3f} s")
+    assert stopped - since < 1.5
+    bridge.told("the motion that it held is stopped")
+    told = orders(bridge)
+    if how == signal.SIGKILL:
+        webd.process.wait(10)
+    else:
+        # What waited in it meanwhile moves nothing.
+        webd.process.send_signal(signal.SIGCONT)
+        eventually(lambda: grip.last("held") is False or isinstance(grip.answers[-1], Exception))
+        assert page.load()["service"]
     grip.vanish()
-    bridge.told("watchdog")
+    assert [what for _, what in orders(bridge)[len(told):] if what != "stp"] == []
+    assert bridge.drive().read("watchdog_trips") == 0
+
+
+def beat_request(page, token):
+    """The first beat of a press, as it stands on the wire."""
+    body = json.dumps({"drive": "drive1", "grip": 1, "beat": 1, "velocity": SPEED, "token": token})
+    head = "".join(f"{key}: {value}\r\n" for key, value in page.headers().items())
+    return (f"POST /api/jog HTTP/1.1\r\nHost: {page.webd.address[0]}\r\n{head}"
+            f"Content-Length: {len(body)}\r\n\r\n{body}").encode()
+
+
+@pytest.mark.parametrize("late", [0.0, 0.5, 2.0, 5.0])
+def test_a_first_beat_that_was_long_on_its_way_moves_nothing(gateway, late):
+    """A hole in a wireless network, or a proxy that buffers, delivers it when nobody holds the button any more."""
+    bridge = gateway.make_bridge()
+    webd = gateway.webd(bridge)
+    webd.host, webd.port = webd.address  # for a Relay
+    page = gateway.page(webd, OPERATOR)
+    page.run("drive1", "enable")
+    with Relay(webd) as line, socket.create_connection(("127.0.0.1", line.port)) as link:
+        request = beat_request(page, page.newest_token())
+        if late > 0:
+            line.hold()
+        began = time.monotonic()
+        link.sendall(request)
+        eventually(lambda: time.monotonic() - began >= late)
+        line.go_on()
+        answer = json.loads(re.search(rb"\r\n\r\n(.*)", link.recv(4096), re.DOTALL)[1])
+        if late == 0:
+            eventually(lambda: "mov" in [what for _, what in orders(bridge)], what="what is in time to move it")
+            return
+    # It is over, and so is what comes of this press in time.
+    assert answer["held"] is False and answer["why"] == "old"
+    said = float(re.fullmatch(r"came (\S+) s late and was not carried out", answer["text"])[1])
+    assert said >= late - 0.05
+    assert page.beat("drive1", 1, 2, SPEED)["held"] is False
+    webd.wait_for_log(f"olga at 127.0.0.1: a jog of drive1 {answer['text']}")
+    assert "mov" not in [what for _, what in orders(bridge)] and bridge.sim.get()["position"] == 0
+
+
+def test_what_starts_a_motion_is_refused_when_it_comes_late(gateway):
+    bridge = gateway.make_bridge()
+    page = gateway.page(gateway.webd(bridge), OPERATOR)
+    page.run("drive1", "enable")
+    old = page.newest_token()
+    began = time.monotonic()
+    eventually(lambda: time.monotonic() - began > 0.6)
+    step = {"drive": "drive1", "command": "move_relative",
+            "arguments": {"target_position": 100, "target_velocity": SPEED}}
+    late = refused(409, page.call, "Run", **step, token=old)
+    assert late.error == "TooOld" and late.body["parameters"]["age_ms"] >= 600
+    assert re.fullmatch(r"came 0\.\d s late and was not carried out|came \S+ s late .*", late.text)
+    unknown = refused(409, page.call, "Run", **step, token="00000000-1")
+    assert unknown.text == "came too late and was not carried out"
+    write = {"drive": "drive1", "values": {"command": code("command", "move_relative"), "target_position": 100}}
+    assert refused(409, page.call, "Write", **write, token=old).error == "TooOld"
+    # A stop is never too late, nor is what moves nothing.
+    assert page.call("Run", drive="drive1", command="stop", token=old)["result"] == "ok"
+    assert page.call("Write", drive="drive1", values={"target_velocity": 5.0}, token=old) == {"result": "ok"}
+    assert bridge.sim.get()["position"] == 0
+    assert page.call("Run", **step, token=page.newest_token())["result"] == "ok"
+    eventually(lambda: bridge.sim.get()["position"] == 100)
 
 
 def test_pages_and_a_plc_compete(gateway):

@@ -148,6 +148,7 @@ class Page:
         self.grip = 0
         self.numbers = itertools.count(1)
         self.streams = []
+        self.clock = None
         if user:
             self.load()
             self.log_in(*user)
@@ -156,7 +157,21 @@ class Page:
         """The same page, over one more connection: browsers have several."""
         made = Page(self.webd, tab=self.tab)
         made.cookie, made.token, made.numbers = self.cookie, self.token, self.numbers
+        # Tokens come to a page, however many connections it has.
+        made.find_clock = self.find_clock
         return made
+
+    def find_clock(self):
+        if not self.clock or self.clock.ended:
+            self.clock = self.stream("overview")
+        return self.clock
+
+    def newest_token(self):
+        """Of the service's clock, as the page's overview brings it; "" for who may not see that."""
+        try:
+            return self.find_clock().wait_token()
+        except Failed:
+            return ""
 
     def close(self):
         for stream in self.streams:
@@ -232,8 +247,9 @@ class Page:
     def alive(self):
         return self.ask("POST", "/api/alive", {})
 
-    def beat(self, drive, grip, beat, velocity):
-        return self.ask("POST", "/api/jog", {"drive": drive, "grip": grip, "beat": beat, "velocity": velocity})
+    def beat(self, drive, grip, beat, velocity, token=None):
+        return self.ask("POST", "/api/jog", {"drive": drive, "grip": grip, "beat": beat, "velocity": velocity,
+                                             "token": token or (self.newest_token() if velocity else "")})
 
     def hold(self, drive, velocity):
         """A button that is held until it is released."""
@@ -296,6 +312,7 @@ class Stream:
         self.changed = threading.Condition()
         self.ended = False
         self.comments = 0
+        self.token = None
         if self.response.status != 200:
             body = json.loads(self.response.read())
             self.connection.close()
@@ -316,7 +333,10 @@ class Stream:
                     data += text[6:]
                 elif not text and data:
                     with self.changed:
-                        self.events.append((name, json.loads(data)))
+                        if name == "token":
+                            self.token = json.loads(data)["token"]
+                        else:
+                            self.events.append((name, json.loads(data)))
                         self.changed.notify_all()
                     name, data = None, ""
         except (OSError, ValueError, AttributeError, http.client.HTTPException):
@@ -342,6 +362,12 @@ class Stream:
                 if left <= 0:
                     raise AssertionError(f"no such event; the last: {self.events[-3:]}")
                 self.changed.wait(left)
+
+    def wait_token(self, timeout=15):
+        """The newest one; waits for the first."""
+        with self.changed:
+            self.changed.wait_for(lambda: self.token or self.ended, timeout)
+            return self.token
 
     def wait_end(self, timeout=15):
         with self.changed:

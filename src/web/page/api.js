@@ -47,6 +47,9 @@ let acted = false;
  * after it. */
 let calls = 0;
 let aliveAt = 0;
+/* The newest token of the service's clock that has come here. What starts or holds a motion carries it: so the service
+ * knows how long the call was on its way, and how old what is shown here may be. No clock of this computer is asked. */
+let newestToken = "";
 const streams = new Set();
 let asleep = false;
 let underWay = 0;
@@ -176,6 +179,11 @@ export function isStop(method, parameters) {
 		(method === "Write" && parameters.drive === "");
 }
 
+/* What the service is to know the age of. */
+function withToken(method, parameters) {
+	return ["Run", "Write"].includes(method) ? { ...parameters, token: newestToken } : parameters;
+}
+
 /*
  * One of the interface's methods (docs/io.drivebridge.Control.varlink) with its parameters;
  * resolves with those of its answer, rejects with an ApiError. What acts is never repeated by
@@ -193,7 +201,7 @@ export async function call(method, parameters = {}) {
 		await takeTurn();
 	try {
 		return await askAgain(
-			`call/${method}`, parameters, { named: acts, stops: first, keepalive: first, number,
+			`call/${method}`, first ? parameters : withToken(method, parameters), { named: acts, stops: first, keepalive: first, number,
 				timeout: first ? STOP_TIMEOUT_MS : CALL_TIMEOUT_MS });
 	} finally {
 		if (!first)
@@ -207,7 +215,7 @@ export async function call(method, parameters = {}) {
  */
 export function sendBeat(drive, grip, beat, velocity) {
 	beginToAct();
-	return ask("POST", "jog", { drive, grip, beat, velocity },
+	return ask("POST", "jog", { drive, grip, beat, velocity, token: newestToken },
 		{ named: true, keepalive: velocity === 0, timeout: 2000, number: ++calls });
 }
 
@@ -308,6 +316,8 @@ export function openStream(method, parameters = {}, handlers = {}) {
 			finish("failed", new ApiError(data.error, data.text, data));
 		else if (name === "end")
 			finish("ended");
+		else if (name === "token")
+			newestToken = data.token;
 		else if (name)
 			onEvent?.(name, data);
 		else
