@@ -475,6 +475,24 @@ def test_a_stop_that_is_not_confirmed_is_seen_and_repeated(site, visit, who, how
     expect(alarm).to_be_hidden()
 
 
+def test_a_long_ramp_is_no_alarm(make_site, visit):
+    """A drive that is seen to brake has been told; it takes longer than half a second to stand."""
+    site = make_site(sim_drive={"set": ["spd=3200", f"acc={RAMP}", "dec=1600", "pae=1"]})
+    visitor = visit(site)
+    page = visitor.page
+    visitor.go("drive/drive1")
+    expect(page.locator("#drive-state")).to_have_text("Standstill")
+    site.bridge.drive(1).settle("move_velocity", target_velocity=3200)
+    eventually(lambda: site.bridge.sim.get()["velocity"] == 3200)
+    page.evaluate(WATCH_ALARM)
+    since = time.monotonic()
+    page.locator("#stop").click()
+    assert wait_stand(site.bridge, since) > 1.5
+    expect(page.locator("#drive-state")).to_have_text("Standstill")
+    expect(page.locator("#stop-alarm")).to_be_hidden()
+    assert "alarm" not in page.evaluate("window.seen")
+
+
 def test_a_stop_that_the_drive_does_not_confirm_can_be_taken_away_by_hand(site, visit):
     bridge, visitor = site.bridge, visit(site)
     page = visitor.page

@@ -76,7 +76,9 @@ function takeSession(next) {
 	return session;
 }
 
-export async function loadSession() { return takeSession(await ask("GET", "session")); }
+export async function loadSession(options) {
+	return takeSession(await ask("GET", "session", undefined, options));
+}
 
 export async function logIn(user, password) {
 	return takeSession(await ask("POST", "login", { user, password }));
@@ -153,7 +155,7 @@ async function askAgain(path, parameters, options) {
 	} catch (error) {
 		if (error.name !== "LoginRequired" && error.name !== "BadToken")
 			throw error;
-		await loadSession();
+		await loadSession({ timeout: options.timeout });
 		if ((options.named && !options.stops) || session.role === "none" ||
 		    token === session.token)
 			throw error;
