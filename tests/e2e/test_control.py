@@ -257,6 +257,24 @@ def test_calls_of_two_sessions_are_carried_out_in_their_order(bridge):
     assert "mov" not in str(bridge.sim.sent()[-1:])
 
 
+def test_a_call_that_waits_changes_no_other_sessions_calls(bridge):
+    """Behind one that is not answered yet there is a whole one, longer than those of the other session."""
+    with Line(bridge) as other, Line(bridge) as waiting:
+        for line in other, waiting:
+            line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "enable"})
+            assert line.answer()["parameters"]["result"] == "ok"
+        waiting.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "move_absolute", "until_end": True,
+                                         "arguments": {"target_position": 10 ** 6}})
+        waiting.ask(f"{INTERFACE}.Read", {"drive": "drive1", "names": ["position"] * 50})
+        for _ in range(5):
+            other.ask(f"{INTERFACE}.Clock")
+            assert other.answer()["parameters"]["token"]
+        other.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "stop"})
+        assert other.answer()["parameters"]["result"] == "ok"
+        waiting.answer()
+        assert "position" in waiting.answer()["parameters"]["values"]
+
+
 def test_a_move_that_is_introduced_keeps_its_place_before_a_stop(bridge):
     """Who says for whom he moves a drive says so right before the move, and a later stop comes behind both."""
     with Line(bridge) as stopper, Line(bridge) as mover:

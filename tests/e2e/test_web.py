@@ -1013,6 +1013,7 @@ def test_half_requests_keep_nobody_out(gateway):
         eventually(attack.there, what="each of them to have been there")
         beside = [time_stop() for _ in range(9)]
         assert gateway.page(webd).load()["service"]
+        print(f"a stop took {sorted(alone)[4]:.4f} s alone, {sorted(beside)[4]:.4f} s beside them")
         # In the middle, because either may have met a moment of a busy machine.
         assert sorted(beside)[4] < max(1.5 * sorted(alone)[4], sorted(alone)[-1]) + 0.02, (alone, beside)
         # Who is at it all the while is not disturbed.
