@@ -192,6 +192,9 @@ static void take_state(void *data, json_t *parameters, const struct db_client_er
 /* What asks, lives: for the watchdog while it is armed, and for control that was taken for itself. */
 static void feed(struct db_web_tab *tab, db_time now)
 {
+	/* The service would take beats of a motion that is not confirmed yet only behind what is asked here. */
+	if (db_web_link_waiting(tab->act) > 0)
+		return;
 	for (size_t i = 0; i < DRIVES_MAX; i++) {
 		struct drive *drive = &tab->drives[i];
 

@@ -709,6 +709,20 @@ def test_a_server_that_runs_no_more_holds_nothing(gateway, how):
     assert bridge.drive().read("watchdog_trips") == 0
 
 
+def test_a_slow_drive_is_held_as_well(gateway):
+    """It confirms a motion later than the dead man's time; beats do not wait for that, nor behind what asks how it is."""
+    bridge = gateway.make_bridge(bus={"drive-latency-ms": 900}, sim_bus={"latency-us": 300000})
+    webd, page, grip = jogging(gateway, bridge)
+    began = time.monotonic()
+    eventually(lambda: time.monotonic() - began > 2.5 or not moving(bridge))
+    held = [what for _, what in orders(bridge) if what in ("mov", "stp")]
+    if grip.last("why") != "late":  # which would be the machine's
+        assert held == ["mov"] and moving(bridge), webd.log()
+        assert "the motion that it held" not in bridge.log_since(0)
+    grip.let_go()
+    stands(bridge)
+
+
 def beat_request(page, token):
     """The first beat of a press, as it stands on the wire."""
     body = json.dumps({"drive": "drive1", "grip": 1, "beat": 1, "velocity": SPEED, "token": token})
