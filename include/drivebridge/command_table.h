@@ -50,6 +50,7 @@ extern const size_t db_command_row_count;
 
 /* Null when there is no such command. */
 const struct db_command_row *db_command_find(unsigned code);
+const struct db_command_row *db_command_find_name(const char *name);
 const char *db_command_name(unsigned code); /* "move_absolute" ...; "none" for 0, "unknown" */
 
 /* The arguments that this command uses are the same, bit by bit. */

@@ -46,8 +46,15 @@ struct db_control_socket_ops {
 #define DB_SESSIONS_MAX 64
 #define DB_SESSIONS_RESERVED 8
 
+/* And so many that are kept for stops, when there are no others. */
+#define DB_SESSIONS_FOR_STOPS 2
+
+/* Those of one turn may have taken the places of others, which are still to be freed. */
+#define DB_SESSIONS_ACCEPTED_AT_ONCE 4
+#define DB_SESSIONS_MOST (DB_SESSIONS_MAX + DB_SESSIONS_FOR_STOPS + DB_SESSIONS_ACCEPTED_AT_ONCE)
+
 /* Descriptors that it takes at most. */
-#define DB_CONTROL_SOCKET_DESCRIPTORS (DB_SESSIONS_MAX + 5)
+#define DB_CONTROL_SOCKET_DESCRIPTORS (DB_SESSIONS_MOST + 5)
 
 struct db_control_socket_setup {
 	struct sd_event *loop;

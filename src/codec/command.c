@@ -136,6 +136,15 @@ const struct db_command_row *db_command_find(unsigned code)
 	return NULL;
 }
 
+const struct db_command_row *db_command_find_name(const char *name)
+{
+	for (size_t i = 0; i < COUNT_OF(db_command_rows); i++) {
+		if (strcmp(db_command_rows[i].name, name) == 0)
+			return &db_command_rows[i];
+	}
+	return NULL;
+}
+
 const char *db_command_name(unsigned code)
 {
 	const struct db_command_row *row = db_command_find(code);

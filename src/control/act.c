@@ -13,7 +13,7 @@
 /* How often the end of a motion is looked for. */
 #define LOOK_INTERVAL (20 * DB_NS_PER_MS)
 
-static const char *reason_of(enum db_result result)
+const char *db_act_reason_of(enum db_result result)
 {
 	switch (result) {
 	case DB_RESULT_REFUSED:
@@ -42,6 +42,8 @@ static const char *reason_of(enum db_result result)
 		return "it is too soon after the last one";
 	case DB_RESULT_NOT_IN_CONTROL:
 		return "another client has control of the drive";
+	case DB_RESULT_PENDING:
+		return "the drive has not confirmed it yet; it goes on";
 	case DB_RESULT_RUNS_ON:
 		return "the drive does not slow down; it is told on";
 	default:
@@ -57,7 +59,7 @@ static void answer(struct db_session *session, enum db_result result)
 		db_session_reply(session, json_pack("{s:s}", "result", db_result_name(result)),
 		                 false);
 	else
-		db_session_fail_result(session, result, reason_of(result));
+		db_session_fail_result(session, result, db_act_reason_of(result));
 }
 
 /* The first thing that a session commands is logged: from then on it counts as who moves something. */
@@ -118,7 +120,7 @@ void db_act_introduce(const struct db_call *call)
 		                      "space first or last");
 }
 
-static struct db_write_token next_token(struct db_session *session)
+struct db_write_token db_act_next_token(struct db_session *session)
 {
 	return (struct db_write_token){ .client = session->client.id,
 		                        .sequence = ++session->sequence };
@@ -218,7 +220,8 @@ static void write_on(struct db_session *session)
 		plan->next += beside;
 		session->wait = DB_WAITS_FOR_WRITE;
 		exception = db_named_write(registers, &session->client, plan->drive, first->table,
-		                           first->address, count, words, next_token(session));
+		                           first->address, count, words,
+		                           db_act_next_token(session));
 		if (exception == DB_WRITE_LATER)
 			return;
 		if (exception != 0) {
@@ -316,15 +319,6 @@ void db_act_write(const struct db_call *call)
 
 /* --- Run --------------------------------------------------------------------------------------------- */
 
-static const struct db_command_row *find_command(const char *name)
-{
-	for (size_t i = 0; i < db_command_row_count; i++) {
-		if (strcmp(db_command_rows[i].name, name) == 0)
-			return &db_command_rows[i];
-	}
-	return NULL;
-}
-
 /* What a PLC leaves 0 as well: the drive's preset speed, at once, no more words of a frame. */
 static bool may_be_missing(enum db_command command, enum db_arg arg)
 {
@@ -341,7 +335,7 @@ static bool has_argument(const struct db_command_row *row, const struct db_entry
 	return false;
 }
 
-/* False when the call is answered already. */
+/* False when the call is answered already. `list` may be null for a command without arguments. */
 static bool take_arguments(const struct db_call *call, const struct db_name_list *list,
                            const struct db_command_row *row, json_t *arguments,
                            struct db_args *args)
@@ -351,7 +345,7 @@ static bool take_arguments(const struct db_call *call, const struct db_name_list
 
 	json_object_foreach(arguments, name, value)
 	{
-		const struct db_entry *entry = db_name_list_find(list, name);
+		const struct db_entry *entry = list ? db_name_list_find(list, name) : NULL;
 		char reason[DB_REASON_MAX];
 		double number;
 
@@ -412,14 +406,15 @@ void db_act_run(const struct db_call *call)
 	    !db_call_object(call, "arguments", true, &arguments) ||
 	    !db_call_optional_flag(call, "until_end", &session->until_end))
 		return;
-	row = find_command(command);
+	row = db_command_find_name(command);
 	if (!row || !(drive.commands & DB_COMMAND_BIT(row->code))) {
 		db_session_fail(session, "io.drivebridge.Control.NoSuchCommand",
 		                json_pack("{s:s, s:s}", "drive", drive_name, "command", command));
 		return;
 	}
-	list = db_named_registers(registers, drive.number);
-	if (!list) {
+	/* A stop has no arguments, and is not refused because there is no memory for their names. */
+	list = db_command_is_stop(row->code) ? NULL : db_named_registers(registers, drive.number);
+	if (!list && !db_command_is_stop(row->code)) {
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
 		return;
 	}
@@ -430,7 +425,7 @@ void db_act_run(const struct db_call *call)
 	session->drive = drive.number;
 	session->wait = DB_WAITS_FOR_RUN;
 	taken = db_named_run(registers, &session->client, drive.number, row->code, &args, hold_ms,
-	                     next_token(session), &session->entry);
+	                     db_act_next_token(session), &session->entry);
 	if (!taken.later)
 		end_run(session, taken.result, db_control_now(session->control));
 	else if (session->oneway)

@@ -9,6 +9,12 @@
 /* Whether the session may act; else its call is answered. */
 bool db_act_is_allowed(struct db_session *session);
 
+/* Why a command ended like that, for people. */
+const char *db_act_reason_of(enum db_result result);
+
+/* For the next answer that the session waits for. */
+struct db_write_token db_act_next_token(struct db_session *session);
+
 void db_act_introduce(const struct db_call *call);
 void db_act_write(const struct db_call *call);
 void db_act_run(const struct db_call *call);

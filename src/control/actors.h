@@ -38,7 +38,7 @@ struct db_actors {
 bool db_actors_name_is_good(const char *name);
 
 /* The same number for the same names, for as long as there is one: for one session, which lets go of it when it ends or
- * has another. At most DB_SESSIONS_MAX + 1 are held at the same time. */
+ * has another. At most DB_SESSIONS_MOST + 1 are held at the same time. */
 uint32_t db_actors_hold(struct db_actors *actors, uint32_t user, const char *process_user,
                         const char *named);
 void db_actors_let_go(struct db_actors *actors, uint32_t number);

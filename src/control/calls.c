@@ -8,6 +8,7 @@
 #include "control/metrics.h"
 #include "control/scan.h"
 #include "control/state.h"
+#include "control/stops.h"
 #include "control/streams.h"
 #include "control/traces.h"
 #include "drivebridge/version.h"
@@ -83,6 +84,7 @@ static const struct method {
 	{ CONTROL ".Write", db_act_write, " drive values token ", false },
 	{ CONTROL ".Run", db_act_run, " drive command arguments until_end hold_ms token ", false },
 	{ BEAT, db_held_beat, " drive token ", false },
+	{ CONTROL ".Stop", db_stops_call, " drives command wait_ms ", false },
 	{ CONTROL ".Subscribe", db_streams_subscribe, " drives names interval_ms changes ", true },
 	{ CONTROL ".Events", db_streams_events, " ", false },
 	{ CONTROL ".Trace", db_traces_follow, " bus kept past ", true },
@@ -178,6 +180,13 @@ void db_calls_take(struct db_session *session, const char *text, size_t length)
 	session->oneway = message.oneway;
 	if (wrong) {
 		db_session_fail_parameter(session, wrong);
+		return;
+	}
+	if (session->stops_only && !db_stops_has_place(&message)) {
+		/* The place is for the next stop. */
+		db_session_fail(session, CONTROL ".Busy", NULL);
+		session->broken = true;
+		db_message_clear(&message);
 		return;
 	}
 	method = find_method(message.method);

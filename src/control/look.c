@@ -206,8 +206,9 @@ void db_look_commands(const struct db_call *call)
 			}
 		}
 		json_array_append_new(commands,
-		                      json_pack("{s:s, s:i, s:o, s:s}", "name", row->name, "code",
-		                                (int)row->code, "arguments", arguments,
+		                      json_pack("{s:s, s:i, s:o, s:b, s:s}", "name", row->name,
+		                                "code", (int)row->code, "arguments", arguments,
+		                                "stops", db_command_is_stop(row->code),
 		                                "description", row->description));
 	}
 	db_session_reply(call->session, json_pack("{s:o}", "commands", commands), false);

@@ -114,6 +114,21 @@ bool db_session_has_message(const struct db_session *session, size_t *length)
 	       db_session_has_whole(session, length);
 }
 
+db_time db_session_owes_until(struct db_session *session, db_time now)
+{
+	size_t length;
+	bool whole = db_session_has_whole(session, &length);
+	bool idle = session->wait == DB_WAITS_FOR_NOTHING && !session->out;
+
+	if (whole || !(session->in_used > 0 || (session->stops_only && idle)))
+		session->owes_since = 0;
+	else if (session->owes_since == 0)
+		session->owes_since = now;
+	if (session->owes_since == 0)
+		return DB_TIME_NEVER;
+	return session->owes_since + (session->stops_only ? DB_SESSION_STOPLESS : DB_SESSION_HALF);
+}
+
 bool db_session_is_overfull(const struct db_session *session)
 {
 	return session->in_used == DB_MESSAGE_MAX + 1 &&

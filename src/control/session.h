@@ -18,6 +18,7 @@ enum db_session_wait {
 	DB_WAITS_FOR_NOTHING,
 	DB_WAITS_FOR_WRITE,     /* the confirmation of a part of a Write */
 	DB_WAITS_FOR_RUN,       /* the end of a command */
+	DB_WAITS_FOR_STOPS,     /* the end of several stops */
 	DB_WAITS_FOR_MOTION,    /* the end of the motion that its command began */
 	DB_WAITS_FOR_REGISTERS, /* the rest of an answer that is written piece by piece */
 	DB_WAITS_FOR_VALUES,    /* the client to end its Subscribe */
@@ -37,6 +38,7 @@ struct db_session {
 	int fd;
 	uint32_t events; /* what epoll waits for */
 	bool acted;      /* it has commanded something */
+	bool stops_only; /* it has a place that is kept for stops */
 	bool ended;      /* the client sends nothing more */
 	bool deserted;   /* ... and what it held is stopped */
 	bool gone;       /* and takes nothing any more */
@@ -52,6 +54,7 @@ struct db_session {
 	char *in; /* there only while it is not empty, likewise `out` */
 	size_t in_used;
 	db_time in_arrived;   /* not earlier than this came what is in `in` */
+	db_time owes_since;   /* the rest of a message, or a stop on its place; 0: nothing */
 	db_time behind_since; /* something may wait in the socket since then; 0: nothing does */
 
 	char *out;
@@ -69,7 +72,7 @@ struct db_session {
 	uint16_t drive; /* of a command */
 	uint32_t entry; /* of that in the history */
 	bool until_end;
-	void *job; /* one block of memory, of a Write, a Subscribe or a Trace; null */
+	void *job; /* one block of memory, of a Write, a Stop, a Subscribe or a Trace; null */
 	uint64_t next_event;
 	unsigned reloads; /* that have to end */
 };
@@ -89,6 +92,14 @@ bool db_session_send(struct db_session *session, db_time now);
 
 /* When that is, if it goes on like this; DB_TIME_NEVER while no answer waits. */
 db_time db_session_stuck_at(const struct db_session *session);
+
+/* A client that has begun a message and not ended it is dropped after so long; one with a place for stops that says none,
+ * sooner. */
+#define DB_SESSION_HALF (10 * DB_NS_PER_S)
+#define DB_SESSION_STOPLESS (1 * DB_NS_PER_S)
+
+/* To be called whenever something may have changed. When its client is to have sent the rest; DB_TIME_NEVER: it owes nothing. */
+db_time db_session_owes_until(struct db_session *session, db_time now);
 
 /* Whether a whole message has come. */
 bool db_session_has_whole(const struct db_session *session, size_t *length);

@@ -7,6 +7,7 @@
 #include "control/look.h"
 #include "control/scan.h"
 #include "control/state.h"
+#include "control/stops.h"
 #include "control/streams.h"
 #include "control/traces.h"
 
@@ -21,7 +22,6 @@
 #include <unistd.h>
 
 #define EVENTS_AT_ONCE 8
-#define ACCEPTS_AT_ONCE 4
 #define TIMER_ACCURACY_US 200
 
 /* Behind a look at a stream no other is looked at for so many times as long as it took: however many there are
@@ -110,6 +110,67 @@ static void hear(struct db_control_socket *control, struct db_session *session, 
 	session->turn_kept = false;
 }
 
+/* Who has places, and whose place the next stop can have. */
+struct places {
+	size_t all;
+	size_t readers;
+	size_t stops;
+	struct db_session *oldest_stop; /* that waits for its drive; null */
+};
+
+static struct places count_places(const struct db_control_socket *control)
+{
+	struct places places = { .all = 0 };
+
+	for (size_t i = 0; i < control->count; i++) {
+		struct db_session *session = control->sessions[i];
+
+		places.readers += !session->client.may_write;
+		places.all += !session->stops_only;
+		/* Those that are over are freed before the loop waits again. */
+		if (!session->stops_only || (session->broken && !session->out))
+			continue;
+		places.stops++;
+		if (!session->broken && session->wait != DB_WAITS_FOR_NOTHING &&
+		    (!places.oldest_stop || session->turn < places.oldest_stop->turn))
+			places.oldest_stop = session;
+	}
+	return places;
+}
+
+/* Its own stop goes on without it. It is freed in settle(), because what epoll has reported may still name it. */
+static void take_place_of(struct db_session *session)
+{
+	db_stops_leave(session);
+	(void)db_session_send(session, db_control_now(session->control));
+	free(session->out);
+	session->out = NULL;
+	session->broken = session->ended = true;
+}
+
+/* Whether somebody who may act would have a place. If not, one who may be about to say a stop has a little time for it,
+ * and whoever comes waits for that. */
+static bool has_place(const struct db_control_socket *control)
+{
+	struct places places = count_places(control);
+
+	return places.all < DB_SESSIONS_MAX || places.stops < DB_SESSIONS_FOR_STOPS ||
+	       places.oldest_stop;
+}
+
+/* False: there is none for this one. */
+static bool find_place(struct db_control_socket *control, bool may_act, bool *stops_only)
+{
+	struct places places = count_places(control);
+
+	*stops_only = places.all == DB_SESSIONS_MAX;
+	if (!may_act)
+		return !*stops_only && places.readers < DB_SESSIONS_MAX - DB_SESSIONS_RESERVED;
+	if (*stops_only && places.stops == DB_SESSIONS_FOR_STOPS)
+		take_place_of(places.oldest_stop);
+	return true;
+}
+
 static void admit(struct db_control_socket *control, int fd)
 {
 	uid_t user;
@@ -118,17 +179,14 @@ static void admit(struct db_control_socket *control, int fd)
 	char name[DB_CLIENT_PROCESS_USER_MAX];
 	db_time now = db_control_now(control);
 	struct db_session *session;
-	size_t readers = 0;
+	bool stops_only;
 
 	db_rights_name(user, name);
 	if (right == DB_RIGHT_NONE) {
 		refuse_user(control, fd, (uint32_t)user, name);
 		return;
 	}
-	for (size_t i = 0; i < control->count; i++)
-		readers += !control->sessions[i]->client.may_write;
-	if (control->count == DB_SESSIONS_MAX ||
-	    (!client.may_write && readers >= DB_SESSIONS_MAX - DB_SESSIONS_RESERVED)) {
+	if (!find_place(control, client.may_write, &stops_only)) {
 		refuse(control, fd);
 		return;
 	}
@@ -140,6 +198,7 @@ static void admit(struct db_control_socket *control, int fd)
 	session = db_session_new(control, fd, &client, now);
 	if (!session)
 		return;
+	session->stops_only = stops_only;
 	db_session_set_actor(session, (uint32_t)user, name, "");
 	control->sessions[control->count++] = session;
 	control->stats.accepted++;
@@ -148,9 +207,19 @@ static void admit(struct db_control_socket *control, int fd)
 	hear(control, session, now);
 }
 
+static void set_accepting(struct db_control_socket *control, bool accepts)
+{
+	struct epoll_event event = { .events = accepts ? EPOLLIN : 0 };
+
+	if (control->listener < 0 || control->accepts == accepts)
+		return;
+	control->accepts = accepts;
+	epoll_ctl(control->epoll, EPOLL_CTL_MOD, control->listener, &event);
+}
+
 static void accept_some(struct db_control_socket *control)
 {
-	for (int i = 0; i < ACCEPTS_AT_ONCE; i++) {
+	for (int i = 0; i < DB_SESSIONS_ACCEPTED_AT_ONCE && has_place(control); i++) {
 		int fd = accept4(control->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
 
 		if (fd >= 0)
@@ -251,7 +320,10 @@ static void settle(struct db_control_socket *control)
 			due = due_of(control, session);
 		if (db_session_stuck_at(session) < due)
 			due = db_session_stuck_at(session);
+		if (db_session_owes_until(session, now) < due)
+			due = db_session_owes_until(session, now);
 	}
+	set_accepting(control, has_place(control));
 	arm(control, due);
 	want_turn(control, work);
 }
@@ -351,7 +423,7 @@ void db_control_socket_catch_up(struct db_control_socket *control)
 {
 	if (!control)
 		return;
-	for (size_t served = 0; served <= DB_SESSIONS_MAX; served += EVENTS_AT_ONCE) {
+	for (size_t served = 0; served <= DB_SESSIONS_MOST; served += EVENTS_AT_ONCE) {
 		if (serve(control) < EVENTS_AT_ONCE)
 			break;
 	}
@@ -369,6 +441,32 @@ static db_time read_clock(void)
 	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
 }
 
+/* Whether it was one that keeps its place without using it. */
+static bool drop_idler(struct db_control_socket *control, size_t place, db_time now)
+{
+	struct db_session *session = control->sessions[place];
+	char text[DB_CLIENT_TEXT_MAX];
+	struct db_log_about about = { .client = text };
+	const char *why = NULL;
+
+	if (db_session_stuck_at(session) <= now) {
+		why = "it does not read its answers";
+	} else if (db_session_owes_until(session, now) <= now) {
+		/* What came while this program did not run counts. */
+		hear(control, session, now);
+		if (db_session_owes_until(session, now) <= now)
+			why = session->in_used > 0 ? "it has not ended a message that it began" :
+			                             "it has a place for a stop and sends none";
+	}
+	if (!why)
+		return false;
+	db_session_text(session, text);
+	db_log(&control->log, now, DB_EVENT_CLIENT_REFUSED, &about, "connection closed: %s", why);
+	control->stats.dropped++;
+	end_session(control, place);
+	return true;
+}
+
 static int on_timer(sd_event_source *source, uint64_t us, void *context)
 {
 	struct db_control_socket *control = context;
@@ -380,17 +478,9 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 	control->armed = DB_TIME_NEVER;
 	for (size_t i = control->count; i-- > 0;) {
 		struct db_session *session = control->sessions[i];
-		char text[DB_CLIENT_TEXT_MAX];
-		struct db_log_about about = { .client = text };
 
-		if (db_session_stuck_at(session) <= now) {
-			db_session_text(session, text);
-			db_log(&control->log, now, DB_EVENT_CLIENT_REFUSED, &about,
-			       "connection closed: it does not read its answers");
-			control->stats.dropped++;
-			end_session(control, i);
+		if (drop_idler(control, i, now))
 			continue;
-		}
 		if (due_of(control, session) > now)
 			continue;
 		session->client.arrived = 0;
@@ -398,6 +488,8 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 			db_act_look(session, now);
 		else if (session->wait == DB_WAITS_FOR_SCAN)
 			db_scan_look(session, now);
+		else if (session->wait == DB_WAITS_FOR_STOPS)
+			db_stops_leave(session);
 		else if (!stream || session->due < stream->due)
 			stream = session;
 	}
@@ -422,6 +514,11 @@ void db_control_socket_answer(struct db_control_socket *control, struct db_write
 {
 	struct db_session *session = control ? find(control, token.client) : NULL;
 
+	if (session && session->wait == DB_WAITS_FOR_STOPS) {
+		db_stops_ended(session, token.sequence, result);
+		want_turn(control, true);
+		return;
+	}
 	if (!session || session->sequence != token.sequence ||
 	    (session->wait != DB_WAITS_FOR_WRITE && session->wait != DB_WAITS_FOR_RUN))
 		return;
@@ -466,6 +563,7 @@ static void listen_for_tools(struct db_control_socket *control)
 		return;
 	}
 	control->path = strdup(path);
+	control->accepts = true;
 	epoll_ctl(control->epoll, EPOLL_CTL_ADD, control->listener, &event);
 }
 

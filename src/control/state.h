@@ -30,6 +30,7 @@ struct db_control_socket {
 	struct db_actors actors;
 	int listener; /* -1: there is none */
 	char *path;   /* of the listener */
+	bool accepts; /* it is listened to */
 	int epoll;
 	int turn_fd; /* readable while calls wait for their turn */
 	bool wants_turn;
@@ -38,7 +39,7 @@ struct db_control_socket {
 	db_time armed;
 	db_time rest_until; /* no stream is looked at before */
 	uint32_t run;       /* of tokens, see token.h */
-	struct db_session *sessions[DB_SESSIONS_MAX];
+	struct db_session *sessions[DB_SESSIONS_MOST];
 	size_t count;
 	uint64_t last_turn;
 	uint32_t last_id;

@@ -5,6 +5,7 @@
 #include "regmap/clients.h"
 #include "regmap/exception.h"
 #include "regmap/gateway.h"
+#include "regmap/group.h"
 #include "regmap/read.h"
 #include "regmap/roster.h"
 #include "regmap/state.h"
@@ -428,6 +429,11 @@ bool db_named_moves(uint16_t number, const struct db_entry *entry, double value)
 	return cell->offset == offsetof(struct db_drive_image, block.hold_beat) ||
 	       (cell->offset == offsetof(struct db_drive_image, block.command) &&
 	        db_command_may_move((enum db_command)value));
+}
+
+void db_named_gather(struct db_registers *registers, bool gathers)
+{
+	db_group_gather(registers, gathers);
 }
 
 struct db_write_answer db_named_run(struct db_registers *registers, const struct db_client *client,

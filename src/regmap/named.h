@@ -124,6 +124,9 @@ bool db_named_commands(uint16_t number, const struct db_entry *entry, double val
  * with the kept arguments and whatever else is written. */
 bool db_named_moves(uint16_t number, const struct db_entry *entry, double value);
 
+/* Commands run from true to false reach each bus all at once; see db_group_gather(). */
+void db_named_gather(struct db_registers *registers, bool gathers);
+
 /* A command without an id, which leaves the kept command block alone. A motion is held for hold_ms, as
  * db_commander_execute_held() has it. *entry: its number in the history. */
 struct db_write_answer db_named_run(struct db_registers *registers, const struct db_client *client,

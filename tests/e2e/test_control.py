@@ -17,6 +17,7 @@ import varlink
 from bridgelib import ROOT, STANDSTILL, Refused, eventually
 
 INTERFACE = "io.drivebridge.Control"
+PLACES = 64
 
 
 class Tool:
@@ -161,6 +162,7 @@ def test_commands_are_those_of_the_table(tool, command_table):
         if row["families"] == "all" or "vsmd-serial" in row["families"].split():
             assert found[name]["code"] == int(row["code"])
             assert found[name]["arguments"] == row["arguments"].split()
+            assert found[name]["stops"] == (name in ("stop", "quick_stop", "disable"))
 
 
 def test_read_is_what_modbus_reads(tool, bridge):
@@ -792,11 +794,175 @@ def test_streams_leave_the_thread_to_modbus(make_bridge, method, calls, paramete
     assert times[len(times) // 2] < 0.005, times[-10:]
 
 
-def test_too_many_sessions(bridge):
-    lines = [Line(bridge) for _ in range(65)]
-    assert lines[64].answer()["error"].endswith("Busy")
+def fill(bridge, sent=b""):
+    """As many sessions as there are places, each of which has sent so much."""
+    lines = [Line(bridge) for _ in range(PLACES)]
+    for line in lines:
+        line.send(sent)
+    with Line(bridge) as late:
+        late.ask(f"{INTERFACE}.Describe")
+        assert late.answer()["error"].endswith("Busy")
+        assert late.closed()
+    return lines
+
+
+def close_all(lines):
     for line in lines:
         line.socket.close()
+
+
+def test_too_many_sessions(bridge):
+    lines = fill(bridge)
+    lines[0].ask(f"{INTERFACE}.Describe")
+    assert "parameters" in lines[0].answer()
+    close_all(lines)
+
+
+def test_a_stop_needs_no_free_place(bridge):
+    """The places are taken by sessions that say nothing; a stop has one, and nothing but a stop."""
+    with Tool(bridge) as mover:
+        mover.Run("drive1", "enable")
+        mover.Run("drive1", "move_velocity", {"target_velocity": 1000})
+    lines = fill(bridge)
+    for method, parameters in (("Run", {"drive": "drive1", "command": "enable"}), ("Read", {"drive": "", "names": []}),
+                               ("Write", {"drive": "drive1", "values": {"command": 1}})):
+        with Line(bridge) as line:
+            line.ask(f"{INTERFACE}.{method}", parameters)
+            assert line.answer()["error"].endswith("Busy")
+    for command in ("stop", "quick_stop", "disable"):
+        with Line(bridge) as line:
+            line.ask(f"{INTERFACE}.Introduce", {"user": "anna"})
+            line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": command})
+            assert line.answer() == {"parameters": {}}
+            assert line.answer() == {"parameters": {"result": "ok"}}
+    for drive, values in (("", {"group_stop": 1}), ("", {"group_units1": 1, "group_stop_units": 1}),
+                          ("drive1", {"command": "stop"}), ("drive1", {"command": 3})):
+        with Line(bridge) as line:
+            line.ask(f"{INTERFACE}.Write", {"drive": drive, "values": values})
+            assert line.answer() == {"parameters": {"result": "ok"}}
+    eventually(lambda: bridge.drive().read("velocity") == 0)
+    close_all(lines)
+
+
+def test_who_takes_a_place_for_a_stop_and_says_nothing_loses_it(bridge):
+    lines = fill(bridge)
+    begun = time.monotonic()
+    with Line(bridge) as one, Line(bridge) as two:
+        one.send(b"{")
+        assert one.closed() and two.closed()
+    assert time.monotonic() - begun < 8
+    close_all(lines)
+
+
+def test_stops_of_silent_drives_leave_room_for_the_next(make_bridge):
+    """Each waits for its drive; the oldest gives its place to the next, and is carried out all the same."""
+    bridge = make_bridge(drives=4)
+    for number in range(1, 5):
+        bridge.wait_ready(number)
+    for number in range(1, 4):
+        bridge.sim.fault("silence on", f"drive{number}")
+    lines = fill(bridge)
+    waiting = []
+    for number in range(1, 4):
+        line = Line(bridge)
+        line.ask(f"{INTERFACE}.Run", {"drive": f"drive{number}", "command": "stop"})
+        waiting.append(line)
+    with Line(bridge) as line:
+        line.ask(f"{INTERFACE}.Run", {"drive": "drive4", "command": "stop"})
+        assert line.answer() == {"parameters": {"result": "ok"}}
+    for line in waiting[:2]:
+        assert line.answer() == {"parameters": {"result": "pending"}}
+        assert line.closed()
+    for number in range(1, 4):
+        bridge.sim.fault("silence off", f"drive{number}")
+    assert waiting[2].answer() == {"parameters": {"result": "ok"}}
+    close_all(lines + waiting)
+
+
+def stopped(answer):
+    return {one["drive"]: one["result"] for one in answer["parameters"]["stopped"]}
+
+
+def test_stop_of_all_drives_at_once(make_bridge):
+    """Each is answered by itself: who is silent holds up nobody else, and is not taken for standing."""
+    bridge = make_bridge(drives=3)
+    with Tool(bridge) as mover:
+        for number in range(1, 4):
+            bridge.wait_ready(number)
+            mover.Run(f"drive{number}", "enable")
+            mover.Run(f"drive{number}", "move_velocity", {"target_velocity": 1000})
+        bridge.sim.fault("silence on", "drive2")
+        lines = fill(bridge)[1:]
+        with Line(bridge) as line:
+            line.ask(f"{INTERFACE}.Stop", {"drives": []}, more=True)
+            told = {}
+            while set(told) != {"drive1", "drive3"}:
+                answer = line.answer()
+                assert answer["continues"]
+                told.update(stopped(answer))
+            assert set(told.values()) == {"ok"}
+            bridge.sim.fault("silence off", "drive2")
+            answer = line.answer()
+            assert stopped(answer) == {"drive2": "ok"} and "continues" not in answer
+        close_all(lines)
+    for number in range(1, 4):
+        eventually(lambda number=number: bridge.drive(number).read("velocity") == 0)
+
+
+def test_stop_of_some_drives(bridge, tool):
+    tool.Run("drive1", "enable")
+    for command in ("stop", "quick_stop", "disable", None):
+        answer = tool.Stop(["drive1", "nobody", "drive1"], command)
+        assert [(one["drive"], one["result"]) for one in answer["stopped"]] == [
+            ("drive1", "ok"), ("nobody", "no_such_drive"), ("drive1", "ok")]
+    with fails("BadValue"):
+        tool.Stop(["drive1"], "enable")
+    with fails("InvalidParameter"):
+        tool.Stop(["drive1"] * 1025)
+
+
+def test_stop_waits_no_longer_than_it_is_to(bridge):
+    bridge.sim.fault("silence on", "drive1")
+    begun = time.monotonic()
+    with Line(bridge) as line:
+        line.ask(f"{INTERFACE}.Stop", {"drives": [], "wait_ms": 200})
+        assert stopped(line.answer())["drive1"] == "pending"
+        assert time.monotonic() - begun > 0.15
+        line.ask(f"{INTERFACE}.Stop", {"drives": [], "wait_ms": 0})
+        assert stopped(line.answer())["drive1"] == "pending"
+
+
+def test_half_a_message_does_not_keep_a_place(bridge):
+    """Those that go on without ever ending one, too; who has said a whole one stays."""
+    with Line(bridge) as other:
+        other.ask(f"{INTERFACE}.Read", {"drive": "drive1", "names": ["position"]})
+        lines = [Line(bridge) for _ in range(3)]
+        begun = time.monotonic()
+        for line in lines:
+            line.send(b'{"method": "')
+        while select.select([lines[0].socket], [], [], 0.5)[0] == []:
+            lines[1].send(b"x")
+            assert time.monotonic() - begun < 30
+        assert time.monotonic() - begun > 9
+        assert all(line.closed() for line in lines)
+        assert "parameters" in other.answer()
+        other.ask(f"{INTERFACE}.Read", {"drive": "drive1", "names": ["position"]})
+        assert "parameters" in other.answer()
+
+
+def test_a_full_queue_of_calls_does_not_refuse_a_stop(bridge):
+    """All places, each with as many calls as fit."""
+    call = json.dumps({"method": f"{INTERFACE}.Registers", "parameters": {"drive": "drive1"}}).encode() + b"\0"
+    with Tool(bridge) as mover:
+        mover.Run("drive1", "enable")
+        mover.Run("drive1", "move_velocity", {"target_velocity": 1000})
+    lines = [Line(bridge) for _ in range(PLACES)]
+    for line in lines:
+        line.send(call * 100)
+    with Line(bridge) as line:
+        line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "stop"})
+        assert line.answer() == {"parameters": {"result": "ok"}}
+    close_all(lines)
 
 
 def test_pipelined_calls_are_answered_in_order(bridge):

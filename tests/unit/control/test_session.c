@@ -104,12 +104,57 @@ static void who_takes_nothing_is_stuck_after_ten_seconds(void **state)
 	assert_true(db_session_stuck_at(session) == DB_TIME_NEVER);
 }
 
+/* The client sends bytes, which are received `now`. */
+static void hear(const char *bytes, size_t count, db_time now)
+{
+	assert_int_equal(send(client, bytes, count, 0), count);
+	assert_true(db_session_receive(session, now));
+}
+
+static void half_a_message_is_waited_for_ten_seconds(void **state)
+{
+	(void)state;
+	assert_true(db_session_owes_until(session, SECOND) == DB_TIME_NEVER);
+	hear("{", 1, 5 * SECOND);
+	assert_true(db_session_owes_until(session, 5 * SECOND) == 15 * SECOND);
+	/* More of it is not the rest of it. */
+	hear("x", 1, 9 * SECOND);
+	assert_true(db_session_owes_until(session, 9 * SECOND) == 15 * SECOND);
+	hear("}\0{", 3, 12 * SECOND);
+	assert_true(db_session_owes_until(session, 12 * SECOND) == DB_TIME_NEVER);
+	db_session_drop_message(session, 3);
+	assert_true(db_session_owes_until(session, 13 * SECOND) == 23 * SECOND);
+	hear("}\0", 2, 14 * SECOND);
+	db_session_drop_message(session, 2);
+	assert_true(db_session_owes_until(session, 14 * SECOND) == DB_TIME_NEVER);
+}
+
+static void a_place_for_a_stop_is_kept_a_second(void **state)
+{
+	(void)state;
+	session->stops_only = true;
+	assert_true(db_session_owes_until(session, 5 * SECOND) == 6 * SECOND);
+	hear("{", 1, 5 * SECOND);
+	assert_true(db_session_owes_until(session, 5 * SECOND) == 6 * SECOND);
+	hear("}\0", 2, 5 * SECOND);
+	assert_true(db_session_owes_until(session, 5 * SECOND) == DB_TIME_NEVER);
+	db_session_drop_message(session, 2);
+	/* Its stop is under way. */
+	session->wait = DB_WAITS_FOR_RUN;
+	assert_true(db_session_owes_until(session, 8 * SECOND) == DB_TIME_NEVER);
+	session->wait = DB_WAITS_FOR_NOTHING;
+	assert_true(db_session_owes_until(session, 9 * SECOND) == 10 * SECOND);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test_setup_teardown(who_takes_its_answer_is_never_stuck, begin, end),
 		cmocka_unit_test_setup_teardown(who_takes_nothing_is_stuck_after_ten_seconds, begin,
 		                                end),
+		cmocka_unit_test_setup_teardown(half_a_message_is_waited_for_ten_seconds, begin,
+		                                end),
+		cmocka_unit_test_setup_teardown(a_place_for_a_stop_is_kept_a_second, begin, end),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);
