@@ -46,6 +46,10 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 		ctl->all = true;
 	else if (strcmp(name, "no-wait") == 0)
 		ctl->no_wait = true;
+	else if (strcmp(name, "quick") == 0)
+		ctl->quick = true;
+	else if (strcmp(name, "disable") == 0)
+		ctl->disable = true;
 	else if (strcmp(name, "velocity") == 0)
 		ctl->velocity = value;
 	else if (strcmp(name, "interval") == 0)

@@ -34,6 +34,8 @@ struct db_ctl {
 	bool yes;
 	bool save;
 	bool with_address;
+	bool quick;
+	bool disable;
 	const char *velocity;
 	const char *interval;
 	bool all_speeds;

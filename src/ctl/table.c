@@ -15,6 +15,7 @@
 #include "ctl/set.h"
 #include "ctl/show.h"
 #include "ctl/status.h"
+#include "ctl/stop.h"
 #include "ctl/trace.h"
 #include "ctl/watch.h"
 
@@ -33,6 +34,10 @@ const struct db_ctl_command db_ctl_commands[] = {
 	  "Write values; done when the drive has confirmed them", db_ctl_set },
 	{ "run", "DRIVE COMMAND [NAME=VALUE...]", "drives commands arguments", 2, -1, true,
 	  "Run a command and wait for its end, that of its motion too; Ctrl-C stops the drive", db_ctl_run },
+	{ "stop", "[DRIVE...]", "drives", 0, -1, false,
+	  "Stop drives at once, all of them when none is named, and say of each whether that is confirmed; ends with 0 only "
+	  "when it is of all",
+	  db_ctl_stop },
 	{ "jog", "DRIVE", "drives", 1, 1, true,
 	  "Move a drive while an arrow key is held", db_ctl_jog },
 	{ "watch", "[DRIVE...]", "drives", 0, -1, true,
@@ -85,6 +90,8 @@ const struct db_ctl_option db_ctl_options[] = {
 	{ "json", NULL, NULL, "Objects for programs instead of text; one a line for what goes on" },
 	{ "all", NULL, " show ", "The registers of results, diagnostics and history as well" },
 	{ "no-wait", NULL, " run ", "Do not wait for the end of a motion" },
+	{ "quick", NULL, " stop ", "The fastest stop that the drives have" },
+	{ "disable", NULL, " stop ", "Take the power off the motors; a load may drop" },
 	{ "velocity", "V", " jog ", "How fast, in the unit of target_velocity; a tenth of its limit when not given" },
 	{ "interval", "MS", " watch ", "Time between two pictures, 200 ms when not given; 0: every cycle" },
 	{ "follow", NULL, " events ", "Go on with those to come" },

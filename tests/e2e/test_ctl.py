@@ -6,6 +6,7 @@ import getpass
 import json
 import re
 import shlex
+import socket
 import subprocess
 import time
 
@@ -209,6 +210,48 @@ def test_who_does_not_wait_feeds_nothing(plant):
                status=1).startswith("drivebridgectl: latched: ")
     ctl(plant, "run", "feeder", "clear_fault")
     ctl(plant, "status")
+
+
+def sessions(plant, count):
+    lines = [socket.socket(socket.AF_UNIX) for _ in range(count)]
+    for line in lines:
+        line.connect(str(plant.control_path))
+    return lines
+
+
+def test_stop_stops_what_moves_whoever_holds_the_socket(plant):
+    """All drives, over a socket that others fill; a silent one is named and delays no other."""
+    for name in NAMES:
+        ctl(plant, "run", name, "enable")
+        ctl(plant, "run", "--no-wait", name, "move_velocity", "target_velocity=640")
+    plant.sim.fault("silence on", "drive3")
+    lines = sessions(plant, 64)
+    try:
+        done = run(plant, "stop")
+        assert done.returncode == 1, done
+        assert done.stdout.splitlines()[:2] == ["feeder: stop: ok", "conveyor: stop: ok"]
+        assert done.stdout.splitlines()[2].startswith("lift: stop: NOT CONFIRMED: ")
+        assert "use the emergency stop" in done.stderr
+        for number in (1, 2):
+            plant.wait_standing(number)
+        plant.sim.fault("silence off", "drive3")
+        eventually(lambda: ctl(plant, "stop").splitlines() == [f"{name}: stop: ok" for name in NAMES])
+        plant.wait_standing(3)
+    finally:
+        for line in lines:
+            line.close()
+
+
+def test_stop_of_some(plant):
+    for name in NAMES[:2]:
+        ctl(plant, "run", name, "enable")
+        ctl(plant, "run", "--no-wait", name, "move_velocity", "target_velocity=640")
+    plant.sim.fault("silence on", "drive3")
+    assert ctl(plant, "stop", "--quick", "feeder") == "feeder: quick_stop: ok\n"
+    plant.wait_standing(1)
+    assert sorted(ctl(plant, "stop", "--disable", "conveyor", "conveyr", status=2).splitlines()) == [
+        "conveyor: disable: ok", 'conveyr: disable: NOT CONFIRMED: no drive is called "conveyr"']
+    eventually(lambda: plant.drive(2).read("velocity") == 0)
 
 
 def test_an_interrupted_run_stops_the_drive(plant):

@@ -247,6 +247,74 @@ def test_a_refusal_says_why(fake):
     assert error["parameters"]["code"] == 10
 
 
+# --- stop ------------------------------------------------------------------------------------------
+
+
+STOPPED = {"drive": "feeder", "result": "ok"}
+SILENT = {"drive": "lift", "result": "pending", "reason": "it does not\033[2J answer"}
+
+
+def test_stop_is_the_first_thing_that_is_said(fake):
+    """Nothing is asked before, which could take long."""
+    fake.answers["Stop"] = [{"stopped": [STOPPED]}, {"stopped": [{"drive": "lift", "result": "ok"}]}]
+    assert ctl(fake, "stop") == "feeder: stop: ok\nlift: stop: ok\n"
+    assert [method for method, _ in fake.calls] == ["Stop"]
+    assert fake.called("Stop")[0]["drives"] == [] and fake.called("Stop")[0]["command"] == "stop"
+
+
+@pytest.mark.parametrize("option, command", [("--quick", "quick_stop"), ("--disable", "disable")])
+def test_there_are_other_stops(fake, option, command):
+    fake.answers["Stop"] = {"stopped": [STOPPED]}
+    assert ctl(fake, "stop", option, "feeder") == f"feeder: {command}: ok\n"
+    assert fake.called("Stop")[0]["drives"] == ["feeder"] and fake.called("Stop")[0]["command"] == command
+
+
+def test_what_is_not_confirmed_is_said(fake):
+    fake.answers["Stop"] = [{"stopped": [STOPPED]}, {"stopped": [SILENT]}]
+    said = ctl(fake, "stop", status=1)
+    assert "feeder: stop: ok\nlift: stop: NOT CONFIRMED: it does not?[2J answer\n" in said
+    assert "use the emergency stop" in said
+    told = [json.loads(line) for line in ctl(fake, "--json", "stop", status=1).splitlines()]
+    assert told[0] == {**STOPPED, "command": "stop"} and told[1] == {**SILENT, "command": "stop"}
+    assert told[2]["error"] == "io.drivebridge.Client.NotConfirmed"
+
+
+@pytest.mark.parametrize("answer", [{}, {"stopped": []}, {"stopped": 3}, {"stopped": ["feeder"]},
+                                    {"stopped": [{"drive": "feeder"}]}, "io.drivebridge.Control.NotAllowed"])
+def test_no_answer_is_taken_for_a_confirmation(fake, answer):
+    fake.answers["Stop"] = answer
+    done = subprocess.run([find_program("drivebridgectl"), "--socket", fake.path, "stop", "feeder"],
+                          capture_output=True, text=True, timeout=20, check=False)
+    assert done.returncode in (1, 3) and "use the emergency stop" in done.stderr, done
+
+
+def test_a_service_that_hangs_is_not_waited_for_for_ever(fake):
+    fake.answers["Stop"] = lambda parameters: None
+    said = ctl(fake, "stop", status=3)
+    assert said.index("not confirmed yet") < said.index("the service does not answer")
+    assert len(fake.called("Stop")) == 1
+
+
+@pytest.mark.parametrize("trouble", ["full", "lost"])
+def test_a_stop_is_said_again_until_it_is_taken(fake, trouble):
+    def answer(parameters):
+        if len(fake.called("Stop")) == 3:
+            return {"stopped": [STOPPED]}
+        if trouble == "full":
+            return "io.drivebridge.Control.Busy"
+        fake.cut()
+        return None
+
+    fake.answers["Stop"] = answer
+    assert ctl(fake, "stop", "feeder") == "feeder: stop: ok\n"
+
+
+def test_nobody_there_to_stop(fake):
+    fake.close()
+    said = ctl(fake, "stop", status=3)
+    assert "is the service running?" in said and "use the emergency stop" in said
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_who_interrupts_a_motion_stops_it(fake, number):
     fake.answers["Run"] = lambda parameters: (
@@ -487,7 +555,9 @@ def complete(fake, line):
 
 
 def test_the_shell_knows_commands_options_and_names(fake):
-    assert complete(fake, "drivebridgectl st") == ["status"]
+    assert complete(fake, "drivebridgectl st") == ["status", "stop"]
+    assert complete(fake, "drivebridgectl stop feeder l") == ["lift"]
+    assert complete(fake, "drivebridgectl stop --q") == ["--quick"]
     assert complete(fake, "drivebridgectl status --j") == ["--json"]
     assert complete(fake, "drivebridgectl show ")[-3:] == ["feeder", "lift", "gateway"]
     assert complete(fake, "drivebridgectl --json run f") == ["feeder"]
