@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "mqtt/command.h"
 
+#include "client/stops.h"
 #include "mqtt/moment.h"
 
 #include <stdio.h>
@@ -102,6 +103,5 @@ void db_mqtt_command_clear(struct db_mqtt_command *command)
 
 bool db_mqtt_command_is_stop(const struct db_mqtt_command *command)
 {
-	return command->name &&
-	       (strcmp(command->name, "stop") == 0 || strcmp(command->name, "quick_stop") == 0);
+	return command->name && db_client_is_stop(command->name);
 }

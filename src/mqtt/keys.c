@@ -92,7 +92,7 @@ const struct db_setting db_mqtt_keys[] = {
 	  AT(discovery_prefix) },
 
 	{ DB_LIST_SETTING("command", "allow", "none", "none stop all",
-	                  "Which commands are taken from the broker, by their names; stop: stop and quick_stop. The service decides "
+	                  "Which commands are taken from the broker, by their names; stop: stops only. The service decides "
 	                  "beside that: this program's user must belong to its act-group"),
 	  AT(allow) },
 	{ DB_LIST_SETTING("command", "drives", "all", "all",

@@ -4,6 +4,7 @@
 #include "client/client.h"
 #include "client/clock.h"
 #include "client/log.h"
+#include "client/stops.h"
 #include "users/roles.h"
 
 #include <stdio.h>
@@ -415,12 +416,6 @@ static void make_call(struct link *link, const struct db_opcua_actor *actor, con
 		free(call);
 }
 
-static bool is_stop(const char *command)
-{
-	return strcmp(command, "stop") == 0 || strcmp(command, "quick_stop") == 0 ||
-	       strcmp(command, "disable") == 0;
-}
-
 /* From now on it goes over `to`, with what this session wrote into its command block, and with the control of it. The
  * former connection still feeds what was commanded over it. */
 static void move_drive(struct link *from, struct link *to, const char *name)
@@ -518,7 +513,7 @@ void db_opcua_acting_run(struct db_opcua_acting *acting, const struct db_opcua_a
                          const char *drive, const char *command, json_t *arguments,
                          struct db_opcua_outcome *outcome)
 {
-	act(acting, actor, drive, command, is_stop(command) ? PASSING : OWN, "Run",
+	act(acting, actor, drive, command, db_client_is_stop(command) ? PASSING : OWN, "Run",
 	    json_pack("{s:s, s:s, s:o}", "drive", drive, "command", command, "arguments",
 	              arguments),
 	    outcome);
@@ -527,7 +522,7 @@ void db_opcua_acting_run(struct db_opcua_acting *acting, const struct db_opcua_a
 static enum way way_of_write(const char *reg, const char *command)
 {
 	if (strcmp(reg, "group_stop") == 0 || strcmp(reg, "group_stop_units") == 0 ||
-	    (command && is_stop(command)))
+	    (command && db_client_is_stop(command)))
 		return PASSING;
 	return strcmp(reg, "staged_command") == 0 || strcmp(reg, "control_request") == 0 ? SHARED :
 	                                                                                   OWN;

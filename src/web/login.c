@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/login.h"
 #include "client/log.h"
+#include "client/stops.h"
 #include "drivebridge/version.h"
 #include "users/users.h"
 #include "web/call.h"
@@ -29,6 +30,16 @@ static void end_session(struct db_web_server *server, const char *id)
 	db_web_stream_end(server, over, "LoginRequired", "the login has ended");
 }
 
+/* What the page is to send past everything that waits. */
+static json_t *list_stops(void)
+{
+	json_t *list = json_array();
+
+	for (size_t i = 0; db_client_stops[i]; i++)
+		(void)json_array_append_new(list, json_string(db_client_stops[i]));
+	return list;
+}
+
 void db_web_login_tell(struct db_web_request *request)
 {
 	if (request->token[0] == '\0') {
@@ -44,13 +55,13 @@ void db_web_login_tell(struct db_web_request *request)
 		(void)snprintf(value, sizeof(value), "%c%s", DB_WEB_NOBODY, request->token);
 		db_web_request_set_cookie(request, value);
 	}
-	db_web_request_answer(request, MHD_HTTP_OK,
-	                      json_pack("{s:s?, s:s, s:s, s:s, s:b, s:s?}", "user",
-	                                request->user[0] ? request->user : NULL, "role",
-	                                db_role_name(request->role), "token", request->token,
-	                                "version", DB_VERSION, "service",
-	                                db_web_service_is_up(request->server->service), "tab",
-	                                request->tab[0] ? request->tab : NULL));
+	db_web_request_answer(
+		request, MHD_HTTP_OK,
+		json_pack("{s:s?, s:s, s:s, s:s, s:b, s:o, s:s?}", "user",
+	                  request->user[0] ? request->user : NULL, "role",
+	                  db_role_name(request->role), "token", request->token, "version",
+	                  DB_VERSION, "service", db_web_service_is_up(request->server->service),
+	                  "stops", list_stops(), "tab", request->tab[0] ? request->tab : NULL));
 }
 
 static void refuse_often(struct db_web_request *request, db_time wait)

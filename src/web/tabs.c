@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/tabs.h"
+#include "client/stops.h"
 #include "web/call.h"
 #include "web/jog.h"
 #include "web/order.h"
@@ -215,7 +216,6 @@ static void feed(struct db_web_tab *tab, db_time now)
 /* Whether it is a stop, and of which drive; NULL: of several. */
 static bool is_stop(const struct db_web_request *request, const char **drive)
 {
-	static const char *const stops[] = { "stop", "quick_stop", "disable" };
 	const char *command = json_string_value(json_object_get(request->parameters, "command"));
 	const json_t *values = json_object_get(request->parameters, "values");
 
@@ -225,13 +225,8 @@ static bool is_stop(const struct db_web_request *request, const char **drive)
 		return json_object_get(values, "group_stop") ||
 		       json_object_get(values, "group_stop_units");
 	}
-	if (strcmp(request->route.name, "Run") != 0 || !command || !*drive)
-		return false;
-	for (size_t i = 0; i < sizeof(stops) / sizeof(stops[0]); i++) {
-		if (strcmp(stops[i], command) == 0)
-			return true;
-	}
-	return false;
+	return strcmp(request->route.name, "Run") == 0 && *drive && command &&
+	       db_client_is_stop(command);
 }
 
 /* Past everything that waits; and once more behind that, where a motion may be waiting. */

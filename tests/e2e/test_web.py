@@ -189,7 +189,8 @@ def test_requests_of_other_pages_are_refused(gateway):
     for name in ("evil.example", "gateway.example.evil", "127.0.0.1.evil", ""):
         assert refused(421, page.ask, "GET", "/api/session", Host=name).error == "WrongHost"
     for name in ("gateway.example:80", "LOCALHOST", "192.168.7.7", "[fd00::5]:8080"):
-        assert page.ask("GET", "/api/session", Host=name)["user"] == "olga"
+        session = page.ask("GET", "/api/session", Host=name)
+        assert session["user"] == "olga" and session["stops"] == ["stop", "quick_stop", "disable"]
     assert refused(405, page.ask, "GET", "/api/call/Run").error == "WrongMethod"
     assert refused(405, page.ask, "POST", "/", {}).error == "WrongMethod"
     for path in ("/nope", "/../etc/passwd", "/%2e%2e/etc/passwd", "/page/index.html", "/api/call/Quit",

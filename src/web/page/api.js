@@ -39,8 +39,9 @@ export const tab = Array.from(crypto.getRandomValues(new Uint8Array(12)),
 				(byte) => byte.toString(16).padStart(2, "0"))
 					.join("");
 
-/* user, role (none, reader, operator), version, service (whether drivebridged is there). */
-let session = { user: null, role: "none", token: "", version: "", service: false };
+/* user, role (none, reader, operator), version, service (whether drivebridged is there), stops
+ * (commands that are). */
+let session = { user: null, role: "none", token: "", version: "", service: false, stops: [] };
 const sessionListeners = new Set();
 let acted = false;
 /* What acts is numbered in the order in which it was asked for: carried out once, and not behind a stop that came
@@ -176,8 +177,7 @@ function endTurn() {
 
 /* Stops come first: they take no turn. */
 export function isStop(method, parameters) {
-	return (method === "Run" &&
-		["stop", "quick_stop", "disable"].includes(parameters.command)) ||
+	return (method === "Run" && session.stops.includes(parameters.command)) ||
 		(method === "Write" && parameters.drive === "");
 }
 

@@ -9,8 +9,8 @@ import { asLabel, formatAddress, formatDuration, formatRange, formatReal, format
 	hasBits, inWords, NONE, parseValue } from "./format.js";
 
 const HISTORY_SHOWN = 12;
-/* Stops have buttons of their own, which are always there. */
-const STOPS = ["stop", "quick_stop"];
+/* Those that have buttons of their own, which are always there. */
+const ELSEWHERE = ["stop", "quick_stop"];
 /* What control_holder and history1_ipv4 have of a client that is no IPv4 address. */
 const NO_IPV4 = 0xffffffff;
 
@@ -53,7 +53,7 @@ function createField(register, scale, describedBy) {
 /* The panel; onDone() is called when a command was taken. */
 export function createCommands({ context, drive, registers, commands, scale, onDone }) {
 	const said = element("p", { id: "command-result", class: "command-result", role: "status" });
-	const all = [...commands.values()].filter((command) => !STOPS.includes(command.name));
+	const all = [...commands.values()].filter((command) => !ELSEWHERE.includes(command.name));
 	const others = all.filter((command) => command.arguments.length > 0);
 	const buttons = all.filter((command) => command.arguments.length === 0).map((command) =>
 		element("button", { type: "button", class: "small", title: command.description,

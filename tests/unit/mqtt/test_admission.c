@@ -93,6 +93,7 @@ static void test_what_is_allowed(void **state)
 	desk->config.allow.word = DB_MQTT_ALLOW_STOP;
 	assert_string_equal(judge(desk, MOVE("1")), "not_allowed");
 	assert_string_equal(judge(desk, "{\"command\":\"quick_stop\"}"), "");
+	assert_string_equal(judge(desk, "{\"command\":\"disable\"}"), "");
 	desk->config.allow = (struct db_setting_list){ DB_SETTING_NAMED, names };
 	assert_string_equal(judge(desk, MOVE("1")), "not_allowed");
 	assert_string_equal(judge(desk, "{\"command\":\"stop\"}"), "not_allowed");
@@ -120,6 +121,7 @@ static void test_its_age(void **state)
 	/* The line stood still, whatever the clocks say. */
 	desk->arrival.sent_behind = desk->arrival.now - 2001 * DB_NS_PER_MS;
 	assert_string_equal(judge(desk, MOVE("2")), "late");
+	assert_string_equal(judge(desk, "{\"command\":\"disable\"}"), "");
 	assert_string_equal(judge(desk, "{\"command\":\"stop\"}"), "");
 	desk->arrival.sent_behind = desk->arrival.now;
 	assert_string_equal(judge(desk, "{\"id\":2,\"command\":\"home\"}"), "bad_message");

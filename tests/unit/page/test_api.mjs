@@ -53,7 +53,8 @@ async function askBehindLogin(t, ...asked) {
 	t.mock.method(globalThis, "fetch", async (path, { headers }) => {
 		if (path === "/api/session") {
 			valid = tokens.shift() ?? valid;
-			return Response.json({ user: "anna", role: "operator", token: valid, service: true });
+			return Response.json({ user: "anna", role: "operator", token: valid, service: true,
+				stops: ["stop", "quick_stop", "disable"] });
 		}
 		if (headers["X-Drivebridge"] !== "new")
 			return Response.json({ error: "BadToken", text: "" }, { status: 403 });
