@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands to many drives in one write: staged moves that start together, and a stop of all."""
 
+import time
+
 import pytest
 from bridgelib import (
+    ACKNOWLEDGE,
     CONTINUOUS,
     DEVICE_FAILURE,
     DISABLED,
@@ -10,6 +13,7 @@ from bridgelib import (
     ILLEGAL_VALUE,
     MOVE_ABSOLUTE,
     MOVE_VELOCITY,
+    NO_ANSWER,
     NO_PATH,
     RESULT_FAILED,
     RESULT_OK,
@@ -101,6 +105,31 @@ def test_one_write_stops_every_drive_on_every_bus(make_bridge):
     assert gateway.write("group_stop", 3) == 0
     state(bridge, DISABLED, 5)
     assert gateway.write("group_stop", 4) == ILLEGAL_VALUE
+
+
+@pytest.mark.parametrize("way", ["all", "listed"])
+@pytest.mark.parametrize("known", [False, True])
+def test_a_dead_drive_holds_the_groups_stop_no_longer_than_its_own(make_bridge, way, known):
+    """Bounded by confirm-ms, as each drive's own; the others stand, and the answer says that one may not."""
+    bridge = make_bridge(drives=5, modbus={"confirm-ms": 400})
+    gateway = bridge.gateway()
+    for number in range(1, 6):
+        assert bridge.drive(number).command("move_velocity", target_velocity=2000) == 0
+    bridge.sim.fault("silence on", "drive3")
+    if known:
+        eventually(lambda: gateway.read("drives_online") == 4)
+    begun = time.monotonic()
+    if way == "all":
+        answer = gateway.write("group_stop", 1)
+    else:
+        answer = gateway.write_words(70, [0b11111, *[0] * 15, 1])
+    took = time.monotonic() - begun
+    assert answer in (ACKNOWLEDGE, NO_ANSWER), answer
+    assert 0.3 < took < 1.5, took
+    for number in (1, 2, 4, 5):
+        bridge.wait_standing(number)
+    bridge.sim.fault("silence off", "drive3")
+    eventually(lambda: bridge.drive(3).read("axis_state") in (STANDSTILL, DISABLED))
 
 
 def test_one_write_stops_a_list_of_drives(make_bridge):
