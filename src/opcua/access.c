@@ -63,7 +63,7 @@ struct db_opcua_access *db_opcua_access_new(const struct db_opcua_config *config
                                             struct db_opcua_network *network,
                                             db_opcua_left_fn *left, void *context)
 {
-	size_t places = config->sessions;
+	size_t places = config->sessions + DB_OPCUA_STOP_PLACES;
 	struct db_opcua_access *access = calloc(1, sizeof(*access) +
 	                                                   places * sizeof(access->sessions[0]));
 
@@ -220,7 +220,7 @@ static struct db_opcua_session *find_least(struct db_opcua_access *access, enum 
 	struct db_opcua_session *lost = NULL;
 	struct db_opcua_session *reader = NULL;
 
-	for (size_t i = 0; i < access->places; i++) {
+	for (size_t i = 0; i < access->places - DB_OPCUA_STOP_PLACES; i++) {
 		struct db_opcua_session *session = &access->sessions[i];
 
 		if (session->connection == 0) {
@@ -233,17 +233,49 @@ static struct db_opcua_session *find_least(struct db_opcua_access *access, enum 
 	return lost ? lost : reader;
 }
 
+/* In these places. NULL: none is free. */
+static struct db_opcua_session *find_free(struct db_opcua_access *access, size_t from, size_t to)
+{
+	for (size_t i = from; i < to; i++) {
+		if (access->sessions[i].number == 0)
+			return &access->sessions[i];
+	}
+	return NULL;
+}
+
+/* In these places, all of which are taken: one that has lost its connection, or the one that came first. */
+static struct db_opcua_session *find_oldest(struct db_opcua_access *access, size_t from, size_t to)
+{
+	struct db_opcua_session *oldest = &access->sessions[from];
+
+	for (size_t i = from + 1; i < to; i++) {
+		struct db_opcua_session *session = &access->sessions[i];
+		bool lost = session->connection == 0;
+
+		if (lost == (oldest->connection == 0) ? session->number < oldest->number : lost)
+			oldest = session;
+	}
+	return oldest;
+}
+
 static struct db_opcua_session *add_session(struct db_opcua_access *access, const UA_NodeId *id,
                                             enum db_role role)
 {
-	struct db_opcua_session *session = &access->sessions[0];
+	size_t ordinary = access->places - DB_OPCUA_STOP_PLACES;
+	struct db_opcua_session *session = find_free(access, 0, ordinary);
+	bool stops_only = false;
 
-	while (session < access->sessions + access->places && session->number != 0)
-		session++;
-	if (session == access->sessions + access->places) {
+	if (!session)
 		session = find_least(access, role);
+	if (!session && role == DB_ROLE_OPERATOR) {
+		stops_only = true;
+		session = find_free(access, ordinary, access->places);
 		if (!session)
-			return NULL;
+			session = find_oldest(access, ordinary, access->places);
+	}
+	if (!session)
+		return NULL;
+	if (session->number != 0) {
 		db_client_log_rationed(&access->lines, db_client_now(), DB_CLIENT_NOTICE,
 		                       "%s: closed: others need the session's place",
 		                       session->label);
@@ -254,6 +286,7 @@ static struct db_opcua_session *add_session(struct db_opcua_access *access, cons
 		return NULL;
 	forget_waiting(access, id);
 	session->number = ++access->last_number;
+	session->stops_only = stops_only;
 	return session;
 }
 

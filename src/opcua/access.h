@@ -4,7 +4,8 @@
  * reads; an operator, whose connection is signed, also writes and calls methods; nobody changes the address space.
  *
  * Nobody is kept out by who has not logged in: such sessions have places of their own, one for each connection, and end
- * with it. When all places are taken, sessions that have lost their connection make room, and readers for operators.
+ * with it. When all places are taken, sessions that have lost their connection make room, and readers for operators. When
+ * operators have all of them, one more has a place that is kept for stops.
  *
  * One thread.
  */
@@ -20,11 +21,15 @@
 /* Of the file of users. */
 extern const struct db_users_keeper db_opcua_keeper;
 
+/* Sessions besides those of the configuration, of operators who may read and stop; the oldest makes room for the next. */
+#define DB_OPCUA_STOP_PLACES 2
+
 struct db_opcua_session {
 	UA_NodeId id;
 	unsigned number;      /* no other session ever has it; 0: a free place */
 	uintptr_t connection; /* over which it was activated last; 0: it is gone */
 	enum db_role role;
+	bool stops_only;                  /* its place is one that is kept for stops */
 	char user[DB_USERS_NAME_MAX + 1]; /* "" is anonymous */
 	unsigned long digest;             /* of the user when he logged in, db_users_digest() */
 	char label[128];                  /* for the log: the user and whence */

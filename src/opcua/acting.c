@@ -509,10 +509,24 @@ static void act(struct db_opcua_acting *acting, const struct db_opcua_actor *act
 	make_call(link, actor, drive, what, method, parameters, outcome);
 }
 
+static bool has_right_place(const struct db_opcua_actor *actor, bool stops,
+                            struct db_opcua_outcome *outcome)
+{
+	*outcome = (struct db_opcua_outcome){ .pending = false };
+	if (stops || !actor->stops_only)
+		return true;
+	fail(outcome, "busy", "operators have all sessions; this one is only for stops");
+	return false;
+}
+
 void db_opcua_acting_run(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
                          const char *drive, const char *command, json_t *arguments,
                          struct db_opcua_outcome *outcome)
 {
+	if (!has_right_place(actor, db_client_is_stop(command), outcome)) {
+		json_decref(arguments);
+		return;
+	}
 	act(acting, actor, drive, command, db_client_is_stop(command) ? PASSING : OWN, "Run",
 	    json_pack("{s:s, s:s, s:o}", "drive", drive, "command", command, "arguments",
 	              arguments),
@@ -540,6 +554,10 @@ void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua
 	struct fed_drive *keeper;
 	char what[80];
 
+	if (!has_right_place(actor, way_of_write(reg, command) == PASSING, outcome)) {
+		json_decref(values);
+		return;
+	}
 	(void)json_object_set(values, reg, value);
 	(void)snprintf(what, sizeof(what), "write of %s", reg);
 	act(acting, actor, drive, what, way_of_write(reg, command), "Write",

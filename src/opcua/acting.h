@@ -41,6 +41,7 @@ struct db_opcua_actor {
 	unsigned session;  /* a number that no other session ever has */
 	const char *user;  /* "" is anonymous */
 	const char *label; /* for the log: user and address */
+	bool stops_only;   /* it has a place that is kept for stops: nothing else is done for it */
 };
 
 /* `config` and `network` must outlive it. NULL without memory; freed with db_opcua_acting_free(), NULL is allowed. */

@@ -169,7 +169,8 @@ static UA_StatusCode run_command(void *context, const UA_NodeId *id, struct db_o
 	db_opcua_acting_run(server->acting,
 	                    &(struct db_opcua_actor){ .session = session->number,
 	                                              .user = session->user,
-	                                              .label = session->label },
+	                                              .label = session->label,
+	                                              .stops_only = session->stops_only },
 	                    drive->name, command, arguments, &outcome);
 	keep_outcome(drive, &outcome);
 	return status_of(&outcome);
@@ -203,7 +204,8 @@ static UA_StatusCode write_register(void *context, const UA_NodeId *id, struct d
 	db_opcua_acting_write(server->acting,
 	                      &(struct db_opcua_actor){ .session = session->number,
 	                                                .user = session->user,
-	                                                .label = session->label },
+	                                                .label = session->label,
+	                                                .stops_only = session->stops_only },
 	                      item->drive->name, item->reg->name, value,
 	                      item->reg->group == DB_OPCUA_COMMAND, command_of(item, value),
 	                      &outcome);
@@ -404,8 +406,8 @@ struct db_opcua_server *db_opcua_server_new(const struct db_opcua_config *config
 	if (!server)
 		return NULL;
 	server->config = config;
-	server->network = db_opcua_network_new(2 * config->sessions, forget_connection, go_on,
-	                                       server);
+	server->network = db_opcua_network_new(2 * (config->sessions + DB_OPCUA_STOP_PLACES),
+	                                       forget_connection, go_on, server);
 	server->access = db_opcua_access_new(config, server->network, lose_session, server);
 	server->acting = db_opcua_acting_new(config, server->network, take_end, feed, server);
 	server->plant = db_opcua_plant_new(config, &plant_ops, server);

@@ -221,6 +221,14 @@ def at(client, name):
     return client.get_node(ua.NodeId(name, client.space))
 
 
+async def outcome(session, drive, command, *arguments):
+    """The status of a method by its name, and what it returns: what a client shows to people who look closer."""
+    node = at(session, f"{drive}.{command}")
+    request = ua.CallMethodRequest(at(session, drive).nodeid, node.nodeid, await typed(node, arguments))
+    result = (await session.uaclient.call([request]))[0]
+    return result.StatusCode.name, *(one.Value for one in result.OutputArguments)
+
+
 async def call(client, drive, command, *arguments):
     """A command by its method, with arguments of the types that it declares. On a machine that is busy with other things it may
     be pending, and the one before may be so still: then it is told again, as nothing was done."""

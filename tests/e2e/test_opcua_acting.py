@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import re
 import shutil
+import socket
 
 import pytest
 from asyncua import ua
@@ -25,9 +26,9 @@ from opcualib import (  # noqa: F401
     fixture_certificate,
     fixture_make_server,
     in_loop,
+    outcome,
     make_certificate,
     says,
-    typed,
     until,
 )
 from relay import Relay
@@ -128,14 +129,6 @@ async def test_a_stop_does_not_wait_for_others(make_bridge, make_server, certifi
         bridge.wait_standing(2)
 
 
-async def outcome(session, drive, command, *arguments):
-    """The status of a method by its name, and what it returns: what a client shows to people who look closer."""
-    node = at(session, f"{drive}.{command}")
-    request = ua.CallMethodRequest(at(session, drive).nodeid, node.nodeid, await typed(node, arguments))
-    result = (await session.uaclient.call([request]))[0]
-    return result.StatusCode.name, *(one.Value for one in result.OutputArguments)
-
-
 @in_loop
 async def test_nothing_is_done_late(make_bridge, make_server, certificate):
     """A drive is unplugged while it moves: methods end with why not, and as soon as was promised; when it is there again
@@ -183,6 +176,22 @@ async def test_stops_of_many_silent_drives_leave_room(make_bridge, make_server, 
         ends = [result.StatusCode.name for result in await session.uaclient.call(requests)]
         assert "BadResourceUnavailable" not in ends
         assert ends.count("BadRequestNotComplete") > 16
+
+
+@in_loop
+async def test_a_stop_while_others_fill_the_control_socket(make_bridge, make_server, certificate):
+    """This program's own connections are there already; that for the stop is a new one."""
+    bridge = make_bridge()
+    server = make_server(bridge)
+    async with server.session(certificate, OPERATOR) as session:
+        await call(session, "drive1", "Enable")
+        await call(session, "drive1", "MoveVelocity", 1600.0)
+        with contextlib.ExitStack() as stack:
+            for _ in range(64):
+                line = stack.enter_context(socket.socket(socket.AF_UNIX))
+                line.connect(str(bridge.control_path))
+            assert (await outcome(session, "drive1", "Stop"))[:2] in (("Good", "ok"), ("BadRequestNotComplete", "pending"))
+            bridge.wait_standing()
 
 
 @in_loop

@@ -21,6 +21,7 @@ from opcualib import (  # noqa: F401
     fixture_certificate,
     fixture_make_server,
     in_loop,
+    outcome,
     says,
     until,
 )
@@ -70,7 +71,7 @@ def is_open(client):
 @in_loop
 async def test_who_makes_room(bridge, make_server, certificate):
     """When all places are taken: sessions that lost their connection, for anybody; readers, for operators; operators for
-    nobody."""
+    nobody, but one more operator has a place for stops, and the older of two such makes room for the next."""
     server = make_server(bridge, limits={"sessions": 3})
 
     async def come(*who):
@@ -86,9 +87,21 @@ async def test_who_makes_room(bridge, make_server, certificate):
     with says("BadSessionIdInvalid", "BadSessionClosed"):
         await readers[2].nodes.server_state.read_value()
     operators += [await come(certificate, OPERATOR) for _ in range(2)]
-    for who in ((certificate, OPERATOR), ()):
-        with says("BadTooManySessions"):
-            await come(*who)
+    with says("BadTooManySessions"):
+        await come()
+    late = [await come(certificate, OPERATOR) for _ in range(3)]
+    with says("BadSessionIdInvalid", "BadSessionClosed"):
+        await late[0].nodes.server_state.read_value()
+    for one in late[1:]:
+        assert await at(one, "drive1.PositionActualValue").read_value() == 0
+        for stop in "Stop", "QuickStop", "Disable":
+            assert (await outcome(one, "drive1", stop))[1] in ("ok", "pending")
+        assert (await outcome(one, "drive1", "Enable"))[:2] == ("BadResourceUnavailable", "busy")
+        with says("BadResourceUnavailable"):
+            await at(one, "drive1.CommandBlock.TargetPosition").write_value(5, ua.VariantType.Int32)
+    for one in late:
+        with contextlib.suppress(Exception):
+            await one.disconnect()
     for one in operators:
         await one.nodes.server_state.read_value()
         await one.disconnect()
