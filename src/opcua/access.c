@@ -114,6 +114,16 @@ const struct db_opcua_session *db_opcua_access_find(const struct db_opcua_access
 	return place < access->places ? &access->sessions[place] : NULL;
 }
 
+bool db_opcua_access_set_token(struct db_opcua_access *access, const UA_NodeId *session,
+                               const char *token)
+{
+	struct db_opcua_session *found = find_session(access, session);
+
+	if (found)
+		(void)snprintf(found->token, sizeof(found->token), "%s", token);
+	return found;
+}
+
 const struct db_opcua_session *db_opcua_access_next(const struct db_opcua_access *access,
                                                     size_t *place)
 {

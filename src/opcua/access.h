@@ -31,6 +31,7 @@ struct db_opcua_session {
 	enum db_role role;
 	bool stops_only;                  /* its place is one that is kept for stops */
 	char user[DB_USERS_NAME_MAX + 1]; /* "" is anonymous */
+	char token[DB_OPCUA_TOKEN_MAX];   /* of the service's clock that it wrote last; "": none */
 	unsigned long digest;             /* of the user when he logged in, db_users_digest() */
 	char label[128];                  /* for the log: the user and whence */
 };
@@ -64,6 +65,10 @@ void db_opcua_access_review(struct db_opcua_access *access);
  * its id. */
 const struct db_opcua_session *db_opcua_access_find(const struct db_opcua_access *access,
                                                     const UA_NodeId *session);
+
+/* The session has written a token of the service's clock, or "". False: it is none that was activated. */
+bool db_opcua_access_set_token(struct db_opcua_access *access, const UA_NodeId *session,
+                               const char *token);
 
 /* One after the other: those that have a connection. NULL: no more. `place` begins with 0. */
 const struct db_opcua_session *db_opcua_access_next(const struct db_opcua_access *access,

@@ -519,17 +519,25 @@ static bool has_right_place(const struct db_opcua_actor *actor, bool stops,
 	return false;
 }
 
+/* NULL leaves it out. */
+static const char *token_of(const struct db_opcua_actor *actor)
+{
+	return actor->token[0] ? actor->token : NULL;
+}
+
 void db_opcua_acting_run(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
                          const char *drive, const char *command, json_t *arguments,
                          struct db_opcua_outcome *outcome)
 {
-	if (!has_right_place(actor, db_client_is_stop(command), outcome)) {
+	bool stops = db_client_is_stop(command);
+
+	if (!has_right_place(actor, stops, outcome)) {
 		json_decref(arguments);
 		return;
 	}
-	act(acting, actor, drive, command, db_client_is_stop(command) ? PASSING : OWN, "Run",
-	    json_pack("{s:s, s:s, s:o}", "drive", drive, "command", command, "arguments",
-	              arguments),
+	act(acting, actor, drive, command, stops ? PASSING : OWN, "Run",
+	    json_pack("{s:s, s:s, s:o, s:s*}", "drive", drive, "command", command, "arguments",
+	              arguments, "token", token_of(actor)),
 	    outcome);
 }
 
@@ -561,7 +569,9 @@ void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua
 	(void)json_object_set(values, reg, value);
 	(void)snprintf(what, sizeof(what), "write of %s", reg);
 	act(acting, actor, drive, what, way_of_write(reg, command), "Write",
-	    json_pack("{s:s, s:o}", "drive", drive, "values", values), outcome);
+	    json_pack("{s:s, s:o, s:s*}", "drive", drive, "values", values, "token",
+	              token_of(actor)),
+	    outcome);
 	if (!block || uses_block || outcome->pending || outcome->reason[0] != '\0')
 		return;
 	own = find_own(acting, actor->session, drive);

@@ -41,6 +41,7 @@ struct db_opcua_actor {
 	unsigned session;  /* a number that no other session ever has */
 	const char *user;  /* "" is anonymous */
 	const char *label; /* for the log: user and address */
+	const char *token; /* of the service's clock, with what starts a motion; "": none */
 	bool stops_only;   /* it has a place that is kept for stops: nothing else is done for it */
 };
 

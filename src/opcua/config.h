@@ -10,6 +10,9 @@
 enum { DB_OPCUA_OFF, DB_OPCUA_READ };
 enum { DB_OPCUA_ALL }; /* show */
 
+/* Of a token of the service's clock; longer ones are none. */
+#define DB_OPCUA_TOKEN_MAX 64
+
 struct db_opcua_config {
 	char *socket;
 

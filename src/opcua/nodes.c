@@ -77,6 +77,39 @@ static enum db_opcua_quality quality_of_facts(const struct db_opcua_nodes *nodes
 	return gateway ? db_opcua_drive_quality(gateway->drive) : DB_OPCUA_NO_CONTACT;
 }
 
+static UA_StatusCode read_clock(const struct db_opcua_nodes *nodes, UA_DataValue *value)
+{
+	char token[DB_OPCUA_TOKEN_MAX];
+	UA_StatusCode status = nodes->ops->read_clock(nodes->context, token);
+	UA_String text = db_opcua_string(token);
+
+	if (status == UA_STATUSCODE_GOOD)
+		status = UA_Variant_setScalarCopy(&value->value, &text, &UA_TYPES[UA_TYPES_STRING]);
+	value->hasValue = status == UA_STATUSCODE_GOOD;
+	value->hasStatus = !value->hasValue;
+	value->status = status;
+	value->hasSourceTimestamp = true;
+	value->sourceTimestamp = UA_DateTime_now();
+	return UA_STATUSCODE_GOOD;
+}
+
+static UA_StatusCode write_clock(const struct db_opcua_nodes *nodes, const UA_NodeId *session,
+                                 const UA_Variant *value)
+{
+	const UA_String *text = value->data;
+	char token[DB_OPCUA_TOKEN_MAX] = "";
+
+	if (!UA_Variant_hasScalarType(value, &UA_TYPES[UA_TYPES_STRING]))
+		return UA_STATUSCODE_BADTYPEMISMATCH;
+	/* What cannot be a token is told at once, not with the next motion. */
+	if (text->length >= sizeof(token) ||
+	    (text->length > 0 && memchr(text->data, '\0', text->length)))
+		return UA_STATUSCODE_BADOUTOFRANGE;
+	if (text->length > 0)
+		memcpy(token, text->data, text->length);
+	return nodes->ops->write_clock(nodes->context, session, token);
+}
+
 static UA_StatusCode read_value(UA_Server *server, const UA_NodeId *session, void *session_context,
                                 const UA_NodeId *node, void *node_context,
                                 UA_Boolean source_time_wanted, const UA_NumericRange *range,
@@ -101,6 +134,8 @@ static UA_StatusCode read_value(UA_Server *server, const UA_NodeId *session, voi
 		return db_opcua_value_from_json(subject->fact->value, subject->fact->time_us,
 		                                quality_of_facts(nodes), value);
 	}
+	if (branch->type == DB_OPCUA_CLOCK)
+		return read_clock(nodes, value);
 	if (branch->type == DB_OPCUA_VARIABLE) {
 		nodes->ops->fetch(nodes->context, &shown->drive->items[branch->place]);
 		return db_opcua_value_read(&shown->drive->items[branch->place], value);
@@ -127,6 +162,8 @@ static UA_StatusCode write_value(UA_Server *server, const UA_NodeId *session, vo
 		return UA_STATUSCODE_BADINDEXRANGEINVALID;
 	if (!value->hasValue || (value->hasStatus && value->status != UA_STATUSCODE_GOOD))
 		return UA_STATUSCODE_BADWRITENOTSUPPORTED;
+	if (branch->type == DB_OPCUA_CLOCK)
+		return write_clock(nodes, session, &value->value);
 	status = db_opcua_value_to_json(&value->value, &json);
 	if (status != UA_STATUSCODE_GOOD)
 		return status;
@@ -313,6 +350,14 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 		set_variable(node, db_opcua_data_type(kind->columns[branch->place].first->type),
 		             true, false, nodes->config->interval_ms);
 		break;
+	case DB_OPCUA_CLOCK:
+		set_head(
+			node, UA_NODECLASS_VARIABLE, name,
+			"A moment of the service's clock; once a session has written one here, a motion "
+			"that it starts is refused when the newest it has written is older than 500 ms");
+		set_variable(node, &UA_TYPES[UA_TYPES_STRING], false, true,
+		             nodes->config->interval_ms);
+		break;
 	case DB_OPCUA_METHOD:
 		text = json_string_value(
 			json_object_get(command_of(shown->tree, branch), "description"));
@@ -380,6 +425,7 @@ static UA_UInt32 type_of(const struct db_opcua_tree *tree, const struct db_opcua
 		return tree->kind->list[branch->place].unit[0] ? UA_NS0ID_BASEANALOGTYPE :
 		                                                 UA_NS0ID_BASEDATAVARIABLETYPE;
 	case DB_OPCUA_COLUMN:
+	case DB_OPCUA_CLOCK:
 		return UA_NS0ID_BASEDATAVARIABLETYPE;
 	default:
 		return UA_NS0ID_PROPERTYTYPE;

@@ -24,6 +24,10 @@ struct db_opcua_nodes_ops {
 	/* A client writes: the value as JSON, which stays the caller's. */
 	UA_StatusCode (*write)(void *context, const UA_NodeId *session, struct db_opcua_item *item,
 	                       json_t *value);
+	/* A token of the service's clock. */
+	UA_StatusCode (*read_clock)(void *context, char token[DB_OPCUA_TOKEN_MAX]);
+	/* The newest one that the client's session has, for what it starts from now on; "": none. The text is taken. */
+	UA_StatusCode (*write_clock)(void *context, const UA_NodeId *session, const char *token);
 	/* A client calls a command; takes `arguments` over. `result` and `reason` are its outputs. */
 	UA_StatusCode (*run)(void *context, const UA_NodeId *session, struct db_opcua_drive *drive,
 	                     const char *command, json_t *arguments);

@@ -612,6 +612,30 @@ void db_opcua_plant_fetch(struct db_opcua_plant *plant, struct db_opcua_item *it
 	db_client_error_clear(&error);
 }
 
+bool db_opcua_plant_ask_clock(struct db_opcua_plant *plant, char token[DB_OPCUA_TOKEN_MAX])
+{
+	struct db_client_error error = { .parameters = NULL };
+	db_time now = db_client_now();
+	json_t *answer = NULL;
+	const char *text;
+	bool good = false;
+
+	token[0] = '\0';
+	if (!plant->there || now < plant->fetch_at)
+		return false;
+	if (db_client_call(plant->fetcher, "Clock", NULL, FETCH_MAX_MS, &answer, &error) == 0) {
+		text = json_string_value(json_object_get(answer, "token"));
+		good = text && text[0] && strlen(text) < DB_OPCUA_TOKEN_MAX;
+		(void)snprintf(token, DB_OPCUA_TOKEN_MAX, "%s", good ? text : "");
+	} else {
+		plant->fetch_at = now + FETCH_PAUSE;
+		plant->renew = true;
+	}
+	json_decref(answer);
+	db_client_error_clear(&error);
+	return good;
+}
+
 /* --- connecting ------------------------------------------------------------------------------- */
 
 static void open_client(struct db_opcua_plant *plant, struct db_client **client)

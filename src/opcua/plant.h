@@ -57,6 +57,9 @@ void db_opcua_plant_handle(struct db_opcua_plant *plant, db_time now, int64_t us
  */
 void db_opcua_plant_fetch(struct db_opcua_plant *plant, struct db_opcua_item *item);
 
+/* A token of the service's clock, of now. Waits as db_opcua_plant_fetch() does. False: there is none. */
+bool db_opcua_plant_ask_clock(struct db_opcua_plant *plant, char token[DB_OPCUA_TOKEN_MAX]);
+
 /* Somebody commanded the drive: what is known of it is older than that. */
 void db_opcua_plant_outdate(struct db_opcua_drive *drive);
 

@@ -106,6 +106,23 @@ static void fetch_item(void *context, struct db_opcua_item *item)
 	db_opcua_plant_fetch(server->plant, item);
 }
 
+static UA_StatusCode read_clock(void *context, char token[DB_OPCUA_TOKEN_MAX])
+{
+	struct db_opcua_server *server = context;
+
+	return db_opcua_plant_ask_clock(server->plant, token) ? UA_STATUSCODE_GOOD :
+	                                                        UA_STATUSCODE_BADNOCOMMUNICATION;
+}
+
+static UA_StatusCode write_clock(void *context, const UA_NodeId *session, const char *token)
+{
+	struct db_opcua_server *server = context;
+
+	return db_opcua_access_set_token(server->access, session, token) ?
+	               UA_STATUSCODE_GOOD :
+	               UA_STATUSCODE_BADUSERACCESSDENIED;
+}
+
 /* What a result of the service, or an error of its calls, is to a client of OPC UA. */
 static UA_StatusCode status_of(const struct db_opcua_outcome *outcome)
 {
@@ -138,6 +155,7 @@ static UA_StatusCode status_of(const struct db_opcua_outcome *outcome)
 		{ "rate_limited", UA_STATUSCODE_BADRESOURCEUNAVAILABLE },
 		{ "not_in_control", UA_STATUSCODE_BADUSERACCESSDENIED },
 		{ "NotAllowed", UA_STATUSCODE_BADUSERACCESSDENIED },
+		{ "TooOld", UA_STATUSCODE_BADINVALIDTIMESTAMP },
 	};
 
 	for (size_t i = 0; i < sizeof(statuses) / sizeof(statuses[0]); i++) {
@@ -170,6 +188,7 @@ static UA_StatusCode run_command(void *context, const UA_NodeId *id, struct db_o
 	                    &(struct db_opcua_actor){ .session = session->number,
 	                                              .user = session->user,
 	                                              .label = session->label,
+	                                              .token = session->token,
 	                                              .stops_only = session->stops_only },
 	                    drive->name, command, arguments, &outcome);
 	keep_outcome(drive, &outcome);
@@ -205,6 +224,7 @@ static UA_StatusCode write_register(void *context, const UA_NodeId *id, struct d
 	                      &(struct db_opcua_actor){ .session = session->number,
 	                                                .user = session->user,
 	                                                .label = session->label,
+	                                                .token = session->token,
 	                                                .stops_only = session->stops_only },
 	                      item->drive->name, item->reg->name, value,
 	                      item->reg->group == DB_OPCUA_COMMAND, command_of(item, value),
@@ -398,6 +418,8 @@ struct db_opcua_server *db_opcua_server_new(const struct db_opcua_config *config
 		.fetch = fetch_item,
 		.rewatch = rewatch,
 		.write = write_register,
+		.read_clock = read_clock,
+		.write_clock = write_clock,
 		.run = run_command,
 	};
 	struct db_opcua_server *server = calloc(1, sizeof(*server));

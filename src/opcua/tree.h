@@ -16,6 +16,7 @@ enum db_opcua_branch_type {
 	DB_OPCUA_FOLDER, /* of a group */
 	DB_OPCUA_VARIABLE,
 	DB_OPCUA_COLUMN, /* of the history */
+	DB_OPCUA_CLOCK,  /* of the gateway: the service's own */
 	DB_OPCUA_METHOD,
 	DB_OPCUA_IDENTIFICATION, /* a folder */
 	DB_OPCUA_COMPONENT_NAME,

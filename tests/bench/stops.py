@@ -147,7 +147,8 @@ def main():
         stack.callback(web.finish)
         web.start().wait_for_service()
         page = Page(web, WEB_OPERATOR)
-        broker = Broker(place / "broker")
+        # Else the broker waits for the gateway's acknowledgements, for some 30 ms.
+        broker = Broker(place / "broker", "set_tcp_nodelay true")
         stack.callback(broker.stop)
         broker.start()
         publisher = Publisher(place, bridge, broker, command={"allow": "stop"})

@@ -12,7 +12,7 @@ import pytest
 from asyncua import ua
 from asyncua.common.events import Event
 from asyncua.ua.uaerrors import UaStatusCodeError
-from bridgelib import CONTINUOUS, RESULT_OK, RESULT_REFUSED, RESULT_UNPROVEN, STANDSTILL
+from bridgelib import CONTINUOUS, MOVE_VELOCITY, RESULT_OK, RESULT_REFUSED, RESULT_UNPROVEN, STANDSTILL
 from opcualib import (  # noqa: F401
     OPERATOR,
     READER,
@@ -232,6 +232,60 @@ async def test_what_moves_is_fed_while_somebody_waits(make_bridge, make_server, 
         assert unit.read("watchdog_trips") == 0 and unit.read("axis_state") == CONTINUOUS
         assert (await call(two, "drive2", "Stop"))[0] in ("ok", "pending")
         bridge.wait_standing(2)
+
+
+# --- age
+
+
+@in_loop
+async def test_what_is_asked_for_late_moves_nothing(make_bridge, make_server, certificate):
+    """A session that has written the service's clock once says with each motion how old that is: behind half a second it
+    is refused, and a stop never is. Sessions that do not write it are served as before."""
+    bridge = make_bridge(drives=2)
+    server = make_server(bridge)
+    async with server.session(certificate, OPERATOR) as session, server.session(certificate, OPERATOR) as other:
+        clock = at(session, "/Gateway.Clock")
+
+        async def too_old(*command):
+            return (await outcome(session, "drive1", *command))[:2] == ("BadInvalidTimestamp", "TooOld")
+
+        await call(session, "drive1", "Enable")
+        await call(other, "drive2", "Enable")
+        token = await clock.read_value()
+        assert token and token != await until(lambda: other_value(clock, token))
+        # The machine may be busy for longer than a token lasts.
+        await until(lambda: started(session, clock))
+        await clock.write_value(token, ua.VariantType.String)
+        await asyncio.sleep(0.6)
+        assert await too_old("MoveAbsolute", 3200, 0.0)
+        block = at(session, "drive1.CommandBlock.Command")
+        with says("BadInvalidTimestamp"):
+            await block.write_value(MOVE_VELOCITY, ua.VariantType.UInt16)
+        assert (await call(session, "drive1", "Stop"))[0] in ("ok", "pending")
+        assert (await call(session, "drive1", "Disable"))[0] in ("ok", "pending")
+        assert (await call(session, "drive1", "Enable"))[0] in ("ok", "pending")
+        assert (await call(other, "drive2", "MoveAbsolute", 320, 0.0))[0] in ("ok", "pending")
+        await clock.write_value("no token", ua.VariantType.String)
+        assert await too_old("MoveAbsolute", 3200, 0.0)
+        with says("BadOutOfRange"):
+            await clock.write_value(64 * "x", ua.VariantType.String)
+        await clock.write_value("", ua.VariantType.String)
+        assert (await call(session, "drive1", "MoveAbsolute", 320, 0.0))[0] in ("ok", "pending")
+    async with server.session() as reader:
+        with says("BadUserAccessDenied"):
+            await at(reader, "/Gateway.Clock").write_value("", ua.VariantType.String)
+
+
+async def other_value(node, value):
+    """None while it is that."""
+    found = await node.read_value()
+    return found if found != value else None
+
+
+async def started(session, clock):
+    """Whether a motion with a token of now was."""
+    await clock.write_value(await clock.read_value(), ua.VariantType.String)
+    return (await outcome(session, "drive1", "MoveAbsolute", 640, 0.0))[1] in ("ok", "pending")
 
 
 # --- groups
