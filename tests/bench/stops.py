@@ -30,7 +30,7 @@ sys.path.insert(0, str(HERE.parent / "e2e"))
 
 from bridgelib import DOCS, MAP, STOP, Bridge, eventually, find_program, load_commands  # noqa: E402
 from mqttlib import Broker, Publisher, Watcher  # noqa: E402
-from opcualib import OPERATOR, URI, Server, make_certificate  # noqa: E402
+from opcualib import OPERATOR, URI, Server, at, make_certificate, until  # noqa: E402
 from weblib import OPERATOR as WEB_OPERATOR  # noqa: E402
 from weblib import Page, Webd  # noqa: E402
 
@@ -104,6 +104,15 @@ def type_stop(bridge, *words):
                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=30, check=False)
 
 
+async def wait_for_drives(server):
+    async with server.session() as client:
+        await until(lambda: are_there(client))
+
+
+async def are_there(client):
+    return len(await at(client, "/Drives").get_children()) == DRIVES
+
+
 def measure(bridge, ways):
     unit = bridge.drive()
     trace = Trace(bridge.sim.trace_path)
@@ -162,7 +171,7 @@ def main():
         server.trust(certificate)
         stack.callback(server.stop)
         server.start()
-        asyncio.run(asyncio.sleep(2))
+        asyncio.run(wait_for_drives(server))
         method = Method(server, bridge, certificate)
         stack.callback(method.end)
         session = Session(bridge.control_path)
