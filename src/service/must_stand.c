@@ -230,6 +230,8 @@ void must_stand_look(struct service *service)
 	struct entry entry;
 	bool same;
 
+	if (!known)
+		return;
 	for (size_t i = 0; i < plant->drive_count; i++) {
 		if (look_at_drive(service, plant->drives[i], &entry) &&
 		    add_entry(&entries, &count, &entry) != 0)
