@@ -23,6 +23,7 @@ static const struct {
 	{ DB_CLIENT_SERVICE "TooOld",
 	  "it comes too late: nobody knows whether it is still wanted, and nothing was started" },
 	{ DB_CLIENT_SERVICE "NotHeld", "nobody holds {drive} any more" },
+	{ DB_CLIENT_SERVICE "Late", "{reason}" },
 	{ DB_CLIENT_SERVICE "Busy", "the service has too much to do at once; try again" },
 	{ "org.varlink.service.MethodNotFound",
 	  "the service does not know {method}; it is of another version than this program" },

@@ -2,6 +2,7 @@
 #include "control/act.h"
 
 #include "control/held.h"
+#include "control/once.h"
 #include "control/state.h"
 #include "control/values.h"
 #include "drivebridge/command_table.h"
@@ -51,15 +52,30 @@ const char *db_act_reason_of(enum db_result result)
 	}
 }
 
+static json_t *describe_result(const struct db_session *session, enum db_result result)
+{
+	json_t *words = json_pack("{s:s}", "result", db_result_name(result));
+
+	if (words && session->repeated)
+		json_object_set_new(words, "repeated", json_true());
+	return words;
+}
+
 /* It is how the call ends. */
 static void answer(struct db_session *session, enum db_result result)
 {
 	/* PENDING: it is on its way, and more wait for it than can be told. */
 	if (db_result_is_success(result) || result == DB_RESULT_PENDING)
-		db_session_reply(session, json_pack("{s:s}", "result", db_result_name(result)),
-		                 false);
+		db_session_reply(session, describe_result(session, result), false);
 	else
 		db_session_fail_result(session, result, db_act_reason_of(result));
+}
+
+/* Likewise, of a call that the session itself has begun. `over`: no motion of it goes on. */
+static void finish(struct db_session *session, enum db_result result, bool over)
+{
+	db_once_end(session, result, over);
+	answer(session, result);
 }
 
 /* The first thing that a session commands is logged: from then on it counts as who moves something. */
@@ -225,12 +241,14 @@ static void write_on(struct db_session *session)
 		if (exception == DB_WRITE_LATER)
 			return;
 		if (exception != 0) {
-			answer(session, db_named_write_result(registers, &session->client,
-			                                      plan->drive, (uint8_t)exception));
+			finish(session,
+			       db_named_write_result(registers, &session->client, plan->drive,
+			                             (uint8_t)exception),
+			       true);
 			return;
 		}
 	}
-	answer(session, DB_RESULT_OK);
+	finish(session, DB_RESULT_OK, true);
 }
 
 /* False when it is answered already. */
@@ -307,7 +325,12 @@ void db_act_write(const struct db_call *call)
 		}
 		plan->count++;
 	}
+	if (!db_once_begin(call, name, false)) {
+		free(plan);
+		return;
+	}
 	if (plan->moves && !db_held_is_young(call)) {
+		db_once_drop(session);
 		free(plan);
 		return;
 	}
@@ -378,12 +401,29 @@ static bool take_arguments(const struct db_call *call, const struct db_name_list
 
 static void end_run(struct db_session *session, enum db_result result, db_time now)
 {
+	bool over = !db_result_is_success(result) ||
+	            db_named_outcome(session->control->setup.registers, session->drive,
+	                             session->entry) != DB_RESULT_PENDING;
+
 	if (!session->until_end || !db_result_is_success(result)) {
-		answer(session, result);
+		finish(session, result, over);
 		return;
 	}
+	db_once_end(session, result, over);
 	session->wait = DB_WAITS_FOR_MOTION;
 	session->due = now;
+}
+
+/* As db_once_begin(); who waits for the first one is told, too, that it was taken. */
+static bool begin_run(const struct db_call *call, const char *drive, bool stops)
+{
+	struct db_session *session = call->session;
+
+	if (db_once_begin(call, drive, stops))
+		return true;
+	if (session->wait == DB_WAITS_FOR_FIRST && session->more)
+		db_session_reply(session, describe_result(session, DB_RESULT_PENDING), true);
+	return false;
 }
 
 void db_act_run(const struct db_call *call)
@@ -394,6 +434,7 @@ void db_act_run(const struct db_call *call)
 	const struct db_name_list *list;
 	struct db_args args = { 0 };
 	struct db_write_answer taken;
+	struct db_write_token token;
 	struct db_named_drive drive;
 	const char *drive_name;
 	const char *command;
@@ -420,19 +461,25 @@ void db_act_run(const struct db_call *call)
 	}
 	if (!take_arguments(call, list, row, arguments, &args) ||
 	    !db_held_span(call, row, &hold_ms) ||
-	    (db_command_may_move(row->code) && !db_held_is_young(call)))
+	    !begin_run(call, drive_name, db_command_is_stop(row->code)))
 		return;
+	if (db_command_may_move(row->code) && !db_held_is_young(call)) {
+		db_once_drop(session);
+		return;
+	}
 	session->drive = drive.number;
 	session->wait = DB_WAITS_FOR_RUN;
+	token = db_act_next_token(session);
 	taken = db_named_run(registers, &session->client, drive.number, row->code, &args, hold_ms,
-	                     db_act_next_token(session), &session->entry);
+	                     token, &session->entry);
+	db_once_note_begun(session, token, session->entry);
 	if (!taken.later)
 		end_run(session, taken.result, db_control_now(session->control));
 	else if (session->oneway)
 		/* Nobody waits for its end: what comes behind it need not either. */
 		db_session_reply(session, NULL, false);
 	else if (session->more)
-		db_session_reply(session, json_pack("{s:s}", "result", "pending"), true);
+		db_session_reply(session, describe_result(session, DB_RESULT_PENDING), true);
 }
 
 /* --- going on ---------------------------------------------------------------------------------------- */
@@ -442,18 +489,41 @@ void db_act_ended(struct db_session *session, enum db_result result)
 	if (session->wait == DB_WAITS_FOR_RUN)
 		end_run(session, result, db_control_now(session->control));
 	else if (!db_result_is_success(result))
-		answer(session, result);
+		finish(session, result, true);
 	else
 		write_on(session);
+}
+
+/* The same call, which came before. */
+static void look_at_first(struct db_session *session, db_time now)
+{
+	const struct db_id_call *first = db_once_first(session);
+	enum db_result result = first ? first->result : DB_RESULT_BUSY;
+
+	if (result == DB_RESULT_PENDING) {
+		session->due = now + LOOK_INTERVAL;
+	} else if (session->until_end && db_result_is_success(result) && !first->over) {
+		session->drive = first->drive;
+		session->entry = first->entry;
+		session->wait = DB_WAITS_FOR_MOTION;
+		session->due = now;
+	} else {
+		answer(session, result);
+	}
 }
 
 void db_act_look(struct db_session *session, db_time now)
 {
 	struct db_registers *registers = session->control->setup.registers;
-	enum db_result result = db_named_outcome(registers, session->drive, session->entry);
+	enum db_result result;
 
+	if (session->wait == DB_WAITS_FOR_FIRST) {
+		look_at_first(session, now);
+		return;
+	}
+	result = db_named_outcome(registers, session->drive, session->entry);
 	if (result != DB_RESULT_PENDING) {
-		answer(session, result);
+		finish(session, result, true);
 		return;
 	}
 	/* Who waits is there: a tool that dies ends its session. */

@@ -22,7 +22,7 @@ void db_act_run(const struct db_call *call);
 /* What the session waits for (DB_WAITS_FOR_WRITE, _RUN) has ended. */
 void db_act_ended(struct db_session *session, enum db_result result);
 
-/* It is due (DB_WAITS_FOR_MOTION). */
+/* It is due (DB_WAITS_FOR_MOTION, _FIRST). */
 void db_act_look(struct db_session *session, db_time now);
 
 #endif

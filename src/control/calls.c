@@ -81,8 +81,8 @@ static const struct method {
 	{ CONTROL ".Read", db_look_read, " drive names ", false },
 	{ CONTROL ".Introduce", db_act_introduce, " user ", false },
 	{ CONTROL ".Clock", db_held_clock, " ", false },
-	{ CONTROL ".Write", db_act_write, " drive values token ", false },
-	{ CONTROL ".Run", db_act_run, " drive command arguments until_end hold_ms token ", false },
+	{ CONTROL ".Write", db_act_write, " drive values token id within_ms ", false },
+	{ CONTROL ".Run", db_act_run, " drive command arguments until_end hold_ms token id within_ms ", false },
 	{ BEAT, db_held_beat, " drive token ", false },
 	{ CONTROL ".Stop", db_stops_call, " drives command wait_ms ", false },
 	{ CONTROL ".Subscribe", db_streams_subscribe, " drives names interval_ms changes ", true },
@@ -178,6 +178,7 @@ void db_calls_take(struct db_session *session, const char *text, size_t length)
 	}
 	session->more = message.more;
 	session->oneway = message.oneway;
+	session->repeated = false;
 	if (wrong) {
 		db_session_fail_parameter(session, wrong);
 		return;

@@ -292,6 +292,7 @@ void db_session_fail_result(struct db_session *session, enum db_result result, c
 		db_session_fail(session, NOT_ALLOWED, json_pack("{s:s}", "reason", reason));
 	else
 		db_session_fail(session, INTERFACE "Refused",
-		                json_pack("{s:s, s:i, s:s}", "result", db_result_name(result),
-		                          "code", (int)result, "reason", reason));
+		                json_pack("{s:s, s:i, s:s, s:o*}", "result", db_result_name(result),
+		                          "code", (int)result, "reason", reason, "repeated",
+		                          session->repeated ? json_true() : NULL));
 }

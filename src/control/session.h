@@ -20,6 +20,7 @@ enum db_session_wait {
 	DB_WAITS_FOR_RUN,       /* the end of a command */
 	DB_WAITS_FOR_STOPS,     /* the end of several stops */
 	DB_WAITS_FOR_MOTION,    /* the end of the motion that its command began */
+	DB_WAITS_FOR_FIRST,     /* the end of the same call, which came before */
 	DB_WAITS_FOR_REGISTERS, /* the rest of an answer that is written piece by piece */
 	DB_WAITS_FOR_VALUES,    /* the client to end its Subscribe */
 	DB_WAITS_FOR_EVENTS,
@@ -72,6 +73,8 @@ struct db_session {
 	uint16_t drive; /* of a command */
 	uint32_t entry; /* of that in the history */
 	bool until_end;
+	uint64_t once; /* handle of a call with an id; 0: it has none */
+	bool repeated; /* ... which had come before */
 	void *job; /* one block of memory, of a Write, a Stop, a Subscribe or a Trace; null */
 	uint64_t next_event;
 	unsigned reloads; /* that have to end */

@@ -5,6 +5,7 @@
 #include "control/calls.h"
 #include "control/listener.h"
 #include "control/look.h"
+#include "control/once.h"
 #include "control/scan.h"
 #include "control/state.h"
 #include "control/stops.h"
@@ -62,6 +63,7 @@ static void end_session(struct db_control_socket *control, size_t place)
 	struct db_log_about about = { .client = text };
 
 	db_scan_forget(session);
+	db_once_abandon(session);
 	control->sessions[place] = control->sessions[--control->count];
 	/* For the registers it is a client like any other. */
 	db_registers_backend.client(control->setup.registers, &session->client, false);
@@ -298,6 +300,7 @@ static void settle(struct db_control_socket *control)
 		if (session->gone) {
 			/* Nobody waits for it, but what was asked behind it is still done. */
 			db_scan_forget(session);
+			db_once_abandon(session);
 			free(session->out);
 			session->out = NULL;
 			free(session->job);
@@ -484,7 +487,7 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 		if (due_of(control, session) > now)
 			continue;
 		session->client.arrived = 0;
-		if (session->wait == DB_WAITS_FOR_MOTION)
+		if (session->wait == DB_WAITS_FOR_MOTION || session->wait == DB_WAITS_FOR_FIRST)
 			db_act_look(session, now);
 		else if (session->wait == DB_WAITS_FOR_SCAN)
 			db_scan_look(session, now);
@@ -514,14 +517,19 @@ void db_control_socket_answer(struct db_control_socket *control, struct db_write
 {
 	struct db_session *session = control ? find(control, token.client) : NULL;
 
+	if (!control)
+		return;
 	if (session && session->wait == DB_WAITS_FOR_STOPS) {
+		db_ids_end_by_token(control->ids, token, result);
 		db_stops_ended(session, token.sequence, result);
 		want_turn(control, true);
 		return;
 	}
 	if (!session || session->sequence != token.sequence ||
-	    (session->wait != DB_WAITS_FOR_WRITE && session->wait != DB_WAITS_FOR_RUN))
+	    (session->wait != DB_WAITS_FOR_WRITE && session->wait != DB_WAITS_FOR_RUN)) {
+		db_ids_end_by_token(control->ids, token, result);
 		return;
+	}
 	session->client.arrived = 0;
 	db_act_ended(session, result);
 	/* The rest waits for the loop: this may be called from the middle of things. */
@@ -604,6 +612,7 @@ int db_control_socket_new(const struct db_control_socket_setup *setup,
 	made->log = setup->log;
 	made->listener = -1;
 	made->armed = DB_TIME_NEVER;
+	made->ids = db_ids_new();
 	made->last_id = DB_CLIENT_GROUP - 1; /* the next one is the first session's */
 	error = draw_run(&made->run);
 	if (error < 0) {
@@ -619,6 +628,8 @@ int db_control_socket_new(const struct db_control_socket_setup *setup,
 	                        epoll_ctl(made->epoll, EPOLL_CTL_ADD, made->turn_fd, &turn) < 0 ?
 	                -errno :
 	                0;
+	if (!made->ids)
+		error = -ENOMEM;
 	if (error == 0)
 		error = sd_event_add_io(setup->loop, &made->io, made->epoll, EPOLLIN, on_ready,
 		                        made);
@@ -650,6 +661,7 @@ void db_control_socket_free(struct db_control_socket *control)
 		close(control->epoll);
 	if (control->turn_fd >= 0)
 		close(control->turn_fd);
+	db_ids_free(control->ids);
 	free(control);
 }
 

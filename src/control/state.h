@@ -4,6 +4,7 @@
 #define DRIVEBRIDGE_CONTROL_STATE_H
 
 #include "control/actors.h"
+#include "control/ids.h"
 #include "control/rights.h"
 #include "control/session.h"
 #include "drivebridge/control_socket.h"
@@ -28,6 +29,7 @@ struct db_control_socket {
 	struct db_log_source log;
 	struct db_rights rights;
 	struct db_actors actors;
+	struct db_ids *ids;
 	int listener; /* -1: there is none */
 	char *path;   /* of the listener */
 	bool accepts; /* it is listened to */

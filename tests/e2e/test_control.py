@@ -314,6 +314,116 @@ def test_a_move_over_a_new_connection_keeps_its_place_before_a_stop(bridge):
     assert "mov" not in str(bridge.sim.sent()[-1:])
 
 
+# --- ids
+
+
+def run_once(line, number, until_end=True, **more):
+    line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "move_relative", "id": number,
+                                  "arguments": {"target_position": 100}, "until_end": until_end, **more})
+
+
+def test_an_id_is_carried_out_once(bridge):
+    """The same call over another connection, as of a tool that was killed and started anew."""
+    unit = bridge.drive()
+    with Line(bridge) as line:
+        line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "enable"})
+        assert line.answer() == {"parameters": {"result": "ok"}}
+        run_once(line, "7")
+        assert line.answer() == {"parameters": {"result": "ok"}}
+    sent = bridge.sim.mark()
+    for _ in range(2):
+        with Line(bridge) as line:
+            run_once(line, "7")
+            assert line.answer() == {"parameters": {"result": "ok", "repeated": True}}
+            run_once(line, "7", until_end=False)
+            assert line.answer() == {"parameters": {"result": "ok", "repeated": True}}
+    assert unit.read("position") == 100
+    assert not [one for one in bridge.sim.sent(sent) if "mov" in one or "rmv" in one]
+    with Line(bridge) as line:
+        run_once(line, "8")
+        assert line.answer() == {"parameters": {"result": "ok"}}
+        assert unit.read("position") == 200
+        # Somebody else's number is his own.
+        line.ask(f"{INTERFACE}.Introduce", {"user": "anna"})
+        assert line.answer() == {"parameters": {}}
+        run_once(line, "8")
+        assert line.answer() == {"parameters": {"result": "ok"}}
+        assert unit.read("position") == 300
+        # What was refused is refused, and says that it was.
+        for repeated in ({}, {"repeated": True}):
+            line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "save_parameters", "id": "9"})
+            assert line.answer().get("parameters", {}).get("repeated") == repeated.get("repeated")
+        # A stop is one each time.
+        for _ in range(2):
+            line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "stop", "id": "8"})
+            assert line.answer() == {"parameters": {"result": "ok"}}
+        for wrong in ("", "x" * 65, 7):
+            run_once(line, wrong)
+            assert line.answer()["parameters"] == {"parameter": "id"}
+    assert unit.read("position") == 300
+
+
+def test_an_id_of_a_call_that_is_under_way(bridge):
+    """Who asks again while it goes on waits for the end of the first one, whose session may be gone."""
+    unit = bridge.drive()
+    unit.settle("enable")
+    call = {"drive": "drive1", "command": "move_relative", "id": "long", "until_end": True,
+            "arguments": {"target_position": 3000}}
+    with Line(bridge) as first, Line(bridge) as second:
+        first.ask(f"{INTERFACE}.Run", call)
+        eventually(lambda: unit.read("velocity") > 0)
+        first.socket.close()
+        second.ask(f"{INTERFACE}.Run", call, more=True)
+        assert second.answer() == {"parameters": {"result": "pending", "repeated": True}, "continues": True}
+        assert second.answer() == {"parameters": {"result": "ok", "repeated": True}}
+    assert unit.read("position") == 3000 and unit.read("watchdog_trips") == 0
+    # Of one that the drive has not answered yet.
+    bridge.sim.fault("silence on")
+    call["id"] = "silent"
+    with Line(bridge) as first, Line(bridge) as second:
+        first.ask(f"{INTERFACE}.Run", call)
+        second.ask(f"{INTERFACE}.Run", call)
+        answers = [line.answer()["parameters"] for line in (first, second)]
+        assert answers[1].pop("repeated") is True
+        assert answers[0] == answers[1] and answers[0]["result"] != "ok"
+    bridge.sim.fault("silence off")
+
+
+def test_writes_have_ids_too(bridge):
+    """A register that commands is as good as a command."""
+    unit = bridge.drive()
+    unit.settle("enable")
+    codes = {"command": int(bridge.commands["move_relative"]["code"]), "target_position": 100}
+    for repeated in ({}, {"repeated": True}):
+        with Line(bridge) as line:
+            line.ask(f"{INTERFACE}.Write", {"drive": "drive1", "values": codes, "id": "w"})
+            assert line.answer() == {"parameters": {"result": "ok", **repeated}}
+    bridge.wait_standing()
+    assert unit.read("position") == 100
+
+
+def test_what_waited_too_long_is_not_begun(bridge):
+    """Behind a move of the same session: its time is over when that has ended."""
+    unit = bridge.drive()
+    unit.settle("enable")
+    with Line(bridge) as line:
+        run_once(line, "a")
+        run_once(line, "b", within_ms=20)
+        run_once(line, "c", within_ms=60000)
+        line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "stop", "within_ms": 1})
+        assert line.answer() == {"parameters": {"result": "ok"}}
+        assert line.answer()["error"] == f"{INTERFACE}.Late"
+        assert line.answer() == {"parameters": {"result": "ok"}}
+        assert line.answer() == {"parameters": {"result": "ok"}}
+        # It was not begun: its id is as good as new.
+        run_once(line, "b")
+        assert line.answer() == {"parameters": {"result": "ok"}}
+        for wrong in (0, 120001, "1", 1.5):
+            run_once(line, "d", within_ms=wrong)
+            assert line.answer()["parameters"] == {"parameter": "within_ms"}
+    assert unit.read("position") == 300
+
+
 def test_longer_than_confirm_ms(make_bridge):
     """The answer is the command's end, not that it takes long."""
     bridge = make_bridge(modbus={"confirm-ms": 1})

@@ -1,0 +1,143 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "control/once.h"
+
+#include "control/state.h"
+
+#include <string.h>
+
+/* Null when the call has none; false when it is answered. */
+static bool read_id(const struct db_call *call, const char **id)
+{
+	const json_t *value = json_object_get(call->parameters, "id");
+	size_t length = json_string_length(value);
+
+	*id = NULL;
+	if (!value || json_is_null(value))
+		return true;
+	*id = json_string_value(value);
+	if (*id && length >= 1 && length <= DB_ID_MAX && strlen(*id) == length)
+		return true;
+	db_session_fail_parameter(call->session, "id");
+	return false;
+}
+
+/* How long the call may have waited here; false when the call is answered. */
+static bool read_within(const struct db_call *call, bool *limited, db_time *within)
+{
+	const json_t *value = json_object_get(call->parameters, "within_ms");
+	json_int_t ms = json_integer_value(value);
+
+	*limited = value && !json_is_null(value);
+	*within = DB_IDS_TIME_MAX;
+	if (!*limited)
+		return true;
+	*within = ms * DB_NS_PER_MS;
+	if (json_is_integer(value) && ms >= 1 && ms <= DB_IDS_TIME_MAX / DB_NS_PER_MS)
+		return true;
+	db_session_fail_parameter(call->session, "within_ms");
+	return false;
+}
+
+static struct db_id_key key_of(const struct db_session *session, const char *drive, const char *id)
+{
+	const struct db_actor *actor = db_actors_find(&session->control->actors, session->actor);
+
+	return (struct db_id_key){
+		.user = actor ? actor->user : UINT32_MAX,
+		.named = actor ? actor->named : "",
+		.drive = drive,
+		.id = id,
+	};
+}
+
+bool db_once_begin(const struct db_call *call, const char *drive, bool stops)
+{
+	struct db_session *session = call->session;
+	struct db_control_socket *control = session->control;
+	db_time now = db_control_now(control);
+	const struct db_id_call *first;
+	struct db_id_key key;
+	db_time within;
+	const char *id;
+	bool limited;
+
+	session->once = 0;
+	if (!read_id(call, &id) || !read_within(call, &limited, &within))
+		return false;
+	/* Neither does harm late or twice. */
+	if (stops)
+		return true;
+	key = key_of(session, drive, id);
+	first = id ? db_ids_find(control->ids, &key) : NULL;
+	if (first) {
+		session->once = first->number;
+		session->repeated = true;
+		session->wait = DB_WAITS_FOR_FIRST;
+		session->due = now;
+		/* Nobody waits for its end, and what comes behind it need not either. */
+		if (session->oneway)
+			db_session_reply(session, NULL, false);
+		return false;
+	}
+	if (limited && now - session->client.arrived > within) {
+		db_session_fail(
+			session, "io.drivebridge.Control.Late",
+			json_pack("{s:s}", "reason",
+		                  "the service came to it too late, and does not begin it"));
+		return false;
+	}
+	if (!id)
+		return true;
+	first = db_ids_add(control->ids, &key, now + within, now);
+	if (first)
+		session->once = first->number;
+	else
+		db_session_fail_result(session, DB_RESULT_BUSY, "");
+	return first != NULL;
+}
+
+void db_once_drop(struct db_session *session)
+{
+	db_ids_drop(session->control->ids, session->once);
+	session->once = 0;
+}
+
+void db_once_note_begun(struct db_session *session, struct db_write_token token, uint32_t entry)
+{
+	struct db_id_call *call = db_ids_at(session->control->ids, session->once);
+
+	if (!call)
+		return;
+	call->token = token;
+	call->drive = session->drive;
+	call->entry = entry;
+}
+
+void db_once_end(struct db_session *session, enum db_result result, bool over)
+{
+	struct db_ids *ids = session->control->ids;
+	struct db_id_call *call = db_ids_at(ids, session->once);
+
+	if (!call)
+		return;
+	if (result == DB_RESULT_BUSY || result == DB_RESULT_NOT_IN_CONTROL) {
+		db_ids_drop(ids, session->once);
+		return;
+	}
+	/* Of what nobody could wait for the end is not known. */
+	call->result = result == DB_RESULT_PENDING ? DB_RESULT_INDETERMINATE : result;
+	call->over = call->over || over;
+}
+
+const struct db_id_call *db_once_first(const struct db_session *session)
+{
+	return db_ids_at(session->control->ids, session->once);
+}
+
+void db_once_abandon(struct db_session *session)
+{
+	/* Parts are written, others never will be. The end of a command is still told, by its token. */
+	if (session->wait == DB_WAITS_FOR_WRITE)
+		db_once_end(session, DB_RESULT_INDETERMINATE, true);
+	session->once = 0;
+}
