@@ -15,6 +15,9 @@
 /* One connection more is for stops. */
 #define SESSIONS_MAX (DB_MQTT_ACTING_FDS - 1)
 
+/* For one drive: who commands it in a flood leaves some for the others. */
+#define SESSIONS_EACH (SESSIONS_MAX / 2)
+
 #define WRITE_NAME "write"
 
 struct session {
@@ -121,8 +124,15 @@ static bool tell_stop(struct db_mqtt_acting *acting, const char *drive, const ch
 	    db_client_tell(acting->stopper, "Run",
 	                   json_pack("{s:s, s:s}", "drive", drive, "command", command)) != 0)
 		return false;
-	acting->result(acting->context, drive, id, command, "pending",
-	               "too much is commanded at the same time to wait for its end");
+	acting->result(acting->context,
+	               &(struct db_mqtt_outcome){
+			       .drive = drive,
+			       .sender = user,
+			       .id = id,
+			       .command = command,
+			       .result = "pending",
+			       .why = "too much is commanded at the same time to wait for its end",
+		       });
 	return true;
 }
 
@@ -131,7 +141,16 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 {
 	struct session *session = data;
 	struct db_mqtt_acting *acting = session->acting;
-	const char *result = json_string_value(json_object_get(parameters, "result"));
+	const json_t *words = error ? error->parameters : parameters;
+	struct db_mqtt_outcome outcome = {
+		.drive = session->drive,
+		.sender = session->user,
+		.id = session->id,
+		.command = session->command,
+		.result = json_string_value(json_object_get(words, "result")),
+		.why = error ? error->text : "",
+		.repeated = json_is_true(json_object_get(words, "repeated")),
+	};
 	char name[64] = "";
 
 	session->busy = more;
@@ -139,13 +158,15 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	if (error && session->stops && strcmp(error->name, DB_CLIENT_SERVICE "Busy") == 0 &&
 	    tell_stop(acting, session->drive, session->id, session->command, session->user))
 		return;
-	if (error) {
-		/* Of a refusal the service says which one. */
-		result = json_string_value(json_object_get(error->parameters, "result"));
+	/* Of what has ended badly the service says how. */
+	if (error && !outcome.result) {
 		name_error(error->name, name, sizeof(name));
+		outcome.result = name;
+		outcome.refused = strcmp(error->name, DB_CLIENT_LOST) != 0;
 	}
-	acting->result(acting->context, session->drive, session->id, session->command,
-	               result ? result : name, error ? error->text : "");
+	if (!outcome.result)
+		outcome.result = name;
+	acting->result(acting->context, &outcome);
 }
 
 static void take_sign(void *data, json_t *parameters, const struct db_client_error *error,
@@ -157,6 +178,30 @@ static void take_sign(void *data, json_t *parameters, const struct db_client_err
 	(void)error;
 	(void)more;
 	session->feeding = false;
+}
+
+/* Whether the same command is under way. */
+static bool is_under_way(const struct db_mqtt_acting *acting, const char *drive,
+                         const struct db_mqtt_command *command)
+{
+	for (size_t i = 0; i < SESSIONS_MAX; i++) {
+		const struct session *session = &acting->sessions[i];
+
+		if (session->busy && strcmp(session->drive, drive) == 0 &&
+		    strcmp(session->id, command->id) == 0 &&
+		    strcmp(session->user, command->user) == 0)
+			return true;
+	}
+	return false;
+}
+
+static size_t count_busy(const struct db_mqtt_acting *acting, const char *drive)
+{
+	size_t count = 0;
+
+	for (size_t i = 0; i < SESSIONS_MAX; i++)
+		count += acting->sessions[i].busy && strcmp(acting->sessions[i].drive, drive) == 0;
+	return count;
 }
 
 /* One that is free for the drive; NULL when all are taken. */
@@ -194,30 +239,63 @@ static void open_session(struct session *session, const char *drive, struct db_c
 	(void)snprintf(session->drive, sizeof(session->drive), "%s", drive);
 }
 
-void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
-                        const struct db_mqtt_command *command, db_time now)
+/* The parameters of Run or Write. */
+static json_t *describe_call(const char *drive, const struct db_mqtt_command *command,
+                             unsigned within_ms)
 {
-	struct session *session = find_session(acting, drive, now);
-	const char *name = command->name ? command->name : WRITE_NAME;
+	json_t *call = command->name ? json_pack("{s:s, s:s, s:O?, s:b}", "drive", drive, "command",
+	                                         command->name, "arguments", command->arguments,
+	                                         "until_end", 1) :
+	                               json_pack("{s:s, s:O}", "drive", drive, "values",
+	                                         command->arguments);
+
+	if (!call || db_mqtt_command_is_stop(command))
+		return call;
+	(void)json_object_set_new(call, "id", json_string(command->id));
+	(void)json_object_set_new(call, "within_ms", json_integer(within_ms));
+	return call;
+}
+
+void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
+                        const struct db_mqtt_command *command, unsigned within_ms, db_time now)
+{
+	bool stops = db_mqtt_command_is_stop(command);
+	struct db_mqtt_outcome outcome = {
+		.drive = drive,
+		.sender = command->user,
+		.id = command->id,
+		.command = command->name ? command->name : WRITE_NAME,
+		.why = "",
+	};
 	struct db_client_error error = { .parameters = NULL };
+	struct session *session;
 	json_t *parameters;
 
-	if (!session && db_mqtt_command_is_stop(command) &&
-	    tell_stop(acting, drive, command->id, name, command->user))
+	/* Its end is told once for both. */
+	if (!stops && is_under_way(acting, drive, command)) {
+		outcome.result = "pending";
+		outcome.repeated = true;
+		acting->result(acting->context, &outcome);
+		return;
+	}
+	session = stops || count_busy(acting, drive) < SESSIONS_EACH ?
+	                  find_session(acting, drive, now) :
+	                  NULL;
+	if (!session && stops &&
+	    tell_stop(acting, drive, command->id, outcome.command, command->user))
 		return;
 	if (!session) {
-		acting->result(acting->context, drive, command->id, name, "busy",
-		               "too many drives are commanded at the same time");
+		outcome.result = "busy";
+		outcome.why = "too much is commanded at the same time";
+		outcome.refused = true;
+		acting->result(acting->context, &outcome);
 		return;
 	}
 	open_session(session, drive, &error);
-	parameters = command->name ?
-	                     json_pack("{s:s, s:s, s:O?, s:b}", "drive", drive, "command", name,
-	                               "arguments", command->arguments, "until_end", 1) :
-	                     json_pack("{s:s, s:O}", "drive", drive, "values", command->arguments);
+	parameters = describe_call(drive, command, within_ms);
 	(void)snprintf(session->id, sizeof(session->id), "%s", command->id);
-	(void)snprintf(session->command, sizeof(session->command), "%s", name);
-	session->stops = db_mqtt_command_is_stop(command);
+	(void)snprintf(session->command, sizeof(session->command), "%s", outcome.command);
+	session->stops = stops;
 	session->used = now;
 	session->busy = true;
 	introduce(session, command->user);
@@ -227,9 +305,9 @@ void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
 		if (!session->client)
 			json_decref(parameters);
 		close_session(session);
-		acting->result(acting->context, drive, command->id, name, "lost",
-		               error.text[0] ? error.text :
-		                               "the service has closed the connection");
+		outcome.result = "lost";
+		outcome.why = error.text[0] ? error.text : "the service has closed the connection";
+		acting->result(acting->context, &outcome);
 	}
 	db_client_error_clear(&error);
 }

@@ -2,39 +2,6 @@
 #include "mqtt/admission.h"
 
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-/* Ids that are remembered, of all drives together. So many commands within the time in which one that is sent twice
- * could come again are more than anybody wants. */
-#define IDS_MAX 1024
-
-struct seen {
-	char drive[32];
-	char id[DB_MQTT_ID_MAX + 1];
-	db_time at;
-};
-
-struct db_mqtt_admission {
-	const struct db_mqtt_config *config;
-	struct seen seen[IDS_MAX]; /* a ring */
-	size_t count;
-	size_t next;
-};
-
-struct db_mqtt_admission *db_mqtt_admission_new(const struct db_mqtt_config *config)
-{
-	struct db_mqtt_admission *admission = calloc(1, sizeof(*admission));
-
-	if (admission)
-		admission->config = config;
-	return admission;
-}
-
-void db_mqtt_admission_free(struct db_mqtt_admission *admission)
-{
-	free(admission);
-}
 
 static bool is_allowed(const struct db_mqtt_config *config, const struct db_mqtt_command *command)
 {
@@ -50,6 +17,30 @@ static bool is_allowed(const struct db_mqtt_config *config, const struct db_mqtt
 	default:
 		return db_setting_list_has(&config->allow, command->name);
 	}
+}
+
+/* What was sent before this program listened, or to a service that was another one, may have been carried out then. */
+static const char *judge_beginning(const struct db_mqtt_config *config,
+                                   const struct db_mqtt_command *command,
+                                   const struct db_mqtt_arrival *arrival,
+                                   char why[DB_MQTT_REASON_MAX])
+{
+	bool subscribed = arrival->subscribed >= arrival->served;
+	db_time since = arrival->now - (subscribed ? arrival->subscribed : arrival->served);
+	const char *what = subscribed ? "this gateway's connection to the broker" :
+	                                "the service was there";
+
+	if (command->timed && arrival->us - command->us > since / DB_NS_PER_US) {
+		(void)snprintf(why, DB_MQTT_REASON_MAX,
+		               "it was sent before %s; are both clocks right?", what);
+		return "late";
+	}
+	if (!command->timed && since < config->age_ms * DB_NS_PER_MS) {
+		(void)snprintf(why, DB_MQTT_REASON_MAX,
+		               "it does not say when it was sent, which may be before %s", what);
+		return "late";
+	}
+	return NULL;
 }
 
 static const char *judge_age(const struct db_mqtt_config *config,
@@ -73,7 +64,7 @@ static const char *judge_age(const struct db_mqtt_config *config,
 		return "bad_message";
 	}
 	if (!command->timed)
-		return NULL;
+		return judge_beginning(config, command, arrival, why);
 	if (age_ms > (int64_t)config->age_ms) {
 		(void)snprintf(why, DB_MQTT_REASON_MAX,
 		               "it was sent %lld ms ago, %u ms are allowed; are both clocks right?",
@@ -87,45 +78,14 @@ static const char *judge_age(const struct db_mqtt_config *config,
 			(long long)-age_ms);
 		return "late";
 	}
-	return NULL;
+	return judge_beginning(config, command, arrival, why);
 }
 
-static bool was_seen(const struct db_mqtt_admission *admission, const char *drive, const char *id)
-{
-	for (size_t i = 0; i < admission->count; i++) {
-		if (strcmp(admission->seen[i].id, id) == 0 &&
-		    strcmp(admission->seen[i].drive, drive) == 0)
-			return true;
-	}
-	return false;
-}
-
-/* False: none may be forgotten yet. */
-static bool remember(struct db_mqtt_admission *admission, const char *drive, const char *id,
-                     db_time now)
-{
-	struct seen *seen = &admission->seen[admission->next];
-
-	if (admission->count == IDS_MAX &&
-	    now - seen->at <= 2 * admission->config->age_ms * DB_NS_PER_MS)
-		return false;
-	(void)snprintf(seen->drive, sizeof(seen->drive), "%s", drive);
-	(void)snprintf(seen->id, sizeof(seen->id), "%s", id);
-	seen->at = now;
-	admission->next = (admission->next + 1) % IDS_MAX;
-	if (admission->count < IDS_MAX)
-		admission->count++;
-	return true;
-}
-
-const char *db_mqtt_admission_judge(struct db_mqtt_admission *admission,
+const char *db_mqtt_admission_judge(const struct db_mqtt_config *config,
                                     const struct db_mqtt_command *command,
                                     const struct db_mqtt_arrival *arrival,
                                     char why[DB_MQTT_REASON_MAX])
 {
-	const struct db_mqtt_config *config = admission->config;
-	const char *refusal;
-
 	why[0] = '\0';
 	if (arrival->retained) {
 		(void)snprintf(
@@ -149,14 +109,15 @@ const char *db_mqtt_admission_judge(struct db_mqtt_admission *admission,
 			"it has no id, without which one that comes twice cannot be told from two");
 		return "bad_message";
 	}
-	if (was_seen(admission, arrival->drive, command->id)) {
-		(void)snprintf(why, DB_MQTT_REASON_MAX, "there was a command with this id already");
-		return "duplicate";
-	}
-	refusal = judge_age(config, command, arrival, why);
-	if (!refusal && !remember(admission, arrival->drive, command->id, arrival->now)) {
-		(void)snprintf(why, DB_MQTT_REASON_MAX, "too many commands; again later");
-		refusal = "busy";
-	}
-	return refusal;
+	return judge_age(config, command, arrival, why);
+}
+
+unsigned db_mqtt_admission_left_ms(const struct db_mqtt_config *config,
+                                   const struct db_mqtt_command *command,
+                                   const struct db_mqtt_arrival *arrival)
+{
+	int64_t age_ms = command->timed ? (arrival->us - command->us) / 1000 : 0;
+	int64_t left_ms = (int64_t)config->age_ms - age_ms;
+
+	return left_ms < 1 ? 1 : (unsigned)left_ms;
 }

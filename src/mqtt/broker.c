@@ -40,8 +40,9 @@ struct db_mqtt_broker {
 	struct db_mqtt_retry retry;
 	db_time give_up_at; /* while it is not connected */
 	db_time misc_at;
-	bool accepted;     /* the library has told so in this turn */
-	char why[256];     /* it is not; "" */
+	int urgent;    /* number of what was sent past the outbox, and is not confirmed; 0: none */
+	bool accepted; /* the library has told so in this turn */
+	char why[256]; /* it is not; "" */
 	char library[256]; /* what the library said of errors */
 	char told[256];    /* what was logged last; "" while it is connected */
 	char refused[256]; /* the topic that was logged last as not taken */
@@ -164,7 +165,10 @@ static void on_publish(struct mosquitto *client, void *data, int number, int cod
 				mosquitto_reason_string(code));
 		(void)snprintf(broker->refused, sizeof(broker->refused), "said");
 	}
-	db_mqtt_outbox_confirm(broker->outbox, number);
+	if (number == broker->urgent)
+		broker->urgent = 0;
+	else
+		db_mqtt_outbox_confirm(broker->outbox, number);
 }
 
 static void on_subscribe(struct mosquitto *client, void *data, int number, int count,
@@ -295,6 +299,7 @@ static void start(struct db_mqtt_broker *broker, db_time now)
 	broker->why[0] = '\0';
 	broker->library[0] = '\0';
 	broker->refused[0] = '\0';
+	broker->urgent = 0;
 	broker->accepted = false;
 	/* A clean session: what is published for us while we are away is not kept. */
 	broker->client = mosquitto_new(config->client_id, true, broker);
@@ -449,11 +454,10 @@ bool db_mqtt_broker_is_connected(const struct db_mqtt_broker *broker)
 	return broker->state == CONNECTED;
 }
 
-void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter)
+void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter, int qos)
 {
-	/* At most once: the broker keeps nothing for later and repeats nothing. */
 	int result = mosquitto_subscribe_v5(
-		broker->client, NULL, filter, 0,
+		broker->client, NULL, filter, qos,
 		MQTT_SUB_OPT_RETAIN_AS_PUBLISHED | MQTT_SUB_OPT_SEND_RETAIN_NEVER, NULL);
 
 	if (result)
@@ -463,9 +467,12 @@ void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter)
 
 void db_mqtt_broker_send_now(struct db_mqtt_broker *broker, const char *topic, const char *text)
 {
-	if (broker->state == CONNECTED && !mosquitto_want_write(broker->client))
-		(void)mosquitto_publish(broker->client, NULL, topic, (int)strlen(text), text, 0,
-		                        false);
+	int number = 0;
+
+	if (broker->state == CONNECTED && broker->urgent == 0 &&
+	    !mosquitto_want_write(broker->client) &&
+	    !mosquitto_publish(broker->client, &number, topic, (int)strlen(text), text, 1, false))
+		broker->urgent = number;
 }
 
 struct db_mqtt_broker_stats db_mqtt_broker_read_stats(const struct db_mqtt_broker *broker)

@@ -49,10 +49,12 @@ void db_mqtt_broker_handle(struct db_mqtt_broker *broker, short revents, db_time
 
 bool db_mqtt_broker_is_connected(const struct db_mqtt_broker *broker);
 
-/* Messages to this filter, each at most once and none that was published before. */
-void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter);
+/* Messages to this filter, none that was published before. Quality of service 0: each at most once; 1: none is lost while
+ * the connection lasts. */
+void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter, int qos);
 
-/* At once and once, past the outbox; lost where there is no connection or no room. */
+/* At once, past the outbox, with quality of service 1. Nothing where there is no connection or no room, or while the
+ * broker has not confirmed the one before. */
 void db_mqtt_broker_send_now(struct db_mqtt_broker *broker, const char *topic, const char *text);
 
 struct db_mqtt_broker_stats db_mqtt_broker_read_stats(const struct db_mqtt_broker *broker);

@@ -95,6 +95,21 @@ const char *db_mqtt_command_parse(const char *text, size_t length, struct db_mqt
 	return read_members(command);
 }
 
+const char *db_mqtt_command_parse_stop(const char *text, size_t length,
+                                       struct db_mqtt_command *command)
+{
+	if (!db_mqtt_command_parse(text, length, command))
+		return db_mqtt_command_is_stop(command) ?
+		               NULL :
+		               "only stops belong here: stop, quick_stop "
+		               "and disable";
+	command->name = "stop";
+	command->arguments = NULL;
+	if (!command->user)
+		command->user = "";
+	return NULL;
+}
+
 void db_mqtt_command_clear(struct db_mqtt_command *command)
 {
 	json_decref(command->message);

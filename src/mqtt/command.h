@@ -32,9 +32,13 @@ struct db_mqtt_command {
 /* NULL, or what is wrong with it, in words; `id` is then as far as it could be read. The command is to be cleared in
  * any case. */
 const char *db_mqtt_command_parse(const char *text, size_t length, struct db_mqtt_command *command);
+
+/* The same of a message where only stops belong: one that is no command is "stop", whatever it says. */
+const char *db_mqtt_command_parse_stop(const char *text, size_t length,
+                                       struct db_mqtt_command *command);
 void db_mqtt_command_clear(struct db_mqtt_command *command);
 
-/* Whether it can only stop a drive: that does no harm late or twice. */
+/* Whether the command can only stop a drive: that does no harm late or twice. */
 bool db_mqtt_command_is_stop(const struct db_mqtt_command *command);
 
 #endif

@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "mqtt/discovery.h"
 
+#include "client/stops.h"
 #include "drivebridge/version.h"
+#include "mqtt/command.h"
 #include "mqtt/topics.h"
 
 #include <ctype.h>
@@ -76,7 +78,7 @@ static bool is_allowed(const struct db_mqtt_config *config, const char *drive, c
 {
 	unsigned word = config->allow.word;
 	bool allowed = word == DB_MQTT_ALLOW_ALL ||
-	               (word == DB_MQTT_ALLOW_STOP && strcmp(command, "stop") == 0) ||
+	               (word == DB_MQTT_ALLOW_STOP && db_client_is_stop(command)) ||
 	               (word == DB_SETTING_NAMED && db_setting_list_has(&config->allow, command));
 
 	return allowed && (config->command_drives.word != DB_SETTING_NAMED ||
@@ -95,12 +97,13 @@ static void put_button(const struct announcement *announcement, const char *comm
 	               "{\"id\":\"{{ utcnow().timestamp() }}\",\"time\":\"{{ utcnow().isoformat() "
 	               "}}\",\"command\":\"%s\"}",
 	               command);
-	put_document(
-		announcement, "button", command,
-		json_pack("{s:s, s:s}", "command_topic",
-	                  db_mqtt_topic_of_drive(config->prefix, config->gateway, drive, "command")
-	                          .text,
-	                  "command_template", message));
+	put_document(announcement, "button", command,
+	             json_pack("{s:s, s:s}", "command_topic",
+	                       db_mqtt_topic_of_drive(
+				       config->prefix, config->gateway, drive,
+				       db_client_is_stop(command) ? "stop" : "command")
+	                               .text,
+	                       "command_template", message));
 }
 
 void db_mqtt_discovery_announce(const struct db_mqtt_config *config,

@@ -92,7 +92,7 @@ const struct db_setting db_mqtt_keys[] = {
 	  AT(discovery_prefix) },
 
 	{ DB_LIST_SETTING("command", "allow", "none", "none stop all",
-	                  "Which commands are taken from the broker, by their names; stop: stops only. The service decides "
+	                  "Which commands are taken from the broker, by their names; stop: stop, quick_stop and disable. The service decides "
 	                  "beside that: this program's user must belong to its act-group"),
 	  AT(allow) },
 	{ DB_LIST_SETTING("command", "drives", "all", "all",
@@ -106,7 +106,8 @@ const struct db_setting db_mqtt_keys[] = {
 	  AT(age_ms) },
 	{ DB_WORD_SETTING("command", "time", "required", "required optional",
 	                  "Whether a command must say when it was sent; optional is for clients without a clock: what their "
-	                  "library held back, for minutes perhaps, is then executed as well"),
+	                  "library held back, for minutes perhaps, is then executed as well, but for the first age-ms of a "
+	                  "connection"),
 	  AT(time) },
 	{ .name = NULL },
 };

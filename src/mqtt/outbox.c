@@ -7,8 +7,14 @@
 struct sample {
 	struct sample *next;
 	size_t bytes;
+	enum db_mqtt_lane lane;
 	const char *payload; /* behind the topic */
 	char topic[];
+};
+
+struct lane {
+	struct sample *first; /* in their order */
+	struct sample *last;
 };
 
 struct retained {
@@ -28,8 +34,7 @@ struct flight {
 struct db_mqtt_outbox {
 	size_t messages_max;
 	size_t bytes_max;
-	struct sample *first; /* in their order */
-	struct sample *last;
+	struct lane lanes[DB_MQTT_LANES];
 	struct retained *retained;
 	size_t retained_count;
 	struct flight window[DB_MQTT_WINDOW]; /* in their order */
@@ -49,14 +54,24 @@ struct db_mqtt_outbox *db_mqtt_outbox_new(size_t messages, size_t bytes)
 	return outbox;
 }
 
-/* The first one leaves the queue, not the memory. */
-static struct sample *take_first(struct db_mqtt_outbox *outbox)
+/* The one that is to be sent next; NULL: there is none. */
+static struct lane *find_first(struct db_mqtt_outbox *outbox)
 {
-	struct sample *sample = outbox->first;
+	for (size_t i = 0; i < DB_MQTT_LANES; i++) {
+		if (outbox->lanes[i].first)
+			return &outbox->lanes[i];
+	}
+	return NULL;
+}
 
-	outbox->first = sample->next;
-	if (!outbox->first)
-		outbox->last = NULL;
+/* The first one leaves the queue, not the memory. */
+static struct sample *take_first(struct db_mqtt_outbox *outbox, struct lane *lane)
+{
+	struct sample *sample = lane->first;
+
+	lane->first = sample->next;
+	if (!lane->first)
+		lane->last = NULL;
 	outbox->stats.messages--;
 	return sample;
 }
@@ -72,8 +87,8 @@ void db_mqtt_outbox_free(struct db_mqtt_outbox *outbox)
 	if (!outbox)
 		return;
 	db_mqtt_outbox_start_over(outbox);
-	while (outbox->first)
-		free_sample(outbox, take_first(outbox));
+	for (struct lane *lane; (lane = find_first(outbox)) != NULL;)
+		free_sample(outbox, take_first(outbox, lane));
 	for (size_t i = 0; i < outbox->retained_count; i++) {
 		free(outbox->retained[i].topic);
 		free(outbox->retained[i].payload);
@@ -88,18 +103,27 @@ static bool has_room(const struct db_mqtt_outbox *outbox, size_t bytes)
 	       outbox->stats.bytes + bytes <= outbox->bytes_max;
 }
 
-void db_mqtt_outbox_add_sample(struct db_mqtt_outbox *outbox, const char *topic,
-                               const char *payload)
+/* Until there is room for so many bytes, or nothing is left that matters less than what is to be added. */
+static void make_room(struct db_mqtt_outbox *outbox, size_t bytes, enum db_mqtt_lane lane)
 {
+	for (size_t i = DB_MQTT_LANES; i-- > (size_t)lane;) {
+		while (outbox->lanes[i].first && !has_room(outbox, bytes)) {
+			free_sample(outbox, take_first(outbox, &outbox->lanes[i]));
+			outbox->stats.dropped++;
+		}
+	}
+}
+
+void db_mqtt_outbox_add_sample(struct db_mqtt_outbox *outbox, enum db_mqtt_lane lane,
+                               const char *topic, const char *payload)
+{
+	struct lane *queue = &outbox->lanes[lane];
 	size_t topic_size = strlen(topic) + 1;
 	size_t payload_size = strlen(payload) + 1;
 	size_t bytes = sizeof(struct sample) + topic_size + payload_size;
 	struct sample *sample;
 
-	while (outbox->first && !has_room(outbox, bytes)) {
-		free_sample(outbox, take_first(outbox));
-		outbox->stats.dropped++;
-	}
+	make_room(outbox, bytes, lane);
 	sample = has_room(outbox, bytes) ? malloc(bytes) : NULL;
 	if (!sample) {
 		outbox->stats.dropped++;
@@ -107,14 +131,15 @@ void db_mqtt_outbox_add_sample(struct db_mqtt_outbox *outbox, const char *topic,
 	}
 	sample->next = NULL;
 	sample->bytes = bytes;
+	sample->lane = lane;
 	memcpy(sample->topic, topic, topic_size);
 	memcpy(sample->topic + topic_size, payload, payload_size);
 	sample->payload = sample->topic + topic_size;
-	if (outbox->last)
-		outbox->last->next = sample;
+	if (queue->last)
+		queue->last->next = sample;
 	else
-		outbox->first = sample;
-	outbox->last = sample;
+		queue->first = sample;
+	queue->last = sample;
 	outbox->stats.messages++;
 	outbox->stats.bytes += bytes;
 }
@@ -159,6 +184,7 @@ void db_mqtt_outbox_set_retained(struct db_mqtt_outbox *outbox, const char *topi
 
 bool db_mqtt_outbox_next(struct db_mqtt_outbox *outbox, struct db_mqtt_message *message)
 {
+	const struct lane *lane = find_first(outbox);
 	size_t place = 0;
 
 	if (outbox->under_way == DB_MQTT_WINDOW)
@@ -172,9 +198,9 @@ bool db_mqtt_outbox_next(struct db_mqtt_outbox *outbox, struct db_mqtt_message *
 		*message = (struct db_mqtt_message){ .topic = outbox->retained[place].topic,
 			                             .payload = outbox->retained[place].payload,
 			                             .retained = true };
-	else if (outbox->first)
-		*message = (struct db_mqtt_message){ .topic = outbox->first->topic,
-			                             .payload = outbox->first->payload };
+	else if (lane)
+		*message = (struct db_mqtt_message){ .topic = lane->first->topic,
+			                             .payload = lane->first->payload };
 	else
 		return false;
 	return true;
@@ -189,7 +215,7 @@ void db_mqtt_outbox_sent(struct db_mqtt_outbox *outbox, int number)
 		outbox->retained[flight->retained].wanted = false;
 		outbox->retained[flight->retained].under_way = true;
 	} else {
-		flight->sample = take_first(outbox);
+		flight->sample = take_first(outbox, find_first(outbox));
 	}
 }
 
@@ -198,7 +224,7 @@ void db_mqtt_outbox_sent_for_good(struct db_mqtt_outbox *outbox)
 	if (outbox->next_retained < outbox->retained_count)
 		outbox->retained[outbox->next_retained].wanted = false;
 	else
-		free_sample(outbox, take_first(outbox));
+		free_sample(outbox, take_first(outbox, find_first(outbox)));
 	outbox->stats.confirmed++;
 }
 
@@ -224,16 +250,18 @@ void db_mqtt_outbox_confirm(struct db_mqtt_outbox *outbox, int number)
 
 void db_mqtt_outbox_start_over(struct db_mqtt_outbox *outbox)
 {
-	/* Back to the head of the queue, in their order. */
+	/* Back to the heads of their lanes, in their order. */
 	while (outbox->under_way > 0) {
 		struct sample *sample = outbox->window[--outbox->under_way].sample;
+		struct lane *lane;
 
 		if (!sample)
 			continue;
-		sample->next = outbox->first;
-		outbox->first = sample;
-		if (!outbox->last)
-			outbox->last = sample;
+		lane = &outbox->lanes[sample->lane];
+		sample->next = lane->first;
+		lane->first = sample;
+		if (!lane->last)
+			lane->last = sample;
 		outbox->stats.messages++;
 	}
 	for (size_t i = 0; i < outbox->retained_count; i++) {

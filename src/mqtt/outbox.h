@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What is to be published: samples one behind the other, of which the oldest are dropped and counted when there are
- * too many, and the latest text of each retained topic, which a newer one replaces. A message stays until the broker
- * has confirmed it.
+ * What is to be published: samples one behind the other in each lane, of which the oldest are dropped and counted when
+ * there are too many, and the latest text of each retained topic, which a newer one replaces. A message stays until the
+ * broker has confirmed it.
  *
  * Pure but for memory, which is bounded: samples by the limits, retained texts by their topics.
  */
@@ -32,9 +32,17 @@ struct db_mqtt_outbox_stats {
 struct db_mqtt_outbox *db_mqtt_outbox_new(size_t messages, size_t bytes);
 void db_mqtt_outbox_free(struct db_mqtt_outbox *outbox);
 
+/* A lane is sent when those before it are empty; dropped are those of the last one first. */
+enum db_mqtt_lane {
+	DB_MQTT_PROMPT, /* what became of commands, and events */
+	DB_MQTT_USUAL,
+	DB_MQTT_LAST, /* refusals */
+	DB_MQTT_LANES
+};
+
 /* Keeps copies. A sample that there is no room or memory for is dropped and counted. */
-void db_mqtt_outbox_add_sample(struct db_mqtt_outbox *outbox, const char *topic,
-                               const char *payload);
+void db_mqtt_outbox_add_sample(struct db_mqtt_outbox *outbox, enum db_mqtt_lane lane,
+                               const char *topic, const char *payload);
 
 /* Replaces the topic's text; "" takes the topic away from the broker. Without memory the former text stays. */
 void db_mqtt_outbox_set_retained(struct db_mqtt_outbox *outbox, const char *topic,

@@ -10,6 +10,7 @@
 #include "mqtt/outbox.h"
 #include "mqtt/picture.h"
 #include "mqtt/plant.h"
+#include "mqtt/ration.h"
 #include "mqtt/topics.h"
 
 #include <stdlib.h>
@@ -23,7 +24,6 @@ struct db_mqtt_publisher {
 	struct db_mqtt_outbox *outbox;
 	struct db_mqtt_broker *broker;
 	struct db_mqtt_plant *plant;
-	struct db_mqtt_admission *admission;
 	struct db_mqtt_acting *acting;
 	struct db_mqtt_picture **pictures;
 	size_t picture_count;
@@ -33,7 +33,14 @@ struct db_mqtt_publisher {
 	db_time echo_at;    /* DB_TIME_NEVER without a connection, or without commands */
 	db_time echoed;     /* of the latest echo: when it was sent */
 	unsigned echo_mark; /* of the connection */
-	bool warned;        /* that the service lets us command nothing */
+	db_time heard;      /* of the broker: its latest message */
+	db_time subscribed; /* since then its messages are for us */
+	db_time served;     /* since then the service is the same one */
+	int64_t service;    /* when that began, by its own clock */
+	bool there;         /* it is */
+	struct db_mqtt_ration answers;
+	uint64_t left_out; /* refusals that were not answered */
+	bool warned;       /* that the service lets us command nothing */
 	struct db_client_log_ration refusals;
 	uint64_t skipped;      /* samples that the service left out */
 	uint64_t dropped_told; /* of the outbox, when it was logged last */
@@ -45,15 +52,27 @@ static void publish(struct db_mqtt_publisher *publisher, struct db_mqtt_topic to
 	if (text && retained)
 		db_mqtt_outbox_set_retained(publisher->outbox, topic.text, text);
 	else if (text)
-		db_mqtt_outbox_add_sample(publisher->outbox, topic.text, text);
+		db_mqtt_outbox_add_sample(publisher->outbox, DB_MQTT_USUAL, topic.text, text);
 	free(text);
 }
 
 /* Takes the object over. */
 static void publish_json(struct db_mqtt_publisher *publisher, struct db_mqtt_topic topic,
-                         json_t *object, bool retained)
+                         json_t *object, enum db_mqtt_lane lane)
 {
-	publish(publisher, topic, object ? db_mqtt_picture_dump(object) : NULL, retained);
+	char *text = object ? db_mqtt_picture_dump(object) : NULL;
+
+	if (text)
+		db_mqtt_outbox_add_sample(publisher->outbox, lane, topic.text, text);
+	free(text);
+	json_decref(object);
+}
+
+/* Likewise, to be kept by the broker. */
+static void publish_retained(struct db_mqtt_publisher *publisher, struct db_mqtt_topic topic,
+                             json_t *object)
+{
+	publish(publisher, topic, object ? db_mqtt_picture_dump(object) : NULL, true);
 	json_decref(object);
 }
 
@@ -165,9 +184,15 @@ static void greet_plant(void *context, const json_t *description, const json_t *
 	struct db_mqtt_publisher *publisher = context;
 	const json_t *drives = json_object_get(description, "drives");
 	const char *version = json_string_value(json_object_get(description, "version"));
+	int64_t service = json_integer_value(json_object_get(description, "started_us"));
 	size_t i;
 	const json_t *drive;
 
+	/* Another run of it has forgotten which ids there were. */
+	if (service != publisher->service)
+		publisher->served = publisher->now;
+	publisher->service = service;
+	publisher->there = true;
 	withdraw_missing(publisher, drives);
 	forget_pictures(publisher);
 	publisher->pictures = calloc(json_array_size(drives) + 1, sizeof(struct db_mqtt_picture *));
@@ -206,6 +231,7 @@ static void miss_plant(void *context)
 {
 	struct db_mqtt_publisher *publisher = context;
 
+	publisher->there = false;
 	db_mqtt_outbox_set_retained(publisher->outbox, publisher->status.text, "no-service");
 	for (size_t i = 0; i < publisher->picture_count; i++) {
 		struct db_mqtt_picture *picture = publisher->pictures[i];
@@ -230,7 +256,7 @@ static void take_event(void *context, json_t *event)
 	(void)json_object_set_new(
 		copy, "time",
 		describe_moment(json_integer_value(json_object_get(event, "time_us"))));
-	publish_json(publisher, topic_of(publisher, "event"), copy, false);
+	publish_json(publisher, topic_of(publisher, "event"), copy, DB_MQTT_PROMPT);
 }
 
 static void take_figures(void *context, json_t *buses)
@@ -239,12 +265,11 @@ static void take_figures(void *context, json_t *buses)
 	const char *bus;
 	json_t *figures;
 
-	json_object_foreach(buses, bus, figures) publish_json(
+	json_object_foreach(buses, bus, figures) publish_retained(
 		publisher,
 		db_mqtt_topic_of_bus(publisher->config->prefix, publisher->config->gateway, bus,
 	                             "figures"),
-		json_pack("{s:o, s:O}", "time", describe_moment(publisher->us), "values", figures),
-		true);
+		json_pack("{s:o, s:O}", "time", describe_moment(publisher->us), "values", figures));
 }
 
 static void publish_figures(struct db_mqtt_publisher *publisher)
@@ -252,16 +277,16 @@ static void publish_figures(struct db_mqtt_publisher *publisher)
 	struct db_mqtt_outbox_stats outbox = db_mqtt_outbox_read_stats(publisher->outbox);
 	struct db_mqtt_broker_stats broker = db_mqtt_broker_read_stats(publisher->broker);
 
-	publish_json(publisher, topic_of(publisher, "figures"),
-	             json_pack("{s:o, s:s, s:{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I}}", "time",
-	                       describe_moment(publisher->us), "version", DB_VERSION, "values",
-	                       "connections", (json_int_t)broker.connections, "sent",
-	                       (json_int_t)broker.sent, "bytes", (json_int_t)broker.bytes,
-	                       "refused", (json_int_t)broker.refused, "dropped",
-	                       (json_int_t)outbox.dropped, "buffered", (json_int_t)outbox.messages,
-	                       "buffered_bytes", (json_int_t)outbox.bytes, "skipped",
-	                       (json_int_t)publisher->skipped),
-	             true);
+	publish_retained(
+		publisher, topic_of(publisher, "figures"),
+		json_pack("{s:o, s:s, s:{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I}}", "time",
+	                  describe_moment(publisher->us), "version", DB_VERSION, "values",
+	                  "connections", (json_int_t)broker.connections, "sent",
+	                  (json_int_t)broker.sent, "bytes", (json_int_t)broker.bytes, "refused",
+	                  (json_int_t)broker.refused, "dropped", (json_int_t)outbox.dropped,
+	                  "buffered", (json_int_t)outbox.messages, "buffered_bytes",
+	                  (json_int_t)outbox.bytes, "skipped", (json_int_t)publisher->skipped,
+	                  "left_out", (json_int_t)publisher->left_out));
 	if (outbox.dropped > publisher->dropped_told)
 		db_client_log(DB_CLIENT_WARNING,
 		              "the buffer is full: %llu messages more dropped, the oldest first",
@@ -277,14 +302,18 @@ static void publish_figures(struct db_mqtt_publisher *publisher)
 static void send_echo(struct db_mqtt_publisher *publisher)
 {
 	const struct db_mqtt_config *config = publisher->config;
+	db_time silence = config->keepalive_s * DB_NS_PER_S;
 	char text[64];
 
-	/* A broker that holds the connection and does nothing is lost for who commands over it. */
-	if (publisher->now - publisher->echoed > config->keepalive_s * DB_NS_PER_S &&
-	    db_mqtt_acting_drop(publisher->acting))
+	/* A broker that holds the connection and does nothing, or is so late, is lost for who commands over it. */
+	if (publisher->now - publisher->echoed > silence && db_mqtt_acting_drop(publisher->acting))
 		db_client_log(
 			DB_CLIENT_WARNING,
-			"the broker has sent nothing for %u s: what was commanded over it is given up",
+			publisher->now - publisher->heard > silence ?
+				"the broker has sent nothing for %u s: what was commanded over it is "
+				"given up" :
+				"what the broker sends is more than %u s late: what was commanded "
+				"over it is given up",
 			config->keepalive_s);
 	(void)snprintf(text, sizeof(text), "%u %lld", publisher->echo_mark,
 	               (long long)publisher->now);
@@ -314,9 +343,15 @@ static void greet_broker(void *context)
 	publisher->echo_mark = (unsigned)rand();
 	publisher->echoed = publisher->now - 2 * config->age_ms * DB_NS_PER_MS;
 	publisher->echo_at = publisher->now;
-	db_mqtt_broker_subscribe(publisher->broker, topic_of(publisher, "echo").text);
-	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "command").text);
-	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "alive").text);
+	publisher->heard = publisher->now;
+	publisher->subscribed = publisher->now;
+	/* The echo and stops must not be dropped in a flood; what else comes is to be dropped rather than be late. */
+	db_mqtt_broker_subscribe(publisher->broker, topic_of(publisher, "echo").text, 1);
+	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "stop").text, 1);
+	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "command").text,
+	                         0);
+	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "alive").text,
+	                         0);
 }
 
 /* Who commands over it cannot stop anything any more: for the drives that is the loss of a client. */
@@ -328,16 +363,34 @@ static void miss_broker(void *context)
 	(void)db_mqtt_acting_drop(publisher->acting);
 }
 
-static void publish_result(void *context, const char *drive, const char *id, const char *command,
-                           const char *result, const char *why)
+static void publish_result(void *context, const struct db_mqtt_outcome *outcome)
 {
 	struct db_mqtt_publisher *publisher = context;
-	json_t *object = json_pack("{s:o, s:s, s:s, s:s}", "time", describe_moment(publisher->us),
-	                           "id", id, "command", command, "result", result);
+	json_t *object;
 
-	if (object && why[0])
-		(void)json_object_set_new(object, "reason", json_string(why));
-	publish_json(publisher, topic_of_drive(publisher, drive, "result"), object, false);
+	/* A flood of what nobody takes is to cost the others nothing. */
+	if (outcome->refused && !db_mqtt_ration_take(&publisher->answers, outcome->drive,
+	                                             outcome->sender, publisher->now)) {
+		publisher->left_out++;
+		return;
+	}
+	object = json_pack("{s:o, s:s, s:s, s:s}", "time", describe_moment(publisher->us), "id",
+	                   outcome->id, "command", outcome->command, "result", outcome->result);
+	if (object && outcome->repeated)
+		(void)json_object_set_new(object, "repeated", json_true());
+	if (object && outcome->why[0])
+		(void)json_object_set_new(object, "reason", json_string(outcome->why));
+	publish_json(publisher, topic_of_drive(publisher, outcome->drive, "result"), object,
+	             outcome->refused ? DB_MQTT_LAST : DB_MQTT_PROMPT);
+}
+
+static void refuse_command(struct db_mqtt_publisher *publisher,
+                           const struct db_mqtt_outcome *outcome)
+{
+	db_client_log_rationed(&publisher->refusals, publisher->now, DB_CLIENT_WARNING,
+	                       "drive %s: a command from the broker is refused: %s", outcome->drive,
+	                       outcome->why);
+	publish_result(publisher, outcome);
 }
 
 static bool has_drive(const struct db_mqtt_publisher *publisher, const char *drive)
@@ -349,8 +402,25 @@ static bool has_drive(const struct db_mqtt_publisher *publisher, const char *dri
 	return false;
 }
 
-static void take_command(struct db_mqtt_publisher *publisher, const char *drive, const char *text,
-                         size_t length, bool retained)
+/* Why it is not carried out: NULL when it is. `refusal` is then its result. */
+static const char *judge_command(const struct db_mqtt_publisher *publisher,
+                                 const struct db_mqtt_command *command,
+                                 const struct db_mqtt_arrival *arrival, const char **refusal,
+                                 char why[DB_MQTT_REASON_MAX])
+{
+	*refusal = db_mqtt_admission_judge(publisher->config, command, arrival, why);
+	if (*refusal)
+		return why;
+	/* One that comes back meanwhile may have carried it out before. */
+	if (!publisher->there && !db_mqtt_command_is_stop(command)) {
+		*refusal = "lost";
+		return "drivebridged is not there";
+	}
+	return NULL;
+}
+
+static void take_command(struct db_mqtt_publisher *publisher, struct db_mqtt_command *command,
+                         const char *wrong, const char *drive, bool retained)
 {
 	const struct db_mqtt_arrival arrival = {
 		.drive = drive,
@@ -358,48 +428,60 @@ static void take_command(struct db_mqtt_publisher *publisher, const char *drive,
 		.now = publisher->now,
 		.us = publisher->us,
 		.sent_behind = publisher->echoed,
+		.subscribed = publisher->subscribed,
+		.served = publisher->served,
 	};
-	struct db_mqtt_command command;
-	const char *wrong = db_mqtt_command_parse(text, length, &command);
-	const char *refusal = wrong ? "bad_message" : NULL;
+	const char *refusal = "bad_message";
 	char why[DB_MQTT_REASON_MAX];
 
-	if (!wrong && !has_drive(publisher, drive)) {
-		wrong = "there is no such drive, or it is not published";
-		refusal = "no_such_drive";
-	}
 	if (!wrong)
-		refusal = db_mqtt_admission_judge(publisher->admission, &command, &arrival, why);
-	if (!refusal) {
-		db_mqtt_acting_run(publisher->acting, drive, &command, publisher->now);
-	} else {
-		db_client_log_rationed(&publisher->refusals, publisher->now, DB_CLIENT_WARNING,
-		                       "drive %s: a command from the broker is refused: %s", drive,
-		                       wrong ? wrong : why);
-		publish_result(publisher, drive, command.id, command.name ? command.name : "",
-		               refusal, wrong ? wrong : why);
-	}
-	db_mqtt_command_clear(&command);
+		wrong = judge_command(publisher, command, &arrival, &refusal, why);
+	if (!wrong)
+		db_mqtt_acting_run(publisher->acting, drive, command,
+		                   db_mqtt_admission_left_ms(publisher->config, command, &arrival),
+		                   publisher->now);
+	else
+		refuse_command(publisher, &(struct db_mqtt_outcome){
+						  .drive = drive,
+						  .sender = command->user ? command->user : "",
+						  .id = command->id,
+						  .command = command->name ? command->name : "",
+						  .result = refusal,
+						  .why = wrong,
+						  .refused = true,
+					  });
+	db_mqtt_command_clear(command);
+}
+
+static bool is_leaf(const struct db_mqtt_publisher *publisher, const char *topic, const char *leaf,
+                    char drive[DB_MQTT_NAME_MAX])
+{
+	const struct db_mqtt_config *config = publisher->config;
+
+	return db_mqtt_topic_is_of_drive(topic, config->prefix, config->gateway, leaf, drive);
 }
 
 static void take_message(void *context, const char *topic, const char *text, size_t length,
                          bool retained)
 {
 	struct db_mqtt_publisher *publisher = context;
-	const struct db_mqtt_config *config = publisher->config;
-	bool fresh = publisher->now - publisher->echoed <= config->age_ms * DB_NS_PER_MS;
+	bool fresh = publisher->now - publisher->echoed <= publisher->config->age_ms * DB_NS_PER_MS;
+	struct db_mqtt_command command;
 	char drive[DB_MQTT_NAME_MAX];
+	const char *wrong;
 
-	if (strcmp(topic, topic_of(publisher, "echo").text) == 0)
+	publisher->heard = publisher->now;
+	if (strcmp(topic, topic_of(publisher, "echo").text) == 0) {
 		take_echo(publisher, text);
-	else if (db_mqtt_topic_is_of_drive(topic, config->prefix, config->gateway, "command",
-	                                   drive) &&
-	         has_drive(publisher, drive))
-		take_command(publisher, drive, text, length, retained);
-	else if (db_mqtt_topic_is_of_drive(topic, config->prefix, config->gateway, "alive",
-	                                   drive) &&
-	         fresh && !retained)
+	} else if (is_leaf(publisher, topic, "command", drive) && has_drive(publisher, drive)) {
+		wrong = db_mqtt_command_parse(text, length, &command);
+		take_command(publisher, &command, wrong, drive, retained);
+	} else if (is_leaf(publisher, topic, "stop", drive) && has_drive(publisher, drive)) {
+		wrong = db_mqtt_command_parse_stop(text, length, &command);
+		take_command(publisher, &command, wrong, drive, retained);
+	} else if (is_leaf(publisher, topic, "alive", drive) && fresh && !retained) {
 		db_mqtt_acting_feed(publisher->acting, drive, publisher->now);
+	}
 }
 
 /* --- its life --------------------------------------------------------------------------------- */
@@ -431,11 +513,9 @@ struct db_mqtt_publisher *db_mqtt_publisher_new(const struct db_mqtt_config *con
 		publisher->broker = db_mqtt_broker_new(config, publisher->status.text,
 		                                       publisher->outbox, &broker_ops, publisher);
 	publisher->plant = db_mqtt_plant_new(config, &plant_ops, publisher);
-	publisher->admission = db_mqtt_admission_new(config);
 	publisher->acting = db_mqtt_acting_new(config->socket, publish_result, publisher);
 	publisher->echo_at = DB_TIME_NEVER;
-	if (!publisher->outbox || !publisher->broker || !publisher->plant ||
-	    !publisher->admission || !publisher->acting) {
+	if (!publisher->outbox || !publisher->broker || !publisher->plant || !publisher->acting) {
 		db_mqtt_publisher_free(publisher);
 		return NULL;
 	}
@@ -448,7 +528,6 @@ void db_mqtt_publisher_free(struct db_mqtt_publisher *publisher)
 	if (!publisher)
 		return;
 	db_mqtt_acting_free(publisher->acting);
-	db_mqtt_admission_free(publisher->admission);
 	db_mqtt_plant_free(publisher->plant);
 	db_mqtt_broker_free(publisher->broker);
 	db_mqtt_outbox_free(publisher->outbox);

@@ -11,6 +11,7 @@
  *   PREFIX/GATEWAY/drive/DRIVE/state         all values (retained)
  *   PREFIX/GATEWAY/drive/DRIVE/changes       values that changed
  *   PREFIX/GATEWAY/drive/DRIVE/command       to here
+ *   PREFIX/GATEWAY/drive/DRIVE/stop          to here, whatever it says
  *   PREFIX/GATEWAY/drive/DRIVE/alive         to here
  *   PREFIX/GATEWAY/drive/DRIVE/result        how commands ended
  *

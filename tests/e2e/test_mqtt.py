@@ -399,9 +399,12 @@ def test_what_is_not_carried_out(commander):
     message = command("move_relative", "d", target_position=500)
     commander.send(message)
     commander.send(message)
-    results = lambda: {one.json["result"] for one in commander.watcher.all("drive/drive1/result")
-                       if one.json["id"] == "d"}
-    eventually(lambda: {"ok", "duplicate"} <= results())
+    results = lambda: [one.json for one in commander.watcher.all("drive/drive1/result")
+                       if one.json["id"] == "d"]
+    eventually(lambda: {(one["result"], one.get("repeated")) for one in results()} >= {("ok", None)}
+               and any("repeated" in one for one in results()))
+    commander.send(message)
+    eventually(lambda: results()[-1]["result"] == "ok" and results()[-1].get("repeated"))
     assert unit.read("position") == 500
     assert sum("mov" in one for one in commander.bridge.sim.sent(moves)) <= 1
     # A new connection finds the retained command at the broker.
@@ -413,6 +416,107 @@ def test_what_is_not_carried_out(commander):
     commander.watcher.wait_for_text("status", "online", seen)
     eventually(lambda: commander.run("enable") == "ok")
     assert unit.read("position") == 500
+
+
+@pytest.mark.parametrize(("ahead", "result", "repeated"), [(0.0, "late", None), (8.0, "ok", True)])
+def test_an_id_outlives_the_program(plant, ahead, result, repeated):
+    """Killed and started anew while the same message comes again, well within its age. What it was sent before is late,
+    by whatever clock; of one whose sender's clock is ahead the service knows that it was carried out."""
+    bridge = plant.make_bridge()
+    broker = plant.broker()
+    watcher = plant.watcher(broker)
+    publisher = plant.publisher(bridge, broker, command={"allow": "all", "age-ms": 30000}).start()
+    watcher.wait_for_text("status", "online")
+    commander = Commander(watcher)
+    unit = bridge.drive(1)
+    eventually(lambda: commander.run("enable") == "ok")
+    message = command("move_relative", "again", ahead, target_position=100)
+    commander.send(message)
+    assert commander.result("again")["result"] == "ok"
+    seen = watcher.count()
+    publisher.process.kill()
+    publisher.process.wait()
+    publisher.start()
+    watcher.wait_for_text("status", "online", seen)
+    seen = watcher.count()
+    # It is taken as soon as the program has subscribed.
+    eventually(lambda: (commander.send(message), watcher.all("drive/drive1/result", seen))[1])
+    answer = commander.result("again", seen)
+    assert (answer["result"], answer.get("repeated")) == (result, repeated)
+    assert unit.read("position") == 100
+
+
+def test_what_was_sent_to_another_run_of_the_service(plant):
+    """It has forgotten the ids: what was sent before it began may have been carried out."""
+    bridge = plant.make_bridge()
+    broker = plant.broker()
+    watcher = plant.watcher(broker)
+    plant.publisher(bridge, broker, command={"allow": "all", "age-ms": 30000}).start()
+    watcher.wait_for_text("status", "online")
+    commander = Commander(watcher)
+    eventually(lambda: commander.run("enable") == "ok")
+    message = command("move_relative", "again", target_position=100)
+    commander.send(message)
+    assert commander.result("again")["result"] == "ok"
+    assert bridge.drive(1).read("position") == 100
+    seen = watcher.count()
+    bridge.stop_bridge()
+    watcher.wait_for_text("status", "no-service", seen)
+    commander.send(message)
+    assert commander.result("again", seen)["result"] == "lost"
+    bridge.start_bridge()
+    watcher.wait_for_text("status", "online", seen, timeout=15)
+    seen = watcher.count()
+    commander.send(message)
+    answer = commander.result("again", seen)
+    assert answer["result"] == "late" and "before the service" in answer["reason"]
+    # A reload is no other run.
+    bridge.reload()
+    assert commander.run("enable") == "ok"
+    assert bridge.drive(1).read("position") == 100
+
+
+def test_without_a_time_only_stops_at_first(plant):
+    """What it was sent before the connection nobody can tell."""
+    bridge = plant.make_bridge()
+    broker = plant.broker()
+    watcher = plant.watcher(broker)
+    plant.publisher(bridge, broker, command={"allow": "all", "time": "optional", "age-ms": 5000}).start()
+    watcher.wait_for_text("status", "online")
+    commander = Commander(watcher)
+    untimed = {"id": "u", "command": "enable"}
+    commander.send(untimed)
+    assert "may be before" in commander.result("u")["reason"]
+    for name in ("stop", "quick_stop", "disable"):
+        seen = watcher.count()
+        commander.send({"command": name})
+        assert commander.result("", seen)["result"] == "ok"
+    eventually(lambda: commander.send({"id": f"u{time.monotonic()}", "command": "enable"}) or "ok" in [
+        one.json["result"] for one in watcher.all("drive/drive1/result") if one.json["command"] == "enable"], 20)
+
+
+def test_stops_of_any_form(commander):
+    """Where only stops belong anything is one, but for another command; the broker does not drop them."""
+    unit = commander.bridge.drive(1)
+    watcher = commander.watcher
+    for text in ("", "1", "{", '{"command": "quick_stop"}', '{"command": "disable"}', {"id": "s", "command": "stop"}):
+        assert commander.run("enable") == "ok"
+        commander.send(command("move_absolute", f"m{text}", target_position=unit.read("position") + 10 ** 6))
+        eventually(lambda: unit.read("velocity") > 0)
+        watcher.publish("drive/drive1/stop", text)
+        assert commander.result(f"m{text}")["result"] == "cancelled"
+        commander.bridge.wait_standing()
+    seen = watcher.count()
+    watcher.publish("drive/drive1/stop", command("enable", "e"))
+    assert "only stops" in commander.result("e", seen)["reason"]
+    seen = watcher.count()
+    watcher.publish("drive/drive1/stop", "", retain=True)
+    assert watcher.wait("drive/drive1/result", since=seen).json["result"] == "retained"
+    watcher.publish("drive/drive1/stop", "", retain=True)
+    # How it asked the broker for them.
+    log = commander.broker.log_path.read_text(errors="replace")
+    assert "drivebridge/gw/drive/+/stop (QoS 1)" in log
+    assert "drivebridge/gw/drive/+/command (QoS 0)" in log
 
 
 def test_silence_stops(commander):
@@ -546,17 +650,17 @@ def test_the_guides_examples(plant):
     eventually(lambda: commander.run("enable") == "ok")
     for topic, text in lines:
         leaf = topic.removeprefix("drivebridge/gw/").replace("feeder", "drive1")
-        if leaf.endswith("/command"):
+        if leaf.endswith(("/command", "/stop")):
             message = json.loads(text)
             if "time" in message:
                 message["time"] = now_text()
             seen = watcher.count()
-            commander.send(message)
+            watcher.publish(leaf, message)
             assert commander.result(message.get("id", ""), seen)["result"] == "ok"
     bridge.sim.fault("silence on")
     watcher.wait("event", lambda one: one.json["name"] == "drive-lost")
     for topic, text in lines:
         leaf = topic.removeprefix("drivebridge/gw/").replace("feeder", "drive1")
-        if not leaf.endswith("/command") and text.startswith("{"):
+        if not leaf.endswith(("/command", "/stop")) and text.startswith("{"):
             example = form(json.loads(text))
             assert any(fits(example, form(one.json)) for one in watcher.all(leaf) if one.text), topic

@@ -25,20 +25,18 @@ struct world {
 	size_t count;
 	struct db_mqtt_acting *acting;
 	unsigned results;
+	unsigned ids;
 	char result[32]; /* the last one */
+	bool repeated;
 };
 
-static void take_result(void *context, const char *drive, const char *id, const char *command,
-                        const char *result, const char *why)
+static void take_result(void *context, const struct db_mqtt_outcome *outcome)
 {
 	struct world *world = context;
 
-	(void)drive;
-	(void)id;
-	(void)command;
-	(void)why;
 	world->results++;
-	(void)snprintf(world->result, sizeof(world->result), "%s", result);
+	world->repeated = outcome->repeated;
+	(void)snprintf(world->result, sizeof(world->result), "%s", outcome->result);
 }
 
 static int open_world(void **state)
@@ -76,17 +74,32 @@ static int close_world(void **state)
 	return 0;
 }
 
-static void say_for(struct world *world, unsigned drive, const char *name, const char *user)
+static void say_command(struct world *world, unsigned drive, const struct db_mqtt_command *command)
 {
-	const struct db_mqtt_command command = { .name = name, .user = user };
 	char text[8];
 
 	(void)snprintf(text, sizeof(text), "d%u", drive);
-	db_mqtt_acting_run(world->acting, text, &command, DB_NS_PER_S);
+	db_mqtt_acting_run(world->acting, text, command, 500, DB_NS_PER_S);
 	for (int fd; (fd = accept4(world->listener, NULL, NULL, SOCK_NONBLOCK)) >= 0;) {
 		assert_true(world->count < DRIVES_MAX + 2);
 		world->connections[world->count++] = fd;
 	}
+}
+
+static void say_for(struct world *world, unsigned drive, const char *name, const char *user)
+{
+	struct db_mqtt_command command = { .name = name, .user = user };
+
+	(void)snprintf(command.id, sizeof(command.id), "%u", ++world->ids);
+	say_command(world, drive, &command);
+}
+
+static void say_id(struct world *world, unsigned drive, const char *name, const char *id)
+{
+	struct db_mqtt_command command = { .name = name, .user = "" };
+
+	(void)snprintf(command.id, sizeof(command.id), "%s", id);
+	say_command(world, drive, &command);
 }
 
 static void say(struct world *world, unsigned drive, const char *name)
@@ -184,12 +197,53 @@ static void the_service_is_told_who_wants_it(void **state)
 	assert_non_null(strstr(calls, "\"stop\""));
 }
 
+/* The same id once more: the service is not asked again, and the end is told once for both. */
+static void one_that_is_under_way_is_not_begun_again(void **state)
+{
+	struct world *world = *state;
+
+	say_id(world, 1, "home", "7");
+	assert_int_equal(world->results, 0);
+	say_id(world, 1, "home", "7");
+	assert_string_equal(world->result, "pending");
+	assert_true(world->repeated);
+	assert_int_equal(world->count, 2);
+	assert_non_null(strstr(read_calls(world, 1), "\"id\":\"7\",\"within_ms\":500"));
+	say_id(world, 2, "home", "7");
+	say_id(world, 1, "home", "8");
+	assert_int_equal(world->count, 4);
+	/* A stop is one each time, and has no id. */
+	say_id(world, 1, "disable", "8");
+	assert_int_equal(world->count, 5);
+	assert_null(strstr(read_calls(world, 4), "\"id\""));
+}
+
+static void a_drive_leaves_sessions_for_others(void **state)
+{
+	struct world *world = *state;
+	char id[8];
+
+	for (unsigned i = 0; i < 100; i++) {
+		(void)snprintf(id, sizeof(id), "%u", i);
+		say_id(world, 1, "home", id);
+	}
+	assert_string_equal(world->result, "busy");
+	assert_int_equal(world->results, 100 - DRIVES_MAX / 2);
+	for (unsigned drive = 2; drive <= 1 + DRIVES_MAX / 2; drive++)
+		say_id(world, drive, "home", "1");
+	assert_int_equal(world->results, 100 - DRIVES_MAX / 2);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test_setup_teardown(a_stop_waits_for_no_session, open_world,
 		                                close_world),
 		cmocka_unit_test_setup_teardown(a_stop_needs_no_room_in_the_service, open_world,
+		                                close_world),
+		cmocka_unit_test_setup_teardown(one_that_is_under_way_is_not_begun_again,
+		                                open_world, close_world),
+		cmocka_unit_test_setup_teardown(a_drive_leaves_sessions_for_others, open_world,
 		                                close_world),
 		cmocka_unit_test_setup_teardown(the_service_is_told_who_wants_it, open_world,
 		                                close_world),

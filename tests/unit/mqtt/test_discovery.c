@@ -89,9 +89,9 @@ static void test_buttons_are_what_is_allowed(void **state)
 
 	shelf->config.allow.word = DB_MQTT_ALLOW_STOP;
 	db_mqtt_discovery_announce(&shelf->config, shelf->picture, false, take_document, shelf);
-	assert_int_equal(json_object_size(shelf->documents), 3);
-	assert_string_equal(get(shelf, STOP, "command_topic"),
-	                    "drivebridge/gw.1/drive/lift/command");
+	/* Two buttons: stop and disable. */
+	assert_int_equal(json_object_size(shelf->documents), 4);
+	assert_string_equal(get(shelf, STOP, "command_topic"), "drivebridge/gw.1/drive/lift/stop");
 	assert_string_equal(
 		get(shelf, STOP, "command_template"),
 		"{\"id\":\"{{ utcnow().timestamp() }}\",\"time\":\"{{ utcnow().isoformat() "

@@ -31,7 +31,7 @@ static void add(struct db_mqtt_outbox *outbox, int number)
 	char text[32];
 
 	(void)snprintf(text, sizeof(text), "%d", number);
-	db_mqtt_outbox_add_sample(outbox, "changes", text);
+	db_mqtt_outbox_add_sample(outbox, DB_MQTT_USUAL, "changes", text);
 }
 
 /* Sends one, and expects it to be that. */
@@ -110,14 +110,14 @@ static void test_bytes_are_bounded(void **state)
 	assert_non_null(text);
 	memset(text, 'x', BYTES / 4);
 	for (int i = 0; i < 9; i++) {
-		db_mqtt_outbox_add_sample(*state, "changes", text);
+		db_mqtt_outbox_add_sample(*state, DB_MQTT_USUAL, "changes", text);
 		assert_true(db_mqtt_outbox_read_stats(*state).bytes <= BYTES);
 	}
 	assert_int_equal(db_mqtt_outbox_read_stats(*state).messages, 3);
 	assert_int_equal(db_mqtt_outbox_read_stats(*state).dropped, 6);
 	/* One that can never fit takes the place of none that could. */
 	memset(text, 'x', BYTES);
-	db_mqtt_outbox_add_sample(*state, "changes", text);
+	db_mqtt_outbox_add_sample(*state, DB_MQTT_USUAL, "changes", text);
 	assert_int_equal(db_mqtt_outbox_read_stats(*state).dropped, 10);
 	free(text);
 }
@@ -241,9 +241,51 @@ static void test_72_hours(void **state)
 	assert_in_range(attempts, 300, 72 * 60);
 }
 
+static void send_text(struct db_mqtt_outbox *outbox, const char *expected, int number)
+{
+	struct db_mqtt_message message;
+
+	assert_true(db_mqtt_outbox_next(outbox, &message));
+	assert_string_equal(message.payload, expected);
+	db_mqtt_outbox_sent(outbox, number);
+}
+
+/* What became of a command overtakes values, and both what was refused; also behind a lost connection. */
+static void test_lanes(void **state)
+{
+	db_mqtt_outbox_add_sample(*state, DB_MQTT_LAST, "result", "refused");
+	db_mqtt_outbox_add_sample(*state, DB_MQTT_USUAL, "changes", "value");
+	db_mqtt_outbox_add_sample(*state, DB_MQTT_PROMPT, "result", "ok");
+	send_text(*state, "ok", 1);
+	send_text(*state, "value", 2);
+	db_mqtt_outbox_add_sample(*state, DB_MQTT_PROMPT, "result", "ok2");
+	db_mqtt_outbox_start_over(*state);
+	send_text(*state, "ok", 3);
+	send_text(*state, "ok2", 4);
+	send_text(*state, "value", 5);
+	send_text(*state, "refused", 6);
+}
+
+/* Where there is no room, what matters least goes first, and never for something that matters less. */
+static void test_what_is_dropped(void **state)
+{
+	for (int i = 0; i < MESSAGES / 2; i++)
+		db_mqtt_outbox_add_sample(*state, DB_MQTT_LAST, "result", "refused");
+	for (int i = 0; i < MESSAGES; i++)
+		add(*state, i);
+	assert_int_equal(db_mqtt_outbox_read_stats(*state).dropped, MESSAGES / 2);
+	db_mqtt_outbox_add_sample(*state, DB_MQTT_LAST, "result", "refused");
+	assert_int_equal(db_mqtt_outbox_read_stats(*state).dropped, MESSAGES / 2 + 1);
+	db_mqtt_outbox_add_sample(*state, DB_MQTT_PROMPT, "result", "ok");
+	send_text(*state, "ok", 1);
+	send_text(*state, "1", 2);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
+		cmocka_unit_test_setup_teardown(test_lanes, open_outbox, close_outbox),
+		cmocka_unit_test_setup_teardown(test_what_is_dropped, open_outbox, close_outbox),
 		cmocka_unit_test_setup_teardown(test_samples_leave_in_their_order, open_outbox,
 		                                close_outbox),
 		cmocka_unit_test_setup_teardown(test_so_many_are_on_their_way, open_outbox,
