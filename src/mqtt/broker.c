@@ -2,6 +2,8 @@
 #include "mqtt/broker.h"
 
 #include "client/log.h"
+#include "mqtt/gate.h"
+#include "mqtt/packet.h"
 #include "mqtt/retry.h"
 
 #include <errno.h>
@@ -13,14 +15,12 @@
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 
 /* From the beginning to the broker's answer. */
 #define CONNECT_MAX (15 * DB_NS_PER_S)
 #define MISC_INTERVAL (1 * DB_NS_PER_S)
-
-/* What the broker sends at most in one message: commands are short. */
-#define PACKET_MAX 16384
 
 enum state {
 	AWAY,
@@ -35,7 +35,8 @@ struct db_mqtt_broker {
 	struct db_mqtt_outbox *outbox;
 	const struct db_mqtt_broker_ops *ops;
 	void *context;
-	struct mosquitto *client; /* a new one for each connection */
+	struct mosquitto *client;  /* a new one for each connection */
+	struct db_mqtt_gate *gate; /* of that; NULL with TLS */
 	enum state state;
 	struct db_mqtt_retry retry;
 	db_time give_up_at; /* while it is not connected */
@@ -72,6 +73,7 @@ void db_mqtt_broker_free(struct db_mqtt_broker *broker)
 		return;
 	/* Without saying goodbye: so the will is published. */
 	mosquitto_destroy(broker->client);
+	db_mqtt_gate_close(broker->gate);
 	(void)mosquitto_lib_cleanup();
 	free(broker);
 }
@@ -215,6 +217,8 @@ static void give_up(struct db_mqtt_broker *broker, db_time now)
 	memcpy(broker->told, broker->why, sizeof(broker->told));
 	mosquitto_destroy(broker->client);
 	broker->client = NULL;
+	db_mqtt_gate_close(broker->gate);
+	broker->gate = NULL;
 	broker->state = AWAY;
 	db_mqtt_retry_fail(&broker->retry, now, (unsigned)rand());
 	if (was_connected)
@@ -281,7 +285,7 @@ static int limit_packets(struct db_mqtt_broker *broker)
 {
 	mosquitto_property *properties = NULL;
 	int result = mosquitto_property_add_int32(&properties, MQTT_PROP_MAXIMUM_PACKET_SIZE,
-	                                          PACKET_MAX);
+	                                          DB_MQTT_PACKET_MAX);
 
 	if (!result)
 		(void)mosquitto_connect_bind_v5(broker->client, broker->config->host,
@@ -318,9 +322,30 @@ static void start(struct db_mqtt_broker *broker, db_time now)
 	/* A cable that is pulled shows as soon as silence does. */
 	(void)setsockopt(mosquitto_socket(broker->client), IPPROTO_TCP, TCP_USER_TIMEOUT,
 	                 &timeout_ms, sizeof(timeout_ms));
+	if (!config->tls) {
+		broker->gate = db_mqtt_gate_open(mosquitto_socket(broker->client),
+		                                 config->version == DB_MQTT_VERSION_5);
+		if (!broker->gate) {
+			fail(broker, MOSQ_ERR_ERRNO, errno, now);
+			return;
+		}
+	}
 	broker->state = CONNECTING;
 	broker->give_up_at = now + CONNECT_MAX;
 	broker->misc_at = now + MISC_INTERVAL;
+}
+
+/* The connection's. */
+static int find_fd(const struct db_mqtt_broker *broker)
+{
+	return broker->gate ? db_mqtt_gate_fd(broker->gate) : mosquitto_socket(broker->client);
+}
+
+/* Whether something waits for room on its way to the broker. */
+static bool is_choked(const struct db_mqtt_broker *broker)
+{
+	return mosquitto_want_write(broker->client) ||
+	       (broker->gate && db_mqtt_gate_is_choked(broker->gate));
 }
 
 struct pollfd db_mqtt_broker_watch(const struct db_mqtt_broker *broker)
@@ -329,10 +354,10 @@ struct pollfd db_mqtt_broker_watch(const struct db_mqtt_broker *broker)
 
 	if (!broker->client)
 		return poll_fd;
-	poll_fd.fd = mosquitto_socket(broker->client);
+	poll_fd.fd = find_fd(broker);
 	/* While TLS greets, the library always wants to write, but waits for the other side. */
-	if (broker->state == CONNECTING ||
-	    (broker->state == CONNECTED && mosquitto_want_write(broker->client)))
+	if (broker->state == CONNECTING || (broker->state == CONNECTED && is_choked(broker)) ||
+	    (broker->gate && db_mqtt_gate_is_choked(broker->gate)))
 		poll_fd.events |= POLLOUT;
 	return poll_fd;
 }
@@ -346,14 +371,22 @@ db_time db_mqtt_broker_due(const struct db_mqtt_broker *broker)
 	return broker->misc_at;
 }
 
-/* As much as the broker takes. False: the connection is lost. */
-static bool send_outbox(struct db_mqtt_broker *broker, db_time now)
+/* What the library has sent goes out, as far as there is room. False: the connection is lost. */
+static bool flush(struct db_mqtt_broker *broker, db_time now)
+{
+	if (!broker->gate || db_mqtt_gate_send(broker->gate))
+		return true;
+	fail(broker, MOSQ_ERR_ERRNO, errno, now);
+	return false;
+}
+
+/* As much as the broker takes. */
+static void send_outbox(struct db_mqtt_broker *broker, db_time now)
 {
 	int qos = broker->config->qos ? 1 : 0;
 	struct db_mqtt_message message;
 
-	while (!mosquitto_want_write(broker->client) &&
-	       db_mqtt_outbox_next(broker->outbox, &message)) {
+	while (!is_choked(broker) && db_mqtt_outbox_next(broker->outbox, &message)) {
 		size_t length = strlen(message.payload);
 		int number = 0;
 		int result;
@@ -369,7 +402,7 @@ static bool send_outbox(struct db_mqtt_broker *broker, db_time now)
 		}
 		if (result) {
 			fail(broker, result, errno, now);
-			return false;
+			return;
 		}
 		broker->stats.sent++;
 		broker->stats.bytes += strlen(message.topic) + length;
@@ -377,8 +410,49 @@ static bool send_outbox(struct db_mqtt_broker *broker, db_time now)
 			db_mqtt_outbox_sent(broker->outbox, number);
 		else
 			db_mqtt_outbox_sent_for_good(broker->outbox);
+		if (!flush(broker, now))
+			return;
 	}
-	return true;
+}
+
+/* What came through the gate. The library takes a few packets at a time. */
+static int read_passed(struct db_mqtt_broker *broker)
+{
+	int result = MOSQ_ERR_SUCCESS;
+	int waiting = 0;
+
+	while (!result && mosquitto_socket(broker->client) >= 0 &&
+	       ioctl(mosquitto_socket(broker->client), FIONREAD, &waiting) == 0 && waiting > 0) {
+		errno = 0;
+		result = mosquitto_loop_read(broker->client, 1);
+	}
+	return result;
+}
+
+/* 0 or an error of the library, of the same kinds where it is the gate's. */
+static int read_some(struct db_mqtt_broker *broker)
+{
+	enum db_mqtt_gate_end end;
+	int result;
+	int cause;
+
+	/* Reading goes on with the greeting of TLS as well, whatever is ready. */
+	errno = 0;
+	if (!broker->gate)
+		return mosquitto_loop_read(broker->client, 1);
+	end = db_mqtt_gate_receive(broker->gate);
+	cause = errno;
+	result = read_passed(broker);
+	if (result || end == DB_MQTT_GATE_OPEN)
+		return result;
+	if (end == DB_MQTT_GATE_WRONG)
+		note_why(
+			broker, "%s",
+			"the broker sends what no broker of MQTT may, or a message that is too long");
+	errno = cause;
+	return end == DB_MQTT_GATE_CLOSED ? MOSQ_ERR_CONN_LOST :
+	       end == DB_MQTT_GATE_BROKEN ? MOSQ_ERR_ERRNO :
+	                                    MOSQ_ERR_MALFORMED_PACKET;
 }
 
 static void serve(struct db_mqtt_broker *broker, short revents, db_time now)
@@ -388,13 +462,9 @@ static void serve(struct db_mqtt_broker *broker, short revents, db_time now)
 	int result;
 
 	if (broker->state == CONNECTING && (revents & (POLLERR | POLLHUP)) &&
-	    getsockopt(mosquitto_socket(broker->client), SOL_SOCKET, SO_ERROR, &cause, &size) ==
-	            0 &&
-	    cause != 0)
+	    getsockopt(find_fd(broker), SOL_SOCKET, SO_ERROR, &cause, &size) == 0 && cause != 0)
 		note_why(broker, "%s", strerror(cause));
-	/* Reading goes on with the greeting of TLS as well, whatever is ready. */
-	errno = 0;
-	result = mosquitto_loop_read(broker->client, 1);
+	result = read_some(broker);
 	if (!result && mosquitto_socket(broker->client) >= 0) {
 		errno = 0;
 		result = mosquitto_loop_write(broker->client, 1);
@@ -445,8 +515,10 @@ void db_mqtt_broker_handle(struct db_mqtt_broker *broker, short revents, db_time
 		note_why(broker, "it does not answer");
 		give_up(broker, now);
 	}
+	if (broker->state != AWAY && broker->state != CONNECTING && !flush(broker, now))
+		return;
 	if (broker->state == CONNECTED)
-		(void)send_outbox(broker, now);
+		send_outbox(broker, now);
 }
 
 bool db_mqtt_broker_is_connected(const struct db_mqtt_broker *broker)
@@ -469,8 +541,7 @@ void db_mqtt_broker_send_now(struct db_mqtt_broker *broker, const char *topic, c
 {
 	int number = 0;
 
-	if (broker->state == CONNECTED && broker->urgent == 0 &&
-	    !mosquitto_want_write(broker->client) &&
+	if (broker->state == CONNECTED && broker->urgent == 0 && !is_choked(broker) &&
 	    !mosquitto_publish(broker->client, &number, topic, (int)strlen(text), text, 1, false))
 		broker->urgent = number;
 }

@@ -254,6 +254,38 @@ def test_a_broker_of_another_version(plant, version, asked, answer, log):
         publisher.wait_for_log(log)
 
 
+@pytest.mark.parametrize("wrong", [
+    "30 06 00 01 61 02 7f 01",  # a message with a property that there is not: libmosquitto 2.0.11 ends the program
+    "40 06 00 01 10 02 7f 01", "90 06 00 01 02 7f 01 01", "e0 04 80 02 7f 01", "f0 00",
+    "30 06 00 01 61 05 0b 01", "36 06 00 01 61 00 07 00", "30 ff ff ff 7f", "30 80 80 80 80 01",
+])
+def test_what_no_broker_may_send(plant, wrong):
+    """The connection ends and is tried again; the program goes on."""
+    bridge = plant.make_bridge(wait_online=False)
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        host, port = other.getsockname()
+        other.settimeout(10)
+        publisher = plant.publisher(bridge, SimpleNamespace(host=host, port=port),
+                                    command={"allow": "all"}).start()
+        for _ in range(2):
+            client, _ = other.accept()
+            client.settimeout(10)
+            with client:
+                assert b"MQTT\x05" in client.recv(4096)
+                client.sendall(bytes.fromhex("20 03 00 00 00"))
+                assert client.recv(4096)
+                # In pieces: none of it is looked at before it is whole.
+                for byte in bytes.fromhex(wrong):
+                    client.sendall(bytes([byte]))
+                try:
+                    while client.recv(4096):
+                        pass
+                except ConnectionError:
+                    pass
+        assert publisher.process.poll() is None
+        publisher.wait_for_log("the broker sends what no broker of MQTT may")
+
+
 def test_wrong_authority_and_right_one(plant, certificates):
     """A certificate of somebody else's authority, or for another name, is no broker of ours."""
     bridge = plant.make_bridge(wait_online=False)
