@@ -7,6 +7,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import threading
 import time
 from datetime import datetime, timezone
@@ -144,6 +145,38 @@ class Watcher:
         eventually(self.client.is_connected)
         self.client.publish(self.prefix + leaf, payload, qos=qos, retain=retain,
                             properties=Properties(3)).wait_for_publish(10)
+
+
+FLOOD = """
+import socket, sys, time
+line = socket.create_connection((sys.argv[1], int(sys.argv[2])))
+line.sendall(bytes.fromhex("101200044d5154540502003c000005") + b"flood")
+topic, text = sys.argv[3].encode(), sys.argv[4].encode()
+body = len(topic).to_bytes(2, "big") + topic + b"\\0" + text
+assert len(body) < 128 and line.recv(64)
+some = (bytes([0x30, len(body)]) + body) * 100
+while True:
+    line.sendall(some)
+    time.sleep(100 / float(sys.argv[5]))
+"""
+
+
+class Flood:
+    """Somebody who publishes one short text to one topic, so many times in a second at most, without waiting for
+    anything."""
+
+    def __init__(self, broker, topic, text, rate):
+        self.arguments = [broker.host, str(broker.port), topic, text, str(rate)]
+
+    def __enter__(self):
+        self.process = subprocess.Popen([sys.executable, "-c", FLOOD, *self.arguments])
+        return self
+
+    def __exit__(self, *unused):
+        # It ends by itself with the broker only.
+        assert self.process.poll() is None
+        self.process.kill()
+        self.process.wait()
 
 
 class Publisher:

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 from bridgelib import ROOT, Path, eventually
-from mqttlib import Broker, Publisher, Watcher, now_text
+from mqttlib import Broker, Flood, Publisher, Watcher, now_text
 from relay import Relay
 
 
@@ -597,6 +597,50 @@ def test_a_line_that_stood_still(commander):
         eventually(lambda: unit.read("watchdog_trips") == 1)
         commander.bridge.wait_standing()
         publisher.wait_for_log("what was commanded over it is given up")
+
+
+def test_a_flood_of_what_is_refused(plant):
+    """By somebody who may only write to another drive's topic: results of this one come, and nothing is given up."""
+    bridge = plant.make_bridge(drives=2)
+    broker = plant.broker()
+    # Not the refusals: whoever watches all of them would be slow, and not what is tested.
+    watcher = plant.watcher(broker, filters=[f"drivebridge/gw/{leaf}" for leaf in
+                                             ("status", "figures", "drive/drive1/#", "drive/drive2/state")])
+    publisher = plant.publisher(bridge, broker, broker_keys={"keepalive-s": 5},
+                                command={"allow": "all"}).start()
+    watcher.wait_for_text("status", "online")
+    commander = Commander(watcher)
+    eventually(lambda: commander.run("enable") == "ok")
+
+    def stop_times(count):
+        """How long each stop took, from its publishing to its result."""
+        times = []
+        for _ in range(count):
+            commander.number += 1
+            begun = time.monotonic()
+            watcher.publish("drive/drive1/stop", {"id": commander.number, "command": "stop"})
+            assert commander.result(commander.number)["result"] == "ok"
+            times.append(time.monotonic() - begun)
+        return sorted(times)
+
+    quiet = stop_times(20)
+    topic, text = "drivebridge/gw/drive/drive2/command", '{"command":"enable"}'
+    with Flood(broker, topic, text, 15000):
+        watcher.wait("figures", lambda one: one.json["values"]["left_out"] > 0, timeout=20)
+        begun = time.monotonic()
+        flooded = stop_times(20)
+        # States of the other drive go on, too, for longer than the broker may be silent.
+        seen = watcher.count()
+        bridge.drive(2).settle("enable")
+        bridge.drive(2).settle("move_absolute", target_position=500)
+        watcher.wait("drive/drive2/state", lambda one: one.json["values"]["position"] == 500, seen)
+        while time.monotonic() < begun + 7:
+            flooded += stop_times(1)
+    flooded.sort()
+    print("median and longest, quiet and flooded, ms:", *(round(one * 1000) for times in (quiet, flooded)
+                                                         for one in (times[len(times) // 2], times[-1])))
+    assert flooded[len(flooded) // 2] < 0.5 + 3 * quiet[10]
+    assert "is given up" not in publisher.log()
 
 
 def test_old_protocol_without_confirmations(plant):
