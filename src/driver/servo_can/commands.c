@@ -5,8 +5,9 @@
  * sets the motor in motion before a fresh status showed power, no fault and, where it counts, a stand.
  *
  * An acknowledgement shows that a frame arrived. So behind it the drive is read until the effect shows,
- * for as long as its reaction may take; a position move that does not show has failed, and a speed or
- * current that does not show (a blocked motor, a slow ramp) is unproven.
+ * for as long as its reaction may take; a position move that does not show loses its power, so that it
+ * cannot begin later, and has failed, and a speed or current that does not show (a blocked motor, a slow
+ * ramp) is unproven.
  */
 #include "driver/servo_can/commands.h"
 
