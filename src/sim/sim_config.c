@@ -307,8 +307,7 @@ static void read_servo(const struct sim_section *section, struct sim_drive_confi
 		sim_section_refuse(section, "inertia", "inertia must be above 0 (in kg m^2)");
 	/* What the servos' document leaves open of one drive. */
 	servo->temper = (struct sim_servo_temper){
-		.fault_power =
-			(enum sim_servo_fault_power)sim_section_word(section, "fault-power"),
+		.fault_power = (enum sim_servo_fault_power)sim_section_word(section, "fault-power"),
 		.demand = (enum sim_servo_demand)sim_section_word(section, "demand"),
 		.reached_by_profile = sim_section_word(section, "reached-bit") == 1,
 		.ignores_trigger = sim_section_word(section, "trigger") == 1,
