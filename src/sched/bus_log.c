@@ -21,6 +21,8 @@ static const char *const drive_advice[] = {
 	[DB_ERROR_OVER_CURRENT] = "check the motor cable for a short circuit, and the load",
 	[DB_ERROR_VOLTAGE] = "check the drive's power supply",
 	[DB_ERROR_INTERRUPTED] = "its emergency stop ended its program; check why",
+	[DB_ERROR_UNEXPLAINED_FAULT] =
+		"its reason has not been reported yet; is its report of faults turned on?",
 };
 
 static const char *advice_for_drive(const struct db_driver *driver, uint16_t error)
