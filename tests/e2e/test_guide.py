@@ -53,7 +53,8 @@ FOREIGN = {
     "DriveEventType", "DriveLost", "DriveOnline", "WatchdogTripped",
     "Good", "GoodCompletesAsynchronously", "UncertainLastUsableValue", "BadNoCommunication", "BadWaitingForInitialData",
     "BadOutOfRange", "BadInvalidState", "BadTimeout", "BadUserAccessDenied", "BadUnknownResponse", "BadNotExecutable", "opcua-client",
-    "BadTcpServerTooBusy", "BadRequestNotComplete", "BadResourceUnavailable", "BadTooManyOperations", "OperationLimits",
+    "BadTcpServerTooBusy", "BadInvalidTimestamp", "BadRequestNotComplete", "BadResourceUnavailable", "BadTooManyOperations",
+    "OperationLimits",
     # drivebridge-web
     "drivebridge-web", "drivebridge-webd", "IPAddressAllow", "drivebridge_web_requests_total", "drivebridge_web_streams",
     "drivebridge_web_failed_logins_total", "drivebridge_web_late_jogs_total",
