@@ -498,17 +498,18 @@ void db_act_ended(struct db_session *session, enum db_result result)
 static void look_at_first(struct db_session *session, db_time now)
 {
 	const struct db_id_call *first = db_once_first(session);
-	enum db_result result = first ? first->result : DB_RESULT_BUSY;
 
-	if (result == DB_RESULT_PENDING) {
+	if (!first) {
+		answer(session, DB_RESULT_BUSY);
+	} else if (first->result == DB_RESULT_PENDING) {
 		session->due = now + LOOK_INTERVAL;
-	} else if (session->until_end && db_result_is_success(result) && !first->over) {
+	} else if (session->until_end && db_result_is_success(first->result) && !first->over) {
 		session->drive = first->drive;
 		session->entry = first->entry;
 		session->wait = DB_WAITS_FOR_MOTION;
 		session->due = now;
 	} else {
-		answer(session, result);
+		answer(session, first->result);
 	}
 }
 
