@@ -43,8 +43,10 @@
  *
  * The watchdog is armed by the first motion command, or when the drive already moves as it is first
  * seen (the program was killed and started again), and fed by what the drive's configuration says:
- * every request of a client that may write, only those of connections that command the drive,
- * writes, or changes of the heartbeat; as of when they arrived. When it expires, the configured
+ * reads of any client that may write, reads over connections that command the drive, commands that
+ * are admitted and other writes of who commands, or changes of the heartbeat; as of when they
+ * arrived. A write that is refused feeds nothing, nor do arguments alone; the command_id of before again
+ * only from an address that commands. When it expires, the configured
  * stop goes to the bus ahead of everything and motion is refused (latched) until clear_fault.
  *
  * A motion is held when the client says so (db_commander_execute_held()), or when hold_ms of the
@@ -256,9 +258,11 @@ unsigned db_commander_input_ports(const struct db_commander *commander);
 void db_commander_hear(struct db_commander *commander, const struct db_client *client, db_time now);
 
 /* A client who may write addressed this drive, `by` what is said, at the time `arrived`: it is not
- * alone. Whether that feeds its watchdog. */
-bool db_commander_feed(struct db_commander *commander, const struct db_client *client,
+ * alone. What the commander itself carries out it takes care of. */
+void db_commander_feed(struct db_commander *commander, const struct db_client *client,
                        enum db_watchdog_feed by, db_time arrived);
+/* Who fed the watchdog last, and may have gone since; DB_CLIENT_NOBODY: nobody did. */
+const struct db_client *db_commander_fed_by(const struct db_commander *commander);
 void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_ms,
                                db_time arrived);
 /* Its connection has ended: its number may become another's. What it held is deserted. */

@@ -33,9 +33,9 @@ enum db_on_loss { DB_ON_LOSS_NONE, DB_ON_LOSS_STOP, DB_ON_LOSS_QUICK_STOP, DB_ON
 /* What tells that the clients of a drive are alive. Each is also told by those behind it. */
 /* What feeds a watchdog; what is enough for one is enough for those before it. */
 enum db_watchdog_feed {
-	DB_FEED_REQUESTS,   /* any request of a client that may write */
-	DB_FEED_COMMANDERS, /* writes, and reads of who has commanded the drive */
-	DB_FEED_WRITES,
+	DB_FEED_REQUESTS,   /* any read of a client that may write, and what follows */
+	DB_FEED_COMMANDERS, /* reads of who has commanded the drive, and what follows */
+	DB_FEED_WRITES,     /* commands that are admitted, and other writes of who commands */
 	DB_FEED_HEARTBEAT,
 };
 enum db_id_scope { DB_IDS_OF_DRIVE, DB_IDS_OF_CLIENT };

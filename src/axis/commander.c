@@ -236,40 +236,72 @@ static struct db_write_answer submit_order(struct db_commander *commander,
 	return db_requests_wait(commander, slot, order->token, order->now);
 }
 
+/* What it repeats; null. Without a writer there is no id. */
+static const struct db_used_id *find_first(const struct order *order)
+{
+	if (db_command_is_stop((enum db_command)order->block.command) || !order->writer)
+		return NULL;
+	return db_admission_find_repeated(order->writer, &order->block, order->id, order->bare);
+}
+
 static struct db_write_answer decide_order(struct db_commander *commander,
                                            const struct order *order)
 {
 	enum db_command command = (enum db_command)order->block.command;
-	bool stop = db_command_is_stop(command);
-	const struct db_used_id *first = NULL;
 	struct db_slot *under_way = NULL;
 	enum db_result result;
 
-	/* Without a writer there is no id. */
-	if (!stop && order->writer)
-		first = db_admission_find_repeated(order->writer, &order->block, order->id,
-		                                   order->bare);
-	if (first)
-		return repeat_order(commander, order, first);
 	result = db_admission_permit(commander, order->writer, &order->block, order->id);
 	if (result != DB_RESULT_OK)
 		return end_order(commander, order, result);
 	if (db_admission_clears_latch(commander, command) && is_only_latched(commander))
 		return end_latch(commander, order);
-	if (stop)
+	if (db_command_is_stop(command))
 		under_way = db_requests_join_stop(commander, command);
 	return under_way ? join_order(commander, order, under_way) : submit_order(commander, order);
 }
 
+static bool is_not_now(enum db_result result)
+{
+	return result == DB_RESULT_BUSY || result == DB_RESULT_OFFLINE ||
+	       result == DB_RESULT_BUS_DOWN;
+}
+
+/*
+ * What a command shows of who gave it. Who commands a drive is missed when it falls silent; who only stops it need not
+ * be. What was refused commands nothing, and the same id again only shows that its writer lives when that is who commands:
+ * anybody can repeat it. After a start a PLC that goes on with its last block is known by the baseline, which it repeats:
+ * while nobody else commands.
+ */
+static void note_commander(struct db_commander *commander, const struct order *order,
+                           struct db_write_answer answer, bool repeated)
+{
+	struct db_watchdog *watchdog = &commander->watchdog;
+	bool is_baseline = !answer.later && answer.result == DB_RESULT_RESTARTED;
+	bool counts = db_write_is_taken(answer) || is_baseline;
+	db_time arrived = db_client_arrived(order->client, order->now);
+
+	if (!order->client)
+		return;
+	if (repeated || is_baseline)
+		counts = counts && (!db_watchdog_is_commanded(watchdog) ||
+		                    db_watchdog_is_commanded_by(watchdog, order->client));
+	if (counts && !db_command_is_stop((enum db_command)order->block.command))
+		db_watchdog_commanded(watchdog, order->client);
+	if (counts)
+		db_commander_feed(commander, order->client, DB_FEED_WRITES, arrived);
+	else if (!answer.later && is_not_now(answer.result))
+		db_commander_feed(commander, order->client, DB_FEED_REQUESTS, arrived);
+}
+
 static struct db_write_answer carry_out(struct db_commander *commander, const struct order *order)
 {
+	const struct db_used_id *first = find_first(order);
 	struct db_write_answer answer;
 
 	db_reaction_check_hold(commander, order->now);
-	answer = decide_order(commander, order);
-	/* Who commands a drive is missed when it falls silent; who only stops it need not be. */
-	if (order->client && !db_command_is_stop((enum db_command)order->block.command))
-		db_watchdog_commanded(&commander->watchdog, order->client->id);
+	answer = first ? repeat_order(commander, order, first) : decide_order(commander, order);
+	note_commander(commander, order, answer, first != NULL);
 	return answer;
 }
 
@@ -331,9 +363,11 @@ struct db_write_answer db_commander_write(struct db_commander *commander,
 	if (!db_write_is_taken(answer))
 		return answer;
 	commander->kept = write->block;
-	if (write->has_beat && client)
-		(void)db_hold_count(&commander->hold, client, write->block.hold_beat,
-		                    db_client_arrived(client, now), now);
+	if (write->has_beat && client &&
+	    db_hold_count(&commander->hold, client, write->block.hold_beat,
+	                  db_client_arrived(client, now), now))
+		db_commander_feed(commander, client, DB_FEED_WRITES,
+		                  db_client_arrived(client, now));
 	if (write->has_id && order.writer)
 		order.writer->kept_id = write->block.command_id;
 	return answer;
@@ -411,6 +445,12 @@ struct db_write_answer db_commander_set(struct db_commander *commander,
 		slot = db_requests_submit(commander, client, &request, 0);
 		result = slot ? DB_RESULT_PENDING : DB_RESULT_BUSY;
 	}
+	if (slot && client)
+		db_commander_feed(commander, client, DB_FEED_WRITES,
+		                  db_client_arrived(client, now));
+	else if (client && is_not_now(result))
+		db_commander_feed(commander, client, DB_FEED_REQUESTS,
+		                  db_client_arrived(client, now));
 	db_account_add_settings(commander, client, settings, result, slot);
 	db_writers_set_write(&commander->writers, writer, result, 0, slot ? slot->ticket : 0);
 	if (slot) {
@@ -466,10 +506,16 @@ void db_commander_hear(struct db_commander *commander, const struct db_client *c
 	db_writers_hear(&commander->writers, client, now);
 }
 
-bool db_commander_feed(struct db_commander *commander, const struct db_client *client,
+void db_commander_feed(struct db_commander *commander, const struct db_client *client,
                        enum db_watchdog_feed by, db_time arrived)
 {
-	return db_watchdog_feed(&commander->watchdog, by, client->id, arrived);
+	if (db_watchdog_feed(&commander->watchdog, by, client, arrived))
+		commander->fed_by = *client;
+}
+
+const struct db_client *db_commander_fed_by(const struct db_commander *commander)
+{
+	return &commander->fed_by;
 }
 
 void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_ms, db_time arrived)

@@ -45,6 +45,7 @@ struct db_commander {
 
 	/* Clients that are missed, see reaction.h. */
 	struct db_watchdog watchdog;
+	struct db_client fed_by; /* who fed it last; DB_CLIENT_NOBODY: nobody did */
 	struct db_hold hold;
 	enum db_stand_cause reaction_cause; /* of the stop for them */
 	db_time reaction_again_at;          /* it found no room and is handed over then; or NEVER */

@@ -17,7 +17,7 @@ static void note_life(struct db_watchdog *watchdog, db_time now)
 
 void db_watchdog_set(struct db_watchdog *watchdog, uint32_t timeout_ms, db_time now)
 {
-	if (timeout_ms != watchdog->timeout_ms || watchdog->feed <= DB_FEED_WRITES)
+	if (timeout_ms != watchdog->timeout_ms)
 		note_life(watchdog, now);
 	watchdog->timeout_ms = timeout_ms;
 }
@@ -34,38 +34,62 @@ void db_watchdog_arm(struct db_watchdog *watchdog, db_time now)
 	watchdog->armed = true;
 }
 
-static bool is_commander(const struct db_watchdog *watchdog, uint32_t client)
+static struct db_watchdog_commander *find_connection(struct db_watchdog *watchdog, uint32_t client)
 {
 	for (size_t i = 0; client != DB_CLIENT_NOBODY && i < DB_WATCHDOG_COMMANDERS; i++) {
-		if (watchdog->commanders[i] == client)
+		if (watchdog->commanders[i].client == client)
+			return &watchdog->commanders[i];
+	}
+	return NULL;
+}
+
+bool db_watchdog_is_commanded_by(const struct db_watchdog *watchdog, const struct db_client *client)
+{
+	for (size_t i = 0; i < DB_WATCHDOG_COMMANDERS; i++) {
+		const struct db_watchdog_commander *known = &watchdog->commanders[i];
+
+		if (known->taken &&
+		    memcmp(known->address, client->address, sizeof known->address) == 0)
 			return true;
 	}
 	return false;
 }
 
-void db_watchdog_commanded(struct db_watchdog *watchdog, uint32_t client)
+bool db_watchdog_is_commanded(const struct db_watchdog *watchdog)
 {
-	if (client == DB_CLIENT_NOBODY || is_commander(watchdog, client))
+	for (size_t i = 0; i < DB_WATCHDOG_COMMANDERS; i++) {
+		if (watchdog->commanders[i].taken)
+			return true;
+	}
+	return false;
+}
+
+void db_watchdog_commanded(struct db_watchdog *watchdog, const struct db_client *client)
+{
+	struct db_watchdog_commander *place = &watchdog->commanders[watchdog->next_commander];
+
+	if (client->id == DB_CLIENT_NOBODY || find_connection(watchdog, client->id))
 		return;
-	watchdog->was_commanded_by_plc |= !db_client_is_session(client);
-	watchdog->commanders[watchdog->next_commander] = client;
+	watchdog->was_commanded_by_plc |= !db_client_is_session(client->id);
+	*place = (struct db_watchdog_commander){ .client = client->id, .taken = true };
+	memcpy(place->address, client->address, sizeof place->address);
 	watchdog->next_commander = (watchdog->next_commander + 1) % DB_WATCHDOG_COMMANDERS;
 }
 
 void db_watchdog_forget(struct db_watchdog *watchdog, uint32_t client)
 {
-	for (size_t i = 0; i < DB_WATCHDOG_COMMANDERS; i++) {
-		if (client == DB_CLIENT_NOBODY || watchdog->commanders[i] != client)
-			continue;
-		watchdog->commanders[i] = DB_CLIENT_NOBODY;
-		watchdog->session_has_left |= db_client_is_session(client);
-	}
+	struct db_watchdog_commander *gone = find_connection(watchdog, client);
+
+	if (!gone)
+		return;
+	gone->client = DB_CLIENT_NOBODY;
+	watchdog->session_has_left |= db_client_is_session(client);
 }
 
 bool db_watchdog_is_deserted(const struct db_watchdog *watchdog)
 {
 	for (size_t i = 0; i < DB_WATCHDOG_COMMANDERS; i++) {
-		if (watchdog->commanders[i] != DB_CLIENT_NOBODY)
+		if (watchdog->commanders[i].client != DB_CLIENT_NOBODY)
 			return false;
 	}
 	return watchdog->session_has_left && !watchdog->was_commanded_by_plc;
@@ -76,12 +100,21 @@ void db_watchdog_disarm(struct db_watchdog *watchdog)
 	watchdog->armed = false;
 }
 
-bool db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, uint32_t client,
-                      db_time now)
+/* What it is worth from this client. */
+static enum db_watchdog_feed weigh(struct db_watchdog *watchdog, enum db_watchdog_feed by,
+                                   const struct db_client *client)
 {
-	if (by == DB_FEED_REQUESTS && is_commander(watchdog, client))
-		by = DB_FEED_COMMANDERS;
-	if (by < watchdog->feed)
+	if (by == DB_FEED_HEARTBEAT && watchdog->feed == DB_FEED_HEARTBEAT)
+		return by;
+	if (by == DB_FEED_REQUESTS)
+		return find_connection(watchdog, client->id) ? DB_FEED_COMMANDERS : by;
+	return db_watchdog_is_commanded_by(watchdog, client) ? DB_FEED_WRITES : DB_FEED_REQUESTS;
+}
+
+bool db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by,
+                      const struct db_client *client, db_time now)
+{
+	if (weigh(watchdog, by, client) < watchdog->feed)
 		return false;
 	note_life(watchdog, now);
 	return true;

@@ -222,9 +222,10 @@ static const struct db_config_key KEYS[] = {
 	         "Longest silence of the PLC after a motion command; 0 turns the watchdog off"),
 	  AT(drive, watchdog_ms) },
 	{ WORD("drive", "watchdog-feed", "commanders", "requests commanders writes heartbeat",
-	       "What tells that the PLC is not silent: any request to this drive of a client that may "
-	       "write, its writes and the reads of connections that have commanded the drive, only "
-	       "writes, or only a changed register heartbeat"),
+	       "What tells that the PLC is not silent: reads of any client that may write besides the "
+	       "next, reads of connections that have commanded the drive besides the next, only "
+	       "admitted commands and other writes of who has commanded the drive, or only a changed "
+	       "register heartbeat"),
 	  AT(drive, watchdog_feed) },
 	{ LIMIT("min-position", -1e12, "Lowest position that may be commanded, in the user's unit"),
 	  AT(drive, min_position) },

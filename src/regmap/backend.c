@@ -35,7 +35,8 @@ static uint8_t backend_read(void *context, const struct db_client *client, uint8
 	struct db_view_drive *drive = drive_of(registers, unit);
 
 	if (drive) {
-		db_clients_hear(drive, client, DB_FEED_REQUESTS);
+		db_clients_hear(drive, client);
+		db_clients_feed(drive, client, DB_FEED_REQUESTS);
 		if (registers->roster->vendor_units[unit])
 			return db_vsmd_view_read(drive, table, address, count, values);
 		return db_read_drive(drive, client, table, address, count, values);
@@ -52,7 +53,7 @@ static int backend_write(void *context, const struct db_client *client, uint8_t 
 	struct db_view_drive *drive = drive_of(context, unit);
 
 	if (drive) {
-		db_clients_hear(drive, client, DB_FEED_WRITES);
+		db_clients_hear(drive, client);
 		if (drive->registers->roster->vendor_units[unit])
 			return db_vsmd_view_write(drive, client, table, address, count, values,
 			                          token);
@@ -71,7 +72,7 @@ static int backend_write_same(void *context, const struct db_client *client, uin
 
 	if (!drive)
 		return db_gateway_write_same(registers, address);
-	db_clients_hear(drive, client, DB_FEED_WRITES);
+	db_clients_hear(drive, client);
 	if (registers->roster->vendor_units[unit])
 		return db_vsmd_view_write_same(drive, client, address, value, token);
 	return db_write_drive_same(drive, client, address, value, token);

@@ -32,14 +32,13 @@ void db_clients_feed(struct db_view_drive *drive, const struct db_client *client
                      enum db_watchdog_feed by)
 {
 	const struct db_registers *registers = drive->registers;
-	db_time arrived = db_client_arrived(client, registers->ops->now(registers->context));
+	db_time now = registers->ops->now(registers->context);
 
-	if (db_commander_feed(drive->commander, client, by, arrived))
-		drive->fed_by = *client;
+	if (client->may_write && db_control_holds(&drive->control, client, now))
+		db_commander_feed(drive->commander, client, by, db_client_arrived(client, now));
 }
 
-void db_clients_hear(struct db_view_drive *drive, const struct db_client *client,
-                     enum db_watchdog_feed by)
+void db_clients_hear(struct db_view_drive *drive, const struct db_client *client)
 {
 	const struct db_registers *registers = drive->registers;
 	const struct db_view_roster *roster = registers->roster;
@@ -52,13 +51,14 @@ void db_clients_hear(struct db_view_drive *drive, const struct db_client *client
 	 * so that one stands for every drive that it had kept going.
 	 */
 	for (size_t i = 0; now - HELD_TIME >= registers->due && i < roster->drive_count; i++) {
-		if (roster->drives[i]->fed_by.id == client->id)
-			db_clients_feed(roster->drives[i], client, DB_FEED_HEARTBEAT);
+		struct db_commander *commander = roster->drives[i]->commander;
+
+		if (db_commander_fed_by(commander)->id == client->id)
+			db_commander_feed(commander, client, DB_FEED_HEARTBEAT,
+			                  db_client_arrived(client, now));
 	}
-	if (!client->may_write || !db_control_holds(&drive->control, client, now))
-		return;
-	db_control_hear(&drive->control, client, db_client_arrived(client, now), now);
-	db_clients_feed(drive, client, by);
+	if (client->may_write && db_control_holds(&drive->control, client, now))
+		db_control_hear(&drive->control, client, db_client_arrived(client, now), now);
 }
 
 void db_clients_release_control(const struct db_registers *registers,

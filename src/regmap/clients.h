@@ -22,14 +22,14 @@ bool db_clients_may_write(struct db_view_drive *drive, const struct db_client *c
 /* Another one has control: the server counts what it refuses for that. */
 void db_clients_count_refusal(const struct db_view_drive *drive, const struct db_client *client);
 
-/*
- * A client addressed a drive, `by` a request of any kind or a write. Who may only look does not
- * keep a machine running, nor who does not control it.
- */
-void db_clients_hear(struct db_view_drive *drive, const struct db_client *client,
-                     enum db_watchdog_feed by);
+/* A client addressed a drive, whatever came of it: it is there, and does not lose its control by silence. */
+void db_clients_hear(struct db_view_drive *drive, const struct db_client *client);
 
-/* Tells the drive's watchdog that this client, who may command the drive, is there. */
+/*
+ * ... and did there what may feed its watchdog, see db_watchdog_feed(). Who may only look does not keep a
+ * machine running, nor who does not control it. Of what is written the drive's commander knows what was admitted,
+ * and feeds it itself.
+ */
 void db_clients_feed(struct db_view_drive *drive, const struct db_client *client,
                      enum db_watchdog_feed by);
 

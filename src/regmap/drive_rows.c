@@ -117,10 +117,10 @@ static const char about_result_id[] =
 static const char about_watchdog_ms[] =
 	"Longest silence of the clients before the drive is stopped; 0=off; armed by the first "
 	"motion command or when the drive moves as it is first seen; fed as watchdog-feed in the "
-	"configuration says: by writes to this unit and by reads over connections that have "
-	"commanded the drive since it was armed (commanders) or by each request of a client that "
-	"may write (requests) or only by writes (writes) or only by writes of a new value to "
-	"heartbeat (heartbeat)";
+	"configuration says: by commands that are admitted and other writes of who has commanded the "
+	"drive and by reads over connections that have commanded it since it was armed (commanders) or "
+	"also by reads of any client that may write (requests) or by no reads (writes) or only by "
+	"writes of a new value to heartbeat (heartbeat); never by what is refused";
 
 static const char about_control_request[] =
 	"Control of the drive (control = drive in the configuration): write 1 to take it and 0 "

@@ -238,7 +238,8 @@ bool db_named_read(struct db_registers *registers, const struct db_client *clien
 		high = entries[i]->cell.offset > high ? entries[i]->cell.offset : high;
 	}
 	if (drive) {
-		db_clients_hear(drive, client, DB_FEED_REQUESTS);
+		db_clients_hear(drive, client);
+		db_clients_feed(drive, client, DB_FEED_REQUESTS);
 		db_read_image(&image.drive, drive, client, parts, low, high);
 		if (moment)
 			*moment = moment_of(&image.drive.feedback, &image.drive.stats);
@@ -300,8 +301,10 @@ void db_named_hear(struct db_registers *registers, const struct db_client *clien
 {
 	struct db_view_drive *drive = find_drive(registers, number);
 
-	if (drive)
-		db_clients_hear(drive, client, DB_FEED_REQUESTS);
+	if (!drive)
+		return;
+	db_clients_hear(drive, client);
+	db_clients_feed(drive, client, DB_FEED_REQUESTS);
 }
 
 bool db_named_may_command(struct db_registers *registers, const struct db_client *client,
@@ -387,7 +390,7 @@ int db_named_write(struct db_registers *registers, const struct db_client *clien
 		return db_gateway_write(registers, client, table, address, count, values, token);
 	if (!drive)
 		return MODBUS_EXCEPTION_GATEWAY_PATH;
-	db_clients_hear(drive, client, DB_FEED_WRITES);
+	db_clients_hear(drive, client);
 	return db_write_drive(drive, client, table, address, count, values, token);
 }
 
@@ -450,7 +453,7 @@ struct db_write_answer db_named_run(struct db_registers *registers, const struct
 	*entry = 0;
 	if (!drive)
 		return (struct db_write_answer){ .result = DB_RESULT_OFFLINE };
-	db_clients_hear(drive, client, DB_FEED_WRITES);
+	db_clients_hear(drive, client);
 	/* A stop is carried out whoever has control. */
 	if (!db_clients_may_write(drive, client, stop) && !stop) {
 		struct db_command_block block = { .command = (uint16_t)command, .args = *args };
@@ -472,7 +475,8 @@ bool db_named_beat(struct db_registers *registers, const struct db_client *clien
 	if (!drive ||
 	    !db_commander_beat(drive->commander, client, registers->ops->now(registers->context)))
 		return false;
-	db_clients_hear(drive, client, DB_FEED_WRITES);
+	db_clients_hear(drive, client);
+	db_clients_feed(drive, client, DB_FEED_WRITES);
 	return true;
 }
 

@@ -88,7 +88,8 @@ void db_registers_expire(struct db_registers *registers, db_time now)
 
 		if (db_commander_expire(drive->commander, now) && registers->ops->tripped)
 			registers->ops->tripped(registers->context, drive->bus_config,
-			                        drive->config, &drive->fed_by);
+			                        drive->config,
+			                        db_commander_fed_by(drive->commander));
 	}
 	db_group_gather(registers, false);
 }

@@ -25,7 +25,6 @@ struct db_view_drive {
 	struct db_axis *axis;
 	struct db_commander *commander;
 	struct db_control control;
-	struct db_client fed_by; /* who fed the watchdog last; DB_CLIENT_NOBODY: nobody did */
 	struct db_heartbeat heartbeat;
 	struct db_heartbeat gateway_heartbeat; /* as written by who may feed this drive */
 	uint32_t group_ticket;                 /* its part of the group command under way; 0 */

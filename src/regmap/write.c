@@ -216,6 +216,7 @@ static int write_watchdog(const struct write *write)
 		return refuse_write(write, DB_RESULT_UNSUPPORTED, 0);
 	db_commander_set_watchdog(drive->commander, value.u,
 	                          db_client_arrived(write->client, write->now));
+	db_clients_feed(drive, write->client, DB_FEED_WRITES);
 	return 0;
 }
 
@@ -225,8 +226,11 @@ static int write_heartbeat(const struct write *write)
 
 	if (!db_clients_may_write(drive, write->client, false))
 		return refuse_write(write, DB_RESULT_NOT_IN_CONTROL, 0);
-	if (db_heartbeat_write(&drive->heartbeat, write->client->address, write->values[0]))
-		db_clients_feed(drive, write->client, DB_FEED_HEARTBEAT);
+	db_clients_feed(
+		drive, write->client,
+		db_heartbeat_write(&drive->heartbeat, write->client->address, write->values[0]) ?
+			DB_FEED_HEARTBEAT :
+			DB_FEED_WRITES);
 	return 0;
 }
 
@@ -243,8 +247,10 @@ static int write_control(const struct write *write)
 	/* Without it everybody may command: nobody is to believe otherwise. */
 	if (!control->enabled)
 		return refuse_write(write, DB_RESULT_UNSUPPORTED, 0);
-	if (db_control_request(control, write->client, write->now))
+	if (db_control_request(control, write->client, write->now)) {
+		db_clients_feed(write->drive, write->client, DB_FEED_WRITES);
 		return 0;
+	}
 	db_clients_count_refusal(write->drive, write->client);
 	return refuse_write(write, DB_RESULT_NOT_IN_CONTROL, 0);
 }

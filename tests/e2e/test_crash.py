@@ -115,7 +115,8 @@ def test_a_plc_that_is_still_there_keeps_it_moving(make_bridge):
     start = drive.read("position")
 
     def has_gone_on():
-        drive.write("output_number", 1)  # as its scanner does; what only reads is a monitor
+        # As its scanner does; what only reads is a monitor, and arguments alone command nothing.
+        assert drive.command("move_velocity", target_velocity=3200) == 0
         return drive.read("position") > start + 2 * 3200
 
     eventually(has_gone_on, what="two seconds of travel")

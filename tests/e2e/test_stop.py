@@ -352,7 +352,7 @@ def test_reading_does_not_feed_a_watchdog_that_waits_for_writes(make_bridge):
     bridge = make_bridge(drive={"watchdog-ms": 500, "watchdog-feed": "writes"})
     starts_moving(bridge)
     drive = bridge.drive()
-    keep_asking(drive, 1.5, lambda: drive.write("output_number", 1))
+    keep_asking(drive, 1.5, lambda: drive.write("heartbeat", 1))
     assert drive.read("watchdog_trips") == 0
     assert eventually(lambda: drive.read("watchdog_trips"), timeout=5) == 1
     eventually(lambda: bridge.sim.get()["velocity"] == 0)

@@ -24,6 +24,26 @@ static void it_sleeps_until_something_moves(void **state)
 	assert_int_equal(db_watchdog_remaining_ms(&watchdog, 1100 * MS), 400);
 }
 
+/* Clients whose addresses are their numbers. */
+static struct db_client client_of(uint32_t id)
+{
+	return (struct db_client){ .id = id, .address = { [15] = (uint8_t)id } };
+}
+
+static bool feed(struct db_watchdog *watchdog, enum db_watchdog_feed by, uint32_t id, db_time now)
+{
+	const struct db_client client = client_of(id);
+
+	return db_watchdog_feed(watchdog, by, &client, now);
+}
+
+static void command(struct db_watchdog *watchdog, uint32_t id)
+{
+	const struct db_client client = client_of(id);
+
+	db_watchdog_commanded(watchdog, &client);
+}
+
 static void requests_keep_it_quiet_and_silence_trips_it_once(void **state)
 {
 	struct db_watchdog watchdog;
@@ -31,14 +51,14 @@ static void requests_keep_it_quiet_and_silence_trips_it_once(void **state)
 	(void)state;
 	db_watchdog_init(&watchdog, 500, DB_FEED_REQUESTS);
 	db_watchdog_arm(&watchdog, 0);
-	db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 1, 400 * MS);
+	feed(&watchdog, DB_FEED_REQUESTS, 1, 400 * MS);
 	assert_false(db_watchdog_trip(&watchdog, 899 * MS));
 	assert_true(db_watchdog_trip(&watchdog, 900 * MS));
 	assert_true(watchdog.latched);
 	assert_int_equal(watchdog.trips, 1);
 	assert_false(db_watchdog_trip(&watchdog, 5000 * MS));
 	/* Talking again does not end the latch. */
-	db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 1, 5000 * MS);
+	feed(&watchdog, DB_FEED_REQUESTS, 1, 5000 * MS);
 	assert_true(watchdog.latched);
 	db_watchdog_reset(&watchdog);
 	assert_false(watchdog.latched);
@@ -58,8 +78,8 @@ static void only_sessions_may_leave_it(void **state)
 	db_watchdog_init(&watchdog, 500, DB_FEED_COMMANDERS);
 	db_watchdog_arm(&watchdog, 0);
 	assert_false(db_watchdog_is_deserted(&watchdog));
-	db_watchdog_commanded(&watchdog, session);
-	db_watchdog_commanded(&watchdog, session + 1);
+	command(&watchdog, session);
+	command(&watchdog, session + 1);
 	assert_false(db_watchdog_is_deserted(&watchdog));
 	db_watchdog_forget(&watchdog, session);
 	assert_false(db_watchdog_is_deserted(&watchdog));
@@ -69,7 +89,7 @@ static void only_sessions_may_leave_it(void **state)
 	db_watchdog_forget(&watchdog, DB_CLIENT_NOBODY);
 	db_watchdog_forget(&watchdog, 1);
 	assert_true(db_watchdog_is_deserted(&watchdog));
-	db_watchdog_commanded(&watchdog, 1);
+	command(&watchdog, 1);
 	assert_false(db_watchdog_is_deserted(&watchdog));
 	db_watchdog_forget(&watchdog, 1);
 	assert_false(db_watchdog_is_deserted(&watchdog));
@@ -78,7 +98,7 @@ static void only_sessions_may_leave_it(void **state)
 	db_watchdog_reset(&watchdog);
 	db_watchdog_arm(&watchdog, 1000 * MS);
 	assert_false(db_watchdog_is_deserted(&watchdog));
-	db_watchdog_commanded(&watchdog, session);
+	command(&watchdog, session);
 	db_watchdog_forget(&watchdog, session);
 	assert_true(db_watchdog_is_deserted(&watchdog));
 	db_watchdog_disarm(&watchdog);
@@ -105,19 +125,63 @@ static void each_kind_of_feeding_includes_the_stricter_ones(void **state)
 {
 	static const enum db_watchdog_feed KINDS[] = { DB_FEED_REQUESTS, DB_FEED_COMMANDERS,
 		                                       DB_FEED_WRITES, DB_FEED_HEARTBEAT };
+	/* By who commands the drive, and by somebody else. */
+	static const bool feeds[2][4][4] = {
+		{ { true, true, true, true },
+		  { true, true, true, true },
+		  { false, false, true, true },
+		  { false, false, false, true } },
+		{ { true, true, true, true },
+		  { false, false, false, false },
+		  { false, false, false, false },
+		  { false, false, false, true } },
+	};
 
 	(void)state;
-	for (unsigned set = 0; set < 4; set++) {
-		for (unsigned by = 0; by < 4; by++) {
+	for (unsigned who = 0; who < 2; who++) {
+		for (unsigned i = 0; i < 16; i++) {
+			enum db_watchdog_feed set = KINDS[i / 4];
+			enum db_watchdog_feed by = KINDS[i % 4];
 			struct db_watchdog watchdog;
 
-			db_watchdog_init(&watchdog, 500, KINDS[set]);
+			if (by == DB_FEED_COMMANDERS)
+				continue;
+			db_watchdog_init(&watchdog, 500, set);
 			db_watchdog_arm(&watchdog, 0);
-			db_watchdog_feed(&watchdog, KINDS[by], 1, 100 * MS);
+			command(&watchdog, 1);
+			assert_int_equal(feed(&watchdog, by, 1 + who, 100 * MS),
+			                 feeds[who][set][by]);
 			assert_int_equal(db_watchdog_deadline(&watchdog),
-			                 (by >= set ? 600 : 500) * MS);
+			                 (feeds[who][set][by] ? 600 : 500) * MS);
 		}
 	}
+}
+
+/* It has connected anew, and repeats its command before it reads. */
+static void who_commands_is_known_by_its_address_when_it_writes(void **state)
+{
+	struct db_client again = client_of(1);
+	struct db_watchdog watchdog;
+
+	(void)state;
+	db_watchdog_init(&watchdog, 500, DB_FEED_COMMANDERS);
+	assert_false(db_watchdog_is_commanded(&watchdog));
+	db_watchdog_arm(&watchdog, 0);
+	command(&watchdog, 1);
+	db_watchdog_forget(&watchdog, 1);
+	again.id = 50;
+	assert_true(db_watchdog_is_commanded(&watchdog));
+	assert_true(db_watchdog_is_commanded_by(&watchdog, &again));
+	assert_false(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, &again, 100 * MS));
+	assert_true(db_watchdog_feed(&watchdog, DB_FEED_WRITES, &again, 200 * MS));
+	db_watchdog_commanded(&watchdog, &again);
+	assert_true(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, &again, 300 * MS));
+	assert_int_equal(db_watchdog_deadline(&watchdog), 800 * MS);
+	/* Armed anew, nobody does. */
+	db_watchdog_disarm(&watchdog);
+	db_watchdog_arm(&watchdog, 1000 * MS);
+	assert_false(db_watchdog_is_commanded(&watchdog));
+	assert_false(db_watchdog_feed(&watchdog, DB_FEED_WRITES, &again, 1100 * MS));
 }
 
 /* Their reads count, from the first motion on, until their connection ends. */
@@ -127,29 +191,29 @@ static void who_commands_feeds_by_reading(void **state)
 
 	(void)state;
 	db_watchdog_init(&watchdog, 500, DB_FEED_COMMANDERS);
-	db_watchdog_commanded(&watchdog, 1);
+	command(&watchdog, 1);
 	db_watchdog_arm(&watchdog, 0);
 	/* That was before; and 0 is nobody. */
-	assert_false(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 1, 10 * MS));
-	db_watchdog_commanded(&watchdog, 0);
-	assert_false(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 0, 10 * MS));
-	db_watchdog_commanded(&watchdog, 1);
-	db_watchdog_commanded(&watchdog, 1);
-	assert_true(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 1, 100 * MS));
-	assert_false(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 2, 200 * MS));
+	assert_false(feed(&watchdog, DB_FEED_REQUESTS, 1, 10 * MS));
+	command(&watchdog, 0);
+	assert_false(feed(&watchdog, DB_FEED_REQUESTS, 0, 10 * MS));
+	command(&watchdog, 1);
+	command(&watchdog, 1);
+	assert_true(feed(&watchdog, DB_FEED_REQUESTS, 1, 100 * MS));
+	assert_false(feed(&watchdog, DB_FEED_REQUESTS, 2, 200 * MS));
 	assert_int_equal(db_watchdog_deadline(&watchdog), 600 * MS);
-	assert_true(db_watchdog_feed(&watchdog, DB_FEED_WRITES, 2, 200 * MS));
+	assert_false(feed(&watchdog, DB_FEED_WRITES, 2, 200 * MS));
 	/* Another motion changes nothing of it. */
 	db_watchdog_arm(&watchdog, 300 * MS);
-	assert_true(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 1, 400 * MS));
+	assert_true(feed(&watchdog, DB_FEED_REQUESTS, 1, 400 * MS));
 	for (uint32_t client = 2; client < 1 + DB_WATCHDOG_COMMANDERS; client++)
-		db_watchdog_commanded(&watchdog, client);
-	assert_true(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 1, 400 * MS));
-	db_watchdog_commanded(&watchdog, 99);
-	assert_false(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 1, 400 * MS));
-	assert_true(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 99, 400 * MS));
+		command(&watchdog, client);
+	assert_true(feed(&watchdog, DB_FEED_REQUESTS, 1, 400 * MS));
+	command(&watchdog, 99);
+	assert_false(feed(&watchdog, DB_FEED_REQUESTS, 1, 400 * MS));
+	assert_true(feed(&watchdog, DB_FEED_REQUESTS, 99, 400 * MS));
 	db_watchdog_forget(&watchdog, 99);
-	assert_false(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, 99, 400 * MS));
+	assert_false(feed(&watchdog, DB_FEED_REQUESTS, 99, 400 * MS));
 }
 
 /* A request that waited in a buffer tells of the time before. */
@@ -160,7 +224,7 @@ static void an_older_sign_of_life_undoes_no_younger_one(void **state)
 	(void)state;
 	db_watchdog_init(&watchdog, 500, DB_FEED_REQUESTS);
 	db_watchdog_arm(&watchdog, 1000 * MS);
-	db_watchdog_feed(&watchdog, DB_FEED_WRITES, 1, 700 * MS);
+	feed(&watchdog, DB_FEED_WRITES, 1, 700 * MS);
 	db_watchdog_arm(&watchdog, 700 * MS);
 	db_watchdog_set(&watchdog, 400, 700 * MS);
 	assert_int_equal(db_watchdog_deadline(&watchdog), 1400 * MS);
@@ -181,7 +245,7 @@ static void only_the_heartbeat_feeds_when_it_is_asked_for(void **state)
 	db_watchdog_arm(&watchdog, 100 * MS);
 	db_watchdog_set(&watchdog, 500, 200 * MS);
 	assert_int_equal(db_watchdog_deadline(&watchdog), 500 * MS);
-	db_watchdog_feed(&watchdog, DB_FEED_HEARTBEAT, 1, 300 * MS);
+	feed(&watchdog, DB_FEED_HEARTBEAT, 1, 300 * MS);
 	assert_int_equal(db_watchdog_deadline(&watchdog), 800 * MS);
 	/* A new time counts from now. */
 	db_watchdog_set(&watchdog, 100, 400 * MS);
@@ -201,8 +265,11 @@ static void other_feeding_goes_by_every_motion_and_setting(void **state)
 	db_watchdog_arm(&watchdog, 0);
 	db_watchdog_arm(&watchdog, 100 * MS);
 	assert_int_equal(db_watchdog_deadline(&watchdog), 600 * MS);
+	/* Somebody may write the time that it has for ever. */
 	db_watchdog_set(&watchdog, 500, 200 * MS);
-	assert_int_equal(db_watchdog_deadline(&watchdog), 700 * MS);
+	assert_int_equal(db_watchdog_deadline(&watchdog), 600 * MS);
+	db_watchdog_set(&watchdog, 600, 200 * MS);
+	assert_int_equal(db_watchdog_deadline(&watchdog), 800 * MS);
 }
 
 static void a_heart_beats_when_one_client_changes_its_value(void **state)
@@ -235,6 +302,7 @@ int main(void)
 		cmocka_unit_test(zero_turns_it_off),
 		cmocka_unit_test(each_kind_of_feeding_includes_the_stricter_ones),
 		cmocka_unit_test(who_commands_feeds_by_reading),
+		cmocka_unit_test(who_commands_is_known_by_its_address_when_it_writes),
 		cmocka_unit_test(an_older_sign_of_life_undoes_no_younger_one),
 		cmocka_unit_test(only_the_heartbeat_feeds_when_it_is_asked_for),
 		cmocka_unit_test(other_feeding_goes_by_every_motion_and_setting),

@@ -875,6 +875,28 @@ static void requests_feed_unless_only_writes_do(void **state)
 	fake_registers_close(&fake);
 }
 
+/* Settings that are admitted are a sign of life of who commands, and of nobody else. */
+static void settings_feed_from_who_commands(void **state)
+{
+	FAKE();
+	for (enum db_watchdog_feed feed = DB_FEED_COMMANDERS; feed <= DB_FEED_WRITES; feed++) {
+		move_with_watchdog(&fake, feed);
+		fake.now += 600 * MS;
+		assert_int_equal(intrude(&fake, 202, 1, 5), DB_WRITE_LATER);
+		complete_last(&fake, DB_RESULT_OK);
+		assert_int_equal(intrude(&fake, 46, 2, 0, 1000), 0);
+		assert_int_equal(intrude(&fake, 66, 1, 7), 0);
+		assert_int_equal(intruder_sees(&fake, 49), 400);
+		assert_int_equal(fake_put(&fake, 1, 202, 1, 99), ILLEGAL_VALUE);
+		assert_int_equal(fake_put(&fake, 1, 102, 2, 0, 9), 0);
+		assert_int_equal(intruder_sees(&fake, 49), 400);
+		assert_int_equal(fake_put(&fake, 1, 202, 1, 5), DB_WRITE_LATER);
+		assert_int_equal(intruder_sees(&fake, 49), 1000);
+		complete_last(&fake, DB_RESULT_OK);
+	}
+	fake_registers_close(&fake);
+}
+
 static void only_a_new_heartbeat_feeds(void **state)
 {
 	FAKE();
@@ -1379,6 +1401,7 @@ int main(void)
 		cmocka_unit_test(control_is_lost),
 		cmocka_unit_test(only_who_controls_feeds_the_watchdog),
 		cmocka_unit_test(requests_feed_unless_only_writes_do),
+		cmocka_unit_test(settings_feed_from_who_commands),
 		cmocka_unit_test(only_a_new_heartbeat_feeds),
 		cmocka_unit_test(a_heartbeat_of_the_gateway_feeds_who_waits_for_one),
 		cmocka_unit_test(only_who_controls_beats),
