@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Two connections: one moves the drive and reads it, which feeds its watchdog; the other is there to stop it when the
- * first waits for an answer. When both are lost, the watchdog is what is left.
+ * Two connections: one holds the drive's motion, and says so while the key is held; the other is there to stop it when
+ * the first waits for an answer, and reads the drive and the service's clock. When this program hangs or ends, or its
+ * connection is lost, the service stops what is held.
  */
 #include "ctl/jog.h"
 #include "client/clock.h"
@@ -20,7 +21,10 @@
 #include <string.h>
 #include <unistd.h>
 
-#define FEED_EVERY (100 * DB_NS_PER_MS)
+/* The service stops the drive that long after the last beat. */
+#define HOLD_MS 300
+#define BEAT_EVERY (HOLD_MS * DB_NS_PER_MS / 3)
+#define READ_EVERY (100 * DB_NS_PER_MS)
 /* How long a stop may take to be confirmed before this program ends without. */
 #define STOP_WITHIN (3 * DB_NS_PER_S)
 
@@ -37,6 +41,9 @@ struct jog {
 	bool confirmed; /* of the stops since the last move, at least one */
 	bool reading;
 	db_time read_at;
+	bool asking;    /* for the time of the service's clock */
+	char token[64]; /* that it was told last; "": none */
+	db_time beat_at;
 	json_t *values;
 	char line[384];    /* that was printed last */
 	char trouble[512]; /* what the service said last against it */
@@ -151,15 +158,39 @@ static void take_move(void *data, json_t *parameters, const struct db_client_err
 
 static void move(struct jog *jog, int direction)
 {
-	json_t *parameters = json_pack("{s:s, s:s, s:{s:f}}", "drive", jog->drive, "command",
-	                               "move_velocity", "arguments", "target_velocity",
-	                               direction * jog->velocity);
+	json_t *parameters = json_pack("{s:s, s:s, s:{s:f}, s:i, s:s}", "drive", jog->drive,
+	                               "command", "move_velocity", "arguments", "target_velocity",
+	                               direction * jog->velocity, "hold_ms", HOLD_MS, "token",
+	                               jog->token);
 
 	jog->told = direction;
+	jog->beat_at = db_client_now();
 	jog->trouble[0] = '\0';
 	jog->moves++;
 	if (db_client_send(jog->ctl->client, "Run", parameters, false, take_move, jog) != 0)
 		jog->moves--;
+}
+
+/* Nobody waits for an answer: a beat behind the move is taken before that is confirmed. */
+static void beat(struct jog *jog, db_time now)
+{
+	jog->beat_at = now;
+	(void)db_client_tell(jog->ctl->client, "Beat",
+	                     json_pack("{s:s, s:s}", "drive", jog->drive, "token", jog->token));
+}
+
+static void take_token(void *data, json_t *parameters, const struct db_client_error *error,
+                       bool more)
+{
+	struct jog *jog = data;
+
+	(void)more;
+	jog->asking = false;
+	if (error)
+		(void)snprintf(jog->trouble, sizeof(jog->trouble), "%s", error->text);
+	else
+		(void)snprintf(jog->token, sizeof(jog->token), "%s",
+		               db_ctl_text(parameters, "token"));
 }
 
 static void take_values(void *data, json_t *parameters, const struct db_client_error *error,
@@ -179,8 +210,11 @@ static void read_drive(struct jog *jog, db_time now)
 	                               db_ctl_process_names());
 
 	jog->read_at = now;
-	jog->reading = db_client_send(jog->ctl->client, "Read", parameters, false, take_values,
-	                              jog) == 0;
+	jog->reading = db_client_send(jog->stopper, "Read", parameters, false, take_values, jog) ==
+	               0;
+	if (!jog->asking)
+		jog->asking = db_client_send(jog->stopper, "Clock", NULL, false, take_token, jog) ==
+		              0;
 }
 
 /* False when it is time to end: a key that says so, or a terminal that is gone. */
@@ -241,9 +275,12 @@ static bool run_jog(struct jog *jog, int signals)
 		direction = db_ctl_hold_direction(&jog->hold, now);
 		if (direction == 0 && jog->told != 0)
 			stop(jog);
-		else if (direction != jog->told && jog->moves == 0 && jog->stops == 0)
+		else if (direction != jog->told && jog->moves == 0 && jog->stops == 0 &&
+		         jog->token[0] != '\0')
 			move(jog, direction);
-		if (!jog->reading && now - jog->read_at >= FEED_EVERY)
+		if (jog->told != 0 && now - jog->beat_at >= BEAT_EVERY)
+			beat(jog, now);
+		if (!jog->reading && now - jog->read_at >= READ_EVERY)
 			read_drive(jog, now);
 		print_line(jog);
 	}

@@ -60,6 +60,7 @@ class Fake:
             "Read": lambda parameters: {"values": self.values},
             "Write": {"result": "ok"},
             "Run": {"result": "ok"},
+            "Clock": {"token": "8f3a2c71-123456"},
         }
         self.socket = socket.socket(socket.AF_UNIX)
         self.socket.bind(self.path)
@@ -97,6 +98,8 @@ class Fake:
         method = call["method"].removeprefix(SERVICE)
         parameters = call.get("parameters", {})
         self.calls.append((method, parameters))
+        if call.get("oneway"):
+            return
         answer = self.answers.get(method, "org.varlink.service.MethodNotFound")
         if callable(answer):
             answer = answer(parameters)

@@ -6,6 +6,7 @@ import getpass
 import json
 import re
 import shlex
+import signal
 import socket
 import subprocess
 import time
@@ -313,14 +314,22 @@ def test_a_jog_moves_while_the_key_is_held(plant, terminal):
     assert plant.drive(1).read("watchdog_trips") == 0
 
 
-def test_a_jog_that_is_killed_is_stopped_by_the_watchdog(plant, terminal):
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_jog_that_dies_or_hangs_is_stopped_by_the_service(plant, terminal, number):
+    """Whatever the watchdog says: here it is off."""
     ctl(plant, "run", "feeder", "enable")
+    ctl(plant, "set", "feeder", "watchdog_ms=0")
     one = terminal("jog", "feeder", "--velocity", "3200")
     one.shows("hold an arrow key")
     one.hold(RIGHT, lambda: plant.drive(1).read("velocity") > 3000)
-    one.process.kill()
+    one.process.send_signal(number)
     plant.wait_standing(1)
-    assert plant.drive(1).read("watchdog_trips") == 1
+    assert plant.drive(1).read("watchdog_trips") == 0
+    # What it says when it goes on moves nothing.
+    one.process.send_signal(signal.SIGCONT)
+    one.process.kill()
+    one.process.wait()
+    assert plant.drive(1).read("velocity") == 0
 
 
 def test_watch_shows_what_moves(plant, terminal):

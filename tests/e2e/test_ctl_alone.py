@@ -364,14 +364,24 @@ def test_a_held_key_moves_and_its_release_stops(fake, terminal):
     assert fake.runs() == ["move_velocity", "stop", "move_velocity", "stop"]
 
 
-def test_a_jog_is_read_which_feeds_its_watchdog(fake, terminal):
+def test_a_jog_is_held_by_beats_with_the_newest_token(fake, terminal):
     one = jogging(fake, terminal, "--velocity", "7")
     assert moves(fake) == [7.0]
-    count, began = len(fake.called("Read")), time.monotonic()
+    assert fake.called("Run")[0]["hold_ms"] == 300
+    assert fake.called("Run")[0]["token"] == "8f3a2c71-123456"
+    fake.answers["Clock"] = {"token": "8f3a2c71-123999"}
+    count, reads, began = len(fake.called("Beat")), len(fake.called("Read")), time.monotonic()
     one.hold(RIGHT, lambda: time.monotonic() - began > 1)
-    assert 5 <= len(fake.called("Read")) - count <= 15
+    assert 5 <= len(fake.called("Beat")) - count <= 15
+    assert 5 <= len(fake.called("Read")) - reads <= 15
+    assert fake.called("Beat")[-1] == {"drive": "feeder", "token": "8f3a2c71-123999"}
     # Nothing is repeated that the drive has been told.
     assert fake.runs() == ["move_velocity"]
+    # Released, nobody says that it is held.
+    eventually(lambda: fake.runs() == ["move_velocity", "stop"])
+    count, reads = len(fake.called("Beat")), len(fake.called("Read"))
+    eventually(lambda: len(fake.called("Read")) > reads + 3)
+    assert len(fake.called("Beat")) == count
 
 
 @pytest.mark.parametrize("key", [b"q", b"\033", b"\003", b"\x1a"])
