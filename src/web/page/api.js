@@ -285,19 +285,21 @@ export function createEventReader(onEvent) {
  *   onEvent(name, data)    other events by name, such as `service`
  *   onState(state, error)  connecting, live, silent (what was shown is old), lost (opened again by
  *                          itself), ended, failed (with an ApiError; not opened again)
- * A stream with `once` is not opened again when it is lost, and goes on while nobody looks: a scan.
+ * A stream with `once` is not opened again when it is lost, and goes on while nobody looks: a scan. One that is `timed`,
+ * the overview, is live while the service's clock is to be heard in it: its server may live longer than the service.
  * Returns { close() }.
  */
 export function openStream(method, parameters = {}, handlers = {}) {
 	const stream = {
 		state: "",
 		heardAt: 0,
+		clockAt: 0,
 		retry: RETRY_FIRST_MS,
 		timer: 0,
 		abort: null,
 		closed: false
 	};
-	const { onData, onEvent, onState, once } = handlers;
+	const { onData, onEvent, onState, once, timed } = handlers;
 
 	stream.once = once;
 
@@ -318,12 +320,19 @@ export function openStream(method, parameters = {}, handlers = {}) {
 			finish("failed", new ApiError(data.error, data.text, data));
 		else if (name === "end")
 			finish("ended");
-		else if (name === "token")
-			newestToken = data.token;
 		else if (name)
-			onEvent?.(name, data);
+			takeNamed(name, data);
 		else
 			onData?.(data);
+	}
+
+	function takeNamed(name, data) {
+		if (name === "token") {
+			newestToken = data.token;
+			stream.clockAt = performance.now();
+			setState("live");
+		}
+		onEvent?.(name, data);
 	}
 
 	async function read(abort) {
@@ -343,7 +352,8 @@ export function openStream(method, parameters = {}, handlers = {}) {
 			if (done || abort.signal.aborted)
 				return;
 			stream.heardAt = performance.now();
-			setState("live");
+			if (!timed)
+				setState("live");
 			take(decoder.decode(value, { stream: true }));
 			sayAlive();
 		}
@@ -391,7 +401,7 @@ export function openStream(method, parameters = {}, handlers = {}) {
 	stream.look = (now) => {
 		if (!stream.abort || stream.state === "lost")
 			return;
-		if (now - stream.heardAt > SILENT_AFTER_MS && stream.state === "live")
+		if (now - (timed ? stream.clockAt : stream.heardAt) > SILENT_AFTER_MS && stream.state === "live")
 			setState("silent");
 		if (now - stream.heardAt > LOST_AFTER_MS)
 			stream.abort.abort();

@@ -200,18 +200,22 @@ function takeAnswer(answer) {
 function openOverview() {
 	stream?.close();
 	stream = api.openStream("overview", {}, {
+		timed: true,
 		onData: takeAnswer,
 		onEvent(name, data) {
 			if (name === "service") {
 				serviceUp = data.up;
-				setLink(serviceUp ? "live" : "down");
+				if (!serviceUp)
+					setLink("down");
+			} else if (name === "token" && serviceUp) {
+				setLink("live");
 			}
 		},
 		/* Of several tries to connect again one is as good as the other. */
 		onState(state) {
-			if (state === "live")
-				setLink(serviceUp ? "live" : "down");
-			else if (state !== "connecting" || link !== "lost")
+			if (state === "live" || (state === "silent" && !serviceUp))
+				return;
+			if (state !== "connecting" || link !== "lost")
 				setLink(state === "failed" || state === "ended" ? "lost" : state);
 		},
 	});
@@ -227,7 +231,7 @@ const LINK_WORDS = {
 	down: ["offline", "service is down"],
 };
 const BANNER_WORDS = {
-	silent: "Nothing comes from the gateway any more. What you see is old.",
+	silent: "Nothing comes from the gateway's service any more. What you see is old.",
 	lost: "The connection to the gateway is lost. What you see is old; it comes back by itself. " +
 		"Drives that this page moves are stopped by their watchdog.",
 	down: "The service drivebridged does not answer. What you see is old; it comes back by itself.",
