@@ -54,8 +54,9 @@ enum db_param_trait {
 	DB_PARAM_FIRST = 1u << 5,      /* others rest upon it: of a set it is written first */
 	DB_PARAM_LAST = 1u << 6,       /* puts others to use: of a set it is written last */
 	DB_PARAM_TOGETHER = 1u << 7,   /* of a set it is written in one with those beside it */
+	DB_PARAM_STATE = 1u << 8, /* what the drive does now, such as power: no set restores it */
 };
-#define DB_PARAM_TRAIT_COUNT 8
+#define DB_PARAM_TRAIT_COUNT 9
 const char *db_param_trait_name(unsigned bit); /* 1 = "address" ... */
 
 /*

@@ -38,7 +38,8 @@ double db_value_number(enum db_type type, union db_value value)
 const char *db_param_trait_name(unsigned bit)
 {
 	static const char *const names[DB_PARAM_TRAIT_COUNT] = {
-		"preset", "address", "derived", "action", "secret", "first", "last", "together",
+		"preset", "address", "derived",  "action", "secret",
+		"first",  "last",    "together", "state",
 	};
 
 	return names[bit];

@@ -48,7 +48,7 @@ const struct db_param xyza_params[XYZA_SHOWN_COUNT] = {
 	                .description = "Way per motor turn (导程); 5000 = 5 mm" },
 	[XYZA_ENABLE] = { "enable", DB_U16, "", 0, AXES_MAX, false,
 	                  .description = "Motors that are always enabled (电机使能): " AXES,
-	                  .traits = DB_PARAM_LAST },
+	                  .traits = DB_PARAM_LAST | DB_PARAM_STATE },
 	[XYZA_START_KEY] = { "start_key", DB_U16, "", 1, 7, false,
 	                     .description = "Input that starts a program (启动键): 1=K1 ... 7=K7" },
 	[XYZA_STOP_KEY] = { "stop_key", DB_U16, "", 1, 7, false,

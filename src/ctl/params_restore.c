@@ -22,6 +22,7 @@ struct restore {
 	struct db_ctl_params file;
 	json_t *plan;    /* see db_ctl_params_plan() */
 	json_t *skipped; /* the same of addresses that are not to be written */
+	json_t *states;  /* names, see db_ctl_params_states() */
 	int signals;     /* a descriptor, see signals.h */
 	json_t *written; /* names */
 	json_t *failed;  /* reasons by name */
@@ -97,6 +98,7 @@ static void show_plan(const struct restore *restore)
 	struct db_ctl_grid *grid = db_ctl_grid_new("lrrl");
 	size_t i;
 	const json_t *names;
+	const json_t *name;
 
 	if (!grid || restore->ctl->json) {
 		db_ctl_grid_free(grid);
@@ -116,6 +118,9 @@ static void show_plan(const struct restore *restore)
 		printf("%s stays as it is: it says where the drive is heard; --with-address "
 	               "writes it\n",
 	               json_string_value(json_array_get(names, 0)));
+	json_array_foreach(restore->states, i, name)(void)
+		printf("%s stays as it is: it is what the drive does now, and no setting\n",
+	               json_string_value(name));
 	(void)fflush(stdout);
 }
 
@@ -360,6 +365,7 @@ static enum db_ctl_status restore_params(struct restore *restore)
 		return status;
 	restore->plan = db_ctl_params_plan(&restore->drive, &restore->file, false);
 	addresses = db_ctl_params_plan(&restore->drive, &restore->file, true);
+	restore->states = db_ctl_params_states(&restore->drive, &restore->file);
 	/* At last, for then it may be heard nowhere. */
 	json_array_foreach(addresses, i, names)(void)
 		json_array_append(ctl->with_address ? restore->plan : restore->skipped, names);
@@ -399,6 +405,7 @@ enum db_ctl_status db_ctl_params_restore(struct db_ctl *ctl, int count, char **a
 	db_ctl_params_clear(&restore.file);
 	json_decref(restore.plan);
 	json_decref(restore.skipped);
+	json_decref(restore.states);
 	json_decref(restore.written);
 	json_decref(restore.failed);
 	json_decref(families);

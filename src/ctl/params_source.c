@@ -123,6 +123,7 @@ json_t *db_ctl_params_plan(const struct db_ctl_params *drive, const struct db_ct
 
 			if (rank_of(reg) != rank ||
 			    !db_ctl_params_value(file, json_string_value(name)) ||
+			    db_ctl_params_has_trait(reg, "state") ||
 			    db_ctl_params_has_trait(reg, "address") != addresses)
 				continue;
 			if (group && db_ctl_params_has_trait(reg, "together")) {
@@ -137,6 +138,25 @@ json_t *db_ctl_params_plan(const struct db_ctl_params *drive, const struct db_ct
 	}
 	json_decref(differ);
 	return plan;
+}
+
+json_t *db_ctl_params_states(const struct db_ctl_params *drive, const struct db_ctl_params *file)
+{
+	json_t *differ = db_ctl_params_compare(drive, file);
+	json_t *states = json_array();
+	size_t i;
+	json_t *name;
+
+	json_array_foreach(differ, i, name)
+	{
+		const json_t *reg = db_ctl_look_up(drive->registers, json_string_value(name));
+
+		if (db_ctl_params_has_trait(reg, "state") &&
+		    db_ctl_params_value(file, json_string_value(name)))
+			(void)json_array_append(states, name);
+	}
+	json_decref(differ);
+	return states;
 }
 
 /* --- drives ----------------------------------------------------------------------------------------- */

@@ -41,9 +41,13 @@ json_t *db_ctl_params_compare(const struct db_ctl_params *one, const struct db_c
 /*
  * What is to be written into `drive` so that it is as `file` says: arrays of names, each of what is written as one, in
  * the order in which it is to be done, as an array that the caller frees. What the file says nothing of stays as it
- * is. `addresses`: those that say where the drive is heard, and nothing else, else all but those. Pure.
+ * is. `addresses`: those that say where the drive is heard, and nothing else, else all but those. What is a state of the drive and no
+ * setting is not written. Pure.
  */
 json_t *db_ctl_params_plan(const struct db_ctl_params *drive, const struct db_ctl_params *file,
                            bool addresses);
+
+/* The names of states that differ, which stay as they are: an array that the caller frees. Pure. */
+json_t *db_ctl_params_states(const struct db_ctl_params *drive, const struct db_ctl_params *file);
 
 #endif

@@ -9,7 +9,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from bridgelib import eventually, find_program
+from bridgelib import code, eventually, find_program
 from fakecontrol import Fake, register
 from test_vendor_view import VENDOR, Plc
 
@@ -431,6 +431,20 @@ def test_a_wrong_file_writes_nothing(plant, many, tmp_path):
     assert writes_of(plant, 2, mark) == []
     many.write_text(right.replace('identity = "VSMD', 'identity = "ASMD'), encoding="utf-8")
     assert "another model or firmware: the file is of \"ASMD" in ctl(plant, "params", "restore", "drive2", many, "--yes")
+
+
+def test_a_restore_powers_no_motor(make_bridge, tmp_path):
+    plant = make_plant(make_bridge, "xyza")
+    ctl(plant, "run", "drive1", "enable")
+    ctl(plant, "set", "drive1", "lead=2000")
+    path = tmp_path / "f"
+    ctl(plant, "params", "save", "drive1", path)
+    assert plant.drive(2).settle("disable") == code("result", "ok")
+    before = plant.drive(2).read("enable")
+    said = ctl(plant, "params", "restore", "drive2", path, "--yes")
+    assert re.search(r"^lead = .*: ok$", said, re.M), said
+    assert "\nenable stays as it is: it is what the drive does now, and no setting\n" in said
+    assert plant.drive(2).read("enable") == before
 
 
 def test_addresses_are_written_only_when_told(plant, many):

@@ -222,7 +222,10 @@ export function createBeside({ context, drive, onChange, takeOver }) {
 		if (beside === null)
 			return;
 		const takable = compare(held, beside).filter(
-			(register) => register.writable && valueOf(beside, register.name) !== null
+			(register) =>
+				register.writable &&
+				valueOf(beside, register.name) !== null &&
+				!hasTrait(register, "state")
 		);
 		const values = takable.filter((register) => !hasTrait(register, "address"));
 		const addresses = takable.filter((register) => hasTrait(register, "address"));

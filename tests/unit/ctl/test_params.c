@@ -248,10 +248,12 @@ static void test_the_plan_has_the_order_of_the_traits(void **state)
 		{ "event", "last" },     { "left", "together" }, { "right", "together" },
 		{ "speed", NULL },       { "cid", "address" },   { "bdr", "address" },
 		{ "factory", "action" }, { "mode", "first" },    { "ramp", "derived" },
+		{ "power", "state" },
 	};
 	json_t *registers = json_array();
 	struct db_ctl_params drive = { .name = "d", .family = "test", .registers = registers };
 	struct db_ctl_params file = { .name = "f", .family = "test", .registers = registers };
+	json_t *states;
 
 	(void)state;
 	drive.values = json_object();
@@ -264,6 +266,10 @@ static void test_the_plan_has_the_order_of_the_traits(void **state)
 	expect_plan(&drive, &file, false,
 	            "[[\"mode\"],[\"left\",\"right\"],[\"speed\"],[\"event\"]]");
 	expect_plan(&drive, &file, true, "[[\"cid\"],[\"bdr\"]]");
+	states = db_ctl_params_states(&drive, &file);
+	assert_int_equal(json_array_size(states), 1);
+	assert_string_equal(json_string_value(json_array_get(states, 0)), "power");
+	json_decref(states);
 	/* What is so already, and what the file does not say. */
 	(void)json_object_set_new(file.values, "left", json_integer(1));
 	(void)json_object_del(file.values, "mode");
