@@ -614,7 +614,8 @@ enum db_result db_commander_outcome(const struct db_commander *commander, uint32
 	uint32_t age = commander->history.count - entry;
 	struct db_history_entry found;
 
-	if (commander->follow.active && commander->follow_entry == entry)
+	if (commander->follow.active && commander->follow_entry == entry &&
+	    db_follow_has_end(commander->follow.command))
 		return DB_RESULT_PENDING;
 	if (!db_history_get(&commander->history, age, &found) || found.sequence != entry)
 		return DB_RESULT_INDETERMINATE;

@@ -16,9 +16,18 @@ struct db_follow_config {
 	db_time patience; /* a drive that stands elsewhere for so long will not arrive any more */
 };
 
+/* What program_state shows: the same in all families that have programs. */
+enum db_program_state {
+	DB_PROGRAM_IDLE = 0,
+	DB_PROGRAM_RUNNING = 1,
+	DB_PROGRAM_WAITING = 2,
+	DB_PROGRAM_UNTOLD = UINT16_MAX, /* the drive does not tell it */
+};
+
 struct db_follow {
 	bool active;
 	enum db_command command;
+	db_time delay;          /* before a program begins */
 	uint32_t ticket;        /* of the command that began it */
 	db_time since;          /* data must be younger */
 	db_time standing_since; /* 0: it moves */
@@ -26,11 +35,14 @@ struct db_follow {
 	bool moved;             /* it was seen to move */
 };
 
-/* Whether a command begins something that has an end of its own. */
+/* Whether a command begins something that has an end of its own; and whether it is followed: one that goes
+ * on until it is ended is, for it may end unasked. */
+bool db_follow_has_end(enum db_command command);
 bool db_follow_applies(enum db_command command);
 
+/* `delay`: how long after its command a program begins, ns; else 0. */
 void db_follow_begin(struct db_follow *follow, enum db_command command, uint32_t ticket,
-                     db_time now);
+                     db_time delay, db_time now);
 
 /* PENDING while it goes on; else how it ended, and it is not followed any more. */
 enum db_result db_follow_check(struct db_follow *follow, const struct db_follow_config *config,

@@ -103,7 +103,8 @@ static void stop_before_limit(struct db_commander *commander, enum db_limit limi
 static void cancel_motion(struct db_commander *commander, db_time now)
 {
 	db_writers_cancel_motion(&commander->writers);
-	if (commander->follow.active)
+	/* One without an end of its own has done what its command said. */
+	if (commander->follow.active && db_follow_has_end(commander->follow.command))
 		db_history_end(&commander->history, commander->follow_entry, DB_RESULT_CANCELLED,
 		               now - commander->follow_arrived);
 	commander->follow.active = false;
@@ -131,7 +132,7 @@ void db_motion_note_submitted(struct db_commander *commander, struct db_writer *
 static void begin_motion(struct db_commander *commander, struct db_writer *writer,
                          const struct db_slot *slot, db_time now)
 {
-	bool ends = db_follow_applies(slot->command);
+	bool ends = db_follow_has_end(slot->command);
 
 	cancel_motion(commander, now);
 	if (!db_command_is_motion(slot->command))
@@ -139,9 +140,10 @@ static void begin_motion(struct db_commander *commander, struct db_writer *write
 	if (!slot->overtaken)
 		db_motion_supervise(commander, slot->command, now);
 	db_writers_begin_motion(&commander->writers, writer, slot->id, ends, slot->overtaken);
-	if (slot->overtaken || !ends)
+	if (slot->overtaken || slot->halts || !db_follow_applies(slot->command))
 		return;
-	db_follow_begin(&commander->follow, slot->command, slot->ticket, now);
+	db_follow_begin(&commander->follow, slot->command, slot->ticket,
+	                (db_time)slot->delay * DB_NS_PER_S, now);
 	commander->follow_entry = slot->entry;
 	commander->follow_arrived = slot->arrived;
 	commander->check_at = now + CHECK_MIN;

@@ -32,8 +32,10 @@ struct db_slot {
 	bool overtaken : 1;            /* a stop was handed to the bus after it */
 	bool reaction : 1;             /* the stop for clients that are missed */
 	bool held : 1;                 /* its client holds what it begins */
+	bool halts : 1;                /* a move at speed 0, whose end is to stand */
 	bool again : 1; /* a stop that is to be handed to the bus once more when it ended */
 	bool over : 1;  /* ... and has ended */
+	uint8_t delay;  /* of a program: s before it begins */
 	uint8_t waiter_count;
 	struct db_waiter waiters[DB_COMMANDER_WAITERS];
 };

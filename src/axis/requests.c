@@ -3,6 +3,7 @@
 
 #include "axis/state.h"
 
+#include <math.h>
 #include <string.h>
 
 uint16_t db_ticket_drive(uint32_t ticket)
@@ -59,6 +60,11 @@ struct db_slot *db_requests_submit(struct db_commander *commander, const struct 
 	taken.ticket = request->ticket;
 	taken.order = commander->submitted - 1;
 	taken.id = id;
+	taken.halts = request->command == DB_CMD_MOVE_VELOCITY &&
+	              fpclassify(request->args.target_velocity) == FP_ZERO;
+	taken.delay = request->command == DB_CMD_START_PROGRAM ?
+	                      (uint8_t)request->args.program_delay :
+	                      0;
 	taken.arrived = request->submitted;
 	if (client) {
 		taken.has_client = true;

@@ -36,7 +36,7 @@ struct db_commander {
 	db_time stop_repeat_at; /* a client's stop is to be handed over again then; or NEVER */
 
 	/* Motions, see motion.h. */
-	struct db_follow follow; /* the one that the drive has begun last, if it has an end */
+	struct db_follow follow; /* the one that the drive has begun last, if it is followed */
 	uint32_t follow_entry;   /* of that in the history */
 	db_time follow_arrived;
 	struct db_supervise supervise; /* the one without an end */

@@ -316,7 +316,8 @@ static const struct db_row registers[] = {
 	RESULT( 65, "motion_result",     U16,    motion_result,           READ
 	        UPTO(DB_RESULT_COUNT - 1) CODES(results),
 	        "What became of the motion of motion_id: pending while it goes on and ok when it "
-	        "came to its end; cancelled when another command ended it"),
+	        "came to its end; cancelled when another command ended it; failed when it stands "
+	        "unasked"),
 	PROCESS(66, "heartbeat",         U16,    heartbeat,               HEARTBEAT ANY_U16,
 	        about_heartbeat),
 	RESULT( 67, "write_result_register", U16, write_register,         READ ANY_U16,

@@ -434,6 +434,42 @@ def test_a_program(xyza):
     assert xyza.sim.get()["program_start"] == 1
 
 
+def test_a_program_has_an_end(make_xyza):
+    bridge = make_xyza(axes="x", sim_drive={"program-steps": 60})
+    drive = bridge.drive()
+
+    def ended(result):
+        eventually(lambda: drive.read("motion_result") == result, what="its end")
+        return bool(drive.read("status") & 1 << 15)
+
+    assert drive.settle("start_program", program_number=2, program_delay=0) == RESULT_OK
+    assert drive.read("motion_result") == code("result", "pending")
+    assert ended(RESULT_OK)
+    assert bridge.sim.get()["program_state"] == IDLE
+    # Somebody presses the pause key.
+    assert drive.settle("start_program", program_number=2, program_delay=0) == RESULT_OK
+    bridge.sim.control("input drive1 8 1")
+    assert not ended(code("result", "cancelled"))
+    assert drive.settle("end_program") == RESULT_OK
+
+
+def test_a_jog_that_stands_by_itself_has_failed(make_xyza):
+    bridge = make_xyza(axes="x")
+    drive = bridge.drive()
+    assert drive.settle("jog_positive") == RESULT_OK
+    eventually(lambda: drive.read("position") > 50, what="motion")
+    assert drive.read("motion_result") == code("result", "pending")
+    bridge.sim.control("place drive1 x 0")  # as at a limit switch
+    eventually(lambda: drive.read("motion_result") == code("result", "failed"), what="its end")
+    assert drive.read("result") == code("result", "failed")
+    # One that is stopped is not.
+    assert drive.settle("jog_positive") == RESULT_OK
+    assert drive.settle("stop") == RESULT_OK
+    assert drive.read("motion_result") == code("result", "cancelled")
+    state(bridge, STANDSTILL)
+    assert drive.read("result") == RESULT_OK
+
+
 def test_a_delayed_start_can_be_called_off(xyza):
     drive = xyza.drive()
     sends(xyza, 1, "start_program", "F401030501", "F401030304", program_number=4,
