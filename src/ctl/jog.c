@@ -207,7 +207,7 @@ static void take_values(void *data, json_t *parameters, const struct db_client_e
 static void read_drive(struct jog *jog, db_time now)
 {
 	json_t *parameters = json_pack("{s:s, s:o}", "drive", jog->drive, "names",
-	                               db_ctl_process_names());
+	                               db_ctl_process_names(jog->registers));
 
 	jog->read_at = now;
 	jog->reading = db_client_send(jog->stopper, "Read", parameters, false, take_values, jog) ==
@@ -355,10 +355,10 @@ static enum db_ctl_status check_drive(struct jog *jog, const json_t *drive)
 {
 	enum db_ctl_status status;
 	struct db_ctl_judgement judgement;
-	json_t *answer = db_ctl_call(
-		jog->ctl, "Read",
-		json_pack("{s:s, s:o}", "drive", jog->drive, "names", db_ctl_process_names()),
-		DB_CTL_TIMEOUT_MS, &status);
+	json_t *answer = db_ctl_call(jog->ctl, "Read",
+	                             json_pack("{s:s, s:o}", "drive", jog->drive, "names",
+	                                       db_ctl_process_names(jog->registers)),
+	                             DB_CTL_TIMEOUT_MS, &status);
 	char state[DB_CTL_VALUE_MAX];
 
 	if (!answer)

@@ -41,10 +41,16 @@ static const struct {
 	{ NULL, "find and end the cause; then drivebridgectl run {drive} clear_fault" },
 };
 
-json_t *db_ctl_process_names(void)
+json_t *db_ctl_process_names(const json_t *registers)
 {
-	return json_pack("[s,s,s,s,s,s,s,s]", "axis_state", "error", "status", "age_ms", "position",
-	                 "velocity", "position_units", "velocity_units");
+	json_t *names = json_pack("[s,s,s,s,s,s,s,s]", "axis_state", "error", "status", "age_ms",
+	                          "position", "velocity", "position_units", "velocity_units");
+
+	if (db_ctl_look_up(registers, "must_stand_cause")) {
+		(void)json_array_append_new(names, json_string("must_stand_cause"));
+		(void)json_array_append_new(names, json_string("must_stand_ms"));
+	}
+	return names;
 }
 
 static void fill_in(char *text, size_t size, const char *format, const json_t *drive)
@@ -78,6 +84,14 @@ static const char *name_of(const json_t *registers, const json_t *values, const 
 	return name ? name : "";
 }
 
+/* A stop of every day takes less. */
+#define STAND_MS 1000
+
+static bool stands_too_late(const json_t *values)
+{
+	return json_integer_value(json_object_get(values, "must_stand_ms")) > STAND_MS;
+}
+
 void db_ctl_judge_drive(const json_t *drive, const json_t *registers, const json_t *values,
                         struct db_ctl_judgement *judgement)
 {
@@ -102,6 +116,13 @@ void db_ctl_judge_drive(const json_t *drive, const json_t *registers, const json
 		while (at < others && strcmp(advice[at].error, error) != 0)
 			at++;
 		fill_in(judgement->next, sizeof(judgement->next), advice[at].next, drive);
+	} else if (stands_too_late(values)) {
+		judgement->need = DB_CTL_ACT;
+		(void)snprintf(judgement->why, sizeof(judgement->why), "must stand (%s)",
+		               name_of(registers, values, "must_stand_cause"));
+		fill_in(judgement->next, sizeof(judgement->next),
+		        "it was told to stop and is not seen to stand; if it moves, take its power off",
+		        drive);
 	} else if (db_ctl_has_bit(status_register, status, "latched")) {
 		judgement->need = DB_CTL_ACT;
 		(void)snprintf(judgement->why, sizeof(judgement->why), "stopped by its watchdog");

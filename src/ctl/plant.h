@@ -19,8 +19,9 @@ struct db_ctl_judgement {
 	char next[320]; /* what to do next */
 };
 
-/* The registers' names that db_ctl_judge_drive() and db_ctl_add_drive() read, as an array that the caller frees. */
-json_t *db_ctl_process_names(void);
+/* The registers' names that db_ctl_judge_drive() and db_ctl_add_drive() read, as an array that the caller frees: of
+ * newer ones those that the service has, which an upgrade does not restart. */
+json_t *db_ctl_process_names(const json_t *registers);
 
 /* Pure. `values` may lack anything: a drive that has never answered. */
 void db_ctl_judge_drive(const json_t *drive, const json_t *registers, const json_t *values,

@@ -33,7 +33,7 @@ static enum db_ctl_status read_all(struct db_ctl *ctl, struct row *rows, size_t 
 	for (size_t i = 0; i < count; i++) {
 		json_t *parameters = json_pack("{s:s, s:o}", "drive",
 		                               db_ctl_text(rows[i].drive, "name"), "names",
-		                               db_ctl_process_names());
+		                               db_ctl_process_names(rows[i].registers));
 
 		(void)db_client_send(ctl->client, "Read", parameters, false, keep_values, &rows[i]);
 	}

@@ -202,6 +202,8 @@ static enum db_ctl_status choose_drives(struct watch *watch, int count, char **a
 
 static int subscribe(struct watch *watch, int interval)
 {
+	const json_t *registers = db_ctl_registers_of(watch->ctl, watch->families,
+	                                              json_array_get(watch->drives, 0));
 	json_t *names = json_array();
 	size_t i;
 	const json_t *drive;
@@ -209,8 +211,8 @@ static int subscribe(struct watch *watch, int interval)
 
 	json_array_foreach(watch->drives, i, drive)(void)
 		json_array_append(names, json_object_get(drive, "name"));
-	parameters = json_pack("{s:o, s:o, s:i}", "drives", names, "names", db_ctl_process_names(),
-	                       "interval_ms", interval);
+	parameters = json_pack("{s:o, s:o, s:i}", "drives", names, "names",
+	                       db_ctl_process_names(registers), "interval_ms", interval);
 	return db_client_send(watch->ctl->client, "Subscribe", parameters, true, take_samples,
 	                      watch);
 }

@@ -142,9 +142,9 @@ static const char *name_of(const json_t *object)
 
 static bool is_usual(const char *name)
 {
-	static const char *const usual[] = { "axis_state",    "error",    "status",
-		                             "position",      "velocity", "position_units",
-		                             "velocity_units" };
+	static const char *const usual[] = { "axis_state",     "error",           "status",
+		                             "position",       "velocity",        "position_units",
+		                             "velocity_units", "must_stand_cause" };
 
 	for (size_t i = 0; i < sizeof(usual) / sizeof(usual[0]); i++) {
 		if (strcmp(usual[i], name) == 0)

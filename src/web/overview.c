@@ -13,10 +13,10 @@
 
 /* Those that a drive of some family has. */
 static const char *const names[] = {
-	"axis_state",     "error",          "status",         "quality",        "age_ms",
-	"position",       "velocity",       "position_units", "velocity_units", "active_command",
-	"drive_status",   "fault_bits",     "current",        "supply_voltage", "temperature",
-	"watchdog_trips", "control_holder", "must_stand",     "must_stand_ms",
+	"axis_state",     "error",          "status",           "quality",        "age_ms",
+	"position",       "velocity",       "position_units",   "velocity_units", "active_command",
+	"drive_status",   "fault_bits",     "current",          "supply_voltage", "temperature",
+	"watchdog_trips", "control_holder", "must_stand_cause", "must_stand_ms",
 };
 #define NAMES (sizeof(names) / sizeof(names[0]))
 

@@ -30,7 +30,7 @@ const TEXTS_EVERY_MS = 100;
 const NOT_LISTED = new Set([
 	"status", "drive_status", "capabilities", "timestamp_us", "inputs", "outputs",
 	"position_units", "velocity_units", "control_request", "control_port", "control_holder",
-	"control_remaining_ms", "watchdog_remaining_ms"
+	"control_remaining_ms", "watchdog_remaining_ms", "must_stand_cause", "must_stand_ms"
 ]);
 /* Of the handshake with a PLC; people have the history. */
 const BOOKKEEPING = /_(id|limit|register)$|result|heartbeat|active_command/;

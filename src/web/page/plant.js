@@ -59,7 +59,7 @@ export function judgeDrive(registers, values) {
 
 /* "must stand: watchdog, for 3.2 s" */
 function sayMustStand(registers, values) {
-	const cause = codeName(registers.get("must_stand"), values.must_stand);
+	const cause = codeName(registers.get("must_stand_cause"), values.must_stand_cause);
 	const ms = values.must_stand_ms;
 
 	return `must stand${cause ? `: ${inWords(cause)}` : ""}` +

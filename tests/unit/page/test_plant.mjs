@@ -10,7 +10,7 @@ const REGISTERS = indexByName([
 	{ name: "error", type: "u16", codes: { 0: "none", 1: "no_answer", 20: "over_current" } },
 	{ name: "status", type: "bits32", codes: { 8: "warning", 10: "latched", 11: "origin_lost", 17: "params_unsaved",
 		18: "must_stand" } },
-	{ name: "must_stand", type: "u16", codes: { 0: "none", 2: "watchdog" } },
+	{ name: "must_stand_cause", type: "u16", codes: { 0: "none", 2: "watchdog" } },
 ]);
 const bus = (name, drives) => ({ name, protocol: "vsmd-serial", drives, up: true });
 const DESCRIPTION = {
@@ -45,8 +45,8 @@ test("a drive's need is judged as drivebridgectl status does", () => {
 test("why a drive must stand is said beside its state", () => {
 	const say = (values) => judgeDrive(REGISTERS, { axis_state: 4, error: 0, ...values }).mustStand;
 
-	assert.equal(say({ status: 0, must_stand: 0, must_stand_ms: 0 }), "");
-	assert.equal(say({ status: 1 << 18, must_stand: 2, must_stand_ms: 3210 }), "must stand: watchdog, for 3.2 s");
+	assert.equal(say({ status: 0, must_stand_cause: 0, must_stand_ms: 0 }), "");
+	assert.equal(say({ status: 1 << 18, must_stand_cause: 2, must_stand_ms: 3210 }), "must stand: watchdog, for 3.2 s");
 	assert.equal(say({ status: 1 << 18 }), "must stand");
 	assert.equal(judgeDrive(undefined, null).mustStand, "");
 });
