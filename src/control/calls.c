@@ -151,14 +151,18 @@ static bool is_silent_beat(const char *text, size_t length)
 
 bool db_calls_has_next(struct db_session *session, size_t *length)
 {
+	size_t whole;
+
 	if (db_session_has_message(session, length))
 		return true;
-	if (session->broken || !db_session_has_whole(session, length))
+	if (session->broken || !db_session_has_whole(session, &whole))
 		return false;
 	if (session->next == DB_NEXT_UNKNOWN)
-		session->next = is_silent_beat(session->in, *length) ? DB_NEXT_BEATS :
-		                                                       DB_NEXT_WAITS;
-	return session->next == DB_NEXT_BEATS;
+		session->next = is_silent_beat(session->in, whole) ? DB_NEXT_BEATS : DB_NEXT_WAITS;
+	if (session->next == DB_NEXT_WAITS)
+		return false;
+	*length = whole;
+	return true;
 }
 
 void db_calls_take(struct db_session *session, const char *text, size_t length)

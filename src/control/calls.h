@@ -5,7 +5,7 @@
 
 #include "control/session.h"
 
-/* Whether the message that came first may be taken now, and how long it is. */
+/* Whether the message that came first may be taken now, and how long it is, which is left alone otherwise. */
 bool db_calls_has_next(struct db_session *session, size_t *length);
 
 /* Carries out a message, whatever it holds. */

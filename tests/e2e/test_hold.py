@@ -223,6 +223,23 @@ def test_a_motion_that_came_to_its_end_is_held_no_more(free, hand):
     assert not events(free)
 
 
+def test_what_waits_behind_a_call_is_nobody_elses(free, hand):
+    """Each call is as long as it is, whatever waits in another session, and only a beat overtakes."""
+    with Hand(free.control_path) as waiting:
+        waiting.send("Run", drive="drive1", command="move_relative", arguments={"target_position": 1000000},
+                     until_end=True)
+        eventually(lambda: free.drive().read("motion_result") == RESULT_PENDING
+                   and free.drive().read("active_command") == 0, what="the drive to move")
+        waiting.send("Beat", drive="drive1", token="x" * 400)
+        for _ in range(20):
+            hand.token()
+        assert hand.run("stop") == "ok"
+        with errors("Refused"):
+            waiting.answer()
+        with errors("TooOld"):
+            waiting.answer()
+
+
 def test_another_sessions_beat_is_none(free, hand):
     with Hand(free.control_path) as other:
         hand.hold(SPEED)
