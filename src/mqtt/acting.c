@@ -253,6 +253,8 @@ static json_t *describe_call(const char *drive, const struct db_mqtt_command *co
 		return call;
 	(void)json_object_set_new(call, "id", json_string(command->id));
 	(void)json_object_set_new(call, "within_ms", json_integer(within_ms));
+	if (command->token)
+		(void)json_object_set_new(call, "token", json_string(command->token));
 	return call;
 }
 

@@ -41,13 +41,14 @@ static bool is_user(const json_t *json)
 static const char *read_members(struct db_mqtt_command *command)
 {
 	static const char *const known[] = {
-		"id", "time", "user", "command", "arguments", "write"
+		"id", "time", "user", "token", "command", "arguments", "write"
 	};
 	json_t *name = json_object_get(command->message, "command");
 	json_t *values = json_object_get(command->message, "write");
 	json_t *time = json_object_get(command->message, "time");
 	json_t *id = json_object_get(command->message, "id");
 	json_t *user = json_object_get(command->message, "user");
+	json_t *token = json_object_get(command->message, "token");
 	const char *key;
 	const json_t *value;
 
@@ -60,7 +61,7 @@ static const char *read_members(struct db_mqtt_command *command)
 		for (size_t i = 0; i < sizeof(known) / sizeof(known[0]); i++)
 			found = found || strcmp(key, known[i]) == 0;
 		if (!found)
-			return "there are id, time, user, command, arguments and write, nothing else";
+			return "there are id, time, user, token, command, arguments and write, nothing else";
 	}
 	if (time &&
 	    (!json_is_string(time) || !db_mqtt_moment_read(json_string_value(time), &command->us)))
@@ -69,6 +70,9 @@ static const char *read_members(struct db_mqtt_command *command)
 	if (user && !is_user(user))
 		return "user is a text of 1 to 32 bytes";
 	command->user = user ? json_string_value(user) : "";
+	if (token && !json_is_string(token))
+		return "token is a text of the service's clock";
+	command->token = json_string_value(token);
 	command->arguments = json_object_get(command->message, "arguments");
 	if (!name == !values)
 		return "either command or write is needed";

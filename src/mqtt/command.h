@@ -4,6 +4,7 @@
  *
  *   {"id": "4711", "time": "2026-03-01T12:00:00Z", "command": "move_absolute", "arguments": {"target_position": 3200}}
  *   {"id": "4712", "time": "2026-03-01T12:00:01Z", "user": "anna", "write": {"spd": 6400}}
+ *   {"id": "4713", "token": "8f3a2c71-123456", "command": "jog_positive"}
  *
  * Pure but for jansson's memory.
  */
@@ -25,6 +26,7 @@ struct db_mqtt_command {
 	bool timed;                  /* it says when it was sent: */
 	int64_t us;                  /* microseconds since 1970-01-01 UTC */
 	const char *user;            /* who wants it, as the sender says; "": not said */
+	const char *token;           /* of the service's clock, as it was when the sender wanted it; NULL: not said */
 	const char *name;            /* of a command; NULL: registers are written */
 	json_t *arguments; /* of the command, NULL when there are none; or the values to be written */
 };

@@ -13,6 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 from bridgelib import ROOT, Path, eventually
+from holdlib import Hand
 from mqttlib import Broker, Flood, Publisher, Watcher, now_text
 from relay import Relay
 
@@ -408,6 +409,29 @@ def test_commands_and_their_results(commander):
     commander.send({"command": "stop"})
     assert commander.result("long")["result"] == "cancelled"
     commander.bridge.told("client control, user root: connected")
+
+
+def age_ms(newest, token):
+    return int(newest.rsplit("-", 1)[1]) - int(token.rsplit("-", 1)[1])
+
+
+def test_a_token_of_the_service_bounds_the_age_of_a_motion(commander):
+    """Who has the newest one hands it on; later bytes with an old one move nothing."""
+    unit = commander.bridge.drive(1)
+    with Hand(commander.bridge.control_path) as session:
+        token = session.token()
+        commander.send({**command("move_absolute", "young", target_position=100), "token": token})
+        assert commander.result("young")["result"] == "ok"
+        assert unit.read("position") == 100
+        eventually(lambda: age_ms(session.token(), token) > 600, what="an old token")
+    commander.send({**command("move_absolute", "old", target_position=900), "token": token})
+    assert commander.result("old")["result"] == "too_old"
+    commander.send({**command("move_absolute", "no", target_position=900), "token": 5})
+    assert "token" in commander.result("no")["reason"]
+    # A stop is never too old.
+    commander.send({**command("stop", "stop"), "token": token})
+    assert commander.result("stop")["result"] == "ok"
+    assert unit.read("position") == 100
 
 
 def test_what_is_not_carried_out(commander):

@@ -81,6 +81,8 @@ FAULTS = [
           "power {drive} on", 1, phases=(0, 2, 4, 8)),
     Fault("drive fault for 0.1 s", ("servo-can",), ("faults {drive} 1",), "faults {drive} 0", 100,
           phases=(0, 2, 4, 8)),
+    Fault("drive obeys no stop for 0.5 s", ALL, ("fault {drive} runaway on",), "fault {drive} runaway off", 500,
+          phases=(0, 10)),
     Fault("two drives at one address", ALL, ("address {twin} 1",),
           "address {twin} {own}", 500, twins=True),
     Fault("port gone and back", ALL, ("port",), lasts=300, deed="port", phases=(0, 10),
