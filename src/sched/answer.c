@@ -337,7 +337,7 @@ void answer_lost(struct db_engine *engine, struct node *node, db_time now)
 		                   (db_time)engine->bus->turnaround_us * DB_NS_PER_US);
 	node_expect_late_answer(node, kind == LANE_PROBE, now);
 	lane_lost(engine, station, kind, cost, now);
-	stop_note_lost(engine, node, cost, now);
+	stop_note_lost(engine, node, kind == LANE_STOP, cost, now);
 	if (node->losses > engine->bus->retries)
 		engine_take_offline(engine, node, DB_RESULT_OFFLINE, now);
 	engine_end_cycle(engine, now);

@@ -87,6 +87,7 @@ static void begin_to_leave(struct db_engine *engine, struct station *station, db
 	if (!stop)
 		return;
 	station_add_stop(station, command, DB_STAND_EXIT, NULL, now);
+	engine_publish(engine, station);
 }
 
 void change_begin(struct db_engine *engine, struct db_change *change, db_time now)

@@ -179,6 +179,8 @@ static void take_stop(struct db_engine *engine, struct station *station, struct 
 			station_cancel_command(s, now);
 	}
 	station_add_stop(station, db_queued_command(queued), db_queued_cause(queued), queued, now);
+	/* Others are to see it at once, and not with the drive's next answer, which may never come. */
+	engine_publish(engine, station);
 }
 
 static void take_queued(struct db_engine *engine, db_time now)
@@ -338,6 +340,7 @@ void db_engine_shut_down(struct db_engine *engine, db_time now)
 		if (command == DB_CMD_NONE || station->leaving)
 			continue;
 		station_add_stop(station, command, DB_STAND_EXIT, NULL, now);
+		engine_publish(engine, station);
 	}
 }
 

@@ -149,13 +149,23 @@ static bool is_watched(const struct node *node)
 	return false;
 }
 
+/* The one whose stop was sent last, or that was read because of it. */
+static const struct node *last_stopped(const struct db_engine *engine)
+{
+	size_t count = engine->station_count;
+
+	return count == 0 ? NULL : engine->stations[(engine->next_stop + count - 1) % count]->node;
+}
+
 /*
- * Stops that are sent again and again leave every second exchange to the drives that move or must stand, if one of
- * those is to be read: else a drive that never obeys would keep all others from being seen. A stop that was never
- * sent waits for none of them.
+ * Stops that are sent again and again leave every second exchange to the other drives that move or must stand, if
+ * one of those is to be read: else a drive that never obeys would keep all others from being seen. A stop that was
+ * never sent waits for none of them.
  */
 static bool try_sample_between_stops(struct db_engine *engine, db_time now)
 {
+	const struct node *last = last_stopped(engine);
+
 	if (!engine->stop_was_last || engine->shutting_down ||
 	    exchange_may_begin_at(engine, false, now) > now || !stop_all_are_sent(engine))
 		return false;
@@ -164,8 +174,8 @@ static bool try_sample_between_stops(struct db_engine *engine, db_time now)
 		size_t i = (engine->next_watched + n) % engine->node_count;
 		struct node *node = engine->nodes[i];
 
-		if (node->online && node->poll_due && node->in_step && is_watched(node) &&
-		    is_free(engine, node->first, now)) {
+		if (node != last && node->online && node->poll_due && node->in_step &&
+		    is_watched(node) && is_free(engine, node->first, now)) {
 			engine->next_watched = i + 1;
 			send_poll(engine, node, now);
 			return true;
@@ -237,7 +247,8 @@ static bool try_identify(struct db_engine *engine, db_time now)
 	return false;
 }
 
-static bool try_probes(struct db_engine *engine, db_time now)
+/* `new`: only those that were not looked for since the port opened. */
+static bool try_probes(struct db_engine *engine, bool new, db_time now)
 {
 	for (size_t n = 0; n < engine->node_count; n++) {
 		size_t i = (engine->next_probe + n) % engine->node_count;
@@ -246,7 +257,7 @@ static bool try_probes(struct db_engine *engine, db_time now)
 		if (node->online || node->probe_at > now || !is_free(engine, node->first, now))
 			continue;
 		/* The first round after the port opened is free: nothing is known of any drive. */
-		if (node->ever_probed && engine->probes_from > now)
+		if (node->ever_probed && (new || engine->probes_from > now))
 			continue;
 		engine->next_probe = i + 1;
 		exchange_send_probe(engine, node, now);
@@ -258,7 +269,9 @@ static bool try_probes(struct db_engine *engine, db_time now)
 static bool try_background(struct db_engine *engine, db_time now)
 {
 	engine->polls_in_a_row = 0;
-	return try_identify(engine, now) || try_probes(engine, now) || scan_send_next(engine, now);
+	/* A drive that moved when the port was lost is not left alone for another one's parameters. */
+	return try_probes(engine, true, now) || try_identify(engine, now) ||
+	       try_probes(engine, false, now) || scan_send_next(engine, now);
 }
 
 /*
@@ -274,11 +287,14 @@ bool schedule_send_next(struct db_engine *engine, db_time now)
 
 	if (try_sample_between_stops(engine, now))
 		return true;
-	engine->stop_was_last = stop_send_next(engine, now);
-	if (engine->stop_was_last)
+	if (stop_send_next(engine, now)) {
+		engine->stop_was_last = true;
 		return true;
+	}
+	/* Not when the wire is only taken by the stop. */
 	if (engine->shutting_down || exchange_may_begin_at(engine, false, now) > now)
 		return false;
+	engine->stop_was_last = false;
 	if (common_start_try(engine, &wait, now))
 		return true;
 	if (wait)

@@ -269,12 +269,15 @@ void stop_note_answered(struct db_engine *engine, struct station *station, enum 
 	stop_judge(engine, station, feedback->taken, now);
 }
 
-void stop_note_lost(struct db_engine *engine, struct node *node, db_time cost, db_time now)
+void stop_note_lost(struct db_engine *engine, struct node *node, bool stop, db_time cost,
+                    db_time now)
 {
 	for (struct station *s = node->first; s; s = s->next_axis) {
 		if (standing_is_free(&s->standing) || s->standing.yields)
 			continue;
-		s->blind_stop_sent = false;
+		/* One that answers everything but stops is there: it is asked before it is taken for offline, and is seen
+		 * to run on. */
+		s->blind_stop_sent &= stop && node->online;
 		if (standing_note_loss(&s->standing, node->online, engine->bus->retries, cost,
 		                       now) &&
 		    !node->online)

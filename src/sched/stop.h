@@ -18,8 +18,9 @@ bool stop_all_are_sent(const struct db_engine *engine);
 /* The conversation of a stop came to its end. */
 void stop_note_answered(struct db_engine *engine, struct station *station, enum db_result result,
                         db_time now);
-/* Something that was sent for the stop of this node's drives was not answered, which has cost so much of the wire. */
-void stop_note_lost(struct db_engine *engine, struct node *node, db_time cost, db_time now);
+/* Something that was sent to this node was not answered, which has cost so much of the wire. `stop`: it was one. */
+void stop_note_lost(struct db_engine *engine, struct node *node, bool stop, db_time cost,
+                    db_time now);
 /* The drive was read; the question left at `asked`. */
 void stop_judge(struct db_engine *engine, struct station *station, db_time asked, db_time now);
 /* A later motion begins: the drive is told nothing else until that has ended. */

@@ -109,8 +109,9 @@ static inline void line_add_xyza(struct line *line, size_t place, unsigned numbe
 	must(sim_serial_bus_attach(line->serial, &line->nodes[place]));
 }
 
+/* With so many of the drives. */
 static inline void line_open(struct line *line, enum family family,
-                             const struct db_bus_config *config, db_time now)
+                             const struct db_bus_config *config, size_t drives, db_time now)
 {
 	const struct sim_serial_config serial = {
 		.baud = config->baud, .rs485 = true, .paced = true, .latency = LINE_LATENCY
@@ -124,7 +125,7 @@ static inline void line_open(struct line *line, enum family family,
 		                                                          &sim_vsmd_serial_protocol,
 		                                  &serial, NULL, NULL);
 	must(line->can || line->serial);
-	for (unsigned i = 0; i < LINE_DRIVES; i++) {
+	for (unsigned i = 0; i < drives; i++) {
 		line->nodes[i].name = "drive";
 		if (family == FAMILY_XYZA)
 			line_add_xyza(line, i, i + 1, now);
