@@ -88,7 +88,8 @@ void standing_enter(struct standing *standing, enum db_command kind, enum db_sta
 	standing->yields = standing->obeys = standing->looked = false;
 	standing->confirmed &= kind != DB_CMD_DISABLE;
 	standing->may_move |= !known || is_seen_moving(known);
-	standing->top_speed = standing->least_speed = fmaxf(standing->top_speed, speed);
+	/* How fast it was before does not count: a motion in between may just have begun. */
+	standing->top_speed = standing->least_speed = speed;
 	standing->still_from = 0;
 	standing->look_at = DB_TIME_NEVER;
 }

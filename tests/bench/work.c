@@ -231,7 +231,7 @@ static void run_cycles(enum family family, unsigned times)
 	/* So that a cycle fits. */
 	bus.baud = 115200;
 	back.now = standing;
-	line_open(&back.line, family, &bus, LINE_DRIVES, back.now);
+	line_open(&back.line, family, &bus, LINE_DRIVES, 0, back.now);
 	for (size_t i = 0; i < LINE_DRIVES; i++) {
 		drives[i] = (struct db_bus_drive){ (uint16_t)i, &config->drives[i], db_axis_new() };
 		must(drives[i].axis);

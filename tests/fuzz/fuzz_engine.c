@@ -465,7 +465,7 @@ static void open_world(struct world *world, struct input *input)
 	bus->next = line_speaks_at;
 	bus->happen = deliver;
 	bus->turned = check_turn;
-	line_open(&world->line, choice % FAMILIES, &bus->config, LINE_DRIVES, bus->now);
+	line_open(&world->line, choice % FAMILIES, &bus->config, LINE_DRIVES, 0, bus->now);
 	for (size_t i = 0; i < LINE_DRIVES; i++) {
 		bus->list[i].drive = new_number(world);
 		bus->list[i].config = &config->drives[i];

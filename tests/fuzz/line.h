@@ -50,6 +50,7 @@ static const char *const line_configs[FAMILIES] = {
 
 struct line {
 	enum family family;
+	db_time motion_delay; /* from a motion's command to its beginning */
 	const struct db_bus_config *config;
 	struct sim_serial_bus *serial; /* or */
 	struct sim_can_bus *can;
@@ -70,6 +71,7 @@ static inline void line_add_vsmd(struct line *line, size_t place, unsigned addre
 	sim_vsmd_config_init(&config, address,
 	                     line->can ? line->config->bitrate : line->config->baud);
 	config.can = line->can != NULL;
+	config.temper.motion_delay = line->motion_delay;
 	node->drive = sim_vsmd_new(&config, now);
 	must(node->drive);
 	if (!line->can) {
@@ -89,6 +91,7 @@ static inline void line_add_servo(struct line *line, size_t place, unsigned addr
 	struct sim_servo *drive;
 
 	sim_servo_config_init(&config);
+	config.temper.motion_delay = line->motion_delay;
 	drive = sim_servo_new(&config, now);
 	must(drive);
 	sim_servo_node_init(servo, "servo", drive, (uint8_t)address, &line_layout, LINE_LATENCY);
@@ -104,20 +107,22 @@ static inline void line_add_xyza(struct line *line, size_t place, unsigned numbe
 	if (place >= 3)
 		return;
 	sim_xyza_config_init(&config, number);
+	config.temper.motion_delay = line->motion_delay;
 	line->nodes[place].xyza = sim_xyza_new(&config, now);
 	must(line->nodes[place].xyza);
 	must(sim_serial_bus_attach(line->serial, &line->nodes[place]));
 }
 
-/* With so many of the drives. */
+/* With so many of the drives, which begin a motion so late. */
 static inline void line_open(struct line *line, enum family family,
-                             const struct db_bus_config *config, size_t drives, db_time now)
+                             const struct db_bus_config *config, size_t drives,
+                             db_time motion_delay, db_time now)
 {
 	const struct sim_serial_config serial = {
 		.baud = config->baud, .rs485 = true, .paced = true, .latency = LINE_LATENCY
 	};
 
-	*line = (struct line){ .family = family, .config = config };
+	*line = (struct line){ .family = family, .config = config, .motion_delay = motion_delay };
 	if (config->driver->medium == DB_MEDIUM_CAN)
 		line->can = sim_can_bus_new(config->bitrate, NULL, NULL);
 	else

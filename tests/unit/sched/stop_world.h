@@ -100,7 +100,7 @@ static inline double world_speed(struct world *world, size_t drive)
 	return fabs(sim_servo_speed(world->line.servos[drive].drive));
 }
 
-/* As fast as it is told to be by world_set_going(). */
+/* As fast as it is told to be. */
 static inline float world_top_speed(const struct world *world)
 {
 	return world->family == FAMILY_SERVO ? 1000.0f : 3000.0f;
@@ -286,8 +286,8 @@ static inline void world_silence(struct world *world, size_t drive, bool silent)
 
 static const struct db_engine_ops world_ops = { .send = world_send, .tell = world_tell };
 
-/* Both drives stand; their port is down. */
-static inline void world_open(struct world *world, enum family family)
+/* Both drives stand, and begin a motion so late; their port is down. */
+static inline void world_open(struct world *world, enum family family, db_time motion_delay)
 {
 	const struct db_config *config = world_config(family);
 	struct fake_bus *bus = fake_bus_new(config->buses[0].driver, WORLD_DRIVES);
@@ -302,7 +302,7 @@ static inline void world_open(struct world *world, enum family family)
 	bus->next = world_next;
 	bus->happen = world_happen;
 	bus->turned = world_turned;
-	line_open(&world->line, family, &bus->config, WORLD_DRIVES, bus->now);
+	line_open(&world->line, family, &bus->config, WORLD_DRIVES, motion_delay, bus->now);
 	for (size_t i = 0; i < WORLD_DRIVES; i++) {
 		/* The second axis of a controller is no neighbour on the line. */
 		bus->drives[i] = config->drives[family == FAMILY_XYZA ? 2 * i : i];
@@ -327,22 +327,34 @@ static inline bool world_awaits(const struct world *world)
 	return false;
 }
 
-/* Until both move as fast as they were told. */
-static inline void world_set_going(struct world *world)
+static inline void world_wait(struct world *world)
 {
-	const enum db_command commands[] = { DB_CMD_ENABLE, DB_CMD_MOVE_VELOCITY };
 	db_time end = world->bus->now + 10 * DB_NS_PER_S;
 
+	while (world_awaits(world) && world->bus->now < end)
+		fake_pass(world->bus, 5 * MS);
+}
+
+/* Both are there and have power. */
+static inline void world_enable(struct world *world)
+{
 	world_set_port(world, true);
 	while (!fake_is_online(world->bus, 0) || !fake_is_online(world->bus, 1))
 		fake_pass(world->bus, 10 * MS);
-	for (size_t i = 0; i < 2; i++) {
-		world_post(world, 0, commands[i]);
-		world_post(world, 1, commands[i]);
-		while (world_awaits(world) && world->bus->now < end)
-			fake_pass(world->bus, 5 * MS);
-	}
-	for (size_t i = 0; i < WORLD_DRIVES; i++) {
+	world_post(world, 0, DB_CMD_ENABLE);
+	world_post(world, 1, DB_CMD_ENABLE);
+	world_wait(world);
+}
+
+/* From here to the last drive, until they move as fast as they were told. */
+static inline void world_set_going(struct world *world, size_t first)
+{
+	db_time end = world->bus->now + 10 * DB_NS_PER_S;
+
+	for (size_t i = first; i < WORLD_DRIVES; i++)
+		world_post(world, i, DB_CMD_MOVE_VELOCITY);
+	world_wait(world);
+	for (size_t i = first; i < WORLD_DRIVES; i++) {
 		while (world_speed(world, i) < 0.99 * (double)world_top_speed(world)) {
 			must(world->bus->now < end);
 			fake_pass(world->bus, 10 * MS);

@@ -74,6 +74,22 @@ static void a_drive_that_moved_is_seen_to_stand_twice(void **state)
 	assert_int_equal(judge(&standing, 0, false, T + 115 * MS), STANDING_DONE);
 }
 
+/* It had slowed down for the first stop, then a motion began, and the second stop is lost: it is slower than it was,
+ * and gets faster. */
+static void a_second_cause_is_judged_by_what_follows(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	assert_int_equal(judge(&standing, 500, true, T + 10 * MS), STANDING_OBEYS);
+	standing_yield(&standing);
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T + 20 * MS);
+	standing_note_sent(&standing, true, 2 * MS, T + 20 * MS);
+	assert_int_equal(judge(&standing, 600, true, T + 30 * MS), STANDING_UNSEEN);
+	assert_int_equal(judge(&standing, 700, true, T + 40 * MS), STANDING_UNSEEN);
+	assert_int_equal(judge(&standing, 600, true, T + 50 * MS), STANDING_OBEYS);
+}
+
 /* Also one of which nothing was known. */
 static void an_unknown_drive_is_seen_to_stand_twice(void **state)
 {
@@ -303,6 +319,7 @@ int main(void)
 		cmocka_unit_test(only_what_was_asked_after_the_stop_counts),
 		cmocka_unit_test(what_is_known_of_an_offline_drive_is_no_evidence),
 		cmocka_unit_test(a_drive_that_moved_is_seen_to_stand_twice),
+		cmocka_unit_test(a_second_cause_is_judged_by_what_follows),
 		cmocka_unit_test(an_unknown_drive_is_seen_to_stand_twice),
 		cmocka_unit_test(a_position_that_changes_is_motion),
 		cmocka_unit_test(dither_is_no_motion),

@@ -6,7 +6,7 @@
  *
  *	sched_test_standing_model                   what tests/run has: SHORT_FAULTS and SHORT_POINTS
  *	sched_test_standing_model FAULTS POINTS     longer
- *	sched_test_standing_model FAMILY HISTORY    one, with what was sent: vsmd-can "2:lose 5:gone"
+ *	sched_test_standing_model FAMILY HISTORY    one, with what was sent: vsmd-can "moving 2:lose 5:gone"
  *
  * What holds in all of them, at any moment: a drive that was told to stop stands, or its record stands, shows, and a
  * stop was sent within its pace, unless the drive is seen to slow down or the port is down; nobody is answered ok
@@ -22,7 +22,7 @@
 #include <cmocka.h>
 
 #define SHORT_FAULTS 2
-#define SHORT_POINTS 5
+#define SHORT_POINTS 4
 #define FAULTS_MAX 5
 #define POINTS_MAX 32
 #define WRONG_SHOWN 8
@@ -67,8 +67,9 @@ enum fault {
 /* Where it can happen. */
 #define OF_REQUEST 1u
 #define OF_ANSWER 2u
-#define OF_SERIAL 4u /* what the simulated line does by itself */
-#define ANYWHERE 8u  /* also just before the stop */
+#define OF_STOP 4u   /* a request that is one */
+#define OF_SERIAL 8u /* what the simulated line does by itself */
+#define ANYWHERE 16u /* also just before the stop */
 
 static const struct {
 	const char *name;
@@ -76,8 +77,8 @@ static const struct {
 } faults[FAULTS] = {
 	[NOTHING] = { "nothing", 0 },
 	[LOSE] = { "lose", OF_REQUEST | OF_ANSWER },
-	[LATE] = { "late", OF_REQUEST | OF_ANSWER },
-	[DOUBLE] = { "double", OF_REQUEST | OF_ANSWER },
+	[LATE] = { "late", OF_STOP | OF_ANSWER },
+	[DOUBLE] = { "double", OF_STOP | OF_ANSWER },
 	[ANSWER_LOST] = { "answer-lost", OF_SERIAL },
 	[ANSWER_LATE] = { "answer-late", OF_SERIAL },
 	[ANSWER_DOUBLED] = { "answer-doubled", OF_SERIAL },
@@ -103,13 +104,20 @@ static const struct {
 #define PORT_TIME (150 * MS)
 #define DEAF_TIME (800 * MS)
 #define FLAKY_TIME (600 * MS)
+#define MOTION_DELAY (60 * MS)
 
 struct step {
 	unsigned point;
 	enum fault fault;
 };
 
+/* A drive that moves, or one that was told to move just before it is told to stop, and begins late. */
+enum start { MOVING, BEGINNING, STARTS };
+
+static const char *const starts[STARTS] = { "moving", "beginning" };
+
 struct history {
+	enum start start;
 	struct step steps[FAULTS_MAX];
 	size_t length;
 };
@@ -120,18 +128,20 @@ enum event { PORT_DOWN, PORT_UP, SPEAKS, POWERED, EVENTS };
 
 /* What a drive does, and must. */
 struct truth {
-	db_time told_first; /* since when it must stand */
-	db_time told;       /* the last stop was posted; 0: none was */
-	db_time reachable;  /* since when */
-	double fastest;     /* since then */
-	double speed;       /* lately */
-	db_time slower;     /* when it was last seen to become slower */
-	db_time faster_ref; /* since when its stops are counted: it could be told */
-	bool stood;         /* since then, and its record is gone */
-	bool freed;         /* a later motion was carried out */
-	bool left;          /* it is not on the bus any more */
-	bool news;          /* the bus has not had a turn since */
-	db_time first_due;  /* its first stop is to be sent since then; 0: it was */
+	db_time told_first;   /* since when it must stand */
+	db_time told;         /* the last stop was posted; 0: none was */
+	db_time reachable;    /* since when */
+	double fastest;       /* since then */
+	double speed;         /* lately */
+	db_time slower;       /* when it was last seen to become slower */
+	db_time faster_ref;   /* since when its stops are counted: it could be told */
+	bool stood;           /* since then, and its record is gone */
+	bool freed;           /* a later motion was carried out */
+	uint32_t came_online; /* so often */
+	bool returned;        /* and was sent nothing yet */
+	bool left;            /* it is not on the bus any more */
+	bool news;            /* the bus has not had a turn since */
+	db_time first_due;    /* its first stop is to be sent since then; 0: it was */
 };
 
 struct model {
@@ -140,6 +150,7 @@ struct model {
 	size_t next_step;
 	unsigned points;
 	unsigned kinds[POINTS_MAX];
+	size_t first_ticket; /* behind the stop */
 	bool choosing;
 	bool kicked;  /* something was posted: the bus wakes up */
 	bool sending; /* within its turn */
@@ -359,6 +370,20 @@ static void spoil_answer(struct model *model, size_t drive, enum sim_fault fault
 	sim->delay_ms = LATE_BY / MS;
 }
 
+/* Whether an axis of an XYZA controller moves is asked before it loses its power, because stopping it stops the
+ * others. */
+static bool asks_first(const struct model *model, size_t drive)
+{
+	for (size_t i = 0; i < model->world.ticket_count; i++) {
+		const struct world_ticket *ticket = &model->world.tickets[i];
+
+		if (model->world.family == FAMILY_XYZA && ticket->drive == drive &&
+		    ticket->command == DB_CMD_DISABLE)
+			return true;
+	}
+	return false;
+}
+
 static bool on_request(void *context, size_t drive, bool stop, const uint8_t *bytes, size_t length)
 {
 	struct model *model = context;
@@ -373,7 +398,11 @@ static bool on_request(void *context, size_t drive, bool stop, const uint8_t *by
 			spoil_answer(model, drive, SIM_FAULT_DROP);
 		return true;
 	}
-	fault = choose(model, OF_REQUEST | (world->line.serial ? OF_SERIAL : 0));
+	claim(model, stop || !model->truth[0].returned || asks_first(model, 0),
+	      "is asked before it is told to stop", 0);
+	model->truth[0].returned &= !stop;
+	fault = choose(model,
+	               OF_REQUEST | (world->line.serial ? OF_SERIAL : 0) | (stop ? OF_STOP : 0));
 	switch (fault) {
 	case LOSE:
 		return false;
@@ -490,20 +519,6 @@ static db_time later(db_time a, db_time b)
 	return a > b ? a : b;
 }
 
-/* Whether an axis of an XYZA controller moves is asked before it loses its power, because stopping it stops the
- * others. */
-static bool asks_first(const struct model *model, size_t drive, bool online)
-{
-	for (size_t i = 0; i < model->world.ticket_count && !online; i++) {
-		const struct world_ticket *ticket = &model->world.tickets[i];
-
-		if (model->world.family == FAMILY_XYZA && ticket->drive == drive &&
-		    ticket->command == DB_CMD_DISABLE)
-			return true;
-	}
-	return false;
-}
-
 static void check_pace(struct model *model, size_t drive, bool online)
 {
 	struct truth *truth = &model->truth[drive];
@@ -513,7 +528,7 @@ static void check_pace(struct model *model, size_t drive, bool online)
 	db_time gap = now - from;
 
 	if (!model->world.up || has_motion_pending(model, drive) ||
-	    asks_first(model, drive, online)) {
+	    (!online && asks_first(model, drive))) {
 		truth->faster_ref = now;
 		return;
 	}
@@ -523,8 +538,7 @@ static void check_pace(struct model *model, size_t drive, bool online)
 
 static bool has_new_motion(const struct model *model, size_t drive)
 {
-	/* The first ones set it going. */
-	for (size_t i = 2 * WORLD_DRIVES; i < model->world.ticket_count; i++) {
+	for (size_t i = model->first_ticket; i < model->world.ticket_count; i++) {
 		const struct world_ticket *ticket = &model->world.tickets[i];
 
 		if (ticket->drive == drive && db_command_is_motion(ticket->command))
@@ -603,12 +617,28 @@ static void check_neighbour(struct model *model)
 	claim(model, now - feedback.taken <= NEIGHBOUR_READ + READ_POLLS * poll, "is not read", 1);
 }
 
+/* A drive that is there again is told to stop before it is asked anything. */
+static void note_return(struct model *model, size_t drive)
+{
+	struct truth *truth = &model->truth[drive];
+	struct db_snapshot snapshot = fake_snapshot(model->world.bus, drive);
+	db_time now = model->world.bus->now;
+
+	/* It was told of by then, when it was told in the same turn. */
+	if (snapshot.stats.came_online != truth->came_online)
+		truth->returned = snapshot.feedback.status & DB_STATUS_MUST_STAND &&
+		                  now - model->world.stop_sent[drive] > WORLD_LATENCY_MS * MS &&
+		                  !has_motion_pending(model, drive);
+	truth->came_online = snapshot.stats.came_online;
+}
+
 static void follow_truth(struct model *model, size_t drive)
 {
 	struct truth *truth = &model->truth[drive];
 	double speed = world_speed(&model->world, drive);
 	db_time now = model->world.bus->now;
 
+	note_return(model, drive);
 	if (speed < 0.999 * truth->speed)
 		truth->slower = now;
 	truth->speed = speed;
@@ -741,6 +771,28 @@ static void settle(struct model *model)
 	}
 }
 
+static void set_going(struct model *model, enum start start)
+{
+	struct world *world = &model->world;
+
+	world_enable(world);
+	world_set_going(world, start == MOVING ? 0 : 1);
+	for (size_t i = 0; i < WORLD_DRIVES; i++)
+		model->truth[i].came_online = fake_snapshot(world->bus, i).stats.came_online;
+	world->context = model;
+	world->on_request = on_request;
+	world->on_answer = on_answer;
+	world->on_result = on_result;
+	world->watch = watch;
+	world->next = next_event;
+	model->choosing = true;
+	let_happen(model, choose(model, ANYWHERE));
+	if (start == BEGINNING)
+		world_post(world, 0, DB_CMD_MOVE_VELOCITY);
+	model->first_ticket = world->ticket_count;
+	fake_pass(world->bus, 10 * MS);
+}
+
 static void run_history(struct model *model, enum family family, const struct history *history,
                         bool verbose)
 {
@@ -751,17 +803,8 @@ static void run_history(struct model *model, enum family family, const struct hi
 	model->history = history;
 	for (enum event event = 0; event < EVENTS; event++)
 		model->at[event] = DB_TIME_NEVER;
-	world_open(&model->world, family);
-	world_set_going(&model->world);
-	model->world.context = model;
-	model->world.on_request = on_request;
-	model->world.on_answer = on_answer;
-	model->world.on_result = on_result;
-	model->world.watch = watch;
-	model->world.next = next_event;
-	model->choosing = true;
-	let_happen(model, choose(model, ANYWHERE));
-	fake_pass(model->world.bus, 10 * MS);
+	world_open(&model->world, family, history->start == BEGINNING ? MOTION_DELAY : 0);
+	set_going(model, history->start);
 	post(model, 0, DB_CMD_QUICK_STOP);
 	settle(model);
 	/* And so it stays. */
@@ -788,10 +831,9 @@ static const char *family_name(enum family family)
 
 static void show_wrong(const struct search *search, const struct history *history)
 {
-	printf("%s \"", family_name(search->family));
+	printf("%s \"%s", family_name(search->family), starts[history->start]);
 	for (size_t i = 0; i < history->length; i++)
-		printf("%s%u:%s", i > 0 ? " " : "", history->steps[i].point,
-		       faults[history->steps[i].fault].name);
+		printf(" %u:%s", history->steps[i].point, faults[history->steps[i].fault].name);
 	printf("\": %s\n", search->model.wrong);
 }
 
@@ -826,11 +868,11 @@ static void explore(struct search *search, const struct history *history)
 static unsigned long search_family(enum family family, unsigned fault_count, unsigned points)
 {
 	static struct search search;
-	const struct history none = { .length = 0 };
 
 	memset(&longest, 0, sizeof longest);
 	search = (struct search){ .family = family, .faults = fault_count, .points = points };
-	explore(&search, &none);
+	for (enum start start = 0; start < STARTS; start++)
+		explore(&search, &(struct history){ .start = start });
 	printf("%s: %lu histories of up to %u faults at %u points, %lu wrong; longest, in ms: "
 	       "between stops %.1f (offline %.1f), neighbour's first stop %.1f, its samples %.1f, "
 	       "an answer %.1f, to rest %.1f\n",
@@ -877,7 +919,9 @@ static int replay(const char *name, char *text)
 	struct history history = { .length = 0 };
 	char *save = NULL;
 
-	for (char *word = strtok_r(text, " ", &save); word; word = strtok_r(NULL, " ", &save)) {
+	history.start = strncmp(text, starts[BEGINNING], strlen(starts[BEGINNING])) == 0;
+	(void)strtok_r(text, " ", &save);
+	for (char *word = strtok_r(NULL, " ", &save); word; word = strtok_r(NULL, " ", &save)) {
 		char *rest;
 		unsigned point = (unsigned)strtoul(word, &rest, 10);
 

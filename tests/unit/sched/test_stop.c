@@ -361,6 +361,66 @@ static void the_end_waits_until_it_stops(void **state)
 	close_world(world);
 }
 
+/* --- what drivers may say --------------------------------------------------------------------------- */
+
+/* Says that it moves, whatever its speed is. */
+static void tell_moving(const struct db_device *device, struct db_feedback *feedback)
+{
+	fake_family.feedback(device, feedback);
+	feedback->status |= DB_STATUS_MOVING;
+}
+
+static void moving_at_speed_0_runs_on_and_is_waited_for_no_longer(void **state)
+{
+	struct world *world = open_world(true);
+
+	(void)state;
+	world->driver.feedback = tell_moving;
+	fake_pass(world->bus, 50 * MS);
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, 10 * MS);
+	fake_post(world->bus, 0, DB_CMD_SET_POSITION);
+	fake_pass(world->bus, 440 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_NONE);
+	fake_pass(world->bus, 150 * MS);
+	/* In the order of their places in the queue. */
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_RUNS_ON);
+	assert_int_equal(world->bus->told[DB_EVENT_DRIVE_RUNS_ON], 1);
+	close_world(world);
+}
+
+static unsigned stops_begun;
+
+/* Knows without asking that nothing has to be sent. */
+static enum db_step end_stops_at_once(struct db_conversation *talk)
+{
+	if (fake_kind_of(talk->job) != FAKE_STOP)
+		return fake_family.begin(talk);
+	stops_begun++;
+	talk->result = DB_RESULT_OK;
+	return DB_STEP_DONE;
+}
+
+static void a_stop_that_ends_unsent_keeps_its_pace(void **state)
+{
+	struct world *world = moving(true);
+
+	(void)state;
+	stops_begun = 0;
+	world->driver.begin = end_stops_at_once;
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	/* Within this the engine is called so often that fake_pass() gives up, if it spins. */
+	fake_pass(world->bus, 400 * MS);
+	assert_in_range(stops_begun, 2, 40);
+	/* The drives are read meanwhile. */
+	assert_true(fake_feedback(world->bus, 0).taken > world->bus->now - 50 * MS);
+	assert_true(fake_feedback(world->bus, 1).taken > world->bus->now - 50 * MS);
+	fake_pass(world->bus, 200 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_RUNS_ON);
+	close_world(world);
+}
+
 /* --- counters -------------------------------------------------------------------------------------- */
 
 static void figures_survive_a_clock_that_was_asleep(void **state)
@@ -393,6 +453,8 @@ int main(void)
 		cmocka_unit_test(another_motion_takes_its_place),
 		cmocka_unit_test(a_drive_that_returns_moving_is_stopped),
 		cmocka_unit_test(the_end_waits_until_it_stops),
+		cmocka_unit_test(moving_at_speed_0_runs_on_and_is_waited_for_no_longer),
+		cmocka_unit_test(a_stop_that_ends_unsent_keeps_its_pace),
 		cmocka_unit_test(figures_survive_a_clock_that_was_asleep),
 	};
 
