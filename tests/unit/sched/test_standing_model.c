@@ -34,7 +34,7 @@
 #define SETTLES (4 * DB_NS_PER_S) /* from the last fault to the end of everything */
 #define NEIGHBOUR_READ (100 * MS) /* between two samples, and READ_POLLS readings */
 #define READ_POLLS 4
-#define PRESENT_AFTER (400 * MS) /* the port came back: it is found, and read once */
+#define PRESENT_AFTER (700 * MS) /* the port came back: it is found, and read once */
 #define PACE_ONLINE (260 * MS)
 #define PACE_OFFLINE (500 * MS)
 #define NEIGHBOUR_STOP (70 * MS)

@@ -13,7 +13,8 @@
 
 #include <cmocka.h>
 
-#define DRIVES 2
+#define DRIVES 4
+#define LATENCY (100 * MS)
 #define MS DB_NS_PER_MS
 #define TOP_SPEED 1000.0f
 
@@ -102,7 +103,7 @@ static struct world *open_world(bool acknowledges)
 	world->bus->obey = obey;
 	world->bus->next = motors_at;
 	world->bus->happen = run_motors;
-	world->bus->config.drive_latency_ms = 100;
+	world->bus->config.drive_latency_ms = LATENCY / MS;
 	for (size_t i = 0; i < DRIVES; i++)
 		world->bus->drives[i].stop_reaction_ms = 500;
 	fake_bus_open(world->bus, DRIVES, NULL);
@@ -361,6 +362,51 @@ static void the_end_waits_until_it_stops(void **state)
 	close_world(world);
 }
 
+/* --- several of them -------------------------------------------------------------------------------- */
+
+/* All but the last one do not answer any more, and must stand. */
+static struct world *losing(void)
+{
+	struct world *world = open_world(true);
+
+	for (unsigned i = 0; i < DRIVES - 1; i++) {
+		world->bus->dead[i + 1] = true;
+		fake_post(world->bus, i, DB_CMD_STOP);
+	}
+	return world;
+}
+
+/* At whichever of the others the round is. */
+static void a_first_stop_waits_for_one_exchange(void **state)
+{
+	(void)state;
+	for (unsigned i = 0; i < 2 * DRIVES; i++) {
+		struct world *world = losing();
+
+		/* Each of them was sent its own. */
+		fake_pass(world->bus, (DRIVES + i) * LATENCY + LATENCY / 2);
+		assert_true(fake_count(world->bus, DRIVES - 1, FAKE_STOP) > 0);
+		fake_post(world->bus, DRIVES - 1, DB_CMD_STOP);
+		fake_pass(world->bus, LATENCY + LATENCY / 10);
+		assert_int_equal(fake_count(world->bus, DRIVES, FAKE_STOP), 1);
+		close_world(world);
+	}
+}
+
+static void drives_that_do_not_answer_take_turns(void **state)
+{
+	struct world *world = losing();
+	unsigned first;
+
+	(void)state;
+	fake_pass(world->bus, 20 * LATENCY);
+	first = fake_count(world->bus, 1, FAKE_STOP);
+	assert_true(first > 2);
+	for (unsigned i = 1; i < DRIVES - 1; i++)
+		assert_in_range(fake_count(world->bus, i + 1, FAKE_STOP), first - 1, first + 1);
+	close_world(world);
+}
+
 /* --- what drivers may say --------------------------------------------------------------------------- */
 
 /* Says that it moves, whatever its speed is. */
@@ -453,6 +499,8 @@ int main(void)
 		cmocka_unit_test(another_motion_takes_its_place),
 		cmocka_unit_test(a_drive_that_returns_moving_is_stopped),
 		cmocka_unit_test(the_end_waits_until_it_stops),
+		cmocka_unit_test(a_first_stop_waits_for_one_exchange),
+		cmocka_unit_test(drives_that_do_not_answer_take_turns),
 		cmocka_unit_test(moving_at_speed_0_runs_on_and_is_waited_for_no_longer),
 		cmocka_unit_test(a_stop_that_ends_unsent_keeps_its_pace),
 		cmocka_unit_test(figures_survive_a_clock_that_was_asleep),
