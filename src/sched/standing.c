@@ -64,6 +64,14 @@ static bool is_seen_moving(const struct db_feedback *feedback)
 	return (feedback->status & DB_STATUS_MOVING) || feedback->velocity != 0.0f;
 }
 
+/* It was sent this, and does not answer: however often it is asked for again, it is sent at its pace, or whoever asks
+ * keeps the bus from all others. */
+static bool is_sent_in_vain(const struct standing *standing, enum db_command kind)
+{
+	return !standing->yields && standing->sent_at != 0 && standing->losses > 0 &&
+	       (standing->kinds & bit(kind));
+}
+
 void standing_enter(struct standing *standing, enum db_command kind, enum db_stand_cause cause,
                     const struct db_feedback *known, db_time now)
 {
@@ -71,6 +79,12 @@ void standing_enter(struct standing *standing, enum db_command kind, enum db_sta
 
 	if (standing_is_free(standing))
 		*standing = (struct standing){ .since = now };
+	if (is_sent_in_vain(standing, kind)) {
+		standing->cause = cause;
+		standing->causes |= bit(cause);
+		standing->obeys = false;
+		return;
+	}
 	standing->kinds |= bit(kind);
 	/* A stronger stop has the time of its own to take effect. */
 	if (strongest(standing->kinds) != standing->kind) {

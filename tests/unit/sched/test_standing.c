@@ -90,6 +90,28 @@ static void a_second_cause_is_judged_by_what_follows(void **state)
 	assert_int_equal(judge(&standing, 600, true, T + 50 * MS), STANDING_OBEYS);
 }
 
+static void asking_again_does_not_hurry_a_drive_that_does_not_answer(void **state)
+{
+	struct standing standing = entered(1000, true);
+	db_time at;
+
+	(void)state;
+	for (unsigned i = 0; i < 5; i++)
+		(void)standing_note_loss(&standing, false, 2, 20 * MS, T + 20 * MS);
+	at = standing_send_at(&standing);
+	assert_true(at >= T + 100 * MS);
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_WATCHDOG, NULL, T + 30 * MS);
+	assert_true(standing_send_at(&standing) == at);
+	assert_int_equal(standing.cause, DB_STAND_WATCHDOG);
+	/* Another kind goes out at once, and so does any once it answers. */
+	standing_enter(&standing, DB_CMD_QUICK_STOP, DB_STAND_CLIENT, NULL, T + 40 * MS);
+	assert_true(standing_send_at(&standing) == T + 40 * MS);
+	standing_note_sent(&standing, true, 2 * MS, T + 40 * MS);
+	standing_note_answered(&standing, DB_CMD_QUICK_STOP, true, T + 42 * MS);
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T + 50 * MS);
+	assert_true(standing_send_at(&standing) == T + 50 * MS);
+}
+
 /* Also one of which nothing was known. */
 static void an_unknown_drive_is_seen_to_stand_twice(void **state)
 {
@@ -319,6 +341,7 @@ int main(void)
 		cmocka_unit_test(only_what_was_asked_after_the_stop_counts),
 		cmocka_unit_test(what_is_known_of_an_offline_drive_is_no_evidence),
 		cmocka_unit_test(a_drive_that_moved_is_seen_to_stand_twice),
+		cmocka_unit_test(asking_again_does_not_hurry_a_drive_that_does_not_answer),
 		cmocka_unit_test(a_second_cause_is_judged_by_what_follows),
 		cmocka_unit_test(an_unknown_drive_is_seen_to_stand_twice),
 		cmocka_unit_test(a_position_that_changes_is_motion),

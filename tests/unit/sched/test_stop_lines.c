@@ -137,6 +137,25 @@ static void a_drive_that_leaves_answers_out_keeps_no_other_from_its_stop(void **
 	disturb(1);
 }
 
+/* As somebody does who presses the button again and again. */
+static void stops_for_a_dead_drive_keep_no_other_from_being_read(void **state)
+{
+	struct story *story = begin_story(FAMILY_VSMD_SERIAL);
+
+	(void)state;
+	world_silence(&story->world, 0, true);
+	fake_pass(story->world.bus, 500 * MS);
+	for (unsigned i = 0; i < 40; i++) {
+		struct db_feedback neighbour = fake_feedback(story->world.bus, 1);
+
+		assert_true(story->world.bus->now - neighbour.taken < SAMPLES);
+		if (i % 2 == 0 && i < 2 * DB_QUEUE_STOPS_EACH)
+			world_post(&story->world, 0, DB_CMD_STOP);
+		fake_pass(story->world.bus, 10 * MS);
+	}
+	end_story(story);
+}
+
 static void a_stop_for_a_port_that_is_down_is_kept(void **state)
 {
 	(void)state;
@@ -172,6 +191,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(a_drive_that_comes_back_moving_is_stopped),
 		cmocka_unit_test(a_drive_that_leaves_answers_out_keeps_no_other_from_its_stop),
+		cmocka_unit_test(stops_for_a_dead_drive_keep_no_other_from_being_read),
 		cmocka_unit_test(a_stop_for_a_port_that_is_down_is_kept),
 	};
 
