@@ -275,7 +275,9 @@ static void probe_lost(struct db_engine *engine, struct node *node, db_time cost
 	node->first->lanes[LANE_PROBE].active = false;
 	if (node->online)
 		return;
-	engine->probes_from = now + cost * (PROBE_SHARE - 1);
+	/* What is asked for a stop has its share with the stops, and takes none of the probes'. */
+	if (!node_must_stand(node))
+		engine->probes_from = now + cost * (PROBE_SHARE - 1);
 	node->probe_at = now + node->probe_backoff;
 	node->probe_backoff *= 2;
 	if (node->probe_backoff <= PROBE_BACKOFF_MAX)

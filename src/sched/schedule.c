@@ -142,11 +142,10 @@ static void send_poll(struct db_engine *engine, struct node *node, db_time now)
 static bool is_watched(const struct node *node)
 {
 	for (const struct station *s = node->first; s; s = s->next_axis) {
-		if (!standing_is_free(&s->standing) ||
-		    (s->snapshot.feedback.status & DB_STATUS_MOVING))
+		if (s->snapshot.feedback.status & DB_STATUS_MOVING)
 			return true;
 	}
-	return false;
+	return node_must_stand(node);
 }
 
 /* The one whose stop was sent last, or that was read because of it. */

@@ -76,6 +76,15 @@ bool node_is_late_answer(struct node *node, db_time now)
 	return false;
 }
 
+bool node_must_stand(const struct node *node)
+{
+	for (const struct station *s = node->first; s; s = s->next_axis) {
+		if (!standing_is_free(&s->standing))
+			return true;
+	}
+	return false;
+}
+
 /* What is asked so soon behind an answer may be lost by a drive that still turns its line around. */
 #define SOON (6 * DB_NS_PER_MS)
 
@@ -256,6 +265,7 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 		.command = (uint16_t)station->standing.kind,
 		.since = station->standing.since,
 		.count = station->standing.count,
+		.seen = station->standing.still_from != 0,
 	};
 	/* A drive that came back is online for others with its first status, not with old data. */
 	online = station->node->online && feedback->state != DB_AXIS_OFFLINE;

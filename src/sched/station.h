@@ -160,6 +160,9 @@ bool node_waits_out_late_answers(const struct node *node, db_time now);
 /* Whether the answer that just came to a probe may be an earlier probe's. */
 bool node_is_late_answer(struct node *node, db_time now);
 
+/* One of its drives must. */
+bool node_must_stand(const struct node *node);
+
 /* The exchange that just ended was answered, or lost. */
 void node_note_answer(struct node *node, db_time now);
 void node_note_loss(struct node *node);

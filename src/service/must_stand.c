@@ -215,7 +215,8 @@ static bool look_at_drive(struct service *service, const struct plant_drive *dri
 	if (former)
 		db_registers_stand(service->registers, drive->number, former->command,
 		                   DB_STAND_RESTART, time_of(service));
-	if (!former && snapshot.must_stand.cause == DB_STAND_FREE)
+	/* One that was seen to stand once needs no stop of another run. */
+	if (!former && (snapshot.must_stand.cause == DB_STAND_FREE || snapshot.must_stand.seen))
 		return false;
 	describe(entry, drive, former ? (uint16_t)former->command : snapshot.must_stand.command);
 	return true;

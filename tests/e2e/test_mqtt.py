@@ -104,7 +104,7 @@ def test_values_in_words_with_their_times(plant):
     assert state["values"]["error"] == "none"
     assert "online" in state["values"]["status"]
     assert set(state["values"]) == {"axis_state", "error", "status", "position", "velocity",
-                                    "position_units", "velocity_units"}
+                                    "position_units", "velocity_units", "must_stand_cause"}
     assert state["time"].endswith("Z")
 
     unit = bridge.drive(1)

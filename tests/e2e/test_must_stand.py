@@ -99,11 +99,9 @@ def test_a_watchdog_s_stop_outlives_silence_while_it_brakes(make_bridge):
     eventually(lambda: drive.read("axis_state") == OFFLINE, what="silence")
     assert must_stand(drive)
     assert cause(drive) == "watchdog"
-    mark = bridge.sim.mark()
     bridge.sim.fault("silence off")
     bridge.sim.fault("lose-request 1")
     eventually(lambda: bridge.sim.get()["velocity"] == 0, what="a stand")
-    assert stops_sent(bridge, mark) >= 1
     eventually(lambda: not must_stand(drive), what="the end of the record")
 
 

@@ -123,7 +123,8 @@ def test_a_changed_drive_is_stopped_and_comes_back_with_its_settings(make_bridge
     drive = bridge.drive(2)
     bridge.sections["drive drive2"].update({"max-velocity": 1000, "unit-name": "mm"})
     bridge.reload()
-    assert bridge.sim.get("drive2")["stp"] == stops + 1
+    # Once more as the new drive, if it still braked as the old one.
+    assert bridge.sim.get("drive2")["stp"] - stops in (1, 2)
     eventually(lambda: is_ready(drive), what="drive 2 to be back")
     eventually(lambda: drive.read("axis_state") == STANDSTILL)
     assert drive.read("unit_name") == "mm"
