@@ -68,8 +68,9 @@ static bool is_seen_moving(const struct db_feedback *feedback)
  * keeps the bus from all others. */
 static bool is_sent_in_vain(const struct standing *standing, enum db_command kind)
 {
-	return !standing->yields && standing->sent_at != 0 && standing->losses > 0 &&
-	       (standing->kinds & bit(kind));
+	return !standing->yields && !standing->obeys && standing->sent_at != 0 &&
+	       standing->losses > 0 && (standing->kinds & bit(kind)) &&
+	       !(kind == DB_CMD_DISABLE && standing->confirmed);
 }
 
 void standing_enter(struct standing *standing, enum db_command kind, enum db_stand_cause cause,
@@ -82,7 +83,6 @@ void standing_enter(struct standing *standing, enum db_command kind, enum db_sta
 	if (is_sent_in_vain(standing, kind)) {
 		standing->cause = cause;
 		standing->causes |= bit(cause);
-		standing->obeys = false;
 		return;
 	}
 	standing->kinds |= bit(kind);

@@ -112,6 +112,21 @@ static void asking_again_does_not_hurry_a_drive_that_does_not_answer(void **stat
 	assert_true(standing_send_at(&standing) == T + 50 * MS);
 }
 
+/* What was lost then is a sample, not the stop: whoever asks now waits for an answer of its own. */
+static void asking_again_counts_once_it_obeys(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T);
+	standing_note_sent(&standing, true, 2 * MS, T);
+	standing_note_answered(&standing, DB_CMD_DISABLE, true, T + 2 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 10 * MS), STANDING_OBEYS);
+	(void)standing_note_loss(&standing, true, 2, 20 * MS, T + 40 * MS);
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T + 50 * MS);
+	assert_true(standing_send_at(&standing) == T + 50 * MS);
+}
+
 /* Also one of which nothing was known. */
 static void an_unknown_drive_is_seen_to_stand_twice(void **state)
 {
@@ -342,6 +357,7 @@ int main(void)
 		cmocka_unit_test(what_is_known_of_an_offline_drive_is_no_evidence),
 		cmocka_unit_test(a_drive_that_moved_is_seen_to_stand_twice),
 		cmocka_unit_test(asking_again_does_not_hurry_a_drive_that_does_not_answer),
+		cmocka_unit_test(asking_again_counts_once_it_obeys),
 		cmocka_unit_test(a_second_cause_is_judged_by_what_follows),
 		cmocka_unit_test(an_unknown_drive_is_seen_to_stand_twice),
 		cmocka_unit_test(a_position_that_changes_is_motion),
