@@ -64,12 +64,12 @@ static bool is_seen_moving(const struct db_feedback *feedback)
 	return (feedback->status & DB_STATUS_MOVING) || feedback->velocity != 0.0f;
 }
 
-/* It was sent this, and does not answer: however often it is asked for again, it is sent at its pace, or whoever asks
- * keeps the bus from all others. */
+/* It was sent this or a stronger one, and does not answer: however often it is asked for again, it is sent at its
+ * pace, or whoever asks keeps the bus from all others. */
 static bool is_sent_in_vain(const struct standing *standing, enum db_command kind)
 {
 	return !standing->yields && !standing->obeys && standing->sent_at != 0 &&
-	       standing->losses > 0 && (standing->kinds & bit(kind)) &&
+	       standing->losses > 0 && strongest(standing->kinds | bit(kind)) == standing->kind &&
 	       !(kind == DB_CMD_DISABLE && standing->confirmed);
 }
 
@@ -81,6 +81,7 @@ void standing_enter(struct standing *standing, enum db_command kind, enum db_sta
 	if (standing_is_free(standing))
 		*standing = (struct standing){ .since = now };
 	if (is_sent_in_vain(standing, kind)) {
+		standing->kinds |= bit(kind);
 		standing->cause = cause;
 		standing->causes |= bit(cause);
 		return;

@@ -103,7 +103,7 @@ static void asking_again_does_not_hurry_a_drive_that_does_not_answer(void **stat
 	standing_enter(&standing, DB_CMD_STOP, DB_STAND_WATCHDOG, NULL, T + 30 * MS);
 	assert_true(standing_send_at(&standing) == at);
 	assert_int_equal(standing.cause, DB_STAND_WATCHDOG);
-	/* Another kind goes out at once, and so does any once it answers. */
+	/* A stronger one goes out at once, and so does any once it answers. */
 	standing_enter(&standing, DB_CMD_QUICK_STOP, DB_STAND_CLIENT, NULL, T + 40 * MS);
 	assert_true(standing_send_at(&standing) == T + 40 * MS);
 	standing_note_sent(&standing, true, 2 * MS, T + 40 * MS);

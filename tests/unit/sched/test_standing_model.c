@@ -32,7 +32,9 @@
 	(600 *    \
 	 MS) /* of the reaction time, until it is called running on: an offline time in between */
 #define SETTLES (4 * DB_NS_PER_S) /* from the last fault to the end of everything */
-#define NEIGHBOUR_READ (100 * MS) /* between two samples, and READ_POLLS readings */
+#define NEIGHBOUR_READ \
+	(150 *         \
+	 MS) /* between two samples, with a stop of each kind before it, and READ_POLLS readings */
 #define READ_POLLS 4
 #define PRESENT_AFTER (700 * MS) /* the port came back: it is found, and read once */
 #define PACE_ONLINE (260 * MS)
