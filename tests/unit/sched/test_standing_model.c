@@ -27,19 +27,21 @@
 #define POINTS_MAX 32
 #define WRONG_SHOWN 8
 
-/* Longest times that may pass. */
-#define OVERSHOOT \
-	(600 *    \
-	 MS) /* of the reaction time, until it is called running on: an offline time in between */
-#define SETTLES (4 * DB_NS_PER_S) /* from the last fault to the end of everything */
-#define NEIGHBOUR_READ \
-	(150 *         \
-	 MS) /* between two samples, with a stop of each kind before it, and READ_POLLS readings */
-#define READ_POLLS 4
-#define PRESENT_AFTER (700 * MS) /* the port came back: it is found, and read once */
+/* Longest times that may pass: of the reaction time, until a drive is called running on, with an offline time in
+ * between; from the last fault to the end of everything. */
+#define OVERSHOOT (600 * MS)
+#define SETTLES (4 * DB_NS_PER_S)
+
+/* Between two stops: the pace, a sample that is waited for, and an exchange that is lost. */
 #define PACE_ONLINE (260 * MS)
 #define PACE_OFFLINE (500 * MS)
+
+/* Of the neighbour: until its first stop; between two samples, with a stop of each kind before it, and so many
+ * readings; until it is found and was read when the port has come back. */
 #define NEIGHBOUR_STOP (70 * MS)
+#define NEIGHBOUR_READ (150 * MS)
+#define READ_POLLS 4
+#define PRESENT_AFTER (700 * MS)
 
 /* --- faults ---------------------------------------------------------------------------------------- */
 
