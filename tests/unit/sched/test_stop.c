@@ -436,6 +436,37 @@ static void moving_at_speed_0_runs_on_and_is_waited_for_no_longer(void **state)
 	close_world(world);
 }
 
+static bool take_report(struct db_device *device, const uint8_t *bytes, size_t length, db_time now)
+{
+	struct fake_frame frame = fake_frame_at(bytes, length);
+
+	if (frame.kind != FAKE_REPORT)
+		return false;
+	device->speed = frame.speed;
+	device->taken = now;
+	return true;
+}
+
+/* It may have been on its way since before the stop. */
+static void a_report_right_behind_a_stop_proves_nothing(void **state)
+{
+	const struct fake_frame report = {
+		.address = 1, .kind = FAKE_REPORT, .powered = true, .speed = TOP_SPEED / 2
+	};
+	struct world *world = moving(true);
+
+	(void)state;
+	world->driver.report = take_report;
+	world->sim[0].deaf = 1000;
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	for (unsigned i = 0; i < 12; i++) {
+		fake_pass(world->bus, 8 * MS);
+		fake_receive(world->bus, &report, sizeof report);
+		assert_int_equal(fake_result(world->bus), DB_RESULT_NONE);
+	}
+	close_world(world);
+}
+
 static unsigned stops_begun;
 
 /* Knows without asking that nothing has to be sent. */
@@ -502,6 +533,7 @@ int main(void)
 		cmocka_unit_test(a_first_stop_waits_for_one_exchange),
 		cmocka_unit_test(drives_that_do_not_answer_take_turns),
 		cmocka_unit_test(moving_at_speed_0_runs_on_and_is_waited_for_no_longer),
+		cmocka_unit_test(a_report_right_behind_a_stop_proves_nothing),
 		cmocka_unit_test(a_stop_that_ends_unsent_keeps_its_pace),
 		cmocka_unit_test(figures_survive_a_clock_that_was_asleep),
 	};
