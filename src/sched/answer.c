@@ -275,8 +275,8 @@ static void probe_lost(struct db_engine *engine, struct node *node, db_time cost
 	node->first->lanes[LANE_PROBE].active = false;
 	if (node->online)
 		return;
-	/* What is asked for a stop has its share with the stops, and takes none of the probes'. */
-	if (!node_must_stand(node))
+	/* What is asked after a stop has its share with the stops, and takes none of the probes'. */
+	if (!node_was_sent_blind_stop(node))
 		engine->probes_from = now + cost * (PROBE_SHARE - 1);
 	node->probe_at = now + node->probe_backoff;
 	node->probe_backoff *= 2;

@@ -85,6 +85,15 @@ bool node_must_stand(const struct node *node)
 	return false;
 }
 
+bool node_was_sent_blind_stop(const struct node *node)
+{
+	for (const struct station *s = node->first; s; s = s->next_axis) {
+		if (s->blind_stop_sent)
+			return true;
+	}
+	return false;
+}
+
 /* What is asked so soon behind an answer may be lost by a drive that still turns its line around. */
 #define SOON (6 * DB_NS_PER_MS)
 

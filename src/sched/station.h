@@ -162,6 +162,8 @@ bool node_is_late_answer(struct node *node, db_time now);
 
 /* One of its drives must. */
 bool node_must_stand(const struct node *node);
+/* One of its drives was sent a stop while the node was out of step, and is asked about it. */
+bool node_was_sent_blind_stop(const struct node *node);
 
 /* The exchange that just ended was answered, or lost. */
 void node_note_answer(struct node *node, db_time now);

@@ -527,8 +527,9 @@ static void check_pace(struct model *model, size_t drive, bool online)
 {
 	struct truth *truth = &model->truth[drive];
 	db_time now = model->world.bus->now;
-	db_time from = later(later(truth->faster_ref, truth->slower),
-	                     later(model->world.stop_sent[drive], model->came_up));
+	db_time told = later(model->world.stop_sent[drive],
+	                     fake_snapshot(model->world.bus, drive).must_stand.since);
+	db_time from = later(later(truth->faster_ref, truth->slower), later(told, model->came_up));
 	db_time gap = now - from;
 
 	if (!model->world.up || has_motion_pending(model, drive) ||
