@@ -141,8 +141,8 @@ struct db_must_stand {
 	uint16_t cause;   /* enum db_stand_cause of the latest; FREE: it need not stand */
 	uint16_t command; /* enum db_command: the strongest stop that was asked for */
 	db_time since;    /* the first one */
-	uint32_t count; /* stops that were sent since then */
-	bool seen;      /* it was read after the last one and stood; a drive that moved is read once more */
+	uint32_t count;   /* stops that were sent since then */
+	bool seen; /* it was read after the last one and stood; a drive that moved is read once more */
 };
 
 struct db_snapshot {

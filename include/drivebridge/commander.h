@@ -269,6 +269,10 @@ void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_
 void db_commander_forget(struct db_commander *commander, const struct db_client *client,
                          db_time now);
 
+/* Somebody holds its motion. */
+bool db_commander_is_held(const struct db_commander *commander);
+/* Nobody can hold it any more: what is held is stopped now. */
+void db_commander_end_hold(struct db_commander *commander, db_time now);
 /* The drive must stand, for a cause of the bridge's own. */
 void db_commander_stand(struct db_commander *commander, enum db_command stop,
                         enum db_stand_cause cause, db_time now);

@@ -541,6 +541,19 @@ void db_commander_forget(struct db_commander *commander, const struct db_client 
 	db_watchdog_forget(&commander->watchdog, client->id);
 }
 
+bool db_commander_is_held(const struct db_commander *commander)
+{
+	return db_hold_deadline(&commander->hold) != DB_TIME_NEVER;
+}
+
+void db_commander_end_hold(struct db_commander *commander, db_time now)
+{
+	struct db_client holder = commander->hold.holder;
+
+	db_hold_desert(&commander->hold, &holder, now);
+	db_reaction_check_hold(commander, now);
+}
+
 void db_commander_stand(struct db_commander *commander, enum db_command stop,
                         enum db_stand_cause cause, db_time now)
 {

@@ -53,6 +53,19 @@ void db_registers_complete(struct db_registers *registers, const struct db_compl
 	db_vsmd_view_send_command(drive, completion, now);
 }
 
+bool db_registers_is_held(const struct db_registers *registers, uint16_t number)
+{
+	const struct db_view_drive *drive = db_view_roster_find(registers->roster, number);
+
+	return drive && db_commander_is_held(drive->commander);
+}
+
+void db_registers_end_holds(struct db_registers *registers, db_time now)
+{
+	for (size_t i = 0; i < registers->roster->drive_count; i++)
+		db_commander_end_hold(registers->roster->drives[i]->commander, now);
+}
+
 void db_registers_stand(struct db_registers *registers, uint16_t number, enum db_command stop,
                         enum db_stand_cause cause, db_time now)
 {

@@ -193,8 +193,15 @@ void db_registers_retire(struct db_registers *registers, const struct db_registe
 	struct db_view_roster *roster = registers->roster;
 
 	registers->generation++;
-	for (size_t i = 0; i < roster->drive_count; i++)
-		roster->drives[i]->leaving = !has_drive(change->roster, roster->drives[i]);
+	for (size_t i = 0; i < roster->drive_count; i++) {
+		struct db_view_drive *drive = roster->drives[i];
+
+		drive->leaving = !has_drive(change->roster, drive);
+		/* Before the bus lets it go, as on_exit says: that is for motions that go on by themselves. */
+		if (drive->leaving)
+			db_commander_end_hold(drive->commander,
+			                      registers->ops->now(registers->context));
+	}
 	for (size_t unit = 0; unit < 256; unit++) {
 		size_t drive = roster->units[unit];
 

@@ -192,10 +192,10 @@ static void take_queued(struct db_engine *engine, db_time now)
 
 		if (!station)
 			db_queued_finish(queued, DB_RESULT_FAILED, now);
-		else if (engine->shutting_down)
-			db_queued_finish(queued, DB_RESULT_CANCELLED, now);
 		else if (db_command_is_stop(db_queued_command(queued)))
 			take_stop(engine, station, queued, now);
+		else if (engine->shutting_down)
+			db_queued_finish(queued, DB_RESULT_CANCELLED, now);
 		else if (station->leaving)
 			db_queued_finish(queued, DB_RESULT_CANCELLED, now);
 		else if (!engine->stats.up)

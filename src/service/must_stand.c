@@ -14,17 +14,18 @@
 #define LOOK_AFTER_US 20000
 #define LOOK_EVERY_US 100000
 
-#define NAME_MAX_LENGTH 64
-#define LINE_MAX_LENGTH 256
+#define WORD_MAX 64
+#define PLACE_MAX 256
+#define LINE_MAX_LENGTH (PLACE_MAX + 2 * WORD_MAX)
 
-/* A drive that must stand, by what is the same in another run. */
+/* A drive that must stand, by its place, which is the same whatever a configuration calls it. */
 struct entry {
-	char drive[NAME_MAX_LENGTH];
-	char bus[NAME_MAX_LENGTH];
+	char place[PLACE_MAX]; /* the bus's device or interface */
 	unsigned address;
 	unsigned axis;
 	enum db_command command;
-	uint16_t number; /* of the drive in this run; 0: it is of another run */
+	uint16_t
+		number; /* of the drive in this run; 0: it is of another run, or there is none at this place */
 };
 
 struct must_stand {
@@ -63,8 +64,8 @@ static bool put_entries(const struct must_stand *known, FILE *file)
 	for (size_t i = 0; i < known->count; i++) {
 		const struct entry *entry = &known->entries[i];
 
-		fprintf(file, "%s %s %u %u %s\n", entry->drive, entry->bus, entry->address,
-		        entry->axis, db_command_name(entry->command));
+		fprintf(file, "%u %u %s %s\n", entry->address, entry->axis,
+		        db_command_name(entry->command), entry->place);
 	}
 	return !ferror(file);
 }
@@ -107,16 +108,17 @@ static enum db_command stop_named(const char *name)
 	return DB_CMD_NONE;
 }
 
-static bool parse_line(const char *line, struct entry *entry)
+static bool parse_line(char *line, struct entry *entry)
 {
-	char command[NAME_MAX_LENGTH];
+	char command[WORD_MAX];
 	int end = 0;
 
 	*entry = (struct entry){ .command = DB_CMD_NONE };
-	if (sscanf(line, "%63s %63s %u %u %63s %n", entry->drive, entry->bus, &entry->address,
-	           &entry->axis, command, &end) != 5 ||
-	    line[end] != '\0')
+	line[strcspn(line, "\n")] = '\0';
+	if (sscanf(line, "%u %u %63s %n", &entry->address, &entry->axis, command, &end) != 3 ||
+	    line[end] == '\0')
 		return false;
+	snprintf(entry->place, sizeof entry->place, "%s", line + end);
 	entry->command = stop_named(command);
 	return entry->command != DB_CMD_NONE;
 }
@@ -164,10 +166,16 @@ static void look_in(struct service *service, uint64_t us)
 	sd_event_source_set_enabled(service->must_stand->timer, SD_EVENT_ONESHOT);
 }
 
-static bool is_of(const struct entry *entry, const struct plant_drive *drive)
+static const char *place_of(const struct plant_drive *drive)
 {
-	return strcmp(entry->drive, drive->config->name) == 0 &&
-	       strcmp(entry->bus, drive->bus->config->name) == 0 &&
+	const struct db_bus_config *bus = drive->bus->config;
+
+	return bus->interface ? bus->interface : bus->device ? bus->device : "";
+}
+
+static bool is_at(const struct entry *entry, const struct plant_drive *drive)
+{
+	return strcmp(entry->place, place_of(drive)) == 0 &&
 	       entry->address == drive->config->address && entry->axis == drive->config->axis;
 }
 
@@ -179,16 +187,15 @@ static void describe(struct entry *entry, const struct plant_drive *drive, uint1
 		.command = (enum db_command)command,
 		.number = drive->number,
 	};
-	snprintf(entry->drive, sizeof entry->drive, "%s", drive->config->name);
-	snprintf(entry->bus, sizeof entry->bus, "%s", drive->bus->config->name);
+	snprintf(entry->place, sizeof entry->place, "%s", place_of(drive));
 }
 
-/* What was known of one that had this name and place, in another run or before a reload. */
+/* What was known of one at its place, in another run or before a reload. */
 static const struct entry *find_former(const struct must_stand *known,
                                        const struct plant_drive *drive)
 {
 	for (size_t i = 0; i < known->count; i++) {
-		if (is_of(&known->entries[i], drive) && known->entries[i].number != drive->number)
+		if (is_at(&known->entries[i], drive) && known->entries[i].number != drive->number)
 			return &known->entries[i];
 	}
 	return NULL;
@@ -204,22 +211,38 @@ static bool same_entries(const struct must_stand *known, const struct entry *ent
 	return count == known->count;
 }
 
-/* Until the bus has taken it over the former entry says what the drive must stand for. */
+/* Until the bus has taken it over the former entry says what the drive must stand for. A held motion's holder is gone
+ * in another run. */
 static bool look_at_drive(struct service *service, const struct plant_drive *drive,
                           struct entry *entry)
 {
 	const struct entry *former = find_former(service->must_stand, drive);
 	struct db_snapshot snapshot;
+	const struct db_must_stand *must = &snapshot.must_stand;
 
 	db_axis_read(drive->axis, &snapshot);
-	if (former)
+	if (former) {
 		db_registers_stand(service->registers, drive->number, former->command,
 		                   DB_STAND_RESTART, time_of(service));
+		describe(entry, drive, (uint16_t)former->command);
+		return true;
+	}
 	/* One that was seen to stand once needs no stop of another run. */
-	if (!former && (snapshot.must_stand.cause == DB_STAND_FREE || snapshot.must_stand.seen))
-		return false;
-	describe(entry, drive, former ? (uint16_t)former->command : snapshot.must_stand.command);
-	return true;
+	if (must->cause != DB_STAND_FREE && !must->seen) {
+		describe(entry, drive, must->command);
+		return true;
+	}
+	describe(entry, drive, DB_CMD_STOP);
+	return db_registers_is_held(service->registers, drive->number);
+}
+
+static bool has_drive_at(const struct plant *plant, const struct entry *entry)
+{
+	for (size_t i = 0; i < plant->drive_count; i++) {
+		if (is_at(entry, plant->drives[i]))
+			return true;
+	}
+	return false;
 }
 
 void must_stand_look(struct service *service)
@@ -228,23 +251,34 @@ void must_stand_look(struct service *service)
 	const struct plant *plant = service->plant;
 	struct entry *entries = NULL;
 	size_t count = 0;
+	size_t watched;
 	struct entry entry;
 	bool same;
+	int error = 0;
 
 	if (!known)
 		return;
 	for (size_t i = 0; i < plant->drive_count; i++) {
-		if (look_at_drive(service, plant->drives[i], &entry) &&
-		    add_entry(&entries, &count, &entry) != 0)
-			log_failure(service, "remember", ENOMEM);
+		if (look_at_drive(service, plant->drives[i], &entry))
+			error |= add_entry(&entries, &count, &entry);
 	}
+	watched = count;
+	/* What was taken out may be put in again. */
+	for (size_t i = 0; i < known->count; i++) {
+		entry = known->entries[i];
+		entry.number = 0;
+		if (!has_drive_at(plant, &entry))
+			error |= add_entry(&entries, &count, &entry);
+	}
+	if (error != 0)
+		log_failure(service, "remember all of", ENOMEM);
 	same = same_entries(known, entries, count);
 	free(known->entries);
 	known->entries = entries;
 	known->count = count;
 	if (!same)
 		write_file(service);
-	if (count > 0)
+	if (watched > 0)
 		look_in(service, LOOK_EVERY_US);
 }
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Which drives must stand, over a restart of the service and over a reload that replaces a drive by one of the same
- * name and place: then the new one must stand, too. Kept in a small file beside the control socket, in memory that a
+ * Which drives must stand, over a restart of the service and over reloads: a drive at the same place on the wire must
+ * stand, too, whatever it is called. A motion that is held has no holder in another run: its drive must stand there. Kept in a small file beside the control socket, in memory that a
  * reboot clears; without a socket a restart forgets it. Internal to src/service; network thread.
  */
 #ifndef DRIVEBRIDGE_SERVICE_MUST_STAND_H

@@ -25,7 +25,8 @@ static uint64_t read_wall_us(void *context)
 
 static bool submit_request(void *context, struct db_bus *bus, const struct db_request *request)
 {
-	if (db_command_is_stop(request->command))
+	/* A motion may be held, and would have to stand in another run. */
+	if (db_command_is_stop(request->command) || db_command_may_move(request->command))
 		must_stand_look_soon(context);
 	return db_bus_submit(bus, request);
 }

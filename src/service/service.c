@@ -182,6 +182,8 @@ static int set_up(struct service *service, struct db_config *config)
 static void tear_down(struct service *service)
 {
 	status_end(service);
+	if (service->registers)
+		db_registers_end_holds(service->registers, service_now(service));
 	db_control_socket_free(service->control);
 	service->control = NULL;
 	db_server_free(service->server);

@@ -14,6 +14,7 @@ from bridgelib import (
     bit,
     eventually,
 )
+from holdlib import Hand
 
 SPEED = 3200
 
@@ -167,11 +168,62 @@ def test_it_outlives_a_reload_that_replaces_the_drive(make_bridge):
     eventually(lambda: not must_stand(drive), what="the end of the record")
 
 
+def test_it_outlives_a_reload_that_gives_the_drive_another_name(make_bridge):
+    """By two reloads: one takes it out, the other one brings it back."""
+    bridge = make_bridge(drive={"stop-reaction-ms": 300, "watchdog-ms": 20000, "on-exit": "none"})
+    drive = moves(bridge)
+    bridge.sim.fault("runaway on")
+    assert try_stop(drive) != 0
+    keys = bridge.sections.pop("drive drive1")
+    bridge.reload()
+    bridge.sections["drive another"] = keys
+    bridge.reload()
+    drive = bridge.drive()
+    eventually(drive.online)
+    bridge.sim.fault("runaway off")
+    eventually(lambda: bridge.sim.get()["velocity"] == 0, what="a stand")
+    eventually(lambda: not must_stand(drive), what="the end of the record")
+
+
+ALONE = {"watchdog-ms": 0, "on-client-loss": "none", "on-exit": "none"}
+
+
+def test_what_is_held_is_stopped_by_a_reload_that_changes_the_drive(make_bridge):
+    bridge = make_bridge(drive=ALONE)
+    assert bridge.drive().command("enable") == 0
+    with Hand(bridge.control_path) as hand:
+        assert hand.hold(SPEED, 1000) == "ok"
+        bridge.sections["drive drive1"]["counts-per-unit"] = 7
+        bridge.reload()
+        eventually(lambda: bridge.sim.get()["velocity"] == 0, what="a stand")
+
+
+def test_what_is_held_is_stopped_when_the_service_ends(make_bridge):
+    bridge = make_bridge(drive=ALONE)
+    assert bridge.drive().command("enable") == 0
+    with Hand(bridge.control_path) as hand:
+        assert hand.hold(SPEED, 1000) == "ok"
+        assert bridge.stop_bridge() == 0
+        assert bridge.sim.get()["velocity"] == 0
+
+
+def test_what_was_held_is_stopped_by_the_next_run(make_bridge):
+    bridge = make_bridge(drive=ALONE)
+    assert bridge.drive().command("enable") == 0
+    with Hand(bridge.control_path) as hand:
+        assert hand.hold(SPEED, 1000) == "ok"
+        eventually(lambda: record(bridge).exists(), what="the file")
+        kill(bridge)
+    assert bridge.sim.get()["velocity"] > 0
+    start_again(bridge)
+    eventually(lambda: bridge.sim.get()["velocity"] == 0, what="a stand")
+
+
 def test_a_file_that_nobody_wrote_is_passed_over(make_bridge):
     bridge = make_bridge()
     bridge.units.clear()
     assert bridge.stop_bridge() == 0
-    record(bridge).write_text("rubbish\ndrive1 line 1 0 move_velocity\nother line 9 0 stop\n")
+    record(bridge).write_text(f"rubbish\n1 0 move_velocity {bridge.link}\n9 0 stop {bridge.link}\n")
     mark = bridge.sim.mark()
     start_again(bridge)
     assert stops_sent(bridge, mark) == 0
