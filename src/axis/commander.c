@@ -279,6 +279,7 @@ static void note_commander(struct db_commander *commander, const struct order *o
 	struct db_watchdog *watchdog = &commander->watchdog;
 	bool is_baseline = !answer.later && answer.result == DB_RESULT_RESTARTED;
 	bool counts = db_write_is_taken(answer) || is_baseline;
+	enum db_command command = (enum db_command)order->block.command;
 	db_time arrived = db_client_arrived(order->client, order->now);
 
 	if (!order->client)
@@ -286,9 +287,11 @@ static void note_commander(struct db_commander *commander, const struct order *o
 	if (repeated || is_baseline)
 		counts = counts && (!db_watchdog_is_commanded(watchdog) ||
 		                    db_watchdog_is_commanded_by(watchdog, order->client));
-	if (counts && !db_command_is_stop((enum db_command)order->block.command))
+	/* Who only clears a fault or reads parameters has set nothing going. */
+	if (counts && (db_command_may_move(command) || command == DB_CMD_ENABLE))
 		db_watchdog_commanded(watchdog, order->client);
-	if (counts)
+	if (counts && (!db_watchdog_is_commanded(watchdog) ||
+	               db_watchdog_is_commanded_by(watchdog, order->client)))
 		db_commander_feed(commander, order->client, DB_FEED_WRITES, arrived);
 	else if (!answer.later && is_not_now(answer.result))
 		db_commander_feed(commander, order->client, DB_FEED_REQUESTS, arrived);

@@ -86,7 +86,12 @@ int db_client_open(const char *path, struct db_client **client, struct db_client
 	}
 	if (opened->fd < 0 ||
 	    connect(opened->fd, (struct sockaddr *)&address, sizeof(address)) != 0) {
-		explain_failure(error, path, errno);
+		/* As many wait for it as may. */
+		if (errno == EAGAIN)
+			db_client_error_set(error, DB_CLIENT_SERVICE "Busy",
+			                    "the service has too much to do at once; try again");
+		else
+			explain_failure(error, path, errno);
 		db_client_close(opened);
 		return -1;
 	}

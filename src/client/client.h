@@ -25,7 +25,8 @@ struct db_client;
 typedef void db_client_answer_fn(void *data, json_t *parameters,
                                  const struct db_client_error *error, bool more);
 
-/* 0, or -1 with DB_CLIENT_UNREACHABLE and what to do about it. Closed with db_client_close(). */
+/* 0, or -1 with DB_CLIENT_UNREACHABLE and what to do about it, or with the Busy of a service for which too many wait. Closed
+ * with db_client_close(). */
 int db_client_open(const char *path, struct db_client **client, struct db_client_error *error);
 
 /* Calls that wait are forgotten without an answer. NULL is allowed. */

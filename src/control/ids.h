@@ -24,6 +24,7 @@
 
 /* Ids that are kept for each drive, and drives that have some. */
 #define DB_IDS_EACH 64
+#define DB_IDS_OF_USER 48 /* at most, so that one user leaves places to the others */
 #define DB_IDS_DRIVES 256
 
 /* The longest that a call may wait, and how long its id is kept when it does not say. */

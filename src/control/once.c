@@ -38,6 +38,23 @@ static bool read_within(const struct db_call *call, bool *limited, db_time *with
 	return false;
 }
 
+/* When it began to wait: when its caller sent it, who has the same clock, or when it was read here. */
+static bool read_sent(const struct db_call *call, db_time *sent)
+{
+	const json_t *value = json_object_get(call->parameters, "sent_us");
+
+	*sent = call->session->client.arrived;
+	if (!value || json_is_null(value))
+		return true;
+	if (!json_is_integer(value) || json_integer_value(value) < 0 ||
+	    json_integer_value(value) > INT64_MAX / DB_NS_PER_US) {
+		db_session_fail_parameter(call->session, "sent_us");
+		return false;
+	}
+	*sent = json_integer_value(value) * DB_NS_PER_US;
+	return true;
+}
+
 static struct db_id_key key_of(const struct db_session *session, const char *drive, const char *id)
 {
 	const struct db_actor *actor = db_actors_find(&session->control->actors, session->actor);
@@ -58,11 +75,12 @@ bool db_once_begin(const struct db_call *call, const char *drive, bool stops)
 	const struct db_id_call *first;
 	struct db_id_key key;
 	db_time within;
+	db_time sent;
 	const char *id;
 	bool limited;
 
 	session->once = 0;
-	if (!read_id(call, &id) || !read_within(call, &limited, &within))
+	if (!read_id(call, &id) || !read_within(call, &limited, &within) || !read_sent(call, &sent))
 		return false;
 	/* Neither does harm late or twice. */
 	if (stops)
@@ -79,7 +97,7 @@ bool db_once_begin(const struct db_call *call, const char *drive, bool stops)
 			db_session_reply(session, NULL, false);
 		return false;
 	}
-	if (limited && now - session->client.arrived > within) {
+	if (limited && now - sent > within) {
 		db_session_fail(
 			session, "io.drivebridge.Control.Late",
 			json_pack("{s:s}", "reason",

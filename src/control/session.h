@@ -99,7 +99,7 @@ db_time db_session_stuck_at(const struct db_session *session);
 /* A client that has begun a message and not ended it is dropped after so long; one with a place for stops that says none,
  * sooner. */
 #define DB_SESSION_HALF (10 * DB_NS_PER_S)
-#define DB_SESSION_STOPLESS (1 * DB_NS_PER_S)
+#define DB_SESSION_STOPLESS (100 * DB_NS_PER_MS)
 
 /* To be called whenever something may have changed. When its client is to have sent the rest; DB_TIME_NEVER: it owes nothing. */
 db_time db_session_owes_until(struct db_session *session, db_time now);

@@ -241,7 +241,7 @@ static void open_session(struct session *session, const char *drive, struct db_c
 
 /* The parameters of Run or Write. */
 static json_t *describe_call(const char *drive, const struct db_mqtt_command *command,
-                             unsigned within_ms)
+                             unsigned within_ms, db_time now)
 {
 	json_t *call = command->name ? json_pack("{s:s, s:s, s:O?, s:b}", "drive", drive, "command",
 	                                         command->name, "arguments", command->arguments,
@@ -253,6 +253,8 @@ static json_t *describe_call(const char *drive, const struct db_mqtt_command *co
 		return call;
 	(void)json_object_set_new(call, "id", json_string(command->id));
 	(void)json_object_set_new(call, "within_ms", json_integer(within_ms));
+	/* A service that stood still has not seen it come. */
+	(void)json_object_set_new(call, "sent_us", json_integer(now / DB_NS_PER_US));
 	if (command->token)
 		(void)json_object_set_new(call, "token", json_string(command->token));
 	return call;
@@ -294,7 +296,7 @@ void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
 		return;
 	}
 	open_session(session, drive, &error);
-	parameters = describe_call(drive, command, within_ms);
+	parameters = describe_call(drive, command, within_ms, now);
 	(void)snprintf(session->id, sizeof(session->id), "%s", command->id);
 	(void)snprintf(session->command, sizeof(session->command), "%s", outcome.command);
 	session->stops = stops;

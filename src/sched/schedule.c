@@ -195,13 +195,25 @@ static bool try_sample_between_stops(struct db_engine *engine, db_time now)
 /* One that is held up is tried in every cycle: what was not for so long is over. */
 #define DUMP_FORGOTTEN (1 * DB_NS_PER_S)
 
+/* A drive of the line moves, or is being stopped. */
+static bool may_have_to_stop(const struct db_engine *engine)
+{
+	for (size_t i = 0; i < engine->station_count; i++) {
+		const struct station *station = engine->stations[i];
+
+		if (station->node->online && standing_is_open(&station->standing))
+			return true;
+	}
+	return engine_find_moving(engine) != NULL;
+}
+
 /* The exchange is prepared. The pause counts from where motion began to hold dumps up. */
 static bool may_send_now(struct db_engine *engine, const struct db_exchange *exchange, db_time now)
 {
 	db_time wire = exchange_wire_time(engine, exchange);
 	bool dump = wire > DUMP_SHORT && wire > 2 * engine->driver->command_time(engine->bus);
 
-	if (!dump || !engine_find_moving(engine))
+	if (!dump || !may_have_to_stop(engine))
 		return true;
 	if (engine->dump_tried == 0 || now - engine->dump_tried > DUMP_FORGOTTEN)
 		engine->dumps_held_since = now;

@@ -701,7 +701,7 @@ enum db_step xyza_begin_command(struct db_conversation *talk)
 		first->stops++;
 	else if (!db_command_is_stop(command))
 		talk->device->resends = 0;
-	xyza_plan_command(plan, talk->device, talk->job->request);
+	xyza_plan_command(plan, talk->device, talk->job->request, talk->job->out_of_step);
 	plan->stops = first->stops;
 	plan->stop_taken = xyza_is_program_stopped(first);
 	plan->answered = talk->now;

@@ -168,9 +168,11 @@ static void plan_stop(struct xyza_plan *plan, const struct db_device *device, bo
 
 /* An axis that stands loses its power and nothing else happens to the others. One that moves is jogged,
  * and then no other moves, or is the program's, which cannot go on without it. */
-static void plan_disable(struct xyza_plan *plan, const struct db_device *device)
+/* A controller that may hear and cannot be heard is not asked first whether the axis stands. */
+static void plan_disable(struct xyza_plan *plan, const struct db_device *device, bool out_of_step)
 {
-	add_read(plan, device, XYZA_READ_STANDING, STEP_IF, UINT32_MAX, 0);
+	if (!out_of_step)
+		add_read(plan, device, XYZA_READ_STANDING, STEP_IF, UINT32_MAX, 0);
 	if (device->first->program_state == XYZA_PROGRAM_RUNNING)
 		add_kind(plan, device, XYZA_PROGRAM_STOP, STEP_MAY_FAIL);
 	else
@@ -342,7 +344,7 @@ static void plan_program_command(struct xyza_plan *plan, const struct db_device 
 }
 
 void xyza_plan_command(struct xyza_plan *plan, struct db_device *device,
-                       const struct db_request *request)
+                       const struct db_request *request, bool out_of_step)
 {
 	const struct db_args *args = &request->args;
 	unsigned bit;
@@ -357,7 +359,7 @@ void xyza_plan_command(struct xyza_plan *plan, struct db_device *device,
 		plan_enable(plan, device, true);
 		break;
 	case DB_CMD_DISABLE:
-		plan_disable(plan, device);
+		plan_disable(plan, device, out_of_step);
 		break;
 	case DB_CMD_MOVE_VELOCITY:
 		if (args->target_velocity > 0.0f || args->target_velocity < 0.0f)

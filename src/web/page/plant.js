@@ -21,6 +21,8 @@ const FAULTS = new Set([
 	"drive-lost", "drive-fault", "drive-warning", "drive-runs-on", "drive-restarted",
 	"drive-unconfirmed", "watchdog-tripped", "bus-lost", "bus-off"
 ]);
+/* A drive that must stand for longer is said to. */
+const MUST_STAND_SHOWN_MS = 500;
 /* The overview tells a drive that says the same as before once in so long. */
 const TOLD_EVERY_MS = 1000;
 
@@ -62,6 +64,9 @@ function sayMustStand(registers, values) {
 	const cause = codeName(registers.get("must_stand_cause"), values.must_stand_cause);
 	const ms = values.must_stand_ms;
 
+	/* A stop of every day takes less, and what comes and goes moves buttons from under the pointer. */
+	if (typeof ms === "number" && ms < MUST_STAND_SHOWN_MS)
+		return "";
 	return `must stand${cause ? `: ${inWords(cause)}` : ""}` +
 		(typeof ms === "number" ? `, for ${(ms / 1000).toFixed(1)} s` : "");
 }

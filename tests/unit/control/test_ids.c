@@ -126,15 +126,15 @@ static void what_was_not_begun_is_new_again(void **state)
 /* None is forgotten before its time, and later only for a newer one. */
 static void the_latest_are_kept(void **state)
 {
-	for (int i = 0; i < DB_IDS_EACH; i++)
+	for (int i = 0; i < DB_IDS_OF_USER; i++)
 		add_ended(*state, "lift", i, i);
 	assert_null(add(*state, "lift", "x", KEPT));
 	/* Other drives have room. */
 	assert_non_null(add(*state, "feeder", "x", KEPT));
 	/* The time of the first one is over. */
-	add_ended(*state, "lift", DB_IDS_EACH, KEPT + 1);
+	add_ended(*state, "lift", DB_IDS_OF_USER, KEPT + 1);
 	assert_false(knows(*state, "lift", "0"));
-	for (int i = 1; i <= DB_IDS_EACH; i++) {
+	for (int i = 1; i <= DB_IDS_OF_USER; i++) {
 		char id[16];
 
 		(void)snprintf(id, sizeof(id), "%d", i);
@@ -147,13 +147,13 @@ static void what_is_pending_is_never_forgotten(void **state)
 {
 	struct db_id_call *first = add(*state, "lift", "first", 0);
 
-	for (int i = 1; i < DB_IDS_EACH; i++)
+	for (int i = 1; i < DB_IDS_OF_USER; i++)
 		add_ended(*state, "lift", i, 0);
-	add_ended(*state, "lift", DB_IDS_EACH, 2 * KEPT);
+	add_ended(*state, "lift", DB_IDS_OF_USER, 2 * KEPT);
 	assert_true(knows(*state, "lift", "first"));
 	assert_false(knows(*state, "lift", "1"));
 	first->result = DB_RESULT_OK;
-	add_ended(*state, "lift", DB_IDS_EACH + 1, 2 * KEPT);
+	add_ended(*state, "lift", DB_IDS_OF_USER + 1, 2 * KEPT);
 	assert_false(knows(*state, "lift", "first"));
 }
 

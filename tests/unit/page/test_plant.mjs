@@ -46,6 +46,7 @@ test("why a drive must stand is said beside its state", () => {
 	const say = (values) => judgeDrive(REGISTERS, { axis_state: 4, error: 0, ...values }).mustStand;
 
 	assert.equal(say({ status: 0, must_stand_cause: 0, must_stand_ms: 0 }), "");
+	assert.equal(say({ status: 1 << 18, must_stand_cause: 2, must_stand_ms: 120 }), "");
 	assert.equal(say({ status: 1 << 18, must_stand_cause: 2, must_stand_ms: 3210 }), "must stand: watchdog, for 3.2 s");
 	assert.equal(say({ status: 1 << 18 }), "must stand");
 	assert.equal(judgeDrive(undefined, null).mustStand, "");
