@@ -7,6 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -25,9 +26,15 @@ static int close_ids(void **state)
 	return 0;
 }
 
+/* Odd numbers are one user's, all else the other's. */
 static struct db_id_key key_of(const char *drive, const char *id)
 {
-	return (struct db_id_key){ .user = 1000, .named = "anna", .drive = drive, .id = id };
+	return (struct db_id_key){
+		.user = 1000,
+		.named = strtol(id, NULL, 10) % 2 != 0 ? "anna" : "berta",
+		.drive = drive,
+		.id = id,
+	};
 }
 
 static struct db_id_call *add(struct db_ids *ids, const char *drive, const char *id, db_time now)
@@ -126,15 +133,15 @@ static void what_was_not_begun_is_new_again(void **state)
 /* None is forgotten before its time, and later only for a newer one. */
 static void the_latest_are_kept(void **state)
 {
-	for (int i = 0; i < DB_IDS_OF_USER; i++)
+	for (int i = 0; i < DB_IDS_EACH; i++)
 		add_ended(*state, "lift", i, i);
 	assert_null(add(*state, "lift", "x", KEPT));
 	/* Other drives have room. */
 	assert_non_null(add(*state, "feeder", "x", KEPT));
 	/* The time of the first one is over. */
-	add_ended(*state, "lift", DB_IDS_OF_USER, KEPT + 1);
+	add_ended(*state, "lift", DB_IDS_EACH, KEPT + 1);
 	assert_false(knows(*state, "lift", "0"));
-	for (int i = 1; i <= DB_IDS_OF_USER; i++) {
+	for (int i = 1; i <= DB_IDS_EACH; i++) {
 		char id[16];
 
 		(void)snprintf(id, sizeof(id), "%d", i);
@@ -147,14 +154,31 @@ static void what_is_pending_is_never_forgotten(void **state)
 {
 	struct db_id_call *first = add(*state, "lift", "first", 0);
 
-	for (int i = 1; i < DB_IDS_OF_USER; i++)
+	for (int i = 1; i < DB_IDS_EACH; i++)
 		add_ended(*state, "lift", i, 0);
-	add_ended(*state, "lift", DB_IDS_OF_USER, 2 * KEPT);
+	add_ended(*state, "lift", DB_IDS_EACH, 2 * KEPT);
 	assert_true(knows(*state, "lift", "first"));
 	assert_false(knows(*state, "lift", "1"));
 	first->result = DB_RESULT_OK;
-	add_ended(*state, "lift", DB_IDS_OF_USER + 1, 2 * KEPT);
+	add_ended(*state, "lift", DB_IDS_EACH + 1, 2 * KEPT);
 	assert_false(knows(*state, "lift", "first"));
+}
+
+static void one_user_leaves_places_to_the_others(void **state)
+{
+	struct db_id_key key = key_of("lift", "x");
+
+	key.user = 7;
+	for (int i = 0; i < DB_IDS_OF_USER; i++) {
+		char id[16];
+
+		(void)snprintf(id, sizeof(id), "n%d", i);
+		key.id = id;
+		assert_non_null(db_ids_add(*state, &key, KEPT, 0));
+	}
+	key.id = "x";
+	assert_null(db_ids_add(*state, &key, KEPT, 0));
+	assert_non_null(add(*state, "lift", "2", 0));
 }
 
 /* Drives that come and go under ever new names take no more memory. */
@@ -186,6 +210,8 @@ int main(void)
 		                                close_ids),
 		cmocka_unit_test_setup_teardown(the_latest_are_kept, open_ids, close_ids),
 		cmocka_unit_test_setup_teardown(what_is_pending_is_never_forgotten, open_ids,
+		                                close_ids),
+		cmocka_unit_test_setup_teardown(one_user_leaves_places_to_the_others, open_ids,
 		                                close_ids),
 		cmocka_unit_test_setup_teardown(drives_are_bounded, open_ids, close_ids),
 	};
