@@ -75,7 +75,7 @@ struct db_session {
 	bool until_end;
 	uint64_t once; /* handle of a call with an id; 0: it has none */
 	bool repeated; /* ... which had come before */
-	void *job; /* one block of memory, of a Write, a Stop, a Subscribe or a Trace; null */
+	void *job;     /* one block of memory, of a Write, a Stop, a Subscribe or a Trace; null */
 	uint64_t next_event;
 	unsigned reloads; /* that have to end */
 };

@@ -40,9 +40,8 @@ static bool is_user(const json_t *json)
 
 static const char *read_members(struct db_mqtt_command *command)
 {
-	static const char *const known[] = {
-		"id", "time", "user", "token", "command", "arguments", "write"
-	};
+	static const char *const known[] = { "id",      "time",      "user", "token",
+		                             "command", "arguments", "write" };
 	json_t *name = json_object_get(command->message, "command");
 	json_t *values = json_object_get(command->message, "write");
 	json_t *time = json_object_get(command->message, "time");

@@ -26,8 +26,9 @@ struct db_mqtt_command {
 	bool timed;                  /* it says when it was sent: */
 	int64_t us;                  /* microseconds since 1970-01-01 UTC */
 	const char *user;            /* who wants it, as the sender says; "": not said */
-	const char *token;           /* of the service's clock, as it was when the sender wanted it; NULL: not said */
-	const char *name;            /* of a command; NULL: registers are written */
+	const char *
+		token; /* of the service's clock, as it was when the sender wanted it; NULL: not said */
+	const char *name; /* of a command; NULL: registers are written */
 	json_t *arguments; /* of the command, NULL when there are none; or the values to be written */
 };
 

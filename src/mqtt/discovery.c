@@ -97,13 +97,13 @@ static void put_button(const struct announcement *announcement, const char *comm
 	               "{\"id\":\"{{ utcnow().timestamp() }}\",\"time\":\"{{ utcnow().isoformat() "
 	               "}}\",\"command\":\"%s\"}",
 	               command);
-	put_document(announcement, "button", command,
-	             json_pack("{s:s, s:s}", "command_topic",
-	                       db_mqtt_topic_of_drive(
-				       config->prefix, config->gateway, drive,
-				       db_client_is_stop(command) ? "stop" : "command")
-	                               .text,
-	                       "command_template", message));
+	put_document(
+		announcement, "button", command,
+		json_pack("{s:s, s:s}", "command_topic",
+	                  db_mqtt_topic_of_drive(config->prefix, config->gateway, drive,
+	                                         db_client_is_stop(command) ? "stop" : "command")
+	                          .text,
+	                  "command_template", message));
 }
 
 void db_mqtt_discovery_announce(const struct db_mqtt_config *config,

@@ -154,7 +154,8 @@ int main(void)
 		                                end),
 		cmocka_unit_test_setup_teardown(half_a_message_is_waited_for_ten_seconds, begin,
 		                                end),
-		cmocka_unit_test_setup_teardown(a_place_for_a_stop_is_kept_for_a_moment, begin, end),
+		cmocka_unit_test_setup_teardown(a_place_for_a_stop_is_kept_for_a_moment, begin,
+		                                end),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);
