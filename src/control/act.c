@@ -385,7 +385,7 @@ static bool take_arguments(const struct db_call *call, const struct db_name_list
 	}
 	/* Nothing moves because of a name that was forgotten. */
 	for (size_t i = 0; i < DB_COMMAND_ARGS_MAX && row->args[i] != DB_ARG_NONE; i++) {
-		for (size_t r = 0; r < list->count; r++) {
+		for (size_t r = 0; list && r < list->count; r++) {
 			const struct db_entry *entry = &list->entries[r];
 
 			if (may_be_missing(row->code, row->args[i]) ||

@@ -225,7 +225,7 @@ void db_stops_call(const struct db_call *call)
 	session->due = db_control_now(session->control) + wait_ms * DB_NS_PER_MS;
 	stop_all(session, stops, command);
 	if (session->oneway)
-		/* Nobody waits for their end. */
+		/* Nobody waits for their end. gcc's analyzer: the job is the session's, which frees it. */
 		db_session_reply(session, NULL, false);
 	else
 		report(session);

@@ -76,6 +76,14 @@ static struct sample *take_first(struct db_mqtt_outbox *outbox, struct lane *lan
 	return sample;
 }
 
+/* NULL: nothing waits. */
+static struct sample *take_next(struct db_mqtt_outbox *outbox)
+{
+	struct lane *lane = find_first(outbox);
+
+	return lane ? take_first(outbox, lane) : NULL;
+}
+
 static void free_sample(struct db_mqtt_outbox *outbox, struct sample *sample)
 {
 	outbox->stats.bytes -= sample->bytes;
@@ -87,8 +95,8 @@ void db_mqtt_outbox_free(struct db_mqtt_outbox *outbox)
 	if (!outbox)
 		return;
 	db_mqtt_outbox_start_over(outbox);
-	for (struct lane *lane; (lane = find_first(outbox)) != NULL;)
-		free_sample(outbox, take_first(outbox, lane));
+	for (struct sample *sample; (sample = take_next(outbox)) != NULL;)
+		free_sample(outbox, sample);
 	for (size_t i = 0; i < outbox->retained_count; i++) {
 		free(outbox->retained[i].topic);
 		free(outbox->retained[i].payload);
@@ -215,16 +223,20 @@ void db_mqtt_outbox_sent(struct db_mqtt_outbox *outbox, int number)
 		outbox->retained[flight->retained].wanted = false;
 		outbox->retained[flight->retained].under_way = true;
 	} else {
-		flight->sample = take_first(outbox, find_first(outbox));
+		flight->sample = take_next(outbox);
 	}
 }
 
 void db_mqtt_outbox_sent_for_good(struct db_mqtt_outbox *outbox)
 {
+	struct sample *sample = NULL;
+
 	if (outbox->next_retained < outbox->retained_count)
 		outbox->retained[outbox->next_retained].wanted = false;
 	else
-		free_sample(outbox, take_first(outbox, find_first(outbox)));
+		sample = take_next(outbox);
+	if (sample)
+		free_sample(outbox, sample);
 	outbox->stats.confirmed++;
 }
 

@@ -101,7 +101,9 @@ static bool skip_value(struct rest *rest, uint8_t property)
 	case 0x1F: /* reason */
 		return skip_text(rest);
 	case 0x26: /* user property: its name and its value */
-		return skip_text(rest) && skip_text(rest);
+		if (!skip_text(rest))
+			return false;
+		return skip_text(rest);
 	default:
 		return false;
 	}

@@ -171,7 +171,8 @@ struct db_opcua_tree *db_opcua_tree_new(const struct db_opcua_kind *kind,
 		good = add_children(tree, i, config, gateway);
 		tree->list[i].count = tree->count - tree->list[i].first;
 	}
-	tree->sorted = good ? calloc(tree->count, sizeof(*tree->sorted)) : NULL;
+	/* The root is there in any case; clang's analyzer cannot know. */
+	tree->sorted = good && tree->count > 0 ? calloc(tree->count, sizeof(*tree->sorted)) : NULL;
 	if (!tree->sorted) {
 		db_opcua_tree_free(tree);
 		return NULL;
