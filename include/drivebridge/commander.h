@@ -269,8 +269,9 @@ void db_commander_set_watchdog(struct db_commander *commander, uint32_t timeout_
 void db_commander_forget(struct db_commander *commander, const struct db_client *client,
                          db_time now);
 
-/* Somebody holds its motion. */
-bool db_commander_is_held(const struct db_commander *commander);
+/* The stop that is owed to the drive if this program ended now: one that is pending, or that of a held motion, which
+ * nobody would hold any more. NONE: there is none. */
+enum db_command db_commander_owed_stop(const struct db_commander *commander);
 /* Nobody can hold it any more: what is held is stopped now. */
 void db_commander_end_hold(struct db_commander *commander, db_time now);
 /* The drive must stand, for a cause of the bridge's own. */

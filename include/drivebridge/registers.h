@@ -104,8 +104,8 @@ extern const struct db_backend db_registers_backend;
 /* A bus ended a request; finds the drive by its ticket. */
 void db_registers_complete(struct db_registers *registers, const struct db_completion *completion,
                            db_time now);
-/* Somebody holds the motion of the drive of this number. */
-bool db_registers_is_held(const struct db_registers *registers, uint16_t number);
+/* See db_commander_owed_stop(), of the drive of this number. */
+enum db_command db_registers_owed_stop(const struct db_registers *registers, uint16_t number);
 /* Nobody can hold a motion any more: what is held is stopped. */
 void db_registers_end_holds(struct db_registers *registers, db_time now);
 /* The drive of this number must stand, for a cause of the bridge's own. */

@@ -211,6 +211,10 @@ static struct db_write_answer submit_order(struct db_commander *commander,
 		result = DB_RESULT_CANCELLED;
 	if (result != DB_RESULT_OK)
 		return end_order(commander, order, result);
+	/* It waited in a buffer while the stop went past it. */
+	if (db_command_may_move(command) &&
+	    db_client_arrived(order->client, order->now) < commander->stopped)
+		return end_order(commander, order, DB_RESULT_CANCELLED);
 	/* It would be sent before a stop that came before it. */
 	if (!db_command_is_stop(command) && db_requests_has_stop_to_repeat(commander))
 		return end_order(commander, order, DB_RESULT_BUSY);
@@ -303,6 +307,8 @@ static struct db_write_answer carry_out(struct db_commander *commander, const st
 	struct db_write_answer answer;
 
 	db_reaction_check_hold(commander, order->now);
+	if (db_command_is_stop((enum db_command)order->block.command))
+		db_motion_note_stop(commander, db_client_arrived(order->client, order->now));
 	answer = first ? repeat_order(commander, order, first) : decide_order(commander, order);
 	note_commander(commander, order, answer, first != NULL);
 	return answer;
@@ -544,9 +550,18 @@ void db_commander_forget(struct db_commander *commander, const struct db_client 
 	db_watchdog_forget(&commander->watchdog, client->id);
 }
 
-bool db_commander_is_held(const struct db_commander *commander)
+enum db_command db_commander_owed_stop(const struct db_commander *commander)
 {
-	return db_hold_deadline(&commander->hold) != DB_TIME_NEVER;
+	bool held = db_hold_deadline(&commander->hold) != DB_TIME_NEVER;
+	enum db_command owed = held ? DB_CMD_STOP : DB_CMD_NONE;
+
+	for (const struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
+		if (slot->command == DB_CMD_DISABLE)
+			return DB_CMD_DISABLE;
+		if (db_command_is_stop(slot->command))
+			owed = slot->command;
+	}
+	return owed;
 }
 
 void db_commander_end_hold(struct db_commander *commander, db_time now)

@@ -89,12 +89,19 @@ static void stop_before_limit(struct db_commander *commander, enum db_limit limi
 		commander->supervise.stopped = false;
 		return;
 	}
+	db_motion_note_stop(commander, now);
 	db_motion_note_submitted(commander, NULL, request.command, now);
 	db_account_add_command(commander, NULL, &block, 0, DB_RESULT_PENDING, slot);
 	commander->newest = request.ticket;
 	db_writers_set_command(&commander->writers, NULL, 0, block.command, DB_RESULT_PENDING,
 	                       request.ticket);
 	db_writers_set_limit(&commander->writers, NULL, limit);
+}
+
+void db_motion_note_stop(struct db_commander *commander, db_time arrived)
+{
+	if (arrived > commander->stopped)
+		commander->stopped = arrived;
 }
 
 /* --- beginning and ending -------------------------------------------------------------------------------- */

@@ -33,4 +33,7 @@ db_time db_motion_deadline(const struct db_commander *commander);
 /* How often a motion on this bus is looked at. */
 db_time db_motion_check_interval(const struct db_bus_config *bus);
 
+/* A stop came then: no motion that came before it begins any more. */
+void db_motion_note_stop(struct db_commander *commander, db_time arrived);
+
 #endif

@@ -27,6 +27,7 @@ void db_reaction_stand(struct db_commander *commander, enum db_command command,
 	struct db_slot *slot = commander->pending.first;
 
 	commander->reaction_cause = cause;
+	db_motion_note_stop(commander, now);
 	while (slot && !slot->reaction)
 		slot = slot->next;
 	if (slot) {

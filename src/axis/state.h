@@ -34,6 +34,7 @@ struct db_commander {
 	uint32_t submitted;     /* requests so far */
 	unsigned waiting;       /* waiters of all requests */
 	db_time stop_repeat_at; /* a client's stop is to be handed over again then; or NEVER */
+	db_time stopped; /* the latest stop came then; what moves and came before it is over */
 
 	/* Motions, see motion.h. */
 	struct db_follow follow; /* the one that the drive has begun last, if it is followed */

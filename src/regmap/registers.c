@@ -53,11 +53,11 @@ void db_registers_complete(struct db_registers *registers, const struct db_compl
 	db_vsmd_view_send_command(drive, completion, now);
 }
 
-bool db_registers_is_held(const struct db_registers *registers, uint16_t number)
+enum db_command db_registers_owed_stop(const struct db_registers *registers, uint16_t number)
 {
 	const struct db_view_drive *drive = db_view_roster_find(registers->roster, number);
 
-	return drive && db_commander_is_held(drive->commander);
+	return drive ? db_commander_owed_stop(drive->commander) : DB_CMD_NONE;
 }
 
 void db_registers_end_holds(struct db_registers *registers, db_time now)

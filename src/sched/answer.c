@@ -10,6 +10,9 @@
 /* Looking for offline drives may cost one part in this many of the bus's time. */
 #define PROBE_SHARE 20
 
+/* How old what a report says may be when it comes. */
+#define REPORT_AGE (500 * DB_NS_PER_MS)
+
 /* --- answers --------------------------------------------------------------------------------------- */
 
 static void lane_done(struct db_engine *engine, struct station *station, enum lane_kind kind,
@@ -120,8 +123,8 @@ static enum db_trace_kind unsolicited(struct db_engine *engine, struct node *nod
 		node->probe_backoff = PROBE_BACKOFF_MIN;
 	}
 	publish_node(engine, node);
-	/* A report answers no question: it may be as old as an answer can be. */
-	judge_stops(engine, node, now - (db_time)engine->bus->drive_latency_ms * DB_NS_PER_MS, now);
+	/* A report answers no question, and may have waited long. */
+	judge_stops(engine, node, now - REPORT_AGE, now);
 	return DB_TRACE_REPORT;
 }
 

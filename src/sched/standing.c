@@ -100,7 +100,7 @@ void standing_enter(struct standing *standing, enum db_command kind, enum db_sta
 	standing->send_at = now;
 	standing->losses = 0;
 	standing->backoff = BACKOFF_MIN;
-	standing->yields = standing->obeys = standing->looked = false;
+	standing->yields = standing->obeys = standing->looked = standing->acknowledged = false;
 	standing->confirmed &= kind != DB_CMD_DISABLE;
 	standing->may_move |= !known || is_seen_moving(known);
 	/* How fast it was before does not count: a motion in between may just have begun. */
@@ -127,8 +127,13 @@ db_time standing_send_at(const struct standing *standing)
 {
 	bool obeyed = standing->obeys && (standing->kind != DB_CMD_DISABLE || standing->confirmed);
 
-	if (standing_is_free(standing) || standing->yields || obeyed)
+	if (standing_is_free(standing) || standing->yields)
 		return DB_TIME_NEVER;
+	/* Where nothing acknowledges a stop, the slow-down may be that of an older motion. */
+	if (obeyed)
+		return standing->acknowledged || standing->still_from != 0 ?
+		               DB_TIME_NEVER :
+		               standing->sent_at + PACE;
 	/* Saying it again must not take the time in which its effect could be read. */
 	return standing->looked || standing->sent_at == 0 || standing->send_at > standing->look_by ?
 	               standing->send_at :
@@ -159,12 +164,13 @@ void standing_note_sent(struct standing *standing, bool trusted, db_time round_t
 }
 
 void standing_note_answered(struct standing *standing, enum db_command command, bool taken,
-                            db_time now)
+                            bool acknowledged, db_time now)
 {
 	/* An older stop was answered: of the cause that has joined since then it says nothing. */
 	if (standing_is_free(standing) || standing->sent_at == 0)
 		return;
 	standing->losses = 0;
+	standing->acknowledged = taken && acknowledged;
 	standing->backoff = BACKOFF_MIN;
 	standing->look_at = now + LOOK_AFTER;
 	standing->look_by = now + WITHOUT_LOOK;
@@ -229,8 +235,17 @@ void standing_suspend(struct standing *standing, const struct standing_rules *ru
 
 bool standing_gives_way_to(const struct standing *standing, enum db_command command)
 {
-	return !standing_is_free(standing) && (db_command_replaces_motion(command) ||
-	                                       (command == DB_CMD_ENABLE && !standing->overdue));
+	return !standing_is_free(standing) &&
+	       (db_command_replaces_motion(command) ||
+	        (command == DB_CMD_ENABLE && standing->still_from != 0));
+}
+
+void standing_note_enabled(struct standing *standing)
+{
+	if (standing->kind != DB_CMD_DISABLE)
+		return;
+	standing->kinds = (standing->kinds & ~bit(DB_CMD_DISABLE)) | bit(DB_CMD_STOP);
+	standing->kind = strongest(standing->kinds);
 }
 
 void standing_yield(struct standing *standing)

@@ -29,13 +29,14 @@ struct standing {
 	unsigned causes;           /* bit by enum db_stand_cause */
 	enum db_stand_cause cause; /* the one that joined last */
 	db_time since;
-	uint32_t count;  /* stops that were sent */
-	db_time sent_at; /* when the last one left; 0: none since a cause joined */
-	db_time send_at; /* when the next one may leave */
-	unsigned losses; /* in a row, of what was sent for it */
-	db_time backoff; /* how long an offline drive is left alone after the next loss */
-	bool yields;     /* to a later motion that is under way */
-	bool confirmed;  /* a disable was answered: whether the power is off is known */
+	uint32_t count;    /* stops that were sent */
+	db_time sent_at;   /* when the last one left; 0: none since a cause joined */
+	db_time send_at;   /* when the next one may leave */
+	unsigned losses;   /* in a row, of what was sent for it */
+	db_time backoff;   /* how long an offline drive is left alone after the next loss */
+	bool yields;       /* to a later motion that is under way */
+	bool acknowledged; /* the drive answered the last stop itself: a slow-down is this stop's */
+	bool confirmed;    /* a disable was answered: whether the power is off is known */
 
 	bool may_move; /* it was not known to stand when the record was entered, or has moved since */
 	bool obeys;    /* seen to slow down or to stand since the last cause joined */
@@ -94,9 +95,9 @@ enum db_command standing_next(const struct standing *standing);
 /* A stop has left. `trusted`: its answer will prove something; otherwise it is sent once more as soon as one would.
  * `round_trip`: how long the drive's latest exchange took. */
 void standing_note_sent(struct standing *standing, bool trusted, db_time round_trip, db_time now);
-/* The drive has answered the stop, and taken it or not. */
+/* The conversation of the stop has ended, and the drive has taken it or not. `acknowledged`: it said so itself. */
 void standing_note_answered(struct standing *standing, enum db_command command, bool taken,
-                            db_time now);
+                            bool acknowledged, db_time now);
 /* What was sent for it was not answered, which has cost so much of the wire. True when the next one must wait for its
  * share of the wire. `online`: others think that the drive is there. */
 bool standing_note_loss(struct standing *standing, bool online, unsigned retries, db_time cost,
@@ -107,11 +108,15 @@ void standing_resume(struct standing *standing, db_time now);
 /* It is gone. */
 void standing_suspend(struct standing *standing, const struct standing_rules *rules, db_time now);
 
-/* A later motion ends the record; so does a later enable, unless the drive runs on: it would be disabled again. */
+/* A later motion ends the record; so does a later enable of a drive that was seen to stand: it would be disabled again. */
 bool standing_gives_way_to(const struct standing *standing, enum db_command command);
 /* Such a command that came after the stop begins. It ends the record if it was carried out, or may have been. */
 void standing_yield(struct standing *standing);
 void standing_note_motion(struct standing *standing, bool may_go_on, db_time now);
+
+/* A later enable was carried out: the drive is not to be disabled again, but where it was not seen to stand it is to be
+ * stopped on. */
+void standing_note_enabled(struct standing *standing);
 
 /* Looks at a sample whose question left at `asked`. */
 enum standing_verdict standing_judge(struct standing *standing, const struct standing_rules *rules,

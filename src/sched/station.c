@@ -270,7 +270,7 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 	if (bus_up)
 		feedback->status |= DB_STATUS_BUS_UP;
 	station->snapshot.must_stand = (struct db_must_stand){
-		.cause = station->standing.cause,
+		.cause = (uint16_t)station->standing.cause,
 		.command = (uint16_t)station->standing.kind,
 		.since = station->standing.since,
 		.count = station->standing.count,
@@ -433,6 +433,8 @@ static void note_motion_ended(struct station *station, enum db_result result, db
 
 	if (standing_gives_way_to(&station->standing, command))
 		standing_note_motion(&station->standing, db_result_is_success(result), now);
+	else if (command == DB_CMD_ENABLE && db_result_is_success(result))
+		standing_note_enabled(&station->standing);
 	if (result == DB_RESULT_FAILED && lane->sent && db_command_is_motion(command))
 		standing_enter(&station->standing, DB_CMD_STOP, DB_STAND_MOTION, NULL, now);
 }

@@ -264,7 +264,8 @@ void stop_note_answered(struct db_engine *engine, struct station *station, enum 
 	/* Whether the power is off the driver has read by itself. */
 	if (standing->sent_at != 0 && (command == DB_CMD_DISABLE || result != DB_RESULT_OK))
 		station_finish_stops(station, command, result, now);
-	standing_note_answered(standing, command, result == DB_RESULT_OK, now);
+	standing_note_answered(standing, command, result == DB_RESULT_OK,
+	                       engine->driver->acknowledges, now);
 	/* What its own conversation has read was asked after the stop. */
 	stop_judge(engine, station, feedback->taken, now);
 }

@@ -11,7 +11,7 @@
 #include <unistd.h>
 
 /* From a stop to the first look, and from one look to the next. */
-#define LOOK_AFTER_US 20000
+#define LOOK_AFTER_US 5000
 #define LOOK_EVERY_US 100000
 
 #define WORD_MAX 64
@@ -211,8 +211,8 @@ static bool same_entries(const struct must_stand *known, const struct entry *ent
 	return count == known->count;
 }
 
-/* Until the bus has taken it over the former entry says what the drive must stand for. A held motion's holder is gone
- * in another run. */
+/* Until the bus has taken it over the former entry says what the drive must stand for. What is pending the bus may not
+ * have taken yet, and a held motion's holder is gone in another run. */
 static bool look_at_drive(struct service *service, const struct plant_drive *drive,
                           struct entry *entry)
 {
@@ -232,8 +232,8 @@ static bool look_at_drive(struct service *service, const struct plant_drive *dri
 		describe(entry, drive, must->command);
 		return true;
 	}
-	describe(entry, drive, DB_CMD_STOP);
-	return db_registers_is_held(service->registers, drive->number);
+	describe(entry, drive, (uint16_t)db_registers_owed_stop(service->registers, drive->number));
+	return entry->command != DB_CMD_NONE;
 }
 
 static bool has_drive_at(const struct plant *plant, const struct entry *entry)

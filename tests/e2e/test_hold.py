@@ -2,6 +2,7 @@
 """A held motion goes on only while somebody holds it, and what comes late moves nothing. When drives moved and stood
 is read off the wire."""
 
+import contextlib
 import signal
 import subprocess
 import sys
@@ -526,3 +527,22 @@ def test_a_motion_that_was_staged_is_held_by_who_starts_it(free):
         assert free.gateway().write("group_start", 1) == 0
         began = time.monotonic()
         assert stopped(free, began) < 0.3 + PATIENCE
+
+
+def test_what_waits_behind_a_call_does_not_begin_after_a_stop(make_bridge):
+    """Six motions in one connection; a stop over another one goes past those that wait."""
+    bridge = make_bridge(drive={"watchdog-ms": 0}, sim_bus={"latency-us": 30000})
+    assert bridge.drive().command("enable") == 0
+    with Hand(bridge.control_path) as mover, Hand(bridge.control_path) as stopper:
+        mark = bridge.sim.mark()
+        for number in range(6):
+            mover.send("Run", drive="drive1", command="move_velocity",
+                       arguments={"target_velocity": 900 + number})
+        eventually(lambda: any("mov" in line for line in bridge.sim.sent(mark)), what="the first one")
+        stopper.run("stop")
+        for _ in range(6):
+            with contextlib.suppress(Failed):
+                mover.answer()
+        stop = bridge.sim.sent(mark).index("1 stp")
+        assert not [line for line in bridge.sim.sent(mark)[stop:] if "mov" in line]
+        eventually(lambda: bridge.sim.get()["velocity"] == 0, what="a stand")

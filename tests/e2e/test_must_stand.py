@@ -5,6 +5,7 @@ with what is read after the stop."""
 import signal
 
 from bridgelib import (
+    NO_PATH,
     CONTINUOUS,
     OFFLINE,
     RUNS_ON_ERROR,
@@ -185,6 +186,7 @@ def test_it_outlives_a_reload_that_gives_the_drive_another_name(make_bridge):
     eventually(lambda: not must_stand(drive), what="the end of the record")
 
 
+CAN = {"protocol": "vsmd-can", "transport": "slcan", "bitrate": 1000000, "line": None}
 ALONE = {"watchdog-ms": 0, "on-client-loss": "none", "on-exit": "none"}
 
 
@@ -228,3 +230,34 @@ def test_a_file_that_nobody_wrote_is_passed_over(make_bridge):
     start_again(bridge)
     assert stops_sent(bridge, mark) == 0
     assert "understand a line of" in bridge.log_path.read_text()
+
+
+def test_a_stop_for_a_bus_that_is_down_outlives_a_kill(make_bridge):
+    """And another one, while the bus is still down."""
+    bridge = make_bridge(bus={**CAN, "baud": 3000000}, sim_bus={**CAN, "baud": None}, drive={"watchdog-ms": 0})
+    moves(bridge)
+    bridge.sim.fault("bus-off on", "line")
+    drive = bridge.drive()
+    assert try_stop(drive) == NO_PATH
+    eventually(lambda: record(bridge).exists(), what="the file")
+    for _ in range(2):
+        kill(bridge)
+        bridge.wait_online = False
+        bridge.start_bridge()
+        eventually(lambda: record(bridge).exists(), what="the file of the next run")
+    assert bridge.sim.get()["velocity"] == SPEED
+    bridge.sim.fault("bus-off off", "line")
+    eventually(lambda: bridge.sim.get()["velocity"] == 0, what="a stand")
+    eventually(lambda: not record(bridge).exists(), what="the file to go")
+
+
+def test_a_stop_for_a_bus_that_is_down_outlives_a_reload(make_bridge):
+    bridge = make_bridge(bus={**CAN, "baud": 3000000}, sim_bus={**CAN, "baud": None}, drive={"watchdog-ms": 0, "on-exit": "none"})
+    moves(bridge)
+    bridge.sim.fault("bus-off on", "line")
+    assert try_stop(bridge.drive()) == NO_PATH
+    bridge.sections["drive drive1"]["counts-per-unit"] = 7
+    bridge.reload()
+    assert bridge.sim.get()["velocity"] == SPEED
+    bridge.sim.fault("bus-off off", "line")
+    eventually(lambda: bridge.sim.get()["velocity"] == 0, what="a stand")

@@ -633,6 +633,34 @@ static void stop_of_an_offline_drive_is_queued(void **state)
 	drop(&fake);
 }
 
+/* Somebody else's stop went past it. */
+static void a_motion_that_came_before_the_stop_does_not_begin(void **state)
+{
+	const struct db_args args = { .target_velocity = 100.0f };
+	struct db_client late = { .id = 9, .address = { [15] = 9 } };
+	struct db_write_answer answer;
+
+	FAKE(false);
+	fake.now += 10 * MS;
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	late.arrived = fake.now - 1;
+	answer = db_commander_execute(fake.commander, &late, DB_CMD_MOVE_VELOCITY, &args,
+	                              (struct db_write_token){ .client = 9 }, fake.now + MS);
+	assert_false(answer.later);
+	assert_int_equal(answer.result, DB_RESULT_CANCELLED);
+	assert_int_equal(fake.submitted, 1);
+	/* What does not move is carried out, and so is what came after it. */
+	assert_true(db_commander_execute(fake.commander, &late, DB_CMD_ENABLE, &args,
+	                                 (struct db_write_token){ .client = 9 }, fake.now + MS)
+	                    .later);
+	late.arrived = fake.now;
+	assert_true(db_commander_execute(fake.commander, &late, DB_CMD_MOVE_VELOCITY, &args,
+	                                 (struct db_write_token){ .client = 9 }, fake.now + MS)
+	                    .later);
+	drop(&fake);
+}
+
 /* The drive must stand when the bus is back; until then its writer learns that it is down. */
 static void stop_is_kept_while_the_bus_is_down(void **state)
 {
@@ -2183,6 +2211,7 @@ int main(void)
 		cmocka_unit_test(offline_and_bus_down),
 		cmocka_unit_test(stop_of_an_offline_drive_is_queued),
 		cmocka_unit_test(stop_is_kept_while_the_bus_is_down),
+		cmocka_unit_test(a_motion_that_came_before_the_stop_does_not_begin),
 		cmocka_unit_test(late_confirmation_is_answered_05),
 		cmocka_unit_test(accepted_writes_do_not_wait),
 		cmocka_unit_test(old_completions_do_not_overwrite_newer_results),

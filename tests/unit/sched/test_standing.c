@@ -107,7 +107,7 @@ static void asking_again_does_not_hurry_a_drive_that_does_not_answer(void **stat
 	standing_enter(&standing, DB_CMD_QUICK_STOP, DB_STAND_CLIENT, NULL, T + 40 * MS);
 	assert_true(standing_send_at(&standing) == T + 40 * MS);
 	standing_note_sent(&standing, true, 2 * MS, T + 40 * MS);
-	standing_note_answered(&standing, DB_CMD_QUICK_STOP, true, T + 42 * MS);
+	standing_note_answered(&standing, DB_CMD_QUICK_STOP, true, true, T + 42 * MS);
 	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T + 50 * MS);
 	assert_true(standing_send_at(&standing) == T + 50 * MS);
 }
@@ -120,7 +120,7 @@ static void asking_again_counts_once_it_obeys(void **state)
 	(void)state;
 	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T);
 	standing_note_sent(&standing, true, 2 * MS, T);
-	standing_note_answered(&standing, DB_CMD_DISABLE, true, T + 2 * MS);
+	standing_note_answered(&standing, DB_CMD_DISABLE, true, true, T + 2 * MS);
 	assert_int_equal(judge(&standing, 0, false, T + 10 * MS), STANDING_OBEYS);
 	(void)standing_note_loss(&standing, true, 2, 20 * MS, T + 40 * MS);
 	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T + 50 * MS);
@@ -208,11 +208,43 @@ static void an_obedient_drive_is_left_alone(void **state)
 	struct standing standing = entered(1000, true);
 
 	(void)state;
+	standing_note_answered(&standing, DB_CMD_STOP, true, true, T + 1 * MS);
 	assert_int_equal(judge(&standing, 900, true, T + 10 * MS), STANDING_OBEYS);
 	assert_int_equal(standing_send_at(&standing), DB_TIME_NEVER);
 	/* Faster again: it was a reversal. */
 	assert_int_equal(judge(&standing, 990, true, T + 30 * MS), STANDING_UNSEEN);
 	assert_true(standing_send_at(&standing) <= T + 31 * MS);
+}
+
+/* The slow-down may be that of an older motion: the stop itself was lost. */
+static void a_stop_that_nothing_acknowledged_is_sent_until_the_drive_stands(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	standing_note_answered(&standing, DB_CMD_STOP, true, false, T + 1 * MS);
+	assert_int_equal(judge(&standing, 900, true, T + 10 * MS), STANDING_OBEYS);
+	assert_int_equal(standing_send_at(&standing), T + 100 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 90 * MS), STANDING_OBEYS);
+	assert_int_equal(standing_send_at(&standing), DB_TIME_NEVER);
+}
+
+static void an_enable_does_not_let_a_drive_run(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_WATCHDOG, NULL, T);
+	standing_note_sent(&standing, true, 0, T);
+	assert_int_equal(judge(&standing, 900, true, T + 10 * MS), STANDING_UNSEEN);
+	assert_int_equal(judge(&standing, 800, true, T + 20 * MS), STANDING_OBEYS);
+	assert_false(standing_gives_way_to(&standing, DB_CMD_ENABLE));
+	standing_note_enabled(&standing);
+	assert_int_equal(standing_next(&standing), DB_CMD_STOP);
+	assert_false(standing_is_free(&standing));
+	/* One that was seen to stand may be enabled. */
+	assert_int_equal(judge(&standing, 0, false, T + 30 * MS), STANDING_OBEYS);
+	assert_true(standing_gives_way_to(&standing, DB_CMD_ENABLE));
 }
 
 static void the_stronger_kind_wins_and_is_sent_first(void **state)
@@ -241,11 +273,11 @@ static void what_is_refused_gives_way_to_the_next_kind(void **state)
 	(void)state;
 	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T);
 	standing_note_sent(&standing, true, 0, T);
-	standing_note_answered(&standing, DB_CMD_DISABLE, false, T + 1 * MS);
+	standing_note_answered(&standing, DB_CMD_DISABLE, false, true, T + 1 * MS);
 	assert_int_equal(standing_next(&standing), DB_CMD_STOP);
 	assert_int_equal(standing_send_at(&standing), T + 21 * MS);
 	standing_note_sent(&standing, true, 0, T + 21 * MS);
-	standing_note_answered(&standing, DB_CMD_STOP, false, T + 22 * MS);
+	standing_note_answered(&standing, DB_CMD_STOP, false, true, T + 22 * MS);
 	/* Both: it goes on with the strongest. */
 	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
 }
@@ -260,7 +292,7 @@ static void a_disable_ends_when_the_power_is_known_to_be_off(void **state)
 	standing_note_sent(&standing, true, 0, T);
 	assert_int_equal(judge(&standing, 0, false, T + 10 * MS), STANDING_OBEYS);
 	assert_true(standing_send_at(&standing) < DB_TIME_NEVER);
-	standing_note_answered(&standing, DB_CMD_DISABLE, true, T + 20 * MS);
+	standing_note_answered(&standing, DB_CMD_DISABLE, true, true, T + 20 * MS);
 	assert_int_equal(judge(&standing, 0, false, T + 30 * MS), STANDING_DONE);
 }
 
@@ -313,7 +345,7 @@ static void losses_cost_the_drive_its_own_share(void **state)
 	for (unsigned i = 0; i < 10; i++)
 		assert_true(standing_note_loss(&standing, false, 2, 1 * MS, now));
 	assert_int_equal(standing_send_at(&standing), now + 200 * MS);
-	standing_note_answered(&standing, DB_CMD_STOP, true, now);
+	standing_note_answered(&standing, DB_CMD_STOP, true, true, now);
 	assert_int_equal(standing.losses, 0);
 }
 
@@ -365,6 +397,8 @@ int main(void)
 		cmocka_unit_test(moving_at_speed_0_runs_on),
 		cmocka_unit_test(time_alone_ends_in_running_on),
 		cmocka_unit_test(an_obedient_drive_is_left_alone),
+		cmocka_unit_test(a_stop_that_nothing_acknowledged_is_sent_until_the_drive_stands),
+		cmocka_unit_test(an_enable_does_not_let_a_drive_run),
 		cmocka_unit_test(the_stronger_kind_wins_and_is_sent_first),
 		cmocka_unit_test(what_is_refused_gives_way_to_the_next_kind),
 		cmocka_unit_test(a_disable_ends_when_the_power_is_known_to_be_off),
