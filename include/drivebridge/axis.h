@@ -138,11 +138,11 @@ struct db_axis_stats {
 
 /* What the drive must stand for, by what the bus knows. */
 struct db_must_stand {
-	uint16_t cause;   /* enum db_stand_cause of the latest; FREE: it need not stand */
-	uint16_t command; /* enum db_command: the strongest stop that was asked for */
-	db_time since;    /* the first one */
-	uint32_t count;   /* stops that were sent since then */
+	uint8_t cause;   /* enum db_stand_cause of the latest; FREE: it need not stand */
+	uint8_t command; /* enum db_command: the strongest stop that was asked for */
 	bool seen; /* it was read after the last one and stood; a drive that moved is read once more */
+	uint32_t count; /* stops that were sent since then */
+	db_time since;  /* the first cause */
 };
 
 struct db_snapshot {

@@ -179,6 +179,7 @@ struct db_command_state {
 
 /* Writers that may wait for one request; more are answered as pending at once. */
 #define DB_COMMANDER_WAITERS 4
+#define DB_COMMANDER_WAITERS_MASK 7
 
 /* The driver, axis and context must outlive it. 0 or -ENOMEM. */
 int db_commander_new(const struct db_commander_config *config, const struct db_commander_ops *ops,

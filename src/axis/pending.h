@@ -27,7 +27,7 @@ struct db_slot {
 	uint16_t port;
 	uint16_t id;                   /* command_id */
 	enum db_command command : 8;   /* NONE: a parameter write */
-	enum db_stand_cause cause : 8; /* of a stop */
+	enum db_stand_cause cause : 4; /* of a stop */
 	bool has_client : 1;           /* it is not the bridge's own */
 	bool overtaken : 1;            /* a stop was handed to the bus after it */
 	bool reaction : 1;             /* the stop for clients that are missed */
@@ -35,8 +35,8 @@ struct db_slot {
 	bool halts : 1;                /* a move at speed 0, whose end is to stand */
 	bool again : 1; /* a stop that is to be handed to the bus once more when it ended */
 	bool over : 1;  /* ... and has ended */
-	uint8_t delay;  /* of a program: s before it begins */
-	uint8_t waiter_count;
+	unsigned waiter_count : 3;
+	uint8_t delay; /* of a program: s before it begins */
 	struct db_waiter waiters[DB_COMMANDER_WAITERS];
 };
 

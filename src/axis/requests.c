@@ -222,7 +222,7 @@ void db_requests_expire(struct db_commander *commander, db_time now)
 	for (struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
 		struct db_slot due = { .waiter_count = 0 };
 		enum db_result result;
-		uint8_t left = 0;
+		unsigned left = 0;
 
 		for (unsigned i = 0; i < slot->waiter_count; i++) {
 			if (slot->waiters[i].deadline <= now)
@@ -230,7 +230,7 @@ void db_requests_expire(struct db_commander *commander, db_time now)
 			else
 				slot->waiters[left++] = slot->waiters[i];
 		}
-		slot->waiter_count = left;
+		slot->waiter_count = left & DB_COMMANDER_WAITERS_MASK;
 		if (due.waiter_count == 0)
 			continue;
 		/* They are told that it takes longer, or why it surely will. */

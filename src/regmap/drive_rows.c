@@ -328,7 +328,7 @@ static const struct db_row registers[] = {
 	PLATE(  69, "raw_answer#",       U16,    raw_answer,              READ ANY_U16
 	        IF(RAW_ANSWER) EACH(raw_answer_word),
 	        "Word # of that frame as it came; two bytes each with the first in the high byte"),
-	PROCESS(79, "must_stand_cause",  U16,    must_stand.cause,        READ
+	PROCESS(79, "must_stand_cause",  U16,    must_stand_cause,        READ
 	        UPTO(DB_STAND_COUNT - 1) CODES(stand_causes),
 	        "Why the drive must stand: the latest cause since it was free; while it must stand stops "
 	        "are sent again until a later reading shows that it stands"),

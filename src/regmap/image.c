@@ -86,6 +86,7 @@ static void fill_process(struct db_drive_image *image, const struct db_view_driv
 	drop_if_too_old(&image->feedback, drive, now);
 	image->stats = snapshot.stats;
 	image->must_stand = snapshot.must_stand;
+	image->must_stand_cause = snapshot.must_stand.cause;
 	image->must_stand_ms = must_stand_ms(&snapshot.must_stand, now);
 	db_commander_state(drive->commander, client, &image->state, now);
 	image->quality = quality_of(drive, feedback, now);

@@ -60,6 +60,7 @@ struct db_drive_image {
 	struct db_feedback feedback;
 	struct db_axis_stats stats;
 	struct db_must_stand must_stand;
+	uint16_t must_stand_cause;
 	uint32_t must_stand_ms;
 	uint16_t heartbeat;
 	/* Likewise, but about the client that reads. */

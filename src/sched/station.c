@@ -270,8 +270,8 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 	if (bus_up)
 		feedback->status |= DB_STATUS_BUS_UP;
 	station->snapshot.must_stand = (struct db_must_stand){
-		.cause = (uint16_t)station->standing.cause,
-		.command = (uint16_t)station->standing.kind,
+		.cause = (uint8_t)station->standing.cause,
+		.command = (uint8_t)station->standing.kind,
 		.since = station->standing.since,
 		.count = station->standing.count,
 		.seen = station->standing.still_from != 0,

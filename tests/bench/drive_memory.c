@@ -13,7 +13,7 @@
 #include <malloc.h>
 #include <stdlib.h>
 
-#define DRIVE_MAX 8192
+#define DRIVE_MAX 8704
 #define FEW 8
 #define MANY 28
 #define TEXT_MAX 16384
