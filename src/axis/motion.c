@@ -206,7 +206,13 @@ void db_motion_note_ended(struct db_commander *commander, const struct db_slot *
 	struct db_writer *writer = db_writers_find(&commander->writers,
 	                                           db_slot_client(slot, &client));
 
-	db_history_end(&commander->history, slot->entry, result, now - slot->arrived);
+	/* The drive took it, and a stop had been handed over after it. */
+	db_history_end(&commander->history, slot->entry,
+	               slot->overtaken && db_result_is_success(result) &&
+	                               db_command_is_motion(slot->command) ?
+	                       DB_RESULT_CANCELLED :
+	                       result,
+	               now - slot->arrived);
 	note_hold(commander, slot, result);
 	if (!db_command_replaces_motion(slot->command))
 		return;

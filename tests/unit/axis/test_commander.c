@@ -633,6 +633,21 @@ static void stop_of_an_offline_drive_is_queued(void **state)
 	drop(&fake);
 }
 
+/* Who waits for the end of the motion is not told that it came there. */
+static void a_motion_that_was_taken_before_the_stop_is_cancelled(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_MOVE_ABSOLUTE, 5), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(entry_of(&fake, 1).result, DB_RESULT_CANCELLED);
+	assert_int_equal(db_commander_outcome(fake.commander, entry_of(&fake, 1).sequence),
+	                 DB_RESULT_CANCELLED);
+	drop(&fake);
+}
+
 /* Somebody else's stop went past it. */
 static void a_motion_that_came_before_the_stop_does_not_begin(void **state)
 {
@@ -2212,6 +2227,7 @@ int main(void)
 		cmocka_unit_test(stop_of_an_offline_drive_is_queued),
 		cmocka_unit_test(stop_is_kept_while_the_bus_is_down),
 		cmocka_unit_test(a_motion_that_came_before_the_stop_does_not_begin),
+		cmocka_unit_test(a_motion_that_was_taken_before_the_stop_is_cancelled),
 		cmocka_unit_test(late_confirmation_is_answered_05),
 		cmocka_unit_test(accepted_writes_do_not_wait),
 		cmocka_unit_test(old_completions_do_not_overwrite_newer_results),
