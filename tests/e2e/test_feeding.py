@@ -162,3 +162,19 @@ def test_a_plc_that_goes_on_after_a_crash_is_known_by_its_baseline(make_bridge):
         assert plc.write("command_id", block(8, MOVE_VELOCITY, SPEED)) == 4
         assert trips_while(plant, lambda: plc.write("command_id", block(8, MOVE_VELOCITY, SPEED)), 4) is None
     eventually(lambda: plant.sim.get()["velocity"] == 0, what="the watchdog")
+
+
+@pytest.mark.parametrize("name", ["clear_fault", "read_parameters"])
+@pytest.mark.parametrize("again", [False, True])
+def test_a_panel_that_sets_nothing_going_feeds_nothing(plant, name, again):
+    """Its button was pressed once, or is for ever; it reads on."""
+    code = int(plant.commands[name]["code"])
+    with Other(plant) as panel:
+        panel.write("command_id", [0, code])
+
+        def act():
+            if again:
+                panel.write("command_id", [0, code])
+            panel.read("position")
+
+        assert trips_while(plant, act) is not None
