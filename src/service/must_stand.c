@@ -55,7 +55,7 @@ static void log_failure(struct service *service, const char *what, int error)
 	if (!known->failed)
 		db_log(&service->log, time_of(service), DB_EVENT_FAILED, NULL,
 		       "cannot %s %s: %s; a restart of the service forgets which drives must stand",
-		       what, known->path, strerror(error));
+		       what, known->path ? known->path : "what must stand", strerror(error));
 	known->failed = true;
 }
 
