@@ -195,7 +195,8 @@ bool standing_note_loss(struct standing *standing, bool online, unsigned retries
 	standing->losses++;
 	standing->looked = true;
 	standing->send_at = now;
-	if (standing->losses <= retries)
+	/* One that is known to be silent is not hurried: each time costs the whole wait for its answer. */
+	if (online && standing->losses <= retries)
 		return false;
 	if (!online) {
 		share = share > standing->backoff ? share : standing->backoff;
