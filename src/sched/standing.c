@@ -66,10 +66,10 @@ static bool is_seen_moving(const struct db_feedback *feedback)
 
 /* It was sent this or a stronger one, and does not answer: however often it is asked for again, it is sent at its
  * pace, or whoever asks keeps the bus from all others. */
-static bool is_sent_in_vain(const struct standing *standing, enum db_command kind)
+static bool is_unanswered(const struct standing *standing, enum db_command kind)
 {
 	return !standing->yields && !standing->obeys && standing->sent_at != 0 &&
-	       standing->losses > 0 && strongest(standing->kinds | bit(kind)) == standing->kind &&
+	       standing->losses > 0 && strongest(standing->kinds) == standing->kind &&
 	       !(kind == DB_CMD_DISABLE && standing->confirmed);
 }
 
@@ -80,21 +80,17 @@ void standing_enter(struct standing *standing, enum db_command kind, enum db_sta
 
 	if (standing_is_free(standing))
 		*standing = (struct standing){ .since = now };
-	if (is_sent_in_vain(standing, kind)) {
-		standing->kinds |= bit(kind);
-		standing->cause = cause;
-		standing->causes |= bit(cause);
-		return;
-	}
 	standing->kinds |= bit(kind);
+	standing->cause = cause;
+	standing->causes |= bit(cause);
+	if (is_unanswered(standing, kind))
+		return;
 	/* A stronger stop has the time of its own to take effect. */
 	if (strongest(standing->kinds) != standing->kind) {
 		standing->kind = strongest(standing->kinds);
 		standing->overdue = false;
 		standing->progress = 0;
 	}
-	standing->cause = cause;
-	standing->causes |= bit(cause);
 	standing->refused = 0;
 	standing->sent_at = 0;
 	standing->send_at = now;
