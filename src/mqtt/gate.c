@@ -39,6 +39,7 @@ struct db_mqtt_gate *db_mqtt_gate_open(int library, bool version_5)
 	if (gate->broker >= 0 &&
 	    socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, pair) == 0) {
 		gate->library = pair[1];
+		/* gcc's analyzer: the descriptor is the library's, which closes it. */
 		if (dup3(pair[0], library, O_CLOEXEC) == library) {
 			(void)close(pair[0]);
 			return gate;
