@@ -127,7 +127,7 @@ void db_motion_note_submitted(struct db_commander *commander, struct db_writer *
 	if (!db_command_is_stop(command))
 		return;
 	cancel_motion(commander, now);
-	/* By whomever: what is to be moved after it is to be held anew. */
+	/* Whoever sent it: a later motion needs a hold of its own. */
 	db_hold_end(&commander->hold);
 	for (struct db_slot *slot = commander->pending.first; slot; slot = slot->next) {
 		if (db_command_replaces_motion(slot->command))

@@ -127,7 +127,7 @@ db_time standing_send_at(const struct standing *standing)
 		return DB_TIME_NEVER;
 	/* Where nothing acknowledges a stop, the slow-down may be that of an older motion. */
 	if (obeyed)
-		return standing->acknowledged || standing->still_from != 0 ?
+		return standing->acknowledged || standing_is_seen(standing) ?
 		               DB_TIME_NEVER :
 		               standing->sent_at + PACE;
 	/* Saying it again must not take the time in which its effect could be read. */
@@ -234,12 +234,13 @@ bool standing_gives_way_to(const struct standing *standing, enum db_command comm
 {
 	return !standing_is_free(standing) &&
 	       (db_command_replaces_motion(command) ||
-	        (command == DB_CMD_ENABLE && standing->still_from != 0));
+	        (command == DB_CMD_ENABLE && standing_is_seen(standing)));
 }
 
 void standing_note_enabled(struct standing *standing)
 {
-	if (standing->kind != DB_CMD_DISABLE)
+	/* A disable that joined since then was not sent yet. */
+	if (standing->kind != DB_CMD_DISABLE || standing->sent_at == 0)
 		return;
 	standing->kinds = (standing->kinds & ~bit(DB_CMD_DISABLE)) | bit(DB_CMD_STOP);
 	standing->kind = strongest(standing->kinds);

@@ -78,6 +78,12 @@ static inline bool standing_is_open(const struct standing *standing)
 	return !standing_is_free(standing) && !standing->obeys;
 }
 
+/* It was read after the stop and stood; a position that goes on changing is no stand. */
+static inline bool standing_is_seen(const struct standing *standing)
+{
+	return standing->obeys && standing->still_from != 0;
+}
+
 /* A cause joins. `known`: a fresh sample, or null when there is none. */
 void standing_enter(struct standing *standing, enum db_command kind, enum db_stand_cause cause,
                     const struct db_feedback *known, db_time now);

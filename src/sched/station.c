@@ -274,7 +274,7 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 		.command = (uint8_t)station->standing.kind,
 		.since = station->standing.since,
 		.count = station->standing.count,
-		.seen = station->standing.still_from != 0,
+		.seen = standing_is_seen(&station->standing),
 	};
 	/* A drive that came back is online for others with its first status, not with old data. */
 	online = station->node->online && feedback->state != DB_AXIS_OFFLINE;
@@ -433,7 +433,8 @@ static void note_motion_ended(struct station *station, enum db_result result, db
 
 	if (standing_gives_way_to(&station->standing, command))
 		standing_note_motion(&station->standing, db_result_is_success(result), now);
-	else if (command == DB_CMD_ENABLE && db_result_is_success(result))
+	else if (command == DB_CMD_ENABLE && db_result_is_success(result) &&
+	         !station->command_cancelled)
 		standing_note_enabled(&station->standing);
 	if (result == DB_RESULT_FAILED && lane->sent && db_command_is_motion(command))
 		standing_enter(&station->standing, DB_CMD_STOP, DB_STAND_MOTION, NULL, now);

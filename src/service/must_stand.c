@@ -18,14 +18,16 @@
 #define PLACE_MAX 256
 #define LINE_MAX_LENGTH (PLACE_MAX + 2 * WORD_MAX)
 
+/* The number of no drive: the entry is of another run, or there is none at its place. */
+#define NO_DRIVE UINT16_MAX
+
 /* A drive that must stand, by its place, which is the same whatever a configuration calls it. */
 struct entry {
 	char place[PLACE_MAX]; /* the bus's device or interface */
 	unsigned address;
 	unsigned axis;
 	enum db_command command;
-	uint16_t
-		number; /* of the drive in this run; 0: it is of another run, or there is none at this place */
+	uint16_t number; /* of the drive in this run */
 };
 
 struct must_stand {
@@ -113,7 +115,7 @@ static bool parse_line(char *line, struct entry *entry)
 	char command[WORD_MAX];
 	int end = 0;
 
-	*entry = (struct entry){ .command = DB_CMD_NONE };
+	*entry = (struct entry){ .command = DB_CMD_NONE, .number = NO_DRIVE };
 	line[strcspn(line, "\n")] = '\0';
 	if (sscanf(line, "%u %u %63s %n", &entry->address, &entry->axis, command, &end) != 3 ||
 	    line[end] == '\0')
@@ -266,7 +268,7 @@ void must_stand_look(struct service *service)
 	/* What was taken out may be put in again. */
 	for (size_t i = 0; i < known->count; i++) {
 		entry = known->entries[i];
-		entry.number = 0;
+		entry.number = NO_DRIVE;
 		if (!has_drive_at(plant, &entry))
 			error |= add_entry(&entries, &count, &entry);
 	}
@@ -296,12 +298,17 @@ static int on_due(sd_event_source *source, uint64_t us, void *context)
 
 void must_stand_look_soon(struct service *service)
 {
+	const struct must_stand *known = service->must_stand;
 	int armed = SD_EVENT_OFF;
+	uint64_t due = 0;
 
-	if (!service->must_stand || !service->must_stand->timer)
+	if (!known || !known->timer)
 		return;
-	sd_event_source_get_enabled(service->must_stand->timer, &armed);
-	if (armed == SD_EVENT_OFF)
+	sd_event_source_get_enabled(known->timer, &armed);
+	sd_event_source_get_time(known->timer, &due);
+	/* The look at those that stand already may be further away. */
+	if (armed == SD_EVENT_OFF ||
+	    due > (uint64_t)(time_of(service) / DB_NS_PER_US) + LOOK_AFTER_US)
 		look_in(service, LOOK_AFTER_US);
 }
 

@@ -153,6 +153,7 @@ static void a_position_that_changes_is_motion(void **state)
 		feedback.position = (int32_t)i * 100;
 		verdict = standing_judge(&standing, &rules, &feedback, now, now);
 	}
+	assert_false(standing_is_seen(&standing));
 	assert_int_equal(verdict, STANDING_RUNS_ON);
 	assert_false(standing_is_free(&standing));
 }
@@ -242,6 +243,11 @@ static void an_enable_does_not_let_a_drive_run(void **state)
 	standing_note_enabled(&standing);
 	assert_int_equal(standing_next(&standing), DB_CMD_STOP);
 	assert_false(standing_is_free(&standing));
+	/* A disable that came while the enable was under way is not undone by it. */
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T + 25 * MS);
+	standing_note_enabled(&standing);
+	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
+	standing_note_sent(&standing, true, 0, T + 26 * MS);
 	/* One that was seen to stand may be enabled. */
 	assert_int_equal(judge(&standing, 0, false, T + 30 * MS), STANDING_OBEYS);
 	assert_true(standing_gives_way_to(&standing, DB_CMD_ENABLE));

@@ -238,6 +238,26 @@ static void a_disable_does_not_wait_for_a_stop_without_effect(void **state)
 	close_world(world);
 }
 
+/* The drive answers the enable after the disable has joined. */
+static void a_disable_is_not_undone_by_the_enable_on_the_wire(void **state)
+{
+	struct world *world = open_world(true);
+
+	(void)state;
+	world->answer_time = 20 * MS;
+	fake_pass(world->bus, 100 * MS);
+	fake_post(world->bus, 0, DB_CMD_ENABLE);
+	while (fake_count(world->bus, 1, FAKE_COMMAND) == 0)
+		fake_pass(world->bus, MS / 2);
+	fake_post(world->bus, 0, DB_CMD_DISABLE);
+	fake_pass(world->bus, 300 * MS);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_DISABLE), 1);
+	assert_false(world->sim[0].powered);
+	assert_true(fake_result(world->bus) != DB_RESULT_NONE);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	close_world(world);
+}
+
 static void a_long_deceleration_is_no_failure(void **state)
 {
 	struct world *world = moving(true);
@@ -523,6 +543,7 @@ int main(void)
 		cmocka_unit_test(a_drive_that_runs_on_is_told_of_and_told_on),
 		cmocka_unit_test(the_last_resort_is_taken_where_it_is_configured),
 		cmocka_unit_test(a_disable_does_not_wait_for_a_stop_without_effect),
+		cmocka_unit_test(a_disable_is_not_undone_by_the_enable_on_the_wire),
 		cmocka_unit_test(a_long_deceleration_is_no_failure),
 		cmocka_unit_test(a_slow_drive_is_read_between_two_stops),
 		cmocka_unit_test(a_reversal_is_no_stop),
