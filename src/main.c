@@ -9,21 +9,22 @@
 #include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <sysexits.h>
 
 #define PACKAGED_CONFIG "/etc/drivebridge/drivebridge.conf"
 
 struct options {
 	const char *config;
 	bool check;
+	bool no_last_good;
 };
 
 static void usage(FILE *out)
 {
-	fputs("usage: drivebridged [--config FILE] [--check]\n"
+	fputs("usage: drivebridged [--config FILE] [--check] [--no-last-good]\n"
 	      "  --config FILE  run in the foreground with this configuration;\n"
 	      "                 " PACKAGED_CONFIG " when not given\n"
 	      "  --check        read the file, say what would run or what is wrong, and end\n"
+	      "  --no-last-good end when the file is wrong, instead of running with the last good one\n"
 	      "  --version      print the version\n"
 	      "  --help         print this\n",
 	      out);
@@ -33,11 +34,9 @@ static void usage(FILE *out)
 static int read_options(int argc, char **argv, struct options *options)
 {
 	static const struct option known[] = {
-		{ "config", required_argument, NULL, 'c' },
-		{ "check", no_argument, NULL, 'k' },
-		{ "version", no_argument, NULL, 'v' },
-		{ "help", no_argument, NULL, 'h' },
-		{ NULL, 0, NULL, 0 },
+		{ "config", required_argument, NULL, 'c' }, { "check", no_argument, NULL, 'k' },
+		{ "no-last-good", no_argument, NULL, 'n' }, { "version", no_argument, NULL, 'v' },
+		{ "help", no_argument, NULL, 'h' },         { NULL, 0, NULL, 0 },
 	};
 	int option;
 
@@ -48,6 +47,9 @@ static int read_options(int argc, char **argv, struct options *options)
 			break;
 		case 'k':
 			options->check = true;
+			break;
+		case 'n':
+			options->no_last_good = true;
 			break;
 		case 'v':
 			puts("drivebridged " DB_VERSION);
@@ -67,23 +69,27 @@ static int read_options(int argc, char **argv, struct options *options)
 	return -1;
 }
 
-int main(int argc, char **argv)
+static int check(const char *path)
 {
-	struct options options = { .config = PACKAGED_CONFIG };
 	struct db_config *config = NULL;
-	int status = read_options(argc, argv, &options);
 
-	if (status >= 0)
-		return status;
-	/* For systemd a status of its own: starting again would not help. */
-	if (db_config_load(options.config, stderr, &config) != 0)
-		return options.check ? EXIT_FAILURE : EX_CONFIG;
-	if (!options.check)
-		return db_service_run(config, options.config);
+	if (db_config_load(path, stderr, &config) != 0)
+		return EXIT_FAILURE;
 	db_config_describe(config, stdout);
 	db_config_probe(config, stdout, stderr);
 	puts("every value, as a file would say it");
 	db_config_write(config, stdout);
 	db_config_free(config);
 	return EXIT_SUCCESS;
+}
+
+int main(int argc, char **argv)
+{
+	struct options options = { .config = PACKAGED_CONFIG };
+	int status = read_options(argc, argv, &options);
+
+	if (status >= 0)
+		return status;
+	return options.check ? check(options.config) :
+	                       db_service_run(options.config, !options.no_last_good);
 }

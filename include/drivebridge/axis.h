@@ -91,6 +91,13 @@ enum db_measure {
 };
 
 /* One moment of a drive, as its driver understood it. */
+/* Why the position may be counted from elsewhere than before, until that is confirmed or refuted. */
+enum db_doubt {
+	DB_DOUBT_NONE,
+	DB_DOUBT_SILENT, /* it did not answer for a while */
+	DB_DOUBT_SIGN,   /* its status has one sign of a restart */
+};
+
 struct db_feedback {
 	db_time taken;          /* when the answer was complete; 0 = never */
 	uint64_t taken_wall_us; /* the same in microseconds since 1970 */
@@ -117,6 +124,11 @@ struct db_feedback {
 	uint16_t error;  /* enum db_error, drive's part */
 	uint16_t state;  /* enum db_axis_state */
 	uint32_t status; /* enum db_status_bit */
+	/* Since the bridge started: times that the drive was found to have been without power, and times that only
+	 * one sign of that came. */
+	uint32_t restarts;
+	uint32_t doubts;
+	uint8_t doubt; /* enum db_doubt: of the last of these */
 };
 
 /* Counters since the bridge started; round trips in microseconds from first byte out to last byte
@@ -128,6 +140,7 @@ struct db_axis_stats {
 	uint32_t retries;
 	uint32_t bad_frames;
 	uint32_t refusals;
+	uint32_t doubled_answers; /* second answers to one question, with another content */
 	uint32_t came_online;
 	uint32_t samples; /* of its process data: times that feedback.taken changed */
 	uint32_t round_trip_us;
@@ -145,10 +158,20 @@ struct db_must_stand {
 	db_time since;  /* the first cause */
 };
 
+/* What the bus knows to be wrong with it: a part of what drivebridge/trouble.h judges. */
+struct db_trouble {
+	uint16_t cause; /* enum db_trouble_cause */
+	uint16_t
+		late_ms; /* how late its last answer was that came after it was given up; 0: none was */
+	db_time since;
+	db_time uncertain_until; /* two drives answer in its place: nobody knows whose data these are */
+};
+
 struct db_snapshot {
 	struct db_feedback feedback;
 	struct db_axis_stats stats;
 	struct db_must_stand must_stand;
+	struct db_trouble trouble;
 };
 
 #define DB_PARAMS_MAX 64

@@ -24,9 +24,11 @@ struct db_bus_drive {
 
 struct db_bus_stats {
 	bool up;             /* the port is open */
+	bool aside;          /* it is not up because a scan has the bus alone */
 	uint32_t last_error; /* errno of the last failed open or lost port, 0 = none */
-	uint32_t period_us;  /* configured cycle */
-	uint32_t cycle_us;   /* time the last cycle's polling took */
+	db_time down_since; /* when it went, or was first missed; of a bus that is up the last time */
+	uint32_t period_us; /* configured cycle */
+	uint32_t cycle_us;  /* time the last cycle's polling took */
 	uint32_t cycle_max_us;
 	uint32_t jitter_us; /* lateness of the last cycle's start */
 	uint32_t jitter_max_us;

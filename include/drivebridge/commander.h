@@ -160,6 +160,7 @@ struct db_command_state {
 	uint16_t active_command; /* oldest command pending, 0 = none */
 	bool busy;               /* a command or parameter write is pending */
 	bool latched;            /* the watchdog tripped; motion is refused until clear_fault */
+	db_time latched_since;   /* while it is */
 	uint32_t watchdog_ms;
 	uint32_t watchdog_remaining_ms; /* 0 while nothing moves it */
 	uint32_t watchdog_trips;

@@ -178,6 +178,22 @@ int db_config_load(const char *path, FILE *errors, struct db_config **config);
 void db_config_free(struct db_config *config);
 
 /*
+ * As db_config_load(); *copy is all that was read as one text, for a file that db_config_load_copy() reads. To be freed;
+ * null when there is no memory for it. `copy` may be null.
+ */
+int db_config_load_with_copy(const char *path, FILE *errors, struct db_config **config,
+                             char **copy);
+
+/* The configuration that was at `path` when the file `copy` was written. What is said of it names the files that it was
+ * made of, and their lines. Refuses a damaged copy, and one of another path. */
+int db_config_load_copy(const char *copy, const char *path, FILE *errors,
+                        struct db_config **config);
+
+/* Another number when a file of the configuration at `path` was written, or came, went or may be read by others than
+ * before; it opens none of them. */
+uint64_t db_config_signature(const char *path);
+
+/*
  * Whether `next`, read from the same files later, looks like something that was cut off on its way to the
  * disk: it has no bus any more, no drive any more and does not end with `end`, or a file that ended with
  * `end` does not. Then *why is a message to be freed, or null when out of memory.
@@ -197,6 +213,9 @@ bool db_config_same_control(const struct db_config *a, const struct db_config *b
 bool db_config_same_bus(const struct db_bus_config *a, const struct db_bus_config *b);
 bool db_config_same_drive(const struct db_config *config_a, const struct db_drive_config *a,
                           const struct db_config *config_b, const struct db_drive_config *b);
+
+/* Whether both say the same in everything, parts in the same order. */
+bool db_config_same(const struct db_config *a, const struct db_config *b);
 
 /* What --check prints: every bus and drive with its settings and the computed times. */
 void db_config_describe(const struct db_config *config, FILE *out);

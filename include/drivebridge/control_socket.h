@@ -9,6 +9,7 @@
 
 #include "drivebridge/client.h"
 #include "drivebridge/config.h"
+#include "drivebridge/configuration.h"
 #include "drivebridge/log.h"
 
 #include <stdbool.h>
@@ -28,6 +29,8 @@ struct db_control_socket_ops {
 	/* Asks for a reload, which db_control_socket_reloaded() ends, perhaps at once. False: one is under way
 	 * already, and another one follows it. */
 	bool (*reload)(void *context);
+	/* What runs beside what the files say. */
+	struct db_configuration_report (*configuration)(void *context);
 	void (*server_stats)(void *context, struct db_server_stats *stats);
 	/* As those of a bus in scan.h, which is named; -ENODEV: there is no such bus. */
 	int (*scan)(void *context, const char *bus, const struct db_scan_plan *plan,

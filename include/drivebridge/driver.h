@@ -260,6 +260,10 @@ struct db_driver {
 	enum db_frame (*accept)(const struct db_bus_config *bus, const uint8_t *frame,
 	                        size_t length, int *address);
 
+	/* Pure. Which part of a drive's process data a good frame tells, so that a second one about the same can be told
+	 * from another; 0: none, or drives of this bus may send it unasked. May be null: always 0. */
+	uint32_t (*part)(const struct db_bus_config *bus, const uint8_t *frame, size_t length);
+
 	/* Pure, any thread: any frame of this bus in words, one that was sent or one that was received. Its text is
 	 * empty when the family does not know it. */
 	void (*describe)(const struct db_bus_config *bus, bool sent, const uint8_t *frame,

@@ -14,6 +14,7 @@
 #include "drivebridge/time.h"
 
 #include <stdbool.h>
+#include <stdint.h>
 
 /* Values are syslog's. */
 enum db_log_level {
@@ -32,6 +33,9 @@ enum db_event {
 	DB_EVENT_RELOAD,
 	DB_EVENT_RELOAD_FAILED,
 	DB_EVENT_CONFIG_WRONG,
+	DB_EVENT_CONFIG_CHANGED,   /* on disk, and it is right */
+	DB_EVENT_CONFIG_LAST_GOOD, /* the start found wrong files */
+	DB_EVENT_CONFIG_UNKEPT,    /* a copy could not be written */
 	DB_EVENT_MEMORY_UNLOCKED,
 	DB_EVENT_THREAD_HANGS,
 	DB_EVENT_LOG_LOST,
@@ -67,6 +71,8 @@ enum db_event {
 	DB_EVENT_COMMAND_REFUSED,
 	DB_EVENT_RAW_FRAME,  /* a client's own frame, and what answered it */
 	DB_EVENT_DRIVE_DEAF, /* it does not hear what follows its answers within turnaround-us */
+	DB_EVENT_DRIVE_MAY_HAVE_RESTARTED, /* one sign of a restart came, and nothing that confirms or refutes it */
+	DB_EVENT_DRIVE_DOUBLED, /* two drives answer at its address */
 	DB_EVENT_COUNT
 };
 
@@ -120,6 +126,13 @@ struct db_log_line {
 /* The line of this number, or the first one behind it that is kept. False: there is none (yet). Any thread;
  * does not wait for who writes or reads the log. */
 bool db_log_recent(struct db_log *log, uint64_t from, struct db_log_line *line);
+
+#define DB_EVENT_BIT(event) (UINT64_C(1) << (event))
+
+/* The latest line of one of these events (DB_EVENT_BIT() each) about a drive, or where that is null about a bus alone, at
+ * or after a moment in microseconds since 1970-01-01 UTC. False: none is kept. As db_log_recent(). */
+bool db_log_latest(struct db_log *log, uint64_t events, const char *bus, const char *drive,
+                   uint64_t since_us, struct db_log_line *line);
 
 /* For the documents and the configuration. */
 const char *db_event_name(enum db_event event); /* "drive-lost" ... */

@@ -12,6 +12,7 @@
 #include "drivebridge/command.h"
 #include "drivebridge/commander.h"
 #include "drivebridge/config.h"
+#include "drivebridge/configuration.h"
 #include "drivebridge/server.h"
 
 struct db_registers;
@@ -52,6 +53,8 @@ struct db_registers_ops {
 	void (*server_stats)(void *context, struct db_server_stats *stats);
 	/* The clients connected longest, at most `max`; how many. Null: clients are not shown. */
 	size_t (*server_clients)(void *context, struct db_server_client *clients, size_t max);
+	/* What runs beside what the files say. Null: it is in force. */
+	struct db_configuration_report (*configuration)(void *context);
 	/* What an address is called. Null: db_client_address(). */
 	void (*client_words)(void *context, const uint8_t address[16],
 	                     struct db_client_words *words);

@@ -674,6 +674,7 @@ void db_commander_state(struct db_commander *commander, const struct db_client *
 		.active_command = DB_CMD_NONE,
 		.busy = commander->pending.first != NULL,
 		.latched = watchdog->latched,
+		.latched_since = watchdog->latched_at,
 		.watchdog_ms = watchdog->timeout_ms,
 		.watchdog_remaining_ms = db_watchdog_remaining_ms(watchdog, now),
 		.watchdog_trips = watchdog->trips,

@@ -133,6 +133,7 @@ bool db_watchdog_trip(struct db_watchdog *watchdog, db_time now)
 		return false;
 	watchdog->armed = false;
 	watchdog->latched = true;
+	watchdog->latched_at = now;
 	watchdog->trips++;
 	return true;
 }

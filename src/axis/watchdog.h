@@ -39,6 +39,7 @@ struct db_watchdog {
 	enum db_watchdog_feed feed;
 	bool armed;
 	bool latched;
+	db_time latched_at;
 	bool was_commanded_by_plc; /* since it was armed; likewise the next */
 	bool session_has_left;
 	db_time fed;

@@ -2,10 +2,13 @@
 #include "config/files.h"
 #include "reader/file.h"
 
+#include "drivebridge/config.h"
+
 #include <dirent.h>
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #define FOLDER "conf.d"
 #define SUFFIX ".conf"
@@ -105,4 +108,56 @@ int db_files_read(const char *path, FILE *errors, struct db_source **sources, si
 	good = read_source(path, errors, *sources);
 	good = read_folder(path, errors, sources, count) && good;
 	return good ? 0 : -1;
+}
+
+/* --- whether they are others than before -------------------------------------------------------------- */
+
+/* FNV-1a */
+static void add_bytes(uint64_t *sum, const void *bytes, size_t length)
+{
+	const unsigned char *at = bytes;
+
+	for (size_t i = 0; i < length; i++)
+		*sum = (*sum ^ at[i]) * UINT64_C(1099511628211);
+}
+
+/* The time of the last change of content, name, owner or mode says it all, but for another file under this name. */
+static void add_file(uint64_t *sum, const char *path)
+{
+	struct stat about = { 0 };
+	int error = stat(path, &about) == 0 ? 0 : errno;
+
+	add_bytes(sum, &error, sizeof error);
+	add_bytes(sum, &about.st_dev, sizeof about.st_dev);
+	add_bytes(sum, &about.st_ino, sizeof about.st_ino);
+	add_bytes(sum, &about.st_size, sizeof about.st_size);
+	add_bytes(sum, &about.st_ctim.tv_sec, sizeof about.st_ctim.tv_sec);
+	add_bytes(sum, &about.st_ctim.tv_nsec, sizeof about.st_ctim.tv_nsec);
+	add_bytes(sum, &about.st_mtim.tv_sec, sizeof about.st_mtim.tv_sec);
+	add_bytes(sum, &about.st_mtim.tv_nsec, sizeof about.st_mtim.tv_nsec);
+}
+
+uint64_t db_config_signature(const char *path)
+{
+	uint64_t sum = UINT64_C(14695981039346656037);
+	char *folder = folder_beside(path);
+	struct dirent **entries = NULL;
+	int found = folder ? scandir(folder, &entries, is_ours, by_name) : 0;
+	int error = found < 0 ? errno : 0;
+
+	add_file(&sum, path);
+	add_bytes(&sum, &error, sizeof error);
+	for (int i = 0; i < found; i++) {
+		char *entry;
+
+		add_bytes(&sum, entries[i]->d_name, strlen(entries[i]->d_name) + 1);
+		if (asprintf(&entry, "%s/%s", folder, entries[i]->d_name) >= 0) {
+			add_file(&sum, entry);
+			free(entry);
+		}
+		free(entries[i]);
+	}
+	free(entries);
+	free(folder);
+	return sum;
 }

@@ -2,6 +2,7 @@
 #include "config/load.h"
 
 #include "config/check.h"
+#include "config/copy.h"
 #include "config/files.h"
 #include "config/names.h"
 #include "config/sections.h"
@@ -103,21 +104,38 @@ int db_load_text(const char *text, const char *file, FILE *errors, struct db_con
 	return db_load_text_with(&db_load_built_in, text, file, errors, config);
 }
 
-int db_config_load(const char *path, FILE *errors, struct db_config **config)
+int db_load_sources(struct db_source *sources, size_t count, FILE *errors,
+                    struct db_config **config)
+{
+	return load_sources(&db_load_built_in, sources, count, errors, config);
+}
+
+int db_config_load_with_copy(const char *path, FILE *errors, struct db_config **config, char **copy)
 {
 	struct db_source *sources;
 	size_t count;
+	char *made;
 
 	if (db_files_read(path, errors, &sources, &count) != 0) {
 		db_sources_free(sources, count);
 		return -1;
 	}
-	if (load_sources(&db_load_built_in, sources, count, errors, config) != 0)
+	made = copy ? db_copy_write(sources, count) : NULL;
+	if (load_sources(&db_load_built_in, sources, count, errors, config) != 0) {
+		free(made);
 		return -1;
+	}
+	if (copy)
+		*copy = made;
 	/* The texts and what was read of them lie below what stays: once memory is locked they
 	 * would stay, too. */
 	malloc_trim(0);
 	return 0;
+}
+
+int db_config_load(const char *path, FILE *errors, struct db_config **config)
+{
+	return db_config_load_with_copy(path, errors, config, NULL);
 }
 
 void db_config_free(struct db_config *config)

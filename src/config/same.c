@@ -148,3 +148,19 @@ bool db_config_same_drive(const struct db_config *config_a, const struct db_driv
 	       bus_a->driver == bus_b->driver &&
 	       same_options(a->options, b->options, bus_a->driver->option_count);
 }
+
+bool db_config_same(const struct db_config *a, const struct db_config *b)
+{
+	if (a->bus_count != b->bus_count || a->drive_count != b->drive_count ||
+	    !db_config_same_modbus(a, b) || !db_config_same_control(a, b))
+		return false;
+	for (size_t i = 0; i < a->bus_count; i++) {
+		if (!db_config_same_bus(&a->buses[i], &b->buses[i]))
+			return false;
+	}
+	for (size_t i = 0; i < a->drive_count; i++) {
+		if (!db_config_same_drive(a, &a->drives[i], b, &b->drives[i]))
+			return false;
+	}
+	return true;
+}

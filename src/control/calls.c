@@ -11,6 +11,7 @@
 #include "control/stops.h"
 #include "control/streams.h"
 #include "control/traces.h"
+#include "control/troubles.h"
 #include "drivebridge/version.h"
 
 #include <string.h>
@@ -88,6 +89,7 @@ static const struct method {
 	{ CONTROL ".Stop", db_stops_call, " drives command wait_ms ", false },
 	{ CONTROL ".Subscribe", db_streams_subscribe, " drives names interval_ms changes ", true },
 	{ CONTROL ".Events", db_streams_events, " ", false },
+	{ CONTROL ".Troubles", db_troubles_call, " drives ", false },
 	{ CONTROL ".Trace", db_traces_follow, " bus kept past ", true },
 	{ CONTROL ".Traces", db_traces_list, " ", false },
 	{ CONTROL ".Figures", db_look_figures, " ", false },

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "control/look.h"
 
+#include "control/message.h"
 #include "control/state.h"
 #include "control/values.h"
 #include "drivebridge/command_table.h"
@@ -60,12 +61,27 @@ static json_t *describe_drive(const struct db_named_drive *drive)
 	                 "unit_name", drive->unit);
 }
 
+/* What runs beside what the files say. */
+static void describe_configuration(struct db_control_socket *control, json_t *description)
+{
+	static const char *const names[DB_CONFIGURATION_STATES] = DB_CONFIGURATION_NAMES;
+	struct db_configuration_report report = control->setup.ops->configuration(
+		control->setup.context);
+
+	json_object_set_new(description, "configuration_state", json_string(names[report.state]));
+	json_object_set_new(description, "configuration_since_us",
+	                    json_integer((json_int_t)report.since_us));
+	json_object_set_new(description, "configuration_messages",
+	                    db_message_lines(report.messages));
+}
+
 void db_look_describe(const struct db_call *call)
 {
 	struct db_control_socket *control = call->session->control;
 	struct db_registers *registers = control->setup.registers;
 	json_t *buses = json_array();
 	json_t *drives = json_array();
+	json_t *description;
 
 	for (size_t i = 0; db_named_bus(registers, i); i++)
 		json_array_append_new(buses, describe_bus(registers, i));
@@ -75,13 +91,12 @@ void db_look_describe(const struct db_call *call)
 		if (db_named_drive_at(registers, i, &drive))
 			json_array_append_new(drives, describe_drive(&drive));
 	}
-	db_session_reply(call->session,
-	                 json_pack("{s:s, s:s, s:I, s:b, s:o, s:o}", "version", DB_VERSION,
-	                           "configuration", control->setup.configuration, "started_us",
-	                           (json_int_t)control->started_us, "may_act",
-	                           call->session->client.may_write, "buses", buses, "drives",
-	                           drives),
-	                 false);
+	description = json_pack("{s:s, s:s, s:I, s:b, s:o, s:o}", "version", DB_VERSION,
+	                        "configuration", control->setup.configuration, "started_us",
+	                        (json_int_t)control->started_us, "may_act",
+	                        call->session->client.may_write, "buses", buses, "drives", drives);
+	describe_configuration(control, description);
+	db_session_reply(call->session, description, false);
 }
 
 /* Null, and the call is answered, when there is no memory for the names. */

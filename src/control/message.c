@@ -56,6 +56,20 @@ char *db_message_text(json_t *value)
 	return text;
 }
 
+json_t *db_message_lines(const char *lines)
+{
+	json_t *texts = json_array();
+
+	while (*lines) {
+		size_t length = strcspn(lines, "\n");
+		json_t *text = json_stringn(lines, length);
+
+		json_array_append_new(texts, text ? text : json_string("?"));
+		lines += length + (lines[length] == '\n');
+	}
+	return texts;
+}
+
 char *db_message_answer(const char *error, json_t *parameters, bool continues, size_t *length)
 {
 	json_t *root = json_object();

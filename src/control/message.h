@@ -25,6 +25,9 @@ void db_message_clear(struct db_message *message);
 /* JSON as all answers have it; to be freed, null when out of memory. Takes the value over. */
 char *db_message_text(json_t *value);
 
+/* Lines as an array of texts; one that is no UTF-8 becomes "?". */
+json_t *db_message_lines(const char *lines);
+
 /* The text of an answer, with its end; to be freed, null when out of memory. Takes the parameters over.
  * `error`: null for none. */
 char *db_message_answer(const char *error, json_t *parameters, bool continues, size_t *length);

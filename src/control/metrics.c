@@ -266,6 +266,10 @@ static void put_all(FILE *out, struct db_session *session, struct subject *drive
 	fprintf(out, "drivebridge_build_info{version=\"%s\"} 1\n", DB_VERSION);
 	put_one(out, "drivebridge_start_time_seconds", "gauge",
 	        "When it started, since 1970 in UTC.", (double)control->started_us / 1e6);
+	put_one(out, "drivebridge_configuration_state", "gauge",
+	        "Whether the configuration on disk is what runs: 0 it is, 1 it was refused, 2 it had an "
+	        "error and the last good one runs, 3 it has changed and is not loaded.",
+	        control->setup.ops->configuration(control->setup.context).state);
 	put_up(out, registers);
 	count = read_drives(session, drives);
 	put_samples(out, of_drives, COUNT_OF(of_drives), drives, count);

@@ -25,6 +25,7 @@ enum db_session_wait {
 	DB_WAITS_FOR_VALUES,    /* the client to end its Subscribe */
 	DB_WAITS_FOR_EVENTS,
 	DB_WAITS_FOR_TRACE,
+	DB_WAITS_FOR_TROUBLES,
 	DB_WAITS_FOR_RELOAD,
 	DB_WAITS_FOR_SCAN,
 };

@@ -11,6 +11,7 @@
 #include "control/stops.h"
 #include "control/streams.h"
 #include "control/traces.h"
+#include "control/troubles.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -42,7 +43,8 @@ static struct db_session *find(const struct db_control_socket *control, uint32_t
 static bool is_stream(const struct db_session *session)
 {
 	return session->wait == DB_WAITS_FOR_REGISTERS || session->wait == DB_WAITS_FOR_VALUES ||
-	       session->wait == DB_WAITS_FOR_EVENTS || session->wait == DB_WAITS_FOR_TRACE;
+	       session->wait == DB_WAITS_FOR_EVENTS || session->wait == DB_WAITS_FOR_TRACE ||
+	       session->wait == DB_WAITS_FOR_TROUBLES;
 }
 
 /* When it is to be looked at again, DB_TIME_NEVER. */
@@ -504,6 +506,8 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 			db_look_describe_more(stream, now);
 		else if (stream->wait == DB_WAITS_FOR_TRACE)
 			db_traces_look(stream, now);
+		else if (stream->wait == DB_WAITS_FOR_TROUBLES)
+			db_troubles_look(stream, now);
 		else
 			db_streams_look(stream, now);
 		control->rest_until = now + (1 + STREAMS_REST) * (read_clock() - begun);

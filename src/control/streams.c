@@ -3,6 +3,7 @@
 
 #include "control/held.h"
 #include "control/look.h"
+#include "control/message.h"
 #include "control/state.h"
 #include "control/values.h"
 
@@ -332,7 +333,7 @@ static void set_if_any(json_t *event, const char *key, const char *text)
 		json_object_set_new(event, key, db_values_text(text));
 }
 
-static json_t *describe_event(const struct db_log_line *line)
+json_t *db_streams_event(const struct db_log_line *line)
 {
 	json_t *text = json_string(line->text);
 	json_t *event = json_pack(
@@ -359,7 +360,7 @@ static void send_events(struct db_session *session, size_t most)
 		if (session->next_event > 0)
 			skipped += line.number - session->next_event;
 		session->next_event = line.number + 1;
-		json_array_append_new(events, describe_event(&line));
+		json_array_append_new(events, db_streams_event(&line));
 	}
 	session->control->stats.skipped += skipped;
 	db_session_reply(session,
@@ -417,17 +418,9 @@ void db_streams_reload(const struct db_call *call)
 
 void db_streams_reloaded(struct db_session *session, const char *errors)
 {
-	json_t *messages;
-
 	if (session->wait != DB_WAITS_FOR_RELOAD || --session->reloads > 0)
 		return;
-	messages = json_array();
-	while (errors && *errors) {
-		size_t length = strcspn(errors, "\n");
-		json_t *text = json_stringn(errors, length);
-
-		json_array_append_new(messages, text ? text : json_string("?"));
-		errors += length + (errors[length] == '\n');
-	}
-	db_session_reply(session, json_pack("{s:o}", "messages", messages), false);
+	db_session_reply(session,
+	                 json_pack("{s:o}", "messages", db_message_lines(errors ? errors : "")),
+	                 false);
 }

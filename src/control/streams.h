@@ -9,6 +9,9 @@ void db_streams_subscribe(const struct db_call *call);
 void db_streams_events(const struct db_call *call);
 void db_streams_reload(const struct db_call *call);
 
+/* An event as the definition has it. */
+json_t *db_streams_event(const struct db_log_line *line);
+
 /* It is due (DB_WAITS_FOR_VALUES, _EVENTS). */
 void db_streams_look(struct db_session *session, db_time now);
 

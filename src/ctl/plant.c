@@ -163,6 +163,35 @@ void db_ctl_judge_bus(const json_t *bus, struct db_ctl_judgement *judgement)
 	               db_ctl_text(bus, "device"));
 }
 
+void db_ctl_judge_configuration(const json_t *description, struct db_ctl_judgement *judgement)
+{
+	static const struct {
+		const char *state;
+		enum db_ctl_need need;
+		const char *why;
+		const char *next;
+	} states[] = {
+		{ "refused", DB_CTL_ACT, "the one on disk is refused",
+		  "what runs goes on, but a restart would not run it; correct the file, then "
+		  "drivebridgectl reload" },
+		{ "last_good", DB_CTL_ACT,
+		  "THE LAST GOOD ONE RUNS, because the one on disk has an error",
+		  "correct the file, then drivebridgectl reload" },
+		{ "changed", DB_CTL_HINT, "the one on disk has changed",
+		  "it is right and not loaded yet: drivebridgectl reload" },
+	};
+	const char *state = db_ctl_text(description, "configuration_state");
+
+	*judgement = (struct db_ctl_judgement){ .need = DB_CTL_FINE };
+	for (size_t i = 0; i < sizeof(states) / sizeof(states[0]); i++) {
+		if (strcmp(state, states[i].state) != 0)
+			continue;
+		judgement->need = states[i].need;
+		(void)snprintf(judgement->why, sizeof(judgement->why), "%s", states[i].why);
+		(void)snprintf(judgement->next, sizeof(judgement->next), "%s", states[i].next);
+	}
+}
+
 void db_ctl_add_heads(struct db_ctl_grid *grid)
 {
 	static const char *const heads[] = { "DRIVE",    "BUS", "STATE", "POSITION",

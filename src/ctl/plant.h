@@ -27,6 +27,8 @@ json_t *db_ctl_process_names(const json_t *registers);
 void db_ctl_judge_drive(const json_t *drive, const json_t *registers, const json_t *values,
                         struct db_ctl_judgement *judgement);
 void db_ctl_judge_bus(const json_t *bus, struct db_ctl_judgement *judgement);
+/* What the service says of its configuration's files, from the answer of Describe. */
+void db_ctl_judge_configuration(const json_t *description, struct db_ctl_judgement *judgement);
 
 /* A row of the tables of status and watch: the heads, and one drive. */
 #define DB_CTL_DRIVE_COLUMNS "lllrrrl"

@@ -84,6 +84,11 @@ static json_t *describe_row(const struct row *row)
 
 static void print_as_json(const struct db_ctl *ctl, const struct row *rows, size_t count, bool well)
 {
+	static const char *const of_configuration[] = {
+		"configuration_state",
+		"configuration_since_us",
+		"configuration_messages",
+	};
 	json_t *buses = json_object_get(ctl->description, "buses");
 	json_t *drives = json_array();
 	json_t *object;
@@ -94,6 +99,12 @@ static void print_as_json(const struct db_ctl *ctl, const struct row *rows, size
 	                   db_ctl_text(ctl->description, "version"), "configuration",
 	                   db_ctl_text(ctl->description, "configuration"), "well", well, "buses",
 	                   buses, "drives", drives);
+	for (size_t i = 0; i < sizeof(of_configuration) / sizeof(of_configuration[0]); i++) {
+		json_t *value = json_object_get(ctl->description, of_configuration[i]);
+
+		if (value)
+			(void)json_object_set(object, of_configuration[i], value);
+	}
 	db_ctl_print_json(object);
 	json_decref(object);
 }
@@ -109,6 +120,21 @@ static void print_advice(const struct db_ctl *ctl, const char *kind, const char 
 		(void)printf("%s%s%s%s: %s: %s\n", db_ctl_colour_begin(ctl->colour, colour), kind,
 		             name, db_ctl_colour_end(ctl->colour, colour), judgement->why,
 		             judgement->next);
+}
+
+/* What is wrong with it stands below, a line each. */
+static void print_configuration(const struct db_ctl *ctl)
+{
+	struct db_ctl_judgement judgement;
+	size_t i;
+	const json_t *message;
+
+	db_ctl_judge_configuration(ctl->description, &judgement);
+	print_advice(ctl, "", "configuration", &judgement);
+	if (judgement.need < DB_CTL_LOOK)
+		return;
+	json_array_foreach(json_object_get(ctl->description, "configuration_messages"), i,
+	                   message)(void) printf("  %s\n", json_string_value(message));
 }
 
 static void print_for_people(const struct db_ctl *ctl, const struct row *rows, size_t count,
@@ -132,6 +158,7 @@ static void print_for_people(const struct db_ctl *ctl, const struct row *rows, s
 		(void)puts("no drives yet: the configuration has none, see drivebridge.conf(5)");
 	else
 		(void)putchar('\n');
+	print_configuration(ctl);
 	json_array_foreach(json_object_get(ctl->description, "buses"), i, bus)
 	{
 		db_ctl_judge_bus(bus, &judgement);
@@ -176,6 +203,8 @@ enum db_ctl_status db_ctl_status(struct db_ctl *ctl, int count, char **arguments
 			db_ctl_judge_bus(bus, &judgement);
 			well = well && judgement.need == DB_CTL_FINE;
 		}
+		db_ctl_judge_configuration(ctl->description, &judgement);
+		well = well && judgement.need <= DB_CTL_HINT;
 		qsort(rows, drive_count, sizeof(*rows), compare_rows);
 		if (ctl->json)
 			print_as_json(ctl, rows, drive_count, well);

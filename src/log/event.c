@@ -20,6 +20,12 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 		KIND("reload-failed", "0518d97771b04836931103c1f2e047ef", ERROR, SERVICE, 0),
 	[DB_EVENT_CONFIG_WRONG] =
 		KIND("config-wrong", "a821b9703e19458d9c3c7a04ce267bf2", ERROR, CONFIG, 0),
+	[DB_EVENT_CONFIG_CHANGED] =
+		KIND("config-changed", "44196f8c8bfb47768d6a7397bdfb894b", NOTICE, CONFIG, 0),
+	[DB_EVENT_CONFIG_LAST_GOOD] =
+		KIND("config-last-good", "230572368ca3438cb3c4955542f944af", ERROR, CONFIG, 0),
+	[DB_EVENT_CONFIG_UNKEPT] =
+		KIND("config-unkept", "8d2127c1e73b426d964d1915b446bdc4", WARNING, SERVICE, 0),
 	[DB_EVENT_MEMORY_UNLOCKED] =
 		KIND("memory-unlocked", "469b25f8e2fa4a6d818fcd4b872f6e30", WARNING, SERVICE, 0),
 	[DB_EVENT_THREAD_HANGS] =
@@ -67,7 +73,7 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 	[DB_EVENT_DRIVE_WARNING] =
 		KIND("drive-warning", "9ea9ac46a27c409796d2a6843bdef3af", WARNING, WARNING, 1),
 	[DB_EVENT_DRIVE_RESTARTED] =
-		KIND("drive-restarted", "bd2b195dc30244519fdda108bcd99585", WARNING, RESTART, 1),
+		KIND("drive-restarted", "bd2b195dc30244519fdda108bcd99585", WARNING, RESTART, 2),
 	[DB_EVENT_DRIVE_PARAMS_MISSING] =
 		KIND("drive-params-missing", "6e42bbd3dd0e40e9ac2f99decd1f683c", WARNING, SETTING, 1),
 	[DB_EVENT_DRIVE_UNCONFIRMED] =
@@ -84,6 +90,10 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 		KIND("raw-frame", "cfda7d4890f24adb9c6e25745b56c39a", NOTICE, COMMAND, 0),
 	[DB_EVENT_DRIVE_DEAF] =
 		KIND("drive-deaf", "a9be1c0de6f54a09a8f3a1f7b3f0c6e5", WARNING, TIMING, 1),
+	[DB_EVENT_DRIVE_MAY_HAVE_RESTARTED] =
+		KIND("drive-may-have-restarted", "96020b144e0042f29e3f56ead3dd2900", WARNING, RESTART, 2),
+	[DB_EVENT_DRIVE_DOUBLED] =
+		KIND("drive-doubled", "834fa3d75b44468e9399ab6d01cd1540", ERROR, PRESENCE, 6),
 };
 /* clang-format on */
 

@@ -241,6 +241,19 @@ void db_log(const struct db_log_source *source, db_time now, enum db_event event
 	post_record(source->log, &record, now);
 }
 
+bool db_log_latest(struct db_log *log, uint64_t events, const char *bus, const char *drive,
+                   uint64_t since_us, struct db_log_line *line)
+{
+	bool found;
+
+	if (!log)
+		return false;
+	pthread_mutex_lock(&log->lock);
+	found = db_recent_latest(&log->recent, events, bus, drive ? drive : "", since_us, line);
+	pthread_mutex_unlock(&log->lock);
+	return found;
+}
+
 bool db_log_recent(struct db_log *log, uint64_t from, struct db_log_line *line)
 {
 	bool found;

@@ -96,3 +96,29 @@ bool db_recent_find(const struct db_recent *recent, uint64_t from, struct db_log
 	get_text(recent, at, line->text, sizeof line->text);
 	return true;
 }
+
+static uint64_t event_at(const struct db_recent *recent, uint64_t number, uint64_t *time_us)
+{
+	struct head head;
+
+	get(recent, recent->places[number % DB_LOG_RECENT], &head, sizeof head);
+	*time_us = head.time_us;
+	return DB_EVENT_BIT(head.event);
+}
+
+bool db_recent_latest(const struct db_recent *recent, uint64_t events, const char *bus,
+                      const char *drive, uint64_t since_us, struct db_log_line *line)
+{
+	for (uint64_t i = 0; i < recent->count; i++) {
+		uint64_t number = recent->last - i;
+		uint64_t time_us;
+		bool wanted = event_at(recent, number, &time_us) & events;
+
+		if (time_us < since_us)
+			return false;
+		if (wanted && db_recent_find(recent, number, line) && strcmp(line->bus, bus) == 0 &&
+		    strcmp(line->drive, drive) == 0)
+			return true;
+	}
+	return false;
+}

@@ -28,4 +28,8 @@ void db_recent_add(struct db_recent *recent, const struct db_log_record *record,
 /* The line of this number, or the oldest one that is younger. False: there is none. */
 bool db_recent_find(const struct db_recent *recent, uint64_t from, struct db_log_line *line);
 
+/* The latest of these events (DB_EVENT_BIT() each) with these names, "" for none, not older than `since_us`. */
+bool db_recent_latest(const struct db_recent *recent, uint64_t events, const char *bus,
+                      const char *drive, uint64_t since_us, struct db_log_line *line);
+
 #endif

@@ -2,6 +2,7 @@
 /* The registers of a drive's unit. */
 #include "drivebridge/command_table.h"
 #include "drivebridge/limit.h"
+#include "drivebridge/trouble.h"
 #include "regmap/capabilities.h"
 #include "regmap/image.h"
 #include "regmap/rows.h"
@@ -49,6 +50,7 @@ static const char *taken_command_name(unsigned code)
 }
 
 static const struct db_codes stand_causes = { db_stand_cause_name, DB_STAND_COUNT, .bits = false };
+static const struct db_codes troubles = { db_trouble_name, DB_TROUBLE_COUNT, .bits = false };
 static const struct db_codes axis_states = { state_name, DB_AXIS_STATE_COUNT, .bits = false };
 static const struct db_codes errors = { error_name, 64, .bits = false };
 static const struct db_codes limits = { limit_name, DB_LIMIT_COUNT, .bits = false };
@@ -336,6 +338,15 @@ static const struct db_row registers[] = {
 	        "How long the drive has had to stand without being seen to stand; 0=it need not"),
 	PROCESS(82, "must_stand_count",  U32,    must_stand.count,        READ,
 	        "Stops that were sent since then"),
+	PROCESS(92, "trouble",           U16,    trouble.cause,           READ
+	        UPTO(DB_TROUBLE_COUNT - 1) CODES(troubles),
+	        "The worst of what is wrong with the drive: what drivebridgectl status and the page "
+	        "say of it; 0=nothing"),
+	PROCESS(94, "trouble_ms",        U32,    trouble_ms,              READ UNIT("ms"),
+	        "For how long that has been so; 0=nothing is wrong"),
+	PROCESS(96, "doubled_answers",   U32,    stats.doubled_answers,   READ,
+	        "Second answers to one question with another content: two drives have the address of "
+	        "this one; quality is uncertain for 10 s after each"),
 
 	/* The command block, at most 100 registers. */
 	BLOCK(100, "command_id",        U16,    command_id,              WRITE ANY_U16,

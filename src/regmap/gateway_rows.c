@@ -45,12 +45,27 @@ static const struct db_repeat each_client_text = {
 	.bytes = sizeof(struct db_gateway_client),
 };
 
+/* --- codes for descriptions -------------------------------------------------------------------------- */
+
+static const char *configuration_state_name(unsigned code)
+{
+	static const char *const names[DB_CONFIGURATION_STATES] = DB_CONFIGURATION_NAMES;
+
+	return names[code];
+}
+
+static const struct db_codes configuration_states = { configuration_state_name,
+	                                              DB_CONFIGURATION_STATES, .bits = false };
+
 /* --- long descriptions ------------------------------------------------------------------------------- */
 
 static const char about_gateway_heartbeat[] =
 	"For PLCs with one unit id only: a new value is like one in the heartbeat of every drive "
 	"with watchdog-feed = heartbeat; with control = drive of those that the client controls; "
 	"reads the value written last";
+static const char about_configuration_state[] =
+	"Whether the configuration on disk is what runs; refused and last_good need somebody "
+	"because a restart would not run what runs now; changed is right and waits for a reload";
 
 /* --- the registers ----------------------------------------------------------------------------------- */
 
@@ -126,6 +141,10 @@ static const struct db_row registers[] = {
 	        "Writes refused because another client has control of the drive"),
 	GATEWAY(34, "held_back",         U32,    server.held_back,        READ,
 	        "Requests that were answered later because of max-requests-per-second"),
+	GATEWAY(36, "configuration_state", U16,  configuration_state,     READ CODES(configuration_states),
+	        about_configuration_state),
+	GATEWAY(40, "configuration_since_us", U64, configuration_since_us, READ UNIT("us"),
+	        "Since when; counted from 1970-01-01 UTC"),
 
 	/* Commands to many drives in one write. */
 	GROUP(60, "group_stop",       U16,    group_stop,       WRITE UPTO(3),
@@ -216,6 +235,11 @@ static const struct db_row registers[] = {
 	     "Line of bus #: frames or settings that the adapter refused"),
 	LINE(454, "line#_bitrate",     U32,    stats.port.bitrate,      READ UNIT("bit/s"),
 	     "Line of bus #: bit rate that the interface is set to; 0=not known"),
+
+	/* What is wrong with the configuration on disk. */
+	GATEWAY(600, "configuration_message", TEXT, configuration_message, READ
+	        LENGTH(DB_CONFIGURATION_MESSAGE_REGISTERS),
+	        "What is to be said of it: the first error with its file and line; empty=nothing"),
 
 	/* Who is connected. */
 	CLIENT(700, "client#_ipv4",      U32,    ipv4,        READ,

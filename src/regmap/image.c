@@ -2,6 +2,7 @@
 #include "regmap/image.h"
 
 #include "drivebridge/scale.h"
+#include "drivebridge/trouble.h"
 #include "drivebridge/version.h"
 #include "regmap/state.h"
 
@@ -35,6 +36,15 @@ static uint32_t must_stand_ms(const struct db_must_stand *must_stand, db_time no
 	return since == 0 ? 1 : since > UINT32_MAX ? UINT32_MAX : (uint32_t)since;
 }
 
+static uint32_t trouble_ms(const struct db_trouble *trouble, db_time now)
+{
+	db_time since = now > trouble->since ? (now - trouble->since) / DB_NS_PER_MS : 0;
+
+	if (trouble->cause == DB_TROUBLE_NONE)
+		return 0;
+	return since == 0 ? 1 : since > UINT32_MAX ? UINT32_MAX : (uint32_t)since;
+}
+
 /*
  * A drive that answers everything but its status in time, or a bus that does not get round to
  * asking: whatever the reason, data this old is as good as none. So is that of a drive that leaves.
@@ -60,15 +70,45 @@ static void drop_if_too_old(struct db_feedback *feedback, const struct db_view_d
 	feedback->error = DB_ERROR_NO_ANSWER;
 }
 
-static uint16_t quality_of(const struct db_view_drive *drive, const struct db_feedback *feedback,
-                           db_time now)
+static uint16_t quality_of(const struct db_view_drive *drive, const struct db_snapshot *snapshot,
+                           const struct db_feedback *feedback, db_time now)
 {
 	if (feedback->taken == 0)
 		return DB_QUALITY_BAD;
 	if (!(feedback->status & DB_STATUS_ONLINE))
 		return drive->registers->roster->modbus->stale_values ? DB_QUALITY_UNCERTAIN :
 		                                                        DB_QUALITY_BAD;
+	if (feedback->doubt != DB_DOUBT_NONE || now < snapshot->trouble.uncertain_until)
+		return DB_QUALITY_UNCERTAIN;
 	return age_of(feedback, now) <= drive->fresh_for ? DB_QUALITY_GOOD : DB_QUALITY_UNCERTAIN;
+}
+
+/* What the bus knows, and what it does not: the watchdog, and how old its data have become. */
+static struct db_trouble judge_trouble(const struct db_snapshot *snapshot,
+                                       const struct db_feedback *shown,
+                                       const struct db_command_state *state, db_time now)
+{
+	enum db_trouble_cause known = (enum db_trouble_cause)snapshot->trouble.cause;
+	struct db_trouble trouble = snapshot->trouble;
+	const struct db_trouble_signs signs = {
+		.silence = known == DB_TROUBLE_NOT_UNDERSTOOD || known == DB_TROUBLE_LATE ||
+		                           known == DB_TROUBLE_DEAF ?
+		                   known :
+		                   DB_TROUBLE_NO_ANSWER,
+		.aside = known == DB_TROUBLE_ASIDE,
+		.two_drives = known == DB_TROUBLE_TWO_DRIVES,
+		.stands_late = db_trouble_stands_late(&snapshot->must_stand, now),
+		.latched = state->latched,
+	};
+
+	trouble.cause = (uint16_t)db_trouble_of(shown, &signs);
+	if (trouble.cause == DB_TROUBLE_WATCHDOG)
+		trouble.since = state->latched_since;
+	else if (trouble.cause == DB_TROUBLE_MUST_STAND)
+		trouble.since = snapshot->must_stand.since;
+	else if (trouble.cause != snapshot->trouble.cause)
+		trouble.since = shown->taken;
+	return trouble;
 }
 
 static void fill_process(struct db_drive_image *image, const struct db_view_drive *drive,
@@ -89,7 +129,7 @@ static void fill_process(struct db_drive_image *image, const struct db_view_driv
 	image->must_stand_cause = snapshot.must_stand.cause;
 	image->must_stand_ms = must_stand_ms(&snapshot.must_stand, now);
 	db_commander_state(drive->commander, client, &image->state, now);
-	image->quality = quality_of(drive, feedback, now);
+	image->quality = quality_of(drive, &snapshot, feedback, now);
 	image->age_ms = age_ms(feedback, now);
 	image->status = feedback->status & ~(uint32_t)NET_BITS;
 	if (image->state.latched) {
@@ -103,6 +143,8 @@ static void fill_process(struct db_drive_image *image, const struct db_view_driv
 		image->status |= DB_STATUS_DONE;
 	if (image->state.results.aborted)
 		image->status |= DB_STATUS_ABORTED;
+	image->trouble = judge_trouble(&snapshot, feedback, &image->state, now);
+	image->trouble_ms = trouble_ms(&image->trouble, now);
 	image->position_units = (float)((double)feedback->position / counts_per_unit);
 	image->velocity_units = (float)((double)feedback->velocity *
 	                                db_driver_velocity_counts(drive->driver, drive->config) /
@@ -212,6 +254,23 @@ void db_image_fill_drive(struct db_drive_image *image, const struct db_view_driv
 		fill_history(&image->history[i], drive, i);
 }
 
+static void fill_configuration(struct db_gateway_image *image, const struct db_registers *registers)
+{
+	struct db_configuration_report report = { .messages = "" };
+	size_t length;
+
+	if (registers->ops->configuration)
+		report = registers->ops->configuration(registers->context);
+	image->configuration_state = (uint16_t)report.state;
+	image->configuration_since_us = report.since_us;
+	/* The first of them. */
+	length = strcspn(report.messages, "\n");
+	if (length > sizeof image->configuration_message)
+		length = sizeof image->configuration_message;
+	memset(image->configuration_message, 0, sizeof image->configuration_message);
+	memcpy(image->configuration_message, report.messages, length);
+}
+
 static void fill_server(struct db_gateway_image *image, const struct db_registers *registers)
 {
 	const struct db_view_roster *roster = registers->roster;
@@ -231,6 +290,7 @@ static void fill_server(struct db_gateway_image *image, const struct db_register
 		image->drives_online = (uint16_t)(image->drives_online + bus.online);
 	}
 	image->uptime_s = (uint32_t)(up / DB_NS_PER_S);
+	fill_configuration(image, registers);
 }
 
 static uint16_t line_state(const struct db_bus_stats *stats)

@@ -9,6 +9,7 @@
 #include "drivebridge/axis.h"
 #include "drivebridge/bus.h"
 #include "drivebridge/commander.h"
+#include "drivebridge/configuration.h"
 #include "drivebridge/server.h"
 
 /* Parts of the images. */
@@ -36,6 +37,7 @@ enum db_part {
 #define DB_IDENTITY_REGISTERS (DB_IDENTITY_MAX / 2)
 #define DB_CLIENT_ADDRESS_REGISTERS 20 /* the longest address has 39 characters */
 #define DB_CLIENT_USER_REGISTERS (DB_CLIENT_USER_MAX / 2)
+#define DB_CONFIGURATION_MESSAGE_REGISTERS 80
 
 /* A set of units: unit 1 is bit 0 of the first word. */
 #define DB_GROUP_WORDS 16
@@ -62,6 +64,8 @@ struct db_drive_image {
 	struct db_must_stand must_stand;
 	uint16_t must_stand_cause;
 	uint32_t must_stand_ms;
+	struct db_trouble trouble;
+	uint32_t trouble_ms;
 	uint16_t heartbeat;
 	/* Likewise, but about the client that reads. */
 	uint16_t control_request;
@@ -163,6 +167,10 @@ struct db_gateway_image {
 	uint16_t drives_online;
 	uint32_t uptime_s;
 	struct db_server_stats server;
+	uint16_t configuration_state; /* enum db_configuration_state */
+	uint64_t configuration_since_us;
+	char configuration_message
+		[2 * DB_CONFIGURATION_MESSAGE_REGISTERS]; /* without an end when it is full */
 	/* DB_PART_GROUP: what is written to the gateway, and what came of it */
 	uint16_t heartbeat;
 	uint16_t group_stop; /* these two read as 0 */

@@ -123,6 +123,20 @@ const char *db_named_name(const struct db_registers *registers, uint16_t number)
 	return drive ? drive->config->name : "";
 }
 
+bool db_named_trouble(const struct db_registers *registers, uint16_t number,
+                      struct db_trouble *trouble, uint16_t *error)
+{
+	const struct db_view_drive *drive = find_drive(registers, number);
+	struct db_drive_image image;
+
+	if (!drive)
+		return false;
+	db_image_fill_drive(&image, drive, NULL, DB_PART_PROCESS, 0, 0);
+	*trouble = image.trouble;
+	*error = image.feedback.error;
+	return true;
+}
+
 void db_named_bus_stats(const struct db_registers *registers, size_t place,
                         struct db_bus_stats *stats)
 {

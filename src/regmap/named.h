@@ -76,6 +76,11 @@ bool db_named_online(const struct db_registers *registers, uint16_t number);
 db_time db_named_cycle(const struct db_registers *registers, uint16_t number);
 const char *db_named_name(const struct db_registers *registers, uint16_t number);
 
+/* What is wrong with it: the registers trouble and error, of one moment, and since when by the clock of the registers.
+ * False: there is no such drive. */
+bool db_named_trouble(const struct db_registers *registers, uint16_t number,
+                      struct db_trouble *trouble, uint16_t *error);
+
 /* As the registers' ops have them; the bus is there. */
 void db_named_bus_stats(const struct db_registers *registers, size_t place,
                         struct db_bus_stats *stats);

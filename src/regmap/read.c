@@ -5,6 +5,7 @@
 #include "regmap/state.h"
 #include "regmap/words.h"
 
+#include <math.h>
 #include <modbus.h>
 #include <string.h>
 
@@ -106,8 +107,9 @@ static void copy_bits(const struct selection *selected, const void *image, uint1
 }
 
 /*
- * Parameters that are not known yet, or not any more, are not shown. When all were read and one was
- * not among them, this model does not have it: it is 0, unless the read touches nothing else.
+ * Process data never wait for parameters: one that is not known, or not any more, reads as 0 or NaN in a
+ * block with anything else, and the status bit params_valid tells. Alone it is refused. When all were
+ * read and one was not among them, this model does not have it.
  */
 static uint8_t check_params(const struct db_view_drive *drive, const struct selection *selected,
                             struct db_drive_image *image)
@@ -119,20 +121,27 @@ static uint8_t check_params(const struct db_view_drive *drive, const struct sele
 
 	for (uint16_t i = 0; i < selected->count; i++) {
 		const struct db_cell *cell = &selected->cells[i];
+		union db_value *value;
 
+		/* A gap is nothing that a block could be read for while its parameters are unknown. */
 		if (!(cell->flags & DB_ROW_PARAM)) {
-			any = true;
-		} else if (image->plate.valid & (UINT64_C(1) << cell->param)) {
-			if (!fresh && !stale)
-				return db_exception_unreachable(&image->feedback);
-			any = true;
-		} else if (fresh) {
-			image->plate.values[cell->param].u = 0;
-		} else {
-			return db_exception_unreachable(&image->feedback);
+			any = any || fresh || !(cell->flags & DB_CELL_GAP);
+			continue;
 		}
+		if ((image->plate.valid >> cell->param & 1) && (fresh || stale)) {
+			any = true;
+			continue;
+		}
+		value = &image->plate.values[cell->param];
+		if (!fresh && cell->type == DB_F32)
+			value->f = NAN;
+		else
+			value->u = 0;
 	}
-	return any ? 0 : MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	if (any)
+		return 0;
+	return fresh ? MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS :
+	               db_exception_unreachable(&image->feedback);
 }
 
 static void fill_holder(struct db_drive_image *image, const struct db_view_drive *drive)

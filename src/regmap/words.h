@@ -5,7 +5,8 @@
 
 #include "regmap/index.h"
 
-#define DB_CELL_REGISTERS_MAX 20
+/* The longest text: configuration_message. */
+#define DB_CELL_REGISTERS_MAX 80
 
 /* Writes the cell's registers, as they are in the image, to words[]. */
 void db_words_encode(const struct db_cell *cell, const void *image, bool low_first,

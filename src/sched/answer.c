@@ -208,6 +208,30 @@ static void take_bad_frame(struct db_engine *engine, const uint8_t *frame, size_
 	note_heard(node, frame, length);
 }
 
+/* Two drives with one address answer each question twice. True: the frame is the other one's, and nobody's. */
+static bool take_doubled(struct db_engine *engine, struct node *node, const uint8_t *frame,
+                         size_t length, db_time now)
+{
+	const struct db_driver *driver = engine->driver;
+	uint32_t part = driver->part ? driver->part(engine->bus, frame, length) : 0;
+	enum doubled_kind kind;
+
+	/* An answer that was given up may still come beside the one to what was asked next. */
+	if (part == 0 || !node->in_step || now < node->risky_until)
+		return false;
+	kind = doubled_take(&node->doubled, part, frame, length, is_flying(node), now);
+	if (kind != DOUBLED_OTHER && kind != DOUBLED_TWO)
+		return false;
+	engine->stats.stray_frames++;
+	for (struct station *s = node->first; s; s = s->next_axis) {
+		s->snapshot.stats.doubled_answers++;
+		engine_publish(engine, s);
+		if (kind == DOUBLED_TWO)
+			engine_tell_event(engine, s, DB_EVENT_DRIVE_DOUBLED);
+	}
+	return true;
+}
+
 void answer_take_frame(struct db_engine *engine, const uint8_t *frame, size_t length, db_time now)
 {
 	enum db_trace_kind kind = DB_TRACE_FOREIGN;
@@ -227,8 +251,12 @@ void answer_take_frame(struct db_engine *engine, const uint8_t *frame, size_t le
 		node = sender_of(engine, address);
 		if (!node)
 			scan_note_foreign(engine, frame, length);
-		kind = node && is_flying(node) ? take_answer(engine, node, frame, length, now) :
-		                                 unsolicited(engine, node, frame, length, now);
+		if (node && take_doubled(engine, node, frame, length, now))
+			kind = DB_TRACE_STRAY;
+		else
+			kind = node && is_flying(node) ?
+			               take_answer(engine, node, frame, length, now) :
+			               unsolicited(engine, node, frame, length, now);
 		if (kind == DB_TRACE_ANSWER || kind == DB_TRACE_PART)
 			question = node->flight.question;
 		else if (kind == DB_TRACE_LATE)

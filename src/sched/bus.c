@@ -86,7 +86,7 @@ static void tell_drive(void *context, const struct db_drive_config *drive, enum 
 	struct db_bus *bus = context;
 
 	bus_line_trace(&bus->line, event, drive, bus_line_now());
-	bus_log_event(&bus->log, bus->config->driver, drive, event, feedback, bus_line_now());
+	bus_log_event(&bus->log, drive, event, feedback, bus_line_now());
 }
 
 static void tell_missing(void *context, const struct db_drive_config *drive, uint64_t params)

@@ -4,35 +4,11 @@
 #include "codec/can.h"
 #include "drivebridge/driver.h"
 #include "drivebridge/scale.h"
+#include "drivebridge/trouble.h"
 
-#include <errno.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <string.h>
-
-#define COUNT_OF(array) (sizeof(array) / sizeof((array)[0]))
-
-/* By enum db_error. */
-static const char *const drive_advice[] = {
-	[DB_ERROR_HARDWARE] = "switch it off and on; if it comes back, replace the drive",
-	[DB_ERROR_FLASH] = "its saved parameters are not to be trusted; write and save them again",
-	[DB_ERROR_ENCODER] = "check for a blocked axis, the load, the current, the encoder cable",
-	[DB_ERROR_OVER_TEMPERATURE] = "let it cool; check ventilation and the motor current",
-	[DB_ERROR_OVER_CURRENT] = "check the motor cable for a short circuit, and the load",
-	[DB_ERROR_VOLTAGE] = "check the drive's power supply",
-	[DB_ERROR_INTERRUPTED] = "its emergency stop ended its program; check why",
-	[DB_ERROR_UNEXPLAINED_FAULT] =
-		"its reason has not been reported yet; is its report of faults turned on?",
-};
-
-static const char *advice_for_drive(const struct db_driver *driver, uint16_t error)
-{
-	if (error >= DB_ERROR_DRIVE_FAULT &&
-	    (size_t)(error - DB_ERROR_DRIVE_FAULT) < driver->fault_count)
-		return driver->faults[error - DB_ERROR_DRIVE_FAULT].check;
-	return error < COUNT_OF(drive_advice) && drive_advice[error] ? drive_advice[error] :
-	                                                               "see the drive's manual";
-}
 
 void bus_log_timing(const struct db_log_source *log, const struct db_bus_config *bus,
                     const struct db_drive_config *drive, enum db_event event, db_time time,
@@ -55,34 +31,7 @@ void bus_log_timing(const struct db_log_source *log, const struct db_bus_config 
 
 const char *bus_log_port_advice(const struct db_bus_config *bus, int error)
 {
-	switch (error) {
-	case ENOENT:
-	case ENODEV:
-	case ENXIO:
-		return "; is it plugged in, and is its name right?";
-	case EACCES:
-	case EPERM:
-		return "; may this user open it (group dialout)?";
-	case ENOTTY:
-		return "; its driver cannot switch RS485 with RTS: leave direction = adapter";
-	case EBUSY:
-		return "; another program uses it";
-	case EAFNOSUPPORT:
-		return "; this kernel has no CAN";
-	case ETIMEDOUT:
-		return "; the adapter does not answer: does it speak SLCAN, and is baud right?";
-	case EPROTO:
-		return "; the adapter refuses to open the bus";
-	case ENETDOWN:
-		return "; the interface is down: set it up with its bit rate (systemd-networkd)";
-	case ENOBUFS:
-		if (bus->driver->medium == DB_MEDIUM_SERIAL)
-			return "; it takes no bytes: unplug the adapter and plug it in again, and check its "
-			       "flow control";
-		return "; nobody on the bus acknowledges: check wiring, termination, bit rate and the drives' power";
-	default:
-		return "";
-	}
+	return db_trouble_port_advice(bus->driver->medium == DB_MEDIUM_SERIAL, error);
 }
 
 static const char *mood(const struct db_feedback *feedback)
@@ -111,9 +60,8 @@ static void log_found(const struct db_log_source *log, const struct db_drive_con
 		       db_error_name(feedback->error));
 }
 
-void bus_log_event(const struct db_log_source *log, const struct db_driver *driver,
-                   const struct db_drive_config *drive, enum db_event event,
-                   const struct db_feedback *feedback, db_time now)
+void bus_log_event(const struct db_log_source *log, const struct db_drive_config *drive,
+                   enum db_event event, const struct db_feedback *feedback, db_time now)
 {
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
 
@@ -125,6 +73,12 @@ void bus_log_event(const struct db_log_source *log, const struct db_driver *driv
 		db_log(log, now, event, &about,
 		       "does not answer at address %u; check its power, wiring, address and baud or "
 		       "bit rate",
+		       drive->address);
+		break;
+	case DB_EVENT_DRIVE_DOUBLED:
+		db_log(log, now, event, &about,
+		       "two drives answer at address %u, each its own; disconnect one of them and give it "
+		       "another address: until then nobody knows whose position is shown",
 		       drive->address);
 		break;
 	case DB_EVENT_DRIVE_RUNS_ON:
@@ -140,7 +94,7 @@ void bus_log_event(const struct db_log_source *log, const struct db_driver *driv
 		db_log(log, now, event, &about,
 		       "reports the fault %s (status %08X, fault bits %04X); %s, then clear_fault",
 		       db_error_name(feedback->error), (unsigned)feedback->drive_status,
-		       (unsigned)feedback->fault_bits, advice_for_drive(driver, feedback->error));
+		       (unsigned)feedback->fault_bits, db_trouble_fault_advice(feedback->error));
 		break;
 	case DB_EVENT_DRIVE_FAULT_GONE:
 		db_log(log, now, event, &about, "has no fault any more");
@@ -158,6 +112,15 @@ void bus_log_event(const struct db_log_source *log, const struct db_driver *driv
 		db_log(log, now, event, &about,
 		       "was restarted: its position and unsaved parameters are lost; check its power, "
 		       "and home it");
+		break;
+	case DB_EVENT_DRIVE_MAY_HAVE_RESTARTED:
+		db_log(log, now, event, &about,
+		       "%s may have been restarted: where its position is counted from is not certain "
+		       "(status %08X, position %.10g %s); check its power, and home it or set its position",
+		       feedback->doubt == DB_DOUBT_SILENT ? "was silent and" :
+		                                            "shows one sign of a restart and",
+		       (unsigned)feedback->drive_status,
+		       feedback->position / db_scale_counts(drive, feedback), drive->unit_name);
 		break;
 	default:
 		break;

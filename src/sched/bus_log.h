@@ -8,9 +8,8 @@
 #include "drivebridge/log.h"
 #include "sched/engine.h"
 
-void bus_log_event(const struct db_log_source *log, const struct db_driver *driver,
-                   const struct db_drive_config *drive, enum db_event event,
-                   const struct db_feedback *feedback, db_time now);
+void bus_log_event(const struct db_log_source *log, const struct db_drive_config *drive,
+                   enum db_event event, const struct db_feedback *feedback, db_time now);
 
 /* What came from a drive that does not answer, as it came. */
 void bus_log_heard(const struct db_log_source *log, const struct db_drive_config *drive,

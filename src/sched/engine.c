@@ -81,8 +81,13 @@ void db_engine_tell_unconfirmed(struct db_engine *engine)
 
 /* --- the port -------------------------------------------------------------------------------------- */
 
-void db_engine_port(struct db_engine *engine, bool up, int error, db_time now)
+static void change_port(struct db_engine *engine, bool up, bool aside, int error, db_time now)
 {
+	engine->now = now;
+	if (!up &&
+	    (engine->stats.up || engine->stats.aside != aside || engine->stats.down_since == 0))
+		engine->stats.down_since = now;
+	engine->stats.aside = aside;
 	/* A scan of the bus in service ends with that. */
 	if (!up && engine->stats.up && !scan_port_config(engine))
 		scan_port(engine, false, error, now);
@@ -111,6 +116,11 @@ void db_engine_port(struct db_engine *engine, bool up, int error, db_time now)
 		engine_publish(engine, engine->stations[i]);
 }
 
+void db_engine_port(struct db_engine *engine, bool up, int error, db_time now)
+{
+	change_port(engine, up, false, error, now);
+}
+
 void db_engine_hold(struct db_engine *engine, bool hold, db_time now)
 {
 	db_time late;
@@ -132,6 +142,7 @@ void db_engine_hold(struct db_engine *engine, bool hold, db_time now)
 
 void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now)
 {
+	engine->now = now;
 	while (length > 0) {
 		size_t room = sizeof engine->received - engine->received_length;
 		size_t take = length < room ? length : room;
@@ -295,6 +306,7 @@ db_time db_engine_run(struct db_engine *engine, db_time now)
 	/* Every node may be given something; that some jobs end without sending makes no endless loop. */
 	size_t turns = 2 * engine->node_count + 1;
 
+	engine->now = now;
 	take_queued(engine, now);
 	change_carry_out(engine, now);
 	if (engine->second_at == 0)
@@ -329,6 +341,7 @@ db_time db_engine_run(struct db_engine *engine, db_time now)
 
 void db_engine_shut_down(struct db_engine *engine, db_time now)
 {
+	engine->now = now;
 	engine->shutting_down = true;
 	for (size_t i = 0; i < engine->station_count; i++) {
 		struct station *station = engine->stations[i];
@@ -366,7 +379,7 @@ void db_engine_set_aside(struct db_engine *engine, db_time now)
 	for (size_t i = 0; i < engine->station_count; i++)
 		standing_withdraw(&engine->stations[i]->standing, DB_STAND_EXIT);
 	engine->shutting_down = false;
-	db_engine_port(engine, false, EBUSY, now);
+	change_port(engine, false, true, EBUSY, now);
 }
 
 bool db_engine_is_quiet(const struct db_engine *engine)

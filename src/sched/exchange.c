@@ -87,6 +87,9 @@ void exchange_send(struct db_engine *engine, struct station *station, enum lane_
 	db_time wire = exchange_wire_time(engine, &lane->exchange);
 
 	scan_yield(engine, node, kind == LANE_COMMAND);
+	/* A poll asks for everything once. */
+	if (kind != LANE_POLL || !lane->sent)
+		doubled_begin(&node->doubled);
 	/* What else a stop's conversation sends only asks for its effect. */
 	if (kind == LANE_STOP && !lane->sent)
 		station_note_stop_sent(station, node->in_step, now);

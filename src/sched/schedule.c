@@ -296,6 +296,9 @@ bool schedule_send_next(struct db_engine *engine, db_time now)
 	struct node *poll;
 	bool wait;
 
+	/* On a serial line nothing begins while an answer is waited for. */
+	if (engine->flights > 0 && !exchange_overlaps(engine))
+		return false;
 	if (try_sample_between_stops(engine, now))
 		return true;
 	if (stop_send_next(engine, now)) {

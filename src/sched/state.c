@@ -25,7 +25,7 @@ const struct station *engine_find_moving(const struct db_engine *engine)
 
 /* --- what is told of drives ----------------------------------------------------------------------- */
 
-static void tell_event(struct db_engine *engine, const struct station *station, enum db_event event)
+void engine_tell_event(struct db_engine *engine, const struct station *station, enum db_event event)
 {
 	if (engine->ops->tell)
 		engine->ops->tell(engine->context, station->config, event,
@@ -47,7 +47,7 @@ void engine_tell_missing(struct db_engine *engine, struct station *station)
 	if (station->last_logged.missing)
 		return;
 	station->last_logged.missing = true;
-	tell_event(engine, station, DB_EVENT_DRIVE_LOST);
+	engine_tell_event(engine, station, DB_EVENT_DRIVE_LOST);
 	if (station->node->heard.count > 0 && engine->ops->tell_heard)
 		engine->ops->tell_heard(engine->context, station->config, &station->node->heard);
 }
@@ -68,7 +68,7 @@ void engine_tell_unconfirmed(struct db_engine *engine, const struct station *sta
 	if (station->snapshot.feedback.taken == 0)
 		return;
 	if (station->standing.cause == DB_STAND_EXIT && standing_is_open(&station->standing))
-		tell_event(engine, station, DB_EVENT_DRIVE_UNCONFIRMED);
+		engine_tell_event(engine, station, DB_EVENT_DRIVE_UNCONFIRMED);
 }
 
 static void tell_presence(struct db_engine *engine, struct station *station, bool online)
@@ -78,7 +78,7 @@ static void tell_presence(struct db_engine *engine, struct station *station, boo
 	station->last_logged.missing_params = 0;
 	if (online) {
 		station->last_logged.missing = false;
-		tell_event(engine, station, DB_EVENT_DRIVE_ONLINE);
+		engine_tell_event(engine, station, DB_EVENT_DRIVE_ONLINE);
 	} else if (engine->stats.up) {
 		/* Without a bus no drive answers: that was told of the bus. */
 		engine_tell_missing(engine, station);
@@ -101,16 +101,18 @@ static void tell_changes(struct db_engine *engine, struct station *station)
 	if (!online)
 		return;
 	if (feedback->error != station->last_logged.error)
-		tell_event(engine, station,
-		           feedback->error == DB_ERROR_RUNS_ON ? DB_EVENT_DRIVE_RUNS_ON :
-		           feedback->error != DB_ERROR_NONE    ? DB_EVENT_DRIVE_FAULT :
-		                                                 DB_EVENT_DRIVE_FAULT_GONE);
+		engine_tell_event(engine, station,
+		                  feedback->error == DB_ERROR_RUNS_ON ? DB_EVENT_DRIVE_RUNS_ON :
+		                  feedback->error != DB_ERROR_NONE    ? DB_EVENT_DRIVE_FAULT :
+		                                                        DB_EVENT_DRIVE_FAULT_GONE);
 	if (status_rose(station, DB_STATUS_WARNING) && feedback->error == DB_ERROR_NONE)
-		tell_event(engine, station, DB_EVENT_DRIVE_WARNING);
-	/* Disabling some drives loses the origin as well, but not what was read of their parameters. */
-	if (status_rose(station, DB_STATUS_ORIGIN_LOST) &&
-	    !(feedback->status & DB_STATUS_PARAMS_VALID))
-		tell_event(engine, station, DB_EVENT_DRIVE_RESTARTED);
+		engine_tell_event(engine, station, DB_EVENT_DRIVE_WARNING);
+	if (feedback->restarts != station->last_logged.restarts)
+		engine_tell_event(engine, station, DB_EVENT_DRIVE_RESTARTED);
+	else if (feedback->doubts != station->last_logged.doubts)
+		engine_tell_event(engine, station, DB_EVENT_DRIVE_MAY_HAVE_RESTARTED);
+	station->last_logged.restarts = feedback->restarts;
+	station->last_logged.doubts = feedback->doubts;
 	station->last_logged.error = feedback->error;
 	station->last_logged.status = feedback->status;
 }
@@ -118,8 +120,14 @@ static void tell_changes(struct db_engine *engine, struct station *station)
 void engine_publish(struct db_engine *engine, struct station *station)
 {
 	uint64_t missing = engine->driver->nameplate(station->device)->missing;
+	const struct bus_moment bus = {
+		.up = engine->stats.up,
+		.aside = engine->stats.aside,
+		.wall_offset_us = engine->wall_offset_us,
+		.now = engine->now,
+	};
 
-	station_publish(station, engine->driver, engine->stats.up, engine->wall_offset_us);
+	station_publish(station, engine->driver, &bus);
 	tell_changes(engine, station);
 	/* One after the other is found missing: they are told together when all were asked for. */
 	if (!(station->snapshot.feedback.status & DB_STATUS_PARAMS_VALID))
@@ -166,6 +174,7 @@ void engine_bring_online(struct db_engine *engine, struct node *node, db_time no
 	node->online = true;
 	node->poll_due = true;
 	node->heard.count = 0;
+	node->timing = DB_TROUBLE_NONE;
 	for (struct station *s = node->first; s; s = s->next_axis)
 		engine_count_online(engine, s, now);
 }

@@ -22,6 +22,7 @@ struct db_engine {
 	int64_t wall_offset_us;
 	struct db_trace *trace;
 	struct db_bus_stats stats;
+	db_time now; /* of the call from outside that is under way */
 
 	unsigned flights;   /* exchanges under way */
 	unsigned sendings;  /* numbers them */
@@ -83,6 +84,9 @@ const struct station *engine_find_moving(const struct db_engine *engine);
 void engine_publish(struct db_engine *engine, struct station *station);
 /* The station is let go: tells when its on_exit is still to be confirmed. */
 void engine_tell_unconfirmed(struct db_engine *engine, const struct station *station);
+/* Tells that this happened to it, with what is shown of it. */
+void engine_tell_event(struct db_engine *engine, const struct station *station,
+                       enum db_event event);
 /* Tells of a drive that does not keep to the times of the configuration. */
 void engine_tell_timing(struct db_engine *engine, struct station *station, enum db_event event,
                         db_time time);

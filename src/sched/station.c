@@ -243,8 +243,27 @@ static void show_standing(const struct standing *standing, struct db_feedback *f
 	}
 }
 
-void station_publish(struct station *station, const struct db_driver *driver, bool bus_up,
-                     int64_t wall_offset_us)
+static void judge_trouble(struct station *station, const struct bus_moment *bus)
+{
+	const struct node *node = station->node;
+	struct db_trouble *trouble = &station->snapshot.trouble;
+	const struct db_trouble_signs signs = {
+		.silence = node->heard.count > 0 ? DB_TROUBLE_NOT_UNDERSTOOD : node->timing,
+		.aside = bus->aside,
+		.two_drives = bus->now < node->doubled.until,
+	};
+	enum db_trouble_cause cause = db_trouble_of(&station->snapshot.feedback, &signs);
+
+	trouble->late_ms = (uint16_t)node->late_ms;
+	trouble->uncertain_until = node->doubled.until;
+	if (cause == trouble->cause && trouble->since != 0)
+		return;
+	trouble->cause = (uint16_t)cause;
+	trouble->since = bus->now;
+}
+
+void station_publish(struct station *station, const struct db_driver *driver,
+                     const struct bus_moment *bus)
 {
 	struct db_feedback *feedback = &station->snapshot.feedback;
 	const struct db_nameplate *plate = driver->nameplate(station->device);
@@ -264,10 +283,10 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 		station->snapshot.stats.samples++;
 		wall_us = feedback->taken == 0 ?
 		                  0 :
-		                  (uint64_t)(feedback->taken / DB_NS_PER_US + wall_offset_us);
+		                  (uint64_t)(feedback->taken / DB_NS_PER_US + bus->wall_offset_us);
 	}
 	feedback->taken_wall_us = wall_us;
-	if (bus_up)
+	if (bus->up)
 		feedback->status |= DB_STATUS_BUS_UP;
 	station->snapshot.must_stand = (struct db_must_stand){
 		.cause = (uint8_t)station->standing.cause,
@@ -283,10 +302,11 @@ void station_publish(struct station *station, const struct db_driver *driver, bo
 	} else {
 		feedback->status &= DB_STATUS_BUS_UP;
 		feedback->state = DB_AXIS_OFFLINE;
-		feedback->error = bus_up ? DB_ERROR_NO_ANSWER : DB_ERROR_BUS_DOWN;
+		feedback->error = bus->up ? DB_ERROR_NO_ANSWER : DB_ERROR_BUS_DOWN;
 	}
 	if (!standing_is_free(&station->standing))
 		show_standing(&station->standing, feedback);
+	judge_trouble(station, bus);
 	db_axis_publish(station->axis, &station->snapshot);
 }
 

@@ -9,6 +9,8 @@
 
 #include "drivebridge/bus.h"
 #include "drivebridge/driver.h"
+#include "drivebridge/trouble.h"
+#include "sched/doubled.h"
 #include "sched/engine.h"
 #include "sched/queue.h"
 #include "sched/standing.h"
@@ -82,6 +84,10 @@ struct node {
 	db_time polled; /* when the last poll was sent */
 
 	struct db_heard heard; /* from its address, while it does not answer */
+	enum db_trouble_cause
+		timing;   /* LATE or DEAF: what its losses show, until it is online; else NONE */
+	unsigned late_ms; /* how late its last answer was that came after it was given up */
+	struct doubled doubled;
 
 	db_time probe_at;
 	db_time probe_backoff;
@@ -93,6 +99,8 @@ struct last_logged {
 	bool missing; /* it was told that it does not answer */
 	uint16_t error;
 	uint32_t status;
+	uint32_t restarts;
+	uint32_t doubts;
 	uint64_t missing_params;
 };
 
@@ -190,8 +198,14 @@ struct db_conversation station_conversation(struct station *station, enum lane_k
                                             db_time now);
 
 /* Copies what the driver knows to the other threads. */
-void station_publish(struct station *station, const struct db_driver *driver, bool bus_up,
-                     int64_t wall_offset_us);
+struct bus_moment {
+	bool up;
+	bool aside; /* for a scan */
+	int64_t wall_offset_us;
+	db_time now;
+};
+void station_publish(struct station *station, const struct db_driver *driver,
+                     const struct bus_moment *bus);
 
 void station_count_answer(struct station *station, db_time round_trip);
 

@@ -205,9 +205,18 @@ static bool serve(struct db_engine *engine, struct station *station, db_time now
 	return look_at(station) <= now && look_at_drive(engine, station, now);
 }
 
+static bool somebody_must_stand(const struct db_engine *engine)
+{
+	for (size_t i = 0; i < engine->station_count; i++) {
+		if (!standing_is_free(&engine->stations[i]->standing))
+			return true;
+	}
+	return false;
+}
+
 bool stop_send_next(struct db_engine *engine, db_time now)
 {
-	if (exchange_may_begin_at(engine, true, now) > now)
+	if (exchange_may_begin_at(engine, true, now) > now || !somebody_must_stand(engine))
 		return false;
 	if (try_broadcast(engine, now))
 		return true;

@@ -2,6 +2,7 @@
 #include "service/registers.h"
 
 #include "drivebridge/command_table.h"
+#include "service/configuration.h"
 #include "service/must_stand.h"
 #include "service/state.h"
 #include "service/traces.h"
@@ -76,6 +77,11 @@ static void count_refusal(void *context, const struct db_client *client, enum db
 	const struct service *service = context;
 
 	db_server_refused(service->server, client, kind);
+}
+
+static struct db_configuration_report report_configuration(void *context)
+{
+	return configuration_report(context);
 }
 
 static void name_client(void *context, const uint8_t address[16], struct db_client_words *words)
@@ -171,6 +177,7 @@ const struct db_registers_ops service_registers_ops = {
 	.bus_stats = read_bus_stats,
 	.server_stats = read_server_stats,
 	.server_clients = list_clients,
+	.configuration = report_configuration,
 	.client_words = name_client,
 	.refused = count_refusal,
 	.write_refused = log_refused_write,

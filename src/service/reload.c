@@ -2,9 +2,9 @@
 #include "service/reload.h"
 
 #include "drivebridge/log.h"
+#include "service/configuration.h"
 #include "service/must_stand.h"
 #include "service/state.h"
-#include "service/status.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -16,6 +16,8 @@
 #include <time.h>
 
 struct reload {
+	uint64_t signature; /* of the files that it was read from */
+	char *copy;         /* of their texts; null: none */
 	struct plant *next;
 	struct db_server_change *server;
 	struct db_registers_change *registers;
@@ -221,6 +223,7 @@ static void free_reload(struct reload *reload, const struct plant *running)
 	db_registers_change_free(reload->registers);
 	db_server_change_free(reload->server);
 	plant_free(reload->next, running);
+	free(reload->copy);
 	free(reload);
 }
 
@@ -282,6 +285,13 @@ static bool is_all_gone(const struct plant *running)
 
 /* --- what comes ------------------------------------------------------------------------------- */
 
+/* Its files say what runs. */
+static void take_for_loaded(struct service *service, struct reload *reload)
+{
+	configuration_loaded(service, reload->signature, reload->copy);
+	reload->copy = NULL;
+}
+
 static int begin_next(struct service *service, struct reload *reload)
 {
 	struct plant *before = service->plant;
@@ -301,30 +311,43 @@ static int begin_next(struct service *service, struct reload *reload)
 	}
 	plant_free(before, service->plant);
 	must_stand_look(service);
+	take_for_loaded(service, reload);
 	free(reload);
 	service->reload = NULL;
 	return error;
 }
 
+/* What was read of the files. */
+struct reading {
+	uint64_t signature;
+	struct db_config *config;
+	char *copy;
+	char *messages;
+};
+
 /* False when nothing can come of it. */
-static bool begin_reload(struct service *service, struct db_config *config)
+static bool begin_reload(struct service *service, struct reading *reading)
 {
 	struct reload *reload = calloc(1, sizeof *reload);
-	int error = reload ? plant_new(service, config, service->plant, &service->last_number,
-	                               &reload->next) :
+	int error = reload ? plant_new(service, reading->config, service->plant,
+	                               &service->last_number, &reload->next) :
 	                     -ENOMEM;
 
 	if (!reload)
-		db_config_free(config);
+		db_config_free(reading->config);
 	if (error != 0) {
 		log_failure(service, error);
 		free(reload);
 		return false;
 	}
+	reload->signature = reading->signature;
+	reload->copy = reading->copy;
+	reading->copy = NULL;
 	if (plant_same(service->plant, reload->next)) {
 		db_log(&service->log, service_now(service), DB_EVENT_RELOAD, NULL,
 		       "reload: %s says what runs already; nothing changes", service->path);
 		db_config_keep_ends(service->plant->edition->config, reload->next->edition->config);
+		take_for_loaded(service, reload);
 		free_reload(reload, service->plant);
 		return true;
 	}
@@ -339,64 +362,78 @@ static bool begin_reload(struct service *service, struct db_config *config)
 }
 
 /* A file that was cut off on its way to the disk would take out drives that move. */
-static bool is_whole(const struct service *service, struct db_config **config, FILE *errors)
+static void refuse_cut(const struct service *service, struct reading *reading, FILE *errors)
 {
 	char *why;
 
-	if (!db_config_is_cut(service->plant->edition->config, *config, &why))
-		return true;
+	if (!db_config_is_cut(service->plant->edition->config, reading->config, &why))
+		return;
 	fprintf(errors, "%s\n", why ? why : strerror(ENOMEM));
 	free(why);
-	db_config_free(*config);
-	*config = NULL;
-	return false;
+	db_config_free(reading->config);
+	reading->config = NULL;
 }
 
 /* What is said of the file goes the way of the log, which never waits for whoever reads it. */
-static bool load_config(struct service *service, struct db_config **config)
+static void log_messages(struct service *service, const struct reading *reading)
 {
-	char *messages = NULL;
-	char *rest = NULL;
-	size_t size = 0;
-	FILE *errors = open_memstream(&messages, &size);
-	bool right;
+	const char *line = reading->messages;
 
+	while (*line) {
+		int length = (int)strcspn(line, "\n");
+
+		if (reading->config)
+			db_log(&service->log, service_now(service), DB_EVENT_RELOAD, NULL, "%.*s",
+			       length, line);
+		else
+			log_error(service, DB_EVENT_CONFIG_WRONG, "%.*s", length, line);
+		line += length;
+		line += *line == '\n';
+	}
+}
+
+/* False when they are wrong. */
+static bool read_files(struct service *service, struct reading *reading)
+{
+	size_t size = 0;
+	FILE *errors = open_memstream(&reading->messages, &size);
+
+	reading->signature = db_config_signature(service->path);
 	if (!errors)
 		return false;
-	right = db_config_load(service->path, errors, config) == 0 &&
-	        is_whole(service, config, errors);
+	if (db_config_load_with_copy(service->path, errors, &reading->config, &reading->copy) != 0)
+		reading->config = NULL;
+	if (reading->config)
+		refuse_cut(service, reading, errors);
 	fclose(errors);
-	for (char *line = strtok_r(messages, "\n", &rest); line;
-	     line = strtok_r(NULL, "\n", &rest)) {
-		if (right)
-			db_log(&service->log, service_now(service), DB_EVENT_RELOAD, NULL, "%s",
-			       line);
-		else
-			log_error(service, DB_EVENT_CONFIG_WRONG, "%s", line);
-	}
-	free(messages);
-	return right;
+	if (reading->messages)
+		log_messages(service, reading);
+	return reading->config;
 }
 
 void reload_ask(struct service *service)
 {
-	struct db_config *config = NULL;
-	bool taken = false;
+	struct reading reading = { 0 };
 
 	if (service->reload) {
 		service->reload_again = true;
 		return;
 	}
 	notify_begin();
-	if (load_config(service, &config))
-		taken = begin_reload(service, config);
-	else
+	if (!read_files(service, &reading)) {
 		log_error(
 			service, DB_EVENT_CONFIG_WRONG,
 			"reload: %s is wrong and not taken, drivebridged --config %s --check tells "
 			"what is wrong; nothing changes",
 			service->path, service->path);
-	status_reloaded(service, !taken);
+		configuration_refused(service, reading.signature,
+		                      reading.messages ? reading.messages : "");
+	} else if (!begin_reload(service, &reading)) {
+		configuration_refused(service, reading.signature,
+		                      service->reload_errors ? service->reload_errors : "");
+	}
+	free(reading.copy);
+	free(reading.messages);
 	if (!service->reload)
 		end_reload(service);
 }

@@ -3,6 +3,7 @@
 
 #include "drivebridge/log.h"
 #include "service/alone.h"
+#include "service/configuration.h"
 #include "service/loop.h"
 #include "service/must_stand.h"
 #include "service/registers.h"
@@ -19,6 +20,7 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
+#include <sysexits.h>
 #include <systemd/sd-daemon.h>
 #include <time.h>
 #include <unistd.h>
@@ -108,6 +110,11 @@ static void read_server_stats(void *context, struct db_server_stats *stats)
 	db_server_stats(service->server, stats);
 }
 
+static struct db_configuration_report report_configuration(void *context)
+{
+	return configuration_report(context);
+}
+
 static const struct db_trace *find_trace(void *context, const char *name, uint32_t *number)
 {
 	const struct service *service = context;
@@ -123,6 +130,7 @@ static int listen_for_tools(struct service *service)
 {
 	static const struct db_control_socket_ops ops = {
 		.reload = ask_reload,
+		.configuration = report_configuration,
 		.server_stats = read_server_stats,
 		.scan = scans_begin,
 		.scan_read = scans_read,
@@ -145,10 +153,11 @@ static int listen_for_tools(struct service *service)
 	return db_control_socket_new(&setup, &service->control);
 }
 
-static int set_up(struct service *service, struct db_config *config)
+static int set_up(struct service *service, struct configuration_start *start)
 {
-	int error = plant_new(service, config, NULL, &service->last_number, &service->plant);
+	int error = plant_new(service, start->config, NULL, &service->last_number, &service->plant);
 
+	start->config = NULL;
 	/* The loop first: the registers ask it for the time. */
 	if (error == 0)
 		error = loop_new(service);
@@ -167,6 +176,8 @@ static int set_up(struct service *service, struct db_config *config)
 		error = must_stand_begin(service);
 	if (error == 0)
 		error = status_begin(service);
+	if (error == 0)
+		error = configuration_begin(service, start);
 	/* Who waits for this line finds everything there. */
 	if (error == 0)
 		service_log_listening(service, &service->plant->edition->config->modbus);
@@ -190,6 +201,7 @@ static void tear_down(struct service *service)
 	if (service->plant)
 		plant_end(service->plant);
 	reload_abandon(service);
+	configuration_end(service);
 	must_stand_end(service);
 	db_registers_free(service->registers);
 	traces_end(service);
@@ -272,24 +284,21 @@ static void block_signals(void)
 	signal(SIGPIPE, SIG_IGN);
 }
 
-/* Takes the configuration over. */
-static int run_service(struct service *service, struct db_config *config)
+static int run_service(struct service *service, struct configuration_start *start)
 {
 	int error = take_configuration(service);
 
-	if (error != 0) {
-		db_config_free(config);
+	if (error != 0)
 		return error == -ECANCELED ? EXIT_SUCCESS : EXIT_FAILURE;
-	}
 	raise_descriptors();
 	lock_memory(&service->log);
-	if (config->drive_count == 0)
+	if (start->config->drive_count == 0)
 		db_log(&service->log, monotonic_now(), DB_EVENT_NO_DRIVES, NULL,
 		       "no drive is configured yet: describe the buses and drives in %s, see "
 		       "drivebridge.conf(5), check it with drivebridged --config %s --check and "
 		       "reload",
 		       service->path, service->path);
-	error = set_up(service, config);
+	error = set_up(service, start);
 	if (error >= 0) {
 		sd_notify(0, "READY=1");
 		error = sd_event_loop(service->loop);
@@ -304,24 +313,26 @@ static int run_service(struct service *service, struct db_config *config)
 	return error < 0 ? EXIT_FAILURE : EXIT_SUCCESS;
 }
 
-int db_service_run(struct db_config *config, const char *path)
+int db_service_run(const char *path, bool last_good)
 {
-	struct service service = {
-		.path = path,
-		.lock = -1,
-		.log.level = config->modbus.log,
-	};
+	struct configuration_start start;
+	struct service service = { .path = path, .lock = -1 };
 	int error;
 	int status;
 
+	/* For systemd a status of its own: starting again would not help. */
+	if (!configuration_load(path, last_good, &start))
+		return EX_CONFIG;
+	service.log.level = start.config->modbus.log;
 	block_signals();
 	error = db_log_new(&service.log.log);
 	if (error != 0) {
 		fprintf(stderr, "cannot make the log: %s\n", strerror(-error));
-		db_config_free(config);
+		configuration_start_clear(&start);
 		return EXIT_FAILURE;
 	}
-	status = run_service(&service, config);
+	status = run_service(&service, &start);
+	configuration_start_clear(&start);
 	db_log_free(service.log.log);
 	return status;
 }

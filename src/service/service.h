@@ -6,12 +6,13 @@
 #ifndef DRIVEBRIDGE_SERVICE_SERVICE_H
 #define DRIVEBRIDGE_SERVICE_SERVICE_H
 
-#include "drivebridge/config.h"
+#include <stdbool.h>
 
 /*
- * Runs until SIGTERM or SIGINT; SIGHUP loads the file at `path` again. Takes the configuration
- * over. Blocks these signals for good, before any thread starts. The status to exit with.
+ * Runs with the configuration at `path` until SIGTERM or SIGINT; SIGHUP loads it again. When it is wrong and `last_good`
+ * says so, with the one that was in force last, which is kept in systemd's StateDirectory. Blocks these signals for good,
+ * before any thread starts. The status to exit with; EX_CONFIG: it is wrong, and nothing ran.
  */
-int db_service_run(struct db_config *config, const char *path);
+int db_service_run(const char *path, bool last_good);
 
 #endif

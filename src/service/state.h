@@ -14,6 +14,7 @@
 
 #include <systemd/sd-event.h>
 
+struct configuration;
 struct must_stand;
 struct reload;
 struct status;
@@ -36,11 +37,12 @@ struct service {
 	bool reload_again;     /* asked for meanwhile */
 	char *reload_errors;   /* of the one under way, a line each; null: none so far */
 	struct db_trace_keeper *traces;
-	sd_event_source *keeping;      /* when one of them is due */
-	uint32_t last_bus;             /* number given last */
-	struct must_stand *must_stand; /* which drives must, over a restart */
-	struct status *status;         /* what systemd shows; null: nobody listens */
-	int lock;                      /* of the configuration, see alone.h; -1: none */
+	sd_event_source *keeping;            /* when one of them is due */
+	uint32_t last_bus;                   /* number given last */
+	struct configuration *configuration; /* what its files say now */
+	struct must_stand *must_stand;       /* which drives must, over a restart */
+	struct status *status;               /* what systemd shows; null: nobody listens */
+	int lock;                            /* of the configuration, see alone.h; -1: none */
 };
 
 /* The loop's time: of when this turn of it began. */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/status.h"
 
+#include "service/configuration.h"
 #include "service/state.h"
 
 #include <errno.h>
@@ -16,7 +17,6 @@
 
 struct status {
 	sd_event_source *timer;
-	bool reload_refused;
 	char line[LINE_MAX_BYTES];
 };
 
@@ -46,6 +46,15 @@ void status_add_bus(struct status_figures *figures, const char *name, size_t dri
 		figures->worst = bus;
 }
 
+static const char *const about_configuration[DB_CONFIGURATION_STATES] = {
+	[DB_CONFIGURATION_IN_FORCE] = "",
+	[DB_CONFIGURATION_REFUSED] = "; the configuration on disk was refused, see the log",
+	[DB_CONFIGURATION_LAST_GOOD] =
+		"; RUNS WITH THE LAST GOOD CONFIGURATION, the one on disk has an error, see the log",
+	[DB_CONFIGURATION_CHANGED] =
+		"; the configuration on disk has changed and is not loaded yet",
+};
+
 void status_write(const struct status_figures *figures, FILE *out)
 {
 	const struct status_bus *worst = &figures->worst;
@@ -62,15 +71,16 @@ void status_write(const struct status_figures *figures, FILE *out)
 		fprintf(out, "%zu drive%s silent", worst->missing, worst->missing == 1 ? "" : "s");
 	else if (worst->name)
 		fprintf(out, "%" PRIu32 " %% busy", worst->utilisation / 10);
-	if (figures->reload_refused)
-		fputs("; the last reload was refused, see the log", out);
+	fputs(about_configuration[figures->configuration], out);
 }
 
 /* Of all of the service. */
 static struct status_figures read_figures(const struct service *service)
 {
 	const struct plant *plant = service->plant;
-	struct status_figures figures = { .reload_refused = service->status->reload_refused };
+	struct status_figures figures = {
+		.configuration = configuration_report(service).state,
+	};
 	struct db_server_stats clients;
 
 	for (size_t b = 0; b < plant->bus_count; b++) {
@@ -125,12 +135,6 @@ int status_begin(struct service *service)
 	error = sd_event_add_time_relative(service->loop, &service->status->timer, CLOCK_MONOTONIC,
 	                                   PERIOD_US, PERIOD_US / 4, on_timer, service);
 	return error < 0 ? error : 0;
-}
-
-void status_reloaded(struct service *service, bool refused)
-{
-	if (service->status)
-		service->status->reload_refused = refused;
 }
 
 void status_end(struct service *service)

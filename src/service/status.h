@@ -6,6 +6,7 @@
 #define DRIVEBRIDGE_SERVICE_STATUS_H
 
 #include "drivebridge/bus.h"
+#include "drivebridge/configuration.h"
 
 #include <stdbool.h>
 #include <stdio.h>
@@ -26,7 +27,7 @@ struct status_figures {
 	size_t online;
 	struct status_bus worst;
 	uint32_t clients;
-	bool reload_refused;
+	enum db_configuration_state configuration;
 };
 
 /* Counts a bus with so many drives. Pure; the name is kept. */
@@ -39,9 +40,6 @@ void status_write(const struct status_figures *figures, FILE *out);
 /* From now on systemd hears of it whenever the line changes, about a second later. Does nothing
  * where nobody listens. 0 or a negative errno. */
 int status_begin(struct service *service);
-
-/* Whether the last reload was refused, which stands in the line until one is carried out. */
-void status_reloaded(struct service *service, bool refused);
 
 void status_end(struct service *service);
 

@@ -220,7 +220,8 @@ static const char *run_own(struct request *request, const char *name)
 		own = find_own(sim_families[i], name);
 	if (!own)
 		return "no such command; there are fault, power, address, identity, flash, stall, "
-		       "sensor, bits, faults, health, inputs, reports, input, place, baud, get, log, "
+		       "sensor, bits, param, params, faults, health, inputs, reports, input, item, place, "
+		       "baud, get, log, "
 		       "list";
 	error = find_target(request, TARGET_DRIVE);
 	if (error)

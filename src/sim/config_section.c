@@ -110,6 +110,8 @@ static const struct sim_key DRIVE_KEYS[] = {
 	WORD ("refusal",             "", "|kept|once|cleared"),
 	FLAG ("clamps",              "false"),
 	WHOLE("rests-off",           "0", -1000, 1000),
+	WHOLE("trembles",            "0", 0, 1000),
+	WORD ("speed",               "signed", "signed|unsigned|none"),
 	FLAG ("hides-outputs",       "false"),
 	FLAG ("ignores-broadcast",   "false"),
 	WORD ("settles",             "", "|power-up|after-answer|at-once"),

@@ -219,6 +219,8 @@ static void read_vsmd_temper(const struct sim_section *section, struct sim_vsmd_
 		.refusal = (enum sim_refusal)sim_section_word(section, "refusal"),
 		.clamps = sim_section_flag(section, "clamps"),
 		.rests_off = (int32_t)sim_section_whole(section, "rests-off"),
+		.trembles = (int32_t)sim_section_whole(section, "trembles"),
+		.speed = (enum sim_speed)sim_section_word(section, "speed"),
 		.settles = (enum sim_settles)sim_section_word(section, "settles"),
 		.hides_outputs = sim_section_flag(section, "hides-outputs"),
 		.ignores_broadcast = sim_section_flag(section, "ignores-broadcast"),

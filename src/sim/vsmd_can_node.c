@@ -105,7 +105,8 @@ static void read_data(struct sim_vsmd_can_node *node, uint16_t host, unsigned fi
 	uint32_t values[VSMD_CAN_READ_MAX] = { 0 };
 
 	if (first > VSMD_CAN_DATA_LAST || count > VSMD_CAN_READ_MAX ||
-	    !sim_vsmd_has_registers(sim_vsmd_temper(node->node->drive), first, count))
+	    !sim_vsmd_has_registers(sim_vsmd_temper(node->node->drive), first, count) ||
+	    sim_vsmd_hides_params(node->node->drive))
 		return;
 	for (unsigned i = 0; i < count; i++)
 		values[i] = register_of(node->node->drive, first + i);

@@ -494,7 +494,7 @@ enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_
 {
 	sim_vsmd_advance(drive, now);
 	sim_vsmd_hear(drive, command->verb == VSMD_DEV, now);
-	if (!obey(drive, command, now)) {
+	if ((drive->hides_params && command->verb == VSMD_CFG_READ) || !obey(drive, command, now)) {
 		sim_vsmd_refuse(drive, now);
 		return VSMD_REPLY_STATUS;
 	}
@@ -568,6 +568,13 @@ static uint32_t without_outputs(const struct sim_vsmd *drive, uint32_t word)
 	return word;
 }
 
+/* How far a held motor is from its place, to and fro. */
+static int32_t tremble(struct sim_vsmd *drive)
+{
+	drive->trembled = !drive->trembled;
+	return drive->trembled ? drive->config.temper.trembles : 0;
+}
+
 void sim_vsmd_tell_status(struct sim_vsmd *drive, bool read, db_time now,
                           struct vsmd_status *status)
 {
@@ -578,7 +585,9 @@ void sim_vsmd_tell_status(struct sim_vsmd *drive, bool read, db_time now,
 	sim_vsmd_status(drive, now, status);
 	follow_late_bits(drive, now);
 	if (status->status & VSMD_ST_STP)
-		status->position += temper->rests_off;
+		status->position += temper->rests_off + tremble(drive);
+	if (temper->speed != SIM_SPEED_SIGNED)
+		status->velocity = temper->speed == SIM_SPEED_NONE ? 0.0f : fabsf(status->velocity);
 	status->status = with_bit(status->status, VSMD_ST_PWR, drive->power_bit.shown);
 	status->status = with_bit(status->status, VSMD_ST_STP, drive->standing_bit.shown);
 	if (temper->hides_outputs)
@@ -650,6 +659,24 @@ uint32_t sim_vsmd_count(const struct sim_vsmd *drive, enum vsmd_verb verb)
 uint32_t sim_vsmd_refusals(const struct sim_vsmd *drive)
 {
 	return drive->refusals;
+}
+
+bool sim_vsmd_set_param(struct sim_vsmd *drive, enum vsmd_param param, union db_value value)
+{
+	if (!sim_vsmd_takes(&drive->config, param, value))
+		return false;
+	drive->params[param] = value;
+	return true;
+}
+
+void sim_vsmd_hide_params(struct sim_vsmd *drive, bool hidden)
+{
+	drive->hides_params = hidden;
+}
+
+bool sim_vsmd_hides_params(const struct sim_vsmd *drive)
+{
+	return drive->hides_params;
 }
 
 void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity)

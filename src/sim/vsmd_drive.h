@@ -115,6 +115,11 @@ uint32_t sim_vsmd_refusals(const struct sim_vsmd *drive);
 
 /* What happens to a drive from outside. */
 void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now);
+/* As by the vendor's own tool: the bus does not hear of it. False when it does not take the value. */
+bool sim_vsmd_set_param(struct sim_vsmd *drive, enum vsmd_param param, union db_value value);
+/* It keeps its parameters to itself: refuses the text of them, and answers no register. */
+void sim_vsmd_hide_params(struct sim_vsmd *drive, bool hidden);
+bool sim_vsmd_hides_params(const struct sim_vsmd *drive);
 void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity); /* cut at the maximum */
 /* As a switch on the drive would, at once. */
 void sim_vsmd_set_address(struct sim_vsmd *drive, unsigned address);

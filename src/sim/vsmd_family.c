@@ -171,10 +171,38 @@ static const char *force_sensor(struct sim_node *node, const char *rest, db_time
 	return NULL;
 }
 
+/* "param NAME=VALUE": set with the vendor's own tool, past the bus. */
+static const char *set_param(struct sim_node *node, const char *rest, db_time now)
+{
+	size_t length = strcspn(rest, "=");
+	int param = vsmd_param_find(rest, length);
+	union db_value value;
+	char *end;
+	double number;
+
+	(void)now;
+	if (param < 0 || rest[length] != '=')
+		return "param needs NAME=VALUE";
+	number = strtod(rest + length + 1, &end);
+	if (end == rest + length + 1 || *end != '\0' ||
+	    !db_value_from_number(vsmd_params[param].type, number, &value) ||
+	    !sim_vsmd_set_param(node->drive, (enum vsmd_param)param, value))
+		return "param: it does not take this value";
+	return NULL;
+}
+
+static const char *show_params(struct sim_node *node, const char *rest, db_time now)
+{
+	(void)now;
+	if (strcmp(rest, "hidden") != 0 && strcmp(rest, "shown") != 0)
+		return "params needs \"hidden\" or \"shown\"";
+	sim_vsmd_hide_params(node->drive, rest[0] == 'h');
+	return NULL;
+}
+
 static const struct sim_family_command commands[] = {
-	{ "identity", set_identity },
-	{ "sensor", force_sensor },
-	{ NULL, NULL },
+	{ "identity", set_identity }, { "param", set_param }, { "params", show_params },
+	{ "sensor", force_sensor },   { NULL, NULL },
 };
 
 /* All but how it is on its bus. */

@@ -56,8 +56,10 @@ struct sim_vsmd {
 	uint32_t forced_status;
 	bool powered;
 	bool stalled;
+	bool hides_params;
 	bool flash_fails;
 
+	bool trembled;      /* it was told off its place last */
 	db_time greeted_at; /* when the handshake was set last */
 	struct sim_late_bit power_bit;
 	struct sim_late_bit standing_bit;

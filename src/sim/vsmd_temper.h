@@ -29,6 +29,7 @@ enum sim_refusal {
 	SIM_REFUSAL_CLEARED, /* a read is a command like others: it clears it before it is answered */
 };
 
+enum sim_speed { SIM_SPEED_SIGNED, SIM_SPEED_UNSIGNED, SIM_SPEED_NONE };
 enum sim_text_ends { SIM_TEXT_PLAIN, SIM_TEXT_NUL, SIM_TEXT_CRLF, SIM_TEXT_QUOTED };
 enum sim_numbers { SIM_NUMBERS_PLAIN, SIM_NUMBERS_EXPONENT, SIM_NUMBERS_QUOTED };
 
@@ -46,8 +47,10 @@ struct sim_vsmd_temper {
 	db_time standing_delay;   /* the stp bit */
 	db_time motion_delay;     /* a motion begins so long after its command */
 	enum sim_refusal refusal;
-	bool clamps;            /* values out of range become the nearest one, without a word */
-	int32_t rests_off;      /* the counter of a standing drive shows so much more */
+	bool clamps;          /* values out of range become the nearest one, without a word */
+	int32_t rests_off;    /* the counter of a standing drive shows so much more */
+	int32_t trembles;     /* ... and every second time that it is told so much more than that */
+	enum sim_speed speed; /* in its status */
 	bool ignores_broadcast; /* what is said to all drives at once is not for it */
 	enum sim_settles settles;
 	bool hides_outputs;      /* the status word does not show the levels of output ports */

@@ -87,7 +87,9 @@ bool db_trace_is_trouble(enum db_event event)
 	case DB_EVENT_DRIVE_LOST:
 	case DB_EVENT_DRIVE_FAULT:
 	case DB_EVENT_DRIVE_RESTARTED:
+	case DB_EVENT_DRIVE_MAY_HAVE_RESTARTED:
 	case DB_EVENT_DRIVE_UNCONFIRMED:
+	case DB_EVENT_DRIVE_DOUBLED:
 	case DB_EVENT_DRIVE_RUNS_ON:
 		return true;
 	default:

@@ -126,6 +126,10 @@ static void take_description(void *data, json_t *parameters, const struct db_cli
 		give_up(service, error->text);
 		return;
 	}
+	/* This changes while the plant stays as it is: streams and whoever jogs go on. */
+	(void)json_object_del(parameters, "configuration_state");
+	(void)json_object_del(parameters, "configuration_since_us");
+	(void)json_object_del(parameters, "configuration_messages");
 	/* Drives are alike in this. */
 	if (!service->states && first &&
 	    db_web_link_send(service->links[READER], "Registers",

@@ -215,6 +215,7 @@ BUS_DOWN_ERROR = code("error", "bus_down")
 RUNS_ON_ERROR = code("error", "runs_on")
 
 QUALITY_BAD = code("quality", "bad")
+QUALITY_UNCERTAIN = code("quality", "uncertain")
 QUALITY_GOOD = code("quality", "good")
 
 ONLINE_BIT = bit("status", "online")

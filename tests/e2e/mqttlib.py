@@ -193,6 +193,7 @@ class Publisher:
                         "figures-interval-s": 1, **(publish or {})},
             "command": command or {},
         }
+        self.program = find_program("drivebridge-mqtt")
         self.process = None
 
     def write_config(self):
@@ -203,7 +204,7 @@ class Publisher:
         self.write_config()
         with open(self.log_path, "ab") as log:
             self.process = subprocess.Popen(
-                [find_program("drivebridge-mqtt"), "--config", self.config_path, *arguments],
+                [self.program, "--config", self.config_path, *arguments],
                 stdout=log, stderr=log, **options)
         return self
 

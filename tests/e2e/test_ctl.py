@@ -278,7 +278,8 @@ def test_a_configuration_is_checked_and_taken(plant):
     (told,) = objects(plant, "check", str(plant.config_path), status=1)
     assert told["right"] is False and told["lines"]
     assert "nothing" in ctl(plant, "reload", status=1)
-    ctl(plant, "status")
+    # It is there, and says that a restart would be another matter.
+    assert "configuration: the one on disk is refused" in ctl(plant, "status", status=1)
 
 
 # --- terminals -------------------------------------------------------------------------------------

@@ -776,7 +776,7 @@ def test_systemctl_status_has_a_line_that_says_how_it_goes(make_bridge, tmp_path
         bridge.sim.fault("silence on", "drive2")
         link.status(r"1 of 2 drives online, 2 clients; worst bus line: 1 drive silent")
         bridge.reload("nonsense = 1\n")
-        link.status(r".*; the last reload was refused, see the log")
+        link.status(r".*; the configuration on disk was refused, see the log")
         bridge.sim.fault("silence off", "drive2")
         bridge.reload()
         link.status(r"2 of 2 drives online, 2 clients; worst bus line: \d+ % busy")

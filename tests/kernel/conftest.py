@@ -31,7 +31,7 @@ _e2e.Bridge = lambda *args, **options: (
 _numbers = itertools.count(1)
 
 
-pytest_plugins = ["stalls"]
+pytest_plugins = ["collected", "stalls"]
 
 
 def pytest_configure(config):

@@ -320,8 +320,9 @@ start_pytest() {
 		shift
 	done
 	shift
-	rm -f "build/logs/$name.xml"
-	DRIVEBRIDGE_BUILD=$PWD/build/$preset "${prefix[@]}" "$VENV/bin/python" -m pytest -q \
+	rm -f "build/logs/$name.xml" "build/logs/$name.collected"
+	DRIVEBRIDGE_BUILD=$PWD/build/$preset DRIVEBRIDGE_COLLECTED=$PWD/build/logs/$name.collected \
+		"${prefix[@]}" "$VENV/bin/python" -m pytest -q \
 		-n "${PYTEST_WORKERS:-5}" --junitxml="build/logs/$name.xml" "$@" \
 		>"build/logs/$name.log" 2>&1 </dev/null || true
 }
@@ -332,13 +333,15 @@ count_pytest() {
 
 	# Tests that failed while the machine stood still are run again: tests/e2e/stalls.py.
 	grep '^repeated: ' "$log" || true
-	numbers=$("$VENV/bin/python" tests/tools/count-junit "build/logs/$1.xml") || numbers='0 1'
-	# shellcheck disable=SC2086 # two numbers
+	numbers=$("$VENV/bin/python" tests/tools/count-junit "build/logs/$1.xml" \
+		"build/logs/$1.collected") || numbers='0 1'
+	# shellcheck disable=SC2086 # two numbers and names
 	set -- $numbers
 	count "$1" "$2"
 	if [ "$2" -gt 0 ]; then
+		shift 2
 		tail -n 150 "$log"
-		FAILURES+=("$PHASE: pytest ($log)")
+		FAILURES+=("$PHASE: pytest ($log): $*")
 	fi
 }
 

@@ -84,6 +84,10 @@ class Record:
     ended: float = 0.0
 
 
+# Of register trouble.
+MAY_HAVE_RESTARTED = 13
+
+
 class Layout:
     """Addresses, from the register map."""
 
@@ -286,7 +290,7 @@ class Player:
 
     async def read(self, done):
         """The process data in one read: what is shown belongs together."""
-        end = self.layout.row("velocity")
+        end = self.layout.row("trouble")
         await self.running.wait()
         attempt = Attempt(time.monotonic())
         done.attempts.append(attempt)
@@ -322,7 +326,9 @@ class Player:
         while time.monotonic() < begun + RECOVERY:
             look = Done(Step(done.step.who, "read", done.step.drive, place=done.step.place))
             await self.read(look)
-            if look.process and look.process["quality"] == QUALITY_GOOD:
+            # One sign of a restart leaves it open where positions are counted from, until somebody decides that.
+            if look.process and (look.process["quality"] == QUALITY_GOOD or
+                                 look.process["trouble"] == MAY_HAVE_RESTARTED):
                 last = Done(stop)
                 await self.attempt(last, *self.request_of(stop))
                 if last.attempts[-1].code == 0:
@@ -332,7 +338,8 @@ class Player:
 
     def _process(self, words):
         values = {}
-        for name in ("axis_state", "status", "quality", "age_ms", "position", "velocity"):
+        for name in ("axis_state", "status", "quality", "age_ms", "position", "velocity",
+                     "trouble"):
             row = self.layout.row(name)
             raw = struct.pack(f">{row.size}H", *words[row.address:row.address + row.size])
             kind = {"u16": ">H", "bits32": ">I", "u32": ">I", "i32": ">i", "f32": ">f"}[row.type]

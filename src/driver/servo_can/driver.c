@@ -96,6 +96,25 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 	               DB_FRAME_BAD;
 }
 
+static uint32_t part_of(const struct db_bus_config *bus, const uint8_t *bytes, size_t length)
+{
+	struct servo_can_layout layout = servo_can_read_layout(bus);
+	struct servo_can_message message;
+	struct db_can_frame frame;
+
+	memcpy(&frame, bytes, length);
+	if (servo_can_decode(&frame, &layout, SERVO_CAN_FROM_DRIVE, &message) != SERVO_CAN_OK)
+		return 0;
+	switch (message.kind) {
+	case SERVO_CAN_ANSWER_POSITION:
+	case SERVO_CAN_ANSWER_MOTION:
+	case SERVO_CAN_ANSWER_STATUS:
+		return (uint32_t)message.kind;
+	default:
+		return 0;
+	}
+}
+
 static void describe_frame(const struct db_bus_config *bus, bool sent, const uint8_t *bytes,
                            size_t length, struct db_description *description)
 {
@@ -263,6 +282,7 @@ const struct db_driver db_driver_servo_can = {
 	.filters = list_filters,
 	.cut = db_can_cut,
 	.accept = accept_frame,
+	.part = part_of,
 	.describe = describe_frame,
 	.begin = servo_can_begin,
 	.answer = servo_can_answer,

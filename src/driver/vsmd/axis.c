@@ -1,15 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "driver/vsmd/axis.h"
 
+#include "driver/vsmd/restart.h"
+
 #include <math.h>
 #include <string.h>
 
 /* Homing stands still for a moment between its phases; standing longer than homing-pause-ms, at more
  * than a few looks, means that it ended without reaching its end. */
 #define HOMING_LOOKS 5
-
-/* The handshake bit of some drives lapses after a while. One that stays for longer than this does not. */
-#define HANDSHAKE_LAPSES (60 * DB_NS_PER_S)
 
 void vsmd_axis_init(struct vsmd_axis *axis, const struct vsmd_link *link,
                     const struct db_bus_config *bus, const struct db_drive_config *drive)
@@ -21,11 +20,7 @@ void vsmd_axis_init(struct vsmd_axis *axis, const struct vsmd_link *link,
 	axis->reaction = (db_time)drive->options[link->first_option] * DB_NS_PER_MS;
 	axis->save_time = (db_time)drive->options[link->first_option + 1] * DB_NS_PER_MS;
 	axis->homing_pause = (db_time)drive->options[link->first_option + 2] * DB_NS_PER_MS;
-}
-
-bool vsmd_is_at(const struct vsmd_axis *axis, int32_t position, int32_t place)
-{
-	return fabs((double)position - (double)place) <= axis->window;
+	axis->unsigned_speed = drive->options[link->first_option + 3] > 0.0;
 }
 
 float vsmd_preset_speed(const struct vsmd_axis *axis)
@@ -95,6 +90,7 @@ static void found_origin(struct vsmd_axis *axis)
 	axis->homed = true;
 	axis->placed = true;
 	axis->origin_lost = false;
+	axis->doubt.kind = DB_DOUBT_NONE;
 	axis->told_until = 0;
 }
 
@@ -129,112 +125,107 @@ void vsmd_follow_motion(struct vsmd_axis *axis)
 
 /* --- origin and restarts ------------------------------------------------------------------------- */
 
-static bool has_dropped(uint32_t before, uint32_t now, uint32_t bit)
+/* Where it was counted from is not known any more. */
+static void lose_origin(struct vsmd_axis *axis)
 {
-	return (before & ~now & bit) != 0;
-}
-
-/* What it was told before is gone. */
-static void forget_drive(struct vsmd_axis *axis, bool sure)
-{
-	bool counted = !vsmd_is_at(axis, axis->last.position, 0);
-
-	forget_motion(axis);
-	/* From one that was never given an origin, nothing was lost by a time offline. */
-	axis->origin_lost |= axis->placed || axis->homed || counted || sure;
+	axis->upsets++;
 	axis->homed = false;
 	axis->placed = false;
+	axis->origin_lost = true;
 	axis->has_target = false;
-	axis->params_valid = false;
-	axis->memory.restarted = true;
 	axis->goal.kind = VSMD_GOAL_UNKNOWN;
 }
 
-/* Standing still where it stood, and not where counters begin: it has gone on counting. */
-static bool counts_on(const struct vsmd_axis *axis, int32_t position)
+/* What it was told before is gone. */
+static void forget_drive(struct vsmd_axis *axis)
 {
-	return vsmd_is_at(axis, position, axis->last.position) && !vsmd_is_at(axis, position, 0);
+	bool counted = !vsmd_is_at(axis, axis->last.position, 0);
+	/* From one that was never given an origin, nothing was lost by a time offline. */
+	bool lost = !axis->away || axis->placed || axis->homed || counted || axis->origin_lost;
+
+	forget_motion(axis);
+	lose_origin(axis);
+	axis->origin_lost = lost;
+	axis->params_valid = false;
+	axis->memory.restarted = true;
+	axis->doubt.kind = DB_DOUBT_NONE;
+	axis->restarts++;
 }
 
-/* A sensor may be set to make its place the origin. */
-static bool sensors_set_origin(const struct vsmd_axis *axis)
+/* What becomes of it when the drive is seen to stand where it stood. */
+static void begin_doubt(struct vsmd_axis *axis, bool origin_lost)
 {
-	for (unsigned param = VSMD_S1F; param <= VSMD_S6R; param++) {
-		uint32_t event = axis->plate.values[param].u;
+	axis->doubts++;
+	axis->doubt = (struct vsmd_doubt){
+		.kind = axis->away ? DB_DOUBT_SILENT : DB_DOUBT_SIGN,
+		.position = axis->last.position,
+		.homed = axis->homed,
+		.placed = axis->placed,
+		.origin_lost = axis->origin_lost,
+	};
+	if (!origin_lost)
+		return;
+	forget_motion(axis);
+	lose_origin(axis);
+}
 
-		if ((axis->plate.valid >> param & 1) && (event == 1 || event == 3 || event == 5))
-			return true;
+static void refute_doubt(struct vsmd_axis *axis)
+{
+	axis->homed = axis->doubt.homed;
+	axis->placed = axis->doubt.placed;
+	axis->origin_lost = axis->doubt.origin_lost;
+	axis->doubt.kind = DB_DOUBT_NONE;
+}
+
+void vsmd_take_all_params(struct vsmd_axis *axis)
+{
+	struct vsmd_memory *memory = &axis->memory;
+	bool unsaved = memory->unsaved;
+	bool differ = vsmd_memory_differs(memory, &axis->plate);
+	bool doubtful = axis->doubt.kind != DB_DOUBT_NONE;
+
+	axis->plate.generation++;
+	axis->plate.doubtful = false;
+	axis->params_valid = true;
+	memory->restarted |= doubtful;
+	vsmd_memory_follow(memory, &axis->plate, true);
+	axis->params_differ = differ && axis->away;
+	if (doubtful && differ) {
+		/* They are known anew already. */
+		forget_drive(axis);
+		axis->params_valid = true;
+		axis->memory.restarted = false;
+	} else if (doubtful && unsaved) {
+		/* Without power it would have lost them. */
+		refute_doubt(axis);
 	}
-	return false;
 }
 
-/* It stood, nobody told it anything, and it stands at 0 now. */
-static bool jumped_home(const struct vsmd_axis *axis, int32_t position, uint32_t word)
+/* What the status that came says of the time since the one before. */
+static void follow_restarts(struct vsmd_axis *axis, int32_t position, uint32_t word, db_time now)
 {
-	if (!(axis->last.status & VSMD_ST_STP) || !(word & VSMD_ST_STP) ||
-	    axis->motion != VSMD_MOTION_NONE || axis->begun != VSMD_MOTION_NONE || axis->fresh)
-		return false;
-	return vsmd_is_at(axis, position, 0) && !vsmd_is_at(axis, axis->last.position, 0) &&
-	       !sensors_set_origin(axis);
-}
+	struct vsmd_restart restart = vsmd_judge_restart(axis, position, word, now);
 
-/* The handshake bit alone proves little: in some drives it lapses. Believed the first time, and when it
- * stood for long. */
-static bool dropped_handshake(struct vsmd_axis *axis, int32_t position, uint32_t word)
-{
-	bool long_set = axis->heard_at - axis->handshake_since > HANDSHAKE_LAPSES;
-
-	if (!has_dropped(axis->last.status, word, VSMD_ST_HS))
-		return false;
-	if ((axis->last.status & word & VSMD_ST_ZERO) || counts_on(axis, position) ||
-	    !(word & VSMD_ST_STP)) {
-		axis->handshake_lapses = true;
-		return false;
+	axis->handshake_lapses |= (axis->last.status & ~word & VSMD_ST_HS) != 0;
+	axis->plate.doubtful |= restart.reread;
+	switch (restart.verdict) {
+	case VSMD_RESTARTED:
+		forget_drive(axis);
+		break;
+	case VSMD_MAY_HAVE_RESTARTED:
+		begin_doubt(axis, restart.origin_lost);
+		break;
+	case VSMD_DISABLED_ITSELF:
+		if (restart.origin_lost)
+			lose_origin(axis);
+		break;
+	case VSMD_COUNTS_ON:
+	default:
+		if (axis->doubt.kind != DB_DOUBT_NONE && vsmd_refutes_doubt(axis, position))
+			refute_doubt(axis);
+		return;
 	}
-	if (axis->handshake_lapses && !long_set)
-		return false;
-	axis->handshake_lapses = true;
-	return true;
-}
-
-/* The highest speed that it may have had since it was read last, as far as is known. */
-static double top_speed(const struct vsmd_axis *axis)
-{
-	bool known = axis->plate.valid >> VSMD_SPD & 1;
-	double preset = known ? (double)axis->plate.values[VSMD_SPD].f : (double)VSMD_SPEED_MAX;
-	double seen = fmax(fabs((double)axis->last.velocity), fabs((double)axis->process.velocity));
-
-	return fmax(fmax(preset, seen), fabs((double)axis->goal.velocity));
-}
-
-/* It moved, and stands at 0 now, sooner than it could have come there. */
-static bool jumped_from_motion(const struct vsmd_axis *axis, int32_t position, uint32_t word,
-                               db_time now)
-{
-	double way = fabs((double)axis->last.position - (double)position);
-	double time = (double)(now - axis->heard_at) / (double)DB_NS_PER_S;
-
-	if ((axis->last.status & VSMD_ST_STP) || !(word & VSMD_ST_STP) ||
-	    !vsmd_is_at(axis, position, 0) || sensors_set_origin(axis))
-		return false;
-	return way > 2.0 * top_speed(axis) * time + axis->window;
-}
-
-/* Whether the drive has begun to count anew since it was read last. */
-static bool has_restarted(struct vsmd_axis *axis, int32_t position, uint32_t word, db_time now)
-{
-	uint32_t before = axis->last.status;
-
-	if (axis->away)
-		return !(before & word & VSMD_ST_ZERO) && !counts_on(axis, position);
-	/* Homing moves the origin, and so do some commands. */
-	if (axis->motion == VSMD_MOTION_HOMING || axis->begun == VSMD_MOTION_HOMING ||
-	    axis->heard_at <= axis->told_until || (word & ~before & VSMD_ST_ZERO))
-		return false;
-	if (has_dropped(before, word, VSMD_ST_PWR) || has_dropped(before, word, VSMD_ST_ZERO))
-		return !counts_on(axis, position);
-	return dropped_handshake(axis, position, word) || jumped_home(axis, position, word) ||
-	       jumped_from_motion(axis, position, word, now);
+	axis->zero_is_old = (axis->last.status & word & VSMD_ST_ZERO) != 0;
 }
 
 /*
@@ -260,18 +251,19 @@ void vsmd_take_confirmation(struct vsmd_axis *axis, int32_t position, uint32_t w
 	uint32_t before = axis->last.status;
 	bool first = !axis->known;
 
-	if (!first && has_restarted(axis, position, word, now)) {
-		axis->restarts++;
-		forget_drive(axis, !axis->away);
-		axis->zero_is_old = (before & word & VSMD_ST_ZERO) != 0;
-	}
+	if (!first)
+		follow_restarts(axis, position, word, now);
 	if (word & ~before & VSMD_ST_HS)
 		axis->handshake_since = now;
 	axis->known = true;
 	axis->away = false;
+	axis->params_differ = false;
 	axis->last.position = position;
 	axis->last.status = word;
 	axis->heard_at = now;
+	if (!axis->watch.has_place)
+		axis->watch.first_place = position;
+	axis->watch.has_place = true;
 	follow_origin(axis, before, first);
 }
 
@@ -289,11 +281,25 @@ void vsmd_take_position(struct vsmd_axis *axis, int32_t position, db_time now)
 	axis->heard_at = now;
 }
 
+/* The direction is that of the way since the status before; without one it stays. */
+static float velocity_of(const struct vsmd_axis *axis, const struct vsmd_status *status)
+{
+	double way = (double)status->position - (double)axis->process.position;
+	bool back = fabs(way) > axis->window ? way < 0.0 : axis->process.velocity < 0.0f;
+
+	if (!axis->unsigned_speed || !axis->heard)
+		return status->velocity;
+	return back ? -fabsf(status->velocity) : fabsf(status->velocity);
+}
+
 void vsmd_take_status(struct vsmd_axis *axis, const struct vsmd_status *status, db_time now)
 {
+	float velocity = velocity_of(axis, status);
+
 	vsmd_take_confirmation(axis, status->position, status->status, now);
-	axis->last.velocity = status->velocity;
+	axis->last.velocity = velocity;
 	axis->process = *status;
+	axis->process.velocity = velocity;
 	axis->taken = now;
 	axis->heard = true;
 }
@@ -383,6 +389,7 @@ void vsmd_carry_out(struct vsmd_axis *axis, const struct db_request *request)
 		break;
 	case DB_CMD_SET_POSITION:
 		axis->origin_lost = false;
+		axis->doubt.kind = DB_DOUBT_NONE;
 		axis->placed = true;
 		axis->told_until = 0; /* it was seen */
 		axis->has_target = false;
@@ -397,8 +404,12 @@ void vsmd_carry_out(struct vsmd_axis *axis, const struct db_request *request)
 		axis->placed = false;
 		axis->told_until = 0;
 		axis->origin_lost = true;
+		axis->doubt.kind = DB_DOUBT_NONE;
 		axis->zero_is_old = (axis->last.status & VSMD_ST_ZERO) != 0;
 		axis->has_target = false;
+		break;
+	case DB_CMD_CLEAR_FAULT:
+		axis->doubt.kind = DB_DOUBT_NONE;
 		break;
 	default:
 		break;
@@ -416,6 +427,11 @@ unsigned vsmd_input_ports(const struct db_nameplate *plate)
 			ports |= 1u << i;
 	}
 	return ports;
+}
+
+bool vsmd_is_input(const struct vsmd_axis *axis, unsigned port)
+{
+	return !axis->plate.doubtful && (vsmd_input_ports(&axis->plate) >> (port - 1) & 1);
 }
 
 static uint16_t outputs_of(const struct vsmd_axis *axis, uint16_t levels)
@@ -515,6 +531,9 @@ void vsmd_axis_feedback(const struct vsmd_axis *axis, struct db_feedback *feedba
 	state = axis->heard ? state_of(axis, feedback->error) : DB_AXIS_OFFLINE;
 	feedback->state = (uint16_t)state;
 	feedback->status = status_of(axis, state, feedback->error);
+	feedback->restarts = axis->restarts;
+	feedback->doubts = axis->doubts;
+	feedback->doubt = (uint8_t)axis->doubt.kind;
 }
 
 void vsmd_axis_gone(struct vsmd_axis *axis)

@@ -74,6 +74,8 @@ struct vsmd_watch {
 	struct vsmd_before before;
 	bool has_speed; /* a speed was read behind the command */
 	float first_speed;
+	bool has_place; /* a position was read behind it */
+	int32_t first_place;
 	bool speed_next;   /* the next look is for the speed */
 	db_time since;     /* the first look that did not show it; 0: none */
 	unsigned said;     /* how often it was said again */
@@ -83,7 +85,16 @@ struct vsmd_watch {
 	unsigned readings; /* of the position from which a relative move is counted ... */
 	int32_t counted_from; /* ... the last of them ... */
 	db_time counted_at;   /* ... and when it came */
-	unsigned restarts;    /* the axis's, when it began */
+	unsigned upsets;      /* the axis's, when it began */
+};
+
+/* It may have restarted: what was true before that, in case that it has not. */
+struct vsmd_doubt {
+	enum db_doubt kind; /* NONE: there is none */
+	int32_t position;
+	bool homed;
+	bool placed;
+	bool origin_lost;
 };
 
 struct vsmd_axis {
@@ -93,6 +104,7 @@ struct vsmd_axis {
 	db_time save_time;    /* how long writing its flash may take */
 	db_time homing_pause; /* how long homing stands between its phases */
 	double window;        /* in-position-window, in the drive's counts */
+	bool unsigned_speed;  /* the drive tells no sign of its speed */
 	db_time save_interval;
 	db_time last_save;
 	bool saved;
@@ -109,7 +121,11 @@ struct vsmd_axis {
 	db_time told_until; /* until then position, power and homing bit change by command */
 	bool zero_is_old;   /* the homing bit is of before the origin was lost */
 	bool placed;        /* homed or set_position, since the counter began */
-	unsigned restarts;  /* times it was found to count anew */
+	unsigned upsets;    /* times it was found to count anew, for whatever reason */
+	uint32_t restarts;  /* times it was found to have restarted ... */
+	uint32_t doubts;    /* ... and times one sign of that came */
+	struct vsmd_doubt doubt;
+	bool params_differ; /* those read since it is back from those before */
 	struct vsmd_goal goal;
 	struct vsmd_watch watch;
 	db_time power_asked; /* disable: when it was first asked whether the power is off ... */
@@ -132,38 +148,52 @@ struct vsmd_axis {
 };
 
 /* The settings of a drive that every link has, at link->first_option. */
-#define VSMD_DRIVE_OPTIONS                                                                       \
-	{                                                                                        \
-		.section = "drive",                                                              \
-		.name = "reaction-ms",                                                           \
-		.words = "",                                                                     \
-		.preset = "250",                                                                 \
-		.min = 0,                                                                        \
-		.max = 10000,                                                                    \
-		.whole = true,                                                                   \
-		.unit = "ms",                                                                    \
-		.description = "How long the drive may take until its status shows what it was " \
-			       "told: power, motion, a level",                                   \
-	},                                                                                       \
-		{                                                                                \
-			.section = "drive",                                                      \
-			.name = "save-ms",                                                       \
-			.words = "",                                                             \
-			.preset = "500",                                                         \
-			.min = 0,                                                                \
-			.max = 10000,                                                            \
-			.whole = true,                                                           \
-			.unit = "ms",                                                            \
-			.description = "How long the drive may take to write its flash before "  \
-				       "it answers",                                             \
-		},                                                                               \
-	{                                                                                        \
-		.section = "drive", .name = "homing-pause-ms", .words = "", .preset = "500",     \
-		.min = 0, .max = 60000, .whole = true, .unit = "ms",                             \
-		.description = "How long homing may stand still between its phases; standing "   \
-			       "longer, without its end being shown, it has failed",             \
+#define VSMD_DRIVE_OPTIONS                                                                           \
+	{                                                                                            \
+		.section = "drive",                                                                  \
+		.name = "reaction-ms",                                                               \
+		.words = "",                                                                         \
+		.preset = "250",                                                                     \
+		.min = 0,                                                                            \
+		.max = 10000,                                                                        \
+		.whole = true,                                                                       \
+		.unit = "ms",                                                                        \
+		.description = "How long the drive may take until its status shows what it was "     \
+			       "told: power, motion, a level",                                       \
+	},                                                                                           \
+		{                                                                                    \
+			.section = "drive",                                                          \
+			.name = "save-ms",                                                           \
+			.words = "",                                                                 \
+			.preset = "500",                                                             \
+			.min = 0,                                                                    \
+			.max = 10000,                                                                \
+			.whole = true,                                                               \
+			.unit = "ms",                                                                \
+			.description = "How long the drive may take to write its flash before "      \
+				       "it answers",                                                 \
+		},                                                                                   \
+		{                                                                                    \
+			.section = "drive",                                                          \
+			.name = "homing-pause-ms",                                                   \
+			.words = "",                                                                 \
+			.preset = "500",                                                             \
+			.min = 0,                                                                    \
+			.max = 60000,                                                                \
+			.whole = true,                                                               \
+			.unit = "ms",                                                                \
+			.description =                                                               \
+				"How long homing may stand still between its phases; standing "      \
+				"longer, without its end being shown, it has failed",                \
+		},                                                                                   \
+	{                                                                                            \
+		.section = "drive", .name = "speed-sign", .words = "signed position",                \
+		.preset = "signed", .unit = "",                                                      \
+		.description =                                                                       \
+			"Where the direction of the velocity is: in the sign of the speed that the " \
+			"drive tells, or, of drives that tell none, in how the position changes",    \
 	}
-#define VSMD_DRIVE_OPTION_COUNT 3
+#define VSMD_DRIVE_OPTION_COUNT 4
 
 /* Both families' devices begin with their axis. */
 static inline struct vsmd_axis *axis_of(const struct db_conversation *talk)
@@ -175,7 +205,12 @@ void vsmd_axis_init(struct vsmd_axis *axis, const struct vsmd_link *link,
                     const struct db_bus_config *bus, const struct db_drive_config *drive);
 
 /* The same place, as far as in-position-window goes. */
-bool vsmd_is_at(const struct vsmd_axis *axis, int32_t position, int32_t place);
+static inline bool vsmd_is_at(const struct vsmd_axis *axis, int32_t position, int32_t place)
+{
+	double way = (double)position - (double)place;
+
+	return way <= axis->window && -way <= axis->window;
+}
 /* Of moves without a velocity; NAN: not known. */
 float vsmd_preset_speed(const struct vsmd_axis *axis);
 
@@ -187,6 +222,8 @@ void vsmd_take_confirmation(struct vsmd_axis *axis, int32_t position, uint32_t w
 /* That status is certainly younger than the last command. */
 void vsmd_follow_motion(struct vsmd_axis *axis);
 void vsmd_take_identity(struct vsmd_axis *axis, const char *text, size_t length);
+/* The plate holds what all parameters were read as now. */
+void vsmd_take_all_params(struct vsmd_axis *axis);
 /* The settings of a job are in force now. */
 void vsmd_take_settings(struct vsmd_axis *axis, const struct db_request *request);
 /* The drive confirmed a command. */
@@ -197,6 +234,8 @@ void vsmd_doubt_motion(struct vsmd_axis *axis, enum db_command command);
 void vsmd_take_target(struct vsmd_axis *axis);
 /* What a stop has to end: also what the drive may have begun without its answer coming back. */
 enum vsmd_motion vsmd_motion_to_end(const struct vsmd_axis *axis);
+/* A port of set_output, 1 to 6, that is known to be an input. */
+bool vsmd_is_input(const struct vsmd_axis *axis, unsigned port);
 /* input_ports of the drivers: those whose mode was read as input. */
 unsigned vsmd_input_ports(const struct db_nameplate *plate);
 

@@ -174,6 +174,18 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 	return DB_FRAME_GOOD;
 }
 
+static uint32_t part_of(const struct db_bus_config *bus, const uint8_t *bytes, size_t length)
+{
+	struct db_can_frame frame;
+	struct vsmd_can_id id;
+
+	memcpy(&frame, bytes, length);
+	/* A report looks like an answer. */
+	if (bus->options[OPTION_REPORT_MS] > 0.0 || vsmd_can_unpack_id(frame.id, &id) != VSMD_OK)
+		return 0;
+	return id.control == VSMD_CAN_STATUS_REPLY ? 1u + id.reg : 0;
+}
+
 static void describe_frame(const struct db_bus_config *bus, bool sent, const uint8_t *bytes,
                            size_t length, struct db_description *description)
 {
@@ -324,6 +336,7 @@ const struct db_driver db_driver_vsmd_can = {
 	.filters = list_filters,
 	.cut = db_can_cut,
 	.accept = accept_frame,
+	.part = part_of,
 	.describe = describe_frame,
 	.begin = vsmd_can_begin,
 	.answer = vsmd_can_answer,

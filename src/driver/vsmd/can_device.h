@@ -44,6 +44,8 @@ struct db_device {
 	/* A parameter write: the setting whose register is on, and what was written to it. */
 	size_t setting;
 	uint32_t written;
+	unsigned writes; /* how often it was written */
+	bool altered;    /* the drive holds neither that nor what it held before */
 };
 
 #endif

@@ -12,6 +12,9 @@
  * this model has not. */
 #define REGISTER_TRIES 2
 
+/* A register that holds something else behind a write is written so often. */
+#define WRITES_MAX 2
+
 /* Registers that are asked for at once. */
 #define RUN_MAX 8
 
@@ -25,6 +28,7 @@ enum step {
 	STEP_FETCH_AGAIN,
 	STEP_WRITE, /* and its read behind that */
 	STEP_CONFIRM_AGAIN,
+	STEP_EXPLAIN, /* it holds something else: was that refused? */
 	STEPS
 };
 
@@ -87,6 +91,7 @@ static enum db_step write_register(struct db_conversation *talk)
 	    vsmd_can_encode_write(&device->style, device->drive, reg, &raw, 1, &frame) != VSMD_OK)
 		return end_job(talk, DB_RESULT_OUT_OF_RANGE);
 	device->written = raw;
+	device->writes++;
 	vsmd_can_start_burst(talk->exchange, true);
 	if (!vsmd_can_add_frame(talk->exchange, &frame))
 		return end_job(talk, DB_RESULT_FAILED);
@@ -100,6 +105,7 @@ static enum db_step write_next(struct db_conversation *talk, size_t from)
 	struct db_device *device = talk->device;
 
 	device->setting = next_setting(request, from);
+	device->writes = 0;
 	if (device->setting == request->setting_count) {
 		vsmd_take_settings(&device->axis, request);
 		return end_job(talk, DB_RESULT_OK);
@@ -138,6 +144,22 @@ static enum db_step answer_fetch(struct db_conversation *talk)
 	                                       give_up_register(talk);
 }
 
+/* Whether a register holds another value than it held before, as far as that is known. */
+static bool is_altered(const struct db_device *device, unsigned reg, uint32_t raw)
+{
+	const struct db_nameplate *plate = &device->axis.plate;
+	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+	size_t count = vsmd_can_params_of(reg, params);
+	union db_value value;
+
+	for (size_t i = 0; i < count; i++) {
+		if (vsmd_can_extract(params[i], raw, &value) == VSMD_OK &&
+		    (plate->valid >> params[i] & 1) && plate->values[params[i]].u != value.u)
+			return true;
+	}
+	return false;
+}
+
 static enum db_step answer_write(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
@@ -149,13 +171,36 @@ static enum db_step answer_write(struct db_conversation *talk)
 		                                       give_up_register(talk);
 	if (held == device->written)
 		return write_next(talk, device->setting + 1);
+	/* Nobody acknowledges a write: its frame may have been lost. */
+	if (device->writes < WRITES_MAX)
+		return say_step(talk, steps, STEP_WRITE);
 	/* What it holds instead is shown. */
+	device->altered = is_altered(device, device->answer.id.reg, held);
 	axis->plate.valid |= take_register(device, device->answer.id.reg, held);
 	axis->plate.generation++;
 	vsmd_memory_follow(&axis->memory, &axis->plate, false);
 	axis->plate.doubtful |= talk->job->request->setting_count > 1;
-	axis->refused = true;
-	return end_job(talk, DB_RESULT_REFUSED);
+	return say_step(talk, steps, STEP_EXPLAIN);
+}
+
+static enum db_step say_explain(struct db_conversation *talk)
+{
+	return vsmd_can_look(talk, VSMD_LOOK_STATUS);
+}
+
+/* A value that the drive made another one of was turned down, too; what it ignored twice has failed. */
+static enum db_step answer_explain(struct db_conversation *talk)
+{
+	struct db_device *device = talk->device;
+
+	vsmd_can_take_look(device, talk->now);
+	device->axis.refused = device->altered || (device->axis.last.status & VSMD_ST_CMD_WRG);
+	return end_job(talk, device->axis.refused ? DB_RESULT_REFUSED : DB_RESULT_FAILED);
+}
+
+static enum db_step lose_explain(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_FAILED);
 }
 
 /* --- identity and parameters ------------------------------------------------------------------- */
@@ -245,10 +290,7 @@ static enum db_step say_registers(struct db_conversation *talk)
 		return vsmd_can_add_registers(talk, search->first, search->count);
 	}
 	axis->plate.valid = search->found;
-	axis->plate.generation++;
-	axis->plate.doubtful = false;
-	axis->params_valid = true;
-	vsmd_memory_follow(&axis->memory, &axis->plate, true);
+	vsmd_take_all_params(axis);
 	return end_job(talk, DB_RESULT_OK);
 }
 
@@ -301,6 +343,7 @@ static const struct conversation_step steps[STEPS] = {
 	[STEP_FETCH_AGAIN] = { .say = read_register, .answered = answer_fetch },
 	[STEP_WRITE] = { .say = write_register, .answered = answer_write },
 	[STEP_CONFIRM_AGAIN] = { .say = read_register, .answered = answer_write },
+	[STEP_EXPLAIN] = { .say = say_explain, .answered = answer_explain, .lost = lose_explain },
 };
 
 static enum db_step answer_save(struct db_conversation *talk)

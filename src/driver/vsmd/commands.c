@@ -190,7 +190,7 @@ static void begin_watch(struct vsmd_axis *axis)
 			.goal = axis->goal,
 		},
 		.unproven = axis->watch.unproven,
-		.restarts = axis->restarts,
+		.upsets = axis->upsets,
 	};
 }
 
@@ -425,7 +425,7 @@ static enum db_step say_again(struct db_conversation *talk)
 /* A place is another one now, and whoever asked for it does not know. */
 static bool has_restarted_since(const struct vsmd_axis *axis)
 {
-	return axis->watch.restarts != axis->restarts;
+	return axis->watch.upsets != axis->upsets;
 }
 
 static bool is_shake(enum db_command command)
@@ -458,6 +458,14 @@ static bool may_hide_its_effect(struct db_conversation *talk)
 	return !(axis->plate.valid >> mode & 1) || axis->plate.values[mode].u == 1;
 }
 
+static bool is_for_input(struct db_conversation *talk)
+{
+	const struct db_request *request = talk->job->request;
+
+	return request->command == DB_CMD_SET_OUTPUT &&
+	       vsmd_is_input(axis_of(talk), request->args.output_number);
+}
+
 /* The effect of a command does not show (yet), or something else may have caused it. */
 static enum db_step look_again(struct db_conversation *talk, enum vsmd_effect effect)
 {
@@ -486,8 +494,11 @@ static enum db_step look_again(struct db_conversation *talk, enum vsmd_effect ef
 	}
 	if (effect == VSMD_EFFECT_ABSENT && watch->said < RESENDS_MAX && may_be_said_again(talk))
 		return say_again(talk);
-	if (effect == VSMD_EFFECT_ABSENT && !may_hide_its_effect(talk))
-		return fail_command(talk, DB_RESULT_FAILED);
+	/* Nobody sees what a drive does that tells no speed: that it shows nothing is no failure. */
+	if (effect == VSMD_EFFECT_ABSENT && !may_hide_its_effect(talk) &&
+	    !(db_command_is_motion(command) && vsmd_tells_no_speed(axis)))
+		return fail_command(talk,
+		                    is_for_input(talk) ? DB_RESULT_REFUSED : DB_RESULT_FAILED);
 	watch->unproven = true;
 	return complete_step(talk);
 }

@@ -12,6 +12,8 @@
 /* Speeds are those of the drive's own profile: smaller changes than this are none. */
 #define CHANGE_SLACK 0.5f
 #define CHANGE_SHARE 0.001f
+/* A shorter way tells no direction. */
+#define PLACE_SLACK 2.0
 
 static int sign_of(double number)
 {
@@ -37,6 +39,61 @@ static bool has_changed(float base, float speed)
 static bool stands(const struct vsmd_axis *axis)
 {
 	return axis->last.status & VSMD_ST_STP;
+}
+
+/* The direction in which it has gone since the command, by its position; 0: nowhere yet. */
+static int heading_of(const struct vsmd_axis *axis)
+{
+	const struct vsmd_watch *watch = &axis->watch;
+	double way = (double)axis->last.position - (double)watch->first_place;
+
+	return watch->has_place && fabs(way) > axis->window + PLACE_SLACK ? sign_of(way) : 0;
+}
+
+/* The speed, also of drives that never show its sign: then the way that it has gone since the command has it. One
+ * that did show a sign may have turned round since, and has gone back less far than forth. */
+static float speed_of(const struct vsmd_axis *axis)
+{
+	float shown = axis->last.velocity;
+	bool shows_sign = axis->watch.before.velocity < 0.0f || axis->watch.first_speed < 0.0f;
+
+	return shown > 0.0f && !shows_sign && heading_of(axis) < 0 ? -shown : shown;
+}
+
+bool vsmd_tells_no_speed(const struct vsmd_axis *axis)
+{
+	const struct vsmd_watch *watch = &axis->watch;
+
+	return watch->before.moving && !stands(axis) && watch->has_speed &&
+	       fabsf(watch->before.velocity) <= 0.0f && fabsf(watch->first_speed) <= 0.0f &&
+	       fabsf(axis->last.velocity) <= 0.0f;
+}
+
+/* Where it was told to go before, as a direction; 0: not known. */
+static int heading_before(const struct vsmd_axis *axis)
+{
+	const struct vsmd_before *before = &axis->watch.before;
+
+	switch (before->goal.kind) {
+	case VSMD_GOAL_VELOCITY:
+		return sign_of((double)before->goal.velocity);
+	case VSMD_GOAL_POSITION:
+		return sign_of((double)before->goal.position - (double)before->position);
+	default:
+		return 0;
+	}
+}
+
+/* Only the direction tells, of one that tells no speed. */
+static enum vsmd_effect effect_by_heading(const struct vsmd_axis *axis, int wanted)
+{
+	int before = heading_before(axis);
+
+	if (heading_of(axis) != wanted)
+		return VSMD_EFFECT_ABSENT;
+	if (before == -wanted)
+		return VSMD_EFFECT_SHOWN;
+	return before == 0 ? VSMD_EFFECT_OPEN : VSMD_EFFECT_ABSENT;
 }
 
 /* The speed from which a change is one: that of a steady run, else the first one read. */
@@ -97,7 +154,7 @@ static enum vsmd_effect effect_of_velocity(const struct vsmd_axis *axis, float w
 {
 	const struct vsmd_watch *watch = &axis->watch;
 	bool to_rest = !(wanted > 0.0f || wanted < 0.0f);
-	float speed = axis->last.velocity;
+	float speed = speed_of(axis);
 	float base = base_of(watch);
 
 	if (stands(axis))
@@ -109,6 +166,8 @@ static enum vsmd_effect effect_of_velocity(const struct vsmd_axis *axis, float w
 		return VSMD_EFFECT_SHOWN; /* what it was told before already */
 	if (!watch->has_speed)
 		return VSMD_EFFECT_ABSENT;
+	if (!to_rest && vsmd_tells_no_speed(axis))
+		return effect_by_heading(axis, sign_of((double)wanted));
 	if (!is_speed(speed, wanted) &&
 	    !(has_changed(base, speed) &&
 	      sign_of((double)speed - (double)base) == sign_of((double)wanted - (double)base)))
@@ -123,7 +182,7 @@ static enum vsmd_effect effect_of_new_target(const struct vsmd_axis *axis, int32
 	const struct vsmd_watch *watch = &axis->watch;
 	const struct vsmd_goal *goal = &watch->before.goal;
 	double way = (double)target - (double)axis->last.position;
-	float speed = axis->last.velocity;
+	float speed = speed_of(axis);
 	float base = base_of(watch);
 	bool heads_there = sign_of((double)speed) == sign_of(way);
 
@@ -131,6 +190,8 @@ static enum vsmd_effect effect_of_new_target(const struct vsmd_axis *axis, int32
 		return VSMD_EFFECT_SHOWN;
 	if (!watch->has_speed)
 		return VSMD_EFFECT_ABSENT;
+	if (vsmd_tells_no_speed(axis))
+		return effect_by_heading(axis, sign_of(way));
 	if (!is_explained(axis, base, speed) && (heads_there || has_changed(base, speed)))
 		return VSMD_EFFECT_SHOWN;
 	return heads_there || slows_down(base, speed) ? VSMD_EFFECT_OPEN : VSMD_EFFECT_ABSENT;
@@ -187,12 +248,15 @@ static enum vsmd_effect effect_of_place(const struct vsmd_axis *axis, int32_t pl
 	               VSMD_EFFECT_OPEN;
 }
 
+/* The level of an input is that of what is connected, and proves nothing unless it has followed. */
 static enum vsmd_effect effect_of_output(const struct vsmd_axis *axis, unsigned port, bool high)
 {
 	static const uint32_t bits[] = { VSMD_ST_S1, VSMD_ST_S2, VSMD_ST_S3,
 		                         VSMD_ST_S4, VSMD_ST_S5, VSMD_ST_S6 };
+	bool was = (axis->watch.before.status & bits[port - 1]) != 0;
+	bool is = (axis->last.status & bits[port - 1]) != 0;
 
-	return shown_if(((axis->last.status & bits[port - 1]) != 0) == high);
+	return shown_if(is == high && (was != high || !vsmd_is_input(axis, port)));
 }
 
 enum vsmd_effect vsmd_effect_of(const struct vsmd_axis *axis, const struct db_job *job)

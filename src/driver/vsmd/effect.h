@@ -14,6 +14,8 @@ enum vsmd_effect {
 
 /* What `last` and what is known of the time before say about the effect of the job's command. */
 enum vsmd_effect vsmd_effect_of(const struct vsmd_axis *axis, const struct db_job *job);
+/* It moved before the command and moves still, and no speed but 0 was told of that. */
+bool vsmd_tells_no_speed(const struct vsmd_axis *axis);
 /* Whether its effect, once seen, is all of it. */
 bool vsmd_shows_its_effect(const struct vsmd_link *link, enum db_command command);
 

@@ -18,6 +18,11 @@ static void copy(struct vsmd_param_set *set, const struct db_nameplate *plate)
 	memcpy(set->values, plate->values, sizeof set->values);
 }
 
+bool vsmd_memory_differs(const struct vsmd_memory *memory, const struct db_nameplate *plate)
+{
+	return differs(&memory->seen, plate);
+}
+
 void vsmd_memory_follow(struct vsmd_memory *memory, const struct db_nameplate *plate, bool all)
 {
 	/* One that still has what it had was not without power, or had saved it. */

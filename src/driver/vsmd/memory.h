@@ -22,6 +22,9 @@ struct vsmd_memory {
 	bool unsaved;
 };
 
+/* Whether the drive holds another value now than when it was read, or written, last. */
+bool vsmd_memory_differs(const struct vsmd_memory *memory, const struct db_nameplate *plate);
+
 /* The nameplate changed; `all`: all was read, else some was written. */
 void vsmd_memory_follow(struct vsmd_memory *memory, const struct db_nameplate *plate, bool all);
 

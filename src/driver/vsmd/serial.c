@@ -145,10 +145,7 @@ static void take_params(struct vsmd_axis *axis, const struct vsmd_reply *reply)
 		axis->plate.values[setting.param] = setting.value;
 		axis->plate.valid |= UINT64_C(1) << setting.param;
 	}
-	axis->plate.generation++;
-	axis->plate.doubtful = false;
-	axis->params_valid = true;
-	vsmd_memory_follow(&axis->memory, &axis->plate, true);
+	vsmd_take_all_params(axis);
 }
 
 /* Drives print numbers with as few as two decimals. */
@@ -424,6 +421,17 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 	return DB_FRAME_GOOD;
 }
 
+static uint32_t part_of(const struct db_bus_config *bus, const uint8_t *frame, size_t length)
+{
+	struct vsmd_reply reply;
+
+	(void)bus;
+	return vsmd_serial_decode_reply(frame, length, &reply) == VSMD_OK &&
+	                       reply.code == VSMD_REPLY_STATUS ?
+	               VSMD_REPLY_STATUS :
+	               0;
+}
+
 static void describe_frame(const struct db_bus_config *bus, bool sent, const uint8_t *frame,
                            size_t length, struct db_description *description)
 {
@@ -526,6 +534,7 @@ const struct db_driver db_driver_vsmd_serial = {
 	.speed_effect = DB_TAKES_EFFECT_POWER_UP,
 	.cut = cut_frame,
 	.accept = accept_frame,
+	.part = part_of,
 	.describe = describe_frame,
 	.begin = begin_conversation,
 	.answer = answer_frame,

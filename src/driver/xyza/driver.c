@@ -128,6 +128,16 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 	return DB_FRAME_GOOD;
 }
 
+static uint32_t part_of(const struct db_bus_config *bus, const uint8_t *frame, size_t length)
+{
+	struct xyza_reply reply;
+
+	(void)bus;
+	if (xyza_decode_reply(frame, length, &reply) != XYZA_OK || reply.kind != XYZA_REPLY_DATA)
+		return 0;
+	return 1u + ((uint32_t)reply.item_class << 8 | reply.target);
+}
+
 static void describe_frame(const struct db_bus_config *bus, bool sent, const uint8_t *frame,
                            size_t length, struct db_description *description)
 {
@@ -293,6 +303,7 @@ const struct db_driver db_driver_xyza = {
 		"switches or the vendor's tool may",
 	.cut = xyza_cut,
 	.accept = accept_frame,
+	.part = part_of,
 	.describe = describe_frame,
 	.begin = xyza_begin,
 	.answer = xyza_answer,

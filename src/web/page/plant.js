@@ -19,6 +19,7 @@ export const NEED = {
  * faults of it. */
 const FAULTS = new Set([
 	"drive-lost", "drive-fault", "drive-warning", "drive-runs-on", "drive-restarted",
+	"drive-may-have-restarted",
 	"drive-unconfirmed", "watchdog-tripped", "bus-lost", "bus-off"
 ]);
 /* A drive that must stand for longer is said to. */

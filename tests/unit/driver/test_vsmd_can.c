@@ -509,6 +509,63 @@ static void a_reversal_counts_when_the_speed_turns(void **state)
 	drop(f);
 }
 
+/* From `place` on by `step` counts with each look, at a speed of 0. */
+static const char *go_without_speed(struct fixture *f, int32_t place, int32_t step)
+{
+	for (unsigned i = 0; i < 1000 && f->said[0] != '='; i++) {
+		if (strcmp(f->said, "0008039E#0001") == 0)
+			speed(f, 0.0f);
+		else
+			confirm(f, place += step, RUNS);
+	}
+	return f->said;
+}
+
+static void where_no_speed_is_told_the_position_tells_the_direction(void **state)
+{
+	static const struct db_args back = { .target_velocity = -3000.0f };
+	static const struct db_args behind = { .target_position = -5000 };
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	run_at_3000(f);
+	poll_running(f, 0.0f, 160, RUNS);
+	command(f, DB_CMD_MOVE_VELOCITY, back);
+	assert_string_equal(go_without_speed(f, 160, -10), "=ok");
+	/* Whether it goes faster now cannot be seen. */
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -4000.0f });
+	assert_string_equal(go_without_speed(f, 0, -10), "=unproven");
+	/* It goes on as before: the command may have been lost, or be slow. */
+	run_at_3000(f);
+	poll_running(f, 0.0f, 160, RUNS);
+	command(f, DB_CMD_MOVE_VELOCITY, back);
+	assert_string_equal(go_without_speed(f, 160, 10), "=unproven");
+	run_at_3000(f);
+	poll_running(f, 0.0f, 160, RUNS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, behind);
+	assert_string_equal(go_without_speed(f, 160, -10), "=ok");
+	drop(f);
+}
+
+/* Its speeds are never below 0. */
+static void a_reversal_shows_in_the_position_too(void **state)
+{
+	struct fixture *f = make(0, 0);
+	int32_t place = 160;
+
+	(void)state;
+	run_at_3000(f);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -3000.0f });
+	for (unsigned i = 0; i < 1000 && f->said[0] != '='; i++) {
+		if (strcmp(f->said, "0008039E#0001") == 0)
+			speed(f, 3000.0f);
+		else
+			confirm(f, place -= 3, RUNS);
+	}
+	assert_string_equal(f->said, "=ok");
+	drop(f);
+}
+
 static void a_speed_that_an_older_command_explains_proves_nothing(void **state)
 {
 	struct fixture *f = make(0, 0);
@@ -728,7 +785,13 @@ static void outputs_show_their_level(void **state)
 	command(f, DB_CMD_SET_OUTPUT, on);
 	for (unsigned i = 0; i < 1000 && f->said[0] != '='; i++)
 		confirm(f, 0, STANDS);
-	assert_string_equal(f->said, "=failed");
+	assert_string_equal(f->said, "=refused");
+	/* What is connected to it may hold it high. */
+	poll(f, 0, STANDS | VSMD_ST_S5);
+	command(f, DB_CMD_SET_OUTPUT, on);
+	for (unsigned i = 0; i < 1000 && f->said[0] != '='; i++)
+		confirm(f, 0, STANDS | VSMD_ST_S5);
+	assert_string_equal(f->said, "=refused");
 	drop(f);
 }
 
@@ -1150,7 +1213,9 @@ static void a_plain_register_is_written_and_read_back(void **state)
 	assert_int_equal(db_driver_vsmd_can.nameplate(f->device)->values[VSMD_MCS].u, 5);
 	begin(f, DB_JOB_SETTINGS);
 	/* The drive holds something else: that is shown. */
-	assert_string_equal(data(f, 0x02, 4), "=refused");
+	assert_string_equal(data(f, 0x02, 4), "00080302#00000005 0008039F#0201 0008039E#0B01");
+	assert_string_equal(data(f, 0x02, 4), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "=refused");
 	assert_int_equal(db_driver_vsmd_can.nameplate(f->device)->values[VSMD_MCS].u, 4);
 	assert_false(db_driver_vsmd_can.nameplate(f->device)->doubtful);
 	/* A register that this model has not: asked for once more, as a frame may have been lost. */
@@ -1160,6 +1225,36 @@ static void a_plain_register_is_written_and_read_back(void **state)
 	begin(f, DB_JOB_SETTINGS);
 	guard(f);
 	assert_string_equal(data(f, 0x02, 5), "=ok");
+	drop(f);
+}
+
+/* A lost frame, a refusal, and a drive that does not care. */
+static void a_write_that_does_not_show_is_written_once_more(void **state)
+{
+	static const char write[] = "00080302#00000006 0008039F#0201 0008039E#0B01";
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	f->request = (struct db_request){ 0 };
+	set(f, VSMD_MCS, 5);
+	begin(f, DB_JOB_SETTINGS);
+	assert_string_equal(data(f, 0x02, 5), "=ok");
+	f->settings[0].value.u = 6;
+	assert_string_equal(begin(f, DB_JOB_SETTINGS), write);
+	assert_string_equal(data(f, 0x02, 5), write);
+	assert_string_equal(data(f, 0x02, 6), "=ok");
+	f->settings[0].value.u = 5;
+	begin(f, DB_JOB_SETTINGS);
+	data(f, 0x02, 6);
+	assert_string_equal(data(f, 0x02, 6), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS | VSMD_ST_CMD_WRG), "=refused");
+	assert_true(feedback(f).status & DB_STATUS_REFUSED);
+	begin(f, DB_JOB_SETTINGS);
+	data(f, 0x02, 6);
+	assert_string_equal(data(f, 0x02, 6), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "=failed");
+	assert_int_equal(db_driver_vsmd_can.nameplate(f->device)->values[VSMD_MCS].u, 6);
+	assert_false(feedback(f).status & DB_STATUS_REFUSED);
 	drop(f);
 }
 
@@ -1454,6 +1549,8 @@ int main(void)
 		cmocka_unit_test(a_move_counts_when_it_shows),
 		cmocka_unit_test(a_move_that_does_not_show_is_said_again_and_then_failed),
 		cmocka_unit_test(a_reversal_counts_when_the_speed_turns),
+		cmocka_unit_test(where_no_speed_is_told_the_position_tells_the_direction),
+		cmocka_unit_test(a_reversal_shows_in_the_position_too),
 		cmocka_unit_test(a_speed_that_an_older_command_explains_proves_nothing),
 		cmocka_unit_test(a_new_target_counts_when_the_drive_turns_to_it),
 		cmocka_unit_test(what_slows_down_for_a_halt_proves_no_new_target),
@@ -1482,6 +1579,7 @@ int main(void)
 		cmocka_unit_test(a_lost_confirmation_never_repeats_a_relative_move),
 		cmocka_unit_test(saving_is_rate_limited_and_its_failure_seen),
 		cmocka_unit_test(a_plain_register_is_written_and_read_back),
+		cmocka_unit_test(a_write_that_does_not_show_is_written_once_more),
 		cmocka_unit_test(a_packed_register_keeps_its_other_parameters),
 		cmocka_unit_test(a_model_without_some_registers_is_identified_at_once),
 		cmocka_unit_test(reports_take_the_place_of_polls),

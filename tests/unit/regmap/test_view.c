@@ -234,7 +234,7 @@ static void registers_that_do_not_exist(void **state)
 {
 	FAKE();
 	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 36, 1), ILLEGAL_ADDRESS);
-	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 84, 16), ILLEGAL_ADDRESS);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 98, 2), ILLEGAL_ADDRESS);
 	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 65535, 125), ILLEGAL_ADDRESS);
 	assert_int_equal(try_get(&fake, DB_TABLE_DISCRETE, 19, 2), ILLEGAL_ADDRESS);
 	assert_int_equal(try_get(&fake, DB_TABLE_COILS, 0, 7), ILLEGAL_ADDRESS);
@@ -292,6 +292,45 @@ static void blocks_cross_what_the_drive_lacks(void **state)
 	/* What is old is not shown in a block either. */
 	publish_status(&fake, DB_STATUS_BUS_UP);
 	assert_int_equal(fake_get(&fake, 1, DB_TABLE_HOLDING, 0, 100, values), NO_ANSWER);
+	fake_registers_close(&fake);
+}
+
+/* Process data do not wait for parameters. */
+static void blocks_with_unknown_parameters(void **state)
+{
+	struct db_nameplate plate = { .valid = UINT64_C(1) << 4 };
+	uint16_t values[125];
+	float read;
+
+	FAKE();
+	plate.values[4].f = 25000.0f; /* of before */
+	plate.values[5].f = 25000.0f;
+	db_axis_publish_nameplate(fake.axes[0], &plate);
+	publish_status(&fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE);
+	memset(values, 0, sizeof values);
+	assert_int_equal(fake_get(&fake, 1, DB_TABLE_HOLDING, 0, 67, values), 0);
+	assert_int_equal((int32_t)((uint32_t)values[12] << 16 | values[13]), -100000);
+	for (unsigned at = 32; at < 36; at += 2) {
+		uint32_t word = (uint32_t)values[at] << 16 | values[at + 1];
+
+		memcpy(&read, &word, sizeof read);
+		assert_true(isnan(read));
+	}
+	assert_false(fake_get2(&fake, 1, 2) & DB_STATUS_PARAMS_VALID);
+	assert_int_equal(fake_get(&fake, 1, DB_TABLE_HOLDING, 47, 1, values), 0);
+	/* Nothing but parameters. */
+	for (uint16_t address = 32; address < 36; address++)
+		assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, address, 1), NO_ANSWER);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 32, 4), NO_ANSWER);
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 200, 60), NO_ANSWER);
+	/* What is not known is not written from such a block. */
+	assert_int_equal(fake_put(&fake, 1, 32, 2, 0x7FC0, 0), ILLEGAL_VALUE);
+	/* The last value is shown where that was asked for. */
+	fake.config.modbus.stale_values = true;
+	assert_int_equal(fake_get2(&fake, 1, 32), 0x46C35000);
+	assert_int_equal(fake_get(&fake, 1, DB_TABLE_HOLDING, 30, 6, values), 0);
+	assert_int_equal(values[2], 0x46C3);
+	assert_int_equal(values[4], 0x7FC0);
 	fake_registers_close(&fake);
 }
 
@@ -1379,6 +1418,7 @@ int main(void)
 		cmocka_unit_test(registers_that_do_not_exist),
 		cmocka_unit_test(blocks_cross_what_the_drive_lacks),
 		cmocka_unit_test(offline_drive),
+		cmocka_unit_test(blocks_with_unknown_parameters),
 		cmocka_unit_test(stale_values),
 		cmocka_unit_test(quality_and_age),
 		cmocka_unit_test(parameters),

@@ -43,7 +43,7 @@ static void tell_event(struct reader *reader, enum db_event event,
 
 	memset(reader, 0, sizeof *reader);
 	assert_int_equal(db_log_new_to(take, reader, &source.log), 0);
-	bus_log_event(&source, &db_driver_servo_can, &drive, event, feedback, 1);
+	bus_log_event(&source, &drive, event, feedback, 1);
 	db_log_free(source.log);
 }
 
@@ -92,6 +92,8 @@ static void a_fault_is_told_with_what_to_check(void **state)
 static void every_event_of_a_drive_has_its_words(void **state)
 {
 	const struct db_feedback feedback = { .fault_bits = 0x12 };
+	const struct db_feedback silent = { .doubt = DB_DOUBT_SILENT };
+	const struct db_feedback sign = { .doubt = DB_DOUBT_SIGN };
 
 	(void)state;
 	assert_told(DB_EVENT_DRIVE_LOST, &feedback, "does not answer at address 7");
@@ -99,6 +101,10 @@ static void every_event_of_a_drive_has_its_words(void **state)
 	assert_told(DB_EVENT_DRIVE_WARNING, &feedback, "fault bits 0012");
 	assert_told(DB_EVENT_DRIVE_UNCONFIRMED, &feedback, "it may still move");
 	assert_told(DB_EVENT_DRIVE_RESTARTED, &feedback, "was restarted");
+	assert_told(DB_EVENT_DRIVE_MAY_HAVE_RESTARTED, &silent,
+	            "was silent and may have been restarted: ");
+	assert_told(DB_EVENT_DRIVE_MAY_HAVE_RESTARTED, &sign,
+	            "shows one sign of a restart and may have been restarted: ");
 }
 
 static void events_of_others_are_not_told_of_a_drive(void **state)

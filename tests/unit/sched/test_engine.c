@@ -920,9 +920,9 @@ static void a_drive_that_lost_power_is_told(void **state)
 {
 	struct world *world = *state;
 
-	start_bus(world);
+	enable_first(world);
 	world->told_count = 0;
-	world->sim[0].status.status = VSMD_ST_STP; /* no handshake any more */
+	world->sim[0].status.status = VSMD_ST_STP; /* no power and no handshake any more */
 	fake_pass(world->bus, 1000 * MS);
 	assert_told(world, DB_EVENT_DRIVE_RESTARTED, 1);
 	/* That a disabled drive loses its origin as well is what was asked for. */

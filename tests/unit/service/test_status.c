@@ -85,14 +85,14 @@ static void more_online_than_there_are_is_not_silent(void **state)
 
 static void a_bus_that_is_down_is_the_worst(void **state)
 {
-	struct status_figures figures = { .reload_refused = true };
+	struct status_figures figures = { .configuration = DB_CONFIGURATION_REFUSED };
 
 	(void)state;
 	add_lost_bus(&figures, "a", false, ENOENT);
 	add_bus(&figures, "b", 9, 0, 0);
 	expect_line(&figures,
 	            "0 of 10 drives online, 0 clients; worst bus a: down (No such file or "
-	            "directory); the last reload was refused, see the log");
+	            "directory); the configuration on disk was refused, see the log");
 }
 
 /* The port is open, but a CAN controller is bus off, say. */
