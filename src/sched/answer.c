@@ -107,11 +107,11 @@ static enum db_trace_kind unsolicited(struct db_engine *engine, struct node *nod
 {
 	const struct db_driver *driver = engine->driver;
 
-	if (!node || !driver->report || !driver->report(node->head, frame, length, now)) {
+	if (!driver->report || !driver->report(node->head, frame, length, now)) {
 		engine->stats.stray_frames++;
-		if (node && note_late_answer(engine, node, now))
+		if (note_late_answer(engine, node, now))
 			return DB_TRACE_LATE;
-		if (node && !node->online)
+		if (!node->online)
 			note_heard(node, frame, length);
 		return DB_TRACE_STRAY;
 	}
@@ -232,11 +232,35 @@ static bool take_doubled(struct db_engine *engine, struct node *node, const uint
 	return true;
 }
 
+/* A whole frame from an address. What it is, and the question that it belongs to. */
+static enum db_trace_kind take_good_frame(struct db_engine *engine, int address,
+                                          const uint8_t *frame, size_t length, db_time now,
+                                          uint32_t *question)
+{
+	struct node *node = sender_of(engine, address);
+	enum db_trace_kind kind;
+
+	*question = 0;
+	if (!node) {
+		scan_note_foreign(engine, frame, length);
+		engine->stats.stray_frames++;
+		return DB_TRACE_STRAY;
+	}
+	if (take_doubled(engine, node, frame, length, now))
+		return DB_TRACE_STRAY;
+	kind = is_flying(node) ? take_answer(engine, node, frame, length, now) :
+	                         unsolicited(engine, node, frame, length, now);
+	if (kind == DB_TRACE_ANSWER || kind == DB_TRACE_PART)
+		*question = node->flight.question;
+	else if (kind == DB_TRACE_LATE)
+		*question = node->lost_question;
+	return kind;
+}
+
 void answer_take_frame(struct db_engine *engine, const uint8_t *frame, size_t length, db_time now)
 {
 	enum db_trace_kind kind = DB_TRACE_FOREIGN;
 	uint32_t question = 0;
-	struct node *node;
 	int address = -1;
 	enum db_frame form = engine->driver->accept(engine->bus, frame, length, &address);
 
@@ -248,19 +272,7 @@ void answer_take_frame(struct db_engine *engine, const uint8_t *frame, size_t le
 	}
 	switch (form) {
 	case DB_FRAME_GOOD:
-		node = sender_of(engine, address);
-		if (!node)
-			scan_note_foreign(engine, frame, length);
-		if (node && take_doubled(engine, node, frame, length, now))
-			kind = DB_TRACE_STRAY;
-		else
-			kind = node && is_flying(node) ?
-			               take_answer(engine, node, frame, length, now) :
-			               unsolicited(engine, node, frame, length, now);
-		if (kind == DB_TRACE_ANSWER || kind == DB_TRACE_PART)
-			question = node->flight.question;
-		else if (kind == DB_TRACE_LATE)
-			question = node->lost_question;
+		kind = take_good_frame(engine, address, frame, length, now, &question);
 		break;
 	case DB_FRAME_FOREIGN:
 		scan_note_foreign(engine, frame, length);

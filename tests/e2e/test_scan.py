@@ -308,7 +308,7 @@ CAN = {"protocol": "vsmd-can", "transport": "slcan", "bitrate": 1000000, "line":
 
 
 def test_drives_and_other_frames_of_a_can_bus(make_bridge):
-    bridge = make_bridge(drives=1, sim_drives=2, bus={**CAN, "baud": 3000000, "drive-latency-ms": 30},
+    bridge = make_bridge(drives=1, sim_drives=2, bus={**CAN, "baud": 3000000, "drive-latency-ms": 150},
                          sim_bus={**CAN, "baud": None},
                          sim_per_drive={2: {"address": 9, "identity": "VSMD123_045T-1.0.009"}})
     found = scan(bridge, "--addresses", "1-12")
@@ -326,7 +326,7 @@ def test_drives_and_other_frames_of_a_can_bus(make_bridge):
 
 def test_servos_are_found_and_their_reports_are_foreign_frames(make_bridge):
     can = {**CAN, "protocol": "servo-can"}
-    bridge = make_bridge(drives=1, sim_drives=2, bus={**can, "baud": 3000000, "drive-latency-ms": 30},
+    bridge = make_bridge(drives=1, sim_drives=2, bus={**can, "baud": 3000000, "drive-latency-ms": 150},
                          sim_bus={**can, "baud": None}, sim_drive={"identity": None, "set": None},
                          sim_per_drive={2: {"address": 5}})
     found = scan(bridge, "--addresses", "1-8")
