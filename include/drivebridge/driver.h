@@ -24,7 +24,7 @@
 
 #define DB_REQUEST_MAX 1024 /* bytes of the longest request: every parameter written at once */
 #define DB_SHORT_REQUEST 64 /* enough for polls, probes, identification and stops */
-#define DB_ANSWER_MAX 1536  /* bytes of the longest answer frame */
+#define DB_ANSWER_MAX 8192  /* bytes of the longest answer frame */
 
 enum db_job_kind {
 	DB_JOB_PROBE, /* is an offline drive there? also gets back in step with one that lost answers */
@@ -59,6 +59,8 @@ struct db_exchange {
 	                false before each call of the driver */
 	bool again; /* a command's: asks once more for what did not show yet, which may go on for seconds,
 	               so cyclic status goes before it; false before each call of the driver */
+	bool open_ended; /* the document gives the answer no length: while it comes it is waited for, up to
+	                    DB_ANSWER_MAX. Serial lines only */
 	db_time extra_time; /* beyond the bus's drive latency: a flash write, for instance */
 };
 

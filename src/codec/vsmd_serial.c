@@ -8,6 +8,7 @@
 #include <string.h>
 
 #define EXPONENT_MAX 60.0 /* beyond it no value of a drive lies */
+#define NAME_MAX_LENGTH 8 /* of a parameter */
 
 /* --- numbers as text ------------------------------------------------------------------------------ */
 
@@ -700,7 +701,6 @@ enum vsmd_error vsmd_serial_decode_command(const char *line, size_t length, bool
 
 /* --- parameter texts ------------------------------------------------------------------------------ */
 
-/* What may stand between words and behind a text. */
 /* The text as a whole may be in quotation marks, as the document prints it, or each value. */
 static void strip_quotes(struct word *word)
 {
@@ -712,18 +712,41 @@ static void strip_quotes(struct word *word)
 		word->length--;
 }
 
-/* What stands between two blanks; of length 0 at the end. */
+/* A comma between digits is a part of a number, and that number cannot be read. */
+static bool is_separator(const char *text, size_t length, size_t at)
+{
+	if (text[at] != ',')
+		return vsmd_is_blank(text[at]);
+	return at + 1 == length || !(text[at + 1] >= '0' && text[at + 1] <= '9');
+}
+
+/* What stands between two separators; of length 0 at the end. */
 static struct word next_pair(const char *text, size_t length, size_t *cursor)
 {
 	struct word word;
 
-	while (*cursor < length && vsmd_is_blank(text[*cursor]))
+	while (*cursor < length && is_separator(text, length, *cursor))
 		(*cursor)++;
 	word.text = text + *cursor;
-	while (*cursor < length && !vsmd_is_blank(text[*cursor]))
+	while (*cursor < length && !is_separator(text, length, *cursor))
 		(*cursor)++;
 	word.length = (size_t)(text + *cursor - word.text);
 	return word;
+}
+
+/* A parameter as a drive writes its name: in small letters, or in capitals. -1: none is called so. */
+static int find_told(struct word name)
+{
+	char small[NAME_MAX_LENGTH];
+
+	if (name.length > sizeof small)
+		return -1;
+	for (size_t i = 0; i < name.length; i++) {
+		bool capital = name.text[i] >= 'A' && name.text[i] <= 'Z';
+
+		small[i] = (char)(capital ? name.text[i] - 'A' + 'a' : name.text[i]);
+	}
+	return vsmd_param_find(small, name.length);
 }
 
 int vsmd_serial_next_param(const char *text, size_t length, size_t *cursor,
@@ -744,7 +767,7 @@ int vsmd_serial_next_param(const char *text, size_t length, size_t *cursor,
 	word.length = (size_t)(equals - word.text);
 	strip_quotes(&word);
 	strip_quotes(&value);
-	param = vsmd_param_find(word.text, word.length);
+	param = find_told(word);
 	if (param < 0)
 		return 2;
 	setting->param = (enum vsmd_param)param;

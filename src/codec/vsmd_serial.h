@@ -14,7 +14,7 @@
 #include <stdint.h>
 
 #define VSMD_SERIAL_LINE_MAX 1536  /* "cfg" with all parameters written at once, and room */
-#define VSMD_SERIAL_FRAME_MAX 1536 /* a parameter text with every known and some unknown names */
+#define VSMD_SERIAL_FRAME_MAX 8192 /* five times the text of all parameters that are known */
 #define VSMD_SERIAL_STATUS_FRAME 21
 #define VSMD_SERIAL_BROADCAST 0
 #define VSMD_SERIAL_NO_ID (-1) /* RS232: the line carries no id */
@@ -99,8 +99,8 @@ struct vsmd_status {
 };
 
 /*
- * Walks the "name=value name=value" text of a PARAMS reply. Start with *cursor = 0. Returns 1 and
- * fills *setting for a known name whose value can be read and fits the parameter's type (its range
+ * Walks the "name=value name=value" text of a PARAMS reply; commas may stand between the pairs, too, and
+ * names may be in capitals. Start with *cursor = 0. Returns 1 and fills *setting for a known name whose value can be read and fits the parameter's type (its range
  * is not checked: the drive is the authority on what it holds), 2 for an unknown name or a value
  * that cannot be read (skipped), 0 at the end.
  */

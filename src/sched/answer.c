@@ -15,6 +15,15 @@
 
 /* --- answers --------------------------------------------------------------------------------------- */
 
+/* It does not tell its parameters: it is asked again, and less and less often. */
+static void put_off_identify(struct station *station, db_time now)
+{
+	station->identify_at = now + station->identify_backoff;
+	station->identify_backoff *= 2;
+	if (station->identify_backoff > IDENTIFY_BACKOFF_MAX)
+		station->identify_backoff = IDENTIFY_BACKOFF_MAX;
+}
+
 static void lane_done(struct db_engine *engine, struct station *station, enum lane_kind kind,
                       enum db_result result, db_time now)
 {
@@ -39,7 +48,10 @@ static void lane_done(struct db_engine *engine, struct station *station, enum la
 		break;
 	case LANE_IDENTIFY:
 		/* What is still missing then may stay so: others want the bus, too. */
-		station->identify_at = now + IDENTIFY_BACKOFF_MIN;
+		if (result == DB_RESULT_REFUSED)
+			put_off_identify(station, now);
+		else
+			station->identify_at = now + IDENTIFY_BACKOFF_MIN;
 		break;
 	default:
 		break;
@@ -348,10 +360,7 @@ static void lane_lost(struct db_engine *engine, struct station *station, enum la
 		station->lanes[kind].ready = engine->driver->lost(&talk) == DB_STEP_SEND;
 		if (station->lanes[kind].ready)
 			break;
-		station->identify_at = now + station->identify_backoff;
-		station->identify_backoff *= 2;
-		if (station->identify_backoff > IDENTIFY_BACKOFF_MAX)
-			station->identify_backoff = IDENTIFY_BACKOFF_MAX;
+		put_off_identify(station, now);
 		/* fall through */
 	default: /* begun anew, after getting back in step */
 		station->lanes[kind].active = false;

@@ -140,6 +140,32 @@ void db_engine_hold(struct db_engine *engine, bool hold, db_time now)
 		engine->nodes[i]->flight.deadline += late;
 }
 
+/* No answer of a known length has so many bytes. */
+#define LONG_ANSWER 256
+
+/* One that has no known length is on its way: it is waited for as long as it comes, and may be an answer. */
+static void wait_for_rest(struct db_engine *engine, db_time now)
+{
+	db_time latency = (db_time)engine->bus->drive_latency_ms * DB_NS_PER_MS;
+
+	for (size_t i = 0; i < engine->node_count; i++) {
+		struct flight *flight = &engine->nodes[i]->flight;
+		const struct db_exchange *exchange;
+		db_time longest;
+
+		if (!flight->station)
+			continue;
+		exchange = &flight->station->lanes[flight->lane].exchange;
+		longest = flight->sent + latency + exchange->extra_time +
+		          engine->bus->transport->wire_time(engine->bus, exchange->request,
+		                                            exchange->request_length,
+		                                            DB_ANSWER_MAX);
+		if (exchange->open_ended && flight->deadline < now + latency &&
+		    now + latency < longest)
+			flight->deadline = now + latency;
+	}
+}
+
 void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now)
 {
 	engine->now = now;
@@ -175,6 +201,8 @@ void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t le
 			engine->received_length = 0;
 		}
 	}
+	if (engine->received_length > LONG_ANSWER)
+		wait_for_rest(engine, now);
 }
 
 /* --- requests --------------------------------------------------------------------------------------- */

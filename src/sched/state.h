@@ -9,7 +9,8 @@
 #include "sched/engine.h"
 #include "sched/station.h"
 
-#define RECEIVE_MAX (2 * DB_ANSWER_MAX)
+/* An answer, and garbage before it. */
+#define RECEIVE_MAX (DB_ANSWER_MAX + 512)
 
 struct scan;
 

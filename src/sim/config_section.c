@@ -4,6 +4,7 @@
 #include "codec/can.h"
 #include "codec/vsmd_serial.h"
 #include "codec/xyza.h"
+#include "sim/vsmd_temper.h"
 
 #include <errno.h>
 #include <limits.h>
@@ -117,6 +118,10 @@ static const struct sim_key DRIVE_KEYS[] = {
 	WORD ("settles",             "", "|power-up|after-answer|at-once"),
 	WORD ("text",                "plain", "plain|nul|crlf|quoted"),
 	WORD ("numbers",             "plain", "plain|exponent|quoted"),
+	WORD ("parameters",          "told", "told|refused|silent"),
+	FLAG ("capitals",            "false"),
+	FLAG ("commas",              "false"),
+	WHOLE("text-length",         "0", 0, SIM_VSMD_TEXT_MAX),
 	LIST ("lacks"),
 	/* Servos. */
 	WORD ("mode",                "position", "position|speed|current"),

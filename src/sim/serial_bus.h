@@ -23,7 +23,7 @@
 
 #define SIM_SERIAL_DRIVES_MAX 32
 #define SIM_SERIAL_REQUEST_MAX 1537 /* the longest line of VSMD and its end */
-#define SIM_SERIAL_REPLY_MAX 1536
+#define SIM_SERIAL_REPLY_MAX 8192
 
 /* How two drives with one number answer. */
 enum sim_twins {

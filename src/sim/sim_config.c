@@ -226,6 +226,10 @@ static void read_vsmd_temper(const struct sim_section *section, struct sim_vsmd_
 		.ignores_broadcast = sim_section_flag(section, "ignores-broadcast"),
 		.text = (enum sim_text_ends)sim_section_word(section, "text"),
 		.numbers = (enum sim_numbers)sim_section_word(section, "numbers"),
+		.parameters = (enum sim_parameters)sim_section_word(section, "parameters"),
+		.capitals = sim_section_flag(section, "capitals"),
+		.commas = sim_section_flag(section, "commas"),
+		.text_length = (size_t)sim_section_whole(section, "text-length"),
 	};
 	if (sim_section_length(section, "lacks") > SIM_VSMD_LACKS_MAX) {
 		sim_section_refuse(section, "lacks", "more than %d ranges", SIM_VSMD_LACKS_MAX);

@@ -494,7 +494,8 @@ enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_
 {
 	sim_vsmd_advance(drive, now);
 	sim_vsmd_hear(drive, command->verb == VSMD_DEV, now);
-	if ((drive->hides_params && command->verb == VSMD_CFG_READ) || !obey(drive, command, now)) {
+	if ((sim_vsmd_hides_params(drive) && command->verb == VSMD_CFG_READ) ||
+	    !obey(drive, command, now)) {
 		sim_vsmd_refuse(drive, now);
 		return VSMD_REPLY_STATUS;
 	}
@@ -676,7 +677,7 @@ void sim_vsmd_hide_params(struct sim_vsmd *drive, bool hidden)
 
 bool sim_vsmd_hides_params(const struct sim_vsmd *drive)
 {
-	return drive->hides_params;
+	return drive->hides_params || drive->config.temper.parameters != SIM_PARAMETERS_TOLD;
 }
 
 void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity)

@@ -99,6 +99,13 @@ static void tell_witness(const struct sim_node *node, const struct vsmd_command 
 		sim_serial_bus_testify(node, sim_vsmd_refusals(node->drive) == refusals);
 }
 
+static bool is_left_unanswered(const struct sim_node *node, const struct vsmd_command *command,
+                               enum vsmd_error error)
+{
+	return error == VSMD_OK && command->verb == VSMD_CFG_READ &&
+	       sim_vsmd_temper(node->drive)->parameters == SIM_PARAMETERS_SILENT;
+}
+
 /* What one drive does about it. */
 static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node *node,
                                      const struct sim_serial_request *request,
@@ -123,7 +130,9 @@ static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node
 		sim_vsmd_refuse(node->drive, request->end);
 	tell_witness(node, command, error, refusals);
 	sim_vsmd_settle(node->drive, false);
-	burst = broadcast ? NULL : reply(bus, node, code, request->end);
+	burst = broadcast || is_left_unanswered(node, command, error) ?
+	                NULL :
+	                reply(bus, node, code, request->end);
 	sim_vsmd_settle(node->drive, true);
 	return burst;
 }

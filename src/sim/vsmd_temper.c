@@ -77,8 +77,21 @@ static void put_number(struct writer *writer, enum sim_numbers style, const char
 	}
 }
 
+/* "name=" in this drive's letters. */
+static void put_name(struct writer *writer, const struct sim_vsmd_temper *temper, const char *text,
+                     size_t length)
+{
+	for (size_t i = 0; i < length; i++) {
+		char letter = text[i];
+
+		if (temper->capitals && letter >= 'a' && letter <= 'z')
+			letter = (char)(letter - 'a' + 'A');
+		put(writer, &letter, 1);
+	}
+}
+
 /* "name=number name=number", or a text without any. */
-static void put_pairs(struct writer *writer, enum sim_numbers style, const char *text,
+static void put_pairs(struct writer *writer, const struct sim_vsmd_temper *temper, const char *text,
                       size_t length)
 {
 	const char *end = text + length;
@@ -91,11 +104,30 @@ static void put_pairs(struct writer *writer, enum sim_numbers style, const char 
 			put(writer, text, (size_t)(end - text));
 			return;
 		}
-		put(writer, text, (size_t)(equals + 1 - text));
+		put_name(writer, temper, text, (size_t)(equals + 1 - text));
 		text = equals + 1;
 		blank = memchr(text, ' ', (size_t)(end - text));
-		put_number(writer, style, text, (size_t)((blank ? blank : end) - text));
-		text = blank ? blank : end;
+		put_number(writer, temper->numbers, text, (size_t)((blank ? blank : end) - text));
+		text = end;
+		if (blank) {
+			put(writer, temper->commas ? "," : " ", 1);
+			text = blank + 1;
+		}
+	}
+}
+
+/* Parameters that no document names. */
+static void put_unknown(struct writer *writer, const struct sim_vsmd_temper *temper)
+{
+	unsigned number = 0;
+
+	while (writer->length < temper->text_length) {
+		char pair[32];
+		int length = snprintf(pair, sizeof pair, "%cx%u=%u", temper->commas ? ',' : ' ',
+		                      number, number * 7);
+
+		number++;
+		put(writer, pair, length > 0 ? (size_t)length : 0);
 	}
 }
 
@@ -106,7 +138,9 @@ int sim_vsmd_dress_text(const struct sim_vsmd_temper *temper, const char *text, 
 
 	if (temper->text == SIM_TEXT_QUOTED)
 		put(&writer, "\"", 1);
-	put_pairs(&writer, temper->numbers, text, length);
+	put_pairs(&writer, temper, text, length);
+	if (memchr(text, '=', length))
+		put_unknown(&writer, temper);
 	if (temper->text == SIM_TEXT_QUOTED)
 		put(&writer, "\"", 1);
 	if (temper->text == SIM_TEXT_NUL)

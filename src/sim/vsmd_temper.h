@@ -32,6 +32,10 @@ enum sim_refusal {
 enum sim_speed { SIM_SPEED_SIGNED, SIM_SPEED_UNSIGNED, SIM_SPEED_NONE };
 enum sim_text_ends { SIM_TEXT_PLAIN, SIM_TEXT_NUL, SIM_TEXT_CRLF, SIM_TEXT_QUOTED };
 enum sim_numbers { SIM_NUMBERS_PLAIN, SIM_NUMBERS_EXPONENT, SIM_NUMBERS_QUOTED };
+/* What a serial drive does when it is asked for its parameters. */
+enum sim_parameters { SIM_PARAMETERS_TOLD, SIM_PARAMETERS_REFUSED, SIM_PARAMETERS_SILENT };
+
+#define SIM_VSMD_TEXT_MAX 8000 /* characters */
 
 /* Registers that are never answered, both included. */
 struct sim_registers {
@@ -56,6 +60,10 @@ struct sim_vsmd_temper {
 	bool hides_outputs;      /* the status word does not show the levels of output ports */
 	enum sim_text_ends text; /* of identity and parameters on serial lines */
 	enum sim_numbers numbers;
+	enum sim_parameters parameters;
+	bool capitals;      /* names of parameters */
+	bool commas;        /* between them */
+	size_t text_length; /* of parameters at least: names that nobody knows come behind the others */
 	struct sim_registers lacks[SIM_VSMD_LACKS_MAX]; /* data registers, on CAN */
 	size_t lacks_count;
 };

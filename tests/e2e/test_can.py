@@ -175,9 +175,9 @@ def test_parameters_in_no_document(make_can):
     can.wait_ready(1)
     can.wait_ready(2)
     drive = can.drive()
-    for number, name in enumerate(("dmd", "sds", "caf")):
-        assert drive.write(name, 0xFFFF0000 + number) == 0
-        assert drive.read(name) == 0xFFFF0000 + number
+    for name, value in (("dmd", 0xFFFF0000), ("sds", 0.5), ("caf", 0xFFFF0002)):
+        assert drive.write(name, value) == 0
+        assert drive.read(name) == value
         with pytest.raises(Refused) as refused:
             can.drive(2).read(name)
         assert refused.value.code == ILLEGAL_ADDRESS

@@ -10,6 +10,8 @@ from bridgelib import (
     DISABLED,
     ENABLED_BIT,
     HOMED_BIT,
+    NO_ANSWER,
+    ONLINE_BIT,
     ORIGIN_LOST_BIT,
     STANDSTILL,
     Refused,
@@ -46,6 +48,9 @@ def can(key, value, sees, **more):
 WINDOW = (("in-position-window", 1),)
 PATIENT = (("drive-latency-ms", 600),)
 SLOW_TURN = (("turnaround-us", 6000),)
+
+UNTOLD = ("Its parameters read as NaN and 0 beside process data and are 0B alone; writing one is `unproven` when the drive "
+          "took it, and refused when not. The register outputs stays 0.")
 
 TEMPERAMENTS = [
     *both("latency-us", 1000, "Nothing.", section="bus"),
@@ -87,6 +92,12 @@ TEMPERAMENTS = [
     *serial("text", "quoted", "Nothing."),
     *serial("numbers", "exponent", "Nothing."),
     *serial("numbers", "quoted", "Nothing."),
+    *serial("capitals", True, "Nothing."),
+    *serial("commas", True, "Nothing."),
+    *serial("text-length", 1600, "Nothing but longer reads of all parameters."),
+    *serial("text-length", 8000, "Nothing but longer reads of all parameters."),
+    *serial("parameters", "refused", UNTOLD),
+    *serial("parameters", "silent", UNTOLD),
     *can("lacks", ["0b"], "02 for the parameters of that register."),
     *can("lacks", ["13", "19", "1b"], "02 for `dmd`, `caf` and `sds`, which no document has."),
     *can("lacks", ["1c-2b"], "02 for the parameters of these registers."),
@@ -95,7 +106,7 @@ TEMPERAMENTS = [
 # The origin sensor is high below 0, and the drive stands above it.
 DRIVE = {
     "start": 300, "sensor": ["3:below:0"],
-    "set": ["zmd=1", "snr=2", "osv=0", "zsd=-6400", "spd=6400", "acc=64000", "dec=64000", "s5=1",
+    "set": ["sds=0.5", "zmd=1", "snr=2", "osv=0", "zsd=-6400", "spd=6400", "acc=64000", "dec=64000", "s5=1",
             "pae=0"],
 }
 
@@ -145,6 +156,10 @@ class Machine:
         return False
 
 
+    def tells_parameters(self):
+        return self.habits.get("parameters", "told") == "told"
+
+
 def power_and_speed(machine):
     drive = machine.drive
     assert drive.command("enable") == 0
@@ -187,9 +202,17 @@ def homing(machine):
 def outputs_and_parameters(machine):
     drive = machine.drive
     assert drive.command("set_output", output_number=5, output_value=1) == 0
-    if "hides-outputs" not in machine.habits:
+    if "hides-outputs" not in machine.habits and machine.tells_parameters():
         eventually(lambda: drive.read("outputs") & 1 << 4, what="the output to be on")
     assert machine.simulated()["output"] >= 1
+    if not machine.tells_parameters():
+        assert drive.write("crn", 9.0) == (0 if "clamps" in machine.habits else DEVICE_FAILURE)
+        assert drive.write("spd", 3000.5) == 0
+        assert machine.simulated()["cfg_write"] >= 1
+        with pytest.raises(Refused) as refusal:
+            drive.read("spl")
+        assert refusal.value.code == NO_ANSWER
+        return
     # More than this model takes: what it holds is what the register shows.
     assert drive.write("crn", 9.0) == DEVICE_FAILURE
     eventually(lambda: drive.read("crn") == f32(2.5 if "clamps" in machine.habits else 0.6))
@@ -230,11 +253,17 @@ def test_core_behaviour(make_bridge, family, chosen):
     bridge = temperament.start(make_bridge, chosen, sim_drive=DRIVE, modbus={"confirm-ms": 9000},
                                wait_online=False, **BUSES[family])
     # With so long for each answer, reading all parameters takes its time.
-    bridge.wait_ready(1, 40)
+    if any(one.key == "parameters" for one in chosen):
+        eventually(lambda: bridge.drive().read("status") & ONLINE_BIT, what="the drive to be online")
+    else:
+        bridge.wait_ready(1, 40)
     machine = Machine(bridge, chosen)
     drive = machine.drive
     assert drive.read("identity").startswith("VSMD113_025T-1.0.008.17042")
-    assert drive.read("spd") == f32(6400)
+    if machine.tells_parameters():
+        assert drive.read("spd") == f32(6400)
+        if not machine.lacks(0x1B):
+            assert drive.read("sds") == f32(0.5)
     power_and_speed(machine)
     positions(machine)
     homing(machine)

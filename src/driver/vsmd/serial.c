@@ -46,6 +46,7 @@ static bool write_line(int id, const struct vsmd_command *command, bool repeatab
 	exchange->request_length = (size_t)length;
 	exchange->extra_time = 0;
 	exchange->repeatable = repeatable;
+	exchange->open_ended = command->verb == VSMD_SAV || command->verb == VSMD_CFG_READ;
 	switch (command->verb) {
 	case VSMD_DEV:
 		exchange->answer_length = VSMD_IDENTITY_FRAME;
@@ -226,6 +227,23 @@ static enum db_step answer_write(struct db_conversation *talk)
 	return end_job(talk, DB_RESULT_UNPROVEN);
 }
 
+static enum db_step refuse_parameters(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_REFUSED);
+}
+
+/* The drive took what was written, or refused it; what it holds now it does not tell. */
+static enum db_step leave_unproven(struct db_conversation *talk)
+{
+	struct vsmd_axis *axis = axis_of(talk);
+
+	axis->plate.doubtful = true;
+	if (talk->device->refused_line)
+		return end_job(talk, DB_RESULT_REFUSED);
+	vsmd_take_settings(axis, talk->job->request);
+	return end_job(talk, DB_RESULT_UNPROVEN);
+}
+
 static enum db_step answer_compare(struct db_conversation *talk)
 {
 	struct vsmd_axis *axis = axis_of(talk);
@@ -259,11 +277,14 @@ static const struct conversation_step steps[STEPS] = {
 	[STEP_PROBE] = { say_identity, VSMD_REPLY_IDENTITY, .answered = answer_probe },
 	[STEP_POLL] = { say_status, VSMD_REPLY_STATUS, .answered = answer_poll },
 	[STEP_IDENTITY] = { say_identity, VSMD_REPLY_IDENTITY, .answered = answer_identity },
-	[STEP_PARAMETERS] = { say_parameters, VSMD_REPLY_PARAMS, .answered = answer_parameters },
+	[STEP_PARAMETERS] = { say_parameters, VSMD_REPLY_PARAMS, .answered = answer_parameters,
+	                      .refused = refuse_parameters },
 	[STEP_WRITE] = { say_settings, VSMD_REPLY_STATUS, .answered = answer_write },
-	[STEP_COMPARE] = { say_parameters, VSMD_REPLY_PARAMS, .answered = answer_compare },
+	[STEP_COMPARE] = { say_parameters, VSMD_REPLY_PARAMS, .answered = answer_compare,
+	                   .refused = leave_unproven, .lost = leave_unproven },
 	[STEP_WRITE_AGAIN] = { say_settings, VSMD_REPLY_STATUS, .answered = answer_write },
-	[STEP_COMPARE_AGAIN] = { say_parameters, VSMD_REPLY_PARAMS, .answered = answer_compare },
+	[STEP_COMPARE_AGAIN] = { say_parameters, VSMD_REPLY_PARAMS, .answered = answer_compare,
+	                         .refused = leave_unproven, .lost = leave_unproven },
 };
 
 /* --- jobs -------------------------------------------------------------------------------------- */
@@ -320,22 +341,32 @@ static enum db_step begin_conversation(struct db_conversation *talk)
 	return step;
 }
 
-static bool is_expected(const struct db_job *job, enum vsmd_reply_code code)
+/* What follows this reply; null: it is no answer to what was said last. */
+static conversation_fn *follow_reply(const struct db_job *job, const struct vsmd_reply *reply)
 {
-	if (!vsmd_is_command(job))
-		return code == steps[job->step].expects;
-	return code == VSMD_REPLY_STATUS ||
-	       (code == VSMD_REPLY_PARAMS && job->step == VSMD_STEP_SAVE);
+	bool status = reply->code == VSMD_REPLY_STATUS;
+
+	if (vsmd_is_command(job))
+		return status || (reply->code == VSMD_REPLY_PARAMS && job->step == VSMD_STEP_SAVE) ?
+		               vsmd_answer_command :
+		               NULL;
+	if (reply->code == steps[job->step].expects)
+		return steps[job->step].answered;
+	/* Instead of a text: the drive does not know the request, or does not answer it now. */
+	return status && (reply->status.status & VSMD_ST_CMD_WRG) ? steps[job->step].refused : NULL;
 }
 
 static enum db_step answer_frame(struct db_conversation *talk, const uint8_t *frame, size_t length)
 {
 	const struct db_job *job = talk->job;
+	conversation_fn *follow;
 	struct vsmd_reply reply;
 	enum db_step step;
 
-	if (vsmd_serial_decode_reply(frame, length, &reply) != VSMD_OK ||
-	    !is_expected(job, reply.code))
+	if (vsmd_serial_decode_reply(frame, length, &reply) != VSMD_OK)
+		return DB_STEP_IGNORE;
+	follow = follow_reply(job, &reply);
+	if (!follow)
 		return DB_STEP_IGNORE;
 	// cppcheck-suppress autoVariables ; it is taken away below
 	talk->reply = &reply;
@@ -344,7 +375,7 @@ static enum db_step answer_frame(struct db_conversation *talk, const uint8_t *fr
 		if (job->kind == DB_JOB_COMMAND && !db_command_is_stop(job->request->command))
 			vsmd_take_speed(axis_of(talk), reply.status.velocity);
 	}
-	step = vsmd_is_command(job) ? vsmd_answer_command(talk) : steps[job->step].answered(talk);
+	step = follow(talk);
 	talk->reply = NULL;
 	return step;
 }

@@ -259,7 +259,7 @@ static const struct {
 	[VSMD_RES] = { "cfg res=2000", 2000, NULL },
 	/* In no document. */
 	[VSMD_DMD] = { "cfg dmd=1", 1, NULL },
-	[VSMD_SDS] = { "cfg sds=4294967295", 4294967295, NULL },
+	[VSMD_SDS] = { "cfg sds=0.5", 0.5, NULL },
 	[VSMD_CAF] = { "cfg caf=1", 1, NULL },
 };
 
@@ -1228,8 +1228,8 @@ static void over_long_frames(void **state)
 static void walks_parameters(void **state)
 {
 	static const char text[] =
-		"  bdr=9600 cid=2.00 spd=12800.00 acc=12800 dmd=1 sds=0.5 zsp=-7.0 "
-		"crn=0.8 cra= garbage =5 dec=abc mcs=1.5 cid=70000 crh==1 BDR=1 "
+		"  bdr=9600 cid=2.00 spd=12800.00 acc=12800 dmd=1 dmd=0.5 sds=0.5 zsp=-7.0 "
+		"crn=0.8 cra= garbage =5 dec=abc mcs=1.5 cid=70000 crh==1 bdx=1 "
 		"zsp=99999999999 spd=1e3x res=500 dar=10 ";
 	static const struct {
 		int result;
@@ -1242,6 +1242,7 @@ static void walks_parameters(void **state)
 		{ 1, VSMD_ACC, 12800 },
 		{ 1, VSMD_DMD, 1 },
 		{ 2, 0, 0 }, /* no whole number: shown nowhere */
+		{ 1, VSMD_SDS, 0.5 },
 		{ 1, VSMD_ZSP, -7 },
 		{ 1, VSMD_CRN, 0.8 },
 		{ 2, 0, 0 },
@@ -1273,6 +1274,38 @@ static void walks_parameters(void **state)
 	assert_int_equal(vsmd_serial_next_param(text, strlen(text), &cursor, &setting), 0);
 	cursor = 0;
 	assert_int_equal(vsmd_serial_next_param("   ", 3, &cursor, &setting), 0);
+}
+
+/* Capitals, and commas between the pairs. A decimal comma is no separator: half a number would be believed. */
+static void walks_parameters_in_capitals_and_commas(void **state)
+{
+	static const char text[] =
+		"BDR=9600,Cid=2, acc=0.5,,spd=12800,50 dEc=7,mcs=1,,crn=\"0.8\",";
+	static const struct {
+		int result;
+		enum vsmd_param param;
+		double number;
+	} rows[] = {
+		{ 1, VSMD_BDR, 9600 }, { 1, VSMD_CID, 2 }, { 1, VSMD_ACC, 0.5 }, { 2, 0, 0 },
+		{ 1, VSMD_DEC, 7 },    { 1, VSMD_MCS, 1 }, { 1, VSMD_CRN, 0.8 },
+	};
+	struct vsmd_setting setting;
+	size_t cursor = 0;
+
+	(void)state;
+	for (size_t i = 0; i < COUNT(rows); i++) {
+		int result = vsmd_serial_next_param(text, strlen(text), &cursor, &setting);
+
+		if (result != rows[i].result)
+			fail_msg("row %zu: %d", i, result);
+		if (result == 1)
+			assert_setting(&setting, rows[i].param, rows[i].number);
+	}
+	assert_int_equal(vsmd_serial_next_param(text, strlen(text), &cursor, &setting), 0);
+	cursor = 0;
+	assert_int_equal(vsmd_serial_next_param("waytoolongname=1", 16, &cursor, &setting), 2);
+	cursor = 0;
+	assert_int_equal(vsmd_serial_next_param(",,", 2, &cursor, &setting), 0);
 }
 
 /* Drives print numbers, quotation marks and line ends as they like. */
@@ -1488,6 +1521,7 @@ int main(void)
 		cmocka_unit_test(every_split_of_a_frame),
 		cmocka_unit_test(over_long_frames),
 		cmocka_unit_test(walks_parameters),
+		cmocka_unit_test(walks_parameters_in_capitals_and_commas),
 		cmocka_unit_test(walks_parameters_of_other_habits),
 		cmocka_unit_test(a_text_ends_before_its_blanks),
 		cmocka_unit_test(formats_all_parameters),
