@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The one command table: which codes there are, how they are called and which registers of the
- * command block are their arguments. Constant data and pure functions; any thread.
+ * The command table: the commands, their names, and the registers of the command block that are
+ * their arguments. Constant data and pure functions; any thread.
  */
 #ifndef DRIVEBRIDGE_COMMAND_TABLE_H
 #define DRIVEBRIDGE_COMMAND_TABLE_H
 
 #include "drivebridge/command.h"
 
-#define DB_COMMAND_ARGS_MAX 4 /* registers in a row are one */
+#define DB_COMMAND_ARGS_MAX 4 /* several registers of one value count as one */
 
 /* The members of struct db_args, in the order of their registers. */
 enum db_arg {
@@ -32,14 +32,14 @@ enum db_arg {
 	DB_ARG_COUNT
 };
 
-/* Where an argument lies in struct db_args. Its register row has the same offset. */
+/* Offset of an argument in struct db_args. Its register row has the same offset. */
 size_t db_arg_offset(enum db_arg arg);
 size_t db_arg_bytes(enum db_arg arg);
 
 struct db_command_row {
 	enum db_command code;
 	const char *name;
-	bool own;                              /* of some families only, by its nature */
+	bool own;                              /* only of some families, by its nature */
 	enum db_arg args[DB_COMMAND_ARGS_MAX]; /* up to the first NONE */
 	const char *description;               /* one line */
 };
@@ -53,7 +53,7 @@ const struct db_command_row *db_command_find(unsigned code);
 const struct db_command_row *db_command_find_name(const char *name);
 const char *db_command_name(unsigned code); /* "move_absolute" ...; "none" for 0, "unknown" */
 
-/* The arguments that this command uses are the same, bit by bit. */
+/* True if the arguments that this command uses are the same, bit by bit. */
 bool db_command_same_args(unsigned code, const struct db_args *a, const struct db_args *b);
 
 #endif

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The right to command one drive, which one client holds at a time: `control = drive` in the
- * configuration. Who writes to a drive that nobody controls takes the right with that write; it is
- * lost by letting go, by falling silent towards this drive, and with the connection.
+ * configuration. A client that writes to a drive without a holder takes the right with that write;
+ * it is lost by releasing it, by falling silent towards this drive, and with the connection.
  *
  * A client that lost its connection without the bridge noticing comes back on a new one: when it
  * asks for the right, it takes it over from the old connection of the same address.
@@ -27,30 +27,31 @@ struct db_control {
 
 void db_control_init(struct db_control *control, bool enabled, uint32_t timeout_ms);
 
-/* Other settings: who has the right keeps it, unless there is none any more. */
+/* Other settings: the holder keeps the right, unless it is abolished. */
 void db_control_change(struct db_control *control, bool enabled, uint32_t timeout_ms);
 
-/* Null: nobody has the right, or whoever had it is silent for too long. */
+/* Null: there is no holder, or it has been silent for too long. */
 const struct db_client *db_control_holder(const struct db_control *control, db_time now);
 
-/* Whether the client may command: it holds the right, or the drive is not under control. */
+/* True if the client may command: it holds the right, or the drive is not under control. */
 bool db_control_holds(const struct db_control *control, const struct db_client *client,
                       db_time now);
 
-/* Takes the right for a write if nobody has it. True when the client holds it afterwards. */
+/* Takes the right for a write if it is free. True when the client holds it afterwards. */
 bool db_control_take(struct db_control *control, const struct db_client *client, db_time now);
 
-/* The same, when a client asks for it: also from another connection of the same address. */
+/* The same when a client asks for it: also from another connection of the same address. */
 bool db_control_request(struct db_control *control, const struct db_client *client, db_time now);
 
-/* The client lets go, or its connection ends. Nothing happens when it does not hold it. */
+/* The client releases the right, or its connection ends. No effect when it does not hold it. */
 void db_control_release(struct db_control *control, const struct db_client *client);
 
-/* A client addressed the drive with a request that arrived then: the holder is not silent. */
+/* A client addressed the drive with a request that arrived then: if it is the holder, it is not
+ * silent. */
 void db_control_hear(struct db_control *control, const struct db_client *client, db_time arrived,
                      db_time now);
 
-/* Until the holder's silence ends its right; 0 when nobody has it. */
+/* Time until the holder's silence ends its right; 0 when there is no holder. */
 uint32_t db_control_remaining_ms(const struct db_control *control, db_time now);
 
 #endif

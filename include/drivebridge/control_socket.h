@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The control socket: tools of this machine speak to it in names, over a Unix socket in varlink's wire format
- * (docs/io.drivebridge.Control.varlink). What they ask goes through the register view like a PLC's requests, by
- * the same rules. Everything here runs on the network thread, one call in a turn of its loop.
+ * The control socket: tools of this machine use it with names, over a Unix socket in varlink's wire
+ * format (docs/io.drivebridge.Control.varlink). Their requests go through the register view like a
+ * PLC's, with the same rules. Everything here runs on the network thread, one call in a turn of its
+ * loop.
  */
 #ifndef DRIVEBRIDGE_CONTROL_SOCKET_H
 #define DRIVEBRIDGE_CONTROL_SOCKET_H
@@ -26,13 +27,13 @@ struct db_trace_keeper;
 struct sd_event;
 
 struct db_control_socket_ops {
-	/* Asks for a reload, which db_control_socket_reloaded() ends, perhaps at once. False: one is under way
-	 * already, and another one follows it. */
+	/* Requests a reload, whose end is db_control_socket_reloaded(), perhaps at once. False: one
+	 * is in progress already, and another one follows it. */
 	bool (*reload)(void *context);
-	/* What runs beside what the files say. */
+	/* The running configuration compared with the files. */
 	struct db_configuration_report (*configuration)(void *context);
 	void (*server_stats)(void *context, struct db_server_stats *stats);
-	/* As those of a bus in scan.h, which is named; -ENODEV: there is no such bus. */
+	/* As those for a bus in scan.h, with the bus's name; -ENODEV: there is no such bus. */
 	int (*scan)(void *context, const char *bus, const struct db_scan_plan *plan,
 	            uint32_t *number);
 	bool (*scan_read)(void *context, const char *bus, uint32_t number,
@@ -40,29 +41,30 @@ struct db_control_socket_ops {
 	const struct db_scan_find *(*scan_find)(void *context, const char *bus, size_t index);
 	const struct db_scan_foreign *(*scan_foreign)(void *context, const char *bus, size_t index);
 	void (*scan_cancel)(void *context, const char *bus, uint32_t number);
-	/* What a bus carries, null when there is none of that name, and a number that no other bus ever has. */
+	/* The trace of a bus, null when there is none of that name, and a number that no other bus
+	 * ever has. */
 	const struct db_trace *(*trace)(void *context, const char *bus, uint32_t *number);
 };
 
-/* Sessions at the same time, more than drivebridge-mqtt, -opcua and -webd take together at most, so that people find
- * one for a stop; so many of them only those who may act can take. */
+/* Maximum number of sessions, more than drivebridge-mqtt, -opcua and -webd use together, so that
+ * there is one left for a person's stop; the reserved ones are only for clients that may act. */
 #define DB_SESSIONS_MAX 64
 #define DB_SESSIONS_RESERVED 8
 
-/* And so many that are kept for stops, when there are no others. */
+/* And this number that are kept for stops, when there are no others. */
 #define DB_SESSIONS_FOR_STOPS 2
 
-/* Those of one turn may have taken the places of others, which are still to be freed. */
+/* Sessions accepted in one turn may replace others, which are still to be freed. */
 #define DB_SESSIONS_ACCEPTED_AT_ONCE 4
 #define DB_SESSIONS_MOST (DB_SESSIONS_MAX + DB_SESSIONS_FOR_STOPS + DB_SESSIONS_ACCEPTED_AT_ONCE)
 
-/* Descriptors that it takes at most. */
+/* Maximum number of descriptors in use. */
 #define DB_CONTROL_SOCKET_DESCRIPTORS (DB_SESSIONS_MOST + 5)
 
 struct db_control_socket_setup {
 	struct sd_event *loop;
 	const struct db_control_config *config;
-	const char *configuration; /* path of the file, for who asks */
+	const char *configuration; /* path of the file, for clients that ask */
 	struct db_registers *registers;
 	const struct db_trace_keeper *traces;
 	struct db_log_source log;
@@ -71,32 +73,34 @@ struct db_control_socket_setup {
 };
 
 /*
- * Listens, as far as that can be: where it cannot, that is logged and there is no socket, because PLCs come
- * first. What the setup names must outlive it. 0 or a negative errno.
+ * Listens if possible: if not, that is logged and there is no socket, because PLCs come first.
+ * Everything the setup refers to must outlive it. 0 or a negative errno.
  */
 int db_control_socket_new(const struct db_control_socket_setup *setup,
                           struct db_control_socket **control);
 /* Ends every session and removes the socket. Null is fine. */
 void db_control_socket_free(struct db_control_socket *control);
 
-/* Another configuration is in force; the former is not used afterwards. Sessions stay as far as they may. */
+/* Another configuration is in force; the former is not used afterwards. Sessions stay if they still
+ * may. */
 void db_control_socket_change(struct db_control_socket *control,
                               const struct db_control_config *config,
                               const struct db_log_source *log);
 
-/* Answers a write or a command of a session that was to be answered later. */
+/* Answers a postponed write or command of a session. */
 void db_control_socket_answer(struct db_control_socket *control, struct db_write_token token,
                               enum db_result result);
 
-/* Any client in words, of a session with the names that belong to its address; a user whose name was forgotten for those
- * of many others is "?". The socket may be null. */
+/* The names of any client; for a session those that belong to its address. A user whose name was
+ * forgotten because there were too many others is "?". The socket may be null. */
 void db_control_socket_words(const struct db_control_socket *control, const uint8_t address[16],
                              struct db_client_words *words);
 
-/* A reload has ended: its errors, a line each; "" or null: it is in force. */
+/* A reload has ended: its errors, one line each; "" or null: it is in force. */
 void db_control_socket_reloaded(struct db_control_socket *control, const char *errors);
 
-/* Serves what waits on the sockets, as the loop does: for who acts on silence and comes late to it. */
+/* Serves requests that wait on the sockets, as the loop does: called late before acting on
+ * silence. */
 void db_control_socket_catch_up(struct db_control_socket *control);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The Modbus TCP server: sockets, framing and the form of requests. What the requests mean is the
- * business of its backend (the register map). Everything here runs on the network thread.
+ * The Modbus TCP server: sockets, framing and the form of requests. Its backend (the register map)
+ * knows what the requests mean. Everything here runs on the network thread.
  */
 #ifndef DRIVEBRIDGE_SERVER_H
 #define DRIVEBRIDGE_SERVER_H
@@ -20,13 +20,15 @@ struct db_server;
 
 enum db_table { DB_TABLE_COILS, DB_TABLE_DISCRETE, DB_TABLE_HOLDING, DB_TABLE_INPUT };
 
-/* What is not done for a client because of who it is. Each kind is counted, and logged once. */
+/* Refusals because of a client's rights. Each kind is counted, and logged once. */
 enum db_refusal {
 	DB_REFUSED_ADDRESS,     /* connection: in neither allow-read nor allow-write */
 	DB_REFUSED_FULL,        /* connection: max-clients reached */
 	DB_REFUSED_RESERVED,    /* connection: may only read, and the rest is for writers */
 	DB_REFUSED_PER_ADDRESS, /* connection: max-clients-per-address reached */
-	DB_REFUSED_WRITE,       /* write: may only read */
+	DB_REFUSED_WRITE,       /* write: its address may only read */
+	DB_REFUSED_USER,        /* write: its user, of this machine, may only read */
+	DB_REFUSED_USER_READ,   /* connection: its user, of this machine, may not even read */
 	DB_REFUSED_CONTROL,     /* write: another client has control of the drive */
 	DB_REFUSED_PACE,        /* request: more than max-requests-per-second, answered later */
 	DB_REFUSED_DESCRIPTORS, /* connection: the descriptors left are for buses and files */
@@ -38,8 +40,8 @@ enum db_refusal {
 /* Answers are Modbus exception codes; 0 is success. Addresses are 0-based. */
 struct db_backend {
 	/*
-	 * Whether there is anything behind this unit id: 0, or exception 0A. Asked before
-	 * everything but the form of a request.
+	 * Whether this unit id exists: 0, or exception 0A. Called before all checks but that of a
+	 * request's form.
 	 */
 	uint8_t (*unit)(void *context, uint8_t unit);
 
@@ -58,8 +60,8 @@ struct db_backend {
 	             enum db_table table, uint16_t address, uint16_t count, const uint16_t *values,
 	             struct db_write_token token);
 
-	/* Like write, for FC 22 that leaves a holding register at the value it has: it changes
-	 * nothing, so it repeats no command either, but for a stop. */
+	/* Like write, for FC 22 that leaves a holding register unchanged: it changes nothing, so it
+	 * repeats no command either, except a stop. */
 	int (*write_same)(void *context, const struct db_client *client, uint8_t unit,
 	                  uint16_t address, uint16_t value, struct db_write_token token);
 
@@ -72,10 +74,11 @@ struct db_backend {
 	 * object. */
 	const char *(*device_id)(void *context, uint8_t unit, uint8_t object);
 
-	/* A client came (connected = true) or went. For logs and counters. May be null. */
+	/* A client connected (connected = true) or disconnected. For logs and counters. May be
+	 * null. */
 	void (*client)(void *context, const struct db_client *client, bool connected);
 
-	/* A client that could write may not any more. May be null. */
+	/* A client that could write no longer may. May be null. */
 	void (*restricted)(void *context, const struct db_client *client);
 };
 
@@ -106,14 +109,14 @@ struct db_server_client {
 	struct db_client client;
 	uint64_t requests;
 	db_time idle;      /* since the last byte in either direction */
-	db_time connected; /* since it came */
+	db_time connected; /* since it connected */
 };
 
 /*
- * Listens and serves on the loop's thread. The backend must outlive the server, as must the log
- * behind the source, which is copied; so must the configuration, or the time until another one
- * takes its place. 0, or a negative errno (EADDRINUSE, EACCES, EINVAL for an address that cannot be
- * read ...).
+ * Listens and serves on the loop's thread. The backend must outlive the server, as must the log of
+ * the source, which is copied; so must the configuration, or the time until another one takes its
+ * place. 0, or a negative errno (EADDRINUSE, EACCES, EINVAL for an address that cannot be read
+ * ...).
  */
 int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
                   const struct db_backend *backend, void *context, const struct db_log_source *log,
@@ -124,10 +127,10 @@ void db_server_free(struct db_server *server);
 
 /*
  * Other settings, in two steps. Preparing does all that can fail, such as listening on another
- * address beside the old one; it changes nothing that a client could notice. 0 or a negative errno.
- * Then db_server_apply() lets them take effect, or db_server_change_free() forgets them; no event
- * is to be served in between. Connections stay, except those of clients that may not connect any
- * more. The former configuration is not used afterwards.
+ * address in addition to the old one; it changes nothing that a client could notice. 0 or a
+ * negative errno. Then db_server_apply() lets them take effect, or db_server_change_free() forgets
+ * them; no event is to be served in between. Connections stay, except those of clients that may not
+ * connect any more. The former configuration is not used afterwards.
  */
 struct db_server_change;
 
@@ -136,19 +139,26 @@ int db_server_prepare(struct db_server *server, const struct db_modbus_config *c
 void db_server_apply(struct db_server *server, struct db_server_change *change);
 void db_server_change_free(struct db_server_change *change);
 
-/* Serves every client once whose requests wait, as the loop does: for who acts on their silence and
- * comes late to it. Not from inside the backend's calls. */
+/* Serves every client once whose requests wait, as the loop does: called late before acting on
+ * silence. Not from inside the backend's calls. */
 void db_server_catch_up(struct db_server *server);
 
 /* Answers a write that the backend postponed. exception 0 = success. */
 void db_server_answer(struct db_server *server, struct db_write_token token, uint8_t exception);
 
-/* Refuses connections that would leave the process fewer than so many file descriptors: what else
- * needs some, such as a bus that opens its port again, always finds them. 0, the default, keeps
- * none. */
+/*
+ * From now on, also for those that are connected, clients on this machine have at most the rights
+ * that their user has at the control socket. Null, the default: the address alone decides. The
+ * rights are copied.
+ */
+struct db_rights;
+void db_server_set_rights(struct db_server *server, const struct db_rights *rights);
+
+/* Refuses connections that would leave the process fewer than `count` file descriptors: other uses,
+ * such as a bus that opens its port again, always find them. 0, the default, keeps none. */
 void db_server_keep_descriptors(struct db_server *server, unsigned count);
 
-/* Whether it listens on an address that the machine did not have when it began to. */
+/* True if it listens on an address that the machine did not have at the beginning. */
 bool db_server_is_early(const struct db_server *server);
 
 /* The port it listens on (for port 0 in the configuration). */
@@ -160,7 +170,7 @@ void db_server_stats(const struct db_server *server, struct db_server_stats *sta
 size_t db_server_clients(const struct db_server *server, struct db_server_client *clients,
                          size_t max);
 
-/* The backend refused something to a client for who it is (DB_REFUSED_CONTROL). */
+/* The backend refused a client something because of its rights (DB_REFUSED_CONTROL). */
 void db_server_refused(struct db_server *server, const struct db_client *client,
                        enum db_refusal kind);
 

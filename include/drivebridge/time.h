@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Time as every room understands it: signed nanoseconds of CLOCK_MONOTONIC, handed in as `now` by
- * whoever owns the loop. Rooms never read a clock themselves, so tests can make their own time.
+ * Time in every room: signed nanoseconds of CLOCK_MONOTONIC, passed in as `now` by the owner of the
+ * loop. Rooms never read a clock themselves, so tests can make their own time.
  */
 #ifndef DRIVEBRIDGE_TIME_H
 #define DRIVEBRIDGE_TIME_H
@@ -16,7 +16,17 @@ typedef int64_t db_time;
 #define DB_NS_PER_MS INT64_C(1000000)
 #define DB_NS_PER_S INT64_C(1000000000)
 
-/* A span as a figure in microseconds, as far as 32 bits go; 0 for one that is negative. */
+static inline db_time db_time_min(db_time a, db_time b)
+{
+	return a < b ? a : b;
+}
+
+static inline db_time db_time_max(db_time a, db_time b)
+{
+	return a > b ? a : b;
+}
+
+/* A span in microseconds, limited to 32 bits; 0 if negative. */
 static inline uint32_t db_time_us32(db_time span)
 {
 	db_time us = span / DB_NS_PER_US;

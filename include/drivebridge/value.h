@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * One value of a register or a vendor parameter: its type, and 32 bits of content.
+ * A value of a register or a vendor parameter: its type, and 32 bits of content.
  */
 #ifndef DRIVEBRIDGE_VALUE_H
 #define DRIVEBRIDGE_VALUE_H
@@ -44,17 +44,19 @@ double db_value_number(enum db_type type, union db_value value);
  */
 bool db_value_from_number(enum db_type type, double number, union db_value *value);
 
-/* What matters to who reads or writes all parameters of a drive. */
+/* What matters to a client that reads or writes all parameters of a drive. */
 enum db_param_trait {
-	DB_PARAM_HAS_PRESET = 1u << 0, /* `preset` is what its vendor delivers it with */
-	DB_PARAM_ADDRESS = 1u << 1,    /* where the drive is heard: its address, its bit rate */
-	DB_PARAM_DERIVED = 1u << 2,    /* the drive does not hold it: it follows from others */
-	DB_PARAM_ACTION = 1u << 3,     /* no value: writing it makes the drive do something */
-	DB_PARAM_SECRET = 1u << 4,     /* nobody is to read it, in the history either */
-	DB_PARAM_FIRST = 1u << 5,      /* others rest upon it: of a set it is written first */
-	DB_PARAM_LAST = 1u << 6,       /* puts others to use: of a set it is written last */
-	DB_PARAM_TOGETHER = 1u << 7,   /* of a set it is written in one with those beside it */
-	DB_PARAM_STATE = 1u << 8, /* what the drive does now, such as power: no set restores it */
+	DB_PARAM_HAS_PRESET = 1u << 0, /* `preset` is the value as delivered by the vendor */
+	/* determines how the drive is reached: its address, its bit rate */
+	DB_PARAM_ADDRESS = 1u << 1,
+	DB_PARAM_DERIVED = 1u << 2,  /* the drive does not store it: it follows from others */
+	DB_PARAM_ACTION = 1u << 3,   /* no value: writing it triggers an action of the drive */
+	DB_PARAM_SECRET = 1u << 4,   /* must not be read, in the history either */
+	DB_PARAM_FIRST = 1u << 5,    /* others depend on it: written first in a set */
+	DB_PARAM_LAST = 1u << 6,     /* makes others effective: written last in a set */
+	DB_PARAM_TOGETHER = 1u << 7, /* written in a set together with its neighbours */
+	/* the drive's present state, such as power: not restored by a set */
+	DB_PARAM_STATE = 1u << 8,
 };
 #define DB_PARAM_TRAIT_COUNT 9
 const char *db_param_trait_name(unsigned bit); /* 1 = "address" ... */
@@ -82,8 +84,16 @@ struct db_drive_bit {
 	const char *description;
 };
 
-/* A fault of a drive's own fault word, by its bit. */
+/* The lowest `error` of a fault that a family has for itself. */
+#define DB_FAMILY_FAULT 32
+
+/*
+ * A fault that only drives of this family report. `error` is the value of the register `error`, from
+ * DB_FAMILY_FAULT on: the vendor's fault code where it is one of these, else what the driver
+ * makes of a code or of a bit. It means this fault in this family, and another one elsewhere.
+ */
 struct db_drive_fault {
+	uint16_t error;
 	const char *name;
 	const char *check; /* what a person should look at */
 };

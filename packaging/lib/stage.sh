@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # shellcheck shell=bash
 #
-# The source tree as a Debian source package.
+# The source tree as a Debian source package; lib/publisher.sh has said whose.
 
 # Of the sources: the last commit, or now for a tree without git.
 source_time() {
@@ -73,7 +73,7 @@ drivebridge ($2-$(revision "$1")) $dist; urgency=medium
   * Version $2.
     What changed is in /usr/share/doc/drivebridge/changelog.gz.
 
- -- $(sed -n 's/^Maintainer: //p' packaging/debian/control)  $(date -u -R -d "@$SOURCE_DATE_EPOCH")
+ -- $PUBLISHER_MAINTAINER  $(date -u -R -d "@$SOURCE_DATE_EPOCH")
 TEXT
 }
 
@@ -89,7 +89,7 @@ stage() {
 	mkdir -p "$folder/$STAGED"
 	source_files | tar -c --null -T - | tar -x -C "$folder/$STAGED"
 	# Where packages are built there is no network.
-	src/web/page/fetch
+	src/tools/web/page/fetch
 	tar -c build/page/node_modules/uplot | tar -x -C "$folder/$STAGED"
 	chmod -R u=rwX,go=rX "$folder/$STAGED"
 	# Packages keep these times.
@@ -98,6 +98,8 @@ stage() {
 		--numeric-owner --format=gnu "$STAGED" |
 		xz -6 -T1 >"$folder/drivebridge_$version.orig.tar.xz"
 	cp -R "$folder/$STAGED/packaging/debian" "$folder/$STAGED/debian"
-	sed -i "s/@STANDARDS@/$(standards "$dist")/" "$folder/$STAGED/debian/control"
+	sed -i -e "s|@STANDARDS@|$(standards "$dist")|" -e "s|@MAINTAINER@|$PUBLISHER_MAINTAINER|" \
+		-e "s|@HOMEPAGE@|$PUBLISHER_HOMEPAGE|" -e '/^Homepage: $/d' "$folder/$STAGED/debian/control"
+	write_publisher >"$folder/$STAGED/debian/publisher"
 	write_changelog "$dist" "$version" >"$folder/$STAGED/debian/changelog"
 }

@@ -15,10 +15,16 @@ FNR == 1 { read_header($0); next }
 {
 	split("", row)
 	split_csv($0, row)
-	if (column("kind") != kind) {
-		kind = column("kind")
-		print ".SH " (kind == "command" ? "COMMANDS" : "OPTIONS")
+	if (FNR == 2)
+		print ".SH COMMANDS"
+	if (column("kind") == "task") {
+		print ".SS " roff(column("description"))
+		print ".nf\n\\fBdrivebridgectl " roff(column("name")) "\\fR\n.fi"
+		next
 	}
+	if (column("kind") != kind && column("kind") == "option")
+		print ".SH OPTIONS"
+	kind = column("kind")
 	print ".TP"
 	text = column("kind") == "command" ? column("name") : "--" column("name")
 	print "\\fB" roff(text) "\\fR" (column("arguments") != "" ? " " arguments(column("arguments")) : "")

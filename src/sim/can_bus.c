@@ -6,9 +6,9 @@
 #include <string.h>
 
 #define HOST_QUEUE 64
-#define GARBAGE_ID 0x7F0u /* nobody's */
+#define GARBAGE_ID 0x7F0u /* an id that no station uses */
 
-/* Bits that an error frame and the wait behind it take. */
+/* Bits of an error frame and of the wait after it. */
 #define ERROR_BITS 23u
 
 size_t sim_can_text(const struct db_can_frame *frame, char text[SIM_CAN_TEXT_MAX])
@@ -30,7 +30,7 @@ struct waiting {
 
 struct station {
 	struct sim_can_station ops;
-	bool has_frame; /* it has a frame to send, taken from its queue */
+	bool has_frame; /* a frame from its queue is ready to send */
 	struct db_can_frame frame;
 	db_time ready;
 };
@@ -134,7 +134,8 @@ static bool is_silent(const struct sim_can_bus *bus, const struct station *stati
 	       bus->faults.left[SIM_FAULT_SILENCE] != 0;
 }
 
-/* --- what drives want to send --------------------------------------------------------------------- */
+/* --- frames of drives
+ * -------------------------------------------------------------------------- */
 
 static db_time delay_of(struct sim_can_bus *bus, const struct station *station)
 {
@@ -145,16 +146,7 @@ static db_time delay_of(struct sim_can_bus *bus, const struct station *station)
 	return 0;
 }
 
-/* In another drive's name. */
-static void change_sender(const struct station *station, struct db_can_frame *frame)
-{
-	if (station->ops.sender_bit)
-		frame->id ^= station->ops.sender_bit;
-	else
-		frame->id ^= frame->id & DB_CAN_EXTENDED ? 1u << 10 : 1u << 1;
-}
-
-/* Lets faults act on a frame that a drive wants to send. False: it is not sent at all. */
+/* Applies faults to a frame that a drive wants to send. False: it is not sent at all. */
 static bool damage_frame(struct sim_can_bus *bus, const struct station *station,
                          struct db_can_frame *frame)
 {
@@ -162,12 +154,17 @@ static bool damage_frame(struct sim_can_bus *bus, const struct station *station,
 		return false;
 	if (take_fault(bus, station, SIM_FAULT_TRUNCATE))
 		frame->length /= 2;
-	if (take_fault(bus, station, SIM_FAULT_WRONG_ID))
-		change_sender(station, frame);
+	if (take_fault(bus, station, SIM_FAULT_WRONG_ID)) {
+		/* Changes the sender to another drive. */
+		if (station->ops.sender_bit)
+			frame->id ^= station->ops.sender_bit;
+		else
+			frame->id ^= frame->id & DB_CAN_EXTENDED ? 1u << 10 : 1u << 1;
+	}
 	return true;
 }
 
-/* Takes what is due out of a drive's own queue. */
+/* Takes the next due frame from a drive's own queue. */
 static void fetch_frame(struct sim_can_bus *bus, struct station *station, db_time now)
 {
 	while (!station->has_frame && station->ops.next(station->ops.self) <= now) {
@@ -178,16 +175,16 @@ static void fetch_frame(struct sim_can_bus *bus, struct station *station, db_tim
 			return;
 		if (!damage_frame(bus, station, &frame))
 			continue;
-		/* What comes behind a late answer waits for it, too. */
+		/* Frames after a late answer wait for it. */
 		station->frame = frame;
 		station->ready = ready + delay_of(bus, station);
 		station->has_frame = true;
 	}
 }
 
-/* --- arbitration ----------------------------------------------------------------------------------- */
+/* --- arbitration ------------------------------------------------------------------------------ */
 
-/* Lower goes first: the eleven high bits, then standard before extended, then the rest. */
+/* A lower rank goes first: the eleven high bits, then standard before extended, then the rest. */
 static uint64_t rank_of(const struct db_can_frame *frame)
 {
 	bool extended = frame->id & DB_CAN_EXTENDED;
@@ -210,7 +207,7 @@ static void consider_sender(struct candidate *best, const struct candidate *next
 		*best = *next;
 }
 
-/* When the next frame can start: the wire is free and somebody is ready. */
+/* When the next frame can start: the wire is free and a station is ready. */
 static db_time start_time(const struct sim_can_bus *bus)
 {
 	db_time ready = DB_TIME_NEVER;
@@ -251,7 +248,7 @@ static struct candidate arbitrate(struct sim_can_bus *bus, db_time start)
 	return best;
 }
 
-/* --- the wire -------------------------------------------------------------------------------------- */
+/* --- the wire --------------------------------------------------------------------------------- */
 
 static db_time bits_time(const struct sim_can_bus *bus, unsigned bits)
 {
@@ -275,7 +272,7 @@ static void start_frame(struct sim_can_bus *bus, db_time start)
 		bus->stats.host_frames++;
 	}
 	time = bits_time(bus, db_can_frame_bits(&bus->frame));
-	/* A damaged frame is seen by all, thrown away by all and sent again. */
+	/* All stations see a damaged frame and discard it, and it is sent again. */
 	if (best.station && take_fault(bus, best.station, SIM_FAULT_CORRUPT)) {
 		time += time / 2 + bits_time(bus, ERROR_BITS);
 		bus->stats.corrupted++;
@@ -297,7 +294,7 @@ static void queue_to_host(struct sim_can_bus *bus, const struct db_can_frame *fr
 		bus->stats.overflows++;
 }
 
-/* A request to one drive does not use up what another is to lose. */
+/* A request to one drive does not count as a loss of another drive. */
 static bool loses_frame(struct sim_can_bus *bus, const struct station *station)
 {
 	if (station->ops.wants && !station->ops.wants(station->ops.self, &bus->frame))
@@ -305,40 +302,33 @@ static bool loses_frame(struct sim_can_bus *bus, const struct station *station)
 	return take_fault(bus, station, SIM_FAULT_LOSE_REQUEST);
 }
 
-static void deliver_host_frame(struct sim_can_bus *bus)
-{
-	for (size_t i = 0; i < bus->station_count; i++) {
-		struct station *station = &bus->stations[i];
-
-		if (!is_silent(bus, station) && !loses_frame(bus, station))
-			station->ops.receive(station->ops.self, &bus->frame, bus->wire_end);
-	}
-	if (sim_faults_take(&bus->faults, SIM_FAULT_ECHO))
-		queue_to_host(bus, &bus->frame);
-}
-
-static void deliver_drive_frame(struct sim_can_bus *bus)
-{
-	struct db_can_frame garbage = { .id = GARBAGE_ID, .length = 3, .data = { 0xFF, 1, 2 } };
-	bool disturbed = sim_faults_take(&bus->faults, SIM_FAULT_GARBAGE);
-
-	disturbed |= sim_faults_take(bus->sender->ops.faults, SIM_FAULT_GARBAGE);
-	if (bus->cut)
-		return;
-	if (disturbed)
-		queue_to_host(bus, &garbage);
-	queue_to_host(bus, &bus->frame);
-	if (take_fault(bus, bus->sender, SIM_FAULT_DOUBLE))
-		queue_to_host(bus, &bus->frame);
-}
-
 static void end_frame(struct sim_can_bus *bus)
 {
 	bus->on_wire = false;
-	if (bus->sender)
-		deliver_drive_frame(bus);
-	else
-		deliver_host_frame(bus);
+	if (bus->sender) {
+		struct db_can_frame garbage = { .id = GARBAGE_ID,
+			                        .length = 3,
+			                        .data = { 0xFF, 1, 2 } };
+		bool disturbed = sim_faults_take(&bus->faults, SIM_FAULT_GARBAGE);
+
+		disturbed |= sim_faults_take(bus->sender->ops.faults, SIM_FAULT_GARBAGE);
+		if (!bus->cut) {
+			if (disturbed)
+				queue_to_host(bus, &garbage);
+			queue_to_host(bus, &bus->frame);
+			if (take_fault(bus, bus->sender, SIM_FAULT_DOUBLE))
+				queue_to_host(bus, &bus->frame);
+		}
+	} else {
+		for (size_t i = 0; i < bus->station_count; i++) {
+			struct station *station = &bus->stations[i];
+
+			if (!is_silent(bus, station) && !loses_frame(bus, station))
+				station->ops.receive(station->ops.self, &bus->frame, bus->wire_end);
+		}
+		if (sim_faults_take(&bus->faults, SIM_FAULT_ECHO))
+			queue_to_host(bus, &bus->frame);
+	}
 }
 
 static bool hand_out(struct sim_can_bus *bus, struct db_can_frame *frame)

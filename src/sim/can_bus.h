@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A CAN bus: one frame at a time is on the wire, the lowest id of those that wait goes first, and
- * each takes the time its bits take at the bit rate, stuff bits included. At one end is the host
+ * A CAN bus: one frame at a time is on the wire, the waiting frame with the lowest id goes first,
+ * and each takes the time of its bits at the bit rate, stuff bits included. At one end is the host
  * (through an adapter or an interface), at the others are drives. No I/O and no clock; allocates
  * only in sim_can_bus_new(). One thread.
  */
@@ -19,7 +19,7 @@
 #define SIM_CAN_STATIONS_MAX 128
 #define SIM_CAN_TEXT_MAX 32
 
-/* "00080381#01": what other tools print, too. Returns its length. */
+/* "00080381#01", as other tools print it. Returns its length. */
 size_t sim_can_text(const struct db_can_frame *frame, char text[SIM_CAN_TEXT_MAX]);
 
 /* A drive's end of the bus. */
@@ -27,13 +27,15 @@ struct sim_can_station {
 	void *self;
 	/* A frame was on the bus; `now` is its end. */
 	void (*receive)(void *self, const struct db_can_frame *frame, db_time now);
-	/* When it has something to send next; DB_TIME_NEVER. */
+	/* When its next frame is due; DB_TIME_NEVER. */
 	db_time (*next)(void *self);
 	/* Takes the next frame that is due. False when none is. */
 	bool (*send)(void *self, db_time now, struct db_can_frame *frame);
-	/* Whether a frame of the host is meant for it: only such requests can be lost. Null: all. */
+	/* True if a frame of the host is for this station: only such requests can be lost. Null:
+	 * all. */
 	bool (*wants)(void *self, const struct db_can_frame *frame);
-	/* Flipped in the id, it names another sender. 0: bit 10 of extended ids, bit 1 of others. */
+	/* Inverting this bit of the id names another sender. 0: bit 10 of extended ids, bit 1 of
+	 * others. */
 	uint32_t sender_bit;
 	struct sim_faults *faults; /* of its connection */
 };
@@ -45,9 +47,9 @@ typedef void sim_can_trace_fn(void *context, db_time time, char direction,
 struct sim_can_stats {
 	uint32_t frames; /* on the wire, from either side */
 	uint32_t host_frames;
-	uint32_t arbitration_lost; /* times a frame of the host had to wait for a better id */
-	uint32_t corrupted;        /* frames that had to be sent again for a bit error */
-	uint32_t overflows;        /* frames nobody had room for */
+	uint32_t arbitration_lost; /* times a frame of the host had to wait for a lower id */
+	uint32_t corrupted;        /* frames sent again after a bit error */
+	uint32_t overflows;        /* frames lost because a queue was full */
 	uint64_t busy_ns;          /* time the wire was in use */
 };
 
@@ -60,19 +62,19 @@ void sim_can_bus_free(struct sim_can_bus *bus);
 /* Copies the station; what it points to must outlive the bus. False when the bus is full. */
 bool sim_can_bus_attach(struct sim_can_bus *bus, const struct sim_can_station *station);
 
-/* The host has a frame to send. False when it waits for too many already. */
+/* The host has a frame to send. False when too many are waiting. */
 bool sim_can_bus_put(struct sim_can_bus *bus, const struct db_can_frame *frame, db_time now);
 
-/* Does what is due up to `now`. True: *frame arrived at the host; call again. */
+/* Does all that is due up to `now`. True: *frame arrived at the host; call again. */
 bool sim_can_bus_run(struct sim_can_bus *bus, db_time now, struct db_can_frame *frame);
 
-/* When sim_can_bus_run() has something to do next. */
+/* When sim_can_bus_run() has to be called next. */
 db_time sim_can_bus_next(struct sim_can_bus *bus);
 
-/* Frames of the host that are not through yet. */
+/* Frames of the host that are not completely sent. */
 size_t sim_can_bus_waiting(const struct sim_can_bus *bus);
 
-/* Bus off: the host is not connected. What waits is forgotten. */
+/* Bus off: the host is not connected. Waiting frames are dropped. */
 void sim_can_bus_cut(struct sim_can_bus *bus, bool cut);
 bool sim_can_bus_is_cut(const struct sim_can_bus *bus);
 

@@ -11,11 +11,11 @@
 #define OUT_MAX 4096
 #define FRAME sizeof(struct db_can_frame)
 
-/* What SocketCAN's error frames say. */
+/* Contents of SocketCAN's error frames. */
 #define ERROR_BUS_OFF (DB_CAN_ERROR | 0x40u)
 #define ERROR_RESTARTED (DB_CAN_ERROR | 0x100u)
 
-/* An adapter has room for so many frames. */
+/* Frames that an adapter has room for. */
 #define ADAPTER_QUEUE 32
 
 struct sim_can_line {
@@ -30,9 +30,9 @@ struct sim_can_line {
 	struct slcan_reader reader;
 	bool open;
 	bool listens;
-	uint8_t digit; /* of the rate it was set to */
+	uint8_t digit; /* of the configured rate */
 	uint8_t flags;
-	uint32_t arbitration_told; /* losses that the flags have shown */
+	uint32_t arbitration_told; /* losses already reported by the flags */
 
 	/* Frames from an interface. */
 	uint8_t partial[FRAME];
@@ -83,7 +83,7 @@ static void put(struct sim_can_line *line, const void *bytes, size_t length)
 	line->out_length += length;
 }
 
-/* --- the adapter ----------------------------------------------------------------------------------- */
+/* --- the adapter ------------------------------------------------------------------------------ */
 
 static void reply(struct sim_can_line *line, const struct slcan_reply *reply)
 {
@@ -106,7 +106,7 @@ static bool runs_at_the_bus_rate(const struct sim_can_line *line)
 
 static void send_frame(struct sim_can_line *line, const struct db_can_frame *frame, db_time now)
 {
-	/* Nobody understands an adapter at another rate, so nobody acknowledges. */
+	/* With another rate no station understands the adapter, so none acknowledges. */
 	if (!line->open || line->listens || sim_can_bus_is_cut(line->bus) ||
 	    !runs_at_the_bus_rate(line)) {
 		line->flags |= SLCAN_BUS_ERROR;
@@ -136,28 +136,6 @@ static void tell_flags(struct sim_can_line *line)
 	line->flags = 0;
 }
 
-static void open_channel(struct sim_can_line *line, bool listens)
-{
-	if (line->open) {
-		reply_kind(line, SLCAN_REPLY_REFUSED);
-		return;
-	}
-	line->open = true;
-	line->listens = listens;
-	line->flags = 0;
-	reply_kind(line, SLCAN_REPLY_DONE);
-}
-
-static void set_rate(struct sim_can_line *line, uint8_t digit)
-{
-	if (line->open) {
-		reply_kind(line, SLCAN_REPLY_REFUSED);
-		return;
-	}
-	line->digit = digit;
-	reply_kind(line, SLCAN_REPLY_DONE);
-}
-
 static void obey(struct sim_can_line *line, const struct slcan_command *command, db_time now)
 {
 	switch (command->verb) {
@@ -165,11 +143,23 @@ static void obey(struct sim_can_line *line, const struct slcan_command *command,
 		send_frame(line, &command->frame, now);
 		break;
 	case SLCAN_SET_RATE:
-		set_rate(line, command->digit);
+		if (line->open) {
+			reply_kind(line, SLCAN_REPLY_REFUSED);
+		} else {
+			line->digit = command->digit;
+			reply_kind(line, SLCAN_REPLY_DONE);
+		}
 		break;
 	case SLCAN_OPEN:
 	case SLCAN_LISTEN:
-		open_channel(line, command->verb == SLCAN_LISTEN);
+		if (line->open) {
+			reply_kind(line, SLCAN_REPLY_REFUSED);
+		} else {
+			line->open = true;
+			line->listens = (command->verb == SLCAN_LISTEN);
+			line->flags = 0;
+			reply_kind(line, SLCAN_REPLY_DONE);
+		}
 		break;
 	case SLCAN_CLOSE:
 		line->open = false;
@@ -216,7 +206,7 @@ static void hear_adapter(struct sim_can_line *line, uint8_t byte, db_time now)
 	}
 }
 
-/* --- both kinds ------------------------------------------------------------------------------------ */
+/* --- both kinds ------------------------------------------------------------------------------- */
 
 static void hear_frame(struct sim_can_line *line, uint8_t byte, db_time now)
 {
@@ -243,15 +233,7 @@ static void line_receive(void *wire, const uint8_t *bytes, size_t length, db_tim
 	}
 }
 
-static void pass_on(struct sim_can_line *line, const struct db_can_frame *frame)
-{
-	if (!line->config.adapter)
-		put(line, frame, FRAME);
-	else if (line->open && runs_at_the_bus_rate(line))
-		reply(line, &(struct slcan_reply){ .kind = SLCAN_REPLY_FRAME, .frame = *frame });
-}
-
-/* The fault "bus-off on" takes the host off the bus; an interface tells it by error frames. */
+/* The fault "bus-off on" takes the host off the bus; an interface reports it by error frames. */
 static void follow_bus_off(struct sim_can_line *line)
 {
 	bool off = sim_can_bus_faults(line->bus)->left[SIM_FAULT_BUS_OFF] != 0;
@@ -273,8 +255,13 @@ static size_t line_run(void *wire, db_time now, uint8_t *out, size_t size)
 
 	follow_bus_off(line);
 	while (line->out_length + SLCAN_LINE_MAX <= sizeof(line->out) &&
-	       sim_can_bus_run(line->bus, now, &frame))
-		pass_on(line, &frame);
+	       sim_can_bus_run(line->bus, now, &frame)) {
+		if (!line->config.adapter)
+			put(line, &frame, FRAME);
+		else if (line->open && runs_at_the_bus_rate(line))
+			reply(line,
+			      &(struct slcan_reply){ .kind = SLCAN_REPLY_FRAME, .frame = frame });
+	}
 	count = line->out_length < size ? line->out_length : size;
 	memcpy(out, line->out, count);
 	line->out_length -= count;
@@ -298,13 +285,13 @@ static void line_describe(void *wire, char *text, size_t size)
 {
 	const struct sim_can_stats *stats = sim_can_bus_stats(((struct sim_can_line *)wire)->bus);
 
-	(void)snprintf(text, size,
-	               "frames=%" PRIu32 " requests=%" PRIu32 " replies=%" PRIu32
-	               " arbitration_lost=%" PRIu32 " corrupted=%" PRIu32 " overflows=%" PRIu32
-	               " busy_us=%" PRIu64,
-	               stats->frames, stats->host_frames, stats->frames - stats->host_frames,
-	               stats->arbitration_lost, stats->corrupted, stats->overflows,
-	               stats->busy_ns / 1000);
+	snprintf(text, size,
+	         "frames=%" PRIu32 " requests=%" PRIu32 " replies=%" PRIu32
+	         " arbitration_lost=%" PRIu32 " corrupted=%" PRIu32 " overflows=%" PRIu32
+	         " busy_us=%" PRIu64,
+	         stats->frames, stats->host_frames, stats->frames - stats->host_frames,
+	         stats->arbitration_lost, stats->corrupted, stats->overflows,
+	         stats->busy_ns / 1000);
 }
 
 static void line_free(void *wire)

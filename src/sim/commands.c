@@ -10,13 +10,13 @@
 struct request {
 	struct sim_world *world;
 	struct sim_node *node; /* the drive named by the first argument, or null */
-	struct sim_bus *bus;   /* the bus so named, or null */
-	char *rest;            /* what follows the name, "" when nothing does */
+	struct sim_bus *bus;   /* the bus of that name, or null */
+	char *rest;            /* the text after the name, "" without one */
 	db_time now;
 	FILE *out;
 };
 
-/* Null, or what is wrong. A handler that answers itself writes its own "ok" line and returns "". */
+/* Null, or the mistake. A handler that answers itself writes its own "ok" line and returns "". */
 typedef const char *command_fn(struct request *request);
 
 enum target { TARGET_NONE, TARGET_DRIVE, TARGET_BUS, TARGET_ANY };
@@ -73,7 +73,7 @@ static const char *do_power(struct request *request)
 	return NULL;
 }
 
-/* Two drives may have the same: that is what it is for. */
+/* Two drives may have the same address: that is the purpose. */
 static const char *do_address(struct request *request)
 {
 	char *end;
@@ -117,14 +117,14 @@ static const char *do_get(struct request *request)
 	struct sim_node *node = request->node;
 	char text[256];
 
-	(void)fputs("ok", request->out);
+	fputs("ok", request->out);
 	if (node) {
 		node->family->write_state(node, request->now, request->out);
 	} else {
 		request->bus->ops->describe(request->bus->wire, text, sizeof(text));
-		(void)fprintf(request->out, " device=%s %s", request->bus->port.host, text);
+		fprintf(request->out, " device=%s %s", request->bus->port.host, text);
 	}
-	(void)fputc('\n', request->out);
+	fputc('\n', request->out);
 	return "";
 }
 
@@ -136,8 +136,7 @@ static const char *do_log(struct request *request)
 	for (uint32_t i = first; i < node->heard; i++) {
 		const struct sim_log_entry *entry = &node->log[i % SIM_LOG_LINES];
 
-		(void)fprintf(request->out, "%" PRId64 " %s\n", entry->time / DB_NS_PER_US,
-		              entry->line);
+		fprintf(request->out, "%" PRId64 " %s\n", entry->time / DB_NS_PER_US, entry->line);
 	}
 	return NULL;
 }
@@ -147,13 +146,12 @@ static const char *do_list(struct request *request)
 	const struct sim_world *world = request->world;
 
 	for (size_t i = 0; i < world->bus_count; i++)
-		(void)fprintf(request->out, "bus %s %s\n", world->buses[i].config->name,
-		              world->buses[i].port.host);
+		fprintf(request->out, "bus %s %s\n", world->buses[i].config->name,
+		        world->buses[i].port.host);
 	for (size_t i = 0; i < world->node_count; i++) {
 		const struct sim_node *node = &world->nodes[i];
 
-		(void)fprintf(request->out, "drive %s %u\n", node->name,
-		              node->family->get_address(node));
+		fprintf(request->out, "drive %s %u\n", node->name, node->family->get_address(node));
 	}
 	return NULL;
 }
@@ -210,7 +208,7 @@ static const struct sim_family_command *find_own(const struct sim_family *family
 	return NULL;
 }
 
-/* One that only some families have. */
+/* A command that only some families have. */
 static const char *run_own(struct request *request, const char *name)
 {
 	const struct sim_family_command *own = NULL;
@@ -220,7 +218,8 @@ static const char *run_own(struct request *request, const char *name)
 		own = find_own(sim_families[i], name);
 	if (!own)
 		return "no such command; there are fault, power, address, identity, flash, stall, "
-		       "sensor, bits, param, params, faults, health, inputs, reports, input, item, place, "
+		       "sensor, bits, param, params, faults, health, inputs, reports, input, item, "
+		       "place, "
 		       "baud, get, log, "
 		       "list";
 	error = find_target(request, TARGET_DRIVE);
@@ -247,7 +246,7 @@ void sim_command(struct sim_world *world, char *line, db_time now, FILE *out)
 		error = run_own(&request, name);
 	}
 	if (!error)
-		(void)fputs("ok\n", out);
+		fputs("ok\n", out);
 	else if (error[0] != '\0')
-		(void)fprintf(out, "error %s\n", error);
+		fprintf(out, "error %s\n", error);
 }

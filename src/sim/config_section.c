@@ -2,6 +2,7 @@
 #include "sim/config_section.h"
 
 #include "codec/can.h"
+#include "codec/servo_can.h"
 #include "codec/vsmd_serial.h"
 #include "codec/xyza.h"
 #include "sim/vsmd_temper.h"
@@ -23,8 +24,8 @@ struct sim_key {
 	const char *name;
 	enum key_type type;
 	const char *preset; /* null: no text, an empty list */
-	const char *words;  /* WORD: with | between them */
-	long min;           /* WHOLE */
+	const char *words;  /* for WORD: with | between them */
+	long min;           /* for WHOLE */
 	long max;
 };
 
@@ -68,6 +69,7 @@ static const struct sim_key BUS_KEYS[] = {
 	WORD ("line",                "rs485", "rs485|rs232"),
 	WHOLE("latency-us",          "800", 0, TIME_MAX_US),
 	WHOLE("turnaround-us",       "0", 0, TIME_MAX_US),
+	WHOLE("line-hold-us",        "0", 0, TIME_MAX_US),
 	WHOLE("reply-id",            "1", 0, VSMD_SERIAL_ID_MAX),
 	/* CAN. */
 	WORD ("transport",           "slcan", "slcan|socketcan"),
@@ -84,15 +86,32 @@ static const struct sim_key BUS_KEYS[] = {
 	WHOLE("command-word-1-at",   "-1", -1, DB_CAN_DATA_MAX - 2),
 	WHOLE("command-word-ack",    "7", 0, UINT8_MAX),
 	WHOLE("command-word-fixed",  "0", LONG_MIN, LONG_MAX),
+	WHOLE("command-word-1-base", "0", 0, DB_CAN_STANDARD_MASK),
+	WHOLE("command-word-1-length", "2", 2, DB_CAN_DATA_MAX),
+	WHOLE("command-word-1-fixed", "0", LONG_MIN, LONG_MAX),
+	WHOLE("command-word-1-ack",  "8", 0, UINT8_MAX),
+	WHOLE("position-slot",       "0", 0, SERVO_CAN_SLOT_MAX),
+	WHOLE("position-slot-base",  "0", 0, DB_CAN_STANDARD_MASK),
+	WHOLE("position-slot-ack",   "6", 0, UINT8_MAX),
+	WHOLE("move-frame-base",     "0", 0, DB_CAN_STANDARD_MASK),
+	WHOLE("move-frame-length",   "4", 2, DB_CAN_DATA_MAX),
+	WHOLE("move-frame-at",       "0", 0, DB_CAN_DATA_MAX - 2),
+	WHOLE("move-frame-bytes",    "4", 2, DB_CAN_DATA_MAX),
+	WORD ("move-frame-order",    "high-first", "high-first|low-first"),
+	WHOLE("move-frame-fixed",    "0", LONG_MIN, LONG_MAX),
+	WHOLE("move-frame-ack",      "3", 0, UINT8_MAX),
 	TEXT ("flash",               NULL),
 	LIST ("fault"),
 	END
 };
 
-/* Of the drives of all families. */
+/* For drives of all families. */
 static const struct sim_key DRIVE_KEYS[] = {
 	TEXT ("bus",                 NULL),
 	WHOLE("address",             "1", LONG_MIN, LONG_MAX),
+	/* On a serial line, in addition to the bus's latency-us and turnaround-us. */
+	WHOLE("own-latency-us",      "0", 0, TIME_MAX_US),
+	WHOLE("own-turnaround-us",   "0", 0, TIME_MAX_US),
 	/* VSMD. */
 	TEXT ("identity",            "VSMD113_025T-1.0.008.170428"),
 	WORD ("model",               "025T", "010T|025T|045T|080T"),
@@ -113,6 +132,9 @@ static const struct sim_key DRIVE_KEYS[] = {
 	WHOLE("rests-off",           "0", -1000, 1000),
 	WHOLE("trembles",            "0", 0, 1000),
 	WORD ("speed",               "signed", "signed|unsigned|none"),
+	FLAG ("keeps-position",      "false"),
+	FLAG ("coasts",              "false"),
+	FLAG ("homing-bit-kept",     "false"),
 	FLAG ("hides-outputs",       "false"),
 	FLAG ("ignores-broadcast",   "false"),
 	WORD ("settles",             "", "|power-up|after-answer|at-once"),
@@ -123,6 +145,10 @@ static const struct sim_key DRIVE_KEYS[] = {
 	FLAG ("commas",              "false"),
 	WHOLE("text-length",         "0", 0, SIM_VSMD_TEXT_MAX),
 	LIST ("lacks"),
+	WORD ("answers",             "pairs", "pairs|padded|singles"),
+	WORD ("replies",             "host", "host|host-0|broadcast|standard"),
+	WHOLE("read-max",            "0", 0, 64),
+	FLAG ("hides-identity",      "false"),
 	/* Servos. */
 	WORD ("mode",                "position", "position|speed|current"),
 	FLAG ("sync",                "false"),
@@ -137,7 +163,19 @@ static const struct sim_key DRIVE_KEYS[] = {
 	WORD ("trigger",             "works", "works|ignored"),
 	WORD ("setpoints",           "always", "always|in-mode"),
 	WORD ("speed-sign",          "signed", "signed|bits"),
+	TEXT ("status-places",       "0123456789abcdef"),
+	WHOLE("status-inverted",     "0", 0, UINT16_MAX),
+	WHOLE("moving-bit",          "-1", -1, 15),
+	FLAG ("mirrored",            "false"),
+	WORD ("moves",               "absolute", "absolute|relative"),
+	REAL ("demand-step",         "1"),
+	REAL ("move-step",           "1"),
+	REAL ("speed-step",          "1"),
+	REAL ("setpoint-step",       "1"),
+	REAL ("current-step",        "0.1"),
+	REAL ("current-setpoint-step", "0.1"),
 	FLAG ("stray-acks",          "false"),
+	FLAG ("counts-anew",         "false"),
 	WORD ("answer-length",       "documented", "documented|eight|mixed|short"),
 	REAL ("zero-speed-rpm",      "1.0"),
 	REAL ("dither",              "0.0"),
@@ -161,6 +199,7 @@ static const struct sim_key DRIVE_KEYS[] = {
 	FLAG ("takes-any",           "false"),
 	WHOLE("idle-state",          "0", 0, UINT8_MAX),
 	WHOLE("braking-ms",          "0", 0, TIME_MAX_MS),
+	FLAG ("answers-as-host",     "false"),
 	LIST ("ignores"),
 	LIST ("sensor"),
 	LIST ("set"),
@@ -169,7 +208,7 @@ static const struct sim_key DRIVE_KEYS[] = {
 };
 /* clang-format on */
 
-/* Null for a section that there is not. */
+/* Null for an unknown section. */
 static const struct sim_key *find_keys(const char *section)
 {
 	if (strcmp(section, "bus") == 0)
@@ -189,7 +228,7 @@ static const struct sim_key *find_key(const struct sim_key *keys, const char *na
 
 /* --- the whole text --------------------------------------------------------------------------- */
 
-/* False when it is none. */
+/* False when it is no flag. */
 static bool parse_flag(const char *text, bool *flag)
 {
 	static const char *const words[] = { "false", "true", "no", "yes", "off", "on" };
@@ -270,7 +309,7 @@ void sim_section_check_all(const struct db_reader *reader, struct db_messages *m
 		key = keys ? find_key(keys, given->name) : NULL;
 		if (key)
 			check_type(given, key, messages);
-		/* Keys of an unknown section are not looked at. */
+		/* Keys of an unknown section are not checked. */
 		if (key || (!keys && given->section != DB_READER_NO_SECTION))
 			continue;
 		for (; keys && keys->name; keys++)
@@ -378,7 +417,7 @@ bool sim_section_flag(const struct sim_section *section, const char *name)
 	return flag;
 }
 
-/* Whether it is among the key's words, and which of them. */
+/* True if it is one of the key's words, and which one. */
 static bool find_word(const struct sim_key *key, const char *text, unsigned *position)
 {
 	const char *word = key->words;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Sections of the simulator's configuration: which keys they have, what each may say, and what
- * holds when it says nothing. A value that is wrong is an error, and its preset is returned. Pure.
+ * Sections of the simulator's configuration: their keys, the values allowed, and the defaults. A
+ * wrong value is an error, and its default is returned. Pure.
  */
 #ifndef DRIVEBRIDGE_SIM_CONFIG_SECTION_H
 #define DRIVEBRIDGE_SIM_CONFIG_SECTION_H
@@ -18,30 +18,30 @@ struct sim_section {
 	const char *title;
 };
 
-/* Every section and key that is unknown, doubled or not of its type is an error. */
+/* Every unknown section or key, every duplicate and every wrong type is an error. */
 void sim_section_check_all(const struct db_reader *reader, struct db_messages *messages);
 
-/* Of what sim_section_check_all() found good: how many sections have this name ("bus" or "drive"),
- * and one of them. */
+/* Of the sections that sim_section_check_all() accepted: the number with this name ("bus" or
+ * "drive"), and one of them. */
 size_t sim_section_count(const struct db_reader *reader, const char *name);
 struct sim_section sim_section_open(const struct db_reader *reader, struct db_messages *messages,
                                     const char *name, size_t number);
 
-/* Values of keys that the section has, of their types. Texts live as long as the reader; null when
- * it was not given and has no preset. */
+/* Values of the section's keys, by type. Texts live as long as the reader; null when it is not
+ * given and has no default. */
 const char *sim_section_text(const struct sim_section *section, const char *name);
 long sim_section_whole(const struct sim_section *section, const char *name);
 double sim_section_real(const struct sim_section *section, const char *name);
 bool sim_section_flag(const struct sim_section *section, const char *name);
 
-/* The position of the word in the list that the table has. */
+/* The index of the word in the table's list. */
 unsigned sim_section_word(const struct sim_section *section, const char *name);
 
-/* The next text of a list: the first behind null, null behind the last. */
+/* The next text of a list: the first one after null, null after the last one. */
 const char *sim_section_next(const struct sim_section *section, const char *name, const char *text);
 size_t sim_section_length(const struct sim_section *section, const char *name);
 
-/* An error about a key, or about the section as a whole where `name` is null. */
+/* An error about a key, or about the section as a whole if `name` is null. */
 void sim_section_refuse(const struct sim_section *section, const char *name, const char *format,
                         ...) __attribute__((format(printf, 3, 4)));
 

@@ -15,7 +15,7 @@
 #define LINE_MAX_BYTES 512
 
 struct client {
-	int fd; /* -1 = free */
+	int fd; /* -1: free */
 	size_t length;
 	char line[LINE_MAX_BYTES];
 };
@@ -51,7 +51,7 @@ static int start_client(struct sim_control *control)
 	if (bind(control->listener, (const struct sockaddr *)&control->address,
 	         sizeof(control->address)) != 0 ||
 	    listen(control->listener, SIM_CONTROL_CLIENTS) != 0) {
-		/* Whatever is there is not ours to remove. */
+		/* An existing file there is not ours to remove. */
 		control->address.sun_path[0] = '\0';
 		return -errno;
 	}
@@ -129,7 +129,8 @@ static void take_client(struct sim_control *control)
 	(void)close(fd);
 }
 
-/* False when the client does not take its answer: it is then dropped rather than waited for. */
+/* False when the client does not read its answer: it is then disconnected rather than waited
+ * for. */
 static bool answer_client(struct sim_control *control, struct client *client, char *line,
                           db_time now)
 {

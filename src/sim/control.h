@@ -19,7 +19,7 @@ void sim_control_close(struct sim_control *control);
 /* One descriptor to wait on for everything here (an epoll set). */
 int sim_control_fd(const struct sim_control *control);
 
-/* Serves whoever is ready. */
+/* Serves all ready clients. */
 void sim_control_run(struct sim_control *control, db_time now);
 
 #endif

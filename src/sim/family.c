@@ -1,10 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/family.h"
 
-#include "sim/servo_can_family.h"
-#include "sim/vsmd_family.h"
-#include "sim/xyza_family.h"
-
 const struct sim_family *const sim_families[SIM_BUS_KINDS] = {
 	[SIM_BUS_VSMD_SERIAL] = &sim_vsmd_serial_family,
 	[SIM_BUS_VSMD_CAN] = &sim_vsmd_can_family,

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the world and the control commands need of a family of simulated drives: one table for each kind of
- * bus. One thread. What may be null is said; a node's drive is there unless open() failed.
+ * The interface between the world or the control commands and a family of simulated drives: one
+ * table for each kind of bus. One thread. Members that may be null say so; a node's drive exists
+ * unless open() failed.
  */
 #ifndef DRIVEBRIDGE_SIM_FAMILY_H
 #define DRIVEBRIDGE_SIM_FAMILY_H
@@ -15,15 +16,16 @@
 /* A control command that only this family has. */
 struct sim_family_command {
 	const char *name;
-	/* Null, or what is wrong. */
+	/* Null, or the mistake. */
 	const char *(*run)(struct sim_node *node, const char *rest, db_time now);
 };
 
 struct sim_family {
 	const struct sim_serial_protocol *protocol; /* null: on CAN */
 
-	/* Makes the drive of this node, and puts it on the wire: of a serial bus or a CAN line. `flash`: its
-	 * memory's file, or null. False when there is no room; what was made is freed by close(). */
+	/* Makes the drive of this node, and attaches it to the wire: a serial bus or a CAN line.
+	 * `flash`: its memory's file, or null. False when there is no room; close() then frees what
+	 * was made. */
 	bool (*open)(struct sim_node *node, void *wire, const struct sim_bus_config *bus,
 	             const struct sim_drive_config *config, const char *flash, db_time now);
 	void (*close)(struct sim_node *node); /* after the wire was freed */
@@ -31,20 +33,20 @@ struct sim_family {
 	/* Something changes as time passes. */
 	bool (*is_busy)(const struct sim_node *node);
 	void (*advance)(struct sim_node *node, db_time now);
-	/* Bit 0, of controllers with several axes a bit for each. */
+	/* Bit 0; for controllers with several axes one bit each. */
 	unsigned (*moving_motors)(const struct sim_node *node);
-	/* " NAME=VALUE" pairs: how it moves. */
+	/* " NAME=VALUE" pairs about its motion. */
 	void (*write_motion)(const struct sim_node *node, db_time now, FILE *out);
-	/* Likewise all that there is to see, for the command `get`. */
+	/* The same with all its state, for the command `get`. */
 	void (*write_state)(struct sim_node *node, db_time now, FILE *out);
 
 	unsigned (*get_address)(const struct sim_node *node);
 	void (*set_address)(struct sim_node *node, unsigned address);
 	void (*power)(struct sim_node *node, bool on, db_time now);
 
-	/* Holds the shaft, or lets it go; null: it does not see its motors. */
+	/* Holds the shaft, or releases it; null: the family does not sense its motors. */
 	void (*stall)(struct sim_node *node, bool stalled, db_time now);
-	/* Shows these status bits beside the real ones; null: it has none. */
+	/* Shows these status bits in addition to the real ones; null: it has none. */
 	void (*force_status)(struct sim_node *node, uint32_t bits);
 	/* Writing its parameters fails; null: it has no such memory. */
 	void (*fail_flash)(struct sim_node *node, bool fail);
@@ -54,5 +56,11 @@ struct sim_family {
 
 /* By enum sim_bus_kind. */
 extern const struct sim_family *const sim_families[SIM_BUS_KINDS];
+
+/* The families, each beside its name. */
+extern const struct sim_family sim_vsmd_serial_family;
+extern const struct sim_family sim_vsmd_can_family;
+extern const struct sim_family sim_xyza_family;
+extern const struct sim_family sim_servo_can_family;
 
 #endif

@@ -52,7 +52,8 @@ static const char *apply(struct sim_faults *faults, enum sim_fault kind, char **
 		break;
 	case FORM_NUMBER:
 		if (count < 2 || !read_number(words[1], &number))
-			return "delay needs milliseconds and corrupt-at a place, 1 to 1000000; both "
+			return "delay needs milliseconds and corrupt-at a place, 1 to 1000000; "
+			       "both "
 			       "may have a count";
 		words++;
 		count--;

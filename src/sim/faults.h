@@ -1,7 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * Faults on the wire, by request: what is to go wrong and how often. Pure data; one thread.
- */
+/* Faults on the wire, by request: which one and how often. Pure data; one thread. */
 #ifndef DRIVEBRIDGE_SIM_FAULTS_H
 #define DRIVEBRIDGE_SIM_FAULTS_H
 
@@ -18,31 +16,32 @@ enum sim_fault {
 	SIM_FAULT_GARBAGE,      /* random bytes, FF among them, before the reply */
 	SIM_FAULT_SPLIT,        /* the same in the middle of the reply, serial lines only */
 	SIM_FAULT_DOUBLE,       /* the reply comes twice */
-	SIM_FAULT_WRONG_ID,     /* a good reply in another drive's name */
-	SIM_FAULT_SILENCE,      /* on or off: as if unplugged from the bus, but with power */
-	SIM_FAULT_ECHO,         /* on or off, bus only: the host hears what it sends */
+	SIM_FAULT_WRONG_ID,     /* a valid reply in another drive's name */
+	SIM_FAULT_SILENCE,      /* on or off: as if unplugged from the bus, but powered */
+	SIM_FAULT_ECHO,         /* on or off, bus only: the host receives what it sends */
 	SIM_FAULT_BUS_OFF,      /* on or off, CAN only: the host's controller is off the bus */
-	SIM_FAULT_RUNAWAY,      /* on or off, VSMD only: stops are taken and come to nothing */
+	SIM_FAULT_RUNAWAY,      /* on or off, VSMD only: stops are acknowledged without effect */
 	SIM_FAULT_LOSE_END,     /* the request's last byte is lost, bus of serial lines only */
 	SIM_FAULT_COUNT
 };
 
 struct sim_faults {
-	int32_t left[SIM_FAULT_COUNT]; /* how many more; -1 = until cleared */
+	int32_t left[SIM_FAULT_COUNT]; /* remaining occurrences; -1: until cleared */
 	uint32_t delay_ms;
-	uint32_t corrupt_at; /* the byte's place, from 1; in a shorter reply it is counted round */
+	/* number of the byte, from 1; counted modulo the length of a shorter reply */
+	uint32_t corrupt_at;
 };
 
 /*
  * Reads "drop", "drop 3", "delay 200", "delay 200 3", "corrupt-at 3 1", "silence on", "echo off",
- * "none" ... and changes *faults. Null, or what is wrong (a static text) with *faults unchanged.
+ * "none" ... and changes *faults. Null, or the mistake (a static text) with *faults unchanged.
  */
 const char *sim_faults_set(struct sim_faults *faults, const char *text);
 
-/* Whether the fault happens now; counts it off. */
+/* True if the fault happens now; counts it. */
 bool sim_faults_take(struct sim_faults *faults, enum sim_fault fault);
 
-/* The names sim_faults_set() knows, for messages. */
+/* The names that sim_faults_set() knows, for messages. */
 #define SIM_FAULT_NAMES                                                                      \
 	"drop, lose-request, delay, corrupt, corrupt-at, truncate, garbage, split, double, " \
 	"wrong-id, silence, echo, bus-off, runaway, lose-end, none"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "sim/flash.h"
+#include "sim/sim_private.h"
 
 #include <errno.h>
 #include <limits.h>

@@ -32,14 +32,14 @@ struct options {
 	size_t link_count;
 	const char *folder;
 	const char *group_name;
-	gid_t group; /* its number */
+	gid_t group; /* numeric id of the group */
 };
 
 struct loop {
 	int poll;
 	int timer;
 	int signals;
-	db_time armed; /* what the timer is set to */
+	db_time armed; /* present setting of the timer */
 };
 
 static db_time clock_now(void)
@@ -52,27 +52,31 @@ static db_time clock_now(void)
 
 static void usage(FILE *out)
 {
-	(void)fputs(
-		"usage: drivebridge-sim --config FILE [--link BUS=PATH]... [--control SOCKET] "
-		"[--trace FILE]\n"
-		"                       [--links FOLDER] [--pty-group GROUP] [--busy]\n"
-		"       drivebridge-sim --replay FILE [--link replay=PATH] [--control SOCKET] [--trace FILE]\n"
-		"  --config FILE    buses and drives, see conf/sim-demo.conf\n"
-		"  --replay FILE    the drives' side of a serial line as drivebridgectl trace recorded it:\n"
-		"                   answers what is asked as in the file, and tells what is asked else;\n"
-		"                   ends with 1 unless all of it was asked for\n"
-		"  --link BUS=PATH  make PATH a symbolic link to the bus's device\n"
-		"  --links FOLDER   make FOLDER/BUS a symbolic link to each pty that has no other link\n"
-		"  --pty-group GROUP let the members of GROUP open the ptys (mode 0660)\n"
-		"  --control SOCKET take commands (faults, power ...) on this UNIX socket\n"
-		"  --trace FILE     write every request and reply with its time in microseconds, and\n"
-		"                   what drives obey\n"
-		"  --busy           never sleep: takes a whole processor, but answers to the "
-		"microsecond (for measurements)\n",
-		out);
+	fputs("usage: drivebridge-sim --config FILE [--link BUS=PATH]... [--control SOCKET] "
+	      "[--trace FILE]\n"
+	      "                       [--links FOLDER] [--pty-group GROUP] [--busy]\n"
+	      "       drivebridge-sim --replay FILE [--link replay=PATH] [--control SOCKET] "
+	      "[--trace FILE]\n"
+	      "  --config FILE    buses and drives, see conf/sim-demo.conf\n"
+	      "  --replay FILE    the drives' side of a serial line as drivebridgectl trace "
+	      "recorded it:\n"
+	      "                   answers what is asked as in the file, and tells what is asked "
+	      "else;\n"
+	      "                   ends with 1 unless all of it was asked for\n"
+	      "  --link BUS=PATH  make PATH a symbolic link to the bus's device\n"
+	      "  --links FOLDER   make FOLDER/BUS a symbolic link to each pty that has no other "
+	      "link\n"
+	      "  --pty-group GROUP let the members of GROUP open the ptys (mode 0660)\n"
+	      "  --control SOCKET take commands (faults, power ...) on this UNIX socket\n"
+	      "  --trace FILE     write every request and reply with its time in microseconds, "
+	      "and\n"
+	      "                   what drives obey\n"
+	      "  --busy           never sleep: takes a whole processor, but answers to the "
+	      "microsecond (for measurements)\n",
+	      out);
 }
 
-/* 0, or the status to exit with, plus one. */
+/* 0, or the exit status plus one. */
 static int read_options(int argc, char **argv, struct options *options)
 {
 	static const struct option known[] = {
@@ -134,24 +138,22 @@ static int apply_links(struct sim_config *config, const struct options *options)
 			found = true;
 		}
 		if (!found) {
-			(void)fprintf(stderr, "--link %s: right is BUS=PATH with a bus of %s\n",
-			              options->links[i],
-			              options->config ? options->config :
-			                                "--replay, which is replay");
+			fprintf(stderr, "--link %s: right is BUS=PATH with a bus of %s\n",
+			        options->links[i],
+			        options->config ? options->config : "--replay, which is replay");
 			return -1;
 		}
 	}
 	return 0;
 }
 
-/* Where the ptys of all buses are to be found, and whose they are. */
+/* Where the links to all ptys are made, and which group owns the ptys. */
 static int apply_places(struct sim_config *config, struct options *options)
 {
 	const struct group *group = options->group_name ? getgrnam(options->group_name) : NULL;
 
 	if (options->group_name && !group) {
-		(void)fprintf(stderr, "--pty-group %s: there is no such group\n",
-		              options->group_name);
+		fprintf(stderr, "--pty-group %s: there is no such group\n", options->group_name);
 		return -1;
 	}
 	if (group)
@@ -240,12 +242,11 @@ static bool dispatch(struct loop *loop, const struct epoll_event *event,
 	result = sim_bus_read(bus, now);
 	if (result == 0)
 		return true;
-	(void)fprintf(stderr, "bus %s: %s: %s\n", bus->config->name, bus->port.host,
-	              strerror(-result));
+	fprintf(stderr, "bus %s: %s: %s\n", bus->config->name, bus->port.host, strerror(-result));
 	return false;
 }
 
-/* 0 when told to end, -1 when something broke. */
+/* 0 after a signal to end, -1 after an error. */
 static int run(struct loop *loop, struct sim_world *world, struct sim_control *control, bool busy)
 {
 	struct epoll_event events[16];
@@ -273,10 +274,9 @@ static int announce(const struct loop *loop, struct sim_world *world, struct sim
 	for (size_t i = 0; i < world->bus_count; i++) {
 		if (watch(loop, world->buses[i].port.fd, &world->buses[i]) != 0)
 			return -1;
-		(void)printf("bus %s on %s\n", world->buses[i].config->name,
-		             world->buses[i].port.host);
+		printf("bus %s on %s\n", world->buses[i].config->name, world->buses[i].port.host);
 	}
-	(void)puts("ready");
+	puts("ready");
 	return fflush(stdout) == 0 ? 0 : -1;
 }
 
@@ -289,7 +289,7 @@ static int simulate(const struct sim_config *config, const struct options *optio
 	int error;
 
 	if (open_loop(&loop) != 0) {
-		(void)fprintf(stderr, "drivebridge-sim: %s\n", strerror(errno));
+		fprintf(stderr, "drivebridge-sim: %s\n", strerror(errno));
 		goto out;
 	}
 	if (sim_world_open(&world, config, trace, clock_now()) != 0)
@@ -297,8 +297,8 @@ static int simulate(const struct sim_config *config, const struct options *optio
 	if (options->control) {
 		error = sim_control_open(options->control, &world, &control);
 		if (error != 0) {
-			(void)fprintf(stderr, "control socket %s: %s\n", options->control,
-			              strerror(-error));
+			fprintf(stderr, "control socket %s: %s\n", options->control,
+			        strerror(-error));
 			goto out;
 		}
 	}
@@ -315,7 +315,7 @@ out:
 	return result;
 }
 
-/* The configuration of one line with nothing but a trace on it. */
+/* A configuration of one line that only replays a trace. */
 static int make_replay(const char *path, struct sim_config *config)
 {
 	*config = (struct sim_config){ .bus_count = 1 };
@@ -350,7 +350,7 @@ int main(int argc, char **argv)
 	if (result == 0 && options.trace) {
 		trace = fopen(options.trace, "we");
 		if (!trace) {
-			(void)fprintf(stderr, "%s: %s\n", options.trace, strerror(errno));
+			fprintf(stderr, "%s: %s\n", options.trace, strerror(errno));
 			result = -1;
 		} else {
 			(void)setvbuf(trace, NULL, _IOLBF, 0);

@@ -3,19 +3,19 @@
 
 #include <math.h>
 
-/* Rounding of positions up to 2^31 in doubles stays well below this many pulses. */
+/* Rounding errors of positions up to 2^31 in doubles stay well below this many pulses. */
 #define POSITION_TOLERANCE 1e-4
-/* A stopping distance this much too long is made up by braking a little harder, not by
+/* If the stopping distance is too long by up to this, the motor brakes a little harder instead of
  * overshooting. */
 #define LANDING_TOLERANCE 0.5
 
-/* A stretch of constant acceleration. */
+/* A phase of constant acceleration. */
 struct segment {
 	double acceleration;
-	double duration;     /* s, INFINITY = until something changes */
-	double end_velocity; /* exact values at its end, free of rounding */
+	double duration;     /* s, INFINITY: until something changes */
+	double end_velocity; /* exact values at its end, without rounding errors */
 	double end_position;
-	bool lands; /* end_position is meaningful */
+	bool lands; /* end_position is valid */
 };
 
 void sim_motion_init(struct sim_motion *motion, db_time now)
@@ -111,7 +111,7 @@ void sim_motion_stop(struct sim_motion *motion)
 
 void sim_motion_halt(struct sim_motion *motion)
 {
-	/* A pulse that has begun is finished: a sensor that just saw the motor still sees it. */
+	/* A begun pulse is completed: a sensor that just saw the motor still sees it. */
 	if (motion->velocity > 0.0)
 		motion->position = ceil(motion->position);
 	else if (motion->velocity < 0.0)
@@ -268,17 +268,6 @@ static double shake(struct sim_motion *motion, double seconds)
 	return used;
 }
 
-static void apply_limits(struct sim_motion *motion)
-{
-	if (motion->position > motion->limit_max && motion->velocity >= 0.0) {
-		motion->position = motion->limit_max;
-		sim_motion_halt(motion);
-	} else if (motion->position < motion->limit_min && motion->velocity <= 0.0) {
-		motion->position = motion->limit_min;
-		sim_motion_halt(motion);
-	}
-}
-
 void sim_motion_advance(struct sim_motion *motion, db_time now)
 {
 	double left = (double)(now - motion->time) / (double)DB_NS_PER_S;
@@ -286,7 +275,7 @@ void sim_motion_advance(struct sim_motion *motion, db_time now)
 	if (now <= motion->time)
 		return;
 	motion->time = now;
-	/* A limit that moved over the motor stops it where it is. */
+	/* A limit that was moved past the motor stops it where it is. */
 	if (sim_motion_moving(motion) && outside_limits(motion))
 		sim_motion_halt(motion);
 	while (sim_motion_moving(motion) && left > 0.0) {
@@ -297,6 +286,12 @@ void sim_motion_advance(struct sim_motion *motion, db_time now)
 
 			left -= follow(motion, &segment, left);
 		}
-		apply_limits(motion);
+		if (motion->position > motion->limit_max && motion->velocity >= 0.0) {
+			motion->position = motion->limit_max;
+			sim_motion_halt(motion);
+		} else if (motion->position < motion->limit_min && motion->velocity <= 0.0) {
+			motion->position = motion->limit_min;
+			sim_motion_halt(motion);
+		}
 	}
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A drive's place on a bus: its name, the faults of its connection, and what it heard.
+ * A drive's connection to a bus: its name, the faults of the connection, and the log of received
+ * lines.
  */
 #ifndef DRIVEBRIDGE_SIM_NODE_H
 #define DRIVEBRIDGE_SIM_NODE_H
@@ -13,7 +14,7 @@
 #include "sim/xyza_controller.h"
 
 #define SIM_LOG_LINES 64
-#define SIM_LOG_LENGTH 96 /* longer lines are cut in the log */
+#define SIM_LOG_LENGTH 96 /* longer lines are cut off in the log */
 
 struct sim_log_entry {
 	db_time time;
@@ -26,17 +27,22 @@ struct sim_vsmd_can_node;
 struct sim_node {
 	const char *name;                /* not owned */
 	const struct sim_family *family; /* of those in a world; else null */
-	/* Of these that of its family, which makes and frees it in a world; the others are null. */
+	/* Only that of its family is not null; in a world the family makes and frees it. */
 	struct sim_vsmd *drive;
-	struct sim_vsmd_can_node *vsmd_can; /* beside `drive`, on CAN */
+	struct sim_vsmd_can_node *vsmd_can; /* in addition to `drive`, on CAN */
 	struct sim_servo_node *servo;
 	struct sim_xyza *xyza;
 	struct sim_faults faults;
-	struct sim_log_entry log[SIM_LOG_LINES]; /* a ring; entry heard % SIM_LOG_LINES is next */
-	uint32_t heard;                          /* lines, broadcasts included */
-	db_time thinks_until;                    /* answers come in the order of the questions */
-	uint32_t replies;                        /* put on the wire, whole or broken */
-	struct sim_witness witness;              /* of VSMD drives and XYZA controllers */
+	/* a ring; the next entry is heard % SIM_LOG_LINES */
+	struct sim_log_entry log[SIM_LOG_LINES];
+	uint32_t heard; /* received lines, broadcasts included */
+	/* on a serial line: in addition to the bus's latency, */
+	db_time latency;
+	db_time deaf;               /* and to its turnaround */
+	db_time deaf_until;         /* after its last reply */
+	db_time thinks_until;       /* answers come in the order of the requests */
+	uint32_t replies;           /* put on the wire, complete or broken */
+	struct sim_witness witness; /* of VSMD drives and XYZA controllers */
 };
 
 #endif

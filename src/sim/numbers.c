@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "sim/numbers.h"
+#include "sim/sim_private.h"
 
 #include <stdlib.h>
 #include <string.h>

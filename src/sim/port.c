@@ -51,7 +51,7 @@ static int make_raw(int fd, unsigned baud)
 	cfmakeraw(&tio);
 	tio.c_cflag |= CLOCAL | CREAD;
 	tio.c_cflag &= ~(tcflag_t)(CRTSCTS | CSTOPB);
-	/* A pty has no rate of its own; any host setting is right. */
+	/* A pty has no rate of its own; any host setting is accepted. */
 	for (size_t i = 0; baud != 0; i++) {
 		if (i == sizeof(speeds) / sizeof(speeds[0]))
 			return -EINVAL;
@@ -131,7 +131,7 @@ int sim_port_open_can(struct sim_port *port, const char *interface)
 	unsigned index = if_nametoindex(interface);
 
 	*port = (struct sim_port){ .fd = -1, .slave = -1 };
-	(void)snprintf(port->host, sizeof(port->host), "%s", interface);
+	snprintf(port->host, sizeof(port->host), "%s", interface);
 	if (index == 0)
 		return -ENODEV;
 	address.can_ifindex = (int)index;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Where a simulated bus meets its host: a pseudo terminal, a real serial port, or a CAN network
+ * The host's end of a simulated bus: a pseudo terminal, a real serial port, or a CAN network
  * interface. Raw and non-blocking.
  */
 #ifndef DRIVEBRIDGE_SIM_PORT_H
@@ -11,21 +11,22 @@
 #include <sys/types.h>
 
 struct sim_port {
-	int fd;              /* to read and write, and to wait on */
-	int slave;           /* pty: kept open so that the host may come and go; else -1 */
-	char host[PATH_MAX]; /* the device the host opens */
-	char link[PATH_MAX]; /* symbolic link to it, "" = none */
+	int fd; /* to read, write and poll */
+	/* pty: kept open so that the host may open and close its end; else -1 */
+	int slave;
+	char host[PATH_MAX]; /* the device that the host opens */
+	char link[PATH_MAX]; /* symbolic link to it, "": none */
 };
 
-/* Whether a device name means "make a pty". */
+/* True if a device name means "make a pty". */
 bool sim_port_is_pty(const char *device);
 
-/* The speed that the host has set at its end of a pty; 0: none that is known. */
+/* The speed that the host has set at its end of a pty; 0: no known one. */
 unsigned sim_port_host_baud(const struct sim_port *port);
 
 /*
- * Opens device ("pty" or a path). A pty may be opened by the members of `group` (mode 0660, as
- * serial ports have it), or by whom the system lets when that is null. Makes the symbolic link when
+ * Opens a device ("pty" or a path). A pty may be opened by the members of `group` (mode 0660, like
+ * serial ports); if that is null, with the system's default rights. Makes the symbolic link when
  * link is not null; an old symbolic link is replaced, any other file is not (-EEXIST). 0 or a
  * negative errno (-EINVAL: no such baud rate, -EPERM: this process is no member of the group); on
  * error nothing is left open.

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #define FRAME_MAX 2048
-/* A part of a question is forgotten after this. */
+/* An incomplete question is dropped after this. */
 #define PATIENCE (50 * DB_NS_PER_MS)
 #define ANSWERS_MAX 16
 #define NOWHERE SIZE_MAX
@@ -16,9 +16,9 @@
 /* A line of the trace with bytes. */
 struct said {
 	unsigned line;
-	bool question; /* else an answer to the last one before */
-	bool asked;    /* a question: its turn was */
-	db_time after; /* of an answer: the question */
+	bool question; /* else an answer to the last question before */
+	bool asked;    /* for a question: it has been asked in its turn */
+	db_time after; /* for an answer: time after the question */
 	size_t length;
 	const uint8_t *bytes;
 };
@@ -27,7 +27,7 @@ struct said {
 struct answer {
 	db_time due;
 	size_t said;
-	size_t sent; /* bytes of it */
+	size_t sent; /* number of its bytes */
 };
 
 struct sim_replay {
@@ -38,8 +38,8 @@ struct sim_replay {
 	struct said *said;
 	size_t count;
 	uint8_t *bytes;
-	size_t next;    /* the question that is expected; `count`: none any more */
-	size_t told_at; /* what came instead of it was told */
+	size_t next;    /* index of the expected question; `count`: no more */
+	size_t told_at; /* index where an unexpected question was reported */
 	unsigned in_turn;
 	unsigned out_of_turn;
 	unsigned unknown;
@@ -57,15 +57,15 @@ __attribute__((format(printf, 3, 4))) static void tell(const struct sim_replay *
 {
 	va_list arguments;
 
-	(void)fprintf(replay->told, "%s:%u: ", replay->file, line);
+	fprintf(replay->told, "%s:%u: ", replay->file, line);
 	va_start(arguments, format);
-	(void)vfprintf(replay->told, format, arguments);
+	vfprintf(replay->told, format, arguments);
 	va_end(arguments);
-	(void)fputc('\n', replay->told);
+	fputc('\n', replay->told);
 	(void)fflush(replay->told);
 }
 
-/* --- the file ----------------------------------------------------------------------------------------- */
+/* --- the file --------------------------------------------------------------------------------- */
 
 static int digit(char character)
 {
@@ -75,7 +75,7 @@ static int digit(char character)
 	return character != '\0' && found ? (int)(found - digits) : -1;
 }
 
-/* "31 20 73": how many bytes; -1 for anything else. */
+/* "31 20 73": the number of bytes; -1 for another text. */
 static int read_bytes(const char *text, const char *end, uint8_t *bytes)
 {
 	int count = 0;
@@ -93,7 +93,7 @@ static int read_bytes(const char *text, const char *end, uint8_t *bytes)
 	}
 }
 
-/* Of this day, in ns. False: it is none. */
+/* Time of day, in ns. False: it is none. */
 static bool read_time(const char *text, const char *end, db_time *time)
 {
 	int hours;
@@ -111,7 +111,7 @@ static bool read_time(const char *text, const char *end, db_time *time)
 	return true;
 }
 
-/* The last stroke of the line; null. */
+/* The last vertical bar of the line; null. */
 static const char *find_stroke(const char *text, const char *end)
 {
 	while (end > text && end[-1] != '|')
@@ -119,7 +119,7 @@ static const char *find_stroke(const char *text, const char *end)
 	return end > text ? end : NULL;
 }
 
-/* How a line is wrong, in words; null: it is not. `store` is where its bytes go. */
+/* The mistake in a line, in words; null: none. `store` receives its bytes. */
 static const char *read_line(struct sim_replay *replay, unsigned line, const char *text,
                              const char *end, db_time *asked, uint8_t *store)
 {
@@ -140,9 +140,10 @@ static const char *read_line(struct sim_replay *replay, unsigned line, const cha
 		return "right are bytes behind a stroke, such as | 31 20 73";
 	length = read_bytes(stroke, end, store);
 	if (length <= 0)
-		return "right are bytes of two hexadecimal digits behind the stroke; a trace of CAN "
+		return "right are bytes of two hexadecimal digits behind the stroke; a trace of "
+		       "CAN "
 		       "cannot be replayed";
-	/* Answers to what was asked before the trace began. */
+	/* Answers to questions from before the trace. */
 	if (direction == '<' && *asked < 0)
 		return NULL;
 	*said = (struct said){
@@ -168,7 +169,7 @@ struct sim_replay *sim_replay_parse(const char *text, const char *file, FILE *to
 		return NULL;
 	replay->told = told;
 	replay->file = file;
-	/* A line with a byte has more than twenty letters. */
+	/* A line with a byte has more than twenty characters. */
 	replay->said = calloc(size / 20 + 1, sizeof(*replay->said));
 	replay->bytes = malloc(size / 2 + FRAME_MAX);
 	if (!replay->said || !replay->bytes)
@@ -212,7 +213,7 @@ struct sim_replay *sim_replay_load(const char *path, FILE *told)
 	if (length > 0 || (file && feof(file)))
 		replay = sim_replay_parse(length > 0 ? text : "", path, told);
 	else
-		(void)fprintf(told, "%s: %s\n", path, strerror(errno));
+		fprintf(told, "%s: %s\n", path, strerror(errno));
 	free(text);
 	if (file)
 		(void)fclose(file);
@@ -234,9 +235,9 @@ void sim_replay_free(struct sim_replay *replay)
 	free(replay);
 }
 
-/* --- questions ---------------------------------------------------------------------------------------- */
+/* --- questions -------------------------------------------------------------------------------- */
 
-/* The first question from here on; `count` when there is none. */
+/* The first question at or after this index; `count` when there is none. */
 static size_t question_from(const struct sim_replay *replay, size_t at)
 {
 	while (at < replay->count && !replay->said[at].question)
@@ -244,7 +245,7 @@ static size_t question_from(const struct sim_replay *replay, size_t at)
 	return at;
 }
 
-/* Its turn is over, and the first whose turn was not is expected. */
+/* Marks the question as asked; the first one not yet asked is expected next. */
 static void end_turn(struct sim_replay *replay, size_t question)
 {
 	replay->said[question].asked = true;
@@ -260,7 +261,8 @@ static bool begins_with(const struct sim_replay *replay, size_t at)
 	       memcmp(said->bytes, replay->input, said->length) == 0;
 }
 
-/* The same question elsewhere: the last one before the place, else the first behind it. */
+/* The same question elsewhere: the last one before the expected one, else the first one after
+ * it. */
 static size_t find_elsewhere(const struct sim_replay *replay)
 {
 	size_t found = NOWHERE;
@@ -275,7 +277,7 @@ static size_t find_elsewhere(const struct sim_replay *replay)
 	return found;
 }
 
-/* Whether what came may be the beginning of some question. */
+/* True if the received bytes may be the beginning of a question. */
 static bool may_go_on(const struct sim_replay *replay)
 {
 	for (size_t i = question_from(replay, 0); i < replay->count;
@@ -297,7 +299,7 @@ static void answer(struct sim_replay *replay, size_t question, db_time now)
 	}
 }
 
-/* What came instead is told once for each place. */
+/* Reports an unexpected question, once for each expected one. */
 static void tell_instead(struct sim_replay *replay, bool known, const uint8_t *bytes, size_t length)
 {
 	bool over = replay->next >= replay->count;
@@ -311,7 +313,7 @@ static void tell_instead(struct sim_replay *replay, bool known, const uint8_t *b
 	for (size_t i = 0; i < length && i < 32; i++)
 		used += (size_t)snprintf(text + used, sizeof(text) - used, " %02X", bytes[i]);
 	if (length > 32)
-		(void)snprintf(text + used, sizeof(text) - used, "...");
+		snprintf(text + used, sizeof(text) - used, "...");
 	tell(replay, over ? replay->said[replay->count - 1].line : replay->said[replay->next].line,
 	     known ? "another question came before:%s" :
 	             "a question came that is not in this file:%s",
@@ -326,7 +328,7 @@ static void drop_input(struct sim_replay *replay, size_t length, db_time now)
 	memmove(replay->input, replay->input + length, replay->input_length);
 }
 
-/* False: there is no whole question any more. */
+/* False: there is no complete question left. */
 static bool take_question(struct sim_replay *replay, db_time now)
 {
 	size_t elsewhere;
@@ -357,7 +359,7 @@ static bool take_question(struct sim_replay *replay, db_time now)
 	return false;
 }
 
-/* --- as a wire ---------------------------------------------------------------------------------------- */
+/* --- as a wire -------------------------------------------------------------------------------- */
 
 static void receive(void *wire, const uint8_t *bytes, size_t length, db_time now)
 {
@@ -431,9 +433,8 @@ static void describe(void *wire, char *text, size_t size)
 {
 	const struct sim_replay *replay = wire;
 
-	(void)snprintf(text, size, "in-turn=%u out-of-turn=%u unknown=%u complete=%d",
-	               replay->in_turn, replay->out_of_turn, replay->unknown,
-	               sim_replay_is_complete(replay));
+	snprintf(text, size, "in-turn=%u out-of-turn=%u unknown=%u complete=%d", replay->in_turn,
+	         replay->out_of_turn, replay->unknown, sim_replay_is_complete(replay));
 }
 
 static void free_wire(void *wire)
@@ -450,7 +451,7 @@ const struct sim_wire_ops sim_replay_ops = {
 	.free = free_wire,
 };
 
-/* --- what became of it -------------------------------------------------------------------------------- */
+/* --- results ---------------------------------------------------------------------------------- */
 
 bool sim_replay_is_complete(const struct sim_replay *replay)
 {
@@ -459,12 +460,12 @@ bool sim_replay_is_complete(const struct sim_replay *replay)
 
 void sim_replay_tell(const struct sim_replay *replay)
 {
-	(void)fprintf(replay->told, "%s: %u questions in turn, %u out of turn, %u unknown; ",
-	              replay->file, replay->in_turn, replay->out_of_turn, replay->unknown);
+	fprintf(replay->told, "%s: %u questions in turn, %u out of turn, %u unknown; ",
+	        replay->file, replay->in_turn, replay->out_of_turn, replay->unknown);
 	if (replay->next < replay->count)
-		(void)fprintf(replay->told, "line %u was not asked for\n",
-		              replay->said[replay->next].line);
+		fprintf(replay->told, "line %u was not asked for\n",
+		        replay->said[replay->next].line);
 	else
-		(void)fputs("all of it was replayed\n", replay->told);
+		fputs("all of it was replayed\n", replay->told);
 	(void)fflush(replay->told);
 }

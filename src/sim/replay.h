@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The drives' side of a serial line as it was recorded by drivebridgectl trace: what is asked as in the file is answered
- * with the bytes and after the time that are there. So a trace from the field becomes a test.
+ * The drives' side of a serial line as recorded by drivebridgectl trace: a question of the file is
+ * answered with the bytes recorded there, after the same time. So a trace from the field becomes a
+ * test.
  *
- * Questions are expected in the order of the file. One that comes out of its turn, such as a poll while a command is
- * waited for, is answered as it last was before that place; when it was not asked before, as it first is behind it, and
- * then that was its turn. One that is nowhere in the file gets no answer. Both are told with the line that was
- * expected. No I/O but for what is told.
+ * Questions are expected in the order of the file. A question out of turn, such as a poll while a
+ * command is expected, gets its last answer before the expected place; if it was not asked before,
+ * it gets its first answer after that place, and then that was its turn. A question that is not in
+ * the file gets no answer. Both are reported with the expected line. No I/O but for these reports.
  */
 #ifndef DRIVEBRIDGE_SIM_REPLAY_H
 #define DRIVEBRIDGE_SIM_REPLAY_H
@@ -18,23 +19,23 @@
 
 struct sim_replay;
 
-/* A trace from its text. On failure null, and what is wrong was written to `told` as "file:line: ...". What happens
- * while it is replayed is written there, too; it must outlive the replay. */
+/* Parses the text of a trace. Null on failure, and the mistake is written to `told` as "file:line:
+ * ...". Reports during the replay are written there too; it must outlive the replay. */
 struct sim_replay *sim_replay_parse(const char *text, const char *file, FILE *told);
 
-/* Writes down what goes over the wire. */
+/* Records the traffic of the wire. */
 void sim_replay_set_trace(struct sim_replay *replay, sim_trace_fn *trace, void *context);
 
 /* The same from a file. */
 struct sim_replay *sim_replay_load(const char *path, FILE *told);
 void sim_replay_free(struct sim_replay *replay);
 
-/* Whether all of the file was asked for in turn, and nothing that is not there. */
+/* True if all of the file was asked in turn, and nothing else. */
 bool sim_replay_is_complete(const struct sim_replay *replay);
-/* One line: how much of it was asked for. */
+/* Writes one line: how much of it was asked. */
 void sim_replay_tell(const struct sim_replay *replay);
 
-/* For the world, whose wire it is. */
+/* For the world that owns the wire. */
 extern const struct sim_wire_ops sim_replay_ops;
 
 #endif

@@ -11,14 +11,15 @@
 #define BURSTS_MAX 16
 #define GARBAGE_MAX 8
 #define BURST_BYTES_MAX (2 * (SIM_SERIAL_REPLY_MAX + 2 * GARBAGE_MAX))
-/* A burst is handed out in at most this many chunks, and a chunk is worth at least this long: a
- * host sees bytes trickle in, and the simulator does not wake up for each. */
+/* A burst is handed out in at most this many chunks, and each chunk has at least this length in
+ * time: a host sees bytes arrive gradually, and the simulator does not wake up for each. */
 #define CHUNKS_MAX 8
 #define CHUNK_NS DB_NS_PER_MS
 
-/* A request on its way; done when `end` has come. */
+/* A request on its way; complete at `end`. */
 struct line {
 	bool used;
+	db_time start;
 	db_time end;
 	size_t length;
 	uint8_t bytes[SIM_SERIAL_REQUEST_MAX];
@@ -28,7 +29,8 @@ struct line {
 struct sim_burst {
 	bool used;
 	char direction;
-	db_time start; /* of the first byte; fixed once begun */
+	struct sim_node *node; /* its drive; null: noise */
+	db_time start;         /* of the first byte; fixed after its begin */
 	size_t length;
 	size_t sent;
 	size_t chunk;
@@ -49,14 +51,13 @@ struct sim_serial_bus {
 	uint8_t input[SIM_SERIAL_REQUEST_MAX];
 	size_t input_length;
 	bool input_overflow;
-	bool input_unheard;
 	db_time input_start; /* when the request's first byte began */
 	db_time input_newest;
 	db_time request_end; /* of the last line: the next one cannot begin sooner */
 	db_time reply_end;
 
 	struct line lines[LINES_MAX];
-	size_t first_line; /* a ring: lines end in the order they came */
+	size_t first_line; /* a ring: lines end in the order of arrival */
 	size_t line_count;
 	struct sim_burst bursts[BURSTS_MAX];
 	struct sim_burst *current; /* begun and not finished */
@@ -75,7 +76,7 @@ struct sim_serial_bus *sim_serial_bus_new(const struct sim_serial_protocol *prot
 	bus->trace = trace;
 	bus->context = context;
 	bus->random = 0x2545f491u;
-	bus->reply_end = -config->turnaround;
+	bus->reply_end = -config->line_hold;
 	return bus;
 }
 
@@ -107,7 +108,7 @@ void sim_serial_bus_set_baud(struct sim_serial_bus *bus, unsigned baud)
 	bus->config.baud = baud;
 }
 
-/* Wire time of so many bytes, rounded up. */
+/* Wire time of this number of bytes, rounded up. */
 static db_time wire_time(const struct sim_serial_bus *bus, size_t bytes)
 {
 	db_time bits = (db_time)bytes * BITS_PER_BYTE;
@@ -117,7 +118,7 @@ static db_time wire_time(const struct sim_serial_bus *bus, size_t bytes)
 	return (bits * DB_NS_PER_S + (db_time)bus->config.baud - 1) / (db_time)bus->config.baud;
 }
 
-/* Faults need variety, not quality; the same start gives the same run. */
+/* Faults need variety, not quality; the same seed gives the same run. */
 static uint32_t random_below(struct sim_serial_bus *bus, uint32_t limit)
 {
 	bus->random ^= bus->random << 13;
@@ -152,6 +153,7 @@ static void send_burst(struct sim_serial_bus *bus, struct sim_burst *burst, char
 		chunks = CHUNKS_MAX;
 	burst->used = burst->length > 0;
 	burst->direction = direction;
+	burst->node = NULL;
 	burst->start = start;
 	burst->sent = 0;
 	burst->chunk = (burst->length + chunks - 1) / chunks;
@@ -184,10 +186,11 @@ static void end_request(struct sim_serial_bus *bus, db_time now)
 	trace_bytes(bus, now, '>', bus->input, bus->input_length - untraced);
 	if (!bus->input_overflow)
 		echo_bytes(bus, bus->input_start);
-	if (bus->input_overflow || bus->input_unheard || bus->line_count == LINES_MAX) {
+	if (bus->input_overflow || bus->line_count == LINES_MAX) {
 		bus->stats.unheard++;
 	} else {
 		line = &bus->lines[(bus->first_line + bus->line_count++) % LINES_MAX];
+		line->start = bus->input_start;
 		line->end = end;
 		line->length = bus->input_length;
 		memcpy(line->bytes, bus->input, bus->input_length);
@@ -196,24 +199,19 @@ static void end_request(struct sim_serial_bus *bus, db_time now)
 	bus->input_overflow = false;
 }
 
-static void begin_request(struct sim_serial_bus *bus, db_time now)
-{
-	bool replying = false;
-
-	for (size_t i = 0; i < BURSTS_MAX; i++)
-		replying |= bus->bursts[i].used && bus->bursts[i].direction == '<' &&
-		            bus->bursts[i].start <= now;
-	bus->input_start = now > bus->request_end ? now : bus->request_end;
-	bus->input_unheard = bus->input_start < bus->reply_end + bus->config.turnaround;
-	bus->stats.collisions += replying;
-}
-
 static void take_byte(struct sim_serial_bus *bus, uint8_t byte, db_time now)
 {
 	size_t before;
 
-	if (bus->input_length == 0 && !bus->input_overflow)
-		begin_request(bus, now);
+	if (bus->input_length == 0 && !bus->input_overflow) {
+		bool replying = false;
+
+		for (size_t i = 0; i < BURSTS_MAX; i++)
+			replying |= bus->bursts[i].used && bus->bursts[i].direction == '<' &&
+			            bus->bursts[i].start <= now;
+		bus->input_start = now > bus->request_end ? now : bus->request_end;
+		bus->stats.collisions += replying;
+	}
 	if (bus->input_length < sizeof(bus->input))
 		bus->input[bus->input_length++] = byte;
 	else
@@ -261,6 +259,19 @@ bool sim_serial_bus_connects(const struct sim_serial_bus *bus, const struct sim_
 	       bus->faults.left[SIM_FAULT_SILENCE] == 0;
 }
 
+size_t sim_serial_bus_missed(struct sim_serial_bus *bus, const struct sim_node *node,
+                             const struct sim_serial_request *request)
+{
+	db_time hears = bus->reply_end + bus->config.line_hold;
+	size_t missed = 0;
+
+	if (hears < node->deaf_until)
+		hears = node->deaf_until;
+	while (missed < request->length && request->start + wire_time(bus, missed) < hears)
+		missed++;
+	return missed;
+}
+
 bool sim_serial_bus_take(struct sim_serial_bus *bus, struct sim_node *node, enum sim_fault fault)
 {
 	return sim_faults_take(&node->faults, fault) || sim_faults_take(&bus->faults, fault);
@@ -298,18 +309,13 @@ static void insert_garbage(struct sim_serial_bus *bus, struct sim_burst *burst, 
 	burst->length += count;
 }
 
-static void corrupt_at(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst)
+static void damage_burst(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst)
 {
 	uint32_t place = node->faults.left[SIM_FAULT_CORRUPT_AT] != 0 ? node->faults.corrupt_at :
 	                                                                bus->faults.corrupt_at;
 
 	if (sim_serial_bus_take(bus, node, SIM_FAULT_CORRUPT_AT))
 		burst->bytes[(place - 1) % burst->length] ^= (uint8_t)(1u << random_below(bus, 7));
-}
-
-static void damage_burst(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst)
-{
-	corrupt_at(bus, node, burst);
 	if (sim_serial_bus_take(bus, node, SIM_FAULT_CORRUPT)) {
 		size_t victim = 1 + random_below(bus, (uint32_t)burst->length - 2);
 
@@ -342,7 +348,7 @@ uint8_t *sim_serial_bus_bytes(struct sim_burst *burst)
 void sim_serial_bus_send(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst,
                          size_t length, db_time request_end)
 {
-	db_time start = request_end + bus->config.latency;
+	db_time start = request_end + bus->config.latency + node->latency;
 
 	burst->length = length;
 	damage_burst(bus, node, burst);
@@ -350,11 +356,12 @@ void sim_serial_bus_send(struct sim_serial_bus *bus, struct sim_node *node, stru
 		start += (db_time)node->faults.delay_ms * DB_NS_PER_MS;
 	else if (sim_faults_take(&bus->faults, SIM_FAULT_DELAY))
 		start += (db_time)bus->faults.delay_ms * DB_NS_PER_MS;
-	/* A drive that is slow over one answer is late with those after it, too. */
+	/* After a late answer a drive's next answers are late too. */
 	if (start < node->thinks_until)
 		start = node->thinks_until;
 	node->thinks_until = start + wire_time(bus, burst->length);
 	send_burst(bus, burst, '<', start);
+	burst->node = node;
 	node->replies++;
 	bus->stats.replies++;
 }
@@ -372,18 +379,7 @@ struct sim_burst *sim_serial_bus_overlap(const struct sim_serial_bus *bus, struc
 	return first;
 }
 
-static void process_request(struct sim_serial_bus *bus, const struct line *line)
-{
-	struct sim_serial_request request = {
-		.bytes = line->bytes,
-		.length = line->length,
-		.end = line->end,
-	};
-
-	bus->protocol->process(bus, &request);
-}
-
-/* The burst to go on with: the one begun, else the one that starts first. */
+/* The burst to continue with: the begun one, else the one that starts first. */
 static struct sim_burst *next_burst(struct sim_serial_bus *bus)
 {
 	struct sim_burst *best = bus->current;
@@ -406,7 +402,7 @@ static db_time burst_due(const struct sim_serial_bus *bus, const struct sim_burs
 {
 	db_time start = burst->start;
 
-	/* Before its first chunk a burst may still have to wait for the wire. */
+	/* A burst may have to wait for the wire before its first chunk. */
 	if (burst != bus->current && burst->direction == '<' && start < bus->reply_end)
 		start = bus->reply_end;
 	return start + wire_time(bus, next_chunk(burst));
@@ -442,6 +438,8 @@ static size_t emit_bytes(struct sim_serial_bus *bus, struct sim_burst *burst, ui
 
 		if (burst->direction == '<')
 			bus->reply_end = end;
+		if (burst->node)
+			burst->node->deaf_until = end + bus->config.turnaround + burst->node->deaf;
 		trace_bytes(bus, end, burst->direction, burst->bytes, burst->length);
 		burst->used = false;
 		bus->current = NULL;
@@ -458,9 +456,17 @@ size_t sim_serial_bus_run(struct sim_serial_bus *bus, db_time now, uint8_t *out,
 		struct line *line = &bus->lines[bus->first_line];
 
 		if (bus->line_count > 0 && (!burst || line->end <= burst_due(bus, burst))) {
+			struct sim_serial_request request;
+
 			bus->first_line = (bus->first_line + 1) % LINES_MAX;
 			bus->line_count--;
-			process_request(bus, line);
+			request = (struct sim_serial_request){
+				.bytes = line->bytes,
+				.length = line->length,
+				.start = line->start,
+				.end = line->end,
+			};
+			bus->protocol->process(bus, &request);
 		} else if (burst) {
 			written += emit_bytes(bus, burst, out + written, size - written);
 		}
@@ -468,7 +474,7 @@ size_t sim_serial_bus_run(struct sim_serial_bus *bus, db_time now, uint8_t *out,
 	return written;
 }
 
-/* --- for the world --------------------------------------------------------------------------------- */
+/* --- for the world ---------------------------------------------------------------------------- */
 
 static void wire_receive(void *wire, const uint8_t *bytes, size_t length, db_time now)
 {
@@ -494,11 +500,11 @@ static void wire_describe(void *wire, char *text, size_t size)
 {
 	const struct sim_serial_stats *stats = sim_serial_bus_stats(wire);
 
-	(void)snprintf(text, size,
-	               "requests=%" PRIu32 " replies=%" PRIu32 " collisions=%" PRIu32
-	               " unheard=%" PRIu32 " foreign=%" PRIu32,
-	               stats->requests, stats->replies, stats->collisions, stats->unheard,
-	               stats->foreign);
+	snprintf(text, size,
+	         "requests=%" PRIu32 " replies=%" PRIu32 " collisions=%" PRIu32 " unheard=%" PRIu32
+	         " foreign=%" PRIu32,
+	         stats->requests, stats->replies, stats->collisions, stats->unheard,
+	         stats->foreign);
 }
 
 static void wire_free(void *wire)

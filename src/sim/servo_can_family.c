@@ -1,13 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "sim/servo_can_family.h"
+#include "sim/family.h"
 
 #include "sim/can_line.h"
-#include "sim/numbers.h"
+#include "sim/servo_view.h"
+#include "sim/sim_private.h"
 
 #include <inttypes.h>
 #include <stdlib.h>
 
-/* --- coming and going ------------------------------------------------------------------------------ */
+/* --- making and freeing
+ * ------------------------------------------------------------------------ */
 
 static bool open_drive(struct sim_node *node, void *wire, const struct sim_bus_config *bus,
                        const struct sim_drive_config *config, const char *flash, db_time now)
@@ -40,7 +42,8 @@ static void close_drive(struct sim_node *node)
 	free(node->servo);
 }
 
-/* --- what is seen of it ---------------------------------------------------------------------------- */
+/* --- state
+ * ------------------------------------------------------------------------------------- */
 
 static bool is_busy(const struct sim_node *node)
 {
@@ -60,9 +63,9 @@ static unsigned moving_motors(const struct sim_node *node)
 static void write_motion(const struct sim_node *node, db_time now, FILE *out)
 {
 	sim_servo_advance(node->servo->drive, now);
-	(void)fprintf(out, " position=%.0f velocity=%g enabled=%d",
-	              sim_servo_position(node->servo->drive), sim_servo_speed(node->servo->drive),
-	              sim_servo_enabled(node->servo->drive));
+	fprintf(out, " position=%.0f velocity=%g enabled=%d",
+	        sim_servo_position(node->servo->drive), sim_servo_speed(node->servo->drive),
+	        sim_servo_enabled(node->servo->drive));
 }
 
 static void write_state(struct sim_node *node, db_time now, FILE *out)
@@ -81,23 +84,24 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 		{ SERVO_CAN_RAMPS, "ramps" },
 		{ SERVO_CAN_READ, "read" },
 		{ SERVO_CAN_WORDS, "words" },
+		{ SERVO_CAN_WORD_1, "word_1_frames" },
+		{ SERVO_CAN_MOVE, "move_frames" },
 	};
 	const struct sim_servo_node *servo = node->servo;
 	const struct sim_servo *drive = servo->drive;
 
 	sim_servo_advance(servo->drive, now);
-	(void)fprintf(out,
-	              " position=%.0f velocity=%g current=%g mode=%s enabled=%d power=%d"
-	              " address=%u heard=%" PRIu32 " unknown=%" PRIu32 " moves=%" PRIu32
-	              " setpoint_us=%" PRId64,
-	              sim_servo_position(drive), sim_servo_speed(drive), sim_servo_current(drive),
-	              servo_can_mode_name((unsigned)sim_servo_mode(drive)),
-	              sim_servo_enabled(drive), sim_servo_powered(drive), servo->address,
-	              servo->heard, servo->unknown, sim_servo_moves(drive),
-	              sim_servo_setpoint_at(drive) / DB_NS_PER_US);
+	fprintf(out,
+	        " position=%.0f velocity=%g current=%g mode=%s enabled=%d power=%d"
+	        " address=%u heard=%" PRIu32 " unknown=%" PRIu32 " moves=%" PRIu32
+	        " setpoint_us=%" PRId64,
+	        sim_servo_position(drive), sim_servo_speed(drive), sim_servo_current(drive),
+	        servo_can_mode_name((unsigned)sim_servo_mode(drive)), sim_servo_enabled(drive),
+	        sim_servo_powered(drive), servo->address, servo->heard, servo->unknown,
+	        sim_servo_moves(drive), sim_servo_setpoint_at(drive) / DB_NS_PER_US);
 	for (size_t i = 0; i < sizeof(counted) / sizeof(counted[0]); i++)
-		(void)fprintf(out, " %s=%" PRIu32, counted[i].name,
-		              sim_servo_count(drive, counted[i].kind));
+		fprintf(out, " %s=%" PRIu32, counted[i].name,
+		        sim_servo_count(drive, counted[i].kind));
 }
 
 static unsigned get_address(const struct sim_node *node)
@@ -105,7 +109,8 @@ static unsigned get_address(const struct sim_node *node)
 	return node->servo->address;
 }
 
-/* --- what happens to it ---------------------------------------------------------------------------- */
+/* --- from outside
+ * ------------------------------------------------------------------------------ */
 
 static void set_address(struct sim_node *node, unsigned address)
 {

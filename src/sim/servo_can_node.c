@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/servo_can_node.h"
+#include "sim/servo_view.h"
 
 #include <string.h>
 
 void sim_servo_node_init(struct sim_servo_node *node, const char *name, struct sim_servo *drive,
                          uint8_t address, const struct servo_can_layout *layout, db_time latency)
 {
-	memset(node, 0, sizeof *node);
+	memset(node, 0, sizeof(*node));
 	node->name = name;
 	node->drive = drive;
 	node->address = address;
@@ -42,7 +43,7 @@ static bool enqueue(struct sim_servo_node *node, struct servo_can_message *messa
 	return true;
 }
 
-/* An acknowledgement of something else than what this one acknowledges. */
+/* An acknowledgement of something other than this one acknowledges. */
 static bool enqueue_stray(struct sim_servo_node *node, const struct servo_can_message *ack,
                           db_time due)
 {
@@ -77,7 +78,6 @@ void sim_servo_node_receive(struct sim_servo_node *node, const struct db_can_fra
 	struct servo_can_message replies[SIM_SERVO_REPLIES];
 	struct servo_can_message message;
 	enum servo_can_error error;
-	uint8_t words_ack;
 	db_time due;
 	size_t count;
 
@@ -87,14 +87,13 @@ void sim_servo_node_receive(struct sim_servo_node *node, const struct db_can_fra
 	if (!is_for(node, &message))
 		return;
 	node->heard++;
-	/* What a drive answers to a frame it does not understand is not documented: nothing. */
+	/* A drive's answer to an unknown frame is not documented: none here. */
 	if (error != SERVO_CAN_OK) {
 		node->unknown++;
 		tell_witness(node, frame, message.kind, false, now);
 		return;
 	}
-	words_ack = node->layout.words.set ? node->layout.words.ack : (uint8_t)SERVO_CAN_ACK_NONE;
-	count = sim_servo_execute(node->drive, &message, words_ack, now, replies);
+	count = sim_servo_execute(node->drive, &message, &node->layout, now, replies);
 	due = now + node->latency + (message.kind == SERVO_CAN_READ ? 0 : node->ack_latency);
 	tell_witness(node, frame, message.kind, true, now);
 	if (node->stray_acks && count > 0 && replies[0].kind == SERVO_CAN_ACK)
@@ -128,13 +127,13 @@ bool sim_servo_node_send(struct sim_servo_node *node, db_time now, struct db_can
 		*frame = node->queue[i].frame;
 		node->queued--;
 		memmove(&node->queue[i], &node->queue[i + 1],
-		        (node->queued - i) * sizeof node->queue[0]);
+		        (node->queued - i) * sizeof(node->queue[0]));
 		return true;
 	}
 	return false;
 }
 
-/* --- as a station ---------------------------------------------------------------------------------- */
+/* --- as a station ----------------------------------------------------------------------------- */
 
 static void station_receive(void *self, const struct db_can_frame *frame, db_time now)
 {

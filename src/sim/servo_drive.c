@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "sim/servo_drive.h"
+#include "sim/servo_state.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -11,65 +11,16 @@
 #define RPM_PER_RAD_S (60.0 / (2.0 * 3.14159265358979323846))
 #define SECONDS_PER_MINUTE 60.0
 
-#define SPEED_LOOP_S 0.002 /* how fast the speed loop corrects */
+#define SPEED_LOOP_S 0.002 /* time constant of the speed loop */
 #define POSITION_GAIN 40.0 /* 1/s */
-#define ZERO_SPEED 1.0     /* rpm below which the drive usually says that it stands */
+#define ZERO_SPEED 1.0     /* rpm below which the drive usually reports standstill */
 #define REACHED_SPEED 2.0  /* rpm around the speed that count as reached */
-#define AT_REST_COUNTS 0.5 /* the position loop holds still this close to its target ... */
+#define AT_REST_COUNTS 0.5 /* the position loop is at rest this close to its target ... */
 #define AT_REST_RPM 3.0    /* ... and this slow */
-#define CURRENT_STEPS 10.0 /* of an ampere */
 #define CTRG SERVO_CAN_CTRG
-#define DITHER_TIME (7 * DB_NS_PER_MS) /* on either side */
+#define DITHER_TIME (7 * DB_NS_PER_MS) /* in each direction */
 
-struct sim_servo {
-	struct sim_servo_config config;
-	db_time time; /* the motor is there */
-	bool powered;
-
-	/* Told by the host. */
-	enum servo_can_mode mode;
-	bool torque_clockwise;
-	bool enabled;
-	bool shown_enabled; /* by the status bit, `power_time` later */
-	db_time enabled_at;
-	int16_t speed;   /* rpm */
-	int16_t current; /* 0.1 A */
-	bool speed_staged;
-	bool current_staged;
-	int16_t next_speed;
-	int16_t next_current;
-	db_time setpoint_at;
-	int32_t internal_position; /* command 0; nothing happens before CTRG rises */
-	uint16_t word0;
-	double max_speed;
-	double acceleration;
-	double deceleration;
-
-	/* The motor. */
-	double position; /* counts, as fed back */
-	double rpm;
-	double amperes;
-	double profile;     /* rpm, what the ramps allow now */
-	double planned;     /* counts, where a motor without friction or load would be */
-	db_time idle_until; /* it was told something, and has not begun */
-	double target;      /* counts, what position mode holds or goes to */
-	bool limited;       /* by max_current */
-	bool blocked;
-
-	/* Shown as they are. */
-	uint16_t faults;
-	uint16_t forced;
-	uint16_t voltage;
-	uint16_t temperature;
-	uint16_t analogue;
-	uint8_t inputs;
-
-	db_time report_at[SIM_SERVO_REPORTS]; /* DB_TIME_NEVER: off */
-	uint32_t counts[SERVO_CAN_KIND_COUNT];
-	uint32_t moves;
-};
-
-/* --- making -------------------------------------------------------------------------------------- */
+/* --- making ----------------------------------------------------------------------------------- */
 
 void sim_servo_config_init(struct sim_servo_config *config)
 {
@@ -89,14 +40,7 @@ void sim_servo_config_init(struct sim_servo_config *config)
 		.voltage = 480,
 		.temperature = 35,
 	};
-}
-
-static void start_reports(struct sim_servo *drive, db_time now)
-{
-	for (size_t i = 0; i < SIM_SERVO_REPORTS; i++)
-		drive->report_at[i] = drive->config.reports[i] > 0 ?
-		                              now + drive->config.reports[i] :
-		                              DB_TIME_NEVER;
+	sim_servo_dialect_init(&config->dialect);
 }
 
 static bool keeps_demand(const struct sim_servo *drive)
@@ -104,7 +48,7 @@ static bool keeps_demand(const struct sim_servo *drive)
 	return drive->config.temper.demand != SIM_SERVO_DEMAND_POSITION;
 }
 
-/* What a loss of power resets. Encoder and shaft stay where they are. */
+/* What a loss of power resets. The encoder and the shaft keep their positions. */
 static void boot_drive(struct sim_servo *drive, db_time now)
 {
 	const struct sim_servo_config *config = &drive->config;
@@ -114,21 +58,24 @@ static void boot_drive(struct sim_servo *drive, db_time now)
 	drive->enabled = drive->shown_enabled = false;
 	drive->speed = drive->current = 0;
 	drive->speed_staged = drive->current_staged = false;
-	drive->internal_position = 0;
+	memset(drive->internal_positions, 0, sizeof(drive->internal_positions));
 	drive->word0 = 0;
 	drive->max_speed = config->max_speed;
 	drive->acceleration = config->acceleration;
 	drive->deceleration = config->deceleration;
 	drive->faults = 0;
-	drive->target = keeps_demand(drive) ? drive->internal_position : drive->position;
+	drive->target = keeps_demand(drive) ? 0 : drive->position;
 	drive->planned = drive->position;
 	drive->idle_until = now;
-	start_reports(drive, now);
+	for (size_t i = 0; i < SIM_SERVO_REPORTS; i++)
+		drive->report_at[i] = drive->config.reports[i] > 0 ?
+		                              now + drive->config.reports[i] :
+		                              DB_TIME_NEVER;
 }
 
 struct sim_servo *sim_servo_new(const struct sim_servo_config *config, db_time now)
 {
-	struct sim_servo *drive = calloc(1, sizeof *drive);
+	struct sim_servo *drive = calloc(1, sizeof(*drive));
 
 	if (!drive)
 		return NULL;
@@ -147,7 +94,7 @@ void sim_servo_free(struct sim_servo *drive)
 	free(drive);
 }
 
-/* --- the motor ----------------------------------------------------------------------------------- */
+/* --- the motor -------------------------------------------------------------------------------- */
 
 static double clamp_to(double value, double limit)
 {
@@ -163,7 +110,7 @@ static void ramp(struct sim_servo *drive, double wanted)
 	drive->profile += clamp_to(wanted - drive->profile, most);
 }
 
-/* The speed that position mode wants: in time to stop at the target with the deceleration. */
+/* The speed for position mode: low enough to stop at the target with the deceleration. */
 static double approach_speed(const struct sim_servo *drive)
 {
 	double left = drive->target - drive->position;
@@ -174,7 +121,8 @@ static double approach_speed(const struct sim_servo *drive)
 	return copysign(fmin(fmin(wanted, braking), drive->max_speed), left);
 }
 
-/* The current that brings the motor to the profile's speed, as far as the current loop allows. */
+/* The current that accelerates the motor to the profile's speed, within the limits of the current
+ * loop. */
 static double speed_loop(struct sim_servo *drive)
 {
 	const struct sim_servo_config *config = &drive->config;
@@ -188,16 +136,15 @@ static double speed_loop(struct sim_servo *drive)
 
 static double wanted_current(struct sim_servo *drive)
 {
-	double amperes;
+	double amperes = drive->current;
 
 	switch (drive->mode) {
 	case SERVO_CAN_MODE_SPEED:
 		ramp(drive, clamp_to(drive->speed, drive->max_speed));
 		return speed_loop(drive);
 	case SERVO_CAN_MODE_CURRENT:
-		amperes = drive->current / CURRENT_STEPS;
 		drive->profile = drive->rpm;
-		/* The speed limit takes away what would accelerate further. */
+		/* The speed limit removes a current that would accelerate further. */
 		return fabs(drive->rpm) >= drive->max_speed && amperes * drive->rpm > 0 ? 0 :
 		                                                                          amperes;
 	default:
@@ -206,7 +153,7 @@ static double wanted_current(struct sim_servo *drive)
 	}
 }
 
-/* Friction slows down, but never turns a motor round, and holds a standing one. */
+/* Friction slows down, but never reverses a motor, and holds a standing one. */
 static void turn_shaft(struct sim_servo *drive)
 {
 	const struct sim_servo_config *config = &drive->config;
@@ -222,36 +169,19 @@ static void turn_shaft(struct sim_servo *drive)
 	                   config->counts_per_turn * STEP_S;
 }
 
-/* The power stage is on. */
+/* True if the power stage is on. */
 static bool is_driven(const struct sim_servo *drive)
 {
 	return drive->enabled && drive->faults == 0;
 }
 
-static void hold_at_target(struct sim_servo *drive)
-{
-	if (drive->mode != SERVO_CAN_MODE_POSITION || !is_driven(drive) ||
-	    fabs(drive->target - drive->position) > AT_REST_COUNTS ||
-	    fabs(drive->rpm) > AT_REST_RPM)
-		return;
-	drive->position = drive->target;
-	drive->rpm = 0;
-	drive->profile = 0;
-}
-
-/* Where the reference is, at full speed. */
-static void plan(struct sim_servo *drive)
-{
-	double most = drive->max_speed / SECONDS_PER_MINUTE * drive->config.counts_per_turn;
-
-	drive->planned += clamp_to(drive->target - drive->planned, most * STEP_S);
-}
-
 static void step(struct sim_servo *drive)
 {
 	double wanted = 0;
+	/* Calculates the reference at full speed. */
+	double most = drive->max_speed / SECONDS_PER_MINUTE * drive->config.counts_per_turn;
 
-	plan(drive);
+	drive->planned += clamp_to(drive->target - drive->planned, most * STEP_S);
 	if (is_driven(drive) && drive->time >= drive->idle_until)
 		wanted = wanted_current(drive);
 	else
@@ -259,14 +189,20 @@ static void step(struct sim_servo *drive)
 	drive->amperes = clamp_to(wanted, drive->config.max_current);
 	drive->limited = drive->amperes != wanted;
 	turn_shaft(drive);
-	hold_at_target(drive);
+	if (drive->mode == SERVO_CAN_MODE_POSITION && is_driven(drive) &&
+	    fabs(drive->target - drive->position) <= AT_REST_COUNTS &&
+	    fabs(drive->rpm) <= AT_REST_RPM) {
+		drive->position = drive->target;
+		drive->rpm = 0;
+		drive->profile = 0;
+	}
 	drive->time += STEP;
 	if (drive->shown_enabled != drive->enabled &&
 	    drive->time - drive->enabled_at >= drive->config.power_time)
 		drive->shown_enabled = drive->enabled;
 }
 
-/* Nothing will change however long one waits. */
+/* True if nothing will change any more by itself. */
 static bool has_settled(const struct sim_servo *drive)
 {
 	if (drive->rpm != 0 || drive->shown_enabled != drive->enabled ||
@@ -296,7 +232,8 @@ void sim_servo_advance(struct sim_servo *drive, db_time now)
 	}
 }
 
-/* --- what the host says ---------------------------------------------------------------------------- */
+/* --- the host's messages
+ * ----------------------------------------------------------------------- */
 
 /* Is the shaft held at the demand, or on its way there? */
 static bool is_held(const struct sim_servo *drive)
@@ -345,7 +282,7 @@ static void set_mode(struct sim_servo *drive, const struct servo_can_message *me
 	hold_here(drive);
 }
 
-static void set_speed(struct sim_servo *drive, int16_t speed, db_time now)
+static void set_speed(struct sim_servo *drive, double speed, db_time now)
 {
 	if (drive->config.synchronous) {
 		drive->next_speed = speed;
@@ -357,7 +294,7 @@ static void set_speed(struct sim_servo *drive, int16_t speed, db_time now)
 	begin_late(drive, now);
 }
 
-static void set_current(struct sim_servo *drive, int16_t current, db_time now)
+static void set_current(struct sim_servo *drive, double current, db_time now)
 {
 	if (drive->config.synchronous) {
 		drive->next_current = current;
@@ -369,45 +306,70 @@ static void set_current(struct sim_servo *drive, int16_t current, db_time now)
 	begin_late(drive, now);
 }
 
-static void synchronise(struct sim_servo *drive, db_time now)
-{
-	if (drive->speed_staged || drive->current_staged)
-		drive->setpoint_at = now;
-	if (drive->speed_staged)
-		drive->speed = drive->next_speed;
-	if (drive->current_staged)
-		drive->current = drive->next_current;
-	drive->speed_staged = drive->current_staged = false;
-}
-
 static void set_words(struct sim_servo *drive, uint16_t word0, db_time now)
 {
 	bool rises = (word0 & CTRG) && !(drive->word0 & CTRG);
+	double target = drive->internal_positions[word0 / SERVO_CAN_POS0 & SERVO_CAN_SLOT_MAX];
 
 	drive->word0 = word0;
 	if (!rises || drive->config.temper.ignores_trigger)
 		return;
 	if (!is_held(drive)) {
 		if (drive->config.temper.demand == SIM_SERVO_DEMAND_TRIGGERED)
-			go_to(drive, drive->internal_position);
+			go_to(drive, target);
 		return;
 	}
-	go_to(drive, drive->internal_position);
+	go_to(drive, target);
 	begin_late(drive, now);
 	drive->moves++;
 }
 
-/* When a fault is gone. */
+/* A move by its own frame also sets the demand without holding, for drives that keep one. */
+static void move(struct sim_servo *drive, int64_t steps, db_time now)
+{
+	const struct sim_servo_dialect *dialect = &drive->config.dialect;
+	double way = sim_servo_dialect_turn(dialect, (double)steps * dialect->move_step);
+	double target = dialect->moves_relatively ? drive->position + way : way;
+
+	if (!is_held(drive) && !keeps_demand(drive))
+		return;
+	go_to(drive, target);
+	if (!is_held(drive))
+		return;
+	begin_late(drive, now);
+	drive->moves++;
+}
+
+static void set_internal_position(struct sim_servo *drive, unsigned slot, int32_t steps)
+{
+	const struct sim_servo_dialect *dialect = &drive->config.dialect;
+
+	drive->internal_positions[slot] = sim_servo_dialect_turn(dialect,
+	                                                         steps * dialect->demand_step);
+	if (drive->config.temper.demand == SIM_SERVO_DEMAND_WRITTEN && !is_held(drive))
+		go_to(drive, drive->internal_positions[slot]);
+}
+
+/* True if the drive continues after a fault. */
 static bool goes_on(const struct sim_servo *drive)
 {
 	return drive->config.temper.fault_power != SIM_SERVO_FAULT_DISABLES;
 }
 
-static void obey(struct sim_servo *drive, const struct servo_can_message *message, db_time now)
+static void obey(struct sim_servo *drive, const struct servo_can_message *message, unsigned slot,
+                 db_time now)
 {
+	const struct sim_servo_dialect *dialect = &drive->config.dialect;
+
 	switch (message->kind) {
 	case SERVO_CAN_SYNC:
-		synchronise(drive, now);
+		if (drive->speed_staged || drive->current_staged)
+			drive->setpoint_at = now;
+		if (drive->speed_staged)
+			drive->speed = drive->next_speed;
+		if (drive->current_staged)
+			drive->current = drive->next_current;
+		drive->speed_staged = drive->current_staged = false;
 		break;
 	case SERVO_CAN_ENABLE:
 		set_enabled(drive, message->u.enable && (drive->faults == 0 || goes_on(drive)),
@@ -417,18 +379,19 @@ static void obey(struct sim_servo *drive, const struct servo_can_message *messag
 		set_mode(drive, message);
 		break;
 	case SERVO_CAN_SPEED:
-		set_speed(drive, message->u.speed, now);
+		set_speed(drive, message->u.speed * dialect->setpoint_step, now);
 		break;
 	case SERVO_CAN_CURRENT:
-		set_current(drive, message->u.current, now);
+		set_current(drive, message->u.current * dialect->current_setpoint_step, now);
 		break;
 	case SERVO_CAN_POSITION:
-		drive->internal_position = message->u.position;
-		if (drive->config.temper.demand == SIM_SERVO_DEMAND_WRITTEN && !is_held(drive))
-			go_to(drive, drive->internal_position);
+		set_internal_position(drive, slot, message->u.position);
+		break;
+	case SERVO_CAN_MOVE:
+		move(drive, message->u.target, now);
 		break;
 	case SERVO_CAN_SET_FEEDBACK:
-		drive->position = message->u.position;
+		drive->position = sim_servo_dialect_turn(dialect, message->u.position);
 		if (!drive->enabled)
 			hold_here(drive);
 		break;
@@ -444,9 +407,10 @@ static void obey(struct sim_servo *drive, const struct servo_can_message *messag
 	}
 }
 
-/* --- what it says ---------------------------------------------------------------------------------- */
+/* --- answers
+ * ----------------------------------------------------------------------------------- */
 
-/* A position that is held trembles. */
+/* A held position trembles. */
 static double add_dither(const struct sim_servo *drive)
 {
 	bool even = drive->time / DITHER_TIME % 2 == 0;
@@ -458,19 +422,22 @@ static double add_dither(const struct sim_servo *drive)
 
 static int32_t whole_position(const struct sim_servo *drive)
 {
-	return (int32_t)(uint32_t)(int64_t)llrint(drive->position + add_dither(drive));
+	double shown = sim_servo_dialect_turn(&drive->config.dialect,
+	                                      drive->position + add_dither(drive));
+
+	return (int32_t)(uint32_t)(int64_t)llrint(shown);
 }
 
 static int16_t shown_speed(const struct sim_servo *drive)
 {
 	double rpm = drive->config.temper.unsigned_speed ? fabs(drive->rpm) : drive->rpm;
 
-	return (int16_t)lrint(clamp_to(rpm, INT16_MAX));
+	return sim_servo_dialect_steps(rpm, drive->config.dialect.speed_step);
 }
 
 static int16_t shown_current(const struct sim_servo *drive)
 {
-	return (int16_t)lrint(clamp_to(drive->amperes * CURRENT_STEPS, INT16_MAX));
+	return sim_servo_dialect_steps(drive->amperes, drive->config.dialect.current_step);
 }
 
 static bool has_reached(const struct sim_servo *drive)
@@ -480,19 +447,14 @@ static bool has_reached(const struct sim_servo *drive)
 	return fabs(drive->target - at) <= drive->config.window;
 }
 
-static double zero_speed(const struct sim_servo *drive)
-{
-	return fmax(drive->config.temper.zero_speed, ZERO_SPEED);
-}
-
 static uint16_t status_bits(const struct sim_servo *drive)
 {
-	unsigned bits = drive->forced;
+	unsigned bits = 0;
 
 	if (drive->shown_enabled &&
 	    !(drive->faults && drive->config.temper.fault_power == SIM_SERVO_FAULT_RESUMES))
 		bits |= SERVO_CAN_ST_STARTED | SERVO_CAN_ST_RUNNING | SERVO_CAN_ST_BRAKE_OUTPUT;
-	if (fabs(drive->rpm) < zero_speed(drive))
+	if (fabs(drive->rpm) < fmax(drive->config.temper.zero_speed, ZERO_SPEED))
 		bits |= SERVO_CAN_ST_ZERO_SPEED;
 	if (drive->mode == SERVO_CAN_MODE_SPEED && fabs(drive->rpm - drive->speed) <= REACHED_SPEED)
 		bits |= SERVO_CAN_ST_SPEED_REACHED;
@@ -506,16 +468,15 @@ static uint16_t status_bits(const struct sim_servo *drive)
 		bits |= SERVO_CAN_ST_REVERSE;
 	if (drive->rpm >= ZERO_SPEED)
 		bits |= SERVO_CAN_ST_FORWARD;
-	return (uint16_t)bits;
+	return drive->forced | sim_servo_dialect_status(&drive->config.dialect, bits,
+	                                                fabs(drive->rpm) >= ZERO_SPEED);
 }
 
 static size_t acknowledge(const struct sim_servo *drive, const struct servo_can_message *message,
-                          uint8_t words_ack, struct servo_can_message *reply)
+                          const struct servo_can_layout *layout, struct servo_can_message *reply)
 {
-	const struct servo_can_layout layout = { .words = { .set = true, .ack = words_ack } };
-
 	*reply = (struct servo_can_message){ .kind = SERVO_CAN_ACK, .node = message->node };
-	reply->u.ack.code = servo_can_ack_expected(message, &layout);
+	reply->u.ack.code = servo_can_ack_expected(message, layout);
 	if (message->kind == SERVO_CAN_SPEED)
 		reply->u.ack.value = shown_speed(drive);
 	if (message->kind == SERVO_CAN_CURRENT)
@@ -529,7 +490,7 @@ static size_t answer(const struct sim_servo *drive, const struct servo_can_messa
 	unsigned answers = servo_can_answers(message->u.selector);
 	struct servo_can_message *reply = replies;
 
-	memset(replies, 0, SIM_SERVO_REPLIES * sizeof replies[0]);
+	memset(replies, 0, SIM_SERVO_REPLIES * sizeof(replies[0]));
 	for (size_t i = 0; i < SIM_SERVO_REPLIES; i++)
 		replies[i].node = message->node;
 	if (answers & SERVO_CAN_GIVES_POSITION) {
@@ -561,7 +522,7 @@ static bool is_deaf_to(const struct sim_servo *drive, enum servo_can_kind kind)
 }
 
 size_t sim_servo_execute(struct sim_servo *drive, const struct servo_can_message *message,
-                         uint8_t words_ack, db_time now,
+                         const struct servo_can_layout *layout, db_time now,
                          struct servo_can_message replies[SIM_SERVO_REPLIES])
 {
 	if (!drive->powered || message->kind <= SERVO_CAN_FOREIGN || message->kind >= SERVO_CAN_ACK)
@@ -572,11 +533,11 @@ size_t sim_servo_execute(struct sim_servo *drive, const struct servo_can_message
 		return 0;
 	if (message->kind == SERVO_CAN_READ)
 		return answer(drive, message, replies);
-	obey(drive, message, now);
-	return acknowledge(drive, message, words_ack, &replies[0]);
+	obey(drive, message, layout->slot, now);
+	return acknowledge(drive, message, layout, &replies[0]);
 }
 
-/* --- reports ------------------------------------------------------------------------------------- */
+/* --- reports ---------------------------------------------------------------------------------- */
 
 static enum sim_servo_report next_report(const struct sim_servo *drive)
 {
@@ -601,7 +562,7 @@ bool sim_servo_report(struct sim_servo *drive, db_time now, struct servo_can_mes
 	if (!drive->powered || drive->report_at[due] > now)
 		return false;
 	sim_servo_advance(drive, now);
-	memset(report, 0, sizeof *report);
+	memset(report, 0, sizeof(*report));
 	switch (due) {
 	case SIM_SERVO_REPORT_POSITION:
 		report->kind = SERVO_CAN_REPORT_POSITION;
@@ -620,7 +581,7 @@ bool sim_servo_report(struct sim_servo *drive, db_time now, struct servo_can_mes
 		break;
 	}
 	drive->report_at[due] += drive->config.reports[due];
-	/* Whoever looks too seldom does not get all that was missed. */
+	/* After a late call, missed reports are not sent. */
 	if (drive->report_at[due] <= now)
 		drive->report_at[due] = now + drive->config.reports[due];
 	return true;
@@ -633,7 +594,7 @@ void sim_servo_set_reports(struct sim_servo *drive, enum sim_servo_report report
 	drive->report_at[report] = interval > 0 ? now + interval : DB_TIME_NEVER;
 }
 
-/* --- from outside ---------------------------------------------------------------------------------- */
+/* --- from outside ----------------------------------------------------------------------------- */
 
 void sim_servo_power(struct sim_servo *drive, bool on, db_time now)
 {
@@ -641,6 +602,8 @@ void sim_servo_power(struct sim_servo *drive, bool on, db_time now)
 	if (drive->powered == on)
 		return;
 	drive->powered = on;
+	if (drive->config.temper.counts_anew)
+		drive->position = 0;
 	boot_drive(drive, now);
 }
 
@@ -652,23 +615,6 @@ void sim_servo_set_faults(struct sim_servo *drive, uint16_t faults, db_time now)
 		set_enabled(drive, false, now);
 }
 
-void sim_servo_force_status(struct sim_servo *drive, uint16_t bits)
-{
-	drive->forced = bits;
-}
-
-void sim_servo_set_health(struct sim_servo *drive, uint16_t voltage, uint16_t temperature)
-{
-	drive->voltage = voltage;
-	drive->temperature = temperature;
-}
-
-void sim_servo_set_inputs(struct sim_servo *drive, uint8_t inputs, uint16_t analogue)
-{
-	drive->inputs = inputs;
-	drive->analogue = analogue;
-}
-
 void sim_servo_block(struct sim_servo *drive, bool blocked, db_time now)
 {
 	sim_servo_advance(drive, now);
@@ -678,54 +624,4 @@ void sim_servo_block(struct sim_servo *drive, bool blocked, db_time now)
 bool sim_servo_moving(const struct sim_servo *drive)
 {
 	return !has_settled(drive);
-}
-
-bool sim_servo_ignores_broadcast(const struct sim_servo *drive)
-{
-	return drive->config.temper.ignores_broadcast;
-}
-
-bool sim_servo_powered(const struct sim_servo *drive)
-{
-	return drive->powered;
-}
-
-enum servo_can_mode sim_servo_mode(const struct sim_servo *drive)
-{
-	return drive->mode;
-}
-
-bool sim_servo_enabled(const struct sim_servo *drive)
-{
-	return drive->enabled;
-}
-
-double sim_servo_position(const struct sim_servo *drive)
-{
-	return drive->position;
-}
-
-double sim_servo_speed(const struct sim_servo *drive)
-{
-	return drive->rpm;
-}
-
-double sim_servo_current(const struct sim_servo *drive)
-{
-	return drive->amperes;
-}
-
-db_time sim_servo_setpoint_at(const struct sim_servo *drive)
-{
-	return drive->setpoint_at;
-}
-
-uint32_t sim_servo_count(const struct sim_servo *drive, enum servo_can_kind kind)
-{
-	return drive->counts[kind];
-}
-
-uint32_t sim_servo_moves(const struct sim_servo *drive)
-{
-	return drive->moves;
 }

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/sim_config.h"
 
+#include "codec/servo_can_layout.h"
 #include "codec/slcan.h"
 #include "codec/vsmd_serial.h"
-#include "reader/file.h"
+#include "reader/source.h"
 #include "sim/config_section.h"
 
 #include <math.h>
@@ -72,12 +73,29 @@ static void read_can(const struct sim_section *section, struct sim_bus_config *b
 	};
 }
 
+static void read_number_frame(const struct sim_section *section,
+                              struct servo_can_number_layout *frame, const char *name)
+{
+	char key[40];
+
+	snprintf(key, sizeof(key), "%s-base", name);
+	frame->base = (uint16_t)sim_section_whole(section, key);
+	frame->set = frame->base > 0;
+	snprintf(key, sizeof(key), "%s-length", name);
+	frame->length = (uint8_t)sim_section_whole(section, key);
+	snprintf(key, sizeof(key), "%s-ack", name);
+	frame->ack = (uint8_t)sim_section_whole(section, key);
+	snprintf(key, sizeof(key), "%s-fixed", name);
+	servo_can_put_number_fixed(frame, (uint64_t)sim_section_whole(section, key));
+}
+
 /* What the servos' document leaves open. */
 static void read_servo_layout(const struct sim_section *section, struct servo_can_layout *layout)
 {
 	struct servo_can_words_layout *words = &layout->words;
 	size_t errors = section->messages->errors;
-	const char *reason;
+	enum servo_can_described which;
+	char reason[SERVO_CAN_REASON_MAX];
 
 	layout->ack_base = (uint16_t)sim_section_whole(section, "ack-base");
 	layout->padded = sim_section_flag(section, "padded");
@@ -89,8 +107,22 @@ static void read_servo_layout(const struct sim_section *section, struct servo_ca
 	words->word1 = (uint8_t)sim_section_whole(section, "command-word-1-at");
 	words->ack = (uint8_t)sim_section_whole(section, "command-word-ack");
 	servo_can_put_fixed(words, (uint64_t)sim_section_whole(section, "command-word-fixed"));
+	/* Settings with one number each. */
+	layout->move.at = (uint8_t)sim_section_whole(section, "move-frame-at");
+	layout->move.size = (uint8_t)sim_section_whole(section, "move-frame-bytes");
+	layout->move.low_first = sim_section_word(section, "move-frame-order") == 1;
+	read_number_frame(section, &layout->move, "move-frame");
+	layout->word1.size = sizeof(uint16_t);
+	if (sim_section_whole(section, "command-word-1-base") > 0) {
+		layout->word1.at = (uint8_t)sim_section_whole(section, "command-word-1-at");
+		layout->words.word1 = SERVO_CAN_NO_WORD;
+	}
+	read_number_frame(section, &layout->word1, "command-word-1");
+	layout->slot = (uint8_t)sim_section_whole(section, "position-slot");
+	layout->slot_base = (uint16_t)sim_section_whole(section, "position-slot-base");
+	layout->slot_ack = (uint8_t)sim_section_whole(section, "position-slot-ack");
 	if (section->messages->errors == errors &&
-	    servo_can_layout_check(layout, &reason) != SERVO_CAN_OK)
+	    servo_can_layout_check(layout, &which, reason) != SERVO_CAN_OK)
 		sim_section_refuse(section, "command-word-base", "frames cannot be so: %s", reason);
 }
 
@@ -105,13 +137,14 @@ static void read_bus(const struct sim_section *section, struct sim_bus_config *b
 	bus->serial = (struct sim_serial_config){
 		.baud = (unsigned)sim_section_whole(section, "baud"),
 		.rs485 = sim_section_word(section, "line") == 0,
-		/* A real line takes its own time, a pty (whoever made it) takes none. */
+		/* A real line takes its own time, a pty (whichever program made it) takes none. */
 		.paced = strcmp(bus->device, "pty") == 0 ||
 		         strncmp(bus->device, "/dev/pts/", 9) == 0,
 		.reply_id = (uint8_t)sim_section_whole(section, "reply-id"),
 		.twins = (enum sim_twins)sim_section_word(section, "twins"),
 		.latency = read_us(section, "latency-us"),
 		.turnaround = read_us(section, "turnaround-us"),
+		.line_hold = read_us(section, "line-hold-us"),
 	};
 	if (bus->kind == SIM_BUS_VSMD_CAN || bus->kind == SIM_BUS_SERVO_CAN)
 		read_can(section, bus);
@@ -221,6 +254,10 @@ static void read_vsmd_temper(const struct sim_section *section, struct sim_vsmd_
 		.rests_off = (int32_t)sim_section_whole(section, "rests-off"),
 		.trembles = (int32_t)sim_section_whole(section, "trembles"),
 		.speed = (enum sim_speed)sim_section_word(section, "speed"),
+		.mirrored = sim_section_flag(section, "mirrored"),
+		.keeps_position = sim_section_flag(section, "keeps-position"),
+		.coasts = sim_section_flag(section, "coasts"),
+		.keeps_zero = sim_section_flag(section, "homing-bit-kept"),
 		.settles = (enum sim_settles)sim_section_word(section, "settles"),
 		.hides_outputs = sim_section_flag(section, "hides-outputs"),
 		.ignores_broadcast = sim_section_flag(section, "ignores-broadcast"),
@@ -230,6 +267,10 @@ static void read_vsmd_temper(const struct sim_section *section, struct sim_vsmd_
 		.capitals = sim_section_flag(section, "capitals"),
 		.commas = sim_section_flag(section, "commas"),
 		.text_length = (size_t)sim_section_whole(section, "text-length"),
+		.answers = (enum sim_answers)sim_section_word(section, "answers"),
+		.replies = (enum sim_replies)sim_section_word(section, "replies"),
+		.read_max = (unsigned)sim_section_whole(section, "read-max"),
+		.hides_identity = sim_section_flag(section, "hides-identity"),
 	};
 	if (sim_section_length(section, "lacks") > SIM_VSMD_LACKS_MAX) {
 		sim_section_refuse(section, "lacks", "more than %d ranges", SIM_VSMD_LACKS_MAX);
@@ -290,6 +331,33 @@ static void read_vsmd(const struct sim_section *section, const struct sim_bus_co
 
 /* --- servos ----------------------------------------------------------------------------------- */
 
+static double read_step(const struct sim_section *section, const char *name)
+{
+	double step = sim_section_real(section, name);
+
+	if (step < 0 || step > 0)
+		return step;
+	sim_section_refuse(section, name, "%s must not be 0", name);
+	return 1;
+}
+
+static void read_dialect(const struct sim_section *section, struct sim_servo_dialect *dialect)
+{
+	if (!sim_servo_dialect_parse(sim_section_text(section, "status-places"), dialect->places))
+		sim_section_refuse(section, "status-places",
+		                   "status-places has 16 places, each 0 to f or -");
+	dialect->inverted = (uint16_t)sim_section_whole(section, "status-inverted");
+	dialect->moving_bit = (int)sim_section_whole(section, "moving-bit");
+	dialect->mirrored = sim_section_flag(section, "mirrored");
+	dialect->moves_relatively = sim_section_word(section, "moves") == 1;
+	dialect->demand_step = read_step(section, "demand-step");
+	dialect->move_step = read_step(section, "move-step");
+	dialect->speed_step = read_step(section, "speed-step");
+	dialect->setpoint_step = read_step(section, "setpoint-step");
+	dialect->current_step = read_step(section, "current-step");
+	dialect->current_setpoint_step = read_step(section, "current-setpoint-step");
+}
+
 static void read_servo(const struct sim_section *section, struct sim_drive_config *drive)
 {
 	struct sim_servo_config *servo = &drive->servo;
@@ -311,12 +379,13 @@ static void read_servo(const struct sim_section *section, struct sim_drive_confi
 	servo->inertia = sim_section_real(section, "inertia");
 	if (!(servo->inertia > 0.0))
 		sim_section_refuse(section, "inertia", "inertia must be above 0 (in kg m^2)");
-	/* What the servos' document leaves open of one drive. */
+	/* What the servos' document leaves open for one drive. */
 	servo->temper = (struct sim_servo_temper){
 		.fault_power = (enum sim_servo_fault_power)sim_section_word(section, "fault-power"),
 		.demand = (enum sim_servo_demand)sim_section_word(section, "demand"),
 		.reached_by_profile = sim_section_word(section, "reached-bit") == 1,
 		.ignores_trigger = sim_section_word(section, "trigger") == 1,
+		.counts_anew = sim_section_flag(section, "counts-anew"),
 		.ignores_broadcast = sim_section_flag(section, "ignores-broadcast"),
 		.deaf_to_setpoints = sim_section_word(section, "setpoints") == 1,
 		.unsigned_speed = sim_section_word(section, "speed-sign") == 1,
@@ -324,6 +393,7 @@ static void read_servo(const struct sim_section *section, struct sim_drive_confi
 		.dither = sim_section_real(section, "dither"),
 		.motion_delay = read_ms(section, "motion-delay-ms"),
 	};
+	read_dialect(section, &servo->dialect);
 	servo->power_time = read_ms(section, "power-ms");
 	drive->servo_lengths = (enum sim_servo_lengths)sim_section_word(section, "answer-length");
 	drive->servo_ack_latency = read_us(section, "ack-latency-us");
@@ -332,7 +402,7 @@ static void read_servo(const struct sim_section *section, struct sim_drive_confi
 
 /* --- XYZA controllers ------------------------------------------------------------------------- */
 
-/* "lead.y=2000" for one axis, "lead=2000" for all, "sound=1" for what they share. */
+/* "lead.y=2000" for one axis, "lead=2000" for all, "sound=1" for a shared item. */
 static bool parse_xyza_setting(const char *text, struct sim_xyza_config *xyza)
 {
 	static const char letters[] = "xyza";
@@ -389,6 +459,7 @@ static void read_xyza_temper(const struct sim_section *section, struct sim_xyza_
 		.standing_delay = read_ms(section, "standing-delay-ms"),
 		.item_delay = read_ms(section, "power-delay-ms"),
 		.braking = read_ms(section, "braking-ms"),
+		.answers_as_host = sim_section_flag(section, "answers-as-host"),
 	};
 	while ((text = sim_section_next(section, "lacks", text)) != NULL) {
 		int param = xyza_param_find(text, strlen(text));
@@ -455,7 +526,7 @@ static bool find_bus(const struct sim_config *config, const char *name, size_t *
 	return false;
 }
 
-/* Against those before it on its bus. */
+/* Compares it with the earlier drives of its bus. */
 static void check_neighbours(const struct sim_section *section, const struct sim_config *config,
                              const struct sim_drive_config *drive)
 {
@@ -487,6 +558,8 @@ static void read_drive(const struct sim_section *section, const struct sim_confi
 	size_t ignored;
 
 	drive->name = section->title;
+	drive->latency = read_us(section, "own-latency-us");
+	drive->deaf = read_us(section, "own-turnaround-us");
 	if (find_bus(config, drive->name, &ignored))
 		sim_section_refuse(section, NULL,
 		                   "drive %s has the name of a bus; names must differ",
@@ -512,7 +585,7 @@ static void read_drive(const struct sim_section *section, const struct sim_confi
 
 /* --- the file --------------------------------------------------------------------------------- */
 
-/* What is wrong is an error. */
+/* Each mistake is reported as an error. */
 static void read_config(struct sim_config *config, struct db_messages *messages)
 {
 	static const struct db_reader_rules rules = {
@@ -546,7 +619,7 @@ static void read_config(struct sim_config *config, struct db_messages *messages)
 
 		read_bus(&section, &config->buses[config->bus_count]);
 	}
-	/* What drives may say depends on their buses. */
+	/* The drives' keys depend on their buses. */
 	if (messages->errors > 0)
 		return;
 	for (; config->drive_count < drives; config->drive_count++) {

@@ -4,9 +4,15 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Of the drive's field in the id, to name another one. */
+/* A bit of the drive's field in the id: inverted, it names another drive. */
 #define SENDER_BIT_EXTENDED (1u << 10)
 #define SENDER_BIT_STANDARD (1u << 8)
+
+/* The target's bits in an extended id. */
+#define TARGET_BITS (0x1FFu << 19)
+#define BROADCAST_BIT (1u << 18)
+/* the part for which a standard id has room */
+#define SENDER_AND_CONTROL_BITS (0xFu << 9 | 3u << 7)
 
 void sim_vsmd_can_node_init(struct sim_vsmd_can_node *node, struct sim_node *sim,
                             const struct vsmd_can_style *style, db_time latency)
@@ -20,7 +26,7 @@ void sim_vsmd_can_node_init(struct sim_vsmd_can_node *node, struct sim_node *sim
 	node->starts = sim_vsmd_starts(sim->drive);
 }
 
-/* What was said before the drive was switched off is forgotten: reports, too, are asked for again. */
+/* Messages from before a power loss are dropped: reports have to be requested again. */
 static void follow_power(struct sim_vsmd_can_node *node)
 {
 	const struct vsmd_can_style style = node->style;
@@ -29,7 +35,7 @@ static void follow_power(struct sim_vsmd_can_node *node)
 		sim_vsmd_can_node_init(node, node->node, &style, node->latency);
 }
 
-/* "00080381#01": what other tools print, too. */
+/* "00080381#01", as other tools print it. */
 static void write_log(struct sim_node *node, const struct db_can_frame *frame, db_time now)
 {
 	struct sim_log_entry *entry = &node->log[node->heard++ % SIM_LOG_LINES];
@@ -43,7 +49,56 @@ static void write_log(struct sim_node *node, const struct db_can_frame *frame, d
 		                   "%02X", frame->data[i]);
 }
 
-/* --- answers --------------------------------------------------------------------------------------- */
+/* --- answers ---------------------------------------------------------------------------------- */
+
+/* The id of an answer in this drive's form, in extended frames. */
+static uint32_t dress_id(const struct sim_vsmd_can_node *node, uint32_t id)
+{
+	switch (sim_vsmd_temper(node->node->drive)->replies) {
+	case SIM_REPLIES_HOST_0:
+		return id & ~TARGET_BITS;
+	case SIM_REPLIES_BROADCAST:
+		return id | BROADCAST_BIT;
+	case SIM_REPLIES_STANDARD:
+		return (id & SENDER_AND_CONTROL_BITS) >> 2 | (id & VSMD_CAN_STD_REG_MAX);
+	case SIM_REPLIES_HOST:
+	default:
+		return id;
+	}
+}
+
+static void queue_frame(struct sim_vsmd_can_node *node, const struct db_can_frame *frame,
+                        db_time due)
+{
+	size_t place = (node->first + node->count) % SIM_VSMD_CAN_QUEUE;
+
+	if (node->count == SIM_VSMD_CAN_QUEUE)
+		return;
+	node->count++;
+	node->queue[place].due = due;
+	node->queue[place].frame = *frame;
+	node->queue[place].frame.id = dress_id(node, frame->id);
+}
+
+/* Queues a frame in this drive's form. */
+static void queue_dressed(struct sim_vsmd_can_node *node, const struct db_can_frame *frame,
+                          db_time due)
+{
+	enum sim_answers answers = sim_vsmd_temper(node->node->drive)->answers;
+	struct db_can_frame dressed = *frame;
+
+	if (answers == SIM_ANSWERS_PADDED)
+		dressed.length = DB_CAN_DATA_MAX;
+	if (answers != SIM_ANSWERS_SINGLES || frame->length != DB_CAN_DATA_MAX) {
+		queue_frame(node, &dressed, due);
+		return;
+	}
+	dressed.length = DB_CAN_DATA_MAX / 2;
+	queue_frame(node, &dressed, due);
+	dressed.id++;
+	memcpy(dressed.data, frame->data + dressed.length, dressed.length);
+	queue_frame(node, &dressed, due);
+}
 
 static void queue_answer(struct sim_vsmd_can_node *node, enum vsmd_can_control control,
                          uint16_t host, unsigned first, const uint32_t *values, unsigned count,
@@ -60,13 +115,14 @@ static void queue_answer(struct sim_vsmd_can_node *node, enum vsmd_can_control c
 	frame_count = vsmd_can_encode_answer(&style, sim_vsmd_address(node->node->drive), control,
 	                                     first, values, count, frames,
 	                                     sizeof(frames) / sizeof(frames[0]));
-	for (int i = 0; i < frame_count && node->count < SIM_VSMD_CAN_QUEUE; i++) {
-		size_t place = (node->first + node->count++) % SIM_VSMD_CAN_QUEUE;
-
-		node->queue[place].due = due;
-		node->queue[place].frame = frames[i];
-	}
+	for (int i = 0; i < frame_count; i++)
+		queue_dressed(node, &frames[i], due);
 	node->node->replies++;
+}
+
+static bool answers_read(const struct sim_vsmd_temper *temper, unsigned count)
+{
+	return temper->read_max == 0 || count <= temper->read_max;
 }
 
 static void read_status(struct sim_vsmd_can_node *node, uint16_t host, unsigned first,
@@ -80,9 +136,10 @@ static void read_status(struct sim_vsmd_can_node *node, uint16_t host, unsigned 
 	sim_vsmd_hear(drive, first >= VSMD_CAN_IDENTITY, now);
 	sim_vsmd_tell_status(drive, true, now, &status);
 	vsmd_can_put_status(&status, values);
-	(void)snprintf(identity, sizeof(identity), "%s", sim_vsmd_identity(drive));
+	snprintf(identity, sizeof(identity), "%s", sim_vsmd_identity(drive));
 	(void)vsmd_can_put_identity(identity, &values[VSMD_CAN_IDENTITY]);
-	if (first + count > VSMD_CAN_REG_MAX + 1)
+	if (first + count > VSMD_CAN_REG_MAX + 1 || !answers_read(sim_vsmd_temper(drive), count) ||
+	    (sim_vsmd_temper(drive)->hides_identity && first + count > VSMD_CAN_IDENTITY))
 		return;
 	queue_answer(node, VSMD_CAN_STATUS_REPLY, host, first, &values[first], count,
 	             now + node->latency);
@@ -106,16 +163,18 @@ static void read_data(struct sim_vsmd_can_node *node, uint16_t host, unsigned fi
 
 	if (first > VSMD_CAN_DATA_LAST || count > VSMD_CAN_READ_MAX ||
 	    !sim_vsmd_has_registers(sim_vsmd_temper(node->node->drive), first, count) ||
-	    sim_vsmd_hides_params(node->node->drive))
+	    sim_vsmd_hides_params(node->node->drive) ||
+	    !answers_read(sim_vsmd_temper(node->node->drive), count))
 		return;
 	for (unsigned i = 0; i < count; i++)
 		values[i] = register_of(node->node->drive, first + i);
 	queue_answer(node, VSMD_CAN_DATA_REPLY, host, first, values, count, now + node->latency);
 }
 
-/* --- what the host says ---------------------------------------------------------------------------- */
+/* --- the host's messages
+ * ----------------------------------------------------------------------- */
 
-/* Writes what a register holds of parameters that differ from before. */
+/* Writes those parameters of a register that differ from their former values. */
 static void write_register(struct sim_vsmd_can_node *node, unsigned reg, uint32_t raw, db_time now)
 {
 	struct sim_vsmd *drive = node->node->drive;
@@ -142,24 +201,6 @@ static void write_register(struct sim_vsmd_can_node *node, unsigned reg, uint32_
 	else if (command.setting_count > 0)
 		(void)sim_vsmd_execute(drive, &command, now);
 	sim_vsmd_settle(drive, true);
-}
-
-static void write_registers(struct sim_vsmd_can_node *node, unsigned first,
-                            const struct vsmd_can_message *message, db_time now)
-{
-	for (unsigned i = 0; i < message->count; i++)
-		write_register(node, first + i, message->values[i], now);
-}
-
-static void set_report(struct sim_vsmd_can_node *node, uint16_t host,
-                       const struct vsmd_can_command *command, db_time now)
-{
-	node->report = command->report;
-	node->reporting_to = host;
-	if (command->has_interval)
-		node->interval = (db_time)(command->interval > 0 ? command->interval : 1) *
-		                 DB_NS_PER_MS; /* what 0 means is not documented */
-	node->report_at = now + node->interval;
 }
 
 static void shake(struct sim_vsmd_can_node *node, const struct vsmd_can_command *command,
@@ -261,7 +302,12 @@ static void obey(struct sim_vsmd_can_node *node, const struct vsmd_can_message *
 		read_data(node, host, command->first, command->count, now);
 		break;
 	case VSMD_CAN_AUTO_RES_STS:
-		set_report(node, host, command, now);
+		node->report = command->report;
+		node->reporting_to = host;
+		if (command->has_interval)
+			node->interval = (db_time)(command->interval > 0 ? command->interval : 1) *
+			                 DB_NS_PER_MS; /* the meaning of 0 is not documented */
+		node->report_at = now + node->interval;
 		break;
 	case VSMD_CAN_SHAKE:
 		shake(node, command, now);
@@ -270,14 +316,6 @@ static void obey(struct sim_vsmd_can_node *node, const struct vsmd_can_message *
 		act(node, command, now);
 		break;
 	}
-}
-
-static void tell_witness(const struct sim_vsmd_can_node *node, uint32_t refusals, db_time now)
-{
-	const struct sim_node *sim = node->node;
-
-	sim_witness_tell(&sim->witness, now, sim->log[(sim->heard - 1) % SIM_LOG_LINES].line,
-	                 sim_vsmd_refusals(sim->drive) == refusals);
 }
 
 static bool is_read(const struct vsmd_can_id *id, const struct vsmd_can_message *message)
@@ -323,13 +361,20 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 		sim_vsmd_refuse(drive, now);
 	else if (id.control == VSMD_CAN_COMMAND)
 		obey(node, &message, now);
-	else
-		write_registers(node, id.reg, &message, now);
-	if (error != VSMD_OK || !is_read(&id, &message))
-		tell_witness(node, refusals, now);
+	else {
+		for (unsigned i = 0; i < message.count; i++)
+			write_register(node, id.reg + i, message.values[i], now);
+	}
+	if (error != VSMD_OK || !is_read(&id, &message)) {
+		const struct sim_node *sim = node->node;
+
+		sim_witness_tell(&sim->witness, now,
+		                 sim->log[(sim->heard - 1) % SIM_LOG_LINES].line,
+		                 sim_vsmd_refusals(sim->drive) == refusals);
+	}
 }
 
-/* --- sending --------------------------------------------------------------------------------------- */
+/* --- sending ---------------------------------------------------------------------------------- */
 
 static bool is_reporting(const struct sim_vsmd_can_node *node)
 {

@@ -3,7 +3,7 @@
 
 #include "codec/vsmd_can.h"
 
-#include "sim/vsmd_flash.h"
+#include "sim/sim_private.h"
 #include "sim/vsmd_mechanics.h"
 
 #include <errno.h>
@@ -98,7 +98,7 @@ bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param,
 	}
 }
 
-/* What the flash holds goes into effect, bdr, cid and emod too. */
+/* The flash's values come into effect, also bdr, cid and emod. */
 static void power_up(struct sim_vsmd *drive, db_time now)
 {
 	bool unreadable = false;
@@ -127,7 +127,8 @@ static void power_up(struct sim_vsmd *drive, db_time now)
 	drive->offline_start = drive->params[VSMD_DAR].u == 0 ?
 	                               DB_TIME_NEVER :
 	                               now + (db_time)drive->params[VSMD_DAR].u * DB_NS_PER_S;
-	sim_mechanics_set_position(drive, 0.0);
+	if (!drive->config.temper.keeps_position)
+		sim_mechanics_set_position(drive, 0.0);
 	sim_mechanics_settle(drive);
 	sim_mechanics_configure(drive);
 	if (drive->params[VSMD_PAE].u == 1) {
@@ -135,7 +136,7 @@ static void power_up(struct sim_vsmd *drive, db_time now)
 		if (drive->params[VSMD_ZAR].u == 1)
 			(void)sim_mechanics_home(drive);
 	}
-	/* Nobody was told of before. */
+	/* The bits start in their real state, without a delay. */
 	(void)sim_late_bit_follow(&drive->power_bit, drive->flags & VSMD_ST_PWR, 0, now);
 	(void)sim_late_bit_follow(&drive->standing_bit, !sim_motion_moving(&drive->motion), 0, now);
 }
@@ -178,6 +179,21 @@ void sim_vsmd_free(struct sim_vsmd *drive)
 
 static handler_fn *handler_of(enum vsmd_verb verb);
 
+static bool is_enabled(const struct sim_vsmd *drive)
+{
+	return (drive->flags & VSMD_ST_PWR) != 0;
+}
+
+/* The delay counts from the event, not from the request. */
+static void follow_late_bits(struct sim_vsmd *drive, db_time now)
+{
+	const struct sim_vsmd_temper *temper = &drive->config.temper;
+
+	(void)sim_late_bit_follow(&drive->power_bit, is_enabled(drive), temper->power_delay, now);
+	(void)sim_late_bit_follow(&drive->standing_bit, !sim_motion_moving(&drive->motion),
+	                          temper->standing_delay, now);
+}
+
 void sim_vsmd_advance(struct sim_vsmd *drive, db_time now)
 {
 	if (!drive->powered)
@@ -186,8 +202,10 @@ void sim_vsmd_advance(struct sim_vsmd *drive, db_time now)
 		drive->waits = false;
 		sim_mechanics_advance(drive, drive->begins_at);
 		(void)handler_of(drive->waiting.verb)(drive, &drive->waiting);
+		follow_late_bits(drive, drive->begins_at);
 	}
 	sim_mechanics_advance(drive, now);
+	follow_late_bits(drive, now);
 }
 
 void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now)
@@ -200,14 +218,9 @@ void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now)
 		drive->powered = false;
 		return;
 	}
-	/* No time passes for a motor without power. */
+	/* Without power no time passes for a motor. */
 	sim_motion_advance(&drive->motion, now);
 	power_up(drive, now);
-}
-
-static bool is_enabled(const struct sim_vsmd *drive)
-{
-	return (drive->flags & VSMD_ST_PWR) != 0;
 }
 
 static bool accept(struct sim_vsmd *drive, const struct vsmd_command *command)
@@ -233,7 +246,7 @@ void sim_vsmd_hear(struct sim_vsmd *drive, bool named, db_time now)
 static bool enable_motor(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
 	(void)command;
-	/* Enabling leads to standing from any mode. */
+	/* After enabling the motor stands, whatever its mode was. */
 	sim_mechanics_abandon(drive);
 	sim_motion_stop(&drive->motion);
 	drive->flags |= VSMD_ST_PWR;
@@ -290,6 +303,8 @@ static bool stop_motor(struct sim_vsmd *drive, const struct vsmd_command *comman
 		sim_motion_halt(&drive->motion);
 	else
 		sim_motion_stop(&drive->motion);
+	if (drive->config.temper.coasts)
+		drive->flags &= ~(uint32_t)VSMD_ST_PWR;
 	return true;
 }
 
@@ -333,16 +348,20 @@ static bool start_homing(struct sim_vsmd *drive, const struct vsmd_command *comm
 	(void)command;
 	if (!is_enabled(drive))
 		return false;
-	/* Needs a zero stop first: a set bit is left as it is and nothing moves. */
-	if (drive->flags & VSMD_ST_ZERO)
+	/* A zero stop is needed first: a set bit is left unchanged and nothing moves. */
+	if ((drive->flags & VSMD_ST_ZERO) && !drive->config.temper.keeps_zero)
 		return true;
-	return sim_mechanics_home(drive);
+	if (!sim_mechanics_home(drive))
+		return false;
+	drive->flags &= ~(uint32_t)VSMD_ST_ZERO;
+	return true;
 }
 
 static bool stop_homing(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
 	(void)command;
-	drive->flags &= ~(uint32_t)VSMD_ST_ZERO;
+	if (!drive->config.temper.keeps_zero)
+		drive->flags &= ~(uint32_t)VSMD_ST_ZERO;
 	if (drive->homing != SIM_HOMING_NONE) {
 		sim_mechanics_abandon(drive);
 		sim_motion_stop(&drive->motion);
@@ -369,7 +388,7 @@ static bool stop_shake(struct sim_vsmd *drive, const struct vsmd_command *comman
 	return true;
 }
 
-/* The nearest value that this drive takes, or the one it has. */
+/* The nearest value that this drive accepts, or its present one. */
 static union db_value is_clamped(const struct sim_vsmd *drive, const struct vsmd_setting *setting)
 {
 	const struct db_param *row = &vsmd_params[setting->param];
@@ -456,12 +475,12 @@ static bool is_read(enum vsmd_verb verb)
 	return verb == VSMD_STS || verb == VSMD_DEV || verb == VSMD_CFG_READ;
 }
 
-/* Does it, or keeps it for later where this drive takes its time. */
+/* Carries it out, or stores it for later if this drive delays motions. */
 static bool obey(struct sim_vsmd *drive, const struct vsmd_command *command, db_time now)
 {
 	db_time delay = drive->config.temper.motion_delay;
 
-	/* Whatever else is said to the motor comes before a motion that has not begun. */
+	/* Any other command for the motor precedes a motion that has not begun. */
 	if (!is_read(command->verb) && command->verb != VSMD_ORG &&
 	    command->verb != VSMD_CFG_WRITE && command->verb != VSMD_SENSOR_OUT)
 		drive->waits = false;
@@ -478,15 +497,6 @@ static enum sim_refusal refusal_of(const struct sim_vsmd *drive)
 	if (drive->config.temper.refusal != SIM_REFUSAL_OF_BUS)
 		return drive->config.temper.refusal;
 	return drive->config.can ? SIM_REFUSAL_KEPT : SIM_REFUSAL_CLEARED;
-}
-
-static void follow_late_bits(struct sim_vsmd *drive, db_time now)
-{
-	const struct sim_vsmd_temper *temper = &drive->config.temper;
-
-	(void)sim_late_bit_follow(&drive->power_bit, is_enabled(drive), temper->power_delay, now);
-	(void)sim_late_bit_follow(&drive->standing_bit, !sim_motion_moving(&drive->motion),
-	                          temper->standing_delay, now);
 }
 
 enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_command *command,
@@ -523,24 +533,12 @@ void sim_vsmd_refuse(struct sim_vsmd *drive, db_time now)
 	drive->refusals++;
 }
 
-static uint32_t status_word(const struct sim_vsmd *drive)
-{
-	const struct sim_motion *motion = &drive->motion;
-	bool standing = !sim_motion_moving(motion);
-	uint32_t word = drive->flags | drive->forced_status;
-
-	word |= drive->levels & 0xfu;
-	word |= (drive->levels & 0x10u) ? VSMD_ST_S5 : 0;
-	word |= (drive->levels & 0x20u) ? VSMD_ST_S6 : 0;
-	word |= standing ? VSMD_ST_STP | VSMD_ST_POS_REACHED : 0;
-	word |= round(motion->position) == 0.0 ? VSMD_ST_ORG : 0;
-	if (standing || fabs(motion->velocity) == fabs(motion->target_velocity))
-		word |= VSMD_ST_SPD_REACHED;
-	return word;
-}
-
 void sim_vsmd_status(struct sim_vsmd *drive, db_time now, struct vsmd_status *status)
 {
+	const struct sim_motion *motion = &drive->motion;
+	bool standing;
+	uint32_t word;
+
 	sim_vsmd_advance(drive, now);
 	if (drive->config.temper.handshake_lapses > 0 &&
 	    now - drive->greeted_at >= drive->config.temper.handshake_lapses)
@@ -548,7 +546,16 @@ void sim_vsmd_status(struct sim_vsmd *drive, db_time now, struct vsmd_status *st
 	/* The counter is 32 bits wide and wraps in endless running. */
 	status->position = (int32_t)(uint32_t)(int64_t)llround(drive->motion.position);
 	status->velocity = (float)drive->motion.velocity;
-	status->status = status_word(drive);
+	standing = !sim_motion_moving(motion);
+	word = drive->flags | drive->forced_status;
+	word |= drive->levels & 0xfu;
+	word |= (drive->levels & 0x10u) ? VSMD_ST_S5 : 0;
+	word |= (drive->levels & 0x20u) ? VSMD_ST_S6 : 0;
+	word |= standing ? VSMD_ST_STP | VSMD_ST_POS_REACHED : 0;
+	word |= round(motion->position) == 0.0 ? VSMD_ST_ORG : 0;
+	if (standing || fabs(motion->velocity) == fabs(motion->target_velocity))
+		word |= VSMD_ST_SPD_REACHED;
+	status->status = word;
 }
 
 static uint32_t with_bit(uint32_t word, uint32_t bit, bool set)
@@ -556,7 +563,7 @@ static uint32_t with_bit(uint32_t word, uint32_t bit, bool set)
 	return set ? word | bit : word & ~bit;
 }
 
-/* Without the levels of the ports that are outputs. */
+/* Without the levels of output ports. */
 static uint32_t without_outputs(const struct sim_vsmd *drive, uint32_t word)
 {
 	static const uint32_t bits[SIM_VSMD_SENSORS] = { VSMD_ST_S1, VSMD_ST_S2, VSMD_ST_S3,
@@ -569,7 +576,7 @@ static uint32_t without_outputs(const struct sim_vsmd *drive, uint32_t word)
 	return word;
 }
 
-/* How far a held motor is from its place, to and fro. */
+/* The deviation of a held motor from its position, alternating. */
 static int32_t tremble(struct sim_vsmd *drive)
 {
 	drive->trembled = !drive->trembled;
@@ -584,11 +591,14 @@ void sim_vsmd_tell_status(struct sim_vsmd *drive, bool read, db_time now,
 	if (read && refusal_of(drive) == SIM_REFUSAL_CLEARED)
 		drive->flags &= ~(uint32_t)VSMD_ST_CMD_WRG;
 	sim_vsmd_status(drive, now, status);
-	follow_late_bits(drive, now);
 	if (status->status & VSMD_ST_STP)
 		status->position += temper->rests_off + tremble(drive);
 	if (temper->speed != SIM_SPEED_SIGNED)
 		status->velocity = temper->speed == SIM_SPEED_NONE ? 0.0f : fabsf(status->velocity);
+	if (temper->mirrored) {
+		status->position = -status->position;
+		status->velocity = -status->velocity;
+	}
 	status->status = with_bit(status->status, VSMD_ST_PWR, drive->power_bit.shown);
 	status->status = with_bit(status->status, VSMD_ST_STP, drive->standing_bit.shown);
 	if (temper->hides_outputs)

@@ -1,13 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * One simulated VSMD drive with its motor, sensors and flash. It knows commands and parameters but
- * no wire: the bus in front of it (vsmd_serial_bus.h) turns bytes into struct vsmd_command. Time
- * is handed in and must not run backwards (an earlier `now` counts as the latest seen). One
- * thread.
+ * no wire: the bus (vsmd_serial_bus.h) converts bytes into struct vsmd_command. Time is passed in
+ * and must not run backwards (an earlier `now` counts as the latest one). One thread.
  *
  * Where the vendor's document is silent the drive does this: an open-loop motor that hits a
- * mechanical end or is blocked loses steps and keeps counting, a closed-loop one stands and
- * reports an encoder error; a cfg write is all or nothing; homing as described at sim_vsmd_new().
+ * mechanical end or is blocked loses steps and keeps counting, a closed-loop one stands and reports
+ * an encoder error; a cfg write is all or nothing; homing as described at sim_vsmd_new().
  */
 #ifndef DRIVEBRIDGE_SIM_VSMD_DRIVE_H
 #define DRIVEBRIDGE_SIM_VSMD_DRIVE_H
@@ -31,11 +30,11 @@ struct sim_sensor {
 	double high;
 };
 
-/* Positions are mechanical: pulses from where the shaft stands when `start` is 0. */
+/* Positions are mechanical: pulses from the shaft's position for `start` 0. */
 struct sim_vsmd_config {
 	const char *identity;   /* not null */
 	const char *flash_path; /* null: saved parameters live as long as the process */
-	bool can;               /* on CAN: other values of cid and bdr are right */
+	bool can;               /* on CAN: cid and bdr have other valid values */
 	unsigned address;       /* factory value of cid, 1..32, on CAN 1..110 */
 	unsigned baud;          /* factory value of bdr */
 	unsigned model;         /* 10, 25, 45 or 80: VSMD1xx_0nnT */
@@ -52,10 +51,10 @@ struct sim_vsmd_config {
 
 struct sim_vsmd;
 
-/* Fills in what is sensible; the caller then changes what it knows better, defaults[] included. */
+/* Fills in usual values; the caller then changes what it needs, defaults[] included. */
 void sim_vsmd_config_init(struct sim_vsmd_config *config, unsigned address, unsigned baud);
 
-/* Whether a drive of this kind has the parameter and takes the value. */
+/* True if a drive of this kind has the parameter and accepts the value. */
 bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param,
                     union db_value value);
 
@@ -64,47 +63,47 @@ bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param,
  *
  * Homing: the motor runs with zsd until the origin sensor leaves its open level (if it has left it
  * already, backwards first until it is open). zmd 1, 2: it halts there and the place is 0. zmd 3,
- * 4: it stops, backs off at half the speed until the sensor opens, and comes again at a quarter.
- * zmd 2, 4 then go to zsp. zmd 6: runs to the mechanical end. zmd 7: runs to the next full turn of
- * the shaft. Soft limits do not hold before the origin is found. Any limit sensor but the origin
- * sensor ends it unfinished.
+ * 4: it stops, backs off at half the speed until the sensor opens, and approaches again at a
+ * quarter. zmd 2, 4 then go to zsp. zmd 6: runs to the mechanical end. zmd 7: runs to the next full
+ * turn of the shaft. Soft limits do not hold before the origin is found. Any limit sensor other
+ * than the origin sensor ends it unfinished.
  */
 struct sim_vsmd *sim_vsmd_new(const struct sim_vsmd_config *config, db_time now);
 void sim_vsmd_free(struct sim_vsmd *drive);
 
-/* Lets the motor and sensors catch up. Needed only to keep the later catching-up short. */
+/* Lets the motor and sensors catch up. Only needed to keep later calls short. */
 void sim_vsmd_advance(struct sim_vsmd *drive, db_time now);
 
-/* Carries a well-formed command out (the id is ignored) and says which reply it calls for. */
+/* Carries out a well-formed command (the id is ignored) and returns the kind of reply. */
 enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_command *command,
                                       db_time now);
 
-/* The host said something that the drive heard; `named`: it asked who the drive is. */
+/* The drive received a message of the host; `named`: one that asks for its identity. */
 void sim_vsmd_hear(struct sim_vsmd *drive, bool named, db_time now);
 
-/* Goes by the address and speed that it was told, where it is one that does so then: before it answers, or
- * (`answered`) behind that. */
+/* Adopts a new address and speed, if this drive does so at that time: before it answers, or
+ * (`answered`) after the answer. */
 void sim_vsmd_settle(struct sim_vsmd *drive, bool answered);
 
 /* A line that was no command: sets cmd_wrg. The reply is the status. */
 void sim_vsmd_refuse(struct sim_vsmd *drive, db_time now);
 
-/* As it is. */
+/* The real status. */
 void sim_vsmd_status(struct sim_vsmd *drive, db_time now, struct vsmd_status *status);
-/* As the host is told: bits may follow late, and telling may clear some. `read`: it was asked for by
- * a read that is no command (on CAN). */
+/* The status as reported to the host: bits may change late, and reporting may clear some. `read`:
+ * requested by a read that is no command (on CAN). */
 void sim_vsmd_tell_status(struct sim_vsmd *drive, bool read, db_time now,
                           struct vsmd_status *status);
 const struct sim_vsmd_temper *sim_vsmd_temper(const struct sim_vsmd *drive);
 const char *sim_vsmd_identity(const struct sim_vsmd *drive);
 const union db_value *sim_vsmd_params(const struct sim_vsmd *drive);
 
-/* In effect since the last power-up, not what cfg has changed since. */
+/* In effect since the last power-up, without later changes by cfg. */
 unsigned sim_vsmd_address(const struct sim_vsmd *drive);
 unsigned sim_vsmd_baud(const struct sim_vsmd *drive);
 
 bool sim_vsmd_powered(const struct sim_vsmd *drive);
-/* How often it was powered up; what a node remembers of before is lost. */
+/* Number of power-ups; a node drops its state from before. */
 uint32_t sim_vsmd_starts(const struct sim_vsmd *drive);
 bool sim_vsmd_moving(const struct sim_vsmd *drive);
 double sim_vsmd_shaft(const struct sim_vsmd *drive);
@@ -113,21 +112,22 @@ double sim_vsmd_shaft(const struct sim_vsmd *drive);
 uint32_t sim_vsmd_count(const struct sim_vsmd *drive, enum vsmd_verb verb);
 uint32_t sim_vsmd_refusals(const struct sim_vsmd *drive);
 
-/* What happens to a drive from outside. */
+/* Events from outside. */
 void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now);
-/* As by the vendor's own tool: the bus does not hear of it. False when it does not take the value. */
+/* As by the vendor's own tool: not over the bus. False when it does not accept the value. */
 bool sim_vsmd_set_param(struct sim_vsmd *drive, enum vsmd_param param, union db_value value);
-/* It keeps its parameters to itself: refuses the text of them, and answers no register. */
+/* Hides its parameters: refuses the text of them, and answers no register. */
 void sim_vsmd_hide_params(struct sim_vsmd *drive, bool hidden);
 bool sim_vsmd_hides_params(const struct sim_vsmd *drive);
-void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity); /* cut at the maximum */
-/* As a switch on the drive would, at once. */
+/* cut off at the maximum */
+void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity);
+/* As by a switch on the drive, at once. */
 void sim_vsmd_set_address(struct sim_vsmd *drive, unsigned address);
 void sim_vsmd_fail_flash(struct sim_vsmd *drive, bool fail);
 void sim_vsmd_stall(struct sim_vsmd *drive, bool stalled, db_time now);
 /* number 1..6; level 0 or 1, or -1 to let the sensor work again. */
 void sim_vsmd_force_sensor(struct sim_vsmd *drive, unsigned number, int level, db_time now);
-/* Shows these status bits beside the real ones. */
+/* Shows these status bits in addition to the real ones. */
 void sim_vsmd_force_status(struct sim_vsmd *drive, uint32_t bits);
 
 #endif

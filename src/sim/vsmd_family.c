@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "sim/vsmd_family.h"
+#include "sim/family.h"
 
 #include "sim/can_line.h"
+#include "sim/serial_bus.h"
 #include "sim/vsmd_can_node.h"
-#include "sim/vsmd_serial_bus.h"
 
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* --- coming and going ------------------------------------------------------------------------------ */
+/* --- making and freeing
+ * ------------------------------------------------------------------------ */
 
 static bool make_drive(struct sim_node *node, const struct sim_drive_config *config,
                        const char *flash, db_time now)
@@ -47,7 +48,8 @@ static void close_drive(struct sim_node *node)
 	free(node->vsmd_can);
 }
 
-/* --- what is seen of it ---------------------------------------------------------------------------- */
+/* --- state
+ * ------------------------------------------------------------------------------------- */
 
 static bool is_busy(const struct sim_node *node)
 {
@@ -69,8 +71,7 @@ static void write_motion(const struct sim_node *node, db_time now, FILE *out)
 	struct vsmd_status status;
 
 	sim_vsmd_status(node->drive, now, &status);
-	(void)fprintf(out, " position=%" PRId32 " velocity=%g", status.position,
-	              (double)status.velocity);
+	fprintf(out, " position=%" PRId32 " velocity=%g", status.position, (double)status.velocity);
 }
 
 static const char *const verb_names[VSMD_VERB_COUNT] = {
@@ -102,16 +103,16 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 	struct vsmd_status status;
 
 	sim_vsmd_status(node->drive, now, &status);
-	(void)fprintf(out,
-	              " position=%" PRId32 " velocity=%g status=0x%08" PRIx32 " shaft=%.0f power=%d"
-	              " address=%u heard=%" PRIu32 " replies=%" PRIu32 " refused=%" PRIu32,
-	              status.position, (double)status.velocity, status.status,
-	              sim_vsmd_shaft(node->drive), sim_vsmd_powered(node->drive),
-	              sim_vsmd_address(node->drive), node->heard, node->replies,
-	              sim_vsmd_refusals(node->drive));
+	fprintf(out,
+	        " position=%" PRId32 " velocity=%g status=0x%08" PRIx32 " shaft=%.0f power=%d"
+	        " address=%u heard=%" PRIu32 " replies=%" PRIu32 " refused=%" PRIu32,
+	        status.position, (double)status.velocity, status.status,
+	        sim_vsmd_shaft(node->drive), sim_vsmd_powered(node->drive),
+	        sim_vsmd_address(node->drive), node->heard, node->replies,
+	        sim_vsmd_refusals(node->drive));
 	for (int verb = 0; verb < VSMD_VERB_COUNT; verb++)
-		(void)fprintf(out, " %s=%" PRIu32, verb_names[verb],
-		              sim_vsmd_count(node->drive, (enum vsmd_verb)verb));
+		fprintf(out, " %s=%" PRIu32, verb_names[verb],
+		        sim_vsmd_count(node->drive, (enum vsmd_verb)verb));
 }
 
 static unsigned get_address(const struct sim_node *node)
@@ -119,7 +120,8 @@ static unsigned get_address(const struct sim_node *node)
 	return sim_vsmd_address(node->drive);
 }
 
-/* --- what happens to it ---------------------------------------------------------------------------- */
+/* --- from outside
+ * ------------------------------------------------------------------------------ */
 
 static void set_address(struct sim_node *node, unsigned address)
 {
@@ -171,7 +173,7 @@ static const char *force_sensor(struct sim_node *node, const char *rest, db_time
 	return NULL;
 }
 
-/* "param NAME=VALUE": set with the vendor's own tool, past the bus. */
+/* "param NAME=VALUE": set with the vendor's own tool, not over the bus. */
 static const char *set_param(struct sim_node *node, const char *rest, db_time now)
 {
 	size_t length = strcspn(rest, "=");
@@ -205,7 +207,7 @@ static const struct sim_family_command commands[] = {
 	{ "sensor", force_sensor },   { NULL, NULL },
 };
 
-/* All but how it is on its bus. */
+/* All operations except those that depend on the bus. */
 #define OPERATIONS                                                                                \
 	.close = close_drive, .is_busy = is_busy, .advance = advance,                             \
 	.moving_motors = moving_motors, .write_motion = write_motion, .write_state = write_state, \

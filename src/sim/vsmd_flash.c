@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "sim/vsmd_flash.h"
+#include "sim/sim_private.h"
 
 #include "codec/vsmd_can.h"
 #include "codec/vsmd_serial.h"
-#include "sim/flash.h"
 
 #include <errno.h>
 #include <stdio.h>

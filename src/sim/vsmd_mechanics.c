@@ -4,7 +4,7 @@
 #include <math.h>
 
 #define STEP_NS DB_NS_PER_MS
-/* How long one try of a blocked closed-loop motor lasts before it counts for erty. */
+/* How long an attempt of a blocked closed-loop motor lasts before it counts for erty. */
 #define RETRY_NS (20 * DB_NS_PER_MS)
 
 /* Values of sNf and sNr. */
@@ -31,14 +31,10 @@ static bool closed_loop(const struct sim_vsmd *drive)
 	return drive->config.closed_loop && drive->encoder_mode > 0;
 }
 
-static double within_travel(const struct sim_vsmd *drive, double shaft)
-{
-	return fmin(fmax(shaft, drive->config.travel_min), drive->config.travel_max);
-}
-
 static double shaft_of(const struct sim_vsmd *drive, const struct sim_motion *motion)
 {
-	return within_travel(drive, motion->position + drive->shaft_offset);
+	return fmin(fmax(motion->position + drive->shaft_offset, drive->config.travel_min),
+	            drive->config.travel_max);
 }
 
 double sim_mechanics_shaft(const struct sim_vsmd *drive)
@@ -63,7 +59,7 @@ static bool sensor_high(const struct sim_vsmd *drive, unsigned index, double sha
 		return shaft >= sensor->low && shaft <= sensor->high;
 	case SIM_SENSOR_NONE:
 	default:
-		/* Nothing connected: the pull-up or pull-down decides. */
+		/* Nothing connected: the pull-up or pull-down determines the level. */
 		return (drive->params[VSMD_PUD].u >> index) & 1;
 	}
 }
@@ -87,7 +83,7 @@ static void update_limits(struct sim_vsmd *drive)
 {
 	int32_t min = drive->params[VSMD_SML].i;
 	int32_t max = drive->params[VSMD_SPL].i;
-	/* Before the origin is found the soft limits refer to nothing. */
+	/* Before the origin is found the soft limits have no reference. */
 	bool searching = drive->homing != SIM_HOMING_NONE && drive->homing != SIM_HOMING_SAFE;
 
 	sim_motion_set_limits(&drive->motion,
@@ -114,7 +110,8 @@ void sim_mechanics_release(struct sim_vsmd *drive)
 {
 	sim_mechanics_abandon(drive);
 	sim_motion_halt(&drive->motion);
-	sim_mechanics_set_position(drive, 0.0);
+	if (!drive->config.temper.keeps_position)
+		sim_mechanics_set_position(drive, 0.0);
 	drive->flags &= ~(uint32_t)VSMD_ST_PWR;
 }
 
@@ -134,7 +131,7 @@ void sim_mechanics_configure(struct sim_vsmd *drive)
 	sim_mechanics_sense(drive);
 }
 
-/* Whether limit sensor `port` (1..6, 0 = none) is active. */
+/* True if limit sensor `port` (1..6, 0: none) is active. */
 static bool limit_active(const struct sim_vsmd *drive, enum vsmd_param port, enum vsmd_param level)
 {
 	uint32_t number = drive->params[port].u;
@@ -142,12 +139,6 @@ static bool limit_active(const struct sim_vsmd *drive, enum vsmd_param port, enu
 	if (number == 0 || drive->params[sensor_param(VSMD_S1, number - 1, 1)].u == 1)
 		return false;
 	return ((drive->levels >> (number - 1)) & 1) == drive->params[level].u;
-}
-
-static bool origin_is_limit(const struct sim_vsmd *drive, int direction)
-{
-	return drive->params[direction < 0 ? VSMD_MSR : VSMD_PSR].u ==
-	       drive->params[VSMD_SNR].u + 1;
 }
 
 void sim_mechanics_hold_limits(struct sim_vsmd *drive)
@@ -158,8 +149,10 @@ void sim_mechanics_hold_limits(struct sim_vsmd *drive)
 	                                        limit_active(drive, VSMD_PSR, VSMD_PSV)))
 		return;
 	sim_motion_halt(&drive->motion);
-	/* One sensor may serve as limit and origin: homing then goes on from where it was held. */
-	if (drive->homing != SIM_HOMING_NONE && !origin_is_limit(drive, direction))
+	/* One sensor may be both limit and origin: homing then continues from where it was held. */
+	if (drive->homing != SIM_HOMING_NONE &&
+	    !(drive->params[direction < 0 ? VSMD_MSR : VSMD_PSR].u ==
+	      drive->params[VSMD_SNR].u + 1))
 		sim_mechanics_abandon(drive);
 }
 
@@ -175,23 +168,6 @@ static void home_with(struct sim_vsmd *drive, enum sim_homing phase, double shar
 	sim_mechanics_hold_limits(drive);
 }
 
-static double pulses_per_turn(const struct sim_vsmd *drive)
-{
-	return ldexp((double)drive->params[VSMD_ESTP].u, (int)drive->params[VSMD_MCS].u);
-}
-
-static void home_to_turn_mark(struct sim_vsmd *drive)
-{
-	double turn = pulses_per_turn(drive);
-	double speed = (double)drive->params[VSMD_ZSD].f;
-	double shaft = sim_mechanics_shaft(drive);
-	double mark = speed > 0.0 ? ceil((shaft + 1.0) / turn) * turn :
-	                            floor((shaft - 1.0) / turn) * turn;
-
-	set_homing(drive, SIM_HOMING_TURN_MARK);
-	sim_motion_move(&drive->motion, mark - drive->shaft_offset, speed);
-}
-
 bool sim_mechanics_home(struct sim_vsmd *drive)
 {
 	uint32_t mode = drive->params[VSMD_ZMD].u;
@@ -205,9 +181,17 @@ bool sim_mechanics_home(struct sim_vsmd *drive)
 	sim_mechanics_abandon(drive);
 	if (mode == 6)
 		home_with(drive, SIM_HOMING_END_STOP, 1.0);
-	else if (mode == 7)
-		home_to_turn_mark(drive);
-	else if (origin_active(drive))
+	else if (mode == 7) {
+		double turn = ldexp((double)drive->params[VSMD_ESTP].u,
+		                    (int)drive->params[VSMD_MCS].u);
+		double speed = (double)drive->params[VSMD_ZSD].f;
+		double shaft = sim_mechanics_shaft(drive);
+		double mark = speed > 0.0 ? ceil((shaft + 1.0) / turn) * turn :
+		                            floor((shaft - 1.0) / turn) * turn;
+
+		set_homing(drive, SIM_HOMING_TURN_MARK);
+		sim_motion_move(&drive->motion, mark - drive->shaft_offset, speed);
+	} else if (origin_active(drive))
 		home_with(drive, SIM_HOMING_LEAVE, -1.0);
 	else
 		home_with(drive, SIM_HOMING_APPROACH, 1.0);
@@ -236,7 +220,7 @@ static void found_origin(struct sim_vsmd *drive)
 	sim_mechanics_hold_limits(drive);
 }
 
-/* Phases that end with the sensor. */
+/* Phases that the sensor ends. */
 static void homing_by_sensor(struct sim_vsmd *drive, bool active, bool standing)
 {
 	bool twice = drive->params[VSMD_ZMD].u >= 3;
@@ -267,7 +251,8 @@ static void homing_by_sensor(struct sim_vsmd *drive, bool active, bool standing)
 	default:
 		return;
 	}
-	/* Something else (the mechanical end, a command's limit) held the motor in the search. */
+	/* Something else (the mechanical end, a command's limit) stopped the motor during the
+	 * search. */
 	if (standing && !sim_motion_moving(&drive->motion) &&
 	    (drive->homing == SIM_HOMING_LEAVE || drive->homing == SIM_HOMING_APPROACH ||
 	     drive->homing == SIM_HOMING_BACKOFF || drive->homing == SIM_HOMING_AGAIN))
@@ -307,7 +292,7 @@ void sim_mechanics_shake(struct sim_vsmd *drive, const struct vsmd_command *comm
 	drive->shake = SIM_SHAKE_TO_START;
 	drive->shake_end = command->shake_end;
 	drive->shake_frequency = command->shake_frequency;
-	/* A time ends with the full swing in which it runs out. */
+	/* A time limit ends with the full oscillation in which it expires. */
 	drive->shake_cycles = command->verb == VSMD_SHAKE_TIME ?
 	                              ceil(count * (double)command->shake_frequency) :
 	                              count;
@@ -320,7 +305,7 @@ static void update_shake(struct sim_vsmd *drive)
 	if (drive->shake == SIM_SHAKE_NONE || sim_motion_moving(&drive->motion))
 		return;
 	if (drive->shake == SIM_SHAKE_TO_START) {
-		/* A limit may have held it before the start: then there is nothing to shake. */
+		/* A limit may have stopped it before the start: then there is no oscillation. */
 		drive->shake = drive->motion.position == drive->motion.target_position ?
 		                       SIM_SHAKE_RUN :
 		                       SIM_SHAKE_NONE;
@@ -384,18 +369,6 @@ static void sensor_event(struct sim_vsmd *drive, enum sensor_event event)
 	}
 }
 
-/* What follows from where the motor and the sensors are now. */
-static void react(struct sim_vsmd *drive)
-{
-	sim_mechanics_hold_limits(drive);
-	update_homing(drive);
-	update_shake(drive);
-	if (drive->origin_after_stop && !sim_motion_moving(&drive->motion)) {
-		drive->origin_after_stop = false;
-		sim_mechanics_set_position(drive, 0.0);
-	}
-}
-
 void sim_mechanics_settle(struct sim_vsmd *drive)
 {
 	drive->levels = levels_at(drive, sim_mechanics_shaft(drive));
@@ -415,8 +388,16 @@ void sim_mechanics_sense(struct sim_vsmd *drive)
 		if (((changed >> i) & 1) && drive->params[sensor_param(VSMD_S1, i, 1)].u == 0)
 			sensor_event(drive, (enum sensor_event)drive->params[event].u);
 	}
-	if (drive->powered)
-		react(drive);
+	if (drive->powered) {
+		/* Reactions to the present position of the motor and state of the sensors. */
+		sim_mechanics_hold_limits(drive);
+		update_homing(drive);
+		update_shake(drive);
+		if (drive->origin_after_stop && !sim_motion_moving(&drive->motion)) {
+			drive->origin_after_stop = false;
+			sim_mechanics_set_position(drive, 0.0);
+		}
+	}
 }
 
 static void encoder_error(struct sim_vsmd *drive)
@@ -451,7 +432,7 @@ static void is_blocked(struct sim_vsmd *drive, const struct sim_motion *before, 
 		encoder_error(drive);
 }
 
-/* The first moment in (before, end] at which a sensor differs: sensors see whole pulses, not
+/* The first moment in (before, end] at which a sensor changes: sensors see whole pulses, not
  * steps. */
 static db_time first_edge(const struct sim_vsmd *drive, const struct sim_motion *before,
                           db_time end)

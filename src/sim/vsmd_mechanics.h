@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The inside of a simulated VSMD drive, shared by vsmd_drive.c (commands, parameters, power) and
- * vsmd_mechanics.c (motor, sensors, homing, shaking). Nobody else includes this.
+ * vsmd_mechanics.c (motor, sensors, homing, shaking). No other file includes this.
  */
 #ifndef DRIVEBRIDGE_SIM_VSMD_MECHANICS_H
 #define DRIVEBRIDGE_SIM_VSMD_MECHANICS_H
@@ -13,7 +13,7 @@ enum sim_homing {
 	SIM_HOMING_NONE,
 	SIM_HOMING_LEAVE, /* the sensor was active at the start: backwards until it opens */
 	SIM_HOMING_APPROACH,
-	SIM_HOMING_BRAKE, /* stopping behind the sensor's edge */
+	SIM_HOMING_BRAKE, /* stopping after the sensor's edge */
 	SIM_HOMING_BACKOFF,
 	SIM_HOMING_TURN, /* stopping before the second approach */
 	SIM_HOMING_AGAIN,
@@ -36,9 +36,9 @@ struct sim_vsmd {
 	unsigned baud;
 	uint32_t encoder_mode;
 
-	struct sim_motion motion; /* what the drive counts */
+	struct sim_motion motion; /* the counted position */
 	double shaft_offset;      /* shaft = counted position + offset */
-	bool counts_spd;          /* the present motion runs with the spd parameter */
+	bool counts_spd;          /* the present motion uses the spd parameter */
 	bool origin_after_stop;
 	enum sim_homing homing;
 	enum sim_shake shake;
@@ -48,19 +48,19 @@ struct sim_vsmd {
 	db_time blocked;       /* how long the encoder has seen no motion */
 	db_time offline_start; /* dar: when the offline program starts, or DB_TIME_NEVER */
 
-	uint32_t levels;              /* bit n-1 = sensor n is high */
+	uint32_t levels;              /* bit n-1: sensor n is high */
 	uint32_t outputs;             /* the same for output ports */
-	int forced[SIM_VSMD_SENSORS]; /* -1 = not forced */
+	int forced[SIM_VSMD_SENSORS]; /* -1: not forced */
 
-	uint32_t flags; /* the status bits that are remembered, not computed */
+	uint32_t flags; /* the stored status bits; the others are computed */
 	uint32_t forced_status;
 	bool powered;
 	bool stalled;
 	bool hides_params;
 	bool flash_fails;
 
-	bool trembled;      /* it was told off its place last */
-	db_time greeted_at; /* when the handshake was set last */
+	bool trembled;      /* its last reported position was off */
+	db_time greeted_at; /* when the handshake bit was last set */
 	struct sim_late_bit power_bit;
 	struct sim_late_bit standing_bit;
 	bool waits; /* `waiting`, a motion, begins at `begins_at` */
@@ -74,16 +74,17 @@ struct sim_vsmd {
 
 void sim_mechanics_advance(struct sim_vsmd *drive, db_time now);
 
-/* Ends homing, shaking and what waits for the end of a motion, because something new begins. */
+/* Ends homing, shaking and commands that wait for the end of a motion, because a new motion
+ * begins. */
 void sim_mechanics_abandon(struct sim_vsmd *drive);
 
 /* A motion in the direction of an active limit sensor does not begin; call after starting any. */
 void sim_mechanics_hold_limits(struct sim_vsmd *drive);
 
-/* Reads the sensors and acts on changes; for changes not caused by motion. */
+/* Reads the sensors and reacts to changes; for changes that no motion caused. */
 void sim_mechanics_sense(struct sim_vsmd *drive);
 
-/* Takes the sensors as they are, without events: at power-up. */
+/* Takes the sensors' present state, without events: at power-up. */
 void sim_mechanics_settle(struct sim_vsmd *drive);
 
 /* False when the parameters do not allow homing. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "sim/vsmd_serial_bus.h"
+#include "sim/serial_bus.h"
 
 #include "codec/vsmd_serial_frames.h"
 #include "sim/vsmd_drive.h"
@@ -52,51 +52,34 @@ static int encode(struct sim_vsmd *drive, enum vsmd_reply_code code, uint8_t id,
 	}
 }
 
-static uint8_t reply_id(struct sim_serial_bus *bus, struct sim_node *node)
-{
-	const struct sim_serial_config *config = sim_serial_bus_config(bus);
-	unsigned id = config->rs485 ? sim_vsmd_address(node->drive) : config->reply_id;
-
-	if (sim_serial_bus_take(bus, node, SIM_FAULT_WRONG_ID))
-		id = id % VSMD_SERIAL_ID_MAX + 1;
-	return (uint8_t)id;
-}
-
 /* The reply put on the wire, or null. */
 static struct sim_burst *reply(struct sim_serial_bus *bus, struct sim_node *node,
                                enum vsmd_reply_code code, db_time now)
 {
 	struct sim_burst *burst = sim_serial_bus_begin(bus, node);
 	int length;
+	const struct sim_serial_config *config;
+	unsigned id;
 
 	if (!burst)
 		return NULL;
-	length = encode(node->drive, code, reply_id(bus, node), now, sim_serial_bus_bytes(burst));
+	config = sim_serial_bus_config(bus);
+	id = config->rs485 ? sim_vsmd_address(node->drive) : config->reply_id;
+	if (sim_serial_bus_take(bus, node, SIM_FAULT_WRONG_ID))
+		id = id % VSMD_SERIAL_ID_MAX + 1;
+	length = encode(node->drive, code, (uint8_t)id, now, sim_serial_bus_bytes(burst));
 	if (length < 0)
 		return NULL;
 	sim_serial_bus_send(bus, node, burst, (size_t)length, now);
 	return burst;
 }
 
-/* Whether the drive hears the bus at all. */
+/* True if the drive receives the bus at all. */
 static bool hears_bus(const struct sim_serial_bus *bus, const struct sim_node *node)
 {
 	return sim_vsmd_powered(node->drive) &&
 	       sim_vsmd_baud(node->drive) == sim_serial_bus_config(bus)->baud &&
 	       sim_serial_bus_connects(bus, node);
-}
-
-static bool is_read(const struct vsmd_command *command, enum vsmd_error error)
-{
-	return error == VSMD_OK && (command->verb == VSMD_DEV || command->verb == VSMD_STS ||
-	                            command->verb == VSMD_CFG_READ);
-}
-
-static void tell_witness(const struct sim_node *node, const struct vsmd_command *command,
-                         enum vsmd_error error, uint32_t refusals)
-{
-	if (!is_read(command, error))
-		sim_serial_bus_testify(node, sim_vsmd_refusals(node->drive) == refusals);
 }
 
 static bool is_left_unanswered(const struct sim_node *node, const struct vsmd_command *command,
@@ -106,7 +89,7 @@ static bool is_left_unanswered(const struct sim_node *node, const struct vsmd_co
 	       sim_vsmd_temper(node->drive)->parameters == SIM_PARAMETERS_SILENT;
 }
 
-/* What one drive does about it. */
+/* Lets one drive process the request. */
 static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node *node,
                                      const struct sim_serial_request *request,
                                      const struct vsmd_command *command, enum vsmd_error error)
@@ -128,7 +111,9 @@ static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node
 		code = sim_vsmd_execute(node->drive, command, request->end);
 	else
 		sim_vsmd_refuse(node->drive, request->end);
-	tell_witness(node, command, error, refusals);
+	if (error != VSMD_OK || (command->verb != VSMD_DEV && command->verb != VSMD_STS &&
+	                         command->verb != VSMD_CFG_READ))
+		sim_serial_bus_testify(node, sim_vsmd_refusals(node->drive) == refusals);
 	sim_vsmd_settle(node->drive, false);
 	burst = broadcast || is_left_unanswered(node, command, error) ?
 	                NULL :
@@ -144,28 +129,62 @@ static bool is_for(const struct sim_node *node, int id)
 	return id == (int)sim_vsmd_address(node->drive);
 }
 
+/* A line as received by a drive. */
+struct heard_line {
+	struct sim_serial_request request;
+	struct vsmd_command command;
+	enum vsmd_error error;
+	struct vsmd_setting settings[VSMD_PARAM_COUNT * 2];
+};
+
+static void hear_line(struct heard_line *heard, bool rs485, struct sim_serial_request request)
+{
+	heard->request = request;
+	heard->command = (struct vsmd_command){ .id = -2 };
+	heard->error = vsmd_serial_decode_command((const char *)request.bytes, request.length - 1,
+	                                          rs485, &heard->command, heard->settings,
+	                                          VSMD_PARAM_COUNT * 2);
+}
+
+static bool is_for_somebody(const struct vsmd_command *command, bool rs485)
+{
+	return !rs485 || (command->id >= 0 && command->id <= VSMD_SERIAL_ID_MAX);
+}
+
 static void process(struct sim_serial_bus *bus, const struct sim_serial_request *request)
 {
 	bool rs485 = sim_serial_bus_config(bus)->rs485;
-	struct vsmd_setting settings[VSMD_PARAM_COUNT * 2];
-	struct vsmd_command command = { .id = -2 };
-	enum vsmd_error error = vsmd_serial_decode_command((const char *)request->bytes,
-	                                                   request->length - 1, rs485, &command,
-	                                                   settings, VSMD_PARAM_COUNT * 2);
 	struct sim_burst *answer = NULL;
+	struct heard_line whole;
+	struct heard_line rest;
 	struct sim_node *node;
 	bool known = false;
 
-	if (rs485 && (command.id < 0 || command.id > VSMD_SERIAL_ID_MAX)) {
-		sim_serial_bus_count(bus)->foreign++;
-		return;
-	}
+	hear_line(&whole, rs485, *request);
 	for (size_t i = 0; (node = sim_serial_bus_node(bus, i)) != NULL; i++) {
-		if (rs485 && !is_for(node, command.id))
+		const struct heard_line *heard = &whole;
+		size_t missed = sim_serial_bus_missed(bus, node, request);
+
+		bool meant = is_for_somebody(&whole.command, rs485) &&
+		             (!rs485 || is_for(node, whole.command.id));
+
+		known |= meant;
+		sim_serial_bus_count(bus)->unheard += meant && missed > 0;
+		if (missed == request->length)
 			continue;
-		known = true;
-		answer = sim_serial_bus_overlap(bus, answer,
-		                                serve_drive(bus, node, request, &command, error));
+		if (missed > 0) {
+			hear_line(&rest, rs485,
+			          (struct sim_serial_request){ request->bytes + missed,
+			                                       request->length - missed,
+			                                       request->start, request->end });
+			heard = &rest;
+		}
+		if (!is_for_somebody(&heard->command, rs485) ||
+		    (rs485 && !is_for(node, heard->command.id)))
+			continue;
+		answer = sim_serial_bus_overlap(
+			bus, answer,
+			serve_drive(bus, node, &heard->request, &heard->command, heard->error));
 	}
 	sim_serial_bus_count(bus)->foreign += !known;
 }

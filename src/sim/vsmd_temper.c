@@ -37,7 +37,7 @@ bool sim_registers_parse(const char *text, struct sim_registers *registers)
 	return true;
 }
 
-/* --- texts ----------------------------------------------------------------------------------------- */
+/* --- texts ------------------------------------------------------------------------------------ */
 
 struct writer {
 	char *text;
@@ -60,9 +60,9 @@ static void put_number(struct writer *writer, enum sim_numbers style, const char
 
 	switch (style) {
 	case SIM_NUMBERS_EXPONENT:
-		written = snprintf(number, sizeof number, "%.*s", (int)length, text);
-		if (written > 0 && (size_t)written < sizeof number)
-			written = snprintf(number, sizeof number, "%.9e", strtod(number, NULL));
+		written = snprintf(number, sizeof(number), "%.*s", (int)length, text);
+		if (written > 0 && (size_t)written < sizeof(number))
+			written = snprintf(number, sizeof(number), "%.9e", strtod(number, NULL));
 		put(writer, number, written > 0 ? (size_t)written : 0);
 		break;
 	case SIM_NUMBERS_QUOTED:
@@ -74,19 +74,6 @@ static void put_number(struct writer *writer, enum sim_numbers style, const char
 	default:
 		put(writer, text, length);
 		break;
-	}
-}
-
-/* "name=" in this drive's letters. */
-static void put_name(struct writer *writer, const struct sim_vsmd_temper *temper, const char *text,
-                     size_t length)
-{
-	for (size_t i = 0; i < length; i++) {
-		char letter = text[i];
-
-		if (temper->capitals && letter >= 'a' && letter <= 'z')
-			letter = (char)(letter - 'a' + 'A');
-		put(writer, &letter, 1);
 	}
 }
 
@@ -104,7 +91,14 @@ static void put_pairs(struct writer *writer, const struct sim_vsmd_temper *tempe
 			put(writer, text, (size_t)(end - text));
 			return;
 		}
-		put_name(writer, temper, text, (size_t)(equals + 1 - text));
+		/* "name=" in this drive's letter case. */
+		for (size_t i = 0; i < (size_t)(equals + 1 - text); i++) {
+			char letter = text[i];
+
+			if (temper->capitals && letter >= 'a' && letter <= 'z')
+				letter = (char)(letter - 'a' + 'A');
+			put(writer, &letter, 1);
+		}
 		text = equals + 1;
 		blank = memchr(text, ' ', (size_t)(end - text));
 		put_number(writer, temper->numbers, text, (size_t)((blank ? blank : end) - text));
@@ -123,7 +117,7 @@ static void put_unknown(struct writer *writer, const struct sim_vsmd_temper *tem
 
 	while (writer->length < temper->text_length) {
 		char pair[32];
-		int length = snprintf(pair, sizeof pair, "%cx%u=%u", temper->commas ? ',' : ' ',
+		int length = snprintf(pair, sizeof(pair), "%cx%u=%u", temper->commas ? ',' : ' ',
 		                      number, number * 7);
 
 		number++;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a drive was really told to do: each request that is more than a question, at the moment the
- * drive took it, and whether it obeyed. What was lost on the way is not told, what was carried out
- * and not answered is: tests judge a host by it. One thread.
+ * The commands that a drive really received: each request that is more than a question, at the
+ * moment when the drive received it, and whether it obeyed. A request lost on the way is not
+ * reported, one that was carried out without an answer is: tests judge a host by it. One thread.
  */
 #ifndef DRIVEBRIDGE_SIM_WITNESS_H
 #define DRIVEBRIDGE_SIM_WITNESS_H
@@ -12,7 +12,7 @@
 #include <stdbool.h>
 
 struct sim_witness {
-	/* `request` as in the drive's log; null `tell`: nobody wants to know. */
+	/* `request` as in the drive's log; null `tell`: no witness. */
 	void (*tell)(void *context, db_time time, const char *request, bool obeyed);
 	void *context;
 };

@@ -13,7 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Motors that move unwatched catch up this often, so that a later request finds little to do. */
+/* Moving motors catch up at this interval, so that a later request needs little calculation. */
 #define TICK_NS (100 * DB_NS_PER_MS)
 
 static void write_trace(void *context, db_time time, char direction, const uint8_t *bytes,
@@ -23,32 +23,32 @@ static void write_trace(void *context, db_time time, char direction, const uint8
 
 	if (!bus->trace)
 		return;
-	(void)fprintf(bus->trace, "%" PRId64 " %s %c", time / DB_NS_PER_US, bus->config->name,
-	              direction);
+	fprintf(bus->trace, "%" PRId64 " %s %c", time / DB_NS_PER_US, bus->config->name, direction);
 	for (size_t i = 0; i < length; i++)
-		(void)fprintf(bus->trace, " %02x", (unsigned)bytes[i]);
-	(void)fputs(" |", bus->trace);
+		fprintf(bus->trace, " %02x", (unsigned)bytes[i]);
+	fputs(" |", bus->trace);
 	for (size_t i = 0; i < length; i++)
-		(void)fputc(bytes[i] >= ' ' && bytes[i] <= '~' ? bytes[i] : '.', bus->trace);
-	(void)fputs("|\n", bus->trace);
+		fputc(bytes[i] >= ' ' && bytes[i] <= '~' ? bytes[i] : '.', bus->trace);
+	fputs("|\n", bus->trace);
 }
 
-/* --- what drives obey ------------------------------------------------------------------------------ */
+/* --- observers of drives
+ * ----------------------------------------------------------------------- */
 
 static void observe(struct sim_observer *observer, const char *text, db_time now)
 {
-	(void)fprintf(observer->trace, "%" PRId64 " %s ! %s |", now / DB_NS_PER_US,
-	              observer->node->name, text);
+	fprintf(observer->trace, "%" PRId64 " %s ! %s |", now / DB_NS_PER_US, observer->node->name,
+	        text);
 	observer->node->family->write_motion(observer->node, now, observer->trace);
 	observer->moving = observer->node->family->moving_motors(observer->node);
-	(void)fprintf(observer->trace, " moving=%u\n", observer->moving);
+	fprintf(observer->trace, " moving=%u\n", observer->moving);
 }
 
 static void tell(void *context, db_time time, const char *request, bool obeyed)
 {
 	char text[SIM_LOG_LENGTH + 16];
 
-	(void)snprintf(text, sizeof(text), "%s %s", obeyed ? "obeyed" : "refused", request);
+	snprintf(text, sizeof(text), "%s %s", obeyed ? "obeyed" : "refused", request);
 	observe(context, text, time);
 }
 
@@ -61,20 +61,7 @@ void sim_world_tell(struct sim_world *world, const struct sim_node *node, const 
 		observe(observer, text, now);
 }
 
-/* Motors that have come to a stand since they were looked at last. */
-static void observe_stands(struct sim_observer *observer, db_time now)
-{
-	unsigned moving;
-
-	if (!observer->trace)
-		return;
-	moving = observer->node->family->moving_motors(observer->node);
-	if ((observer->moving & ~moving) != 0)
-		observe(observer, "stands", now);
-	observer->moving = moving;
-}
-
-/* The wire with nobody on it yet. */
+/* Makes the wire, still without drives. */
 static int make_wire(struct sim_bus *bus)
 {
 	const struct sim_bus_config *config = bus->config;
@@ -122,15 +109,15 @@ static int open_bus(struct sim_bus *bus)
 	int result;
 
 	if (config->flash && mkdir(config->flash, 0777) != 0 && errno != EEXIST) {
-		(void)fprintf(stderr, "bus %s: flash directory %s: %s\n", config->name,
-		              config->flash, strerror(errno));
+		fprintf(stderr, "bus %s: flash directory %s: %s\n", config->name, config->flash,
+		        strerror(errno));
 		return -1;
 	}
 	result = open_port(bus);
 	if (result != 0) {
-		(void)fprintf(stderr, "bus %s: %s%s%s: %s\n", config->name, place,
-		              config->link ? " with link " : "", config->link ? config->link : "",
-		              strerror(-result));
+		fprintf(stderr, "bus %s: %s%s%s: %s\n", config->name, place,
+		        config->link ? " with link " : "", config->link ? config->link : "",
+		        strerror(-result));
 		return -1;
 	}
 	if (make_wire(bus) != 0)
@@ -138,7 +125,7 @@ static int open_bus(struct sim_bus *bus)
 	for (size_t i = 0; i < config->fault_count; i++) {
 		error = sim_world_fault(NULL, bus, config->faults[i], 0);
 		if (error) {
-			(void)fprintf(stderr, "bus %s: %s\n", config->name, error);
+			fprintf(stderr, "bus %s: %s\n", config->name, error);
 			return -1;
 		}
 	}
@@ -154,6 +141,8 @@ static int open_node(struct sim_world *world, size_t place, struct sim_bus *bus,
 
 	*observer = (struct sim_observer){ .node = node, .trace = bus->trace };
 	node->name = config->name;
+	node->latency = config->latency;
+	node->deaf = config->deaf;
 	node->family = sim_families[bus->config->kind];
 	node->witness = (struct sim_witness){ .tell = bus->trace ? tell : NULL,
 		                              .context = observer };
@@ -162,8 +151,7 @@ static int open_node(struct sim_world *world, size_t place, struct sim_bus *bus,
 		return -1;
 	if (!node->family->open(node, bus->wire, bus->config, config,
 	                        bus->config->flash ? path : NULL, now)) {
-		(void)fprintf(stderr, "drive %s: no room on bus %s\n", node->name,
-		              bus->config->name);
+		fprintf(stderr, "drive %s: no room on bus %s\n", node->name, bus->config->name);
 		return -1;
 	}
 	for (size_t i = 0; i < config->fault_count; i++) {
@@ -224,7 +212,7 @@ int sim_bus_read(struct sim_bus *bus, db_time now)
 	ssize_t count = read(bus->port.fd, bytes, sizeof(bytes));
 
 	if (count < 0)
-		/* An interface that is down comes up again. */
+		/* An interface that is down may come up again. */
 		return errno == EAGAIN || errno == EINTR || errno == ENETDOWN ? 0 : -errno;
 	if (count == 0)
 		return -EPIPE;
@@ -232,18 +220,6 @@ int sim_bus_read(struct sim_bus *bus, db_time now)
 		sim_serial_bus_set_baud(bus->wire, sim_port_host_baud(&bus->port));
 	bus->ops->receive(bus->wire, bytes, (size_t)count, now);
 	return 0;
-}
-
-/* What a host does not read is lost, as on a line nobody listens to. */
-static void write_out(struct sim_bus *bus, const uint8_t *bytes, size_t length)
-{
-	size_t unit = bus->write_unit > 0 ? bus->write_unit : length;
-
-	for (size_t done = 0; done + unit <= length; done += unit) {
-		if (write(bus->port.fd, bytes + done, unit) < 0 && errno != EAGAIN &&
-		    errno != ENOBUFS && errno != ENETDOWN)
-			(void)fprintf(stderr, "bus %s: %s\n", bus->config->name, strerror(errno));
-	}
 }
 
 void sim_world_run(struct sim_world *world, db_time now)
@@ -254,15 +230,33 @@ void sim_world_run(struct sim_world *world, db_time now)
 		struct sim_bus *bus = &world->buses[i];
 		size_t count;
 
-		while ((count = bus->ops->run(bus->wire, now, bytes, sizeof(bytes))) > 0)
-			write_out(bus, bytes, count);
+		while ((count = bus->ops->run(bus->wire, now, bytes, sizeof(bytes))) > 0) {
+			/* Bytes that a host does not read are lost, as on a line without a
+			 * receiver. */
+			size_t unit = bus->write_unit > 0 ? bus->write_unit : count;
+
+			for (size_t done = 0; done + unit <= count; done += unit) {
+				if (write(bus->port.fd, bytes + done, unit) < 0 &&
+				    errno != EAGAIN && errno != ENOBUFS && errno != ENETDOWN)
+					fprintf(stderr, "bus %s: %s\n", bus->config->name,
+					        strerror(errno));
+			}
+		}
 	}
 	for (size_t i = 0; i < world->node_count; i++) {
 		struct sim_node *node = &world->nodes[i];
+		unsigned moving;
 
 		if (node->family->is_busy(node))
 			node->family->advance(node, now);
-		observe_stands(&world->observers[i], now);
+		/* Reports motors that have stopped since the last check. */
+		if (world->observers[i].trace) {
+			moving = world->observers[i].node->family->moving_motors(
+				world->observers[i].node);
+			if ((world->observers[i].moving & ~moving) != 0)
+				observe(&world->observers[i], "stands", now);
+			world->observers[i].moving = moving;
+		}
 	}
 }
 

@@ -1,7 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/*
- * Everything that is simulated: buses with their ports, drives on them. One thread.
- */
+/* The whole simulation: buses with their ports, drives on them. One thread. */
 #ifndef DRIVEBRIDGE_SIM_WORLD_H
 #define DRIVEBRIDGE_SIM_WORLD_H
 
@@ -16,23 +14,23 @@ struct sim_bus {
 	const struct sim_bus_config *config;
 	struct sim_port port;
 	const struct sim_wire_ops *ops;
-	void *wire;        /* what ops work on */
-	size_t write_unit; /* the port takes so many bytes at a time; 0 = as many as there are */
+	void *wire;        /* the argument of ops */
+	size_t write_unit; /* the port takes this number of bytes at a time; 0: any number */
 	FILE *trace;       /* not owned, may be null */
 };
 
-/* Who writes down what a drive obeyed, and when its motors came to a stand. */
+/* Records which commands a drive obeyed, and when its motors stopped. */
 struct sim_observer {
 	const struct sim_node *node;
 	FILE *trace;     /* not owned, may be null */
-	unsigned moving; /* when it was looked at last: bit 0, of XYZA controllers a bit an axis */
+	unsigned moving; /* at the last check: bit 0, for XYZA controllers one bit per axis */
 };
 
 struct sim_world {
 	struct sim_bus *buses;
 	size_t bus_count;
 	struct sim_node *nodes;
-	struct sim_observer *observers; /* of each node, at the same place */
+	struct sim_observer *observers; /* one for each node, at the same index */
 	size_t node_count;
 };
 
@@ -47,13 +45,13 @@ void sim_world_close(struct sim_world *world);
 /* The host sent something on this bus, or its port failed (negative errno). */
 int sim_bus_read(struct sim_bus *bus, db_time now);
 
-/* Does what is due everywhere. */
+/* Does all that is due. */
 void sim_world_run(struct sim_world *world, db_time now);
 
 /* When to run next; DB_TIME_NEVER when nothing moves. */
 db_time sim_world_next(const struct sim_world *world, db_time now);
 
-/* Writes into the trace what happened to a drive, and how it moves then. */
+/* Writes an event of a drive into the trace, with its motion after it. */
 void sim_world_tell(struct sim_world *world, const struct sim_node *node, const char *text,
                     db_time now);
 
@@ -61,8 +59,8 @@ void sim_world_tell(struct sim_world *world, const struct sim_node *node, const 
 struct sim_bus *sim_world_bus(struct sim_world *world, const char *name);
 struct sim_node *sim_world_node(struct sim_world *world, const char *name);
 
-/* A fault as text, for a drive or (node null) for a bus: those of faults.h, for drives also
- * "stall [on|off]", and for those with a flash "flash fail|ok". Null or what is wrong. */
+/* Sets a fault from its text, for a drive or (node null) for a bus: those of faults.h, for drives
+ * also "stall [on|off]", and for those with a flash "flash fail|ok". Null, or the mistake. */
 const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const char *text,
                             db_time now);
 

@@ -16,23 +16,20 @@ static double ramp(const struct sim_xyza_axes *axes, enum xyza_axis axis)
 	double change = content(axes, axis, XYZA_ITEM_MAX_SPEED) -
 	                content(axes, axis, XYZA_ITEM_MIN_SPEED);
 
-	/* 0 is a jump. */
+	/* 0 means a jump. */
 	return time > 0.0 && change > 0.0 ? change / time : 0.0;
 }
 
-static bool has_brakes(const struct sim_xyza_axes *axes, enum xyza_axis axis)
-{
-	return (sim_xyza_memory_get(axes->memory, XYZA_ITEM_BRAKE, axis) >> axis & 1) != 0;
-}
-
-/* How fast it slows down, pulses/s^2; 0: at once. */
+/* Its deceleration, pulses/s^2; 0: it stops at once. */
 static double braking(const struct sim_xyza_axes *axes, enum xyza_axis axis)
 {
 	double time = (double)axes->temper->braking / (double)DB_NS_PER_S;
 
 	if (time > 0.0)
 		return content(axes, axis, XYZA_ITEM_MAX_SPEED) / time;
-	return has_brakes(axes, axis) ? ramp(axes, axis) : 0.0;
+	return (sim_xyza_memory_get(axes->memory, XYZA_ITEM_BRAKE, axis) >> axis & 1) != 0 ?
+	               ramp(axes, axis) :
+	               0.0;
 }
 
 void sim_xyza_axes_init(struct sim_xyza_axes *axes, const struct sim_xyza_memory *memory,
@@ -54,7 +51,7 @@ void sim_xyza_axes_run(struct sim_xyza_axes *axes, enum xyza_axis axis, double v
 	double acceleration = ramp(axes, axis);
 
 	sim_motion_set_ramps(motion, acceleration, braking(axes, axis));
-	/* From standing it starts with the lowest speed. */
+	/* From standstill it starts with the lowest speed. */
 	if (!sim_motion_moving(motion) && acceleration > 0.0)
 		motion->velocity = copysign(min, velocity);
 	axes->list[axis].negative_zero = false;
@@ -80,7 +77,7 @@ void sim_xyza_axes_halt(struct sim_xyza_axes *axes)
 	}
 }
 
-/* Below its lowest speed a motor stands at once. */
+/* Below its lowest speed a motor stops at once. */
 static void advance_axis(struct sim_xyza_axes *axes, enum xyza_axis axis, db_time now)
 {
 	struct sim_motion *motion = &axes->list[axis].motion;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "sim/xyza_bus.h"
+#include "sim/serial_bus.h"
 
 #include "codec/xyza.h"
 #include "sim/xyza_controller.h"
@@ -8,9 +8,9 @@
 #include <string.h>
 
 #define FRAME_START 0x5a
-/* Half a request is forgotten after a silence that no host makes within one. */
+/* An incomplete request is dropped after a silence that no host makes within one. */
 #define PATIENCE (100 * DB_NS_PER_MS)
-#define HEX_DIGITS 3 /* characters a byte takes in the log */
+#define HEX_DIGITS 3 /* characters per byte in the log */
 
 static bool ends_request(uint8_t *bytes, size_t *length, uint8_t newest)
 {
@@ -24,15 +24,7 @@ static bool ends_request(uint8_t *bytes, size_t *length, uint8_t newest)
 	return frame > 0;
 }
 
-static void write_log(struct sim_node *node, const struct sim_serial_request *request)
-{
-	char text[XYZA_FRAME_MAX * HEX_DIGITS + 1];
-
-	for (size_t i = 0; i < request->length; i++)
-		(void)snprintf(text + HEX_DIGITS * i, HEX_DIGITS + 1, "%02X ",
-		               (unsigned)request->bytes[i]);
-	sim_serial_bus_log(node, request, text, HEX_DIGITS * request->length - 1);
-}
+#define LEVEL_AT 4 /* index in a frame */
 
 /* The reply put on the wire, or null. */
 static struct sim_burst *answer(struct sim_serial_bus *bus, struct sim_node *node,
@@ -49,34 +41,42 @@ static struct sim_burst *answer(struct sim_serial_bus *bus, struct sim_node *nod
 	                           XYZA_FRAME_MAX);
 	if (length < 0)
 		return NULL;
+	if (sim_xyza_temper(node->xyza)->answers_as_host) {
+		sim_serial_bus_bytes(burst)[LEVEL_AT]++;
+		sim_serial_bus_bytes(burst)[length - 1]++; /* the checksum */
+	}
 	sim_serial_bus_send(bus, node, burst, (size_t)length, request_end);
 	return burst;
 }
 
-static bool is_read(const struct xyza_request *request, enum xyza_error error)
-{
-	return error == XYZA_OK &&
-	       (request->verb <= XYZA_READ_ITEM || request->verb == XYZA_PROGRAM_STATE);
-}
-
-/* What one controller does about it. */
+/* Lets one controller process the request. */
 static struct sim_burst *serve_controller(struct sim_serial_bus *bus, struct sim_node *node,
                                           const struct sim_serial_request *request,
                                           const struct xyza_request *decoded, enum xyza_error error)
 {
 	struct xyza_reply reply;
+	char text[XYZA_FRAME_MAX * HEX_DIGITS + 1];
 
 	if (!sim_xyza_powered(node->xyza) || !sim_serial_bus_connects(bus, node) ||
 	    sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
 		sim_serial_bus_count(bus)->unheard++;
 		return NULL;
 	}
-	write_log(node, request);
+	/* Without its beginning it is no request. */
+	if (sim_serial_bus_missed(bus, node, request) > 0) {
+		sim_serial_bus_count(bus)->unheard++;
+		return NULL;
+	}
+	for (size_t i = 0; i < request->length; i++)
+		snprintf(text + HEX_DIGITS * i, HEX_DIGITS + 1, "%02X ",
+		         (unsigned)request->bytes[i]);
+	sim_serial_bus_log(node, request, text, HEX_DIGITS * request->length - 1);
 	if (!sim_xyza_execute(node->xyza, decoded, error, request->end, &reply))
 		return NULL;
 	if (sim_xyza_temper(node->xyza)->settles == SIM_SETTLES_AT_ONCE)
 		reply.object = (uint8_t)sim_xyza_number(node->xyza);
-	if (!is_read(decoded, error))
+	if (error != XYZA_OK ||
+	    (decoded->verb > XYZA_READ_ITEM && decoded->verb != XYZA_PROGRAM_STATE))
 		sim_serial_bus_testify(node, reply.kind != XYZA_REPLY_FAILED);
 	return answer(bus, node, &reply, request->end);
 }
@@ -89,7 +89,7 @@ static void process(struct sim_serial_bus *bus, const struct sim_serial_request 
 	struct sim_node *node;
 	bool known = false;
 
-	/* Another controller's answer is nobody's request. */
+	/* Another controller's answer is not a request. */
 	for (size_t i = 0; error != XYZA_ERR_SIDE && (node = sim_serial_bus_node(bus, i)); i++) {
 		if (!node->xyza || decoded.object != sim_xyza_number(node->xyza))
 			continue;

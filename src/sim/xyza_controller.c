@@ -15,17 +15,17 @@ struct sim_xyza {
 	struct sim_xyza_axes axes;
 	db_time now;
 	bool powered;
-	db_time reset_done; /* a factory reset is under way until then; DB_TIME_NEVER: none is */
+	db_time reset_done; /* end of a running factory reset; DB_TIME_NEVER: none */
 
 	uint16_t inputs;
 	uint16_t outputs;
 
 	enum xyza_program_state state;
 	unsigned program;
-	unsigned step;  /* from 1; 0 before the first */
+	unsigned step;  /* from 1; 0 before the first one */
 	unsigned delay; /* s, before a program's first step */
 	bool single_step;
-	db_time step_end; /* RUNNING; or when a start that is delayed begins */
+	db_time step_end; /* while RUNNING; or when a delayed start begins */
 	bool starting;
 
 	uint32_t counts[XYZA_VERB_COUNT];
@@ -66,7 +66,7 @@ void sim_xyza_config_init(struct sim_xyza_config *config, unsigned number)
 	}
 }
 
-/* --- programs ------------------------------------------------------------------------------------- */
+/* --- programs --------------------------------------------------------------------------------- */
 
 static bool program_active(const struct sim_xyza *controller)
 {
@@ -80,15 +80,10 @@ static void end_program(struct sim_xyza *controller)
 	controller->step = 0;
 }
 
-static void move_in_step(struct sim_xyza *controller)
-{
-	double speed = (double)sim_xyza_content(controller, XYZA_ITEM_MAX_SPEED, XYZA_X);
-
-	sim_xyza_axes_run(&controller->axes, XYZA_X, controller->step % 2 ? speed : -speed);
-}
-
 static void next_step(struct sim_xyza *controller)
 {
+	double speed;
+
 	if (controller->step == controller->config.steps) {
 		sim_xyza_axes_stop(&controller->axes);
 		end_program(controller);
@@ -98,12 +93,13 @@ static void next_step(struct sim_xyza *controller)
 	controller->starting = false;
 	controller->step++;
 	controller->step_end = controller->now + controller->config.step_time;
-	move_in_step(controller);
+	speed = (double)sim_xyza_content(controller, XYZA_ITEM_MAX_SPEED, XYZA_X);
+	sim_xyza_axes_run(&controller->axes, XYZA_X, controller->step % 2 ? speed : -speed);
 }
 
 static void pause_program(struct sim_xyza *controller, enum xyza_program_state state)
 {
-	/* A start that still waits for its delay is called off. */
+	/* Cancels a start that still waits for its delay. */
 	if (controller->starting) {
 		end_program(controller);
 		return;
@@ -112,15 +108,6 @@ static void pause_program(struct sim_xyza *controller, enum xyza_program_state s
 	    (controller->state == XYZA_PROGRAM_WAITING && state == XYZA_PROGRAM_INTERRUPTED))
 		controller->state = state;
 	sim_xyza_axes_stop(&controller->axes);
-}
-
-static void end_step(struct sim_xyza *controller)
-{
-	if (controller->single_step && controller->step < controller->config.steps &&
-	    controller->step > 0)
-		pause_program(controller, XYZA_PROGRAM_WAITING);
-	else
-		next_step(controller);
 }
 
 static bool start_program(struct sim_xyza *controller, unsigned program)
@@ -163,7 +150,11 @@ void sim_xyza_advance(struct sim_xyza *controller, db_time now)
 		return;
 	while (controller->powered && is_timed(controller) && controller->step_end <= now) {
 		advance_axes(controller, controller->step_end);
-		end_step(controller);
+		if (controller->single_step && controller->step < controller->config.steps &&
+		    controller->step > 0)
+			pause_program(controller, XYZA_PROGRAM_WAITING);
+		else
+			next_step(controller);
 	}
 	advance_axes(controller, now);
 }
@@ -174,7 +165,7 @@ bool sim_xyza_busy(const struct sim_xyza *controller)
 	       (is_timed(controller) || sim_xyza_axes_busy(&controller->axes));
 }
 
-/* --- power ---------------------------------------------------------------------------------------- */
+/* --- power ------------------------------------------------------------------------------------ */
 
 static void set_defaults(struct sim_xyza *controller)
 {
@@ -183,7 +174,7 @@ static void set_defaults(struct sim_xyza *controller)
 	controller->memory.items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER] = controller->config.number;
 }
 
-/* False when what it has now will be lost with its power. */
+/* False when the present values will be lost with the power. */
 static bool save_items(const struct sim_xyza *controller)
 {
 	return !controller->flash_path ||
@@ -254,7 +245,7 @@ void sim_xyza_power(struct sim_xyza *controller, bool on, db_time now)
 	controller->powered = false;
 }
 
-/* --- requests ------------------------------------------------------------------------------------- */
+/* --- requests --------------------------------------------------------------------------------- */
 
 static bool accept(struct sim_xyza *controller, const struct xyza_request *request)
 {
@@ -299,18 +290,7 @@ static bool is_speed(enum xyza_item item)
 	       item == XYZA_ITEM_MANUAL_SPEED;
 }
 
-static void set_content(struct sim_xyza *controller, const struct xyza_request *request)
-{
-	const struct sim_xyza_temper *temper = &controller->config.temper;
-	uint32_t content = request->value;
-
-	if (temper->clamps && is_speed(request->item) && content > SIM_XYZA_SPEED_MAX)
-		content = SIM_XYZA_SPEED_MAX;
-	sim_xyza_memory_set(&controller->memory, request->item, request->axis, content,
-	                    controller->now, controller->now + temper->item_delay);
-}
-
-/* Whether the lowest speed would be above the highest one. */
+/* True if the lowest speed would be above the highest one. */
 static bool crosses_speeds(const struct sim_xyza *controller, const struct xyza_request *request)
 {
 	if (request->item == XYZA_ITEM_MIN_SPEED)
@@ -322,6 +302,9 @@ static bool crosses_speeds(const struct sim_xyza *controller, const struct xyza_
 
 static bool write_item(struct sim_xyza *controller, const struct xyza_request *request)
 {
+	const struct sim_xyza_temper *temper = &controller->config.temper;
+	uint32_t content;
+
 	if (controller->config.temper.ordered_speeds && crosses_speeds(controller, request))
 		return false;
 	if (request->item == XYZA_ITEM_FACTORY_RESET) {
@@ -330,7 +313,11 @@ static bool write_item(struct sim_xyza *controller, const struct xyza_request *r
 		controller->reset_done = controller->now + SIM_XYZA_RESET_TIME;
 		return true;
 	}
-	set_content(controller, request);
+	content = request->value;
+	if (temper->clamps && is_speed(request->item) && content > SIM_XYZA_SPEED_MAX)
+		content = SIM_XYZA_SPEED_MAX;
+	sim_xyza_memory_set(&controller->memory, request->item, request->axis, content,
+	                    controller->now, controller->now + temper->item_delay);
 	return save_items(controller);
 }
 
@@ -495,7 +482,7 @@ static void fill_reply(struct sim_xyza *controller, const struct xyza_request *r
 	}
 }
 
-/* SIM_XYZA_KIND_COUNT: none that can be ignored. */
+/* SIM_XYZA_KIND_COUNT: no kind that can be ignored. */
 static enum sim_xyza_kind kind_of(enum xyza_verb verb)
 {
 	switch (verb) {
@@ -527,7 +514,7 @@ static bool takes_nevertheless(const struct sim_xyza *controller,
 	       request->verb == XYZA_WRITE_ITEM;
 }
 
-/* Whether it does what was asked. */
+/* Returns whether it carried out the request. */
 static bool carry_out(struct sim_xyza *controller, const struct xyza_request *request,
                       enum xyza_error error)
 {
@@ -538,7 +525,7 @@ static bool carry_out(struct sim_xyza *controller, const struct xyza_request *re
 	       handlers[request->verb](controller, request);
 }
 
-/* Whether it acknowledges what it does not do. */
+/* True if it acknowledges what it does not do. */
 static bool acknowledges(const struct sim_xyza *controller, const struct xyza_request *request,
                          enum xyza_error error)
 {
@@ -548,7 +535,7 @@ static bool acknowledges(const struct sim_xyza *controller, const struct xyza_re
 	       (temper->acknowledges_all || (temper->ignores >> kind_of(request->verb) & 1));
 }
 
-/* Whether it keeps silent about what is asked. */
+/* True if it does not answer this request. */
 static bool lacks(const struct sim_xyza *controller, const struct xyza_request *request)
 {
 	const struct sim_xyza_temper *temper = &controller->config.temper;
@@ -588,7 +575,7 @@ bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *re
 	return true;
 }
 
-/* --- from outside --------------------------------------------------------------------------------- */
+/* --- from outside ----------------------------------------------------------------------------- */
 
 static unsigned key(const struct sim_xyza *controller, enum xyza_param param)
 {
@@ -646,7 +633,7 @@ void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t po
 	sim_xyza_axes_place(&controller->axes, axis, position);
 }
 
-/* --- what it is like ------------------------------------------------------------------------------ */
+/* --- its behaviour ---------------------------------------------------------------------------- */
 
 const struct sim_xyza_temper *sim_xyza_temper(const struct sim_xyza *controller)
 {

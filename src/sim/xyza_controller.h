@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * One simulated XYZA controller: up to four axes, inputs, outputs, programs and its memory. It knows
- * requests but no wire: xyza_bus.h turns bytes into struct xyza_request. Time is handed in and must
- * not run backwards (an earlier `now` counts as the latest seen). One thread.
+ * One simulated XYZA controller: up to four axes, inputs, outputs, programs and its memory. It
+ * knows requests but no wire: xyza_bus.h converts bytes into struct xyza_request. Time is passed in
+ * and must not run backwards (an earlier `now` counts as the latest one). One thread.
  *
- * Where the vendor's document is silent the controller does this: what it does not know and what is
- * out of range is answered as failed; manual motion and programs exclude each other, and commands of
- * one mode leave the other alone; a new manual speed holds from the next jog on; parameters are kept
- * without power at once (what cannot be kept is answered as failed), positions, outputs and the delay
- * of programs are not; a program moves x forwards in its odd steps and backwards in its even ones.
+ * Where the vendor's document is silent the controller does this: unknown requests and values out
+ * of range are answered as failed; manual motion and programs exclude each other, and commands of
+ * one mode do not affect the other; a new manual speed holds from the next jog on; parameters are
+ * stored at once and survive a loss of power (what cannot be stored is answered as failed),
+ * positions, outputs and the delay of programs are not; a program moves x forwards in its odd steps
+ * and backwards in its even ones.
  */
 #ifndef DRIVEBRIDGE_SIM_XYZA_CONTROLLER_H
 #define DRIVEBRIDGE_SIM_XYZA_CONTROLLER_H
@@ -35,80 +36,82 @@ enum sim_xyza_kind {
 };
 extern const char *const sim_xyza_kinds[SIM_XYZA_KIND_COUNT + 1]; /* their names; null at the end */
 
-/* What the document leaves open, one way or the other. All zeros is the controller above. */
+/* What the document leaves open. All zeros is the controller above. */
 struct sim_xyza_temper {
-	bool no_negative_zero;    /* the sign of a position that is 0 is lost */
-	bool amount_clears_sign;  /* a position whose amount is written is positive */
-	bool acknowledges_all;    /* what it does not do is acknowledged like what it does */
-	unsigned ignores;         /* bit of each enum sim_xyza_kind that it acknowledges only */
-	uint32_t lacks;           /* bit of each item that is never answered */
-	bool lacks_ports;         /* nor are the ports */
-	bool lacks_program;       /* nor is the program's state */
-	uint8_t idle_state;       /* what an idle program shows as its state */
+	bool no_negative_zero;   /* the sign of a position of 0 is lost */
+	bool amount_clears_sign; /* writing the amount of a position makes it positive */
+	bool acknowledges_all;   /* requests that are not carried out are also acknowledged */
+	/* a bit for each enum sim_xyza_kind that is acknowledged without effect */
+	unsigned ignores;
+	uint32_t lacks;           /* a bit for each item that is never answered */
+	bool lacks_ports;         /* the ports are never answered */
+	bool lacks_program;       /* the program's state is never answered */
+	uint8_t idle_state;       /* the reported state of an idle program */
 	bool clamps;              /* speeds above SIM_XYZA_SPEED_MAX become that */
 	enum sim_settles settles; /* its number; the manual has no power-up */
-	bool jogs_from_stand;     /* an axis that moves takes no jog */
-	bool second_stop_ends;    /* a program that waits is ended by another stop */
-	bool latches_speed;       /* an axis that moves goes on at the speed that it began with */
+	bool jogs_from_stand;     /* an axis that moves accepts no jog */
+	bool second_stop_ends;    /* a second stop ends a waiting program */
+	bool latches_speed;       /* a moving axis keeps the speed with which it began */
 	bool takes_any;           /* items may have values that the document does not name */
 	bool ordered_speeds;      /* min_speed is never above max_speed */
-	db_time motion_delay;     /* a jog begins so much later */
-	db_time standing_delay;   /* the state of the motors follows so much later */
-	db_time item_delay;       /* what is read of items follows so much later */
-	db_time braking;          /* from max_speed; 0 = as fast as it accelerates */
+	db_time motion_delay;     /* delay of a jog */
+	db_time standing_delay;   /* delay of the state of the motors */
+	db_time item_delay;       /* delay of the values read of items */
+	db_time braking;          /* from max_speed; 0: the same as its acceleration */
+	bool answers_as_host;     /* its frames have a host's level */
 };
 #define SIM_XYZA_SPEED_MAX 20000
 
 struct sim_xyza_config {
 	const char *flash_path; /* null: parameters live as long as the process */
-	unsigned number;        /* slave number as delivered, 1..255 */
+	unsigned number;        /* factory value of the slave number, 1..255 */
 	unsigned axes;          /* 1..4 */
-	unsigned programs;      /* 1..so many exist */
+	unsigned programs;      /* 1.. this number exist */
 	unsigned steps;         /* of each program, 1..65535 */
 	db_time step_time;
 	struct xyza_style style;
 	struct sim_xyza_temper temper;
-	/* As delivered; of items that all axes share the first counts. */
+	/* Factory values; of items that all axes share the first one counts. */
 	uint32_t defaults[XYZA_AXIS_COUNT][XYZA_ITEM_COUNT];
 };
 
 struct sim_xyza;
 
-/* Fills in what is sensible; the caller then changes what it knows better. */
+/* Fills in usual values; the caller then changes what it needs. */
 void sim_xyza_config_init(struct sim_xyza_config *config, unsigned number);
 
 /* Powered on. Null when out of memory. Copies the configuration (the path too). */
 struct sim_xyza *sim_xyza_new(const struct sim_xyza_config *config, db_time now);
 void sim_xyza_free(struct sim_xyza *controller);
 
-/* Lets axes and programs catch up. Needed only to keep the later catching-up short. */
+/* Lets axes and programs catch up. Only needed to keep later calls short. */
 void sim_xyza_advance(struct sim_xyza *controller, db_time now);
 
 /* Something changes as time passes. */
 bool sim_xyza_busy(const struct sim_xyza *controller);
 
 /*
- * Carries out a request to this controller as it was decoded (the number is not looked at; `error`
- * is what decoding it said) and fills in the reply. False when there is none: no power, or between a
- * factory reset and the power cycle behind it.
+ * Carries out a decoded request to this controller (the number is not checked; `error` is the
+ * decoder's result) and fills in the reply. False when there is none: no power, or between a
+ * factory reset and the power cycle after it.
  */
 bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *request,
                       enum xyza_error error, db_time now, struct xyza_reply *reply);
 
-/* What happens to a controller from outside. A factory reset is complete when the power goes off
- * SIM_XYZA_RESET_TIME after it or later; sooner, all is as before. */
+/* Events from outside. A factory reset is complete when the power is switched off at least
+ * SIM_XYZA_RESET_TIME after it; sooner, all stays as before. */
 void sim_xyza_power(struct sim_xyza *controller, bool on, db_time now);
 /* number 1..16. The keys for start, stop and pause act when their input becomes 1. */
 void sim_xyza_set_input(struct sim_xyza *controller, unsigned number, bool level, db_time now);
 void sim_xyza_set_number(struct sim_xyza *controller, unsigned number);
-/* Somebody gives an item, of an axis or of all that is common, another content at the controller's keys. */
+/* Somebody changes an item at the controller's keys, of an axis or a shared one. */
 void sim_xyza_set_item(struct sim_xyza *controller, enum xyza_item item, enum xyza_axis axis,
                        uint32_t content, db_time now);
-/* Puts an axis there, standing. */
+/* Puts an axis at this position, at standstill. */
 void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t position,
                     db_time now);
 
-/* What a test wants to see. Call sim_xyza_advance() before. */
+/* State for tests. Call sim_xyza_advance() before. */
 const struct sim_xyza_temper *sim_xyza_temper(const struct sim_xyza *controller);
 unsigned sim_xyza_number(const struct sim_xyza *controller); /* in effect */
 const struct xyza_style *sim_xyza_style(const struct sim_xyza *controller);

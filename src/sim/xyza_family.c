@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "sim/xyza_family.h"
+#include "sim/family.h"
 
-#include "sim/numbers.h"
-#include "sim/xyza_bus.h"
+#include "sim/serial_bus.h"
+#include "sim/sim_private.h"
 
 #include <inttypes.h>
 #include <stdlib.h>
@@ -10,7 +10,8 @@
 
 static const char axis_letters[] = "xyza";
 
-/* --- coming and going ------------------------------------------------------------------------------ */
+/* --- making and freeing
+ * ------------------------------------------------------------------------ */
 
 static bool open_controller(struct sim_node *node, void *wire, const struct sim_bus_config *bus,
                             const struct sim_drive_config *config, const char *flash, db_time now)
@@ -28,7 +29,8 @@ static void close_controller(struct sim_node *node)
 	sim_xyza_free(node->xyza);
 }
 
-/* --- what is seen of it ---------------------------------------------------------------------------- */
+/* --- state
+ * ------------------------------------------------------------------------------------- */
 
 static bool is_busy(const struct sim_node *node)
 {
@@ -53,9 +55,9 @@ static void write_motion(const struct sim_node *node, db_time now, FILE *out)
 {
 	sim_xyza_advance(node->xyza, now);
 	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++)
-		(void)fprintf(out, " %c=%.0f %c_speed=%g", axis_letters[axis],
-		              sim_xyza_position(node->xyza, (enum xyza_axis)axis),
-		              axis_letters[axis], sim_xyza_speed(node->xyza, (enum xyza_axis)axis));
+		fprintf(out, " %c=%.0f %c_speed=%g", axis_letters[axis],
+		        sim_xyza_position(node->xyza, (enum xyza_axis)axis), axis_letters[axis],
+		        sim_xyza_speed(node->xyza, (enum xyza_axis)axis));
 }
 
 static void write_state(struct sim_node *node, db_time now, FILE *out)
@@ -92,17 +94,17 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 	};
 
 	write_motion(node, now, out);
-	(void)fprintf(out,
-	              " inputs=0x%04x outputs=0x%04x program_state=%d program=%u step=%u power=%d"
-	              " address=%u heard=%" PRIu32 " replies=%" PRIu32 " failed=%" PRIu32,
-	              (unsigned)sim_xyza_inputs(node->xyza), (unsigned)sim_xyza_outputs(node->xyza),
-	              (int)sim_xyza_program_state(node->xyza), sim_xyza_program(node->xyza),
-	              sim_xyza_step(node->xyza), sim_xyza_powered(node->xyza),
-	              sim_xyza_number(node->xyza), node->heard, node->replies,
-	              sim_xyza_failures(node->xyza));
+	fprintf(out,
+	        " inputs=0x%04x outputs=0x%04x program_state=%d program=%u step=%u power=%d"
+	        " address=%u heard=%" PRIu32 " replies=%" PRIu32 " failed=%" PRIu32,
+	        (unsigned)sim_xyza_inputs(node->xyza), (unsigned)sim_xyza_outputs(node->xyza),
+	        (int)sim_xyza_program_state(node->xyza), sim_xyza_program(node->xyza),
+	        sim_xyza_step(node->xyza), sim_xyza_powered(node->xyza),
+	        sim_xyza_number(node->xyza), node->heard, node->replies,
+	        sim_xyza_failures(node->xyza));
 	for (size_t i = 0; i < sizeof(counted) / sizeof(counted[0]); i++)
-		(void)fprintf(out, " %s=%" PRIu32, counted[i].name,
-		              sim_xyza_count(node->xyza, counted[i].verb));
+		fprintf(out, " %s=%" PRIu32, counted[i].name,
+		        sim_xyza_count(node->xyza, counted[i].verb));
 }
 
 static unsigned get_address(const struct sim_node *node)
@@ -110,7 +112,8 @@ static unsigned get_address(const struct sim_node *node)
 	return sim_xyza_number(node->xyza);
 }
 
-/* --- what happens to it ---------------------------------------------------------------------------- */
+/* --- from outside
+ * ------------------------------------------------------------------------------ */
 
 static void set_address(struct sim_node *node, unsigned address)
 {
@@ -170,7 +173,7 @@ static const struct sim_family_command commands[] = {
 	{ NULL, NULL },
 };
 
-/* A controller does not see its motors: to it they never stall. */
+/* A controller does not sense its motors: for it they never stall. */
 const struct sim_family sim_xyza_family = {
 	.protocol = &sim_xyza_protocol,
 	.open = open_controller,

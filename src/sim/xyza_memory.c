@@ -2,7 +2,7 @@
 #include "sim/xyza_memory.h"
 
 #include "codec/xyza_params.h"
-#include "sim/flash.h"
+#include "sim/sim_private.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -12,7 +12,7 @@
 #define TEXT_MAX 4096
 #define END "end\n"
 
-/* Where it is kept. */
+/* The axis under which the item is stored. */
 static enum xyza_axis home(enum xyza_item item, enum xyza_axis axis)
 {
 	return xyza_item_of_axis(item) ? axis : XYZA_X;

@@ -9,9 +9,10 @@
  * callgrind for these. Nothing here depends on time or chance.
  */
 #include "../fuzz/line.h"
-#include "config/load.h"
+#include "config/config_private.h"
 #include "drivebridge/registers.h"
 #include "drivebridge/server.h"
+#include "fakes/places.h"
 #include "sched/engine.h"
 
 #include <arpa/inet.h>
@@ -32,7 +33,7 @@ struct front {
 	struct db_axis *axes[LINE_DRIVES];
 	struct db_registers *registers;
 	struct db_server *server;
-	struct db_request request; /* to be completed */
+	struct fake_place place; /* of the request that is to be completed */
 	int client;
 };
 
@@ -50,11 +51,16 @@ static uint64_t wall_us(void *context)
 	return 1;
 }
 
-static bool submit(void *context, struct db_bus *bus, const struct db_request *request)
+static struct db_request *submit(void *context, struct db_bus *bus,
+                                 const struct db_request *request)
 {
 	(void)bus;
-	((struct front *)context)->request = *request;
-	return true;
+	return fake_place_fill(&((struct front *)context)->place, 1, request);
+}
+
+static void release(void *context, struct db_request *request)
+{
+	fake_place_release(&((struct front *)context)->place, 1, request);
 }
 
 static void answer(void *context, struct db_write_token token, uint8_t exception)
@@ -78,6 +84,7 @@ static const struct db_registers_ops ops = {
 	.now = now_of,
 	.wall_us = wall_us,
 	.submit = submit,
+	.release = release,
 	.answer = answer,
 	.bus_stats = bus_stats,
 	.server_stats = server_stats,
@@ -106,7 +113,7 @@ static void make_registers(struct front *front, const struct db_config *config)
 	const struct db_roster roster = { &config->modbus, &bus, 1, drives, LINE_DRIVES };
 
 	for (size_t i = 0; i < LINE_DRIVES; i++) {
-		front->axes[i] = db_axis_new();
+		front->axes[i] = db_axis_new(config->buses[0].driver->param_count);
 		must(front->axes[i]);
 		db_axis_publish(front->axes[i], &snapshot);
 		drives[i] = (struct db_roster_drive){ (uint16_t)i, 0, &config->drives[i],
@@ -142,11 +149,8 @@ void work_of_the_loop(sd_event *loop)
 
 static void complete(struct front *front)
 {
-	const struct db_completion completion = { .ticket = front->request.ticket,
-		                                  .drive = front->request.drive,
-		                                  .result = DB_RESULT_OK };
-
-	db_registers_complete(front->registers, &completion, standing);
+	db_registers_complete(front->registers,
+	                      fake_place_end(&front->place.request, DB_RESULT_OK, 0), standing);
 }
 
 static void ask(struct front *front, const uint8_t *adu, size_t length, bool write)
@@ -233,7 +237,8 @@ static void run_cycles(enum family family, unsigned times)
 	back.now = standing;
 	line_open(&back.line, family, &bus, LINE_DRIVES, 0, back.now);
 	for (size_t i = 0; i < LINE_DRIVES; i++) {
-		drives[i] = (struct db_bus_drive){ (uint16_t)i, &config->drives[i], db_axis_new() };
+		drives[i] = (struct db_bus_drive){ (uint16_t)i, &config->drives[i],
+			                           db_axis_new(bus.driver->param_count) };
 		must(drives[i].axis);
 	}
 	must(db_queue_new(8, LINE_DRIVES, &queue) == 0);

@@ -3,6 +3,7 @@
 
 import csv
 import os
+import pwd
 import random
 import re
 import signal
@@ -77,6 +78,14 @@ def eventually(check, timeout=10.0, what=None):
         if time.monotonic() > deadline:
             raise AssertionError(f"not within {timeout} s: {what or check}; last {value!r}")
         time.sleep(0.005)
+
+
+def as_shown(address):
+    """How the service shows a Modbus client of the tests at this address of the loopback: with its user."""
+    try:
+        return f"{address}, user {pwd.getpwuid(os.geteuid()).pw_name}"
+    except KeyError:
+        return f"{address}, user {os.geteuid()}"
 
 
 def free_address():
@@ -225,6 +234,7 @@ MOVING_BIT = bit("status", "moving")
 AT_TARGET_BIT = bit("status", "at_target")
 LATCHED_BIT = bit("status", "latched")
 ORIGIN_LOST_BIT = bit("status", "origin_lost")
+MUST_STAND_BIT = bit("status", "must_stand")
 PARAMS_VALID_BIT = bit("status", "params_valid")
 ABORTED_BIT = bit("status", "aborted")
 

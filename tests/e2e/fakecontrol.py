@@ -46,6 +46,8 @@ class Fake:
         self.calls = []
         self.values = {"axis_state": 2, "error": 0, "status": 3, "age_ms": 12, "position": 100,
                        "velocity": 0.0}
+        # What is wrong by name: cause, need, advice.
+        self.troubles = {}
         self.answers = {
             "Describe": {
                 "version": "0.1.0", "configuration": "/etc/x.conf", "started_us": 0, "may_act": True,
@@ -58,6 +60,10 @@ class Fake:
             "Registers": {"registers": REGISTERS},
             "Commands": {"commands": COMMANDS},
             "Read": lambda parameters: {"values": self.values},
+            "Troubles": lambda parameters: {
+                "drives": [self.trouble("drive", name) for name in parameters["drives"] or ["feeder", "lift"]],
+                "buses": [self.trouble("bus", "line")], "configuration": self.trouble("configuration", ""),
+                "well": not any(need in ("look", "act") for _, need, _ in self.troubles.values())},
             "Write": {"result": "ok"},
             "Run": {"result": "ok"},
             "Clock": {"token": "8f3a2c71-123456"},
@@ -67,6 +73,10 @@ class Fake:
         self.socket.listen(8)
         self.connections = []
         threading.Thread(target=self._accept, daemon=True).start()
+
+    def trouble(self, kind, name):
+        cause, need, advice = self.troubles.get(name, ("none", "nothing", ""))
+        return {kind: name, "cause": cause, "need": need, "detail": "", "since_us": 0, "advice": advice, "event": None}
 
     def _accept(self):
         while True:

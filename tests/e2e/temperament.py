@@ -3,9 +3,10 @@
 
 Each is a key of the simulator's configuration. test_temperaments_FAMILY.py lists a family's as
 TEMPERAMENTS and runs the family's core behaviour under each of them, and under combinations;
-tests/tools/temperaments-table writes docs/guide/temperaments.md from the lists.
+docs/generate/temperaments-table writes docs/temperaments.md from the lists.
 
-A long run has TEMPERAMENT_COMBINATIONS=200; TEMPERAMENT_SEED gives other combinations.
+A long run has TEMPERAMENT_COMBINATIONS=200; TEMPERAMENT_SEED gives other combinations. TEMPERAMENT_ONLY names one
+set, as name() does, and there is no other then. tests/temperaments sets them.
 """
 
 import os
@@ -25,6 +26,9 @@ class Temperament:
     bus, drive
              what has to be set in the bridge's configuration for such a drive, as pairs; most need
              nothing
+    sim_bus, sim_drive
+             what else the simulator has to be told, as pairs
+    core     whether a PLC's commands work with it; where not, tests elsewhere show what it sees
     """
 
     family: str
@@ -34,11 +38,23 @@ class Temperament:
     section: str = "drive"
     bus: tuple = ()
     drive: tuple = ()
+    sim_bus: tuple = ()
+    sim_drive: tuple = ()
+    core: bool = True
+
+
+def written(value):
+    """As the simulator's configuration has it, but for quotes and braces."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (list, tuple)):
+        return ",".join(str(item) for item in value)
+    return str(value)
 
 
 def name(temperaments):
     """Of a set of them, for the ids of tests."""
-    return "+".join(f"{one.key}={one.value}" for one in temperaments) or "plain"
+    return "+".join(f"{one.key}={written(one.value)}" for one in temperaments) or "plain"
 
 
 def _merge(keys, pairs):
@@ -50,13 +66,13 @@ def _merge(keys, pairs):
 
 
 def options(temperaments, **given):
-    """What Bridge() is to be given for a drive with these temperaments, beside `given`."""
-    merged = {key: dict(given.get(key) or {}) for key in ("bus", "drive", "sim_bus", "sim_drive")}
+    """What Bridge() is to be given for a drive with these temperaments, beside `given`. What they need goes before that."""
+    needed = {key: {} for key in ("bus", "drive", "sim_bus", "sim_drive")}
     for one in temperaments:
-        merged[f"sim_{one.section}"][one.key] = one.value
-        _merge(merged["bus"], one.bus)
-        _merge(merged["drive"], one.drive)
-    return {**given, **merged}
+        needed[f"sim_{one.section}"][one.key] = one.value
+        for section, keys in needed.items():
+            _merge(keys, getattr(one, section))
+    return {**given, **{section: {**(given.get(section) or {}), **keys} for section, keys in needed.items()}}
 
 
 def start(make_bridge, temperaments, **given):
@@ -83,3 +99,15 @@ def combinations(temperaments, count=None, seed=None, agree=lambda chosen: True)
         if len(chosen) >= least and agree(chosen):
             sets.append(chosen)
     return sets
+
+
+def sets(temperaments, agree=lambda chosen: True):
+    """What a family's tests run under: nothing, each one, and combinations; or what TEMPERAMENT_ONLY names."""
+    temperaments = [one for one in temperaments if one.core]
+    only = os.environ.get("TEMPERAMENT_ONLY")
+    if only is None:
+        return [(), *((one,) for one in temperaments), *combinations(temperaments, agree=agree)]
+    known = {name([one]): one for one in temperaments}
+    parts = [part for part in only.split("+") if part != "plain"]
+    # Another family of the same file may not know it.
+    return [tuple(known[part] for part in parts)] if known.keys() >= set(parts) else []

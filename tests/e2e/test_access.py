@@ -2,7 +2,10 @@
 """Who may do what: places kept for writers, limits per address, who is connected, and control of a
 drive by one client at a time. Several source addresses of the loopback network stand for clients."""
 
+import os
+import signal
 import struct
+import subprocess
 import time
 
 import pytest
@@ -14,6 +17,7 @@ from bridgelib import (
     RESULT_OK,
     RESULT_UNSUPPORTED,
     Client,
+    as_shown,
     eventually,
 )
 
@@ -147,7 +151,7 @@ def test_who_is_connected(make_bridge):
         assert shown["client3_idle_s"] <= shown["client3_connected_s"] < 60
         assert gateway.read("client4_ipv4") == 0
         assert [gateway.read(f"client{i}_address") for i in range(1, 5)] == \
-            ["127.0.0.1", PLC, HMI, ""]
+            [as_shown("127.0.0.1"), as_shown(PLC), as_shown(HMI), ""]
     gone(bridge, 1)
     assert gateway.read("client2_ipv4") == 0
     assert gateway.read("client16_address") == ""
@@ -305,3 +309,109 @@ def test_control_and_the_vendors_map(make_bridge):
         assert vendor.request(enable, unit=101) == enable
         assert plc.read("control_holder") == number_of(SECOND_PLC)
         assert plc.command("enable") == BUSY
+
+
+# --- users of this machine
+
+DAEMON, NOBODY = 1, 65534  # the first one's group is daemon's own, on every Debian
+ENABLE_WRITE = struct.pack(">BHH", 6, 101, 1)  # `command`
+AS_USER = """
+import socket, struct, sys
+s = socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=10)
+print("connected", flush=True)
+for pdu in map(bytes.fromhex, sys.argv[3:]):
+    try:
+        s.sendall(struct.pack(">HHHB", 1, 0, len(pdu) + 1, 1) + pdu)
+        if sys.argv[2] == "leave":
+            break
+        head = s.recv(7, socket.MSG_WAITALL)
+    except ConnectionError:
+        head = b""
+    if len(head) < 7:
+        print("closed", flush=True)
+        break
+    print(s.recv(struct.unpack(">H", head[4:6])[0] - 1, socket.MSG_WAITALL).hex(), flush=True)
+    if sys.argv[2] == "wait":
+        sys.stdin.readline()
+"""
+
+only_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")
+
+
+def as_user(bridge, user, *pdus, how="stay"):
+    """A Modbus client of that user, without other groups than its own."""
+    return subprocess.Popen(
+        ["setpriv", "--reuid", str(user), "--regid", str(user), "--clear-groups", "/usr/bin/python3", "-c", AS_USER,
+         str(bridge.port), how, *(pdu.hex() for pdu in pdus)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+
+def answers(process):
+    """Of a client that has nothing more to send."""
+    lines = process.communicate(timeout=20)[0].splitlines()
+    assert process.returncode == 0 and lines[0] == "connected"
+    return lines[1:]
+
+
+def newest_client(bridge):
+    """Of the newest command, as the history has it."""
+    return bridge.drive().read("history1_address")
+
+
+@only_root
+def test_users_of_this_machine(make_bridge):
+    """The address may write; the user decides, as it does at the control socket."""
+    bridge = make_bridge(control={"act-group": "daemon"})
+    mark = bridge.sim.mark()
+    read, refused, fetched = answers(as_user(bridge, NOBODY, READ, ENABLE_WRITE, READ))
+    assert read.startswith("0314") and fetched.startswith("0314")
+    assert refused == "8601"
+    assert "1 ena" not in bridge.sim.sent(mark)
+    assert bridge.told("client 127.0.0.1, user nobody: connected (port ")
+    bridge.told("client 127.0.0.1: write refused: on this machine only root,")
+    assert answers(as_user(bridge, DAEMON, ENABLE_WRITE)) == [ENABLE_WRITE.hex()]
+    assert bridge.sim.sent(mark).count("1 ena") == 1
+    assert newest_client(bridge) == "127.0.0.1, user daemon"
+    # The tests are root.
+    assert bridge.drive().command("enable") == 0
+    assert newest_client(bridge) == "127.0.0.1, user root"
+    # For a PLC that knows addresses only.
+    assert bridge.drive().read("history1_ipv4") == number_of("127.0.0.1")
+
+
+@only_root
+def test_a_user_who_may_not_even_read(make_bridge):
+    bridge = make_bridge(control={"read-group": "daemon"}, modbus={"listen": "[::]:0"})
+    assert answers(as_user(bridge, NOBODY, READ)) == ["closed"]
+    assert answers(as_user(bridge, DAEMON, READ, ENABLE_WRITE))[1] == "8601"
+    bridge.told("connection refused: its user is in neither read-group nor act-group")
+
+
+@only_root
+def test_a_user_who_has_gone_is_not_root(make_bridge):
+    """The kernel has no owner for a socket that was closed, and says root's number."""
+    bridge = make_bridge()
+    mark = bridge.sim.mark()
+    bridge.process.send_signal(signal.SIGSTOP)
+    try:
+        assert answers(as_user(bridge, NOBODY, ENABLE_WRITE, how="leave")) == []
+    finally:
+        bridge.process.send_signal(signal.SIGCONT)
+    bridge.told("client 127.0.0.1: write refused: on this machine only root,")
+    assert "1 ena" not in bridge.sim.sent(mark)
+    assert bridge.told("client 127.0.0.1, user unknown: connected (port ")
+
+
+@only_root
+def test_everybody_of_this_machine_until_a_reload(make_bridge):
+    bridge = make_bridge(modbus={"local-writers": "everybody"})
+    process = as_user(bridge, NOBODY, ENABLE_WRITE, ENABLE_WRITE, READ, how="wait")
+    assert [process.stdout.readline().strip() for _ in range(2)] == ["connected", ENABLE_WRITE.hex()]
+    assert newest_client(bridge) == "127.0.0.1, user nobody"
+    bridge.sections["modbus"]["local-writers"] = "command-group"
+    bridge.reload()
+    for answer in ("8601", "0314"):
+        process.stdin.write("\n")
+        process.stdin.flush()
+        assert process.stdout.readline().startswith(answer)
+    process.communicate("\n", timeout=20)

@@ -10,7 +10,7 @@ import signal
 import time
 
 import pytest
-from bridgelib import NO_ERROR, eventually
+from bridgelib import ENABLED_BIT, NO_ERROR, eventually
 from browserlib import PHONE, Chromium, Visitor, expect, findings, picture
 from relay import Relay
 from weblib import OPERATOR, READER, Webd
@@ -21,7 +21,7 @@ STANDS_WITHIN = 0.5
 RAMP = 640000
 # The watchdog has no part in it.
 UNITS = {"counts-per-unit": 320.0, "unit-name": "mm", "max-velocity": 100.0, "watchdog-ms": 30000}
-VIEWS = ["", "drive/drive1", "parameters/drive1", "scan", "scope", "trace", "events"]
+VIEWS = ["", "drive/drive1", "commission/drive1", "parameters/drive1", "scan", "scope", "trace", "events"]
 
 
 @pytest.fixture(scope="module")
@@ -209,6 +209,8 @@ def test_who_may_only_read_has_nothing_to_act_with(site, visit):
     view = visitor.go("drive/drive1")
     expect(view.locator(".plot")).to_be_visible()
     assert view.locator("#jog, #commands, #stop").count() == 0
+    assert view.get_by_role("link", name="Commission").count() == 0
+    expect(visitor.go("commission/drive1")).to_contain_text("needs the role operator")
     view = visitor.go("parameters/drive1")
     expect(view.locator("#parameters-table")).to_be_visible()
     assert view.locator("#parameters-table input").count() == 0
@@ -501,7 +503,13 @@ def test_a_stop_that_the_drive_does_not_confirm_can_be_taken_away_by_hand(site, 
     page = visitor.page
     alarm = page.locator("#stop-alarm")
     bridge.sim.fault("silence on", "drive2")
-    expect(page.locator('tr[data-drive="drive2"]')).to_contain_text("Offline")
+    row = page.locator('tr[data-drive="drive2"]')
+    expect(row).to_contain_text("Offline")
+    # Why, what to do and the event about it are the service's.
+    expect(row).to_contain_text("no answer")
+    expect(row).to_contain_text("check its power, its cable and its address; it comes back by itself")
+    expect(row).to_contain_text("does not answer at address 2")
+    expect(page.locator("#summary")).to_have_text("1 drive needs you")
     page.locator("#stop-all").click()
     # It is named, and the one that stands is not.
     expect(alarm).to_contain_text("drive2: stop (")
@@ -513,6 +521,97 @@ def test_a_stop_that_the_drive_does_not_confirm_can_be_taken_away_by_hand(site, 
     expect(alarm).to_contain_text("NOT CONFIRMED")
     bridge.sim.fault("silence off", "drive2")
     expect(alarm).to_be_hidden()
+
+
+# --- the first drive of a kind ------------------------------------------------------------------------------------
+
+
+def begin_step(visitor, step, seconds=""):
+    """Up to the question whether it may move."""
+    view = visitor.go("commission/drive1")
+    view.locator("#commission-step").select_option(step)
+    view.locator("#commission-seconds").fill(seconds)
+    view.locator("#commission-begin").click()
+    answer(view, "uncoupled", "yes")
+    expect(view.locator("#commission-question")).to_contain_text("Go on?")
+    return view
+
+
+def answer(view, question, choice):
+    expect(view.locator("#commission-question")).to_contain_text(question)
+    view.locator(f'#commission-answers [data-answer="{choice}"]').click()
+
+
+def test_a_drive_is_commissioned_in_the_browser(make_site, visit):
+    """As by drivebridgectl: questions, a motion, what contradicts a setting, the section to paste, the report."""
+    site = make_site(drives=1, sim_drive={"speed": "unsigned", "set": ["spd=3200", f"acc={RAMP}", f"dec={RAMP}", "pae=1"]},
+                     drive={**UNITS, "reaction-ms": 800})
+    visitor = visit(site)
+    visitor.go("drive/drive1").get_by_role("link", name="Commission").click()
+    view = begin_step(visitor, "speed", "0.8")
+    assert motions(site.bridge) == []
+    answer(view, "Go on?", "yes")
+    expect(view.locator('tr[data-setting="speed-sign"]')).to_have_attribute("data-verdict", "contradicted")
+    expect(view.locator("#commission-counts")).to_contain_text("1 contradicted")
+    assert len(motions(site.bridge)) >= 1 and not is_moving(site.bridge)
+    assert "speed-sign = position" in view.locator("#commission-result textarea").input_value()
+    picture(visitor.page, "web-commission")
+    with visitor.page.expect_download() as download:
+        view.locator("#commission-report").click()
+    report = download.value.path().read_text(encoding="utf-8")
+    assert download.value.suggested_filename.startswith("drive1.commissioning-")
+    assert "commissioning of drive1 (vsmd-serial on bus line)" in report and "counts-per-unit = 320" in report
+    assert f"{OPERATOR[0]} at 127.0.0.1: commission" in site.log()
+    # It can begin again, and an answer that is none is said.
+    view.locator("#commission-begin").click()
+    answer(view, "uncoupled", "no")
+    expect(view.locator("#commission-now")).to_have_text("Done. The motor has no power.")
+
+
+def hide(visitor, hidden=True):
+    visitor.page.evaluate("""hidden => {
+        Object.defineProperty(document, "hidden", { value: hidden, configurable: true });
+        document.dispatchEvent(new Event("visibilitychange"));
+    }""", hidden)
+
+
+def test_a_trial_ends_and_nothing_moves_on(site, visit):
+    """Stops of the page, and a page that is not seen any more: of this step's two motions the second never comes."""
+    bridge, visitor = site.bridge, visit(site)
+    page = visitor.page
+    ways = [lambda: page.locator("#commission-stop").click(), lambda: page.locator("#stop-all").click(),
+            lambda: page.keyboard.press("Space"), lambda: hide(visitor), lambda: visitor.go("events"), page.close]
+    for number, end in enumerate(ways, 1):
+        view = begin_step(visitor, "stop", "5")
+        begun, count = time.monotonic(), len(motions(bridge))
+        answer(view, "Go on?", "yes")
+        wait_moving(bridge)
+        ended = time.monotonic()
+        end()
+        # Beats that a busy machine did not bring in time have ended it before.
+        assert begun + wait_stand(bridge, begun) - ended < 1.0
+        if number <= 3:
+            expect(view.locator("#commission-now")).to_contain_text("Interrupted")
+            expect(view.locator("#commission-begin")).to_be_enabled()
+        eventually(lambda expected=number: site.log().count("commissioning of drive1 ended") == expected,
+                   what="the server to end it")
+        if number == 4:
+            hide(visitor, False)
+        bridge.wait_standing()
+        assert len(motions(bridge)) == count + 1
+        assert not bridge.drive(1).read("status") & ENABLED_BIT
+
+
+def test_a_browser_that_is_gone_does_not_hold_a_trial(site, visit):
+    """No beat passes any more, and nothing says so: the server's rule stops it."""
+    with Network(site) as network:
+        visitor = visit(site, url=network.url)
+        answer(begin_step(visitor, "motion", "5"), "Go on?", "yes")
+        wait_moving(site.bridge)
+        since = time.monotonic()
+        network.hold()
+        assert wait_stand(site.bridge, since) < STANDS_WITHIN + 0.3
+        site.wait_for_log("commissioning of drive1 ended")
 
 
 # --- for everybody -----------------------------------------------------------------------------------------------
@@ -681,6 +780,61 @@ def test_a_drive_that_no_configuration_names_is_found(make_site, visit):
     site.bridge.reload(site.bridge.config_path.read_text(encoding="utf-8") + pasted)
     visitor.go("")
     expect(visitor.page.locator("#drives tbody tr")).to_have_count(2)
+
+
+def test_a_found_drive_gets_another_address(make_site, visit):
+    site = make_site(drives=1, sim_drives=2, bus={"cycle-ms": 100, "drive-latency-ms": 12}, sim_drive={"settles": "at-once"})
+    visitor = visit(site)
+    view = visitor.go("scan")
+    view.locator("#scan-last").fill("4")
+    view.locator("#scan-start").click()
+    view.get_by_role("button", name="Give address 2 another address or speed").click()
+    question = visitor.page.get_by_role("dialog")
+    steps = view.locator("#setup-steps")
+    # Who does not want it after all has changed nothing.
+    view.locator("#setup-to").fill("9")
+    view.locator("#setup-start").click()
+    expect(question).to_contain_text("the drive at address 2 of line (VSMD")
+    question.get_by_role("button", name="Cancel").click()
+    expect(steps).to_contain_text("Nothing was changed")
+    view.locator("#setup-start").click()
+    question.get_by_role("button", name="Go on").click()
+    expect(question).to_contain_text("save_parameters")
+    question.get_by_role("button", name="Save").click()
+    expect(steps).to_contain_text("Done: it answers at address 9")
+    assert site.bridge.sim.get("drive2")["address"] == 9
+
+
+def test_a_move_is_captured_around_its_trigger(site, visit):
+    visitor = visit(site)
+    view = visitor.go("scope/drive1")
+    expect(view.locator("#scope-channels li")).to_have_count(2)
+    view.locator("#scope-trigger-drive").select_option("drive1")
+    view.locator("#scope-trigger-value").select_option("position")
+    view.locator("#scope-relation").select_option(">")
+    view.locator("#scope-limit").fill("far")
+    view.locator("#scope-start").click()
+    expect(view.locator("#scope-problem")).to_contain_text('"far" is no whole number')
+    view.locator("#scope-limit").fill("100")
+    view.locator("#scope-duration").fill("0.2")
+    view.locator("#scope-start").click()
+    expect(view.locator("#scope-said")).to_contain_text("Waits for drive1.position>100")
+
+    def captured():
+        """Its samples may come only after some moves."""
+        site.bridge.drive(1).settle("move_absolute", target_position=640)
+        site.bridge.drive(1).settle("move_absolute", target_position=0)
+        return "Waits" not in view.locator("#scope-said").inner_text()
+
+    eventually(captured, 60, "the trigger to come")
+    expect(view.locator("#scope-said")).to_contain_text("samples")
+    with visitor.page.expect_download() as download:
+        view.locator("#scope-save").click()
+    rows = [line.split(",") for line in download.value.path().read_text(encoding="utf-8").splitlines()[1:]]
+    # What was before it, and the position at it.
+    assert float(rows[0][0]) < 0
+    at = [row for row in rows if float(row[0]) == 0]
+    assert at and float(at[0][2]) > 100
 
 
 def test_the_wire_and_the_log_are_read(site, visit):

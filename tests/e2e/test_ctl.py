@@ -13,7 +13,7 @@ import time
 
 import pytest
 import varlink
-from bridgelib import ROOT, STANDSTILL, eventually, find_program
+from bridgelib import ROOT, STANDSTILL, as_shown, eventually, find_program
 from test_ctl_alone import RIGHT, Terminal
 
 PAGE = ROOT / "docs" / "guide" / "drivebridgectl.md"
@@ -67,6 +67,13 @@ def test_status_is_well_until_a_drive_is_silent(plant):
     assert run(plant, "status").stdout.splitlines()[1].split()[0] == "lift"
     (told,) = objects(plant, "status", status=1)
     assert told["drives"][0]["need"] == "act" and told["drives"][0]["state"] == "Offline"
+    # The service's own record: since when, and the latest event about it.
+    trouble = told["drives"][0]["trouble"]
+    assert trouble["cause"] == "no_answer" and trouble["since_us"] > 0
+    assert told["drives"][0]["next"] == trouble["advice"]
+    after = run(plant, "status").stdout.splitlines()
+    told_of = after[after.index(lines[0]) + 1]
+    assert told_of.startswith("  since 20") and told_of.endswith(trouble["event"]["text"])
 
 
 def test_show_has_values_with_names_and_parameters(plant):
@@ -128,12 +135,12 @@ def test_history_tells_what_was_commanded_and_by_whom(plant):
                                   rf"write +register={unit.row('spd').address} +ok +{took} +{user}",
                                   rf"move_absolute +target_position=9000000 target_velocity=0 +limit +{took} +{user}",
                                   rf"move_absolute +target_position=640 target_velocity=1600 +ok +{took} +{user}",
-                                  rf"enable +ok +{took} +127\.0\.0\.1 port \d+"), strict=True):
+                                  rf"enable +ok +{took} +127\.0\.0\.1 port \d+, user {getpass.getuser()}"), strict=True):
         assert re.fullmatch(rf"{when}  {rest} *", line), line
     told = objects(plant, "history", "feeder")
     assert [one["sequence"] for one in told] == [5, 4, 3, 2, 1]
     assert told[0]["user"] == "Jürgen" and told[3]["arguments"] == {"target_position": 640, "target_velocity": 1600}
-    assert (told[2]["result"], told[4]["address"], told[4]["user"]) == ("limit", "127.0.0.1", "")
+    assert (told[2]["result"], told[4]["address"], told[4]["user"]) == ("limit", as_shown("127.0.0.1"), "")
 
 
 def test_bus_metrics_and_events_tell_of_the_same_plant(plant):
@@ -190,6 +197,28 @@ def test_run_waits_for_the_end_of_the_motion(plant):
     assert plant.drive(1).read("position") == 16000
     assert objects(plant, "run", "feeder", "disable") == [
         {"drive": "feeder", "command": "disable", "result": "ok"}]
+
+
+def test_words_of_their_own_and_peoples_units(plant):
+    unit = plant.drive(1)
+    assert ctl(plant, "enable", "feeder") == "feeder: enable: ok\n"
+    assert ctl(plant, "move", "feeder", "10mm") == "feeder: move_absolute: ok\n"
+    assert unit.read("position") == 6400
+    # A number below 0 is no option; what has no unit is counts.
+    assert ctl(plant, "move", "--relative", "feeder", "-5mm", "20mm/s") == "feeder: move_relative: ok\n"
+    assert unit.read("position") == 3200
+    (told, *_) = objects(plant, "history", "feeder")
+    assert (told["command"], told["arguments"]) == \
+        ("move_relative", {"target_position": -3200, "target_velocity": 12800.0})
+    ctl(plant, "run", "feeder", "move_absolute", "target_velocity=20mm/s", "-640")
+    assert unit.read("position") == -640
+    assert ctl(plant, "move", "feeder", "1cm", status=2) == \
+        'drivebridgectl: target_position: "cm" is no unit of it; right are counts and mm\n'
+    assert ctl(plant, "move", "feeder", "1mm", "1", "2", status=2).startswith("drivebridgectl: usage: ")
+    assert ctl(plant, "run", "feeder", "enable", "7", status=2) == 'drivebridgectl: enable takes no "7"\n'
+    assert "12806.4 is out of range, -12800 to 12800 counts/s" in \
+        ctl(plant, "move", "feeder", "0mm", "20.01mm/s", status=2)
+    assert ctl(plant, "disable", "feeder") == "feeder: disable: ok\n"
 
 
 def test_what_is_refused_says_why_and_ends_with_1(plant):
@@ -279,7 +308,7 @@ def test_a_configuration_is_checked_and_taken(plant):
     assert told["right"] is False and told["lines"]
     assert "nothing" in ctl(plant, "reload", status=1)
     # It is there, and says that a restart would be another matter.
-    assert "configuration: the one on disk is refused" in ctl(plant, "status", status=1)
+    assert "configuration: refused: " in ctl(plant, "status", status=1)
 
 
 # --- terminals -------------------------------------------------------------------------------------

@@ -163,22 +163,50 @@ def test_the_worst_comes_first_with_what_to_do(fake):
     bad = {"axis_state": 0, "error": 1, "status": 0, "age_ms": 4294967295}
     fake.answers["Read"] = lambda parameters: {
         "values": bad if parameters["drive"] == "lift" else fake.values}
+    fake.troubles["lift"] = ("no_answer", "act", "check its power")
     lines = ctl(fake, "status", status=1).splitlines()
     assert lines[1].split()[:3] == ["lift", "line", "Offline"] and "never" in lines[1]
     assert lines[2].split()[0] == "feeder"
-    assert any(line.startswith("lift: no_answer: check its power") for line in lines)
+    assert "lift: no_answer: check its power" in lines
 
 
-def test_a_latched_watchdog_is_told_with_its_cure(fake):
-    fake.values["status"] = 1 | 1 << 10
-    assert "feeder: stopped by its watchdog: its client fell silent; when the client is back: " \
-        "drivebridgectl run feeder clear_fault" in ctl(fake, "status", status=1)
+def test_what_is_wrong_the_service_alone_says(fake):
+    """Whatever the values are: all that shows it shows the same."""
+    fake.values.update(axis_state=7, error=3, status=1 | 1 << 10)
+    assert ctl(fake, "status").splitlines()[-1] == "all is well"
+    fake.troubles["line"] = ("of_tomorrow", "later", "do this")
+    assert "bus line: of_tomorrow: do this" in ctl(fake, "status")
+    fake.troubles["line"] = ("aside", "look", "wait")
+    assert "bus line: aside: wait" in ctl(fake, "status", status=1)
 
 
-def test_a_bus_that_is_down_needs_somebody(fake):
-    fake.answers["Describe"]["buses"][0]["up"] = False
-    assert "bus line: its port is not open: check the adapter at /dev/ttyS0" in \
-        ctl(fake, "status", status=1)
+def test_a_hint_is_no_fault(fake):
+    fake.troubles["feeder"] = ("params_unsaved", "hint", "save them")
+    fake.troubles["lift"] = ("params_unsaved", "hint", "save them")
+    lines = ctl(fake, "status").splitlines()
+    assert lines[1].endswith("  save_parameters") and lines[-1] == "no faults, 2 hints"
+
+
+def test_status_fits_the_terminal(fake, terminal):
+    fake.troubles["feeder"] = ("watchdog", "act", "its client fell silent; when the client is back: drivebridgectl run feeder clear_fault")
+    text = terminal("status", env={"NO_COLOR": "1"}).ends(1).replace("\r", "")
+    assert max(map(len, text.splitlines())) <= 80 and text.endswith("\n1 to act on\n")
+    assert re.search(r"^feeder .* clear_fault$", text, re.M)
+
+
+def test_help_is_asked_for_in_each_way(fake):
+    assert ctl(fake, "help") == ctl(fake, "--help")
+    assert ctl(fake, "help", "params", "restore") == ctl(fake, "params", "restore", "--help")
+    assert "--with-address" in ctl(fake, "help", "params", "restore")
+    assert "there is no command \"mvoe\"; did you mean move?" in ctl(fake, "help", "mvoe", status=2)
+    assert "drivebridgectl help lists them" in ctl(fake, "mvoe", status=2)
+    assert "/drivebridgectl: unrecognized option '--bogus'" in ctl(fake, "status", "stop", "--bogus", status=2)
+
+
+def test_a_service_of_before_an_upgrade_does_not_say_it(fake):
+    del fake.answers["Troubles"]
+    said = ctl(fake, "status", status=1)
+    assert "feeder" in said and "does not say what is wrong" in said and "all is well" not in said
 
 
 def test_colour_is_for_terminals_that_want_it(fake, terminal):
@@ -487,9 +515,8 @@ def test_a_failed_move_is_shown_and_not_repeated(fake, terminal, result, runs):
 def test_a_drive_that_cannot_move_is_not_jogged(fake, terminal):
     fake.values["axis_state"] = 1
     assert "drivebridgectl run feeder enable" in terminal("jog", "feeder").ends(1)
-    fake.values["axis_state"] = 7
-    fake.values["error"] = 3
-    assert "client_loss" in terminal("jog", "feeder").ends(1)
+    fake.troubles["feeder"] = ("watchdog", "act", "clear_fault")
+    assert "feeder: watchdog: clear_fault" in terminal("jog", "feeder").ends(1)
     assert fake.runs() == []
 
 
@@ -545,6 +572,70 @@ def test_watch_as_objects_needs_no_terminal(fake):
     assert fake.called("Subscribe")[0]["interval_ms"] == 0
 
 
+# --- a gateway as one file ---------------------------------------------------------------------------
+
+PORT = "/dev/serial/by-id/usb-OLD-if00-port0"
+PLANT = f"""bus press {{
+	protocol = vsmd-serial
+	device   = "{PORT}" # not "/dev/ttyUSB0"
+}}
+drive feeder {{
+	bus = press
+	address = 1
+	unit = 1
+}}
+end
+"""
+
+
+def test_a_gateway_goes_into_a_file_and_onto_another(fake, terminal, tmp_path):
+    old, new, packed = tmp_path / "old", tmp_path / "new" / "drivebridge", tmp_path / "12:00.tar.gz"
+    for folder, name in ((old, "plant"), (new, "other")):
+        (folder / "conf.d").mkdir(parents=True)
+        (folder / "drivebridge.conf").write_text("end\n")
+        (folder / "conf.d" / f"{name}.conf").write_text(PLANT)
+    (old / "web-users").write_text("anna\n")
+    (old / "web-users").chmod(0o640)
+    fake.answers["Describe"]["configuration"] = str(old / "drivebridge.conf")
+    registers = fake.answers["Registers"]["registers"]
+    bits = {**registers[2], "codes": {"0": "online", "12": "params_valid"}}
+    fake.answers["Registers"] = {"registers": [*registers[:2], bits, *registers[3:]]}
+    fake.values.update({"status": 1 | 1 << 12, "spd": 6400.0})
+    assert "the parameters of 2 drives" in ctl(fake, "backup", packed)
+    assert packed.stat().st_mode & 0o777 == 0o600 and sorted(path.name for path in tmp_path.iterdir())[0] == packed.name
+    # Nothing is done where a port is not known, or with what is no backup.
+    said = ctl(fake, "restore", packed, new, "--yes", status=2)
+    assert f"{PORT} is not on this machine: say --ports {PORT}=DEVICE" in said
+    assert "right is OLD=NEW" in ctl(fake, "restore", packed, new, "--yes", "--ports", PORT, status=2)
+    (tmp_path / "none").write_text("none")
+    assert "none cannot be unpacked" in ctl(fake, "restore", tmp_path / "none", new, "--yes", status=1)
+    assert sorted(path.name for path in new.parent.iterdir()) == ["drivebridge"]
+    assert (new / "conf.d" / "other.conf").read_text() == PLANT
+
+    ctl(fake, "restore", packed, new, "--yes", "--ports", f"{PORT}=/dev/ttyS7")
+    text = (new / "conf.d" / "plant.conf").read_text()
+    assert text == PLANT.replace(PORT, "/dev/ttyS7")
+    assert (new / "web-users").stat().st_mode & 0o777 == 0o640
+    assert (new / "parameters" / "feeder.params").read_text().endswith("end\n")
+    (kept,) = [path for path in new.parent.iterdir() if path != new]
+    assert kept.name.startswith("drivebridge.before-20") and (kept / "conf.d" / "other.conf").exists()
+    assert not (new / "conf.d" / "other.conf").exists()
+
+    # By hand, into a folder that is not there yet; a configuration that is wrong stays outside.
+    on = terminal("restore", packed, str(new.parent / "third"))
+    on.shows("which one is it")
+    on.press(b"/dev/ttyS8\n")
+    on.shows("go on\\?")
+    on.press(b"y\n")
+    on.ends(0)
+    assert '"/dev/ttyS8"' in (new.parent / "third" / "conf.d" / "plant.conf").read_text()
+    (old / "drivebridge.conf").write_text("bogus = 1\nend\n")
+    ctl(fake, "backup", packed)
+    said = ctl(fake, "restore", packed, new, "--yes", "--ports", f"{PORT}=/dev/ttyS7", status=1)
+    assert "is not right here; nothing was changed" in said and "bogus" in said
+    assert (new / "drivebridge.conf").read_text() == "end\n"
+
+
 # --- completion ------------------------------------------------------------------------------------
 
 
@@ -566,6 +657,8 @@ def complete(fake, line):
 
 def test_the_shell_knows_commands_options_and_names(fake):
     assert complete(fake, "drivebridgectl st") == ["status", "stop"]
+    assert complete(fake, "drivebridgectl help com") == ["commission"]
+    assert complete(fake, "drivebridgectl move f") == ["feeder"]
     assert complete(fake, "drivebridgectl stop feeder l") == ["lift"]
     assert complete(fake, "drivebridgectl stop --q") == ["--quick"]
     assert complete(fake, "drivebridgectl status --j") == ["--json"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every exchange that the guide shows in bytes, replayed against the bridge."""
+"""Every exchange that docs/exchanges.md shows in bytes, replayed against the bridge."""
 
 import json
 import re
@@ -8,7 +8,7 @@ import time
 import pytest
 from bridgelib import ROOT, Raw
 
-PAGE = ROOT / "docs" / "guide" / "exchanges.md"
+PAGE = ROOT / "docs" / "exchanges.md"
 SECTION = re.compile(
     r"^## (?P<title>[^\n]*)\n<!-- setup: (?P<setup>[^\n]*) -->\n"
     r"(?:(?!## )[^\n]*\n)*?```exchange\n(?P<steps>.*?)^```$",

@@ -15,10 +15,14 @@ import pytest
 from bridgelib import DISCRETE, HOMING, ROOT, STOPPING, eventually, find_program
 
 GUIDE = ROOT / "docs" / "guide"
-PAGES = sorted(GUIDE.glob("*.md"))
+# Tables that the guide leads to, and that are as long as a book.
+REFERENCE = [ROOT / "docs" / "exchanges.md", ROOT / "docs" / "temperaments.md"]
+PAGES = sorted(GUIDE.glob("*.md")) + sorted((GUIDE / "zh").glob("*.md")) + REFERENCE
 README = ROOT / "README.md"
+READMES = [README, ROOT / "README.zh-CN.md"]
+QUICK = [page for page in PAGES if page.stem.startswith("quick-")]
 FENCES = {"sh", "conf", "ini", "yaml", "udev", "log", "mermaid", "iecst", "scl", "exchange", "console", "mqtt", "mqttconf",
-          "opcua", "opcuaconf", "webconf", "nginx", "lighttpd"}
+          "opcua", "opcuaconf", "webconf", "nginx", "lighttpd", "profile", "text"}
 
 # What mbpoll prints for an exception.
 EXCEPTIONS = {
@@ -46,7 +50,7 @@ FOREIGN = {
     "jog", "run", "watch", "events", "metrics", "scan", "traces", "record",
     # topics and words of drivebridge-mqtt, and what is in its messages
     "drivebridge-mqtt", "online", "no-service", "offline", "state", "changes", "about", "time", "alive", "id",
-    "values", "good", "uncertain", "bad", "null", "retain", "write",
+    "values", "good", "uncertain", "bad", "null", "retain", "write", "hint", "act",
     # drivebridge-opcua: its folders, and words of OPC UA
     "drivebridge-opcua", "trusted", "issuers", "revoked", "Objects", "Server", "Reason", "ClearFault", "Stop",
     "EngineeringUnits", "EURange", "EnumValues", "OptionSetValues",
@@ -54,18 +58,27 @@ FOREIGN = {
     "Good", "GoodCompletesAsynchronously", "UncertainLastUsableValue", "BadNoCommunication", "BadWaitingForInitialData",
     "BadOutOfRange", "BadInvalidState", "BadTimeout", "BadUserAccessDenied", "BadUnknownResponse", "BadNotExecutable", "opcua-client",
     "BadTcpServerTooBusy", "BadInvalidTimestamp", "BadRequestNotComplete", "BadResourceUnavailable", "BadTooManyOperations",
-    "OperationLimits",
+    "OperationLimits", "Diagnosis", "TroubleCause",
     # drivebridge-web
-    "drivebridge-web", "drivebridge-webd", "IPAddressAllow", "drivebridge_web_requests_total", "drivebridge_web_streams",
+    "drivebridge-web", "drivebridge-webd", "IPAddressAllow", "drivebridge_restart_needed", "drivebridge_web_requests_total", "drivebridge_web_streams",
     "drivebridge_web_failed_logins_total", "drivebridge_web_late_jogs_total",
     # events of the log
-    "hold-lost",
+    "hold-lost", "drive-may-have-restarted",
     # sections of the configuration
     "modbus", "bus", "drive",
 }
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*([_-][A-Za-z0-9]+)*")
 SETTING = re.compile(r"([a-z][a-z0-9-]*) = (.+)")
+
+
+def name_of(page):
+    """zh-quick-plc of zh/quick-plc.md, top of the README."""
+    if page in READMES:
+        return "top" if page == README else "top-zh"
+    if page in REFERENCE:
+        return page.stem
+    return "-".join(page.relative_to(GUIDE).with_suffix("").parts)
 
 
 class Block:
@@ -104,7 +117,7 @@ def blocks_of(kind):
 
 
 def names(items):
-    return [f"{page.stem}:{block.line}" for page, block in items]
+    return [f"{name_of(page)}:{block.line}" for page, block in items]
 
 
 def spans(page):
@@ -154,7 +167,9 @@ FAMILIES = {"vsmd-serial", "vsmd-can", "xyza", "servo-can"}
 INTERFACE_NAMES = {word for words in re.findall(
     r"^(?:method|error) (\w+)|\b(\w+): ", (ROOT / "docs" / "io.drivebridge.Control.varlink").read_text(encoding="utf-8"),
     re.M) for word in words}
-KNOWN = set(NUMBERS) | KEY_NAMES | WORDS | FAMILIES | FOREIGN | INTERFACE_NAMES
+STEPS = set(re.findall(r'^\t{ "([a-z-]+)", (?:true|false), ',
+                       (ROOT / "src" / "tools" / "commission" / "steps.c").read_text(encoding="utf-8"), re.M))
+KNOWN = STEPS | set(NUMBERS) | KEY_NAMES | WORDS | FAMILIES | FOREIGN | INTERFACE_NAMES
 
 
 def structured_text(page):
@@ -197,7 +212,7 @@ def wrong_setting(key, value):
     return f"{key} cannot be {value}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_names_exist(page):
     wrong, known = [], KNOWN | structured_text(page) | simulator_words(page) | node_words(page)
     for place, span in spans(page):
@@ -206,13 +221,13 @@ def test_names_exist(page):
             wrong += [f"{place}: {span}: write a register's value in prose"]
         elif setting:
             complaint = wrong_setting(setting[1], setting[2])
-            wrong += [f"{place}: {complaint}"] if complaint else []
+            wrong += [f"{place}: {complaint}"] if complaint and setting[1] not in simulator_words(page) else []
         elif NAME.fullmatch(span) and span not in known:
             wrong.append(f"{place}: {span}")
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_numbers_belong_to_their_names(page):
     wrong = []
     for number, line in parse(page)[1]:
@@ -236,6 +251,23 @@ def test_configuration_is_right(page, block, tmp_path):
     done = subprocess.run([find_program("drivebridged"), "--config", path, "--check"],
                           capture_output=True, text=True, timeout=30, check=False)
     assert done.returncode == 0, f"{page.name}:{block.line}\n{done.stderr}"
+
+
+PROFILES = blocks_of("profile")
+
+
+@pytest.mark.parametrize("page, block", PROFILES, ids=names(PROFILES))
+def test_profile_is_right(page, block, tmp_path):
+    """For a bus of the family that it says."""
+    (tmp_path / "profile.conf").write_text(block.text, encoding="utf-8")
+    protocol = re.search(r"protocol\s*= (\S+)", block.text)[1]
+    path = tmp_path / "guide.conf"
+    path.write_text(f"bus b {{ protocol = {protocol} interface = can0 profile = profile.conf }}\n"
+                    "drive d { bus = b address = 1 unit = 1 }\n", encoding="utf-8")
+    done = subprocess.run([find_program("drivebridged"), "--config", path, "--check"],
+                          capture_output=True, text=True, timeout=30, check=False)
+    assert done.returncode == 0, f"{page.name}:{block.line}\n{done.stderr}"
+    assert "from profile" in done.stdout
 
 
 MQTT_CONFIGURATIONS = blocks_of("mqttconf")
@@ -433,12 +465,8 @@ def type_in(bridge, line):
 
 
 def pages_to_type():
-    return [page for page in [README, *PAGES]
+    return [page for page in [*READMES, *PAGES]
             if any(mbpoll_lines(block) for block in parse(page)[0] if block.kind == "sh")]
-
-
-def name_of(page):
-    return "top" if page == README else page.stem
 
 
 @pytest.mark.parametrize("page", pages_to_type(), ids=name_of)
@@ -496,6 +524,7 @@ def test_comments_name_what_is_at_the_address(page):
 # How a line begins that is not run here, and what it needs.
 NOT_HERE = {
     "sudo apt install": "changes the machine; packaging/check installs the packages, tests/run the others",
+    "sudo apt purge": "changes the machine; packaging/check purges the packages",
     "./demo": "builds all and runs until somebody ends it",
     "./tests/run": "is what runs this",
     "cmake --preset": "builds all, as each phase of tests/run does",
@@ -527,6 +556,9 @@ NOT_HERE = {
     "sudo ip ": "a CAN interface",
     "sudo tcpdump": "traffic of a PLC",
     "drivebridgectl": "test_ctl.py types its page",
+    "sudo drivebridgectl backup": "root's files; test_ctl_alone.py has a backup and what is restored from it",
+    "sudo drivebridgectl restore": "likewise",
+    "ls /dev/serial": "an adapter",
 }
 PROGRAMS = {"drivebridged", "drivebridge-sim"}
 SHELL_WORDS = PROGRAMS | {"drivebridgectl"} | {"sudo", "mbpoll", "journalctl", "systemctl", "ip", "udevadm", "cmake"}
@@ -546,14 +578,14 @@ def shell_lines(page):
 
 def is_run_here(line):
     first = [word for word in line.split() if word != "sudo"][0]
-    return Path(first).name in PROGRAMS or first.startswith("tests/tools/")
+    return Path(first).name in PROGRAMS or first.startswith("docs/generate/")
 
 
 def lines_to_run(page):
     return [line for _, line in shell_lines(page) if is_run_here(line) and " FILE" not in line]
 
 
-@pytest.mark.parametrize("page", [README, *PAGES], ids=name_of)
+@pytest.mark.parametrize("page", [*READMES, *PAGES], ids=name_of)
 def test_every_shell_line_is_run_or_says_what_it_needs(page):
     blocks = {line.strip() for block in parse(page)[0] for line in block.lines}
     wrong = []
@@ -576,7 +608,7 @@ def own_text(page, word):
     return [block.text for block in parse(page)[0] if block.kind == "conf"][-1]
 
 
-@pytest.mark.parametrize("page", [page for page in [README, *PAGES] if lines_to_run(page)],
+@pytest.mark.parametrize("page", [page for page in [*READMES, *PAGES] if lines_to_run(page)],
                          ids=name_of)
 def test_who_starts_the_bridge_may_have_its_port(page):
     for line in lines_to_run(page):
@@ -609,7 +641,7 @@ def command_of(page, line, place):
         for word in words[1:]]
 
 
-@pytest.mark.parametrize("page", [page for page in [README, *PAGES] if lines_to_run(page)],
+@pytest.mark.parametrize("page", [page for page in [*READMES, *PAGES] if lines_to_run(page)],
                          ids=name_of)
 def test_programs_start_as_the_page_says(page, tmp_path):
     """In the page's order; what stays in the foreground goes on until all have started."""
@@ -671,7 +703,8 @@ class Format:
 
 def is_filled_in(text):
     """What a %s stands for: a name, a number with its unit, a text of the program or system."""
-    return re.fullmatch(r"\S*|[0-9]+ \S+", text) or text in SYSTEM_TEXTS or text in LITERALS
+    return (re.fullmatch(r"\S*|[0-9]+ \S+|\S+ \(process [0-9]+\)", text) or text in SYSTEM_TEXTS or text in LITERALS or
+            text.startswith("; ") and any(form.prints(text) for form in ADVICE))
 
 
 def is_printed(line):
@@ -686,6 +719,8 @@ LITERALS = literals()
 FORMATS = [Format(text) for text in sorted(LITERALS)
            if CONVERSION.search(text) and re.search("[A-Za-z:]", CONVERSION.sub("", text)) and
            (len(CONVERSION.findall(text)) <= 2 or re.search("[A-Za-z]", CONVERSION.sub("", text)))]
+# What is added to a message: advice about a port.
+ADVICE = [form for form in FORMATS if form.parts[0].startswith("; ")]
 # What stands before a message: that it is a warning, whom it is about.
 WHOM = re.compile(r"(warning: )?(bus \S+: )?(drive \S+: )?(client \S+: )?")
 
@@ -703,7 +738,7 @@ def log_lines(page):
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if any(log_lines(page))],
-                         ids=lambda page: page.stem)
+                         ids=name_of)
 def test_log_lines_are_those_of_the_program(page):
     wrong = [line for line in log_lines(page) if not is_printed(line)]
     assert not wrong, "\n".join(wrong)
@@ -728,7 +763,7 @@ def anchors(path):
     return found
 
 
-@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md"], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [*READMES, *PAGES], ids=name_of)
 def test_links_lead_somewhere(page):
     wrong = []
     for number, line in parse(page)[1]:
@@ -744,10 +779,28 @@ def test_links_lead_somewhere(page):
 
 def test_every_page_is_in_the_index():
     index = (GUIDE / "README.md").read_text(encoding="utf-8")
-    assert [page.name for page in PAGES if f"]({page.name})" not in index] == ["README.md"]
+    assert [page for page in PAGES if f"]({os.path.relpath(page, GUIDE)})" not in index] == [GUIDE / "README.md"]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", QUICK, ids=name_of)
+def test_a_quick_start_is_one_page(page):
+    """In both languages, with the same commands and configurations."""
+    assert len(page.read_text(encoding="utf-8").splitlines()) <= 60
+    other = {name_of(one): one for one in QUICK}[f"zh-{page.stem}" if page.parent == GUIDE else page.stem]
+    codes = [re.sub(r"\s+#.*", "", block.text) for block in parse(page)[0]]
+    assert codes == [re.sub(r"\s+#.*", "", block.text) for block in parse(other)[0]]
+
+
+@pytest.mark.parametrize("page", [*READMES, *PAGES], ids=name_of)
+def test_commands_of_drivebridgectl_exist(page):
+    known = {row["name"].split()[0] for row in rows("drivebridgectl.csv") if row["kind"] == "command"}
+    lines = [(place, line.removeprefix("sudo ")) for place, line in shell_lines(page)]
+    said = [(place, re.match(r"drivebridgectl (?:--json )?(\S+)", line)) for place, line in lines]
+    wrong = [f"{place}: {match[1]}" for place, match in said if match and match[1] not in {*known, "COMMAND", "--help", "--version"}]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_blocks_say_what_they_are(page):
     wrong = [f"{page.name}:{block.line}: {block.kind or 'nothing'}" for block in parse(page)[0]
              if block.kind not in FENCES]

@@ -17,6 +17,7 @@ from bridgelib import (
     RESULT_RESTARTED,
     STOP,
     Unit,
+    as_shown,
     code,
     decode,
     eventually,
@@ -64,12 +65,12 @@ def test_who_moved_it(bridge):
 
     stop = entry(hmi)
     assert (stop["sequence"], stop["command"], stop["result"]) == (3, STOP, RESULT_OK)
-    assert stop["ipv4"] == 0x7F000003 and address_of(plc) == "127.0.0.3"
+    assert stop["ipv4"] == 0x7F000003 and address_of(plc) == as_shown("127.0.0.3")
     assert stop["port"] == hmi.client.socket.getsockname()[1]
     move = entry(hmi, 2)
     assert (move["sequence"], move["command_id"], move["command"]) == (2, 8, MOVE_VELOCITY)
     assert (move["result"], move["real"]) == (RESULT_OK, -800.5)
-    assert move["ipv4"] == 0x7F000002 and address_of(hmi, 2) == "127.0.0.2"
+    assert move["ipv4"] == 0x7F000002 and address_of(hmi, 2) == as_shown("127.0.0.2")
     assert before <= move["timestamp_us"] < stop["timestamp_us"] <= after
     assert 0 < move["duration_us"] < after - before
     assert entry(hmi, 3)["result"] == RESULT_RESTARTED
@@ -113,7 +114,7 @@ def test_what_the_bridge_does_itself(make_bridge):
     eventually(lambda: entry(looker)["result"] == RESULT_OK, what="the drive to confirm")
     assert bridge.drive().command("move_velocity", target_velocity=800.0) == 4
     assert entry(looker)["result"] == RESULT_LATCHED
-    assert address_of(looker) == "127.0.0.1"
+    assert address_of(looker) == as_shown("127.0.0.1")
 
 
 def test_what_was_refused(make_bridge):
@@ -128,7 +129,7 @@ def test_what_was_refused(make_bridge):
     refused = entry(plc)
     assert (refused["command"], refused["result"], refused["repeats"]) == (
         MOVE_ABSOLUTE, RESULT_NOT_IN_CONTROL, 49)
-    assert (refused["position"], address_of(plc)) == (5, "127.0.0.3")
+    assert (refused["position"], address_of(plc)) == (5, as_shown("127.0.0.3"))
     assert other.write("acc", 1.0) == 6
     assert (entry(plc)["command"], entry(plc)["result"]) == (0, RESULT_NOT_IN_CONTROL)
 

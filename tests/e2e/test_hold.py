@@ -126,7 +126,7 @@ def test_a_holder_that_is_frozen_is_missed_after_its_hold(plant, holder):
     holder.send_signal(signal.SIGSTOP)
     assert stopped(plant, frozen) < 0.3 + PATIENCE
     stands(plant)
-    assert "its beats have stopped" in events(plant)[0]["text"]
+    assert "it no longer sends beats" in events(plant)[0]["text"]
     # What it does when it goes on moves nothing.
     holder.send_signal(signal.SIGCONT)
     assert holder.wait(10) != 0

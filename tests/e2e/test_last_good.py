@@ -79,25 +79,25 @@ def test_a_file_that_would_not_start_is_noticed_and_shown_everywhere(bridge):
     assert bridge.gateway().read("configuration_since_us") > since
     done = ctl(bridge, "status")
     assert done.returncode == 1 and "all is well" not in done.stdout
-    assert "configuration: the one on disk is refused: " in done.stdout and f"\n  {told}" in done.stdout
+    assert "configuration: refused: the loaded configuration stays in force" in done.stdout and f"\n  {told}" in done.stdout
     shown = json.loads(ctl(bridge, "--json", "status").stdout)
     assert shown["well"] is False and shown["configuration_state"] == "refused"
     assert shown["configuration_messages"][0].startswith(told)
     trouble, well = trouble_of(bridge)
     assert (trouble["cause"], trouble["need"], well) == ("refused", "act", False)
-    assert trouble["errors"][0].startswith(told) and "a restart would not run it" in trouble["advice"]
+    assert trouble["errors"][0].startswith(told) and "a restart would not load the file" in trouble["advice"]
     assert "drivebridge_configuration_state 1\n" in ctl(bridge, "metrics").stdout
-    eventually(lambda: "would not come up with it; what runs goes on" in bridge.log_since(offset))
+    eventually(lambda: "a restart would fail; the loaded configuration stays in force" in bridge.log_since(offset))
     # Told once: a reload says it in its own words, and nobody else after it.
-    assert bridge.log_since(offset).count("the configuration on disk has an error") == 1
+    assert bridge.log_since(offset).count("the configuration file has an error") == 1
     log = bridge.reload(WRONG)
-    assert "is wrong and not taken" in log
+    assert "has an error and is not loaded" in log
     wait_for(bridge, "refused")
     bridge.reload()
     wait_for(bridge, "in_force")
     assert bridge.gateway().read("configuration_message") == ""
     assert ctl(bridge, "status").stdout.splitlines()[-1] == "all is well"
-    assert bridge.log_since(offset).count("the configuration on disk has an error") == 1
+    assert bridge.log_since(offset).count("the configuration file has an error") == 1
 
 
 def test_a_wrong_file_that_is_mended_needs_no_reload(bridge):
@@ -121,8 +121,8 @@ def test_a_file_that_is_right_and_not_loaded_is_a_hint(bridge):
     bridge.write_config()
     wait_for(bridge, "changed")
     done = ctl(bridge, "status")
-    assert done.returncode == 0 and done.stdout.splitlines()[-1] == "all is well"
-    assert "configuration: the one on disk has changed: " in done.stdout
+    assert done.returncode == 0 and done.stdout.splitlines()[-1] == "no faults, 1 hint"
+    assert "configuration: changed: the file is right" in done.stdout
     trouble, well = trouble_of(bridge)
     assert (trouble["cause"], trouble["need"], trouble["errors"], well) == ("changed", "hint", [], True)
     assert ctl(bridge, "reload").returncode == 0
@@ -160,13 +160,13 @@ def test_a_start_that_finds_a_wrong_file_runs_the_last_good_one(make_bridge, sta
     wait_for(bridge, "last_good")
     log = bridge.log_since(offset)
     told = f"{bridge.config_path}:1: "
-    assert told in log and "so the LAST GOOD configuration runs instead" in log
+    assert told in log and "so the LAST GOOD configuration is loaded instead" in log
     assert bridge.gateway().read("configuration_message").startswith(told)
     assert bridge.drive().command("enable") == 0
     assert bridge.drive().command("move_relative", target_position=100, target_velocity=3200) == 0
     eventually(lambda: bridge.drive().read("axis_state") == STANDSTILL)
     done = ctl(bridge, "status")
-    assert done.returncode == 1 and "THE LAST GOOD ONE RUNS" in done.stdout
+    assert done.returncode == 1 and "configuration: last_good: THE LAST GOOD CONFIGURATION RUNS" in done.stdout
     trouble, well = trouble_of(bridge)
     assert (trouble["cause"], trouble["need"], well) == ("last_good", "act", False)
     assert trouble["event"]["name"] == "config-last-good"
@@ -175,7 +175,7 @@ def test_a_start_that_finds_a_wrong_file_runs_the_last_good_one(make_bridge, sta
     check = subprocess.run([find_program("drivebridged"), "--config", bridge.config_path, "--check"],
                            capture_output=True, text=True, timeout=20, check=False)
     assert check.returncode == 1 and told in check.stderr
-    assert "and not taken" in bridge.reload(WRONG)
+    assert "and is not loaded" in bridge.reload(WRONG)
     wait_for(bridge, "last_good")
     # A right one is in force as soon as it is loaded, and kept from then on.
     bridge.sections["drive drive1"]["max-velocity"] = 2000
@@ -261,7 +261,7 @@ def test_it_is_not_used_when_nobody_wants_it_or_it_has_no_place(make_bridge, sta
 def test_a_place_that_cannot_be_written_is_told(make_bridge, state):
     (state / (COPY + ".new")).mkdir()
     bridge = make_bridge()
-    bridge.told("cannot keep the last good configuration: ")
+    bridge.told("cannot store the last good configuration: ")
     assert state_of(bridge) == 0
 
 

@@ -762,6 +762,7 @@ def test_the_guides_examples(plant):
             assert commander.result(message.get("id", ""), seen)["result"] == "ok"
     bridge.sim.fault("silence on")
     watcher.wait("event", lambda one: one.json["name"] == "drive-lost")
+    watcher.wait("drive/drive1/trouble", lambda one: one.json["event"])
     for topic, text in lines:
         leaf = topic.removeprefix("drivebridge/gw/").replace("feeder", "drive1")
         if not leaf.endswith(("/command", "/stop")) and text.startswith("{"):

@@ -97,7 +97,7 @@ def test_a_watchdog_s_stop_outlives_silence_while_it_brakes(make_bridge):
                          modbus={"stale": "value"})
     drive = moves(bridge)
     bridge.sim.fault("silence on")
-    bridge.told("silent too long")
+    bridge.told("it was silent for too long")
     eventually(lambda: drive.read("axis_state") == OFFLINE, what="silence")
     assert must_stand(drive)
     assert cause(drive) == "watchdog"

@@ -2,6 +2,7 @@
 """Finding drives on a bus through drivebridgectl: in service and with the bus set aside, two drives on one address,
 and what is printed for the configuration."""
 
+import getpass
 import json
 import re
 import shlex
@@ -10,6 +11,7 @@ import subprocess
 
 import pytest
 from bridgelib import OFFLINE, ROOT, STANDSTILL, eventually, find_program
+from test_control import Tool
 from test_ctl import pattern_of, transcripts
 
 
@@ -123,6 +125,15 @@ def test_a_bus_is_set_aside_only_when_its_drives_stand(make_bridge):
     eventually(lambda: bridge.gateway().read("bus1_up") == 0 or process.poll() is not None)
     eventually(lambda: drive.read("axis_state") == OFFLINE)
     assert drive.command("enable") != 0
+    # Whose scan it is stands in the log and in the record of the bus and of its drives.
+    whose = f"control, user {getpass.getuser()}, drivebridgectl (process {process.pid})"
+    with Tool(bridge) as tool:
+        told = tool.Troubles(["drive2"])
+    for one in (*told["buses"], *told["drives"]):
+        assert (one["cause"], one["need"], one["detail"]) == ("aside", "look", whose), one
+        assert f"bus line is set aside for a scan of {whose}; " in one["advice"]
+        assert f"is set aside for a scan of {whose}: " in one["event"]["text"]
+    assert f"bus line: aside ({whose}): " in run(bridge, "status").stdout
     process.send_signal(signal.SIGINT)
     told, _ = process.communicate(timeout=20)
     assert process.returncode == 1 and "interrupted" in told
@@ -200,6 +211,42 @@ def test_a_drive_gets_another_address(make_bridge, settles):
     # It is kept without power.
     switch_power(bridge, "drive2")
     assert [find["address"] for find in scan(bridge, "--addresses", "1-9")["finds"]] == [1, 9]
+
+
+@pytest.mark.parametrize("settles", ["power-up", "at-once"])
+def test_a_broken_drive_is_replaced(make_bridge, settles):
+    """drive2 is gone; a new one with factory parameters is at the factory address."""
+    bridge = make_bridge(drives=2, bus={**ROOMY, "save-interval-s": 0}, wait_online=False,
+                         sim_drive={"settles": settles, "set": ["spd=6400"]},
+                         sim_per_drive={2: {"address": 31}})
+    bridge.wait_ready(1)
+    path = bridge.place / "drive2.params"
+    assert run(bridge, "set", "drive1", "spd=3200").returncode == 0
+    assert run(bridge, "params", "save", "drive1", path).returncode == 0
+    # Nothing is done without being asked, nor with a file that is none.
+    assert "nobody can be asked" in run(bridge, "replace", "drive2", path).stderr
+    assert "No such file" in run(bridge, "replace", "drive2", bridge.place / "none", "--yes").stderr
+    assert "no new drive answers" in run(bridge, "replace", "drive2", path, "--yes", "--addresses", "5-9").stderr
+    assert bridge.sim.get("drive2")["address"] == 31 and not heard(bridge, "drive2", "31 sav")
+    process = start(bridge, "replace", "drive2", str(path), "--yes")
+    if settles == "power-up":
+        eventually(lambda: heard(bridge, "drive2", "31 sav") or process.poll() is not None)
+        switch_power(bridge, "drive2")
+    told, _ = process.communicate(timeout=60)
+    assert process.returncode == 0, told
+    steps = [told.index(text) for text in ("step 1 of 3", "done: it answers at address 2", "step 2 of 3", "step 3 of 3",
+                                           "spd = 3200 pulses/s: ok", "save_parameters: ok", "drive2 is replaced")]
+    assert steps == sorted(steps)
+    # It is kept without power; cid is its own address, not that of the file's drive.
+    switch_power(bridge, "drive2")
+    bridge.drive(2).reconnect()
+    bridge.wait_ready(2)
+    assert (bridge.drive(2).read("spd"), bridge.sim.get("drive2")["address"]) == (3200.0, 2)
+    # Ended before its parameters were written, it goes on with them.
+    assert run(bridge, "set", "drive2", "spd=100").returncode == 0
+    again = run(bridge, "replace", "drive2", path, "--yes")
+    assert again.returncode == 0 and "a drive answers at address 2" in again.stdout
+    assert "drive2: 1 written" in again.stdout and "step 3" in again.stdout
 
 
 def test_an_address_is_not_given_where_it_would_be_wrong(make_bridge):
@@ -310,7 +357,8 @@ CAN = {"protocol": "vsmd-can", "transport": "slcan", "bitrate": 1000000, "line":
 def test_drives_and_other_frames_of_a_can_bus(make_bridge):
     bridge = make_bridge(drives=1, sim_drives=2, bus={**CAN, "baud": 3000000, "drive-latency-ms": 150},
                          sim_bus={**CAN, "baud": None},
-                         sim_per_drive={2: {"address": 9, "identity": "VSMD123_045T-1.0.009"}})
+                         sim_per_drive={2: {"address": 9, "identity": "VSMD123_045T-1.0.009", "answers": "singles",
+                                            "read-max": 2}})
     found = scan(bridge, "--addresses", "1-12")
     assert places(found) == [(1000000, 1, "one"), (1000000, 9, "one")]
     assert found["finds"][1]["identity"] == "VSMD123_045T-1.0.009"

@@ -33,7 +33,7 @@ def test_byte_by_byte(bridge):
 
 
 def test_an_unfinished_request_ends_its_connection_only(make_bridge):
-    bridge = make_bridge(modbus={"frame-timeout-ms": 200})
+    bridge = make_bridge()
     with bridge.raw() as slow, bridge.raw() as other:
         slow.send(slow.adu(1, 1, READ)[:9])
         assert slow.closed()

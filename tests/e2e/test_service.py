@@ -3,12 +3,15 @@
 configuration started twice, and file descriptors that run short."""
 
 import contextlib
+import os
 import re
 import resource
 import signal
 import socket
 import subprocess
+from pathlib import Path
 
+import pytest
 from bridgelib import ROOT, Raw, eventually, find_program
 
 NOWHERE = "192.0.2.1"  # TEST-NET-1: no machine has it
@@ -49,7 +52,7 @@ def test_a_second_one_with_the_same_configuration(make_bridge, tmp_path):
         with run_beside(name) as second:
             _, errors = second.communicate(timeout=20)
         assert second.returncode == 1
-        assert f"by another process already ({bridge.process.pid})" in errors
+        assert f"in use by another process ({bridge.process.pid})" in errors
         assert "listening" not in errors
     assert bridge.gateway().read("clients") == opens
     assert bridge.drive().online()
@@ -61,7 +64,7 @@ def test_a_second_one_on_the_same_port_leaves_it_alone(make_bridge, tmp_path):
     other.write_text(bridge.config_path.read_text(), encoding="utf-8")
     with run_beside(other) as second:
         line = ""
-        while "another program uses it" not in line:
+        while f"drivebridged (process {bridge.process.pid}) has it" not in line:
             line = second.stderr.readline()
             assert line, "it ended"
         second.terminate()
@@ -96,7 +99,7 @@ def test_stopped_while_it_waits_it_ends_well(make_bridge, monkeypatch, tmp_path)
     bridge = make_bridge(start_sim=False)
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "nobody"))
     with run_beside(bridge.config_path) as second:
-        assert "another process already" in second.stderr.readline()
+        assert "in use by another process" in second.stderr.readline()
         second.terminate()
         second.communicate(timeout=20)
         assert second.returncode == 0
@@ -129,6 +132,41 @@ def test_idle_clients_leave_descriptors_to_buses_and_reloads(make_bridge):
     bridge.wait_ready()
     for client in idle:
         client.close()
+
+
+def test_a_tool_for_which_no_descriptor_is_left_waits_and_costs_nothing(make_bridge):
+    bridge = make_bridge(start_sim=False)
+    pid = bridge.process.pid
+
+    def ticks():
+        # Of the network thread, which is the first one.
+        fields = Path(f"/proc/{pid}/task/{pid}/stat").read_text().rpartition(")")[2].split()
+        return int(fields[11]) + int(fields[12])
+
+    before = resource.prlimit(pid, resource.RLIMIT_NOFILE)
+    used = max(int(name) for name in os.listdir(f"/proc/{pid}/fd")) + 1
+    resource.prlimit(pid, resource.RLIMIT_NOFILE, (used, before[1]))
+    fillers = []
+    with socket.socket(socket.AF_UNIX) as tool:
+        # Descriptors below the highest one may be free.
+        for _ in range(used):
+            filler = socket.socket(socket.AF_UNIX)
+            filler.connect(str(bridge.control_path))
+            fillers.append(filler)
+            if len(os.listdir(f"/proc/{pid}/fd")) >= used:
+                break
+        tool.connect(str(bridge.control_path))
+        tool.sendall(b'{"method":"org.varlink.service.GetInfo"}\0')
+        tool.settimeout(1)
+        began = ticks()
+        with pytest.raises(TimeoutError):
+            tool.recv(1)
+        assert ticks() - began < 10, "the network thread spins"
+        resource.prlimit(pid, resource.RLIMIT_NOFILE, before)
+        tool.settimeout(20)
+        assert b"drivebridge" in tool.recv(4096)
+    for filler in fillers:
+        filler.close()
 
 
 def test_adapters_whose_driver_is_loaded_later_may_be_opened():

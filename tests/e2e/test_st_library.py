@@ -141,7 +141,7 @@ def variant_text(name):
 @pytest.mark.parametrize("name", ["strict", "prefixed"])
 def test_variants_are_made_from_the_library(name):
     made = subprocess.run(
-        [sys.executable, ROOT / "tests" / "tools" / "st-variants", name, DOCS / "drivebridge.st"],
+        [sys.executable, ROOT / "docs" / "generate" / "st-variants", name, DOCS / "drivebridge.st"],
         capture_output=True, text=True, timeout=60, check=True)
     assert made.stdout == variant_text(name), "cmake --build --preset asan --target docs-generate"
 

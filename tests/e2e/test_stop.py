@@ -161,7 +161,7 @@ def test_a_drive_that_takes_a_stop_and_runs_on_is_told_of(make_bridge):
     assert drive.command("stop") == DEVICE_FAILURE
     assert drive.read("result") == RESULT_RUNS_ON
     assert drive.read("error") == RUNS_ON_ERROR
-    bridge.told("is told on")
+    bridge.told("the stop is repeated")
     assert bridge.sim.get()["velocity"] == 3200
     bridge.sim.fault("runaway off")
     eventually(lambda: bridge.sim.get()["velocity"] == 0)
@@ -221,7 +221,7 @@ def test_the_end_of_the_bridge_waits_for_nobody(bridge):
     with bridge.raw() as raw:
         raw.send(raw.adu(1, 1, struct.pack(">BHH", 3, 0, 10)) * 200)
         assert bridge.stop_bridge() == 0
-    assert "drive drive1: is let go and did not confirm its on-exit" in bridge.log_path.read_text()
+    assert "drive drive1: is released and did not confirm its on-exit" in bridge.log_path.read_text()
 
 
 def test_on_exit_none_leaves_it_moving(make_bridge):

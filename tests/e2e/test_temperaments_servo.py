@@ -31,6 +31,15 @@ WORDS = {"command-word-base": 160, "command-word-length": 4, "command-word-0-at"
 WINDOW = 6
 
 
+# Frames that no page shows, the same for the bridge and the simulator.
+OWN_WORDS = (("command-word-length", 2), ("command-word-1-length", 3), ("command-word-1-at", 1),
+             ("command-word-1-fixed", 0x5A), ("command-word-1-ack", 8))
+SLOT = (("position-slot-base", 0x120), ("position-slot-ack", 11))
+LOW_FIRST = (("move-frame-length", 5), ("move-frame-at", 1), ("move-frame-bytes", 3), ("move-frame-order", "low-first"),
+             ("move-frame-fixed", 0x0A5A), ("move-frame-ack", 3))
+SILENT = (("move-frame-length", 5), ("move-frame-at", 1), ("move-frame-fixed", 3), ("move-frame-ack", 0))
+
+
 def one(key, value, sees, **more):
     return Temperament(FAMILY, key, value, sees, **more)
 
@@ -38,6 +47,8 @@ def one(key, value, sees, **more):
 TEMPERAMENTS = [
     one("answer-length", "eight", "Nothing."),
     one("answer-length", "mixed", "Nothing."),
+    one("answer-length", "short", "It is not online; `trouble` is not_understood, and the log shows its last frame.", core=False),
+    one("padded", True, "It does not answer (0B), without this.", section="bus", bus=(("padded", "yes"),)),
     one("ack-latency-us", 20000, "Commands are answered later."),
     one("fault-power", "kept",
         "Nothing begins when the fault is gone: the bridge took the power off, see `on-fault`."),
@@ -64,6 +75,45 @@ TEMPERAMENTS = [
         "obeys, without this.",
         drive=(("reaction-ms", 500),)),
     one("command-word-ack", 0, "Nothing.", section="bus", bus=(("command-word-ack", 0),)),
+    one("command-word-1-base", 0xC0,
+        "Position moves and writes of the command words time out (0B), without this.", section="bus",
+        sim_bus=OWN_WORDS, bus=(("command-word-1-base", 0xC0), *OWN_WORDS)),
+    one("position-slot", 5,
+        "No motor gets power: `enable` times out (0B), without this.", section="bus",
+        sim_bus=SLOT, bus=(("position-slot", 5), *SLOT)),
+    one("move-frame-base", 0x120,
+        "move_absolute and move_relative are answered 01, without this.", section="bus",
+        sim_bus=LOW_FIRST, sim_drive=(("move-step", 10.0),),
+        bus=(("move-frame-base", 0x120), *LOW_FIRST, ("move-frame-scale", 10)),
+        drive=(("in-position-window", WINDOW),)),
+    one("move-frame-base", 0x60,
+        "move_absolute and move_relative are answered 01, without this.", section="bus",
+        sim_bus=SILENT, sim_drive=(("moves", "relative"),),
+        bus=(("move-frame-base", 0x60), *SILENT, ("move-frame-target", "relative"))),
+    one("status-places", "3--------5012---",
+        "`enable` fails (04) and takes the power off again, without this.",
+        sim_drive=(("status-inverted", 0x0108), ("moving-bit", 8)),
+        drive=(("enabled-bit", 3), ("fault-bit", 0), ("standstill-bit", -1), ("overload-bit", 5), ("homed-bit", -1),
+               ("warning-bit", -1), ("reverse-bit", -1), ("forward-bit", -1), ("moving-bit", 8),
+               ("status-inverted", 0x0108))),
+    one("status-places", "0123b5678-a4cdef",
+        "Nothing; with this `at_target` waits for the drive's own bit, too.",
+        drive=(("target-bit", 11), ("overload-bit", -1))),
+    one("mirrored", True,
+        "`position` falls while `velocity` is above 0, and position moves fail (04) and take the power off, without this.",
+        drive=(("position-sign", "reversed"),)),
+    one("demand-step", -4.0,
+        "Position moves fail, some of them after they went elsewhere, without this.",
+        drive=(("position-command-scale", -4), ("in-position-window", WINDOW))),
+    one("speed-step", -0.5,
+        "`velocity` is not the motor's, and speeds are unproven, without this.",
+        sim_drive=(("setpoint-step", 0.25),), drive=(("speed-scale", -0.5), ("speed-command-scale", 0.25))),
+    one("current-step", -0.01,
+        "`current` is not the motor's, and target_current is another one, without this.",
+        sim_drive=(("current-setpoint-step", 0.02),),
+        drive=(("current-scale", -0.01), ("current-command-scale", 0.02))),
+    one("counts-anew", True,
+        "Nothing: with the drive's power its origin is lost, and origin_lost is set."),
     one("ignores-broadcast", True,
         "With `group-start = broadcast` it does not start, and its command has failed."),
     one("report-position-ms", 0, "Nothing: what is not reported is asked for."),
@@ -81,23 +131,26 @@ SIM_DRIVE = {"identity": None, "set": None, "report-health-ms": 100}
 @pytest.fixture(name="make_servo")
 def fixture_make_servo(make_bridge):
     def make(chosen, **drive):
-        keys = {**WORDS, "cycle-ms": 10}
-        # Of two values of a key the larger one counts, and this one's is smaller.
-        if any(one.key == "command-word-ack" for one in chosen):
-            del keys["command-word-ack"]
+        words = {} if any(one.key == "move-frame-base" for one in chosen) else WORDS
         return temperament.start(
-            make_bridge, chosen, bus={**CAN, **keys, "baud": 3000000},
-            sim_bus={**CAN, **WORDS, "baud": None}, drive={"in-position-window": 1, **drive},
+            make_bridge, chosen, bus={**CAN, **words, "cycle-ms": 10, "baud": 3000000},
+            sim_bus={**CAN, **words, "baud": None}, drive={"in-position-window": 1, **drive},
             sim_drive=SIM_DRIVE)
 
     return make
 
 
-def sets():
-    return [(), *((single,) for single in TEMPERAMENTS), *temperament.combinations(TEMPERAMENTS)]
+def agree(chosen):
+    """A drive that is moved by a frame of its own has no command words, and no CTRG that takes its demand."""
+    values = {one.key: one.value for one in chosen}
+    if "move-frame-base" in values and ({"command-word-ack", "command-word-1-base", "position-slot", "demand-step"} & values.keys() or
+                                        values.get("demand") in ("triggered", "moved")):
+        return False
+    # A speed without a sign has none that could be the other one; and its bits have to be somewhere.
+    return not ("speed-sign" in values and ("speed-step" in values or values.get("status-places", "").startswith("3")))
 
 
-CASES = [pytest.param(chosen, id=temperament.name(chosen)) for chosen in sets()]
+CASES = [pytest.param(chosen, id=temperament.name(chosen)) for chosen in temperament.sets(TEMPERAMENTS, agree)]
 
 
 def motor(bridge):

@@ -59,7 +59,7 @@ def test_processors_that_are_not_there(make_bridge):
     if os.cpu_count() > 63:
         pytest.fail("needs a machine with fewer than 64 processors")
     bridge = make_bridge(bus={"cpus": "63"})
-    bridge.told("cannot keep to its processors")
+    bridge.told("cannot run on the processors of cpus")
     checked = check(bridge)
     assert checked.returncode == 0
     assert "cpus = 63: this machine has only the processors 0 to" in checked.stderr

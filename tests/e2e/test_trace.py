@@ -311,8 +311,9 @@ def test_a_trace_is_replayed_against_the_drivers(replay):
             return tool.answer()["parameters"]["buses"]["line"]
 
     eventually(lambda: figures()["bad_frames"] == 1, what="the damaged frame")
-    log = plant.log_path.read_text(encoding="utf-8")
-    assert "drive drive1: answers after" in log and "its answers are given up too soon" in log
+    # One late answer is no pattern: nothing is learnt of it, and nothing said.
+    assert "ms after a request" not in plant.log_path.read_text(encoding="utf-8")
+    eventually(lambda: plant.drive(1).read("timeouts") >= 1)
     eventually(lambda: plant.drive(2).read("status") & 1 and plant.drive(2).read("timeouts") >= 1)
     # Neither lost a drive: both were asked what cannot be confused, and went on.
     assert objects(plant, "traces") == [[]]

@@ -295,7 +295,10 @@ def test_every_command_code(make_plc):
         mark = bridge.sim.mark()
         # Only one model has outputs at s1 and s2: here the drive itself says no.
         no_output = 0x0700 <= code <= 0x0801
-        assert plc.write_one(0x00, code) == (DEVICE_FAILURE if no_output else 0), hex(code)
+        answer = plc.write_one(0x00, code)
+        while code == 0x0500 and answer == BUSY:  # a drive that still runs down is not to save
+            answer = plc.write_one(0x00, code)
+        assert answer == (DEVICE_FAILURE if no_output else 0), hex(code)
         assert bridge.sim.sent(mark) == [f"1 {line}" for line in lines], hex(code)
         assert plc.holding(0x00) == [code]
     mark = bridge.sim.mark()

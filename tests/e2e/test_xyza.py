@@ -636,8 +636,8 @@ def test_a_raw_frame_and_its_answer(make_xyza):
         assert drive.command("raw_frame", **raw_args(frame)) == ILLEGAL_VALUE
     assert all(frame.startswith((*POLLS, "F10103E")) for frame in requests(bridge)[mark:])
     log = bridge.log_path.read_text(encoding="utf-8")
-    assert "drive drive2: is sent a client's own frame, 5AA50AF10103E2A47B" in log
-    assert "drive drive2: answers that with 5AA50BF10003E2A4D007000051" in log
+    assert "drive drive2: is sent a client's raw frame, 5AA50AF10103E2A47B" in log
+    assert "drive drive2: answers the raw frame with 5AA50BF10003E2A4D007000051" in log
 
 
 def test_raw_frames_are_off_by_default(xyza):

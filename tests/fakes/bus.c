@@ -6,10 +6,10 @@
 #include <math.h>
 #include <string.h>
 
-/* Calls of the engine within a microsecond. */
+/* Most calls of the engine within a microsecond. */
 #define CALLS_MAX 1000
 
-/* --- the drives' side ------------------------------------------------------------------------------ */
+/* --- the drives' side ------------------------------------------------------------------------- */
 
 static db_time obey_commands(struct fake_bus *bus, struct fake_frame *frame)
 {
@@ -35,7 +35,7 @@ static db_time hear_frame(void *context, const uint8_t *bytes, size_t length)
 		must(bus->sent);
 	}
 	bus->sent[bus->sent_count++] = (struct fake_sent){ bus->now, frame };
-	/* Nobody answers what everybody is told. */
+	/* Broadcasts are not answered. */
 	if (frame.address == FAKE_ALL)
 		return bus->now;
 	must(frame.address <= FAKE_DRIVES && frame.axis < DB_AXES_MAX);
@@ -48,17 +48,19 @@ static db_time hear_frame(void *context, const uint8_t *bytes, size_t length)
 }
 
 static void count_event(void *context, const struct db_drive_config *drive, enum db_event event,
-                        const struct db_feedback *feedback)
+                        const struct db_feedback *feedback, const struct db_outage *outage)
 {
 	struct fake_bus *bus = context;
 
+	(void)outage;
 	must(drive && feedback && event < DB_EVENT_COUNT);
 	bus->told[event]++;
 }
 
-static const struct db_engine_ops frame_ops = { .send = hear_frame, .tell = count_event };
+static const struct db_engine_ops frame_ops = { .send = hear_frame, .on_event = count_event };
 
-/* --- its life -------------------------------------------------------------------------------------- */
+/* --- making and freeing
+ * ------------------------------------------------------------------------ */
 
 struct fake_bus *fake_bus_new(const struct db_driver *driver, size_t drives)
 {
@@ -77,23 +79,30 @@ struct fake_bus *fake_bus_new(const struct db_driver *driver, size_t drives)
 		},
 		.drive_count = drives,
 		.now = FAKE_BEGIN_TIME,
-		.answer_time = DB_NS_PER_MS / 2,
+		.answer_time = FAKE_ANSWER_TIME,
 	};
+	bus->config.options = bus->options.bus;
 	for (size_t i = 0; i < drives; i++) {
 		bus->drives[i] = (struct db_drive_config){
 			.name = (char *)"d",
 			.address = (unsigned)i + 1,
-			.options = bus->options,
+			.options = bus->options.drive,
 			.on_exit = DB_ON_LOSS_STOP,
 			.stop_reaction_ms = 1000,
 			.counts_per_unit = 1.0,
 			.min_position = NAN,
 			.max_position = NAN,
 		};
-		bus->list[i] = (struct db_bus_drive){ (uint16_t)i, &bus->drives[i], db_axis_new() };
+		bus->list[i] = (struct db_bus_drive){ (uint16_t)i, &bus->drives[i],
+			                              db_axis_new(driver->param_count) };
 		must(bus->list[i].axis);
 	}
 	return bus;
+}
+
+void fake_option(struct fake_bus *bus, const char *name, double value)
+{
+	fake_set_option(bus->config.driver, &bus->options, name, value);
 }
 
 void fake_bus_open(struct fake_bus *bus, size_t drives, const struct db_engine_ops *ops)
@@ -115,7 +124,7 @@ void fake_bus_free(struct fake_bus *bus)
 	free(bus);
 }
 
-/* --- time ------------------------------------------------------------------------------------------ */
+/* --- time ------------------------------------------------------------------------------------- */
 
 void fake_port(struct fake_bus *bus, int error)
 {
@@ -140,7 +149,7 @@ void fake_answer_after(struct fake_bus *bus, db_time after, const void *bytes, s
 	memcpy(answer->bytes, bytes, length);
 }
 
-/* The one that is due first; null when none is on its way. */
+/* The answer that is due first; null when none is on its way. */
 static struct fake_answer *first_answer(struct fake_bus *bus)
 {
 	struct fake_answer *first = NULL;
@@ -192,7 +201,7 @@ void fake_pass(struct fake_bus *bus, db_time span)
 	}
 }
 
-/* --- requests -------------------------------------------------------------------------------------- */
+/* --- requests --------------------------------------------------------------------------------- */
 
 uint32_t fake_ticket(size_t drive, enum db_command command)
 {
@@ -212,14 +221,26 @@ void fake_post(struct fake_bus *bus, size_t drive, enum db_command command)
 	fake_request(bus, drive, (struct db_request){ .command = command });
 }
 
-enum db_result fake_result(struct fake_bus *bus)
+bool fake_collect(struct db_queue *queue, struct db_request *ended)
 {
-	struct db_completion completion;
+	struct db_request *request = db_queue_collect(queue);
 
-	return db_queue_collect(bus->queue, &completion) ? completion.result : DB_RESULT_NONE;
+	if (!request)
+		return false;
+	*ended = *request;
+	db_queue_release(request);
+	return true;
 }
 
-/* --- what is seen of it ---------------------------------------------------------------------------- */
+enum db_result fake_result(struct fake_bus *bus)
+{
+	struct db_request ended;
+
+	return fake_collect(bus->queue, &ended) ? (enum db_result)ended.result : DB_RESULT_NONE;
+}
+
+/* --- what tests check
+ * -------------------------------------------------------------------------- */
 
 struct db_snapshot fake_snapshot(const struct fake_bus *bus, size_t drive)
 {

@@ -41,7 +41,7 @@ enum db_step fake_say(struct db_conversation *talk, enum fake_kind kind)
 		.address = talk->device->address,
 		.kind = (uint8_t)kind,
 		.axis = talk->device->axis,
-		.target = job->kind == DB_JOB_COMMAND ? job->request->args.target_position : 0,
+		.target = job->kind == DB_JOB_COMMAND ? job->request->args->target_position : 0,
 	};
 
 	talk->device->parts = 0;
@@ -52,13 +52,39 @@ enum db_step fake_say(struct db_conversation *talk, enum fake_kind kind)
 	return DB_STEP_SEND;
 }
 
+struct fake_bus_options {
+	double poll_exchanges;
+};
+
+static const struct db_option options[] = {
+	{
+		.section = "bus",
+		.name = "poll-exchanges",
+		.offset = offsetof(struct fake_bus_options, poll_exchanges),
+		.words = "",
+		.preset = "1",
+		.min = 0,
+		.max = 16,
+		.whole = true,
+		.unit = "",
+		.description = "Exchanges of a poll",
+	},
+};
+
+static unsigned poll_exchanges(const struct db_bus_config *bus)
+{
+	const struct fake_bus_options *own = bus->options;
+
+	return own->poll_exchanges > 1 ? (unsigned)own->poll_exchanges : 1;
+}
+
 static void init(struct db_device *device, struct db_device *first, const struct db_bus_config *bus,
                  const struct db_drive_config *drive)
 {
 	device->first = first ? first : device;
 	device->address = (uint8_t)drive->address;
 	device->axis = (uint8_t)drive->axis;
-	device->poll_exchanges = bus->options[0] > 0 ? (unsigned)bus->options[0] : 1;
+	device->poll_exchanges = poll_exchanges(bus);
 	device->first->axes[device->axis] = device;
 }
 
@@ -77,6 +103,11 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 		return DB_FRAME_FOREIGN;
 	*address = frame.address;
 	return frame.address == 0 ? DB_FRAME_BAD : DB_FRAME_GOOD;
+}
+
+static void cut(const struct db_received *received, size_t *skip, size_t *length)
+{
+	db_can_cut(received->bytes, received->available, skip, length);
 }
 
 static enum db_step begin(struct db_conversation *talk)
@@ -145,27 +176,40 @@ static void feedback(const struct db_device *device, struct db_feedback *feedbac
 	                   (moves ? DB_STATUS_MOVING : 0);
 }
 
-static const struct db_nameplate *nameplate(const struct db_device *device)
+/* For a drive with the response time of those in fakes/bus.h. */
+static db_time poll_time(const struct db_bus_config *bus)
 {
-	return &device->plate;
+	db_time exchanges = poll_exchanges(bus);
+
+	return exchanges * (FAKE_ANSWER_TIME + (db_time)bus->turnaround_us * DB_NS_PER_US);
+}
+
+static db_time command_time(const struct db_bus_config *bus)
+{
+	return FAKE_ANSWER_TIME + (db_time)bus->turnaround_us * DB_NS_PER_US;
 }
 
 const struct db_driver fake_family = {
+	.poll_time = poll_time,
+	.command_time = command_time,
 	.name = "fake",
+	.title = "Made-up drives",
+	.options = options,
+	.option_count = 1,
+	.bus_options_size = sizeof(struct fake_bus_options),
 	.medium = DB_MEDIUM_SERIAL,
 	.axes = DB_AXES_MAX,
 	.acknowledges = true,
 	.device_size = sizeof(struct db_device),
 	.init = init,
 	.leave = leave,
-	.cut = db_can_cut,
+	.cut = cut,
 	.accept = accept_frame,
 	.begin = begin,
 	.answer = answer,
 	.lost = lost,
 	.gone = gone,
 	.feedback = feedback,
-	.nameplate = nameplate,
 };
 
 static db_time wire_time(const struct db_bus_config *bus, const uint8_t *request,

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A made-up family of drives and a made-up wire, for tests of what is the same for all families. Each
- * job is one exchange, and both sides speak struct fake_frame. A test takes a copy of fake_family and
- * puts its own handlers into it where it is about them. Pure, like every driver.
+ * An invented family of drives and an invented wire, for tests of what is the same for all
+ * families. Each job is one exchange, and both sides use struct fake_frame. A test of handlers
+ * takes a copy of fake_family and puts its own into it. Pure, like every driver.
  */
 #ifndef DRIVEBRIDGE_FAKES_FAMILY_H
 #define DRIVEBRIDGE_FAKES_FAMILY_H
@@ -10,63 +10,65 @@
 #include "drivebridge/driver.h"
 
 #define FAKE_WIRE_TIME (200 * DB_NS_PER_US) /* of every exchange */
-#define FAKE_ALL 0xFF                       /* the address of every drive at once */
+#define FAKE_ANSWER_TIME \
+	(500 * DB_NS_PER_US) /* from a request to its answer, unless a test sets another one */
+#define FAKE_ALL 0xFF        /* the broadcast address */
 
 enum fake_kind {
 	FAKE_PROBE,
 	FAKE_IDENTIFY,
 	FAKE_POLL,
-	FAKE_COMMAND, /* what is no stop */
+	FAKE_COMMAND, /* a command that is no stop */
 	FAKE_STOP,
 	FAKE_DISABLE,
-	FAKE_REPORT,  /* a drive's own: never asked for */
+	FAKE_REPORT,  /* sent by a drive unasked */
 	FAKE_FOREIGN, /* of another master */
-	FAKE_PREPARE, /* of a motion that is said in steps, which is for a test to do */
+	FAKE_PREPARE, /* of a motion in several steps, for a test to implement */
 	FAKE_BEGIN,
 	FAKE_LOOK,
-	FAKE_INQUIRY, /* of an address, which is for a test to do */
+	FAKE_INQUIRY, /* of an address, for a test to implement */
 	FAKE_KINDS
 };
 
-/* A request, and its answer. As long as a frame of CAN, so that it is cut like one. */
+/* A request, and its answer. It has the length of a CAN frame, so that it is cut like one. */
 struct fake_frame {
-	uint8_t address; /* 1..; FAKE_ALL: every drive; 0: damaged */
+	uint8_t address; /* from 1; FAKE_ALL: every drive; 0: damaged */
 	uint8_t kind;    /* enum fake_kind */
 	uint8_t axis;
 	uint8_t part;  /* of an answer in several frames, from 1 */
 	uint8_t parts; /* 0 and 1: the answer is this one frame */
-	bool powered;  /* answers: */
+	bool powered;  /* in answers: */
 	bool refused;
 	uint8_t unused;
-	int32_t target; /* requests */
-	float speed;    /* answers */
+	int32_t target; /* in requests */
+	float speed;    /* in answers */
 };
 
 struct db_device {
-	struct db_device *first;             /* at this address, perhaps itself */
-	struct db_device *axes[DB_AXES_MAX]; /* of the first: who is updated by its polls */
+	struct db_device *first;             /* the first drive at this address, perhaps this one */
+	struct db_device *axes[DB_AXES_MAX]; /* of the first: the drives that its polls update */
 	uint8_t address;
 	uint8_t axis;
-	unsigned poll_exchanges; /* a poll is so many */
-	unsigned parts;          /* of the answer that is coming */
-	unsigned polls;          /* that ended: its position */
+	unsigned poll_exchanges; /* exchanges of a poll */
+	unsigned parts;          /* of the answer being received */
+	unsigned polls;          /* completed ones: its position */
 	unsigned reports;
 	float speed;
 	bool powered;
 	bool identified;
 	db_time taken; /* 0: it never answered a poll */
-	struct db_nameplate plate;
 };
 
-/* A serial one that acknowledges, with axes. options[0] of the bus: exchanges of a poll, 0 as 1. */
+/* A serial family that acknowledges, with axes. Its setting poll-exchanges of a bus: exchanges of a
+ * poll, 0 as 1. */
 extern const struct db_driver fake_family;
 extern const struct db_transport fake_wire;
 
-/* What a job asks for. */
+/* The kind of a job's request. */
 enum fake_kind fake_kind_of(const struct db_job *job);
-/* The conversation goes on with this request. */
+/* The conversation continues with this request. */
 enum db_step fake_say(struct db_conversation *talk, enum fake_kind kind);
-/* The frame that bytes are. */
+/* The frame in these bytes. */
 struct fake_frame fake_frame_at(const uint8_t *bytes, size_t length);
 
 #endif

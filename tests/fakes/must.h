@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What must always hold, in fuzz targets and in what unit tests share. Header only; any thread. */
+/* Conditions that always have to hold, for fuzz targets and shared parts of unit tests. Header
+ * only; any thread. */
 #ifndef DRIVEBRIDGE_FAKES_MUST_H
 #define DRIVEBRIDGE_FAKES_MUST_H
 

@@ -9,7 +9,8 @@
 
 const struct db_client fake_client = { .id = 1, .may_write = true };
 
-/* --- what is around them --------------------------------------------------------------------------- */
+/* --- what surrounds the registers
+ * -------------------------------------------------------------- */
 
 static db_time now_of(void *context)
 {
@@ -21,25 +22,37 @@ static uint64_t wall_of(void *context)
 	return 1700000000000000u + (uint64_t)now_of(context) / 1000;
 }
 
-/* Buses are known by their configurations. */
+/* Buses are identified by their configurations. */
 static size_t place_of(const struct fake_registers *fake, const struct db_bus *bus)
 {
 	return (size_t)((const struct db_bus_config *)(const void *)bus - fake->buses);
 }
 
-static bool keep_request(void *context, struct db_bus *bus, const struct db_request *request)
+static struct db_request *keep_request(void *context, struct db_bus *bus,
+                                       const struct db_request *request)
 {
 	struct fake_registers *fake = context;
 	size_t place = fake->submitted++ % FAKE_REQUESTS;
+	struct db_request *kept = fake_place_fill(fake->places, FAKE_PLACES, request);
 
-	must(request->setting_count <= DB_SETTINGS_MAX);
+	must(kept);
 	fake->submitted_to = place_of(fake, bus);
 	fake->gathered += fake->gathers[place_of(fake, bus)];
 	fake->requests[place] = *request;
-	fake->requests[place].settings = fake->settings[place];
+	fake->args[place] = (struct db_args){ 0 };
+	if (request->setting_count == 0 && request->args)
+		fake->args[place] = *request->args;
 	for (size_t i = 0; i < request->setting_count; i++)
 		fake->settings[place][i] = request->settings[i];
-	return true;
+	fake->requests[place].args = &fake->args[place];
+	if (request->setting_count > 0)
+		fake->requests[place].settings = fake->settings[place];
+	return kept;
+}
+
+static void release_request(void *context, struct db_request *request)
+{
+	fake_place_release(((struct fake_registers *)context)->places, FAKE_PLACES, request);
 }
 
 static void gather_requests(void *context, struct db_bus *bus, bool gathers)
@@ -98,6 +111,7 @@ static const struct db_registers_ops ops = {
 	.wall_us = wall_of,
 	.now = now_of,
 	.submit = keep_request,
+	.release = release_request,
 	.gather = gather_requests,
 	.answer = keep_answer,
 	.bus_stats = tell_bus_stats,
@@ -107,7 +121,8 @@ static const struct db_registers_ops ops = {
 	.client = count_client,
 };
 
-/* --- their life ------------------------------------------------------------------------------------ */
+/* --- making and freeing
+ * ------------------------------------------------------------------------ */
 
 void fake_registers_init(struct fake_registers *fake, size_t buses, size_t drives)
 {
@@ -139,7 +154,7 @@ void fake_registers_init(struct fake_registers *fake, size_t buses, size_t drive
 			.max_velocity = (double)NAN,
 			.max_acceleration = (double)NAN,
 		};
-		fake->axes[i] = db_axis_new();
+		fake->axes[i] = db_axis_new(DB_PARAMS_MAX);
 		must(fake->axes[i]);
 	}
 	fake->config = (struct db_config){
@@ -180,7 +195,8 @@ void fake_registers_close(struct fake_registers *fake)
 		db_axis_free(fake->axes[i]);
 }
 
-/* --- reads, writes and what becomes of them -------------------------------------------------------- */
+/* --- reads, writes and their results
+ * ----------------------------------------------------------- */
 
 int fake_get(struct fake_registers *fake, uint8_t unit, enum db_table table, uint16_t address,
              uint16_t count, uint16_t *values)
@@ -233,12 +249,11 @@ const struct db_request *fake_last_request(const struct fake_registers *fake)
 
 void fake_complete(struct fake_registers *fake, unsigned number, enum db_result result)
 {
-	const struct db_completion completion = {
-		.ticket = fake->requests[number % FAKE_REQUESTS].ticket,
-		.result = result,
-		.finished = fake->now,
-	};
+	/* One that has ended before is nowhere. */
+	struct db_request late = fake->requests[number % FAKE_REQUESTS];
+	struct db_request *kept = fake_place_find(fake->places, FAKE_PLACES, late.ticket);
 
 	must(number < fake->submitted);
-	db_registers_complete(fake->registers, &completion, fake->now);
+	db_registers_complete(fake->registers,
+	                      fake_place_end(kept ? kept : &late, result, fake->now), fake->now);
 }

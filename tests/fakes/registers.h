@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The registers of a small plant, and what is around them: buses that take every request and keep it,
- * a server whose figures are the test's, writers who wait for their answers. One thread; used wrongly,
- * it aborts.
+ * The registers of a small plant, and what surrounds them: buses that accept every request and
+ * keep it, a server with the test's figures, writers that wait for their answers. One thread; after
+ * wrong use it aborts.
  *
  *	struct fake_registers fake;
  *
@@ -19,18 +19,20 @@
 
 #include "drivebridge/driver.h"
 #include "drivebridge/registers.h"
+#include "fakes/places.h"
 
 #define FAKE_PLANT_BUSES 2
 #define FAKE_PLANT_DRIVES 3
 #define FAKE_CLIENTS 2
-#define FAKE_CLIENTS_SHOWN 16 /* as many as the gateway has registers for */
-#define FAKE_REQUESTS 64      /* that are kept, the latest */
+#define FAKE_CLIENTS_SHOWN 16 /* the number for which the gateway has registers */
+#define FAKE_REQUESTS 64      /* the latest requests are kept */
+#define FAKE_PLACES 128       /* at the buses */
 
-/* Who writes and reads, and whom its answers are for. */
+/* The client of reads and writes, which gets their answers. */
 extern const struct db_client fake_client;
 #define FAKE_TOKEN ((struct db_write_token){ 1, 42 })
 
-/* A roster with room for what it names; one drive more than there are at first. */
+/* A roster with room for its numbers, and for one drive more than at first. */
 struct fake_sheet {
 	struct db_roster_bus buses[FAKE_PLANT_BUSES];
 	struct db_roster_drive drives[FAKE_PLANT_DRIVES + 1];
@@ -47,35 +49,38 @@ struct fake_registers {
 	struct db_registers *registers;
 	db_time now;
 
-	/* What is told when they ask. */
+	/* The figures that they report. */
 	struct db_bus_stats bus_stats[FAKE_PLANT_BUSES];
 	struct db_server_stats server_stats;
 	struct db_server_client clients[FAKE_CLIENTS];
 
-	/* What came out of them; to be set to 0 as a test likes. */
+	/* What they sent out; a test may reset it to 0. */
 	struct db_request requests[FAKE_REQUESTS]; /* number i at i % FAKE_REQUESTS */
+	struct db_args args[FAKE_REQUESTS];
 	struct db_setting settings[FAKE_REQUESTS][DB_SETTINGS_MAX];
+	struct fake_place places[FAKE_PLACES];
 	unsigned submitted;
-	size_t submitted_to; /* the bus of the latest */
-	unsigned gathered;   /* of them, those that their bus is to take at once */
+	size_t submitted_to; /* the bus of the latest request */
+	unsigned gathered;   /* requests that their bus has to send at once */
 	bool gathers[FAKE_PLANT_BUSES];
 	unsigned answered;
 	struct db_write_token answered_to;
 	uint8_t answered_with;
 	unsigned connected;
-	unsigned refused[FAKE_CLIENTS + 1]; /* for who has control, by the id of the client */
+	unsigned refused[FAKE_CLIENTS + 1]; /* without control, by the id of the client */
 };
 
-/* VSMD drives at addresses 5.. with units 1.., the first on the first bus and the others on the last. */
+/* VSMD drives at addresses from 5 on with units from 1 on, the first on the first bus and the
+ * others on the last one. */
 void fake_registers_init(struct fake_registers *fake, size_t buses, size_t drives);
-/* Registers for the configuration as it is now, instead of those before. */
+/* Registers for the present configuration, in place of the former ones. */
 void fake_registers_open(struct fake_registers *fake);
 void fake_registers_close(struct fake_registers *fake);
 
-/* The configuration as it is, its drives with their places for numbers. */
+/* The present configuration, its drives with their indexes. */
 void fake_write_sheet(struct fake_registers *fake, struct fake_sheet *sheet);
 
-/* As db_backend's read and write, of fake_client. */
+/* As db_backend's read and write, for fake_client. */
 int fake_get(struct fake_registers *fake, uint8_t unit, enum db_table table, uint16_t address,
              uint16_t count, uint16_t *values);
 int fake_put_values(struct fake_registers *fake, uint8_t unit, enum db_table table,
@@ -88,7 +93,7 @@ uint32_t fake_get2(struct fake_registers *fake, uint8_t unit, uint16_t address);
 
 /* The latest request. */
 const struct db_request *fake_last_request(const struct fake_registers *fake);
-/* The bus ends its request of this number, from 0. */
+/* The bus completes its request of this number, from 0. */
 void fake_complete(struct fake_registers *fake, unsigned number, enum db_result result);
 
 #endif

@@ -10,7 +10,7 @@
  * STOP_BOUND and is never answered "busy"; every request ends exactly once; and when the drives behave
  * again, everything that waits ends and every drive is online.
  */
-#include "config/load.h"
+#include "config/config_private.h"
 #include "fakes/bus.h"
 #include "line.h"
 #include "sched/change.h"
@@ -103,20 +103,21 @@ static db_time on_send(void *context, const uint8_t *bytes, size_t length)
 }
 
 static void on_tell(void *context, const struct db_drive_config *drive, enum db_event event,
-                    const struct db_feedback *feedback)
+                    const struct db_feedback *feedback, const struct db_outage *outage)
 {
+	(void)outage;
 	(void)context;
 	(void)event;
 	must(drive && feedback);
 }
 
-static const struct db_engine_ops ops = { .send = on_send, .tell = on_tell };
+static const struct db_engine_ops ops = { .send = on_send, .on_event = on_tell };
 
 static void collect(struct world *world)
 {
-	struct db_completion completion;
+	struct db_request completion;
 
-	while (db_queue_collect(world->bus->queue, &completion)) {
+	while (fake_collect(world->bus->queue, &completion)) {
 		struct ticket *ticket = &world->tickets[completion.ticket - 1];
 
 		must(completion.ticket >= 1 && completion.ticket <= world->ticket_count);
@@ -266,13 +267,14 @@ static void post_ticket(struct world *world, struct db_request *request, size_t 
 static void command(struct world *world, struct input *input)
 {
 	size_t place = input_below(input, LINE_DRIVES);
-	struct db_request request = { .command = input_u8(input) % DB_CMD_LIMIT,
-		                      .args = read_args(input) };
+	enum db_command code = input_u8(input) % DB_CMD_LIMIT;
+	struct db_args args = read_args(input);
+	struct db_request request = { .command = code, .args = &args };
 	const struct db_bus_config *bus = &world->bus->config;
 	const struct db_drive_config *drive = world->bus->list[place].config;
 
 	if (!(db_driver_commands(bus, drive) & DB_COMMAND_BIT(request.command)) ||
-	    bus->driver->check(bus, drive, request.command, &request.args) != DB_RESULT_OK)
+	    (bus->driver->check && bus->driver->check(bus, drive, code, &args) != DB_RESULT_OK))
 		return;
 	post_ticket(world, &request, place);
 }
@@ -310,8 +312,7 @@ static void write_settings(struct world *world, struct input *input)
 			.param = (uint16_t)input_below(input, bus->driver->param_count + 1),
 			.value = { .u = input_u32(input) },
 		};
-		if (setting->param < bus->driver->param_count &&
-		    bus->driver->check_param(bus, setting->param, setting->value) == DB_RESULT_OK)
+		if (db_driver_check_param(bus, setting->param, setting->value) == DB_RESULT_OK)
 			request.setting_count++;
 	}
 	if (request.setting_count == 0)
@@ -525,7 +526,7 @@ static void shut_down(struct world *world)
 	db_engine_shut_down(world->bus->engine, world->bus->now);
 	while (!db_engine_is_quiet(world->bus->engine) && world->bus->now < end)
 		fake_pass(world->bus, 20 * MS);
-	db_engine_tell_unconfirmed(world->bus->engine);
+	db_engine_report_unconfirmed(world->bus->engine);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)

@@ -1,21 +1,39 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Inquiries of every family: whatever comes as an answer stays inside its buffer, ends, and is text. */
+#include "codec/can.h"
 #include "drivebridge/driver.h"
 #include "drivebridge/transport.h"
+#include "fakes/options.h"
 #include "fuzz/input.h"
 
 #include <math.h>
+
+static void cut_frame(const struct db_driver *driver, const struct db_exchange *question,
+                      const struct input *input, size_t *skip, size_t *length)
+{
+	const struct db_received received = {
+		.bytes = input->bytes,
+		.available = input->left,
+		.question = question->request,
+		.question_length = question->request_length,
+	};
+
+	if (driver->cut)
+		driver->cut(&received, skip, length);
+	else
+		db_can_cut(received.bytes, received.available, skip, length);
+}
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 static struct db_bus_config bus_of(const struct db_driver *driver)
 {
-	struct db_bus_config bus = { .driver = driver, .baud = 9600, .bitrate = 500000 };
+	static struct fake_options options;
+	struct db_bus_config bus = {
+		.driver = driver, .baud = 9600, .bitrate = 500000, .options = options.bus
+	};
 
-	for (size_t i = 0; i < driver->option_count; i++)
-		bus.options[i] = driver->options[i].words[0] ?
-		                         0.0 :
-		                         strtod(driver->options[i].preset, NULL);
+	fake_preset_options(driver, &options);
 	return bus;
 }
 
@@ -42,18 +60,19 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 		size_t skip = 0;
 		size_t length = 0;
 
-		if (!driver->inquire(&bus, &inquiry, &exchange))
+		if (!driver->inquire || !driver->inquire(&bus, &inquiry, &exchange))
 			return 0;
 		must(exchange.request_length > 0 && exchange.request_length <= sizeof request);
 		do {
 			int address;
 
-			driver->cut(input.bytes, input.left, &skip, &length);
+			cut_frame(driver, &exchange, &input, &skip, &length);
 			must(skip + length <= input.left);
 			input.bytes += skip;
 			input.left -= skip;
 			if (length > 0 &&
-			    driver->accept(&bus, input.bytes, length, &address) == DB_FRAME_GOOD)
+			    (!driver->accept ||
+			     driver->accept(&bus, input.bytes, length, &address) == DB_FRAME_GOOD))
 				answers += driver->recognise(&bus, &inquiry, input.bytes, length,
 				                             &said) == DB_RECOGNISED_ANSWER;
 			input.bytes += length;

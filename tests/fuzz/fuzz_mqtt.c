@@ -14,13 +14,11 @@ static void check_judgement(const struct db_mqtt_command *command)
 	struct db_mqtt_arrival arrival = { .drive = "lift" };
 	char why[DB_MQTT_REASON_MAX];
 
-	if (!db_mqtt_admission_judge(&config, command, &arrival, why) &&
-	    !db_mqtt_command_is_stop(command))
+	if (!db_mqtt_admission_judge(&config, command, &arrival, why) && !command->stops)
 		abort();
 	config.allow.word = DB_MQTT_ALLOW_ALL;
 	config.parameters = DB_MQTT_ON;
-	if (!db_mqtt_admission_judge(&config, command, &arrival, why) &&
-	    !db_mqtt_command_is_stop(command)) {
+	if (!db_mqtt_admission_judge(&config, command, &arrival, why) && !command->stops) {
 		/* It had an id and the time of now. */
 		if (!command->id[0] || !command->timed ||
 		    db_mqtt_admission_left_ms(&config, command, &arrival) > 2 * config.age_ms)
@@ -34,7 +32,8 @@ static void check_judgement(const struct db_mqtt_command *command)
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	struct db_mqtt_command command;
-	const char *wrong = db_mqtt_command_parse((const char *)data, size, &command);
+	json_t *stops = json_pack("{s:b, s:b, s:b}", "stop", 1, "quick_stop", 1, "disable", 1);
+	const char *wrong = db_mqtt_command_parse((const char *)data, size, stops, &command);
 
 	if (wrong && wrong[0] == '\0')
 		abort();
@@ -46,5 +45,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 		check_judgement(&command);
 	}
 	db_mqtt_command_clear(&command);
+	json_decref(stops);
 	return 0;
 }

@@ -6,8 +6,8 @@
  * What must hold: a refused text has a message with a reason; one that is taken has only values that the family's
  * parameters may have, and written and read again it says the same.
  */
-#include "ctl/params_source.h"
 #include "fakes/must.h"
+#include "params/file.h"
 
 #include <stdint.h>
 #include <stdlib.h>
@@ -27,7 +27,7 @@ static json_t *make_families(void)
 	                 PARAMETER("zsp", "i32", INT32_MIN, INT32_MAX));
 }
 
-static bool read_text(struct db_ctl_params *params, const char *text, const json_t *families)
+static bool read_text(struct db_params *params, const char *text, const json_t *families)
 {
 	char *said = NULL;
 	size_t length = 0;
@@ -35,7 +35,7 @@ static bool read_text(struct db_ctl_params *params, const char *text, const json
 	bool right;
 
 	must(errors);
-	right = db_ctl_params_read(params, "f", text, families, errors);
+	right = db_params_read(params, "f", text, families, errors);
 	fclose(errors);
 	must(right == (length == 0));
 	must(right || strncmp(said, "f:", 2) == 0);
@@ -46,8 +46,8 @@ static bool read_text(struct db_ctl_params *params, const char *text, const json
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	json_t *families = make_families();
-	struct db_ctl_params params;
-	struct db_ctl_params again;
+	struct db_params params;
+	struct db_params again;
 	char *text = size <= 4096 ? strndup((const char *)data, size) : NULL;
 	char *written;
 	json_t *differ;
@@ -58,7 +58,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	if (text && read_text(&params, text, families) && params.registers) {
 		json_array_foreach(params.registers, i, reg)
 		{
-			const json_t *value = db_ctl_params_value(
+			const json_t *value = db_params_value(
 				&params, json_string_value(json_object_get(reg, "name")));
 
 			must(!value || (json_number_value(value) >=
@@ -66,17 +66,17 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 			                json_number_value(value) <=
 			                        json_number_value(json_object_get(reg, "max"))));
 		}
-		written = db_ctl_params_write(&params);
+		written = db_params_write(&params);
 		must(written && read_text(&again, written, families));
-		differ = db_ctl_params_compare(&params, &again);
+		differ = db_params_compare(&params, &again);
 		must(json_array_size(differ) == 0);
 		must(strcmp(params.identity, again.identity) == 0);
 		json_decref(differ);
 		free(written);
-		db_ctl_params_clear(&again);
+		db_params_clear(&again);
 	}
 	if (text)
-		db_ctl_params_clear(&params);
+		db_params_clear(&params);
 	free(text);
 	json_decref(families);
 	return 0;

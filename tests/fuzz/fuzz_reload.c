@@ -9,11 +9,12 @@
  * buses and drives that are the same; drives' numbers are each one's own; a write that waits when its
  * drive leaves is answered once.
  */
-#include "config/load.h"
+#include "config/config_private.h"
 #include "drivebridge/commander.h"
 #include "drivebridge/registers.h"
+#include "fakes/places.h"
 #include "input.h"
-#include "service/state.h"
+#include "service/service_private.h"
 
 #define TEXT_MAX 8192
 #define UNITS 4
@@ -155,10 +156,13 @@ static bool same(const struct db_config *a, const struct db_config *b)
 
 /* --- registers with a plant --------------------------------------------------------------------------- */
 
+#define PLACES 16
+
 static struct {
 	unsigned later;
 	unsigned answered;
-	uint32_t tickets[16];
+	uint32_t tickets[PLACES];
+	struct fake_place places[PLACES];
 	unsigned submitted;
 } traffic;
 
@@ -174,13 +178,22 @@ static uint64_t wall_us(void *context)
 	return 1;
 }
 
-static bool submit(void *context, struct db_bus *bus, const struct db_request *request)
+static struct db_request *submit(void *context, struct db_bus *bus,
+                                 const struct db_request *request)
 {
+	struct db_request *kept = fake_place_fill(traffic.places, PLACES, request);
+
 	(void)context;
 	(void)bus;
-	must(traffic.submitted < sizeof traffic.tickets / sizeof traffic.tickets[0]);
+	must(kept && traffic.submitted < sizeof traffic.tickets / sizeof traffic.tickets[0]);
 	traffic.tickets[traffic.submitted++] = request->ticket;
-	return true;
+	return kept;
+}
+
+static void release(void *context, struct db_request *request)
+{
+	(void)context;
+	fake_place_release(traffic.places, PLACES, request);
 }
 
 static void answer(void *context, struct db_write_token token, uint8_t exception)
@@ -206,6 +219,7 @@ static const struct db_registers_ops ops = {
 	.now = now_of,
 	.wall_us = wall_us,
 	.submit = submit,
+	.release = release,
 	.answer = answer,
 	.bus_stats = bus_stats,
 	.server_stats = server_stats,
@@ -266,12 +280,12 @@ static void carry_out(const struct plant *from, const struct plant *to)
 	read_all(registers);
 	/* The first half of what was asked has its end before the drives are gone. */
 	for (unsigned i = 0; i < traffic.submitted / 2; i++) {
-		const struct db_completion completion = { .ticket = traffic.tickets[i],
-			                                  .drive = db_ticket_drive(
-								  traffic.tickets[i]),
-			                                  .result = DB_RESULT_OK };
+		struct db_request *kept = fake_place_find(traffic.places, PLACES,
+		                                          traffic.tickets[i]);
 
-		db_registers_complete(registers, &completion, DB_NS_PER_S);
+		must(kept);
+		db_registers_complete(registers, fake_place_end(kept, DB_RESULT_OK, 0),
+		                      DB_NS_PER_S);
 	}
 	db_registers_apply(registers, change);
 	read_all(registers);

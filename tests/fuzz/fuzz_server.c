@@ -10,10 +10,12 @@
  * not executed a second time; an armed watchdog trips when everybody is silent; and when everything has
  * been completed, every request of a connection that is still there has its answer.
  */
-#include "config/load.h"
+#include "config/config_private.h"
 #include "drivebridge/driver.h"
 #include "drivebridge/registers.h"
 #include "drivebridge/server.h"
+#include "fakes/nameplate.h"
+#include "fakes/places.h"
 #include "input.h"
 
 #include <arpa/inet.h>
@@ -49,7 +51,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 static db_time fake_now; /* 0: it is the machine's */
 
-int clock_gettime(clockid_t clock, struct timespec *time)
+/* Seen by the libraries, too, whatever else is hidden. */
+__attribute__((visibility("default"))) int clock_gettime(clockid_t clock, struct timespec *time)
 {
 	if (fake_now == 0 || clock == CLOCK_REALTIME)
 		return (int)syscall(SYS_clock_gettime, clock, time);
@@ -140,6 +143,7 @@ struct world {
 	struct db_server *server;
 	struct peer peers[CLIENTS];
 	struct pending pending[REQUESTS_MAX];
+	struct fake_place places[REQUESTS_MAX];
 	size_t pending_count;
 	struct {
 		struct db_write_token token;
@@ -156,7 +160,8 @@ static struct world *the_world; /* the backend's context is the registers' */
 
 /* --- buses ------------------------------------------------------------------------------------------- */
 
-static bool submit(void *context, struct db_bus *bus, const struct db_request *request)
+static struct db_request *submit(void *context, struct db_bus *bus,
+                                 const struct db_request *request)
 {
 	struct world *world = context;
 	bool stop = request->setting_count == 0 && db_command_is_stop(request->command);
@@ -170,25 +175,28 @@ static bool submit(void *context, struct db_bus *bus, const struct db_request *r
 		commands += !world->pending[i].stop;
 	}
 	if (!stop && (world->full || commands >= QUEUE))
-		return false;
+		return NULL;
 	must(world->pending_count < REQUESTS_MAX);
 	world->pending[world->pending_count++] = (struct pending){ request->ticket, request->drive,
 		                                                   stop };
 	world->submitted += !stop;
-	return true;
+	return fake_place_fill(world->places, REQUESTS_MAX, request);
+}
+
+static void release(void *context, struct db_request *request)
+{
+	fake_place_release(((struct world *)context)->places, REQUESTS_MAX, request);
 }
 
 static void complete(struct world *world, size_t index, enum db_result result)
 {
 	struct pending pending = world->pending[index];
-	const struct db_completion completion = { .ticket = pending.ticket,
-		                                  .drive = pending.drive,
-		                                  .result = result,
-		                                  .sent = fake_now - MS,
-		                                  .finished = fake_now };
+	struct db_request *kept = fake_place_find(world->places, REQUESTS_MAX, pending.ticket);
 
+	must(kept);
+	kept->sent = fake_now - MS;
 	world->pending[index] = world->pending[--world->pending_count];
-	db_registers_complete(world->registers, &completion, fake_now);
+	db_registers_complete(world->registers, fake_place_end(kept, result, fake_now), fake_now);
 }
 
 static void publish(struct world *world, size_t drive, uint32_t status, db_time age)
@@ -268,6 +276,7 @@ static const struct db_registers_ops ops = {
 	.now = now_of,
 	.wall_us = wall_us,
 	.submit = submit,
+	.release = release,
 	.answer = answer,
 	.bus_stats = bus_stats,
 	.server_stats = server_stats,
@@ -859,11 +868,12 @@ static void open_world(struct world *world, struct input *input)
 {
 	static const struct db_log_source quiet = { 0 };
 	static struct db_backend backend;
-	const struct db_nameplate plate = { .valid = UINT64_MAX,
-		                            .identity = "fuzz",
-		                            .generation = 1 };
+	struct db_nameplate_copy room;
+	struct db_nameplate plate = fake_nameplate(&room, UINT64_MAX);
 	struct sheet sheet;
 
+	strcpy(plate.identity, "fuzz");
+	plate.generation = 1;
 	*world = (struct world){ .config = config_of(0) };
 	world->modbus = config_of(input_below(input, VARIANTS));
 	the_world = world;
@@ -872,7 +882,7 @@ static void open_world(struct world *world, struct input *input)
 	for (size_t i = 0; i < CLIENTS; i++)
 		world->peers[i].fd = -1;
 	for (size_t i = 0; i < DRIVES; i++) {
-		world->axes[i] = db_axis_new();
+		world->axes[i] = db_axis_new(DB_PARAMS_MAX);
 		must(world->axes[i]);
 		db_axis_publish_nameplate(world->axes[i], &plate);
 		publish(world, i,

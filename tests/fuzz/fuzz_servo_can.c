@@ -2,13 +2,15 @@
 /* Servo on CAN: any frame from either side, read with any layout, stays inside its bytes, and what
  * was understood is written as it was read. */
 #include "codec/servo_can_describe.h"
+#include "codec/servo_can_layout.h"
 #include "fakes/must.h"
 
 #include <string.h>
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-/* The input: options, the layout's bytes, the frame's id (low byte first), flags, length and data. */
+/* The input: options, the layout's bytes, the frame's id (low byte first), flags, length and data; behind them there may
+ * be the other frames that a layout may have. */
 enum {
 	AT_OPTIONS = 0,
 	AT_ACK_BASE = 1,
@@ -19,9 +21,16 @@ enum {
 	AT_LENGTH = 12,
 	AT_DATA = 13,
 	INPUT_SIZE = AT_DATA + DB_CAN_DATA_MAX,
+	AT_MOVE =
+		INPUT_SIZE, /* base, length, place, size, whether low byte first, acknowledgement */
+	AT_WORD_1 = AT_MOVE + 7, /* base, length, place, acknowledgement */
+	AT_SLOT = AT_WORD_1 + 5, /* base, acknowledgement */
+	LONG_SIZE = AT_SLOT + 3,
 	OPTION_FROM_DRIVE = 1,
 	OPTION_PADDED = 2,
 	OPTION_WORDS = 4,
+	OPTION_MOVE = 8,
+	OPTION_WORD_1 = 16,
 };
 
 static uint16_t take16(const uint8_t *bytes)
@@ -46,6 +55,39 @@ static struct servo_can_layout take_layout(const uint8_t *data)
 	};
 }
 
+#define FIXED                                                  \
+	{                                                      \
+		0x5B, 0x5A, 0x5A, 0x5A, 0x5A, 0x5A, 0x5A, 0x5A \
+	}
+
+static void add_frames(const uint8_t *data, struct servo_can_layout *layout)
+{
+	const uint8_t *move = data + AT_MOVE;
+	const uint8_t *word = data + AT_WORD_1;
+
+	layout->move = (struct servo_can_number_layout){
+		.set = (data[AT_OPTIONS] & OPTION_MOVE) != 0,
+		.base = take16(move),
+		.length = move[2],
+		.at = move[3],
+		.size = move[4],
+		.low_first = (move[5] & 1) != 0,
+		.ack = move[6],
+		.fixed = FIXED,
+	};
+	layout->word1 = (struct servo_can_number_layout){
+		.set = (data[AT_OPTIONS] & OPTION_WORD_1) != 0,
+		.base = take16(word),
+		.length = word[2],
+		.at = word[3],
+		.size = 2,
+		.ack = word[4],
+		.fixed = FIXED,
+	};
+	layout->slot_base = take16(data + AT_SLOT);
+	layout->slot_ack = data[AT_SLOT + 2];
+}
+
 static struct db_can_frame take_frame(const uint8_t *data)
 {
 	struct db_can_frame frame = { .length = data[AT_LENGTH] };
@@ -60,7 +102,8 @@ static bool every_byte_counts(const struct servo_can_message *message,
                               const struct servo_can_layout *layout)
 {
 	return (message->kind != SERVO_CAN_MODE || message->u.mode.has_max_speed) &&
-	       (!layout->padded || message->kind == SERVO_CAN_WORDS);
+	       (!layout->padded || message->kind == SERVO_CAN_WORDS ||
+	        message->kind == SERVO_CAN_WORD_1 || message->kind == SERVO_CAN_MOVE);
 }
 
 static void round_trip(const struct db_can_frame *frame, const struct servo_can_layout *layout,
@@ -138,16 +181,19 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	struct db_can_frame frame;
 	struct db_description description;
 	enum servo_can_side from;
-	const char *reason;
+	enum servo_can_described which;
+	char reason[SERVO_CAN_REASON_MAX];
 	bool usable;
 
-	if (size != INPUT_SIZE)
+	if (size != INPUT_SIZE && size != LONG_SIZE)
 		return 0;
 	layout = take_layout(data);
+	if (size == LONG_SIZE)
+		add_frames(data, &layout);
 	frame = take_frame(data);
 	from = data[AT_OPTIONS] & OPTION_FROM_DRIVE ? SERVO_CAN_FROM_DRIVE : SERVO_CAN_FROM_HOST;
-	usable = servo_can_layout_check(&layout, &reason) == SERVO_CAN_OK;
-	must(usable == (reason == NULL));
+	usable = servo_can_layout_check(&layout, &which, reason) == SERVO_CAN_OK;
+	must(usable == (reason[0] == '\0'));
 	write_anything(data, &layout, usable);
 	servo_can_describe(&frame, &layout, from, &description);
 	must(strlen(description.text) == description.length);

@@ -152,21 +152,23 @@ static bool read_frame(struct db_can_frame frame, uint8_t output_base,
 
 /* All values of an answer that became whole were in frames that were taken. */
 static void collect(struct vsmd_can_answer *answer, const struct vsmd_can_message *message,
-                    unsigned *taken)
+                    uint64_t *taken)
 {
 	enum vsmd_can_took took = vsmd_can_take(answer, message);
 
 	if (took == VSMD_CAN_PART || took == VSMD_CAN_WHOLE) {
 		unsigned at = (unsigned)message->id.reg - answer->id.reg;
+		/* The second register of a frame may be none. */
+		unsigned count = at + message->count <= answer->count ? message->count : 1;
 
-		must(at + message->count <= answer->count);
-		must(memcmp(answer->values + at, message->values,
-		            message->count * sizeof(uint32_t)) == 0);
-		*taken += message->count;
+		must(at < answer->count);
+		must(count == message->count || (answer->forms & VSMD_CAN_PADDED));
+		must(memcmp(answer->values + at, message->values, count * sizeof(uint32_t)) == 0);
+		for (unsigned i = 0; i < count; i++)
+			*taken |= UINT64_C(1) << (at + i);
 	}
-	must(*taken <= answer->count);
-	must((took == VSMD_CAN_WHOLE) ==
-	     (*taken == answer->count && took != VSMD_CAN_REPEATED && took != VSMD_CAN_FOREIGN));
+	must((took == VSMD_CAN_WHOLE) == (*taken == UINT64_MAX >> (64 - answer->count) &&
+	                                  took != VSMD_CAN_REPEATED && took != VSMD_CAN_FOREIGN));
 }
 
 static void read_identity(const uint8_t *data)
@@ -196,7 +198,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	struct vsmd_can_message message;
 	struct vsmd_can_answer answer;
 	struct vsmd_can_style style;
-	unsigned taken = 0;
+	uint64_t taken = 0; /* bit of each register */
 	bool expecting;
 
 	if (size < 6)

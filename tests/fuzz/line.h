@@ -12,11 +12,10 @@
 #include "drivebridge/driver.h"
 #include "input.h"
 #include "sim/can_bus.h"
+#include "sim/serial_bus.h"
 #include "sim/servo_can_node.h"
 #include "sim/vsmd_can_node.h"
-#include "sim/vsmd_serial_bus.h"
-#include "sim/xyza_bus.h"
-#include "transport/can_wire.h"
+#include "transport/transport_private.h"
 
 #define LINE_DRIVES 4
 #define LINE_LATENCY (1 * DB_NS_PER_MS)

@@ -55,7 +55,7 @@ echo 100 >/proc/sys/vm/dirty_expire_centisecs
 # modprobe wants lists that hostfs cannot take new ones of: the order is that of their needs.
 modules=/usr/lib/uml/modules/$(uname -r)/kernel
 for module in net/can/can net/can/can-raw drivers/net/can/dev/can-dev drivers/net/can/slcan/slcan \
-	net/sched/sch_tbf; do
+	net/sched/sch_tbf drivers/net/veth; do
 	insmod "$modules/$module.ko"
 done
 # Like hardware, echo a frame to its sender once it has left the interface's queue.

@@ -58,7 +58,7 @@ install the counterparts of these and leave out this step: $*"
 BUILD_PACKAGES=(gcc libc6-dev cmake ninja-build pkg-config libjansson-dev libmodbus-dev
 	libmicrohttpd-dev libmosquitto-dev libcrypt-dev libserialport-dev libsystemd-dev)
 # shellcheck disable=SC2034
-PAGE_PACKAGES=(python3-venv ca-certificates) # of src/web/page/fetch
+PAGE_PACKAGES=(python3-venv ca-certificates) # of src/tools/web/page/fetch
 # Debian has them since 13.
 # shellcheck disable=SC2034
 OPEN62541_PACKAGES=(libopen62541-1.4-dev libopen62541-1.4-tools)

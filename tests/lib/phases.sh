@@ -36,7 +36,7 @@ need_venv() {
 # What the page in the browser is made with.
 need_page() {
 	[ -e build/page/fetched ] || say "fetching what the page is made with into build/page"
-	src/web/page/fetch
+	src/tools/web/page/fetch
 }
 
 # count PASSED FAILED
@@ -70,13 +70,14 @@ step() {
 	fi
 }
 
+# configure_and_build PRESET [TARGET]
 configure_and_build() {
-	cmake --preset "$1" && cmake --build --preset "$1" -- -k 0 -j "$JOBS"
+	cmake --preset "$1" && cmake --build --preset "$1" --target "${2:-all}" -- -k 0 -j "$JOBS"
 }
 
-# A build that the phase needs: only its failure counts.
+# need_build PRESET [TARGET]: a build that the phase needs. Only its failure counts.
 need_build() {
-	if quietly "build-$1" configure_and_build "$1"; then
+	if quietly "build-$1" configure_and_build "$@"; then
 		return 0
 	fi
 	FAILURES+=("$PHASE: the build of preset $1")
@@ -113,7 +114,7 @@ run_ctest() {
 run_node_tests() {
 	local log=build/logs/$PHASE-node.log passed failed
 
-	build/page/venv/bin/node --test --test-reporter=tap tests/unit/page/*.mjs >"$log" 2>&1 || true
+	build/page/venv/bin/node --test --test-reporter=tap tests/unit/tools/page/*.mjs >"$log" 2>&1 || true
 	passed=$(sed -n 's/^# pass //p' "$log")
 	failed=$(sed -n 's/^# fail //p' "$log")
 	if [ "${passed:-0}" -eq 0 ] || [ "$failed" -ne 0 ]; then
@@ -141,16 +142,16 @@ phase_unit() {
 	step "size of the page" check_page_size
 }
 
-# Both compilers, optimizing, every warning an error.
+# Both compilers, every warning an error.
 phase_compilers() {
 	step gcc configure_and_build gcc
-	step clang configure_and_build clang
+	step clang tests/tools/clang-warnings
 }
 
 phase_threads() {
 	local prefix=()
 
-	need_build tsan || return 0
+	need_build tsan threaded || return 0
 	# Thread sanitizer needs its memory where old kernels had it; not every container allows this.
 	if setarch "$(uname -m)" -R true 2>/dev/null; then
 		prefix=(setarch "$(uname -m)" -R)
@@ -162,7 +163,7 @@ phase_threads() {
 }
 
 c_files() {
-	find include src tests -name '*.[ch]'
+	find include src docs tests -name '*.[ch]'
 }
 
 check_format() {
@@ -178,14 +179,14 @@ check_cppcheck() {
 		--error-exitcode=1 --quiet -j "$JOBS" -D_GNU_SOURCE \
 		'-Djson_array_foreach(a,i,v)=while((i=0,(v=json_array_get(a,i))))' \
 		'-Djson_object_foreach(o,k,v)=while((k="",(v=json_object_get(o,k))))' \
-		-I include -I src src
+		-I include -I src/common -I src/bridge -I src/tools -I src -I docs/generate src docs/generate
 }
 
 # How far its analyzer follows a function: three times as far takes three times as long, and is for the day of a
 # release (ANALYZER_NODES=225000).
 check_clang_tidy() {
 	cmake --preset clang >/dev/null &&
-		find src -name '*.c' -print0 |
+		find src docs -name '*.c' -print0 |
 		xargs -0 -P "$JOBS" -n 1 timeout 600 clang-tidy -p build/clang --quiet \
 			--extra-arg=-Xclang --extra-arg=-analyzer-config \
 			--extra-arg=-Xclang --extra-arg=max-nodes="$ANALYZER_NODES"
@@ -196,7 +197,7 @@ check_shell() {
 	local scripts
 
 	mapfile -t scripts < <({
-		grep -rlE '^#!/bin/(ba)?sh' demo src tests packaging .ci
+		grep -rlE '^#!/bin/(ba)?sh' demo src docs/generate tests packaging .ci
 		grep -rl '^# shellcheck shell=' tests packaging
 	} | sort -u)
 	[ ${#scripts[@]} -gt 10 ] || die "only ${#scripts[@]} scripts found"
@@ -207,7 +208,7 @@ check_shell() {
 check_text() {
 	local bad=0 status=0
 
-	grep -rnIwE 'TO''DO|FIX''ME|X''XX' src include tests demo || status=$?
+	grep -rnIwE 'TO''DO|FIX''ME|X''XX' src include docs/generate tests demo || status=$?
 	# 1: nothing found; 2: it did not look.
 	[ $status -eq 1 ] || bad=1
 	if c_files | xargs grep -L 'SPDX-License-Identifier: Apache-2.0' | grep .; then
@@ -221,6 +222,7 @@ phase_style() {
 	step format check_format
 	step text check_text
 	step rooms tests/tools/rooms
+	step form tests/tools/form
 	step spelling tests/tools/spelling
 	step shellcheck check_shell
 	step cppcheck check_cppcheck
@@ -238,13 +240,13 @@ phase_docs() {
 	build/asan/regmap-export csv >build/docs/register-map.csv || true
 	build/asan/regmap-export md >build/docs/register-map.md || true
 	build/asan/regmap-export commands >build/docs/commands.csv || true
-	build/asan/regmap-export st src/regmap/export/drivebridge.st.in \
+	build/asan/regmap-export st docs/generate/registers/drivebridge.st.in \
 		>build/docs/drivebridge.st || true
 	build/asan/config-export >build/docs/config-keys.csv || true
 	build/asan/mqtt-export >build/docs/mqtt-keys.csv || true
 	build/asan/web-export >build/docs/web-keys.csv || true
 	build/asan/opcua-export >build/docs/opcua-keys.csv || true
-	"$VENV/bin/python" tests/tools/opcua-nodes build/docs/register-map.csv build/asan/opcua-export \
+	"$VENV/bin/python" docs/generate/opcua-nodes build/docs/register-map.csv build/asan/opcua-export \
 		>build/docs/opcua-nodes.csv || true
 	build/asan/ctl-export csv >build/docs/drivebridgectl.csv || true
 	for file in register-map.csv register-map.md commands.csv drivebridge.st config-keys.csv \
@@ -257,17 +259,18 @@ phase_docs() {
 		step "completion $file" diff -u "packaging/completions/$file" "build/docs/$file"
 	done
 	for file in strict prefixed; do
-		"$VENV/bin/python" tests/tools/st-variants "$file" build/docs/drivebridge.st \
+		"$VENV/bin/python" docs/generate/st-variants "$file" build/docs/drivebridge.st \
 			>"build/docs/drivebridge-$file.st" || true
 		step "$file" diff -u "docs/drivebridge-$file.st" "build/docs/drivebridge-$file.st"
 	done
-	"$VENV/bin/python" tests/tools/export-clients build/docs build/docs/clients || true
+	cp -r docs/clients build/docs/clients
+	"$VENV/bin/python" docs/generate/client-files build/asan build/docs/clients || true
 	step clients diff -ru docs/clients build/docs/clients
-	"$VENV/bin/python" tests/tools/temperaments-table >build/docs/temperaments.md || true
-	step temperaments.md diff -u docs/guide/temperaments.md build/docs/temperaments.md
+	"$VENV/bin/python" docs/generate/temperaments-table >build/docs/temperaments.md || true
+	step temperaments.md diff -u docs/temperaments.md build/docs/temperaments.md
 	[ "$FAILED" -eq 0 ] ||
 		printf '%s\n' 'to bring docs/ up to date: cmake --build --preset asan --target docs-generate' \
-			"and $VENV/bin/python tests/tools/temperaments-table >docs/guide/temperaments.md"
+			"and $VENV/bin/python docs/generate/temperaments-table >docs/temperaments.md"
 }
 
 # What a fuzzer finds by chance does not belong into a run that must say the same to everybody: the seeds do,
@@ -291,7 +294,7 @@ fuzz_one() {
 phase_fuzz() {
 	local target ran=0
 
-	need_build fuzz || return 0
+	need_build fuzz fuzzers || return 0
 	export ASAN_OPTIONS=allow_addr2line=1 UBSAN_OPTIONS=print_stacktrace=1
 	for target in build/fuzz/fuzz/fuzz_*; do
 		[ -x "$target" ] || continue

@@ -339,7 +339,7 @@ class Player:
     def _process(self, words):
         values = {}
         for name in ("axis_state", "status", "quality", "age_ms", "position", "velocity",
-                     "trouble"):
+                     "trouble", "poll_interval_ms"):
             row = self.layout.row(name)
             raw = struct.pack(f">{row.size}H", *words[row.address:row.address + row.size])
             kind = {"u16": ">H", "bits32": ">I", "u32": ">I", "i32": ">i", "f32": ">f"}[row.type]

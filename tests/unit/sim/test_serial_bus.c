@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "sim/vsmd_serial_bus.h"
+#include "sim/serial_bus.h"
 
 #include "codec/vsmd_serial_frames.h"
 #include "sim/vsmd_drive.h"

@@ -5,10 +5,13 @@
  */
 #include "codec/can.h"
 #include "driver/list.h"
+#include "fakes/bus.h"
+#include "fakes/options.h"
 #include "sched/engine.h"
 #include "sim/can_bus.h"
 #include "sim/servo_can_node.h"
-#include "transport/can_wire.h"
+#include "sim/servo_view.h"
+#include "transport/transport_private.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -166,7 +169,7 @@ static void a_node_reports(void **state)
 struct world {
 	struct db_bus_config bus;
 	struct db_drive_config drives[NODES];
-	double options[NODES][DB_OPTIONS_MAX]; /* theirs */
+	struct fake_options options;
 	struct db_bus_drive list[NODES];
 	struct db_axis *axes[NODES];
 	struct db_queue *queue;
@@ -243,28 +246,9 @@ static void pass(struct world *world, db_time span)
 	}
 }
 
-static double preset(const struct db_option *option)
-{
-	unsigned place = 0;
-
-	if (option->preset[0] == '\0')
-		return NAN;
-	if (option->words[0] == '\0')
-		return strtod(option->preset, NULL);
-	for (const char *at = option->words; at < strstr(option->words, option->preset); at++)
-		place += *at == ' ';
-	return place;
-}
-
 static void option(struct world *world, const char *name, double value)
 {
-	for (size_t i = 0; i < db_driver_servo_can.option_count; i++) {
-		if (strcmp(db_driver_servo_can.options[i].name, name) != 0)
-			continue;
-		world->bus.options[i] = value;
-		for (size_t j = 0; j < NODES; j++)
-			world->options[j][i] = value;
-	}
+	fake_set_option(&db_driver_servo_can, &world->options, name, value);
 }
 
 static struct world *prepare(size_t count, unsigned cycle_ms)
@@ -284,9 +268,8 @@ static struct world *prepare(size_t count, unsigned cycle_ms)
 	};
 	world->count = count;
 	world->now = 1000 * MS;
-	for (size_t i = 0; i < db_driver_servo_can.option_count; i++)
-		option(world, db_driver_servo_can.options[i].name,
-		       preset(&db_driver_servo_can.options[i]));
+	world->bus.options = world->options.bus;
+	fake_preset_options(&db_driver_servo_can, &world->options);
 	option(world, "command-word-base", WORDS_BASE);
 	option(world, "command-word-length", 4);
 	option(world, "command-word-0-at", 0);
@@ -302,11 +285,11 @@ static void start(struct world *world, const struct sim_servo_config *config)
 	for (size_t i = 0; i < world->count; i++) {
 		struct sim_can_station station;
 
-		world->drives[i].options = world->options[i];
+		world->drives[i].options = world->options.drive;
 		world->drives[i].name = (char *)"d";
 		world->drives[i].address = (unsigned)i + 1;
 		world->drives[i].stop_reaction_ms = 1000;
-		world->axes[i] = db_axis_new();
+		world->axes[i] = db_axis_new(db_driver_servo_can.param_count);
 		world->list[i] = (struct db_bus_drive){ (uint16_t)i, &world->drives[i],
 			                                world->axes[i] };
 		world->servos[i] = sim_servo_new(config, world->now);
@@ -365,7 +348,7 @@ static void post(struct world *world, size_t i, enum db_command command, struct 
 		.ticket = (uint32_t)i + 1,
 		.drive = (uint16_t)i,
 		.command = command,
-		.args = args,
+		.args = &args,
 		.submitted = world->now,
 	};
 
@@ -374,10 +357,10 @@ static void post(struct world *world, size_t i, enum db_command command, struct 
 
 static const char *collect(struct world *world, db_time patience)
 {
-	struct db_completion completion;
+	struct db_request completion;
 	db_time until = world->now + patience;
 
-	while (!db_queue_collect(world->queue, &completion)) {
+	while (!fake_collect(world->queue, &completion)) {
 		if (world->now >= until)
 			return "nothing";
 		pass(world, MS);
@@ -569,7 +552,8 @@ static void faults_show_by_name(void **state)
 	sim_servo_set_faults(world->servos[0], SERVO_CAN_FAULT_PHASE, world->now);
 	pass(world, 1100 * MS);
 	assert_string_equal(state_of(world, 0), "ErrorStop");
-	assert_string_equal(db_error_name(feedback(world, 0).error), "phase_loss");
+	assert_string_equal(db_error_name(&db_driver_servo_can, feedback(world, 0).error),
+	                    "phase_loss");
 	assert_string_equal(command(world, 0, DB_CMD_ENABLE, PLAIN), "failed");
 	assert_string_equal(command(world, 0, DB_CMD_CLEAR_FAULT, PLAIN), "unsupported");
 	sim_servo_set_faults(world->servos[0], 0, world->now);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The simulated servo: what its motor does, in made-up time. */
 #include "sim/servo_drive.h"
+#include "sim/servo_view.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -47,7 +48,9 @@ static void wait(struct bench *b, db_time time)
 /* Tells it something; the code of the acknowledgement, 0 when there is none. */
 static uint8_t tell(struct bench *b, struct servo_can_message message)
 {
-	b->count = sim_servo_execute(b->drive, &message, WORDS_ACK, b->now, b->replies);
+	const struct servo_can_layout layout = { .words = { .set = true, .ack = WORDS_ACK } };
+
+	b->count = sim_servo_execute(b->drive, &message, &layout, b->now, b->replies);
 	return b->count == 1 && b->replies[0].kind == SERVO_CAN_ACK ? b->replies[0].u.ack.code : 0;
 }
 

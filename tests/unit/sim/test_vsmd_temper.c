@@ -110,6 +110,10 @@ static void late_bits_and_motions(void **state)
 	say(&b, (struct vsmd_command){ .verb = VSMD_STP, .has_value = true, .value = AT_ONCE });
 	b.now += 200 * MS;
 	assert_true(shows(&b, VSMD_ST_STP)); /* a stop takes back what has not begun */
+	/* Nobody asks when it begins: it is no later for that. */
+	say(&b, (struct vsmd_command){ .verb = VSMD_MOV, .has_velocity = true, .velocity = 1.0f });
+	b.now += 81 * MS;
+	assert_false(shows(&b, VSMD_ST_STP));
 	sim_vsmd_free(b.drive);
 }
 

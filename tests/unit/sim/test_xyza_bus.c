@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* XYZA controllers on a line, and the simulator with such a line in its configuration. */
-#include "sim/xyza_bus.h"
+#include "sim/serial_bus.h"
 
 #include "codec/xyza.h"
 #include "sim/commands.h"

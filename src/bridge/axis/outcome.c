@@ -1,0 +1,536 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "axis/axis_private.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+int db_writers_reserve(struct db_writers *writers)
+{
+	if (!writers->each)
+		writers->each = calloc(DB_WRITERS, sizeof writers->each[0]);
+	return writers->each ? 0 : -ENOMEM;
+}
+
+void db_writers_set(struct db_writers *writers, bool by_address)
+{
+	writers->by_address = by_address;
+	writers->all = (struct db_writer){ .taken = false };
+	if (!by_address)
+		db_writers_release(writers);
+	for (size_t i = 0; writers->each && i < DB_WRITERS; i++)
+		writers->each[i] = writers->all;
+}
+
+void db_writers_release(struct db_writers *writers)
+{
+	free(writers->each);
+	writers->each = NULL;
+}
+
+static struct db_writer *first_of(struct db_writers *writers)
+{
+	return writers->by_address ? writers->each : &writers->all;
+}
+
+static size_t count_of(const struct db_writers *writers)
+{
+	return writers->by_address ? DB_WRITERS : 1;
+}
+
+struct db_writer *db_writers_find(struct db_writers *writers, const struct db_client *client)
+{
+	if (!writers->by_address)
+		return &writers->all;
+	for (size_t i = 0; client && i < DB_WRITERS; i++) {
+		struct db_writer *writer = &writers->each[i];
+
+		if (writer->taken &&
+		    memcmp(writer->address, client->address, sizeof writer->address) == 0)
+			return writer;
+	}
+	return NULL;
+}
+
+/* A free place, or that of the writer that was silent longest. */
+static struct db_writer *find_place(struct db_writers *writers)
+{
+	struct db_writer *chosen = &writers->each[0];
+
+	for (size_t i = 0; i < DB_WRITERS; i++) {
+		struct db_writer *writer = &writers->each[i];
+
+		if (!writer->taken)
+			return writer;
+		if (writer->heard < chosen->heard)
+			chosen = writer;
+	}
+	return chosen;
+}
+
+struct db_writer *db_writers_claim(struct db_writers *writers, const struct db_client *client,
+                                   db_time now)
+{
+	struct db_writer *writer = db_writers_find(writers, client);
+
+	if (writer || !client)
+		return writer;
+	writer = find_place(writers);
+	*writer = (struct db_writer){ .taken = true, .heard = now };
+	memcpy(writer->address, client->address, sizeof writer->address);
+	return writer;
+}
+
+void db_writers_hear(struct db_writers *writers, const struct db_client *client, db_time now)
+{
+	struct db_writer *writer = db_writers_find(writers, client);
+
+	if (writer)
+		writer->heard = now;
+}
+
+const struct db_command_results *db_writers_results(struct db_writers *writers,
+                                                    const struct db_client *client)
+{
+	const struct db_writer *writer = db_writers_find(writers, client);
+
+	return writers->by_address && writer && writer->commanded ? &writer->own.results :
+	                                                            &writers->latest.results;
+}
+
+/* --- tickets ---------------------------------------------------------------------------------- */
+
+static void replace_ticket(uint32_t *kept, uint32_t ticket, uint32_t to)
+{
+	if (*kept == ticket)
+		*kept = to;
+}
+
+void db_writers_retarget(struct db_writers *writers, uint32_t ticket, uint32_t to)
+{
+	replace_ticket(&writers->latest.ticket, ticket, to);
+	replace_ticket(&writers->latest.write_ticket, ticket, to);
+	for (size_t i = 0; i < count_of(writers); i++) {
+		struct db_writer *writer = first_of(writers) + i;
+
+		replace_ticket(&writer->last.ticket, ticket, to);
+		replace_ticket(&writer->previous.ticket, ticket, to);
+		replace_ticket(&writer->execution.ticket, ticket, to);
+		replace_ticket(&writer->own.ticket, ticket, to);
+		replace_ticket(&writer->own.write_ticket, ticket, to);
+	}
+}
+
+void db_writers_retire(struct db_writers *writers, uint32_t ticket)
+{
+	db_writers_retarget(writers, ticket, 0);
+}
+
+/* --- commands and writes ---------------------------------------------------------------------- */
+
+static void set_write(struct db_outcome *outcome, enum db_result result, uint16_t refused_register,
+                      uint32_t ticket)
+{
+	outcome->results.write_result = (uint16_t)result;
+	outcome->results.write_register = refused_register;
+	outcome->write_ticket = ticket;
+}
+
+void db_writers_set_write(struct db_writers *writers, struct db_writer *writer,
+                          enum db_result result, uint16_t refused_register, uint32_t ticket)
+{
+	set_write(&writers->latest, result, refused_register, ticket);
+	if (writer)
+		set_write(&writer->own, result, refused_register, ticket);
+}
+
+static void set_command(struct db_outcome *outcome, const struct db_request *request,
+                        enum db_result result, uint32_t ticket)
+{
+	outcome->results.result_id = request->id;
+	outcome->results.result_command = (uint16_t)request->command;
+	outcome->results.result = (uint16_t)result;
+	outcome->ticket = ticket;
+	set_write(outcome, result, 0, ticket);
+}
+
+void db_writers_set_command(struct db_writers *writers, struct db_writer *writer,
+                            const struct db_request *request, enum db_result result,
+                            uint32_t ticket)
+{
+	set_command(&writers->latest, request, result, ticket);
+	if (!writer)
+		return;
+	set_command(&writer->own, request, result, ticket);
+	writer->commanded = true;
+	if (request->id == 0 || result == DB_RESULT_BUSY)
+		return;
+	/* A stop repeated with its own id does not make an older id new again. */
+	if (request->id != writer->last.id)
+		writer->previous = writer->last;
+	writer->last = (struct db_used_id){
+		.id = request->id,
+		.result = result,
+		.sent = ticket != 0,
+		.ticket = ticket,
+	};
+}
+
+void db_writers_set_limit(struct db_writers *writers, struct db_writer *writer, enum db_limit limit)
+{
+	writers->latest.results.result_limit = (uint16_t)limit;
+	if (writer)
+		writer->own.results.result_limit = (uint16_t)limit;
+}
+
+void db_writer_set_executed(struct db_writer *writer, const struct db_request *request,
+                            enum db_result result, uint32_t ticket)
+{
+	/* Only of the command block something is repeated by a write of `command` alone. */
+	if (!writer || !request->by_block)
+		return;
+	writer->has_executed = true;
+	writer->executed_command = (uint16_t)request->command;
+	writer->executed_args = *request->args;
+	writer->execution = (struct db_used_id){
+		.id = request->id,
+		.result = result,
+		.sent = ticket != 0,
+		.ticket = ticket,
+	};
+}
+
+static void complete_outcome(struct db_outcome *outcome, uint32_t ticket, enum db_result result,
+                             uint32_t took_us)
+{
+	if (outcome->ticket == ticket) {
+		outcome->results.result = (uint16_t)result;
+		outcome->results.result_time_us = took_us;
+	}
+	if (outcome->write_ticket == ticket)
+		outcome->results.write_result = (uint16_t)result;
+}
+
+void db_writers_complete(struct db_writers *writers, uint32_t ticket, enum db_result result,
+                         uint32_t took_us)
+{
+	complete_outcome(&writers->latest, ticket, result, took_us);
+	for (size_t i = 0; i < count_of(writers); i++) {
+		struct db_writer *writer = first_of(writers) + i;
+
+		complete_outcome(&writer->own, ticket, result, took_us);
+		if (writer->previous.ticket == ticket)
+			writer->previous.result = result;
+		if (writer->last.ticket == ticket) {
+			writer->last.result = result;
+			/* The bus refused it after all: the id counts as never seen. */
+			if (result == DB_RESULT_BUSY) {
+				writer->last = writer->previous;
+				writer->previous = (struct db_used_id){ 0 };
+			}
+		}
+		if (writer->execution.ticket == ticket) {
+			writer->execution.result = result;
+			writer->has_executed = result != DB_RESULT_BUSY;
+		}
+	}
+}
+
+/* --- motions ---------------------------------------------------------------------------------- */
+
+static void ask_motion(struct db_outcome *outcome, bool refused)
+{
+	outcome->results.done = outcome->results.aborted = false;
+	outcome->motion_refused = refused;
+}
+
+void db_writers_ask_motion(struct db_writers *writers, struct db_writer *writer)
+{
+	ask_motion(&writers->latest, false);
+	if (writer)
+		ask_motion(&writer->own, false);
+}
+
+void db_writer_ask_motion(struct db_writer *writer)
+{
+	ask_motion(&writer->own, false);
+}
+
+void db_writers_refuse_motion(struct db_writers *writers, struct db_writer *writer)
+{
+	ask_motion(&writers->latest, true);
+	if (writer)
+		ask_motion(&writer->own, true);
+}
+
+static void abort_motion(struct db_outcome *outcome)
+{
+	outcome->results.motion_result = DB_RESULT_CANCELLED;
+	if (!outcome->motion_ends)
+		return;
+	outcome->results.aborted = true;
+	outcome->results.aborted_id = outcome->results.motion_id;
+}
+
+static void begin_motion(struct db_outcome *outcome, uint16_t id, bool ends, bool cancelled)
+{
+	outcome->results.motion_id = id;
+	outcome->results.motion_result = DB_RESULT_PENDING;
+	outcome->motion_ends = ends;
+	outcome->motion_refused = false;
+	if (cancelled)
+		abort_motion(outcome);
+}
+
+void db_writers_begin_motion(struct db_writers *writers, struct db_writer *writer, uint16_t id,
+                             bool ends, bool cancelled)
+{
+	begin_motion(&writers->latest, id, ends, cancelled);
+	if (writer)
+		begin_motion(&writer->own, id, ends, cancelled);
+}
+
+void db_writers_cancel_motion(struct db_writers *writers)
+{
+	struct db_outcome *latest = &writers->latest;
+
+	latest->results.done = latest->results.aborted = false;
+	if (latest->results.motion_result == DB_RESULT_PENDING)
+		abort_motion(latest);
+	for (size_t i = 0; i < count_of(writers); i++) {
+		struct db_outcome *own = &first_of(writers)[i].own;
+
+		if (own->results.motion_result == DB_RESULT_PENDING)
+			abort_motion(own);
+	}
+}
+
+static void set_end(struct db_outcome *outcome, uint32_t ticket, enum db_result result)
+{
+	outcome->results.motion_result = (uint16_t)result;
+	outcome->results.done = result == DB_RESULT_OK && !outcome->motion_refused;
+	if (outcome->ticket == ticket)
+		outcome->results.result = (uint16_t)result;
+}
+
+static void end_motion(struct db_outcome *outcome, uint32_t ticket, enum db_result result)
+{
+	outcome->motion_last = outcome->results.motion_result == DB_RESULT_PENDING;
+	if (outcome->motion_last)
+		set_end(outcome, ticket, result);
+}
+
+void db_writers_end_motion(struct db_writers *writers, uint32_t ticket, enum db_result result)
+{
+	end_motion(&writers->latest, ticket, result);
+	for (size_t i = 0; i < count_of(writers); i++)
+		end_motion(&first_of(writers)[i].own, ticket, result);
+}
+
+static void correct_motion(struct db_outcome *outcome, uint32_t ticket, enum db_result result)
+{
+	if (outcome->motion_last)
+		set_end(outcome, ticket, result);
+}
+
+void db_writers_correct_motion(struct db_writers *writers, uint32_t ticket, enum db_result result)
+{
+	correct_motion(&writers->latest, ticket, result);
+	for (size_t i = 0; i < count_of(writers); i++)
+		correct_motion(&first_of(writers)[i].own, ticket, result);
+}
+
+void db_outcome_record(struct db_commander *commander, const struct db_request *request,
+                       enum db_result result, struct db_request *pending)
+{
+	const struct db_driver *driver = commander->config.driver;
+	struct db_history_entry entry = {
+		.timestamp_us = commander->ops->wall_us(commander->context),
+		.port = request->client.port,
+		.command_id = request->id,
+		.command = (uint16_t)request->command,
+		.result = (uint16_t)result,
+	};
+	uint32_t number;
+
+	memcpy(entry.address, request->client.address, sizeof entry.address);
+	if (request->command != DB_CMD_NONE) {
+		db_history_args(&entry, request->command, request->args);
+	} else {
+		uint16_t param = request->settings[0].param;
+		/* The history can be read by everybody with read access. */
+		bool secret = param < driver->param_count &&
+		              (driver->params[param].traits & DB_PARAM_SECRET);
+
+		entry.number = param;
+		entry.value = secret ? 0 : request->settings[0].value.u;
+	}
+	number = db_history_add(&commander->history, &entry, pending != NULL);
+	if (pending)
+		pending->entry = number;
+}
+
+void db_outcome_log(const struct db_commander *commander, const struct db_client *client,
+                    const struct db_refused_write *write)
+{
+	switch (write->result) {
+	case DB_RESULT_NONE:
+	case DB_RESULT_OK:
+	case DB_RESULT_UNPROVEN:
+	case DB_RESULT_PENDING:
+	/* Already reported elsewhere. */
+	case DB_RESULT_CANCELLED:
+	case DB_RESULT_NOT_IN_CONTROL:
+	case DB_RESULT_RUNS_ON:
+		return;
+	default:
+		if (commander->ops->refused)
+			commander->ops->refused(commander->context, client, write);
+	}
+}
+
+/* Interval at which the drive's parameters are checked while a write is to be settled. */
+#define LOOK_EVERY (500 * DB_NS_PER_MS)
+
+int db_settle_init(struct db_settle *settle, const struct db_driver *driver)
+{
+	*settle = (struct db_settle){ .check_at = DB_TIME_NEVER };
+	if (!driver->holds)
+		return 0;
+	settle->places = calloc(DB_SETTLE_MAX, sizeof settle->places[0]);
+	if (!settle->places)
+		return -ENOMEM;
+	settle->count = DB_SETTLE_MAX;
+	return 0;
+}
+
+void db_settle_release(struct db_settle *settle)
+{
+	free(settle->places);
+}
+
+static void drop(struct db_settle *settle, uint32_t ticket)
+{
+	for (size_t i = 0; i < settle->count; i++) {
+		if (settle->places[i].ticket == ticket)
+			settle->places[i].ticket = 0;
+	}
+}
+
+void db_settle_submitted(struct db_commander *commander, const struct db_request *request)
+{
+	const struct db_setting *settings = request->settings;
+	struct db_settle *settle = &commander->settle;
+	size_t count = request->setting_count;
+
+	for (size_t i = 0; i < count; i++) {
+		for (size_t j = 0; j < settle->count; j++) {
+			const struct db_unsettled *older = &settle->places[j];
+
+			if (older->ticket != 0 && older->ticket != request->ticket &&
+			    older->param == settings[i].param)
+				drop(settle, older->ticket);
+		}
+	}
+	/* A part of the write proves nothing about the whole. */
+	if (count > settle->count)
+		return;
+	for (size_t i = 0; i < count; i++) {
+		struct db_unsettled *place = &settle->places[settle->next];
+
+		if (place->ticket != 0)
+			drop(settle, place->ticket);
+		settle->next = (settle->next + 1) % settle->count;
+		*place = (struct db_unsettled){
+			.ticket = request->ticket,
+			.arrived = request->submitted,
+			.since = DB_TIME_NEVER,
+			.param = settings[i].param,
+			.written = settings[i].value,
+		};
+	}
+}
+
+void db_settle_ended(struct db_commander *commander, const struct db_request *request, db_time end)
+{
+	struct db_settle *settle = &commander->settle;
+
+	if (request->result != DB_RESULT_UNPROVEN) {
+		drop(settle, request->ticket);
+		return;
+	}
+	for (size_t i = 0; i < settle->count; i++) {
+		struct db_unsettled *place = &settle->places[i];
+
+		if (place->ticket != request->ticket)
+			continue;
+		place->entry = request->entry;
+		place->since = end;
+		settle->check_at = end + LOOK_EVERY;
+	}
+}
+
+/* Judges all parameters of the write: PENDING while one of them was not reported since. */
+static enum db_result judge(const struct db_commander *commander, uint32_t ticket,
+                            const struct db_nameplate *plate, const struct db_unsettled **other)
+{
+	const struct db_driver *driver = commander->config.driver;
+	const struct db_settle *settle = &commander->settle;
+	enum db_result result = DB_RESULT_OK;
+
+	for (size_t i = 0; i < settle->count; i++) {
+		const struct db_unsettled *place = &settle->places[i];
+		unsigned param = place->param;
+
+		if (place->ticket != ticket)
+			continue;
+		if (!(db_params_have(plate->valid, param)) ||
+		    !db_told_after(plate->told[param], db_told_at(place->since)))
+			return DB_RESULT_PENDING;
+		if (!driver->holds(param, plate->values[param], place->written)) {
+			*other = place;
+			result = DB_RESULT_REFUSED;
+		}
+	}
+	return result;
+}
+
+void db_settle_check(struct db_commander *commander, db_time now)
+{
+	const struct db_driver *driver = commander->config.driver;
+	struct db_settle *settle = &commander->settle;
+	struct db_nameplate_copy copy;
+	const struct db_nameplate *plate = &copy.plate;
+
+	if (settle->check_at > now)
+		return;
+	settle->check_at = DB_TIME_NEVER;
+	db_axis_read_nameplate(commander->config.axis, &copy);
+	for (size_t i = 0; i < settle->count; i++) {
+		struct db_unsettled write = settle->places[i];
+		const struct db_unsettled *other = NULL;
+		enum db_result result;
+
+		if (write.ticket == 0 || write.since == DB_TIME_NEVER)
+			continue;
+		result = judge(commander, write.ticket, plate, &other);
+		if (result == DB_RESULT_PENDING) {
+			settle->check_at = now + LOOK_EVERY;
+			continue;
+		}
+		db_writers_complete(&commander->writers, write.ticket, result,
+		                    db_time_us32(now - write.arrived));
+		db_history_end(&commander->history, write.entry, result, now - write.arrived);
+		if (other)
+			db_outcome_log(
+				commander, NULL,
+				&(struct db_refused_write){
+					.param = driver->params[other->param].name,
+					.holds_other = true,
+					.held = db_value_number(driver->params[other->param].type,
+			                                        plate->values[other->param]),
+					.result = result,
+				});
+		drop(settle, write.ticket);
+	}
+}

@@ -1,0 +1,356 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "config/config_private.h"
+
+#include "codec/can.h"
+#include "config/times.h"
+#include "drivebridge/driver.h"
+
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* --- the same thing used twice ---------------------------------------------------------------- */
+
+static unsigned bus_line(const struct db_load *load, const struct db_bus_config *bus,
+                         const char *key)
+{
+	return db_section_find_line(load, "bus", bus->name, bus->source_line, key);
+}
+
+static unsigned drive_line(const struct db_load *load, const struct db_drive_config *drive,
+                           const char *key)
+{
+	return db_section_find_line(load, "drive", drive->name, drive->source_line, key);
+}
+
+/* Two names of one port (a link of /dev/serial/by-id and the node itself) are the same device. */
+static bool same_device(const char *a, const char *b)
+{
+	char *real_a = realpath(a, NULL);
+	char *real_b = realpath(b, NULL);
+	bool same = strcmp(real_a ? real_a : a, real_b ? real_b : b) == 0;
+
+	free(real_a);
+	free(real_b);
+	return same;
+}
+
+static void check_devices(struct db_load *load)
+{
+	const struct db_config *config = load->config;
+
+	for (size_t i = 0; i < config->bus_count; i++) {
+		const struct db_bus_config *bus = &config->buses[i];
+
+		for (size_t j = 0; j < i && bus->device; j++) {
+			const struct db_bus_config *other = &config->buses[j];
+
+			if (!other->device || !same_device(bus->device, other->device))
+				continue;
+			db_messages_add_error(
+				&load->messages, bus_line(load, bus, "device"),
+				"device = %s is used by bus '%s' on %s already; another port, or "
+				"one bus for all its drives",
+				bus->device, other->name,
+				db_messages_name_line(&load->messages, other->source_line).text);
+			break;
+		}
+	}
+}
+
+/* Checks the second unit of this drive against all units of the other one. */
+static void check_vendor_unit(struct db_load *load, const struct db_drive_config *drive,
+                              const struct db_drive_config *other)
+{
+	bool own = drive == other;
+
+	if (drive->vendor_unit == 0 || !(drive->vendor_unit == other->unit ||
+	                                 (!own && drive->vendor_unit == other->vendor_unit)))
+		return;
+	db_messages_add_error(&load->messages, drive_line(load, drive, "vendor-unit"),
+	                      "vendor-unit = %u belongs to drive '%s' on %s already; a unit that "
+	                      "nothing else has",
+	                      drive->vendor_unit, other->name,
+	                      db_messages_name_line(&load->messages, other->source_line).text);
+}
+
+static bool has_axis(const struct db_load *load, const struct db_drive_config *drive)
+{
+	return db_section_find_line(load, "drive", drive->name, 0, "axis") > 0;
+}
+
+/* Two drives of one bus. */
+static void check_addresses(struct db_load *load, const struct db_drive_config *drive,
+                            const struct db_drive_config *other)
+{
+	const struct db_bus_config *bus = &load->config->buses[drive->bus];
+	const struct db_driver *driver = bus->driver;
+	bool same = drive->address == other->address;
+
+	if (!driver)
+		return;
+	if (driver->medium == DB_MEDIUM_SERIAL && bus->line == DB_LINE_RS232 &&
+	    (driver->axes == 0 || !same))
+		db_messages_add_error(&load->messages, drive_line(load, drive, "bus"),
+		                      "bus '%s' is an RS232 line and has drive '%s' already; one "
+		                      "%s per RS232 line, or line = rs485",
+		                      bus->name, other->name,
+		                      driver->axes > 0 ? "controller" : "drive");
+	else if (same && drive->address != 0 && driver->axes > 0) {
+		/* Two drives of one controller. */
+		if (has_axis(load, drive) && has_axis(load, other) && drive->axis == other->axis) {
+			db_messages_add_error(
+				&load->messages, drive_line(load, drive, "axis"),
+				"this axis of address %u belongs to drive '%s' on %s already; an "
+				"axis of its own for each drive of a controller",
+				drive->address, other->name,
+				db_messages_name_line(&load->messages, other->source_line).text);
+		}
+	} else if (same && drive->address != 0)
+		db_messages_add_error(
+			&load->messages, drive_line(load, drive, "address"),
+			"address = %u on bus '%s' belongs to drive '%s' on %s already; an address "
+			"of its own for each drive of a bus",
+			drive->address, bus->name, other->name,
+			db_messages_name_line(&load->messages, other->source_line).text);
+}
+
+/* A drive without an axis key, though there are others at the same address. */
+static void check_axis_given(struct db_load *load, size_t index)
+{
+	const struct db_config *config = load->config;
+	const struct db_drive_config *drive = &config->drives[index];
+	const struct db_bus_config *bus = &config->buses[drive->bus];
+
+	if (!bus->driver || bus->driver->axes == 0 || drive->address == 0 || has_axis(load, drive))
+		return;
+	for (size_t i = 0; i < config->drive_count; i++) {
+		const struct db_drive_config *other = &config->drives[i];
+
+		if (i == index || other->bus != drive->bus || other->address != drive->address)
+			continue;
+		db_messages_add_error(
+			&load->messages, drive->source_line,
+			"drive '%s' has no key 'axis', which must be given because drive '%s' is "
+			"behind address %u of bus '%s' too; add axis = x, for instance",
+			drive->name, other->name, drive->address, bus->name);
+		return;
+	}
+}
+
+static void check_drive(struct db_load *load, size_t index)
+{
+	const struct db_config *config = load->config;
+	const struct db_drive_config *drive = &config->drives[index];
+	size_t errors = load->messages.errors;
+
+	if (drive->unit != 0 && drive->unit == config->modbus.gateway_unit)
+		db_messages_add_error(&load->messages, drive_line(load, drive, "unit"),
+		                      "unit = %u is the gateway's own unit (gateway-unit); another "
+		                      "unit for one of them",
+		                      drive->unit);
+	if (drive->vendor_unit != 0 && drive->vendor_unit == config->modbus.gateway_unit)
+		db_messages_add_error(&load->messages, drive_line(load, drive, "vendor-unit"),
+		                      "vendor-unit = %u is the gateway's own unit (gateway-unit); "
+		                      "another unit for one of them",
+		                      drive->vendor_unit);
+	if (drive->bus < config->bus_count)
+		check_axis_given(load, index);
+	check_vendor_unit(load, drive, drive);
+	/* One message is enough: a drive that was copied a thousand times collides as often. */
+	for (size_t i = 0; i < index && load->messages.errors == errors; i++) {
+		const struct db_drive_config *other = &config->drives[i];
+
+		if (drive->unit != 0 && drive->unit == other->unit)
+			db_messages_add_error(
+				&load->messages, drive_line(load, drive, "unit"),
+				"unit = %u belongs to drive '%s' on %s already; a unit of its own "
+				"for each drive",
+				drive->unit, other->name,
+				db_messages_name_line(&load->messages, other->source_line).text);
+		check_vendor_unit(load, drive, other);
+		/* The later drive's unit against the second unit of an earlier one. */
+		if (drive->vendor_unit != other->vendor_unit)
+			check_vendor_unit(load, other, drive);
+		if (drive->bus < config->bus_count && drive->bus == other->bus)
+			check_addresses(load, drive, other);
+	}
+}
+
+/* --- interfaces that buses share -------------------------------------------------------------- */
+
+/*
+ * Several buses on one CAN interface: allowed when no frame can be meant for both, because then
+ * each of them sees only its own. Otherwise one would take the other's frames for answers.
+ */
+struct filter_list {
+	struct db_can_filter filters[DB_FILTERS_MAX];
+	size_t count;
+};
+
+static struct filter_list filters_of(const struct db_bus_config *bus)
+{
+	struct filter_list list = { .count = 0 };
+
+	if (bus->driver->filters)
+		list.count = bus->driver->filters(bus, list.filters);
+	return list;
+}
+
+/* True if an id passes both. */
+static bool filters_overlap(const struct db_can_filter *a, const struct db_can_filter *b)
+{
+	return ((a->id ^ b->id) & a->mask & b->mask) == 0;
+}
+
+/* A bus without filters sees every frame. */
+static bool filters_collide(const struct filter_list *a, const struct filter_list *b)
+{
+	if (a->count == 0 || b->count == 0)
+		return true;
+	for (size_t i = 0; i < a->count; i++) {
+		for (size_t j = 0; j < b->count; j++) {
+			if (filters_overlap(&a->filters[i], &b->filters[j]))
+				return true;
+		}
+	}
+	return false;
+}
+
+static void check_pair(struct db_load *load, const struct db_bus_config *bus,
+                       const struct db_bus_config *other)
+{
+	struct filter_list filters = filters_of(bus), others = filters_of(other);
+
+	if (filters_collide(&filters, &others))
+		db_messages_add_error(
+			&load->messages,
+			db_section_find_line(load, "bus", bus->name, bus->source_line, "interface"),
+			"buses '%s' (%s) and '%s' (%s, %s) use the same ids on interface %s, so "
+			"that one could take the other's frames for its own; another interface for "
+			"one of them%s",
+			bus->name, bus->driver->name, other->name, other->driver->name,
+			db_messages_name_line(&load->messages, other->source_line).text,
+			bus->interface,
+			bus->driver == other->driver ? ", or one bus for all their drives" : "");
+	else if (bus->bitrate != other->bitrate)
+		db_messages_add_error(
+			&load->messages,
+			db_section_find_line(load, "bus", bus->name, bus->source_line, "bitrate"),
+			"bus '%s' has %u bit/s, but bus '%s' on %s has %u bit/s on the same "
+			"interface %s; the same bitrate for both",
+			bus->name, bus->bitrate, other->name,
+			db_messages_name_line(&load->messages, other->source_line).text,
+			other->bitrate, bus->interface);
+}
+
+static void check_interfaces(struct db_load *load)
+{
+	const struct db_config *config = load->config;
+
+	for (size_t i = 0; i < config->bus_count; i++) {
+		const struct db_bus_config *bus = &config->buses[i];
+
+		for (size_t j = 0; j < i && bus->interface; j++) {
+			const struct db_bus_config *other = &config->buses[j];
+
+			if (other->interface && strcmp(bus->interface, other->interface) == 0)
+				check_pair(load, bus, other);
+		}
+	}
+}
+
+/* --- what only the families know -------------------------------------------------------------- */
+
+#define KEY_LENGTH_MAX 63
+
+/* Messages of a bus's family. */
+struct complaints {
+	struct db_load *load;
+	const struct db_bus_config *bus;
+};
+
+/* A message that begins with a key of the section is about that key's line. */
+static unsigned line_of(const struct complaints *complaints, const struct db_drive_config *drive,
+                        const char *text)
+{
+	const char *section = drive ? "drive" : "bus";
+	const char *title = drive ? drive->name : complaints->bus->name;
+	unsigned head = drive ? drive->source_line : complaints->bus->source_line;
+	size_t length = strcspn(text, " ");
+	char key[KEY_LENGTH_MAX + 1];
+
+	if (length > KEY_LENGTH_MAX)
+		return head;
+	memcpy(key, text, length);
+	key[length] = '\0';
+	return db_section_find_line(complaints->load, section, title, head, key);
+}
+
+static void add_complaint(void *context, const struct db_drive_config *drive, bool error,
+                          const char *format, ...) __attribute__((format(printf, 4, 5)));
+
+static void add_complaint(void *context, const struct db_drive_config *drive, bool error,
+                          const char *format, ...)
+{
+	struct complaints *complaints = context;
+	struct db_messages *messages = &complaints->load->messages;
+	va_list arguments;
+	char *text;
+	int length;
+
+	va_start(arguments, format);
+	length = vasprintf(&text, format, arguments);
+	va_end(arguments);
+	if (length < 0) {
+		db_messages_add_error(messages, 0, "out of memory; free some and try again");
+		return;
+	}
+	if (error)
+		db_messages_add_error(messages, line_of(complaints, drive, text), "%s", text);
+	else
+		db_messages_add_warning(messages, line_of(complaints, drive, text), "%s", text);
+	free(text);
+}
+
+static void check_families(struct db_load *load)
+{
+	const struct db_config *config = load->config;
+	/* One more than needed: calloc() of nothing may give null. */
+	const struct db_drive_config **drives = calloc(config->drive_count + 1, sizeof(*drives));
+
+	if (!drives) {
+		db_messages_add_error(&load->messages, 0, "out of memory; free some and try again");
+		return;
+	}
+	for (size_t i = 0; i < config->bus_count; i++) {
+		struct complaints complaints = { .load = load, .bus = &config->buses[i] };
+		size_t count = 0;
+
+		if (!complaints.bus->driver->check_config)
+			continue;
+		for (size_t j = 0; j < config->drive_count; j++) {
+			if (config->drives[j].bus == i)
+				drives[count++] = &config->drives[j];
+		}
+		complaints.bus->driver->check_config(complaints.bus, drives, count, add_complaint,
+		                                     &complaints);
+	}
+	free(drives);
+}
+
+void db_check(struct db_load *load)
+{
+	check_devices(load);
+	for (size_t i = 0; i < load->config->drive_count; i++)
+		check_drive(load, i);
+	/* From here on everything must be there. */
+	if (load->messages.errors == 0)
+		check_interfaces(load);
+	if (load->messages.errors == 0)
+		db_times_fill(load);
+	if (load->messages.errors == 0)
+		check_families(load);
+	if (load->messages.errors == 0)
+		db_times_check(load);
+}

@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "config/config_private.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* The first line, with a checksum of the rest: a disk may have lost a part of it. */
+#define HEAD "drivebridge: a configuration that was in force, checksum %016" PRIx64 "\n"
+#define HEAD_LENGTH 80
+/* Before each text: its length and its path. */
+#define PART "--- %zu bytes of %s\n"
+#define PROFILE_PART "+++ %zu bytes of %s\n"
+
+/* FNV-1a */
+static uint64_t sum_of(const char *text)
+{
+	uint64_t sum = UINT64_C(14695981039346656037);
+
+	for (; *text; text++)
+		sum = (sum ^ (uint8_t)*text) * UINT64_C(1099511628211);
+	return sum;
+}
+
+static bool put_parts(const struct db_source *sources, size_t count, FILE *out)
+{
+	for (size_t i = 0; i < count; i++) {
+		if (strchr(sources[i].path, '\n'))
+			return false;
+		fprintf(out, sources[i].profile ? PROFILE_PART "%s\n" : PART "%s\n",
+		        strlen(sources[i].text), sources[i].path, sources[i].text);
+	}
+	return true;
+}
+
+char *db_copy_write(const struct db_source *sources, size_t count)
+{
+	char *parts = NULL;
+	char *copy = NULL;
+	size_t size = 0;
+	FILE *out = open_memstream(&parts, &size);
+	bool good = out && put_parts(sources, count, out);
+
+	if (out &&
+	    (fclose(out) != 0 || !good || asprintf(&copy, HEAD "%s", sum_of(parts), parts) < 0))
+		copy = NULL;
+	free(parts);
+	return copy;
+}
+
+/* Reads the part at *at, which is moved to the next one. */
+static bool read_part(const char **at, struct db_source *source)
+{
+	const char *end = strchr(*at, '\n');
+	size_t length = 0;
+	int path = 0;
+
+	source->profile = **at == '+';
+	if (!end ||
+	    sscanf(*at, source->profile ? "+++ %zu bytes of %n" : "--- %zu bytes of %n", &length,
+	           &path) != 1 ||
+	    path == 0 || *at + path >= end || strnlen(end + 1, length + 1) != length + 1 ||
+	    end[1 + length] != '\n')
+		return false;
+	/* gcc's analyzer takes them for lost: db_sources_free() frees them. */
+	source->path = strndup(*at + path, (size_t)(end - *at - path));
+	source->text = strndup(end + 1, length);
+	*at = end + 1 + length + 1;
+	return source->path && source->text;
+}
+
+bool db_copy_read(const char *text, struct db_source **sources, size_t *count)
+{
+	char head[HEAD_LENGTH + 1];
+	const char *at = strchr(text, '\n');
+
+	*sources = NULL;
+	*count = 0;
+	if (!at || at[1] == '\0')
+		return false;
+	at++;
+	snprintf(head, sizeof(head), HEAD, sum_of(at));
+	if (strncmp(text, head, (size_t)(at - text)) != 0 || strlen(head) != (size_t)(at - text))
+		return false;
+	while (*at) {
+		struct db_source *more = realloc(*sources, (*count + 1) * sizeof(*more));
+
+		if (!more)
+			return false;
+		*sources = more;
+		more[*count] = (struct db_source){ 0 };
+		if (!read_part(&at, &more[(*count)++]))
+			return false;
+	}
+	return true;
+}

@@ -1,0 +1,166 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "config/config_private.h"
+#include "reader/source.h"
+
+#include "drivebridge/config.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#define FOLDER "conf.d"
+#define SUFFIX ".conf"
+
+/* False after a message. */
+static bool read_source(const char *path, FILE *errors, struct db_source *source)
+{
+	source->text = db_file_read(path, errors);
+	if (!source->text)
+		return false;
+	source->path = strdup(path);
+	/* gcc's analyzer takes it for lost: it is the list's, which is freed as a whole. */
+	if (source->path)
+		return true;
+	db_file_explain(path, ENOMEM, errors);
+	return false;
+}
+
+static int is_ours(const struct dirent *entry)
+{
+	size_t length = strlen(entry->d_name);
+
+	return entry->d_name[0] != '.' && length > strlen(SUFFIX) &&
+	       strcmp(entry->d_name + length - strlen(SUFFIX), SUFFIX) == 0;
+}
+
+/* The same order in every locale. */
+static int by_name(const struct dirent **a, const struct dirent **b)
+{
+	return strcmp((*a)->d_name, (*b)->d_name);
+}
+
+/* The folder next to the file; to be freed. */
+static char *folder_beside(const char *path)
+{
+	const char *slash = strrchr(path, '/');
+	char *folder;
+
+	return asprintf(&folder, "%.*s" FOLDER, slash ? (int)(slash - path + 1) : 0, path) < 0 ?
+	               NULL :
+	               folder;
+}
+
+static bool read_entry(const char *folder, const char *name, FILE *errors, struct db_source *source)
+{
+	char *path;
+	bool good;
+
+	if (asprintf(&path, "%s/%s", folder, name) < 0)
+		return false;
+	good = read_source(path, errors, source);
+	free(path);
+	return good;
+}
+
+/* Appends to the one source already there. */
+static bool read_folder(const char *path, FILE *errors, struct db_source **sources, size_t *count)
+{
+	char *folder = folder_beside(path);
+	struct dirent **entries = NULL;
+	struct db_source *more = NULL;
+	int found = folder ? scandir(folder, &entries, is_ours, by_name) : -1;
+	bool good = folder && (found >= 0 || errno == ENOENT || errno == ENOTDIR);
+
+	if (!good)
+		db_file_explain(folder ? folder : path, errno, errors);
+	if (found > 0)
+		more = realloc(*sources, ((size_t)found + 1) * sizeof(**sources));
+	if (more)
+		*sources = more;
+	else if (found > 0)
+		good = false;
+	for (int i = 0; i < found; i++) {
+		if (more) {
+			more[*count] = (struct db_source){ 0 };
+			if (!read_entry(folder, entries[i]->d_name, errors, &more[(*count)++]))
+				good = false;
+		}
+		free(entries[i]);
+	}
+	free(entries);
+	free(folder);
+	return good;
+}
+
+int db_files_read(const char *path, FILE *errors, struct db_source **sources, size_t *count)
+{
+	bool good;
+
+	*count = 1;
+	*sources = calloc(1, sizeof(**sources));
+	if (!*sources) {
+		*count = 0;
+		db_file_explain(path, ENOMEM, errors);
+		return -1;
+	}
+	good = read_source(path, errors, *sources);
+	good = read_folder(path, errors, sources, count) && good;
+	return good ? 0 : -1;
+}
+
+/* --- whether they are others than before ------------------------------------------------------ */
+
+/* FNV-1a */
+static void add_bytes(uint64_t *sum, const void *bytes, size_t length)
+{
+	const unsigned char *at = bytes;
+
+	for (size_t i = 0; i < length; i++)
+		*sum = (*sum ^ at[i]) * UINT64_C(1099511628211);
+}
+
+/* The time of the last change of content, name, owner or mode is enough, except for a different
+ * file with this name. */
+static void add_file(uint64_t *sum, const char *path)
+{
+	struct stat about = { 0 };
+	int error = stat(path, &about) == 0 ? 0 : errno;
+
+	add_bytes(sum, &error, sizeof(error));
+	add_bytes(sum, &about.st_dev, sizeof(about.st_dev));
+	add_bytes(sum, &about.st_ino, sizeof(about.st_ino));
+	add_bytes(sum, &about.st_size, sizeof(about.st_size));
+	add_bytes(sum, &about.st_ctim.tv_sec, sizeof(about.st_ctim.tv_sec));
+	add_bytes(sum, &about.st_ctim.tv_nsec, sizeof(about.st_ctim.tv_nsec));
+	add_bytes(sum, &about.st_mtim.tv_sec, sizeof(about.st_mtim.tv_sec));
+	add_bytes(sum, &about.st_mtim.tv_nsec, sizeof(about.st_mtim.tv_nsec));
+}
+
+uint64_t db_config_signature(const char *path, const char *profiles)
+{
+	uint64_t sum = UINT64_C(14695981039346656037);
+	char *folder = folder_beside(path);
+	struct dirent **entries = NULL;
+	int found = folder ? scandir(folder, &entries, is_ours, by_name) : 0;
+	int error = found < 0 ? errno : 0;
+
+	add_file(&sum, path);
+	add_bytes(&sum, &error, sizeof(error));
+	for (int i = 0; i < found; i++) {
+		char *entry;
+
+		add_bytes(&sum, entries[i]->d_name, strlen(entries[i]->d_name) + 1);
+		if (asprintf(&entry, "%s/%s", folder, entries[i]->d_name) >= 0) {
+			add_file(&sum, entry);
+			free(entry);
+		}
+		free(entries[i]);
+	}
+	free(entries);
+	free(folder);
+	for (; profiles && *profiles; profiles += strlen(profiles) + 1)
+		add_file(&sum, profiles);
+	return sum != 0 ? sum : 1;
+}

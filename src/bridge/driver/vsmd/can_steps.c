@@ -1,0 +1,561 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Writing and reading parameters, and the jobs of a drive. */
+#include "driver/vsmd/can_steps.h"
+
+#include "driver/vsmd/can_frames.h"
+#include "driver/vsmd/can_state.h"
+#include "driver/vsmd/commands.h"
+
+#include <string.h>
+
+/* A register that is not answered this number of times, while the read after it is answered, does
+ * not exist in this model. */
+#define REGISTER_TRIES 2
+
+/* Number of writes to a register that holds another value after a write. */
+#define WRITES_MAX 2
+
+/* Number of registers read at once. */
+#define RUN_MAX 8
+
+/* A drive that answers probes, but not this number of cyclic reads, is asked for fewer registers at
+ * once. */
+#define LONG_READS 2
+
+/* Steps of all jobs but the commands in commands.h. */
+enum step {
+	STEP_PROBE,
+	STEP_POLL,
+	STEP_REPORT,
+	STEP_IDENTITY,
+	STEP_REGISTERS,
+	STEP_FETCH, /* read before the write: a register that holds several parameters */
+	STEP_FETCH_AGAIN,
+	STEP_WRITE, /* and its read after that */
+	STEP_CONFIRM_AGAIN,
+	STEP_REFRESH, /* one register with parameters, each in its turn */
+	STEP_EXPLAIN, /* it holds another value: was the write refused? */
+	STEPS
+};
+
+static const struct conversation_step steps[STEPS]; /* below */
+
+/* --- writing parameters ----------------------------------------------------------------------- */
+
+static unsigned reg_of(const struct db_request *request, size_t i)
+{
+	return vsmd_can_fields[request->settings[i].param].reg;
+}
+
+/* The index of the first setting from `i` on whose register was not written for an earlier one. */
+static size_t next_setting(const struct db_request *request, size_t i)
+{
+	for (; i < request->setting_count; i++) {
+		size_t j = 0;
+
+		while (j < i && reg_of(request, j) != reg_of(request, i))
+			j++;
+		if (j == i)
+			break;
+	}
+	return i;
+}
+
+/* Puts every setting of this register into its raw value. */
+static bool insert_settings(const struct db_request *request, unsigned reg, uint32_t *raw)
+{
+	for (size_t i = 0; i < request->setting_count; i++) {
+		const struct db_setting *setting = &request->settings[i];
+
+		if (reg_of(request, i) == reg && vsmd_can_insert((enum vsmd_param)setting->param,
+		                                                 setting->value, raw) != VSMD_OK)
+			return false;
+	}
+	return true;
+}
+
+static unsigned current_register(const struct db_conversation *talk)
+{
+	return reg_of(talk->job->request, talk->device->setting);
+}
+
+static enum db_step read_register(struct db_conversation *talk)
+{
+	vsmd_can_start_burst(talk->exchange, true);
+	return vsmd_can_add_registers(talk, current_register(talk), 1);
+}
+
+/* Writes the register's new content, and reads it to verify. */
+static enum db_step write_register(struct db_conversation *talk)
+{
+	struct db_device *device = talk->device;
+	unsigned reg = current_register(talk);
+	uint32_t raw = vsmd_can_reg_packed(reg) ? device->answer.values[0] : 0;
+	struct db_can_frame frame;
+
+	if (!insert_settings(talk->job->request, reg, &raw) ||
+	    vsmd_can_encode_write(&device->style, device->drive, reg, &raw, 1, &frame) != VSMD_OK)
+		return end_job(talk, DB_RESULT_OUT_OF_RANGE);
+	device->written = raw;
+	device->writes++;
+	vsmd_can_start_burst(talk->exchange, true);
+	if (!vsmd_can_add_frame(talk->exchange, &frame))
+		return end_job(talk, DB_RESULT_FAILED);
+	return vsmd_can_add_registers(talk, reg, 1);
+}
+
+/* A register that holds several parameters is read first, so that the others stay as they are. */
+static enum db_step write_next(struct db_conversation *talk, size_t from)
+{
+	const struct db_request *request = talk->job->request;
+	struct db_device *device = talk->device;
+
+	device->setting = next_setting(request, from);
+	device->writes = 0;
+	if (device->setting == request->setting_count) {
+		vsmd_take_settings(&device->axis, request);
+		return end_job(talk, DB_RESULT_OK);
+	}
+	return say_step(talk, steps,
+	                vsmd_can_reg_packed(current_register(talk)) ? STEP_FETCH : STEP_WRITE);
+}
+
+/* Takes a register's content for the parameters in it; returns their bits. */
+static uint64_t take_register(struct db_device *device, unsigned reg, uint32_t raw, db_time now)
+{
+	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+	size_t count = vsmd_can_params_of(reg, params);
+	uint64_t taken = 0;
+
+	for (size_t i = 0; i < count; i++) {
+		if (vsmd_can_extract(params[i], raw, &device->axis.plate.values[params[i]]) ==
+		    VSMD_OK)
+			taken |= UINT64_C(1) << params[i];
+	}
+	db_nameplate_note_told(&device->axis.plate, &taken, now);
+	return taken;
+}
+
+static void note_register(struct db_device *device, unsigned reg, db_time now)
+{
+	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+	size_t count = vsmd_can_params_of(reg, params);
+	uint64_t told = 0;
+
+	for (size_t i = 0; i < count; i++)
+		told |= UINT64_C(1) << params[i];
+	db_nameplate_note_told(&device->axis.plate, &told, now);
+}
+
+/* It was read twice: this was no lost frame. */
+static enum db_step give_up_register(struct db_conversation *talk)
+{
+	talk->device->axis.plate.doubtful = true;
+	return end_job(talk, DB_RESULT_UNSUPPORTED);
+}
+
+static enum db_step answer_fetch(struct db_conversation *talk)
+{
+	if (talk->device->whole)
+		return say_step(talk, steps, STEP_WRITE);
+	return talk->job->step == STEP_FETCH ? say_step(talk, steps, STEP_FETCH_AGAIN) :
+	                                       give_up_register(talk);
+}
+
+/* True if a register holds another value than before, as far as that is known. */
+static bool is_altered(const struct db_device *device, unsigned reg, uint32_t raw)
+{
+	const struct db_nameplate *plate = &device->axis.plate;
+	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+	size_t count = vsmd_can_params_of(reg, params);
+	union db_value value;
+
+	for (size_t i = 0; i < count; i++) {
+		if (vsmd_can_extract(params[i], raw, &value) == VSMD_OK &&
+		    (plate->valid[0] >> params[i] & 1) && plate->values[params[i]].u != value.u)
+			return true;
+	}
+	return false;
+}
+
+static enum db_step answer_write(struct db_conversation *talk)
+{
+	struct db_device *device = talk->device;
+	struct vsmd_axis *axis = &device->axis;
+	uint32_t held = device->answer.values[0];
+
+	if (!device->whole)
+		return talk->job->step == STEP_WRITE ? say_step(talk, steps, STEP_CONFIRM_AGAIN) :
+		                                       give_up_register(talk);
+	if (held == device->written) {
+		/* All of them are shown at once, when the last one has arrived. */
+		note_register(device, device->answer.id.reg, talk->now);
+		return write_next(talk, device->setting + 1);
+	}
+	/* A write is not acknowledged: its frame may have been lost. */
+	if (device->writes < WRITES_MAX)
+		return say_step(talk, steps, STEP_WRITE);
+	/* What it holds instead is shown. */
+	device->altered = is_altered(device, device->answer.id.reg, held);
+	axis->plate.valid[0] |= take_register(device, device->answer.id.reg, held, talk->now);
+	axis->plate.generation++;
+	vsmd_memory_follow(&axis->memory, &axis->plate, false);
+	axis->plate.doubtful |= talk->job->request->setting_count > 1;
+	return say_step(talk, steps, STEP_EXPLAIN);
+}
+
+static enum db_step say_explain(struct db_conversation *talk)
+{
+	return vsmd_can_look(talk, VSMD_LOOK_STATUS);
+}
+
+/* A value that the drive changed was refused, too; a write that it ignored twice has failed. */
+static enum db_step answer_explain(struct db_conversation *talk)
+{
+	struct db_device *device = talk->device;
+
+	vsmd_can_take_look(device, talk->now);
+	device->axis.refused = device->altered || (device->axis.last.status & VSMD_ST_CMD_WRG);
+	return end_job(talk, device->axis.refused ? DB_RESULT_REFUSED : DB_RESULT_FAILED);
+}
+
+static enum db_step lose_explain(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_FAILED);
+}
+
+/* --- identity and parameters ------------------------------------------------------------------ */
+
+static struct vsmd_can_search *search_of(const struct db_conversation *talk)
+{
+	return &talk->device->searches[talk->job->kind == DB_JOB_IDENTIFY];
+}
+
+/* Reporting is set again each time a drive is identified: it may have restarted, or another master
+ * may have changed it. */
+static bool add_report(struct db_conversation *talk)
+{
+	const struct db_device *device = talk->device;
+	struct vsmd_can_command report = {
+		.code = VSMD_CAN_AUTO_RES_STS,
+		.report = device->report,
+		.has_interval = device->report_interval > 0,
+		.interval = (uint16_t)(device->report_interval / DB_NS_PER_MS),
+	};
+
+	return vsmd_can_add_command(&device->style, device->drive, &report, talk->exchange);
+}
+
+/* A read of the identity in parts leaves no room for it. */
+static enum db_step say_report(struct db_conversation *talk)
+{
+	vsmd_can_start_burst(talk->exchange, true);
+	return add_report(talk) ? vsmd_can_read_guard(talk) : end_job(talk, DB_RESULT_FAILED);
+}
+
+static enum db_step say_identity(struct db_conversation *talk)
+{
+	vsmd_can_start_burst(talk->exchange, true);
+	if (!talk->device->reads_short && !add_report(talk))
+		return end_job(talk, DB_RESULT_FAILED);
+	return vsmd_can_read_identity(talk);
+}
+
+static enum db_step begin_identify(struct db_conversation *talk)
+{
+	return say_step(talk, steps, talk->device->reads_short ? STEP_REPORT : STEP_IDENTITY);
+}
+
+static void take_identity(struct db_device *device)
+{
+	uint32_t generation = device->axis.plate.generation;
+	char text[VSMD_CAN_IDENTITY_MAX + 1];
+	int length = vsmd_can_get_identity(device->answer.values, text);
+
+	if (length > 0)
+		vsmd_take_identity(&device->axis, text, (size_t)length);
+	/* A different model. */
+	if (device->axis.plate.generation != generation)
+		device->lacks = 0;
+}
+
+static bool is_parameter(const struct db_device *device, unsigned reg)
+{
+	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+
+	return vsmd_can_params_of(reg, params) > 0 && !(device->lacks >> reg & 1) &&
+	       vsmd_can_reg_reachable(reg, device->style.extended);
+}
+
+/* The next range of registers with parameters, from search->first on. False at the end. */
+static bool next_run(const struct db_device *device, struct vsmd_can_search *search)
+{
+	unsigned run;
+
+	while (search->first <= VSMD_CAN_DATA_LAST && !is_parameter(device, search->first))
+		search->first++;
+	run = search->first < search->suspect_end ? search->run :
+	      device->reads_short                 ? VSMD_CAN_FRAME_REGS :
+	                                            RUN_MAX;
+	search->count = 0;
+	while (search->count < run && search->first + search->count <= VSMD_CAN_DATA_LAST &&
+	       is_parameter(device, search->first + search->count))
+		search->count++;
+	return search->count > 0;
+}
+
+/* True if the range is to be read again, or a part of it. */
+static bool narrow_search(struct db_device *device, struct vsmd_can_search *search)
+{
+	if (search->count > 1) {
+		search->suspect_end = search->first + search->count;
+		search->run = search->count / 2;
+		search->tries = 0;
+		return true;
+	}
+	if (++search->tries < REGISTER_TRIES)
+		return true;
+	device->lacks |= UINT64_C(1) << search->first;
+	search->tries = 0;
+	return false;
+}
+
+static enum db_step say_registers(struct db_conversation *talk)
+{
+	struct vsmd_can_search *search = search_of(talk);
+	struct vsmd_axis *axis = axis_of(talk);
+
+	if (next_run(talk->device, search)) {
+		vsmd_can_start_burst(talk->exchange, true);
+		return vsmd_can_add_registers(talk, search->first, search->count);
+	}
+	axis->plate.valid[0] = search->found;
+	vsmd_take_all_params(axis);
+	return end_job(talk, DB_RESULT_OK);
+}
+
+static enum db_step begin_search(struct db_conversation *talk)
+{
+	*search_of(talk) = (struct vsmd_can_search){ .first = VSMD_CAN_DATA_FIRST };
+	return say_step(talk, steps, STEP_REGISTERS);
+}
+
+static enum db_step answer_report(struct db_conversation *talk)
+{
+	return vsmd_can_lacks_identity(talk->device) ? begin_search(talk) :
+	                                               say_step(talk, steps, STEP_IDENTITY);
+}
+
+static enum db_step answer_identity(struct db_conversation *talk)
+{
+	struct db_device *device = talk->device;
+
+	if (device->whole) {
+		device->probe = VSMD_CAN_PROBE_IDENTITY;
+		take_identity(device);
+	}
+	return begin_search(talk);
+}
+
+static enum db_step answer_registers(struct db_conversation *talk)
+{
+	struct vsmd_can_search *search = search_of(talk);
+	struct db_device *device = talk->device;
+
+	if (device->whole) {
+		for (unsigned i = 0; i < search->count; i++)
+			search->found |= take_register(device, search->first + i,
+			                               device->answer.values[i], talk->now);
+		/* What is known is shown at once. */
+		device->axis.plate.valid[0] |= search->found;
+		device->axis.plate.generation++;
+		search->first += search->count;
+		search->tries = 0;
+	} else if (!narrow_search(device, search)) {
+		search->first += search->count;
+	}
+	return say_step(talk, steps, STEP_REGISTERS);
+}
+
+/* --- in turn ---------------------------------------------------------------------------------- */
+
+/* The next register whose parameters are known. False: there is none. */
+static bool take_next_turn(struct db_device *device)
+{
+	for (unsigned n = VSMD_CAN_DATA_FIRST; n <= VSMD_CAN_DATA_LAST; n++) {
+		if (++device->refreshed > VSMD_CAN_DATA_LAST)
+			device->refreshed = VSMD_CAN_DATA_FIRST;
+		if (is_parameter(device, device->refreshed))
+			return true;
+	}
+	return false;
+}
+
+static enum db_step say_refresh(struct db_conversation *talk)
+{
+	vsmd_can_start_burst(talk->exchange, true);
+	return vsmd_can_add_registers(talk, talk->device->refreshed, 1);
+}
+
+static enum db_step answer_refresh(struct db_conversation *talk)
+{
+	struct db_device *device = talk->device;
+	struct vsmd_axis *axis = &device->axis;
+	uint32_t held = device->answer.values[0];
+
+	if (!device->whole)
+		return end_job(talk, DB_RESULT_UNSUPPORTED);
+	if (is_altered(device, device->refreshed, held)) {
+		(void)take_register(device, device->refreshed, held, talk->now);
+		axis->plate.generation++;
+		vsmd_memory_follow(&axis->memory, &axis->plate, false);
+	} else {
+		note_register(device, device->refreshed, talk->now);
+	}
+	return end_job(talk, DB_RESULT_OK);
+}
+
+/* --- the table -------------------------------------------------------------------------------- */
+
+static enum db_step answer_probe(struct db_conversation *talk)
+{
+	talk->device->probe_known = true;
+	return end_job(talk, DB_RESULT_OK);
+}
+
+static enum db_step say_probe(struct db_conversation *talk)
+{
+	struct db_device *device = talk->device;
+
+	if (!device->probe_known && device->probe_said)
+		device->probe = (enum vsmd_can_probe)((device->probe + 1u) % VSMD_CAN_PROBES);
+	device->probe_said = true;
+	return vsmd_can_read_probe(talk);
+}
+
+static enum db_step say_poll(struct db_conversation *talk)
+{
+	struct db_device *device = talk->device;
+
+	if (device->poll_open && !device->reads_long && ++device->lost_polls >= LONG_READS)
+		device->reads_short = true;
+	device->poll_open = true;
+	return vsmd_can_read_status(talk);
+}
+
+static enum db_step answer_poll(struct db_conversation *talk)
+{
+	struct db_device *device = talk->device;
+
+	device->poll_open = false;
+	device->reads_long |= !device->reads_short && !vsmd_can_lacks_speed(device);
+	vsmd_can_take_poll(device, talk->now);
+	return end_job(talk, DB_RESULT_OK);
+}
+
+static const struct conversation_step steps[STEPS] = {
+	[STEP_PROBE] = { .say = say_probe, .answered = answer_probe },
+	[STEP_POLL] = { .say = say_poll, .answered = answer_poll },
+	[STEP_REPORT] = { .say = say_report, .answered = answer_report },
+	[STEP_IDENTITY] = { .say = say_identity, .answered = answer_identity },
+	[STEP_REGISTERS] = { .say = say_registers, .answered = answer_registers },
+	[STEP_FETCH] = { .say = read_register, .answered = answer_fetch },
+	[STEP_FETCH_AGAIN] = { .say = read_register, .answered = answer_fetch },
+	[STEP_WRITE] = { .say = write_register, .answered = answer_write },
+	[STEP_CONFIRM_AGAIN] = { .say = read_register, .answered = answer_write },
+	[STEP_REFRESH] = { .say = say_refresh, .answered = answer_refresh },
+	[STEP_EXPLAIN] = { .say = say_explain, .answered = answer_explain, .lost = lose_explain },
+};
+
+static enum db_step answer_save(struct db_conversation *talk)
+{
+	struct vsmd_axis *axis = axis_of(talk);
+
+	if (axis->last.status & VSMD_ST_FLASH_ERR)
+		return end_job(talk, DB_RESULT_FAILED);
+	axis->refused = (axis->last.status & VSMD_ST_CMD_WRG) != 0;
+	if (!axis->refused)
+		vsmd_memory_keep(&axis->memory, &axis->plate);
+	/* No status shows that something was written. */
+	return end_job(talk, axis->refused ? DB_RESULT_REFUSED : DB_RESULT_UNPROVEN);
+}
+
+const struct vsmd_link vsmd_can_link = {
+	.acknowledges = false,
+	.shake_frequency_min = VSMD_SHAKE_FREQ_MIN_CAN,
+	.say = vsmd_can_say_command,
+	.look = vsmd_can_look,
+	.saved = answer_save,
+};
+
+/* --- jobs ------------------------------------------------------------------------------------- */
+
+enum db_step vsmd_can_begin(struct db_conversation *talk)
+{
+	if (vsmd_is_command(talk->job))
+		return vsmd_begin_command(talk);
+	switch (talk->job->kind) {
+	case DB_JOB_PROBE:
+		return say_step(talk, steps, STEP_PROBE);
+	case DB_JOB_POLL:
+		return say_step(talk, steps, STEP_POLL);
+	case DB_JOB_SETTINGS:
+		return write_next(talk, 0);
+	case DB_JOB_REFRESH:
+		return take_next_turn(talk->device) ? say_step(talk, steps, STEP_REFRESH) :
+		                                      end_job(talk, DB_RESULT_UNSUPPORTED);
+	case DB_JOB_IDENTIFY:
+		return begin_identify(talk);
+	case DB_JOB_COMMAND: /* read_parameters */
+	default:
+		talk->device->lacks = 0;
+		return begin_identify(talk);
+	}
+}
+
+/* A late answer to an earlier probe, while it is not known which one is answered. */
+static bool is_late_identity(struct db_device *device, const struct vsmd_can_message *message)
+{
+	bool late = !device->probe_known && device->probe != VSMD_CAN_PROBE_IDENTITY &&
+	            message->id.source == device->drive &&
+	            message->id.control == VSMD_CAN_STATUS_REPLY &&
+	            message->id.reg == VSMD_CAN_IDENTITY && message->count == 1;
+
+	if (late)
+		device->probe = VSMD_CAN_PROBE_IDENTITY;
+	return late;
+}
+
+enum db_step vsmd_can_answer(struct db_conversation *talk, const uint8_t *bytes, size_t length)
+{
+	struct db_device *device = talk->device;
+	struct vsmd_can_message message;
+	struct db_can_frame frame;
+	enum db_step step;
+
+	if (length != sizeof frame)
+		return DB_STEP_IGNORE;
+	memcpy(&frame, bytes, sizeof frame);
+	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK ||
+	    !vsmd_can_expect_answer(device, talk->exchange))
+		return DB_STEP_IGNORE;
+	if (talk->job->kind == DB_JOB_PROBE && is_late_identity(device, &message))
+		return answer_probe(talk);
+	step = vsmd_can_collect_answer(device, &message);
+	if (step != DB_STEP_DONE)
+		return step;
+	if (!vsmd_is_command(talk->job))
+		return steps[talk->job->step].answered(talk);
+	vsmd_can_take_look(device, talk->now);
+	return vsmd_answer_command(talk);
+}
+
+enum db_step vsmd_can_lose_answer(struct db_conversation *talk)
+{
+	if (talk->job->kind == DB_JOB_SETTINGS)
+		axis_of(talk)->plate.doubtful = true;
+	if (vsmd_is_command(talk->job))
+		return vsmd_lose_command(talk);
+	axis_of(talk)->unanswered = true;
+	return lose_step(talk, steps);
+}

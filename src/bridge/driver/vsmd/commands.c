@@ -1,0 +1,683 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "driver/vsmd/commands.h"
+
+#include "driver/vsmd/effect.h"
+
+#include <math.h>
+
+#define RESENDS_MAX 2
+
+/* A motion that an older command also explains is observed for this time. */
+#define OPEN_TIME (20 * DB_NS_PER_MS)
+
+/* A drive that does not answer commands is sent disable at this interval, until its motor is
+ * off. */
+#define OFF_AGAIN (10 * DB_NS_PER_MS)
+
+/* Maximum number of readings of the position from which a relative move is counted, until two
+ * agree. */
+#define READINGS_MAX 5
+
+#define OUTPUTS 6
+
+/* --- what a command looks like ---------------------------------------------------------------- */
+
+/* True when after a lost answer the drive must be read back before anything else is done. */
+static bool needs_read_back(enum db_command command)
+{
+	return db_command_is_motion(command) || command == DB_CMD_SET_POSITION;
+}
+
+static struct vsmd_command position_command(int32_t target, float velocity)
+{
+	return (struct vsmd_command){
+		.verb = VSMD_POS,
+		.position = target,
+		.has_velocity = velocity > 0.0f,
+		.velocity = velocity,
+	};
+}
+
+static struct vsmd_command shake_command(enum vsmd_verb verb, const struct db_args *args,
+                                         uint32_t count)
+{
+	return (struct vsmd_command){
+		.verb = verb,
+		.shake_start = args->shake_start_position,
+		.shake_end = args->shake_end_position,
+		.shake_frequency = args->shake_frequency,
+		.shake_count = count,
+	};
+}
+
+struct vsmd_command vsmd_command_of(enum db_command command, const struct db_args *args)
+{
+	switch (command) {
+	case DB_CMD_ENABLE:
+		return (struct vsmd_command){ .verb = VSMD_ENA };
+	case DB_CMD_DISABLE:
+		return (struct vsmd_command){ .verb = VSMD_OFF };
+	case DB_CMD_STOP:
+		return (struct vsmd_command){ .verb = VSMD_STP };
+	case DB_CMD_QUICK_STOP:
+		return (struct vsmd_command){ .verb = VSMD_STP, .has_value = true, .value = 1 };
+	case DB_CMD_MOVE_VELOCITY:
+		return (struct vsmd_command){ .verb = VSMD_MOV,
+			                      .has_velocity = true,
+			                      .velocity = args->target_velocity };
+	case DB_CMD_MOVE_PRESET:
+		return (struct vsmd_command){ .verb = VSMD_MOV };
+	case DB_CMD_MOVE_ABSOLUTE:
+		return position_command(args->target_position, args->target_velocity);
+	case DB_CMD_HOME:
+	case DB_CMD_HOME_STOP:
+		return (struct vsmd_command){ .verb = VSMD_ZERO_STOP };
+	case DB_CMD_SET_POSITION:
+		return (struct vsmd_command){ .verb = VSMD_ORG,
+			                      .has_value = true,
+			                      .position = args->target_position };
+	case DB_CMD_CLEAR_FAULT:
+		return (struct vsmd_command){ .verb = VSMD_ECLR };
+	case DB_CMD_SAVE_PARAMETERS:
+		return (struct vsmd_command){ .verb = VSMD_SAV };
+	case DB_CMD_READ_PARAMETERS:
+		return (struct vsmd_command){ .verb = VSMD_DEV };
+	case DB_CMD_SET_OUTPUT:
+		return (struct vsmd_command){ .verb = VSMD_SENSOR_OUT,
+			                      .port = (uint8_t)args->output_number,
+			                      .value = (uint8_t)args->output_value };
+	case DB_CMD_SET_SV:
+		return (struct vsmd_command){ .verb = VSMD_SV,
+			                      .port = (uint8_t)args->output_number,
+			                      .value = (uint8_t)args->output_value };
+	case DB_CMD_SET_NMOS:
+		return (struct vsmd_command){ .verb = VSMD_NMOS,
+			                      .port = (uint8_t)args->output_number,
+			                      .value = (uint8_t)args->output_value };
+	case DB_CMD_SHAKE_START:
+		return shake_command(VSMD_SHAKE_CYCLES, args, args->shake_cycles);
+	case DB_CMD_SHAKE_START_TIME:
+		return shake_command(VSMD_SHAKE_TIME, args, args->shake_time);
+	case DB_CMD_SHAKE_STOP:
+		return (struct vsmd_command){ .verb = VSMD_SHAKE_STOP };
+	default: /* relative moves, and anything check() refuses, begin by reading the status */
+		return (struct vsmd_command){ .verb = VSMD_STS };
+	}
+}
+
+static bool port_and_value(const struct db_args *args, unsigned ports, unsigned max)
+{
+	return is_within(args->output_number, 1, ports) && args->output_value <= max;
+}
+
+enum db_result vsmd_check_command(const struct vsmd_link *link, enum db_command command,
+                                  const struct db_args *args)
+{
+	bool right = true;
+
+	switch (command) {
+	case DB_CMD_MOVE_VELOCITY:
+		right = is_within((double)args->target_velocity, -VSMD_SPEED_MAX, VSMD_SPEED_MAX);
+		break;
+	case DB_CMD_MOVE_ABSOLUTE:
+	case DB_CMD_MOVE_RELATIVE:
+		right = is_within((double)args->target_velocity, 0.0, VSMD_SPEED_MAX);
+		break;
+	case DB_CMD_SET_OUTPUT:
+		right = port_and_value(args, OUTPUTS, 1);
+		break;
+	case DB_CMD_SET_OUTPUTS:
+		right = args->output_mask != 0 && args->output_mask < 1u << OUTPUTS;
+		break;
+	case DB_CMD_SET_SV:
+	case DB_CMD_SET_NMOS:
+		right = port_and_value(args, 3, 255);
+		break;
+	case DB_CMD_SHAKE_START:
+	case DB_CMD_SHAKE_START_TIME:
+		right = is_within((double)args->shake_frequency, (double)link->shake_frequency_min,
+		                  (double)VSMD_SHAKE_FREQ_MAX) &&
+		        args->shake_cycles <= INT32_MAX && args->shake_time <= INT32_MAX;
+		break;
+	default:
+		if (command <= DB_CMD_NONE || command >= DB_CMD_LIMIT ||
+		    !(VSMD_COMMANDS & DB_COMMAND_BIT(command)))
+			return DB_RESULT_UNSUPPORTED;
+		break;
+	}
+	return right ? DB_RESULT_OK : DB_RESULT_OUT_OF_RANGE;
+}
+
+/* --- what the steps say ----------------------------------------------------------------------- */
+
+static const struct conversation_step steps[VSMD_STEPS]; /* below */
+
+static enum db_step look_at_drive(struct db_conversation *talk, enum vsmd_look what)
+{
+	return axis_of(talk)->link->look(talk, what);
+}
+
+static enum db_step say_command(struct db_conversation *talk, struct vsmd_command command,
+                                bool repeatable)
+{
+	struct vsmd_axis *axis = axis_of(talk);
+
+	if (command.verb == VSMD_ZERO_START)
+		axis->begun = VSMD_MOTION_HOMING;
+	if (command.verb == VSMD_SHAKE_CYCLES || command.verb == VSMD_SHAKE_TIME)
+		axis->begun = VSMD_MOTION_SHAKE;
+	if (command.verb == VSMD_ORG || command.verb == VSMD_OFF ||
+	    command.verb == VSMD_ZERO_START || command.verb == VSMD_ZERO_STOP)
+		vsmd_expect_change(axis);
+	talk->exchange->begins = command.verb == VSMD_MOV || command.verb == VSMD_POS ||
+	                         command.verb == VSMD_ZERO_START;
+	return axis->link->say(talk, &command, repeatable);
+}
+
+/* Remember the state before the command; its effect is judged against it. */
+static void begin_watch(struct vsmd_axis *axis)
+{
+	const struct vsmd_status *last = &axis->last;
+
+	axis->watch = (struct vsmd_watch){
+		.before = {
+			.moving = !(last->status & VSMD_ST_STP),
+			.status = last->status,
+			.position = last->position,
+			.velocity = last->velocity,
+			.at = axis->heard_at,
+			.goal = axis->goal,
+		},
+		.unproven = axis->watch.unproven,
+		.upsets = axis->upsets,
+	};
+}
+
+static enum db_step say_order(struct db_conversation *talk)
+{
+	const struct db_request *request = talk->job->request;
+
+	switch (request->command) {
+	case DB_CMD_MOVE_RELATIVE:
+		return say_command(
+			talk,
+			position_command(axis_of(talk)->wanted, request->args->target_velocity),
+			false);
+	case DB_CMD_HOME:
+		return say_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_START }, false);
+	default:
+		return say_command(talk, vsmd_command_of(request->command, request->args),
+		                   !needs_read_back(request->command));
+	}
+}
+
+static enum db_step say_position(struct db_conversation *talk)
+{
+	return say_command(talk, (struct vsmd_command){ .verb = VSMD_STS }, true);
+}
+
+/* A repeat because the effect did not show is not marked as repeatable. */
+static enum db_step say_clear_homed(struct db_conversation *talk)
+{
+	return say_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_STOP },
+	                   axis_of(talk)->watch.said == 0);
+}
+
+static enum db_step say_output(struct db_conversation *talk)
+{
+	const struct db_args *args = talk->job->request->args;
+	unsigned port = axis_of(talk)->watch.output;
+
+	return say_command(talk,
+	                   (struct vsmd_command){ .verb = VSMD_SENSOR_OUT,
+	                                          .port = (uint8_t)port,
+	                                          .value = args->output_levels >> (port - 1) & 1 },
+	                   true);
+}
+
+/* Sends the next port of a set_outputs, from `port` on; or all were set. */
+static enum db_step say_next_output(struct db_conversation *talk, unsigned port)
+{
+	struct vsmd_watch *watch = &axis_of(talk)->watch;
+
+	while (port <= OUTPUTS && !(talk->job->request->args->output_mask >> (port - 1) & 1))
+		port++;
+	if (port > OUTPUTS)
+		return end_job(talk, watch->unproven ? DB_RESULT_UNPROVEN : DB_RESULT_OK);
+	watch->output = port;
+	watch->since = 0;
+	watch->said = 0;
+	return say_step(talk, steps, VSMD_STEP_OUTPUT);
+}
+
+static enum db_step say_end_of_homing(struct db_conversation *talk)
+{
+	return say_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_STOP }, true);
+}
+
+static enum db_step say_end_of_shaking(struct db_conversation *talk)
+{
+	return say_command(talk, (struct vsmd_command){ .verb = VSMD_SHAKE_STOP }, true);
+}
+
+static enum db_step say_save(struct db_conversation *talk)
+{
+	return say_command(talk, (struct vsmd_command){ .verb = VSMD_SAV }, false);
+}
+
+static enum db_step say_read_back(struct db_conversation *talk)
+{
+	return look_at_drive(talk, VSMD_LOOK_STATUS);
+}
+
+/* --- how a command ends ----------------------------------------------------------------------- */
+
+static enum db_step confirm_command(struct db_conversation *talk)
+{
+	const struct db_request *request = talk->job->request;
+	struct vsmd_axis *axis = axis_of(talk);
+	bool proven = vsmd_shows_its_effect(axis->link, request->command) &&
+	              (db_command_is_stop(request->command) || !axis->watch.unproven);
+
+	vsmd_carry_out(axis, request);
+	return end_job(talk, proven ? DB_RESULT_OK : DB_RESULT_UNPROVEN);
+}
+
+static enum db_step fail_command(struct db_conversation *talk, enum db_result result)
+{
+	vsmd_doubt_motion(axis_of(talk), talk->job->request->command);
+	return end_job(talk, result);
+}
+
+/* --- stops ------------------------------------------------------------------------------------ */
+
+/* A drive that moves for an unknown reason is sent all kinds of ends. */
+static bool is_precaution(struct db_conversation *talk)
+{
+	return talk->job->step != VSMD_STEP_STOP && talk->job->step != VSMD_STEP_OFF &&
+	       vsmd_motion_to_end(axis_of(talk)) == VSMD_MOTION_UNKNOWN;
+}
+
+/* A model that does not shake may refuse to end it: the stop itself was accepted. And a status read
+ * during a conversation shows the flag of the command before it. */
+static bool is_stop_refused(struct db_conversation *talk)
+{
+	struct vsmd_axis *axis = axis_of(talk);
+
+	axis->refused = axis->refuses && !is_precaution(talk);
+	return axis->refused;
+}
+
+/* The scheduler judges whether it stops. Its homing-done bit shows that a drive is not homing, and
+ * ending that would lose the bit. */
+static enum db_step answer_stop(struct db_conversation *talk)
+{
+	const struct vsmd_axis *axis = axis_of(talk);
+	enum vsmd_motion motion = vsmd_motion_to_end(axis);
+	bool unknown = motion == VSMD_MOTION_UNKNOWN;
+
+	if (is_stop_refused(talk))
+		return end_job(talk, DB_RESULT_REFUSED);
+	if (talk->job->step < VSMD_STEP_END_HOMING &&
+	    (motion == VSMD_MOTION_HOMING || (unknown && !(axis->last.status & VSMD_ST_ZERO))))
+		return say_step(talk, steps, VSMD_STEP_END_HOMING);
+	if (talk->job->step < VSMD_STEP_END_SHAKING && (motion == VSMD_MOTION_SHAKE || unknown))
+		return say_step(talk, steps, VSMD_STEP_END_SHAKING);
+	return confirm_command(talk);
+}
+
+/* Checks whether the power stage has followed disable, which takes time. */
+static enum db_step answer_off(struct db_conversation *talk)
+{
+	struct vsmd_axis *axis = axis_of(talk);
+
+	if (is_stop_refused(talk))
+		return end_job(talk, DB_RESULT_REFUSED);
+	if (!(axis->last.status & VSMD_ST_PWR))
+		return confirm_command(talk);
+	if (talk->job->step == VSMD_STEP_OFF)
+		axis->power_asked = axis->off_said = axis->heard_at;
+	if (axis->heard_at - axis->power_asked >= axis->reaction)
+		return end_job(talk, DB_RESULT_FAILED);
+	if (!axis->link->acknowledges && axis->heard_at - axis->off_said >= OFF_AGAIN) {
+		axis->off_said = axis->heard_at;
+		talk->job->step = VSMD_STEP_POWER;
+		return say_order(talk);
+	}
+	return say_step(talk, steps, VSMD_STEP_POWER);
+}
+
+/* --- other commands --------------------------------------------------------------------------- */
+
+/* The start of a relative move is read twice, in two frame types, because one answer may be
+ * stale. */
+static bool readings_agree(const struct vsmd_axis *axis)
+{
+	const struct vsmd_watch *watch = &axis->watch;
+	double seconds = (double)(axis->heard_at - watch->counted_at) / (double)DB_NS_PER_S;
+	double way = axis->last.status & VSMD_ST_STP ? 0.0 : (double)VSMD_SPEED_MAX * seconds;
+
+	return fabs((double)axis->last.position - (double)watch->counted_from) <=
+	       axis->window + way;
+}
+
+static enum db_step answer_position(struct db_conversation *talk)
+{
+	struct vsmd_axis *axis = axis_of(talk);
+	struct vsmd_watch *watch = &axis->watch;
+	int64_t target;
+	double place;
+
+	/* A single awaited answer cannot be overtaken. */
+	if (!axis->link->acknowledges) {
+		unsigned readings = watch->readings++;
+		bool agreed = readings % 2 == 1 && readings_agree(axis);
+
+		watch->counted_from = axis->last.position;
+		watch->counted_at = axis->heard_at;
+		if (!agreed && readings >= READINGS_MAX)
+			return end_job(talk, DB_RESULT_FAILED);
+		if (!agreed)
+			return look_at_drive(talk, readings % 2 == 0 ? VSMD_LOOK_POSITION :
+			                                               VSMD_LOOK_STATUS);
+	}
+	target = (int64_t)axis->last.position + talk->job->request->args->target_position;
+	if (target < INT32_MIN || target > INT32_MAX)
+		return end_job(talk, DB_RESULT_OUT_OF_RANGE);
+	/* It may have moved since the limits were checked. Limits that are not set are NAN. */
+	place = (double)target / axis->config->counts_per_unit;
+	if (place < axis->config->min_position || place > axis->config->max_position)
+		return end_job(talk, DB_RESULT_LIMIT);
+	axis->wanted = (int32_t)target;
+	begin_watch(axis);
+	return say_step(talk, steps, VSMD_STEP_ORDER);
+}
+
+/* The step's part of a command is done: continue with the next one, or end. */
+static enum db_step complete_step(struct db_conversation *talk)
+{
+	struct vsmd_axis *axis = axis_of(talk);
+
+	switch (talk->job->step) {
+	case VSMD_STEP_CLEAR_HOMED:
+		begin_watch(axis);
+		return say_step(talk, steps, VSMD_STEP_ORDER);
+	case VSMD_STEP_OUTPUT:
+		return say_next_output(talk, axis->watch.output + 1);
+	default:
+		return confirm_command(talk);
+	}
+}
+
+/* Sends a command again. Only where that is harmless, or the drive demonstrably did not accept
+ * it. */
+static enum db_step say_again(struct db_conversation *talk)
+{
+	struct vsmd_watch *watch = &axis_of(talk)->watch;
+	unsigned step = talk->job->step;
+
+	watch->said++;
+	watch->since = 0;
+	watch->speed_next = false;
+	return say_step(talk, steps, step == VSMD_STEP_READ_BACK ? VSMD_STEP_ORDER : step);
+}
+
+/* True if positions now have another meaning, which the client does not know. */
+static bool has_restarted_since(const struct vsmd_axis *axis)
+{
+	return axis->watch.upsets != axis->upsets;
+}
+
+static bool is_shake(enum db_command command)
+{
+	return command == DB_CMD_SHAKE_START || command == DB_CMD_SHAKE_START_TIME;
+}
+
+/* Homing or shaking that began unnoticed must not begin again. */
+static bool may_be_said_again(struct db_conversation *talk)
+{
+	const struct vsmd_axis *axis = axis_of(talk);
+	enum db_command command = talk->job->request->command;
+
+	return !has_restarted_since(axis) && !axis->link->acknowledges && !axis->watch.by_all &&
+	       !is_shake(command) &&
+	       !(command == DB_CMD_HOME && talk->job->step == VSMD_STEP_ORDER);
+}
+
+/* Output levels are not documented to show in the status: a change is proof, but no change proves
+ * nothing. */
+static bool may_hide_its_effect(struct db_conversation *talk)
+{
+	const struct vsmd_axis *axis = axis_of(talk);
+	const struct db_request *request = talk->job->request;
+	bool single = request->command == DB_CMD_SET_OUTPUT;
+	unsigned port = single ? request->args->output_number : axis->watch.output;
+	unsigned mode = (unsigned)VSMD_S1 + port - 1;
+
+	if (!single && request->command != DB_CMD_SET_OUTPUTS)
+		return false;
+	return !(axis->plate.valid[0] >> mode & 1) || axis->plate.values[mode].u == 1;
+}
+
+static bool is_for_input(struct db_conversation *talk)
+{
+	const struct db_request *request = talk->job->request;
+
+	return request->command == DB_CMD_SET_OUTPUT &&
+	       vsmd_is_input(axis_of(talk), request->args->output_number);
+}
+
+/* The effect of a command does not show (yet), or something else may have caused it. */
+static enum db_step look_again(struct db_conversation *talk, enum vsmd_effect effect)
+{
+	struct vsmd_axis *axis = axis_of(talk);
+	struct vsmd_watch *watch = &axis->watch;
+	enum db_command command = talk->job->request->command;
+	db_time patience = axis->reaction;
+
+	if (effect == VSMD_EFFECT_OPEN && patience > OPEN_TIME)
+		patience = OPEN_TIME;
+	if (watch->since == 0)
+		watch->since = axis->heard_at;
+	/* Send twice without waiting; losing both frames is unlikely. */
+	if (effect == VSMD_EFFECT_OPEN && watch->said == 0 && may_be_said_again(talk) &&
+	    command != DB_CMD_SET_POSITION) {
+		db_time since = watch->since;
+		enum db_step step = say_again(talk);
+
+		watch->since = since;
+		return step;
+	}
+	if (axis->heard_at - watch->since < patience) {
+		watch->speed_next = !watch->speed_next && watch->before.moving &&
+		                    needs_read_back(command);
+		return look_at_drive(talk, watch->speed_next ? VSMD_LOOK_SPEED : VSMD_LOOK_STATUS);
+	}
+	if (effect == VSMD_EFFECT_ABSENT && watch->said < RESENDS_MAX && may_be_said_again(talk))
+		return say_again(talk);
+	/* The end of the last homing stays set: the next one may clear it, and is at its end only
+	 * after that. */
+	if (talk->job->step == VSMD_STEP_CLEAR_HOMED && !has_restarted_since(axis)) {
+		axis->zero_is_old = true;
+		return complete_step(talk);
+	}
+	/* The motion of a drive that does not report its speed cannot be seen: no visible effect is
+	 * no failure. */
+	if (effect == VSMD_EFFECT_ABSENT && !may_hide_its_effect(talk) &&
+	    !(db_command_is_motion(command) && vsmd_tells_no_speed(axis)))
+		return fail_command(talk,
+		                    is_for_input(talk) ? DB_RESULT_REFUSED : DB_RESULT_FAILED);
+	watch->unproven = true;
+	return complete_step(talk);
+}
+
+static enum db_step answer_order(struct db_conversation *talk)
+{
+	struct vsmd_axis *axis = axis_of(talk);
+	enum vsmd_effect effect;
+
+	axis->refused = axis->refuses;
+	if (axis->refused)
+		return end_job(talk, DB_RESULT_REFUSED);
+	effect = vsmd_effect_of(axis, talk->job);
+	/* It is enough that the drive acknowledged it and moves as it should. */
+	if (effect == VSMD_EFFECT_SHOWN ||
+	    (effect == VSMD_EFFECT_OPEN && axis->link->acknowledges && !axis->watch.by_all))
+		return complete_step(talk);
+	return look_again(talk, effect);
+}
+
+static enum db_step answer_save(struct db_conversation *talk)
+{
+	return axis_of(talk)->link->saved(talk);
+}
+
+/* The answer to a motion command or set_position was lost: the drive itself is read. */
+static enum db_step answer_read_back(struct db_conversation *talk)
+{
+	struct vsmd_axis *axis = axis_of(talk);
+	const struct vsmd_status *now = &axis->last;
+	const struct vsmd_before *before = &axis->watch.before;
+	const struct db_request *request = talk->job->request;
+	enum db_command command = request->command;
+	bool positions = command == DB_CMD_MOVE_ABSOLUTE || command == DB_CMD_MOVE_RELATIVE;
+	bool stands = (now->status & VSMD_ST_STP) != 0;
+	bool unmoved = !before->moving && stands &&
+	               vsmd_is_at(axis, now->position, before->position);
+	bool again = axis->watch.said < RESENDS_MAX && !axis->watch.by_all &&
+	             !has_restarted_since(axis);
+
+	if (positions && stands && vsmd_is_at(axis, now->position, axis->wanted))
+		return confirm_command(talk);
+	if (unmoved && (now->status & VSMD_ST_CMD_WRG))
+		return end_job(talk, DB_RESULT_REFUSED);
+	if (command == DB_CMD_SET_POSITION && stands &&
+	    vsmd_is_at(axis, now->position, request->args->target_position))
+		return confirm_command(talk);
+	if (command != DB_CMD_SET_POSITION && !before->moving && !stands)
+		return confirm_command(talk);
+	if (command == DB_CMD_HOME && (now->status & VSMD_ST_ZERO))
+		return confirm_command(talk);
+	if (unmoved && axis->watch.since == 0)
+		axis->watch.since = axis->heard_at;
+	/* It may only be slow to begin. */
+	if (unmoved && axis->heard_at - axis->watch.since < axis->reaction)
+		return look_at_drive(talk, VSMD_LOOK_STATUS);
+	/* A shake may be over already, back where it began. */
+	if (unmoved && again && !is_shake(command))
+		return say_again(talk);
+	/* It moved before and still moves: sending the same target or speed once more changes
+	 * nothing. */
+	if (before->moving && !stands && again &&
+	    (positions || command == DB_CMD_MOVE_VELOCITY || command == DB_CMD_MOVE_PRESET))
+		return say_again(talk);
+	return fail_command(talk, unmoved && !is_shake(command) ? DB_RESULT_TIMEOUT :
+	                                                          DB_RESULT_INDETERMINATE);
+}
+
+/* --- answers that do not come ----------------------------------------------------------------- */
+
+static enum db_step lose_order(struct db_conversation *talk)
+{
+	struct vsmd_axis *axis = axis_of(talk);
+	enum db_command command = talk->job->request->command;
+
+	if (!needs_read_back(command))
+		return end_job(talk, DB_RESULT_TIMEOUT);
+	/* It may have been accepted. */
+	if (command == DB_CMD_MOVE_ABSOLUTE || command == DB_CMD_MOVE_RELATIVE)
+		vsmd_take_target(axis);
+	axis->watch.since = 0;
+	return say_step(talk, steps, VSMD_STEP_READ_BACK);
+}
+
+static enum db_step lose_save(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_INDETERMINATE);
+}
+
+static enum db_step lose_read_back(struct db_conversation *talk)
+{
+	return fail_command(talk, DB_RESULT_INDETERMINATE);
+}
+
+/* --- the table -------------------------------------------------------------------------------- */
+
+/* Without `lost`: nothing was sent that moves anything, or the client may send it again. */
+static const struct conversation_step steps[VSMD_STEPS] = {
+	[VSMD_STEP_ORDER] = { .say = say_order, .answered = answer_order, .lost = lose_order },
+	[VSMD_STEP_POSITION] = { .say = say_position, .answered = answer_position },
+	[VSMD_STEP_CLEAR_HOMED] = { .say = say_clear_homed, .answered = answer_order },
+	[VSMD_STEP_OUTPUT] = { .say = say_output, .answered = answer_order },
+	[VSMD_STEP_STOP] = { .say = say_order, .answered = answer_stop },
+	[VSMD_STEP_END_HOMING] = { .say = say_end_of_homing, .answered = answer_stop },
+	[VSMD_STEP_END_SHAKING] = { .say = say_end_of_shaking, .answered = answer_stop },
+	[VSMD_STEP_OFF] = { .say = say_order, .answered = answer_off },
+	[VSMD_STEP_POWER] = { .say = say_read_back, .answered = answer_off },
+	[VSMD_STEP_SAVE] = { .say = say_save, .answered = answer_save, .lost = lose_save },
+	[VSMD_STEP_READ_BACK] = { .say = say_read_back,
+	                          .answered = answer_read_back,
+	                          .lost = lose_read_back },
+};
+
+bool vsmd_is_command(const struct db_job *job)
+{
+	return job->kind == DB_JOB_COMMAND && job->request->command != DB_CMD_READ_PARAMETERS;
+}
+
+enum db_step vsmd_begin_command(struct db_conversation *talk)
+{
+	const struct db_request *request = talk->job->request;
+	struct vsmd_axis *axis = axis_of(talk);
+
+	if (!db_command_is_stop(request->command)) {
+		axis->watch.unproven = false;
+		begin_watch(axis);
+	}
+	switch (request->command) {
+	case DB_CMD_STOP:
+	case DB_CMD_QUICK_STOP:
+		return say_step(talk, steps, VSMD_STEP_STOP);
+	case DB_CMD_DISABLE:
+		return say_step(talk, steps, VSMD_STEP_OFF);
+	case DB_CMD_SET_OUTPUTS:
+		return say_next_output(talk, 1);
+	case DB_CMD_SAVE_PARAMETERS:
+		/* Before it counts as one: it may be requested again as soon as all drives
+		 * stand. */
+		if (talk->brief)
+			return end_job(talk, DB_RESULT_LINE_MOVES);
+		if (axis->saved && talk->now - axis->last_save < axis->save_interval)
+			return end_job(talk, DB_RESULT_RATE_LIMITED);
+		axis->saved = true;
+		axis->last_save = talk->now;
+		return say_step(talk, steps, VSMD_STEP_SAVE);
+	case DB_CMD_MOVE_RELATIVE:
+		return say_step(talk, steps, VSMD_STEP_POSITION);
+	case DB_CMD_HOME:
+		return say_step(talk, steps, VSMD_STEP_CLEAR_HOMED);
+	case DB_CMD_MOVE_ABSOLUTE:
+		axis->wanted = request->args->target_position;
+		/* fall through */
+	default:
+		return say_step(talk, steps, VSMD_STEP_ORDER);
+	}
+}
+
+enum db_step vsmd_answer_command(struct db_conversation *talk)
+{
+	return steps[talk->job->step].answered(talk);
+}
+
+enum db_step vsmd_lose_command(struct db_conversation *talk)
+{
+	return lose_step(talk, steps);
+}
+
+/* It must not begin later than the others: a motion that does not show within the reaction time has
+ * failed. */
+enum db_step vsmd_begun_by_all(struct db_conversation *talk)
+{
+	axis_of(talk)->watch.by_all = true;
+	return look_at_drive(talk, VSMD_LOOK_STATUS);
+}

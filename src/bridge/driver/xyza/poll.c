@@ -1,0 +1,443 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A position is two reads, magnitude and sign. It may cross zero in between, so the sign is read
+ * before and after, and again with the magnitude when it changed; a value whose sign is in doubt is
+ * not shown.
+ */
+#include "driver/xyza/poll.h"
+
+#include "driver/xyza/frames.h"
+#include "driver/xyza/state.h"
+#include "driver/xyza/turn.h"
+
+#include <math.h>
+
+/* Number of times the sign is read again when it changes during the reading. */
+#define SIGN_TRIES 3
+
+/* After this number of lost answers in a row a part is skipped; then it is read after a pause,
+ * which doubles each time. A single loss may be the line's. */
+#define PART_TRIES 2
+#define PART_PAUSE_MIN (2 * DB_NS_PER_S)
+#define PART_PAUSE_MAX (64 * DB_NS_PER_S)
+
+/* For each axis the first four, then those of the controller. */
+enum step {
+	STEP_STANDING,
+	STEP_SIGN,
+	STEP_MAGNITUDE,
+	STEP_SIGN_AGAIN,
+	STEP_PORTS,
+	STEP_PROGRAM,
+	STEP_ITEM,
+};
+
+/* --- what is passed over ---------------------------------------------------------------------- */
+
+static bool may_ask(const struct xyza_part *part, db_time now)
+{
+	return part->pause == 0 || now >= part->again_at;
+}
+
+static void note_part_answered(struct xyza_part *part)
+{
+	*part = (struct xyza_part){ .losses = 0 };
+}
+
+/* True when it is skipped from now on. */
+static bool note_part_lost(struct xyza_part *part, db_time now)
+{
+	bool first;
+
+	if (++part->losses < PART_TRIES)
+		return false;
+	first = part->pause == 0;
+	part->pause = first ? PART_PAUSE_MIN : 2 * part->pause;
+	if (part->pause > PART_PAUSE_MAX)
+		part->pause = PART_PAUSE_MAX;
+	part->again_at = now + part->pause;
+	return first;
+}
+
+static bool hears_any(const struct db_device *first)
+{
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (first->axes[i] && first->axes[i]->heard)
+			return true;
+	}
+	return false;
+}
+
+/* An axis that has answered exists, and is read on and on. */
+static void note_axis_lost(const struct db_device *first, db_time now)
+{
+	struct db_device *device = first->axes[first->poll_axis];
+
+	if (device && !device->heard && hears_any(first))
+		(void)note_part_lost(&device->part, now);
+}
+
+/* A reading that lost an answer is abandoned: the next one begins, and judges where it ended. */
+static void note_loss(struct db_device *first, db_time now)
+{
+	if (!first->polling)
+		return;
+	switch (first->poll_step) {
+	case STEP_PORTS:
+		if (note_part_lost(&first->ports_part, now))
+			first->ports = 0;
+		break;
+	case STEP_PROGRAM:
+		if (note_part_lost(&first->program_part, now))
+			xyza_forget_program(first);
+		break;
+	case STEP_ITEM:
+		xyza_turn_lost(first);
+		break;
+	default:
+		note_axis_lost(first, now);
+		break;
+	}
+}
+
+/* --- questions -------------------------------------------------------------------------------- */
+
+/* The next configured axis from `axis` on, or XYZA_AXIS_COUNT. */
+static unsigned next_axis(const struct db_device *first, unsigned axis, db_time now)
+{
+	while (axis < XYZA_AXIS_COUNT &&
+	       !(first->axes[axis] && may_ask(&first->axes[axis]->part, now)))
+		axis++;
+	return axis;
+}
+
+static enum db_step ask_controller(struct db_conversation *talk, enum xyza_verb verb)
+{
+	struct xyza_request request = { .verb = verb };
+
+	/* Not used after the last axis. */
+	// NOLINTNEXTLINE(clang-analyzer-optin.core.EnumCastOutOfRange)
+	request.axis = (enum xyza_axis)talk->device->poll_axis;
+	return xyza_say(talk, request, true);
+}
+
+static enum db_step say_standing(struct db_conversation *talk)
+{
+	return ask_controller(talk, XYZA_READ_STANDING);
+}
+
+static enum db_step say_sign(struct db_conversation *talk)
+{
+	return ask_controller(talk, XYZA_READ_SIGN);
+}
+
+static enum db_step say_magnitude(struct db_conversation *talk)
+{
+	return ask_controller(talk, XYZA_READ_MAGNITUDE);
+}
+
+static enum db_step say_ports(struct db_conversation *talk)
+{
+	return ask_controller(talk, XYZA_READ_PORTS);
+}
+
+static enum db_step say_program(struct db_conversation *talk)
+{
+	return ask_controller(talk, XYZA_PROGRAM_STATE);
+}
+
+static enum db_step say_poll_step(struct db_conversation *talk, enum step step)
+{
+	talk->device->poll_step = step;
+	return say_step(talk, xyza_poll_steps, step);
+}
+
+static enum db_step end_poll(struct db_conversation *talk)
+{
+	talk->device->polling = false;
+	return end_job(talk, DB_RESULT_OK);
+}
+
+static enum db_step say_item(struct db_conversation *talk)
+{
+	return xyza_say(talk, xyza_turn_request(talk->device), true);
+}
+
+/* All axes were read; an item may follow. */
+static enum db_step read_item(struct db_conversation *talk)
+{
+	return xyza_turn_comes(talk->device, talk->now) ? say_poll_step(talk, STEP_ITEM) :
+	                                                  end_poll(talk);
+}
+
+static enum db_step read_program(struct db_conversation *talk)
+{
+	if (!may_ask(&talk->device->program_part, talk->now))
+		return read_item(talk);
+	return say_poll_step(talk, STEP_PROGRAM);
+}
+
+/* Reads what the controller has besides its axes. */
+static enum db_step read_ports(struct db_conversation *talk)
+{
+	if (!may_ask(&talk->device->ports_part, talk->now))
+		return read_program(talk);
+	return say_poll_step(talk, STEP_PORTS);
+}
+
+/* Continue with this axis, or after the last one with the controller's ports. */
+static enum db_step read_axis(struct db_conversation *talk, unsigned axis)
+{
+	struct db_device *first = talk->device;
+
+	first->poll_axis = next_axis(first, axis, talk->now);
+	first->poll_asked = talk->now;
+	first->sign_tries = 0;
+	return first->poll_axis < XYZA_AXIS_COUNT ? say_poll_step(talk, STEP_STANDING) :
+	                                            read_ports(talk);
+}
+
+/* --- what was read ---------------------------------------------------------------------------- */
+
+static void take_standing(struct db_device *device, const struct db_device *first)
+{
+	bool standing = first->poll_standing;
+
+	/* What was seen before the command shows nothing about the present. */
+	if (first->poll_told != device->told ||
+	    (standing && first->poll_asked < device->expected_by))
+		return;
+	device->standing = standing;
+	device->fresh = false;
+	if (standing)
+		device->jogging = device->stopping = false;
+	else
+		device->expected_by = 0;
+}
+
+/* Programs, and operators at its keys, set positions, too. */
+static void judge_restart(const struct db_device *first, struct db_device *device, int32_t position,
+                          bool stands)
+{
+	const struct restart_sample sample = {
+		.position = position,
+		.stands = stands && device->standing,
+		.busy = first->program_state == XYZA_PROGRAM_RUNNING,
+	};
+	db_time now = first->poll_taken;
+	bool restarted = false;
+
+	switch (restart_judge(&device->restart, &sample, now)) {
+	case RESTART_SEEN:
+		restarted = true;
+		break;
+	case RESTART_DOUBT:
+		/* Nobody sets two axes at once. */
+		for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+			if (first->axes[i] && first->axes[i] != device)
+				restarted |= restart_confirm(&first->axes[i]->restart, now);
+		}
+		restarted = restarted && restart_confirm(&device->restart, now);
+		break;
+	case RESTART_NONE:
+	default:
+		break;
+	}
+	if (restarted)
+		xyza_forget_all(device->first);
+}
+
+/* Pulses are never this fast: a counter has overflowed, or the position was set. */
+#define FASTEST 1e7f
+
+/* The last value is kept where nothing can be computed. */
+static float velocity_of(struct db_device *device, int32_t position, db_time now)
+{
+	float way = (float)((double)position - (double)device->position);
+	float velocity = way * (float)DB_NS_PER_S / (float)device->span;
+
+	if (fabsf(velocity) <= FASTEST)
+		return velocity;
+	/* Programs set positions, too. */
+	if (device->first->program_state != XYZA_PROGRAM_RUNNING)
+		restart_note_jump(&device->restart, device->position, now);
+	return device->velocity;
+}
+
+/* The sign was the same before and after: this is where the axis is. */
+static void take_position(struct db_device *device, const struct db_device *first)
+{
+	bool stands = first->poll_standing && first->poll_asked >= device->expected_by;
+	int32_t position;
+
+	take_standing(device, first);
+	/* Half of it may be from before it was written. */
+	if (first->poll_placed != device->placed || first->poll_taken < device->held_until ||
+	    !xyza_position(first->poll_magnitude, first->poll_negative, &position))
+		return;
+	if (device->heard && first->poll_taken > device->taken) {
+		device->span = first->poll_taken - device->taken;
+		device->velocity = stands ? 0.0f : velocity_of(device, position, first->poll_taken);
+	}
+	judge_restart(first, device, position, stands);
+	device->position = position;
+	device->negative = first->poll_negative;
+	device->taken = first->poll_taken;
+	device->heard = true;
+	note_part_answered(&device->part);
+}
+
+/* True if nothing changed since the last time and nothing moves: the second read of the sign is not
+ * needed. */
+static bool is_settled(const struct db_device *first, const struct db_device *device)
+{
+	int32_t position;
+
+	return device->heard && first->poll_standing && device->standing &&
+	       first->poll_told == device->told &&
+	       xyza_position(first->poll_magnitude, first->poll_negative, &position) &&
+	       position == device->position;
+}
+
+static enum db_step answer_standing(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+	struct db_device *first = talk->device;
+	const struct db_device *device = first->axes[first->poll_axis];
+
+	if (!device)
+		return end_job(talk, DB_RESULT_FAILED);
+	first->poll_standing = reply->value == 1;
+	first->poll_told = device->told;
+	first->poll_placed = device->placed;
+	talk->unchanged = true;
+	return say_poll_step(talk, STEP_SIGN);
+}
+
+static enum db_step answer_sign(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+
+	talk->device->poll_negative = reply->value == 1;
+	talk->unchanged = true;
+	return say_poll_step(talk, STEP_MAGNITUDE);
+}
+
+static enum db_step answer_magnitude(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+	struct db_device *first = talk->device;
+	struct db_device *device = first->axes[first->poll_axis];
+
+	if (!device)
+		return end_job(talk, DB_RESULT_FAILED);
+	first->poll_magnitude = reply->value;
+	first->poll_taken = talk->now;
+	if (!is_settled(first, device)) {
+		talk->unchanged = true;
+		return say_poll_step(talk, STEP_SIGN_AGAIN);
+	}
+	take_position(device, first);
+	return read_axis(talk, first->poll_axis + 1);
+}
+
+static enum db_step answer_sign_again(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+	struct db_device *first = talk->device;
+	struct db_device *device = first->axes[first->poll_axis];
+	bool negative = reply->value == 1;
+
+	if (!device)
+		return end_job(talk, DB_RESULT_FAILED);
+	if (first->poll_negative == negative) {
+		take_position(device, first);
+	} else if (++first->sign_tries < SIGN_TRIES) {
+		first->poll_negative = negative;
+		return say_poll_step(talk, STEP_MAGNITUDE);
+	}
+	return read_axis(talk, first->poll_axis + 1);
+}
+
+static enum db_step answer_ports(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+
+	talk->unchanged = talk->device->ports == reply->value;
+	talk->device->ports = reply->value;
+	note_part_answered(&talk->device->ports_part);
+	return read_program(talk);
+}
+
+static enum db_step answer_program(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+	struct db_device *first = talk->device;
+
+	talk->unchanged = !xyza_is_passed_over(&first->program_part) &&
+	                  reply->program == first->program &&
+	                  reply->state == first->program_state &&
+	                  reply->step == first->program_step;
+	xyza_take_program(first, reply);
+	note_part_answered(&first->program_part);
+	return read_item(talk);
+}
+
+static enum db_step answer_item(struct db_conversation *talk)
+{
+	const struct xyza_reply *reply = talk->reply;
+
+	xyza_turn_answered(talk->device, reply->value, talk->now);
+	return end_poll(talk);
+}
+
+/* --- what the controller does not have -------------------------------------------------------- */
+
+/* An axis that the controller does not have is not shown; the others are. */
+static enum db_step refuse_axis(struct db_conversation *talk)
+{
+	return read_axis(talk, talk->device->poll_axis + 1);
+}
+
+static enum db_step refuse_ports(struct db_conversation *talk)
+{
+	note_part_answered(&talk->device->ports_part);
+	return read_program(talk);
+}
+
+static enum db_step refuse_program(struct db_conversation *talk)
+{
+	note_part_answered(&talk->device->program_part);
+	return read_item(talk);
+}
+
+static enum db_step refuse_item(struct db_conversation *talk)
+{
+	xyza_turn_refused(talk->device);
+	return end_poll(talk);
+}
+
+const struct conversation_step xyza_poll_steps[] = {
+	[STEP_STANDING] = { .say = say_standing,
+	                    .answered = answer_standing,
+	                    .refused = refuse_axis },
+	[STEP_SIGN] = { .say = say_sign, .answered = answer_sign, .refused = refuse_axis },
+	[STEP_MAGNITUDE] = { .say = say_magnitude,
+	                     .answered = answer_magnitude,
+	                     .refused = refuse_axis },
+	[STEP_SIGN_AGAIN] = { .say = say_sign,
+	                      .answered = answer_sign_again,
+	                      .refused = refuse_axis },
+	[STEP_PORTS] = { .say = say_ports, .answered = answer_ports, .refused = refuse_ports },
+	[STEP_PROGRAM] = { .say = say_program,
+	                   .answered = answer_program,
+	                   .refused = refuse_program },
+	[STEP_ITEM] = { .say = say_item, .answered = answer_item, .refused = refuse_item },
+};
+
+enum db_step xyza_begin_poll(struct db_conversation *talk)
+{
+	note_loss(talk->device, talk->now);
+	talk->device->polling = true;
+	return read_axis(talk, 0);
+}

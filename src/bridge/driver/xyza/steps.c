@@ -1,0 +1,163 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Which table of steps a job goes through. An answer contains only the order that it answers, and a
+ * late one fits any later request of that order: so one request is in progress at a time, and after
+ * a lost answer the controller is first asked whether it is there, the only request with that
+ * order.
+ */
+#include "driver/xyza/steps.h"
+
+#include "driver/xyza/commands.h"
+#include "driver/xyza/frames.h"
+#include "driver/xyza/items.h"
+#include "driver/xyza/poll.h"
+
+/* Number of repeats: a controller also refuses a frame that arrived with a wrong checksum. */
+#define REFUSALS_MAX 1
+
+static enum db_step say_online(struct db_conversation *talk)
+{
+	return xyza_say_verb(talk, XYZA_VERB_ONLINE);
+}
+
+static enum db_step answer_online(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_OK);
+}
+
+static const struct conversation_step probe_steps[] = {
+	{ .say = say_online, .answered = answer_online },
+};
+
+static bool is_raw(const struct db_job *job)
+{
+	return job->kind == DB_JOB_COMMAND && job->request->command == DB_CMD_RAW_FRAME;
+}
+
+/* Not for raw frames, which are one request and its answer. */
+static const struct conversation_step *steps_of(const struct db_job *job)
+{
+	switch (job->kind) {
+	case DB_JOB_PROBE:
+		return probe_steps;
+	case DB_JOB_POLL:
+		return xyza_poll_steps;
+	case DB_JOB_IDENTIFY:
+		return xyza_item_steps;
+	case DB_JOB_COMMAND:
+		if (job->request->command == DB_CMD_READ_PARAMETERS)
+			return xyza_item_steps;
+		/* fall through */
+	case DB_JOB_SETTINGS:
+	default:
+		return xyza_plan_steps;
+	}
+}
+
+/* The effect of a command is no sign of a restart; a program moves all axes. */
+static void note_told(const struct db_conversation *talk)
+{
+	struct db_device *const *axes = talk->device->first->axes;
+	enum db_command command = talk->job->request->command;
+	bool all = command == DB_CMD_START_PROGRAM || command == DB_CMD_CONTINUE_PROGRAM;
+
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (axes[i] && (all || axes[i] == talk->device))
+			restart_note_told(&axes[i]->restart, command, talk->now);
+	}
+	if (command == DB_CMD_CLEAR_FAULT)
+		(void)restart_settle(&talk->device->restart);
+}
+
+enum db_step xyza_begin(struct db_conversation *talk)
+{
+	talk->device->refusals[talk->job->kind] = 0;
+	switch (talk->job->kind) {
+	case DB_JOB_PROBE:
+		return say_step(talk, probe_steps, 0);
+	case DB_JOB_IDENTIFY:
+		return xyza_begin_items(talk);
+	case DB_JOB_POLL:
+		return xyza_begin_poll(talk);
+	case DB_JOB_SETTINGS:
+		return xyza_begin_settings(talk);
+	case DB_JOB_COMMAND:
+	default:
+		break;
+	}
+	note_told(talk);
+	switch (talk->job->request->command) {
+	case DB_CMD_READ_PARAMETERS:
+		return xyza_begin_items(talk);
+	case DB_CMD_RAW_FRAME:
+		return xyza_begin_raw(talk);
+	default:
+		return xyza_begin_command(talk);
+	}
+}
+
+/* A refused request was not carried out, so any request may be sent again. */
+static bool is_asked_again(struct db_conversation *talk, const struct xyza_reply *reply,
+                           bool planned)
+{
+	unsigned *refusals = &talk->device->refusals[talk->job->kind];
+
+	if (reply->kind == XYZA_REPLY_FAILED && *refusals < REFUSALS_MAX &&
+	    !(planned && xyza_is_refusal_final(talk))) {
+		(*refusals)++;
+		return true;
+	}
+	*refusals = 0;
+	return false;
+}
+
+/* Reads back what was sent. A written item may have undocumented bits, as they were read. */
+static bool read_own(const struct db_conversation *talk, struct xyza_request *request)
+{
+	const struct db_exchange *exchange = talk->exchange;
+	enum xyza_error error;
+
+	if (talk->job->kind == DB_JOB_POLL) {
+		*request = talk->device->poll_request;
+		return true;
+	}
+	error = xyza_decode_request(exchange->request, exchange->request_length, request);
+	return error == XYZA_OK || error == XYZA_ERR_RANGE;
+}
+
+enum db_step xyza_answer(struct db_conversation *talk, const uint8_t *frame, size_t length)
+{
+	const struct conversation_step *steps = steps_of(talk->job);
+	const struct conversation_step *step = &steps[talk->job->step];
+	struct xyza_request request;
+	struct xyza_reply reply;
+	enum db_step next;
+
+	if (is_raw(talk->job))
+		return xyza_answer_raw(talk, frame, length);
+	if (xyza_decode_reply(frame, length, &reply) != XYZA_OK || !read_own(talk, &request))
+		return DB_STEP_IGNORE;
+	/* A controller that accepts its new number at once may already answer with it. */
+	if (reply.object == xyza_new_number(&request))
+		request.object = reply.object;
+	if (!xyza_fits(&request, &reply))
+		return DB_STEP_IGNORE;
+	/* The exchange is sent again unchanged. */
+	if (is_asked_again(talk, &reply, steps == xyza_plan_steps))
+		return DB_STEP_SEND;
+	// cppcheck-suppress autoVariables ; it is taken away below
+	talk->reply = &reply;
+	if (steps == xyza_plan_steps)
+		xyza_note_answer(talk);
+	next = reply.kind == XYZA_REPLY_FAILED && step->refused ? step->refused(talk) :
+	                                                          step->answered(talk);
+	talk->reply = NULL;
+	return next;
+}
+
+enum db_step xyza_lose_answer(struct db_conversation *talk)
+{
+	if (talk->job->kind == DB_JOB_SETTINGS)
+		talk->device->plate.doubtful = true;
+	return is_raw(talk->job) ? xyza_lose_raw(talk) : lose_step(talk, steps_of(talk->job));
+}

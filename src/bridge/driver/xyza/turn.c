@@ -1,0 +1,157 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "driver/xyza/turn.h"
+
+#include "driver/xyza/state.h"
+
+/* The power is read again once in this number of readings, and halfway between them an item in
+ * turn, if the last one was read a while ago. So they use at most a tenth of an axis's
+ * exchanges. */
+#define POWER_EVERY 10
+#define ITEM_PAUSE DB_NS_PER_S
+
+/* An item with a known value that is not answered this number of times is read again with all
+ * others. */
+#define ITEM_TRIES 2
+
+static enum xyza_item item_of(const struct xyza_turn *turn)
+{
+	if (turn->of_enable)
+		return XYZA_ITEM_ENABLE;
+	// NOLINTNEXTLINE(clang-analyzer-optin.core.EnumCastOutOfRange)
+	return (enum xyza_item)turn->item;
+}
+
+/* The axis of an item; for a common item any axis that is there. */
+static struct db_device *item_owner(const struct db_device *first, unsigned axis, unsigned item)
+{
+	if (xyza_item_of_axis((enum xyza_item)item))
+		return first->axes[axis];
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (first->axes[i])
+			return first->axes[i];
+	}
+	return NULL;
+}
+
+/* True if it was read when the controller came online. */
+static bool is_told(const struct db_device *first, unsigned axis, unsigned item)
+{
+	const struct db_device *owner = item_owner(first, axis, item);
+
+	return owner && owner->params_valid && !(owner->unread >> item & 1);
+}
+
+static bool is_in_turn(const struct db_device *first, unsigned axis, unsigned item)
+{
+	switch (item) {
+	case XYZA_ITEM_ENABLE:        /* it is read in its own turn */
+	case XYZA_ITEM_READ_PASSWORD: /* a value that is not shown need not be read */
+	case XYZA_ITEM_PASSWORD:
+	case XYZA_ITEM_FACTORY_RESET:
+	case XYZA_ITEM_SLAVE_NUMBER:
+		return false;
+	default:
+		break;
+	}
+	/* Common items are read once in a round. */
+	if (!xyza_item_of_axis((enum xyza_item)item) && axis != XYZA_X)
+		return false;
+	return is_told(first, axis, item);
+}
+
+/* False: no item is known. */
+static bool take_next_turn(struct db_device *first)
+{
+	struct xyza_turn *turn = &first->turn;
+
+	for (unsigned n = 0; n < (unsigned)XYZA_AXIS_COUNT * XYZA_ITEM_COUNT; n++) {
+		if (++turn->item >= XYZA_ITEM_COUNT) {
+			turn->item = 0;
+			turn->axis = (turn->axis + 1) % XYZA_AXIS_COUNT;
+		}
+		if (is_in_turn(first, turn->axis, turn->item))
+			return true;
+	}
+	return false;
+}
+
+/* All its axes know it from the same read, and read it again. */
+static void doubt_item(struct db_device *first, unsigned axis, unsigned item)
+{
+	struct db_device *owner = item_owner(first, axis, item);
+
+	if (!xyza_item_of_axis((enum xyza_item)item))
+		xyza_forget_all(first);
+	else if (owner)
+		owner->plate.doubtful = true;
+}
+
+void xyza_turn_refused(struct db_device *first)
+{
+	struct xyza_turn *turn = &first->turn;
+
+	if (turn->of_enable) {
+		turn->enable_losses = 0;
+		doubt_item(first, XYZA_X, XYZA_ITEM_ENABLE);
+	} else {
+		turn->losses = 0;
+		doubt_item(first, turn->axis, turn->item);
+	}
+}
+
+void xyza_turn_lost(struct db_device *first)
+{
+	struct xyza_turn *turn = &first->turn;
+	unsigned *losses = turn->of_enable ? &turn->enable_losses : &turn->losses;
+
+	if (++*losses >= ITEM_TRIES)
+		xyza_turn_refused(first);
+}
+
+/* An axis that was sent a stop is judged by the end of this reading. */
+static bool is_any_stopping(const struct db_device *first)
+{
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (first->axes[i] && first->axes[i]->stopping)
+			return true;
+	}
+	return false;
+}
+
+bool xyza_turn_comes(struct db_device *first, db_time now)
+{
+	struct xyza_turn *turn = &first->turn;
+	unsigned phase = ++turn->polls % POWER_EVERY;
+
+	if (phase % (POWER_EVERY / 2) != 0 || is_any_stopping(first))
+		return false;
+	turn->of_enable = phase == 0;
+	if (turn->of_enable)
+		return is_told(first, XYZA_X, XYZA_ITEM_ENABLE);
+	if (now - turn->at < ITEM_PAUSE)
+		return false;
+	turn->at = now;
+	/* An item whose answer was lost is read again. */
+	return turn->losses > 0 || take_next_turn(first);
+}
+
+struct xyza_request xyza_turn_request(const struct db_device *first)
+{
+	const struct xyza_turn *turn = &first->turn;
+	struct xyza_request request = { .verb = XYZA_READ_ITEM };
+
+	// NOLINTNEXTLINE(clang-analyzer-optin.core.EnumCastOutOfRange)
+	request.axis = (enum xyza_axis)turn->axis;
+	request.item = item_of(turn);
+	return request;
+}
+
+void xyza_turn_answered(struct db_device *first, uint32_t content, db_time now)
+{
+	struct xyza_turn *turn = &first->turn;
+	struct db_device *owner = item_owner(first, turn->axis, item_of(turn));
+
+	*(turn->of_enable ? &turn->enable_losses : &turn->losses) = 0;
+	if (owner)
+		xyza_learn_item(owner, item_of(turn), content, now);
+}

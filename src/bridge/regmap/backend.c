@@ -1,0 +1,174 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The server's backend: finds the drive of a unit, and passes the request on. */
+#include "drivebridge/registers.h"
+#include "drivebridge/version.h"
+#include "regmap/clients.h"
+#include "regmap/regmap_private.h"
+#include "regmap/vsmd_view.h"
+
+#include <modbus.h>
+#include <stdio.h>
+#include <string.h>
+
+/* Null for the gateway. Only called for units that exist. */
+static struct db_view_drive *drive_of(const struct db_registers *registers, uint8_t unit)
+{
+	uint16_t drive = registers->roster->units[unit];
+
+	return drive < registers->roster->drive_count ? registers->roster->drives[drive] : NULL;
+}
+
+static uint8_t backend_unit(void *context, uint8_t unit)
+{
+	const struct db_registers *registers = context;
+
+	return registers->roster->units[unit] == DB_UNIT_NONE ? MODBUS_EXCEPTION_GATEWAY_PATH : 0;
+}
+
+static uint8_t backend_read(void *context, const struct db_client *client, uint8_t unit,
+                            enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
+{
+	const struct db_registers *registers = context;
+	struct db_view_drive *drive = drive_of(registers, unit);
+
+	if (drive) {
+		db_clients_hear(drive, client);
+		db_clients_feed(drive, client, DB_FEED_REQUESTS);
+		if (registers->roster->vendor_units[unit])
+			return db_vsmd_view_read(drive, table, address, count, values);
+		return db_read_drive(drive, client, table, address, count, values);
+	}
+	if (backend_unit(context, unit))
+		return MODBUS_EXCEPTION_GATEWAY_PATH;
+	return db_read_gateway(registers, client, table, address, count, values);
+}
+
+static int backend_write(void *context, const struct db_client *client, uint8_t unit,
+                         enum db_table table, uint16_t address, uint16_t count,
+                         const uint16_t *values, struct db_write_token token)
+{
+	struct db_view_drive *drive = drive_of(context, unit);
+
+	if (drive) {
+		db_clients_hear(drive, client);
+		if (drive->registers->roster->vendor_units[unit])
+			return db_vsmd_view_write(drive, client, table, address, count, values,
+			                          token);
+		return db_write_drive(drive, client, table, address, count, values, token);
+	}
+	if (backend_unit(context, unit))
+		return MODBUS_EXCEPTION_GATEWAY_PATH;
+	return db_gateway_write(context, client, table, address, count, values, token);
+}
+
+static int backend_write_same(void *context, const struct db_client *client, uint8_t unit,
+                              uint16_t address, uint16_t value, struct db_write_token token)
+{
+	const struct db_registers *registers = context;
+	struct db_view_drive *drive = drive_of(registers, unit);
+
+	if (!drive)
+		return db_gateway_write_same(registers, address);
+	db_clients_hear(drive, client);
+	if (registers->roster->vendor_units[unit])
+		return db_vsmd_view_write_same(drive, client, address, value, token);
+	return db_write_drive_same(drive, client, address, value, token);
+}
+
+static size_t backend_server_id(void *context, uint8_t unit, char *text, size_t size, bool *running)
+{
+	const struct db_registers *registers = context;
+	const struct db_view_drive *drive = drive_of(registers, unit);
+	struct db_nameplate_copy copy;
+	const struct db_nameplate *plate = &copy.plate;
+	struct db_snapshot snapshot;
+	int length;
+
+	if (!drive) {
+		*running = true;
+		length = snprintf(text, size, "drivebridge %s gateway", DB_VERSION);
+	} else {
+		db_axis_read(drive->axis, &snapshot);
+		db_axis_read_nameplate(drive->axis, &copy);
+		*running = (snapshot.feedback.status & DB_STATUS_ONLINE) != 0;
+		length = snprintf(text, size, "drivebridge %s unit %u %s%s%.*s", DB_VERSION,
+		                  drive->config->unit, drive->config->name,
+		                  plate->identity[0] ? " " : "", DB_IDENTITY_MAX, plate->identity);
+	}
+	if (length < 0 || size == 0)
+		return 0;
+	return (size_t)length < size ? (size_t)length : size - 1;
+}
+
+/* Objects of FC 43/14. */
+enum device_object {
+	OBJECT_VENDOR_NAME,
+	OBJECT_PRODUCT_CODE,
+	OBJECT_REVISION,
+	OBJECT_VENDOR_URL,
+	OBJECT_PRODUCT_NAME,
+	OBJECT_MODEL_NAME,
+	OBJECT_USER_APPLICATION_NAME,
+};
+
+static const char *model_of(const struct db_view_drive *drive)
+{
+	char *model = drive->registers->model;
+	struct db_nameplate_copy copy;
+	const struct db_nameplate *plate = &copy.plate;
+
+	db_axis_read_nameplate(drive->axis, &copy);
+	if (plate->identity[0] == '\0')
+		return drive->driver->title;
+	memcpy(model, plate->identity, sizeof(plate->identity));
+	model[sizeof(plate->identity)] = '\0';
+	return model;
+}
+
+static const char *backend_device_id(void *context, uint8_t unit, uint8_t object)
+{
+	struct db_view_drive *drive = drive_of(context, unit);
+
+	switch (object) {
+	case OBJECT_VENDOR_NAME:
+		return "drivebridge";
+	case OBJECT_PRODUCT_CODE:
+		return drive ? drive->driver->name : "gateway";
+	case OBJECT_REVISION:
+		return DB_VERSION;
+	case OBJECT_PRODUCT_NAME:
+		return "drivebridge";
+	case OBJECT_MODEL_NAME:
+		return drive ? model_of(drive) : NULL;
+	case OBJECT_USER_APPLICATION_NAME:
+		return drive ? drive->config->name : NULL;
+	default:
+		return NULL;
+	}
+}
+
+static void backend_restricted(void *context, const struct db_client *client)
+{
+	db_clients_release_control(context, client);
+}
+
+static void backend_client(void *context, const struct db_client *client, bool connected)
+{
+	const struct db_registers *registers = context;
+
+	if (!connected)
+		db_clients_forget(registers, client);
+	if (registers->ops->client)
+		registers->ops->client(registers->context, client, connected);
+}
+
+const struct db_backend db_registers_backend = {
+	.unit = backend_unit,
+	.read = backend_read,
+	.write = backend_write,
+	.write_same = backend_write_same,
+	.server_id = backend_server_id,
+	.device_id = backend_device_id,
+	.client = backend_client,
+	.restricted = backend_restricted,
+};

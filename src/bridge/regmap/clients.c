@@ -1,0 +1,78 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "regmap/clients.h"
+
+#include "regmap/regmap_private.h"
+
+/* A due time is exceeded by this only when this process, or its machine, was suspended. */
+#define HELD_TIME (100 * DB_NS_PER_MS)
+
+void db_clients_count_refusal(const struct db_view_drive *drive, const struct db_client *client)
+{
+	const struct db_registers *registers = drive->registers;
+
+	if (registers->ops->refused)
+		registers->ops->refused(registers->context, client, DB_REFUSED_CONTROL);
+}
+
+bool db_clients_may_write(struct db_view_drive *drive, const struct db_client *client, bool stop)
+{
+	const struct db_registers *registers = drive->registers;
+	db_time now = registers->ops->now(registers->context);
+
+	if (stop)
+		return !db_control_holder(&drive->control, now) ||
+		       db_control_holds(&drive->control, client, now);
+	if (db_control_take(&drive->control, client, now))
+		return true;
+	db_clients_count_refusal(drive, client);
+	return false;
+}
+
+void db_clients_feed(struct db_view_drive *drive, const struct db_client *client,
+                     enum db_watchdog_feed by)
+{
+	const struct db_registers *registers = drive->registers;
+	db_time now = registers->ops->now(registers->context);
+
+	if (client->may_write && db_control_holds(&drive->control, client, now))
+		db_commander_feed(drive->commander, client, by, db_client_arrived(client, now));
+}
+
+void db_clients_hear(struct db_view_drive *drive, const struct db_client *client)
+{
+	const struct db_registers *registers = drive->registers;
+	const struct db_view_roster *roster = registers->roster;
+	db_time now = registers->ops->now(registers->context);
+
+	db_commander_hear(drive->commander, client, now);
+	/*
+	 * Something that was due long ago has not been done: this process was suspended. A client
+	 * sends one request after the other and may have waited with its first one for all that
+	 * time, so that this one counts for every drive that it had kept going.
+	 */
+	for (size_t i = 0; now - HELD_TIME >= registers->due && i < roster->drive_count; i++) {
+		struct db_commander *commander = roster->drives[i]->commander;
+
+		if (db_commander_fed_by(commander)->id == client->id)
+			db_commander_feed(commander, client, DB_FEED_HEARTBEAT,
+			                  db_client_arrived(client, now));
+	}
+	if (client->may_write && db_control_holds(&drive->control, client, now))
+		db_control_hear(&drive->control, client, db_client_arrived(client, now), now);
+}
+
+void db_clients_release_control(const struct db_registers *registers,
+                                const struct db_client *client)
+{
+	for (size_t i = 0; i < registers->roster->drive_count; i++)
+		db_control_release(&registers->roster->drives[i]->control, client);
+}
+
+void db_clients_forget(const struct db_registers *registers, const struct db_client *client)
+{
+	db_time now = registers->ops->now(registers->context);
+
+	db_clients_release_control(registers, client);
+	for (size_t i = 0; i < registers->roster->drive_count; i++)
+		db_commander_forget(registers->roster->drives[i]->commander, client, now);
+}

@@ -1,0 +1,367 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sched/standing.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+/* Fraction of the highest speed: the loss at which a drive counts as slowing down, more than
+ * measured speeds fluctuate; and the further loss each time for it to count as still slowing
+ * down. */
+#define SLOWER_SHARE 0.05f
+#define PROGRESS_SHARE 0.01f
+
+/* How long a drive that moved must be seen standing, and how far it may drift meanwhile, in counts:
+ * a closed loop dithers, and some drives report no speed while they move. */
+#define STILL_TIME (100 * DB_NS_PER_MS)
+#define STILL_DRIFT 16
+
+/* How soon a drive is read again after a stop was sent. */
+#define LOOK_AFTER (5 * DB_NS_PER_MS)
+
+/* Interval of repeated stops: short at first, because the drive moves; later one that the bus can
+ * bear for ever. A sample is awaited first, but not for longer than WITHOUT_LOOK. */
+#define PACE_FIRST (20 * DB_NS_PER_MS)
+#define FIRST_WHILE (1 * DB_NS_PER_S)
+#define PACE (100 * DB_NS_PER_MS)
+#define WITHOUT_LOOK (100 * DB_NS_PER_MS)
+
+/* The same in round trips, on a slow line. */
+#define FIRST_TRIPS 2
+#define PACE_TRIPS 5
+
+/* How soon a refused stop is sent again. */
+#define REFUSED_AGAIN (20 * DB_NS_PER_MS)
+
+/* Pause between stops to an offline drive. */
+#define BACKOFF_MIN (20 * DB_NS_PER_MS)
+#define BACKOFF_MAX (200 * DB_NS_PER_MS)
+
+/* A drive that comes and goes has at least this time to show that it stops, each time that it is
+ * online. */
+#define PATIENCE_LEFT (100 * DB_NS_PER_MS)
+
+/* --- entering and leaving --------------------------------------------------------------------- */
+
+static unsigned bit(unsigned number)
+{
+	return 1u << number;
+}
+
+static const enum db_command strongest_first[] = { DB_CMD_DISABLE, DB_CMD_QUICK_STOP, DB_CMD_STOP };
+
+#define KINDS (sizeof strongest_first / sizeof strongest_first[0])
+
+/* NONE if there is none. */
+static enum db_command strongest(unsigned kinds)
+{
+	for (size_t i = 0; i < KINDS; i++) {
+		if (kinds & bit(strongest_first[i]))
+			return strongest_first[i];
+	}
+	return DB_CMD_NONE;
+}
+
+void standing_enter(struct standing *standing, enum db_command kind, enum db_stand_cause cause,
+                    const struct db_feedback *known, db_time now)
+{
+	float speed = known ? fabsf(known->velocity) : 0.0f;
+
+	if (standing_is_free(standing))
+		*standing = (struct standing){ .since = now };
+	standing->kinds |= bit(kind);
+	standing->cause = cause;
+	standing->causes |= bit(cause);
+	/* This stop or a stronger one was sent and is unanswered: however often it is requested
+	 * again, it is sent at its interval, or repeated requests would keep the bus from all
+	 * others. */
+	if (!standing->gives_way && !standing->obeys && standing->sent_at != 0 &&
+	    standing->losses > 0 && strongest(standing->kinds) == standing->kind &&
+	    !(kind == DB_CMD_DISABLE && standing->confirmed))
+		return;
+	/* A stronger stop has its own time to take effect. */
+	if (strongest(standing->kinds) != standing->kind) {
+		standing->kind = strongest(standing->kinds);
+		standing->overdue = false;
+		standing->progress = 0;
+	}
+	standing->refused = 0;
+	standing->sent_at = 0;
+	standing->interrupted = false;
+	standing->send_at = now;
+	standing->losses = 0;
+	standing->backoff = BACKOFF_MIN;
+	standing->gives_way = standing->obeys = standing->read_since = standing->acknowledged =
+		false;
+	standing->confirmed &= kind != DB_CMD_DISABLE;
+	standing->may_move |= !known || (known->status & DB_STATUS_MOVING) || speed > 0.0f;
+	/* Earlier speeds do not count: a motion in between may just have begun. */
+	standing->top_speed = standing->least_speed = speed;
+	standing->still_since = 0;
+	standing->read_at = DB_TIME_NEVER;
+}
+
+void standing_leave(struct standing *standing)
+{
+	*standing = (struct standing){ .kind = DB_CMD_NONE };
+}
+
+void standing_withdraw(struct standing *standing, enum db_stand_cause cause)
+{
+	standing->causes &= ~bit(cause);
+	if (standing->causes == 0)
+		standing_leave(standing);
+}
+
+/* --- sending ---------------------------------------------------------------------------------- */
+
+db_time standing_send_at(const struct standing *standing)
+{
+	bool obeyed = standing->obeys && (standing->kind != DB_CMD_DISABLE || standing->confirmed);
+
+	if (standing_is_free(standing) || standing->gives_way)
+		return DB_TIME_NEVER;
+	/* Where a stop is not acknowledged, the slow-down may be that of an older motion. */
+	if (obeyed)
+		return standing->acknowledged || standing_is_seen_still(standing) ?
+		               DB_TIME_NEVER :
+		               standing->sent_at + PACE;
+	/* Repeating the stop must not take the time in which its effect could be read. */
+	return standing->read_since || standing->sent_at == 0 ||
+	                       standing->send_at > standing->read_by ?
+	               standing->send_at :
+	               standing->read_by;
+}
+
+enum db_command standing_next(const struct standing *standing)
+{
+	enum db_command next = strongest(standing->kinds & ~standing->refused);
+
+	return next == DB_CMD_NONE ? standing->kind : next;
+}
+
+void standing_stop_sent(struct standing *standing, bool trusted, db_time round_trip, db_time now)
+{
+	bool first = now - standing->since < FIRST_WHILE;
+	db_time pace = first ? PACE_FIRST : PACE;
+	db_time share = round_trip * (first ? FIRST_TRIPS : PACE_TRIPS);
+
+	standing->count++;
+	standing->sent_at = now;
+	standing->read_since = !trusted;
+	standing->read_by = now + WITHOUT_LOOK;
+	if (standing->progress == 0)
+		standing->progress = now;
+	if (trusted)
+		standing->send_at = now + (pace > share ? pace : share);
+}
+
+void standing_interrupt_sent(struct standing *standing)
+{
+	standing->interrupted = true;
+	standing->count++;
+}
+
+void standing_stop_answered(struct standing *standing, enum db_command command, bool taken,
+                            bool acknowledged, db_time now)
+{
+	/* An older stop was answered: this shows nothing about the cause that joined after it. */
+	if (standing_is_free(standing) || standing->sent_at == 0)
+		return;
+	standing->losses = 0;
+	standing->acknowledged = taken && acknowledged;
+	standing->backoff = BACKOFF_MIN;
+	standing->read_at = now + LOOK_AFTER;
+	standing->read_by = now + WITHOUT_LOOK;
+	standing->confirmed |= command == DB_CMD_DISABLE;
+	if (taken) {
+		standing->refused = 0;
+		return;
+	}
+	standing->refused |= bit(command);
+	if ((standing->kinds & ~standing->refused) == 0)
+		standing->refused = 0;
+	standing->send_at = now + REFUSED_AGAIN;
+	/* A refused stop has no effect to wait for. */
+	standing->read_since = true;
+}
+
+bool standing_stop_lost(struct standing *standing, bool online, unsigned retries, db_time cost,
+                        db_time now)
+{
+	db_time share = cost * (STANDING_LOSSES_SHARE - 1);
+
+	standing->losses++;
+	standing->read_since = true;
+	standing->send_at = now;
+	/* A drive known to be silent is not hurried: each attempt costs the whole time-out. */
+	if (online && standing->losses <= retries)
+		return false;
+	if (!online) {
+		share = share > standing->backoff ? share : standing->backoff;
+		standing->backoff = standing->backoff < BACKOFF_MAX / 2 ? 2 * standing->backoff :
+		                                                          BACKOFF_MAX;
+	}
+	standing->send_at = now + share;
+	return true;
+}
+
+void standing_resume(struct standing *standing, db_time now)
+{
+	if (standing_is_free(standing))
+		return;
+	/* Negative: this much of its patience was used up before it went offline. */
+	standing->progress = standing->progress < 0 ? now + standing->progress : 0;
+	standing->sent_at = 0;
+	standing->interrupted = false;
+	standing->send_at = now;
+	standing->read_at = DB_TIME_NEVER;
+	standing->losses = 0;
+	standing->backoff = BACKOFF_MIN;
+	standing->gives_way = standing->obeys = standing->read_since = standing->confirmed = false;
+	standing->may_move = true;
+	standing->top_speed = standing->least_speed = 0.0f;
+	standing->still_since = 0;
+}
+
+void standing_suspend(struct standing *standing, const struct standing_rules *rules, db_time now)
+{
+	db_time used = standing->progress > 0 ? now - standing->progress : 0;
+	db_time most = rules->patience > PATIENCE_LEFT ? rules->patience - PATIENCE_LEFT : 0;
+
+	standing->obeys = false;
+	standing->progress = -(used < most ? used : most);
+}
+
+bool standing_gives_way_to(const struct standing *standing, enum db_command command)
+{
+	return !standing_is_free(standing) &&
+	       (db_command_replaces_motion(command) ||
+	        (command == DB_CMD_ENABLE && standing_is_seen_still(standing)));
+}
+
+void standing_drive_enabled(struct standing *standing)
+{
+	/* A disable that joined after it was not sent yet. */
+	if (standing->kind != DB_CMD_DISABLE || standing->sent_at == 0)
+		return;
+	standing->kinds = (standing->kinds & ~bit(DB_CMD_DISABLE)) | bit(DB_CMD_STOP);
+	standing->kind = strongest(standing->kinds);
+}
+
+void standing_give_way(struct standing *standing)
+{
+	standing->gives_way = true;
+}
+
+void standing_motion_ended(struct standing *standing, bool may_go_on, db_time now)
+{
+	if (!standing->gives_way)
+		return;
+	if (may_go_on) {
+		standing_leave(standing);
+		return;
+	}
+	standing->gives_way = false;
+	standing->send_at = now;
+	standing->read_since = true;
+}
+
+/* --- judging ---------------------------------------------------------------------------------- */
+
+static bool is_expired(const struct standing *standing, const struct standing_rules *rules,
+                       db_time now)
+{
+	return standing->progress > 0 && now - standing->progress >= rules->patience;
+}
+
+static enum standing_verdict judge_standing(struct standing *standing,
+                                            const struct standing_rules *rules,
+                                            const struct db_feedback *feedback, db_time now)
+{
+	/* A position that keeps changing is motion, whatever else the drive reports. */
+	bool drifting = standing->still_since != 0 &&
+	                llabs((int64_t)feedback->position - standing->still_position) > STILL_DRIFT;
+	db_time still;
+
+	if (standing->still_since == 0 || drifting) {
+		standing->still_since = now;
+		standing->still_position = feedback->position;
+	}
+	if (drifting) {
+		standing->may_move = true;
+		standing->obeys = false;
+		return is_expired(standing, rules, now) ? STANDING_RUNS_ON : STANDING_UNSEEN;
+	}
+	still = now - standing->still_since;
+	standing->progress = now;
+	if (still < rules->doubt)
+		return STANDING_UNSEEN;
+	/* A drive that moved may have been seen at the turning point of a reversal. */
+	if ((standing->may_move && still < STILL_TIME) ||
+	    (standing->kind == DB_CMD_DISABLE && !standing->confirmed)) {
+		standing->least_speed = 0.0f;
+		standing->obeys = true;
+		return STANDING_OBEYS;
+	}
+	standing_leave(standing);
+	return STANDING_DONE;
+}
+
+static enum standing_verdict judge_moving(struct standing *standing,
+                                          const struct standing_rules *rules, float speed,
+                                          db_time now)
+{
+	float margin;
+
+	standing->still_since = 0;
+	standing->may_move = true;
+	if (speed > standing->top_speed)
+		standing->top_speed = standing->least_speed = speed;
+	if (speed < standing->least_speed &&
+	    speed <= standing->least_speed - PROGRESS_SHARE * standing->top_speed) {
+		standing->least_speed = speed;
+		standing->progress = now;
+	}
+	margin = SLOWER_SHARE * standing->top_speed;
+	if (speed > standing->least_speed + margin) {
+		/* Slower and then faster again was a reversal that continued, not a stop. */
+		standing->obeys = false;
+		standing->top_speed = standing->least_speed = speed;
+		standing->progress = now;
+	} else if (standing->least_speed < standing->top_speed - margin) {
+		standing->obeys = true;
+	}
+	if (is_expired(standing, rules, now)) {
+		standing->obeys = false;
+		return STANDING_RUNS_ON;
+	}
+	return standing->obeys ? STANDING_OBEYS : STANDING_UNSEEN;
+}
+
+enum standing_verdict standing_judge(struct standing *standing, const struct standing_rules *rules,
+                                     const struct db_feedback *feedback, db_time asked, db_time now)
+{
+	if (standing_is_free(standing) || standing->gives_way || standing->sent_at == 0 ||
+	    asked <= standing->sent_at || !(feedback->status & DB_STATUS_ONLINE))
+		return STANDING_UNSEEN;
+	standing->read_since = true;
+	if (feedback->status & DB_STATUS_MOVING)
+		return judge_moving(standing, rules, fabsf(feedback->velocity), now);
+	return judge_standing(standing, rules, feedback, now);
+}
+
+db_time standing_deadline(const struct standing *standing, const struct standing_rules *rules)
+{
+	return standing_is_free(standing) || standing->gives_way || standing->overdue ||
+	                       standing->progress <= 0 || standing->sent_at == 0 ?
+	               DB_TIME_NEVER :
+	               standing->progress + rules->patience;
+}
+
+void standing_run_on(struct standing *standing, bool last_resort, db_time now)
+{
+	if (last_resort && standing->kind != DB_CMD_DISABLE)
+		standing_enter(standing, DB_CMD_DISABLE, standing->cause, NULL, now);
+	standing->obeys = false;
+	standing->overdue = true;
+}

@@ -1,0 +1,596 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "server/connection.h"
+
+#include "server/acl.h"
+#include "server/listener.h"
+
+#include <errno.h>
+#include <linux/sockios.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+/* A request whose answer has to wait: the request itself, or one before it, is an unfinished
+ * write. */
+struct entry {
+	/* data is invalid: a write has been handed over already */
+	struct db_modbus_request request;
+	bool unfinished;   /* the backend owes an answer */
+	uint8_t exception; /* of a finished write, or of a request that was refused */
+};
+
+/* Events to wait for while requests are read. */
+#define READING (EPOLLIN | EPOLLRDHUP)
+
+/* What happened to the next request in the buffer. */
+enum taken { TAKEN, NOTHING_TO_TAKE, MUST_WAIT, BROKEN };
+
+struct db_connection {
+	struct db_connection_shared *shared;
+	struct db_client client;
+	struct db_peer *peer;
+	uint64_t requests;
+	db_time since;
+	db_time frame_since;  /* when the unfinished frame in `in` began */
+	db_time active_since; /* last byte in either direction */
+	db_time turn;         /* time of the next request, when it came too early; else 0 */
+	int fd;
+	uint32_t events; /* events that epoll waits for */
+
+	/* Ring of `room` entries, allocated only while not empty. */
+	struct entry *queue;
+	unsigned room;
+	uint32_t sequence; /* number of the first entry; the others follow without gaps */
+	unsigned first, queued, unfinished;
+
+	/* Answers that the socket did not take; allocated only while not empty. */
+	uint8_t *out;
+	size_t out_sent, out_used;
+
+	/* Arrival times of received bytes, see note_arrival(); client.arrived is for the bytes in
+	 * `in`. */
+	bool behind;       /* the socket contains, or may contain, bytes older than now */
+	size_t marked;     /* bytes that were there at mark_time and are not read yet */
+	db_time mark_time; /* later bytes arrived after this time */
+
+	bool closing; /* the client has closed its side, and its last bytes are being read */
+	bool ended;   /* the client will send nothing more */
+	bool waiting; /* a request in `in` may not be taken yet */
+	uint16_t in_used;
+	uint8_t in[DB_ADU_MAX];
+};
+
+void db_connection_count_refusal(struct db_connection_shared *shared, struct db_peer *peer,
+                                 enum db_refusal kind, db_time now)
+{
+	uint32_t *const counters[DB_REFUSAL_COUNT] = {
+		[DB_REFUSED_ADDRESS] = &shared->stats.refused_address,
+		[DB_REFUSED_FULL] = &shared->stats.refused_full,
+		[DB_REFUSED_RESERVED] = &shared->stats.refused_reserved,
+		[DB_REFUSED_PER_ADDRESS] = &shared->stats.refused_per_address,
+		[DB_REFUSED_WRITE] = &shared->stats.refused_writes,
+		[DB_REFUSED_USER] = &shared->stats.refused_writes,
+		[DB_REFUSED_USER_READ] = &shared->stats.refused_address,
+		[DB_REFUSED_CONTROL] = &shared->stats.refused_control,
+		[DB_REFUSED_DESCRIPTORS] = &shared->stats.refused_full,
+		[DB_REFUSED_PACE] = &shared->stats.held_back,
+	};
+
+	(*counters[kind])++;
+	db_peers_refused(shared->peers, peer, kind, now);
+}
+
+struct db_connection *db_connection_new(struct db_connection_shared *shared, int fd,
+                                        const struct db_client *client, struct db_peer *peer,
+                                        db_time now)
+{
+	struct db_connection *c = calloc(1, sizeof(*c));
+	struct epoll_event event = { .events = READING, .data.ptr = c };
+
+	if (!c || epoll_ctl(shared->epoll, EPOLL_CTL_ADD, fd, &event) < 0) {
+		free(c);
+		close(fd);
+		return NULL;
+	}
+	c->shared = shared;
+	c->client = *client;
+	c->peer = peer;
+	c->peer->connections++;
+	c->fd = fd;
+	c->events = READING;
+	c->client.arrived = now;
+	c->since = now;
+	c->active_since = now;
+	return c;
+}
+
+void db_connection_free(struct db_connection *c)
+{
+	if (!c)
+		return;
+	c->peer->connections--;
+	close(c->fd);
+	free(c->queue);
+	free(c->out);
+	free(c);
+}
+
+const struct db_client *db_connection_client(const struct db_connection *c)
+{
+	return &c->client;
+}
+
+const uint8_t *db_connection_address(const struct db_connection *c)
+{
+	return c->peer->address;
+}
+
+void db_connection_describe(const struct db_connection *c, struct db_server_client *description,
+                            db_time now)
+{
+	*description = (struct db_server_client){
+		.client = c->client,
+		.requests = c->requests,
+		.idle = now > c->active_since ? now - c->active_since : 0,
+		.connected = now > c->since ? now - c->since : 0,
+	};
+}
+
+void db_connection_rehome(struct db_connection *c, struct db_peer *peer)
+{
+	c->peer = peer;
+}
+
+void db_connection_adapt(struct db_connection *c, bool may_write)
+{
+	c->client.may_write = may_write;
+}
+
+void db_connection_take_turn(struct db_connection *c, db_time now)
+{
+	if (c->turn == 0)
+		return;
+	c->turn = 0;
+	c->active_since = now;
+}
+
+void db_connection_refused(struct db_connection *c, enum db_refusal kind, db_time now)
+{
+	db_connection_count_refusal(c->shared, c->peer, kind, now);
+}
+
+/* Output. */
+
+/* Sends bytes; returns how many the socket took, or -1 when the connection is broken. */
+static ssize_t send_bytes(struct db_connection *c, const uint8_t *bytes, size_t length)
+{
+	ssize_t sent;
+
+	do
+		sent = send(c->fd, bytes, length, MSG_NOSIGNAL | MSG_DONTWAIT);
+	while (sent < 0 && errno == EINTR);
+	if (sent < 0)
+		return errno == EAGAIN || errno == EWOULDBLOCK ? 0 : -1;
+	return sent;
+}
+
+/* Sends the batch, and keeps what the socket does not take. */
+static bool flush_batch(struct db_connection *c, db_time now)
+{
+	struct db_connection_shared *shared = c->shared;
+	size_t length = shared->batch_used;
+	ssize_t sent;
+
+	shared->batch_used = 0;
+	if (length == 0)
+		return true;
+	sent = send_bytes(c, shared->batch, length);
+	if (sent < 0)
+		return false;
+	if (sent > 0)
+		c->active_since = now;
+	if ((size_t)sent == length)
+		return true;
+	c->out_used = length - (size_t)sent;
+	c->out_sent = 0;
+	c->out = malloc(c->out_used);
+	if (!c->out)
+		return false;
+	memcpy(c->out, shared->batch + sent, c->out_used);
+	return true;
+}
+
+/* Sends the bytes that were kept. */
+static bool flush_kept(struct db_connection *c, db_time now)
+{
+	ssize_t sent;
+
+	if (!c->out)
+		return true;
+	sent = send_bytes(c, c->out + c->out_sent, c->out_used - c->out_sent);
+	if (sent < 0)
+		return false;
+	if (sent > 0)
+		c->active_since = now;
+	c->out_sent += (size_t)sent;
+	if (c->out_sent == c->out_used) {
+		free(c->out);
+		c->out = NULL;
+	}
+	return true;
+}
+
+/* Requests. */
+
+/* Adds the answer to a finished request to the batch, which has room for it. */
+static void add_answer(struct db_connection *c, const struct db_modbus_request *request,
+                       uint8_t exception)
+{
+	struct db_connection_shared *shared = c->shared;
+	uint8_t *adu = shared->batch + shared->batch_used;
+
+	if (exception)
+		shared->batch_used += db_pdu_exception(request, exception, adu);
+	else
+		shared->batch_used += db_execute_answer(&shared->executor, &c->client, request, adu,
+		                                        &exception);
+	if (exception > 0 && exception < DB_EXCEPTION_CODES) {
+		shared->stats.exceptions++;
+		shared->stats.exceptions_by_code[exception]++;
+	}
+}
+
+static struct entry *entry_at(const struct db_connection *c, unsigned index)
+{
+	return &c->queue[(c->first + index) % c->room];
+}
+
+/* Answers the first request in the queue, if its turn has come. */
+static bool answer_queued(struct db_connection *c)
+{
+	struct entry *entry = c->queued > 0 ? entry_at(c, 0) : NULL;
+
+	if (!entry || entry->unfinished)
+		return false;
+	add_answer(c, &entry->request, entry->exception);
+	c->first = (c->first + 1) % c->room;
+	c->sequence++;
+	if (--c->queued == 0) {
+		free(c->queue);
+		c->queue = NULL;
+	}
+	return true;
+}
+
+static bool ensure_queue(struct db_connection *c)
+{
+	if (c->queue)
+		return true;
+	c->first = 0;
+	c->room = c->shared->config->max_pipelined;
+	c->queue = malloc(c->room * sizeof(*c->queue));
+	return c->queue;
+}
+
+/*
+ * FC 22 computes from the register's value, which a write in flight may be about to change. It has
+ * to wait for that write, and later requests wait too, so that writes keep their order.
+ */
+static bool depends_on_unfinished(const struct db_connection *c,
+                                  const struct db_modbus_request *request)
+{
+	const struct db_modbus_request *other;
+
+	if (request->function != MODBUS_FC_MASK_WRITE_REGISTER)
+		return false;
+	for (unsigned i = 0; i < c->queued; i++) {
+		other = &entry_at(c, i)->request;
+		if (entry_at(c, i)->unfinished && other->unit == request->unit &&
+		    request->write_address >= other->write_address &&
+		    request->write_address - other->write_address < other->write_count)
+			return true;
+	}
+	return false;
+}
+
+/* Refuses or dispatches a request: 0, an exception, or DB_WRITE_LATER. */
+static int start_request(struct db_connection *c, const struct db_modbus_request *request,
+                         db_time now)
+{
+	struct db_connection_shared *shared = c->shared;
+	const struct db_executor *executor = &shared->executor;
+	struct db_write_token token = { c->client.id, c->sequence + c->queued };
+	uint8_t exception = executor->backend->unit(executor->context, request->unit);
+
+	if (exception || request->write_count == 0)
+		return exception;
+	if (!c->client.may_write) {
+		bool by_user = db_acl_access(shared->config, c->peer->address) == DB_ACCESS_WRITE;
+
+		db_connection_refused(c, by_user ? DB_REFUSED_USER : DB_REFUSED_WRITE, now);
+		return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
+	}
+	/* First make sure that the result can be stored. */
+	if (!ensure_queue(c))
+		return MODBUS_EXCEPTION_SLAVE_OR_SERVER_BUSY;
+	return db_execute_write(executor, &c->client, request, token);
+}
+
+/* Answers a request at once or queues it after the unfinished ones. */
+static bool queue_or_answer(struct db_connection *c, const struct db_modbus_request *request,
+                            int result)
+{
+	struct entry *entry;
+
+	if (result == DB_WRITE_LATER || c->queued > 0) {
+		if (!ensure_queue(c))
+			return false;
+		entry = entry_at(c, c->queued++);
+		entry->request = *request;
+		entry->request.data = NULL;
+		entry->unfinished = result == DB_WRITE_LATER;
+		entry->exception = entry->unfinished ? 0 : (uint8_t)result;
+		c->unfinished += entry->unfinished;
+		return true;
+	}
+	add_answer(c, request, (uint8_t)result);
+	c->sequence++;
+	free(c->queue);
+	c->queue = NULL;
+	return true;
+}
+
+/*
+ * True if the next request may be taken now: its address does not exceed its rate. Otherwise the
+ * request waits here, and later ones wait in the kernel and then at the client.
+ */
+static bool take_turn(struct db_connection *c, db_time now)
+{
+	unsigned per_second = c->shared->config->max_requests_per_second;
+
+	if (per_second == 0)
+		return true;
+	if (c->turn == 0) {
+		c->turn = db_rate_take(&c->peer->rate, per_second, now);
+		if (c->turn > now)
+			db_connection_refused(c, DB_REFUSED_PACE, now);
+	}
+	if (c->turn > now)
+		return false;
+	c->turn = 0;
+	/* The time in which we did not read does not count for the client. */
+	c->active_since = now;
+	return true;
+}
+
+/* Takes the request at `*offset` of the input buffer. */
+static enum taken take_request(struct db_connection *c, size_t *offset, db_time now)
+{
+	struct db_modbus_request request;
+	const uint8_t *adu = c->in + *offset;
+	int length = db_pdu_cut(adu, c->in_used - *offset);
+	int result;
+
+	if (length < 0) {
+		c->shared->stats.bad_frames++;
+		return BROKEN;
+	}
+	if (length == 0)
+		return NOTHING_TO_TAKE;
+	if (c->queue && (c->queued == c->room || c->queued >= c->shared->config->max_pipelined))
+		return MUST_WAIT;
+	result = db_pdu_parse(adu, (size_t)length, &request);
+	if (result == 0 && depends_on_unfinished(c, &request))
+		return MUST_WAIT;
+	if (!take_turn(c, now))
+		return MUST_WAIT;
+	*offset += (size_t)length;
+	c->shared->stats.requests++;
+	c->requests++;
+	if (result == 0)
+		result = start_request(c, &request, now);
+	return queue_or_answer(c, &request, result) ? TAKEN : BROKEN;
+}
+
+/* Answers and takes requests until there is nothing more to do or the socket is full. */
+static bool handle_requests(struct db_connection *c, size_t *offset, db_time now)
+{
+	enum taken taken = TAKEN;
+
+	while (!c->out && taken == TAKEN) {
+		if (c->shared->batch_used + DB_ADU_MAX > DB_BATCH_SIZE) {
+			if (!flush_batch(c, now))
+				return false;
+			continue;
+		}
+		if (answer_queued(c))
+			continue;
+		taken = take_request(c, offset, now);
+	}
+	c->waiting = taken == MUST_WAIT;
+	if (taken == BROKEN) {
+		/* Requests before the broken frame are still answered. */
+		flush_batch(c, now);
+		return false;
+	}
+	return c->out || flush_batch(c, now);
+}
+
+/* --- when requests arrived -------------------------------------------------------------------- */
+
+/* Bytes in the socket. */
+static size_t count_unread(const struct db_connection *c)
+{
+	int count = 0;
+
+	return ioctl(c->fd, SIOCINQ, &count) == 0 && count > 0 ? (size_t)count : 0;
+}
+
+/* Everything in the socket has arrived by now. */
+static void mark_arrived(struct db_connection *c, db_time now)
+{
+	c->marked = count_unread(c);
+	c->mark_time = now;
+}
+
+/*
+ * Bytes were read. As a rule they were read when they arrived. After a time in which nothing was
+ * read, or while more arrives than is read, the socket has older ones: for those only the marks
+ * before and after their arrival are known. The earlier mark counts, because a request that waited
+ * is no sign of life.
+ */
+static void note_arrival(struct db_connection *c, size_t got, bool all, db_time now)
+{
+	if (!c->behind) {
+		/* A client that has closed its side since may have sent this long ago. */
+		if (!c->closing)
+			c->client.arrived = now;
+		if (all)
+			return;
+	} else if (c->marked > 0) {
+		c->marked -= got < c->marked ? got : c->marked;
+		return;
+	} else {
+		c->client.arrived = c->mark_time;
+	}
+	mark_arrived(c, now);
+	c->behind = c->marked > 0;
+}
+
+/* Reading stops for a while, or continues. */
+static void note_pause(struct db_connection *c, bool reading, db_time now)
+{
+	if (!reading && !c->behind) {
+		mark_arrived(c, now);
+		c->behind = true;
+	} else if (reading && c->behind && c->marked == 0) {
+		c->behind = count_unread(c) > 0;
+	}
+}
+
+/* Tells epoll what this connection waits for now. */
+static bool update_events(struct db_connection *c, db_time now)
+{
+	struct epoll_event event = { .data.ptr = c };
+
+	if (!c->ended && !c->waiting && !c->out)
+		event.events |= READING;
+	if (c->out)
+		event.events |= EPOLLOUT;
+	if (event.events == c->events)
+		return true;
+	if ((event.events ^ c->events) & EPOLLIN)
+		note_pause(c, event.events & EPOLLIN, now);
+	c->events = event.events;
+	return epoll_ctl(c->shared->epoll, EPOLL_CTL_MOD, c->fd, &event) == 0;
+}
+
+bool db_connection_advance(struct db_connection *c, db_time now)
+{
+	bool held = c->waiting || c->out;
+	size_t offset = 0;
+
+	if (!flush_kept(c, now))
+		return false;
+	if (!c->out && !handle_requests(c, &offset, now))
+		return false;
+	if (offset > 0) {
+		c->in_used = (uint16_t)(c->in_used - offset);
+		memmove(c->in, c->in + offset, c->in_used);
+	}
+	/* The time in which we did not read does not count for the client. */
+	if (offset > 0 || held)
+		c->frame_since = now;
+	if (c->ended && c->queued == 0 && !c->out && !c->waiting)
+		return false;
+	return update_events(c, now);
+}
+
+/* Reads once. False when the connection is broken. */
+static bool receive_bytes(struct db_connection *c, db_time now)
+{
+	size_t room = sizeof(c->in) - c->in_used;
+	ssize_t got = recv(c->fd, c->in + c->in_used, room, MSG_DONTWAIT);
+
+	if (got < 0)
+		return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
+	if (got == 0) {
+		/* Half closed: requests in progress are still answered, then we close too. */
+		c->ended = true;
+		return true;
+	}
+	if (c->in_used == 0)
+		c->frame_since = now;
+	note_arrival(c, (size_t)got, (size_t)got < room, now);
+	c->in_used = (uint16_t)(c->in_used + got);
+	c->active_since = now;
+	return true;
+}
+
+bool db_connection_ready(struct db_connection *c, uint32_t events, db_time now)
+{
+	if (events & (EPOLLERR | EPOLLHUP))
+		return false;
+	c->closing = events & EPOLLRDHUP;
+	if ((events & EPOLLIN) && !receive_bytes(c, now))
+		return false;
+	return db_connection_advance(c, now);
+}
+
+/* True if it waits for its turn and for nothing else. */
+static bool is_held_back(const struct db_connection *c)
+{
+	return c->turn != 0 && !c->out;
+}
+
+/* When it is closed because its client has not completed something. */
+static db_time find_time_limit(const struct db_connection *c)
+{
+	const struct db_modbus_config *config = c->shared->config;
+	db_time limit = DB_TIME_NEVER, idle;
+
+	if (c->in_used > 0 && !c->waiting && !c->out && !c->ended)
+		limit = c->frame_since + config->frame_timeout_ms * DB_NS_PER_MS;
+	if (config->idle_timeout_s > 0 && c->unfinished == 0 && !is_held_back(c)) {
+		idle = c->active_since + config->idle_timeout_s * DB_NS_PER_S;
+		if (idle < limit)
+			limit = idle;
+	}
+	return limit;
+}
+
+bool db_connection_in_time(const struct db_connection *c, db_time now)
+{
+	return now < find_time_limit(c);
+}
+
+bool db_connection_has_turn(const struct db_connection *c, db_time now)
+{
+	return is_held_back(c) && c->turn <= now;
+}
+
+db_time db_connection_deadline(const struct db_connection *c)
+{
+	db_time limit = find_time_limit(c);
+
+	return is_held_back(c) && c->turn < limit ? c->turn : limit;
+}
+
+bool db_connection_answer(struct db_connection *c, uint32_t sequence, uint8_t exception)
+{
+	uint32_t index = sequence - c->sequence;
+	struct entry *entry;
+
+	if (index >= c->queued)
+		return false;
+	entry = entry_at(c, index);
+	if (!entry->unfinished)
+		return false;
+	entry->unfinished = false;
+	entry->exception = exception;
+	c->unfinished--;
+	return index == 0 || c->waiting;
+}

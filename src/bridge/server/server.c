@@ -1,0 +1,701 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * All sockets sit in an epoll set of the server's own, and that set is one source of the event
+ * loop. sd-event makes a system call for each source it dispatches; a set of our own takes all
+ * ready clients with one, and spares the memory of a source per client.
+ */
+#include "drivebridge/server.h"
+
+#include "identity/local_user.h"
+#include "identity/rights.h"
+#include "server/acl.h"
+#include "server/connection.h"
+#include "server/listener.h"
+#include "server/peers.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/resource.h>
+#include <systemd/sd-event.h>
+#include <unistd.h>
+
+#define EVENTS_AT_ONCE 64
+#define ACCEPTS_AT_ONCE 16
+/* Pause before accepting new connections when descriptors or memory have run out. */
+#define ACCEPT_PAUSE (100 * DB_NS_PER_MS)
+/* Maximum delay in detecting a time limit. */
+#define TIMER_ACCURACY_US 5000
+
+struct db_server {
+	struct db_connection_shared shared;
+	sd_event *loop;
+	struct db_log_source log;
+	sd_event_source *io, *timer;
+	int listener;
+	uint32_t last_id;
+	db_time armed;        /* when the timer will fire */
+	db_time accept_again; /* DB_TIME_NEVER: accepting now */
+	bool busy;            /* a connection is being served */
+	bool late_answers;    /* answers arrived meanwhile */
+	unsigned kept;        /* descriptors that connections leave for other uses */
+	size_t readers;       /* connections that may only read */
+	bool users_count;     /* users of this machine have no more rights than these: */
+	struct db_rights rights;
+	size_t room; /* at least max_clients */
+	size_t count;
+	struct db_connection **connections; /* in the order of connecting */
+};
+
+static db_time loop_time(const struct db_server *server)
+{
+	uint64_t usec = 0;
+
+	(void)sd_event_now(server->loop, CLOCK_MONOTONIC, &usec);
+	return (db_time)usec * DB_NS_PER_US;
+}
+
+/* Time limits. One timer; it may fire early, never late, so requests need not move it. */
+
+static void arm_timer(struct db_server *server, db_time deadline)
+{
+	if (deadline >= server->armed)
+		return;
+	if (sd_event_source_set_time(server->timer, (uint64_t)(deadline / DB_NS_PER_US + 1)) < 0 ||
+	    sd_event_source_set_enabled(server->timer, SD_EVENT_ONESHOT) < 0)
+		return;
+	server->armed = deadline;
+}
+
+static void set_accepting(struct db_server *server, bool accepting)
+{
+	struct epoll_event event = { .events = accepting ? EPOLLIN : 0 };
+
+	(void)epoll_ctl(server->shared.epoll, EPOLL_CTL_MOD, server->listener, &event);
+	server->accept_again = accepting ? DB_TIME_NEVER : loop_time(server) + ACCEPT_PAUSE;
+	arm_timer(server, server->accept_again);
+}
+
+/* Connections. */
+
+/* A client with the name of its user, where it has one. */
+static void describe(const struct db_client *client, char text[DB_CLIENT_ADDRESS_MAX])
+{
+	char name[DB_CLIENT_PROCESS_USER_MAX] = "";
+	struct db_client_words words;
+	uint32_t user;
+
+	if (db_client_user_of_address(client->address, &user))
+		db_rights_name(user, name);
+	db_client_words_init(&words, client->address, name, "");
+	strcpy(text, words.address);
+}
+
+static void announce_client(const struct db_server *server, const struct db_connection *connection,
+                            bool connected)
+{
+	const struct db_executor *executor = &server->shared.executor;
+	const struct db_client *client = db_connection_client(connection);
+	char text[DB_CLIENT_ADDRESS_MAX];
+	struct db_log_about about = { .client = text };
+
+	describe(client, text);
+	db_log(&server->log, loop_time(server),
+	       connected ? DB_EVENT_CLIENT_CONNECTED : DB_EVENT_CLIENT_GONE, &about,
+	       "%s (port %u, %s)", connected ? "connected" : "disconnected", (unsigned)client->port,
+	       client->may_write ? "may read and write" : "may only read");
+	if (executor->backend->client)
+		executor->backend->client(executor->context, client, connected);
+}
+
+static void drop_connection(struct db_server *server, size_t index)
+{
+	struct db_connection **place = &server->connections[index];
+	struct db_connection *connection = *place;
+
+	server->count--;
+	memmove(place, place + 1, (server->count - index) * sizeof(*place));
+	server->readers -= !db_connection_client(connection)->may_write;
+	server->shared.stats.clients = (uint32_t)server->count;
+	announce_client(server, connection, false);
+	db_connection_free(connection);
+}
+
+/* After a connection was served: it is over, or its next deadline counts. */
+static void keep_or_drop(struct db_server *server, struct db_connection *connection, bool alive)
+{
+	size_t index = 0;
+
+	if (alive) {
+		arm_timer(server, db_connection_deadline(connection));
+		return;
+	}
+	while (server->connections[index] != connection)
+		index++;
+	drop_connection(server, index);
+}
+
+static struct db_connection *find_connection(const struct db_server *server, uint32_t id)
+{
+	for (size_t i = 0; i < server->count; i++)
+		if (db_connection_client(server->connections[i])->id == id)
+			return server->connections[i];
+	return NULL;
+}
+
+/*
+ * A backend may answer one write from inside a call for another request (a stop cancels a move).
+ * Such answers are only noted, since the batch is in use, and are sent here.
+ */
+static void send_late_answers(struct db_server *server)
+{
+	struct db_connection *connection;
+
+	while (server->late_answers) {
+		server->late_answers = false;
+		for (size_t i = server->count; i-- > 0;) {
+			connection = server->connections[i];
+			keep_or_drop(server, connection,
+			             db_connection_advance(connection, loop_time(server)));
+		}
+	}
+	arm_timer(server, db_peers_deadline(server->shared.peers));
+	server->busy = false;
+}
+
+/* The reason for refusing a client: DB_REFUSAL_COUNT when there is none. */
+static enum db_refusal find_refusal(const struct db_server *server, enum db_access access,
+                                    const struct db_peer *peer, int fd)
+{
+	const struct db_modbus_config *config = server->shared.config;
+	struct rlimit limit;
+
+	if (access == DB_ACCESS_NONE)
+		return db_acl_access(config, peer->address) == DB_ACCESS_NONE ?
+		               DB_REFUSED_ADDRESS :
+		               DB_REFUSED_USER_READ;
+	if (config->max_clients_per_address > 0 &&
+	    peer->connections >= config->max_clients_per_address)
+		return DB_REFUSED_PER_ADDRESS;
+	if (server->count >= config->max_clients)
+		return DB_REFUSED_FULL;
+	if (access == DB_ACCESS_READ &&
+	    server->readers + config->reserved_writers >= config->max_clients)
+		return DB_REFUSED_RESERVED;
+	/* Every new descriptor is the lowest free one: the number above it shows how many are
+	 * free. */
+	if (server->kept > 0 && getrlimit(RLIMIT_NOFILE, &limit) == 0 &&
+	    (rlim_t)fd + server->kept >= limit.rlim_cur)
+		return DB_REFUSED_DESCRIPTORS;
+	return DB_REFUSAL_COUNT;
+}
+
+static void admit_client(struct db_server *server, int fd, struct db_client *client,
+                         struct db_peer *peer)
+{
+	struct db_server_stats *stats = &server->shared.stats;
+	struct db_connection *connection;
+
+	db_listener_tune(fd);
+	do
+		server->last_id = db_client_number_after(server->last_id);
+	while (find_connection(server, server->last_id));
+	client->id = server->last_id;
+	connection = db_connection_new(&server->shared, fd, client, peer, loop_time(server));
+	if (!connection)
+		return;
+	server->connections[server->count++] = connection;
+	server->readers += !client->may_write;
+	stats->accepted++;
+	stats->clients = (uint32_t)server->count;
+	if (stats->clients > stats->clients_peak)
+		stats->clients_peak = stats->clients;
+	announce_client(server, connection, true);
+	arm_timer(server, db_connection_deadline(connection));
+}
+
+/* The address under which a client is known: a local one's contains its user, also when it cannot
+ * be found out, so that nothing on this machine passes for a network client. */
+static void identify(int fd, const uint8_t network[16], uint8_t address[16])
+{
+	uid_t user;
+
+	switch (db_local_user(fd, &user)) {
+	case DB_LOCAL_NO:
+		memcpy(address, network, 16);
+		return;
+	case DB_LOCAL_UNKNOWN:
+		user = DB_CLIENT_USER_UNKNOWN;
+		break;
+	case DB_LOCAL_USER:
+		break;
+	}
+	db_client_address_of_user(network, user, address);
+}
+
+/* What the address in the network and, on this machine, the user may do. */
+static enum db_access find_access(const struct db_server *server, const uint8_t network[16],
+                                  const uint8_t address[16])
+{
+	static const enum db_access OF_RIGHT[] = {
+		[DB_RIGHT_NONE] = DB_ACCESS_NONE,
+		[DB_RIGHT_READ] = DB_ACCESS_READ,
+		[DB_RIGHT_ACT] = DB_ACCESS_WRITE,
+	};
+	enum db_access access = db_acl_access(server->shared.config, network);
+	enum db_access most;
+	uint32_t user;
+
+	if (!server->users_count || !db_client_user_of_address(address, &user))
+		return access;
+	most = OF_RIGHT[db_rights_of_user(&server->rights, user)];
+	return access < most ? access : most;
+}
+
+static void add_client(struct db_server *server, int fd, const struct sockaddr_storage *address)
+{
+	db_time now = loop_time(server);
+	enum db_access access = DB_ACCESS_NONE;
+	struct db_client client = { 0 };
+	enum db_refusal refusal;
+	uint8_t network[16] = { 0 };
+	struct db_peer *peer;
+
+	if (db_acl_peer(address, network, &client.port)) {
+		identify(fd, network, client.address);
+		access = find_access(server, network, client.address);
+	}
+	client.may_write = access == DB_ACCESS_WRITE;
+	peer = db_peers_find(server->shared.peers, network, now);
+	refusal = find_refusal(server, access, peer, fd);
+	if (refusal == DB_REFUSAL_COUNT) {
+		admit_client(server, fd, &client, peer);
+		return;
+	}
+	close(fd);
+	db_connection_count_refusal(&server->shared, peer, refusal, now);
+}
+
+static void accept_clients(struct db_server *server, int most)
+{
+	struct sockaddr_storage peer;
+	socklen_t length;
+	int fd;
+
+	for (int i = 0; i < most; i++) {
+		length = sizeof(peer);
+		fd = accept4(server->listener, (struct sockaddr *)&peer, &length,
+		             SOCK_NONBLOCK | SOCK_CLOEXEC);
+		if (fd >= 0) {
+			add_client(server, fd, &peer);
+			continue;
+		}
+		if (errno == EAGAIN || errno == EWOULDBLOCK)
+			return;
+		if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM) {
+			set_accepting(server, false);
+			return;
+		}
+		/* Any other error is of that one connection, which is gone already. */
+	}
+}
+
+/* Returns how many sockets were ready. */
+static int serve_ready(struct db_server *server)
+{
+	struct epoll_event events[EVENTS_AT_ONCE];
+	db_time now = loop_time(server);
+	int count = epoll_wait(server->shared.epoll, events, EVENTS_AT_ONCE, 0);
+
+	server->busy = true;
+	/* A connection appears once per round and only ends itself: no event refers to a freed
+	 * one. */
+	for (int i = 0; i < count; i++) {
+		if (events[i].data.ptr)
+			keep_or_drop(
+				server, events[i].data.ptr,
+				db_connection_ready(events[i].data.ptr, events[i].events, now));
+		else
+			accept_clients(server, ACCEPTS_AT_ONCE);
+	}
+	send_late_answers(server);
+	return count;
+}
+
+static int on_ready(sd_event_source *source, int fd, uint32_t revents, void *userdata)
+{
+	(void)source;
+	(void)fd;
+	(void)revents;
+	(void)serve_ready(userdata);
+	return 0;
+}
+
+void db_server_catch_up(struct db_server *server)
+{
+	/* epoll rotates ready sockets; after this many rounds every connection was served. */
+	for (size_t served = 0; served <= server->count; served += EVENTS_AT_ONCE) {
+		if (serve_ready(server) < EVENTS_AT_ONCE)
+			return;
+	}
+}
+
+static int on_timer(sd_event_source *source, uint64_t usec, void *userdata)
+{
+	struct db_server *server = userdata;
+	db_time now = loop_time(server);
+
+	(void)source;
+	(void)usec;
+	server->armed = DB_TIME_NEVER;
+	server->busy = true;
+	for (size_t i = server->count; i-- > 0;) {
+		struct db_connection *connection = server->connections[i];
+
+		if (!db_connection_in_time(connection, now)) {
+			server->shared.stats.timeouts++;
+			drop_connection(server, i);
+			continue;
+		}
+		keep_or_drop(server, connection,
+		             !db_connection_has_turn(connection, now) ||
+		                     db_connection_advance(connection, now));
+	}
+	db_peers_log(server->shared.peers, now);
+	if (server->accept_again <= now)
+		set_accepting(server, true);
+	else
+		arm_timer(server, server->accept_again);
+	send_late_answers(server);
+	return 0;
+}
+
+/* --- telling people what was refused ---------------------------------------------------------- */
+
+static void log_refusal(void *context, const uint8_t address[16], enum db_refusal kind,
+                        uint32_t count, bool first)
+{
+	static const char *const what[DB_REFUSAL_COUNT] = {
+		[DB_REFUSED_ADDRESS] =
+			"connection refused: it is in neither allow-read nor allow-write",
+		[DB_REFUSED_FULL] = "connection refused: there are max-clients already",
+		[DB_REFUSED_RESERVED] =
+			("connection refused: the places left are reserved-writers, and it may "
+		         "only read"),
+		[DB_REFUSED_PER_ADDRESS] =
+			"connection refused: it has max-clients-per-address already",
+		[DB_REFUSED_WRITE] = "write refused: it is not in allow-write",
+		[DB_REFUSED_USER] =
+			("write refused: on this machine only root, the service's own user and "
+		         "members of act-group may write (local-writers)"),
+		[DB_REFUSED_USER_READ] =
+			"connection refused: its user is in neither read-group nor act-group",
+		[DB_REFUSED_CONTROL] = "write refused: another client has control of the drive",
+		[DB_REFUSED_PACE] =
+			"request answered later: it sends more than max-requests-per-second",
+		[DB_REFUSED_DESCRIPTORS] =
+			("connection refused: the file descriptors left are for buses and reloads; "
+		         "lower max-clients, or raise the limit (LimitNOFILE of the unit)"),
+	};
+	const struct db_server *server = context;
+	char text[DB_CLIENT_ADDRESS_MAX];
+	struct db_log_about about = { .client = text };
+	db_time now = loop_time(server);
+
+	db_client_address(address, text);
+	if (count == 1)
+		db_log(&server->log, now, DB_EVENT_CLIENT_REFUSED, &about, "%s", what[kind]);
+	else
+		db_log(&server->log, now, DB_EVENT_CLIENT_REFUSED, &about,
+		       "%" PRIu32 " times%s: %s", count, first ? "" : " more", what[kind]);
+}
+
+static int open_sockets(struct db_server *server)
+{
+	struct epoll_event event = { .events = EPOLLIN };
+
+	server->listener = db_listener_open(server->shared.config->listen);
+	if (server->listener < 0)
+		return server->listener;
+	server->shared.epoll = epoll_create1(EPOLL_CLOEXEC);
+	if (server->shared.epoll < 0 ||
+	    epoll_ctl(server->shared.epoll, EPOLL_CTL_ADD, server->listener, &event) < 0)
+		return -errno;
+	return 0;
+}
+
+int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
+                  const struct db_backend *backend, void *context, const struct db_log_source *log,
+                  struct db_server **result)
+{
+	struct db_server *server;
+	int error;
+
+	if (config->max_clients == 0 || config->max_pipelined == 0)
+		return -EINVAL;
+	server = calloc(1, sizeof(*server));
+	if (!server)
+		return -ENOMEM;
+	server->room = config->max_clients;
+	server->connections = calloc(server->room, sizeof(server->connections[0]));
+	if (!server->connections) {
+		free(server);
+		return -ENOMEM;
+	}
+	server->shared.config = config;
+	server->shared.executor = (struct db_executor){ backend, context };
+	server->loop = sd_event_ref(loop);
+	server->log = *log;
+	server->listener = -1;
+	server->shared.epoll = -1;
+	server->armed = DB_TIME_NEVER;
+	server->accept_again = DB_TIME_NEVER;
+	server->shared.peers = db_peers_new(config->max_clients, log_refusal, server);
+	error = server->shared.peers ? open_sockets(server) : -ENOMEM;
+	if (error == 0)
+		error = sd_event_add_io(loop, &server->io, server->shared.epoll, EPOLLIN, on_ready,
+		                        server);
+	if (error >= 0)
+		error = sd_event_add_time(loop, &server->timer, CLOCK_MONOTONIC, UINT64_MAX,
+		                          TIMER_ACCURACY_US, on_timer, server);
+	if (error >= 0)
+		error = sd_event_source_set_enabled(server->timer, SD_EVENT_OFF);
+	if (error < 0) {
+		db_server_free(server);
+		return error;
+	}
+	*result = server;
+	return 0;
+}
+
+void db_server_free(struct db_server *server)
+{
+	if (!server)
+		return;
+	/* The backend may still answer while it is notified that its clients disconnect. */
+	server->busy = true;
+	while (server->count > 0)
+		drop_connection(server, server->count - 1);
+	sd_event_source_disable_unref(server->timer);
+	sd_event_source_disable_unref(server->io);
+	if (server->listener >= 0)
+		close(server->listener);
+	if (server->shared.epoll >= 0)
+		close(server->shared.epoll);
+	db_peers_free(server->shared.peers);
+	sd_event_unref(server->loop);
+	free(server->connections);
+	free(server);
+}
+
+/* --- other settings --------------------------------------------------------------------------- */
+
+struct db_server_change {
+	const struct db_modbus_config *config;
+	int listener; /* the new listener, in the epoll set already; -1: unchanged */
+	/* Both null: the present room is enough. */
+	struct db_connection **connections;
+	struct db_peers *peers;
+};
+
+static int prepare_listener(const struct db_server *server, struct db_server_change *change)
+{
+	struct epoll_event event = { .events = 0 };
+
+	if (strcmp(change->config->listen, server->shared.config->listen) == 0)
+		return 0;
+	change->listener = db_listener_open_beside(server->listener, change->config->listen);
+	if (change->listener < 0)
+		return change->listener;
+	if (epoll_ctl(server->shared.epoll, EPOLL_CTL_ADD, change->listener, &event) < 0)
+		return -errno;
+	return 0;
+}
+
+int db_server_prepare(struct db_server *server, const struct db_modbus_config *config,
+                      struct db_server_change **change)
+{
+	struct db_server_change *made = calloc(1, sizeof(*made));
+	int error = 0;
+
+	if (!made)
+		return -ENOMEM;
+	made->config = config;
+	made->listener = -1;
+	if (config->max_clients > server->room) {
+		made->connections = calloc(config->max_clients, sizeof(made->connections[0]));
+		made->peers = db_peers_new(config->max_clients, log_refusal, server);
+		if (!made->connections || !made->peers)
+			error = -ENOMEM;
+	}
+	if (error == 0)
+		error = prepare_listener(server, made);
+	if (error < 0) {
+		db_server_change_free(made);
+		return error;
+	}
+	*change = made;
+	return 0;
+}
+
+void db_server_change_free(struct db_server_change *change)
+{
+	if (!change)
+		return;
+	if (change->listener >= 0)
+		close(change->listener);
+	db_peers_free(change->peers);
+	free(change->connections);
+	free(change);
+}
+
+/* All connections are moved to the new table before anything else happens to one: its end must be
+ * counted where its beginning was. */
+static void take_room(struct db_server *server, struct db_server_change *change, db_time now)
+{
+	struct db_connection **connections = server->connections;
+	struct db_peers *peers = server->shared.peers;
+
+	if (!change->connections)
+		return;
+	memcpy(change->connections, connections, server->count * sizeof(connections[0]));
+	db_peers_copy(change->peers, peers);
+	server->connections = change->connections;
+	server->shared.peers = change->peers;
+	server->room = server->shared.config->max_clients;
+	change->connections = connections;
+	change->peers = peers;
+	for (size_t i = 0; i < server->count; i++) {
+		struct db_connection *connection = server->connections[i];
+		const uint8_t *network = db_connection_address(connection);
+
+		db_connection_rehome(connection, db_peers_find(server->shared.peers, network, now));
+	}
+}
+
+static void adapt_connection(struct db_server *server, size_t index)
+{
+	struct db_connection *connection = server->connections[index];
+	const struct db_client *client = db_connection_client(connection);
+	const struct db_executor *executor = &server->shared.executor;
+	enum db_access access = find_access(server, db_connection_address(connection),
+	                                    client->address);
+	bool could_write = client->may_write;
+
+	if (access == DB_ACCESS_NONE) {
+		char text[DB_CLIENT_ADDRESS_MAX];
+		struct db_log_about about = { .client = text };
+
+		describe(client, text);
+		db_log(&server->log, loop_time(server), DB_EVENT_CLIENT_REFUSED, &about,
+		       "connection closed: it may not read any more (allow-read, allow-write, "
+		       "read-group, act-group)");
+		drop_connection(server, index);
+		return;
+	}
+	server->readers -= !could_write;
+	db_connection_adapt(connection, access == DB_ACCESS_WRITE);
+	server->readers += !client->may_write;
+	if (could_write && !client->may_write && executor->backend->restricted)
+		executor->backend->restricted(executor->context, client);
+}
+
+void db_server_apply(struct db_server *server, struct db_server_change *change)
+{
+	unsigned pace = server->shared.config->max_requests_per_second;
+	db_time now = loop_time(server);
+
+	server->busy = true;
+	server->shared.config = change->config;
+	server->log.level = change->config->log;
+	take_room(server, change, now);
+	for (size_t i = server->count; i-- > 0;)
+		adapt_connection(server, i);
+	/* The rate used so far belongs to the former limit. */
+	if (change->config->max_requests_per_second != pace) {
+		db_peers_reset_rates(server->shared.peers);
+		for (size_t i = 0; i < server->count; i++)
+			db_connection_take_turn(server->connections[i], now);
+	}
+	if (change->listener >= 0) {
+		int old = server->listener;
+
+		/* Clients that connected to the old address in time are accepted. */
+		accept_clients(server, DB_LISTENER_BACKLOG + 1);
+		server->listener = change->listener;
+		change->listener = old;
+		set_accepting(server, true);
+	}
+	/* Requests that waited for their turn continue, and time limits may be earlier now. */
+	server->late_answers = true;
+	send_late_answers(server);
+	db_server_change_free(change);
+}
+
+void db_server_answer(struct db_server *server, struct db_write_token token, uint8_t exception)
+{
+	struct db_connection *connection = find_connection(server, token.client);
+
+	if (!connection || !db_connection_answer(connection, token.sequence, exception))
+		return;
+	if (server->busy) {
+		server->late_answers = true;
+		return;
+	}
+	server->busy = true;
+	keep_or_drop(server, connection, db_connection_advance(connection, loop_time(server)));
+	send_late_answers(server);
+}
+
+void db_server_keep_descriptors(struct db_server *server, unsigned count)
+{
+	server->kept = count;
+}
+
+void db_server_set_rights(struct db_server *server, const struct db_rights *rights)
+{
+	server->users_count = rights != NULL;
+	if (rights)
+		server->rights = *rights;
+	server->busy = true;
+	for (size_t i = server->count; i-- > 0;)
+		adapt_connection(server, i);
+	send_late_answers(server);
+}
+
+bool db_server_is_early(const struct db_server *server)
+{
+	return db_listener_is_early(server->listener);
+}
+
+uint16_t db_server_port(const struct db_server *server)
+{
+	return db_listener_port(server->listener);
+}
+
+void db_server_stats(const struct db_server *server, struct db_server_stats *stats)
+{
+	*stats = server->shared.stats;
+}
+
+size_t db_server_clients(const struct db_server *server, struct db_server_client *clients,
+                         size_t max)
+{
+	size_t count = server->count < max ? server->count : max;
+	db_time now = loop_time(server);
+
+	for (size_t i = 0; i < count; i++)
+		db_connection_describe(server->connections[i], &clients[i], now);
+	return count;
+}
+
+void db_server_refused(struct db_server *server, const struct db_client *client,
+                       enum db_refusal kind)
+{
+	struct db_connection *connection = find_connection(server, client->id);
+
+	if (connection)
+		db_connection_refused(connection, kind, loop_time(server));
+}

@@ -1,0 +1,82 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The lock is the name of an abstract socket: the kernel releases it however the process ends, it
+ * needs no folder that both root and the service may write, and it belongs to a network namespace
+ * just as CAN interfaces do.
+ */
+#include "service/service_private.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <limits.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+/* FNV-1a. A socket's name has no room for every path. */
+static uint64_t hash_of(const char *text)
+{
+	uint64_t hash = UINT64_C(14695981039346656037);
+
+	for (; *text; text++)
+		hash = (hash ^ (uint8_t)*text) * UINT64_C(1099511628211);
+	return hash;
+}
+
+/* The socket's name, and its length. */
+static socklen_t name_of(const char *path, struct sockaddr_un *name)
+{
+	char real[PATH_MAX];
+	int length;
+
+	if (!realpath(path, real))
+		snprintf(real, sizeof(real), "%s", path);
+	*name = (struct sockaddr_un){ .sun_family = AF_UNIX };
+	length = snprintf(name->sun_path + 1, sizeof(name->sun_path) - 1, "drivebridge-%016" PRIx64,
+	                  hash_of(real));
+	return (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + (size_t)length);
+}
+
+/* Finds the process that has the name. False when it is another user's: any user can take a name,
+ * and must not be able to prevent the service from starting with it. */
+static bool is_drivebridge(const struct sockaddr_un *name, socklen_t length, pid_t *holder)
+{
+	int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+	struct ucred peer = { 0 };
+	socklen_t size = sizeof(peer);
+	bool known = fd >= 0 && connect(fd, (const struct sockaddr *)name, length) == 0 &&
+	             getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0;
+
+	if (fd >= 0)
+		close(fd);
+	*holder = known ? peer.pid : 0;
+	/* Called by root: the process with the name is most likely the service under its own
+	 * user. */
+	return !known || geteuid() == 0 || peer.uid == 0 || peer.uid == geteuid();
+}
+
+int alone_take(const char *path, pid_t *holder)
+{
+	struct sockaddr_un name;
+	socklen_t length = name_of(path, &name);
+	int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+	int error;
+
+	if (fd < 0)
+		return -errno;
+	if (bind(fd, (const struct sockaddr *)&name, length) == 0 && listen(fd, 1) == 0)
+		return fd;
+	error = errno;
+	if (error == EADDRINUSE) {
+		if (!is_drivebridge(&name, length, holder))
+			return fd;
+		error = EBUSY;
+	}
+	close(fd);
+	return -error;
+}

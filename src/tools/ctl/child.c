@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/ctl_private.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+bool db_ctl_child_run(char *const words[], bool quiet)
+{
+	int state = 0;
+	pid_t child;
+
+	(void)fflush(stdout);
+	child = fork();
+	if (child == 0) {
+		int nowhere = quiet ? open("/dev/null", O_WRONLY | O_CLOEXEC) : -1;
+
+		if (nowhere >= 0)
+			(void)dup2(nowhere, STDOUT_FILENO);
+		(void)execvp(words[0], words);
+		(void)fprintf(stderr, "%s: %s\n", words[0], strerror(errno));
+		_exit(127);
+	}
+	while (child > 0 && waitpid(child, &state, 0) < 0 && errno == EINTR)
+		;
+	return child > 0 && WIFEXITED(state) && WEXITSTATUS(state) == 0;
+}

@@ -1,0 +1,75 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/ctl_private.h"
+#include "ctl/lookup.h"
+
+#include <string.h>
+
+#define INDENT 8
+
+static void print_usage(FILE *out, const struct db_ctl_command *command)
+{
+	(void)fprintf(out, "%s%s%s\n", command->name, command->arguments[0] ? " " : "",
+	              command->arguments);
+}
+
+static void print_option(FILE *out, const struct db_ctl_option *option)
+{
+	(void)fprintf(out, "  --%s%s%s\n", option->name, option->value ? " " : "",
+	              option->value ? option->value : "");
+	db_ctl_wrap(out, DB_CTL_WIDTH, INDENT, INDENT, option->description);
+}
+
+void db_ctl_print_help(FILE *out)
+{
+	int task = -1;
+
+	(void)fputs("usage: drivebridgectl [OPTIONS] COMMAND [ARGUMENTS]\n", out);
+	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {
+		if (!command->description)
+			continue;
+		if ((int)command->task != task) {
+			task = (int)command->task;
+			(void)fprintf(out, "\n%s, such as\n    drivebridgectl %s\n\n",
+			              db_ctl_tasks[task].title, db_ctl_tasks[task].example);
+		}
+		(void)fputs("  ", out);
+		print_usage(out, command);
+		db_ctl_wrap(out, DB_CTL_WIDTH, INDENT, INDENT, command->description);
+	}
+	(void)fputs("\nOptions of all commands; drivebridgectl help COMMAND has the others\n\n",
+	            out);
+	for (const struct db_ctl_option *option = db_ctl_options; option->name; option++) {
+		if (!option->commands)
+			print_option(out, option);
+	}
+}
+
+static void print_help_of(FILE *out, const struct db_ctl_command *command)
+{
+	(void)fputs("usage: drivebridgectl ", out);
+	print_usage(out, command);
+	(void)fputs("\n", out);
+	db_ctl_wrap(out, DB_CTL_WIDTH, 0, 0, command->description);
+	(void)fputs("\n", out);
+	for (const struct db_ctl_option *option = db_ctl_options; option->name; option++) {
+		if (!option->commands || !db_ctl_takes_option(command, option))
+			continue;
+		print_option(out, option);
+	}
+}
+
+enum db_ctl_status db_ctl_help(struct db_ctl *ctl, int count, char **arguments)
+{
+	const struct db_ctl_command *command = NULL;
+	int taken;
+
+	if (count == 0) {
+		db_ctl_print_help(stdout);
+		return DB_CTL_OK;
+	}
+	command = db_ctl_find_command(ctl, count, arguments, &taken);
+	if (!command || !command->description)
+		return DB_CTL_USAGE;
+	print_help_of(stdout, command);
+	return DB_CTL_OK;
+}

@@ -1,0 +1,175 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/assign.h"
+#include "ctl/ctl_private.h"
+
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+/* A command whose end is awaited. */
+struct running {
+	const struct db_ctl *ctl;
+	const char *drive;
+	const char *command;
+	enum db_ctl_status status;
+	bool ended;
+};
+
+/* The command's arguments, from the drive's registers, as an array that the caller frees. */
+static json_t *choose_arguments(const json_t *registers, const json_t *command)
+{
+	json_t *chosen = json_array();
+	size_t i;
+	json_t *name;
+
+	json_array_foreach(json_object_get(command, "arguments"), i, name)
+	{
+		json_t *reg = db_words_look_up(registers, json_string_value(name));
+
+		if (reg)
+			(void)json_array_append(chosen, reg);
+	}
+	return chosen;
+}
+
+static void take_result(void *data, json_t *parameters, const struct db_client_error *error,
+                        bool more)
+{
+	struct running *running = data;
+	const char *result = db_words_text(parameters, "result");
+	json_t *object;
+
+	if (more)
+		return;
+	running->ended = true;
+	if (error) {
+		running->status = db_ctl_fail(running->ctl, error);
+		return;
+	}
+	/* Unproven: the drive has accepted it, and its protocol cannot show more. */
+	running->status = strcmp(result, "ok") == 0 || strcmp(result, "unproven") == 0 ||
+	                                  (strcmp(result, "pending") == 0 &&
+	                                   running->ctl->no_wait) ?
+	                          DB_CTL_OK :
+	                          DB_CTL_NO;
+	if (!running->ctl->json) {
+		(void)printf("%s: %s: %s\n", running->drive, running->command, result);
+		return;
+	}
+	object = json_pack("{s:s, s:s, s:s}", "drive", running->drive, "command", running->command,
+	                   "result", result);
+	db_ctl_print_json(object);
+	json_decref(object);
+}
+
+/* Ctrl-C during a motion stops it. */
+static enum db_ctl_status interrupt(struct db_ctl *ctl, const struct running *running)
+{
+	struct db_client_error error = { .parameters = NULL };
+	enum db_ctl_status status;
+
+	if (db_ctl_stop_drive(ctl, running->drive, &error) == 0)
+		status = db_ctl_complain(ctl, DB_CTL_NO, "io.drivebridge.Client.Interrupted",
+		                         "interrupted: %s has been told to stop", running->drive);
+	else
+		status = db_ctl_fail(ctl, &error);
+	db_client_error_clear(&error);
+	return status;
+}
+
+/* Until the command has ended or a signal comes. */
+static enum db_ctl_status wait_for_end(struct db_ctl *ctl, struct running *running)
+{
+	struct pollfd fds[2] = { { .fd = db_client_fd(ctl->client) },
+		                 { .fd = db_ctl_signals_open(), .events = POLLIN } };
+	int signal_number = 0;
+
+	while (!running->ended) {
+		fds[0].events = db_client_poll_events(ctl->client);
+		(void)poll(fds, 2, -1);
+		signal_number = db_ctl_signals_read(fds[1].fd);
+		if (signal_number != 0 && signal_number != SIGWINCH && signal_number != SIGTSTP) {
+			running->status = interrupt(ctl, running);
+			break;
+		}
+		(void)db_client_handle(ctl->client);
+	}
+	if (fds[1].fd >= 0)
+		(void)close(fds[1].fd);
+	return running->status;
+}
+
+/* Runs the command of that name with the arguments after it. */
+static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, const char *name,
+                                      int count, char **arguments)
+{
+	struct running running = { .ctl = ctl, .drive = drive, .command = name };
+	enum db_ctl_status status = DB_CTL_USAGE;
+	json_t *answer = NULL;
+	json_t *registers = NULL;
+	json_t *taken = NULL;
+	json_t *values = NULL;
+	const json_t *command = NULL;
+	char unknown[128];
+
+	if (!db_ctl_find_drive(ctl, drive))
+		return DB_CTL_USAGE;
+	answer = db_ctl_call(ctl, "Commands", json_pack("{s:s}", "drive", drive), DB_CTL_TIMEOUT_MS,
+	                     &status);
+	(void)snprintf(unknown, sizeof(unknown), "%s has no command", drive);
+	if (answer) {
+		command = db_ctl_find(ctl, json_object_get(answer, "commands"), name,
+		                      DB_CLIENT_SERVICE "NoSuchCommand", unknown);
+		status = command ? DB_CTL_OK : DB_CTL_USAGE;
+	}
+	if (command)
+		registers = db_ctl_read_registers(ctl, drive, &status);
+	if (registers) {
+		taken = choose_arguments(registers, command);
+		(void)snprintf(unknown, sizeof(unknown), "%s takes no", name);
+		values = db_ctl_read_assignments(
+			ctl,
+			&(struct db_ctl_assignable){ .drive = drive,
+		                                     .registers = registers,
+		                                     .taken = taken,
+		                                     .unknown = unknown,
+		                                     .in_order = true },
+			count, arguments, &status);
+	}
+	if (values &&
+	    db_client_send(ctl->client, "Run",
+	                   json_pack("{s:s, s:s, s:O, s:b}", "drive", drive, "command", name,
+	                             "arguments", values, "until_end", !ctl->no_wait),
+	                   false, take_result, &running) == 0)
+		status = wait_for_end(ctl, &running);
+	else if (values)
+		status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
+		                         "the service has closed the connection");
+	json_decref(values);
+	json_decref(taken);
+	json_decref(registers);
+	json_decref(answer);
+	return status;
+}
+
+enum db_ctl_status db_ctl_run(struct db_ctl *ctl, int count, char **arguments)
+{
+	return run_command(ctl, arguments[0], arguments[1], count - 2, arguments + 2);
+}
+
+enum db_ctl_status db_ctl_run_short(struct db_ctl *ctl, int count, char **arguments)
+{
+	static const struct {
+		const char *word;
+		const char *command;
+	} words[] = { { "move", "move_absolute" }, { "clear", "clear_fault" } };
+	const char *name = ctl->word;
+
+	for (size_t i = 0; i < sizeof(words) / sizeof(words[0]); i++) {
+		if (strcmp(words[i].word, name) == 0)
+			name = ctl->relative ? "move_relative" : words[i].command;
+	}
+	return run_command(ctl, arguments[0], name, count - 1, arguments + 1);
+}

@@ -1,0 +1,95 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/search.h"
+#include "ctl/ctl_private.h"
+
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+struct stream {
+	const struct db_ctl *ctl;
+	struct db_ctl_search *search;
+	enum db_ctl_status status;
+	bool ended;
+	bool progress; /* show the progress in a line on the terminal */
+};
+
+void db_ctl_search_clear(struct db_ctl_search *search)
+{
+	json_decref(search->finds);
+	json_decref(search->foreign);
+	*search = (struct db_ctl_search){ .finds = NULL };
+}
+
+const json_t *db_ctl_find_bus(const struct db_ctl *ctl, const char *name)
+{
+	return db_ctl_find(ctl, json_object_get(ctl->description, "buses"), name,
+	                   DB_CLIENT_SERVICE "NoSuchBus", "no bus is called");
+}
+
+static void show_progress(const struct stream *stream, const json_t *parameters)
+{
+	if (!stream->progress)
+		return;
+	(void)fprintf(stderr, "\r\033[K%lld of %lld addresses asked, %zu found; at %lld bit/s",
+	              (long long)json_integer_value(json_object_get(parameters, "asked")),
+	              (long long)json_integer_value(json_object_get(parameters, "total")),
+	              json_array_size(stream->search->finds),
+	              (long long)json_integer_value(json_object_get(parameters, "speed")));
+	(void)fflush(stderr);
+}
+
+static void take_answer(void *data, json_t *parameters, const struct db_client_error *error,
+                        bool more)
+{
+	struct stream *stream = data;
+	struct db_ctl_search *search = stream->search;
+
+	stream->ended = !more;
+	if (error) {
+		if (stream->progress)
+			(void)fputs("\r\033[K", stderr);
+		stream->status = db_ctl_fail(stream->ctl, error);
+		return;
+	}
+	(void)json_array_extend(search->finds, json_object_get(parameters, "finds"));
+	(void)json_array_extend(search->foreign, json_object_get(parameters, "foreign"));
+	search->wait_us = json_integer_value(json_object_get(parameters, "wait_us"));
+	show_progress(stream, parameters);
+}
+
+enum db_ctl_status db_ctl_search(struct db_ctl *ctl, json_t *parameters,
+                                 struct db_ctl_search *search)
+{
+	struct stream stream = { .ctl = ctl,
+		                 .search = search,
+		                 .progress = !ctl->json && isatty(STDERR_FILENO) };
+	struct pollfd fds[2] = { { .fd = db_client_fd(ctl->client) },
+		                 { .fd = -1, .events = POLLIN } };
+	int signal_number;
+
+	*search = (struct db_ctl_search){ .finds = json_array(), .foreign = json_array() };
+	if (db_client_send(ctl->client, "Scan", parameters, true, take_answer, &stream) != 0)
+		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
+		                       "the service has closed the connection");
+	fds[1].fd = db_ctl_signals_open();
+	while (!stream.ended && !search->interrupted) {
+		fds[0].events = db_client_poll_events(ctl->client);
+		(void)poll(fds, 2, -1);
+		signal_number = db_ctl_signals_read(fds[1].fd);
+		search->interrupted = signal_number != 0 && signal_number != SIGWINCH &&
+		                      signal_number != SIGTSTP;
+		(void)db_client_handle(ctl->client);
+	}
+	db_ctl_signals_close(fds[1].fd);
+	if (stream.progress)
+		(void)fputs("\r\033[K", stderr);
+	/* Closing the connection ends the scan. */
+	if (search->interrupted) {
+		db_client_close(ctl->client);
+		ctl->client = NULL;
+	}
+	return stream.status;
+}

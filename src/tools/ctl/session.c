@@ -1,0 +1,151 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/session.h"
+#include "ctl/ctl_private.h"
+#include "words/nearest.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+void db_ctl_print_json(const json_t *value)
+{
+	(void)json_dumpf(value, stdout, JSON_COMPACT | JSON_REAL_PRECISION(10));
+	(void)putchar('\n');
+	(void)fflush(stdout);
+}
+
+enum db_ctl_status db_ctl_fail(const struct db_ctl *ctl, const struct db_client_error *error)
+{
+	bool of_client = strncmp(error->name, "io.drivebridge.Client.",
+	                         strlen("io.drivebridge.Client.")) == 0;
+	json_t *object;
+
+	if (ctl->json) {
+		object = json_pack("{s:s, s:O?, s:s}", "error", error->name, "parameters",
+		                   error->parameters, "text", error->text);
+		db_ctl_print_json(object);
+		json_decref(object);
+	} else {
+		(void)fflush(stdout);
+		(void)fprintf(stderr, "drivebridgectl: %s\n", error->text);
+	}
+	return of_client ? DB_CTL_UNREACHABLE : DB_CTL_NO;
+}
+
+enum db_ctl_status db_ctl_complain(const struct db_ctl *ctl, enum db_ctl_status status,
+                                   const char *name, const char *format, ...)
+{
+	struct db_client_error error = { .parameters = NULL };
+	char text[sizeof(error.text)];
+	va_list arguments;
+
+	va_start(arguments, format);
+	(void)vsnprintf(text, sizeof(text), format, arguments);
+	va_end(arguments);
+	db_client_error_set(&error, name, "%s", text);
+	(void)db_ctl_fail(ctl, &error);
+	return status;
+}
+
+enum db_ctl_status db_ctl_open(struct db_ctl *ctl)
+{
+	struct db_client_error error = { .parameters = NULL };
+	enum db_ctl_status status = DB_CTL_OK;
+
+	if (db_client_open(ctl->socket, &ctl->client, &error) != 0)
+		return db_ctl_fail(ctl, &error);
+	ctl->description = db_ctl_call(ctl, "Describe", NULL, DB_CTL_TIMEOUT_MS, &status);
+	ctl->gateway = json_pack("{s:s}", "name", "");
+	return status;
+}
+
+void db_ctl_close(struct db_ctl *ctl)
+{
+	json_decref(ctl->description);
+	ctl->description = NULL;
+	json_decref(ctl->gateway);
+	ctl->gateway = NULL;
+	db_client_close(ctl->client);
+	ctl->client = NULL;
+}
+
+json_t *db_ctl_call(struct db_ctl *ctl, const char *method, json_t *parameters, int timeout_ms,
+                    enum db_ctl_status *status)
+{
+	struct db_client_error error = { .parameters = NULL };
+	json_t *answer = NULL;
+
+	*status = DB_CTL_OK;
+	if (db_client_call(ctl->client, method, parameters, timeout_ms, &answer, &error) != 0)
+		*status = db_ctl_fail(ctl, &error);
+	db_client_error_clear(&error);
+	return answer;
+}
+
+json_t *db_ctl_find(const struct db_ctl *ctl, const json_t *list, const char *name,
+                    const char *error, const char *unknown)
+{
+	json_t *found = db_words_look_up(list, name);
+	char nearest[256];
+
+	if (found)
+		return found;
+	db_words_nearest_names(list, name, nearest, sizeof(nearest));
+	(void)db_ctl_complain(ctl, DB_CTL_USAGE, error, "%s \"%s\"%s", unknown, name, nearest);
+	return NULL;
+}
+
+json_t *db_ctl_find_drive(const struct db_ctl *ctl, const char *name)
+{
+	return db_ctl_find(ctl, json_object_get(ctl->description, "drives"), name,
+	                   DB_CLIENT_SERVICE "NoSuchDrive", "no drive is called");
+}
+
+json_t *db_ctl_look_up_unit(const struct db_ctl *ctl, const char *name)
+{
+	json_t *drive = db_words_look_up(json_object_get(ctl->description, "drives"), name);
+
+	return drive || strcmp(name, "gateway") != 0 ? drive : ctl->gateway;
+}
+
+json_t *db_ctl_find_unit(const struct db_ctl *ctl, const char *name)
+{
+	json_t *unit = db_ctl_look_up_unit(ctl, name);
+
+	return unit ? unit : db_ctl_find_drive(ctl, name);
+}
+
+json_t *db_ctl_read_registers(struct db_ctl *ctl, const char *drive, enum db_ctl_status *status)
+{
+	json_t *answer = db_ctl_call(ctl, "Registers", json_pack("{s:s}", "drive", drive),
+	                             DB_CTL_TIMEOUT_MS, status);
+	json_t *registers = json_incref(json_object_get(answer, "registers"));
+
+	json_decref(answer);
+	if (*status == DB_CTL_OK && !registers)
+		*status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_BAD_ANSWER,
+		                          "the service does not say which registers there are");
+	return registers;
+}
+
+enum db_ctl_status db_ctl_ask(const struct db_ctl *ctl, const char *format, ...)
+{
+	char answer[16] = "";
+	va_list arguments;
+
+	if (ctl->yes)
+		return DB_CTL_OK;
+	if (ctl->json || !isatty(STDIN_FILENO))
+		return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+		                       "nobody can be asked here; --yes does it without");
+	va_start(arguments, format);
+	(void)vprintf(format, arguments);
+	va_end(arguments);
+	(void)fputs(" [y/N] ", stdout);
+	(void)fflush(stdout);
+	if (fgets(answer, sizeof(answer), stdin) && (answer[0] == 'y' || answer[0] == 'Y'))
+		return DB_CTL_OK;
+	return db_ctl_complain(ctl, DB_CTL_NO, "io.drivebridge.Client.Interrupted",
+	                       "nothing was done");
+}

@@ -1,0 +1,349 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/ctl_private.h"
+#include "ctl/plant.h"
+#include "words/value.h"
+
+#include <poll.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct row {
+	const json_t *drive; /* of the description */
+	const json_t *registers;
+	json_t *values;
+	const json_t *trouble; /* the service's record of it; null: it has none */
+	struct db_ctl_judgement judgement;
+	size_t place; /* its index in the configuration */
+};
+
+/* Numbers of drives and buses by what they need; the configuration counts as one more. */
+struct sum {
+	size_t count[DB_CLIENT_ACT + 1];
+};
+
+static void keep_values(void *data, json_t *parameters, const struct db_client_error *error,
+                        bool more)
+{
+	struct row *row = data;
+
+	(void)more;
+	/* A drive that was removed between two calls counts as one that does not answer. */
+	row->values = error ? NULL : json_incref(json_object_get(parameters, "values"));
+}
+
+static void keep_troubles(void *data, json_t *parameters, const struct db_client_error *error,
+                          bool more)
+{
+	struct db_client_troubles *troubles = data;
+
+	(void)more;
+	if (!error)
+		db_client_troubles_take(troubles, parameters);
+}
+
+/* All drives at once: one round trip for any number. */
+static enum db_ctl_status read_all(struct db_ctl *ctl, struct row *rows, size_t count,
+                                   struct db_client_troubles *troubles)
+{
+	struct pollfd poll_fd = { .fd = db_client_fd(ctl->client) };
+
+	for (size_t i = 0; i < count; i++) {
+		json_t *names = db_ctl_process_names(rows[i].registers);
+		json_t *parameters;
+
+		db_ctl_add_learnt_names(names, rows[i].registers);
+		parameters = json_pack("{s:s, s:o}", "drive", db_words_text(rows[i].drive, "name"),
+		                       "names", names);
+		(void)db_client_send(ctl->client, "Read", parameters, false, keep_values, &rows[i]);
+	}
+	(void)db_client_send(ctl->client, "Troubles", json_pack("{s:[]}", "drives"), false,
+	                     keep_troubles, troubles);
+	while (db_client_waiting(ctl->client) > 0) {
+		poll_fd.events = db_client_poll_events(ctl->client);
+		if (poll(&poll_fd, 1, DB_CTL_TIMEOUT_MS) <= 0)
+			return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_TIMEOUT,
+			                       "the service does not answer within %d ms",
+			                       DB_CTL_TIMEOUT_MS);
+		if (db_client_handle(ctl->client) != 0)
+			return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
+			                       "the service has closed the connection");
+	}
+	return DB_CTL_OK;
+}
+
+/* The worst first, else in the order of the configuration. */
+static int compare_rows(const void *a, const void *b)
+{
+	const struct row *one = a;
+	const struct row *other = b;
+
+	if (one->judgement.need != other->judgement.need)
+		return one->judgement.need > other->judgement.need ? -1 : 1;
+	return one->place < other->place ? -1 : 1;
+}
+
+static json_t *describe_row(const struct row *row)
+{
+	json_t *object = json_deep_copy(row->drive);
+	const json_t *state = json_object_get(row->values, "axis_state");
+	const char *state_name = json_is_integer(state) ?
+	                                 db_words_code_name(
+						 db_words_look_up(row->registers, "axis_state"),
+						 json_integer_value(state)) :
+	                                 NULL;
+
+	(void)json_object_set_new(object, "state",
+	                          state_name ? json_string(state_name) : json_null());
+	(void)json_object_set_new(object, "need",
+	                          json_string(db_client_needs[row->judgement.need]));
+	(void)json_object_set_new(object, "why", json_string(row->judgement.why));
+	(void)json_object_set_new(object, "next", json_string(row->judgement.next));
+	(void)json_object_set_new(object, "trouble",
+	                          row->trouble ? json_deep_copy(row->trouble) : json_null());
+	(void)json_object_set_new(object, "values",
+	                          row->values ? json_incref(row->values) : json_object());
+	return object;
+}
+
+static void print_as_json(const struct db_ctl *ctl, const struct row *rows, size_t count, bool well)
+{
+	static const char *const of_configuration[] = {
+		"configuration_state",
+		"configuration_since_us",
+		"configuration_messages",
+		"restart_needed",
+	};
+	json_t *buses = json_object_get(ctl->description, "buses");
+	json_t *drives = json_array();
+	json_t *object;
+
+	for (size_t i = 0; i < count; i++)
+		(void)json_array_append_new(drives, describe_row(&rows[i]));
+	object = json_pack("{s:s, s:s, s:b, s:O, s:o}", "version",
+	                   db_words_text(ctl->description, "version"), "configuration",
+	                   db_words_text(ctl->description, "configuration"), "well", well, "buses",
+	                   buses, "drives", drives);
+	for (size_t i = 0; i < sizeof(of_configuration) / sizeof(of_configuration[0]); i++) {
+		json_t *value = json_object_get(ctl->description, of_configuration[i]);
+
+		if (value)
+			(void)json_object_set(object, of_configuration[i], value);
+	}
+	db_ctl_print_json(object);
+	json_decref(object);
+}
+
+static void print_advice(const struct db_ctl *ctl, const char *kind, const char *name,
+                         const struct db_ctl_judgement *judgement)
+{
+	enum db_ctl_colour colour = judgement->need == DB_CLIENT_ACT  ? DB_CTL_RED :
+	                            judgement->need == DB_CLIENT_LOOK ? DB_CTL_YELLOW :
+	                                                                DB_CTL_PLAIN;
+
+	char text[1024];
+
+	if (judgement->need == DB_CLIENT_FINE)
+		return;
+	(void)snprintf(text, sizeof(text), "%s%s%s%s: %s: %s",
+	               db_ctl_colour_begin(ctl->colour, colour), kind, name,
+	               db_ctl_colour_end(ctl->colour, colour), judgement->why, judgement->next);
+	db_ctl_wrap(stdout, db_ctl_width(stdout), 0, 4, text);
+}
+
+/* Prints since when, and the latest event about it. */
+static void print_record(const json_t *trouble)
+{
+	json_int_t since = json_integer_value(json_object_get(trouble, "since_us"));
+	const json_t *event = json_object_get(trouble, "event");
+	char when[DB_WORDS_TIME_MAX];
+	char text[1024];
+
+	/* The time of a hint does not matter. */
+	if (since == 0 || db_client_trouble_need(trouble) <= DB_CLIENT_HINT)
+		return;
+	db_words_write_time(since, when);
+	(void)snprintf(text, sizeof(text), "since %s%s%s", when, json_is_object(event) ? ": " : "",
+	               json_is_object(event) ? db_words_text(event, "text") : "");
+	db_ctl_wrap(stdout, db_ctl_width(stdout), 2, 4, text);
+}
+
+/* The mistakes in its files are listed below, one per line. */
+static void print_configuration(const struct db_ctl *ctl, const json_t *trouble)
+{
+	struct db_ctl_judgement judgement;
+	size_t i;
+	const json_t *message;
+
+	db_ctl_judge(trouble, &judgement);
+	print_advice(ctl, "", "configuration", &judgement);
+	print_record(trouble);
+	json_array_foreach(json_object_get(trouble, "errors"), i, message)
+		db_ctl_wrap(stdout, db_ctl_width(stdout), 2, 4, json_string_value(message));
+}
+
+/* "all is well", "no faults, 1 hint", "2 to act on, 1 to look at". */
+static void print_sum(const struct db_ctl *ctl, const struct sum *sum)
+{
+	static const struct {
+		enum db_client_need need;
+		const char *one;
+		const char *several;
+	} words[] = { { DB_CLIENT_ACT, "to act on", "to act on" },
+		      { DB_CLIENT_LOOK, "to look at", "to look at" },
+		      { DB_CLIENT_HINT, "hint", "hints" } };
+	enum db_ctl_colour colour = sum->count[DB_CLIENT_ACT] > 0  ? DB_CTL_RED :
+	                            sum->count[DB_CLIENT_LOOK] > 0 ? DB_CTL_YELLOW :
+	                                                             DB_CTL_GREEN;
+	const char *gap = "";
+
+	(void)fputs(db_ctl_colour_begin(ctl->colour, colour), stdout);
+	if (colour == DB_CTL_GREEN)
+		(void)fputs(sum->count[DB_CLIENT_HINT] > 0 ? "no faults, " : "all is well", stdout);
+	for (size_t i = 0; i < sizeof(words) / sizeof(words[0]); i++) {
+		size_t count = sum->count[words[i].need];
+
+		if (count == 0)
+			continue;
+		(void)printf("%s%zu %s", gap, count, count == 1 ? words[i].one : words[i].several);
+		gap = ", ";
+	}
+	(void)printf("%s\n", db_ctl_colour_end(ctl->colour, colour));
+}
+
+/* The number of each need in words. */
+static struct sum add_up(const struct db_ctl *ctl, const struct row *rows, size_t count,
+                         const struct db_client_troubles *troubles)
+{
+	struct sum sum = { .count = { 0 } };
+	size_t i;
+	const json_t *bus;
+
+	for (size_t at = 0; at < count; at++)
+		sum.count[rows[at].judgement.need]++;
+	json_array_foreach(json_object_get(ctl->description, "buses"), i, bus)
+	{
+		const json_t *trouble = json_object_get(troubles->buses,
+		                                        db_words_text(bus, "name"));
+
+		sum.count[db_client_trouble_need(trouble)]++;
+	}
+	sum.count[db_client_trouble_need(troubles->configuration)]++;
+	return sum;
+}
+
+/* A hint: the running configuration continues, and only people know when the machine may stop. */
+static void print_restart(const struct db_ctl *ctl)
+{
+	const char *path = db_words_text(ctl->description, "restart_needed");
+
+	if (path[0])
+		(void)printf("an upgrade has replaced %s: systemctl restart drivebridge when the "
+		             "machine may stand still\n",
+		             path);
+}
+
+static void print_learnt(const struct db_ctl *ctl, const struct row *rows, size_t count)
+{
+	struct db_ctl_learnt *drives = calloc(count + 1, sizeof(*drives));
+	size_t i;
+	const json_t *bus;
+
+	if (!drives)
+		return;
+	for (size_t at = 0; at < count; at++)
+		drives[at] = (struct db_ctl_learnt){ rows[at].drive, rows[at].values };
+	json_array_foreach(json_object_get(ctl->description, "buses"), i, bus)
+	{
+		db_ctl_print_learnt(bus, drives, count);
+	}
+	free(drives);
+}
+
+static void print_for_people(const struct db_ctl *ctl, const struct row *rows, size_t count,
+                             const struct db_client_troubles *troubles)
+{
+	struct db_ctl_grid *grid = db_ctl_grid_new(DB_CTL_DRIVE_COLUMNS);
+	struct db_ctl_judgement judgement;
+	size_t i;
+	const json_t *bus;
+
+	if (!grid)
+		return;
+	if (count > 0)
+		db_ctl_add_heads(grid);
+	for (size_t at = 0; at < count; at++)
+		db_ctl_add_drive(grid, rows[at].drive, rows[at].registers, rows[at].values,
+		                 &rows[at].judgement);
+	db_ctl_fit_drives(grid, db_ctl_width(stdout));
+	db_ctl_grid_print(grid, ctl->colour, db_ctl_width(stdout), "\n", stdout);
+	db_ctl_grid_free(grid);
+	if (count == 0)
+		(void)puts("no drives yet: the configuration has none, see drivebridge.conf(5)");
+	else
+		(void)putchar('\n');
+	if (!troubles->told)
+		(void)puts(
+			"this service is older than drivebridgectl and does not say what is wrong: "
+			"restart it as soon as the drives may stop");
+	print_configuration(ctl, troubles->configuration);
+	print_restart(ctl);
+	json_array_foreach(json_object_get(ctl->description, "buses"), i, bus)
+	{
+		const char *name = db_words_text(bus, "name");
+		const json_t *trouble = json_object_get(troubles->buses, name);
+
+		db_ctl_judge(trouble, &judgement);
+		print_advice(ctl, "bus ", name, &judgement);
+		print_record(trouble);
+	}
+	for (size_t at = 0; at < count; at++) {
+		print_advice(ctl, "", db_words_text(rows[at].drive, "name"), &rows[at].judgement);
+		print_record(rows[at].trouble);
+	}
+	print_learnt(ctl, rows, count);
+	if (troubles->told && count > 0) {
+		struct sum sum = add_up(ctl, rows, count, troubles);
+
+		print_sum(ctl, &sum);
+	}
+}
+
+enum db_ctl_status db_ctl_status(struct db_ctl *ctl, int count, char **arguments)
+{
+	json_t *drives = json_object_get(ctl->description, "drives");
+	size_t drive_count = json_array_size(drives);
+	struct row *rows = calloc(drive_count + 1, sizeof(*rows));
+	enum db_ctl_status status = DB_CTL_OK;
+	json_t *families = db_ctl_read_families(ctl, &status);
+	struct db_client_troubles troubles = { .told = false };
+	size_t i;
+
+	(void)count;
+	(void)arguments;
+	for (i = 0; rows && i < drive_count; i++) {
+		rows[i].drive = json_array_get(drives, i);
+		rows[i].registers = db_ctl_registers_of(ctl, families, rows[i].drive);
+		rows[i].place = i;
+	}
+	if (rows && status == DB_CTL_OK)
+		status = read_all(ctl, rows, drive_count, &troubles);
+	if (rows && status == DB_CTL_OK) {
+		for (i = 0; i < drive_count; i++) {
+			rows[i].trouble = json_object_get(troubles.drives,
+			                                  db_words_text(rows[i].drive, "name"));
+			db_ctl_judge(rows[i].trouble, &rows[i].judgement);
+		}
+		qsort(rows, drive_count, sizeof(*rows), compare_rows);
+		if (ctl->json)
+			print_as_json(ctl, rows, drive_count, troubles.well);
+		else
+			print_for_people(ctl, rows, drive_count, &troubles);
+		status = troubles.well ? DB_CTL_OK : DB_CTL_NO;
+	}
+	for (i = 0; rows && i < drive_count; i++)
+		json_decref(rows[i].values);
+	free(rows);
+	json_decref(families);
+	db_client_troubles_clear(&troubles);
+	return status;
+}

@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The connection to the broker, with libmosquitto in the caller's event loop. Connects by itself,
+ * and again after a loss, and sends the messages of the outbox. One thread, no threads of the
+ * library; it only waits to resolve the broker's name, if that is not an address.
+ */
+#ifndef DRIVEBRIDGE_MQTT_BROKER_H
+#define DRIVEBRIDGE_MQTT_BROKER_H
+
+#include "drivebridge/time.h"
+#include "mqtt/config.h"
+#include "mqtt/outbox.h"
+
+#include <poll.h>
+#include <stdint.h>
+
+struct db_mqtt_broker;
+
+struct db_mqtt_broker_ops {
+	/* Before anything is sent over a new connection: the place for
+	 * db_mqtt_broker_subscribe(). */
+	void (*connected)(void *context);
+	void (*lost)(void *context);
+	/* A message of a subscription; `retained` as its sender published it. The text has a
+	 * terminating zero byte. Must not call functions of the broker. */
+	void (*message)(void *context, const char *topic, const char *text, size_t length,
+	                bool retained);
+};
+
+struct db_mqtt_broker_stats {
+	uint64_t connections;
+	uint64_t sent;    /* messages */
+	uint64_t bytes;   /* of their topics and texts */
+	uint64_t refused; /* messages that the broker did not accept */
+};
+
+/* `will` is the topic where the broker publishes "offline" when this program is gone. Config and
+ * outbox must outlive it. NULL without memory; freed with db_mqtt_broker_free(), NULL is allowed:
+ * then the will is published. */
+struct db_mqtt_broker *db_mqtt_broker_new(const struct db_mqtt_config *config, const char *will,
+                                          struct db_mqtt_outbox *outbox,
+                                          const struct db_mqtt_broker_ops *ops, void *context);
+void db_mqtt_broker_free(struct db_mqtt_broker *broker);
+
+/* For poll(); fd -1: there is no connection. */
+struct pollfd db_mqtt_broker_watch(const struct db_mqtt_broker *broker);
+db_time db_mqtt_broker_due(const struct db_mqtt_broker *broker);
+
+/* Does the work that is due. `revents` from poll(). */
+void db_mqtt_broker_handle(struct db_mqtt_broker *broker, short revents, db_time now);
+
+/* Subscribes to messages of this filter, without retained ones. Quality of service 0: each at most
+ * once; 1: none is lost while the connection lasts. */
+void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter, int qos);
+
+/* Sends at once, past the outbox, with quality of service 1. Does nothing without a connection or
+ * room, or while the broker has not confirmed the former one. */
+void db_mqtt_broker_send_now(struct db_mqtt_broker *broker, const char *topic, const char *text);
+
+struct db_mqtt_broker_stats db_mqtt_broker_read_stats(const struct db_mqtt_broker *broker);
+
+#endif

@@ -1,0 +1,175 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "mqtt/config.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define PASSWORD_MAX 1024
+
+/* Its members may read the secrets. */
+#define GROUP "drivebridge-mqtt"
+
+/* The service streams 128 registers at most; two of them are in every message. */
+#define VALUES_MAX 126
+
+static void add_out_of_memory(struct db_settings *settings)
+{
+	db_messages_add_error(settings->messages, 0, "out of memory; free some and try again");
+}
+
+/* One level of a topic, or with `levels` several. */
+static bool is_topic(const char *text, bool levels)
+{
+	size_t length = strlen(text);
+
+	return length > 0 && text[strcspn(text, "+#")] == '\0' && text[0] != '$' &&
+	       text[0] != '/' && text[length - 1] != '/' && !strstr(text, "//") &&
+	       (levels || !strchr(text, '/'));
+}
+
+static void check_topic(struct db_settings *settings, const char *name, const char *text,
+                        bool levels)
+{
+	if (!is_topic(text, levels))
+		db_messages_add_error(
+			settings->messages, db_settings_line(settings, "publish", name),
+			"%s = %s cannot be a part of topics: no + and #, no $ first, no "
+			"empty level%s",
+			name, text, levels ? "" : ", no /");
+}
+
+static void check_readable(struct db_settings *settings, const char *name, const char *path)
+{
+	FILE *file = path[0] ? fopen(path, "re") : NULL;
+
+	if (path[0] && !file)
+		db_messages_add_error(settings->messages,
+		                      db_settings_line(settings, "broker", name), "%s = %s: %s",
+		                      name, path, strerror(errno));
+	if (file)
+		(void)fclose(file);
+}
+
+static void read_password(struct db_settings *settings)
+{
+	struct db_mqtt_config *config = settings->values;
+	FILE *file = config->password_file[0] ? fopen(config->password_file, "re") : NULL;
+	char line[PASSWORD_MAX] = "";
+
+	if (file) {
+		if (!fgets(line, sizeof(line), file))
+			line[0] = '\0';
+		(void)fclose(file);
+		line[strcspn(line, "\r\n")] = '\0';
+		if (line[0] == '\0')
+			db_messages_add_error(settings->messages,
+			                      db_settings_line(settings, "broker", "password-file"),
+			                      "password-file = %s has nothing in its first line",
+			                      config->password_file);
+	}
+	/* gcc's analyzer does not see that the values outlive their loading. */
+	config->password = strdup(line);
+	explicit_bzero(line, sizeof(line));
+	if (!config->password)
+		add_out_of_memory(settings);
+}
+
+static void check_broker(struct db_settings *settings)
+{
+	struct db_mqtt_config *config = settings->values;
+
+	if (config->port == 0)
+		config->port = config->tls ? 8883 : 1883;
+	db_settings_check_certificate(settings, "broker", config->certificate_file,
+	                              config->key_file);
+	if (config->password_file[0] && !config->user[0])
+		db_messages_add_error(settings->messages,
+		                      db_settings_line(settings, "broker", "password-file"),
+		                      "a password needs a user; set user");
+	if (config->tls) {
+		check_readable(settings, "ca-file", config->ca_file);
+		check_readable(settings, "certificate-file", config->certificate_file);
+		check_readable(settings, "key-file", config->key_file);
+		db_settings_check_secret(settings, "broker", "key-file", config->key_file, GROUP);
+	} else if (config->certificate_file[0]) {
+		db_messages_add_error(settings->messages,
+		                      db_settings_line(settings, "broker", "certificate-file"),
+		                      "certificate-file is for tls = on");
+	} else if (config->password_file[0]) {
+		db_messages_add_warning(settings->messages,
+		                        db_settings_line(settings, "broker", "password-file"),
+		                        "without tls the password goes over the network as it is");
+	}
+	check_readable(settings, "password-file", config->password_file);
+	db_settings_check_secret(settings, "broker", "password-file", config->password_file, GROUP);
+	read_password(settings);
+}
+
+static void set_if_empty(struct db_settings *settings, char **text, const char *head,
+                         const char *name)
+{
+	if ((*text)[0] != '\0')
+		return;
+	free(*text);
+	if (asprintf(text, "%s%s", head, name) < 0) {
+		*text = NULL;
+		add_out_of_memory(settings);
+	}
+}
+
+static void check_values(struct db_settings *settings)
+{
+	const struct db_mqtt_config *config = settings->values;
+	const char *names = config->values.names;
+	size_t count = 0;
+
+	for (; names && *names; names += strlen(names) + 1)
+		count++;
+	if (count > VALUES_MAX)
+		db_messages_add_error(settings->messages,
+		                      db_settings_line(settings, "publish", "values"),
+		                      "values has %zu names; %d at most", count, VALUES_MAX);
+}
+
+static void check_whole(struct db_settings *settings, const void *host_name)
+{
+	struct db_mqtt_config *config = settings->values;
+
+	check_broker(settings);
+	check_values(settings);
+	set_if_empty(settings, &config->gateway, "", host_name);
+	set_if_empty(settings, &config->client_id, "drivebridge-", config->gateway);
+	if (!config->gateway || !config->client_id)
+		return;
+	check_topic(settings, "gateway", config->gateway, false);
+	check_topic(settings, "prefix", config->prefix, true);
+	check_topic(settings, "discovery-prefix", config->discovery_prefix, true);
+	if (db_mqtt_config_commands(config) && config->version != DB_MQTT_VERSION_5)
+		db_messages_add_error(
+			settings->messages, db_settings_line(settings, "broker", "mqtt-version"),
+			"commands need mqtt-version = 5: in 3.1.1 a message does not show that it was "
+			"published as a retained one");
+}
+
+static void clear_password(void *values)
+{
+	struct db_mqtt_config *config = values;
+
+	if (config->password)
+		explicit_bzero(config->password, strlen(config->password));
+	free(config->password);
+}
+
+const struct db_settings_form db_mqtt_form = {
+	.keys = db_mqtt_keys,
+	.sections = "service, broker, publish and command",
+	.size = sizeof(struct db_mqtt_config),
+	.check = check_whole,
+	.clear = clear_password,
+};
+
+bool db_mqtt_config_commands(const struct db_mqtt_config *config)
+{
+	return config->parameters == DB_MQTT_ON || config->allow.word != DB_MQTT_ALLOW_NONE;
+}

@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What is known of one drive, and what to publish of it. Values arrive in the service's form; codes
+ * become their names, bits become lists of names. Time is passed in; allocates as jansson does.
+ */
+#ifndef DRIVEBRIDGE_MQTT_PICTURE_H
+#define DRIVEBRIDGE_MQTT_PICTURE_H
+
+#include "drivebridge/time.h"
+
+#include <jansson.h>
+#include <stdbool.h>
+
+struct db_mqtt_picture;
+
+/* The drive from Describe, and its published registers from Registers; both stay the caller's. NULL
+ * without memory; freed with db_mqtt_picture_free(), NULL is allowed. */
+struct db_mqtt_picture *db_mqtt_picture_new(const json_t *drive, const json_t *registers);
+void db_mqtt_picture_free(struct db_mqtt_picture *picture);
+
+const char *db_mqtt_picture_name(const struct db_mqtt_picture *picture);
+
+/* The published registers, an object by their names. Belongs to the picture. */
+json_t *db_mqtt_picture_registers(const struct db_mqtt_picture *picture);
+
+/*
+ * Takes the values of one sample; `us` is when it was sent, for a drive that does not know the time
+ * of its data. Returns the text of the changes since the last sample, to be freed, or NULL when
+ * there are none (or without memory).
+ */
+char *db_mqtt_picture_take(struct db_mqtt_picture *picture, const json_t *values, int64_t us);
+
+/* The same when the service is gone: all values become unknown. */
+char *db_mqtt_picture_forget(struct db_mqtt_picture *picture, int64_t us);
+
+/* True if the retained state is to be published: when it has changed and `interval` has passed
+ * since the last time, or after `refresh` in any case. Then counts it as published. */
+bool db_mqtt_picture_state_is_due(struct db_mqtt_picture *picture, db_time interval,
+                                  db_time refresh, db_time now);
+
+/* Texts to be freed; NULL without memory. */
+char *db_mqtt_picture_write_state(const struct db_mqtt_picture *picture);
+char *db_mqtt_picture_write_about(const struct db_mqtt_picture *picture);
+
+/* A value of a register with this description in published form; the caller frees it. */
+json_t *db_mqtt_picture_word(const json_t *reg, const json_t *value);
+
+/* The text of a JSON value in the form of all messages. */
+char *db_mqtt_picture_dump(const json_t *json);
+
+#endif

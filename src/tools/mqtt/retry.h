@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* When something that failed is tried again: soon at first, then after ever longer times. Pure. */
+#ifndef DRIVEBRIDGE_MQTT_RETRY_H
+#define DRIVEBRIDGE_MQTT_RETRY_H
+
+#include "drivebridge/time.h"
+
+#define DB_MQTT_RETRY_FIRST (1 * DB_NS_PER_S)
+#define DB_MQTT_RETRY_LONGEST (60 * DB_NS_PER_S)
+
+struct db_mqtt_retry {
+	db_time due;  /* no attempt before; 0: at once */
+	db_time wait; /* between the last failure and `due`, without the random part */
+};
+
+/* `chance` adds up to half of the time, so that not all gateways of a plant return to their broker
+ * at once. */
+void db_mqtt_retry_fail(struct db_mqtt_retry *retry, db_time now, unsigned chance);
+void db_mqtt_retry_succeed(struct db_mqtt_retry *retry);
+
+#endif

@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The topics of one gateway:
+ *
+ *   PREFIX/GATEWAY/status                    online, no-service, offline (retained)
+ *   PREFIX/GATEWAY/figures                   of this program (retained)
+ *   PREFIX/GATEWAY/event                     of the service, when they occur
+ *   PREFIX/GATEWAY/echo                      from this program to itself: how old a message may be
+ *   PREFIX/GATEWAY/trouble                   if all is well, and the configuration's (retained)
+ *   PREFIX/GATEWAY/bus/BUS/figures           (retained)
+ *   PREFIX/GATEWAY/bus/BUS/trouble           what is wrong with it (retained)
+ *   PREFIX/GATEWAY/drive/DRIVE/about         what its values mean (retained)
+ *   PREFIX/GATEWAY/drive/DRIVE/state         all values (retained)
+ *   PREFIX/GATEWAY/drive/DRIVE/trouble       what is wrong with it (retained)
+ *   PREFIX/GATEWAY/drive/DRIVE/changes       values that changed
+ *   PREFIX/GATEWAY/drive/DRIVE/command       to this program
+ *   PREFIX/GATEWAY/drive/DRIVE/stop          to this program, with any text
+ *   PREFIX/GATEWAY/drive/DRIVE/alive         to this program
+ *   PREFIX/GATEWAY/drive/DRIVE/result        the results of commands
+ *
+ * Pure.
+ */
+#ifndef DRIVEBRIDGE_MQTT_TOPICS_H
+#define DRIVEBRIDGE_MQTT_TOPICS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+/* The longest topic: prefix and gateway, a name of the service's configuration, the words
+ * between. */
+#define DB_MQTT_TOPIC_MAX 320
+#define DB_MQTT_NAME_MAX 32
+
+struct db_mqtt_topic {
+	char text[DB_MQTT_TOPIC_MAX];
+};
+
+struct db_mqtt_topic db_mqtt_topic_of_gateway(const char *prefix, const char *gateway,
+                                              const char *leaf);
+struct db_mqtt_topic db_mqtt_topic_of_bus(const char *prefix, const char *gateway, const char *bus,
+                                          const char *leaf);
+/* "+" for the drive is a filter for all of them. */
+struct db_mqtt_topic db_mqtt_topic_of_drive(const char *prefix, const char *gateway,
+                                            const char *drive, const char *leaf);
+
+/* True if `topic` is db_mqtt_topic_of_drive() of some drive, and of which. */
+bool db_mqtt_topic_is_of_drive(const char *topic, const char *prefix, const char *gateway,
+                               const char *leaf, char drive[DB_MQTT_NAME_MAX]);
+
+#endif

@@ -1,0 +1,699 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "opcua/access.h"
+#include "opcua/security.h"
+#include "opcua/values.h"
+
+#include "client/clock.h"
+#include "client/log.h"
+#include "users/attempts.h"
+
+#include <open62541/server_config_default.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+
+#define ANONYMOUS_POLICY "anonymous"
+#define USERNAME_POLICY "username"
+
+/* Password attempts that one address has at once, and the time until one is available again. */
+static const struct db_attempts_limit each = { .most = 5, .every = 5 * DB_NS_PER_S };
+
+/* The same for all addresses together. A comparison takes some hundredths of a second, in which no
+ * other client is served: after a wrong password no other is compared in the same round. */
+static const struct db_attempts_limit together = { .most = 10, .every = DB_NS_PER_S / 2 };
+
+const struct db_users_keeper db_opcua_keeper = {
+	.program = "drivebridge-opcua",
+	.group = "drivebridge-opcua",
+};
+
+/* A session that is not activated yet. */
+struct waiting {
+	UA_NodeId id;
+	uintptr_t connection; /* 0: the place is free */
+};
+
+struct db_opcua_access {
+	const struct db_opcua_config *config;
+	struct db_opcua_network *network;
+	db_opcua_left_fn *left;
+	void *context;
+	unsigned last_number;
+	char nobody
+		/* a hash that no password has: an unknown user takes as long as a known one */
+		[160];
+	struct db_attempts attempts;
+	bool wrong
+		[2]; /* a wrong password in this round, of connections that are not signed or are */
+	struct db_client_log_ration lines; /* for logins without a user, and as readers */
+	uint64_t users_stamp; /* of the file of users when sessions were last checked against it */
+	UA_Server *server;    /* NULL before the server exists */
+	struct waiting waiting[DB_OPCUA_NETWORK_PLACES];
+	size_t places;
+	struct db_opcua_session sessions[];
+};
+
+struct db_opcua_access *db_opcua_access_new(const struct db_opcua_config *config,
+                                            struct db_opcua_network *network,
+                                            db_opcua_left_fn *left, void *context)
+{
+	size_t places = config->sessions + DB_OPCUA_STOP_PLACES;
+	struct db_opcua_access *access = calloc(1, sizeof(*access) +
+	                                                   places * sizeof(access->sessions[0]));
+
+	if (!access || getrandom(&access->attempts.seed, sizeof(access->attempts.seed), 0) < 0) {
+		free(access);
+		return NULL;
+	}
+	access->config = config;
+	access->network = network;
+	access->left = left;
+	access->context = context;
+	access->places = places;
+	return access;
+}
+
+void db_opcua_access_free(struct db_opcua_access *access)
+{
+	for (size_t i = 0; access && i < access->places; i++)
+		UA_NodeId_clear(&access->sessions[i].id);
+	for (size_t i = 0; access && i < DB_OPCUA_NETWORK_PLACES; i++)
+		UA_NodeId_clear(&access->waiting[i].id);
+	free(access);
+}
+
+/* --- sessions --------------------------------------------------------------------------------- */
+
+/* Its index; access->places: not found. */
+static size_t find_place(const struct db_opcua_access *access, const UA_NodeId *id)
+{
+	size_t place = 0;
+
+	while (place < access->places && (!id || access->sessions[place].number == 0 ||
+	                                  !UA_NodeId_equal(&access->sessions[place].id, id)))
+		place++;
+	return place;
+}
+
+static struct db_opcua_session *find_session(struct db_opcua_access *access, const UA_NodeId *id)
+{
+	size_t place = find_place(access, id);
+
+	return place < access->places ? &access->sessions[place] : NULL;
+}
+
+const struct db_opcua_session *db_opcua_access_find(const struct db_opcua_access *access,
+                                                    const UA_NodeId *session)
+{
+	size_t place = find_place(access, session);
+
+	return place < access->places ? &access->sessions[place] : NULL;
+}
+
+bool db_opcua_access_set_token(struct db_opcua_access *access, const UA_NodeId *session,
+                               const char *token)
+{
+	struct db_opcua_session *found = find_session(access, session);
+
+	if (found)
+		(void)snprintf(found->token, sizeof(found->token), "%s", token);
+	return found;
+}
+
+const struct db_opcua_session *db_opcua_access_next(const struct db_opcua_access *access,
+                                                    size_t *place)
+{
+	while (*place < access->places) {
+		const struct db_opcua_session *session = &access->sessions[(*place)++];
+
+		if (session->number != 0 && session->connection != 0)
+			return session;
+	}
+	return NULL;
+}
+
+static void close_waiting(struct db_opcua_access *access, uintptr_t connection)
+{
+	for (size_t i = 0; i < DB_OPCUA_NETWORK_PLACES; i++) {
+		/* The entry is removed when the library reports the end of the session. */
+		if (access->waiting[i].connection == connection && access->server)
+			(void)UA_Server_closeSession(access->server, &access->waiting[i].id);
+	}
+}
+
+static void forget_waiting(struct db_opcua_access *access, const UA_NodeId *id)
+{
+	for (size_t i = 0; i < DB_OPCUA_NETWORK_PLACES; i++) {
+		struct waiting *waiting = &access->waiting[i];
+
+		if (waiting->connection == 0 || !UA_NodeId_equal(&waiting->id, id))
+			continue;
+		UA_NodeId_clear(&waiting->id);
+		*waiting = (struct waiting){ .connection = 0 };
+	}
+}
+
+/* The library has made a session. A further one of the same connection ends the one before, unless
+ * a user has logged in to it. */
+static UA_StatusCode note_session(UA_Server *server, const UA_NodeId *maker, void *maker_context,
+                                  const UA_NodeId *type, void *type_context, const UA_NodeId *id,
+                                  void **context)
+{
+	struct db_opcua_access *access = UA_Server_getConfig(server)->accessControl.context;
+	uintptr_t connection = db_opcua_network_current(access->network);
+
+	(void)maker;
+	(void)maker_context;
+	(void)type;
+	(void)type_context;
+	(void)context;
+	if (connection == 0)
+		return UA_STATUSCODE_GOOD;
+	close_waiting(access, connection);
+	for (size_t i = 0; i < DB_OPCUA_NETWORK_PLACES; i++) {
+		struct waiting *waiting = &access->waiting[i];
+
+		if (waiting->connection != 0 ||
+		    UA_NodeId_copy(id, &waiting->id) != UA_STATUSCODE_GOOD)
+			continue;
+		waiting->connection = connection;
+		break;
+	}
+	return UA_STATUSCODE_GOOD;
+}
+
+UA_StatusCode db_opcua_access_watch(struct db_opcua_access *access, UA_Server *server)
+{
+	access->server = server;
+	/* The library reports a new session only by making an object for it. */
+	return UA_Server_setNodeTypeLifecycle(
+		server, UA_NODEID_NUMERIC(0, UA_NS0ID_SESSIONDIAGNOSTICSOBJECTTYPE),
+		(UA_NodeTypeLifecycle){ .constructor = note_session });
+}
+
+/* Reports the highest role logged in over the connection to the network. */
+static void update_network(struct db_opcua_access *access, uintptr_t connection)
+{
+	enum db_role role = DB_ROLE_NONE;
+
+	for (size_t i = 0; i < access->places; i++) {
+		const struct db_opcua_session *session = &access->sessions[i];
+
+		if (session->number != 0 && session->connection == connection &&
+		    session->role > role)
+			role = session->role;
+	}
+	db_opcua_network_know(access->network, connection, role);
+}
+
+void db_opcua_access_forget_connection(struct db_opcua_access *access, uintptr_t connection)
+{
+	close_waiting(access, connection);
+	for (size_t i = 0; i < access->places; i++) {
+		struct db_opcua_session *session = &access->sessions[i];
+
+		if (session->number == 0 || session->connection != connection)
+			continue;
+		session->connection = 0;
+		access->left(access->context, session->number);
+	}
+}
+
+/* The session to end for one of this role: the first one that has lost its connection, or else for
+ * an operator the latest reader. NULL: none. */
+static struct db_opcua_session *find_least(struct db_opcua_access *access, enum db_role role)
+{
+	struct db_opcua_session *lost = NULL;
+	struct db_opcua_session *reader = NULL;
+
+	for (size_t i = 0; i < access->places - DB_OPCUA_STOP_PLACES; i++) {
+		struct db_opcua_session *session = &access->sessions[i];
+
+		if (session->connection == 0) {
+			if (!lost || session->number < lost->number)
+				lost = session;
+		} else if (session->role < role && (!reader || session->number > reader->number)) {
+			reader = session;
+		}
+	}
+	return lost ? lost : reader;
+}
+
+/* Among these places. NULL: none is free. */
+static struct db_opcua_session *find_free(struct db_opcua_access *access, size_t from, size_t to)
+{
+	for (size_t i = from; i < to; i++) {
+		if (access->sessions[i].number == 0)
+			return &access->sessions[i];
+	}
+	return NULL;
+}
+
+/* Among these places, all of which are taken: one that has lost its connection, or the oldest
+ * one. */
+static struct db_opcua_session *find_oldest(struct db_opcua_access *access, size_t from, size_t to)
+{
+	struct db_opcua_session *oldest = &access->sessions[from];
+
+	for (size_t i = from + 1; i < to; i++) {
+		struct db_opcua_session *session = &access->sessions[i];
+		bool lost = session->connection == 0;
+
+		if (lost == (oldest->connection == 0) ? session->number < oldest->number : lost)
+			oldest = session;
+	}
+	return oldest;
+}
+
+static struct db_opcua_session *add_session(struct db_opcua_access *access, const UA_NodeId *id,
+                                            enum db_role role)
+{
+	size_t ordinary = access->places - DB_OPCUA_STOP_PLACES;
+	struct db_opcua_session *session = find_free(access, 0, ordinary);
+	bool stops_only = false;
+
+	if (!session)
+		session = find_least(access, role);
+	if (!session && role == DB_ROLE_OPERATOR) {
+		stops_only = true;
+		session = find_free(access, ordinary, access->places);
+		if (!session)
+			session = find_oldest(access, ordinary, access->places);
+	}
+	if (!session)
+		return NULL;
+	if (session->number != 0) {
+		db_client_log_rationed(&access->lines, db_client_now(), DB_CLIENT_NOTICE,
+		                       "%s: closed: others need the session's place",
+		                       session->label);
+		/* This frees the place. */
+		(void)UA_Server_closeSession(access->server, &session->id);
+	}
+	if (session->number != 0 || UA_NodeId_copy(id, &session->id) != UA_STATUSCODE_GOOD)
+		return NULL;
+	forget_waiting(access, id);
+	session->number = ++access->last_number;
+	session->stops_only = stops_only;
+	return session;
+}
+
+void db_opcua_access_begin(struct db_opcua_access *access)
+{
+	memset(access->wrong, 0, sizeof(access->wrong));
+}
+
+static bool may_stay(const struct db_opcua_session *session, const struct db_users *users)
+{
+	const struct db_user *user = db_users_find(users, session->user);
+
+	return session->number == 0 || session->user[0] == '\0' ||
+	       (user && db_users_digest(user) == session->digest);
+}
+
+void db_opcua_access_review(struct db_opcua_access *access)
+{
+	struct db_users users = { .list = NULL };
+	uint64_t stamp = db_users_stamp(access->config->users);
+
+	if (stamp == access->users_stamp)
+		return;
+	access->users_stamp = stamp;
+	/* If the file cannot be read, there are no users. */
+	(void)db_users_load(&users, access->config->users, &db_opcua_keeper, stderr);
+	for (size_t i = 0; i < access->places; i++) {
+		const struct db_opcua_session *session = &access->sessions[i];
+
+		if (may_stay(session, &users))
+			continue;
+		db_client_log(DB_CLIENT_NOTICE, "%s: closed, for the file of users has changed",
+		              session->label);
+		(void)UA_Server_closeSession(access->server, &session->id);
+	}
+	db_users_clear(&users);
+}
+
+/* --- passwords -------------------------------------------------------------------------------- */
+
+/* BadUserAccessDenied: wrong password, or no such user. Right ones are not counted. */
+static UA_StatusCode check_password(struct db_opcua_access *access, const char *address,
+                                    bool is_signed, const char *name, const char *password,
+                                    enum db_role *role, unsigned long *digest)
+{
+	db_time now = db_client_now();
+	struct db_attempts *attempts = &access->attempts;
+	uint64_t own = db_attempts_key(attempts, 'a', address, strlen(address));
+	/* Unsigned connections have attempts of their own: they take none from the signed ones. */
+	uint64_t all = db_attempts_key(attempts, is_signed ? 's' : 'u', "", 0);
+	const struct db_user *user = NULL;
+	struct db_users users = { .list = NULL };
+	bool right;
+
+	if (access->wrong[is_signed] || db_attempts_wait(attempts, own, each, now) > 0 ||
+	    db_attempts_wait(attempts, all, together, now) > 0)
+		return UA_STATUSCODE_BADTCPSERVERTOOBUSY;
+	if (db_users_load(&users, access->config->users, &db_opcua_keeper, stderr))
+		user = db_users_find(&users, name);
+	right = db_users_has_password(user ? user->hash : access->nobody, password) && user;
+	if (right) {
+		*role = user->role;
+		*digest = db_users_digest(user);
+	} else {
+		db_attempts_count(attempts, own, all, each, now);
+		db_attempts_count(attempts, all, own, together, now);
+		access->wrong[is_signed] = true;
+	}
+	db_users_clear(&users);
+	return right ? UA_STATUSCODE_GOOD : UA_STATUSCODE_BADUSERACCESSDENIED;
+}
+
+static bool copy_text(const UA_String *string, char *text, size_t size)
+{
+	if (string->length >= size || memchr(string->data, '\0', string->length))
+		return false;
+	memcpy(text, string->data, string->length);
+	text[string->length] = '\0';
+	return true;
+}
+
+static UA_StatusCode find_role(struct db_opcua_access *access, const char *address, bool is_signed,
+                               const UA_ExtensionObject *token, char *user, size_t size,
+                               enum db_role *role, unsigned long *digest)
+{
+	char password[DB_USERS_PASSWORD_MAX + 1] = "";
+	const UA_UserNameIdentityToken *named;
+	UA_StatusCode status = UA_STATUSCODE_BADUSERACCESSDENIED;
+
+	user[0] = '\0';
+	/* A missing token means anonymous. */
+	if (token->encoding == UA_EXTENSIONOBJECT_ENCODED_NOBODY ||
+	    (token->encoding >= UA_EXTENSIONOBJECT_DECODED &&
+	     token->content.decoded.type == &UA_TYPES[UA_TYPES_ANONYMOUSIDENTITYTOKEN])) {
+		*role = DB_ROLE_READER;
+		return access->config->anonymous == DB_OPCUA_READ ? UA_STATUSCODE_GOOD : status;
+	}
+	if (token->encoding < UA_EXTENSIONOBJECT_DECODED ||
+	    token->content.decoded.type != &UA_TYPES[UA_TYPES_USERNAMEIDENTITYTOKEN])
+		return status;
+	named = token->content.decoded.data;
+	if (copy_text(&named->userName, user, size) &&
+	    copy_text(&named->password, password, sizeof(password)))
+		status = check_password(access, address, is_signed, user, password, role, digest);
+	else
+		user[0] = '\0';
+	explicit_bzero(password, sizeof(password));
+	/* An unsigned connection may be anybody's. */
+	if (!is_signed)
+		*role = DB_ROLE_READER;
+	return status;
+}
+
+/* --- callbacks of the library ----------------------------------------------------------------- */
+
+static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *control,
+                                      const UA_EndpointDescription *endpoint,
+                                      const UA_ByteString *certificate, const UA_NodeId *id,
+                                      const UA_ExtensionObject *token, void **session_context)
+{
+	struct db_opcua_access *access = control->context;
+	uintptr_t connection = db_opcua_network_current(access->network);
+	uintptr_t before = connection;
+	const char *address = db_opcua_network_address(access->network, connection);
+	struct db_opcua_session *session = find_session(access, id);
+	enum db_role role = DB_ROLE_NONE;
+	unsigned long digest = 0;
+	char user[DB_USERS_NAME_MAX + 1];
+	UA_StatusCode status = find_role(access, address,
+	                                 endpoint->securityMode != UA_MESSAGESECURITYMODE_NONE,
+	                                 token, user, sizeof(user), &role, &digest);
+
+	(void)server;
+	(void)certificate;
+	(void)session_context;
+	/* Another user's session is not taken over. */
+	if (status == UA_STATUSCODE_GOOD && session && session->connection != connection &&
+	    strcmp(session->user, user) != 0)
+		status = UA_STATUSCODE_BADIDENTITYCHANGENOTSUPPORTED;
+	if (status == UA_STATUSCODE_GOOD && !session) {
+		session = add_session(access, id, role);
+		status = session ? UA_STATUSCODE_GOOD : UA_STATUSCODE_BADTOOMANYSESSIONS;
+	} else if (status == UA_STATUSCODE_GOOD) {
+		before = session->connection;
+		if (before != connection || session->role != role ||
+		    strcmp(session->user, user) != 0)
+			access->left(access->context, session->number);
+	}
+	if (status != UA_STATUSCODE_GOOD) {
+		db_client_log_rationed(&access->lines, db_client_now(), DB_CLIENT_WARNING,
+		                       "%s: not logged in: %s: %s", address,
+		                       user[0] ? user : "without a user",
+		                       UA_StatusCode_name(status));
+		return status;
+	}
+	session->connection = connection;
+	session->role = role;
+	session->digest = digest;
+	(void)snprintf(session->user, sizeof(session->user), "%s", user);
+	(void)snprintf(session->label, sizeof(session->label), "%s at %s",
+	               user[0] ? user : "anonymous", address);
+	update_network(access, connection);
+	update_network(access, before);
+	if (role == DB_ROLE_OPERATOR)
+		db_client_log(DB_CLIENT_INFO, "%s: logged in as operator", session->label);
+	else
+		db_client_log_rationed(&access->lines, db_client_now(), DB_CLIENT_INFO,
+		                       "%s: logged in as %s", session->label, db_role_name(role));
+	return UA_STATUSCODE_GOOD;
+}
+
+static void close_session(UA_Server *server, UA_AccessControl *control, const UA_NodeId *id,
+                          void *session_context)
+{
+	struct db_opcua_access *access = control->context;
+	struct db_opcua_session *session = find_session(access, id);
+	uintptr_t connection;
+
+	(void)server;
+	(void)session_context;
+	forget_waiting(access, id);
+	if (!session)
+		return;
+	connection = session->connection;
+	access->left(access->context, session->number);
+	UA_NodeId_clear(&session->id);
+	*session = (struct db_opcua_session){ .number = 0 };
+	if (connection != 0)
+		update_network(access, connection);
+}
+
+static bool is_operator(const UA_AccessControl *control, const UA_NodeId *id)
+{
+	const struct db_opcua_session *session = db_opcua_access_find(control->context, id);
+
+	return session && session->role == DB_ROLE_OPERATOR;
+}
+
+static UA_UInt32 get_rights(UA_Server *server, UA_AccessControl *control, const UA_NodeId *session,
+                            void *session_context, const UA_NodeId *node, void *node_context)
+{
+	(void)server;
+	(void)control;
+	(void)session;
+	(void)session_context;
+	(void)node;
+	(void)node_context;
+	return 0;
+}
+
+static UA_Byte get_access_level(UA_Server *server, UA_AccessControl *control,
+                                const UA_NodeId *session, void *session_context,
+                                const UA_NodeId *node, void *node_context)
+{
+	(void)server;
+	(void)session_context;
+	(void)node;
+	(void)node_context;
+	return is_operator(control, session) ? UA_ACCESSLEVELMASK_READ | UA_ACCESSLEVELMASK_WRITE :
+	                                       UA_ACCESSLEVELMASK_READ;
+}
+
+static UA_Boolean get_executable(UA_Server *server, UA_AccessControl *control,
+                                 const UA_NodeId *session, void *session_context,
+                                 const UA_NodeId *method, void *method_context)
+{
+	(void)server;
+	(void)session_context;
+	(void)method_context;
+	/* The library's own methods concern the caller's subscriptions. */
+	return method->namespaceIndex == 0 || is_operator(control, session);
+}
+
+static UA_Boolean get_executable_on_object(UA_Server *server, UA_AccessControl *control,
+                                           const UA_NodeId *session, void *session_context,
+                                           const UA_NodeId *method, void *method_context,
+                                           const UA_NodeId *object, void *object_context)
+{
+	(void)object;
+	(void)object_context;
+	return get_executable(server, control, session, session_context, method, method_context);
+}
+
+/* No client changes the address space. Without such a function the library allows it to
+ * everybody. */
+#define DENY(name, item_type)                                                   \
+	static UA_Boolean name(UA_Server *server, UA_AccessControl *control,    \
+	                       const UA_NodeId *session, void *session_context, \
+	                       const item_type *item)                           \
+	{                                                                       \
+		(void)server;                                                   \
+		(void)control;                                                  \
+		(void)session;                                                  \
+		(void)session_context;                                          \
+		(void)item;                                                     \
+		return false;                                                   \
+	}
+
+DENY(allow_add_node, UA_AddNodesItem)
+DENY(allow_add_reference, UA_AddReferencesItem)
+DENY(allow_delete_node, UA_DeleteNodesItem)
+DENY(allow_delete_reference, UA_DeleteReferencesItem)
+
+#undef DENY
+
+static UA_Boolean allow_browse(UA_Server *server, UA_AccessControl *control,
+                               const UA_NodeId *session, void *session_context,
+                               const UA_NodeId *node, void *node_context)
+{
+	(void)server;
+	(void)control;
+	(void)session;
+	(void)session_context;
+	(void)node;
+	(void)node_context;
+	return true;
+}
+
+/* Only to the same user. */
+static UA_Boolean allow_transfer(UA_Server *server, UA_AccessControl *control,
+                                 const UA_NodeId *from, void *from_context, const UA_NodeId *to,
+                                 void *to_context)
+{
+	const struct db_opcua_session *old = db_opcua_access_find(control->context, from);
+	const struct db_opcua_session *fresh = db_opcua_access_find(control->context, to);
+
+	(void)server;
+	(void)from_context;
+	(void)to_context;
+	return old && fresh && strcmp(old->user, fresh->user) == 0;
+}
+
+static void clear_control(UA_AccessControl *control)
+{
+	UA_Array_delete(control->userTokenPolicies, control->userTokenPoliciesSize,
+	                &UA_TYPES[UA_TYPES_USERTOKENPOLICY]);
+	control->userTokenPolicies = NULL;
+	control->userTokenPoliciesSize = 0;
+}
+
+/* --- configuration ---------------------------------------------------------------------------- */
+
+static UA_StatusCode set_control(struct db_opcua_access *access, UA_AccessControl *control)
+{
+	bool anonymous = access->config->anonymous == DB_OPCUA_READ;
+	size_t count = anonymous ? 2 : 1;
+	UA_UserTokenPolicy *policies = UA_Array_new(count, &UA_TYPES[UA_TYPES_USERTOKENPOLICY]);
+
+	if (!policies)
+		return UA_STATUSCODE_BADOUTOFMEMORY;
+	policies[0].tokenType = UA_USERTOKENTYPE_USERNAME;
+	policies[0].policyId = UA_STRING_ALLOC(USERNAME_POLICY);
+	if (anonymous) {
+		policies[1].tokenType = UA_USERTOKENTYPE_ANONYMOUS;
+		policies[1].policyId = UA_STRING_ALLOC(ANONYMOUS_POLICY);
+	}
+	*control = (UA_AccessControl){
+		.context = access,
+		.clear = clear_control,
+		.userTokenPoliciesSize = count,
+		.userTokenPolicies = policies,
+		.activateSession = activate_session,
+		.closeSession = close_session,
+		.getUserRightsMask = get_rights,
+		.getUserAccessLevel = get_access_level,
+		.getUserExecutable = get_executable,
+		.getUserExecutableOnObject = get_executable_on_object,
+		.allowAddNode = allow_add_node,
+		.allowAddReference = allow_add_reference,
+		.allowDeleteNode = allow_delete_node,
+		.allowDeleteReference = allow_delete_reference,
+		.allowBrowseNode = allow_browse,
+		.allowTransferSubscription = allow_transfer,
+	};
+	return UA_STATUSCODE_GOOD;
+}
+
+/* One for each policy. */
+static UA_StatusCode add_endpoints(UA_ServerConfig *settings, UA_MessageSecurityMode mode)
+{
+	UA_StatusCode status = UA_STATUSCODE_GOOD;
+
+	for (size_t i = 0; status == UA_STATUSCODE_GOOD && i < settings->securityPoliciesSize; i++)
+		status = UA_ServerConfig_addEndpoint(settings,
+		                                     settings->securityPolicies[i].policyUri, mode);
+	return status;
+}
+
+/* The best first, and with the highest level: clients that choose by themselves use one or the
+ * other. */
+static UA_StatusCode add_policies(UA_ServerConfig *settings, const UA_ByteString *certificate,
+                                  const UA_ByteString *key, bool none)
+{
+	UA_StatusCode status = UA_ServerConfig_addSecurityPolicyAes256Sha256RsaPss(
+		settings, certificate, key);
+
+	if (status == UA_STATUSCODE_GOOD)
+		status = UA_ServerConfig_addSecurityPolicyAes128Sha256RsaOaep(settings, certificate,
+		                                                              key);
+	if (status == UA_STATUSCODE_GOOD)
+		status = UA_ServerConfig_addSecurityPolicyBasic256Sha256(settings, certificate,
+		                                                         key);
+	if (status == UA_STATUSCODE_GOOD)
+		status = add_endpoints(settings, UA_MESSAGESECURITYMODE_SIGNANDENCRYPT);
+	if (status == UA_STATUSCODE_GOOD)
+		status = add_endpoints(settings, UA_MESSAGESECURITYMODE_SIGN);
+	for (size_t i = 0; i < settings->endpointsSize; i++)
+		settings->endpoints[i].securityLevel = (UA_Byte)(settings->endpointsSize - i);
+	/* Without it no client could ask for the endpoints. */
+	if (status == UA_STATUSCODE_GOOD)
+		status = UA_ServerConfig_addSecurityPolicyNone(settings, certificate);
+	settings->securityPolicyNoneDiscoveryOnly = !none;
+	if (status == UA_STATUSCODE_GOOD && none)
+		status = UA_ServerConfig_addEndpoint(settings, UA_SECURITY_POLICY_NONE_URI,
+		                                     UA_MESSAGESECURITYMODE_NONE);
+	return status;
+}
+
+UA_StatusCode db_opcua_access_set_up(struct db_opcua_access *access, UA_ServerConfig *settings)
+{
+	UA_ByteString certificate;
+	UA_ByteString key;
+	UA_StatusCode status = db_opcua_security_load(access->config, settings->logging,
+	                                              &certificate, &key);
+
+	if (status == UA_STATUSCODE_GOOD &&
+	    !db_users_hash("nobody", access->nobody, sizeof(access->nobody)))
+		status = UA_STATUSCODE_BADOUTOFMEMORY;
+	if (status == UA_STATUSCODE_GOOD)
+		status = db_opcua_security_guard(access->config, &settings->secureChannelPKI);
+	if (status == UA_STATUSCODE_GOOD)
+		status = db_opcua_security_guard(access->config, &settings->sessionPKI);
+	if (status == UA_STATUSCODE_GOOD)
+		status = set_control(access, &settings->accessControl);
+	if (status == UA_STATUSCODE_GOOD)
+		status = add_policies(settings, &certificate, &key,
+		                      access->config->none == DB_OPCUA_READ);
+	UA_ByteString_memZero(&key);
+	UA_ByteString_clear(&key);
+	UA_ByteString_clear(&certificate);
+	return status;
+}

@@ -1,0 +1,86 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Access control: security policies, users with their roles, and the sessions with what is known of
+ * them. A reader reads; an operator, whose connection is signed, also writes and calls methods;
+ * nobody changes the address space.
+ *
+ * Clients without a login cannot keep others out: their sessions have places of their own, one for
+ * each connection, and end with it. When all places are taken, sessions that have lost their
+ * connection make room, and readers make room for operators. When operators have all places, a
+ * further operator gets a place that is kept for stops.
+ *
+ * One thread.
+ */
+#ifndef DRIVEBRIDGE_OPCUA_ACCESS_H
+#define DRIVEBRIDGE_OPCUA_ACCESS_H
+
+#include "opcua/config.h"
+#include "opcua/network.h"
+#include "users/users.h"
+
+#include <open62541/server.h>
+
+/* For the file of users. */
+extern const struct db_users_keeper db_opcua_keeper;
+
+/* Sessions in addition to the configured number, for operators that may read and stop; the oldest
+ * makes room for the next. */
+#define DB_OPCUA_STOP_PLACES 2
+
+struct db_opcua_session {
+	UA_NodeId id;
+	unsigned number;      /* unique among all sessions; 0: the place is free */
+	uintptr_t connection; /* over which it was last activated; 0: it is lost */
+	enum db_role role;
+	bool stops_only;                  /* its place is one that is kept for stops */
+	char user[DB_USERS_NAME_MAX + 1]; /* "": anonymous */
+	/* of the service's clock, last written by the client; "": none */
+	char token[DB_OPCUA_TOKEN_MAX];
+	unsigned long digest; /* of the user at login, db_users_digest() */
+	char label[128];      /* for the log: the user and the address */
+};
+
+/* A session has ended, or has lost its connection. */
+typedef void db_opcua_left_fn(void *context, unsigned session);
+
+struct db_opcua_access;
+
+/* `config` and `network` must outlive it. NULL without memory; freed with db_opcua_access_free()
+ * after the server, NULL is allowed. */
+struct db_opcua_access *db_opcua_access_new(const struct db_opcua_config *config,
+                                            struct db_opcua_network *network,
+                                            db_opcua_left_fn *left, void *context);
+void db_opcua_access_free(struct db_opcua_access *access);
+
+/* Sets policies, endpoints, certificates and rights in the configuration of a new server. */
+UA_StatusCode db_opcua_access_set_up(struct db_opcua_access *access, UA_ServerConfig *settings);
+
+/* From now on new sessions of the server are noticed. */
+UA_StatusCode db_opcua_access_watch(struct db_opcua_access *access, UA_Server *server);
+
+/* To be called at the begin of each round of serving clients: limits what wrong passwords cost per
+ * round. */
+void db_opcua_access_begin(struct db_opcua_access *access);
+
+/* Ends the sessions of users that were removed, or changed since their login: another role or
+ * password. To be called regularly. */
+void db_opcua_access_review(struct db_opcua_access *access);
+
+/* NULL: no such session was activated. The library gives no context of a session in its callbacks,
+ * so it is found by its id. */
+const struct db_opcua_session *db_opcua_access_find(const struct db_opcua_access *access,
+                                                    const UA_NodeId *session);
+
+/* The session has written a token of the service's clock, or "". False: no such session was
+ * activated. */
+bool db_opcua_access_set_token(struct db_opcua_access *access, const UA_NodeId *session,
+                               const char *token);
+
+/* Iterates over the sessions that have a connection. NULL: the end. `place` begins with 0. */
+const struct db_opcua_session *db_opcua_access_next(const struct db_opcua_access *access,
+                                                    size_t *place);
+
+/* A connection is closed: its sessions have lost it. */
+void db_opcua_access_forget_connection(struct db_opcua_access *access, uintptr_t connection);
+
+#endif

@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "opcua/config.h"
+
+#include <ctype.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* The gateway's name is part of a URI and of a certificate's subject. */
+static bool is_name(const char *text)
+{
+	for (; *text; text++) {
+		if (!isalnum((unsigned char)*text) && !strchr("-._", *text))
+			return false;
+	}
+	return true;
+}
+
+static void check_show(struct db_settings *settings, const struct db_opcua_config *config)
+{
+	for (const char *at = config->show.names; at && *at; at += strlen(at) + 1) {
+		bool known = false;
+
+		for (int group = DB_OPCUA_COMMAND; group < DB_OPCUA_DIAGNOSIS; group++)
+			known = known ||
+			        strcmp(db_opcua_group_folder((enum db_opcua_group)group), at) == 0;
+		if (!known)
+			db_messages_add_error(settings->messages,
+			                      db_settings_line(settings, "server", "show"),
+			                      "show has '%s'; there are CommandBlock, Parameters, "
+			                      "Service, Bits and History",
+			                      at);
+	}
+}
+
+static void check_whole(struct db_settings *settings, const void *host_name)
+{
+	struct db_opcua_config *config = settings->values;
+
+	if (config->gateway && config->gateway[0] == '\0') {
+		free(config->gateway);
+		config->gateway = strdup(host_name);
+	}
+	if (!config->gateway)
+		db_messages_add_error(settings->messages, 0,
+		                      "out of memory; free some and try again");
+	else if (!is_name(config->gateway))
+		db_messages_add_error(settings->messages,
+		                      db_settings_line(settings, "server", "gateway"),
+		                      "gateway = %s cannot be a part of a certificate: letters, "
+		                      "digits, - . and _ only",
+		                      config->gateway);
+	check_show(settings, config);
+	if (config->anonymous == DB_OPCUA_READ)
+		db_messages_add_warning(
+			settings->messages, db_settings_line(settings, "security", "anonymous"),
+			"with anonymous = read everybody who reaches the port reads");
+}
+
+const struct db_settings_form db_opcua_form = {
+	.keys = db_opcua_keys,
+	.sections = "service, server, security, commands and limits",
+	.size = sizeof(struct db_opcua_config),
+	.check = check_whole,
+};
+
+bool db_opcua_config_shows(const struct db_opcua_config *config, enum db_opcua_group group)
+{
+	return group == DB_OPCUA_PROCESS || group == DB_OPCUA_DIAGNOSIS ||
+	       config->show.word == DB_OPCUA_ALL ||
+	       db_setting_list_has(&config->show, db_opcua_group_folder(group));
+}

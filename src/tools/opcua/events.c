@@ -1,0 +1,120 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "opcua/events.h"
+#include "opcua/names.h"
+#include "opcua/nodes.h"
+#include "opcua/values.h"
+
+#include "client/log.h"
+#include "client/objects.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#define BASE "/Events"
+
+/* From 1 to 1000; above 667 is high. */
+static UA_UInt16 severity_of(const char *level)
+{
+	static const struct {
+		const char *level;
+		UA_UInt16 severity;
+	} levels[] = {
+		{ "error", 900 }, { "warning", 600 }, { "notice", 300 },
+		{ "info", 100 },  { "debug", 50 },
+	};
+
+	for (size_t i = 0; i < sizeof(levels) / sizeof(levels[0]); i++) {
+		if (strcmp(levels[i].level, level) == 0)
+			return levels[i].severity;
+	}
+	return 500;
+}
+
+static UA_NodeId node_of(UA_Server *server, const char *id)
+{
+	size_t space = 0;
+
+	(void)UA_Server_getNamespaceByName(server, db_opcua_string(DB_OPCUA_NAMESPACE), &space);
+	return (UA_NodeId){ .namespaceIndex = (UA_UInt16)space,
+		            .identifierType = UA_NODEIDTYPE_STRING,
+		            .identifier.string = db_opcua_string(id) };
+}
+
+static UA_StatusCode add_type(UA_Server *server, UA_NodeId id, UA_NodeId parent, const char *name)
+{
+	UA_ObjectTypeAttributes attributes = UA_ObjectTypeAttributes_default;
+
+	attributes.displayName.text = db_opcua_string(name);
+	return UA_Server_addObjectTypeNode(server, id, parent,
+	                                   UA_NODEID_NUMERIC(0, UA_NS0ID_HASSUBTYPE),
+	                                   (UA_QualifiedName){ .namespaceIndex = id.namespaceIndex,
+	                                                       .name = db_opcua_string(name) },
+	                                   attributes, NULL, NULL);
+}
+
+UA_StatusCode db_opcua_events_set_up(UA_Server *server)
+{
+	return add_type(server, node_of(server, BASE), UA_NODEID_NUMERIC(0, UA_NS0ID_BASEEVENTTYPE),
+	                "DriveEventType");
+}
+
+/* Made at the first event of its name: drive-lost is DriveLost. */
+static UA_StatusCode find_type(UA_Server *server, const char *event, char id[128], UA_NodeId *type)
+{
+	char name[DB_OPCUA_NAME_MAX];
+	char words[DB_OPCUA_NAME_MAX];
+	UA_NodeClass class;
+
+	(void)snprintf(words, sizeof(words), "%s", event);
+	for (char *at = words; *at; at++)
+		*at = *at == '-' ? '_' : *at;
+	db_opcua_name_of(words, name);
+	(void)snprintf(id, 128, BASE ".%s", name);
+	*type = node_of(server, id);
+	if (UA_Server_readNodeClass(server, *type, &class) == UA_STATUSCODE_GOOD)
+		return UA_STATUSCODE_GOOD;
+	return add_type(server, *type, node_of(server, BASE), name);
+}
+
+static UA_StatusCode set_field(UA_Server *server, UA_NodeId event, const char *name, void *value,
+                               const UA_DataType *type)
+{
+	UA_Variant variant;
+
+	UA_Variant_setScalar(&variant, value, type);
+	return UA_Server_writeObjectProperty(
+		server, event, (UA_QualifiedName){ .name = db_opcua_string(name) }, variant);
+}
+
+void db_opcua_events_tell(UA_Server *server, const json_t *event, UA_NodeId origin)
+{
+	const char *drive = db_client_text(event, "drive");
+	UA_DateTime time = UA_DATETIME_UNIX_EPOCH +
+	                   json_integer_value(json_object_get(event, "time_us")) * UA_DATETIME_USEC;
+	UA_UInt16 severity = severity_of(db_client_text(event, "level"));
+	UA_LocalizedText message = db_opcua_english(db_client_text(event, "text"));
+	UA_String source = db_opcua_string(drive[0] ? drive : db_client_text(event, "bus"));
+	UA_NodeId node = UA_NODEID_NULL;
+	char id[128];
+	UA_NodeId type;
+	UA_StatusCode status = find_type(server, db_client_text(event, "name"), id, &type);
+
+	if (status == UA_STATUSCODE_GOOD)
+		status = UA_Server_createEvent(server, type, &node);
+	if (status == UA_STATUSCODE_GOOD) {
+		status = set_field(server, node, "Time", &time, &UA_TYPES[UA_TYPES_DATETIME]);
+		status |= set_field(server, node, "Severity", &severity,
+		                    &UA_TYPES[UA_TYPES_UINT16]);
+		status |= set_field(server, node, "Message", &message,
+		                    &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]);
+		status |= set_field(server, node, "SourceName", &source,
+		                    &UA_TYPES[UA_TYPES_STRING]);
+	}
+	if (status == UA_STATUSCODE_GOOD)
+		status = UA_Server_triggerEvent(server, node, origin, NULL, true);
+	else if (!UA_NodeId_isNull(&node))
+		(void)UA_Server_deleteNode(server, node, true);
+	if (status != UA_STATUSCODE_GOOD)
+		db_client_log(DB_CLIENT_WARNING, "event %s cannot be told: %s",
+		              db_client_text(event, "name"), UA_StatusCode_name(status));
+}

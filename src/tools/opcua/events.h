@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The service's events as OPC UA events: each kind has its own type, so that clients can choose.
+ * One thread. */
+#ifndef DRIVEBRIDGE_OPCUA_EVENTS_H
+#define DRIVEBRIDGE_OPCUA_EVENTS_H
+
+#include <jansson.h>
+#include <open62541/server.h>
+
+/* Adds the base type of all of them. */
+UA_StatusCode db_opcua_events_set_up(UA_Server *server);
+
+/* Sends it to the clients that subscribe to events. `event` of the interface's type Event; `origin`
+ * is the drive's node. */
+void db_opcua_events_tell(UA_Server *server, const json_t *event, UA_NodeId origin);
+
+#endif

@@ -1,0 +1,65 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "opcua/config.h"
+
+#define AT(member) .offset = offsetof(struct db_opcua_config, member)
+
+/* clang-format off */
+const struct db_setting db_opcua_keys[] = {
+	{ DB_TEXT_SETTING("service", "socket", "/run/drivebridge/control", 1, 107,
+	                  "The control socket of drivebridged"),
+	  AT(socket) },
+
+	{ DB_TEXT_SETTING("server", "address", "", 1, 255,
+	                  "Address of this machine to listen on; all of them when not given"),
+	  AT(address) },
+	{ DB_NUMBER_SETTING("server", "port", "4840", 0, 65535, "",
+	                    "TCP port; 0 takes a free one, which the log names"),
+	  AT(port) },
+	{ DB_TEXT_SETTING("server", "gateway", "", 1, 64,
+	                  "Name of this gateway in the application's name, URI and certificate; the machine's host name when "
+	                  "not given"),
+	  AT(gateway) },
+	{ DB_NUMBER_SETTING("server", "interval-ms", "50", 10, 10000, "ms",
+	                    "How often values that somebody watches are asked of the service; what is read otherwise is not "
+	                    "older than this either"),
+	  AT(interval_ms) },
+	{ DB_LIST_SETTING("server", "show", "all", "all",
+	                  "What is shown of a drive beside its process values and commands, each in a folder: CommandBlock, "
+	                  "Parameters, Service, Bits, History"),
+	  AT(show) },
+
+	{ DB_WORD_SETTING("security", "none", "off", "off read",
+	                  "Whether there are connections without encryption and signature; read: for who only reads. Passwords "
+	                  "are encrypted on them as well"),
+	  AT(none) },
+	{ DB_WORD_SETTING("security", "anonymous", "off", "off read",
+	                  "Whether clients without a user may read"),
+	  AT(anonymous) },
+	{ DB_TEXT_SETTING("security", "pki", "/var/lib/drivebridge-opcua/pki", 1, 200,
+	                  "Folder of the certificates: own (made at the first start), trusted, issuers and rejected"),
+	  AT(pki) },
+	{ DB_TEXT_SETTING("security", "users", "/etc/drivebridge/opcua-users", 1, 255,
+	                  "File with the users, their roles and their hashed passwords"),
+	  AT(users) },
+
+	{ DB_NUMBER_SETTING("commands", "confirm-ms", "250", 1, 1000, "ms",
+	                    "How long a method or a write waits for the drive's confirmation; then a method ends with "
+	                    "BadRequestNotComplete, a write with GoodCompletesAsynchronously, and the result variables "
+	                    "tell the end"),
+	  AT(confirm_ms) },
+	{ DB_NUMBER_SETTING("commands", "silence-ms", "3000", 100, 60000, "ms",
+	                    "Longest silence of a client whose drives' watchdogs are fed; then they run down"),
+	  AT(silence_ms) },
+
+	{ DB_NUMBER_SETTING("limits", "sessions", "30", 1, 100, "",
+	                    "Sessions at the same time; twice as many connections"),
+	  AT(sessions) },
+	{ DB_NUMBER_SETTING("limits", "subscriptions", "10", 1, 100, "",
+	                    "Subscriptions of a session"),
+	  AT(subscriptions) },
+	{ DB_NUMBER_SETTING("limits", "monitored-items", "20000", 100, 200000, "",
+	                    "Monitored items of all sessions together"),
+	  AT(items) },
+	{ .name = NULL },
+};
+/* clang-format on */

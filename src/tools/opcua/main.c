@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * drivebridge-opcua: the drives in the address space of an OPC UA server. It is a client of the
+ * control socket of drivebridged and of nothing else.
+ */
+#include "client/program.h"
+#include "opcua/access.h"
+#include "opcua/server.h"
+
+#include <stdlib.h>
+
+#define CONFIG_PATH "/etc/drivebridge/opcua.conf"
+
+static int serve(const void *config, sd_event *loop)
+{
+	struct db_opcua_server *server = db_opcua_server_new(loop, config);
+	int status = server ? db_program_loop(loop, db_opcua_server_turn, server) : EXIT_FAILURE;
+
+	db_opcua_server_free(server);
+	return status;
+}
+
+int main(int argc, char **argv)
+{
+	const struct db_program program = {
+		.name = "drivebridge-opcua",
+		.path = CONFIG_PATH,
+		.usage =
+			"usage: drivebridge-opcua [--config FILE] [--check]\n"
+			"       drivebridge-opcua [--config FILE] --add-user NAME --role reader|operator\n"
+			"       drivebridge-opcua [--config FILE] --remove-user NAME\n"
+			"  --config FILE       what to serve to whom; " CONFIG_PATH
+			" when not given\n"
+			"  --check             check the file and the users, and end\n"
+			"  --add-user NAME     make a user, or give one another password and role;\n"
+			"                      the password is asked for, or a line of standard input\n"
+			"  --remove-user NAME  take a user away\n"
+			"  --help, --version\n",
+		.form = &db_opcua_form,
+		.keeper = &db_opcua_keeper,
+		.users_at = offsetof(struct db_opcua_config, users),
+		.serve = serve,
+	};
+
+	return db_program_main(&program, argc, argv);
+}

@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The address space: a node for each drive, its registers, commands and history, and for the buses
+ * and the gateway itself. One thread.
+ */
+#ifndef DRIVEBRIDGE_OPCUA_NODES_H
+#define DRIVEBRIDGE_OPCUA_NODES_H
+
+#include "opcua/config.h"
+#include "opcua/plant.h"
+
+#include <open62541/server.h>
+
+/* The namespace of all these nodes. */
+#define DB_OPCUA_NAMESPACE "urn:drivebridge:drives"
+
+struct db_opcua_nodes;
+
+struct db_opcua_nodes_ops {
+	/* A client writes: the value as JSON, which stays the caller's. */
+	UA_StatusCode (*write)(void *context, const UA_NodeId *session, struct db_opcua_item *item,
+	                       json_t *value);
+	/* The newest token that the client's session has, for motions that it starts from now on;
+	 * "": none. The text is copied. */
+	UA_StatusCode (*write_clock)(void *context, const UA_NodeId *session, const char *token);
+	/* A client calls a command; takes `arguments` over. `result` and `reason` are its
+	 * outputs. */
+	UA_StatusCode (*run)(void *context, const UA_NodeId *session, struct db_opcua_drive *drive,
+	                     const char *command, json_t *arguments);
+};
+
+/* Shows what `config` selects of each drive; `config` must outlive it. NULL without memory; freed
+ * with db_opcua_nodes_free() after the server, NULL is allowed. */
+struct db_opcua_nodes *db_opcua_nodes_new(const struct db_opcua_config *config,
+                                          const struct db_opcua_nodes_ops *ops, void *context);
+void db_opcua_nodes_free(struct db_opcua_nodes *nodes);
+
+/* For the configuration of the server, which has to clear it. */
+UA_Nodestore db_opcua_nodes_store(struct db_opcua_nodes *nodes);
+
+/* Adds the permanent folders, after the server was made with this store. Values are asked of the
+ * plant, whose handlers are these, with the nodes as their context. */
+UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *server,
+                                   struct db_opcua_plant *plant);
+extern const struct db_opcua_plant_ops db_opcua_nodes_plant_ops;
+
+/* A monitored item of a node's value was added or removed. */
+void db_opcua_nodes_watch(struct db_opcua_nodes *nodes, const UA_NodeId *node, bool removed);
+
+#endif

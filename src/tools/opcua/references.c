@@ -1,0 +1,167 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "opcua/references.h"
+#include "opcua/values.h"
+
+#include <stdio.h>
+
+struct db_opcua_id db_opcua_id_of(const char *owner, const char *part)
+{
+	struct db_opcua_id id;
+
+	(void)snprintf(id.text, sizeof(id.text), "%s%s%s", owner, part[0] ? "." : "", part);
+	return id;
+}
+
+UA_NodeId db_opcua_node_id(const struct db_opcua_roster *roster, const struct db_opcua_id *id)
+{
+	return (UA_NodeId){ .namespaceIndex = roster->space,
+		            .identifierType = UA_NODEIDTYPE_STRING,
+		            .identifier.string = db_opcua_string(id->text) };
+}
+
+UA_QualifiedName db_opcua_browse_name(const struct db_opcua_roster *roster, const char *name)
+{
+	return (UA_QualifiedName){ .namespaceIndex = roster->space, .name = db_opcua_string(name) };
+}
+
+/* The type of the reference from the node above to a branch. */
+static UA_Byte tie_of(enum db_opcua_branch_type type)
+{
+	if (type == DB_OPCUA_FOLDER || type == DB_OPCUA_IDENTIFICATION)
+		return UA_REFERENCETYPEINDEX_ORGANIZES;
+	return type < DB_OPCUA_COMPONENT_NAME ? UA_REFERENCETYPEINDEX_HASCOMPONENT :
+	                                        UA_REFERENCETYPEINDEX_HASPROPERTY;
+}
+
+static UA_UInt32 type_of(const struct db_opcua_tree *tree, const struct db_opcua_branch *branch)
+{
+	switch (branch->type) {
+	case DB_OPCUA_ROOT:
+		return UA_NS0ID_BASEOBJECTTYPE;
+	case DB_OPCUA_FOLDER:
+	case DB_OPCUA_IDENTIFICATION:
+		return UA_NS0ID_FOLDERTYPE;
+	case DB_OPCUA_VARIABLE:
+		return tree->kind->list[branch->place].unit[0] ? UA_NS0ID_BASEANALOGTYPE :
+		                                                 UA_NS0ID_BASEDATAVARIABLETYPE;
+	case DB_OPCUA_COLUMN:
+	case DB_OPCUA_CLOCK:
+		return UA_NS0ID_BASEDATAVARIABLETYPE;
+	default:
+		return UA_NS0ID_PROPERTYTYPE;
+	}
+}
+
+static void refer_to_standard(struct db_opcua_references *references, UA_Byte type, bool inverse,
+                              UA_UInt32 target, const char *name)
+{
+	db_opcua_store_refer(references, type, inverse, UA_NODEID_NUMERIC(0, target),
+	                     (UA_QualifiedName){ .name = db_opcua_string(name) });
+}
+
+static void refer_to(const struct db_opcua_roster *roster, struct db_opcua_references *references,
+                     UA_Byte type, bool inverse, const char *owner, const char *part,
+                     UA_QualifiedName name)
+{
+	struct db_opcua_id id;
+
+	/* Mostly only the type is asked for. */
+	if (!db_opcua_store_wants(references, type, inverse))
+		return;
+	id = db_opcua_id_of(owner, part);
+	db_opcua_store_refer(references, type, inverse, db_opcua_node_id(roster, &id), name);
+}
+
+static void refer_to_type(struct db_opcua_references *references, UA_UInt32 type)
+{
+	/* By its id alone: nobody searches a type by its name from an instance. */
+	refer_to_standard(references, UA_REFERENCETYPEINDEX_HASTYPEDEFINITION, false, type, "");
+}
+
+static void refer_of_branch(const struct db_opcua_roster *roster,
+                            const struct db_opcua_shown *shown,
+                            const struct db_opcua_branch *branch,
+                            struct db_opcua_references *references)
+{
+	const struct db_opcua_tree *tree = shown->tree;
+	const struct db_opcua_branch *parent = &tree->list[branch->parent];
+	bool gateway = shown->gateway;
+
+	if (branch->type != DB_OPCUA_METHOD)
+		refer_to_type(references, type_of(tree, branch));
+	if (branch->type != DB_OPCUA_ROOT) {
+		refer_to(
+			roster, references, tie_of(branch->type), true, shown->name, parent->path,
+			db_opcua_browse_name(roster, parent->name[0] ? parent->name : shown->name));
+	} else if (gateway) {
+		refer_to_standard(references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
+		                  UA_NS0ID_OBJECTSFOLDER, "Objects");
+	} else {
+		refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
+		         DB_OPCUA_DRIVES, "", db_opcua_browse_name(roster, "Drives"));
+		refer_to_standard(references, UA_REFERENCETYPEINDEX_HASNOTIFIER, true,
+		                  UA_NS0ID_SERVER, "Server");
+	}
+	for (size_t i = branch->first; i < branch->first + branch->count; i++) {
+		const struct db_opcua_branch *child = &tree->list[i];
+		UA_QualifiedName name = db_opcua_browse_name(roster, child->name);
+
+		if (child->type >= DB_OPCUA_UNIT)
+			name.namespaceIndex = 0;
+		refer_to(roster, references, tie_of(child->type), false, shown->name, child->path,
+		         name);
+	}
+}
+
+void db_opcua_refer(const struct db_opcua_roster *roster, const struct db_opcua_subject *subject,
+                    struct db_opcua_references *references)
+{
+	const struct db_opcua_bus *bus = subject->bus;
+
+	switch (subject->type) {
+	case DB_OPCUA_ALL_DRIVES:
+		refer_to_type(references, UA_NS0ID_FOLDERTYPE);
+		refer_to_standard(references, UA_REFERENCETYPEINDEX_ORGANIZES, true,
+		                  UA_NS0ID_OBJECTSFOLDER, "Objects");
+		refer_to_standard(references, UA_REFERENCETYPEINDEX_HASNOTIFIER, true,
+		                  UA_NS0ID_SERVER, "Server");
+		for (size_t i = 0; i < roster->count; i++) {
+			const struct db_opcua_shown *shown = roster->drives[i];
+
+			if (!shown->gateway)
+				refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT,
+				         false, shown->name, "",
+				         db_opcua_browse_name(roster, shown->name));
+		}
+		break;
+	case DB_OPCUA_ALL_BUSES:
+		refer_to_type(references, UA_NS0ID_FOLDERTYPE);
+		refer_to_standard(references, UA_REFERENCETYPEINDEX_ORGANIZES, true,
+		                  UA_NS0ID_OBJECTSFOLDER, "Objects");
+		for (bus = roster->buses; bus; bus = bus->next)
+			refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
+			         DB_OPCUA_BUSES, bus->name,
+			         db_opcua_browse_name(roster, bus->name));
+		break;
+	case DB_OPCUA_BUS:
+		refer_to_type(references, UA_NS0ID_BASEOBJECTTYPE);
+		refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
+		         DB_OPCUA_BUSES, "", db_opcua_browse_name(roster, "Buses"));
+		for (const struct db_opcua_fact *fact = bus->facts; fact; fact = fact->next) {
+			char path[sizeof(bus->name) + sizeof(fact->name)];
+
+			(void)snprintf(path, sizeof(path), "%s.%s", bus->name, fact->name);
+			refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
+			         DB_OPCUA_BUSES, path, db_opcua_browse_name(roster, fact->name));
+		}
+		break;
+	case DB_OPCUA_FACT:
+		refer_to_type(references, UA_NS0ID_BASEDATAVARIABLETYPE);
+		refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
+		         DB_OPCUA_BUSES, bus->name, db_opcua_browse_name(roster, bus->name));
+		break;
+	case DB_OPCUA_OF_DRIVE:
+	default:
+		refer_of_branch(roster, subject->shown, subject->branch, references);
+	}
+}

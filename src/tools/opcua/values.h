@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Values, units and codes in the types of the OPC UA library. Pure but for memory. */
+#ifndef DRIVEBRIDGE_OPCUA_VALUES_H
+#define DRIVEBRIDGE_OPCUA_VALUES_H
+
+#include "opcua/model.h"
+
+#include <open62541/types.h>
+#include <open62541/types_generated.h>
+
+/* Texts for the library, which stay the caller's and are not written to. */
+UA_String db_opcua_string(const char *text);
+UA_LocalizedText db_opcua_english(const char *text);
+
+const UA_DataType *db_opcua_data_type(enum db_opcua_type type);
+
+/* The value with its quality and time, for a read of a variable. */
+UA_StatusCode db_opcua_value_read(const struct db_opcua_item *item, UA_DataValue *value);
+UA_StatusCode db_opcua_value_read_column(const struct db_opcua_drive *drive,
+                                         const struct db_opcua_column *column, UA_DataValue *value);
+
+/* A client's value in the service's form: a new value, or the reason why it is not valid. */
+UA_StatusCode db_opcua_value_to_json(const UA_Variant *value, json_t **json);
+
+/* Values of the service without a type, a boolean, a number or a text: their type here, and the
+ * value for a read of a variable. */
+const UA_DataType *db_opcua_json_type(const json_t *json);
+UA_StatusCode db_opcua_value_from_json(const json_t *json, int64_t time_us,
+                                       enum db_opcua_quality quality, UA_DataValue *value);
+
+/* A unit, with its UNECE code if it is one of the usual ones. The texts point to `unit`. */
+UA_EUInformation db_opcua_unit(const char *unit);
+
+/* Names of values, in their order; of bits from bit 0 on. An array whose texts belong to `codes`,
+ * freed with free(); NULL when there are none or without memory. */
+UA_EnumValueType *db_opcua_enum_values(json_t *codes, size_t *count);
+UA_LocalizedText *db_opcua_bit_names(json_t *codes, size_t *count);
+
+#endif

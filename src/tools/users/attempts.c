@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "users/attempts.h"
+
+/* FNV-1a. */
+static uint64_t mix(uint64_t hash, const void *bytes, size_t count)
+{
+	const unsigned char *at = bytes;
+
+	for (size_t i = 0; i < count; i++)
+		hash = (hash ^ at[i]) * UINT64_C(0x100000001B3);
+	return hash;
+}
+
+uint64_t db_attempts_key(const struct db_attempts *attempts, char kind, const void *bytes,
+                         size_t count)
+{
+	uint64_t hash = mix(UINT64_C(0xCBF29CE484222325), &attempts->seed, sizeof(attempts->seed));
+
+	hash = mix(mix(hash, &kind, 1), bytes, count);
+	return hash ? hash : 1;
+}
+
+/* Its index; DB_ATTEMPTS_PLACES: it has none. */
+static size_t find_key(const struct db_attempts *attempts, uint64_t key)
+{
+	size_t place = 0;
+
+	while (place < DB_ATTEMPTS_PLACES && attempts->places[place].key != key)
+		place++;
+	return place;
+}
+
+db_time db_attempts_wait(const struct db_attempts *attempts, uint64_t key,
+                         struct db_attempts_limit limit, db_time now)
+{
+	size_t place = find_key(attempts, key);
+	db_time left = place == DB_ATTEMPTS_PLACES ?
+	                       0 :
+	                       attempts->places[place].full - now - (limit.most - 1) * limit.every;
+
+	return left > 0 ? left : 0;
+}
+
+void db_attempts_count(struct db_attempts *attempts, uint64_t key, uint64_t kept,
+                       struct db_attempts_limit limit, db_time now)
+{
+	size_t place = find_key(attempts, key);
+
+	if (place == DB_ATTEMPTS_PLACES) {
+		place = attempts->places[0].key == kept ? 1 : 0;
+		for (size_t i = 0; i < DB_ATTEMPTS_PLACES; i++) {
+			if (attempts->places[i].key != kept &&
+			    attempts->places[i].full < attempts->places[place].full)
+				place = i;
+		}
+		attempts->places[place].key = key;
+		attempts->places[place].full = 0;
+	}
+	if (attempts->places[place].full < now)
+		attempts->places[place].full = now;
+	attempts->places[place].full += limit.every;
+}
+
+void db_attempts_give_back(struct db_attempts *attempts, uint64_t key,
+                           struct db_attempts_limit limit)
+{
+	size_t place = find_key(attempts, key);
+
+	if (place < DB_ATTEMPTS_PLACES)
+		attempts->places[place].full -= limit.every;
+}

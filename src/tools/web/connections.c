@@ -1,0 +1,168 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "web/connections.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+struct db_web_connections {
+	unsigned most;
+	unsigned most_per_address;
+	unsigned count;
+	uint64_t last;
+	struct db_web_connection places[]; /* `most`, and those that are leaving */
+};
+
+/* Which connection is closed first; the highest rank never is. */
+enum rank { HEADLESS, STRANGER, IDLE, STAYS };
+
+static size_t places(const struct db_web_connections *connections)
+{
+	return connections->most + DB_WEB_CONNECTIONS_LEAVING;
+}
+
+struct db_web_connections *db_web_connections_new(unsigned most, unsigned most_per_address)
+{
+	struct db_web_connections *connections = calloc(
+		1, sizeof(*connections) +
+			   (most + DB_WEB_CONNECTIONS_LEAVING) * sizeof(connections->places[0]));
+
+	if (connections) {
+		connections->most = most;
+		connections->most_per_address = most_per_address;
+	}
+	return connections;
+}
+
+void db_web_connections_free(struct db_web_connections *connections)
+{
+	free(connections);
+}
+
+static bool is_same(const struct db_web_address *one, const struct db_web_address *other)
+{
+	return memcmp(one, other, sizeof(*one)) == 0;
+}
+
+static bool is_there(const struct db_web_connection *connection)
+{
+	return connection->number != 0 && !connection->leaving;
+}
+
+static enum rank rank_of(const struct db_web_connection *connection)
+{
+	if (!connection->heard)
+		return HEADLESS;
+	if (!connection->known)
+		return connection->waits ? STAYS : STRANGER;
+	return connection->busy ? STAYS : IDLE;
+}
+
+/* Connections of this address with this rank or a lower one. */
+static unsigned count_of(const struct db_web_connections *connections,
+                         const struct db_web_address *address, enum rank rank)
+{
+	unsigned count = 0;
+
+	for (size_t i = 0; i < places(connections); i++) {
+		const struct db_web_connection *one = &connections->places[i];
+
+		count += is_there(one) && rank_of(one) <= rank && is_same(&one->address, address);
+	}
+	return count;
+}
+
+/* The connection of this address, or of all with NULL, to close first; NULL: none may be closed. */
+static struct db_web_connection *find_leaver(struct db_web_connections *connections,
+                                             const struct db_web_address *address)
+{
+	struct db_web_connection *leaver = NULL;
+	enum rank rank = STAYS;
+	unsigned most = 0;
+
+	for (size_t i = 0; i < places(connections); i++) {
+		struct db_web_connection *one = &connections->places[i];
+
+		if (is_there(one) && (!address || is_same(&one->address, address)) &&
+		    rank_of(one) < rank)
+			rank = rank_of(one);
+	}
+	for (size_t i = 0; rank < STAYS && i < places(connections); i++) {
+		struct db_web_connection *one = &connections->places[i];
+		unsigned count;
+
+		if (!is_there(one) || rank_of(one) != rank ||
+		    (address && !is_same(&one->address, address)))
+			continue;
+		/* The count of this address is known: only the older connection. */
+		if (leaver && is_same(&leaver->address, &one->address)) {
+			leaver = one->number < leaver->number ? one : leaver;
+			continue;
+		}
+		count = count_of(connections, &one->address, rank);
+		if (!leaver || count > most || (count == most && one->number < leaver->number)) {
+			leaver = one;
+			most = count;
+		}
+	}
+	return leaver;
+}
+
+bool db_web_connections_admit(struct db_web_connections *connections,
+                              const struct db_web_address *address, bool counted,
+                              struct db_web_connection **leaver)
+{
+	unsigned there = 0;
+	unsigned alike = 0;
+
+	*leaver = NULL;
+	for (size_t i = 0; i < places(connections); i++) {
+		const struct db_web_connection *one = &connections->places[i];
+
+		there += is_there(one);
+		alike += is_there(one) && one->counted && is_same(&one->address, address);
+	}
+	if (connections->count >= places(connections))
+		return false;
+	if (counted && alike >= connections->most_per_address)
+		*leaver = find_leaver(connections, address);
+	else if (there >= connections->most)
+		*leaver = find_leaver(connections, NULL);
+	else
+		return true;
+	if (*leaver)
+		(*leaver)->leaving = true;
+	return *leaver;
+}
+
+struct db_web_connection *db_web_connections_add(struct db_web_connections *connections,
+                                                 const struct db_web_address *address, bool counted,
+                                                 void *handle)
+{
+	for (size_t i = 0; i < places(connections); i++) {
+		struct db_web_connection *one = &connections->places[i];
+
+		if (one->number != 0)
+			continue;
+		*one = (struct db_web_connection){ .address = *address,
+			                           .number = ++connections->last,
+			                           .counted = counted,
+			                           .handle = handle };
+		connections->count++;
+		return one;
+	}
+	return NULL;
+}
+
+void db_web_connections_remove(struct db_web_connections *connections,
+                               struct db_web_connection *connection)
+{
+	if (!connection || connection->number == 0)
+		return;
+	connection->number = 0;
+	connections->count--;
+}
+
+unsigned db_web_connections_count(const struct db_web_connections *connections)
+{
+	return connections->count;
+}

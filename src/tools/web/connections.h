@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Connections of browsers, and which of them is closed when there is no place for another one. A
+ * client that sends half a request, or a whole one without being logged in, cannot keep others out:
+ * the oldest connection of the address with the most of those is closed first, then an idle
+ * connection of a logged-in user. Such a user's request that is under way always stays.
+ *
+ * Pure.
+ */
+#ifndef DRIVEBRIDGE_WEB_CONNECTIONS_H
+#define DRIVEBRIDGE_WEB_CONNECTIONS_H
+
+#include "web/address.h"
+
+#include <stdint.h>
+
+struct db_web_connection {
+	struct db_web_address address;
+	uint64_t number; /* higher is younger; 0: the place is free */
+	bool counted;    /* it counts for its address */
+	bool heard;      /* all headers of a request have arrived */
+	bool known;      /* its latest request came from a logged-in user */
+	bool busy;       /* that request is not finished */
+	bool waits;      /* for this program, not for the browser */
+	bool leaving;
+	void *handle; /* for the caller, which needs it to close the connection */
+};
+
+struct db_web_connections;
+
+/* Places in addition to `most`, for connections that were told to close and are not closed yet. */
+#define DB_WEB_CONNECTIONS_LEAVING 64
+
+/* NULL without memory. Freed with db_web_connections_free(), NULL is allowed. */
+struct db_web_connections *db_web_connections_new(unsigned most, unsigned most_per_address);
+void db_web_connections_free(struct db_web_connections *connections);
+
+/*
+ * True if there is a place for one more of this address; a proxy's connections are not counted by
+ * address. `*leaver` is the connection to close for that, NULL: none. It is marked as leaving, and
+ * counts no more.
+ */
+bool db_web_connections_admit(struct db_web_connections *connections,
+                              const struct db_web_address *address, bool counted,
+                              struct db_web_connection **leaver);
+
+/* A connection was opened, or closed. NULL: there is no place, which admit() prevents. */
+struct db_web_connection *db_web_connections_add(struct db_web_connections *connections,
+                                                 const struct db_web_address *address, bool counted,
+                                                 void *handle);
+void db_web_connections_remove(struct db_web_connections *connections,
+                               struct db_web_connection *connection);
+
+/* Includes those that are leaving. */
+unsigned db_web_connections_count(const struct db_web_connections *connections);
+
+#endif

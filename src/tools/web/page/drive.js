@@ -1,0 +1,531 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * One drive: its plot, values, status, inputs and outputs, jog, commands, control and history, all
+ * made from the service's description of the drive.
+ */
+import { call, openStream } from "./api.js";
+import { createCommands, createHistory } from "./commands.js";
+import { createControl } from "./control.js";
+import { element, icon, setAttribute, setIcon, setText } from "./dom.js";
+import {
+	asLabel,
+	createScale,
+	formatAge,
+	formatFixed,
+	formatValue,
+	inWords,
+	labelOf
+} from "./format.js";
+import { createJog } from "./jog.js";
+import { ageOf, judgeDrive, NEED } from "./plant.js";
+import { createPlot } from "./plot.js";
+
+/* Ten minutes at twenty samples a second; four at 20 ms. */
+const PLOT_CAPACITY = 12000;
+const INTERVALS_MS = [0, 50, 100, 500];
+const INTERVAL_FIRST_MS = 50;
+const TEXTS_EVERY_MS = 100;
+/* Shown elsewhere than among the values, or useless to people. */
+const NOT_LISTED = new Set([
+	"status", "drive_status", "capabilities", "timestamp_us", "inputs", "outputs",
+	"position_units", "velocity_units", "control_request", "control_port", "control_holder",
+	"control_remaining_ms", "watchdog_remaining_ms", "must_stand_cause", "must_stand_ms"
+]);
+/* Of the handshake with a PLC; people use the history. */
+const BOOKKEEPING = /_(id|limit|register)$|result|heartbeat|active_command/;
+const PLOTTED_FIRST = ["position", "velocity"];
+/* Names of counters and codes, which are no quantities to plot. */
+const NOT_PLOTTED = /(^|_)(port|holder|request|trips|timestamp_us)$/;
+
+let view = null;
+
+export function title(name) { return name ?? "Drive"; }
+
+export async function show(root, context, name) {
+	const mine = {
+		context,
+		root,
+		name,
+		latest: null,
+		textsAt: 0,
+		agedAt: 0,
+		sequence: -1,
+		stream: null,
+		parts: [],
+		closed: false
+	};
+
+	view?.close();
+	view = mine;
+	mine.close = () => {
+		mine.closed = true;
+		mine.stream?.close();
+		mine.jog?.release();
+		mine.plot?.destroy();
+		mine.parts.forEach((off) => off());
+	};
+	root.append(element("p", { class: "empty" }, `Asking ${name} …`));
+	const [registers, commands, all] = await Promise.all([
+		context.registers(name), context.commands(name),
+		call("Read", { drive: name, names: [] })
+	]);
+	const names = Object.keys(all.values);
+	const { values } = await call("Read", {
+		drive: name,
+		names: ["counts_per_unit", "identity", "unit_name"].filter(
+			(one) => registers.has(one))
+	});
+
+	if (mine.closed)
+		return;
+	Object.assign(mine, {
+		registers,
+		commands,
+		identity: values.identity,
+		scale: createScale(values.unit_name, values.counts_per_unit),
+		names: [
+			...names,
+			...[...registers.values()]
+				.filter((register) => register.type === "bool" &&
+						register.name.startsWith("drive_"))
+				.map((register) => register.name),
+			...["control_address", "control_user", "history1_sequence"]
+				.filter((one) => registers.has(one))
+		]
+	});
+	mine.described = describe(context.plant, name);
+	build(mine, names);
+	watchKeys(mine);
+	context.on("frame", (now) => frame(mine, now));
+	context.on("plant", () => mine.latest || showHead(mine, performance.now()));
+	context.on("link", (link) => {
+		if (link !== "live")
+			mine.jog?.release();
+	});
+	context.on("describe", () => {
+		const described = describe(context.plant, name);
+
+		if (described !== mine.described && !context.plant.drives.has(name))
+			context.notify(`${name} is not in the configuration any more`, "warning");
+		else if (described !== mine.described)
+			context.showAgain();
+	});
+	openSubscription(mine, INTERVAL_FIRST_MS);
+	mine.history.refresh();
+}
+
+export function hide() {
+	view?.close();
+	view = null;
+}
+
+/* What a change of the configuration may affect. */
+function describe(plant, name) {
+	const drive = plant.drives.get(name);
+	const bus = plant.buses.get(drive?.bus)?.description;
+
+	return JSON.stringify([drive?.description, bus?.protocol]);
+}
+
+/* --- building the view
+ * ------------------------------------------------------------------------- */
+
+function build(mine, names) {
+	const { context, name, registers, commands, scale, root } = mine;
+	const acts = context.mayAct();
+	const part = { context, drive: name, registers, commands, scale };
+
+	mine.history = createHistory(part);
+	mine.control = createControl(part);
+	mine.signals = findSignals(mine, names);
+	mine.plot = createPlot({
+		title: name,
+		signals: mine.signals,
+		chosen: PLOTTED_FIRST,
+		capacity: PLOT_CAPACITY
+	});
+	if (acts) {
+		/* An accepted command tells who has control. */
+		const learn = () => mine.control.learn().catch(() => {});
+
+		mine.panel = createCommands({ ...part, onDone: learn });
+		if (commands.has("move_velocity") && registers.has("target_velocity"))
+			mine.jog = createJog({ ...part, onMoved: learn });
+	}
+	root.replaceChildren(makeHead(mine),
+		element("div", { class: "drive-grid" },
+			element("div", { class: "drive-main" }, mine.plot.node,
+				makeValues(mine, names), makeStatus(mine), makePorts(mine),
+				mine.history.node),
+			element("div", { class: "drive-side" }, mine.jog?.node ?? null,
+				mine.control.node, mine.panel?.node ?? null)));
+}
+
+function findSignals(mine, names) {
+	return names.map((name) => mine.registers.get(name))
+		.filter((register) => register &&
+				["i16", "u16", "i32", "u32", "f32"].includes(register.type) &&
+				!register.name.endsWith("_units") &&
+				!NOT_PLOTTED.test(register.name) && !BOOKKEEPING.test(register.name) &&
+				(!register.codes || register.name === "axis_state"))
+		.map((register) => ({
+			name: register.name,
+			label: labelOf(register),
+			unit: mine.scale.unit(register),
+			decimals: mine.scale.decimals(register),
+			names: register.codes,
+		}));
+}
+
+function makeHead(mine) {
+	const { context, name } = mine;
+	const drive = context.plant.drives.get(name)?.description;
+	const head = mine.head = {
+		icon: icon("offline"),
+		state: element("span", { id: "drive-state" }),
+		mustStand: element("small", { id: "drive-must-stand", class: "must-stand live" }),
+		position: element("span", { id: "position" }),
+		velocity: element("span", { id: "velocity" }),
+		age: element("span", { id: "age" }),
+		needIcon: icon("fine"),
+		why: element("span"),
+		advice: element("span", { class: "advice-text" }),
+	};
+	const links =
+		[element("a", { href: `#/parameters/${encodeURIComponent(name)}` }, "Parameters")];
+	const place = [];
+
+	if (context.mayAct())
+		links.push(element("a", { href: `#/commission/${encodeURIComponent(name)}` }, "Commission"));
+	const quantity = (label, node, register) => element("div", { class: "quantity live" },
+		element("span", { class: "muted" }, label),
+		element("span", { class: "quantity-value" }, node,
+			element("span", { class: "unit" },
+				register ? mine.scale.unit(register) : "")));
+
+	if (drive) {
+		links.push(element(
+			"a", { href: `#/trace/${encodeURIComponent(drive.bus)}` }, "Trace"));
+		place.push(drive.bus, `address ${drive.address} ${drive.axis}`.trim(),
+			`unit ${drive.unit}`);
+	}
+	if (mine.identity)
+		place.push(mine.identity);
+	head.stateBox = element("span", { class: "state live" }, head.icon, head.state);
+	head.clear =
+		makeButton("clear_fault", "clear-fault", () => mine.panel?.give("clear_fault", {}));
+	head.clear.hidden = true;
+	head.need = element("div",
+		{ id: "drive-need", class: "need drive-need", hidden: true, role: "status" },
+		head.needIcon, head.why, head.advice, head.clear);
+	return element("header", { class: "drive-head", "data-drive": name },
+		element("div", { class: "drive-title" }, element("h1", {}, name),
+			element("nav", { class: "drive-links", "aria-label": `More of ${name}` },
+				links),
+			element("small", { class: "muted", title: mine.identity },
+				place.join(" · "))),
+		head.stateBox, head.mustStand, quantity("Position", head.position, mine.registers.get("position")),
+		quantity("Velocity", head.velocity, mine.registers.get("velocity")),
+		quantity("Age", head.age, null), context.mayAct() ? makeStops(mine) : null,
+		head.need);
+}
+
+function makeButton(command, id, onclick) {
+	return element("button", { id, type: "button", onclick }, asLabel(command));
+}
+
+function makeStops(mine) {
+	const { commands } = mine;
+	const now = element("button", {
+		id: "stop",
+		class: "stop",
+		type: "button",
+		"aria-keyshortcuts": "Space Escape",
+		onclick: () => stop(mine, "stop")
+	},
+		icon("stop"), asLabel("stop"), element("kbd", {}, "Space"));
+
+	return element("div", { class: "drive-stop" }, now,
+		commands.has("quick_stop") ?
+			makeButton("quick_stop", "quick-stop", () => stop(mine, "quick_stop")) :
+			null);
+}
+
+/* The bits of `status`, and of the drive's own word by the vendor's names. */
+function makeStatus(mine) {
+	const bits =
+		Object.entries(mine.registers.get("status")?.codes ?? {}).map(([bit, name]) => ({
+			name,
+			read: (values) => Math.floor((values.status ?? 0) / 2 ** bit) % 2 === 1,
+			known: "status"
+		}));
+	const own =
+		[...mine.registers.values()]
+			.filter(({ type, name }) => type === "bool" && name.startsWith("drive_"))
+			.map(({ name, description }) => ({
+				name: name.slice("drive_".length),
+				description,
+				known: name,
+				read: (values) => values[name] === true
+			}));
+	const troubles = new Set([
+		"error_stop", "warning", "latched", "origin_lost", "refused", "aborted",
+		"params_unsaved"
+	]);
+
+	mine.lamps = [];
+	const lamps = (list) => element("ul", { class: "lamps" }, list.map((bit) => {
+		const node = element("li", {
+			class: "badge lamp",
+			title: bit.description,
+			"data-bit": bit.name,
+			"data-trouble": String(troubles.has(bit.name))
+		},
+			element("span", { class: "lamp-mark", "aria-hidden": "true" }),
+			asLabel(bit.name), element("span", { class: "hidden-label" }));
+
+		mine.lamps.push({ ...bit, node, word: node.lastChild });
+		return node;
+	}));
+
+	return element("section", { id: "status", class: "panel live", "aria-label": "Status" },
+		element("div", { class: "panel-head" }, element("h2", {}, "Status")), lamps(bits),
+		own.length > 0 ?
+			[
+				element("h3", { class: "muted lamps-head" },
+					"The drive's own bits"),
+				lamps(own)
+			] :
+			null);
+}
+
+function makePorts(mine) {
+	const ports = (kind) => [...mine.registers.values()].filter(
+		(register) => register.type === "bool" &&
+			new RegExp(`^${kind}_\\d+$`).test(register.name));
+	const make = (register, word) => {
+		const number = register.name.split("_")[1];
+		const mark = element("span", { class: "lamp-mark", "aria-hidden": "true" });
+		const acts = register.writable && mine.context.mayAct();
+		const node = element(acts ? "button" : "span", {
+			class: acts ? "port small" : "badge port",
+			"data-port": register.name,
+			type: acts ? "button" : null,
+			role: acts ? "switch" : null,
+			"aria-checked": acts ? "false" : null,
+			"aria-label": acts ? asLabel(register.name) : null,
+		}, mark, number, element("span", { class: "hidden-label" }));
+
+		if (acts)
+			node.addEventListener("click",
+				() => write(mine, register.name, node.dataset.on !== "true"));
+		mine.ports.push({ node, word, bit: Number(number) - 1, acts });
+		return element("li", {}, node);
+	};
+	const rows = [];
+
+	mine.ports = [];
+	for (const [kind, word] of [["input", "inputs"], ["output", "outputs"]]) {
+		const found = ports(kind);
+
+		if (found.length > 0 && mine.registers.has(word))
+			rows.push(element("div", { class: "ports-row" },
+				element("h3", { class: "muted" },
+					kind === "input" ? "Inputs" : "Outputs"),
+				element("ul", { class: "lamps" },
+					found.map((register) => make(register, word)))));
+	}
+	return rows.length > 0 ?
+		element("section",
+			{ id: "ports", class: "panel live", "aria-label": "Inputs and outputs" },
+			element("div", { class: "panel-head" },
+				element("h2", {}, "Inputs and outputs")),
+			rows) :
+		"";
+}
+
+function makeValues(mine, names) {
+	mine.values = names.filter((name) => !NOT_LISTED.has(name) && mine.registers.has(name))
+		.map((name) => ({
+			register: mine.registers.get(name),
+			text: element("span"),
+			unit: element("span", { class: "unit" }),
+		}));
+	const list = (values) => element("dl", { class: "values" },
+		values.map(({ register, text, unit }) => element("div",
+			{ title: register.description },
+			element("dt", {}, labelOf(register)),
+			element("dd", { "data-value": register.name }, text, unit))));
+	const isOfMachine = ({ register }) => !BOOKKEEPING.test(register.name);
+
+	return element("section", { id: "values", class: "panel live", "aria-label": "Values" },
+		element("div", { class: "panel-head" }, element("h2", {}, "Values"),
+			element("span", { class: "push" }), makeIntervals(mine)),
+		list(mine.values.filter(isOfMachine)),
+		element("details", {},
+			element("summary", { class: "muted" }, "Handshake with a PLC"),
+			list(mine.values.filter((value) => !isOfMachine(value)))));
+}
+
+function makeIntervals(mine) {
+	const select = element("select",
+		{ id: "interval", class: "small", "aria-label": "How often values come" },
+		INTERVALS_MS.map(
+			(ms) => element("option", { value: ms, selected: ms === INTERVAL_FIRST_MS },
+				ms === 0 ? "every cycle" : `every ${ms} ms`)));
+
+	select.addEventListener("change", () => openSubscription(mine, Number(select.value)));
+	return select;
+}
+
+/* --- actions
+ * ----------------------------------------------------------------------------------- */
+
+async function stop(mine, command) {
+	mine.jog?.release();
+	await mine.context.stop(mine.name, command);
+}
+
+async function write(mine, name, value) {
+	try {
+		await call("Write", { drive: mine.name, values: { [name]: value } });
+		mine.control.learn().catch(() => {});
+	} catch (error) {
+		mine.context.notify(`${mine.name}: ${inWords(name)}: ${error.message}`, "error");
+	}
+}
+
+/* Space and Escape stop, wherever the focus is; the loss of the focus or the page ends a jog. */
+function watchKeys(mine) {
+	const release = () => mine.jog?.release();
+	const listen = (target, event, listener, capture) => {
+		target.addEventListener(event, listener, capture);
+		mine.parts.push(() => target.removeEventListener(event, listener, capture));
+	};
+
+	if (!mine.context.mayAct())
+		return;
+	listen(window, "keydown", (event) => {
+		if ((event.key !== " " && event.key !== "Escape") || event.ctrlKey ||
+			event.altKey || event.metaKey)
+			return;
+		event.preventDefault();
+		event.stopPropagation();
+		if (!event.repeat)
+			stop(mine, "stop");
+	}, true);
+	/* Otherwise the release of the key would still press a button. */
+	listen(window, "keyup", (event) => {
+		if (event.key === " ")
+			event.preventDefault();
+	}, true);
+	listen(window, "blur", release);
+	listen(window, "pagehide", release);
+	listen(document, "visibilitychange", release);
+}
+
+/* --- streamed data
+ * ----------------------------------------------------------------------------- */
+
+function openSubscription(mine, interval_ms) {
+	mine.stream?.close();
+	mine.stream =
+		openStream("Subscribe", { drives: [mine.name], names: mine.names, interval_ms }, {
+			onData: (answer) =>
+				answer.samples.forEach((sample) => takeSample(mine, sample)),
+			onState(state, error) {
+				if (state === "failed")
+					mine.context.report(error);
+				if (state !== "live" && state !== "connecting")
+					mine.jog?.release();
+			},
+		});
+}
+
+function takeSample(mine, sample) {
+	const { values } = sample;
+	const known = values.position !== null && values.position !== undefined;
+
+	mine.latest = { values: { ...mine.latest?.values, ...values }, heardAt: performance.now() };
+	if (known && sample.time_us > 0)
+		mine.plot.push(sample.time_us / 1e6, mine.signals.map(({ name }) =>
+			mine.scale.show(mine.registers.get(name), values[name])));
+	if (values.history1_sequence !== undefined && values.history1_sequence !== mine.sequence) {
+		mine.sequence = values.history1_sequence;
+		mine.history.refresh();
+	}
+}
+
+/* --- show and hide
+ * ----------------------------------------------------------------------------- */
+
+function frame(mine, now) {
+	mine.plot.frame(now);
+	if (now - mine.textsAt < TEXTS_EVERY_MS)
+		return;
+	mine.textsAt = now;
+	showHead(mine, now);
+	if (!mine.latest)
+		return;
+	const { values } = mine.latest;
+
+	mine.control.update(values);
+	for (const { node, word, read, known } of mine.lamps) {
+		const on = read(values);
+
+		setAttribute(node, "data-on", values[known] === null ? "unknown" : String(on));
+		setText(word, on ? ": yes" : ": no");
+	}
+	for (const { node, word, bit, acts } of mine.ports) {
+		const on = Math.floor((values[word] ?? 0) / 2 ** bit) % 2 === 1;
+
+		setAttribute(node, "data-on", String(on));
+		if (acts)
+			setAttribute(node, "aria-checked", String(on));
+		else
+			setText(node.lastChild, on ? ": on" : ": off");
+	}
+	for (const { register, text, unit } of mine.values) {
+		const value = values[register.name];
+		const shown = mine.scale.isScaled(register) && typeof value === "number" ?
+			{
+				text: formatFixed(mine.scale.show(register, value),
+					mine.scale.decimals(register)),
+				unit: mine.scale.unit(register)
+			} :
+			formatValue(register, value);
+
+		setText(text, shown.text);
+		setText(unit, shown.unit);
+	}
+}
+
+function showHead(mine, now) {
+	const { head, registers, scale, context } = mine;
+	const drive = context.plant.drives.get(mine.name);
+	const values = mine.latest?.values ?? drive?.values ?? null;
+	const judgement = judgeDrive(registers, values, context.plant.troubles?.drives[mine.name]);
+	const number = (name) => formatFixed(scale.show(registers.get(name), values?.[name]),
+		Math.max(name === "velocity" ? 1 : 0, scale.decimals(registers.get(name))));
+	const age = ageOf({ values, heardAt: mine.latest?.heardAt ?? drive?.heardAt ?? 0 }, now);
+
+	setIcon(head.icon, judgement.shape);
+	setText(head.state, judgement.state || "not known");
+	setAttribute(head.stateBox, "data-shape", judgement.shape);
+	setText(head.mustStand, judgement.mustStand);
+	setText(head.position, number("position"));
+	setText(head.velocity, number("velocity"));
+	if (age === null || age >= 1000 ||
+		Math.floor(now / 500) !== Math.floor(mine.agedAt / 500)) {
+		mine.agedAt = now;
+		setText(head.age, formatAge(age));
+	}
+	head.need.hidden = judgement.need === NEED.nothing;
+	setAttribute(head.need, "data-need", String(judgement.need));
+	setIcon(head.needIcon, ["fine", "hint", "warning", "error"][judgement.need]);
+	setText(head.why, judgement.why);
+	setText(head.advice, judgement.advice);
+	head.clear.hidden = !mine.panel || judgement.need !== NEED.act ||
+		judgement.state === "Offline" || !mine.commands.has("clear_fault");
+	mine.jog?.update({ judgement });
+}

@@ -1,0 +1,197 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The log: latest and new events. */
+import { openStream } from "./api.js";
+import { createField, element, setText } from "./dom.js";
+import { nameTime, saveFile } from "./file_transfer.js";
+import { createLongList } from "./long_list.js";
+import { cleanText, writeClock, writeDay } from "./plain.js";
+
+export const title = "Events";
+
+/* The chosen level and the more severe ones. */
+const LEVELS = ["debug", "info", "notice", "warning", "error"];
+const EVENTS_MOST = 5000;
+/* Most former events that the service sends, also after a lost connection. */
+const PAST_MOST = 256;
+
+let stream = null;
+let rows = null;
+
+/* The event's subject, as the log writes it. */
+function writeWords(event) {
+	const whom = ["bus", "drive", "client"]
+		.filter((kind) => event[kind])
+		.map((kind) => `${kind} ${event[kind]}: `);
+
+	return cleanText(whom.join("") + event.text);
+}
+
+function writeWhen(event) {
+	return `${writeDay(event.time_us)} ${writeClock(event.time_us, 3)}`;
+}
+
+/* In the form of drivebridgectl events. */
+function writeLine(event) {
+	return `${writeWhen(event)}  ${event.level.padEnd(7)}  ${writeWords(event)}\n`;
+}
+
+function createSelect(id, label, choices, onChange) {
+	const select = element(
+		"select",
+		{ id },
+		choices.map(([value, words]) => element("option", { value }, words))
+	);
+
+	select.addEventListener("change", onChange);
+	return { select, field: createField(label, select) };
+}
+
+export function show(root, context, driveName) {
+	const counts = element("p", { id: "events-counts", class: "muted" });
+	const search = element("input", {
+		id: "events-search",
+		type: "search",
+		autocomplete: "off"
+	});
+	const pause = element(
+		"button",
+		{ id: "events-pause", type: "button", "aria-pressed": "false" },
+		"Pause"
+	);
+	const save = element("button", { id: "events-save", type: "button" }, "Download as text");
+	const level = createSelect(
+		"events-level",
+		"Level",
+		LEVELS.map((name) => [name, name === "error" ? name : `${name} and worse`]),
+		applyFilter
+	);
+	const bus = createSelect("events-bus", "Bus", [], applyFilter);
+	const drive = createSelect(
+		"events-drive",
+		"Drive",
+		driveName ? [[driveName, driveName]] : [],
+		applyFilter
+	);
+	let leftOut = 0;
+	let fresh = true;
+
+	rows = createLongList({
+		label: "Events",
+		most: EVENTS_MOST,
+		kind: (event) => event.level,
+		columns: [
+			{ title: "When", text: writeWhen },
+			{ title: "Level", text: (event) => event.level },
+			{ title: "Event", text: (event) => event.name },
+			{ title: "What", text: writeWords }
+		],
+		onDraw({ all, shown, waiting }) {
+			setText(
+				counts,
+				`${shown.length} of ${all.length} events` +
+					(waiting.length > 0
+						? `, ${waiting.length} more since the pause`
+						: "") +
+					(leftOut > 0 ? `, ${leftOut} were left out` : "")
+			);
+		}
+	});
+
+	function applyFilter() {
+		const worst = LEVELS.indexOf(level.select.value);
+		const wanted = search.value.trim().toLowerCase();
+
+		rows.filter(
+			(event) =>
+				LEVELS.indexOf(event.level) >= worst &&
+				(!bus.select.value || event.bus === bus.select.value) &&
+				(!drive.select.value || event.drive === drive.select.value) &&
+				`${event.name} ${writeWords(event)}`.toLowerCase().includes(wanted)
+		);
+	}
+
+	/* A bus's events include those of its drives. */
+	function fillSelects() {
+		for (const [{ select }, names] of [
+			[bus, context.plant.buses],
+			[drive, context.plant.drives]
+		]) {
+			/* A chosen filter stays, even if it has left the configuration. */
+			const known = new Set([
+				...names.keys(),
+				...(select.value ? [select.value] : [])
+			]);
+			const value = select.value;
+
+			select.replaceChildren(
+				element("option", { value: "" }, "all"),
+				...[...known].map((name) =>
+					element("option", { value: name }, name)
+				)
+			);
+			select.value = value;
+		}
+		applyFilter();
+	}
+
+	/* After a lost connection the service sends former events again. */
+	function take({ events, skipped }) {
+		const key = (event) => `${event.time_us} ${event.text}`;
+		const known = new Set(
+			fresh
+				? [...rows.list.all, ...rows.list.waiting]
+						.slice(-2 * PAST_MOST)
+						.map(key)
+				: []
+		);
+
+		fresh = false;
+		leftOut += skipped ?? 0;
+		rows.add(events.filter((event) => !known.has(key(event))));
+	}
+
+	search.addEventListener("input", applyFilter);
+	pause.addEventListener("click", () => {
+		const on = !rows.list.paused;
+
+		rows.pause(on);
+		pause.setAttribute("aria-pressed", on);
+	});
+	save.addEventListener("click", () =>
+		saveFile(`events-${nameTime()}.txt`, rows.list.shown.map(writeLine))
+	);
+	root.append(
+		element("div", { class: "view-head" }, element("h1", {}, "Events"), counts),
+		element(
+			"div",
+			{ class: "panel toolbar filters" },
+			level.field,
+			bus.field,
+			drive.field,
+			createField("Text", search),
+			pause,
+			save
+		),
+		rows.node
+	);
+	fillSelects();
+	context.on("describe", fillSelects);
+	stream = openStream(
+		"Events",
+		{},
+		{
+			onData: take,
+			onState(state, error) {
+				fresh ||= state === "connecting";
+				if (state === "failed")
+					context.report(error);
+			}
+		}
+	);
+}
+
+export function hide() {
+	stream?.close();
+	rows?.close();
+	stream = rows = null;
+}

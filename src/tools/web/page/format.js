@@ -1,0 +1,296 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Values in words and words into values, by the service's description of a register: type, unit,
+ * range, codes.
+ *
+ * Pure.
+ */
+
+export const NONE = "–";
+/* The value of age_ms for a drive that was never read. */
+const NEVER = 0xffffffff;
+const MINUS = "−";
+
+/* A Map of registers by name, for the other functions. */
+export function indexByName(list) { return new Map(list.map((entry) => [entry.name, entry])); }
+
+/* "move_absolute" for people: "move absolute". */
+export function inWords(name) { return String(name ?? "").replaceAll("_", " "); }
+
+/* As a label: "Move absolute". */
+export function asLabel(name) {
+	const words = inWords(name);
+
+	return words.charAt(0).toUpperCase() + words.slice(1);
+}
+
+/* The name of a register next to its unit: "Watchdog" for watchdog_ms, which is shown in ms. */
+export function labelOf(register) {
+	return asLabel(register.unit ? register.name.replace(new RegExp(`_${register.unit}$`), "") :
+		register.name);
+}
+
+export function hasBits(register) { return register?.type?.startsWith("bits") ?? false; }
+
+/* The name of a code, or "" when it has none. */
+export function codeName(register, value) {
+	return (Number.isInteger(value) && !hasBits(register) && register?.codes?.[value]) || "";
+}
+
+/* The names of the set bits; "bit 3" for one without a name. */
+export function bitNames(register, value) {
+	const names = [];
+	let rest = BigInt(Math.trunc(value ?? 0));
+
+	for (let bit = 0; rest > 0n && bit < 64; bit++, rest >>= 1n) {
+		if (rest & 1n)
+			names.push(register?.codes?.[bit] ?? `bit ${bit}`);
+	}
+	return names;
+}
+
+export function hasBit(register, value, name) { return bitNames(register, value).includes(name); }
+
+function isReal(register) { return register?.type === "f32"; }
+
+/* As few digits as distinguish it from its neighbours: registers hold single precision. */
+export function formatReal(value) {
+	for (let digits = 6; digits <= 9; digits++) {
+		const text = value.toPrecision(digits);
+
+		if (Math.fround(Number(text)) === Math.fround(value))
+			return withMinus(String(Number(text)));
+	}
+	return withMinus(String(value));
+}
+
+function withMinus(text) { return text.startsWith("-") ? MINUS + text.slice(1) : text; }
+
+/* Always with this number of decimals, so that a changing value does not move its neighbours. */
+export function formatFixed(value, decimals) {
+	if (typeof value !== "number" || !Number.isFinite(value))
+		return NONE;
+	const text = value.toFixed(decimals);
+
+	/* A value that rounds to 0 has no sign. */
+	return withMinus(Number(text) === 0 ? text.replace("-", "") : text);
+}
+
+/* The unit of a register by its name, in a Map of them; "" while it is unknown. */
+export function lookUpUnit(registers, name) { return registers?.get(name)?.unit ?? ""; }
+
+/* A value as { text, unit }; unit is "" if a name replaces the value. */
+export function formatValue(register, value) {
+	if (value === null || value === undefined)
+		return { text: NONE, unit: "" };
+	if (typeof value === "boolean")
+		return { text: value ? "on" : "off", unit: "" };
+	if (typeof value === "string")
+		return { text: value, unit: "" };
+	if (hasBits(register))
+		return {
+			text: bitNames(register, value).map(inWords).join(", ") || "none",
+			unit: ""
+		};
+	const name = codeName(register, value);
+
+	if (name)
+		return { text: inWords(name), unit: "" };
+	if (register?.name === "age_ms")
+		return { text: formatAge(value), unit: "" };
+	return {
+		text: isReal(register) ? formatReal(value) : withMinus(String(value)),
+		unit: register?.unit ?? ""
+	};
+}
+
+/* The same as one text: "3200 counts". */
+export function formatWithUnit(register, value) {
+	const { text, unit } = formatValue(register, value);
+
+	return unit ? `${text} ${unit}` : text;
+}
+
+/* In milliseconds; "never" for a drive that was never read. */
+export function formatAge(ms) {
+	if (typeof ms !== "number" || ms >= NEVER)
+		return "never";
+	if (ms < 1000)
+		return `${Math.round(ms)} ms`;
+	if (ms < 10000)
+		return `${(ms / 1000).toFixed(1)} s`;
+	return formatSpan(ms / 1000);
+}
+
+/* "95 s", "12 min", "3 h", "4 d" */
+export function formatSpan(seconds) {
+	if (seconds < 120)
+		return `${Math.floor(seconds)} s`;
+	if (seconds < 7200)
+		return `${Math.floor(seconds / 60)} min`;
+	if (seconds < 172800)
+		return `${Math.floor(seconds / 3600)} h`;
+	return `${Math.floor(seconds / 86400)} d`;
+}
+
+function pad(value, digits = 2) { return String(value).padStart(digits, "0"); }
+
+/* Microseconds since 1970 as local time: "16:20:02.113", with the day when it is not that of
+ * `now`. */
+export function formatTime(time_us, now = new Date()) {
+	if (!time_us)
+		return NONE;
+	const date = new Date(time_us / 1000);
+	const time =
+		`${pad(date.getHours())}:${pad(date.getMinutes())}:${pad(date.getSeconds())}.` +
+		pad(date.getMilliseconds(), 3);
+
+	if (date.toDateString() === now.toDateString())
+		return time;
+	return `${date.getFullYear()}-${pad(date.getMonth() + 1)}-${pad(date.getDate())} ${time}`;
+}
+
+/* Microseconds: "4.2 ms" */
+export function formatDuration(us) {
+	if (typeof us !== "number")
+		return NONE;
+	if (us < 1000)
+		return `${us} us`;
+	if (us < 1000000)
+		return `${(us / 1000).toFixed(1)} ms`;
+	return `${(us / 1000000).toFixed(2)} s`;
+}
+
+/* bit/s: "115200 bit/s", "500 kbit/s", "1 Mbit/s" */
+export function formatSpeed(speed) {
+	if (speed >= 1000000 && speed % 100000 === 0)
+		return `${speed / 1000000} Mbit/s`;
+	return speed >= 10000 && speed % 1000 === 0 ? `${speed / 1000} kbit/s` : `${speed} bit/s`;
+}
+
+/* "192.168.10.5" for a number with the first byte highest. */
+export function formatAddress(number) {
+	return [24, 16, 8, 0].map((shift) => (number >>> shift) & 255).join(".");
+}
+
+/*
+ * Conversion between a drive's counts and user units. Registers in counts, counts/s and so on are
+ * shown and typed in the drive's unit_name if it and counts per unit are known; all others stay as
+ * they are.
+ */
+export function createScale(unitName, countsPerUnit) {
+	const usable = unitName && Number.isFinite(countsPerUnit) && countsPerUnit !== 0;
+	const per = (register) =>
+		(usable && /^counts(\/|$)/.test(register?.unit ?? "") ? countsPerUnit : 1);
+	const digits = usable ? Math.ceil(Math.log10(Math.abs(countsPerUnit))) : 0;
+	const fine = Math.min(6, Math.max(0, digits));
+
+	return {
+		unit: (register) => (per(register) === 1 ? register?.unit ?? "" :
+			unitName + register.unit.slice("counts".length)),
+		/* In user units. */
+		show: (register, value) =>
+			(typeof value === "number" ? value / per(register) : value),
+		/* In the register's own unit; whole if it takes only integers. */
+		take(register, value) {
+			if (per(register) === 1)
+				return value;
+			return isReal(register) ? value * countsPerUnit : Math.round(value * countsPerUnit);
+		},
+		/* Enough decimals to distinguish two counts. */
+		decimals(register) {
+			if (per(register) === 1)
+				return isReal(register) ? 2 : 0;
+			return register.unit === "counts" ? fine : Math.min(fine, 2);
+		},
+		isScaled: (register) => per(register) !== 1,
+		/* The register for typing: with its range in user units it is no integer. */
+		typed(register) {
+			if (per(register) === 1)
+				return { ...register, unit: register?.unit ?? "" };
+			const [one, other] = [register.min, register.max].map((limit) =>
+				(typeof limit === "number" ? limit / countsPerUnit : undefined));
+
+			return {
+				...register,
+				type: "f32",
+				unit: this.unit(register),
+				min: countsPerUnit > 0 ? one : other,
+				max: countsPerUnit > 0 ? other : one
+			};
+		},
+	};
+}
+
+/* The range of a register: "−12800 to 12800 counts/s", "at most 5", "" without limits. */
+export function formatRange(register) {
+	const { min, max } = register ?? {};
+	const unit = register?.unit ?? "";
+	const [low, high] = [min, max].map((limit) => (typeof limit === "number" ?
+		withMinus(String(Number(limit.toPrecision(10)))) : ""));
+	let range = low ? `at least ${low}` : `at most ${high}`;
+
+	if (!low && !high)
+		return "";
+	if (low && high)
+		range = `${low} to ${high}`;
+	return unit ? `${range} ${unit}` : range;
+}
+
+/*
+ * Typed text as a value of this register: { value }, or { problem } in words. Accepts names of
+ * codes and of bits (with commas between) as well as numbers.
+ */
+export function parseValue(register, typed) {
+	const text = typed.trim().replace(MINUS, "-");
+	const codes = Object.entries(register?.codes ?? {});
+	const find = (name) => codes.find(([, called]) => inWords(called).toLowerCase() ===
+			inWords(name).trim().toLowerCase());
+
+	if (register?.type === "text")
+		return { value: typed };
+	if (text === "")
+		return { problem: "a value is missing" };
+	if (register?.type === "bool") {
+		const on = ["on", "true", "1", "yes"].includes(text.toLowerCase());
+
+		return on || ["off", "false", "0", "no"].includes(text.toLowerCase()) ?
+			{ value: on } :
+			{ problem: `“${text}” is neither on nor off` };
+	}
+	if (hasBits(register) && !/^\d|^0x/.test(text)) {
+		let bits = 0n;
+
+		for (const name of text === "none" ? [] : text.split(",")) {
+			const found = find(name);
+
+			if (!found)
+				return { problem: `no bit is called “${name.trim()}”` };
+			bits |= 1n << BigInt(found[0]);
+		}
+		return { value: Number(bits) };
+	}
+	const found = find(text);
+
+	if (found)
+		return { value: Number(found[0]) };
+	return parseNumber(register, text, codes.length > 0);
+}
+
+function parseNumber(register, text, named) {
+	const whole = !isReal(register);
+	const form = whole ? /^(-?\d+|0x[0-9a-f]+)$/i : /^-?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
+	const value = form.test(text) ? Number(text) : NaN;
+	const range = formatRange(register) || "any";
+
+	if (!Number.isFinite(value)) {
+		const kind = whole ? "whole number" : "number";
+		const names = named ? ", or a name of its codes" : "";
+
+		return { problem: `“${text}” is no ${kind}; right is ${range}${names}` };
+	}
+	if ((typeof register?.min === "number" && value < register.min) ||
+	    (typeof register?.max === "number" && value > register.max))
+		return { problem: `${withMinus(text)} is out of range, ${range}` };
+	return { value };
+}

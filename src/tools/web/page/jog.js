@@ -1,0 +1,286 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Moves a drive while a button or key is held. The page sends a beat every 100 ms; when these stop,
+ * for whatever reason, the server stops the drive. So the stop of the drive does not depend on this
+ * code.
+ */
+import { sendBeat, call } from "./api.js";
+import { element, icon, setAttribute, setText } from "./dom.js";
+import { formatFixed, formatReal, inWords, parseValue } from "./format.js";
+
+const BEAT_EVERY_MS = 100;
+/* Further unanswered beats would only take connections from the stop. */
+const BEATS_AT_ONCE = 2;
+const RELEASE_TRIES = 3;
+/* Percentages of the maximum, offered as speeds. */
+const SHARES = [1, 5, 10, 25, 50, 100];
+const SHARE_FIRST = 10;
+const STEPS = [0.01, 0.1, 1, 10, 100];
+/* In counts, where no finer unit is known. */
+const COUNT_STEPS = [1, 10, 100, 1000, 10000];
+
+/*
+ * Presses and their beats. `send(grip, beat, velocity)` is a promise of { held, why, text };
+ * `onChange(state)` gets { velocity, held, why, text }: velocity 0 when nothing is pressed, held
+ * from the server, why and text for the end of the last grip unless it was released. `timers` are
+ * setInterval and clearInterval. Pure but for those.
+ */
+export function createGrips({ send, onChange, timers = globalThis }) {
+	let grip = 0;
+	let current = null;
+
+	function tell(change) {
+		onChange({ velocity: current?.velocity ?? 0, held: current?.held ?? false, why: "", text: "", ...change });
+	}
+
+	function finish(mine, why, text) {
+		timers.clearInterval(mine.timer);
+		mine.over = true;
+		if (current === mine)
+			current = null;
+		tell({ why, text });
+	}
+
+	async function beat(mine) {
+		if (mine.over || mine.underWay >= BEATS_AT_ONCE)
+			return;
+		mine.underWay++;
+		try {
+			const answer = await send(mine.grip, ++mine.beat, mine.velocity);
+
+			if (mine.over)
+				return;
+			mine.held = answer.held;
+			if (answer.held)
+				tell({});
+			else
+				finish(mine, answer.why, answer.text);
+		} catch (error) {
+			if (!mine.over && error.name !== "Unreachable" && error.name !== "Timeout")
+				finish(mine, error.name, error.message);
+		} finally {
+			mine.underWay--;
+		}
+	}
+
+	async function letGo(mine) {
+		for (let tries = 0; tries < RELEASE_TRIES; tries++) {
+			try {
+				await send(mine.grip, ++mine.beat, 0);
+				return;
+			} catch (error) {
+				/* Without beats the server stops the drive by itself. */
+				if (error.name !== "Unreachable" && error.name !== "Timeout")
+					tell({ why: error.name, text: error.message });
+			}
+		}
+	}
+
+	return {
+		press(velocity) {
+			if (current)
+				this.release();
+			current = { grip: ++grip, beat: 0, velocity, held: false, over: false, underWay: 0, timer: 0 };
+			const mine = current;
+
+			mine.timer = timers.setInterval(() => beat(mine), BEAT_EVERY_MS);
+			beat(mine);
+			tell({});
+		},
+		release() {
+			const mine = current;
+
+			if (!mine)
+				return;
+			finish(mine, "", "");
+			letGo(mine);
+		},
+		isPressed: () => current !== null,
+	};
+}
+
+/* A field with its unit, and buttons that fill in usual values. */
+function createQuantity({ id, label, unit, value, presets, presetsLabel }) {
+	const input = element("input", { id, type: "text", inputmode: "decimal", autocomplete: "off",
+		value });
+	const buttons = presets.map(([text, number]) => element("button", { class: "small", type: "button",
+		onclick: () => { input.value = formatReal(number); } }, text));
+
+	return {
+		input,
+		field: element("label", { class: "field", for: id }, label,
+			element("span", { class: "with-unit" }, input,
+				element("span", { class: "unit" }, unit))),
+		presets: element("div", { class: "presets", role: "group", "aria-label": presetsLabel,
+			hidden: presets.length === 0 }, buttons),
+	};
+}
+
+/*
+ * The panel. `registers` and `commands` are the drive's, by name; onMoved() is called when a press
+ * moves it. Returns { node, release(), isPressed(), update(drive) }; the caller calls release when
+ * focus, visibility or the link is lost, and update with the drive's state.
+ */
+export function createJog({ context, drive, registers, commands, scale, onMoved }) {
+	const velocity = registers.get("target_velocity");
+	const distance = registers.get("target_position");
+	const velocityUnit = scale.unit(velocity);
+	const distanceUnit = scale.unit(distance);
+	const { min = 0, max = 0 } = scale.typed(velocity);
+	const most = Math.max(Math.abs(max), Math.abs(min));
+	const lengths = scale.isScaled(distance) ? STEPS : COUNT_STEPS;
+	const speed = createQuantity({ id: "jog-speed", label: "Speed", unit: velocityUnit,
+		value: most ? formatReal(most * SHARE_FIRST / 100) : "",
+		presets: most ? SHARES.map((share) => [`${share} %`, most * share / 100]) : [],
+		presetsLabel: "Part of the highest velocity" });
+	const length = createQuantity({ id: "jog-step", label: "Step", unit: distanceUnit,
+		value: formatReal(lengths[2]), presets: lengths.map((value) => [String(value), value]),
+		presetsLabel: "Lengths of a step" });
+	const limit = most ? `At most ${formatReal(most)} ${velocityUnit}` :
+		"No limit is configured for its velocity";
+	const said = element("p", { id: "jog-state", class: "jog-state", role: "status" });
+	const problem = element("p", { class: "problem", role: "alert" });
+	const holds = [makeHold(-1), makeHold(1)];
+	const steps = [makeStep(-1), makeStep(1)];
+	const node = element("section", { id: "jog", class: "panel jog", "aria-label": "Jog" },
+		element("div", { class: "panel-head" }, element("h2", {}, "Jog")),
+		speed.field, speed.presets, element("small", { class: "muted" }, limit),
+		element("div", { class: "hold-pair" }, holds), said,
+		element("small", { class: "muted" }, "Hold a button, or with the focus on one an arrow key. ",
+			"Letting go stops the drive; so do Space and Escape, from anywhere."),
+		commands.has("move_relative") ? element("div", { class: "step-row" }, length.field, steps,
+			length.presets) : null,
+		problem);
+	const grips = createGrips({
+		send: (grip, beat, wanted) => sendBeat(drive, grip, beat, wanted),
+		onChange: showGrip,
+	});
+	let ready = null;
+
+	function makeHold(direction) {
+		const drawing = icon(direction < 0 ? "backward" : "forward");
+		const button = element("button", { class: "hold", type: "button",
+			"aria-label": `Hold to move in ${direction < 0 ? "negative" : "positive"} direction`,
+			"data-direction": direction, "aria-keyshortcuts": "ArrowLeft ArrowRight" },
+		direction < 0 ? [drawing, "−"] : ["+", drawing]);
+
+		button.addEventListener("pointerdown", (event) => {
+			if (event.button !== 0 || !event.isPrimary)
+				return;
+			/* A finger that leaves the button has released it. */
+			if (button.hasPointerCapture(event.pointerId))
+				button.releasePointerCapture(event.pointerId);
+			event.preventDefault();
+			button.focus();
+			press(direction);
+		});
+		for (const end of ["pointerup", "pointercancel", "pointerleave", "blur"])
+			button.addEventListener(end, () => grips.release());
+		button.addEventListener("contextmenu", (event) => event.preventDefault());
+		return button;
+	}
+
+	function makeStep(direction) {
+		return element("button", { id: `jog-step-${direction < 0 ? "backward" : "forward"}`,
+			type: "button", onclick: () => step(direction) }, direction < 0 ? "− Step" : "+ Step");
+	}
+
+	/* In the register's unit; NaN after showing the problem. */
+	function read({ input, field }, register) {
+		const { value, problem: wrong } = parseValue(scale.typed(register), input.value);
+
+		setAttribute(input, "aria-invalid", String(Boolean(wrong)));
+		setText(problem, wrong ? `${field.firstChild.textContent}: ${wrong}` : "");
+		return wrong ? NaN : scale.take(register, value);
+	}
+
+	function press(direction) {
+		const wanted = Math.abs(read(speed, velocity));
+
+		if (Number.isNaN(wanted) || !ready)
+			return;
+		if (wanted === 0)
+			setText(problem, "Speed: 0 moves nothing");
+		else
+			grips.press(direction * wanted);
+	}
+
+	async function step(direction) {
+		const wanted = direction * read(length, distance);
+		const at = Number.isNaN(wanted) ? NaN : Math.abs(read(speed, velocity));
+
+		if (Number.isNaN(at))
+			return;
+		try {
+			await call("Run", { drive, command: "move_relative",
+				arguments: { target_position: wanted, target_velocity: at } });
+			setText(said, `Step of ${formatReal(scale.show(distance, wanted))} ${distanceUnit} begun`);
+			onMoved();
+		} catch (error) {
+			setText(problem, error.message);
+		}
+	}
+
+	function showGrip({ velocity: moving, held, why, text }) {
+		const began = held && node.dataset.held !== "yes";
+		const decimals = Math.max(1, scale.decimals(velocity));
+
+		for (const button of holds) {
+			const pressed = Number(button.dataset.direction) === Math.sign(moving);
+
+			button.classList.toggle("pressed", pressed);
+			button.classList.toggle("held", pressed && held);
+		}
+		node.dataset.held = moving === 0 ? "no" : held ? "yes" : "asked";
+		if (moving !== 0)
+			setText(said, `${held ? "Moving" : "Asking for"} ` +
+				`${formatFixed(scale.show(velocity, moving), decimals)} ${velocityUnit}`);
+		else if (why)
+			setText(said, `Ended: ${text || inWords(why)}. Let go, then press again.`);
+		else
+			setText(said, "Let go: stopped");
+		if (began)
+			onMoved();
+	}
+
+	function sayWhyNot({ state, why }) {
+		if (context.link() !== "live")
+			return "The link is gone";
+		return state === "Disabled" ? "Enable the drive first" : `Not now: ${why || state}`;
+	}
+
+	node.addEventListener("keydown", (event) => {
+		const own = event.key === "Enter" ? Number(event.target.dataset.direction) : 0;
+		const direction = { ArrowLeft: -1, ArrowRight: 1 }[event.key] ?? own;
+
+		if (!direction || !holds.includes(event.target) || event.ctrlKey || event.altKey ||
+		    event.metaKey)
+			return;
+		event.preventDefault();
+		if (!event.repeat && !grips.isPressed())
+			press(direction);
+	});
+	node.addEventListener("keyup", (event) => {
+		if (["ArrowLeft", "ArrowRight", "Enter"].includes(event.key))
+			grips.release();
+	});
+
+	return {
+		node,
+		release: () => grips.release(),
+		isPressed: () => grips.isPressed(),
+		update({ judgement }) {
+			const next = context.link() === "live" && !["", "Offline", "ErrorStop", "Disabled"]
+				.includes(judgement.state) && judgement.shape !== "error";
+
+			if (next === ready)
+				return;
+			ready = next;
+			for (const button of [...holds, ...steps])
+				button.disabled = !ready;
+			setText(said, ready ? "" : sayWhyNot(judgement));
+			if (!ready)
+				grips.release();
+		},
+	};
+}

@@ -1,0 +1,283 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Compares a drive's parameters with another drive, a file, or the vendor's delivery state. */
+import { ask, call } from "./api.js";
+import { createField, element, icon, setText } from "./dom.js";
+import { hasBit } from "./format.js";
+import { DEFAULTS, compare, hasTrait, isKept, takeDefaults, valueOf } from "./parameter_set.js";
+
+const ERRORS_MOST = 20;
+const FILE_MAX = 40000; /* bytes */
+
+export function listNames(registers) {
+	return registers.map((register) => register.name).join(", ");
+}
+
+function findFamily(context, name) {
+	const drive = context.plant.drives.get(name);
+
+	return context.plant.buses.get(drive?.bus)?.description.protocol ?? "";
+}
+
+/* The set of a drive; rejects with a text when it is unknown. */
+export async function readSet(context, name) {
+	const known = await context.registers(name);
+	const registers = [...known.values()].filter((register) => register.parameter);
+	const { values, missing } = await call("Read", {
+		drive: name,
+		names: ["status", "identity", ...registers.map((register) => register.name)]
+	});
+
+	if (!hasBit(known.get("status"), values.status, "params_valid"))
+		throw new Error(
+			`the parameters of ${name} are not known now; the overview says what it ` +
+				"needs"
+		);
+	return {
+		name,
+		family: findFamily(context, name),
+		identity: values.identity ?? "",
+		registers,
+		values,
+		missing
+	};
+}
+
+function createWords(words, properties = {}) {
+	return element("p", properties, words);
+}
+
+/* In words, for one drive's set and another one. */
+function describeDifference(held, beside) {
+	const differ = compare(held, beside);
+	const unknown = held.registers.filter(
+		(register) => isKept(register) && valueOf(beside, register.name) === null
+	);
+	const count = differ.length === 1 ? "1 parameter" : `${differ.length} parameters`;
+	const lines = [
+		createWords(
+			differ.length === 0
+				? `${held.name} has what ${beside.name} has.`
+				: `${count} of ${held.name} ` +
+					`differ${differ.length === 1 ? "s" : ""} from ` +
+					`${beside.name}.`
+		)
+	];
+
+	if (beside.name === DEFAULTS)
+		lines.push(
+			createWords(`Of ${unknown.length} others no default is documented.`, {
+				class: "muted"
+			})
+		);
+	else if (beside.identity !== held.identity)
+		lines.push(
+			element(
+				"p",
+				{ class: "need", "data-need": "2" },
+				icon("warning"),
+				"Another model or firmware: " +
+					`${beside.name} is of “${beside.identity}”, and ` +
+					`${held.name} is “${held.identity}”.`
+			)
+		);
+	if (beside.isFile && unknown.length > 0)
+		lines.push(
+			createWords(
+				`The file says nothing of ${listNames(unknown)}: they stay as ` +
+					"they are.",
+				{ class: "muted" }
+			)
+		);
+	return lines;
+}
+
+/*
+ * For one drive. onChange() is called when another set is chosen for comparison,
+ * takeOver(registers, beside) when the user wants its values. Returns { fields, node, set(),
+ * update(held), close() }: set() is the compared set, or null; update() gets the drive's values.
+ */
+export function createBeside({ context, drive, onChange, takeOver }) {
+	const select = element("select", { id: "parameters-beside" });
+	const file = element("input", {
+		id: "parameters-file",
+		type: "file",
+		accept: ".params,text/plain",
+		hidden: true
+	});
+	const open = element(
+		"button",
+		{ id: "parameters-open", type: "button" },
+		"Compare or restore a file…"
+	);
+	const problem = element("div", {
+		id: "parameters-file-problem",
+		class: "problem",
+		role: "alert"
+	});
+	const difference = element("div", {
+		id: "parameters-difference",
+		class: "panel",
+		hidden: true
+	});
+	let held = null;
+	let beside = null;
+	let filed = null; /* the set of an opened file */
+	let listed = "";
+	let closed = false;
+
+	function fill() {
+		const others = [...context.plant.drives.keys()].filter(
+			(name) => name !== drive && findFamily(context, name) === held.family
+		);
+		const choices = [
+			["", "nothing"],
+			[DEFAULTS, "as delivered"],
+			...others.map((name) => [`drive ${name}`, name]),
+			...(filed ? [["file", filed.name]] : [])
+		];
+
+		/* An opened list of choices stays unchanged. */
+		if (JSON.stringify(choices) !== listed)
+			select.replaceChildren(
+				...choices.map(([value, words]) =>
+					element("option", { value }, words)
+				)
+			);
+		listed = JSON.stringify(choices);
+		if (beside === null)
+			select.value = "";
+		else if (beside === filed)
+			select.value = "file";
+		else
+			select.value = beside.name === DEFAULTS ? DEFAULTS : `drive ${beside.name}`;
+	}
+
+	async function readChosen(value) {
+		if (value === "file")
+			return filed;
+		if (value === DEFAULTS)
+			return takeDefaults(held);
+		return value === "" ? null : readSet(context, value.slice("drive ".length));
+	}
+
+	async function choose() {
+		setText(problem, "");
+		try {
+			beside = await readChosen(select.value);
+		} catch (error) {
+			beside = null;
+			setText(problem, error.message);
+		}
+		if (!closed)
+			onChange();
+	}
+
+	/* The server reads it as drivebridgectl does. */
+	async function readFile(chosen) {
+		if (chosen.size > FILE_MAX)
+			throw new Error(`${chosen.name}: it is too long for a file of parameters`);
+		const text = await chosen.text();
+
+		if (text.includes("\0"))
+			throw new Error(`${chosen.name}: this is no text, and no file of parameters`);
+		return ask("POST", "parameters/read", {
+			drive,
+			name: chosen.name.slice(0, 100),
+			text
+		});
+	}
+
+	async function openFile() {
+		const [chosen] = file.files;
+		let mistakes = [];
+
+		if (!chosen)
+			return;
+		try {
+			const set = await readFile(chosen);
+
+			if (closed || held === null)
+				return;
+			filed = beside = { ...held, missing: [], ...set, isFile: true };
+		} catch (error) {
+			mistakes = error.message.trim().split("\n").slice(0, ERRORS_MOST);
+		}
+		file.value = "";
+		problem.replaceChildren(...mistakes.map((words) => createWords(words)));
+		if (mistakes.length > 0)
+			return;
+		onChange();
+		difference.querySelector("button")?.focus();
+	}
+
+	/* null: there is nothing to take. */
+	function createTake(id, words, registers) {
+		const button = element("button", { id: `parameters-${id}`, type: "button" }, words);
+
+		button.addEventListener("click", () => takeOver(registers, beside));
+		return registers.length > 0 ? button : null;
+	}
+
+	function show() {
+		difference.hidden = beside === null;
+		if (beside === null)
+			return;
+		const takable = compare(held, beside).filter(
+			(register) =>
+				register.writable &&
+				valueOf(beside, register.name) !== null &&
+				!hasTrait(register, "state")
+		);
+		const values = takable.filter((register) => !hasTrait(register, "address"));
+		const addresses = takable.filter((register) => hasTrait(register, "address"));
+		const next = element("div", {}, describeDifference(held, beside));
+
+		if (context.mayAct() && addresses.length > 0)
+			next.append(
+				createWords(
+					`${listNames(addresses)} stays as it is unless it is ` +
+						"taken, too: it says where the drive " +
+						"is heard.",
+					{ class: "muted" }
+				)
+			);
+		if (context.mayAct())
+			next.append(
+				element(
+					"div",
+					{ class: "toolbar" },
+					createTake(
+						"take",
+						`Take ${values.length} from ${beside.name}`,
+						values
+					),
+					createTake(
+						"take-address",
+						"Take " +
+							`${listNames(addresses)}${values.length > 0 ? ", too" : ""}`,
+						addresses
+					)
+				)
+			);
+		/* Only when it has changed: the user may be about to press its button. */
+		if (difference.firstChild?.textContent !== next.textContent)
+			difference.replaceChildren(next);
+	}
+
+	select.addEventListener("change", choose);
+	file.addEventListener("change", openFile);
+	open.addEventListener("click", () => file.click());
+	return {
+		fields: [createField("Beside", select), open, file],
+		node: element("div", { class: "view-part" }, problem, difference),
+		set: () => beside,
+		update(next) {
+			held = next;
+			fill();
+			show();
+		},
+		close() {
+			closed = true;
+		}
+	};
+}

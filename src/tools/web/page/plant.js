@@ -1,0 +1,208 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The page's state of all buses and drives, from the overview's stream: each drive's latest values,
+ * when they arrived, and how urgently it needs somebody.
+ *
+ * Pure; times are milliseconds of one clock.
+ */
+import { bitNames, codeName, formatTime, inWords } from "./format.js";
+
+/* In this order. */
+export const NEED = {
+	nothing: 0,
+	hint: 1,
+	look: 2,
+	act: 3
+};
+
+/* A drive that must stand is shown as such after this time. */
+const MUST_STAND_SHOWN_MS = 500;
+/* The overview repeats an unchanged drive at this interval. */
+const TOLD_EVERY_MS = 1000;
+
+/*
+ * The state of a drive. From values of one moment and the registers of its family: state (of
+ * axis_state), shape (of the drawing), mustStand (the reason, and for how long; "" if it may move).
+ * Only from the service's trouble record (null: nothing is wrong): need, why, advice.
+ */
+export function judgeDrive(registers, values, record) {
+	const state = codeName(registers?.get("axis_state"), values?.axis_state);
+	const status = bitNames(registers?.get("status"), values?.status);
+
+	return {
+		...readRecord(record),
+		state,
+		shape: status.includes("latched") ? "error" : shapeOf(state, values),
+		mustStand: status.includes("must_stand") ? sayMustStand(registers, values) : ""
+	};
+}
+
+/* The content of a record: need, why (in few words), advice (what to do, and the latest event about
+ * it). */
+export function readRecord(record) {
+	const { cause = "none", detail = "", advice = "", event = null } = record ?? {};
+	const need = record ? NEED[record.need] ?? NEED.act : NEED.nothing;
+
+	return {
+		need,
+		why: need === NEED.nothing ? "" :
+			inWords(cause === "fault" && detail ? detail : cause) +
+				(cause !== "fault" && detail ? ` (${detail})` : ""),
+		advice: [
+			advice,
+			need >= NEED.look && event ? `${formatTime(event.time_us)} ${event.text}` : ""
+		].filter(Boolean).join(" · ")
+	};
+}
+
+/* "must stand: watchdog, for 3.2 s" */
+function sayMustStand(registers, values) {
+	const cause = codeName(registers.get("must_stand_cause"), values.must_stand_cause);
+	const ms = values.must_stand_ms;
+
+	/* An ordinary stop takes less, and a text that appears and disappears moves buttons away
+	 * from the pointer. */
+	if (typeof ms === "number" && ms < MUST_STAND_SHOWN_MS)
+		return "";
+	return `must stand${cause ? `: ${inWords(cause)}` : ""}` +
+		(typeof ms === "number" ? `, for ${(ms / 1000).toFixed(1)} s` : "");
+}
+
+/* Drawings differ in their form, not only in colour. */
+function shapeOf(state, values) {
+	switch (state) {
+	case "Disabled":
+		return "disabled";
+	case "Standstill":
+		return "standstill";
+	case "DiscreteMotion":
+		return "motion";
+	case "ContinuousMotion":
+		return values.velocity < 0 ? "backward" : "forward";
+	case "Homing":
+		return "homing";
+	case "Stopping":
+		return "stopping";
+	case "ErrorStop":
+		return "error";
+	default:
+		return "offline";
+	}
+}
+
+export function isMoving(state) {
+	return ["DiscreteMotion", "ContinuousMotion", "Homing", "Stopping"].includes(state);
+}
+
+/*
+ * drives: Map of name to { name, bus, description, values, heardAt, place, judgement }; buses: Map
+ * of name to { description, figures }; troubles: what is wrong, from the service: { drives, buses,
+ * configuration, well }, with records by name of those that need somebody; null until the first
+ * message.
+ */
+export function createPlant() {
+	const plant = {
+		description: null,
+		drives: new Map(),
+		buses: new Map(),
+		/* By family: from the protocol of a bus to a Map of registers. */
+		families: new Map(),
+		troubles: null,
+	};
+	const judge = (drive) =>
+		judgeDrive(plant.registersOf(drive), drive.values, plant.troubles?.drives[drive.name]);
+
+	/* The configuration from Describe; data of unchanged drives are kept. */
+	plant.describe = (description) => {
+		const drives = new Map();
+		const buses = new Map();
+
+		description.drives.forEach((drive, place) => {
+			const before = plant.drives.get(drive.name);
+
+			drives.set(drive.name, {
+				name: drive.name,
+				bus: drive.bus,
+				description: drive,
+				place,
+				values: before?.values ?? null,
+				heardAt: before?.heardAt ?? 0,
+				judgement: null
+			});
+		});
+		for (const bus of description.buses)
+			buses.set(bus.name, {
+				description: bus,
+				figures: plant.buses.get(bus.name)?.figures ?? null
+			});
+		plant.description = description;
+		plant.drives = drives;
+		plant.buses = buses;
+		plant.judge();
+	};
+
+	plant.registersOf = (drive) =>
+		plant.families.get(plant.buses.get(drive.bus)?.description.protocol);
+
+	plant.judge = () => {
+		for (const drive of plant.drives.values())
+			drive.judgement = judge(drive);
+	};
+
+	plant.takeTroubles = (troubles) => {
+		plant.troubles = troubles;
+		plant.judge();
+	};
+
+	/* Samples of the stream; drives without one are unchanged. */
+	plant.take = (samples, now) => {
+		for (const sample of samples) {
+			const drive = plant.drives.get(sample.drive);
+
+			if (!drive)
+				continue;
+			drive.values = { ...drive.values, ...sample.values };
+			drive.heardAt = now;
+			drive.judgement = judge(drive);
+		}
+	};
+
+	plant.takeFigures = (figures) => {
+		for (const [name, bus] of plant.buses) {
+			if (figures[name]) {
+				bus.figures = figures[name];
+				bus.description.up = figures[name].up !== 0;
+			}
+		}
+	};
+
+	/* The number of drives, buses and configurations for each need. */
+	plant.countNeeds = () => {
+		const { buses = {}, configuration = null } = plant.troubles ?? {};
+		const count = (needs) => Object.values(NEED).map((need) =>
+			needs.filter((one) => one === need).length);
+
+		return {
+			drives: count([...plant.drives.values()].map(({ judgement }) => judgement.need)),
+			buses: count(Object.values(buses).map((record) => readRecord(record).need)),
+			configuration: count([readRecord(configuration).need])
+		};
+	};
+
+	/* The worst first, else in the order of the configuration. */
+	plant.worstFirst = () => [...plant.drives.values()].sort(
+		(one, other) =>
+			other.judgement.need - one.judgement.need || one.place - other.place);
+
+	return plant;
+}
+
+/* The present age of a drive's values, in milliseconds: the reported age, plus the time since then
+ * without data. */
+export function ageOf(drive, now) {
+	const age = drive.values?.age_ms;
+
+	return typeof age === "number" && age < 0xffffffff ?
+		age + Math.max(0, now - drive.heardAt - TOLD_EVERY_MS) :
+		null;
+}

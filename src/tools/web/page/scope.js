@@ -1,0 +1,480 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Values of drives at each cycle of their bus, as on an oscilloscope: from some time before a
+ * trigger on. It shows what `drivebridgectl record` writes into a file.
+ */
+import { call, openStream } from "./api.js";
+import { createCapture, writeCsv } from "./capture.js";
+import { CHANNELS_MOST, createCapturePlot } from "./capture_plot.js";
+import { createField, element, icon, newId, setText } from "./dom.js";
+import { nameTime, saveFile } from "./file_transfer.js";
+import { hasBits, inWords } from "./format.js";
+
+export const title = "Oscilloscope";
+
+const MODES = {
+	single: "single: one and then stop",
+	normal: "normal: each trigger",
+	auto: "auto: also without"
+};
+/* Of a condition, as in drivebridgectl record --trigger. */
+const RELATIONS = ["=", "!=", ">", "<"];
+const FIRST_NAMES = ["position", "velocity"];
+const SECONDS_MOST = 600;
+/* Data may arrive this much later than their time. */
+const GRACE_MS = 500;
+const DRAW_EVERY_MS = 100;
+
+let view = null;
+
+/*
+ * Chooses a drive and one of its values; `none` is the word for no drive. onChange() is called
+ * after another choice.
+ */
+function createChooser(context, { prefix, words, none, onChange }) {
+	const drive = element("select", { id: `${prefix}-drive` });
+	const value = element("select", { id: `${prefix}-value` });
+	let registers = new Map();
+	let turn = 0;
+
+	/* First the drive's cyclic values, then its parameters. */
+	async function fillValues(wanted) {
+		const mine = ++turn;
+		const name = drive.value;
+
+		value.replaceChildren();
+		value.disabled = true;
+		if (!name)
+			return;
+		const [known, { values }] = await Promise.all([
+			context.registers(name),
+			call("Read", { drive: name, names: [] })
+		]);
+
+		if (mine !== turn)
+			return;
+		const isNumber = (register) => register && register.type !== "text";
+		const options = (list) =>
+			list.map((register) =>
+				element(
+					"option",
+					{ value: register.name },
+					register.name + (register.unit ? ` [${register.unit}]` : "")
+				)
+			);
+
+		registers = known;
+		value.append(
+			element(
+				"optgroup",
+				{ label: "Process data" },
+				options(
+					Object.keys(values)
+						.map((each) => known.get(each))
+						.filter(isNumber)
+				)
+			),
+			element(
+				"optgroup",
+				{ label: "Parameters" },
+				options(
+					[...known.values()].filter(
+						(register) =>
+							register.parameter && isNumber(register)
+					)
+				)
+			)
+		);
+		value.disabled = false;
+		if (wanted && known.has(wanted))
+			value.value = wanted;
+	}
+
+	function fillDrives(wanted) {
+		const before = drive.value || wanted;
+
+		drive.replaceChildren(
+			...(none ? [element("option", { value: "" }, none)] : []),
+			...[...context.plant.drives.keys()].map((name) =>
+				element("option", { value: name }, name)
+			)
+		);
+		if (context.plant.drives.has(before))
+			drive.value = before;
+	}
+
+	drive.addEventListener("change", () =>
+		fillValues(value.value).then(onChange, context.report)
+	);
+	value.addEventListener("change", onChange);
+	return {
+		drive,
+		value,
+		fillDrives,
+		fillValues,
+		register: () => registers.get(value.value),
+		fields: [createField(words[0], drive), createField(words[1], value)]
+	};
+}
+
+function createView(root, context, driveName) {
+	const channels = [];
+	const add = createChooser(context, {
+		prefix: "scope-add",
+		words: ["Drive", "Value"],
+		onChange() {}
+	});
+	const source = createChooser(context, {
+		prefix: "scope-trigger",
+		words: ["Trigger", "Value"],
+		none: "none: at once",
+		onChange: () => showCondition()
+	});
+	const list = element("ul", {
+		id: "scope-channels",
+		class: "chips",
+		"aria-label": "Values that are captured"
+	});
+	const addButton = element("button", { id: "scope-add", type: "button" }, "Add");
+	const relation = element(
+		"select",
+		{ id: "scope-relation" },
+		RELATIONS.map((sign, at) =>
+			element(
+				"option",
+				{ value: sign },
+				["is", "is not", "rises above", "falls below"][at]
+			)
+		)
+	);
+	const codes = element("datalist", { id: newId("codes") });
+	const limit = element("input", {
+		id: "scope-limit",
+		type: "text",
+		autocomplete: "off",
+		list: codes.id
+	});
+	const mode = element(
+		"select",
+		{ id: "scope-mode" },
+		Object.entries(MODES).map(([value, words]) => element("option", { value }, words))
+	);
+	const before = element("input", {
+		id: "scope-before",
+		type: "number",
+		min: 0,
+		max: SECONDS_MOST,
+		step: "any",
+		value: 0.5
+	});
+	const duration = element("input", {
+		id: "scope-duration",
+		type: "number",
+		min: 0.01,
+		max: SECONDS_MOST,
+		step: "any",
+		value: 2
+	});
+	const start = element(
+		"button",
+		{ id: "scope-start", class: "primary", type: "submit" },
+		"Start"
+	);
+	const stop = element("button", { id: "scope-stop", type: "button", hidden: true }, "Stop");
+	const save = element(
+		"button",
+		{ id: "scope-save", type: "button", disabled: true },
+		"Download as CSV"
+	);
+	const problem = element("p", { id: "scope-problem", class: "problem", role: "alert" });
+	const said = element(
+		"p",
+		{ id: "scope-said", role: "status" },
+		"Choose values, and perhaps a trigger; then start."
+	);
+	const place = element("div");
+	const conditions = [
+		source.fields[1],
+		createField("Condition", relation),
+		createField("Value it waits for", limit)
+	];
+	const form = element(
+		"form",
+		{ class: "panel scope-settings", "aria-label": "What is captured" },
+		element("div", { class: "toolbar filters" }, add.fields, addButton, list),
+		element("div", { class: "toolbar filters" }, source.fields[0], conditions, codes),
+		element(
+			"div",
+			{ class: "toolbar filters" },
+			createField("Mode", mode),
+			createField("Before, s", before),
+			createField("Behind, s", duration),
+			start,
+			stop,
+			save
+		)
+	);
+	let capture = null;
+	let captured = []; /* channels of the capture */
+	let stream = null;
+	let plot = null;
+	let dirty = false;
+	let drawnAt = 0;
+	let triggeredAt = 0;
+	let ending = "";
+
+	/* --- settings --- */
+
+	function showChannels() {
+		list.replaceChildren(
+			...channels.map((channel, index) => {
+				const name = `${channel.drive}.${channel.name}`;
+				const button = element(
+					"button",
+					{
+						class: "quiet small",
+						type: "button",
+						"aria-label": `Leave out ${name}`
+					},
+					icon("close")
+				);
+
+				button.addEventListener("click", () => {
+					channels.splice(index, 1);
+					showChannels();
+					addButton.focus();
+				});
+				return element("li", { class: "badge" }, name, button);
+			})
+		);
+		addButton.disabled = channels.length >= CHANNELS_MOST;
+	}
+
+	function addChannel(drive, register) {
+		if (
+			!register ||
+			channels.length >= CHANNELS_MOST ||
+			channels.some(
+				(channel) =>
+					channel.drive === drive && channel.name === register.name
+			)
+		)
+			return;
+		channels.push({ drive, name: register.name, register });
+		showChannels();
+	}
+
+	function showCondition() {
+		const register = source.register();
+		const bits = hasBits(register);
+
+		conditions.forEach((each) => {
+			each.hidden = source.drive.value === "";
+		});
+		/* Without a trigger there is nothing before it, and nothing to wait for. */
+		before.disabled = mode.disabled = source.drive.value === "";
+		codes.replaceChildren(
+			...Object.values(register?.codes ?? {}).map((name) =>
+				element("option", { value: bits ? name : inWords(name) })
+			)
+		);
+		if (bits && relation.selectedIndex > 1)
+			relation.selectedIndex = 0;
+		relation.options[2].disabled = relation.options[3].disabled = bits;
+	}
+
+	/* The server reads it, and marks the samples. */
+	function readTrigger() {
+		const name = source.register()?.name;
+		const typed = limit.value.trim().replace("−", "-");
+
+		return {
+			drive: source.drive.value,
+			name,
+			words: `${source.drive.value}.${name}${relation.value}${typed}`
+		};
+	}
+
+	function showProblem(error) {
+		const isWrong = error?.name === "BadValue";
+
+		setText(problem, isWrong ? error.message : "");
+		limit.setAttribute("aria-invalid", isWrong);
+		if (isWrong)
+			limit.focus();
+		return isWrong;
+	}
+
+	/* --- capturing --- */
+
+	function begin() {
+		const triggered = source.drive.value !== "";
+		const trigger = triggered ? readTrigger() : null;
+
+		if (!form.reportValidity())
+			return;
+		if (channels.length === 0) {
+			setText(problem, "no value is chosen: add one");
+			return;
+		}
+		end("");
+		showProblem(null);
+		captured = [...channels];
+		capture = createCapture({
+			mode: triggered ? mode.value : "single",
+			trigger: triggered,
+			beforeUs: triggered ? Number(before.value) * 1e6 : 0,
+			durationUs: Number(duration.value) * 1e6
+		});
+		capture.waitsFor = trigger?.words ?? "the first sample";
+		plot?.destroy();
+		plot = createCapturePlot(captured);
+		place.replaceChildren(plot.node);
+		const wanted = trigger ? [...captured, trigger] : captured;
+
+		save.disabled = true;
+		ending = "";
+		stream = openStream(
+			"Subscribe",
+			{
+				drives: [...new Set(wanted.map((each) => each.drive))],
+				names: [...new Set(wanted.map((each) => each.name))],
+				interval_ms: 0,
+				...(trigger ? { trigger: trigger.words } : {})
+			},
+			{
+				once: true,
+				onData: take,
+				onState(state, error) {
+					if (state === "failed")
+						end(showProblem(error) ? "Stopped." : `It came to an end: ${error.message}.`);
+				}
+			}
+		);
+		showState();
+	}
+
+	function take({ samples }) {
+		for (const sample of samples) {
+			const waited = capture.state === "waiting";
+
+			dirty = capture.take(sample) || dirty;
+			if (waited && capture.state === "triggered")
+				triggeredAt = performance.now();
+		}
+		if (capture.state === "stopped")
+			end("");
+	}
+
+	function end(why) {
+		stream?.close();
+		stream = null;
+		ending = why;
+		dirty = capture?.stop() || dirty;
+		if (capture)
+			frame(Infinity);
+	}
+
+	function frame(now) {
+		/* Silent drives send no more times. */
+		if (
+			capture?.state === "triggered" &&
+			now - triggeredAt > Number(duration.value) * 1000 + GRACE_MS
+		)
+			dirty = capture.flush() || dirty;
+		if (now - drawnAt < DRAW_EVERY_MS)
+			return;
+		drawnAt = Number.isFinite(now) ? now : drawnAt;
+		if (dirty && capture.shown.rows.length > 0) {
+			plot.show(capture.shown);
+			save.disabled = false;
+		}
+		dirty = false;
+		showState();
+	}
+
+	function showState() {
+		if (!capture)
+			return;
+		const { shown, count, lost, state } = capture;
+		const words = {
+			waiting: `Waits for ${capture.waitsFor}.`,
+			triggered: `${capture.waitsFor} came.`,
+			stopped:
+				ending ||
+				(count === 0
+					? `Stopped; ${capture.waitsFor} did not come.`
+					: "Stopped.")
+		}[state];
+
+		start.hidden = state !== "stopped";
+		stop.hidden = !start.hidden;
+		const parts = shown
+			? [
+					count > 1 ? `Capture ${count}: ` : "",
+					`${shown.rows.length} samples`,
+					shown.triggered ? "" : " without a trigger",
+					shown.cut ? ", more were cut off" : "",
+					`, ${lost} lost.`
+				]
+			: [];
+
+		setText(said, `${words} ${parts.join("")}`.trim());
+	}
+
+	addButton.addEventListener("click", () => addChannel(add.drive.value, add.register()));
+	stop.addEventListener("click", () => {
+		end("");
+		start.focus();
+	});
+	save.addEventListener("click", () =>
+		saveFile(
+			`capture-${nameTime()}.csv`,
+			[writeCsv(capture.shown, captured)],
+			"text/csv"
+		)
+	);
+	form.addEventListener("submit", (event) => {
+		event.preventDefault();
+		begin();
+	});
+	root.append(
+		element("div", { class: "view-head" }, element("h1", {}, "Oscilloscope")),
+		form,
+		problem,
+		element("section", { class: "panel", "aria-label": "Capture" }, said, place)
+	);
+	context.on("frame", frame);
+
+	/* With the usual values, unless something is already chosen. */
+	async function fill() {
+		add.fillDrives(driveName);
+		source.fillDrives("");
+		if (!add.drive.value || channels.length > 0)
+			return;
+		await add.fillValues(FIRST_NAMES[0]);
+		const known = await context.registers(add.drive.value);
+
+		if (channels.length === 0)
+			FIRST_NAMES.forEach((name) => addChannel(add.drive.value, known.get(name)));
+	}
+
+	showCondition();
+	context.on("describe", () => fill().catch(context.report));
+	fill().catch(context.report);
+	return {
+		close() {
+			stream?.close();
+			plot?.destroy();
+		}
+	};
+}
+
+export function show(root, context, driveName) {
+	view = createView(root, context, driveName);
+}
+
+export function hide() {
+	view?.close();
+	view = null;
+}

@@ -1,0 +1,104 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A request of a browser from its headers to its answer, which may come later: until then its
+ * connection is suspended. One thread.
+ */
+#ifndef DRIVEBRIDGE_WEB_REQUEST_H
+#define DRIVEBRIDGE_WEB_REQUEST_H
+
+#include "client/client.h"
+#include "web/route.h"
+#include "web/state.h"
+
+#define DB_WEB_TAB_MAX 32
+
+struct db_web_request {
+	struct db_web_request *next;
+	struct db_web_server *server;
+	struct MHD_Connection *connection;
+	struct db_web_connection *place; /* its entry among the connections; NULL: it has none */
+	uint64_t number;                 /* unique among all requests */
+	struct db_web_route route;
+
+	/* Who sent it. */
+	struct db_web_address address;
+	bool secure;                      /* the browser's connection is encrypted */
+	enum db_role role;                /* at least the role that everybody has */
+	char user[DB_USERS_NAME_MAX + 1]; /* "": nobody is logged in */
+	char session[DB_WEB_SECRET_TEXT]; /* "": nobody is logged in */
+	char token[DB_WEB_SECRET_TEXT];   /* "": there is no cookie */
+	char tab[DB_WEB_TAB_MAX + 1];     /* "": not given */
+	uint64_t call; /* its number among the acting calls of the page; 0: not given */
+
+	char *body;
+	size_t used;
+	size_t received; /* bytes, also those that were not kept */
+	bool too_long;
+	json_t *parameters; /* of the body; an object */
+
+	/* For a login: whether the user exists, and the role after the login. */
+	bool known;
+	enum db_role login_role;
+	unsigned long digest;
+
+	bool taken; /* it has been dispatched */
+	bool suspended;
+	db_time answer_by; /* without an answer until then it fails; DB_TIME_NEVER */
+
+	/* The answer. */
+	unsigned status; /* 0: there is none yet */
+	char *text;
+	const char *type;
+	char cookie[160]; /* to be set; "": none */
+	unsigned retry_s; /* 0: no such header */
+	const struct db_web_file *file;
+	struct MHD_Response *response; /* of a stream; NULL: it is made of the fields above */
+	void (*end_stream)(struct db_web_stream *stream);
+	struct db_web_stream *stream;
+};
+
+/* The request of this number; NULL: it has been answered and is gone. */
+struct db_web_request *db_web_request_find(const struct db_web_server *server, uint64_t number);
+
+/* Answers with an object, which is taken over. */
+void db_web_request_answer(struct db_web_request *request, unsigned status, json_t *body);
+
+/* Answers with a text, which is taken over. */
+void db_web_request_answer_text(struct db_web_request *request, char *text, const char *type);
+
+/* Answers with an error of this server. */
+void db_web_request_refuse(struct db_web_request *request, unsigned status, const char *error,
+                           const char *format, ...) __attribute__((format(printf, 4, 5)));
+
+/* Answers with an error of the service, or of the connection to it. */
+void db_web_request_fail(struct db_web_request *request, const struct db_client_error *error);
+
+/* The error in the form of an answer: a new object. `status` may be NULL. */
+json_t *db_web_error_describe(const struct db_client_error *error, unsigned *status);
+
+/* There is an answer, or a stream: the connection continues. */
+void db_web_request_resume(struct db_web_request *request);
+
+/* Hands its answer to the daemon. */
+enum MHD_Result db_web_request_send(struct db_web_request *request);
+
+/* "anna at 192.168.10.5": for the log. */
+struct db_web_caller {
+	char user[DB_USERS_NAME_MAX + 1]; /* "": nobody is logged in */
+	char text[DB_USERS_NAME_MAX + DB_WEB_ADDRESS_TEXT + 16];
+};
+struct db_web_caller db_web_request_caller(const struct db_web_request *request);
+
+/* Sets its cookie to this value; "": removes it. */
+void db_web_request_set_cookie(struct db_web_request *request, const char *value);
+
+/* The cookie's name where the connection is encrypted, and where it is not. */
+#define DB_WEB_COOKIE_SECURE "__Host-drivebridge"
+#define DB_WEB_COOKIE "drivebridge"
+
+/* The cookie of a browser without a login begins with this letter, its token follows. */
+#define DB_WEB_NOBODY 'n'
+
+void db_web_request_free(struct db_web_request *request);
+
+#endif

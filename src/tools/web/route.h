@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What a request asks for, by its method and path: one table of all paths and the role that each
+ * needs. Pure.
+ */
+#ifndef DRIVEBRIDGE_WEB_ROUTE_H
+#define DRIVEBRIDGE_WEB_ROUTE_H
+
+#include "users/roles.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+
+enum db_web_kind {
+	DB_WEB_UNKNOWN,      /* nothing has this path */
+	DB_WEB_WRONG_METHOD, /* the path exists, but only for GET or only for POST */
+	DB_WEB_FILE,         /* a file of the page, by its name */
+	DB_WEB_SESSION,
+	DB_WEB_METRICS,
+	DB_WEB_LOGIN,
+	DB_WEB_LOGOUT,
+	DB_WEB_ALIVE,
+	DB_WEB_JOG,
+	DB_WEB_COMMISSION,       /* the stream of a commissioning */
+	DB_WEB_COMMISSION_SAY,   /* a message to it */
+	DB_WEB_COMMISSION_STEPS, /* the list of its steps */
+	DB_WEB_PARAMETERS,       /* the stream of a writing of parameters */
+	DB_WEB_PARAMETERS_END,   /* ends it */
+	DB_WEB_PARAMETERS_FILE,  /* the file of a drive */
+	DB_WEB_PARAMETERS_READ,  /* the values in a file */
+	DB_WEB_SETUP,            /* the stream of setting up a drive */
+	DB_WEB_SETUP_SAY,        /* an answer to it */
+	DB_WEB_CALL,             /* a call with one answer */
+	DB_WEB_STREAM,           /* a call with many answers */
+	DB_WEB_OVERVIEW,         /* the shared stream of all drives */
+};
+
+struct db_web_route {
+	enum db_web_kind kind;
+	const char *name;  /* the call's method, or the file; else "" */
+	enum db_role role; /* that the request needs */
+	bool acts;         /* uses the tab's own connection */
+};
+
+/* Largest body, in bytes: of a request, and of one with a file. */
+#define DB_WEB_BODY_MAX ((size_t)16 * 1024)
+#define DB_WEB_FILE_BODY_MAX ((size_t)48 * 1024)
+
+static inline size_t db_web_body_max(const struct db_web_route *route)
+{
+	return route->kind == DB_WEB_PARAMETERS_READ ? DB_WEB_FILE_BODY_MAX : DB_WEB_BODY_MAX;
+}
+
+/* `name` of a file points into `path`. HEAD counts as GET. */
+struct db_web_route db_web_route_find(const char *method, const char *path);
+
+#endif

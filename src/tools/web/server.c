@@ -1,0 +1,570 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "web/server.h"
+#include "client/log.h"
+#include "drivebridge/version.h"
+#include "web/admit.h"
+#include "web/call.h"
+#include "web/commission.h"
+#include "web/login.h"
+#include "web/metrics.h"
+#include "web/overview.h"
+#include "web/parameters.h"
+#include "web/request.h"
+#include "web/service.h"
+#include "web/setup.h"
+#include "web/stops.h"
+#include "web/stream.h"
+#include "web/tabs.h"
+
+#include <errno.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/random.h>
+#include <sys/socket.h>
+#include <systemd/sd-daemon.h>
+#include <unistd.h>
+
+#define TICK_US 100000
+#define TICK_ACCURACY_US 5000
+
+/* For a request's headers and the first part of an answer. */
+#define CONNECTION_MEMORY ((size_t)16 * 1024)
+/* A connection without traffic in either direction for this time is closed. */
+#define CONNECTION_SILENT_S 10U
+
+/* Most bytes in the kernel for a browser that does not read: they get old there. */
+#define UNSENT_MAX (32 * 1024)
+
+/* Most bytes read of a body that is refused; then the connection is closed. */
+#define HEARD_MAX ((size_t)64 * 1024)
+
+#define READ_WITHIN (10 * DB_NS_PER_S)
+/* Drives that are moved by a held button are stopped before this program ends, if possible, within
+ * this time. */
+#define END_WITHIN (4 * DB_NS_PER_S)
+/* Runs of the daemon at the end, for the remaining answers. */
+#define END_TURNS 16
+
+/* --- requests --------------------------------------------------------------------------------- */
+
+static void answer_file(struct db_web_request *request)
+{
+	const struct db_web_file *file = db_web_page_find(request->server->page,
+	                                                  request->route.name);
+	const char *known = MHD_lookup_connection_value(request->connection, MHD_HEADER_KIND,
+	                                                MHD_HTTP_HEADER_IF_NONE_MATCH);
+
+	if (!file) {
+		db_web_request_refuse(request, MHD_HTTP_NOT_FOUND, "NoSuchPath",
+		                      "there is nothing of this name");
+		return;
+	}
+	request->file = file;
+	request->type = file->type;
+	request->status = known && strstr(known, file->etag) ? MHD_HTTP_NOT_MODIFIED : MHD_HTTP_OK;
+}
+
+static bool parse_body(struct db_web_request *request)
+{
+	json_error_t error;
+
+	if (request->too_long) {
+		db_web_request_refuse(request, MHD_HTTP_CONTENT_TOO_LARGE, "TooLong",
+		                      "the body may have %zu bytes",
+		                      db_web_body_max(&request->route));
+		return false;
+	}
+	request->parameters = request->used > 0 ? json_loadb(request->body, request->used,
+	                                                     JSON_REJECT_DUPLICATES, &error) :
+	                                          json_object();
+	if (json_is_object(request->parameters))
+		return true;
+	db_web_request_refuse(request, MHD_HTTP_BAD_REQUEST, "BadRequest",
+	                      "the body is no JSON object");
+	return false;
+}
+
+static void make_call(struct db_web_request *request)
+{
+	if (request->route.acts)
+		db_web_tabs_act(request);
+	else
+		db_web_call(request, db_web_service_reader(request->server->service), READ_WITHIN);
+}
+
+static void begin_stream(struct db_web_request *request)
+{
+	if (request->route.role == DB_ROLE_OPERATOR)
+		db_web_log_action(request, request->route.name, request->parameters);
+	db_web_stream_begin(request);
+}
+
+static void begin_overview(struct db_web_request *request)
+{
+	db_web_overview_begin(request->server->overview, request);
+}
+
+static void dispatch(struct db_web_request *request)
+{
+	static void (*const handlers[])(struct db_web_request * request) = {
+		[DB_WEB_FILE] = answer_file,
+		[DB_WEB_SESSION] = db_web_login_tell,
+		[DB_WEB_METRICS] = db_web_metrics,
+		[DB_WEB_LOGIN] = db_web_login,
+		[DB_WEB_LOGOUT] = db_web_logout,
+		[DB_WEB_ALIVE] = db_web_tabs_keep_alive,
+		[DB_WEB_JOG] = db_web_tabs_jog,
+		[DB_WEB_COMMISSION] = db_web_commission_take,
+		[DB_WEB_COMMISSION_SAY] = db_web_commission_take,
+		[DB_WEB_COMMISSION_STEPS] = db_web_commission_take,
+		[DB_WEB_PARAMETERS] = db_web_parameters_take,
+		[DB_WEB_PARAMETERS_END] = db_web_parameters_take,
+		[DB_WEB_PARAMETERS_FILE] = db_web_parameters_take,
+		[DB_WEB_PARAMETERS_READ] = db_web_parameters_take,
+		[DB_WEB_SETUP] = db_web_setup_take,
+		[DB_WEB_SETUP_SAY] = db_web_setup_take,
+		[DB_WEB_CALL] = make_call,
+		[DB_WEB_STREAM] = begin_stream,
+		[DB_WEB_OVERVIEW] = begin_overview,
+	};
+	enum db_web_kind kind = request->route.kind;
+
+	if (request->server->ending) {
+		db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Stopping",
+		                      "this server is being stopped");
+		return;
+	}
+	if (kind != DB_WEB_FILE && !parse_body(request))
+		return;
+	if (request->session[0] != '\0' && kind != DB_WEB_ALIVE && kind != DB_WEB_COMMISSION_SAY)
+		db_web_sessions_touch(request->server->sessions, request->session, db_client_now());
+	if (handlers[kind])
+		handlers[kind](request);
+	else
+		db_web_request_refuse(request, MHD_HTTP_NOT_FOUND, "NoSuchPath",
+		                      "there is nothing of this name");
+}
+
+static enum MHD_Result begin_request(struct db_web_server *server,
+                                     struct MHD_Connection *connection, const char *url,
+                                     const char *method, void **context)
+{
+	struct db_web_request *request = calloc(1, sizeof(*request));
+	const union MHD_ConnectionInfo *info;
+
+	if (!request)
+		return MHD_NO;
+	server->counts.requests++;
+	request->server = server;
+	request->connection = connection;
+	request->number = ++server->last_number;
+	request->answer_by = DB_TIME_NEVER;
+	request->next = server->requests;
+	server->requests = request;
+	*context = request;
+	request->route = db_web_route_find(method, url);
+	db_web_admit(request);
+	/* A connection with whole headers ranks above one that has sent none. */
+	info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
+	request->place = info ? info->socket_context : NULL;
+	if (request->place) {
+		request->place->heard = true;
+		request->place->known = request->session[0] != '\0';
+		request->place->busy = true;
+	}
+	/* A refused body is read to its end first: an answer in the middle of it may be lost with
+	 * the connection. */
+	return request->status == MHD_HTTP_CONTENT_TOO_LARGE ? db_web_request_send(request) :
+	                                                       MHD_YES;
+}
+
+static void add_body(struct db_web_request *request, const char *bytes, size_t count)
+{
+	char *grown;
+
+	if (request->too_long || count > db_web_body_max(&request->route) - request->used) {
+		request->too_long = true;
+		return;
+	}
+	grown = realloc(request->body, request->used + count);
+	if (!grown) {
+		request->too_long = true;
+		return;
+	}
+	memcpy(grown + request->used, bytes, count);
+	request->body = grown;
+	request->used += count;
+}
+
+static enum MHD_Result handle_request(void *data, struct MHD_Connection *connection,
+                                      const char *url, const char *method, const char *version,
+                                      const char *upload, size_t *upload_size, void **context)
+{
+	struct db_web_request *request = *context;
+
+	(void)version;
+	if (!request)
+		return begin_request(data, connection, url, method, context);
+	if (*upload_size > 0) {
+		if (request->status == 0)
+			add_body(request, upload, *upload_size);
+		request->received += *upload_size;
+		*upload_size = 0;
+		return request->received <= HEARD_MAX ? MHD_YES : MHD_NO;
+	}
+	if (!request->taken && request->status == 0) {
+		request->taken = true;
+		/* The daemon keeps the path valid while the connection is with it. */
+		dispatch(request);
+		if (request->place)
+			request->place->waits = request->status == 0 || request->stream;
+	}
+	if (request->status != 0)
+		return db_web_request_send(request);
+	request->suspended = true;
+	MHD_suspend_connection(connection);
+	return MHD_YES;
+}
+
+static void end_request(void *data, struct MHD_Connection *connection, void **context,
+                        enum MHD_RequestTerminationCode how)
+{
+	struct db_web_request *request = *context;
+
+	(void)data;
+	(void)connection;
+	(void)how;
+	if (request && request->place)
+		request->place->busy = request->place->waits = false;
+	if (request)
+		db_web_request_free(request);
+	*context = NULL;
+}
+
+/* --- connections ------------------------------------------------------------------------------ */
+
+/* Behind a trusted proxy there are many browsers. */
+static bool is_counted(const struct db_web_server *server, const struct db_web_address *address)
+{
+	return !db_web_networks_have(&server->config->proxies, address);
+}
+
+static enum MHD_Result admit(void *data, const struct sockaddr *peer, socklen_t size)
+{
+	struct db_web_server *server = data;
+	const union MHD_ConnectionInfo *info;
+	struct db_web_connection *leaver;
+	struct db_web_address address;
+
+	(void)size;
+	if (!db_web_address_of(peer, &address) ||
+	    !db_web_connections_admit(server->connections, &address, is_counted(server, &address),
+	                              &leaver))
+		return MHD_NO;
+	/* The daemon closes the connection when it sees that no more data arrive. */
+	info = leaver ? MHD_get_connection_info(leaver->handle, MHD_CONNECTION_INFO_CONNECTION_FD) :
+	                NULL;
+	if (info)
+		(void)shutdown(info->connect_fd, SHUT_RDWR);
+	return MHD_YES;
+}
+
+static void count_connection(void *data, struct MHD_Connection *connection, void **context,
+                             enum MHD_ConnectionNotificationCode code)
+{
+	struct db_web_server *server = data;
+	const union MHD_ConnectionInfo *info = MHD_get_connection_info(
+		connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+	struct db_web_address address;
+
+	if (code != MHD_CONNECTION_NOTIFY_STARTED) {
+		db_web_connections_remove(server->connections, *context);
+		*context = NULL;
+		return;
+	}
+	if (!info || !db_web_address_of(info->client_addr, &address))
+		memset(&address, 0, sizeof(address));
+	*context = db_web_connections_add(server->connections, &address,
+	                                  is_counted(server, &address), connection);
+}
+
+/* --- the loop --------------------------------------------------------------------------------- */
+
+static void run_daemon(struct db_web_server *server)
+{
+	MHD_UNSIGNED_LONG_LONG wait;
+
+	(void)MHD_run(server->daemon);
+	/* Longer waits are whole seconds, for which the tick is often enough. */
+	if (MHD_get_timeout(server->daemon, &wait) == MHD_YES && wait == 0)
+		db_web_server_wake(server);
+}
+
+static int on_ready(sd_event_source *source, int fd, uint32_t events, void *data)
+{
+	(void)source;
+	(void)fd;
+	(void)events;
+	run_daemon(data);
+	return 0;
+}
+
+static int on_turn(sd_event_source *source, void *data)
+{
+	(void)source;
+	run_daemon(data);
+	return 0;
+}
+
+static int on_hashed(sd_event_source *source, int fd, uint32_t events, void *data)
+{
+	(void)source;
+	(void)fd;
+	(void)events;
+	db_web_login_compared(data);
+	return 0;
+}
+
+static void answer_late(struct db_web_server *server, db_time now)
+{
+	struct db_client_error error = { .parameters = NULL };
+
+	db_client_error_set(&error, DB_CLIENT_TIMEOUT, "the service does not answer in time");
+	for (struct db_web_request *request = server->requests; request; request = request->next) {
+		if (now >= request->answer_by && request->status == 0)
+			db_web_request_fail(request, &error);
+	}
+	db_client_error_clear(&error);
+}
+
+static int on_tick(sd_event_source *source, uint64_t us, void *data)
+{
+	struct db_web_server *server = data;
+	db_time now = db_client_now();
+
+	(void)us;
+	db_web_service_tick(server->service, now);
+	db_web_overview_tick(server->overview, now);
+	db_web_login_review(server);
+	db_web_tabs_tick(server, now);
+	db_web_parameters_tick(server, now);
+	db_web_setup_tick(server, now);
+	db_web_commission_tick(server, now);
+	db_web_stops_tick(server->stops);
+	db_web_stream_tick(server, now);
+	answer_late(server, now);
+	run_daemon(server);
+	(void)sd_event_source_set_time_relative(source, TICK_US);
+	(void)sd_event_source_set_enabled(source, SD_EVENT_ONESHOT);
+	if (server->ending && ((!server->tabs && !server->commissions) || now >= server->end_by))
+		(void)sd_event_exit(server->loop, EXIT_SUCCESS);
+	return 0;
+}
+
+static int on_signal(sd_event_source *source, const struct signalfd_siginfo *info, void *data)
+{
+	struct db_web_server *server = data;
+
+	(void)source;
+	(void)info;
+	(void)sd_notify(0, "STOPPING=1");
+	server->ending = true;
+	server->end_by = db_client_now() + END_WITHIN;
+	db_web_tabs_leave(server, NULL, DB_WEB_GRIP_ENDING);
+	db_web_commission_yield(server, NULL);
+	return 0;
+}
+
+static void on_service_changed(void *data)
+{
+	struct db_web_server *server = data;
+
+	if (!db_web_service_is_up(server->service))
+		db_web_tabs_close(server);
+	if (server->overview)
+		db_web_overview_changed(server->overview);
+}
+
+static void on_token(void *data, const char *token)
+{
+	struct db_web_server *server = data;
+
+	db_web_overview_take_token(server->overview, token);
+}
+
+/* --- life ------------------------------------------------------------------------------------- */
+
+/* -1 with an error in the log. */
+static int listen_for_browsers(const struct db_web_config *config)
+{
+	struct sockaddr_storage endpoint;
+	struct db_web_address address;
+	char text[DB_WEB_ADDRESS_TEXT];
+	socklen_t size = 0;
+	int unsent = UNSENT_MAX;
+	int on = 1;
+	int fd;
+
+	(void)db_web_endpoint_parse(config->listen, &endpoint, &size);
+	fd = socket(endpoint.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+	if (fd < 0 || setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on)) != 0 ||
+	    setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &unsent, sizeof(unsent)) != 0 ||
+	    bind(fd, (struct sockaddr *)&endpoint, size) != 0 || listen(fd, 128) != 0) {
+		db_client_log(DB_CLIENT_ERROR, "cannot listen on %s: %s", config->listen,
+		              strerror(errno));
+		if (fd >= 0)
+			(void)close(fd);
+		return -1;
+	}
+	size = sizeof(endpoint);
+	(void)getsockname(fd, (struct sockaddr *)&endpoint, &size);
+	(void)db_web_address_of((struct sockaddr *)&endpoint, &address);
+	db_web_address_write(&address, text);
+	db_client_log(DB_CLIENT_NOTICE, "drivebridge-webd " DB_VERSION " at %s://%s%s%s:%u/",
+	              config->certificate ? "https" : "http",
+	              endpoint.ss_family == AF_INET6 ? "[" : "", text,
+	              endpoint.ss_family == AF_INET6 ? "]" : "",
+	              ntohs(endpoint.ss_family == AF_INET6 ?
+	                            ((struct sockaddr_in6 *)&endpoint)->sin6_port :
+	                            ((struct sockaddr_in *)&endpoint)->sin_port));
+	return fd;
+}
+
+static void log_daemon(void *data, const char *format, va_list arguments)
+	__attribute__((format(printf, 2, 0)));
+
+/* During start-up its errors; later it only reports closed connections. */
+static void log_daemon(void *data, const char *format, va_list arguments)
+{
+	const struct db_web_server *server = data;
+	char text[512];
+
+	if (server->daemon)
+		return;
+	(void)vsnprintf(text, sizeof(text), format, arguments);
+	text[strcspn(text, "\n")] = '\0';
+	db_client_log(DB_CLIENT_ERROR, "%s", text);
+}
+
+static bool start_daemon(struct db_web_server *server)
+{
+	const struct db_web_config *config = server->config;
+	int fd = listen_for_browsers(config);
+	struct MHD_OptionItem tls[] = {
+		{ MHD_OPTION_HTTPS_MEM_CERT, 0, config->certificate },
+		{ MHD_OPTION_HTTPS_MEM_KEY, 0, config->key },
+		{ MHD_OPTION_END, 0, NULL },
+	};
+	struct MHD_OptionItem none[] = { { MHD_OPTION_END, 0, NULL } };
+	const union MHD_DaemonInfo *info;
+
+	if (fd < 0)
+		return false;
+	server->daemon = MHD_start_daemon(
+		MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG |
+			(config->certificate ? MHD_USE_TLS : 0U),
+		0, admit, server, handle_request, server, MHD_OPTION_EXTERNAL_LOGGER, log_daemon,
+		server, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,
+		config->connections + DB_WEB_CONNECTIONS_LEAVING,
+		MHD_OPTION_CONNECTION_MEMORY_LIMIT, CONNECTION_MEMORY,
+		MHD_OPTION_CONNECTION_TIMEOUT, CONNECTION_SILENT_S, MHD_OPTION_NOTIFY_COMPLETED,
+		end_request, server, MHD_OPTION_NOTIFY_CONNECTION, count_connection, server,
+		MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_ARRAY, config->certificate ? tls : none,
+		MHD_OPTION_END);
+	if (!server->daemon) {
+		db_client_log(DB_CLIENT_ERROR, "the server cannot be started%s",
+		              config->certificate ? "; certificate and key may not fit" : "");
+		(void)close(fd);
+		return false;
+	}
+	info = MHD_get_daemon_info(server->daemon, MHD_DAEMON_INFO_EPOLL_FD);
+	return info && sd_event_add_io(server->loop, &server->ready, info->epoll_fd, EPOLLIN,
+	                               on_ready, server) >= 0;
+}
+
+static bool start(struct db_web_server *server)
+{
+	const struct db_web_config *config = server->config;
+
+	server->page = db_web_page_load(config->page);
+	if (!server->page)
+		return false;
+	server->connections = db_web_connections_new(config->connections,
+	                                             config->connections_per_address);
+	server->sessions = db_web_sessions_new(config->session_idle_min * 60 * DB_NS_PER_S,
+	                                       config->session_h * 3600 * DB_NS_PER_S);
+	server->hasher = db_web_hasher_new();
+	server->service = db_web_service_new(server, on_service_changed, on_token, server);
+	server->stops = db_web_stops_new(server);
+	if (server->service)
+		server->overview = db_web_overview_new(server);
+	if (!server->connections || !server->sessions || !server->hasher || !server->stops ||
+	    !server->overview ||
+	    getrandom(&server->attempts.seed, sizeof(server->attempts.seed), 0) < 0 ||
+	    sd_event_add_defer(server->loop, &server->turn, on_turn, server) < 0 ||
+	    sd_event_add_time_relative(server->loop, &server->tick, CLOCK_MONOTONIC, 0,
+	                               TICK_ACCURACY_US, on_tick, server) < 0 ||
+	    sd_event_add_io(server->loop, &server->hashed, db_web_hasher_fd(server->hasher),
+	                    EPOLLIN, on_hashed, server) < 0 ||
+	    sd_event_add_signal(server->loop, &server->signals[0], SIGTERM, on_signal, server) <
+	            0 ||
+	    sd_event_add_signal(server->loop, &server->signals[1], SIGINT, on_signal, server) < 0) {
+		db_client_log(DB_CLIENT_ERROR, "out of memory");
+		return false;
+	}
+	(void)sd_event_source_set_enabled(server->turn, SD_EVENT_OFF);
+	/* The dead man's rule has priority over the requests of browsers. */
+	(void)sd_event_source_set_priority(server->tick, SD_EVENT_PRIORITY_IMPORTANT);
+	return start_daemon(server);
+}
+
+/* libmicrohttpd aborts when it is stopped while a connection is suspended. */
+static void stop_daemon(struct db_web_server *server)
+{
+	if (!server->daemon)
+		return;
+	db_web_stream_end(server, NULL, "Stopping", "this server is being stopped");
+	for (struct db_web_request *request = server->requests; request; request = request->next) {
+		if (request->status == 0)
+			db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Stopping",
+			                      "this server is being stopped");
+	}
+	/* Each run serves a connection by one step. */
+	for (unsigned turn = 0; server->requests && turn < END_TURNS; turn++)
+		(void)MHD_run(server->daemon);
+	MHD_stop_daemon(server->daemon);
+}
+
+int db_web_serve(const void *config, sd_event *loop)
+{
+	struct db_web_server server = { .loop = loop, .config = config };
+	int status = EXIT_FAILURE;
+
+	if (start(&server)) {
+		(void)sd_event_set_watchdog(server.loop, true);
+		(void)sd_notify(0, "READY=1");
+		status = sd_event_loop(server.loop) < 0 ? EXIT_FAILURE : EXIT_SUCCESS;
+	}
+	db_web_tabs_close(&server);
+	db_web_commission_free(&server);
+	stop_daemon(&server);
+	/* Before the objects that wait for its answers. */
+	db_web_stops_free(server.stops);
+	db_web_service_free(server.service);
+	db_web_parameters_free(&server);
+	db_web_setup_free(&server);
+	db_web_overview_free(server.overview);
+	db_web_hasher_free(server.hasher);
+	db_web_sessions_free(server.sessions);
+	db_web_page_free(server.page);
+	db_web_connections_free(server.connections);
+	sd_event_source_disable_unref(server.ready);
+	sd_event_source_disable_unref(server.turn);
+	sd_event_source_disable_unref(server.tick);
+	sd_event_source_disable_unref(server.hashed);
+	sd_event_source_disable_unref(server.signals[0]);
+	sd_event_source_disable_unref(server.signals[1]);
+	return status;
+}

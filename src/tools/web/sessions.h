@@ -1,0 +1,78 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The logged-in users. A browser has the session's id in a cookie that its scripts cannot read, and
+ * its token, which each request has to send in addition: a page of another site can make a browser
+ * send the cookie, but cannot read the token.
+ *
+ * A browser without a login has no session here: its id and token are the two halves of one secret
+ * that only the browser keeps.
+ *
+ * Pure: time and random bytes are passed in. One thread.
+ */
+#ifndef DRIVEBRIDGE_WEB_SESSIONS_H
+#define DRIVEBRIDGE_WEB_SESSIONS_H
+
+#include "drivebridge/time.h"
+#include "users/roles.h"
+
+#include <stdbool.h>
+
+/* When there would be more, the one that was unused for longest ends. */
+#define DB_WEB_SESSIONS_MAX 64
+
+#define DB_WEB_SECRET_BYTES 16
+#define DB_WEB_SECRET_TEXT (2 * DB_WEB_SECRET_BYTES + 1)
+
+struct db_web_secret {
+	unsigned char bytes[DB_WEB_SECRET_BYTES];
+};
+
+struct db_web_session {
+	char id[DB_WEB_SECRET_TEXT]; /* "": the place is free */
+	char token[DB_WEB_SECRET_TEXT];
+	char user[DB_USERS_NAME_MAX + 1];
+	enum db_role role;
+	unsigned long hash; /* of the user's line, to detect a change */
+	db_time begun;
+	db_time used;
+};
+
+struct db_web_sessions;
+
+/* A session ends `idle` after its last use, and `longest` after its beginning. NULL without memory;
+ * freed with db_web_sessions_free(), NULL is allowed. */
+struct db_web_sessions *db_web_sessions_new(db_time idle, db_time longest);
+void db_web_sessions_free(struct db_web_sessions *sessions);
+
+/* Lower hexadecimal digits. */
+void db_web_secret_write(const struct db_web_secret *secret, char text[DB_WEB_SECRET_TEXT]);
+
+/* True if a text has such digits. */
+bool db_web_secret_is_good(const char *text);
+
+/* True if two texts are equal, in a time that does not depend on where they differ. */
+bool db_web_secret_equal(const char *one, const char *other);
+
+/* Begins a session with two unused secrets. Belongs to the sessions, valid until the next call. */
+const struct db_web_session *db_web_sessions_begin(struct db_web_sessions *sessions,
+                                                   const char *user, enum db_role role,
+                                                   unsigned long hash,
+                                                   const struct db_web_secret secrets[2],
+                                                   db_time now);
+
+/* NULL: no session has this id, or it has ended. Belongs to the sessions, valid until the next
+ * call. */
+const struct db_web_session *db_web_sessions_find(struct db_web_sessions *sessions, const char *id,
+                                                  db_time now);
+
+/* It was used. */
+void db_web_sessions_touch(struct db_web_sessions *sessions, const char *id, db_time now);
+
+void db_web_sessions_end(struct db_web_sessions *sessions, const char *id);
+
+/* Ends sessions whose user was changed: `check` returns whether a session may stay. */
+typedef bool db_web_session_check_fn(const void *context, const struct db_web_session *session);
+void db_web_sessions_review(struct db_web_sessions *sessions, db_web_session_check_fn *check,
+                            const void *context);
+
+#endif

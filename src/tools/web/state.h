@@ -1,0 +1,77 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The insides of struct db_web_server, for the files of this room. One thread. */
+#ifndef DRIVEBRIDGE_WEB_STATE_H
+#define DRIVEBRIDGE_WEB_STATE_H
+
+#include "drivebridge/time.h"
+
+#include "client/clock.h"
+#include "client/log.h"
+#include "web/attempts.h"
+#include "web/config.h"
+#include "web/connections.h"
+#include "web/hasher.h"
+#include "web/page.h"
+#include "web/sessions.h"
+
+#include <microhttpd.h>
+#include <systemd/sd-event.h>
+
+struct db_web_commission;
+struct db_web_overview;
+struct db_web_parameters;
+struct db_web_request;
+struct db_web_service;
+struct db_web_setup;
+struct db_web_stops;
+struct db_web_stream;
+struct db_web_tab;
+
+/* Counters since this program began. */
+struct db_web_counts {
+	uint64_t requests;
+	uint64_t refused; /* requests: no right, no room, or malformed */
+	uint64_t logins;
+	uint64_t failed_logins;
+	uint64_t jogs;
+	uint64_t late_jogs; /* ended because no beats arrived */
+};
+
+struct db_web_server {
+	sd_event *loop;
+	const struct db_web_config *config;
+	struct MHD_Daemon *daemon;
+	sd_event_source *ready; /* the daemon's epoll */
+	sd_event_source *turn;  /* the daemon has to run without an event of its epoll */
+	sd_event_source *tick;
+	sd_event_source *hashed;
+	sd_event_source *signals[2];
+	bool ending;
+	db_time end_by;
+	struct db_web_page *page;
+	struct db_web_sessions *sessions;
+	struct db_attempts attempts;
+	struct db_client_log_ration login_lines; /* for failed logins */
+	struct db_web_hasher *hasher;
+	uint64_t users_stamp; /* of the file of users when sessions were last checked against it */
+	struct db_web_service *service;
+	struct db_web_stops *stops;
+	struct db_web_overview *overview;
+	struct db_web_request *requests;
+	struct db_web_stream *streams;
+	struct db_web_tab *tabs;
+	struct db_web_commission *commissions;
+	struct db_web_parameters *parameters;
+	struct db_web_setup *setups;
+	uint64_t last_number; /* of requests */
+	struct db_web_connections *connections;
+	struct db_web_counts counts;
+};
+
+/* Lets the daemon run before the loop waits again, because a connection has new data to send. */
+static inline void db_web_server_wake(struct db_web_server *server)
+{
+	(void)sd_event_source_set_enabled(server->turn, SD_EVENT_ONESHOT);
+}
+
+#endif

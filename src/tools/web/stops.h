@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Stops of pages (client/stops.h), and what is answered to their browsers. One thread. */
+#ifndef DRIVEBRIDGE_WEB_STOPS_H
+#define DRIVEBRIDGE_WEB_STOPS_H
+
+#include "client/stops.h"
+#include "web/request.h"
+
+/* Most unconfirmed stops at the same time, of all pages. */
+#define DB_WEB_STOPS_MAX 8
+
+struct db_web_stops;
+
+/* NULL without memory. Freed with db_web_stops_free(), NULL is allowed. */
+struct db_web_stops *db_web_stops_new(struct db_web_server *server);
+void db_web_stops_free(struct db_web_stops *stops);
+
+/* Sends it for the user, and answers the request. If its page repeats it because it had no answer
+ * yet, the new request waits for the answer to the first call, and the former request is answered
+ * with pending: the service does not get the same stop twice. False then. */
+bool db_web_stops_call(struct db_web_stops *stops, struct db_web_request *request, db_time within);
+
+/* Stops one drive. `answer`: as of db_stops_send(). False when there will be no answer. */
+bool db_web_stops_drive(struct db_web_stops *stops, const char *user, const char *drive,
+                        db_client_answer_fn *answer, void *data);
+
+/* The receiver of these answers no longer exists. */
+void db_web_stops_forget(struct db_web_stops *stops, const void *data);
+
+void db_web_stops_tick(struct db_web_stops *stops);
+
+#endif

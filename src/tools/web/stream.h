@@ -1,0 +1,65 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Long answers: server-sent events. Texts are written once and shared by all streams. A slow reader
+ * holds up only its own connection to the service, which then leaves out old data and says so; of
+ * the overview it gets the newest. One thread.
+ */
+#ifndef DRIVEBRIDGE_WEB_STREAM_H
+#define DRIVEBRIDGE_WEB_STREAM_H
+
+#include "client/client.h"
+#include "web/request.h"
+
+/* Text of one or several events, reference counted. */
+struct db_web_text {
+	unsigned users;
+	size_t size;
+	char bytes[];
+};
+
+/* "event: NAME\ndata: {...}\n\n", with one reference; `event` may be NULL. NULL without memory. */
+struct db_web_text *db_web_text_of(const char *event, const json_t *data);
+struct db_web_text *db_web_text_use(struct db_web_text *text);
+void db_web_text_drop(struct db_web_text *text);
+
+struct db_web_stream;
+
+/* Number of kinds of news in the overview. */
+#define DB_WEB_STREAM_KINDS 6
+
+/* The next text of the overview; NULL: nothing now. The stream gets its reference. */
+typedef struct db_web_text *db_web_stream_next_fn(void *data, unsigned seen[DB_WEB_STREAM_KINDS]);
+
+/* Begins a streaming call of the service, or answers the request with the reason why not. */
+void db_web_stream_begin(struct db_web_request *request);
+
+/* Begins a stream with texts from `next`, which is called when there is room and after
+ * db_web_stream_poke(). */
+void db_web_stream_begin_shared(struct db_web_request *request, db_web_stream_next_fn *next,
+                                void *data);
+
+/* Begins a stream that is fed from here; NULL: the request is answered with the reason. `gone` is
+ * called when the browser has closed it; after that it must not be used. */
+struct db_web_stream *db_web_stream_begin_fed(struct db_web_request *request,
+                                              void (*gone)(void *data), void *data);
+
+/* Sends an event, with an object as its text. */
+void db_web_stream_feed(struct db_web_stream *stream, const char *event, const char *json);
+
+/* Ends it; `gone` is not called, and it must not be used any more. */
+void db_web_stream_finish(struct db_web_stream *stream);
+
+/* The number of streams with texts from `next`. */
+unsigned db_web_stream_count_shared(const struct db_web_server *server);
+
+/* There is a new text for the shared streams. */
+void db_web_stream_poke(struct db_web_server *server);
+
+/* Sends keep-alives, and ends streams of ended sessions. */
+void db_web_stream_tick(struct db_web_server *server, db_time now);
+
+/* Ends the streams of a session; all with NULL. */
+void db_web_stream_end(struct db_web_server *server, const char *session, const char *error,
+                       const char *text);
+
+#endif

@@ -1,0 +1,413 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "web/tabs.h"
+#include "web/call.h"
+#include "web/commission.h"
+#include "web/jog.h"
+#include "web/order.h"
+#include "web/service.h"
+#include "web/stops.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Most drives that one page feeds at the same time. */
+#define DRIVES_MAX 32
+#define DRIVE_NAME_MAX 64
+
+/* A commanded drive counts as moving for this time, whatever it reports. */
+#define BEGINS_WITHIN (3 * DB_NS_PER_S)
+
+/* An acting call is answered when the drive has confirmed it; one that waits for the end of a
+ * motion, at that end. */
+#define ACT_WITHIN (15 * DB_NS_PER_S)
+#define MOTION_WITHIN (600 * DB_NS_PER_S)
+
+struct drive {
+	struct db_web_tab *tab;
+	char name[DRIVE_NAME_MAX]; /* "": the place is free */
+	db_time commanded;
+	bool moves;
+	bool armed;      /* its watchdog, which can be armed while it stands */
+	bool controlled; /* the page has taken control, and not released it */
+	bool asking;
+	bool given; /* it was replaced by another drive while an answer about it was awaited */
+};
+
+struct db_web_tab {
+	struct db_web_tab *next;
+	struct db_web_server *server;
+	char id[DB_WEB_TAB_MAX + 1];
+	char session[DB_WEB_SECRET_TEXT];
+	struct db_link *act;
+	struct db_web_jog *jog;
+	struct db_web_order order;
+	bool lost;
+	bool leaves; /* no more calls are taken from it */
+	db_time heard;
+	struct drive drives[DRIVES_MAX];
+};
+
+bool db_web_tab_is_good(const char *id)
+{
+	size_t length = strlen(id);
+
+	return length >= 16 && length <= DB_WEB_TAB_MAX &&
+	       strspn(id, "0123456789abcdefABCDEF") == length;
+}
+
+bool db_web_call_number_read(const char *text, uint64_t *number)
+{
+	size_t length = strlen(text);
+
+	/* The integers that JavaScript represents exactly. */
+	if (length < 1 || length > 15 || strspn(text, "0123456789") != length || text[0] == '0')
+		return false;
+	*number = strtoull(text, NULL, 10);
+	return true;
+}
+
+static void free_tab(struct db_web_tab *tab)
+{
+	struct db_link *act = tab->act;
+
+	for (struct db_web_tab **at = &tab->server->tabs; *at; at = &(*at)->next) {
+		if (*at == tab) {
+			*at = tab->next;
+			break;
+		}
+	}
+	if (tab->jog)
+		db_web_jog_lose(tab->jog);
+	tab->act = NULL;
+	db_link_close(act);
+	db_web_jog_free(tab->jog);
+	free(tab);
+}
+
+static void lose(void *data)
+{
+	struct db_web_tab *tab = data;
+
+	tab->lost = true;
+}
+
+static struct db_web_tab *find_tab(const struct db_web_request *request)
+{
+	struct db_web_tab *tab = request->server->tabs;
+
+	while (tab && (tab->lost || tab->leaves || strcmp(tab->id, request->tab) != 0 ||
+	               strcmp(tab->session, request->session) != 0))
+		tab = tab->next;
+	return tab;
+}
+
+/* NULL with the reason in `error`. */
+static struct db_web_tab *open_tab(const struct db_web_request *request,
+                                   struct db_client_error *error)
+{
+	struct db_web_tab *tab = find_tab(request);
+	unsigned count = 0;
+
+	if (tab)
+		return tab;
+	for (tab = request->server->tabs; tab; tab = tab->next)
+		count += !tab->leaves && !tab->lost;
+	if (count >= DB_WEB_TABS_MAX) {
+		db_client_error_set(error, DB_CLIENT_SERVICE "Busy",
+		                    "%u pages command drives already; close one", count);
+		return NULL;
+	}
+	tab = calloc(1, sizeof(*tab));
+	if (!tab) {
+		db_client_error_set(error, DB_CLIENT_NO_MEMORY, "no memory");
+		return NULL;
+	}
+	tab->server = request->server;
+	tab->next = request->server->tabs;
+	request->server->tabs = tab;
+	(void)snprintf(tab->id, sizeof(tab->id), "%s", request->tab);
+	(void)snprintf(tab->session, sizeof(tab->session), "%s", request->session);
+	tab->heard = db_client_now();
+	tab->act = db_web_service_open(request->server->service, lose, tab, error);
+	if (tab->act) {
+		db_link_introduce(tab->act, request->user, NULL, NULL);
+		tab->jog = db_web_jog_new(tab->server, tab->act);
+	}
+	if (tab->jog)
+		return tab;
+	if (error->name[0] == '\0')
+		db_client_error_set(error, DB_CLIENT_NO_MEMORY, "no memory");
+	free_tab(tab);
+	return NULL;
+}
+
+/* --- watchdogs -------------------------------------------------------------------------------- */
+
+/* `control` is the value written to control_request, NULL: none. */
+static void remember_drive(struct db_web_tab *tab, const char *name, const json_t *control)
+{
+	struct drive *place = &tab->drives[0];
+
+	for (size_t i = 0; i < DRIVES_MAX; i++) {
+		struct drive *drive = &tab->drives[i];
+
+		if (strcmp(drive->name, name) == 0) {
+			place = drive;
+			break;
+		}
+		/* When all places are used, the one that was commanded first. */
+		if (drive->commanded < place->commanded)
+			place = drive;
+	}
+	if (strcmp(place->name, name) != 0) {
+		place->controlled = false;
+		place->given = place->asking;
+	}
+	if (json_is_number(control))
+		place->controlled = json_number_value(control) != 0;
+	place->tab = tab;
+	(void)snprintf(place->name, sizeof(place->name), "%s", name);
+	place->commanded = db_client_now();
+	place->moves = true;
+}
+
+static void on_state(void *data, json_t *parameters, const struct db_client_error *error, bool more)
+{
+	struct drive *drive = data;
+	const json_t *state = json_object_get(json_object_get(parameters, "values"), "axis_state");
+
+	(void)more;
+	drive->asking = false;
+	if (drive->given) {
+		drive->given = false;
+		return;
+	}
+	drive->moves = !error && db_web_service_is_moving(drive->tab->server->service, state);
+	drive->armed = json_number_value(json_object_get(json_object_get(parameters, "values"),
+	                                                 "watchdog_remaining_ms")) > 0;
+	if (!error)
+		db_web_jog_see(drive->tab->jog, drive->name, drive->moves);
+}
+
+/* A read shows the service that the client is alive: for the watchdog while it is armed, and for
+ * control that the page has taken. */
+static void feed(struct db_web_tab *tab, db_time now)
+{
+	/* The service would process the beats of an unconfirmed motion only after this read. */
+	if (db_link_waiting(tab->act) > 0)
+		return;
+	for (size_t i = 0; i < DRIVES_MAX; i++) {
+		struct drive *drive = &tab->drives[i];
+
+		if (drive->name[0] == '\0' || drive->asking ||
+		    (!drive->moves && !drive->armed && !drive->controlled &&
+		     now - drive->commanded >= BEGINS_WITHIN))
+			continue;
+		drive->asking = db_link_send(tab->act, "Read",
+		                             json_pack("{s:s, s:[s,s]}", "drive", drive->name,
+		                                       "names", "axis_state",
+		                                       "watchdog_remaining_ms"),
+		                             false, on_state, drive) == 0;
+	}
+}
+
+/* --- acting ----------------------------------------------------------------------------------- */
+
+/* True for a stop, and of which drive; NULL: of several. */
+static bool is_stop(const struct db_web_request *request, const char **drive)
+{
+	const char *command = json_string_value(json_object_get(request->parameters, "command"));
+	const json_t *values = json_object_get(request->parameters, "values");
+
+	*drive = json_string_value(json_object_get(request->parameters, "drive"));
+	if (strcmp(request->route.name, "Write") == 0 && *drive && (*drive)[0] == '\0') {
+		*drive = NULL;
+		return json_object_get(values, "group_stop") ||
+		       json_object_get(values, "group_stop_units");
+	}
+	return strcmp(request->route.name, "Run") == 0 && *drive && command &&
+	       db_web_service_is_stop(request->server->service, command);
+}
+
+/* Past all waiting calls; and repeated after them if a motion may be waiting. */
+static void stop(struct db_web_request *request, const char *drive)
+{
+	struct db_web_tab *tab = find_tab(request);
+	bool waits = tab && db_link_waiting(tab->act) > 0;
+	bool is_new = db_web_stops_call(request->server->stops, request, ACT_WITHIN);
+
+	if (waits && is_new)
+		(void)db_link_tell(tab->act, request->route.name, json_incref(request->parameters));
+	if (tab)
+		db_web_jog_yield(tab->jog, drive);
+	db_web_commission_yield(request->server, drive);
+	/* Calls that the page sent before the stop and that arrive after it are not carried out,
+	 * even if one of them is the page's first. */
+	if (!tab && request->tab[0] != '\0' && request->call != 0) {
+		struct db_client_error error = { .parameters = NULL };
+
+		tab = open_tab(request, &error);
+		db_client_error_clear(&error);
+	}
+	if (tab)
+		db_web_order_stop(&tab->order, request->call);
+}
+
+/* The page's tab, marked as alive; NULL when the request has been answered with the reason. */
+static struct db_web_tab *require_tab(struct db_web_request *request)
+{
+	struct db_client_error error = { .parameters = NULL };
+	struct db_web_tab *tab = NULL;
+
+	if (request->tab[0] == '\0' || request->call == 0) {
+		db_web_request_refuse(
+			request, MHD_HTTP_BAD_REQUEST, "BadRequest",
+			"what acts tells its page and the number of the call there: X-Tab, 16 to 32 "
+			"hexadecimal digits, and X-Call, from 1");
+		return NULL;
+	}
+	tab = open_tab(request, &error);
+	if (tab)
+		tab->heard = db_client_now();
+	else
+		db_web_request_fail(request, &error);
+	db_client_error_clear(&error);
+	return tab;
+}
+
+/* True if it is the call's turn; if not, the request has been answered with the reason. */
+static bool check_turn(struct db_web_tab *tab, struct db_web_request *request)
+{
+	switch (db_web_order_take(&tab->order, request->call)) {
+	case DB_WEB_TURN_REPEATED:
+		db_web_request_refuse(request, MHD_HTTP_CONFLICT, "Repeated",
+		                      "this call came before and is not carried out again; the "
+		                      "history of the drive tells how it ended");
+		return false;
+	case DB_WEB_TURN_OVERTAKEN:
+		db_web_request_refuse(request, MHD_HTTP_CONFLICT, "Overtaken",
+		                      "a stop overtook this call, and it was not carried out");
+		return false;
+	case DB_WEB_TURN_NOW:
+	default:
+		return true;
+	}
+}
+
+void db_web_tabs_act(struct db_web_request *request)
+{
+	const json_t *values = json_object_get(request->parameters, "values");
+	bool to_end = json_is_true(json_object_get(request->parameters, "until_end"));
+	struct db_web_tab *tab;
+	const char *drive;
+
+	db_web_log_action(request, request->route.name, request->parameters);
+	if (is_stop(request, &drive)) {
+		stop(request, drive);
+		return;
+	}
+	tab = require_tab(request);
+	if (!tab || !check_turn(tab, request))
+		return;
+	if (drive && strlen(drive) < DRIVE_NAME_MAX)
+		remember_drive(tab, drive, json_object_get(values, "control_request"));
+	db_web_call(request, tab->act, to_end ? MOTION_WITHIN : ACT_WITHIN);
+}
+
+bool db_web_tabs_begin(struct db_web_request *request, const char *drive)
+{
+	struct db_web_tab *tab = require_tab(request);
+
+	if (!tab || !check_turn(tab, request))
+		return false;
+	if (drive)
+		remember_drive(tab, drive, NULL);
+	return true;
+}
+
+struct db_link *db_web_tabs_link(const struct db_web_request *request, const char *drive,
+                                 const char **why)
+{
+	struct db_web_tab *tab = find_tab(request);
+
+	if (!tab) {
+		*why = "the page has left, or its connection is lost";
+		return NULL;
+	}
+	if (db_web_order_is_overtaken(&tab->order, request->call))
+		*why = "a stop overtook it";
+	else if (drive)
+		remember_drive(tab, drive, NULL);
+	return tab->act;
+}
+
+void db_web_tabs_jog(struct db_web_request *request)
+{
+	const char *drive = json_string_value(json_object_get(request->parameters, "drive"));
+	struct db_web_tab *tab = require_tab(request);
+
+	if (!tab)
+		return;
+	/* Beats have an order of their own within their press. A release is never too late. */
+	if (db_web_order_is_overtaken(&tab->order, request->call) &&
+	    json_number_value(json_object_get(request->parameters, "velocity")) != 0.0)
+		db_web_request_answer(request, MHD_HTTP_OK,
+		                      json_pack("{s:b, s:s, s:s, s:s}", "held", 0, "why", "stopped",
+		                                "text", "", "result", ""));
+	else if (db_web_jog_take(tab->jog, request))
+		remember_drive(tab, drive, NULL);
+}
+
+void db_web_tabs_keep_alive(struct db_web_request *request)
+{
+	struct db_web_tab *tab = find_tab(request);
+
+	if (tab)
+		tab->heard = db_client_now();
+	db_web_request_answer(request, MHD_HTTP_OK, json_pack("{s:b}", "acting", tab != NULL));
+}
+
+/* --- leaving ---------------------------------------------------------------------------------- */
+
+static void leave(struct db_web_tab *tab, enum db_web_grip_end end)
+{
+	tab->leaves = true;
+	db_web_jog_end(tab->jog, end);
+}
+
+void db_web_tabs_tick(struct db_web_server *server, db_time now)
+{
+	struct db_web_tab *next;
+
+	for (struct db_web_tab *tab = server->tabs; tab; tab = next) {
+		next = tab->next;
+		if (!tab->leaves && !db_web_sessions_find(server->sessions, tab->session, now))
+			leave(tab, DB_WEB_GRIP_LOGOUT);
+		else if (!tab->leaves && now - tab->heard >= DB_WEB_TAB_SILENT)
+			leave(tab, DB_WEB_GRIP_OVERDUE);
+		db_web_jog_tick(tab->jog, now);
+		if (tab->lost || (tab->leaves && db_web_jog_is_over(tab->jog, now)))
+			free_tab(tab);
+		else if (!tab->leaves)
+			feed(tab, now);
+	}
+}
+
+void db_web_tabs_leave(struct db_web_server *server, const char *session, enum db_web_grip_end end)
+{
+	for (struct db_web_tab *tab = server->tabs; tab; tab = tab->next) {
+		if (!session || strcmp(tab->session, session) == 0)
+			leave(tab, end);
+	}
+}
+
+void db_web_tabs_close(struct db_web_server *server)
+{
+	while (server->tabs) {
+		struct db_web_tab *tab = server->tabs;
+
+		server->tabs = tab->next;
+		free_tab(tab);
+	}
+}

@@ -1,0 +1,298 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "words/value.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#define SECONDS_MAX 864000.0
+
+const char *db_words_text(const json_t *object, const char *name)
+{
+	const char *text = json_string_value(json_object_get(object, name));
+
+	return text ? text : "";
+}
+
+json_t *db_words_look_up(const json_t *list, const char *name)
+{
+	size_t i;
+	json_t *item;
+
+	json_array_foreach(list, i, item)
+	{
+		if (strcmp(db_words_text(item, "name"), name) == 0)
+			return item;
+	}
+	return NULL;
+}
+
+static const char *type_of(const json_t *reg)
+{
+	const char *type = json_string_value(json_object_get(reg, "type"));
+
+	return type ? type : "";
+}
+
+static bool has_bits(const json_t *reg)
+{
+	return strncmp(type_of(reg), "bits", 4) == 0;
+}
+
+void db_words_clean(char *text)
+{
+	for (; *text; text++) {
+		if ((unsigned char)*text < ' ' || *text == 0x7f)
+			*text = '?';
+		/* Control characters 80 to 9f in two-byte UTF-8. */
+		if ((unsigned char)*text == 0xc2 && (unsigned char)text[1] < 0xa0)
+			*text = text[1] = '?';
+	}
+}
+
+void db_words_write_time(json_int_t us, char text[DB_WORDS_TIME_MAX])
+{
+	time_t seconds = (time_t)(us / 1000000);
+	char when[32] = "";
+	struct tm local;
+
+	if (localtime_r(&seconds, &local))
+		(void)strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &local);
+	(void)snprintf(text, DB_WORDS_TIME_MAX, "%s.%03d", when, (int)(us / 1000 % 1000));
+}
+
+const char *db_words_code_name(const json_t *reg, json_int_t code)
+{
+	char key[24];
+
+	(void)snprintf(key, sizeof(key), "%lld", (long long)code);
+	return json_string_value(json_object_get(json_object_get(reg, "codes"), key));
+}
+
+bool db_words_has_bit(const json_t *reg, const json_t *value, const char *name)
+{
+	uint64_t bits = (uint64_t)json_integer_value(value);
+	const char *called;
+
+	for (unsigned bit = 0; bit < 64; bit++) {
+		called = bits >> bit & 1 ? db_words_code_name(reg, bit) : NULL;
+		if (called && strcmp(called, name) == 0)
+			return true;
+	}
+	return false;
+}
+
+static void write_bits(const json_t *reg, uint64_t bits, char *text, size_t size)
+{
+	size_t used = (size_t)snprintf(text, size, "%s", bits == 0 ? "none" : "");
+	const char *name;
+
+	for (unsigned bit = 0; bit < 64 && used < size; bit++) {
+		if (!(bits >> bit & 1))
+			continue;
+		name = db_words_code_name(reg, bit);
+		if (name)
+			used += (size_t)snprintf(text + used, size - used, "%s%s",
+			                         used > 0 ? ", " : "", name);
+		else
+			used += (size_t)snprintf(text + used, size - used, "%sbit %u",
+			                         used > 0 ? ", " : "", bit);
+	}
+}
+
+/* As few digits as distinguish it from its neighbours: registers hold single precision. */
+static void write_real(double value, char *text, size_t size)
+{
+	for (int digits = 6; digits <= 9; digits++) {
+		(void)snprintf(text, size, "%.*g", digits, value);
+		if (strtof(text, NULL) == (float)value)
+			return;
+	}
+}
+
+void db_words_write_bare_value(const json_t *reg, const json_t *value, char *text, size_t size)
+{
+	const char *name;
+
+	switch (value ? json_typeof(value) : JSON_NULL) {
+	case JSON_STRING:
+		(void)snprintf(text, size, "%s", json_string_value(value));
+		break;
+	case JSON_TRUE:
+	case JSON_FALSE:
+		(void)snprintf(text, size, "%s", json_is_true(value) ? "on" : "off");
+		break;
+	case JSON_REAL:
+		write_real(json_real_value(value), text, size);
+		break;
+	case JSON_INTEGER:
+		name = has_bits(reg) ? NULL : db_words_code_name(reg, json_integer_value(value));
+		if (name)
+			(void)snprintf(text, size, "%s", name);
+		else if (has_bits(reg))
+			write_bits(reg, (uint64_t)json_integer_value(value), text, size);
+		else
+			(void)snprintf(text, size, "%lld", (long long)json_integer_value(value));
+		break;
+	default:
+		(void)snprintf(text, size, "-");
+	}
+	db_words_clean(text);
+}
+
+void db_words_write_value(const json_t *reg, const json_t *value, char *text, size_t size)
+{
+	const char *unit = json_string_value(json_object_get(reg, "unit"));
+	size_t used;
+
+	db_words_write_bare_value(reg, value, text, size);
+	used = strlen(text);
+	if (!unit || unit[0] == '\0' || !json_is_number(value) || has_bits(reg) ||
+	    (json_is_integer(value) && db_words_code_name(reg, json_integer_value(value))))
+		return;
+	(void)snprintf(text + used, size - used, " %s", unit);
+	db_words_clean(text + used);
+}
+
+/* --- from words ------------------------------------------------------------------------------- */
+
+/* Upper and lower case are the same, and so are an underscore and a space. */
+static bool is_name(const char *name, const char *typed, size_t length)
+{
+	for (size_t i = 0; i < length; i++) {
+		if (tolower((unsigned char)name[i]) != tolower((unsigned char)typed[i]) &&
+		    !(name[i] == '_' && typed[i] == ' '))
+			return false;
+	}
+	return true;
+}
+
+/* The number of a code's or a bit's name, -1 when there is none. */
+static json_int_t find_code(const json_t *reg, const char *name, size_t length)
+{
+	json_t *codes = json_object_get(reg, "codes");
+	const char *key;
+	json_t *called;
+
+	json_object_foreach(codes, key, called)
+	{
+		const char *text = json_string_value(called);
+
+		if (text && strlen(text) == length && is_name(text, name, length))
+			return strtoll(key, NULL, 10);
+	}
+	return -1;
+}
+
+static json_t *parse_bits(const json_t *reg, const char *text, char *problem, size_t size)
+{
+	uint64_t bits = 0;
+
+	while (strcmp(text, "none") != 0 && *text) {
+		size_t length = strcspn(text += strspn(text, " "), ",");
+		json_int_t bit = find_code(reg, text, length);
+
+		if (bit < 0 || bit > 63) {
+			(void)snprintf(problem, size, "no bit is called \"%.*s\"", (int)length,
+			               text);
+			return NULL;
+		}
+		bits |= UINT64_C(1) << bit;
+		text += length;
+		text += *text == ',' ? 1 : 0;
+	}
+	return json_integer((json_int_t)bits);
+}
+
+static void write_range(const json_t *reg, char *text, size_t size)
+{
+	const json_t *min = json_object_get(reg, "min");
+	const json_t *max = json_object_get(reg, "max");
+	const char *unit = json_string_value(json_object_get(reg, "unit"));
+	char low[32] = "";
+	char high[32] = "";
+
+	/* Limits of integers have more digits than single precision. */
+	if (json_is_number(min))
+		(void)snprintf(low, sizeof(low), "%.10g", json_number_value(min));
+	if (json_is_number(max))
+		(void)snprintf(high, sizeof(high), "%.10g", json_number_value(max));
+	(void)snprintf(text, size, "%s%s%s%s%s%s", low[0] && !high[0] ? "at least " : low,
+	               low[0] && high[0] ? " to " :
+	               high[0]           ? "at most " :
+	                                   "",
+	               high[0] ? high : low, unit && unit[0] ? " " : "",
+	               unit && unit[0] ? unit : "", low[0] || high[0] ? "" : "any");
+}
+
+static bool is_in_range(const json_t *reg, double value)
+{
+	const json_t *min = json_object_get(reg, "min");
+	const json_t *max = json_object_get(reg, "max");
+
+	return !(json_is_number(min) && value < json_number_value(min)) &&
+	       !(json_is_number(max) && value > json_number_value(max));
+}
+
+static json_t *parse_number(const json_t *reg, const char *text, char *problem, size_t size)
+{
+	bool whole = strcmp(type_of(reg), "f32") != 0 && type_of(reg)[0] != '\0';
+	char *end = NULL;
+	char range[128];
+	double value;
+	long long number = 0;
+
+	errno = 0;
+	if (whole)
+		number = strtoll(text, &end, strncmp(text, "0x", 2) == 0 ? 16 : 10);
+	value = whole ? (double)number : strtod(text, &end);
+	if (errno == 0 && *text && *end == '\0' && isfinite(value) && is_in_range(reg, value))
+		return whole ? json_integer(number) : json_real(value);
+	write_range(reg, range, sizeof(range));
+	if (!*text || *end != '\0')
+		(void)snprintf(problem, size, "\"%s\" is no %s; right is %s%s", text,
+		               whole ? "whole number" : "number", range,
+		               json_object_size(json_object_get(reg, "codes")) > 0 ?
+		                       ", or a name of its codes" :
+		                       "");
+	else
+		(void)snprintf(problem, size, "%s is out of range, %s", text, range);
+	return NULL;
+}
+
+json_t *db_words_parse_value(const json_t *reg, const char *text, char *problem, size_t size)
+{
+	static const char *const on[] = { "on", "true", "1", "yes" };
+	static const char *const off[] = { "off", "false", "0", "no" };
+	const char *type = type_of(reg);
+	json_int_t code = has_bits(reg) ? -1 : find_code(reg, text, strlen(text));
+
+	if (strcmp(type, "text") == 0)
+		return json_string(text);
+	if (strcmp(type, "bool") == 0) {
+		for (size_t i = 0; i < sizeof(on) / sizeof(on[0]); i++) {
+			if (strcmp(text, on[i]) == 0 || strcmp(text, off[i]) == 0)
+				return json_boolean(strcmp(text, on[i]) == 0);
+		}
+		(void)snprintf(problem, size, "\"%s\" is neither on nor off", text);
+		return NULL;
+	}
+	if (code >= 0)
+		return json_integer(code);
+	if (has_bits(reg) && (text[0] < '0' || text[0] > '9'))
+		return parse_bits(reg, text, problem, size);
+	return parse_number(reg, text, problem, size);
+}
+
+bool db_words_parse_seconds(const char *text, double *seconds)
+{
+	char *end;
+
+	*seconds = strtod(text, &end);
+	return end != text && *end == '\0' && *seconds > 0.0 && *seconds <= SECONDS_MAX;
+}

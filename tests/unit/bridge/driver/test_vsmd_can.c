@@ -1,0 +1,1648 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * VSMD on CAN, the driver alone: which frames each job puts on the wire, written as a person with
+ * the document would, and what it makes of the frames that come back. Drive 1, host 1, extended
+ * frames: commands are 00080380 + code, status replies 00080200 + register, data replies 00080280 +
+ * register.
+ */
+#include "codec/can.h"
+#include "codec/vsmd.h"
+#include "driver/list.h"
+#include "fakes/options.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+#define REACTION_MS 20
+
+/* Status words: handshake, power, standing or not. */
+#define STANDS (VSMD_ST_PWR | VSMD_ST_STP)
+#define RUNS (VSMD_ST_PWR)
+
+struct fixture {
+	struct db_bus_config bus;
+	struct db_drive_config drive;
+	struct fake_options options;
+	struct db_device *device;
+	struct db_job job;
+	struct db_request request;
+	struct db_args args; /* of the request */
+	struct db_setting settings[DB_SETTINGS_MAX];
+	struct db_exchange exchange;
+	uint8_t bytes[DB_REQUEST_MAX];
+	struct db_conversation talk;
+	db_time now;
+	char said[1024]; /* the exchange, as "ID#DATA ID#DATA" */
+};
+
+static db_time wire_time(const struct db_bus_config *bus, const uint8_t *request,
+                         size_t request_length, size_t answer_length)
+{
+	(void)bus;
+	(void)request;
+	return (db_time)(request_length + answer_length) * DB_NS_PER_US;
+}
+
+static const struct db_transport wire = { .medium = DB_MEDIUM_CAN, .wire_time = wire_time };
+
+static struct fixture *make_reporting(double standard, double report_ms, double report)
+{
+	struct fixture *f = calloc(1, sizeof *f);
+
+	assert_non_null(f);
+	f->bus.driver = &db_driver_vsmd_can;
+	f->bus.transport = &wire;
+	f->bus.save_interval_s = 10;
+	fake_preset_options(&db_driver_vsmd_can, &f->options);
+	fake_set_option(&db_driver_vsmd_can, &f->options, "frames", standard);
+	fake_set_option(&db_driver_vsmd_can, &f->options, "report-ms", report_ms);
+	fake_set_option(&db_driver_vsmd_can, &f->options, "report", report);
+	fake_set_option(&db_driver_vsmd_can, &f->options, "reaction-ms", REACTION_MS);
+	f->bus.options = f->options.bus;
+	f->drive.options = f->options.drive;
+	f->drive.address = 1;
+	f->drive.counts_per_unit = 1.0;
+	f->drive.min_position = f->drive.max_position = NAN;
+	f->exchange.request = f->bytes;
+	f->exchange.request_size = sizeof f->bytes;
+	f->now = 1000 * MS;
+	f->device = calloc(1, db_driver_vsmd_can.device_size);
+	assert_non_null(f->device);
+	db_driver_vsmd_can.init(f->device, NULL, &f->bus, &f->drive);
+	return f;
+}
+
+static struct fixture *make(double standard, double report_ms)
+{
+	return make_reporting(standard, report_ms, 0);
+}
+
+static void drop(struct fixture *f)
+{
+	free(f->device);
+	free(f);
+}
+
+static void spell(struct fixture *f)
+{
+	char *at = f->said;
+
+	*at = '\0';
+	for (size_t i = 0; i < f->exchange.request_length; i += sizeof(struct db_can_frame)) {
+		struct db_can_frame frame;
+
+		memcpy(&frame, f->exchange.request + i, sizeof frame);
+		at += sprintf(at, frame.id & DB_CAN_EXTENDED ? "%s%08X#" : "%s%03X#",
+		              i > 0 ? " " : "", frame.id & DB_CAN_ID_MASK);
+		for (unsigned j = 0; j < frame.length; j++)
+			at += sprintf(at, "%02X", frame.data[j]);
+	}
+}
+
+/* The job as the scheduler hands it to the driver now. */
+static struct db_conversation *talk(struct fixture *f)
+{
+	f->talk = (struct db_conversation){
+		.device = f->device, .job = &f->job, .exchange = &f->exchange, .now = f->now
+	};
+	return &f->talk;
+}
+
+/* What the driver wants next: the frames, or how the job ended as "=name". */
+static const char *next(struct fixture *f, enum db_step step)
+{
+	if (step == DB_STEP_SEND) {
+		f->exchange.sending++;
+		spell(f);
+	} else if (step == DB_STEP_DONE) {
+		snprintf(f->said, sizeof f->said, "=%s", db_result_name(f->talk.result));
+	} else {
+		snprintf(f->said, sizeof f->said, step == DB_STEP_MORE ? "more" : "ignored");
+	}
+	return f->said;
+}
+
+static const char *begin(struct fixture *f, enum db_job_kind kind)
+{
+	f->job = (struct db_job){ .kind = kind, .request = &f->request, .started = f->now };
+	return next(f, db_driver_vsmd_can.begin(talk(f)));
+}
+
+static const char *command(struct fixture *f, enum db_command code, struct db_args args)
+{
+	f->args = args;
+	f->request = (struct db_request){ .command = code, .args = &f->args };
+	return begin(f, DB_JOB_COMMAND);
+}
+
+static struct db_can_frame frame_of(uint32_t id, uint32_t first, uint32_t second, uint8_t length)
+{
+	struct db_can_frame frame = { .id = id | DB_CAN_EXTENDED, .length = length };
+
+	for (unsigned i = 0; i < 4; i++) {
+		frame.data[i] = (uint8_t)(first >> (24 - 8 * i));
+		frame.data[4 + i] = (uint8_t)(length > 4 ? second >> (24 - 8 * i) : 0);
+	}
+	return frame;
+}
+
+static const char *answer(struct fixture *f, struct db_can_frame frame)
+{
+	f->now += MS / 2;
+	return next(f, db_driver_vsmd_can.answer(talk(f), (const uint8_t *)&frame, sizeof frame));
+}
+
+/* The answer to the read behind a command: position and status. */
+static const char *confirm(struct fixture *f, int32_t position, uint32_t status)
+{
+	return answer(f, frame_of(0x00080201, (uint32_t)position, status, 8));
+}
+
+static const char *speed(struct fixture *f, float velocity)
+{
+	uint32_t raw;
+
+	memcpy(&raw, &velocity, sizeof raw);
+	return answer(f, frame_of(0x00080200, raw, 0, 4));
+}
+
+static const char *place(struct fixture *f, int32_t position)
+{
+	return answer(f, frame_of(0x00080201, (uint32_t)position, 0, 4));
+}
+
+/* What was asked behind registers is answered: no more of them will come. */
+static const char *guard(struct fixture *f)
+{
+	return answer(f, frame_of(0x0008020B, 0x3130362D, 0, 4));
+}
+
+static const char *data(struct fixture *f, unsigned reg, uint32_t value)
+{
+	const char *said = answer(f, frame_of(0x00080280 + reg, value, 0, 4));
+
+	return strcmp(said, "more") == 0 ? guard(f) : said;
+}
+
+static const char *lost(struct fixture *f)
+{
+	return next(f, db_driver_vsmd_can.lost(talk(f)));
+}
+
+/* A cyclic status. */
+static void poll_running(struct fixture *f, float velocity, int32_t position, uint32_t status)
+{
+	uint32_t raw;
+
+	memcpy(&raw, &velocity, sizeof raw);
+	assert_string_equal(begin(f, DB_JOB_POLL), "0008039E#0003");
+	assert_string_equal(answer(f, frame_of(0x00080200, raw, (uint32_t)position, 8)), "more");
+	assert_string_equal(answer(f, frame_of(0x00080202, status, 0, 4)), "=ok");
+}
+
+static void poll(struct fixture *f, int32_t position, uint32_t status)
+{
+	poll_running(f, 0.0f, position, status);
+}
+
+static struct db_feedback feedback(const struct fixture *f)
+{
+	struct db_feedback feedback;
+
+	db_driver_vsmd_can.feedback(f->device, &feedback);
+	return feedback;
+}
+
+/* --- reading --------------------------------------------------------------------------------------- */
+
+static void cyclic_status_is_put_together_whatever_the_order(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	assert_int_equal(feedback(f).state, DB_AXIS_OFFLINE);
+	assert_string_equal(begin(f, DB_JOB_POLL), "0008039E#0003");
+	assert_string_equal(answer(f, frame_of(0x00080202, RUNS, 0, 4)), "more");
+	/* 1600.0 pulses per second, at -5 */
+	assert_string_equal(answer(f, frame_of(0x00080200, 0x44C80000, 0xFFFFFFFB, 8)), "=ok");
+	assert_int_equal(feedback(f).position, -5);
+	assert_true(feedback(f).velocity > 1599.9f && feedback(f).velocity < 1600.1f);
+	assert_int_equal(feedback(f).state, DB_AXIS_CONTINUOUS_MOTION);
+	drop(f);
+}
+
+static void a_half_answer_is_not_completed_by_the_next_one(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	begin(f, DB_JOB_POLL);
+	assert_string_equal(answer(f, frame_of(0x00080200, 0, 111, 8)), "more");
+	/* The rest was lost; asked again, with another position meanwhile. */
+	begin(f, DB_JOB_POLL);
+	assert_string_equal(answer(f, frame_of(0x00080200, 0, 222, 8)), "more");
+	assert_string_equal(answer(f, frame_of(0x00080202, STANDS, 0, 4)), "=ok");
+	assert_int_equal(feedback(f).position, 222);
+	drop(f);
+}
+
+static void a_confirmation_is_nothing_else(void **state)
+{
+	struct fixture *f = make(0, 0);
+	int address = 0;
+	struct db_can_frame frame = frame_of(0x00080200, 0, 7, 8);
+
+	(void)state;
+	command(f, DB_CMD_ENABLE, (struct db_args){ 0 });
+	assert_string_equal(answer(f, frame), "ignored");
+	assert_string_equal(answer(f, frame_of(0x00080202, STANDS, 0, 4)), "ignored");
+	assert_string_equal(answer(f, frame_of(0x00080281, 0, STANDS, 8)), "ignored");
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	/* Who it comes from, and for whom it is. */
+	assert_int_equal(
+		db_driver_vsmd_can.accept(&f->bus, (uint8_t *)&frame, sizeof frame, &address),
+		DB_FRAME_GOOD);
+	assert_int_equal(address, 1);
+	frame.id = 0x00180200 | DB_CAN_EXTENDED; /* for host 3 */
+	assert_int_equal(
+		db_driver_vsmd_can.accept(&f->bus, (uint8_t *)&frame, sizeof frame, &address),
+		DB_FRAME_FOREIGN);
+	frame = frame_of(0x00080200, 0, 7, 8);
+	frame.length = 5;
+	assert_int_equal(
+		db_driver_vsmd_can.accept(&f->bus, (uint8_t *)&frame, sizeof frame, &address),
+		DB_FRAME_BAD);
+	drop(f);
+}
+
+static void probe_and_identity(void **state)
+{
+	static const uint32_t text[] = { 0x56534D44, 0x3130362D, 0x30323554, 0x2D312E30,
+		                         0x2E303430, 0x2E313731, 0x31303120 };
+	struct fixture *f = make(0, 0);
+	unsigned blocks = 0;
+
+	(void)state;
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0A01");
+	assert_string_equal(answer(f, frame_of(0x0008020A, text[0], 0, 4)), "=ok");
+	/* Reports are turned off, then the text is read. */
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#00 0008039E#0A07");
+	answer(f, frame_of(0x00080210, text[6], 0, 4));
+	answer(f, frame_of(0x0008020A, text[0], text[1], 8));
+	answer(f, frame_of(0x0008020E, text[4], text[5], 8));
+	assert_string_equal(answer(f, frame_of(0x0008020C, text[2], text[3], 8)),
+	                    "0008039F#0008 0008039E#0B01");
+	assert_memory_equal(db_driver_vsmd_can.nameplate(f->device)->identity,
+	                    "VSMD106-025T-1.0.040.171101", 27);
+	while (f->said[0] != '=') {
+		unsigned first;
+		unsigned count;
+
+		assert_int_equal(sscanf(f->said, "0008039F#%2x%2x", &first, &count), 2);
+		for (unsigned reg = first; reg < first + count; reg += 2)
+			answer(f,
+			       frame_of(0x00080280 + reg, reg == 0 ? 1 : 0, reg == 0 ? 0x5A132 : 0,
+			                first + count - reg > 1 ? 8 : 4));
+		guard(f);
+		blocks++;
+	}
+	assert_string_equal(f->said, "=ok");
+	assert_int_equal(blocks, 7);
+	assert_int_equal(db_driver_vsmd_can.nameplate(f->device)->values[VSMD_CID].u, 1);
+	assert_int_equal(db_driver_vsmd_can.nameplate(f->device)->values[VSMD_BDR].u, 100000);
+	drop(f);
+}
+
+/* --- commands ---------------------------------------------------------------------------------------- */
+
+static void every_command_in_bytes(void **state)
+{
+	static const struct {
+		enum db_command command;
+		struct db_args args;
+		const char *said;
+	} cases[] = {
+		{ DB_CMD_ENABLE, { 0 }, "00080381# 0008039E#0102" },
+		{ DB_CMD_DISABLE, { 0 }, "00080382# 0008039E#0102" },
+		{ DB_CMD_STOP, { 0 }, "00080384#00 0008039E#0102" },
+		{ DB_CMD_QUICK_STOP, { 0 }, "00080384#01 0008039E#0102" },
+		{ DB_CMD_MOVE_VELOCITY,
+		  { .target_velocity = -1600.0f },
+		  "00080385#C4C80000 0008039E#0102" },
+		{ DB_CMD_MOVE_PRESET, { 0 }, "00080385# 0008039E#0102" },
+		{ DB_CMD_MOVE_ABSOLUTE,
+		  { .target_position = 25000 },
+		  "00080386#000061A8 0008039E#0102" },
+		{ DB_CMD_MOVE_ABSOLUTE,
+		  { .target_position = -2, .target_velocity = 1600.0f },
+		  "00080386#FFFFFFFE44C80000 0008039E#0102" },
+		{ DB_CMD_MOVE_RELATIVE, { .target_position = 5 }, "0008039E#0102" },
+		{ DB_CMD_HOME, { 0 }, "0008038A# 0008039E#0102" },
+		{ DB_CMD_HOME_STOP, { 0 }, "0008038A# 0008039E#0102" },
+		{ DB_CMD_SET_POSITION,
+		  { .target_position = 258 },
+		  "00080383#00000102 0008039E#0102" },
+		{ DB_CMD_CLEAR_FAULT, { 0 }, "0008039D#00 0008039E#0102" },
+		{ DB_CMD_SAVE_PARAMETERS, { 0 }, "00080387# 0008039E#0102" },
+		{ DB_CMD_SET_OUTPUT,
+		  { .output_number = 5, .output_value = 1 },
+		  "00080388#0501 0008039E#0102" },
+		{ DB_CMD_SET_SV,
+		  { .output_number = 3, .output_value = 255 },
+		  "0008038D#02FF 0008039E#0102" },
+		{ DB_CMD_SET_NMOS,
+		  { .output_number = 1, .output_value = 16 },
+		  "0008038E#0010 0008039E#0102" },
+		{ DB_CMD_SHAKE_START,
+		  { .shake_start_position = 1,
+		    .shake_end_position = 200,
+		    .shake_frequency = 0.5f,
+		    .shake_cycles = 7 },
+		  "0008039B#1000000001 0008039B#11000000C8 0008039B#123F000000 "
+		  "0008039B#1000000001 0008039B#11000000C8 0008039B#123F000000 "
+		  "0008039B#0100000007 0008039E#0102" },
+		{ DB_CMD_SHAKE_START_TIME,
+		  { .shake_frequency = 2.0f, .shake_time = 60 },
+		  "0008039B#1000000000 0008039B#1100000000 0008039B#1240000000 "
+		  "0008039B#1000000000 0008039B#1100000000 0008039B#1240000000 "
+		  "0008039B#020000003C 0008039E#0102" },
+		{ DB_CMD_SHAKE_STOP, { 0 }, "0008039B#00 0008039E#0102" },
+		{ DB_CMD_READ_PARAMETERS, { 0 }, "0008038F#00 0008039E#0A07" },
+	};
+	uint64_t tried = DB_COMMAND_BIT(DB_CMD_SET_OUTPUTS); /* below */
+	struct fixture *f;
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		f = make(0, 0);
+		assert_int_equal(db_driver_vsmd_can.check(&f->bus, &f->drive, cases[i].command,
+		                                          &cases[i].args),
+		                 DB_RESULT_OK);
+		assert_string_equal(command(f, cases[i].command, cases[i].args), cases[i].said);
+		tried |= DB_COMMAND_BIT(cases[i].command);
+		drop(f);
+	}
+	assert_true(tried == db_driver_vsmd_can.commands);
+	f = make(0, 0);
+	assert_string_equal(command(f, DB_CMD_SET_OUTPUTS,
+	                            (struct db_args){ .output_mask = 0x28, .output_levels = 0x20 }),
+	                    "00080388#0400 0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "00080388#0601 0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS | VSMD_ST_S6), "=ok");
+	drop(f);
+}
+
+static void standard_frames(void **state)
+{
+	struct fixture *f = make(1, 0);
+
+	(void)state;
+	assert_string_equal(command(f, DB_CMD_STOP, (struct db_args){ 0 }), "0E4#00 0FE#0102");
+	assert_int_equal(
+		db_driver_vsmd_can.check_param(&f->bus, VSMD_SPL, (union db_value){ .i = 5 }),
+		DB_RESULT_UNSUPPORTED);
+	assert_int_equal(
+		db_driver_vsmd_can.check_param(&f->bus, VSMD_MCS, (union db_value){ .u = 5 }),
+		DB_RESULT_OK);
+	drop(f);
+}
+
+static void what_the_drive_refuses(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 5 });
+	assert_string_equal(confirm(f, 0, VSMD_ST_STP | VSMD_ST_CMD_WRG), "=refused");
+	assert_true(feedback(f).status == 0 || feedback(f).status & DB_STATUS_REFUSED);
+	drop(f);
+}
+
+/* --- looking for the effect ---------------------------------------------------------------------------- */
+
+static void a_move_counts_when_it_shows(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 500 });
+	/* The status was read before the drive got going. */
+	assert_string_equal(confirm(f, 0, STANDS), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "0008039E#0102");
+	assert_string_equal(confirm(f, 1, RUNS), "=ok");
+	/* Already there. */
+	poll(f, 500, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 500 });
+	assert_string_equal(confirm(f, 500, STANDS), "=ok");
+	drop(f);
+}
+
+static void a_move_that_does_not_show_is_said_again_and_then_failed(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned moves = 1;
+	unsigned reads = 0;
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 500 });
+	while (f->said[0] != '=' && reads < 200) {
+		confirm(f, 0, STANDS);
+		moves += strncmp(f->said, "00080386#000001F4 ", 18) == 0;
+		reads++;
+	}
+	assert_string_equal(f->said, "=failed");
+	assert_int_equal(moves, 3);
+	assert_in_range(reads, 3 * 2 * REACTION_MS, 3 * (2 * REACTION_MS + 2));
+	drop(f);
+}
+
+/* --- motion on top of a motion ---------------------------------------------------------------------------- */
+
+/* Runs with 3000 pulses per second because it was told to. */
+static void run_at_3000(struct fixture *f)
+{
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 3000.0f });
+	assert_string_equal(confirm(f, 1, RUNS), "=ok");
+	poll_running(f, 3000.0f, 100, RUNS);
+}
+
+/* Answers every look with this. The end, and how often the frame was said again. */
+static const char *go_on_with(struct fixture *f, float velocity, int32_t position,
+                              const char *frame, unsigned *said)
+{
+	*said = 0;
+	for (unsigned i = 0; i < 1000 && f->said[0] != '='; i++) {
+		*said += strncmp(f->said, frame, strlen(frame)) == 0;
+		if (strcmp(f->said, "0008039E#0001") == 0)
+			speed(f, velocity);
+		else
+			confirm(f, position, RUNS);
+	}
+	return f->said;
+}
+
+static void a_reversal_counts_when_the_speed_turns(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned said;
+
+	(void)state;
+	run_at_3000(f);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -3000.0f });
+	assert_string_equal(confirm(f, 103, RUNS), "0008039E#0001");
+	assert_string_equal(speed(f, 2930.0f), "=ok");
+	/* Its frame was lost: it runs on as it did, and that it moves proves nothing. */
+	run_at_3000(f);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -3000.0f });
+	assert_string_equal(go_on_with(f, 3000.0f, 200, "00080385#C53B8000 ", &said), "=failed");
+	assert_int_equal(said, 3);
+	drop(f);
+}
+
+/* From `place` on by `step` counts with each look, at a speed of 0. */
+static const char *go_without_speed(struct fixture *f, int32_t place, int32_t step)
+{
+	for (unsigned i = 0; i < 1000 && f->said[0] != '='; i++) {
+		if (strcmp(f->said, "0008039E#0001") == 0)
+			speed(f, 0.0f);
+		else
+			confirm(f, place += step, RUNS);
+	}
+	return f->said;
+}
+
+static void where_no_speed_is_told_the_position_tells_the_direction(void **state)
+{
+	static const struct db_args back = { .target_velocity = -3000.0f };
+	static const struct db_args behind = { .target_position = -5000 };
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	run_at_3000(f);
+	poll_running(f, 0.0f, 160, RUNS);
+	command(f, DB_CMD_MOVE_VELOCITY, back);
+	assert_string_equal(go_without_speed(f, 160, -10), "=ok");
+	/* Whether it goes faster now cannot be seen. */
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -4000.0f });
+	assert_string_equal(go_without_speed(f, 0, -10), "=unproven");
+	/* It goes on as before: the command may have been lost, or be slow. */
+	run_at_3000(f);
+	poll_running(f, 0.0f, 160, RUNS);
+	command(f, DB_CMD_MOVE_VELOCITY, back);
+	assert_string_equal(go_without_speed(f, 160, 10), "=unproven");
+	run_at_3000(f);
+	poll_running(f, 0.0f, 160, RUNS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, behind);
+	assert_string_equal(go_without_speed(f, 160, -10), "=ok");
+	drop(f);
+}
+
+/* Its speeds are never below 0. */
+static void a_reversal_shows_in_the_position_too(void **state)
+{
+	struct fixture *f = make(0, 0);
+	int32_t place = 160;
+
+	(void)state;
+	run_at_3000(f);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -3000.0f });
+	for (unsigned i = 0; i < 1000 && f->said[0] != '='; i++) {
+		if (strcmp(f->said, "0008039E#0001") == 0)
+			speed(f, 3000.0f);
+		else
+			confirm(f, place -= 3, RUNS);
+	}
+	assert_string_equal(f->said, "=ok");
+	drop(f);
+}
+
+static void a_speed_that_an_older_command_explains_proves_nothing(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned said;
+
+	(void)state;
+	/* Told 3000, and still accelerating: 2000 is on the way. */
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 3000.0f });
+	assert_string_equal(confirm(f, 1, RUNS), "=ok");
+	poll_running(f, 1000.0f, 100, RUNS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 2000.0f });
+	assert_string_equal(go_on_with(f, 2000.0f, 110, "00080385#44FA0000 ", &said), "=unproven");
+	assert_int_equal(said, 2);
+	/* Faster than it was ever told before: that is this command. */
+	run_at_3000(f);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 5000.0f });
+	confirm(f, 110, RUNS);
+	assert_string_equal(speed(f, 3050.0f), "=ok");
+	drop(f);
+}
+
+static void a_new_target_counts_when_the_drive_turns_to_it(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned said;
+
+	(void)state;
+	run_at_3000(f);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = -500 });
+	confirm(f, 103, RUNS);
+	assert_string_equal(speed(f, 2930.0f), "=ok");
+	/* Behind it: the way there is the way back, and it comes from 0 speed. */
+	poll_running(f, -500.0f, 50, RUNS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 4000 });
+	confirm(f, 45, RUNS);
+	assert_string_equal(speed(f, 10.0f), "=ok");
+	/* Farther in the same direction: nothing shows, so it is said twice, and the result says so. */
+	poll_running(f, 3000.0f, 1000, RUNS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 9000 });
+	assert_string_equal(go_on_with(f, 3000.0f, 1100, "00080386#00002328 ", &said), "=unproven");
+	assert_int_equal(said, 2);
+	assert_int_equal(feedback(f).target, 9000);
+	/* The same target again is what it does already. */
+	poll_running(f, 3000.0f, 2000, RUNS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 9000 });
+	assert_string_equal(confirm(f, 2010, RUNS), "=ok");
+	drop(f);
+}
+
+/* Runs, was told to stop, and slows down from 3000. */
+static void slow_down_from_3000(struct fixture *f)
+{
+	run_at_3000(f);
+	command(f, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 103, RUNS), "=ok");
+}
+
+/* Answers every look with a speed that changes by `step` from one look to the next. */
+static const char *go_on_slowly(struct fixture *f, float velocity, float step, int32_t position,
+                                const char *frame, unsigned *said)
+{
+	*said = 0;
+	for (unsigned i = 0; i < 1000 && f->said[0] != '='; i++) {
+		*said += strncmp(f->said, frame, strlen(frame)) == 0;
+		if (strcmp(f->said, "0008039E#0001") == 0)
+			speed(f, velocity += step);
+		else
+			confirm(f, position, RUNS);
+	}
+	return f->said;
+}
+
+static void what_slows_down_for_a_halt_proves_no_new_target(void **state)
+{
+	const struct db_args behind = { .target_position = 50 };
+	struct fixture *f = make(0, 0);
+	unsigned said;
+
+	(void)state;
+	/* It may be turning to the target, or still be obeying the halt. */
+	slow_down_from_3000(f);
+	command(f, DB_CMD_MOVE_ABSOLUTE, behind);
+	assert_string_equal(go_on_slowly(f, 3000.0f, -4.0f, 110, "00080386#00000032 ", &said),
+	                    "=unproven");
+	assert_int_equal(said, 2);
+	assert_int_equal(feedback(f).target, 50);
+	/* Comes back, which no halt makes it do. */
+	slow_down_from_3000(f);
+	command(f, DB_CMD_MOVE_ABSOLUTE, behind);
+	confirm(f, 110, RUNS);
+	assert_string_equal(speed(f, 8.0f), "0008039E#0102");
+	confirm(f, 110, RUNS);
+	assert_string_equal(speed(f, -8.0f), "=ok");
+	/* Neither of them: it runs on away from the target. */
+	slow_down_from_3000(f);
+	command(f, DB_CMD_MOVE_ABSOLUTE, behind);
+	assert_string_equal(go_on_slowly(f, 3000.0f, 0.0f, 110, "00080386#00000032 ", &said),
+	                    "=failed");
+	assert_int_equal(said, 3);
+	drop(f);
+}
+
+static void what_slows_down_for_a_halt_proves_no_reversal(void **state)
+{
+	const struct db_args back = { .target_velocity = -3000.0f };
+	struct fixture *f = make(0, 0);
+	unsigned said;
+
+	(void)state;
+	slow_down_from_3000(f);
+	command(f, DB_CMD_MOVE_VELOCITY, back);
+	assert_string_equal(go_on_slowly(f, 3000.0f, -4.0f, 110, "00080385#C53B8000 ", &said),
+	                    "=unproven");
+	assert_int_equal(said, 2);
+	slow_down_from_3000(f);
+	command(f, DB_CMD_HOME, (struct db_args){ 0 });
+	confirm(f, 110, RUNS);
+	assert_string_equal(go_on_slowly(f, 3000.0f, -4.0f, 110, "00080389#", &said), "=unproven");
+	drop(f);
+}
+
+/* On its way back to a target behind it, and the next one lies before it again. */
+static void what_slows_down_for_a_target_proves_no_other(void **state)
+{
+	const struct db_args ahead = { .target_position = 9000 };
+	struct fixture *f = make(0, 0);
+	unsigned said;
+
+	(void)state;
+	run_at_3000(f);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 50 });
+	confirm(f, 110, RUNS);
+	assert_string_equal(speed(f, 2900.0f), "=ok");
+	command(f, DB_CMD_MOVE_ABSOLUTE, ahead);
+	assert_string_equal(go_on_slowly(f, 2890.0f, -4.0f, 120, "00080386#00002328 ", &said),
+	                    "=unproven");
+	assert_int_equal(said, 2);
+	/* Faster again, and away from the older target. */
+	run_at_3000(f);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 50 });
+	confirm(f, 110, RUNS);
+	assert_string_equal(speed(f, 2900.0f), "=ok");
+	command(f, DB_CMD_MOVE_ABSOLUTE, ahead);
+	assert_string_equal(go_on_slowly(f, 2890.0f, 4.0f, 120, "00080386#00002328 ", &said),
+	                    "=ok");
+	drop(f);
+}
+
+static void a_move_that_ended_does_not_prove_the_next(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned moves = 0;
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 500 });
+	assert_string_equal(confirm(f, 1, RUNS), "=ok");
+	poll_running(f, 1000.0f, 400, RUNS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 900 });
+	/* It reaches the old target and stands there. */
+	while (f->said[0] != '=') {
+		moves += strncmp(f->said, "00080386#00000384 ", 18) == 0;
+		if (strcmp(f->said, "0008039E#0001") == 0)
+			speed(f, 0.0f);
+		else
+			confirm(f, 500, STANDS);
+	}
+	assert_string_equal(f->said, "=failed");
+	assert_int_equal(moves, 3);
+	drop(f);
+}
+
+static void set_position_while_moving_must_change_the_position(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned said;
+
+	(void)state;
+	run_at_3000(f);
+	command(f, DB_CMD_SET_POSITION, (struct db_args){ .target_position = 100000 });
+	assert_string_equal(confirm(f, 100002, RUNS), "=ok");
+	run_at_3000(f);
+	command(f, DB_CMD_SET_POSITION, (struct db_args){ .target_position = 100000 });
+	assert_string_equal(go_on_with(f, 3000.0f, 110, "00080383#000186A0 ", &said), "=failed");
+	assert_int_equal(said, 3);
+	drop(f);
+}
+
+static void outputs_show_their_level(void **state)
+{
+	const struct db_args on = { .output_number = 5, .output_value = 1 };
+	struct fixture *f = make(0, 0);
+	unsigned said = 0;
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_SET_OUTPUT, on);
+	assert_string_equal(confirm(f, 0, STANDS), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS | VSMD_ST_S5), "=ok");
+	/* Not documented to show: without a level the result is open ... */
+	command(f, DB_CMD_SET_OUTPUT, on);
+	for (unsigned i = 0; i < 1000 && f->said[0] != '='; i++) {
+		said += strncmp(f->said, "00080388#", 9) == 0;
+		confirm(f, 0, STANDS);
+	}
+	assert_string_equal(f->said, "=unproven");
+	assert_int_equal(said, 3);
+	/* ... but a port that is an input has taken nothing. */
+	f->request = (struct db_request){ .args = &f->args };
+	f->settings[0] = (struct db_setting){ .param = VSMD_S5 };
+	f->request.settings = f->settings;
+	f->request.setting_count = 1;
+	begin(f, DB_JOB_SETTINGS);
+	data(f, 0x0D, 0);
+	assert_string_equal(data(f, 0x0D, 0), "=ok");
+	command(f, DB_CMD_SET_OUTPUT, on);
+	for (unsigned i = 0; i < 1000 && f->said[0] != '='; i++)
+		confirm(f, 0, STANDS);
+	assert_string_equal(f->said, "=refused");
+	/* What is connected to it may hold it high. */
+	poll(f, 0, STANDS | VSMD_ST_S5);
+	command(f, DB_CMD_SET_OUTPUT, on);
+	for (unsigned i = 0; i < 1000 && f->said[0] != '='; i++)
+		confirm(f, 0, STANDS | VSMD_ST_S5);
+	assert_string_equal(f->said, "=refused");
+	drop(f);
+}
+
+static void what_cannot_be_read_is_unproven(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_SET_SV, (struct db_args){ .output_number = 1, .output_value = 9 });
+	assert_string_equal(confirm(f, 0, STANDS), "=unproven");
+	command(f, DB_CMD_SET_NMOS, (struct db_args){ .output_number = 1, .output_value = 9 });
+	assert_string_equal(confirm(f, 0, STANDS), "=unproven");
+	command(f, DB_CMD_SAVE_PARAMETERS, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, STANDS), "=unproven");
+	command(f, DB_CMD_SHAKE_START,
+	        (struct db_args){ .shake_frequency = 1.0f, .shake_end_position = 50 });
+	assert_string_equal(confirm(f, 1, RUNS), "=unproven");
+	drop(f);
+}
+
+/* --- origin and restarts ------------------------------------------------------------------------------------ */
+
+static bool has(const struct fixture *f, uint32_t bit)
+{
+	return feedback(f).status & bit;
+}
+
+static void a_power_cut_loses_the_origin(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	/* Homed, by whomever: the drive says so. */
+	poll(f, 0, STANDS);
+	assert_false(has(f, DB_STATUS_HOMED));
+	poll(f, 0, STANDS | VSMD_ST_ZERO);
+	assert_true(has(f, DB_STATUS_HOMED));
+	/* Away and back, and nothing says that it counted on. */
+	db_driver_vsmd_can.gone(f->device);
+	poll(f, 0, STANDS);
+	assert_false(has(f, DB_STATUS_HOMED));
+	assert_true(has(f, DB_STATUS_ORIGIN_LOST));
+	/* Homed again; away and back with its homing bit: that was the cable. */
+	poll(f, 0, STANDS | VSMD_ST_ZERO);
+	assert_true(has(f, DB_STATUS_HOMED) && !has(f, DB_STATUS_ORIGIN_LOST));
+	db_driver_vsmd_can.gone(f->device);
+	poll(f, 0, STANDS | VSMD_ST_ZERO);
+	assert_true(has(f, DB_STATUS_HOMED) && !has(f, DB_STATUS_ORIGIN_LOST));
+	/* Shorter than a cycle: the bit or the power is gone, and the counter at 0. */
+	poll(f, 0, STANDS);
+	assert_false(has(f, DB_STATUS_HOMED));
+	assert_true(has(f, DB_STATUS_ORIGIN_LOST));
+	drop(f);
+}
+
+/* Between the command and the status behind it: its places are other ones now. */
+static void a_power_cut_while_moving_ends_the_move(void **state)
+{
+	static const unsigned gaps[] = { 4000, 60000 };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof gaps / sizeof gaps[0]; i++) {
+		struct fixture *f = make(0, 0);
+		unsigned said = 0;
+
+		run_at_3000(f);
+		poll_running(f, 3000.0f, (int32_t)gaps[i], RUNS);
+		command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 90000 });
+		/* It stands at 0, as after power came, and would go to 90000 from there. */
+		while (f->said[0] != '=') {
+			said += strncmp(f->said, "00080386#", 9) == 0;
+			if (strcmp(f->said, "0008039E#0001") == 0)
+				speed(f, 0.0f);
+			else
+				confirm(f, 0, STANDS);
+		}
+		assert_string_equal(f->said, "=failed");
+		assert_int_equal(said, 1);
+		assert_true(feedback(f).status & DB_STATUS_ORIGIN_LOST);
+		drop(f);
+	}
+}
+
+static void a_drive_that_counts_on_has_not_restarted(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_SET_POSITION, (struct db_args){ .target_position = 700 });
+	assert_string_equal(confirm(f, 700, STANDS | VSMD_ST_HS), "=ok");
+	db_driver_vsmd_can.gone(f->device);
+	poll(f, 700, STANDS);
+	assert_false(has(f, DB_STATUS_ORIGIN_LOST));
+	f->now += 1000 * MS;
+	poll(f, 700, VSMD_ST_STP); /* power off, and it counts on */
+	assert_false(has(f, DB_STATUS_ORIGIN_LOST));
+	poll(f, 700, STANDS);
+	f->now += 1000 * MS;
+	poll(f, 0, STANDS); /* nobody told it anything */
+	assert_true(has(f, DB_STATUS_ORIGIN_LOST));
+	drop(f);
+}
+
+/* Its bit is still of the homing before, but off has made 0 of the counter. */
+static void the_homing_bit_outlives_the_origin(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	poll(f, 0, STANDS | VSMD_ST_ZERO);
+	command(f, DB_CMD_DISABLE, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, VSMD_ST_STP | VSMD_ST_ZERO), "=ok");
+	poll(f, 0, VSMD_ST_STP | VSMD_ST_ZERO);
+	command(f, DB_CMD_ENABLE, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, STANDS | VSMD_ST_ZERO), "=ok");
+	poll(f, 0, STANDS | VSMD_ST_ZERO);
+	assert_false(has(f, DB_STATUS_HOMED));
+	assert_true(has(f, DB_STATUS_ORIGIN_LOST));
+	drop(f);
+}
+
+static void closed_loop_rests_beside_its_place(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	f->drive.in_position_window = 1.0;
+	db_driver_vsmd_can.init(f->device, NULL, &f->bus, &f->drive);
+	poll(f, 1, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 500 });
+	confirm(f, 5, RUNS);
+	poll(f, 501, STANDS);
+	assert_true(has(f, DB_STATUS_AT_TARGET));
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 500 });
+	assert_string_equal(confirm(f, 501, STANDS), "=ok");
+	command(f, DB_CMD_SET_POSITION, (struct db_args){ .target_position = 20 });
+	assert_string_equal(confirm(f, 21, STANDS), "=ok");
+	drop(f);
+}
+
+/* Two answers, and one of them is of before. */
+static void a_relative_move_is_counted_from_readings_that_agree(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 100, STANDS);
+	command(f, DB_CMD_MOVE_RELATIVE, (struct db_args){ .target_position = 50 });
+	assert_string_equal(confirm(f, 40, STANDS), "0008039E#0101");
+	assert_string_equal(place(f, 100), "0008039E#0102");
+	assert_string_equal(confirm(f, 100, STANDS), "0008039E#0101");
+	assert_string_equal(place(f, 100), "00080386#00000096 0008039E#0102");
+	drop(f);
+}
+
+/* The move before goes on to where it was sent. */
+static void a_refused_move_changes_no_target(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 500 });
+	assert_string_equal(confirm(f, 0, RUNS), "=ok");
+	assert_int_equal(feedback(f).target, 500);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 900 });
+	assert_string_equal(confirm(f, 10, RUNS | VSMD_ST_CMD_WRG), "=refused");
+	assert_int_equal(feedback(f).target, 500);
+	command(f, DB_CMD_MOVE_RELATIVE, (struct db_args){ .target_position = 100 });
+	confirm(f, 20, RUNS);
+	place(f, 21);
+	assert_string_equal(confirm(f, 20, RUNS | VSMD_ST_CMD_WRG), "=refused");
+	assert_int_equal(feedback(f).target, 500);
+	poll(f, 500, STANDS);
+	assert_true(feedback(f).status & DB_STATUS_AT_TARGET);
+	drop(f);
+}
+
+static void homing_and_shaking_are_never_begun_twice(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned starts = 0;
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_HOME, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, STANDS), "00080389# 0008039E#0102");
+	for (unsigned i = 0; i < 200 && f->said[0] != '='; i++) {
+		starts += strncmp(f->said, "00080389#", 9) == 0;
+		confirm(f, 0, STANDS);
+	}
+	assert_string_equal(f->said, "=failed");
+	assert_int_equal(starts, 1);
+	drop(f);
+}
+
+/* `zero stop` does not clear it, the next homing does. */
+static void a_homing_bit_that_stays_set_is_no_end(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned stops = 0;
+
+	(void)state;
+	poll(f, 0, STANDS | VSMD_ST_ZERO);
+	command(f, DB_CMD_HOME, (struct db_args){ 0 });
+	for (unsigned i = 0; i < 3000 && strncmp(f->said, "00080389#", 9) != 0; i++) {
+		stops += strncmp(f->said, "0008038A#", 9) == 0;
+		confirm(f, 0, STANDS | VSMD_ST_ZERO);
+	}
+	assert_int_equal(stops, 3);
+	/* It stands for a moment before it begins, and the bit is that of before. */
+	assert_string_equal(confirm(f, 0, STANDS | VSMD_ST_ZERO), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, RUNS | VSMD_ST_ZERO), "=ok");
+	poll(f, -3, RUNS | VSMD_ST_ZERO);
+	poll(f, -5, STANDS | VSMD_ST_ZERO);
+	assert_int_equal(feedback(f).state, DB_AXIS_HOMING);
+	assert_false(has(f, DB_STATUS_HOMED));
+	poll(f, -5, RUNS);
+	poll(f, 0, STANDS | VSMD_ST_ZERO);
+	assert_true(has(f, DB_STATUS_HOMED));
+	assert_int_equal(feedback(f).state, DB_AXIS_STANDSTILL);
+	/* That it is cleared shows that homing has begun. */
+	command(f, DB_CMD_HOME, (struct db_args){ 0 });
+	while (strncmp(f->said, "00080389#", 9) != 0)
+		confirm(f, 0, STANDS | VSMD_ST_ZERO);
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	drop(f);
+}
+
+/* Saying it again is the scheduler's part; the driver does not claim a stand that it has not read. */
+static void a_stop_that_shows_no_effect_still_moves(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 800.0f });
+	assert_string_equal(confirm(f, 0, RUNS), "=ok");
+	assert_string_equal(command(f, DB_CMD_STOP, (struct db_args){ 0 }),
+	                    "00080384#00 0008039E#0102");
+	assert_string_equal(confirm(f, 1, RUNS), "=ok");
+	assert_int_equal(feedback(f).state, DB_AXIS_STOPPING);
+	assert_true(feedback(f).status & DB_STATUS_MOVING);
+	drop(f);
+}
+
+static void stopping_a_homing_run_ends_homing_too(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_HOME, (struct db_args){ 0 });
+	confirm(f, 0, STANDS);
+	assert_string_equal(confirm(f, 0, RUNS), "=ok");
+	command(f, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, RUNS), "0008038A# 0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	drop(f);
+}
+
+/* As after a restart of the bridge, or when a sensor started the motor. */
+static void a_motion_not_begun_here_is_told_all_the_ends(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, RUNS);
+	assert_int_equal(feedback(f).state, DB_AXIS_CONTINUOUS_MOTION);
+	assert_string_equal(command(f, DB_CMD_STOP, (struct db_args){ 0 }),
+	                    "00080384#00 0008039E#0102");
+	assert_string_equal(confirm(f, 1, RUNS), "0008038A# 0008039E#0102");
+	assert_string_equal(confirm(f, 2, RUNS), "0008039B#00 0008039E#0102");
+	/* That this model may not know how to shake does not make the stop a failure. */
+	assert_string_equal(confirm(f, 3, STANDS | VSMD_ST_CMD_WRG), "=ok");
+	assert_false(feedback(f).status & DB_STATUS_REFUSED);
+	drop(f);
+}
+
+/* Ending homing would clear the bit that says that it was done. */
+static void a_homed_drive_that_moves_is_not_homing(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, RUNS | VSMD_ST_ZERO);
+	command(f, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 1, RUNS | VSMD_ST_ZERO), "0008039B#00 0008039E#0102");
+	assert_string_equal(confirm(f, 2, STANDS | VSMD_ST_ZERO), "=ok");
+	drop(f);
+}
+
+static void homing_found_between_two_phases_is_ended_too(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, RUNS);
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, STANDS), "0008038A# 0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "0008039B#00 0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	/* Standing for long, it is not homing any more. */
+	for (unsigned i = 0; i < 7; i++) {
+		poll(f, 0, STANDS);
+		f->now += 100 * MS;
+	}
+	command(f, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	drop(f);
+}
+
+/* However short or long the cycle is. */
+static void homing_may_stand_for_a_moment(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	for (unsigned cycle_ms = 1; cycle_ms <= 1000; cycle_ms *= 10) {
+		unsigned polls = 0;
+
+		poll(f, 0, STANDS);
+		command(f, DB_CMD_HOME, (struct db_args){ 0 });
+		confirm(f, 0, STANDS);
+		assert_string_equal(confirm(f, 0, RUNS), "=ok");
+		while (feedback(f).state == DB_AXIS_HOMING) {
+			poll(f, 0, STANDS);
+			f->now += (cycle_ms - 1) * MS;
+			polls++;
+		}
+		assert_true(polls * cycle_ms > 500 && polls > 5);
+		assert_true(polls * cycle_ms <= 500 + 2 * cycle_ms || polls == 6);
+		assert_int_equal(feedback(f).state, DB_AXIS_STANDSTILL);
+		assert_false(feedback(f).status & DB_STATUS_HOMED);
+	}
+	drop(f);
+}
+
+static void power_must_follow(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	command(f, DB_CMD_ENABLE, (struct db_args){ 0 });
+	for (unsigned i = 0; i < 2 * REACTION_MS; i++)
+		assert_string_equal(confirm(f, 0, VSMD_ST_STP), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, VSMD_ST_STP), "00080381# 0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	/* One that never follows has failed, however often it is told. */
+	command(f, DB_CMD_ENABLE, (struct db_args){ 0 });
+	for (unsigned i = 0; i < 200 && f->said[0] != '='; i++)
+		confirm(f, 0, VSMD_ST_STP);
+	assert_string_equal(f->said, "=failed");
+	/* Off is said again while the power stays on. */
+	command(f, DB_CMD_DISABLE, (struct db_args){ 0 });
+	for (unsigned i = 0; i < 20; i++)
+		assert_string_equal(confirm(f, 0, STANDS), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "00080382# 0008039E#0102");
+	assert_string_equal(confirm(f, 0, VSMD_ST_STP), "=ok");
+	drop(f);
+}
+
+/* --- relative moves and lost answers ------------------------------------------------------------------- */
+
+static void a_relative_move_is_an_absolute_one(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 100, STANDS);
+	command(f, DB_CMD_MOVE_RELATIVE, (struct db_args){ .target_position = 50 });
+	/* It is at 110 by now, and a second reading in another frame agrees. */
+	assert_string_equal(confirm(f, 110, STANDS), "0008039E#0101");
+	assert_string_equal(place(f, 110), "00080386#000000A0 0008039E#0102");
+	assert_string_equal(confirm(f, 111, RUNS), "=ok");
+	drop(f);
+}
+
+static void a_lost_confirmation_never_repeats_a_relative_move(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 100, STANDS);
+	command(f, DB_CMD_MOVE_RELATIVE, (struct db_args){ .target_position = 50 });
+	confirm(f, 100, STANDS);
+	place(f, 100);
+	assert_string_equal(f->said, "00080386#00000096 0008039E#0102");
+	assert_false(f->exchange.repeatable);
+	/* Its answer is lost: the drive is read, and stands where it was to go. */
+	assert_string_equal(lost(f), "0008039E#0102");
+	assert_string_equal(confirm(f, 150, STANDS), "=ok");
+	/* Or it has not moved at all: the same target again, not another 50. */
+	poll(f, 150, STANDS);
+	command(f, DB_CMD_MOVE_RELATIVE, (struct db_args){ .target_position = 50 });
+	confirm(f, 150, STANDS);
+	place(f, 150);
+	lost(f);
+	for (unsigned i = 0; i < 2 * REACTION_MS; i++)
+		assert_string_equal(confirm(f, 150, STANDS), "0008039E#0102");
+	assert_string_equal(confirm(f, 150, STANDS), "00080386#000000C8 0008039E#0102");
+	/* Or nobody can tell. */
+	lost(f);
+	assert_string_equal(lost(f), "=indeterminate");
+	drop(f);
+}
+
+static void saving_is_rate_limited_and_its_failure_seen(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	command(f, DB_CMD_SAVE_PARAMETERS, (struct db_args){ 0 });
+	assert_false(f->exchange.repeatable);
+	assert_true(f->exchange.extra_time >= 100 * MS);
+	assert_string_equal(confirm(f, 0, STANDS | VSMD_ST_FLASH_ERR), "=failed");
+	assert_string_equal(command(f, DB_CMD_SAVE_PARAMETERS, (struct db_args){ 0 }),
+	                    "=rate_limited");
+	f->now += 11000 * MS;
+	command(f, DB_CMD_SAVE_PARAMETERS, (struct db_args){ 0 });
+	assert_string_equal(lost(f), "=indeterminate");
+	drop(f);
+}
+
+/* --- parameters ---------------------------------------------------------------------------------------- */
+
+static void set(struct fixture *f, enum vsmd_param param, uint32_t value)
+{
+	struct db_setting *setting = &f->settings[f->request.setting_count++];
+
+	f->request.settings = f->settings;
+	setting->param = (uint16_t)param;
+	setting->value.u = value;
+}
+
+static void a_plain_register_is_written_and_read_back(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	f->request = (struct db_request){ .args = &f->args };
+	set(f, VSMD_MCS, 5);
+	/* Never 00080382, which would disable the motor. */
+	assert_string_equal(begin(f, DB_JOB_SETTINGS),
+	                    "00080302#00000005 0008039F#0201 0008039E#0B01");
+	assert_string_equal(data(f, 0x03, 5), "ignored");
+	assert_string_equal(data(f, 0x02, 5), "=ok");
+	assert_int_equal(db_driver_vsmd_can.nameplate(f->device)->values[VSMD_MCS].u, 5);
+	begin(f, DB_JOB_SETTINGS);
+	/* The drive holds something else: that is shown. */
+	assert_string_equal(data(f, 0x02, 4), "00080302#00000005 0008039F#0201 0008039E#0B01");
+	assert_string_equal(data(f, 0x02, 4), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "=refused");
+	assert_int_equal(db_driver_vsmd_can.nameplate(f->device)->values[VSMD_MCS].u, 4);
+	assert_false(db_driver_vsmd_can.nameplate(f->device)->doubtful);
+	/* A register that this model has not: asked for once more, as a frame may have been lost. */
+	begin(f, DB_JOB_SETTINGS);
+	assert_string_equal(guard(f), "0008039F#0201 0008039E#0B01");
+	assert_string_equal(guard(f), "=unsupported");
+	begin(f, DB_JOB_SETTINGS);
+	guard(f);
+	assert_string_equal(data(f, 0x02, 5), "=ok");
+	drop(f);
+}
+
+/* A lost frame, a refusal, and a drive that does not care. */
+static void a_write_that_does_not_show_is_written_once_more(void **state)
+{
+	static const char write[] = "00080302#00000006 0008039F#0201 0008039E#0B01";
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	f->request = (struct db_request){ .args = &f->args };
+	set(f, VSMD_MCS, 5);
+	begin(f, DB_JOB_SETTINGS);
+	assert_string_equal(data(f, 0x02, 5), "=ok");
+	f->settings[0].value.u = 6;
+	assert_string_equal(begin(f, DB_JOB_SETTINGS), write);
+	assert_string_equal(data(f, 0x02, 5), write);
+	assert_string_equal(data(f, 0x02, 6), "=ok");
+	f->settings[0].value.u = 5;
+	begin(f, DB_JOB_SETTINGS);
+	data(f, 0x02, 6);
+	assert_string_equal(data(f, 0x02, 6), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS | VSMD_ST_CMD_WRG), "=refused");
+	assert_true(feedback(f).status & DB_STATUS_REFUSED);
+	begin(f, DB_JOB_SETTINGS);
+	data(f, 0x02, 6);
+	assert_string_equal(data(f, 0x02, 6), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "=failed");
+	assert_int_equal(db_driver_vsmd_can.nameplate(f->device)->values[VSMD_MCS].u, 6);
+	assert_false(feedback(f).status & DB_STATUS_REFUSED);
+	drop(f);
+}
+
+static void a_packed_register_keeps_its_other_parameters(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	f->request = (struct db_request){ .args = &f->args };
+	set(f, VSMD_S1R, 3);
+	set(f, VSMD_MCS, 2);
+	set(f, VSMD_S2R, 4);
+	assert_string_equal(begin(f, DB_JOB_SETTINGS), "0008039F#0901 0008039E#0B01");
+	/* s1f, s1r, s2f, s2r */
+	assert_string_equal(data(f, 0x09, 0x01020506),
+	                    "00080309#01030504 0008039F#0901 0008039E#0B01");
+	assert_string_equal(data(f, 0x09, 0x01030504),
+	                    "00080302#00000002 0008039F#0201 0008039E#0B01");
+	assert_string_equal(data(f, 0x02, 2), "=ok");
+	drop(f);
+}
+
+/* Identifies a drive that lacks these registers; how many reads it took. */
+static unsigned identify_without(struct fixture *f, unsigned lack_first, unsigned lack_last,
+                                 unsigned other)
+{
+	unsigned reads = 0;
+
+	begin(f, DB_JOB_IDENTIFY);
+	answer(f, frame_of(0x0008020A, 0x56534D44, 0x20202020, 8));
+	answer(f, frame_of(0x0008020C, 0x20202020, 0x20202020, 8));
+	answer(f, frame_of(0x0008020E, 0x20202020, 0x20202020, 8));
+	answer(f, frame_of(0x00080210, 0x20202020, 0, 4));
+	while (f->said[0] != '=') {
+		unsigned first;
+		unsigned count;
+		bool silent;
+
+		assert_true(++reads < 200);
+		assert_int_equal(sscanf(f->said, "0008039F#%2x%2x 0008039E#0B01", &first, &count),
+		                 2);
+		silent = (first <= lack_last && first + count > lack_first) ||
+		         (first <= other && first + count > other);
+		for (unsigned reg = first; reg < first + count && !silent; reg += 2)
+			answer(f,
+			       frame_of(0x00080280 + reg, 1, 1, first + count - reg > 1 ? 8 : 4));
+		guard(f);
+	}
+	assert_string_equal(f->said, "=ok");
+	return reads;
+}
+
+static bool is_valid(const struct fixture *f, enum vsmd_param param)
+{
+	return db_driver_vsmd_can.nameplate(f->device)->valid[0] >> param & 1;
+}
+
+static void a_model_without_some_registers_is_identified_at_once(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned reads = identify_without(f, 0x1C, 0x2B, 0x0B);
+
+	(void)state;
+	assert_true(is_valid(f, VSMD_MCS) && is_valid(f, VSMD_CRH) && is_valid(f, VSMD_S4R) &&
+	            is_valid(f, VSMD_PUD) && is_valid(f, VSMD_ZAR));
+	assert_false(is_valid(f, VSMD_S5F) || is_valid(f, VSMD_ZCR) || is_valid(f, VSMD_SPL));
+	assert_true(reads > 20);
+	/* What it lacks is remembered, also over a time offline ... */
+	db_driver_vsmd_can.gone(f->device);
+	assert_true(identify_without(f, 0x1C, 0x2B, 0x0B) < 10);
+	/* ... until somebody asks. */
+	command(f, DB_CMD_READ_PARAMETERS, (struct db_args){ 0 });
+	assert_true(identify_without(f, 0xFF, 0xFE, 0xFF) < 10);
+	assert_true(is_valid(f, VSMD_S5F) && is_valid(f, VSMD_SPL));
+	drop(f);
+}
+
+/* --- reports and broadcast ------------------------------------------------------------------------------- */
+
+static bool report(struct fixture *f, struct db_can_frame frame)
+{
+	return db_driver_vsmd_can.report(f->device, (const uint8_t *)&frame, sizeof frame, f->now);
+}
+
+static void reports_take_the_place_of_polls(void **state)
+{
+	struct fixture *f = make(0, 50);
+
+	(void)state;
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#010032 0008039E#0A07");
+	assert_true(db_driver_vsmd_can.wants_poll(f->device, f->now));
+	assert_false(report(f, frame_of(0x00080202, STANDS, 0, 4)));
+	assert_true(report(f, frame_of(0x00080200, 0, 77, 8)));
+	assert_true(db_driver_vsmd_can.wants_poll(f->device, f->now));
+	assert_true(report(f, frame_of(0x00080202, STANDS, 0, 4)));
+	assert_int_equal(feedback(f).position, 77);
+	assert_false(db_driver_vsmd_can.wants_poll(f->device, f->now + 100 * MS));
+	assert_true(db_driver_vsmd_can.wants_poll(f->device, f->now + 151 * MS));
+	drop(f);
+	f = make(0, 0);
+	assert_false(report(f, frame_of(0x00080200, 0, 77, 8)));
+	drop(f);
+}
+
+/* What is read in cycles and what confirms a command change places, so that no report confirms one. */
+static void reports_of_position_and_status(void **state)
+{
+	struct fixture *f = make_reporting(0, 50, 1);
+
+	(void)state;
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#020032 0008039E#0A07");
+	assert_string_equal(begin(f, DB_JOB_POLL), "0008039E#0102");
+	assert_string_equal(answer(f, frame_of(0x00080201, 0, STANDS, 8)), "=ok");
+	assert_true(db_driver_vsmd_can.wants_poll(f->device, f->now));
+	assert_true(report(f, frame_of(0x00080201, 100, RUNS, 8)));
+	assert_false(db_driver_vsmd_can.wants_poll(f->device, f->now));
+	/* A report that the line held up was sent in its time all the same. */
+	f->now += 62 * MS;
+	assert_true(report(f, frame_of(0x00080201, 200, RUNS, 8)));
+	assert_int_equal(feedback(f).position, 200);
+	assert_true(feedback(f).velocity == 2000.0f);
+	f->now += 50 * MS;
+	assert_true(report(f, frame_of(0x00080201, 250, STANDS, 8)));
+	assert_true(feedback(f).velocity == 0.0f);
+	assert_false(report(f, frame_of(0x00080200, 0, 77, 8)));
+	assert_false(report(f, frame_of(0x00080202, STANDS, 0, 4)));
+
+	f->request = (struct db_request){ .command = DB_CMD_ENABLE, .args = &f->args };
+	assert_string_equal(begin(f, DB_JOB_COMMAND), "00080381# 0008039E#0003");
+	assert_string_equal(answer(f, frame_of(0x00080201, 250, STANDS, 8)), "ignored");
+	assert_string_equal(answer(f, frame_of(0x00080200, 0, 250, 8)), "more");
+	assert_string_equal(answer(f, frame_of(0x00080202, STANDS, 0, 4)), "=ok");
+	drop(f);
+}
+
+static void a_position_that_was_set_is_no_motion(void **state)
+{
+	struct fixture *f = make_reporting(0, 50, 1);
+
+	(void)state;
+	assert_true(report(f, frame_of(0x00080201, 0, RUNS, 8)));
+	f->args = (struct db_args){ .target_position = 5000 };
+	f->request = (struct db_request){ .command = DB_CMD_SET_POSITION, .args = &f->args };
+	assert_string_equal(begin(f, DB_JOB_COMMAND), "00080383#00001388 0008039E#0003");
+	f->now += 50 * MS;
+	assert_true(report(f, frame_of(0x00080201, 10, RUNS, 8)));
+	f->now += 50 * MS;
+	assert_true(report(f, frame_of(0x00080201, 5020, RUNS, 8)));
+	assert_true(feedback(f).velocity == 0.0f);
+	drop(f);
+}
+
+/* The status is asked for as ever. */
+static void reports_of_the_position(void **state)
+{
+	struct fixture *f = make_reporting(0, 10, 2);
+
+	(void)state;
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#03000A 0008039E#0A07");
+	/* Nothing is shown of a drive whose status is not known. */
+	assert_true(report(f, frame_of(0x00080201, 100, 0, 4)));
+	assert_int_equal(feedback(f).state, DB_AXIS_OFFLINE);
+	assert_string_equal(begin(f, DB_JOB_POLL), "0008039E#0003");
+	assert_string_equal(answer(f, frame_of(0x00080200, 0, 100, 8)), "more");
+	assert_string_equal(answer(f, frame_of(0x00080202, RUNS, 0, 4)), "=ok");
+	assert_true(report(f, frame_of(0x00080201, 100, 0, 4)));
+	f->now += 10 * MS;
+	assert_true(report(f, frame_of(0x00080201, 90, 0, 4)));
+	assert_int_equal(feedback(f).position, 90);
+	assert_true(feedback(f).velocity == -1000.0f);
+	assert_int_equal(feedback(f).drive_status, RUNS);
+	assert_true(db_driver_vsmd_can.wants_poll(f->device, f->now));
+	assert_false(report(f, frame_of(0x00080201, 90, RUNS, 8)));
+	drop(f);
+}
+
+/* The readings that a relative move counts from do not look like reports. */
+static void a_relative_move_beside_reports_of_the_position(void **state)
+{
+	struct fixture *f = make_reporting(0, 10, 2);
+
+	(void)state;
+	f->args = (struct db_args){ .target_position = 10 };
+	f->request = (struct db_request){ .command = DB_CMD_MOVE_RELATIVE, .args = &f->args };
+	assert_string_equal(begin(f, DB_JOB_COMMAND), "0008039E#0102");
+	assert_string_equal(answer(f, frame_of(0x00080201, 100, STANDS, 8)), "0008039E#0002");
+	assert_string_equal(answer(f, frame_of(0x00080201, 99, 0, 4)), "ignored");
+	assert_string_equal(answer(f, frame_of(0x00080200, 0, 100, 8)),
+	                    "00080386#0000006E 0008039E#0102");
+	drop(f);
+}
+
+static void all_at_once(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	assert_true(db_driver_vsmd_can.broadcast(DB_CMD_STOP, &f->bus, &f->exchange));
+	spell(f);
+	assert_string_equal(f->said, "00040384#00");
+	assert_int_equal(f->exchange.answer_length, 0);
+	assert_false(db_driver_vsmd_can.broadcast(DB_CMD_HOME, &f->bus, &f->exchange));
+	drop(f);
+}
+
+/* A read behind it would be taken for what the drive still owes. */
+static void a_stop_while_an_answer_is_outstanding(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	assert_true(db_driver_vsmd_can.interrupt(f->device, DB_CMD_STOP, &f->exchange));
+	spell(f);
+	assert_string_equal(f->said, "00080384#00");
+	assert_true(db_driver_vsmd_can.interrupt(f->device, DB_CMD_DISABLE, &f->exchange));
+	spell(f);
+	assert_int_equal(strlen(f->said), 9);
+	assert_false(db_driver_vsmd_can.interrupt(f->device, DB_CMD_HOME, &f->exchange));
+	drop(f);
+}
+
+/* --- a common start ------------------------------------------------------------------------------------ */
+
+static const char *for_all(struct fixture *f)
+{
+	static struct db_exchange all;
+	static uint8_t bytes[DB_SHORT_REQUEST];
+	struct db_exchange prepared = f->exchange;
+
+	all = (struct db_exchange){ .request = bytes, .request_size = sizeof bytes };
+	if (!f->exchange.begins || !db_driver_vsmd_can.begin_all(f->device, &f->exchange, &all))
+		return "nothing";
+	f->exchange = all;
+	spell(f);
+	f->exchange = prepared;
+	return f->said;
+}
+
+static const char *begun_by_all(struct fixture *f)
+{
+	f->exchange.begins = false;
+	return next(f, db_driver_vsmd_can.begun_by_all(talk(f)));
+}
+
+static void what_begins_a_motion_can_be_said_to_all(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 300 });
+	assert_string_equal(for_all(f), "00040386#0000012C");
+	assert_string_equal(begun_by_all(f), "0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "0008039E#0102");
+	assert_string_equal(confirm(f, 2, RUNS), "=ok");
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 1600.0f });
+	assert_string_equal(for_all(f), "00040385#44C80000");
+	/* First the old end of homing is cleared, which moves nothing. */
+	command(f, DB_CMD_HOME, (struct db_args){ 0 });
+	assert_string_equal(for_all(f), "nothing");
+	f->exchange.begins = false;
+	assert_string_equal(confirm(f, 0, STANDS), "00080389# 0008039E#0102");
+	assert_string_equal(for_all(f), "00040389#");
+	command(f, DB_CMD_ENABLE, (struct db_args){ 0 });
+	assert_string_equal(for_all(f), "nothing");
+	command(f, DB_CMD_SHAKE_START, (struct db_args){ .shake_frequency = 1.0f });
+	assert_string_equal(for_all(f), "nothing");
+	drop(f);
+}
+
+/* It would begin later than the others. */
+static void what_was_said_to_all_is_not_said_again(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned looks = 0;
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 300 });
+	for (begun_by_all(f); f->said[0] != '='; confirm(f, 0, STANDS)) {
+		assert_string_equal(f->said, "0008039E#0102");
+		looks++;
+	}
+	assert_string_equal(f->said, "=failed");
+	assert_true(looks > 10);
+	/* Nor when the answers are lost. */
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 300 });
+	begun_by_all(f);
+	assert_string_equal(next(f, db_driver_vsmd_can.lost(talk(f))), "0008039E#0102");
+	while (f->said[0] != '=') {
+		assert_string_equal(f->said, "0008039E#0102");
+		confirm(f, 0, STANDS);
+	}
+	assert_string_equal(f->said, "=timeout");
+	drop(f);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(cyclic_status_is_put_together_whatever_the_order),
+		cmocka_unit_test(a_half_answer_is_not_completed_by_the_next_one),
+		cmocka_unit_test(a_confirmation_is_nothing_else),
+		cmocka_unit_test(probe_and_identity),
+		cmocka_unit_test(every_command_in_bytes),
+		cmocka_unit_test(standard_frames),
+		cmocka_unit_test(what_the_drive_refuses),
+		cmocka_unit_test(a_move_counts_when_it_shows),
+		cmocka_unit_test(a_move_that_does_not_show_is_said_again_and_then_failed),
+		cmocka_unit_test(a_reversal_counts_when_the_speed_turns),
+		cmocka_unit_test(where_no_speed_is_told_the_position_tells_the_direction),
+		cmocka_unit_test(a_reversal_shows_in_the_position_too),
+		cmocka_unit_test(a_speed_that_an_older_command_explains_proves_nothing),
+		cmocka_unit_test(a_new_target_counts_when_the_drive_turns_to_it),
+		cmocka_unit_test(what_slows_down_for_a_halt_proves_no_new_target),
+		cmocka_unit_test(what_slows_down_for_a_halt_proves_no_reversal),
+		cmocka_unit_test(what_slows_down_for_a_target_proves_no_other),
+		cmocka_unit_test(a_move_that_ended_does_not_prove_the_next),
+		cmocka_unit_test(set_position_while_moving_must_change_the_position),
+		cmocka_unit_test(outputs_show_their_level),
+		cmocka_unit_test(what_cannot_be_read_is_unproven),
+		cmocka_unit_test(a_power_cut_loses_the_origin),
+		cmocka_unit_test(a_power_cut_while_moving_ends_the_move),
+		cmocka_unit_test(a_drive_that_counts_on_has_not_restarted),
+		cmocka_unit_test(the_homing_bit_outlives_the_origin),
+		cmocka_unit_test(closed_loop_rests_beside_its_place),
+		cmocka_unit_test(a_relative_move_is_counted_from_readings_that_agree),
+		cmocka_unit_test(a_refused_move_changes_no_target),
+		cmocka_unit_test(homing_and_shaking_are_never_begun_twice),
+		cmocka_unit_test(a_homing_bit_that_stays_set_is_no_end),
+		cmocka_unit_test(a_stop_that_shows_no_effect_still_moves),
+		cmocka_unit_test(stopping_a_homing_run_ends_homing_too),
+		cmocka_unit_test(a_motion_not_begun_here_is_told_all_the_ends),
+		cmocka_unit_test(a_homed_drive_that_moves_is_not_homing),
+		cmocka_unit_test(homing_found_between_two_phases_is_ended_too),
+		cmocka_unit_test(homing_may_stand_for_a_moment),
+		cmocka_unit_test(power_must_follow),
+		cmocka_unit_test(a_relative_move_is_an_absolute_one),
+		cmocka_unit_test(a_lost_confirmation_never_repeats_a_relative_move),
+		cmocka_unit_test(saving_is_rate_limited_and_its_failure_seen),
+		cmocka_unit_test(a_plain_register_is_written_and_read_back),
+		cmocka_unit_test(a_write_that_does_not_show_is_written_once_more),
+		cmocka_unit_test(a_packed_register_keeps_its_other_parameters),
+		cmocka_unit_test(a_model_without_some_registers_is_identified_at_once),
+		cmocka_unit_test(reports_take_the_place_of_polls),
+		cmocka_unit_test(reports_of_position_and_status),
+		cmocka_unit_test(a_position_that_was_set_is_no_motion),
+		cmocka_unit_test(reports_of_the_position),
+		cmocka_unit_test(a_relative_move_beside_reports_of_the_position),
+		cmocka_unit_test(all_at_once),
+		cmocka_unit_test(a_stop_while_an_answer_is_outstanding),
+		cmocka_unit_test(what_begins_a_motion_can_be_said_to_all),
+		cmocka_unit_test(what_was_said_to_all_is_not_said_again),
+	};
+
+	return cmocka_run_group_tests_name("driver/vsmd_can", tests, NULL, NULL);
+}

@@ -1,0 +1,148 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What a scan asks VSMD drives on CAN, in bytes, and how it takes answers in the forms that drives have. */
+#include "driver/list.h"
+#include "driver/vsmd/can_inquiry.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+static const struct vsmd_can_style style = { .extended = true, .host = 1, .output_base = 1 };
+
+/* The frames of an inquiry of drive 1, as text. */
+static const char *ask(enum db_inquiry_kind kind, unsigned value)
+{
+	static char text[512];
+	uint8_t bytes[DB_REQUEST_MAX];
+	struct db_exchange exchange = { .request = bytes, .request_size = sizeof bytes };
+	const struct db_inquiry inquiry = { .kind = kind, .address = 1, .value = value };
+	char *at = text;
+
+	*at = '\0';
+	assert_true(vsmd_can_inquire(&style, &inquiry, &exchange));
+	for (size_t i = 0; i < exchange.request_length; i += sizeof(struct db_can_frame)) {
+		struct db_can_frame frame;
+
+		memcpy(&frame, bytes + i, sizeof frame);
+		at += sprintf(at, "%s%08X#", i > 0 ? " " : "",
+		              (unsigned)(frame.id & DB_CAN_ID_MASK));
+		for (unsigned j = 0; j < frame.length; j++)
+			at += sprintf(at, "%02X", frame.data[j]);
+	}
+	return text;
+}
+
+struct talk {
+	struct db_inquiry inquiry;
+	struct db_inquired said;
+};
+
+static struct talk begin(enum db_inquiry_kind kind, unsigned value)
+{
+	return (struct talk){ .inquiry = { .kind = kind, .address = 1, .value = value } };
+}
+
+/* A frame from drive 1 to this host: `control` 0 status, 1 data. */
+static enum db_recognised take(struct talk *talk, unsigned control, unsigned reg, uint32_t first,
+                               uint32_t second, uint8_t length)
+{
+	struct db_can_frame frame = {
+		.id = DB_CAN_EXTENDED | 1u << 19 | 1u << 9 | control << 7 | reg, .length = length
+	};
+
+	for (unsigned i = 0; i < 4; i++) {
+		frame.data[i] = (uint8_t)(first >> (24 - 8 * i));
+		frame.data[4 + i] = (uint8_t)(second >> (24 - 8 * i));
+	}
+	return vsmd_can_recognise(&style, &talk->inquiry, (const uint8_t *)&frame, sizeof frame,
+	                          &talk->said);
+}
+
+static void a_drive_is_asked_for_its_identity_or_its_data(void **state)
+{
+	struct talk talk;
+
+	(void)state;
+	assert_string_equal(ask(DB_INQUIRY_THERE, 0), "0008039E#0A01");
+	assert_string_equal(ask(DB_INQUIRY_THERE, 1), "0008039F#0001");
+	assert_string_equal(ask(DB_INQUIRY_THERE, 2), "0008039E#0A01");
+	/* Alone or padded; what answers the other question is none. */
+	for (uint8_t length = 4; length <= 8; length += 4) {
+		talk = begin(DB_INQUIRY_THERE, 0);
+		assert_int_equal(take(&talk, 1, 0x00, 1, 0, length), DB_RECOGNISED_NOTHING);
+		assert_int_equal(take(&talk, 0, 0x0A, 0x56534D44, 0, length), DB_RECOGNISED_ANSWER);
+		assert_int_equal(take(&talk, 0, 0x0A, 0x56534D44, 0, length), DB_RECOGNISED_AGAIN);
+		talk = begin(DB_INQUIRY_THERE, 1);
+		assert_int_equal(take(&talk, 0, 0x0A, 0x56534D44, 0, length),
+		                 DB_RECOGNISED_NOTHING);
+		assert_int_equal(take(&talk, 1, 0x00, 1, 0, length), DB_RECOGNISED_ANSWER);
+	}
+}
+
+/* "VSMD113_025T" and zeros. */
+static const uint32_t identity[VSMD_CAN_IDENTITY_REGS] = { 0x56534D44, 0x3131335F, 0x30323554 };
+
+static void an_identity_comes_in_any_form(void **state)
+{
+	struct talk talk = begin(DB_INQUIRY_IDENTITY, 0);
+
+	(void)state;
+	assert_string_equal(ask(DB_INQUIRY_IDENTITY, 0), "0008039E#0A07");
+	assert_string_equal(ask(DB_INQUIRY_IDENTITY, 1),
+	                    "0008039E#0A02 0008039E#0C02 0008039E#0E02 0008039E#1001");
+	/* Pairs, the last one alone or padded. */
+	for (uint8_t length = 4; length <= 8; length += 4) {
+		talk = begin(DB_INQUIRY_IDENTITY, 1);
+		for (unsigned i = 0; i < 6; i += 2)
+			assert_int_equal(take(&talk, 0, 0x0A + i, identity[i], identity[i + 1], 8),
+			                 DB_RECOGNISED_PART);
+		assert_int_equal(take(&talk, 0, 0x10, 0, 0xFFFFFFFF, length), DB_RECOGNISED_ANSWER);
+		assert_string_equal(talk.said.identity, "VSMD113_025T");
+	}
+	/* One register a frame. */
+	talk = begin(DB_INQUIRY_IDENTITY, 0);
+	for (unsigned i = 0; i < 6; i++)
+		assert_int_equal(take(&talk, 0, 0x0A + i, identity[i], 0, 4), DB_RECOGNISED_PART);
+	assert_int_equal(take(&talk, 0, 0x0C, identity[2], 0, 4), DB_RECOGNISED_AGAIN);
+	assert_int_equal(take(&talk, 0, 0x10, identity[6], 0, 4), DB_RECOGNISED_ANSWER);
+	assert_string_equal(talk.said.identity, "VSMD113_025T");
+	/* Beyond its end. */
+	assert_int_equal(take(&talk, 0, 0x11, 0, 0, 4), DB_RECOGNISED_NOTHING);
+}
+
+static void whether_it_stands_and_what_it_is_told_may_be_padded(void **state)
+{
+	struct talk talk;
+
+	(void)state;
+	assert_string_equal(ask(DB_INQUIRY_STANDING, 0), "0008039E#0201");
+	for (uint8_t length = 4; length <= 8; length += 4) {
+		talk = begin(DB_INQUIRY_STANDING, 0);
+		assert_int_equal(take(&talk, 0, 0x02, VSMD_ST_STP, 0, length),
+		                 DB_RECOGNISED_ANSWER);
+		assert_true(talk.said.tells_standing && talk.said.stands);
+		talk = begin(DB_INQUIRY_SET_ADDRESS, 5);
+		assert_int_equal(take(&talk, 1, 0x00, 5, 0, length), DB_RECOGNISED_ANSWER);
+		assert_false(talk.said.refused);
+		talk = begin(DB_INQUIRY_SET_ADDRESS, 5);
+		assert_int_equal(take(&talk, 1, 0x00, 1, 5, length), DB_RECOGNISED_ANSWER);
+		assert_true(talk.said.refused);
+	}
+	assert_string_equal(ask(DB_INQUIRY_SET_ADDRESS, 5), "00080300#00000005 0008039F#0001");
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(a_drive_is_asked_for_its_identity_or_its_data),
+		cmocka_unit_test(an_identity_comes_in_any_form),
+		cmocka_unit_test(whether_it_stands_and_what_it_is_told_may_be_padded),
+	};
+
+	return cmocka_run_group_tests_name("driver/vsmd_can_inquiry", tests, NULL, NULL);
+}

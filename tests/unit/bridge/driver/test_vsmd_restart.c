@@ -1,0 +1,323 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Two signs make a restart of a VSMD drive, one a doubt, none nothing. */
+#include "driver/vsmd/can_steps.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+#define HS VSMD_ST_HS
+#define STANDS (VSMD_ST_PWR | VSMD_ST_STP)
+#define HOMED (STANDS | VSMD_ST_ZERO)
+#define OFF VSMD_ST_STP
+
+struct fixture {
+	struct db_drive_config config;
+	struct vsmd_axis axis;
+	db_time now;
+};
+
+static void status(struct fixture *f, int32_t position, uint32_t word)
+{
+	const struct vsmd_status status = { .position = position, .status = word };
+
+	f->now += 20 * MS;
+	vsmd_take_status(&f->axis, &status, f->now);
+	vsmd_follow_motion(&f->axis);
+}
+
+static void read_params(struct fixture *f, float speed, uint32_t pae)
+{
+	f->axis.plate.valid[0] = UINT64_C(1) << VSMD_SPD | UINT64_C(1) << VSMD_PAE;
+	f->axis.plate.values[VSMD_SPD].f = speed;
+	f->axis.plate.values[VSMD_PAE].u = pae;
+	vsmd_take_all_params(&f->axis);
+}
+
+static void carry_out(struct fixture *f, enum db_command command)
+{
+	const struct db_args none = { 0 };
+	const struct db_request request = { .command = command, .args = &none };
+
+	vsmd_carry_out(&f->axis, &request);
+}
+
+/* A drive at `position` that was homed, or placed, there. */
+static void make(struct fixture *f, int32_t position, uint32_t word)
+{
+	*f = (struct fixture){ .now = 1000 * MS };
+	DB_NAMEPLATE_INIT(&f->axis.plate, &f->axis.plate_room, VSMD_PARAM_COUNT);
+
+	f->axis.link = &vsmd_can_link;
+	f->axis.config = &f->config;
+	f->axis.reaction = 20 * MS;
+	status(f, position, word & ~(uint32_t)VSMD_ST_ZERO);
+	read_params(f, 6400.0f, 0);
+	if (word & VSMD_ST_ZERO)
+		status(f, position, word);
+	else
+		carry_out(f, DB_CMD_SET_POSITION);
+}
+
+static void silent(struct fixture *f)
+{
+	vsmd_axis_gone(&f->axis);
+	f->now += 2000 * MS;
+}
+
+static struct db_feedback seen(struct fixture *f)
+{
+	struct db_feedback feedback = { 0 };
+
+	vsmd_axis_feedback(&f->axis, &feedback);
+	return feedback;
+}
+
+static bool is_lost(struct fixture *f)
+{
+	return seen(f).status & DB_STATUS_ORIGIN_LOST;
+}
+
+static bool is_homed(struct fixture *f)
+{
+	return seen(f).status & DB_STATUS_HOMED;
+}
+
+/* Nothing was told of it, and nothing of it is doubted. */
+static void assert_nothing(struct fixture *f)
+{
+	assert_int_equal(seen(f).restarts, 0);
+	assert_int_equal(seen(f).doubts, 0);
+	assert_int_equal(seen(f).doubt, DB_DOUBT_NONE);
+	assert_false(is_lost(f));
+	assert_true(seen(f).status & DB_STATUS_PARAMS_VALID);
+}
+
+static void a_closed_loop_trembles_at_its_origin(void **state)
+{
+	static const uint32_t words[] = { HOMED, STANDS };
+
+	(void)state;
+	for (size_t i = 0; i < 2; i++) {
+		struct fixture f;
+
+		make(&f, 0, words[i]);
+		for (int32_t count = 0; count < 50; count++)
+			status(&f, count % 4 - 1, words[i]);
+		for (int32_t count = 0; count < 50; count++)
+			status(&f, count % 2 ? 16 : 0, words[i]);
+		assert_nothing(&f);
+		assert_true(is_homed(&f) == (words[i] == HOMED));
+	}
+}
+
+/* `off` by itself makes 0 of the counter: the origin is lost, and the reason is the fault. */
+static void a_stall_that_disables_is_no_restart(void **state)
+{
+	struct fixture f;
+
+	make(&f, 0, HOMED | HS);
+	(void)state;
+	status(&f, 900, VSMD_ST_PWR | VSMD_ST_ZERO | HS);
+	status(&f, 0, OFF | VSMD_ST_ZERO | HS | VSMD_ST_ENC_ERR);
+	assert_int_equal(seen(&f).restarts, 0);
+	assert_int_equal(seen(&f).doubts, 0);
+	assert_true(is_lost(&f));
+	assert_false(is_homed(&f));
+	assert_int_equal(seen(&f).error, DB_ERROR_ENCODER);
+}
+
+static void silence_alone_is_none(void **state)
+{
+	struct fixture homed;
+	struct fixture moving;
+	struct fixture elsewhere;
+	/* It would have lost its power: pae is 0. */
+	struct fixture at_0;
+
+	(void)state;
+	make(&homed, 0, HOMED);
+	make(&moving, 100, STANDS);
+	make(&elsewhere, 5000, STANDS);
+	make(&at_0, 0, STANDS);
+	silent(&homed);
+	status(&homed, 0, HOMED);
+	status(&moving, 3000, VSMD_ST_PWR);
+	silent(&moving);
+	status(&moving, 9000, STANDS);
+	silent(&elsewhere);
+	status(&elsewhere, 5000, STANDS);
+	silent(&at_0);
+	status(&at_0, 0, STANDS);
+	read_params(&homed, 6400.0f, 0);
+	read_params(&moving, 6400.0f, 0);
+	read_params(&elsewhere, 6400.0f, 0);
+	read_params(&at_0, 6400.0f, 0);
+	assert_nothing(&homed);
+	assert_nothing(&moving);
+	assert_nothing(&elsewhere);
+	assert_nothing(&at_0);
+}
+
+/* Nothing in its status tells a drive that waited at 0 from one that began there. */
+static void silence_at_0_is_a_doubt_until_something_tells(void **state)
+{
+	struct fixture f;
+
+	make(&f, 0, STANDS);
+	(void)state;
+	read_params(&f, 6400.0f, 1);
+	vsmd_memory_keep(&f.axis.memory, &f.axis.plate);
+	for (unsigned i = 0; i < 4; i++) {
+		silent(&f);
+		status(&f, 0, STANDS);
+		assert_int_equal(seen(&f).doubts, i + 1);
+		assert_int_equal(seen(&f).doubt, DB_DOUBT_SILENT);
+		assert_false(is_lost(&f));
+		if (i == 0) { /* the same parameters prove nothing */
+			read_params(&f, 6400.0f, 1);
+			assert_int_equal(seen(&f).doubt, DB_DOUBT_SILENT);
+			carry_out(&f, DB_CMD_SET_POSITION);
+		} else if (i == 1) { /* unsaved ones would be lost */
+			f.axis.memory.unsaved = true;
+			read_params(&f, 6400.0f, 1);
+		} else if (i == 2) { /* homed meanwhile */
+			status(&f, 0, HOMED);
+			status(&f, 0, STANDS | VSMD_ST_ZERO);
+			status(&f, 5, VSMD_ST_PWR);
+			status(&f, 0, STANDS);
+			carry_out(&f, DB_CMD_SET_POSITION);
+		} else { /* others are a second sign */
+			read_params(&f, 100.0f, 1);
+			assert_int_equal(seen(&f).restarts, 1);
+			assert_true(is_lost(&f));
+		}
+		assert_int_equal(seen(&f).doubt, DB_DOUBT_NONE);
+	}
+}
+
+static void two_signs_are_a_restart_at_once(void **state)
+{
+	static const struct {
+		int32_t position;
+		uint32_t before;
+		bool silent;
+		uint32_t word;
+	} cases[] = {
+		{ 5000, STANDS, false, OFF },         /* counter and power */
+		{ 5000, STANDS | HS, false, STANDS }, /* counter and handshake */
+		{ 0, HOMED, false, OFF },             /* homing and power */
+		{ 0, STANDS | HS, false, OFF },       /* power and handshake, at 0 */
+		{ 5000, VSMD_ST_PWR, false, OFF },    /* moving: counter and power */
+		{ 5000, STANDS, true, STANDS },       /* silence and counter */
+		{ 0, STANDS, true, OFF },             /* silence and power */
+		{ 0, HOMED, true, STANDS },           /* silence and homing */
+		{ 60000, VSMD_ST_PWR, true,
+		  STANDS }, /* silence and the counter of one that moved */
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		struct fixture f;
+
+		make(&f, cases[i].position, cases[i].before | VSMD_ST_STP);
+		status(&f, cases[i].position, cases[i].before);
+		if (cases[i].silent)
+			silent(&f);
+		status(&f, 0, cases[i].word);
+		assert_int_equal(seen(&f).restarts, 1);
+		assert_int_equal(seen(&f).doubt, DB_DOUBT_NONE);
+		assert_true(is_lost(&f));
+		assert_false(is_homed(&f));
+		assert_false(seen(&f).status & DB_STATUS_PARAMS_VALID);
+	}
+}
+
+/* The origin is lost where the counter or the drive itself says so; that it restarted is not said. */
+static void one_sign_is_a_doubt(void **state)
+{
+	static const struct {
+		int32_t position;
+		uint32_t before;
+		uint32_t word;
+		bool lost;
+	} cases[] = {
+		{ 5000, STANDS, STANDS, true }, /* with power nobody can push it */
+		{ 5000, OFF, OFF, false },
+		{ 0, STANDS, OFF, true }, /* as after disable */
+		{ 0, HOMED, STANDS, true },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		struct fixture f;
+
+		make(&f, cases[i].position, cases[i].before);
+		status(&f, 0, cases[i].word);
+		assert_int_equal(seen(&f).restarts, 0);
+		assert_int_equal(seen(&f).doubts, 1);
+		assert_int_equal(seen(&f).doubt, DB_DOUBT_SIGN);
+		assert_true(is_lost(&f) == cases[i].lost);
+		assert_true(seen(&f).status & DB_STATUS_PARAMS_VALID);
+		assert_true(f.axis.plate.doubtful); /* to be read again */
+		/* It goes on telling the same: that is no second sign. */
+		status(&f, 0, cases[i].word);
+		assert_int_equal(seen(&f).doubts, 1);
+		read_params(&f, 100.0f, 0);
+		assert_int_equal(seen(&f).restarts, 1);
+		assert_true(is_lost(&f));
+	}
+}
+
+static void one_wrong_answer_is_refuted_by_the_next(void **state)
+{
+	struct fixture f;
+
+	make(&f, 5000, STANDS);
+	(void)state;
+	status(&f, 0, STANDS);
+	assert_true(is_lost(&f));
+	status(&f, 5000, STANDS);
+	assert_false(is_lost(&f));
+	assert_int_equal(seen(&f).doubt, DB_DOUBT_NONE);
+	assert_int_equal(seen(&f).restarts, 0);
+}
+
+static void a_handshake_lapses_without_a_restart(void **state)
+{
+	struct fixture f;
+	struct fixture late;
+
+	(void)state;
+	make(&f, 0, STANDS | HS);
+	make(&late, 0, STANDS | HS);
+	for (unsigned i = 0; i < 5; i++) {
+		status(&f, 0, STANDS);
+		status(&f, 0, STANDS | HS);
+	}
+	assert_nothing(&f);
+	read_params(&late, 6400.0f, 1); /* where power says nothing */
+	status(&late, 0, STANDS);
+	assert_int_equal(seen(&late).doubts, 1);
+	assert_int_equal(seen(&late).restarts, 0);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(a_closed_loop_trembles_at_its_origin),
+		cmocka_unit_test(a_stall_that_disables_is_no_restart),
+		cmocka_unit_test(silence_alone_is_none),
+		cmocka_unit_test(silence_at_0_is_a_doubt_until_something_tells),
+		cmocka_unit_test(two_signs_are_a_restart_at_once),
+		cmocka_unit_test(one_sign_is_a_doubt),
+		cmocka_unit_test(one_wrong_answer_is_refuted_by_the_next),
+		cmocka_unit_test(a_handshake_lapses_without_a_restart),
+	};
+
+	return cmocka_run_group_tests_name("driver/vsmd_restart", tests, NULL, NULL);
+}

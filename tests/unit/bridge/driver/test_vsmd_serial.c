@@ -1,0 +1,203 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* VSMD on serial lines, the driver alone: which lines each job says, and what it makes of the replies. */
+#include "codec/vsmd.h"
+#include "codec/vsmd_serial_frames.h"
+#include "driver/list.h"
+#include "fakes/options.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+#define REACTION_MS 20
+
+#define OFF VSMD_ST_STP
+#define STANDS (VSMD_ST_PWR | VSMD_ST_STP)
+#define WRONG VSMD_ST_CMD_WRG
+
+struct fixture {
+	struct db_bus_config bus;
+	struct db_drive_config drive;
+	struct fake_options options;
+	struct db_device *device;
+	struct db_job job;
+	struct db_request request;
+	struct db_args args; /* of the request */
+	struct db_write_part part;
+	struct db_exchange exchange;
+	uint8_t bytes[DB_REQUEST_MAX];
+	struct db_conversation talk;
+	db_time now;
+	char said[DB_REQUEST_MAX + 16];
+};
+
+static db_time wire_time(const struct db_bus_config *bus, const uint8_t *request,
+                         size_t request_length, size_t answer_length)
+{
+	(void)bus;
+	(void)request;
+	return (db_time)(request_length + answer_length) * DB_NS_PER_US;
+}
+
+static const struct db_transport wire = { .medium = DB_MEDIUM_SERIAL, .wire_time = wire_time };
+
+static struct fixture *make(void)
+{
+	struct fixture *f = calloc(1, sizeof *f);
+
+	assert_non_null(f);
+	f->bus.driver = &db_driver_vsmd_serial;
+	f->bus.transport = &wire;
+	f->bus.line = DB_LINE_RS485;
+	f->bus.baud = 115200;
+	f->bus.save_interval_s = 10;
+	fake_preset_options(&db_driver_vsmd_serial, &f->options);
+	fake_set_option(&db_driver_vsmd_serial, &f->options, "reaction-ms", REACTION_MS);
+	f->bus.options = f->options.bus;
+	f->drive.options = f->options.drive;
+	f->drive.address = 1;
+	f->drive.counts_per_unit = 1.0;
+	f->drive.min_position = f->drive.max_position = NAN;
+	f->exchange.request = f->bytes;
+	f->exchange.request_size = sizeof f->bytes;
+	f->now = 1000 * MS;
+	f->device = calloc(1, db_driver_vsmd_serial.device_size);
+	assert_non_null(f->device);
+	db_driver_vsmd_serial.init(f->device, NULL, &f->bus, &f->drive);
+	return f;
+}
+
+static void drop(struct fixture *f)
+{
+	free(f->device);
+	free(f);
+}
+
+static struct db_conversation *talk(struct fixture *f)
+{
+	f->talk = (struct db_conversation){
+		.device = f->device, .job = &f->job, .exchange = &f->exchange, .now = f->now
+	};
+	return &f->talk;
+}
+
+/* What the driver wants next: the line without its end, or how the job ended as "=name". */
+static const char *next(struct fixture *f, enum db_step step)
+{
+	if (step == DB_STEP_SEND)
+		snprintf(f->said, sizeof f->said, "%.*s", (int)f->exchange.request_length - 1,
+		         (const char *)f->exchange.request);
+	else
+		snprintf(f->said, sizeof f->said, step == DB_STEP_DONE ? "=%s" : "ignored",
+		         db_result_name(f->talk.result));
+	return f->said;
+}
+
+static const char *begin(struct fixture *f, enum db_job_kind kind)
+{
+	f->job = (struct db_job){ .kind = kind, .request = &f->request, .started = f->now };
+	f->part = (struct db_write_part){ .request = &f->request, .result = DB_RESULT_PENDING };
+	if (kind == DB_JOB_SETTINGS)
+		f->job.parts = &f->part;
+	return next(f, db_driver_vsmd_serial.begin(talk(f)));
+}
+
+static const char *command(struct fixture *f, enum db_command code)
+{
+	f->request = (struct db_request){ .command = code, .args = &f->args };
+	return begin(f, DB_JOB_COMMAND);
+}
+
+static const char *tell(struct fixture *f, uint32_t bits)
+{
+	const struct vsmd_status status = { .status = bits };
+	uint8_t frame[VSMD_SERIAL_STATUS_FRAME];
+	int length = vsmd_serial_encode_status(1, &status, frame, sizeof frame);
+
+	assert_true(length > 0);
+	f->now += 4 * MS;
+	return next(f, db_driver_vsmd_serial.answer(talk(f), frame, (size_t)length));
+}
+
+static void poll(struct fixture *f, uint32_t bits)
+{
+	assert_string_equal(begin(f, DB_JOB_POLL), "1 sts");
+	assert_string_equal(tell(f, bits), "=ok");
+}
+
+/* It does not answer what it does not know, and says in its next status that something was wrong. */
+static void lose_parameters(struct fixture *f)
+{
+	assert_string_equal(begin(f, DB_JOB_REFRESH), "1 cfg");
+	f->now += 300 * MS;
+	(void)db_driver_vsmd_serial.lost(talk(f));
+}
+
+static void a_refusal_of_what_was_not_answered_is_not_the_next_ones(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, OFF);
+	lose_parameters(f);
+	assert_string_equal(command(f, DB_CMD_ENABLE), "1 ena");
+	assert_string_equal(tell(f, STANDS | WRONG), "=ok");
+	/* Nor is a stop refused by it. */
+	lose_parameters(f);
+	assert_string_equal(command(f, DB_CMD_STOP), "1 stp");
+	assert_string_not_equal(tell(f, STANDS | WRONG), "=refused");
+	drop(f);
+}
+
+/* Without its effect it is looked at again. */
+static void a_refusal_that_may_be_old_is_looked_into(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, OFF);
+	lose_parameters(f);
+	assert_string_equal(command(f, DB_CMD_ENABLE), "1 ena");
+	assert_string_equal(tell(f, OFF | WRONG), "1 sts");
+	assert_string_equal(tell(f, OFF | WRONG), "=refused");
+	/* One that was read behind it is of what is said now. */
+	lose_parameters(f);
+	poll(f, OFF | WRONG);
+	assert_string_equal(command(f, DB_CMD_ENABLE), "1 ena");
+	assert_string_equal(tell(f, OFF | WRONG), "=refused");
+	drop(f);
+}
+
+static void a_setting_that_may_be_refused_is_said_again(void **state)
+{
+	const struct db_setting setting = { .param = VSMD_CRN, .value = { .f = 0.5f } };
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	lose_parameters(f);
+	f->request = (struct db_request){ .settings = &setting, .setting_count = 1 };
+	assert_string_equal(begin(f, DB_JOB_SETTINGS), "1 cfg crn=0.5");
+	assert_string_equal(tell(f, STANDS | WRONG), "1 cfg crn=0.5");
+	(void)tell(f, STANDS);
+	assert_false(f->part.refused);
+	drop(f);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(a_refusal_of_what_was_not_answered_is_not_the_next_ones),
+		cmocka_unit_test(a_refusal_that_may_be_old_is_looked_into),
+		cmocka_unit_test(a_setting_that_may_be_refused_is_said_again),
+	};
+
+	return cmocka_run_group_tests_name("vsmd_serial", tests, NULL, NULL);
+}

@@ -1,0 +1,216 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* When the filters of a CAN port are open: the line with a port that takes notes, in made-up time. */
+#include "sched/bus_line.h"
+
+#include "codec/vsmd_can.h"
+#include "drivebridge/transport.h"
+#include "fakes/bus.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+#define ADDRESS 7
+
+struct story {
+	struct fake_bus *bus;
+	struct bus_line line;
+	struct db_log_source log;
+	bool answers;      /* as documented */
+	bool to_others;    /* ... but to another host, which the filters keep away */
+	bool open;         /* the filters are */
+	unsigned changes;  /* of them */
+	unsigned asked;    /* questions */
+	unsigned unheard;  /* of these, while the filters were not open */
+	unsigned told;     /* that it answers, but not as documented */
+	db_time open_time; /* so long they were */
+	db_time looked;
+};
+
+/* The transport's functions know no more than their port. */
+static struct story *told_of;
+
+static int open_port(const struct db_bus_config *bus, const struct db_can_filter *filters,
+                     size_t filter_count, db_time now, struct db_port **port)
+{
+	(void)bus;
+	(void)filters;
+	(void)now;
+	assert_true(filter_count > 0);
+	told_of->open = false;
+	*port = (struct db_port *)told_of;
+	return 0;
+}
+
+static void close_port(struct db_port *port)
+{
+	(void)port;
+}
+
+static void pass(struct db_port *port, bool everything)
+{
+	struct story *story = (struct story *)port;
+
+	story->open = everything;
+	story->changes++;
+}
+
+static db_time take_no_time(const struct db_bus_config *bus, const uint8_t *request,
+                            size_t request_length, size_t answer_length)
+{
+	(void)bus;
+	(void)request;
+	(void)request_length;
+	(void)answer_length;
+	return 100 * DB_NS_PER_US;
+}
+
+static struct db_transport transport; /* as socketcan, but for what is above */
+
+static db_time send(void *context, const uint8_t *bytes, size_t length)
+{
+	struct story *story = context;
+	struct vsmd_can_style style = { .extended = true, .host = story->to_others ? 5 : 1 };
+	const uint32_t values[VSMD_CAN_READ_MAX] = { 0 };
+	struct db_can_frame frames[VSMD_CAN_READ_MAX];
+	struct vsmd_can_message message;
+	int count;
+
+	memcpy(frames, bytes + length - sizeof frames[0], sizeof frames[0]);
+	story->asked++;
+	story->unheard += !story->open;
+	if (!story->answers && !(story->to_others && story->open))
+		return story->bus->now;
+	assert_int_equal(vsmd_can_decode(&style, frames, &message), VSMD_OK);
+	count = vsmd_can_encode_answer(
+		&style, ADDRESS,
+		message.command.code == VSMD_CAN_READ_STATUS ? VSMD_CAN_STATUS_REPLY :
+							       VSMD_CAN_DATA_REPLY,
+		message.command.first, values, message.command.count, frames, VSMD_CAN_READ_MAX);
+	assert_true(count > 0);
+	fake_answer_after(story->bus, 300 * DB_NS_PER_US, frames, (size_t)count * sizeof frames[0]);
+	return story->bus->now;
+}
+
+static void note_heard(void *context, const struct db_drive_config *drive,
+                       const struct db_unusable *heard)
+{
+	(void)drive;
+	assert_true(heard->count > 0);
+	((struct story *)context)->told++;
+}
+
+static const struct db_engine_ops ops = { .send = send, .on_unusable = note_heard };
+
+static db_time look_often(void *context)
+{
+	return ((const struct story *)context)->bus->now + MS;
+}
+
+static void run_line(void *context)
+{
+	struct story *story = context;
+
+	story->open_time += story->open ? story->bus->now - story->looked : 0;
+	story->looked = story->bus->now;
+	(void)bus_line_run(&story->line, story->bus->now);
+}
+
+static void begin(struct story *story)
+{
+	const struct db_driver *driver = db_driver_find("vsmd-can");
+
+	told_of = story;
+	transport = db_transport_socketcan;
+	transport.open = open_port;
+	transport.close = close_port;
+	transport.pass = pass;
+	transport.run = NULL;
+	transport.health = NULL;
+	transport.wire_time = take_no_time;
+	story->bus = fake_bus_new(driver, 1);
+	story->bus->config.transport = &transport;
+	story->bus->config.bitrate = 500000;
+	story->bus->config.interface = "can0";
+	fake_option(story->bus, "host-id", 1);
+	story->bus->drives[0].address = ADDRESS;
+	story->bus->context = story;
+	story->bus->next = look_often;
+	story->bus->happen = run_line;
+	fake_bus_open(story->bus, 1, &ops);
+	story->line = (struct bus_line){
+		.config = &story->bus->config,
+		.transport = &transport,
+		.log = &story->log,
+		.engine = story->bus->engine,
+	};
+	story->looked = story->bus->now;
+	run_line(story);
+}
+
+static void end(struct story *story)
+{
+	bus_line_close(&story->line);
+	fake_bus_free(story->bus);
+}
+
+static void a_drive_that_answers_leaves_them_closed(void **state)
+{
+	struct story story = { .answers = true };
+
+	(void)state;
+	begin(&story);
+	fake_pass(story.bus, 5000 * MS);
+	assert_true(story.asked > 0);
+	assert_int_equal(story.changes, 0);
+	end(&story);
+}
+
+/* It is listened to while it is asked, and for no longer. */
+static void they_are_open_while_a_silent_drive_is_asked(void **state)
+{
+	struct story story = { .to_others = false };
+	unsigned asked;
+
+	(void)state;
+	begin(&story);
+	fake_pass(story.bus, 10000 * MS);
+	asked = story.asked;
+	story.unheard = 0;
+	story.open_time = 0;
+	fake_pass(story.bus, 20000 * MS);
+	assert_true(story.asked > asked + 5);
+	assert_int_equal(story.unheard, 0);
+	assert_true(story.open_time < 20000 * MS / 10);
+	assert_false(story.open);
+	assert_int_equal(story.told, 0);
+	end(&story);
+}
+
+static void answers_to_another_host_are_named(void **state)
+{
+	struct story story = { .to_others = true };
+
+	(void)state;
+	begin(&story);
+	fake_pass(story.bus, 10000 * MS);
+	assert_false(fake_is_online(story.bus, 0));
+	assert_int_equal(story.told, 1);
+	end(&story);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(a_drive_that_answers_leaves_them_closed),
+		cmocka_unit_test(they_are_open_while_a_silent_drive_is_asked),
+		cmocka_unit_test(answers_to_another_host_are_named),
+	};
+
+	return cmocka_run_group_tests_name("sched/bus_line", tests, NULL, NULL);
+}

@@ -1,0 +1,216 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What people read of a bus and its drives: that every event has its words, and each cause its advice. */
+#include "driver/list.h"
+#include "log/log_private.h"
+#include "sched/bus_log.h"
+
+#include <errno.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#define LINES 16
+
+struct reader {
+	size_t count;
+	struct db_log_record lines[LINES];
+};
+
+static void take(void *context, const struct db_log_record *record)
+{
+	struct reader *reader = context;
+
+	if (reader->count < LINES)
+		reader->lines[reader->count++] = *record;
+}
+
+/* One event of a drive at address 7, as the only line of a log. */
+static void tell_event(struct reader *reader, enum db_event event,
+                       const struct db_feedback *feedback, const struct db_outage *outage)
+{
+	const struct db_drive_config drive = {
+		.name = (char *)"feeder",
+		.unit = 3,
+		.address = 7,
+		.counts_per_unit = 10.0,
+		.unit_name = (char *)"mm",
+	};
+	struct db_log_source source = { .bus = "press", .level = DB_LOG_INFO };
+
+	memset(reader, 0, sizeof *reader);
+	assert_int_equal(db_log_new_to(take, reader, &source.log), 0);
+	bus_log_event(&source, &db_driver_servo_can, &drive, event, feedback, outage, 1);
+	db_log_free(source.log);
+}
+
+static void assert_logged(enum db_event event, const struct db_feedback *feedback,
+                          const char *words)
+{
+	static struct reader reader;
+
+	tell_event(&reader, event, feedback, NULL);
+	assert_int_equal(reader.count, 1);
+	assert_non_null(strstr(reader.lines[0].text, words));
+}
+
+static void a_drive_that_is_found_tells_what_it_does(void **state)
+{
+	struct db_feedback feedback = { .position = -250, .status = DB_STATUS_ENABLED };
+
+	(void)state;
+	assert_logged(DB_EVENT_DRIVE_ONLINE, &feedback,
+	              "answers at address 7: enabled, standing, position -25 mm, error none");
+	feedback.status = DB_STATUS_MOVING;
+	feedback.velocity = 15.0f;
+	assert_logged(DB_EVENT_DRIVE_ONLINE, &feedback,
+	              "disabled, moving at 1.5 mm/s, position -25 mm");
+}
+
+static void the_end_of_an_outage_tells_its_length_and_cause(void **state)
+{
+	static struct reader reader;
+	const struct db_feedback feedback = { .status = DB_STATUS_ENABLED };
+	const struct db_outage outage = {
+		.cause = DB_TROUBLE_NO_ANSWER,
+		.time = 2130 * DB_NS_PER_MS,
+	};
+
+	(void)state;
+	tell_event(&reader, DB_EVENT_DRIVE_ONLINE, &feedback, &outage);
+	assert_non_null(
+		strstr(reader.lines[0].text,
+	               "answers at address 7 again, after 2.1 s (no_answer): enabled, standing"));
+}
+
+/* What the drive knows of its mechanics goes before a default. */
+static void a_drive_that_knows_its_units_is_told_in_them(void **state)
+{
+	const struct db_feedback feedback = { .position = 100, .counts_per_unit = 4.0f };
+
+	(void)state;
+	assert_logged(DB_EVENT_DRIVE_ONLINE, &feedback, "position 25 mm");
+}
+
+static void a_fault_is_told_with_what_to_check(void **state)
+{
+	struct db_feedback feedback = { .error = DB_ERROR_DRIVE_FAULT + 8, .drive_status = 0xAB };
+
+	(void)state;
+	assert_logged(DB_EVENT_DRIVE_FAULT, &feedback, "check the motor cable, then clear_fault");
+	assert_logged(DB_EVENT_DRIVE_FAULT, &feedback, "status 000000AB");
+	feedback.error = UINT16_MAX;
+	assert_logged(DB_EVENT_DRIVE_FAULT, &feedback, "see the drive's manual, then clear_fault");
+}
+
+static void every_event_of_a_drive_has_its_words(void **state)
+{
+	const struct db_feedback feedback = { .fault_bits = 0x12 };
+	const struct db_feedback silent = { .doubt = DB_DOUBT_SILENT };
+	const struct db_feedback sign = { .doubt = DB_DOUBT_SIGN };
+
+	(void)state;
+	assert_logged(DB_EVENT_DRIVE_LOST, &feedback, "does not answer at address 7");
+	assert_logged(DB_EVENT_DRIVE_FAULT_GONE, &feedback, "reports no fault any more");
+	assert_logged(DB_EVENT_DRIVE_WARNING, &feedback, "fault bits 0012");
+	assert_logged(DB_EVENT_DRIVE_UNCONFIRMED, &feedback, "it may still move");
+	assert_logged(DB_EVENT_DRIVE_RESTARTED, &feedback, "was restarted");
+	assert_logged(DB_EVENT_DRIVE_MAY_HAVE_RESTARTED, &silent,
+	              "was silent and may have been restarted: ");
+	assert_logged(DB_EVENT_DRIVE_MAY_HAVE_RESTARTED, &sign,
+	              "shows one sign of a restart and may have been restarted: ");
+}
+
+static void events_of_others_are_not_told_of_a_drive(void **state)
+{
+	const struct db_feedback feedback = { .taken = 1 };
+	struct reader reader;
+
+	(void)state;
+	tell_event(&reader, DB_EVENT_BUS_UP, &feedback, NULL);
+	assert_int_equal(reader.count, 0);
+}
+
+static const char *tell_slow(const struct bus_slowness *slow)
+{
+	static struct reader reader;
+	const struct db_bus_config bus = { .cycle_ms = 20 };
+	struct db_log_source source = { .bus = "press", .level = DB_LOG_INFO };
+
+	memset(&reader, 0, sizeof reader);
+	assert_int_equal(db_log_new_to(take, &reader, &source.log), 0);
+	bus_log_slow(&source, &bus, slow, 1);
+	db_log_free(source.log);
+	assert_int_equal(reader.count, 1);
+	return reader.lines[0].text;
+}
+
+static void a_busy_computer_is_not_blamed_on_the_bus(void **state)
+{
+	struct bus_slowness slow = { .overruns = 100, .seconds = 10, .cycle_us = 31000 };
+
+	(void)state;
+	assert_non_null(strstr(tell_slow(&slow), "took 31 ms); raise cycle-ms or baud"));
+	/* The kernel does not count what takes the whole machine away, and not every kernel counts. */
+	slow.overslept = 600 * DB_NS_PER_MS;
+	assert_non_null(strstr(tell_slow(&slow), "this computer is busy, the bus waited 600 ms"));
+	slow.overslept = 400 * DB_NS_PER_MS;
+	assert_non_null(strstr(tell_slow(&slow), "raise cycle-ms or baud"));
+	slow.waited = 700 * DB_NS_PER_MS;
+	assert_non_null(strstr(tell_slow(&slow), "the bus waited 700 ms for a processor; give it"));
+	slow.has_priority = true;
+	assert_non_null(strstr(tell_slow(&slow), "what else has a real-time priority"));
+}
+
+static const char *advise(const struct db_bus_config *bus, int error)
+{
+	static char text[DB_TROUBLE_ADVICE_MAX];
+
+	bus_log_port_advice(bus, error, "", text);
+	return text;
+}
+
+static void each_cause_of_a_lost_port_has_its_advice(void **state)
+{
+	static const struct {
+		int error;
+		const char *word;
+	} causes[] = {
+		{ ENOENT, "plugged in" },     { ENODEV, "plugged in" },
+		{ ENXIO, "plugged in" },      { EACCES, "dialout" },
+		{ EPERM, "dialout" },         { ENOTTY, "direction = adapter" },
+		{ EBUSY, "another program" }, { EAFNOSUPPORT, "no CAN" },
+		{ ETIMEDOUT, "speak SLCAN" }, { EPROTO, "refuses to open" },
+		{ ENETDOWN, "is down" },
+	};
+	const struct db_bus_config serial = { .driver = db_driver_find("vsmd-serial"),
+		                              .device = (char *)"/dev/ttyS1" };
+	const struct db_bus_config can = { .driver = db_driver_find("vsmd-can") };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof causes / sizeof causes[0]; i++)
+		assert_non_null(strstr(advise(&serial, causes[i].error), causes[i].word));
+	/* The same error means another thing on another kind of bus. */
+	assert_non_null(strstr(advise(&serial, ENOBUFS), "flow control"));
+	assert_non_null(strstr(advise(&can, ENOBUFS), "termination"));
+	assert_string_equal(advise(&can, EIO), "");
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(a_drive_that_is_found_tells_what_it_does),
+		cmocka_unit_test(the_end_of_an_outage_tells_its_length_and_cause),
+		cmocka_unit_test(a_drive_that_knows_its_units_is_told_in_them),
+		cmocka_unit_test(a_fault_is_told_with_what_to_check),
+		cmocka_unit_test(every_event_of_a_drive_has_its_words),
+		cmocka_unit_test(events_of_others_are_not_told_of_a_drive),
+		cmocka_unit_test(a_busy_computer_is_not_blamed_on_the_bus),
+		cmocka_unit_test(each_cause_of_a_lost_port_has_its_advice),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}

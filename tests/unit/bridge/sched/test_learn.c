@@ -1,0 +1,149 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Gaps and patience by themselves: bounds, what raises them and what brings them down again. */
+#include "sched/learn.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+#define US DB_NS_PER_US
+#define S DB_NS_PER_S
+
+/* So many requests follow replies by the gap, a second apart, to a drive that hears after `deaf`. */
+static db_time ask(struct learn_gap *gap, unsigned count, db_time deaf, db_time now)
+{
+	for (unsigned i = 0; i < count; i++, now += S) {
+		if (gap->now >= deaf)
+			learn_gap_received(gap, gap->now, now);
+		else
+			(void)learn_gap_lost(gap, gap->now, now);
+	}
+	return now;
+}
+
+static void a_gap_goes_up_to_what_is_heard(void **state)
+{
+	(void)state;
+	for (db_time deaf = 1500 * US; deaf <= 8 * MS; deaf += 500 * US) {
+		struct learn_gap gap;
+
+		learn_gap_init(&gap, true, 1 * MS, 300 * US);
+		(void)ask(&gap, 20, deaf, S);
+		assert_in_range(gap.now, deaf, 2 * deaf);
+		assert_int_equal(gap.sure, gap.now);
+	}
+}
+
+static void a_gap_comes_down_by_a_tenth_a_minute(void **state)
+{
+	struct learn_gap gap;
+	db_time now;
+
+	(void)state;
+	learn_gap_init(&gap, true, 1 * MS, 300 * US);
+	now = ask(&gap, 20, 4 * MS, S);
+	assert_int_equal(gap.now, 4 * MS);
+	now = ask(&gap, 62, 0, now);
+	assert_int_equal(gap.now, 3700 * US);
+	(void)ask(&gap, 1200, 0, now);
+	assert_int_equal(gap.now, 300 * US);
+}
+
+static void a_gap_that_went_too_low_goes_back_at_once(void **state)
+{
+	struct learn_gap gap;
+	db_time now;
+
+	(void)state;
+	learn_gap_init(&gap, true, 1 * MS, 300 * US);
+	now = ask(&gap, 60, 500 * US, S);
+	assert_int_equal(gap.now, 1 * MS);
+	/* It is left alone for a minute at least. */
+	now = ask(&gap, 20, 0, now);
+	assert_int_equal(gap.now, 1 * MS);
+}
+
+static void losses_that_a_gap_does_not_mend_leave_it(void **state)
+{
+	struct learn_gap gap;
+
+	(void)state;
+	learn_gap_init(&gap, true, 1 * MS, 300 * US);
+	(void)ask(&gap, 12, 20 * MS, S);
+	assert_int_equal(gap.now, 1 * MS);
+	(void)ask(&gap, 30, 20 * MS, 20 * S);
+	assert_int_equal(gap.now, 1 * MS);
+	assert_int_equal(gap.sure, LEARN_GAP_MOST);
+}
+
+static void losses_long_after_a_reply_say_nothing(void **state)
+{
+	struct learn_gap gap;
+
+	(void)state;
+	learn_gap_init(&gap, true, 1 * MS, 300 * US);
+	for (unsigned i = 0; i < 30; i++) {
+		assert_int_equal(learn_gap_lost(&gap, 1 * MS, (i + 1) * S), LEARNT_NOTHING);
+		assert_int_equal(learn_gap_lost(&gap, 50 * MS, (i + 1) * S), LEARNT_NOTHING);
+	}
+	assert_int_equal(gap.now, 1 * MS);
+}
+
+static void what_is_configured_stays_where_nothing_is_to_be_learnt(void **state)
+{
+	struct learn_gap gap;
+	struct learn_patience patience;
+
+	(void)state;
+	learn_gap_init(&gap, false, 1 * MS, 300 * US);
+	learn_patience_init(&patience, false, 30 * MS);
+	(void)ask(&gap, 50, 4 * MS, S);
+	(void)ask(&gap, 50, 0, 100 * S);
+	assert_int_equal(gap.now, 1 * MS);
+	assert_int_equal(gap.sure, 1 * MS);
+	assert_false(learn_patience_late(&patience, 40 * MS, S));
+	assert_false(learn_patience_late(&patience, 40 * MS, S));
+	assert_int_equal(patience.now, 30 * MS);
+}
+
+static void patience_grows_with_late_answers_and_comes_down(void **state)
+{
+	struct learn_patience patience;
+	db_time now = S;
+
+	(void)state;
+	learn_patience_init(&patience, true, 30 * MS);
+	assert_false(learn_patience_late(&patience, 37 * MS, now));
+	assert_true(learn_patience_late(&patience, 37 * MS, now));
+	assert_in_range(patience.now, 48 * MS, 49 * MS);
+	/* As long as it answers like that. */
+	for (unsigned i = 0; i < 3600; i++, now += S)
+		learn_patience_answered(&patience, 37 * MS, now);
+	assert_in_range(patience.now, 48 * MS, 49 * MS);
+	for (unsigned i = 0; i < 3600; i++, now += S)
+		learn_patience_answered(&patience, 1 * MS, now);
+	assert_int_equal(patience.now, 30 * MS);
+	/* One that is later than is ever waited for gains nothing. */
+	assert_false(learn_patience_late(&patience, 90 * MS, now));
+	assert_false(learn_patience_late(&patience, 90 * MS, now));
+	assert_int_equal(patience.now, 30 * MS);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(a_gap_goes_up_to_what_is_heard),
+		cmocka_unit_test(a_gap_comes_down_by_a_tenth_a_minute),
+		cmocka_unit_test(a_gap_that_went_too_low_goes_back_at_once),
+		cmocka_unit_test(losses_that_a_gap_does_not_mend_leave_it),
+		cmocka_unit_test(losses_long_after_a_reply_say_nothing),
+		cmocka_unit_test(what_is_configured_stays_where_nothing_is_to_be_learnt),
+		cmocka_unit_test(patience_grows_with_late_answers_and_comes_down),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}

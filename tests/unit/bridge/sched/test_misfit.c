@@ -1,0 +1,177 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A controller that answers each question, some of them otherwise than its document says: the real engine and driver in
+ * made-up time. It is named with the bytes, and not called silent or hard of hearing.
+ */
+#include "codec/xyza.h"
+#include "drivebridge/transport.h"
+#include "drivebridge/trouble.h"
+#include "fakes/bus.h"
+#include "transport/serial.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+
+struct story {
+	struct fake_bus *bus;
+	uint32_t standing; /* as it tells it */
+	bool silent;
+	unsigned told[DB_EVENT_COUNT];
+	unsigned timing;
+	struct db_unusable heard;
+};
+
+static db_time send(void *context, const uint8_t *bytes, size_t length)
+{
+	const struct xyza_style style = { .echo_a4 = false };
+	struct story *story = context;
+	struct xyza_request request;
+	struct xyza_reply reply;
+	uint8_t frame[XYZA_FRAME_MAX];
+	int answered;
+
+	if (story->silent)
+		return story->bus->now;
+	assert_int_equal(xyza_decode_request(bytes, length, &request), XYZA_OK);
+	reply = (struct xyza_reply){ .kind = XYZA_REPLY_DONE,
+		                     .object = request.object,
+		                     .order = request.order };
+	if (request.verb == XYZA_PROGRAM_STATE)
+		reply.kind = XYZA_REPLY_PROGRAM_STATE;
+	else if (request.verb != XYZA_VERB_ONLINE && xyza_is_read(request.verb))
+		xyza_fill_data(&request, request.verb == XYZA_READ_STANDING ? story->standing : 0,
+		               &style, &reply);
+	if (request.verb == XYZA_WRITE_ITEM && request.item == XYZA_ITEM_SLAVE_NUMBER)
+		reply.object = (uint8_t)request.value;
+	answered = xyza_encode_reply(&reply, &style, frame, sizeof frame);
+	assert_true(answered > 0);
+	fake_answer_after(story->bus, MS, frame, (size_t)answered);
+	return story->bus->now;
+}
+
+static void tell(void *context, const struct db_drive_config *drive, enum db_event event,
+                 const struct db_feedback *feedback, const struct db_outage *outage)
+{
+	(void)outage;
+	(void)drive;
+	(void)feedback;
+	((struct story *)context)->told[event]++;
+}
+
+static void tell_heard(void *context, const struct db_drive_config *drive,
+                       const struct db_unusable *heard)
+{
+	struct story *story = context;
+
+	(void)drive;
+	story->told[DB_EVENT_DRIVE_HEARD]++;
+	story->heard = *heard;
+}
+
+static void tell_timing(void *context, const struct db_drive_config *drive, enum db_event event,
+                        db_time time, db_time learnt)
+{
+	(void)drive;
+	(void)event;
+	(void)time;
+	(void)learnt;
+	((struct story *)context)->timing++;
+}
+
+static const struct db_engine_ops ops = {
+	.send = send,
+	.on_event = tell,
+	.on_unusable = tell_heard,
+	.on_timing = tell_timing,
+};
+
+static void begin(struct story *story)
+{
+	story->bus = fake_bus_new(db_driver_find("xyza"), 1);
+	story->bus->context = story;
+	story->bus->config.transport = &db_transport_serial;
+	story->bus->config.baud = 115200;
+	story->bus->config.stop_bits = 1;
+	story->bus->config.drive_latency_ms = 20;
+	story->bus->config.retries = 2;
+	story->bus->config.adapt = true;
+	story->bus->drives[0].address = 3;
+	fake_bus_open(story->bus, 1, &ops);
+	fake_port(story->bus, 0);
+}
+
+static void a_state_that_is_a_mask_is_named(void **state)
+{
+	struct story story = { .standing = 0x0F };
+	static const uint8_t head[] = { 0x5A, 0xA5, 0x0B, 0xF1, 0x00, 0x03, 0xE1, 0xA3, 0x0F };
+
+	(void)state;
+	begin(&story);
+	fake_pass(story.bus, 10000 * MS);
+	assert_false(fake_is_online(story.bus, 0));
+	assert_int_equal(story.told[DB_EVENT_DRIVE_HEARD], 1);
+	assert_true(story.heard.length >= sizeof head);
+	assert_memory_equal(story.heard.bytes, head, sizeof head);
+	assert_int_equal(fake_snapshot(story.bus, 0).trouble.cause, DB_TROUBLE_NOT_UNDERSTOOD);
+	assert_int_equal(story.timing, 0);
+	assert_int_equal(story.told[DB_EVENT_DRIVE_LOST], 0);
+	fake_bus_free(story.bus);
+}
+
+/* One that was understood is no stranger when it falls silent. */
+static void what_came_before_it_fell_silent_does_not_explain_that(void **state)
+{
+	struct story story = { .standing = 1 };
+
+	(void)state;
+	begin(&story);
+	fake_pass(story.bus, 2000 * MS);
+	assert_true(fake_is_online(story.bus, 0));
+	story.standing = 0x0F;
+	fake_pass(story.bus, 30 * MS);
+	story.silent = true;
+	fake_pass(story.bus, 8000 * MS);
+	assert_false(fake_is_online(story.bus, 0));
+	assert_int_equal(story.told[DB_EVENT_DRIVE_LOST], 1);
+	assert_int_equal(story.told[DB_EVENT_DRIVE_HEARD], 0);
+	assert_int_equal(fake_snapshot(story.bus, 0).trouble.cause, DB_TROUBLE_NO_ANSWER);
+	fake_bus_free(story.bus);
+}
+
+/* It goes by its new number at once, and says so by that. */
+static void an_answer_from_the_new_number_is_one(void **state)
+{
+	struct story story = { .standing = 1 };
+	const struct db_setting number = { XYZA_SLAVE_NUMBER, { .u = 9 } };
+	enum db_result result = DB_RESULT_NONE;
+
+	(void)state;
+	begin(&story);
+	fake_pass(story.bus, 5000 * MS);
+	assert_true(fake_is_online(story.bus, 0));
+	fake_request(story.bus, 0, (struct db_request){ .settings = &number, .setting_count = 1 });
+	for (unsigned ms = 0; ms < 500 && result == DB_RESULT_NONE; ms++) {
+		fake_pass(story.bus, MS);
+		result = fake_result(story.bus);
+	}
+	assert_int_equal(result, DB_RESULT_UNPROVEN);
+	fake_bus_free(story.bus);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(a_state_that_is_a_mask_is_named),
+		cmocka_unit_test(what_came_before_it_fell_silent_does_not_explain_that),
+		cmocka_unit_test(an_answer_from_the_new_number_is_one),
+	};
+
+	return cmocka_run_group_tests_name("sched/misfit", tests, NULL, NULL);
+}

@@ -1,0 +1,419 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The record of a drive that must stand: how it is entered, what is sent, what counts as evidence, how it is left. */
+#include "sched/standing.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+#define T (1000 * DB_NS_PER_S)
+
+static const struct standing_rules rules = { .patience = 500 * MS };
+
+static struct db_feedback sample(float velocity, bool moving)
+{
+	return (struct db_feedback){
+		.velocity = velocity,
+		.status = DB_STATUS_ONLINE | (moving ? DB_STATUS_MOVING : 0),
+	};
+}
+
+static enum standing_verdict judge(struct standing *standing, float velocity, bool moving,
+                                   db_time asked)
+{
+	struct db_feedback feedback = sample(velocity, moving);
+
+	return standing_judge(standing, &rules, &feedback, asked, asked + 1 * MS);
+}
+
+/* Entered for a drive that was seen to do this, and sent. */
+static struct standing entered(float velocity, bool moving)
+{
+	struct db_feedback feedback = sample(velocity, moving);
+	struct standing standing = { .kind = DB_CMD_NONE };
+
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, &feedback, T);
+	assert_true(standing_send_at(&standing) <= T);
+	standing_stop_sent(&standing, true, 2 * MS, T);
+	return standing;
+}
+
+static void only_what_was_asked_after_the_stop_counts(void **state)
+{
+	struct standing standing = entered(0, false);
+
+	(void)state;
+	assert_int_equal(judge(&standing, 0, false, T - 1), STANDING_UNSEEN);
+	assert_int_equal(judge(&standing, 0, false, T), STANDING_UNSEEN);
+	assert_false(standing_is_free(&standing));
+	assert_int_equal(judge(&standing, 0, false, T + 1), STANDING_DONE);
+	assert_true(standing_is_free(&standing));
+}
+
+static void what_is_known_of_an_offline_drive_is_no_evidence(void **state)
+{
+	struct standing standing = entered(0, false);
+	struct db_feedback feedback = { .status = DB_STATUS_BUS_UP };
+
+	(void)state;
+	assert_int_equal(standing_judge(&standing, &rules, &feedback, T + MS, T + MS),
+	                 STANDING_UNSEEN);
+	assert_false(standing_is_free(&standing));
+}
+
+static void a_drive_that_moved_is_seen_to_stand_twice(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	assert_int_equal(judge(&standing, 0, false, T + 10 * MS), STANDING_OBEYS);
+	assert_int_equal(judge(&standing, 0, false, T + 60 * MS), STANDING_OBEYS);
+	assert_int_equal(judge(&standing, 0, false, T + 115 * MS), STANDING_DONE);
+}
+
+/* It had slowed down for the first stop, then a motion began, and the second stop is lost: it is slower than it was,
+ * and gets faster. */
+static void a_second_cause_is_judged_by_what_follows(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	assert_int_equal(judge(&standing, 500, true, T + 10 * MS), STANDING_OBEYS);
+	standing_give_way(&standing);
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T + 20 * MS);
+	standing_stop_sent(&standing, true, 2 * MS, T + 20 * MS);
+	assert_int_equal(judge(&standing, 600, true, T + 30 * MS), STANDING_UNSEEN);
+	assert_int_equal(judge(&standing, 700, true, T + 40 * MS), STANDING_UNSEEN);
+	assert_int_equal(judge(&standing, 600, true, T + 50 * MS), STANDING_OBEYS);
+}
+
+static void asking_again_does_not_hurry_a_drive_that_does_not_answer(void **state)
+{
+	struct standing standing = entered(1000, true);
+	db_time at;
+
+	(void)state;
+	for (unsigned i = 0; i < 5; i++)
+		(void)standing_stop_lost(&standing, false, 2, 20 * MS, T + 20 * MS);
+	at = standing_send_at(&standing);
+	assert_true(at >= T + 100 * MS);
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_WATCHDOG, NULL, T + 30 * MS);
+	assert_true(standing_send_at(&standing) == at);
+	assert_int_equal(standing.cause, DB_STAND_WATCHDOG);
+	/* A stronger one goes out at once, and so does any once it answers. */
+	standing_enter(&standing, DB_CMD_QUICK_STOP, DB_STAND_CLIENT, NULL, T + 40 * MS);
+	assert_true(standing_send_at(&standing) == T + 40 * MS);
+	standing_stop_sent(&standing, true, 2 * MS, T + 40 * MS);
+	standing_stop_answered(&standing, DB_CMD_QUICK_STOP, true, true, T + 42 * MS);
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T + 50 * MS);
+	assert_true(standing_send_at(&standing) == T + 50 * MS);
+}
+
+/* What was lost then is a sample, not the stop: whoever asks now waits for an answer of its own. */
+static void asking_again_counts_once_it_obeys(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T);
+	standing_stop_sent(&standing, true, 2 * MS, T);
+	standing_stop_answered(&standing, DB_CMD_DISABLE, true, true, T + 2 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 10 * MS), STANDING_OBEYS);
+	(void)standing_stop_lost(&standing, true, 2, 20 * MS, T + 40 * MS);
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T + 50 * MS);
+	assert_true(standing_send_at(&standing) == T + 50 * MS);
+}
+
+/* Also one of which nothing was known. */
+static void an_unknown_drive_is_seen_to_stand_twice(void **state)
+{
+	struct standing standing = { .kind = DB_CMD_NONE };
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_WATCHDOG, NULL, T);
+	standing_stop_sent(&standing, true, 0, T);
+	assert_int_equal(judge(&standing, 0, false, T + 10 * MS), STANDING_OBEYS);
+	assert_false(standing_is_free(&standing));
+}
+
+/* Stands by its word, while its position goes on changing. */
+static void a_position_that_changes_is_motion(void **state)
+{
+	struct standing standing = entered(1000, true);
+	struct db_feedback feedback = sample(0, false);
+	enum standing_verdict verdict = STANDING_UNSEEN;
+
+	(void)state;
+	for (unsigned i = 1; i < 60; i++) {
+		db_time now = T + i * 10 * MS;
+
+		feedback.position = (int32_t)i * 100;
+		verdict = standing_judge(&standing, &rules, &feedback, now, now);
+	}
+	assert_false(standing_is_seen_still(&standing));
+	assert_int_equal(verdict, STANDING_RUNS_ON);
+	assert_false(standing_is_free(&standing));
+}
+
+static void dither_is_no_motion(void **state)
+{
+	struct standing standing = entered(1000, true);
+	struct db_feedback feedback = sample(0, false);
+
+	(void)state;
+	for (unsigned i = 1; i < 30 && !standing_is_free(&standing); i++) {
+		db_time now = T + i * 10 * MS;
+
+		feedback.position = i % 2;
+		(void)standing_judge(&standing, &rules, &feedback, now, now);
+	}
+	assert_true(standing_is_free(&standing));
+}
+
+/* Speed 0 that stays 0 is not falling. */
+static void moving_at_speed_0_runs_on(void **state)
+{
+	struct standing standing = entered(0, true);
+
+	(void)state;
+	for (db_time at = 10 * MS; at < 490 * MS; at += 10 * MS)
+		assert_int_equal(judge(&standing, 0, true, T + at), STANDING_UNSEEN);
+	assert_int_equal(judge(&standing, 0, true, T + 500 * MS), STANDING_RUNS_ON);
+}
+
+static void time_alone_ends_in_running_on(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	assert_int_equal(standing_deadline(&standing, &rules), T + 500 * MS);
+	/* It slows down, and then nothing is heard of it though it is there. */
+	assert_int_equal(judge(&standing, 500, true, T + 99 * MS), STANDING_OBEYS);
+	assert_int_equal(standing_deadline(&standing, &rules), T + 600 * MS);
+	standing_run_on(&standing, false, T + 600 * MS);
+	assert_true(standing.overdue);
+	assert_int_equal(standing_deadline(&standing, &rules), DB_TIME_NEVER);
+	assert_true(standing_is_open(&standing));
+	/* It stands at last. */
+	standing_stop_sent(&standing, true, 0, T + 600 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 700 * MS), STANDING_OBEYS);
+	assert_int_equal(judge(&standing, 0, false, T + 801 * MS), STANDING_DONE);
+	assert_false(standing.overdue);
+}
+
+static void an_obedient_drive_is_left_alone(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	standing_stop_answered(&standing, DB_CMD_STOP, true, true, T + 1 * MS);
+	assert_int_equal(judge(&standing, 900, true, T + 10 * MS), STANDING_OBEYS);
+	assert_int_equal(standing_send_at(&standing), DB_TIME_NEVER);
+	/* Faster again: it was a reversal. */
+	assert_int_equal(judge(&standing, 990, true, T + 30 * MS), STANDING_UNSEEN);
+	assert_true(standing_send_at(&standing) <= T + 31 * MS);
+}
+
+/* The slow-down may be that of an older motion: the stop itself was lost. */
+static void a_stop_that_nothing_acknowledged_is_sent_until_the_drive_stands(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	standing_stop_answered(&standing, DB_CMD_STOP, true, false, T + 1 * MS);
+	assert_int_equal(judge(&standing, 900, true, T + 10 * MS), STANDING_OBEYS);
+	assert_int_equal(standing_send_at(&standing), T + 100 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 90 * MS), STANDING_OBEYS);
+	assert_int_equal(standing_send_at(&standing), DB_TIME_NEVER);
+}
+
+static void an_enable_does_not_let_a_drive_run(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_WATCHDOG, NULL, T);
+	standing_stop_sent(&standing, true, 0, T);
+	assert_int_equal(judge(&standing, 900, true, T + 10 * MS), STANDING_UNSEEN);
+	assert_int_equal(judge(&standing, 800, true, T + 20 * MS), STANDING_OBEYS);
+	assert_false(standing_gives_way_to(&standing, DB_CMD_ENABLE));
+	standing_drive_enabled(&standing);
+	assert_int_equal(standing_next(&standing), DB_CMD_STOP);
+	assert_false(standing_is_free(&standing));
+	/* A disable that came while the enable was under way is not undone by it. */
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T + 25 * MS);
+	standing_drive_enabled(&standing);
+	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
+	standing_stop_sent(&standing, true, 0, T + 26 * MS);
+	/* One that was seen to stand may be enabled. */
+	assert_int_equal(judge(&standing, 0, false, T + 30 * MS), STANDING_OBEYS);
+	assert_true(standing_gives_way_to(&standing, DB_CMD_ENABLE));
+}
+
+static void the_stronger_kind_wins_and_is_sent_first(void **state)
+{
+	struct standing standing = entered(1000, true);
+	struct db_feedback fast = sample(1000, true);
+
+	(void)state;
+	standing_run_on(&standing, false, T + 500 * MS);
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_WATCHDOG, &fast, T + 600 * MS);
+	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
+	assert_int_equal(standing_send_at(&standing), T + 600 * MS);
+	assert_int_equal(standing.cause, DB_STAND_WATCHDOG);
+	assert_int_equal(standing.since, T);
+	/* It has the time of its own. */
+	assert_false(standing.overdue);
+	/* A weaker one changes nothing of that. */
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, &fast, T + 610 * MS);
+	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
+}
+
+static void what_is_refused_gives_way_to_the_next_kind(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T);
+	standing_stop_sent(&standing, true, 0, T);
+	standing_stop_answered(&standing, DB_CMD_DISABLE, false, true, T + 1 * MS);
+	assert_int_equal(standing_next(&standing), DB_CMD_STOP);
+	assert_int_equal(standing_send_at(&standing), T + 21 * MS);
+	standing_stop_sent(&standing, true, 0, T + 21 * MS);
+	standing_stop_answered(&standing, DB_CMD_STOP, false, true, T + 22 * MS);
+	/* Both: it goes on with the strongest. */
+	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
+}
+
+static void a_disable_ends_when_the_power_is_known_to_be_off(void **state)
+{
+	struct db_feedback still = sample(0, false);
+	struct standing standing = { .kind = DB_CMD_NONE };
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, &still, T);
+	standing_stop_sent(&standing, true, 0, T);
+	assert_int_equal(judge(&standing, 0, false, T + 10 * MS), STANDING_OBEYS);
+	assert_true(standing_send_at(&standing) < DB_TIME_NEVER);
+	standing_stop_answered(&standing, DB_CMD_DISABLE, true, true, T + 20 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 30 * MS), STANDING_DONE);
+}
+
+static void a_drive_that_comes_back_is_told_first_and_seen_anew(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	assert_int_equal(judge(&standing, 0, false, T + 10 * MS), STANDING_OBEYS);
+	standing_suspend(&standing, &rules, T + 50 * MS);
+	assert_true(standing_is_open(&standing));
+	assert_int_equal(standing_deadline(&standing, &rules), DB_TIME_NEVER);
+	standing_resume(&standing, T + 5000 * MS);
+	assert_int_equal(standing_send_at(&standing), T + 5000 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 5001 * MS), STANDING_UNSEEN);
+	standing_stop_sent(&standing, true, 0, T + 5002 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 5003 * MS), STANDING_OBEYS);
+	assert_int_equal(judge(&standing, 0, false, T + 5110 * MS), STANDING_DONE);
+}
+
+/* It comes and goes; each time its patience goes on where it was. */
+static void coming_and_going_does_not_put_off_the_end(void **state)
+{
+	struct standing standing = entered(1000, true);
+	db_time now = T;
+
+	(void)state;
+	for (unsigned i = 0; i < 20; i++) {
+		standing_suspend(&standing, &rules, now + 150 * MS);
+		now += 300 * MS;
+		standing_resume(&standing, now);
+		standing_stop_sent(&standing, true, 0, now);
+	}
+	assert_in_range(standing_deadline(&standing, &rules), now + 100 * MS, now + 150 * MS);
+}
+
+static void losses_cost_the_drive_its_own_share(void **state)
+{
+	struct standing standing = entered(1000, true);
+	db_time now = T + 40 * MS;
+
+	(void)state;
+	/* At once, as often as anything is repeated; then a fifth of the wire. */
+	assert_false(standing_stop_lost(&standing, true, 2, 40 * MS, now));
+	assert_false(standing_stop_lost(&standing, true, 2, 40 * MS, now));
+	assert_int_equal(standing_send_at(&standing), now);
+	assert_true(standing_stop_lost(&standing, true, 2, 40 * MS, now));
+	assert_int_equal(standing_send_at(&standing), now + 160 * MS);
+	/* Offline it waits longer and longer, within a bound. */
+	for (unsigned i = 0; i < 10; i++)
+		assert_true(standing_stop_lost(&standing, false, 2, 1 * MS, now));
+	assert_int_equal(standing_send_at(&standing), now + 200 * MS);
+	standing_stop_answered(&standing, DB_CMD_STOP, true, true, now);
+	assert_int_equal(standing.losses, 0);
+}
+
+static void a_later_motion_ends_it_when_the_drive_took_it(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	standing_give_way(&standing);
+	assert_int_equal(standing_send_at(&standing), DB_TIME_NEVER);
+	assert_int_equal(judge(&standing, 1000, true, T + 10 * MS), STANDING_UNSEEN);
+	standing_motion_ended(&standing, false, T + 20 * MS);
+	assert_int_equal(standing_send_at(&standing), T + 20 * MS);
+	standing_give_way(&standing);
+	standing_motion_ended(&standing, true, T + 30 * MS);
+	assert_true(standing_is_free(&standing));
+	/* A stop that came meanwhile is not ended by it. */
+	standing = entered(1000, true);
+	standing_give_way(&standing);
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T + 5 * MS);
+	standing_motion_ended(&standing, true, T + 30 * MS);
+	assert_false(standing_is_free(&standing));
+}
+
+static void a_withdrawn_cause_leaves_the_others(void **state)
+{
+	struct standing standing = entered(0, false);
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_EXIT, NULL, T);
+	standing_withdraw(&standing, DB_STAND_EXIT);
+	assert_false(standing_is_free(&standing));
+	standing_withdraw(&standing, DB_STAND_CLIENT);
+	assert_true(standing_is_free(&standing));
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(only_what_was_asked_after_the_stop_counts),
+		cmocka_unit_test(what_is_known_of_an_offline_drive_is_no_evidence),
+		cmocka_unit_test(a_drive_that_moved_is_seen_to_stand_twice),
+		cmocka_unit_test(asking_again_does_not_hurry_a_drive_that_does_not_answer),
+		cmocka_unit_test(asking_again_counts_once_it_obeys),
+		cmocka_unit_test(a_second_cause_is_judged_by_what_follows),
+		cmocka_unit_test(an_unknown_drive_is_seen_to_stand_twice),
+		cmocka_unit_test(a_position_that_changes_is_motion),
+		cmocka_unit_test(dither_is_no_motion),
+		cmocka_unit_test(moving_at_speed_0_runs_on),
+		cmocka_unit_test(time_alone_ends_in_running_on),
+		cmocka_unit_test(an_obedient_drive_is_left_alone),
+		cmocka_unit_test(a_stop_that_nothing_acknowledged_is_sent_until_the_drive_stands),
+		cmocka_unit_test(an_enable_does_not_let_a_drive_run),
+		cmocka_unit_test(the_stronger_kind_wins_and_is_sent_first),
+		cmocka_unit_test(what_is_refused_gives_way_to_the_next_kind),
+		cmocka_unit_test(a_disable_ends_when_the_power_is_known_to_be_off),
+		cmocka_unit_test(a_drive_that_comes_back_is_told_first_and_seen_anew),
+		cmocka_unit_test(coming_and_going_does_not_put_off_the_end),
+		cmocka_unit_test(losses_cost_the_drive_its_own_share),
+		cmocka_unit_test(a_later_motion_ends_it_when_the_drive_took_it),
+		cmocka_unit_test(a_withdrawn_cause_leaves_the_others),
+	};
+
+	return cmocka_run_group_tests_name("standing", tests, NULL, NULL);
+}

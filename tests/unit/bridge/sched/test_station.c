@@ -1,0 +1,223 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * One drive on a bus: its command of several exchanges and their repeats, the questions for its
+ * parameters, and its figures. Made-up drives in made-up time.
+ */
+#include "fakes/bus.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+
+struct world {
+	struct fake_bus *bus;
+	struct db_driver driver;
+	unsigned lose[FAKE_KINDS]; /* number of the next frames of this kind that are lost */
+	bool has_no_parameters;
+};
+
+/* --- a family with a command of two exchanges, and a question when the second one is lost ----- */
+
+static enum db_step begin(struct db_conversation *talk)
+{
+	enum db_step step = fake_family.begin(talk);
+
+	return fake_kind_of(talk->job) == FAKE_COMMAND ? fake_say(talk, FAKE_PREPARE) : step;
+}
+
+static enum db_step answer(struct db_conversation *talk, const uint8_t *bytes, size_t length)
+{
+	struct fake_frame frame = fake_frame_at(bytes, length);
+	enum db_step step;
+
+	if (fake_kind_of(talk->job) == FAKE_COMMAND) {
+		if (frame.kind == FAKE_PREPARE)
+			return fake_say(talk, FAKE_BEGIN);
+		talk->result = DB_RESULT_OK;
+		return frame.kind == FAKE_BEGIN || frame.kind == FAKE_LOOK ? DB_STEP_DONE :
+		                                                             DB_STEP_IGNORE;
+	}
+	step = fake_family.answer(talk, bytes, length);
+	talk->device->identified &= !frame.refused;
+	return step;
+}
+
+static enum db_step lost(struct db_conversation *talk)
+{
+	if (fake_frame_at(talk->exchange->request, talk->exchange->request_length).kind ==
+	    FAKE_BEGIN)
+		return fake_say(talk, FAKE_LOOK);
+	return fake_family.lost(talk);
+}
+
+static db_time obey(void *context, struct fake_frame *frame)
+{
+	struct world *world = context;
+
+	if (world->lose[frame->kind] > 0) {
+		world->lose[frame->kind]--;
+		return 0;
+	}
+	frame->refused = frame->kind == FAKE_IDENTIFY && world->has_no_parameters;
+	return FAKE_ANSWER_TIME;
+}
+
+static struct world *open_world(bool has_no_parameters)
+{
+	struct world *world = calloc(1, sizeof *world);
+
+	assert_non_null(world);
+	world->has_no_parameters = has_no_parameters;
+	world->driver = fake_family;
+	world->driver.begin = begin;
+	world->driver.answer = answer;
+	world->driver.lost = lost;
+	world->bus = fake_bus_new(&world->driver, 1);
+	world->bus->context = world;
+	world->bus->obey = obey;
+	fake_bus_open(world->bus, 1, NULL);
+	fake_port(world->bus, 0);
+	return world;
+}
+
+static void close_world(struct world *world)
+{
+	fake_bus_free(world->bus);
+	free(world);
+}
+
+static enum db_result run_command(struct world *world)
+{
+	fake_pass(world->bus, 300 * MS);
+	fake_forget_sent(world->bus);
+	fake_post(world->bus, 0, DB_CMD_MOVE_ABSOLUTE);
+	fake_pass(world->bus, 300 * MS);
+	return fake_result(world->bus);
+}
+
+/* --- commands --------------------------------------------------------------------------------- */
+
+static void each_exchange_of_a_command_is_repeated_as_often_as_configured(void **state)
+{
+	struct world *world = open_world(false);
+
+	(void)state;
+	world->bus->config.retries = 2;
+	world->lose[FAKE_PREPARE] = 1;
+	world->lose[FAKE_BEGIN] = 2;
+	assert_int_equal(run_command(world), DB_RESULT_OK);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_PREPARE), 2);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_BEGIN), 3);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_LOOK), 0);
+	assert_int_equal(fake_snapshot(world->bus, 0).stats.retries, 3);
+	close_world(world);
+}
+
+static void a_question_after_a_loss_is_repeated_as_often_as_configured(void **state)
+{
+	struct world *world = open_world(false);
+
+	(void)state;
+	world->bus->config.retries = 2;
+	world->lose[FAKE_BEGIN] = 3;
+	world->lose[FAKE_LOOK] = 2;
+	assert_int_equal(run_command(world), DB_RESULT_OK);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_BEGIN), 3);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_LOOK), 3);
+	close_world(world);
+}
+
+static void what_is_lost_more_often_ends_the_command(void **state)
+{
+	struct world *world = open_world(false);
+
+	(void)state;
+	world->bus->config.retries = 1;
+	world->lose[FAKE_PREPARE] = 2;
+	assert_int_equal(run_command(world), DB_RESULT_TIMEOUT);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_PREPARE), 2);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_BEGIN), 0);
+	close_world(world);
+}
+
+/* --- parameters ------------------------------------------------------------------------------- */
+
+static void a_drive_that_does_not_report_its_parameters_is_asked_ever_less_often(void **state)
+{
+	struct world *world = open_world(true);
+	db_time pause = 500 * MS;
+	db_time last = 0;
+	unsigned asked = 0;
+
+	(void)state;
+	fake_pass(world->bus, 100 * DB_NS_PER_S);
+	for (size_t i = 0; i < world->bus->sent_count; i++) {
+		if (world->bus->sent[i].frame.kind != FAKE_IDENTIFY)
+			continue;
+		if (asked++ > 0) {
+			/* It is asked when a cycle begins, or in between. */
+			assert_in_range(world->bus->sent[i].at - last, pause, pause + 25 * MS);
+			pause = 2 * pause < 30 * DB_NS_PER_S ? 2 * pause : 30 * DB_NS_PER_S;
+		}
+		last = world->bus->sent[i].at;
+	}
+	/* After 0, 0.5, 1, 2, 4, 8, 16, 30 and 30 s. */
+	assert_int_equal(asked, 9);
+	close_world(world);
+}
+
+static void a_drive_that_returns_is_asked_at_once(void **state)
+{
+	struct world *world = open_world(true);
+
+	(void)state;
+	fake_pass(world->bus, 20 * DB_NS_PER_S);
+	fake_port(world->bus, 5);
+	fake_pass(world->bus, 100 * MS);
+	fake_forget_sent(world->bus);
+	fake_port(world->bus, 0);
+	fake_pass(world->bus, 1100 * MS);
+	/* At once, and again after half a second: the pauses begin anew, too. */
+	assert_int_equal(fake_count(world->bus, 1, FAKE_IDENTIFY), 2);
+	close_world(world);
+}
+
+/* --- figures ---------------------------------------------------------------------------------- */
+
+static void round_trips_are_measured(void **state)
+{
+	struct world *world = open_world(false);
+	struct db_axis_stats stats;
+
+	(void)state;
+	fake_pass(world->bus, 500 * MS);
+	stats = fake_snapshot(world->bus, 0).stats;
+	assert_int_equal(stats.round_trip_us, FAKE_ANSWER_TIME / DB_NS_PER_US);
+	assert_int_equal(stats.round_trip_min_us, FAKE_ANSWER_TIME / DB_NS_PER_US);
+	assert_int_equal(stats.round_trip_mean_us, FAKE_ANSWER_TIME / DB_NS_PER_US);
+	assert_int_equal(stats.round_trip_max_us, FAKE_ANSWER_TIME / DB_NS_PER_US);
+	assert_int_equal(stats.requests, stats.answers);
+	assert_int_equal(stats.came_online, 1);
+	assert_in_range(stats.samples, 24, 26);
+	close_world(world);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(each_exchange_of_a_command_is_repeated_as_often_as_configured),
+		cmocka_unit_test(a_question_after_a_loss_is_repeated_as_often_as_configured),
+		cmocka_unit_test(what_is_lost_more_often_ends_the_command),
+		cmocka_unit_test(
+			a_drive_that_does_not_report_its_parameters_is_asked_ever_less_often),
+		cmocka_unit_test(a_drive_that_returns_is_asked_at_once),
+		cmocka_unit_test(round_trips_are_measured),
+	};
+
+	return cmocka_run_group_tests_name("station", tests, NULL, NULL);
+}

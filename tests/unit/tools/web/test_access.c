@@ -1,0 +1,268 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Who may ask: addresses, names, origins, paths, sessions, attempts. */
+#include "web/address.h"
+#include "web/attempts.h"
+#include "web/origin.h"
+#include "web/route.h"
+#include "web/sessions.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+static void test_hosts(void **state)
+{
+	static char names[] = "gateway.example\0press-7\0";
+	const struct db_setting_list hosts = { DB_SETTING_NAMED, names };
+	static const char *const good[] = { "127.0.0.1", "127.0.0.1:8080",
+		                            "localhost", "LocalHost:80",
+		                            "[::1]",     "[fd00::7]:8080",
+		                            "press-7",   "Gateway.Example:443" };
+	static const char *const bad[] = { "",
+		                           ":80",
+		                           "evil.example",
+		                           "gateway.example.evil",
+		                           "press-7.evil",
+		                           "127.0.0.1.evil",
+		                           "127.0.0.1:80:80",
+		                           "127.0.0.1:",
+		                           "127.0.0.1:port",
+		                           "127.0.0.1:808080",
+		                           "::1",
+		                           "[::1",
+		                           "[]",
+		                           "[::1]x",
+		                           "a@127.0.0.1",
+		                           "127.0.0.1/",
+		                           "localhost " };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(good) / sizeof(good[0]); i++)
+		assert_true(db_web_host_is_good(good[i], &hosts));
+	for (size_t i = 0; i < sizeof(bad) / sizeof(bad[0]); i++)
+		assert_false(db_web_host_is_good(bad[i], &hosts));
+	assert_false(db_web_host_is_good(NULL, &hosts));
+	assert_false(db_web_host_is_good("press-7", &(struct db_setting_list){ 0, NULL }));
+}
+
+static void test_origins(void **state)
+{
+	(void)state;
+	assert_true(db_web_origin_is_good(NULL, "gw:8080"));
+	assert_true(db_web_origin_is_good("http://gw:8080", "gw:8080"));
+	assert_true(db_web_origin_is_good("https://GW", "gw"));
+	assert_false(db_web_origin_is_good("http://gw", "gw:8080"));
+	assert_false(db_web_origin_is_good("http://gw:8080.evil", "gw:8080"));
+	assert_false(db_web_origin_is_good("null", "gw"));
+	assert_false(db_web_origin_is_good("", "gw"));
+	assert_false(db_web_origin_is_good("gw", "gw"));
+	assert_false(db_web_origin_is_good("ftp://gw", "gw"));
+	assert_false(db_web_origin_is_good("http://gw", NULL));
+}
+
+static void test_networks(void **state)
+{
+	static char names[] = "192.168.10.0/24\0fd00::/8\0"
+			      "10.0.0.7\0";
+	const struct db_setting_list list = { DB_SETTING_NAMED, names };
+	static const char *const in[] = { "192.168.10.1", "192.168.10.255", "fd12::1", "10.0.0.7" };
+	static const char *const out[] = { "192.168.11.1", "fe80::1", "10.0.0.8", "::1" };
+	static const char *const bad[] = { "",          "10.0.0.0/33", "10.0.0.0/", "10.0.0.0/-1",
+		                           "10.0.0",    "::/129",      "/8",        "10.0.0.0/8x",
+		                           "localhost", "10.0.0.0/ 8" };
+	struct db_web_address address;
+	struct sockaddr_storage endpoint;
+	socklen_t size;
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(in) / sizeof(in[0]); i++) {
+		assert_true(db_web_address_parse(in[i], &address));
+		assert_true(db_web_networks_have(&list, &address));
+		assert_true(db_web_address_parse(out[i], &address));
+		assert_false(db_web_networks_have(&list, &address));
+	}
+	for (size_t i = 0; i < sizeof(bad) / sizeof(bad[0]); i++)
+		assert_false(db_web_network_is_good(bad[i]));
+	assert_true(db_web_network_is_good("0.0.0.0/0"));
+	assert_true(db_web_address_parse("127.9.9.9", &address));
+	assert_true(db_web_address_is_local(&address));
+	assert_true(db_web_address_parse("::1", &address));
+	assert_true(db_web_address_is_local(&address));
+	assert_true(db_web_address_parse("::2", &address));
+	assert_false(db_web_address_is_local(&address));
+	assert_true(db_web_endpoint_parse("[::]:8080", &endpoint, &size));
+	assert_true(db_web_endpoint_parse("0.0.0.0:0", &endpoint, &size));
+	assert_false(db_web_endpoint_parse("8080", &endpoint, &size));
+	assert_false(db_web_endpoint_parse(":8080", &endpoint, &size));
+	assert_false(db_web_endpoint_parse("::1:8080", &endpoint, &size));
+	assert_false(db_web_endpoint_parse("[::1]", &endpoint, &size));
+	assert_false(db_web_endpoint_parse("127.0.0.1:65536", &endpoint, &size));
+	assert_false(db_web_endpoint_parse("127.0.0.1:80x", &endpoint, &size));
+}
+
+static void test_routes(void **state)
+{
+	struct db_web_route route;
+
+	(void)state;
+	route = db_web_route_find("GET", "/");
+	assert_int_equal(route.kind, DB_WEB_FILE);
+	assert_string_equal(route.name, "index.html");
+	assert_int_equal(db_web_route_find("HEAD", "/app.js").kind, DB_WEB_FILE);
+	assert_int_equal(db_web_route_find("GET", "/a/b").kind, DB_WEB_UNKNOWN);
+	assert_int_equal(db_web_route_find("GET", "nothing").kind, DB_WEB_UNKNOWN);
+	assert_int_equal(db_web_route_find("PUT", "/api/session").kind, DB_WEB_WRONG_METHOD);
+	assert_int_equal(db_web_route_find("GET", "/api/login").kind, DB_WEB_WRONG_METHOD);
+	assert_int_equal(db_web_route_find("POST", "/api/call/").kind, DB_WEB_UNKNOWN);
+	assert_int_equal(db_web_route_find("POST", "/api/call/Metrics").kind, DB_WEB_UNKNOWN);
+	route = db_web_route_find("POST", "/api/call/Run");
+	assert_int_equal(route.role, DB_ROLE_OPERATOR);
+	assert_true(route.acts);
+	assert_int_equal(db_web_route_find("POST", "/api/stream/Scan").role, DB_ROLE_OPERATOR);
+	assert_int_equal(db_web_route_find("POST", "/api/call/Read").role, DB_ROLE_READER);
+}
+
+static const struct db_web_session *begin(struct db_web_sessions *sessions, unsigned number,
+                                          db_time now)
+{
+	struct db_web_secret secrets[2] = { { { 0 } } };
+
+	(void)snprintf((char *)secrets[0].bytes, sizeof(secrets[0].bytes), "id %u", number);
+	(void)snprintf((char *)secrets[1].bytes, sizeof(secrets[1].bytes), "token %u", number);
+	return db_web_sessions_begin(sessions, "anna", DB_ROLE_READER, number, secrets, now);
+}
+
+static bool is_even(const void *context, const struct db_web_session *session)
+{
+	(void)context;
+	return session->hash % 2 == 0;
+}
+
+static void test_sessions(void **state)
+{
+	struct db_web_sessions *sessions = db_web_sessions_new(60 * DB_NS_PER_S, 600 * DB_NS_PER_S);
+	char ids[DB_WEB_SESSIONS_MAX + 1][DB_WEB_SECRET_TEXT];
+	const struct db_web_session *session = begin(sessions, 1, 0);
+
+	(void)state;
+	assert_string_equal(session->user, "anna");
+	assert_string_not_equal(session->id, session->token);
+	assert_true(db_web_secret_is_good(session->id));
+	memcpy(ids[0], session->id, sizeof(ids[0]));
+	assert_null(db_web_sessions_find(sessions, "", 0));
+	assert_null(db_web_sessions_find(sessions, session->token, 0));
+	/* It lasts while it is used, but not for ever. */
+	for (db_time now = 0; now < 600 * DB_NS_PER_S; now += 50 * DB_NS_PER_S) {
+		assert_non_null(db_web_sessions_find(sessions, ids[0], now));
+		db_web_sessions_touch(sessions, ids[0], now);
+	}
+	assert_null(db_web_sessions_find(sessions, ids[0], 600 * DB_NS_PER_S));
+	session = begin(sessions, 2, 0);
+	memcpy(ids[0], session->id, sizeof(ids[0]));
+	assert_non_null(db_web_sessions_find(sessions, ids[0], 60 * DB_NS_PER_S - 1));
+	assert_null(db_web_sessions_find(sessions, ids[0], 60 * DB_NS_PER_S));
+	assert_null(db_web_sessions_find(sessions, ids[0], 1));
+
+	/* Of too many the one that was used longest ago goes. */
+	for (unsigned i = 0; i <= DB_WEB_SESSIONS_MAX; i++) {
+		session = begin(sessions, 10 + i, 1000 + i);
+		memcpy(ids[i], session->id, sizeof(ids[i]));
+		if (i == 1)
+			db_web_sessions_touch(sessions, ids[0], 5000);
+	}
+	assert_non_null(db_web_sessions_find(sessions, ids[0], 5000));
+	assert_null(db_web_sessions_find(sessions, ids[1], 5000));
+	assert_non_null(db_web_sessions_find(sessions, ids[DB_WEB_SESSIONS_MAX], 5000));
+	db_web_sessions_end(sessions, ids[2]);
+	assert_null(db_web_sessions_find(sessions, ids[2], 5000));
+	db_web_sessions_review(sessions, is_even, NULL);
+	assert_null(db_web_sessions_find(sessions, ids[3], 5000));
+	assert_non_null(db_web_sessions_find(sessions, ids[4], 5000));
+	db_web_sessions_free(sessions);
+
+	assert_true(db_web_secret_equal(ids[3], ids[3]));
+	assert_false(db_web_secret_equal(ids[3], ids[4]));
+	assert_false(db_web_secret_equal("", ""));
+}
+
+static void test_attempts_are_limited(void **state)
+{
+	struct db_attempts attempts = { .seed = 7 };
+	struct db_web_address here;
+	struct db_web_address there;
+	struct db_web_address beside;
+	db_time now = 0;
+
+	(void)state;
+	assert_true(db_web_address_parse("192.168.1.5", &here));
+	assert_true(db_web_address_parse("fd00::1", &there));
+	assert_true(db_web_address_parse("fd00::2", &beside));
+	for (unsigned i = 0; i < DB_WEB_ATTEMPTS_AT_ONCE; i++)
+		assert_int_equal(db_web_attempts_take(&attempts, &here, "anna", now), 0);
+	assert_int_equal(db_web_attempts_take(&attempts, &here, "anna", now), DB_WEB_ATTEMPT_EVERY);
+	/* Neither another name nor another address helps; others are not concerned. */
+	assert_true(db_web_attempts_take(&attempts, &here, "olga", now) > 0);
+	assert_true(db_web_attempts_take(&attempts, &there, "anna", now) > 0);
+	assert_int_equal(db_web_attempts_take(&attempts, &there, "olga", now), 0);
+	/* One each so often, and not more for having been refused. */
+	for (unsigned i = 0; i < 5; i++) {
+		now += DB_WEB_ATTEMPT_EVERY;
+		assert_int_equal(db_web_attempts_take(&attempts, &here, "anna", now), 0);
+		assert_true(db_web_attempts_take(&attempts, &here, "anna", now) > 0);
+	}
+	/* What was right does not count. */
+	now += 3600 * DB_NS_PER_S;
+	for (unsigned i = 0; i < 100; i++) {
+		assert_int_equal(db_web_attempts_take(&attempts, &here, "anna", now), 0);
+		db_web_attempts_give_back(&attempts, &here, "anna");
+	}
+	/* All addresses of a network of IPv6 count as one. */
+	for (unsigned i = 0; i < DB_WEB_ATTEMPTS_AT_ONCE; i++) {
+		char name[16];
+
+		(void)snprintf(name, sizeof(name), "user%u", i);
+		assert_int_equal(db_web_attempts_take(&attempts, &there, name, now), 0);
+	}
+	assert_true(db_web_attempts_take(&attempts, &beside, "another", now) > 0);
+}
+
+static void test_attempts_of_very_many_are_bounded(void **state)
+{
+	struct db_attempts attempts = { .seed = 9 };
+	struct db_web_address here;
+	struct db_web_address other = { { [10] = 0xFF, [11] = 0xFF, [12] = 10 } };
+
+	(void)state;
+	assert_true(db_web_address_parse("192.168.1.5", &here));
+	for (unsigned i = 0; i < DB_WEB_ATTEMPTS_AT_ONCE; i++)
+		assert_int_equal(db_web_attempts_take(&attempts, &here, "anna", 0), 0);
+	for (unsigned i = 0; i < 4 * DB_ATTEMPTS_PLACES; i++) {
+		char name[16];
+
+		other.bytes[14] = (unsigned char)(i >> 8);
+		other.bytes[15] = (unsigned char)i;
+		(void)snprintf(name, sizeof(name), "user%u", i);
+		(void)db_web_attempts_take(&attempts, &other, name, 0);
+	}
+	/* Who is limited most is not forgotten for them. */
+	assert_true(db_web_attempts_take(&attempts, &here, "anna", 0) > 0);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(test_hosts),
+		cmocka_unit_test(test_origins),
+		cmocka_unit_test(test_networks),
+		cmocka_unit_test(test_routes),
+		cmocka_unit_test(test_sessions),
+		cmocka_unit_test(test_attempts_are_limited),
+		cmocka_unit_test(test_attempts_of_very_many_are_bounded),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}
