@@ -7,6 +7,8 @@ VENV=build/venv
 TOTAL_PASSED=0
 TOTAL_FAILED=0
 FAILURES=()
+BEGUN=()
+BEGUN_PID=
 
 # The library of OPC UA, which Debian 12 does not have: CMakePresets.json knows the folder.
 need_open62541() {
@@ -405,6 +407,7 @@ in_kernel() {
 		-l "build/logs/$name-messages.log" -- "$@"
 }
 
+# Sets PASSED and FAILED.
 run_phase() {
 	local started=$SECONDS
 
@@ -416,6 +419,41 @@ run_phase() {
 	printf '%s: %d passed, %d failed (%d s)\n' "$PHASE" $PASSED $FAILED $((SECONDS - started))
 	TOTAL_PASSED=$((TOTAL_PASSED + PASSED))
 	TOTAL_FAILED=$((TOTAL_FAILED + FAILED))
+}
+
+# begin_phases NAME...: one after the other beside what follows, in time that nobody else wants. What they print and
+# count goes to files until end_begun_phases. Does nothing when called again.
+begin_phases() {
+	[ -z "$BEGUN_PID" ] || return 0
+	BEGUN=("$@")
+	set -m # a process group of its own, for whoever interrupts the run
+	(
+		chrt --idle --pid 0 $BASHPID
+		for phase; do
+			rm -f "build/logs/$phase".{counted,printed}
+			FAILURES=()
+			run_phase "$phase" >"build/logs/$phase.printed" 2>&1
+			printf '%s\n' "$PASSED" "$FAILED" "${FAILURES[@]}" >"build/logs/$phase.counted"
+		done
+	) &
+	BEGUN_PID=$!
+	set +m
+	trap 'kill -- "-$BEGUN_PID" 2>/dev/null || true' EXIT
+}
+
+end_begun_phases() {
+	local phase counted
+
+	[ -n "$BEGUN_PID" ] || return 0
+	wait "$BEGUN_PID" || true
+	for phase in "${BEGUN[@]}"; do
+		counted=(0 1 "$phase: it did not end")
+		[ ! -e "build/logs/$phase.counted" ] || mapfile -t counted <"build/logs/$phase.counted"
+		cat "build/logs/$phase.printed" || true
+		TOTAL_PASSED=$((TOTAL_PASSED + counted[0]))
+		TOTAL_FAILED=$((TOTAL_FAILED + counted[1]))
+		FAILURES+=("${counted[@]:2}")
+	done
 }
 
 finish() {
