@@ -3,7 +3,10 @@
  * What an hour of the audit trail costs at ten commands a second, each with its end: bytes of the files,
  * processor time of the thread that writes, and what the thread that posts pays for one command.
  *
- *   audit FOLDER    the folder is made, and has the files afterwards
+ *   audit FOLDER [COMMANDS]    the folder is made, and has the files afterwards
+ *
+ * Instructions of the thread that posts: valgrind --tool=callgrind --toggle-collect=db_audit_post
+ * --toggle-collect=db_audit_end.
  */
 #include "drivebridge/audit.h"
 #include "drivebridge/result.h"
@@ -13,9 +16,11 @@
 #include <string.h>
 #include <time.h>
 
-#define COMMANDS 36000
-/* So that the thread writes each command by itself, as it would. */
+#define HOUR 36000
+/* So that the thread writes each command by itself, as it would; and comes after where the machine is busy. */
 #define PAUSE_NS 50000
+#define LONG_PAUSE_NS (20 * DB_NS_PER_MS)
+#define LONG_PAUSE_EVERY 50
 #define CALIBRATION 1000
 
 static double seconds(clockid_t clock)
@@ -41,7 +46,8 @@ static void wait_until_written(struct db_audit *audit)
 
 int main(int argc, char **argv)
 {
-	struct db_audit_setup setup = { .folder = argc == 2 ? argv[1] : NULL,
+	unsigned count = argc > 2 ? (unsigned)atoi(argv[2]) : HOUR;
+	struct db_audit_setup setup = { .folder = argc > 1 ? argv[1] : NULL,
 		                        .on = true,
 		                        .mib = 64 };
 	struct db_audit_entry entry = {
@@ -54,7 +60,7 @@ int main(int argc, char **argv)
 		.command = DB_CMD_MOVE_ABSOLUTE,
 		.args = { .target_position = 640000, .target_velocity = 3200.0f },
 	};
-	const struct timespec pause = { .tv_nsec = PAUSE_NS };
+	const struct timespec pauses[] = { { .tv_nsec = PAUSE_NS }, { .tv_nsec = LONG_PAUSE_NS } };
 	struct db_audit_state state;
 	struct db_audit *audit;
 	double posting = 0.0;
@@ -62,7 +68,7 @@ int main(int argc, char **argv)
 	double clocks;
 
 	if (!setup.folder || db_audit_new(&setup, DB_NS_PER_S, &audit) != 0) {
-		(void)fputs("usage: audit FOLDER\n", stderr);
+		(void)fputs("usage: audit FOLDER [COMMANDS]\n", stderr);
 		return 2;
 	}
 	clocks = seconds(CLOCK_THREAD_CPUTIME_ID);
@@ -70,7 +76,7 @@ int main(int argc, char **argv)
 		(void)seconds(CLOCK_THREAD_CPUTIME_ID);
 	clocks = (seconds(CLOCK_THREAD_CPUTIME_ID) - clocks) / CALIBRATION;
 	others = seconds(CLOCK_PROCESS_CPUTIME_ID) - seconds(CLOCK_THREAD_CPUTIME_ID);
-	for (unsigned i = 0; i < COMMANDS; i++) {
+	for (unsigned i = 0; i < count; i++) {
 		double before = seconds(CLOCK_THREAD_CPUTIME_ID);
 		uint32_t number;
 
@@ -79,7 +85,7 @@ int main(int argc, char **argv)
 		number = db_audit_post(audit, &entry, DB_NS_PER_S);
 		db_audit_end(audit, number, DB_RESULT_OK, 12345, entry.time_us + 12345);
 		posting += seconds(CLOCK_THREAD_CPUTIME_ID) - before - clocks;
-		nanosleep(&pause, NULL);
+		nanosleep(&pauses[i % LONG_PAUSE_EVERY == 0], NULL);
 	}
 	wait_until_written(audit);
 	others = seconds(CLOCK_PROCESS_CPUTIME_ID) - seconds(CLOCK_THREAD_CPUTIME_ID) - others;
@@ -87,9 +93,8 @@ int main(int argc, char **argv)
 	printf("%u commands with their ends: %.1f MB of files (%.0f bytes each), %llu records lost\n"
 	       "the writing thread: %.2f s of processor (%.1f us each)\n"
 	       "the thread that posts: %.2f us each\n",
-	       COMMANDS, (double)state.bytes / 1e6, (double)state.bytes / COMMANDS,
-	       (unsigned long long)state.lost, others, others / COMMANDS * 1e6,
-	       posting / COMMANDS * 1e6);
+	       count, (double)state.bytes / 1e6, (double)state.bytes / count,
+	       (unsigned long long)state.lost, others, others / count * 1e6, posting / count * 1e6);
 	db_audit_free(audit);
 	return state.lost == 0 ? 0 : 1;
 }
