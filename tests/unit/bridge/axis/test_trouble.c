@@ -139,11 +139,11 @@ static void advice_names_what_it_is_about(void **state)
 		      "/dev/ttyS1 says which");
 	db_trouble_advice(DB_TROUBLE_ASIDE, &about, text);
 	assert_string_equal(text,
-	                    "bus press is set aside for a scan; it comes back when that has ended");
+	                    "bus press is out of service for a scan; it comes back when that has ended");
 	about.scan = "control, user anna";
 	db_trouble_advice(DB_TROUBLE_ASIDE, &about, text);
 	assert_string_equal(
-		text, "bus press is set aside for a scan of control, user anna; it comes back when "
+		text, "bus press is out of service for a scan of control, user anna; it comes back when "
 		      "that has ended");
 	about.late_ms = 40;
 	db_trouble_advice(DB_TROUBLE_LATE, &about, text);
