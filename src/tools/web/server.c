@@ -42,7 +42,7 @@
 
 /* The library always has something to do while a greeting of TLS is unfinished (seen in 0.9.75 and
  * 1.0.1): after so many runs in a row the next one waits this long. */
-#define RUNS_AT_ONCE 3
+#define RUNS_AT_ONCE 1
 #define PAUSE_US 2000
 #define PAUSE_ACCURACY_US 1
 
@@ -276,7 +276,7 @@ static enum MHD_Result admit(void *data, const struct sockaddr *peer, socklen_t 
 	(void)size;
 	if (!db_web_address_of(peer, &address) ||
 	    !db_web_connections_admit(server->connections, &address, is_counted(server, &address),
-	                              &leaver))
+	                              db_client_now(), &leaver))
 		return MHD_NO;
 	if (leaver)
 		close_connection(leaver->handle);
@@ -314,10 +314,17 @@ static void count_connection(void *data, struct MHD_Connection *connection, void
 
 /* --- the loop --------------------------------------------------------------------------------- */
 
+static void run_later(struct db_web_server *server, uint64_t us)
+{
+	(void)sd_event_source_set_time_relative(server->pause, us);
+	(void)sd_event_source_set_enabled(server->pause, SD_EVENT_ONESHOT);
+}
+
 static void run_daemon(struct db_web_server *server)
 {
 	MHD_UNSIGNED_LONG_LONG wait;
 
+	server->ran = db_client_now();
 	(void)MHD_run(server->daemon);
 	/* Longer waits are whole seconds, for which the tick is often enough. */
 	if (MHD_get_timeout(server->daemon, &wait) != MHD_YES || wait != 0)
@@ -326,8 +333,7 @@ static void run_daemon(struct db_web_server *server)
 		server->runs++;
 		(void)sd_event_source_set_enabled(server->turn, SD_EVENT_ONESHOT);
 	} else {
-		(void)sd_event_source_set_time_relative(server->pause, PAUSE_US);
-		(void)sd_event_source_set_enabled(server->pause, SD_EVENT_ONESHOT);
+		run_later(server, PAUSE_US);
 	}
 }
 
@@ -339,15 +345,26 @@ static int on_ready(sd_event_source *source, int fd, uint32_t events, void *data
 	(void)fd;
 	(void)events;
 	server->runs = 0;
+	/* Each run costs time for each unfinished greeting: strangers that come all the time must
+	 * not cause one for each of them. */
+	if (db_web_connections_crowd(server->connections) &&
+	    db_client_now() - server->ran < PAUSE_US * DB_NS_PER_US / 2) {
+		(void)sd_event_source_set_enabled(server->ready, SD_EVENT_OFF);
+		run_later(server, PAUSE_US / 2);
+		return 0;
+	}
 	run_daemon(server);
 	return 0;
 }
 
 static int on_pause(sd_event_source *source, uint64_t us, void *data)
 {
+	struct db_web_server *server = data;
+
 	(void)source;
 	(void)us;
-	run_daemon(data);
+	(void)sd_event_source_set_enabled(server->ready, SD_EVENT_ON);
+	run_daemon(server);
 	return 0;
 }
 
@@ -545,14 +562,20 @@ static bool start_daemon(struct db_web_server *server)
 static bool start(struct db_web_server *server)
 {
 	const struct db_web_config *config = server->config;
+	uint64_t seed;
 
 	server->page = db_web_page_load(config->page);
 	if (config->tls)
 		server->tls = db_web_tls_new(config);
 	if (!server->page || (config->tls && !server->tls))
 		return false;
+	if (getrandom(&seed, sizeof(seed), 0) != (ssize_t)sizeof(seed)) {
+		db_client_log(DB_CLIENT_ERROR, "no random numbers are to be had");
+		return false;
+	}
+	server->attempts.seed = seed;
 	server->connections = db_web_connections_new(config->connections,
-	                                             config->connections_per_address);
+	                                             config->connections_per_address, seed);
 	server->sessions = db_web_sessions_new(config->session_idle_min * 60 * DB_NS_PER_S,
 	                                       config->session_h * 3600 * DB_NS_PER_S);
 	server->hasher = db_web_hasher_new();
@@ -562,7 +585,6 @@ static bool start(struct db_web_server *server)
 		server->overview = db_web_overview_new(server);
 	if (!server->connections || !server->sessions || !server->hasher || !server->stops ||
 	    !server->overview ||
-	    getrandom(&server->attempts.seed, sizeof(server->attempts.seed), 0) < 0 ||
 	    sd_event_add_defer(server->loop, &server->turn, on_turn, server) < 0 ||
 	    sd_event_add_time_relative(server->loop, &server->pause, CLOCK_MONOTONIC, 0,
 	                               PAUSE_ACCURACY_US, on_pause, server) < 0 ||

@@ -46,6 +46,7 @@ struct db_web_server {
 	sd_event_source *ready; /* the daemon's epoll */
 	sd_event_source *turn;  /* the daemon has to run without an event of its epoll */
 	sd_event_source *pause; /* the same, but not at once */
+	db_time ran;            /* when the daemon ran last */
 	unsigned runs;          /* in a row, for no other reason than that the daemon asks for it */
 	sd_event_source *tick;
 	sd_event_source *hashed;
