@@ -12,7 +12,7 @@
 
 const struct db_users_keeper db_web_keeper = {
 	.program = "drivebridge-webd",
-	.group = "drivebridge-web",
+	.former = DB_USERS_FORMER_WEB,
 };
 
 static char *read_file(struct db_settings *settings, const char *name, const char *path)
@@ -82,7 +82,7 @@ static void check_whole(struct db_settings *settings, const void *context)
 		                                config->certificate_file);
 		config->key = read_file(settings, "key-file", config->key_file);
 		db_settings_check_secret(settings, "server", "key-file", config->key_file,
-		                         db_web_keeper.group);
+		                         "drivebridge-web");
 	}
 	if (!db_web_endpoint_parse(config->listen, &endpoint, &size))
 		db_messages_add_error(

@@ -23,7 +23,9 @@ struct db_web_request {
 	/* Who sent it. */
 	struct db_web_address address;
 	bool secure;                      /* the browser's connection is encrypted */
-	enum db_role role;                /* at least the role that everybody has */
+	struct db_grant grant;            /* at least what everybody may */
+	const char *weak;                 /* what is wrong with the password, as of the session */
+	bool pam;                         /* likewise, PAM checks it */
 	char user[DB_USERS_NAME_MAX + 1]; /* "": nobody is logged in */
 	char session[DB_WEB_SECRET_TEXT]; /* "": nobody is logged in */
 	char token[DB_WEB_SECRET_TEXT];   /* "": there is no cookie */
@@ -36,10 +38,8 @@ struct db_web_request {
 	bool too_long;
 	json_t *parameters; /* of the body; an object */
 
-	/* For a login: whether the user exists, and the role after the login. */
-	bool known;
-	enum db_role login_role;
-	unsigned long digest;
+	/* For a login: the user; NULL: there is none of this name. */
+	struct db_user *known;
 
 	bool taken; /* it has been dispatched */
 	bool suspended;
