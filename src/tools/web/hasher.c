@@ -162,12 +162,16 @@ void db_web_hasher_free(struct db_web_hasher *hasher)
 	free(hasher);
 }
 
-bool db_web_hasher_ask(struct db_web_hasher *hasher, const struct db_web_work *work)
+bool db_web_hasher_ask(struct db_web_hasher *hasher, const struct db_web_work *work, bool known)
 {
-	struct job *job;
+	struct job *job = NULL;
+	unsigned free_jobs = 0;
 
 	(void)pthread_mutex_lock(&hasher->mutex);
-	job = find_job(hasher, FREE);
+	for (size_t i = 0; i < DB_WEB_HASHER_JOBS; i++)
+		free_jobs += hasher->jobs[i].state == FREE;
+	if (known || free_jobs > DB_WEB_HASHER_KNOWN)
+		job = find_job(hasher, FREE);
 	if (job) {
 		job->state = WAITS;
 		job->work = *work;

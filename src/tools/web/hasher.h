@@ -12,8 +12,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Most waiting jobs. */
+/* Most waiting jobs, and how many places of these are kept for known browsers. */
 #define DB_WEB_HASHER_JOBS 8
+#define DB_WEB_HASHER_KNOWN 2
 
 enum db_web_change { DB_WEB_CHANGE_NONE, DB_WEB_CHANGE_PUT, DB_WEB_CHANGE_REMOVE };
 
@@ -45,8 +46,9 @@ struct db_web_hasher;
 struct db_web_hasher *db_web_hasher_new(void);
 void db_web_hasher_free(struct db_web_hasher *hasher);
 
-/* Copies the job. False: too many are waiting. */
-bool db_web_hasher_ask(struct db_web_hasher *hasher, const struct db_web_work *work);
+/* Copies the job. False: too many are waiting. `known`: it comes from a browser that the user has
+ * logged in with before. */
+bool db_web_hasher_ask(struct db_web_hasher *hasher, const struct db_web_work *work, bool known);
 
 /* Readable when jobs have ended; they are taken one by one. The passwords of a taken one are
  * wiped. */

@@ -85,10 +85,11 @@ void db_web_login_tell(struct db_web_request *request)
 		(void)snprintf(value, sizeof(value), "%c%s", DB_WEB_NOBODY, request->token);
 		db_web_request_set_cookie(request, value);
 	}
+	/* The version helps who looks for holes. */
 	db_web_request_answer(
 		request, MHD_HTTP_OK,
 		json_pack(
-			"{s:s?, s:s, s:o, s:o, s:{s:o, s:o, s:o}, s:{s:b, s:s?, s:i}, s:s, s:s, s:b, s:o, s:s?}",
+			"{s:s?, s:s, s:o, s:o, s:{s:o, s:o, s:o}, s:{s:b, s:s?, s:i}, s:s, s:s?, s:b, s:o, s:s?}",
 			"user", request->user[0] ? request->user : NULL, "role",
 			db_role_name(request->grant.role), "may", list_mays(&request->grant),
 			"drives", list_drives(&request->grant), "commands", "stop",
@@ -96,21 +97,85 @@ void db_web_login_tell(struct db_web_request *request)
 			"manage", list_commands(DB_MAY_MANAGE), "password", "own",
 			request->user[0] != '\0' && !request->pam, "weak", request->weak, "least",
 			(int)request->server->config->password_min_length, "token", request->token,
-			"version", DB_VERSION, "service",
-			db_web_service_is_up(request->server->service), "stops",
+			"version", request->grant.role > DB_ROLE_NONE ? DB_VERSION : NULL,
+			"service", db_web_service_is_up(request->server->service), "stops",
 			db_web_service_stops(request->server->service), "tab",
 			request->tab[0] ? request->tab : NULL));
 }
 
-static void refuse_often(struct db_web_request *request, db_time wait)
+/* By the address that the line names; a proxy's are together. */
+static void log_login(struct db_web_request *request, const char *what, const char *user,
+                      const char *why)
 {
 	struct db_web_caller caller = db_web_request_caller(request);
+	char address[DB_WEB_ADDRESS_TEXT];
 
+	db_web_address_write(request->proxied ? &request->proxy : &request->address, address);
+	db_client_log_rationed_for(&request->server->login_lines, address, db_client_now(),
+	                           DB_CLIENT_WARNING, "%s: login %s%.40s%s%s%s", caller.text,
+	                           user[0] ? "as " : "", user, what, why[0] ? ": " : "", why);
+}
+
+static void refuse_often(struct db_web_request *request, db_time wait)
+{
 	request->retry_s = (unsigned)((wait + DB_NS_PER_S - 1) / DB_NS_PER_S);
-	db_client_log_rationed(&request->server->login_lines, db_client_now(), DB_CLIENT_WARNING,
-	                       "%s: login refused: too many attempts", caller.text);
+	log_login(request, "refused: too many attempts", "", "");
 	db_web_request_refuse(request, MHD_HTTP_TOO_MANY_REQUESTS, "TooManyAttempts",
 	                      "too many attempts; again in %u s", request->retry_s);
+}
+
+static struct db_web_attempt attempt_of(const struct db_web_request *request, const char *user)
+{
+	return (struct db_web_attempt){ .address = request->address,
+		                        .proxy = request->proxied ? &request->proxy : NULL,
+		                        .user = user,
+		                        .device = request->device };
+}
+
+/* Whether this browser is one that the user has logged in with; else it becomes one if the password
+ * is right. */
+static void find_device(struct db_web_request *request, const struct db_user *user)
+{
+	char name[DB_WEB_DEVICE_NAME];
+	const char *cookie;
+	struct db_web_secret number;
+
+	db_web_device_name(user->name, request->secure, name);
+	cookie = MHD_lookup_connection_value(request->connection, MHD_COOKIE_KIND, name);
+	if (cookie && db_web_device_read(cookie, user->name, user->hash, request->device)) {
+		(void)snprintf(request->device_cookie, sizeof(request->device_cookie), "%s",
+		               cookie);
+		return;
+	}
+	request->device[0] = '\0';
+	if (getrandom(&number, sizeof(number), 0) != (ssize_t)sizeof(number) ||
+	    !db_web_device_write(&number, user->name, user->hash, request->device_cookie))
+		request->device_cookie[0] = '\0';
+}
+
+db_time db_web_login_try(struct db_web_request *request, const char *name,
+                         const struct db_user *user)
+{
+	struct db_web_attempt attempt;
+
+	/* Without a hash here nothing could authenticate the cookie. */
+	if (user && !user->pam)
+		find_device(request, user);
+	attempt = attempt_of(request, name);
+	return db_web_attempts_take(&request->server->attempts, &attempt, db_client_now());
+}
+
+void db_web_login_give_back(struct db_web_request *request, const char *name)
+{
+	struct db_web_attempt attempt = attempt_of(request, name);
+
+	db_web_attempts_give_back(&request->server->attempts, &attempt);
+}
+
+void db_web_login_keep_device(struct db_web_request *request, const struct db_user *user)
+{
+	find_device(request, user);
+	request->logged_in = true;
 }
 
 void db_web_login(struct db_web_request *request)
@@ -130,13 +195,13 @@ void db_web_login(struct db_web_request *request)
 		                      "a login is {\"user\": ..., \"password\": ...}");
 		return;
 	}
-	wait = db_web_attempts_take(&server->attempts, &request->address, user, db_client_now());
-	if (wait > 0) {
-		refuse_often(request, wait);
-		return;
-	}
 	if (db_users_load(&users, server->config->users_file, &db_web_keeper, stderr))
 		known = db_users_find(&users, user);
+	wait = db_web_login_try(request, user, known);
+	if (wait > 0) {
+		refuse_often(request, wait);
+		goto end;
+	}
 	request->answer_by = db_client_now() + HASH_WITHIN;
 	if (known && (request->known = malloc(sizeof(*known))))
 		*request->known = *known;
@@ -152,13 +217,15 @@ void db_web_login(struct db_web_request *request)
 	if (known && !known->pam)
 		request->weak = db_password_judge(password, user,
 		                                  server->config->password_min_length);
-	if (!db_web_hasher_ask(work.user.pam ? server->asker : server->hasher, &work))
+	if (!db_web_hasher_ask(work.user.pam ? server->asker : server->hasher, &work,
+	                       request->device[0] != '\0'))
 		refuse_often(request, DB_NS_PER_S);
 	explicit_bzero(&work, sizeof(work));
-	db_users_clear(&users);
 	/* The password is needed nowhere else. */
 	if (request->body)
 		explicit_bzero(request->body, request->used);
+end:
+	db_users_clear(&users);
 }
 
 static void begin_session(struct db_web_request *request)
@@ -184,6 +251,7 @@ static void begin_session(struct db_web_request *request)
 	request->pam = session->pam;
 	request->grant = session->grant;
 	request->grant.stops = server->config->readers_may_stop == DB_WEB_YES;
+	request->logged_in = true;
 	db_web_request_set_cookie(request, session->id);
 	db_web_login_tell(request);
 }
@@ -195,7 +263,7 @@ static void end_login(struct db_web_request *request, const struct db_web_work *
 	struct db_web_caller caller = db_web_request_caller(request);
 
 	if (work->right && request->known) {
-		db_web_attempts_give_back(&server->attempts, &request->address, user);
+		db_web_login_give_back(request, user);
 		db_client_log(DB_CLIENT_NOTICE, "%s: logged in as %s, %s%s%s", caller.text, user,
 		              db_role_name(request->known->grant.role),
 		              request->weak ? "; the password is weak: " : "",
@@ -205,10 +273,7 @@ static void end_login(struct db_web_request *request, const struct db_web_work *
 		return;
 	}
 	/* An unknown name may be a password typed in the wrong field. */
-	db_client_log_rationed(&server->login_lines, db_client_now(), DB_CLIENT_WARNING,
-	                       "%s: login as %.40s failed%s%s", caller.text,
-	                       request->known ? user : "an unknown user", work->why[0] ? ": " : "",
-	                       work->why);
+	log_login(request, " failed", request->known ? user : "an unknown user", work->why);
 	server->counts.failed_logins++;
 	db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginFailed",
 	                      "the user or the password is wrong");

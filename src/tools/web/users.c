@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/users.h"
 #include "client/log.h"
-#include "web/attempts.h"
-#include "web/call.h"
+#include "web/login.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -32,7 +31,7 @@ static void ask(struct db_web_request *request, struct db_web_work *work)
 	work->number = request->number;
 	work->path = request->server->config->users_file;
 	request->answer_by = db_client_now() + CHANGE_WITHIN;
-	if (!db_web_hasher_ask(request->server->hasher, work))
+	if (!db_web_hasher_ask(request->server->hasher, work, true))
 		db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Busy",
 		                      "others log in at this moment; try again");
 	explicit_bzero(work, sizeof(*work));
@@ -70,8 +69,7 @@ static void change_own(struct db_web_request *request, const struct db_user *use
 		return;
 	}
 	/* Guessing at an open page is limited like guessing at the login. */
-	wait = db_web_attempts_take(&server->attempts, &request->address, user->name,
-	                            db_client_now());
+	wait = db_web_login_try(request, user->name, user);
 	if (wait > 0) {
 		request->retry_s = (unsigned)((wait + DB_NS_PER_S - 1) / DB_NS_PER_S);
 		db_web_request_refuse(request, MHD_HTTP_TOO_MANY_REQUESTS, "TooManyAttempts",
@@ -277,7 +275,7 @@ void db_web_users_end(struct db_web_server *server, struct db_web_request *reque
 	if (!request)
 		return;
 	if (work->right && work->compares)
-		db_web_attempts_give_back(&server->attempts, &request->address, request->user);
+		db_web_login_give_back(request, request->user);
 	if (!work->right) {
 		db_web_request_refuse(request, MHD_HTTP_FORBIDDEN, "WrongPassword",
 		                      "the password of now is wrong");
@@ -286,8 +284,10 @@ void db_web_users_end(struct db_web_server *server, struct db_web_request *reque
 		                      "the file of users was not changed: %s", work->why);
 	} else {
 		/* Whoever changes his own stays logged in here, and nowhere else. */
-		if (work->compares)
+		if (work->compares) {
 			db_web_sessions_renew(server->sessions, request->session, &work->fresh);
+			db_web_login_keep_device(request, &work->fresh);
+		}
 		db_web_request_answer(request, MHD_HTTP_OK, json_object());
 	}
 }
