@@ -252,6 +252,9 @@ static void begin_session(struct db_web_request *request)
 	request->grant = session->grant;
 	request->grant.stops = server->config->readers_may_stop == DB_WEB_YES;
 	request->logged_in = true;
+	/* Already this connection is one of somebody who is logged in. */
+	if (request->place)
+		request->place->known = true;
 	db_web_request_set_cookie(request, session->id);
 	db_web_login_tell(request);
 }
