@@ -46,7 +46,7 @@ struct db_writer *db_writers_find(struct db_writers *writers, const struct db_cl
 		struct db_writer *writer = &writers->each[i];
 
 		if (writer->taken &&
-		    memcmp(writer->address, client->address, sizeof writer->address) == 0)
+		    db_client_same(writer->address, client->address))
 			return writer;
 	}
 	return NULL;

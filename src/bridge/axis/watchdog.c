@@ -7,7 +7,7 @@
 
 bool db_heartbeat_write(struct db_heartbeat *heartbeat, const uint8_t writer[16], uint16_t value)
 {
-	bool same = memcmp(heartbeat->writer, writer, sizeof heartbeat->writer) == 0;
+	bool same = db_client_same(heartbeat->writer, writer);
 	bool beats = same && value != heartbeat->value;
 
 	memcpy(heartbeat->writer, writer, sizeof heartbeat->writer);
@@ -61,7 +61,7 @@ bool db_watchdog_is_commanded_by(const struct db_watchdog *watchdog, const struc
 		const struct db_watchdog_commander *known = &watchdog->commanders[i];
 
 		if (known->taken &&
-		    memcmp(known->address, client->address, sizeof known->address) == 0)
+		    db_client_same(known->address, client->address))
 			return true;
 	}
 	return false;

@@ -179,6 +179,8 @@ int db_group_start(struct db_registers *registers, const struct db_client *clien
 		if (!is_staged(drive))
 			continue;
 		any = true;
+		if (!db_clients_permit(drive, client, DB_MAY_COMMAND))
+			return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 		if (!db_clients_may_write(drive, client, false))
 			return MODBUS_EXCEPTION_SLAVE_OR_SERVER_BUSY;
 	}
