@@ -93,7 +93,7 @@ struct db_modbus_config {
 	/* local-writers = command-group (default) or everybody: users of this machine have the
 	 * rights that they have at the control socket, or those of their address alone */
 	bool everybody_writes_here;
-	/* secure-socket: where drivebridge-tls hands clients over; DB_NO_SOCKET (default) */
+	/* secure-socket: where drivebridge-tls hands clients over; DB_NO_SOCKET (default) or null */
 	char *secure_socket;
 	enum db_require_secure require_secure; /* require-secure, default no */
 	struct db_role_config *roles;

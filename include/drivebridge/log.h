@@ -42,7 +42,6 @@ enum db_event {
 	DB_EVENT_CONTROL_FAILED, /* there is no control socket */
 	DB_EVENT_SECURE_FAILED,  /* there is no secure socket */
 	DB_EVENT_SECURE_CHANGED, /* drivebridge-tls is there, or gone */
-	DB_EVENT_CERTIFICATE,    /* one expires soon, or has */
 	/* its clients */
 	DB_EVENT_CLIENT_CONNECTED,
 	DB_EVENT_CLIENT_GONE,

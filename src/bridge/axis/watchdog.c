@@ -60,8 +60,7 @@ bool db_watchdog_is_commanded_by(const struct db_watchdog *watchdog, const struc
 	for (size_t i = 0; i < DB_WATCHDOG_COMMANDERS; i++) {
 		const struct db_watchdog_commander *known = &watchdog->commanders[i];
 
-		if (known->taken &&
-		    db_client_same(known->address, client->address))
+		if (known->taken && db_client_same(known->address, client->address))
 			return true;
 	}
 	return false;

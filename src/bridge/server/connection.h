@@ -55,8 +55,8 @@ void db_connection_describe(const struct db_connection *connection,
 /* The record of its address has moved, and counts this connection already. */
 void db_connection_rehome(struct db_connection *connection, struct db_peer *peer);
 
-/* The client's rights, from now on. Then call db_connection_advance(). `barred`: its certificate has
- * no role of the configuration, and every request is answered 01. */
+/* The client's rights, from now on. Then call db_connection_advance(). `barred`: its certificate
+ * has no role of the configuration, and every request is answered 01. */
 void db_connection_adapt(struct db_connection *connection, bool may_write,
                          const struct db_role_config *role, bool barred);
 

@@ -55,12 +55,16 @@ static db_time loop_time(const struct db_secure *secure)
 /* Returns the descriptor, which is no longer watched. */
 static int end_visit(struct visitor *visitor)
 {
+	struct db_secure *secure = visitor->secure;
 	int fd = visitor->fd;
 
 	visitor->io = sd_event_source_disable_unref(visitor->io);
 	visitor->fd = -1;
-	if (visitor->secure->teller == visitor)
-		visitor->secure->teller = NULL;
+	if (secure->teller == visitor) {
+		secure->teller = NULL;
+		db_log(secure->log, loop_time(secure), DB_EVENT_SECURE_CHANGED, NULL,
+		       "drivebridge-tls is gone");
+	}
 	return fd;
 }
 
@@ -79,14 +83,17 @@ static void take_hello(struct visitor *visitor)
 			secure->admit(secure->context, end_visit(visitor), &hello.client);
 		break;
 	case DB_SECURE_STATUS:
+		if (!secure->teller)
+			db_log(secure->log, loop_time(secure), DB_EVENT_SECURE_CHANGED, NULL,
+			       "drivebridge-tls is there");
 		secure->status = hello.status;
 		secure->teller = visitor;
 		visitor->until = DB_TIME_NEVER;
 		break;
 	case DB_SECURE_WRONG:
 		db_log(secure->log, loop_time(secure), DB_EVENT_CLIENT_REFUSED, NULL,
-		       "secure socket: what came is not of this version; the packages drivebridge and "
-		       "drivebridge-tls must be of the same");
+		       "secure socket: what came is not of this version; the packages drivebridge "
+		       "and drivebridge-tls must be of the same");
 		close(end_visit(visitor));
 		break;
 	}
@@ -145,8 +152,8 @@ static void receive_visitor(struct db_secure *secure, int fd)
 {
 	struct visitor *visitor = is_believed(fd) ? find_place(secure) : NULL;
 
-	if (!visitor || sd_event_add_io(secure->loop, &visitor->io, fd, EPOLLIN, on_bytes,
-	                                visitor) < 0) {
+	if (!visitor ||
+	    sd_event_add_io(secure->loop, &visitor->io, fd, EPOLLIN, on_bytes, visitor) < 0) {
 		close(fd);
 		return;
 	}
@@ -205,6 +212,7 @@ void db_secure_free(struct db_secure *secure)
 {
 	if (!secure)
 		return;
+	secure->teller = NULL;
 	for (size_t i = 0; i < VISITORS_MAX; i++) {
 		if (secure->visitors[i].fd >= 0)
 			close(end_visit(&secure->visitors[i]));

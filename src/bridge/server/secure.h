@@ -20,7 +20,8 @@ struct db_secure;
  * here on. */
 typedef void db_secure_admit_fn(void *context, int fd, const struct db_secure_client *client);
 
-/* Listens at the path. The log must outlive it. 0 or a negative errno; *why then is the reason in words, or null. */
+/* Listens at the path. The log must outlive it. 0 or a negative errno; *why then is the reason in
+ * words, or null. */
 int db_secure_new(sd_event *loop, const char *path, const struct db_log_source *log,
                   db_secure_admit_fn *admit, void *context, struct db_secure **secure,
                   const char **why);

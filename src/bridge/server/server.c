@@ -115,9 +115,9 @@ static void announce_client(const struct db_server *server, const struct db_conn
 	       connected ? DB_EVENT_CLIENT_CONNECTED : DB_EVENT_CLIENT_GONE, &about,
 	       "%s (%s%sport %u, %s)", connected ? "connected" : "disconnected", network,
 	       network[0] != '\0' ? " " : "", (unsigned)client->port,
-	       client->may_write                ? "may read and write" :
+	       client->may_write                   ? "may read and write" :
 	       db_connection_is_barred(connection) ? "without a role, may nothing" :
-	                                          "may only read");
+	                                             "may only read");
 	if (executor->backend->client)
 		executor->backend->client(executor->context, client, connected);
 }
@@ -187,8 +187,8 @@ static enum db_refusal find_refusal(const struct db_server *server, enum db_acce
 
 	if (access == DB_ACCESS_NONE)
 		return db_acl_access(config, peer->address) == DB_ACCESS_NONE ? DB_REFUSED_ADDRESS :
-		       config->require_secure == DB_SECURE_FOR_ALL            ? DB_REFUSED_INSECURE :
-		                                                                DB_REFUSED_USER_READ;
+		       config->require_secure == DB_SECURE_FOR_ALL ? DB_REFUSED_INSECURE :
+		                                                     DB_REFUSED_USER_READ;
 	if (config->max_clients_per_address > 0 &&
 	    peer->connections >= config->max_clients_per_address)
 		return DB_REFUSED_PER_ADDRESS;
@@ -343,15 +343,20 @@ static void add_secure_client(void *context, int fd, const struct db_secure_clie
 	db_connection_count_refusal(&server->shared, peer, refusal, now);
 }
 
+static const char *secure_path(const struct db_modbus_config *config)
+{
+	return config->secure_socket ? config->secure_socket : DB_NO_SOCKET;
+}
+
 /* Clients without certificates must not be kept out by this: an error is logged, and nothing
  * else. */
 static void open_secure(struct db_server *server)
 {
-	const char *path = server->shared.config->secure_socket;
+	const char *path = secure_path(server->shared.config);
 	const char *why;
 	int error;
 
-	if (!path || strcmp(path, DB_NO_SOCKET) == 0)
+	if (strcmp(path, DB_NO_SOCKET) == 0)
 		return;
 	error = db_secure_new(server->loop, path, &server->log, add_secure_client, server,
 	                      &server->secure, &why);
@@ -484,9 +489,10 @@ static void log_refusal(void *context, const uint8_t address[16], enum db_refusa
 		         "lower max-clients, or raise the limit (LimitNOFILE of the unit)"),
 		[DB_REFUSED_INSECURE] = "refused: it has no certificate (require-secure)",
 		[DB_REFUSED_NO_ROLE] =
-			("request refused: its certificate has no role that the configuration has a "
-		         "section for"),
-		[DB_REFUSED_ROLE] = "request refused: the role of its certificate does not allow it",
+			("request refused: its certificate has no role that the configuration has "
+		         "a section for"),
+		[DB_REFUSED_ROLE] =
+			"request refused: the role of its certificate does not allow it",
 	};
 	const struct db_server *server = context;
 	char text[DB_CLIENT_ADDRESS_MAX];
@@ -705,7 +711,7 @@ void db_server_apply(struct db_server *server, struct db_server_change *change)
 	bool elsewhere;
 
 	server->busy = true;
-	elsewhere = strcmp(server->shared.config->secure_socket, change->config->secure_socket) != 0;
+	elsewhere = strcmp(secure_path(server->shared.config), secure_path(change->config)) != 0;
 	server->shared.config = change->config;
 	server->log.level = change->config->log;
 	take_room(server, change, now);

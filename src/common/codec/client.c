@@ -169,7 +169,7 @@ void db_client_words_init(struct db_client_words *words, const uint8_t address[1
 	/* Half a name could be another user's: one that is too long is shown as its number. */
 	if (process_user[0] == '\0' ||
 	    snprintf(words->address, sizeof words->address, "%s, user %s", place, process_user) >=
-	            (int)sizeof words->address)
+	            DB_CLIENT_ADDRESS_MAX)
 		db_client_address(address, words->address);
 	snprintf(words->user, sizeof words->user, "%s", user);
 }

@@ -59,7 +59,8 @@ struct db_secure_hello {
 bool db_secure_role_is_good(const char *role);
 
 /* `hello` is a client or a status whose texts follow the rules above. */
-void db_secure_hello_write(const struct db_secure_hello *hello, uint8_t bytes[DB_SECURE_HELLO_SIZE]);
+void db_secure_hello_write(const struct db_secure_hello *hello,
+                           uint8_t bytes[DB_SECURE_HELLO_SIZE]);
 /* WRONG for anything that db_secure_hello_write() does not write. */
 enum db_secure_kind db_secure_hello_read(const uint8_t bytes[DB_SECURE_HELLO_SIZE],
                                          struct db_secure_hello *hello);

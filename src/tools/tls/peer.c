@@ -163,11 +163,10 @@ enum db_tls_greeting db_tls_peer_greet(struct db_tls_peer *peer, char why[DB_TLS
 	else
 		(void)gnutls_alert_send_appropriate(peer->session, result);
 	(void)snprintf(why, DB_TLS_WHY, "%s",
-	               peer->why[0] != '\0'                       ? peer->why :
-	               result == GNUTLS_E_PREMATURE_TERMINATION ||
-	                               result == GNUTLS_E_PULL_ERROR ?
-	                                                            "it left within its greeting" :
-	                                                            gnutls_strerror(result));
+	               peer->why[0] != '\0' ? peer->why :
+	               result == GNUTLS_E_PREMATURE_TERMINATION || result == GNUTLS_E_PULL_ERROR ?
+	                                      "it left within its greeting" :
+	                                      gnutls_strerror(result));
 	return DB_TLS_GREETING_FAILED;
 }
 

@@ -8,8 +8,7 @@ bool db_tls_places_same(const uint8_t a[16], const uint8_t b[16])
 	static const uint8_t mapped[12] = { [10] = 0xFF, [11] = 0xFF };
 	bool v4 = memcmp(a, mapped, sizeof(mapped)) == 0;
 
-	return memcmp(a, b, v4 ? 16 : 8) == 0 &&
-	       v4 == (memcmp(b, mapped, sizeof(mapped)) == 0);
+	return memcmp(a, b, v4 ? 16 : 8) == 0 && v4 == (memcmp(b, mapped, sizeof(mapped)) == 0);
 }
 
 static size_t count_of(const struct db_tls_places *places, const uint8_t address[16])

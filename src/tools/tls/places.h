@@ -21,8 +21,8 @@
 struct db_tls_place {
 	void *who; /* null: it is free */
 	uint8_t address[16];
-	uint64_t order;    /* of coming */
-	bool ready;        /* bytes of it wait to be served */
+	uint64_t order; /* of coming */
+	bool ready;     /* bytes of it wait to be served */
 };
 
 struct db_tls_places {

@@ -21,12 +21,12 @@
 
 /* Forward secrecy, authenticated encryption, nothing older. Tickets are sent only where a key for
  * them is set; a session would outlive a revocation. */
-#define CIPHERS                                                                               \
-	":+ECDHE-ECDSA:+ECDHE-RSA:+GROUP-X25519:+GROUP-SECP256R1:+GROUP-SECP384R1"            \
-	":+AES-128-GCM:+AES-256-GCM:+CHACHA20-POLY1305:+AEAD:+CTYPE-X509:+COMP-NULL"          \
-	":+SIGN-ECDSA-SECP256R1-SHA256:+SIGN-ECDSA-SHA256:+SIGN-ECDSA-SECP384R1-SHA384"       \
-	":+SIGN-ECDSA-SHA384:+SIGN-EDDSA-ED25519:+SIGN-RSA-PSS-RSAE-SHA256"                   \
-	":+SIGN-RSA-PSS-RSAE-SHA384:+SIGN-RSA-PSS-RSAE-SHA512:+SIGN-RSA-SHA256"               \
+#define CIPHERS                                                                         \
+	":+ECDHE-ECDSA:+ECDHE-RSA:+GROUP-X25519:+GROUP-SECP256R1:+GROUP-SECP384R1"      \
+	":+AES-128-GCM:+AES-256-GCM:+CHACHA20-POLY1305:+AEAD:+CTYPE-X509:+COMP-NULL"    \
+	":+SIGN-ECDSA-SECP256R1-SHA256:+SIGN-ECDSA-SHA256:+SIGN-ECDSA-SECP384R1-SHA384" \
+	":+SIGN-ECDSA-SHA384:+SIGN-EDDSA-ED25519:+SIGN-RSA-PSS-RSAE-SHA256"             \
+	":+SIGN-RSA-PSS-RSAE-SHA384:+SIGN-RSA-PSS-RSAE-SHA512:+SIGN-RSA-SHA256"         \
 	":+SIGN-RSA-SHA384:+SIGN-RSA-SHA512:%SERVER_PRECEDENCE"
 
 #define BACKLOG 128
@@ -255,7 +255,8 @@ static void greet(struct db_tls_server *server, db_time now)
 		break;
 	}
 	took = db_client_now() - now;
-	server->rest_until = now + took + (REST_FACTOR * took < REST_MAX ? REST_FACTOR * took : REST_MAX);
+	server->rest_until = now + took +
+	                     (REST_FACTOR * took < REST_MAX ? REST_FACTOR * took : REST_MAX);
 }
 
 /* --- what is done now and then ---------------------------------------------------------------- */
@@ -403,7 +404,8 @@ static void make_endpoint(const struct db_tls_config *config, struct sockaddr_st
 	struct sockaddr_in6 v6 = { .sin6_family = AF_INET6,
 		                   .sin6_port = htons((uint16_t)config->port),
 		                   .sin6_addr = in6addr_any };
-	struct sockaddr_in v4 = { .sin_family = AF_INET, .sin_port = htons((uint16_t)config->port) };
+	struct sockaddr_in v4 = { .sin_family = AF_INET,
+		                  .sin_port = htons((uint16_t)config->port) };
 
 	memset(endpoint, 0, sizeof(*endpoint));
 	if (inet_pton(AF_INET, config->address, &v4.sin_addr) == 1) {

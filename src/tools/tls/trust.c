@@ -11,6 +11,10 @@
 
 #define CHAIN_MAX 8
 
+/* Nothing but that a newer list of revoked certificates is due: what it revokes stays revoked, and
+ * a plant does not stand still for it. The log says so. */
+#define OVERDUE (GNUTLS_CERT_INVALID | GNUTLS_CERT_REVOCATION_DATA_SUPERSEDED)
+
 struct db_tls_trust {
 	unsigned holders;
 	gnutls_certificate_credentials_t credentials;
@@ -111,7 +115,35 @@ static bool load_authorities(struct db_tls_trust *trust, const struct db_tls_con
 	return count > 0;
 }
 
-/* Every list must be signed by one of the authorities. */
+/* Whether every list is signed by one of the authorities, now due or not. */
+static bool are_signed(const char *ca_file, gnutls_x509_crl_t *lists, unsigned count)
+{
+	char reason[DB_CERTIFICATE_WHY];
+	struct db_certificate_file file;
+	gnutls_x509_crt_t *authorities = NULL;
+	unsigned authority_count = 0;
+	gnutls_datum_t datum;
+	bool good;
+
+	if (!db_certificate_file_read(&file, ca_file, reason))
+		return false;
+	datum = datum_of(&file);
+	good = gnutls_x509_crt_list_import2(&authorities, &authority_count, &datum,
+	                                    GNUTLS_X509_FMT_PEM, 0) >= 0;
+	db_certificate_file_clear(&file);
+	for (unsigned i = 0; good && i < count; i++) {
+		unsigned status = 1;
+
+		good = gnutls_x509_crl_verify(lists[i], authorities, authority_count,
+		                              GNUTLS_VERIFY_DISABLE_TIME_CHECKS, &status) >= 0 &&
+		       (status == 0 || status == OVERDUE);
+	}
+	for (unsigned i = 0; i < authority_count; i++)
+		gnutls_x509_crt_deinit(authorities[i]);
+	gnutls_free(authorities);
+	return good;
+}
+
 static bool load_crls(struct db_tls_trust *trust, const struct db_tls_config *config,
                       char why[DB_TLS_WHY])
 {
@@ -134,12 +166,12 @@ static bool load_crls(struct db_tls_trust *trust, const struct db_tls_config *co
 		if (due > 0 && (trust->crl_expires == 0 || due < trust->crl_expires))
 			trust->crl_expires = due;
 	}
-	/* Takes the lists over that it adds, and frees the others. */
-	if (result >= 0)
-		result = gnutls_x509_trust_list_add_crls(trust->authorities, lists, count,
-		                                         GNUTLS_TL_VERIFY_CRL |
-		                                                 GNUTLS_TL_NO_DUPLICATES,
-		                                         0);
+	/* It takes the lists over. */
+	if (result >= 0 && are_signed(config->ca_file, lists, count))
+		result = gnutls_x509_trust_list_add_crls(trust->authorities, lists, count, 0, 0);
+	else
+		for (unsigned i = 0; i < count; i++)
+			gnutls_x509_crl_deinit(lists[i]);
 	gnutls_free(lists);
 	if (result >= 0 && (unsigned)result == count && count > 0)
 		return true;
@@ -162,8 +194,8 @@ struct db_tls_trust *db_tls_trust_load(const struct db_tls_config *config, int64
 	trust->holders = 1;
 	if (gnutls_certificate_allocate_credentials(&trust->credentials) == 0 &&
 	    gnutls_x509_trust_list_init(&trust->authorities, 0) == 0 &&
-	    load_own(trust, config, now, why, doubt) &&
-	    load_authorities(trust, config, now, why) && load_crls(trust, config, why))
+	    load_own(trust, config, now, why, doubt) && load_authorities(trust, config, now, why) &&
+	    load_crls(trust, config, why))
 		return trust;
 	db_tls_trust_let_go(trust);
 	return NULL;
@@ -264,8 +296,6 @@ static bool verify_chain(const struct db_tls_trust *trust, gnutls_x509_crt_t *ch
 	char purpose[] = GNUTLS_KP_TLS_WWW_CLIENT;
 	gnutls_typed_vdata_st usage = { .type = GNUTLS_DT_KEY_PURPOSE_OID,
 		                        .data = (unsigned char *)purpose };
-	/* A list of revoked certificates that is overdue still holds: it is said in the log. */
-	const unsigned overdue = GNUTLS_CERT_INVALID | GNUTLS_CERT_REVOCATION_DATA_SUPERSEDED;
 	unsigned status = 0;
 	gnutls_datum_t text;
 	int result;
@@ -276,7 +306,7 @@ static bool verify_chain(const struct db_tls_trust *trust, gnutls_x509_crt_t *ch
 		(void)snprintf(why, DB_TLS_WHY, "%s", gnutls_strerror(result));
 		return false;
 	}
-	if (status == 0 || status == overdue)
+	if (status == 0 || status == OVERDUE)
 		return true;
 	if (gnutls_certificate_verification_status_print(status, GNUTLS_CRT_X509, &text, 0) != 0)
 		return false;

@@ -418,4 +418,20 @@ void db_server_refused(struct db_server *server, const struct db_client *client,
 	note("refused %d", (int)kind);
 }
 
+bool db_server_words(const struct db_server *server, const uint8_t address[16],
+                     struct db_client_words *words)
+{
+	(void)server;
+	(void)address;
+	(void)words;
+	return false;
+}
+
+bool db_server_secure_status(const struct db_server *server, struct db_secure_status *status)
+{
+	(void)server;
+	(void)status;
+	return false;
+}
+
 #endif
