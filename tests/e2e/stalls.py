@@ -4,8 +4,11 @@
 The programs promise times on a machine that runs them. A processor that a hypervisor or other work takes
 away for 60 ms makes a drive look silent and a cycle late, and shows nothing about the programs. So a
 watcher of its own, with the programs' own priority, notes when it was not run in time. A test that fails
-while that happened has shown nothing: it is repeated once the machine is calm, and the report names it. A
-test that fails on a machine that ran has failed.
+while that happened has shown nothing: it is repeated once the machine is calm, and the report names it.
+
+Tests that run side by side also take time from each other: a test's own client yields to the programs, and no watcher
+sees how long it waits. So those that failed then are listed in the file that DRIVEBRIDGE_FAILED names, and
+tests/lib/phases.sh runs them once more alone. A test that fails alone on a machine that ran has failed.
 
 A pytest plugin, for the tests in tests/e2e and tests/kernel."""
 
@@ -24,7 +27,9 @@ from bridgelib import NICENESS, go_first
 BEARABLE = 0.012
 # How often the watcher looks, s: less where each call of the system is dear.
 INTERVAL = 0.02 if "DRIVEBRIDGE_UML" in os.environ else 0.004
-TRIES = 4
+TRIES_ALONE = 4
+# Those that fail beside others are run alone later.
+TRIES_BESIDE_OTHERS = 2
 # How long it may take until nothing stalls for a second, s.
 PATIENCE = 15.0
 
@@ -110,12 +115,13 @@ def told(reports):
 def pytest_runtest_protocol(item, nextitem):
     """The test, again if it fails while the machine stood still."""
     watcher = item.config.stall_watcher
+    tries = TRIES_BESIDE_OTHERS if hasattr(item.config, "workerinput") else TRIES_ALONE
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
-    for attempt in range(1, TRIES + 1):
+    for attempt in range(1, tries + 1):
         began = time.monotonic()
         reports = runtestprotocol(item, nextitem=nextitem, log=False)
         stall = watcher.longest_since(began)
-        if attempt == TRIES or not stall or not any(report.failed for report in reports):
+        if attempt == tries or not stall or not any(report.failed for report in reports):
             break
         item.user_properties.append(
             ("repeated", f"the machine stood still for {stall * 1000:.0f} ms: {told(reports)}"))
@@ -127,6 +133,9 @@ def pytest_runtest_protocol(item, nextitem):
 
 
 def pytest_terminal_summary(terminalreporter):
+    failed = {report.nodeid for kind in ("failed", "error") for report in terminalreporter.stats.get(kind, [])}
+    if path := os.environ.get("DRIVEBRIDGE_FAILED"):
+        Path(path).write_text("".join(f"{terminalreporter.config.rootpath}/{nodeid}\n" for nodeid in sorted(failed)))
     for reports in terminalreporter.stats.values():
         for report in reports:
             if getattr(report, "when", None) == "call":

@@ -7,6 +7,8 @@ VENV=build/venv
 TOTAL_PASSED=0
 TOTAL_FAILED=0
 FAILURES=()
+BEGUN=()
+BEGUN_PID=
 
 # The library of OPC UA, which Debian 12 does not have: CMakePresets.json knows the folder.
 need_open62541() {
@@ -323,21 +325,26 @@ start_pytest() {
 		shift
 	done
 	shift
-	rm -f "build/logs/$name.xml" "build/logs/$name.collected"
+	rm -f "build/logs/$name".{xml,collected,failed}
 	DRIVEBRIDGE_BUILD=$PWD/build/$preset DRIVEBRIDGE_COLLECTED=$PWD/build/logs/$name.collected \
+		DRIVEBRIDGE_FAILED=$PWD/build/logs/$name.failed \
 		"${prefix[@]}" "$VENV/bin/python" -m pytest -q \
 		-n "${PYTEST_WORKERS:-5}" --junitxml="build/logs/$name.xml" "$@" \
 		>"build/logs/$name.log" 2>&1 </dev/null || true
 }
 
-# count_pytest NAME: what start_pytest saw.
+# count_pytest NAME [ALONE]: what start_pytest saw, and what it saw of those that failed and ran ALONE.
 count_pytest() {
-	local log=build/logs/$1.log numbers
+	local log=build/logs/$1.log numbers reports=("build/logs/$1.xml" "build/logs/$1.collected")
 
 	# Tests that failed while the machine stood still are run again: tests/e2e/stalls.py.
 	grep '^repeated: ' "$log" || true
-	numbers=$("$VENV/bin/python" tests/tools/count-junit "build/logs/$1.xml" \
-		"build/logs/$1.collected") || numbers='0 1'
+	if [ $# -gt 1 ]; then
+		log=build/logs/$2.log
+		reports+=("build/logs/$2.xml")
+		grep '^repeated: ' "$log" || true
+	fi
+	numbers=$("$VENV/bin/python" tests/tools/count-junit "${reports[@]}") || numbers='0 1'
 	# shellcheck disable=SC2086 # two numbers and names
 	set -- $numbers
 	count "$1" "$2"
@@ -348,10 +355,26 @@ count_pytest() {
 	fi
 }
 
-# run_pytest PRESET [COMMAND-PREFIX...] -- FILE-OR-FOLDER...
+# How many failed tests are run alone. Where more fail, it is not because they ran side by side.
+ALONE_MAX=20
+
+# run_pytest PRESET [COMMAND-PREFIX...] -- FILE-OR-FOLDER...: those that fail run once more, alone (tests/e2e/stalls.py).
 run_pytest() {
-	start_pytest "$PHASE-pytest" "$@"
-	count_pytest "$PHASE-pytest"
+	local name=$PHASE-pytest failed=() front=()
+
+	start_pytest "$name" "$@"
+	[ ! -s "build/logs/$name.failed" ] || mapfile -t failed <"build/logs/$name.failed"
+	if [ ${#failed[@]} -eq 0 ] || [ ${#failed[@]} -gt $ALONE_MAX ]; then
+		count_pytest "$name"
+		return
+	fi
+	printf 'run once more, alone: %s\n' "${failed[@]}"
+	while [ "$1" != -- ]; do
+		front+=("$1")
+		shift
+	done
+	PYTEST_WORKERS=0 start_pytest "$name-alone" "${front[@]}" -- "${failed[@]}"
+	count_pytest "$name" "$name-alone"
 }
 
 phase_e2e() {
@@ -384,6 +407,7 @@ in_kernel() {
 		-l "build/logs/$name-messages.log" -- "$@"
 }
 
+# Sets PASSED and FAILED.
 run_phase() {
 	local started=$SECONDS
 
@@ -395,6 +419,41 @@ run_phase() {
 	printf '%s: %d passed, %d failed (%d s)\n' "$PHASE" $PASSED $FAILED $((SECONDS - started))
 	TOTAL_PASSED=$((TOTAL_PASSED + PASSED))
 	TOTAL_FAILED=$((TOTAL_FAILED + FAILED))
+}
+
+# begin_phases NAME...: one after the other beside what follows, in time that nobody else wants. What they print and
+# count goes to files until end_begun_phases. Does nothing when called again.
+begin_phases() {
+	[ -z "$BEGUN_PID" ] || return 0
+	BEGUN=("$@")
+	set -m # a process group of its own, for whoever interrupts the run
+	(
+		chrt --idle --pid 0 $BASHPID
+		for phase; do
+			rm -f "build/logs/$phase".{counted,printed}
+			FAILURES=()
+			run_phase "$phase" >"build/logs/$phase.printed" 2>&1
+			printf '%s\n' "$PASSED" "$FAILED" "${FAILURES[@]}" >"build/logs/$phase.counted"
+		done
+	) &
+	BEGUN_PID=$!
+	set +m
+	trap 'kill -- "-$BEGUN_PID" 2>/dev/null || true' EXIT
+}
+
+end_begun_phases() {
+	local phase counted
+
+	[ -n "$BEGUN_PID" ] || return 0
+	wait "$BEGUN_PID" || true
+	for phase in "${BEGUN[@]}"; do
+		counted=(0 1 "$phase: it did not end")
+		[ ! -e "build/logs/$phase.counted" ] || mapfile -t counted <"build/logs/$phase.counted"
+		cat "build/logs/$phase.printed" || true
+		TOTAL_PASSED=$((TOTAL_PASSED + counted[0]))
+		TOTAL_FAILED=$((TOTAL_FAILED + counted[1]))
+		FAILURES+=("${counted[@]:2}")
+	done
 }
 
 finish() {

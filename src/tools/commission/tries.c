@@ -33,6 +33,9 @@ static const char *reaction_section(const struct db_commission *commission)
 	return strcmp(commission->facts.family, "xyza") == 0 ? "bus" : "drive";
 }
 
+/* So many late answers of one step are the drive's. Fewer may be the computer's, which was busy. */
+#define LATE_ANSWERS 3
+
 /* Suggests one and a half times the longest observed latency, or twice the setting if every answer
  * was too late. */
 static void judge_latency(struct db_commission *commission, const json_t *values)
@@ -54,12 +57,18 @@ static void judge_latency(struct db_commission *commission, const json_t *values
 			"(adapt = on); they took up to %.0f ms. Written down, it holds from the "
 			"start",
 			learnt, longest);
-	else if (flag_of(values, "late") && lost > 0)
+	else if (flag_of(values, "late") && (commission->absent || lost >= LATE_ANSWERS))
 		db_commission_judge(
 			commission, "bus", "drive-latency-ms", DB_COMMISSION_CONTRADICTED, right,
 			"answers came after they had been given up, later than %.0f ms; how much "
 			"later was not measured: run this step again with it",
 			latency);
+	else if (flag_of(values, "late") && lost > 0)
+		db_commission_judge(commission, "bus", "drive-latency-ms", DB_COMMISSION_NOT_SEEN,
+		                    NULL,
+		                    "%.0f of %.0f answers came late, which is doubtful: the "
+		                    "computer may have been busy. Run this step again",
+		                    lost, asked);
 	else if (lost > 0)
 		db_commission_judge(commission, "bus", "drive-latency-ms", DB_COMMISSION_NOT_SEEN,
 		                    NULL,
@@ -98,6 +107,12 @@ static void judge_turnaround(struct db_commission *commission, const json_t *val
 	else if (lost == 0)
 		db_commission_judge(commission, "bus", "turnaround-us", DB_COMMISSION_PROVEN, NULL,
 		                    "no question behind an answer was lost");
+	else
+		db_commission_judge(commission, "bus", "turnaround-us", DB_COMMISSION_NOT_SEEN,
+		                    NULL,
+		                    "%.0f answers were lost, so it is doubtful whether it heard "
+		                    "every question: run this step again",
+		                    lost);
 }
 
 bool db_commission_try_presence(struct db_commission *commission, unsigned stage,

@@ -300,31 +300,59 @@ static void a_watchdog_that_cannot_be_tried_is_not_seen(void **state)
 	}
 }
 
+/* The step of round trips, with a drive's values before and after two seconds of reading. */
+static void try_round_trips(struct db_commission *commission, json_t *before, json_t *after)
+{
+	struct db_commission_action action;
+	struct db_commission_outcome outcome = { .result = "" };
+	struct db_trial trial = { .ended_ms = -1 };
+
+	db_commission_begin(commission, (size_t)db_commission_find("round-trips"));
+	assert_true(db_commission_next(commission, &outcome, &action));
+	outcome.values = before;
+	assert_true(db_commission_next(commission, &outcome, &action));
+	assert_int_equal(action.kind, DB_COMMISSION_WATCH);
+	outcome.trial = &trial;
+	assert_true(db_commission_next(commission, &outcome, &action));
+	outcome.values = after;
+	assert_false(db_commission_next(commission, &outcome, &action));
+	json_decref(before);
+	json_decref(after);
+}
+
 /* With adapt = on everything works, which hides the setting that is wrong. */
 static void what_was_learnt_is_to_be_written_down(void **state)
 {
 	struct db_commission_facts facts = { .family = "vsmd-can", .unit_name = "counts" };
 	struct db_commission commission;
-	struct db_commission_action action;
-	struct db_commission_outcome read = { .result = "" };
-	struct db_trial trial = { .ended_ms = -1 };
-	json_t *values = json_pack("{s:b, s:i, s:i, s:i, s:i, s:i}", "online", 1, "requests", 100,
-	                           "timeouts", 3, "learnt_latency_ms", 57, "round_trip_max_us",
-	                           42000, "round_trip_mean_us", 41000);
 
 	(void)state;
 	db_commission_open(&commission, &facts);
-	db_commission_begin(&commission, (size_t)db_commission_find("round-trips"));
-	assert_true(db_commission_next(&commission, &read, &action));
-	read.values = values;
-	assert_true(db_commission_next(&commission, &read, &action));
-	read.trial = &trial;
-	assert_int_equal(action.kind, DB_COMMISSION_WATCH);
-	assert_true(db_commission_next(&commission, &read, &action));
-	assert_false(db_commission_next(&commission, &read, &action));
+	try_round_trips(&commission, json_pack("{s:i}", "requests", 100),
+	                json_pack("{s:b, s:i, s:i, s:i, s:i}", "online", 1, "requests", 200,
+	                          "learnt_latency_ms", 57, "round_trip_max_us", 42000,
+	                          "round_trip_mean_us", 41000));
 	expect(&commission, "drive-latency-ms", "contradicted", "63");
 	db_commission_close(&commission);
-	json_decref(values);
+}
+
+static void few_late_answers_are_no_pattern(void **state)
+{
+	struct db_commission_facts facts = { .family = "vsmd-serial", .unit_name = "counts" };
+
+	(void)state;
+	for (int late = 2; late <= 3; late++) {
+		struct db_commission commission;
+
+		db_commission_open(&commission, &facts);
+		try_round_trips(&commission, json_pack("{s:i}", "requests", 100),
+		                json_pack("{s:b, s:b, s:i, s:i}", "online", 1, "late", 1,
+		                          "requests", 200, "timeouts", late));
+		expect(&commission, "drive-latency-ms", late < 3 ? "not seen" : "contradicted",
+		       late < 3 ? "" : "60");
+		expect(&commission, "turnaround-us", "not seen", "");
+		db_commission_close(&commission);
+	}
 }
 
 /* Without a yes nothing is asked for that moves or gives power. */
@@ -379,6 +407,7 @@ int main(void)
 		cmocka_unit_test(a_watchdog_is_proven_in_its_time),
 		cmocka_unit_test(a_watchdog_that_cannot_be_tried_is_not_seen),
 		cmocka_unit_test(what_was_learnt_is_to_be_written_down),
+		cmocka_unit_test(few_late_answers_are_no_pattern),
 		cmocka_unit_test(nothing_moves_without_a_yes),
 		cmocka_unit_test(answers_are_choices),
 	};
