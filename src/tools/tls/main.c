@@ -11,7 +11,6 @@
 #include "tls/server.h"
 #include "tls/trust.h"
 
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -38,26 +37,13 @@ static bool check(const void *values)
 	return doubt[0] == '\0';
 }
 
-static int on_hangup(sd_event_source *source, const struct signalfd_siginfo *info, void *data)
-{
-	(void)source;
-	(void)info;
-	db_tls_server_reload(data);
-	return 0;
-}
-
 static int serve(const void *config, sd_event *loop)
 {
-	struct db_tls_server *server;
+	struct db_tls_server *server = db_tls_server_new(loop, config);
 	int status = EXIT_FAILURE;
-	sigset_t set;
 
-	(void)sigemptyset(&set);
-	(void)sigaddset(&set, SIGHUP);
-	(void)sigprocmask(SIG_BLOCK, &set, NULL);
-	server = db_tls_server_new(loop, config);
-	if (server && sd_event_add_signal(loop, NULL, SIGHUP, on_hangup, server) >= 0)
-		status = db_program_loop(loop, db_tls_server_turn, server);
+	if (server)
+		status = db_program_loop(loop, db_tls_server_turn, db_tls_server_renew, server);
 	db_tls_server_free(server);
 	return status;
 }

@@ -61,7 +61,7 @@ struct db_tls_server {
 	db_time look_at; /* at its own certificate */
 	struct db_certificate_expiry expiry;
 	bool crl_said;
-	struct db_client_log_ration refusals;
+	struct db_client_log_rations refusals;
 	struct db_client_log_ration comings;
 	struct db_secure_status status;
 	int teller; /* tells the service the status; -1 */
@@ -89,13 +89,15 @@ static void drop(struct db_tls_server *server, struct db_tls_peer *peer, const c
 {
 	struct member *member = find(server, peer);
 	char text[DB_TLS_PEER_TEXT];
+	char address[DB_TLS_PEER_TEXT];
 
 	if (why) {
 		db_tls_peer_write(peer, text);
-		db_client_log_rationed(&server->refusals, db_client_now(), DB_CLIENT_WARNING,
-		                       member->open ? "client %s disconnected: %s" :
-		                                      "client %s refused: %s",
-		                       text, why);
+		(void)snprintf(address, sizeof(address), "%.*s", (int)strcspn(text, ","), text);
+		db_client_log_rationed_for(
+			&server->refusals, address, db_client_now(), DB_CLIENT_WARNING,
+			member->open ? "client %s disconnected: %s" : "client %s refused: %s", text,
+			why);
 	}
 	db_tls_places_leave(&server->places, peer);
 	if (member->open)
@@ -474,8 +476,9 @@ static bool load_trust(struct db_tls_server *server)
 	return true;
 }
 
-void db_tls_server_reload(struct db_tls_server *server)
+void db_tls_server_renew(void *context)
 {
+	struct db_tls_server *server = context;
 	db_time now = db_client_now();
 
 	if (!load_trust(server))

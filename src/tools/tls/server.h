@@ -17,9 +17,9 @@ struct db_tls_server;
 struct db_tls_server *db_tls_server_new(sd_event *loop, const struct db_tls_config *config);
 void db_tls_server_free(struct db_tls_server *server);
 
-/* Reads its files again: certificates, key and lists of revoked certificates. Wrong ones change
- * nothing but the log. */
-void db_tls_server_reload(struct db_tls_server *server);
+/* A db_program_renew_fn: reads its files again, certificates, key and lists of revoked certificates.
+ * Wrong ones change nothing but the log. */
+void db_tls_server_renew(void *server);
 
 /* A db_program_turn_fn. */
 db_time db_tls_server_turn(void *server, db_time now, int64_t us);
