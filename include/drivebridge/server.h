@@ -85,6 +85,10 @@ struct db_backend {
 	 * null. */
 	void (*client)(void *context, const struct db_client *client, bool connected);
 
+	/* A client that may only read has tried to write. May be null. */
+	void (*denied)(void *context, const struct db_client *client, uint8_t unit,
+	               uint16_t address);
+
 	/* A client that could write no longer may. May be null. */
 	void (*restricted)(void *context, const struct db_client *client);
 };
@@ -161,13 +165,10 @@ void db_server_answer(struct db_server *server, struct db_write_token token, uin
 struct db_rights;
 void db_server_set_rights(struct db_server *server, const struct db_rights *rights);
 
-/*
- * The names of any Modbus client to its address: "192.168.10.5, certificate press-plc, role
- * Operator". False: they are not the server's to know, being no certificate's.
- */
-struct db_client_words;
-bool db_server_words(const struct db_server *server, const uint8_t address[16],
-                     struct db_client_words *words);
+/* The name and the role of the certificate with this address, "" where there is none or they are
+ * not known any more. False: it is no certificate's. The server may be null. */
+bool db_server_certificate(const struct db_server *server, const uint8_t address[16],
+                           const char **name, const char **role);
 
 /* How drivebridge-tls is, which hands clients with certificates over. False: it is not connected. */
 struct db_secure_status;

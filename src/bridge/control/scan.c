@@ -327,6 +327,34 @@ void db_scan_whose(const struct db_control_socket *control, const char *bus,
 	}
 }
 
+/* What begins now, in the audit trail: what it reads, or which drive is told what. */
+static void record(struct db_session *session, const struct db_bus_config *bus,
+                   const struct db_scan_plan *plan)
+{
+	static const char *const what[] = {
+		[DB_INQUIRY_THERE] = "scan",
+		[DB_INQUIRY_SET_ADDRESS] = "address",
+		[DB_INQUIRY_SET_SPEED] = "speed",
+		[DB_INQUIRY_SAVE] = "save",
+	};
+	char text[96];
+
+	if (plan->set_up == DB_INQUIRY_THERE)
+		snprintf(text, sizeof(text), "addresses %u to %u%s", plan->first, plan->last,
+		         plan->speed_count > 0 ? ", with the bus set aside" : "");
+	else if (plan->set_up == DB_INQUIRY_SAVE)
+		snprintf(text, sizeof(text), "the drive at address %u", plan->first);
+	else
+		snprintf(text, sizeof(text), "the drive at address %u: %u", plan->first,
+		         (unsigned)plan->value);
+	db_session_record(session, &(struct db_audit_entry){
+					   .kind = DB_AUDIT_SET_UP,
+					   .bus = bus->name,
+					   .what = what[plan->set_up],
+					   .text = text,
+				   });
+}
+
 static void begin(const struct db_call *call, const struct db_bus_config *bus,
                   struct db_scan_plan *plan)
 {
@@ -354,6 +382,7 @@ static void begin(const struct db_call *call, const struct db_bus_config *bus,
 	/* gcc's analyzer: what is allocated is the session's job, or the answer's. */
 	if (error != 0)
 		return;
+	record(session, bus, plan);
 	session->wait = DB_WAITS_FOR_SCAN;
 	session->due = db_control_now(control);
 }

@@ -21,20 +21,23 @@ bool db_clients_are_permitted(const struct db_view_drive *drive, const struct db
 	       (what != DB_MAY_CLAIM || role->control);
 }
 
-static void count_role_refusal(const struct db_registers *registers, const struct db_client *client)
+void db_clients_count_role_refusal(const struct db_registers *registers,
+                                   const struct db_client *client)
 {
 	if (registers->ops->refused)
 		registers->ops->refused(registers->context, client, DB_REFUSED_ROLE);
 }
 
 bool db_clients_permit(const struct db_view_drive *drive, const struct db_client *client,
-                       enum db_permission what)
+                       enum db_permission what, uint16_t address)
 {
-	bool permitted = db_clients_are_permitted(drive, client, what);
-
-	if (!permitted)
-		count_role_refusal(drive->registers, client);
-	return permitted;
+	if (db_clients_are_permitted(drive, client, what))
+		return true;
+	db_clients_count_role_refusal(drive->registers, client);
+	if (what != DB_MAY_READ)
+		db_record_denied(drive->registers, drive, client, (uint8_t)drive->config->unit,
+		                 address, "the role of its certificate does not allow it");
+	return false;
 }
 
 bool db_clients_permit_gateway(const struct db_registers *registers, const struct db_client *client)
@@ -42,7 +45,7 @@ bool db_clients_permit_gateway(const struct db_registers *registers, const struc
 	bool permitted = !client->role || client->role->control;
 
 	if (!permitted)
-		count_role_refusal(registers, client);
+		db_clients_count_role_refusal(registers, client);
 	return permitted;
 }
 
@@ -64,12 +67,17 @@ bool db_clients_may_write(struct db_view_drive *drive, const struct db_client *c
 {
 	const struct db_registers *registers = drive->registers;
 	db_time now = registers->ops->now(registers->context);
+	bool holds;
 
 	if (stop)
 		return !db_control_holder(&drive->control, now) ||
 		       db_control_holds(&drive->control, client, now);
-	if (db_control_take(&drive->control, client, now))
+	holds = db_control_holds(&drive->control, client, now);
+	if (db_control_take(&drive->control, client, now)) {
+		if (!holds)
+			db_record_control(drive, client, true);
 		return true;
+	}
 	db_clients_count_refusal(drive, client);
 	return false;
 }

@@ -348,6 +348,9 @@ static int start_request(struct db_connection *c, const struct db_modbus_request
 		return exception;
 	if (!c->client.may_write) {
 		db_connection_refused(c, find_write_refusal(c), now);
+		if (executor->backend->denied)
+			executor->backend->denied(executor->context, &c->client, request->unit,
+			                          request->write_address);
 		return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 	}
 	/* First make sure that the result can be stored. */

@@ -88,14 +88,18 @@ static void set_accepting(struct db_server *server, bool accepting)
 static void describe(const struct db_server *server, const struct db_client *client,
                      struct db_client_words *words)
 {
-	char name[DB_CLIENT_PROCESS_USER_MAX] = "";
+	char login[DB_CLIENT_PROCESS_USER_MAX] = "";
+	const char *name;
+	const char *role;
 	uint32_t user;
 
-	if (db_server_words(server, client->address, words))
+	if (db_certificates_find(server->certificates, client->address, &name, &role)) {
+		db_client_words_init_certificate(words, client->address, name, role);
 		return;
+	}
 	if (db_client_user_of_address(client->address, &user))
-		db_rights_name(user, name);
-	db_client_words_init(words, client->address, name, "");
+		db_rights_name(user, login);
+	db_client_words_init(words, client->address, login, "");
 }
 
 static void announce_client(const struct db_server *server, const struct db_connection *connection,
@@ -758,16 +762,10 @@ void db_server_answer(struct db_server *server, struct db_write_token token, uin
 	send_late_answers(server);
 }
 
-bool db_server_words(const struct db_server *server, const uint8_t address[16],
-                     struct db_client_words *words)
+bool db_server_certificate(const struct db_server *server, const uint8_t address[16],
+                           const char **name, const char **role)
 {
-	const char *name;
-	const char *role;
-
-	if (!db_certificates_find(server ? server->certificates : NULL, address, &name, &role))
-		return false;
-	db_client_words_init_certificate(words, address, name, role);
-	return true;
+	return db_certificates_find(server ? server->certificates : NULL, address, name, role);
 }
 
 bool db_server_secure_status(const struct db_server *server, struct db_secure_status *status)

@@ -92,7 +92,12 @@ static struct db_configuration_report report_configuration(void *context)
 static void find_words(const struct service *service, const uint8_t address[16],
                        struct db_client_words *words)
 {
-	if (!db_server_words(service->server, address, words))
+	const char *name;
+	const char *role;
+
+	if (db_server_certificate(service->server, address, &name, &role))
+		db_client_words_init_certificate(words, address, name, role);
+	else
 		db_control_socket_words(service->control, address, words);
 }
 
@@ -186,6 +191,17 @@ static void log_refused_write(void *context, const struct db_bus_config *bus_con
 	       db_result_name(write->result), (unsigned)write->result);
 }
 
+static uint32_t post_record(void *context, const struct db_client *client,
+                            const struct db_audit_entry *entry)
+{
+	return audit_post(context, client, entry);
+}
+
+static void post_end(void *context, uint32_t record, enum db_result result, db_time took)
+{
+	audit_post_end(context, record, result, took);
+}
+
 const struct db_registers_ops service_registers_ops = {
 	.now = read_now,
 	.wall_us = read_wall_us,
@@ -201,6 +217,8 @@ const struct db_registers_ops service_registers_ops = {
 	.client_words = name_client,
 	.refused = count_refusal,
 	.write_refused = log_refused_write,
+	.audit = post_record,
+	.audit_end = post_end,
 	.tripped = log_tripped,
 	.hold_lost = log_lost_hold,
 };

@@ -123,6 +123,7 @@ static void end_reload(struct service *service)
 
 	service->reload_errors = NULL;
 	sd_notify(0, "READY=1");
+	audit_post_reload(service, errors);
 	db_control_socket_reloaded(service->control, errors);
 	free(errors);
 }
@@ -209,6 +210,7 @@ static void retire_parts(struct service *service, struct reload *reload)
 	db_server_apply(service->server, reload->server);
 	reload->server = NULL;
 	service->log.level = reload->next->edition->config->modbus.log;
+	audit_change(service, &reload->next->edition->config->control);
 	db_control_socket_change(service->control, &reload->next->edition->config->control,
 	                         &service->log);
 	if (elsewhere)
