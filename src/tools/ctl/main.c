@@ -50,6 +50,7 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 		{ "step", &ctl->step },         { "answers", &ctl->answers },
 		{ "state", &ctl->state },       { "for", &ctl->form },
 		{ "host", &ctl->host },         { "ports", &ctl->ports },
+		{ "folder", &ctl->folder },     { "days", &ctl->days },
 	};
 
 	for (size_t i = 0; i < sizeof(flags) / sizeof(flags[0]); i++) {

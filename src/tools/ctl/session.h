@@ -60,6 +60,8 @@ struct db_ctl {
 	const char *form;
 	const char *host;
 	const char *ports;
+	const char *folder;
+	const char *days;
 	/* After db_ctl_open(). */
 	struct db_client *client;
 	json_t *description; /* the answer of Describe */
