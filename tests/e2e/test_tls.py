@@ -2,6 +2,7 @@
 """Modbus/TCP Security: drivebridge-tls in front of the service. Who has which certificate may do what, who is kept
 out, what a flood of strangers costs a client that is in, and what happens when one of the programs ends."""
 
+import os
 import signal
 import socket
 import ssl
@@ -11,6 +12,7 @@ import tempfile
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from bridgelib import (
@@ -18,10 +20,13 @@ from bridgelib import (
     NO_PATH,
     STANDSTILL,
     Refused,
+    build_directory,
     eventually,
+    find_program,
 )
+from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
-from tlslib import DAY, NOW, Authority, SecureUnit, Tlsd, utf8
+from tlslib import DAY, NOW, ROLE_OID, Authority, Holder, SecureUnit, Tlsd, utf8
 
 READ = struct.pack(">BHH", 3, 0, 10)
 
@@ -67,7 +72,7 @@ def make_tls(make_bridge, plant):
     made = []
     with tempfile.TemporaryDirectory(prefix="drivebridge-") as directory:
 
-        def make(keys=None, modbus=None, authority=None, start=True, **options):
+        def make(keys=None, modbus=None, authority=None, own=None, start=True, **options):
             place = Path(directory) / str(len(made))
             place.mkdir()
             # Everybody may try.
@@ -76,7 +81,7 @@ def make_tls(make_bridge, plant):
             bridge = make_bridge(modbus={"secure-socket": socket_path, **(modbus or {})}, **options)
             bridge.sections.update(ROLES)
             bridge.reload()
-            tlsd = Tlsd(place, bridge, authority or plant.authority, plant.server, keys or {})
+            tlsd = Tlsd(place, bridge, authority or plant.authority, own or plant.server, keys or {})
             made.append(tlsd)
             if start:
                 tlsd.start()
@@ -322,6 +327,68 @@ def test_an_end_that_comes_is_said(make_tls, plant):
         assert client.request(READ)[0] == 3
         assert tlsd.told("127.0.0.1, certificate soon: the certificate ends on ")
     assert "certificate-file" not in tlsd.log()
+
+
+def ctl(*arguments, status=0, **options):
+    done = subprocess.run([find_program("drivebridgectl"), *map(str, arguments)], capture_output=True, text=True,
+                          timeout=60, check=False,
+                          env={**os.environ, "PATH": f"{build_directory()}:{os.environ['PATH']}"}, **options)
+    assert done.returncode == status, done
+    return done.stdout
+
+
+def test_certificates_by_one_command_each(make_tls, tmp_path):
+    folder = tmp_path / "tls"
+    made = ("--folder", folder)
+    ctl("certificate", "authority", *made)
+    ctl("certificate", "server", "gateway", "127.0.0.1", "fd00::2", *made)
+    ctl("certificate", "client", "press-plc", "Operator", *made)
+    ctl("certificate", "client", "panel", *made, "--days", 20)
+    # What is there stays, wrong names and roles make nothing.
+    for wrong in (["authority"], ["client", "press-plc", "Reader"]):
+        ctl("certificate", *wrong, *made, status=1)
+    for wrong in (["client", "server"], ["client", "../x"], ["client", "a-key"], ["client", "x", "two words"],
+                  ["revoke", "nobody"]):
+        ctl("certificate", *wrong, *made, status=1)
+    assert {path.name for path in folder.iterdir()} == {"revoked.pem"} | {
+        f"{name}{end}.pem" for name in ("authority", "server", "press-plc", "panel") for end in ("", "-key")}
+    assert {path.name: oct(path.stat().st_mode & 0o777) for path in folder.glob("*-key.pem")} == {
+        "authority-key.pem": "0o600", "press-plc-key.pem": "0o600", "panel-key.pem": "0o600",
+        "server-key.pem": oct((folder / "server-key.pem").stat().st_mode & 0o777)}
+    assert (folder / "server-key.pem").stat().st_mode & 0o007 == 0
+    for name, purpose in (("server", "sslserver"), ("press-plc", "sslclient"), ("panel", "sslclient")):
+        subprocess.run(["openssl", "verify", "-x509_strict", "-crl_check", "-CRLfile", folder / "revoked.pem", "-purpose",
+                        purpose, "-CAfile", folder / "authority.pem", folder / f"{name}.pem"], check=True, timeout=60)
+    own, plc, panel = (Holder(x509.load_pem_x509_certificate((folder / f"{name}.pem").read_bytes()), None,
+                              folder / f"{name}.pem", folder / f"{name}-key.pem")
+                       for name in ("server", "press-plc", "panel"))
+    role = plc.certificate.extensions.get_extension_for_oid(ROLE_OID)
+    assert role.value.value == utf8("Operator") and not role.critical
+    authority = SimpleNamespace(pem=folder / "authority.pem", crl=folder / "revoked.pem")
+    tlsd = make_tls(authority=authority, own=own)
+    with tlsd.connect(plc) as client, tlsd.connect(panel) as beside:
+        assert client.request(READ)[0] == 3
+        assert beside.request(READ) == bytes([0x83, ILLEGAL_FUNCTION])
+        # The end that comes first is in the status and in the figures.
+        socket_path = tlsd.bridge.control_path
+        eventually(lambda: "the certificate of a connected client ends on" in ctl("--socket", socket_path, "status"))
+        figures = ctl("--socket", socket_path, "metrics")
+        ends = int(panel.certificate.not_valid_after_utc.timestamp())
+        assert f'drivebridge_tls_certificate_expires_timestamp_seconds{{of="client"}} {ends}' in figures
+        assert "drivebridge_tls_up 1" in figures and "drivebridge_tls_clients 2" in figures
+        ctl("certificate", "revoke", "press-plc", *made)
+        ctl("certificate", "revoke", "panel", *made)
+        tlsd.hang_up()
+        assert client.closed(60) and beside.closed(60)
+    assert is_refused(tlsd, plc) and is_refused(tlsd, panel)
+    # Another one of the same name is another one.
+    plc.pem.unlink()
+    plc.key_pem.unlink()
+    ctl("certificate", "client", "press-plc", "Operator", *made)
+    with tlsd.connect(plc) as client:
+        assert client.request(READ)[0] == 3
+    tlsd.stop()
+    eventually(lambda: "drivebridge_tls_up 0" in ctl("--socket", socket_path, "metrics"))
 
 
 # --- one of the programs ends
