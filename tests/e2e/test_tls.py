@@ -184,15 +184,15 @@ def test_ids_are_the_certificates(make_tls, plant):
     block = lambda number, command: struct.pack(">BHHBHH", 16, row, 2, 4, number, command)
     enable = int(tlsd.bridge.commands["enable"]["code"])
     first = tlsd.connect(plant.plc, source="127.0.0.2")
-    assert first.request(block(7, enable))[0] == 0x90  # the first id is only the baseline
-    assert first.request(block(8, enable))[0] == 16
+    assert first.request(block(7, enable), 1)[0] == 0x90  # the first id is only the baseline
+    assert first.request(block(8, enable), 1)[0] == 16
     first.close()
     drive = tlsd.bridge.drive()
     executed = drive.read("history1_sequence")
     again = tlsd.connect(plant.plc, source="127.0.0.3")
-    assert again.request(block(8, enable))[0] == 16
+    assert again.request(block(8, enable), 1)[0] == 16
     assert drive.read("history1_sequence") == executed
-    assert again.request(block(9, enable))[0] == 16
+    assert again.request(block(9, enable), 1)[0] == 16
     assert drive.read("history1_sequence") == executed + 1
 
 

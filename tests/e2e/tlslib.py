@@ -206,6 +206,10 @@ class Secure(Raw):
             bare.close()
             raise
 
+    def request(self, pdu, unit=255, transaction=1):
+        """Of the gateway, which answers whatever its drives do."""
+        return super().request(pdu, unit, transaction)
+
     def closed(self, timeout=10.0):
         try:
             return super().closed(timeout)

@@ -25,8 +25,8 @@ enum db_permission { DB_MAY_READ, DB_MAY_COMMAND, DB_MAY_SET_PARAMETERS, DB_MAY_
 /* True unless the client has a role that does not allow this. */
 bool db_clients_are_permitted(const struct db_view_drive *drive, const struct db_client *client,
                               enum db_permission what);
-/* The same for a request to this register; a refusal is counted, that of a write recorded, and to be
- * answered with exception 01. */
+/* The same for a request to this register; a refusal is counted, that of a write recorded, and to
+ * be answered with exception 01. */
 bool db_clients_permit(const struct db_view_drive *drive, const struct db_client *client,
                        enum db_permission what, uint16_t address);
 /* The same for the gateway's own registers, which every client may read; nothing is recorded. */
