@@ -137,7 +137,8 @@ def rows(name):
 
 REGISTERS = rows("register-map.csv")
 COMMANDS = rows("commands.csv")
-KEYS = rows("config-keys.csv") + rows("mqtt-keys.csv") + rows("opcua-keys.csv") + rows("web-keys.csv")
+KEYS = rows("config-keys.csv") + rows("mqtt-keys.csv") + rows("opcua-keys.csv") + rows("web-keys.csv") \
+    + rows("tls-keys.csv")
 
 
 def enumerations():
