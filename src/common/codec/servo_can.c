@@ -271,7 +271,7 @@ static enum servo_can_error put_ack(const struct servo_can_ack *ack,
                                     const struct servo_can_layout *layout, uint8_t *data,
                                     uint8_t *length)
 {
-	if (!ack_recognised(ack->code, layout) || ack->extra > sizeof ack->bytes)
+	if (!ack_recognised(ack->code, layout) || ack->extra > sizeof(ack->bytes))
 		return SERVO_CAN_ERR_RANGE;
 	data[0] = ack->code;
 	*length = 1;
@@ -347,7 +347,7 @@ static const uint8_t answers_of_blocks[] = {
 
 static enum servo_can_kind answer_kind(uint32_t id)
 {
-	if (id / BLOCK >= sizeof answers_of_blocks || id % BLOCK == 0)
+	if (id / BLOCK >= sizeof(answers_of_blocks) || id % BLOCK == 0)
 		return SERVO_CAN_FOREIGN;
 	return (enum servo_can_kind)answers_of_blocks[id / BLOCK];
 }
@@ -542,7 +542,7 @@ enum servo_can_error servo_can_decode(const struct db_can_frame *frame,
                                       enum servo_can_side from, struct servo_can_message *message)
 {
 	/* The whole union, whichever member is used: kind FOREIGN is 0. */
-	memset(message, 0, sizeof *message);
+	memset(message, 0, sizeof(*message));
 	/* A flag in the id makes it larger than any of ours. */
 	if (!find_kind(frame->id, layout, from, message))
 		return SERVO_CAN_OK;
@@ -664,5 +664,5 @@ const char *servo_can_mode_name(unsigned mode)
 {
 	static const char *const names[] = { "position", "speed", "current" };
 
-	return mode < sizeof names / sizeof names[0] ? names[mode] : NULL;
+	return mode < sizeof(names) / sizeof(names[0]) ? names[mode] : NULL;
 }

@@ -656,7 +656,7 @@ enum vsmd_can_took vsmd_can_take(struct vsmd_can_answer *answer,
 	if ((answer->seen & bits) == bits)
 		return VSMD_CAN_REPEATED;
 	answer->seen |= bits;
-	memcpy(answer->values + at, message->values, count * sizeof message->values[0]);
+	memcpy(answer->values + at, message->values, count * sizeof(message->values[0]));
 	return answer->seen == UINT64_MAX >> (64 - answer->count) ? VSMD_CAN_WHOLE : VSMD_CAN_PART;
 }
 

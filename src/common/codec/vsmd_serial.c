@@ -90,8 +90,8 @@ static int format_float(float number, char *text, size_t size)
 	for (int decimals = 0; decimals <= 60; decimals++) {
 		union db_value back;
 
-		length = snprintf(shortest, sizeof shortest, "%.*f", decimals, (double)number);
-		if (length < 0 || (size_t)length >= sizeof shortest)
+		length = snprintf(shortest, sizeof(shortest), "%.*f", decimals, (double)number);
+		if (length < 0 || (size_t)length >= sizeof(shortest))
 			return VSMD_ERR_SPACE;
 		/* A locale may have written another decimal separator. */
 		for (int i = 0; i < length; i++) {
@@ -112,7 +112,7 @@ static int format_float(float number, char *text, size_t size)
 static int format_whole(bool negative, uint32_t magnitude, char *text, size_t size)
 {
 	char digits[11]; /* sign and ten digits; from the end */
-	size_t first = sizeof digits;
+	size_t first = sizeof(digits);
 	size_t length;
 
 	do {
@@ -121,7 +121,7 @@ static int format_whole(bool negative, uint32_t magnitude, char *text, size_t si
 	} while (magnitude > 0);
 	if (negative)
 		digits[--first] = '-';
-	length = sizeof digits - first;
+	length = sizeof(digits) - first;
 	if (length >= size)
 		return VSMD_ERR_SPACE;
 	memcpy(text, digits + first, length);
@@ -175,7 +175,7 @@ static inline void put(struct writer *writer, const char *text)
 static void put_value(struct writer *writer, enum db_type type, union db_value value)
 {
 	char text[128];
-	int length = vsmd_format_value(type, value, text, sizeof text);
+	int length = vsmd_format_value(type, value, text, sizeof(text));
 
 	if (length >= 0)
 		put_bytes(writer, text, (size_t)length);
@@ -646,7 +646,7 @@ static enum vsmd_error read_plain(struct word verb, struct vsmd_command *command
 	static const enum vsmd_verb plain[] = { VSMD_DEV, VSMD_STS,  VSMD_ENA,
 		                                VSMD_OFF, VSMD_ECLR, VSMD_SAV };
 
-	for (size_t i = 0; i < sizeof plain / sizeof plain[0]; i++) {
+	for (size_t i = 0; i < sizeof(plain) / sizeof(plain[0]); i++) {
 		if (is(verb, fixed[plain[i]])) {
 			command->verb = plain[i];
 			return VSMD_OK;
@@ -762,7 +762,7 @@ static int find_told(struct word name)
 {
 	char small[NAME_MAX_LENGTH];
 
-	if (name.length > sizeof small)
+	if (name.length > sizeof(small))
 		return -1;
 	for (size_t i = 0; i < name.length; i++) {
 		bool capital = name.text[i] >= 'A' && name.text[i] <= 'Z';

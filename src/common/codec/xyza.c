@@ -52,10 +52,10 @@ static uint8_t sum_of(const uint8_t *bytes, size_t length)
 	uint64_t total = 0;
 	uint64_t word;
 
-	for (; length >= sizeof word; length -= sizeof word) {
-		memcpy(&word, bytes, sizeof word);
+	for (; length >= sizeof(word); length -= sizeof(word)) {
+		memcpy(&word, bytes, sizeof(word));
 		total += ((word & EVEN_BYTES) + (word >> 8 & EVEN_BYTES)) * ONES >> 48;
-		bytes += sizeof word;
+		bytes += sizeof(word);
 	}
 	for (size_t i = 0; i < length; i++)
 		total += bytes[i];
@@ -112,7 +112,7 @@ static int write_frame(const struct content *content, uint8_t *frame, size_t siz
 	frame[AT_CLASS] = content->item_class;
 	frame[AT_TARGET] = content->target;
 	if (content->mark == MARK_DATA) {
-		for (size_t i = 0; i < sizeof content->value; i++)
+		for (size_t i = 0; i < sizeof(content->value); i++)
 			frame[AT_VALUE + i] = (uint8_t)(content->value >> (8 * i));
 	}
 	frame[length - 1] = sum_of(frame + AT_ORDER, length - AT_ORDER - 1);

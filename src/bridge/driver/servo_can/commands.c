@@ -341,10 +341,10 @@ bool servo_can_write_interrupt(struct db_device *device, enum db_command command
 	else
 		return false;
 	if (servo_can_encode(&message, &device->layout, &frame) != SERVO_CAN_OK ||
-	    exchange->request_size < sizeof frame)
+	    exchange->request_size < sizeof(frame))
 		return false;
-	memcpy(exchange->request, &frame, sizeof frame);
-	exchange->request_length = sizeof frame;
+	memcpy(exchange->request, &frame, sizeof(frame));
+	exchange->request_length = sizeof(frame);
 	exchange->answer_length = 0;
 	/* What is read from now on may show it already. */
 	device->power_taken |= message.kind == SERVO_CAN_ENABLE;

@@ -32,11 +32,11 @@ static bool add_frame(const struct db_device *device, const struct servo_can_mes
 {
 	struct db_can_frame frame;
 
-	if (exchange->request_length + sizeof frame > exchange->request_size ||
+	if (exchange->request_length + sizeof(frame) > exchange->request_size ||
 	    servo_can_encode(message, &device->layout, &frame) != SERVO_CAN_OK)
 		return false;
-	memcpy(exchange->request + exchange->request_length, &frame, sizeof frame);
-	exchange->request_length += sizeof frame;
+	memcpy(exchange->request + exchange->request_length, &frame, sizeof(frame));
+	exchange->request_length += sizeof(frame);
 	return true;
 }
 
@@ -200,7 +200,7 @@ static enum db_step say_word_frame(struct db_conversation *talk, enum servo_can_
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_WORDS };
 
-	memcpy(progress_of(talk)->words, words, sizeof progress_of(talk)->words);
+	memcpy(progress_of(talk)->words, words, sizeof(progress_of)(talk)->words);
 	message.u.words.word0 = trigger ? words[0] | SERVO_CAN_CTRG : words[0];
 	/* Selects the internal position for moves, unless the PLC has selected one. */
 	if ((words[0] & SERVO_CAN_POSITIONS) == 0)

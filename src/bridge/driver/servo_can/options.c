@@ -50,7 +50,7 @@ static bool is_set(const struct db_bus_config *bus, size_t offset)
 {
 	double value;
 
-	memcpy(&value, (const char *)bus->options + offset, sizeof value);
+	memcpy(&value, (const char *)bus->options + offset, sizeof(value));
 	return !isnan(value);
 }
 
@@ -451,7 +451,7 @@ static void check_bits(const struct db_drive_config *drive, db_complain_fn *comp
 	};
 	const struct servo_can_drive_options *options = of_drive(drive);
 
-	for (size_t i = 0; i < sizeof bits / sizeof bits[0]; i++) {
+	for (size_t i = 0; i < sizeof(bits) / sizeof(bits[0]); i++) {
 		int bit = (int)db_option_value(find_option("drive", bits[i]), options);
 
 		for (size_t j = 0; j < i; j++) {
@@ -480,7 +480,7 @@ static void check_steps(const struct db_drive_config *drive, db_complain_fn *com
 		DRIVE(current_command_scale),
 	};
 
-	for (size_t i = 0; i < sizeof scales / sizeof scales[0]; i++) {
+	for (size_t i = 0; i < sizeof(scales) / sizeof(scales[0]); i++) {
 		const struct db_option *option = find_option("drive", scales[i]);
 
 		if (fabs(db_option_value(option, drive->options)) <= 0)

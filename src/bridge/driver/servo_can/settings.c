@@ -105,7 +105,7 @@ void servo_can_remember(struct db_device *device, enum servo_can_param param, do
 
 void servo_can_remember_words(struct db_device *device, db_time now)
 {
-	for (size_t i = 0; i < sizeof word_bits / sizeof word_bits[0]; i++)
+	for (size_t i = 0; i < sizeof(word_bits) / sizeof(word_bits[0]); i++)
 		servo_can_remember(device, (enum servo_can_param)(PARAM_CCLR + i),
 		                   (device->words[0] & word_bits[i]) != 0, now);
 	if (device->layout.words.word1 != SERVO_CAN_NO_WORD)
@@ -163,7 +163,7 @@ static enum db_step say_words(struct db_conversation *talk)
 	uint64_t wanted = settings_wanted(talk->job->request);
 	uint16_t words[2] = { talk->device->words[0], talk->device->words[1] };
 
-	for (size_t i = 0; i < sizeof word_bits / sizeof word_bits[0]; i++) {
+	for (size_t i = 0; i < sizeof(word_bits) / sizeof(word_bits[0]); i++) {
 		enum servo_can_param param = (enum servo_can_param)(PARAM_CCLR + i);
 
 		if (!(wanted & PARAM_BIT(param)))

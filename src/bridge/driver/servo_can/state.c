@@ -304,9 +304,9 @@ bool servo_can_take_report(struct db_device *device, const uint8_t *bytes, size_
 	struct servo_can_message message;
 	struct db_can_frame frame;
 
-	if (length != sizeof frame)
+	if (length != sizeof(frame))
 		return false;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	if (servo_can_decode(&frame, &device->layout, SERVO_CAN_FROM_DRIVE, &message) !=
 	    SERVO_CAN_OK)
 		return false;
@@ -455,7 +455,7 @@ static void forget_told(struct db_device *device)
 {
 	device->lost_power = false;
 	device->mode = device->fixed_mode;
-	memset(device->setpoint_known, 0, sizeof device->setpoint_known);
+	memset(device->setpoint_known, 0, sizeof(device->setpoint_known));
 	/* A trigger that is high must still be reset. */
 	if (device->trigger == LEVEL_LOW)
 		device->trigger = LEVEL_NOT_KNOWN;

@@ -57,7 +57,7 @@ static struct servo_can_message read_sent(const struct db_conversation *talk)
 	struct servo_can_message message;
 	struct db_can_frame frame;
 
-	memcpy(&frame, talk->exchange->request, sizeof frame);
+	memcpy(&frame, talk->exchange->request, sizeof(frame));
 	(void)servo_can_decode(&frame, &talk->device->layout, SERVO_CAN_FROM_HOST, &message);
 	return message;
 }
@@ -107,7 +107,7 @@ static enum db_step take_words(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 
-	memcpy(device->words, progress_of(talk)->words, sizeof device->words);
+	memcpy(device->words, progress_of(talk)->words, sizeof(device->words));
 	device->words_given = true;
 	servo_can_remember_words(device, talk->now);
 	return take_frame(talk);
@@ -273,13 +273,13 @@ enum db_step servo_can_answer(struct db_conversation *talk, const uint8_t *bytes
 	enum servo_can_error error;
 	bool complete;
 
-	if (length != sizeof frame)
+	if (length != sizeof(frame))
 		return DB_STEP_IGNORE;
 	/* The last frame of the request is the one that is answered. */
-	memcpy(&frame, exchange->request + exchange->request_length - sizeof frame, sizeof frame);
+	memcpy(&frame, exchange->request + exchange->request_length - sizeof(frame), sizeof(frame));
 	if (servo_can_decode(&frame, layout, SERVO_CAN_FROM_HOST, &asked) != SERVO_CAN_OK)
 		return DB_STEP_IGNORE;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	error = servo_can_decode(&frame, layout, SERVO_CAN_FROM_DRIVE, &message);
 	if (asked.kind == SERVO_CAN_READ) {
 		/* It may have followed a frame that nothing acknowledges. */

@@ -54,10 +54,10 @@ void vsmd_take_identity(struct vsmd_axis *axis, const char *text, size_t length)
 		text++;
 		length -= 2;
 	}
-	for (size_t i = 0; i < length && i < sizeof kept && text[i] >= ' '; i++)
+	for (size_t i = 0; i < length && i < sizeof(kept) && text[i] >= ' '; i++)
 		kept[i] = text[i];
-	if (memcmp(kept, axis->plate.identity, sizeof kept) != 0) {
-		memcpy(axis->plate.identity, kept, sizeof kept);
+	if (memcmp(kept, axis->plate.identity, sizeof(kept)) != 0) {
+		memcpy(axis->plate.identity, kept, sizeof(kept));
 		axis->plate.generation++;
 		/* Another drive, or another firmware version. */
 		axis->memory = (struct vsmd_memory){ .unsaved = false };

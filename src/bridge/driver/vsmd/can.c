@@ -179,9 +179,9 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 	const struct vsmd_can_id *id = &message.id;
 	enum vsmd_error error;
 
-	if (length != sizeof frame)
+	if (length != sizeof(frame))
 		return DB_FRAME_BAD;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	error = vsmd_can_decode(&style, &frame, &message);
 	*address = vsmd_can_suspect(&frame);
 	/* An invalid id has the source 0, which no drive has. */
@@ -214,7 +214,7 @@ static void describe_frame(const struct db_bus_config *bus, bool sent, const uin
 	struct db_can_frame frame = { .id = 0 };
 
 	(void)sent; /* the frame shows its sender */
-	memcpy(&frame, bytes, length < sizeof frame ? length : sizeof frame);
+	memcpy(&frame, bytes, length < sizeof(frame) ? length : sizeof(frame));
 	vsmd_can_describe(&style, &frame, description);
 }
 
@@ -226,7 +226,7 @@ static db_time exchange_time(const struct db_bus_config *bus,
 
 	if (vsmd_can_encode_command(&style, 1, command, &frame) != VSMD_OK)
 		return 0;
-	return bus->transport->wire_time(bus, (const uint8_t *)&frame, sizeof frame,
+	return bus->transport->wire_time(bus, (const uint8_t *)&frame, sizeof(frame),
 	                                 registers > 0 ? vsmd_can_answer_length(registers) : 0);
 }
 
@@ -294,9 +294,9 @@ static bool begin_all(const struct db_device *device, const struct db_exchange *
 	struct vsmd_can_message message;
 	struct db_can_frame frame;
 
-	if (prepared->request_length != 2 * sizeof frame)
+	if (prepared->request_length != 2 * sizeof(frame))
 		return false;
-	memcpy(&frame, prepared->request, sizeof frame);
+	memcpy(&frame, prepared->request, sizeof(frame));
 	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK)
 		return false;
 	vsmd_can_start_burst(all, false);
@@ -351,7 +351,7 @@ const struct db_driver db_driver_vsmd_can = {
 	.default_baud = 100000,
 	.vendor_layout = true,
 	.options = options,
-	.option_count = sizeof options / sizeof options[0],
+	.option_count = sizeof(options) / sizeof(options[0]),
 	.bus_options_size = sizeof(struct vsmd_can_options),
 	.drive_options_size = sizeof(struct vsmd_drive_options),
 	.commands = VSMD_COMMANDS,

@@ -15,10 +15,10 @@ void vsmd_can_start_burst(struct db_exchange *exchange, bool repeatable)
 
 bool vsmd_can_add_frame(struct db_exchange *exchange, const struct db_can_frame *frame)
 {
-	if (exchange->request_length + sizeof *frame > exchange->request_size)
+	if (exchange->request_length + sizeof(*frame) > exchange->request_size)
 		return false;
-	memcpy(exchange->request + exchange->request_length, frame, sizeof *frame);
-	exchange->request_length += sizeof *frame;
+	memcpy(exchange->request + exchange->request_length, frame, sizeof(*frame));
+	exchange->request_length += sizeof(*frame);
 	return true;
 }
 
@@ -276,10 +276,10 @@ static bool read_sent(const struct db_device *device, const struct db_exchange *
 	struct vsmd_can_message message;
 	struct db_can_frame frame;
 
-	if (exchange->request_length < from_end * sizeof frame)
+	if (exchange->request_length < from_end * sizeof(frame))
 		return false;
-	memcpy(&frame, exchange->request + exchange->request_length - from_end * sizeof frame,
-	       sizeof frame);
+	memcpy(&frame, exchange->request + exchange->request_length - from_end * sizeof(frame),
+	       sizeof(frame));
 	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK ||
 	    message.id.control != VSMD_CAN_COMMAND ||
 	    (message.command.code != VSMD_CAN_READ_STATUS &&

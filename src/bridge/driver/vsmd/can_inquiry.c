@@ -139,9 +139,9 @@ enum db_recognised vsmd_can_recognise(const struct vsmd_can_style *style,
 	struct db_can_frame frame;
 	enum vsmd_can_took took;
 
-	if (length != sizeof frame)
+	if (length != sizeof(frame))
 		return DB_RECOGNISED_NOTHING;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	if (vsmd_can_decode(style, &frame, &message) != VSMD_OK ||
 	    vsmd_can_expect(&answer, style, inquiry->address,
 	                    read.code == VSMD_CAN_READ_STATUS ? VSMD_CAN_STATUS_REPLY :
@@ -150,10 +150,10 @@ enum db_recognised vsmd_can_recognise(const struct vsmd_can_style *style,
 		return DB_RECOGNISED_NOTHING;
 	answer.forms = VSMD_CAN_PADDED | VSMD_CAN_SINGLES;
 	answer.seen = said->parts;
-	memcpy(answer.values, said->values, read.count * sizeof said->values[0]);
+	memcpy(answer.values, said->values, read.count * sizeof(said->values[0]));
 	took = vsmd_can_take(&answer, &message);
 	said->parts = (uint32_t)answer.seen;
-	memcpy(said->values, answer.values, read.count * sizeof said->values[0]);
+	memcpy(said->values, answer.values, read.count * sizeof(said->values[0]));
 	switch (took) {
 	case VSMD_CAN_REPEATED:
 		return DB_RECOGNISED_AGAIN;

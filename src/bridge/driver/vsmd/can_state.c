@@ -25,7 +25,7 @@ void vsmd_can_take_look(struct db_device *device, db_time now)
 		vsmd_take_position(&device->axis, (int32_t)position[0], now);
 	/* With the position alone it would be of no use. */
 	if (first == VSMD_CAN_STATUS_SPEED && answer->count != 2) {
-		memcpy(&speed, &answer->values[0], sizeof speed);
+		memcpy(&speed, &answer->values[0], sizeof(speed));
 		vsmd_take_speed(&device->axis, speed);
 	}
 }
@@ -94,7 +94,7 @@ static bool take_report_of_all(struct db_device *device, const struct vsmd_can_m
                                db_time now)
 {
 	if (message->id.reg == VSMD_CAN_STATUS_SPEED && message->count == 2) {
-		memcpy(device->reported, message->values, 2 * sizeof message->values[0]);
+		memcpy(device->reported, message->values, 2 * sizeof(message->values[0]));
 		device->half_reported = true;
 		return true;
 	}
@@ -139,9 +139,9 @@ bool vsmd_can_take_report(struct db_device *device, const uint8_t *bytes, size_t
 	struct vsmd_can_message message;
 	struct db_can_frame frame;
 
-	if (length != sizeof frame)
+	if (length != sizeof(frame))
 		return false;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK ||
 	    message.id.control != VSMD_CAN_STATUS_REPLY)
 		return false;

@@ -533,9 +533,9 @@ enum db_step vsmd_can_answer(struct db_conversation *talk, const uint8_t *bytes,
 	struct db_can_frame frame;
 	enum db_step step;
 
-	if (length != sizeof frame)
+	if (length != sizeof(frame))
 		return DB_STEP_IGNORE;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK ||
 	    !vsmd_can_expect_answer(device, talk->exchange))
 		return DB_STEP_IGNORE;

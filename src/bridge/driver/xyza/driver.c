@@ -255,7 +255,7 @@ static enum db_result check_command(const struct db_bus_config *bus,
 		right = args->output_value <= 1;
 		break;
 	case DB_CMD_RAW_FRAME:
-		right = xyza_write_raw(args, (uint8_t)drive->address, frame, sizeof frame) > 0;
+		right = xyza_write_raw(args, (uint8_t)drive->address, frame, sizeof(frame)) > 0;
 		break;
 	default:
 		break;
@@ -293,7 +293,7 @@ const struct db_driver db_driver_xyza = {
 	.default_baud = 9600,
 	.axes = XYZA_AXIS_COUNT,
 	.options = options,
-	.option_count = sizeof options / sizeof options[0],
+	.option_count = sizeof(options) / sizeof(options[0]),
 	.bus_options_size = sizeof(struct xyza_options),
 	.acknowledges = true,
 	.commands = COMMANDS,
@@ -303,7 +303,7 @@ const struct db_driver db_driver_xyza = {
 	.params = xyza_params,
 	.param_count = XYZA_SHOWN_COUNT,
 	.status_bits = status_bits,
-	.status_bit_count = sizeof status_bits / sizeof status_bits[0],
+	.status_bit_count = sizeof(status_bits) / sizeof(status_bits[0]),
 	.param_page = 1,
 	.acceleration_param = XYZA_RAMP_ACCELERATION,
 	.deceleration_param = XYZA_RAMP_DECELERATION,
