@@ -514,13 +514,6 @@ static size_t answer(const struct sim_servo *drive, const struct servo_can_messa
 	return (size_t)(reply - replies);
 }
 
-static bool is_deaf_to(const struct sim_servo *drive, enum servo_can_kind kind)
-{
-	return drive->config.temper.deaf_to_setpoints &&
-	       ((kind == SERVO_CAN_SPEED && drive->mode != SERVO_CAN_MODE_SPEED) ||
-	        (kind == SERVO_CAN_CURRENT && drive->mode != SERVO_CAN_MODE_CURRENT));
-}
-
 size_t sim_servo_execute(struct sim_servo *drive, const struct servo_can_message *message,
                          const struct servo_can_layout *layout, db_time now,
                          struct servo_can_message replies[SIM_SERVO_REPLIES])
@@ -529,7 +522,9 @@ size_t sim_servo_execute(struct sim_servo *drive, const struct servo_can_message
 		return 0;
 	sim_servo_advance(drive, now);
 	drive->counts[message->kind]++;
-	if (is_deaf_to(drive, message->kind))
+	if (drive->config.temper.deaf_to_setpoints &&
+	    ((message->kind == SERVO_CAN_SPEED && drive->mode != SERVO_CAN_MODE_SPEED) ||
+	     (message->kind == SERVO_CAN_CURRENT && drive->mode != SERVO_CAN_MODE_CURRENT)))
 		return 0;
 	if (message->kind == SERVO_CAN_READ)
 		return answer(drive, message, replies);

@@ -318,12 +318,6 @@ static void obey(struct sim_vsmd_can_node *node, const struct vsmd_can_message *
 	}
 }
 
-static bool is_read(const struct vsmd_can_id *id, const struct vsmd_can_message *message)
-{
-	return id->control == VSMD_CAN_COMMAND && (message->command.code == VSMD_CAN_READ_STATUS ||
-	                                           message->command.code == VSMD_CAN_READ_DATA);
-}
-
 static bool is_for(const struct sim_vsmd_can_node *node, const struct vsmd_can_id *id)
 {
 	if (id->control != VSMD_CAN_COMMAND && id->control != VSMD_CAN_DATA_WRITE)
@@ -365,7 +359,9 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 		for (unsigned i = 0; i < message.count; i++)
 			write_register(node, id.reg + i, message.values[i], now);
 	}
-	if (error != VSMD_OK || !is_read(&id, &message)) {
+	if (error != VSMD_OK ||
+	    !(id.control == VSMD_CAN_COMMAND && (message.command.code == VSMD_CAN_READ_STATUS ||
+	                                         message.command.code == VSMD_CAN_READ_DATA))) {
 		const struct sim_node *sim = node->node;
 
 		sim_witness_tell(&sim->witness, now,

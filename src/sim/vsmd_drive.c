@@ -464,12 +464,6 @@ static handler_fn *handler_of(enum vsmd_verb verb)
 	return handlers[verb];
 }
 
-static bool is_motion(enum vsmd_verb verb)
-{
-	return verb == VSMD_MOV || verb == VSMD_POS || verb == VSMD_RMV ||
-	       verb == VSMD_ZERO_START || verb == VSMD_SHAKE_CYCLES || verb == VSMD_SHAKE_TIME;
-}
-
 static bool is_read(enum vsmd_verb verb)
 {
 	return verb == VSMD_STS || verb == VSMD_DEV || verb == VSMD_CFG_READ;
@@ -484,7 +478,11 @@ static bool obey(struct sim_vsmd *drive, const struct vsmd_command *command, db_
 	if (!is_read(command->verb) && command->verb != VSMD_ORG &&
 	    command->verb != VSMD_CFG_WRITE && command->verb != VSMD_SENSOR_OUT)
 		drive->waits = false;
-	if (delay == 0 || !is_motion(command->verb) || !is_enabled(drive))
+	if (delay == 0 ||
+	    !(command->verb == VSMD_MOV || command->verb == VSMD_POS || command->verb == VSMD_RMV ||
+	      command->verb == VSMD_ZERO_START || command->verb == VSMD_SHAKE_CYCLES ||
+	      command->verb == VSMD_SHAKE_TIME) ||
+	    !is_enabled(drive))
 		return handlers[command->verb](drive, command);
 	drive->waits = true;
 	drive->waiting = *command;

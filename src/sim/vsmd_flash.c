@@ -2,7 +2,7 @@
 #include "sim/sim_private.h"
 
 #include "codec/vsmd_can.h"
-#include "codec/vsmd_serial.h"
+#include "codec/vsmd_numbers.h"
 
 #include <errno.h>
 #include <stdio.h>

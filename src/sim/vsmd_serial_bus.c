@@ -74,21 +74,6 @@ static struct sim_burst *reply(struct sim_serial_bus *bus, struct sim_node *node
 	return burst;
 }
 
-/* True if the drive receives the bus at all. */
-static bool hears_bus(const struct sim_serial_bus *bus, const struct sim_node *node)
-{
-	return sim_vsmd_powered(node->drive) &&
-	       sim_vsmd_baud(node->drive) == sim_serial_bus_config(bus)->baud &&
-	       sim_serial_bus_connects(bus, node);
-}
-
-static bool is_left_unanswered(const struct sim_node *node, const struct vsmd_command *command,
-                               enum vsmd_error error)
-{
-	return error == VSMD_OK && command->verb == VSMD_CFG_READ &&
-	       sim_vsmd_temper(node->drive)->parameters == SIM_PARAMETERS_SILENT;
-}
-
 /* Lets one drive process the request. */
 static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node *node,
                                      const struct sim_serial_request *request,
@@ -99,7 +84,11 @@ static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node
 	uint32_t refusals = sim_vsmd_refusals(node->drive);
 	struct sim_burst *burst;
 
-	if (!hears_bus(bus, node) || sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
+	/* True if the drive receives the bus at all. */
+	if (!(sim_vsmd_powered(node->drive) &&
+	      sim_vsmd_baud(node->drive) == sim_serial_bus_config(bus)->baud &&
+	      sim_serial_bus_connects(bus, node)) ||
+	    sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
 		sim_serial_bus_count(bus)->unheard++;
 		return NULL;
 	}
@@ -115,7 +104,8 @@ static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node
 	                         command->verb != VSMD_CFG_READ))
 		sim_serial_bus_testify(node, sim_vsmd_refusals(node->drive) == refusals);
 	sim_vsmd_settle(node->drive, false);
-	burst = broadcast || is_left_unanswered(node, command, error) ?
+	burst = broadcast || (error == VSMD_OK && command->verb == VSMD_CFG_READ &&
+	                      sim_vsmd_temper(node->drive)->parameters == SIM_PARAMETERS_SILENT) ?
 	                NULL :
 	                reply(bus, node, code, request->end);
 	sim_vsmd_settle(node->drive, true);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/serial_bus.h"
 
-#include "codec/xyza.h"
+#include "codec/xyza_frames.h"
 #include "sim/xyza_controller.h"
 
 #include <stdio.h>

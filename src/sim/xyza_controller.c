@@ -284,12 +284,6 @@ static bool write_output(struct sim_xyza *controller, const struct xyza_request 
 	return true;
 }
 
-static bool is_speed(enum xyza_item item)
-{
-	return item == XYZA_ITEM_MIN_SPEED || item == XYZA_ITEM_MAX_SPEED ||
-	       item == XYZA_ITEM_MANUAL_SPEED;
-}
-
 /* True if the lowest speed would be above the highest one. */
 static bool crosses_speeds(const struct sim_xyza *controller, const struct xyza_request *request)
 {
@@ -314,7 +308,10 @@ static bool write_item(struct sim_xyza *controller, const struct xyza_request *r
 		return true;
 	}
 	content = request->value;
-	if (temper->clamps && is_speed(request->item) && content > SIM_XYZA_SPEED_MAX)
+	if (temper->clamps &&
+	    (request->item == XYZA_ITEM_MIN_SPEED || request->item == XYZA_ITEM_MAX_SPEED ||
+	     request->item == XYZA_ITEM_MANUAL_SPEED) &&
+	    content > SIM_XYZA_SPEED_MAX)
 		content = SIM_XYZA_SPEED_MAX;
 	sim_xyza_memory_set(&controller->memory, request->item, request->axis, content,
 	                    controller->now, controller->now + temper->item_delay);
@@ -507,19 +504,14 @@ static enum sim_xyza_kind kind_of(enum xyza_verb verb)
 	}
 }
 
-static bool takes_nevertheless(const struct sim_xyza *controller,
-                               const struct xyza_request *request, enum xyza_error error)
-{
-	return controller->config.temper.takes_any && error == XYZA_ERR_RANGE &&
-	       request->verb == XYZA_WRITE_ITEM;
-}
-
 /* Returns whether it carried out the request. */
 static bool carry_out(struct sim_xyza *controller, const struct xyza_request *request,
                       enum xyza_error error)
 {
 	/* All verbs about an axis name it; the others have x there. */
-	return (error == XYZA_OK || takes_nevertheless(controller, request, error)) &&
+	return (error == XYZA_OK ||
+	        (controller->config.temper.takes_any && error == XYZA_ERR_RANGE &&
+	         request->verb == XYZA_WRITE_ITEM)) &&
 	       (unsigned)request->axis < controller->config.axes &&
 	       !(controller->config.temper.ignores >> kind_of(request->verb) & 1) &&
 	       handlers[request->verb](controller, request);

@@ -51,21 +51,16 @@ bool servo_can_may_broadcast(enum servo_can_kind kind)
 	return (unsigned)kind < SERVO_CAN_KIND_COUNT && servo_can_shapes[kind].broadcast;
 }
 
-/* True if it acknowledges a frame that the user describes. */
-static bool ack_described(uint8_t code, const struct servo_can_layout *layout)
-{
-	return code != SERVO_CAN_ACK_NONE &&
-	       ((layout->words.set && code == layout->words.ack) ||
-	        (layout->word1.set && code == layout->word1.ack) ||
-	        (layout->move.set && code == layout->move.ack) ||
-	        (servo_can_has_slot_frame(layout) && code == layout->slot_ack));
-}
-
 /* The document has acknowledgements up to 0B, and for four of these codes no command. */
 static bool ack_recognised(uint8_t code, const struct servo_can_layout *layout)
 {
+	/* True if it acknowledges a frame that the user describes. */
 	return (code != SERVO_CAN_ACK_NONE && code <= SERVO_CAN_ACK_UNDOCUMENTED_0B) ||
-	       ack_described(code, layout);
+	       (code != SERVO_CAN_ACK_NONE &&
+	        ((layout->words.set && code == layout->words.ack) ||
+	         (layout->word1.set && code == layout->word1.ack) ||
+	         (layout->move.set && code == layout->move.ack) ||
+	         (servo_can_has_slot_frame(layout) && code == layout->slot_ack)));
 }
 
 uint8_t servo_can_ack_expected(const struct servo_can_message *message,
@@ -166,19 +161,6 @@ static enum servo_can_error put_mode(const struct servo_can_message *message, ui
 	return SERVO_CAN_OK;
 }
 
-static enum servo_can_error put_words(const struct servo_can_message *message,
-                                      const struct servo_can_words_layout *words, uint8_t *data)
-{
-	if ((message->u.words.word0 & ~SERVO_CAN_WORD0_DOCUMENTED) != 0 ||
-	    (message->u.words.word1 != 0 && words->word1 == SERVO_CAN_NO_WORD))
-		return SERVO_CAN_ERR_RANGE;
-	memcpy(data, words->fixed, words->length);
-	put16(data + words->word0, message->u.words.word0);
-	if (words->word1 != SERVO_CAN_NO_WORD)
-		put16(data + words->word1, message->u.words.word1);
-	return SERVO_CAN_OK;
-}
-
 static enum servo_can_error put_described(const struct servo_can_message *message,
                                           const struct servo_can_layout *layout, uint8_t *data,
                                           uint8_t *length)
@@ -191,8 +173,16 @@ static enum servo_can_error put_described(const struct servo_can_message *messag
 	if (!is_usable(layout, message->kind))
 		return SERVO_CAN_ERR_LAYOUT;
 	*length = words ? layout->words.length : number->length;
-	if (words)
-		return put_words(message, &layout->words, data);
+	if (words) {
+		if ((message->u.words.word0 & ~SERVO_CAN_WORD0_DOCUMENTED) != 0 ||
+		    (message->u.words.word1 != 0 && layout->words.word1 == SERVO_CAN_NO_WORD))
+			return SERVO_CAN_ERR_RANGE;
+		memcpy(data, layout->words.fixed, layout->words.length);
+		put16(data + layout->words.word0, message->u.words.word0);
+		if (layout->words.word1 != SERVO_CAN_NO_WORD)
+			put16(data + layout->words.word1, message->u.words.word1);
+		return SERVO_CAN_OK;
+	}
 	memcpy(data, number->fixed, number->length);
 	if (message->kind == SERVO_CAN_MOVE)
 		return put_number(data, number, message->u.target) ? SERVO_CAN_OK :

@@ -74,7 +74,7 @@ __attribute__((format(printf, 2, 3))) static bool refuse_layout(char *reason, co
 	va_list arguments;
 
 	va_start(arguments, format);
-	(void)vsnprintf(reason, SERVO_CAN_REASON_MAX, format, arguments);
+	vsnprintf(reason, SERVO_CAN_REASON_MAX, format, arguments);
 	va_end(arguments);
 	return false;
 }
@@ -141,8 +141,8 @@ static bool check_pair(const struct servo_can_described_frame *frame,
 
 	if (!apart && !told)
 		return refuse_layout(reason,
-		                     "%s and %s have ids in common, and no fixed byte 0 that tells "
-		                     "one from the other",
+		                     "%s and %s have ids in common, and no fixed byte 0 that "
+		                     "tells one from the other",
 		                     frame->name, other->name);
 	if (frame->ack == other->ack && frame->ack != SERVO_CAN_ACK_NONE)
 		return refuse_layout(reason,

@@ -2,7 +2,7 @@
 /* XYZA controllers on a line, and the simulator with such a line in its configuration. */
 #include "sim/serial_bus.h"
 
-#include "codec/xyza.h"
+#include "codec/xyza_frames.h"
 #include "sim/commands.h"
 #include "sim/xyza_controller.h"
 

@@ -26,12 +26,9 @@
  */
 #include "codec/servo_can_describe.h"
 #include "driver/list.h"
-#include "driver/servo_can/commands.h"
 #include "driver/servo_can/frames.h"
 #include "driver/servo_can/options.h"
-#include "driver/servo_can/settings.h"
-#include "driver/servo_can/state.h"
-#include "driver/servo_can/steps.h"
+#include "driver/servo_can/servo_can_private.h"
 
 #include <string.h>
 
@@ -218,7 +215,7 @@ static bool write_inquiry(const struct db_bus_config *bus, const struct db_inqui
 
 static enum db_recognised recognise_frame(const struct db_bus_config *bus,
                                           const struct db_inquiry *inquiry, const uint8_t *bytes,
-                                          size_t length, struct db_inquired *said)
+                                          size_t length, struct db_inquired *sent)
 {
 	struct servo_can_layout layout = servo_can_read_layout(bus);
 	struct servo_can_message message;
@@ -230,9 +227,9 @@ static enum db_recognised recognise_frame(const struct db_bus_config *bus,
 	if (servo_can_decode(&frame, &layout, SERVO_CAN_FROM_DRIVE, &message) != SERVO_CAN_OK ||
 	    message.kind != SERVO_CAN_ANSWER_ANALOGUE || message.node != inquiry->address)
 		return DB_RECOGNISED_NOTHING;
-	if (said->parts > 0)
+	if (sent->parts > 0)
 		return DB_RECOGNISED_AGAIN;
-	said->parts = 1;
+	sent->parts = 1;
 	return DB_RECOGNISED_ANSWER;
 }
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/vsmd/can_inquiry.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include "driver/vsmd/can_frames.h"
 
@@ -102,25 +102,25 @@ bool vsmd_can_inquire(const struct vsmd_can_style *style, const struct db_inquir
 }
 
 /* The values of a complete answer. */
-static void take_values(const struct db_inquiry *inquiry, struct db_inquired *said)
+static void take_values(const struct db_inquiry *inquiry, struct db_inquired *found)
 {
 	uint32_t raw;
 
 	switch (inquiry->kind) {
 	case DB_INQUIRY_IDENTITY:
-		if (vsmd_can_get_identity(said->values, said->identity) < 0)
-			said->identity[0] = '\0';
+		if (vsmd_can_get_identity(found->values, found->identity) < 0)
+			found->identity[0] = '\0';
 		break;
 	case DB_INQUIRY_SET_ADDRESS:
 	case DB_INQUIRY_SET_SPEED:
-		said->refused = put_setting(inquiry, &raw) && said->values[0] != raw;
+		found->refused = put_setting(inquiry, &raw) && found->values[0] != raw;
 		break;
 	case DB_INQUIRY_SAVE:
-		said->refused = (said->values[0] & (VSMD_ST_CMD_WRG | VSMD_ST_FLASH_ERR)) != 0;
+		found->refused = (found->values[0] & (VSMD_ST_CMD_WRG | VSMD_ST_FLASH_ERR)) != 0;
 		break;
 	case DB_INQUIRY_STANDING:
-		said->tells_standing = true;
-		said->stands = (said->values[0] & VSMD_ST_STP) != 0;
+		found->tells_standing = true;
+		found->stands = (found->values[0] & VSMD_ST_STP) != 0;
 		break;
 	case DB_INQUIRY_THERE:
 	default:
@@ -131,7 +131,7 @@ static void take_values(const struct db_inquiry *inquiry, struct db_inquired *sa
 /* In any form that drives use. */
 enum db_recognised vsmd_can_recognise(const struct vsmd_can_style *style,
                                       const struct db_inquiry *inquiry, const uint8_t *bytes,
-                                      size_t length, struct db_inquired *said)
+                                      size_t length, struct db_inquired *found)
 {
 	struct vsmd_can_command read = read_of(inquiry);
 	struct vsmd_can_message message;
@@ -149,18 +149,18 @@ enum db_recognised vsmd_can_recognise(const struct vsmd_can_style *style,
 	                    read.first, read.count) != VSMD_OK)
 		return DB_RECOGNISED_NOTHING;
 	answer.forms = VSMD_CAN_PADDED | VSMD_CAN_SINGLES;
-	answer.seen = said->parts;
-	memcpy(answer.values, said->values, read.count * sizeof(said->values[0]));
+	answer.seen = found->parts;
+	memcpy(answer.values, found->values, read.count * sizeof(found->values[0]));
 	took = vsmd_can_take(&answer, &message);
-	said->parts = (uint32_t)answer.seen;
-	memcpy(said->values, answer.values, read.count * sizeof(said->values[0]));
+	found->parts = (uint32_t)answer.seen;
+	memcpy(found->values, answer.values, read.count * sizeof(found->values[0]));
 	switch (took) {
 	case VSMD_CAN_REPEATED:
 		return DB_RECOGNISED_AGAIN;
 	case VSMD_CAN_PART:
 		return DB_RECOGNISED_PART;
 	case VSMD_CAN_WHOLE:
-		take_values(inquiry, said);
+		take_values(inquiry, found);
 		return DB_RECOGNISED_ANSWER;
 	case VSMD_CAN_FOREIGN:
 	default:

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/xyza/frames.h"
+#include "driver/xyza/xyza_private.h"
 
-#include "driver/xyza/state.h"
+#include "codec/xyza_frames.h"
 
 #include <string.h>
 
-enum db_step xyza_say(struct db_conversation *talk, struct xyza_request request, bool repeatable)
+enum db_step xyza_send(struct db_conversation *talk, struct xyza_request request, bool repeatable)
 {
 	struct db_exchange *exchange = talk->exchange;
 	int length;
@@ -31,10 +31,10 @@ unsigned xyza_new_number(const struct xyza_request *request)
 	               0;
 }
 
-enum db_step xyza_say_verb(struct db_conversation *talk, enum xyza_verb verb)
+enum db_step xyza_send_verb(struct db_conversation *talk, enum xyza_verb verb)
 {
-	return xyza_say(talk, (struct xyza_request){ .verb = verb, .axis = talk->device->axis },
-	                true);
+	return xyza_send(talk, (struct xyza_request){ .verb = verb, .axis = talk->device->axis },
+	                 true);
 }
 
 /* --- raw frames ------------------------------------------------------------------------------- */
