@@ -517,16 +517,6 @@ static bool carry_out(struct sim_xyza *controller, const struct xyza_request *re
 	       handlers[request->verb](controller, request);
 }
 
-/* True if it acknowledges what it does not do. */
-static bool acknowledges(const struct sim_xyza *controller, const struct xyza_request *request,
-                         enum xyza_error error)
-{
-	const struct sim_xyza_temper *temper = &controller->config.temper;
-
-	return error == XYZA_OK && !xyza_is_read(request->verb) &&
-	       (temper->acknowledges_all || (temper->ignores >> kind_of(request->verb) & 1));
-}
-
 /* True if it does not answer this request. */
 static bool lacks(const struct sim_xyza *controller, const struct xyza_request *request)
 {
@@ -547,6 +537,8 @@ static bool lacks(const struct sim_xyza *controller, const struct xyza_request *
 bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *request,
                       enum xyza_error error, db_time now, struct xyza_reply *reply)
 {
+	const struct sim_xyza_temper *temper = &controller->config.temper;
+
 	sim_xyza_advance(controller, now);
 	if (!controller->powered || controller->reset_done != DB_TIME_NEVER ||
 	    (error == XYZA_OK && lacks(controller, request)))
@@ -558,7 +550,9 @@ bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *re
 	};
 	if (!carry_out(controller, request, error)) {
 		controller->failures++;
-		if (acknowledges(controller, request, error))
+		/* It may acknowledge what it does not do. */
+		if (error == XYZA_OK && !xyza_is_read(request->verb) &&
+		    (temper->acknowledges_all || (temper->ignores >> kind_of(request->verb) & 1)))
 			reply->kind = XYZA_REPLY_DONE;
 		return true;
 	}

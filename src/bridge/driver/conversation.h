@@ -33,6 +33,27 @@ static inline enum db_step end_job(struct db_conversation *talk, enum db_result 
 	return DB_STEP_DONE;
 }
 
+/* For rows of a table: the job ends, whatever was answered. */
+static inline enum db_step end_done(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_OK);
+}
+
+static inline enum db_step end_failed(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_FAILED);
+}
+
+static inline enum db_step end_refused(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_REFUSED);
+}
+
+static inline enum db_step end_indeterminate(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_INDETERMINATE);
+}
+
 /* Sends what this row has to send. */
 static inline enum db_step send_step(struct db_conversation *talk,
                                      const struct conversation_step *steps, unsigned step)

@@ -2,7 +2,6 @@
 #include "codec/servo_can.h"
 
 #include "codec/servo_can_layout.h"
-#include "codec/servo_can_shapes.h"
 
 #include <string.h>
 

@@ -53,18 +53,6 @@ static bool fault_takes_power(const struct db_device *device)
 
 /* --- power ------------------------------------------------------------------------------------ */
 
-/* Without power the trigger has no effect: it is reset now, so that the next move can raise it. */
-static enum db_step drop_trigger(struct db_conversation *talk, enum db_result result)
-{
-	if (talk->device->trigger != LEVEL_HIGH || progress_of(talk)->dropped)
-		return end_job(talk, result);
-	/* Tried once: a stop does not depend on it, and every move makes sure that the trigger is
-	 * low. */
-	progress_of(talk)->dropped = true;
-	talk->device->trigger = LEVEL_NOT_KNOWN;
-	return servo_can_send_trigger(talk, false);
-}
-
 /* If the power is off, the job ends with `result`; else it ends as `not_seen`. */
 static enum db_step confirm_no_power(struct db_conversation *talk, enum db_result result,
                                      enum db_result not_seen)
@@ -77,7 +65,15 @@ static enum db_step confirm_no_power(struct db_conversation *talk, enum db_resul
 		return took_too_long(talk) ? end_job(talk, not_seen) : servo_can_read_all(talk);
 	device->going = false;
 	device->has_target = false;
-	return drop_trigger(talk, result);
+	/* Without power the trigger has no effect: it is reset now, so that the next move can raise
+	 * it. */
+	if (talk->device->trigger != LEVEL_HIGH || progress_of(talk)->dropped)
+		return end_job(talk, result);
+	/* Tried once: a stop does not depend on it, and every move makes sure that the trigger is
+	 * low. */
+	progress_of(talk)->dropped = true;
+	talk->device->trigger = LEVEL_NOT_KNOWN;
+	return servo_can_send_trigger(talk, false);
 }
 
 static enum db_step confirm_disable(struct db_conversation *talk)
@@ -417,15 +413,6 @@ static enum db_step continue_setpoint(struct db_conversation *talk)
 	                                   change_mode(talk, mode);
 }
 
-static enum db_step continue_sync_start(struct db_conversation *talk)
-{
-	if (!is_done(talk, STEP_SYNC))
-		return servo_can_send_sync(talk);
-	if (follows_setpoint(talk))
-		return end_job(talk, DB_RESULT_OK);
-	return took_too_long(talk) ? end_job(talk, DB_RESULT_UNPROVEN) : servo_can_read_all(talk);
-}
-
 /* --- position --------------------------------------------------------------------------------- */
 
 /* The drive's present state was read: decides whether a position move may begin. Its target is
@@ -609,7 +596,12 @@ enum db_step servo_can_continue_command(struct db_conversation *talk)
 	case DB_CMD_SET_POSITION:
 		return continue_set_position(talk);
 	case DB_CMD_SYNC_START:
-		return continue_sync_start(talk);
+		if (!is_done(talk, STEP_SYNC))
+			return servo_can_send_sync(talk);
+		if (follows_setpoint(talk))
+			return end_job(talk, DB_RESULT_OK);
+		return took_too_long(talk) ? end_job(talk, DB_RESULT_UNPROVEN) :
+		                             servo_can_read_all(talk);
 	case DB_CMD_READ_PARAMETERS:
 		if (!is_done(talk, STEP_READ))
 			return servo_can_read_all(talk);

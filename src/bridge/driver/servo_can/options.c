@@ -245,21 +245,6 @@ static uint16_t bit_of(double bit)
 	return (uint16_t)(bit < 0 ? 0u : 1u << (unsigned)bit);
 }
 
-static void set_scales(struct db_device *device, const struct db_bus_config *bus,
-                       const struct db_drive_config *drive)
-{
-	const struct servo_can_drive_options *options = of_drive(drive);
-
-	device->position_reversed = options->position_sign == REVERSED;
-	device->move_is_relative = of_bus(bus)->move_frame_target == RELATIVE;
-	device->speed_reversed = options->speed_scale < 0;
-	device->speed_scale = fabs(options->speed_scale);
-	device->speed_command_scale = speed_command_scale(drive);
-	device->current_reversed = options->current_scale < 0;
-	device->current_scale = fabs(options->current_scale);
-	device->current_command_scale = current_command_scale(drive);
-}
-
 void servo_can_configure(struct db_device *device, const struct db_bus_config *bus,
                          const struct db_drive_config *drive)
 {
@@ -293,7 +278,14 @@ void servo_can_configure(struct db_device *device, const struct db_bus_config *b
 	                                  bit_of(options->limit_bit) | device->fault_bit);
 	device->reverse_bit = bit_of(options->reverse_bit);
 	device->forward_bit = bit_of(options->forward_bit);
-	set_scales(device, bus, drive);
+	device->position_reversed = options->position_sign == REVERSED;
+	device->move_is_relative = of_bus(bus)->move_frame_target == RELATIVE;
+	device->speed_reversed = options->speed_scale < 0;
+	device->speed_scale = fabs(options->speed_scale);
+	device->speed_command_scale = speed_command_scale(drive);
+	device->current_reversed = options->current_scale < 0;
+	device->current_scale = fabs(options->current_scale);
+	device->current_command_scale = current_command_scale(drive);
 	device->standstill_speed = (int)(options->standstill_speed / device->speed_scale);
 	device->reaction = (db_time)options->reaction_ms * DB_NS_PER_MS;
 	device->window = drive->in_position_window * drive->counts_per_unit;

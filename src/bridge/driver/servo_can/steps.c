@@ -196,11 +196,6 @@ static enum db_step lose_trigger(struct db_conversation *talk)
 	return is_enable(talk) ? skip_step(talk) : end_job(talk, DB_RESULT_TIMEOUT);
 }
 
-static enum db_step leave_open(struct db_conversation *talk)
-{
-	return end_job(talk, DB_RESULT_INDETERMINATE);
-}
-
 /* Indeterminate if an earlier frame may have started motion. */
 static enum db_step lose_read(struct db_conversation *talk)
 {
@@ -232,10 +227,10 @@ static const struct conversation_step steps[] = {
 	[STEP_MOVE] = { .answered = take_frame, .lost = lose_motion },
 	[STEP_POWER] = { .answered = take_frame, .lost = lose_power },
 	[STEP_FEEDBACK] = { .answered = take_frame, .lost = lose_motion },
-	[STEP_SYNC] = { .answered = take_sync, .lost = leave_open },
+	[STEP_SYNC] = { .answered = take_sync, .lost = end_indeterminate },
 	[STEP_RAMPS] = { .answered = take_ramps },
 	[STEP_LOAD] = { .answered = take_frame, .lost = lose_trigger },
-	[STEP_RETREAT] = { .answered = take_frame, .lost = leave_open },
+	[STEP_RETREAT] = { .answered = take_frame, .lost = end_indeterminate },
 };
 
 /* --- jobs ------------------------------------------------------------------------------------- */

@@ -8,12 +8,6 @@
 /* How long a drive may write its flash before it answers. */
 #define SAVE_TIME (1000 * DB_NS_PER_MS)
 
-/* True if it sets something that is read after it. */
-static bool sets(const struct db_inquiry *inquiry)
-{
-	return inquiry->kind == DB_INQUIRY_SET_ADDRESS || inquiry->kind == DB_INQUIRY_SET_SPEED;
-}
-
 /* The read of an inquiry; for those that change something, the read after that. No report resembles
  * the answer to whether a drive is there; a drive without identity is recognised by its data. */
 static struct vsmd_can_command read_of(const struct db_inquiry *inquiry)
@@ -88,10 +82,12 @@ bool vsmd_can_inquire(const struct vsmd_can_style *style, const struct db_inquir
 	    inquiry->address > (style->extended ? VSMD_CAN_DRIVE_MAX : VSMD_CAN_STD_DRIVE_MAX))
 		return false;
 	vsmd_can_start_burst(exchange, true);
-	if (sets(inquiry) && (!put_setting(inquiry, &raw) ||
-	                      vsmd_can_encode_write(style, inquiry->address, read.first, &raw, 1,
-	                                            &frame) != VSMD_OK ||
-	                      !vsmd_can_add_frame(exchange, &frame)))
+	/* What sets something is read after it. */
+	if ((inquiry->kind == DB_INQUIRY_SET_ADDRESS || inquiry->kind == DB_INQUIRY_SET_SPEED) &&
+	    (!put_setting(inquiry, &raw) ||
+	     vsmd_can_encode_write(style, inquiry->address, read.first, &raw, 1, &frame) !=
+	             VSMD_OK ||
+	     !vsmd_can_add_frame(exchange, &frame)))
 		return false;
 	if (inquiry->kind == DB_INQUIRY_SAVE) {
 		exchange->extra_time = SAVE_TIME;

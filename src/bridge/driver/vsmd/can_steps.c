@@ -80,8 +80,11 @@ static unsigned current_register(const struct db_conversation *talk)
 
 static enum db_step read_register(struct db_conversation *talk)
 {
+	unsigned reg = talk->job->step == STEP_REFRESH ? talk->device->refreshed :
+	                                                 current_register(talk);
+
 	vsmd_can_start_burst(talk->exchange, true);
-	return vsmd_can_add_registers(talk, current_register(talk), 1);
+	return vsmd_can_add_registers(talk, reg, 1);
 }
 
 /* Writes the register's new content, and reads it to verify. */
@@ -216,11 +219,6 @@ static enum db_step answer_explain(struct db_conversation *talk)
 	vsmd_can_take_read(device, talk->now);
 	device->axis.refused = device->altered || (device->axis.last.status & VSMD_ST_CMD_WRG);
 	return end_job(talk, device->axis.refused ? DB_RESULT_REFUSED : DB_RESULT_FAILED);
-}
-
-static enum db_step lose_explain(struct db_conversation *talk)
-{
-	return end_job(talk, DB_RESULT_FAILED);
 }
 
 /* --- identity and parameters ------------------------------------------------------------------ */
@@ -387,12 +385,6 @@ static bool take_next_turn(struct db_device *device)
 	return false;
 }
 
-static enum db_step send_refresh(struct db_conversation *talk)
-{
-	vsmd_can_start_burst(talk->exchange, true);
-	return vsmd_can_add_registers(talk, talk->device->refreshed, 1);
-}
-
 static enum db_step answer_refresh(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
@@ -459,8 +451,8 @@ static const struct conversation_step steps[STEPS] = {
 	[STEP_FETCH_AGAIN] = { .send = read_register, .answered = answer_fetch },
 	[STEP_WRITE] = { .send = write_register, .answered = answer_write },
 	[STEP_CONFIRM_AGAIN] = { .send = read_register, .answered = answer_write },
-	[STEP_REFRESH] = { .send = send_refresh, .answered = answer_refresh },
-	[STEP_EXPLAIN] = { .send = send_explain, .answered = answer_explain, .lost = lose_explain },
+	[STEP_REFRESH] = { .send = read_register, .answered = answer_refresh },
+	[STEP_EXPLAIN] = { .send = send_explain, .answered = answer_explain, .lost = end_failed },
 };
 
 static enum db_step answer_save(struct db_conversation *talk)

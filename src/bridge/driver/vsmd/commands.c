@@ -211,16 +211,25 @@ static enum db_step send_order(struct db_conversation *talk)
 	}
 }
 
-static enum db_step send_position(struct db_conversation *talk)
+/* What the steps send that have one command, or none: then a read of the status. */
+static enum db_step send_fixed(struct db_conversation *talk)
 {
-	return send_command(talk, (struct vsmd_command){ .verb = VSMD_STS }, true);
-}
-
-/* A repeat because the effect did not show is not marked as repeatable. */
-static enum db_step send_clear_homed(struct db_conversation *talk)
-{
-	return send_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_STOP },
-	                    axis_of(talk)->watch.resends == 0);
+	switch (talk->job->step) {
+	case VSMD_STEP_POSITION:
+		return send_command(talk, (struct vsmd_command){ .verb = VSMD_STS }, true);
+	case VSMD_STEP_CLEAR_HOMED:
+		/* A repeat because the effect did not show is not marked as repeatable. */
+		return send_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_STOP },
+		                    axis_of(talk)->watch.resends == 0);
+	case VSMD_STEP_END_HOMING:
+		return send_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_STOP }, true);
+	case VSMD_STEP_END_SHAKING:
+		return send_command(talk, (struct vsmd_command){ .verb = VSMD_SHAKE_STOP }, true);
+	case VSMD_STEP_SAVE:
+		return send_command(talk, (struct vsmd_command){ .verb = VSMD_SAV }, false);
+	default:
+		return read_drive(talk, VSMD_READ_STATUS);
+	}
 }
 
 static enum db_step send_output(struct db_conversation *talk)
@@ -248,26 +257,6 @@ static enum db_step send_next_output(struct db_conversation *talk, unsigned port
 	watch->since = 0;
 	watch->resends = 0;
 	return send_step(talk, steps, VSMD_STEP_OUTPUT);
-}
-
-static enum db_step send_end_of_homing(struct db_conversation *talk)
-{
-	return send_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_STOP }, true);
-}
-
-static enum db_step send_end_of_shaking(struct db_conversation *talk)
-{
-	return send_command(talk, (struct vsmd_command){ .verb = VSMD_SHAKE_STOP }, true);
-}
-
-static enum db_step send_save(struct db_conversation *talk)
-{
-	return send_command(talk, (struct vsmd_command){ .verb = VSMD_SAV }, false);
-}
-
-static enum db_step send_read_back(struct db_conversation *talk)
-{
-	return read_drive(talk, VSMD_READ_STATUS);
 }
 
 /* --- how a command ends ----------------------------------------------------------------------- */
@@ -587,11 +576,6 @@ static enum db_step lose_order(struct db_conversation *talk)
 	return send_step(talk, steps, VSMD_STEP_READ_BACK);
 }
 
-static enum db_step lose_save(struct db_conversation *talk)
-{
-	return end_job(talk, DB_RESULT_INDETERMINATE);
-}
-
 static enum db_step lose_read_back(struct db_conversation *talk)
 {
 	return fail_command(talk, DB_RESULT_INDETERMINATE);
@@ -602,16 +586,18 @@ static enum db_step lose_read_back(struct db_conversation *talk)
 /* Without `lost`: nothing was sent that moves anything, or the client may send it again. */
 static const struct conversation_step steps[VSMD_STEPS] = {
 	[VSMD_STEP_ORDER] = { .send = send_order, .answered = answer_order, .lost = lose_order },
-	[VSMD_STEP_POSITION] = { .send = send_position, .answered = answer_position },
-	[VSMD_STEP_CLEAR_HOMED] = { .send = send_clear_homed, .answered = answer_order },
+	[VSMD_STEP_POSITION] = { .send = send_fixed, .answered = answer_position },
+	[VSMD_STEP_CLEAR_HOMED] = { .send = send_fixed, .answered = answer_order },
 	[VSMD_STEP_OUTPUT] = { .send = send_output, .answered = answer_order },
 	[VSMD_STEP_STOP] = { .send = send_order, .answered = answer_stop },
-	[VSMD_STEP_END_HOMING] = { .send = send_end_of_homing, .answered = answer_stop },
-	[VSMD_STEP_END_SHAKING] = { .send = send_end_of_shaking, .answered = answer_stop },
+	[VSMD_STEP_END_HOMING] = { .send = send_fixed, .answered = answer_stop },
+	[VSMD_STEP_END_SHAKING] = { .send = send_fixed, .answered = answer_stop },
 	[VSMD_STEP_OFF] = { .send = send_order, .answered = answer_off },
-	[VSMD_STEP_POWER] = { .send = send_read_back, .answered = answer_off },
-	[VSMD_STEP_SAVE] = { .send = send_save, .answered = answer_save, .lost = lose_save },
-	[VSMD_STEP_READ_BACK] = { .send = send_read_back,
+	[VSMD_STEP_POWER] = { .send = send_fixed, .answered = answer_off },
+	[VSMD_STEP_SAVE] = { .send = send_fixed,
+	                     .answered = answer_save,
+	                     .lost = end_indeterminate },
+	[VSMD_STEP_READ_BACK] = { .send = send_fixed,
 	                          .answered = answer_read_back,
 	                          .lost = lose_read_back },
 };

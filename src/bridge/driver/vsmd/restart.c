@@ -142,12 +142,6 @@ static bool is_asked_for(const struct pair *pair)
 	        axis->status_at <= axis->effect_until);
 }
 
-static bool is_fault(const struct pair *pair)
-{
-	/* This bit is kept until it is cleared, but not without power. */
-	return (pair->word & VSMD_ST_ENC_ERR) || (pair->word & ~pair->before & FAULTS);
-}
-
 /* By itself it proves little: in some drives it is cleared after a while. */
 static bool handshake_counts(const struct pair *pair)
 {
@@ -220,7 +214,8 @@ struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t pos
 	 * 0. */
 	restart.origin_lost = (power && is_at_beginning(axis, position)) || homing ||
 	                      (jump && keeps(&pair, VSMD_ST_PWR));
-	if (is_fault(&pair)) {
+	/* The bit of an encoder error is kept until it is cleared, but not without power. */
+	if ((pair.word & VSMD_ST_ENC_ERR) || (pair.word & ~pair.before & FAULTS)) {
 		restart.verdict = power || jump ? VSMD_DISABLED_ITSELF : VSMD_COUNTS_ON;
 		return restart;
 	}

@@ -72,21 +72,6 @@ static enum db_step send_line(struct db_conversation *talk, const struct vsmd_co
 	return DB_STEP_SEND;
 }
 
-static enum db_step send_identity(struct db_conversation *talk)
-{
-	return send_line(talk, &(struct vsmd_command){ .verb = VSMD_DEV }, true);
-}
-
-static enum db_step send_status(struct db_conversation *talk)
-{
-	return send_line(talk, &(struct vsmd_command){ .verb = VSMD_STS }, true);
-}
-
-static enum db_step send_parameters(struct db_conversation *talk)
-{
-	return send_line(talk, &(struct vsmd_command){ .verb = VSMD_CFG_READ }, true);
-}
-
 /* --- the steps -------------------------------------------------------------------------------- */
 
 /* Steps of all jobs but the commands in commands.h. */
@@ -103,6 +88,29 @@ enum step {
 };
 
 static const struct conversation_step steps[STEPS]; /* below */
+
+/* In every cycle: the compiler knows the verb. */
+static enum db_step send_status(struct db_conversation *talk)
+{
+	return send_line(talk, &(struct vsmd_command){ .verb = VSMD_STS }, true);
+}
+
+static enum db_step send_read(struct db_conversation *talk)
+{
+	static const enum vsmd_verb verbs[STEPS] = {
+		[STEP_PROBE] = VSMD_DEV,
+		[STEP_IDENTITY] = VSMD_DEV,
+		[STEP_PARAMETERS] = VSMD_CFG_READ,
+		[STEP_COMPARE] = VSMD_CFG_READ,
+		[STEP_COMPARE_AGAIN] = VSMD_CFG_READ,
+	};
+	unsigned step = talk->job->step;
+	enum db_step sent = send_line(talk, &(struct vsmd_command){ .verb = verbs[step] }, true);
+
+	if (step == STEP_COMPARE || step == STEP_COMPARE_AGAIN)
+		talk->exchange->proof = true;
+	return sent;
+}
 
 /* True if its result is not known yet. */
 static bool is_open(const struct db_write_part *part)
@@ -163,14 +171,6 @@ static bool has_more(const struct db_conversation *talk)
 			return true;
 	}
 	return false;
-}
-
-static enum db_step send_proof(struct db_conversation *talk)
-{
-	enum db_step step = send_line(talk, &(struct vsmd_command){ .verb = VSMD_CFG_READ }, true);
-
-	talk->exchange->proof = true;
-	return step;
 }
 
 /* The drive answered the last line. False: it refused a line of several parts. */
@@ -348,11 +348,6 @@ static enum db_step lose_write(struct db_conversation *talk)
 	return end_job(talk, DB_RESULT_TIMEOUT);
 }
 
-static enum db_step refuse_parameters(struct db_conversation *talk)
-{
-	return end_job(talk, DB_RESULT_REFUSED);
-}
-
 static enum db_step answer_compare(struct db_conversation *talk)
 {
 	struct vsmd_axis *axis = axis_of(talk);
@@ -396,18 +391,18 @@ static enum db_step answer_save(struct db_conversation *talk)
 }
 
 static const struct conversation_step steps[STEPS] = {
-	[STEP_PROBE] = { send_identity, VSMD_REPLY_IDENTITY, .answered = answer_probe },
+	[STEP_PROBE] = { send_read, VSMD_REPLY_IDENTITY, .answered = answer_probe },
 	[STEP_POLL] = { send_status, VSMD_REPLY_STATUS, .answered = answer_poll },
-	[STEP_IDENTITY] = { send_identity, VSMD_REPLY_IDENTITY, .answered = answer_identity },
-	[STEP_PARAMETERS] = { send_parameters, VSMD_REPLY_PARAMS, .answered = answer_parameters,
-	                      .refused = refuse_parameters },
+	[STEP_IDENTITY] = { send_read, VSMD_REPLY_IDENTITY, .answered = answer_identity },
+	[STEP_PARAMETERS] = { send_read, VSMD_REPLY_PARAMS, .answered = answer_parameters,
+	                      .refused = end_refused },
 	[STEP_WRITE] = { send_settings, VSMD_REPLY_STATUS, .answered = answer_write,
 	                 .lost = lose_write },
-	[STEP_COMPARE] = { send_proof, VSMD_REPLY_PARAMS, .answered = answer_compare,
+	[STEP_COMPARE] = { send_read, VSMD_REPLY_PARAMS, .answered = answer_compare,
 	                   .refused = end_unproven, .lost = end_unproven },
 	[STEP_WRITE_AGAIN] = { send_settings, VSMD_REPLY_STATUS, .answered = answer_write,
 	                       .lost = lose_write },
-	[STEP_COMPARE_AGAIN] = { send_proof, VSMD_REPLY_PARAMS, .answered = answer_compare,
+	[STEP_COMPARE_AGAIN] = { send_read, VSMD_REPLY_PARAMS, .answered = answer_compare,
 	                         .refused = end_unproven, .lost = end_unproven },
 };
 

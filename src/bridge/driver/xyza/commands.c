@@ -558,11 +558,6 @@ static enum db_step refuse_change(struct db_conversation *talk)
 	               send_next(talk);
 }
 
-static enum db_step refuse_standing(struct db_conversation *talk)
-{
-	return end_job(talk, DB_RESULT_FAILED);
-}
-
 /* The effect cannot be read: the result is that the controller accepted the command. */
 static enum db_step refuse_effect(struct db_conversation *talk)
 {
@@ -614,7 +609,7 @@ const struct conversation_step xyza_plan_steps[] = {
 	[STEP_LEARN] = { send_planned, 0, answer_learn, refuse_job, lose_planned },
 	[STEP_REFRESH] = { send_planned, 0, answer_refresh, send_next, lose_planned },
 	[STEP_CHANGE] = { send_planned, 0, answer_change, refuse_change, lose_planned },
-	[STEP_UNTIL_STANDING] = { send_planned, 0, answer_standing, refuse_standing, lose_planned },
+	[STEP_UNTIL_STANDING] = { send_planned, 0, answer_standing, end_failed, lose_planned },
 	[STEP_EXPECT] = { send_planned, 0, answer_expected, refuse_effect, lose_planned },
 	[STEP_EXPECT_PARAM] = { send_planned, 0, answer_param, refuse_effect, lose_planned },
 	[STEP_EXPECT_MOVING] = { send_planned, 0, answer_moving, refuse_effect, lose_planned },

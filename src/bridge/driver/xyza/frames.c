@@ -31,12 +31,6 @@ unsigned xyza_new_number(const struct xyza_request *request)
 	               0;
 }
 
-enum db_step xyza_send_verb(struct db_conversation *talk, enum xyza_verb verb)
-{
-	return xyza_send(talk, (struct xyza_request){ .verb = verb, .axis = talk->device->axis },
-	                 true);
-}
-
 /* --- raw frames ------------------------------------------------------------------------------- */
 
 int xyza_write_raw(const struct db_args *args, uint8_t object, uint8_t *frame, size_t size)

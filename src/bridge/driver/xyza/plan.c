@@ -139,21 +139,6 @@ static void plan_stop(struct xyza_plan *plan, const struct db_device *device, bo
 	add_kind(plan, device, XYZA_PROGRAM_STOP, STEP_OR_BEFORE);
 }
 
-/* Switching off the power of a standing axis has no effect on the others. A moving axis is jogged,
- * and then no other moves, or moves in the program, which cannot continue without it. */
-/* A controller that may receive but cannot be understood is not asked first whether the axis
- * stands. */
-static void plan_disable(struct xyza_plan *plan, const struct db_device *device, bool out_of_step)
-{
-	if (!out_of_step)
-		add_read(plan, device, XYZA_READ_STANDING, STEP_IF, UINT32_MAX, 0);
-	if (device->first->program_state == XYZA_PROGRAM_RUNNING)
-		add_kind(plan, device, XYZA_PROGRAM_STOP, STEP_MAY_FAIL);
-	else
-		add_kind(plan, device, XYZA_MANUAL_QUICK_STOP, STEP_MAY_FAIL);
-	plan_enable(plan, device, false);
-}
-
 static void add_standstill(struct xyza_plan *plan, const struct db_device *device)
 {
 	add_verb(plan, device, XYZA_MANUAL_STOP);
@@ -341,7 +326,17 @@ void xyza_plan_command(struct xyza_plan *plan, struct db_device *device,
 		plan_enable(plan, device, true);
 		break;
 	case DB_CMD_DISABLE:
-		plan_disable(plan, device, out_of_step);
+		/* Switching off the power of a standing axis has no effect on the others. A moving
+		 * axis is jogged, and then no other moves, or moves in the program, which cannot
+		 * continue without it. A controller that may receive but cannot be understood is
+		 * not asked first whether the axis stands. */
+		if (!out_of_step)
+			add_read(plan, device, XYZA_READ_STANDING, STEP_IF, UINT32_MAX, 0);
+		if (device->first->program_state == XYZA_PROGRAM_RUNNING)
+			add_kind(plan, device, XYZA_PROGRAM_STOP, STEP_MAY_FAIL);
+		else
+			add_kind(plan, device, XYZA_MANUAL_QUICK_STOP, STEP_MAY_FAIL);
+		plan_enable(plan, device, false);
 		break;
 	case DB_CMD_MOVE_VELOCITY:
 		if (args->target_velocity > 0.0f || args->target_velocity < 0.0f)

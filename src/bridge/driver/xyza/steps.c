@@ -12,16 +12,14 @@
 
 static enum db_step send_online(struct db_conversation *talk)
 {
-	return xyza_send_verb(talk, XYZA_VERB_ONLINE);
-}
+	const struct xyza_request request = { .verb = XYZA_VERB_ONLINE,
+		                              .axis = talk->device->axis };
 
-static enum db_step answer_online(struct db_conversation *talk)
-{
-	return end_job(talk, DB_RESULT_OK);
+	return xyza_send(talk, request, true);
 }
 
 static const struct conversation_step probe_steps[] = {
-	{ .send = send_online, .answered = answer_online },
+	{ .send = send_online, .answered = end_done },
 };
 
 static bool is_raw(const struct db_job *job)

@@ -218,8 +218,6 @@ void xyza_forget_state(struct db_device *device);
 /* Requests to a controller, as exchanges. xyza_write_raw() is pure. */
 
 enum db_step xyza_send(struct db_conversation *talk, struct xyza_request request, bool repeatable);
-/* Sends it to the conversation's axis. */
-enum db_step xyza_send_verb(struct db_conversation *talk, enum xyza_verb verb);
 
 /* The new number that the controller is given; 0: none. */
 unsigned xyza_new_number(const struct xyza_request *request);
