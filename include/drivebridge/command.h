@@ -134,6 +134,12 @@ struct db_waiter {
 #define DB_REQUEST_WAITERS_MASK 7
 #define DB_REQUEST_EARLY_MASK ((1u << DB_REQUEST_WAITERS) - 1u)
 
+/* Where a request was recorded; 0: nowhere. */
+struct db_noted {
+	uint32_t entry;  /* its number in the drive's history */
+	uint32_t record; /* and in the audit trail: see struct db_commander_ops */
+};
+
 /*
  * A command or a parameter write, from the write of a client to the drive and back: this one struct
  * is filled in on the way. The network thread makes it and decides about it
@@ -184,8 +190,8 @@ struct db_request {
 	bool held : 1;       /* its client holds the motion */
 	bool ends_latch : 1; /* the watchdog's, as it was latched when this was submitted */
 	unsigned waiter_count : 3;
-	unsigned again : 3;      /* a stop that is submitted when this one has ended; NONE */
-	uint32_t entry;          /* its number in the history */
+	unsigned again : 3; /* a stop that is submitted when this one has ended; NONE */
+	struct db_noted noted;
 	float before;            /* of a velocity move: the drive's speed when it was submitted */
 	struct db_request *next; /* the drive's next pending request */
 	struct db_waiter waiters[DB_REQUEST_WAITERS];

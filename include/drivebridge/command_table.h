@@ -7,6 +7,7 @@
 #define DRIVEBRIDGE_COMMAND_TABLE_H
 
 #include "drivebridge/command.h"
+#include "drivebridge/value.h"
 
 #define DB_COMMAND_ARGS_MAX 4 /* several registers of one value count as one */
 
@@ -35,6 +36,8 @@ enum db_arg {
 /* Offset of an argument in struct db_args. Its register row has the same offset. */
 size_t db_arg_offset(enum db_arg arg);
 size_t db_arg_bytes(enum db_arg arg);
+const char *db_arg_name(enum db_arg arg);  /* its register's; "" of NONE */
+enum db_type db_arg_type(enum db_arg arg); /* of each word of several */
 
 struct db_command_row {
 	enum db_command code;

@@ -123,6 +123,15 @@ struct db_refused_write {
 	enum db_result result;
 };
 
+/* What was asked of a drive, for the audit trail. */
+struct db_recorded {
+	const struct db_request *request; /* no command and no settings: another register */
+	/* PENDING: it went to the bus, and its end will be recorded. */
+	enum db_result result;
+	uint16_t address; /* the register for which it was refused; 0: none in particular */
+	uint32_t joined;  /* the record of the pending stop that serves this one, too; 0: none */
+};
+
 struct db_commander_ops {
 	/* Submits a request to the bus. Returns the bus's copy, which stays where it is until it is
 	 * released; null when the queue is full, never for a stop, see DB_COMMANDER_STOPS. */
@@ -139,6 +148,11 @@ struct db_commander_ops {
 	 * not stop), and what is pending. May be null. */
 	void (*refused)(void *context, const struct db_client *client,
 	                const struct db_refused_write *write);
+	/* Records what was asked, in the order of time. Returns the number of the record, for its
+	 * end; 0: there will be none. May be null, with the next one. */
+	uint32_t (*record)(void *context, const struct db_recorded *recorded);
+	/* A record's end, or a later one: a motion is accepted, and then it ends. */
+	void (*record_end)(void *context, uint32_t record, enum db_result result, db_time took);
 	/* The drive is stopped because the holder of its motion is missed; `gone`: its connection
 	 * has ended. May be null. */
 	void (*hold_lost)(void *context, const struct db_client *holder, bool gone);
@@ -329,6 +343,10 @@ double db_commander_max_velocity(const struct db_commander *commander);
 /* age 0 is the newest; false: there are fewer entries. */
 bool db_commander_history(const struct db_commander *commander, size_t age,
                           struct db_history_entry *entry);
+
+/* Puts an entry of an earlier run before those to come; `args`: of a command. */
+void db_commander_recall(struct db_commander *commander, const struct db_history_entry *entry,
+                         const struct db_args *args);
 
 /* The result of the command with this number in the history, and of the motion that it began:
  * PENDING while that continues. INDETERMINATE: it is no longer stored. */

@@ -88,6 +88,8 @@ struct db_control_config {
 	/* act-group: may act, in addition to root and the service's own user; default
 	 * "drivebridge" */
 	char *act_group;
+	bool audit_off;     /* audit = off, default on */
+	unsigned audit_mib; /* audit-mib, 1..4096, default 32 */
 };
 
 #define DB_NO_SOCKET "off"

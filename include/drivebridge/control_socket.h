@@ -15,6 +15,8 @@
 
 #include <stdbool.h>
 
+struct db_audit;
+struct db_audit_entry;
 struct db_control_socket;
 struct db_registers;
 struct db_scan_find;
@@ -44,6 +46,11 @@ struct db_control_socket_ops {
 	/* The trace of a bus, null when there is none of that name, and a number that no other bus
 	 * ever has. */
 	const struct db_trace *(*trace)(void *context, const char *bus, uint32_t *number);
+	/* The audit trail; null: there is none (yet). */
+	struct db_audit *(*audit)(void *context);
+	/* As in struct db_registers_ops. */
+	uint32_t (*audit_post)(void *context, const struct db_client *client,
+	                       const struct db_audit_entry *entry);
 };
 
 /* Maximum number of sessions, more than drivebridge-mqtt, -opcua and -webd use together, so that
@@ -95,6 +102,19 @@ void db_control_socket_answer(struct db_control_socket *control, struct db_write
  * forgotten because there were too many others is "?". The socket may be null. */
 void db_control_socket_words(const struct db_control_socket *control, const uint8_t address[16],
                              struct db_client_words *words);
+
+/* What is known of a session for the audit trail; null: nothing. Valid until the next event. */
+struct db_control_socket_names {
+	const char *login; /* user of its process */
+	const char *user;  /* for whom it says it acts */
+	const char *from;  /* and from where */
+};
+void db_control_socket_names(const struct db_control_socket *control,
+                             const struct db_client *client, struct db_control_socket_names *names);
+
+/* The address of a session of an earlier run, with the names that it had. */
+void db_control_socket_recall(struct db_control_socket *control, uint32_t user, const char *login,
+                              const char *named, uint8_t address[16]);
 
 /* A reload has ended: its errors, one line each; "" or null: it is in force. */
 void db_control_socket_reloaded(struct db_control_socket *control, const char *errors);

@@ -14,6 +14,7 @@
 #include "drivebridge/time.h"
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 /* Values are syslog's. */
@@ -76,6 +77,8 @@ enum db_event {
 	DB_EVENT_DRIVE_MAY_HAVE_RESTARTED,
 	DB_EVENT_DRIVE_DOUBLED,  /* two drives answer at its address */
 	DB_EVENT_RESTART_NEEDED, /* an upgrade has replaced a running program or library */
+	DB_EVENT_AUDIT_UNKEPT,   /* the audit trail cannot be written, or something of it is lost */
+	DB_EVENT_AUDIT_KEPT,     /* it is written again */
 	DB_EVENT_COUNT
 };
 
@@ -112,6 +115,10 @@ __attribute__((format(printf, 5, 6))) void db_log(const struct db_log_source *so
                                                   enum db_event event,
                                                   const struct db_log_about *about,
                                                   const char *format, ...);
+
+/* One entry of the journal, of fields "NAME=value": the caller waits for it, and needs a thread that
+ * may. Nothing where the log goes elsewhere. */
+void db_log_fields(const struct db_log *log, char *const fields[], size_t count);
 
 /* Maximum number of the latest lines kept, as far as their texts find room. */
 #define DB_LOG_RECENT 256

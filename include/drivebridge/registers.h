@@ -16,6 +16,7 @@
 #include "drivebridge/configuration.h"
 #include "drivebridge/server.h"
 
+struct db_audit_entry;
 struct db_registers;
 
 /* What the registers show, in the order of the configuration. Contains parts of several
@@ -70,6 +71,11 @@ struct db_registers_ops {
 	void (*write_refused)(void *context, const struct db_bus_config *bus,
 	                      const struct db_drive_config *drive, const struct db_client *client,
 	                      const struct db_refused_write *write);
+	/* Posts a record of the audit trail: who it was, and when, is added. `client`: null for the
+	 * bridge's own. Returns its number, see db_audit_post(). May be null, with the next one. */
+	uint32_t (*audit)(void *context, const struct db_client *client,
+	                  const struct db_audit_entry *entry);
+	void (*audit_end)(void *context, uint32_t record, enum db_result result, db_time took);
 	/* A client connected or disconnected. May be null. */
 	void (*client)(void *context, const struct db_client *client, bool connected);
 	/* The watchdog stops a drive. `last` fed it last, and may have disconnected since;
@@ -112,6 +118,15 @@ extern const struct db_backend db_registers_backend;
 void db_registers_complete(struct db_registers *registers, struct db_request *request, db_time now);
 /* See db_commander_owed_stop(), for the drive of this number. */
 enum db_command db_registers_owed_stop(const struct db_registers *registers, uint16_t number);
+/* Puts an entry of an earlier run into a drive's history, before those to come. */
+struct db_recalled {
+	const char *drive;
+	struct db_history_entry entry;
+	struct db_args args; /* of a command */
+	const char *param;   /* the parameter that was written; null: a command */
+	double value;        /* its new value */
+};
+void db_registers_recall(struct db_registers *registers, const struct db_recalled *recalled);
 /* No client can hold a motion any more: held motions are stopped. */
 void db_registers_end_holds(struct db_registers *registers, db_time now);
 /* The drive of this number must stand, for a cause of the bridge's own. */

@@ -78,6 +78,10 @@ struct db_backend {
 	 * null. */
 	void (*client)(void *context, const struct db_client *client, bool connected);
 
+	/* A client that may only read has tried to write. May be null. */
+	void (*denied)(void *context, const struct db_client *client, uint8_t unit,
+	               uint16_t address);
+
 	/* A client that could write no longer may. May be null. */
 	void (*restricted)(void *context, const struct db_client *client);
 };

@@ -140,6 +140,7 @@ class Page:
     def __init__(self, webd, user=None, tab=None):
         self.webd = webd
         self.cookie = None
+        self.devices = {}  # cookies by which the browser is known, by their names
         self.token = None
         self.tab = tab or secrets.token_hex(12)
         self.connection = None
@@ -185,8 +186,9 @@ class Page:
 
     def headers(self, **more):
         made = {"Content-Type": "application/json", "X-Tab": self.tab, "X-Call": str(next(self.numbers))}
-        if self.cookie:
-            made["Cookie"] = self.cookie
+        cookies = [*([self.cookie] if self.cookie else []), *(f"{name}={value}" for name, value in self.devices.items())]
+        if cookies:
+            made["Cookie"] = "; ".join(cookies)
         if self.token:
             made["X-Drivebridge"] = self.token
         made.update({key.replace("_", "-"): value for key, value in more.items()})
@@ -194,7 +196,12 @@ class Page:
 
     def take_cookie(self, response):
         for header in response.headers.get_all("Set-Cookie") or []:
-            self.cookie = header.split(";")[0]
+            cookie = header.split(";")[0]
+            name, value = cookie.split("=", 1)
+            if "device" in name:
+                self.devices[name] = value
+            else:
+                self.cookie = cookie
 
     def request(self, method, path, body=None, **headers):
         """(status, headers, bytes); over the connection that there is, else a new one."""

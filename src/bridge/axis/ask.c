@@ -234,7 +234,7 @@ static struct db_write_answer join(struct db_commander *commander, const struct 
 	db_writer_set_executed(writer, request, DB_RESULT_PENDING, stop->ticket);
 	if (stop->again)
 		db_motion_submitted(commander, writer, request->command, request->submitted);
-	db_history_repeat(&commander->history, stop->entry);
+	db_outcome_join(commander, request, stop);
 	db_writers_set_command(&commander->writers, writer, request, DB_RESULT_PENDING,
 	                       stop->ticket);
 	return db_flight_wait(commander, stop, token, request->submitted);
@@ -546,6 +546,7 @@ void db_commander_set_refused(struct db_commander *commander, const struct db_cl
 	                     result, address, 0);
 	db_outcome_log(commander, client,
 	               &(struct db_refused_write){ .address = address, .result = result });
+	db_outcome_record_form(commander, client, result, address);
 }
 
 void db_commander_refuse(struct db_commander *commander, const struct db_request *request,

@@ -64,6 +64,9 @@ void db_history_repeat(struct db_history *history, uint32_t number);
 void db_history_end(struct db_history *history, uint32_t number, enum db_result result,
                     db_time took);
 
+/* Adds an entry that is complete, with its repeats; its number is a new one. */
+void db_history_recall(struct db_history *history, const struct db_history_entry *entry);
+
 /* age 0 is the newest; false: there are fewer entries. */
 bool db_history_get(const struct db_history *history, size_t age, struct db_history_entry *entry);
 
@@ -486,7 +489,7 @@ void db_writers_correct_motion(struct db_writers *writers, uint32_t ticket, enum
 /* One parameter of such a write. */
 struct db_unsettled {
 	uint32_t ticket; /* of the write; 0: a free place */
-	uint32_t entry;  /* its number in the history */
+	struct db_noted noted;
 	db_time arrived;
 	/* what the drive reports after this settles it; DB_TIME_NEVER: the write has not ended
 	 * yet */
@@ -538,7 +541,7 @@ struct db_commander {
 
 	/* Motions. */
 	struct db_follow follow; /* the motion that the drive has begun last, if it is followed */
-	uint32_t follow_entry;   /* its entry in the history */
+	struct db_noted follow_noted;
 	db_time follow_arrived;
 	struct db_supervise supervise; /* the motion without an end */
 	db_time check_at;              /* time of the next check of it */
@@ -558,10 +561,19 @@ struct db_commander {
 
 /* --- outcome: what became of requests ---------------------------------------------------------- */
 
-/* Adds a request to the history: with `pending` one that went to the bus, whose end will be added.
- * Of several settings the first is recorded. */
+/* Adds a request to the history and the audit trail: with `pending` one that went to the bus, whose
+ * end will be added. In the history, of several settings the first is recorded. */
 void db_outcome_record(struct db_commander *commander, const struct db_request *request,
                        enum db_result result, struct db_request *pending);
+/* A write that was refused for its form, in the audit trail alone. */
+void db_outcome_record_form(const struct db_commander *commander, const struct db_client *client,
+                            enum db_result result, uint16_t address);
+/* How it ended after so long, or how it ended after all. */
+void db_outcome_end(struct db_commander *commander, struct db_noted noted, enum db_result result,
+                    db_time took);
+/* A request is served by a pending stop. */
+void db_outcome_join(struct db_commander *commander, const struct db_request *request,
+                     const struct db_request *stop);
 
 /* Logs a write that did not achieve what its writer wanted; a successful one is not logged. */
 void db_outcome_log(const struct db_commander *commander, const struct db_client *client,

@@ -186,12 +186,22 @@ bool db_commander_history(const struct db_commander *commander, size_t age,
 	return db_history_get(&commander->history, age, entry);
 }
 
+void db_commander_recall(struct db_commander *commander, const struct db_history_entry *entry,
+                         const struct db_args *args)
+{
+	struct db_history_entry recalled = *entry;
+
+	if (entry->command != DB_CMD_NONE)
+		db_history_args(&recalled, entry->command, args);
+	db_history_recall(&commander->history, &recalled);
+}
+
 enum db_result db_commander_outcome(const struct db_commander *commander, uint32_t entry)
 {
 	uint32_t age = commander->history.count - entry;
 	struct db_history_entry found;
 
-	if (commander->follow.active && commander->follow_entry == entry &&
+	if (commander->follow.active && commander->follow_noted.entry == entry &&
 	    db_follow_has_end(commander->follow.command))
 		return DB_RESULT_PENDING;
 	if (!db_history_get(&commander->history, age, &found) || found.sequence != entry)

@@ -85,6 +85,14 @@ void db_history_end(struct db_history *history, uint32_t number, enum db_result 
 	kept->duration_us = db_time_us32(took);
 }
 
+void db_history_recall(struct db_history *history, const struct db_history_entry *entry)
+{
+	struct db_history_kept *kept = find_kept(history, db_history_add(history, entry, true));
+
+	kept->repeats = entry->repeats;
+	kept->duration_us = entry->duration_us;
+}
+
 bool db_history_get(const struct db_history *history, size_t age, struct db_history_entry *entry)
 {
 	const struct db_history_kept *kept;

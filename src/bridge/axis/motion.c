@@ -331,13 +331,13 @@ struct db_request *db_motion_submit_stop(struct db_commander *commander, enum db
 void db_motion_record_stop(struct db_commander *commander, struct db_request *stop,
                            enum db_command command, db_time now)
 {
-	const struct db_request shown = { .command = command };
+	const struct db_request shown = { .command = command, .cause = stop->cause };
 
 	db_motion_stopped(commander, now);
 	db_motion_submitted(commander, NULL, db_request_stop(stop), now);
 	/* A repeat of a pending stop already has its history entry. */
-	if (stop->entry != 0)
-		db_history_repeat(&commander->history, stop->entry);
+	if (stop->noted.entry != 0)
+		db_history_repeat(&commander->history, stop->noted.entry);
 	else
 		db_outcome_record(commander, &shown, DB_RESULT_PENDING, stop);
 	commander->newest = stop->ticket;
@@ -358,7 +358,7 @@ static void cancel_motion(struct db_commander *commander, db_time now)
 	db_writers_cancel_motion(&commander->writers);
 	/* A motion without an end of its own has done what its command said. */
 	if (commander->follow.active && db_follow_has_end(commander->follow.command))
-		db_history_end(&commander->history, commander->follow_entry, DB_RESULT_CANCELLED,
+		db_outcome_end(commander, commander->follow_noted, DB_RESULT_CANCELLED,
 		               now - commander->follow_arrived);
 	db_follow_end(&commander->follow);
 }
@@ -399,7 +399,7 @@ static void begin_motion(struct db_commander *commander, struct db_writer *write
 	     fpclassify(request->args->target_velocity) == FP_ZERO))
 		return;
 	db_follow_begin(&commander->follow, request, proven, now);
-	commander->follow_entry = request->entry;
+	commander->follow_noted = request->noted;
 	commander->follow_arrived = request->submitted;
 	commander->check_at = now + CHECK_MIN;
 }
@@ -455,7 +455,7 @@ void db_motion_ended(struct db_commander *commander, const struct db_request *re
 	enum db_result result = (enum db_result)request->result;
 
 	/* The drive accepted it, and a stop had been submitted after it. */
-	db_history_end(&commander->history, request->entry,
+	db_outcome_end(commander, request->noted,
 	               request->overtaken && db_result_is_success(result) &&
 	                               db_command_is_motion(request->command) ?
 	                       DB_RESULT_CANCELLED :
@@ -541,7 +541,7 @@ static void log_rest(const struct db_commander *commander, const struct db_feedb
 /* It stood for longer than homing-pause-ms, was reported as failed, and has continued since. */
 static void correct_homing(struct db_commander *commander, db_time now)
 {
-	db_history_end(&commander->history, commander->follow_entry, DB_RESULT_OK,
+	db_outcome_end(commander, commander->follow_noted, DB_RESULT_OK,
 	               now - commander->follow_arrived);
 	db_writers_correct_motion(&commander->writers, commander->follow.ticket, DB_RESULT_OK);
 }
@@ -568,7 +568,7 @@ static void follow_to_end(struct db_commander *commander, const struct db_feedba
 	if (!commander->follow.active)
 		return;
 	if (db_follow_shows(&commander->follow, feedback))
-		db_history_end(&commander->history, commander->follow_entry, DB_RESULT_OK,
+		db_outcome_end(commander, commander->follow_noted, DB_RESULT_OK,
 		               now - commander->follow_arrived);
 	result = db_follow_check(&commander->follow, &config, feedback, now);
 	if (result == DB_RESULT_PENDING)
@@ -580,8 +580,7 @@ static void follow_to_end(struct db_commander *commander, const struct db_feedba
 		if (!stop)
 			return;
 	}
-	db_history_end(&commander->history, commander->follow_entry, result,
-	               now - commander->follow_arrived);
+	db_outcome_end(commander, commander->follow_noted, result, now - commander->follow_arrived);
 	db_writers_end_motion(&commander->writers, commander->follow.ticket, result);
 	if (stop)
 		db_motion_record_stop(commander, stop, DB_CMD_STOP, now);

@@ -340,6 +340,11 @@ void db_writers_correct_motion(struct db_writers *writers, uint32_t ticket, enum
 		correct_motion(&first_of(writers)[i].own, ticket, result);
 }
 
+static uint32_t record(const struct db_commander *commander, const struct db_recorded *recorded)
+{
+	return commander->ops->record ? commander->ops->record(commander->context, recorded) : 0;
+}
+
 void db_outcome_record(struct db_commander *commander, const struct db_request *request,
                        enum db_result result, struct db_request *pending)
 {
@@ -351,7 +356,7 @@ void db_outcome_record(struct db_commander *commander, const struct db_request *
 		.command = (uint16_t)request->command,
 		.result = (uint16_t)result,
 	};
-	uint32_t number;
+	struct db_noted noted = { 0 };
 
 	memcpy(entry.address, request->client.address, sizeof entry.address);
 	if (request->command != DB_CMD_NONE) {
@@ -365,9 +370,46 @@ void db_outcome_record(struct db_commander *commander, const struct db_request *
 		entry.number = param;
 		entry.value = secret ? 0 : request->settings[0].value.u;
 	}
-	number = db_history_add(&commander->history, &entry, pending != NULL);
+	noted.entry = db_history_add(&commander->history, &entry, pending != NULL);
+	noted.record = record(commander, &(struct db_recorded){
+						 .request = request,
+						 .result = result,
+					 });
 	if (pending)
-		pending->entry = number;
+		pending->noted = noted;
+}
+
+void db_outcome_record_form(const struct db_commander *commander, const struct db_client *client,
+                            enum db_result result, uint16_t address)
+{
+	struct db_request request = { .command = DB_CMD_NONE };
+
+	if (client)
+		request.client = *client;
+	(void)record(commander, &(struct db_recorded){
+					.request = &request,
+					.result = result,
+					.address = address,
+				});
+}
+
+void db_outcome_end(struct db_commander *commander, struct db_noted noted, enum db_result result,
+                    db_time took)
+{
+	db_history_end(&commander->history, noted.entry, result, took);
+	if (noted.record != 0 && commander->ops->record_end)
+		commander->ops->record_end(commander->context, noted.record, result, took);
+}
+
+void db_outcome_join(struct db_commander *commander, const struct db_request *request,
+                     const struct db_request *stop)
+{
+	db_history_repeat(&commander->history, stop->noted.entry);
+	(void)record(commander, &(struct db_recorded){
+					.request = request,
+					.result = DB_RESULT_PENDING,
+					.joined = stop->noted.record,
+				});
 }
 
 void db_outcome_log(const struct db_commander *commander, const struct db_client *client,
@@ -464,7 +506,7 @@ void db_settle_ended(struct db_commander *commander, const struct db_request *re
 
 		if (place->ticket != request->ticket)
 			continue;
-		place->entry = request->entry;
+		place->noted = request->noted;
 		place->since = end;
 		settle->check_at = end + LOOK_EVERY;
 	}
@@ -520,7 +562,7 @@ void db_settle_check(struct db_commander *commander, db_time now)
 		}
 		db_writers_complete(&commander->writers, write.ticket, result,
 		                    db_time_us32(now - write.arrived));
-		db_history_end(&commander->history, write.entry, result, now - write.arrived);
+		db_outcome_end(commander, write.noted, result, now - write.arrived);
 		if (other)
 			db_outcome_log(
 				commander, NULL,

@@ -335,6 +335,11 @@ void db_config_describe(const struct db_config *config, FILE *out)
 		fprintf(out, "  %-14sroot, this service's user, group %s\n", "act",
 		        config->control.act_group);
 	}
+	if (config->control.audit_off)
+		fprintf(out, "  %-14soff\n", "audit trail");
+	else
+		fprintf(out, "  %-14s%u MiB of files at most\n", "audit trail",
+		        config->control.audit_mib);
 	for (size_t i = 0; i < config->bus_count; i++)
 		describe_bus(config, i, out);
 	if (config->drive_count == 0)

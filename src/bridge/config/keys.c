@@ -102,6 +102,13 @@ static const struct db_config_key KEYS[] = {
 	        "Group whose members may command drives and change their parameters over it and, from this machine, "
 	        "over Modbus, in addition to root and the service's own user"),
 	  AT(control, act_group) },
+	{ WORD("control", "audit", "on", "on off",
+	       "The audit trail: who had which drive do what, and what was refused to whom; in the journal, and in files "
+	       "that drivebridgectl audit shows"),
+	  AT(control, audit_off) },
+	{ NUMBER("control", "audit-mib", "32", 1, 4096, "MiB",
+	         "What these files take at most: then the oldest records go"),
+	  AT(control, audit_mib) },
 
 	{ OTHER(DB_KEY_PROTOCOL, "bus", "protocol", NULL, 0, 0,
 	        "Family of the drives on this bus"),

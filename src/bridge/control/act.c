@@ -124,14 +124,17 @@ void db_act_introduce(const struct db_call *call)
 {
 	struct db_session *session = call->session;
 	const char *user;
+	const char *from = "";
 	bool good;
 
 	session->introduced = true;
-	if (!db_session_require_act(session) || !db_call_text(call, "user", &user))
+	if (!db_session_require_act(session) || !db_call_text(call, "user", &user) ||
+	    !db_call_optional_text(call, "from", &from))
 		return;
 	good = user[0] == '\0' || db_actors_name_is_good(user);
 	/* Calls already sent after this one must not run under a wrong name. */
 	change_user(session, good ? user : "");
+	snprintf(session->from, sizeof(session->from), "%s", good ? from : "");
 	if (good)
 		db_session_reply(session, NULL, false);
 	else

@@ -71,7 +71,7 @@ static const struct method {
 	{ CONTROL ".Registers", db_look_registers, " drive windows ", false },
 	{ CONTROL ".Commands", db_look_commands, " drive ", false },
 	{ CONTROL ".Read", db_look_read, " drive names ", false },
-	{ CONTROL ".Introduce", db_act_introduce, " user ", false },
+	{ CONTROL ".Introduce", db_act_introduce, " user from ", false },
 	{ CONTROL ".Clock", db_held_clock, " ", false },
 	{ CONTROL ".Write", db_act_write, " drive values token id within_ms sent_us ", false },
 	{ CONTROL ".Run", db_act_run,
@@ -88,6 +88,8 @@ static const struct method {
 	{ CONTROL ".Scan", db_scan_call, " bus first last all_speeds speeds ", false },
 	{ CONTROL ".SetUp", db_scan_set_up, " bus address what value speeds ", false },
 	{ CONTROL ".Metrics", db_metrics_call, " ", false },
+	{ CONTROL ".Audit", db_audit_call, " from since_us drive who refused verify ", false },
+	{ CONTROL ".Note", db_audit_note, " kind what user from text refused ", false },
 };
 
 static const struct method *find_method(const char *name)
@@ -189,6 +191,8 @@ void db_calls_take(struct db_session *session, const char *text, size_t length)
 		return;
 	}
 	method = find_method(message.method);
+	if (method)
+		session->method = strrchr(method->name, '.') + 1;
 	foreign = method ? find_foreign(method, message.parameters) : NULL;
 	if (!method)
 		refuse_method(session, message.method);

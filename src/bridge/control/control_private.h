@@ -157,6 +157,18 @@ void db_troubles_call(const struct db_call *call);
 /* Called when it is due (DB_WAITS_FOR_TROUBLES). */
 void db_troubles_look(struct db_session *session, db_time now);
 
+/* --- audit.c ---------------------------------------------------------------------------------- */
+
+/* The calls for the audit trail: Audit reads it, Note adds what a tool's users did. */
+
+void db_audit_call(const struct db_call *call);
+void db_audit_note(const struct db_call *call);
+
+/* Called when it is due (DB_WAITS_FOR_AUDIT). */
+void db_audit_look(struct db_session *session, db_time now);
+/* The session is over. */
+void db_audit_leave(struct db_session *session);
+
 /* --- metrics.c -------------------------------------------------------------------------------- */
 
 /* All counters and measurements, in the text format of Prometheus. */

@@ -3,6 +3,7 @@
 
 #include "control/message.h"
 #include "control/values.h"
+#include "drivebridge/audit.h"
 #include "drivebridge/command_table.h"
 #include "drivebridge/version.h"
 
@@ -71,6 +72,7 @@ void db_look_describe(const struct db_call *call)
 	json_t *description;
 	static const char *const names[DB_CONFIGURATION_STATES] = DB_CONFIGURATION_NAMES;
 	struct db_configuration_report report;
+	struct db_audit_state audit;
 
 	for (size_t i = 0; db_named_bus(registers, i); i++)
 		json_array_append_new(buses, describe_bus(registers, i));
@@ -92,6 +94,8 @@ void db_look_describe(const struct db_call *call)
 	json_object_set_new(description, "configuration_messages",
 	                    db_message_lines(report.messages));
 	json_object_set_new(description, "restart_needed", json_string(report.replaced));
+	db_audit_state(control->setup.ops->audit(control->setup.context), &audit);
+	json_object_set_new(description, "audit_trouble", json_string(audit.trouble));
 	json_object_set_new(description, "listen", json_string(db_named_modbus(registers)->listen));
 	json_object_set_new(description, "low_word_first",
 	                    json_boolean(db_named_modbus(registers)->low_word_first));

@@ -267,10 +267,22 @@ void db_session_fail_register(struct db_session *session, const char *drive, con
 	                json_pack("{s:s, s:s}", "drive", drive, "name", name));
 }
 
+void db_session_record(struct db_session *session, const struct db_audit_entry *entry)
+{
+	const struct db_control_socket_setup *setup = &session->control->setup;
+
+	(void)setup->ops->audit_post(setup->context, &session->client, entry);
+}
+
 bool db_session_require_act(struct db_session *session)
 {
 	if (session->client.may_write)
 		return true;
+	db_session_record(session, &(struct db_audit_entry){
+					   .kind = DB_AUDIT_DENIED,
+					   .what = session->method,
+					   .text = "only root and members of act-group may act",
+				   });
 	db_session_fail(session, NOT_ALLOWED,
 	                json_pack("{s:o}", "reason",
 	                          json_sprintf("only root and members of group %s may act",

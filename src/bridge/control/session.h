@@ -8,6 +8,7 @@
 #define DRIVEBRIDGE_CONTROL_SESSION_H
 
 #include "control/message.h"
+#include "drivebridge/audit.h"
 #include "drivebridge/client.h"
 #include "drivebridge/time.h"
 
@@ -28,6 +29,7 @@ enum db_session_wait {
 	DB_WAITS_FOR_TROUBLES,
 	DB_WAITS_FOR_RELOAD,
 	DB_WAITS_FOR_SCAN,
+	DB_WAITS_FOR_AUDIT,
 };
 
 /* Whether the first message may be taken while its session waits for something. */
@@ -38,13 +40,14 @@ struct db_session {
 	struct db_client client; /* its address is that of the actor */
 	uint32_t actor;          /* held; 0: none */
 	int fd;
-	uint32_t events; /* events that epoll waits for */
-	bool acted;      /* it has commanded something */
-	bool stops_only; /* it has a place reserved for stops */
-	bool ended;      /* the client will send nothing more */
-	bool deserted;   /* ... and motions that it held were stopped */
-	bool gone;       /* and it receives nothing more */
-	bool broken;     /* to be closed when its answers are sent */
+	uint32_t events;              /* events that epoll waits for */
+	char from[DB_AUDIT_FROM_MAX]; /* where whom it acts for is; "": not stated */
+	bool acted;                   /* it has commanded something */
+	bool stops_only;              /* it has a place reserved for stops */
+	bool ended;                   /* the client will send nothing more */
+	bool deserted;                /* ... and motions that it held were stopped */
+	bool gone;                    /* and it receives nothing more */
+	bool broken;                  /* to be closed when its answers are sent */
 
 	uint64_t turn;     /* calls of sessions with lower ones are taken first */
 	size_t turn_bytes; /* number of bytes in `in` that arrived for this turn */
@@ -66,6 +69,7 @@ struct db_session {
 	db_time out_since; /* when the client last took a part of it */
 
 	/* The current call, and how it is to be answered. */
+	const char *method; /* lives as long as the program; null: none yet */
 	enum db_session_wait wait;
 	bool more;
 	bool oneway;
@@ -136,6 +140,9 @@ void db_session_set_actor(struct db_session *session, uint32_t user, const char 
 
 /* Its name for a line of the log. */
 void db_session_text(const struct db_session *session, char text[DB_CLIENT_TEXT_MAX]);
+
+/* Adds a record of what its client did to the audit trail. */
+void db_session_record(struct db_session *session, const struct db_audit_entry *entry);
 
 /* True if it may act; if not, its call is answered with that. */
 bool db_session_require_act(struct db_session *session);

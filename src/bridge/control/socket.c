@@ -59,6 +59,7 @@ static void end_session(struct db_control_socket *control, size_t place)
 	struct db_log_about about = { .client = text };
 
 	db_scan_forget(session);
+	db_audit_leave(session);
 	db_once_abandon(session);
 	control->sessions[place] = control->sessions[--control->count];
 	/* For the registers it is an ordinary client. */
@@ -303,6 +304,7 @@ static void settle(struct db_control_socket *control)
 		if (session->gone) {
 			/* Nobody waits for it, but calls after it are still carried out. */
 			db_scan_forget(session);
+			db_audit_leave(session);
 			db_once_abandon(session);
 			free(session->out);
 			session->out = NULL;
@@ -496,6 +498,8 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 			db_act_look(session, now);
 		else if (session->wait == DB_WAITS_FOR_SCAN)
 			db_scan_look(session, now);
+		else if (session->wait == DB_WAITS_FOR_AUDIT)
+			db_audit_look(session, now);
 		else if (session->wait == DB_WAITS_FOR_STOPS)
 			db_stops_leave(session);
 		else if (!stream || session->due < stream->due)
@@ -547,6 +551,31 @@ void db_control_socket_words(const struct db_control_socket *control, const uint
                              struct db_client_words *words)
 {
 	db_actors_words(control ? &control->actors : NULL, address, words);
+}
+
+void db_control_socket_names(const struct db_control_socket *control,
+                             const struct db_client *client, struct db_control_socket_names *names)
+{
+	for (size_t i = 0; control && i < control->count; i++) {
+		const struct db_session *session = control->sessions[i];
+		const struct db_actor *actor = db_actors_find(&control->actors, session->actor);
+
+		if (session->client.id != client->id || !actor)
+			continue;
+		names->login = actor->process_user;
+		names->user = actor->named;
+		names->from = session->from;
+	}
+}
+
+void db_control_socket_recall(struct db_control_socket *control, uint32_t user, const char *login,
+                              const char *named, uint8_t address[16])
+{
+	struct db_client_session session = { .user = user, .named = named[0] != '\0' };
+
+	session.actor = db_actors_hold(&control->actors, user, login, named);
+	db_actors_let_go(&control->actors, session.actor);
+	db_client_address_of_session(&session, address);
 }
 
 void db_control_socket_reloaded(struct db_control_socket *control, const char *errors)

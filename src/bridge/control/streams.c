@@ -408,6 +408,10 @@ void db_streams_reload(const struct db_call *call)
 
 	if (!db_session_require_act(session))
 		return;
+	db_session_record(session, &(struct db_audit_entry){
+					   .kind = DB_AUDIT_RELOAD,
+					   .what = "asked for",
+				   });
 	/* Set before the request: the reload may end at once. */
 	session->wait = DB_WAITS_FOR_RELOAD;
 	session->reloads = 1;

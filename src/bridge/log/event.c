@@ -103,6 +103,10 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 		OUTAGE("drive-doubled", "834fa3d75b44468e9399ab6d01cd1540", ERROR, PRESENCE, 6),
 	[DB_EVENT_RESTART_NEEDED] =
 		KIND("restart-needed", "46390bef23724437b3a0a51211b66183", NOTICE, SERVICE, 0),
+	[DB_EVENT_AUDIT_UNKEPT] =
+		KIND("audit-unkept", "8ef4a6280f4c4bbfaf69ba8a363a7695", ERROR, AUDIT, 4),
+	[DB_EVENT_AUDIT_KEPT] =
+		KIND("audit-kept", "2dea4b65aeed403083e4bccb271f3694", NOTICE, AUDIT, 4),
 };
 /* clang-format on */
 

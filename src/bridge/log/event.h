@@ -25,6 +25,7 @@ enum db_topic {
 	DB_TOPIC_EXIT,
 	DB_TOPIC_TIMING,
 	DB_TOPIC_COMMAND,
+	DB_TOPIC_AUDIT,
 };
 
 struct db_event_kind {

@@ -241,6 +241,12 @@ void db_log(const struct db_log_source *source, db_time now, enum db_event event
 	post_record(source->log, &record, now);
 }
 
+void db_log_fields(const struct db_log *log, char *const fields[], size_t count)
+{
+	if (log && log->write == db_log_write_journal)
+		db_log_send_journal(fields, count);
+}
+
 bool db_log_latest(struct db_log *log, uint64_t events, const char *bus, const char *drive,
                    uint64_t since_us, struct db_log_line *line)
 {

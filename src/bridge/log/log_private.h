@@ -65,6 +65,10 @@ bool db_log_is_journal(int fd, const char *journal_stream);
 void db_log_write_text(void *context, const struct db_log_record *record);
 void db_log_write_journal(void *context, const struct db_log_record *record);
 
+/* One entry of the journal, of "NAME=value" each. */
+#define DB_LOG_FIELDS_SENT_MAX 16
+void db_log_send_journal(char *const texts[], size_t count);
+
 /* --- recent.c --------------------------------------------------------------------------------- */
 
 /*

@@ -43,6 +43,17 @@ void db_log_write_text(void *context, const struct db_log_record *record)
 	write_line(*fd, "", record);
 }
 
+void db_log_send_journal(char *const texts[], size_t count)
+{
+	struct iovec fields[DB_LOG_FIELDS_SENT_MAX];
+
+	for (size_t i = 0; i < count && i < DB_LOG_FIELDS_SENT_MAX; i++)
+		fields[i] = (struct iovec){ .iov_base = texts[i], .iov_len = strlen(texts[i]) };
+	/* A failure cannot be reported anywhere. */
+	(void)sd_journal_sendv(
+		fields, (int)(count < DB_LOG_FIELDS_SENT_MAX ? count : DB_LOG_FIELDS_SENT_MAX));
+}
+
 void db_log_write_journal(void *context, const struct db_log_record *record)
 {
 	const int *fd = context;

@@ -48,6 +48,7 @@ static int backend_write(void *context, const struct db_client *client, uint8_t 
                          const uint16_t *values, struct db_write_token token)
 {
 	struct db_view_drive *drive = drive_of(context, unit);
+	int answer;
 
 	if (drive) {
 		db_clients_hear(drive, client);
@@ -58,7 +59,11 @@ static int backend_write(void *context, const struct db_client *client, uint8_t 
 	}
 	if (backend_unit(context, unit))
 		return MODBUS_EXCEPTION_GATEWAY_PATH;
-	return db_gateway_write(context, client, table, address, count, values, token);
+	answer = db_gateway_write(context, client, table, address, count, values, token);
+	if (answer > 0)
+		db_record_denied(context, NULL, client, unit, address,
+		                 db_result_name(db_exception_result((uint8_t)answer)));
+	return answer;
 }
 
 static int backend_write_same(void *context, const struct db_client *client, uint8_t unit,
@@ -147,6 +152,13 @@ static const char *backend_device_id(void *context, uint8_t unit, uint8_t object
 	}
 }
 
+static void backend_denied(void *context, const struct db_client *client, uint8_t unit,
+                           uint16_t address)
+{
+	db_record_denied(context, drive_of(context, unit), client, unit, address,
+	                 "this client may only read");
+}
+
 static void backend_restricted(void *context, const struct db_client *client)
 {
 	db_clients_release_control(context, client);
@@ -171,4 +183,5 @@ const struct db_backend db_registers_backend = {
 	.device_id = backend_device_id,
 	.client = backend_client,
 	.restricted = backend_restricted,
+	.denied = backend_denied,
 };

@@ -7,6 +7,7 @@
 
 #include <errno.h>
 #include <stdlib.h>
+#include <string.h>
 
 int db_registers_new(const struct db_roster *roster, const struct db_registers_ops *ops,
                      void *context, struct db_registers **registers)
@@ -59,6 +60,36 @@ enum db_command db_registers_owed_stop(const struct db_registers *registers, uin
 	const struct db_view_drive *drive = db_view_roster_find(registers->roster, number);
 
 	return drive ? db_commander_owed_stop(drive->commander) : DB_CMD_NONE;
+}
+
+/* The parameter as the drive's family has it now. */
+static void find_param(const struct db_driver *driver, const struct db_recalled *recalled,
+                       struct db_history_entry *entry)
+{
+	union db_value value = { .u = 0 };
+
+	entry->number = DB_HISTORY_UNKNOWN;
+	for (size_t i = 0; i < driver->param_count; i++) {
+		if (strcmp(driver->params[i].name, recalled->param) != 0)
+			continue;
+		(void)db_value_from_number(driver->params[i].type, recalled->value, &value);
+		entry->number = (uint16_t)i;
+		entry->value = value.u;
+	}
+}
+
+void db_registers_recall(struct db_registers *registers, const struct db_recalled *recalled)
+{
+	for (size_t i = 0; i < registers->roster->drive_count; i++) {
+		const struct db_view_drive *drive = registers->roster->drives[i];
+		struct db_history_entry entry = recalled->entry;
+
+		if (strcmp(drive->config->name, recalled->drive) != 0)
+			continue;
+		if (recalled->param)
+			find_param(drive->driver, recalled, &entry);
+		db_commander_recall(drive->commander, &entry, &recalled->args);
+	}
 }
 
 void db_registers_end_holds(struct db_registers *registers, db_time now)

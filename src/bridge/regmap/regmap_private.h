@@ -162,6 +162,25 @@ int db_write_drive(struct db_view_drive *drive, const struct db_client *client, 
 int db_write_drive_same(struct db_view_drive *drive, const struct db_client *client,
                         uint16_t address, uint16_t value, struct db_write_token token);
 
+/* --- record.c --------------------------------------------------------------------------------- */
+
+/* What is asked of drives here, as records of the audit trail. */
+
+/* See struct db_commander_ops. */
+uint32_t db_record_request(const struct db_view_drive *drive, const struct db_recorded *recorded);
+void db_record_end(const struct db_view_drive *drive, uint32_t record, enum db_result result,
+                   db_time took);
+/* A client has taken or released control of a drive. */
+void db_record_control(const struct db_view_drive *drive, const struct db_client *client,
+                       bool taken);
+/* A client has set the drive's watchdog. */
+void db_record_watchdog(const struct db_view_drive *drive, const struct db_client *client,
+                        uint32_t old, uint32_t new);
+/* A write was refused before a drive was asked; `drive`: null where there is none. */
+void db_record_denied(const struct db_registers *registers, const struct db_view_drive *drive,
+                      const struct db_client *client, uint8_t unit, uint16_t address,
+                      const char *why);
+
 /* --- gateway.c -------------------------------------------------------------------------------- */
 
 /*

@@ -471,8 +471,10 @@ int db_vsmd_view_write(struct db_view_drive *drive, const struct db_client *clie
 	enum db_result result;
 	struct db_write_answer answer;
 
-	if (table != DB_TABLE_HOLDING || find_rows(table, address, count, &touched) != 0)
+	if (table != DB_TABLE_HOLDING || find_rows(table, address, count, &touched) != 0) {
+		db_record_denied(drive->registers, drive, client, 0, address, "no such register");
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
+	}
 	stop = find_stop(&touched, address, values);
 	if (!is_whole(&touched, address, count))
 		return stop != DB_CMD_NONE ? stop_only(drive, client, stop, token) :

@@ -205,6 +205,7 @@ static int write_params(const struct write *write)
 static int write_watchdog(const struct write *write)
 {
 	struct db_view_drive *drive = write->drive;
+	struct db_command_state state;
 	union db_value value;
 
 	if (write->span.count != 1 ||
@@ -216,6 +217,8 @@ static int write_watchdog(const struct write *write)
 	/* Without on-client-loss it would trip and stop nothing. */
 	if (value.u != 0 && drive->config->on_client_loss == DB_ON_LOSS_NONE)
 		return refuse_write(write, DB_RESULT_UNSUPPORTED, 0);
+	db_commander_state(drive->commander, write->client, &state, write->now);
+	db_record_watchdog(drive, write->client, state.watchdog_ms, value.u);
 	db_commander_set_watchdog(drive->commander, value.u,
 	                          db_client_arrived(write->client, write->now));
 	db_clients_feed(drive, write->client, DB_FEED_WRITES);
@@ -239,17 +242,23 @@ static int write_heartbeat(const struct write *write)
 static int write_control(const struct write *write)
 {
 	struct db_control *control = &write->drive->control;
+	bool holds;
 
 	if (write->values[0] > 1)
 		return refuse_write(write, DB_RESULT_OUT_OF_RANGE, 0);
 	if (write->values[0] == 0) {
+		if (control->holder.id == write->client->id)
+			db_record_control(write->drive, write->client, false);
 		db_control_release(control, write->client);
 		return 0;
 	}
 	/* `control = off`: refuse claims, since they would not be enforced. */
 	if (!control->enabled)
 		return refuse_write(write, DB_RESULT_UNSUPPORTED, 0);
+	holds = db_control_holds(control, write->client, write->now);
 	if (db_control_request(control, write->client, write->now)) {
+		if (!holds)
+			db_record_control(write->drive, write->client, true);
 		db_clients_feed(write->drive, write->client, DB_FEED_WRITES);
 		return 0;
 	}
@@ -307,8 +316,10 @@ int db_write_drive(struct db_view_drive *drive, const struct db_client *client, 
 	                                                           &drive->map->holding,
 	                                 address, count, &write.span);
 
-	if (exception)
+	if (exception) {
+		db_record_denied(registers, drive, client, 0, address, "no such register");
 		return exception;
+	}
 	if (table == DB_TABLE_COILS)
 		return write_coils(&write);
 	first = &write.span.cells[0];

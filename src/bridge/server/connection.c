@@ -311,6 +311,9 @@ static int start_request(struct db_connection *c, const struct db_modbus_request
 		bool by_user = db_acl_access(shared->config, c->peer->address) == DB_ACCESS_WRITE;
 
 		db_connection_refused(c, by_user ? DB_REFUSED_USER : DB_REFUSED_WRITE, now);
+		if (executor->backend->denied)
+			executor->backend->denied(executor->context, &c->client, request->unit,
+			                          request->write_address);
 		return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 	}
 	/* First make sure that the result can be stored. */

@@ -1,7 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/service_private.h"
 
+#include "drivebridge/audit.h"
+
 #include <signal.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <systemd/sd-daemon.h>
 #include <time.h>
@@ -37,9 +40,20 @@ static int on_signal(sd_event_source *source, const struct signalfd_siginfo *inf
 
 static int on_hangup(sd_event_source *source, const struct signalfd_siginfo *info, void *context)
 {
+	struct service *service = context;
+	char text[64];
+
 	(void)source;
-	(void)info;
-	reload_ask(context);
+	/* Who may send it is root, or runs as the service's user. */
+	snprintf(text, sizeof(text), "a signal of process %u, user %u", (unsigned)info->ssi_pid,
+	         (unsigned)info->ssi_uid);
+	(void)audit_post(service, NULL,
+	                 &(struct db_audit_entry){
+				 .kind = DB_AUDIT_RELOAD,
+				 .what = "asked for",
+				 .text = text,
+			 });
+	reload_ask(service);
 	return 0;
 }
 

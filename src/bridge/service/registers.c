@@ -181,6 +181,17 @@ static void log_refused_write(void *context, const struct db_bus_config *bus_con
 	       db_result_name(write->result), (unsigned)write->result);
 }
 
+static uint32_t post_record(void *context, const struct db_client *client,
+                            const struct db_audit_entry *entry)
+{
+	return audit_post(context, client, entry);
+}
+
+static void post_end(void *context, uint32_t record, enum db_result result, db_time took)
+{
+	audit_post_end(context, record, result, took);
+}
+
 const struct db_registers_ops service_registers_ops = {
 	.now = read_now,
 	.wall_us = read_wall_us,
@@ -196,6 +207,8 @@ const struct db_registers_ops service_registers_ops = {
 	.client_words = name_client,
 	.refused = count_refusal,
 	.write_refused = log_refused_write,
+	.audit = post_record,
+	.audit_end = post_end,
 	.tripped = log_tripped,
 	.hold_lost = log_lost_hold,
 };

@@ -45,7 +45,7 @@ static void log_buses(const struct service *service, const struct plant *next)
 			continue;
 		log_about(service, bus_config, NULL,
 		          plant_bus_named(next, bus_config->name) ?
-		                  "it is changed and begins anew" :
+		                  "it is changed and starts with the new settings" :
 		                  "it is removed");
 	}
 	for (size_t i = 0; i < next->bus_count; i++) {
@@ -60,11 +60,11 @@ static void log_buses(const struct service *service, const struct plant *next)
 static const char *describe_fate(const struct plant_drive *drive, const struct plant_drive *after)
 {
 	if (!after)
-		return "it is removed, and left as on-exit says";
+		return "it is removed: its on-exit is carried out";
 	if (db_config_same_drive(drive->edition->config, drive->config, after->edition->config,
 	                         after->config))
-		return "it begins anew with its bus";
-	return "it is changed: it is left as on-exit says and begins anew";
+		return "it starts again with its bus";
+	return "it is changed: its on-exit is carried out, then it starts with the new settings";
 }
 
 /* Returns the number of drives that are not affected. */
@@ -123,6 +123,7 @@ static void end_reload(struct service *service)
 
 	service->reload_errors = NULL;
 	sd_notify(0, "READY=1");
+	audit_post_reload(service, errors);
 	db_control_socket_reloaded(service->control, errors);
 	free(errors);
 }
@@ -209,6 +210,7 @@ static void retire_parts(struct service *service, struct reload *reload)
 	db_server_apply(service->server, reload->server);
 	reload->server = NULL;
 	service->log.level = reload->next->edition->config->modbus.log;
+	audit_change(service, &reload->next->edition->config->control);
 	db_control_socket_change(service->control, &reload->next->edition->config->control,
 	                         &service->log);
 	if (elsewhere)

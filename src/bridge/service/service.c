@@ -112,6 +112,19 @@ static struct db_configuration_report report_configuration(void *context)
 	return configuration_report(context);
 }
 
+static struct db_audit *audit_of(void *context)
+{
+	const struct service *service = context;
+
+	return service->audit;
+}
+
+static uint32_t post_record(void *context, const struct db_client *client,
+                            const struct db_audit_entry *entry)
+{
+	return audit_post(context, client, entry);
+}
+
 static const struct db_trace *find_trace(void *context, const char *name, uint32_t *number)
 {
 	const struct service *service = context;
@@ -135,6 +148,8 @@ static int listen_for_tools(struct service *service)
 		.scan_foreign = scans_foreign,
 		.scan_cancel = scans_cancel,
 		.trace = find_trace,
+		.audit = audit_of,
+		.audit_post = post_record,
 	};
 	const struct db_control_socket_setup setup = {
 		.loop = service->loop,
@@ -169,6 +184,9 @@ static int set_up(struct service *service, struct configuration_start *start)
 	error = listen_for_clients(service);
 	if (error == 0)
 		error = listen_for_tools(service);
+	/* Before the first commands. */
+	if (error == 0)
+		error = audit_begin(service);
 	if (error == 0)
 		error = must_stand_begin(service);
 	if (error == 0)
@@ -200,6 +218,7 @@ static void tear_down(struct service *service)
 	reload_abandon(service);
 	configuration_end(service);
 	must_stand_end(service);
+	audit_end(service);
 	db_registers_free(service->registers);
 	traces_end(service);
 	plant_free(service->plant, NULL);
@@ -305,6 +324,8 @@ int db_service_run(const char *path, bool last_good)
 	sigaddset(&signals, SIGHUP);
 	sigprocmask(SIG_BLOCK, &signals, NULL);
 	signal(SIGPIPE, SIG_IGN);
+	/* A file that may not grow any more is an error like a full disk. */
+	signal(SIGXFSZ, SIG_IGN);
 	error = db_log_new(&service.log.log);
 	if (error != 0) {
 		fprintf(stderr, "cannot make the log: %s\n", strerror(-error));

@@ -53,8 +53,9 @@ struct service {
 	uint32_t last_bus;                   /* last number used */
 	struct configuration *configuration; /* compared with its files */
 	struct must_stand *must_stand;       /* drives that must stand, across a restart */
-	struct status *status;               /* the line shown by systemd; null: not used */
-	int lock;                            /* of the configuration, see alone_take(); -1: none */
+	struct db_audit *audit;
+	struct status *status; /* the line shown by systemd; null: not used */
+	int lock;              /* of the configuration, see alone_take(); -1: none */
 };
 
 /* The loop's time: when this turn of it began. */
@@ -175,6 +176,28 @@ bool scans_read(void *context, const char *bus, uint32_t number, struct db_scan_
 const struct db_scan_find *scans_find(void *context, const char *bus, size_t index);
 const struct db_scan_foreign *scans_foreign(void *context, const char *bus, size_t index);
 void scans_cancel(void *context, const char *bus, uint32_t number);
+
+/* --- audit.c ---------------------------------------------------------------------------------- */
+
+/*
+ * The audit trail: in systemd's StateDirectory, with what the histories of the drives need after a
+ * restart; without that folder only in the journal.
+ */
+
+struct db_audit_entry;
+
+/* Fills the histories from what was recorded last. 0 or a negative errno. */
+int audit_begin(struct service *service);
+void audit_change(struct service *service, const struct db_control_config *config);
+/* Writes what is still to be written. */
+void audit_end(struct service *service);
+
+/* See struct db_registers_ops. */
+uint32_t audit_post(struct service *service, const struct db_client *client,
+                    const struct db_audit_entry *entry);
+void audit_post_end(struct service *service, uint32_t record, enum db_result result, db_time took);
+/* A reload has ended, with these lines of errors; null: it is in force. */
+void audit_post_reload(struct service *service, const char *errors);
 
 /* --- alone.c ---------------------------------------------------------------------------------- */
 

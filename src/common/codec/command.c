@@ -8,27 +8,31 @@
 static const struct {
 	size_t offset;
 	size_t bytes;
+	const char *name;
+	enum db_type type; /* of its words where it has several */
 } args[DB_ARG_COUNT] = {
-#define ARG(member)                                                                     \
-	{                                                                               \
-		offsetof(struct db_args, member), sizeof(((struct db_args *)0)->member) \
+#define ARG(member, type)                                                                         \
+	{                                                                                         \
+		offsetof(struct db_args, member), sizeof(((struct db_args *)0)->member), #member, \
+			type                                                                      \
 	}
-	[DB_ARG_TARGET_POSITION] = ARG(target_position),
-	[DB_ARG_TARGET_VELOCITY] = ARG(target_velocity),
-	[DB_ARG_OUTPUT_NUMBER] = ARG(output_number),
-	[DB_ARG_OUTPUT_VALUE] = ARG(output_value),
-	[DB_ARG_OUTPUT_MASK] = ARG(output_mask),
-	[DB_ARG_OUTPUT_LEVELS] = ARG(output_levels),
-	[DB_ARG_SHAKE_START_POSITION] = ARG(shake_start_position),
-	[DB_ARG_SHAKE_END_POSITION] = ARG(shake_end_position),
-	[DB_ARG_SHAKE_FREQUENCY] = ARG(shake_frequency),
-	[DB_ARG_SHAKE_CYCLES] = ARG(shake_cycles),
-	[DB_ARG_SHAKE_TIME] = ARG(shake_time),
-	[DB_ARG_TARGET_CURRENT] = ARG(target_current),
-	[DB_ARG_PROGRAM_NUMBER] = ARG(program_number),
-	[DB_ARG_PROGRAM_DELAY] = ARG(program_delay),
-	[DB_ARG_RAW_LENGTH] = ARG(raw_length),
-	[DB_ARG_RAW_REQUEST] = ARG(raw_request),
+	[DB_ARG_NONE] = { 0, 0, "", DB_TEXT },
+	[DB_ARG_TARGET_POSITION] = ARG(target_position, DB_I32),
+	[DB_ARG_TARGET_VELOCITY] = ARG(target_velocity, DB_F32),
+	[DB_ARG_OUTPUT_NUMBER] = ARG(output_number, DB_U16),
+	[DB_ARG_OUTPUT_VALUE] = ARG(output_value, DB_U16),
+	[DB_ARG_OUTPUT_MASK] = ARG(output_mask, DB_U16),
+	[DB_ARG_OUTPUT_LEVELS] = ARG(output_levels, DB_U16),
+	[DB_ARG_SHAKE_START_POSITION] = ARG(shake_start_position, DB_I32),
+	[DB_ARG_SHAKE_END_POSITION] = ARG(shake_end_position, DB_I32),
+	[DB_ARG_SHAKE_FREQUENCY] = ARG(shake_frequency, DB_F32),
+	[DB_ARG_SHAKE_CYCLES] = ARG(shake_cycles, DB_U32),
+	[DB_ARG_SHAKE_TIME] = ARG(shake_time, DB_U32),
+	[DB_ARG_TARGET_CURRENT] = ARG(target_current, DB_F32),
+	[DB_ARG_PROGRAM_NUMBER] = ARG(program_number, DB_U16),
+	[DB_ARG_PROGRAM_DELAY] = ARG(program_delay, DB_U16),
+	[DB_ARG_RAW_LENGTH] = ARG(raw_length, DB_U16),
+	[DB_ARG_RAW_REQUEST] = ARG(raw_request, DB_U16),
 #undef ARG
 };
 
@@ -125,6 +129,16 @@ size_t db_arg_offset(enum db_arg arg)
 size_t db_arg_bytes(enum db_arg arg)
 {
 	return args[arg].bytes;
+}
+
+const char *db_arg_name(enum db_arg arg)
+{
+	return args[arg].name;
+}
+
+enum db_type db_arg_type(enum db_arg arg)
+{
+	return args[arg].type;
 }
 
 const struct db_command_row *db_command_find(unsigned code)

@@ -69,7 +69,7 @@ static gnutls_x509_crt_fmt_t format_of(const struct db_certificate_file *file)
 /* --- what is in them -------------------------------------------------------------------------- */
 
 struct list {
-	gnutls_x509_crt_t all[DB_CERTIFICATES_MAX];
+	gnutls_x509_crt_t *all;
 	unsigned count;
 };
 
@@ -79,12 +79,10 @@ static bool read_list(struct list *list, const struct db_certificate_file *file,
 	gnutls_datum_t datum = datum_of(file);
 	int result;
 
-	list->count = DB_CERTIFICATES_MAX;
-	result = gnutls_x509_crt_list_import(list->all, &list->count, &datum, format_of(file),
-	                                     GNUTLS_X509_CRT_LIST_IMPORT_FAIL_IF_EXCEED);
-	if (result > 0)
+	*list = (struct list){ .all = NULL };
+	result = gnutls_x509_crt_list_import2(&list->all, &list->count, &datum, format_of(file), 0);
+	if (result >= 0 && list->count > 0)
 		return true;
-	list->count = 0;
 	(void)snprintf(why, DB_CERTIFICATE_WHY, "it has no certificate that can be read: %s",
 	               gnutls_strerror(result < 0 ? result : GNUTLS_E_NO_CERTIFICATE_FOUND));
 	return false;
@@ -94,6 +92,7 @@ static void clear_list(struct list *list)
 {
 	for (unsigned i = 0; i < list->count; i++)
 		gnutls_x509_crt_deinit(list->all[i]);
+	gnutls_free(list->all);
 }
 
 static void write_name(gnutls_x509_crt_t certificate, char name[DB_CERTIFICATE_NAME])
@@ -241,13 +240,25 @@ enum db_certificate_state db_certificate_check_list(const struct db_certificate_
                                                     int64_t now, struct db_certificate_facts *facts,
                                                     char why[DB_CERTIFICATE_WHY])
 {
-	enum db_certificate_state state;
+	bool valid = false;
 	struct list list;
 
 	*facts = (struct db_certificate_facts){ .subject = "" };
 	if (!read_list(&list, file, why))
 		return DB_CERTIFICATE_WRONG;
-	state = check_dates(&list, now, facts, why) ? DB_CERTIFICATE_GOOD : DB_CERTIFICATE_DOUBTFUL;
+	write_name(list.all[0], facts->subject);
+	for (unsigned i = 0; i < list.count; i++) {
+		int64_t begins = gnutls_x509_crt_get_activation_time(list.all[i]);
+		int64_t ends = gnutls_x509_crt_get_expiration_time(list.all[i]);
+
+		valid = valid || (now >= begins && now < ends);
+		if (i == 0 || begins < facts->begins)
+			facts->begins = begins;
+		if (i == 0 || ends > facts->ends)
+			facts->ends = ends;
+	}
+	if (!valid)
+		(void)snprintf(why, DB_CERTIFICATE_WHY, "none of its certificates is valid now");
 	clear_list(&list);
-	return state;
+	return valid ? DB_CERTIFICATE_GOOD : DB_CERTIFICATE_DOUBTFUL;
 }

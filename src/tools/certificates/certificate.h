@@ -18,9 +18,8 @@
 /* "2026-12-04 11:00 UTC" */
 #define DB_CERTIFICATE_DATE 32
 
-/* Most bytes of a file, and most certificates in it. */
-#define DB_CERTIFICATE_FILE_MAX ((size_t)256 * 1024)
-#define DB_CERTIFICATES_MAX 64
+/* Most bytes of a file: a system's list of authorities has some hundred thousand. */
+#define DB_CERTIFICATE_FILE_MAX ((size_t)1024 * 1024)
 
 /* A file in memory. All 0: none. */
 struct db_certificate_file {
@@ -63,7 +62,11 @@ enum db_certificate_state db_certificate_check_pair(const struct db_certificate_
                                                     int64_t now, struct db_certificate_facts *facts,
                                                     char why[DB_CERTIFICATE_WHY]);
 
-/* The same for certificates that others are checked against: their order means nothing. */
+/*
+ * The same for certificates that others are checked against: authorities, say. Their order means
+ * nothing; from the facts' beginning to their end at least one of them is valid, and it is doubtful
+ * when now none is.
+ */
 enum db_certificate_state db_certificate_check_list(const struct db_certificate_file *list,
                                                     int64_t now, struct db_certificate_facts *facts,
                                                     char why[DB_CERTIFICATE_WHY]);

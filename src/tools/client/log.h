@@ -8,6 +8,8 @@
 
 #include "drivebridge/time.h"
 
+#include <stdint.h>
+
 enum db_client_level {
 	DB_CLIENT_ERROR = 3,
 	DB_CLIENT_WARNING = 4,
@@ -33,5 +35,24 @@ struct db_client_log_ration {
 void db_client_log_rationed(struct db_client_log_ration *ration, db_time now,
                             enum db_client_level level, const char *format, ...)
 	__attribute__((format(printf, 4, 5)));
+
+/* The same with a ration of its own for each address, so that the lines that one causes hide no
+ * other's. Bounded: addresses that come when all places are taken within a minute share one. */
+#define DB_CLIENT_LOG_RATION_EACH 10
+#define DB_CLIENT_LOG_PLACES 64
+
+/* All 0 at first. */
+struct db_client_log_rations {
+	struct {
+		uint64_t key; /* 0: free */
+		struct db_client_log_ration ration;
+	} places[DB_CLIENT_LOG_PLACES];
+	struct db_client_log_ration others;
+};
+
+/* `address` as inet_ntop(3) writes it; one of IPv6 counts by its first 64 bits. */
+void db_client_log_rationed_for(struct db_client_log_rations *rations, const char *address,
+                                db_time now, enum db_client_level level, const char *format, ...)
+	__attribute__((format(printf, 5, 6)));
 
 #endif

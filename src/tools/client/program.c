@@ -75,9 +75,9 @@ static int check(const struct db_program *program, const char *path, void *confi
 	if (program->check && !program->check(config))
 		good = false;
 	if (good && program->keeper)
-		(void)printf("%s: it is good; %zu users\n", path, users.count);
+		(void)printf("%s: OK; %zu users\n", path, users.count);
 	else if (good)
-		(void)printf("%s: it is good\n", path);
+		(void)printf("%s: OK\n", path);
 	db_users_clear(&users);
 	return good ? EXIT_SUCCESS : DB_CLIENT_EXIT_CONFIG;
 }
@@ -92,6 +92,7 @@ static int serve(const struct db_program *program, const void *config)
 	(void)sigemptyset(&set);
 	(void)sigaddset(&set, SIGTERM);
 	(void)sigaddset(&set, SIGINT);
+	(void)sigaddset(&set, SIGHUP);
 	/* Before the first thread is created, so that all inherit it. */
 	(void)sigprocmask(SIG_BLOCK, &set, NULL);
 	srand((unsigned)(db_client_wall_us() ^ getpid()));
@@ -163,12 +164,31 @@ end:
 
 /* --- the loop --------------------------------------------------------------------------------- */
 
-int db_program_loop(sd_event *loop, db_program_turn_fn *turn, void *context)
+struct hangup {
+	db_program_renew_fn *renew;
+	void *context;
+};
+
+static int on_hangup(sd_event_source *source, const struct signalfd_siginfo *info, void *data)
 {
+	const struct hangup *hangup = data;
+
+	(void)source;
+	(void)info;
+	hangup->renew(hangup->context);
+	return 0;
+}
+
+int db_program_loop(sd_event *loop, db_program_turn_fn *turn, db_program_renew_fn *renew,
+                    void *context)
+{
+	struct hangup hangup = { .renew = renew, .context = context };
+	sd_event_source *source = NULL;
 	int result = 0;
 
 	if (sd_event_add_signal(loop, NULL, SIGTERM, NULL, NULL) < 0 ||
-	    sd_event_add_signal(loop, NULL, SIGINT, NULL, NULL) < 0) {
+	    sd_event_add_signal(loop, NULL, SIGINT, NULL, NULL) < 0 ||
+	    sd_event_add_signal(loop, &source, SIGHUP, on_hangup, &hangup) < 0) {
 		db_client_log(DB_CLIENT_ERROR, "out of memory");
 		return EXIT_FAILURE;
 	}
@@ -188,6 +208,7 @@ int db_program_loop(sd_event *loop, db_program_turn_fn *turn, void *context)
 		       sd_event_get_state(loop) != SD_EVENT_FINISHED);
 	}
 	(void)sd_notify(0, "STOPPING=1");
+	sd_event_source_disable_unref(source);
 	return result < 0 ? EXIT_FAILURE : EXIT_SUCCESS;
 }
 

@@ -30,7 +30,7 @@ struct db_program {
 	/* What --check has to check in addition; NULL: nothing. False: an error, which is
 	 * printed. */
 	bool (*check)(const void *config);
-	/* Returns the exit status. SIGTERM and SIGINT are blocked. */
+	/* Returns the exit status. SIGTERM, SIGINT and SIGHUP are blocked. */
 	int (*serve)(const void *config, sd_event *loop);
 };
 
@@ -41,9 +41,13 @@ int db_program_main(const struct db_program *program, int argc, char **argv);
  * `us`: microseconds since 1970-01-01 UTC. */
 typedef db_time db_program_turn_fn(void *context, db_time now, int64_t us);
 
+/* SIGHUP: what can be renewed is read again, and what cannot be used is left as it was. */
+typedef void db_program_renew_fn(void *context);
+
 /* Tells systemd that the program is ready, and runs the loop until SIGTERM or SIGINT, with a turn
  * each time something was served or is due. Returns the exit status. */
-int db_program_loop(sd_event *loop, db_program_turn_fn *turn, void *context);
+int db_program_loop(sd_event *loop, db_program_turn_fn *turn, db_program_renew_fn *renew,
+                    void *context);
 
 /* A descriptor that is not served by the loop but in the turn. */
 struct db_waker {

@@ -20,6 +20,8 @@
 typedef enum db_ctl_status db_ctl_function(struct db_ctl *ctl, int count, char **arguments);
 
 enum db_ctl_status db_ctl_address(struct db_ctl *ctl, int count, char **arguments);
+enum db_ctl_status db_ctl_audit(struct db_ctl *ctl, int count, char **arguments);
+enum db_ctl_status db_ctl_audit_verify(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_backup(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_baud(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_bus(struct db_ctl *ctl, int count, char **arguments);

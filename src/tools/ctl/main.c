@@ -36,6 +36,8 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 		{ "past", &ctl->past },
 		{ "list", &ctl->list },
 		{ "help", &ctl->help },
+		{ "refused", &ctl->refused },
+		{ "cef", &ctl->cef },
 	};
 	const struct {
 		const char *name;
@@ -50,6 +52,8 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 		{ "step", &ctl->step },         { "answers", &ctl->answers },
 		{ "state", &ctl->state },       { "for", &ctl->form },
 		{ "host", &ctl->host },         { "ports", &ctl->ports },
+		{ "drive", &ctl->drive },       { "user", &ctl->user },
+		{ "since", &ctl->since },
 	};
 
 	for (size_t i = 0; i < sizeof(flags) / sizeof(flags[0]); i++) {

@@ -60,6 +60,11 @@ struct db_ctl {
 	const char *form;
 	const char *host;
 	const char *ports;
+	const char *drive;
+	const char *user;
+	const char *since;
+	bool refused;
+	bool cef;
 	/* After db_ctl_open(). */
 	struct db_client *client;
 	json_t *description; /* the answer of Describe */

@@ -108,10 +108,8 @@ static json_t *describe_row(const struct row *row)
 static void print_as_json(const struct db_ctl *ctl, const struct row *rows, size_t count, bool well)
 {
 	static const char *const of_configuration[] = {
-		"configuration_state",
-		"configuration_since_us",
-		"configuration_messages",
-		"restart_needed",
+		"configuration_state", "configuration_since_us", "configuration_messages",
+		"restart_needed",      "audit_trouble",
 	};
 	json_t *buses = json_object_get(ctl->description, "buses");
 	json_t *drives = json_array();
@@ -242,6 +240,17 @@ static void print_restart(const struct db_ctl *ctl)
 		             path);
 }
 
+/* A hint: drives and clients do not notice. */
+static void print_audit(const struct db_ctl *ctl)
+{
+	const char *trouble = db_words_text(ctl->description, "audit_trouble");
+
+	if (trouble[0])
+		(void)printf("the audit trail cannot be written: %s; its records are only in the "
+		             "journal\n",
+		             trouble);
+}
+
 static void print_learnt(const struct db_ctl *ctl, const struct row *rows, size_t count)
 {
 	struct db_ctl_learnt *drives = calloc(count + 1, sizeof(*drives));
@@ -287,6 +296,7 @@ static void print_for_people(const struct db_ctl *ctl, const struct row *rows, s
 			"restart it as soon as the drives may stop");
 	print_configuration(ctl, troubles->configuration);
 	print_restart(ctl);
+	print_audit(ctl);
 	json_array_foreach(json_object_get(ctl->description, "buses"), i, bus)
 	{
 		const char *name = db_words_text(bus, "name");

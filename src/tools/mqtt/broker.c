@@ -5,6 +5,7 @@
 #include "mqtt/gate.h"
 #include "mqtt/packet.h"
 #include "mqtt/retry.h"
+#include "mqtt/tls_files.h"
 
 #include <errno.h>
 #include <mosquitto.h>
@@ -35,8 +36,9 @@ struct db_mqtt_broker {
 	struct db_mqtt_outbox *outbox;
 	const struct db_mqtt_broker_ops *ops;
 	void *context;
-	struct mosquitto *client;  /* a new one for each connection */
-	struct db_mqtt_gate *gate; /* of that client; NULL with TLS */
+	struct db_mqtt_tls_files *files; /* NULL without TLS */
+	struct mosquitto *client;        /* a new one for each connection */
+	struct db_mqtt_gate *gate;       /* of that client; NULL with TLS */
 	enum state state;
 	struct db_mqtt_retry retry;
 	db_time give_up_at; /* while it is not connected */
@@ -65,6 +67,13 @@ struct db_mqtt_broker *db_mqtt_broker_new(const struct db_mqtt_config *config, c
 	broker->outbox = outbox;
 	broker->ops = ops;
 	broker->context = context;
+	if (config->tls) {
+		broker->files = db_mqtt_tls_files_new(config);
+		if (!broker->files) {
+			db_mqtt_broker_free(broker);
+			return NULL;
+		}
+	}
 	return broker;
 }
 
@@ -75,6 +84,7 @@ void db_mqtt_broker_free(struct db_mqtt_broker *broker)
 	/* Without a DISCONNECT, so that the broker publishes the will. */
 	mosquitto_destroy(broker->client);
 	db_mqtt_gate_close(broker->gate);
+	db_mqtt_tls_files_free(broker->files);
 	(void)mosquitto_lib_cleanup();
 	free(broker);
 }
@@ -271,10 +281,10 @@ static int set_up(struct db_mqtt_broker *broker)
 		result = mosquitto_username_pw_set(broker->client, config->user,
 		                                   config->password[0] ? config->password : NULL);
 	if (!result && config->tls)
-		result = mosquitto_tls_set(broker->client, config->ca_file, NULL,
-		                           config->certificate_file[0] ? config->certificate_file :
-		                                                         NULL,
-		                           config->key_file[0] ? config->key_file : NULL, NULL);
+		result = mosquitto_tls_set(broker->client,
+		                           db_mqtt_tls_files_authorities(broker->files), NULL,
+		                           db_mqtt_tls_files_certificate(broker->files),
+		                           db_mqtt_tls_files_key(broker->files), NULL);
 	return result;
 }
 
@@ -520,6 +530,22 @@ void db_mqtt_broker_handle(struct db_mqtt_broker *broker, short revents, db_time
 		return;
 	if (broker->state == CONNECTED)
 		send_outbox(broker, now);
+}
+
+void db_mqtt_broker_renew(struct db_mqtt_broker *broker)
+{
+	if (broker->files)
+		db_mqtt_tls_files_renew(broker->files);
+	else
+		db_client_log(DB_CLIENT_NOTICE,
+		              "without tls there is nothing to be read again; the configuration is "
+		              "read at a start");
+}
+
+void db_mqtt_broker_look(struct db_mqtt_broker *broker, int64_t us)
+{
+	if (broker->files)
+		db_mqtt_tls_files_look(broker->files, us);
 }
 
 void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter, int qos)

@@ -35,7 +35,7 @@ struct db_mqtt_broker_stats {
 };
 
 /* `will` is the topic where the broker publishes "offline" when this program is gone. Config and
- * outbox must outlive it. NULL without memory; freed with db_mqtt_broker_free(), NULL is allowed:
+ * outbox must outlive it. NULL without memory, or with a file that cannot be used; freed with db_mqtt_broker_free(), NULL is allowed:
  * then the will is published. */
 struct db_mqtt_broker *db_mqtt_broker_new(const struct db_mqtt_config *config, const char *will,
                                           struct db_mqtt_outbox *outbox,
@@ -48,6 +48,13 @@ db_time db_mqtt_broker_due(const struct db_mqtt_broker *broker);
 
 /* Does the work that is due. `revents` from poll(). */
 void db_mqtt_broker_handle(struct db_mqtt_broker *broker, short revents, db_time now);
+
+/* Reads the files of TLS again, for the next connection; what cannot be used stays as it was. */
+void db_mqtt_broker_renew(struct db_mqtt_broker *broker);
+
+/* To be called now and then: says in the log that the certificate ends. `us`: microseconds since
+ * 1970-01-01 UTC. */
+void db_mqtt_broker_look(struct db_mqtt_broker *broker, int64_t us);
 
 /* Subscribes to messages of this filter, without retained ones. Quality of service 0: each at most
  * once; 1: none is lost while the connection lasts. */

@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "mqtt/config.h"
+#include "certificates/pair.h"
+#include "client/clock.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -39,16 +41,28 @@ static void check_topic(struct db_settings *settings, const char *name, const ch
 			name, text, levels ? "" : ", no /");
 }
 
-static void check_readable(struct db_settings *settings, const char *name, const char *path)
+static void check_tls(struct db_settings *settings, const struct db_mqtt_config *config)
 {
-	FILE *file = path[0] ? fopen(path, "re") : NULL;
+	struct db_certificate_pair pair = { .facts = { .subject = "" } };
+	struct db_certificate_file authorities;
+	char why[DB_CERTIFICATE_WHY] = "";
+	int64_t now = db_client_wall_us() / 1000000;
 
-	if (path[0] && !file)
+	if (!db_certificate_file_read(&authorities, config->ca_file, why) ||
+	    db_certificate_check_list(&authorities, now, &pair.facts, why) == DB_CERTIFICATE_WRONG)
 		db_messages_add_error(settings->messages,
-		                      db_settings_line(settings, "broker", name), "%s = %s: %s",
-		                      name, path, strerror(errno));
-	if (file)
-		(void)fclose(file);
+		                      db_settings_line(settings, "broker", "ca-file"),
+		                      "ca-file = %s: %s", config->ca_file, why);
+	db_certificate_file_clear(&authorities);
+	if (!config->certificate_file[0] || !config->key_file[0])
+		return;
+	if (db_certificate_pair_load(&pair, config->certificate_file, config->key_file, now, why) ==
+	    DB_CERTIFICATE_WRONG)
+		db_messages_add_error(settings->messages,
+		                      db_settings_line(settings, "broker", "certificate-file"),
+		                      "%s", why);
+	db_certificate_pair_clear(&pair);
+	db_settings_check_secret(settings, "broker", "key-file", config->key_file, GROUP);
 }
 
 static void read_password(struct db_settings *settings)
@@ -57,6 +71,10 @@ static void read_password(struct db_settings *settings)
 	FILE *file = config->password_file[0] ? fopen(config->password_file, "re") : NULL;
 	char line[PASSWORD_MAX] = "";
 
+	if (config->password_file[0] && !file)
+		db_messages_add_error(
+			settings->messages, db_settings_line(settings, "broker", "password-file"),
+			"password-file = %s: %s", config->password_file, strerror(errno));
 	if (file) {
 		if (!fgets(line, sizeof(line), file))
 			line[0] = '\0';
@@ -88,10 +106,7 @@ static void check_broker(struct db_settings *settings)
 		                      db_settings_line(settings, "broker", "password-file"),
 		                      "a password needs a user; set user");
 	if (config->tls) {
-		check_readable(settings, "ca-file", config->ca_file);
-		check_readable(settings, "certificate-file", config->certificate_file);
-		check_readable(settings, "key-file", config->key_file);
-		db_settings_check_secret(settings, "broker", "key-file", config->key_file, GROUP);
+		check_tls(settings, config);
 	} else if (config->certificate_file[0]) {
 		db_messages_add_error(settings->messages,
 		                      db_settings_line(settings, "broker", "certificate-file"),
@@ -101,7 +116,6 @@ static void check_broker(struct db_settings *settings)
 		                        db_settings_line(settings, "broker", "password-file"),
 		                        "without tls the password goes over the network as it is");
 	}
-	check_readable(settings, "password-file", config->password_file);
 	db_settings_check_secret(settings, "broker", "password-file", config->password_file, GROUP);
 	read_password(settings);
 }

@@ -3,6 +3,8 @@
  * drivebridge-mqtt: publishes drives' values to an MQTT broker, and takes commands from there if
  * allowed. It is a client of the control socket of drivebridged and of nothing else.
  */
+#include "certificates/pair.h"
+#include "client/clock.h"
 #include "client/log.h"
 #include "client/program.h"
 #include "mqtt/publisher.h"
@@ -21,11 +23,21 @@ static int serve(const void *config, sd_event *loop)
 	(void)setenv("RES_OPTIONS", "timeout:1 attempts:1", 0);
 	publisher = db_mqtt_publisher_new(loop, config);
 	if (publisher)
-		status = db_program_loop(loop, db_mqtt_publisher_turn, publisher);
+		status = db_program_loop(loop, db_mqtt_publisher_turn, db_mqtt_publisher_renew,
+		                         publisher);
 	else
-		db_client_log(DB_CLIENT_ERROR, "out of memory");
+		db_client_log(DB_CLIENT_ERROR, "it cannot be started");
 	db_mqtt_publisher_free(publisher);
 	return status;
+}
+
+static bool check_files(const void *values)
+{
+	const struct db_mqtt_config *config = values;
+
+	return !config->tls || !config->certificate_file[0] ||
+	       db_certificate_pair_check(config->certificate_file, config->key_file,
+	                                 db_client_wall_us() / 1000000, stderr);
 }
 
 int main(int argc, char **argv)
@@ -35,9 +47,10 @@ int main(int argc, char **argv)
 		.path = CONFIG_PATH,
 		.usage = "usage: drivebridge-mqtt [--config FILE] [--check]\n"
 			 "  --config FILE  what to publish where; " CONFIG_PATH " when not given\n"
-			 "  --check        check the file and end\n"
+			 "  --check        check the file and the certificate, and end\n"
 			 "  --help, --version\n",
 		.form = &db_mqtt_form,
+		.check = check_files,
 		.serve = serve,
 	};
 

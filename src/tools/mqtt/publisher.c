@@ -262,7 +262,7 @@ static void on_found(void *context, json_t *description, const struct db_plant_d
 			"belong to the service's act-group (see drivebridge-mqtt(8))");
 		publisher->warned = true;
 	}
-	db_client_log(DB_CLIENT_NOTICE, "drivebridged %s is there, drives: %zu",
+	db_client_log(DB_CLIENT_NOTICE, "connected to drivebridged %s; drives: %zu",
 	              version ? version : "", publisher->picture_count);
 	subscribe(publisher, drives, count);
 }
@@ -591,6 +591,13 @@ void db_mqtt_publisher_free(struct db_mqtt_publisher *publisher)
 	free(publisher);
 }
 
+void db_mqtt_publisher_renew(void *context)
+{
+	struct db_mqtt_publisher *publisher = context;
+
+	db_mqtt_broker_renew(publisher->broker);
+}
+
 db_time db_mqtt_publisher_turn(void *context, db_time now, int64_t us)
 {
 	struct db_mqtt_publisher *publisher = context;
@@ -599,7 +606,7 @@ db_time db_mqtt_publisher_turn(void *context, db_time now, int64_t us)
 	db_time due;
 	db_time broker_due;
 
-	(void)us;
+	db_mqtt_broker_look(publisher->broker, us);
 	due = db_plant_tend(publisher->plant, now);
 	if (now >= publisher->figures_at)
 		publish_figures(publisher);

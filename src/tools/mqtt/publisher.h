@@ -12,11 +12,14 @@
 
 struct db_mqtt_publisher;
 
-/* `config` must outlive it. NULL without memory; freed with db_mqtt_publisher_free(), NULL is
- * allowed. */
+/* `config` must outlive it. NULL without memory, or with a file of TLS that cannot be used;
+ * freed with db_mqtt_publisher_free(), NULL is allowed. */
 struct db_mqtt_publisher *db_mqtt_publisher_new(sd_event *loop,
                                                 const struct db_mqtt_config *config);
 void db_mqtt_publisher_free(struct db_mqtt_publisher *publisher);
+
+/* As db_program_renew_fn, with the publisher as its context. */
+void db_mqtt_publisher_renew(void *context);
 
 /* As db_program_turn_fn, with the publisher as its context. */
 db_time db_mqtt_publisher_turn(void *context, db_time now, int64_t us);

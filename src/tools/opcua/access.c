@@ -46,7 +46,8 @@ struct db_opcua_access {
 	struct db_attempts attempts;
 	bool wrong
 		[2]; /* a wrong password in this round, of connections that are not signed or are */
-	struct db_client_log_ration lines; /* for logins without a user, and as readers */
+	struct db_certificate_pair own;     /* the server's certificate */
+	struct db_client_log_rations lines; /* for logins without a user, and as readers */
 	uint64_t users_stamp; /* of the file of users when sessions were last checked against it */
 	UA_Server *server;    /* NULL before the server exists */
 	struct waiting waiting[DB_OPCUA_NETWORK_PLACES];
@@ -80,6 +81,8 @@ void db_opcua_access_free(struct db_opcua_access *access)
 		UA_NodeId_clear(&access->sessions[i].id);
 	for (size_t i = 0; access && i < DB_OPCUA_NETWORK_PLACES; i++)
 		UA_NodeId_clear(&access->waiting[i].id);
+	if (access)
+		db_certificate_pair_clear(&access->own);
 	free(access);
 }
 
@@ -284,9 +287,11 @@ static struct db_opcua_session *add_session(struct db_opcua_access *access, cons
 	if (!session)
 		return NULL;
 	if (session->number != 0) {
-		db_client_log_rationed(&access->lines, db_client_now(), DB_CLIENT_NOTICE,
-		                       "%s: closed: others need the session's place",
-		                       session->label);
+		db_client_log_rationed_for(
+			&access->lines,
+			db_opcua_network_address(access->network, session->connection),
+			db_client_now(), DB_CLIENT_NOTICE,
+			"%s: closed: others need the session's place", session->label);
 		/* This frees the place. */
 		(void)UA_Server_closeSession(access->server, &session->id);
 	}
@@ -444,10 +449,10 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 			access->left(access->context, session->number);
 	}
 	if (status != UA_STATUSCODE_GOOD) {
-		db_client_log_rationed(&access->lines, db_client_now(), DB_CLIENT_WARNING,
-		                       "%s: not logged in: %s: %s", address,
-		                       user[0] ? user : "without a user",
-		                       UA_StatusCode_name(status));
+		db_client_log_rationed_for(&access->lines, address, db_client_now(),
+		                           DB_CLIENT_WARNING, "%s: not logged in: %s: %s", address,
+		                           user[0] ? user : "without a user",
+		                           UA_StatusCode_name(status));
 		return status;
 	}
 	session->connection = connection;
@@ -461,8 +466,9 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	if (role == DB_ROLE_OPERATOR)
 		db_client_log(DB_CLIENT_INFO, "%s: logged in as operator", session->label);
 	else
-		db_client_log_rationed(&access->lines, db_client_now(), DB_CLIENT_INFO,
-		                       "%s: logged in as %s", session->label, db_role_name(role));
+		db_client_log_rationed_for(&access->lines, address, db_client_now(), DB_CLIENT_INFO,
+		                           "%s: logged in as %s", session->label,
+		                           db_role_name(role));
 	return UA_STATUSCODE_GOOD;
 }
 
@@ -675,10 +681,9 @@ static UA_StatusCode add_policies(UA_ServerConfig *settings, const UA_ByteString
 
 UA_StatusCode db_opcua_access_set_up(struct db_opcua_access *access, UA_ServerConfig *settings)
 {
-	UA_ByteString certificate;
-	UA_ByteString key;
-	UA_StatusCode status = db_opcua_security_load(access->config, settings->logging,
-	                                              &certificate, &key);
+	UA_StatusCode status = db_opcua_security_load(access->config, &access->own);
+	UA_ByteString certificate = db_opcua_security_bytes(&access->own.certificate);
+	UA_ByteString key = db_opcua_security_bytes(&access->own.key);
 
 	if (status == UA_STATUSCODE_GOOD &&
 	    !db_users_hash("nobody", access->nobody, sizeof(access->nobody)))
@@ -692,8 +697,36 @@ UA_StatusCode db_opcua_access_set_up(struct db_opcua_access *access, UA_ServerCo
 	if (status == UA_STATUSCODE_GOOD)
 		status = add_policies(settings, &certificate, &key,
 		                      access->config->none == DB_OPCUA_READ);
-	UA_ByteString_memZero(&key);
-	UA_ByteString_clear(&key);
-	UA_ByteString_clear(&certificate);
 	return status;
+}
+
+void db_opcua_access_renew(struct db_opcua_access *access)
+{
+	UA_ServerConfig *settings = UA_Server_getConfig(access->server);
+	UA_StatusCode status = UA_STATUSCODE_GOOD;
+	UA_ByteString certificate;
+	UA_ByteString key;
+
+	if (!db_opcua_security_renew(access->config, &access->own))
+		return;
+	certificate = db_opcua_security_bytes(&access->own.certificate);
+	key = db_opcua_security_bytes(&access->own.key);
+	/* The library's own function for this looks for the former certificate in the endpoints,
+	 * which have none of their own (seen in 1.4.11): they show that of their policy. Sessions
+	 * and their channels go on. */
+	for (size_t i = 0; status == UA_STATUSCODE_GOOD && i < settings->securityPoliciesSize;
+	     i++) {
+		UA_SecurityPolicy *policy = &settings->securityPolicies[i];
+
+		status = policy->updateCertificateAndPrivateKey(policy, certificate, key);
+	}
+	if (status != UA_STATUSCODE_GOOD)
+		db_client_log(DB_CLIENT_ERROR,
+		              "the certificate cannot be changed: %s; restart this program",
+		              UA_StatusCode_name(status));
+}
+
+void db_opcua_access_look(struct db_opcua_access *access, int64_t us)
+{
+	db_opcua_security_look(access->config, &access->own, us);
 }

@@ -55,6 +55,14 @@ void db_opcua_access_free(struct db_opcua_access *access);
 /* Sets policies, endpoints, certificates and rights in the configuration of a new server. */
 UA_StatusCode db_opcua_access_set_up(struct db_opcua_access *access, UA_ServerConfig *settings);
 
+/* Reads the server's certificate again: channels that are opened from now on have it, if it can be
+ * used. */
+void db_opcua_access_renew(struct db_opcua_access *access);
+
+/* To be called now and then: says in the log that it ends. `us`: microseconds since 1970-01-01
+ * UTC. */
+void db_opcua_access_look(struct db_opcua_access *access, int64_t us);
+
 /* From now on new sessions of the server are noticed. */
 UA_StatusCode db_opcua_access_watch(struct db_opcua_access *access, UA_Server *server);
 

@@ -5,6 +5,7 @@
  */
 #include "client/program.h"
 #include "opcua/access.h"
+#include "opcua/security.h"
 #include "opcua/server.h"
 
 #include <stdlib.h>
@@ -14,10 +15,17 @@
 static int serve(const void *config, sd_event *loop)
 {
 	struct db_opcua_server *server = db_opcua_server_new(loop, config);
-	int status = server ? db_program_loop(loop, db_opcua_server_turn, server) : EXIT_FAILURE;
+	int status = server ? db_program_loop(loop, db_opcua_server_turn, db_opcua_server_renew,
+	                                      server) :
+	                      EXIT_FAILURE;
 
 	db_opcua_server_free(server);
 	return status;
+}
+
+static bool check_certificate(const void *config)
+{
+	return db_opcua_security_check(config);
 }
 
 int main(int argc, char **argv)
@@ -31,7 +39,7 @@ int main(int argc, char **argv)
 			"       drivebridge-opcua [--config FILE] --remove-user NAME\n"
 			"  --config FILE       what to serve to whom; " CONFIG_PATH
 			" when not given\n"
-			"  --check             check the file and the users, and end\n"
+			"  --check             check the file, the users and the certificate, and end\n"
 			"  --add-user NAME     make a user, or give one another password and role;\n"
 			"                      the password is asked for, or a line of standard input\n"
 			"  --remove-user NAME  take a user away\n"
@@ -39,6 +47,7 @@ int main(int argc, char **argv)
 		.form = &db_opcua_form,
 		.keeper = &db_opcua_keeper,
 		.users_at = offsetof(struct db_opcua_config, users),
+		.check = check_certificate,
 		.serve = serve,
 	};
 

@@ -80,7 +80,7 @@ struct db_opcua_network {
 	db_opcua_served_fn *served;
 	void *context;
 	db_time now; /* of this turn */
-	struct db_client_log_ration lines;
+	struct db_client_log_rations lines;
 	struct db_client_log_ration library_lines;
 	uintptr_t current;
 	bool busy; /* bytes arrived or a connection ended in this turn */
@@ -416,8 +416,9 @@ static ssize_t send_now(uintptr_t id, const void *bytes, size_t size)
 
 static void log_dropped(struct db_opcua_network *network, const struct connection *connection)
 {
-	db_client_log_rationed(&network->lines, network->now, DB_CLIENT_WARNING,
-	                       "%s: dropped: it does not read its answers", connection->address);
+	db_client_log_rationed_for(&network->lines, connection->address, network->now,
+	                           DB_CLIENT_WARNING, "%s: dropped: it does not read its answers",
+	                           connection->address);
 }
 
 static bool keep_rest(const struct db_opcua_network *network, struct connection *connection,
@@ -656,9 +657,9 @@ void db_opcua_network_flush(struct db_opcua_network *network, db_time now)
 		if (connection->out && !connection->closing)
 			flush_connection(network, connection);
 		if (is_stranger(connection) && now - connection->since >= LOGIN_MAX) {
-			db_client_log_rationed(&network->lines, now, DB_CLIENT_INFO,
-			                       "%s: closed: nobody has logged in over it",
-			                       connection->address);
+			db_client_log_rationed_for(
+				&network->lines, connection->address, now, DB_CLIENT_INFO,
+				"%s: closed: nobody has logged in over it", connection->address);
 			drop_connection(network, connection);
 		}
 	}

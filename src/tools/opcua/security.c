@@ -1,14 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/security.h"
-#include "opcua/values.h"
 
+#include "certificates/own.h"
 #include "client/clock.h"
 #include "client/log.h"
 
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <open62541/plugin/create_certificate.h>
 #include <open62541/plugin/pki_default.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,9 +16,8 @@
 #include <time.h>
 #include <unistd.h>
 
-#define KEY_BITS 2048
-#define DAYS (20 * 365)
-#define FILE_MAX 65536
+/* Of the own certificate: clients have to trust the next one anew. */
+#define DAYS (5 * 365)
 
 /* Most kept certificates of clients that are not trusted, and the shortest interval between two: so
  * a client that sends many does not wear out the disk. */
@@ -40,30 +38,15 @@ static struct path path_of(const struct db_opcua_config *config, const char *fol
 	return path;
 }
 
-/* --- files ------------------------------------------------------------------------------------ */
-
-static UA_StatusCode read_file(const char *path, UA_ByteString *bytes)
+static int64_t wall_s(void)
 {
-	int fd = open(path, O_RDONLY | O_CLOEXEC);
-	struct stat status;
-	UA_StatusCode result = UA_STATUSCODE_BADNOTFOUND;
-
-	if (fd >= 0 && fstat(fd, &status) == 0 && status.st_size > 0 &&
-	    status.st_size <= FILE_MAX) {
-		result = UA_ByteString_allocBuffer(bytes, (size_t)status.st_size);
-		if (result == UA_STATUSCODE_GOOD &&
-		    read(fd, bytes->data, bytes->length) != (ssize_t)bytes->length) {
-			UA_ByteString_clear(bytes);
-			result = UA_STATUSCODE_BADNOTREADABLE;
-		}
-	}
-	if (fd >= 0)
-		(void)close(fd);
-	return result;
+	return db_client_wall_us() / 1000000;
 }
 
+/* --- files ------------------------------------------------------------------------------------ */
+
 /* Atomically; synchronized to the disk only where that is worth its time. */
-static bool write_file(const char *path, const UA_ByteString *bytes, mode_t mode, bool for_good)
+static bool write_file(const char *path, const void *bytes, size_t size, mode_t mode, bool for_good)
 {
 	char other[340];
 	int fd;
@@ -71,8 +54,7 @@ static bool write_file(const char *path, const UA_ByteString *bytes, mode_t mode
 
 	(void)snprintf(other, sizeof(other), "%s.new", path);
 	fd = open(other, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, mode);
-	good = fd >= 0 && write(fd, bytes->data, bytes->length) == (ssize_t)bytes->length &&
-	       (!for_good || fsync(fd) == 0);
+	good = fd >= 0 && write(fd, bytes, size) == (ssize_t)size && (!for_good || fsync(fd) == 0);
 	if (fd >= 0)
 		good = close(fd) == 0 && good;
 	good = good && rename(other, path) == 0;
@@ -100,67 +82,94 @@ static bool make_folders(const struct db_opcua_config *config)
 
 /* --- the server's own ------------------------------------------------------------------------- */
 
-static UA_StatusCode make_certificate(const struct db_opcua_config *config, const UA_Logger *logger,
-                                      UA_ByteString *certificate, UA_ByteString *key)
+static bool make_own(const struct db_opcua_config *config, const char *certificate_path,
+                     const char *key_path)
 {
+	struct db_certificate_file certificate;
+	struct db_certificate_file key;
 	char name[96];
-	char host[96];
 	char uri[128];
-	UA_UInt16 bits = KEY_BITS;
-	UA_UInt16 days = DAYS;
-	UA_KeyValuePair pairs[2] = {
-		{ .key = { .name = UA_STRING_STATIC("key-size-bits") } },
-		{ .key = { .name = UA_STRING_STATIC("expires-in-days") } },
-	};
-	UA_KeyValueMap options = { .map = pairs, .mapSize = 2 };
-	UA_String subject[2];
-	UA_String others[2];
+	char why[DB_CERTIFICATE_WHY];
+	struct db_certificate_wish wish = { .name = name,
+		                            .organization = "drivebridge",
+		                            .host = config->gateway,
+		                            .uri = uri,
+		                            .days = DAYS };
+	bool made;
+	bool good;
 
-	UA_Variant_setScalar(&pairs[0].value, &bits, &UA_TYPES[UA_TYPES_UINT16]);
-	UA_Variant_setScalar(&pairs[1].value, &days, &UA_TYPES[UA_TYPES_UINT16]);
-	(void)snprintf(name, sizeof(name), "CN=drivebridge on %s", config->gateway);
-	(void)snprintf(host, sizeof(host), "DNS:%s", config->gateway);
-	(void)snprintf(uri, sizeof(uri), "URI:urn:%s:drivebridge", config->gateway);
-	subject[0] = db_opcua_string(name);
-	subject[1] = db_opcua_string("O=drivebridge");
-	others[0] = db_opcua_string(host);
-	others[1] = db_opcua_string(uri);
-	return UA_CreateCertificate(logger, subject, 2, others, 2, UA_CERTIFICATEFORMAT_DER,
-	                            &options, key, certificate);
+	(void)snprintf(name, sizeof(name), "drivebridge on %s", config->gateway);
+	(void)snprintf(uri, sizeof(uri), "urn:%s:drivebridge", config->gateway);
+	made = db_certificate_make_own(&wish, wall_s(), &certificate, &key, why);
+	if (!made)
+		db_client_log(DB_CLIENT_ERROR, "no certificate can be made: %s", why);
+	good = made && write_file(key_path, key.bytes, key.size, 0600, true) &&
+	       write_file(certificate_path, certificate.bytes, certificate.size, 0644, true);
+	if (good)
+		db_client_log(DB_CLIENT_NOTICE, "a certificate was made: %s", certificate_path);
+	db_certificate_file_clear(&certificate);
+	db_certificate_file_clear(&key);
+	return good;
 }
 
-UA_StatusCode db_opcua_security_load(const struct db_opcua_config *config, const UA_Logger *logger,
-                                     UA_ByteString *certificate, UA_ByteString *key)
+UA_StatusCode db_opcua_security_load(const struct db_opcua_config *config,
+                                     struct db_certificate_pair *own)
 {
-	struct path certificate_path = path_of(config, "own", "cert.der");
-	struct path key_path = path_of(config, "own", "key.der");
-	UA_StatusCode status;
+	struct path certificate = path_of(config, "own", "cert.der");
+	struct path key = path_of(config, "own", "key.der");
+	bool has_certificate = access(certificate.text, F_OK) == 0;
+	char why[DB_CERTIFICATE_WHY];
+	enum db_certificate_state state;
 
-	UA_ByteString_init(certificate);
-	UA_ByteString_init(key);
+	*own = (struct db_certificate_pair){ .facts = { .subject = "" } };
 	if (!make_folders(config))
 		return UA_STATUSCODE_BADNOTWRITABLE;
-	if (read_file(certificate_path.text, certificate) == UA_STATUSCODE_GOOD &&
-	    read_file(key_path.text, key) == UA_STATUSCODE_GOOD)
-		return UA_STATUSCODE_GOOD;
-	UA_ByteString_clear(certificate);
 	/* One file without the other is an accident, and clients trust the former certificate: make
 	 * no new one. */
-	if (access(certificate_path.text, F_OK) == 0 || access(key_path.text, F_OK) == 0) {
+	if (has_certificate != (access(key.text, F_OK) == 0)) {
 		db_client_log(DB_CLIENT_ERROR,
 		              "%s and %s must both be readable; without both new ones are made",
-		              certificate_path.text, key_path.text);
+		              certificate.text, key.text);
 		return UA_STATUSCODE_BADNOTREADABLE;
 	}
-	status = make_certificate(config, logger, certificate, key);
-	if (status == UA_STATUSCODE_GOOD &&
-	    (!write_file(key_path.text, key, 0600, true) ||
-	     !write_file(certificate_path.text, certificate, 0644, true)))
-		status = UA_STATUSCODE_BADNOTWRITABLE;
-	if (status == UA_STATUSCODE_GOOD)
-		db_client_log(DB_CLIENT_NOTICE, "a certificate was made: %s",
-		              certificate_path.text);
-	return status;
+	if (!has_certificate && !make_own(config, certificate.text, key.text))
+		return UA_STATUSCODE_BADNOTWRITABLE;
+	state = db_certificate_pair_load(own, certificate.text, key.text, wall_s(), why);
+	if (state != DB_CERTIFICATE_GOOD)
+		db_client_log(state == DB_CERTIFICATE_WRONG ? DB_CLIENT_ERROR : DB_CLIENT_WARNING,
+		              "%s", why);
+	return state == DB_CERTIFICATE_WRONG ? UA_STATUSCODE_BADNOTREADABLE : UA_STATUSCODE_GOOD;
+}
+
+bool db_opcua_security_renew(const struct db_opcua_config *config, struct db_certificate_pair *own)
+{
+	struct path certificate = path_of(config, "own", "cert.der");
+	struct path key = path_of(config, "own", "key.der");
+
+	return db_certificate_pair_renew(own, certificate.text, key.text, wall_s(),
+	                                 "each new connection");
+}
+
+void db_opcua_security_look(const struct db_opcua_config *config, struct db_certificate_pair *own,
+                            int64_t us)
+{
+	struct path certificate = path_of(config, "own", "cert.der");
+
+	db_certificate_pair_look(own, certificate.text, us / 1000000);
+}
+
+bool db_opcua_security_check(const struct db_opcua_config *config)
+{
+	struct path certificate = path_of(config, "own", "cert.der");
+	struct path key = path_of(config, "own", "key.der");
+
+	return (access(certificate.text, F_OK) != 0 && access(key.text, F_OK) != 0) ||
+	       db_certificate_pair_check(certificate.text, key.text, wall_s(), stderr);
+}
+
+UA_ByteString db_opcua_security_bytes(const struct db_certificate_file *file)
+{
+	return (UA_ByteString){ .length = file->size, .data = (UA_Byte *)file->bytes };
 }
 
 /* --- trust ------------------------------------------------------------------------------------ */
@@ -233,7 +242,7 @@ static void keep_rejected(struct guard *guard, const UA_ByteString *certificate,
 		}
 		guard->kept = now;
 		make_room(guard->config);
-		(void)write_file(path.text, certificate, 0640, false);
+		(void)write_file(path.text, certificate->data, certificate->length, 0640, false);
 	}
 	db_client_log_rationed(
 		&guard->lines, db_client_now(), DB_CLIENT_WARNING,

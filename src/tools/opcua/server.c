@@ -417,13 +417,20 @@ static void serve(struct db_opcua_server *server)
 	(void)UA_Server_run_iterate(server->library, false);
 }
 
+void db_opcua_server_renew(void *context)
+{
+	struct db_opcua_server *server = context;
+
+	db_opcua_access_renew(server->access);
+}
+
 db_time db_opcua_server_turn(void *context, db_time now, int64_t us)
 {
 	struct db_opcua_server *server = context;
 	db_time due;
 	db_time other;
 
-	(void)us;
+	db_opcua_access_look(server->access, us);
 	(void)db_waker_take(&server->network_waker);
 	due = db_opcua_plant_tend(server->plant, now);
 	db_opcua_acting_begin(server->acting, now);

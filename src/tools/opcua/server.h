@@ -18,6 +18,9 @@ struct db_opcua_server;
 struct db_opcua_server *db_opcua_server_new(sd_event *loop, const struct db_opcua_config *config);
 void db_opcua_server_free(struct db_opcua_server *server);
 
+/* As db_program_renew_fn, with the server as its context. */
+void db_opcua_server_renew(void *context);
+
 /* As db_program_turn_fn, with the server as its context. */
 db_time db_opcua_server_turn(void *context, db_time now, int64_t us);
 

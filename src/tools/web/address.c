@@ -48,6 +48,15 @@ void db_web_address_write(const struct db_web_address *address, char text[DB_WEB
 		text[0] = '\0';
 }
 
+struct db_web_address db_web_address_prefix(const struct db_web_address *address)
+{
+	struct db_web_address prefix = *address;
+
+	if (!is_v4(address))
+		memset(prefix.bytes + 8, 0, 8);
+	return prefix;
+}
+
 bool db_web_address_is_local(const struct db_web_address *address)
 {
 	static const struct db_web_address loopback = { { [15] = 1 } };

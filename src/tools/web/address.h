@@ -20,6 +20,10 @@ bool db_web_address_parse(const char *text, struct db_web_address *address);
 #define DB_WEB_ADDRESS_TEXT INET6_ADDRSTRLEN
 void db_web_address_write(const struct db_web_address *address, char text[DB_WEB_ADDRESS_TEXT]);
 
+/* What one machine may have to itself: the first 64 bits of IPv6, a whole address of IPv4. The rest
+ * is 0. */
+struct db_web_address db_web_address_prefix(const struct db_web_address *address);
+
 /* True for a loopback address. */
 bool db_web_address_is_local(const struct db_web_address *address);
 

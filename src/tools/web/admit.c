@@ -43,14 +43,17 @@ static void find_peer(struct db_web_request *request, const char *forwarded)
 
 	if (!info || !db_web_address_of(info->client_addr, &request->address))
 		memset(&request->address, 0, sizeof(request->address));
-	request->secure = config->certificate;
+	request->secure = config->tls;
 	if (!db_web_networks_have(&config->proxies, &request->address))
 		return;
 	last = forwarded ? strrchr(forwarded, ',') : NULL;
 	last = last ? last + 1 + strspn(last + 1, " ") : forwarded;
 	/* Only the last entry is the proxy's; the client can forge the entries before it. */
-	if (last && db_web_address_parse(last, &told))
+	if (last && db_web_address_parse(last, &told)) {
+		request->proxy = request->address;
+		request->proxied = true;
 		request->address = told;
+	}
 	scheme = head(request, "X-Forwarded-Proto");
 	if (scheme && strcmp(scheme, "https") == 0)
 		request->secure = true;

@@ -3,36 +3,71 @@
 
 #include <string.h>
 
-static const struct db_attempts_limit limit = { .most = DB_WEB_ATTEMPTS_AT_ONCE,
-	                                        .every = DB_WEB_ATTEMPT_EVERY };
+/* What an attempt counts for. */
+struct counter {
+	uint64_t key;
+	struct db_attempts_limit limit;
+};
 
-static uint64_t key_of_address(const struct db_attempts *attempts,
-                               const struct db_web_address *address)
+#define COUNTERS_MAX 3
+
+static size_t find_counters(const struct db_attempts *attempts,
+                            const struct db_web_attempt *attempt,
+                            struct counter counters[COUNTERS_MAX])
 {
-	static const unsigned char v4_prefix[12] = { [10] = 0xFF, [11] = 0xFF };
-	bool v4 = memcmp(address->bytes, v4_prefix, sizeof(v4_prefix)) == 0;
+	static const struct db_attempts_limit own = { .most = DB_WEB_ATTEMPTS_AT_ONCE,
+		                                      .every = DB_WEB_ATTEMPT_EVERY };
+	static const struct db_attempts_limit user = { .most = DB_WEB_ATTEMPTS_AT_ONCE,
+		                                       .every = DB_WEB_ATTEMPT_USER_EVERY };
+	static const struct db_attempts_limit proxy = { .most = DB_WEB_ATTEMPTS_PROXY_AT_ONCE,
+		                                        .every = DB_WEB_ATTEMPT_PROXY_EVERY };
+	struct db_web_address prefix = db_web_address_prefix(&attempt->address);
+	size_t count = 0;
 
-	return db_attempts_key(attempts, 'a', address->bytes, v4 ? 16 : 8);
+	if (attempt->device[0] != '\0') {
+		counters[count++] = (struct counter){
+			db_attempts_key(attempts, 'd', attempt->device, strlen(attempt->device)),
+			own
+		};
+		return count;
+	}
+	counters[count++] = (struct counter){
+		db_attempts_key(attempts, 'a', prefix.bytes, sizeof(prefix.bytes)), own
+	};
+	counters[count++] = (struct counter){
+		db_attempts_key(attempts, 'u', attempt->user, strlen(attempt->user)), user
+	};
+	if (attempt->proxy)
+		counters[count++] = (struct counter){ db_attempts_key(
+							      attempts, 'p', attempt->proxy->bytes,
+							      sizeof(attempt->proxy->bytes)),
+			                              proxy };
+	return count;
 }
 
-db_time db_web_attempts_take(struct db_attempts *attempts, const struct db_web_address *address,
-                             const char *user, db_time now)
+db_time db_web_attempts_take(struct db_attempts *attempts, const struct db_web_attempt *attempt,
+                             db_time now)
 {
-	uint64_t by_address = key_of_address(attempts, address);
-	uint64_t by_user = db_attempts_key(attempts, 'u', user, strlen(user));
-	db_time wait = db_attempts_wait(attempts, by_address, limit, now);
-	db_time other = db_attempts_wait(attempts, by_user, limit, now);
+	struct counter counters[COUNTERS_MAX];
+	size_t count = find_counters(attempts, attempt, counters);
+	db_time longest = 0;
 
-	if (wait > 0 || other > 0)
-		return other > wait ? other : wait;
-	db_attempts_count(attempts, by_address, by_user, limit, now);
-	db_attempts_count(attempts, by_user, by_address, limit, now);
-	return 0;
+	for (size_t i = 0; i < count; i++) {
+		db_time wait = db_attempts_wait(attempts, counters[i].key, counters[i].limit, now);
+
+		longest = wait > longest ? wait : longest;
+	}
+	for (size_t i = 0; i < count && longest == 0; i++)
+		db_attempts_count(attempts, counters[i].key,
+		                  counters[i > 0 ? i - 1 : count - 1].key, counters[i].limit, now);
+	return longest;
 }
 
-void db_web_attempts_give_back(struct db_attempts *attempts, const struct db_web_address *address,
-                               const char *user)
+void db_web_attempts_give_back(struct db_attempts *attempts, const struct db_web_attempt *attempt)
 {
-	db_attempts_give_back(attempts, key_of_address(attempts, address), limit);
-	db_attempts_give_back(attempts, db_attempts_key(attempts, 'u', user, strlen(user)), limit);
+	struct counter counters[COUNTERS_MAX];
+	size_t count = find_counters(attempts, attempt, counters);
+
+	for (size_t i = 0; i < count; i++)
+		db_attempts_give_back(attempts, counters[i].key, counters[i].limit);
 }

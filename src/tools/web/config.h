@@ -3,6 +3,7 @@
 #ifndef DRIVEBRIDGE_WEB_CONFIG_H
 #define DRIVEBRIDGE_WEB_CONFIG_H
 
+#include "certificates/pair.h"
 #include "reader/settings.h"
 #include "users/users.h"
 
@@ -24,6 +25,7 @@ struct db_web_config {
 	char *page;
 	unsigned connections;
 	unsigned connections_per_address;
+	unsigned hsts_days;
 
 	char *users_file;
 	unsigned read;
@@ -32,14 +34,13 @@ struct db_web_config {
 
 	struct db_setting_list metrics_allow;
 
-	char *certificate; /* contents of the files; NULL: no TLS */
-	char *key;
+	bool tls; /* there is a certificate */
 };
 
 /* The table of all keys, the source of docs/web-keys.csv and the manual page. */
 extern const struct db_setting db_web_keys[];
 
-/* For db_settings_load() of a struct db_web_config. Reads the certificate that it names, too. */
+/* For db_settings_load() of a struct db_web_config. Looks at the certificate that it names, too. */
 extern const struct db_settings_form db_web_form;
 
 #endif

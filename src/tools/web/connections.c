@@ -12,8 +12,12 @@ struct db_web_connections {
 	struct db_web_connection places[]; /* `most`, and those that are leaving */
 };
 
-/* Which connection is closed first; the highest rank never is. */
-enum rank { HEADLESS, STRANGER, IDLE, STAYS };
+/* Ticks until a first request has to be there, and when places run short. */
+#define PATIENCE 100
+#define PATIENCE_SHORT 20
+
+/* Which connection is closed first; the highest rank never is. Up to WAITING nobody is logged in. */
+enum rank { HEADLESS, STRANGER, WAITING, IDLE, STAYS };
 
 static size_t places(const struct db_web_connections *connections)
 {
@@ -53,7 +57,7 @@ static enum rank rank_of(const struct db_web_connection *connection)
 	if (!connection->heard)
 		return HEADLESS;
 	if (!connection->known)
-		return connection->waits ? STAYS : STRANGER;
+		return connection->waits ? WAITING : STRANGER;
 	return connection->busy ? STAYS : IDLE;
 }
 
@@ -71,9 +75,11 @@ static unsigned count_of(const struct db_web_connections *connections,
 	return count;
 }
 
-/* The connection of this address, or of all with NULL, to close first; NULL: none may be closed. */
+/* The connection of this address, or of all with NULL, to close first, of those with at most this
+ * rank; NULL: there is none. */
 static struct db_web_connection *find_leaver(struct db_web_connections *connections,
-                                             const struct db_web_address *address)
+                                             const struct db_web_address *address,
+                                             enum rank highest)
 {
 	struct db_web_connection *leaver = NULL;
 	enum rank rank = STAYS;
@@ -86,7 +92,7 @@ static struct db_web_connection *find_leaver(struct db_web_connections *connecti
 		    rank_of(one) < rank)
 			rank = rank_of(one);
 	}
-	for (size_t i = 0; rank < STAYS && i < places(connections); i++) {
+	for (size_t i = 0; rank <= highest && i < places(connections); i++) {
 		struct db_web_connection *one = &connections->places[i];
 		unsigned count;
 
@@ -111,27 +117,48 @@ bool db_web_connections_admit(struct db_web_connections *connections,
                               const struct db_web_address *address, bool counted,
                               struct db_web_connection **leaver)
 {
+	struct db_web_address prefix = db_web_address_prefix(address);
 	unsigned there = 0;
 	unsigned alike = 0;
+	unsigned strangers = 0;
 
 	*leaver = NULL;
 	for (size_t i = 0; i < places(connections); i++) {
 		const struct db_web_connection *one = &connections->places[i];
 
-		there += is_there(one);
-		alike += is_there(one) && one->counted && is_same(&one->address, address);
+		if (!is_there(one))
+			continue;
+		there++;
+		alike += one->counted && is_same(&one->address, &prefix);
+		strangers += rank_of(one) <= WAITING;
 	}
 	if (connections->count >= places(connections))
 		return false;
 	if (counted && alike >= connections->most_per_address)
-		*leaver = find_leaver(connections, address);
+		*leaver = find_leaver(connections, &prefix, IDLE);
 	else if (there >= connections->most)
-		*leaver = find_leaver(connections, NULL);
+		*leaver = find_leaver(connections, NULL, IDLE);
+	else if (strangers >= connections->most - connections->most / 4)
+		*leaver = find_leaver(connections, NULL, WAITING);
 	else
 		return true;
 	if (*leaver)
 		(*leaver)->leaving = true;
 	return *leaver;
+}
+
+void db_web_connections_tick(struct db_web_connections *connections, void (*close)(void *handle))
+{
+	unsigned patience = connections->count > connections->most / 2 ? PATIENCE_SHORT : PATIENCE;
+
+	for (size_t i = 0; i < places(connections); i++) {
+		struct db_web_connection *one = &connections->places[i];
+
+		if (!is_there(one) || rank_of(one) != HEADLESS || ++one->waited <= patience)
+			continue;
+		one->leaving = true;
+		close(one->handle);
+	}
 }
 
 struct db_web_connection *db_web_connections_add(struct db_web_connections *connections,
@@ -143,7 +170,7 @@ struct db_web_connection *db_web_connections_add(struct db_web_connections *conn
 
 		if (one->number != 0)
 			continue;
-		*one = (struct db_web_connection){ .address = *address,
+		*one = (struct db_web_connection){ .address = db_web_address_prefix(address),
 			                           .number = ++connections->last,
 			                           .counted = counted,
 			                           .handle = handle };

@@ -1,29 +1,34 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Connections of browsers, and which of them is closed when there is no place for another one. A
- * client that sends half a request, or a whole one without being logged in, cannot keep others out:
- * the oldest connection of the address with the most of those is closed first, then an idle
- * connection of a logged-in user. Such a user's request that is under way always stays.
+ * Connections of browsers, and which of them is closed when there is no place for another one. Those
+ * of nobody who is logged in have three quarters of the places at most, and give way first: the
+ * oldest one of those that have got least far, of the address that has most of these. A logged-in
+ * user's request that is under way always stays.
+ *
+ * An address is what one machine may have to itself: IPv6 counts by its first 64 bits.
  *
  * Pure.
  */
 #ifndef DRIVEBRIDGE_WEB_CONNECTIONS_H
 #define DRIVEBRIDGE_WEB_CONNECTIONS_H
 
+#include "drivebridge/time.h"
 #include "web/address.h"
 
 #include <stdint.h>
 
 struct db_web_connection {
-	struct db_web_address address;
-	uint64_t number; /* higher is younger; 0: the place is free */
-	bool counted;    /* it counts for its address */
-	bool heard;      /* all headers of a request have arrived */
-	bool known;      /* its latest request came from a logged-in user */
-	bool busy;       /* that request is not finished */
-	bool waits;      /* for this program, not for the browser */
+	struct db_web_address address; /* the prefix */
+	uint64_t number;               /* higher is younger; 0: the place is free */
+	bool counted;                  /* it counts for its address */
+	bool heard;                    /* all headers of a request have arrived */
+	bool known;                    /* its latest request came from a logged-in user */
+	bool busy;                     /* that request is not finished */
+	bool waits;                    /* for this program, not for the browser */
 	bool leaving;
-	void *handle; /* for the caller, which needs it to close the connection */
+	unsigned waited;   /* ticks without a whole head of a first request */
+	void *handle;      /* for the caller, which needs it to close the connection */
+	void *credentials; /* for the caller, that it began with */
 };
 
 struct db_web_connections;
@@ -50,6 +55,14 @@ struct db_web_connection *db_web_connections_add(struct db_web_connections *conn
                                                  void *handle);
 void db_web_connections_remove(struct db_web_connections *connections,
                                struct db_web_connection *connection);
+
+/*
+ * To be called each DB_WEB_CONNECTIONS_TICK: calls `close` for each connection that has sent no
+ * whole head within 10 s, or within 2 s while more than half of the places are taken. These are
+ * marked as leaving. Ticks are counted, not time: a busy machine is not the client's fault.
+ */
+#define DB_WEB_CONNECTIONS_TICK (100 * DB_NS_PER_MS)
+void db_web_connections_tick(struct db_web_connections *connections, void (*close)(void *handle));
 
 /* Includes those that are leaving. */
 unsigned db_web_connections_count(const struct db_web_connections *connections);

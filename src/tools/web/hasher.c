@@ -105,12 +105,16 @@ void db_web_hasher_free(struct db_web_hasher *hasher)
 }
 
 bool db_web_hasher_ask(struct db_web_hasher *hasher, uint64_t number, const char *password,
-                       const char *hash)
+                       const char *hash, bool known)
 {
-	struct job *job;
+	struct job *job = NULL;
+	unsigned free_jobs = 0;
 
 	(void)pthread_mutex_lock(&hasher->mutex);
-	job = find_job(hasher, FREE);
+	for (size_t i = 0; i < DB_WEB_HASHER_JOBS; i++)
+		free_jobs += hasher->jobs[i].state == FREE;
+	if (known || free_jobs > DB_WEB_HASHER_KNOWN)
+		job = find_job(hasher, FREE);
 	if (job) {
 		job->state = WAITS;
 		job->number = number;

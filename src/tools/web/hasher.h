@@ -10,8 +10,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Most waiting jobs. */
+/* Most waiting jobs, and how many places of these are kept for known browsers. */
 #define DB_WEB_HASHER_JOBS 8
+#define DB_WEB_HASHER_KNOWN 2
 
 struct db_web_hasher;
 
@@ -20,9 +21,10 @@ struct db_web_hasher;
 struct db_web_hasher *db_web_hasher_new(void);
 void db_web_hasher_free(struct db_web_hasher *hasher);
 
-/* False: too many are waiting. The answer has the same `number`. */
+/* False: too many are waiting. The answer has the same `number`. `known`: it comes from a browser
+ * that the user has logged in with before. */
 bool db_web_hasher_ask(struct db_web_hasher *hasher, uint64_t number, const char *password,
-                       const char *hash);
+                       const char *hash, bool known);
 
 /* Readable when there are answers; they are taken one by one. */
 int db_web_hasher_fd(const struct db_web_hasher *hasher);

@@ -31,9 +31,13 @@ const struct db_setting db_web_keys[] = {
 	{ DB_NUMBER_SETTING("server", "connections", "256", 8, 1000, "",
 	                    "Connections of browsers at the same time"),
 	  AT(connections) },
-	{ DB_NUMBER_SETTING("server", "connections-per-address", "128", 4, 1000, "",
-	                    "Those of one address, unless it is a proxy's"),
+	{ DB_NUMBER_SETTING("server", "connections-per-address", "32", 4, 1000, "",
+	                    "Those of one address, of IPv6 by its first 64 bits, unless it is a proxy's"),
 	  AT(connections_per_address) },
+	{ DB_NUMBER_SETTING("server", "hsts-days", "180", 0, 3650, "d",
+	                    "Where there is TLS, a browser asks this host for nothing without it for so long, whatever the port; "
+	                    "0: it forgets that"),
+	  AT(hsts_days) },
 
 	{ DB_TEXT_SETTING("access", "users-file", "/etc/drivebridge/web-users", 1, 255,
 	                  "File with the users, written by drivebridge-webd --add-user"),

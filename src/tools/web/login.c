@@ -45,25 +45,64 @@ void db_web_login_tell(struct db_web_request *request)
 		(void)snprintf(value, sizeof(value), "%c%s", DB_WEB_NOBODY, request->token);
 		db_web_request_set_cookie(request, value);
 	}
+	/* The version helps who looks for holes. */
 	db_web_request_answer(request, MHD_HTTP_OK,
-	                      json_pack("{s:s?, s:s, s:s, s:s, s:b, s:o, s:s?}", "user",
+	                      json_pack("{s:s?, s:s, s:s, s:s?, s:b, s:o, s:s?}", "user",
 	                                request->user[0] ? request->user : NULL, "role",
 	                                db_role_name(request->role), "token", request->token,
-	                                "version", DB_VERSION, "service",
-	                                db_web_service_is_up(request->server->service), "stops",
-	                                db_web_service_stops(request->server->service), "tab",
-	                                request->tab[0] ? request->tab : NULL));
+	                                "version", request->role > DB_ROLE_NONE ? DB_VERSION : NULL,
+	                                "service", db_web_service_is_up(request->server->service),
+	                                "stops", db_web_service_stops(request->server->service),
+	                                "tab", request->tab[0] ? request->tab : NULL));
+}
+
+/* By the address that the line names; a proxy's are together. */
+static void log_login(struct db_web_request *request, const char *what, const char *user)
+{
+	struct db_web_caller caller = db_web_request_caller(request);
+	char address[DB_WEB_ADDRESS_TEXT];
+
+	db_web_address_write(request->proxied ? &request->proxy : &request->address, address);
+	db_client_log_rationed_for(&request->server->login_lines, address, db_client_now(),
+	                           DB_CLIENT_WARNING, "%s: login %s%.40s%s", caller.text,
+	                           user[0] ? "as " : "", user, what);
 }
 
 static void refuse_often(struct db_web_request *request, db_time wait)
 {
-	struct db_web_caller caller = db_web_request_caller(request);
-
 	request->retry_s = (unsigned)((wait + DB_NS_PER_S - 1) / DB_NS_PER_S);
-	db_client_log_rationed(&request->server->login_lines, db_client_now(), DB_CLIENT_WARNING,
-	                       "%s: login refused: too many attempts", caller.text);
+	log_login(request, "refused: too many attempts", "");
 	db_web_request_refuse(request, MHD_HTTP_TOO_MANY_REQUESTS, "TooManyAttempts",
 	                      "too many attempts; again in %u s", request->retry_s);
+}
+
+static struct db_web_attempt attempt_of(const struct db_web_request *request, const char *user)
+{
+	return (struct db_web_attempt){ .address = request->address,
+		                        .proxy = request->proxied ? &request->proxy : NULL,
+		                        .user = user,
+		                        .device = request->device };
+}
+
+/* Whether this browser is one that the user has logged in with; else it becomes one if the password
+ * is right. */
+static void find_device(struct db_web_request *request, const struct db_user *user)
+{
+	char name[DB_WEB_DEVICE_NAME];
+	const char *cookie;
+	struct db_web_secret number;
+
+	db_web_device_name(user->name, request->secure, name);
+	cookie = MHD_lookup_connection_value(request->connection, MHD_COOKIE_KIND, name);
+	if (cookie && db_web_device_read(cookie, user->name, user->hash, request->device)) {
+		(void)snprintf(request->device_cookie, sizeof(request->device_cookie), "%s",
+		               cookie);
+		return;
+	}
+	request->device[0] = '\0';
+	if (getrandom(&number, sizeof(number), 0) != (ssize_t)sizeof(number) ||
+	    !db_web_device_write(&number, user->name, user->hash, request->device_cookie))
+		request->device_cookie[0] = '\0';
 }
 
 void db_web_login(struct db_web_request *request)
@@ -73,6 +112,7 @@ void db_web_login(struct db_web_request *request)
 	json_t *secret = json_object_get(request->parameters, "password");
 	const char *password = json_string_value(secret);
 	struct db_users users = { .list = NULL };
+	struct db_web_attempt attempt;
 	const struct db_user *known = NULL;
 	const char *hash = NOBODY_HASH;
 	db_time wait;
@@ -83,13 +123,16 @@ void db_web_login(struct db_web_request *request)
 		                      "a login is {\"user\": ..., \"password\": ...}");
 		return;
 	}
-	wait = db_web_attempts_take(&server->attempts, &request->address, user, db_client_now());
-	if (wait > 0) {
-		refuse_often(request, wait);
-		return;
-	}
 	if (db_users_load(&users, server->config->users_file, &db_web_keeper, stderr))
 		known = db_users_find(&users, user);
+	if (known)
+		find_device(request, known);
+	attempt = attempt_of(request, user);
+	wait = db_web_attempts_take(&server->attempts, &attempt, db_client_now());
+	if (wait > 0) {
+		refuse_often(request, wait);
+		goto end;
+	}
 	/* An unknown user's answer takes as long as a known one's. */
 	if (known)
 		hash = known->hash;
@@ -101,12 +144,14 @@ void db_web_login(struct db_web_request *request)
 		request->login_role = known->role;
 		request->digest = db_users_digest(known);
 	}
-	if (!db_web_hasher_ask(server->hasher, request->number, password, hash))
+	if (!db_web_hasher_ask(server->hasher, request->number, password, hash,
+	                       request->device[0] != '\0'))
 		refuse_often(request, DB_NS_PER_S);
-	db_users_clear(&users);
 	/* The password is needed nowhere else. */
 	if (request->body)
 		explicit_bzero(request->body, request->used);
+end:
+	db_users_clear(&users);
 }
 
 static void begin_session(struct db_web_request *request, const char *user)
@@ -130,6 +175,7 @@ static void begin_session(struct db_web_request *request, const char *user)
 	(void)snprintf(request->session, sizeof(request->session), "%s", session->id);
 	(void)snprintf(request->token, sizeof(request->token), "%s", session->token);
 	request->role = session->role;
+	request->logged_in = true;
 	db_web_request_set_cookie(request, session->id);
 	db_web_login_tell(request);
 }
@@ -142,6 +188,7 @@ void db_web_login_compared(struct db_web_server *server)
 
 	while (db_web_hasher_take(server->hasher, &number, &right)) {
 		struct db_web_request *request = server->requests;
+		struct db_web_attempt attempt;
 		const char *user;
 
 		while (request && request->number != number)
@@ -151,17 +198,15 @@ void db_web_login_compared(struct db_web_server *server)
 		user = json_string_value(json_object_get(request->parameters, "user"));
 		caller = db_web_request_caller(request);
 		if (right && request->known) {
-			db_web_attempts_give_back(&server->attempts, &request->address, user);
+			attempt = attempt_of(request, user);
+			db_web_attempts_give_back(&server->attempts, &attempt);
 			db_client_log(DB_CLIENT_NOTICE, "%s: logged in as %s, %s", caller.text,
 			              user, db_role_name(request->login_role));
 			server->counts.logins++;
 			begin_session(request, user);
 		} else {
 			/* An unknown name may be a password typed in the wrong field. */
-			db_client_log_rationed(&server->login_lines, db_client_now(),
-			                       DB_CLIENT_WARNING, "%s: login as %.40s failed",
-			                       caller.text,
-			                       request->known ? user : "an unknown user");
+			log_login(request, " failed", request->known ? user : "an unknown user");
 			server->counts.failed_logins++;
 			db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginFailed",
 			                      "the user or the password is wrong");

@@ -188,6 +188,33 @@ static struct MHD_Response *make_response(struct db_web_request *request)
 	return response;
 }
 
+/* Longer than a browser is unused, as far as anybody knows. */
+#define DEVICE_DAYS 180
+
+static void add_device_cookie(const struct db_web_request *request, struct MHD_Response *response)
+{
+	char name[DB_WEB_DEVICE_NAME];
+	char cookie[sizeof(request->device_cookie) + DB_WEB_DEVICE_NAME + 96];
+
+	db_web_device_name(request->user, request->secure, name);
+	(void)snprintf(cookie, sizeof(cookie),
+	               "%s=%s; Path=/; HttpOnly; SameSite=Strict; Max-Age=%d%s", name,
+	               request->device_cookie, DEVICE_DAYS * 24 * 3600,
+	               request->secure ? "; Secure" : "");
+	(void)MHD_add_response_header(response, MHD_HTTP_HEADER_SET_COOKIE, cookie);
+}
+
+/* How long a browser that has come with TLS comes in no other way. */
+static void add_transport_security(const struct db_web_request *request,
+                                   struct MHD_Response *response)
+{
+	char value[48];
+
+	(void)snprintf(value, sizeof(value), "max-age=%u",
+	               request->server->config->hsts_days * 24 * 3600);
+	(void)MHD_add_response_header(response, MHD_HTTP_HEADER_STRICT_TRANSPORT_SECURITY, value);
+}
+
 enum MHD_Result db_web_request_send(struct db_web_request *request)
 {
 	struct MHD_Response *response = make_response(request);
@@ -209,6 +236,10 @@ enum MHD_Result db_web_request_send(struct db_web_request *request)
 	if (request->cookie[0] != '\0')
 		(void)MHD_add_response_header(response, MHD_HTTP_HEADER_SET_COOKIE,
 		                              request->cookie);
+	if (request->logged_in && request->device_cookie[0] != '\0')
+		add_device_cookie(request, response);
+	if (request->secure)
+		add_transport_security(request, response);
 	if (request->retry_s > 0) {
 		(void)snprintf(number, sizeof(number), "%u", request->retry_s);
 		(void)MHD_add_response_header(response, MHD_HTTP_HEADER_RETRY_AFTER, number);
@@ -228,11 +259,15 @@ struct db_web_caller db_web_request_caller(const struct db_web_request *request)
 {
 	struct db_web_caller caller;
 	char address[DB_WEB_ADDRESS_TEXT];
+	char proxy[DB_WEB_ADDRESS_TEXT] = "";
 
 	db_web_address_write(&request->address, address);
+	if (request->proxied)
+		db_web_address_write(&request->proxy, proxy);
 	(void)snprintf(caller.user, sizeof(caller.user), "%s", request->user);
-	(void)snprintf(caller.text, sizeof(caller.text), "%s at %s",
-	               request->user[0] ? request->user : "nobody", address);
+	(void)snprintf(caller.text, sizeof(caller.text), "%s at %s%s%s",
+	               request->user[0] ? request->user : "nobody", address,
+	               proxy[0] ? " through " : "", proxy);
 	return caller;
 }
 

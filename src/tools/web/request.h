@@ -7,6 +7,7 @@
 #define DRIVEBRIDGE_WEB_REQUEST_H
 
 #include "client/client.h"
+#include "web/device.h"
 #include "web/route.h"
 #include "web/state.h"
 
@@ -22,6 +23,8 @@ struct db_web_request {
 
 	/* Who sent it. */
 	struct db_web_address address;
+	struct db_web_address proxy;      /* that has told the address */
+	bool proxied;                     /* there is such a one */
 	bool secure;                      /* the browser's connection is encrypted */
 	enum db_role role;                /* at least the role that everybody has */
 	char user[DB_USERS_NAME_MAX + 1]; /* "": nobody is logged in */
@@ -38,8 +41,10 @@ struct db_web_request {
 
 	/* For a login: whether the user exists, and the role after the login. */
 	bool known;
+	bool logged_in; /* by this request */
 	enum db_role login_role;
 	unsigned long digest;
+	char device[DB_WEB_SECRET_TEXT]; /* the browser's; "": not known as this user's */
 
 	bool taken; /* it has been dispatched */
 	bool suspended;
@@ -49,8 +54,9 @@ struct db_web_request {
 	unsigned status; /* 0: there is none yet */
 	char *text;
 	const char *type;
-	char cookie[160]; /* to be set; "": none */
-	unsigned retry_s; /* 0: no such header */
+	char cookie[160];                       /* to be set; "": none */
+	char device_cookie[DB_WEB_DEVICE_TEXT]; /* the same, but only when logged_in */
+	unsigned retry_s;                       /* 0: no such header */
 	const struct db_web_file *file;
 	struct MHD_Response *response; /* of a stream; NULL: it is made of the fields above */
 	void (*end_stream)(struct db_web_stream *stream);
@@ -82,10 +88,10 @@ void db_web_request_resume(struct db_web_request *request);
 /* Hands its answer to the daemon. */
 enum MHD_Result db_web_request_send(struct db_web_request *request);
 
-/* "anna at 192.168.10.5": for the log. */
+/* "anna at 192.168.10.5", "anna at 10.0.0.7 through 127.0.0.1": for the log. */
 struct db_web_caller {
 	char user[DB_USERS_NAME_MAX + 1]; /* "": nobody is logged in */
-	char text[DB_USERS_NAME_MAX + DB_WEB_ADDRESS_TEXT + 16];
+	char text[DB_USERS_NAME_MAX + 2 * DB_WEB_ADDRESS_TEXT + 32];
 };
 struct db_web_caller db_web_request_caller(const struct db_web_request *request);
 

@@ -26,7 +26,7 @@
 #include <systemd/sd-daemon.h>
 #include <unistd.h>
 
-#define TICK_US 100000
+#define TICK_US ((uint64_t)(DB_WEB_CONNECTIONS_TICK / DB_NS_PER_US))
 #define TICK_ACCURACY_US 5000
 
 /* For a request's headers and the first part of an answer. */
@@ -39,6 +39,12 @@
 
 /* Most bytes read of a body that is refused; then the connection is closed. */
 #define HEARD_MAX ((size_t)64 * 1024)
+
+/* The library always has something to do while a greeting of TLS is unfinished (seen in 0.9.75 and
+ * 1.0.1): after so many runs in a row the next one waits this long. */
+#define RUNS_AT_ONCE 3
+#define PAUSE_US 2000
+#define PAUSE_ACCURACY_US 1
 
 #define READ_WITHIN (10 * DB_NS_PER_S)
 /* Drives that are moved by a held button are stopped before this program ends, if possible, within
@@ -251,10 +257,19 @@ static bool is_counted(const struct db_web_server *server, const struct db_web_a
 	return !db_web_networks_have(&server->config->proxies, address);
 }
 
+/* The daemon closes the connection when it sees that no more data arrive. */
+static void close_connection(void *connection)
+{
+	const union MHD_ConnectionInfo *info = MHD_get_connection_info(
+		connection, MHD_CONNECTION_INFO_CONNECTION_FD);
+
+	if (info)
+		(void)shutdown(info->connect_fd, SHUT_RDWR);
+}
+
 static enum MHD_Result admit(void *data, const struct sockaddr *peer, socklen_t size)
 {
 	struct db_web_server *server = data;
-	const union MHD_ConnectionInfo *info;
 	struct db_web_connection *leaver;
 	struct db_web_address address;
 
@@ -263,11 +278,8 @@ static enum MHD_Result admit(void *data, const struct sockaddr *peer, socklen_t 
 	    !db_web_connections_admit(server->connections, &address, is_counted(server, &address),
 	                              &leaver))
 		return MHD_NO;
-	/* The daemon closes the connection when it sees that no more data arrive. */
-	info = leaver ? MHD_get_connection_info(leaver->handle, MHD_CONNECTION_INFO_CONNECTION_FD) :
-	                NULL;
-	if (info)
-		(void)shutdown(info->connect_fd, SHUT_RDWR);
+	if (leaver)
+		close_connection(leaver->handle);
 	return MHD_YES;
 }
 
@@ -279,15 +291,25 @@ static void count_connection(void *data, struct MHD_Connection *connection, void
 		connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
 	struct db_web_address address;
 
+	struct db_web_connection *place = *context;
+
 	if (code != MHD_CONNECTION_NOTIFY_STARTED) {
-		db_web_connections_remove(server->connections, *context);
+		if (place)
+			db_web_tls_end(place->credentials);
+		db_web_connections_remove(server->connections, place);
 		*context = NULL;
 		return;
 	}
 	if (!info || !db_web_address_of(info->client_addr, &address))
 		memset(&address, 0, sizeof(address));
-	*context = db_web_connections_add(server->connections, &address,
-	                                  is_counted(server, &address), connection);
+	place = db_web_connections_add(server->connections, &address, is_counted(server, &address),
+	                               connection);
+	*context = place;
+	info = place && server->tls ?
+	               MHD_get_connection_info(connection, MHD_CONNECTION_INFO_GNUTLS_SESSION) :
+	               NULL;
+	if (info)
+		place->credentials = db_web_tls_begin(server->tls, info->tls_session);
 }
 
 /* --- the loop --------------------------------------------------------------------------------- */
@@ -298,15 +320,33 @@ static void run_daemon(struct db_web_server *server)
 
 	(void)MHD_run(server->daemon);
 	/* Longer waits are whole seconds, for which the tick is often enough. */
-	if (MHD_get_timeout(server->daemon, &wait) == MHD_YES && wait == 0)
-		db_web_server_wake(server);
+	if (MHD_get_timeout(server->daemon, &wait) != MHD_YES || wait != 0)
+		return;
+	if (server->runs < RUNS_AT_ONCE) {
+		server->runs++;
+		(void)sd_event_source_set_enabled(server->turn, SD_EVENT_ONESHOT);
+	} else {
+		(void)sd_event_source_set_time_relative(server->pause, PAUSE_US);
+		(void)sd_event_source_set_enabled(server->pause, SD_EVENT_ONESHOT);
+	}
 }
 
 static int on_ready(sd_event_source *source, int fd, uint32_t events, void *data)
 {
+	struct db_web_server *server = data;
+
 	(void)source;
 	(void)fd;
 	(void)events;
+	server->runs = 0;
+	run_daemon(server);
+	return 0;
+}
+
+static int on_pause(sd_event_source *source, uint64_t us, void *data)
+{
+	(void)source;
+	(void)us;
 	run_daemon(data);
 	return 0;
 }
@@ -356,6 +396,9 @@ static int on_tick(sd_event_source *source, uint64_t us, void *data)
 	db_web_stream_tick(server, now);
 	answer_late(server, now);
 	run_daemon(server);
+	db_web_connections_tick(server->connections, close_connection);
+	if (server->tls)
+		db_web_tls_tick(server->tls);
 	(void)sd_event_source_set_time_relative(source, TICK_US);
 	(void)sd_event_source_set_enabled(source, SD_EVENT_ONESHOT);
 	if (server->ending && ((!server->tabs && !server->commissions) || now >= server->end_by))
@@ -374,6 +417,21 @@ static int on_signal(sd_event_source *source, const struct signalfd_siginfo *inf
 	server->end_by = db_client_now() + END_WITHIN;
 	db_web_tabs_leave(server, NULL, DB_WEB_GRIP_ENDING);
 	db_web_commission_yield(server, NULL);
+	return 0;
+}
+
+static int on_hangup(sd_event_source *source, const struct signalfd_siginfo *info, void *data)
+{
+	struct db_web_server *server = data;
+
+	(void)source;
+	(void)info;
+	if (server->tls)
+		db_web_tls_reload(server->tls);
+	else
+		db_client_log(DB_CLIENT_NOTICE,
+		              "there is no certificate to be read again; the configuration is read "
+		              "at a start");
 	return 0;
 }
 
@@ -423,9 +481,8 @@ static int listen_for_browsers(const struct db_web_config *config)
 	(void)db_web_address_of((struct sockaddr *)&endpoint, &address);
 	db_web_address_write(&address, text);
 	db_client_log(DB_CLIENT_NOTICE, "drivebridge-webd " DB_VERSION " at %s://%s%s%s:%u/",
-	              config->certificate ? "https" : "http",
-	              endpoint.ss_family == AF_INET6 ? "[" : "", text,
-	              endpoint.ss_family == AF_INET6 ? "]" : "",
+	              config->tls ? "https" : "http", endpoint.ss_family == AF_INET6 ? "[" : "",
+	              text, endpoint.ss_family == AF_INET6 ? "]" : "",
 	              ntohs(endpoint.ss_family == AF_INET6 ?
 	                            ((struct sockaddr_in6 *)&endpoint)->sin6_port :
 	                            ((struct sockaddr_in *)&endpoint)->sin_port));
@@ -451,10 +508,12 @@ static void log_daemon(void *data, const char *format, va_list arguments)
 static bool start_daemon(struct db_web_server *server)
 {
 	const struct db_web_config *config = server->config;
+	const struct db_certificate_pair *pair = config->tls ? db_web_tls_pair(server->tls) : NULL;
 	int fd = listen_for_browsers(config);
 	struct MHD_OptionItem tls[] = {
-		{ MHD_OPTION_HTTPS_MEM_CERT, 0, config->certificate },
-		{ MHD_OPTION_HTTPS_MEM_KEY, 0, config->key },
+		{ MHD_OPTION_HTTPS_MEM_CERT, 0, pair ? pair->certificate.bytes : NULL },
+		{ MHD_OPTION_HTTPS_MEM_KEY, 0, pair ? pair->key.bytes : NULL },
+		{ MHD_OPTION_HTTPS_PRIORITIES, 0, (void *)(uintptr_t)DB_WEB_TLS_PRIORITIES },
 		{ MHD_OPTION_END, 0, NULL },
 	};
 	struct MHD_OptionItem none[] = { { MHD_OPTION_END, 0, NULL } };
@@ -464,18 +523,17 @@ static bool start_daemon(struct db_web_server *server)
 		return false;
 	server->daemon = MHD_start_daemon(
 		MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG |
-			(config->certificate ? MHD_USE_TLS : 0U),
+			(config->tls ? MHD_USE_TLS : 0U),
 		0, admit, server, handle_request, server, MHD_OPTION_EXTERNAL_LOGGER, log_daemon,
 		server, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,
 		config->connections + DB_WEB_CONNECTIONS_LEAVING,
 		MHD_OPTION_CONNECTION_MEMORY_LIMIT, CONNECTION_MEMORY,
 		MHD_OPTION_CONNECTION_TIMEOUT, CONNECTION_SILENT_S, MHD_OPTION_NOTIFY_COMPLETED,
 		end_request, server, MHD_OPTION_NOTIFY_CONNECTION, count_connection, server,
-		MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_ARRAY, config->certificate ? tls : none,
+		MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_ARRAY, config->tls ? tls : none,
 		MHD_OPTION_END);
 	if (!server->daemon) {
-		db_client_log(DB_CLIENT_ERROR, "the server cannot be started%s",
-		              config->certificate ? "; certificate and key may not fit" : "");
+		db_client_log(DB_CLIENT_ERROR, "the server cannot be started");
 		(void)close(fd);
 		return false;
 	}
@@ -489,7 +547,9 @@ static bool start(struct db_web_server *server)
 	const struct db_web_config *config = server->config;
 
 	server->page = db_web_page_load(config->page);
-	if (!server->page)
+	if (config->tls)
+		server->tls = db_web_tls_new(config);
+	if (!server->page || (config->tls && !server->tls))
 		return false;
 	server->connections = db_web_connections_new(config->connections,
 	                                             config->connections_per_address);
@@ -504,17 +564,21 @@ static bool start(struct db_web_server *server)
 	    !server->overview ||
 	    getrandom(&server->attempts.seed, sizeof(server->attempts.seed), 0) < 0 ||
 	    sd_event_add_defer(server->loop, &server->turn, on_turn, server) < 0 ||
+	    sd_event_add_time_relative(server->loop, &server->pause, CLOCK_MONOTONIC, 0,
+	                               PAUSE_ACCURACY_US, on_pause, server) < 0 ||
 	    sd_event_add_time_relative(server->loop, &server->tick, CLOCK_MONOTONIC, 0,
 	                               TICK_ACCURACY_US, on_tick, server) < 0 ||
 	    sd_event_add_io(server->loop, &server->hashed, db_web_hasher_fd(server->hasher),
 	                    EPOLLIN, on_hashed, server) < 0 ||
 	    sd_event_add_signal(server->loop, &server->signals[0], SIGTERM, on_signal, server) <
 	            0 ||
-	    sd_event_add_signal(server->loop, &server->signals[1], SIGINT, on_signal, server) < 0) {
+	    sd_event_add_signal(server->loop, &server->signals[1], SIGINT, on_signal, server) < 0 ||
+	    sd_event_add_signal(server->loop, &server->signals[2], SIGHUP, on_hangup, server) < 0) {
 		db_client_log(DB_CLIENT_ERROR, "out of memory");
 		return false;
 	}
 	(void)sd_event_source_set_enabled(server->turn, SD_EVENT_OFF);
+	(void)sd_event_source_set_enabled(server->pause, SD_EVENT_OFF);
 	/* The dead man's rule has priority over the requests of browsers. */
 	(void)sd_event_source_set_priority(server->tick, SD_EVENT_PRIORITY_IMPORTANT);
 	return start_daemon(server);
@@ -560,11 +624,14 @@ int db_web_serve(const void *config, sd_event *loop)
 	db_web_sessions_free(server.sessions);
 	db_web_page_free(server.page);
 	db_web_connections_free(server.connections);
+	db_web_tls_free(server.tls);
 	sd_event_source_disable_unref(server.ready);
 	sd_event_source_disable_unref(server.turn);
+	sd_event_source_disable_unref(server.pause);
 	sd_event_source_disable_unref(server.tick);
 	sd_event_source_disable_unref(server.hashed);
 	sd_event_source_disable_unref(server.signals[0]);
 	sd_event_source_disable_unref(server.signals[1]);
+	sd_event_source_disable_unref(server.signals[2]);
 	return status;
 }

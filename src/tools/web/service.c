@@ -51,6 +51,7 @@ static void describe(void *data, json_t *description)
 	(void)json_object_del(description, "configuration_state");
 	(void)json_object_del(description, "configuration_since_us");
 	(void)json_object_del(description, "configuration_messages");
+	(void)json_object_del(description, "audit_trouble");
 	/* The codes are the same for all drives. */
 	if (!service->states && first)
 		(void)db_link_send(db_plant_reader(service->plant), "Registers",

@@ -13,6 +13,7 @@
 #include "web/hasher.h"
 #include "web/page.h"
 #include "web/sessions.h"
+#include "web/tls.h"
 
 #include <microhttpd.h>
 #include <systemd/sd-event.h>
@@ -41,17 +42,20 @@ struct db_web_server {
 	sd_event *loop;
 	const struct db_web_config *config;
 	struct MHD_Daemon *daemon;
+	struct db_web_tls *tls; /* NULL: there is none */
 	sd_event_source *ready; /* the daemon's epoll */
 	sd_event_source *turn;  /* the daemon has to run without an event of its epoll */
+	sd_event_source *pause; /* the same, but not at once */
+	unsigned runs;          /* in a row, for no other reason than that the daemon asks for it */
 	sd_event_source *tick;
 	sd_event_source *hashed;
-	sd_event_source *signals[2];
+	sd_event_source *signals[3];
 	bool ending;
 	db_time end_by;
 	struct db_web_page *page;
 	struct db_web_sessions *sessions;
 	struct db_attempts attempts;
-	struct db_client_log_ration login_lines; /* for failed logins */
+	struct db_client_log_rations login_lines; /* for failed logins */
 	struct db_web_hasher *hasher;
 	uint64_t users_stamp; /* of the file of users when sessions were last checked against it */
 	struct db_web_service *service;
@@ -71,6 +75,7 @@ struct db_web_server {
 /* Lets the daemon run before the loop waits again, because a connection has new data to send. */
 static inline void db_web_server_wake(struct db_web_server *server)
 {
+	server->runs = 0;
 	(void)sd_event_source_set_enabled(server->turn, SD_EVENT_ONESHOT);
 }
 

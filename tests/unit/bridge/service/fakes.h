@@ -7,6 +7,7 @@
 #ifndef DRIVEBRIDGE_TESTS_SERVICE_FAKES_H
 #define DRIVEBRIDGE_TESTS_SERVICE_FAKES_H
 
+#include "drivebridge/audit.h"
 #include "drivebridge/bus.h"
 #include "drivebridge/control_socket.h"
 #include "drivebridge/log.h"
@@ -120,6 +121,64 @@ void db_control_socket_words(const struct db_control_socket *control, const uint
 {
 	(void)control;
 	db_client_words_init(words, address, "", "");
+}
+
+void db_control_socket_names(const struct db_control_socket *control,
+                             const struct db_client *client, struct db_control_socket_names *names)
+{
+	(void)control;
+	(void)client;
+	(void)names;
+}
+
+void db_control_socket_recall(struct db_control_socket *control, uint32_t user, const char *login,
+                              const char *named, uint8_t address[16])
+{
+	(void)control;
+	(void)user;
+	(void)login;
+	(void)named;
+	(void)address;
+}
+
+/* There is no audit trail. */
+
+int db_audit_new(const struct db_audit_setup *setup, db_time now, struct db_audit **audit)
+{
+	(void)setup;
+	(void)now;
+	*audit = NULL;
+	return 0;
+}
+
+void db_audit_free(struct db_audit *audit)
+{
+	(void)audit;
+}
+
+void db_audit_change(struct db_audit *audit, bool on, unsigned mib)
+{
+	(void)audit;
+	(void)on;
+	(void)mib;
+}
+
+uint32_t db_audit_post(struct db_audit *audit, const struct db_audit_entry *entry, db_time now)
+{
+	(void)audit;
+	(void)entry;
+	(void)now;
+	return 0;
+}
+
+void db_audit_end(struct db_audit *audit, uint32_t number, enum db_result result, uint32_t took_us,
+                  uint64_t time_us)
+{
+	(void)audit;
+	(void)number;
+	(void)result;
+	(void)took_us;
+	(void)time_us;
 }
 
 int db_log_new(struct db_log **log)

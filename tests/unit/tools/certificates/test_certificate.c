@@ -122,7 +122,10 @@ static void test_a_pair_with_its_chain_is_good(void **state)
 	                         "of CN=gateway");
 	assert_int_equal(facts.ends, NOW + 50 * DAY);
 	assert_int_equal(db_certificate_check_list(&chain, NOW, &facts, why), DB_CERTIFICATE_GOOD);
+	assert_int_equal(facts.ends, NOW + 100 * DAY);
 	assert_int_equal(db_certificate_check_list(&chain, NOW + 99 * DAY, &facts, why),
+	                 DB_CERTIFICATE_GOOD);
+	assert_int_equal(db_certificate_check_list(&chain, NOW + 101 * DAY, &facts, why),
 	                 DB_CERTIFICATE_DOUBTFUL);
 	db_certificate_file_clear(&chain);
 	db_certificate_file_clear(&key);

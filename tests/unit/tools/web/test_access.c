@@ -2,6 +2,7 @@
 /* Who may ask: addresses, names, origins, paths, sessions, attempts. */
 #include "web/address.h"
 #include "web/attempts.h"
+#include "web/device.h"
 #include "web/origin.h"
 #include "web/route.h"
 #include "web/sessions.h"
@@ -189,67 +190,145 @@ static void test_sessions(void **state)
 	assert_false(db_web_secret_equal("", ""));
 }
 
+static struct db_web_attempt attempt_at(const char *address, const char *user)
+{
+	struct db_web_attempt attempt = { .user = user, .device = "" };
+
+	assert_true(db_web_address_parse(address, &attempt.address));
+	return attempt;
+}
+
 static void test_attempts_are_limited(void **state)
 {
 	struct db_attempts attempts = { .seed = 7 };
-	struct db_web_address here;
-	struct db_web_address there;
-	struct db_web_address beside;
+	struct db_web_attempt here = attempt_at("192.168.1.5", "anna");
+	struct db_web_attempt other = attempt_at("192.168.1.5", "olga");
+	struct db_web_attempt there = attempt_at("fd00::1", "anna");
+	struct db_web_attempt others = attempt_at("fd00::1", "olga");
+	struct db_web_attempt beside = attempt_at("fd00::2", "another");
 	db_time now = 0;
 
 	(void)state;
-	assert_true(db_web_address_parse("192.168.1.5", &here));
-	assert_true(db_web_address_parse("fd00::1", &there));
-	assert_true(db_web_address_parse("fd00::2", &beside));
 	for (unsigned i = 0; i < DB_WEB_ATTEMPTS_AT_ONCE; i++)
-		assert_int_equal(db_web_attempts_take(&attempts, &here, "anna", now), 0);
-	assert_int_equal(db_web_attempts_take(&attempts, &here, "anna", now), DB_WEB_ATTEMPT_EVERY);
+		assert_int_equal(db_web_attempts_take(&attempts, &here, now), 0);
+	assert_int_equal(db_web_attempts_take(&attempts, &here, now), DB_WEB_ATTEMPT_USER_EVERY);
 	/* Neither another name nor another address helps; others are not concerned. */
-	assert_true(db_web_attempts_take(&attempts, &here, "olga", now) > 0);
-	assert_true(db_web_attempts_take(&attempts, &there, "anna", now) > 0);
-	assert_int_equal(db_web_attempts_take(&attempts, &there, "olga", now), 0);
+	assert_int_equal(db_web_attempts_take(&attempts, &other, now), DB_WEB_ATTEMPT_EVERY);
+	assert_true(db_web_attempts_take(&attempts, &there, now) > 0);
+	assert_int_equal(db_web_attempts_take(&attempts, &others, now), 0);
 	/* One each so often, and not more for having been refused. */
 	for (unsigned i = 0; i < 5; i++) {
-		now += DB_WEB_ATTEMPT_EVERY;
-		assert_int_equal(db_web_attempts_take(&attempts, &here, "anna", now), 0);
-		assert_true(db_web_attempts_take(&attempts, &here, "anna", now) > 0);
+		now += DB_WEB_ATTEMPT_USER_EVERY;
+		assert_int_equal(db_web_attempts_take(&attempts, &here, now), 0);
+		assert_true(db_web_attempts_take(&attempts, &here, now) > 0);
 	}
 	/* What was right does not count. */
 	now += 3600 * DB_NS_PER_S;
 	for (unsigned i = 0; i < 100; i++) {
-		assert_int_equal(db_web_attempts_take(&attempts, &here, "anna", now), 0);
-		db_web_attempts_give_back(&attempts, &here, "anna");
+		assert_int_equal(db_web_attempts_take(&attempts, &here, now), 0);
+		db_web_attempts_give_back(&attempts, &here);
 	}
 	/* All addresses of a network of IPv6 count as one. */
 	for (unsigned i = 0; i < DB_WEB_ATTEMPTS_AT_ONCE; i++) {
 		char name[16];
 
 		(void)snprintf(name, sizeof(name), "user%u", i);
-		assert_int_equal(db_web_attempts_take(&attempts, &there, name, now), 0);
+		there.user = name;
+		assert_int_equal(db_web_attempts_take(&attempts, &there, now), 0);
 	}
-	assert_true(db_web_attempts_take(&attempts, &beside, "another", now) > 0);
+	assert_true(db_web_attempts_take(&attempts, &beside, now) > 0);
+}
+
+static void test_a_known_browser_has_attempts_of_its_own(void **state)
+{
+	struct db_attempts attempts = { .seed = 7 };
+	struct db_web_attempt stranger = attempt_at("192.168.1.66", "anna");
+	struct db_web_attempt known = attempt_at("192.168.1.66", "anna");
+	db_time now = 0;
+
+	(void)state;
+	known.device = "0123456789abcdef0123456789abcdef";
+	while (db_web_attempts_take(&attempts, &stranger, now) == 0)
+		now++;
+	for (unsigned i = 0; i < DB_WEB_ATTEMPTS_AT_ONCE; i++)
+		assert_int_equal(db_web_attempts_take(&attempts, &known, now), 0);
+	assert_true(db_web_attempts_take(&attempts, &known, now) > 0);
+}
+
+static void test_a_proxy_that_invents_addresses_is_limited(void **state)
+{
+	struct db_attempts attempts = { .seed = 7 };
+	struct db_web_address proxy;
+	unsigned count = 0;
+
+	(void)state;
+	assert_true(db_web_address_parse("127.0.0.1", &proxy));
+	for (unsigned i = 0; i < 200; i++) {
+		struct db_web_attempt attempt = { .proxy = &proxy, .device = "" };
+		char user[16];
+
+		memset(attempt.address.bytes, (int)i, sizeof(attempt.address.bytes));
+		(void)snprintf(user, sizeof(user), "user%u", i);
+		attempt.user = user;
+		count += db_web_attempts_take(&attempts, &attempt, 0) == 0;
+	}
+	assert_int_equal(count, DB_WEB_ATTEMPTS_PROXY_AT_ONCE);
 }
 
 static void test_attempts_of_very_many_are_bounded(void **state)
 {
 	struct db_attempts attempts = { .seed = 9 };
-	struct db_web_address here;
-	struct db_web_address other = { { [10] = 0xFF, [11] = 0xFF, [12] = 10 } };
+	struct db_web_attempt here = attempt_at("192.168.1.5", "anna");
+	struct db_web_attempt other = attempt_at("10.0.0.0", "");
 
 	(void)state;
-	assert_true(db_web_address_parse("192.168.1.5", &here));
 	for (unsigned i = 0; i < DB_WEB_ATTEMPTS_AT_ONCE; i++)
-		assert_int_equal(db_web_attempts_take(&attempts, &here, "anna", 0), 0);
+		assert_int_equal(db_web_attempts_take(&attempts, &here, 0), 0);
 	for (unsigned i = 0; i < 4 * DB_ATTEMPTS_PLACES; i++) {
 		char name[16];
 
-		other.bytes[14] = (unsigned char)(i >> 8);
-		other.bytes[15] = (unsigned char)i;
+		other.address.bytes[14] = (unsigned char)(i >> 8);
+		other.address.bytes[15] = (unsigned char)i;
 		(void)snprintf(name, sizeof(name), "user%u", i);
-		(void)db_web_attempts_take(&attempts, &other, name, 0);
+		other.user = name;
+		(void)db_web_attempts_take(&attempts, &other, 0);
 	}
 	/* Who is limited most is not forgotten for them. */
-	assert_true(db_web_attempts_take(&attempts, &here, "anna", 0) > 0);
+	assert_true(db_web_attempts_take(&attempts, &here, 0) > 0);
+}
+
+static void test_a_browser_proves_who_has_logged_in_with_it(void **state)
+{
+	static const char hash[] = "$y$j9T$abc$def";
+	struct db_web_secret number = { { 1, 2, 3 } };
+	char text[DB_WEB_DEVICE_TEXT];
+	char name[DB_WEB_DEVICE_NAME];
+	char other[DB_WEB_DEVICE_NAME];
+	char id[DB_WEB_SECRET_TEXT];
+
+	(void)state;
+	assert_true(db_web_device_write(&number, "anna", hash, text));
+	assert_int_equal(strlen(text), DB_WEB_DEVICE_TEXT - 1);
+	assert_true(db_web_device_read(text, "anna", hash, id));
+	assert_string_equal(id, "01020300000000000000000000000000");
+	/* nobody else, and with no other password */
+	assert_false(db_web_device_read(text, "olga", hash, id));
+	assert_false(db_web_device_read(text, "anna", "$y$j9T$abc$deg", id));
+	for (size_t i = 0; i < strlen(text); i++) {
+		char before = text[i];
+
+		text[i] = before == 'f' ? '0' : 'f';
+		assert_false(db_web_device_read(text, "anna", hash, id));
+		text[i] = before;
+	}
+	text[strlen(text) - 1] = '\0';
+	assert_false(db_web_device_read(text, "anna", hash, id));
+	assert_false(db_web_device_read("", "anna", hash, id));
+	db_web_device_name("anna", true, name);
+	db_web_device_name("olga", true, other);
+	assert_string_not_equal(name, other);
+	assert_memory_equal(name, "__Host-drivebridge-device-", 26);
+	assert_null(strstr(name, "anna"));
 }
 
 int main(void)
@@ -261,6 +340,9 @@ int main(void)
 		cmocka_unit_test(test_routes),
 		cmocka_unit_test(test_sessions),
 		cmocka_unit_test(test_attempts_are_limited),
+		cmocka_unit_test(test_a_known_browser_has_attempts_of_its_own),
+		cmocka_unit_test(test_a_proxy_that_invents_addresses_is_limited),
+		cmocka_unit_test(test_a_browser_proves_who_has_logged_in_with_it),
 		cmocka_unit_test(test_attempts_of_very_many_are_bounded),
 	};
 

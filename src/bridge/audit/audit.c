@@ -1,0 +1,665 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * A thread of its own writes and reads the files, because a disk may take seconds, and neither a
+ * bus's cycle, nor the network thread, nor the lines of the log may wait for that.
+ *
+ * The lock is held to copy a record in or out, never while one is written. It inherits priority, as
+ * the log's.
+ */
+#include "audit/audit_private.h"
+
+#include "drivebridge/result.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <semaphore.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+/* Maximum time at the end for records to be written. */
+#define FLUSH_S 1
+/* A loss of power costs the records of this time at most. */
+#define SYNC_EVERY (5 * DB_NS_PER_S)
+/* Read at the start, for histories. */
+#define PAST_BYTES (1024 * 1024)
+/* Read for a page. */
+#define READ_BYTES (64 * 1024)
+#define WRITTEN_AT_ONCE 256
+#define MIB (1024u * 1024u)
+
+/* One page at a time. */
+enum reading { READING_NOTHING, READING_ASKED, READING_DONE };
+
+/* What a record was about whose end comes later. */
+struct begun {
+	uint64_t number; /* 0: none */
+	char drive[64];
+	char what[64];
+	char who[160];
+};
+#define BEGUN_MAX 64
+
+struct db_audit {
+	struct db_log_source log;
+	pthread_t thread;
+	sem_t wake;
+
+	/* The thread's own. */
+	struct db_trail *trail;      /* null: only the journal */
+	db_time sync_at;             /* DB_TIME_NEVER: nothing to be done */
+	uint64_t unkept;             /* records that the files do not have */
+	bool failing;                /* which was logged */
+	struct db_trail_place place; /* behind the page that was read last */
+	uint64_t place_number;       /* of the next record there */
+	struct begun begun[BEGUN_MAX];
+	size_t begun_next;
+
+	pthread_mutex_t lock; /* of the following */
+	struct db_audit_queue queue;
+	struct db_floods floods;
+	uint32_t lost; /* that found no room */
+	bool ending;
+	bool changed; /* the size */
+	struct db_audit_state state;
+	enum reading reading;
+	uint32_t reader;
+	struct db_audit_query query;
+	struct db_audit_page page;
+};
+
+static db_time now_ns(void)
+{
+	struct timespec now;
+
+	clock_gettime(CLOCK_MONOTONIC, &now);
+	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
+}
+
+static uint64_t wall_us(void)
+{
+	struct timespec now;
+
+	clock_gettime(CLOCK_REALTIME, &now);
+	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
+}
+
+/* --- posting ---------------------------------------------------------------------------------- */
+
+/* The lock is held. The record's number; 0: there was no room. */
+static uint64_t put(struct db_audit *audit, const struct db_audit_entry *entry)
+{
+	struct db_audit_entry lost = { .kind = DB_AUDIT_LOST, .time_us = entry->time_us };
+	struct db_audit_entry numbered = *entry;
+
+	/* Those that were lost come first, in their order. */
+	if (audit->lost > 0) {
+		lost.count = audit->lost;
+		lost.text = "they came faster than they could be written";
+		lost.number = audit->state.newest + audit->lost + 1;
+		if (!db_audit_queue_put(&audit->queue, &lost)) {
+			audit->lost++;
+			audit->state.lost++;
+			return 0;
+		}
+		audit->lost = 0;
+		audit->state.newest = lost.number;
+	}
+	numbered.number = audit->state.newest + 1;
+	if (db_audit_queue_put(&audit->queue, &numbered)) {
+		audit->state.newest = numbered.number;
+		return numbered.number;
+	}
+	audit->lost++;
+	audit->state.lost++;
+	return 0;
+}
+
+/* Refusals, stops that another one serves, and writes that change nothing may come with every cycle
+ * of a PLC. */
+static bool may_be_repeated(const struct db_audit_entry *entry)
+{
+	if (entry->kind == DB_AUDIT_DENIED || (entry->kind == DB_AUDIT_COMMAND && entry->of != 0) ||
+	    (entry->result != DB_RESULT_NONE && entry->result != DB_RESULT_PENDING &&
+	     !db_result_is_success(entry->result)))
+		return entry->kind != DB_AUDIT_END;
+	if (entry->kind != DB_AUDIT_WRITE || entry->value_count == 0)
+		return false;
+	for (size_t i = 0; i < entry->value_count; i++) {
+		const struct db_audit_value *value = &entry->values[i];
+
+		if (!value->known || value->old.u != value->new.u)
+			return false;
+	}
+	return true;
+}
+
+uint32_t db_audit_post(struct db_audit *audit, const struct db_audit_entry *entry, db_time now)
+{
+	struct db_flood *place = NULL;
+	uint64_t number = 0;
+
+	if (!audit)
+		return 0;
+	pthread_mutex_lock(&audit->lock);
+	if (audit->state.on &&
+	    (!may_be_repeated(entry) || db_floods_pass(&audit->floods, entry, now, &place)))
+		number = put(audit, entry);
+	if (place)
+		place->last = number;
+	pthread_mutex_unlock(&audit->lock);
+	if (number != 0)
+		sem_post(&audit->wake);
+	return (uint32_t)number;
+}
+
+void db_audit_end(struct db_audit *audit, uint32_t number, enum db_result result, uint32_t took_us,
+                  uint64_t time_us)
+{
+	struct db_audit_entry entry = {
+		.kind = DB_AUDIT_END,
+		.time_us = time_us,
+		.result = result,
+		.took_us = took_us,
+	};
+
+	if (!audit || number == 0)
+		return;
+	pthread_mutex_lock(&audit->lock);
+	/* The newest number at or below the present one that has this lower half. */
+	entry.of = audit->state.newest - (uint32_t)((uint32_t)audit->state.newest - number);
+	if (audit->state.on)
+		(void)put(audit, &entry);
+	pthread_mutex_unlock(&audit->lock);
+	sem_post(&audit->wake);
+}
+
+void db_audit_change(struct db_audit *audit, bool on, unsigned mib)
+{
+	pthread_mutex_lock(&audit->lock);
+	audit->state.on = on;
+	audit->state.mib = mib;
+	audit->changed = true;
+	pthread_mutex_unlock(&audit->lock);
+	sem_post(&audit->wake);
+}
+
+void db_audit_state(struct db_audit *audit, struct db_audit_state *state)
+{
+	*state = (struct db_audit_state){ .on = false };
+	if (!audit)
+		return;
+	pthread_mutex_lock(&audit->lock);
+	*state = audit->state;
+	pthread_mutex_unlock(&audit->lock);
+}
+
+/* --- the thread that writes ------------------------------------------------------------------- */
+
+static void note_trouble(struct db_audit *audit, int error)
+{
+	pthread_mutex_lock(&audit->lock);
+	snprintf(audit->state.trouble, sizeof(audit->state.trouble), "%s",
+	         error == 0 ? "" : strerror(-error));
+	audit->state.lost += error != 0;
+	if (audit->trail)
+		audit->state.bytes = db_trail_bytes(audit->trail);
+	pthread_mutex_unlock(&audit->lock);
+	if (error == 0 && audit->failing)
+		db_log(&audit->log, now_ns(), DB_EVENT_AUDIT_KEPT, NULL,
+		       "the audit trail is written again; %llu records are only in the journal",
+		       (unsigned long long)audit->unkept);
+	if (error != 0 && !audit->failing)
+		db_log(&audit->log, now_ns(), DB_EVENT_AUDIT_UNKEPT, NULL,
+		       "the audit trail cannot be written: %s; commands are carried out, and their "
+		       "records "
+		       "are only in the journal",
+		       strerror(-error));
+	audit->failing = error != 0;
+}
+
+/* Into the files; what these do not take is counted before the next one that they take. */
+static void keep(struct db_audit *audit, const struct db_audit_entry *entry, const json_t *object)
+{
+	struct db_audit_entry lost = {
+		.kind = DB_AUDIT_LOST,
+		.time_us = entry->time_us,
+		.number = entry->number - 1,
+		.count = audit->unkept,
+		.text = "the disk did not take them",
+	};
+	json_t *before = audit->unkept > 0 ? db_record_write(&lost) : NULL;
+	int error = 0;
+
+	/* It has the number of the last of them. */
+	if (audit->unkept > 0)
+		error = before ? db_trail_append(audit->trail, before, lost.number, lost.time_us) :
+		                 -ENOMEM;
+	json_decref(before);
+	if (error == 0) {
+		error = db_trail_append(audit->trail, object, entry->number, entry->time_us);
+		if (audit->unkept > 0 || error != 0)
+			note_trouble(audit, error);
+		audit->unkept = error != 0;
+	} else {
+		note_trouble(audit, error);
+		audit->unkept++;
+	}
+	if (audit->sync_at == DB_TIME_NEVER)
+		audit->sync_at = now_ns() + SYNC_EVERY;
+}
+
+static void write_record(struct db_audit *audit, const struct db_audit_entry *entry)
+{
+	json_t *object = db_record_write(entry);
+	char *fields[DB_RECORD_FIELDS_MAX];
+	size_t count;
+
+	if (!object)
+		return;
+	if (audit->trail)
+		keep(audit, entry, object);
+	/* The end of what succeeded says nothing that the journal needs. */
+	if (entry->kind != DB_AUDIT_END || db_record_is_refused(object)) {
+		count = db_record_fields(entry, object, fields);
+		db_log_fields(audit->log.log, fields, count);
+		for (size_t i = 0; i < count; i++)
+			free(fields[i]);
+	}
+	json_decref(object);
+}
+
+/* The lock is held. */
+static bool take_record(struct db_audit *audit, db_time now, struct db_audit_taken *taken)
+{
+	struct db_audit_entry repeated;
+
+	if (db_audit_queue_take(&audit->queue, taken))
+		return true;
+	if (!audit->state.on || !db_floods_due(&audit->floods, now, audit->ending, &repeated))
+		return false;
+	repeated.time_us = wall_us();
+	(void)put(audit, &repeated);
+	return db_audit_queue_take(&audit->queue, taken);
+}
+
+/* --- reading ---------------------------------------------------------------------------------- */
+
+/* A page while it is read. */
+struct collection {
+	struct db_audit *audit;
+	const struct db_audit_query *query;
+	struct db_audit_page *page;
+	FILE *out;
+	size_t written;
+};
+
+static const char *text_of(const json_t *object, const char *key)
+{
+	const char *text = json_string_value(json_object_get(object, key));
+
+	return text ? text : "";
+}
+
+/* Who it was, to be freed. An end also gets what it ends, which was read shortly before. */
+static char *name_who(struct db_audit *audit, uint64_t number, json_t *object)
+{
+	uint64_t of = (uint64_t)json_integer_value(json_object_get(object, "of"));
+	char *who = db_record_who(object);
+
+	if (strcmp(text_of(object, "kind"), db_audit_kind_name(DB_AUDIT_END)) != 0) {
+		struct begun *place = &audit->begun[audit->begun_next];
+
+		if (strcmp(text_of(object, "result"), db_result_name(DB_RESULT_PENDING)) != 0)
+			return who;
+		audit->begun_next = (audit->begun_next + 1) % BEGUN_MAX;
+		place->number = number;
+		snprintf(place->drive, sizeof(place->drive), "%s", text_of(object, "drive"));
+		snprintf(place->what, sizeof(place->what), "%s",
+		         text_of(object, text_of(object, "what")[0] ? "what" : "kind"));
+		snprintf(place->who, sizeof(place->who), "%s", who ? who : "");
+		return who;
+	}
+	for (size_t i = 0; i < BEGUN_MAX; i++) {
+		const struct begun *place = &audit->begun[i];
+
+		if (of == 0 || place->number != of)
+			continue;
+		free(who);
+		(void)json_object_set_new(object, "drive", json_string(place->drive));
+		(void)json_object_set_new(object, "what", json_string(place->what));
+		return strdup(place->who);
+	}
+	return who;
+}
+
+static bool is_wanted(const struct db_audit_query *query, const json_t *object, const char *who)
+{
+	const char *drive = json_string_value(json_object_get(object, "drive"));
+	json_int_t time = json_integer_value(json_object_get(object, "time_us"));
+
+	return (uint64_t)time >= query->since_us &&
+	       (!query->refused || db_record_is_refused(object)) &&
+	       (query->drive[0] == '\0' || (drive && strcmp(drive, query->drive) == 0)) &&
+	       (query->who[0] == '\0' || strcasestr(who, query->who));
+}
+
+static void collect(void *context, const struct db_lines *lines, json_t *object, const char *text,
+                    size_t length, const char *why)
+{
+	struct collection *collection = context;
+	struct db_audit_page *page = collection->page;
+	char *who;
+
+	(void)text;
+	(void)length;
+	page->checked++;
+	if (why && page->broken_count == DB_AUDIT_BROKEN_MAX) {
+		page->more_broken++;
+	} else if (why) {
+		struct db_audit_broken *broken = &page->broken[page->broken_count++];
+
+		broken->number = lines->number;
+		broken->line = lines->line;
+		broken->why = why;
+		db_trail_name(lines->segment, broken->segment);
+	}
+	if (!object || collection->query->verify)
+		return;
+	who = name_who(collection->audit, lines->number, object);
+	if (who && lines->number >= collection->query->from &&
+	    is_wanted(collection->query, object, who)) {
+		(void)json_object_set_new(object, "who", json_string(who));
+		if (why)
+			(void)json_object_set_new(object, "broken", json_string(why));
+		if (collection->written++ > 0)
+			fputc(',', collection->out);
+		(void)json_dumpf(object, collection->out, JSON_COMPACT | JSON_REAL_PRECISION(9));
+	}
+	free(who);
+}
+
+static void read_page(struct db_audit *audit, const struct db_audit_query *query,
+                      struct db_audit_page *page)
+{
+	struct collection collection = { .audit = audit, .query = query, .page = page };
+
+	*page = (struct db_audit_page){ .over = true };
+	if (!audit->trail)
+		return;
+	collection.out = open_memstream(&page->records, &page->length);
+	if (!collection.out)
+		return;
+	/* Most pages follow the one before. What is before the first number is not wanted. */
+	if (query->from == 0 || audit->place_number != query->from)
+		db_trail_find(audit->trail, query->from, query->since_us, &audit->place);
+	page->over = !db_trail_read(audit->trail, &audit->place, READ_BYTES, collect, &collection);
+	page->next = audit->place.lines.number + 1;
+	if (page->next < query->from)
+		page->next = query->from;
+	audit->place_number = page->next;
+	/* What was cut off leaves no trace in what is left. */
+	if (page->over && audit->place.lines.number < db_trail_newest(audit->trail) &&
+	    page->broken_count < DB_AUDIT_BROKEN_MAX) {
+		page->broken[page->broken_count] = (struct db_audit_broken){
+			.number = audit->place.lines.number,
+			.line = audit->place.lines.line,
+			.why = "the last records are missing",
+		};
+		db_trail_name(audit->place.lines.segment,
+		              page->broken[page->broken_count++].segment);
+	}
+	fclose(collection.out);
+}
+
+bool db_audit_ask(struct db_audit *audit, uint32_t owner, const struct db_audit_query *query)
+{
+	bool free_place;
+
+	pthread_mutex_lock(&audit->lock);
+	free_place = audit->reading == READING_NOTHING;
+	if (free_place) {
+		audit->reading = READING_ASKED;
+		audit->reader = owner;
+		audit->query = *query;
+	}
+	pthread_mutex_unlock(&audit->lock);
+	if (free_place)
+		sem_post(&audit->wake);
+	return free_place;
+}
+
+bool db_audit_take(struct db_audit *audit, uint32_t owner, struct db_audit_page *page)
+{
+	bool done;
+
+	pthread_mutex_lock(&audit->lock);
+	done = audit->reading == READING_DONE && audit->reader == owner;
+	if (done) {
+		*page = audit->page;
+		audit->reading = READING_NOTHING;
+	}
+	pthread_mutex_unlock(&audit->lock);
+	return done;
+}
+
+void db_audit_forget(struct db_audit *audit, uint32_t owner)
+{
+	if (!audit)
+		return;
+	pthread_mutex_lock(&audit->lock);
+	if (audit->reader == owner) {
+		if (audit->reading == READING_DONE)
+			free(audit->page.records);
+		/* A page that is being read is dropped when it is ready. */
+		audit->reader = 0;
+		if (audit->reading == READING_DONE)
+			audit->reading = READING_NOTHING;
+	}
+	pthread_mutex_unlock(&audit->lock);
+}
+
+static void serve_reader(struct db_audit *audit)
+{
+	struct db_audit_query query;
+	struct db_audit_page page;
+	bool asked;
+
+	pthread_mutex_lock(&audit->lock);
+	asked = audit->reading == READING_ASKED;
+	query = audit->query;
+	pthread_mutex_unlock(&audit->lock);
+	if (!asked)
+		return;
+	read_page(audit, &query, &page);
+	pthread_mutex_lock(&audit->lock);
+	audit->reading = audit->reader != 0 ? READING_DONE : READING_NOTHING;
+	if (audit->reader != 0)
+		audit->page = page;
+	else
+		free(page.records);
+	pthread_mutex_unlock(&audit->lock);
+}
+
+/* --- the thread ------------------------------------------------------------------------------- */
+
+static bool next_record(struct db_audit *audit, struct db_audit_taken *taken, db_time *next,
+                        bool *ending)
+{
+	bool any;
+
+	pthread_mutex_lock(&audit->lock);
+	if (audit->changed && audit->trail)
+		db_trail_set_bytes(audit->trail, (uint64_t)audit->state.mib * MIB);
+	audit->changed = false;
+	any = take_record(audit, now_ns(), taken);
+	*next = audit->state.on ? db_floods_next(&audit->floods) : DB_TIME_NEVER;
+	*ending = audit->ending;
+	if (audit->trail)
+		audit->state.bytes = db_trail_bytes(audit->trail);
+	pthread_mutex_unlock(&audit->lock);
+	return any;
+}
+
+static void *run(void *context)
+{
+	struct db_audit *audit = context;
+	struct db_audit_taken taken;
+	bool ending = false;
+	db_time next = 0;
+
+	while (!ending) {
+		struct timespec time;
+
+		if (audit->sync_at < next)
+			next = audit->sync_at;
+		time.tv_sec = (time_t)(next / DB_NS_PER_S);
+		time.tv_nsec = (long)(next % DB_NS_PER_S);
+		if (next == DB_TIME_NEVER)
+			sem_wait(&audit->wake);
+		else
+			sem_clockwait(&audit->wake, CLOCK_MONOTONIC, &time);
+		/* Who reads the trail waits for some records at most. */
+		for (unsigned i = 0; i < WRITTEN_AT_ONCE; i++) {
+			if (!next_record(audit, &taken, &next, &ending))
+				break;
+			write_record(audit, &taken.entry);
+			next = i + 1 == WRITTEN_AT_ONCE ? 0 : next;
+			ending = false;
+		}
+		serve_reader(audit);
+		if (audit->trail && (now_ns() >= audit->sync_at || ending)) {
+			(void)db_trail_sync(audit->trail);
+			audit->sync_at = DB_TIME_NEVER;
+		}
+	}
+	return NULL;
+}
+
+/* --- beginning and end ------------------------------------------------------------------------ */
+
+static void pass_on(void *context, const struct db_lines *lines, json_t *object, const char *text,
+                    size_t length, const char *why)
+{
+	const struct db_audit_setup *setup = context;
+	struct db_audit_entry entry;
+	struct db_audit_value value;
+
+	(void)lines;
+	(void)text;
+	(void)length;
+	/* What somebody has changed is no history. */
+	if (!why && object && db_record_read(object, &entry, &value))
+		setup->past(setup->context, &entry);
+}
+
+static void open_trail(struct db_audit *audit, const struct db_audit_setup *setup, db_time now)
+{
+	struct db_trail_found found;
+	int error = db_trail_open(setup->folder, (uint64_t)audit->state.mib * MIB, &audit->trail,
+	                          &found);
+	struct db_audit_entry entry = { .kind = DB_AUDIT_TRAIL, .time_us = wall_us() };
+	char text[96];
+
+	if (error != 0) {
+		db_log(&audit->log, now, DB_EVENT_AUDIT_UNKEPT, NULL,
+		       "there is no audit trail in %s: %s; records are only in the journal",
+		       setup->folder, strerror(-error));
+		snprintf(audit->state.trouble, sizeof(audit->state.trouble), "%s",
+		         strerror(-error));
+		return;
+	}
+	audit->state.kept = true;
+	audit->state.newest = db_trail_newest(audit->trail);
+	if (setup->past && setup->on)
+		db_trail_read_tail(audit->trail, PAST_BYTES, pass_on, (void *)(uintptr_t)setup);
+	if (found.cut > 0) {
+		snprintf(text, sizeof(text), "a torn record of %llu bytes at the end was cut off",
+		         (unsigned long long)found.cut);
+		entry.text = text;
+		db_log(&audit->log, now, DB_EVENT_AUDIT_UNKEPT, NULL, "the audit trail: %s", text);
+		(void)db_audit_post(audit, &entry, now);
+	}
+	if (found.fresh_key) {
+		entry.text = "the key was missing: what is before cannot be verified any more";
+		db_log(&audit->log, now, DB_EVENT_AUDIT_UNKEPT, NULL, "the audit trail: %s",
+		       entry.text);
+		(void)db_audit_post(audit, &entry, now);
+	}
+}
+
+static int init_lock(pthread_mutex_t *lock)
+{
+	pthread_mutexattr_t attributes;
+	int error = pthread_mutexattr_init(&attributes);
+
+	if (error != 0)
+		return -error;
+	error = pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
+	if (error == 0)
+		error = pthread_mutex_init(lock, &attributes);
+	pthread_mutexattr_destroy(&attributes);
+	return -error;
+}
+
+static void release(struct db_audit *audit)
+{
+	db_trail_free(audit->trail);
+	sem_destroy(&audit->wake);
+	pthread_mutex_destroy(&audit->lock);
+	free(audit);
+}
+
+int db_audit_new(const struct db_audit_setup *setup, db_time now, struct db_audit **audit)
+{
+	struct db_audit *made = calloc(1, sizeof(*made));
+	int error;
+
+	if (!made)
+		return -ENOMEM;
+	error = init_lock(&made->lock);
+	if (error != 0) {
+		free(made);
+		return error;
+	}
+	sem_init(&made->wake, 0, 0);
+	made->log = setup->log;
+	made->sync_at = DB_TIME_NEVER;
+	made->state.on = setup->on;
+	made->state.mib = setup->mib;
+	if (setup->folder)
+		open_trail(made, setup, now);
+	error = pthread_create(&made->thread, NULL, run, made);
+	if (error != 0) {
+		release(made);
+		return -error;
+	}
+	pthread_setname_np(made->thread, "audit");
+	*audit = made;
+	return 0;
+}
+
+void db_audit_free(struct db_audit *audit)
+{
+	struct timespec end;
+
+	if (!audit)
+		return;
+	pthread_mutex_lock(&audit->lock);
+	audit->ending = true;
+	pthread_mutex_unlock(&audit->lock);
+	sem_post(&audit->wake);
+	/* By the wall clock: thread sanitizer does not know the function for CLOCK_MONOTONIC. */
+	clock_gettime(CLOCK_REALTIME, &end);
+	end.tv_sec += FLUSH_S;
+	if (pthread_timedjoin_np(audit->thread, NULL, &end) != 0) {
+		/* The disk does not take them. The blocked call cannot be ended, so the thread
+		 * keeps its resources until the process ends. */
+		pthread_detach(audit->thread);
+		return;
+	}
+	if (audit->reading == READING_DONE)
+		free(audit->page.records);
+	release(audit);
+}

@@ -1,0 +1,101 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "audit/audit_private.h"
+
+#include <string.h>
+
+void db_lines_init(struct db_lines *lines, const struct db_chain *chain)
+{
+	*lines = (struct db_lines){ .chain = *chain };
+}
+
+static uint64_t number_of(const json_t *object, const char *key)
+{
+	json_int_t number = json_integer_value(json_object_get(object, key));
+
+	return number > 0 ? (uint64_t)number : 0;
+}
+
+/* A segment's first line has the seal of the line before it, which is the chain's begin where that
+ * line is no longer there. */
+static const char *take_head(struct db_lines *lines, const json_t *head)
+{
+	const char *before = json_string_value(json_object_get(head, "before"));
+	uint64_t segment = number_of(head, "segment");
+	const char *why = NULL;
+
+	if (!before || strlen(before) != DB_SEAL_MAX - 1 || segment == 0)
+		return "the head of this file is damaged";
+	if (!lines->begun)
+		memcpy(lines->chain.seal, before, DB_SEAL_MAX);
+	else if (segment != lines->segment + 1 || strcmp(lines->chain.seal, before) != 0)
+		why = "what was before this file is missing or was changed";
+	lines->segment = segment;
+	lines->line = 1;
+	return why;
+}
+
+static const char *take_record(struct db_lines *lines, const json_t *record)
+{
+	uint64_t number = number_of(record, "number");
+	const char *kind = json_string_value(json_object_get(record, "kind"));
+	uint64_t before = lines->number;
+
+	if (number == 0)
+		return "this record has no number";
+	lines->number = number;
+	/* The record that says so explains the numbers that are missing. */
+	if (before == 0 || number == before + 1 ||
+	    (number > before && kind && strcmp(kind, db_audit_kind_name(DB_AUDIT_LOST)) == 0))
+		return NULL;
+	return "records before this one are missing";
+}
+
+static void take_line(struct db_lines *lines, const char *text, size_t length, db_lines_fn *take,
+                      void *context)
+{
+	json_t *object = length <= DB_TRAIL_LINE_MAX ?
+	                         json_loadb(text, length, JSON_REJECT_DUPLICATES, NULL) :
+	                         NULL;
+	bool head = json_is_string(json_object_get(object, "audit"));
+	const char *why = NULL;
+
+	lines->line++;
+	if (head)
+		why = take_head(lines, object);
+	switch (db_chain_check(&lines->chain, text, length)) {
+	case DB_CHAIN_GOOD:
+		lines->begun = true;
+		break;
+	case DB_CHAIN_WRONG:
+		/* Without its head the first line of what is left cannot be judged. */
+		if (lines->begun || head)
+			why = "its seal does not fit: it was changed, or a line before it was";
+		lines->begun = true;
+		break;
+	case DB_CHAIN_NO_LINE:
+	default:
+		why = "this is no record";
+		break;
+	}
+	if (!object)
+		why = "this is no record";
+	else if (!head && !why)
+		why = take_record(lines, object);
+	else if (!head && number_of(object, "number") != 0)
+		lines->number = number_of(object, "number");
+	take(context, lines, head ? NULL : object, text, length, why);
+	json_decref(object);
+}
+
+size_t db_lines_read(struct db_lines *lines, const char *bytes, size_t length, db_lines_fn *take,
+                     void *context)
+{
+	const char *at = bytes;
+	const char *end;
+
+	while ((end = memchr(at, '\n', (size_t)(bytes + length - at))) != NULL) {
+		take_line(lines, at, (size_t)(end - at), take, context);
+		at = end + 1;
+	}
+	return (size_t)(at - bytes);
+}

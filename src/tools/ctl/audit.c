@@ -1,0 +1,330 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/ctl_private.h"
+#include "ctl/grid.h"
+#include "drivebridge/version.h"
+#include "words/value.h"
+
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+/* How grave it is, in the Common Event Format: 0 to 10. */
+#define CEF_USUAL 3
+#define CEF_REFUSED 6
+
+/* What was looked at so far. */
+struct tally {
+	json_int_t checked;
+	json_int_t broken;
+	json_int_t newest;
+	bool kept;
+};
+
+/* --- times ------------------------------------------------------------------------------------ */
+
+/* "30m", "2h", "1d" ago, or a date with or without a time of day, in local time. 0: neither. */
+static json_int_t parse_since(const char *text)
+{
+	static const char *const forms[] = { "%Y-%m-%dT%H:%M:%S", "%Y-%m-%d %H:%M:%S",
+		                             "%Y-%m-%dT%H:%M", "%Y-%m-%d %H:%M", "%Y-%m-%d" };
+	static const struct {
+		char letter;
+		double seconds;
+	} units[] = { { 's', 1 }, { 'm', 60 }, { 'h', 3600 }, { 'd', 86400 } };
+	char *rest;
+	double number = strtod(text, &rest);
+
+	for (size_t i = 0; i < sizeof(units) / sizeof(units[0]); i++) {
+		if (rest != text && rest[0] == units[i].letter && rest[1] == '\0' && number >= 0)
+			return (json_int_t)(((double)time(NULL) - number * units[i].seconds) * 1e6);
+	}
+	for (size_t i = 0; i < sizeof(forms) / sizeof(forms[0]); i++) {
+		struct tm moment = { .tm_isdst = -1 };
+		const char *end = strptime(text, forms[i], &moment);
+
+		if (end && *end == '\0')
+			return (json_int_t)mktime(&moment) * 1000000;
+	}
+	return 0;
+}
+
+/* --- one record ------------------------------------------------------------------------------- */
+
+static bool is_refused(const json_t *record)
+{
+	static const char *const good[] = { "", "ok", "unproven", "pending" };
+	const char *result = db_words_text(record, "result");
+
+	for (size_t i = 0; i < sizeof(good) / sizeof(good[0]); i++) {
+		if (strcmp(result, good[i]) == 0)
+			return strcmp(db_words_text(record, "kind"), "denied") == 0;
+	}
+	return true;
+}
+
+/* "move_absolute target_position=6400", "acceleration 100 -> 200": to be freed; NULL without
+ * memory. */
+static char *describe(const json_t *record)
+{
+	const char *kind = db_words_text(record, "kind");
+	const char *what = db_words_text(record, "what");
+	const json_t *part;
+	const char *name;
+	size_t size = 0;
+	char *text = NULL;
+	FILE *out = open_memstream(&text, &size);
+
+	if (!out)
+		return NULL;
+	if (strcmp(kind, "command") == 0)
+		(void)fputs(what, out);
+	else
+		(void)fprintf(out, "%s%s%s", kind, what[0] ? ": " : "", what);
+	json_object_foreach((json_t *)(uintptr_t)json_object_get(record, "arguments"), name, part)
+	{
+		char *value = json_dumps(part,
+		                         JSON_ENCODE_ANY | JSON_COMPACT | JSON_REAL_PRECISION(9));
+
+		(void)fprintf(out, " %s=%s", name, value ? value : "?");
+		free(value);
+	}
+	json_object_foreach((json_t *)(uintptr_t)json_object_get(record, "values"), name, part)
+	{
+		char *old = json_dumps(json_array_get(part, 0),
+		                       JSON_ENCODE_ANY | JSON_REAL_PRECISION(9));
+		char *new = json_dumps(json_array_get(part, 1),
+		                       JSON_ENCODE_ANY | JSON_REAL_PRECISION(9));
+
+		(void)fprintf(out, " %s %s -> %s", name, old ? old : "?", new ? new : "?");
+		free(old);
+		free(new);
+	}
+	if (json_object_get(record, "register"))
+		(void)fprintf(out, " register %lld",
+		              (long long)json_integer_value(json_object_get(record, "register")));
+	if (json_object_get(record, "unit"))
+		(void)fprintf(out, " unit %lld",
+		              (long long)json_integer_value(json_object_get(record, "unit")));
+	if (json_object_get(record, "count"))
+		(void)fprintf(out, " %lld times",
+		              (long long)json_integer_value(json_object_get(record, "count")));
+	if (json_object_get(record, "of"))
+		(void)fprintf(out, " (of %lld)",
+		              (long long)json_integer_value(json_object_get(record, "of")));
+	if (db_words_text(record, "text")[0])
+		(void)fprintf(out, "%s %s", what[0] ? "," : "", db_words_text(record, "text"));
+	(void)fclose(out);
+	if (text)
+		db_words_clean(text);
+	return text;
+}
+
+/* --- Common Event Format ---------------------------------------------------------------------- */
+
+/* In the extension = and \ are written with a \ before them, in the head | instead of =. */
+static void put_cef(const char *text, char special)
+{
+	for (; *text; text++) {
+		if (*text == special || *text == '\\')
+			(void)putchar('\\');
+		if ((unsigned char)*text >= ' ')
+			(void)putchar(*text);
+	}
+}
+
+static void put_cef_field(const char *key, const char *value)
+{
+	if (value[0] == '\0')
+		return;
+	(void)printf(" %s=", key);
+	put_cef(value, '=');
+}
+
+static void print_cef(const json_t *record)
+{
+	const char *kind = db_words_text(record, "kind");
+	const char *what = db_words_text(record, "what");
+	char *line = describe(record);
+	json_int_t time_us = json_integer_value(json_object_get(record, "time_us"));
+	json_int_t port = json_integer_value(json_object_get(record, "port"));
+
+	(void)printf("CEF:0|drivebridge|drivebridged|" DB_VERSION "|");
+	put_cef(kind, '|');
+	(void)putchar('|');
+	put_cef(what[0] ? what : kind, '|');
+	(void)printf("|%d|rt=%lld externalId=%lld", is_refused(record) ? CEF_REFUSED : CEF_USUAL,
+	             (long long)(time_us / 1000),
+	             (long long)json_integer_value(json_object_get(record, "number")));
+	put_cef_field("src", db_words_text(record, "address"));
+	if (port > 0 && db_words_text(record, "address")[0])
+		(void)printf(" spt=%lld", (long long)port);
+	put_cef_field("suser", db_words_text(record, "user")[0] ? db_words_text(record, "user") :
+	                                                          db_words_text(record, "login"));
+	put_cef_field("outcome", db_words_text(record, "result"));
+	if (db_words_text(record, "drive")[0]) {
+		put_cef_field("cs1Label", "drive");
+		put_cef_field("cs1", db_words_text(record, "drive"));
+	}
+	put_cef_field("cs2Label", "who");
+	put_cef_field("cs2", db_words_text(record, "who"));
+	put_cef_field("msg", line ? line : "");
+	(void)putchar('\n');
+	free(line);
+}
+
+/* --- the command ------------------------------------------------------------------------------ */
+
+static void add_row(struct db_ctl_grid *grid, const json_t *record)
+{
+	char when[DB_WORDS_TIME_MAX];
+	char *line = describe(record);
+	char *who = strdup(db_words_text(record, "who"));
+	enum db_ctl_colour colour = json_object_get(record, "broken") ? DB_CTL_RED :
+	                            is_refused(record)                ? DB_CTL_YELLOW :
+	                                                                DB_CTL_PLAIN;
+
+	db_words_write_time(json_integer_value(json_object_get(record, "time_us")), when);
+	if (who)
+		db_words_clean(who);
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld",
+	                (long long)json_integer_value(json_object_get(record, "number")));
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", when);
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", who ? who : "?");
+	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_words_text(record, "drive"));
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", line ? line : "?");
+	db_ctl_grid_add(grid, colour, "%s", db_words_text(record, "result"));
+	free(line);
+	free(who);
+}
+
+static void print_page(const struct db_ctl *ctl, const json_t *records)
+{
+	struct db_ctl_grid *grid = NULL;
+	const json_t *record;
+	size_t i;
+
+	if (!ctl->json && !ctl->cef && json_array_size(records) > 0)
+		grid = db_ctl_grid_new("rlllll");
+	json_array_foreach(records, i, record)
+	{
+		if (ctl->json)
+			db_ctl_print_json(record);
+		else if (ctl->cef)
+			print_cef(record);
+		else if (grid)
+			add_row(grid, record);
+	}
+	if (grid)
+		db_ctl_grid_print(grid, ctl->colour, 0, "\n", stdout);
+	db_ctl_grid_free(grid);
+}
+
+static void print_broken(const struct db_ctl *ctl, const json_t *page)
+{
+	const json_t *broken;
+	size_t i;
+
+	json_array_foreach(json_object_get(page, "broken"), i, broken)
+	{
+		if (ctl->json)
+			db_ctl_print_json(broken);
+		else
+			(void)fprintf(
+				stderr, "%s:%lld: near record %lld: %s\n",
+				db_words_text(broken, "file"),
+				(long long)json_integer_value(json_object_get(broken, "line")),
+				(long long)json_integer_value(json_object_get(broken, "number")),
+				db_words_text(broken, "why"));
+	}
+}
+
+static json_t *make_query(const struct db_ctl *ctl, bool verify, json_int_t since_us)
+{
+	json_t *query = json_pack("{s:I, s:b, s:b}", "since_us", since_us, "refused", ctl->refused,
+	                          "verify", verify);
+
+	if (ctl->drive)
+		(void)json_object_set_new(query, "drive", json_string(ctl->drive));
+	if (ctl->user)
+		(void)json_object_set_new(query, "who", json_string(ctl->user));
+	return query;
+}
+
+/* All pages, one after the other. */
+static enum db_ctl_status read_trail(struct db_ctl *ctl, bool verify, struct tally *tally)
+{
+	json_int_t since_us = ctl->since ? parse_since(ctl->since) : 0;
+	enum db_ctl_status status = DB_CTL_OK;
+	json_t *query;
+	bool over = false;
+
+	if (ctl->since && since_us == 0)
+		return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+		                       "--since is a time ago, such as 30m, 2h or 1d, or a date "
+		                       "such as "
+		                       "\"2026-05-01 14:00\"");
+	query = make_query(ctl, verify, since_us);
+	while (status == DB_CTL_OK && !over) {
+		json_t *page = db_ctl_call(ctl, "Audit", json_incref(query), DB_CTL_TIMEOUT_MS,
+		                           &status);
+		const json_t *trail = json_object_get(page, "trail");
+
+		if (status == DB_CTL_OK) {
+			print_page(ctl, json_object_get(page, "records"));
+			print_broken(ctl, page);
+			tally->checked += json_integer_value(json_object_get(page, "checked"));
+			tally->broken += (json_int_t)json_array_size(
+						 json_object_get(page, "broken")) +
+			                 json_integer_value(json_object_get(page, "more_broken"));
+			tally->newest = json_integer_value(json_object_get(trail, "newest"));
+			tally->kept = json_is_true(json_object_get(trail, "kept"));
+			over = json_is_true(json_object_get(page, "over"));
+			(void)json_object_set(query, "from", json_object_get(page, "next"));
+		}
+		json_decref(page);
+	}
+	json_decref(query);
+	if (status == DB_CTL_OK && !tally->kept)
+		return db_ctl_complain(
+			ctl, DB_CTL_NO, "io.drivebridge.Client.NoTrail",
+			"the service keeps no files of its audit trail; see audit in "
+			"drivebridge.conf(5), and journalctl "
+			"DRIVEBRIDGE_EVENT=audit");
+	return status;
+}
+
+enum db_ctl_status db_ctl_audit(struct db_ctl *ctl, int count, char **arguments)
+{
+	struct tally tally = { .checked = 0 };
+	enum db_ctl_status status = read_trail(ctl, false, &tally);
+
+	(void)count;
+	(void)arguments;
+	return status == DB_CTL_OK && tally.broken > 0 ? DB_CTL_NO : status;
+}
+
+enum db_ctl_status db_ctl_audit_verify(struct db_ctl *ctl, int count, char **arguments)
+{
+	struct tally tally = { .checked = 0 };
+	enum db_ctl_status status = read_trail(ctl, true, &tally);
+	json_t *result;
+
+	(void)count;
+	(void)arguments;
+	if (status != DB_CTL_OK)
+		return status;
+	result = json_pack("{s:I, s:I, s:I}", "checked", tally.checked, "broken", tally.broken,
+	                   "newest", tally.newest);
+	if (ctl->json)
+		db_ctl_print_json(result);
+	else if (tally.broken == 0)
+		(void)printf("%lld lines, up to record %lld: the chain is whole\n",
+		             (long long)tally.checked, (long long)tally.newest);
+	else
+		(void)printf("%lld lines, up to record %lld: the chain is broken in %lld places\n",
+		             (long long)tally.checked, (long long)tally.newest,
+		             (long long)tally.broken);
+	json_decref(result);
+	return tally.broken == 0 ? DB_CTL_OK : DB_CTL_NO;
+}

@@ -1,0 +1,340 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The audit trail: who had a drive do what and what was refused to whom, over restarts, kills and full disks; and
+whether somebody has changed it."""
+
+import json
+import os
+import random
+import re
+import signal
+import socket
+import subprocess
+import threading
+import time
+
+import pytest
+from bridgelib import Client, as_shown, eventually, find_program
+from pymodbus.client import ModbusTcpClient
+from test_control import Tool, as_nobody
+from test_history import entry
+
+
+@pytest.fixture
+def state(tmp_path, monkeypatch):
+    """systemd's StateDirectory."""
+    folder = tmp_path / "state"
+    folder.mkdir()
+    monkeypatch.setenv("STATE_DIRECTORY", str(folder))
+    return folder
+
+
+def ctl(bridge, *words):
+    return subprocess.run([find_program("drivebridgectl"), "--socket", bridge.control_path, *words],
+                          capture_output=True, text=True, timeout=60, check=False)
+
+
+def records(bridge, *words):
+    """As drivebridgectl has them."""
+    done = ctl(bridge, "audit", "--json", *words)
+    assert done.returncode == 0, done
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def find(bridge, **fields):
+    """The records that have these fields."""
+    return [record for record in records(bridge)
+            if all(record.get(name) == value for name, value in fields.items())]
+
+
+def wait_for(bridge, **fields):
+    """The trail has a thread of its own."""
+    return eventually(lambda: find(bridge, **fields), what=f"a record with {fields}")
+
+
+def verified(bridge):
+    """The number of the newest record of a whole chain."""
+    done = ctl(bridge, "audit", "verify", "--json")
+    assert done.returncode == 0, done
+    result = json.loads(done.stdout)
+    assert result["broken"] == 0 and result["checked"] > 0
+    return result["newest"]
+
+
+def kill(bridge):
+    for unit in bridge.units.values():
+        unit.close()
+    bridge.units.clear()
+    bridge.process.send_signal(signal.SIGKILL)
+    assert bridge.process.wait(10) == -signal.SIGKILL
+
+
+def test_commands_and_parameters(state, make_bridge):
+    bridge = make_bridge(modbus={"local-writers": "everybody"})
+    plc = Client(bridge, "127.0.0.2")
+    assert plc.command("move_absolute", 7, target_position=640, target_velocity=0) == 4
+    assert plc.command("move_absolute", 8, target_position=640, target_velocity=0) == 0
+    restarted, move = wait_for(bridge, what="move_absolute", kind="command")
+    assert restarted["result"] == "restarted" and restarted["id"] == 7
+    assert (move["who"], move["drive"], move["id"]) == (
+        as_shown("127.0.0.2"), "drive1", 8)
+    assert move["port"] == plc.client.socket.getsockname()[1]
+    assert move["arguments"] == {"target_position": 640, "target_velocity": 0.0}
+    ends = eventually(lambda: len(find(bridge, kind="end", of=move["number"])) == 2 and
+                      find(bridge, kind="end", of=move["number"]), what="the end of the motion")
+    assert [end["result"] for end in ends] == ["ok", "ok"] and ends[0]["took_us"] < ends[1]["took_us"]
+    assert ends[1]["drive"] == "drive1" and ends[1]["who"] == move["who"]
+
+    assert plc.write("acc", 32000.0) == 0
+    (written,) = wait_for(bridge, kind="write")
+    assert written["values"] == {"acc": [64000.0, 32000.0]}
+    # What executes nothing leaves nothing: the same id again, arguments alone, the same of a scanner.
+    before = verified(bridge)
+    for _ in range(20):
+        assert plc.command("move_absolute", 8, target_position=640, target_velocity=0) == 0
+        assert plc.write("target_position", 5) == 0
+        assert plc.write("heartbeat", 5) == 0
+    assert plc.write("watchdog_ms", 60000) == 0
+    (watchdog,) = [record for record in records(bridge) if "watchdog_ms" in record.get("values", {})]
+    assert watchdog["values"] == {"watchdog_ms": [0, 60000]}
+    assert not [record for record in records(bridge)
+                if before < record["number"] < watchdog["number"] and record["kind"] != "end"]
+    plc.close()
+
+
+def test_refusals(state, make_bridge):
+    bridge = make_bridge(drive={"max-position": 100.0}, modbus={
+        "control": "drive", "local-writers": "everybody", "allow-write": ["127.0.0.2", "127.0.0.3"]})
+    plc, other, reader = (Client(bridge, f"127.0.0.{last}") for last in (2, 3, 4))
+    assert plc.command("move_absolute", target_position=101, target_velocity=0) == 3
+    assert plc.command("move_absolute", target_position=10, target_velocity=0) == 0
+    for _ in range(50):
+        assert other.command("enable") == 6
+    for _ in range(10):
+        assert reader.command("enable") == 1
+    assert plc.write_word(60000, 1) == 2
+    assert plc.write("control_request", 0) == 0
+    wait_for(bridge, kind="control", what="released")
+    (limit,) = find(bridge, what="move_absolute", result="limit")
+    assert limit["arguments"]["target_position"] == 101 and limit["who"].startswith("127.0.0.2")
+    (taken,) = find(bridge, kind="control", what="taken")
+    assert taken["who"].startswith("127.0.0.2")
+    # The first ones of a kind, each client by itself.
+    busy = find(bridge, what="enable", result="not_in_control")
+    assert len(busy) == 3 and all(record["who"].startswith("127.0.0.3") for record in busy)
+    denied = [record for record in find(bridge, kind="denied") if record["who"].startswith("127.0.0.4")]
+    assert len(denied) == 3 and denied[0]["drive"] == "drive1" and "read" in denied[0]["text"]
+    (missing,) = [record for record in find(bridge, kind="denied") if record["who"].startswith("127.0.0.2")]
+    assert missing["register"] == 60000
+    assert len(records(bridge, "--refused", "--user", "127.0.0.3")) == 3
+    assert not records(bridge, "--drive", "no")
+    for client in (plc, other, reader):
+        client.close()
+    # The end of the service ends the minute.
+    bridge.restart_bridge()
+    counts = {record["who"].split(",")[0]: record["count"] for record in wait_for(bridge, kind="repeated")}
+    assert counts == {"127.0.0.3": 47, "127.0.0.4": 7}
+    assert [record["what"] for record in find(bridge, kind="service")] == ["begins", "ends", "begins"]
+
+
+def test_watchdog(state, make_bridge):
+    bridge = make_bridge(drive={"watchdog-ms": 100})
+    assert bridge.drive().command("move_velocity", target_velocity=800.0) == 0
+    (stop,) = wait_for(bridge, kind="command", what="stop")
+    assert (stop["who"], stop["text"]) == ("drivebridged", "watchdog")
+
+
+def test_control_socket(state, make_bridge):
+    bridge = make_bridge()
+    read = {"method": "io.drivebridge.Control.Audit", "parameters": {}}
+    enable = {"method": "io.drivebridge.Control.Run", "parameters": {"drive": "drive1", "command": "enable"}}
+    assert [answer["error"].rsplit(".", 1)[1] for answer in as_nobody(bridge, read, enable)] == ["NotAllowed"] * 2
+    denied = wait_for(bridge, kind="denied", what="Run")
+    assert denied[0]["who"] == "control, user nobody"
+    with Tool(bridge) as tool:
+        tool.Introduce("anna", "page, 10.0.0.5")
+        assert tool.Run("drive1", "enable")["result"] == "ok"
+        tool.Note("login", "in", "otto", "page, 10.0.0.6", "as operator", False)
+        tool.Note("login", "in", None, "page, 10.0.0.7", "as an unknown user", True)
+        tool.Write("drive1", {"acc": 640.0})
+        tool.Reload()
+        tool.SetUp("line", 1, "save")
+        assert tool.Audit()["trail"]["kept"] and tool.Describe()["audit_trouble"] == ""
+    (enabled,) = wait_for(bridge, what="enable", kind="command")
+    assert enabled["who"] == "control, user root for anna, page, 10.0.0.5"
+    (login,) = find(bridge, kind="login", result="ok")
+    assert login["who"] == "control, user root for otto, page, 10.0.0.6"
+    (refused,) = find(bridge, kind="login", result="refused")
+    assert refused["text"] == "as an unknown user"
+    assert find(bridge, kind="reload", what="asked for")[0]["who"].endswith("anna, page, 10.0.0.5")
+    assert find(bridge, kind="reload", what="ended", result="ok")
+    (set_up,) = wait_for(bridge, kind="set-up")
+    assert (set_up["bus"], set_up["what"]) == ("line", "save") and "address 1" in set_up["text"]
+    # A signal has no name for who sent it, but a process and a user.
+    bridge.reload()
+    eventually(lambda: [record for record in find(bridge, kind="reload", what="asked for")
+                        if "signal of process" in record.get("text", "")], what="the signal")
+
+
+def test_forms(state, make_bridge):
+    bridge = make_bridge()
+    with Tool(bridge) as tool:
+        tool.Introduce("a=b|c", "back\\slash")
+        tool.Run("drive1", "enable")
+    wait_for(bridge, what="enable", kind="end")
+    text = ctl(bridge, "audit")
+    assert re.search(r"control, user root for a=b\|c, back\\slash +drive1 +enable +pending", text.stdout)
+    cef = [line for line in ctl(bridge, "audit", "--cef").stdout.splitlines() if "|enable|" in line]
+    assert cef[0].startswith("CEF:0|drivebridge|drivebridged|") and "suser=a\\=b|c" in cef[0]
+    assert "cs2=control, user root for a\\=b|c, back\\\\slash" in cef[0] and "outcome=pending" in cef[0]
+    assert ctl(bridge, "audit", "--since", "yesterday").returncode == 2
+    assert records(bridge, "--since", "1h") == records(bridge) and not records(bridge, "--since", "2100-01-01")
+    assert "chain is whole" in ctl(bridge, "audit", "verify").stdout
+
+
+def test_history_survives(state, make_bridge):
+    bridge = make_bridge(modbus={"local-writers": "everybody"})
+    plc = Client(bridge, "127.0.0.2")
+    assert plc.command("move_absolute", target_position=640, target_velocity=0) == 0
+    eventually(lambda: entry(plc)["duration_us"] > 100000, what="the end of the motion")
+    assert plc.write("acc", 32000.0) == 0
+    eventually(lambda: entry(plc)["result"] == 1, what="the proof of the write")
+    with Tool(bridge) as tool:
+        tool.Introduce("anna")
+        assert tool.Run("drive1", "stop")["result"] == "ok"
+    before = ctl(bridge, "history", "drive1", "--json").stdout
+    kept = [entry(plc, number) for number in (1, 2, 3)]
+    plc.close()
+    wait_for(bridge, what="stop", kind="end")
+    kill(bridge)
+    bridge.start_bridge()
+    unit = bridge.drive()
+    again = [entry(unit, number) for number in (1, 2, 3)]
+    for name in ("command", "result", "number", "position", "real", "value", "port", "ipv4", "duration_us"):
+        assert [old[name] for old in kept] == [new[name] for new in again], name
+    assert [json.loads(line) for line in before.splitlines()][0]["user"] == "anna"
+    after = [json.loads(line) for line in ctl(bridge, "history", "drive1", "--json").stdout.splitlines()]
+    assert [(old["user"], old["address"], old["arguments"]) for old in after] == [
+        (new["user"], new["address"], new["arguments"]) for new in map(json.loads, before.splitlines())]
+
+
+def test_changes_are_found(state, make_bridge):
+    bridge = make_bridge()
+    for _ in range(5):
+        assert bridge.drive().command("enable") == 0
+    eventually(lambda: len(find(bridge, what="enable", kind="end")) == 5, what="the records")
+    (path,) = (state / "audit").glob("trail-*.jsonl")
+    assert (state / "audit" / "key").stat().st_mode & 0o777 == 0o600
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    number = next(i for i, line in enumerate(lines) if '"command"' in line)
+    changed = lines[:]
+    changed[number] = changed[number].replace("enable", "stop")
+    path.write_text("".join(changed), encoding="utf-8")
+    done = ctl(bridge, "audit", "verify")
+    assert done.returncode == 1 and "broken in 1 places" in done.stdout and "seal" in done.stderr, done
+    # It is shown all the same, and marked.
+    done = ctl(bridge, "audit", "--json")
+    assert done.returncode == 1 and sum('"broken"' in line for line in done.stdout.splitlines()) == 1
+    # The end is missing.
+    path.write_text("".join(lines[:-1]), encoding="utf-8")
+    done = ctl(bridge, "audit", "verify")
+    assert done.returncode == 1 and "last records are missing" in done.stderr
+    path.write_text("".join(lines), encoding="utf-8")
+    verified(bridge)
+
+
+def test_killed_at_any_moment(state, make_bridge):
+    """What was written before is there, each time; and the chain goes on."""
+    bridge = make_bridge(start_sim=False, modbus={"local-writers": "everybody"})
+    moments = random.Random(30)
+    newest = 0
+
+    def write(port):
+        """Refused, and recorded: what differs is no repetition."""
+        client = ModbusTcpClient("127.0.0.1", port=port, timeout=2, retries=0)
+        try:
+            client.connect()
+            for number in range(100000):
+                client.write_registers(100, [0, number % 40 + 1], device_id=1)
+        except Exception:  # pylint: disable=broad-exception-caught
+            pass  # the service is gone
+        finally:
+            client.close()
+
+    for _ in range(30):
+        writer = threading.Thread(target=write, args=(bridge.port,))
+        writer.start()
+        time.sleep(moments.random() * 0.05)
+        kill(bridge)
+        writer.join()
+        bridge.start_bridge()
+        here = verified(bridge)
+        assert here > newest
+        newest = here
+    begun = find(bridge, kind="service", what="begins")
+    assert len(begun) == 31 and not find(bridge, kind="lost")
+
+
+def test_torn_end(state, make_bridge):
+    bridge = make_bridge()
+    assert bridge.drive().command("enable") == 0
+    wait_for(bridge, what="enable", kind="end")
+    kill(bridge)
+    (path,) = (state / "audit").glob("trail-*.jsonl")
+    with open(path, "r+b") as file:
+        file.truncate(os.path.getsize(path) - 10)
+    bridge.start_bridge()
+    bridge.told("a torn record of")
+    assert "was cut off" in wait_for(bridge, kind="trail")[0]["text"]
+    verified(bridge)
+
+
+def test_full_disk(state, make_bridge):
+    """The service goes on, says so, and says later what is missing."""
+    bridge = make_bridge(launcher=["prlimit", "--fsize=32768:unlimited"])
+    with Tool(bridge) as tool:
+        for number in range(150):
+            tool.Note("users", "changed", f"user {number}", None, "x" * 200, False)
+    bridge.told("the audit trail cannot be written: File too large")
+    assert bridge.drive().command("enable") == 0
+    assert "audit trail cannot be written" in ctl(bridge, "status").stdout
+    assert "drivebridge_audit_failing 1" in ctl(bridge, "metrics").stdout
+    offset = bridge.log_size()
+    subprocess.run(["prlimit", f"--pid={bridge.process.pid}", "--fsize=unlimited:unlimited"], check=True)
+    assert bridge.drive().command("enable") == 0
+    eventually(lambda: "audit trail is written again" in bridge.log_since(offset), what="its end")
+    (lost,) = wait_for(bridge, kind="lost")
+    assert lost["count"] > 0
+    verified(bridge)
+    assert "drivebridge_audit_failing 0" in ctl(bridge, "metrics").stdout
+
+
+def test_off_and_without_files(make_bridge, state, monkeypatch):
+    bridge = make_bridge(control={"audit": "off"})
+    assert bridge.drive().command("enable") == 0
+    assert not records(bridge)
+    bridge.sections["control"]["audit"] = "on"
+    bridge.reload()
+    assert bridge.drive().command("enable") == 0
+    wait_for(bridge, what="enable", kind="end")
+    monkeypatch.delenv("STATE_DIRECTORY")
+    other = make_bridge()
+    assert other.drive().command("enable") == 0
+    done = ctl(other, "audit")
+    assert done.returncode == 1 and "keeps no files" in done.stderr
+
+
+def test_size(state, make_bridge):
+    """A client that reads slowly, pages, and files that are bounded."""
+    bridge = make_bridge(control={"audit-mib": 1})
+    with Tool(bridge) as tool:
+        for number in range(300):
+            tool.Note("users", "changed", f"user {number}", None, "x" * 200, False)
+        page = tool.Audit()
+        assert not page["over"] and 0 < page["next"] <= 300
+    assert len(find(bridge, kind="users")) == 300
+    # A caller that goes in the middle of its page.
+    for _ in range(5):
+        with socket.socket(socket.AF_UNIX) as line:
+            line.connect(str(bridge.control_path))
+            line.sendall(b'{"method":"io.drivebridge.Control.Audit"}\0')
+    verified(bridge)
