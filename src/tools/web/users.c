@@ -267,11 +267,17 @@ static void log_end(const struct db_web_request *request, const struct db_web_wo
 void db_web_users_end(struct db_web_server *server, struct db_web_request *request,
                       const struct db_web_work *work)
 {
-	struct db_web_caller caller = { .text = "a page that has left" };
+	struct db_web_caller caller = { .text = "a page that has left", .from = "page" };
 
 	if (request)
 		caller = db_web_request_caller(request);
 	log_end(request, work, caller.text);
+	db_web_service_note(server->service, "users",
+	                    work->change == DB_WEB_CHANGE_REMOVE ? "removed" :
+	                    work->compares                       ? "password" :
+	                                                           "changed",
+	                    caller.user, caller.from, work->fresh.name,
+	                    !work->right || !work->done);
 	if (!request)
 		return;
 	if (work->right && work->compares)
