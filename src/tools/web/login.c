@@ -8,7 +8,6 @@
 #include "web/service.h"
 #include "web/stream.h"
 #include "web/tabs.h"
-#include "web/users.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -259,7 +258,7 @@ static void begin_session(struct db_web_request *request)
 	db_web_login_tell(request);
 }
 
-static void end_login(struct db_web_request *request, const struct db_web_work *work)
+void db_web_login_end(struct db_web_request *request, const struct db_web_work *work)
 {
 	struct db_web_server *server = request->server;
 	const char *user = json_string_value(json_object_get(request->parameters, "user"));
@@ -286,26 +285,6 @@ static void end_login(struct db_web_request *request, const struct db_web_work *
 	                      "the user or the password is wrong");
 }
 
-void db_web_login_compared(struct db_web_server *server, struct db_web_hasher *hasher)
-{
-	struct db_web_work work;
-
-	while (db_web_hasher_take(hasher, &work)) {
-		struct db_web_request *request = server->requests;
-
-		while (request && request->number != work.number)
-			request = request->next;
-		if (request && request->status != 0)
-			request = NULL;
-		if (work.change != DB_WEB_CHANGE_NONE ||
-		    (request && request->route.kind != DB_WEB_LOGIN))
-			db_web_users_end(server, request, &work);
-		else if (request)
-			end_login(request, &work);
-	}
-	explicit_bzero(&work, sizeof(work));
-}
-
 void db_web_logout(struct db_web_request *request)
 {
 	struct db_web_server *server = request->server;
@@ -326,6 +305,17 @@ void db_web_logout(struct db_web_request *request)
 	db_web_login_tell(request);
 }
 
+/* True while the user of this session changes his own password. */
+static bool changes_own_password(const struct db_web_server *server, const char *session)
+{
+	const struct db_web_request *request = server->requests;
+
+	while (request && (request->route.kind != DB_WEB_PASSWORD || request->status != 0 ||
+	                   strcmp(request->session, session) != 0))
+		request = request->next;
+	return request;
+}
+
 struct review {
 	struct db_web_server *server;
 	struct db_users users;
@@ -341,7 +331,7 @@ static bool may_stay(void *context, const struct db_web_session *session)
 	/* With another password alone, which he is just giving himself: looked at again then. */
 	if (user && user->grant.role == session->grant.role &&
 	    strcmp(user->grant.drives, session->grant.drives) == 0 &&
-	    db_web_users_changes_own(review->server, session->id)) {
+	    changes_own_password(review->server, session->id)) {
 		review->server->users_stamp = 0;
 		return true;
 	}

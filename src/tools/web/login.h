@@ -23,8 +23,8 @@ void db_web_login_give_back(struct db_web_request *request, const char *name);
 /* The user has another password, and his browser stays a known one. */
 void db_web_login_keep_device(struct db_web_request *request, const struct db_user *user);
 
-/* A hasher has answers. */
-void db_web_login_compared(struct db_web_server *server, struct db_web_hasher *hasher);
+/* The password of a login was compared. */
+void db_web_login_end(struct db_web_request *request, const struct db_web_work *work);
 
 /* Logs out users that were removed from the file of users, or have another password or role. */
 void db_web_login_review(struct db_web_server *server);

@@ -384,12 +384,32 @@ static int on_turn(sd_event_source *source, void *data)
 	return 0;
 }
 
+static void take_compared(struct db_web_server *server, struct db_web_hasher *hasher)
+{
+	struct db_web_work work;
+
+	while (db_web_hasher_take(hasher, &work)) {
+		struct db_web_request *request = server->requests;
+
+		while (request && request->number != work.number)
+			request = request->next;
+		if (request && request->status != 0)
+			request = NULL;
+		if (work.change != DB_WEB_CHANGE_NONE ||
+		    (request && request->route.kind != DB_WEB_LOGIN))
+			db_web_users_end(server, request, &work);
+		else if (request)
+			db_web_login_end(request, &work);
+	}
+	explicit_bzero(&work, sizeof(work));
+}
+
 static int on_hashed(sd_event_source *source, int fd, uint32_t events, void *data)
 {
 	(void)source;
 	(void)fd;
 	(void)events;
-	db_web_login_compared(data, ((struct db_web_server *)data)->hasher);
+	take_compared(data, ((struct db_web_server *)data)->hasher);
 	return 0;
 }
 
@@ -398,7 +418,7 @@ static int on_asked(sd_event_source *source, int fd, uint32_t events, void *data
 	(void)source;
 	(void)fd;
 	(void)events;
-	db_web_login_compared(data, ((struct db_web_server *)data)->asker);
+	take_compared(data, ((struct db_web_server *)data)->asker);
 	return 0;
 }
 

@@ -2,6 +2,7 @@
 #include "web/users.h"
 #include "client/log.h"
 #include "web/login.h"
+#include "web/service.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -228,16 +229,6 @@ void db_web_users_take(struct db_web_request *request)
 		                      "this needs a login");
 	db_users_clear(&users);
 	free(said);
-}
-
-bool db_web_users_changes_own(const struct db_web_server *server, const char *session)
-{
-	const struct db_web_request *request = server->requests;
-
-	while (request && (request->route.kind != DB_WEB_PASSWORD || request->status != 0 ||
-	                   strcmp(request->session, session) != 0))
-		request = request->next;
-	return request;
 }
 
 /* --- the end of a change ---------------------------------------------------------------------- */

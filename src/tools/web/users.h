@@ -10,9 +10,6 @@
 /* Answers when the hasher has compared and written. */
 void db_web_users_take(struct db_web_request *request);
 
-/* True while the user of this session changes his own password. */
-bool db_web_users_changes_own(const struct db_web_server *server, const char *session);
-
 /* A change has ended; `request` is NULL if it has been answered or is gone. */
 void db_web_users_end(struct db_web_server *server, struct db_web_request *request,
                       const struct db_web_work *work);
