@@ -334,6 +334,7 @@ static void test_a_browser_proves_who_has_logged_in_with_it(void **state)
 	text[strlen(text) - 1] = '\0';
 	assert_false(db_web_device_read(text, "anna", hash, id));
 	assert_false(db_web_device_read("", "anna", hash, id));
+	assert_false(db_web_device_write(&number, "anna", "", text));
 	db_web_device_name("anna", true, name);
 	db_web_device_name("olga", true, other);
 	assert_string_not_equal(name, other);
