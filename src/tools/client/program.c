@@ -97,9 +97,9 @@ static int check(const struct db_program *program, const char *path, void *confi
 	if (program->check && !program->check(config))
 		good = false;
 	if (good && program->keeper)
-		(void)printf("%s: it is good; %zu users\n", path, count);
+		(void)printf("%s: OK; %zu users\n", path, count);
 	else if (good)
-		(void)printf("%s: it is good\n", path);
+		(void)printf("%s: OK\n", path);
 	return good ? EXIT_SUCCESS : DB_CLIENT_EXIT_CONFIG;
 }
 
