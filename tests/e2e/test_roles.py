@@ -244,6 +244,11 @@ async def test_over_opcua_observers_stop_only_where_they_may(bridge, make_server
             said = [await method("Stop")(session), await variable("/Gateway.GroupStop", 1)(session)]
             assert all(one in ("BadUserAccessDenied", "BadNotExecutable", "BadNotWritable") for one in said) != may_stop
     assert "the password of" not in server.log()
+    # PAM may take long, and all clients would wait for it.
+    server.users_path.write_text("petra:operator:*:pam\n", encoding="utf-8")
+    with says("BadIdentityTokenRejected", "BadIdentityTokenInvalid", "BadUserAccessDenied"):
+        await connect(server.client(certificate, ("petra", "her word")))
+    assert "the password of petra is checked by PAM, which only the page does" in server.log()
 
 
 # --- users and passwords ----------------------------------------------------------------------------

@@ -382,6 +382,12 @@ static UA_StatusCode check_password(struct db_opcua_access *access, const char *
 		return UA_STATUSCODE_BADTCPSERVERTOOBUSY;
 	if (db_users_load(&users, access->config->users, &db_opcua_keeper, stderr))
 		user = db_users_find(&users, name);
+	/* The library waits for the answer, and with it every client. */
+	if (user && user->pam)
+		db_client_log_rationed_for(&access->lines, address, now, DB_CLIENT_WARNING,
+		                           "%s: the password of %s is checked by PAM, which only "
+		                           "the page does",
+		                           address, name);
 	right = db_password_matches(user && !user->pam ? user->hash : access->nobody, password) &&
 	        user;
 	if (right) {

@@ -53,6 +53,7 @@ static const char *parse_line(char *line, struct db_user *user)
 	char *drives = split(role);
 	char *hash = split(drives);
 	bool old = drives && !hash;
+	char all[] = "*";
 
 	if (!drives)
 		return "a line is NAME:ROLE:DRIVES:PASSWORD";
@@ -70,9 +71,12 @@ static const char *parse_line(char *line, struct db_user *user)
 	if (!user->pam && !db_password_is_hash(hash))
 		return "this is no hash of a password; --add-user makes them";
 	/* All fit, as checked above. */
-	(void)snprintf(user->name, sizeof(user->name), "%s", line);
-	(void)snprintf(user->grant.drives, sizeof(user->grant.drives), "%s", old ? "*" : drives);
-	(void)snprintf(user->hash, sizeof(user->hash), "%s", user->pam ? "" : hash);
+	memcpy(user->name, line, strlen(line) + 1);
+	if (old)
+		drives = all;
+	memcpy(user->grant.drives, drives, strlen(drives) + 1);
+	if (!user->pam)
+		memcpy(user->hash, hash, strlen(hash) + 1);
 	return NULL;
 }
 

@@ -8,6 +8,7 @@
 #include "web/service.h"
 #include "web/stream.h"
 #include "web/tabs.h"
+#include "web/try.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -123,60 +124,6 @@ static void refuse_often(struct db_web_request *request, db_time wait)
 	                      "too many attempts; again in %u s", request->retry_s);
 }
 
-static struct db_web_attempt attempt_of(const struct db_web_request *request, const char *user)
-{
-	return (struct db_web_attempt){ .address = request->address,
-		                        .proxy = request->proxied ? &request->proxy : NULL,
-		                        .user = user,
-		                        .device = request->device };
-}
-
-/* Whether this browser is one that the user has logged in with; else it becomes one if the password
- * is right. */
-static void find_device(struct db_web_request *request, const struct db_user *user)
-{
-	char name[DB_WEB_DEVICE_NAME];
-	const char *cookie;
-	struct db_web_secret number;
-
-	db_web_device_name(user->name, request->secure, name);
-	cookie = MHD_lookup_connection_value(request->connection, MHD_COOKIE_KIND, name);
-	if (cookie && db_web_device_read(cookie, user->name, user->hash, request->device)) {
-		(void)snprintf(request->device_cookie, sizeof(request->device_cookie), "%s",
-		               cookie);
-		return;
-	}
-	request->device[0] = '\0';
-	if (getrandom(&number, sizeof(number), 0) != (ssize_t)sizeof(number) ||
-	    !db_web_device_write(&number, user->name, user->hash, request->device_cookie))
-		request->device_cookie[0] = '\0';
-}
-
-db_time db_web_login_try(struct db_web_request *request, const char *name,
-                         const struct db_user *user)
-{
-	struct db_web_attempt attempt;
-
-	/* Without a hash here nothing could authenticate the cookie. */
-	if (user && !user->pam)
-		find_device(request, user);
-	attempt = attempt_of(request, name);
-	return db_web_attempts_take(&request->server->attempts, &attempt, db_client_now());
-}
-
-void db_web_login_give_back(struct db_web_request *request, const char *name)
-{
-	struct db_web_attempt attempt = attempt_of(request, name);
-
-	db_web_attempts_give_back(&request->server->attempts, &attempt);
-}
-
-void db_web_login_keep_device(struct db_web_request *request, const struct db_user *user)
-{
-	find_device(request, user);
-	request->logged_in = true;
-}
-
 void db_web_login(struct db_web_request *request)
 {
 	struct db_web_server *server = request->server;
@@ -196,7 +143,7 @@ void db_web_login(struct db_web_request *request)
 	}
 	if (db_users_load(&users, server->config->users_file, &db_web_keeper, stderr))
 		known = db_users_find(&users, user);
-	wait = db_web_login_try(request, user, known);
+	wait = db_web_try_password(request, user, known);
 	if (wait > 0) {
 		refuse_often(request, wait);
 		goto end;
@@ -267,7 +214,7 @@ void db_web_login_end(struct db_web_request *request, const struct db_web_work *
 	if (work->right && request->known) {
 		const char *role = db_role_name(request->known->grant.role);
 
-		db_web_login_give_back(request, user);
+		db_web_try_was_right(request, user);
 		db_client_log(DB_CLIENT_NOTICE, "%s: logged in as %s, %s%s%s", caller.text, user,
 		              role, request->weak ? "; the password is weak: " : "",
 		              request->weak ? request->weak : "");

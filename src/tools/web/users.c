@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/users.h"
 #include "client/log.h"
-#include "web/login.h"
 #include "web/service.h"
+#include "web/try.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -70,7 +70,7 @@ static void change_own(struct db_web_request *request, const struct db_user *use
 		return;
 	}
 	/* Guessing at an open page is limited like guessing at the login. */
-	wait = db_web_login_try(request, user->name, user);
+	wait = db_web_try_password(request, user->name, user);
 	if (wait > 0) {
 		request->retry_s = (unsigned)((wait + DB_NS_PER_S - 1) / DB_NS_PER_S);
 		db_web_request_refuse(request, MHD_HTTP_TOO_MANY_REQUESTS, "TooManyAttempts",
@@ -272,7 +272,7 @@ void db_web_users_end(struct db_web_server *server, struct db_web_request *reque
 	if (!request)
 		return;
 	if (work->right && work->compares)
-		db_web_login_give_back(request, request->user);
+		db_web_try_was_right(request, request->user);
 	if (!work->right) {
 		db_web_request_refuse(request, MHD_HTTP_FORBIDDEN, "WrongPassword",
 		                      "the password of now is wrong");
@@ -283,7 +283,7 @@ void db_web_users_end(struct db_web_server *server, struct db_web_request *reque
 		/* Whoever changes his own stays logged in here, and nowhere else. */
 		if (work->compares) {
 			db_web_sessions_renew(server->sessions, request->session, &work->fresh);
-			db_web_login_keep_device(request, &work->fresh);
+			db_web_try_keep_device(request, &work->fresh);
 		}
 		db_web_request_answer(request, MHD_HTTP_OK, json_object());
 	}
