@@ -270,7 +270,7 @@ def test_check_looks_for_ports_and_interfaces(tmp_path):
     # What is missing is a warning: it may be plugged in later.
     path, status, _, errors = checked(tmp_path, instead(device, '"/dev/drivebridge-none"'))
     assert status == 0
-    assert f"{path}:4: warning: bus line: /dev/drivebridge-none cannot be seen" in errors
+    assert f"{path}:4: warning: bus line: /dev/drivebridge-none does not exist" in errors
     assert "ls /dev/serial/by-id" in errors
     path, status, _, errors = checked(tmp_path, instead(device, '"/dev/null"'))
     assert status == 0 and f"{path}:4: warning: bus line: /dev/null is no serial port" in errors

@@ -197,7 +197,7 @@ def test_parameters_go_from_one_drive_to_another(make_bridge, family, tmp_path):
     assert [row["name"] for row in told["differences"]] == differ
     said = ctl(plant, "params", "restore", "drive2", path)
     assert said.startswith(f"drive2 has what is in {path}\n") and said.endswith("drive2: 0 written\n")
-    assert ("cid stays as it is" in said) == bool(differ)
+    assert ("cid is the drive's address" in said) == bool(differ)
 
 
 MANY = ["mcs=6", "spd=1000", "acc=1000", "dec=1000", "s1f=0", "s2f=4", "s3f=4", "pud=1", "zmd=3", "osv=1", "zsp=77"]
@@ -450,7 +450,7 @@ def test_a_restore_powers_no_motor(make_bridge, tmp_path):
 def test_addresses_are_written_only_when_told(plant, many):
     mark = plant.sim.mark()
     said = ctl(plant, "params", "restore", "drive2", many, "--yes")
-    assert "\ncid stays as it is: it says where the drive is heard; --with-address writes it\n" in said
+    assert "\ncid is the drive's address or bit rate and stays as it is; --with-address writes it\n" in said
     assert "cid" not in writes_of(plant, 2, mark)
     # It holds after save_parameters and a power cycle: nobody is heard elsewhere yet.
     said = ctl(plant, "params", "restore", "drive2", many, "--yes", "--with-address")
@@ -528,7 +528,7 @@ def test_what_is_written_is_unsaved_until_it_is_saved(make_bridge, family):
         assert is_unsaved(plant) and not is_unsaved(plant, 2)
         status = ctl(plant, "status")
         assert re.search(r"^drive1 .* save_parameters$", status, re.M) and status.endswith("\nno faults, 1 hint\n")
-        assert "drive1: params_unsaved: without power it forgets its parameters: drivebridgectl run drive1 save_parameters\n" \
+        assert "drive1: params_unsaved: its parameters are not saved and are lost at power-off: drivebridgectl run drive1 save_parameters\n" \
             in status
         assert 'drivebridge_drive_params_unsaved{bus="line",drive="drive1"} 1\n' in ctl(plant, "metrics")
         ctl(plant, "run", "drive1", "save_parameters")

@@ -255,7 +255,7 @@ def test_a_bus_moves_to_another_device(make_bridge):
     bridge.sections["bus line"]["device"] = other
     log = bridge.reload()
     assert "bus line: reload: it is changed" in log
-    assert log.count("begins anew with its bus") == 2
+    assert log.count("starts again with its bus") == 2
     assert bridge.sim.get()["stp"] > stops
     eventually(lambda: is_ready(drive), what="drive 1 to be back")
     bridge.told(f"{other} is up")

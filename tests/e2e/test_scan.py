@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finding drives on a bus through drivebridgectl: in service and with the bus set aside, two drives on one address,
+"""Finding drives on a bus through drivebridgectl: in service and with the bus out of service, two drives on one address,
 and what is printed for the configuration."""
 
 import getpass
@@ -84,11 +84,11 @@ def test_two_drives_on_one_address(make_bridge, twins):
     assert re.search(r"^address 4: .*two drives", told, re.M)
 
 
-# --- the bus set aside -------------------------------------------------------------------------------
+# --- the bus out of service -------------------------------------------------------------------------------
 
 
 def test_drives_at_another_speed_are_found(make_bridge):
-    """The bus is set aside, which its drives and the log show, and returns to service."""
+    """The bus is out of service, which its drives and the log show, and returns to service."""
     bridge = make_bridge(drives=1, bus={"drive-latency-ms": 10}, sim_bus={"follow-host": True})
     offset = bridge.log_size()
     bridge.sections["bus line"]["baud"] = 57600
@@ -101,7 +101,7 @@ def test_drives_at_another_speed_are_found(make_bridge):
     found = scan(bridge, "--all-speeds", "--addresses", "1-3", "--yes")
     assert places(found) == [(115200, 1, "one")]
     assert "at 115200 bit/s, while bus line is set to 57600" in found["configuration"]
-    eventually(lambda: re.search("bus line: .* is set aside for a scan", bridge.log_since(offset)))
+    eventually(lambda: re.search("bus line: .* is out of service for a scan", bridge.log_since(offset)))
     eventually(lambda: "returns to service" in bridge.log_since(offset))
     bridge.sections["bus line"]["baud"] = 115200
     bridge.reload()
@@ -131,8 +131,8 @@ def test_a_bus_is_set_aside_only_when_its_drives_stand(make_bridge):
         told = tool.Troubles(["drive2"])
     for one in (*told["buses"], *told["drives"]):
         assert (one["cause"], one["need"], one["detail"]) == ("aside", "look", whose), one
-        assert f"bus line is set aside for a scan of {whose}; " in one["advice"]
-        assert f"is set aside for a scan of {whose}: " in one["event"]["text"]
+        assert f"bus line is out of service for a scan of {whose}; " in one["advice"]
+        assert f"is out of service for a scan of {whose}: " in one["event"]["text"]
     assert f"bus line: aside ({whose}): " in run(bridge, "status").stdout
     process.send_signal(signal.SIGINT)
     told, _ = process.communicate(timeout=20)
@@ -147,7 +147,7 @@ def test_the_service_ends_while_a_bus_is_set_aside(make_bridge):
     process = subprocess.Popen([find_program("drivebridgectl"), "--socket", bridge.control_path,
                                 "scan", "line", "--all-speeds", "--yes"], stdout=subprocess.DEVNULL,
                                stderr=subprocess.DEVNULL)
-    eventually(lambda: "set aside" in bridge.log_path.read_text())
+    eventually(lambda: "out of service" in bridge.log_path.read_text())
     assert bridge.stop_bridge() == 0
     assert process.wait(10) == 3
     bridge.start_bridge()
@@ -157,7 +157,7 @@ def test_only_one_scan_of_a_bus_at_a_time(make_bridge):
     bridge = make_bridge(drives=1, sim_bus={"follow-host": True})
     words = [find_program("drivebridgectl"), "--socket", bridge.control_path, "scan", "line"]
     process = subprocess.Popen([*words, "--all-speeds", "--yes"], stdout=subprocess.DEVNULL)
-    eventually(lambda: "set aside" in bridge.log_path.read_text())
+    eventually(lambda: "out of service" in bridge.log_path.read_text())
     second = run(bridge, "scan", "line")
     assert second.returncode == 1 and "too much" in second.stderr
     process.send_signal(signal.SIGKILL)

@@ -119,7 +119,7 @@ def test_a_drive_gets_another_speed(gateway, make_bridge):  # noqa: F811
     bridge = make_bridge(drives=1, bus=ROOMY, sim_bus={"follow-host": True}, sim_drive={"settles": "power-up"})
     page = make_page(gateway, bridge)
     stream = begin(page, what="speed", to=57600, **{"from": 1})
-    assert "is set aside" in answer(page, stream)
+    assert "is taken out of service" in answer(page, stream)
     answer(page, stream, number=2)
     stream.wait(lambda data: data["question"] == 3, event="ask", timeout=30)
     switch_power(bridge, "drive1")

@@ -72,9 +72,9 @@ step() {
 	fi
 }
 
-# configure_and_build PRESET [TARGET]
+# configure_and_build PRESET [TARGET]. A preset links 200 programs, most of them tests: mold takes a tenth of ld's time.
 configure_and_build() {
-	cmake --preset "$1" && cmake --build --preset "$1" --target "${2:-all}" -- -k 0 -j "$JOBS"
+	cmake --preset "$1" -DCMAKE_EXE_LINKER_FLAGS=-fuse-ld=mold && cmake --build --preset "$1" --target "${2:-all}" -- -k 0 -j "$JOBS"
 }
 
 # need_build PRESET [TARGET]: a build that the phase needs. Only its failure counts.

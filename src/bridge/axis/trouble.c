@@ -22,7 +22,7 @@ static const struct {
 	[DB_TROUBLE_NONE] = { "none", DB_NEED_NOTHING, "" },
 	[DB_TROUBLE_PORT] = { "port", DB_NEED_ACT, "the port of bus {bus} is not open{port}" },
 	[DB_TROUBLE_ASIDE] = { "aside", DB_NEED_LOOK,
-	                       "bus {bus} is set aside for a scan{scan}; it comes back when that has ended" },
+	                       "bus {bus} is out of service for a scan{scan}; it comes back when that has ended" },
 	[DB_TROUBLE_NO_ANSWER] = { "no_answer", DB_NEED_ACT,
 	                           "check its power, its cable and its address; it comes back by itself" },
 	[DB_TROUBLE_NOT_UNDERSTOOD] = { "not_understood", DB_NEED_ACT,
@@ -53,7 +53,7 @@ static const struct {
 	                             "its position means nothing until it is homed or set: drivebridgectl run {drive} "
 	                             "home (or set_position)" },
 	[DB_TROUBLE_PARAMS_UNSAVED] = { "params_unsaved", DB_NEED_HINT,
-	                                "without power it forgets its parameters: drivebridgectl run {drive} "
+	                                "its parameters are not saved and are lost at power-off: drivebridgectl run {drive} "
 	                                "save_parameters" },
 };
 

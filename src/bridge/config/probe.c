@@ -138,9 +138,9 @@ static void probe_port(const struct probe *probe, const struct db_bus_config *bu
 		char text[160];
 
 		snprintf(text, sizeof(text),
-		         "cannot be seen (%s); is it plugged in? ls /dev/serial/by-id "
-		         "shows the names of USB adapters",
-		         strerror(errno));
+		         "%s; is it plugged in? ls /dev/serial/by-id shows the names of USB "
+		         "adapters",
+		         errno == ENOENT ? "does not exist" : strerror(errno));
 		add_warning(probe, bus, bus->device, text);
 	} else if (!S_ISCHR(about.st_mode) || !is_terminal(about.st_rdev)) {
 		add_warning(

@@ -105,7 +105,7 @@ static void fail_for_room(struct db_session *session, const struct db_scan_progr
 	fail(session, "no_room",
 	     json_sprintf("a question takes up to %u ms, and the drives' cycle leaves %u ms: "
 	                  "drives would be read late. Raise cycle-ms of this bus by %u for the "
-	                  "time of the scan, or scan with the bus set aside, all its drives "
+	                  "time of the scan, or scan with the bus out of service, all its drives "
 	                  "standing",
 	                  (progress->needed_us + 999) / 1000, progress->gap_us / 1000,
 	                  (progress->needed_us -
@@ -124,10 +124,11 @@ static void tell_failure(struct db_session *session, const struct db_scan_progre
 		break;
 	case DB_SCAN_MOVES:
 		fail(session, "moves",
-		     json_sprintf("%s does not stand: a bus is set aside, and a drive on a serial "
-		                  "line set up and saved, only when all of its drives do; stop it "
-		                  "first",
-		                  drive));
+		     json_sprintf(
+			     "%s does not stand: a bus is taken out of service, and a drive on a "
+			     "serial line set up and saved, only when all of its drives stand; "
+			     "stop it first",
+			     drive));
 		break;
 	case DB_SCAN_PORT:
 		fail(session, "port",
@@ -231,7 +232,7 @@ static bool take_number(const struct db_call *call, const char *name, int64_t ma
 	return true;
 }
 
-/* The given speeds, or all that drives of the family can have: then the bus is set aside. */
+/* The given speeds, or all that drives of the family can have: then the bus is out of service. */
 static bool take_speeds(const struct db_call *call, const struct db_bus_config *bus,
                         struct db_scan_plan *plan)
 {

@@ -133,8 +133,8 @@ static const struct db_row registers[] = {
 	GATEWAY(26, "timeouts",          U32,    server.timeouts,         READ,
 	        "Connections closed for an unfinished frame or idling"),
 	GATEWAY(28, "refused_reserved",  U32,    server.refused_reserved, READ,
-	        "Connections refused because the client may only read and the places left are "
-	        "reserved-writers"),
+	        "Connections refused because the remaining ones are reserved for clients that may "
+	        "write"),
 	GATEWAY(30, "refused_per_address", U32,  server.refused_per_address, READ,
 	        "Connections refused because max-clients-per-address was reached"),
 	GATEWAY(32, "refused_control",   U32,    server.refused_control,  READ,

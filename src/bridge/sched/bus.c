@@ -351,7 +351,7 @@ static void *run_thread(void *context)
 			wake(bus->completion_fd);
 		if (exit_by == DB_TIME_NEVER && atomic_load(&bus->ending)) {
 			exit_by = bus_line_now() + DB_EXIT_TIME;
-			/* A line that is being cleared or was set aside has its drives released
+			/* A line that is being cleared or was taken out of service has its drives released
 			 * already. */
 			if (bus->line.use == LINE_IN_SERVICE)
 				db_engine_shut_down(bus->engine, bus_line_now());

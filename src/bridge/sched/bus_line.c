@@ -258,7 +258,7 @@ static void write_rest(struct bus_line *line, db_time now)
 		fail_port(line, ENOBUFS);
 }
 
-/* --- a line that is set aside ----------------------------------------------------------------- */
+/* --- a line that is out of service ----------------------------------------------------------------- */
 
 static void close_port(struct bus_line *line, db_time now)
 {
@@ -288,7 +288,7 @@ static void follow_scan(struct bus_line *line, db_time now)
 		const char *whose = scan_client(line->engine);
 
 		db_log(line->log, now, DB_EVENT_BUS_ASIDE, NULL,
-		       "%s is set aside for a scan%s%s: its drives are left as on-exit says, and are "
+		       "%s is out of service for a scan%s%s: its drives are left as on-exit says, and are "
 		       "offline until it has ended",
 		       bus_line_place(line), whose[0] ? " of " : "", whose);
 		db_engine_shut_down(line->engine, now);

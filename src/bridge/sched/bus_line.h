@@ -19,7 +19,7 @@ struct db_engine;
 
 enum line_use {
 	LINE_IN_SERVICE,
-	LINE_CLEARING, /* the drives' on_exit is carried out, then the line is set aside */
+	LINE_CLEARING, /* the drives' on_exit is carried out, then the line is out of service */
 	LINE_ASIDE,    /* used by the scan alone */
 };
 

@@ -504,7 +504,7 @@ db_time db_engine_run(struct db_engine *engine, db_time now)
 	}
 	if (engine->scan)
 		scan_check(engine, now);
-	/* A bus that is set aside belongs to the scan alone. */
+	/* A bus that is out of service belongs to the scan alone. */
 	while (!engine->stats.up && scan_send_next(engine, now))
 		;
 	if (!engine->stats.up)

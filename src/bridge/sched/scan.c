@@ -61,7 +61,7 @@ struct scan {
 
 	/* Bus thread only. */
 	struct db_scan_progress progress;
-	struct db_bus_config port; /* with the current speed, while the bus is set aside */
+	struct db_bus_config port; /* with the current speed, while the bus is out of service */
 	bool port_up;
 	size_t speed; /* index among the plan's speeds */
 	bool visiting;
@@ -188,7 +188,7 @@ void scan_begin(struct db_engine *engine, struct scan *scan, db_time now)
 	publish(scan);
 }
 
-/* --- a bus that is set aside ------------------------------------------------------------------ */
+/* --- a bus that is out of service ------------------------------------------------------------------ */
 
 bool scan_is_under_way(const struct db_engine *engine)
 {

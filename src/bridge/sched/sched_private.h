@@ -405,7 +405,7 @@ struct db_conversation station_conversation(struct station *station, enum lane_k
 /* Publishes what the driver knows to the other threads. */
 struct bus_state {
 	bool up;
-	bool aside; /* set aside for a scan */
+	bool aside; /* out of service for a scan */
 	int64_t wall_offset_us;
 	db_time interval; /* interval at which the drive is read now */
 	db_time now;

@@ -475,8 +475,8 @@ static void log_refusal(void *context, const uint8_t address[16], enum db_refusa
 			"connection refused: it is in neither allow-read nor allow-write",
 		[DB_REFUSED_FULL] = "connection refused: there are max-clients already",
 		[DB_REFUSED_RESERVED] =
-			("connection refused: the places left are reserved-writers, and it may "
-		         "only read"),
+			("connection refused: the remaining connections are reserved for "
+		         "clients that may write"),
 		[DB_REFUSED_PER_ADDRESS] =
 			"connection refused: it has max-clients-per-address already",
 		[DB_REFUSED_WRITE] = "write refused: it is not in allow-write",

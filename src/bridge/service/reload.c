@@ -45,7 +45,7 @@ static void log_buses(const struct service *service, const struct plant *next)
 			continue;
 		log_about(service, bus_config, NULL,
 		          plant_bus_named(next, bus_config->name) ?
-		                  "it is changed and begins anew" :
+		                  "it is changed and starts with the new settings" :
 		                  "it is removed");
 	}
 	for (size_t i = 0; i < next->bus_count; i++) {
@@ -60,11 +60,11 @@ static void log_buses(const struct service *service, const struct plant *next)
 static const char *describe_fate(const struct plant_drive *drive, const struct plant_drive *after)
 {
 	if (!after)
-		return "it is removed, and left as on-exit says";
+		return "it is removed: its on-exit is carried out";
 	if (db_config_same_drive(drive->edition->config, drive->config, after->edition->config,
 	                         after->config))
-		return "it begins anew with its bus";
-	return "it is changed: it is left as on-exit says and begins anew";
+		return "it starts again with its bus";
+	return "it is changed: its on-exit is carried out, then it starts with the new settings";
 }
 
 /* Returns the number of drives that are not affected. */

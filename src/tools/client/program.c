@@ -75,9 +75,9 @@ static int check(const struct db_program *program, const char *path, void *confi
 	if (program->check && !program->check(config))
 		good = false;
 	if (good && program->keeper)
-		(void)printf("%s: it is good; %zu users\n", path, users.count);
+		(void)printf("%s: OK; %zu users\n", path, users.count);
 	else if (good)
-		(void)printf("%s: it is good\n", path);
+		(void)printf("%s: OK\n", path);
 	db_users_clear(&users);
 	return good ? EXIT_SUCCESS : DB_CLIENT_EXIT_CONFIG;
 }

@@ -90,8 +90,8 @@ static void show_plan(const struct restore *restore)
 	db_ctl_grid_free(grid);
 	json_array_foreach(restore->ctl->with_address ? NULL : restore->changes.addresses, i, name)
 	{
-		(void)printf("%s stays as it is: it says where the drive is heard; --with-address "
-		             "writes it\n",
+		(void)printf("%s is the drive's address or bit rate and stays as it is; "
+		             "--with-address writes it\n",
 		             json_string_value(name));
 	}
 	json_array_foreach(restore->changes.states, i, name)

@@ -81,10 +81,11 @@ static enum db_ctl_status look_for_new(const struct replacement *of, struct db_c
 		                         ctl->addresses);
 	}
 	if (status == DB_CTL_OK && ctl->all_speeds)
-		status = db_ctl_ask(ctl,
-		                    "bus %s is set aside for this, and all of its drives are "
-		                    "offline meanwhile; go on?",
-		                    db_words_text(of->bus, "name"));
+		status = db_ctl_ask(
+			ctl,
+			"bus %s is taken out of service for this, and all of its drives are "
+			"offline meanwhile; go on?",
+			db_words_text(of->bus, "name"));
 	if (status != DB_CTL_OK) {
 		json_decref(parameters);
 		return status;

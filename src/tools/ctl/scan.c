@@ -124,7 +124,7 @@ static void print_advice(const struct db_ctl_search *search)
 				address);
 		else if (strcmp(verdict_of(find), "garbled") == 0)
 			(void)printf(
-				"\naddress %lld: something comes, but no answer can be read: two "
+				"\naddress %lld: bytes were received, but no valid answer: two "
 				"drives that talk at once, or a disturbed line. Take drives off "
 				"the line one by one; check wires, termination and ground\n",
 				address);
@@ -164,7 +164,7 @@ static void print_found(const struct db_ctl *ctl, const struct db_ctl_search *se
 		(void)printf(
 			"\neach address was given %.1f ms to begin its answer, as much as the cycle "
 			"leaves: a slower drive is found\nwith a longer cycle-ms, or with the "
-			"bus set aside (--speed)\n",
+			"bus out of service (--speed)\n",
 			(double)search->wait_us / 1000);
 	if (configuration && configuration[0])
 		(void)printf("\nfor the configuration, then drivebridgectl reload:\n\n%s",
@@ -214,7 +214,7 @@ enum db_ctl_status db_ctl_scan(struct db_ctl *ctl, int count, char **arguments)
 		return DB_CTL_USAGE;
 	if (aside && !ctl->json)
 		(void)printf(
-			"bus %s is set aside for this: its drives, which must stand, are left as "
+			"bus %s is taken out of service for this: its drives, which must stand, are left as "
 			"on-exit says, and\nare offline for every PLC until the scan has ended\n",
 			arguments[0]);
 	status = aside ? db_ctl_ask(ctl, "go on?") : DB_CTL_OK;

@@ -262,7 +262,7 @@ static void on_found(void *context, json_t *description, const struct db_plant_d
 			"belong to the service's act-group (see drivebridge-mqtt(8))");
 		publisher->warned = true;
 	}
-	db_client_log(DB_CLIENT_NOTICE, "drivebridged %s is there, drives: %zu",
+	db_client_log(DB_CLIENT_NOTICE, "connected to drivebridged %s; drives: %zu",
 	              version ? version : "", publisher->picture_count);
 	subscribe(publisher, drives, count);
 }

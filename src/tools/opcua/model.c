@@ -62,7 +62,7 @@ static const struct {
 	const char *description;
 } diagnosis[] = {
 	{ "well", "bool", false, true,
-	  "All is well: no drive, no bus and not the configuration needs somebody" },
+	  "All is well: no drive, bus or configuration needs attention" },
 	{ "cause", "text", true, true, "What is wrong, the worst of it, in one word; none" },
 	{ "need", "text", true, true,
 	  "What somebody has to do: nothing, hint (all is well), look, act" },

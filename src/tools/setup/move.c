@@ -179,7 +179,7 @@ static void announce(struct db_setup_move *move)
 		    move->drive, to);
 	if (is_set_aside(move))
 		add(move,
-		    "  to look for it at another speed, bus %s is set aside: its drives, which must "
+		    "  to look for it at another speed, bus %s is taken out of service: its drives, which must "
 		    "stand, are left as%son-exit says, and are offline for every PLC meanwhile\n",
 		    bus_of(move), wrap);
 }
@@ -291,8 +291,8 @@ static struct db_setup_action ask_step(struct db_setup_move *move)
 		announce(move);
 		question = "go on?";
 	} else if (move->step == ASK_SAVE) {
-		add(move, "save_parameters writes all that it holds into its memory; without it, "
-		          "the change is lost with its power\n");
+		add(move, "save_parameters stores all of its parameters in its memory; what is "
+		          "not saved is lost at power-off\n");
 		question = "save?";
 	} else {
 		add(move, "now switch its power off and on, and go on when that is done\n");
@@ -422,7 +422,7 @@ static void take_look(struct db_setup_move *move, const json_t *find, db_time no
 			doubt(move, "somebody still answers at its former address");
 		break;
 	default:
-		/* In service its new address is asked again and again; a bus that is set aside for
+		/* In service its new address is asked again and again; a bus that is out of service for
 		 * that is scanned once. */
 		if (one)
 			move->step = move->is_address ? LOOK_FORMER : CONCLUDE;
@@ -442,7 +442,7 @@ static void take_answer(struct db_setup_move *move, bool yes)
 	else if (move->step == ASK_SAVE)
 		doubt(move, "it was not saved");
 	else if (move->step == ASK_POWER)
-		doubt(move, "nobody can be waited for here");
+		doubt(move, "standard input is not a terminal, so nobody can confirm");
 	else if (move->on_page)
 		fail(move, FOUND_ERROR("Interrupted"), "nothing was changed");
 	else

@@ -30,9 +30,9 @@ enum db_setup_action_kind {
 struct db_setup_action {
 	enum db_setup_action_kind kind;
 	json_int_t address;
-	json_int_t speed;     /* at which it is looked or set, the bus set aside; 0: in service */
-	const char *what;     /* of SetUp: address, speed or save */
-	bool has_value;       /* of SetUp: `to` of the move */
+	json_int_t speed; /* at which it is looked or set, the bus out of service; 0: in service */
+	const char *what; /* of SetUp: address, speed or save */
+	bool has_value;   /* of SetUp: `to` of the move */
 	const char *question; /* "go on?"; NULL: whether its power was off and on */
 	const char *error;    /* name */
 	const char *text;

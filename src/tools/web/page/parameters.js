@@ -174,7 +174,7 @@ function createView(root, context, drive) {
 		"span",
 		{ id: "parameters-unsaved", class: "badge warning", hidden: true },
 		icon("warning"),
-		"not saved in the drive: without power it forgets them"
+		"not saved in the drive: lost at power-off"
 	);
 	const search = element("input", {
 		id: "parameters-search",

@@ -89,8 +89,8 @@ function writeAdvice(finds) {
 			);
 		else if (verdict === "garbled")
 			advice.push(
-				`Address ${address}: something comes, but no answer can be ` +
-					"read: two drives that talk at once, or a " +
+				`Address ${address}: bytes were received, but no valid ` +
+					"answer: two drives that talk at once, or a " +
 					"disturbed line. Take drives off the line one by one; " +
 					"check wires, termination and ground."
 			);
@@ -134,7 +134,7 @@ function createSearch(context, findBus, onChoose) {
 		element(
 			"span",
 			{},
-			"The bus is set aside for this: its drives, which must stand, are left " +
+			"The bus is taken out of service for this: its drives, which must stand, are left " +
 				"as on-exit says, and are " +
 				"offline for every PLC until the scan has ended."
 		)
@@ -224,9 +224,9 @@ function createSearch(context, findBus, onChoose) {
 			return;
 		speed.replaceChildren(
 			element("option", { value: "" }, `${bus.speed} bit/s, in service`),
-			element("option", { value: "all" }, "all speeds, bus set aside"),
+			element("option", { value: "all" }, "all bit rates, bus out of service"),
 			...bus.speeds.map((one) =>
-				element("option", { value: one }, `${one} bit/s, bus set aside`)
+				element("option", { value: one }, `${one} bit/s, bus out of service`)
 			)
 		);
 		warning.hidden = true;
@@ -341,7 +341,7 @@ function createSearch(context, findBus, onChoose) {
 		if (
 			speed.value &&
 			!(await askUser({
-				title: `Set bus ${bus.name} aside?`,
+				title: `Take bus ${bus.name} out of service?`,
 				yes: "Scan",
 				words: [
 					"Its drives, which must stand, are left as on-exit " +
@@ -385,8 +385,8 @@ function createSearch(context, findBus, onChoose) {
 							"begin " +
 							"its answer, as much as the cycle " +
 							"leaves: a slower drive is found with a " +
-							"longer cycle-ms, or with the bus set " +
-							"aside."
+							"longer cycle-ms, or with the bus out " +
+							"of service."
 					)
 				);
 		} catch (error) {
@@ -468,7 +468,7 @@ function createSetUp(context, findBus) {
 		at.replaceChildren(
 			element("option", { value: 0 }, `${bus.speed} bit/s, in service`),
 			...bus.speeds.map((one) =>
-				element("option", { value: one }, `${one} bit/s, bus set aside`)
+				element("option", { value: one }, `${one} bit/s, bus out of service`)
 			)
 		);
 		toSpeed.replaceChildren(

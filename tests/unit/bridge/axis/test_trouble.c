@@ -138,13 +138,14 @@ static void advice_names_what_it_is_about(void **state)
 		text, "the port of bus press is not open; another program has it: sudo fuser -v "
 		      "/dev/ttyS1 says which");
 	db_trouble_advice(DB_TROUBLE_ASIDE, &about, text);
-	assert_string_equal(text,
-	                    "bus press is set aside for a scan; it comes back when that has ended");
+	assert_string_equal(
+		text, "bus press is out of service for a scan; it comes back when that has ended");
 	about.scan = "control, user anna";
 	db_trouble_advice(DB_TROUBLE_ASIDE, &about, text);
 	assert_string_equal(
-		text, "bus press is set aside for a scan of control, user anna; it comes back when "
-		      "that has ended");
+		text,
+		"bus press is out of service for a scan of control, user anna; it comes back when "
+		"that has ended");
 	about.late_ms = 40;
 	db_trouble_advice(DB_TROUBLE_LATE, &about, text);
 	assert_non_null(strstr(text, "drive-latency-ms of bus press to 60"));

@@ -57,8 +57,8 @@ static void what_stays_goes_on_and_the_rest_takes_turns(void **state)
 	expect_next("make bus c of 1");
 	expect_next("log reload b/-/-: reload: it is removed");
 	expect_next("log reload c/-/-: reload: it is added");
-	expect_next("log reload a/gone/-: reload: it is removed, and left as on-exit says");
-	expect_next("log reload b/moved/-: reload: it is changed: it is left as on-exit says");
+	expect_next("log reload a/gone/-: reload: it is removed: its on-exit is carried out");
+	expect_next("log reload b/moved/-: reload: it is changed: its on-exit is carried out");
 	expect_next("log reload a/new/-: reload: it is added");
 	expect_next("reload: 1 drive continues without interruption");
 	expect_next("server takes 127.0.0.1:502");
