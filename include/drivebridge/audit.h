@@ -69,7 +69,7 @@ struct db_audit_entry {
 	/* user of a session's process, or name of a client's certificate; "" or null: no name */
 	const char *login;
 	const char *user; /* for whom the session says it acts, or role of the certificate */
-	const char *from;  /* from where */
+	const char *from; /* from where */
 
 	/* What. */
 	const char *drive;
