@@ -120,7 +120,7 @@ static struct db_web_connection *find_leaver(struct db_web_connections *connecti
 
 static unsigned most_headless(const struct db_web_connections *connections)
 {
-	unsigned part = connections->most / 8;
+	unsigned part = connections->most / 16;
 
 	return part < DB_WEB_CONNECTIONS_HEADLESS ? DB_WEB_CONNECTIONS_HEADLESS : part;
 }
@@ -132,7 +132,7 @@ bool db_web_connections_crowd(const struct db_web_connections *connections)
 	for (size_t i = 0; i < places(connections); i++)
 		headless += is_there(&connections->places[i]) &&
 		            rank_of(&connections->places[i]) == HEADLESS;
-	return headless >= DB_WEB_CONNECTIONS_HEADLESS / 2;
+	return headless >= DB_WEB_CONNECTIONS_HEADLESS;
 }
 
 /* Whether an address may open one more now. */

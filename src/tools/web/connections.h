@@ -3,7 +3,7 @@
  * Connections of browsers, and which of them is closed when there is no place for another one. Those
  * of nobody who is logged in have three quarters of the places at most, and give way first: of the
  * address that has most, the oldest one of those that have got least far. A logged-in
- * user's request that is under way always stays. An eighth of the places is for those that
+ * user's request that is under way always stays. A sixteenth of the places is for those that
  * have not sent a whole request yet: with TLS each costs time whenever the others are served.
  * Who opens one after another has to wait a little.
  *
@@ -43,7 +43,7 @@ struct db_web_connections;
 #define DB_WEB_CONNECTIONS_AT_ONCE 64
 #define DB_WEB_CONNECTION_EVERY (DB_NS_PER_S / 16)
 /* At least so many may have sent no whole request yet. */
-#define DB_WEB_CONNECTIONS_HEADLESS 16
+#define DB_WEB_CONNECTIONS_HEADLESS 8
 
 /* `seed` is random, see users/attempts.h. NULL without memory. Freed with db_web_connections_free(),
  * NULL is allowed. */
