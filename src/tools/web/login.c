@@ -218,12 +218,16 @@ static void end_login(struct db_web_request *request, const struct db_web_work *
 		              db_role_name(request->known->grant.role),
 		              request->weak ? "; the password is weak: " : "",
 		              request->weak ? request->weak : "");
+		db_web_service_note(server->service, "login", "in", user, caller.from,
+		                    db_role_name(request->known->grant.role), false);
 		server->counts.logins++;
 		begin_session(request);
 		return;
 	}
 	/* An unknown name may be a password typed in the wrong field. */
 	log_login(request, " failed", request->known ? user : "an unknown user", work->why);
+	db_web_service_note(server->service, "login", "in", "", caller.from,
+	                    request->known ? user : "an unknown user", true);
 	server->counts.failed_logins++;
 	db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginFailed",
 	                      "the user or the password is wrong");
@@ -254,7 +258,11 @@ void db_web_logout(struct db_web_request *request)
 	struct db_web_server *server = request->server;
 
 	if (request->session[0] != '\0') {
+		struct db_web_caller caller = db_web_request_caller(request);
+
 		db_web_log_action(request, "logged out", NULL);
+		db_web_service_note(server->service, "login", "out", caller.user, caller.from, "",
+		                    false);
 		end_session(server, request->session);
 	}
 	request->user[0] = '\0';
@@ -296,6 +304,10 @@ void db_web_login_review(struct db_web_server *server)
 
 	if (stamp == server->users_stamp)
 		return;
+	/* Who has changed the file may be no user of the page: root did. */
+	if (server->users_stamp != 0)
+		db_web_service_note(server->service, "users", "changed", "", "page",
+		                    server->config->users_file, false);
 	server->users_stamp = stamp;
 	/* If the file cannot be read, there are no users. */
 	(void)db_users_load(&review.users, server->config->users_file, &db_web_keeper, stderr);
