@@ -14,9 +14,15 @@ import time
 
 import pytest
 from bridgelib import Client, as_shown, eventually, find_program
+from opcualib import OPERATOR as OPCUA_OPERATOR
+from opcualib import READER as OPCUA_READER
+from opcualib import call, fixture_certificate, fixture_make_server, in_loop  # noqa: F401
 from pymodbus.client import ModbusTcpClient
 from test_control import Tool, as_nobody
 from test_history import entry
+from test_mqtt import command, commander, plant  # noqa: F401
+from test_web import gateway, refused  # noqa: F401
+from weblib import OPERATOR, READER
 
 
 @pytest.fixture
@@ -173,6 +179,48 @@ def test_control_socket(state, make_bridge):
     bridge.reload()
     eventually(lambda: [record for record in find(bridge, kind="reload", what="asked for")
                         if "signal of process" in record.get("text", "")], what="the signal")
+
+
+def test_page(state, gateway):  # noqa: F811
+    bridge = gateway.make_bridge()
+    webd = gateway.webd(bridge)
+    page = gateway.page(webd, OPERATOR)
+    assert page.run("drive1", "enable") == "ok"
+    assert page.run("drive1", "stop") == "ok"
+    stranger = gateway.page(webd)
+    refused(401, stranger.log_in, OPERATOR[0], "wrong")
+    gateway.page(webd, READER).log_out()
+    who = f"control, user root for {OPERATOR[0]}, page, 127.0.0.1"
+    for what in ("enable", "stop"):
+        assert [record["who"] for record in wait_for(bridge, kind="command", what=what)] == [who]
+    (failed,) = wait_for(bridge, kind="login", result="refused")
+    assert failed["who"] == "control, user root, page, 127.0.0.1" and failed["text"] == OPERATOR[0]
+    wait_for(bridge, kind="login", what="out", user=READER[0])
+    assert [record["user"] for record in find(bridge, kind="login", what="in", result="ok")] == [
+        OPERATOR[0], READER[0]]
+    webd.users_path.write_text(webd.users_path.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    assert wait_for(bridge, kind="users", what="changed")[0]["text"] == str(webd.users_path)
+
+
+@in_loop
+async def test_opcua(state, make_bridge, make_server, certificate):
+    bridge = make_bridge()
+    server = make_server(bridge)
+    async with server.session(certificate, OPCUA_OPERATOR) as session:
+        await call(session, "drive1", "Enable")
+    async with server.session(certificate, OPCUA_READER):
+        pass
+    (enabled,) = find(bridge, kind="command", what="enable")
+    assert enabled["who"].startswith(f"control, user root for {OPCUA_OPERATOR[0]}, 127.0.0.1")
+    assert {record["user"] for record in find(bridge, kind="login")} == {OPCUA_OPERATOR[0], OPCUA_READER[0]}
+
+
+def test_mqtt(state, commander):  # noqa: F811
+    message = command("enable", "e2")
+    commander.send({**message, "user": "anna"})
+    assert commander.result("e2")["result"] == "ok"
+    assert "control, user root for anna" in {
+        record["who"] for record in wait_for(commander.bridge, kind="command", what="enable")}
 
 
 def test_forms(state, make_bridge):

@@ -364,7 +364,7 @@ static int write_line(struct db_trail *trail, json_t const *object)
 	memcpy(trail->chain.seal, before, sizeof(before));
 	/* What cannot be taken back is cut off by the next line that can be written. */
 	if (written > 0)
-		(void)ftruncate(trail->fd, (off_t)*size);
+		(void)!ftruncate(trail->fd, (off_t)*size);
 	return error;
 }
 

@@ -25,6 +25,7 @@ struct db_link {
 	bool closed;   /* to be freed when that returns */
 	bool held;
 	char user[DB_LINK_USER_MAX + 1]; /* the one introduced last */
+	char from[DB_LINK_FROM_MAX + 1];
 };
 
 static void watch(struct db_link *link)
@@ -207,22 +208,31 @@ void db_link_hold(struct db_link *link, bool hold)
 		watch(link);
 }
 
-void db_link_introduce(struct db_link *link, const char *user, db_client_answer_fn *answer,
-                       void *data)
+/* The parameters of the call; NULL: it is needless. */
+static json_t *take_user(struct db_link *link, const char *user, const char *from)
 {
-	if (strcmp(link->user, user) == 0)
-		return;
+	if (strcmp(link->user, user) == 0 && strcmp(link->from, from) == 0)
+		return NULL;
 	(void)snprintf(link->user, sizeof(link->user), "%s", user);
-	(void)db_link_send(link, "Introduce", json_pack("{s:s}", "user", user), false, answer,
-	                   data);
+	(void)snprintf(link->from, sizeof(link->from), "%s", from);
+	return json_pack("{s:s, s:s*}", "user", user, "from", from[0] ? from : NULL);
 }
 
-void db_link_introduce_now(struct db_link *link, const char *user)
+void db_link_introduce(struct db_link *link, const char *user, const char *from,
+                       db_client_answer_fn *answer, void *data)
 {
-	if (strcmp(link->user, user) == 0)
-		return;
-	(void)snprintf(link->user, sizeof(link->user), "%s", user);
-	(void)db_link_tell(link, "Introduce", json_pack("{s:s}", "user", user));
+	json_t *parameters = take_user(link, user, from);
+
+	if (parameters)
+		(void)db_link_send(link, "Introduce", parameters, false, answer, data);
+}
+
+void db_link_introduce_now(struct db_link *link, const char *user, const char *from)
+{
+	json_t *parameters = take_user(link, user, from);
+
+	if (parameters)
+		(void)db_link_tell(link, "Introduce", parameters);
 }
 
 int db_link_fd(const struct db_link *link, short *events)

@@ -34,13 +34,16 @@ int db_link_tell(struct db_link *link, const char *method, json_t *parameters);
 
 #define DB_LINK_USER_MAX 32 /* bytes */
 
-/* From now on its calls are this user's, "": nobody's; the service's history has the name. Nothing
+#define DB_LINK_FROM_MAX 64 /* bytes */
+
+/* From now on its calls are this user's, "": nobody's; the service's history has the name. `from`:
+ * where the user is, for the audit trail; "": not known, or the service is one of before. Nothing
  * is sent when they are already. `answer` may be NULL. */
-void db_link_introduce(struct db_link *link, const char *user, db_client_answer_fn *answer,
-                       void *data);
+void db_link_introduce(struct db_link *link, const char *user, const char *from,
+                       db_client_answer_fn *answer, void *data);
 
 /* The same, without an answer that a later call would wait for. */
-void db_link_introduce_now(struct db_link *link, const char *user);
+void db_link_introduce_now(struct db_link *link, const char *user, const char *from);
 
 /* Calls whose last answer has not arrived. */
 unsigned db_link_waiting(const struct db_link *link);

@@ -11,6 +11,7 @@ struct place {
 	uint64_t number;      /* higher is younger */
 	char key[96];
 	char user[DB_LINK_USER_MAX + 1];
+	char from[DB_LINK_FROM_MAX + 1];
 	char method[32];
 	json_t *parameters;
 	db_client_answer_fn *answer;
@@ -102,7 +103,8 @@ void db_stops_prepare(struct db_stops *stops)
 }
 
 /* Without an answer. Takes `parameters` over. False: there is no connection. */
-static bool tell(struct db_stops *stops, const char *user, const char *method, json_t *parameters)
+static bool tell(struct db_stops *stops, const struct db_stops_user *user, const char *method,
+                 json_t *parameters)
 {
 	db_stops_prepare(stops);
 	if (!stops->standby) {
@@ -111,7 +113,7 @@ static bool tell(struct db_stops *stops, const char *user, const char *method, j
 	}
 	/* Nobody waits for that. */
 	(void)json_object_del(parameters, "until_end");
-	db_link_introduce_now(stops->standby, user);
+	db_link_introduce_now(stops->standby, user->name, user->from);
 	return db_link_tell(stops->standby, method, parameters) == 0;
 }
 
@@ -126,7 +128,8 @@ static void on_answer(void *data, json_t *parameters, const struct db_client_err
 
 	/* The service has no room for a further connection. */
 	if (error && strcmp(error->name, DB_CLIENT_SERVICE "Busy") == 0 &&
-	    tell(place->stops, place->user, place->method, json_incref(place->parameters))) {
+	    tell(place->stops, &(struct db_stops_user){ place->user, place->from }, place->method,
+	         json_incref(place->parameters))) {
 		end_place(place, DB_STOPS_PENDING, overload);
 		return;
 	}
@@ -164,8 +167,9 @@ static struct place *take_place(struct db_stops *stops, const char *key)
 	return place;
 }
 
-bool db_stops_send(struct db_stops *stops, const char *key, const char *user, const char *method,
-                   json_t *parameters, bool more, db_client_answer_fn *answer, void *data)
+bool db_stops_send(struct db_stops *stops, const char *key, const struct db_stops_user *user,
+                   const char *method, json_t *parameters, bool more, db_client_answer_fn *answer,
+                   void *data)
 {
 	struct db_client_error error = { .parameters = NULL };
 	struct place *place = take_place(stops, key);
@@ -177,10 +181,11 @@ bool db_stops_send(struct db_stops *stops, const char *key, const char *user, co
 	place->data = data;
 	(void)snprintf(place->method, sizeof(place->method), "%s", method);
 	(void)snprintf(place->key, sizeof(place->key), "%s", key ? key : "");
-	(void)snprintf(place->user, sizeof(place->user), "%s", user);
+	(void)snprintf(place->user, sizeof(place->user), "%s", user->name);
+	(void)snprintf(place->from, sizeof(place->from), "%s", user->from);
 	db_client_error_clear(&error);
 	if (place->link) {
-		db_link_introduce(place->link, user, NULL, NULL);
+		db_link_introduce(place->link, user->name, user->from, NULL, NULL);
 		if (db_link_send(place->link, method, json_incref(parameters), more, on_answer,
 		                 place) == 0) {
 			json_decref(parameters);

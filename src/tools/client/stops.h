@@ -28,13 +28,20 @@ void db_stops_free(struct db_stops *stops);
  * and has room. */
 void db_stops_prepare(struct db_stops *stops);
 
+/* For whom a stop is, as for db_link_introduce(). */
+struct db_stops_user {
+	const char *name;
+	const char *from;
+};
+
 /*
  * Sends a call that stops, as db_link_send() for this user; the answer may arrive before this
  * returns. A former stop with the same key (NULL: none) gives its place to it. False: nothing was
  * sent, and there will be no answer; the service is away.
  */
-bool db_stops_send(struct db_stops *stops, const char *key, const char *user, const char *method,
-                   json_t *parameters, bool more, db_client_answer_fn *answer, void *data);
+bool db_stops_send(struct db_stops *stops, const char *key, const struct db_stops_user *user,
+                   const char *method, json_t *parameters, bool more, db_client_answer_fn *answer,
+                   void *data);
 
 /* The receiver of these answers no longer exists. */
 void db_stops_forget(struct db_stops *stops, const void *data);

@@ -263,7 +263,7 @@ static void send_stop(struct db_mqtt_acting *acting, const char *drive,
 		(void)snprintf(stop->user, sizeof(stop->user), "%s", command->user);
 	}
 	if (stop &&
-	    db_stops_send(acting->stops, drive, command->user, "Run",
+	    db_stops_send(acting->stops, drive, &(struct db_stops_user){ command->user, "" }, "Run",
 	                  json_pack("{s:s, s:s, s:O*, s:b}", "drive", drive, "command",
 	                            command->name, "arguments", command->arguments, "until_end", 1),
 	                  true, on_stop_answer, stop))
@@ -334,7 +334,7 @@ void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
 	session->used = now;
 	session->busy = true;
 	if (session->link) {
-		db_link_introduce(session->link, command->user, on_introduced, session);
+		db_link_introduce(session->link, command->user, "", on_introduced, session);
 		sent = db_link_send(session->link, command->name ? "Run" : "Write",
 		                    describe_call(drive, command, within_ms, now),
 		                    command->name != NULL, on_result, session) == 0;

@@ -38,6 +38,7 @@ struct db_opcua_access {
 	const struct db_opcua_config *config;
 	struct db_opcua_network *network;
 	db_opcua_left_fn *left;
+	db_opcua_note_fn *note;
 	void *context;
 	unsigned last_number;
 	char nobody
@@ -57,7 +58,8 @@ struct db_opcua_access {
 
 struct db_opcua_access *db_opcua_access_new(const struct db_opcua_config *config,
                                             struct db_opcua_network *network,
-                                            db_opcua_left_fn *left, void *context)
+                                            db_opcua_left_fn *left, db_opcua_note_fn *note,
+                                            void *context)
 {
 	size_t places = config->sessions + DB_OPCUA_STOP_PLACES;
 	struct db_opcua_access *access = calloc(1, sizeof(*access) +
@@ -70,6 +72,7 @@ struct db_opcua_access *db_opcua_access_new(const struct db_opcua_config *config
 	access->config = config;
 	access->network = network;
 	access->left = left;
+	access->note = note;
 	access->context = context;
 	access->places = places;
 	return access;
@@ -323,6 +326,9 @@ void db_opcua_access_review(struct db_opcua_access *access)
 
 	if (stamp == access->users_stamp)
 		return;
+	if (access->users_stamp != 0)
+		access->note(access->context, "users", "changed", "", "", access->config->users,
+		             false);
 	access->users_stamp = stamp;
 	/* If the file cannot be read, there are no users. */
 	(void)db_users_load(&users, access->config->users, &db_opcua_keeper, stderr);
@@ -453,6 +459,8 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 		                           DB_CLIENT_WARNING, "%s: not logged in: %s: %s", address,
 		                           user[0] ? user : "without a user",
 		                           UA_StatusCode_name(status));
+		access->note(access->context, "login", "in", "", address,
+		             user[0] ? user : "without a user", true);
 		return status;
 	}
 	session->connection = connection;
@@ -461,8 +469,13 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	(void)snprintf(session->user, sizeof(session->user), "%s", user);
 	(void)snprintf(session->label, sizeof(session->label), "%s at %s",
 	               user[0] ? user : "anonymous", address);
+	(void)snprintf(session->from, sizeof(session->from), "%s", address);
 	update_network(access, connection);
 	update_network(access, before);
+	/* Without a user nothing can be done but reading. */
+	if (user[0])
+		access->note(access->context, "login", "in", user, address, db_role_name(role),
+		             false);
 	if (role == DB_ROLE_OPERATOR)
 		db_client_log(DB_CLIENT_INFO, "%s: logged in as operator", session->label);
 	else

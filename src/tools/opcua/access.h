@@ -38,10 +38,15 @@ struct db_opcua_session {
 	char token[DB_OPCUA_TOKEN_MAX];
 	unsigned long digest; /* of the user at login, db_users_digest() */
 	char label[128];      /* for the log: the user and the address */
+	char from[65];        /* the address, for the audit trail */
 };
 
 /* A session has ended, or has lost its connection. */
 typedef void db_opcua_left_fn(void *context, unsigned session);
+
+/* What a user did is to be noted, see db_opcua_plant_note(). */
+typedef void db_opcua_note_fn(void *context, const char *kind, const char *what, const char *user,
+                              const char *from, const char *text, bool refused);
 
 struct db_opcua_access;
 
@@ -49,7 +54,8 @@ struct db_opcua_access;
  * after the server, NULL is allowed. */
 struct db_opcua_access *db_opcua_access_new(const struct db_opcua_config *config,
                                             struct db_opcua_network *network,
-                                            db_opcua_left_fn *left, void *context);
+                                            db_opcua_left_fn *left, db_opcua_note_fn *note,
+                                            void *context);
 void db_opcua_access_free(struct db_opcua_access *access);
 
 /* Sets policies, endpoints, certificates and rights in the configuration of a new server. */

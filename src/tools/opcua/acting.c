@@ -428,13 +428,14 @@ static bool send_call(struct call *call, const struct db_opcua_actor *actor, con
 
 	if (call->link) {
 		/* A session may be activated again as another user. */
-		db_link_introduce(call->link->connection, actor->user, NULL, NULL);
+		db_link_introduce(call->link->connection, actor->user, actor->from, NULL, NULL);
 		return db_link_send(call->link->connection, method, parameters, false, on_result,
 		                    call) == 0;
 	}
 	(void)snprintf(key, sizeof(key), "%u %s", actor->session, call->drive);
-	return db_stops_send(call->acting->stops, key, actor->user, method, parameters, false,
-	                     on_result, call);
+	return db_stops_send(call->acting->stops, key,
+	                     &(struct db_stops_user){ actor->user, actor->from }, method,
+	                     parameters, false, on_result, call);
 }
 
 /* Takes `parameters` over. Sends, and waits for the end. */

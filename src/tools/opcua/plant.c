@@ -256,6 +256,24 @@ static void know(void *context, json_t *description)
 	plant->known = json_incref(description);
 }
 
+bool db_opcua_plant_has_audit(const struct db_opcua_plant *plant)
+{
+	/* Services of before have no audit trail. */
+	return json_object_get(plant->known, "audit_trouble");
+}
+
+void db_opcua_plant_note(const struct db_opcua_plant *plant, const char *kind, const char *what,
+                         const char *user, const char *from, const char *text, bool refused)
+{
+	/* A server that may only read has nothing that its users could have done. */
+	if (db_plant_is_there(plant->plant) && db_opcua_plant_has_audit(plant) &&
+	    json_is_true(json_object_get(plant->known, "may_act")))
+		(void)db_link_tell(db_plant_reader(plant->plant), "Note",
+		                   json_pack("{s:s, s:s, s:s, s:s, s:s, s:b}", "kind", kind, "what",
+		                             what, "user", user, "from", from, "text", text,
+		                             "refused", refused));
+}
+
 static void open_fetcher(struct db_opcua_plant *plant)
 {
 	struct db_client_error error = { .parameters = NULL };

@@ -44,6 +44,12 @@ void db_opcua_plant_free(struct db_opcua_plant *plant);
 /* Does the work that is due; returns when it is to be called next without an answer. */
 db_time db_opcua_plant_tend(struct db_opcua_plant *plant, db_time now);
 
+/* True if the service takes what is for its audit trail. */
+bool db_opcua_plant_has_audit(const struct db_opcua_plant *plant);
+/* Adds to the audit trail what a user did here: "login", "in"; "users", "changed". */
+void db_opcua_plant_note(const struct db_opcua_plant *plant, const char *kind, const char *what,
+                         const char *user, const char *from, const char *text, bool refused);
+
 /* As db_plant_is_stop(). */
 bool db_opcua_plant_is_stop(const struct db_opcua_plant *plant, const char *command);
 

@@ -129,14 +129,17 @@ static UA_StatusCode run_command(void *context, const UA_NodeId *id, struct db_o
 		json_decref(arguments);
 		return UA_STATUSCODE_BADUSERACCESSDENIED;
 	}
-	db_opcua_acting_run(server->acting,
-	                    &(struct db_opcua_actor){ .session = session->number,
-	                                              .user = session->user,
-	                                              .label = session->label,
-	                                              .token = session->token,
-	                                              .stops_only = session->stops_only },
-	                    drive->name, command, db_opcua_plant_is_stop(server->plant, command),
-	                    arguments, &outcome);
+	db_opcua_acting_run(
+		server->acting,
+		&(struct db_opcua_actor){
+			.session = session->number,
+			.user = session->user,
+			.label = session->label,
+			.from = db_opcua_plant_has_audit(server->plant) ? session->from : "",
+			.token = session->token,
+			.stops_only = session->stops_only },
+		drive->name, command, db_opcua_plant_is_stop(server->plant, command), arguments,
+		&outcome);
 	keep_outcome(drive, &outcome);
 	return status_of(&outcome);
 }
@@ -168,15 +171,17 @@ static UA_StatusCode write_register(void *context, const UA_NodeId *id, struct d
 
 	if (!session || session->role != DB_ROLE_OPERATOR)
 		return UA_STATUSCODE_BADUSERACCESSDENIED;
-	db_opcua_acting_write(server->acting,
-	                      &(struct db_opcua_actor){ .session = session->number,
-	                                                .user = session->user,
-	                                                .label = session->label,
-	                                                .token = session->token,
-	                                                .stops_only = session->stops_only },
-	                      item->drive->name, item->reg->name, value,
-	                      item->reg->group == DB_OPCUA_COMMAND, command,
-	                      command && db_opcua_plant_is_stop(server->plant, command), &outcome);
+	db_opcua_acting_write(
+		server->acting,
+		&(struct db_opcua_actor){
+			.session = session->number,
+			.user = session->user,
+			.label = session->label,
+			.from = db_opcua_plant_has_audit(server->plant) ? session->from : "",
+			.token = session->token,
+			.stops_only = session->stops_only },
+		item->drive->name, item->reg->name, value, item->reg->group == DB_OPCUA_COMMAND,
+		command, command && db_opcua_plant_is_stop(server->plant, command), &outcome);
 	keep_outcome(item->drive, &outcome);
 	/* OPC UA's status for a value that was passed on and is not verified. */
 	return outcome.pending ? UA_STATUSCODE_GOODCOMPLETESASYNCHRONOUSLY : status_of(&outcome);
@@ -212,6 +217,14 @@ static void lose_session(void *context, unsigned session)
 	struct db_opcua_server *server = context;
 
 	db_opcua_acting_drop(server->acting, session);
+}
+
+static void note(void *context, const char *kind, const char *what, const char *user,
+                 const char *from, const char *text, bool refused)
+{
+	const struct db_opcua_server *server = context;
+
+	db_opcua_plant_note(server->plant, kind, what, user, from, text, refused);
 }
 
 static void count_watchers(UA_Server *library, const UA_NodeId *session, void *session_context,
@@ -362,7 +375,7 @@ struct db_opcua_server *db_opcua_server_new(sd_event *loop, const struct db_opcu
 	server->config = config;
 	server->network = db_opcua_network_new(2 * (config->sessions + DB_OPCUA_STOP_PLACES),
 	                                       forget_connection, go_on, server);
-	server->access = db_opcua_access_new(config, server->network, lose_session, server);
+	server->access = db_opcua_access_new(config, server->network, lose_session, note, server);
 	server->acting = db_opcua_acting_new(loop, config, server->network, on_end, feed, server);
 	server->nodes = db_opcua_nodes_new(config, &node_ops, server);
 	server->plant = db_opcua_plant_new(loop, config, &db_opcua_nodes_plant_ops, server->nodes);

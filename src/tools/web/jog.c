@@ -63,8 +63,7 @@ static void on_stop_answer(void *data, json_t *parameters, const struct db_clien
 static void send_stop(struct db_web_jog *jog)
 {
 	jog->stops++;
-	if (!db_web_stops_drive(jog->server->stops, jog->caller.user, jog->drive, on_stop_answer,
-	                        jog))
+	if (!db_web_stops_drive(jog->server->stops, &jog->caller, jog->drive, on_stop_answer, jog))
 		jog->stops--;
 }
 
@@ -339,8 +338,7 @@ void db_web_jog_lose(struct db_web_jog *jog)
 		              db_web_service_is_up(jog->server->service) ?
 		                      "it is told to stop over another one" :
 		                      "its watchdog is to stop it");
-		(void)db_web_stops_drive(jog->server->stops, jog->caller.user, jog->drive, NULL,
-		                         NULL);
+		(void)db_web_stops_drive(jog->server->stops, &jog->caller, jog->drive, NULL, NULL);
 	}
 	jog->stop_again = DB_TIME_NEVER;
 	settle(jog);

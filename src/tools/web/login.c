@@ -202,11 +202,15 @@ void db_web_login_compared(struct db_web_server *server)
 			db_web_attempts_give_back(&server->attempts, &attempt);
 			db_client_log(DB_CLIENT_NOTICE, "%s: logged in as %s, %s", caller.text,
 			              user, db_role_name(request->login_role));
+			db_web_service_note(server->service, "login", "in", user, caller.from,
+			                    db_role_name(request->login_role), false);
 			server->counts.logins++;
 			begin_session(request, user);
 		} else {
 			/* An unknown name may be a password typed in the wrong field. */
 			log_login(request, " failed", request->known ? user : "an unknown user");
+			db_web_service_note(server->service, "login", "in", "", caller.from,
+			                    request->known ? user : "an unknown user", true);
 			server->counts.failed_logins++;
 			db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginFailed",
 			                      "the user or the password is wrong");
@@ -219,7 +223,11 @@ void db_web_logout(struct db_web_request *request)
 	struct db_web_server *server = request->server;
 
 	if (request->session[0] != '\0') {
+		struct db_web_caller caller = db_web_request_caller(request);
+
 		db_web_log_action(request, "logged out", NULL);
+		db_web_service_note(server->service, "login", "out", caller.user, caller.from, "",
+		                    false);
 		end_session(server, request->session);
 	}
 	request->user[0] = '\0';
@@ -247,6 +255,10 @@ void db_web_login_review(struct db_web_server *server)
 
 	if (stamp == server->users_stamp)
 		return;
+	/* Who has changed the file may be no user of the page: root did. */
+	if (server->users_stamp != 0)
+		db_web_service_note(server->service, "users", "changed", "", "page",
+		                    server->config->users_file, false);
 	server->users_stamp = stamp;
 	/* If the file cannot be read, there are no users. */
 	(void)db_users_load(&users, server->config->users_file, &db_web_keeper, stderr);

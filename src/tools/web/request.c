@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/request.h"
+#include "web/service.h"
 #include "web/tokens.h"
 
 #include <stdarg.h>
@@ -268,6 +269,9 @@ struct db_web_caller db_web_request_caller(const struct db_web_request *request)
 	(void)snprintf(caller.text, sizeof(caller.text), "%s at %s%s%s",
 	               request->user[0] ? request->user : "nobody", address,
 	               proxy[0] ? " through " : "", proxy);
+	(void)snprintf(caller.from, sizeof(caller.from), "%s%s",
+	               db_web_service_has_audit(request->server->service) ? "page, " : "",
+	               db_web_service_has_audit(request->server->service) ? address : "");
 	return caller;
 }
 

@@ -7,6 +7,7 @@
 #define DRIVEBRIDGE_WEB_REQUEST_H
 
 #include "client/client.h"
+#include "client/link.h"
 #include "web/device.h"
 #include "web/route.h"
 #include "web/state.h"
@@ -92,6 +93,8 @@ enum MHD_Result db_web_request_send(struct db_web_request *request);
 struct db_web_caller {
 	char user[DB_USERS_NAME_MAX + 1]; /* "": nobody is logged in */
 	char text[DB_USERS_NAME_MAX + 2 * DB_WEB_ADDRESS_TEXT + 32];
+	/* for the audit trail: "page, 10.0.0.7"; "" for a service that has none */
+	char from[DB_LINK_FROM_MAX + 1];
 };
 struct db_web_caller db_web_request_caller(const struct db_web_request *request);
 

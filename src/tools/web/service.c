@@ -16,6 +16,7 @@ struct db_web_service {
 	json_t *states; /* the codes of axis_state */
 	struct db_web_tokens tokens;
 	bool asking; /* a token was asked for */
+	bool has_audit;
 };
 
 static void lose_link(void *data)
@@ -51,7 +52,8 @@ static void describe(void *data, json_t *description)
 	(void)json_object_del(description, "configuration_state");
 	(void)json_object_del(description, "configuration_since_us");
 	(void)json_object_del(description, "configuration_messages");
-	(void)json_object_del(description, "audit_trouble");
+	/* Services of before have no audit trail. */
+	service->has_audit = json_object_del(description, "audit_trouble") == 0;
 	/* The codes are the same for all drives. */
 	if (!service->states && first)
 		(void)db_link_send(db_plant_reader(service->plant), "Registers",
@@ -163,6 +165,25 @@ void db_web_service_tick(struct db_web_service *service, db_time now)
 void db_web_service_refresh(struct db_web_service *service)
 {
 	db_plant_refresh(service->plant);
+}
+
+bool db_web_service_has_audit(const struct db_web_service *service)
+{
+	return service->has_audit;
+}
+
+void db_web_service_note(const struct db_web_service *service, const char *kind, const char *what,
+                         const char *user, const char *from, const char *text, bool refused)
+{
+	struct db_link *reader = db_web_service_reader(service);
+
+	/* A server that may only read has nothing that its users could have done. */
+	if (reader && service->has_audit &&
+	    json_is_true(json_object_get(service->description, "may_act")))
+		(void)db_link_tell(reader, "Note",
+		                   json_pack("{s:s, s:s, s:s, s:s, s:s, s:b}", "kind", kind, "what",
+		                             what, "user", user, "from", from, "text", text,
+		                             "refused", refused));
 }
 
 json_t *db_web_service_stops(const struct db_web_service *service)

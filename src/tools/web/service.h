@@ -41,6 +41,12 @@ json_t *db_web_service_description(const struct db_web_service *service);
 /* Reads the description again; `changed` is called if it differs. */
 void db_web_service_refresh(struct db_web_service *service);
 
+/* True if it takes what is for its audit trail. */
+bool db_web_service_has_audit(const struct db_web_service *service);
+/* Adds to the audit trail what a user did here: "login", "in"; "users", "changed". */
+void db_web_service_note(const struct db_web_service *service, const char *kind, const char *what,
+                         const char *user, const char *from, const char *text, bool refused);
+
 /* The commands that stop a drive, which pages send past everything that waits: a new array of their
  * names. Without a connection those that were known last. */
 json_t *db_web_service_stops(const struct db_web_service *service);

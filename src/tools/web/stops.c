@@ -108,9 +108,10 @@ bool db_web_stops_call(struct db_web_stops *stops, struct db_web_request *reques
 		};
 		stops->waiting = stop;
 	}
-	if (!stop ||
-	    !db_stops_send(stops->stops, NULL, request->user, request->route.name,
-	                   json_incref(request->parameters), false, answer_browser, stop)) {
+	if (!stop || !db_stops_send(stops->stops, NULL,
+	                            &(struct db_stops_user){ stop->caller.user, stop->caller.from },
+	                            request->route.name, json_incref(request->parameters), false,
+	                            answer_browser, stop)) {
 		if (stop)
 			free_stop(stop);
 		else
@@ -121,12 +122,12 @@ bool db_web_stops_call(struct db_web_stops *stops, struct db_web_request *reques
 	return true;
 }
 
-bool db_web_stops_drive(struct db_web_stops *stops, const char *user, const char *drive,
-                        db_client_answer_fn *answer, void *data)
+bool db_web_stops_drive(struct db_web_stops *stops, const struct db_web_caller *caller,
+                        const char *drive, db_client_answer_fn *answer, void *data)
 {
-	return db_stops_send(stops->stops, NULL, user, "Run",
-	                     json_pack("{s:s, s:s}", "drive", drive, "command", "stop"), false,
-	                     answer, data);
+	return db_stops_send(
+		stops->stops, NULL, &(struct db_stops_user){ caller->user, caller->from }, "Run",
+		json_pack("{s:s, s:s}", "drive", drive, "command", "stop"), false, answer, data);
 }
 
 void db_web_stops_forget(struct db_web_stops *stops, const void *data)

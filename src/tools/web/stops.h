@@ -21,8 +21,8 @@ void db_web_stops_free(struct db_web_stops *stops);
 bool db_web_stops_call(struct db_web_stops *stops, struct db_web_request *request, db_time within);
 
 /* Stops one drive. `answer`: as of db_stops_send(). False when there will be no answer. */
-bool db_web_stops_drive(struct db_web_stops *stops, const char *user, const char *drive,
-                        db_client_answer_fn *answer, void *data);
+bool db_web_stops_drive(struct db_web_stops *stops, const struct db_web_caller *caller,
+                        const char *drive, db_client_answer_fn *answer, void *data);
 
 /* The receiver of these answers no longer exists. */
 void db_web_stops_forget(struct db_web_stops *stops, const void *data);

@@ -131,7 +131,9 @@ static struct db_web_tab *open_tab(const struct db_web_request *request,
 	tab->heard = db_client_now();
 	tab->act = db_web_service_open(request->server->service, lose, tab, error);
 	if (tab->act) {
-		db_link_introduce(tab->act, request->user, NULL, NULL);
+		struct db_web_caller caller = db_web_request_caller(request);
+
+		db_link_introduce(tab->act, caller.user, caller.from, NULL, NULL);
 		tab->jog = db_web_jog_new(tab->server, tab->act);
 	}
 	if (tab->jog)

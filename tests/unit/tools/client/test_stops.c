@@ -46,7 +46,7 @@ static void on_answer(void *data, json_t *parameters, const struct db_client_err
 static bool stop(struct world *world, const char *key, const char *drive)
 {
 	bool sent = db_stops_send(
-		world->stops, key, "anna", "Run",
+		world->stops, key, &(struct db_stops_user){ "anna", "" }, "Run",
 		json_pack("{s:s, s:s, s:b}", "drive", drive, "command", "stop", "until_end", 1),
 		false, on_answer, (void *)(uintptr_t)drive);
 
@@ -193,8 +193,8 @@ static void a_lost_connection_is_told(void **state)
 	(void)close(world->listener);
 	world->listener = -1;
 	(void)unlink(world->address.sun_path);
-	assert_false(db_stops_send(world->stops, NULL, "", "Run", json_object(), false, on_answer,
-	                           NULL));
+	assert_false(db_stops_send(world->stops, NULL, &(struct db_stops_user){ "", "" }, "Run",
+	                           json_object(), false, on_answer, NULL));
 	assert_null(db_stops_link(world->stops, "lift"));
 }
 
