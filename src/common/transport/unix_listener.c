@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "control/control_private.h"
+#include "transport/unix_listener.h"
 
 #include <errno.h>
 #include <stdbool.h>
@@ -29,7 +29,7 @@ static bool is_left_over(const struct sockaddr_un *name)
 	return refused;
 }
 
-int db_control_listener_open(const char *path, const char **why)
+int db_unix_listener_open(const char *path, const char **why)
 {
 	struct sockaddr_un name = { .sun_family = AF_UNIX };
 	int fd;
