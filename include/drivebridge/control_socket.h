@@ -60,6 +60,8 @@ struct db_control_socket_ops {
  * there is one left for a person's stop; the reserved ones are only for clients that may act. */
 #define DB_SESSIONS_MAX 64
 #define DB_SESSIONS_RESERVED 8
+/* And so many of a user who may only read: none leaves others without. */
+#define DB_SESSIONS_OF_READER 8
 
 /* And this number that are kept for stops, when there are no others. */
 #define DB_SESSIONS_FOR_STOPS 2

@@ -2,11 +2,14 @@
 """Certificates of the page, OPC UA and MQTT: looked at before they are used, renewed without a restart, and told before
 they end."""
 
+import json
+import queue
 import signal
 import socket
 import ssl
 import subprocess
 
+import paho.mqtt.client as paho
 import pytest
 from bridgelib import eventually, find_program, section
 from certlib import make
@@ -159,7 +162,7 @@ def tool(request, tmp_path):
 def issue(tool, name, **options):
     """One that the tool may show: MQTT's broker takes those of its authority alone."""
     return make(name, issuer=tool.authority if isinstance(tool, Mqtt) else None, uri=OPCUA_URI,
-                is_rsa=isinstance(tool, Opcua), **options)
+                **options)
 
 
 def test_check_looks_at_certificate_and_key(tool):
@@ -190,7 +193,9 @@ def test_check_looks_at_certificate_and_key(tool):
 
 
 def test_a_renewed_certificate_needs_no_restart(tool):
-    first, second, third = (issue(tool, name, end=end) for name, end in (("first", 90), ("second", 5), ("third", 91)))
+    is_rsa = isinstance(tool, Opcua)
+    first, second, third = (issue(tool, name, end=end, is_rsa=is_rsa)
+                            for name, end in (("first", 90), ("second", 5), ("third", 91)))
 
     def expect(made, name):
         assert tool.shown() == (name if isinstance(tool, Mqtt) else made.der)
@@ -264,7 +269,7 @@ def test_a_page_goes_on_over_a_renewal(tmp_path):
 @in_loop
 async def test_a_session_of_opcua_goes_on_over_a_renewal(tmp_path):
     tool = Opcua(tmp_path)
-    tool.give(issue(tool, "first"))
+    tool.give(issue(tool, "first", is_rsa=True))
     own = make_certificate(tmp_path, "client")
     server = Server(tmp_path, None)
     server.trust(own)
@@ -273,7 +278,7 @@ async def test_a_session_of_opcua_goes_on_over_a_renewal(tmp_path):
     sessions = []
     for name in ("second", "third"):
         sessions.append(await connect_at(server, own))
-        tool.give(issue(tool, name))
+        tool.give(issue(tool, name, is_rsa=True))
         tool.renew()
         await until(lambda name=name: f"CN={name}" in tool.log(), what="it to be read")
         for one in sessions:
@@ -293,6 +298,24 @@ async def connect_at(server, own):
     await client.set_security(policy, str(certificate.path), str(certificate.key), mode=mode)
     await client.connect()
     return client
+
+
+def test_mqtt_tells_when_its_certificate_ends(tmp_path):
+    tool = Mqtt(tmp_path)
+    made = issue(tool, "client", end=40)
+    tool.give(made)
+    tool.start()
+    told = queue.Queue()
+    client = paho.Client(paho.CallbackAPIVersion.VERSION2)
+    client.tls_set(tmp_path / "ca.pem", tool.certificate, tool.key)
+    client.on_connect = lambda *unused: client.subscribe("drivebridge/gw/figures")
+    client.on_message = lambda client, data, message: told.put(json.loads(message.payload))
+    client.connect(tool.broker.host, tool.broker.port)
+    client.loop_start()
+    assert told.get(timeout=30)["values"]["certificate_ends_s"] == made.made.not_valid_after_utc.timestamp()
+    client.disconnect()
+    client.loop_stop()
+    assert tool.stop() == 0
 
 
 def test_a_certificate_that_is_made_signs_nothing_for_others(tmp_path):

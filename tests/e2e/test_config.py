@@ -279,3 +279,28 @@ def test_check_looks_for_ports_and_interfaces(tmp_path):
     for name, words in (("lo", "is no CAN interface"), ("nowhere7", "is no network interface")):
         path, status, _, errors = checked(tmp_path, can.replace("{}", name))
         assert status == 0 and f"{path}:4: warning: bus line: {name} {words}" in errors
+
+
+def test_doors_that_are_open_to_everybody_are_warned_of(tmp_path):
+    folder = tmp_path / "etc"
+    folder.mkdir()
+    _, status, _, errors = checked(folder, GOOD)
+    assert status == 0 and "everybody" not in errors
+    for networks, warned in (("0.0.0.0/0", True), ("::/0", True), ("10.0.0.0/8", False)):
+        text = after(MODBUS, f'    allow-write = {{"{networks}"}}')
+        assert "everybody" not in checked(folder, text)[3], "nobody else reaches the loopback"
+        path, status, _, errors = checked(folder, text.replace('"127.0.0.1:0"', '"0.0.0.0:0"'))
+        assert status == 0
+        assert (f"{path}:{MODBUS + 1}: warning: allow-write has everybody: whoever reaches 0.0.0.0:0 moves the drives"
+                in errors) == warned, errors
+    more = folder / "conf.d"
+    more.mkdir()
+    (more / "10.conf").write_text("# nothing\n", encoding="utf-8")
+    for target in (folder, path, more / "10.conf"):
+        before = target.stat().st_mode & 0o7777
+        target.chmod(before | 0o002)
+        done = subprocess.run([find_program("drivebridged"), "--config", path, "--check"], capture_output=True, text=True,
+                              timeout=30, check=False)
+        assert done.returncode == 0
+        assert f"{target} can be written by everybody" in done.stderr.replace("/ can", " can"), done.stderr
+        target.chmod(before)

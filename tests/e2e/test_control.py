@@ -767,6 +767,42 @@ def test_who_may_read(make_bridge):
     bridge.told("client control, user nobody: connection refused")
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")
+def test_who_only_reads_leaves_places_for_others(make_bridge):
+    bridge = make_bridge()
+    os.chmod(bridge.place, 0o755)
+    os.chmod(bridge.place.parent, 0o755)
+    script = (
+        "import socket, sys\n"
+        "links = []\n"
+        "for _ in range(20):\n"
+        "    s = socket.socket(socket.AF_UNIX); s.settimeout(20); s.connect(sys.argv[1]); links.append(s)\n"
+        "def ask(s):\n"
+        "    try:\n"
+        "        s.sendall(sys.argv[2].encode() + b'\\0')\n"
+        "        return b'values' in s.recv(65536)\n"
+        "    except OSError: return False\n"
+        "print(sum(ask(s) for s in links), flush=True)\n"
+        "sys.stdin.read()\n"
+    )
+    read = json.dumps(READ)
+    crowd = subprocess.Popen(["setpriv", "--reuid", "65534", "--regid", "65534", "--clear-groups", "/usr/bin/python3", "-c",
+                              script, str(bridge.control_path), read], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        assert int(crowd.stdout.readline()) == 8
+        bridge.told("client control, user nobody: connection refused: a user who may only read has no more sessions")
+        # Another one who only reads, and who may act.
+        other = subprocess.run(["setpriv", "--reuid", "65533", "--regid", "65533", "--clear-groups", "/usr/bin/python3",
+                                "-c", script, str(bridge.control_path), read], stdin=subprocess.DEVNULL,
+                               capture_output=True, timeout=60, check=True)
+        assert int(other.stdout) == 8
+        assert Tool(bridge).Run("drive1", "stop")["result"] == "ok"
+    finally:
+        crowd.stdin.close()
+        crowd.wait(20)
+    assert as_nobody(bridge, READ)[0]["parameters"]["values"]
+
+
 # --- the socket
 
 

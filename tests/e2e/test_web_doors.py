@@ -46,12 +46,13 @@ class Strangers:
     def __init__(self, webd, count, first, addresses=8):
         self.webd, self.first, self.addresses = webd, first, addresses
         self.links = [None] * count
+        self.been = set()
         self.going = True
         self.thread = threading.Thread(target=self._go_on, daemon=True)
 
     def __enter__(self):
         self.thread.start()
-        eventually(lambda: all(self.links), 30, "each of them to have been there")
+        eventually(lambda: len(self.been) == len(self.links), 30, "each of them to have been there")
         return self
 
     def __exit__(self, *unused):
@@ -73,6 +74,7 @@ class Strangers:
                 try:
                     if not link:
                         self.links[number] = self._begin(number)
+                        self.been.add(number)
                     elif not link.recv(4096):
                         raise ConnectionError
                 except BlockingIOError:
@@ -132,7 +134,8 @@ def test_who_is_not_logged_in_takes_no_place_of_who_is(gateway):  # noqa: F811
             f"Cookie: {nobody.cookie}\r\nX-Drivebridge: {nobody.token}\r\nContent-Length: 2\r\n\r\n{{}}").encode()
     nobody.close()
     with Strangers(webd, 40, head, addresses=5):
-        assert connections(page) <= 16 * 3 // 4 + 2
+        # The daemon sees a moment later whom it has to let go.
+        eventually(lambda: connections(page) <= 16 * 3 // 4 + 2, what="strangers to be let go")
         for _ in range(3):
             beside = page.beside()
             assert beside.run("drive1", "stop") == "ok"
@@ -147,7 +150,7 @@ def test_who_sends_no_head_is_closed(gateway, first):  # noqa: F811
     """Within 2 s where places run short, however busily it goes on sending."""
     webd = gateway.webd(server={"connections": 12})
     page = gateway.page(webd)
-    links = [socket.create_connection(webd.address, 20, (f"127.0.0.{30 + number}", 0)) for number in range(8)]
+    links = [socket.create_connection(webd.address, 20, (f"127.0.0.{30 + number}", 0)) for number in range(7)]
     gone = 0
     deadline = time.monotonic() + 8
     for link in links:
@@ -198,7 +201,7 @@ def test_a_stranger_does_not_lock_a_user_out(gateway):  # noqa: F811
                     {name: ("f" if value[0] != "f" else "0") + value[1:]}):
         new.devices = dict(devices)
         assert refused(429, new.log_in, *OPERATOR).error == "TooManyAttempts"
-    assert page.log_in(*OPERATOR)["role"] == "operator"
+    assert page.log_in(*OPERATOR)["role"] == "engineer"
     # A restart forgets no browser; another password does.
     page.log_out()
     webd.stop()
@@ -209,7 +212,7 @@ def test_a_stranger_does_not_lock_a_user_out(gateway):  # noqa: F811
         pass
     page.close()
     page.load()
-    assert page.log_in(*OPERATOR)["role"] == "operator"
+    assert page.log_in(*OPERATOR)["role"] == "engineer"
     page.log_out()
     webd.add_user("olga", "another word of hers", "operator")
     assert refused(429, page.log_in, "olga", "another word of hers").error == "TooManyAttempts"

@@ -342,6 +342,7 @@ static void check_families(struct db_load *load)
 void db_check(struct db_load *load)
 {
 	check_devices(load);
+	db_doors_check(load);
 	for (size_t i = 0; i < load->config->drive_count; i++)
 		check_drive(load, i);
 	/* From here on everything must be there. */

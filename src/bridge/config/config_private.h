@@ -96,4 +96,10 @@ bool db_sections_read(struct db_load *load);
 /* Called after db_sections_read(). Also fills in times that were not given. */
 void db_check(struct db_load *load);
 
+/* --- doors.c ---------------------------------------------------------------------------------- */
+
+/* Warns where everybody could move the drives: by an address, or by writing the files, whose modes
+ * it looks at. Called after db_sections_read(). */
+void db_doors_check(struct db_load *load);
+
 #endif

@@ -39,6 +39,7 @@ struct db_session {
 	struct db_control_socket *control;
 	struct db_client client; /* its address is that of the actor */
 	uint32_t actor;          /* held; 0: none */
+	uint32_t user;           /* of the process, as the kernel says */
 	int fd;
 	uint32_t events;              /* events that epoll waits for */
 	char from[DB_AUDIT_FROM_MAX]; /* where whom it acts for is; "": not stated */

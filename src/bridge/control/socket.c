@@ -82,7 +82,8 @@ static void refuse(struct db_control_socket *control, int fd)
 	control->stats.refused++;
 }
 
-static void refuse_user(struct db_control_socket *control, int fd, uint32_t user, const char *name)
+static void refuse_user(struct db_control_socket *control, int fd, uint32_t user, const char *name,
+                        const char *why)
 {
 	const struct db_client_session session = { .user = user };
 	struct db_client_words words;
@@ -92,7 +93,7 @@ static void refuse_user(struct db_control_socket *control, int fd, uint32_t user
 	db_client_address_of_session(&session, address);
 	db_client_words_init(&words, address, name, "");
 	db_log(&control->log, db_control_now(control), DB_EVENT_CLIENT_REFUSED, &about,
-	       "connection refused: it is in neither read-group nor act-group");
+	       "connection refused: %s", why);
 	refuse(control, fd);
 }
 
@@ -148,6 +149,17 @@ static void take_place_of(struct db_session *session)
 	session->broken = session->ended = true;
 }
 
+/* Sessions of this user, who may not act: one program of his must not leave others without any. */
+static size_t count_of_reader(const struct db_control_socket *control, uint32_t user)
+{
+	size_t count = 0;
+
+	for (size_t i = 0; i < control->count; i++)
+		count += !control->sessions[i]->client.may_write &&
+		         control->sessions[i]->user == user;
+	return count;
+}
+
 /* True if a client that may act would have a place. If not, a session that may be about to send a
  * stop has a little time for it, and new clients wait for that. */
 static bool has_place(const struct db_control_socket *control)
@@ -183,7 +195,14 @@ static void admit(struct db_control_socket *control, int fd)
 
 	db_rights_name(user, name);
 	if (right == DB_RIGHT_NONE) {
-		refuse_user(control, fd, (uint32_t)user, name);
+		refuse_user(control, fd, (uint32_t)user, name,
+		            "it is in neither read-group nor act-group");
+		return;
+	}
+	if (right != DB_RIGHT_ACT &&
+	    count_of_reader(control, (uint32_t)user) >= DB_SESSIONS_OF_READER) {
+		refuse_user(control, fd, (uint32_t)user, name,
+		            "a user who may only read has no more sessions than this one has");
 		return;
 	}
 	if (!find_place(control, client.may_write, &stops_only)) {
@@ -199,6 +218,7 @@ static void admit(struct db_control_socket *control, int fd)
 	if (!session)
 		return;
 	session->stops_only = stops_only;
+	session->user = (uint32_t)user;
 	db_session_set_actor(session, (uint32_t)user, name, "");
 	control->sessions[control->count++] = session;
 	control->stats.accepted++;

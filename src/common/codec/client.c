@@ -9,7 +9,7 @@ static const uint8_t v4_prefix[] = { 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xFF, 0xFF };
 
 static bool is_ipv4(const uint8_t address[16])
 {
-	return memcmp(address, v4_prefix, sizeof v4_prefix) == 0;
+	return memcmp(address, v4_prefix, sizeof(v4_prefix)) == 0;
 }
 
 /* Prefixes of addresses that do not exist in the network (RFC 4291). */
@@ -78,13 +78,13 @@ static void put_vouched(uint8_t prefix, uint32_t number, const uint8_t network[1
 	put_u32(made + LOCAL_USER, number);
 	if (is_ipv4(network)) {
 		made[LOCAL_FORM] = FORM_IPV4;
-		memcpy(made + LOCAL_IPV4, network + sizeof v4_prefix, 4);
+		memcpy(made + LOCAL_IPV4, network + sizeof(v4_prefix), 4);
 	} else {
-		made[LOCAL_FORM] = memcmp(network, loopback, sizeof loopback) == 0 ?
+		made[LOCAL_FORM] = memcmp(network, loopback, sizeof(loopback)) == 0 ?
 		                           FORM_IPV6_LOOPBACK :
 		                           FORM_IPV6;
 	}
-	memcpy(address, made, sizeof made);
+	memcpy(address, made, sizeof(made));
 }
 
 void db_client_address_of_user(const uint8_t network[16], uint32_t user, uint8_t address[16])
@@ -153,7 +153,7 @@ void db_client_address(const uint8_t address[16], char text[DB_CLIENT_ADDRESS_MA
 			snprintf(text + length, DB_CLIENT_ADDRESS_MAX - length, ", user %u",
 			         (unsigned)user);
 	} else {
-		inet_ntop(v4 ? AF_INET : AF_INET6, v4 ? address + sizeof v4_prefix : address, text,
+		inet_ntop(v4 ? AF_INET : AF_INET6, v4 ? address + sizeof(v4_prefix) : address, text,
 		          DB_CLIENT_ADDRESS_MAX);
 	}
 }
@@ -168,10 +168,10 @@ void db_client_words_init(struct db_client_words *words, const uint8_t address[1
 		put_place(address, place);
 	/* Half a name could be another user's: one that is too long is shown as its number. */
 	if (process_user[0] == '\0' ||
-	    snprintf(words->address, sizeof words->address, "%s, user %s", place, process_user) >=
+	    snprintf(words->address, sizeof(words->address), "%s, user %s", place, process_user) >=
 	            DB_CLIENT_ADDRESS_MAX)
 		db_client_address(address, words->address);
-	snprintf(words->user, sizeof words->user, "%s", user);
+	snprintf(words->user, sizeof(words->user), "%s", user);
 }
 
 void db_client_words_init_certificate(struct db_client_words *words, const uint8_t address[16],
@@ -183,9 +183,9 @@ void db_client_words_init_certificate(struct db_client_words *words, const uint8
 	put_place(address, place);
 	if (name[0] == '\0') {
 		db_client_address(address, place);
-		snprintf(words->address, sizeof words->address, "%s", place);
+		snprintf(words->address, sizeof(words->address), "%s", place);
 	} else {
-		snprintf(words->address, sizeof words->address, "%s, certificate %s%s%s", place,
+		snprintf(words->address, sizeof(words->address), "%s, certificate %s%s%s", place,
 		         name, role[0] != '\0' ? ", role " : "", role);
 	}
 }
@@ -203,5 +203,5 @@ uint32_t db_client_ipv4(const uint8_t address[16])
 	if ((db_client_user_of_address(address, &user) || address[0] == CERTIFICATE_PREFIX) &&
 	    address[LOCAL_FORM] == FORM_IPV4)
 		return get_u32(address + LOCAL_IPV4);
-	return is_ipv4(address) ? get_u32(address + sizeof v4_prefix) : DB_CLIENT_IPV6;
+	return is_ipv4(address) ? get_u32(address + sizeof(v4_prefix)) : DB_CLIENT_IPV6;
 }

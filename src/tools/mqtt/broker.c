@@ -570,5 +570,9 @@ void db_mqtt_broker_send_now(struct db_mqtt_broker *broker, const char *topic, c
 
 struct db_mqtt_broker_stats db_mqtt_broker_read_stats(const struct db_mqtt_broker *broker)
 {
-	return broker->stats;
+	struct db_mqtt_broker_stats stats = broker->stats;
+
+	if (broker->files)
+		stats.certificate_ends = db_mqtt_tls_files_end(broker->files);
+	return stats;
 }

@@ -32,6 +32,8 @@ struct db_mqtt_broker_stats {
 	uint64_t sent;    /* messages */
 	uint64_t bytes;   /* of their topics and texts */
 	uint64_t refused; /* messages that the broker did not accept */
+	/* the end of this client's certificate, in seconds since 1970-01-01 UTC; 0: none */
+	int64_t certificate_ends;
 };
 
 /* `will` is the topic where the broker publishes "offline" when this program is gone. Config and

@@ -346,14 +346,16 @@ static void publish_figures(struct db_mqtt_publisher *publisher)
 
 	publish_retained(
 		publisher, topic_of(publisher, "figures"),
-		json_pack("{s:o, s:s, s:{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I}}", "time",
-	                  db_mqtt_moment_describe(db_client_wall_us()), "version", DB_VERSION,
-	                  "values", "connections", (json_int_t)broker.connections, "sent",
-	                  (json_int_t)broker.sent, "bytes", (json_int_t)broker.bytes, "refused",
-	                  (json_int_t)broker.refused, "dropped", (json_int_t)outbox.dropped,
-	                  "buffered", (json_int_t)outbox.messages, "buffered_bytes",
-	                  (json_int_t)outbox.bytes, "skipped", (json_int_t)publisher->skipped,
-	                  "left_out", (json_int_t)publisher->left_out));
+		json_pack("{s:o, s:s, s:{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:o*}}",
+	                  "time", db_mqtt_moment_describe(db_client_wall_us()), "version",
+	                  DB_VERSION, "values", "connections", (json_int_t)broker.connections,
+	                  "sent", (json_int_t)broker.sent, "bytes", (json_int_t)broker.bytes,
+	                  "refused", (json_int_t)broker.refused, "dropped",
+	                  (json_int_t)outbox.dropped, "buffered", (json_int_t)outbox.messages,
+	                  "buffered_bytes", (json_int_t)outbox.bytes, "skipped",
+	                  (json_int_t)publisher->skipped, "left_out",
+	                  (json_int_t)publisher->left_out, "certificate_ends_s",
+	                  broker.certificate_ends ? json_integer(broker.certificate_ends) : NULL));
 	if (outbox.dropped > publisher->dropped_told)
 		db_client_log(DB_CLIENT_WARNING,
 		              "the buffer is full: %llu messages more dropped, the oldest first",

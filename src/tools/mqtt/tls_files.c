@@ -128,6 +128,11 @@ const char *db_mqtt_tls_files_key(const struct db_mqtt_tls_files *files)
 	return path_of(&files->copies[KEY]);
 }
 
+int64_t db_mqtt_tls_files_end(const struct db_mqtt_tls_files *files)
+{
+	return files->pair.facts.ends;
+}
+
 void db_mqtt_tls_files_renew(struct db_mqtt_tls_files *files)
 {
 	const struct db_mqtt_config *config = files->config;

@@ -23,6 +23,9 @@ const char *db_mqtt_tls_files_authorities(const struct db_mqtt_tls_files *files)
 const char *db_mqtt_tls_files_certificate(const struct db_mqtt_tls_files *files);
 const char *db_mqtt_tls_files_key(const struct db_mqtt_tls_files *files);
 
+/* When the certificate ends, in seconds since 1970-01-01 UTC; 0: there is none. */
+int64_t db_mqtt_tls_files_end(const struct db_mqtt_tls_files *files);
+
 /* Reads the files again, for the next connection; what is not good stays as it was. Logs it. */
 void db_mqtt_tls_files_renew(struct db_mqtt_tls_files *files);
 

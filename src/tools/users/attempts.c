@@ -47,9 +47,10 @@ void db_attempts_count(struct db_attempts *attempts, uint64_t key, uint64_t kept
 	size_t place = find_key(attempts, key);
 
 	if (place == DB_ATTEMPTS_PLACES) {
-		place = attempts->places[0].key == kept ? 1 : 0;
+		/* A free place has the key 0, as `kept` when there is none. */
+		place = kept != 0 && attempts->places[0].key == kept ? 1 : 0;
 		for (size_t i = 0; i < DB_ATTEMPTS_PLACES; i++) {
-			if (attempts->places[i].key != kept &&
+			if ((kept == 0 || attempts->places[i].key != kept) &&
 			    attempts->places[i].full < attempts->places[place].full)
 				place = i;
 		}

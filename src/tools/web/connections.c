@@ -9,6 +9,7 @@ struct db_web_connections {
 	unsigned most_per_address;
 	unsigned count;
 	uint64_t last;
+	struct db_attempts arrivals;
 	struct db_web_connection places[]; /* `most`, and those that are leaving */
 };
 
@@ -24,7 +25,8 @@ static size_t places(const struct db_web_connections *connections)
 	return connections->most + DB_WEB_CONNECTIONS_LEAVING;
 }
 
-struct db_web_connections *db_web_connections_new(unsigned most, unsigned most_per_address)
+struct db_web_connections *db_web_connections_new(unsigned most, unsigned most_per_address,
+                                                  uint64_t seed)
 {
 	struct db_web_connections *connections = calloc(
 		1, sizeof(*connections) +
@@ -33,6 +35,7 @@ struct db_web_connections *db_web_connections_new(unsigned most, unsigned most_p
 	if (connections) {
 		connections->most = most;
 		connections->most_per_address = most_per_address;
+		connections->arrivals.seed = seed;
 	}
 	return connections;
 }
@@ -113,14 +116,47 @@ static struct db_web_connection *find_leaver(struct db_web_connections *connecti
 	return leaver;
 }
 
+static unsigned most_headless(const struct db_web_connections *connections)
+{
+	unsigned part = connections->most / 16;
+
+	return part < DB_WEB_CONNECTIONS_HEADLESS ? DB_WEB_CONNECTIONS_HEADLESS : part;
+}
+
+bool db_web_connections_crowd(const struct db_web_connections *connections)
+{
+	unsigned headless = 0;
+
+	for (size_t i = 0; i < places(connections); i++)
+		headless += is_there(&connections->places[i]) &&
+		            rank_of(&connections->places[i]) == HEADLESS;
+	return headless >= DB_WEB_CONNECTIONS_HEADLESS;
+}
+
+/* Whether an address may open one more now. */
+static bool may_come(struct db_web_connections *connections, const struct db_web_address *prefix,
+                     db_time now)
+{
+	static const struct db_attempts_limit limit = { .most = DB_WEB_CONNECTIONS_AT_ONCE,
+		                                        .every = DB_WEB_CONNECTION_EVERY };
+	uint64_t key = db_attempts_key(&connections->arrivals, 'c', prefix->bytes,
+	                               sizeof(prefix->bytes));
+
+	if (db_attempts_wait(&connections->arrivals, key, limit, now) > 0)
+		return false;
+	db_attempts_count(&connections->arrivals, key, 0, limit, now);
+	return true;
+}
+
 bool db_web_connections_admit(struct db_web_connections *connections,
-                              const struct db_web_address *address, bool counted,
+                              const struct db_web_address *address, bool counted, db_time now,
                               struct db_web_connection **leaver)
 {
 	struct db_web_address prefix = db_web_address_prefix(address);
 	unsigned there = 0;
 	unsigned alike = 0;
 	unsigned strangers = 0;
+	unsigned headless = 0;
 
 	*leaver = NULL;
 	for (size_t i = 0; i < places(connections); i++) {
@@ -131,13 +167,17 @@ bool db_web_connections_admit(struct db_web_connections *connections,
 		there++;
 		alike += one->counted && is_same(&one->address, &prefix);
 		strangers += rank_of(one) <= WAITING;
+		headless += rank_of(one) == HEADLESS;
 	}
-	if (connections->count >= places(connections))
+	if (connections->count >= places(connections) ||
+	    (counted && !may_come(connections, &prefix, now)))
 		return false;
 	if (counted && alike >= connections->most_per_address)
 		*leaver = find_leaver(connections, &prefix, IDLE);
 	else if (there >= connections->most)
 		*leaver = find_leaver(connections, NULL, IDLE);
+	else if (headless >= most_headless(connections))
+		*leaver = find_leaver(connections, NULL, HEADLESS);
 	else if (strangers >= connections->most - connections->most / 4)
 		*leaver = find_leaver(connections, NULL, WAITING);
 	else

@@ -3,7 +3,9 @@
  * Connections of browsers, and which of them is closed when there is no place for another one. Those
  * of nobody who is logged in have three quarters of the places at most, and give way first: the
  * oldest one of those that have got least far, of the address that has most of these. A logged-in
- * user's request that is under way always stays.
+ * user's request that is under way always stays. A sixteenth of the places is for those that
+ * have not sent a whole request yet: with TLS each costs time whenever the others are served.
+ * Who opens one after another has to wait a little.
  *
  * An address is what one machine may have to itself: IPv6 counts by its first 64 bits.
  *
@@ -13,6 +15,7 @@
 #define DRIVEBRIDGE_WEB_CONNECTIONS_H
 
 #include "drivebridge/time.h"
+#include "users/attempts.h"
 #include "web/address.h"
 
 #include <stdint.h>
@@ -36,17 +39,25 @@ struct db_web_connections;
 /* Places in addition to `most`, for connections that were told to close and are not closed yet. */
 #define DB_WEB_CONNECTIONS_LEAVING 64
 
-/* NULL without memory. Freed with db_web_connections_free(), NULL is allowed. */
-struct db_web_connections *db_web_connections_new(unsigned most, unsigned most_per_address);
+/* So many new connections of an address at once, and then one at this interval. */
+#define DB_WEB_CONNECTIONS_AT_ONCE 64
+#define DB_WEB_CONNECTION_EVERY (DB_NS_PER_S / 16)
+/* At least so many may have sent no whole request yet. */
+#define DB_WEB_CONNECTIONS_HEADLESS 8
+
+/* `seed` is random, see users/attempts.h. NULL without memory. Freed with db_web_connections_free(),
+ * NULL is allowed. */
+struct db_web_connections *db_web_connections_new(unsigned most, unsigned most_per_address,
+                                                  uint64_t seed);
 void db_web_connections_free(struct db_web_connections *connections);
 
 /*
- * True if there is a place for one more of this address; a proxy's connections are not counted by
- * address. `*leaver` is the connection to close for that, NULL: none. It is marked as leaving, and
+ * True if there is a place for one more of this address, and it may come already; a proxy's
+ * connections are not counted by address. `*leaver` is the connection to close for that, NULL: none. It is marked as leaving, and
  * counts no more.
  */
 bool db_web_connections_admit(struct db_web_connections *connections,
-                              const struct db_web_address *address, bool counted,
+                              const struct db_web_address *address, bool counted, db_time now,
                               struct db_web_connection **leaver);
 
 /* A connection was opened, or closed. NULL: there is no place, which admit() prevents. */
@@ -63,6 +74,9 @@ void db_web_connections_remove(struct db_web_connections *connections,
  */
 #define DB_WEB_CONNECTIONS_TICK (100 * DB_NS_PER_MS)
 void db_web_connections_tick(struct db_web_connections *connections, void (*close)(void *handle));
+
+/* Whether so many have sent no whole request yet that strangers must be at work. */
+bool db_web_connections_crowd(const struct db_web_connections *connections);
 
 /* Includes those that are leaving. */
 unsigned db_web_connections_count(const struct db_web_connections *connections);

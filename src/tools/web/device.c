@@ -19,6 +19,9 @@ static bool authenticate(const char *id, const char *user, const char *hash, cha
 	char text[DB_WEB_SECRET_TEXT + DB_USERS_NAME_MAX + 16];
 	unsigned char digest[DIGEST_BYTES];
 
+	/* Everybody could make what an empty key authenticates. */
+	if (hash[0] == '\0')
+		return false;
 	(void)snprintf(text, sizeof(text), "device %s %s", id, user);
 	if (gnutls_hmac_fast(GNUTLS_MAC_SHA256, hash, strlen(hash), text, strlen(text), digest) !=
 	    0)

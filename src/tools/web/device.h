@@ -15,7 +15,8 @@
 /* "DEVICE.AUTHENTICATION" in lower hexadecimal digits, and the zero byte. */
 #define DB_WEB_DEVICE_TEXT (DB_WEB_SECRET_TEXT + 64 + 1)
 
-/* The cookie of a browser with this random number. False: it cannot be made. */
+/* The cookie of a browser with this random number. False: it cannot be made, without a hash above
+ * all. */
 bool db_web_device_write(const struct db_web_secret *device, const char *user, const char *hash,
                          char text[DB_WEB_DEVICE_TEXT]);
 

@@ -15,6 +15,7 @@
 #include "web/stops.h"
 #include "web/stream.h"
 #include "web/tabs.h"
+#include "web/users.h"
 
 #include <errno.h>
 #include <signal.h>
@@ -42,7 +43,7 @@
 
 /* The library always has something to do while a greeting of TLS is unfinished (seen in 0.9.75 and
  * 1.0.1): after so many runs in a row the next one waits this long. */
-#define RUNS_AT_ONCE 3
+#define RUNS_AT_ONCE 1
 #define PAUSE_US 2000
 #define PAUSE_ACCURACY_US 1
 
@@ -102,7 +103,7 @@ static void make_call(struct db_web_request *request)
 
 static void begin_stream(struct db_web_request *request)
 {
-	if (request->route.role == DB_ROLE_OPERATOR)
+	if (request->route.needs > DB_MAY_LOOK)
 		db_web_log_action(request, request->route.name, request->parameters);
 	db_web_stream_begin(request);
 }
@@ -120,6 +121,10 @@ static void dispatch(struct db_web_request *request)
 		[DB_WEB_METRICS] = db_web_metrics,
 		[DB_WEB_LOGIN] = db_web_login,
 		[DB_WEB_LOGOUT] = db_web_logout,
+		[DB_WEB_PASSWORD] = db_web_users_take,
+		[DB_WEB_USERS] = db_web_users_take,
+		[DB_WEB_USERS_PUT] = db_web_users_take,
+		[DB_WEB_USERS_REMOVE] = db_web_users_take,
 		[DB_WEB_ALIVE] = db_web_tabs_keep_alive,
 		[DB_WEB_JOG] = db_web_tabs_jog,
 		[DB_WEB_COMMISSION] = db_web_commission_take,
@@ -143,6 +148,10 @@ static void dispatch(struct db_web_request *request)
 		return;
 	}
 	if (kind != DB_WEB_FILE && !parse_body(request))
+		return;
+	if (request->route.needs > DB_MAY_LOOK)
+		db_web_admit_content(request);
+	if (request->status != 0)
 		return;
 	if (request->session[0] != '\0' && kind != DB_WEB_ALIVE && kind != DB_WEB_COMMISSION_SAY)
 		db_web_sessions_touch(request->server->sessions, request->session, db_client_now());
@@ -276,7 +285,7 @@ static enum MHD_Result admit(void *data, const struct sockaddr *peer, socklen_t 
 	(void)size;
 	if (!db_web_address_of(peer, &address) ||
 	    !db_web_connections_admit(server->connections, &address, is_counted(server, &address),
-	                              &leaver))
+	                              db_client_now(), &leaver))
 		return MHD_NO;
 	if (leaver)
 		close_connection(leaver->handle);
@@ -314,10 +323,17 @@ static void count_connection(void *data, struct MHD_Connection *connection, void
 
 /* --- the loop --------------------------------------------------------------------------------- */
 
+static void run_later(struct db_web_server *server, uint64_t us)
+{
+	(void)sd_event_source_set_time_relative(server->pause, us);
+	(void)sd_event_source_set_enabled(server->pause, SD_EVENT_ONESHOT);
+}
+
 static void run_daemon(struct db_web_server *server)
 {
 	MHD_UNSIGNED_LONG_LONG wait;
 
+	server->ran = db_client_now();
 	(void)MHD_run(server->daemon);
 	/* Longer waits are whole seconds, for which the tick is often enough. */
 	if (MHD_get_timeout(server->daemon, &wait) != MHD_YES || wait != 0)
@@ -326,8 +342,7 @@ static void run_daemon(struct db_web_server *server)
 		server->runs++;
 		(void)sd_event_source_set_enabled(server->turn, SD_EVENT_ONESHOT);
 	} else {
-		(void)sd_event_source_set_time_relative(server->pause, PAUSE_US);
-		(void)sd_event_source_set_enabled(server->pause, SD_EVENT_ONESHOT);
+		run_later(server, PAUSE_US);
 	}
 }
 
@@ -339,15 +354,26 @@ static int on_ready(sd_event_source *source, int fd, uint32_t events, void *data
 	(void)fd;
 	(void)events;
 	server->runs = 0;
+	/* Each run costs time for each unfinished greeting: strangers that come all the time must
+	 * not cause one for each of them. */
+	if (db_web_connections_crowd(server->connections) &&
+	    db_client_now() - server->ran < PAUSE_US * DB_NS_PER_US / 2) {
+		(void)sd_event_source_set_enabled(server->ready, SD_EVENT_OFF);
+		run_later(server, PAUSE_US / 2);
+		return 0;
+	}
 	run_daemon(server);
 	return 0;
 }
 
 static int on_pause(sd_event_source *source, uint64_t us, void *data)
 {
+	struct db_web_server *server = data;
+
 	(void)source;
 	(void)us;
-	run_daemon(data);
+	(void)sd_event_source_set_enabled(server->ready, SD_EVENT_ON);
+	run_daemon(server);
 	return 0;
 }
 
@@ -358,12 +384,41 @@ static int on_turn(sd_event_source *source, void *data)
 	return 0;
 }
 
+static void take_compared(struct db_web_server *server, struct db_web_hasher *hasher)
+{
+	struct db_web_work work;
+
+	while (db_web_hasher_take(hasher, &work)) {
+		struct db_web_request *request = server->requests;
+
+		while (request && request->number != work.number)
+			request = request->next;
+		if (request && request->status != 0)
+			request = NULL;
+		if (work.change != DB_WEB_CHANGE_NONE ||
+		    (request && request->route.kind != DB_WEB_LOGIN))
+			db_web_users_end(server, request, &work);
+		else if (request)
+			db_web_login_end(request, &work);
+	}
+	explicit_bzero(&work, sizeof(work));
+}
+
 static int on_hashed(sd_event_source *source, int fd, uint32_t events, void *data)
 {
 	(void)source;
 	(void)fd;
 	(void)events;
-	db_web_login_compared(data);
+	take_compared(data, ((struct db_web_server *)data)->hasher);
+	return 0;
+}
+
+static int on_asked(sd_event_source *source, int fd, uint32_t events, void *data)
+{
+	(void)source;
+	(void)fd;
+	(void)events;
+	take_compared(data, ((struct db_web_server *)data)->asker);
 	return 0;
 }
 
@@ -545,24 +600,30 @@ static bool start_daemon(struct db_web_server *server)
 static bool start(struct db_web_server *server)
 {
 	const struct db_web_config *config = server->config;
+	uint64_t seed;
 
 	server->page = db_web_page_load(config->page);
 	if (config->tls)
 		server->tls = db_web_tls_new(config);
 	if (!server->page || (config->tls && !server->tls))
 		return false;
+	if (getrandom(&seed, sizeof(seed), 0) != (ssize_t)sizeof(seed)) {
+		db_client_log(DB_CLIENT_ERROR, "no random numbers are to be had");
+		return false;
+	}
+	server->attempts.seed = seed;
 	server->connections = db_web_connections_new(config->connections,
-	                                             config->connections_per_address);
+	                                             config->connections_per_address, seed);
 	server->sessions = db_web_sessions_new(config->session_idle_min * 60 * DB_NS_PER_S,
 	                                       config->session_h * 3600 * DB_NS_PER_S);
 	server->hasher = db_web_hasher_new();
+	server->asker = db_web_hasher_new();
 	server->service = db_web_service_new(server, on_service_changed, on_token, server);
 	server->stops = db_web_stops_new(server);
 	if (server->service)
 		server->overview = db_web_overview_new(server);
-	if (!server->connections || !server->sessions || !server->hasher || !server->stops ||
-	    !server->overview ||
-	    getrandom(&server->attempts.seed, sizeof(server->attempts.seed), 0) < 0 ||
+	if (!server->connections || !server->sessions || !server->hasher || !server->asker ||
+	    !server->stops || !server->overview ||
 	    sd_event_add_defer(server->loop, &server->turn, on_turn, server) < 0 ||
 	    sd_event_add_time_relative(server->loop, &server->pause, CLOCK_MONOTONIC, 0,
 	                               PAUSE_ACCURACY_US, on_pause, server) < 0 ||
@@ -570,6 +631,8 @@ static bool start(struct db_web_server *server)
 	                               TICK_ACCURACY_US, on_tick, server) < 0 ||
 	    sd_event_add_io(server->loop, &server->hashed, db_web_hasher_fd(server->hasher),
 	                    EPOLLIN, on_hashed, server) < 0 ||
+	    sd_event_add_io(server->loop, &server->asked, db_web_hasher_fd(server->asker), EPOLLIN,
+	                    on_asked, server) < 0 ||
 	    sd_event_add_signal(server->loop, &server->signals[0], SIGTERM, on_signal, server) <
 	            0 ||
 	    sd_event_add_signal(server->loop, &server->signals[1], SIGINT, on_signal, server) < 0 ||
@@ -621,6 +684,7 @@ int db_web_serve(const void *config, sd_event *loop)
 	db_web_setup_free(&server);
 	db_web_overview_free(server.overview);
 	db_web_hasher_free(server.hasher);
+	db_web_hasher_free(server.asker);
 	db_web_sessions_free(server.sessions);
 	db_web_page_free(server.page);
 	db_web_connections_free(server.connections);
@@ -630,6 +694,7 @@ int db_web_serve(const void *config, sd_event *loop)
 	sd_event_source_disable_unref(server.pause);
 	sd_event_source_disable_unref(server.tick);
 	sd_event_source_disable_unref(server.hashed);
+	sd_event_source_disable_unref(server.asked);
 	sd_event_source_disable_unref(server.signals[0]);
 	sd_event_source_disable_unref(server.signals[1]);
 	sd_event_source_disable_unref(server.signals[2]);

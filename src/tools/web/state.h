@@ -46,9 +46,11 @@ struct db_web_server {
 	sd_event_source *ready; /* the daemon's epoll */
 	sd_event_source *turn;  /* the daemon has to run without an event of its epoll */
 	sd_event_source *pause; /* the same, but not at once */
+	db_time ran;            /* when the daemon ran last */
 	unsigned runs;          /* in a row, for no other reason than that the daemon asks for it */
 	sd_event_source *tick;
 	sd_event_source *hashed;
+	sd_event_source *asked;
 	sd_event_source *signals[3];
 	bool ending;
 	db_time end_by;
@@ -57,6 +59,7 @@ struct db_web_server {
 	struct db_attempts attempts;
 	struct db_client_log_rations login_lines; /* for failed logins */
 	struct db_web_hasher *hasher;
+	struct db_web_hasher *asker; /* of PAM, which may take seconds */
 	uint64_t users_stamp; /* of the file of users when sessions were last checked against it */
 	struct db_web_service *service;
 	struct db_web_stops *stops;

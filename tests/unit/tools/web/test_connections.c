@@ -26,7 +26,7 @@ static struct db_web_connection *come(struct db_web_connections *connections, un
 	struct db_web_address address = address_of(last);
 	struct db_web_connection *connection;
 
-	if (!db_web_connections_admit(connections, &address, true, leaver))
+	if (!db_web_connections_admit(connections, &address, true, 0, leaver))
 		return NULL;
 	connection = db_web_connections_add(connections, &address, true, NULL);
 	assert_non_null(connection);
@@ -54,7 +54,7 @@ static void hear(struct db_web_connection *connection, bool known, bool busy, bo
 
 static void test_the_oldest_of_the_busiest_goes(void **state)
 {
-	struct db_web_connections *connections = db_web_connections_new(MOST, MOST_PER_ADDRESS);
+	struct db_web_connections *connections = db_web_connections_new(MOST, MOST_PER_ADDRESS, 7);
 	struct db_web_connection *first[3];
 	struct db_web_connection *leaver;
 
@@ -78,7 +78,7 @@ static void test_the_oldest_of_the_busiest_goes(void **state)
 
 static void test_places_are_kept_for_who_is_logged_in(void **state)
 {
-	struct db_web_connections *connections = db_web_connections_new(MOST, MOST_PER_ADDRESS);
+	struct db_web_connections *connections = db_web_connections_new(MOST, MOST_PER_ADDRESS, 7);
 	struct db_web_connection *known[MOST - MOST_STRANGERS];
 	struct db_web_connection *leaver;
 
@@ -106,7 +106,7 @@ static void test_places_are_kept_for_who_is_logged_in(void **state)
 
 static void test_a_network_of_ipv6_is_one_address(void **state)
 {
-	struct db_web_connections *connections = db_web_connections_new(MOST, MOST_PER_ADDRESS);
+	struct db_web_connections *connections = db_web_connections_new(MOST, MOST_PER_ADDRESS, 7);
 	struct db_web_connection *first = NULL;
 	struct db_web_connection *leaver;
 
@@ -114,11 +114,32 @@ static void test_a_network_of_ipv6_is_one_address(void **state)
 	for (unsigned char i = 0; i <= MOST_PER_ADDRESS; i++) {
 		struct db_web_address address = { { 0xFD, [7] = 9, [8] = i, [15] = i } };
 
-		assert_true(db_web_connections_admit(connections, &address, true, &leaver));
+		assert_true(db_web_connections_admit(connections, &address, true, 0, &leaver));
 		assert_ptr_equal(leaver, i < MOST_PER_ADDRESS ? NULL : first);
 		leaver = db_web_connections_add(connections, &address, true, NULL);
 		first = first ? first : leaver;
 	}
+	db_web_connections_free(connections);
+}
+
+static void test_who_opens_one_after_another_waits(void **state)
+{
+	struct db_web_connections *connections = db_web_connections_new(MOST, MOST, 7);
+	struct db_web_address address = address_of(1);
+	struct db_web_address other = address_of(2);
+	struct db_web_connection *leaver;
+	db_time now = 5 * DB_NS_PER_S;
+
+	(void)state;
+	for (unsigned i = 0; i < DB_WEB_CONNECTIONS_AT_ONCE; i++)
+		assert_true(db_web_connections_admit(connections, &address, true, now, &leaver));
+	assert_false(db_web_connections_admit(connections, &address, true, now, &leaver));
+	assert_true(db_web_connections_admit(connections, &other, true, now, &leaver));
+	/* What comes through a proxy may come. */
+	assert_true(db_web_connections_admit(connections, &address, false, now, &leaver));
+	now += DB_WEB_CONNECTION_EVERY;
+	assert_true(db_web_connections_admit(connections, &address, true, now, &leaver));
+	assert_false(db_web_connections_admit(connections, &address, true, now, &leaver));
 	db_web_connections_free(connections);
 }
 
@@ -132,7 +153,7 @@ static void count_closed(void *handle)
 
 static void test_who_sends_no_head_is_closed(void **state)
 {
-	struct db_web_connections *connections = db_web_connections_new(MOST, MOST);
+	struct db_web_connections *connections = db_web_connections_new(MOST, MOST, 7);
 	struct db_web_connection *heard = come_alone(connections, 1);
 
 	(void)state;
@@ -157,7 +178,7 @@ static void test_who_sends_no_head_is_closed(void **state)
 
 static void test_an_address_that_has_many_gives_way_to_itself(void **state)
 {
-	struct db_web_connections *connections = db_web_connections_new(MOST, MOST_PER_ADDRESS);
+	struct db_web_connections *connections = db_web_connections_new(MOST, MOST_PER_ADDRESS, 7);
 	struct db_web_connection *leaver;
 	struct db_web_connection *first = come_alone(connections, 1);
 	struct db_web_connection *own;
@@ -170,14 +191,14 @@ static void test_an_address_that_has_many_gives_way_to_itself(void **state)
 	assert_non_null(own);
 	assert_ptr_equal(leaver, first);
 	/* What a proxy brings is not counted. */
-	assert_true(db_web_connections_admit(connections, &address, false, &leaver));
+	assert_true(db_web_connections_admit(connections, &address, false, 0, &leaver));
 	assert_null(leaver);
 	db_web_connections_free(connections);
 }
 
 static void test_who_asks_stays(void **state)
 {
-	struct db_web_connections *connections = db_web_connections_new(MOST, MOST);
+	struct db_web_connections *connections = db_web_connections_new(MOST, MOST, 7);
 	struct db_web_connection *all[MOST];
 	struct db_web_connection *leaver;
 
@@ -213,6 +234,7 @@ int main(void)
 		cmocka_unit_test(test_the_oldest_of_the_busiest_goes),
 		cmocka_unit_test(test_places_are_kept_for_who_is_logged_in),
 		cmocka_unit_test(test_a_network_of_ipv6_is_one_address),
+		cmocka_unit_test(test_who_opens_one_after_another_waits),
 		cmocka_unit_test(test_who_sends_no_head_is_closed),
 		cmocka_unit_test(test_an_address_that_has_many_gives_way_to_itself),
 		cmocka_unit_test(test_who_asks_stays),

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The driver's state of a servo drive: its settings, what it has reported, and what it was sent.
  * Internal to the driver; bus thread only. */
-#ifndef DRIVEBRIDGE_DRIVER_SERVO_CAN_DEVICE_H
-#define DRIVEBRIDGE_DRIVER_SERVO_CAN_DEVICE_H
+#ifndef DRIVEBRIDGE_DRIVER_SERVO_CAN_PRIVATE_H
+#define DRIVEBRIDGE_DRIVER_SERVO_CAN_PRIVATE_H
 
 #include "codec/servo_can.h"
 #include "drivebridge/driver.h"
@@ -78,7 +78,7 @@ struct servo_can_progress {
 	bool had_power;  /* power was on already when it was to be enabled */
 	bool has_power;  /* power is on since it was enabled */
 	bool ran_out;    /* the motor has stood since then: from then on it must not move */
-	bool looked;     /* the power was read after switching it off because of a fault */
+	bool power_read; /* the power was read after switching it off because of a fault */
 	bool gives_up;   /* its motion is made impossible before it is reported as failed */
 	bool by_all;     /* the frame that begins the motion was sent to all drives at once */
 	unsigned resends;
@@ -170,7 +170,7 @@ struct db_device {
 	db_time seen_moving;          /* ... at this time */
 	/* CTRG rose, or the power was switched on, and the motor stands: a motion may still
 	 * begin */
-	bool unshown;
+	bool may_begin;
 	bool has_target;
 	int32_t target;
 	/* By mode; false: another program may have left a speed or a current in the drive. */
@@ -193,5 +193,96 @@ struct db_device {
 	struct db_nameplate plate;
 	DB_NAMEPLATE_ROOM(SERVO_CAN_PARAM_COUNT) plate_room;
 };
+
+/* --- state.c ---------------------------------------------------------------------------------- */
+
+/* Frames from the drive: answers to reads, its own reports, and the feedback made of them. */
+
+#define SERVO_CAN_ALL_PARTS \
+	(SERVO_CAN_GIVES_POSITION | SERVO_CAN_GIVES_MOTION | SERVO_CAN_GIVES_STATUS)
+
+bool servo_can_is_powered(const struct db_device *device);
+bool servo_can_stands(const struct db_device *device);
+/* True if no motion is seen, and none is in progress: a blocked motor stands, too. */
+bool servo_can_is_at_rest(const struct db_device *device);
+/* True if it carries out a speed or current at once. */
+bool servo_can_obeys_setpoint(const struct db_device *device);
+/* True if speed or current 0 stops the motor; otherwise only switching its power off does. */
+bool servo_can_stops_by_setpoint(const struct db_device *device);
+/* True if it is near enough to a position to count as there. */
+bool servo_can_is_at(const struct db_device *device, int32_t position);
+/* Converts a position of the drive to the bridge's counts, and back. */
+int32_t servo_can_turn_position(const struct db_device *device, int32_t position);
+/* True if a fault was reported, or the status shows one. */
+bool servo_can_has_fault(const struct db_device *device);
+/* True if the status itself shows a fault: reports are older. */
+bool servo_can_shows_fault(const struct db_device *device);
+
+/* True if it was not sent the profile's maximum speed since it is back. */
+bool servo_can_lacks_max_speed(const struct db_device *device);
+
+/* Takes a frame of an answer to a read of `parts`. True when it was one; *complete: all parts have
+ * arrived and were taken. */
+bool servo_can_take_part(struct db_device *device, unsigned sending, unsigned parts,
+                         const struct servo_can_message *message, db_time now, bool *complete);
+/* True if its own reports arrive as often as the bridge would ask. */
+bool servo_can_reports_often(const struct db_device *device, db_time now);
+bool servo_can_take_report(struct db_device *device, const uint8_t *bytes, size_t length,
+                           db_time now);
+bool servo_can_wants_poll(const struct db_device *device, db_time now);
+/* Its power was lost unasked: it may have been reset, so earlier settings are not relied on any
+ * more. */
+void servo_can_take_reset(struct db_device *device);
+void servo_can_forget_state(struct db_device *device);
+void servo_can_write_feedback(const struct db_device *device, struct db_feedback *feedback);
+
+/* --- settings.c ------------------------------------------------------------------------------- */
+
+/* Parameters, and the profile of the configuration. Internal to the driver; bus thread only,
+ * except servo_can_check_param(), which is pure. */
+
+extern const struct db_param servo_can_params[SERVO_CAN_PARAM_COUNT];
+
+enum db_result servo_can_check_param(const struct db_bus_config *bus, size_t param,
+                                     union db_value value);
+
+/* The drive has this value now. */
+void servo_can_remember(struct db_device *device, enum servo_can_param param, double value,
+                        db_time now);
+/* Shows the held words as parameters. */
+void servo_can_remember_words(struct db_device *device, db_time now);
+/* The drive's values of these are no longer known. */
+void servo_can_forget_settings(struct db_device *device, const struct db_request *request);
+
+/* Each sends the next frame of its conversation, or ends it. */
+enum db_step servo_can_continue_settings(struct db_conversation *talk);
+enum db_step servo_can_continue_identify(struct db_conversation *talk);
+
+/* Called before its motor gets power: sends all values, also those that it should have already,
+ * because it may have been reset since. False: all were sent. */
+bool servo_can_sends_all(struct db_conversation *talk, enum db_step *step);
+
+/* Sends those values of the profile that the drive does not have and may be given now. False:
+ * none. */
+bool servo_can_sends_profile(struct db_conversation *talk, enum db_step *step);
+
+/* --- commands.c ------------------------------------------------------------------------------- */
+
+/* Commands and the reaction to a fault: chooses the next frame. */
+
+/* Each sends the next frame of its conversation, or ends it. */
+enum db_step servo_can_continue_command(struct db_conversation *talk);
+enum db_step servo_can_continue_poll(struct db_conversation *talk);
+
+/* --- steps.c ---------------------------------------------------------------------------------- */
+
+/* The steps of all conversations with a servo drive: the part of the descriptor that communicates.
+ */
+
+/* As in struct db_driver. */
+enum db_step servo_can_begin(struct db_conversation *talk);
+enum db_step servo_can_answer(struct db_conversation *talk, const uint8_t *bytes, size_t length);
+enum db_step servo_can_lose_answer(struct db_conversation *talk);
+enum db_step servo_can_begun_by_all(struct db_conversation *talk);
 
 #endif

@@ -1,0 +1,75 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "config/config_private.h"
+
+#include "drivebridge/config.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+/* All addresses of IPv4, as they are written in IPv6. */
+#define V4_BITS 96
+
+static bool is_everybody(const struct db_network *network)
+{
+	static const uint8_t v4[12] = { [10] = 0xFF, [11] = 0xFF };
+
+	return network->prefix == 0 ||
+	       (network->prefix == V4_BITS && memcmp(network->address, v4, sizeof(v4)) == 0);
+}
+
+static bool is_loopback(const char *listen)
+{
+	return strncmp(listen, "127.", 4) == 0 || strncmp(listen, "[::1]", 5) == 0 ||
+	       strncmp(listen, "localhost:", 10) == 0;
+}
+
+static void check_writers(struct db_load *load)
+{
+	const struct db_modbus_config *modbus = &load->config->modbus;
+	bool everybody = false;
+
+	for (size_t i = 0; i < modbus->allow_write_count; i++)
+		everybody = everybody || is_everybody(&modbus->allow_write[i]);
+	if (everybody && modbus->listen && !is_loopback(modbus->listen))
+		db_messages_add_warning(
+			&load->messages, db_section_find_line(load, "modbus", "", 0, "allow-write"),
+			"allow-write has everybody: whoever reaches %s moves the drives; give the "
+			"addresses of the PLCs",
+			modbus->listen);
+}
+
+static void check_file(struct db_load *load, const char *path)
+{
+	struct stat status;
+
+	/* In a folder with the sticky bit nobody replaces files of others. */
+	if (stat(path, &status) != 0 || (status.st_mode & S_IWOTH) == 0 ||
+	    (S_ISDIR(status.st_mode) && (status.st_mode & S_ISVTX) != 0))
+		return;
+	db_messages_add_warning(
+		&load->messages, 0,
+		"%s can be written by everybody, who could so move the drives: chmod o-w %s", path,
+		path);
+}
+
+static void check_files(struct db_load *load)
+{
+	const char *slash = strrchr(load->path, '/');
+	char *folder = slash ? strndup(load->path, (size_t)(slash - load->path) + 1) : strdup(".");
+
+	if (folder)
+		check_file(load, folder);
+	free(folder);
+	for (size_t i = 0; i < load->messages.source_count; i++)
+		check_file(load, load->messages.sources[i].path);
+	for (const char *at = load->profiles; at && *at; at += strlen(at) + 1)
+		check_file(load, at);
+}
+
+void db_doors_check(struct db_load *load)
+{
+	check_writers(load);
+	if (load->path)
+		check_files(load);
+}
