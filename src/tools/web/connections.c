@@ -78,37 +78,39 @@ static unsigned count_of(const struct db_web_connections *connections,
 	return count;
 }
 
-/* The connection of this address, or of all with NULL, to close first, of those with at most this
- * rank; NULL: there is none. */
+static bool goes_before(const struct db_web_connection *one, const struct db_web_connection *other)
+{
+	return rank_of(one) != rank_of(other) ? rank_of(one) < rank_of(other) :
+	                                        one->number < other->number;
+}
+
+/*
+ * The connection of this address, or of all with NULL, to close first, of those with at most this
+ * rank; NULL: there is none. Of all it is one of the address that has most of these: whoever opens
+ * many only takes places of his own, and who has just come with one is not the first to go because
+ * he has got less far.
+ */
 static struct db_web_connection *find_leaver(struct db_web_connections *connections,
                                              const struct db_web_address *address,
                                              enum rank highest)
 {
 	struct db_web_connection *leaver = NULL;
-	enum rank rank = STAYS;
 	unsigned most = 0;
 
 	for (size_t i = 0; i < places(connections); i++) {
 		struct db_web_connection *one = &connections->places[i];
-
-		if (is_there(one) && (!address || is_same(&one->address, address)) &&
-		    rank_of(one) < rank)
-			rank = rank_of(one);
-	}
-	for (size_t i = 0; rank <= highest && i < places(connections); i++) {
-		struct db_web_connection *one = &connections->places[i];
 		unsigned count;
 
-		if (!is_there(one) || rank_of(one) != rank ||
+		if (!is_there(one) || rank_of(one) > highest ||
 		    (address && !is_same(&one->address, address)))
 			continue;
-		/* The count of this address is known: only the older connection. */
+		/* The count of this address is known. */
 		if (leaver && is_same(&leaver->address, &one->address)) {
-			leaver = one->number < leaver->number ? one : leaver;
+			leaver = goes_before(one, leaver) ? one : leaver;
 			continue;
 		}
-		count = count_of(connections, &one->address, rank);
-		if (!leaver || count > most || (count == most && one->number < leaver->number)) {
+		count = count_of(connections, &one->address, highest);
+		if (!leaver || count > most || (count == most && goes_before(one, leaver))) {
 			leaver = one;
 			most = count;
 		}
@@ -174,11 +176,12 @@ bool db_web_connections_admit(struct db_web_connections *connections,
 		return false;
 	if (counted && alike >= connections->most_per_address)
 		*leaver = find_leaver(connections, &prefix, IDLE);
-	else if (there >= connections->most)
+	else if (there >= connections->most && strangers == 0)
 		*leaver = find_leaver(connections, NULL, IDLE);
 	else if (headless >= most_headless(connections))
 		*leaver = find_leaver(connections, NULL, HEADLESS);
-	else if (strangers >= connections->most - connections->most / 4)
+	else if (there >= connections->most ||
+	         strangers >= connections->most - connections->most / 4)
 		*leaver = find_leaver(connections, NULL, WAITING);
 	else
 		return true;

@@ -104,6 +104,29 @@ static void test_places_are_kept_for_who_is_logged_in(void **state)
 	db_web_connections_free(connections);
 }
 
+static void test_who_has_one_does_not_go_for_who_has_many(void **state)
+{
+	struct db_web_connections *connections = db_web_connections_new(MOST, MOST, 7);
+	struct db_web_connection *leaver;
+	struct db_web_connection *one;
+
+	(void)state;
+	for (size_t i = 0; i < MOST_STRANGERS - 1; i++)
+		hear(come_alone(connections, 2), false, true, true);
+	/* It has not yet got as far as all others have. */
+	one = come_alone(connections, 1);
+	for (size_t i = 0; i < 3 * MOST; i++) {
+		struct db_web_connection *next = come(connections, 2, &leaver);
+
+		assert_non_null(next);
+		assert_non_null(leaver);
+		assert_ptr_not_equal(leaver, one);
+		db_web_connections_remove(connections, leaver);
+		hear(next, false, true, true);
+	}
+	db_web_connections_free(connections);
+}
+
 static void test_a_network_of_ipv6_is_one_address(void **state)
 {
 	struct db_web_connections *connections = db_web_connections_new(MOST, MOST_PER_ADDRESS, 7);
@@ -233,6 +256,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(test_the_oldest_of_the_busiest_goes),
 		cmocka_unit_test(test_places_are_kept_for_who_is_logged_in),
+		cmocka_unit_test(test_who_has_one_does_not_go_for_who_has_many),
 		cmocka_unit_test(test_a_network_of_ipv6_is_one_address),
 		cmocka_unit_test(test_who_opens_one_after_another_waits),
 		cmocka_unit_test(test_who_sends_no_head_is_closed),
